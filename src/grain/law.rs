@@ -1,0 +1,128 @@
+//! Distributions of grain properties (Varsa 2025, table 4.1): uniform size,
+//! truncated normal facetness and sphericity.
+use thiserror::Error;
+
+/// A grain law whose parameters do not describe a distribution.
+#[derive(Debug, Clone, PartialEq, Error)]
+pub enum GrainError {
+    /// A bound is not finite, or the pair is out of order.
+    #[error("{what}: min {min} and max {max} must be finite with {lowest} <= min <= max")]
+    Range {
+        /// Which law.
+        what: &'static str,
+        /// Given minimum.
+        min: f64,
+        /// Given maximum.
+        max: f64,
+        /// Smallest admissible minimum.
+        lowest: f64,
+    },
+    /// The mean lies outside the bounds.
+    #[error("mean {mean} must lie in [min, max] = [{min}, {max}]")]
+    Mean {
+        /// Given mean.
+        mean: f64,
+        /// Lower bound.
+        min: f64,
+        /// Upper bound.
+        max: f64,
+    },
+    /// The standard deviation is negative or not finite.
+    #[error("standard deviation {sd} must be finite and >= 0")]
+    Sd {
+        /// Given standard deviation.
+        sd: f64,
+    },
+}
+
+/// Full grain length in metres, uniform in [min, max].
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct SizeRange {
+    min_m: f64,
+    max_m: f64,
+}
+
+impl SizeRange {
+    /// # Errors
+    /// Both must be finite and `0 < min_m <= max_m`.
+    pub fn new(min_m: f64, max_m: f64) -> Result<Self, GrainError> {
+        if min_m.is_finite() && max_m.is_finite() && 0.0 < min_m && min_m <= max_m {
+            Ok(Self { min_m, max_m })
+        } else {
+            Err(GrainError::Range {
+                what: "grain size (m)",
+                min: min_m,
+                max: max_m,
+                lowest: 0.0,
+            })
+        }
+    }
+
+    /// Smallest grain, m.
+    #[must_use]
+    pub fn min_m(&self) -> f64 {
+        self.min_m
+    }
+
+    /// Largest grain, m.
+    #[must_use]
+    pub fn max_m(&self) -> f64 {
+        self.max_m
+    }
+}
+
+/// A normal distribution with the mean and standard deviation given, cut to
+/// [min, max]. `sd = 0` or `min = max` is a constant.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct TruncatedNormal {
+    min: f64,
+    max: f64,
+    mean: f64,
+    sd: f64,
+}
+
+impl TruncatedNormal {
+    /// # Errors
+    /// All finite, `min <= mean <= max`, `sd >= 0`.
+    pub fn new(min: f64, max: f64, mean: f64, sd: f64) -> Result<Self, GrainError> {
+        if !(min.is_finite() && max.is_finite() && min <= max) {
+            return Err(GrainError::Range {
+                what: "truncated normal",
+                min,
+                max,
+                lowest: f64::NEG_INFINITY,
+            });
+        }
+        if !(min <= mean && mean <= max) {
+            return Err(GrainError::Mean { mean, min, max });
+        }
+        if !(sd.is_finite() && sd >= 0.0) {
+            return Err(GrainError::Sd { sd });
+        }
+        Ok(Self { min, max, mean, sd })
+    }
+
+    /// Lower bound.
+    #[must_use]
+    pub fn min(&self) -> f64 {
+        self.min
+    }
+
+    /// Upper bound.
+    #[must_use]
+    pub fn max(&self) -> f64 {
+        self.max
+    }
+
+    /// Mean of the normal before truncation.
+    #[must_use]
+    pub fn mean(&self) -> f64 {
+        self.mean
+    }
+
+    /// Standard deviation of the normal before truncation.
+    #[must_use]
+    pub fn sd(&self) -> f64 {
+        self.sd
+    }
+}

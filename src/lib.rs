@@ -1,0 +1,28 @@
+//! SPLITSnow: generates and compresses spectral databases of snow.
+//!
+//! A first-principles Monte Carlo model (Varsa, PhD thesis, University of
+//! Waterloo, 2025) walks light from one stochastic ice grain to the next; a
+//! batch runner expands a grid of snow parameters into jobs, stores their
+//! spectra, and compresses them into a small file that renderers evaluate.
+//!
+//! Modules, lower ones first; a lower one never uses a higher one:
+//!
+//! | module | what lives there |
+//! |---|---|
+//! | [`math`], [`rng`], [`units`] | vectors, deterministic elementary functions, random streams, conversions |
+//! | [`spectrum`], [`optics`] | tabulated functions of wavelength; refractive indices; Fresnel and Snell |
+//! | [`grain`] | laws of grain size and shape, the event on one grain, mean free distance |
+//! | [`transport`] | the snow sample and the walk of one ray through it |
+//! | [`measurement`] | directional-hemispherical reflectance and transmittance with standard errors |
+//! | [`engine`] | schedulers of the same physics: `reference`, `spectral` |
+//! | [`grid`], [`config`] | the axes of a database; sample and grid files |
+//! | [`store`], [`batch`] | the Zarr store that is checkpoint and result; the job runner |
+//! | [`colour`], [`compress`], [`lookup`] | CIELAB; SVD and the compact file; reading it |
+//! | [`cli`] | the command line |
+pub mod engine;
+pub mod grain;
+pub mod grid;
+pub mod measurement;
+pub mod optics;
+pub mod transport;
+pub mod units;

@@ -1,0 +1,2 @@
+//! The `splitsnow` command.
+fn main() {}

@@ -1,0 +1,23 @@
+//! Virtual spectrophotometer (MODEL section 7): directional-hemispherical
+//! reflectance and transmittance with standard errors.
+
+/// A Monte Carlo result: a mean and the standard error of that mean.
+#[derive(Debug, Clone, Copy, PartialEq, Default)]
+pub struct Measured {
+    /// Estimate of the quantity, dimensionless.
+    pub value: f64,
+    /// Its standard error.
+    pub se: f64,
+}
+
+/// Reflectance and transmittance of one slab under one illumination, per
+/// wavelength; all vectors have the length of the wavelength list.
+#[derive(Debug, Clone, PartialEq, Default)]
+pub struct Spectrum {
+    /// Directional-hemispherical (or bi-hemispherical) reflectance, [0, 1].
+    pub reflectance: Vec<Measured>,
+    /// Directional-hemispherical (or bi-hemispherical) transmittance, [0, 1].
+    pub transmittance: Vec<Measured>,
+    /// Share of the rays that hit an event limit: in neither R nor T.
+    pub lost: Vec<f64>,
+}

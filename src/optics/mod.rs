@@ -1,0 +1,5 @@
+//! Optical properties of ice and water, and what happens at their surfaces
+//! (MODEL sections 4 and 13; Varsa 2025, appendix A).
+mod index;
+
+pub use index::{IceTable, WaterTable};

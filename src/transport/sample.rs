@@ -1,0 +1,49 @@
+//! What a walk needs to know about the snow and the light.
+use crate::grain::GrainType;
+use crate::optics::{IceTable, WaterTable};
+
+/// Homogeneous snow, without its thickness.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Snow {
+    /// The grains.
+    pub grain: GrainType,
+    /// Density of the dry snow, kg/m3, in [0, ice density).
+    pub density_kg_m3: f64,
+    /// Temperature, Celsius, in [-40, 0].
+    pub temperature_c: f64,
+    /// Fraction of the pore space that is water, in [0, 0.5].
+    pub water_saturation: f64,
+}
+
+/// Where on a grain's facing side the ray enters it.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
+pub enum Entry {
+    /// Uniform over the surface area that faces the ray (Varsa 2025).
+    #[default]
+    Uniform,
+    /// Uniform over the projected area: exact for randomly placed grains.
+    Projected,
+}
+
+/// Choices within the model and its tables.
+#[derive(Debug, Clone, PartialEq, Eq, Default)]
+pub struct Model {
+    /// Law of the entry point.
+    pub entry: Entry,
+    /// Refractive index of ice.
+    pub ice: IceTable,
+    /// Refractive index of water in the pores.
+    pub water: WaterTable,
+}
+
+/// How light falls on the surface.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub enum Illumination {
+    /// Parallel rays at a polar angle from the normal, radians, in [0, pi/2).
+    Collimated {
+        /// Angle between the rays and the surface normal.
+        polar_angle_rad: f64,
+    },
+    /// Isotropic radiance over the upper hemisphere.
+    Diffuse,
+}
