@@ -24,5 +24,6 @@ pub mod grain;
 pub mod grid;
 pub mod measurement;
 pub mod optics;
+pub mod spectrum;
 pub mod transport;
 pub mod units;

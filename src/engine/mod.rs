@@ -4,6 +4,7 @@ use std::sync::atomic::{AtomicBool, AtomicU64};
 use thiserror::Error;
 
 use crate::measurement::Spectrum;
+use crate::optics::OpticsError;
 use crate::transport::{Illumination, Model, Snow};
 
 /// Which engine runs a job.
@@ -66,8 +67,8 @@ pub enum EngineError {
         rejections: u32,
     },
     /// An optical table does not cover a wavelength, or cannot be read.
-    #[error("{0}")]
-    Optics(String),
+    #[error(transparent)]
+    Optics(#[from] OpticsError),
 }
 
 impl Engine {
@@ -98,6 +99,6 @@ impl Engine {
     /// See [`EngineError`].
     pub fn run(self, request: &Request, control: &Control) -> Result<Vec<Spectrum>, EngineError> {
         let _ = (request, control);
-        Err(EngineError::Optics("engine not written yet".into()))
+        Err(EngineError::Cancelled)
     }
 }

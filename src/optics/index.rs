@@ -1,9 +1,72 @@
-//! Which published tables the complex refractive indices come from.
+//! Complex refractive indices n + i k (k >= 0) of ice and water from published
+//! tables: n linear and k log-log in wavelength (MODEL section 13).
+use std::path::PathBuf;
+use std::sync::LazyLock;
+
+use thiserror::Error;
+
+use crate::spectrum::{Table, TableError};
+
+/// Wavelengths the model is meant for, nm (MODEL section 7).
+pub const MODEL_RANGE_NM: (f64, f64) = (350.0, 2500.0);
+
+const NK: [&str; 3] = ["wavelength_nm", "n", "k"];
+
+/// An optical table that cannot serve.
+#[derive(Debug, Clone, PartialEq, Error)]
+pub enum OpticsError {
+    /// A user's table cannot be read.
+    #[error(transparent)]
+    Table(#[from] TableError),
+    /// A user's table has values that are no refractive index.
+    #[error(
+        "water table {name}: at {wavelength_nm} nm n = {n} and k = {k}, but n must lie in [1, 2] and k in [0, 1]"
+    )]
+    Values {
+        /// File.
+        name: String,
+        /// Row.
+        wavelength_nm: f64,
+        /// Its n.
+        n: f64,
+        /// Its k.
+        k: f64,
+    },
+    /// The table does not reach a wavelength.
+    #[error("{table} covers {min_nm}-{max_nm} nm, not {wavelength_nm} nm")]
+    Outside {
+        /// Name of the table.
+        table: String,
+        /// The wavelength asked for.
+        wavelength_nm: f64,
+        /// Its first wavelength.
+        min_nm: f64,
+        /// Its last.
+        max_nm: f64,
+    },
+}
+
+/// Complex refractive index n + i k, dimensionless.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Index {
+    /// Real part.
+    pub n: f64,
+    /// Imaginary part, >= 0.
+    pub k: f64,
+}
+
+impl Index {
+    /// Absorption coefficient 4 pi k / lambda, 1/m (Varsa 2025, eq. 4.7).
+    #[must_use]
+    pub fn absorption_per_m(self, wavelength_nm: f64) -> f64 {
+        4.0 * std::f64::consts::PI * self.k / crate::units::nm_to_m(wavelength_nm)
+    }
+}
 
 /// Complex refractive index of ice.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Hash, Default)]
 pub enum IceTable {
-    /// S. G. Warren and R. E. Brandt 2008, 350-2500 nm here.
+    /// S. G. Warren and R. E. Brandt 2008.
     #[default]
     WarrenBrandt2008,
     /// G. Picard et al. 2016 for k at 320-600 nm, Warren and Brandt 2008 for all else.
@@ -11,15 +74,230 @@ pub enum IceTable {
 }
 
 /// Complex refractive index of liquid water.
-#[derive(Debug, Clone, PartialEq, Eq, Default)]
+#[derive(Debug, Clone, PartialEq, Eq, Hash, Default)]
 pub enum WaterTable {
     /// D. J. Segelstein 1981.
     #[default]
     Segelstein1981,
     /// P. M. Rowe et al. 2020 at 0 C, from 667 nm.
     Rowe2020,
-    /// G. M. Hale and M. R. Querry 1973, up to 1000 nm.
+    /// G. M. Hale and M. R. Querry 1973, up to 1000 nm (its grid is too coarse for k beyond).
     HaleQuerry1973,
     /// A CSV file `wavelength_nm,n,k` of the user's.
-    Csv(std::path::PathBuf),
+    Csv(PathBuf),
+}
+
+macro_rules! shipped {
+    ($name:ident, $file:literal, $header:expr) => {
+        static $name: LazyLock<Table> = LazyLock::new(|| {
+            #[allow(clippy::expect_used)] // compiled in; a test parses each
+            Table::parse($file, include_str!(concat!("../../data/", $file)), $header)
+                .expect("shipped table")
+        });
+    };
+}
+shipped!(WARREN_BRANDT_2008, "ice_warren_brandt_2008.csv", &NK);
+shipped!(PICARD_2016, "ice_picard_2016.csv", &["wavelength_nm", "k"]);
+shipped!(SEGELSTEIN_1981, "water_segelstein_1981.csv", &NK);
+shipped!(ROWE_2020, "water_rowe_2020_273k.csv", &NK);
+shipped!(HALE_QUERRY_1973, "water_hale_querry_1973.csv", &NK);
+shipped!(
+    ICE_DENSITY,
+    "ice_density_iapws06.csv",
+    &["temperature_c", "density_kg_m3"]
+);
+
+/// Density of ice Ih, kg/m3 (IAPWS R10-06), linear in the temperature in
+/// Celsius, which is clamped to the table's [-40, 0].
+#[must_use]
+pub fn ice_density_kg_m3(temperature_c: f64) -> f64 {
+    let (min, max) = ICE_DENSITY.range();
+    ICE_DENSITY
+        .linear(0, temperature_c.clamp(min, max))
+        .unwrap_or(f64::NAN)
+}
+
+impl IceTable {
+    /// The name used in configs and files.
+    #[must_use]
+    pub fn name(self) -> &'static str {
+        match self {
+            Self::WarrenBrandt2008 => "warren_brandt_2008",
+            Self::Picard2016 => "picard_2016",
+        }
+    }
+
+    /// Wavelengths covered, nm.
+    #[must_use]
+    pub fn range_nm(self) -> (f64, f64) {
+        match self {
+            Self::WarrenBrandt2008 => WARREN_BRANDT_2008.range(),
+            Self::Picard2016 => (PICARD_2016.range().0, WARREN_BRANDT_2008.range().1),
+        }
+    }
+
+    /// Refractive index at a wavelength.
+    ///
+    /// # Errors
+    /// [`OpticsError::Outside`] the table.
+    pub fn at(self, wavelength_nm: f64) -> Result<Index, OpticsError> {
+        let outside = || {
+            let (min_nm, max_nm) = self.range_nm();
+            OpticsError::Outside {
+                table: self.name().into(),
+                wavelength_nm,
+                min_nm,
+                max_nm,
+            }
+        };
+        let k = match self {
+            Self::Picard2016 if wavelength_nm < 600.0 => PICARD_2016.log_log(0, wavelength_nm),
+            _ => WARREN_BRANDT_2008.log_log(1, wavelength_nm),
+        };
+        Ok(Index {
+            n: WARREN_BRANDT_2008
+                .linear(0, wavelength_nm)
+                .ok_or_else(outside)?,
+            k: k.ok_or_else(outside)?,
+        })
+    }
+}
+
+impl WaterTable {
+    /// The name used in configs and files: the path for a CSV file.
+    #[must_use]
+    pub fn name(&self) -> String {
+        match self {
+            Self::Segelstein1981 => "segelstein_1981".into(),
+            Self::Rowe2020 => "rowe_2020".into(),
+            Self::HaleQuerry1973 => "hale_querry_1973".into(),
+            Self::Csv(path) => path.display().to_string(),
+        }
+    }
+
+    /// Loads the table, from disk if it is the user's.
+    ///
+    /// # Errors
+    /// [`OpticsError::Table`] and [`OpticsError::Values`] for a bad user table.
+    pub fn load(&self) -> Result<Water, OpticsError> {
+        let (table, max_nm) = match self {
+            Self::Segelstein1981 => (SEGELSTEIN_1981.clone(), f64::INFINITY),
+            Self::Rowe2020 => (ROWE_2020.clone(), f64::INFINITY),
+            Self::HaleQuerry1973 => (HALE_QUERRY_1973.clone(), 1000.0),
+            Self::Csv(path) => {
+                let table = Table::read(path, &NK)?;
+                for (i, &wavelength_nm) in table.abscissae().iter().enumerate() {
+                    let (n, k) = (table.column(0)[i], table.column(1)[i]);
+                    if !((1.0..=2.0).contains(&n) && (0.0..=1.0).contains(&k)) {
+                        let name = self.name();
+                        return Err(OpticsError::Values {
+                            name,
+                            wavelength_nm,
+                            n,
+                            k,
+                        });
+                    }
+                }
+                (table, f64::INFINITY)
+            }
+        };
+        let (min_nm, last) = table.range();
+        Ok(Water {
+            name: self.name(),
+            range_nm: (min_nm, last.min(max_nm)),
+            table,
+        })
+    }
+}
+
+/// A loaded water table.
+#[derive(Debug, Clone)]
+pub struct Water {
+    name: String,
+    range_nm: (f64, f64),
+    table: Table,
+}
+
+impl Water {
+    /// Wavelengths covered, nm.
+    #[must_use]
+    pub fn range_nm(&self) -> (f64, f64) {
+        self.range_nm
+    }
+
+    /// Refractive index at a wavelength.
+    ///
+    /// # Errors
+    /// [`OpticsError::Outside`] the table.
+    pub fn at(&self, wavelength_nm: f64) -> Result<Index, OpticsError> {
+        let (min_nm, max_nm) = self.range_nm;
+        let outside = || OpticsError::Outside {
+            table: self.name.clone(),
+            wavelength_nm,
+            min_nm,
+            max_nm,
+        };
+        if !(min_nm <= wavelength_nm && wavelength_nm <= max_nm) {
+            return Err(outside());
+        }
+        Ok(Index {
+            n: self.table.linear(0, wavelength_nm).ok_or_else(outside)?,
+            k: self.table.log_log(1, wavelength_nm).ok_or_else(outside)?,
+        })
+    }
+}
+
+#[cfg(test)]
+#[allow(clippy::unwrap_used)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn shipped_tables_give_their_own_rows() {
+        let ice = IceTable::WarrenBrandt2008.at(400.0).unwrap();
+        assert_eq!(ice.n, 1.3194);
+        assert!((ice.k / 2.365e-11 - 1.0).abs() < 1e-12);
+        let dirty = IceTable::Picard2016.at(400.0).unwrap();
+        assert!((dirty.k / 5.81501987e-10 - 1.0).abs() < 1e-12);
+        assert_eq!(
+            IceTable::Picard2016.at(700.0),
+            IceTable::WarrenBrandt2008.at(700.0)
+        );
+        for table in [
+            WaterTable::Segelstein1981,
+            WaterTable::Rowe2020,
+            WaterTable::HaleQuerry1973,
+        ] {
+            let water = table.load().unwrap();
+            let n = water.at(800.0).unwrap().n;
+            assert!((1.32..1.34).contains(&n), "{}: {n}", table.name());
+        }
+    }
+
+    #[test]
+    fn absorption_coefficient_by_hand() {
+        // 4 pi 1e-6 / 1000 nm = 12.566370614 / m
+        let alpha = Index { n: 1.3, k: 1e-6 }.absorption_per_m(1000.0);
+        assert!((alpha - 12.566_370_614_359_172).abs() < 1e-9);
+    }
+
+    #[test]
+    fn wavelengths_outside_a_table_are_refused() {
+        let water = WaterTable::HaleQuerry1973.load().unwrap();
+        assert!(water.at(1000.0).is_ok());
+        let error = water.at(1001.0).unwrap_err().to_string();
+        assert!(
+            error.contains("hale_querry_1973 covers 300-1000 nm"),
+            "{error}"
+        );
+        assert!(IceTable::Picard2016.at(319.0).is_err());
+        assert!(WaterTable::Rowe2020.load().unwrap().at(600.0).is_err());
+    }
+
+    #[test]
+    fn ice_density_is_the_table() {
+        assert_eq!(ice_density_kg_m3(0.0), 916.722);
+        assert!((ice_density_kg_m3(-1.0) - (916.722 + 0.2 * (917.449 - 916.722))).abs() < 1e-9);
+        assert_eq!(ice_density_kg_m3(-60.0), ice_density_kg_m3(-40.0));
+    }
 }

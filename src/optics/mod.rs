@@ -2,4 +2,6 @@
 //! (MODEL sections 4 and 13; Varsa 2025, appendix A).
 mod index;
 
-pub use index::{IceTable, WaterTable};
+pub use index::{
+    IceTable, Index, MODEL_RANGE_NM, OpticsError, Water, WaterTable, ice_density_kg_m3,
+};
