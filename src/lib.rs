@@ -22,8 +22,10 @@
 pub mod engine;
 pub mod grain;
 pub mod grid;
+pub mod math;
 pub mod measurement;
 pub mod optics;
+pub mod rng;
 pub mod spectrum;
 pub mod transport;
 pub mod units;

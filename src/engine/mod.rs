@@ -1,11 +1,15 @@
-//! Engines: one physics, several schedulers.
+//! Engines: one physics, several schedulers, all tested against `reference`.
+mod batches;
+mod reference;
+mod spectral;
+
 use std::sync::atomic::{AtomicBool, AtomicU64};
 
 use thiserror::Error;
 
 use crate::measurement::Spectrum;
-use crate::optics::OpticsError;
-use crate::transport::{Illumination, Model, Snow};
+use crate::optics::{Index, OpticsError};
+use crate::transport::{Illumination, Model, REJECTION_LIMIT, Snow, WalkError};
 
 /// Which engine runs a job.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
@@ -29,7 +33,8 @@ pub struct Request<'a> {
     pub wavelengths_nm: &'a [f64],
     /// Choices within the model.
     pub model: &'a Model,
-    /// Walks per thickness: per wavelength in `reference`, in all in `spectral`.
+    /// Walks per wavelength and thickness in `reference`; walks per index node
+    /// in `spectral`.
     pub rays: u64,
     /// Seed of the whole database or measurement.
     pub seed: u64,
@@ -44,7 +49,7 @@ pub struct Control<'a> {
     pub parallel: bool,
     /// Stop soon with [`EngineError::Cancelled`] once this is set.
     pub cancel: &'a AtomicBool,
-    /// Incremented by the rays finished.
+    /// Incremented by the walks finished (see [`Engine::walks`]).
     pub rays_done: &'a AtomicU64,
 }
 
@@ -56,15 +61,14 @@ pub enum EngineError {
     Cancelled,
     /// Grains do not fit between the slab's planes.
     #[error(
-        "the slab of {thickness_m} m is too thin for grains up to {size_max_m} m long: {rejections} grains in a row did not fit; use a thickness of at least 10 grain lengths"
+        "the slab of {} cm is too thin for grains up to {} um long: {REJECTION_LIMIT} grains in a row did not fit; use a thickness of at least 10 grain lengths",
+        thickness_m * 100.0, size_max_m * 1e6
     )]
     SlabTooThin {
         /// Slab thickness, m.
         thickness_m: f64,
         /// Longest grain, m.
         size_max_m: f64,
-        /// Rejections in a row.
-        rejections: u32,
     },
     /// An optical table does not cover a wavelength, or cannot be read.
     #[error(transparent)]
@@ -72,6 +76,9 @@ pub enum EngineError {
 }
 
 impl Engine {
+    /// All engines.
+    pub const ALL: [Self; 2] = [Self::Reference, Self::Spectral];
+
     /// The name used on the command line and in files.
     #[must_use]
     pub fn name(self) -> &'static str {
@@ -81,13 +88,23 @@ impl Engine {
         }
     }
 
-    /// All engines.
-    pub const ALL: [Self; 2] = [Self::Reference, Self::Spectral];
-
     /// Whether one job of this engine serves all thicknesses at once.
     #[must_use]
     pub fn shares_thicknesses(self) -> bool {
         matches!(self, Self::Spectral)
+    }
+
+    /// How many walks [`Engine::run`] does for `request`; a walk that serves
+    /// several thicknesses counts once.
+    ///
+    /// # Errors
+    /// [`EngineError::Optics`].
+    pub fn walks(self, request: &Request) -> Result<u64, EngineError> {
+        let per_ray = match self {
+            Self::Reference => request.wavelengths_nm.len() * request.thicknesses_m.len(),
+            Self::Spectral => spectral::nodes(&indices(request)?, request.snow).len(),
+        };
+        Ok(request.rays.saturating_mul(per_ray as u64))
     }
 
     /// Reflectance and transmittance per thickness of `request`.
@@ -98,7 +115,50 @@ impl Engine {
     /// # Errors
     /// See [`EngineError`].
     pub fn run(self, request: &Request, control: &Control) -> Result<Vec<Spectrum>, EngineError> {
-        let _ = (request, control);
-        Err(EngineError::Cancelled)
+        match self {
+            Self::Reference => reference::run(request, control),
+            Self::Spectral => spectral::run(request, control),
+        }
+    }
+}
+
+impl std::str::FromStr for Engine {
+    type Err = String;
+
+    fn from_str(name: &str) -> Result<Self, String> {
+        Self::ALL
+            .into_iter()
+            .find(|e| e.name() == name)
+            .ok_or_else(|| {
+                format!("no engine is named `{name}`; the engines are reference and spectral")
+            })
+    }
+}
+
+/// Ice and water at each wavelength. Dry snow needs no water: vacuum stands in.
+fn indices(request: &Request) -> Result<Vec<(Index, Index)>, OpticsError> {
+    let water = if request.snow.water_saturation > 0.0 {
+        Some(request.model.water.load()?)
+    } else {
+        None
+    };
+    let index = |&wavelength_nm: &f64| {
+        let ice = request.model.ice.at(wavelength_nm)?;
+        let water = water
+            .as_ref()
+            .map_or(Ok(Index { n: 1.0, k: 0.0 }), |w| w.at(wavelength_nm))?;
+        Ok((ice, water))
+    };
+    request.wavelengths_nm.iter().map(index).collect()
+}
+
+/// A walk's error as the engine's.
+fn engine_error(request: &Request, error: WalkError) -> EngineError {
+    match error {
+        WalkError::TooThin { thickness_m } => EngineError::SlabTooThin {
+            thickness_m,
+            size_max_m: request.snow.grain.size.max_m(),
+        },
+        WalkError::Stopped => EngineError::Cancelled,
     }
 }

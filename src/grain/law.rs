@@ -1,6 +1,9 @@
 //! Distributions of grain properties (Varsa 2025, table 4.1): uniform size,
 //! truncated normal facetness and sphericity.
 use thiserror::Error;
+use wide::f64x8;
+
+use crate::rng::Stream;
 
 /// A grain law whose parameters do not describe a distribution.
 #[derive(Debug, Clone, PartialEq, Error)]
@@ -69,6 +72,12 @@ impl SizeRange {
     pub fn max_m(&self) -> f64 {
         self.max_m
     }
+
+    /// Draws eight sizes, m.
+    #[inline(always)]
+    pub fn sample(&self, rng: &mut Stream) -> f64x8 {
+        rng.uniform() * f64x8::splat(self.max_m - self.min_m) + f64x8::splat(self.min_m)
+    }
 }
 
 /// A normal distribution with the mean and standard deviation given, cut to
@@ -124,5 +133,30 @@ impl TruncatedNormal {
     #[must_use]
     pub fn sd(&self) -> f64 {
         self.sd
+    }
+
+    /// Draws eight candidates and says which to keep, by rejection from the
+    /// normal or from the uniform distribution over [min, max], whichever is
+    /// kept more often.
+    #[inline(always)]
+    pub fn propose(&self, rng: &mut Stream) -> (f64x8, f64x8) {
+        let (min, max) = (f64x8::splat(self.min), f64x8::splat(self.max));
+        let (mean, width) = (f64x8::splat(self.mean), self.max - self.min);
+        if self.sd == 0.0 || width == 0.0 {
+            return (mean, mean.simd_eq(mean));
+        }
+        let sd = f64x8::splat(self.sd);
+        // kept shares: P(min < X < max), and the same times sqrt(2 pi) sd / width
+        if width > 2.506_628_274_631 * self.sd {
+            let value = mean + sd * rng.normal();
+            (value, value.simd_ge(min) & value.simd_le(max))
+        } else {
+            let value = min + f64x8::splat(width) * rng.uniform();
+            let z = (value - mean) / sd;
+            (
+                value,
+                (z * z).simd_lt(f64x8::splat(2.0) * rng.exponential()),
+            )
+        }
     }
 }

@@ -1,9 +1,15 @@
 //! Ice grains: the laws of their size and shape, the event of one ray on one
 //! grain, and the mean free distance between grains (Varsa 2025, chapter 4 and
 //! appendix B).
+mod distance;
+mod event;
 mod law;
+mod spheroid;
 
+pub use distance::{mean_free_distance_m, shape_factor, size_factor_per_m};
+pub use event::{Events, Grain, Grains, Stepped, Surface};
 pub use law::{GrainError, SizeRange, TruncatedNormal};
+pub use spheroid::{Spheroids, half_height, projected_point};
 
 /// One type of grain: how its size, facetness and sphericity are distributed.
 #[derive(Debug, Clone, Copy, PartialEq)]

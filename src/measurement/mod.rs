@@ -1,5 +1,8 @@
 //! Virtual spectrophotometer (MODEL section 7): directional-hemispherical
 //! reflectance and transmittance with standard errors.
+mod estimate;
+
+pub use estimate::Estimate;
 
 /// A Monte Carlo result: a mean and the standard error of that mean.
 #[derive(Debug, Clone, Copy, PartialEq, Default)]
@@ -8,6 +11,18 @@ pub struct Measured {
     pub value: f64,
     /// Its standard error.
     pub se: f64,
+}
+
+impl Measured {
+    /// The point `t` of the way from `self` to an independent `other`.
+    #[must_use]
+    pub fn mix(self, other: Self, t: f64) -> Self {
+        let (a, b) = (1.0 - t, t);
+        Self {
+            value: a * self.value + b * other.value,
+            se: (a * a * self.se * self.se + b * b * other.se * other.se).sqrt(),
+        }
+    }
 }
 
 /// Reflectance and transmittance of one slab under one illumination, per

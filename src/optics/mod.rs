@@ -1,7 +1,9 @@
 //! Optical properties of ice and water, and what happens at their surfaces
 //! (MODEL sections 4 and 13; Varsa 2025, appendix A).
 mod index;
+mod interface;
 
 pub use index::{
     IceTable, Index, MODEL_RANGE_NM, OpticsError, Water, WaterTable, ice_density_kg_m3,
 };
+pub use interface::{Incidences, Interface, Interfaces, reflect};

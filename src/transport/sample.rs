@@ -3,7 +3,7 @@ use crate::grain::GrainType;
 use crate::optics::{IceTable, WaterTable};
 
 /// Homogeneous snow, without its thickness.
-#[derive(Debug, Clone, PartialEq)]
+#[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Snow {
     /// The grains.
     pub grain: GrainType,

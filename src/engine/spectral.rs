@@ -1,0 +1,271 @@
+//! `spectral`: one walk serves all wavelengths and all thicknesses.
+//!
+//! **Absorption** is an expected weight: the walk records its paths in ice and
+//! water and every wavelength scores exp(-alpha L). Beyond [`DEFERRED`] optical
+//! depths of the least absorbed wavelength a walk is absorbed as an analog walk
+//! of that wavelength would be, and the weights of those that survive make up
+//! for it, so no walk goes on for nothing and every estimate is unbiased.
+//!
+//! **Dispersion.** Paths depend on the refractive indices, so walks are done
+//! at a few *index nodes*: some of the wavelengths asked for, chosen so that
+//! every other one lies close to the straight line between its two nodes in
+//! the plane of (n, k) of ice (and of water, in wet snow). Each wavelength's
+//! result is the linear mix of what the walks of its two nodes give it with
+//! its own absorption. What remains is the curvature of R and T over one
+//! interval of at most [`SPACING`] in index: below 0.1 % of transmittance, as
+//! `tests/engines.rs` measures against walks at every wavelength's own index.
+//!
+//! **Thicknesses.** One walk serves them all, exactly (see
+//! [`crate::transport::Walker`]): it is resumed for the next thickness where
+//! the lower plane first had a say. All thicknesses cost about as much as the
+//! largest alone, and curves against thickness come out smooth because their
+//! errors are correlated.
+use std::ops::Range;
+use std::sync::atomic::{AtomicBool, Ordering};
+
+use crate::engine::{Control, EngineError, Request, batches, indices};
+use crate::measurement::{Estimate, Measured, Spectrum};
+use crate::optics::Index;
+use crate::transport::{Absorption, End, Path, Sink, Snow, Walker};
+
+/// Largest distance of two neighbouring nodes in refractive index.
+pub(super) const SPACING: f64 = 0.0135;
+/// Optical depth of the least absorbed wavelength that every walk survives.
+const DEFERRED: f64 = 3.0;
+/// Largest distance of a wavelength's indices from the line between its nodes.
+const DEVIATION: f64 = 5e-4;
+/// Weight of k against n in those distances: k changes the mean internal
+/// reflectance of ice by about 3.7 per unit, n by about 1.
+const K_WEIGHT: f64 = 4.0;
+
+/// Absorption coefficients of one wavelength, 1/m.
+#[derive(Clone, Copy)]
+struct Coefficients {
+    ice_per_m: f64,
+    water_per_m: f64,
+}
+
+/// Estimates of one node: [thickness][wavelength of its span].
+#[derive(Clone)]
+struct NodeScores<'a> {
+    reflected: Vec<Estimate>,
+    transmitted: Vec<Estimate>,
+    lost: Vec<u64>,
+    absorption: Absorption,
+    coefficients: &'a [Coefficients],
+    weights: Vec<f64>,
+    cancel: &'a AtomicBool,
+}
+
+impl Sink for NodeScores<'_> {
+    fn end(&mut self, thicknesses: Range<usize>, end: End, path: &Path) {
+        let estimates = match end {
+            End::Reflected => &mut self.reflected,
+            End::Transmitted => &mut self.transmitted,
+            End::Lost => {
+                self.lost[thicknesses]
+                    .iter_mut()
+                    .for_each(|lost| *lost += 1);
+                return;
+            }
+            End::Absorbed => return,
+        };
+        for (weight, a) in self.weights.iter_mut().zip(self.coefficients) {
+            *weight = self.absorption.weight(path, a.ice_per_m, a.water_per_m);
+        }
+        let width = self.weights.len();
+        let rows = &mut estimates[thicknesses.start * width..thicknesses.end * width];
+        for row in rows.chunks_exact_mut(width) {
+            row.iter_mut()
+                .zip(&self.weights)
+                .for_each(|(estimate, weight)| estimate.add(*weight));
+        }
+    }
+
+    fn stop(&self) -> bool {
+        self.cancel.load(Ordering::Relaxed)
+    }
+}
+
+impl batches::Scores for NodeScores<'_> {
+    fn merge(&mut self, other: &Self) {
+        let pairs = self.reflected.iter_mut().zip(&other.reflected);
+        pairs.for_each(|(a, b)| a.merge(b));
+        let pairs = self.transmitted.iter_mut().zip(&other.transmitted);
+        pairs.for_each(|(a, b)| a.merge(b));
+        self.lost
+            .iter_mut()
+            .zip(&other.lost)
+            .for_each(|(a, b)| *a += b);
+    }
+}
+
+/// Coordinates in which nodes are placed; vacuum stands for absent water.
+fn coordinates(&(ice, water): &(Index, Index), snow: &Snow) -> [f64; 4] {
+    let wet = if snow.water_saturation > 0.0 {
+        1.0
+    } else {
+        0.0
+    };
+    [
+        ice.n,
+        K_WEIGHT * ice.k,
+        wet * water.n,
+        wet * K_WEIGHT * water.k,
+    ]
+}
+
+fn dot(a: [f64; 4], b: [f64; 4]) -> f64 {
+    a.iter().zip(b).map(|(a, b)| a * b).sum()
+}
+
+fn minus(a: [f64; 4], b: [f64; 4]) -> [f64; 4] {
+    std::array::from_fn(|i| a[i] - b[i])
+}
+
+/// Where `p` lies between `a` and `b`: fraction of the way, squared distance from the line.
+fn project(p: [f64; 4], a: [f64; 4], b: [f64; 4]) -> (f64, f64) {
+    let (ab, ap) = (minus(b, a), minus(p, a));
+    let length_sq = dot(ab, ab);
+    let t = if length_sq > 0.0 {
+        (dot(ap, ab) / length_sq).clamp(0.0, 1.0)
+    } else {
+        0.0
+    };
+    let off: [f64; 4] = std::array::from_fn(|i| ap[i] - t * ab[i]);
+    (t, dot(off, off))
+}
+
+/// Positions in the wavelength list at which walks are done, increasing; the
+/// first and last wavelength are always among them.
+pub(super) fn nodes(indices: &[(Index, Index)], snow: &Snow) -> Vec<usize> {
+    let points: Vec<_> = indices.iter().map(|i| coordinates(i, snow)).collect();
+    let mut nodes = vec![0];
+    let mut from = 0;
+    while from + 1 < points.len() {
+        let holds = |to: &usize| {
+            let ab = minus(points[*to], points[from]);
+            dot(ab, ab) <= SPACING * SPACING
+                && points[from..=*to]
+                    .iter()
+                    .all(|p| project(*p, points[from], points[*to]).1 <= DEVIATION * DEVIATION)
+        };
+        // neighbours are always a valid pair: both are nodes and nothing lies between
+        let to = (from + 2..points.len())
+            .take_while(|to| holds(to))
+            .last()
+            .unwrap_or(from + 1);
+        nodes.push(to);
+        from = to;
+    }
+    nodes
+}
+
+/// What the walks of one node give the wavelengths from `first` on.
+struct NodeResult {
+    first: usize,
+    /// [thickness][wavelength]
+    reflectance: Vec<Measured>,
+    transmittance: Vec<Measured>,
+    /// [thickness]
+    lost: Vec<f64>,
+    width: usize,
+}
+
+pub(super) fn run(request: &Request, control: &Control) -> Result<Vec<Spectrum>, EngineError> {
+    let indices = indices(request)?;
+    let nodes = nodes(&indices, request.snow);
+    // the wavelengths a node serves reach from the node before it to the node after it
+    let results = batches::map(control, (0..nodes.len()).collect(), |i| {
+        let last = nodes[(i + 1).min(nodes.len() - 1)];
+        let span = nodes[i.saturating_sub(1)]..last + 1;
+        walk_node(request, control, &indices, nodes[i], i, span)
+    })?;
+    let point = |l: usize| coordinates(&indices[l], request.snow);
+    let mut spectra = vec![Spectrum::default(); request.thicknesses_m.len()];
+    for l in 0..indices.len() {
+        let i = nodes.partition_point(|&node| node < l);
+        // between nodes i - 1 and i, or on node i
+        let (a, t) = if nodes[i] == l {
+            (&results[i], 0.0)
+        } else {
+            let (t, _) = project(point(l), point(nodes[i - 1]), point(nodes[i]));
+            (&results[i - 1], t)
+        };
+        let b = &results[i];
+        for (h, spectrum) in spectra.iter_mut().enumerate() {
+            let (p, q) = (h * a.width + l - a.first, h * b.width + l - b.first);
+            let mix = |a: Measured, b: Measured| if t == 0.0 { a } else { a.mix(b, t) };
+            spectrum
+                .reflectance
+                .push(mix(a.reflectance[p], b.reflectance[q]));
+            spectrum
+                .transmittance
+                .push(mix(a.transmittance[p], b.transmittance[q]));
+            spectrum.lost.push((1.0 - t) * a.lost[h] + t * b.lost[h]);
+        }
+    }
+    Ok(spectra)
+}
+
+/// The walks at one index node, scored for the wavelengths of its span.
+fn walk_node(
+    request: &Request,
+    control: &Control,
+    indices: &[(Index, Index)],
+    node: usize,
+    number: usize,
+    span: Range<usize>,
+) -> Result<NodeResult, EngineError> {
+    let coefficients: Vec<Coefficients> = span
+        .clone()
+        .map(|l| Coefficients {
+            ice_per_m: indices[l].0.absorption_per_m(request.wavelengths_nm[l]),
+            water_per_m: indices[l].1.absorption_per_m(request.wavelengths_nm[l]),
+        })
+        .collect();
+    let least =
+        |of: fn(&Coefficients) -> f64| coefficients.iter().map(of).fold(f64::INFINITY, f64::min);
+    let absorption = Absorption {
+        ice_per_m: least(|a| a.ice_per_m),
+        water_per_m: least(|a| a.water_per_m),
+        deferred: DEFERRED,
+    };
+    let walker = Walker::new(request.snow, request.model.entry, indices[node], absorption);
+    let (heights, width) = (request.thicknesses_m.len(), span.len());
+    let empty = NodeScores {
+        reflected: vec![Estimate::default(); heights * width],
+        transmitted: vec![Estimate::default(); heights * width],
+        lost: vec![0; heights],
+        absorption,
+        coefficients: &coefficients,
+        weights: vec![0.0; width],
+        cancel: control.cancel,
+    };
+    let purpose = [1, number as u32, 0];
+    let scores = batches::run(
+        request,
+        control,
+        &walker,
+        request.thicknesses_m,
+        purpose,
+        &empty,
+    )?;
+    let measured = |estimates: &[Estimate]| {
+        estimates
+            .iter()
+            .map(|estimate| estimate.measured(request.rays))
+            .collect()
+    };
+    Ok(NodeResult {
+        first: span.start,
+        reflectance: measured(&scores.reflected),
+        transmittance: measured(&scores.transmitted),
+        lost: scores
+            .lost
+            .iter()
+            .map(|&lost| lost as f64 / request.rays as f64)
+            .collect(),
+        width,
+    })
+}

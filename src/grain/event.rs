@@ -1,0 +1,263 @@
+//! The event of a ray on a grain: entry facet, internal hits, exit (MODEL
+//! section 3; Varsa 2025, section 4.2), for eight rays at once. Geometric
+//! optics on a smooth spheroid whose local normal is tilted at random at every
+//! hit; no diffraction, no polarisation.
+//!
+//! Every [`Events::step`] tries one facet on each lane: the entry of a new
+//! grain on one, the fifth internal hit on another. Lanes are independent.
+use wide::bytemuck::cast;
+use wide::{f64x8, u64x8};
+
+use crate::grain::{GrainType, Spheroids};
+use crate::math::{Vec3, Vec3x8};
+use crate::optics::{Interface, Interfaces, reflect};
+use crate::rng::Stream;
+
+/// Tilted normals tried before the untilted one is taken.
+const FACET_TRIES: f64 = 64.0;
+/// Internal hits after which a ray counts as lost.
+const INTERNAL_HITS: f64 = 10_000.0;
+
+/// A grain's two interfaces with the medium around it.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Surface {
+    /// From outside into ice.
+    pub enter: Interface,
+    /// From ice to the outside.
+    pub leave: Interface,
+}
+
+/// A grain drawn at random and a point on it, before any ray decides which
+/// side of it is met.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Grain {
+    /// Full length of the major axis, m.
+    pub size_m: f64,
+    /// Facetness F.
+    pub facetness: f64,
+    /// c^2 - 1 of the spheroid.
+    pub flattening: f64,
+    /// Unit vector along its axis.
+    pub axis: Vec3,
+    /// Point on its surface, units of the major semi-axis.
+    pub point: Vec3,
+    /// Unit outward normal there.
+    pub normal: Vec3,
+}
+
+/// Eight grains drawn at once and which of them are kept.
+#[derive(Debug, Clone, Default)]
+pub struct Grains {
+    size_m: f64x8,
+    facetness: f64x8,
+    spheroids: Spheroids,
+    point: Vec3x8,
+    normal: Vec3x8,
+}
+
+impl Grains {
+    /// Draws eight grains; the mask has a bit for each to be kept.
+    #[inline(always)]
+    pub fn draw(law: &GrainType, rng: &mut Stream) -> (Self, u32) {
+        let (psi, keep_psi) = law.sphericity.propose(rng);
+        let (facetness, keep_facetness) = law.facetness.propose(rng);
+        let minor = psi * psi;
+        let spheroids = Spheroids::new(minor, rng.direction());
+        let (point, keep_point) = spheroids.propose_point(minor, rng);
+        let normal = spheroids.normal(point).unit();
+        let size_m = law.size.sample(rng);
+        let kept = (keep_psi & keep_facetness & keep_point).to_bitmask();
+        (
+            Self {
+                size_m,
+                facetness,
+                spheroids,
+                point,
+                normal,
+            },
+            kept,
+        )
+    }
+
+    /// The grain of one lane.
+    #[inline(always)]
+    #[must_use]
+    pub fn get(&self, lane: usize) -> Grain {
+        Grain {
+            size_m: self.size_m.as_array()[lane],
+            facetness: self.facetness.as_array()[lane],
+            flattening: self.spheroids.flattening.as_array()[lane],
+            axis: self.spheroids.axis.get(lane),
+            point: self.point.get(lane),
+            normal: self.normal.get(lane),
+        }
+    }
+}
+
+/// Eight grain events under way.
+#[derive(Debug, Clone)]
+pub struct Events {
+    /// Directions, unit: before a step of the ray that comes, after the event
+    /// has ended of the ray that leaves.
+    pub direction: Vec3x8,
+    /// Paths in ice since the ray entered the snow, m.
+    pub ice_m: f64x8,
+    /// Path in ice at which the ray is absorbed, m.
+    pub ice_limit_m: f64x8,
+    spheroids: Spheroids,
+    facetness: f64x8,
+    /// Major semi-axis, m.
+    scale_m: f64x8,
+    /// Where the ray is, units of the major semi-axis from the centre.
+    at: Vec3x8,
+    /// Unit normal there, facing the ray.
+    normal: Vec3x8,
+    /// All ones where the ray is in ice.
+    inside: f64x8,
+    /// All ones where the grain sits in water.
+    wet: f64x8,
+    facet_tries: f64x8,
+    internal_hits: f64x8,
+    surfaces: [[Interfaces; 2]; 2],
+    any_water: bool,
+}
+
+/// Which lanes a step changed, a bit each.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub struct Stepped {
+    /// Outside their grain again.
+    pub left: u32,
+    /// Past [`Events::ice_limit_m`].
+    pub absorbed: u32,
+    /// Still inside after 10,000 hits.
+    pub lost: u32,
+}
+
+fn mask(set: bool) -> f64 {
+    f64::from_bits(if set { u64::MAX } else { 0 })
+}
+
+impl Events {
+    /// Idle lanes among grains with the surfaces given, in air and in water.
+    #[must_use]
+    pub fn new(surfaces: &[Surface; 2], any_water: bool) -> Self {
+        let zero = f64x8::ZERO;
+        let unit = Vec3x8::new(zero, zero, f64x8::ONE);
+        Self {
+            direction: unit * -f64x8::ONE,
+            ice_m: zero,
+            ice_limit_m: zero,
+            spheroids: Spheroids::new(f64x8::ONE, unit),
+            facetness: zero,
+            scale_m: zero,
+            at: unit,
+            normal: unit,
+            inside: zero,
+            wet: zero,
+            facet_tries: zero,
+            internal_hits: zero,
+            surfaces: surfaces.map(|s| [s.enter.splat(), s.leave.splat()]),
+            any_water,
+        }
+    }
+
+    /// Lets the ray of `lane` meet `grain` at `point` with the unit outward
+    /// `normal`, which faces the ray.
+    #[inline(always)]
+    pub fn start(&mut self, lane: usize, grain: &Grain, point: Vec3, normal: Vec3, in_water: bool) {
+        self.spheroids.axis.set(lane, grain.axis);
+        self.spheroids.flattening.as_mut_array()[lane] = grain.flattening;
+        self.facetness.as_mut_array()[lane] = grain.facetness;
+        self.scale_m.as_mut_array()[lane] = 0.5 * grain.size_m;
+        self.at.set(lane, point);
+        self.normal.set(lane, normal);
+        self.inside.as_mut_array()[lane] = mask(false);
+        self.wet.as_mut_array()[lane] = mask(in_water);
+        self.facet_tries.as_mut_array()[lane] = 0.0;
+        self.internal_hits.as_mut_array()[lane] = 0.0;
+    }
+
+    /// Height of the ray of `lane` over the centre of its grain, m, downward.
+    #[inline(always)]
+    #[must_use]
+    pub fn depth_in_grain_m(&self, lane: usize) -> f64 {
+        self.at.z.as_array()[lane] * self.scale_m.as_array()[lane]
+    }
+
+    /// Tries one facet on every lane.
+    #[inline(always)]
+    pub fn step(&mut self, rng: &mut Stream) -> Stepped {
+        let (d, n, one) = (self.direction, self.normal, f64x8::ONE);
+        let all: f64x8 = cast(u64x8::MAX);
+
+        // a facet about the normal (eqs. 4.3-4.4)
+        let tilt = (f64x8::splat(0.5) * self.facetness * rng.normal()).abs();
+        let (sin, cos) = rng.azimuth();
+        let slope = (tilt * (f64x8::splat(2.0) - tilt))
+            .fast_max(f64x8::ZERO)
+            .sqrt();
+        let (t1, t2) = n.frame();
+        let mut m = (n * (one - tilt))
+            .plus(slope * cos, t1)
+            .plus(slope * sin, t2);
+        let mut c = -m.dot(d);
+        let mut ok = c.simd_gt(f64x8::ZERO) & tilt.simd_lt(one);
+        self.facet_tries += one;
+        let given_up = !ok & self.facet_tries.simd_ge(f64x8::splat(FACET_TRIES));
+        let untilted = (-n.dot(d)).fast_max(f64x8::splat(1e-12));
+        if given_up.any() {
+            m = n.or_where_not(given_up, m);
+            c = given_up.select(untilted, c);
+            ok = ok | given_up;
+        }
+        let c = c.fast_min(one);
+        self.facet_tries = ok.select(f64x8::ZERO, self.facet_tries);
+
+        // reflect or refract
+        let inside = self.inside;
+        let [air, water] = &self.surfaces;
+        let mut interfaces = Interfaces::select(inside, &air[1], &air[0]);
+        if self.any_water {
+            let in_water = Interfaces::select(inside, &water[1], &water[0]);
+            interfaces = Interfaces::select(self.wet, &in_water, &interfaces);
+        }
+        let incidences = interfaces.at(c);
+        let reflected = rng.uniform().simd_lt(incidences.reflectance);
+        let refracted = all ^ reflected;
+        let mut next =
+            reflect(d, m, c).or_where_not(reflected, interfaces.refract(d, m, c, &incidences));
+        let goes_inside = inside ^ refracted;
+
+        // a tilted facet may send an inner ray out of the spheroid: take the untilted normal
+        let outward = next.dot(n) * refracted.select(-one, one);
+        let astray = ok & goes_inside & outward.simd_le(f64x8::ZERO);
+        next = reflect(d, n, untilted).or_where_not(astray & reflected, next);
+        if (astray & refracted).any() {
+            let c = untilted.fast_min(one);
+            let refraction = interfaces.refract_or_graze(d, n, c, &interfaces.at(c));
+            next = refraction.or_where_not(astray & refracted, next);
+        }
+        // one Newton step towards unit length keeps rounding errors from adding up
+        next = next * (f64x8::splat(1.5) - f64x8::splat(0.5) * next.dot(next));
+        self.direction = next.or_where_not(ok, d);
+        self.inside = ok.select(goes_inside, inside);
+
+        // on through the ice to the far surface
+        let moves = ok & goes_inside;
+        let chord = self.spheroids.chord(self.spheroids.normal(self.at), next);
+        let chord = chord.fast_max(f64x8::ZERO) & moves;
+        self.at = self.at.plus(chord, next);
+        self.ice_m += chord * self.scale_m;
+        let inward = self.spheroids.normal(self.at).unit() * -one;
+        self.normal = inward.or_where_not(moves, n);
+        self.internal_hits += one & moves;
+        Stepped {
+            left: (ok & (all ^ goes_inside)).to_bitmask(),
+            absorbed: (moves & self.ice_m.simd_ge(self.ice_limit_m)).to_bitmask(),
+            lost: self
+                .internal_hits
+                .simd_gt(f64x8::splat(INTERNAL_HITS))
+                .to_bitmask(),
+        }
+    }
+}

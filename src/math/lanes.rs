@@ -1,0 +1,212 @@
+//! Eight walks side by side: vectors of eight f64 and their elementary
+//! functions. Only single operations are used, never fused ones, so the
+//! results are the same to the bit on every machine.
+use std::f64::consts::{FRAC_PI_4, LN_2, SQRT_2};
+use std::ops::{Add, Mul};
+
+use wide::bytemuck::cast;
+use wide::{f64x8, u64x8};
+
+/// Eight vectors.
+#[derive(Debug, Clone, Copy, PartialEq, Default)]
+pub struct Vec3x8 {
+    /// First horizontal components.
+    pub x: f64x8,
+    /// Second horizontal components.
+    pub y: f64x8,
+    /// Depth components.
+    pub z: f64x8,
+}
+
+impl Vec3x8 {
+    /// The vectors (x, y, z).
+    #[inline(always)]
+    #[must_use]
+    pub fn new(x: f64x8, y: f64x8, z: f64x8) -> Self {
+        Self { x, y, z }
+    }
+
+    /// Scalar products.
+    #[inline(always)]
+    #[must_use]
+    pub fn dot(self, o: Self) -> f64x8 {
+        self.x * o.x + self.y * o.y + self.z * o.z
+    }
+
+    /// `self + s * o`.
+    #[inline(always)]
+    #[must_use]
+    pub fn plus(self, s: f64x8, o: Self) -> Self {
+        Self::new(self.x + s * o.x, self.y + s * o.y, self.z + s * o.z)
+    }
+
+    /// Unit vectors along these.
+    #[inline(always)]
+    #[must_use]
+    pub fn unit(self) -> Self {
+        self * (f64x8::ONE / self.dot(self).sqrt())
+    }
+
+    /// Where `mask` is set `self`, else `o`.
+    #[inline(always)]
+    #[must_use]
+    pub fn or_where_not(self, mask: f64x8, o: Self) -> Self {
+        Self::new(
+            mask.select(self.x, o.x),
+            mask.select(self.y, o.y),
+            mask.select(self.z, o.z),
+        )
+    }
+
+    /// Two unit vectors that complete each unit vector to an orthonormal frame
+    /// (Duff et al. 2017, JCGT 6(1)).
+    #[inline(always)]
+    #[must_use]
+    pub fn frame(self) -> (Self, Self) {
+        let sign = f64x8::ONE | (self.z & f64x8::splat(-0.0));
+        let a = -f64x8::ONE / (sign + self.z);
+        let b = self.x * self.y * a;
+        (
+            Self::new(
+                f64x8::ONE + sign * self.x * self.x * a,
+                sign * b,
+                -sign * self.x,
+            ),
+            Self::new(b, sign + self.y * self.y * a, -self.y),
+        )
+    }
+
+    /// Writes one lane.
+    #[inline(always)]
+    pub fn set(&mut self, lane: usize, v: super::Vec3) {
+        self.x.as_mut_array()[lane] = v.x;
+        self.y.as_mut_array()[lane] = v.y;
+        self.z.as_mut_array()[lane] = v.z;
+    }
+
+    /// Reads one lane.
+    #[inline(always)]
+    #[must_use]
+    pub fn get(&self, lane: usize) -> super::Vec3 {
+        super::Vec3::new(
+            self.x.as_array()[lane],
+            self.y.as_array()[lane],
+            self.z.as_array()[lane],
+        )
+    }
+}
+
+impl Add for Vec3x8 {
+    type Output = Self;
+    #[inline(always)]
+    fn add(self, o: Self) -> Self {
+        Self::new(self.x + o.x, self.y + o.y, self.z + o.z)
+    }
+}
+
+impl Mul<f64x8> for Vec3x8 {
+    type Output = Self;
+    #[inline(always)]
+    fn mul(self, s: f64x8) -> Self {
+        Self::new(self.x * s, self.y * s, self.z * s)
+    }
+}
+
+/// Natural logarithm of normal positive numbers; relative error below 1e-14.
+#[inline(always)]
+#[must_use]
+pub fn ln(x: f64x8) -> f64x8 {
+    let bits: u64x8 = cast(x);
+    // exponent as a float: put it in the low bits of 2^52 and subtract that
+    let biased: f64x8 = cast((bits >> 52) | u64x8::splat(0x4330_0000_0000_0000));
+    let exponent = biased - f64x8::splat(4_503_599_627_370_496.0 + 1023.0);
+    let mantissa: f64x8 =
+        cast((bits & u64x8::splat(0x000f_ffff_ffff_ffff)) | u64x8::splat(0x3ff0_0000_0000_0000));
+    let high = mantissa.simd_gt(f64x8::splat(SQRT_2));
+    let mantissa = high.select(mantissa * f64x8::splat(0.5), mantissa);
+    let exponent = high.select(exponent + f64x8::ONE, exponent);
+    // ln m = 2 artanh(s), s = (m - 1)/(m + 1), |s| <= 0.172
+    let s = (mantissa - f64x8::ONE) / (mantissa + f64x8::ONE);
+    let y = s * s;
+    let mut p = f64x8::splat(1.0 / 17.0);
+    for denominator in [15.0, 13.0, 11.0, 9.0, 7.0, 5.0, 3.0] {
+        p = p * y + f64x8::splat(1.0 / denominator);
+    }
+    let twice = s + s;
+    exponent * f64x8::splat(LN_2) + (twice + twice * y * p)
+}
+
+/// (sin, cos) of `t * pi / 4` for t in [-1, 1]; absolute error below 1e-12.
+#[inline(always)]
+#[must_use]
+pub fn sincos_eighth(t: f64x8) -> (f64x8, f64x8) {
+    let x = t * f64x8::splat(FRAC_PI_4);
+    let y = x * x;
+    let mut s = f64x8::splat(-1.0 / 39_916_800.0);
+    for c in [1.0 / 362_880.0, -1.0 / 5_040.0, 1.0 / 120.0, -1.0 / 6.0] {
+        s = s * y + f64x8::splat(c);
+    }
+    let mut c = f64x8::splat(1.0 / 479_001_600.0);
+    for k in [
+        -1.0 / 3_628_800.0,
+        1.0 / 40_320.0,
+        -1.0 / 720.0,
+        1.0 / 24.0,
+        -0.5,
+    ] {
+        c = c * y + f64x8::splat(k);
+    }
+    (x + x * y * s, f64x8::ONE + y * c)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn ln_is_ln() {
+        for i in 1..100_000 {
+            let x = f64::from(i) * 1.7e-5;
+            for x in [x, x * 1e-9, x * 1e12, 1.0 - x * 1e-6] {
+                let (ours, exact) = (ln(f64x8::splat(x)).to_array()[3], libm::log(x));
+                assert!(
+                    (ours - exact).abs() <= 1e-14 * exact.abs() + 1e-300,
+                    "{x}: {ours} {exact}"
+                );
+            }
+        }
+        assert_eq!(ln(f64x8::ONE).to_array()[0], 0.0);
+    }
+
+    #[test]
+    fn sincos_eighth_is_sincos() {
+        for i in -1000..=1000 {
+            let t = f64::from(i) / 1000.0;
+            let (s, c) = sincos_eighth(f64x8::splat(t));
+            assert!((s.to_array()[0] - libm::sin(t * FRAC_PI_4)).abs() < 1e-11);
+            assert!((c.to_array()[0] - libm::cos(t * FRAC_PI_4)).abs() < 1e-11);
+        }
+    }
+
+    #[test]
+    fn frames_are_orthonormal() {
+        for v in [
+            (0.0, 0.0, 1.0),
+            (0.0, 0.0, -1.0),
+            (1.0, 0.0, 0.0),
+            (0.3, -0.5, -0.2),
+        ] {
+            let n = Vec3x8::new(f64x8::splat(v.0), f64x8::splat(v.1), f64x8::splat(v.2)).unit();
+            let (t, b) = n.frame();
+            for (p, q, e) in [
+                (n, t, 0.0),
+                (n, b, 0.0),
+                (t, b, 0.0),
+                (t, t, 1.0),
+                (b, b, 1.0),
+            ] {
+                assert!((p.dot(q).to_array()[0] - e).abs() < 1e-15, "{v:?}");
+            }
+        }
+    }
+}

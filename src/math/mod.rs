@@ -1,0 +1,10 @@
+//! Three-vectors and the elementary functions of the walk. The functions are
+//! our own because the platform's differ between machines in the last bit,
+//! which would change a database's bytes, and because these vectorise.
+mod elementary;
+mod lanes;
+mod vec3;
+
+pub use elementary::exp_neg;
+pub use lanes::{Vec3x8, ln, sincos_eighth};
+pub use vec3::Vec3;

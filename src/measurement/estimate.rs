@@ -1,0 +1,92 @@
+//! Running sums of a Monte Carlo estimate.
+use crate::measurement::Measured;
+
+/// Sum and sum of squares of the scores of rays; those that scored nothing
+/// count in the number of rays given to [`Estimate::measured`].
+#[derive(Debug, Clone, Copy, PartialEq, Default)]
+pub struct Estimate {
+    sum: f64,
+    sum_sq: f64,
+}
+
+impl Estimate {
+    /// Adds one ray's score.
+    #[inline]
+    pub fn add(&mut self, score: f64) {
+        self.sum += score;
+        self.sum_sq += score * score;
+    }
+
+    /// Adds `count` scores of 1.
+    pub fn add_count(&mut self, count: u64) {
+        self.sum += count as f64;
+        self.sum_sq += count as f64;
+    }
+
+    /// Adds another's sums.
+    #[inline]
+    pub fn merge(&mut self, other: &Self) {
+        self.sum += other.sum;
+        self.sum_sq += other.sum_sq;
+    }
+
+    /// Mean over `rays` and its standard error. Where every ray scored 0 or
+    /// every ray 1, the sample variance is 0 and says nothing: the error given
+    /// is then 1/rays, the size of what may have been missed.
+    #[must_use]
+    pub fn measured(&self, rays: u64) -> Measured {
+        let n = rays as f64;
+        let value = self.sum / n;
+        if self.sum_sq == 0.0 || self.sum_sq == n {
+            return Measured { value, se: 1.0 / n };
+        }
+        let variance = (self.sum_sq / n - value * value).max(0.0);
+        Measured {
+            value,
+            se: (variance / (n - 1.0).max(1.0)).sqrt(),
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn mean_and_standard_error_by_hand() {
+        let (mut a, mut b) = (Estimate::default(), Estimate::default());
+        a.add(1.0);
+        a.add(0.5);
+        b.add(0.25);
+        a.merge(&b);
+        // scores 1, 0.5, 0.25, 0: mean 7/16, variance with n - 1: 35/192... of the mean: / 4
+        let m = a.measured(4);
+        assert!((m.value - 0.4375).abs() < 1e-15);
+        let variance = [1.0, 0.5, 0.25, 0.0]
+            .iter()
+            .map(|x: &f64| (x - 0.4375).powi(2))
+            .sum::<f64>()
+            / 3.0;
+        assert!((m.se - (variance / 4.0).sqrt()).abs() < 1e-15);
+    }
+
+    #[test]
+    fn nothing_seen_is_not_certainty() {
+        assert_eq!(
+            Estimate::default().measured(1000),
+            Measured {
+                value: 0.0,
+                se: 1e-3
+            }
+        );
+        let mut all = Estimate::default();
+        all.add_count(1000);
+        assert_eq!(
+            all.measured(1000),
+            Measured {
+                value: 1.0,
+                se: 1e-3
+            }
+        );
+    }
+}

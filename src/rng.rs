@@ -1,0 +1,182 @@
+//! Random streams. A stream is a function of what it is for (seed, cell,
+//! purpose, batch), never of thread or schedule, so any split of the work
+//! over threads, shards and interrupted runs draws the same numbers.
+use rand::{Rng, SeedableRng};
+use rand_xoshiro::Xoshiro256PlusPlus;
+use sha2::{Digest, Sha256};
+use wide::bytemuck::cast;
+use wide::{f64x8, u64x8};
+
+use crate::math::{Vec3x8, ln, sincos_eighth};
+
+/// What a stream is for. Two different keys give independent streams.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
+pub struct Key {
+    /// Seed of the whole run.
+    pub seed: u64,
+    /// Cell of the database, 0 for a single measurement.
+    pub cell: u64,
+    /// What within the cell: engine, wavelength or node, thickness.
+    pub purpose: [u32; 3],
+    /// Batch of rays.
+    pub batch: u64,
+}
+
+/// Eight xoshiro256++ generators (Blackman and Vigna 2021) side by side.
+#[derive(Debug, Clone)]
+pub struct Stream {
+    state: [u64x8; 4],
+    /// The second of a pair of normal variates, if not used yet.
+    spare: Option<f64x8>,
+}
+
+/// The state of a single generator for `key`: its SHA-256.
+fn generator(key: Key) -> Xoshiro256PlusPlus {
+    let mut hash = Sha256::new();
+    hash.update(b"splitsnow stream 1");
+    hash.update(key.seed.to_le_bytes());
+    hash.update(key.cell.to_le_bytes());
+    for part in key.purpose {
+        hash.update(part.to_le_bytes());
+    }
+    hash.update(key.batch.to_le_bytes());
+    Xoshiro256PlusPlus::from_seed(hash.finalize().into())
+}
+
+/// 52 random bits as a uniform variate in [0, 1).
+#[inline(always)]
+fn unit_interval(bits: u64x8) -> f64x8 {
+    let one_to_two: f64x8 = cast((bits >> 12) | u64x8::splat(0x3ff0_0000_0000_0000));
+    one_to_two - f64x8::ONE
+}
+
+impl Stream {
+    /// The stream of `key`. A generator seeded from it draws the states of the eight.
+    #[must_use]
+    pub fn new(key: Key) -> Self {
+        let mut seeds = generator(key);
+        let state = std::array::from_fn(|_| u64x8::new(std::array::from_fn(|_| seeds.next_u64())));
+        Self { state, spare: None }
+    }
+
+    /// Eight times 64 random bits.
+    #[inline(always)]
+    fn bits(&mut self) -> u64x8 {
+        let rotate = |x: u64x8, k: u32| (x << k) | (x >> (64 - k));
+        let [s0, s1, s2, s3] = &mut self.state;
+        let result = rotate(*s0 + *s3, 23) + *s0;
+        let t = *s1 << 17;
+        *s2 ^= *s0;
+        *s3 ^= *s1;
+        *s1 ^= *s2;
+        *s0 ^= *s3;
+        *s2 ^= t;
+        *s3 = rotate(*s3, 45);
+        result
+    }
+
+    /// Uniform in [0, 1), multiples of 2^-52.
+    #[inline(always)]
+    pub fn uniform(&mut self) -> f64x8 {
+        unit_interval(self.bits())
+    }
+
+    /// Exponential with mean 1 (cut at 36, of probability 2e-16).
+    #[inline(always)]
+    pub fn exponential(&mut self) -> f64x8 {
+        -ln(f64x8::ONE - self.uniform())
+    }
+
+    /// Normal with mean 0 and standard deviation 1 (Box and Muller 1958).
+    #[inline(always)]
+    pub fn normal(&mut self) -> f64x8 {
+        if let Some(spare) = self.spare.take() {
+            return spare;
+        }
+        let r = (self.exponential() * f64x8::splat(2.0)).sqrt();
+        let (s, c) = self.azimuth();
+        self.spare = Some(r * s);
+        r * c
+    }
+
+    /// (sin, cos) of an angle uniform on the circle.
+    #[inline(always)]
+    pub fn azimuth(&mut self) -> (f64x8, f64x8) {
+        let bits = self.bits();
+        // 52 bits choose a point of one quarter, three others which quarter
+        let t = unit_interval(bits);
+        let (s, c) = sincos_eighth(t + t - f64x8::ONE);
+        let swap: f64x8 = cast(u64x8::ZERO - (bits & u64x8::ONE));
+        let (s, c) = (swap.select(c, s), swap.select(s, c));
+        let flip = |v: f64x8, bit: u32| {
+            let sign: f64x8 = cast((bits >> bit) << 63);
+            v ^ sign
+        };
+        (flip(s, 1), flip(c, 2))
+    }
+
+    /// Directions uniform on the unit sphere.
+    #[inline(always)]
+    pub fn direction(&mut self) -> Vec3x8 {
+        let u = self.uniform();
+        let z = u + u - f64x8::ONE;
+        let r = (f64x8::ONE - z * z).sqrt();
+        let (s, c) = self.azimuth();
+        Vec3x8::new(r * c, r * s, z)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    const KEY: Key = Key {
+        seed: 1,
+        cell: 2,
+        purpose: [3, 4, 5],
+        batch: 6,
+    };
+
+    #[test]
+    fn streams_differ_in_every_part_of_the_key() {
+        let all = [
+            KEY,
+            Key { seed: 2, ..KEY },
+            Key { cell: 3, ..KEY },
+            Key {
+                purpose: [4, 3, 5],
+                ..KEY
+            },
+            Key {
+                purpose: [3, 4, 6],
+                ..KEY
+            },
+            Key { batch: 7, ..KEY },
+        ];
+        let mut first: Vec<u64> = all
+            .iter()
+            .flat_map(|k| Stream::new(*k).bits().to_array())
+            .collect();
+        first.sort_unstable();
+        first.dedup();
+        assert_eq!(first.len(), 8 * all.len());
+    }
+
+    #[test]
+    fn every_lane_is_the_published_generator() {
+        let mut stream = Stream::new(KEY);
+        let states = stream.state.map(u64x8::to_array);
+        for lane in 0..8 {
+            let mut seed = [0; 32];
+            for (bytes, word) in seed.chunks_mut(8).zip(states) {
+                bytes.copy_from_slice(&word[lane].to_le_bytes());
+            }
+            let mut published = Xoshiro256PlusPlus::from_seed(seed);
+            let mut ours = stream.clone();
+            for _ in 0..100 {
+                assert_eq!(ours.bits().to_array()[lane], published.next_u64());
+            }
+        }
+        assert_ne!(stream.bits(), stream.bits());
+    }
+}
