@@ -81,7 +81,8 @@ impl Grid {
     /// Empty, unsorted or unphysical axes, laws that are no distributions, or
     /// more values than can be counted.
     pub fn jobs(&self) -> Result<Jobs, GridError> {
-        let ranges: [(fn(f64) -> bool, &'static str); 5] = [
+        type Range = (fn(f64) -> bool, &'static str);
+        let ranges: [Range; 5] = [
             (|f| (0.0..=1.0).contains(&f), "[0, 1]"),
             (|s| s > 0.0, "(0, infinity)"),
             (|d| d > 0.0, "(0, density of ice)"),
@@ -165,7 +166,8 @@ mod tests {
             change(&mut grid);
             grid.jobs().unwrap_err().to_string()
         };
-        let cases: [(fn(&mut Grid), &str); 10] = [
+        type Case = (fn(&mut Grid), &'static str);
+        let cases: [Case; 10] = [
             (|g| g.axes.angle_deg.clear(), "angle_deg is empty"),
             (
                 |g| g.axes.angle_deg.push(90.0),
