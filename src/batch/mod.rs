@@ -34,8 +34,9 @@ pub struct Summary {
     pub run: u64,
     /// Rays walked now.
     pub rays: u64,
-    /// Share of the rays that hit an event limit: mean over all jobs done so
-    /// far in the database of each job's largest share.
+    /// Share of the rays that hit an event limit, whenever they were walked:
+    /// mean over the jobs of each job's largest share over its curves and
+    /// wavelengths.
     pub mean_lost_share: f64,
     /// The largest such share.
     pub max_lost_share: f64,
@@ -63,9 +64,8 @@ where
 {
     let missing = store.missing(options.shard)?;
     store.check_space(missing.len() as u64)?;
-    let total = (0..store.jobs().count())
-        .filter(|job| options.shard.is_none_or(|shard| shard.owns(*job)))
-        .count() as u64;
+    let mine = |job: &u64| options.shard.is_none_or(|shard| shard.owns(*job));
+    let total = (0..store.jobs().count()).filter(mine).count() as u64;
     let pool = rayon::ThreadPoolBuilder::new()
         .num_threads(options.threads)
         .build()
@@ -113,14 +113,18 @@ where
             total,
         });
     }
-    let lost = store.lost_shares()?;
-    let lost: Vec<f64> = lost.into_iter().filter(|share| !share.is_nan()).collect();
+    let (mut sum, mut max_lost_share) = (0.0, 0.0_f64);
+    for job in (0..store.jobs().count()).filter(mine) {
+        let share = store.lost_share(job)?;
+        sum += share;
+        max_lost_share = max_lost_share.max(share);
+    }
     Ok(Summary {
         jobs: total,
         run,
         rays: rays.load(Ordering::Relaxed),
-        mean_lost_share: lost.iter().sum::<f64>() / (lost.len().max(1) as f64),
-        max_lost_share: lost.into_iter().fold(0.0, f64::max),
+        mean_lost_share: sum / total.max(1) as f64,
+        max_lost_share,
     })
 }
 

@@ -17,7 +17,7 @@ impl Grid {
             .axes
             .named()
             .into_iter()
-            .map(|(name, values)| ("axes", name, format!("{values:?}")))
+            .map(|(name, values)| ("axes", name, list(values)))
             .collect();
         let spread = &self.spread;
         let fixed = &self.fixed;
@@ -26,34 +26,18 @@ impl Grid {
         add(
             "spread",
             "facetness_half_width",
-            format!("{:?}", spread.facetness_half_width),
+            number(spread.facetness_half_width),
         );
-        add(
-            "spread",
-            "facetness_sd",
-            format!("{:?}", spread.facetness_sd),
-        );
+        add("spread", "facetness_sd", number(spread.facetness_sd));
         add(
             "spread",
             "grain_size_half_width_um",
-            format!("{:?}", spread.grain_size_half_width_um),
+            number(spread.grain_size_half_width_um),
         );
-        add(
-            "wavelengths",
-            "values_nm",
-            format!("{:?}", self.wavelengths_nm),
-        );
+        add("wavelengths", "values_nm", list(&self.wavelengths_nm));
         add("fixed", "sphericity", normal(&fixed.sphericity));
-        add(
-            "fixed",
-            "temperature_c",
-            format!("{:?}", fixed.temperature_c),
-        );
-        add(
-            "fixed",
-            "water_saturation",
-            format!("{:?}", fixed.water_saturation),
-        );
+        add("fixed", "temperature_c", number(fixed.temperature_c));
+        add("fixed", "water_saturation", number(fixed.water_saturation));
         add("run", "engine", quoted(self.run.engine.name()));
         add("run", "seed", self.run.seed.to_string());
         add("run", "rays", self.run.rays.to_string());
@@ -86,9 +70,19 @@ impl Grid {
     }
 }
 
+/// The shortest decimal that reads back as the same number; -0 is 0.
+fn number(value: f64) -> String {
+    format!("{:?}", value + 0.0)
+}
+
+fn list(values: &[f64]) -> String {
+    let values: Vec<_> = values.iter().copied().map(number).collect();
+    format!("[{}]", values.join(", "))
+}
+
 fn normal(law: &TruncatedNormal) -> String {
-    let (min, max, mean, sd) = (law.min(), law.max(), law.mean(), law.sd());
-    format!("{{ min = {min:?}, max = {max:?}, mean = {mean:?}, sd = {sd:?} }}")
+    let [min, max, mean, sd] = [law.min(), law.max(), law.mean(), law.sd()].map(number);
+    format!("{{ min = {min}, max = {max}, mean = {mean}, sd = {sd} }}")
 }
 
 /// A TOML basic string.

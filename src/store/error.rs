@@ -29,7 +29,7 @@ pub enum StoreError {
     },
     /// The estimated size exceeds the free space.
     #[error(
-        "{} needs about {} more, but the disk has {} free; choose another disk or shorten the axes",
+        "{} needs about {} more, but the disk has {} free; free some space, choose another disk, or shorten the axes",
         .path.display(), megabytes(*.needed), megabytes(*.available)
     )]
     TooLarge {

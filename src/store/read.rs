@@ -1,6 +1,6 @@
 //! Reading a database back.
 use ndarray::Array2;
-use zarrs::array::{ArrayError, ElementOwned};
+use zarrs::array::ArrayError;
 
 use super::layout::ZarrArray;
 use super::{Store, StoreError, file};
@@ -111,31 +111,33 @@ impl Store {
     /// A chunk is torn, or cannot be read.
     pub fn read(&self, quantity: Quantity) -> Result<Array2<f32>, StoreError> {
         let array = self.layout.quantity(quantity);
-        let values = self.elements(array)?;
+        let values: Vec<f32> = array
+            .retrieve_array_subset(&array.subset_all())
+            .map_err(|error| self.damaged(array, &error))?;
         let jobs = &self.layout.jobs;
         let shape = (jobs.curves() as usize, jobs.wavelengths() as usize);
         Array2::from_shape_vec(shape, values).map_err(StoreError::zarr(quantity.name()))
     }
 
-    /// Largest share of lost rays of each job; NaN where it is not done.
+    /// Largest share of lost rays over the curves and wavelengths of `job`;
+    /// NaN if it is not done.
     ///
     /// # Errors
-    /// A chunk is torn, or cannot be read.
-    pub fn lost_shares(&self) -> Result<Vec<f64>, StoreError> {
-        self.elements(&self.layout.lost)
+    /// The chunk is torn, or cannot be read.
+    pub fn lost_share(&self, job: u64) -> Result<f64, StoreError> {
+        let array = &self.layout.lost;
+        let share: Vec<f64> = array
+            .retrieve_chunk(&[job])
+            .map_err(|error| self.damaged(array, &error))?;
+        Ok(share.first().copied().unwrap_or(f64::NAN))
     }
 
-    fn elements<T: ElementOwned>(&self, array: &ZarrArray) -> Result<Vec<T>, StoreError>
-    where
-        Vec<T>: zarrs::array::FromArrayBytes,
-    {
-        array
-            .retrieve_array_subset(&array.subset_all())
-            .map_err(|error: ArrayError| StoreError::Damaged {
-                path: self
-                    .root
-                    .join(array.path().as_str().trim_start_matches('/')),
-                reason: error.to_string(),
-            })
+    fn damaged(&self, array: &ZarrArray, error: &ArrayError) -> StoreError {
+        StoreError::Damaged {
+            path: self
+                .root
+                .join(array.path().as_str().trim_start_matches('/')),
+            reason: error.to_string(),
+        }
     }
 }
