@@ -19,6 +19,7 @@
 //! | [`store`], [`batch`] | the Zarr store that is checkpoint and result; the job runner |
 //! | [`colour`], [`compress`], [`lookup`] | CIELAB; SVD and the compact file; reading it |
 //! | [`cli`] | the command line |
+pub mod batch;
 pub mod engine;
 pub mod grain;
 pub mod grid;
@@ -27,5 +28,6 @@ pub mod measurement;
 pub mod optics;
 pub mod rng;
 pub mod spectrum;
+pub mod store;
 pub mod transport;
 pub mod units;

@@ -1,8 +1,22 @@
 //! The grid of a spectral database: its axes, its cells and its jobs
 //! (MODEL section 8).
+//!
+//! Curves and jobs are numbered in storage order, slowest axis first:
+//! facetness, grain size, density, thickness, angle.
+mod check;
+mod describe;
+mod job;
+mod jobs;
+mod shard;
+
 use crate::engine::Engine;
 use crate::grain::TruncatedNormal;
 use crate::transport::Model;
+
+pub use check::GridError;
+pub use job::Job;
+pub use jobs::{Jobs, Shape, job_shape};
+pub use shard::{Shard, ShardError};
 
 /// The five axes, each strictly increasing and not empty. Storage order,
 /// slowest first: facetness, grain size, density, thickness, angle.
@@ -18,6 +32,36 @@ pub struct Axes {
     pub thickness_cm: Vec<f64>,
     /// Polar angle of incidence, degrees from the normal, [0, 90).
     pub angle_deg: Vec<f64>,
+}
+
+impl Axes {
+    /// Names of the five axes in storage order, as files spell them.
+    pub const NAMES: [&str; 5] = [
+        "facetness",
+        "grain_size_um",
+        "density_kg_m3",
+        "thickness_cm",
+        "angle_deg",
+    ];
+
+    /// Names and values of the five axes in storage order.
+    #[must_use]
+    pub fn named(&self) -> [(&'static str, &[f64]); 5] {
+        let [f, s, d, h, a] = Self::NAMES;
+        [
+            (f, &self.facetness),
+            (s, &self.grain_size_um),
+            (d, &self.density_kg_m3),
+            (h, &self.thickness_cm),
+            (a, &self.angle_deg),
+        ]
+    }
+
+    /// Lengths of the axes in storage order.
+    #[must_use]
+    pub fn shape(&self) -> Shape {
+        self.named().map(|(_, values)| values.len() as u64)
+    }
 }
 
 /// Widths of the laws around an axis value.
@@ -79,4 +123,44 @@ pub struct Grid {
     pub run: Run,
     /// Bounds of the compression.
     pub compression: Compression,
+}
+
+#[cfg(test)]
+pub(crate) mod tests {
+    #![allow(clippy::unwrap_used)]
+    use super::*;
+
+    /// A small dry grid: 2 x 2 x 1 x 3 x 2 = 24 curves of 4 wavelengths.
+    pub(crate) fn small(engine: Engine) -> Grid {
+        Grid {
+            axes: Axes {
+                facetness: vec![0.05, 0.5],
+                grain_size_um: vec![100.0, 200.0],
+                density_kg_m3: vec![300.0],
+                thickness_cm: vec![1.0, 2.0, 5.0],
+                angle_deg: vec![0.0, 60.0],
+            },
+            spread: Spread {
+                facetness_half_width: 0.1,
+                facetness_sd: 0.072,
+                grain_size_half_width_um: 50.0,
+            },
+            wavelengths_nm: vec![400.0, 500.0, 600.0, 700.0],
+            fixed: Fixed {
+                sphericity: TruncatedNormal::new(0.6, 0.95, 0.798, 0.064).unwrap(),
+                temperature_c: -1.0,
+                water_saturation: 0.0,
+                model: Model::default(),
+            },
+            run: Run {
+                engine,
+                seed: 7,
+                rays: 100,
+            },
+            compression: Compression {
+                max_delta_e: 2.3,
+                max_rmse: None,
+            },
+        }
+    }
 }

@@ -1,0 +1,220 @@
+//! The job runner: the missing jobs of a database on all cores, each stored
+//! as it ends.
+mod error;
+mod progress;
+
+use std::sync::atomic::{AtomicBool, AtomicU64, AtomicUsize, Ordering};
+use std::sync::{Arc, Mutex, PoisonError};
+
+use crate::engine::{Control, EngineError, Request};
+use crate::grid::{Grid, Shard};
+use crate::measurement::Spectrum;
+use crate::store::Store;
+
+pub use error::BatchError;
+use progress::Progress;
+
+/// How to run.
+#[derive(Debug, Clone, Copy, Default)]
+pub struct Options {
+    /// Threads; 0 is one per core.
+    pub threads: usize,
+    /// Run this share of the jobs only.
+    pub shard: Option<Shard>,
+    /// Show a bar on standard error, if that is a terminal.
+    pub progress: bool,
+}
+
+/// What a run did. All jobs it was asked for are done.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Summary {
+    /// Jobs of the database, or of the shard.
+    pub jobs: u64,
+    /// Jobs that had to be run now; the others were done before.
+    pub run: u64,
+    /// Rays walked now.
+    pub rays: u64,
+    /// Share of the rays that hit an event limit, whenever they were walked:
+    /// mean over the jobs of each job's largest share over its curves and
+    /// wavelengths.
+    pub mean_lost_share: f64,
+    /// The largest such share.
+    pub max_lost_share: f64,
+}
+
+/// Runs the jobs of `grid` that are missing in `store`, which must have been
+/// opened for it. `simulate` is an engine: a function of the request alone.
+///
+/// Jobs are handed out in order, one to a thread; towards the end, when there
+/// are fewer jobs than threads, one job may use several. Neither shows in the
+/// results. Setting `cancel` stops the jobs that are running; a failure sets it.
+///
+/// # Errors
+/// A job fails, a file cannot be written, or the run is cancelled. Jobs
+/// finished until then are stored and will not be run again.
+pub fn run<S>(
+    grid: &Grid,
+    store: &Store,
+    simulate: S,
+    options: &Options,
+    cancel: &AtomicBool,
+) -> Result<Summary, BatchError>
+where
+    S: Fn(&Request<'_>, &Control<'_>) -> Result<Vec<Spectrum>, EngineError> + Sync,
+{
+    let missing = store.missing(options.shard)?;
+    store.check_space(missing.len() as u64)?;
+    let mine = |job: &u64| options.shard.is_none_or(|shard| shard.owns(*job));
+    let total = (0..store.jobs().count()).filter(mine).count() as u64;
+    let pool = rayon::ThreadPoolBuilder::new()
+        .num_threads(options.threads)
+        .build()
+        .map_err(|error| BatchError::Threads(error.to_string()))?;
+    let rays = Arc::new(AtomicU64::new(0));
+    let progress = Progress::new(options.progress, &missing, &store.jobs(), &rays);
+    let next = AtomicUsize::new(0);
+    let finished = AtomicU64::new(0);
+    let failure: Mutex<Option<BatchError>> = Mutex::new(None);
+    let fail = |error| {
+        cancel.store(true, Ordering::Relaxed);
+        let mut failure = failure.lock().unwrap_or_else(PoisonError::into_inner);
+        failure.get_or_insert(error);
+    };
+    pool.broadcast(|worker| {
+        while !cancel.load(Ordering::Relaxed) {
+            let position = next.fetch_add(1, Ordering::Relaxed);
+            let Some(&job) = missing.get(position) else {
+                break;
+            };
+            let control = Control {
+                parallel: missing.len() - position < worker.num_threads(),
+                cancel,
+                rays_done: &rays,
+            };
+            match run_job(grid, store, &simulate, job, &control) {
+                Ok(()) => {
+                    finished.fetch_add(1, Ordering::Relaxed);
+                    progress.job_done();
+                }
+                Err(None) => break,
+                Err(Some(error)) => fail(error),
+            }
+        }
+    });
+    progress.end();
+    if let Some(error) = failure.into_inner().unwrap_or_else(PoisonError::into_inner) {
+        return Err(error);
+    }
+    let run = finished.into_inner();
+    let left = missing.len() as u64 - run;
+    if left > 0 {
+        return Err(BatchError::Interrupted {
+            done: total - left,
+            total,
+        });
+    }
+    let (mut sum, mut max_lost_share) = (0.0, 0.0_f64);
+    for job in (0..store.jobs().count()).filter(mine) {
+        let share = store.lost_share(job)?;
+        sum += share;
+        max_lost_share = max_lost_share.max(share);
+    }
+    Ok(Summary {
+        jobs: total,
+        run,
+        rays: rays.load(Ordering::Relaxed),
+        mean_lost_share: sum / total.max(1) as f64,
+        max_lost_share,
+    })
+}
+
+/// Runs and stores one job; `Err(None)` if it was cancelled.
+fn run_job<S>(
+    grid: &Grid,
+    store: &Store,
+    simulate: &S,
+    number: u64,
+    control: &Control<'_>,
+) -> Result<(), Option<BatchError>>
+where
+    S: Fn(&Request<'_>, &Control<'_>) -> Result<Vec<Spectrum>, EngineError>,
+{
+    let job = grid
+        .job(&store.jobs(), number)
+        .map_err(|error| Some(BatchError::Grid(error)))?;
+    let spectra = simulate(&job.request(grid), control).map_err(|error| match error {
+        EngineError::Cancelled => None,
+        source => Some(BatchError::Job {
+            number,
+            job: job.to_string(),
+            source,
+        }),
+    })?;
+    store
+        .commit(number, &spectra)
+        .map_err(|error| Some(BatchError::Store(error)))
+}
+
+#[cfg(test)]
+mod tests {
+    #![allow(clippy::unwrap_used)]
+    use std::collections::BTreeMap;
+
+    use super::*;
+    use crate::engine::Engine;
+    use crate::grid::tests::small;
+    use crate::measurement::Measured;
+    use crate::store::{Access, StoreError};
+
+    fn simulate(request: &Request, _: &Control) -> Result<Vec<Spectrum>, EngineError> {
+        let n = request.wavelengths_nm.len();
+        let spectrum = Spectrum {
+            reflectance: vec![
+                Measured {
+                    value: 0.5,
+                    se: 1e-3
+                };
+                n
+            ],
+            transmittance: vec![
+                Measured {
+                    value: 0.25,
+                    se: 1e-3
+                };
+                n
+            ],
+            lost: vec![0.0; n],
+        };
+        Ok(vec![spectrum; request.thicknesses_m.len()])
+    }
+
+    /// Wherever the disk fills up, one clear error, and the run goes on later.
+    #[test]
+    fn a_full_disk_loses_nothing() {
+        let grid = small(Engine::Spectral);
+        for writes in 0..13 {
+            let dir = tempfile::tempdir().unwrap();
+            let build = || Store::build(dir.path(), &grid, &BTreeMap::new(), Access::Exclusive);
+            let run = |store: &Store| {
+                let options = Options {
+                    threads: 1,
+                    ..Options::default()
+                };
+                run(&grid, store, simulate, &options, &AtomicBool::new(false))
+            };
+            let store = build().unwrap();
+            store.fill_disk_after(writes);
+            let error = run(&store).unwrap_err();
+            let full = matches!(error, BatchError::Store(StoreError::DiskFull { .. }));
+            assert!(full, "{error}");
+            drop(store);
+            let store = build().unwrap();
+            // Six files a job, the mark last.
+            let done = writes / 6;
+            let missing: Vec<u64> = (done..8).collect();
+            assert_eq!(store.missing(None).unwrap(), missing);
+            assert_eq!(run(&store).unwrap().run, 8 - done);
+            assert!(store.verify().unwrap().is_whole());
+        }
+    }
+}

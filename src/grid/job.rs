@@ -1,0 +1,171 @@
+//! From a job's number to what an engine is asked for.
+use std::fmt;
+
+use super::{Grid, GridError, Jobs};
+use crate::engine::Request;
+use crate::grain::{GrainType, SizeRange, TruncatedNormal};
+use crate::transport::{Illumination, Snow};
+use crate::units::{cm_to_m, um_to_m};
+
+/// One job: one snow under one light, one or all thicknesses.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Job {
+    /// Number of the job, which is also the cell of its random streams.
+    pub cell: u64,
+    /// The snow.
+    pub snow: Snow,
+    /// Slab thicknesses, m, increasing: the job's curves in storage order.
+    pub thicknesses_m: Vec<f64>,
+    /// Polar angle of incidence, degrees.
+    pub angle_deg: f64,
+}
+
+impl Job {
+    /// What to ask an engine for.
+    #[must_use]
+    pub fn request<'a>(&'a self, grid: &'a Grid) -> Request<'a> {
+        Request {
+            snow: &self.snow,
+            thicknesses_m: &self.thicknesses_m,
+            illumination: Illumination::Collimated {
+                polar_angle_rad: self.angle_deg.to_radians(),
+            },
+            wavelengths_nm: &grid.wavelengths_nm,
+            model: &grid.fixed.model,
+            rays: grid.run.rays,
+            seed: grid.run.seed,
+            cell: self.cell,
+        }
+    }
+}
+
+/// The parameters that single this job out, for messages.
+impl fmt::Display for Job {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        let grain = &self.snow.grain;
+        write!(
+            f,
+            "facetness {}, grain size {:.0}-{:.0} um, density {} kg/m3, thickness",
+            grain.facetness.mean(),
+            grain.size.min_m() * 1e6,
+            grain.size.max_m() * 1e6,
+            self.snow.density_kg_m3,
+        )?;
+        let mut separator = " ";
+        for thickness_m in &self.thicknesses_m {
+            write!(f, "{separator}{:.4}", thickness_m * 1e2)?;
+            separator = ", ";
+        }
+        write!(f, " cm, angle {} degrees", self.angle_deg)
+    }
+}
+
+impl Grid {
+    /// The job of number `job`, of the `jobs` this grid gave.
+    ///
+    /// # Errors
+    /// No such job, or a law of its axis values is impossible.
+    pub fn job(&self, jobs: &Jobs, job: u64) -> Result<Job, GridError> {
+        let missing = || GridError::NoSuchJob {
+            job,
+            jobs: jobs.count(),
+        };
+        let [f, s, d, h, a] = jobs.origin(job)?.map(|i| i as usize);
+        let thicknesses = jobs.block()[3] as usize;
+        let at = |values: &[f64], i: usize| values.get(i).copied().ok_or_else(missing);
+        let axes = &self.axes;
+        let grain = GrainType {
+            size: self.size_law(at(&axes.grain_size_um, s)?)?,
+            facetness: self.facetness_law(at(&axes.facetness, f)?)?,
+            sphericity: self.fixed.sphericity,
+        };
+        let thicknesses_cm = axes.thickness_cm.get(h..h + thicknesses);
+        Ok(Job {
+            cell: job,
+            snow: Snow {
+                grain,
+                density_kg_m3: at(&axes.density_kg_m3, d)?,
+                temperature_c: self.fixed.temperature_c,
+                water_saturation: self.fixed.water_saturation,
+            },
+            thicknesses_m: thicknesses_cm
+                .ok_or_else(missing)?
+                .iter()
+                .map(|cm| cm_to_m(*cm))
+                .collect(),
+            angle_deg: at(&axes.angle_deg, a)?,
+        })
+    }
+
+    /// Facetness around an axis value: cut to mean -+ half width, and to [0, 1].
+    pub(super) fn facetness_law(&self, mean: f64) -> Result<TruncatedNormal, GridError> {
+        let half_width = self.spread.facetness_half_width;
+        let (min, max) = (mean - half_width, mean + half_width);
+        TruncatedNormal::new(min.max(0.0), max.min(1.0), mean, self.spread.facetness_sd).map_err(
+            |source| GridError::Law {
+                axis: "facetness",
+                value: mean,
+                source,
+            },
+        )
+    }
+
+    /// Grain size around an axis value: uniform in value -+ half width.
+    pub(super) fn size_law(&self, size_um: f64) -> Result<SizeRange, GridError> {
+        self.check_size(size_um)?;
+        let half_width_um = self.spread.grain_size_half_width_um;
+        SizeRange::new(
+            um_to_m(size_um - half_width_um),
+            um_to_m(size_um + half_width_um),
+        )
+        .map_err(|source| GridError::Law {
+            axis: "grain_size_um",
+            value: size_um,
+            source,
+        })
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    #![allow(clippy::unwrap_used)]
+    use crate::engine::Engine;
+    use crate::grid::tests::small;
+
+    #[test]
+    fn the_last_axis_runs_fastest() {
+        let grid = small(Engine::Reference);
+        let jobs = grid.jobs().unwrap();
+        let job = |n| grid.job(&jobs, n).unwrap();
+        assert_eq!(jobs.count(), 24);
+        assert_eq!((job(0).angle_deg, job(1).angle_deg), (0.0, 60.0));
+        assert_eq!(job(1).thicknesses_m, [0.01]);
+        assert_eq!(job(2).thicknesses_m, [0.02]);
+        assert_eq!(job(6).snow.grain.size.max_m(), 250.0 * 1e-6);
+        assert_eq!(job(12).snow.grain.facetness.mean(), 0.5);
+        assert_eq!(job(23).cell, 23);
+        assert!(grid.job(&jobs, 24).is_err());
+    }
+
+    #[test]
+    fn a_shared_job_holds_all_thicknesses() {
+        let grid = small(Engine::Spectral);
+        let jobs = grid.jobs().unwrap();
+        assert_eq!(jobs.count(), 8);
+        let job = grid.job(&jobs, 3).unwrap();
+        assert_eq!(job.thicknesses_m, [0.01, 0.02, 0.05]);
+        assert_eq!(
+            job.to_string(),
+            "facetness 0.05, grain size 150-250 um, density 300 kg/m3, thickness 1.0000, 2.0000, 5.0000 cm, angle 60 degrees"
+        );
+    }
+
+    #[test]
+    fn facetness_is_cut_to_its_range() {
+        let grid = small(Engine::Spectral);
+        let law = grid.facetness_law(0.05).unwrap();
+        assert_eq!((law.min(), law.max()), (0.0, 0.05 + 0.1));
+        assert_eq!((law.mean(), law.sd()), (0.05, 0.072));
+        assert_eq!(grid.facetness_law(1.0).unwrap().max(), 1.0);
+    }
+}

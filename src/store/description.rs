@@ -1,0 +1,211 @@
+//! What a database is made of: the identity that decides whether a directory
+//! may be continued, and the text of a grid file that makes the same database.
+use std::collections::BTreeMap;
+use std::path::Path;
+
+use serde_json::{Map, Value};
+use sha2::{Digest, Sha256};
+
+use super::StoreError;
+use crate::engine::Engine;
+use crate::grid::{Axes, Grid};
+
+/// Version of the layout described in [`crate::store`].
+pub const FORMAT_VERSION: u32 = 1;
+
+/// Value of the attribute by which our own databases are recognised.
+const PROGRAM: &str = "splitsnow";
+
+/// Everything a database's bytes depend on.
+///
+/// Both texts are canonical, so that they depend neither on the formatting of
+/// the user's file nor on the history of the directory.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub(super) struct Description {
+    /// Key and value of every input, in a fixed order.
+    entries: Vec<(String, String)>,
+    /// The canonical grid file.
+    pub(super) config: String,
+}
+
+impl Description {
+    /// `extra`: further inputs, such as the hashes of the data tables in use.
+    pub(super) fn new(grid: &Grid, extra: &BTreeMap<String, String>) -> Self {
+        let own = [
+            ("format_version".to_string(), FORMAT_VERSION.to_string()),
+            (
+                "program_version".to_string(),
+                env!("CARGO_PKG_VERSION").to_string(),
+            ),
+        ];
+        let inputs = grid
+            .describe()
+            .into_iter()
+            .map(|(section, key, value)| (format!("{section}.{key}"), value));
+        // Each entry is one line of the attribute.
+        let extra = extra
+            .iter()
+            .map(|(key, value)| (key.clone(), value.replace('\n', " ")));
+        Self {
+            entries: own.into_iter().chain(inputs).chain(extra).collect(),
+            config: grid.to_config(),
+        }
+    }
+
+    /// From the attributes of the database at `path`.
+    pub(super) fn read(root: &[u8], path: &Path) -> Result<Self, StoreError> {
+        let foreign = |reason: &str| StoreError::Foreign {
+            path: path.into(),
+            reason: reason.into(),
+        };
+        let root: Value =
+            serde_json::from_slice(root).map_err(|_| foreign("zarr.json is not JSON"))?;
+        let attribute = |key: &str| root.get("attributes")?.get(key)?.as_str();
+        if attribute("program") != Some(PROGRAM) {
+            return Err(foreign("zarr.json does not name it as the program"));
+        }
+        let damaged = |key: &str| StoreError::Damaged {
+            path: path.join("zarr.json"),
+            reason: format!("attribute {key:?} is missing or unreadable"),
+        };
+        let entries = attribute("identity")
+            .ok_or_else(|| damaged("identity"))?
+            .lines()
+            .filter_map(|line| line.split_once(" = "))
+            .map(|(key, value)| (key.into(), value.into()))
+            .collect();
+        let config = attribute("config").ok_or_else(|| damaged("config"))?.into();
+        Ok(Self { entries, config })
+    }
+
+    /// The value of an entry, if there is one.
+    pub(super) fn get(&self, key: &str) -> Option<&str> {
+        let mut entries = self.entries.iter();
+        entries
+            .find(|(k, _)| k == key)
+            .map(|(_, value)| value.as_str())
+    }
+
+    /// Refuses the database at `path`, which `self` describes, if it differs
+    /// from what is asked for.
+    pub(super) fn check_same(&self, asked: &Self, path: &Path) -> Result<(), StoreError> {
+        const NONE: &str = "(none)";
+        let all = asked.entries.iter().chain(&self.entries);
+        for (key, _) in all {
+            let (stored, asked) = (self.get(key), asked.get(key));
+            if stored != asked {
+                return Err(StoreError::Differs {
+                    path: path.into(),
+                    key: key.clone(),
+                    stored: stored.unwrap_or(NONE).into(),
+                    asked: asked.unwrap_or(NONE).into(),
+                });
+            }
+        }
+        Ok(())
+    }
+
+    /// Refuses a layout this version cannot read.
+    pub(super) fn check_format(&self, path: &Path) -> Result<(), StoreError> {
+        let asked = FORMAT_VERSION.to_string();
+        match self.get("format_version") {
+            Some(version) if version == asked => Ok(()),
+            other => Err(StoreError::Differs {
+                path: path.into(),
+                key: "format_version".into(),
+                stored: other.unwrap_or("(none)").into(),
+                asked,
+            }),
+        }
+    }
+
+    /// All entries as lines `key = value`.
+    fn identity(&self) -> String {
+        let lines = self
+            .entries
+            .iter()
+            .map(|(key, value)| format!("{key} = {value}"));
+        lines.collect::<Vec<_>>().join("\n")
+    }
+
+    /// Hash of the identity, which every commit mark contains.
+    pub(super) fn digest(&self) -> [u8; 32] {
+        Sha256::digest(self.identity()).into()
+    }
+
+    /// Axes, wavelengths (nm) and engine, from the canonical grid file.
+    pub(super) fn axes(&self, path: &Path) -> Result<(Axes, Vec<f64>, Engine), StoreError> {
+        let damaged = |reason: String| StoreError::Damaged {
+            path: path.join("zarr.json"),
+            reason,
+        };
+        let config: toml::Table = self.config.parse().map_err(|error: toml::de::Error| {
+            damaged(format!("attribute \"config\": {}", error.message()))
+        })?;
+        let get = |section: &str, key: &str| config.get(section)?.get(key);
+        let list = |section: &str, key: &str| {
+            get(section, key)
+                .and_then(|values| values.as_array())
+                .and_then(|values| values.iter().map(toml::Value::as_float).collect())
+                .ok_or_else(|| damaged(format!("attribute \"config\" has no {section}.{key}")))
+        };
+        let [f, s, d, h, a] = Axes::NAMES;
+        let axes = Axes {
+            facetness: list("axes", f)?,
+            grain_size_um: list("axes", s)?,
+            density_kg_m3: list("axes", d)?,
+            thickness_cm: list("axes", h)?,
+            angle_deg: list("axes", a)?,
+        };
+        let name = get("run", "engine").and_then(|name| name.as_str());
+        let engine = Engine::ALL
+            .into_iter()
+            .find(|engine| Some(engine.name()) == name)
+            .ok_or_else(|| damaged(format!("unknown engine {name:?}")))?;
+        Ok((axes, list("wavelengths", "values_nm")?, engine))
+    }
+
+    /// Attributes of the database.
+    pub(super) fn attributes(&self) -> Map<String, Value> {
+        let text = |key: &str| self.get(key).unwrap_or_default().trim_matches('"').into();
+        let number = |key: &str| {
+            let value = self.get(key).and_then(|value| value.parse::<u64>().ok());
+            Value::from(value.unwrap_or_default())
+        };
+        let entries: [(&str, Value); 16] = [
+            ("title", "Spectral database of snow".into()),
+            ("program", PROGRAM.into()),
+            ("program_version", text("program_version")),
+            ("format_version", number("format_version")),
+            (
+                "source",
+                "P. M. Varsa, A First-Principles Framework for Simulating Light and Snow Interactions, PhD thesis, University of Waterloo, 2025".into(),
+            ),
+            (
+                "units",
+                "facetness: 1; grain_size_um: um; density_kg_m3: kg m-3; thickness_cm: cm; angle_deg: degree; wavelength_nm: nm; transmittance, reflectance and their standard errors: 1".into(),
+            ),
+            (
+                "illumination",
+                "collimated; angle_deg is the polar angle of incidence, measured from the surface normal".into(),
+            ),
+            ("bottom_boundary", "black: light that leaves through the bottom does not come back".into()),
+            ("ice_table", text("model.ice")),
+            ("water_table", text("model.water")),
+            ("engine", text("run.engine")),
+            ("seed", number("run.seed")),
+            ("rays", number("run.rays")),
+            ("config", self.config.as_str().into()),
+            ("config_sha256", hex(&Sha256::digest(&self.config)).into()),
+            ("identity", self.identity().into()),
+        ];
+        entries
+            .into_iter()
+            .map(|(key, value)| (key.to_string(), value))
+            .collect()
+    }
+}
+
+fn hex(bytes: &[u8]) -> String {
+    bytes.iter().map(|byte| format!("{byte:02x}")).collect()
+}

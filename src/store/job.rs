@@ -1,0 +1,131 @@
+//! One job's files: four chunks of spectra, its lost share, and the commit
+//! mark that is written last and vouches for the other five.
+use sha2::{Digest, Sha256};
+
+use super::layout::{ZarrArray, encode};
+use super::{Quantity, Store, StoreError, file};
+use crate::measurement::{Measured, Spectrum};
+
+impl Store {
+    /// Stores the spectra of `job`, one per curve in storage order.
+    ///
+    /// # Errors
+    /// The store is open for reading only, the spectra do not fit the job or
+    /// hold a value that is no number, or a file cannot be written.
+    pub fn commit(&self, job: u64, spectra: &[Spectrum]) -> Result<(), StoreError> {
+        let writer = self.writer()?;
+        self.check_spectra(job, spectra)?;
+        let mut seal = self.seal(job);
+        for (quantity, array) in self.layout.quantities() {
+            let values: Vec<f32> = spectra.iter().flat_map(|s| values(s, quantity)).collect();
+            let bytes = encode(array, &values)?;
+            seal.add(&bytes);
+            writer.write(&self.file(array, &self.chunk(job)?), &bytes)?;
+        }
+        let lost = &self.layout.lost;
+        let shares = spectra.iter().flat_map(|spectrum| &spectrum.lost);
+        let bytes = encode(lost, &[shares.copied().fold(0.0, f64::max)])?;
+        seal.add(&bytes);
+        writer.write(&self.file(lost, &[job]), &bytes)?;
+        let committed = &self.layout.committed;
+        let mark = encode(committed, &[seal.finish()])?;
+        writer.write(&self.file(committed, &[job]), &mark)
+    }
+
+    /// Whether `job` is done: its mark is there and agrees with its chunks, to
+    /// the bit.
+    ///
+    /// # Errors
+    /// A file is there but cannot be read.
+    pub fn is_done(&self, job: u64) -> Result<bool, StoreError> {
+        let committed = &self.layout.committed;
+        let Some(mark) = file::read(&self.file(committed, &[job]))? else {
+            return Ok(false);
+        };
+        let chunk = self.chunk(job)?;
+        let mut paths: Vec<_> = self
+            .layout
+            .quantities()
+            .map(|(_, array)| self.file(array, &chunk))
+            .collect();
+        paths.push(self.file(&self.layout.lost, &[job]));
+        let mut seal = self.seal(job);
+        for path in paths {
+            let Some(bytes) = file::read(&path)? else {
+                return Ok(false);
+            };
+            seal.add(&bytes);
+        }
+        Ok(mark == encode(committed, &[seal.finish()])?)
+    }
+
+    /// Index of a job's chunk in the arrays of spectra.
+    fn chunk(&self, job: u64) -> Result<[u64; 6], StoreError> {
+        let [f, s, d, h, a] = self.layout.jobs.chunk(job)?;
+        Ok([f, s, d, h, a, 0])
+    }
+
+    fn file(&self, array: &ZarrArray, chunk: &[u64]) -> std::path::PathBuf {
+        self.root.join(array.chunk_key(chunk).as_str())
+    }
+
+    fn seal(&self, job: u64) -> Seal {
+        Seal(
+            Sha256::new()
+                .chain_update(self.description.digest())
+                .chain_update(job.to_le_bytes()),
+        )
+    }
+
+    fn check_spectra(&self, job: u64, spectra: &[Spectrum]) -> Result<(), StoreError> {
+        let refuse = |reason: String| Err(StoreError::Spectra { job, reason });
+        let curves = self.layout.jobs.curves_per_job();
+        if spectra.len() as u64 != curves {
+            return refuse(format!("{} spectra for {curves} curves", spectra.len()));
+        }
+        for spectrum in spectra {
+            let lengths = [
+                spectrum.reflectance.len(),
+                spectrum.transmittance.len(),
+                spectrum.lost.len(),
+            ];
+            let wavelengths = self.layout.jobs.wavelengths();
+            if lengths.iter().any(|n| *n as u64 != wavelengths) {
+                return refuse(format!("{lengths:?} values for {wavelengths} wavelengths"));
+            }
+            for quantity in Quantity::ALL {
+                if let Some(value) = values(spectrum, quantity).find(|v| !v.is_finite()) {
+                    return refuse(format!("{} is {value}", quantity.name()));
+                }
+            }
+        }
+        Ok(())
+    }
+}
+
+/// Hash over all that a commit mark vouches for.
+struct Seal(Sha256);
+
+impl Seal {
+    /// Length first, so that bytes cannot move between files.
+    fn add(&mut self, file: &[u8]) {
+        self.0.update((file.len() as u64).to_le_bytes());
+        self.0.update(file);
+    }
+
+    fn finish(self) -> u64 {
+        let digest: [u8; 32] = self.0.finalize().into();
+        let [a, b, c, d, e, f, g, h, ..] = digest;
+        u64::from_le_bytes([a, b, c, d, e, f, g, h])
+    }
+}
+
+fn values(spectrum: &Spectrum, quantity: Quantity) -> impl Iterator<Item = f32> {
+    let (measured, part): (&[Measured], fn(&Measured) -> f64) = match quantity {
+        Quantity::Transmittance => (&spectrum.transmittance, |m| m.value),
+        Quantity::Reflectance => (&spectrum.reflectance, |m| m.value),
+        Quantity::TransmittanceSe => (&spectrum.transmittance, |m| m.se),
+        Quantity::ReflectanceSe => (&spectrum.reflectance, |m| m.se),
+    };
+    measured.iter().map(move |m| part(m) as f32)
+}

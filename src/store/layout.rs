@@ -1,0 +1,268 @@
+//! The Zarr arrays of a database, and every file of it that is not a chunk of
+//! a job. All of them follow from the description alone.
+use std::collections::BTreeMap;
+use std::path::Path;
+use std::sync::Arc;
+
+use serde_json::{Map, Value, json};
+use zarrs::array::chunk_key_encoding::DefaultChunkKeyEncoding;
+use zarrs::array::codec::Crc32cCodec;
+use zarrs::array::{
+    Array, ArrayBuilder, ArrayToBytesCodecTraits, CodecOptions, DataType, FillValue,
+};
+use zarrs::array::{Element, data_type};
+use zarrs::filesystem::FilesystemStore;
+
+use super::description::Description;
+use super::{Quantity, StoreError};
+use crate::engine::Engine;
+use crate::grid::{Axes, Jobs};
+
+pub(super) type ZarrArray = Array<FilesystemStore>;
+
+/// Group of the arrays that have one element per job.
+const JOBS: &str = "jobs";
+
+/// The arrays into which jobs write.
+#[derive(Debug)]
+pub(super) struct Layout {
+    pub(super) jobs: Jobs,
+    axes: Axes,
+    wavelengths_nm: Vec<f64>,
+    quantities: [ZarrArray; 4],
+    pub(super) lost: ZarrArray,
+    pub(super) committed: ZarrArray,
+    storage: Arc<FilesystemStore>,
+}
+
+impl Layout {
+    pub(super) fn new(
+        root: &Path,
+        axes: Axes,
+        wavelengths_nm: Vec<f64>,
+        engine: Engine,
+    ) -> Result<Self, StoreError> {
+        let jobs = Jobs::new(engine, axes.shape(), wavelengths_nm.len() as u64)?;
+        let storage =
+            Arc::new(FilesystemStore::new(root).map_err(StoreError::zarr("the file system"))?);
+        let quantity = |quantity: Quantity| {
+            let shape = [&jobs.shape()[..], &[jobs.wavelengths()]].concat();
+            let chunk = [&jobs.block()[..], &[jobs.wavelengths()]].concat();
+            let names: Vec<_> = Axes::NAMES.into_iter().chain([WAVELENGTH]).collect();
+            let spec = Spec {
+                name: quantity.name(),
+                long_name: quantity.long_name(),
+                units: "1",
+                dimensions: &names,
+            };
+            spec.array(&storage, shape, chunk, data_type::float32(), f32::NAN)
+        };
+        let [t, r, t_se, r_se] = Quantity::ALL;
+        let quantities = [quantity(t)?, quantity(r)?, quantity(t_se)?, quantity(r_se)?];
+        let per_job = |name, long_name| Spec {
+            name,
+            long_name,
+            units: "1",
+            dimensions: &["job"],
+        };
+        let (count, one) = (vec![jobs.count()], vec![1]);
+        let lost = per_job(
+            "jobs/lost_share",
+            "largest share of rays lost at an event limit, over the curves and wavelengths of a job",
+        )
+        .array(&storage, count.clone(), one.clone(), data_type::float64(), f64::NAN)?;
+        let committed = per_job(
+            "jobs/committed",
+            "first 8 bytes (little-endian) of the SHA-256 over the SHA-256 of the identity, the job and its chunk files; 0 until the job is done",
+        )
+        .array(&storage, count, one, data_type::uint64(), 0_u64)?;
+        Ok(Self {
+            jobs,
+            axes,
+            wavelengths_nm,
+            quantities,
+            lost,
+            committed,
+            storage,
+        })
+    }
+
+    pub(super) fn axes(&self) -> &Axes {
+        &self.axes
+    }
+
+    pub(super) fn wavelengths_nm(&self) -> &[f64] {
+        &self.wavelengths_nm
+    }
+
+    /// In the order of [`Quantity::ALL`].
+    pub(super) fn quantities(&self) -> impl Iterator<Item = (Quantity, &ZarrArray)> {
+        Quantity::ALL.into_iter().zip(&self.quantities)
+    }
+
+    pub(super) fn quantity(&self, quantity: Quantity) -> &ZarrArray {
+        let [t, r, t_se, r_se] = &self.quantities;
+        match quantity {
+            Quantity::Transmittance => t,
+            Quantity::Reflectance => r,
+            Quantity::TransmittanceSe => t_se,
+            Quantity::ReflectanceSe => r_se,
+        }
+    }
+
+    /// Path below the database and bytes of every file that is there from the
+    /// start: metadata and coordinates.
+    pub(super) fn static_files(
+        &self,
+        description: &Description,
+    ) -> Result<BTreeMap<String, Vec<u8>>, StoreError> {
+        let mut files = BTreeMap::new();
+        let mut nodes = Map::new();
+        let coordinates = self.axes.named();
+        let coordinates = coordinates
+            .into_iter()
+            .chain([(WAVELENGTH, self.wavelengths_nm.as_slice())]);
+        for (name, values) in coordinates {
+            let array = coordinate(&self.storage, name, values.len() as u64)?;
+            let key = format!("{name}/{}", chunk_name(&array, &[0])?);
+            files.insert(key, encode(&array, values)?);
+            nodes.insert(name.into(), metadata(&array)?);
+        }
+        for (quantity, array) in self.quantities() {
+            nodes.insert(quantity.name().into(), metadata(array)?);
+        }
+        let mut job_nodes = Map::new();
+        for (name, array) in [("lost_share", &self.lost), ("committed", &self.committed)] {
+            job_nodes.insert(name.into(), metadata(array)?);
+        }
+        let about_jobs = json!({
+            "description": "one element per job of the program that made this database",
+        });
+        // xarray looks for the metadata of all nodes inline in the group it opens.
+        let job_group = group(about_jobs.clone(), job_nodes.clone());
+        nodes.insert(JOBS.into(), group(about_jobs, Map::new()));
+        for (name, node) in job_nodes {
+            nodes.insert(format!("{JOBS}/{name}"), node);
+        }
+        for (name, node) in &nodes {
+            let node = if name == JOBS { &job_group } else { node };
+            files.insert(format!("{name}/zarr.json"), pretty(node)?);
+        }
+        let root = group(Value::Object(description.attributes()), nodes);
+        files.insert("zarr.json".into(), pretty(&root)?);
+        Ok(files)
+    }
+}
+
+const WAVELENGTH: &str = "wavelength_nm";
+
+/// How an array is named and explained.
+struct Spec<'a> {
+    name: &'a str,
+    long_name: &'a str,
+    units: &'a str,
+    dimensions: &'a [&'a str],
+}
+
+impl Spec<'_> {
+    fn array(
+        &self,
+        storage: &Arc<FilesystemStore>,
+        shape: Vec<u64>,
+        chunk: Vec<u64>,
+        data_type: DataType,
+        fill_value: impl Into<FillValue>,
+    ) -> Result<ZarrArray, StoreError> {
+        let attributes = json!({ "long_name": self.long_name, "units": self.units });
+        let mut builder = ArrayBuilder::new(shape, chunk, data_type, fill_value.into());
+        builder
+            // All chunks of an array in one folder: a chunk is small, and a
+            // folder per index would cost more than the data.
+            .chunk_key_encoding(DefaultChunkKeyEncoding::new_dot())
+            .bytes_to_bytes_codecs(vec![Arc::new(Crc32cCodec::new())])
+            .dimension_names(Some(self.dimensions.iter().copied()));
+        if let Value::Object(attributes) = attributes {
+            builder.attributes(attributes);
+        }
+        builder
+            .build(storage.clone(), &format!("/{}", self.name))
+            .map_err(StoreError::zarr(self.name))
+    }
+}
+
+fn coordinate(
+    storage: &Arc<FilesystemStore>,
+    name: &str,
+    length: u64,
+) -> Result<ZarrArray, StoreError> {
+    let (long_name, units) = match name {
+        "facetness" => ("mean facetness of the grains", "1"),
+        "grain_size_um" => ("mean length of the grains' major axis", "um"),
+        "density_kg_m3" => ("density of the dry snow", "kg m-3"),
+        "thickness_cm" => ("thickness of the slab", "cm"),
+        "angle_deg" => ("polar angle of incidence from the surface normal", "degree"),
+        _ => ("wavelength in vacuum", "nm"),
+    };
+    let spec = Spec {
+        name,
+        long_name,
+        units,
+        dimensions: &[name],
+    };
+    spec.array(
+        storage,
+        vec![length],
+        vec![length],
+        data_type::float64(),
+        f64::NAN,
+    )
+}
+
+/// One whole chunk of `array` as its file holds it.
+pub(super) fn encode<T: Element>(array: &ZarrArray, values: &[T]) -> Result<Vec<u8>, StoreError> {
+    let what = array.path().as_str();
+    let chunk = vec![0; array.dimensionality()];
+    let shape = array.chunk_shape(&chunk).map_err(StoreError::zarr(what))?;
+    let bytes = T::to_array_bytes(array.data_type(), values).map_err(StoreError::zarr(what))?;
+    array
+        .codecs()
+        .encode(
+            bytes,
+            &shape,
+            array.data_type(),
+            array.fill_value(),
+            &CodecOptions::default(),
+        )
+        .map(std::borrow::Cow::into_owned)
+        .map_err(StoreError::zarr(what))
+}
+
+/// Name of a chunk's file in its array's folder.
+fn chunk_name(array: &ZarrArray, chunk: &[u64]) -> Result<String, StoreError> {
+    let key = array.chunk_key(chunk);
+    let name = key.as_str().rsplit('/').next().unwrap_or_default();
+    Ok(name.into())
+}
+
+fn metadata(array: &ZarrArray) -> Result<Value, StoreError> {
+    serde_json::to_value(array.metadata()).map_err(StoreError::zarr(array.path().as_str()))
+}
+
+fn group(attributes: Value, nodes: Map<String, Value>) -> Value {
+    json!({
+        "zarr_format": 3,
+        "node_type": "group",
+        "attributes": attributes,
+        "consolidated_metadata": {
+            "kind": "inline",
+            "must_understand": false,
+            "metadata": nodes,
+        },
+    })
+}
+
+fn pretty(value: &Value) -> Result<Vec<u8>, StoreError> {
+    let mut bytes = serde_json::to_vec_pretty(value).map_err(StoreError::zarr("metadata"))?;
+    bytes.push(b'\n');
+    Ok(bytes)
+}

@@ -1,0 +1,283 @@
+//! The database on disk: a Zarr v3 store that is checkpoint and result in one.
+//!
+//! ```text
+//! DIR/database.zarr/
+//!   zarr.json                  attributes; metadata of all arrays inline
+//!   transmittance/ reflectance/ transmittance_se/ reflectance_se/
+//!     zarr.json                float32 [facetness, grain_size_um, density_kg_m3,
+//!     c.0.0.0.0.0.0 ...          thickness_cm, angle_deg, wavelength_nm]
+//!   facetness/ ... wavelength_nm/   float64 coordinates
+//!   jobs/lost_share/ jobs/committed/   float64 and uint64 [job]
+//! DIR/.splitsnow-lock          empty; who holds its lock may write
+//! ```
+//!
+//! One chunk is one job (see [`crate::grid::job_shape`]); every chunk ends in
+//! its CRC-32C. A chunk that is not there reads as NaN. A job is done when its
+//! mark in `jobs/committed` agrees with the bytes of its five chunks: torn,
+//! flipped, missing or foreign ones are found, and the job is run again.
+//! Every byte follows from the grid and the program alone: never from time,
+//! host, threads, shards, or what interrupted the work.
+mod description;
+mod error;
+mod file;
+mod job;
+mod layout;
+mod lock;
+mod read;
+mod space;
+
+use std::collections::BTreeMap;
+use std::fs;
+use std::path::{Path, PathBuf};
+
+use description::Description;
+use layout::Layout;
+use lock::Lock;
+
+use crate::grid::{Axes, Grid, Jobs};
+
+pub use description::FORMAT_VERSION;
+pub use error::StoreError;
+pub use lock::Access;
+pub use read::Quantity;
+pub use space::estimated_bytes;
+
+/// The database in an output directory.
+const DATABASE: &str = "database.zarr";
+/// The compact file in an output directory, made from the database.
+pub const COMPACT: &str = "snow.safetensors";
+
+/// An open database.
+#[derive(Debug)]
+pub struct Store {
+    dir: PathBuf,
+    root: PathBuf,
+    description: Description,
+    layout: Layout,
+    writer: Option<file::Writer>,
+    // Dropped last: nothing is written without it.
+    _lock: Option<Lock>,
+}
+
+impl Store {
+    /// Opens the database of `grid` in `dir` for writing; makes both if need
+    /// be. `extra` are further inputs that decide its values, such as the
+    /// hashes of the data tables, by name.
+    ///
+    /// # Errors
+    /// The grid is impossible or larger than the disk; the directory is in
+    /// use, cannot be written, or holds a database made from other inputs.
+    pub fn build(
+        dir: &Path,
+        grid: &Grid,
+        extra: &BTreeMap<String, String>,
+        access: Access,
+    ) -> Result<Self, StoreError> {
+        let jobs = grid.jobs()?;
+        let lock = Lock::take(dir, access)?;
+        let root = dir.join(DATABASE);
+        let asked = Description::new(grid, extra);
+        let stored = stored(&root)?;
+        if let Some(stored) = &stored {
+            stored.check_same(&asked, &root)?;
+        } else {
+            space::check(dir, &jobs, jobs.count())?;
+        }
+        let writer = file::Writer::new(dir, access)?;
+        let (axes, nm) = (grid.axes.clone(), grid.wavelengths_nm.clone());
+        let layout = Layout::new(&root, axes, nm, grid.run.engine)?;
+        let store = Self {
+            dir: dir.into(),
+            root,
+            description: asked,
+            layout,
+            writer: Some(writer),
+            _lock: Some(lock),
+        };
+        if stored.is_none() {
+            store.create()?;
+        }
+        store.mend()?;
+        Ok(store)
+    }
+
+    /// Opens the database in `dir` for reading, whatever grid made it.
+    ///
+    /// # Errors
+    /// There is none, it is not ours, of another format, or its metadata are
+    /// damaged.
+    pub fn open(dir: &Path) -> Result<Self, StoreError> {
+        Self::open_with(dir, None)
+    }
+
+    /// Like [`open`](Self::open), and keeps all other processes from writing.
+    ///
+    /// # Errors
+    /// As `open`; the directory is in use or cannot be written.
+    pub fn open_exclusive(dir: &Path) -> Result<Self, StoreError> {
+        if !dir.join(DATABASE).exists() {
+            return Err(StoreError::Absent { path: dir.into() });
+        }
+        let lock = Lock::take(dir, Access::Exclusive)?;
+        Self::open_with(dir, Some(lock))
+    }
+
+    fn open_with(dir: &Path, lock: Option<Lock>) -> Result<Self, StoreError> {
+        let root = dir.join(DATABASE);
+        let description = stored(&root)?.ok_or_else(|| StoreError::Absent { path: dir.into() })?;
+        description.check_format(&root)?;
+        let (axes, nm, engine) = description.axes(&root)?;
+        Ok(Self {
+            dir: dir.into(),
+            layout: Layout::new(&root, axes, nm, engine)?,
+            root,
+            description,
+            writer: None,
+            _lock: lock,
+        })
+    }
+
+    /// Makes the empty database: complete under another name, then renamed.
+    fn create(&self) -> Result<(), StoreError> {
+        let writer = self.writer()?;
+        let scratch = writer.scratch();
+        file::remove_dir(&scratch)?;
+        for (path, bytes) in self.layout.static_files(&self.description)? {
+            let path = scratch.join(path);
+            let folder = path.parent().unwrap_or(&scratch);
+            fs::create_dir_all(folder).map_err(StoreError::io("create", folder))?;
+            writer.write(&path, &bytes)?;
+        }
+        match fs::rename(&scratch, &self.root) {
+            // Another shard was first; `build` goes on with what it made.
+            Err(_) if self.root.exists() => {
+                file::remove_dir(&scratch)?;
+                stored(&self.root)?
+                    .ok_or_else(|| StoreError::Absent {
+                        path: self.dir.clone(),
+                    })?
+                    .check_same(&self.description, &self.root)
+            }
+            renamed => renamed.map_err(StoreError::io("create", &self.root)),
+        }
+    }
+
+    /// Writes metadata and coordinates anew where they are not what they must be.
+    fn mend(&self) -> Result<(), StoreError> {
+        let writer = self.writer()?;
+        for (path, bytes) in self.layout.static_files(&self.description)? {
+            let path = self.root.join(path);
+            if file::read(&path)?.as_deref() != Some(&bytes) {
+                if let Some(folder) = path.parent() {
+                    fs::create_dir_all(folder).map_err(StoreError::io("create", folder))?;
+                }
+                writer.write(&path, &bytes)?;
+            }
+        }
+        Ok(())
+    }
+
+    /// Refuses to go on if the disk cannot hold `count` more jobs.
+    ///
+    /// # Errors
+    /// It cannot, or its free space cannot be measured.
+    pub fn check_space(&self, count: u64) -> Result<(), StoreError> {
+        space::check(&self.dir, &self.layout.jobs, count)
+    }
+
+    /// The output directory.
+    #[must_use]
+    pub fn dir(&self) -> &Path {
+        &self.dir
+    }
+
+    /// The Zarr store in it.
+    #[must_use]
+    pub fn path(&self) -> &Path {
+        &self.root
+    }
+
+    /// The five axes.
+    #[must_use]
+    pub fn axes(&self) -> &Axes {
+        self.layout.axes()
+    }
+
+    /// Wavelengths, nm.
+    #[must_use]
+    pub fn wavelengths_nm(&self) -> &[f64] {
+        self.layout.wavelengths_nm()
+    }
+
+    /// The jobs it is made of.
+    #[must_use]
+    pub fn jobs(&self) -> Jobs {
+        self.layout.jobs
+    }
+
+    /// The text of a grid file that makes this database.
+    #[must_use]
+    pub fn config(&self) -> &str {
+        &self.description.config
+    }
+
+    /// Attributes of the database: what it is, and from what it was made.
+    #[must_use]
+    pub fn attributes(&self) -> serde_json::Map<String, serde_json::Value> {
+        self.description.attributes()
+    }
+
+    /// Lets the disk fill up after `writes` more files.
+    #[cfg(test)]
+    pub(crate) fn fill_disk_after(&self, writes: u64) {
+        if let Some(writer) = &self.writer {
+            let ordering = std::sync::atomic::Ordering::Relaxed;
+            writer.writes_left.store(writes, ordering);
+        }
+    }
+
+    fn writer(&self) -> Result<&file::Writer, StoreError> {
+        self.writer.as_ref().ok_or_else(|| {
+            let reason = std::io::ErrorKind::PermissionDenied.into();
+            StoreError::io("write, it is open for reading only:", &self.root)(reason)
+        })
+    }
+}
+
+/// Deletes the database in `dir` and the compact file made from it, for a
+/// fresh start. Nothing else is touched. It is no error if there is none.
+///
+/// # Errors
+/// Another process is at work there, what is there was not made by this
+/// program, or it cannot be deleted.
+pub fn remove(dir: &Path) -> Result<(), StoreError> {
+    if !dir.exists() {
+        return Ok(());
+    }
+    let _lock = Lock::take(dir, Access::Exclusive)?;
+    let root = dir.join(DATABASE);
+    if stored(&root)?.is_none() {
+        return Ok(());
+    }
+    // The file made from the database never outlives it, and the database is
+    // out of the way at once: a kill leaves no half of it.
+    file::remove_file(&dir.join(COMPACT))?;
+    let writer = file::Writer::new(dir, Access::Exclusive)?;
+    let scratch = writer.scratch();
+    fs::rename(&root, &scratch).map_err(StoreError::io("delete", &root))?;
+    file::remove_dir(&scratch)
+}
+
+/// What the database at `root` was made from; `None` if there is none.
+fn stored(root: &Path) -> Result<Option<Description>, StoreError> {
+    if !root.exists() {
+        return Ok(None);
+    }
+    match file::read(&root.join("zarr.json"))? {
+        Some(bytes) => Description::read(&bytes, root).map(Some),
+        None => Err(StoreError::Foreign {
+            path: root.into(),
+            reason: "it has no zarr.json".into(),
+        }),
+    }
+}

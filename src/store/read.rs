@@ -1,0 +1,143 @@
+//! Reading a database back.
+use ndarray::Array2;
+use zarrs::array::ArrayError;
+
+use super::layout::ZarrArray;
+use super::{Store, StoreError, file};
+use crate::grid::Shard;
+
+/// An array of spectra in the database.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
+pub enum Quantity {
+    /// Directional-hemispherical transmittance.
+    Transmittance,
+    /// Directional-hemispherical reflectance.
+    Reflectance,
+    /// Standard error of the transmittance.
+    TransmittanceSe,
+    /// Standard error of the reflectance.
+    ReflectanceSe,
+}
+
+impl Quantity {
+    /// All, in the order in which a job's chunks are written.
+    pub const ALL: [Self; 4] = [
+        Self::Transmittance,
+        Self::Reflectance,
+        Self::TransmittanceSe,
+        Self::ReflectanceSe,
+    ];
+
+    /// Name of the array.
+    #[must_use]
+    pub fn name(self) -> &'static str {
+        match self {
+            Self::Transmittance => "transmittance",
+            Self::Reflectance => "reflectance",
+            Self::TransmittanceSe => "transmittance_se",
+            Self::ReflectanceSe => "reflectance_se",
+        }
+    }
+
+    /// What it is, for people.
+    #[must_use]
+    pub fn long_name(self) -> &'static str {
+        match self {
+            Self::Transmittance => "directional-hemispherical transmittance",
+            Self::Reflectance => "directional-hemispherical reflectance",
+            Self::TransmittanceSe => "standard error of the transmittance",
+            Self::ReflectanceSe => "standard error of the reflectance",
+        }
+    }
+}
+
+/// What a check of the database found.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub struct Integrity {
+    /// Jobs there are.
+    pub jobs: u64,
+    /// Jobs that were never done, or whose files are damaged.
+    pub missing: Vec<u64>,
+    /// Metadata and coordinate files that are damaged, below the database.
+    pub damaged: Vec<String>,
+}
+
+impl Integrity {
+    /// Whether everything is there and whole.
+    #[must_use]
+    pub fn is_whole(&self) -> bool {
+        self.missing.is_empty() && self.damaged.is_empty()
+    }
+}
+
+impl Store {
+    /// Jobs still to be run, of all or of one shard, in order.
+    ///
+    /// # Errors
+    /// A file is there but cannot be read.
+    pub fn missing(&self, shard: Option<Shard>) -> Result<Vec<u64>, StoreError> {
+        let mut missing = Vec::new();
+        for job in 0..self.layout.jobs.count() {
+            if shard.is_none_or(|shard| shard.owns(job)) && !self.is_done(job)? {
+                missing.push(job);
+            }
+        }
+        Ok(missing)
+    }
+
+    /// Checks every file of the database.
+    ///
+    /// # Errors
+    /// A file is there but cannot be read.
+    pub fn verify(&self) -> Result<Integrity, StoreError> {
+        let mut damaged = Vec::new();
+        for (path, bytes) in self.layout.static_files(&self.description)? {
+            if file::read(&self.root.join(&path))?.as_deref() != Some(&bytes) {
+                damaged.push(path);
+            }
+        }
+        Ok(Integrity {
+            jobs: self.layout.jobs.count(),
+            missing: self.missing(None)?,
+            damaged,
+        })
+    }
+
+    /// All curves of a quantity, [curves, wavelengths], curves in storage
+    /// order; NaN where a job has written nothing. Ask [`missing`](Self::missing)
+    /// first whether all jobs are done.
+    ///
+    /// # Errors
+    /// A chunk is torn, or cannot be read.
+    pub fn read(&self, quantity: Quantity) -> Result<Array2<f32>, StoreError> {
+        let array = self.layout.quantity(quantity);
+        let values: Vec<f32> = array
+            .retrieve_array_subset(&array.subset_all())
+            .map_err(|error| self.damaged(array, &error))?;
+        let jobs = &self.layout.jobs;
+        let shape = (jobs.curves() as usize, jobs.wavelengths() as usize);
+        Array2::from_shape_vec(shape, values).map_err(StoreError::zarr(quantity.name()))
+    }
+
+    /// Largest share of lost rays over the curves and wavelengths of `job`;
+    /// NaN if it is not done.
+    ///
+    /// # Errors
+    /// The chunk is torn, or cannot be read.
+    pub fn lost_share(&self, job: u64) -> Result<f64, StoreError> {
+        let array = &self.layout.lost;
+        let share: Vec<f64> = array
+            .retrieve_chunk(&[job])
+            .map_err(|error| self.damaged(array, &error))?;
+        Ok(share.first().copied().unwrap_or(f64::NAN))
+    }
+
+    fn damaged(&self, array: &ZarrArray, error: &ArrayError) -> StoreError {
+        StoreError::Damaged {
+            path: self
+                .root
+                .join(array.path().as_str().trim_start_matches('/')),
+            reason: error.to_string(),
+        }
+    }
+}

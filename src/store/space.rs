@@ -1,0 +1,31 @@
+//! Whether a database fits the disk, asked before anything is computed.
+use std::path::Path;
+
+use super::StoreError;
+use crate::grid::Jobs;
+
+/// What a file occupies at least.
+const BLOCK: u64 = 4096;
+
+/// Estimated bytes on disk of the chunks of `count` jobs.
+#[must_use]
+pub fn estimated_bytes(jobs: &Jobs, count: u64) -> u64 {
+    let chunk = jobs.curves_per_job() * jobs.wavelengths() * size_of::<f32>() as u64;
+    // Four quantities; lost share and commit mark fill a block each.
+    let per_job = 4 * (chunk + 4).next_multiple_of(BLOCK) + 2 * BLOCK;
+    per_job.saturating_mul(count)
+}
+
+/// Refuses what the disk of `dir` cannot hold.
+pub(super) fn check(dir: &Path, jobs: &Jobs, count: u64) -> Result<(), StoreError> {
+    let available = fs4::available_space(dir).map_err(StoreError::io("measure", dir))?;
+    let needed = estimated_bytes(jobs, count);
+    if needed > available {
+        return Err(StoreError::TooLarge {
+            path: dir.into(),
+            needed,
+            available,
+        });
+    }
+    Ok(())
+}

@@ -1,0 +1,97 @@
+//! Helpers shared by the tests.
+#![allow(dead_code, clippy::unwrap_used)]
+use std::collections::BTreeMap;
+use std::fs;
+use std::path::Path;
+use std::sync::atomic::Ordering;
+
+use splitsnow::engine::{Control, Engine, EngineError, Request};
+use splitsnow::grain::TruncatedNormal;
+use splitsnow::grid::{Axes, Compression, Fixed, Grid, Run, Spread};
+use splitsnow::measurement::{Measured, Spectrum};
+use splitsnow::transport::{Illumination, Model};
+
+/// Every file below `path`, by its path relative to it, with its bytes.
+pub(crate) fn dir_bytes(path: &Path) -> BTreeMap<String, Vec<u8>> {
+    let mut files = BTreeMap::new();
+    let mut folders = vec![path.to_path_buf()];
+    while let Some(folder) = folders.pop() {
+        for entry in fs::read_dir(&folder).unwrap() {
+            let entry = entry.unwrap().path();
+            if entry.is_dir() {
+                folders.push(entry);
+            } else {
+                let name = entry.strip_prefix(path).unwrap().to_str().unwrap();
+                files.insert(name.replace('\\', "/"), fs::read(&entry).unwrap());
+            }
+        }
+    }
+    files
+}
+
+/// Panics with the names of the files that differ.
+pub(crate) fn assert_same(left: &BTreeMap<String, Vec<u8>>, right: &BTreeMap<String, Vec<u8>>) {
+    let names = left.keys().chain(right.keys());
+    let mut differ: Vec<_> = names.filter(|n| left.get(*n) != right.get(*n)).collect();
+    differ.dedup();
+    assert!(differ.is_empty(), "files differ: {differ:?}");
+}
+
+/// A small dry grid: 2 x 2 x 1 x 3 x 2 = 24 curves of 4 wavelengths.
+pub(crate) fn grid(engine: Engine) -> Grid {
+    Grid {
+        axes: Axes {
+            facetness: vec![0.05, 0.5],
+            grain_size_um: vec![100.0, 200.0],
+            density_kg_m3: vec![300.0],
+            thickness_cm: vec![1.0, 2.0, 5.0],
+            angle_deg: vec![0.0, 60.0],
+        },
+        spread: Spread {
+            facetness_half_width: 0.1,
+            facetness_sd: 0.072,
+            grain_size_half_width_um: 50.0,
+        },
+        wavelengths_nm: vec![400.0, 500.0, 600.0, 700.0],
+        fixed: Fixed {
+            sphericity: TruncatedNormal::new(0.6, 0.95, 0.798, 0.064).unwrap(),
+            temperature_c: -1.0,
+            water_saturation: 0.0,
+            model: Model::default(),
+        },
+        run: Run {
+            engine,
+            seed: 7,
+            rays: 100,
+        },
+        compression: Compression {
+            max_delta_e: 2.3,
+            max_rmse: None,
+        },
+    }
+}
+
+/// Stands in for an engine: fast, and a function of the request alone.
+pub(crate) fn simulate(request: &Request, control: &Control) -> Result<Vec<Spectrum>, EngineError> {
+    if control.cancel.load(Ordering::Relaxed) {
+        return Err(EngineError::Cancelled);
+    }
+    let Illumination::Collimated { polar_angle_rad } = request.illumination else {
+        return Err(EngineError::Optics("the grid is collimated".into()));
+    };
+    let grain = request.snow.grain.size.max_m() / request.thicknesses_m[0];
+    let spectra = request.thicknesses_m.iter().map(|thickness_m| {
+        let measured = |nm: &f64, scale: f64| Measured {
+            value: scale * (-thickness_m * nm * polar_angle_rad.cos() * (1.0 - grain)).exp(),
+            se: 1e-3 / (1.0 + request.cell as f64 + request.seed as f64),
+        };
+        let nm = request.wavelengths_nm.iter();
+        Spectrum {
+            transmittance: nm.clone().map(|nm| measured(nm, 0.4)).collect(),
+            reflectance: nm.clone().map(|nm| measured(nm, 0.5)).collect(),
+            lost: nm.map(|_| request.cell as f64 * 1e-6).collect(),
+        }
+    });
+    control.rays_done.fetch_add(request.rays, Ordering::Relaxed);
+    Ok(spectra.collect())
+}

@@ -1,0 +1,100 @@
+"""A finished database opens in xarray, without a warning, as documented.
+
+SPLITSNOW_OUT names the output directory of a finished `splitsnow build`.
+"""
+
+import hashlib
+import os
+import shutil
+import warnings
+from pathlib import Path
+
+import numpy as np
+import pytest
+import xarray
+
+DIMS = (
+    "facetness",
+    "grain_size_um",
+    "density_kg_m3",
+    "thickness_cm",
+    "angle_deg",
+    "wavelength_nm",
+)
+QUANTITIES = ("transmittance", "reflectance", "transmittance_se", "reflectance_se")
+
+
+def open_strictly(path, **kwargs):
+    with warnings.catch_warnings():
+        warnings.simplefilter("error")
+        return xarray.open_zarr(path, **kwargs).load()
+
+
+@pytest.fixture
+def path():
+    return Path(os.environ["SPLITSNOW_OUT"]) / "database.zarr"
+
+
+def test_arrays_and_coordinates(path):
+    data = open_strictly(path)
+    assert set(data.data_vars) == set(QUANTITIES)
+    for name in QUANTITIES:
+        assert data[name].dims == DIMS
+        assert data[name].dtype == np.float32
+        assert data[name].attrs["units"] == "1"
+        assert "long_name" in data[name].attrs
+    assert set(data.coords) == set(DIMS)
+    for name in DIMS:
+        assert data[name].dtype == np.float64
+        assert data.indexes[name].is_monotonic_increasing
+        assert data[name].attrs["units"]
+
+
+def test_values(path):
+    data = open_strictly(path)
+    for name in QUANTITIES:
+        assert np.isfinite(data[name]).all()
+    assert (data.transmittance >= 0).all() and (data.reflectance >= 0).all()
+    assert (data.transmittance + data.reflectance <= 1 + 1e-6).all()
+    assert (data.transmittance_se >= 0).all() and (data.reflectance_se >= 0).all()
+
+
+def test_attributes(path):
+    attrs = open_strictly(path).attrs
+    assert attrs["program"] == "splitsnow"
+    assert attrs["format_version"] == 1
+    for name in ("program_version", "units", "ice_table", "water_table", "engine", "identity"):
+        assert attrs[name]
+    assert attrs["illumination"].startswith("collimated")
+    assert "normal" in attrs["illumination"]
+    assert attrs["bottom_boundary"].startswith("black")
+    assert isinstance(attrs["seed"], int) and isinstance(attrs["rays"], int)
+    assert hashlib.sha256(attrs["config"].encode()).hexdigest() == attrs["config_sha256"]
+
+
+def test_jobs(path):
+    jobs = open_strictly(path, group="jobs")
+    assert jobs.committed.dtype == np.uint64
+    assert (jobs.committed != 0).all()
+    assert ((jobs.lost_share >= 0) & (jobs.lost_share <= 1)).all()
+
+
+def test_a_missing_chunk_reads_as_nan(path, tmp_path):
+    copy = tmp_path / "database.zarr"
+    shutil.copytree(path, copy)
+    (copy / "transmittance" / "c.0.0.0.0.0.0").unlink()
+    data = open_strictly(copy)
+    assert np.isnan(data.transmittance[0, 0, 0, 0, 0]).all()
+    assert np.isfinite(data.transmittance[0, 0, 0, :, 1:]).all()
+    assert np.isfinite(data.reflectance).all()
+
+
+def test_a_torn_chunk_is_refused(path, tmp_path):
+    copy = tmp_path / "database.zarr"
+    shutil.copytree(path, copy)
+    chunk = copy / "transmittance" / "c.0.0.0.0.0.0"
+    content = bytearray(chunk.read_bytes())
+    content[0] ^= 1
+    chunk.write_bytes(content)
+    with pytest.raises(Exception, match="(?i)checksum|crc"):
+        open_strictly(copy)

@@ -1,0 +1,455 @@
+//! The database on disk: same bytes whatever the threads, shards and
+//! accidents; nothing damaged is trusted; nothing foreign is touched.
+#![allow(clippy::unwrap_used)]
+mod common;
+
+use std::collections::BTreeMap;
+use std::fs;
+use std::path::{Path, PathBuf};
+use std::sync::atomic::{AtomicBool, AtomicU64, Ordering};
+
+use common::{assert_same, dir_bytes, grid, simulate};
+use splitsnow::batch::{self, BatchError, Options, Summary};
+use splitsnow::engine::{Engine, EngineError};
+use splitsnow::grid::{Grid, Shard};
+use splitsnow::store::{self, Access, Quantity, Store, StoreError};
+
+fn extra() -> BTreeMap<String, String> {
+    BTreeMap::from([("data.ice".to_string(), "0123".to_string())])
+}
+
+fn open(dir: &Path, grid: &Grid) -> Result<Store, StoreError> {
+    Store::build(dir, grid, &extra(), Access::Exclusive)
+}
+
+fn run(
+    dir: &Path,
+    grid: &Grid,
+    threads: usize,
+    shard: Option<Shard>,
+) -> Result<Summary, BatchError> {
+    let access = shard.map_or(Access::Exclusive, Access::Shard);
+    let store = Store::build(dir, grid, &extra(), access)?;
+    let options = Options {
+        threads,
+        shard,
+        progress: false,
+    };
+    batch::run(grid, &store, simulate, &options, &AtomicBool::new(false))
+}
+
+/// An uninterrupted build on one thread.
+fn finished(grid: &Grid) -> (tempfile::TempDir, BTreeMap<String, Vec<u8>>) {
+    let dir = tempfile::tempdir().unwrap();
+    run(dir.path(), grid, 1, None).unwrap();
+    let bytes = dir_bytes(dir.path());
+    (dir, bytes)
+}
+
+fn chunk(dir: &Path, array: &str, chunk: &str) -> PathBuf {
+    dir.join("database.zarr").join(array).join(chunk)
+}
+
+#[test]
+fn a_finished_database_reads_back() {
+    // Left for the Python reading test.
+    let dir = Path::new(env!("CARGO_TARGET_TMPDIR")).join("finished");
+    let _ = fs::remove_dir_all(&dir);
+    let grid = grid(Engine::Spectral);
+    let summary = run(&dir, &grid, 2, None).unwrap();
+    assert_eq!((summary.jobs, summary.run, summary.rays), (8, 8, 800));
+    assert_eq!(summary.max_lost_share, 7e-6);
+    assert!((summary.mean_lost_share - 3.5e-6).abs() < 1e-18);
+
+    let store = Store::open(&dir).unwrap();
+    assert_eq!(store.axes(), &grid.axes);
+    assert_eq!(store.wavelengths_nm(), grid.wavelengths_nm);
+    assert_eq!(store.config(), grid.to_config());
+    assert!(store.verify().unwrap().is_whole());
+    let transmittance = store.read(Quantity::Transmittance).unwrap();
+    assert_eq!(transmittance.dim(), (24, 4));
+    // Curve 9: facetness 0, size 1, density 0, thickness 1, angle 1, of job 3.
+    let jobs = grid.jobs().unwrap();
+    let job = grid.job(&jobs, 3).unwrap();
+    let cancel = AtomicBool::new(false);
+    let rays_done = AtomicU64::new(0);
+    let control = splitsnow::engine::Control {
+        parallel: false,
+        cancel: &cancel,
+        rays_done: &rays_done,
+    };
+    let expected = simulate(&job.request(&grid), &control).unwrap();
+    let row: Vec<f64> = transmittance.row(9).iter().map(|v| f64::from(*v)).collect();
+    for (got, want) in row.iter().zip(&expected[1].transmittance) {
+        assert!((got - want.value).abs() < 1e-7, "{row:?}");
+    }
+    assert_eq!(
+        store.read(Quantity::ReflectanceSe).unwrap()[[9, 0]],
+        (1e-3 / 11.0) as f32
+    );
+    assert!(store.commit(0, &expected).is_err(), "open for reading only");
+}
+
+#[test]
+fn threads_and_shards_leave_no_trace() {
+    for engine in Engine::ALL {
+        let grid = grid(engine);
+        let (_dir, expected) = finished(&grid);
+        let dir = tempfile::tempdir().unwrap();
+        run(dir.path(), &grid, 2, None).unwrap();
+        assert_same(&expected, &dir_bytes(dir.path()));
+        for count in 1..=3 {
+            let dir = tempfile::tempdir().unwrap();
+            std::thread::scope(|scope| {
+                for index in 0..count {
+                    let shard = Shard::new(index, count).unwrap();
+                    let (dir, grid) = (dir.path(), &grid);
+                    scope.spawn(move || run(dir, grid, 1, Some(shard)).unwrap());
+                }
+            });
+            assert_eq!(run(dir.path(), &grid, 2, None).unwrap().run, 0);
+            assert_same(&expected, &dir_bytes(dir.path()));
+        }
+    }
+}
+
+#[test]
+fn damage_is_found_and_repaired() {
+    let grid = grid(Engine::Spectral);
+    let (_dir, expected) = finished(&grid);
+    let other = {
+        let mut other = grid.clone();
+        other.run.seed = 8;
+        finished(&other)
+    };
+    let target = "c.1.0.0.0.1.0"; // job 5
+    let copy_from_other = |dir: &Path, array: &str, name: &str| {
+        let from = chunk(other.0.path(), array, name);
+        fs::copy(from, chunk(dir, array, name)).unwrap();
+    };
+    let flip = |path: PathBuf| {
+        let mut bytes = fs::read(&path).unwrap();
+        bytes[5] ^= 4;
+        fs::write(path, bytes).unwrap();
+    };
+    type Damage<'a> = (&'a str, Box<dyn Fn(&Path) + 'a>);
+    let damages: [Damage; 8] = [
+        (
+            "torn chunk",
+            Box::new(|dir| {
+                let file = fs::File::options()
+                    .write(true)
+                    .open(chunk(dir, "reflectance", target));
+                file.unwrap().set_len(20).unwrap();
+            }),
+        ),
+        (
+            "empty chunk",
+            Box::new(|dir| fs::write(chunk(dir, "transmittance", target), "").unwrap()),
+        ),
+        (
+            "missing chunk",
+            Box::new(|dir| fs::remove_file(chunk(dir, "transmittance_se", target)).unwrap()),
+        ),
+        (
+            "flipped bit",
+            Box::new(|dir| flip(chunk(dir, "reflectance_se", target))),
+        ),
+        (
+            "flipped mark",
+            Box::new(|dir| flip(chunk(dir, "jobs/committed", "c.5"))),
+        ),
+        (
+            "missing mark",
+            Box::new(|dir| fs::remove_file(chunk(dir, "jobs/committed", "c.5")).unwrap()),
+        ),
+        (
+            "foreign chunk",
+            Box::new(|dir| copy_from_other(dir, "transmittance_se", target)),
+        ),
+        (
+            "foreign job",
+            Box::new(|dir| {
+                for quantity in Quantity::ALL {
+                    copy_from_other(dir, quantity.name(), target);
+                }
+                copy_from_other(dir, "jobs/lost_share", "c.5");
+                copy_from_other(dir, "jobs/committed", "c.5");
+            }),
+        ),
+    ];
+    for (name, damage) in damages {
+        let (dir, _) = finished(&grid);
+        damage(dir.path());
+        let found = Store::open(dir.path()).unwrap().verify().unwrap();
+        assert_eq!(found.missing, [5], "{name}");
+        assert!(found.damaged.is_empty(), "{name}");
+        assert_eq!(run(dir.path(), &grid, 1, None).unwrap().run, 1, "{name}");
+        assert_same(&expected, &dir_bytes(dir.path()));
+    }
+}
+
+#[test]
+fn jobs_cannot_change_places() {
+    let grid = grid(Engine::Spectral);
+    let (dir, _) = finished(&grid);
+    let move_file = |array: &str, from: &str, to: &str| {
+        fs::copy(chunk(dir.path(), array, from), chunk(dir.path(), array, to)).unwrap();
+    };
+    for quantity in Quantity::ALL {
+        move_file(quantity.name(), "c.0.0.0.0.0.0", "c.1.0.0.0.1.0");
+    }
+    move_file("jobs/lost_share", "c.0", "c.5");
+    move_file("jobs/committed", "c.0", "c.5");
+    assert_eq!(Store::open(dir.path()).unwrap().missing(None).unwrap(), [5]);
+}
+
+#[test]
+fn damaged_coordinates_and_leftovers_are_mended() {
+    let grid = grid(Engine::Spectral);
+    let (dir, expected) = finished(&grid);
+    let path = dir.path();
+    fs::write(chunk(path, "angle_deg", "c.0"), "torn").unwrap();
+    fs::remove_file(chunk(path, "jobs", "zarr.json")).unwrap();
+    fs::create_dir(path.join(".splitsnow-partial")).unwrap();
+    fs::write(path.join(".splitsnow-partial/alone-3"), "half a chu").unwrap();
+    fs::write(path.join(".splitsnow-lock-shard-0-of-2"), "").unwrap();
+    let found = Store::open(path).unwrap().verify().unwrap();
+    assert_eq!(found.damaged, ["angle_deg/c.0", "jobs/zarr.json"]);
+    assert_eq!(run(path, &grid, 1, None).unwrap().run, 0);
+    assert_same(&expected, &dir_bytes(path));
+}
+
+#[test]
+fn an_interrupted_run_goes_on() {
+    let grid = grid(Engine::Reference);
+    let (_dir, expected) = finished(&grid);
+    let dir = tempfile::tempdir().unwrap();
+    let cancel = AtomicBool::new(false);
+    let jobs_started = AtomicU64::new(0);
+    let store = open(dir.path(), &grid).unwrap();
+    let error = batch::run(
+        &grid,
+        &store,
+        |request, control| {
+            if jobs_started.fetch_add(1, Ordering::Relaxed) == 5 {
+                cancel.store(true, Ordering::Relaxed);
+            }
+            simulate(request, control)
+        },
+        &Options {
+            threads: 1,
+            ..Options::default()
+        },
+        &cancel,
+    )
+    .unwrap_err();
+    drop(store);
+    assert_eq!(
+        error.to_string(),
+        "interrupted: 5 of 24 jobs are done and safe; run the same command again to go on"
+    );
+    assert_eq!(run(dir.path(), &grid, 2, None).unwrap().run, 19);
+    assert_same(&expected, &dir_bytes(dir.path()));
+}
+
+#[test]
+fn a_failing_job_is_named_and_the_others_kept() {
+    let grid = grid(Engine::Spectral);
+    let dir = tempfile::tempdir().unwrap();
+    let store = open(dir.path(), &grid).unwrap();
+    let error = batch::run(
+        &grid,
+        &store,
+        |request, control| match request.cell {
+            3 => Err(EngineError::Optics("no such table".into())),
+            _ => simulate(request, control),
+        },
+        &Options {
+            threads: 1,
+            ..Options::default()
+        },
+        &AtomicBool::new(false),
+    )
+    .unwrap_err();
+    assert_eq!(
+        error.to_string(),
+        "job 3 (facetness 0.05, grain size 150-250 um, density 300 kg/m3, thickness 1.0000, 2.0000, 5.0000 cm, angle 60 degrees): no such table"
+    );
+    assert_eq!(store.missing(None).unwrap(), [3, 4, 5, 6, 7]);
+}
+
+#[test]
+fn values_that_are_no_numbers_are_refused() {
+    let grid = grid(Engine::Spectral);
+    let dir = tempfile::tempdir().unwrap();
+    let store = open(dir.path(), &grid).unwrap();
+    let error = batch::run(
+        &grid,
+        &store,
+        |request, control| {
+            let mut spectra = simulate(request, control)?;
+            spectra[1].reflectance[2].value = f64::NAN;
+            Ok(spectra)
+        },
+        &Options::default(),
+        &AtomicBool::new(false),
+    )
+    .unwrap_err();
+    assert!(error.to_string().ends_with("reflectance is NaN"), "{error}");
+}
+
+#[test]
+fn another_config_is_refused_by_key() {
+    let grid = grid(Engine::Spectral);
+    let (dir, before) = finished(&grid);
+    type Change = (fn(&mut Grid), &'static str);
+    let changes: [Change; 7] = [
+        (|g| g.run.seed = 8, "run.seed = 7, not 8;"),
+        (|g| g.run.rays = 5, "run.rays = 100, not 5;"),
+        (
+            |g| g.run.engine = Engine::Reference,
+            "run.engine = \"spectral\", not \"reference\";",
+        ),
+        (
+            |g| g.axes.thickness_cm.push(7.0),
+            "axes.thickness_cm = [1.0, 2.0, 5.0], not [1.0, 2.0, 5.0, 7.0];",
+        ),
+        (
+            |g| g.spread.facetness_sd = 0.1,
+            "spread.facetness_sd = 0.072, not 0.1;",
+        ),
+        (
+            |g| g.wavelengths_nm[0] = 410.0,
+            "wavelengths.values_nm = [400.0,",
+        ),
+        (
+            |g| g.fixed.water_saturation = 0.1,
+            "fixed.water_saturation = 0.0, not 0.1;",
+        ),
+    ];
+    for (change, message) in changes {
+        let mut other = grid.clone();
+        change(&mut other);
+        let error = open(dir.path(), &other).unwrap_err().to_string();
+        assert!(error.contains(message), "{error}");
+    }
+    let tables = BTreeMap::from([("data.ice".to_string(), "4567".to_string())]);
+    let error = Store::build(dir.path(), &grid, &tables, Access::Exclusive).unwrap_err();
+    assert!(
+        error.to_string().contains("data.ice = 0123, not 4567"),
+        "{error}"
+    );
+    let error = Store::build(dir.path(), &grid, &BTreeMap::new(), Access::Exclusive).unwrap_err();
+    assert!(
+        error.to_string().contains("data.ice = 0123, not (none)"),
+        "{error}"
+    );
+
+    let mut recompressed = grid.clone();
+    recompressed.compression.max_delta_e = 1.0;
+    assert!(open(dir.path(), &recompressed).is_ok());
+    assert_same(&before, &dir_bytes(dir.path()));
+}
+
+#[test]
+fn another_format_is_refused() {
+    let grid = grid(Engine::Spectral);
+    let (dir, _) = finished(&grid);
+    let root = chunk(dir.path(), "", "zarr.json");
+    let text = fs::read_to_string(&root).unwrap();
+    fs::write(
+        &root,
+        text.replace("format_version = 1", "format_version = 99"),
+    )
+    .unwrap();
+    for error in [open(dir.path(), &grid), Store::open(dir.path())] {
+        let error = error.unwrap_err().to_string();
+        assert!(error.contains("format_version = 99, not 1"), "{error}");
+    }
+}
+
+#[test]
+fn two_processes_do_not_share_a_directory() {
+    let grid = grid(Engine::Spectral);
+    let dir = tempfile::tempdir().unwrap();
+    let shard = |i, n| Access::Shard(Shard::new(i, n).unwrap());
+    let build = |access| Store::build(dir.path(), &grid, &extra(), access);
+    let busy = |outcome: Result<Store, StoreError>| {
+        let error = outcome.unwrap_err();
+        assert!(matches!(error, StoreError::Busy { .. }), "{error}");
+    };
+    let first = build(Access::Exclusive).unwrap();
+    busy(build(Access::Exclusive));
+    busy(build(shard(0, 2)));
+    busy(Store::open_exclusive(dir.path()));
+    assert!(store::remove(dir.path()).is_err());
+    assert!(Store::open(dir.path()).is_ok(), "reading needs no lock");
+    drop(first);
+    let first = build(shard(0, 2)).unwrap();
+    let second = build(shard(1, 2)).unwrap();
+    busy(build(shard(0, 2)));
+    busy(build(Access::Exclusive));
+    drop((first, second));
+    assert!(Store::open_exclusive(dir.path()).is_ok());
+}
+
+#[test]
+fn fresh_removes_only_what_is_ours() {
+    let first = grid(Engine::Spectral);
+    let (dir, _) = finished(&first);
+    fs::write(dir.path().join(store::COMPACT), "old").unwrap();
+    fs::write(dir.path().join("notes.txt"), "mine").unwrap();
+    store::remove(dir.path()).unwrap();
+    let left: Vec<_> = dir_bytes(dir.path()).into_keys().collect();
+    assert_eq!(left, [".splitsnow-lock", "notes.txt"]);
+    store::remove(dir.path()).unwrap();
+    let mut other = first.clone();
+    other.run.seed = 8;
+    run(dir.path(), &other, 1, None).unwrap();
+
+    let foreign = tempfile::tempdir().unwrap();
+    let database = foreign.path().join("database.zarr");
+    fs::create_dir(&database).unwrap();
+    let contents = [
+        None,
+        Some("{}"),
+        Some("not json"),
+        Some(r#"{"attributes":{"program":"x"}}"#),
+    ];
+    for content in contents {
+        if let Some(content) = content {
+            fs::write(database.join("zarr.json"), content).unwrap();
+        }
+        for error in [
+            store::remove(foreign.path()),
+            open(foreign.path(), &first).map(drop),
+        ] {
+            let error = error.unwrap_err().to_string();
+            assert!(error.contains("was not made by splitsnow"), "{error}");
+        }
+        assert!(database.exists());
+    }
+}
+
+#[test]
+fn impossible_outputs_are_refused() {
+    let mut grid = grid(Engine::Spectral);
+    let dir = tempfile::tempdir().unwrap();
+    let file = dir.path().join("file");
+    fs::write(&file, "x").unwrap();
+    let error = open(&file, &grid).unwrap_err().to_string();
+    assert!(error.contains("is a file, not a directory"), "{error}");
+    assert!(open(&file.join("below"), &grid).is_err());
+    let error = Store::open(dir.path()).unwrap_err().to_string();
+    assert!(error.starts_with("no database in"), "{error}");
+
+    let many: Vec<f64> = (1..=4000).map(f64::from).collect();
+    grid.axes.thickness_cm.clone_from(&many);
+    grid.axes.density_kg_m3.clone_from(&many);
+    grid.axes.grain_size_um = many.iter().map(|v| v + 100.0).collect();
+    let absurd = dir.path().join("absurd");
+    let error = open(&absurd, &grid).unwrap_err().to_string();
+    assert!(error.contains("but the disk has"), "{error}");
+    assert!(!absurd.join("database.zarr").exists());
+}
