@@ -1,5 +1,8 @@
 //! Virtual spectrophotometer (MODEL section 7): directional-hemispherical
 //! reflectance and transmittance with standard errors.
+mod quantity;
+
+pub use quantity::Quantity;
 
 /// A Monte Carlo result: a mean and the standard error of that mean.
 #[derive(Debug, Clone, Copy, PartialEq, Default)]
