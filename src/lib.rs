@@ -19,9 +19,12 @@
 //! | [`store`], [`batch`] | the Zarr store that is checkpoint and result; the job runner |
 //! | [`colour`], [`compress`], [`lookup`] | CIELAB; SVD and the compact file; reading it |
 //! | [`cli`] | the command line |
+pub mod colour;
+pub mod compress;
 pub mod engine;
 pub mod grain;
 pub mod grid;
+pub mod lookup;
 pub mod measurement;
 pub mod optics;
 pub mod spectrum;
