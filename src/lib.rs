@@ -20,9 +20,12 @@
 //! | [`colour`], [`compress`], [`lookup`] | CIELAB; SVD and the compact file; reading it |
 //! | [`cli`] | the command line |
 pub mod batch;
+pub mod colour;
+pub mod compress;
 pub mod engine;
 pub mod grain;
 pub mod grid;
+pub mod lookup;
 pub mod math;
 pub mod measurement;
 pub mod optics;

@@ -3,6 +3,9 @@
 mod estimate;
 
 pub use estimate::Estimate;
+mod quantity;
+
+pub use quantity::Quantity;
 
 /// A Monte Carlo result: a mean and the standard error of that mean.
 #[derive(Debug, Clone, Copy, PartialEq, Default)]

@@ -1,0 +1,241 @@
+//! Colour of a spectrum: CIELAB, the difference of two colours, sRGB.
+//!
+//! A reflectance or transmittance, sampled at a database's wavelengths, is seen
+//! under the illuminant D65 by the CIE 1931 2-degree observer. Tristimulus
+//! values are trapezoid sums over the spectrum's own wavelengths, with both
+//! tables interpolated linearly to them; white is a spectrum of 1 everywhere,
+//! seen through the same sums. Delta-E*ab is CIE 1976, the measure of
+//! Varsa 2025, section 6.5 (the observer is our reading: the thesis names none).
+//!
+//! Neglected: wavelengths outside 360-780 nm, where the two tables overlap. The
+//! observer's values beyond are below 5e-5, their share of white below 1e-5.
+mod observer;
+
+use palette::color_difference::DeltaE;
+use palette::convert::FromColorUnclamped;
+use palette::white_point::{Any, D65, WhitePoint};
+use palette::{Clamp, LinSrgb, Srgb, Xyz};
+use thiserror::Error;
+
+use crate::spectrum::TableError;
+
+/// White of the sums below: they are divided by white already.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct UnitWhite;
+
+impl WhitePoint<f64> for UnitWhite {
+    fn get_xyz() -> Xyz<Any, f64> {
+        Xyz::new(1.0, 1.0, 1.0)
+    }
+}
+
+/// A CIELAB colour: `l` in [0, 100] for spectra in [0, 1], `a`, `b`.
+pub type Lab = palette::Lab<UnitWhite, f64>;
+
+/// Why no colorimeter could be built.
+#[derive(Debug, Clone, PartialEq, Error)]
+pub enum ColourError {
+    /// Wavelengths that are not a list of increasing numbers.
+    #[error(
+        "wavelength number {number} is {value} nm; wavelengths must be finite and strictly increasing"
+    )]
+    Wavelengths {
+        /// Position in the list, from 1.
+        number: usize,
+        /// The value there, nm.
+        value: f64,
+    },
+    /// A built-in table cannot be read.
+    #[error(transparent)]
+    Table(#[from] TableError),
+}
+
+/// Turns spectra at fixed wavelengths into colours: one weighted sum per
+/// tristimulus value.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Colorimeter {
+    /// `[3][l]`: X, Y, Z of a unit spectrum at one wavelength, as shares of white.
+    weights: [Vec<f64>; 3],
+    /// Tristimulus values of white, Y = 1.
+    white: [f64; 3],
+}
+
+impl Colorimeter {
+    /// A colorimeter for spectra sampled at `wavelengths_nm` (nm, strictly
+    /// increasing), or `None` where these spectra have no colour: fewer than 3
+    /// wavelengths in 360-780 nm, or none at which the observer sees blue.
+    ///
+    /// # Errors
+    /// [`ColourError::Wavelengths`] for a list that is not finite and increasing.
+    pub fn new(wavelengths_nm: &[f64]) -> Result<Option<Self>, ColourError> {
+        let mut before = f64::NEG_INFINITY;
+        for (index, &value) in wavelengths_nm.iter().enumerate() {
+            if !(value.is_finite() && value > before) {
+                let number = index + 1;
+                return Err(ColourError::Wavelengths { number, value });
+            }
+            before = value;
+        }
+        let mut weights = observer::weights(wavelengths_nm)?;
+        let white = [0, 1, 2].map(|c: usize| weights[c].iter().sum::<f64>());
+        let seen = weights[1].iter().filter(|&&w| w > 0.0).count();
+        if seen < 3 || white.iter().any(|&w| w <= 0.0) {
+            return Ok(None);
+        }
+        for (column, white) in weights.iter_mut().zip(white) {
+            column.iter_mut().for_each(|w| *w /= white);
+        }
+        let white = white.map(|w| w / white[1]);
+        Ok(Some(Self { weights, white }))
+    }
+
+    /// Tristimulus values X, Y, Z of white (D65 as these wavelengths sample
+    /// it), with Y = 1.
+    #[must_use]
+    pub fn white(&self) -> [f64; 3] {
+        self.white
+    }
+
+    /// X/Xn, Y/Yn, Z/Zn of `spectrum`.
+    fn relative(&self, spectrum: &[f64]) -> [f64; 3] {
+        assert_eq!(
+            spectrum.len(),
+            self.weights[1].len(),
+            "a spectrum has one value per wavelength of its colorimeter"
+        );
+        let sum = |weights: &[f64]| weights.iter().zip(spectrum).map(|(w, s)| w * s).sum();
+        let [x, y, z] = &self.weights;
+        [sum(x), sum(y), sum(z)]
+    }
+
+    /// CIELAB of `spectrum` (`[l]`, dimensionless).
+    ///
+    /// # Panics
+    /// If `spectrum` has not one value per wavelength.
+    #[must_use]
+    pub fn lab(&self, spectrum: &[f64]) -> Lab {
+        let [x, y, z] = self.relative(spectrum);
+        Lab::from_color_unclamped(Xyz::<UnitWhite, f64>::new(x, y, z))
+    }
+
+    /// Gamma-encoded sRGB of `spectrum` (`[l]`), with a spectrum of 1 as the
+    /// white (255, 255, 255); colours out of gamut are clipped in linear sRGB.
+    ///
+    /// # Panics
+    /// If `spectrum` has not one value per wavelength.
+    #[must_use]
+    pub fn srgb(&self, spectrum: &[f64]) -> [u8; 3] {
+        let [x, y, z] = self.relative(spectrum);
+        let white: Xyz<Any, f64> = D65::get_xyz();
+        let xyz = Xyz::<D65, f64>::new(x * white.x, y * white.y, z * white.z);
+        let linear: LinSrgb<f64> = LinSrgb::from_color_unclamped(xyz).clamp();
+        Srgb::<f64>::from_linear(linear).into_format::<u8>().into()
+    }
+}
+
+/// Delta-E*ab (CIE 1976): the Euclidean distance of two CIELAB colours. 2.3 is
+/// a just noticeable difference.
+#[must_use]
+pub fn delta_e(first: Lab, second: Lab) -> f64 {
+    first.delta_e(second)
+}
+
+#[cfg(test)]
+#[allow(clippy::unwrap_used)]
+mod tests {
+    use super::*;
+
+    fn visible() -> Vec<f64> {
+        (40..=70).map(|i| f64::from(i) * 10.0).collect()
+    }
+
+    fn every_5_nm() -> Colorimeter {
+        let grid: Vec<f64> = (72..=156).map(|i| f64::from(i) * 5.0).collect();
+        Colorimeter::new(&grid).unwrap().unwrap()
+    }
+
+    #[test]
+    fn white_is_100_0_0_and_255() {
+        let colorimeter = Colorimeter::new(&visible()).unwrap().unwrap();
+        let white = colorimeter.lab(&[1.0; 31]);
+        assert!((white.l - 100.0).abs() < 1e-9, "{white:?}");
+        assert!(white.a.abs() < 1e-9 && white.b.abs() < 1e-9, "{white:?}");
+        assert_eq!(colorimeter.srgb(&[1.0; 31]), [255; 3]);
+        assert_eq!(colorimeter.srgb(&[0.0; 31]), [0; 3]);
+    }
+
+    /// CIE 015:2018 tabulates x = 0.31270, y = 0.32900 (1 nm sums); the 5 nm
+    /// trapezoid is within 1e-4 of it.
+    #[test]
+    fn d65_chromaticity_is_the_published_one() {
+        let [x, y, z] = every_5_nm().white();
+        let sum = x + y + z;
+        assert!((x / sum - 0.3127).abs() < 1e-4, "{}", x / sum);
+        assert!((y / sum - 0.3290).abs() < 1e-4, "{}", y / sum);
+    }
+
+    /// L* of a grey of 18.418 65 % is 50 (CIE 15, eq. 8.3: 116 Y^(1/3) - 16).
+    #[test]
+    fn middle_grey_has_lightness_50() {
+        let grey = every_5_nm().lab(&[0.184_186_5; 85]);
+        assert!((grey.l - 50.0).abs() < 1e-4, "{grey:?}");
+        // sRGB (IEC 61966-2-1) encodes the same grey as 118.9.
+        assert_eq!(every_5_nm().srgb(&[0.184_186_5; 85]), [119; 3]);
+    }
+
+    /// Below Y = 216/24389 CIELAB is linear: L* = 24389/27 Y.
+    #[test]
+    fn near_black_is_linear_and_finite() {
+        let colorimeter = every_5_nm();
+        let black = colorimeter.lab(&[0.0; 85]);
+        assert!(black.l.abs() < 1e-12, "{black:?}");
+        let dark = colorimeter.lab(&[1e-4; 85]);
+        let expected = 24389.0 / 27.0 * 1e-4;
+        assert!((delta_e(black, dark) - expected).abs() < 1e-9);
+        assert!(delta_e(black, colorimeter.lab(&[-1e-6; 85])).is_finite());
+        assert_eq!(delta_e(dark, dark), 0.0);
+    }
+
+    #[test]
+    fn blue_and_red_light_have_the_right_signs() {
+        let colorimeter = Colorimeter::new(&visible()).unwrap().unwrap();
+        let part = |low: f64, high: f64| -> Vec<f64> {
+            let inside = |w: &f64| if (low..=high).contains(w) { 0.5 } else { 0.0 };
+            visible().iter().map(inside).collect()
+        };
+        assert!(colorimeter.lab(&part(400.0, 480.0)).b < -50.0);
+        assert!(colorimeter.lab(&part(600.0, 700.0)).a > 50.0);
+        let [r, g, b] = colorimeter.srgb(&part(600.0, 700.0));
+        assert!(r > 150 && g == 0 && b == 0, "{r} {g} {b}");
+    }
+
+    #[test]
+    fn near_infrared_has_no_colour() {
+        let nir: Vec<f64> = (80..=250).map(|i| f64::from(i) * 10.0).collect();
+        assert_eq!(Colorimeter::new(&nir).unwrap(), None);
+        assert_eq!(Colorimeter::new(&[400.0, 500.0]).unwrap(), None);
+        // The observer sees no blue above 650 nm: there is no white to divide by.
+        assert_eq!(Colorimeter::new(&[660.0, 680.0, 700.0]).unwrap(), None);
+        assert_eq!(Colorimeter::new(&[]).unwrap(), None);
+    }
+
+    #[test]
+    fn wavelengths_out_of_order_are_refused() {
+        for bad in [[400.0, 400.0], [500.0, 400.0], [400.0, f64::NAN]] {
+            let error = Colorimeter::new(&bad).unwrap_err();
+            assert!(matches!(error, ColourError::Wavelengths { number: 2, .. }));
+        }
+    }
+
+    #[test]
+    fn wavelengths_beyond_the_tables_change_nothing() {
+        let mut longer = visible();
+        longer.extend([900.0, 1000.0]);
+        let mut spectrum = vec![0.3; 31];
+        let short = Colorimeter::new(&visible()).unwrap().unwrap();
+        let expected = short.lab(&spectrum);
+        spectrum.extend([0.9, 0.1]);
+        let long = Colorimeter::new(&longer).unwrap().unwrap();
+        assert_eq!(long.lab(&spectrum), expected);
+    }
+}

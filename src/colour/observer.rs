@@ -1,0 +1,34 @@
+//! The observer under the illuminant, as weights per wavelength.
+use crate::spectrum::{Table, TableError};
+
+/// Trapezoid weights `[3][l]` (X, Y, Z; arbitrary scale) at `wavelengths_nm`
+/// (strictly increasing); zero where either table has no value.
+pub(super) fn weights(wavelengths_nm: &[f64]) -> Result<[Vec<f64>; 3], TableError> {
+    let observer = Table::parse(
+        "cie_1931_2deg",
+        include_str!("../../data/cie_1931_2deg.csv"),
+        &["wavelength_nm", "xbar", "ybar", "zbar"],
+    )?;
+    let illuminant = Table::parse(
+        "illuminant_d65",
+        include_str!("../../data/illuminant_d65.csv"),
+        &["wavelength_nm", "spd"],
+    )?;
+    let low = observer.range().0.max(illuminant.range().0);
+    let high = observer.range().1.min(illuminant.range().1);
+    let begin = wavelengths_nm.partition_point(|&w| w < low);
+    let end = wavelengths_nm.partition_point(|&w| w <= high);
+    let inside = wavelengths_nm.get(begin..end).unwrap_or(&[]);
+
+    let mut weights = [0, 1, 2].map(|_| vec![0.0; wavelengths_nm.len()]);
+    for (i, &wavelength) in inside.iter().enumerate() {
+        let left = if i == 0 { wavelength } else { inside[i - 1] };
+        let right = inside.get(i + 1).copied().unwrap_or(wavelength);
+        let power = illuminant.linear(0, wavelength).unwrap_or(0.0);
+        for (column, values) in weights.iter_mut().enumerate() {
+            let seen = observer.linear(column, wavelength).unwrap_or(0.0);
+            values[begin + i] = (right - left) / 2.0 * power * seen;
+        }
+    }
+    Ok(weights)
+}

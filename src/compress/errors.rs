@@ -1,0 +1,261 @@
+//! What compression costs: errors per curve, and their table per number of
+//! components (MODEL section 9).
+//!
+//! Errors are of what a reader gets: coefficients and basis rounded to f32, the
+//! sum of their products rounded to f32.
+use std::fmt;
+
+use ndarray::{ArrayView1, ArrayView2};
+use serde::{Serialize, Serializer};
+
+use super::Decomposition;
+use crate::colour::{Colorimeter, delta_e};
+
+/// The error of one rebuilt spectrum.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct CurveError {
+    /// Root mean square difference over the wavelengths (Varsa 2025, eq. 6.4).
+    pub rmse: f64,
+    /// Delta-E*ab; `None` where the wavelengths give no colour.
+    pub delta_e: Option<f64>,
+}
+
+impl CurveError {
+    /// Compares `rebuilt` with `original`, both `[l]`.
+    ///
+    /// # Panics
+    /// If a length differs from the other, or from the colorimeter's.
+    #[must_use]
+    pub fn between(original: &[f64], rebuilt: &[f64], colour: Option<&Colorimeter>) -> Self {
+        assert_eq!(original.len(), rebuilt.len(), "spectra of one length");
+        let squares: f64 = (original.iter().zip(rebuilt).map(|(a, b)| (a - b).powi(2))).sum();
+        Self {
+            rmse: (squares / original.len() as f64).sqrt(),
+            delta_e: colour.map(|c| delta_e(c.lab(original), c.lab(rebuilt))),
+        }
+    }
+}
+
+/// Smallest, mean and largest of one error over all curves.
+#[derive(Debug, Clone, Copy, PartialEq, Serialize)]
+pub struct Statistics {
+    /// Smallest.
+    #[serde(serialize_with = "six_digits")]
+    pub min: f64,
+    /// Mean.
+    #[serde(serialize_with = "six_digits")]
+    pub mean: f64,
+    /// Largest.
+    #[serde(serialize_with = "six_digits")]
+    pub max: f64,
+    /// Row of the (first) worst curve.
+    pub worst_curve: usize,
+}
+
+/// A table in a file's header needs no more digits than it has meaning.
+fn six_digits<S: Serializer>(value: &f64, serializer: S) -> Result<S::Ok, S::Error> {
+    let short = format!("{value:.5e}").parse().unwrap_or(*value);
+    serializer.serialize_f64(short)
+}
+
+/// Accumulates [`Statistics`].
+#[derive(Debug, Clone, Copy, Default)]
+struct Tally {
+    count: usize,
+    min: f64,
+    sum: f64,
+    max: f64,
+    worst: usize,
+}
+
+impl Tally {
+    fn add(&mut self, value: f64) {
+        if self.count == 0 || value < self.min {
+            self.min = value;
+        }
+        if self.count == 0 || value > self.max {
+            (self.max, self.worst) = (value, self.count);
+        }
+        self.sum += value;
+        self.count += 1;
+    }
+
+    fn finish(self) -> Statistics {
+        Statistics {
+            min: self.min,
+            mean: self.sum / self.count as f64,
+            max: self.max,
+            worst_curve: self.worst,
+        }
+    }
+}
+
+/// Errors over all curves with a given number of components.
+#[derive(Debug, Clone, Copy, PartialEq, Serialize)]
+pub struct ErrorRow {
+    /// Number of components, l'.
+    pub components: usize,
+    /// RMSE per curve.
+    pub rmse: Statistics,
+    /// Delta-E*ab per curve; `None` where the wavelengths give no colour.
+    pub delta_e: Option<Statistics>,
+}
+
+/// Errors for 1, 2, ... components, and the number chosen. Prints as the
+/// aligned table users see, serialises as the one files hold.
+#[derive(Debug, Clone, PartialEq, Serialize)]
+pub struct ErrorTable {
+    /// One row per number of components, from 1.
+    pub rows: Vec<ErrorRow>,
+    /// The number of components chosen, once it is.
+    pub chosen: Option<usize>,
+}
+
+/// Tabulates the errors of `curves` (`[s, l]`) for 1 to `components`
+/// components (at most [`Decomposition::rank_limit`] are used).
+///
+/// # Panics
+/// If `curves` is not the matrix decomposed, or `colour` is of other wavelengths.
+#[must_use]
+pub fn error_table(
+    curves: ArrayView2<f64>,
+    decomposition: &Decomposition,
+    colour: Option<&Colorimeter>,
+    components: usize,
+) -> ErrorTable {
+    let wavelengths = curves.ncols();
+    assert_eq!(
+        wavelengths,
+        decomposition.basis.nrows(),
+        "the matrix decomposed"
+    );
+    let components = components.min(decomposition.rank_limit());
+    let basis = decomposition.basis.mapv(|v| v as f32);
+    let mut tallies = vec![(Tally::default(), Tally::default()); components];
+    let mut original = vec![0.0; wavelengths];
+    let mut sum = vec![0.0; wavelengths];
+    let mut rebuilt = vec![0.0; wavelengths];
+    for curve in curves.rows() {
+        (original.iter_mut().zip(curve)).for_each(|(to, &from)| *to = from);
+        sum.fill(0.0);
+        for (column, (rmse, colours)) in tallies.iter_mut().enumerate() {
+            let coefficient = coefficient(curve, decomposition.basis.column(column));
+            add_component(&mut sum, coefficient, basis.column(column));
+            (rebuilt.iter_mut().zip(&sum)).for_each(|(to, &from)| *to = f64::from(from as f32));
+            let error = CurveError::between(&original, &rebuilt, colour);
+            rmse.add(error.rmse);
+            error.delta_e.into_iter().for_each(|e| colours.add(e));
+        }
+    }
+    let rows = tallies
+        .into_iter()
+        .enumerate()
+        .map(|(i, (rmse, colours))| ErrorRow {
+            components: i + 1,
+            rmse: rmse.finish(),
+            delta_e: colour.map(|_| colours.finish()),
+        });
+    ErrorTable {
+        rows: rows.collect(),
+        chosen: None,
+    }
+}
+
+/// One coefficient as it is stored: summed in wavelength order, so that every
+/// caller gets the same bits.
+pub(super) fn coefficient(curve: ArrayView1<f64>, vector: ArrayView1<f64>) -> f32 {
+    let sum: f64 = curve.iter().zip(vector).map(|(m, v)| m * v).sum();
+    sum as f32
+}
+
+/// Adds one component to a spectrum being rebuilt. Products of two f32 are exact
+/// in f64; components are added in order, so that a table's errors and a
+/// reader's agree to the last bit.
+pub(crate) fn add_component(sum: &mut [f64], coefficient: f32, vector: ArrayView1<f32>) {
+    for (sum, &v) in sum.iter_mut().zip(vector) {
+        *sum += f64::from(coefficient) * f64::from(v);
+    }
+}
+
+impl fmt::Display for ErrorTable {
+    fn fmt(&self, f: &mut fmt::Formatter) -> fmt::Result {
+        write!(f, "components   RMSE min      mean       max")?;
+        if self.rows.iter().any(|row| row.delta_e.is_some()) {
+            write!(f, "   Delta-E min     mean      max")?;
+        }
+        for row in &self.rows {
+            let Statistics { min, mean, max, .. } = row.rmse;
+            let components = row.components;
+            write!(f, "\n{components:>10}  {min:>9.6} {mean:>9.6} {max:>9.6}")?;
+            if let Some(Statistics { min, mean, max, .. }) = row.delta_e {
+                write!(f, "   {min:>11.4} {mean:>8.4} {max:>8.4}")?;
+            }
+            if self.chosen == Some(components) {
+                write!(f, "  <- chosen")?;
+            }
+        }
+        Ok(())
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn statistics(min: f64, mean: f64, max: f64) -> Statistics {
+        Statistics {
+            min,
+            mean,
+            max,
+            worst_curve: 7,
+        }
+    }
+
+    fn table(delta_e: [Option<Statistics>; 2]) -> ErrorTable {
+        let rmse = [
+            statistics(0.00013, 0.00149, 0.0047),
+            statistics(1e-7, 0.123_456_78, 10.0),
+        ];
+        let rows = rmse.into_iter().zip(delta_e).zip(1..);
+        ErrorTable {
+            rows: rows
+                .map(|((rmse, delta_e), components)| ErrorRow {
+                    components,
+                    rmse,
+                    delta_e,
+                })
+                .collect(),
+            chosen: Some(2),
+        }
+    }
+
+    #[test]
+    fn prints_aligned() {
+        let colours = [
+            statistics(0.0043, 0.7612, 2.8638),
+            statistics(0.0, 1.0, 100.0),
+        ];
+        assert_eq!(
+            format!("\n{}", table(colours.map(Some))),
+            "
+components   RMSE min      mean       max   Delta-E min     mean      max
+         1   0.000130  0.001490  0.004700        0.0043   0.7612   2.8638
+         2   0.000000  0.123457 10.000000        0.0000   1.0000 100.0000  <- chosen"
+        );
+        let without = table([None, None]).to_string();
+        assert_eq!(
+            without.lines().next(),
+            Some("components   RMSE min      mean       max")
+        );
+    }
+
+    #[test]
+    fn serialises_six_digits_and_no_colour_as_null() {
+        let json = serde_json::to_value(table([None, None])).unwrap_or_default();
+        assert_eq!(json["rows"][1]["rmse"]["mean"], 0.123457);
+        assert_eq!(json["rows"][1]["rmse"]["min"], 1e-7);
+        assert_eq!(json["rows"][0]["rmse"]["worst_curve"], 7);
+        assert!(json["rows"][0]["delta_e"].is_null());
+        assert_eq!(json["chosen"], 2);
+    }
+}

@@ -1,0 +1,126 @@
+//! What the compact file `snow.safetensors` holds; its writer and its reader
+//! share these names and ranges.
+//!
+//! A safetensors file: 8 bytes little-endian header length, a JSON header padded
+//! with spaces to a multiple of 8, little-endian f32 data without gaps. Tensors:
+//!
+//! | name | shape | content |
+//! |---|---|---|
+//! | `transmittance.coefficients` | `[s, l']` | C', one row per curve, row-major over the axes |
+//! | `transmittance.basis` | `[l, l']` | V' |
+//! | `reflectance.*` | likewise | with its own l' |
+//! | `wavelength_nm` | `[l]` | strictly increasing |
+//! | `facetness`, `grain_size_um`, `density_kg_m3`, `thickness_cm`, `angle_deg` | `[n]` each | the axes, slowest first; s is the product of their lengths |
+use crate::measurement::Quantity;
+
+/// `format` in the metadata.
+pub(crate) const FORMAT: &str = "splitsnow-compact";
+/// `format_version` in the metadata.
+pub(crate) const FORMAT_VERSION: &str = "1";
+/// `basis` in the metadata: a spectrum is C' V'^T, nothing else.
+pub(crate) const BASIS_LINEAR: &str = "linear";
+/// Longest header written or read, bytes.
+pub(crate) const MAX_HEADER: usize = 16 << 20;
+/// Largest magnitude of a coefficient or basis entry: no sum of products of
+/// such numbers overflows.
+pub(crate) const MAX_NUMBER: f32 = 1e9;
+
+/// Whether a coefficient or basis entry may have this value.
+pub(crate) fn number(value: f32) -> bool {
+    value.abs() <= MAX_NUMBER
+}
+
+/// What every compact file says about one of its coordinates.
+#[derive(Debug, Clone, Copy)]
+pub struct Coordinate {
+    /// Tensor name, with the unit as suffix.
+    pub name: &'static str,
+    /// Unit; "1" for a pure number.
+    pub unit: &'static str,
+    /// The values allowed, in words.
+    pub range: &'static str,
+    /// Whether a value is allowed.
+    allowed: fn(f32) -> bool,
+}
+
+/// The five axes, slowest first.
+pub const AXES: [Coordinate; 5] = [
+    Coordinate {
+        name: "facetness",
+        unit: "1",
+        range: "0 to 1",
+        allowed: |v| (0.0..=1.0).contains(&v),
+    },
+    Coordinate {
+        name: "grain_size_um",
+        unit: "um",
+        range: "above 0 and at most 1e6",
+        allowed: |v| v > 0.0 && v <= 1e6,
+    },
+    Coordinate {
+        name: "density_kg_m3",
+        unit: "kg/m3",
+        range: "above 0 and below 1000",
+        allowed: |v| v > 0.0 && v < 1000.0,
+    },
+    Coordinate {
+        name: "thickness_cm",
+        unit: "cm",
+        range: "above 0 and at most 1e6",
+        allowed: |v| v > 0.0 && v <= 1e6,
+    },
+    Coordinate {
+        name: "angle_deg",
+        unit: "degree",
+        range: "at least 0 and below 90",
+        allowed: |v| (0.0..90.0).contains(&v),
+    },
+];
+
+/// The wavelengths.
+pub(crate) const WAVELENGTHS: Coordinate = Coordinate {
+    name: "wavelength_nm",
+    unit: "nm",
+    range: "above 0 and at most 1e6",
+    allowed: |v| v > 0.0 && v <= 1e6,
+};
+
+impl Coordinate {
+    /// Checks the values of this coordinate; says what is wrong with them.
+    pub(crate) fn check(&self, values: &[f32]) -> Result<(), String> {
+        let Self { name, range, .. } = self;
+        if values.is_empty() {
+            return Err(format!("{name} has no values"));
+        }
+        if let Some(bad) = values.iter().find(|v| !(self.allowed)(**v)) {
+            return Err(format!("{name} has the value {bad}; expected {range}"));
+        }
+        if let Some(pair) = values.windows(2).find(|pair| pair[0] >= pair[1]) {
+            let [first, second] = [pair[0], pair[1]];
+            return Err(format!(
+                "{name} has {second} after {first}; expected f32 values in strictly increasing order"
+            ));
+        }
+        Ok(())
+    }
+}
+
+/// Name of the coefficients of `quantity`.
+pub(crate) fn coefficients_name(quantity: Quantity) -> String {
+    format!("{}.coefficients", quantity.name())
+}
+
+/// Name of the basis of `quantity`.
+pub(crate) fn basis_name(quantity: Quantity) -> String {
+    format!("{}.basis", quantity.name())
+}
+
+/// Metadata key with the number of components of `quantity`.
+pub(crate) fn components_key(quantity: Quantity) -> String {
+    format!("{}.components", quantity.name())
+}
+
+/// `axis_order` in the metadata.
+pub(crate) fn axis_order() -> String {
+    AXES.map(|axis| axis.name).join(",")
+}

@@ -1,0 +1,203 @@
+//! Singular value decomposition of a matrix of curves (MODEL section 9;
+//! Varsa 2025, sections 5.2 and 6.5).
+//!
+//! M (`[s, l]`, curves by wavelengths, not centred) = U Sigma V^T. Only V and
+//! Sigma are kept, since C = M V: M is folded block by block into the
+//! triangular factor R of a QR decomposition, M^T M = R^T R, and R, at most
+//! `l x l`, is decomposed. Beside M itself this takes a few hundred kilobytes
+//! whatever the number of curves, and M^T M, which would halve the digits of the
+//! small singular values, is never formed.
+//!
+//! The result is a function of M alone, to the last bit on one platform. Each basis vector, whose sign is
+//! arbitrary, is turned so that its entry of largest magnitude (the first of
+//! equals) is positive.
+use nalgebra::{DMatrix, SVD};
+use ndarray::{Array2, ArrayView2};
+
+use super::CompressError;
+
+/// Rows folded into R at a time.
+const BLOCK: usize = 1024;
+
+/// Largest magnitude of an entry of M: far above any reflectance, far below
+/// where f32 overflows.
+pub(super) const MAX_MAGNITUDE: f64 = 1e6;
+
+/// Basis vectors and singular values of a matrix of curves.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Decomposition {
+    /// `[l, r]`, r = min(s, l): orthonormal columns by falling singular value.
+    pub basis: Array2<f64>,
+    /// `[r]`: singular values, falling.
+    pub singular_values: Vec<f64>,
+}
+
+impl Decomposition {
+    /// Decomposes `curves`, `[s, l]`: one row per curve, one column per
+    /// wavelength.
+    ///
+    /// # Errors
+    /// [`CompressError::Empty`], [`CompressError::Value`] for an entry that is
+    /// not a number of ordinary size, [`CompressError::NoConvergence`].
+    pub fn new(curves: ArrayView2<f64>) -> Result<Self, CompressError> {
+        let (rows, columns) = curves.dim();
+        if rows == 0 || columns == 0 {
+            return Err(CompressError::Empty { rows, columns });
+        }
+        let mut scale: f64 = 0.0;
+        for ((row, column), &value) in curves.indexed_iter() {
+            if value.is_nan() || value.abs() > MAX_MAGNITUDE {
+                return Err(CompressError::Value { row, column, value });
+            }
+            scale = scale.max(value.abs());
+        }
+        // Scaled, no square of an entry that matters can underflow.
+        let scale = if scale > 0.0 { scale } else { 1.0 };
+
+        let mut triangle = DMatrix::zeros(0, columns);
+        let mut begin = 0;
+        while begin < rows {
+            let block = BLOCK.min(rows - begin);
+            let kept = triangle.nrows();
+            let stacked =
+                DMatrix::from_fn(kept + block, columns, |i, j| match i.checked_sub(kept) {
+                    Some(i) => curves[[begin + i, j]] / scale,
+                    None => triangle[(i, j)],
+                });
+            triangle = stacked.qr().unpack_r();
+            begin += block;
+        }
+        let svd = SVD::try_new(triangle, false, true, 5.0 * f64::EPSILON, 1_000 * columns)
+            .ok_or(CompressError::NoConvergence)?;
+        let vectors = svd.v_t.ok_or(CompressError::NoConvergence)?;
+        let mut basis = Array2::from_shape_fn((columns, vectors.nrows()), |(i, j)| vectors[(j, i)]);
+        for mut vector in basis.columns_mut() {
+            let mut largest: f64 = 0.0;
+            for &entry in &vector {
+                if entry.abs() > largest.abs() {
+                    largest = entry;
+                }
+            }
+            if largest < 0.0 {
+                // Not `-entry`: it would turn 0 into -0.
+                vector.mapv_inplace(|entry| 0.0 - entry);
+            }
+        }
+        let singular_values = svd.singular_values.iter().map(|v| v * scale).collect();
+        Ok(Self {
+            basis,
+            singular_values,
+        })
+    }
+
+    /// The most components there are: min(s, l).
+    #[must_use]
+    pub fn rank_limit(&self) -> usize {
+        self.singular_values.len()
+    }
+}
+
+#[cfg(test)]
+#[allow(clippy::unwrap_used)]
+mod tests {
+    use super::*;
+    use ndarray::array;
+    use proptest::prelude::*;
+
+    /// Orthonormal basis; Sigma^2 on the diagonal of (M V)^T (M V); and M V V^T = M.
+    fn check(curves: &Array2<f64>) {
+        let found = Decomposition::new(curves.view()).unwrap();
+        let (rows, columns) = curves.dim();
+        assert_eq!(found.rank_limit(), rows.min(columns));
+        assert_eq!(found.basis.dim(), (columns, rows.min(columns)));
+        let gram = found.basis.t().dot(&found.basis);
+        let identity = Array2::<f64>::eye(found.rank_limit());
+        assert!(
+            (&gram - &identity).iter().all(|d| d.abs() < 1e-12),
+            "{gram}"
+        );
+        // In units of the largest entry, so that no square underflows.
+        let size = curves.iter().fold(0.0_f64, |a, b| a.max(b.abs()));
+        let unit = curves / size.max(f64::MIN_POSITIVE);
+        let coefficients = unit.dot(&found.basis);
+        let rebuilt = coefficients.dot(&found.basis.t());
+        let tolerance = 1e-13 * (rows * columns) as f64;
+        assert!((&rebuilt - &unit).iter().all(|d| d.abs() < tolerance));
+        let columns = coefficients.columns().into_iter();
+        for (column, sigma) in columns.zip(&found.singular_values) {
+            let norm = column.dot(&column).sqrt() * size;
+            assert!((norm - sigma).abs() <= tolerance * size, "{norm} {sigma}");
+        }
+        assert!(found.singular_values.is_sorted_by(|a, b| a >= b));
+        for vector in found.basis.columns() {
+            let largest = vector
+                .iter()
+                .fold(0.0_f64, |a, &b| if b.abs() > a.abs() { b } else { a });
+            assert!(largest > 0.0, "{vector}");
+        }
+    }
+
+    #[test]
+    fn shapes_and_ranks() {
+        check(&Array2::zeros((40, 7)));
+        check(&Array2::ones((40, 7)));
+        check(&Array2::from_elem((40, 7), -0.25));
+        check(&array![[0.3, 0.2, 0.1]]);
+        check(&array![[0.3], [0.2], [0.7]]);
+        check(&array![[0.0]]);
+        check(&array![[1e-160, 2e-160], [3e-160, 1e-160], [1e-160, 0.0]]);
+        // Fewer curves than wavelengths; rank two; more curves than one block.
+        check(&Array2::from_shape_fn((5, 31), |(i, j)| {
+            ((i * 31 + j) as f64).sin()
+        }));
+        check(&Array2::from_shape_fn((300, 31), |(i, j)| {
+            (i as f64).cos() + (j as f64).sqrt()
+        }));
+        check(&Array2::from_shape_fn((2500, 9), |(i, j)| {
+            ((i * j) as f64 * 0.01).sin()
+        }));
+    }
+
+    /// The closed form of a 2 x 2 matrix.
+    #[test]
+    fn known_singular_values() {
+        let found = Decomposition::new(array![[3.0, 0.0], [4.0, 5.0]].view()).unwrap();
+        let expected = [45.0_f64.sqrt(), 5.0_f64.sqrt()];
+        for (found, expected) in found.singular_values.iter().zip(expected) {
+            assert!((found - expected).abs() < 1e-12);
+        }
+        let half = 0.5_f64.sqrt();
+        assert!(
+            (&found.basis.column(0) - &array![half, half])
+                .iter()
+                .all(|d| d.abs() < 1e-12)
+        );
+    }
+
+    #[test]
+    fn what_is_not_a_number_is_refused_by_place() {
+        for bad in [f64::NAN, f64::INFINITY, 1e300] {
+            let mut curves = Array2::<f64>::ones((4, 3));
+            curves[[2, 1]] = bad;
+            let error = Decomposition::new(curves.view()).unwrap_err();
+            assert!(matches!(
+                error,
+                CompressError::Value {
+                    row: 2,
+                    column: 1,
+                    ..
+                }
+            ));
+        }
+        let error = Decomposition::new(Array2::zeros((0, 3)).view()).unwrap_err();
+        assert!(matches!(error, CompressError::Empty { .. }));
+    }
+
+    proptest! {
+        #![proptest_config(ProptestConfig::with_cases(64))]
+        #[test]
+        fn random_matrices(rows in 1_usize..12, columns in 1_usize..12, values in proptest::collection::vec(-1.0_f64..1.0, 144)) {
+            check(&Array2::from_shape_fn((rows, columns), |(i, j)| values[i * 12 + j]));
+        }
+    }
+}

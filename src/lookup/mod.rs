@@ -1,0 +1,239 @@
+//! Reading a compact file and looking spectra up in it (MODEL sections 9, 10).
+//!
+//! This version answers on the nodes of the axes only; a point between nodes is
+//! refused, never rounded to the next one.
+mod fidelity;
+mod format;
+mod nodes;
+
+pub use fidelity::{CurveErrors, errors_of};
+pub use format::FormatError;
+pub use nodes::Point;
+
+use std::collections::BTreeMap;
+use std::fs::File;
+use std::io::{self, Read};
+use std::path::{Path, PathBuf};
+
+use ndarray::{Array2, ArrayView2};
+use thiserror::Error;
+
+use crate::compress::{AXES, add_component};
+use crate::measurement::Quantity;
+
+/// Why a look-up gave no spectrum.
+#[derive(Debug, Error)]
+pub enum LookupError {
+    /// The system refused to read the file.
+    #[error("cannot read {}: {source}", path.display())]
+    Io {
+        /// The file.
+        path: PathBuf,
+        /// What the system said.
+        source: io::Error,
+    },
+    /// The file is not a compact file that this version reads.
+    #[error("{} cannot be used as a compact snow database: {source}", path.display())]
+    Format {
+        /// The file.
+        path: PathBuf,
+        /// What is wrong with it.
+        source: FormatError,
+    },
+    /// A coordinate outside the database.
+    #[error("{axis} = {value} is outside the database, which covers {first} to {last}")]
+    Outside {
+        /// Name of the axis.
+        axis: &'static str,
+        /// What was asked for.
+        value: f64,
+        /// First node.
+        first: f32,
+        /// Last node.
+        last: f32,
+    },
+    /// A coordinate between two nodes.
+    #[error(
+        "{axis} = {value} lies between the nodes {below} and {above} of the database; this version looks up nodes only, it does not interpolate"
+    )]
+    BetweenNodes {
+        /// Name of the axis.
+        axis: &'static str,
+        /// What was asked for.
+        value: f64,
+        /// The node below.
+        below: f32,
+        /// The node above.
+        above: f32,
+    },
+    /// A matrix or spectrum of another shape than the database.
+    #[error("expected {expected} {what} as in the compact file, found {found}")]
+    Shape {
+        /// Curves or wavelengths.
+        what: &'static str,
+        /// How many the file has.
+        expected: usize,
+        /// How many were given.
+        found: usize,
+    },
+}
+
+/// One quantity: a spectrum is a row of `coefficients` times `basis`^T.
+#[derive(Debug, Clone, PartialEq)]
+struct Factors {
+    /// `[s, l']`.
+    coefficients: Array2<f32>,
+    /// `[l, l']`.
+    basis: Array2<f32>,
+}
+
+/// A compact file in memory, wholly checked.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Database {
+    axes: [Vec<f32>; 5],
+    wavelengths_nm: Vec<f32>,
+    transmittance: Factors,
+    reflectance: Factors,
+    metadata: BTreeMap<String, String>,
+}
+
+impl Database {
+    /// Reads the file at `path`.
+    ///
+    /// # Errors
+    /// [`LookupError::Io`] and [`LookupError::Format`].
+    pub fn open(path: &Path) -> Result<Self, LookupError> {
+        let io = |source| LookupError::Io {
+            path: path.to_owned(),
+            source,
+        };
+        let format = |source| LookupError::Format {
+            path: path.to_owned(),
+            source,
+        };
+        // Before opening: to open a pipe is to wait for its writer.
+        let status = std::fs::metadata(path).map_err(io)?;
+        if !status.is_file() {
+            return Err(format(FormatError::NotAFile));
+        }
+        let mut file = File::open(path).map_err(io)?;
+        // A large file of another kind is refused by its first bytes.
+        let mut bytes = Vec::new();
+        (&mut file).take(8).read_to_end(&mut bytes).map_err(io)?;
+        format::header_length(&bytes, status.len()).map_err(format)?;
+        file.read_to_end(&mut bytes).map_err(io)?;
+        Self::from_bytes(&bytes).map_err(format)
+    }
+
+    /// Reads the content of a file. Never panics, and never allocates more than
+    /// a small multiple of `bytes`, whatever they are.
+    ///
+    /// # Errors
+    /// See [`FormatError`].
+    pub fn from_bytes(bytes: &[u8]) -> Result<Self, FormatError> {
+        format::read(bytes)
+    }
+
+    /// Wavelengths, nm, `[l]`, strictly increasing.
+    #[must_use]
+    pub fn wavelengths_nm(&self) -> &[f32] {
+        &self.wavelengths_nm
+    }
+
+    /// Nodes of the five axes, in the order of [`AXES`], slowest first.
+    #[must_use]
+    pub fn axes(&self) -> &[Vec<f32>; 5] {
+        &self.axes
+    }
+
+    /// Number of curves, s: the product of the axes' lengths.
+    #[must_use]
+    pub fn curves(&self) -> usize {
+        self.transmittance.coefficients.nrows()
+    }
+
+    /// Number of components of `quantity`, l'.
+    #[must_use]
+    pub fn components(&self, quantity: Quantity) -> usize {
+        self.basis(quantity).ncols()
+    }
+
+    /// Coefficients of `quantity`, `[s, l']`.
+    #[must_use]
+    pub fn coefficients(&self, quantity: Quantity) -> ArrayView2<'_, f32> {
+        self.factors(quantity).coefficients.view()
+    }
+
+    /// Basis of `quantity`, `[l, l']`.
+    #[must_use]
+    pub fn basis(&self, quantity: Quantity) -> ArrayView2<'_, f32> {
+        self.factors(quantity).basis.view()
+    }
+
+    /// The file's metadata, strings by name (`error_table`, `provenance`, ...).
+    #[must_use]
+    pub fn metadata(&self) -> &BTreeMap<String, String> {
+        &self.metadata
+    }
+
+    /// The spectrum of `quantity` at a node of the axes, `[l]`. A coordinate is
+    /// on a node within 1e-6 of the node's value (the axes are f32).
+    ///
+    /// # Errors
+    /// [`LookupError::Outside`] and [`LookupError::BetweenNodes`].
+    pub fn spectrum(&self, point: Point, quantity: Quantity) -> Result<Vec<f32>, LookupError> {
+        let row = self.row(point)?;
+        Ok(self.curve(row, quantity).unwrap_or_default())
+    }
+
+    /// The row of the curve at a node: [`Database::point`] inverted.
+    ///
+    /// # Errors
+    /// [`LookupError::Outside`] and [`LookupError::BetweenNodes`].
+    pub fn row(&self, point: Point) -> Result<usize, LookupError> {
+        let mut row = 0;
+        for ((axis, nodes), value) in AXES.iter().zip(&self.axes).zip(point.coordinates()) {
+            row = row * nodes.len() + nodes::find(axis.name, nodes, value)?;
+        }
+        Ok(row)
+    }
+
+    /// The node of curve `row`; `None` beyond the last one.
+    #[must_use]
+    pub fn point(&self, row: usize) -> Option<Point> {
+        let mut rest = row;
+        let mut coordinates = [0.0; 5];
+        for (coordinate, nodes) in coordinates.iter_mut().zip(&self.axes).rev() {
+            *coordinate = f64::from(*nodes.get(rest % nodes.len())?);
+            rest /= nodes.len();
+        }
+        (rest == 0).then(|| Point::from_coordinates(coordinates))
+    }
+
+    /// The spectrum of curve `row`, `[l]`; `None` beyond the last one.
+    #[must_use]
+    pub fn curve(&self, row: usize, quantity: Quantity) -> Option<Vec<f32>> {
+        let factors = self.factors(quantity);
+        let coefficients = (row < self.curves()).then(|| factors.coefficients.row(row))?;
+        Some(factors.rebuild(coefficients.iter().copied()))
+    }
+
+    fn factors(&self, quantity: Quantity) -> &Factors {
+        match quantity {
+            Quantity::Transmittance => &self.transmittance,
+            Quantity::Reflectance => &self.reflectance,
+        }
+    }
+}
+
+impl Factors {
+    /// The spectrum of these coefficients (`[l']`), in the arithmetic in which
+    /// the error table was made.
+    fn rebuild(&self, coefficients: impl Iterator<Item = f32>) -> Vec<f32> {
+        let mut sum = vec![0.0; self.basis.nrows()];
+        for (coefficient, vector) in coefficients.zip(self.basis.columns()) {
+            add_component(&mut sum, coefficient, vector);
+        }
+        sum.into_iter().map(|v| v as f32).collect()
+    }
+}

@@ -1,0 +1,139 @@
+//! Points of the database and the nodes of its axes.
+use super::LookupError;
+
+/// How far from a node a coordinate may be and still be that node, as a share
+/// of the node's value (as such for a node at 0): axes are f32, users type decimals.
+const TOLERANCE: f64 = 1e-6;
+
+/// One point of the five axes.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Point {
+    /// Mean facetness.
+    pub facetness: f64,
+    /// Mean grain size, um.
+    pub grain_size_um: f64,
+    /// Dry density, kg/m3.
+    pub density_kg_m3: f64,
+    /// Thickness, cm.
+    pub thickness_cm: f64,
+    /// Polar angle of incidence, degrees from the normal.
+    pub angle_deg: f64,
+}
+
+impl Point {
+    /// In the order of [`crate::compress::AXES`].
+    pub(super) fn coordinates(self) -> [f64; 5] {
+        [
+            self.facetness,
+            self.grain_size_um,
+            self.density_kg_m3,
+            self.thickness_cm,
+            self.angle_deg,
+        ]
+    }
+
+    /// [`Point::coordinates`] inverted.
+    pub(super) fn from_coordinates(coordinates: [f64; 5]) -> Self {
+        let [
+            facetness,
+            grain_size_um,
+            density_kg_m3,
+            thickness_cm,
+            angle_deg,
+        ] = coordinates;
+        Self {
+            facetness,
+            grain_size_um,
+            density_kg_m3,
+            thickness_cm,
+            angle_deg,
+        }
+    }
+}
+
+/// Index of the node of `nodes` (f32, strictly increasing, not empty) that
+/// `value` is on.
+pub(super) fn find(axis: &'static str, nodes: &[f32], value: f64) -> Result<usize, LookupError> {
+    let above = nodes.partition_point(|&node| f64::from(node) < value);
+    let below = above.checked_sub(1);
+    let distance = |index: usize| {
+        nodes
+            .get(index)
+            .map(|&node| (f64::from(node) - value).abs())
+    };
+    let on = |index: &usize| {
+        let node = nodes.get(*index).map_or(f64::NAN, |&node| f64::from(node));
+        let scale = if node == 0.0 { 1.0 } else { node.abs() };
+        (node - value).abs() <= TOLERANCE * scale
+    };
+    // Two nodes may both be within the tolerance: the nearer is meant.
+    let nearer = match below {
+        Some(below) if distance(above).is_none_or(|d| distance(below).is_some_and(|b| b < d)) => {
+            below
+        }
+        _ => above,
+    };
+    if let Some(index) = Some(nearer).filter(on) {
+        return Ok(index);
+    }
+    match (below.and_then(|b| nodes.get(b)), nodes.get(above)) {
+        // NaN is below no node and above none: it compares false with all.
+        (Some(&below), Some(&above)) => Err(LookupError::BetweenNodes {
+            axis,
+            value,
+            below,
+            above,
+        }),
+        _ => Err(LookupError::Outside {
+            axis,
+            value,
+            first: nodes.first().copied().unwrap_or(f32::NAN),
+            last: nodes.last().copied().unwrap_or(f32::NAN),
+        }),
+    }
+}
+
+#[cfg(test)]
+#[allow(clippy::unwrap_used)]
+mod tests {
+    use super::*;
+
+    const NODES: [f32; 4] = [0.0, 0.1, 0.3, 0.5];
+
+    #[test]
+    fn decimals_are_on_f32_nodes() {
+        for (index, value) in [0.0, 0.1, 0.3, 0.5].into_iter().enumerate() {
+            assert_eq!(find("facetness", &NODES, value).unwrap(), index);
+            let near = value * (1.0 + 5e-7);
+            assert_eq!(find("facetness", &NODES, near).unwrap(), index);
+        }
+        assert_eq!(find("facetness", &NODES, -1e-7).unwrap(), 0);
+        let close: [f32; 2] = [1.0, 1.000_000_1];
+        assert_eq!(find("x", &close, 1.0).unwrap(), 0);
+        assert_eq!(find("x", &close, f64::from(close[1])).unwrap(), 1);
+    }
+
+    #[test]
+    fn other_values_are_refused_with_their_neighbours() {
+        let error = find("facetness", &NODES, 0.2).unwrap_err();
+        assert_eq!(
+            error.to_string(),
+            "facetness = 0.2 lies between the nodes 0.1 and 0.3 of the database; this version looks up nodes only, it does not interpolate"
+        );
+        for outside in [-0.1, 0.6, f64::INFINITY, f64::NEG_INFINITY, f64::NAN] {
+            let error = find("facetness", &NODES, outside).unwrap_err();
+            assert!(
+                matches!(
+                    error,
+                    LookupError::Outside {
+                        first: 0.0,
+                        last: 0.5,
+                        ..
+                    }
+                ),
+                "{error}"
+            );
+        }
+        assert!(find("facetness", &NODES, 0.1 * (1.0 + 3e-6)).is_err());
+    }
+}

@@ -1,0 +1,240 @@
+//! Files that are damaged, foreign or malicious.
+use std::collections::BTreeMap;
+
+use ndarray::Array2;
+use proptest::prelude::*;
+use safetensors::SafeTensors;
+use splitsnow::compress::{Choice, CompactFile, compress};
+use splitsnow::grid::Axes;
+use splitsnow::lookup::{Database, FormatError};
+use splitsnow::measurement::Quantity;
+
+use crate::valid;
+
+/// A valid file with its header text changed and its length kept true.
+fn with_header(change: impl FnOnce(String) -> String) -> Vec<u8> {
+    let bytes = valid();
+    let (length, rest) = bytes.split_first_chunk::<8>().unwrap();
+    let (header, data) = rest.split_at(u64::from_le_bytes(*length) as usize);
+    let header = change(String::from_utf8(header.to_vec()).unwrap());
+    let mut changed = (header.len() as u64).to_le_bytes().to_vec();
+    changed.extend(header.as_bytes());
+    changed.extend(data);
+    changed
+}
+
+fn swapped(from: &str, to: &str) -> String {
+    let bytes = with_header(|header| {
+        assert!(header.contains(from), "{header}");
+        header.replacen(from, to, 1)
+    });
+    Database::from_bytes(&bytes).unwrap_err().to_string()
+}
+
+#[test]
+fn damaged_and_foreign_files_are_refused_with_the_reason() {
+    let refused = |bytes: &[u8]| Database::from_bytes(bytes).unwrap_err();
+    let bytes = valid();
+    assert!(matches!(refused(b""), FormatError::NotSafetensors { .. }));
+    assert!(matches!(
+        refused(b"version = 1\n"),
+        FormatError::NotSafetensors { .. }
+    ));
+    assert!(matches!(
+        refused(&[0xff; 64]),
+        FormatError::NotSafetensors { .. }
+    ));
+    assert!(matches!(
+        refused(&bytes[..100]),
+        FormatError::Truncated { .. }
+    ));
+    assert!(matches!(
+        refused(&bytes[..bytes.len() - 1]),
+        FormatError::Truncated { .. }
+    ));
+    let longer = [bytes.as_slice(), &[0]].concat();
+    assert!(matches!(refused(&longer), FormatError::Trailing { .. }));
+    assert!(matches!(
+        refused(b"\x08\0\0\0\0\0\0\0{\"a\":1,}"),
+        FormatError::Header(_)
+    ));
+
+    let version = swapped(r#""format_version":"1""#, r#""format_version":"2""#);
+    assert!(
+        version.contains("`format_version` is \"2\", expected `1`"),
+        "{version}"
+    );
+    let basis = swapped(r#""basis":"linear""#, r#""basis":"log""#);
+    assert!(basis.contains("`basis` is \"log\""), "{basis}");
+    let other = swapped(r#""format":"splitsnow-compact","#, "");
+    assert!(other.contains("`format` is missing"), "{other}");
+    let order = swapped("facetness,grain_size_um,", "grain_size_um,facetness,");
+    assert!(order.contains("axis_order"), "{order}");
+    let components = swapped(
+        r#"reflectance.components":"5""#,
+        r#"reflectance.components":"32""#,
+    );
+    assert!(components.contains("expected `1 to 31`"), "{components}");
+    let components = swapped(
+        r#"reflectance.components":"5""#,
+        r#"reflectance.components":"4""#,
+    );
+    assert!(
+        components.contains("F32 [108, 5], expected F32 [108, 4]"),
+        "{components}"
+    );
+
+    assert_eq!(
+        swapped(r#""angle_deg":{"#, r#""angle":{"#),
+        "it has a tensor `angle`, which this version does not know"
+    );
+    let dtype = swapped(
+        r#""dtype":"F32","shape":[31]"#,
+        r#""dtype":"I32","shape":[31]"#,
+    );
+    assert!(dtype.contains("`wavelength_nm` is I32 [31]"), "{dtype}");
+    let shape = swapped(r#""shape":[31]"#, r#""shape":[1,31]"#);
+    assert!(shape.contains("expected F32 [n]"), "{shape}");
+    let shape = swapped(r#""shape":[108,5]"#, r#""shape":[54,10]"#);
+    assert!(shape.contains("expected F32 [108, 5]"), "{shape}");
+    for lie in [
+        "[107,5]",
+        "[4611686018427387904,5]",
+        "[18446744073709551615,5]",
+        "[-1,5]",
+        "[1e3,5]",
+    ] {
+        let shape = swapped(r#""shape":[108,5]"#, &format!(r#""shape":{lie}"#));
+        assert!(shape.contains("header is damaged"), "{shape}");
+    }
+    for lie in ["[0,16]", "[4,12]", "[12,0]", "[0,18446744073709551615]"] {
+        let offsets = swapped(
+            r#""data_offsets":[0,12]"#,
+            &format!(r#""data_offsets":{lie}"#),
+        );
+        assert!(offsets.contains("header is damaged"), "{offsets}");
+    }
+}
+
+/// Tensors whose declared sizes add up to more than a file can have must not
+/// make the sum of sizes wrap around.
+#[test]
+fn absurd_sizes_do_not_wrap() {
+    let size = 1_u64 << 60;
+    let tensors: Vec<String> = (0..16)
+        .map(|i: u64| {
+            let [begin, end] = [i * size, (i + 1).saturating_mul(size)];
+            let shape = (end - begin) as usize;
+            format!(
+                r#""t{i:02}":{{"dtype":"U8","shape":[{shape}],"data_offsets":[{begin},{end}]}}"#
+            )
+        })
+        .collect();
+    let header = format!("{{{}}}", tensors.join(","));
+    let mut bytes = (header.len() as u64).to_le_bytes().to_vec();
+    bytes.extend(header.as_bytes());
+    let error = Database::from_bytes(&bytes).unwrap_err();
+    assert!(matches!(error, FormatError::Truncated { .. }), "{error}");
+}
+
+#[test]
+fn impossible_values_are_refused_by_name() {
+    let bytes = valid();
+    let (header_length, header) = SafeTensors::read_metadata(&bytes).unwrap();
+    let refused = |tensor: &str, index: usize, value: f32| {
+        let mut bytes = bytes.clone();
+        let begin = 8 + header_length + header.info(tensor).unwrap().data_offsets.0 + 4 * index;
+        bytes[begin..begin + 4].copy_from_slice(&value.to_le_bytes());
+        Database::from_bytes(&bytes).unwrap_err().to_string()
+    };
+    assert_eq!(
+        refused("angle_deg", 2, 90.0),
+        "its tensor angle_deg has the value 90; expected at least 0 and below 90"
+    );
+    assert!(refused("facetness", 0, f32::NAN).contains("facetness has the value NaN"));
+    assert!(refused("thickness_cm", 1, 1.0).contains("thickness_cm has 1 after 1"));
+    assert!(refused("grain_size_um", 0, -100.0).contains("expected above 0"));
+    assert!(refused("wavelength_nm", 0, 450.0).contains("strictly increasing"));
+    assert!(refused("transmittance.coefficients", 3, f32::INFINITY).contains("value inf"));
+    assert!(refused("reflectance.basis", 0, 1e30).contains("reflectance.basis"));
+}
+
+/// Seeds of the fuzz target `compact`: files named `valid*` open, the others
+/// are refused. `UPDATE_GOLDEN=1 cargo test --release --test compact` rewrites them.
+#[test]
+fn fuzz_seeds_are_what_they_say() {
+    let directory = std::path::Path::new(env!("CARGO_MANIFEST_DIR")).join("fuzz/seeds/compact");
+    if std::env::var_os("UPDATE_GOLDEN").is_some() {
+        let curves = Array2::from_shape_fn((4, 3), |(i, j)| (1 + i * j) as f64 / 8.0);
+        let compressed = compress(curves.view(), None, Choice::Components(2)).unwrap();
+        let small = Axes {
+            facetness: vec![0.1],
+            grain_size_um: vec![100.0, 200.0],
+            density_kg_m3: vec![300.0],
+            thickness_cm: vec![5.0],
+            angle_deg: vec![0.0, 60.0],
+        };
+        let valid = CompactFile {
+            axes: &small,
+            wavelengths_nm: &[500.0, 550.0, 600.0],
+            transmittance: &compressed,
+            reflectance: &compressed,
+            provenance: "{}",
+            extra: &BTreeMap::new(),
+        }
+        .to_bytes()
+        .unwrap();
+        let text = String::from_utf8_lossy(&valid[8..]).find("F32").unwrap() + 8;
+        let mut other_type = valid.clone();
+        other_type[text..text + 3].copy_from_slice(b"F64");
+        std::fs::write(directory.join("valid.safetensors"), &valid).unwrap();
+        std::fs::write(
+            directory.join("truncated.safetensors"),
+            &valid[..valid.len() - 7],
+        )
+        .unwrap();
+        std::fs::write(directory.join("other_type.safetensors"), other_type).unwrap();
+    }
+    let mut seen = 0;
+    for entry in std::fs::read_dir(directory).unwrap() {
+        let path = entry.unwrap().path();
+        let valid = path
+            .file_name()
+            .unwrap()
+            .to_string_lossy()
+            .starts_with("valid");
+        assert_eq!(Database::open(&path).is_ok(), valid, "{}", path.display());
+        seen += 1;
+    }
+    assert_eq!(seen, 3);
+}
+
+proptest! {
+    #![proptest_config(ProptestConfig::with_cases(2000))]
+
+    /// Flipped bytes and cut ends: an error, or a database that answers.
+    #[test]
+    fn damage_never_panics(
+        flips in proptest::collection::vec((any::<prop::sample::Index>(), 1_u8..), 0..4),
+        header_only in any::<bool>(),
+        cut in proptest::option::weighted(0.2, any::<prop::sample::Index>()),
+    ) {
+        static VALID: std::sync::LazyLock<Vec<u8>> = std::sync::LazyLock::new(valid);
+        let mut bytes = VALID.clone();
+        let range = if header_only { 4000 } else { bytes.len() };
+        for (index, mask) in flips {
+            bytes[index.index(range)] ^= mask;
+        }
+        if let Some(cut) = cut {
+            bytes.truncate(cut.index(bytes.len()));
+        }
+        if let Ok(database) = Database::from_bytes(&bytes) {
+            for row in [0, database.curves() - 1] {
+                let point = database.point(row).unwrap();
+                let spectrum = database.spectrum(point, Quantity::Transmittance).unwrap();
+                prop_assert_eq!(spectrum.len(), database.wavelengths_nm().len());
+                prop_assert!(spectrum.iter().all(|v| v.is_finite()));
+            }
+        }
+    }
+}

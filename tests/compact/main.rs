@@ -1,0 +1,341 @@
+//! The compact file from curves to bytes and back.
+#![allow(clippy::unwrap_used)]
+mod compression;
+mod damage;
+
+use std::collections::BTreeMap;
+
+use ndarray::Array2;
+use proptest::prelude::*;
+use safetensors::SafeTensors;
+use splitsnow::colour::Colorimeter;
+use splitsnow::compress::{Choice, CompactFile, Compressed, compress};
+use splitsnow::grid::{Axes, Compression};
+use splitsnow::lookup::{Database, LookupError, Point, errors_of};
+use splitsnow::measurement::Quantity;
+
+const BOUNDS: Choice = Choice::Bounds(Compression {
+    max_delta_e: 2.3,
+    max_rmse: None,
+});
+
+fn axes() -> Axes {
+    Axes {
+        facetness: vec![0.1, 0.3],
+        grain_size_um: vec![100.0, 250.0, 500.0],
+        density_kg_m3: vec![200.0, 400.0],
+        thickness_cm: vec![1.0, 1.5, 50.0],
+        angle_deg: vec![0.0, 40.0, 89.0],
+    }
+}
+
+fn wavelengths() -> Vec<f64> {
+    (40..=70).map(|i| f64::from(i) * 10.0).collect()
+}
+
+fn colour() -> Colorimeter {
+    Colorimeter::new(&wavelengths()).unwrap().unwrap()
+}
+
+/// Curves with the look of transmittance: exponentials of a smooth absorption.
+fn curves() -> Array2<f64> {
+    let axes = axes();
+    let mut rows = Vec::new();
+    for &facetness in &axes.facetness {
+        for &size in &axes.grain_size_um {
+            for &density in &axes.density_kg_m3 {
+                for &thickness in &axes.thickness_cm {
+                    for &angle in &axes.angle_deg {
+                        let cosine = angle.to_radians().cos();
+                        let level = 1.0 / (1.0 + density * thickness / size / cosine.max(0.2));
+                        let path = thickness.sqrt() * (1.0 - facetness / 2.0) * 0.3;
+                        rows.extend(wavelengths().iter().map(|w| {
+                            level
+                                * (-path * (w / 700.0).powi(6)).exp()
+                                * (1.0 + 1e-4 * (w * size).sin())
+                        }));
+                    }
+                }
+            }
+        }
+    }
+    Array2::from_shape_vec((rows.len() / 31, 31), rows).unwrap()
+}
+
+fn compressed(choice: Choice) -> Compressed {
+    compress(curves().view(), Some(&colour()), choice).unwrap()
+}
+
+fn bytes_of(transmittance: &Compressed, reflectance: &Compressed) -> Vec<u8> {
+    CompactFile {
+        axes: &axes(),
+        wavelengths_nm: &wavelengths(),
+        transmittance,
+        reflectance,
+        provenance: r#"{"engine":"spectral","seed":1}"#,
+        extra: &BTreeMap::from([("illumination".to_owned(), "collimated".to_owned())]),
+    }
+    .to_bytes()
+    .unwrap()
+}
+
+fn valid() -> Vec<u8> {
+    bytes_of(&compressed(BOUNDS), &compressed(Choice::Components(5)))
+}
+
+#[test]
+fn the_safetensors_crate_reads_it_and_the_bytes_are_the_same_twice() {
+    let bytes = valid();
+    assert_eq!(bytes, valid());
+    assert_eq!(
+        usize::from(bytes[0]) % 8,
+        0,
+        "the header is padded to 8 bytes"
+    );
+    let (_, header) = SafeTensors::read_metadata(&bytes).unwrap();
+    let metadata = header.metadata().as_ref().unwrap();
+    assert_eq!(metadata["format"], "splitsnow-compact");
+    assert_eq!(metadata["format_version"], "1");
+    assert_eq!(metadata["basis"], "linear");
+    assert_eq!(metadata["reflectance.components"], "5");
+    assert_eq!(metadata["illumination"], "collimated");
+    assert_eq!(
+        metadata["axis_order"],
+        "facetness,grain_size_um,density_kg_m3,thickness_cm,angle_deg"
+    );
+    let table: serde_json::Value = serde_json::from_str(&metadata["error_table"]).unwrap();
+    assert_eq!(table["reflectance"]["chosen"], 5);
+    assert_eq!(table["transmittance"]["rows"][0]["components"], 1);
+    let tensors = SafeTensors::deserialize(&bytes).unwrap();
+    assert_eq!(
+        tensors.tensor("reflectance.coefficients").unwrap().shape(),
+        [108, 5]
+    );
+    assert_eq!(
+        tensors.tensor("reflectance.basis").unwrap().shape(),
+        [31, 5]
+    );
+    let angle = tensors.tensor("angle_deg").unwrap();
+    assert_eq!(angle.data()[4..8], 40.0_f32.to_le_bytes());
+    assert_eq!(tensors.len(), 10);
+}
+
+#[test]
+fn written_spectra_are_the_curves_within_the_table() {
+    let transmittance = compressed(BOUNDS);
+    let reflectance = compressed(Choice::Components(5));
+    let database = Database::from_bytes(&bytes_of(&transmittance, &reflectance)).unwrap();
+    assert_eq!(database.curves(), 108);
+    for (quantity, compressed) in [
+        (Quantity::Transmittance, &transmittance),
+        (Quantity::Reflectance, &reflectance),
+    ] {
+        assert_eq!(database.components(quantity), compressed.components());
+        let errors = errors_of(&database, quantity, curves().view(), Some(&colour())).unwrap();
+        let row = compressed.table.rows[compressed.components() - 1];
+        let largest = |all: &[f64]| all.iter().copied().fold(0.0, f64::max);
+        let mean = |all: &[f64]| all.iter().sum::<f64>() / all.len() as f64;
+        // The table's numbers are the reader's, to the last bit.
+        let colours = errors.delta_e.unwrap();
+        let delta_e = row.delta_e.unwrap();
+        assert_eq!(largest(&errors.rmse), row.rmse.max);
+        assert_eq!(mean(&errors.rmse), row.rmse.mean);
+        assert_eq!(errors.rmse[row.rmse.worst_curve], row.rmse.max);
+        assert_eq!(largest(&colours), delta_e.max);
+        assert_eq!(colours[delta_e.worst_curve], delta_e.max);
+        assert!(delta_e.max < 2.3);
+    }
+}
+
+#[test]
+fn every_component_gives_the_curves_back() {
+    let all = compressed(Choice::Components(31));
+    let database = Database::from_bytes(&bytes_of(&all, &all)).unwrap();
+    for (row, curve) in curves().rows().into_iter().enumerate() {
+        let rebuilt = database.curve(row, Quantity::Transmittance).unwrap();
+        for (rebuilt, original) in rebuilt.iter().zip(curve) {
+            // f32 coefficients and basis: a few units of 6e-8.
+            assert!((f64::from(*rebuilt) - original).abs() < 1e-6);
+        }
+        let curve = curve.to_vec();
+        let error = database
+            .projection_error(Quantity::Reflectance, &curve, None)
+            .unwrap();
+        assert!(error.rmse < 1e-6 && error.delta_e.is_none());
+    }
+    assert_eq!(database.curve(108, Quantity::Transmittance), None);
+}
+
+#[test]
+fn nodes_are_found_by_their_values_and_others_refused() {
+    let database = Database::from_bytes(&valid()).unwrap();
+    let point = Point {
+        facetness: 0.3,
+        grain_size_um: 250.0,
+        density_kg_m3: 200.0,
+        thickness_cm: 1.5,
+        angle_deg: 89.0,
+    };
+    let row = ((((3 + 1) * 2) * 3) + 1) * 3 + 2;
+    assert_eq!(database.row(point).unwrap(), row);
+    let spectrum = database.spectrum(point, Quantity::Reflectance).unwrap();
+    assert_eq!(
+        database.curve(row, Quantity::Reflectance).unwrap(),
+        spectrum
+    );
+    for row in 0..database.curves() {
+        assert_eq!(database.row(database.point(row).unwrap()).unwrap(), row);
+    }
+    assert_eq!(database.point(database.curves()), None);
+    let between = Point {
+        thickness_cm: 10.0,
+        ..point
+    };
+    assert_eq!(
+        database
+            .spectrum(between, Quantity::Reflectance)
+            .unwrap_err()
+            .to_string(),
+        "thickness_cm = 10 lies between the nodes 1.5 and 50 of the database; this version looks up nodes only, it does not interpolate"
+    );
+    let outside = Point {
+        angle_deg: 89.5,
+        ..point
+    };
+    assert_eq!(
+        database
+            .spectrum(outside, Quantity::Reflectance)
+            .unwrap_err()
+            .to_string(),
+        "angle_deg = 89.5 is outside the database, which covers 0 to 89"
+    );
+}
+
+#[test]
+fn the_writer_refuses_what_the_reader_would() {
+    let good = compressed(Choice::Components(2));
+    let extra = BTreeMap::new();
+    let refused = |axes: &Axes, wavelengths_nm: &[f64], transmittance: &Compressed| {
+        let file = CompactFile {
+            axes,
+            wavelengths_nm,
+            transmittance,
+            reflectance: &good,
+            provenance: "{}",
+            extra: &extra,
+        };
+        file.to_bytes().unwrap_err().to_string()
+    };
+    let mut close = axes();
+    close.facetness = vec![0.3, 0.3 + 1e-9];
+    assert!(refused(&close, &wavelengths(), &good).contains("facetness has 0.3 after 0.3"));
+    close.facetness = vec![0.3];
+    assert!(refused(&close, &wavelengths(), &good).contains("not [54, 2]"));
+    close.angle_deg = vec![90.0];
+    assert!(refused(&close, &wavelengths(), &good).contains("angle_deg has the value 90"));
+    assert!(refused(&axes(), &wavelengths()[1..], &good).contains("transmittance.basis"));
+    let mut bad = good.clone();
+    bad.coefficients[[7, 1]] = f32::NAN;
+    assert!(refused(&axes(), &wavelengths(), &bad).contains("NaN"));
+    let own = BTreeMap::from([("basis".to_owned(), "log".to_owned())]);
+    let (axes, wavelengths) = (axes(), wavelengths());
+    let file = CompactFile {
+        axes: &axes,
+        wavelengths_nm: &wavelengths,
+        transmittance: &good,
+        reflectance: &good,
+        provenance: "{}",
+        extra: &own,
+    };
+    assert!(file.to_bytes().unwrap_err().to_string().contains("`basis`"));
+}
+
+#[test]
+fn files_are_replaced_whole_and_errors_name_them() {
+    let directory = tempfile::tempdir().unwrap();
+    let path = directory.path().join("snow.safetensors");
+    let error = Database::open(&path).unwrap_err();
+    assert!(
+        matches!(error, LookupError::Io { .. }) && error.to_string().contains("snow.safetensors")
+    );
+    let compressed = compressed(Choice::Components(2));
+    let (axes, wavelengths, extra) = (axes(), wavelengths(), BTreeMap::new());
+    let file = CompactFile {
+        axes: &axes,
+        wavelengths_nm: &wavelengths,
+        transmittance: &compressed,
+        reflectance: &compressed,
+        provenance: "{}",
+        extra: &extra,
+    };
+    std::fs::write(&path, "older").unwrap();
+    let error = Database::open(&path).unwrap_err().to_string();
+    assert!(
+        error.contains("snow.safetensors cannot be used") && error.contains("only 5 bytes"),
+        "{error}"
+    );
+    file.write(&path).unwrap();
+    assert_eq!(std::fs::read(&path).unwrap(), file.to_bytes().unwrap());
+    assert_eq!(
+        Database::open(&path).unwrap().metadata()["provenance"],
+        "{}"
+    );
+    assert_eq!(std::fs::read_dir(&directory).unwrap().count(), 1);
+    let error = Database::open(directory.path()).unwrap_err().to_string();
+    assert!(error.contains("not a regular file"), "{error}");
+    assert!(
+        file.write(&directory.path().join("missing/snow.safetensors"))
+            .is_err()
+    );
+}
+
+proptest! {
+    #![proptest_config(ProptestConfig::with_cases(48))]
+
+    /// Any values, any axis lengths: what is written is what is read.
+    #[test]
+    fn round_trip(
+        lengths in proptest::array::uniform5(1_usize..4),
+        bands in 1_usize..8,
+        numbers in proptest::collection::vec(-1.0_f64..1.0, 64),
+        components in 1_usize..4,
+    ) {
+        let axis = |index: usize, step: f64| -> Vec<f64> {
+            (0..lengths[index]).map(|i| step * (i + 1) as f64).collect()
+        };
+        let axes = Axes {
+            facetness: axis(0, 0.25),
+            grain_size_um: axis(1, 110.0),
+            density_kg_m3: axis(2, 99.0),
+            thickness_cm: axis(3, 1.3),
+            angle_deg: axis(4, 20.0),
+        };
+        let rows: usize = lengths.iter().product();
+        let curves = Array2::from_shape_fn((rows, bands), |(i, j)| numbers[(i * bands + j) % 64]);
+        let components = components.min(rows).min(bands);
+        let compressed = compress(curves.view(), None, Choice::Components(components)).unwrap();
+        let wavelengths_nm: Vec<f64> = (0..bands).map(|i| 900.0 + 10.0 * i as f64).collect();
+        let extra = BTreeMap::from([("note".to_owned(), "\"\\\u{1f}\u{e9}".to_owned())]);
+        let file = CompactFile {
+            axes: &axes,
+            wavelengths_nm: &wavelengths_nm,
+            transmittance: &compressed,
+            reflectance: &compressed,
+            provenance: "{}",
+            extra: &extra,
+        };
+        let database = Database::from_bytes(&file.to_bytes().unwrap()).unwrap();
+        prop_assert_eq!(database.coefficients(Quantity::Transmittance), &compressed.coefficients);
+        prop_assert_eq!(database.basis(Quantity::Reflectance), &compressed.basis);
+        prop_assert_eq!(&database.metadata()["note"], &extra["note"]);
+        for (nodes, values) in database.axes().iter().zip([
+            &axes.facetness, &axes.grain_size_um, &axes.density_kg_m3, &axes.thickness_cm, &axes.angle_deg,
+        ]) {
+            let values: Vec<f32> = values.iter().map(|&v| v as f32).collect();
+            prop_assert_eq!(nodes, &values);
+        }
+        let errors = errors_of(&database, Quantity::Transmittance, curves.view(), None).unwrap();
+        let largest = errors.rmse.iter().copied().fold(0.0, f64::max);
+        prop_assert_eq!(largest, compressed.table.rows[components - 1].rmse.max);
+    }
+}
