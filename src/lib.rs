@@ -19,6 +19,7 @@
 //! | [`store`], [`batch`] | the Zarr store that is checkpoint and result; the job runner |
 //! | [`colour`], [`compress`], [`lookup`] | CIELAB; SVD and the compact file; reading it |
 //! | [`cli`] | the command line |
+pub mod config;
 pub mod engine;
 pub mod grain;
 pub mod grid;
