@@ -1,8 +1,8 @@
 //! Checks a TOML document against the JSON Schema of its kind: what an editor
 //! underlines and what the program refuses are the same by construction.
 //!
-//! Only the keywords used by [`super::keys`] are known: `type`, `enum`,
-//! `const`-free numbers with limits, list lengths, `properties`, `required`.
+//! Only the keywords that decide by themselves are read: `type`, `enum`, limits
+//! of numbers and lists, `properties` and `required`.
 //! What a schema cannot say well is checked in [`super::sample`] and
 //! [`super::grid`].
 use serde_json::Value;
@@ -114,12 +114,16 @@ fn value(
                 let help = format!("{help} There are {length} entries.");
                 return Err(document.error(path, problem, help));
             }
+            // Entries without a description of their own are explained by their list's.
+            let mut each = schema["items"].clone();
+            if let Some(each) = each.as_object_mut() {
+                each.entry("description").or_insert_with(|| help.into());
+            }
             items.iter().enumerate().try_for_each(|(i, item)| {
                 let path = format!("{path}[{i}]");
-                document
-                    .places
-                    .insert(path.clone(), place(item.span(), item));
-                value(document, &schema["items"], &path, item)
+                let place = place(item.span(), item);
+                document.places.insert(path.clone(), place);
+                value(document, &each, &path, item)
             })
         }
         DeValue::Table(entries) => table(document, schema, path, entries),
@@ -137,19 +141,22 @@ fn number(document: &Document<'_>, schema: &Value, path: &str, x: f64) -> Result
     if inside {
         return Ok(());
     }
-    let lower = match (limit("minimum"), limit("exclusiveMinimum")) {
-        (Some(min), _) => min.to_string(),
-        (_, Some(min)) => format!("above {min}"),
-        _ => "any finite number".to_owned(),
-    };
-    let upper = match (limit("maximum"), limit("exclusiveMaximum")) {
-        (Some(max), _) if limit("minimum") == Some(max) => String::new(),
-        (Some(max), _) => format!(" to {max}"),
-        (_, Some(max)) => format!(" to below {max}"),
-        _ => String::new(),
+    let named = |keyword: &str, words: &str| limit(keyword).map(|x| format!("{words} {x}"));
+    let allowed = match (limit("minimum"), limit("maximum")) {
+        (Some(min), Some(max)) if min == max => min.to_string(),
+        (Some(min), Some(max)) => format!("{min} to {max}"),
+        _ => {
+            let limits = [
+                named("minimum", "at least"),
+                named("exclusiveMinimum", "above"),
+                named("maximum", "at most"),
+                named("exclusiveMaximum", "below"),
+            ];
+            limits.into_iter().flatten().collect::<Vec<_>>().join(", ")
+        }
     };
     let help = schema["description"].as_str().unwrap_or_default();
-    let problem = Problem::OutOfRange(lower + &upper);
+    let problem = Problem::OutOfRange(allowed);
     Err(document.error(path, problem, help))
 }
 

@@ -37,7 +37,7 @@ fn names<T>(choices: &[(&'static str, T)]) -> Vec<&'static str> {
 #[serde(deny_unknown_fields)]
 #[schemars(title = "SPLITSnow sample file")]
 pub(super) struct SampleKeys {
-    /// Version of the file format: 1.
+    /// Version of the file format; this program reads 1.
     #[schemars(range(min = 1, max = 1))]
     #[serde(rename = "version")]
     pub(super) _version: u32,
@@ -292,7 +292,7 @@ impl Default for ModelKeys {
 #[serde(deny_unknown_fields)]
 #[schemars(title = "SPLITSnow grid file")]
 pub(super) struct GridKeys {
-    /// Version of the file format: 1.
+    /// Version of the file format; this program reads 1.
     #[schemars(range(min = 1, max = 1))]
     #[serde(rename = "version")]
     pub(super) _version: u32,

@@ -87,9 +87,13 @@ pub(super) fn wavelengths(
     let whole = (steps - steps.round()).abs() < 1e-9 * steps.max(1.0);
     let count = if whole { steps.round() } else { steps.floor() };
     if count >= MAX_WAVELENGTHS as f64 {
+        // As an integer where it can be read, 3e302 where it cannot.
+        let many = match count + 1.0 {
+            many if many < 1e9 => format!("{many}"),
+            many => format!("{many:.0e}"),
+        };
         let problem = Problem::Contradiction(format!(
-            "makes {:.4e} wavelengths from {start} to {stop} nm, more than {MAX_WAVELENGTHS}",
-            count + 1.0
+            "makes {many} wavelengths from {start} to {stop} nm, more than {MAX_WAVELENGTHS}"
         ));
         return Err(document.error("wavelengths.step_nm", problem, "use a longer step"));
     }
