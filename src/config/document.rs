@@ -5,13 +5,12 @@ use std::io::Read;
 use std::ops::Range;
 use std::path::Path;
 
-use schemars::JsonSchema;
 use serde::de::DeserializeOwned;
+use serde_json::Value;
 use toml::de::DeTable;
 
 use super::check;
 use super::error::{At, ConfigError, Problem};
-use super::schema;
 
 /// Longest config file read, bytes.
 const MAX_BYTES: u64 = 1 << 20;
@@ -61,23 +60,23 @@ pub(super) fn read_text(path: &Path) -> Result<String, ConfigError> {
 
 impl<'t> Document<'t> {
     /// Parses `text`, checks it against the schema of `Keys` and reads those.
-    pub(super) fn read<Keys: JsonSchema + DeserializeOwned>(
+    pub(super) fn read<Keys: DeserializeOwned>(
         file: &'t str,
         text: &'t str,
+        schema: &Value,
     ) -> Result<(Self, Keys), ConfigError> {
         let mut document = Self {
             file,
             text,
             places: BTreeMap::new(),
         };
-        let schema = schema::of::<Keys>();
         let (root, errors) = DeTable::parse_recoverable(text);
         if let Some(error) = errors.first() {
             // Half a document still tells the path of a key given twice.
-            let _ = check::table(&mut document, &schema, "", root.get_ref());
+            let _ = check::table(&mut document, schema, "", root.get_ref());
             return Err(document.not_toml(error));
         }
-        check::table(&mut document, &schema, "", root.get_ref())?;
+        check::table(&mut document, schema, "", root.get_ref())?;
         let keys = Keys::deserialize(toml::Deserializer::from(root))
             .map_err(|error| document.not_toml(&error))?;
         Ok((document, keys))

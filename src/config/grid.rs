@@ -13,7 +13,7 @@ use super::shared::{
     choose, clean, covered, exclusive, increasing, law, model, remark, saturation_from_fraction,
     wavelengths,
 };
-use super::{MIN_GRAIN_LENGTHS, directory_of};
+use super::{MIN_GRAIN_LENGTHS, directory_of, schema};
 
 /// Most values (curves times wavelengths) of one database: 8 GB per quantity.
 const MAX_VALUES: u64 = 1_000_000_000;
@@ -91,7 +91,7 @@ pub fn read(path: &Path) -> Result<GridFile, ConfigError> {
 /// # Errors
 /// As [`read`].
 pub fn parse(name: &str, text: &str) -> Result<GridFile, ConfigError> {
-    let (document, keys) = Document::read::<GridKeys>(name, text)?;
+    let (document, keys) = Document::read::<GridKeys>(name, text, &schema::GRID)?;
     let mut warnings = Vec::new();
     let spread = Spread {
         facetness_half_width: keys.spread.facetness_half_width,

@@ -13,7 +13,7 @@ use super::keys::{DENSITY_KG_M3, GrainKeys, LayerKeys, NumberOrPath, SampleKeys}
 use super::shared::{
     clean, covered, exclusive, law, model, ordered, remark, saturation_from_fraction, wavelengths,
 };
-use super::{MIN_GRAIN_LENGTHS, directory_of, water};
+use super::{MIN_GRAIN_LENGTHS, directory_of, schema, water};
 
 /// A sample file, resolved: no defaults or alternatives are left.
 #[derive(Debug, Clone, PartialEq)]
@@ -56,7 +56,7 @@ pub fn read(path: &Path) -> Result<SampleFile, ConfigError> {
 /// # Errors
 /// As [`read`].
 pub fn parse(name: &str, text: &str) -> Result<SampleFile, ConfigError> {
-    let (document, keys) = Document::read::<SampleKeys>(name, text)?;
+    let (document, keys) = Document::read::<SampleKeys>(name, text, &schema::SAMPLE)?;
     let mut warnings = Vec::new();
     let illumination = illumination(&document, &keys)?;
     let wavelengths_nm = wavelengths(&document, &keys.wavelengths, &mut warnings)?;

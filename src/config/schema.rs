@@ -1,31 +1,32 @@
 //! JSON Schemas (draft 2020-12) of the two file kinds, generated from
 //! the list of keys and committed under `schema/`, from which editors complete
 //! and check.
+use std::sync::LazyLock;
+
 use schemars::transform::RecursiveTransform;
 use schemars::{JsonSchema, Schema, generate::SchemaSettings};
 use serde_json::Value;
 
 use super::keys::{GridKeys, SampleKeys};
 
+pub(super) static SAMPLE: LazyLock<Value> = LazyLock::new(of::<SampleKeys>);
+pub(super) static GRID: LazyLock<Value> = LazyLock::new(of::<GridKeys>);
+
 /// The schema of a sample file, as committed in `schema/sample.schema.json`.
 #[must_use]
 pub fn sample() -> String {
-    render::<SampleKeys>()
+    // Alternate form: indented.
+    format!("{:#}\n", *SAMPLE)
 }
 
 /// The schema of a grid file, as committed in `schema/grid.schema.json`.
 #[must_use]
 pub fn grid() -> String {
-    render::<GridKeys>()
-}
-
-fn render<Keys: JsonSchema>() -> String {
-    // Alternate form: indented.
-    format!("{:#}\n", of::<Keys>())
+    format!("{:#}\n", *GRID)
 }
 
 /// The schema of a set of keys, without references to follow.
-pub(super) fn of<Keys: JsonSchema>() -> Value {
+fn of<Keys: JsonSchema>() -> Value {
     SchemaSettings::draft2020_12()
         .with(|settings| settings.inline_subschemas = true)
         .with_transform(RecursiveTransform(plain))
