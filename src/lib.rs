@@ -22,6 +22,7 @@
 pub mod batch;
 pub mod colour;
 pub mod compress;
+pub mod config;
 pub mod engine;
 pub mod grain;
 pub mod grid;

@@ -12,7 +12,7 @@ use common::{assert_same, dir_bytes, grid, simulate};
 use splitsnow::batch::{self, BatchError, Options, Summary};
 use splitsnow::engine::{Engine, EngineError};
 use splitsnow::grid::{Grid, Shard};
-use splitsnow::store::{self, Access, Quantity, Store, StoreError};
+use splitsnow::store::{self, Access, Store, StoreError, Variable};
 
 fn extra() -> BTreeMap<String, String> {
     BTreeMap::from([("data.ice".to_string(), "0123".to_string())])
@@ -66,7 +66,7 @@ fn a_finished_database_reads_back() {
     assert_eq!(store.wavelengths_nm(), grid.wavelengths_nm);
     assert_eq!(store.config(), grid.to_config());
     assert!(store.verify().unwrap().is_whole());
-    let transmittance = store.read(Quantity::Transmittance).unwrap();
+    let transmittance = store.read(Variable::Transmittance).unwrap();
     assert_eq!(transmittance.dim(), (24, 4));
     // Curve 9: facetness 0, size 1, density 0, thickness 1, angle 1, of job 3.
     let jobs = grid.jobs().unwrap();
@@ -84,7 +84,7 @@ fn a_finished_database_reads_back() {
         assert!((got - want.value).abs() < 1e-7, "{row:?}");
     }
     assert_eq!(
-        store.read(Quantity::ReflectanceSe).unwrap()[[9, 0]],
+        store.read(Variable::ReflectanceSe).unwrap()[[9, 0]],
         (1e-3 / 11.0) as f32
     );
     assert!(store.commit(0, &expected).is_err(), "open for reading only");
@@ -170,7 +170,7 @@ fn damage_is_found_and_repaired() {
         (
             "foreign job",
             Box::new(|dir| {
-                for quantity in Quantity::ALL {
+                for quantity in Variable::ALL {
                     copy_from_other(dir, quantity.name(), target);
                 }
                 copy_from_other(dir, "jobs/lost_share", "c.5");
@@ -196,7 +196,7 @@ fn jobs_cannot_change_places() {
     let move_file = |array: &str, from: &str, to: &str| {
         fs::copy(chunk(dir.path(), array, from), chunk(dir.path(), array, to)).unwrap();
     };
-    for quantity in Quantity::ALL {
+    for quantity in Variable::ALL {
         move_file(quantity.name(), "c.0.0.0.0.0.0", "c.1.0.0.0.1.0");
     }
     move_file("jobs/lost_share", "c.0", "c.5");
@@ -262,7 +262,10 @@ fn a_failing_job_is_named_and_the_others_kept() {
         &grid,
         &store,
         |request, control| match request.cell {
-            3 => Err(EngineError::Optics("no such table".into())),
+            3 => Err(EngineError::SlabTooThin {
+                thickness_m: 0.01,
+                size_max_m: 0.009,
+            }),
             _ => simulate(request, control),
         },
         &Options {
@@ -274,7 +277,7 @@ fn a_failing_job_is_named_and_the_others_kept() {
     .unwrap_err();
     assert_eq!(
         error.to_string(),
-        "job 3 (facetness 0.05, grain size 150-250 um, density 300 kg/m3, thickness 1.0000, 2.0000, 5.0000 cm, angle 60 degrees): no such table"
+        "job 3 (facetness 0.05, grain size 150-250 um, density 300 kg/m3, thickness 1.0000, 2.0000, 5.0000 cm, angle 60 degrees): is too thin for grains"
     );
     assert_eq!(store.missing(None).unwrap(), [3, 4, 5, 6, 7]);
 }

@@ -119,12 +119,14 @@ mod tests {
                 let k = s.flattening.to_array()[0];
                 for lane in 0..8 {
                     let axis = s.axis.get(lane);
-                    assert!(off_surface(k, axis, x.get(lane)) < 1e-9);
-                    assert!(off_surface(k, axis, far.get(lane)) < 1e-9 / (psi * psi));
+                    // the azimuth is good to 1e-11; dividing by c^2 = Psi^4 magnifies rounding
+                    let rounding = 1e-10 + 1e-14 / psi.powi(4);
+                    assert!(off_surface(k, axis, x.get(lane)) < rounding);
+                    assert!(off_surface(k, axis, far.get(lane)) < rounding);
                     assert!(x.get(lane).z.abs() <= half_height(k, axis) + 1e-12);
                     let azimuth = (0.6, 0.8);
                     let p = projected_point(k, axis, d.get(lane), 0.3, azimuth);
-                    assert!(off_surface(k, axis, p) < 1e-9);
+                    assert!(off_surface(k, axis, p) < rounding);
                     let normal = p.plus(k * p.dot(axis), axis);
                     assert!(normal.dot(d.get(lane)) < 0.0);
                 }

@@ -1,10 +1,9 @@
 //! Virtual spectrophotometer (MODEL section 7): directional-hemispherical
 //! reflectance and transmittance with standard errors.
 mod estimate;
-
-pub use estimate::Estimate;
 mod quantity;
 
+pub use estimate::Estimate;
 pub use quantity::Quantity;
 
 /// A Monte Carlo result: a mean and the standard error of that mean.

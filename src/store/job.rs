@@ -3,7 +3,7 @@
 use sha2::{Digest, Sha256};
 
 use super::layout::{ZarrArray, encode};
-use super::{Quantity, Store, StoreError, file};
+use super::{Store, StoreError, Variable, file};
 use crate::measurement::{Measured, Spectrum};
 
 impl Store {
@@ -93,7 +93,7 @@ impl Store {
             if lengths.iter().any(|n| *n as u64 != wavelengths) {
                 return refuse(format!("{lengths:?} values for {wavelengths} wavelengths"));
             }
-            for quantity in Quantity::ALL {
+            for quantity in Variable::ALL {
                 if let Some(value) = values(spectrum, quantity).find(|v| !v.is_finite()) {
                     return refuse(format!("{} is {value}", quantity.name()));
                 }
@@ -120,12 +120,12 @@ impl Seal {
     }
 }
 
-fn values(spectrum: &Spectrum, quantity: Quantity) -> impl Iterator<Item = f32> {
+fn values(spectrum: &Spectrum, quantity: Variable) -> impl Iterator<Item = f32> {
     let (measured, part): (&[Measured], fn(&Measured) -> f64) = match quantity {
-        Quantity::Transmittance => (&spectrum.transmittance, |m| m.value),
-        Quantity::Reflectance => (&spectrum.reflectance, |m| m.value),
-        Quantity::TransmittanceSe => (&spectrum.transmittance, |m| m.se),
-        Quantity::ReflectanceSe => (&spectrum.reflectance, |m| m.se),
+        Variable::Transmittance => (&spectrum.transmittance, |m| m.value),
+        Variable::Reflectance => (&spectrum.reflectance, |m| m.value),
+        Variable::TransmittanceSe => (&spectrum.transmittance, |m| m.se),
+        Variable::ReflectanceSe => (&spectrum.reflectance, |m| m.se),
     };
     measured.iter().map(move |m| part(m) as f32)
 }

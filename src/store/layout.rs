@@ -14,7 +14,7 @@ use zarrs::array::{Element, data_type};
 use zarrs::filesystem::FilesystemStore;
 
 use super::description::Description;
-use super::{Quantity, StoreError};
+use super::{StoreError, Variable};
 use crate::engine::Engine;
 use crate::grid::{Axes, Jobs};
 
@@ -45,7 +45,7 @@ impl Layout {
         let jobs = Jobs::new(engine, axes.shape(), wavelengths_nm.len() as u64)?;
         let storage =
             Arc::new(FilesystemStore::new(root).map_err(StoreError::zarr("the file system"))?);
-        let quantity = |quantity: Quantity| {
+        let quantity = |quantity: Variable| {
             let shape = [&jobs.shape()[..], &[jobs.wavelengths()]].concat();
             let chunk = [&jobs.block()[..], &[jobs.wavelengths()]].concat();
             let names: Vec<_> = Axes::NAMES.into_iter().chain([WAVELENGTH]).collect();
@@ -57,7 +57,7 @@ impl Layout {
             };
             spec.array(&storage, shape, chunk, data_type::float32(), f32::NAN)
         };
-        let [t, r, t_se, r_se] = Quantity::ALL;
+        let [t, r, t_se, r_se] = Variable::ALL;
         let quantities = [quantity(t)?, quantity(r)?, quantity(t_se)?, quantity(r_se)?];
         let per_job = |name, long_name| Spec {
             name,
@@ -95,18 +95,18 @@ impl Layout {
         &self.wavelengths_nm
     }
 
-    /// In the order of [`Quantity::ALL`].
-    pub(super) fn quantities(&self) -> impl Iterator<Item = (Quantity, &ZarrArray)> {
-        Quantity::ALL.into_iter().zip(&self.quantities)
+    /// In the order of [`Variable::ALL`].
+    pub(super) fn quantities(&self) -> impl Iterator<Item = (Variable, &ZarrArray)> {
+        Variable::ALL.into_iter().zip(&self.quantities)
     }
 
-    pub(super) fn quantity(&self, quantity: Quantity) -> &ZarrArray {
+    pub(super) fn quantity(&self, quantity: Variable) -> &ZarrArray {
         let [t, r, t_se, r_se] = &self.quantities;
         match quantity {
-            Quantity::Transmittance => t,
-            Quantity::Reflectance => r,
-            Quantity::TransmittanceSe => t_se,
-            Quantity::ReflectanceSe => r_se,
+            Variable::Transmittance => t,
+            Variable::Reflectance => r,
+            Variable::TransmittanceSe => t_se,
+            Variable::ReflectanceSe => r_se,
         }
     }
 

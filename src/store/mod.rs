@@ -39,7 +39,7 @@ use crate::grid::{Axes, Grid, Jobs};
 pub use description::FORMAT_VERSION;
 pub use error::StoreError;
 pub use lock::Access;
-pub use read::Quantity;
+pub use read::Variable;
 pub use space::estimated_bytes;
 
 /// The database in an output directory.

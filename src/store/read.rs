@@ -8,7 +8,7 @@ use crate::grid::Shard;
 
 /// An array of spectra in the database.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
-pub enum Quantity {
+pub enum Variable {
     /// Directional-hemispherical transmittance.
     Transmittance,
     /// Directional-hemispherical reflectance.
@@ -19,7 +19,7 @@ pub enum Quantity {
     ReflectanceSe,
 }
 
-impl Quantity {
+impl Variable {
     /// All, in the order in which a job's chunks are written.
     pub const ALL: [Self; 4] = [
         Self::Transmittance,
@@ -109,7 +109,7 @@ impl Store {
     ///
     /// # Errors
     /// A chunk is torn, or cannot be read.
-    pub fn read(&self, quantity: Quantity) -> Result<Array2<f32>, StoreError> {
+    pub fn read(&self, quantity: Variable) -> Result<Array2<f32>, StoreError> {
         let array = self.layout.quantity(quantity);
         let values: Vec<f32> = array
             .retrieve_array_subset(&array.subset_all())

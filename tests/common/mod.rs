@@ -77,7 +77,7 @@ pub(crate) fn simulate(request: &Request, control: &Control) -> Result<Vec<Spect
         return Err(EngineError::Cancelled);
     }
     let Illumination::Collimated { polar_angle_rad } = request.illumination else {
-        return Err(EngineError::Optics("the grid is collimated".into()));
+        return Err(EngineError::Cancelled);
     };
     let grain = request.snow.grain.size.max_m() / request.thicknesses_m[0];
     let spectra = request.thicknesses_m.iter().map(|thickness_m| {

@@ -1,0 +1,283 @@
+//! Grid files: the axes of a spectral database and how it is computed.
+use std::path::{Path, PathBuf};
+
+use crate::engine::Engine;
+use crate::grid::{Axes, Compression, Fixed, Grid, Run, Spread};
+use crate::optics::ice_density_kg_m3;
+
+use super::canonical::Writer;
+use super::document::{Document, read_text};
+use super::error::{ConfigError, Problem};
+use super::keys::{AxesKeys, FixedKeys, GridKeys, SIZE_UM};
+use super::shared::{
+    choose, clean, covered, exclusive, increasing, law, model, remark, saturation_from_fraction,
+    wavelengths,
+};
+use super::{MIN_GRAIN_LENGTHS, directory_of, schema};
+
+/// Most values (curves times wavelengths) of one database: 8 GB per quantity.
+const MAX_VALUES: u64 = 1_000_000_000;
+/// Most walks of one database, curves times rays.
+const MAX_RAYS: u64 = 1_000_000_000_000_000_000;
+
+/// A grid file, resolved: no defaults or alternatives are left.
+#[derive(Debug, Clone, PartialEq)]
+pub struct GridFile {
+    /// The file's name without directory and extension: names the database.
+    pub name: String,
+    /// The database it describes.
+    pub grid: Grid,
+    /// Values beyond the ordinary ranges of MODEL section 1, for the user to see.
+    pub warnings: Vec<String>,
+    /// The file as it was read.
+    pub text: String,
+    directory: PathBuf,
+}
+
+impl GridFile {
+    /// The grid (with any change made to it since) as canonical TOML, every
+    /// value explicit; [`parse`] under the same file name gives the same grid.
+    /// One `key = value` per line, so that two can be compared by line.
+    #[must_use]
+    pub fn to_toml(&self) -> String {
+        let Grid {
+            axes,
+            spread,
+            wavelengths_nm,
+            fixed,
+            run,
+            compression,
+        } = &self.grid;
+        let mut out = Writer::new();
+        out.header("[axes]");
+        for (key, values) in lists(axes) {
+            out.numbers(key, values);
+        }
+        out.header("[spread]");
+        out.number("facetness_half_width", spread.facetness_half_width);
+        out.number("facetness_sd", spread.facetness_sd);
+        out.number("grain_size_half_width_um", spread.grain_size_half_width_um);
+        out.header("[wavelengths]");
+        out.numbers("values_nm", wavelengths_nm);
+        out.header("[fixed]");
+        out.law("sphericity", &fixed.sphericity);
+        out.number("temperature_c", fixed.temperature_c);
+        out.number("water_saturation", fixed.water_saturation);
+        out.model(&fixed.model, &self.directory);
+        out.header("[run]");
+        out.text("engine", run.engine.name());
+        out.raw("seed", &run.seed.to_string());
+        out.raw("rays", &run.rays.to_string());
+        out.header("[compression]");
+        out.number("max_delta_e", compression.max_delta_e);
+        if let Some(max_rmse) = compression.max_rmse {
+            out.number("max_rmse", max_rmse);
+        }
+        out.finish()
+    }
+}
+
+/// Reads a grid file.
+///
+/// # Errors
+/// [`ConfigError`] with file, line, key, value, and what is allowed.
+pub fn read(path: &Path) -> Result<GridFile, ConfigError> {
+    parse(&path.display().to_string(), &read_text(path)?)
+}
+
+/// Reads the `text` of a grid file; `name` is its path, for messages, for the
+/// database's name and for the paths in it.
+///
+/// # Errors
+/// As [`read`].
+pub fn parse(name: &str, text: &str) -> Result<GridFile, ConfigError> {
+    let (document, keys) = Document::read::<GridKeys>(name, text, &schema::GRID)?;
+    let mut warnings = Vec::new();
+    let spread = Spread {
+        facetness_half_width: keys.spread.facetness_half_width,
+        facetness_sd: keys.spread.facetness_sd,
+        grain_size_half_width_um: keys.spread.grain_size_half_width_um,
+    };
+    let axes = axes(&document, keys.axes, &spread, &mut warnings)?;
+    let wavelengths_nm = wavelengths(&document, &keys.wavelengths, &mut warnings)?;
+    let model = model(&document, &keys.model, directory_of(name))?;
+    let fixed = fixed(&document, &keys.fixed, model, &axes)?;
+    covered(
+        &document,
+        &fixed.model,
+        &wavelengths_nm,
+        fixed.water_saturation,
+    )?;
+    let run = Run {
+        engine: choose(
+            &document,
+            "run.engine",
+            &Engine::ALL.map(|e| (e.name(), e)),
+            &keys.run.engine,
+        )?,
+        seed: keys.run.seed,
+        rays: keys.run.rays,
+    };
+    size(&document, &axes, wavelengths_nm.len(), run.rays)?;
+    let stem = Path::new(name).file_stem();
+    Ok(GridFile {
+        name: stem.map_or("database".into(), |s| s.to_string_lossy().into_owned()),
+        grid: Grid {
+            axes,
+            spread,
+            wavelengths_nm,
+            fixed,
+            run,
+            compression: Compression {
+                max_delta_e: keys.compression.max_delta_e,
+                max_rmse: keys.compression.max_rmse,
+            },
+        },
+        warnings,
+        text: text.to_owned(),
+        directory: directory_of(name).to_owned(),
+    })
+}
+
+fn lists(axes: &Axes) -> [(&'static str, &[f64]); 5] {
+    [
+        ("facetness", &axes.facetness),
+        ("grain_size_um", &axes.grain_size_um),
+        ("density_kg_m3", &axes.density_kg_m3),
+        ("thickness_cm", &axes.thickness_cm),
+        ("angle_deg", &axes.angle_deg),
+    ]
+}
+
+fn axes(
+    document: &Document,
+    keys: AxesKeys,
+    spread: &Spread,
+    warnings: &mut Vec<String>,
+) -> Result<Axes, ConfigError> {
+    let axes = Axes {
+        facetness: keys.facetness,
+        grain_size_um: keys.grain_size_um,
+        density_kg_m3: keys.density_kg_m3,
+        thickness_cm: keys.thickness_cm,
+        angle_deg: keys.angle_deg,
+    };
+    for (key, values) in lists(&axes) {
+        increasing(document, &format!("axes.{key}"), values)?;
+    }
+    let half_width = spread.grain_size_half_width_um;
+    let (least, most) = SIZE_UM;
+    let mut biggest = 0.0;
+    for (i, mean) in axes.grain_size_um.iter().enumerate() {
+        let key = format!("axes.grain_size_um[{i}]");
+        let (min, max) = (mean - half_width, mean + half_width);
+        if !(least <= min && max <= most) {
+            let problem = Problem::Contradiction(format!(
+                "makes grains of {min} to {max} um with spread.grain_size_half_width_um = {half_width}: allowed {least} to {most}"
+            ));
+            return Err(document.error(&key, problem, "move the size or narrow the spread"));
+        }
+        if i == 0 && min < 50.0 {
+            let remark = format!("makes grains down to {min} um; ordinary are 50 to 3000 um");
+            warnings.push(document.warning(&key, remark));
+        }
+        biggest = max;
+    }
+    let least_cm = MIN_GRAIN_LENGTHS * biggest * 1e-4;
+    for (i, &thickness) in axes.thickness_cm.iter().enumerate() {
+        let key = format!("axes.thickness_cm[{i}]");
+        if thickness < least_cm {
+            let problem = Problem::OutOfRange(format!(
+                "{least_cm} to 1000 cm with grains up to {biggest} um, of which {MIN_GRAIN_LENGTHS} lengths must fit"
+            ));
+            return Err(document.error(&key, problem, "take thicker slabs or smaller grains"));
+        }
+    }
+    for (key, values, ordinary, unit) in [
+        ("thickness_cm", &axes.thickness_cm, (1.0, 100.0), "cm"),
+        ("density_kg_m3", &axes.density_kg_m3, (50.0, 450.0), "kg/m3"),
+    ] {
+        // The ends say it all: a long axis shall not bring as many remarks.
+        let last = values.len().saturating_sub(1);
+        for (i, &value) in values
+            .iter()
+            .enumerate()
+            .filter(|&(i, _)| i == 0 || i == last)
+        {
+            remark(
+                document,
+                warnings,
+                &format!("axes.{key}[{i}]"),
+                value,
+                ordinary,
+                unit,
+            );
+        }
+    }
+    Ok(axes)
+}
+
+fn fixed(
+    document: &Document,
+    keys: &FixedKeys,
+    model: crate::transport::Model,
+    axes: &Axes,
+) -> Result<Fixed, ConfigError> {
+    let s = &keys.sphericity;
+    clean(
+        document,
+        "fixed",
+        keys.black_carbon.as_ref(),
+        keys.brown_carbon.as_ref(),
+    )?;
+    exclusive(document, "fixed.water_saturation", "fixed.water_fraction")?;
+    let water_saturation = match (keys.water_fraction, axes.density_kg_m3.as_slice()) {
+        (None, _) => keys.water_saturation.unwrap_or(0.0),
+        (Some(0.0), _) => 0.0,
+        (Some(fraction), &[density]) => {
+            let ice = ice_density_kg_m3(keys.temperature_c);
+            saturation_from_fraction(document, "fixed", fraction, density, ice)?
+        }
+        // One fraction of the volume is another saturation at each density.
+        (Some(_), _) => {
+            let problem = Problem::Unsupported("one water saturation for all densities");
+            let help = "give water_saturation, or a single density";
+            return Err(document.error("fixed.water_fraction", problem, help));
+        }
+    };
+    Ok(Fixed {
+        sphericity: law(document, "fixed.sphericity", (s.min, s.max, s.mean, s.sd))?,
+        temperature_c: keys.temperature_c,
+        water_saturation,
+        model,
+    })
+}
+
+/// Refuses databases nobody could compute or store.
+fn size(
+    document: &Document,
+    axes: &Axes,
+    wavelengths: usize,
+    rays: u64,
+) -> Result<(), ConfigError> {
+    let lengths = lists(axes).map(|(_, values)| values.len() as u64);
+    let curves = lengths.iter().try_fold(1_u64, |n, &len| n.checked_mul(len));
+    let values = curves.and_then(|n| n.checked_mul(wavelengths as u64));
+    let shape = lengths.map(|n| n.to_string()).join(" x ");
+    if values.is_none_or(|n| n > MAX_VALUES) {
+        let problem = Problem::Contradiction(format!(
+            "describes {shape} curves of {wavelengths} wavelengths, more than {MAX_VALUES:.0e} values",
+            MAX_VALUES = MAX_VALUES as f64
+        ));
+        return Err(document.error("axes", problem, "shorten the axes or the wavelengths"));
+    }
+    let walks = curves.and_then(|n| n.checked_mul(rays));
+    if walks.is_none_or(|n| n > MAX_RAYS) {
+        let problem = Problem::Contradiction(format!(
+            "for each of {shape} curves is more than {:.0e} rays in all",
+            MAX_RAYS as f64
+        ));
+        return Err(document.error("run.rays", problem, "cast fewer rays"));
+    }
+    Ok(())
+}

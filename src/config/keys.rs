@@ -1,0 +1,456 @@
+//! The keys of the two config files, their types, limits and meanings: the one
+//! place from which the schema, the check and the help texts come. Comments of
+//! the fields are those texts.
+//!
+//! Limits that involve two keys, or depend on tables, are in [`super::sample`],
+//! [`super::grid`] and [`super::shared`].
+use schemars::{JsonSchema, json_schema};
+use serde::Deserialize;
+
+use crate::engine::Engine;
+use crate::optics::{IceTable, MODEL_RANGE_NM};
+use crate::transport::Entry;
+
+/// Most wavelengths of one config: 350-2500 nm by 1 nm.
+pub(super) const MAX_WAVELENGTHS: u64 = 2151;
+/// Limits of the dry density, kg/m3.
+pub(super) const DENSITY_KG_M3: (f64, f64) = (50.0, 550.0);
+/// Limits of the water saturation of the pore space.
+pub(super) const SATURATION: (f64, f64) = (0.0, 0.5);
+/// Limits of the grain size, um.
+pub(super) const SIZE_UM: (f64, f64) = (10.0, 3000.0);
+
+pub(super) const ENTRIES: [(&str, Entry); 2] =
+    [("uniform", Entry::Uniform), ("projected", Entry::Projected)];
+pub(super) const ICE_TABLES: [(&str, IceTable); 2] = [
+    ("warren_brandt_2008", IceTable::WarrenBrandt2008),
+    ("picard_2016", IceTable::Picard2016),
+];
+pub(super) const WATER_TABLES: [&str; 3] = ["segelstein_1981", "rowe_2020", "hale_querry_1973"];
+
+fn names<T>(choices: &[(&'static str, T)]) -> Vec<&'static str> {
+    choices.iter().map(|(name, _)| *name).collect()
+}
+
+/// A snow sample, its illumination and the wavelengths to measure it at.
+#[derive(Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields)]
+#[schemars(title = "SPLITSnow sample file")]
+pub(super) struct SampleKeys {
+    /// Version of the file format; this program reads 1.
+    #[schemars(range(min = 1, max = 1))]
+    #[serde(rename = "version")]
+    pub(super) _version: u32,
+    pub(super) illumination: IlluminationKeys,
+    pub(super) wavelengths: WavelengthKeys,
+    /// Layers of the pack: the first [[layer]] is the base, the last the surface.
+    #[schemars(length(min = 1, max = 100))]
+    pub(super) layer: Vec<LayerKeys>,
+    pub(super) substrate: Option<SubstrateKeys>,
+    #[serde(default)]
+    pub(super) model: ModelKeys,
+}
+
+/// The light: polar_angle_deg, or diffuse = true.
+#[derive(Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields)]
+#[schemars(extend("oneOf" = [
+    { "required": ["polar_angle_deg"], "properties": { "diffuse": { "const": false } } },
+    { "required": ["diffuse"], "properties": { "diffuse": { "const": true }, "polar_angle_deg": false } },
+]))]
+pub(super) struct IlluminationKeys {
+    /// Angle between parallel rays and the surface normal, degrees, in [0, 90).
+    #[schemars(range(min = 0.0), extend("exclusiveMaximum" = 90.0))]
+    pub(super) polar_angle_deg: Option<f64>,
+    /// Isotropic radiance over the whole upper hemisphere.
+    #[serde(default)]
+    pub(super) diffuse: bool,
+}
+
+/// Wavelengths, nm: start_nm, stop_nm and step_nm, or values_nm.
+#[derive(Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields)]
+#[schemars(extend("oneOf" = [
+    { "required": ["start_nm", "stop_nm", "step_nm"], "properties": { "values_nm": false } },
+    { "required": ["values_nm"], "properties": { "start_nm": false, "stop_nm": false, "step_nm": false } },
+]))]
+pub(super) struct WavelengthKeys {
+    /// First wavelength, nm, in [350, 2500].
+    #[schemars(range(min = MODEL_RANGE_NM.0, max = MODEL_RANGE_NM.1))]
+    pub(super) start_nm: Option<f64>,
+    /// Last wavelength, nm, in [350, 2500]: included if a whole number of steps leads there.
+    #[schemars(range(min = MODEL_RANGE_NM.0, max = MODEL_RANGE_NM.1))]
+    pub(super) stop_nm: Option<f64>,
+    /// Distance between wavelengths, nm.
+    #[schemars(range(max = 2150.0), extend("exclusiveMinimum" = 0.0))]
+    pub(super) step_nm: Option<f64>,
+    /// The wavelengths themselves, nm, strictly increasing in [350, 2500].
+    #[schemars(
+        length(min = 1, max = MAX_WAVELENGTHS),
+        inner(range(min = MODEL_RANGE_NM.0, max = MODEL_RANGE_NM.1)),
+        extend("uniqueItems" = true)
+    )]
+    pub(super) values_nm: Option<Vec<f64>>,
+}
+
+/// One homogeneous layer of snow.
+#[derive(Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields)]
+#[schemars(extend("oneOf" = [
+    { "required": ["density_kg_m3"] }, { "required": ["wet_density_kg_m3"] },
+], "not" = { "required": ["water_saturation", "water_fraction"] }))]
+pub(super) struct LayerKeys {
+    /// Thickness, cm: at least 10 lengths of the biggest grain; ordinarily 1 to 100.
+    #[schemars(range(max = 1000.0), extend("exclusiveMinimum" = 0.0))]
+    pub(super) thickness_cm: f64,
+    /// Density of the dry snow, kg/m3: ordinarily 50 to 450; ice itself has about 917.
+    #[schemars(range(min = DENSITY_KG_M3.0, max = DENSITY_KG_M3.1))]
+    pub(super) density_kg_m3: Option<f64>,
+    /// Density with the water in the pores, kg/m3, instead of density_kg_m3.
+    #[schemars(range(min = DENSITY_KG_M3.0, max = 1000.0))]
+    pub(super) wet_density_kg_m3: Option<f64>,
+    /// Temperature, Celsius.
+    #[schemars(range(min = -40.0, max = 0.0))]
+    #[serde(default = "default_temperature_c")]
+    pub(super) temperature_c: f64,
+    /// Share of the pore space that is water; default 0, dry.
+    #[schemars(range(min = SATURATION.0, max = SATURATION.1))]
+    pub(super) water_saturation: Option<f64>,
+    /// Share of the whole volume that is water, instead of water_saturation.
+    #[schemars(range(min = 0.0, max = 0.5))]
+    pub(super) water_fraction: Option<f64>,
+    /// Types of grain; this version computes one.
+    #[schemars(length(min = 1, max = 100))]
+    pub(super) grain: Vec<GrainKeys>,
+    pub(super) black_carbon: Option<CarbonKeys>,
+    pub(super) brown_carbon: Option<CarbonKeys>,
+}
+
+/// One type of grain.
+#[derive(Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields)]
+pub(super) struct GrainKeys {
+    /// Share of the ice volume; the shares of a layer sum to 1. May be left out for a single type.
+    #[schemars(range(min = 0.0, max = 1.0))]
+    pub(super) fraction: Option<f64>,
+    pub(super) size_um: SizeKeys,
+    pub(super) facetness: FacetnessKeys,
+    #[serde(default)]
+    pub(super) sphericity: SphericityKeys,
+}
+
+/// Grain size (full length of the major axis), um, drawn uniformly in [min, max].
+#[derive(Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields)]
+pub(super) struct SizeKeys {
+    /// Smallest grain size, um: ordinarily at least 50, fresh surface snow down to 10.
+    #[schemars(range(min = SIZE_UM.0, max = SIZE_UM.1))]
+    pub(super) min: f64,
+    /// Largest grain size, um.
+    #[schemars(range(min = SIZE_UM.0, max = SIZE_UM.1))]
+    pub(super) max: f64,
+}
+
+/// Facetness, 0 (smooth) to 1: normal law cut to [min, max].
+#[derive(Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields)]
+pub(super) struct FacetnessKeys {
+    /// Smallest facetness.
+    #[schemars(range(min = 0.0, max = 1.0))]
+    pub(super) min: f64,
+    /// Largest facetness.
+    #[schemars(range(min = 0.0, max = 1.0))]
+    pub(super) max: f64,
+    /// Mean of the law before it is cut, within [min, max].
+    #[schemars(range(min = 0.0, max = 1.0))]
+    pub(super) mean: f64,
+    /// Standard deviation of the law before it is cut.
+    #[schemars(range(min = 0.0, max = 10.0))]
+    pub(super) sd: f64,
+}
+
+/// Sphericity, in (0, 1], 1 is a sphere: normal law cut to [min, max].
+#[derive(Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields)]
+pub(super) struct SphericityKeys {
+    /// Smallest sphericity.
+    #[schemars(range(max = 1.0), extend("exclusiveMinimum" = 0.0))]
+    pub(super) min: f64,
+    /// Largest sphericity.
+    #[schemars(range(max = 1.0), extend("exclusiveMinimum" = 0.0))]
+    pub(super) max: f64,
+    /// Mean of the law before it is cut, within [min, max].
+    #[schemars(range(max = 1.0), extend("exclusiveMinimum" = 0.0))]
+    pub(super) mean: f64,
+    /// Standard deviation of the law before it is cut.
+    #[schemars(range(min = 0.0, max = 10.0))]
+    pub(super) sd: f64,
+}
+
+impl Default for SphericityKeys {
+    /// The representative sample of Varsa 2025, section 7.1.
+    fn default() -> Self {
+        Self {
+            min: 0.6,
+            max: 0.95,
+            mean: 0.798,
+            sd: 0.064,
+        }
+    }
+}
+
+/// Light-absorbing carbon; this version computes clean snow: concentration 0.
+#[derive(Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields)]
+pub(super) struct CarbonKeys {
+    /// Mass of carbon per mass of snow, ng/g.
+    #[schemars(range(min = 0.0, max = 1e9))]
+    pub(super) concentration_ng_g: f64,
+    /// Share of the carbon that sits in the ice, default 1.
+    #[schemars(range(min = 0.0, max = 1.0))]
+    #[serde(rename = "sedimentation")]
+    pub(super) _sedimentation: Option<f64>,
+    /// Mass absorption efficiency at the reference wavelength, m2/g, default 16.619.
+    #[schemars(range(min = 0.0, max = 1000.0))]
+    #[serde(rename = "mass_absorption_efficiency_m2_g")]
+    pub(super) _mass_absorption_efficiency_m2_g: Option<f64>,
+    /// Reference wavelength, nm, default 880.
+    #[schemars(range(min = 100.0, max = 10_000.0))]
+    #[serde(rename = "reference_wavelength_nm")]
+    pub(super) _reference_wavelength_nm: Option<f64>,
+    /// Angstrom exponent of the absorption, default 1 (black) or 2 (brown).
+    #[schemars(range(min = 0.0, max = 20.0))]
+    #[serde(rename = "angstrom_exponent")]
+    pub(super) _angstrom_exponent: Option<f64>,
+}
+
+/// What lies below the snow; this version computes a black ground: reflectance 0.
+#[derive(Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields)]
+pub(super) struct SubstrateKeys {
+    #[schemars(schema_with = "number_or_csv")]
+    pub(super) reflectance: NumberOrPath,
+}
+
+#[derive(Deserialize, PartialEq)]
+#[serde(untagged)]
+pub(super) enum NumberOrPath {
+    Number(f64),
+    Path(#[allow(dead_code)] String), // recognised, not computed yet
+}
+
+fn number_or_csv(_: &mut schemars::SchemaGenerator) -> schemars::Schema {
+    json_schema!({
+        "description": "Lambertian reflectance: a number from 0 to 1, or the path of a CSV file.",
+        "type": ["number", "string"],
+        "minimum": 0.0,
+        "maximum": 1.0,
+        "pattern": "\\.csv$",
+    })
+}
+
+/// Choices within the model.
+#[derive(Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields, default)]
+pub(super) struct ModelKeys {
+    /// Where a ray enters a grain: uniformly over its facing surface, or over its projected area.
+    #[schemars(extend("enum" = names(&ENTRIES)))]
+    pub(super) entry: String,
+    /// How layers are joined; this version computes one layer.
+    #[schemars(extend("enum" = ["continuous", "cascade"]))]
+    pub(super) layers: String,
+    /// Spectral law of carbon absorption; without carbon there is only the default.
+    #[schemars(extend("enum" = ["power", "varsa2025"]))]
+    pub(super) carbon_law: String,
+    /// How the mass of impurities is shared out; without carbon there is only the default.
+    #[schemars(extend("enum" = ["varsa2025", "conserved"]))]
+    pub(super) impurity_mass: String,
+    /// Refractive index of ice.
+    #[schemars(extend("enum" = names(&ICE_TABLES)))]
+    pub(super) ice: String,
+    /// Refractive index of water: a table's name, or the path of a CSV file
+    /// wavelength_nm,n,k relative to this file. Read only for wet snow.
+    #[schemars(extend("anyOf" = [{ "enum": WATER_TABLES }, { "pattern": "\\.csv$" }]))]
+    pub(super) water: String,
+}
+
+impl Default for ModelKeys {
+    fn default() -> Self {
+        Self {
+            entry: "uniform".to_owned(),
+            layers: "continuous".to_owned(),
+            carbon_law: "power".to_owned(),
+            impurity_mass: "varsa2025".to_owned(),
+            ice: "warren_brandt_2008".to_owned(),
+            water: "segelstein_1981".to_owned(),
+        }
+    }
+}
+
+/// A spectral database: every combination of the axes is one curve.
+#[derive(Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields)]
+#[schemars(title = "SPLITSnow grid file")]
+pub(super) struct GridKeys {
+    /// Version of the file format; this program reads 1.
+    #[schemars(range(min = 1, max = 1))]
+    #[serde(rename = "version")]
+    pub(super) _version: u32,
+    pub(super) axes: AxesKeys,
+    #[serde(default)]
+    pub(super) spread: SpreadKeys,
+    pub(super) wavelengths: WavelengthKeys,
+    #[serde(default)]
+    pub(super) fixed: FixedKeys,
+    #[serde(default)]
+    pub(super) model: ModelKeys,
+    pub(super) run: RunKeys,
+    #[serde(default)]
+    pub(super) compression: CompressionKeys,
+}
+
+/// The axes of the database, each strictly increasing.
+#[derive(Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields)]
+pub(super) struct AxesKeys {
+    /// Mean facetness of the grains, 0 to 1.
+    #[schemars(length(min = 1, max = 1000), inner(range(min = 0.0, max = 1.0)), extend("uniqueItems" = true))]
+    pub(super) facetness: Vec<f64>,
+    /// Mean grain size (full length of the major axis), um.
+    #[schemars(length(min = 1, max = 1000), inner(range(min = SIZE_UM.0, max = SIZE_UM.1)), extend("uniqueItems" = true))]
+    pub(super) grain_size_um: Vec<f64>,
+    /// Density of the dry snow, kg/m3: ordinarily 50 to 450; ice itself has about 917.
+    #[schemars(length(min = 1, max = 1000), inner(range(min = DENSITY_KG_M3.0, max = DENSITY_KG_M3.1)), extend("uniqueItems" = true))]
+    pub(super) density_kg_m3: Vec<f64>,
+    /// Thickness, cm: at least 10 lengths of the biggest grain; ordinarily 1 to 100.
+    #[schemars(length(min = 1, max = 1000), inner(range(max = 1000.0)), extend("uniqueItems" = true),
+        transform = above_zero)]
+    pub(super) thickness_cm: Vec<f64>,
+    /// Angle between parallel rays and the surface normal, degrees, in [0, 90).
+    #[schemars(length(min = 1, max = 1000), inner(range(min = 0.0)), extend("uniqueItems" = true),
+        transform = below_90)]
+    pub(super) angle_deg: Vec<f64>,
+}
+
+fn above_zero(schema: &mut schemars::Schema) {
+    limit_items(schema, "exclusiveMinimum", 0.0);
+}
+
+fn below_90(schema: &mut schemars::Schema) {
+    limit_items(schema, "exclusiveMaximum", 90.0);
+}
+
+fn limit_items(schema: &mut schemars::Schema, keyword: &str, limit: f64) {
+    if let Some(items) = schema.get_mut("items").and_then(|i| i.as_object_mut()) {
+        items.insert(keyword.to_owned(), limit.into());
+    }
+}
+
+/// Widths of the laws around an axis value.
+#[derive(Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields, default)]
+pub(super) struct SpreadKeys {
+    /// Facetness is cut to mean -+ this, and to [0, 1].
+    #[schemars(range(min = 0.0, max = 1.0))]
+    pub(super) facetness_half_width: f64,
+    /// Standard deviation of facetness before it is cut.
+    #[schemars(range(min = 0.0, max = 10.0))]
+    pub(super) facetness_sd: f64,
+    /// Grain size is uniform in mean -+ this, um.
+    #[schemars(range(min = 0.0, max = SIZE_UM.1))]
+    pub(super) grain_size_half_width_um: f64,
+}
+
+impl Default for SpreadKeys {
+    /// Varsa 2025, section 8.1; sd of section 7.1.
+    fn default() -> Self {
+        Self {
+            facetness_half_width: 0.1,
+            facetness_sd: 0.072,
+            grain_size_half_width_um: 50.0,
+        }
+    }
+}
+
+/// What every curve has in common.
+#[derive(Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields, default)]
+#[schemars(extend("not" = { "required": ["water_saturation", "water_fraction"] }))]
+pub(super) struct FixedKeys {
+    pub(super) sphericity: SphericityKeys,
+    /// Temperature, Celsius.
+    #[schemars(range(min = -40.0, max = 0.0))]
+    pub(super) temperature_c: f64,
+    /// Share of the pore space that is water; default 0, dry.
+    #[schemars(range(min = SATURATION.0, max = SATURATION.1))]
+    pub(super) water_saturation: Option<f64>,
+    /// Share of the whole volume that is water, instead of water_saturation; with a single density only.
+    #[schemars(range(min = 0.0, max = 0.5))]
+    pub(super) water_fraction: Option<f64>,
+    pub(super) black_carbon: Option<CarbonKeys>,
+    pub(super) brown_carbon: Option<CarbonKeys>,
+}
+
+impl Default for FixedKeys {
+    fn default() -> Self {
+        Self {
+            sphericity: SphericityKeys::default(),
+            temperature_c: default_temperature_c(),
+            water_saturation: None,
+            water_fraction: None,
+            black_carbon: None,
+            brown_carbon: None,
+        }
+    }
+}
+
+/// How the curves are computed.
+#[derive(Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields)]
+pub(super) struct RunKeys {
+    /// The engine that runs the walks.
+    #[schemars(extend("enum" = Engine::ALL.map(Engine::name)))]
+    #[serde(default = "default_engine")]
+    pub(super) engine: String,
+    /// Seed of the random streams.
+    // Above this a JSON reader that keeps numbers as doubles would lose digits.
+    #[schemars(range(min = 0, max = 9_007_199_254_740_991_u64))]
+    #[serde(default = "default_seed")]
+    pub(super) seed: u64,
+    /// Walks per curve: for all wavelengths together in `spectral`, for each in `reference`.
+    #[schemars(range(min = 1, max = 1_000_000_000_000_u64))]
+    pub(super) rays: u64,
+}
+
+/// Bounds on the curves rebuilt from the compact file.
+#[derive(Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields, default)]
+pub(super) struct CompressionKeys {
+    /// Largest colour difference Delta-E*ab (CIE 1976) of any curve.
+    #[schemars(range(max = 100.0), extend("exclusiveMinimum" = 0.0))]
+    pub(super) max_delta_e: f64,
+    /// Largest root-mean-square error of any curve; no bound by default.
+    #[schemars(range(max = 1.0), extend("exclusiveMinimum" = 0.0))]
+    pub(super) max_rmse: Option<f64>,
+}
+
+impl Default for CompressionKeys {
+    fn default() -> Self {
+        Self {
+            max_delta_e: 2.3,
+            max_rmse: None,
+        }
+    }
+}
+
+fn default_temperature_c() -> f64 {
+    -1.0
+}
+
+fn default_engine() -> String {
+    Engine::Spectral.name().to_owned()
+}
+
+fn default_seed() -> u64 {
+    1
+}

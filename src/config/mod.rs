@@ -1,0 +1,35 @@
+//! Config files: strict TOML, refused with file, line, key, value and what is
+//! allowed.
+//!
+//! The private module `keys` lists every key with its type, limits and meaning;
+//! the JSON Schemas are generated from it, and each document is checked against
+//! its schema before it is read, so that an editor and the program refuse the
+//! same. Limits that involve several keys follow in [`sample`] and [`grid`]. Keys of the file
+//! format that this version cannot compute yet (several layers or grain types,
+//! carbon, a bright ground) are known and refused as such.
+//!
+//! Parsing never panics, and its time and memory are bounded by the length of
+//! the text (at most 1 MiB).
+use std::path::Path;
+
+mod canonical;
+mod check;
+mod document;
+mod error;
+pub mod grid;
+mod keys;
+pub mod sample;
+pub mod schema;
+mod shared;
+pub mod water;
+
+pub use error::{ConfigError, Problem};
+
+/// A slab must hold this many lengths of its biggest grain: below, too many
+/// grains do not fit (MODEL section 1).
+const MIN_GRAIN_LENGTHS: f64 = 10.0;
+
+/// The directory that paths inside the config file `name` are relative to.
+fn directory_of(name: &str) -> &Path {
+    Path::new(name).parent().unwrap_or(Path::new(""))
+}

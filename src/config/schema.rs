@@ -1,0 +1,51 @@
+//! JSON Schemas (draft 2020-12) of the two file kinds, generated from
+//! the list of keys and committed under `schema/`, from which editors complete
+//! and check.
+use std::sync::LazyLock;
+
+use schemars::transform::RecursiveTransform;
+use schemars::{JsonSchema, Schema, generate::SchemaSettings};
+use serde_json::Value;
+
+use super::keys::{GridKeys, SampleKeys};
+
+pub(super) static SAMPLE: LazyLock<Value> = LazyLock::new(of::<SampleKeys>);
+pub(super) static GRID: LazyLock<Value> = LazyLock::new(of::<GridKeys>);
+
+/// The schema of a sample file, as committed in `schema/sample.schema.json`.
+#[must_use]
+pub fn sample() -> String {
+    // Alternate form: indented.
+    format!("{:#}\n", *SAMPLE)
+}
+
+/// The schema of a grid file, as committed in `schema/grid.schema.json`.
+#[must_use]
+pub fn grid() -> String {
+    format!("{:#}\n", *GRID)
+}
+
+/// The schema of a set of keys, without references to follow.
+fn of<Keys: JsonSchema>() -> Value {
+    SchemaSettings::draft2020_12()
+        .with(|settings| settings.inline_subschemas = true)
+        .with_transform(RecursiveTransform(plain))
+        .into_generator()
+        .into_root_schema_for::<Keys>()
+        .to_value()
+}
+
+/// Drops what Rust types bring along but TOML has not: null, and widths of numbers.
+fn plain(schema: &mut Schema) {
+    let Some(keywords) = schema.as_object_mut() else {
+        return;
+    };
+    keywords.retain(|name, value| name != "format" && !(name == "default" && value.is_null()));
+    if let Some(Value::Array(types)) = keywords.get_mut("type") {
+        types.retain(|kind| kind != "null");
+        if let [only] = types.as_slice() {
+            let only = only.clone();
+            keywords.insert("type".to_owned(), only);
+        }
+    }
+}

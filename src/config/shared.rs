@@ -1,0 +1,284 @@
+//! What sample and grid files have in common: wavelengths, grain laws, water,
+//! the choices within the model, and what this version cannot compute.
+use std::path::Path;
+
+use crate::grain::TruncatedNormal;
+use crate::optics::WaterTable;
+use crate::transport::Model;
+
+use super::check;
+use super::document::Document;
+use super::error::{ConfigError, Problem};
+use super::keys::{
+    CarbonKeys, ENTRIES, ICE_TABLES, MAX_WAVELENGTHS, ModelKeys, SATURATION, WATER_TABLES,
+    WavelengthKeys,
+};
+use super::water;
+
+/// Refuses two keys of which only one may be given.
+pub(super) fn exclusive(document: &Document, one: &str, other: &str) -> Result<(), ConfigError> {
+    if !(document.has(one) && document.has(other)) {
+        return Ok(());
+    }
+    let (first, second) = if document.line(one) <= document.line(other) {
+        (one, other)
+    } else {
+        (other, one)
+    };
+    let conflict = Problem::Conflict {
+        other: first.to_owned(),
+        line: document.line(first),
+    };
+    Err(document.error(second, conflict, "give one of the two"))
+}
+
+/// Refuses a list that is not strictly increasing.
+pub(super) fn increasing(
+    document: &Document,
+    key: &str,
+    values: &[f64],
+) -> Result<(), ConfigError> {
+    for (i, pair) in values.windows(2).enumerate() {
+        let &[before, value] = pair else { continue };
+        if value <= before {
+            let what = if value == before {
+                "repeats"
+            } else {
+                "is below"
+            };
+            let problem = Problem::Contradiction(format!("{what} the value before it, {before}"));
+            let key = format!("{key}[{}]", i + 1);
+            let help = "give each value once, in increasing order";
+            return Err(document.error(&key, problem, help));
+        }
+    }
+    Ok(())
+}
+
+/// The wavelengths, nm, strictly increasing, and a remark where the last step
+/// does not reach `stop_nm`.
+pub(super) fn wavelengths(
+    document: &Document,
+    keys: &WavelengthKeys,
+    warnings: &mut Vec<String>,
+) -> Result<Vec<f64>, ConfigError> {
+    const HELP: &str = "give start_nm, stop_nm and step_nm, or values_nm";
+    for key in ["start_nm", "stop_nm", "step_nm"] {
+        exclusive(
+            document,
+            "wavelengths.values_nm",
+            &format!("wavelengths.{key}"),
+        )?;
+    }
+    if let Some(values) = &keys.values_nm {
+        increasing(document, "wavelengths.values_nm", values)?;
+        return Ok(values.clone());
+    }
+    let missing = |key: &str| document.error(&format!("wavelengths.{key}"), Problem::Missing, HELP);
+    let start = keys.start_nm.ok_or_else(|| missing("start_nm"))?;
+    let stop = keys.stop_nm.ok_or_else(|| missing("stop_nm"))?;
+    let step = keys.step_nm.ok_or_else(|| missing("step_nm"))?;
+    if start > stop {
+        let problem = Problem::Contradiction(format!("is above stop_nm = {stop}"));
+        return Err(document.error("wavelengths.start_nm", problem, "exchange the two"));
+    }
+    let steps = (stop - start) / step;
+    // A step such as 0.1 has no exact double: a whole number of steps may miss by a rounding.
+    let whole = (steps - steps.round()).abs() < 1e-9 * steps.max(1.0);
+    let count = if whole { steps.round() } else { steps.floor() };
+    if count >= MAX_WAVELENGTHS as f64 {
+        // As an integer where it can be read, 3e302 where it cannot.
+        let many = match count + 1.0 {
+            many if many < 1e9 => format!("{many}"),
+            many => format!("{many:.0e}"),
+        };
+        let problem = Problem::Contradiction(format!(
+            "makes {many} wavelengths from {start} to {stop} nm, more than {MAX_WAVELENGTHS}"
+        ));
+        return Err(document.error("wavelengths.step_nm", problem, "use a longer step"));
+    }
+    let mut values: Vec<f64> = (0..=count as u32)
+        .map(|i| start + f64::from(i) * step)
+        .collect();
+    match values.last_mut() {
+        Some(last) if whole => *last = stop,
+        Some(last) => {
+            let remark = format!(
+                "is no whole number of steps from start_nm; the last wavelength is {last} nm"
+            );
+            warnings.push(document.warning("wavelengths.stop_nm", remark));
+        }
+        None => {}
+    }
+    // A step below the spacing of doubles does not move.
+    increasing(document, "wavelengths.step_nm", &values)?;
+    Ok(values)
+}
+
+/// A normal law cut to [min, max], from keys `key.min` and so on.
+pub(super) fn law(
+    document: &Document,
+    key: &str,
+    (min, max, mean, sd): (f64, f64, f64, f64),
+) -> Result<TruncatedNormal, ConfigError> {
+    ordered(document, key, min, max)?;
+    if !(min <= mean && mean <= max) {
+        let problem = Problem::OutOfRange(format!("{min} to {max}, which are its min and max"));
+        return Err(document.error(&format!("{key}.mean"), problem, "move mean, min or max"));
+    }
+    TruncatedNormal::new(min, max, mean, sd)
+        .map_err(|e| document.error(key, Problem::Contradiction(e.to_string()), ""))
+}
+
+/// Refuses `key.min` above `key.max`.
+pub(super) fn ordered(
+    document: &Document,
+    key: &str,
+    min: f64,
+    max: f64,
+) -> Result<(), ConfigError> {
+    if min <= max {
+        return Ok(());
+    }
+    let problem = Problem::Contradiction(format!("is above max = {max}"));
+    Err(document.error(&format!("{key}.min"), problem, "exchange the two"))
+}
+
+/// Saturation of the pore space from the key `table.water_fraction`.
+pub(super) fn saturation_from_fraction(
+    document: &Document,
+    table: &str,
+    fraction: f64,
+    density_kg_m3: f64,
+    ice_density_kg_m3: f64,
+) -> Result<f64, ConfigError> {
+    let saturation = water::saturation(fraction, density_kg_m3, ice_density_kg_m3);
+    if saturation <= SATURATION.1 {
+        return Ok(saturation);
+    }
+    let most = water::water_fraction(SATURATION.1, density_kg_m3, ice_density_kg_m3);
+    let problem = Problem::OutOfRange(format!(
+        "0 to {most:.4} at {density_kg_m3} kg/m3, where it fills half of the pore space"
+    ));
+    let help = "lower the water or the density";
+    Err(document.error(&format!("{table}.water_fraction"), problem, help))
+}
+
+/// The choices within the model; paths are relative to the file's directory.
+pub(super) fn model(
+    document: &Document,
+    keys: &ModelKeys,
+    directory: &Path,
+) -> Result<Model, ConfigError> {
+    for (key, value, only, computes) in [
+        ("layers", &keys.layers, "continuous", "one layer"),
+        ("carbon_law", &keys.carbon_law, "power", "clean snow"),
+        (
+            "impurity_mass",
+            &keys.impurity_mass,
+            "varsa2025",
+            "clean snow",
+        ),
+    ] {
+        if value != only {
+            let help = format!("leave it out, or write \"{only}\"");
+            let key = format!("model.{key}");
+            return Err(document.error(&key, Problem::Unsupported(computes), help));
+        }
+    }
+    let water = match keys.water.as_str() {
+        "segelstein_1981" => WaterTable::Segelstein1981,
+        "rowe_2020" => WaterTable::Rowe2020,
+        "hale_querry_1973" => WaterTable::HaleQuerry1973,
+        path if path.ends_with(".csv") => WaterTable::Csv(directory.join(path)),
+        name => {
+            let help = "or the path of a file ending in .csv";
+            check::choice(document, "model.water", name, &WATER_TABLES, help)?;
+            WaterTable::default()
+        }
+    };
+    Ok(Model {
+        entry: choose(document, "model.entry", &ENTRIES, &keys.entry)?,
+        ice: choose(document, "model.ice", &ICE_TABLES, &keys.ice)?,
+        water,
+    })
+}
+
+/// The value that goes by a name.
+pub(super) fn choose<T: Copy>(
+    document: &Document,
+    key: &str,
+    choices: &[(&str, T)],
+    given: &str,
+) -> Result<T, ConfigError> {
+    let names: Vec<_> = choices.iter().map(|(name, _)| *name).collect();
+    check::choice(document, key, given, &names, "")?;
+    let chosen = choices.iter().find(|(name, _)| *name == given);
+    chosen
+        .map(|(_, value)| *value)
+        .ok_or_else(|| document.error(key, Problem::Missing, ""))
+}
+
+/// Refuses wavelengths that the chosen tables do not cover.
+pub(super) fn covered(
+    document: &Document,
+    model: &Model,
+    wavelengths_nm: &[f64],
+    water_saturation: f64,
+) -> Result<(), ConfigError> {
+    let (Some(&first), Some(&last)) = (wavelengths_nm.first(), wavelengths_nm.last()) else {
+        return Ok(());
+    };
+    let within = |key: &str, (min, max): (f64, f64)| {
+        if min <= first && last <= max {
+            return Ok(());
+        }
+        let problem = Problem::Contradiction(format!(
+            "covers {min} to {max} nm, but the wavelengths run from {first} to {last} nm"
+        ));
+        let help = "choose another table or other wavelengths";
+        Err(document.error(key, problem, help))
+    };
+    within("model.ice", model.ice.range_nm())?;
+    if water_saturation > 0.0 {
+        let water = model.water.load().map_err(|e| {
+            let problem = Problem::Contradiction(format!("cannot serve: {e}"));
+            document.error("model.water", problem, "")
+        })?;
+        within("model.water", water.range_nm())?;
+    }
+    Ok(())
+}
+
+/// Refuses carbon, which this version cannot compute.
+pub(super) fn clean(
+    document: &Document,
+    table: &str,
+    black: Option<&CarbonKeys>,
+    brown: Option<&CarbonKeys>,
+) -> Result<(), ConfigError> {
+    for (name, carbon) in [("black_carbon", black), ("brown_carbon", brown)] {
+        if carbon.is_some_and(|c| c.concentration_ng_g != 0.0) {
+            let key = format!("{table}.{name}.concentration_ng_g");
+            let help = format!("leave [{name}] out, or set it to 0");
+            return Err(document.error(&key, Problem::Unsupported("clean snow"), help));
+        }
+    }
+    Ok(())
+}
+
+/// Remarks on values that are allowed but beyond the ordinary range of
+/// MODEL section 1.
+pub(super) fn remark(
+    document: &Document,
+    warnings: &mut Vec<String>,
+    key: &str,
+    value: f64,
+    (min, max): (f64, f64),
+    unit: &str,
+) {
+    if !(min..=max).contains(&value) {
+        let remark = format!("is outside the ordinary range {min} to {max} {unit}");
+        warnings.push(document.warning(key, remark));
+    }
+}

@@ -1,0 +1,386 @@
+//! Config files: what is read, what is refused and with which words.
+//!
+//! `UPDATE_GOLDEN=1` rewrites the schemas and the messages; read the difference
+//! before it is committed.
+#![allow(clippy::unwrap_used)]
+mod config_errors;
+
+use std::fmt::Write;
+use std::path::{Path, PathBuf};
+
+use config_errors::{GRID, GRID_ERRORS, SAMPLE, SAMPLE_ERRORS};
+use proptest::prelude::*;
+use splitsnow::config::{grid, sample, schema};
+use splitsnow::optics::ice_density_kg_m3;
+use splitsnow::transport::Illumination;
+
+fn root() -> &'static Path {
+    Path::new(env!("CARGO_MANIFEST_DIR"))
+}
+
+/// Compares `text` with a committed file, or rewrites that.
+fn golden(path: &str, text: &str) {
+    let path = root().join(path);
+    if std::env::var_os("UPDATE_GOLDEN").is_some() {
+        std::fs::write(&path, text).unwrap();
+    }
+    let committed = std::fs::read_to_string(&path).unwrap_or_default();
+    let path = path.display();
+    assert_eq!(committed, text, "{path}: see the head of this test file");
+}
+
+fn refusals<T>(
+    good: &str,
+    cases: &[(&str, &str)],
+    parse: impl Fn(&str) -> Result<T, splitsnow::config::ConfigError>,
+) -> String {
+    assert!(parse(good).is_ok());
+    let mut text = String::new();
+    for (old, new) in cases {
+        assert_eq!(good.matches(old).count(), 1, "`{old}` is no single place");
+        let Err(error) = parse(&good.replace(old, new)) else {
+            panic!("accepted: {new}");
+        };
+        for (sign, edit) in [('-', old), ('+', new)] {
+            for line in edit.lines() {
+                writeln!(text, "{sign} {line}").unwrap();
+            }
+        }
+        writeln!(text, "{error}\n").unwrap();
+    }
+    text
+}
+
+#[test]
+fn refused_samples_say_why() {
+    let text = refusals(SAMPLE, SAMPLE_ERRORS, |text| sample::parse("s.toml", text));
+    golden("tests/config_errors/sample.txt", &text);
+}
+
+#[test]
+fn refused_grids_say_why() {
+    let text = refusals(GRID, GRID_ERRORS, |text| grid::parse("g.toml", text));
+    golden("tests/config_errors/grid.txt", &text);
+}
+
+#[test]
+fn databases_beyond_reason_are_refused() {
+    let list = |n: u32, last: f64| {
+        let values: Vec<_> = (1..=n)
+            .map(|i| format!("{}", last * f64::from(i) / f64::from(n)))
+            .collect();
+        format!("[{}]", values.join(", "))
+    };
+    let long = GRID
+        .replace("[0.1, 0.5, 0.9]", &list(1000, 1.0))
+        .replace("[0, 40, 80]", &list(1000, 80.0))
+        .replace("[200, 400]", "[200, 250, 300, 350, 400]")
+        .replace("step_nm = 10", "step_nm = 1");
+    let error = grid::parse("g.toml", &long).unwrap_err().to_string();
+    assert!(
+        error.starts_with(
+            "g.toml:2: `axes` describes 1000 x 3 x 5 x 3 x 1000 curves of 301 wavelengths"
+        ),
+        "{error}"
+    );
+    let error = grid::parse("g.toml", &GRID.replace("[0.1, 0.5, 0.9]", &list(1001, 1.0)));
+    let error = error.unwrap_err().to_string();
+    assert!(
+        error.contains("`axes.facetness` is out of range: allowed 1 to 1000 entries"),
+        "{error}"
+    );
+    let many = long
+        .replace("step_nm = 1", "step_nm = 300")
+        .replace("rays = 1000", "rays = 1000000000000");
+    let error = grid::parse("g.toml", &many).unwrap_err();
+    assert_eq!(error.key(), "run.rays");
+}
+
+#[test]
+fn unreadable_files_are_refused() {
+    let directory = tempfile::tempdir().unwrap();
+    let write = |name: &str, bytes: &[u8]| {
+        let path = directory.path().join(name);
+        std::fs::write(&path, bytes).unwrap();
+        path
+    };
+    for path in [
+        directory.path().join("none.toml"),
+        directory.path().to_owned(),
+        write("binary.toml", &[0xff, 0xfe]),
+        write("long.toml", &vec![b'\n'; (1 << 20) + 1]),
+    ] {
+        let error = grid::read(&path).unwrap_err().to_string();
+        assert!(error.contains(": cannot be read: "), "{error}");
+    }
+}
+
+#[test]
+fn schemas_are_current() {
+    golden("schema/sample.schema.json", &schema::sample());
+    golden("schema/grid.schema.json", &schema::grid());
+}
+
+#[test]
+fn committed_configs_are_accepted_and_name_their_schema() {
+    let files = |folder: &str| -> Vec<PathBuf> {
+        let entries = std::fs::read_dir(root().join(folder)).unwrap();
+        let paths = entries.map(|entry| entry.unwrap().path());
+        paths
+            .filter(|p| p.extension().is_some_and(|e| e == "toml"))
+            .collect()
+    };
+    let names_schema = |path: &Path| {
+        let text = std::fs::read_to_string(path).unwrap();
+        let schema = text
+            .lines()
+            .next()
+            .unwrap()
+            .strip_prefix("#:schema ")
+            .unwrap();
+        assert!(
+            path.parent().unwrap().join(schema).is_file(),
+            "{}",
+            path.display()
+        );
+    };
+    let (grids, samples) = (files("configs"), files("configs/samples"));
+    assert!(grids.len() >= 2 && samples.len() >= 6);
+    for path in &grids {
+        names_schema(path);
+        let file = grid::read(path).unwrap_or_else(|e| panic!("{e}"));
+        assert_eq!(file.warnings, Vec::<String>::new());
+        let again = grid::parse(&path.display().to_string(), &file.to_toml()).unwrap();
+        assert_eq!(again.grid, file.grid);
+    }
+    for path in &samples {
+        names_schema(path);
+        let file = sample::read(path).unwrap_or_else(|e| panic!("{e}"));
+        assert_eq!(!file.warnings.is_empty(), path.ends_with("surface.toml"));
+    }
+}
+
+#[test]
+fn the_thesis_database_is_that_of_the_thesis() {
+    let file = grid::read(&root().join("configs/thesis.toml")).unwrap();
+    let axes = &file.grid.axes;
+    let curves = axes.facetness.len()
+        * axes.grain_size_um.len()
+        * axes.density_kg_m3.len()
+        * axes.thickness_cm.len()
+        * axes.angle_deg.len();
+    assert_eq!(curves, 24_750);
+    assert_eq!(file.grid.wavelengths_nm.len(), 31);
+    assert_eq!(file.name, "thesis");
+}
+
+#[test]
+fn defaults_are_those_of_the_format() {
+    let short = "\
+version = 1
+illumination.diffuse = true
+wavelengths.values_nm = [842.25, 1037.76]
+[[layer]]
+thickness_cm = 25
+density_kg_m3 = 275
+[[layer.grain]]
+size_um = { min = 300, max = 750 }
+facetness = { min = 0.2, max = 0.4, mean = 0.3, sd = 0.072 }
+";
+    let file = sample::parse("s.toml", short).unwrap();
+    assert_eq!(file.illumination, Illumination::Diffuse);
+    assert_eq!(file.snow.temperature_c, -1.0);
+    assert_eq!(file.snow.water_saturation, 0.0);
+    assert_eq!(file.snow.grain.sphericity.mean(), 0.798);
+    assert_eq!(file.thickness_m, 0.25);
+    assert_eq!(file.wavelengths_nm, [842.25, 1037.76]);
+    assert_eq!(file.snow.grain.size.max_m(), 750.0 * 1e-6);
+}
+
+#[test]
+fn water_may_be_given_in_other_ways() {
+    let ice = ice_density_kg_m3(-1.0);
+    let dry = sample::parse("s.toml", SAMPLE).unwrap().snow;
+    let fraction = 0.05 * (1.0 - 275.0 / ice);
+    let wet = 275.0 + 1000.0 * fraction;
+    for (density, water) in [
+        (
+            format!("wet_density_kg_m3 = {wet}"),
+            "water_saturation = 0.05".to_owned(),
+        ),
+        (
+            format!("wet_density_kg_m3 = {wet}"),
+            format!("water_fraction = {fraction}"),
+        ),
+        (
+            "density_kg_m3 = 275".to_owned(),
+            format!("water_fraction = {fraction}"),
+        ),
+    ] {
+        let text = SAMPLE
+            .replace("density_kg_m3 = 275", &density)
+            .replace("water_saturation = 0.05", &water);
+        let snow = sample::parse("s.toml", &text).unwrap().snow;
+        assert!((snow.density_kg_m3 - dry.density_kg_m3).abs() < 1e-10);
+        assert!((snow.water_saturation - dry.water_saturation).abs() < 1e-14);
+    }
+}
+
+#[test]
+fn values_beyond_the_ordinary_are_remarked_on() {
+    for (old, new, remark) in [
+        (
+            "min = 300",
+            "min = 40",
+            "s.toml:15: `layer[0].grain[0].size_um.min` = 40 is outside the ordinary range 50 to 3000 um",
+        ),
+        (
+            "density_kg_m3 = 275",
+            "density_kg_m3 = 500",
+            "s.toml:10: `layer[0].density_kg_m3` = 500 is outside the ordinary range 50 to 450 kg/m3 of dry snow",
+        ),
+        (
+            "thickness_cm = 25",
+            "thickness_cm = 0.9",
+            "s.toml:9: `layer[0].thickness_cm` = 0.9 is outside the ordinary range 1 to 100 cm",
+        ),
+        (
+            "stop_nm = 700",
+            "stop_nm = 705",
+            "s.toml:6: `wavelengths.stop_nm` = 705 is no whole number of steps from start_nm; the last wavelength is 700 nm",
+        ),
+    ] {
+        let file = sample::parse("s.toml", &SAMPLE.replace(old, new)).unwrap();
+        assert_eq!(file.warnings, [remark]);
+    }
+}
+
+#[test]
+fn paths_are_relative_to_the_config() {
+    let directory = tempfile::tempdir().unwrap();
+    let table = "wavelength_nm,n,k\n300,1.34,1e-9\n2600,1.3,1e-3\n";
+    std::fs::write(directory.path().join("mine.csv"), table).unwrap();
+    let path = directory.path().join("s.toml");
+    std::fs::write(&path, SAMPLE.replace("segelstein_1981", "mine.csv")).unwrap();
+    let file = sample::read(&path).unwrap();
+    assert!(file.to_toml().contains("water = \"mine.csv\""));
+    let again = sample::parse(&path.display().to_string(), file.to_toml()).unwrap();
+    assert_eq!(again, file);
+}
+
+/// An inline table of a law with bounds in [low, 1] and a mean within them.
+fn law(low: f64) -> impl Strategy<Value = String> {
+    (low..=1.0, low..=1.0, 0.0..=1.0, 0.0..=2.0).prop_map(|(a, b, at, sd): (f64, f64, f64, f64)| {
+        let (min, max) = (a.min(b), a.max(b));
+        let mean = (min + at * (max - min)).clamp(min, max);
+        format!("{{ min = {min}, max = {max}, mean = {mean}, sd = {sd} }}")
+    })
+}
+
+fn light() -> impl Strategy<Value = String> {
+    prop_oneof![
+        Just("diffuse = true".to_owned()),
+        (0.0..90.0).prop_map(|angle| format!("polar_angle_deg = {angle}")),
+    ]
+}
+
+fn wavelengths() -> impl Strategy<Value = String> {
+    let list = prop::collection::btree_set(350_000_u32..=2_500_000, 1..20);
+    prop_oneof![
+        (350.0..1000.0, 1000.0..2500.0, 1.0..3000.0_f64).prop_map(|(start, stop, step)| {
+            let step = step.min(2150.0);
+            format!("start_nm = {start}\nstop_nm = {stop}\nstep_nm = {step}")
+        }),
+        list.prop_map(|pm| {
+            let nm: Vec<_> = pm
+                .iter()
+                .map(|pm| (f64::from(*pm) / 1000.0).to_string())
+                .collect();
+            format!("values_nm = [{}]", nm.join(", "))
+        }),
+    ]
+}
+
+fn water() -> impl Strategy<Value = String> {
+    prop_oneof![
+        (0.0..=0.5).prop_map(|s| format!("water_saturation = {s}")),
+        (0.0..=0.15).prop_map(|w| format!("water_fraction = {w}")),
+    ]
+}
+
+/// A strictly increasing list of multiples of `unit` in [low, high].
+fn axis(low: u32, high: u32, unit: f64) -> impl Strategy<Value = String> {
+    prop::collection::btree_set(low..=high, 1..6).prop_map(move |set| {
+        let values: Vec<_> = set
+            .iter()
+            .map(|&v| (f64::from(v) * unit).to_string())
+            .collect();
+        format!("[{}]", values.join(", "))
+    })
+}
+
+proptest! {
+    #[test]
+    fn samples_survive_being_written(
+        (light, wavelengths, water) in (light(), wavelengths(), water()),
+        (facetness, sphericity) in (law(0.0), law(0.01)),
+        (size_a, size_b) in (10.0..=3000.0_f64, 10.0..=3000.0_f64),
+        (thickness, density, temperature) in (3.0..=1000.0, 50.0..=550.0, -40.0..=0.0),
+        entry in prop_oneof![Just("uniform"), Just("projected")],
+        ice in prop_oneof![Just("warren_brandt_2008"), Just("picard_2016")],
+    ) {
+        let (min, max) = (size_a.min(size_b), size_a.max(size_b));
+        let text = format!("version = 1\n[illumination]\n{light}\n[wavelengths]\n{wavelengths}\n\
+            [[layer]]\nthickness_cm = {thickness}\ndensity_kg_m3 = {density}\n\
+            temperature_c = {temperature}\n{water}\n[[layer.grain]]\n\
+            size_um = {{ min = {min}, max = {max} }}\nfacetness = {facetness}\n\
+            sphericity = {sphericity}\n[model]\nentry = \"{entry}\"\nice = \"{ice}\"\n");
+        let first = sample::parse("s.toml", &text).map_err(|e| TestCaseError::fail(e.to_string()))?;
+        let again = sample::parse("s.toml", first.to_toml()).map_err(|e| TestCaseError::fail(e.to_string()))?;
+        prop_assert_eq!(again.to_toml(), first.to_toml());
+        let bare = |mut file: sample::SampleFile| { file.warnings.clear(); file };
+        prop_assert_eq!(bare(again), bare(first));
+    }
+
+    #[test]
+    fn grids_survive_being_written(
+        wavelengths in wavelengths(),
+        (facetness, sizes, densities) in (axis(0, 100, 0.01), axis(60, 2900, 1.0), axis(500, 5500, 0.1)),
+        (thicknesses, angles) in (axis(30, 1000, 0.1), axis(0, 8999, 0.01)),
+        (half_width, sd, size_half_width) in (0.0..=1.0, 0.0..=10.0, 0.0..=50.0),
+        (saturation, temperature, sphericity) in (0.0..=0.5, -40.0..=0.0, law(0.01)),
+        (seed, rays) in (0..=9_007_199_254_740_991_u64, 1..=1_000_000_000_000_u64),
+        engine in prop_oneof![Just("spectral"), Just("reference")],
+        rmse in prop::option::of(1e-9..=1.0),
+    ) {
+        let rmse = rmse.map_or(String::new(), |rmse| format!("max_rmse = {rmse}\n"));
+        let text = format!("version = 1\n[axes]\nfacetness = {facetness}\ngrain_size_um = {sizes}\n\
+            density_kg_m3 = {densities}\nthickness_cm = {thicknesses}\nangle_deg = {angles}\n\
+            [spread]\nfacetness_half_width = {half_width}\nfacetness_sd = {sd}\n\
+            grain_size_half_width_um = {size_half_width}\n[wavelengths]\n{wavelengths}\n[fixed]\n\
+            temperature_c = {temperature}\nwater_saturation = {saturation}\nsphericity = {sphericity}\n\
+            [run]\nengine = \"{engine}\"\nseed = {seed}\nrays = {rays}\n[compression]\n{rmse}");
+        let first = grid::parse("g.toml", &text).map_err(|e| TestCaseError::fail(e.to_string()))?;
+        let again = grid::parse("g.toml", &first.to_toml()).map_err(|e| TestCaseError::fail(e.to_string()))?;
+        prop_assert_eq!(again.to_toml(), first.to_toml());
+        prop_assert_eq!(again.grid, first.grid);
+    }
+
+    /// Pieces of a good file put where they do not belong: refused or read, never a panic.
+    #[test]
+    fn shuffled_files_never_panic(
+        cuts in prop::collection::vec((any::<prop::sample::Index>(), any::<prop::sample::Index>()), 1..12),
+        grid_kind in any::<bool>(),
+    ) {
+        const PIECES: [&str; 16] = ["nan", "-inf", "1e999", "-0.0", "[", "]", "{", "}", "=", "\"", "\n",
+            "[[layer]]\n", "[axes]\n", "0x7fffffffffffffffffff", "a.b.c = 1\n", "\u{feff}"];
+        let mut text = if grid_kind { GRID } else { SAMPLE }.to_owned();
+        for (piece, at) in cuts {
+            let at = at.index(text.len() + 1);
+            if text.is_char_boundary(at) {
+                text.insert_str(at, piece.get::<&str>(&PIECES));
+            }
+        }
+        let _ = (sample::parse("s.toml", &text), grid::parse("g.toml", &text));
+    }
+}

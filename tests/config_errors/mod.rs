@@ -1,0 +1,206 @@
+//! Config files that are accepted, and the edits that spoil them; the messages
+//! are in the text files beside.
+
+/// A sample file that is accepted; each case below spoils it.
+pub(crate) const SAMPLE: &str = "\
+version = 1
+[illumination]
+polar_angle_deg = 62.3
+[wavelengths]
+start_nm = 400
+stop_nm = 700
+step_nm = 10
+[[layer]]
+thickness_cm = 25
+density_kg_m3 = 275
+temperature_c = -1
+water_saturation = 0.05
+[[layer.grain]]
+fraction = 1.0
+size_um = { min = 300, max = 750 }
+facetness = { min = 0.2, max = 0.4, mean = 0.3, sd = 0.072 }
+sphericity = { min = 0.6, max = 0.95, mean = 0.798, sd = 0.064 }
+[layer.black_carbon]
+concentration_ng_g = 0
+[substrate]
+reflectance = 0
+[model]
+entry = \"uniform\"
+layers = \"continuous\"
+carbon_law = \"power\"
+impurity_mass = \"varsa2025\"
+ice = \"warren_brandt_2008\"
+water = \"segelstein_1981\"
+";
+
+/// A grid file that is accepted.
+pub(crate) const GRID: &str = "\
+version = 1
+[axes]
+facetness = [0.1, 0.5, 0.9]
+grain_size_um = [100, 300, 500]
+density_kg_m3 = [200, 400]
+thickness_cm = [1, 2, 5]
+angle_deg = [0, 40, 80]
+[spread]
+facetness_half_width = 0.1
+facetness_sd = 0.072
+grain_size_half_width_um = 50
+[wavelengths]
+start_nm = 400
+stop_nm = 700
+step_nm = 10
+[fixed]
+sphericity = { min = 0.6, max = 0.95, mean = 0.798, sd = 0.064 }
+temperature_c = -1
+water_saturation = 0
+[run]
+engine = \"spectral\"
+seed = 1
+rays = 1000
+[compression]
+max_delta_e = 2.3
+";
+
+/// What is replaced in [`SAMPLE`], and by what.
+#[rustfmt::skip]
+pub(crate) const SAMPLE_ERRORS: &[(&str, &str)] = &[
+    // Not TOML, or not these keys.
+    ("version = 1", "version = "),
+    ("version = 1\n", ""),
+    ("version = 1", "version = 2"),
+    ("version = 1", "version = \"1\""),
+    ("version = 1", "version = 1.0"),
+    ("version = 1", "version = 99999999999999999999999999999999999999999999"),
+    ("thickness_cm = 25", "thickness_cm = 25\nthickness_cm = 26"),
+    ("min = 300, max = 750", "min = 300, min = 301, max = 750"),
+    ("[model]", "[wavelengths]"),
+    ("density_kg_m3 = 275", "densty_kg_m3 = 275"),
+    ("[illumination]", "[ilumination]"),
+    ("thickness_cm = 25", "thickness_m = 0.25"),
+    ("[substrate]", "[\"odd key\"]"),
+    ("[[layer]]", "[layer]"),
+    ("[[layer.grain]]", "[layer.grain]"),
+    ("size_um = { min = 300, max = 750 }", "size_um = [300, 750]"),
+    ("size_um = { min = 300, max = 750 }", "size_um = { min = 300 }"),
+    ("thickness_cm = 25", "thickness_cm = \"25\""),
+    ("thickness_cm = 25", "thickness_cm = true"),
+    ("thickness_cm = 25", "thickness_cm = 2025-01-01"),
+    ("[[layer]]", "[other]"),
+    // One number.
+    ("thickness_cm = 25", "thickness_cm = nan"),
+    ("thickness_cm = 25", "thickness_cm = inf"),
+    ("thickness_cm = 25", "thickness_cm = -inf"),
+    ("thickness_cm = 25", "thickness_cm = 1e999"),
+    ("thickness_cm = 25", "thickness_cm = 0"),
+    ("thickness_cm = 25", "thickness_cm = -1"),
+    ("thickness_cm = 25", "thickness_cm = 1001"),
+    ("density_kg_m3 = 275", "density_kg_m3 = 0"),
+    ("density_kg_m3 = 275", "density_kg_m3 = 550.1"),
+    ("density_kg_m3 = 275", "density_kg_m3 = 930"),
+    ("temperature_c = -1", "temperature_c = 0.5"),
+    ("temperature_c = -1", "temperature_c = -40.5"),
+    ("water_saturation = 0.05", "water_saturation = 0.51"),
+    ("polar_angle_deg = 62.3", "polar_angle_deg = 90"),
+    ("polar_angle_deg = 62.3", "polar_angle_deg = -0.1"),
+    ("min = 300", "min = 0"),
+    ("min = 300", "min = -300"),
+    ("min = 300", "min = 9.9"),
+    ("max = 750", "max = 3001"),
+    ("facetness = { min = 0.2", "facetness = { min = -0.2"),
+    ("max = 0.4", "max = 1.4"),
+    ("sd = 0.072", "sd = -0.072"),
+    ("sphericity = { min = 0.6", "sphericity = { min = 0"),
+    ("max = 0.95", "max = 1.05"),
+    ("concentration_ng_g = 0", "concentration_ng_g = -6"),
+    ("reflectance = 0", "reflectance = 1.5"),
+    // Two numbers that contradict each other.
+    ("min = 300", "min = 800"),
+    ("facetness = { min = 0.2", "facetness = { min = 0.5"),
+    ("mean = 0.3", "mean = 0.41"),
+    ("mean = 0.798", "mean = 0.5"),
+    ("thickness_cm = 25", "thickness_cm = 0.7"),
+    ("fraction = 1.0", "fraction = 0.5"),
+    // One of two keys.
+    ("polar_angle_deg = 62.3", "polar_angle_deg = 62.3\ndiffuse = true"),
+    ("polar_angle_deg = 62.3", "diffuse = false"),
+    ("density_kg_m3 = 275", "density_kg_m3 = 275\nwet_density_kg_m3 = 300"),
+    ("density_kg_m3 = 275\n", ""),
+    ("density_kg_m3 = 275", "wet_density_kg_m3 = 80"),
+    ("water_saturation = 0.05", "water_saturation = 0.05\nwater_fraction = 0.1"),
+    ("water_saturation = 0.05", "water_fraction = 0.4"),
+    ("start_nm = 400", "start_nm = 400\nvalues_nm = [500]"),
+    ("start_nm = 400\nstop_nm = 700\nstep_nm = 10\n", ""),
+    ("step_nm = 10\n", ""),
+    // Wavelengths.
+    ("start_nm = 400", "start_nm = 349"),
+    ("stop_nm = 700", "stop_nm = 2501"),
+    ("start_nm = 400", "start_nm = 701"),
+    ("step_nm = 10", "step_nm = 0"),
+    ("step_nm = 10", "step_nm = -10"),
+    ("step_nm = 10", "step_nm = 1e-300"),
+    ("step_nm = 10", "step_nm = 0.1"),
+    ("start_nm = 400\nstop_nm = 700\nstep_nm = 10", "values_nm = []"),
+    ("start_nm = 400\nstop_nm = 700\nstep_nm = 10", "values_nm = [400, 600, 500]"),
+    ("start_nm = 400\nstop_nm = 700\nstep_nm = 10", "values_nm = [400, 400]"),
+    ("start_nm = 400\nstop_nm = 700\nstep_nm = 10", "values_nm = [400, nan]"),
+    ("start_nm = 400\nstop_nm = 700\nstep_nm = 10", "values_nm = [400, \"500\"]"),
+    // Choices and tables.
+    ("\"uniform\"", "\"unifrm\""),
+    ("\"uniform\"", "\"Projected\""),
+    ("\"uniform\"", "1"),
+    ("\"warren_brandt_2008\"", "\"warren_brandt_1984\""),
+    ("\"segelstein_1981\"", "\"segelstien_1981\""),
+    ("\"segelstein_1981\"", "\"rowe_2020\""),
+    ("\"segelstein_1981\"", "\"none/such.csv\""),
+    // Known to the format, not to this version.
+    ("[[layer]]", "[[layer]]\nthickness_cm = 15\ndensity_kg_m3 = 375\ngrain = [{ size_um = { min = 900, max = 1000 }, facetness = { min = 0, max = 1, mean = 0.5, sd = 1 } }]\n[[layer]]"),
+    ("fraction = 1.0", "fraction = 0.5\nsize_um = { min = 100, max = 200 }\nfacetness = { min = 0.2, max = 0.4, mean = 0.3, sd = 0.072 }\n[[layer.grain]]\nfraction = 0.5"),
+    ("fraction = 1.0", "fraction = 0.5\nsize_um = { min = 100, max = 200 }\nfacetness = { min = 0.2, max = 0.4, mean = 0.3, sd = 0.072 }\n[[layer.grain]]\nfraction = 0.49"),
+    ("fraction = 1.0", "fraction = 0.5\nsize_um = { min = 100, max = 200 }\nfacetness = { min = 0.2, max = 0.4, mean = 0.3, sd = 0.072 }\n[[layer.grain]]"),
+    ("concentration_ng_g = 0", "concentration_ng_g = 6\nsedimentation = 1.0\nmass_absorption_efficiency_m2_g = 16.619\nreference_wavelength_nm = 880\nangstrom_exponent = 1"),
+    ("[layer.black_carbon]\nconcentration_ng_g = 0", "[layer.brown_carbon]\nconcentration_ng_g = 500"),
+    ("reflectance = 0", "reflectance = 0.2"),
+    ("reflectance = 0", "reflectance = \"soil.csv\""),
+    ("\"continuous\"", "\"cascade\""),
+    ("\"power\"", "\"varsa2025\""),
+    ("impurity_mass = \"varsa2025\"", "impurity_mass = \"conserved\""),
+];
+
+/// What is replaced in [`GRID`], and by what.
+#[rustfmt::skip]
+pub(crate) const GRID_ERRORS: &[(&str, &str)] = &[
+    ("version = 1", "version = 3"),
+    ("[axes]\n", ""),
+    ("facetness = [0.1, 0.5, 0.9]\n", ""),
+    ("facetness = [0.1, 0.5, 0.9]", "facetness = []"),
+    ("facetness = [0.1, 0.5, 0.9]", "facetness = 0.1"),
+    ("facetness = [0.1, 0.5, 0.9]", "facetness = [0.1, 0.5, 1.9]"),
+    ("angle_deg = [0, 40, 80]", "angle_deg = [0, 40, 90]"),
+    ("angle_deg = [0, 40, 80]", "angles_deg = [0, 40, 80]"),
+    ("angle_deg = [0, 40, 80]", "angle_deg = [0, 40, 40]"),
+    ("angle_deg = [0, 40, 80]", "angle_deg = [0, 80, 40]"),
+    ("angle_deg = [0, 40, 80]", "angle_deg = [0, nan]"),
+    ("density_kg_m3 = [200, 400]", "density_kg_m3 = [200, 920]"),
+    ("thickness_cm = [1, 2, 5]", "thickness_cm = [0, 2, 5]"),
+    ("thickness_cm = [1, 2, 5]", "thickness_cm = [0.5, 2, 5]"),
+    ("grain_size_um = [100, 300, 500]", "grain_size_um = [55, 300]"),
+    ("grain_size_um = [100, 300, 500]", "grain_size_um = [300, 2990]"),
+    ("grain_size_um = [100, 300, 500]", "grain_size_um = [5, 300]"),
+    ("facetness_half_width = 0.1", "facetness_half_width = -0.1"),
+    ("facetness_sd = 0.072", "facetness_sd = -0.072"),
+    ("sphericity = { min = 0.6", "sphericity = { min = 0.96"),
+    ("mean = 0.798", "mean = 0.99"),
+    ("water_saturation = 0", "water_saturation = 0\nwater_fraction = 0"),
+    ("water_saturation = 0", "water_fraction = 0.1"),
+    ("water_saturation = 0", "black_carbon = { concentration_ng_g = 5 }"),
+    ("[run]", "[model]\nwater = \"hale_querry_1973\"\nlayers = \"cascade\"\n[run]"),
+    ("engine = \"spectral\"", "engine = \"spectrl\""),
+    ("seed = 1", "seed = -1"),
+    ("rays = 1000", "rays = 0"),
+    ("rays = 1000", "rays = 1000000000001"),
+    ("rays = 1000", "rays = 1e5"),
+    ("rays = 1000\n", ""),
+    ("max_delta_e = 2.3", "max_delta_e = 0"),
+    ("max_delta_e = 2.3", "max_delta_e = 2.3\nmax_rmse = inf"),
+];
