@@ -277,7 +277,7 @@ fn a_failing_job_is_named_and_the_others_kept() {
     .unwrap_err();
     assert_eq!(
         error.to_string(),
-        "job 3 (facetness 0.05, grain size 150-250 um, density 300 kg/m3, thickness 1.0000, 2.0000, 5.0000 cm, angle 60 degrees): is too thin for grains"
+        "job 3 (facetness 0.05, grain size 150-250 um, density 300 kg/m3, thickness 1.0000, 2.0000, 5.0000 cm, angle 60 degrees): the slab of 1 cm is too thin for grains up to 9000 um long: 10000 grains in a row did not fit; use a thickness of at least 10 grain lengths"
     );
     assert_eq!(store.missing(None).unwrap(), [3, 4, 5, 6, 7]);
 }
