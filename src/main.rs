@@ -1,2 +1,4 @@
 //! The `splitsnow` command.
-fn main() {}
+fn main() -> anyhow::Result<()> {
+    splitsnow::cli::run()
+}
