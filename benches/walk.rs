@@ -6,6 +6,7 @@ use std::sync::atomic::{AtomicBool, AtomicU64};
 use criterion::{Criterion, Throughput, criterion_group, criterion_main};
 use splitsnow::engine::{Control, Engine, Request};
 use splitsnow::grain::{GrainType, SizeRange, TruncatedNormal};
+use splitsnow::math::Vec3;
 use splitsnow::optics::IceTable;
 use splitsnow::rng::{Key, Stream};
 use splitsnow::transport::{Absorption, End, Entry, Illumination, Model, Path, Sink, Snow, Walker};
@@ -14,7 +15,7 @@ use splitsnow::transport::{Absorption, End, Entry, Illumination, Model, Path, Si
 struct Reflected(u64);
 
 impl Sink for Reflected {
-    fn end(&mut self, _: std::ops::Range<usize>, end: End, _: &Path) {
+    fn end(&mut self, _: std::ops::Range<usize>, end: End, _: &Path, _: Vec3) {
         self.0 += u64::from(end == End::Reflected);
     }
 }
