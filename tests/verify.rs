@@ -303,7 +303,7 @@ fn bases_that_do_not_express_fresh_spectra_fail() {
 }
 
 fn measured_at(number: usize, se: f64) -> splitsnow::measurement::Measured {
-    let value = if number % 2 == 0 { 0.1 } else { 0.6 };
+    let value = if number.is_multiple_of(2) { 0.1 } else { 0.6 };
     splitsnow::measurement::Measured { value, se }
 }
 

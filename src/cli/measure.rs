@@ -25,7 +25,7 @@ pub(crate) struct Args {
     /// How light is simulated
     #[arg(long, default_value = Engine::Spectral.name(), value_parser = engine())]
     engine: Engine,
-    /// Walks: per wavelength in `reference`, per 0.0135 in refractive index in `spectral`
+    /// Walks: per wavelength in `reference`, per node of refractive index in `spectral`
     #[arg(long, default_value_t = 100_000, value_parser = clap::value_parser!(u64).range(1..))]
     rays: u64,
     /// Seed of the random numbers

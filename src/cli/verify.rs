@@ -13,7 +13,7 @@ use crate::verify::{Options, Verification, VerifyError};
 /// simulations at random nodes agree with what is stored; and that spectra
 /// simulated off the nodes are expressed by the compact file's bases within
 /// those bounds. Exits with 1 if anything fails; a database that is right fails
-/// by chance about once in a million runs.
+/// by chance about twice in a million runs.
 #[derive(Debug, clap::Args)]
 pub(crate) struct Args {
     /// Output directory of `build`

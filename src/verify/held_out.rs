@@ -7,7 +7,7 @@
 //! and the standard error of what the projection leaves out (as a vector, over
 //! wavelengths or over Lab) is measured from how the parts disagree, however
 //! the noise of wavelengths goes together. A bound is broken only where an
-//! error exceeds it by more than [`MARGIN`] such standard errors.
+//! error exceeds it by more than about ten such standard errors.
 use rand::Rng;
 
 use super::compact::{stated, summary};
@@ -20,9 +20,17 @@ use crate::measurement::{Quantity, Spectrum};
 
 /// Independent parts of one simulation.
 const PARTS: u64 = 16;
-/// Student's t of 15 degrees of freedom exceeds it with a probability of 2e-8,
-/// so 4 x 12 comparisons of 12 points about with [`FALSE_ALARM`].
-const MARGIN: f64 = 10.0;
+/// Random points lie on this many steps along each axis, so that a message
+/// tells them in few digits.
+const STEPS: f64 = 1000.0;
+
+/// How many standard errors a bound must be exceeded by, so that one of
+/// `points` does so by chance with about [`FALSE_ALARM`]: Student's t of 15
+/// degrees of freedom exceeds 10 with a probability of 2.5e-8, which 4 x 12
+/// comparisons of 12 points add up to that, and falls off by about its 14th power.
+fn margin(points: usize) -> f64 {
+    10.0 * (points as f64 / 12.0).powf(1.0 / 14.0)
+}
 
 pub(super) fn simulations(subject: &Subject<'_>) -> Simulations {
     let mut random = random(subject, "held out");
@@ -32,7 +40,7 @@ pub(super) fn simulations(subject: &Subject<'_>) -> Simulations {
         Point::from_coordinates(axes.map(|(_, values)| {
             let first = values.first().copied().unwrap_or_default();
             let last = values.last().copied().unwrap_or_default();
-            first + (last - first) * uniform(&mut random)
+            first + (last - first) * (STEPS * uniform(&mut random)).round() / STEPS
         }))
     };
     let points = (0..subject.options.samples).map(point).collect();
@@ -55,9 +63,10 @@ pub(super) fn check(
     let mut check =
         Check::new("fresh simulations off the nodes, expressed by the compact file's bases");
     check.notes.push(format!(
-        "{} random points, {PARTS} x {} rays; noise: standard error of the part not expressed; beyond noise: less {MARGIN} times that; false alarms: about {FALSE_ALARM:e}",
+        "{} random points, {PARTS} x {} rays; noise: standard error of the part not expressed; beyond noise: less {:.1} times that; false alarms: about {FALSE_ALARM:e}",
         simulations.points.len(),
         simulations.rays,
+        margin(simulations.points.len()),
     ));
     for quantity in Quantity::ALL {
         let mut measures = [Measure::default(), Measure::default()];
@@ -110,7 +119,7 @@ impl Measure {
         let at = |worst: usize| points.get(worst).map_or(String::new(), Point::to_string);
         let pairs = self.error.iter().zip(&self.noise);
         let beyond: Vec<f64> = pairs
-            .map(|(e, noise)| (e - MARGIN * noise).max(0.0))
+            .map(|(e, noise)| (e - margin(points.len()) * noise).max(0.0))
             .collect();
         let all = [&self.error, &self.noise, &beyond].map(|values| summary(values));
         let [
@@ -134,7 +143,12 @@ impl Measure {
             figure(noise_name, noise, None, String::new()),
         ];
         if bound.is_some() {
-            figures.push(figure(beyond_name, excess, bound, at(worst_excess)));
+            let at = if excess > 0.0 {
+                at(worst_excess)
+            } else {
+                String::new()
+            };
+            figures.push(figure(beyond_name, excess, bound, at));
         }
         figures
     }
@@ -196,6 +210,17 @@ fn standard_error(vectors: &[Vec<f64>]) -> f64 {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use statrs::distribution::{ContinuousCDF, StudentsT};
+
+    #[test]
+    #[allow(clippy::unwrap_used)]
+    fn the_margin_keeps_the_false_alarms() {
+        let t = StudentsT::new(0.0, 1.0, PARTS as f64 - 1.0).unwrap();
+        for points in [1, 12, 1000] {
+            let alarms = 4.0 * points as f64 * t.sf(margin(points));
+            assert!(alarms < 1.5 * FALSE_ALARM, "{points}: {alarms}");
+        }
+    }
 
     #[test]
     fn standard_error_by_hand() {

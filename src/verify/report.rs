@@ -82,6 +82,15 @@ impl Report {
     }
 }
 
+/// Four digits, as a decimal where that is short.
+fn short(value: f64) -> String {
+    if value == 0.0 || (1e-3..1e4).contains(&value.abs()) {
+        format!("{value:.4}")
+    } else {
+        format!("{value:.3e}")
+    }
+}
+
 fn verdict(passed: bool) -> &'static str {
     if passed { "PASS" } else { "FAIL" }
 }
@@ -107,10 +116,10 @@ impl fmt::Display for Report {
 impl fmt::Display for Figure {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         let (quantity, measure) = (self.quantity.name(), self.measure);
-        write!(f, "{quantity:<13}  {measure:<24}  {:>9.3e}", self.value)?;
+        write!(f, "{quantity:<13}  {measure:<24}  {:>9}", short(self.value))?;
         if let Some(bound) = self.bound {
             let relation = if self.holds() { "<" } else { "is not below" };
-            write!(f, " {relation} {bound:.3e}")?;
+            write!(f, " {relation} {}", short(bound))?;
         }
         if !self.at.is_empty() {
             write!(f, "  at {}", self.at)?;
