@@ -24,6 +24,7 @@ use std::ops::Range;
 use std::sync::atomic::{AtomicBool, Ordering};
 
 use crate::engine::{Control, EngineError, Request, batches, indices};
+use crate::math::Vec3;
 use crate::measurement::{Estimate, Measured, Spectrum};
 use crate::optics::Index;
 use crate::transport::{Absorption, End, Path, Sink, Snow, Walker};
@@ -58,7 +59,7 @@ struct NodeScores<'a> {
 }
 
 impl Sink for NodeScores<'_> {
-    fn end(&mut self, thicknesses: Range<usize>, end: End, path: &Path) {
+    fn end(&mut self, thicknesses: Range<usize>, end: End, path: &Path, _: Vec3) {
         let estimates = match end {
             End::Reflected => &mut self.reflected,
             End::Transmitted => &mut self.transmitted,

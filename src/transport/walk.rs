@@ -86,8 +86,9 @@ pub enum End {
 /// What walks report to.
 pub trait Sink {
     /// A walk ended, in the same way for all `thicknesses` (positions in the
-    /// list given to [`Walker::walk`]).
-    fn end(&mut self, thicknesses: Range<usize>, end: End, path: &Path);
+    /// list given to [`Walker::walk`]). A ray that left the snow did so along
+    /// the unit vector `direction` (z downward; it entered at azimuth 0).
+    fn end(&mut self, thicknesses: Range<usize>, end: End, path: &Path, direction: Vec3);
 
     /// Asked before every ray: whether to give up.
     fn stop(&self) -> bool {
@@ -394,10 +395,11 @@ impl<S: Sink> Walks<'_, S> {
         let slabs = self.thicknesses_m.len();
         let Some((before, proposal)) = touch.take() else {
             // the lower plane had no say: the walk is the same in all thicker slabs
-            self.sink.end(*slab..slabs, end, &ray.path);
+            self.sink.end(*slab..slabs, end, &ray.path, ray.direction);
             return Ok(false);
         };
-        self.sink.end(*slab..*slab + 1, end, &ray.path);
+        self.sink
+            .end(*slab..*slab + 1, end, &ray.path, ray.direction);
         *slab += 1;
         *ray = before;
         self.fly(lane, Some(proposal))
