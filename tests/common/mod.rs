@@ -1,5 +1,7 @@
 //! Helpers shared by the tests.
 #![allow(dead_code, clippy::unwrap_used)]
+pub(crate) mod snow;
+
 use std::collections::BTreeMap;
 use std::fs;
 use std::path::Path;
