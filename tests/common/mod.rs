@@ -1,7 +1,5 @@
 //! Helpers shared by the tests.
 #![allow(dead_code, clippy::unwrap_used)]
-pub(crate) mod snow;
-
 use std::collections::BTreeMap;
 use std::fs;
 use std::path::Path;

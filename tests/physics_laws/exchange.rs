@@ -87,9 +87,9 @@ impl Exchange {
     /// p-value of symmetry: chi-square over all pairs of bands.
     fn symmetry(counts: &[[u64; BANDS]; BANDS]) -> f64 {
         let (mut chi, mut pairs) = (0.0, 0);
-        for i in 0..BANDS {
-            for j in 0..i {
-                let (a, b) = (counts[i][j] as f64, counts[j][i] as f64);
+        for (i, row) in counts.iter().enumerate() {
+            for (there, back) in row[..i].iter().zip(counts.iter().map(|row| row[i])) {
+                let (a, b) = (*there as f64, back as f64);
                 if a + b > 0.0 {
                     chi += (a - b).powi(2) / (a + b);
                     pairs += 1;

@@ -49,7 +49,7 @@ fn events(
     let d = Vec3::new(0.0, 0.0, 1.0);
     let (mut started, mut steps, mut busy) = (0, [0; 8], 0u32);
     loop {
-        for lane in 0..8 {
+        for (lane, steps) in steps.iter_mut().enumerate() {
             if busy & (1 << lane) != 0 || started == count {
                 continue;
             }
@@ -76,7 +76,7 @@ fn events(
             events.direction.set(lane, d);
             events.start(lane, &grain, point, normal, false);
             started += 1;
-            steps[lane] = 0;
+            *steps = 0;
             busy |= 1 << lane;
         }
         if busy == 0 {
@@ -84,14 +84,14 @@ fn events(
         }
         let step = events.step(&mut rng);
         busy &= !step.lost;
-        for lane in 0..8 {
-            steps[lane] += 1;
+        for (lane, steps) in steps.iter_mut().enumerate() {
+            *steps += 1;
             if step.left & busy & (1 << lane) != 0 {
                 busy ^= 1 << lane;
                 each(Outcome {
                     cos: events.direction.get(lane).z,
                     ice_m: events.ice_m.to_array()[lane],
-                    steps: steps[lane],
+                    steps: *steps,
                 });
             }
         }
