@@ -70,7 +70,7 @@ impl Grains {
         while (kept & !placed).any() {
             let (another, keep) = spheroids.propose_point(minor, rng);
             point = point.or_where_not(placed, another);
-            placed = placed | keep;
+            placed |= keep;
         }
         let normal = spheroids.normal(point).unit();
         let size_m = law.size.sample(rng);
@@ -215,7 +215,7 @@ impl Events {
         if given_up.any() {
             m = n.or_where_not(given_up, m);
             c = given_up.select(untilted, c);
-            ok = ok | given_up;
+            ok |= given_up;
         }
         let c = c.fast_min(one);
         self.facet_tries = ok.select(f64x8::ZERO, self.facet_tries);
