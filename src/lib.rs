@@ -20,6 +20,7 @@
 //! | [`colour`], [`compress`], [`lookup`] | CIELAB; SVD and the compact file; reading it |
 //! | [`cli`] | the command line |
 pub mod batch;
+pub mod cli;
 pub mod colour;
 pub mod compress;
 pub mod config;
