@@ -1,4 +1,6 @@
 //! The `splitsnow` command.
-fn main() -> anyhow::Result<()> {
+use std::process::ExitCode;
+
+fn main() -> ExitCode {
     splitsnow::cli::run()
 }

@@ -2,9 +2,9 @@
 use std::fmt::Write;
 use std::path::PathBuf;
 
-use clap::builder::{PossibleValuesParser, TypedValueParser};
 use serde_json::json;
 
+use super::common::{self, Interrupted};
 use super::simulate;
 use crate::config::sample;
 use crate::engine::{Engine, EngineError, Request};
@@ -18,12 +18,12 @@ use crate::measurement::{Measured, Spectrum};
 /// stopped at the event limit count in it, and their share is told if there
 /// are any. The result depends on the sample, engine, rays and seed alone.
 #[derive(Debug, clap::Args)]
-pub(crate) struct Args {
+pub(super) struct Args {
     /// Sample file (TOML)
     #[arg(value_name = "SAMPLE.toml")]
     sample: PathBuf,
     /// How light is simulated
-    #[arg(long, default_value = Engine::Spectral.name(), value_parser = engine())]
+    #[arg(long, default_value = Engine::Spectral.name(), value_parser = common::engine_parser())]
     engine: Engine,
     /// Walks: per wavelength in `reference`, per node of refractive index in `spectral`
     #[arg(long, default_value_t = 100_000, value_parser = clap::value_parser!(u64).range(1..))]
@@ -39,16 +39,9 @@ pub(crate) struct Args {
     json: bool,
 }
 
-fn engine() -> impl TypedValueParser<Value = Engine> {
-    PossibleValuesParser::new(Engine::ALL.map(Engine::name)).try_map(|name| name.parse())
-}
-
-pub(crate) fn run(args: Args) -> anyhow::Result<()> {
-    simulate::listen()?;
+pub(super) fn run(args: &Args) -> anyhow::Result<()> {
     let sample = sample::read(&args.sample)?;
-    for warning in &sample.warnings {
-        simulate::remark(&format!("warning: {warning}"));
-    }
+    common::warn(&sample.warnings);
     let request = Request {
         snow: &sample.snow,
         thicknesses_m: &[sample.thickness_m],
@@ -64,15 +57,15 @@ pub(crate) fn run(args: Args) -> anyhow::Result<()> {
         args.engine.run(&request, control)
     })?;
     let mut spectra = match result {
-        Err(EngineError::Cancelled) => simulate::interrupted(),
+        Err(EngineError::Cancelled) => return Err(Interrupted("nothing was written".into()).into()),
         result => result?,
     };
     // One thickness, one spectrum.
     let spectrum = spectra.pop().unwrap_or_default();
-    simulate::print(&if args.json {
-        json_text(&args, &sample.wavelengths_nm, &spectrum)
+    common::print(&if args.json {
+        json_text(args, &sample.wavelengths_nm, &spectrum)
     } else {
-        csv_text(&args, &sample.wavelengths_nm, &spectrum)
+        csv_text(args, &sample.wavelengths_nm, &spectrum)
     })
 }
 

@@ -1,51 +1,23 @@
 //! What commands that simulate without storing have in common: threads, a
-//! progress bar, Ctrl-C, and output as a whole or not at all.
-use std::io::{self, IsTerminal, Write};
-use std::sync::atomic::{AtomicBool, AtomicU64, Ordering};
+//! progress bar and Ctrl-C.
+use std::io::{self, IsTerminal};
+use std::sync::atomic::{AtomicU64, Ordering};
 use std::sync::mpsc::{self, Receiver, RecvTimeoutError};
-use std::sync::{Arc, LazyLock};
 use std::time::{Duration, Instant};
 
 use anyhow::Context;
 use indicatif::{ProgressBar, ProgressStyle};
 
+use super::common;
 use crate::engine::Control;
 
 /// No bar for what takes less.
 const PATIENCE: Duration = Duration::from_secs(1);
 /// Between two redraws.
 const TICK: Duration = Duration::from_millis(250);
-/// Exit code after Ctrl-C: 128 and the number of SIGINT.
-const INTERRUPTED: i32 = 130;
-
-/// Set by Ctrl-C.
-static CANCEL: LazyLock<Arc<AtomicBool>> = LazyLock::new(Arc::default);
-
-/// From now on Ctrl-C (or SIGTERM) stops the simulation; a second one ends the
-/// program at once.
-pub(super) fn listen() -> anyhow::Result<()> {
-    let cancel = Arc::clone(&CANCEL);
-    ctrlc::set_handler(move || {
-        if cancel.swap(true, Ordering::Relaxed) {
-            std::process::exit(INTERRUPTED);
-        }
-    })
-    .context("cannot listen for Ctrl-C")
-}
-
-/// A line on standard error; without one there is nobody to tell.
-pub(super) fn remark(text: &str) {
-    let _ = writeln!(io::stderr(), "{text}");
-}
-
-/// Ends the program after Ctrl-C.
-pub(super) fn interrupted() -> ! {
-    remark("interrupted; nothing was written");
-    std::process::exit(INTERRUPTED)
-}
 
 /// Does `work` of `walks` walks on `threads` threads (0: one per core), with a
-/// progress bar on standard error if that is a terminal.
+/// progress bar on standard error if that is a terminal. Ctrl-C cancels it.
 pub(super) fn run<T: Send>(
     threads: usize,
     walks: u64,
@@ -55,10 +27,11 @@ pub(super) fn run<T: Send>(
         .num_threads(threads)
         .build()
         .context("cannot start the threads; ask for fewer with --threads")?;
+    let cancel = common::interrupt_flag()?;
     let rays_done = AtomicU64::new(0);
     let control = Control {
         parallel: true,
-        cancel: &CANCEL,
+        cancel,
         rays_done: &rays_done,
     };
     Ok(std::thread::scope(|scope| {
@@ -92,14 +65,4 @@ fn show(ended: Receiver<()>, rays_done: &AtomicU64, walks: u64) {
         }
     }
     bar.finish_and_clear();
-}
-
-/// Writes `text` to standard output; a reader that has gone away wanted no more.
-pub(super) fn print(text: &str) -> anyhow::Result<()> {
-    let mut out = io::stdout().lock();
-    let written = out.write_all(text.as_bytes()).and_then(|()| out.flush());
-    match written {
-        Err(error) if error.kind() == io::ErrorKind::BrokenPipe => Ok(()),
-        written => written.context("cannot write to standard output"),
-    }
 }

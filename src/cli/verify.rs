@@ -3,6 +3,7 @@ use std::path::PathBuf;
 
 use serde_json::json;
 
+use super::common::{self, Interrupted};
 use super::simulate;
 use crate::verify::{Options, Verification, VerifyError};
 
@@ -15,7 +16,7 @@ use crate::verify::{Options, Verification, VerifyError};
 /// those bounds. Exits with 1 if anything fails; a database that is right fails
 /// by chance about twice in a million runs.
 #[derive(Debug, clap::Args)]
-pub(crate) struct Args {
+pub(super) struct Args {
     /// Output directory of `build`
     dir: PathBuf,
     /// Fresh simulations on the nodes, and as many off them; 0 checks files only
@@ -35,8 +36,7 @@ pub(crate) struct Args {
     json: bool,
 }
 
-pub(crate) fn run(args: Args) -> anyhow::Result<()> {
-    simulate::listen()?;
+pub(super) fn run(args: &Args) -> anyhow::Result<()> {
     let options = Options {
         samples: args.samples as usize,
         seed: args.seed,
@@ -46,10 +46,10 @@ pub(crate) fn run(args: Args) -> anyhow::Result<()> {
     let walks = verification.walks()?;
     let result = simulate::run(args.threads, walks, |control| verification.run(control))?;
     let report = match result {
-        Err(VerifyError::Cancelled) => simulate::interrupted(),
+        Err(VerifyError::Cancelled) => return Err(Interrupted("nothing was written".into()).into()),
         result => result?,
     };
-    simulate::print(&if args.json {
+    common::print(&if args.json {
         let value = json!({ "passed": report.passed(), "checks": report.checks });
         format!("{value:#}\n")
     } else {
