@@ -419,7 +419,7 @@ pub(super) struct RunKeys {
     #[schemars(range(min = 0, max = 9_007_199_254_740_991_u64))]
     #[serde(default = "default_seed")]
     pub(super) seed: u64,
-    /// Walks per curve: for all wavelengths together in `spectral`, for each in `reference`.
+    /// Walks per curve: at each index node in `spectral`, at each wavelength in `reference`.
     #[schemars(range(min = 1, max = 1_000_000_000_000_u64))]
     pub(super) rays: u64,
 }
