@@ -31,6 +31,8 @@ use crate::transport::{Entry, Illumination, Snow};
 const EVENT_LIMIT: u64 = 10_000_000;
 /// Rejected grains in a row that prove a slab too thin for its grains.
 pub const REJECTION_LIMIT: u32 = 10_000;
+/// Steps after which the sink is asked whether to go on, well under a millisecond.
+const STEPS_BETWEEN_CHECKS: u64 = 1024;
 /// Vectors of eight lanes stepped in turn: while one waits for its square
 /// roots and divisions the processor works on the other.
 const GROUPS: usize = 2;
@@ -90,7 +92,7 @@ pub trait Sink {
     /// the unit vector `direction` (z downward; it entered at azimuth 0).
     fn end(&mut self, thicknesses: Range<usize>, end: End, path: &Path, direction: Vec3);
 
-    /// Asked before every ray: whether to give up.
+    /// Asked now and then: whether to give up.
     fn stop(&self) -> bool {
         false
     }
@@ -301,7 +303,13 @@ impl<S: Sink> Walks<'_, S> {
                 walking |= 1 << lane;
             }
         }
-        while walking != 0 {
+        for steps in 0u64.. {
+            if walking == 0 {
+                break;
+            }
+            if steps % STEPS_BETWEEN_CHECKS == 0 && self.sink.stop() {
+                return Err(WalkError::Stopped);
+            }
             let rng = &mut self.rng;
             let steps = self.events.each_mut().map(|events| events.step(rng));
             for (group, step) in steps.iter().enumerate() {
@@ -330,9 +338,6 @@ impl<S: Sink> Walks<'_, S> {
     /// Starts the next ray on `lane`; false if there is none left.
     fn start(&mut self, lane: usize) -> Result<bool, WalkError> {
         while self.waiting > 0 {
-            if self.sink.stop() {
-                return Err(WalkError::Stopped);
-            }
             self.waiting -= 1;
             // cheap next to a walk, so the other seven variates go unused
             let cos = match self.illumination {
