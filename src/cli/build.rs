@@ -30,8 +30,7 @@ Examples:
   splitsnow build configs/quick.toml
   splitsnow build configs/thesis.toml --out /data/thesis --threads 8
 
-  Three processes, also on several machines that share the directory, and then
-  one that compresses:
+  Three processes side by side, and then one that compresses:
   splitsnow build configs/thesis.toml --shard 0/3
   splitsnow build configs/thesis.toml --shard 1/3
   splitsnow build configs/thesis.toml --shard 2/3
@@ -136,9 +135,15 @@ fn report_shard(args: &Args, store: &Store, done: &batch::Summary) -> anyhow::Re
             100.0 * done.max_lost_share
         )?;
     }
+    let others = if left == 0 {
+        ""
+    } else {
+        "the other shards, then "
+    };
     writeln!(
         text,
-        "next: the other shards, then `splitsnow build` without --shard, which compresses"
+        "next: {others}{}, which compresses",
+        args.grid.command("build")
     )?;
     common::print(&text)
 }

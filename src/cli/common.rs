@@ -6,7 +6,7 @@ use std::path::{Path, PathBuf};
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::time::Duration;
 
-use anyhow::Context;
+use anyhow::{Context, bail};
 use clap::builder::{PossibleValuesParser, TypedValueParser};
 use indicatif::{ProgressBar, ProgressDrawTarget};
 use serde::Serialize;
@@ -101,12 +101,18 @@ pub(super) fn data_hashes(grid: &Grid) -> anyhow::Result<BTreeMap<String, String
 }
 
 /// A compact file: `path` itself, or the one in the output directory `path`.
-pub(super) fn compact_path(path: &Path) -> PathBuf {
-    if path.is_dir() {
-        path.join(COMPACT)
-    } else {
-        path.into()
+pub(super) fn compact_path(path: &Path) -> anyhow::Result<PathBuf> {
+    if !path.is_dir() {
+        return Ok(path.into());
     }
+    let file = path.join(COMPACT);
+    if !file.exists() {
+        bail!(
+            "no {COMPACT} in {}; `splitsnow build` makes it once all jobs are done",
+            path.display()
+        );
+    }
+    Ok(file)
 }
 
 /// A run that was stopped by the user. What is said after "interrupted: ":

@@ -147,7 +147,8 @@ impl QuantityReport {
 
     /// Largest errors with the components chosen.
     fn errors(&self) -> String {
-        let mut text = format!("{} components", self.components);
+        let plural = if self.components == 1 { "" } else { "s" };
+        let mut text = format!("{} component{plural}", self.components);
         if let Some(delta_e) = self.delta_e {
             let _ = write!(text, ", Delta-E at most {:.3}", delta_e.max);
         }

@@ -20,11 +20,14 @@ const DEFAULT_MAX_DELTA_E: f64 = 2.3;
 /// A later `splitsnow build` of the same directory writes the file with the
 /// bounds of the grid file again.
 #[derive(Debug, clap::Args)]
-#[command(after_long_help = "\
+#[command(
+    allow_negative_numbers = true,
+    after_long_help = "\
 Examples:
   splitsnow compress out/quick
   splitsnow compress out/quick --max-delta-e 0.5 --max-rmse 0.002
-  splitsnow compress out/quick --components 4")]
+  splitsnow compress out/quick --components 4"
+)]
 pub(super) struct Args {
     /// Output directory of a build
     #[arg(value_name = "DIR")]

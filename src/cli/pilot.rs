@@ -22,35 +22,75 @@ use crate::engine::{BATCH, Control, Engine};
 use crate::grain::mean_free_distance_m;
 use crate::grid::{Grid, Job, Jobs};
 
-/// No job is started after this time, s,
-const SECONDS: f64 = 3.0;
-/// but at least this many are run,
-const LEAST: usize = 4;
-/// and at most this many.
-const MOST: usize = 48;
 /// Wavelengths per job with an engine that walks each of them by itself.
 const WAVELENGTHS: usize = 5;
 /// Jobs whose sizes are summed, at most, of a very large grid.
 const SIZES: u64 = 100_000;
+/// How errors are measured: on jobs evenly spread over the axes.
+const ERRORS: Budget = Budget {
+    rays: 64,
+    least: 4,
+    most: 24,
+    seconds: 1.5,
+};
+/// How time is measured.
+const TIME: Budget = Budget {
+    rays: BATCH,
+    least: 4,
+    most: 48,
+    seconds: 3.0,
+};
+
+/// How much a measurement may cost.
+struct Budget {
+    /// Rays per job, at most.
+    rays: u64,
+    /// Jobs run, however long they take.
+    least: usize,
+    /// Jobs run at most.
+    most: usize,
+    /// After this time no more than the least are started.
+    seconds: f64,
+}
 
 /// What the jobs run have taught.
 #[derive(Debug)]
 pub(super) struct Pilot {
-    /// Jobs run.
+    /// Jobs run for the time.
     pub(super) jobs: usize,
     /// Rays of each.
     pub(super) rays: u64,
-    /// Time on one thread per unit of size, s.
-    seconds_per_size: f64,
+    per_size: Time,
     /// Sum of the sizes of all jobs.
     size: f64,
     /// Standard errors expected in the database, of both quantities, sorted.
     standard_errors: Vec<f64>,
 }
 
+/// Time on one thread, s.
+#[derive(Debug, Clone, Copy, Default)]
+pub(super) struct Time {
+    /// What the processor worked.
+    pub(super) core: f64,
+    /// What the clock showed: more, if others use the processor too.
+    pub(super) wall: f64,
+}
+
+impl Time {
+    fn times(self, factor: f64) -> Self {
+        Self {
+            core: self.core * factor,
+            wall: self.wall * factor,
+        }
+    }
+}
+
 /// One job run.
 struct Sample {
-    seconds_per_size: f64,
+    /// As for all rays.
+    time: Time,
+    size: f64,
+    /// As for all rays.
     standard_errors: Vec<f64>,
 }
 
@@ -58,56 +98,41 @@ impl Pilot {
     /// Runs some jobs of `grid` on `threads` threads.
     pub(super) fn run(grid: &Grid, jobs: &Jobs, threads: usize) -> anyhow::Result<Self> {
         let _spinner = Spinner::new("timing a few jobs");
-        let begin = Instant::now();
-        let (drawn, size) = draw(grid, jobs)?;
-        let (thinned, of_each) = thinned(grid);
-        let next = AtomicUsize::new(0);
-        let work = || -> anyhow::Result<Vec<Sample>> {
-            let mut samples = Vec::new();
-            loop {
-                let position = next.fetch_add(1, Ordering::Relaxed);
-                let late = begin.elapsed().as_secs_f64() > SECONDS;
-                match drawn.get(position) {
-                    Some(job) if !late || position < LEAST => {
-                        samples.push(sample(&thinned, of_each, job)?);
-                    }
-                    _ => return Ok(samples),
-                }
-            }
-        };
-        let samples = std::thread::scope(|scope| -> anyhow::Result<Vec<Sample>> {
-            let workers: Vec<_> = (0..threads).map(|_| scope.spawn(work)).collect();
-            let mut samples = Vec::new();
-            for worker in workers {
-                let ended = worker.join();
-                samples.extend(ended.unwrap_or_else(|_| bail!("a pilot job failed"))?);
-            }
-            Ok(samples)
-        })?;
-        let sum: f64 = samples.iter().map(|sample| sample.seconds_per_size).sum();
-        let mut standard_errors: Vec<f64> = samples
-            .iter()
-            .flat_map(|sample| &sample.standard_errors)
-            .copied()
-            .collect();
+        let evenly = draw(grid, jobs, ERRORS.most, |_| 1.0)?;
+        let errors = samples(grid, &evenly.jobs, &ERRORS, threads)?;
+        let errors = errors.into_iter().flat_map(|sample| sample.standard_errors);
+        let mut standard_errors: Vec<f64> = errors.collect();
         standard_errors.sort_by(f64::total_cmp);
+        let by_size = draw(grid, jobs, TIME.most, size)?;
+        let timed = samples(grid, &by_size.jobs, &TIME, threads)?;
+        let mean = |of: fn(Time) -> f64| {
+            let ratios = timed.iter().map(|sample| of(sample.time) / sample.size);
+            ratios.sum::<f64>() / timed.len() as f64
+        };
         Ok(Self {
-            jobs: samples.len(),
-            rays: grid.run.rays.min(BATCH),
-            seconds_per_size: sum / samples.len() as f64,
-            size,
+            jobs: timed.len(),
+            rays: grid.run.rays.min(TIME.rays),
+            per_size: Time {
+                core: mean(|time| time.core),
+                wall: mean(|time| time.wall),
+            },
+            size: by_size.total,
             standard_errors,
         })
     }
 
-    /// Time of all jobs on one thread, s.
-    pub(super) fn seconds(&self) -> f64 {
-        self.seconds_per_size * self.size
+    /// Time of all jobs.
+    pub(super) fn time(&self) -> Time {
+        self.per_size.times(self.size)
     }
 
-    /// Time of one job on one thread, s.
-    pub(super) fn seconds_of(&self, job: &Job) -> f64 {
-        self.seconds_per_size * size(job)
+    /// Time of the jobs listed.
+    pub(super) fn time_of(&self, grid: &Grid, jobs: &Jobs, listed: &[u64]) -> anyhow::Result<Time> {
+        let mut sum = 0.0;
+        for number in listed {
+            sum += size(&grid.job(jobs, *number)?);
+        }
+        Ok(self.per_size.times(sum))
     }
 
     /// Median standard error expected over curves and wavelengths.
@@ -122,6 +147,40 @@ impl Pilot {
     }
 }
 
+/// Runs `drawn` in order until the budget is used up.
+fn samples(
+    grid: &Grid,
+    drawn: &[Job],
+    budget: &Budget,
+    threads: usize,
+) -> anyhow::Result<Vec<Sample>> {
+    let begin = Instant::now();
+    let (grid, of_each) = thinned(grid);
+    let next = AtomicUsize::new(0);
+    let work = || -> anyhow::Result<Vec<Sample>> {
+        let mut samples = Vec::new();
+        loop {
+            let position = next.fetch_add(1, Ordering::Relaxed);
+            let late = begin.elapsed().as_secs_f64() > budget.seconds;
+            match drawn.get(position) {
+                Some(job) if !late || position < budget.least => {
+                    samples.push(sample(&grid, of_each, job, budget.rays)?);
+                }
+                _ => return Ok(samples),
+            }
+        }
+    };
+    std::thread::scope(|scope| {
+        let workers: Vec<_> = (0..threads).map(|_| scope.spawn(work)).collect();
+        let mut samples = Vec::new();
+        for worker in workers {
+            let ended = worker.join();
+            samples.extend(ended.unwrap_or_else(|_| bail!("a pilot job failed"))?);
+        }
+        Ok(samples)
+    })
+}
+
 /// Mean free distances across the thickest slab; never 0.
 fn size(job: &Job) -> f64 {
     let snow = &job.snow;
@@ -130,28 +189,35 @@ fn size(job: &Job) -> f64 {
     1.0 + thickness_m / distance_m
 }
 
-/// Jobs in the order to run them, and the sum of the sizes of all jobs.
-fn draw(grid: &Grid, jobs: &Jobs) -> anyhow::Result<(Vec<Job>, f64)> {
+/// Jobs in the order to run them.
+struct Drawn {
+    jobs: Vec<Job>,
+    /// Sum of the weights of all jobs of the grid.
+    total: f64,
+}
+
+/// Draws at most `most` jobs with probabilities proportional to `weight`.
+fn draw(grid: &Grid, jobs: &Jobs, most: usize, weight: fn(&Job) -> f64) -> anyhow::Result<Drawn> {
     // An odd step meets all values of an axis of even length.
     let step = jobs.count().div_ceil(SIZES) | 1;
     let mut sums = Vec::new();
     let mut sum = 0.0;
     for number in (0..jobs.count()).step_by(step as usize) {
-        sum += size(&grid.job(jobs, number)?);
+        sum += weight(&grid.job(jobs, number)?);
         sums.push((sum, number));
     }
-    let count = MOST.min(sums.len());
     // Multiples of the golden ratio fill the unit interval evenly at any count.
     let golden = 0.5 * (5.0_f64.sqrt() - 1.0);
-    let drawn = (0..count).map(|i| {
+    let drawn = (0..most.min(sums.len())).map(|i| {
         let at = (0.5 + i as f64 * golden).fract() * sum;
         let position = sums.partition_point(|(below, _)| *below <= at);
         let number = sums.get(position).map_or(0, |(_, number)| *number);
         grid.job(jobs, number)
     });
-    let drawn = drawn.collect::<Result<_, _>>()?;
-    let all = jobs.count() as f64 / sums.len() as f64;
-    Ok((drawn, sum * all))
+    Ok(Drawn {
+        jobs: drawn.collect::<Result<_, _>>()?,
+        total: sum * jobs.count() as f64 / sums.len() as f64,
+    })
 }
 
 /// The grid with fewer wavelengths, if each is walked by itself, and how many
@@ -168,28 +234,42 @@ fn thinned(grid: &Grid) -> (Grid, f64) {
     (thin, of_each)
 }
 
-/// Runs one job with at most one batch of rays.
-fn sample(grid: &Grid, of_each: f64, job: &Job) -> anyhow::Result<Sample> {
+/// Runs one job with at most `rays` rays. One wavelength of the thinned `grid`
+/// stands for `of_each`.
+fn sample(grid: &Grid, of_each: f64, job: &Job, rays: u64) -> anyhow::Result<Sample> {
     let mut request = job.request(grid);
     let wanted = request.rays;
-    request.rays = wanted.min(BATCH);
+    request.rays = wanted.min(rays);
     let more = wanted as f64 / request.rays as f64;
     let control = Control {
         parallel: false,
         cancel: &AtomicBool::new(false),
         rays_done: &AtomicU64::new(0),
     };
-    let begin = Instant::now();
+    let (begin, worked) = (Instant::now(), processor_seconds());
     let spectra = grid.run.engine.run(&request, &control)?;
-    let seconds = begin.elapsed().as_secs_f64() * more * of_each;
+    let wall = begin.elapsed().as_secs_f64();
+    let core = worked.and_then(|before| Some(processor_seconds()? - before));
+    let time = Time {
+        core: core.unwrap_or(wall),
+        wall,
+    };
     Ok(Sample {
-        seconds_per_size: seconds / size(job),
+        time: time.times(more * of_each),
+        size: size(job),
         standard_errors: spectra
             .iter()
             .flat_map(|spectrum| spectrum.transmittance.iter().chain(&spectrum.reflectance))
             .map(|measured| measured.se / more.sqrt())
             .collect(),
     })
+}
+
+/// What the processor has worked for this thread, where the system tells (Linux).
+fn processor_seconds() -> Option<f64> {
+    let text = std::fs::read_to_string("/proc/thread-self/schedstat").ok()?;
+    let nanoseconds: f64 = text.split_whitespace().next()?.parse().ok()?;
+    Some(nanoseconds * 1e-9)
 }
 
 #[cfg(test)]
@@ -202,12 +282,12 @@ mod tests {
     fn draws_follow_the_sizes() {
         let grid = small(Engine::Spectral);
         let jobs = grid.jobs().unwrap();
-        let (drawn, sum) = draw(&grid, &jobs).unwrap();
+        let Drawn { jobs: drawn, total } = draw(&grid, &jobs, 8, size).unwrap();
         let sizes: Vec<f64> = (0..jobs.count())
             .map(|n| size(&grid.job(&jobs, n).unwrap()))
             .collect();
         assert_eq!(drawn.len(), 8);
-        assert!((sum / sizes.iter().sum::<f64>() - 1.0).abs() < 1e-12);
+        assert!((total / sizes.iter().sum::<f64>() - 1.0).abs() < 1e-12);
         // Grains of 50-150 um are smaller than those of 150-250 um, so there
         // are more of them in the way: drawn 5 or 6 times of 8, not 4.
         let fine = |job: &&Job| job.snow.grain.size.max_m() < 200e-6;
@@ -234,11 +314,11 @@ mod tests {
     fn errors_scale_with_rays() {
         let mut grid = small(Engine::Spectral);
         let run = |grid: &Grid| Pilot::run(grid, &grid.jobs().unwrap(), 1).unwrap();
-        grid.run.rays = BATCH;
+        grid.run.rays = 64;
         let one = run(&grid);
-        grid.run.rays = 100 * BATCH;
+        grid.run.rays = 6400;
         let many = run(&grid);
-        assert_eq!((one.rays, many.rays), (BATCH, BATCH));
+        assert_eq!((one.rays, many.rays), (64, BATCH));
         let ratio = one.max_standard_error() / many.max_standard_error();
         assert!((ratio - 10.0).abs() < 1e-9, "{ratio}");
         assert!(many.median_standard_error() < many.max_standard_error());

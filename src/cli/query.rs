@@ -55,7 +55,7 @@ fn quantity_parser() -> impl TypedValueParser<Value = Quantity> {
 }
 
 pub(super) fn run(args: &Args) -> anyhow::Result<()> {
-    let database = Database::open(&common::compact_path(&args.file))?;
+    let database = Database::open(&common::compact_path(&args.file)?)?;
     let point = Point {
         facetness: args.facetness,
         grain_size_um: args.grain_size_um,
