@@ -6,11 +6,19 @@ use std::sync::atomic::{AtomicBool, AtomicU64};
 use criterion::{Criterion, Throughput, criterion_group, criterion_main};
 use splitsnow::engine::{Control, Engine, Request};
 use splitsnow::grain::{GrainType, SizeRange, TruncatedNormal};
+use splitsnow::math::Vec3;
 use splitsnow::optics::IceTable;
 use splitsnow::rng::{Key, Stream};
-use splitsnow::transport::{
-    Absorption, Analog, Entry, Illumination, Model, PathLengths, Ray, Snow, Walker,
-};
+use splitsnow::transport::{Absorption, End, Entry, Illumination, Model, Path, Sink, Snow, Walker};
+
+/// Counts what leaves at the top, so that no walk is for nothing.
+struct Reflected(u64);
+
+impl Sink for Reflected {
+    fn end(&mut self, _: std::ops::Range<usize>, end: End, _: &Path, _: Vec3) {
+        self.0 += u64::from(end == End::Reflected);
+    }
+}
 
 /// The representative sample (MODEL table 11), dry.
 fn representative() -> Snow {
@@ -30,37 +38,38 @@ const NORMAL: Illumination = Illumination::Collimated {
     polar_angle_rad: 0.0,
 };
 
-fn walks<A: Absorption>(rays: u32, absorption: impl Fn(&mut Stream) -> A) -> u64 {
+/// Walks 4096 rays through 12 cm and gives the number of grain events.
+fn walks(deferred: f64) -> u64 {
     let ice = IceTable::WarrenBrandt2008.at(550.0).unwrap();
-    let walker = Walker::new(&representative(), Entry::Uniform, ice, ice);
-    let mut stream = Stream::new(Key {
+    let ice_per_m = ice.absorption_per_m(550.0);
+    let absorption = Absorption {
+        ice_per_m,
+        water_per_m: 0.0,
+        deferred,
+    };
+    let walker = Walker::new(&representative(), Entry::Uniform, (ice, ice), absorption);
+    let stream = Stream::new(Key {
         seed: 1,
         cell: 0,
         purpose: [0; 3],
         batch: 0,
     });
-    let mut events = 0;
-    for _ in 0..rays {
-        let mut ray = Ray::entering(NORMAL, stream, &absorption);
-        walker.walk(&mut ray, 0.12).unwrap();
-        events += ray.events();
-        stream = ray.into_stream();
-    }
+    let mut sink = Reflected(0);
+    let events = walker
+        .walk(&[0.12], NORMAL, 4096, stream, &mut sink)
+        .unwrap();
+    assert!(sink.0 > 3000);
     events
 }
 
+/// Time per element is the time per grain event.
 fn grain_event(c: &mut Criterion) {
-    let ice = IceTable::WarrenBrandt2008.at(550.0).unwrap();
-    let analog = Analog {
-        ice_per_m: ice.absorption_per_m(550.0),
-        water_per_m: 0.0,
-    };
     let mut group = c.benchmark_group("grain_event");
-    group.throughput(Throughput::Elements(walks(500, |_| analog)));
-    group.bench_function("reference", |b| b.iter(|| walks(500, |_| analog)));
-    let recorded = |rng: &mut Stream| PathLengths::new(analog, rng);
-    group.throughput(Throughput::Elements(walks(500, recorded)));
-    group.bench_function("spectral", |b| b.iter(|| walks(500, recorded)));
+    group.sample_size(20);
+    for (engine, deferred) in [("reference", 0.0), ("spectral", 3.0)] {
+        group.throughput(Throughput::Elements(walks(deferred)));
+        group.bench_function(engine, |b| b.iter(|| walks(deferred)));
+    }
     group.finish();
 }
 
@@ -73,7 +82,7 @@ fn spectrum(c: &mut Criterion) {
         illumination: NORMAL,
         wavelengths_nm: &wavelengths_nm,
         model: &model,
-        rays: 256,
+        rays: 4096,
         seed: 1,
         cell: 0,
     };
@@ -83,7 +92,7 @@ fn spectrum(c: &mut Criterion) {
         cancel: &cancel,
         rays_done: &rays_done,
     };
-    let mut group = c.benchmark_group("spectrum_256_rays");
+    let mut group = c.benchmark_group("spectrum_4096_rays");
     group.sample_size(10);
     for engine in Engine::ALL {
         group.bench_function(engine.name(), |b| {

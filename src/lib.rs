@@ -18,8 +18,10 @@
 //! | [`grid`], [`config`] | the axes of a database; sample and grid files |
 //! | [`store`], [`batch`] | the Zarr store that is checkpoint and result; the job runner |
 //! | [`colour`], [`compress`], [`lookup`] | CIELAB; SVD and the compact file; reading it |
+//! | [`verify`] | re-checking a finished database |
 //! | [`cli`] | the command line |
 pub mod batch;
+pub mod cli;
 pub mod colour;
 pub mod compress;
 pub mod config;
@@ -35,3 +37,4 @@ pub mod spectrum;
 pub mod store;
 pub mod transport;
 pub mod units;
+pub mod verify;

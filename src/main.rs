@@ -1,2 +1,6 @@
 //! The `splitsnow` command.
-fn main() {}
+use std::process::ExitCode;
+
+fn main() -> ExitCode {
+    splitsnow::cli::run()
+}

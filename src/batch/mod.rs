@@ -71,7 +71,8 @@ where
         .build()
         .map_err(|error| BatchError::Threads(error.to_string()))?;
     let rays = Arc::new(AtomicU64::new(0));
-    let progress = Progress::new(options.progress, &missing, &store.jobs(), &rays);
+    let left = missing.len() as u64;
+    let progress = Progress::new(options.progress, left, total, &store.jobs(), &rays);
     let next = AtomicUsize::new(0);
     let finished = AtomicU64::new(0);
     let failure: Mutex<Option<BatchError>> = Mutex::new(None);
@@ -106,7 +107,7 @@ where
         return Err(error);
     }
     let run = finished.into_inner();
-    let left = missing.len() as u64 - run;
+    let left = left - run;
     if left > 0 {
         return Err(BatchError::Interrupted {
             done: total - left,

@@ -3,7 +3,7 @@ use std::sync::Arc;
 use std::sync::atomic::{AtomicU64, Ordering};
 use std::time::Duration;
 
-use indicatif::{ProgressBar, ProgressDrawTarget, ProgressState, ProgressStyle};
+use indicatif::{HumanDuration, ProgressBar, ProgressDrawTarget, ProgressState, ProgressStyle};
 
 use crate::grid::Jobs;
 
@@ -13,13 +13,22 @@ const TICK: Duration = Duration::from_millis(250);
 pub(super) struct Progress(ProgressBar);
 
 impl Progress {
-    /// A bar over the `missing` jobs; nothing if not `shown` or not a terminal.
-    pub(super) fn new(shown: bool, missing: &[u64], jobs: &Jobs, rays: &Arc<AtomicU64>) -> Self {
-        if !shown || missing.is_empty() {
+    /// A bar over `total` jobs, of which `missing` are to be run; nothing if not
+    /// `shown` or not a terminal.
+    pub(super) fn new(
+        shown: bool,
+        missing: u64,
+        total: u64,
+        jobs: &Jobs,
+        rays: &Arc<AtomicU64>,
+    ) -> Self {
+        if !shown || missing == 0 {
             return Self(ProgressBar::hidden());
         }
-        let length = missing.len() as u64;
-        let bar = ProgressBar::with_draw_target(Some(length), ProgressDrawTarget::stderr());
+        let before = total - missing;
+        let bar = ProgressBar::with_draw_target(Some(total), ProgressDrawTarget::stderr())
+            .with_position(before);
+        bar.reset_eta();
         let per_job = jobs.curves_per_job();
         let curves = move |state: &ProgressState, out: &mut dyn std::fmt::Write| {
             let _ = write!(out, "{}", state.pos() * per_job);
@@ -29,10 +38,23 @@ impl Progress {
             let seconds = state.elapsed().as_secs_f64().max(1e-3);
             let _ = write!(out, "{:.2e}", rays.load(Ordering::Relaxed) as f64 / seconds);
         };
-        let template = "{wide_bar} {pos}/{len} jobs, {curves} curves, {rate} rays/s, {eta} left";
+        let left = move |state: &ProgressState, out: &mut dyn std::fmt::Write| {
+            // Nothing is known before the first job has ended.
+            let _ = if state.pos() == before {
+                write!(out, "?")
+            } else {
+                write!(out, "{:#}", HumanDuration(state.eta()))
+            };
+        };
+        let template = "{wide_bar} {pos}/{len} jobs, {curves} curves, {rate} rays/s, {left} left";
         // A template that does not parse would only cost the looks.
         if let Ok(style) = ProgressStyle::with_template(template) {
-            bar.set_style(style.with_key("curves", curves).with_key("rate", rate));
+            bar.set_style(
+                style
+                    .with_key("curves", curves)
+                    .with_key("rate", rate)
+                    .with_key("left", left),
+            );
         }
         bar.enable_steady_tick(TICK);
         Self(bar)

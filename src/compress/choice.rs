@@ -1,4 +1,6 @@
 //! Choosing the number of components.
+use serde::{Deserialize, Serialize};
+
 use super::{CompressError, ErrorRow, ErrorTable};
 use crate::grid::Compression;
 
@@ -16,6 +18,32 @@ pub enum Choice {
     Components(usize),
 }
 
+/// What holds on every curve of a compressed quantity, as its file states it
+/// (JSON under [`BOUNDS`](super::BOUNDS)); `None` where nothing was asked for.
+#[derive(Debug, Clone, Copy, PartialEq, Default, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct Bounds {
+    /// Every Delta-E*ab is below this.
+    pub max_delta_e: Option<f64>,
+    /// Every RMSE is below this.
+    pub max_rmse: Option<f64>,
+}
+
+impl Choice {
+    /// The bounds that curves with or without a colour keep.
+    #[must_use]
+    pub fn bounds(self, coloured: bool) -> Bounds {
+        let Self::Bounds(asked) = self else {
+            return Bounds::default();
+        };
+        let default = (!coloured).then_some(DEFAULT_MAX_RMSE);
+        Bounds {
+            max_delta_e: coloured.then_some(asked.max_delta_e),
+            max_rmse: asked.max_rmse.or(default),
+        }
+    }
+}
+
 /// The smallest number of components in `table` whose largest Delta-E is below
 /// `bounds.max_delta_e` and whose largest RMSE is below `bounds.max_rmse`, where
 /// that is set. Without a colour only the RMSE decides, with
@@ -26,11 +54,8 @@ pub enum Choice {
 /// [`CompressError::Unreachable`], of the table's last row, if no row keeps them.
 pub fn choose(table: &ErrorTable, bounds: &Compression) -> Result<usize, CompressError> {
     let coloured = table.rows.iter().all(|row| row.delta_e.is_some());
-    let max_rmse = match bounds.max_rmse {
-        None if coloured => f64::INFINITY,
-        None => DEFAULT_MAX_RMSE,
-        Some(bound) => bound,
-    };
+    let max_rmse = Choice::Bounds(*bounds).bounds(coloured).max_rmse;
+    let max_rmse = max_rmse.unwrap_or(f64::INFINITY);
     let named = [("max_delta_e", bounds.max_delta_e), ("max_rmse", max_rmse)];
     for (name, value) in named {
         if value.is_nan() || value <= 0.0 {

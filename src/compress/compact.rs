@@ -11,10 +11,11 @@ use serde_json::{Value, json};
 use thiserror::Error;
 
 use super::format::{
-    AXES, BASIS_LINEAR, Coordinate, FORMAT, FORMAT_VERSION, MAX_HEADER, MAX_NUMBER, WAVELENGTHS,
-    axis_order, basis_name, coefficients_name, components_key, number,
+    AXES, BASIS_LINEAR, BOUNDS, Coordinate, ERROR_TABLE, FORMAT, FORMAT_VERSION, MAX_HEADER,
+    MAX_NUMBER, PROVENANCE, WAVELENGTHS, axis_order, basis_name, coefficients_name, components_key,
+    number,
 };
-use super::{Compressed, ErrorTable, atomic};
+use super::{Bounds, Compressed, ErrorTable, atomic};
 use crate::grid::Axes;
 use crate::measurement::Quantity;
 
@@ -48,7 +49,7 @@ pub struct CompactFile<'a> {
     pub transmittance: &'a Compressed,
     /// Compressed reflectance, likewise.
     pub reflectance: &'a Compressed,
-    /// Where the numbers come from (config, engine, seed, version, tables), JSON.
+    /// Where the numbers come from: the JSON of [`crate::store::Store::attributes`].
     pub provenance: &'a str,
     /// Further metadata (illumination, bottom boundary, ...); none of the
     /// format's own keys.
@@ -155,6 +156,8 @@ impl CompactFile<'_> {
     fn metadata(&self) -> Result<Value, CompactError> {
         let tables: BTreeMap<&str, &ErrorTable> =
             self.quantities().map(|(q, c)| (q.name(), &c.table)).into();
+        let bounds: BTreeMap<&str, Bounds> =
+            self.quantities().map(|(q, c)| (q.name(), c.bounds)).into();
         let mut units = BTreeMap::from(AXES.map(|axis| (axis.name, axis.unit)));
         units.insert(WAVELENGTHS.name, WAVELENGTHS.unit);
         units.extend(Quantity::ALL.map(|quantity| (quantity.name(), "1")));
@@ -165,8 +168,9 @@ impl CompactFile<'_> {
             ("axis_order".to_owned(), axis_order()),
             ("units".to_owned(), serde_json::to_string(&units)?),
             ("basis".to_owned(), BASIS_LINEAR.to_owned()),
-            ("error_table".to_owned(), serde_json::to_string(&tables)?),
-            ("provenance".to_owned(), self.provenance.to_owned()),
+            (ERROR_TABLE.to_owned(), serde_json::to_string(&tables)?),
+            (BOUNDS.to_owned(), serde_json::to_string(&bounds)?),
+            (PROVENANCE.to_owned(), self.provenance.to_owned()),
         ]);
         for (quantity, compressed) in self.quantities() {
             entries.insert(

@@ -17,6 +17,15 @@ use crate::measurement::Quantity;
 pub(crate) const FORMAT: &str = "splitsnow-compact";
 /// `format_version` in the metadata.
 pub(crate) const FORMAT_VERSION: &str = "1";
+/// Metadata key of the errors per number of components: JSON of a
+/// [`super::ErrorTable`] per quantity.
+pub const ERROR_TABLE: &str = "error_table";
+/// Metadata key of the bounds that hold on every curve: JSON of
+/// [`super::Bounds`] per quantity.
+pub const BOUNDS: &str = "bounds";
+/// Metadata key of where the numbers come from: JSON of the attributes of the
+/// database ([`crate::store::Store::attributes`]).
+pub const PROVENANCE: &str = "provenance";
 /// `basis` in the metadata: a spectrum is C' V'^T, nothing else.
 pub(crate) const BASIS_LINEAR: &str = "linear";
 /// Longest header written or read, bytes.

@@ -11,11 +11,11 @@ mod errors;
 pub(crate) mod format;
 mod svd;
 
-pub use choice::{Choice, DEFAULT_MAX_RMSE, choose};
+pub use choice::{Bounds, Choice, DEFAULT_MAX_RMSE, choose};
 pub use compact::{CompactError, CompactFile};
 pub(crate) use errors::add_component;
 pub use errors::{CurveError, ErrorRow, ErrorTable, Statistics, error_table};
-pub use format::{AXES, Coordinate};
+pub use format::{AXES, BOUNDS, Coordinate, ERROR_TABLE, PROVENANCE};
 pub use svd::Decomposition;
 
 use ndarray::{Array2, ArrayView2, Axis};
@@ -98,6 +98,8 @@ pub struct Compressed {
     pub basis: Array2<f32>,
     /// Errors per number of components, with the chosen one marked.
     pub table: ErrorTable,
+    /// The bounds that chose it.
+    pub bounds: Bounds,
 }
 
 impl Compressed {
@@ -151,5 +153,6 @@ pub fn compress(
         coefficients,
         basis: kept.mapv(|v| v as f32),
         table,
+        bounds: choice.bounds(colour.is_some()),
     })
 }

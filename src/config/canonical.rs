@@ -1,13 +1,12 @@
-//! Writes a config back as TOML with every value explicit: equal configs give
+//! Writes a sample back as TOML with every value explicit: equal samples give
 //! equal bytes, whatever their comments, order, units of water or defaults.
 use std::fmt::Write;
 use std::path::Path;
 
 use crate::grain::TruncatedNormal;
+use crate::grid::{list, normal, number};
 use crate::optics::WaterTable;
 use crate::transport::Model;
-
-use super::keys::ENTRIES;
 
 /// Collects `key = value` lines under table headers.
 pub(super) struct Writer {
@@ -31,23 +30,19 @@ impl Writer {
     }
 
     pub(super) fn number(&mut self, key: &str, value: f64) {
-        self.raw(key, &float(value));
+        self.raw(key, &number(value));
     }
 
     pub(super) fn numbers(&mut self, key: &str, values: &[f64]) {
-        let values: Vec<_> = values.iter().map(|&v| float(v)).collect();
-        self.raw(key, &format!("[{}]", values.join(", ")));
+        self.raw(key, &list(values));
     }
 
     pub(super) fn law(&mut self, key: &str, law: &TruncatedNormal) {
-        let [min, max, mean, sd] = [law.min(), law.max(), law.mean(), law.sd()].map(float);
-        let value = format!("{{ min = {min}, max = {max}, mean = {mean}, sd = {sd} }}");
-        self.raw(key, &value);
+        self.raw(key, &normal(law));
     }
 
     /// The table `[model]`; a CSV path is written relative to `directory`.
     pub(super) fn model(&mut self, model: &Model, directory: &Path) {
-        let entry = ENTRIES.iter().find(|(_, entry)| *entry == model.entry);
         let water = match &model.water {
             WaterTable::Csv(path) => path
                 .strip_prefix(directory)
@@ -57,7 +52,7 @@ impl Writer {
             table => table.name(),
         };
         self.header("[model]");
-        self.text("entry", entry.map_or("", |(name, _)| name));
+        self.text("entry", model.entry.name());
         self.text("layers", "continuous");
         self.text("carbon_law", "power");
         self.text("impurity_mass", "varsa2025");
@@ -72,9 +67,4 @@ impl Writer {
     pub(super) fn finish(self) -> String {
         self.text
     }
-}
-
-/// The shortest decimal that reads back as the same double; -0 is written 0.
-pub(super) fn float(value: f64) -> String {
-    format!("{:?}", value + 0.0)
 }

@@ -1,11 +1,10 @@
 //! Grid files: the axes of a spectral database and how it is computed.
-use std::path::{Path, PathBuf};
+use std::path::Path;
 
 use crate::engine::Engine;
 use crate::grid::{Axes, Compression, Fixed, Grid, Run, Spread};
 use crate::optics::ice_density_kg_m3;
 
-use super::canonical::Writer;
 use super::document::{Document, read_text};
 use super::error::{ConfigError, Problem};
 use super::keys::{AxesKeys, FixedKeys, GridKeys, SIZE_UM};
@@ -31,50 +30,6 @@ pub struct GridFile {
     pub warnings: Vec<String>,
     /// The file as it was read.
     pub text: String,
-    directory: PathBuf,
-}
-
-impl GridFile {
-    /// The grid (with any change made to it since) as canonical TOML, every
-    /// value explicit; [`parse`] under the same file name gives the same grid.
-    /// One `key = value` per line, so that two can be compared by line.
-    #[must_use]
-    pub fn to_toml(&self) -> String {
-        let Grid {
-            axes,
-            spread,
-            wavelengths_nm,
-            fixed,
-            run,
-            compression,
-        } = &self.grid;
-        let mut out = Writer::new();
-        out.header("[axes]");
-        for (key, values) in lists(axes) {
-            out.numbers(key, values);
-        }
-        out.header("[spread]");
-        out.number("facetness_half_width", spread.facetness_half_width);
-        out.number("facetness_sd", spread.facetness_sd);
-        out.number("grain_size_half_width_um", spread.grain_size_half_width_um);
-        out.header("[wavelengths]");
-        out.numbers("values_nm", wavelengths_nm);
-        out.header("[fixed]");
-        out.law("sphericity", &fixed.sphericity);
-        out.number("temperature_c", fixed.temperature_c);
-        out.number("water_saturation", fixed.water_saturation);
-        out.model(&fixed.model, &self.directory);
-        out.header("[run]");
-        out.text("engine", run.engine.name());
-        out.raw("seed", &run.seed.to_string());
-        out.raw("rays", &run.rays.to_string());
-        out.header("[compression]");
-        out.number("max_delta_e", compression.max_delta_e);
-        if let Some(max_rmse) = compression.max_rmse {
-            out.number("max_rmse", max_rmse);
-        }
-        out.finish()
-    }
 }
 
 /// Reads a grid file.
@@ -135,18 +90,7 @@ pub fn parse(name: &str, text: &str) -> Result<GridFile, ConfigError> {
         },
         warnings,
         text: text.to_owned(),
-        directory: directory_of(name).to_owned(),
     })
-}
-
-fn lists(axes: &Axes) -> [(&'static str, &[f64]); 5] {
-    [
-        ("facetness", &axes.facetness),
-        ("grain_size_um", &axes.grain_size_um),
-        ("density_kg_m3", &axes.density_kg_m3),
-        ("thickness_cm", &axes.thickness_cm),
-        ("angle_deg", &axes.angle_deg),
-    ]
 }
 
 fn axes(
@@ -162,7 +106,7 @@ fn axes(
         thickness_cm: keys.thickness_cm,
         angle_deg: keys.angle_deg,
     };
-    for (key, values) in lists(&axes) {
+    for (key, values) in axes.named() {
         increasing(document, &format!("axes.{key}"), values)?;
     }
     let half_width = spread.grain_size_half_width_um;
@@ -260,7 +204,7 @@ fn size(
     wavelengths: usize,
     rays: u64,
 ) -> Result<(), ConfigError> {
-    let lengths = lists(axes).map(|(_, values)| values.len() as u64);
+    let lengths = axes.named().map(|(_, values)| values.len() as u64);
     let curves = lengths.iter().try_fold(1_u64, |n, &len| n.checked_mul(len));
     let values = curves.and_then(|n| n.checked_mul(wavelengths as u64));
     let shape = lengths.map(|n| n.to_string()).join(" x ");

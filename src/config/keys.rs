@@ -20,8 +20,10 @@ pub(super) const SATURATION: (f64, f64) = (0.0, 0.5);
 /// Limits of the grain size, um.
 pub(super) const SIZE_UM: (f64, f64) = (10.0, 3000.0);
 
-pub(super) const ENTRIES: [(&str, Entry); 2] =
-    [("uniform", Entry::Uniform), ("projected", Entry::Projected)];
+pub(super) const ENTRIES: [(&str, Entry); 2] = [
+    (Entry::Uniform.name(), Entry::Uniform),
+    (Entry::Projected.name(), Entry::Projected),
+];
 pub(super) const ICE_TABLES: [(&str, IceTable); 2] = [
     ("warren_brandt_2008", IceTable::WarrenBrandt2008),
     ("picard_2016", IceTable::Picard2016),
@@ -417,7 +419,7 @@ pub(super) struct RunKeys {
     #[schemars(range(min = 0, max = 9_007_199_254_740_991_u64))]
     #[serde(default = "default_seed")]
     pub(super) seed: u64,
-    /// Walks per curve: for all wavelengths together in `spectral`, for each in `reference`.
+    /// Walks per curve: at each index node in `spectral`, at each wavelength in `reference`.
     #[schemars(range(min = 1, max = 1_000_000_000_000_u64))]
     pub(super) rays: u64,
 }

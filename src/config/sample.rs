@@ -2,11 +2,12 @@
 use std::path::Path;
 
 use crate::grain::{GrainType, SizeRange};
+use crate::grid::number;
 use crate::optics::ice_density_kg_m3;
 use crate::transport::{Illumination, Model, Snow};
 use crate::units::{cm_to_m, um_to_m};
 
-use super::canonical::{Writer, float};
+use super::canonical::Writer;
 use super::document::{Document, read_text};
 use super::error::{ConfigError, Problem};
 use super::keys::{DENSITY_KG_M3, GrainKeys, LayerKeys, NumberOrPath, SampleKeys};
@@ -102,7 +103,7 @@ pub fn parse(name: &str, text: &str) -> Result<SampleFile, ConfigError> {
     out.number("water_saturation", snow.water_saturation);
     out.header("[[layer.grain]]");
     out.number("fraction", 1.0);
-    let (min, max) = (float(size.min), float(size.max));
+    let (min, max) = (number(size.min), number(size.max));
     out.raw("size_um", &format!("{{ min = {min}, max = {max} }}"));
     out.law("facetness", &snow.grain.facetness);
     out.law("sphericity", &snow.grain.sphericity);

@@ -11,7 +11,7 @@ use crate::transport::{Sink, Walker};
 
 /// Rays of one batch: enough for the eight lanes of a walk to stay busy
 /// although rays differ in length. Changing it changes every random number.
-const BATCH: u64 = 4096;
+pub const BATCH: u64 = 4096;
 /// Batches in flight at once: bounds the memory of very long runs.
 const IN_FLIGHT: u64 = 16;
 

@@ -7,6 +7,8 @@ use std::sync::atomic::{AtomicBool, AtomicU64};
 
 use thiserror::Error;
 
+pub use batches::BATCH;
+
 use crate::measurement::Spectrum;
 use crate::optics::{Index, OpticsError};
 use crate::transport::{Illumination, Model, REJECTION_LIMIT, Snow, WalkError};

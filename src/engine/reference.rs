@@ -5,6 +5,7 @@ use std::ops::Range;
 use std::sync::atomic::{AtomicBool, Ordering};
 
 use crate::engine::{Control, EngineError, Request, batches, indices};
+use crate::math::Vec3;
 use crate::measurement::{Estimate, Measured, Spectrum};
 use crate::transport::{Absorption, End, Path, Sink, Walker};
 
@@ -18,7 +19,7 @@ struct Counts<'a> {
 }
 
 impl Sink for Counts<'_> {
-    fn end(&mut self, _: Range<usize>, end: End, _: &Path) {
+    fn end(&mut self, _: Range<usize>, end: End, _: &Path, _: Vec3) {
         match end {
             End::Reflected => self.reflected += 1,
             End::Transmitted => self.transmitted += 1,

@@ -7,8 +7,8 @@
 //! for it, so no walk goes on for nothing and every estimate is unbiased.
 //!
 //! **Dispersion.** Paths depend on the refractive indices, so walks are done
-//! at a few *index nodes*: some of the wavelengths asked for, chosen so that
-//! every other one lies close to the straight line between its two nodes in
+//! at a few *index nodes*, at (or, outermost, somewhat beyond) some of the
+//! wavelengths asked for, chosen so that every other one lies close to the straight line between its two nodes in
 //! the plane of (n, k) of ice (and of water, in wet snow). Each wavelength's
 //! result is the linear mix of what the walks of its two nodes give it with
 //! its own absorption. What remains is the curvature of R and T over one
@@ -24,12 +24,15 @@ use std::ops::Range;
 use std::sync::atomic::{AtomicBool, Ordering};
 
 use crate::engine::{Control, EngineError, Request, batches, indices};
+use crate::math::Vec3;
 use crate::measurement::{Estimate, Measured, Spectrum};
 use crate::optics::Index;
 use crate::transport::{Absorption, End, Path, Sink, Snow, Walker};
 
 /// Largest distance of two neighbouring nodes in refractive index.
 pub(super) const SPACING: f64 = 0.0135;
+/// How far the outermost nodes lie outside, in parts of the way to the next.
+const STRETCH: f64 = 0.2;
 /// Optical depth of the least absorbed wavelength that every walk survives.
 const DEFERRED: f64 = 3.0;
 /// Largest distance of a wavelength's indices from the line between its nodes.
@@ -58,7 +61,7 @@ struct NodeScores<'a> {
 }
 
 impl Sink for NodeScores<'_> {
-    fn end(&mut self, thicknesses: Range<usize>, end: End, path: &Path) {
+    fn end(&mut self, thicknesses: Range<usize>, end: End, path: &Path, _: Vec3) {
         let estimates = match end {
             End::Reflected => &mut self.reflected,
             End::Transmitted => &mut self.transmitted,
@@ -172,30 +175,61 @@ struct NodeResult {
     width: usize,
 }
 
+/// Refractive indices at the nodes: those of their wavelengths, but the first
+/// and last are moved outward by [`STRETCH`] of the way to their neighbour if
+/// there are wavelengths in between. Two independent values weigh least in the
+/// variance of their mix halfway between them, so this saves walks.
+fn node_indices(nodes: &[usize], indices: &[(Index, Index)]) -> Vec<(Index, Index)> {
+    let beyond = |a: Index, b: Index| Index {
+        n: a.n + STRETCH * (a.n - b.n),
+        k: (a.k + STRETCH * (a.k - b.k)).max(0.0),
+    };
+    let moved = |node: usize, neighbour: usize| {
+        let (a, b) = (indices[node], indices[neighbour]);
+        if node.abs_diff(neighbour) > 1 {
+            (beyond(a.0, b.0), beyond(a.1, b.1))
+        } else {
+            a
+        }
+    };
+    let mut at: Vec<_> = nodes.iter().map(|&node| indices[node]).collect();
+    if let [first, second, ..] = nodes {
+        at[0] = moved(*first, *second);
+    }
+    if let [.., before, last] = nodes {
+        at[nodes.len() - 1] = moved(*last, *before);
+    }
+    at
+}
+
 pub(super) fn run(request: &Request, control: &Control) -> Result<Vec<Spectrum>, EngineError> {
     let indices = indices(request)?;
     let nodes = nodes(&indices, request.snow);
+    let node_indices = node_indices(&nodes, &indices);
     // the wavelengths a node serves reach from the node before it to the node after it
     let results = batches::map(control, (0..nodes.len()).collect(), |i| {
         let last = nodes[(i + 1).min(nodes.len() - 1)];
         let span = nodes[i.saturating_sub(1)]..last + 1;
-        walk_node(request, control, &indices, nodes[i], i, span)
+        walk_node(request, control, &indices, node_indices[i], i, span)
     })?;
-    let point = |l: usize| coordinates(&indices[l], request.snow);
+    let point = |indices: &(Index, Index)| coordinates(indices, request.snow);
     let mut spectra = vec![Spectrum::default(); request.thicknesses_m.len()];
-    for l in 0..indices.len() {
-        let i = nodes.partition_point(|&node| node < l);
-        // between nodes i - 1 and i, or on node i
-        let (a, t) = if nodes[i] == l {
-            (&results[i], 0.0)
-        } else {
-            let (t, _) = project(point(l), point(nodes[i - 1]), point(nodes[i]));
-            (&results[i - 1], t)
-        };
-        let b = &results[i];
+    for (l, index) in indices.iter().enumerate() {
+        // between nodes i - 1 and i; a single node stands alone
+        let i = nodes
+            .partition_point(|&node| node < l)
+            .max(1)
+            .min(nodes.len() - 1);
+        let j = i.saturating_sub(1);
+        let (t, _) = project(
+            point(index),
+            point(&node_indices[j]),
+            point(&node_indices[i]),
+        );
+        let (a, b) = (&results[j], &results[i]);
         for (h, spectrum) in spectra.iter_mut().enumerate() {
             let (p, q) = (h * a.width + l - a.first, h * b.width + l - b.first);
-            let mix = |a: Measured, b: Measured| if t == 0.0 { a } else { a.mix(b, t) };
+            let mix = |a: Measured, b: Measured| if i == j { a } else { a.mix(b, t) };
             spectrum
                 .reflectance
                 .push(mix(a.reflectance[p], b.reflectance[q]));
@@ -213,7 +247,7 @@ fn walk_node(
     request: &Request,
     control: &Control,
     indices: &[(Index, Index)],
-    node: usize,
+    node: (Index, Index),
     number: usize,
     span: Range<usize>,
 ) -> Result<NodeResult, EngineError> {
@@ -231,7 +265,7 @@ fn walk_node(
         water_per_m: least(|a| a.water_per_m),
         deferred: DEFERRED,
     };
-    let walker = Walker::new(request.snow, request.model.entry, indices[node], absorption);
+    let walker = Walker::new(request.snow, request.model.entry, node, absorption);
     let (heights, width) = (request.thicknesses_m.len(), span.len());
     let empty = NodeScores {
         reflected: vec![Estimate::default(); heights * width],

@@ -63,10 +63,17 @@ impl Grains {
         let (facetness, keep_facetness) = law.facetness.propose(rng);
         let minor = psi * psi;
         let spheroids = Spheroids::new(minor, rng.direction());
-        let (point, keep_point) = spheroids.propose_point(minor, rng);
+        let kept = keep_psi & keep_facetness;
+        // a point not kept is drawn again for the same grain: dropping the
+        // grain with it would favour round ones, which keep more points
+        let (mut point, mut placed) = spheroids.propose_point(minor, rng);
+        while (kept & !placed).any() {
+            let (another, keep) = spheroids.propose_point(minor, rng);
+            point = point.or_where_not(placed, another);
+            placed |= keep;
+        }
         let normal = spheroids.normal(point).unit();
         let size_m = law.size.sample(rng);
-        let kept = (keep_psi & keep_facetness & keep_point).to_bitmask();
         (
             Self {
                 size_m,
@@ -75,7 +82,7 @@ impl Grains {
                 point,
                 normal,
             },
-            kept,
+            kept.to_bitmask(),
         )
     }
 
@@ -208,7 +215,7 @@ impl Events {
         if given_up.any() {
             m = n.or_where_not(given_up, m);
             c = given_up.select(untilted, c);
-            ok = ok | given_up;
+            ok |= given_up;
         }
         let c = c.fast_min(one);
         self.facet_tries = ok.select(f64x8::ZERO, self.facet_tries);

@@ -6,8 +6,7 @@ use std::fmt::Write;
 
 use super::Grid;
 use crate::grain::TruncatedNormal;
-use crate::optics::{IceTable, WaterTable};
-use crate::transport::Entry;
+use crate::optics::WaterTable;
 
 impl Grid {
     /// Section, key and TOML value of everything that decides the spectra.
@@ -41,20 +40,16 @@ impl Grid {
         add("run", "engine", quoted(self.run.engine.name()));
         add("run", "seed", self.run.seed.to_string());
         add("run", "rays", self.run.rays.to_string());
-        add(
-            "model",
-            "entry",
-            quoted(match model.entry {
-                Entry::Uniform => "uniform",
-                Entry::Projected => "projected",
-            }),
-        );
-        add("model", "ice", quoted(ice_name(model.ice)));
+        add("model", "entry", quoted(model.entry.name()));
+        add("model", "ice", quoted(model.ice.name()));
         add("model", "water", quoted(&water_name(&model.water)));
         entries
     }
 
-    /// The text of a grid file that builds this database.
+    /// The text of a grid file that builds this database, every value explicit:
+    /// [`crate::config::grid::parse`] gives this grid again, with the default
+    /// bounds of the compression. A user's water table is named without its
+    /// folder: it is looked for beside the text.
     #[must_use]
     pub fn to_config(&self) -> String {
         let mut text = String::from("version = 1\n");
@@ -71,16 +66,16 @@ impl Grid {
 }
 
 /// The shortest decimal that reads back as the same number; -0 is 0.
-fn number(value: f64) -> String {
+pub(crate) fn number(value: f64) -> String {
     format!("{:?}", value + 0.0)
 }
 
-fn list(values: &[f64]) -> String {
+pub(crate) fn list(values: &[f64]) -> String {
     let values: Vec<_> = values.iter().copied().map(number).collect();
     format!("[{}]", values.join(", "))
 }
 
-fn normal(law: &TruncatedNormal) -> String {
+pub(crate) fn normal(law: &TruncatedNormal) -> String {
     let [min, max, mean, sd] = [law.min(), law.max(), law.mean(), law.sd()].map(number);
     format!("{{ min = {min}, max = {max}, mean = {mean}, sd = {sd} }}")
 }
@@ -90,23 +85,14 @@ fn quoted(text: &str) -> String {
     toml::Value::String(text.into()).to_string()
 }
 
-fn ice_name(table: IceTable) -> &'static str {
-    match table {
-        IceTable::WarrenBrandt2008 => "warren_brandt_2008",
-        IceTable::Picard2016 => "picard_2016",
-    }
-}
-
 /// A user's table by its file name alone: the same table gives the same
 /// database from any folder. Its contents are compared by hash.
 fn water_name(table: &WaterTable) -> String {
     match table {
-        WaterTable::Segelstein1981 => "segelstein_1981".into(),
-        WaterTable::Rowe2020 => "rowe_2020".into(),
-        WaterTable::HaleQuerry1973 => "hale_querry_1973".into(),
         WaterTable::Csv(path) => path
             .file_name()
             .map_or_else(String::new, |name| name.to_string_lossy().into_owned()),
+        table => table.name(),
     }
 }
 

@@ -14,6 +14,7 @@ use crate::grain::TruncatedNormal;
 use crate::transport::Model;
 
 pub use check::GridError;
+pub(crate) use describe::{list, normal, number};
 pub use job::Job;
 pub use jobs::{Jobs, Shape, job_shape};
 pub use shard::{Shard, ShardError};

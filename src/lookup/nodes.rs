@@ -1,4 +1,6 @@
 //! Points of the database and the nodes of its axes.
+use std::fmt;
+
 use super::LookupError;
 
 /// How far from a node a coordinate may be and still be that node, as a share
@@ -22,7 +24,8 @@ pub struct Point {
 
 impl Point {
     /// In the order of [`crate::compress::AXES`].
-    pub(super) fn coordinates(self) -> [f64; 5] {
+    #[must_use]
+    pub fn coordinates(self) -> [f64; 5] {
         [
             self.facetness,
             self.grain_size_um,
@@ -33,7 +36,8 @@ impl Point {
     }
 
     /// [`Point::coordinates`] inverted.
-    pub(super) fn from_coordinates(coordinates: [f64; 5]) -> Self {
+    #[must_use]
+    pub fn from_coordinates(coordinates: [f64; 5]) -> Self {
         let [
             facetness,
             grain_size_um,
@@ -48,6 +52,17 @@ impl Point {
             thickness_cm,
             angle_deg,
         }
+    }
+}
+
+/// For messages: to the digits of the f32 that files hold.
+impl fmt::Display for Point {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        let [facetness, size, density, thickness, angle] = self.coordinates().map(|v| v as f32);
+        write!(
+            f,
+            "facetness {facetness}, grain size {size} um, density {density} kg/m3, thickness {thickness} cm, angle {angle} degrees"
+        )
     }
 }
 

@@ -38,3 +38,14 @@ pub struct Spectrum {
     /// Share of the rays that hit an event limit: in neither R nor T.
     pub lost: Vec<f64>,
 }
+
+impl Spectrum {
+    /// One of its quantities, per wavelength.
+    #[must_use]
+    pub fn of(&self, quantity: Quantity) -> &[Measured] {
+        match quantity {
+            Quantity::Transmittance => &self.transmittance,
+            Quantity::Reflectance => &self.reflectance,
+        }
+    }
+}

@@ -1,5 +1,7 @@
 //! Complex refractive indices n + i k (k >= 0) of ice and water from published
 //! tables: n linear and k log-log in wavelength (MODEL section 13).
+use std::borrow::Cow;
+use std::ops::Deref;
 use std::path::PathBuf;
 use std::sync::LazyLock;
 
@@ -87,13 +89,40 @@ pub enum WaterTable {
     Csv(PathBuf),
 }
 
+/// A table compiled in.
+struct Shipped {
+    file: &'static str,
+    text: &'static str,
+    table: LazyLock<Table>,
+}
+
+impl Shipped {
+    fn data_file(&self) -> DataFile {
+        DataFile {
+            name: self.file.into(),
+            bytes: Cow::Borrowed(self.text.as_bytes()),
+        }
+    }
+}
+
+impl Deref for Shipped {
+    type Target = Table;
+
+    fn deref(&self) -> &Table {
+        &self.table
+    }
+}
+
 macro_rules! shipped {
     ($name:ident, $file:literal, $header:expr) => {
-        static $name: LazyLock<Table> = LazyLock::new(|| {
-            #[allow(clippy::expect_used)] // compiled in; a test parses each
-            Table::parse($file, include_str!(concat!("../../data/", $file)), $header)
-                .expect("shipped table")
-        });
+        static $name: Shipped = Shipped {
+            file: $file,
+            text: include_str!(concat!("../../data/", $file)),
+            table: LazyLock::new(|| {
+                #[allow(clippy::expect_used)] // compiled in; a test parses each
+                Table::parse($file, $name.text, $header).expect("shipped table")
+            }),
+        };
     };
 }
 shipped!(WARREN_BRANDT_2008, "ice_warren_brandt_2008.csv", &NK);
@@ -106,6 +135,29 @@ shipped!(
     "ice_density_iapws06.csv",
     &["temperature_c", "density_kg_m3"]
 );
+
+/// A file of data that results depend on.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub struct DataFile {
+    /// Name of the file; `water` for a table of the user's, so that a result
+    /// does not depend on where the table lies.
+    pub name: String,
+    /// Its content.
+    pub bytes: Cow<'static, [u8]>,
+}
+
+/// The data files behind the tables in use; `water` is `None` in dry snow.
+///
+/// # Errors
+/// [`OpticsError::Table`] if a user's table cannot be read.
+pub fn data_files(ice: IceTable, water: Option<&WaterTable>) -> Result<Vec<DataFile>, OpticsError> {
+    let mut files = vec![ICE_DENSITY.data_file(), WARREN_BRANDT_2008.data_file()];
+    if ice == IceTable::Picard2016 {
+        files.push(PICARD_2016.data_file());
+    }
+    files.extend(water.map(WaterTable::data_file).transpose()?);
+    Ok(files)
+}
 
 /// Density of ice Ih, kg/m3 (IAPWS R10-06), linear in the temperature in
 /// Celsius, which is clamped to the table's [-40, 0].
@@ -175,15 +227,33 @@ impl WaterTable {
         }
     }
 
+    fn data_file(&self) -> Result<DataFile, OpticsError> {
+        match self {
+            Self::Segelstein1981 => Ok(SEGELSTEIN_1981.data_file()),
+            Self::Rowe2020 => Ok(ROWE_2020.data_file()),
+            Self::HaleQuerry1973 => Ok(HALE_QUERRY_1973.data_file()),
+            Self::Csv(path) => {
+                let bytes = std::fs::read(path).map_err(|error| TableError::Read {
+                    name: self.name(),
+                    reason: error.to_string(),
+                })?;
+                Ok(DataFile {
+                    name: "water".into(),
+                    bytes: Cow::Owned(bytes),
+                })
+            }
+        }
+    }
+
     /// Loads the table, from disk if it is the user's.
     ///
     /// # Errors
     /// [`OpticsError::Table`] and [`OpticsError::Values`] for a bad user table.
     pub fn load(&self) -> Result<Water, OpticsError> {
         let (table, max_nm) = match self {
-            Self::Segelstein1981 => (SEGELSTEIN_1981.clone(), f64::INFINITY),
-            Self::Rowe2020 => (ROWE_2020.clone(), f64::INFINITY),
-            Self::HaleQuerry1973 => (HALE_QUERRY_1973.clone(), 1000.0),
+            Self::Segelstein1981 => (SEGELSTEIN_1981.table.clone(), f64::INFINITY),
+            Self::Rowe2020 => (ROWE_2020.table.clone(), f64::INFINITY),
+            Self::HaleQuerry1973 => (HALE_QUERRY_1973.table.clone(), 1000.0),
             Self::Csv(path) => {
                 let table = Table::read(path, &NK)?;
                 for (i, &wavelength_nm) in table.abscissae().iter().enumerate() {
@@ -292,6 +362,30 @@ mod tests {
         );
         assert!(IceTable::Picard2016.at(319.0).is_err());
         assert!(WaterTable::Rowe2020.load().unwrap().at(600.0).is_err());
+    }
+
+    #[test]
+    fn the_files_in_use_are_named() {
+        let names = |ice, water: Option<&WaterTable>| -> Vec<String> {
+            let files = data_files(ice, water).unwrap();
+            files.into_iter().map(|file| file.name).collect()
+        };
+        let dry = ["ice_density_iapws06.csv", "ice_warren_brandt_2008.csv"];
+        assert_eq!(names(IceTable::WarrenBrandt2008, None), dry);
+        let wet = names(IceTable::Picard2016, Some(&WaterTable::Rowe2020));
+        assert_eq!(
+            wet[2..],
+            ["ice_picard_2016.csv", "water_rowe_2020_273k.csv"]
+        );
+        let folder = tempfile::tempdir().unwrap();
+        let mine = WaterTable::Csv(folder.path().join("mine.csv"));
+        assert!(data_files(IceTable::Picard2016, Some(&mine)).is_err());
+        std::fs::write(folder.path().join("mine.csv"), "x").unwrap();
+        let files = data_files(IceTable::WarrenBrandt2008, Some(&mine)).unwrap();
+        assert_eq!(
+            (files[2].name.as_str(), &files[2].bytes[..]),
+            ("water", &b"x"[..])
+        );
     }
 
     #[test]

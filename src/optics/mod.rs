@@ -4,6 +4,7 @@ mod index;
 mod interface;
 
 pub use index::{
-    IceTable, Index, MODEL_RANGE_NM, OpticsError, Water, WaterTable, ice_density_kg_m3,
+    DataFile, IceTable, Index, MODEL_RANGE_NM, OpticsError, Water, WaterTable, data_files,
+    ice_density_kg_m3,
 };
 pub use interface::{Incidences, Interface, Interfaces, reflect};

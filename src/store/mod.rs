@@ -110,6 +110,20 @@ impl Store {
         Self::open_with(dir, None)
     }
 
+    /// Refuses if [`build`](Self::build) would refuse to go on with this
+    /// database for `grid` and `extra`.
+    ///
+    /// # Errors
+    /// It was made from other inputs.
+    pub fn check_same(
+        &self,
+        grid: &Grid,
+        extra: &BTreeMap<String, String>,
+    ) -> Result<(), StoreError> {
+        let asked = Description::new(grid, extra);
+        self.description.check_same(&asked, &self.root)
+    }
+
     /// Like [`open`](Self::open), and keeps all other processes from writing.
     ///
     /// # Errors

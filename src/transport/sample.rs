@@ -25,6 +25,17 @@ pub enum Entry {
     Projected,
 }
 
+impl Entry {
+    /// The name used in configs and files.
+    #[must_use]
+    pub const fn name(self) -> &'static str {
+        match self {
+            Self::Uniform => "uniform",
+            Self::Projected => "projected",
+        }
+    }
+}
+
 /// Choices within the model and its tables.
 #[derive(Debug, Clone, PartialEq, Eq, Default)]
 pub struct Model {

@@ -31,6 +31,8 @@ use crate::transport::{Entry, Illumination, Snow};
 const EVENT_LIMIT: u64 = 10_000_000;
 /// Rejected grains in a row that prove a slab too thin for its grains.
 pub const REJECTION_LIMIT: u32 = 10_000;
+/// Steps after which the sink is asked whether to go on, well under a millisecond.
+const STEPS_BETWEEN_CHECKS: u64 = 1024;
 /// Vectors of eight lanes stepped in turn: while one waits for its square
 /// roots and divisions the processor works on the other.
 const GROUPS: usize = 2;
@@ -86,10 +88,11 @@ pub enum End {
 /// What walks report to.
 pub trait Sink {
     /// A walk ended, in the same way for all `thicknesses` (positions in the
-    /// list given to [`Walker::walk`]).
-    fn end(&mut self, thicknesses: Range<usize>, end: End, path: &Path);
+    /// list given to [`Walker::walk`]). A ray that left the snow did so along
+    /// the unit vector `direction` (z downward; it entered at azimuth 0).
+    fn end(&mut self, thicknesses: Range<usize>, end: End, path: &Path, direction: Vec3);
 
-    /// Asked before every ray: whether to give up.
+    /// Asked now and then: whether to give up.
     fn stop(&self) -> bool {
         false
     }
@@ -300,7 +303,13 @@ impl<S: Sink> Walks<'_, S> {
                 walking |= 1 << lane;
             }
         }
-        while walking != 0 {
+        for steps in 0u64.. {
+            if walking == 0 {
+                break;
+            }
+            if steps % STEPS_BETWEEN_CHECKS == 0 && self.sink.stop() {
+                return Err(WalkError::Stopped);
+            }
             let rng = &mut self.rng;
             let steps = self.events.each_mut().map(|events| events.step(rng));
             for (group, step) in steps.iter().enumerate() {
@@ -329,9 +338,6 @@ impl<S: Sink> Walks<'_, S> {
     /// Starts the next ray on `lane`; false if there is none left.
     fn start(&mut self, lane: usize) -> Result<bool, WalkError> {
         while self.waiting > 0 {
-            if self.sink.stop() {
-                return Err(WalkError::Stopped);
-            }
             self.waiting -= 1;
             // cheap next to a walk, so the other seven variates go unused
             let cos = match self.illumination {
@@ -394,10 +400,11 @@ impl<S: Sink> Walks<'_, S> {
         let slabs = self.thicknesses_m.len();
         let Some((before, proposal)) = touch.take() else {
             // the lower plane had no say: the walk is the same in all thicker slabs
-            self.sink.end(*slab..slabs, end, &ray.path);
+            self.sink.end(*slab..slabs, end, &ray.path, ray.direction);
             return Ok(false);
         };
-        self.sink.end(*slab..*slab + 1, end, &ray.path);
+        self.sink
+            .end(*slab..*slab + 1, end, &ray.path, ray.direction);
         *slab += 1;
         *ray = before;
         self.fly(lane, Some(proposal))

@@ -105,6 +105,10 @@ fn the_safetensors_crate_reads_it_and_the_bytes_are_the_same_twice() {
     );
     let table: serde_json::Value = serde_json::from_str(&metadata["error_table"]).unwrap();
     assert_eq!(table["reflectance"]["chosen"], 5);
+    assert_eq!(
+        metadata["bounds"],
+        r#"{"reflectance":{"max_delta_e":null,"max_rmse":null},"transmittance":{"max_delta_e":2.3,"max_rmse":null}}"#
+    );
     assert_eq!(table["transmittance"]["rows"][0]["components"], 1);
     let tensors = SafeTensors::deserialize(&bytes).unwrap();
     assert_eq!(

@@ -1,0 +1,15 @@
+# Everything a change must pass
+check:
+    bash .ci/run
+
+# Benchmarks; results go to docs/performance.md
+bench:
+    cargo bench --bench walk
+
+# Committed schemas, messages and seeds made anew
+golden:
+    UPDATE_GOLDEN=1 cargo test --release
+
+# The picture of the README
+picture:
+    cargo run --release --example readme_picture

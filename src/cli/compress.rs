@@ -1,0 +1,63 @@
+//! `splitsnow compress`: the compact file anew.
+use std::path::PathBuf;
+
+use super::{common, compact};
+use crate::compress::Choice;
+use crate::grid::Compression;
+use crate::store::Store;
+
+/// Bound on Delta-E where none is given: a just noticeable difference
+/// (Varsa 2025, section 8.2), as in grid files.
+const DEFAULT_MAX_DELTA_E: f64 = 2.3;
+
+/// Compress a finished database again, with other bounds
+///
+/// Prints the errors for each number of components and rewrites the compact file
+/// `snow.safetensors` with the smallest number that keeps the bounds on every
+/// curve, or with the number given. Transmittance and reflectance are compressed
+/// apart.
+///
+/// A later `splitsnow build` of the same directory writes the file with the
+/// bounds of the grid file again.
+#[derive(Debug, clap::Args)]
+#[command(
+    allow_negative_numbers = true,
+    after_long_help = "\
+Examples:
+  splitsnow compress out/quick
+  splitsnow compress out/quick --max-delta-e 0.5 --max-rmse 0.002
+  splitsnow compress out/quick --components 4"
+)]
+pub(super) struct Args {
+    /// Output directory of a build
+    #[arg(value_name = "DIR")]
+    dir: PathBuf,
+    /// Largest Delta-E*ab allowed on any curve [default: 2.3]
+    #[arg(long, value_name = "X", value_parser = common::positive)]
+    max_delta_e: Option<f64>,
+    /// Largest RMSE allowed on any curve [default: none; 0.002 if no wavelength is visible]
+    #[arg(long, value_name = "Y", value_parser = common::positive)]
+    max_rmse: Option<f64>,
+    /// Keep this many components, whatever the errors
+    #[arg(long, value_name = "K", conflicts_with_all = ["max_delta_e", "max_rmse"],
+          value_parser = clap::value_parser!(u16).range(1..))]
+    components: Option<u16>,
+    /// Print the summary as JSON
+    #[arg(long)]
+    json: bool,
+}
+
+pub(super) fn run(args: &Args) -> anyhow::Result<()> {
+    let bounds = Choice::Bounds(Compression {
+        max_delta_e: args.max_delta_e.unwrap_or(DEFAULT_MAX_DELTA_E),
+        max_rmse: args.max_rmse,
+    });
+    let components = |k| Choice::Components(usize::from(k));
+    let choice = args.components.map_or(bounds, components);
+    let store = Store::open_exclusive(&args.dir)?;
+    let report = compact::write(&store, choice)?;
+    if args.json {
+        return common::print_json(&report);
+    }
+    common::print(&report.to_string())
+}

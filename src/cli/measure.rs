@@ -1,0 +1,128 @@
+//! `measure`: the virtual spectrophotometer on one snow sample.
+use std::fmt::Write;
+use std::path::PathBuf;
+
+use serde_json::json;
+
+use super::common::{self, Interrupted};
+use super::simulate;
+use crate::config::sample;
+use crate::engine::{Engine, EngineError, Request};
+use crate::measurement::{Measured, Spectrum};
+
+/// Measure reflectance and transmittance of one snow sample, with standard errors
+///
+/// Prints CSV: wavelength_nm, reflectance, reflectance_se, transmittance,
+/// transmittance_se, absorptance. Lines that start with # come first and say
+/// what was measured. The absorptance is 1 - reflectance - transmittance: rays
+/// stopped at the event limit count in it, and their share is told if there
+/// are any. The result depends on the sample, engine, rays and seed alone.
+#[derive(Debug, clap::Args)]
+pub(super) struct Args {
+    /// Sample file (TOML)
+    #[arg(value_name = "SAMPLE.toml")]
+    sample: PathBuf,
+    /// How light is simulated
+    #[arg(long, default_value = Engine::Spectral.name(), value_parser = common::engine_parser())]
+    engine: Engine,
+    /// Walks: per wavelength in `reference`, per node of refractive index in `spectral`
+    #[arg(long, default_value_t = 100_000, value_parser = clap::value_parser!(u64).range(1..))]
+    rays: u64,
+    /// Seed of the random numbers
+    #[arg(long, default_value_t = 1)]
+    seed: u64,
+    /// Threads; 0 is one per core
+    #[arg(long, default_value_t = 0)]
+    threads: usize,
+    /// Print JSON: one list per column, and the share of lost rays
+    #[arg(long)]
+    json: bool,
+}
+
+pub(super) fn run(args: &Args) -> anyhow::Result<()> {
+    let sample = sample::read(&args.sample)?;
+    common::warn(&sample.warnings);
+    let request = Request {
+        snow: &sample.snow,
+        thicknesses_m: &[sample.thickness_m],
+        illumination: sample.illumination,
+        wavelengths_nm: &sample.wavelengths_nm,
+        model: &sample.model,
+        rays: args.rays,
+        seed: args.seed,
+        cell: 0,
+    };
+    let walks = args.engine.walks(&request)?;
+    let result = simulate::run(args.threads, walks, |control| {
+        args.engine.run(&request, control)
+    })?;
+    let mut spectra = match result {
+        Err(EngineError::Cancelled) => return Err(Interrupted("nothing was written".into()).into()),
+        result => result?,
+    };
+    // One thickness, one spectrum.
+    let spectrum = spectra.pop().unwrap_or_default();
+    common::print(&if args.json {
+        json_text(args, &sample.wavelengths_nm, &spectrum)
+    } else {
+        csv_text(args, &sample.wavelengths_nm, &spectrum)
+    })
+}
+
+/// What is neither reflected nor transmitted.
+fn absorptance(reflectance: &Measured, transmittance: &Measured) -> f64 {
+    1.0 - reflectance.value - transmittance.value
+}
+
+fn csv_text(args: &Args, wavelengths_nm: &[f64], spectrum: &Spectrum) -> String {
+    // A comment is one line, whatever the file is called.
+    let sample = args.sample.display().to_string().replace(['\n', '\r'], " ");
+    let (version, engine) = (env!("CARGO_PKG_VERSION"), args.engine.name());
+    let (rays, seed) = (args.rays, args.seed);
+    let mut out = format!(
+        "# splitsnow {version} measure\n# sample: {sample}\n# engine: {engine}\n# rays: {rays}\n# seed: {seed}\n"
+    );
+    let lost = spectrum.lost.iter().copied().fold(0.0, f64::max);
+    if lost > 0.0 {
+        let _ = writeln!(
+            out,
+            "# lost_share: {lost:?} at most; rays stopped at the event limit, counted in absorptance"
+        );
+    }
+    out.push_str(
+        "wavelength_nm,reflectance,reflectance_se,transmittance,transmittance_se,absorptance\n",
+    );
+    let measured = spectrum.reflectance.iter().zip(&spectrum.transmittance);
+    for (nm, (r, t)) in wavelengths_nm.iter().zip(measured) {
+        // The shortest decimals that read back as the same numbers.
+        let absorptance = absorptance(r, t);
+        let _ = writeln!(
+            out,
+            "{nm},{:?},{:?},{:?},{:?},{absorptance:?}",
+            r.value, r.se, t.value, t.se
+        );
+    }
+    out
+}
+
+fn json_text(args: &Args, wavelengths_nm: &[f64], spectrum: &Spectrum) -> String {
+    let (r, t) = (&spectrum.reflectance, &spectrum.transmittance);
+    let list =
+        |of: &[Measured], part: fn(&Measured) -> f64| -> Vec<f64> { of.iter().map(part).collect() };
+    let absorptance: Vec<f64> = r.iter().zip(t).map(|(r, t)| absorptance(r, t)).collect();
+    let value = json!({
+        "version": env!("CARGO_PKG_VERSION"),
+        "sample": args.sample.display().to_string(),
+        "engine": args.engine.name(),
+        "rays": args.rays,
+        "seed": args.seed,
+        "wavelength_nm": wavelengths_nm,
+        "reflectance": list(r, |m| m.value),
+        "reflectance_se": list(r, |m| m.se),
+        "transmittance": list(t, |m| m.value),
+        "transmittance_se": list(t, |m| m.se),
+        "absorptance": absorptance,
+        "lost_share": spectrum.lost,
+    });
+    format!("{value:#}\n")
+}

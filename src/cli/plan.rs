@@ -1,0 +1,233 @@
+//! `splitsnow plan`: what a build will take.
+use std::fmt;
+use std::path::{Path, PathBuf};
+
+use serde::Serialize;
+
+use super::common::{self, GridArgs};
+use super::pilot::Pilot;
+use crate::config::grid::GridFile;
+use crate::grid::{Grid, Jobs};
+use crate::store::{Store, StoreError, estimated_bytes};
+
+/// Time to store one job, s: six files flushed to the disk (1 to 7 ms measured
+/// on virtual disks).
+const STORE_SECONDS: f64 = 0.003;
+/// Time to compress one value of one quantity, s, and what each wavelength adds
+/// to that, in the decomposition.
+const COMPRESS_SECONDS: (f64, f64) = (1.5e-7, 2e-10);
+/// Components for which the size of the compact file is given.
+const COMPONENTS: u64 = 3;
+/// Typical bytes of the header of a compact file.
+const HEADER: u64 = 10_000;
+
+/// Say what a build will take, without running it
+///
+/// Prints the axes, the number of jobs and curves, and estimates of time, bytes
+/// and standard errors. A few of the jobs are run to measure time and errors,
+/// which takes some seconds; nothing is written. If the output directory holds
+/// part of the database, the time is that of the jobs left.
+#[derive(Debug, clap::Args)]
+#[command(after_long_help = "\
+Examples:
+  splitsnow plan configs/quick.toml
+  splitsnow plan configs/thesis.toml --threads 16 --json")]
+pub(super) struct Args {
+    #[command(flatten)]
+    grid: GridArgs,
+    /// Print the plan as JSON
+    #[arg(long)]
+    json: bool,
+}
+
+#[derive(Debug, Serialize)]
+struct Plan {
+    name: String,
+    out: PathBuf,
+    engine: &'static str,
+    seed: u64,
+    rays: u64,
+    axes: Vec<Axis>,
+    jobs: u64,
+    jobs_left: u64,
+    curves: u64,
+    threads: usize,
+    /// Of the jobs left, and of the compression.
+    core_seconds: f64,
+    wall_seconds: f64,
+    database_bytes: u64,
+    /// With [`COMPONENTS`] components for each quantity.
+    compact_bytes: u64,
+    median_standard_error: f64,
+    max_standard_error: f64,
+    pilot_jobs: usize,
+    pilot_rays: u64,
+    next: String,
+}
+
+#[derive(Debug, Serialize)]
+struct Axis {
+    name: &'static str,
+    values: Vec<f64>,
+}
+
+pub(super) fn run(args: &Args) -> anyhow::Result<()> {
+    let file = args.grid.open()?;
+    let plan = plan(args, &file)?;
+    if args.json {
+        return common::print_json(&plan);
+    }
+    common::print(&plan.to_string())
+}
+
+fn plan(args: &Args, file: &GridFile) -> anyhow::Result<Plan> {
+    let grid = &file.grid;
+    let jobs = grid.jobs()?;
+    let out = args.grid.dir(file);
+    let left = left(&out, grid)?;
+    let threads = args.grid.threads();
+    let pilot = Pilot::run(grid, &jobs, threads)?;
+    let (jobs_left, walking) = match &left {
+        None => (jobs.count(), pilot.time()),
+        Some(left) => (left.len() as u64, pilot.time_of(grid, &jobs, left)?),
+    };
+    let storing = jobs_left as f64 * STORE_SECONDS;
+    let (value, wavelength) = COMPRESS_SECONDS;
+    let values = 2.0 * (jobs.curves() * jobs.wavelengths()) as f64;
+    let compressing = values * (value + wavelength * jobs.wavelengths() as f64);
+    let mut axes: Vec<_> = grid.axes.named().into();
+    axes.push(("wavelength_nm", &grid.wavelengths_nm));
+    Ok(Plan {
+        name: file.name.clone(),
+        out,
+        engine: grid.run.engine.name(),
+        seed: grid.run.seed,
+        rays: grid.run.rays,
+        axes: axes
+            .into_iter()
+            .map(|(name, values)| Axis {
+                name,
+                values: values.to_vec(),
+            })
+            .collect(),
+        jobs: jobs.count(),
+        jobs_left,
+        curves: jobs.curves(),
+        threads,
+        core_seconds: walking.core + compressing,
+        wall_seconds: (walking.wall + storing) / threads as f64 + compressing,
+        database_bytes: estimated_bytes(&jobs, jobs.count()),
+        compact_bytes: compact_bytes(&jobs),
+        median_standard_error: pilot.median_standard_error(),
+        max_standard_error: pilot.max_standard_error(),
+        pilot_jobs: pilot.jobs,
+        pilot_rays: pilot.rays,
+        next: args.grid.command("build"),
+    })
+}
+
+/// The jobs that are left of a database begun in `dir`; `None` if there is none.
+fn left(dir: &Path, grid: &Grid) -> anyhow::Result<Option<Vec<u64>>> {
+    let inputs = common::data_hashes(grid)?;
+    let begun = Store::open(dir).and_then(|store| {
+        store.check_same(grid, &inputs)?;
+        store.missing(None)
+    });
+    match begun {
+        Ok(left) => Ok(Some(left)),
+        Err(StoreError::Absent { .. }) => Ok(None),
+        Err(refused) => {
+            common::warn(&[format!("a build would be refused: {refused}")]);
+            Ok(None)
+        }
+    }
+}
+
+fn compact_bytes(jobs: &Jobs) -> u64 {
+    let axes: u64 = jobs.shape().iter().sum::<u64>() + jobs.wavelengths();
+    let factors = COMPONENTS * (jobs.curves() + jobs.wavelengths());
+    HEADER + size_of::<f32>() as u64 * (axes + 2 * factors)
+}
+
+impl fmt::Display for Plan {
+    fn fmt(&self, f: &mut fmt::Formatter) -> fmt::Result {
+        writeln!(
+            f,
+            "{}: engine {}, seed {}, {} rays per curve",
+            self.name, self.engine, self.seed, self.rays
+        )?;
+        for Axis { name, values } in &self.axes {
+            let [first, .., last] = values.as_slice() else {
+                let only = values.first().copied().unwrap_or_default();
+                writeln!(f, "  {name:<14} {only}")?;
+                continue;
+            };
+            writeln!(f, "  {name:<14} {} values, {first} to {last}", values.len())?;
+        }
+        let per_job = self.curves / self.jobs.max(1);
+        writeln!(
+            f,
+            "\njobs            {} of {per_job} curve{} each: {} curves",
+            self.jobs,
+            if per_job == 1 { "" } else { "s" },
+            self.curves
+        )?;
+        if self.jobs_left < self.jobs {
+            let out = self.out.display();
+            writeln!(
+                f,
+                "left            {} jobs; the others are in {out}",
+                self.jobs_left
+            )?;
+        }
+        writeln!(
+            f,
+            "time            about {} core-seconds, {} on {} thread{}",
+            whole(self.core_seconds),
+            common::duration(self.wall_seconds),
+            self.threads,
+            if self.threads == 1 { "" } else { "s" }
+        )?;
+        writeln!(
+            f,
+            "disk            {} for the database, {} for the compact file with {COMPONENTS} components",
+            common::bytes(self.database_bytes),
+            common::bytes(self.compact_bytes)
+        )?;
+        writeln!(
+            f,
+            "standard error  median {:.5}, at most about {:.5}, of values between 0 and 1",
+            self.median_standard_error, self.max_standard_error
+        )?;
+        writeln!(
+            f,
+            "measured        on {} jobs with {} rays, on this machine as busy as it is",
+            self.pilot_jobs, self.pilot_rays
+        )?;
+        writeln!(f, "next            {}", self.next)
+    }
+}
+
+/// Two digits are more than is known.
+fn whole(seconds: f64) -> String {
+    if seconds < 10.0 {
+        format!("{seconds:.1}")
+    } else {
+        format!("{seconds:.0}")
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    #![allow(clippy::unwrap_used)]
+    use super::*;
+    use crate::engine::Engine;
+
+    #[test]
+    fn the_compact_file_by_hand() {
+        // 24 curves, 4 wavelengths: 3 (24 + 4) numbers per quantity, and 14
+        // coordinates.
+        let jobs = Jobs::new(Engine::Spectral, [2, 2, 1, 3, 2], 4).unwrap();
+        assert_eq!(compact_bytes(&jobs), HEADER + 4 * (2 * 84 + 14));
+    }
+}

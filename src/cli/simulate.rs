@@ -1,0 +1,68 @@
+//! What commands that simulate without storing have in common: threads, a
+//! progress bar and Ctrl-C.
+use std::io::{self, IsTerminal};
+use std::sync::atomic::{AtomicU64, Ordering};
+use std::sync::mpsc::{self, Receiver, RecvTimeoutError};
+use std::time::{Duration, Instant};
+
+use anyhow::Context;
+use indicatif::{ProgressBar, ProgressStyle};
+
+use super::common;
+use crate::engine::Control;
+
+/// No bar for what takes less.
+const PATIENCE: Duration = Duration::from_secs(1);
+/// Between two redraws.
+const TICK: Duration = Duration::from_millis(250);
+
+/// Does `work` of `walks` walks on `threads` threads (0: one per core), with a
+/// progress bar on standard error if that is a terminal. Ctrl-C cancels it.
+pub(super) fn run<T: Send>(
+    threads: usize,
+    walks: u64,
+    work: impl FnOnce(&Control<'_>) -> T + Send,
+) -> anyhow::Result<T> {
+    let pool = rayon::ThreadPoolBuilder::new()
+        .num_threads(threads)
+        .build()
+        .context("cannot start the threads; ask for fewer with --threads")?;
+    let cancel = common::interrupt_flag()?;
+    let rays_done = AtomicU64::new(0);
+    let control = Control {
+        parallel: true,
+        cancel,
+        rays_done: &rays_done,
+    };
+    Ok(std::thread::scope(|scope| {
+        let (working, ended) = mpsc::channel::<()>();
+        if io::stderr().is_terminal() {
+            scope.spawn(|| show(ended, &rays_done, walks));
+        }
+        let result = pool.install(|| work(&control));
+        drop(working);
+        result
+    }))
+}
+
+/// Shows a bar until the sender of `ended` is gone.
+fn show(ended: Receiver<()>, rays_done: &AtomicU64, walks: u64) {
+    let start = Instant::now();
+    let waiting = |time| ended.recv_timeout(time) == Err(RecvTimeoutError::Timeout);
+    if !waiting(PATIENCE) {
+        return;
+    }
+    let bar = ProgressBar::new(walks).with_elapsed(start.elapsed());
+    let template = "{wide_bar} {percent}%, {per_sec} rays, {eta} left";
+    // A template that does not parse would only cost the looks.
+    if let Ok(style) = ProgressStyle::with_template(template) {
+        bar.set_style(style);
+    }
+    loop {
+        bar.set_position(rays_done.load(Ordering::Relaxed));
+        if !waiting(TICK) {
+            break;
+        }
+    }
+    bar.finish_and_clear();
+}

@@ -1,0 +1,167 @@
+//! The compact file against the database it must have been made from.
+use std::collections::BTreeMap;
+
+use serde_json::Value;
+
+use super::{Check, Figure, Subject, VerifyError};
+use crate::compress::{BOUNDS, Bounds, ERROR_TABLE, PROVENANCE};
+use crate::lookup::{Database, errors_of};
+use crate::measurement::Quantity;
+
+pub(super) const NAME: &str = "compact file against the database";
+/// Attributes without which a provenance says nothing.
+const IDENTITY: [&str; 3] = ["config_sha256", "engine", "seed"];
+/// The error table has six digits: the most that one of its numbers may differ
+/// from the errors found anew, relative to itself.
+const ROUNDING: f64 = 1e-5;
+
+pub(super) fn check(subject: &Subject<'_>, database: &Database) -> Result<Check, VerifyError> {
+    let mut check = Check::new(NAME);
+    check.problems.extend(origin(subject, database));
+    if !check.problems.is_empty() {
+        return Ok(check);
+    }
+    let metadata = |key: &str| {
+        let text = database.metadata().get(key).map(String::as_str);
+        text.unwrap_or_default()
+    };
+    let table: Value = serde_json::from_str(metadata(ERROR_TABLE)).unwrap_or_default();
+    for quantity in Quantity::ALL {
+        let [curves, _] = subject.curves(quantity)?;
+        let colour = subject.colour.as_ref();
+        let errors = errors_of(database, quantity, curves.view(), colour)?;
+        let row = &table[quantity.name()]["rows"][database.components(quantity) - 1];
+        let Some(bounds) = stated(database, quantity) else {
+            let problem = format!("its metadata `{BOUNDS}` state none for {}", quantity.name());
+            check.problems.push(problem);
+            continue;
+        };
+        let measures = [
+            (
+                ["RMSE mean", "RMSE max"],
+                "rmse",
+                Some(errors.rmse),
+                bounds.max_rmse,
+            ),
+            (
+                ["Delta-E mean", "Delta-E max"],
+                "delta_e",
+                errors.delta_e,
+                bounds.max_delta_e,
+            ),
+        ];
+        for ([mean_name, max_name], key, errors, bound) in measures {
+            let Some((mean, max, worst)) = errors.as_deref().and_then(summary) else {
+                continue;
+            };
+            let figure = |measure, value, bound, at| Figure {
+                quantity,
+                measure,
+                value,
+                bound,
+                at,
+            };
+            let at = database
+                .point(worst)
+                .map_or(String::new(), |p| p.to_string());
+            check
+                .figures
+                .push(figure(mean_name, mean, None, String::new()));
+            check.figures.push(figure(max_name, max, bound, at));
+            for (name, found, stated) in [
+                (mean_name, mean, &row[key]["mean"]),
+                (max_name, max, &row[key]["max"]),
+            ] {
+                let same = stated
+                    .as_f64()
+                    .is_some_and(|s| (s - found).abs() <= ROUNDING * found);
+                if !same {
+                    check.problems.push(format!(
+                        "its error table states {stated} as the {name} of {}, its coefficients give {found:.5e}: one of them was changed",
+                        quantity.name()
+                    ));
+                }
+            }
+        }
+    }
+    Ok(check)
+}
+
+/// What tells that the file was made from another database.
+fn origin(subject: &Subject<'_>, database: &Database) -> Vec<String> {
+    let text = database.metadata().get(PROVENANCE);
+    let provenance: Value = text
+        .and_then(|text| serde_json::from_str(text).ok())
+        .unwrap_or_default();
+    let mut problems = Vec::new();
+    let mut compare = |key: &str, stored: &Value| match provenance.get(key) {
+        Some(value) if value == stored => {}
+        // What differs in it is told line by line.
+        Some(_) if key == "config" => {}
+        Some(value) if key == "identity" => problems.extend(differing_lines(value, stored)),
+        Some(value) => problems.push(format!(
+            "it was made from another database: its {key} is {value}, that of the database {stored}"
+        )),
+        None if IDENTITY.contains(&key) => {
+            problems.push(format!("its metadata `{PROVENANCE}` do not tell its {key}"));
+        }
+        None => {}
+    };
+    let attributes = subject.store.attributes();
+    for (key, stored) in &attributes {
+        compare(key, stored);
+    }
+    let wavelengths = (
+        "wavelength_nm",
+        subject.store.wavelengths_nm(),
+        database.wavelengths_nm(),
+    );
+    let axes = subject
+        .store
+        .axes()
+        .named()
+        .into_iter()
+        .zip(database.axes());
+    let axes = axes.map(|((name, stored), axis)| (name, stored, axis.as_slice()));
+    for (name, stored, axis) in axes.chain([wavelengths]) {
+        if !stored.iter().map(|&v| v as f32).eq(axis.iter().copied()) {
+            problems.push(format!("its {name} are not those of the database"));
+        }
+    }
+    problems
+}
+
+/// Lines of the identity in which file and database differ.
+fn differing_lines(file: &Value, stored: &Value) -> Vec<String> {
+    let lines = |value: &Value| -> Vec<String> {
+        let text = value.as_str().unwrap_or_default();
+        text.lines().map(str::to_owned).collect()
+    };
+    let (file, stored) = (lines(file), lines(stored));
+    let only = |a: &[String], b: &[String], whose| -> Vec<String> {
+        let lines = a.iter().filter(|line| !b.contains(line));
+        lines
+            .map(|line| format!("{line}: only in the {whose}"))
+            .collect()
+    };
+    let mut differing = only(&file, &stored, "compact file");
+    differing.extend(only(&stored, &file, "database"));
+    differing
+}
+
+/// The bounds that the file states for `quantity`.
+pub(super) fn stated(database: &Database, quantity: Quantity) -> Option<Bounds> {
+    let text = database.metadata().get(BOUNDS)?;
+    let bounds: BTreeMap<String, Bounds> = serde_json::from_str(text).ok()?;
+    bounds.get(quantity.name()).copied()
+}
+
+/// Mean, largest and position of the (first) largest; `None` of nothing.
+pub(super) fn summary(errors: &[f64]) -> Option<(f64, f64, usize)> {
+    let mean = errors.iter().sum::<f64>() / errors.len() as f64;
+    let (worst, max) = errors
+        .iter()
+        .enumerate()
+        .reduce(|a, b| if b.1 > a.1 { b } else { a })?;
+    Some((mean, *max, worst))
+}

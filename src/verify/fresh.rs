@@ -1,0 +1,121 @@
+//! Fresh simulations of single points, with streams of their own.
+use rand::{Rng, SeedableRng};
+use rand_xoshiro::Xoshiro256PlusPlus;
+use rayon::prelude::*;
+use sha2::{Digest, Sha256};
+
+use super::{Subject, VerifyError};
+use crate::engine::{Control, EngineError, Request};
+use crate::grid::{Axes, Grid, Job};
+use crate::lookup::Point;
+use crate::measurement::Spectrum;
+
+/// Points to simulate, each in `parts` independent parts of `rays` rays.
+pub(super) struct Simulations {
+    pub(super) points: Vec<Point>,
+    pub(super) parts: u64,
+    pub(super) rays: u64,
+    pub(super) seed: u64,
+}
+
+/// Random numbers of the verification: a function of the seed and of what
+/// they are for, and by their hash none of those that made the database.
+pub(super) fn random(subject: &Subject<'_>, purpose: &str) -> Xoshiro256PlusPlus {
+    let mut hash = Sha256::new();
+    hash.update(b"splitsnow verify 1 ");
+    hash.update(purpose);
+    hash.update(subject.options.seed.to_le_bytes());
+    Xoshiro256PlusPlus::from_seed(hash.finalize().into())
+}
+
+/// Uniform in [0, 1).
+pub(super) fn uniform(random: &mut Xoshiro256PlusPlus) -> f64 {
+    (random.next_u64() >> 11) as f64 * f64::EPSILON / 2.0
+}
+
+impl Simulations {
+    /// Walks of all of them.
+    pub(super) fn walks(&self, grid: &Grid) -> Result<u64, VerifyError> {
+        let mut walks: u64 = 0;
+        for point in &self.points {
+            let cell = Cell::new(grid, *point)?;
+            let one = grid.run.engine.walks(&self.request(&cell, 0));
+            let one = one.map_err(|source| cell.error(source))?;
+            walks = walks.saturating_add(one.saturating_mul(self.parts));
+        }
+        Ok(walks)
+    }
+
+    /// Their spectra, [point][part].
+    pub(super) fn run(
+        &self,
+        grid: &Grid,
+        control: &Control<'_>,
+    ) -> Result<Vec<Vec<Spectrum>>, VerifyError> {
+        let cells: Result<Vec<_>, _> = self.points.iter().map(|&p| Cell::new(grid, p)).collect();
+        let cells = cells?;
+        let requests: Vec<_> = (0_u64..)
+            .zip(cells.iter().flat_map(|c| (0..self.parts).map(move |_| c)))
+            .collect();
+        let one = |(number, cell): (u64, &Cell)| {
+            let spectra = grid.run.engine.run(&self.request(cell, number), control);
+            let mut spectra = spectra.map_err(|source| cell.error(source))?;
+            // One thickness, one spectrum.
+            Ok(spectra.pop().unwrap_or_default())
+        };
+        let spectra: Result<Vec<Spectrum>, VerifyError> =
+            requests.into_par_iter().map(one).collect();
+        let parts = self.parts.max(1) as usize;
+        Ok(spectra?.chunks(parts).map(<[Spectrum]>::to_vec).collect())
+    }
+
+    fn request<'a>(&self, cell: &'a Cell, number: u64) -> Request<'a> {
+        Request {
+            rays: self.rays,
+            seed: self.seed,
+            cell: number,
+            ..cell.job.request(&cell.grid)
+        }
+    }
+}
+
+/// A grid of one node, and its only job.
+struct Cell {
+    point: Point,
+    grid: Grid,
+    job: Job,
+}
+
+impl Cell {
+    fn new(grid: &Grid, point: Point) -> Result<Self, VerifyError> {
+        let [
+            facetness,
+            grain_size_um,
+            density_kg_m3,
+            thickness_cm,
+            angle_deg,
+        ] = point.coordinates().map(|value| vec![value]);
+        let grid = Grid {
+            axes: Axes {
+                facetness,
+                grain_size_um,
+                density_kg_m3,
+                thickness_cm,
+                angle_deg,
+            },
+            ..grid.clone()
+        };
+        let job = grid.job(&grid.jobs()?, 0)?;
+        Ok(Self { point, grid, job })
+    }
+
+    fn error(&self, source: EngineError) -> VerifyError {
+        match source {
+            EngineError::Cancelled => VerifyError::Cancelled,
+            source => VerifyError::Engine {
+                point: self.point.to_string(),
+                source,
+            },
+        }
+    }
+}

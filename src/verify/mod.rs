@@ -1,0 +1,210 @@
+//! Checks a finished database anew: its files, its compact file against it,
+//! and both against fresh simulations on and off the grid nodes.
+//!
+//! Every check that compares random numbers states how often it would fail a
+//! good database: [`FALSE_ALARM`] for each kind of fresh simulation.
+mod compact;
+mod fresh;
+mod held_out;
+mod nodes;
+mod report;
+
+use std::path::Path;
+
+use ndarray::Array2;
+use thiserror::Error;
+
+use crate::colour::{Colorimeter, ColourError};
+use crate::config::{self, ConfigError};
+use crate::engine::{Control, EngineError};
+use crate::grid::{Grid, GridError};
+use crate::lookup::{Database, LookupError};
+use crate::measurement::Quantity;
+use crate::store::{self, Store, StoreError, Variable};
+
+pub use report::{Check, Figure, Report};
+
+/// Probability that fresh simulations fail a database that is right.
+pub const FALSE_ALARM: f64 = 1e-6;
+
+/// What to verify.
+#[derive(Debug, Clone, Copy)]
+pub struct Options {
+    /// Fresh simulations on nodes, and as many off them; 0 checks files only.
+    pub samples: usize,
+    /// Chooses the points and the streams of the fresh simulations.
+    pub seed: u64,
+    /// Rays of a fresh simulation; as many as the database's if `None`.
+    pub rays: Option<u64>,
+}
+
+/// Why a database could not be verified at all.
+#[derive(Debug, Error)]
+pub enum VerifyError {
+    /// It cannot be read.
+    #[error(transparent)]
+    Store(#[from] StoreError),
+    /// Its description is no grid this version can run.
+    #[error(
+        "the grid in the database's attributes cannot be run (a water table of its own is looked for beside the database): {0}"
+    )]
+    Config(#[from] ConfigError),
+    /// A point of it cannot be run.
+    #[error(transparent)]
+    Grid(#[from] GridError),
+    /// A fresh simulation failed.
+    #[error("fresh simulation at {point}: {source}")]
+    Engine {
+        /// Where.
+        point: String,
+        /// Why.
+        source: EngineError,
+    },
+    /// Its wavelengths have no colour because of an error in them.
+    #[error(transparent)]
+    Colour(#[from] ColourError),
+    /// The compact file is not of the database's shape.
+    #[error(transparent)]
+    Lookup(#[from] LookupError),
+    /// The caller asked it to stop.
+    #[error("cancelled")]
+    Cancelled,
+}
+
+/// A database about to be verified.
+#[derive(Debug)]
+pub struct Verification {
+    store: Store,
+    grid: Grid,
+    options: Options,
+}
+
+/// The parts of the checks that have a database in common.
+struct Subject<'a> {
+    store: &'a Store,
+    grid: &'a Grid,
+    colour: Option<Colorimeter>,
+    options: Options,
+}
+
+impl Verification {
+    /// Opens the database in `dir`.
+    ///
+    /// # Errors
+    /// There is none, its metadata are damaged, or this version cannot run it.
+    pub fn open(dir: &Path, options: Options) -> Result<Self, VerifyError> {
+        let store = Store::open(dir)?;
+        // Tables it names without a folder are looked for beside it.
+        let name = store.path().display().to_string();
+        let grid = config::grid::parse(&name, store.config())?.grid;
+        Ok(Self {
+            store,
+            grid,
+            options,
+        })
+    }
+
+    /// How many walks [`run`](Self::run) does at most, for a progress bar.
+    ///
+    /// # Errors
+    /// A point cannot be run.
+    pub fn walks(&self) -> Result<u64, VerifyError> {
+        let subject = self.subject()?;
+        let simulations = [
+            nodes::simulations(&subject),
+            held_out::simulations(&subject),
+        ];
+        simulations.iter().map(|s| s.walks(&self.grid)).sum()
+    }
+
+    /// Does all checks that can be done. The report is a function of the
+    /// database and the options alone.
+    ///
+    /// # Errors
+    /// A file is there but cannot be read, an engine fails, or
+    /// [`VerifyError::Cancelled`]. What is wrong with the database itself is in
+    /// the report.
+    pub fn run(&self, control: &Control<'_>) -> Result<Report, VerifyError> {
+        let subject = self.subject()?;
+        let integrity = self.integrity()?;
+        if !integrity.passed() {
+            let checks = vec![integrity];
+            return Ok(Report { checks });
+        }
+        let mut checks = vec![integrity];
+        let path = self.store.dir().join(store::COMPACT);
+        let database = match Database::open(&path) {
+            Ok(database) => {
+                let check = compact::check(&subject, &database)?;
+                let passed = check.passed();
+                checks.push(check);
+                passed.then_some(database)
+            }
+            Err(error) => {
+                let mut check = Check::new(compact::NAME);
+                check.problems.push(format!(
+                    "{error}; make the file anew with `splitsnow compress`"
+                ));
+                checks.push(check);
+                None
+            }
+        };
+        if self.options.samples > 0 {
+            checks.push(nodes::check(&subject, control)?);
+            if let Some(database) = database {
+                checks.push(held_out::check(&subject, &database, control)?);
+            }
+        }
+        Ok(Report { checks })
+    }
+
+    fn subject(&self) -> Result<Subject<'_>, VerifyError> {
+        Ok(Subject {
+            store: &self.store,
+            grid: &self.grid,
+            colour: Colorimeter::new(self.store.wavelengths_nm())?,
+            options: self.options,
+        })
+    }
+
+    /// Every job's files and mark.
+    fn integrity(&self) -> Result<Check, VerifyError> {
+        let mut check = Check::new("files of the database");
+        let integrity = self.store.verify()?;
+        let jobs = self.store.jobs();
+        check.notes.push(format!("{} jobs", integrity.jobs));
+        for file in &integrity.damaged {
+            check.problems.push(format!("{file} is damaged"));
+        }
+        const NAMED: usize = 10;
+        for &number in integrity.missing.iter().take(NAMED) {
+            let job = self.grid.job(&jobs, number)?;
+            let problem = format!("job {number} is missing or damaged: {job}");
+            check.problems.push(problem);
+        }
+        if integrity.missing.len() > NAMED {
+            let more = integrity.missing.len() - NAMED;
+            check
+                .problems
+                .push(format!("{more} more jobs are missing or damaged"));
+        }
+        if !check.problems.is_empty() {
+            let help =
+                "`splitsnow build` with the same grid file mends it; nothing else was checked";
+            check.notes.push(help.into());
+        }
+        Ok(check)
+    }
+}
+
+impl Subject<'_> {
+    /// The stored curves of a quantity and their standard errors, `[s, l]`.
+    fn curves(&self, quantity: Quantity) -> Result<[Array2<f64>; 2], StoreError> {
+        let [value, se] = match quantity {
+            Quantity::Transmittance => [Variable::Transmittance, Variable::TransmittanceSe],
+            Quantity::Reflectance => [Variable::Reflectance, Variable::ReflectanceSe],
+        };
+        let read = |variable| self.store.read(variable);
+        Ok([read(value)?.mapv(f64::from), read(se)?.mapv(f64::from)])
+    }
+}

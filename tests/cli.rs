@@ -1,0 +1,193 @@
+//! The command line as users meet it: what it prints (`tests/cli/*.trycmd`; run
+//! with TRYCMD=overwrite to bring those up to date), and that neither threads
+//! nor shards leave a trace in the bytes it writes.
+#![allow(clippy::unwrap_used)]
+mod common;
+
+use std::collections::BTreeMap;
+use std::fs::File;
+use std::path::Path;
+use std::process::{Child, Command, Stdio};
+use std::thread::sleep;
+use std::time::Duration;
+
+use assert_cmd::cargo::cargo_bin;
+use common::{assert_same, dir_bytes};
+
+/// Seconds after which a process is not waited for any more.
+const PATIENCE: Duration = Duration::from_secs(60);
+
+fn splitsnow(dir: &Path, args: &str) -> Command {
+    let mut command = Command::new(cargo_bin!("splitsnow"));
+    command.current_dir(dir).args(args.split_whitespace());
+    command.stdout(Stdio::piped()).stderr(Stdio::piped());
+    command
+}
+
+/// Standard output of a command that must end well.
+fn run(dir: &Path, args: &str) -> String {
+    ended(splitsnow(dir, args).spawn().unwrap())
+}
+
+fn ended(child: Child) -> String {
+    let output = child.wait_with_output().unwrap();
+    let errors = String::from_utf8(output.stderr).unwrap();
+    assert!(output.status.success(), "{errors}");
+    assert_eq!(errors, "");
+    String::from_utf8(output.stdout).unwrap()
+}
+
+/// A folder with the grid file `tiny.toml`, `change`d.
+fn folder(change: impl Fn(String) -> String) -> tempfile::TempDir {
+    let dir = tempfile::tempdir().unwrap();
+    let text = include_str!("cli/build.in/tiny.toml").to_string();
+    std::fs::write(dir.path().join("tiny.toml"), change(text)).unwrap();
+    dir
+}
+
+fn out(dir: &Path) -> BTreeMap<String, Vec<u8>> {
+    dir_bytes(&dir.join("out/tiny"))
+}
+
+#[test]
+fn snapshots() {
+    let cases = trycmd::TestCases::new();
+    cases.env("COLUMNS", "100").case("tests/cli/*.trycmd");
+}
+
+#[test]
+fn threads_and_shards_leave_no_trace() {
+    for engine in ["spectral", "reference"] {
+        let build = format!("build tiny.toml --engine {engine}");
+        let one = folder(|text| text);
+        run(one.path(), &format!("{build} --threads 1"));
+        let expected = out(one.path());
+        assert!(expected.contains_key("snow.safetensors"));
+
+        let two = folder(|text| text);
+        run(two.path(), &format!("{build} --threads 2"));
+        assert_same(&expected, &out(two.path()));
+        assert!(run(two.path(), &build).contains("jobs, 0 of them run now"));
+        assert_same(&expected, &out(two.path()));
+
+        for count in 1..=3 {
+            let dir = folder(|text| text);
+            let shard = |i| splitsnow(dir.path(), &format!("{build} --shard {i}/{count}"));
+            let shards: Vec<Child> = (0..count).map(|i| shard(i).spawn().unwrap()).collect();
+            for child in shards {
+                let text = ended(child);
+                assert!(text.contains(&format!("/{count}: ")), "{text}");
+            }
+            assert!(!out(dir.path()).contains_key("snow.safetensors"));
+            assert!(run(dir.path(), &build).contains("jobs, 0 of them run now"));
+            assert_same(&expected, &out(dir.path()));
+        }
+    }
+}
+
+#[test]
+fn a_plain_build_keeps_the_bounds_of_its_grid_file() {
+    let dir = folder(|text| text + "\n[compression]\nmax_delta_e = 0.05\n");
+    run(dir.path(), "build tiny.toml");
+    let expected = out(dir.path());
+    run(dir.path(), "compress out/tiny --components 1");
+    assert!(expected != out(dir.path()));
+    run(dir.path(), "compress out/tiny --max-delta-e 0.05");
+    assert_same(&expected, &out(dir.path()));
+    run(dir.path(), "compress out/tiny");
+    run(dir.path(), "build tiny.toml");
+    assert_same(&expected, &out(dir.path()));
+}
+
+#[test]
+fn a_fresh_build_starts_again() {
+    let dir = folder(|text| text);
+    run(dir.path(), "build tiny.toml");
+    let expected = out(dir.path());
+    std::fs::write(dir.path().join("out/tiny/mine.txt"), "stays").unwrap();
+    run(dir.path(), "build tiny.toml --engine reference --fresh");
+    assert!(run(dir.path(), "build tiny.toml --fresh").contains("4 jobs, 4 of them run now"));
+    let mut found = out(dir.path());
+    assert_eq!(found.remove("mine.txt").unwrap(), b"stays");
+    assert_same(&expected, &found);
+}
+
+/// A table of the user's counts by its content, not by its path.
+#[test]
+fn another_data_table_is_refused() {
+    let wet =
+        |text: String| text + "[fixed]\nwater_saturation = 0.1\n[model]\nwater = \"water.csv\"\n";
+    let dir = folder(wet);
+    let table = dir.path().join("water.csv");
+    std::fs::write(&table, "wavelength_nm,n,k\n300,1.34,1e-9\n800,1.33,1e-8\n").unwrap();
+    run(dir.path(), "build tiny.toml");
+    std::fs::write(&table, "wavelength_nm,n,k\n300,1.34,1e-9\n800,1.33,2e-8\n").unwrap();
+    let output = splitsnow(dir.path(), "build tiny.toml").output().unwrap();
+    let errors = String::from_utf8(output.stderr).unwrap();
+    assert_eq!(output.status.code(), Some(1));
+    assert!(
+        errors.starts_with("error: out/tiny/database.zarr was made with data.water = "),
+        "{errors}"
+    );
+}
+
+#[test]
+fn two_processes_do_not_share_a_directory() {
+    let dir = folder(|text| text.replace("rays = 300", "rays = 10000000"));
+    let mut first = splitsnow(dir.path(), "build tiny.toml").spawn().unwrap();
+    wait_for(&dir.path().join("out/tiny/database.zarr"));
+    for args in [
+        "build tiny.toml",
+        "build tiny.toml --shard 0/2",
+        "build tiny.toml --fresh",
+        "compress out/tiny",
+    ] {
+        let output = splitsnow(dir.path(), args).output().unwrap();
+        let errors = String::from_utf8(output.stderr).unwrap();
+        assert_eq!(output.status.code(), Some(1), "{args}");
+        assert!(
+            errors.starts_with("error: another splitsnow process is working "),
+            "{errors}"
+        );
+        assert_eq!(errors.lines().count(), 1);
+    }
+    first.kill().unwrap();
+    first.wait().unwrap();
+}
+
+fn wait_for(path: &Path) {
+    let begin = std::time::Instant::now();
+    while !path.exists() {
+        assert!(begin.elapsed() < PATIENCE, "no {}", path.display());
+        sleep(Duration::from_millis(5));
+    }
+}
+
+/// A reader that closes the pipe is no failure; a full device is one.
+#[test]
+#[cfg(target_os = "linux")]
+fn a_reader_may_stop_reading() {
+    let dir = folder(|text| text);
+    run(dir.path(), "build tiny.toml");
+    let (reader, writer) = std::io::pipe().unwrap();
+    drop(reader);
+    let help = splitsnow(dir.path(), "build tiny.toml")
+        .stdout(writer)
+        .output()
+        .unwrap();
+    assert_eq!(
+        (help.status.code(), help.stderr.as_slice()),
+        (Some(0), &b""[..])
+    );
+    let full = File::options().write(true).open("/dev/full").unwrap();
+    let output = splitsnow(dir.path(), "build tiny.toml")
+        .stdout(full)
+        .output()
+        .unwrap();
+    assert_eq!(output.status.code(), Some(1));
+    let errors = String::from_utf8(output.stderr).unwrap();
+    assert!(
+        errors.starts_with("error: cannot write to standard output: "),
+        "{errors}"
+    );
+}

@@ -1,0 +1,163 @@
+//! Snow, walks and limits for the tests of the physics.
+use std::ops::Range;
+use std::sync::atomic::{AtomicBool, AtomicU64};
+
+use splitsnow::engine::{Control, Engine, Request};
+use splitsnow::grain::{GrainType, SizeRange, TruncatedNormal};
+use splitsnow::math::Vec3;
+use splitsnow::measurement::{Measured, Spectrum};
+use splitsnow::optics::Index;
+use splitsnow::rng::{Key, Stream};
+use splitsnow::transport::{Absorption, End, Entry, Illumination, Model, Path, Sink, Snow, Walker};
+use statrs::function::erf::erfc_inv;
+
+pub(crate) const NORMAL: Illumination = Illumination::Collimated {
+    polar_angle_rad: 0.0,
+};
+pub(crate) const TRANSPARENT: Absorption = Absorption {
+    ice_per_m: 0.0,
+    water_per_m: 0.0,
+    deferred: 0.0,
+};
+pub(crate) const AIR: Index = Index { n: 1.0, k: 0.0 };
+
+/// A beam at `deg` degrees from the normal.
+pub(crate) fn beam(deg: f64) -> Illumination {
+    Illumination::Collimated {
+        polar_angle_rad: deg.to_radians(),
+    }
+}
+
+/// The stream of test number `cell`.
+pub(crate) fn stream(cell: u64) -> Stream {
+    Stream::new(Key {
+        seed: 2025,
+        cell,
+        purpose: [9, 9, 9],
+        batch: 0,
+    })
+}
+
+/// The representative sample (MODEL table 11) with its size range, mean
+/// facetness (range 0.1 either way), density and water saturation changed.
+pub(crate) fn snow(size_um: (f64, f64), facetness: f64, density_kg_m3: f64, wet: f64) -> Snow {
+    Snow {
+        grain: GrainType {
+            size: SizeRange::new(size_um.0 * 1e-6, size_um.1 * 1e-6).unwrap(),
+            facetness: TruncatedNormal::new(facetness - 0.1, facetness + 0.1, facetness, 0.072)
+                .unwrap(),
+            sphericity: TruncatedNormal::new(0.6, 0.95, 0.798, 0.064).unwrap(),
+        },
+        density_kg_m3,
+        temperature_c: -1.0,
+        water_saturation: wet,
+    }
+}
+
+/// The representative sample without its water.
+pub(crate) fn dry() -> Snow {
+    snow((300.0, 750.0), 0.3, 275.0, 0.0)
+}
+
+/// Snow of equal smooth spheres.
+pub(crate) fn spheres(size_um: f64, density_kg_m3: f64) -> Snow {
+    let constant = |value| TruncatedNormal::new(value, value, value, 0.0).unwrap();
+    Snow {
+        grain: GrainType {
+            size: SizeRange::new(size_um * 1e-6, size_um * 1e-6).unwrap(),
+            facetness: constant(0.0),
+            sphericity: constant(1.0),
+        },
+        ..snow((1.0, 1.0), 0.3, density_kg_m3, 0.0)
+    }
+}
+
+/// A walker with real refractive indices `n` of ice in air.
+pub(crate) fn walker(snow: &Snow, entry: Entry, n: f64, absorption: Absorption) -> Walker {
+    Walker::new(snow, entry, (Index { n, k: 0.0 }, AIR), absorption)
+}
+
+/// Ends of walks in one slab, counted.
+#[derive(Debug, Clone, Copy, Default, PartialEq, Eq)]
+pub(crate) struct Ends {
+    pub(crate) reflected: u64,
+    pub(crate) transmitted: u64,
+    pub(crate) absorbed: u64,
+    pub(crate) lost: u64,
+}
+
+impl Ends {
+    pub(crate) fn add(&mut self, end: End) {
+        match end {
+            End::Reflected => self.reflected += 1,
+            End::Transmitted => self.transmitted += 1,
+            End::Absorbed => self.absorbed += 1,
+            End::Lost => self.lost += 1,
+        }
+    }
+}
+
+/// A sink that calls a function for every end in a single slab.
+pub(crate) struct Each<F>(pub(crate) F);
+
+impl<F: FnMut(End, &Path, Vec3)> Sink for Each<F> {
+    fn end(&mut self, _: Range<usize>, end: End, path: &Path, direction: Vec3) {
+        self.0(end, path, direction);
+    }
+}
+
+/// Walks `rays` rays through one slab and counts their ends.
+pub(crate) fn ends(
+    walker: &Walker,
+    thickness_m: f64,
+    light: Illumination,
+    rays: u64,
+    cell: u64,
+) -> Ends {
+    let mut counts = Ends::default();
+    let mut sink = Each(|end, _: &Path, _| counts.add(end));
+    walker
+        .walk(&[thickness_m], light, rays, stream(cell), &mut sink)
+        .unwrap();
+    counts
+}
+
+/// `count` of `rays` as a proportion with its binomial standard error.
+pub(crate) fn proportion(count: u64, rays: u64) -> Measured {
+    let (n, value) = (rays as f64, count as f64 / rays as f64);
+    let se = (value * (1.0 - value) / n).sqrt().max(1.0 / n);
+    Measured { value, se }
+}
+
+/// Spectra of `snow` per thickness by the spectral engine, dry or wet.
+pub(crate) fn spectra(
+    snow: &Snow,
+    thicknesses_m: &[f64],
+    illumination: Illumination,
+    wavelengths_nm: &[f64],
+    rays: u64,
+) -> Vec<Spectrum> {
+    let request = Request {
+        snow,
+        thicknesses_m,
+        illumination,
+        wavelengths_nm,
+        model: &Model::default(),
+        rays,
+        seed: 2025,
+        cell: 0,
+    };
+    let (cancel, rays_done) = (AtomicBool::new(false), AtomicU64::new(0));
+    let control = Control {
+        parallel: false,
+        cancel: &cancel,
+        rays_done: &rays_done,
+    };
+    Engine::Spectral.run(&request, &control).unwrap()
+}
+
+/// How many standard errors a normal variate may stray so that none of
+/// `comparisons` strays further with probability 1 - `alpha` (two-sided, Bonferroni).
+pub(crate) fn z_limit(alpha: f64, comparisons: usize) -> f64 {
+    std::f64::consts::SQRT_2 * erfc_inv(alpha / comparisons as f64)
+}

@@ -1,0 +1,343 @@
+//! All engines against `reference`, and `reference` against a plain
+//! implementation of the model that shares no physics code with the library.
+//!
+//! Every comparison is a z-test with the standard errors of both sides. The
+//! level of the whole file is 1e-4, shared over fewer than 2000 comparisons
+//! (Bonferroni), so |z| < 5.5. Seeds are fixed: a failure is a change.
+#![allow(missing_docs, clippy::unwrap_used)]
+#[path = "common/naive.rs"]
+mod naive;
+
+use std::sync::atomic::{AtomicBool, AtomicU64};
+
+use naive::Naive;
+use nalgebra::Complex;
+use splitsnow::engine::{Control, Engine, Request};
+use splitsnow::grain::{GrainType, SizeRange, TruncatedNormal, mean_free_distance_m};
+use splitsnow::measurement::{Measured, Spectrum};
+use splitsnow::transport::{Entry, Illumination, Model, Snow};
+
+const Z: f64 = 5.5;
+
+/// Size in um, facetness, sphericity, density, saturation.
+fn snow(size: [f64; 2], f: naive::Law, psi: naive::Law, density: f64, saturation: f64) -> Snow {
+    let law = |l: naive::Law| TruncatedNormal::new(l[0], l[1], l[2], l[3]).unwrap();
+    Snow {
+        grain: GrainType {
+            size: SizeRange::new(size[0] * 1e-6, size[1] * 1e-6).unwrap(),
+            facetness: law(f),
+            sphericity: law(psi),
+        },
+        density_kg_m3: density,
+        temperature_c: -1.0,
+        water_saturation: saturation,
+    }
+}
+
+const F: naive::Law = [0.2, 0.4, 0.3, 0.072];
+const PSI: naive::Law = [0.6, 0.95, 0.798, 0.064];
+
+fn angle(degrees: f64) -> Illumination {
+    Illumination::Collimated {
+        polar_angle_rad: degrees.to_radians(),
+    }
+}
+
+struct Case {
+    what: &'static str,
+    snow: Snow,
+    illumination: Illumination,
+    thickness_m: f64,
+    entry: Entry,
+}
+
+/// Coarse grains in thin slabs keep the walks short; the corners of the
+/// parameter box are all there.
+fn cases() -> Vec<Case> {
+    let case = |what, snow, illumination, thickness_m| Case {
+        what,
+        snow,
+        illumination,
+        thickness_m,
+        entry: Entry::Uniform,
+    };
+    let representative = snow([300.0, 750.0], F, PSI, 275.0, 0.0);
+    vec![
+        case("representative, normal", representative, angle(0.0), 0.01),
+        case("representative, grazing", representative, angle(89.0), 0.01),
+        case(
+            "representative, diffuse",
+            representative,
+            Illumination::Diffuse,
+            0.01,
+        ),
+        case(
+            "wet",
+            snow([300.0, 750.0], F, PSI, 275.0, 0.3),
+            angle(30.0),
+            0.01,
+        ),
+        case(
+            "soaked",
+            snow([800.0, 1600.0], F, PSI, 450.0, 0.5),
+            angle(0.0),
+            0.02,
+        ),
+        case(
+            "smooth spheres",
+            snow([900.0; 2], [0.0; 4], [1.0; 4], 300.0, 0.0),
+            angle(60.0),
+            0.01,
+        ),
+        case(
+            "needles",
+            snow(
+                [2000.0, 3000.0],
+                [0.0, 0.2, 0.1, 0.05],
+                [0.2, 0.4, 0.3, 0.05],
+                150.0,
+                0.0,
+            ),
+            angle(45.0),
+            0.03,
+        ),
+        case(
+            "rough",
+            snow(
+                [10.0, 100.0],
+                [0.8, 0.99, 0.9, 0.5],
+                [0.3, 0.9, 0.5, 0.15],
+                225.0,
+                0.0,
+            ),
+            angle(0.0),
+            0.001,
+        ),
+        case(
+            "barely thicker than its grains",
+            snow([1000.0, 2500.0], F, PSI, 400.0, 0.1),
+            angle(20.0),
+            0.003,
+        ),
+        Case {
+            entry: Entry::Projected,
+            ..case("projected entry", representative, angle(50.0), 0.01)
+        },
+    ]
+}
+
+fn run(engine: Engine, case: &Case, wavelengths_nm: &[f64], rays: u64, seed: u64) -> Spectrum {
+    run_all(
+        engine,
+        case,
+        &[case.thickness_m],
+        wavelengths_nm,
+        rays,
+        seed,
+    )
+    .pop()
+    .unwrap()
+}
+
+fn run_all(
+    engine: Engine,
+    case: &Case,
+    thicknesses_m: &[f64],
+    wavelengths_nm: &[f64],
+    rays: u64,
+    seed: u64,
+) -> Vec<Spectrum> {
+    let model = Model {
+        entry: case.entry,
+        ..Model::default()
+    };
+    let request = Request {
+        snow: &case.snow,
+        thicknesses_m,
+        illumination: case.illumination,
+        wavelengths_nm,
+        model: &model,
+        rays,
+        seed,
+        cell: 0,
+    };
+    let (cancel, rays_done) = (AtomicBool::new(false), AtomicU64::new(0));
+    engine
+        .run(
+            &request,
+            &Control {
+                parallel: true,
+                cancel: &cancel,
+                rays_done: &rays_done,
+            },
+        )
+        .unwrap()
+}
+
+fn z(a: Measured, b: Measured) -> f64 {
+    (a.value - b.value) / (a.se * a.se + b.se * b.se).sqrt()
+}
+
+fn agree(what: &str, a: &Spectrum, b: &Spectrum) {
+    let pairs = |x: &[Measured], y: &[Measured]| -> Vec<f64> {
+        x.iter().zip(y).map(|(x, y)| z(*x, *y)).collect()
+    };
+    for (quantity, zs) in [
+        ("reflectance", pairs(&a.reflectance, &b.reflectance)),
+        ("transmittance", pairs(&a.transmittance, &b.transmittance)),
+    ] {
+        assert!(
+            zs.iter().all(|z| z.abs() < Z),
+            "{what}, {quantity}: z = {zs:.2?}"
+        );
+    }
+}
+
+#[test]
+fn reference_is_the_plain_model() {
+    for case in cases() {
+        for (i, nm) in [450.0, 1030.0, 2000.0].into_iter().enumerate() {
+            let rays = 20_000;
+            let model = Model::default();
+            let index = |i: splitsnow::optics::Index| Complex::new(i.n, i.k);
+            let grain = case.snow.grain;
+            let law = |l: TruncatedNormal| [l.min(), l.max(), l.mean(), l.sd()];
+            let plain = Naive {
+                size_m: [grain.size.min_m(), grain.size.max_m()],
+                facetness: law(grain.facetness),
+                sphericity: law(grain.sphericity),
+                distance_m: mean_free_distance_m(&grain, case.snow.density_kg_m3, -1.0),
+                saturation: case.snow.water_saturation,
+                thickness_m: case.thickness_m,
+                ice: index(model.ice.at(nm).unwrap()),
+                water: index(model.water.load().unwrap().at(nm).unwrap()),
+                wavelength_m: nm * 1e-9,
+                angle: match case.illumination {
+                    Illumination::Collimated { polar_angle_rad } => Some(polar_angle_rad),
+                    Illumination::Diffuse => None,
+                },
+                projected: case.entry == Entry::Projected,
+            };
+            let [reflected, transmitted, lost] = plain.run(rays, i as u64);
+            let measured = |count: u64| {
+                let p = count as f64 / rays as f64;
+                // the smallest error a count can have, where none or all were seen
+                let se = (p * (1.0 - p) / rays as f64).sqrt().max(1.0 / rays as f64);
+                vec![Measured { value: p, se }]
+            };
+            let plain = Spectrum {
+                reflectance: measured(reflected),
+                transmittance: measured(transmitted),
+                lost: vec![lost as f64 / rays as f64],
+            };
+            let reference = run(Engine::Reference, &case, &[nm], 50_000, 3);
+            agree(&format!("{} at {nm} nm", case.what), &reference, &plain);
+        }
+    }
+}
+
+#[test]
+fn spectral_is_reference_up_to_2500_nm() {
+    // between the nodes that a full list has, and at its ends
+    let wavelengths: Vec<f64> = (0..=86).map(|i| 350.0 + 25.0 * f64::from(i)).collect();
+    let checked = [0, 4, 10, 18, 27, 38, 44, 48, 57, 63, 66, 74, 86];
+    for case in cases() {
+        let spectral = run(Engine::Spectral, &case, &wavelengths, 40_000, 5);
+        let pick = |v: &[Measured]| checked.map(|i| v[i]).to_vec();
+        let spectral = Spectrum {
+            reflectance: pick(&spectral.reflectance),
+            transmittance: pick(&spectral.transmittance),
+            lost: vec![],
+        };
+        let reference = run(
+            Engine::Reference,
+            &case,
+            &checked.map(|i| wavelengths[i]),
+            30_000,
+            6,
+        );
+        agree(case.what, &spectral, &reference);
+    }
+}
+
+#[test]
+fn sharing_thicknesses_changes_no_law() {
+    let thicknesses = [0.008, 0.012, 0.013, 0.03];
+    for case in cases().into_iter().filter(|c| c.thickness_m == 0.01) {
+        let shared = run_all(
+            Engine::Spectral,
+            &case,
+            &thicknesses,
+            &[450.0, 1030.0],
+            50_000,
+            7,
+        );
+        for (thickness_m, shared) in thicknesses.into_iter().zip(&shared) {
+            let case = Case {
+                thickness_m,
+                ..Case {
+                    what: case.what,
+                    ..case
+                }
+            };
+            let alone = run(Engine::Spectral, &case, &[450.0, 1030.0], 50_000, 8);
+            agree(&format!("{} {thickness_m} m", case.what), shared, &alone);
+        }
+        // one set of walks: without errors of their own, T falls and R rises
+        for pair in shared.windows(2) {
+            assert!(pair[0].transmittance[0].value > pair[1].transmittance[0].value);
+            assert!(pair[0].reflectance[0].value < pair[1].reflectance[0].value);
+        }
+    }
+}
+
+/// Bias from mixing two index nodes instead of walking at each wavelength's
+/// own index, on coarse grains where walks are short.
+#[test]
+fn index_nodes_cost_less_than_their_noise() {
+    let case = Case {
+        what: "coarse",
+        snow: snow([1000.0, 2000.0], F, PSI, 275.0, 0.0),
+        illumination: angle(0.0),
+        thickness_m: 0.02,
+        entry: Entry::Uniform,
+    };
+    let visible: Vec<f64> = (40..=70).map(|l| f64::from(l) * 10.0).collect();
+    let mixed = run(Engine::Spectral, &case, &visible, 1_500_000, 11);
+    let (mut bias, mut variance) = (0.0, 0.0);
+    // where the distance to the nodes at 400 and 700 nm is largest
+    let middle = [6, 8, 10, 12];
+    for l in middle {
+        let own = run(
+            Engine::Spectral,
+            &case,
+            &[visible[l]],
+            400_000,
+            12 + l as u64,
+        );
+        let (a, b) = (mixed.transmittance[l], own.transmittance[0]);
+        bias += (a.value / b.value - 1.0) / middle.len() as f64;
+        variance += (b.se / b.value / middle.len() as f64).powi(2);
+    }
+    // the mixed values share their walks, so their errors do not average out
+    let se = (variance + (mixed.transmittance[9].se / mixed.transmittance[9].value).powi(2)).sqrt();
+    assert!(
+        bias.abs() < 0.002 + 4.0 * se,
+        "relative bias {bias:.5} +- {se:.5}"
+    );
+    assert!(se < 0.0015, "the test has no power: {se:.5}");
+}
+
+#[test]
+fn results_do_not_depend_on_threads() {
+    let case = &cases()[3];
+    let wavelengths = [500.0, 900.0, 1500.0];
+    let on = |threads| {
+        let pool = rayon::ThreadPoolBuilder::new()
+            .num_threads(threads)
+            .build()
+            .unwrap();
+        Engine::ALL.map(|engine| pool.install(|| run(engine, case, &wavelengths, 9000, 1)))
+    };
+    assert_eq!(on(1), on(3));
+}

@@ -1,0 +1,40 @@
+//! Laws that hold whatever the snow: conservation, limits with closed forms,
+//! monotony, and how far the model keeps reciprocity.
+//!
+//! Seeds are fixed. Where a tolerance is a number of standard errors, it is
+//! the one that all comparisons of this tier exceed with a probability of
+//! [`ALPHA`] (Bonferroni over [`COMPARISONS`]).
+#![allow(clippy::unwrap_used, clippy::print_stdout)]
+#[path = "../common/snow.rs"]
+#[allow(dead_code)]
+mod snow;
+
+mod absorption;
+mod exchange;
+mod grain;
+mod slab;
+
+/// Chance that any comparison of this tier fails although all is well.
+const ALPHA: f64 = 1e-6;
+/// Upper bound of the number of comparisons with a standard error.
+const COMPARISONS: usize = 150;
+
+/// Asserts that `value` is `expected` within its standard error (and rounding).
+fn assert_close(what: &str, value: f64, se: f64, expected: f64) {
+    let z = (value - expected) / se;
+    println!("{what}: {value:.6} +- {se:.6}, expected {expected:.6}, z = {z:.2}");
+    let limit = snow::z_limit(ALPHA, COMPARISONS) * se + 1e-12;
+    assert!(
+        (value - expected).abs() <= limit,
+        "{what}: {value} is not {expected} (z = {z:.1})"
+    );
+}
+
+/// Midpoint rule over (0, 1).
+fn mean(f: impl Fn(f64) -> f64) -> f64 {
+    const N: u32 = 200_000;
+    (0..N)
+        .map(|i| f((f64::from(i) + 0.5) / f64::from(N)))
+        .sum::<f64>()
+        / f64::from(N)
+}

@@ -1,0 +1,149 @@
+//! Slabs without absorption in ice: conservation and closed forms.
+use splitsnow::math::Vec3;
+use splitsnow::optics::Index;
+use splitsnow::transport::{Absorption, End, Entry, Illumination, Path, Walker};
+
+use crate::snow::{
+    AIR, Each, Ends, NORMAL, TRANSPARENT, beam, dry, ends, proportion, snow, spheres, stream,
+    walker,
+};
+use crate::{assert_close, mean};
+
+/// Nothing is lost or made without absorption: every ray is counted once.
+#[test]
+fn every_ray_is_accounted_for() {
+    let rays = 20_000;
+    let snows = [
+        dry(),
+        snow((100.0, 1000.0), 0.9, 450.0, 0.0),
+        snow((300.0, 750.0), 0.1, 100.0, 0.5),
+        spheres(500.0, 300.0),
+    ];
+    let water = Index { n: 1.333, k: 0.0 };
+    for (cell, snow) in snows.iter().enumerate() {
+        for (entry, light) in [
+            (Entry::Uniform, NORMAL),
+            (Entry::Uniform, beam(89.0)),
+            (Entry::Uniform, Illumination::Diffuse),
+            (Entry::Projected, beam(60.0)),
+        ] {
+            let walker = Walker::new(snow, entry, (Index { n: 1.31, k: 0.0 }, water), TRANSPARENT);
+            let counts = ends(&walker, 5e-3, light, rays, cell as u64);
+            assert_eq!(counts.absorbed, 0);
+            assert_eq!(counts.lost, 0, "no grain of these samples traps light");
+            assert_eq!(counts.reflected + counts.transmitted, rays);
+            assert!(counts.reflected > 0 && counts.transmitted > 0);
+        }
+    }
+}
+
+/// Without grains a dry slab is empty space, and a wet one is water with the
+/// probability S: T = (1 - S) + S exp(-alpha h / cos), R = 0 (MODEL section 2,
+/// steps 1 and 3).
+#[test]
+fn without_grains_a_slab_is_free() {
+    let (rays, alpha, h) = (400_000, 50.0, 0.02);
+    let water = Absorption {
+        water_per_m: alpha,
+        ..TRANSPARENT
+    };
+    let lights = [
+        ("normal", NORMAL, (-alpha * h).exp()),
+        ("60 degrees", beam(60.0), (-2.0 * alpha * h).exp()),
+        (
+            "diffuse",
+            Illumination::Diffuse,
+            mean(|mu| 2.0 * mu * (-alpha * h / mu).exp()),
+        ),
+    ];
+    for (name, light, survival) in lights {
+        for saturation in [0.0, 0.2, 0.5] {
+            let walker = walker(
+                &snow((300.0, 750.0), 0.3, 0.0, saturation),
+                Entry::Uniform,
+                1.31,
+                water,
+            );
+            let counts = ends(&walker, h, light, rays, 10);
+            assert_eq!((counts.reflected, counts.lost), (0, 0));
+            assert_eq!(counts.transmitted + counts.absorbed, rays);
+            if saturation == 0.0 {
+                assert_eq!(counts.transmitted, rays);
+                continue;
+            }
+            let t = proportion(counts.transmitted, rays);
+            let expected = 1.0 - saturation + saturation * survival;
+            assert_close(&format!("free wet slab, {name}"), t.value, t.se, expected);
+        }
+    }
+}
+
+/// Ice with the index of what surrounds it neither reflects nor bends.
+#[test]
+fn grains_of_matching_index_are_invisible() {
+    let rays = 50_000;
+    let all = Ends {
+        transmitted: rays,
+        ..Ends::default()
+    };
+    let ice = Index { n: 1.31, k: 0.0 };
+    // a saturation of 1 lies outside the model's range, but puts all grains in water
+    let drowned = snow((300.0, 750.0), 0.8, 275.0, 1.0);
+    for light in [NORMAL, beam(45.0)] {
+        for entry in [Entry::Uniform, Entry::Projected] {
+            let air = walker(
+                &snow((300.0, 750.0), 0.8, 275.0, 0.0),
+                entry,
+                1.0,
+                TRANSPARENT,
+            );
+            assert_eq!(ends(&air, 0.01, light, rays, 20), all);
+            let water = Walker::new(&drowned, entry, (ice, ice), TRANSPARENT);
+            assert_eq!(ends(&water, 0.01, light, rays, 21), all);
+        }
+    }
+    // and it takes no more than another index to make it visible
+    let seen = Walker::new(&drowned, Entry::Uniform, (ice, AIR), TRANSPARENT);
+    assert!(ends(&seen, 0.01, NORMAL, rays, 22).reflected > 0);
+}
+
+/// The share of rays that meet no grain, at normal incidence on equal spheres
+/// of diameter s. A flight leaves with probability exp(-h/d); it ends on a
+/// grain that fits with probability
+/// A = mean over u of exp(-s (1-u) / 2d) - exp(-(h - s (1+u) / 2) / d),
+/// u = cosine of incidence; all else is drawn anew. So the share is
+/// exp(-h/d) / (exp(-h/d) + A): more than Beer's law, because grains near the
+/// planes are rejected.
+#[test]
+fn unscattered_light_follows_the_boundary_rule() {
+    let (rays, s, h) = (1_000_000, 500e-6, 2e-3);
+    let snow = spheres(500.0, 200.0);
+    let d = splitsnow::grain::mean_free_distance_m(&snow.grain, 200.0, -1.0);
+    for (entry, weight) in [
+        (Entry::Uniform, (|_| 1.0) as fn(f64) -> f64),
+        (Entry::Projected, |u| 2.0 * u),
+    ] {
+        let mut unscattered = 0;
+        let mut count = |end, path: &Path, direction: Vec3| {
+            if end == End::Transmitted && path.ice_m == 0.0 && direction.z == 1.0 {
+                unscattered += 1;
+            }
+        };
+        walker(&snow, entry, 1.31, TRANSPARENT)
+            .walk(&[h], NORMAL, rays, stream(30), &mut Each(&mut count))
+            .unwrap();
+        let met = mean(|u| {
+            let (first, last) = (0.5 * s * (1.0 - u), h - 0.5 * s * (1.0 + u));
+            weight(u) * ((-first / d).exp() - (-last / d).exp())
+        });
+        let beer = (-h / d).exp();
+        let t = proportion(unscattered, rays);
+        assert_close(
+            &format!("unscattered, {entry:?}"),
+            t.value,
+            t.se,
+            beer / (beer + met),
+        );
+        assert!(t.value > beer + 0.03, "Beer's law alone would be {beer}");
+    }
+}

@@ -1,0 +1,272 @@
+//! Samplers of grains: laws of size and shape, points on spheroids, facets.
+use splitsnow::grain::{
+    Events, Grain, GrainType, Grains, SizeRange, Surface, TruncatedNormal, projected_point,
+};
+use splitsnow::math::Vec3;
+use splitsnow::optics::{Index, Interface};
+use splitsnow::rng::Stream;
+use statrs::function::erf::erf;
+use std::f64::consts::SQRT_2;
+
+use crate::snow::{AIR, stream};
+use crate::streams::turn;
+use crate::{assert_distributed, assert_uniform, cell, steps};
+
+fn law(min: f64, max: f64, mean: f64, sd: f64) -> TruncatedNormal {
+    TruncatedNormal::new(min, max, mean, sd).unwrap()
+}
+
+/// Calls `each` with `count` grains of a law.
+fn draw(law: &GrainType, count: u32, number: u64, mut each: impl FnMut(&Grain)) {
+    let mut rng = stream(number);
+    let mut left = count;
+    while left > 0 {
+        let (grains, mut kept) = Grains::draw(law, &mut rng);
+        while kept != 0 && left > 0 {
+            each(&grains.get(kept.trailing_zeros() as usize));
+            kept &= kept - 1;
+            left -= 1;
+        }
+    }
+}
+
+/// Distribution function of a truncated normal on the scale of [min, max] = [0, 1].
+fn truncated(law: &TruncatedNormal) -> impl Fn(f64) -> f64 {
+    let (min, max, mean, sd) = (law.min(), law.max(), law.mean(), law.sd());
+    let phi = move |x: f64| erf((x - mean) / (sd * SQRT_2));
+    move |t| (phi(min + t * (max - min)) - phi(min)) / (phi(max) - phi(min))
+}
+
+/// Truncated normals as grains get them, wide (proposed from the normal law)
+/// and narrow (from the uniform law; bounds nearer than 2.5 standard
+/// deviations), with the mean in the middle, aside and at a bound; sizes; and
+/// the independence of the three. Sphericities reach far down, so that a
+/// sampler of points that preferred round grains would show.
+#[test]
+fn sizes_and_shapes_follow_their_laws() {
+    let samples = [
+        // representative
+        (law(0.6, 0.95, 0.798, 0.064), law(0.2, 0.4, 0.3, 0.072)),
+        // surface layer: both narrow
+        (law(0.3, 0.9, 0.5, 0.5), law(0.8, 0.99, 0.9, 0.5)),
+        // mean at a bound: wide, then narrow
+        (law(0.2, 1.0, 1.0, 0.2), law(0.0, 0.1, 0.0, 0.05)),
+    ];
+    for (number, (sphericity, facetness)) in samples.into_iter().enumerate() {
+        let law = GrainType {
+            size: SizeRange::new(300e-6, 750e-6).unwrap(),
+            facetness,
+            sphericity,
+        };
+        let scale = |law: &TruncatedNormal, x: f64| (x - law.min()) / (law.max() - law.min());
+        let (psi_cdf, facet_cdf) = (truncated(&sphericity), truncated(&facetness));
+        let [mut psi, mut facet, mut size] = [const { [0u64; 20] }; 3];
+        let mut joint = [0u64; 8 * 8 * 8];
+        draw(&law, 400_000, 20 + number as u64, |grain| {
+            let p = scale(&sphericity, (1.0 + grain.flattening).sqrt().sqrt());
+            let f = scale(&facetness, grain.facetness);
+            let s = (grain.size_m - 300e-6) / 450e-6;
+            for (counts, x) in [(&mut psi, p), (&mut facet, f), (&mut size, s)] {
+                assert!((-1e-9..=1.0 + 1e-9).contains(&x), "outside its bounds");
+                counts[cell(x, 20)] += 1;
+            }
+            let ranks = [psi_cdf(p), facet_cdf(f), s].map(|rank| cell(rank, 8));
+            joint[ranks[0] * 64 + ranks[1] * 8 + ranks[2]] += 1;
+        });
+        assert_distributed("sphericity", &psi, &steps(20, &psi_cdf));
+        assert_distributed("facetness", &facet, &steps(20, &facet_cdf));
+        assert_uniform("size", &size);
+        assert_uniform("size and shape are independent", &joint);
+    }
+}
+
+/// A grain of one shape.
+fn shaped(psi: f64) -> GrainType {
+    GrainType {
+        size: SizeRange::new(1e-3, 1e-3).unwrap(),
+        facetness: law(0.0, 0.0, 0.0, 0.0),
+        sphericity: law(psi, psi, psi, 0.0),
+    }
+}
+
+/// Points are uniform over the area of a spheroid. With e its eccentricity the
+/// area between heights along the axis is proportional to
+/// e u sqrt(1 - e^2 u^2) + asin(e u).
+#[test]
+fn points_are_uniform_over_the_surface() {
+    for (number, psi) in [1.0, 0.9, 0.6, 0.3].into_iter().enumerate() {
+        let e = (1.0 - f64::powi(psi, 4)).sqrt();
+        let area = |u: f64| match e {
+            0.0 => u,
+            _ => e * u * (1.0 - e * e * u * u).sqrt() + (e * u).asin(),
+        };
+        let mut counts = [0u64; 20 * 8];
+        let mut axes = [0u64; 20 * 8];
+        draw(&shaped(psi), 400_000, 30 + number as u64, |grain| {
+            let (t1, t2) = grain.axis.frame();
+            let u = grain.point.dot(grain.axis);
+            let around = turn(grain.point.dot(t1), grain.point.dot(t2));
+            counts[8 * cell(0.5 + 0.5 * u, 20) + cell(around, 8)] += 1;
+            let around = turn(grain.axis.x, grain.axis.y);
+            axes[8 * cell(0.5 + 0.5 * grain.axis.z, 20) + cell(around, 8)] += 1;
+        });
+        let bands = steps(20, |t| area(2.0 * t - 1.0) / (2.0 * area(1.0)));
+        let expected: Vec<f64> = bands.iter().flat_map(|p| [p / 8.0; 8]).collect();
+        assert_distributed(&format!("points, psi = {psi}"), &counts, &expected);
+        if psi == 0.3 {
+            assert_uniform("axes", &axes);
+        }
+    }
+}
+
+/// Projected points fill the ellipse that the ray sees, and only its near
+/// side: semi-axes c across the spheroid's axis, and along it its half extent.
+#[test]
+fn projected_points_are_uniform_over_the_shadow() {
+    let d = Vec3::new(0.48, 0.6, 0.64);
+    let mut rng = stream(40);
+    for psi in [1.0f64, 0.8, 0.4] {
+        for tilt in [0.3, 1.2] {
+            if psi == 1.0 && tilt > 1.0 {
+                continue; // a sphere has no attitude
+            }
+            // the axis at an angle of `tilt` to the ray
+            let (across, along) = d.frame();
+            let axis = (d * f64::cos(tilt)).plus(f64::sin(tilt), along);
+            let (c, k) = (psi * psi, psi.powi(4) - 1.0);
+            let half = (c * c + (1.0 - c * c) * f64::sin(tilt).powi(2)).sqrt();
+            let mut counts = [0u64; 16 * 16];
+            for _ in 0..200_000 {
+                let u = rng.uniform().to_array()[0];
+                let (sin, cos) = rng.azimuth();
+                let azimuth = (sin.to_array()[0], cos.to_array()[0]);
+                let p = projected_point(k, axis, d, u, azimuth);
+                assert!(
+                    p.plus(k * p.dot(axis), axis).dot(d) <= 0.0,
+                    "on the far side"
+                );
+                let (x, y) = (p.dot(across) / c, p.dot(along) / half);
+                counts[16 * cell(x * x + y * y, 16) + cell(turn(y, x), 16)] += 1;
+            }
+            assert_uniform(&format!("shadow, psi = {psi}, tilt {tilt}"), &counts);
+        }
+    }
+}
+
+/// Facet normals: a mirror grain (index next to 0: total reflection from
+/// outside) tells the normal m of its facet by d' - d, which is along m.
+fn facets(facetness: f64, incidence_deg: f64, count: u32, rng: &mut Stream) -> Vec<(f64, f64)> {
+    let mirror = Interface::dielectric(AIR, Index { n: 1e-6, k: 0.0 });
+    let surface = Surface {
+        enter: mirror,
+        leave: mirror,
+    };
+    let (sin, cos) = incidence_deg.to_radians().sin_cos();
+    let (d, normal) = (Vec3::new(0.0, 0.0, 1.0), Vec3::new(sin, 0.0, -cos));
+    let grain = Grain {
+        size_m: 1.0,
+        facetness,
+        flattening: 0.0,
+        axis: d,
+        point: normal,
+        normal,
+    };
+    // polar angle about the normal, azimuth from the plane of incidence
+    let (side, up) = (Vec3::new(0.0, 1.0, 0.0), Vec3::new(cos, 0.0, sin));
+    let mut events = Events::new(&[surface; 2], false);
+    let (mut found, mut left) = (Vec::new(), 0xff);
+    while found.len() < count as usize {
+        for lane in (0..8).filter(|lane| left & (1 << lane) != 0) {
+            events.direction.set(lane, d);
+            events.start(lane, &grain, normal, normal, false);
+        }
+        left = events.step(rng).left;
+        for lane in (0..8).filter(|lane| left & (1 << lane) != 0) {
+            let m = events.direction.get(lane) - d;
+            let m = m * (1.0 / m.dot(m).sqrt());
+            found.push((m.dot(normal), turn(m.dot(side), m.dot(up))));
+        }
+    }
+    found
+}
+
+/// Facets are tilted by cos = 1 - |xi|, xi normal with standard deviation F/2,
+/// at a uniform azimuth, both drawn again until the cosine is positive and the
+/// facet faces the ray (MODEL section 3). Cells of the tilt have equal
+/// probability at normal incidence; at others the share of a cell that faces
+/// the ray is integrated: m faces it if
+/// cos(i) cos(tilt) > -sin(i) sin(tilt) cos(azimuth).
+#[test]
+fn facets_follow_their_law() {
+    let mut rng = stream(50);
+    for (facetness, deg) in [
+        (0.1, 0.0),
+        (0.3, 0.0),
+        (1.0, 0.0),
+        (0.3, 60.0),
+        (1.0, 60.0),
+        (0.3, 85.0),
+        (1.0, 85.0),
+    ] {
+        let spread = facetness / 2.0 * SQRT_2;
+        let whole = erf(1.0 / spread);
+        let rank = |cos_tilt: f64| erf((1.0 - cos_tilt) / spread) / whole;
+        let mut counts = [0u64; 16 * 16];
+        for (cos_tilt, azimuth) in facets(facetness, deg, 400_000, &mut rng) {
+            assert!(cos_tilt > 0.0);
+            counts[16 * cell(rank(cos_tilt), 16) + cell(azimuth, 16)] += 1;
+        }
+        let (sin, cos) = f64::to_radians(deg).sin_cos();
+        // midpoints of 2000 ranks, from a table of the rank's inverse
+        let fine = 2000;
+        let mut shares = vec![0.0; 16 * 16];
+        let mut t = 0.0;
+        for i in 0..fine {
+            let wanted = (f64::from(i) + 0.5) / f64::from(fine);
+            let (mut low, mut high) = (t, 1.0);
+            while high - low > 1e-9 {
+                let middle = 0.5 * (low + high);
+                if rank(1.0 - middle) < wanted {
+                    low = middle;
+                } else {
+                    high = middle;
+                }
+            }
+            t = low;
+            let (cos_tilt, sin_tilt) = (1.0 - t, (t * (2.0 - t)).sqrt());
+            for j in 0..fine {
+                let turn = (f64::from(j) + 0.5) / f64::from(fine);
+                let facing = cos * cos_tilt - sin * sin_tilt * (std::f64::consts::TAU * turn).cos();
+                if facing > 0.0 {
+                    shares[16 * cell(wanted, 16) + cell(turn, 16)] += 1.0;
+                }
+            }
+        }
+        let total: f64 = shares.iter().sum();
+        // cells that hardly ever face the ray are counted together
+        let least = 100.0 / 400_000.0;
+        let (mut pooled_count, mut pooled_share) = (Vec::new(), Vec::new());
+        let (mut rest, mut rest_share) = (0, 0.0);
+        for (count, share) in counts.iter().zip(&shares) {
+            let share = share / total;
+            if share < least {
+                rest += count;
+                rest_share += share;
+            } else {
+                pooled_count.push(*count);
+                pooled_share.push(share);
+            }
+        }
+        if rest_share * 400_000.0 > 20.0 {
+            pooled_count.push(rest);
+            pooled_share.push(rest_share);
+        }
+        let sum: f64 = pooled_share.iter().sum();
+        pooled_share.iter_mut().for_each(|share| *share /= sum);
+        assert_distributed(
+            &format!("facets F = {facetness}, {deg} degrees"),
+            &pooled_count,
+            &pooled_share,
+        );
+    }
+}
