@@ -14,8 +14,9 @@ use splitsnow::transport::{Illumination, Model, Snow};
 use splitsnow::units::{cm_to_m, um_to_m};
 
 const THICKNESSES_CM: [f64; 5] = [2.0, 5.0, 10.0, 20.0, 40.0];
-const RAYS: u64 = 200_000;
-const SIZE_PX: (u32, u32) = (1000, 420);
+const RAYS: u64 = 100_000;
+/// Shown at half of this: the backend rounds to whole pixels.
+const SIZE_PX: (u32, u32) = (2000, 860);
 /// Okabe and Ito's palette, told apart with any kind of colour vision.
 const COLOURS: [RGBColor; 5] = [
     RGBColor(230, 159, 0),
@@ -27,7 +28,7 @@ const COLOURS: [RGBColor; 5] = [
 const INK: RGBColor = RGBColor(40, 40, 40);
 const FAINT: RGBColor = RGBColor(225, 225, 225);
 /// Luminance, of white, at which hues are compared.
-const EQUAL_LUMINANCE: f64 = 0.5;
+const EQUAL_LUMINANCE: f64 = 0.3;
 
 type Result<T> = std::result::Result<T, Box<dyn Error>>;
 
@@ -37,7 +38,7 @@ fn main() -> Result<()> {
     let path = Path::new(env!("CARGO_MANIFEST_DIR")).join("docs/snow.svg");
     let root = SVGBackend::new(&path, SIZE_PX).into_drawing_area();
     root.fill(&WHITE)?;
-    let (left, right) = root.split_horizontally(560);
+    let (left, right) = root.split_horizontally(1120);
     spectra(&left, &wavelengths_nm, &curves)?;
     swatches(&right, &wavelengths_nm, &curves)?;
     root.present()?;
@@ -91,11 +92,11 @@ where
     DB::ErrorType: 'static,
 {
     let mut chart = ChartBuilder::on(area)
-        .caption("Light through snow", text(19))
-        .margin(12)
-        .margin_right(70)
-        .x_label_area_size(44)
-        .y_label_area_size(58)
+        .caption("Light through snow", text(38))
+        .margin(24)
+        .margin_right(150)
+        .x_label_area_size(88)
+        .y_label_area_size(130)
         .build_cartesian_2d(400.0..700.0, (1e-6..1.0).log_scale())?;
     chart
         .configure_mesh()
@@ -104,23 +105,22 @@ where
         .axis_style(INK)
         .x_labels(7)
         .x_label_formatter(&|nm| format!("{nm:.0}"))
-        .y_labels(7)
-        .y_label_formatter(&|t| format!("{t}"))
-        .label_style(text(14))
+        .y_label_formatter(&|t| power_of_ten(*t))
+        .label_style(text(28))
         .x_desc("wavelength, nm")
         .y_desc("transmittance")
-        .axis_desc_style(text(15))
+        .axis_desc_style(text(30))
         .draw()?;
     for ((curve, cm), colour) in curves.iter().zip(THICKNESSES_CM).zip(COLOURS) {
         let points = wavelengths_nm.iter().copied().zip(curve.iter().copied());
-        chart.draw_series(LineSeries::new(points, colour.stroke_width(3)))?;
+        chart.draw_series(LineSeries::new(points, colour.stroke_width(6)))?;
         let end = (700.0, curve.last().copied().unwrap_or_default());
         let at = chart.backend_coord(&end);
-        let style = text(15).color(&INK).pos(Pos::new(HPos::Left, VPos::Center));
+        let style = text(30).color(&INK).pos(Pos::new(HPos::Left, VPos::Center));
         let (x, y) = area.get_base_pixel();
         area.draw(&Text::new(
             format!("{cm} cm"),
-            (at.0 - x + 8, at.1 - y),
+            (at.0 - x + 16, at.1 - y),
             style,
         ))?;
     }
@@ -142,12 +142,12 @@ where
         let style = text(size).pos(Pos::new(across, VPos::Center));
         area.draw(&Text::new(words.to_owned(), at, style))
     };
-    let (top, height, left, width, gap) = (84, 58, 76, 150, 8);
+    let (top, height, left, width, gap) = (164, 118, 152, 300, 16);
     let column = |i: i32| left + i * (width + gap);
     write(
         "Slabs against the light, in sRGB",
-        19,
-        (left + width + gap / 2, 23),
+        38,
+        (left + width + gap / 2, 46),
         HPos::Center,
     )?;
     for (i, words) in ["as bright as they are", "at equal luminance"]
@@ -156,8 +156,8 @@ where
     {
         write(
             words,
-            15,
-            (column(i as i32) + width / 2, top - 22),
+            30,
+            (column(i as i32) + width / 2, top - 40),
             HPos::Center,
         )?;
     }
@@ -165,8 +165,8 @@ where
         let y = top + row * (height + gap);
         write(
             &format!("{cm} cm"),
-            15,
-            (left - 12, y + height / 2),
+            30,
+            (left - 24, y + height / 2),
             HPos::Right,
         )?;
         for (i, spectrum) in [curve.clone(), equal_luminance(&colorimeter, curve)]
@@ -189,6 +189,17 @@ fn equal_luminance(colorimeter: &Colorimeter, spectrum: &[f64]) -> Vec<f64> {
     let largest = spectrum.iter().copied().fold(0.0, f64::max);
     let lightness = colorimeter.lab(&scale(1.0 / largest)).l;
     scale(EQUAL_LUMINANCE / (largest * ((lightness + 16.0) / 116.0).powi(3)))
+}
+
+/// `1`, `10⁻¹`, `10⁻²`, ...
+fn power_of_ten(value: f64) -> String {
+    const SUPERSCRIPTS: [&str; 7] = ["", "¹", "²", "³", "⁴", "⁵", "⁶"];
+    let exponent = (-value.log10()).round() as usize;
+    match SUPERSCRIPTS.get(exponent) {
+        Some(&"") => "1".to_owned(),
+        Some(digit) => format!("10⁻{digit}"),
+        None => format!("{value:e}"),
+    }
 }
 
 fn text(size: i32) -> TextStyle<'static> {
