@@ -20,7 +20,7 @@ impl Sink for Reflected {
     }
 }
 
-/// The representative sample (MODEL table 11), dry.
+/// The representative sample (Varsa 2025, chapter 7), dry.
 fn representative() -> Snow {
     Snow {
         grain: GrainType {

@@ -1,5 +1,5 @@
 //! CPU time of `spectral` and `reference` for the same standard error, and the
-//! bias of `spectral` from dispersion: representative sample (MODEL table 11,
+//! bias of `spectral` from dispersion: representative sample (Varsa 2025, chapter 7,
 //! dry), normal incidence, 31 wavelengths 400-700 nm.
 //!
 //! `cargo run --release --example efficiency [THICKNESS_CM] [RAYS] [BIAS_RAYS]`

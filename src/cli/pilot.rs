@@ -313,6 +313,7 @@ mod tests {
     #[test]
     fn errors_scale_with_rays() {
         let mut grid = small(Engine::Spectral);
+        grid.axes.thickness_cm = vec![1.0];
         let run = |grid: &Grid| Pilot::run(grid, &grid.jobs().unwrap(), 1).unwrap();
         grid.run.rays = 64;
         let one = run(&grid);

@@ -196,7 +196,7 @@ impl fmt::Display for Plan {
         )?;
         writeln!(
             f,
-            "standard error  median {:.5}, at most about {:.5}, of values between 0 and 1",
+            "standard error  median {:.5}, largest about {:.5}, of values between 0 and 1",
             self.median_standard_error, self.max_standard_error
         )?;
         writeln!(
@@ -208,13 +208,13 @@ impl fmt::Display for Plan {
     }
 }
 
-/// Two digits are more than is known.
+/// Seconds with the two digits that can be known.
 fn whole(seconds: f64) -> String {
     if seconds < 10.0 {
-        format!("{seconds:.1}")
-    } else {
-        format!("{seconds:.0}")
+        return format!("{seconds:.1}");
     }
+    let unit = 10_f64.powf(seconds.log10().floor() - 1.0);
+    format!("{:.0}", (seconds / unit).round() * unit)
 }
 
 #[cfg(test)]
@@ -222,6 +222,12 @@ mod tests {
     #![allow(clippy::unwrap_used)]
     use super::*;
     use crate::engine::Engine;
+
+    #[test]
+    fn two_digits_of_seconds() {
+        let texts = [0.04, 9.94, 14.4, 105.0, 146_762.0].map(whole);
+        assert_eq!(texts, ["0.0", "9.9", "14", "110", "150000"]);
+    }
 
     #[test]
     fn the_compact_file_by_hand() {

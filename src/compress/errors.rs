@@ -1,5 +1,5 @@
 //! What compression costs: errors per curve, and their table per number of
-//! components (MODEL section 9).
+//! components (docs/methods.md).
 //!
 //! Errors are of what a reader gets: coefficients and basis rounded to f32, the
 //! sum of their products rounded to f32.

@@ -1,5 +1,5 @@
 //! Compression of a database: singular value decomposition, the error of every
-//! number of components, and the compact file (MODEL section 9; Varsa 2025,
+//! number of components, and the compact file (docs/methods.md; Varsa 2025,
 //! sections 5.2, 6.5 and 8.2).
 //!
 //! Transmittance and reflectance are compressed apart, each with its own number

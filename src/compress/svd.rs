@@ -1,4 +1,4 @@
-//! Singular value decomposition of a matrix of curves (MODEL section 9;
+//! Singular value decomposition of a matrix of curves (docs/methods.md;
 //! Varsa 2025, sections 5.2 and 6.5).
 //!
 //! M (`[s, l]`, curves by wavelengths, not centred) = U Sigma V^T. Only V and

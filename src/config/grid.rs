@@ -26,7 +26,7 @@ pub struct GridFile {
     pub name: String,
     /// The database it describes.
     pub grid: Grid,
-    /// Values beyond the ordinary ranges of MODEL section 1, for the user to see.
+    /// Values beyond the ordinary ranges of docs/methods.md, for the user to see.
     pub warnings: Vec<String>,
     /// The file as it was read.
     pub text: String,

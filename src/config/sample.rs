@@ -29,7 +29,7 @@ pub struct SampleFile {
     pub wavelengths_nm: Vec<f64>,
     /// Choices within the model.
     pub model: Model,
-    /// Values beyond the ordinary ranges of MODEL section 1, for the user to see.
+    /// Values beyond the ordinary ranges of docs/methods.md, for the user to see.
     pub warnings: Vec<String>,
     canonical: String,
 }

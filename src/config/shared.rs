@@ -268,7 +268,7 @@ pub(super) fn clean(
 }
 
 /// Remarks on values that are allowed but beyond the ordinary range of
-/// MODEL section 1.
+/// docs/methods.md.
 pub(super) fn remark(
     document: &Document,
     warnings: &mut Vec<String>,

@@ -1,4 +1,4 @@
-//! The ways to say how wet and how dense snow is (MODEL section 6; Varsa 2025,
+//! The ways to say how wet and how dense snow is (docs/methods.md; Varsa 2025,
 //! eqs. 4.9, C.16, C.17). Densities in kg/m3; saturation S is the share of the
 //! pore space that is water, fraction W the share of the whole volume.
 

@@ -16,7 +16,7 @@ use crate::transport::{Illumination, Model, REJECTION_LIMIT, Snow, WalkError};
 /// Which engine runs a job.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
 pub enum Engine {
-    /// MODEL section 2 to the letter: one wavelength at a time, analog absorption.
+    /// the model of docs/methods.md to the letter: one wavelength at a time, analog absorption.
     Reference,
     /// One walk serves all wavelengths and thicknesses.
     Spectral,

@@ -1,4 +1,4 @@
-//! `reference`: MODEL section 2 to the letter. Every wavelength and thickness
+//! `reference`: the model of docs/methods.md to the letter. Every wavelength and thickness
 //! has walks of its own, and absorption is analog. Nothing is tuned here; it
 //! is the yardstick of the other engines.
 use std::ops::Range;

@@ -1,5 +1,5 @@
-//! The event of a ray on a grain: entry facet, internal hits, exit (MODEL
-//! section 3; Varsa 2025, section 4.2), for eight rays at once. Geometric
+//! The event of a ray on a grain: entry facet, internal hits, exit (docs/methods.md;
+//! Varsa 2025, section 4.2), for eight rays at once. Geometric
 //! optics on a smooth spheroid whose local normal is tilted at random at every
 //! hit; no diffraction, no polarisation.
 //!

@@ -1,5 +1,5 @@
 //! Prolate spheroids in the way of rays: shape, attitude, and the points where
-//! they are met (MODEL sections 1 and 3), eight at once.
+//! they are met (docs/methods.md), eight at once.
 //!
 //! Lengths are in units of the major semi-axis b = s/2; the centre is the
 //! origin. With c the minor semi-axis, K = c^2 - 1 and a the axis, the surface

@@ -4,7 +4,7 @@ use thiserror::Error;
 use super::{Grid, Jobs};
 use crate::grain::GrainError;
 
-/// Smallest grain a law may reach, um (MODEL section 1).
+/// Smallest grain a law may reach, um (docs/methods.md).
 const SMALLEST_GRAIN_UM: f64 = 10.0;
 
 /// Why a grid cannot be expanded into jobs.

@@ -1,5 +1,5 @@
 //! The grid of a spectral database: its axes, its cells and its jobs
-//! (MODEL section 8).
+//! (docs/methods.md).
 //!
 //! Curves and jobs are numbered in storage order, slowest axis first:
 //! facetness, grain size, density, thickness, angle.

@@ -1,4 +1,4 @@
-//! Reading a compact file and looking spectra up in it (MODEL sections 9, 10).
+//! Reading a compact file and looking spectra up in it (docs/methods.md).
 //!
 //! This version answers on the nodes of the axes only; a point between nodes is
 //! refused, never rounded to the next one.

@@ -1,4 +1,4 @@
-//! Virtual spectrophotometer (MODEL section 7): directional-hemispherical
+//! Virtual spectrophotometer (docs/methods.md): directional-hemispherical
 //! reflectance and transmittance with standard errors.
 mod estimate;
 mod quantity;

@@ -1,5 +1,5 @@
 //! Complex refractive indices n + i k (k >= 0) of ice and water from published
-//! tables: n linear and k log-log in wavelength (MODEL section 13).
+//! tables: n linear and k log-log in wavelength (docs/methods.md).
 use std::borrow::Cow;
 use std::ops::Deref;
 use std::path::PathBuf;
@@ -9,7 +9,7 @@ use thiserror::Error;
 
 use crate::spectrum::{Table, TableError};
 
-/// Wavelengths the model is meant for, nm (MODEL section 7).
+/// Wavelengths the model is meant for, nm (docs/methods.md).
 pub const MODEL_RANGE_NM: (f64, f64) = (350.0, 2500.0);
 
 const NK: [&str; 3] = ["wavelength_nm", "n", "k"];

@@ -1,5 +1,5 @@
 //! Fresnel reflectance and refraction at a smooth interface between two media
-//! with complex refractive indices (MODEL section 4; Varsa 2025, eqs. A.1-A.9),
+//! with complex refractive indices (docs/methods.md; Varsa 2025, eqs. A.1-A.9),
 //! for eight rays at once.
 //!
 //! Unpolarised light. Where neither medium absorbs enough to matter
@@ -147,7 +147,7 @@ impl Interfaces {
     }
 
     /// Cosine of the angle of refraction into an absorbing medium (eqs.
-    /// A.7-A.9 with the misprints of MODEL section 4 mended); the half angle
+    /// A.7-A.9 with the misprints of docs/methods.md mended); the half angle
     /// psi and the fourth root q' come from one complex square root.
     #[inline(always)]
     fn absorbing_refraction(&self, kappa: f64x8, sin_squared: f64x8) -> f64x8 {

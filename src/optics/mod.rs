@@ -1,5 +1,5 @@
 //! Optical properties of ice and water, and what happens at their surfaces
-//! (MODEL sections 4 and 13; Varsa 2025, appendix A).
+//! (docs/methods.md; Varsa 2025, appendix A).
 mod index;
 mod interface;
 

@@ -1,6 +1,9 @@
-//! The snow sample and the walk of one ray through it (MODEL section 2).
+//! The snow sample and the walk of one ray through it (docs/methods.md).
+mod proposal;
+mod report;
 mod sample;
 mod walk;
 
+pub use report::{Absorption, End, Path, Sink};
 pub use sample::{Entry, Illumination, Model, Snow};
-pub use walk::{Absorption, End, Path, REJECTION_LIMIT, Sink, WalkError, Walker};
+pub use walk::{REJECTION_LIMIT, WalkError, Walker};

@@ -1,4 +1,4 @@
-//! Walks from grain to grain through a homogeneous slab (MODEL section 2;
+//! Walks from grain to grain through a homogeneous slab (docs/methods.md;
 //! Varsa 2025, section 4.1), eight side by side.
 //!
 //! The slab's planes reflect nothing; a grain that would stick out of the slab
@@ -15,17 +15,12 @@
 //! From exactly that flight and grain on, the walk is resumed for the next
 //! thickness. Each thickness sees walks of the exact law; the errors of
 //! different thicknesses are correlated.
-use std::ops::Range;
-
-use wide::f64x8;
-
-use crate::grain::{
-    Events, Grain, Grains, Surface, half_height, mean_free_distance_m, projected_point,
-};
-use crate::math::{Vec3, exp_neg};
+use crate::grain::{Events, Surface, half_height, mean_free_distance_m, projected_point};
+use crate::math::Vec3;
 use crate::optics::{Index, Interface};
 use crate::rng::Stream;
-use crate::transport::{Entry, Illumination, Snow};
+use crate::transport::proposal::{Proposal, Proposals};
+use crate::transport::{Absorption, End, Entry, Illumination, Path, Sink, Snow};
 
 /// Grain events after which a ray counts as lost.
 const EVENT_LIMIT: u64 = 10_000_000;
@@ -37,66 +32,6 @@ const STEPS_BETWEEN_CHECKS: u64 = 1024;
 /// roots and divisions the processor works on the other.
 const GROUPS: usize = 2;
 const LANES: usize = 8 * GROUPS;
-
-/// How walks end by absorption.
-#[derive(Debug, Clone, Copy, PartialEq)]
-pub struct Absorption {
-    /// Absorption coefficient of ice, 1/m: of the wavelength walked, or the
-    /// least of all wavelengths that share the walk.
-    pub ice_per_m: f64,
-    /// The same of water, 1/m.
-    pub water_per_m: f64,
-    /// Optical depth that every ray survives (0: analog absorption).
-    pub deferred: f64,
-}
-
-impl Absorption {
-    /// Weight of a ray that has survived the paths given, for a wavelength
-    /// with the absorption coefficients given, none below these: exp(-depth)
-    /// over the chance to survive. At most 1, and unbiased.
-    #[inline]
-    #[must_use]
-    pub fn weight(&self, path: &Path, ice_per_m: f64, water_per_m: f64) -> f64 {
-        let survived =
-            self.ice_per_m * path.ice_m + self.water_per_m * path.water_m - self.deferred;
-        exp_neg(ice_per_m * path.ice_m + water_per_m * path.water_m - survived.max(0.0))
-    }
-}
-
-/// Path lengths of a ray in the snow, m.
-#[derive(Debug, Clone, Copy, PartialEq, Default)]
-pub struct Path {
-    /// In ice.
-    pub ice_m: f64,
-    /// In the water of the pores.
-    pub water_m: f64,
-}
-
-/// How a walk ended.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub enum End {
-    /// Left through the upper plane.
-    Reflected,
-    /// Left through the lower plane.
-    Transmitted,
-    /// Absorbed in ice or water.
-    Absorbed,
-    /// Hit an event limit.
-    Lost,
-}
-
-/// What walks report to.
-pub trait Sink {
-    /// A walk ended, in the same way for all `thicknesses` (positions in the
-    /// list given to [`Walker::walk`]). A ray that left the snow did so along
-    /// the unit vector `direction` (z downward; it entered at azimuth 0).
-    fn end(&mut self, thicknesses: Range<usize>, end: End, path: &Path, direction: Vec3);
-
-    /// Asked now and then: whether to give up.
-    fn stop(&self) -> bool {
-        false
-    }
-}
 
 /// Why walks were given up.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -119,16 +54,6 @@ pub struct Walker {
     /// Grain surfaces in air and in water.
     surfaces: [Surface; 2],
     absorption: Absorption,
-}
-
-/// A flight and the grain at its end, not yet accepted.
-#[derive(Debug, Clone, Copy)]
-struct Proposal {
-    flight_m: f64,
-    in_water: bool,
-    grain: Grain,
-    /// Uniform variate and azimuth for [`Entry::Projected`].
-    projected: (f64, (f64, f64)),
 }
 
 /// A ray between two grains.
@@ -155,47 +80,13 @@ struct Lane {
     centre_m: f64,
 }
 
-/// Proposals drawn eight at a time.
-struct Proposals {
-    flights: f64x8,
-    media: f64x8,
-    grains: Grains,
-    projected: [f64x8; 3],
-    kept: u32,
-}
-
-impl Proposals {
-    fn next(&mut self, walker: &Walker, rng: &mut Stream) -> Proposal {
-        while self.kept == 0 {
-            self.flights = rng.exponential();
-            if walker.snow.water_saturation > 0.0 {
-                self.media = rng.uniform();
-            }
-            if walker.entry == Entry::Projected {
-                let (sin, cos) = rng.azimuth();
-                self.projected = [rng.uniform(), sin, cos];
-            }
-            (self.grains, self.kept) = Grains::draw(&walker.snow.grain, rng);
-        }
-        let lane = self.kept.trailing_zeros() as usize;
-        self.kept &= self.kept - 1;
-        let [u, sin, cos] = self.projected.each_ref().map(|v| v.as_array()[lane]);
-        Proposal {
-            flight_m: walker.mean_free_distance_m * self.flights.as_array()[lane],
-            in_water: self.media.as_array()[lane] < walker.snow.water_saturation,
-            grain: self.grains.get(lane),
-            projected: (u, (sin, cos)),
-        }
-    }
-}
-
 /// Walks under way: what the driver and its helpers share.
 struct Walks<'a, S> {
     walker: &'a Walker,
     thicknesses_m: &'a [f64],
     illumination: Illumination,
     rng: Stream,
-    proposals: Proposals,
+    proposals: Proposals<'a>,
     events: [Events; GROUPS],
     lanes: [Lane; LANES],
     /// Rays not started yet.
@@ -267,13 +158,7 @@ impl Walker {
             thicknesses_m,
             illumination,
             rng,
-            proposals: Proposals {
-                flights: f64x8::ZERO,
-                media: f64x8::ONE,
-                grains: Grains::default(),
-                projected: [f64x8::ZERO; 3],
-                kept: 0,
-            },
+            proposals: Proposals::new(&self.snow, self.entry, self.mean_free_distance_m),
             events: std::array::from_fn(|_| {
                 Events::new(&self.surfaces, self.snow.water_saturation > 0.0)
             }),
@@ -417,7 +302,7 @@ impl<S: Sink> Walks<'_, S> {
         loop {
             let proposal = match resumed.take() {
                 Some(proposal) => proposal,
-                None => self.proposals.next(self.walker, &mut self.rng),
+                None => self.proposals.next(&mut self.rng),
             };
             let Lane {
                 ray,

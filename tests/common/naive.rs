@@ -1,4 +1,4 @@
-//! The walk of MODEL section 2 written as plainly as possible: one ray at a
+//! The walk of docs/methods.md written as plainly as possible: one ray at a
 //! time, the platform's functions, analog trials on every path, another random
 //! number generator. It shares no physics code with the library, which must
 //! agree with it within statistics.
@@ -70,7 +70,7 @@ fn interface(from: Complex<f64>, to: Complex<f64>, c: f64) -> (f64, f64) {
     let rs = (Complex::from(c) - q) / (q + c);
     let rp = (eta2 * c - q) / (eta2 * c + q);
     let reflectance = 0.5 * (rs.norm_sqr() + rp.norm_sqr());
-    // Varsa 2025, eqs. A.7-A.9, with the corrections of MODEL section 4
+    // Varsa 2025, eqs. A.7-A.9, with the corrections of docs/methods.md
     let (n, k) = (to.re / from.re, to.im / to.re);
     let scale = n * n * (1.0 + k * k).powi(2);
     let a = 1.0 - (1.0 - k * k) / scale * s2;

@@ -38,7 +38,7 @@ pub(crate) fn stream(cell: u64) -> Stream {
     })
 }
 
-/// The representative sample (MODEL table 11) with its size range, mean
+/// The representative sample (Varsa 2025, chapter 7) with its size range, mean
 /// facetness (range 0.1 either way), density and water saturation changed.
 pub(crate) fn snow(size_um: (f64, f64), facetness: f64, density_kg_m3: f64, wet: f64) -> Snow {
     Snow {

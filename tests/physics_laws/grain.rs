@@ -1,5 +1,5 @@
-//! One ray and one grain: closed forms of the sphere, and the numbers MODEL
-//! section 3 gives for the representative sample.
+//! One ray and one grain: closed forms of the sphere, and the numbers that
+//! separate prototypes gave for the representative sample.
 use std::f64::consts::PI;
 
 use splitsnow::grain::{Events, GrainType, Grains, Surface, projected_point};
@@ -194,7 +194,7 @@ fn smooth_spheres_have_closed_forms() {
     }
 }
 
-/// MODEL section 3: g = 0.422 and 0.430, mean path in ice 0.475 and 0.465 mm
+/// docs/methods.md: g = 0.422 and 0.430, mean path in ice 0.475 and 0.465 mm
 /// at n = 1.3194 and 1.3069. Tolerance: half a unit of the last digit printed
 /// there and 4 standard errors. It fails where grains are drawn with a mean
 /// sphericity 0.002 too high.

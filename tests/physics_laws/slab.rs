@@ -38,7 +38,7 @@ fn every_ray_is_accounted_for() {
 }
 
 /// Without grains a dry slab is empty space, and a wet one is water with the
-/// probability S: T = (1 - S) + S exp(-alpha h / cos), R = 0 (MODEL section 2,
+/// probability S: T = (1 - S) + S exp(-alpha h / cos), R = 0 (docs/methods.md,
 /// steps 1 and 3).
 #[test]
 fn without_grains_a_slab_is_free() {

@@ -192,7 +192,7 @@ fn facets(facetness: f64, incidence_deg: f64, count: u32, rng: &mut Stream) -> V
 
 /// Facets are tilted by cos = 1 - |xi|, xi normal with standard deviation F/2,
 /// at a uniform azimuth, both drawn again until the cosine is positive and the
-/// facet faces the ray (MODEL section 3). Cells of the tilt have equal
+/// facet faces the ray (docs/methods.md). Cells of the tilt have equal
 /// probability at normal incidence; at others the share of a cell that faces
 /// the ray is integrated: m faces it if
 /// cos(i) cos(tilt) > -sin(i) sin(tilt) cos(azimuth).
