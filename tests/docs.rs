@@ -1,0 +1,124 @@
+//! The tables of keys in `docs/formats.md` are those of the schemas, and so of
+//! the program. `UPDATE_GOLDEN=1 cargo test --release --test docs` rewrites them.
+#![allow(clippy::unwrap_used)]
+use std::fmt::Write;
+use std::path::Path;
+
+use serde_json::{Map, Value};
+use splitsnow::config::schema;
+
+/// Rows of all keys below `node`.
+fn rows(out: &mut String, node: &Value, path: &str) {
+    let empty = Map::new();
+    let keys = node["properties"].as_object().unwrap_or(&empty);
+    let required = node["required"].as_array().cloned().unwrap_or_default();
+    for (key, node) in keys {
+        let path = match path {
+            "" => key.clone(),
+            _ => format!("{path}.{key}"),
+        };
+        let (name, inner) = if node["items"]["type"] == "object" {
+            (format!("[[{path}]]"), &node["items"])
+        } else if node["type"] == "object" {
+            (format!("[{path}]"), node)
+        } else {
+            (path.clone(), &Value::Null)
+        };
+        let default = match &node["default"] {
+            _ if required.contains(&key.as_str().into()) => "required".to_owned(),
+            Value::Null => String::new(),
+            value => literal(value),
+        };
+        let meaning = node["description"].as_str().unwrap_or_default();
+        let meaning = meaning.replace('\n', " ");
+        let allowed = allowed(node);
+        writeln!(out, "| `{name}` | {allowed} | {default} | {meaning} |").unwrap();
+        rows(out, inner, &path);
+    }
+}
+
+/// What a value may be.
+fn allowed(node: &Value) -> String {
+    let choices = match &node["enum"] {
+        Value::Null => &node["anyOf"][0]["enum"],
+        choices => choices,
+    };
+    if let Some(choices) = choices.as_array() {
+        let mut words: Vec<_> = choices.iter().map(literal).collect();
+        if node["anyOf"].is_array() {
+            words.push("a path ending in .csv".to_owned());
+        }
+        return words.join(", ");
+    }
+    if node["type"] == "array" {
+        let count = format!("{} to {}", node["minItems"], node["maxItems"]);
+        return match node["items"]["type"].as_str() {
+            Some("object") => format!("{count} of them"),
+            _ => format!("list of {count}, each {}", allowed(&node["items"])),
+        };
+    }
+    let bounds = [
+        ("minimum", "["),
+        ("exclusiveMinimum", "("),
+        ("maximum", "]"),
+        ("exclusiveMaximum", ")"),
+    ];
+    let mut found = bounds
+        .iter()
+        .filter_map(|(keyword, bracket)| Some((number(node[keyword].as_f64()?), bracket)));
+    match (node["type"].as_str(), found.next(), found.next()) {
+        (Some("boolean"), ..) => "true, false".to_owned(),
+        (kind, Some((low, open)), Some((high, close))) => {
+            let range = if low == high {
+                low
+            } else {
+                format!("{open}{low}, {high}{close}")
+            };
+            match kind {
+                Some("integer") => format!("integer, {range}"),
+                Some(_) => range,
+                None => format!("{range}, or a path ending in .csv"),
+            }
+        }
+        _ => String::new(),
+    }
+}
+
+fn literal(value: &Value) -> String {
+    match value {
+        Value::String(text) => format!("`\"{text}\"`"),
+        value => value.as_f64().map_or_else(|| value.to_string(), number),
+    }
+}
+
+fn number(value: f64) -> String {
+    if value.abs() < 1e6 || value > 1e15 {
+        format!("{value}")
+    } else {
+        format!("{value:e}")
+    }
+}
+
+#[test]
+fn tables_of_keys_are_current() {
+    let path = Path::new(env!("CARGO_MANIFEST_DIR")).join("docs/formats.md");
+    let before = std::fs::read_to_string(&path).unwrap();
+    let mut after = before.clone();
+    for (name, schema) in [("sample", schema::sample()), ("grid", schema::grid())] {
+        let schema: Value = serde_json::from_str(&schema).unwrap();
+        let mut table = "| key | allowed | default | meaning |\n|---|---|---|---|\n".to_owned();
+        rows(&mut table, &schema, "");
+        let (begin, end) = (format!("<!-- keys of {name} -->\n"), "<!-- end -->");
+        let (head, rest) = after.split_once(&begin).unwrap();
+        let (_, tail) = rest.split_once(end).unwrap();
+        after = format!("{head}{begin}{table}{end}{tail}");
+    }
+    if std::env::var_os("UPDATE_GOLDEN").is_some() {
+        std::fs::write(&path, after).unwrap();
+    } else {
+        assert!(
+            before == after,
+            "docs/formats.md: run with UPDATE_GOLDEN=1 and read the difference"
+        );
+    }
+}
