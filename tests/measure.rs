@@ -206,5 +206,8 @@ fn an_interrupted_measurement_prints_nothing() {
     assert!(output.stdout.is_empty());
     let mut rest = String::new();
     errors.read_to_string(&mut rest).unwrap();
-    assert_eq!(rest, "\nstopping (Ctrl-C again stops at once)\ninterrupted: nothing was written\n");
+    assert_eq!(
+        rest,
+        "\nstopping (Ctrl-C again stops at once)\ninterrupted: nothing was written\n"
+    );
 }
