@@ -40,6 +40,7 @@ pub(super) struct Args {
 }
 
 pub(super) fn run(args: &Args) -> anyhow::Result<()> {
+    let cancel = common::interrupt_flag()?;
     let sample = sample::read(&args.sample)?;
     common::warn(&sample.warnings);
     let request = Request {
@@ -53,7 +54,7 @@ pub(super) fn run(args: &Args) -> anyhow::Result<()> {
         cell: 0,
     };
     let walks = args.engine.walks(&request)?;
-    let result = simulate::run(args.threads, walks, |control| {
+    let result = simulate::run(args.threads, walks, cancel, |control| {
         args.engine.run(&request, control)
     })?;
     let mut spectra = match result {

@@ -1,14 +1,13 @@
-//! What commands that simulate without storing have in common: threads, a
-//! progress bar and Ctrl-C.
+//! What commands that simulate without storing have in common: threads and
+//! a progress bar.
 use std::io::{self, IsTerminal};
-use std::sync::atomic::{AtomicU64, Ordering};
+use std::sync::atomic::{AtomicBool, AtomicU64, Ordering};
 use std::sync::mpsc::{self, Receiver, RecvTimeoutError};
 use std::time::{Duration, Instant};
 
 use anyhow::Context;
 use indicatif::{ProgressBar, ProgressStyle};
 
-use super::common;
 use crate::engine::Control;
 
 /// No bar for what takes less.
@@ -17,17 +16,17 @@ const PATIENCE: Duration = Duration::from_secs(1);
 const TICK: Duration = Duration::from_millis(250);
 
 /// Does `work` of `walks` walks on `threads` threads (0: one per core), with a
-/// progress bar on standard error if that is a terminal. Ctrl-C cancels it.
+/// progress bar on standard error if that is a terminal; `cancel` stops it.
 pub(super) fn run<T: Send>(
     threads: usize,
     walks: u64,
+    cancel: &AtomicBool,
     work: impl FnOnce(&Control<'_>) -> T + Send,
 ) -> anyhow::Result<T> {
     let pool = rayon::ThreadPoolBuilder::new()
         .num_threads(threads)
         .build()
         .context("cannot start the threads; ask for fewer with --threads")?;
-    let cancel = common::interrupt_flag()?;
     let rays_done = AtomicU64::new(0);
     let control = Control {
         parallel: true,

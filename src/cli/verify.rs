@@ -37,6 +37,7 @@ pub(super) struct Args {
 }
 
 pub(super) fn run(args: &Args) -> anyhow::Result<()> {
+    let cancel = common::interrupt_flag()?;
     let options = Options {
         samples: args.samples as usize,
         seed: args.seed,
@@ -44,7 +45,9 @@ pub(super) fn run(args: &Args) -> anyhow::Result<()> {
     };
     let verification = Verification::open(&args.dir, options)?;
     let walks = verification.walks()?;
-    let result = simulate::run(args.threads, walks, |control| verification.run(control))?;
+    let result = simulate::run(args.threads, walks, cancel, |control| {
+        verification.run(control)
+    })?;
     let report = match result {
         Err(VerifyError::Cancelled) => return Err(Interrupted("nothing was written".into()).into()),
         result => result?,
