@@ -291,6 +291,24 @@ fn sharing_thicknesses_changes_no_law() {
     }
 }
 
+/// Light that has crossed many optical depths of ice: most walks that would
+/// carry it end by chance before, and the weights of the others make up for it.
+#[test]
+fn ending_hopeless_walks_is_unbiased() {
+    let case = Case {
+        what: "dark",
+        snow: snow([1000.0, 2000.0], F, PSI, 300.0, 0.0),
+        illumination: angle(0.0),
+        thickness_m: 0.04,
+        entry: Entry::Uniform,
+    };
+    let spectral = run(Engine::Spectral, &case, &[1270.0], 1_000_000, 21);
+    let reference = run(Engine::Reference, &case, &[1270.0], 1_000_000, 22);
+    agree(case.what, &spectral, &reference);
+    let t = reference.transmittance[0];
+    assert!(t.value > 10.0 * t.se, "the test has no power: {t:?}");
+}
+
 /// Bias from mixing two index nodes instead of walking at each wavelength's
 /// own index, on coarse grains where walks are short.
 #[test]

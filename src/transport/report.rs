@@ -62,3 +62,29 @@ pub trait Sink {
         false
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn weights_make_up_for_deferred_absorption() {
+        let path = Path {
+            ice_m: 4.0,
+            water_m: 2.0,
+        };
+        let absorption = |deferred| Absorption {
+            ice_per_m: 1.0,
+            water_per_m: 0.5,
+            deferred,
+        };
+        let exp = |x: f64| libm::exp(-x);
+        let close = |a: f64, b: f64| assert!((a / b - 1.0).abs() < 1e-14, "{a} {b}");
+        // 5 optical depths, 2 of them survived by chance: exp(-5) / exp(-2)
+        close(absorption(3.0).weight(&path, 1.0, 0.5), exp(3.0));
+        close(absorption(3.0).weight(&path, 2.0, 1.0), exp(8.0));
+        // none deferred: all survived by chance; all deferred: all in the weight
+        close(absorption(0.0).weight(&path, 1.0, 0.5), 1.0);
+        close(absorption(9.0).weight(&path, 1.0, 0.5), exp(5.0));
+    }
+}
