@@ -4,7 +4,7 @@
 use std::sync::atomic::{AtomicBool, AtomicU64};
 
 use criterion::{Criterion, Throughput, criterion_group, criterion_main};
-use splitsnow::engine::{Control, Engine, Request};
+use splitsnow::engine::{Cache, Control, Resolution, Engine, Request};
 use splitsnow::grain::{GrainType, SizeRange, TruncatedNormal};
 use splitsnow::math::Vec3;
 use splitsnow::optics::IceTable;
@@ -79,7 +79,8 @@ fn spectrum(c: &mut Criterion) {
     let request = Request {
         snow: &snow,
         thicknesses_m: &[0.12],
-        illumination: NORMAL,
+        illuminations: &[NORMAL],
+        resolution: Resolution::default(),
         wavelengths_nm: &wavelengths_nm,
         model: &model,
         rays: 4096,
@@ -87,10 +88,12 @@ fn spectrum(c: &mut Criterion) {
         cell: 0,
     };
     let (cancel, rays_done) = (AtomicBool::new(false), AtomicU64::new(0));
+    let cache = Cache::default();
     let control = Control {
         parallel: false,
         cancel: &cancel,
         rays_done: &rays_done,
+        cache: &cache,
     };
     let mut group = c.benchmark_group("spectrum_4096_rays");
     group.sample_size(10);

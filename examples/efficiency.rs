@@ -7,7 +7,7 @@
 use std::sync::atomic::{AtomicBool, AtomicU64};
 use std::time::Instant;
 
-use splitsnow::engine::{Control, Engine, Request};
+use splitsnow::engine::{Cache, Control, Resolution, Engine, Request};
 use splitsnow::grain::{GrainType, SizeRange, TruncatedNormal};
 use splitsnow::measurement::{Measured, Spectrum};
 use splitsnow::transport::{Illumination, Model, Snow};
@@ -34,13 +34,15 @@ fn main() {
     let model = Model::default();
     let visible: Vec<f64> = (40..=70).map(|l| f64::from(l) * 10.0).collect();
     let (cancel, rays_done) = (AtomicBool::new(false), AtomicU64::new(0));
+    let cache = Cache::default();
     let run = |engine: Engine, wavelengths_nm: &[f64], rays, seed| -> (f64, Spectrum) {
         let request = Request {
             snow: &snow,
             thicknesses_m: &[thickness_m],
-            illumination: Illumination::Collimated {
+            illuminations: &[Illumination::Collimated {
                 polar_angle_rad: 0.0,
-            },
+            }],
+            resolution: Resolution::default(),
             wavelengths_nm,
             model: &model,
             rays,
@@ -51,6 +53,7 @@ fn main() {
             parallel: false,
             cancel: &cancel,
             rays_done: &rays_done,
+            cache: &cache,
         };
         let start = Instant::now();
         let spectrum = engine.run(&request, &control).unwrap().pop().unwrap();

@@ -8,7 +8,7 @@ use plotters::coord::Shift;
 use plotters::prelude::*;
 use plotters::style::text_anchor::{HPos, Pos, VPos};
 use splitsnow::colour::Colorimeter;
-use splitsnow::engine::{Control, Engine, Request};
+use splitsnow::engine::{Cache, Control, Resolution, Engine, Request};
 use splitsnow::grain::{GrainType, SizeRange, TruncatedNormal};
 use splitsnow::transport::{Illumination, Model, Snow};
 use splitsnow::units::{cm_to_m, um_to_m};
@@ -61,9 +61,10 @@ fn transmittances(wavelengths_nm: &[f64]) -> Result<Vec<Vec<f64>>> {
     let request = Request {
         snow: &snow,
         thicknesses_m: &THICKNESSES_CM.map(cm_to_m),
-        illumination: Illumination::Collimated {
+        illuminations: &[Illumination::Collimated {
             polar_angle_rad: 0.0,
-        },
+        }],
+        resolution: Resolution::default(),
         wavelengths_nm,
         model: &Model::default(),
         rays: RAYS,
@@ -74,6 +75,7 @@ fn transmittances(wavelengths_nm: &[f64]) -> Result<Vec<Vec<f64>>> {
         parallel: true,
         cancel: &AtomicBool::new(false),
         rays_done: &AtomicU64::new(0),
+        cache: &Cache::default(),
     };
     let spectra = Engine::Spectral.run(&request, &control)?;
     let values = |spectrum: &splitsnow::measurement::Spectrum| {

@@ -13,6 +13,7 @@
 //! | [`spectrum`], [`optics`] | tabulated functions of wavelength; refractive indices; Fresnel and Snell |
 //! | [`grain`] | laws of grain size and shape, the event on one grain, mean free distance |
 //! | [`transport`] | the snow sample and the walk of one ray through it |
+//! | [`table`] | outcomes of grain events drawn once; walks that take them from there |
 //! | [`measurement`] | directional-hemispherical reflectance and transmittance with standard errors |
 //! | [`engine`] | schedulers of the same physics: `reference`, `spectral` |
 //! | [`grid`], [`config`] | the axes of a database; sample and grid files |
@@ -35,6 +36,7 @@ pub mod optics;
 pub mod rng;
 pub mod spectrum;
 pub mod store;
+pub mod table;
 pub mod transport;
 pub mod units;
 pub mod verify;

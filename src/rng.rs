@@ -50,6 +50,25 @@ fn unit_interval(bits: u64x8) -> f64x8 {
     one_to_two - f64x8::ONE
 }
 
+/// (sin, cos) of 2 pi `u` - pi / 4, for `u` in [0, 1); absolute error below 3e-14.
+#[inline(always)]
+#[must_use]
+pub fn azimuth(u: f64x8) -> (f64x8, f64x8) {
+    // the angle is `quarter` right angles and `t` eighths of a turn around its middle
+    let four = u * f64x8::splat(4.0);
+    let mut quarter = f64x8::ZERO;
+    for k in [1.0, 2.0, 3.0] {
+        quarter += f64x8::ONE & four.simd_ge(f64x8::splat(k));
+    }
+    let t = four - quarter;
+    let (s, c) = sincos_eighth(t + t - f64x8::ONE);
+    let half = quarter.simd_ge(f64x8::splat(2.0));
+    let odd = (quarter - (f64x8::splat(2.0) & half)).simd_gt(f64x8::splat(0.5));
+    let (s, c) = (odd.select(c, s), odd.select(-s, c));
+    let sign = f64x8::splat(-0.0) & half;
+    (s ^ sign, c ^ sign)
+}
+
 impl Stream {
     /// The stream of `key`. A generator seeded from it draws the states of the eight.
     #[must_use]

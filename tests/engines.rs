@@ -12,7 +12,7 @@ use std::sync::atomic::{AtomicBool, AtomicU64};
 
 use naive::Naive;
 use nalgebra::Complex;
-use splitsnow::engine::{Control, Engine, Request};
+use splitsnow::engine::{Cache, Control, Resolution, Engine, Request};
 use splitsnow::grain::{GrainType, SizeRange, TruncatedNormal, mean_free_distance_m};
 use splitsnow::measurement::{Measured, Spectrum};
 use splitsnow::transport::{Entry, Illumination, Model, Snow};
@@ -154,7 +154,8 @@ fn run_all(
     let request = Request {
         snow: &case.snow,
         thicknesses_m,
-        illumination: case.illumination,
+        illuminations: &[case.illumination],
+        resolution: Resolution::default(),
         wavelengths_nm,
         model: &model,
         rays,
@@ -162,6 +163,7 @@ fn run_all(
         cell: 0,
     };
     let (cancel, rays_done) = (AtomicBool::new(false), AtomicU64::new(0));
+    let cache = Cache::default();
     engine
         .run(
             &request,
@@ -169,6 +171,7 @@ fn run_all(
                 parallel: true,
                 cancel: &cancel,
                 rays_done: &rays_done,
+                cache: &cache,
             },
         )
         .unwrap()

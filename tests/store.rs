@@ -10,7 +10,7 @@ use std::sync::atomic::{AtomicBool, AtomicU64, Ordering};
 
 use common::{assert_same, dir_bytes, grid, simulate};
 use splitsnow::batch::{self, BatchError, Options, Summary};
-use splitsnow::engine::{Engine, EngineError};
+use splitsnow::engine::{Cache, Engine, EngineError};
 use splitsnow::grid::{Grid, Shard};
 use splitsnow::store::{self, Access, Store, StoreError, Variable};
 
@@ -77,6 +77,7 @@ fn a_finished_database_reads_back() {
         parallel: false,
         cancel: &cancel,
         rays_done: &rays_done,
+        cache: &Cache::default(),
     };
     let expected = simulate(&job.request(&grid), &control).unwrap();
     let row: Vec<f64> = transmittance.row(9).iter().map(|v| f64::from(*v)).collect();

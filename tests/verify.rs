@@ -13,7 +13,7 @@ use splitsnow::batch;
 use splitsnow::colour::Colorimeter;
 use splitsnow::compress::{Choice, CompactFile, Compressed, compress};
 use splitsnow::config;
-use splitsnow::engine::{Control, Engine, EngineError, Request};
+use splitsnow::engine::{Cache, Control, Engine, EngineError, Request};
 use splitsnow::grid::Grid;
 use splitsnow::measurement::Spectrum;
 use splitsnow::store::{Access, COMPACT, Store, Variable};
@@ -92,10 +92,12 @@ fn copy() -> tempfile::TempDir {
 
 fn verify(dir: &Path, options: Options) -> Report {
     let (cancel, rays_done) = (AtomicBool::new(false), AtomicU64::new(0));
+    let cache = Cache::default();
     let control = Control {
         parallel: true,
         cancel: &cancel,
         rays_done: &rays_done,
+        cache: &cache,
     };
     let verification = Verification::open(dir, options).unwrap();
     let report = verification.run(&control).unwrap();
@@ -340,10 +342,12 @@ fn a_small_bias_of_all_nodes_is_found() {
 fn cancelling_stops_it() {
     let verification = Verification::open(FRESH.path(), OPTIONS).unwrap();
     let (cancel, rays_done) = (AtomicBool::new(true), AtomicU64::new(0));
+    let cache = Cache::default();
     let control = Control {
         parallel: true,
         cancel: &cancel,
         rays_done: &rays_done,
+        cache: &cache,
     };
     let error = verification.run(&control).unwrap_err();
     assert!(matches!(error, VerifyError::Cancelled), "{error}");

@@ -6,7 +6,7 @@ mod progress;
 use std::sync::atomic::{AtomicBool, AtomicU64, AtomicUsize, Ordering};
 use std::sync::{Arc, Mutex, PoisonError};
 
-use crate::engine::{Control, EngineError, Request};
+use crate::engine::{Cache, Control, EngineError, Request};
 use crate::grid::{Grid, Shard};
 use crate::measurement::Spectrum;
 use crate::store::Store;
@@ -73,6 +73,7 @@ where
     let rays = Arc::new(AtomicU64::new(0));
     let left = missing.len() as u64;
     let progress = Progress::new(options.progress, left, total, &store.jobs(), &rays);
+    let cache = Cache::default();
     let next = AtomicUsize::new(0);
     let finished = AtomicU64::new(0);
     let failure: Mutex<Option<BatchError>> = Mutex::new(None);
@@ -91,6 +92,7 @@ where
                 parallel: missing.len() - position < worker.num_threads(),
                 cancel,
                 rays_done: &rays,
+                cache: &cache,
             };
             match run_job(grid, store, &simulate, job, &control) {
                 Ok(()) => {

@@ -7,7 +7,7 @@ use serde_json::json;
 use super::common::{self, Interrupted};
 use super::simulate;
 use crate::config::sample;
-use crate::engine::{Engine, EngineError, Request};
+use crate::engine::{Engine, EngineError, Request, Resolution};
 use crate::measurement::{Measured, Spectrum};
 
 /// Measure reflectance and transmittance of one snow sample, with standard errors
@@ -46,7 +46,8 @@ pub(super) fn run(args: &Args) -> anyhow::Result<()> {
     let request = Request {
         snow: &sample.snow,
         thicknesses_m: &[sample.thickness_m],
-        illumination: sample.illumination,
+        illuminations: &[sample.illumination],
+        resolution: Resolution::default(),
         wavelengths_nm: &sample.wavelengths_nm,
         model: &sample.model,
         rays: args.rays,

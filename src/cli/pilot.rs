@@ -18,7 +18,7 @@ use std::time::Instant;
 use anyhow::bail;
 
 use super::common::Spinner;
-use crate::engine::{BATCH, Control, Engine};
+use crate::engine::{BATCH, Cache, Control, Engine};
 use crate::grain::mean_free_distance_m;
 use crate::grid::{Grid, Job, Jobs};
 
@@ -245,6 +245,7 @@ fn sample(grid: &Grid, of_each: f64, job: &Job, rays: u64) -> anyhow::Result<Sam
         parallel: false,
         cancel: &AtomicBool::new(false),
         rays_done: &AtomicU64::new(0),
+        cache: &Cache::default(),
     };
     let (begin, worked) = (Instant::now(), processor_seconds());
     let spectra = grid.run.engine.run(&request, &control)?;

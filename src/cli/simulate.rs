@@ -8,7 +8,7 @@ use std::time::{Duration, Instant};
 use anyhow::Context;
 use indicatif::{ProgressBar, ProgressStyle};
 
-use crate::engine::Control;
+use crate::engine::{Cache, Control};
 
 /// No bar for what takes less.
 const PATIENCE: Duration = Duration::from_secs(1);
@@ -27,11 +27,12 @@ pub(super) fn run<T: Send>(
         .num_threads(threads)
         .build()
         .context("cannot start the threads; ask for fewer with --threads")?;
-    let rays_done = AtomicU64::new(0);
+    let (rays_done, cache) = (AtomicU64::new(0), Cache::default());
     let control = Control {
         parallel: true,
         cancel,
         rays_done: &rays_done,
+        cache: &cache,
     };
     Ok(std::thread::scope(|scope| {
         let (working, ended) = mpsc::channel::<()>();

@@ -7,7 +7,7 @@ use rayon::prelude::*;
 
 use crate::engine::{Control, EngineError, Request, engine_error};
 use crate::rng::{Key, Stream};
-use crate::transport::{Sink, Walker};
+use crate::transport::{Sink, Walk};
 
 /// Rays of one batch: enough for the eight lanes of a walk to stay busy
 /// although rays differ in length. Changing it changes every random number.
@@ -22,13 +22,14 @@ pub(super) trait Scores: Sink + Clone + Send + Sync {
 }
 
 /// Walks `request.rays` rays in slabs of all `thicknesses_m` and gives their
-/// scores, starting from `empty`.
+/// scores, starting from `empty`, under the `illumination`-th of its lights.
 pub(super) fn run<S: Scores>(
     request: &Request,
     control: &Control,
-    walker: &Walker,
+    walker: &impl Walk,
     thicknesses_m: &[f64],
-    purpose: [u32; 3],
+    illumination: usize,
+    [engine, i, j]: [u32; 3],
     empty: &S,
 ) -> Result<S, EngineError> {
     let batches = request.rays.div_ceil(BATCH);
@@ -36,7 +37,7 @@ pub(super) fn run<S: Scores>(
         let key = Key {
             seed: request.seed,
             cell: request.cell,
-            purpose,
+            purpose: [engine | (illumination as u32) << 8, i, j],
             batch,
         };
         let count = BATCH.min(request.rays - batch * BATCH);
@@ -44,7 +45,7 @@ pub(super) fn run<S: Scores>(
         walker
             .walk(
                 thicknesses_m,
-                request.illumination,
+                request.illuminations[illumination],
                 count,
                 Stream::new(key),
                 &mut scores,

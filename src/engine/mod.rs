@@ -1,16 +1,21 @@
 //! Engines: one physics, several schedulers, all tested against `reference`.
 mod batches;
+mod doubling;
 mod reference;
 mod spectral;
+mod tables;
 
 use std::sync::atomic::{AtomicBool, AtomicU64};
 
 use thiserror::Error;
 
+use spectral::Grains;
 pub use batches::BATCH;
+pub use tables::Cache;
 
 use crate::measurement::Spectrum;
 use crate::optics::{Index, OpticsError};
+use crate::slab::SlabError;
 use crate::transport::{Illumination, Model, REJECTION_LIMIT, Snow, WalkError};
 
 /// Which engine runs a job.
@@ -20,17 +25,42 @@ pub enum Engine {
     Reference,
     /// One walk serves all wavelengths and thicknesses.
     Spectral,
+    /// As `spectral`, with grain events drawn from tables.
+    Tabulated,
+    /// Deterministic transport in the bulk, walks next to the surfaces.
+    Doubling,
 }
 
-/// What an engine is asked for: all thicknesses of one snow under one light.
+/// How finely the engines that use tables of grain events resolve them.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub struct Resolution {
+    /// Grain events per table, at least 1.
+    pub table: u32,
+    /// Grain events drawn for the scattering kernel and to choose the table from.
+    pub grains: u32,
+    /// Directions per hemisphere in `doubling`, 2 to 32.
+    pub streams: usize,
+}
+
+impl Default for Resolution {
+    fn default() -> Self {
+        Self {
+            table: 1 << 14,
+            grains: 1 << 20,
+            streams: 8,
+        }
+    }
+}
+
+/// What an engine is asked for: all thicknesses of one snow under all lights.
 #[derive(Debug, Clone)]
 pub struct Request<'a> {
     /// The snow.
     pub snow: &'a Snow,
     /// Slab thicknesses, m, strictly increasing.
     pub thicknesses_m: &'a [f64],
-    /// The light.
-    pub illumination: Illumination,
+    /// The light: one or several incidences.
+    pub illuminations: &'a [Illumination],
     /// Wavelengths, nm, strictly increasing.
     pub wavelengths_nm: &'a [f64],
     /// Choices within the model.
@@ -38,6 +68,8 @@ pub struct Request<'a> {
     /// Walks per wavelength and thickness in `reference`; walks per index node
     /// in `spectral`.
     pub rays: u64,
+    /// Resolution of the engines that use tables.
+    pub resolution: Resolution,
     /// Seed of the whole database or measurement.
     pub seed: u64,
     /// Which cell of a database this is (0 for a single measurement).
@@ -53,6 +85,8 @@ pub struct Control<'a> {
     pub cancel: &'a AtomicBool,
     /// Incremented by the walks finished (see [`Engine::walks`]).
     pub rays_done: &'a AtomicU64,
+    /// Tables made so far.
+    pub cache: &'a Cache,
 }
 
 /// Why an engine gave no spectrum.
@@ -72,6 +106,9 @@ pub enum EngineError {
         /// Longest grain, m.
         size_max_m: f64,
     },
+    /// The transport equation could not be solved.
+    #[error(transparent)]
+    Slab(#[from] SlabError),
     /// An optical table does not cover a wavelength, or cannot be read.
     #[error(transparent)]
     Optics(#[from] OpticsError),
@@ -79,7 +116,12 @@ pub enum EngineError {
 
 impl Engine {
     /// All engines.
-    pub const ALL: [Self; 2] = [Self::Reference, Self::Spectral];
+    pub const ALL: [Self; 4] = [
+        Self::Reference,
+        Self::Spectral,
+        Self::Tabulated,
+        Self::Doubling,
+    ];
 
     /// The name used on the command line and in files.
     #[must_use]
@@ -87,13 +129,15 @@ impl Engine {
         match self {
             Self::Reference => "reference",
             Self::Spectral => "spectral",
+            Self::Tabulated => "tabulated",
+            Self::Doubling => "doubling",
         }
     }
 
     /// Whether one job of this engine serves all thicknesses at once.
     #[must_use]
     pub fn shares_thicknesses(self) -> bool {
-        matches!(self, Self::Spectral)
+        self != Self::Reference
     }
 
     /// How many walks [`Engine::run`] does for `request`; a walk that serves
@@ -103,13 +147,16 @@ impl Engine {
     /// [`EngineError::Optics`].
     pub fn walks(self, request: &Request) -> Result<u64, EngineError> {
         let per_ray = match self {
+            Self::Doubling => return doubling::walks(request),
             Self::Reference => request.wavelengths_nm.len() * request.thicknesses_m.len(),
-            Self::Spectral => spectral::nodes(&indices(request)?, request.snow).len(),
+            Self::Spectral | Self::Tabulated => spectral::nodes(&indices(request)?, request.snow).len(),
         };
+        let per_ray = per_ray * request.illuminations.len();
         Ok(request.rays.saturating_mul(per_ray as u64))
     }
 
-    /// Reflectance and transmittance per thickness of `request`.
+    /// Reflectance and transmittance per thickness and illumination of
+    /// `request`, the latter running fastest.
     ///
     /// The result is a function of the request alone: never of threads,
     /// schedule or `control`.
@@ -119,7 +166,9 @@ impl Engine {
     pub fn run(self, request: &Request, control: &Control) -> Result<Vec<Spectrum>, EngineError> {
         match self {
             Self::Reference => reference::run(request, control),
-            Self::Spectral => spectral::run(request, control),
+            Self::Spectral => spectral::run(request, control, Grains::Followed),
+            Self::Tabulated => spectral::run(request, control, Grains::Tabulated),
+            Self::Doubling => doubling::run(request, control),
         }
     }
 }
@@ -132,7 +181,7 @@ impl std::str::FromStr for Engine {
             .into_iter()
             .find(|e| e.name() == name)
             .ok_or_else(|| {
-                format!("no engine is named `{name}`; the engines are reference and spectral")
+                format!("no engine is named `{name}`; the engines are reference, spectral, tabulated and doubling")
             })
     }
 }

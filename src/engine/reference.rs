@@ -49,7 +49,7 @@ pub(super) fn run(request: &Request, control: &Control) -> Result<Vec<Spectrum>,
         lost: 0,
         cancel: control.cancel,
     };
-    let one = |(h, l): (usize, usize)| {
+    let one = |(h, light, l): (usize, usize, usize)| {
         let ((ice, water), nm) = (indices[l], request.wavelengths_nm[l]);
         let absorption = Absorption {
             ice_per_m: ice.absorption_per_m(nm),
@@ -59,11 +59,13 @@ pub(super) fn run(request: &Request, control: &Control) -> Result<Vec<Spectrum>,
         let walker = Walker::new(request.snow, request.model.entry, (ice, water), absorption);
         let thickness_m = [request.thicknesses_m[h]];
         let purpose = [0, h as u32, l as u32];
-        batches::run(request, control, &walker, &thickness_m, purpose, &empty)
+        batches::run(request, control, &walker, &thickness_m, light, purpose, &empty)
     };
-    (0..request.thicknesses_m.len())
-        .map(|h| {
-            let cells = (0..indices.len()).map(|l| (h, l)).collect();
+    let curves = (0..request.thicknesses_m.len())
+        .flat_map(|h| (0..request.illuminations.len()).map(move |light| (h, light)));
+    curves
+        .map(|(h, light)| {
+            let cells = (0..indices.len()).map(|l| (h, light, l)).collect();
             let mut spectrum = Spectrum::default();
             for counts in batches::map(control, cells, one)? {
                 spectrum

@@ -23,10 +23,11 @@
 use std::ops::Range;
 use std::sync::atomic::{AtomicBool, Ordering};
 
-use crate::engine::{Control, EngineError, Request, batches, indices};
+use crate::engine::{Control, EngineError, Request, batches, indices, tables};
 use crate::math::Vec3;
 use crate::measurement::{Estimate, Measured, Spectrum};
 use crate::optics::Index;
+use crate::table::{TableSnow, TableWalker};
 use crate::transport::{Absorption, End, Path, Sink, Snow, Walker};
 
 /// Largest distance of two neighbouring nodes in refractive index.
@@ -202,30 +203,52 @@ fn node_indices(nodes: &[usize], indices: &[(Index, Index)]) -> Vec<(Index, Inde
     at
 }
 
-pub(super) fn run(request: &Request, control: &Control) -> Result<Vec<Spectrum>, EngineError> {
+/// Where grain events come from.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub(super) enum Grains {
+    /// Rays are followed through every grain.
+    Followed,
+    /// Outcomes are drawn from tables.
+    Tabulated,
+}
+
+pub(super) fn run(
+    request: &Request,
+    control: &Control,
+    grains: Grains,
+) -> Result<Vec<Spectrum>, EngineError> {
     let indices = indices(request)?;
-    let nodes = nodes(&indices, request.snow);
-    let node_indices = node_indices(&nodes, &indices);
+    let lights = request.illuminations.len();
+    let mut spectra = vec![Spectrum::default(); request.thicknesses_m.len() * lights];
+    for light in 0..lights {
+        let lit = run_lit(request, control, grains, &indices, light)?;
+        for (h, spectrum) in lit.into_iter().enumerate() {
+            spectra[h * lights + light] = spectrum;
+        }
+    }
+    Ok(spectra)
+}
+
+/// Spectra per thickness under one light.
+fn run_lit(
+    request: &Request,
+    control: &Control,
+    grains: Grains,
+    indices: &[(Index, Index)],
+    light: usize,
+) -> Result<Vec<Spectrum>, EngineError> {
+    let nodes = nodes(indices, request.snow);
+    let node_indices = node_indices(&nodes, indices);
+    let mixes = mix_of_nodes(&nodes, &node_indices, indices, request.snow);
     // the wavelengths a node serves reach from the node before it to the node after it
     let results = batches::map(control, (0..nodes.len()).collect(), |i| {
         let last = nodes[(i + 1).min(nodes.len() - 1)];
         let span = nodes[i.saturating_sub(1)]..last + 1;
-        walk_node(request, control, &indices, node_indices[i], i, span)
+        walk_node(request, control, (grains, light), indices, (i, node_indices[i]), span)
     })?;
-    let point = |indices: &(Index, Index)| coordinates(indices, request.snow);
     let mut spectra = vec![Spectrum::default(); request.thicknesses_m.len()];
-    for (l, index) in indices.iter().enumerate() {
-        // between nodes i - 1 and i; a single node stands alone
-        let i = nodes
-            .partition_point(|&node| node < l)
-            .max(1)
-            .min(nodes.len() - 1);
-        let j = i.saturating_sub(1);
-        let (t, _) = project(
-            point(index),
-            point(&node_indices[j]),
-            point(&node_indices[i]),
-        );
+    for (l, mix) in mixes.iter().enumerate() {
+        let ([j, i], t) = (mix.nodes, mix.share);
         let (a, b) = (&results[j], &results[i]);
         for (h, spectrum) in spectra.iter_mut().enumerate() {
             let (p, q) = (h * a.width + l - a.first, h * b.width + l - b.first);
@@ -242,13 +265,52 @@ pub(super) fn run(request: &Request, control: &Control) -> Result<Vec<Spectrum>,
     Ok(spectra)
 }
 
+/// Which nodes a wavelength lies between.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub(super) struct Mix {
+    /// Positions in the list of nodes; the same twice for a single node.
+    pub(super) nodes: [usize; 2],
+    /// Share of the second.
+    pub(super) share: f64,
+}
+
+/// Refractive indices of the nodes, and what nodes each wavelength mixes.
+pub(super) fn mixes(indices: &[(Index, Index)], snow: &Snow) -> (Vec<(Index, Index)>, Vec<Mix>) {
+    let nodes = nodes(indices, snow);
+    let node_indices = node_indices(&nodes, indices);
+    let mixes = mix_of_nodes(&nodes, &node_indices, indices, snow);
+    (node_indices, mixes)
+}
+
+fn mix_of_nodes(
+    nodes: &[usize],
+    node_indices: &[(Index, Index)],
+    indices: &[(Index, Index)],
+    snow: &Snow,
+) -> Vec<Mix> {
+    let mix = |(l, index): (usize, &(Index, Index))| {
+        // between nodes i - 1 and i; a single node stands alone
+        let i = nodes
+            .partition_point(|&node| node < l)
+            .max(1)
+            .min(nodes.len() - 1);
+        let j = i.saturating_sub(1);
+        let [p, a, b] = [*index, node_indices[j], node_indices[i]].map(|i| coordinates(&i, snow));
+        Mix {
+            nodes: [j, i],
+            share: project(p, a, b).0,
+        }
+    };
+    indices.iter().enumerate().map(mix).collect()
+}
+
 /// The walks at one index node, scored for the wavelengths of its span.
 fn walk_node(
     request: &Request,
     control: &Control,
+    (grains, light): (Grains, usize),
     indices: &[(Index, Index)],
-    node: (Index, Index),
-    number: usize,
+    (number, node): (usize, (Index, Index)),
     span: Range<usize>,
 ) -> Result<NodeResult, EngineError> {
     let coefficients: Vec<Coefficients> = span
@@ -265,7 +327,6 @@ fn walk_node(
         water_per_m: least(|a| a.water_per_m),
         deferred: DEFERRED,
     };
-    let walker = Walker::new(request.snow, request.model.entry, node, absorption);
     let (heights, width) = (request.thicknesses_m.len(), span.len());
     let empty = NodeScores {
         reflected: vec![Estimate::default(); heights * width],
@@ -276,15 +337,22 @@ fn walk_node(
         weights: vec![0.0; width],
         cancel: control.cancel,
     };
-    let purpose = [1, number as u32, 0];
-    let scores = batches::run(
-        request,
-        control,
-        &walker,
-        request.thicknesses_m,
-        purpose,
-        &empty,
-    )?;
+    let heights_m = request.thicknesses_m;
+    let scores = match grains {
+        Grains::Followed => {
+            let walker = Walker::new(request.snow, request.model.entry, node, absorption);
+            let purpose = [1, number as u32, 0];
+            batches::run(request, control, &walker, heights_m, light, purpose, &empty)?
+        }
+        Grains::Tabulated => {
+            let outcomes = tables::outcomes(request, control, node)?;
+            let tables = outcomes.each_ref().map(|outcomes| &outcomes.table);
+            let snow = TableSnow::new(request.snow, tables);
+            let walker = TableWalker { snow, absorption };
+            let purpose = [3, number as u32, 0];
+            batches::run(request, control, &walker, heights_m, light, purpose, &empty)?
+        }
+    };
     let measured = |estimates: &[Estimate]| {
         estimates
             .iter()

@@ -10,7 +10,7 @@ use wide::{f64x8, u64x8};
 
 use crate::grain::{GrainType, Spheroids};
 use crate::math::{Vec3, Vec3x8};
-use crate::optics::{Interface, Interfaces, reflect};
+use crate::optics::{Index, Interface, Interfaces, reflect};
 use crate::rng::Stream;
 
 /// Tilted normals tried before the untilted one is taken.
@@ -25,6 +25,25 @@ pub struct Surface {
     pub enter: Interface,
     /// From ice to the outside.
     pub leave: Interface,
+}
+
+impl Surface {
+    /// Ice in air and in water. `wet` says whether there is any water: without,
+    /// its absorption does not matter.
+    #[must_use]
+    pub fn in_air_and_water(ice: Index, water: Index, wet: bool) -> [Self; 2] {
+        let absorbs = ice.k.max(if wet { water.k } else { 0.0 }) > Interface::DIELECTRIC_K;
+        let interface = if absorbs {
+            Interface::absorbing
+        } else {
+            Interface::dielectric
+        };
+        let surface = |outside| Self {
+            enter: interface(outside, ice),
+            leave: interface(ice, outside),
+        };
+        [surface(Index { n: 1.0, k: 0.0 }), surface(water)]
+    }
 }
 
 /// A grain drawn at random and a point on it, before any ray decides which
@@ -189,6 +208,13 @@ impl Events {
     #[must_use]
     pub fn depth_in_grain_m(&self, lane: usize) -> f64 {
         self.at.z.as_array()[lane] * self.scale_m.as_array()[lane]
+    }
+
+    /// Where the ray of `lane` is in its grain, m from its centre.
+    #[inline(always)]
+    #[must_use]
+    pub fn place_in_grain_m(&self, lane: usize) -> Vec3 {
+        self.at.get(lane) * self.scale_m.as_array()[lane]
     }
 
     /// Tries one facet on every lane.

@@ -46,6 +46,12 @@ pub struct SizeRange {
 }
 
 impl SizeRange {
+    /// Grains of unit length.
+    pub const UNIT: Self = Self {
+        min_m: 1.0,
+        max_m: 1.0,
+    };
+
     /// # Errors
     /// Both must be finite and `0 < min_m <= max_m`.
     pub fn new(min_m: f64, max_m: f64) -> Result<Self, GrainError> {

@@ -2,12 +2,12 @@
 use std::fmt;
 
 use super::{Grid, GridError, Jobs};
-use crate::engine::Request;
+use crate::engine::{Request, Resolution};
 use crate::grain::{GrainType, SizeRange, TruncatedNormal};
 use crate::transport::{Illumination, Snow};
 use crate::units::{cm_to_m, um_to_m};
 
-/// One job: one snow under one light, one or all thicknesses.
+/// One job: one snow, one or all thicknesses, one or all angles.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Job {
     /// Number of the job, which is also the cell of its random streams.
@@ -16,8 +16,10 @@ pub struct Job {
     pub snow: Snow,
     /// Slab thicknesses, m, increasing: the job's curves in storage order.
     pub thicknesses_m: Vec<f64>,
-    /// Polar angle of incidence, degrees.
-    pub angle_deg: f64,
+    /// Polar angles of incidence, degrees.
+    pub angles_deg: Vec<f64>,
+    /// The same as illuminations.
+    pub illuminations: Vec<Illumination>,
 }
 
 impl Job {
@@ -27,9 +29,8 @@ impl Job {
         Request {
             snow: &self.snow,
             thicknesses_m: &self.thicknesses_m,
-            illumination: Illumination::Collimated {
-                polar_angle_rad: self.angle_deg.to_radians(),
-            },
+            illuminations: &self.illuminations,
+            resolution: Resolution::default(),
             wavelengths_nm: &grid.wavelengths_nm,
             model: &grid.fixed.model,
             rays: grid.run.rays,
@@ -56,7 +57,13 @@ impl fmt::Display for Job {
             write!(f, "{separator}{:.4}", thickness_m * 1e2)?;
             separator = ", ";
         }
-        write!(f, " cm, angle {} degrees", self.angle_deg)
+        write!(f, " cm, angle")?;
+        let mut separator = " ";
+        for angle_deg in &self.angles_deg {
+            write!(f, "{separator}{angle_deg}")?;
+            separator = ", ";
+        }
+        write!(f, " degrees")
     }
 }
 
@@ -71,7 +78,7 @@ impl Grid {
             jobs: jobs.count(),
         };
         let [f, s, d, h, a] = jobs.origin(job)?.map(|i| i as usize);
-        let thicknesses = jobs.block()[3] as usize;
+        let [thicknesses, angles] = [3, 4].map(|axis| jobs.block()[axis] as usize);
         let at = |values: &[f64], i: usize| values.get(i).copied().ok_or_else(missing);
         let axes = &self.axes;
         let grain = GrainType {
@@ -80,6 +87,7 @@ impl Grid {
             sphericity: self.fixed.sphericity,
         };
         let thicknesses_cm = axes.thickness_cm.get(h..h + thicknesses);
+        let angles_deg = axes.angle_deg.get(a..a + angles).ok_or_else(missing)?;
         Ok(Job {
             cell: job,
             snow: Snow {
@@ -93,7 +101,13 @@ impl Grid {
                 .iter()
                 .map(|cm| cm_to_m(*cm))
                 .collect(),
-            angle_deg: at(&axes.angle_deg, a)?,
+            angles_deg: angles_deg.to_vec(),
+            illuminations: angles_deg
+                .iter()
+                .map(|deg| Illumination::Collimated {
+                    polar_angle_rad: deg.to_radians(),
+                })
+                .collect(),
         })
     }
 
@@ -138,7 +152,7 @@ mod tests {
         let jobs = grid.jobs().unwrap();
         let job = |n| grid.job(&jobs, n).unwrap();
         assert_eq!(jobs.count(), 24);
-        assert_eq!((job(0).angle_deg, job(1).angle_deg), (0.0, 60.0));
+        assert_eq!((&job(0).angles_deg[..], &job(1).angles_deg[..]), (&[0.0][..], &[60.0][..]));
         assert_eq!(job(1).thicknesses_m, [0.01]);
         assert_eq!(job(2).thicknesses_m, [0.02]);
         assert_eq!(job(6).snow.grain.size.max_m(), 250.0 * 1e-6);

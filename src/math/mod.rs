@@ -3,8 +3,10 @@
 //! which would change a database's bytes, and because these vectorise.
 mod elementary;
 mod lanes;
+mod legendre;
 mod vec3;
 
 pub use elementary::exp_neg;
+pub use legendre::{DEGREES, legendre};
 pub use lanes::{Vec3x8, ln, sincos_eighth};
 pub use vec3::Vec3;

@@ -4,6 +4,7 @@ mod report;
 mod sample;
 mod walk;
 
+pub use proposal::contact;
 pub use report::{Absorption, End, Path, Sink};
 pub use sample::{Entry, Illumination, Model, Snow};
-pub use walk::{REJECTION_LIMIT, WalkError, Walker};
+pub use walk::{EVENT_LIMIT, REJECTION_LIMIT, Walk, WalkError, Walker};

@@ -2,7 +2,8 @@
 //! eight at a time and handed out one by one.
 use wide::f64x8;
 
-use crate::grain::{Grain, Grains};
+use crate::grain::{Grain, Grains, projected_point};
+use crate::math::Vec3;
 use crate::rng::Stream;
 use crate::transport::{Entry, Snow};
 
@@ -14,6 +15,32 @@ pub(super) struct Proposal {
     pub(super) grain: Grain,
     /// Uniform variate and azimuth for [`Entry::Projected`].
     pub(super) projected: (f64, (f64, f64)),
+}
+
+/// Where a ray of unit `direction` meets `grain`, in units of its major
+/// semi-axis from its centre, and the unit outward normal there; `projected`
+/// holds the variates of [`Entry::Projected`].
+#[inline(always)]
+#[must_use]
+pub fn contact(grain: &Grain, entry: Entry, projected: (f64, (f64, f64)), direction: Vec3) -> (Vec3, Vec3) {
+    match entry {
+        Entry::Uniform => {
+            // the antipode of a point on the far side is on the near side
+            let far = grain.normal.dot(direction) > 0.0;
+            if far {
+                (-grain.point, -grain.normal)
+            } else {
+                (grain.point, grain.normal)
+            }
+        }
+        Entry::Projected => {
+            let (u, azimuth) = projected;
+            let (k, axis) = (grain.flattening, grain.axis);
+            let point = projected_point(k, axis, direction, u, azimuth);
+            let normal = point.plus(k * point.dot(axis), axis);
+            (point, normal * (1.0 / normal.dot(normal).sqrt()))
+        }
+    }
 }
 
 /// Proposals drawn eight at a time.

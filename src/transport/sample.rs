@@ -1,5 +1,5 @@
 //! What a walk needs to know about the snow and the light.
-use crate::grain::GrainType;
+use crate::grain::{GrainType, mean_free_distance_m};
 use crate::optics::{IceTable, WaterTable};
 
 /// Homogeneous snow, without its thickness.
@@ -13,6 +13,14 @@ pub struct Snow {
     pub temperature_c: f64,
     /// Fraction of the pore space that is water, in [0, 0.5].
     pub water_saturation: f64,
+}
+
+impl Snow {
+    /// Mean free distance between grains, m (Varsa 2025, appendix B).
+    #[must_use]
+    pub fn mean_free_distance_m(&self) -> f64 {
+        mean_free_distance_m(&self.grain, self.density_kg_m3, self.temperature_c)
+    }
 }
 
 /// Where on a grain's facing side the ray enters it.

@@ -15,15 +15,15 @@
 //! From exactly that flight and grain on, the walk is resumed for the next
 //! thickness. Each thickness sees walks of the exact law; the errors of
 //! different thicknesses are correlated.
-use crate::grain::{Events, Surface, half_height, mean_free_distance_m, projected_point};
+use crate::grain::{Events, Surface, half_height};
 use crate::math::Vec3;
-use crate::optics::{Index, Interface};
+use crate::optics::Index;
 use crate::rng::Stream;
-use crate::transport::proposal::{Proposal, Proposals};
+use crate::transport::proposal::{Proposal, Proposals, contact};
 use crate::transport::{Absorption, End, Entry, Illumination, Path, Sink, Snow};
 
 /// Grain events after which a ray counts as lost.
-const EVENT_LIMIT: u64 = 10_000_000;
+pub const EVENT_LIMIT: u64 = 10_000_000;
 /// Rejected grains in a row that prove a slab too thin for its grains.
 pub const REJECTION_LIMIT: u32 = 10_000;
 /// Steps after which the sink is asked whether to go on, well under a millisecond.
@@ -43,6 +43,23 @@ pub enum WalkError {
     },
     /// [`Sink::stop`] asked for it.
     Stopped,
+}
+
+/// A way to walk rays through a slab.
+pub trait Walk: Sync {
+    /// Walks `rays` rays to their ends in slabs of all `thicknesses_m`
+    /// (increasing) and gives the number of grain events.
+    ///
+    /// # Errors
+    /// [`WalkError`].
+    fn walk(
+        &self,
+        thicknesses_m: &[f64],
+        illumination: Illumination,
+        rays: u64,
+        rng: Stream,
+        sink: &mut impl Sink,
+    ) -> Result<u64, WalkError>;
 }
 
 /// Snow made ready for walks at one pair of refractive indices.
@@ -103,36 +120,18 @@ impl Walker {
         (ice, water): (Index, Index),
         absorption: Absorption,
     ) -> Self {
-        let wet = snow.water_saturation > 0.0;
-        let absorbs = ice.k.max(if wet { water.k } else { 0.0 }) > Interface::DIELECTRIC_K;
-        let interface = if absorbs {
-            Interface::absorbing
-        } else {
-            Interface::dielectric
-        };
-        let surface = |outside| Surface {
-            enter: interface(outside, ice),
-            leave: interface(ice, outside),
-        };
         Self {
             snow: *snow,
             entry,
-            mean_free_distance_m: mean_free_distance_m(
-                &snow.grain,
-                snow.density_kg_m3,
-                snow.temperature_c,
-            ),
-            surfaces: [surface(Index { n: 1.0, k: 0.0 }), surface(water)],
+            mean_free_distance_m: snow.mean_free_distance_m(),
+            surfaces: Surface::in_air_and_water(ice, water, snow.water_saturation > 0.0),
             absorption,
         }
     }
+}
 
-    /// Walks `rays` rays to their ends in slabs of all `thicknesses_m`
-    /// (increasing) and gives the number of grain events.
-    ///
-    /// # Errors
-    /// [`WalkError`].
-    pub fn walk(
+impl Walk for Walker {
+    fn walk(
         &self,
         thicknesses_m: &[f64],
         illumination: Illumination,
@@ -336,24 +335,7 @@ impl<S: Sink> Walks<'_, S> {
                 return self.end_and_resume(lane, end);
             }
             let grain = &proposal.grain;
-            let (point, normal) = match self.walker.entry {
-                Entry::Uniform => {
-                    // the antipode of a point on the far side is on the near side
-                    let far = grain.normal.dot(ray.direction) > 0.0;
-                    if far {
-                        (-grain.point, -grain.normal)
-                    } else {
-                        (grain.point, grain.normal)
-                    }
-                }
-                Entry::Projected => {
-                    let (u, azimuth) = proposal.projected;
-                    let (k, axis) = (grain.flattening, grain.axis);
-                    let point = projected_point(k, axis, ray.direction, u, azimuth);
-                    let normal = point.plus(k * point.dot(axis), axis);
-                    (point, normal * (1.0 / normal.dot(normal).sqrt()))
-                }
-            };
+            let (point, normal) = contact(&proposal.grain, self.walker.entry, proposal.projected, ray.direction);
             let scale_m = 0.5 * grain.size_m;
             let centre_m = z_m - point.z * scale_m;
             // the contact lies on the grain, so only near a plane can it stick out

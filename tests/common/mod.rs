@@ -76,7 +76,7 @@ pub(crate) fn simulate(request: &Request, control: &Control) -> Result<Vec<Spect
     if control.cancel.load(Ordering::Relaxed) {
         return Err(EngineError::Cancelled);
     }
-    let Illumination::Collimated { polar_angle_rad } = request.illumination else {
+    let [Illumination::Collimated { polar_angle_rad }] = request.illuminations else {
         return Err(EngineError::Cancelled);
     };
     let grain = request.snow.grain.size.max_m() / request.thicknesses_m[0];

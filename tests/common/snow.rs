@@ -2,7 +2,7 @@
 use std::ops::Range;
 use std::sync::atomic::{AtomicBool, AtomicU64};
 
-use splitsnow::engine::{Control, Engine, Request};
+use splitsnow::engine::{Cache, Control, Resolution, Engine, Request};
 use splitsnow::grain::{GrainType, SizeRange, TruncatedNormal};
 use splitsnow::math::Vec3;
 use splitsnow::measurement::{Measured, Spectrum};
@@ -140,7 +140,8 @@ pub(crate) fn spectra(
     let request = Request {
         snow,
         thicknesses_m,
-        illumination,
+        illuminations: &[illumination],
+        resolution: Resolution::default(),
         wavelengths_nm,
         model: &Model::default(),
         rays,
@@ -148,10 +149,12 @@ pub(crate) fn spectra(
         cell: 0,
     };
     let (cancel, rays_done) = (AtomicBool::new(false), AtomicU64::new(0));
+    let cache = Cache::default();
     let control = Control {
         parallel: false,
         cancel: &cancel,
         rays_done: &rays_done,
+        cache: &cache,
     };
     Engine::Spectral.run(&request, &control).unwrap()
 }

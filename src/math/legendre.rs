@@ -1,0 +1,49 @@
+//! Legendre polynomials.
+
+/// Highest degree plus one.
+pub const DEGREES: usize = 64;
+
+/// (2l + 1) / (l + 1) and l / (l + 1).
+const STEPS: [[f64; 2]; DEGREES] = {
+    let mut steps = [[0.0; 2]; DEGREES];
+    let mut l = 0;
+    while l < DEGREES {
+        let x = l as f64;
+        steps[l] = [(2.0 * x + 1.0) / (x + 1.0), x / (x + 1.0)];
+        l += 1;
+    }
+    steps
+};
+
+/// P_l(x) for l = 0, 1, ... below the length of `values`, at most [`DEGREES`];
+/// the values beyond that are left as they are.
+#[inline]
+pub fn legendre(x: f64, values: &mut [f64]) {
+    let (mut p, mut next) = (1.0, x);
+    for (value, [a, b]) in values.iter_mut().zip(&STEPS[1..]) {
+        *value = p;
+        (p, next) = (next, a * x * next - b * p);
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn the_first_few_by_hand() {
+        let mut p = [0.0; 5];
+        let x = 0.3;
+        legendre(x, &mut p);
+        let expected = [
+            1.0,
+            x,
+            (3.0 * x * x - 1.0) / 2.0,
+            (5.0 * x * x * x - 3.0 * x) / 2.0,
+            (35.0 * x.powi(4) - 30.0 * x * x + 3.0) / 8.0,
+        ];
+        for (p, e) in p.iter().zip(expected) {
+            assert!((p - e).abs() < 1e-15, "{p} {e}");
+        }
+    }
+}

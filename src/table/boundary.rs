@@ -1,0 +1,235 @@
+//! Walks next to the surface, where grains must fit under it.
+//!
+//! Rays enter a layer from outside or from below, and leave it through the
+//! surface or, going down, through its open lower side, where they are handed
+//! over with the Legendre moments of their direction. Grains that would cross
+//! the surface are rejected as in any walk; the lower side is no plane of the
+//! snow and rejects none. A slab too thin to have an inside is walked from
+//! plane to plane.
+//!
+//! The first grain events of a ray use points of a lattice instead of random
+//! numbers (a Kronecker sequence after Roberts 2018, shifted at random), which
+//! cover the unit cube evenly and so leave less to chance.
+use wide::f64x8;
+
+use crate::math::legendre;
+use crate::rng::Stream;
+use crate::table::rays::{Rays, TableSnow, Variates};
+use crate::table::{Histogram, lanes};
+use crate::transport::{EVENT_LIMIT, REJECTION_LIMIT, WalkError};
+
+/// Grain events that draw on the lattice.
+const LATTICE_EVENTS: usize = 3;
+
+/// What is below a layer.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub enum Lower {
+    /// Snow goes on.
+    Open,
+    /// The slab ends: grains must not cross, and rays leave.
+    Plane,
+}
+
+/// Where rays come from.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub enum Source {
+    /// Outside, at this cosine from the normal.
+    Above(f64),
+    /// Outside, isotropic radiance.
+    Diffuse,
+    /// The snow below the layer, at this cosine from straight up.
+    Below(f64),
+}
+
+/// A layer of snow under a surface.
+#[derive(Debug, Clone, Copy)]
+pub struct Layer<'a> {
+    /// The snow.
+    pub snow: TableSnow<'a>,
+    /// Thickness, m.
+    pub thickness_m: f64,
+    /// What is below.
+    pub lower: Lower,
+}
+
+/// Where rays went.
+#[derive(Debug, Clone)]
+pub struct Scores {
+    /// Rays that left through the surface: 1 each.
+    pub out: Histogram,
+    /// Rays that left below: P_l(2 mu - 1) for l = 0, 1, ..., and last how far
+    /// beyond the lower side their next flight starts, m.
+    pub through: Histogram,
+    /// Rays started.
+    pub rays: u64,
+}
+
+impl Scores {
+    /// Adds those of other rays from the same source.
+    pub fn merge(&mut self, other: &Self) {
+        self.out.merge(&other.out);
+        self.through.merge(&other.through);
+        self.rays += other.rays;
+    }
+}
+
+/// Steps of the lattice: powers of 1/phi with phi the root of x^(d+1) = x + 1.
+fn lattice(dimensions: usize) -> Vec<f64> {
+    let d = dimensions as f64;
+    let mut phi = 1.5_f64;
+    for _ in 0..64 {
+        phi = libm::pow(1.0 + phi, 1.0 / (d + 1.0));
+    }
+    (1..=dimensions).map(|j| libm::pow(phi, -(j as f64)) % 1.0).collect()
+}
+
+/// Points of the shifted lattice, one per ray.
+struct Lattice {
+    step: Vec<f64>,
+    shift: Vec<f64>,
+}
+
+impl Lattice {
+    fn new(dimensions: usize, rng: &mut Stream) -> Self {
+        Self {
+            step: lattice(dimensions),
+            shift: (0..dimensions).map(|_| rng.uniform().as_array()[0]).collect(),
+        }
+    }
+
+    fn coordinate(&self, point: u64, dimension: usize) -> f64 {
+        (self.shift[dimension] + point as f64 * self.step[dimension]).fract()
+    }
+}
+
+impl Layer<'_> {
+    /// Walks `rays` rays from `source` until they leave and scores `moments`
+    /// moments of those that leave below.
+    ///
+    /// # Errors
+    /// [`WalkError::TooThin`] if grains do not fit.
+    pub fn walk(&self, source: Source, rays: u64, moments: usize, mut rng: Stream) -> Result<Scores, WalkError> {
+        let Self { snow, thickness_m, lower } = *self;
+        let wet = snow.water_saturation > 0.0;
+        let per_event = if wet { 4 } else { 3 };
+        let lattice = Lattice::new(per_event * LATTICE_EVENTS, &mut rng);
+        let scale_m = snow.size_m[1];
+        let mut scores = Scores {
+            out: Histogram::new(scale_m, 1),
+            through: Histogram::new(scale_m, moments + 1),
+            rays,
+        };
+        let (one, zero) = (f64x8::ONE, f64x8::ZERO);
+        let depth_m = f64x8::splat(thickness_m);
+        let open = lower == Lower::Open;
+        let mut state = Rays::default();
+        let mut queue = [[zero; LATTICE_EVENTS]; 4];
+        let mut queued = zero;
+        // A ray from below is on a flight that began below: where it comes back
+        // to if its grain does not fit.
+        let mut flown_m = zero;
+        let (mut rejections, mut events) = (zero, zero);
+        let mut started = 0;
+        let mut scored = vec![0.0; moments + 1];
+        let mut walking = 0xff;
+        let mut ended = 0xff;
+        loop {
+            for lane in lanes(ended) {
+                if started == rays {
+                    walking &= !(1 << lane);
+                    continue;
+                }
+                let at = |k: usize| lattice.coordinate(started, k);
+                for k in 0..LATTICE_EVENTS {
+                    for (variate, queue) in queue.iter_mut().enumerate().take(per_event) {
+                        queue[k].as_mut_array()[lane] = at(per_event * k + variate);
+                    }
+                }
+                queued.as_mut_array()[lane] = LATTICE_EVENTS as f64;
+                rejections.as_mut_array()[lane] = 0.0;
+                events.as_mut_array()[lane] = 0.0;
+                let mut behind_m = 0.0;
+                let (z_m, mu) = match source {
+                    Source::Above(mu) => (0.0, mu),
+                    Source::Diffuse => {
+                        let u = (started as f64 + rng.uniform().as_array()[0]) / rays as f64;
+                        (0.0, (1.0 - u).sqrt())
+                    }
+                    Source::Below(mu) => {
+                        behind_m = snow.mean_free_distance_m * rng.exponential().as_array()[0];
+                        (thickness_m + mu * behind_m, -mu)
+                    }
+                };
+                flown_m.as_mut_array()[lane] = behind_m;
+                state.set(lane, [z_m, mu, 0.0, 0.0]);
+                started += 1;
+            }
+            if walking == 0 {
+                return Ok(scores);
+            }
+            let mut variates = Variates::draw(wet, &mut rng);
+            let on_lattice = queued.simd_gt(zero);
+            if on_lattice.any() {
+                for (variate, queue) in variates.all_mut().into_iter().zip(&mut queue).take(per_event) {
+                    *variate = on_lattice.select(queue[0], *variate);
+                    queue.rotate_left(1);
+                }
+                queued -= one & on_lattice;
+            }
+            let mut flight = snow.fly(&state, &variates);
+            flight.length_m += flown_m;
+            flight.end_m += flown_m * state.mu;
+            state.water_m -= flown_m & flight.wet;
+            flown_m = zero;
+            let above = flight.end_m.simd_lt(zero);
+            let below = flight.end_m.simd_gt(depth_m) & state.mu.simd_gt(zero);
+            let out = above | below;
+            let mut rejected = zero;
+            let mut near = !out & flight.end_m.simd_lt(flight.size_m);
+            if !open {
+                near |= !out & flight.end_m.simd_gt(depth_m - flight.size_m);
+            }
+            if near.to_bitmask() & walking != 0 {
+                let [top_m, bottom_m] = snow.extent_m(&state, &flight);
+                rejected = near & top_m.simd_lt(zero);
+                if !open {
+                    rejected |= near & bottom_m.simd_gt(depth_m);
+                }
+                let stuck = rejections.simd_ge(f64x8::splat(f64::from(REJECTION_LIMIT)));
+                if stuck.to_bitmask() & walking != 0 {
+                    return Err(WalkError::TooThin { thickness_m });
+                }
+            }
+            rejections = rejected.select(rejections + one, zero);
+            let met = !(out | rejected);
+            snow.scatter(&mut state, &flight, met);
+            events += one & met;
+            if wet {
+                let plane_m = below.select(depth_m, zero);
+                let flown_m = (plane_m - state.z_m) / state.mu;
+                // beyond the plane the flight is the next layer's
+                state.water_m += flown_m & (out & flight.wet);
+            }
+            let handed = if open {
+                below | (met & state.z_m.simd_gt(depth_m) & state.mu.simd_gt(zero))
+            } else {
+                below
+            };
+            let lost = state.ice_m.simd_eq(f64x8::splat(f64::INFINITY))
+                | events.simd_ge(f64x8::splat(EVENT_LIMIT as f64));
+            let [above, handed, lost, below] = [above, handed, lost, below].map(f64x8::to_bitmask);
+            ended = (above | handed | lost) & walking;
+            for lane in lanes(ended & !lost) {
+                let [z_m, mu, ice_m, water_m] = state.get(lane);
+                if above >> lane & 1 == 1 {
+                    scores.out.add(ice_m, water_m, &[1.0]);
+                } else {
+                    legendre(2.0 * mu - 1.0, &mut scored[..moments]);
+                    let in_flight = below >> lane & 1 == 1;
+                    scored[moments] = if in_flight { 0.0 } else { z_m - thickness_m };
+                    scores.through.add(ice_m, water_m, &scored);
+                }
+            }
+        }
+    }
+}

@@ -1,0 +1,130 @@
+//! What one grain event does on average: the scattering kernel at any
+//! absorption, and how far a grain carries the ray.
+use crate::math::{DEGREES, legendre};
+use crate::table::{Histogram, Outcome};
+
+/// Scores before the moments: displacement along the incoming and along the
+/// outgoing ray and its square.
+const DISPLACEMENTS: usize = 3;
+/// Nodes and weights of the mean over grain sizes: Gauss-Legendre on (0, 1),
+/// exact for polynomials of degree 11.
+const SIZES: [[f64; 2]; 6] = [
+    [0.033_765_242_898_423_99, 0.085_662_246_189_585_17],
+    [0.169_395_306_766_867_74, 0.180_380_786_524_069_3],
+    [0.380_690_406_958_401_55, 0.233_956_967_286_345_52],
+    [0.619_309_593_041_598_5, 0.233_956_967_286_345_52],
+    [0.830_604_693_233_132_3, 0.180_380_786_524_069_3],
+    [0.966_234_757_101_576, 0.085_662_246_189_585_17],
+];
+
+/// Sums over outcomes, by path in ice.
+#[derive(Debug, Clone)]
+pub struct Kernel {
+    sums: Histogram,
+    moments: usize,
+    count: f64,
+}
+
+/// A grain event on average, each ray weighted by exp(-alpha L).
+#[derive(Debug, Clone, PartialEq)]
+pub struct Event {
+    /// E[exp(-alpha L) P_l(cos Theta)]; the first is the single-scattering albedo.
+    pub moments: Vec<f64>,
+    /// Mean displacement along the incoming and along the outgoing ray, m.
+    pub displacement_m: [f64; 2],
+    /// Mean square of the displacement, m2.
+    pub displacement_sq_m2: f64,
+}
+
+impl Kernel {
+    /// Sums over `outcomes`, with the first `moments` (at most 64) Legendre moments.
+    #[must_use]
+    pub fn new(outcomes: &[Outcome], moments: usize) -> Self {
+        let moments = moments.min(DEGREES);
+        let mut sums = Histogram::new(1.0, DISPLACEMENTS + moments);
+        let mut scores = vec![0.0; DISPLACEMENTS + moments];
+        for outcome in outcomes.iter().filter(|o| o.ice.is_finite()) {
+            let (cos, sin) = (f64::from(outcome.cos), f64::from(outcome.sin));
+            let [x, y, along] = outcome.displacement.map(f64::from);
+            scores[0] = along;
+            scores[1] = along * cos + x * sin;
+            scores[2] = x * x + y * y + along * along;
+            legendre(cos, &mut scores[DISPLACEMENTS..]);
+            sums.add(f64::from(outcome.ice), 0.0, &scores);
+        }
+        Self {
+            sums,
+            moments,
+            count: outcomes.len() as f64,
+        }
+    }
+
+    /// Adds the sums of another with as many moments.
+    pub fn merge(&mut self, other: &Self) {
+        self.sums.merge(&other.sums);
+        self.count += other.count;
+    }
+
+    /// The mean over grains of lengths uniform in `size_m`, in ice that
+    /// absorbs `ice_per_m`.
+    #[must_use]
+    pub fn event(&self, size_m: [f64; 2], ice_per_m: f64) -> Event {
+        let mut means = vec![0.0; DISPLACEMENTS + self.moments];
+        let mut sums = means.clone();
+        let [min, max] = size_m;
+        for [u, weight] in SIZES {
+            let size = min + (max - min) * u;
+            self.sums.weighted(ice_per_m * size, 0.0, &mut sums);
+            for (column, (mean, sum)) in means.iter_mut().zip(&sums).enumerate() {
+                let scale = match column {
+                    0 | 1 => size,
+                    2 => size * size,
+                    _ => 1.0,
+                };
+                *mean += weight * scale * sum / self.count;
+            }
+        }
+        Event {
+            moments: means.split_off(DISPLACEMENTS),
+            displacement_m: [means[0], means[1]],
+            displacement_sq_m2: means[2],
+        }
+    }
+}
+
+impl Event {
+    /// `1 - share` of this event and `share` of `other`.
+    #[must_use]
+    pub fn mix(&self, other: &Self, share: f64) -> Self {
+        let mix = |a: f64, b: f64| (1.0 - share) * a + share * b;
+        let pairs = self.moments.iter().zip(&other.moments);
+        Self {
+            moments: pairs.map(|(a, b)| mix(*a, *b)).collect(),
+            displacement_m: [0, 1].map(|i| mix(self.displacement_m[i], other.displacement_m[i])),
+            displacement_sq_m2: mix(self.displacement_sq_m2, other.displacement_sq_m2),
+        }
+    }
+
+    /// Scattered light attenuated by the factor `survival`.
+    #[must_use]
+    pub fn attenuated(&self, survival: f64) -> Self {
+        Self {
+            moments: self.moments.iter().map(|m| survival * m).collect(),
+            displacement_m: self.displacement_m.map(|d| survival * d),
+            displacement_sq_m2: survival * self.displacement_sq_m2,
+        }
+    }
+
+    /// Mean free path, m, of points that scatter alike and spread light as far
+    /// as these grains do, `mean_free_distance_m` apart: with delta the
+    /// displacement in a grain, a = <delta.u_in>, b = <delta.u_out>,
+    /// g = <cos Theta>, its square is d^2 + d (a + b) + a b + (1 - g) <|delta|^2> / 2.
+    #[must_use]
+    pub fn effective_mean_free_path_m(&self, mean_free_distance_m: f64) -> f64 {
+        let albedo = self.moments[0].max(f64::MIN_POSITIVE);
+        let g = self.moments.get(1).copied().unwrap_or(0.0) / albedo;
+        let [a, b] = self.displacement_m.map(|d| d / albedo);
+        let d = mean_free_distance_m;
+        (d * d + d * (a + b) + a * b + (1.0 - g) * self.displacement_sq_m2 / albedo / 2.0).sqrt()
+    }
+}

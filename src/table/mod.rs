@@ -1,0 +1,27 @@
+//! Grain events from tables: outcomes drawn once by following rays through
+//! grains ([`draw`]), a stratified choice of them ([`Table`]), and walks that
+//! take their grain events from it ([`TableWalker`]).
+mod boundary;
+mod histogram;
+mod kernel;
+mod outcome;
+mod packed;
+mod rays;
+mod slab;
+
+pub use boundary::{Layer, Lower, Scores, Source};
+pub use histogram::Histogram;
+pub use kernel::{Event, Kernel};
+pub use outcome::{Outcome, draw};
+pub use packed::Table;
+pub use rays::TableSnow;
+pub use slab::TableWalker;
+
+/// The lanes set in a mask.
+fn lanes(mut mask: u32) -> impl Iterator<Item = usize> {
+    std::iter::from_fn(move || {
+        let lane = mask.trailing_zeros() as usize;
+        mask &= mask.wrapping_sub(1);
+        (lane < 8).then_some(lane)
+    })
+}

@@ -1,0 +1,124 @@
+//! Outcomes of grain events, drawn once and used many times.
+//!
+//! What a grain does to a ray does not depend on where the ray is nor where it
+//! goes (grain axes are isotropic), and lengths scale with the grain. So one
+//! list of outcomes of grains of unit length, in the frame of the incoming
+//! ray, serves every depth, direction, grain size and density.
+use crate::grain::{Events, Grains, GrainType, SizeRange, Surface};
+use crate::math::Vec3;
+use crate::rng::Stream;
+use crate::transport::{Entry, contact};
+
+/// Grain events followed side by side: two vectors of eight lanes.
+const GROUPS: usize = 2;
+
+/// One event on a grain of unit length. The ray comes along +z and leaves in
+/// the plane of x and z, at x >= 0; positions are relative to where it met the
+/// grain, in units of the grain's length.
+#[derive(Debug, Clone, Copy, PartialEq, Default)]
+pub struct Outcome {
+    /// Cosine of the deflection.
+    pub cos: f32,
+    /// Its sine, >= 0.
+    pub sin: f32,
+    /// Where the ray leaves the grain.
+    pub displacement: [f32; 3],
+    /// Path in ice; infinite if the ray is lost in the grain.
+    pub ice: f32,
+    /// Centre of the grain.
+    pub centre: [f32; 3],
+    /// Unit vector along its axis.
+    pub axis: [f32; 3],
+    /// c^2/b^2 - 1 of its semi-axes, in (-1, 0].
+    pub flattening: f32,
+}
+
+/// `count` outcomes of grains of the shapes of `law` (its size does not
+/// matter) with the surface given.
+#[must_use]
+pub fn draw(law: &GrainType, entry: Entry, surface: Surface, count: usize, mut rng: Stream) -> Vec<Outcome> {
+    let law = GrainType { size: SizeRange::UNIT, ..*law };
+    let mut events: [Events; GROUPS] =
+        std::array::from_fn(|_| Events::new(&[surface; 2], false));
+    let mut contacts = [Outcome::default(); 8 * GROUPS];
+    let mut queue = Vec::with_capacity(8);
+    let mut outcomes = Vec::with_capacity(count);
+    let mut started = 0;
+    // lanes are refilled until `count` events have begun, and all are waited
+    // for: stopping at the first `count` to end would favour short ones
+    let mut busy = [0_u32; GROUPS];
+    let mut refill = [0xff_u32; GROUPS];
+    loop {
+        for group in 0..GROUPS {
+            while refill[group] != 0 && started < count {
+                let lane = refill[group].trailing_zeros() as usize;
+                refill[group] &= refill[group] - 1;
+                if queue.is_empty() {
+                    let projected = (rng.uniform(), rng.azimuth());
+                    let (grains, kept) = Grains::draw(&law, &mut rng);
+                    queue.extend((0..8).filter(|lane| kept >> lane & 1 == 1).map(|lane| {
+                        let (u, (sin, cos)) = &projected;
+                        let azimuth = (sin.as_array()[lane], cos.as_array()[lane]);
+                        (grains.get(lane), (u.as_array()[lane], azimuth))
+                    }));
+                }
+                let Some((grain, projected)) = queue.pop() else {
+                    refill[group] |= 1 << lane;
+                    continue;
+                };
+                let down = Vec3::new(0.0, 0.0, 1.0);
+                let (point, normal) = contact(&grain, entry, projected, down);
+                let events = &mut events[group];
+                events.ice_m.as_mut_array()[lane] = 0.0;
+                events.ice_limit_m.as_mut_array()[lane] = f64::INFINITY;
+                events.direction.set(lane, down);
+                events.start(lane, &grain, point, normal, false);
+                contacts[8 * group + lane] = Outcome {
+                    centre: [-0.5 * point.x, -0.5 * point.y, -0.5 * point.z].map(|v| v as f32),
+                    axis: [grain.axis.x, grain.axis.y, grain.axis.z].map(|v| v as f32),
+                    flattening: grain.flattening as f32,
+                    ..Outcome::default()
+                };
+                busy[group] |= 1 << lane;
+                started += 1;
+            }
+        }
+        if busy == [0; GROUPS] {
+            return outcomes;
+        }
+        let steps = events.each_mut().map(|events| events.step(&mut rng));
+        for (group, step) in steps.iter().enumerate() {
+            let mut ended = (step.left | step.lost) & busy[group];
+            busy[group] &= !ended;
+            refill[group] |= ended;
+            while ended != 0 {
+                let lane = ended.trailing_zeros() as usize;
+                ended &= ended - 1;
+                let events = &events[group];
+                let exit = events.place_in_grain_m(lane);
+                let lost = step.left >> lane & 1 == 0;
+                let ice = if lost { f64::INFINITY } else { events.ice_m.as_array()[lane] };
+                outcomes.push(in_frame(&contacts[8 * group + lane], exit, events.direction.get(lane), ice));
+            }
+        }
+    }
+}
+
+/// The outcome turned about z so that `direction` lies at x >= 0 in the plane y = 0.
+fn in_frame(contact: &Outcome, exit: Vec3, direction: Vec3, ice: f64) -> Outcome {
+    let sin = (direction.x * direction.x + direction.y * direction.y).sqrt();
+    let (c, s) = if sin > 1e-12 { (direction.x / sin, direction.y / sin) } else { (1.0, 0.0) };
+    let turn = |[x, y, z]: [f64; 3]| [c * x + s * y, c * y - s * x, z].map(|v| v as f32);
+    let wide = |v: [f32; 3]| v.map(f64::from);
+    let centre = wide(contact.centre);
+    let displacement = [exit.x + centre[0], exit.y + centre[1], exit.z + centre[2]];
+    Outcome {
+        cos: direction.z as f32,
+        sin: sin as f32,
+        displacement: turn(displacement),
+        ice: ice as f32,
+        centre: turn(centre),
+        axis: turn(wide(contact.axis)),
+        flattening: contact.flattening,
+    }
+}
