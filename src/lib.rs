@@ -13,6 +13,7 @@
 //! | [`spectrum`], [`optics`] | tabulated functions of wavelength; refractive indices; Fresnel and Snell |
 //! | [`grain`] | laws of grain size and shape, the event on one grain, mean free distance |
 //! | [`transport`] | the snow sample and the walk of one ray through it |
+//! | [`slab`] | transport between points in homogeneous slabs, solved by discrete ordinates |
 //! | [`measurement`] | directional-hemispherical reflectance and transmittance with standard errors |
 //! | [`engine`] | schedulers of the same physics: `reference`, `spectral` |
 //! | [`grid`], [`config`] | the axes of a database; sample and grid files |
@@ -33,6 +34,7 @@ pub mod math;
 pub mod measurement;
 pub mod optics;
 pub mod rng;
+pub mod slab;
 pub mod spectrum;
 pub mod store;
 pub mod transport;
