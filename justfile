@@ -4,7 +4,7 @@ check:
 
 # Benchmarks; results go to docs/performance.md
 bench:
-    cargo bench --bench walk
+    cargo bench --bench walk --bench slab
 
 # Committed schemas, messages and seeds made anew
 golden:

@@ -14,6 +14,7 @@
 //! | [`grain`] | laws of grain size and shape, the event on one grain, mean free distance |
 //! | [`transport`] | the snow sample and the walk of one ray through it |
 //! | [`table`] | outcomes of grain events drawn once; walks that take them from there |
+//! | [`slab`] | transport between points in homogeneous slabs, solved by discrete ordinates |
 //! | [`measurement`] | directional-hemispherical reflectance and transmittance with standard errors |
 //! | [`engine`] | schedulers of the same physics: `reference`, `spectral` |
 //! | [`grid`], [`config`] | the axes of a database; sample and grid files |
@@ -34,6 +35,7 @@ pub mod math;
 pub mod measurement;
 pub mod optics;
 pub mod rng;
+pub mod slab;
 pub mod spectrum;
 pub mod store;
 pub mod table;

@@ -1,0 +1,157 @@
+//! The decaying modes of a medium: the eigenproblem of the module's text.
+use wide::f64x4;
+
+use super::matrix::{add_scaled, dot, weighted_product};
+use super::solve::back_substitute;
+use super::{Matrix, SlabError, Streams};
+
+/// Square of the least decay rate kept apart from 0, in units of the rates of
+/// other modes: far below any rounding, far above underflow.
+const LEAST_ABSORPTION: f64 = 1e-200;
+
+/// Decay rates k and mode matrices with Y^T Z = 1: s' = -Z Z^T d,
+/// d' = -Y diag(k^2) Y^T s.
+#[derive(Debug, Clone)]
+pub(super) struct Modes {
+    /// `[n]`: per unit of optical depth, all above 0.
+    pub(super) rates: Vec<f64>,
+    /// `[n, n]`, a row per mode.
+    pub(super) z: Matrix,
+    /// `[n, n]`, a row per mode.
+    pub(super) y: Matrix,
+    /// Z^T Z.
+    pub(super) z_gram: Matrix,
+    /// Y^T Y.
+    pub(super) y_gram: Matrix,
+}
+
+impl Modes {
+    /// Of the medium with moments `chi`, of which the 0th is not used:
+    /// `absorption` is 1 - chi_0 without its rounding.
+    ///
+    /// # Errors
+    /// [`SlabError::Peaked`].
+    pub(super) fn new(streams: &Streams, chi: &[f64], absorption: f64) -> Result<Self, SlabError> {
+        let n = streams.count();
+        let moment = |l: usize| -chi.get(l).copied().unwrap_or(0.0);
+        let even: Vec<f64> = (1..n).map(|l| moment(2 * l)).collect();
+        let odd: Vec<f64> = (0..n).map(|l| moment(2 * l + 1)).collect();
+        let even = cholesky(one_plus(&streams.even, &even))?;
+        let odd = cholesky(one_plus(&streams.odd, &odd))?;
+
+        // N^T L; its first row has the factor sqrt(1 - chi_0)
+        let basis = &streams.basis_over_cosine * &odd.transposed();
+        let mut product = Matrix::zeros(n, n);
+        let first = absorption.max(LEAST_ABSORPTION).sqrt();
+        add_scaled(product.wide_row_mut(0), first, basis.wide_row(0));
+        for i in 1..n {
+            for j in i..n {
+                let row = product.wide_row_mut(i);
+                add_scaled(row, even[(i - 1, j - 1)], basis.wide_row(j));
+            }
+        }
+        let rates = orthogonalise(&mut product);
+        let directions = product;
+
+        let mut z = &directions * &odd;
+        for m in 0..n {
+            for (entry, mu) in z.row_mut(m).iter_mut().zip(&streams.cosines) {
+                *entry /= mu.sqrt();
+            }
+        }
+        let mut y = back_substitute(&odd, directions.transposed());
+        for (i, mu) in streams.cosines.iter().enumerate() {
+            let root = mu.sqrt();
+            y.row_mut(i).iter_mut().for_each(|entry| *entry *= root);
+        }
+        let ones = vec![1.0; n];
+        let columns = z.transposed();
+        Ok(Self {
+            rates,
+            z_gram: weighted_product(&columns, &ones, &columns),
+            y_gram: weighted_product(&y, &ones, &y),
+            z,
+            y: y.transposed(),
+        })
+    }
+}
+
+/// 1 + V^T diag(d) V.
+fn one_plus(vectors: &Matrix, d: &[f64]) -> Matrix {
+    let mut sum = weighted_product(vectors, d, vectors);
+    sum.add_diagonal(&vec![1.0; vectors.columns()]);
+    sum
+}
+
+/// U, upper triangular, with U^T U = `a`.
+fn cholesky(mut a: Matrix) -> Result<Matrix, SlabError> {
+    let n = a.rows();
+    for k in 0..n {
+        let pivot = a[(k, k)];
+        if pivot.is_nan() || pivot <= 0.0 {
+            return Err(SlabError::Peaked);
+        }
+        let inverse = 1.0 / pivot.sqrt();
+        let row = a.row_mut(k);
+        row[..k].fill(0.0);
+        row[k..].iter_mut().for_each(|entry| *entry *= inverse);
+        for i in k + 1..n {
+            let factor = -a[(k, i)];
+            let (upper, lower) = a.wide_rows_mut(k, i);
+            add_scaled(lower, factor, upper);
+        }
+    }
+    Ok(a)
+}
+
+/// Turns the rows of A = U diag(k) V^T into those of V^T and gives k: one-sided
+/// Jacobi rotations, which find every singular value to a relative accuracy
+/// that does not suffer from the sizes of the rows (Demmel and Veselic 1992).
+fn orthogonalise(a: &mut Matrix) -> Vec<f64> {
+    let n = a.rows();
+    // Rotations converge quadratically: after a sweep that met no cosine above
+    // this the rows are orthogonal to rounding.
+    const DONE: f64 = 1e-18;
+    const ROUNDING: f64 = 1e-32;
+    for _ in 0..40 {
+        let mut squares: Vec<f64> = (0..n).map(|i| dot(a.wide_row(i), a.wide_row(i))).collect();
+        let mut largest: f64 = 0.0;
+        // Pairs of equal sum share no row, so their rotations overlap in time.
+        for sum in 0..n {
+            for i in 0..n {
+                let j = (sum + n - i) % n;
+                if i >= j {
+                    continue;
+                }
+                let (upper, lower) = a.wide_rows_mut(i, j);
+                let product = dot(upper, lower);
+                let cosine = product * product / (squares[i] * squares[j]);
+                if cosine <= ROUNDING {
+                    continue;
+                }
+                largest = largest.max(cosine);
+                let zeta = (squares[j] - squares[i]) / (2.0 * product);
+                let tangent = (1.0 / (zeta.abs() + (1.0 + zeta * zeta).sqrt())).copysign(zeta);
+                let c = 1.0 / (1.0 + tangent * tangent).sqrt();
+                squares[i] -= tangent * product;
+                squares[j] += tangent * product;
+                let (c, s) = (f64x4::splat(c), f64x4::splat(c * tangent));
+                for (x, y) in upper.iter_mut().zip(lower) {
+                    (*x, *y) = (c * *x - s * *y, s * *x + c * *y);
+                }
+            }
+        }
+        if largest < DONE {
+            break;
+        }
+    }
+    (0..n)
+        .map(|i| {
+            let row = a.wide_row_mut(i);
+            let norm = dot(row, row).sqrt();
+            let inverse = 1.0 / norm;
+            row.iter_mut().for_each(|block| *block *= inverse);
+            norm
+        })
+        .collect()
+}
