@@ -4,7 +4,7 @@
 use std::sync::atomic::{AtomicBool, AtomicU64};
 
 use criterion::{Criterion, Throughput, criterion_group, criterion_main};
-use splitsnow::engine::{Cache, Control, Resolution, Engine, Request};
+use splitsnow::engine::{Cache, Control, Engine, Request, Resolution};
 use splitsnow::grain::{GrainType, SizeRange, TruncatedNormal};
 use splitsnow::math::Vec3;
 use splitsnow::optics::IceTable;

@@ -12,7 +12,7 @@ use crate::table::{Event, Layer, Lower, Scores, Source, TableSnow};
 use crate::transport::Illumination;
 
 /// Thickness of a boundary layer in mean free distances and in largest grains.
-const LAYER: (f64, f64) = (3.0, 1.8);
+const LAYER: (f64, f64) = (2.0, 1.8);
 /// Wavelengths at which the standard error is found from independent parts.
 const ANCHORS: usize = 5;
 
@@ -76,7 +76,9 @@ pub(super) fn run(request: &Request, control: &Control) -> Result<Vec<Spectrum>,
 pub(super) fn walks(request: &Request) -> Result<u64, EngineError> {
     let (nodes, _) = mixes(&indices(request)?, request.snow);
     let layer_m = layer_m(request);
-    let thin = request.thicknesses_m.partition_point(|h| *h <= 2.0 * layer_m);
+    let thin = request
+        .thicknesses_m
+        .partition_point(|h| *h <= 2.0 * layer_m);
     let lights = request.illuminations.len();
     let mut sources = thin * lights;
     if thin < request.thicknesses_m.len() {
@@ -88,31 +90,48 @@ pub(super) fn walks(request: &Request) -> Result<u64, EngineError> {
 
 /// Thickness of a boundary layer, m.
 fn layer_m(request: &Request) -> f64 {
-    let e = |k: &str, d: f64| std::env::var(k).ok().and_then(|v| v.parse().ok()).unwrap_or(d);
-    let (distances, grains) = (e("LD", LAYER.0), e("LG", LAYER.1));
+    let (distances, grains) = LAYER;
     let largest_m = request.snow.grain.size.max_m();
     (distances * request.snow.mean_free_distance_m()).max(grains * largest_m)
 }
 
 impl Run<'_> {
-    fn walk(&self, control: &Control, number: usize, outcomes: [Arc<Outcomes>; 2]) -> Result<Node, EngineError> {
+    fn walk(
+        &self,
+        control: &Control,
+        number: usize,
+        outcomes: [Arc<Outcomes>; 2],
+    ) -> Result<Node, EngineError> {
         let request = self.request;
         let tables = outcomes.each_ref().map(|outcomes| &outcomes.table);
         let snow = TableSnow::new(request.snow, tables);
         let below = self.streams.cosines().iter().map(|x| Source::Below(*x));
         let above = request.illuminations.iter().map(|light| match light {
-            Illumination::Collimated { polar_angle_rad } => Source::Above(libm::cos(*polar_angle_rad)),
+            Illumination::Collimated { polar_angle_rad } => {
+                Source::Above(libm::cos(*polar_angle_rad))
+            }
             Illumination::Diffuse => Source::Diffuse,
         });
         let above: Vec<Source> = above.collect();
         let inside = self.thin < request.thicknesses_m.len();
-        let sources: Vec<Source> = if inside { below.chain(above.iter().copied()).collect() } else { Vec::new() };
+        let sources: Vec<Source> = if inside {
+            below.chain(above.iter().copied()).collect()
+        } else {
+            Vec::new()
+        };
         let moments = self.streams.count();
         // (kind, layer, source, moments)
         let mut tasks = Vec::new();
         for part in 0..PARTS {
             for (i, source) in sources.iter().enumerate() {
-                tasks.push((part, [4, i as u32], self.layer_m, Lower::Open, *source, moments));
+                tasks.push((
+                    part,
+                    [4, i as u32],
+                    self.layer_m,
+                    Lower::Open,
+                    *source,
+                    moments,
+                ));
             }
             for (h, thickness_m) in request.thicknesses_m[..self.thin].iter().enumerate() {
                 for (i, source) in above.iter().enumerate() {
@@ -123,24 +142,38 @@ impl Run<'_> {
         }
         let per_part = tasks.len() / PARTS;
         let rays = request.rays.div_ceil(PARTS as u64);
-        let mut scores = batches::map(control, tasks, |(part, [kind, i], thickness_m, lower, source, moments)| {
-            if control.cancel.load(std::sync::atomic::Ordering::Relaxed) {
-                return Err(EngineError::Cancelled);
-            }
-            let key = Key {
-                seed: request.seed,
-                cell: request.cell,
-                // the same for all nodes, so that dispersion is not buried in noise
-                purpose: [kind, i, 0],
-                batch: part as u64,
-            };
-            let layer = Layer { snow, thickness_m, lower };
-            let scores = layer.walk(source, rays, moments, Stream::new(key));
-            control.rays_done.fetch_add(rays, std::sync::atomic::Ordering::Relaxed);
-            scores.map_err(|error| engine_error(request, error))
-        })?;
+        let mut scores = batches::map(
+            control,
+            tasks,
+            |(part, [kind, i], thickness_m, lower, source, moments)| {
+                if control.cancel.load(std::sync::atomic::Ordering::Relaxed) {
+                    return Err(EngineError::Cancelled);
+                }
+                let key = Key {
+                    seed: request.seed,
+                    cell: request.cell,
+                    // the same for all nodes, so that dispersion is not buried in noise
+                    purpose: [kind, i, 0],
+                    batch: part as u64,
+                };
+                let layer = Layer {
+                    snow,
+                    thickness_m,
+                    lower,
+                };
+                let scores = layer.walk(source, rays, moments, Stream::new(key));
+                control
+                    .rays_done
+                    .fetch_add(rays, std::sync::atomic::Ordering::Relaxed);
+                scores.map_err(|error| engine_error(request, error))
+            },
+        )?;
         let _ = number;
-        let mut node = Node { outcomes, layer: Vec::new(), thin: Vec::new() };
+        let mut node = Node {
+            outcomes,
+            layer: Vec::new(),
+            thin: Vec::new(),
+        };
         for _ in 0..PARTS {
             let rest = scores.split_off(per_part);
             let thin = scores.split_off(sources.len());
@@ -150,7 +183,12 @@ impl Run<'_> {
         Ok(node)
     }
 
-    fn solve(&self, nodes: &[Node], indices: &[(crate::optics::Index, crate::optics::Index)], mixes: &[Mix]) -> Result<Vec<Spectrum>, EngineError> {
+    fn solve(
+        &self,
+        nodes: &[Node],
+        indices: &[(crate::optics::Index, crate::optics::Index)],
+        mixes: &[Mix],
+    ) -> Result<Vec<Spectrum>, EngineError> {
         let request = self.request;
         let lights = request.illuminations.len();
         let curves = request.thicknesses_m.len() * lights;
@@ -159,7 +197,10 @@ impl Run<'_> {
         let all: Vec<usize> = (0..PARTS).collect();
         let absorption = |l: usize| {
             let nm = request.wavelengths_nm[l];
-            [indices[l].0.absorption_per_m(nm), indices[l].1.absorption_per_m(nm)]
+            [
+                indices[l].0.absorption_per_m(nm),
+                indices[l].1.absorption_per_m(nm),
+            ]
         };
         for l in 0..wavelengths {
             let values = self.curves(nodes, &mixes[l], absorption(l), &all)?;
@@ -171,7 +212,15 @@ impl Run<'_> {
         }
         // standard errors relative to the values, at some wavelengths
         let anchors = ANCHORS.min(wavelengths);
-        let at: Vec<usize> = (0..anchors).map(|i| if anchors > 1 { i * (wavelengths - 1) / (anchors - 1) } else { 0 }).collect();
+        let at: Vec<usize> = (0..anchors)
+            .map(|i| {
+                if anchors > 1 {
+                    i * (wavelengths - 1) / (anchors - 1)
+                } else {
+                    0
+                }
+            })
+            .collect();
         let mut relative = Vec::new();
         for &l in &at {
             let parts: Vec<Vec<[f64; 2]>> = (0..PARTS)
@@ -180,16 +229,29 @@ impl Run<'_> {
             let of = |curve: usize, quantity: usize| {
                 let values = parts.iter().map(|part| part[curve][quantity]);
                 let mean = values.clone().sum::<f64>() / PARTS as f64;
-                let variance = values.map(|v| (v - mean).powi(2)).sum::<f64>() / (PARTS * (PARTS - 1)) as f64;
-                if mean > 0.0 { variance.sqrt() / mean } else { 0.0 }
+                let variance =
+                    values.map(|v| (v - mean).powi(2)).sum::<f64>() / (PARTS * (PARTS - 1)) as f64;
+                if mean > 0.0 {
+                    variance.sqrt() / mean
+                } else {
+                    0.0
+                }
             };
-            relative.push((0..curves).map(|c| [of(c, 0), of(c, 1)]).collect::<Vec<_>>());
+            relative.push(
+                (0..curves)
+                    .map(|c| [of(c, 0), of(c, 1)])
+                    .collect::<Vec<_>>(),
+            );
         }
         for (c, spectrum) in spectra.iter_mut().enumerate() {
             for l in 0..wavelengths {
                 let i = at.partition_point(|a| *a < l).min(at.len() - 1);
                 let j = i.saturating_sub(1);
-                let f = if i == j { 0.0 } else { (l - at[j]) as f64 / (at[i] - at[j]) as f64 };
+                let f = if i == j {
+                    0.0
+                } else {
+                    (l - at[j]) as f64 / (at[i] - at[j]) as f64
+                };
                 let f = f.clamp(0.0, 1.0);
                 let se = |q: usize| (1.0 - f) * relative[j][c][q] + f * relative[i][c][q];
                 spectrum.reflectance[l].se = se(0) * spectrum.reflectance[l].value;
@@ -200,7 +262,13 @@ impl Run<'_> {
     }
 
     /// [R, T] of every thickness and light at one wavelength, from some parts.
-    fn curves(&self, nodes: &[Node], mix: &Mix, absorption: [f64; 2], parts: &[usize]) -> Result<Vec<[f64; 2]>, EngineError> {
+    fn curves(
+        &self,
+        nodes: &[Node],
+        mix: &Mix,
+        absorption: [f64; 2],
+        parts: &[usize],
+    ) -> Result<Vec<[f64; 2]>, EngineError> {
         let request = self.request;
         let lights = request.illuminations.len();
         let mut curves = Vec::with_capacity(request.thicknesses_m.len() * lights);
@@ -214,7 +282,9 @@ impl Run<'_> {
                 for &part in parts {
                     let scores = &node.thin[part][i];
                     scores.out.weighted(absorption[0], absorption[1], &mut out);
-                    scores.through.weighted(absorption[0], absorption[1], &mut through);
+                    scores
+                        .through
+                        .weighted(absorption[0], absorption[1], &mut through);
                     sums[0] += out[0];
                     sums[1] += through[0];
                     rays += scores.rays as f64;
@@ -228,8 +298,10 @@ impl Run<'_> {
             return Ok(curves);
         }
         let c = self.couplings(nodes, mix, absorption, parts);
-        let medium = Medium::new(&self.streams, &c.event.moments)?;
-        let mean_free_path_m = c.event.effective_mean_free_path_m(self.mean_free_distance_m);
+        let medium = Medium::delta_m(&self.streams, &c.event.moments)?;
+        let mean_free_path_m = c
+            .event
+            .effective_mean_free_path_m(self.mean_free_distance_m);
         let n = self.streams.count();
         for thickness_m in &request.thicknesses_m[self.thin..] {
             let bulk = medium.operators((thickness_m - 2.0 * self.layer_m) / mean_free_path_m)?;
@@ -240,14 +312,21 @@ impl Run<'_> {
             let arrived = &down * &entered;
             let returned = &lower * &entered;
             for light in 0..lights {
-                let escape = |m: &Matrix| -> f64 { (0..n).map(|i| c.escape[i] * m.row(i)[light]).sum() };
+                let escape =
+                    |m: &Matrix| -> f64 { (0..n).map(|i| c.escape[i] * m.row(i)[light]).sum() };
                 curves.push([c.reflected[light] + escape(&returned), escape(&arrived)]);
             }
         }
         Ok(curves)
     }
 
-    fn couplings(&self, nodes: &[Node], mix: &Mix, [ice_per_m, water_per_m]: [f64; 2], parts: &[usize]) -> Couplings {
+    fn couplings(
+        &self,
+        nodes: &[Node],
+        mix: &Mix,
+        [ice_per_m, water_per_m]: [f64; 2],
+        parts: &[usize],
+    ) -> Couplings {
         let n = self.streams.count();
         let request = self.request;
         let lights = request.illuminations.len();
@@ -255,7 +334,10 @@ impl Run<'_> {
         let mut moments = vec![vec![0.0; n + 1]; n + lights];
         let mut event: Option<Event> = None;
         let saturation = request.snow.water_saturation;
-        let [min, max] = [request.snow.grain.size.min_m(), request.snow.grain.size.max_m()];
+        let [min, max] = [
+            request.snow.grain.size.min_m(),
+            request.snow.grain.size.max_m(),
+        ];
         let (mut left, mut through) = ([0.0], vec![0.0; n + 1]);
         for (node, share) in mix.nodes.iter().zip([1.0 - mix.share, mix.share]) {
             if share == 0.0 {
@@ -268,7 +350,9 @@ impl Run<'_> {
                 for &part in parts {
                     let scores = &node.layer[part][source];
                     scores.out.weighted(ice_per_m, water_per_m, &mut left);
-                    scores.through.weighted(ice_per_m, water_per_m, &mut through);
+                    scores
+                        .through
+                        .weighted(ice_per_m, water_per_m, &mut through);
                     out[source] += share * left[0];
                     let sums = moments[source].iter_mut().zip(&through);
                     sums.for_each(|(sum, score)| *sum += share * score);
@@ -302,7 +386,11 @@ impl Run<'_> {
             escape: out[..n].to_vec(),
             entry: Matrix::from_fn(n, lights, |i, j| spread(i, n + j)),
             reflected: out[n..].to_vec(),
-            event: event.unwrap_or(Event { moments: Vec::new(), displacement_m: [0.0; 2], displacement_sq_m2: 0.0 }),
+            event: event.unwrap_or(Event {
+                moments: Vec::new(),
+                displacement_m: [0.0; 2],
+                displacement_sq_m2: 0.0,
+            }),
         }
     }
 }

@@ -9,8 +9,8 @@ use std::sync::atomic::{AtomicBool, AtomicU64};
 
 use thiserror::Error;
 
-use spectral::Grains;
 pub use batches::BATCH;
+use spectral::Grains;
 pub use tables::Cache;
 
 use crate::measurement::Spectrum;
@@ -149,7 +149,9 @@ impl Engine {
         let per_ray = match self {
             Self::Doubling => return doubling::walks(request),
             Self::Reference => request.wavelengths_nm.len() * request.thicknesses_m.len(),
-            Self::Spectral | Self::Tabulated => spectral::nodes(&indices(request)?, request.snow).len(),
+            Self::Spectral | Self::Tabulated => {
+                spectral::nodes(&indices(request)?, request.snow).len()
+            }
         };
         let per_ray = per_ray * request.illuminations.len();
         Ok(request.rays.saturating_mul(per_ray as u64))

@@ -59,7 +59,15 @@ pub(super) fn run(request: &Request, control: &Control) -> Result<Vec<Spectrum>,
         let walker = Walker::new(request.snow, request.model.entry, (ice, water), absorption);
         let thickness_m = [request.thicknesses_m[h]];
         let purpose = [0, h as u32, l as u32];
-        batches::run(request, control, &walker, &thickness_m, light, purpose, &empty)
+        batches::run(
+            request,
+            control,
+            &walker,
+            &thickness_m,
+            light,
+            purpose,
+            &empty,
+        )
     };
     let curves = (0..request.thicknesses_m.len())
         .flat_map(|h| (0..request.illuminations.len()).map(move |light| (h, light)));

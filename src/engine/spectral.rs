@@ -244,7 +244,14 @@ fn run_lit(
     let results = batches::map(control, (0..nodes.len()).collect(), |i| {
         let last = nodes[(i + 1).min(nodes.len() - 1)];
         let span = nodes[i.saturating_sub(1)]..last + 1;
-        walk_node(request, control, (grains, light), indices, (i, node_indices[i]), span)
+        walk_node(
+            request,
+            control,
+            (grains, light),
+            indices,
+            (i, node_indices[i]),
+            span,
+        )
     })?;
     let mut spectra = vec![Spectrum::default(); request.thicknesses_m.len()];
     for (l, mix) in mixes.iter().enumerate() {

@@ -77,7 +77,9 @@ impl Cache {
     fn get(&self, recipe: Recipe, control: &Control) -> Result<Arc<Outcomes>, EngineError> {
         let find = || {
             let kept = self.0.lock().unwrap_or_else(PoisonError::into_inner);
-            kept.iter().find(|(r, _)| *r == recipe).map(|(_, o)| Arc::clone(o))
+            kept.iter()
+                .find(|(r, _)| *r == recipe)
+                .map(|(_, o)| Arc::clone(o))
         };
         if let Some(outcomes) = find() {
             return Ok(outcomes);
@@ -112,16 +114,19 @@ impl Recipe {
                 return Err(EngineError::Cancelled);
             }
             let outcomes = draw(&self.grain, self.entry, self.surface, BATCH, stream(batch));
-            let kernel = Kernel::new(&outcomes, 2 * self.resolution.streams);
+            let kernel = Kernel::new(&outcomes, 2 * self.resolution.streams + 1);
             Ok((kernel, if batch < kept { outcomes } else { Vec::new() }))
         };
         let made: Vec<_> = if control.parallel {
-            (0..batches).into_par_iter().map(one).collect::<Result<_, _>>()?
+            (0..batches)
+                .into_par_iter()
+                .map(one)
+                .collect::<Result<_, _>>()?
         } else {
             (0..batches).map(one).collect::<Result<_, _>>()?
         };
         let mut list = Vec::with_capacity(kept * BATCH);
-        let mut kernel = Kernel::new(&[], 2 * self.resolution.streams);
+        let mut kernel = Kernel::new(&[], 2 * self.resolution.streams + 1);
         let mut parts = vec![kernel.clone(); PARTS];
         for (batch, (part, outcomes)) in made.into_iter().enumerate() {
             parts[batch * PARTS / batches].merge(&part);
@@ -129,6 +134,10 @@ impl Recipe {
             list.extend(outcomes);
         }
         let table = Table::new(list, size, &mut stream(batches));
-        Ok(Outcomes { table, parts, kernel })
+        Ok(Outcomes {
+            table,
+            parts,
+            kernel,
+        })
     }
 }

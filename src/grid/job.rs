@@ -152,7 +152,10 @@ mod tests {
         let jobs = grid.jobs().unwrap();
         let job = |n| grid.job(&jobs, n).unwrap();
         assert_eq!(jobs.count(), 24);
-        assert_eq!((&job(0).angles_deg[..], &job(1).angles_deg[..]), (&[0.0][..], &[60.0][..]));
+        assert_eq!(
+            (&job(0).angles_deg[..], &job(1).angles_deg[..]),
+            (&[0.0][..], &[60.0][..])
+        );
         assert_eq!(job(1).thicknesses_m, [0.01]);
         assert_eq!(job(2).thicknesses_m, [0.02]);
         assert_eq!(job(6).snow.grain.size.max_m(), 250.0 * 1e-6);

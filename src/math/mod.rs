@@ -7,6 +7,6 @@ mod legendre;
 mod vec3;
 
 pub use elementary::exp_neg;
-pub use legendre::{DEGREES, legendre};
 pub use lanes::{Vec3x8, ln, sincos_eighth};
+pub use legendre::{DEGREES, legendre};
 pub use vec3::Vec3;

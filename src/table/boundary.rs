@@ -80,7 +80,9 @@ fn lattice(dimensions: usize) -> Vec<f64> {
     for _ in 0..64 {
         phi = libm::pow(1.0 + phi, 1.0 / (d + 1.0));
     }
-    (1..=dimensions).map(|j| libm::pow(phi, -(j as f64)) % 1.0).collect()
+    (1..=dimensions)
+        .map(|j| libm::pow(phi, -(j as f64)) % 1.0)
+        .collect()
 }
 
 /// Points of the shifted lattice, one per ray.
@@ -93,7 +95,9 @@ impl Lattice {
     fn new(dimensions: usize, rng: &mut Stream) -> Self {
         Self {
             step: lattice(dimensions),
-            shift: (0..dimensions).map(|_| rng.uniform().as_array()[0]).collect(),
+            shift: (0..dimensions)
+                .map(|_| rng.uniform().as_array()[0])
+                .collect(),
         }
     }
 
@@ -108,8 +112,18 @@ impl Layer<'_> {
     ///
     /// # Errors
     /// [`WalkError::TooThin`] if grains do not fit.
-    pub fn walk(&self, source: Source, rays: u64, moments: usize, mut rng: Stream) -> Result<Scores, WalkError> {
-        let Self { snow, thickness_m, lower } = *self;
+    pub fn walk(
+        &self,
+        source: Source,
+        rays: u64,
+        moments: usize,
+        mut rng: Stream,
+    ) -> Result<Scores, WalkError> {
+        let Self {
+            snow,
+            thickness_m,
+            lower,
+        } = *self;
         let wet = snow.water_saturation > 0.0;
         let per_event = if wet { 4 } else { 3 };
         let lattice = Lattice::new(per_event * LATTICE_EVENTS, &mut rng);
@@ -170,7 +184,12 @@ impl Layer<'_> {
             let mut variates = Variates::draw(wet, &mut rng);
             let on_lattice = queued.simd_gt(zero);
             if on_lattice.any() {
-                for (variate, queue) in variates.all_mut().into_iter().zip(&mut queue).take(per_event) {
+                for (variate, queue) in variates
+                    .all_mut()
+                    .into_iter()
+                    .zip(&mut queue)
+                    .take(per_event)
+                {
                     *variate = on_lattice.select(queue[0], *variate);
                     queue.rotate_left(1);
                 }

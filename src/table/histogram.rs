@@ -70,7 +70,9 @@ impl Histogram {
         let sums = &mut self.sums[start..start + width];
         let paths = [1.0, ice, water, ice * ice, water * water, ice * water];
         let all = paths.iter().chain(scores);
-        sums.iter_mut().zip(all).for_each(|(sum, value)| *sum += value);
+        sums.iter_mut()
+            .zip(all)
+            .for_each(|(sum, value)| *sum += value);
     }
 
     /// Adds the sums of another of the same kind.
@@ -103,8 +105,7 @@ impl Histogram {
         scores.fill(0.0);
         for bin in self.sums.chunks_exact(PATHS + self.columns) {
             let (paths, sums) = bin.split_at(PATHS);
-            let [ice, water, ice_sq, water_sq, both] =
-                [1, 2, 3, 4, 5].map(|i| paths[i] / paths[0]);
+            let [ice, water, ice_sq, water_sq, both] = [1, 2, 3, 4, 5].map(|i| paths[i] / paths[0]);
             let variance = a * a * (ice_sq - ice * ice)
                 + w * w * (water_sq - water * water)
                 + 2.0 * a * w * (both - ice * water);

@@ -4,7 +4,7 @@
 //! goes (grain axes are isotropic), and lengths scale with the grain. So one
 //! list of outcomes of grains of unit length, in the frame of the incoming
 //! ray, serves every depth, direction, grain size and density.
-use crate::grain::{Events, Grains, GrainType, SizeRange, Surface};
+use crate::grain::{Events, GrainType, Grains, SizeRange, Surface};
 use crate::math::Vec3;
 use crate::rng::Stream;
 use crate::transport::{Entry, contact};
@@ -36,10 +36,18 @@ pub struct Outcome {
 /// `count` outcomes of grains of the shapes of `law` (its size does not
 /// matter) with the surface given.
 #[must_use]
-pub fn draw(law: &GrainType, entry: Entry, surface: Surface, count: usize, mut rng: Stream) -> Vec<Outcome> {
-    let law = GrainType { size: SizeRange::UNIT, ..*law };
-    let mut events: [Events; GROUPS] =
-        std::array::from_fn(|_| Events::new(&[surface; 2], false));
+pub fn draw(
+    law: &GrainType,
+    entry: Entry,
+    surface: Surface,
+    count: usize,
+    mut rng: Stream,
+) -> Vec<Outcome> {
+    let law = GrainType {
+        size: SizeRange::UNIT,
+        ..*law
+    };
+    let mut events: [Events; GROUPS] = std::array::from_fn(|_| Events::new(&[surface; 2], false));
     let mut contacts = [Outcome::default(); 8 * GROUPS];
     let mut queue = Vec::with_capacity(8);
     let mut outcomes = Vec::with_capacity(count);
@@ -97,8 +105,17 @@ pub fn draw(law: &GrainType, entry: Entry, surface: Surface, count: usize, mut r
                 let events = &events[group];
                 let exit = events.place_in_grain_m(lane);
                 let lost = step.left >> lane & 1 == 0;
-                let ice = if lost { f64::INFINITY } else { events.ice_m.as_array()[lane] };
-                outcomes.push(in_frame(&contacts[8 * group + lane], exit, events.direction.get(lane), ice));
+                let ice = if lost {
+                    f64::INFINITY
+                } else {
+                    events.ice_m.as_array()[lane]
+                };
+                outcomes.push(in_frame(
+                    &contacts[8 * group + lane],
+                    exit,
+                    events.direction.get(lane),
+                    ice,
+                ));
             }
         }
     }
@@ -107,7 +124,11 @@ pub fn draw(law: &GrainType, entry: Entry, surface: Surface, count: usize, mut r
 /// The outcome turned about z so that `direction` lies at x >= 0 in the plane y = 0.
 fn in_frame(contact: &Outcome, exit: Vec3, direction: Vec3, ice: f64) -> Outcome {
     let sin = (direction.x * direction.x + direction.y * direction.y).sqrt();
-    let (c, s) = if sin > 1e-12 { (direction.x / sin, direction.y / sin) } else { (1.0, 0.0) };
+    let (c, s) = if sin > 1e-12 {
+        (direction.x / sin, direction.y / sin)
+    } else {
+        (1.0, 0.0)
+    };
     let turn = |[x, y, z]: [f64; 3]| [c * x + s * y, c * y - s * x, z].map(|v| v as f32);
     let wide = |v: [f32; 3]| v.map(f64::from);
     let centre = wide(contact.centre);

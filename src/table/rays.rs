@@ -87,7 +87,12 @@ impl Variates {
     /// Its vectors, in the order of [`Variates::get`].
     #[inline(always)]
     pub(super) fn all_mut(&mut self) -> [&mut f64x8; 4] {
-        [&mut self.flight, &mut self.outcome, &mut self.azimuth, &mut self.medium]
+        [
+            &mut self.flight,
+            &mut self.outcome,
+            &mut self.azimuth,
+            &mut self.medium,
+        ]
     }
 
     /// The variates of one ray.
@@ -143,16 +148,26 @@ impl TableSnow<'_> {
             size_m: f64x8::new(rest) * f64x8::splat(max - min) + f64x8::splat(min),
             sin,
             cos,
-            across: (f64x8::ONE - rays.mu * rays.mu).fast_max(f64x8::ZERO).sqrt(),
+            across: (f64x8::ONE - rays.mu * rays.mu)
+                .fast_max(f64x8::ZERO)
+                .sqrt(),
         }
     }
 
     /// The first `N` columns of the outcomes waiting, of `rows` in air and in water.
     #[inline(always)]
-    fn gather<const N: usize>(&self, flight: &Flight, rows: impl Fn(&Table) -> &[[f32; 8]]) -> [f64x8; N] {
+    fn gather<const N: usize>(
+        &self,
+        flight: &Flight,
+        rows: impl Fn(&Table) -> &[[f32; 8]],
+    ) -> [f64x8; N] {
         let mut columns = [[0.0; 8]; N];
         let [air, water] = self.tables.map(rows);
-        let wet = if self.water_saturation > 0.0 { flight.wet.to_bitmask() } else { 0 };
+        let wet = if self.water_saturation > 0.0 {
+            flight.wet.to_bitmask()
+        } else {
+            0
+        };
         for lane in 0..8 {
             let rows = if wet >> lane & 1 == 1 { water } else { air };
             let row = &rows[flight.outcomes[lane] as usize];

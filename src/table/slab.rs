@@ -8,8 +8,8 @@ use wide::f64x8;
 
 use crate::math::Vec3;
 use crate::rng::Stream;
-use crate::table::{TableSnow, lanes};
 use crate::table::rays::{Rays, Variates};
+use crate::table::{TableSnow, lanes};
 use crate::transport::{
     Absorption, EVENT_LIMIT, End, Illumination, Path, REJECTION_LIMIT, Sink, Walk, WalkError,
 };
@@ -163,8 +163,7 @@ impl<S: Sink> Walks<'_, S> {
             let lost = self.rays.ice_m.simd_eq(f64x8::splat(f64::INFINITY))
                 | self.events.simd_ge(f64x8::splat(EVENT_LIMIT as f64));
             let absorbed = depth.simd_ge(self.budget) & (met | (out & flight.wet));
-            let [lost, absorbed, below, out] =
-                [lost, absorbed, below, out].map(f64x8::to_bitmask);
+            let [lost, absorbed, below, out] = [lost, absorbed, below, out].map(f64x8::to_bitmask);
             for lane in lanes((lost | absorbed | out) & walking) {
                 let end = match [lost, absorbed, below].map(|mask| mask >> lane & 1 == 1) {
                     [true, ..] => End::Lost,
@@ -207,7 +206,13 @@ impl<S: Sink> Walks<'_, S> {
         if touch.is_none() && *slab + 1 < self.thicknesses_m.len() {
             let [z_m, mu, ice_m, water_m] = self.rays.get(lane);
             let variates = variates.get(lane);
-            *touch = Some(Resume { z_m, mu, ice_m, water_m, variates });
+            *touch = Some(Resume {
+                z_m,
+                mu,
+                ice_m,
+                water_m,
+                variates,
+            });
         }
     }
 
@@ -217,10 +222,15 @@ impl<S: Sink> Walks<'_, S> {
         let [_, mu, ice_m, water_m] = self.rays.get(lane);
         let (path, across) = (Path { ice_m, water_m }, (1.0 - mu * mu).max(0.0).sqrt());
         let direction = Vec3::new(across, 0.0, mu);
-        let Lane { slab, touch, forced } = &mut self.lanes[lane];
+        let Lane {
+            slab,
+            touch,
+            forced,
+        } = &mut self.lanes[lane];
         let Some(resume) = touch.take() else {
             // the lower plane had no say: the walk is the same in all thicker slabs
-            self.sink.end(*slab..self.thicknesses_m.len(), end, &path, direction);
+            self.sink
+                .end(*slab..self.thicknesses_m.len(), end, &path, direction);
             return false;
         };
         self.sink.end(*slab..*slab + 1, end, &path, direction);
@@ -228,7 +238,13 @@ impl<S: Sink> Walks<'_, S> {
         *forced = Some(resume.variates);
         self.forced |= 1 << lane;
         self.thickness_m.as_mut_array()[lane] = self.thicknesses_m[*slab];
-        let Resume { z_m, mu, ice_m, water_m, .. } = resume;
+        let Resume {
+            z_m,
+            mu,
+            ice_m,
+            water_m,
+            ..
+        } = resume;
         self.rays.set(lane, [z_m, mu, ice_m, water_m]);
         true
     }

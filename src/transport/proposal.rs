@@ -22,7 +22,12 @@ pub(super) struct Proposal {
 /// holds the variates of [`Entry::Projected`].
 #[inline(always)]
 #[must_use]
-pub fn contact(grain: &Grain, entry: Entry, projected: (f64, (f64, f64)), direction: Vec3) -> (Vec3, Vec3) {
+pub fn contact(
+    grain: &Grain,
+    entry: Entry,
+    projected: (f64, (f64, f64)),
+    direction: Vec3,
+) -> (Vec3, Vec3) {
     match entry {
         Entry::Uniform => {
             // the antipode of a point on the far side is on the near side

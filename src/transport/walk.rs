@@ -335,7 +335,12 @@ impl<S: Sink> Walks<'_, S> {
                 return self.end_and_resume(lane, end);
             }
             let grain = &proposal.grain;
-            let (point, normal) = contact(&proposal.grain, self.walker.entry, proposal.projected, ray.direction);
+            let (point, normal) = contact(
+                &proposal.grain,
+                self.walker.entry,
+                proposal.projected,
+                ray.direction,
+            );
             let scale_m = 0.5 * grain.size_m;
             let centre_m = z_m - point.z * scale_m;
             // the contact lies on the grain, so only near a plane can it stick out

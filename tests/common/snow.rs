@@ -2,7 +2,7 @@
 use std::ops::Range;
 use std::sync::atomic::{AtomicBool, AtomicU64};
 
-use splitsnow::engine::{Cache, Control, Resolution, Engine, Request};
+use splitsnow::engine::{Cache, Control, Engine, Request, Resolution};
 use splitsnow::grain::{GrainType, SizeRange, TruncatedNormal};
 use splitsnow::math::Vec3;
 use splitsnow::measurement::{Measured, Spectrum};
