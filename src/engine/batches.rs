@@ -21,12 +21,12 @@ pub(super) trait Scores: Sink + Clone + Send + Sync {
     fn merge(&mut self, other: &Self);
 }
 
-/// Walks `request.rays` rays in slabs of all `thicknesses_m` and gives their
+/// Walks `request.rays` rays, each batch with the `walker` of its number, in slabs of all `thicknesses_m` and gives their
 /// scores, starting from `empty`, under the `illumination`-th of its lights.
-pub(super) fn run<S: Scores>(
+pub(super) fn run<S: Scores, W: Walk>(
     request: &Request,
     control: &Control,
-    walker: &impl Walk,
+    walker: impl Fn(u64) -> W + Sync + Send,
     thicknesses_m: &[f64],
     illumination: usize,
     [engine, i, j]: [u32; 3],
@@ -42,7 +42,7 @@ pub(super) fn run<S: Scores>(
         };
         let count = BATCH.min(request.rays - batch * BATCH);
         let mut scores = empty.clone();
-        walker
+        walker(batch)
             .walk(
                 thicknesses_m,
                 request.illuminations[illumination],

@@ -1,6 +1,7 @@
 //! Engines: one physics, several schedulers, all tested against `reference`.
 mod batches;
 mod doubling;
+mod nodes;
 mod reference;
 mod spectral;
 mod tables;
@@ -34,9 +35,9 @@ pub enum Engine {
 /// How finely the engines that use tables of grain events resolve them.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub struct Resolution {
-    /// Grain events per table, at least 1.
+    /// Grain events to draw from, at least 8.
     pub table: u32,
-    /// Grain events drawn for the scattering kernel and to choose the table from.
+    /// Grain events averaged for the scattering kernel; the table is chosen from these.
     pub grains: u32,
     /// Directions per hemisphere in `doubling`, 2 to 32.
     pub streams: usize,
@@ -45,8 +46,8 @@ pub struct Resolution {
 impl Default for Resolution {
     fn default() -> Self {
         Self {
-            table: 1 << 14,
-            grains: 1 << 20,
+            table: 1 << 17,
+            grains: 1 << 21,
             streams: 8,
         }
     }
@@ -140,6 +141,12 @@ impl Engine {
         self != Self::Reference
     }
 
+    /// Whether one job of this engine serves all illuminations at once.
+    #[must_use]
+    pub fn shares_angles(self) -> bool {
+        self == Self::Doubling
+    }
+
     /// How many walks [`Engine::run`] does for `request`; a walk that serves
     /// several thicknesses counts once.
     ///
@@ -150,7 +157,7 @@ impl Engine {
             Self::Doubling => return doubling::walks(request),
             Self::Reference => request.wavelengths_nm.len() * request.thicknesses_m.len(),
             Self::Spectral | Self::Tabulated => {
-                spectral::nodes(&indices(request)?, request.snow).len()
+                nodes::nodes(&indices(request)?, request.snow).len()
             }
         };
         let per_ray = per_ray * request.illuminations.len();

@@ -62,7 +62,7 @@ pub(super) fn run(request: &Request, control: &Control) -> Result<Vec<Spectrum>,
         batches::run(
             request,
             control,
-            &walker,
+            |_| walker,
             &thickness_m,
             light,
             purpose,

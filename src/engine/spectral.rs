@@ -6,14 +6,7 @@
 //! of that wavelength would be, and the weights of those that survive make up
 //! for it, so no walk goes on for nothing and every estimate is unbiased.
 //!
-//! **Dispersion.** Paths depend on the refractive indices, so walks are done
-//! at a few *index nodes*, at (or, outermost, somewhat beyond) some of the
-//! wavelengths asked for, chosen so that every other one lies close to the straight line between its two nodes in
-//! the plane of (n, k) of ice (and of water, in wet snow). Each wavelength's
-//! result is the linear mix of what the walks of its two nodes give it with
-//! its own absorption. What remains is the curvature of R and T over one
-//! interval of at most [`SPACING`] in index: below 0.1 % of transmittance, as
-//! `tests/engines.rs` measures against walks at every wavelength's own index.
+//! **Dispersion.** Walks are done at the index nodes of [`super::nodes`].
 //!
 //! **Thicknesses.** One walk serves them all, exactly (see
 //! [`crate::transport::Walker`]): it is resumed for the next thickness where
@@ -23,25 +16,16 @@
 use std::ops::Range;
 use std::sync::atomic::{AtomicBool, Ordering};
 
+use crate::engine::nodes::{mixes, nodes};
 use crate::engine::{Control, EngineError, Request, batches, indices, tables};
 use crate::math::Vec3;
 use crate::measurement::{Estimate, Measured, Spectrum};
 use crate::optics::Index;
 use crate::table::{TableSnow, TableWalker};
-use crate::transport::{Absorption, End, Path, Sink, Snow, Walker};
+use crate::transport::{Absorption, End, Path, Sink, Walker};
 
-/// Largest distance of two neighbouring nodes in refractive index.
-pub(super) const SPACING: f64 = 0.0135;
-/// How far the outermost nodes lie outside, in parts of the way to the next.
-const STRETCH: f64 = 0.2;
 /// Optical depth of the least absorbed wavelength that every walk survives.
 const DEFERRED: f64 = 3.0;
-/// Largest distance of a wavelength's indices from the line between its nodes.
-const DEVIATION: f64 = 5e-4;
-/// Weight of k against n in those distances: k changes the mean internal
-/// reflectance of ice by about 3.7 per unit, n by about 1.
-const K_WEIGHT: f64 = 4.0;
-
 /// Absorption coefficients of one wavelength, 1/m.
 #[derive(Clone, Copy)]
 struct Coefficients {
@@ -104,67 +88,6 @@ impl batches::Scores for NodeScores<'_> {
     }
 }
 
-/// Coordinates in which nodes are placed; vacuum stands for absent water.
-fn coordinates(&(ice, water): &(Index, Index), snow: &Snow) -> [f64; 4] {
-    let wet = if snow.water_saturation > 0.0 {
-        1.0
-    } else {
-        0.0
-    };
-    [
-        ice.n,
-        K_WEIGHT * ice.k,
-        wet * water.n,
-        wet * K_WEIGHT * water.k,
-    ]
-}
-
-fn dot(a: [f64; 4], b: [f64; 4]) -> f64 {
-    a.iter().zip(b).map(|(a, b)| a * b).sum()
-}
-
-fn minus(a: [f64; 4], b: [f64; 4]) -> [f64; 4] {
-    std::array::from_fn(|i| a[i] - b[i])
-}
-
-/// Where `p` lies between `a` and `b`: fraction of the way, squared distance from the line.
-fn project(p: [f64; 4], a: [f64; 4], b: [f64; 4]) -> (f64, f64) {
-    let (ab, ap) = (minus(b, a), minus(p, a));
-    let length_sq = dot(ab, ab);
-    let t = if length_sq > 0.0 {
-        (dot(ap, ab) / length_sq).clamp(0.0, 1.0)
-    } else {
-        0.0
-    };
-    let off: [f64; 4] = std::array::from_fn(|i| ap[i] - t * ab[i]);
-    (t, dot(off, off))
-}
-
-/// Positions in the wavelength list at which walks are done, increasing; the
-/// first and last wavelength are always among them.
-pub(super) fn nodes(indices: &[(Index, Index)], snow: &Snow) -> Vec<usize> {
-    let points: Vec<_> = indices.iter().map(|i| coordinates(i, snow)).collect();
-    let mut nodes = vec![0];
-    let mut from = 0;
-    while from + 1 < points.len() {
-        let holds = |to: &usize| {
-            let ab = minus(points[*to], points[from]);
-            dot(ab, ab) <= SPACING * SPACING
-                && points[from..=*to]
-                    .iter()
-                    .all(|p| project(*p, points[from], points[*to]).1 <= DEVIATION * DEVIATION)
-        };
-        // neighbours are always a valid pair: both are nodes and nothing lies between
-        let to = (from + 2..points.len())
-            .take_while(|to| holds(to))
-            .last()
-            .unwrap_or(from + 1);
-        nodes.push(to);
-        from = to;
-    }
-    nodes
-}
-
 /// What the walks of one node give the wavelengths from `first` on.
 struct NodeResult {
     first: usize,
@@ -174,33 +97,6 @@ struct NodeResult {
     /// [thickness]
     lost: Vec<f64>,
     width: usize,
-}
-
-/// Refractive indices at the nodes: those of their wavelengths, but the first
-/// and last are moved outward by [`STRETCH`] of the way to their neighbour if
-/// there are wavelengths in between. Two independent values weigh least in the
-/// variance of their mix halfway between them, so this saves walks.
-fn node_indices(nodes: &[usize], indices: &[(Index, Index)]) -> Vec<(Index, Index)> {
-    let beyond = |a: Index, b: Index| Index {
-        n: a.n + STRETCH * (a.n - b.n),
-        k: (a.k + STRETCH * (a.k - b.k)).max(0.0),
-    };
-    let moved = |node: usize, neighbour: usize| {
-        let (a, b) = (indices[node], indices[neighbour]);
-        if node.abs_diff(neighbour) > 1 {
-            (beyond(a.0, b.0), beyond(a.1, b.1))
-        } else {
-            a
-        }
-    };
-    let mut at: Vec<_> = nodes.iter().map(|&node| indices[node]).collect();
-    if let [first, second, ..] = nodes {
-        at[0] = moved(*first, *second);
-    }
-    if let [.., before, last] = nodes {
-        at[nodes.len() - 1] = moved(*last, *before);
-    }
-    at
 }
 
 /// Where grain events come from.
@@ -238,8 +134,7 @@ fn run_lit(
     light: usize,
 ) -> Result<Vec<Spectrum>, EngineError> {
     let nodes = nodes(indices, request.snow);
-    let node_indices = node_indices(&nodes, indices);
-    let mixes = mix_of_nodes(&nodes, &node_indices, indices, request.snow);
+    let (node_indices, mixes) = mixes(indices, request.snow);
     // the wavelengths a node serves reach from the node before it to the node after it
     let results = batches::map(control, (0..nodes.len()).collect(), |i| {
         let last = nodes[(i + 1).min(nodes.len() - 1)];
@@ -270,45 +165,6 @@ fn run_lit(
         }
     }
     Ok(spectra)
-}
-
-/// Which nodes a wavelength lies between.
-#[derive(Debug, Clone, Copy, PartialEq)]
-pub(super) struct Mix {
-    /// Positions in the list of nodes; the same twice for a single node.
-    pub(super) nodes: [usize; 2],
-    /// Share of the second.
-    pub(super) share: f64,
-}
-
-/// Refractive indices of the nodes, and what nodes each wavelength mixes.
-pub(super) fn mixes(indices: &[(Index, Index)], snow: &Snow) -> (Vec<(Index, Index)>, Vec<Mix>) {
-    let nodes = nodes(indices, snow);
-    let node_indices = node_indices(&nodes, indices);
-    let mixes = mix_of_nodes(&nodes, &node_indices, indices, snow);
-    (node_indices, mixes)
-}
-
-fn mix_of_nodes(
-    nodes: &[usize],
-    node_indices: &[(Index, Index)],
-    indices: &[(Index, Index)],
-    snow: &Snow,
-) -> Vec<Mix> {
-    let mix = |(l, index): (usize, &(Index, Index))| {
-        // between nodes i - 1 and i; a single node stands alone
-        let i = nodes
-            .partition_point(|&node| node < l)
-            .max(1)
-            .min(nodes.len() - 1);
-        let j = i.saturating_sub(1);
-        let [p, a, b] = [*index, node_indices[j], node_indices[i]].map(|i| coordinates(&i, snow));
-        Mix {
-            nodes: [j, i],
-            share: project(p, a, b).0,
-        }
-    };
-    indices.iter().enumerate().map(mix).collect()
 }
 
 /// The walks at one index node, scored for the wavelengths of its span.
@@ -349,15 +205,26 @@ fn walk_node(
         Grains::Followed => {
             let walker = Walker::new(request.snow, request.model.entry, node, absorption);
             let purpose = [1, number as u32, 0];
-            batches::run(request, control, &walker, heights_m, light, purpose, &empty)?
+            batches::run(
+                request,
+                control,
+                |_| walker,
+                heights_m,
+                light,
+                purpose,
+                &empty,
+            )?
         }
         Grains::Tabulated => {
             let outcomes = tables::outcomes(request, control, node)?;
-            let tables = outcomes.each_ref().map(|outcomes| &outcomes.table);
-            let snow = TableSnow::new(request.snow, tables);
-            let walker = TableWalker { snow, absorption };
+            let walker = |batch: u64| {
+                let part = batch as usize % tables::PARTS;
+                let tables = outcomes.each_ref().map(|outcomes| &outcomes.tables[part]);
+                let snow = TableSnow::new(request.snow, tables);
+                TableWalker { snow, absorption }
+            };
             let purpose = [3, number as u32, 0];
-            batches::run(request, control, &walker, heights_m, light, purpose, &empty)?
+            batches::run(request, control, walker, heights_m, light, purpose, &empty)?
         }
     };
     let measured = |estimates: &[Estimate]| {

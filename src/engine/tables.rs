@@ -1,10 +1,9 @@
 //! Outcome tables for engines, made once per shape of grain and pair of
 //! refractive indices and kept for the next job that needs them.
+use std::sync::atomic::Ordering;
 use std::sync::{Arc, Mutex, PoisonError};
 
-use rayon::prelude::*;
-
-use crate::engine::{Control, EngineError, Request};
+use crate::engine::{Control, EngineError, Request, Resolution, batches};
 use crate::grain::{GrainType, SizeRange, Surface};
 use crate::optics::Index;
 use crate::rng::{Key, Stream};
@@ -27,17 +26,19 @@ struct Recipe {
     entry: Entry,
     surface: Surface,
     seed: u64,
-    resolution: super::Resolution,
+    resolution: Resolution,
 }
 
-/// Grain events of one shape of grain between one pair of indices.
+/// Grain events of one shape of grain between one pair of indices, in
+/// independent parts: their scatter is the error of whatever comes from them,
+/// and each part's table fits into a processor's cache.
 #[derive(Debug)]
 pub(super) struct Outcomes {
-    /// To draw from.
-    pub(super) table: Table,
-    /// Averages over independent parts of all outcomes drawn.
-    pub(super) parts: Vec<Kernel>,
-    /// Average over all of them.
+    /// To draw from, per part.
+    pub(super) tables: Vec<Table>,
+    /// Averages, per part.
+    pub(super) kernels: Vec<Kernel>,
+    /// Average over all parts.
     pub(super) kernel: Kernel,
 }
 
@@ -96,48 +97,54 @@ impl Cache {
 
 impl Recipe {
     fn make(&self, control: &Control) -> Result<Outcomes, EngineError> {
-        let size = self.resolution.table as usize;
-        let wanted = (self.resolution.grains as usize).max(OVERSAMPLING * size);
-        let batches = wanted.div_ceil(BATCH).next_multiple_of(PARTS);
-        let kept = (OVERSAMPLING * size).div_ceil(BATCH);
-        // the same streams whatever the surface: what differs between indices is optics
-        let stream = |batch: usize| {
-            Stream::new(Key {
-                seed: self.seed,
-                cell: 0,
-                purpose: [2, 0, 0],
-                batch: batch as u64,
-            })
-        };
-        let one = |batch: usize| {
-            if control.cancel.load(std::sync::atomic::Ordering::Relaxed) {
+        let Resolution {
+            table,
+            grains,
+            streams,
+        } = self.resolution;
+        let size = (table as usize).div_ceil(PARTS);
+        let outcomes = (grains as usize).div_ceil(PARTS).max(size);
+        // what goes into a table is chosen from the first of a part
+        let candidates = (OVERSAMPLING * size).min(outcomes);
+        let one = |(part, first): (usize, usize)| {
+            if control.cancel.load(Ordering::Relaxed) {
                 return Err(EngineError::Cancelled);
             }
-            let outcomes = draw(&self.grain, self.entry, self.surface, BATCH, stream(batch));
-            let kernel = Kernel::new(&outcomes, 2 * self.resolution.streams + 1);
-            Ok((kernel, if batch < kept { outcomes } else { Vec::new() }))
+            // the same streams whatever the surface: what differs between indices is optics
+            let rng = self.stream(part, first / BATCH);
+            let count = BATCH.min(outcomes - first);
+            let mut drawn = draw(&self.grain, self.entry, self.surface, count, rng);
+            let kernel = Kernel::new(&drawn, 2 * streams + 1);
+            drawn.truncate(candidates.saturating_sub(first));
+            Ok((part, kernel, drawn))
         };
-        let made: Vec<_> = if control.parallel {
-            (0..batches)
-                .into_par_iter()
-                .map(one)
-                .collect::<Result<_, _>>()?
-        } else {
-            (0..batches).map(one).collect::<Result<_, _>>()?
-        };
-        let mut list = Vec::with_capacity(kept * BATCH);
-        let mut kernel = Kernel::new(&[], 2 * self.resolution.streams + 1);
-        let mut parts = vec![kernel.clone(); PARTS];
-        for (batch, (part, outcomes)) in made.into_iter().enumerate() {
-            parts[batch * PARTS / batches].merge(&part);
-            kernel.merge(&part);
-            list.extend(outcomes);
+        let batches =
+            (0..PARTS).flat_map(|part| (0..outcomes).step_by(BATCH).map(move |i| (part, i)));
+        let mut kernel = Kernel::new(&[], 2 * streams + 1);
+        let mut kernels = vec![kernel.clone(); PARTS];
+        let mut lists = vec![Vec::new(); PARTS];
+        for (part, sums, drawn) in batches::map(control, batches.collect(), one)? {
+            kernels[part].merge(&sums);
+            kernel.merge(&sums);
+            lists[part].extend(drawn);
         }
-        let table = Table::new(list, size, &mut stream(batches));
+        let tables = lists
+            .into_iter()
+            .enumerate()
+            .map(|(part, list)| Table::new(list, size, &mut self.stream(part, outcomes)));
         Ok(Outcomes {
-            table,
-            parts,
+            tables: tables.collect(),
+            kernels,
             kernel,
+        })
+    }
+
+    fn stream(&self, part: usize, batch: usize) -> Stream {
+        Stream::new(Key {
+            seed: self.seed,
+            cell: 0,
+            purpose: [2, part as u32, 0],
+            batch: batch as u64,
         })
     }
 }

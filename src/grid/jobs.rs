@@ -7,8 +7,9 @@ use crate::engine::Engine;
 /// facetness, grain size, density, thickness, angle.
 pub type Shape = [u64; 5];
 
-/// Position of thickness in a [`Shape`].
+/// Positions of thickness and angle in a [`Shape`].
 const THICKNESS: usize = 3;
+const ANGLE: usize = 4;
 
 /// The block of curves that one job of `engine` computes, of a grid of `shape`.
 #[must_use]
@@ -16,6 +17,9 @@ pub fn job_shape(engine: Engine, shape: Shape) -> Shape {
     let mut block = [1; 5];
     if engine.shares_thicknesses() {
         block[THICKNESS] = shape[THICKNESS];
+    }
+    if engine.shares_angles() {
+        block[ANGLE] = shape[ANGLE];
     }
     block
 }
@@ -146,7 +150,7 @@ mod tests {
     }
 
     fn any_jobs() -> impl Strategy<Value = Jobs> {
-        (prop::array::uniform5(1_u64..5), 0..2_usize)
+        (prop::array::uniform5(1_u64..5), 0..Engine::ALL.len())
             .prop_map(|(shape, e)| Jobs::new(Engine::ALL[e], shape, 3).unwrap())
     }
 

@@ -19,7 +19,7 @@ use crate::table::{Histogram, lanes};
 use crate::transport::{EVENT_LIMIT, REJECTION_LIMIT, WalkError};
 
 /// Grain events that draw on the lattice.
-const LATTICE_EVENTS: usize = 3;
+const LATTICE_EVENTS: usize = 5;
 
 /// What is below a layer.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -57,8 +57,7 @@ pub struct Layer<'a> {
 pub struct Scores {
     /// Rays that left through the surface: 1 each.
     pub out: Histogram,
-    /// Rays that left below: P_l(2 mu - 1) for l = 0, 1, ..., and last how far
-    /// beyond the lower side their next flight starts, m.
+    /// Rays that left below: P_l(2 mu - 1) for l = 0, 1, ....
     pub through: Histogram,
     /// Rays started.
     pub rays: u64,
@@ -73,36 +72,40 @@ impl Scores {
     }
 }
 
-/// Steps of the lattice: powers of 1/phi with phi the root of x^(d+1) = x + 1.
-fn lattice(dimensions: usize) -> Vec<f64> {
+/// Steps of the lattice: powers of 1/phi with phi the root of x^(d+1) = x + 1,
+/// in units of 2^-64.
+fn steps(dimensions: usize) -> Vec<u64> {
     let d = dimensions as f64;
     let mut phi = 1.5_f64;
     for _ in 0..64 {
         phi = libm::pow(1.0 + phi, 1.0 / (d + 1.0));
     }
-    (1..=dimensions)
-        .map(|j| libm::pow(phi, -(j as f64)) % 1.0)
-        .collect()
+    let step = |j| (libm::pow(phi, -f64::from(j)) % 1.0 * 18_446_744_073_709_551_616.0) as u64;
+    (1..=dimensions as u32).map(step).collect()
 }
 
-/// Points of the shifted lattice, one per ray.
+/// Points of the shifted lattice, one after another.
 struct Lattice {
-    step: Vec<f64>,
-    shift: Vec<f64>,
+    step: Vec<u64>,
+    point: Vec<u64>,
 }
 
 impl Lattice {
     fn new(dimensions: usize, rng: &mut Stream) -> Self {
+        let random = |_| (rng.uniform().as_array()[0] * 18_446_744_073_709_551_616.0) as u64;
         Self {
-            step: lattice(dimensions),
-            shift: (0..dimensions)
-                .map(|_| rng.uniform().as_array()[0])
-                .collect(),
+            step: steps(dimensions),
+            point: (0..dimensions).map(random).collect(),
         }
     }
 
-    fn coordinate(&self, point: u64, dimension: usize) -> f64 {
-        (self.shift[dimension] + point as f64 * self.step[dimension]).fract()
+    /// The coordinates of the next point, in [0, 1).
+    fn next(&mut self) -> impl Iterator<Item = f64> {
+        let steps = self.point.iter_mut().zip(&self.step);
+        steps.map(|(point, step)| {
+            *point = point.wrapping_add(*step);
+            f64::from_bits(*point >> 12 | 0x3ff0_0000_0000_0000) - 1.0
+        })
     }
 }
 
@@ -126,11 +129,11 @@ impl Layer<'_> {
         } = *self;
         let wet = snow.water_saturation > 0.0;
         let per_event = if wet { 4 } else { 3 };
-        let lattice = Lattice::new(per_event * LATTICE_EVENTS, &mut rng);
+        let mut lattice = Lattice::new(per_event * LATTICE_EVENTS, &mut rng);
         let scale_m = snow.size_m[1];
         let mut scores = Scores {
             out: Histogram::new(scale_m, 1),
-            through: Histogram::new(scale_m, moments + 1),
+            through: Histogram::new(scale_m, moments),
             rays,
         };
         let (one, zero) = (f64x8::ONE, f64x8::ZERO);
@@ -144,7 +147,7 @@ impl Layer<'_> {
         let mut flown_m = zero;
         let (mut rejections, mut events) = (zero, zero);
         let mut started = 0;
-        let mut scored = vec![0.0; moments + 1];
+        let mut scored = vec![0.0; moments];
         let mut walking = 0xff;
         let mut ended = 0xff;
         loop {
@@ -153,11 +156,9 @@ impl Layer<'_> {
                     walking &= !(1 << lane);
                     continue;
                 }
-                let at = |k: usize| lattice.coordinate(started, k);
-                for k in 0..LATTICE_EVENTS {
-                    for (variate, queue) in queue.iter_mut().enumerate().take(per_event) {
-                        queue[k].as_mut_array()[lane] = at(per_event * k + variate);
-                    }
+                let places = queue.iter_mut().take(per_event).flatten();
+                for (place, coordinate) in places.zip(lattice.next()) {
+                    place.as_mut_array()[lane] = coordinate;
                 }
                 queued.as_mut_array()[lane] = LATTICE_EVENTS as f64;
                 rejections.as_mut_array()[lane] = 0.0;
@@ -236,16 +237,14 @@ impl Layer<'_> {
             };
             let lost = state.ice_m.simd_eq(f64x8::splat(f64::INFINITY))
                 | events.simd_ge(f64x8::splat(EVENT_LIMIT as f64));
-            let [above, handed, lost, below] = [above, handed, lost, below].map(f64x8::to_bitmask);
+            let [above, handed, lost] = [above, handed, lost].map(f64x8::to_bitmask);
             ended = (above | handed | lost) & walking;
             for lane in lanes(ended & !lost) {
-                let [z_m, mu, ice_m, water_m] = state.get(lane);
+                let [_, mu, ice_m, water_m] = state.get(lane);
                 if above >> lane & 1 == 1 {
                     scores.out.add(ice_m, water_m, &[1.0]);
                 } else {
-                    legendre(2.0 * mu - 1.0, &mut scored[..moments]);
-                    let in_flight = below >> lane & 1 == 1;
-                    scored[moments] = if in_flight { 0.0 } else { z_m - thickness_m };
+                    legendre(2.0 * mu - 1.0, &mut scored);
                     scores.through.add(ice_m, water_m, &scored);
                 }
             }

@@ -1,0 +1,98 @@
+//! `doubling`: deterministic transport inside the snow, walks only next to its
+//! surfaces.
+//!
+//! Far from the planes, grains act like points: light spreads through them as
+//! through points that scatter alike, with the mean free path of
+//! [`crate::table::Event::effective_mean_free_path_m`], and [`crate::slab`]
+//! solves that exactly. Next to a plane they do not, because grains must fit
+//! under it. So a slab is taken as two boundary layers and what is between:
+//!
+//! 1. **Boundary layer**, as thick as [`LAYER`] says: walks with tabulated
+//!    grains ([`crate::table::Layer`]), from every light above and every stream
+//!    below, give the shares that leave through the surface and, by Legendre
+//!    moments, into every stream going down. Paths in ice and water are kept in
+//!    a histogram, so that one set of walks serves all wavelengths. A ray from
+//!    below is on a flight that began a free path further down; if its grain
+//!    does not fit under the surface it goes back there.
+//! 2. **Inside**: reflection and transmission of the plane-parallel solver with
+//!    the kernel of the same grains at the same absorption. In wet snow its
+//!    grains are a mixture of those in air and in water, the latter weakened by
+//!    the mean survival of a flight through water, 1/(1 + alpha d).
+//! 3. **Adding** the three, the lower boundary layer being the upper one's
+//!    mirror image, gives every thickness and illumination at once.
+//!
+//! Slabs too thin to have an inside are walked from plane to plane.
+//!
+//! **Dispersion** as in `spectral`: tables, kernels and walks exist at a few
+//! index nodes, and each wavelength mixes those of its two nodes.
+//!
+//! **Errors.** Tables, kernels and walks come in independent parts, and the
+//! scatter of results from the parts gives the standard errors. They hold
+//! nothing of the method's own error: see docs/stability.md.
+mod solve;
+mod walks;
+
+use crate::engine::nodes::mixes;
+use crate::engine::tables::PARTS;
+use crate::engine::{Control, EngineError, Request, indices};
+use crate::measurement::Spectrum;
+use crate::slab::Streams;
+
+use walks::Walks;
+
+/// Thickness of a boundary layer: the larger of this many mean free distances
+/// and that many of the largest grains.
+const LAYER: (f64, f64) = (2.0, 1.8);
+/// Walks from each stream below per walk from each light: all lights share the
+/// streams, and each stream carries but a part of the light.
+const FROM_BELOW: f64 = 0.25;
+
+/// What a request comes to.
+struct Run<'a> {
+    request: &'a Request<'a>,
+    streams: Streams,
+    mean_free_distance_m: f64,
+    layer_m: f64,
+    /// Number of thicknesses, thinnest first, without an inside.
+    thin: usize,
+}
+
+impl<'a> Run<'a> {
+    fn new(request: &'a Request) -> Result<Self, EngineError> {
+        let mean_free_distance_m = request.snow.mean_free_distance_m();
+        let (distances, grains) = LAYER;
+        let largest_m = request.snow.grain.size.max_m();
+        let layer_m = (distances * mean_free_distance_m).max(grains * largest_m);
+        Ok(Self {
+            request,
+            streams: Streams::new(request.resolution.streams)?,
+            mean_free_distance_m,
+            layer_m,
+            thin: request
+                .thicknesses_m
+                .partition_point(|h| *h <= 2.0 * layer_m),
+        })
+    }
+
+    fn is_all_thin(&self) -> bool {
+        self.thin == self.request.thicknesses_m.len()
+    }
+}
+
+pub(super) fn run(request: &Request, control: &Control) -> Result<Vec<Spectrum>, EngineError> {
+    let run = Run::new(request)?;
+    let indices = indices(request)?;
+    let (nodes, mixes) = mixes(&indices, request.snow);
+    let walks = nodes.iter().map(|&node| Walks::new(&run, control, node));
+    let walks: Vec<Walks> = walks.collect::<Result<_, _>>()?;
+    run.spectra(&walks, &indices, &mixes)
+}
+
+/// How many walks a request takes.
+pub(super) fn walks(request: &Request) -> Result<u64, EngineError> {
+    let run = Run::new(request)?;
+    let (nodes, _) = mixes(&indices(request)?, request.snow);
+    let tasks = run.tasks();
+    let rays: u64 = tasks.iter().map(|task| task.rays).sum();
+    Ok(rays.saturating_mul((PARTS * nodes.len()) as u64))
+}
