@@ -7,7 +7,7 @@ use serde_json::json;
 use super::common::{self, Interrupted};
 use super::simulate;
 use crate::config::sample;
-use crate::engine::{Engine, EngineError, Request, Resolution};
+use crate::engine::{Engine, EngineError, MaxError, Request, Resolution};
 use crate::measurement::{Measured, Spectrum};
 
 /// Measure reflectance and transmittance of one snow sample, with standard errors
@@ -23,10 +23,11 @@ pub(super) struct Args {
     #[arg(value_name = "SAMPLE.toml")]
     sample: PathBuf,
     /// How light is simulated
-    #[arg(long, default_value = Engine::Spectral.name(), value_parser = common::engine_parser())]
+    #[arg(long, default_value = Engine::Auto.name(), value_parser = common::engine_parser())]
     engine: Engine,
-    /// Walks: per wavelength in `reference`, per node of refractive index in `spectral`
-    #[arg(long, default_value_t = 100_000, value_parser = clap::value_parser!(u64).range(1..))]
+    /// Walks: per wavelength in `reference`, per node of refractive index in
+    /// `spectral` and `tabulated`, and in `doubling` (`auto`) from every direction
+    #[arg(long, default_value_t = 131_072, value_parser = clap::value_parser!(u64).range(1..))]
     rays: u64,
     /// Seed of the random numbers
     #[arg(long, default_value_t = 1)]
@@ -51,6 +52,7 @@ pub(super) fn run(args: &Args) -> anyhow::Result<()> {
         wavelengths_nm: &sample.wavelengths_nm,
         model: &sample.model,
         rays: args.rays,
+        max_error: MaxError::default(),
         seed: args.seed,
         cell: 0,
     };

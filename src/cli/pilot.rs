@@ -63,6 +63,8 @@ pub(super) struct Pilot {
     per_size: Time,
     /// Sum of the sizes of all jobs.
     size: f64,
+    /// For the tables of all shapes of grain.
+    tables: Time,
     /// Standard errors expected in the database, of both quantities, sorted.
     standard_errors: Vec<f64>,
 }
@@ -77,6 +79,13 @@ pub(super) struct Time {
 }
 
 impl Time {
+    fn plus(self, other: Self) -> Self {
+        Self {
+            core: self.core + other.core,
+            wall: self.wall + other.wall,
+        }
+    }
+
     fn times(self, factor: f64) -> Self {
         Self {
             core: self.core * factor,
@@ -89,6 +98,8 @@ impl Time {
 struct Sample {
     /// As for all rays.
     time: Time,
+    /// What the tables took, which other jobs may share.
+    tables: Time,
     size: f64,
     /// As for all rays.
     standard_errors: Vec<f64>,
@@ -117,13 +128,25 @@ impl Pilot {
                 wall: mean(|time| time.wall),
             },
             size: by_size.total,
+            tables: {
+                let mean = |of: fn(Time) -> f64| {
+                    let all = timed.iter().map(|sample| of(sample.tables));
+                    all.sum::<f64>() / timed.len() as f64
+                };
+                let shapes = grid.axes.facetness.len() as f64;
+                let once = Time {
+                    core: mean(|time| time.core),
+                    wall: mean(|time| time.wall),
+                };
+                once.times(shapes)
+            },
             standard_errors,
         })
     }
 
     /// Time of all jobs.
     pub(super) fn time(&self) -> Time {
-        self.per_size.times(self.size)
+        self.per_size.times(self.size).plus(self.tables)
     }
 
     /// Time of the jobs listed.
@@ -132,7 +155,12 @@ impl Pilot {
         for number in listed {
             sum += size(&grid.job(jobs, *number)?);
         }
-        Ok(self.per_size.times(sum))
+        let tables = if listed.is_empty() {
+            Time::default()
+        } else {
+            self.tables
+        };
+        Ok(self.per_size.times(sum).plus(tables))
     }
 
     /// Median standard error expected over curves and wavelengths.
@@ -181,8 +209,13 @@ fn samples(
     })
 }
 
-/// Mean free distances across the thickest slab; never 0.
+/// What the time of a job is about proportional to: mean free distances across
+/// the thickest slab (never 0), or nothing but their number where one job has
+/// all angles and does not walk through the inside.
 fn size(job: &Job) -> f64 {
+    if job.angles_deg.len() > 1 {
+        return 1.0;
+    }
     let snow = &job.snow;
     let distance_m = mean_free_distance_m(&snow.grain, snow.density_kg_m3, snow.temperature_c);
     let thickness_m = job.thicknesses_m.last().copied().unwrap_or_default();
@@ -247,16 +280,28 @@ fn sample(grid: &Grid, of_each: f64, job: &Job, rays: u64) -> anyhow::Result<Sam
         rays_done: &AtomicU64::new(0),
         cache: &Cache::default(),
     };
-    let (begin, worked) = (Instant::now(), processor_seconds());
-    let spectra = grid.run.engine.run(&request, &control)?;
-    let wall = begin.elapsed().as_secs_f64();
-    let core = worked.and_then(|before| Some(processor_seconds()? - before));
-    let time = Time {
-        core: core.unwrap_or(wall),
-        wall,
+    let engine = grid.run.engine;
+    let timed = || -> anyhow::Result<_> {
+        let (begin, worked) = (Instant::now(), processor_seconds());
+        let spectra = engine.run(&request, &control)?;
+        let wall = begin.elapsed().as_secs_f64();
+        let core = worked.and_then(|before| Some(processor_seconds()? - before));
+        let core = core.unwrap_or(wall);
+        Ok((spectra, Time { core, wall }))
     };
+    let (mut spectra, mut time) = timed()?;
+    let mut tables = Time::default();
+    if engine.uses_tables() {
+        let first = time;
+        (spectra, time) = timed()?;
+        tables = Time {
+            core: (first.core - time.core).max(0.0),
+            wall: (first.wall - time.wall).max(0.0),
+        };
+    }
     Ok(Sample {
         time: time.times(more * of_each),
+        tables,
         size: size(job),
         standard_errors: spectra
             .iter()

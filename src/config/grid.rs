@@ -1,13 +1,13 @@
 //! Grid files: the axes of a spectral database and how it is computed.
 use std::path::Path;
 
-use crate::engine::Engine;
+use crate::engine::{Engine, MaxError};
 use crate::grid::{Axes, Compression, Fixed, Grid, Run, Spread};
 use crate::optics::ice_density_kg_m3;
 
 use super::document::{Document, read_text};
 use super::error::{ConfigError, Problem};
-use super::keys::{AxesKeys, FixedKeys, GridKeys, SIZE_UM};
+use super::keys::{AxesKeys, FixedKeys, GridKeys, RunKeys, SIZE_UM};
 use super::shared::{
     choose, clean, covered, exclusive, increasing, law, model, remark, saturation_from_fraction,
     wavelengths,
@@ -63,16 +63,7 @@ pub fn parse(name: &str, text: &str) -> Result<GridFile, ConfigError> {
         &wavelengths_nm,
         fixed.water_saturation,
     )?;
-    let run = Run {
-        engine: choose(
-            &document,
-            "run.engine",
-            &Engine::ALL.map(|e| (e.name(), e)),
-            &keys.run.engine,
-        )?,
-        seed: keys.run.seed,
-        rays: keys.run.rays,
-    };
+    let run = run(&document, &keys.run, &wavelengths_nm)?;
     size(&document, &axes, wavelengths_nm.len(), run.rays)?;
     let stem = Path::new(name).file_stem();
     Ok(GridFile {
@@ -224,4 +215,37 @@ fn size(
         return Err(document.error("run.rays", problem, "cast fewer rays"));
     }
     Ok(())
+}
+
+/// How the curves are computed.
+fn run(document: &Document, keys: &RunKeys, wavelengths_nm: &[f64]) -> Result<Run, ConfigError> {
+    let engines = Engine::ALL.map(|e| (e.name(), e));
+    let engine = choose(document, "run.engine", &engines, &keys.engine)?;
+    let given = keys.max_error.as_ref();
+    if given.is_some() && engine != Engine::Auto {
+        let problem = Problem::Contradiction(format!(
+            "is for the engine auto, but run.engine is {}",
+            engine.name()
+        ));
+        let help = "leave it out, or set run.engine = \"auto\"";
+        return Err(document.error("run.max_error", problem, help));
+    }
+    let max_error = given.map_or_else(MaxError::default, |keys| MaxError {
+        delta_e: keys.delta_e,
+        rmse: keys.rmse,
+    });
+    let rays = match keys.rays {
+        Some(rays) => rays,
+        None if engine == Engine::Auto => max_error.rays(wavelengths_nm),
+        None => {
+            let help = "only the engine auto does without; add, for example, rays = 100000";
+            return Err(document.error("run.rays", Problem::Missing, help));
+        }
+    };
+    Ok(Run {
+        engine,
+        seed: keys.seed,
+        rays,
+        max_error,
+    })
 }

@@ -7,7 +7,7 @@
 use schemars::{JsonSchema, json_schema};
 use serde::Deserialize;
 
-use crate::engine::Engine;
+use crate::engine::{Engine, MaxError};
 use crate::optics::{IceTable, MODEL_RANGE_NM};
 use crate::transport::Entry;
 
@@ -306,6 +306,7 @@ pub(super) struct GridKeys {
     pub(super) fixed: FixedKeys,
     #[serde(default)]
     pub(super) model: ModelKeys,
+    #[serde(default)]
     pub(super) run: RunKeys,
     #[serde(default)]
     pub(super) compression: CompressionKeys,
@@ -419,9 +420,44 @@ pub(super) struct RunKeys {
     #[schemars(range(min = 0, max = 9_007_199_254_740_991_u64))]
     #[serde(default = "default_seed")]
     pub(super) seed: u64,
-    /// Walks per curve: at each index node in `spectral`, at each wavelength in `reference`.
+    /// Walks per curve: at each wavelength in `reference`, at each index node
+    /// in `spectral` and `tabulated`, at each index node and angle in
+    /// `doubling`. May be left out in `auto`, which then takes as many as
+    /// `max_error` needs; other engines need it.
     #[schemars(range(min = 1, max = 1_000_000_000_000_u64))]
-    pub(super) rays: u64,
+    pub(super) rays: Option<u64>,
+    /// Largest error of a curve in `auto`, which takes the cheapest engine that holds it.
+    pub(super) max_error: Option<MaxErrorKeys>,
+}
+
+impl Default for RunKeys {
+    fn default() -> Self {
+        Self {
+            engine: default_engine(),
+            seed: default_seed(),
+            rays: None,
+            max_error: None,
+        }
+    }
+}
+
+/// Errors that `auto` may leave: of the simulation, before compression.
+#[derive(Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields, default)]
+pub(super) struct MaxErrorKeys {
+    /// Colour difference Delta-E*ab (CIE 1976).
+    #[schemars(range(max = 100.0), extend("exclusiveMinimum" = 0.0))]
+    pub(super) delta_e: f64,
+    /// Root-mean-square error over the wavelengths, one standard error.
+    #[schemars(range(max = 1.0), extend("exclusiveMinimum" = 0.0))]
+    pub(super) rmse: f64,
+}
+
+impl Default for MaxErrorKeys {
+    fn default() -> Self {
+        let MaxError { delta_e, rmse } = MaxError::default();
+        Self { delta_e, rmse }
+    }
 }
 
 /// Bounds on the curves rebuilt from the compact file.
@@ -450,7 +486,7 @@ fn default_temperature_c() -> f64 {
 }
 
 fn default_engine() -> String {
-    Engine::Spectral.name().to_owned()
+    Engine::Auto.name().to_owned()
 }
 
 fn default_seed() -> u64 {

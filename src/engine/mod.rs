@@ -1,4 +1,5 @@
 //! Engines: one physics, several schedulers, all tested against `reference`.
+mod auto;
 mod batches;
 mod doubling;
 mod nodes;
@@ -10,6 +11,7 @@ use std::sync::atomic::{AtomicBool, AtomicU64};
 
 use thiserror::Error;
 
+pub use auto::MaxError;
 pub use batches::BATCH;
 use spectral::Grains;
 pub use tables::Cache;
@@ -30,6 +32,8 @@ pub enum Engine {
     Tabulated,
     /// Deterministic transport in the bulk, walks next to the surfaces.
     Doubling,
+    /// The cheapest of these that holds the error allowed.
+    Auto,
 }
 
 /// How finely the engines that use tables of grain events resolve them.
@@ -66,9 +70,12 @@ pub struct Request<'a> {
     pub wavelengths_nm: &'a [f64],
     /// Choices within the model.
     pub model: &'a Model,
-    /// Walks per wavelength and thickness in `reference`; walks per index node
-    /// in `spectral`.
+    /// Walks per wavelength and thickness in `reference`; per index node in
+    /// `spectral` and `tabulated`; per light and index node in `doubling` and,
+    /// should it choose that, `auto`.
     pub rays: u64,
+    /// What `auto` is to hold.
+    pub max_error: MaxError,
     /// Resolution of the engines that use tables.
     pub resolution: Resolution,
     /// Seed of the whole database or measurement.
@@ -117,11 +124,12 @@ pub enum EngineError {
 
 impl Engine {
     /// All engines.
-    pub const ALL: [Self; 4] = [
+    pub const ALL: [Self; 5] = [
         Self::Reference,
         Self::Spectral,
         Self::Tabulated,
         Self::Doubling,
+        Self::Auto,
     ];
 
     /// The name used on the command line and in files.
@@ -132,6 +140,7 @@ impl Engine {
             Self::Spectral => "spectral",
             Self::Tabulated => "tabulated",
             Self::Doubling => "doubling",
+            Self::Auto => "auto",
         }
     }
 
@@ -144,7 +153,34 @@ impl Engine {
     /// Whether one job of this engine serves all illuminations at once.
     #[must_use]
     pub fn shares_angles(self) -> bool {
-        self == Self::Doubling
+        matches!(self, Self::Doubling | Self::Auto)
+    }
+
+    /// Whether this engine makes tables of grain events, once per shape of grain.
+    #[must_use]
+    pub fn uses_tables(self) -> bool {
+        matches!(self, Self::Tabulated | Self::Doubling | Self::Auto)
+    }
+
+    /// The engine that does the work of `request`: itself, or what `auto` chooses.
+    #[must_use]
+    pub fn resolve(self, request: &Request) -> Self {
+        match self {
+            Self::Auto => auto::choose(request).0,
+            engine => engine,
+        }
+    }
+
+    /// Hands `request` to the engine that `auto` chooses.
+    fn chosen<T>(self, request: &Request, run: impl Fn(Self, &Request) -> T) -> T {
+        let (engine, rays) = auto::choose(request);
+        run(
+            engine,
+            &Request {
+                rays,
+                ..request.clone()
+            },
+        )
     }
 
     /// How many walks [`Engine::run`] does for `request`; a walk that serves
@@ -154,6 +190,7 @@ impl Engine {
     /// [`EngineError::Optics`].
     pub fn walks(self, request: &Request) -> Result<u64, EngineError> {
         let per_ray = match self {
+            Self::Auto => return self.chosen(request, |engine, request| engine.walks(request)),
             Self::Doubling => return doubling::walks(request),
             Self::Reference => request.wavelengths_nm.len() * request.thicknesses_m.len(),
             Self::Spectral | Self::Tabulated => {
@@ -178,6 +215,7 @@ impl Engine {
             Self::Spectral => spectral::run(request, control, Grains::Followed),
             Self::Tabulated => spectral::run(request, control, Grains::Tabulated),
             Self::Doubling => doubling::run(request, control),
+            Self::Auto => self.chosen(request, |engine, request| engine.run(request, control)),
         }
     }
 }
@@ -190,7 +228,7 @@ impl std::str::FromStr for Engine {
             .into_iter()
             .find(|e| e.name() == name)
             .ok_or_else(|| {
-                format!("no engine is named `{name}`; the engines are reference, spectral, tabulated and doubling")
+                format!("no engine is named `{name}`; the engines are reference, spectral, tabulated, doubling and auto")
             })
     }
 }

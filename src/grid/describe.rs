@@ -5,6 +5,7 @@
 use std::fmt::Write;
 
 use super::Grid;
+use crate::engine::{Engine, MaxError};
 use crate::grain::TruncatedNormal;
 use crate::optics::WaterTable;
 
@@ -40,6 +41,11 @@ impl Grid {
         add("run", "engine", quoted(self.run.engine.name()));
         add("run", "seed", self.run.seed.to_string());
         add("run", "rays", self.run.rays.to_string());
+        if self.run.engine == Engine::Auto {
+            let MaxError { delta_e, rmse } = self.run.max_error;
+            let error = format!("{{ delta_e = {delta_e:?}, rmse = {rmse:?} }}");
+            add("run", "max_error", error);
+        }
         add("model", "entry", quoted(model.entry.name()));
         add("model", "ice", quoted(model.ice.name()));
         add("model", "water", quoted(&water_name(&model.water)));

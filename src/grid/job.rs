@@ -34,6 +34,7 @@ impl Job {
             wavelengths_nm: &grid.wavelengths_nm,
             model: &grid.fixed.model,
             rays: grid.run.rays,
+            max_error: grid.run.max_error,
             seed: grid.run.seed,
             cell: self.cell,
         }

@@ -9,7 +9,7 @@ mod job;
 mod jobs;
 mod shard;
 
-use crate::engine::Engine;
+use crate::engine::{Engine, MaxError};
 use crate::grain::TruncatedNormal;
 use crate::transport::Model;
 
@@ -98,6 +98,8 @@ pub struct Run {
     pub seed: u64,
     /// Walks per curve (see [`crate::engine::Request::rays`]).
     pub rays: u64,
+    /// What `auto` is to hold.
+    pub max_error: MaxError,
 }
 
 /// Bounds that choose the number of components.

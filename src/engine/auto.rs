@@ -1,0 +1,76 @@
+//! `auto`: the cheapest engine whose error is within what the user allows.
+//!
+//! An engine's error has two parts. Its method's own, from comparison with
+//! converged walks (docs/stability.md), does not depend on the number of
+//! walks; its noise falls with their square root. `auto` takes the cheapest
+//! engine that accepts the request and whose own error leaves room for noise,
+//! with as many walks as keep the noise within that room.
+use super::{Engine, Request};
+
+/// What error of a spectrum is allowed.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct MaxError {
+    /// Delta-E*ab (CIE 1976) from the true spectrum, D65, 2 degree observer.
+    pub delta_e: f64,
+    /// Root-mean-square error of reflectance or transmittance over the
+    /// wavelengths of a spectrum, one standard error.
+    pub rmse: f64,
+}
+
+impl Default for MaxError {
+    fn default() -> Self {
+        Self {
+            delta_e: 0.3,
+            rmse: 5e-4,
+        }
+    }
+}
+
+/// From here on, nm, snow absorbs so much that light hardly spreads.
+const NEAR_INFRARED_NM: f64 = 780.0;
+/// Noise of a value from one walk, at most: from one light in `doubling`, whose
+/// walks follow a lattice, and of a walk that leaves or not in the others.
+const NOISE: [f64; 2] = [0.12, 0.5];
+
+/// The engines that `auto` chooses from, the cheapest first, with their own
+/// errors: Delta-E, RMSE in the visible and in the near infrared.
+const CANDIDATES: [(Engine, [f64; 3]); 3] = [
+    (Engine::Doubling, [0.1, 3.5e-4, 1.5e-3]),
+    (Engine::Tabulated, [0.05, 2e-4, 3e-4]),
+    (Engine::Spectral, [0.0; 3]),
+];
+
+impl MaxError {
+    /// Walks of `doubling` that keep its noise within this error.
+    #[must_use]
+    pub fn rays(&self, wavelengths_nm: &[f64]) -> u64 {
+        let (_, own) = CANDIDATES[0];
+        let room = self.room(own, wavelengths_nm).unwrap_or(self.rmse);
+        ((NOISE[0] / room).powi(2).ceil() as u64).next_power_of_two()
+    }
+
+    /// Noise allowed beside the own error of an engine, if it leaves any.
+    fn room(&self, [delta_e, visible, infrared]: [f64; 3], wavelengths_nm: &[f64]) -> Option<f64> {
+        let infrared_too = wavelengths_nm.iter().any(|nm| *nm > NEAR_INFRARED_NM);
+        let own = if infrared_too { infrared } else { visible };
+        let room = (self.rmse * self.rmse - own * own).max(0.0).sqrt();
+        (delta_e <= self.delta_e && own < self.rmse).then_some(room)
+    }
+}
+
+/// The engine for `request` and how many walks it is to do.
+pub(super) fn choose(request: &Request) -> (Engine, u64) {
+    let allowed = request.max_error;
+    let holds =
+        |(_, own): &(Engine, [f64; 3])| allowed.room(*own, request.wavelengths_nm).is_some();
+    let engine = CANDIDATES
+        .iter()
+        .find(|candidate| holds(candidate))
+        .map_or(Engine::Spectral, |(engine, _)| *engine);
+    let rays = match engine {
+        Engine::Doubling => request.rays,
+        // as many as give the same noise
+        _ => (request.rays as f64 * (NOISE[1] / NOISE[0]).powi(2)) as u64,
+    };
+    (engine, rays)
+}
