@@ -44,6 +44,24 @@ pub struct Request<'a> {
     pub cell: u64,
 }
 
+/// How finely an engine that tabulates or discretises does so.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Resolution {
+    /// Grain events per table of outcomes.
+    pub table: u32,
+    /// Directions per hemisphere in doubling.
+    pub streams: usize,
+}
+
+impl Default for Resolution {
+    fn default() -> Self {
+        Self {
+            table: 1 << 20,
+            streams: 16,
+        }
+    }
+}
+
 /// How a running engine talks to its caller.
 #[derive(Debug, Clone, Copy)]
 pub struct Control<'a> {
