@@ -21,7 +21,9 @@
 //! | [`store`], [`batch`] | the Zarr store that is checkpoint and result; the job runner |
 //! | [`colour`], [`compress`], [`lookup`] | CIELAB; SVD and the compact file; reading it |
 //! | [`verify`] | re-checking a finished database |
+//! | [`tradeoff`], [`report`] | speed against accuracy of the engines; its charts and tables |
 //! | [`cli`] | the command line |
+mod atomic;
 pub mod batch;
 pub mod cli;
 pub mod colour;
@@ -34,11 +36,13 @@ pub mod lookup;
 pub mod math;
 pub mod measurement;
 pub mod optics;
+pub mod report;
 pub mod rng;
 pub mod slab;
 pub mod spectrum;
 pub mod store;
 pub mod table;
+pub mod tradeoff;
 pub mod transport;
 pub mod units;
 pub mod verify;

@@ -144,7 +144,8 @@ fn committed_configs_are_accepted_and_name_their_schema() {
             path.display()
         );
     };
-    let (grids, samples) = (files("configs"), files("configs/samples"));
+    let (grids, mut samples) = (files("configs"), files("configs/samples"));
+    samples.extend(files("configs/tradeoff"));
     assert!(grids.len() >= 2 && samples.len() >= 6);
     for path in &grids {
         names_schema(path);

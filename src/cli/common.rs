@@ -184,6 +184,11 @@ impl Spinner {
         bar.enable_steady_tick(Duration::from_millis(200));
         Self(bar)
     }
+
+    /// Changes what it says.
+    pub(super) fn say(&self, what: &str) {
+        self.0.set_message(what.to_owned());
+    }
 }
 
 impl Drop for Spinner {

@@ -12,6 +12,7 @@ mod pilot;
 mod plan;
 mod query;
 mod simulate;
+mod tradeoff;
 mod verify;
 
 use std::process::ExitCode;
@@ -53,6 +54,7 @@ enum Command {
     Verify(verify::Args),
     Query(query::Args),
     Measure(measure::Args),
+    Tradeoff(tradeoff::Args),
 }
 
 /// Runs the command that the arguments of this process ask for.
@@ -65,6 +67,7 @@ pub fn run() -> ExitCode {
         Command::Verify(args) => verify::run(&args),
         Command::Query(args) => query::run(&args),
         Command::Measure(args) => measure::run(&args),
+        Command::Tradeoff(args) => tradeoff::run(&args),
     };
     match done {
         Ok(()) => ExitCode::SUCCESS,

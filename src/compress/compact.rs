@@ -15,7 +15,8 @@ use super::format::{
     MAX_NUMBER, PROVENANCE, WAVELENGTHS, axis_order, basis_name, coefficients_name, components_key,
     number,
 };
-use super::{Bounds, Compressed, ErrorTable, atomic};
+use super::{Bounds, Compressed, ErrorTable};
+use crate::atomic;
 use crate::grid::Axes;
 use crate::measurement::Quantity;
 

@@ -4,7 +4,6 @@
 //!
 //! Transmittance and reflectance are compressed apart, each with its own number
 //! of components.
-mod atomic;
 mod choice;
 mod compact;
 mod errors;

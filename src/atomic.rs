@@ -10,7 +10,7 @@ use std::path::Path;
 /// One process at a time writes `path` (a database directory is locked by
 /// whoever changes it), so a temporary file of another one is what a killed
 /// process left: it is removed. Should two write after all, one fails.
-pub(super) fn write(path: &Path, bytes: &[u8]) -> io::Result<()> {
+pub(crate) fn write(path: &Path, bytes: &[u8]) -> io::Result<()> {
     let name = path
         .file_name()
         .ok_or_else(|| io::Error::new(io::ErrorKind::InvalidInput, "not a file name"))?;

@@ -1,0 +1,127 @@
+//! `splitsnow tradeoff`: the chart of speed against accuracy.
+use std::path::{Path, PathBuf};
+
+use serde_json::json;
+
+use super::common::{self, Interrupted, Spinner};
+use crate::config::grid;
+use crate::engine::Engine;
+use crate::report;
+use crate::tradeoff::{self, Options, Results, Sample, Source, TradeoffError};
+
+/// The grid whose compression is charted, unless there is a database.
+const GRID: (&str, &str) = (
+    "configs/quick.toml",
+    include_str!("../../configs/quick.toml"),
+);
+
+/// Chart speed against accuracy: every engine, error against CPU time
+///
+/// Runs the engines at a ladder of settings on some samples, at 400-700 nm and
+/// 700-1400 nm, and compares reflectance, transmittance and colour with a
+/// converged truth. Writes charts (SVG and PNG) and CSV files, and prints a
+/// table that ends with the engine to take for each bound on the error. Also
+/// charts what the cost grows with, and the error of compression against its cost.
+///
+/// The truth is kept in the folder `truth` of the output directory, so that only
+/// the first run computes it. Errors below its own standard error cannot be
+/// resolved: give it more rays for more.
+#[derive(Debug, clap::Args)]
+#[command(
+    allow_negative_numbers = true,
+    after_long_help = "\
+Examples:
+  splitsnow tradeoff
+  splitsnow tradeoff --budget 3600 --truth-rays 2000000 --seeds 16
+  splitsnow tradeoff mine.toml --engine spectral --out out/mine --database out/quick"
+)]
+pub(super) struct Args {
+    /// Sample files, whose wavelengths are not used [default: those in configs/tradeoff]
+    #[arg(value_name = "SAMPLE.toml")]
+    samples: Vec<PathBuf>,
+    /// Output directory
+    #[arg(long, value_name = "DIR", default_value = "out/tradeoff")]
+    out: PathBuf,
+    /// CPU seconds to spend, about; the truth counts only without --truth-rays
+    #[arg(long, value_name = "SECONDS", default_value_t = 400.0, value_parser = common::positive)]
+    budget: f64,
+    /// Engine to chart, once for each [default: all]
+    #[arg(long, value_parser = common::engine_parser())]
+    engine: Vec<Engine>,
+    /// Runs of each setting, with random numbers of their own
+    #[arg(long, value_name = "N", default_value_t = 4, value_parser = clap::value_parser!(u64).range(1..=1000))]
+    seeds: u64,
+    /// Engine of the truth
+    #[arg(long, value_name = "ENGINE", default_value = Engine::Spectral.name(), value_parser = common::engine_parser())]
+    truth_engine: Engine,
+    /// Rays of the truth [default: what two fifths of the budget allow]
+    #[arg(long, value_name = "N", value_parser = clap::value_parser!(u64).range(1..))]
+    truth_rays: Option<u64>,
+    /// Finished database whose compression is charted [default: configs/quick.toml, in memory]
+    #[arg(long, value_name = "DIR")]
+    database: Option<PathBuf>,
+    /// Threads; 0 is one per core
+    #[arg(long, value_name = "N", default_value_t = 0)]
+    threads: usize,
+    /// Print the table as JSON
+    #[arg(long)]
+    json: bool,
+}
+
+pub(super) fn run(args: &Args) -> anyhow::Result<()> {
+    let cancel = common::interrupt_flag()?;
+    let options = options(args)?;
+    let spinner = Spinner::new("reading");
+    let measured = tradeoff::run(&options, cancel, &|what| spinner.say(what));
+    drop(spinner);
+    let results = match measured {
+        Err(TradeoffError::Cancelled) => {
+            let kept = options.truth_folder.display();
+            let safe = format!("nothing was written but the truths finished in {kept}");
+            return Err(Interrupted(safe).into());
+        }
+        measured => measured?,
+    };
+    let files = report::write(&args.out, &results)?;
+    common::print(&if args.json {
+        let mut value = report::json(&results);
+        value["files"] = json!(files);
+        format!("{value:#}\n")
+    } else {
+        text(&results, &args.out, &files)
+    })
+}
+
+fn options(args: &Args) -> anyhow::Result<Options> {
+    let samples = if args.samples.is_empty() {
+        Sample::defaults()?
+    } else {
+        Sample::read(&args.samples)?
+    };
+    for sample in &samples {
+        common::warn(&sample.file.warnings);
+    }
+    let source = match &args.database {
+        Some(dir) => Source::Database(dir.clone()),
+        None => Source::Grid(Box::new(grid::parse(GRID.0, GRID.1)?.grid)),
+    };
+    let chosen = |engine: &Engine| args.engine.is_empty() || args.engine.contains(engine);
+    Ok(Options {
+        samples,
+        engines: Engine::ALL.into_iter().filter(chosen).collect(),
+        seeds: args.seeds,
+        budget: args.budget,
+        threads: args.threads,
+        truth_engine: args.truth_engine,
+        truth_rays: args.truth_rays,
+        truth_folder: args.out.join("truth"),
+        source,
+    })
+}
+
+fn text(results: &Results, out: &Path, files: &[PathBuf]) -> String {
+    let names = files.iter().filter_map(|path| path.file_name());
+    let names: Vec<_> = names.map(|name| name.to_string_lossy()).collect();
+    let table = report::table(results);
+    format!("{table}\nin {}: {}\n", out.display(), names.join(", "))
+}

@@ -1,0 +1,249 @@
+//! Which figures there are, and what is on them.
+use super::figure::{Figure, Symbol};
+use super::panel::{Panel, Series};
+use super::style::Style;
+use crate::engine::Engine;
+use crate::measurement::Quantity;
+use crate::tradeoff::{Band, Components, Growth, Measure, Point, Results, front, points};
+
+/// A figure and the name of its files.
+pub(super) struct Chart {
+    pub(super) name: &'static str,
+    pub(super) figure: Figure,
+}
+
+/// All charts of `results`.
+pub(super) fn all(results: &Results) -> Vec<Chart> {
+    let chart = |(name, figure)| Chart { name, figure };
+    [
+        ("tradeoff", tradeoff(results)),
+        ("scaling", scaling(results)),
+        ("components", components(&results.components)),
+    ]
+    .map(chart)
+    .into()
+}
+
+/// Error against CPU time, over all samples.
+fn tradeoff(results: &Results) -> Figure {
+    let points = points(&results.rows, results.samples.len());
+    let of = |quantity, band, measure| {
+        points
+            .iter()
+            .filter(|p: &&Point| (p.quantity, p.band) == (quantity, band))
+            .filter_map(|p| Some((p, measure_of(measure, p)?)))
+            .collect()
+    };
+    let visible = of(Quantity::Transmittance, Band::Visible, Measure::Rmse);
+    let infrared = of(Quantity::Reflectance, Band::NearInfrared, Measure::Rmse);
+    let colour = larger(
+        of(Quantity::Transmittance, Band::Visible, Measure::DeltaE),
+        &of(Quantity::Reflectance, Band::Visible, Measure::DeltaE),
+    );
+    let seeds = results.rows.iter().map(|row| row.seeds).max().unwrap_or(0);
+    let mut legend = engines(points.iter().map(|p| p.setting.engine));
+    if points.iter().any(|p| !p.measured) {
+        let words =
+            "baseline of Varsa 2025: reference, 1e5 rays (binomial error, extrapolated cost)";
+        legend.push((Symbol::Series(Style::BASELINE), words.into()));
+    }
+    let remarks = [
+        (
+            Symbol::Front,
+            "Pareto front of what was measured; numbers are rays".into(),
+        ),
+        (
+            Symbol::Floor,
+            format!(
+                "below the standard error of the truth ({} rays), where nothing is resolved",
+                results.truth_rays
+            ),
+        ),
+        (
+            Symbol::None,
+            format!("errors: root mean square over {seeds} seeds, worst of the samples"),
+        ),
+        (
+            Symbol::None,
+            "time: one run of one sample on one thread, mean over the samples".into(),
+        ),
+        (
+            Symbol::None,
+            format!("samples: {}", results.samples.join(", ")),
+        ),
+    ];
+    legend.extend(remarks);
+    Figure {
+        panels: vec![
+            errors("Transmittance, 400-700 nm", "RMSE", visible),
+            errors("Reflectance, 700-1400 nm", "RMSE", infrared),
+            errors("Colour, the larger of both quantities", "ΔE*ab", colour),
+        ],
+        legend,
+    }
+}
+
+/// A point with its error and the standard error of its truth.
+type Measured<'a> = (&'a Point, (f64, f64));
+
+fn measure_of(measure: Measure, point: &Point) -> Option<(f64, f64)> {
+    Some((measure.of(&point.error)?, measure.of(&point.floor)?))
+}
+
+/// The points of `all` with the larger of their errors there and in `other`.
+fn larger<'a>(all: Vec<Measured<'a>>, other: &[Measured]) -> Vec<Measured<'a>> {
+    all.into_iter()
+        .filter_map(|(point, (error, floor))| {
+            let same = |(other, _): &&Measured| {
+                (other.setting, other.measured) == (point.setting, point.measured)
+            };
+            let (_, there) = other.iter().find(same)?;
+            Some((point, (error.max(there.0), floor.max(there.1))))
+        })
+        .collect()
+}
+
+fn errors(title: &str, y: &str, all: Vec<Measured>) -> Panel {
+    let at = |(point, (error, _)): &Measured| (point.cpu_seconds, *error);
+    let measured: Vec<&Measured> = all.iter().filter(|(point, _)| point.measured).collect();
+    let coordinates: Vec<_> = measured.iter().map(|point| at(point)).collect();
+    let front: Vec<usize> = front(&coordinates);
+    let rays = |i: &usize| (coordinates[*i], measured[*i].0.setting.accuracy());
+    let with = |style: fn(&Point) -> Style, wanted: bool| {
+        let points = all
+            .iter()
+            .filter(move |(point, _)| point.measured == wanted);
+        points.map(move |point| Series {
+            style: style(point.0),
+            points: vec![at(point)],
+            joined: false,
+        })
+    };
+    Panel {
+        title: title.into(),
+        x: "CPU seconds per spectrum".into(),
+        y: y.into(),
+        series: with(|point| Style::of(point.setting.engine), true)
+            .chain(with(|_| Style::BASELINE, false))
+            .collect(),
+        labels: front.iter().map(rays).collect(),
+        front: front.iter().map(|&i| coordinates[i]).collect(),
+        floor: all.iter().map(|(_, (_, floor))| *floor).reduce(f64::max),
+    }
+}
+
+/// A line of the legend for each of the engines that is there.
+fn engines(there: impl Iterator<Item = Engine> + Clone) -> Vec<(Symbol, String)> {
+    Engine::ALL
+        .into_iter()
+        .filter(|engine| there.clone().any(|other| other == *engine))
+        .map(|engine| (Symbol::Series(Style::of(engine)), engine.name().into()))
+        .collect()
+}
+
+/// Cost against what a run is asked for.
+fn scaling(results: &Results) -> Figure {
+    let panel = |growth: Growth| {
+        let (title, x) = match growth {
+            Growth::Thickness => ("One slab, ever thicker", "thickness, cm"),
+            Growth::Wavelengths => ("More wavelengths in 400-700 nm", "wavelengths"),
+            Growth::Thicknesses => ("More slabs at once, the thickest 12 cm", "thicknesses"),
+            Growth::Angles => ("More angles of incidence", "angles"),
+        };
+        let of = |engine: &Engine| {
+            let costs = results.costs.iter();
+            let mine = costs.filter(|c| c.growth == growth && c.setting.engine == *engine);
+            Series {
+                style: Style::of(*engine),
+                points: mine.map(|c| (c.value, c.cpu_seconds)).collect(),
+                joined: true,
+            }
+        };
+        let all = Engine::ALL.iter().map(of);
+        Panel {
+            title: title.into(),
+            x: x.into(),
+            y: "CPU seconds".into(),
+            series: all.filter(|series| !series.points.is_empty()).collect(),
+            ..Panel::default()
+        }
+    };
+    let mut legend: Vec<(Symbol, String)> = Vec::new();
+    for cost in &results.costs {
+        let words = format!("{} (rays)", cost.setting);
+        if legend.iter().all(|(_, other)| *other != words) {
+            legend.push((Symbol::Series(Style::of(cost.setting.engine)), words));
+        }
+    }
+    let sample = results.samples.first().map_or("", String::as_str);
+    legend.push((
+        Symbol::None,
+        format!("grains of {sample}; otherwise one slab of 12 cm, 31 wavelengths, one angle"),
+    ));
+    Figure {
+        panels: Growth::ALL.map(panel).into(),
+        legend,
+    }
+}
+
+/// Errors of compression against its costs.
+fn components(all: &[Components]) -> Figure {
+    type Of = fn(&Components) -> f64;
+    let panel = |title: &str, x: &str, cost: Of, y: &str, error: fn(&Components) -> Option<f64>| {
+        let of = |(i, quantity): (usize, Quantity)| Series {
+            style: Style::numbered(i),
+            points: all
+                .iter()
+                .filter(|row| row.quantity == quantity)
+                .filter_map(|row| Some((cost(row), error(row)?)))
+                .collect(),
+            joined: true,
+        };
+        Panel {
+            title: title.into(),
+            x: x.into(),
+            y: y.into(),
+            series: Quantity::ALL.into_iter().enumerate().map(of).collect(),
+            ..Panel::default()
+        }
+    };
+    let number: Of = |row| row.components as f64;
+    let colour = |row: &Components| row.delta_e.map(|e| e[1]);
+    let rmse = |row: &Components| Some(row.rmse[1]);
+    let legend = Quantity::ALL.into_iter().enumerate();
+    Figure {
+        panels: vec![
+            panel(
+                "Colour of the worst curve",
+                "components",
+                number,
+                "ΔE*ab",
+                colour,
+            ),
+            panel(
+                "RMSE of the worst curve",
+                "components",
+                number,
+                "RMSE",
+                rmse,
+            ),
+            panel(
+                "Size",
+                "bytes of the quantity",
+                |row| row.bytes as f64,
+                "ΔE*ab",
+                colour,
+            ),
+            panel(
+                "Time",
+                "CPU seconds to rebuild a spectrum",
+                |row| row.cpu_seconds,
+                "ΔE*ab",
+                colour,
+            ),
+        ],
+        legend: legend
+            .map(|(i, quantity)| (Symbol::Series(Style::numbered(i)), quantity.name().into()))
+            .collect(),
+    }
+}

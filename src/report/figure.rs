@@ -1,0 +1,115 @@
+//! Panels side by side with one legend, as SVG and PNG.
+use plotters::element::DashedPathElement;
+use plotters::prelude::*;
+use plotters::style::text_anchor::HPos;
+use resvg::tiny_skia::{Pixmap, Transform};
+use resvg::usvg::{Options, Tree, fontdb};
+
+use super::panel::Panel;
+use super::style::{Area, Drawn, GREY, INK, SCALE, SHADE, Style, font, write};
+
+/// Width of a figure as shown, pixels.
+const WIDTH: i32 = 1200;
+/// Height of a row of panels.
+const ROW: i32 = 440;
+/// Height of a line of the legend.
+const LINE: i32 = 24;
+
+/// How a line of the legend begins.
+#[derive(Debug, Clone, Copy)]
+pub(super) enum Symbol {
+    /// A series.
+    Series(Style),
+    /// The dashed line.
+    Front,
+    /// The shaded range.
+    Floor,
+    /// Nothing: a remark.
+    None,
+}
+
+/// Panels in two columns. The legend takes the place after the last one, or a
+/// row of its own.
+#[derive(Debug)]
+pub(super) struct Figure {
+    pub(super) panels: Vec<Panel>,
+    pub(super) legend: Vec<(Symbol, String)>,
+}
+
+impl Figure {
+    /// The figure as the text of an SVG file.
+    pub(super) fn svg(&self) -> Result<String, String> {
+        let rows = self.panels.len().div_ceil(2) as i32;
+        let beside = self.panels.len() % 2 == 1;
+        let strip = if beside {
+            0
+        } else {
+            LINE * (self.legend.len() as i32 + 1)
+        };
+        let (width, height) = (WIDTH * SCALE, (rows * ROW + strip) * SCALE);
+        let mut svg = String::new();
+        self.draw(&mut svg, (width as u32, height as u32), rows)
+            .map_err(|error| error.to_string())?;
+        // Drawn larger, shown at its size.
+        let size = |scale| {
+            let (width, height) = (width / scale, height / scale);
+            format!("<svg width=\"{width}\" height=\"{height}\"")
+        };
+        Ok(svg.replacen(&size(1), &size(SCALE), 1))
+    }
+
+    fn draw(&self, svg: &mut String, size: (u32, u32), rows: i32) -> Drawn {
+        let area = SVGBackend::with_string(svg, size).into_drawing_area();
+        area.fill(&WHITE)?;
+        let (above, below) = area.split_vertically(rows * ROW * SCALE);
+        let cells = above.split_evenly((rows as usize, 2));
+        for (panel, cell) in self.panels.iter().zip(&cells) {
+            panel.draw(cell)?;
+        }
+        self.draw_legend(cells.get(self.panels.len()).unwrap_or(&below))?;
+        area.present()
+    }
+
+    fn draw_legend(&self, area: &Area) -> Drawn {
+        let left = 70 * SCALE;
+        for ((symbol, words), line) in self.legend.iter().zip(1..) {
+            let y = line * LINE * SCALE;
+            let (from, to) = ((left, y), (left + 36 * SCALE, y));
+            let middle = (left + 18 * SCALE, y);
+            match symbol {
+                Symbol::Series(style) => style.mark(area, middle)?,
+                Symbol::Front => {
+                    let style = INK.stroke_width(SCALE as u32);
+                    let (dash, gap) = (6 * SCALE, 4 * SCALE);
+                    area.draw(&DashedPathElement::new([from, to], dash, gap, style))?;
+                }
+                Symbol::Floor => {
+                    let box_ = [(from.0, y), (to.0, y + 9 * SCALE)];
+                    area.draw(&Rectangle::new(box_, SHADE.filled()))?;
+                    let style = GREY.stroke_width(SCALE as u32);
+                    area.draw(&PathElement::new([from, to], style))?;
+                }
+                Symbol::None => {}
+            }
+            let at = (to.0 + 14 * SCALE, y);
+            write(area, words, at, font(13, &INK), HPos::Left)?;
+        }
+        Ok(())
+    }
+}
+
+/// The picture of an SVG file as a PNG file, at the size it is shown.
+pub(super) fn png(svg: &str) -> Result<Vec<u8>, String> {
+    let mut fonts = fontdb::Database::new();
+    fonts.load_font_data(dejavu::sans::regular().to_vec());
+    fonts.set_sans_serif_family("DejaVu Sans");
+    let options = Options {
+        fontdb: fonts.into(),
+        ..Options::default()
+    };
+    let tree = Tree::from_str(svg, &options).map_err(|error| error.to_string())?;
+    let size = tree.size().to_int_size();
+    let mut pixels = Pixmap::new(size.width(), size.height()).ok_or("a picture of no size")?;
+    resvg::render(&tree, Transform::identity(), &mut pixels.as_mut());
+    pixels.encode_png().map_err(|error| error.to_string())
+}

@@ -1,0 +1,67 @@
+//! The two ranges of wavelengths in which errors are told.
+use crate::colour::{Colorimeter, ColourError};
+
+/// A range of wavelengths with its own runs, costs and errors.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord)]
+pub enum Band {
+    /// 400-700 nm every 10 nm: 31 wavelengths, with a colour.
+    Visible,
+    /// 700-1400 nm every 50 nm: 15 wavelengths, without one.
+    NearInfrared,
+}
+
+impl Band {
+    /// Both.
+    pub const ALL: [Self; 2] = [Self::Visible, Self::NearInfrared];
+
+    /// The name used in files.
+    #[must_use]
+    pub fn name(self) -> &'static str {
+        match self {
+            Self::Visible => "visible",
+            Self::NearInfrared => "near_infrared",
+        }
+    }
+
+    /// Its wavelengths, nm, increasing.
+    #[must_use]
+    pub fn wavelengths_nm(self) -> Vec<f64> {
+        let (first, step, count) = match self {
+            Self::Visible => (400.0, 10.0, 31),
+            Self::NearInfrared => (700.0, 50.0, 15),
+        };
+        (0..count).map(|i| first + step * f64::from(i)).collect()
+    }
+
+    /// What turns its spectra into colours, where they have one.
+    ///
+    /// # Errors
+    /// As [`Colorimeter::new`].
+    pub fn colorimeter(self) -> Result<Option<Colorimeter>, ColourError> {
+        match self {
+            Self::Visible => Colorimeter::new(&self.wavelengths_nm()),
+            Self::NearInfrared => Ok(None),
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn the_bands_meet_at_700_nm() {
+        let ends = Band::ALL.map(|band| {
+            let nm = band.wavelengths_nm();
+            (nm.first().copied(), nm.last().copied(), nm.len())
+        });
+        assert_eq!(ends[0], (Some(400.0), Some(700.0), 31));
+        assert_eq!(ends[1], (Some(700.0), Some(1400.0), 15));
+    }
+
+    #[test]
+    fn only_visible_light_has_a_colour() {
+        let coloured = |band: Band| band.colorimeter().is_ok_and(|colour| colour.is_some());
+        assert_eq!(Band::ALL.map(coloured), [true, false]);
+    }
+}

@@ -1,0 +1,212 @@
+//! The operating point of the thesis: analog walks, 1e5 rays per wavelength
+//! (Varsa 2025), which is `reference` at that many rays.
+//!
+//! It would take long to run, and need not be: every wavelength has rays of its
+//! own that are reflected, transmitted or neither, so the error is binomial; and
+//! the cost is linear in batches of rays, of which one is measured, at every
+//! wavelength in the near infrared and at every fifth in visible light, where the
+//! cost changes little.
+use super::measure::{Bench, failed, request};
+use super::truth::Truth;
+use super::{Band, Kind, Metrics, Row, Sample, Setting, TradeoffError};
+use crate::colour::Colorimeter;
+use crate::engine::{BATCH, Engine, Resolution};
+use crate::measurement::Quantity;
+
+/// Rays per wavelength.
+pub const BASELINE_RAYS: u64 = 100_000;
+/// Step of the derivatives of a colour: its cube roots curve little over it.
+const STEP: f64 = 1e-6;
+/// Steps of the integral for the largest error, over 8 standard errors.
+const STEPS: usize = 800;
+
+/// The rows of the baseline; none if `reference` was not `measured`, or if
+/// measuring the cost would take the whole budget again. `truths` is
+/// `[sample][band]`.
+pub(super) fn rows(
+    bench: &Bench,
+    measured: &[Row],
+    samples: &[Sample],
+    truths: &[Vec<Truth>],
+) -> Result<Vec<Row>, TradeoffError> {
+    let reference = |row: &&Row| row.setting.engine == Engine::Reference;
+    let most = measured
+        .iter()
+        .filter(reference)
+        .map(|r| r.setting.rays)
+        .max();
+    let Some(rays) = most else {
+        return Ok(Vec::new());
+    };
+    let known: Vec<&Row> = measured
+        .iter()
+        .filter(reference)
+        .filter(|row| row.setting.rays == rays && row.quantity == Quantity::Transmittance)
+        .collect();
+    let batches = BATCH as f64 / rays as f64;
+    let expected = known
+        .iter()
+        .map(|row| batches * row.cpu_seconds[0] / stride(row.band) as f64);
+    if expected.sum::<f64>() > bench.budget() {
+        return Ok(Vec::new());
+    }
+    let mut rows = Vec::new();
+    for (sample, truths) in samples.iter().zip(truths) {
+        for (band, truth) in Band::ALL.into_iter().zip(truths) {
+            let same = |row: &&&Row| row.sample == sample.name && row.band == band;
+            let Some(known) = known.iter().find(same) else {
+                continue;
+            };
+            let seconds = BASELINE_RAYS as f64 / BATCH as f64 * batch(bench, sample, band)?;
+            let colour = band.colorimeter()?;
+            rows.extend(Quantity::ALL.map(|quantity| Row {
+                setting: setting(BASELINE_RAYS),
+                kind: Kind::Extrapolated,
+                seeds: 0,
+                quantity,
+                cpu_seconds: [seconds; 3],
+                error: binomial(&truth.of(quantity), BASELINE_RAYS, colour.as_ref()),
+                floor: truth.standard_error(quantity, colour.as_ref()),
+                ..(*known).clone()
+            }));
+        }
+    }
+    Ok(rows)
+}
+
+fn setting(rays: u64) -> Setting {
+    Setting {
+        engine: Engine::Reference,
+        rays,
+        resolution: Resolution::default(),
+    }
+}
+
+/// Of how many wavelengths one is timed.
+fn stride(band: Band) -> usize {
+    match band {
+        Band::Visible => 5,
+        Band::NearInfrared => 1,
+    }
+}
+
+/// CPU seconds of one batch of rays for each wavelength of `band`.
+fn batch(bench: &Bench, sample: &Sample, band: Band) -> Result<f64, TradeoffError> {
+    let (setting, thickness) = (setting(BATCH), [sample.file.thickness_m]);
+    let all = band.wavelengths_nm();
+    let timed: Vec<f64> = all.iter().copied().step_by(stride(band)).collect();
+    let seconds = bench.map(&timed, |&nm| {
+        let nm = [nm];
+        let run = bench.run(&setting, &request(&setting, sample, &thickness, &nm, 1));
+        let run = run.map_err(|error| failed(sample, &setting, error))?;
+        Ok(run.cpu_seconds)
+    })?;
+    Ok(seconds.iter().sum::<f64>() * all.len() as f64 / timed.len() as f64)
+}
+
+/// Root mean square of each measure for a spectrum of shares of `rays` rays,
+/// each wavelength with rays of its own. Exact for the RMSE; for the Delta-E to
+/// first order; for the largest error as of normal variates.
+fn binomial(truth: &[f64], rays: u64, colour: Option<&Colorimeter>) -> Metrics {
+    let variances: Vec<f64> = truth
+        .iter()
+        .map(|p| (p * (1.0 - p)).max(0.0) / rays as f64)
+        .collect();
+    let mean = variances.iter().sum::<f64>() / variances.len() as f64;
+    Metrics {
+        rmse: mean.sqrt(),
+        max_abs: largest_of_normal(&variances),
+        delta_e: colour.map(|colour| {
+            let slopes = slopes_sq(truth, colour);
+            let squares = slopes.iter().zip(&variances).map(|(s, v)| s * v);
+            squares.sum::<f64>().sqrt()
+        }),
+    }
+}
+
+/// Square of the distance in CIELAB that a unit change at each wavelength makes,
+/// to first order.
+fn slopes_sq(spectrum: &[f64], colour: &Colorimeter) -> Vec<f64> {
+    let mut changed = spectrum.to_vec();
+    let mut lab = |l: usize, step: f64| {
+        changed[l] = spectrum[l] + step;
+        let lab = colour.lab(&changed);
+        changed[l] = spectrum[l];
+        [lab.l, lab.a, lab.b]
+    };
+    let slope = |l| {
+        let (up, down) = (lab(l, STEP), lab(l, -STEP));
+        let differences = up.iter().zip(down).map(|(u, d)| (u - d) / (2.0 * STEP));
+        differences.map(|d| d * d).sum()
+    };
+    (0..spectrum.len()).map(slope).collect()
+}
+
+/// Root mean square of the largest magnitude among independent normal variates
+/// of these variances: the integral of 2 x P(some magnitude is above x).
+fn largest_of_normal(variances: &[f64]) -> f64 {
+    let most = variances.iter().copied().fold(0.0, f64::max).sqrt();
+    let step = 8.0 * most / STEPS as f64;
+    let above = |x: f64| {
+        let within = |v: &f64| libm::erf(x / (2.0 * v).sqrt());
+        let positive = variances.iter().filter(|v| **v > 0.0);
+        1.0 - positive.map(within).product::<f64>()
+    };
+    let middle = |i: usize| step * (i as f64 + 0.5);
+    let sum: f64 = (0..STEPS).map(middle).map(|x| 2.0 * x * above(x)).sum();
+    (sum * step).sqrt()
+}
+
+#[cfg(test)]
+#[allow(clippy::unwrap_used)]
+mod tests {
+    use super::*;
+    use crate::rng::{Key, Stream};
+
+    #[test]
+    fn one_normal_variate_has_its_own_standard_deviation() {
+        assert!((largest_of_normal(&[4.0]) - 2.0).abs() < 1e-4);
+        assert_eq!(largest_of_normal(&[0.0, 0.0]), 0.0);
+        assert!((largest_of_normal(&[4.0, 0.0]) - 2.0).abs() < 1e-4);
+        // E max(X^2, Y^2) of two unit normals is 1 + 2/pi.
+        let two = largest_of_normal(&[1.0, 1.0]);
+        let expected = 1.0 + 2.0 / std::f64::consts::PI;
+        assert!((two * two - expected).abs() < 1e-4, "{two}");
+    }
+
+    /// Against rays drawn one by one.
+    #[test]
+    fn the_error_is_that_of_counted_rays() {
+        const RAYS: u64 = 1000;
+        const RUNS: u64 = 400;
+        let band = Band::Visible;
+        let colour = band.colorimeter().unwrap();
+        let nm = band.wavelengths_nm();
+        let truth: Vec<f64> = nm.iter().map(|nm| 0.9 - nm / 1000.0).collect();
+        let key = |batch| Key {
+            seed: 1,
+            cell: 0,
+            purpose: [7, 7, 7],
+            batch,
+        };
+        let run = |batch| {
+            let mut stream = Stream::new(key(batch));
+            let mut share = |p: f64| {
+                let drawn = (0..RAYS / 8).flat_map(|_| stream.uniform().to_array());
+                drawn.filter(|u| *u < p).count() as f64 / RAYS as f64
+            };
+            let counted: Vec<f64> = truth.iter().map(|p| share(*p)).collect();
+            Metrics::between(&counted, &truth, colour.as_ref())
+        };
+        let runs: Vec<_> = (0..RUNS).map(run).collect();
+        let found = Metrics::rms(&runs);
+        let expected = binomial(&truth, RAYS, colour.as_ref());
+        // A root mean square over n runs has a relative standard error of
+        // sqrt((kurtosis - 1) / 4n). One normal variate per run, the worst case,
+        // has kurtosis 3: 0.035. Four of them, and 2 % for what is of first order.
+        let close = |a: f64, b: f64| assert!((a / b - 1.0).abs() < 0.16, "{a} {b}");
+        close(found.rmse, expected.rmse);
+        close(found.max_abs, expected.max_abs);
+        close(found.delta_e.unwrap(), expected.delta_e.unwrap());
+    }
+}

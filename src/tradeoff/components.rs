@@ -1,0 +1,173 @@
+//! Errors of compression against what a compact file costs: components, bytes,
+//! and the time to rebuild a spectrum.
+use std::hint::black_box;
+use std::path::PathBuf;
+
+use cpu_time::ThreadTime;
+use ndarray::Array2;
+
+use super::measure::Bench;
+use super::truth::values;
+use super::{Setting, TradeoffError};
+use crate::colour::Colorimeter;
+use crate::compress::{Decomposition, add_component, error_table};
+use crate::engine::{EngineError, Resolution};
+use crate::grid::Grid;
+use crate::measurement::Quantity;
+use crate::store::{Store, Variable};
+
+/// Components of the last row, if there are as many.
+const MOST: usize = 12;
+/// Rays per curve, of a grid in memory, for each CPU second of the budget: at
+/// most its own number.
+const RAYS_PER_SECOND: f64 = 4.0;
+/// Rebuilding is timed in so many passes, of which the fastest counts...
+const PASSES: u32 = 9;
+/// ... each of at least so many CPU seconds.
+const PASS: f64 = 0.002;
+
+/// The curves to compress.
+#[derive(Debug)]
+pub enum Source {
+    /// A finished database, by its output directory.
+    Database(PathBuf),
+    /// A grid, simulated now.
+    Grid(Box<Grid>),
+}
+
+/// Errors and costs with one number of components of one quantity.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Components {
+    /// The quantity.
+    pub quantity: Quantity,
+    /// Their number.
+    pub components: usize,
+    /// Bytes of the quantity's coefficients and basis, as a compact file holds them.
+    pub bytes: u64,
+    /// CPU seconds to rebuild one spectrum.
+    pub cpu_seconds: f64,
+    /// Mean and largest RMSE over the curves.
+    pub rmse: [f64; 2],
+    /// Mean and largest Delta-E; `None` without visible wavelengths.
+    pub delta_e: Option<[f64; 2]>,
+}
+
+/// Curves per quantity, `[curve, wavelength]`, and their wavelengths.
+struct Curves {
+    nm: Vec<f64>,
+    of: Vec<(Quantity, Array2<f64>)>,
+}
+
+/// Rows per quantity for 1, 2, ... components.
+pub(super) fn measure(
+    bench: &Bench,
+    source: &Source,
+    say: &dyn Fn(&str),
+) -> Result<Vec<Components>, TradeoffError> {
+    say("curves to compress");
+    let curves = match source {
+        Source::Database(folder) => stored(&Store::open(folder)?)?,
+        Source::Grid(grid) => simulated(bench, grid)?,
+    };
+    let colour = Colorimeter::new(&curves.nm)?;
+    let mut rows = Vec::new();
+    for (quantity, matrix) in &curves.of {
+        let decomposition = Decomposition::new(matrix.view())?;
+        let table = error_table(matrix.view(), &decomposition, colour.as_ref(), MOST);
+        let numbers = (matrix.nrows() + matrix.ncols()) as u64;
+        for row in table.rows {
+            rows.push(Components {
+                quantity: *quantity,
+                components: row.components,
+                bytes: numbers * (row.components * size_of::<f32>()) as u64,
+                cpu_seconds: rebuilding(matrix, &decomposition, row.components),
+                rmse: [row.rmse.mean, row.rmse.max],
+                delta_e: row.delta_e.map(|e| [e.mean, e.max]),
+            });
+        }
+    }
+    Ok(rows)
+}
+
+fn stored(store: &Store) -> Result<Curves, TradeoffError> {
+    let missing = store.missing(None)?.len();
+    if missing > 0 {
+        let path = store.path().into();
+        return Err(TradeoffError::Unfinished { missing, path });
+    }
+    let read = |quantity| {
+        let variable = match quantity {
+            Quantity::Transmittance => Variable::Transmittance,
+            Quantity::Reflectance => Variable::Reflectance,
+        };
+        Ok((quantity, store.read(variable)?.mapv(f64::from)))
+    };
+    let of: Result<_, TradeoffError> = Quantity::ALL.into_iter().map(read).collect();
+    Ok(Curves {
+        nm: store.wavelengths_nm().to_vec(),
+        of: of?,
+    })
+}
+
+fn simulated(bench: &Bench, grid: &Grid) -> Result<Curves, TradeoffError> {
+    let affordable = (RAYS_PER_SECOND * bench.budget()).max(1.0) as u64;
+    let setting = Setting {
+        engine: grid.run.engine,
+        rays: grid.run.rays.min(affordable),
+        resolution: Resolution::default(),
+    };
+    let jobs = grid.jobs()?;
+    let numbers: Vec<u64> = (0..jobs.count()).collect();
+    let spectra = bench.map(&numbers, |&number| {
+        let job = grid.job(&jobs, number)?;
+        let mut request = job.request(grid);
+        request.rays = setting.rays;
+        let run = bench.run(&setting, &request);
+        let run = run.map_err(|source| match source {
+            EngineError::Cancelled => TradeoffError::Cancelled,
+            source => TradeoffError::Engine {
+                sample: job.to_string(),
+                setting: setting.to_string(),
+                source,
+            },
+        })?;
+        Ok(run.spectra)
+    })?;
+    let spectra: Vec<_> = spectra.into_iter().flatten().collect();
+    let of = |quantity| {
+        let rows: Vec<_> = spectra.iter().map(|s| values(s, quantity)).collect();
+        let shape = (rows.len(), grid.wavelengths_nm.len());
+        (quantity, Array2::from_shape_fn(shape, |(i, j)| rows[i][j]))
+    };
+    Ok(Curves {
+        nm: grid.wavelengths_nm.clone(),
+        of: Quantity::ALL.map(of).into(),
+    })
+}
+
+/// CPU seconds to rebuild one spectrum as readers of compact files do, undisturbed.
+fn rebuilding(curves: &Array2<f64>, decomposition: &Decomposition, components: usize) -> f64 {
+    let basis = decomposition.basis.mapv(|v| v as f32);
+    let coefficients = curves
+        .dot(&decomposition.basis)
+        .mapv(|coefficient| coefficient as f32);
+    let mut sum = vec![0.0; curves.ncols()];
+    let mut pass = || {
+        let (begin, mut spectra) = (ThreadTime::now(), 0_u32);
+        loop {
+            for row in coefficients.rows() {
+                sum.fill(0.0);
+                for (&coefficient, vector) in row.iter().zip(basis.columns()).take(components) {
+                    add_component(&mut sum, coefficient, vector);
+                }
+                black_box(&sum);
+                spectra += 1;
+            }
+            let seconds = begin.elapsed().as_secs_f64();
+            if seconds >= PASS {
+                return seconds / f64::from(spectra);
+            }
+        }
+    };
+    (0..PASSES).map(|_| pass()).fold(f64::INFINITY, f64::min)
+}

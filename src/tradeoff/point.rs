@@ -1,0 +1,115 @@
+//! A setting over all samples: one point of the chart.
+use std::collections::BTreeSet;
+
+use super::{Band, Kind, Metrics, Row, Setting};
+use crate::measurement::Quantity;
+
+/// One setting, quantity and band over all samples.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Point {
+    /// The setting.
+    pub setting: Setting,
+    /// Whether it was run, rather than extrapolated.
+    pub measured: bool,
+    /// Wavelengths.
+    pub band: Band,
+    /// Quantity that was compared.
+    pub quantity: Quantity,
+    /// CPU seconds of one run of the band: mean over the samples.
+    pub cpu_seconds: f64,
+    /// Errors: the largest over the samples.
+    pub error: Metrics,
+    /// Standard errors of the truths: the largest over the samples.
+    pub floor: Metrics,
+}
+
+/// The points of `rows`, in their order. A setting without a row for each of
+/// `samples` samples has none: its error could not be compared with the others'.
+#[must_use]
+pub fn points(rows: &[Row], samples: usize) -> Vec<Point> {
+    let mut points: Vec<Point> = Vec::new();
+    for row in rows {
+        let same = |other: &&Row| {
+            (other.setting, other.kind) == (row.setting, row.kind)
+                && (other.band, other.quantity) == (row.band, row.quantity)
+        };
+        let measured = row.kind == Kind::Measured;
+        let known = |point: &Point| {
+            (point.setting, point.measured) == (row.setting, measured)
+                && (point.band, point.quantity) == (row.band, row.quantity)
+        };
+        if points.iter().any(known) {
+            continue;
+        }
+        let all: Vec<&Row> = rows.iter().filter(same).collect();
+        let names: BTreeSet<&str> = all.iter().map(|row| row.sample.as_str()).collect();
+        if names.len() < samples {
+            continue;
+        }
+        let larger = |of: fn(&Row) -> Metrics| {
+            let all = all.iter().map(|row| of(row));
+            all.reduce(Metrics::max).unwrap_or_default()
+        };
+        let seconds: f64 = all.iter().map(|row| row.cpu_seconds[0]).sum();
+        points.push(Point {
+            setting: row.setting,
+            measured,
+            band: row.band,
+            quantity: row.quantity,
+            cpu_seconds: seconds / all.len() as f64,
+            error: larger(|row| row.error),
+            floor: larger(|row| row.floor),
+        });
+    }
+    points
+}
+
+#[cfg(test)]
+#[allow(clippy::unwrap_used)]
+mod tests {
+    use super::*;
+    use crate::engine::{Engine, Resolution};
+
+    fn row(sample: &str, rays: u64, cpu: f64, rmse: f64, quantity: Quantity) -> Row {
+        let metrics = |rmse| Metrics {
+            rmse,
+            max_abs: 2.0 * rmse,
+            delta_e: None,
+        };
+        Row {
+            sample: sample.into(),
+            setting: Setting {
+                engine: Engine::Reference,
+                rays,
+                resolution: Resolution::default(),
+            },
+            kind: Kind::Measured,
+            seeds: 1,
+            band: Band::NearInfrared,
+            quantity,
+            cpu_seconds: [cpu, 0.0, 100.0],
+            error: metrics(rmse),
+            floor: metrics(rmse / 10.0),
+            truth_rays: 1,
+        }
+    }
+
+    #[test]
+    fn mean_cost_and_worst_error_of_complete_settings() {
+        let t = Quantity::Transmittance;
+        let rows = [
+            row("a", 4, 1.0, 0.25, t),
+            row("b", 4, 3.0, 0.125, t),
+            row("a", 16, 4.0, 0.125, t),
+            row("a", 4, 1.0, 0.5, Quantity::Reflectance),
+        ];
+        let found = points(&rows, 2);
+        assert_eq!(found.len(), 1);
+        let point = &found[0];
+        assert_eq!((point.setting.rays, point.quantity), (4, t));
+        assert_eq!(point.cpu_seconds, 2.0);
+        assert_eq!(point.error, rows[0].error);
+        assert_eq!(point.floor, rows[0].floor);
+        assert_eq!(points(&rows[..1], 1)[0].error.max_abs, 0.5);
+    }
+}

@@ -1,0 +1,218 @@
+//! Every setting on every sample.
+use super::measure::{Bench, failed, mean, request};
+use super::truth::{Truth, values};
+use super::{Band, Metrics, Sample, Setting, TradeoffError, ladder};
+use crate::colour::Colorimeter;
+use crate::engine::Engine;
+use crate::measurement::{Quantity, Spectrum};
+
+/// Share of the budget until which settings are tried.
+const SHARE: f64 = 0.88;
+
+/// Where a row comes from.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Kind {
+    /// Run as it stands.
+    Measured,
+    /// Known from a run with fewer rays and from the truth.
+    Extrapolated,
+}
+
+impl Kind {
+    /// The name used in files.
+    #[must_use]
+    pub fn name(self) -> &'static str {
+        match self {
+            Self::Measured => "measured",
+            Self::Extrapolated => "extrapolated",
+        }
+    }
+}
+
+/// One setting on one sample: one quantity in one band.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Row {
+    /// Name of the sample.
+    pub sample: String,
+    /// The setting.
+    pub setting: Setting,
+    /// Where it comes from.
+    pub kind: Kind,
+    /// Runs, with a seed each; 0 if extrapolated.
+    pub seeds: u64,
+    /// Wavelengths.
+    pub band: Band,
+    /// Quantity that was compared.
+    pub quantity: Quantity,
+    /// CPU seconds of one run, which gives both quantities of the band: the
+    /// mean, the least and the most over the seeds.
+    pub cpu_seconds: [f64; 3],
+    /// Root mean square over the seeds of each distance from the truth.
+    pub error: Metrics,
+    /// Standard error of that truth, in the same measures.
+    pub floor: Metrics,
+    /// Rays of that truth.
+    pub truth_rays: u64,
+}
+
+/// A setting that an engine would not run on a sample.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Refusal {
+    /// Name of the sample.
+    pub sample: String,
+    /// The setting.
+    pub setting: Setting,
+    /// Where.
+    pub band: Band,
+    /// What the engine said.
+    pub reason: String,
+}
+
+/// One run, or why there is none.
+type Outcome = Result<(Spectrum, f64), String>;
+
+/// Climbs the ladders of engines.
+pub(super) struct Sweep<'a> {
+    bench: &'a Bench<'a>,
+    samples: &'a [Sample],
+    truths: &'a [Vec<Truth>],
+    seeds: u64,
+    colours: Vec<Option<Colorimeter>>,
+    rows: Vec<Row>,
+    refusals: Vec<Refusal>,
+}
+
+impl<'a> Sweep<'a> {
+    /// `truths` is `[sample][band]`.
+    pub(super) fn new(
+        bench: &'a Bench<'a>,
+        samples: &'a [Sample],
+        truths: &'a [Vec<Truth>],
+        seeds: u64,
+    ) -> Result<Self, TradeoffError> {
+        let colours: Result<_, _> = Band::ALL.into_iter().map(Band::colorimeter).collect();
+        Ok(Self {
+            bench,
+            samples,
+            truths,
+            seeds,
+            colours: colours?,
+            rows: Vec::new(),
+            refusals: Vec::new(),
+        })
+    }
+
+    /// Runs the settings of `engine`, the next of `engines_left`, that its part
+    /// of the budget allows, and the first one in any case.
+    pub(super) fn climb(
+        &mut self,
+        engine: Engine,
+        engines_left: usize,
+        say: &dyn Fn(&str),
+    ) -> Result<(), TradeoffError> {
+        let mut allowance = self.bench.left_of(SHARE) / engines_left.max(1) as f64;
+        // Cost of the last setting, and its rays.
+        let mut last: Option<(f64, u64)> = None;
+        for setting in ladder(engine) {
+            let expected =
+                last.map_or(0.0, |(cost, rays)| cost * setting.rays as f64 / rays as f64);
+            if expected > allowance {
+                continue;
+            }
+            say(&setting.to_string());
+            let cost = self.run(&setting)?;
+            allowance -= cost;
+            last = Some((cost, setting.rays));
+        }
+        Ok(())
+    }
+
+    /// Runs one setting on everything; gives the CPU seconds it took.
+    fn run(&mut self, setting: &Setting) -> Result<f64, TradeoffError> {
+        let mut items = Vec::new();
+        for sample in self.samples {
+            for band in Band::ALL {
+                items.extend((1..=self.seeds).map(|seed| (sample, band, seed)));
+            }
+        }
+        let outcomes = self.bench.map(&items, |&(sample, band, seed)| {
+            self.one(setting, sample, band, seed)
+        })?;
+        let cost = outcomes.iter().flatten().map(|(_, seconds)| seconds).sum();
+        let mut outcomes = outcomes.into_iter();
+        for (sample, truths) in self.samples.iter().zip(self.truths) {
+            for (band, truth) in Band::ALL.into_iter().zip(truths) {
+                let runs: Result<Vec<_>, _> = outcomes.by_ref().take(self.seeds as usize).collect();
+                match runs {
+                    Ok(runs) => self.compare(setting, sample, band, truth, &runs),
+                    Err(reason) => self.refusals.push(Refusal {
+                        sample: sample.name.clone(),
+                        setting: *setting,
+                        band,
+                        reason,
+                    }),
+                }
+            }
+        }
+        Ok(cost)
+    }
+
+    fn one(
+        &self,
+        setting: &Setting,
+        sample: &Sample,
+        band: Band,
+        seed: u64,
+    ) -> Result<Outcome, TradeoffError> {
+        let nm = band.wavelengths_nm();
+        let thickness = [sample.file.thickness_m];
+        let request = request(setting, sample, &thickness, &nm, seed);
+        match self.bench.run(setting, &request) {
+            Ok(mut run) => Ok(Ok((run.spectra.pop().unwrap_or_default(), run.cpu_seconds))),
+            Err(error) => match failed(sample, setting, error) {
+                TradeoffError::Engine { source, .. } => Ok(Err(source.to_string())),
+                other => Err(other),
+            },
+        }
+    }
+
+    fn compare(
+        &mut self,
+        setting: &Setting,
+        sample: &Sample,
+        band: Band,
+        truth: &Truth,
+        runs: &[(Spectrum, f64)],
+    ) {
+        let seconds: Vec<f64> = runs.iter().map(|(_, seconds)| *seconds).collect();
+        let least = seconds.iter().copied().fold(f64::INFINITY, f64::min);
+        let most = seconds.iter().copied().fold(0.0, f64::max);
+        let colour = self.colours[band as usize].as_ref();
+        for quantity in Quantity::ALL {
+            let expected = truth.of(quantity);
+            let distances: Vec<_> = runs
+                .iter()
+                .map(|(spectrum, _)| {
+                    Metrics::between(&values(spectrum, quantity), &expected, colour)
+                })
+                .collect();
+            self.rows.push(Row {
+                sample: sample.name.clone(),
+                setting: *setting,
+                kind: Kind::Measured,
+                seeds: self.seeds,
+                band,
+                quantity,
+                cpu_seconds: [mean(&seconds), least, most],
+                error: Metrics::rms(&distances),
+                floor: truth.standard_error(quantity, colour),
+                truth_rays: truth.rays,
+            });
+        }
+    }
+
+    /// What was measured, and what was refused.
+    pub(super) fn finish(self) -> (Vec<Row>, Vec<Refusal>) {
+        (self.rows, self.refusals)
+    }
+}
