@@ -76,8 +76,10 @@ fn header(date: &str) -> String {
 # angle_deg: of incidence, from the normal, or diffuse: isotropic radiance
 # rays: per index node; each wavelength mixes two
 # *_se: standard errors; those of one snow and light are correlated over wavelengths, and over
-# thicknesses that shared their walks. Where no ray scored, the value is 0 and the error 1/rays.
-# lost: share of the rays trapped in a grain and given up, in neither of the two
+# thicknesses that shared their walks. Where no ray scored, the value is 0 and the error 1/rays;
+# where an error exceeds a quarter of its value, few rays scored and it may be far too small.
+# lost: share of the rays given up, in neither of the two: those trapped in a smooth grain
+# (about 2e-8 per grain event), and those that met 10^7 grains
 ",
         Engine::Spectral.name(),
         env!("CARGO_PKG_VERSION"),

@@ -29,7 +29,7 @@ pub(crate) struct Case {
     /// Per wavelength, with standard errors.
     pub(crate) reflectance: Vec<Measured>,
     pub(crate) transmittance: Vec<Measured>,
-    /// Share of the rays that got trapped in a grain: in neither of the two.
+    /// Share of the rays given up, in neither of the two (see the file's header).
     pub(crate) lost: Vec<f64>,
 }
 
@@ -78,13 +78,25 @@ pub(crate) fn read() -> Vec<Case> {
                 let [r, r_se, t, t_se, lost] = numbers(values);
                 case.wavelengths_nm.push(wavelength_nm);
                 case.reflectance.push(Measured { value: r, se: r_se });
-                case.transmittance.push(Measured { value: t, se: t_se });
+                case.transmittance.push(known(t, t_se, run.rays));
                 case.lost.push(lost);
             }
         }
     }
     assert_eq!(lines.next(), None, "rows of {FILE} beyond the plan");
     cases
+}
+
+/// A transmittance and its standard error. That of an error above a quarter
+/// stems from a few rays, or from the weight of a single one, and knows little
+/// of what they missed: as where no ray scored, it is then 1/rays or more.
+fn known(value: f64, se: f64, rays: u64) -> Measured {
+    let se = if se > 0.25 * value {
+        se.max(1.0 / rays as f64)
+    } else {
+        se
+    };
+    Measured { value, se }
 }
 
 fn empty(name: String, run: &Run, thickness_cm: f64) -> Case {
