@@ -1,0 +1,268 @@
+//! The golden data is whole, as exact as it says, and what `reference` gives.
+#![allow(clippy::unwrap_used)]
+#[path = "common/golden/mod.rs"]
+#[allow(dead_code)]
+mod golden;
+
+use std::path::Path;
+use std::sync::LazyLock;
+use std::sync::atomic::{AtomicBool, AtomicU64};
+
+use golden::Case;
+use golden::compare::compare;
+use golden::plan::{BANDS, Run, runs};
+use splitsnow::config::grid;
+use splitsnow::engine::{Control, Engine, Request};
+use splitsnow::grid::Grid;
+use splitsnow::measurement::{Measured, Spectrum};
+use splitsnow::transport::Model;
+
+static CASES: LazyLock<Vec<Case>> = LazyLock::new(golden::read);
+
+const VISIBLE: usize = BANDS[0].len();
+
+fn thesis() -> Grid {
+    let path = Path::new(env!("CARGO_MANIFEST_DIR")).join("configs/thesis.toml");
+    grid::read(&path).unwrap().grid
+}
+
+/// The axis values of `run` if it lies on the grid, with its snow as the grid
+/// makes it.
+fn on_grid(run: &Run, grid: &Grid) -> bool {
+    let [min_um, max_um] = run.snow.size_um;
+    let Some(angle_deg) = run.angle_deg else {
+        return false;
+    };
+    let axes = &grid.axes;
+    let size_um = 0.5 * (min_um + max_um);
+    let facetness = run.snow.facetness[0];
+    let density_kg_m3 = run.snow.density_kg_m3;
+    let mut one = grid.clone();
+    one.axes.facetness = vec![facetness];
+    one.axes.grain_size_um = vec![size_um];
+    one.axes.density_kg_m3 = vec![density_kg_m3];
+    one.axes.angle_deg = vec![angle_deg];
+    axes.facetness.contains(&facetness)
+        && axes.grain_size_um.contains(&size_um)
+        && axes.density_kg_m3.contains(&density_kg_m3)
+        && axes.angle_deg.contains(&angle_deg)
+        && run
+            .thicknesses_cm
+            .iter()
+            .all(|cm| axes.thickness_cm.contains(cm))
+        && one.job(&one.jobs().unwrap(), 0).unwrap().snow == run.snow.snow()
+}
+
+#[test]
+fn every_case_has_every_wavelength() {
+    let all: Vec<f64> = BANDS.concat();
+    for case in &*CASES {
+        assert_eq!(case.wavelengths_nm, all, "{}", case.name);
+    }
+}
+
+#[test]
+fn sixty_nodes_of_the_grid_and_all_its_corners() {
+    let grid = thesis();
+    let runs: Vec<Run> = runs()
+        .into_iter()
+        .filter(|run| run.wavelengths_nm == BANDS[0] && on_grid(run, &grid))
+        .collect();
+    let nodes: usize = runs.iter().map(|run| run.thicknesses_cm.len()).sum();
+    assert!(nodes >= 60, "{nodes}");
+    let ends = |values: &[f64]| [values[0], values[values.len() - 1]];
+    let axes = &grid.axes;
+    for facetness in ends(&axes.facetness) {
+        for size_um in ends(&axes.grain_size_um) {
+            for density in ends(&axes.density_kg_m3) {
+                let mut thicknesses = Vec::new();
+                for run in &runs {
+                    let [min, max] = run.snow.size_um;
+                    if [
+                        run.snow.facetness[0],
+                        0.5 * (min + max),
+                        run.snow.density_kg_m3,
+                    ] == [facetness, size_um, density]
+                    {
+                        thicknesses.extend(&run.thicknesses_cm);
+                    }
+                }
+                let [thinnest, thickest] = ends(&axes.thickness_cm);
+                assert!(
+                    thicknesses.contains(&thinnest) && thicknesses.contains(&thickest),
+                    "{facetness} {size_um} {density}: {thicknesses:?}"
+                );
+            }
+        }
+    }
+    for angle in [0.0, 60.0, 89.0] {
+        assert!(runs.iter().any(|run| run.angle_deg == Some(angle)));
+    }
+}
+
+fn values<'a>(case: &'a Case) -> impl Iterator<Item = (f64, Measured, Measured)> + 'a {
+    let wavelengths = case.wavelengths_nm.iter().copied();
+    let measured = case.reflectance.iter().zip(&case.transmittance);
+    wavelengths.zip(measured).map(|(nm, (r, t))| (nm, *r, *t))
+}
+
+/// The standard errors that ray counts were chosen for, from a pilot that knew
+/// variances to about a tenth. Thick slabs have larger ones in reflectance, the
+/// thickest the largest: opaque, they reflect what the one before reflects.
+#[test]
+fn errors_are_as_small_as_they_should_be() {
+    for case in &*CASES {
+        let r_target = match case.thickness_m {
+            ..0.0501 => 3e-4,
+            ..0.4 => 6e-4,
+            _ => 9e-4,
+        };
+        let thin = case.thickness_m < 0.0501;
+        for (nm, r, t) in values(case) {
+            let (r_target, t_target) = match nm {
+                ..=700.0 if thin && t.value < 0.02 => (r_target, 0.0125 * t.value),
+                ..=700.0 => (r_target, 2e-4),
+                _ => (6e-4, 6e-4),
+            };
+            assert!(
+                0.0 < r.se && r.se <= 1.1 * r_target && 0.0 < t.se && t.se <= 1.1 * t_target,
+                "{} at {nm} nm: {r:?} {t:?}",
+                case.name
+            );
+        }
+    }
+}
+
+/// A ray scores in one of the two at most, so the sums hold exactly but for
+/// rounding to six digits.
+#[test]
+fn values_conserve_energy() {
+    for case in &*CASES {
+        for ((nm, r, t), lost) in values(case).zip(&case.lost) {
+            assert!(
+                0.0 < r.value && 0.0 <= t.value && r.value + t.value + lost <= 1.0 + 2e-6,
+                "{} at {nm} nm: {r:?} {t:?} {lost}",
+                case.name
+            );
+            assert!((0.0..1e-3).contains(lost), "{}: {lost}", case.name);
+        }
+    }
+}
+
+/// Of one snow under one light the thicker slab transmits less and reflects no
+/// less (beyond 5 joint standard errors, and the rays it loses).
+#[test]
+fn thicker_slabs_transmit_less() {
+    for pair in CASES.windows(2) {
+        let [thin, thick] = pair else { unreachable!() };
+        if (thin.snow, thin.illumination) != (thick.snow, thick.illumination) {
+            continue;
+        }
+        assert!(thin.thickness_m < thick.thickness_m);
+        for (((nm, r, t), (_, r_thick, t_thick)), lost) in
+            values(thin).zip(values(thick)).zip(&thick.lost)
+        {
+            assert!(
+                t_thick.value - t.value < 5.0 * t.se.hypot(t_thick.se)
+                    && r.value - r_thick.value < 5.0 * r.se.hypot(r_thick.se) + lost,
+                "{} and {} at {nm} nm",
+                thin.name,
+                thick.name
+            );
+            assert!(nm > 700.0 || t_thick.value < t.value, "{}", thick.name);
+        }
+    }
+}
+
+fn run(engine: Engine, case: &Case, wavelengths_nm: &[f64], rays: u64, seed: u64) -> Spectrum {
+    let request = Request {
+        snow: &case.snow,
+        thicknesses_m: &[case.thickness_m],
+        illumination: case.illumination,
+        wavelengths_nm,
+        model: &Model::default(),
+        rays,
+        seed,
+        cell: 0,
+    };
+    let (cancel, rays_done) = (AtomicBool::new(false), AtomicU64::new(0));
+    let control = Control {
+        parallel: true,
+        cancel: &cancel,
+        rays_done: &rays_done,
+    };
+    engine.run(&request, &control).unwrap().pop().unwrap()
+}
+
+/// Short walks only: thin slabs, or near infrared light in a thick one.
+#[test]
+fn reference_agrees() {
+    let checks = [
+        ("50,150,0.9,0.1,200,0,60,1", 550.0, 60_000),
+        ("450,550,0.1,0.1,400,0,0,1", 400.0, 200_000),
+        ("450,550,0.9,0.1,200,0,89,1", 700.0, 200_000),
+        ("450,550,0.1,0.1,400,0,0,50", 1250.0, 200_000),
+        ("300,750,0.3,0.1,275,0.05,60,1", 600.0, 200_000),
+        ("1000,2000,0.3,0.1,300,0,0,2", 1030.0, 200_000),
+        ("200,300,1,0,300,0,60,1", 450.0, 100_000),
+        ("300,750,0.3,0.1,275,0,diffuse,1", 900.0, 200_000),
+    ];
+    for (seed, (name, nm, rays)) in checks.into_iter().enumerate() {
+        let case = CASES.iter().find(|case| case.name == name).unwrap();
+        let reference = run(Engine::Reference, case, &[nm], rays, seed as u64);
+        let (_, r, t) = values(case).find(|(at, ..)| *at == nm).unwrap();
+        for (golden, reference) in [
+            (r, reference.reflectance[0]),
+            (t, reference.transmittance[0]),
+        ] {
+            let z = (reference.value - golden.value) / reference.se.hypot(golden.se);
+            assert!(
+                z.abs() < 5.0,
+                "{name} at {nm} nm: z = {z:.1}, {reference:?} {golden:?}"
+            );
+        }
+    }
+}
+
+#[test]
+fn comparing_finds_the_largest_errors() {
+    let case = &CASES[0];
+    let mut spectrum = Spectrum {
+        reflectance: case.reflectance.clone(),
+        transmittance: case.transmittance.clone(),
+        lost: Vec::new(),
+    };
+    let errors = compare(case, &spectrum);
+    assert_eq!((errors.visible_t.value, errors.delta_e.value), (0.0, 0.0));
+    for (l, error) in [(3, 1e-3), (9, -2e-3), (VISIBLE + 4, 3e-3)] {
+        spectrum.transmittance[l].value += error;
+        spectrum.reflectance[l].value -= 2.0 * error;
+    }
+    let errors = compare(case, &spectrum);
+    let expected = [
+        (errors.visible_t, 2e-3, case.transmittance[9].se),
+        (errors.visible_r, 4e-3, case.reflectance[9].se),
+        (errors.infrared_t, 3e-3, case.transmittance[VISIBLE + 4].se),
+        (errors.infrared_r, 6e-3, case.reflectance[VISIBLE + 4].se),
+    ];
+    for (error, value, se) in expected {
+        assert!((error.value - value).abs() < 1e-12 && error.se == se);
+    }
+    assert!(errors.delta_e.value > 0.0);
+}
+
+/// Greys differ by 116 (Y1^(1/3) - Y2^(1/3)) in CIE 1976 lightness.
+#[test]
+fn comparing_greys_is_comparing_lightness() {
+    let mut case = CASES[0].clone();
+    let grey = |value, se| Measured { value, se };
+    case.transmittance.fill(grey(0.2, 1e-4));
+    let spectrum = Spectrum {
+        reflectance: case.reflectance.clone(),
+        transmittance: vec![grey(0.21, 0.0); case.transmittance.len()],
+        lost: Vec::new(),
+    };
+    let error = compare(&case, &spectrum).delta_e;
+    let lightness = 116.0 * (0.21_f64.cbrt() - 0.2_f64.cbrt());
+    assert!((error.value - lightness).abs() < 1e-9, "{error:?}");
+}
