@@ -81,6 +81,7 @@ fn spectrum(c: &mut Criterion) {
         thicknesses_m: &[0.12],
         illuminations: &[NORMAL],
         resolution: Resolution::default(),
+        max_error: MaxError::default(),
         wavelengths_nm: &wavelengths_nm,
         model: &model,
         rays: 4096,

@@ -43,6 +43,7 @@ fn main() {
                 polar_angle_rad: 0.0,
             }],
             resolution: Resolution::default(),
+            max_error: MaxError::default(),
             wavelengths_nm,
             model: &model,
             rays,

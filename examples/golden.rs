@@ -19,7 +19,7 @@ use std::time::Instant;
 
 use golden::plan::{Run, illumination, runs};
 use golden::{COLUMNS, FILE, key};
-use splitsnow::engine::{Control, Engine, Request};
+use splitsnow::engine::{Cache, Control, Engine, MaxError, Request, Resolution};
 use splitsnow::measurement::{Measured, Spectrum};
 use splitsnow::transport::Model;
 use splitsnow::units::cm_to_m;
@@ -115,7 +115,9 @@ fn compute(run: &Run, cell: u64) -> Vec<Spectrum> {
     let request = Request {
         snow: &snow,
         thicknesses_m: &thicknesses_m,
-        illumination: illumination(run.angle_deg),
+        illuminations: &[illumination(run.angle_deg)],
+        resolution: Resolution::default(),
+        max_error: MaxError::default(),
         wavelengths_nm: run.wavelengths_nm,
         model: &model,
         rays: run.rays,
@@ -127,6 +129,7 @@ fn compute(run: &Run, cell: u64) -> Vec<Spectrum> {
         parallel: false,
         cancel: &cancel,
         rays_done: &rays_done,
+        cache: &Cache::default(),
     };
     Engine::Spectral.run(&request, &control).unwrap()
 }

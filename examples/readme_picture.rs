@@ -65,6 +65,7 @@ fn transmittances(wavelengths_nm: &[f64]) -> Result<Vec<Vec<f64>>> {
             polar_angle_rad: 0.0,
         }],
         resolution: Resolution::default(),
+        max_error: MaxError::default(),
         wavelengths_nm,
         model: &Model::default(),
         rays: RAYS,

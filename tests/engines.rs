@@ -156,6 +156,7 @@ fn run_all(
         thicknesses_m,
         illuminations: &[case.illumination],
         resolution: Resolution::default(),
+        max_error: MaxError::default(),
         wavelengths_nm,
         model: &model,
         rays,

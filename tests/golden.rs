@@ -12,10 +12,10 @@ use golden::Case;
 use golden::compare::compare;
 use golden::plan::{BANDS, Run, runs};
 use splitsnow::config::grid;
-use splitsnow::engine::{Control, Engine, Request};
+use splitsnow::engine::{Cache, Control, Engine, MaxError, Request, Resolution};
 use splitsnow::grid::Grid;
 use splitsnow::measurement::{Measured, Spectrum};
-use splitsnow::transport::Model;
+use splitsnow::transport::{Illumination, Model};
 
 static CASES: LazyLock<Vec<Case>> = LazyLock::new(golden::read);
 
@@ -178,7 +178,9 @@ fn run(engine: Engine, case: &Case, wavelengths_nm: &[f64], rays: u64, seed: u64
     let request = Request {
         snow: &case.snow,
         thicknesses_m: &[case.thickness_m],
-        illumination: case.illumination,
+        illuminations: &[case.illumination],
+        resolution: Resolution::default(),
+        max_error: MaxError::default(),
         wavelengths_nm,
         model: &Model::default(),
         rays,
@@ -190,6 +192,7 @@ fn run(engine: Engine, case: &Case, wavelengths_nm: &[f64], rays: u64, seed: u64
         parallel: true,
         cancel: &cancel,
         rays_done: &rays_done,
+        cache: &Cache::default(),
     };
     engine.run(&request, &control).unwrap().pop().unwrap()
 }
@@ -265,4 +268,82 @@ fn comparing_greys_is_comparing_lightness() {
     let error = compare(&case, &spectrum).delta_e;
     let lightness = 116.0 * (0.21_f64.cbrt() - 0.2_f64.cbrt());
     assert!((error.value - lightness).abs() < 1e-9, "{error:?}");
+}
+
+/// Every case by `doubling` at the accuracy that `auto` asks of it by default:
+/// all thicknesses and angles of a snow at once, as in a database.
+#[test]
+fn doubling_agrees() {
+    let mut snows: Vec<Vec<&Case>> = Vec::new();
+    for case in &*CASES {
+        match snows.iter_mut().find(|cases| cases[0].snow == case.snow) {
+            Some(cases) => cases.push(case),
+            None => snows.push(vec![case]),
+        }
+    }
+    let wavelengths = BANDS.concat();
+    let max_error = MaxError::default();
+    let (cancel, rays_done, cache) = (AtomicBool::new(false), AtomicU64::new(0), Cache::default());
+    let control = Control {
+        parallel: true,
+        cancel: &cancel,
+        rays_done: &rays_done,
+        cache: &cache,
+    };
+    let (mut worst, mut count) = ([0.0_f64; 4], 0);
+    for cases in snows {
+        let mut thicknesses_m: Vec<f64> = cases.iter().map(|case| case.thickness_m).collect();
+        thicknesses_m.sort_by(f64::total_cmp);
+        thicknesses_m.dedup();
+        let mut illuminations: Vec<Illumination> = Vec::new();
+        for case in &cases {
+            if !illuminations.contains(&case.illumination) {
+                illuminations.push(case.illumination);
+            }
+        }
+        let request = Request {
+            snow: &cases[0].snow,
+            thicknesses_m: &thicknesses_m,
+            illuminations: &illuminations,
+            wavelengths_nm: &wavelengths,
+            model: &Model::default(),
+            rays: max_error.rays(BANDS[0]),
+            max_error,
+            resolution: Resolution::default(),
+            seed: 3,
+            cell: 0,
+        };
+        let spectra = Engine::Doubling.run(&request, &control).unwrap();
+        for case in cases {
+            let h = thicknesses_m
+                .iter()
+                .position(|h| *h == case.thickness_m)
+                .unwrap();
+            let light = illuminations
+                .iter()
+                .position(|l| *l == case.illumination)
+                .unwrap();
+            let errors = compare(case, &spectra[h * illuminations.len() + light]);
+            // what docs/stability.md promises; Delta-E with room for the noise of
+            // the golden data itself, which is of the same size
+            let delta_e = errors.delta_e.value - 3.0 * errors.delta_e.se;
+            assert!(errors.visible_t.value <= 1e-3, "{}: {errors:?}", case.name);
+            assert!(errors.infrared_r.value <= 5e-3, "{}: {errors:?}", case.name);
+            assert!(delta_e <= 0.3, "{}: {errors:?}", case.name);
+            let of = [
+                errors.visible_t,
+                errors.visible_r,
+                errors.infrared_r,
+                errors.delta_e,
+            ];
+            for (worst, error) in worst.iter_mut().zip(of) {
+                *worst = worst.max(error.value);
+            }
+            count += 1;
+        }
+    }
+    println!(
+        "{count} cases; largest error of T and R, 400-700 nm, of R, 800-1400 nm, and Delta-E: {worst:?}"
+    );
+    assert_eq!(count, CASES.len());
 }

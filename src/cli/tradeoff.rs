@@ -1,4 +1,5 @@
 //! `splitsnow tradeoff`: the chart of speed against accuracy.
+use anyhow::bail;
 use std::path::{Path, PathBuf};
 
 use serde_json::json;
@@ -105,10 +106,14 @@ fn options(args: &Args) -> anyhow::Result<Options> {
         Some(dir) => Source::Database(dir.clone()),
         None => Source::Grid(Box::new(grid::parse(GRID.0, GRID.1)?.grid)),
     };
+    if args.engine.contains(&Engine::Auto) {
+        bail!("auto only chooses among the other engines; ask for one of these");
+    }
+    let engines = Engine::ALL.into_iter().filter(|e| *e != Engine::Auto);
     let chosen = |engine: &Engine| args.engine.is_empty() || args.engine.contains(engine);
     Ok(Options {
         samples,
-        engines: Engine::ALL.into_iter().filter(chosen).collect(),
+        engines: engines.filter(chosen).collect(),
         seeds: args.seeds,
         budget: args.budget,
         threads: args.threads,

@@ -89,7 +89,7 @@ mod tests {
 
     #[test]
     fn every_engine_has_a_ladder_without_repetitions() {
-        for engine in Engine::ALL {
+        for engine in Engine::ALL.into_iter().filter(|e| *e != Engine::Auto) {
             let ladder = ladder(engine);
             assert!(ladder.len() >= 3, "{}", engine.name());
             for (i, setting) in ladder.iter().enumerate() {
@@ -111,7 +111,7 @@ mod tests {
         assert_eq!(setting.to_string(), "spectral 64");
         setting.resolution.streams += 1;
         setting.resolution.table += 1;
-        let Resolution { table, streams } = setting.resolution;
+        let Resolution { table, streams, .. } = setting.resolution;
         assert_eq!(
             setting.to_string(),
             format!("spectral 64, table {table}, {streams} streams")

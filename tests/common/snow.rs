@@ -142,6 +142,7 @@ pub(crate) fn spectra(
         thicknesses_m,
         illuminations: &[illumination],
         resolution: Resolution::default(),
+        max_error: MaxError::default(),
         wavelengths_nm,
         model: &Model::default(),
         rays,
