@@ -301,7 +301,7 @@ impl Run<'_> {
         let medium = Medium::delta_m(&self.streams, &c.event.moments)?;
         let mean_free_path_m = c
             .event
-            .effective_mean_free_path_m(self.mean_free_distance_m);
+            .effective_mean_free_path_m(self.flight_m(absorption[1]));
         let n = self.streams.count();
         for thickness_m in &request.thicknesses_m[self.thin..] {
             let bulk = medium.operators((thickness_m - 2.0 * self.layer_m) / mean_free_path_m)?;
@@ -318,6 +318,21 @@ impl Run<'_> {
             }
         }
         Ok(curves)
+    }
+
+    /// Mean length, and root of half the mean square, of flights that light
+    /// survives; those through water that absorbs are shorter, m.
+    fn flight_m(&self, water_per_m: f64) -> [f64; 2] {
+        let (d, wet) = (
+            self.mean_free_distance_m,
+            self.request.snow.water_saturation,
+        );
+        let survival = 1.0 / (1.0 + water_per_m * d);
+        let moment = |n| 1.0 - wet + wet * survival.powi(n);
+        [
+            d * moment(2) / moment(1),
+            d * (moment(3) / moment(1)).sqrt(),
+        ]
     }
 
     fn couplings(
@@ -339,6 +354,8 @@ impl Run<'_> {
             request.snow.grain.size.max_m(),
         ];
         let (mut left, mut through) = ([0.0], vec![0.0; n + 1]);
+        let survival = 1.0 / (1.0 + water_per_m * self.mean_free_distance_m);
+        let arriving = 1.0 - saturation + saturation * survival;
         for (node, share) in mix.nodes.iter().zip([1.0 - mix.share, mix.share]) {
             if share == 0.0 {
                 continue;
@@ -347,6 +364,8 @@ impl Run<'_> {
             for source in 0..n + lights {
                 let rays: u64 = parts.iter().map(|p| node.layer[*p][source].rays).sum();
                 let share = share / rays as f64;
+                // light from below is what survived its flight up to the layer
+                let share = if source < n { share / arriving } else { share };
                 for &part in parts {
                     let scores = &node.layer[part][source];
                     scores.out.weighted(ice_per_m, water_per_m, &mut left);
@@ -364,7 +383,6 @@ impl Run<'_> {
             };
             let mut one = of(&node.outcomes[0]);
             if saturation > 0.0 {
-                let survival = 1.0 / (1.0 + water_per_m * self.mean_free_distance_m);
                 one = one.mix(&of(&node.outcomes[1]).attenuated(survival), saturation);
             }
             event = Some(match event {
