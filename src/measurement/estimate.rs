@@ -1,6 +1,9 @@
 //! Running sums of a Monte Carlo estimate.
 use crate::measurement::Measured;
 
+/// Equal scores that tell enough about a distribution to estimate its variance.
+pub const FEW: f64 = 10.0;
+
 /// Sum and sum of squares of the scores of rays; those that scored nothing
 /// count in the number of rays given to [`Estimate::measured`].
 #[derive(Debug, Clone, Copy, PartialEq, Default)]
@@ -32,7 +35,10 @@ impl Estimate {
 
     /// Mean over `rays` and its standard error. Where every ray scored 0 or
     /// every ray 1, the sample variance is 0 and says nothing: the error given
-    /// is then 1/rays, the size of what may have been missed.
+    /// is then 1/rays, the size of what may have been missed. It is not less
+    /// where most of the sum comes from fewer than [`FEW`] rays: of scores of
+    /// very different size the largest are too rare to have been met, and the
+    /// sample knows nothing of them.
     #[must_use]
     pub fn measured(&self, rays: u64) -> Measured {
         let n = rays as f64;
@@ -41,9 +47,13 @@ impl Estimate {
             return Measured { value, se: 1.0 / n };
         }
         let variance = (self.sum_sq / n - value * value).max(0.0);
+        let se = (variance / (n - 1.0).max(1.0)).sqrt();
+        // as many equal scores would have these sums
+        let scores = self.sum * self.sum / self.sum_sq;
+        let missed = if scores < FEW { 1.0 / n } else { 0.0 };
         Measured {
             value,
-            se: (variance / (n - 1.0).max(1.0)).sqrt(),
+            se: se.max(missed),
         }
     }
 }
@@ -55,19 +65,31 @@ mod tests {
     #[test]
     fn mean_and_standard_error_by_hand() {
         let (mut a, mut b) = (Estimate::default(), Estimate::default());
-        a.add(1.0);
-        a.add(0.5);
-        b.add(0.25);
+        for _ in 0..8 {
+            a.add(1.0);
+            a.add(0.5);
+            b.add(0.25);
+        }
         a.merge(&b);
-        // scores 1, 0.5, 0.25, 0: mean 7/16, variance with n - 1: 35/192... of the mean: / 4
-        let m = a.measured(4);
+        // of four rays 1, 0.5, 0.25, 0: mean 7/16
+        let m = a.measured(32);
         assert!((m.value - 0.4375).abs() < 1e-15);
-        let variance = [1.0, 0.5, 0.25, 0.0]
-            .iter()
-            .map(|x: &f64| (x - 0.4375).powi(2))
-            .sum::<f64>()
-            / 3.0;
-        assert!((m.se - (variance / 4.0).sqrt()).abs() < 1e-15);
+        let squares = [1.0, 0.5, 0.25, 0.0].map(|x: f64| 8.0 * (x - 0.4375).powi(2));
+        let variance = squares.iter().sum::<f64>() / 31.0;
+        assert!((m.se - (variance / 32.0).sqrt()).abs() < 1e-15);
+    }
+
+    /// Scores exp(-30 u), u uniform, of mean 1/30: a thousand rays have met the
+    /// largest; of scores 1e-20 and, once in ten thousand rays, 1, they have not.
+    #[test]
+    fn few_large_scores_are_not_trusted() {
+        let mut broad = Estimate::default();
+        (0..1000).for_each(|i| broad.add(libm::exp(-0.03 * f64::from(i))));
+        assert!(broad.measured(1000).se < 5e-3);
+        let mut rare = Estimate::default();
+        (0..5).for_each(|_| rare.add(1e-20));
+        let missed = rare.measured(1000);
+        assert_eq!((missed.value, missed.se), (5e-23, 1e-3));
     }
 
     #[test]

@@ -143,7 +143,8 @@ impl Layer<'_> {
         let mut queue = [[zero; LATTICE_EVENTS]; 4];
         let mut queued = zero;
         // A ray from below is on a flight that began below: where it comes back
-        // to if its grain does not fit.
+        // to if its grain does not fit. Its path in water counts from there:
+        // what crosses water that absorbs is the less likely to have arrived.
         let mut flown_m = zero;
         let (mut rejections, mut events) = (zero, zero);
         let mut started = 0;
@@ -199,7 +200,6 @@ impl Layer<'_> {
             let mut flight = snow.fly(&state, &variates);
             flight.length_m += flown_m;
             flight.end_m += flown_m * state.mu;
-            state.water_m -= flown_m & flight.wet;
             flown_m = zero;
             let above = flight.end_m.simd_lt(zero);
             let below = flight.end_m.simd_gt(depth_m) & state.mu.simd_gt(zero);

@@ -116,15 +116,20 @@ impl Event {
     }
 
     /// Mean free path, m, of points that scatter alike and spread light as far
-    /// as these grains do, `mean_free_distance_m` apart: with delta the
-    /// displacement in a grain, a = <delta.u_in>, b = <delta.u_out>,
-    /// g = <cos Theta>, its square is d^2 + d (a + b) + a b + (1 - g) <|delta|^2> / 2.
+    /// as these grains do, after flights of mean length d and half the mean
+    /// square q^2, `flight_m` = [d, q]. With delta the displacement in a grain,
+    /// a = <delta.u_in>, b = <delta.u_out> and g = <cos Theta>, its square is
+    /// g d^2 + (1 - g) (q^2 + <|delta|^2> / 2) + d (a + b) + a b.
+    ///
+    /// Means of displacements are over all rays, absorbed ones as 0: where
+    /// grains absorb, unscattered light, which no grain displaces, carries the more.
     #[must_use]
-    pub fn effective_mean_free_path_m(&self, mean_free_distance_m: f64) -> f64 {
+    pub fn effective_mean_free_path_m(&self, flight_m: [f64; 2]) -> f64 {
         let albedo = self.moments[0].max(f64::MIN_POSITIVE);
         let g = self.moments.get(1).copied().unwrap_or(0.0) / albedo;
-        let [a, b] = self.displacement_m.map(|d| d / albedo);
-        let d = mean_free_distance_m;
-        (d * d + d * (a + b) + a * b + (1.0 - g) * self.displacement_sq_m2 / albedo / 2.0).sqrt()
+        let [a, b] = self.displacement_m;
+        let [d, q] = flight_m;
+        let apart = (1.0 - g) * (q * q + self.displacement_sq_m2 / 2.0);
+        (g * d * d + apart + d * (a + b) + a * b).sqrt()
     }
 }

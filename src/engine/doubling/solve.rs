@@ -112,7 +112,7 @@ impl Run<'_> {
         let medium = Medium::delta_m(&self.streams, &couplings.event.moments)?;
         let mean_free_path_m = couplings
             .event
-            .effective_mean_free_path_m(self.mean_free_distance_m);
+            .effective_mean_free_path_m(self.flight_m(absorption));
         let one = Matrix::identity(self.streams.count());
         for thickness_m in &request.thicknesses_m[self.thin..] {
             let inside_m = thickness_m - 2.0 * self.layer_m;
@@ -137,6 +137,26 @@ impl Run<'_> {
         Ok(curves)
     }
 
+    /// Share of flights that survive the water they cross.
+    fn survival(&self, absorption: Absorption) -> f64 {
+        1.0 / (1.0 + absorption.water_per_m * self.mean_free_distance_m)
+    }
+
+    /// Mean length, and root of half the mean square, m, of flights that light
+    /// survives: those through water that absorbs are the shorter ones.
+    fn flight_m(&self, absorption: Absorption) -> [f64; 2] {
+        let (d, wet) = (
+            self.mean_free_distance_m,
+            self.request.snow.water_saturation,
+        );
+        let survival = self.survival(absorption);
+        let moment = |n| 1.0 - wet + wet * survival.powi(n);
+        [
+            d * moment(2) / moment(1),
+            d * (moment(3) / moment(1)).sqrt(),
+        ]
+    }
+
     fn couplings(
         &self,
         walks: &[Walks],
@@ -153,11 +173,15 @@ impl Run<'_> {
         let mut out = vec![0.0; n + lights];
         let mut moments = vec![vec![0.0; n]; n + lights];
         let (mut left, mut through) = ([0.0], vec![0.0; n]);
+        // light from below is what survived its flight up to the layer
+        let wet = self.request.snow.water_saturation;
+        let arriving = 1.0 - wet + wet * self.survival(absorption);
         for (walks, share) in mix.of(walks) {
             for source in 0..n + lights {
                 let scores = || walks.layer[parts.clone()].iter().map(|part| &part[source]);
                 let rays: u64 = scores().map(|scores| scores.rays).sum();
-                let share = share / rays as f64;
+                let arriving = if source < n { arriving } else { 1.0 };
+                let share = share / (arriving * rays as f64);
                 for scores in scores() {
                     scores.out.weighted(ice_per_m, water_per_m, &mut left);
                     scores
@@ -206,7 +230,7 @@ impl Run<'_> {
     ) -> Event {
         let snow = self.request.snow;
         let size_m = [snow.grain.size.min_m(), snow.grain.size.max_m()];
-        let survival = 1.0 / (1.0 + absorption.water_per_m * self.mean_free_distance_m);
+        let survival = self.survival(absorption);
         let of = |walks: &Walks| {
             let [air, water] = walks.outcomes.each_ref().map(|outcomes| {
                 let kernel = match parts.len() {
