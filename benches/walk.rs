@@ -4,12 +4,14 @@
 use std::sync::atomic::{AtomicBool, AtomicU64};
 
 use criterion::{Criterion, Throughput, criterion_group, criterion_main};
-use splitsnow::engine::{Cache, Control, Engine, Request, Resolution};
+use splitsnow::engine::{Cache, Control, Engine, MaxError, Request, Resolution};
 use splitsnow::grain::{GrainType, SizeRange, TruncatedNormal};
 use splitsnow::math::Vec3;
 use splitsnow::optics::IceTable;
 use splitsnow::rng::{Key, Stream};
-use splitsnow::transport::{Absorption, End, Entry, Illumination, Model, Path, Sink, Snow, Walker};
+use splitsnow::transport::{
+    Absorption, End, Entry, Illumination, Model, Path, Sink, Snow, Walk, Walker,
+};
 
 /// Counts what leaves at the top, so that no walk is for nothing.
 struct Reflected(u64);

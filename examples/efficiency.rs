@@ -7,7 +7,7 @@
 use std::sync::atomic::{AtomicBool, AtomicU64};
 use std::time::Instant;
 
-use splitsnow::engine::{Cache, Control, Engine, Request, Resolution};
+use splitsnow::engine::{Cache, Control, Engine, MaxError, Request, Resolution};
 use splitsnow::grain::{GrainType, SizeRange, TruncatedNormal};
 use splitsnow::measurement::{Measured, Spectrum};
 use splitsnow::transport::{Illumination, Model, Snow};

@@ -8,7 +8,7 @@ use plotters::coord::Shift;
 use plotters::prelude::*;
 use plotters::style::text_anchor::{HPos, Pos, VPos};
 use splitsnow::colour::Colorimeter;
-use splitsnow::engine::{Cache, Control, Engine, Request, Resolution};
+use splitsnow::engine::{Cache, Control, Engine, MaxError, Request, Resolution};
 use splitsnow::grain::{GrainType, SizeRange, TruncatedNormal};
 use splitsnow::transport::{Illumination, Model, Snow};
 use splitsnow::units::{cm_to_m, um_to_m};

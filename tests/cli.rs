@@ -57,7 +57,7 @@ fn snapshots() {
 
 #[test]
 fn threads_and_shards_leave_no_trace() {
-    for engine in ["spectral", "reference"] {
+    for engine in ["spectral", "reference", "tabulated", "auto"] {
         let build = format!("build tiny.toml --engine {engine}");
         let one = folder(|text| text);
         run(one.path(), &format!("{build} --threads 1"));

@@ -32,6 +32,7 @@ start_nm = 400
 stop_nm = 700
 step_nm = 10
 [run]
+engine = \"spectral\"
 rays = 2000
 ";
 

@@ -12,7 +12,7 @@ use std::sync::atomic::{AtomicBool, AtomicU64};
 
 use naive::Naive;
 use nalgebra::Complex;
-use splitsnow::engine::{Cache, Control, Engine, Request, Resolution};
+use splitsnow::engine::{Cache, Control, Engine, MaxError, Request, Resolution};
 use splitsnow::grain::{GrainType, SizeRange, TruncatedNormal, mean_free_distance_m};
 use splitsnow::measurement::{Measured, Spectrum};
 use splitsnow::transport::{Entry, Illumination, Model, Snow};

@@ -347,3 +347,51 @@ fn doubling_agrees() {
     );
     assert_eq!(count, CASES.len());
 }
+
+/// Every slab of up to 3 cm by `tabulated`, whose standard errors hold the
+/// error of its tables.
+#[test]
+fn tabulated_agrees() {
+    let (cancel, rays_done, cache) = (AtomicBool::new(false), AtomicU64::new(0), Cache::default());
+    let control = Control {
+        parallel: true,
+        cancel: &cancel,
+        rays_done: &rays_done,
+        cache: &cache,
+    };
+    let mut scores = Vec::new();
+    for case in CASES.iter().filter(|case| case.thickness_m <= 0.03) {
+        // the two ends of the visible, and a near infrared wavelength
+        let at = [0, 30, 33];
+        let request = Request {
+            snow: &case.snow,
+            thicknesses_m: &[case.thickness_m],
+            illuminations: &[case.illumination],
+            wavelengths_nm: &at.map(|l| case.wavelengths_nm[l]),
+            model: &Model::default(),
+            rays: 20_000,
+            max_error: MaxError::default(),
+            resolution: Resolution::default(),
+            seed: 4,
+            cell: 0,
+        };
+        let spectrum = Engine::Tabulated.run(&request, &control).unwrap().remove(0);
+        for (i, l) in at.into_iter().enumerate() {
+            let pairs = [
+                (spectrum.reflectance[i], case.reflectance[l]),
+                (spectrum.transmittance[i], case.transmittance[l]),
+            ];
+            for (a, b) in pairs {
+                scores.push(((a.value - b.value) / a.se.hypot(b.se), &case.name));
+            }
+        }
+    }
+    // Bonferroni at a thousandth for some 200 comparisons
+    let (worst, name) = scores
+        .iter()
+        .max_by(|a, b| a.0.abs().total_cmp(&b.0.abs()))
+        .unwrap();
+    println!("{} comparisons, worst z {worst:.2}: {name}", scores.len());
+    assert!(scores.len() > 150);
+    assert!(worst.abs() < 4.8, "{worst}: {name}");
+}

@@ -159,6 +159,7 @@ pub(crate) mod tests {
                 engine,
                 seed: 7,
                 rays: 100,
+                max_error: MaxError::default(),
             },
             compression: Compression {
                 max_delta_e: 2.3,

@@ -5,7 +5,7 @@ use std::fs;
 use std::path::Path;
 use std::sync::atomic::Ordering;
 
-use splitsnow::engine::{Control, Engine, EngineError, Request};
+use splitsnow::engine::{Control, Engine, EngineError, MaxError, Request};
 use splitsnow::grain::TruncatedNormal;
 use splitsnow::grid::{Axes, Compression, Fixed, Grid, Run, Spread};
 use splitsnow::measurement::{Measured, Spectrum};
@@ -63,6 +63,7 @@ pub(crate) fn grid(engine: Engine) -> Grid {
             engine,
             seed: 7,
             rays: 100,
+            max_error: MaxError::default(),
         },
         compression: Compression {
             max_delta_e: 2.3,

@@ -2,13 +2,15 @@
 use std::ops::Range;
 use std::sync::atomic::{AtomicBool, AtomicU64};
 
-use splitsnow::engine::{Cache, Control, Engine, Request, Resolution};
+use splitsnow::engine::{Cache, Control, Engine, MaxError, Request, Resolution};
 use splitsnow::grain::{GrainType, SizeRange, TruncatedNormal};
 use splitsnow::math::Vec3;
 use splitsnow::measurement::{Measured, Spectrum};
 use splitsnow::optics::Index;
 use splitsnow::rng::{Key, Stream};
-use splitsnow::transport::{Absorption, End, Entry, Illumination, Model, Path, Sink, Snow, Walker};
+use splitsnow::transport::{
+    Absorption, End, Entry, Illumination, Model, Path, Sink, Snow, Walk, Walker,
+};
 use statrs::function::erf::erfc_inv;
 
 pub(crate) const NORMAL: Illumination = Illumination::Collimated {

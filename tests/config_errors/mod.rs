@@ -201,6 +201,10 @@ pub(crate) const GRID_ERRORS: &[(&str, &str)] = &[
     ("rays = 1000", "rays = 1000000000001"),
     ("rays = 1000", "rays = 1e5"),
     ("rays = 1000\n", ""),
+    ("rays = 1000\n", "rays = 1000\nmax_error = { rmse = 1e-3 }\n"),
+    ("engine = \"spectral\"", "max_error = { rmse = 0 }"),
+    ("engine = \"spectral\"", "max_error = { delta_e = 101 }"),
+    ("engine = \"spectral\"", "max_error = { max = 1 }"),
     ("max_delta_e = 2.3", "max_delta_e = 0"),
     ("max_delta_e = 2.3", "max_delta_e = 2.3\nmax_rmse = inf"),
 ];

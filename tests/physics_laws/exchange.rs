@@ -9,7 +9,7 @@
 use splitsnow::grain::mean_free_distance_m;
 use splitsnow::math::Vec3;
 use splitsnow::measurement::Measured;
-use splitsnow::transport::{End, Entry, Illumination, Path, Snow};
+use splitsnow::transport::{End, Entry, Illumination, Path, Snow, Walk};
 use statrs::function::gamma::gamma_ur;
 
 use crate::snow::{Each, TRANSPARENT, snow, spheres, stream, walker};

@@ -1,7 +1,7 @@
 //! Slabs without absorption in ice: conservation and closed forms.
 use splitsnow::math::Vec3;
 use splitsnow::optics::Index;
-use splitsnow::transport::{Absorption, End, Entry, Illumination, Path, Walker};
+use splitsnow::transport::{Absorption, End, Entry, Illumination, Path, Walk, Walker};
 
 use crate::snow::{
     AIR, Each, Ends, NORMAL, TRANSPARENT, beam, dry, ends, proportion, snow, spheres, stream,

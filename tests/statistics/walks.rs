@@ -2,7 +2,7 @@
 use splitsnow::grain::mean_free_distance_m;
 use splitsnow::math::Vec3;
 use splitsnow::optics::Index;
-use splitsnow::transport::{Absorption, End, Entry, Illumination, Path, Snow, Walker};
+use splitsnow::transport::{Absorption, End, Entry, Illumination, Path, Snow, Walk, Walker};
 
 use crate::snow::{AIR, Each, NORMAL, TRANSPARENT, spheres, stream, walker};
 use crate::{assert_distributed, assert_uniform, cell};
