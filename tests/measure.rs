@@ -75,7 +75,7 @@ fn csv_and_json_say_the_same() {
     let csv = bench.text(&["--rays", "2000", "--seed", "7"]);
     for line in [
         "# sample: sample.toml",
-        "# engine: spectral",
+        "# engine: doubling",
         "# rays: 2000",
         "# seed: 7",
     ] {
@@ -94,7 +94,7 @@ fn csv_and_json_say_the_same() {
     assert!(rows[0][5] < 0.01 && rows[3][5] > 0.1, "{csv}");
     let json = bench.text(&["--rays", "2000", "--seed", "7", "--json"]);
     let json: serde_json::Value = serde_json::from_str(&json).unwrap();
-    assert_eq!(json["engine"], "spectral");
+    assert_eq!(json["engine"], "doubling");
     for (column, name) in HEADER.split(',').enumerate() {
         let values: Vec<_> = rows.iter().map(|row| row[column]).collect();
         assert_eq!(json[name], serde_json::json!(values), "{name}");

@@ -52,10 +52,11 @@ pub(super) fn run(args: &Args) -> anyhow::Result<()> {
         wavelengths_nm: &sample.wavelengths_nm,
         model: &sample.model,
         rays: args.rays,
-        max_error: MaxError::default(),
+        max_error: MaxError::usual(&sample.wavelengths_nm),
         seed: args.seed,
         cell: 0,
     };
+    let engine = args.engine.resolve(&request);
     let walks = args.engine.walks(&request)?;
     let result = simulate::run(args.threads, walks, cancel, |control| {
         args.engine.run(&request, control)
@@ -67,9 +68,9 @@ pub(super) fn run(args: &Args) -> anyhow::Result<()> {
     // One thickness, one spectrum.
     let spectrum = spectra.pop().unwrap_or_default();
     common::print(&if args.json {
-        json_text(args, &sample.wavelengths_nm, &spectrum)
+        json_text(args, engine, &sample.wavelengths_nm, &spectrum)
     } else {
-        csv_text(args, &sample.wavelengths_nm, &spectrum)
+        csv_text(args, engine, &sample.wavelengths_nm, &spectrum)
     })
 }
 
@@ -78,10 +79,10 @@ fn absorptance(reflectance: &Measured, transmittance: &Measured) -> f64 {
     1.0 - reflectance.value - transmittance.value
 }
 
-fn csv_text(args: &Args, wavelengths_nm: &[f64], spectrum: &Spectrum) -> String {
+fn csv_text(args: &Args, engine: Engine, wavelengths_nm: &[f64], spectrum: &Spectrum) -> String {
     // A comment is one line, whatever the file is called.
     let sample = args.sample.display().to_string().replace(['\n', '\r'], " ");
-    let (version, engine) = (env!("CARGO_PKG_VERSION"), args.engine.name());
+    let (version, engine) = (env!("CARGO_PKG_VERSION"), engine.name());
     let (rays, seed) = (args.rays, args.seed);
     let mut out = format!(
         "# splitsnow {version} measure\n# sample: {sample}\n# engine: {engine}\n# rays: {rays}\n# seed: {seed}\n"
@@ -109,7 +110,7 @@ fn csv_text(args: &Args, wavelengths_nm: &[f64], spectrum: &Spectrum) -> String 
     out
 }
 
-fn json_text(args: &Args, wavelengths_nm: &[f64], spectrum: &Spectrum) -> String {
+fn json_text(args: &Args, engine: Engine, wavelengths_nm: &[f64], spectrum: &Spectrum) -> String {
     let (r, t) = (&spectrum.reflectance, &spectrum.transmittance);
     let list =
         |of: &[Measured], part: fn(&Measured) -> f64| -> Vec<f64> { of.iter().map(part).collect() };
@@ -117,7 +118,7 @@ fn json_text(args: &Args, wavelengths_nm: &[f64], spectrum: &Spectrum) -> String
     let value = json!({
         "version": env!("CARGO_PKG_VERSION"),
         "sample": args.sample.display().to_string(),
-        "engine": args.engine.name(),
+        "engine": engine.name(),
         "rays": args.rays,
         "seed": args.seed,
         "wavelength_nm": wavelengths_nm,

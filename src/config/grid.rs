@@ -230,9 +230,10 @@ fn run(document: &Document, keys: &RunKeys, wavelengths_nm: &[f64]) -> Result<Ru
         let help = "leave it out, or set run.engine = \"auto\"";
         return Err(document.error("run.max_error", problem, help));
     }
-    let max_error = given.map_or_else(MaxError::default, |keys| MaxError {
-        delta_e: keys.delta_e,
-        rmse: keys.rmse,
+    let usual = MaxError::usual(wavelengths_nm);
+    let max_error = given.map_or(usual, |keys| MaxError {
+        delta_e: keys.delta_e.unwrap_or(usual.delta_e),
+        rmse: keys.rmse.unwrap_or(usual.rmse),
     });
     let rays = match keys.rays {
         Some(rays) => rays,

@@ -7,7 +7,7 @@
 use schemars::{JsonSchema, json_schema};
 use serde::Deserialize;
 
-use crate::engine::{Engine, MaxError};
+use crate::engine::Engine;
 use crate::optics::{IceTable, MODEL_RANGE_NM};
 use crate::transport::Entry;
 
@@ -442,22 +442,16 @@ impl Default for RunKeys {
 }
 
 /// Errors that `auto` may leave: of the simulation, before compression.
-#[derive(Deserialize, JsonSchema)]
+#[derive(Deserialize, JsonSchema, Default)]
 #[serde(deny_unknown_fields, default)]
 pub(super) struct MaxErrorKeys {
-    /// Colour difference Delta-E*ab (CIE 1976).
+    /// Colour difference Delta-E*ab (CIE 1976), by default 0.3.
     #[schemars(range(max = 100.0), extend("exclusiveMinimum" = 0.0))]
-    pub(super) delta_e: f64,
-    /// Root-mean-square error over the wavelengths, one standard error.
+    pub(super) delta_e: Option<f64>,
+    /// Root-mean-square error over the wavelengths, one standard error; by
+    /// default 0.0005, or 0.002 where there are wavelengths beyond 780 nm.
     #[schemars(range(max = 1.0), extend("exclusiveMinimum" = 0.0))]
-    pub(super) rmse: f64,
-}
-
-impl Default for MaxErrorKeys {
-    fn default() -> Self {
-        let MaxError { delta_e, rmse } = MaxError::default();
-        Self { delta_e, rmse }
-    }
+    pub(super) rmse: Option<f64>,
 }
 
 /// Bounds on the curves rebuilt from the compact file.

@@ -17,15 +17,6 @@ pub struct MaxError {
     pub rmse: f64,
 }
 
-impl Default for MaxError {
-    fn default() -> Self {
-        Self {
-            delta_e: 0.3,
-            rmse: 5e-4,
-        }
-    }
-}
-
 /// From here on, nm, snow absorbs so much that light hardly spreads.
 const NEAR_INFRARED_NM: f64 = 780.0;
 /// Noise of a value from one walk, at most: from one light in `doubling`, whose
@@ -40,7 +31,25 @@ const CANDIDATES: [(Engine, [f64; 3]); 3] = [
     (Engine::Spectral, [0.0; 3]),
 ];
 
+/// [`MaxError::usual`] in the visible.
+impl Default for MaxError {
+    fn default() -> Self {
+        Self::usual(&[])
+    }
+}
+
 impl MaxError {
+    /// What is asked for where the user names nothing: 0.3 in Delta-E, which
+    /// nobody sees, and an RMSE that `doubling` holds at these wavelengths.
+    #[must_use]
+    pub fn usual(wavelengths_nm: &[f64]) -> Self {
+        let infrared_too = wavelengths_nm.iter().any(|nm| *nm > NEAR_INFRARED_NM);
+        Self {
+            delta_e: 0.3,
+            rmse: if infrared_too { 2e-3 } else { 5e-4 },
+        }
+    }
+
     /// Walks of `doubling` that keep its noise within this error.
     #[must_use]
     pub fn rays(&self, wavelengths_nm: &[f64]) -> u64 {
@@ -60,17 +69,20 @@ impl MaxError {
 
 /// The engine for `request` and how many walks it is to do.
 pub(super) fn choose(request: &Request) -> (Engine, u64) {
-    let allowed = request.max_error;
-    let holds =
-        |(_, own): &(Engine, [f64; 3])| allowed.room(*own, request.wavelengths_nm).is_some();
-    let engine = CANDIDATES
-        .iter()
-        .find(|candidate| holds(candidate))
-        .map_or(Engine::Spectral, |(engine, _)| *engine);
-    let rays = match engine {
-        Engine::Doubling => request.rays,
-        // as many as give the same noise
-        _ => (request.rays as f64 * (NOISE[1] / NOISE[0]).powi(2)) as u64,
+    let holds = |(engine, own): (Engine, [f64; 3])| {
+        // walking engines need more for the same noise
+        let more = (NOISE[1] / NOISE[0]).powi(2);
+        let rays = match engine {
+            Engine::Doubling => request.rays,
+            _ => (request.rays as f64 * more) as u64,
+        };
+        let accepts = engine.check(&Request {
+            rays,
+            ..request.clone()
+        });
+        let room = request.max_error.room(own, request.wavelengths_nm);
+        (accepts.is_ok() && room.is_some()).then_some((engine, rays))
     };
-    (engine, rays)
+    let found = CANDIDATES.into_iter().find_map(holds);
+    found.unwrap_or((Engine::Spectral, request.rays))
 }

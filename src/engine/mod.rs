@@ -2,6 +2,7 @@
 mod auto;
 mod batches;
 mod doubling;
+pub mod envelope;
 mod nodes;
 mod reference;
 mod spectral;
@@ -114,6 +115,24 @@ pub enum EngineError {
         /// Longest grain, m.
         size_max_m: f64,
     },
+    /// The engine does not hold there (docs/stability.md).
+    #[error(
+        "`{}` does not hold where the {what} is {value:.3e}: it must be {lowest} or more; {}",
+        engine.name(),
+        instead.map_or("no engine holds there".to_owned(), |other| format!("use the engine `{}`", other.name()))
+    )]
+    Outside {
+        /// The engine that refuses.
+        engine: Engine,
+        /// What is out of its range.
+        what: &'static str,
+        /// Its value.
+        value: f64,
+        /// The least the engine takes.
+        lowest: f64,
+        /// An engine that holds there, if there is one.
+        instead: Option<Engine>,
+    },
     /// The transport equation could not be solved.
     #[error(transparent)]
     Slab(#[from] SlabError),
@@ -208,8 +227,21 @@ impl Engine {
     /// schedule or `control`.
     ///
     /// # Errors
-    /// See [`EngineError`].
+    /// See [`EngineError`]; [`EngineError::Outside`] where this engine does not hold.
     pub fn run(self, request: &Request, control: &Control) -> Result<Vec<Spectrum>, EngineError> {
+        self.check(request)?;
+        self.run_unchecked(request, control)
+    }
+
+    /// The same where the engine may not hold: for finding out how far it does.
+    ///
+    /// # Errors
+    /// See [`EngineError`].
+    pub fn run_unchecked(
+        self,
+        request: &Request,
+        control: &Control,
+    ) -> Result<Vec<Spectrum>, EngineError> {
         match self {
             Self::Reference => reference::run(request, control),
             Self::Spectral => spectral::run(request, control, Grains::Followed),

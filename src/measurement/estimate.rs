@@ -36,7 +36,7 @@ impl Estimate {
     /// Mean over `rays` and its standard error. Where every ray scored 0 or
     /// every ray 1, the sample variance is 0 and says nothing: the error given
     /// is then 1/rays, the size of what may have been missed. It is not less
-    /// where most of the sum comes from fewer than [`FEW`] rays: of scores of
+    /// where most of the sum comes from fewer than ten rays: of scores of
     /// very different size the largest are too rare to have been met, and the
     /// sample knows nothing of them.
     #[must_use]

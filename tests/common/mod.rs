@@ -77,22 +77,27 @@ pub(crate) fn simulate(request: &Request, control: &Control) -> Result<Vec<Spect
     if control.cancel.load(Ordering::Relaxed) {
         return Err(EngineError::Cancelled);
     }
-    let [Illumination::Collimated { polar_angle_rad }] = request.illuminations else {
-        return Err(EngineError::Cancelled);
-    };
     let grain = request.snow.grain.size.max_m() / request.thicknesses_m[0];
-    let spectra = request.thicknesses_m.iter().map(|thickness_m| {
+    let lights = request.illuminations.iter();
+    let curves = request
+        .thicknesses_m
+        .iter()
+        .flat_map(|h| lights.clone().map(move |light| (h, light)));
+    let spectra = curves.map(|(thickness_m, light)| {
+        let Illumination::Collimated { polar_angle_rad } = light else {
+            return Err(EngineError::Cancelled);
+        };
         let measured = |nm: &f64, scale: f64| Measured {
             value: scale * (-thickness_m * nm * polar_angle_rad.cos() * (1.0 - grain)).exp(),
             se: 1e-3 / (1.0 + request.cell as f64 + request.seed as f64),
         };
         let nm = request.wavelengths_nm.iter();
-        Spectrum {
+        Ok(Spectrum {
             transmittance: nm.clone().map(|nm| measured(nm, 0.4)).collect(),
             reflectance: nm.clone().map(|nm| measured(nm, 0.5)).collect(),
             lost: nm.map(|_| request.cell as f64 * 1e-6).collect(),
-        }
+        })
     });
     control.rays_done.fetch_add(request.rays, Ordering::Relaxed);
-    Ok(spectra.collect())
+    spectra.collect()
 }

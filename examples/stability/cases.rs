@@ -1,0 +1,266 @@
+//! The corners of the parameter box and beyond, and how an engine is asked.
+use std::sync::atomic::{AtomicBool, AtomicU64};
+
+use splitsnow::engine::{Cache, Control, Engine, EngineError, Request, Resolution};
+use splitsnow::grain::{GrainType, SizeRange, TruncatedNormal};
+use splitsnow::measurement::{Measured, Spectrum};
+use splitsnow::transport::{Entry, Illumination, Model, Snow};
+
+/// Minimum, maximum, mean and standard deviation of a shape's law.
+pub(crate) type Law = [f64; 4];
+/// Facetness and sphericity of the representative sample (Varsa 2025, chapter 7).
+pub(crate) const FACETNESS: Law = [0.2, 0.4, 0.3, 0.072];
+pub(crate) const SPHERICITY: Law = [0.6, 0.95, 0.798, 0.064];
+/// Diffuse light, as an angle.
+pub(crate) const DIFFUSE: f64 = f64::NAN;
+
+/// A snow, its light, its slabs and its wavelengths.
+#[derive(Debug, Clone)]
+pub(crate) struct Case {
+    pub(crate) name: String,
+    pub(crate) snow: Snow,
+    pub(crate) model: Model,
+    pub(crate) light: Illumination,
+    pub(crate) thicknesses_m: Vec<f64>,
+    pub(crate) wavelengths_nm: Vec<f64>,
+}
+
+/// Snow of grains of `size_um`.
+pub(crate) fn snow(size_um: [f64; 2], facetness: Law, sphericity: Law, density_kg_m3: f64) -> Snow {
+    let law = |l: Law| TruncatedNormal::new(l[0], l[1], l[2], l[3]).unwrap();
+    Snow {
+        grain: GrainType {
+            size: SizeRange::new(size_um[0] * 1e-6, size_um[1] * 1e-6).unwrap(),
+            facetness: law(facetness),
+            sphericity: law(sphericity),
+        },
+        density_kg_m3,
+        temperature_c: -1.0,
+        water_saturation: 0.0,
+    }
+}
+
+/// The representative sample, dry.
+pub(crate) fn ordinary() -> Snow {
+    snow([300.0, 750.0], FACETNESS, SPHERICITY, 275.0)
+}
+
+pub(crate) fn wet(snow: Snow, water_saturation: f64) -> Snow {
+    Snow {
+        water_saturation,
+        ..snow
+    }
+}
+
+pub(crate) fn light(degrees: f64) -> Illumination {
+    if degrees.is_nan() {
+        return Illumination::Diffuse;
+    }
+    Illumination::Collimated {
+        polar_angle_rad: degrees.to_radians(),
+    }
+}
+
+impl Case {
+    /// Slabs of these thicknesses in mean free distances.
+    pub(crate) fn new(name: &str, snow: Snow, degrees: f64, depths: &[f64], nm: &[f64]) -> Self {
+        let distance_m = snow.mean_free_distance_m();
+        Self {
+            name: name.into(),
+            snow,
+            model: Model::default(),
+            light: light(degrees),
+            thicknesses_m: depths.iter().map(|d| d * distance_m).collect(),
+            wavelengths_nm: nm.to_vec(),
+        }
+    }
+
+    /// The same slabs in grains of the largest size instead.
+    pub(crate) fn in_grains(mut self, grains: &[f64]) -> Self {
+        let size_m = self.snow.grain.size.max_m();
+        self.thicknesses_m = grains.iter().map(|g| g * size_m).collect();
+        self
+    }
+
+    /// The same with rays that enter grains as if these lay at random.
+    pub(crate) fn projected(mut self) -> Self {
+        self.model.entry = Entry::Projected;
+        self
+    }
+
+    /// All spectra, by thickness.
+    pub(crate) fn run(
+        &self,
+        engine: Engine,
+        rays: u64,
+        resolution: Resolution,
+        cache: &Cache,
+        seed: u64,
+    ) -> Result<Vec<Spectrum>, EngineError> {
+        let request = Request {
+            snow: &self.snow,
+            thicknesses_m: &self.thicknesses_m,
+            illuminations: &[self.light],
+            wavelengths_nm: &self.wavelengths_nm,
+            model: &self.model,
+            rays,
+            resolution,
+            seed,
+            cell: 0,
+        };
+        let control = Control {
+            parallel: true,
+            cancel: &AtomicBool::new(false),
+            rays_done: &AtomicU64::new(0),
+            cache,
+        };
+        engine.run_unchecked(&request, &control)
+    }
+
+    /// Whether the engine would refuse, and why.
+    pub(crate) fn refusal(&self, engine: Engine, resolution: Resolution) -> Option<EngineError> {
+        let request = Request {
+            snow: &self.snow,
+            thicknesses_m: &self.thicknesses_m,
+            illuminations: &[self.light],
+            wavelengths_nm: &self.wavelengths_nm,
+            model: &self.model,
+            rays: 1,
+            resolution,
+            seed: 0,
+            cell: 0,
+        };
+        engine.check(&request).err()
+    }
+}
+
+/// Difference of two independent values in joint standard errors.
+pub(crate) fn z(a: Measured, b: Measured) -> f64 {
+    let se = a.se.hypot(b.se);
+    if se > 0.0 {
+        (a.value - b.value) / se
+    } else if a.value == b.value {
+        0.0
+    } else {
+        f64::INFINITY
+    }
+}
+
+/// Every case of the map.
+pub(crate) fn all() -> Vec<Case> {
+    let visible_to_infrared = &[400.0, 700.0, 1030.0, 1300.0, 2000.0];
+    let slabs = &[2.5, 5.0, 12.0, 30.0];
+    let of = |name: &str, snow: Snow, degrees: f64| {
+        Case::new(name, snow, degrees, slabs, visible_to_infrared)
+    };
+    let constant = |x: f64| [x, x, x, 0.0];
+    // lengths scaled by `by` at 390 nm are absorption scaled by it: k = 2e-11 `by`
+    let scaled = |name: &str, by: f64, nm: f64| {
+        let snow = snow([300.0 * by, 750.0 * by], FACETNESS, SPHERICITY, 275.0);
+        Case::new(name, snow, 0.0, &[2.5, 5.0, 12.0, 30.0, 100.0], &[nm])
+    };
+    let shape = |size, facetness, sphericity| snow(size, facetness, sphericity, 275.0);
+    let size = [300.0, 750.0];
+    vec![
+        of("ordinary", ordinary(), 0.0),
+        scaled("no absorption", 1e-9, 390.0),
+        scaled("k = 1e-12", 0.05, 390.0),
+        scaled("k = 0.1", 0.1 / 1.64e-3, 2000.0),
+        Case::new(
+            "depth 1e-3 to 1",
+            Snow {
+                density_kg_m3: 0.1,
+                ..ordinary()
+            },
+            0.0,
+            &[1e-3, 1e-2, 0.1, 1.0],
+            visible_to_infrared,
+        ),
+        Case::new(
+            "depth 100 to 1000",
+            ordinary(),
+            0.0,
+            &[100.0, 300.0, 1000.0],
+            &[400.0, 1030.0],
+        ),
+        of("60 degrees", ordinary(), 60.0),
+        of("85 degrees", ordinary(), 85.0),
+        of("89 degrees", ordinary(), 89.0),
+        of("89.9 degrees", ordinary(), 89.9),
+        of("89.99 degrees", ordinary(), 89.99),
+        of("diffuse", ordinary(), DIFFUSE),
+        of("projected entry", ordinary(), 50.0).projected(),
+        of(
+            "spheres in slabs of 0.99 grains",
+            shape([500.0; 2], FACETNESS, constant(1.0)),
+            0.0,
+        )
+        .in_grains(&[0.99]),
+        of("slabs of 1.02 to 8 grains", ordinary(), 0.0)
+            .in_grains(&[1.02, 1.5, 3.0, 3.5, 3.7, 4.0, 8.0]),
+        of(
+            "one grain size",
+            shape([500.0; 2], FACETNESS, SPHERICITY),
+            0.0,
+        ),
+        of(
+            "50-3000 um",
+            shape([50.0, 3000.0], FACETNESS, SPHERICITY),
+            0.0,
+        )
+        .in_grains(&[1.5, 3.5, 4.0, 8.0]),
+        of("facetness 0", shape(size, constant(0.0), SPHERICITY), 0.0),
+        of("facetness 1", shape(size, constant(1.0), SPHERICITY), 0.0),
+        of(
+            "sphericity 0.05",
+            shape(size, FACETNESS, constant(0.05)),
+            0.0,
+        )
+        .in_grains(&[1.5, 3.5, 4.0, 8.0]),
+        of("sphericity 0.3", shape(size, FACETNESS, constant(0.3)), 0.0)
+            .in_grains(&[1.5, 3.5, 4.0, 8.0]),
+        of("sphericity 1", shape(size, FACETNESS, constant(1.0)), 0.0),
+        of(
+            "smooth spheres",
+            shape([500.0; 2], constant(0.0), constant(1.0)),
+            0.0,
+        ),
+        of(
+            "density 1",
+            Snow {
+                density_kg_m3: 1.0,
+                ..ordinary()
+            },
+            0.0,
+        ),
+        of(
+            "density 549",
+            Snow {
+                density_kg_m3: 549.0,
+                ..ordinary()
+            },
+            0.0,
+        ),
+        of(
+            "density 549, 89 degrees",
+            Snow {
+                density_kg_m3: 549.0,
+                ..ordinary()
+            },
+            89.0,
+        ),
+        of("saturation 0.1", wet(ordinary(), 0.1), 0.0),
+        of("saturation 0.5", wet(ordinary(), 0.5), 0.0),
+        of("saturation 1", wet(ordinary(), 1.0), 0.0),
+    ]
+}
+
+/// One snow at one wavelength, all its lengths scaled so that the ice absorbs
+/// as if its k were this: geometry, index and random numbers stay the same.
+pub(crate) fn absorbing(k: f64, saturation: f64) -> Case {
+    let by = k / 1.32e-5;
+    let scaled = snow([300.0 * by, 750.0 * by], FACETNESS, SPHERICITY, 275.0);
+    let depths = [2.0, 4.2, 6.0, 12.0, 30.0];
+    let name = format!("k = {k:.0e}, saturation {saturation}");
+    Case::new(&name, wet(scaled, saturation), 0.0, &depths, &[1300.0])
+}

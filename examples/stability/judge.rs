@@ -1,0 +1,153 @@
+//! What an engine's answer to a case is worth.
+use splitsnow::engine::{Engine, EngineError};
+use splitsnow::measurement::{Measured, Spectrum};
+
+use crate::cases::{Case, z};
+
+/// Standard errors taken for chance: one in a million and a half.
+pub(crate) const Z: f64 = 5.0;
+/// Rounding of sums of fluxes.
+const ROUNDING: f64 = 1e-9;
+
+/// How an engine's answer turned out, best first.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord)]
+pub(crate) enum Verdict {
+    /// Possible, and within the stated error of `spectral`.
+    Holds,
+    /// A typed error.
+    Refused,
+    /// Possible but further off than stated.
+    Inexact,
+    /// Not finite, outside [0, 1], more light than came in, or not monotone.
+    Impossible,
+}
+
+impl Verdict {
+    pub(crate) fn name(self) -> &'static str {
+        match self {
+            Self::Holds => "holds",
+            Self::Refused => "refused",
+            Self::Inexact => "inexact",
+            Self::Impossible => "impossible",
+        }
+    }
+}
+
+/// One engine's answer to one case.
+pub(crate) struct Answer {
+    pub(crate) engine: Engine,
+    pub(crate) verdict: Verdict,
+    /// The error, or what is wrong, or nothing.
+    pub(crate) why: String,
+    /// Largest difference from `spectral` in R and in T.
+    pub(crate) largest: Option<f64>,
+    pub(crate) spectra: Vec<Spectrum>,
+}
+
+/// Error of an engine beyond statistics, in R and in T (docs/stability.md).
+pub(crate) fn stated(engine: Engine) -> f64 {
+    match engine {
+        Engine::Reference | Engine::Spectral => 0.0,
+        Engine::Tabulated => 0.0025,
+        Engine::Doubling => 0.007,
+    }
+}
+
+/// Judges what `engine` said of `case` by what `spectral` did.
+pub(crate) fn judge(
+    case: &Case,
+    engine: Engine,
+    said: Result<Vec<Spectrum>, EngineError>,
+    spectral: &[Spectrum],
+) -> Answer {
+    let answer = |verdict, why, largest, spectra| Answer {
+        engine,
+        verdict,
+        why,
+        largest,
+        spectra,
+    };
+    let spectra = match said {
+        Err(error) => return answer(Verdict::Refused, error.to_string(), None, vec![]),
+        Ok(spectra) => spectra,
+    };
+    if let Some(why) = impossible(&spectra) {
+        return answer(Verdict::Impossible, why, None, spectra);
+    }
+    let (mut largest, mut worst, mut why): (f64, f64, _) = (0.0, 0.0, String::new());
+    for (h, (a, b)) in spectra.iter().zip(spectral).enumerate() {
+        for l in 0..a.reflectance.len() {
+            let pairs = [
+                ("R", a.reflectance[l], b.reflectance[l]),
+                ("T", a.transmittance[l], b.transmittance[l]),
+            ];
+            for (what, x, y) in pairs {
+                let off = (x.value - y.value).abs();
+                largest = largest.max(off);
+                let beyond = excess(engine, x, y);
+                if beyond > worst {
+                    worst = beyond;
+                    why = format!(
+                        "{what} {:.4} not {:.4} ({:+.1} se) at {} nm, {:.3} mean free distances",
+                        x.value,
+                        y.value,
+                        z(x, y),
+                        case.wavelengths_nm[l],
+                        case.thicknesses_m[h] / case.snow.mean_free_distance_m(),
+                    );
+                }
+            }
+        }
+    }
+    let verdict = if worst > 0.0 {
+        Verdict::Inexact
+    } else {
+        Verdict::Holds
+    };
+    answer(verdict, why, Some(largest), spectra)
+}
+
+/// By how much two values differ beyond the stated error and chance.
+pub(crate) fn excess(engine: Engine, x: Measured, y: Measured) -> f64 {
+    (x.value - y.value).abs() - stated(engine) - Z * x.se.hypot(y.se)
+}
+
+/// What is physically impossible about spectra of one snow at rising thickness.
+pub(crate) fn impossible(spectra: &[Spectrum]) -> Option<String> {
+    for spectrum in spectra {
+        let pairs = spectrum.reflectance.iter().zip(&spectrum.transmittance);
+        for ((r, t), lost) in pairs.zip(&spectrum.lost) {
+            if ![r.value, t.value, r.se, t.se].iter().all(|x| x.is_finite()) {
+                return Some(format!(
+                    "R {} +- {}, T {} +- {}",
+                    r.value, r.se, t.value, t.se
+                ));
+            }
+            let possible = -ROUNDING..=1.0 + ROUNDING;
+            if ![r.value, t.value, r.value + t.value + lost]
+                .iter()
+                .all(|x| possible.contains(x))
+            {
+                return Some(format!(
+                    "R {:.3e}, T {:.3e}, sum {}",
+                    r.value,
+                    t.value,
+                    r.value + t.value
+                ));
+            }
+        }
+    }
+    for pair in spectra.windows(2) {
+        for l in 0..pair[0].reflectance.len() {
+            let rises = z(pair[1].transmittance[l], pair[0].transmittance[l]);
+            let falls = z(pair[0].reflectance[l], pair[1].reflectance[l]);
+            if rises > Z || falls > Z {
+                return Some(format!(
+                    "T rises or R falls with thickness, {:.1} se",
+                    rises.max(falls)
+                ));
+            }
+        }
+    }
+    None
+}

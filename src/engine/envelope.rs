@@ -1,0 +1,69 @@
+//! Where engines hold, and their refusal elsewhere. Every limit is where
+//! `examples/stability` saw an engine fail; docs/stability.md says how and why,
+//! tests/stability.rs tries both sides.
+use crate::engine::{Engine, EngineError, Request};
+use crate::transport::Illumination;
+
+/// Fewest entries of a table of grain events: with N of them R and T are off
+/// by some 0.1 / sqrt(N).
+pub const TABLE: u32 = 4096;
+/// Least depth of a ray's first flight, cosine times mean free distance, in
+/// largest grains. At depth X a grain fits under the surface in some 2 X of
+/// trials, so 10,000 trials fail with exp(-20,000 X): 1e-9 at this limit.
+pub const FIRST_FLIGHT: f64 = 1e-3;
+
+/// A range an engine takes.
+struct Limit {
+    what: &'static str,
+    value: f64,
+    lowest: f64,
+    instead: Option<Engine>,
+}
+
+impl Engine {
+    /// Whether the engine holds, within its stated error, for `request`.
+    ///
+    /// # Errors
+    /// [`EngineError::Outside`] for the first limit that is broken.
+    pub fn check(self, request: &Request) -> Result<(), EngineError> {
+        let grain = &request.snow.grain;
+        let slimmest_m = grain.size.min_m() * grain.sphericity.min().powi(2);
+        let thinnest_m = request.thicknesses_m.iter().copied();
+        let mut limits = vec![Limit {
+            what: "thickness in axes of the slimmest grain",
+            value: thinnest_m.fold(f64::INFINITY, f64::min) / slimmest_m,
+            lowest: 1.0,
+            instead: None,
+        }];
+        let flight = request.snow.mean_free_distance_m() / grain.size.max_m();
+        for light in request.illuminations {
+            if let Illumination::Collimated { polar_angle_rad } = light {
+                limits.push(Limit {
+                    what: "cosine of the polar angle times mean free distance over largest grain",
+                    value: libm::cos(*polar_angle_rad) * flight,
+                    lowest: FIRST_FLIGHT,
+                    instead: None,
+                });
+            }
+        }
+        if matches!(self, Self::Tabulated | Self::Doubling) {
+            limits.push(Limit {
+                what: "number of grain events per table",
+                value: f64::from(request.resolution.table),
+                lowest: f64::from(TABLE),
+                instead: Some(Self::Spectral),
+            });
+        }
+        let broken = |limit: &Limit| limit.value.is_nan() || limit.value < limit.lowest;
+        match limits.into_iter().find(broken) {
+            None => Ok(()),
+            Some(limit) => Err(EngineError::Outside {
+                engine: self,
+                what: limit.what,
+                value: limit.value,
+                lowest: limit.lowest,
+                instead: limit.instead,
+            }),
+        }
+    }
+}
