@@ -270,7 +270,7 @@ fn comparing_greys_is_comparing_lightness() {
     assert!((error.value - lightness).abs() < 1e-9, "{error:?}");
 }
 
-/// Every case by `doubling` at the accuracy that `auto` asks of it by default:
+/// Every case by `doubling` with as many walks as `configs/thesis.toml` asks for:
 /// all thicknesses and angles of a snow at once, as in a database.
 #[test]
 fn doubling_agrees() {
@@ -282,7 +282,6 @@ fn doubling_agrees() {
         }
     }
     let wavelengths = BANDS.concat();
-    let max_error = MaxError::default();
     let (cancel, rays_done, cache) = (AtomicBool::new(false), AtomicU64::new(0), Cache::default());
     let control = Control {
         parallel: true,
@@ -307,8 +306,8 @@ fn doubling_agrees() {
             illuminations: &illuminations,
             wavelengths_nm: &wavelengths,
             model: &Model::default(),
-            rays: max_error.rays(BANDS[0]),
-            max_error,
+            rays: thesis().run.rays,
+            max_error: MaxError::default(),
             resolution: Resolution::default(),
             seed: 3,
             cell: 0,

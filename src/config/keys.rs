@@ -449,7 +449,7 @@ pub(super) struct MaxErrorKeys {
     #[schemars(range(max = 100.0), extend("exclusiveMinimum" = 0.0))]
     pub(super) delta_e: Option<f64>,
     /// Root-mean-square error over the wavelengths, one standard error; by
-    /// default 0.0005, or 0.002 where there are wavelengths beyond 780 nm.
+    /// default 0.0006, or 0.002 where there are wavelengths beyond 780 nm.
     #[schemars(range(max = 1.0), extend("exclusiveMinimum" = 0.0))]
     pub(super) rmse: Option<f64>,
 }

@@ -46,7 +46,7 @@ impl MaxError {
         let infrared_too = wavelengths_nm.iter().any(|nm| *nm > NEAR_INFRARED_NM);
         Self {
             delta_e: 0.3,
-            rmse: if infrared_too { 2e-3 } else { 5e-4 },
+            rmse: if infrared_too { 2e-3 } else { 6e-4 },
         }
     }
 
