@@ -15,7 +15,9 @@ use std::sync::atomic::{AtomicBool, AtomicU64};
 
 use cases::{Case, absorbing, ordinary};
 use judge::{Verdict, judge};
-use splitsnow::engine::{Cache, Control, Engine, EngineError, Request, Resolution, envelope};
+use splitsnow::engine::{
+    Cache, Control, Engine, EngineError, MaxError, Request, Resolution, envelope,
+};
 use splitsnow::measurement::Spectrum;
 
 /// Enough grain events for the numbers of rays here.
@@ -40,6 +42,7 @@ fn asked(
         model: &case.model,
         rays,
         resolution,
+        max_error: MaxError::default(),
         seed: 2,
         cell: 0,
     };

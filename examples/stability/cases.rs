@@ -1,7 +1,7 @@
 //! The corners of the parameter box and beyond, and how an engine is asked.
 use std::sync::atomic::{AtomicBool, AtomicU64};
 
-use splitsnow::engine::{Cache, Control, Engine, EngineError, Request, Resolution};
+use splitsnow::engine::{Cache, Control, Engine, EngineError, MaxError, Request, Resolution};
 use splitsnow::grain::{GrainType, SizeRange, TruncatedNormal};
 use splitsnow::measurement::{Measured, Spectrum};
 use splitsnow::transport::{Entry, Illumination, Model, Snow};
@@ -105,6 +105,7 @@ impl Case {
             model: &self.model,
             rays,
             resolution,
+            max_error: MaxError::default(),
             seed,
             cell: 0,
         };
@@ -127,6 +128,7 @@ impl Case {
             model: &self.model,
             rays: 1,
             resolution,
+            max_error: MaxError::default(),
             seed: 0,
             cell: 0,
         };

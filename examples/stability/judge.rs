@@ -49,7 +49,7 @@ pub(crate) fn stated(engine: Engine) -> f64 {
     match engine {
         Engine::Reference | Engine::Spectral => 0.0,
         Engine::Tabulated => 0.0025,
-        Engine::Doubling => 0.007,
+        Engine::Doubling | Engine::Auto => 0.007,
     }
 }
 

@@ -38,6 +38,32 @@ impl Default for MaxError {
     }
 }
 
+/// Grains of so different length, largest over smallest, or so close together,
+/// largest over mean free distance, that `doubling` is off by up to
+/// [`CROWDED`].
+const CROWDS: [f64; 2] = [4.0, 1.6];
+/// Error of R and T of `doubling` there (docs/stability.md).
+const CROWDED: f64 = 7e-3;
+
+/// Delta-E and RMSE, in the visible and in the near infrared, of an engine by
+/// itself for this snow.
+fn own(engine: Engine, errors: [f64; 3], request: &Request) -> [f64; 3] {
+    let snow = request.snow;
+    let largest_m = snow.grain.size.max_m();
+    let crowds = [
+        largest_m / snow.grain.size.min_m(),
+        largest_m / snow.mean_free_distance_m(),
+    ];
+    let crowded = crowds
+        .iter()
+        .zip(CROWDS)
+        .any(|(value, limit)| *value > limit);
+    match (engine, errors) {
+        (Engine::Doubling, [delta_e, ..]) if crowded => [delta_e, CROWDED, CROWDED],
+        _ => errors,
+    }
+}
+
 impl MaxError {
     /// What is asked for where the user names nothing: 0.3 in Delta-E, which
     /// nobody sees, and an RMSE that `doubling` holds at these wavelengths.
@@ -69,7 +95,7 @@ impl MaxError {
 
 /// The engine for `request` and how many walks it is to do.
 pub(super) fn choose(request: &Request) -> (Engine, u64) {
-    let holds = |(engine, own): (Engine, [f64; 3])| {
+    let holds = |(engine, errors): (Engine, [f64; 3])| {
         // walking engines need more for the same noise
         let more = (NOISE[1] / NOISE[0]).powi(2);
         let rays = match engine {
@@ -80,6 +106,7 @@ pub(super) fn choose(request: &Request) -> (Engine, u64) {
             rays,
             ..request.clone()
         });
+        let own = own(engine, errors, request);
         let room = request.max_error.room(own, request.wavelengths_nm);
         (accepts.is_ok() && room.is_some()).then_some((engine, rays))
     };

@@ -79,8 +79,8 @@ mod tests {
         assert!((m.se - (variance / 32.0).sqrt()).abs() < 1e-15);
     }
 
-    /// Scores exp(-30 u), u uniform, of mean 1/30: a thousand rays have met the
-    /// largest; of scores 1e-20 and, once in ten thousand rays, 1, they have not.
+    /// A thousand rays with scores from 1 to exp(-30) have met the largest; those
+    /// that met five of 1e-20 know nothing of a 1 in ten thousand.
     #[test]
     fn few_large_scores_are_not_trusted() {
         let mut broad = Estimate::default();
@@ -89,8 +89,7 @@ mod tests {
         let mut rare = Estimate::default();
         (0..5).for_each(|_| rare.add(1e-20));
         let missed = rare.measured(1000);
-        assert!((missed.value / 5e-23 - 1.0).abs() < 1e-14);
-        assert_eq!(missed.se, 1e-3);
+        assert!(missed.value < 1e-22 && missed.se == 1e-3, "{missed:?}");
     }
 
     #[test]

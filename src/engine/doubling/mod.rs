@@ -21,7 +21,7 @@
 //! 3. **Adding** the three, the lower boundary layer being the upper one's
 //!    mirror image, gives every thickness and illumination at once.
 //!
-//! Slabs too thin to have an inside are walked from plane to plane.
+//! Slabs of up to three boundary layers are walked from plane to plane.
 //!
 //! **Dispersion** as in `spectral`: tables, kernels and walks exist at a few
 //! index nodes, and each wavelength mixes those of its two nodes.
@@ -43,6 +43,9 @@ use walks::Walks;
 /// Thickness of a boundary layer: the larger of this many mean free distances
 /// and that many of the largest grains.
 const LAYER: (f64, f64) = (2.0, 1.8);
+/// Slabs up to so many boundary layers thick are walked from plane to plane:
+/// less than one such layer between two is too little to forget the grains.
+const THIN: f64 = 3.0;
 /// Walks from each stream below per walk from each light: all lights share the
 /// streams, and each stream carries but a part of the light.
 const FROM_BELOW: f64 = 0.25;
@@ -70,7 +73,7 @@ impl<'a> Run<'a> {
             layer_m,
             thin: request
                 .thicknesses_m
-                .partition_point(|h| *h <= 2.0 * layer_m),
+                .partition_point(|h| *h <= THIN * layer_m),
         })
     }
 
