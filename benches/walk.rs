@@ -5,10 +5,11 @@ use std::sync::atomic::{AtomicBool, AtomicU64};
 
 use criterion::{Criterion, Throughput, criterion_group, criterion_main};
 use splitsnow::engine::{Cache, Control, Engine, MaxError, Request, Resolution};
-use splitsnow::grain::{GrainType, SizeRange, TruncatedNormal};
+use splitsnow::grain::{GrainType, SizeRange, Surface, TruncatedNormal};
 use splitsnow::math::Vec3;
-use splitsnow::optics::IceTable;
+use splitsnow::optics::{IceTable, Index};
 use splitsnow::rng::{Key, Stream};
+use splitsnow::table::{Table, TableSnow, TableWalker, draw};
 use splitsnow::transport::{
     Absorption, End, Entry, Illumination, Model, Path, Sink, Snow, Walk, Walker,
 };
@@ -40,22 +41,30 @@ const NORMAL: Illumination = Illumination::Collimated {
     polar_angle_rad: 0.0,
 };
 
-/// Walks 4096 rays through 12 cm and gives the number of grain events.
-fn walks(deferred: f64) -> u64 {
-    let ice = IceTable::WarrenBrandt2008.at(550.0).unwrap();
-    let ice_per_m = ice.absorption_per_m(550.0);
-    let absorption = Absorption {
-        ice_per_m,
+fn ice() -> Index {
+    IceTable::WarrenBrandt2008.at(550.0).unwrap()
+}
+
+fn absorption(deferred: f64) -> Absorption {
+    Absorption {
+        ice_per_m: ice().absorption_per_m(550.0),
         water_per_m: 0.0,
         deferred,
-    };
-    let walker = Walker::new(&representative(), Entry::Uniform, (ice, ice), absorption);
-    let stream = Stream::new(Key {
+    }
+}
+
+fn stream() -> Stream {
+    Stream::new(Key {
         seed: 1,
         cell: 0,
         purpose: [0; 3],
         batch: 0,
-    });
+    })
+}
+
+/// Walks 4096 rays through 12 cm and gives the number of grain events.
+fn walks(walker: &impl Walk) -> u64 {
+    let stream = stream();
     let mut sink = Reflected(0);
     let events = walker
         .walk(&[0.12], NORMAL, 4096, stream, &mut sink)
@@ -68,10 +77,22 @@ fn walks(deferred: f64) -> u64 {
 fn grain_event(c: &mut Criterion) {
     let mut group = c.benchmark_group("grain_event");
     group.sample_size(20);
+    let (snow, ice) = (representative(), ice());
     for (engine, deferred) in [("reference", 0.0), ("spectral", 3.0)] {
-        group.throughput(Throughput::Elements(walks(deferred)));
-        group.bench_function(engine, |b| b.iter(|| walks(deferred)));
+        let walker = Walker::new(&snow, Entry::Uniform, (ice, ice), absorption(deferred));
+        group.throughput(Throughput::Elements(walks(&walker)));
+        group.bench_function(engine, |b| b.iter(|| walks(&walker)));
     }
+    let [air, _] = Surface::in_air_and_water(ice, ice, false);
+    // one of the eight parts of a table
+    let outcomes = draw(&snow.grain, Entry::Uniform, air, 1 << 17, stream());
+    let table = Table::new(outcomes, 1 << 14, &mut stream());
+    let walker = TableWalker {
+        snow: TableSnow::new(&snow, [&table; 2]),
+        absorption: absorption(3.0),
+    };
+    group.throughput(Throughput::Elements(walks(&walker)));
+    group.bench_function("tabulated", |b| b.iter(|| walks(&walker)));
     group.finish();
 }
 

@@ -1,5 +1,5 @@
 //! The golden data is whole, as exact as it says, and what `reference` gives.
-#![allow(clippy::unwrap_used)]
+#![allow(clippy::unwrap_used, clippy::print_stdout)]
 #[path = "common/golden/mod.rs"]
 #[allow(dead_code)]
 mod golden;

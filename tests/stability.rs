@@ -215,16 +215,19 @@ fn grazing_light_must_reach_under_the_surface() {
             &[2000.0],
         )
     };
-    let inside = at(1.01 * envelope::FIRST_FLIGHT);
-    let yardstick = spectral(&inside, 4000);
-    for engine in Engine::ALL {
+    let holds = |first_flight: f64, engine: Engine| {
+        let case = at(first_flight);
+        let yardstick = spectral(&case, 4000);
         let answer = judge(
-            &inside,
+            &case,
             engine,
-            asked(&inside, engine, 2000, COARSE),
+            asked(&case, engine, 2000, COARSE),
             &yardstick,
         );
         assert_eq!(answer.verdict, Verdict::Holds, "{}", answer.why);
+    };
+    for engine in [Engine::Reference, Engine::Spectral] {
+        holds(1.01 * envelope::FIRST_FLIGHT, engine);
         let error = asked(&at(0.99 * envelope::FIRST_FLIGHT), engine, 1000, COARSE).unwrap_err();
         assert!(
             matches!(error, EngineError::Outside { instead: None, .. }),
@@ -236,6 +239,22 @@ fn grazing_light_must_reach_under_the_surface() {
             .unwrap_err();
         assert!(matches!(error, EngineError::SlabTooThin { .. }), "{error}");
     }
+    let fitting = envelope::FITTING / (2.0 * f64::from(COARSE.table));
+    for engine in [Engine::Tabulated, Engine::Doubling] {
+        holds(1.01 * fitting, engine);
+        let error = asked(&at(0.99 * fitting), engine, 1000, COARSE).unwrap_err();
+        let instead = Some(Engine::Spectral);
+        assert!(
+            matches!(error, EngineError::Outside { instead: i, .. } if i == instead),
+            "{error}"
+        );
+    }
+    // what the limit guards against: a few grains stand for all
+    let case = at(1.01 * envelope::FIRST_FLIGHT);
+    let yardstick = spectral(&case, 4000);
+    let said = case.run(Engine::Doubling, 2000, COARSE, &Cache::default(), 2);
+    let answer = judge(&case, Engine::Doubling, said, &yardstick);
+    assert_ne!(answer.verdict, Verdict::Holds);
 }
 
 /// At the smallest table allowed the engines' error over seeds is below what

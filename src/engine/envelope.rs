@@ -12,6 +12,11 @@ pub const TABLE: u32 = 4096;
 /// trials, so 10,000 trials fail with exp(-20,000 X): 1e-9 at this limit.
 pub const FIRST_FLIGHT: f64 = 1e-3;
 
+/// Fewest entries of a table whose grains fit where grazing light first meets
+/// them: the others are never drawn there, and what so few have in common is
+/// taken for a law of nature.
+pub const FITTING: f64 = 300.0;
+
 /// A range an engine takes.
 struct Limit {
     what: &'static str,
@@ -44,6 +49,15 @@ impl Engine {
                     lowest: FIRST_FLIGHT,
                     instead: None,
                 });
+                if matches!(self, Self::Tabulated | Self::Doubling) {
+                    let table = f64::from(request.resolution.table);
+                    limits.push(Limit {
+                        what: "number of grain events per table that fit where grazing light first meets grains",
+                        value: 2.0 * libm::cos(*polar_angle_rad) * flight * table,
+                        lowest: FITTING,
+                        instead: Some(Self::Spectral),
+                    });
+                }
             }
         }
         if matches!(self, Self::Tabulated | Self::Doubling) {

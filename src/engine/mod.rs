@@ -247,7 +247,9 @@ impl Engine {
             Self::Spectral => spectral::run(request, control, Grains::Followed),
             Self::Tabulated => spectral::run(request, control, Grains::Tabulated),
             Self::Doubling => doubling::run(request, control),
-            Self::Auto => self.chosen(request, |engine, request| engine.run(request, control)),
+            Self::Auto => self.chosen(request, |engine, request| {
+                engine.run_unchecked(request, control)
+            }),
         }
     }
 }
