@@ -15,7 +15,7 @@ pub const FIRST_FLIGHT: f64 = 1e-3;
 /// Fewest entries of a table whose grains fit where grazing light first meets
 /// them: the others are never drawn there, and what so few have in common is
 /// taken for a law of nature.
-pub const FITTING: f64 = 300.0;
+pub const FITTING: f64 = 200.0;
 
 /// A range an engine takes.
 struct Limit {
