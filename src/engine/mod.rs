@@ -25,7 +25,7 @@ use crate::transport::{Illumination, Model, REJECTION_LIMIT, Snow, WalkError};
 /// Which engine runs a job.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
 pub enum Engine {
-    /// the model of docs/methods.md to the letter: one wavelength at a time, analog absorption.
+    /// The model of docs/methods.md to the letter: one wavelength at a time, analog absorption.
     Reference,
     /// One walk serves all wavelengths and thicknesses.
     Spectral,
@@ -44,7 +44,7 @@ pub struct Resolution {
     pub table: u32,
     /// Grain events averaged for the scattering kernel; the table is chosen from these.
     pub grains: u32,
-    /// Directions per hemisphere in `doubling`, 2 to 32.
+    /// Directions per hemisphere in `doubling`, 2 to 31.
     pub streams: usize,
 }
 

@@ -4,10 +4,10 @@
 pub const DEGREES: usize = 64;
 
 /// (2l + 1) / (l + 1) and l / (l + 1).
-const STEPS: [[f64; 2]; DEGREES] = {
-    let mut steps = [[0.0; 2]; DEGREES];
+const STEPS: [[f64; 2]; DEGREES + 1] = {
+    let mut steps = [[0.0; 2]; DEGREES + 1];
     let mut l = 0;
-    while l < DEGREES {
+    while l <= DEGREES {
         let x = l as f64;
         steps[l] = [(2.0 * x + 1.0) / (x + 1.0), x / (x + 1.0)];
         l += 1;
@@ -29,6 +29,13 @@ pub fn legendre(x: f64, values: &mut [f64]) {
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    #[test]
+    fn all_degrees_are_one_at_one() {
+        let mut p = [0.0; DEGREES];
+        legendre(1.0, &mut p);
+        assert!(p.iter().all(|p| (p - 1.0).abs() < 1e-12), "{p:?}");
+    }
 
     #[test]
     fn the_first_few_by_hand() {
