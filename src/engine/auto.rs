@@ -93,23 +93,81 @@ impl MaxError {
     }
 }
 
-/// The engine for `request` and how many walks it is to do.
+/// The engine for `request` and how many walks it is to do: as many as are
+/// asked for in `doubling`; in engines that walk all the way as many as the
+/// noise allowed needs, and no more than give the noise that `doubling` would.
 pub(super) fn choose(request: &Request) -> (Engine, u64) {
     let holds = |(engine, errors): (Engine, [f64; 3])| {
-        // walking engines need more for the same noise
-        let more = (NOISE[1] / NOISE[0]).powi(2);
+        let own = own(engine, errors, request);
+        let room = request.max_error.room(own, request.wavelengths_nm)?;
         let rays = match engine {
             Engine::Doubling => request.rays,
-            _ => (request.rays as f64 * more) as u64,
+            _ => {
+                let equal = request.rays as f64 * (NOISE[1] / NOISE[0]).powi(2);
+                (NOISE[1] / room).powi(2).min(equal).ceil() as u64
+            }
         };
-        let accepts = engine.check(&Request {
+        let asked = Request {
             rays,
             ..request.clone()
-        });
-        let own = own(engine, errors, request);
-        let room = request.max_error.room(own, request.wavelengths_nm);
-        (accepts.is_ok() && room.is_some()).then_some((engine, rays))
+        };
+        engine.check(&asked).is_ok().then_some((engine, rays))
     };
     let found = CANDIDATES.into_iter().find_map(holds);
     found.unwrap_or((Engine::Spectral, request.rays))
+}
+
+#[cfg(test)]
+#[allow(clippy::unwrap_used)]
+mod tests {
+    use super::*;
+    use crate::engine::Resolution;
+    use crate::grain::{GrainType, SizeRange, TruncatedNormal};
+    use crate::transport::{Illumination, Model, Snow};
+
+    fn chosen(size_um: [f64; 2], angle_deg: f64, rmse: f64, nm: f64) -> (Engine, u64) {
+        let snow = Snow {
+            grain: GrainType {
+                size: SizeRange::new(size_um[0] * 1e-6, size_um[1] * 1e-6).unwrap(),
+                facetness: TruncatedNormal::new(0.2, 0.4, 0.3, 0.072).unwrap(),
+                sphericity: TruncatedNormal::new(0.6, 0.95, 0.798, 0.064).unwrap(),
+            },
+            density_kg_m3: 275.0,
+            temperature_c: -1.0,
+            water_saturation: 0.0,
+        };
+        let delta_e = 0.3;
+        choose(&Request {
+            snow: &snow,
+            thicknesses_m: &[0.1],
+            illuminations: &[Illumination::Collimated {
+                polar_angle_rad: angle_deg.to_radians(),
+            }],
+            wavelengths_nm: &[nm],
+            model: &Model::default(),
+            rays: 1 << 17,
+            max_error: MaxError { delta_e, rmse },
+            resolution: Resolution::default(),
+            seed: 1,
+            cell: 0,
+        })
+    }
+
+    #[test]
+    fn the_cheapest_engine_that_holds() {
+        let usual = [300.0, 750.0];
+        assert_eq!(chosen(usual, 0.0, 6e-4, 550.0).0, Engine::Doubling);
+        // its own error leaves no room
+        assert_eq!(chosen(usual, 0.0, 3e-4, 550.0).0, Engine::Tabulated);
+        assert_eq!(chosen(usual, 0.0, 1e-4, 550.0).0, Engine::Spectral);
+        assert_eq!(chosen(usual, 0.0, 1e-3, 1030.0).0, Engine::Tabulated);
+        assert_eq!(chosen(usual, 0.0, 2e-3, 1030.0).0, Engine::Doubling);
+        // crowded grains
+        let (engine, rays) = chosen([50.0, 3000.0], 0.0, 2e-3, 550.0);
+        assert_eq!(engine, Engine::Tabulated);
+        assert!((0.5 / (rays as f64).sqrt() - 2e-3).abs() < 2e-5, "{rays}");
+        assert_eq!(chosen([50.0, 3000.0], 0.0, 1e-2, 550.0).0, Engine::Doubling);
+        // hardly a grain of a table fits
+        assert_eq!(chosen(usual, 89.97, 6e-4, 550.0).0, Engine::Spectral);
+    }
 }
