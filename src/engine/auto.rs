@@ -41,7 +41,7 @@ impl Default for MaxError {
 /// Grains of so different length, largest over smallest, or so close together,
 /// largest over mean free distance, that `doubling` is off by up to
 /// [`CROWDED`].
-const CROWDS: [f64; 2] = [4.0, 1.6];
+const CROWDS: [f64; 2] = [4.0, 1.9];
 /// Error of R and T of `doubling` there (docs/stability.md).
 const CROWDED: f64 = 7e-3;
 

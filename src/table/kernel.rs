@@ -118,8 +118,8 @@ impl Event {
     /// Mean free path, m, of points that scatter alike and spread light as far
     /// as these grains do, after flights of mean length d and half the mean
     /// square q^2, `flight_m` = [d, q]. With delta the displacement in a grain,
-    /// a = <delta.u_in>, b = <delta.u_out> and g = <cos Theta>, its square is
-    /// g d^2 + (1 - g) (q^2 + <|delta|^2> / 2) + d (a + b) + a b.
+    /// a = E(delta.u_in), b = E(delta.u_out) and g = E(cos Theta), its square is
+    /// g d^2 + (1 - g) (q^2 + E(|delta|^2) / 2) + d (a + b) + a b.
     ///
     /// Means of displacements are over all rays, absorbed ones as 0: where
     /// grains absorb, unscattered light, which no grain displaces, carries the more.

@@ -53,7 +53,7 @@ pub enum End {
 /// What walks report to.
 pub trait Sink {
     /// A walk ended, in the same way for all `thicknesses` (positions in the
-    /// list given to [`crate::transport::Walker::walk`]). A ray that left the snow did so along
+    /// list given to [`crate::transport::Walk::walk`]). A ray that left the snow did so along
     /// the unit vector `direction` (z downward; it entered at azimuth 0).
     fn end(&mut self, thicknesses: Range<usize>, end: End, path: &Path, direction: Vec3);
 
