@@ -121,11 +121,23 @@ fn spectrum(c: &mut Criterion) {
     };
     let mut group = c.benchmark_group("spectrum_4096_rays");
     group.sample_size(10);
+    let mut cell = 0;
     for engine in Engine::ALL {
+        // another cell has the same tables and walks of its own
         group.bench_function(engine.name(), |b| {
-            b.iter(|| engine.run(&request, &control).unwrap())
+            b.iter(|| {
+                cell += 1;
+                let request = Request {
+                    cell,
+                    ..request.clone()
+                };
+                engine.run(&request, &control).unwrap()
+            })
         });
     }
+    group.bench_function("doubling, walks kept", |b| {
+        b.iter(|| Engine::Doubling.run(&request, &control).unwrap())
+    });
     group.finish();
 }
 

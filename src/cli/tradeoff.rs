@@ -50,7 +50,7 @@ pub(super) struct Args {
     #[arg(long, value_parser = common::engine_parser())]
     engine: Vec<Engine>,
     /// Runs of each setting, with random numbers of their own
-    #[arg(long, value_name = "N", default_value_t = 4, value_parser = clap::value_parser!(u64).range(1..=1000))]
+    #[arg(long, value_name = "N", default_value_t = 4, value_parser = clap::value_parser!(u64).range(1..=32))]
     seeds: u64,
     /// Engine of the truth
     #[arg(long, value_name = "ENGINE", default_value = Engine::Spectral.name(), value_parser = common::engine_parser())]

@@ -2,16 +2,12 @@
 //! `examples/stability` saw an engine fail; docs/stability.md says how and why,
 //! tests/stability.rs tries both sides.
 use crate::engine::{Engine, EngineError, Request};
+pub use crate::transport::FIRST_FLIGHT;
 use crate::transport::Illumination;
 
 /// Fewest entries of a table of grain events: with N of them R and T are off
 /// by some 0.1 / sqrt(N).
 pub const TABLE: u32 = 4096;
-/// Least depth of a ray's first flight, cosine times mean free distance, in
-/// largest grains. At depth X a grain fits under the surface in some 2 X of
-/// trials, so 10,000 trials fail with exp(-20,000 X): 1e-9 at this limit.
-pub const FIRST_FLIGHT: f64 = 1e-3;
-
 /// Fewest entries of a table whose grains fit where grazing light first meets
 /// them: the others are never drawn there, and what so few have in common is
 /// taken for a law of nature.

@@ -1,6 +1,7 @@
 //! Engines: one physics, several schedulers, all tested against `reference`.
 mod auto;
 mod batches;
+mod cache;
 mod doubling;
 pub mod envelope;
 mod nodes;
@@ -14,8 +15,8 @@ use thiserror::Error;
 
 pub use auto::MaxError;
 pub use batches::BATCH;
+pub use cache::Cache;
 use spectral::Grains;
-pub use tables::Cache;
 
 use crate::measurement::Spectrum;
 use crate::optics::{Index, OpticsError};
@@ -94,7 +95,7 @@ pub struct Control<'a> {
     pub cancel: &'a AtomicBool,
     /// Incremented by the walks finished (see [`Engine::walks`]).
     pub rays_done: &'a AtomicU64,
-    /// Tables made so far.
+    /// What was made for earlier requests.
     pub cache: &'a Cache,
 }
 

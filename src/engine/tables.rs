@@ -1,7 +1,7 @@
 //! Outcome tables for engines, made once per shape of grain and pair of
-//! refractive indices and kept for the next job that needs them.
+//! refractive indices.
+use std::sync::Arc;
 use std::sync::atomic::Ordering;
-use std::sync::{Arc, Mutex, PoisonError};
 
 use crate::engine::{Control, EngineError, Request, Resolution, batches};
 use crate::grain::{GrainType, SizeRange, Surface};
@@ -14,14 +14,12 @@ use crate::transport::Entry;
 const BATCH: usize = 1 << 14;
 /// Independent parts whose scatter gives standard errors.
 pub(super) const PARTS: usize = 8;
-/// Tables kept: a few snows at all the index nodes of a spectrum, 4 MB each at most.
-const KEPT: usize = 64;
 /// Outcomes drawn for every one in the table, at least.
 const OVERSAMPLING: usize = 8;
 
 /// What tables are made from.
 #[derive(Debug, Clone, Copy, PartialEq)]
-struct Recipe {
+pub(super) struct Recipe {
     grain: GrainType,
     entry: Entry,
     surface: Surface,
@@ -41,11 +39,6 @@ pub(super) struct Outcomes {
     /// Average over all parts.
     pub(super) kernel: Kernel,
 }
-
-/// Outcome tables made so far, for the jobs to come. Holds nothing that
-/// changes a result.
-#[derive(Debug, Default)]
-pub struct Cache(Mutex<Vec<(Recipe, Arc<Outcomes>)>>);
 
 /// The outcomes of the grains of `request` in air and in water, at the
 /// indices `(ice, water)`; those in air stand for both in dry snow.
@@ -67,32 +60,11 @@ pub(super) fn outcomes(
             seed: request.seed,
             resolution: request.resolution,
         };
-        control.cache.get(recipe, control)
+        control.cache.tables.get(&recipe, || recipe.make(control))
     };
     let air = one(air)?;
     let water = if wet { one(water)? } else { Arc::clone(&air) };
     Ok([air, water])
-}
-
-impl Cache {
-    fn get(&self, recipe: Recipe, control: &Control) -> Result<Arc<Outcomes>, EngineError> {
-        let find = || {
-            let kept = self.0.lock().unwrap_or_else(PoisonError::into_inner);
-            kept.iter()
-                .find(|(r, _)| *r == recipe)
-                .map(|(_, o)| Arc::clone(o))
-        };
-        if let Some(outcomes) = find() {
-            return Ok(outcomes);
-        }
-        let outcomes = Arc::new(recipe.make(control)?);
-        let mut kept = self.0.lock().unwrap_or_else(PoisonError::into_inner);
-        if kept.len() >= KEPT {
-            kept.remove(0);
-        }
-        kept.push((recipe, Arc::clone(&outcomes)));
-        Ok(outcomes)
-    }
 }
 
 impl Recipe {

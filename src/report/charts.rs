@@ -65,7 +65,8 @@ fn tradeoff(results: &Results) -> Figure {
         ),
         (
             Symbol::None,
-            "time: one run of one sample on one thread, mean over the samples".into(),
+            "time: one run of one sample on one thread, mean over the samples, tables there before"
+                .into(),
         ),
         (
             Symbol::None,

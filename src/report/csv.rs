@@ -58,6 +58,7 @@ fn errors(results: &Results) -> Result<Vec<u8>, ReportError> {
         "cpu_seconds",
         "cpu_seconds_min",
         "cpu_seconds_max",
+        "table_seconds",
         "rmse",
         "max_abs_error",
         "delta_e",
@@ -74,6 +75,7 @@ fn errors(results: &Results) -> Result<Vec<u8>, ReportError> {
         record.push(row.band.wavelengths_nm().len().to_string());
         record.push(row.seeds.to_string());
         record.extend(row.cpu_seconds.map(digits));
+        record.push(digits(row.table_seconds));
         record.extend(metrics(&row.error));
         record.extend(metrics(&row.floor));
         record.extend([row.truth_rays.to_string(), String::new()]);
@@ -84,7 +86,7 @@ fn errors(results: &Results) -> Result<Vec<u8>, ReportError> {
         record.extend(setting(&refusal.setting));
         record.extend(["refused", refusal.band.name(), ""].map(String::from));
         record.push(refusal.band.wavelengths_nm().len().to_string());
-        record.extend(std::iter::repeat_n(String::new(), 11));
+        record.extend(std::iter::repeat_n(String::new(), 12));
         record.push(refusal.reason.clone());
         out.write_record(record)?;
     }

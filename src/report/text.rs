@@ -3,9 +3,10 @@ use std::fmt::Write;
 
 use serde_json::{Value, json};
 
+use crate::engine::Engine;
 use crate::measurement::Quantity;
 use crate::tradeoff::{
-    Band, Bound, Candidate, Metrics, Point, Recommendation, Results, front, points, recommend,
+    Band, Bound, Candidate, Metrics, Point, Recommendation, Results, Row, front, points, recommend,
 };
 
 /// What there is on a line of the table: both quantities of one setting.
@@ -47,6 +48,24 @@ pub fn table(results: &Results) -> String {
         results.samples.len(),
         if results.samples.len() == 1 { "" } else { "s" }
     );
+    for engine in Engine::ALL
+        .into_iter()
+        .filter(|engine| engine.uses_tables())
+    {
+        let mine = |row: &&Row| row.setting.engine == engine;
+        let most = results
+            .rows
+            .iter()
+            .filter(mine)
+            .map(|row| row.table_seconds);
+        if let Some(seconds) = most.reduce(f64::max) {
+            let (name, seconds) = (engine.name(), short(seconds));
+            let _ = writeln!(
+                out,
+                "{name}: tables, made before and once per shape of grain, took up to {seconds} CPU s."
+            );
+        }
+    }
     for band in Band::ALL {
         band_table(&mut out, &lines(&points, band), band, results.truth_rays);
     }

@@ -169,7 +169,7 @@ impl Layer<'_> {
                     Source::Above(mu) => (0.0, mu),
                     Source::Diffuse => {
                         let u = (started as f64 + rng.uniform().as_array()[0]) / rays as f64;
-                        (0.0, (1.0 - u).sqrt())
+                        (0.0, snow.diffuse_cosine(u))
                     }
                     Source::Below(mu) => {
                         behind_m = snow.mean_free_distance_m * rng.exponential().as_array()[0];

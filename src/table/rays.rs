@@ -5,7 +5,7 @@ use wide::f64x8;
 use crate::math::ln;
 use crate::rng::{Stream, azimuth};
 use crate::table::Table;
-use crate::transport::Snow;
+use crate::transport::{Snow, diffuse_cosine};
 
 /// Snow whose grains are drawn from tables.
 #[derive(Debug, Clone, Copy)]
@@ -30,6 +30,11 @@ impl<'a> TableSnow<'a> {
             water_saturation: snow.water_saturation,
             size_m: [snow.grain.size.min_m(), snow.grain.size.max_m()],
         }
+    }
+
+    /// See [`diffuse_cosine`].
+    pub(super) fn diffuse_cosine(&self, u: f64) -> f64 {
+        diffuse_cosine(u, self.mean_free_distance_m, self.size_m[1])
     }
 }
 

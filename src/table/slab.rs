@@ -187,8 +187,10 @@ impl<S: Sink> Walks<'_, S> {
         self.waiting -= 1;
         let mu = match self.illumination {
             Illumination::Collimated { polar_angle_rad } => libm::cos(polar_angle_rad),
-            // radiance is isotropic, so directions carry the weight of their cosine
-            Illumination::Diffuse => (1.0 - self.rng.uniform().as_array()[0]).sqrt(),
+            Illumination::Diffuse => self
+                .walker
+                .snow
+                .diffuse_cosine(self.rng.uniform().as_array()[0]),
         };
         self.rays.set(lane, [0.0, mu, 0.0, 0.0]);
         let budget = self.walker.absorption.deferred + self.rng.exponential().as_array()[0];

@@ -6,7 +6,7 @@
 //! the cost is linear in batches of rays, of which one is measured, at every
 //! wavelength in the near infrared and at every fifth in visible light, where the
 //! cost changes little.
-use super::measure::{Bench, failed, request};
+use super::measure::{Bench, Tables, failed, request};
 use super::truth::Truth;
 use super::{Band, Kind, Metrics, Row, Sample, Setting, TradeoffError};
 use crate::colour::Colorimeter;
@@ -97,7 +97,8 @@ fn batch(bench: &Bench, sample: &Sample, band: Band) -> Result<f64, TradeoffErro
     let timed: Vec<f64> = all.iter().copied().step_by(stride(band)).collect();
     let seconds = bench.map(&timed, |&nm| {
         let nm = [nm];
-        let run = bench.run(&setting, &request(&setting, sample, &thickness, &nm, 1));
+        let request = request(&setting, sample, &thickness, &nm, 1);
+        let run = bench.run(&setting, &request, &Tables::default());
         let run = run.map_err(|error| failed(sample, &setting, error))?;
         Ok(run.cpu_seconds)
     })?;

@@ -6,7 +6,7 @@ use std::path::PathBuf;
 use cpu_time::ThreadTime;
 use ndarray::Array2;
 
-use super::measure::Bench;
+use super::measure::{Bench, Tables};
 use super::truth::values;
 use super::{Setting, TradeoffError};
 use crate::colour::Colorimeter;
@@ -122,7 +122,7 @@ fn simulated(bench: &Bench, grid: &Grid) -> Result<Curves, TradeoffError> {
         let job = grid.job(&jobs, number)?;
         let mut request = job.request(grid);
         request.rays = setting.rays;
-        let run = bench.run(&setting, &request);
+        let run = bench.run(&setting, &request, &Tables::default());
         let run = run.map_err(|source| match source {
             EngineError::Cancelled => TradeoffError::Cancelled,
             source => TradeoffError::Engine {

@@ -4,19 +4,32 @@
 //! (`CLOCK_THREAD_CPUTIME_ID` on Linux, by the crate `cpu-time`): other
 //! processes and other runs at the same time do not count in it. So every run
 //! keeps to one thread, and several runs go side by side.
+//!
+//! Tables of grain events, which depend on the shape of the grains alone and
+//! serve all the snow made of them, are made beforehand and timed apart.
 use std::sync::atomic::{AtomicBool, AtomicU64};
+use std::sync::{Mutex, PoisonError};
 
 use cpu_time::{ProcessTime, ThreadTime};
 use rayon::prelude::*;
 
 use super::{Sample, Setting, TradeoffError};
-use crate::engine::{Cache, Control, EngineError, MaxError, Request};
+use crate::engine::{Cache, Control, EngineError, MaxError, Request, Resolution};
 use crate::measurement::Spectrum;
 
 /// One run: spectra per thickness, and the CPU seconds they took.
 pub(super) struct Timed {
     pub(super) spectra: Vec<Spectrum>,
     pub(super) cpu_seconds: f64,
+    /// CPU seconds that the tables took before; 0 for engines without.
+    pub(super) table_seconds: f64,
+}
+
+/// Tables of one sample and seed, and the CPU seconds they took by resolution.
+#[derive(Default)]
+pub(super) struct Tables {
+    cache: Cache,
+    made: Mutex<Vec<(Resolution, f64)>>,
 }
 
 /// Threads, what may be spent on them, and a way to stop.
@@ -79,19 +92,46 @@ impl<'a> Bench<'a> {
             .install(|| items.par_iter().with_max_len(1).map(f).collect())
     }
 
-    /// Runs the engine of `setting` on one thread.
-    pub(super) fn run(&self, setting: &Setting, request: &Request) -> Result<Timed, EngineError> {
+    /// Runs the engine of `setting` on one thread, with `tables` that were made
+    /// for the same sample, wavelengths and seed.
+    pub(super) fn run(
+        &self,
+        setting: &Setting,
+        request: &Request,
+        tables: &Tables,
+    ) -> Result<Timed, EngineError> {
         let control = Control {
             parallel: false,
             cancel: self.cancel,
             rays_done: &AtomicU64::new(0),
-            cache: &Cache::default(),
+            cache: &tables.cache,
         };
-        let begin = ThreadTime::now();
-        let spectra = setting.engine.run(request, &control)?;
+        let timed = |request: &Request| -> Result<_, EngineError> {
+            let begin = ThreadTime::now();
+            let spectra = setting.engine.run(request, &control)?;
+            Ok((spectra, begin.elapsed().as_secs_f64()))
+        };
+        let mut table_seconds = 0.0;
+        if setting.engine.uses_tables() {
+            let mut made = tables.made.lock().unwrap_or_else(PoisonError::into_inner);
+            let known = made.iter().find(|(of, _)| *of == setting.resolution);
+            table_seconds = match known {
+                Some((_, seconds)) => *seconds,
+                None => {
+                    // as few walks as there can be leave the tables in the cache
+                    let mut few = request.clone();
+                    few.rays = 1;
+                    let (_, seconds) = timed(&few)?;
+                    made.push((setting.resolution, seconds));
+                    seconds
+                }
+            };
+        }
+        let (spectra, cpu_seconds) = timed(request)?;
         Ok(Timed {
             spectra,
-            cpu_seconds: begin.elapsed().as_secs_f64(),
+            cpu_seconds,
+            table_seconds,
         })
     }
 }

@@ -88,6 +88,7 @@ mod tests {
             band: Band::NearInfrared,
             quantity,
             cpu_seconds: [cpu, 0.0, 100.0],
+            table_seconds: 0.0,
             error: metrics(rmse),
             floor: metrics(rmse / 10.0),
             truth_rays: 1,

@@ -1,6 +1,6 @@
 //! What the cost of a run grows with.
 use super::ladder::typical;
-use super::measure::{Bench, failed, mean, request};
+use super::measure::{Bench, Tables, failed, mean, request};
 use super::{Sample, Setting, TradeoffError};
 use crate::engine::Engine;
 use crate::transport::Illumination;
@@ -151,7 +151,7 @@ fn cost(
     let runs = bench.map(&seeds, |&seed| {
         let mut request = request(setting, sample, &thicknesses_m, &nm, seed);
         request.illuminations = &lights;
-        match bench.run(setting, &request) {
+        match bench.run(setting, &request, &Tables::default()) {
             Ok(run) => Ok(Some(run.cpu_seconds)),
             Err(error) => match failed(sample, setting, error) {
                 TradeoffError::Engine { .. } => Ok(None),

@@ -1,13 +1,13 @@
 //! Every setting on every sample.
-use super::measure::{Bench, failed, mean, request};
+use super::measure::{Bench, Tables, Timed, failed, mean, request};
 use super::truth::{Truth, values};
 use super::{Band, Metrics, Sample, Setting, TradeoffError, ladder};
 use crate::colour::Colorimeter;
 use crate::engine::Engine;
-use crate::measurement::{Quantity, Spectrum};
+use crate::measurement::Quantity;
 
 /// Share of the budget until which settings are tried.
-const SHARE: f64 = 0.88;
+const SHARE: f64 = 0.8;
 
 /// Where a row comes from.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -47,6 +47,8 @@ pub struct Row {
     /// CPU seconds of one run, which gives both quantities of the band: the
     /// mean, the least and the most over the seeds.
     pub cpu_seconds: [f64; 3],
+    /// CPU seconds of the tables of grain events, which were there before: the mean.
+    pub table_seconds: f64,
     /// Root mean square over the seeds of each distance from the truth.
     pub error: Metrics,
     /// Standard error of that truth, in the same measures.
@@ -69,7 +71,7 @@ pub struct Refusal {
 }
 
 /// One run, or why there is none.
-type Outcome = Result<(Spectrum, f64), String>;
+type Outcome = Result<Timed, String>;
 
 /// Climbs the ladders of engines.
 pub(super) struct Sweep<'a> {
@@ -78,6 +80,8 @@ pub(super) struct Sweep<'a> {
     truths: &'a [Vec<Truth>],
     seeds: u64,
     colours: Vec<Option<Colorimeter>>,
+    /// Tables: `[sample][band][seed]`, the last running fastest.
+    tables: Vec<Tables>,
     rows: Vec<Row>,
     refusals: Vec<Refusal>,
 }
@@ -97,6 +101,9 @@ impl<'a> Sweep<'a> {
             truths,
             seeds,
             colours: colours?,
+            tables: (0..samples.len() * Band::ALL.len() * seeds as usize)
+                .map(|_| Tables::default())
+                .collect(),
             rows: Vec::new(),
             refusals: Vec::new(),
         })
@@ -135,10 +142,11 @@ impl<'a> Sweep<'a> {
                 items.extend((1..=self.seeds).map(|seed| (sample, band, seed)));
             }
         }
-        let outcomes = self.bench.map(&items, |&(sample, band, seed)| {
-            self.one(setting, sample, band, seed)
+        let items: Vec<_> = items.into_iter().zip(&self.tables).collect();
+        let outcomes = self.bench.map(&items, |&((sample, band, seed), tables)| {
+            self.one(setting, sample, band, seed, tables)
         })?;
-        let cost = outcomes.iter().flatten().map(|(_, seconds)| seconds).sum();
+        let cost = outcomes.iter().flatten().map(|run| run.cpu_seconds).sum();
         let mut outcomes = outcomes.into_iter();
         for (sample, truths) in self.samples.iter().zip(self.truths) {
             for (band, truth) in Band::ALL.into_iter().zip(truths) {
@@ -163,12 +171,13 @@ impl<'a> Sweep<'a> {
         sample: &Sample,
         band: Band,
         seed: u64,
+        tables: &Tables,
     ) -> Result<Outcome, TradeoffError> {
         let nm = band.wavelengths_nm();
         let thickness = [sample.file.thickness_m];
         let request = request(setting, sample, &thickness, &nm, seed);
-        match self.bench.run(setting, &request) {
-            Ok(mut run) => Ok(Ok((run.spectra.pop().unwrap_or_default(), run.cpu_seconds))),
+        match self.bench.run(setting, &request, tables) {
+            Ok(run) => Ok(Ok(run)),
             Err(error) => match failed(sample, setting, error) {
                 TradeoffError::Engine { source, .. } => Ok(Err(source.to_string())),
                 other => Err(other),
@@ -182,9 +191,10 @@ impl<'a> Sweep<'a> {
         sample: &Sample,
         band: Band,
         truth: &Truth,
-        runs: &[(Spectrum, f64)],
+        runs: &[Timed],
     ) {
-        let seconds: Vec<f64> = runs.iter().map(|(_, seconds)| *seconds).collect();
+        let seconds: Vec<f64> = runs.iter().map(|run| run.cpu_seconds).collect();
+        let of_tables: Vec<f64> = runs.iter().map(|run| run.table_seconds).collect();
         let least = seconds.iter().copied().fold(f64::INFINITY, f64::min);
         let most = seconds.iter().copied().fold(0.0, f64::max);
         let colour = self.colours[band as usize].as_ref();
@@ -192,9 +202,7 @@ impl<'a> Sweep<'a> {
             let expected = truth.of(quantity);
             let distances: Vec<_> = runs
                 .iter()
-                .map(|(spectrum, _)| {
-                    Metrics::between(&values(spectrum, quantity), &expected, colour)
-                })
+                .map(|run| Metrics::between(&values(&run.spectra[0], quantity), &expected, colour))
                 .collect();
             self.rows.push(Row {
                 sample: sample.name.clone(),
@@ -204,6 +212,7 @@ impl<'a> Sweep<'a> {
                 band,
                 quantity,
                 cpu_seconds: [mean(&seconds), least, most],
+                table_seconds: mean(&of_tables),
                 error: Metrics::rms(&distances),
                 floor: truth.standard_error(quantity, colour),
                 truth_rays: truth.rays,

@@ -7,7 +7,7 @@ use std::path::{Path, PathBuf};
 use serde::{Deserialize, Serialize};
 use sha2::{Digest, Sha256};
 
-use super::measure::{Bench, failed, request};
+use super::measure::{Bench, Tables, failed, request};
 use super::{Band, Metrics, Sample, Setting, TradeoffError};
 use crate::atomic;
 use crate::colour::Colorimeter;
@@ -20,7 +20,7 @@ use crate::optics::data_files;
 /// included.
 const PARTS: u64 = 8;
 /// Seed of the truth; measured runs have 1, 2, ...
-const SEED: u64 = 0;
+const SEED: u64 = 1 << 32;
 /// Rays of the run that finds out what a ray costs.
 const PILOT_RAYS: u64 = 256;
 /// Least and most rays that are chosen unasked.
@@ -148,9 +148,9 @@ impl Truths<'_> {
         }
         say(&format!("truth of {}, {}", sample.name, band.name()));
         let per_part = rays.div_ceil(PARTS);
-        let cells: Vec<u64> = (0..PARTS).collect();
-        let spectra = self.bench.map(&cells, |&cell| {
-            Ok(self.part(sample, band, per_part, cell)?.0)
+        let parts: Vec<u64> = (0..PARTS).collect();
+        let spectra = self.bench.map(&parts, |&part| {
+            Ok(self.part(sample, band, per_part, part)?.0)
         })?;
         let of = |quantity| spectra.iter().map(|s| values(s, quantity)).collect();
         let truth = Truth {
@@ -172,16 +172,16 @@ impl Truths<'_> {
         sample: &Sample,
         band: Band,
         rays: u64,
-        cell: u64,
+        part: u64,
     ) -> Result<(Spectrum, f64), TradeoffError> {
         let setting = self.setting(rays);
         let nm = band.wavelengths_nm();
         let thickness = [sample.file.thickness_m];
-        let mut request = request(&setting, sample, &thickness, &nm, SEED);
-        request.cell = cell;
+        // seeds of their own: tables belong to a seed, whatever the cell
+        let request = request(&setting, sample, &thickness, &nm, SEED + part);
         let mut run = self
             .bench
-            .run(&setting, &request)
+            .run(&setting, &request, &Tables::default())
             .map_err(|error| failed(sample, &setting, error))?;
         Ok((run.spectra.pop().unwrap_or_default(), run.cpu_seconds))
     }

@@ -6,5 +6,5 @@ mod walk;
 
 pub use proposal::contact;
 pub use report::{Absorption, End, Path, Sink};
-pub use sample::{Entry, Illumination, Model, Snow};
+pub use sample::{Entry, FIRST_FLIGHT, Illumination, Model, Snow, diffuse_cosine};
 pub use walk::{EVENT_LIMIT, REJECTION_LIMIT, Walk, WalkError, Walker};

@@ -63,6 +63,20 @@ pub enum Illumination {
         /// Angle between the rays and the surface normal.
         polar_angle_rad: f64,
     },
-    /// Isotropic radiance over the upper hemisphere.
+    /// Isotropic radiance over the upper hemisphere. What of it is more grazing
+    /// than [`FIRST_FLIGHT`] allows, some 1e-6, falls at that limit.
     Diffuse,
+}
+
+/// Least depth of a ray's first flight, cosine times mean free distance, in
+/// largest grains. At depth X a grain fits under the surface in some 2 X of
+/// trials, so 10,000 trials fail with exp(-20,000 X): 1e-9 at this limit.
+pub const FIRST_FLIGHT: f64 = 1e-3;
+
+/// Cosine from the normal of a ray of isotropic radiance, for `u` uniform in
+/// [0, 1): directions carry the weight of their cosine.
+#[must_use]
+pub fn diffuse_cosine(u: f64, mean_free_distance_m: f64, longest_grain_m: f64) -> f64 {
+    let least = FIRST_FLIGHT * longest_grain_m / mean_free_distance_m;
+    (1.0 - u).sqrt().max(least).min(1.0)
 }

@@ -20,7 +20,7 @@ use crate::math::Vec3;
 use crate::optics::Index;
 use crate::rng::Stream;
 use crate::transport::proposal::{Proposal, Proposals, contact};
-use crate::transport::{Absorption, End, Entry, Illumination, Path, Sink, Snow};
+use crate::transport::{Absorption, End, Entry, Illumination, Path, Sink, Snow, diffuse_cosine};
 
 /// Grain events after which a ray counts as lost.
 pub const EVENT_LIMIT: u64 = 10_000_000;
@@ -226,8 +226,11 @@ impl<S: Sink> Walks<'_, S> {
             // cheap next to a walk, so the other seven variates go unused
             let cos = match self.illumination {
                 Illumination::Collimated { polar_angle_rad } => libm::cos(polar_angle_rad),
-                // radiance is isotropic, so directions carry the weight of their cosine
-                Illumination::Diffuse => (1.0 - self.rng.uniform().as_array()[0]).sqrt(),
+                Illumination::Diffuse => diffuse_cosine(
+                    self.rng.uniform().as_array()[0],
+                    self.walker.mean_free_distance_m,
+                    self.walker.snow.grain.size.max_m(),
+                ),
             };
             let direction = Vec3::new((1.0 - cos * cos).sqrt(), 0.0, cos);
             let ray = Ray {

@@ -38,7 +38,7 @@ use crate::engine::{Control, EngineError, Request, indices};
 use crate::measurement::Spectrum;
 use crate::slab::Streams;
 
-use walks::Walks;
+pub(super) use walks::{Occasion, Walks};
 
 /// Thickness of a boundary layer: the larger of this many mean free distances
 /// and that many of the largest grains.
@@ -86,8 +86,8 @@ pub(super) fn run(request: &Request, control: &Control) -> Result<Vec<Spectrum>,
     let run = Run::new(request)?;
     let indices = indices(request)?;
     let (nodes, mixes) = mixes(&indices, request.snow);
-    let walks = nodes.iter().map(|&node| Walks::new(&run, control, node));
-    let walks: Vec<Walks> = walks.collect::<Result<_, _>>()?;
+    let walks = nodes.iter().map(|&node| Walks::of(&run, control, node));
+    let walks: Vec<_> = walks.collect::<Result<_, _>>()?;
     run.spectra(&walks, &indices, &mixes)
 }
 

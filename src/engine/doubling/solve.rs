@@ -1,8 +1,8 @@
 //! Adds boundary layers and what is between them, at every wavelength.
-use std::ops::Range;
+use std::sync::Arc;
 
 use super::Run;
-use super::walks::Walks;
+use super::walks::{Part, Walks};
 use crate::engine::EngineError;
 use crate::engine::nodes::Mix;
 use crate::engine::tables::PARTS;
@@ -10,7 +10,7 @@ use crate::math::legendre;
 use crate::measurement::{Measured, Spectrum};
 use crate::optics::Index;
 use crate::slab::{Matrix, Medium};
-use crate::table::Event;
+use crate::table::{Event, Kernel, Scores};
 
 /// Wavelengths at which standard errors are found; between them they are
 /// interpolated relative to the values.
@@ -43,7 +43,7 @@ impl Run<'_> {
     /// Spectra per thickness and light.
     pub(super) fn spectra(
         &self,
-        walks: &[Walks],
+        walks: &[Arc<Walks>],
         indices: &[(Index, Index)],
         mixes: &[Mix],
     ) -> Result<Vec<Spectrum>, EngineError> {
@@ -56,7 +56,7 @@ impl Run<'_> {
                 water_per_m: water.absorption_per_m(nm),
             }
         };
-        let curves = |l: usize, parts| self.curves(walks, &mixes[l], absorption(l), parts);
+        let curves = |l: usize, part| self.curves(walks, &mixes[l], absorption(l), part);
         let wavelengths = indices.len();
         let count = request.thicknesses_m.len() * request.illuminations.len();
         let mut spectra = vec![Spectrum::default(); count];
@@ -64,7 +64,7 @@ impl Run<'_> {
         let anchors = ANCHORS.min(wavelengths);
         for anchor in 0..anchors {
             let l = anchor * (wavelengths - 1) / (anchors - 1).max(1);
-            let parts = (0..PARTS).map(|part| curves(l, part..part + 1));
+            let parts = (0..PARTS).map(|part| curves(l, Part::One(part)));
             let parts: Vec<Vec<Pair>> = parts.collect::<Result<_, _>>()?;
             let relative = |c: usize| [0, 1].map(|q| relative_error(parts.iter().map(|p| p[c][q])));
             scatter.push((l, (0..count).map(relative).collect::<Vec<_>>()));
@@ -76,7 +76,7 @@ impl Run<'_> {
                 0 => 0.0,
                 between => (l - before.0) as f64 / between as f64,
             };
-            for (c, values) in curves(l, 0..PARTS)?.into_iter().enumerate() {
+            for (c, values) in curves(l, Part::All)?.into_iter().enumerate() {
                 let measured = |q: usize| {
                     let relative = (1.0 - share) * before.1[c][q] + share * after.1[c][q];
                     let value = values[q];
@@ -91,23 +91,23 @@ impl Run<'_> {
         Ok(spectra)
     }
 
-    /// Every thickness and light at one wavelength, from `parts` of the walks.
+    /// Every thickness and light at one wavelength, from `part` of the walks.
     fn curves(
         &self,
-        walks: &[Walks],
+        walks: &[Arc<Walks>],
         mix: &Mix,
         absorption: Absorption,
-        parts: Range<usize>,
+        part: Part,
     ) -> Result<Vec<Pair>, EngineError> {
         let request = self.request;
         let lights = request.illuminations.len();
         let mut curves: Vec<Pair> = (0..self.thin * lights)
-            .map(|curve| thin(walks, mix, absorption, &parts, curve))
+            .map(|curve| thin(walks, mix, absorption, part, curve))
             .collect();
         if self.is_all_thin() {
             return Ok(curves);
         }
-        let couplings = self.couplings(walks, mix, absorption, &parts);
+        let couplings = self.couplings(walks, mix, absorption, part);
         let Couplings { inner, entry, .. } = &couplings;
         let medium = Medium::delta_m(&self.streams, &couplings.event.moments)?;
         let mean_free_path_m = couplings
@@ -159,10 +159,10 @@ impl Run<'_> {
 
     fn couplings(
         &self,
-        walks: &[Walks],
+        walks: &[Arc<Walks>],
         mix: &Mix,
         absorption: Absorption,
-        parts: &Range<usize>,
+        part: Part,
     ) -> Couplings {
         let Absorption {
             ice_per_m,
@@ -178,19 +178,16 @@ impl Run<'_> {
         let arriving = 1.0 - wet + wet * self.survival(absorption);
         for (walks, share) in mix.of(walks) {
             for source in 0..n + lights {
-                let scores = || walks.layer[parts.clone()].iter().map(|part| &part[source]);
-                let rays: u64 = scores().map(|scores| scores.rays).sum();
+                let scores = &walks.ends(part).layer[source];
                 let arriving = if source < n { arriving } else { 1.0 };
-                let share = share / (arriving * rays as f64);
-                for scores in scores() {
-                    scores.out.weighted(ice_per_m, water_per_m, &mut left);
-                    scores
-                        .through
-                        .weighted(ice_per_m, water_per_m, &mut through);
-                    out[source] += share * left[0];
-                    let sums = moments[source].iter_mut().zip(&through);
-                    sums.for_each(|(sum, score)| *sum += share * score);
-                }
+                let share = share / (arriving * scores.rays as f64);
+                scores.out.weighted(ice_per_m, water_per_m, &mut left);
+                scores
+                    .through
+                    .weighted(ice_per_m, water_per_m, &mut through);
+                out[source] += share * left[0];
+                let sums = moments[source].iter_mut().zip(&through);
+                sums.for_each(|(sum, score)| *sum += share * score);
             }
         }
         // Light that leaves downward at mu is the polynomial with these moments
@@ -216,32 +213,21 @@ impl Run<'_> {
             escape: out[..n].to_vec(),
             entry: Matrix::from_fn(n, lights, |stream, light| into(stream, n + light)),
             reflected: out[n..].to_vec(),
-            event: self.event(walks, mix, absorption, parts),
+            event: self.event(walks, mix, absorption, part),
         }
     }
 
     /// The mean grain event inside the snow.
-    fn event(
-        &self,
-        walks: &[Walks],
-        mix: &Mix,
-        absorption: Absorption,
-        parts: &Range<usize>,
-    ) -> Event {
+    fn event(&self, walks: &[Arc<Walks>], mix: &Mix, absorption: Absorption, part: Part) -> Event {
         let snow = self.request.snow;
         let size_m = [snow.grain.size.min_m(), snow.grain.size.max_m()];
         let survival = self.survival(absorption);
         let of = |walks: &Walks| {
-            let [air, water] = walks.outcomes.each_ref().map(|outcomes| {
-                let kernel = match parts.len() {
-                    1 => &outcomes.kernels[parts.start],
-                    _ => &outcomes.kernel,
-                };
-                kernel.event(size_m, absorption.ice_per_m)
-            });
+            let [air, water] = walks.kernels(part);
+            let event = |kernel: &Kernel| kernel.event(size_m, absorption.ice_per_m);
             match snow.water_saturation {
-                0.0 => air,
-                share => air.mix(&water.attenuated(survival), share),
+                0.0 => event(air),
+                share => event(air).mix(&event(water).attenuated(survival), share),
             }
         };
         let [first, second] = mix.nodes.map(|node| &walks[node]);
@@ -254,27 +240,18 @@ impl Run<'_> {
 }
 
 /// One slab without an inside under one light.
-fn thin(
-    walks: &[Walks],
-    mix: &Mix,
-    absorption: Absorption,
-    parts: &Range<usize>,
-    curve: usize,
-) -> Pair {
+fn thin(walks: &[Arc<Walks>], mix: &Mix, absorption: Absorption, part: Part, curve: usize) -> Pair {
     let Absorption {
         ice_per_m,
         water_per_m,
     } = absorption;
     let mut pair = [0.0; 2];
     for (walks, share) in mix.of(walks) {
-        let scores = || walks.thin[parts.clone()].iter().map(|part| &part[curve]);
-        let rays: u64 = scores().map(|scores| scores.rays).sum();
-        for scores in scores() {
-            for (sum, scores) in pair.iter_mut().zip([&scores.out, &scores.through]) {
-                let mut score = [0.0];
-                scores.weighted(ice_per_m, water_per_m, &mut score);
-                *sum += share * score[0] / rays as f64;
-            }
+        let Scores { out, through, rays } = &walks.ends(part).thin[curve];
+        for (sum, scores) in pair.iter_mut().zip([out, through]) {
+            let mut score = [0.0];
+            scores.weighted(ice_per_m, water_per_m, &mut score);
+            *sum += share * score[0] / *rays as f64;
         }
     }
     pair

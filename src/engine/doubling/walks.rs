@@ -4,22 +4,54 @@ use std::sync::atomic::Ordering;
 
 use super::{FROM_BELOW, Run};
 use crate::engine::tables::{self, Outcomes, PARTS};
-use crate::engine::{Control, EngineError, batches, engine_error};
+use crate::engine::{Control, EngineError, Resolution, batches, engine_error};
 use crate::optics::Index;
 use crate::rng::{Key, Stream};
-use crate::table::{Layer, Lower, Scores, Source, TableSnow};
-use crate::transport::Illumination;
+use crate::table::{Kernel, Layer, Lower, Scores, Source, TableSnow};
+use crate::transport::{Entry, Illumination, Snow};
 
 /// Outcomes of grain events and what walks with them came to.
-pub(super) struct Walks {
+#[derive(Debug)]
+pub(in crate::engine) struct Walks {
     /// In air and in water.
-    pub(super) outcomes: [Arc<Outcomes>; 2],
-    /// In the boundary layer: per part, from each stream below, then from each
-    /// light above; empty if no slab has one.
-    pub(super) layer: Vec<Vec<Scores>>,
-    /// Through slabs without an inside: per part, for each thickness and
-    /// light, the latter running fastest.
-    pub(super) thin: Vec<Vec<Scores>>,
+    outcomes: [Arc<Outcomes>; 2],
+    /// What came of each part.
+    parts: Vec<Ends>,
+    /// Of all parts together.
+    all: Ends,
+}
+
+/// Where walks ended.
+#[derive(Debug, Clone)]
+pub(super) struct Ends {
+    /// In the boundary layer: from each stream below, then from each light
+    /// above; empty if no slab has one.
+    pub(super) layer: Vec<Scores>,
+    /// Through slabs without an inside: for each thickness and light, the
+    /// latter running fastest.
+    pub(super) thin: Vec<Scores>,
+}
+
+/// One of the independent parts, or all.
+#[derive(Debug, Clone, Copy)]
+pub(super) enum Part {
+    One(usize),
+    All,
+}
+
+/// All that walks follow from.
+#[derive(Debug, Clone, PartialEq)]
+pub(in crate::engine) struct Occasion {
+    snow: Snow,
+    lights: Vec<Illumination>,
+    thin_m: Vec<f64>,
+    has_inside: bool,
+    node: (Index, Index),
+    entry: Entry,
+    rays: u64,
+    resolution: Resolution,
+    seed: u64,
+    cell: u64,
 }
 
 /// Walks of one kind from one source.
@@ -77,15 +109,63 @@ fn source(light: &Illumination) -> Source {
     }
 }
 
+impl Ends {
+    /// Adds those of another part.
+    fn merge(&mut self, other: &Self) {
+        let ours = self.layer.iter_mut().chain(&mut self.thin);
+        let theirs = other.layer.iter().chain(&other.thin);
+        ours.zip(theirs)
+            .for_each(|(ours, theirs)| ours.merge(theirs));
+    }
+}
+
 impl Walks {
     /// Those of `run` at the indices `node` of ice and water.
-    pub(super) fn new(
+    pub(super) fn of(
         run: &Run,
         control: &Control,
         node: (Index, Index),
-    ) -> Result<Self, EngineError> {
+    ) -> Result<Arc<Self>, EngineError> {
+        let request = run.request;
+        let occasion = Occasion {
+            snow: *request.snow,
+            lights: request.illuminations.to_vec(),
+            thin_m: request.thicknesses_m[..run.thin].to_vec(),
+            has_inside: !run.is_all_thin(),
+            node,
+            entry: request.model.entry,
+            rays: request.rays,
+            resolution: request.resolution,
+            seed: request.seed,
+            cell: request.cell,
+        };
+        let walks = &control.cache.walks;
+        walks.get(&occasion, || Self::new(run, control, node))
+    }
+
+    /// Where those of `part` ended.
+    pub(super) fn ends(&self, part: Part) -> &Ends {
+        match part {
+            Part::One(part) => &self.parts[part],
+            Part::All => &self.all,
+        }
+    }
+
+    /// Averages over the grain events of `part`, in air and in water.
+    pub(super) fn kernels(&self, part: Part) -> [&Kernel; 2] {
+        self.outcomes.each_ref().map(|outcomes| match part {
+            Part::One(part) => &outcomes.kernels[part],
+            Part::All => &outcomes.kernel,
+        })
+    }
+
+    fn new(run: &Run, control: &Control, node: (Index, Index)) -> Result<Self, EngineError> {
         let request = run.request;
         let outcomes = tables::outcomes(request, control, node)?;
+        let snows: Vec<TableSnow> = (0..PARTS)
+            .map(|part| outcomes.each_ref().map(|outcomes| &outcomes.tables[part]))
+            .map(|tables| TableSnow::new(request.snow, tables))
+            .collect();
         let tasks = run.tasks();
         let one = |(part, task): (usize, &Task)| {
             if control.cancel.load(Ordering::Relaxed) {
@@ -99,9 +179,8 @@ impl Walks {
                 purpose: [kind, number, 0],
                 batch: part as u64,
             });
-            let tables = outcomes.each_ref().map(|outcomes| &outcomes.tables[part]);
             let layer = Layer {
-                snow: TableSnow::new(request.snow, tables),
+                snow: snows[part],
                 thickness_m: task.thickness_m,
                 lower: task.lower,
             };
@@ -115,15 +194,17 @@ impl Walks {
             .iter()
             .filter(|task| task.lower == Lower::Open)
             .count();
-        let (mut layer, mut thin) = (Vec::new(), Vec::new());
-        for _ in 0..PARTS {
-            layer.push(scores.by_ref().take(in_layer).collect());
-            thin.push(scores.by_ref().take(tasks.len() - in_layer).collect());
-        }
+        let parts = (0..PARTS).map(|_| Ends {
+            layer: scores.by_ref().take(in_layer).collect(),
+            thin: scores.by_ref().take(tasks.len() - in_layer).collect(),
+        });
+        let parts: Vec<Ends> = parts.collect();
+        let mut all = parts[0].clone();
+        parts[1..].iter().for_each(|part| all.merge(part));
         Ok(Self {
             outcomes,
-            layer,
-            thin,
+            parts,
+            all,
         })
     }
 }
