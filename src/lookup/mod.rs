@@ -1,14 +1,19 @@
-//! Reading a compact file and looking spectra up in it (docs/methods.md).
-//!
-//! This version answers on the nodes of the axes only; a point between nodes is
-//! refused, never rounded to the next one.
+//! Reading a compact file and looking spectra up in it (docs/methods.md): at its
+//! nodes as it stands ([`Database`]), anywhere in its box by our method
+//! ([`Lookup`]) or by the published one ([`Varsa2025`]).
+mod coordinates;
+mod diffusion;
 mod fidelity;
 mod format;
 mod nodes;
+mod smooth;
+mod varsa2025;
 
 pub use fidelity::{CurveErrors, errors_of};
 pub use format::FormatError;
 pub use nodes::Point;
+pub use smooth::Lookup;
+pub use varsa2025::Varsa2025;
 
 use std::collections::BTreeMap;
 use std::fs::File;
@@ -54,7 +59,7 @@ pub enum LookupError {
     },
     /// A coordinate between two nodes.
     #[error(
-        "{axis} = {value} lies between the nodes {below} and {above} of the database; this version looks up nodes only, it does not interpolate"
+        "{axis} = {value} lies between the nodes {below} and {above} of the database, and the method of Varsa 2025 knows nodes only there; `smooth` interpolates"
     )]
     BetweenNodes {
         /// Name of the axis.
@@ -65,6 +70,14 @@ pub enum LookupError {
         below: f32,
         /// The node above.
         above: f32,
+    },
+    /// A table that does not fit into memory.
+    #[error(
+        "the look-up table of this file would take {bytes} bytes, more than 4 GB; give fewer wavelengths or nodes, or compress the database with --basis log"
+    )]
+    TooLarge {
+        /// Its size.
+        bytes: u128,
     },
     /// A matrix or spectrum of another shape than the database.
     #[error("expected {expected} {what} as in the compact file, found {found}")]
@@ -184,6 +197,13 @@ impl Database {
     pub fn spectrum(&self, point: Point, quantity: Quantity) -> Result<Vec<f32>, LookupError> {
         let row = self.row(point)?;
         Ok(self.curve(row, quantity).unwrap_or_default())
+    }
+
+    /// Whether components are of y, as in [`Lookup`], not of the spectra.
+    fn is_logarithmic(&self) -> bool {
+        self.metadata
+            .get("basis")
+            .is_some_and(|basis| basis == "log")
     }
 
     /// The row of the curve at a node: [`Database::point`] inverted.

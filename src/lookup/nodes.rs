@@ -66,6 +66,13 @@ impl fmt::Display for Point {
     }
 }
 
+/// Whether `value` is the node `node`.
+pub(super) fn on(node: f32, value: f64) -> bool {
+    let node = f64::from(node);
+    let scale = if node == 0.0 { 1.0 } else { node.abs() };
+    (node - value).abs() <= TOLERANCE * scale
+}
+
 /// Index of the node of `nodes` (f32, strictly increasing, not empty) that
 /// `value` is on.
 pub(super) fn find(axis: &'static str, nodes: &[f32], value: f64) -> Result<usize, LookupError> {
@@ -76,11 +83,7 @@ pub(super) fn find(axis: &'static str, nodes: &[f32], value: f64) -> Result<usiz
             .get(index)
             .map(|&node| (f64::from(node) - value).abs())
     };
-    let on = |index: &usize| {
-        let node = nodes.get(*index).map_or(f64::NAN, |&node| f64::from(node));
-        let scale = if node == 0.0 { 1.0 } else { node.abs() };
-        (node - value).abs() <= TOLERANCE * scale
-    };
+    let on = |index: &usize| nodes.get(*index).is_some_and(|node| on(*node, value));
     // Two nodes may both be within the tolerance: the nearer is meant.
     let nearer = match below {
         Some(below) if distance(above).is_none_or(|d| distance(below).is_some_and(|b| b < d)) => {
@@ -133,7 +136,7 @@ mod tests {
         let error = find("facetness", &NODES, 0.2).unwrap_err();
         assert_eq!(
             error.to_string(),
-            "facetness = 0.2 lies between the nodes 0.1 and 0.3 of the database; this version looks up nodes only, it does not interpolate"
+            "facetness = 0.2 lies between the nodes 0.1 and 0.3 of the database, and the method of Varsa 2025 knows nodes only there; `smooth` interpolates"
         );
         for outside in [-0.1, 0.6, f64::INFINITY, f64::NEG_INFINITY, f64::NAN] {
             let error = find("facetness", &NODES, outside).unwrap_err();

@@ -1,0 +1,74 @@
+//! The cost of a look-up: a spectrum of 31 wavelengths off the nodes, one core,
+//! warm. Give a compact file in SPLITSNOW_FILE, or the database of
+//! configs/quick.toml is built first.
+#![allow(clippy::unwrap_used, missing_docs)]
+use std::path::Path;
+
+use criterion::{Criterion, criterion_group, criterion_main};
+use splitsnow::lookup::{Database, Lookup, Point, Varsa2025};
+use splitsnow::measurement::Quantity;
+
+fn lookups(c: &mut Criterion) {
+    let file = std::env::var("SPLITSNOW_FILE").unwrap_or("out/quick/snow.safetensors".into());
+    let database = Database::open(Path::new(&file)).unwrap();
+    let quantity = Quantity::Transmittance;
+    let lookup = Lookup::new(&database, quantity).unwrap();
+    let mut spectrum = vec![0.0; lookup.wavelengths()];
+    let ends = database
+        .axes()
+        .each_ref()
+        .map(|axis| [axis[0], axis[axis.len() - 1]].map(f64::from));
+    // points of a lattice: as scattered as a renderer's
+    let mut u = [0.5; 5];
+    let points: Vec<Point> = (0..4096)
+        .map(|_| {
+            let steps = [0.8567, 0.7339, 0.6287, 0.5386, 0.4614];
+            u.iter_mut()
+                .zip(steps)
+                .for_each(|(u, step)| *u = (*u + step) % 1.0);
+            let place = |axis: usize| ends[axis][0] + u[axis] * (ends[axis][1] - ends[axis][0]);
+            Point::from_coordinates(std::array::from_fn(place))
+        })
+        .collect();
+    let mut next = (0..).map(|i: usize| points[i % points.len()]);
+    let mut group = c.benchmark_group("lookup");
+    group.bench_function("anywhere", |b| {
+        b.iter(|| {
+            lookup
+                .spectrum(next.next().unwrap(), &mut spectrum)
+                .unwrap()
+        })
+    });
+    let p = points[0];
+    let snow = lookup
+        .material(p.facetness, p.grain_size_um, p.density_kg_m3)
+        .unwrap();
+    let of_snow = |point: Point| Point {
+        thickness_cm: point.thickness_cm,
+        angle_deg: point.angle_deg,
+        ..p
+    };
+    group.bench_function("of one snow", |b| {
+        b.iter(|| {
+            snow.spectrum(of_snow(next.next().unwrap()), &mut spectrum)
+                .unwrap()
+        })
+    });
+    let published = Varsa2025::new(&database, quantity);
+    let node = database.point(0).unwrap();
+    let on_node = |point: Point| Point {
+        thickness_cm: point.thickness_cm,
+        angle_deg: point.angle_deg,
+        ..node
+    };
+    group.bench_function("varsa2025", |b| {
+        b.iter(|| published.spectrum(on_node(next.next().unwrap())).unwrap())
+    });
+    group.bench_function("preparing", |b| {
+        b.iter(|| Lookup::new(&database, quantity).unwrap())
+    });
+    group.finish();
+}
+
+criterion_group!(benches, lookups);
+criterion_main!(benches);

@@ -1,0 +1,88 @@
+//! Coordinates of the axes in which curves are smooth.
+//!
+//! With y = -ln T (and -ln(1 - R)), y against each of these is close to a
+//! straight line, so that few nodes do and a linear step between them is right:
+//!
+//! | axis | coordinate | why |
+//! |---|---|---|
+//! | facetness f | -exp(-f/0.18) | facets act on y as a saturating exponential |
+//! | grain size, density | logarithm | y depends on their ratio, as on a power |
+//! | thickness h | ln(1 + h/0.5 cm) | without absorption 1/T grows like 1 + h/h0 |
+//! | angle | mu - 0.4 exp(-mu/0.02), mu its cosine | y is linear in mu, but for grazing light, whose first grain must fit under the surface |
+//!
+//! The constants are measured on configs/thesis.toml (docs/methods.md); they move
+//! no value on a node.
+use wide::f32x8;
+
+/// Decay of the facetness.
+const FACETNESS: f32 = 0.18;
+/// Scale of the thickness, cm.
+const THICKNESS_CM: f32 = 0.5;
+/// Size and decay of what grazing light adds.
+const GRAZING: [f32; 2] = [0.4, 0.02];
+
+/// Coordinates of facetness, grain size, density, thickness and angle, each
+/// growing with its axis.
+///
+/// Single precision throughout: a value that is a node comes out as the node does.
+#[inline]
+pub(super) fn smooth([facetness, size, density, thickness, angle]: [f32; 5]) -> [f32; 5] {
+    let mu = f32x8::splat(angle.to_radians()).cos().as_array()[0];
+    let logs = [
+        size,
+        density,
+        1.0 + thickness / THICKNESS_CM,
+        1.0,
+        1.0,
+        1.0,
+        1.0,
+        1.0,
+    ];
+    let [size, density, thickness, ..] = *f32x8::new(logs).ln().as_array();
+    let [height, decay] = GRAZING;
+    let exponents = [
+        -facetness / FACETNESS,
+        -mu / decay,
+        0.0,
+        0.0,
+        0.0,
+        0.0,
+        0.0,
+        0.0,
+    ];
+    let [facetness, grazing, ..] = *f32x8::new(exponents).exp().as_array();
+    [-facetness, size, density, thickness, height * grazing - mu]
+}
+
+/// Derivative of the thickness' coordinate, 1/cm.
+pub(super) fn thickness_slope(thickness_cm: f32) -> f32 {
+    1.0 / (THICKNESS_CM + thickness_cm)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn grow_with_their_axes_and_follow_their_formulas() {
+        let ends = [[0.0, 10.0, 1.0, 0.0, 0.0], [1.0, 3000.0, 900.0, 1e5, 89.99]];
+        let mut before = smooth(ends[0]);
+        for i in 1..=1000 {
+            let t = i as f32 / 1000.0;
+            let point: [f32; 5] =
+                std::array::from_fn(|a| ends[0][a] + t * (ends[1][a] - ends[0][a]));
+            let here = smooth(point);
+            for axis in 0..5 {
+                assert!(here[axis] > before[axis], "{axis} {point:?}");
+            }
+            before = here;
+        }
+        let [f, g, d, h, a] = smooth([0.3, 250.0, 300.0, 4.0, 60.0]).map(f64::from);
+        let close = |x: f64, y: f64| assert!((x - y).abs() < 3e-7 * y.abs(), "{x} {y}");
+        close(f, -(-0.3_f64 / 0.18).exp());
+        close(g, 250_f64.ln());
+        close(d, 300_f64.ln());
+        close(h, 9_f64.ln());
+        close(a, 0.4 * (-25_f64).exp() - 0.5);
+    }
+}

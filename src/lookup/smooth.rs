@@ -1,0 +1,546 @@
+//! Look-up anywhere in the box of the axes, in variables in which snow is smooth.
+//!
+//! What is interpolated is y = -ln T, and -ln(1 - R) for reflectance: both 0 at
+//! thickness 0 and growing with it. In the coordinates of [`super::coordinates`],
+//!
+//! - along the thickness y is a monotone cubic (Hermite, slopes by parabolas
+//!   through three nodes, limited to three times the smaller secant beside a
+//!   node after Fritsch and Carlson 1980), from 0 at 0 cm on;
+//! - between the nodes of the other axes it is linear: a mean of columns with
+//!   weights that are not negative.
+//!
+//! So an answer lies within those of the nodes around it, is in [0, 1], grows
+//! (R) or falls (T) with thickness as those do, and is continuous. Outside the
+//! nodes of the thickness it goes on as [`super::diffusion`] says.
+//!
+//! Values and slopes are kept as coefficients of the file's basis where that is
+//! one of y (`log`): then all wavelengths share the limiter, and a spectrum costs
+//! as many multiplications as a few components need. Of a file with plain
+//! spectra (`linear`) they are kept per wavelength.
+use wide::f32x8;
+
+use super::coordinates::{smooth, thickness_slope};
+use super::diffusion::Diffusion;
+use super::{Database, LookupError, Point, nodes};
+use crate::compress::AXES;
+use crate::measurement::Quantity;
+
+/// Axis of the thickness.
+const THICKNESS: usize = 3;
+/// Nodes before the first thickness, in parts of it.
+const THIN: [f32; 7] = [0.0, 0.015625, 0.03125, 0.0625, 0.125, 0.25, 0.5];
+/// Largest y that spectra of a `linear` file are taken for: what is darker is
+/// noise of its truncation.
+const DARKEST: f32 = 16.0;
+/// Most by which a slope may exceed the smaller secant beside it.
+const LIMIT: f32 = 3.0;
+/// Components per vector: their values, then their slopes.
+const LANES: usize = 4;
+/// Components that need no memory of their own.
+const FEW: usize = 64;
+/// Largest table, bytes.
+const MOST_BYTES: u128 = 4 << 30;
+/// Vectors summed at a time.
+const BLOCK: usize = 8;
+
+/// One quantity of a database, ready for look-ups anywhere in its box.
+#[derive(Debug, Clone)]
+pub struct Lookup {
+    quantity: Quantity,
+    /// Values of the axes as in the file.
+    axes: [Vec<f32>; 5],
+    /// Their coordinates; those of the thickness begin with [`THIN`].
+    places: [Vec<f32>; 5],
+    /// Vectors per node.
+    width: usize,
+    /// `[node][width]`: y and its slope along the thickness.
+    table: Vec<f32x8>,
+    /// `[component][l / 8]`; empty if the components are the wavelengths.
+    basis: Vec<Vec<f32x8>>,
+    wavelengths: usize,
+}
+
+/// Columns around a point: where in the table their node below it is, and
+/// their weights.
+struct Corners {
+    columns: [(usize, f32); 16],
+    count: usize,
+}
+
+impl Lookup {
+    /// Prepares `quantity` of `database`: some ten milliseconds for 25,000 curves.
+    ///
+    /// # Errors
+    /// [`LookupError::TooLarge`] for a `linear` file of so many curves and
+    /// wavelengths that its table would not fit 4 GB.
+    pub fn new(database: &Database, quantity: Quantity) -> Result<Self, LookupError> {
+        let axes = database.axes().clone();
+        let mut places: [Vec<f32>; 5] = Default::default();
+        for (axis, (places, values)) in places.iter_mut().zip(&axes).enumerate() {
+            let thin = THIN.map(|part| part * values[0]);
+            let thin = thin.into_iter().filter(|_| axis == THICKNESS);
+            let place = |value| {
+                let mut point = [0.0, 1.0, 1.0, 0.0, 0.0];
+                point[axis] = value;
+                smooth(point)[axis]
+            };
+            let values = thin.chain(values.iter().copied());
+            *places = values.map(place).collect();
+        }
+        let columns = database.basis(quantity);
+        let (wavelengths, components) = columns.dim();
+        let (depth, basis) = if database.is_logarithmic() {
+            let basis = columns.columns().into_iter().map(|c| lanes(&c.to_vec()));
+            (components, basis.collect())
+        } else {
+            (wavelengths, Vec::new())
+        };
+        let width = depth.div_ceil(LANES);
+        let nodes = database.curves() / axes[THICKNESS].len() * places[THICKNESS].len();
+        let bytes = (nodes as u128) * (width * size_of::<f32x8>()) as u128;
+        if bytes > MOST_BYTES {
+            return Err(LookupError::TooLarge { bytes });
+        }
+        let mut lookup = Self {
+            quantity,
+            axes,
+            places,
+            width,
+            table: Vec::new(),
+            basis,
+            wavelengths,
+        };
+        lookup.fill(database, depth);
+        Ok(lookup)
+    }
+
+    /// Number of wavelengths of a spectrum, l.
+    #[must_use]
+    pub fn wavelengths(&self) -> usize {
+        self.wavelengths
+    }
+
+    /// The spectrum at `point`, into `spectrum` (`[l]`).
+    ///
+    /// Thickness may be anything from 0 on, unless the file has one alone; the
+    /// other coordinates are in the box of the axes, within 1e-6 of its ends.
+    ///
+    /// # Errors
+    /// [`LookupError::Outside`], and [`LookupError::Shape`] for a `spectrum` of
+    /// another length.
+    pub fn spectrum(&self, point: Point, spectrum: &mut [f32]) -> Result<(), LookupError> {
+        if spectrum.len() != self.wavelengths {
+            return Err(LookupError::Shape {
+                what: "wavelengths",
+                expected: self.wavelengths,
+                found: spectrum.len(),
+            });
+        }
+        let places = smooth(self.inside(point)?);
+        let x = &self.places[THICKNESS];
+        let last = x.len() - 1;
+        if places[THICKNESS] <= x[last] {
+            let (corners, cell) = self.corners(places);
+            let t = fraction(x, cell, places[THICKNESS]);
+            let step = x[cell + 1] - x[cell];
+            self.depths(&corners, hermite(t, step), spectrum);
+        } else {
+            self.depths_beyond(places, point.thickness_cm as f32, spectrum);
+        }
+        self.leave(spectrum);
+        Ok(())
+    }
+
+    /// The same for one snow: its curves at all thicknesses and angles, of which
+    /// a renderer asks many. Answers are the same to rounding, and quicker.
+    ///
+    /// # Errors
+    /// [`LookupError::Outside`].
+    pub fn material(
+        &self,
+        facetness: f64,
+        grain_size_um: f64,
+        density_kg_m3: f64,
+    ) -> Result<Self, LookupError> {
+        let point = Point {
+            facetness,
+            grain_size_um,
+            density_kg_m3,
+            thickness_cm: f64::from(self.axes[THICKNESS][0]),
+            angle_deg: f64::from(self.axes[4][0]),
+        };
+        let values = self.inside(point)?;
+        let places = smooth(values);
+        let (corners, _) = self.corners(places);
+        let column = self.places[THICKNESS].len() * self.axes[4].len() * self.width;
+        let mut table = vec![f32x8::ZERO; column];
+        let mut material = Self {
+            axes: self.axes.clone(),
+            places: self.places.clone(),
+            table: Vec::new(),
+            basis: self.basis.clone(),
+            ..*self
+        };
+        for &(at, weight) in &corners.columns[..corners.count] {
+            let begin = at / column * column;
+            let nodes = table.iter_mut().zip(&self.table[begin..begin + column]);
+            nodes.for_each(|(sum, node)| *sum += *node * f32x8::splat(weight));
+        }
+        material.table = table;
+        for axis in 0..THICKNESS {
+            material.axes[axis] = vec![values[axis]];
+            material.places[axis] = vec![places[axis]];
+        }
+        Ok(material)
+    }
+
+    /// Fills the table, column by column, with `depth` components.
+    fn fill(&mut self, database: &Database, depth: usize) {
+        let [n_f, n_g, n_d, n_h, n_a] = self.axes.each_ref().map(Vec::len);
+        let rows = THIN.len() + n_h;
+        let mut table = vec![f32x8::ZERO; n_f * n_g * n_d * rows * n_a * self.width];
+        let mut y = vec![vec![0.0; depth]; rows];
+        for (snow, angle) in (0..n_f * n_g * n_d).flat_map(|s| (0..n_a).map(move |a| (s, a))) {
+            for h in 0..n_h {
+                let row = (snow * n_h + h) * n_a + angle;
+                let (before, here) = y.split_at_mut(THIN.len() + h);
+                if self.basis.is_empty() {
+                    let curve = database.curve(row, self.quantity).unwrap_or_default();
+                    // noise must not make a slab brighter than a thinner one
+                    let least = before.last().filter(|_| h > 0);
+                    for (l, (y, value)) in here[0].iter_mut().zip(curve).enumerate() {
+                        *y = self.depth(value).max(least.map_or(0.0, |least| least[l]));
+                    }
+                } else {
+                    let coefficients = database.coefficients(self.quantity);
+                    let pairs = here[0].iter_mut().zip(coefficients.row(row));
+                    pairs.for_each(|(y, c)| *y = *c);
+                }
+            }
+            self.fill_thin(&mut y);
+            let slopes = self.slopes(&y);
+            for h in 0..rows {
+                let node = ((snow * rows + h) * n_a + angle) * self.width;
+                for (i, (y, slope)) in y[h].iter().zip(&slopes[h]).enumerate() {
+                    let lanes = table[node + i / LANES].as_mut_array();
+                    lanes[i % LANES] = *y;
+                    lanes[LANES + i % LANES] = *slope;
+                }
+            }
+        }
+        self.table = table;
+    }
+
+    /// The nodes before the first thickness of a column.
+    fn fill_thin(&self, y: &mut [Vec<f32>]) {
+        let first_cm = self.axes[THICKNESS][0];
+        let (thin, nodes) = y.split_at_mut(THIN.len());
+        let x = &self.places[THICKNESS][THIN.len()..];
+        thin.iter_mut().for_each(|y| y.fill(0.0));
+        let spectra: Vec<Vec<f32>> = nodes.iter().take(3).map(|y| self.spectral(y)).collect();
+        for (l, y) in spectra[0].iter().enumerate() {
+            let slope = match spectra.len() {
+                1 => y / x[0],
+                n => slope(&x[..n], &spectra, 0, l).max(0.0),
+            };
+            let node = Diffusion {
+                y: f64::from(*y),
+                slope_per_cm: f64::from(slope * thickness_slope(first_cm)),
+                before: 0.0,
+                step_cm: f64::from(first_cm),
+            };
+            for (thin, y) in thin.iter_mut().zip(node.thinner(THIN.map(f64::from))) {
+                if self.basis.is_empty() {
+                    thin[l] = y as f32;
+                    continue;
+                }
+                for (c, vector) in thin.iter_mut().zip(&self.basis) {
+                    *c += y as f32 * vector[l / 8].as_array()[l % 8];
+                }
+            }
+        }
+    }
+
+    /// y of a transmittance or reflectance.
+    fn depth(&self, value: f32) -> f32 {
+        let left = match self.quantity {
+            Quantity::Transmittance => value,
+            Quantity::Reflectance => 1.0 - value,
+        };
+        -left.clamp((-DARKEST).exp(), 1.0).ln()
+    }
+
+    /// Limited slopes of a column, `[h][component]`.
+    fn slopes(&self, y: &[Vec<f32>]) -> Vec<Vec<f32>> {
+        let x = &self.places[THICKNESS];
+        let last = x.len() - 1;
+        if self.basis.is_empty() {
+            let limited = |h: usize, i: usize| {
+                let slope = slope(x, y, h, i);
+                share(x, y, h, i) * slope
+            };
+            let components = y[0].len();
+            return (0..=last)
+                .map(|h| (0..components).map(|i| limited(h, i)).collect())
+                .collect();
+        }
+        let spectra: Vec<Vec<f32>> = y.iter().map(|y| self.spectral(y)).collect();
+        (0..=last)
+            .map(|h| {
+                let shares = (0..self.wavelengths).map(|l| share(x, &spectra, h, l));
+                let share = shares.fold(1.0, f32::min);
+                (0..y[h].len()).map(|i| share * slope(x, y, h, i)).collect()
+            })
+            .collect()
+    }
+
+    /// y per wavelength of these components.
+    fn spectral(&self, components: &[f32]) -> Vec<f32> {
+        if self.basis.is_empty() {
+            return components.to_vec();
+        }
+        let mut spectrum = vec![0.0; self.wavelengths];
+        for (c, vector) in components.iter().zip(&self.basis) {
+            let values = vector.iter().flat_map(|lanes| *lanes.as_array());
+            spectrum
+                .iter_mut()
+                .zip(values)
+                .for_each(|(sum, v)| *sum += c * v);
+        }
+        spectrum
+    }
+
+    /// The coordinates of `point`, moved onto the box where they are on its edge.
+    fn inside(&self, point: Point) -> Result<[f32; 5], LookupError> {
+        let asked = point.coordinates();
+        let mut values = asked.map(|v| v as f32);
+        for (axis, (value, nodes)) in values.iter_mut().zip(&self.axes).enumerate() {
+            let (mut first, mut last) = (nodes[0], nodes[nodes.len() - 1]);
+            if axis == THICKNESS && nodes.len() > 1 {
+                (first, last) = (0.0, f32::MAX);
+            }
+            if !(first..=last).contains(value) {
+                if ![first, last].iter().any(|end| nodes::on(*end, asked[axis])) {
+                    return Err(LookupError::Outside {
+                        axis: AXES[axis].name,
+                        value: asked[axis],
+                        first,
+                        last,
+                    });
+                }
+                *value = value.clamp(first, last);
+            }
+        }
+        Ok(values)
+    }
+
+    /// The columns around a point at `places`, at the node below its thickness,
+    /// and the number of that node.
+    #[inline]
+    fn corners(&self, places: [f32; 5]) -> (Corners, usize) {
+        let mut corners = Corners {
+            columns: [(0, 1.0); 16],
+            count: 1,
+        };
+        let mut cell = 0;
+        for (axis, nodes) in self.places.iter().enumerate() {
+            let below = below(nodes, places[axis]);
+            let columns = &mut corners.columns;
+            for (at, _) in &mut columns[..corners.count] {
+                *at = *at * nodes.len() + below;
+            }
+            if axis == THICKNESS {
+                cell = below;
+                continue;
+            }
+            let above = fraction(nodes, below, places[axis]);
+            if above > 0.0 {
+                let (these, those) = columns.split_at_mut(corners.count);
+                for (this, that) in these.iter_mut().zip(those) {
+                    *that = (this.0 + 1, this.1 * above);
+                    this.1 *= 1.0 - above;
+                }
+                corners.count *= 2;
+            }
+        }
+        for (at, _) in &mut corners.columns {
+            *at *= self.width;
+        }
+        (corners, cell)
+    }
+
+    /// y per wavelength: sums over `corners` of the values and slopes at the
+    /// nodes below and above the thickness, with `weights`.
+    #[inline]
+    fn depths(&self, corners: &Corners, weights: [f32x8; 2], spectrum: &mut [f32]) {
+        let above = self.axes[4].len() * self.width;
+        let [lower, upper] = weights;
+        let components = self.basis.len();
+        let (mut few, mut many) = ([0.0; FEW], Vec::new());
+        // without a basis the components are the spectrum
+        let sums: &mut [f32] = match components {
+            0 => spectrum,
+            1..=FEW => &mut few[..components],
+            _ => {
+                many.resize(components, 0.0);
+                &mut many
+            }
+        };
+        for (block, sums) in sums.chunks_mut(BLOCK * LANES).enumerate() {
+            let vectors = sums.len().div_ceil(LANES);
+            let mut sum = [f32x8::ZERO; BLOCK];
+            for &(at, weight) in &corners.columns[..corners.count] {
+                let at = at + block * BLOCK;
+                let weight = f32x8::splat(weight);
+                let (lower, upper) = (weight * lower, weight * upper);
+                let nodes = self.table[at..at + vectors].iter();
+                let nodes = nodes.zip(&self.table[at + above..at + above + vectors]);
+                for (sum, (below, above)) in sum.iter_mut().zip(nodes) {
+                    *sum += *below * lower + *above * upper;
+                }
+            }
+            for (sums, vector) in sums.chunks_mut(LANES).zip(&sum) {
+                let lanes = vector.as_array();
+                for (i, to) in sums.iter_mut().enumerate() {
+                    *to = lanes[i] + lanes[LANES + i];
+                }
+            }
+        }
+        if components > 0 {
+            let sums = if many.is_empty() {
+                &few[..components]
+            } else {
+                &many
+            };
+            for (l, to) in spectrum.chunks_mut(8).enumerate() {
+                let mut y = f32x8::ZERO;
+                for (c, vector) in sums.iter().zip(&self.basis) {
+                    y += f32x8::splat(*c) * vector[l];
+                }
+                to.copy_from_slice(&y.as_array()[..to.len()]);
+            }
+        }
+    }
+
+    /// y per wavelength at `thickness_cm`, beyond the last node.
+    fn depths_beyond(&self, mut places: [f32; 5], thickness_cm: f32, spectrum: &mut [f32]) {
+        let x = &self.places[THICKNESS];
+        places[THICKNESS] = x[x.len() - 1];
+        let (corners, _) = self.corners(places);
+        let (zero, value, slope) = (f32x8::ZERO, halves(1.0, 0.0), halves(0.0, 1.0));
+        self.depths(&corners, [zero, value], spectrum);
+        if self.quantity == Quantity::Reflectance {
+            return;
+        }
+        let mut before = vec![0.0; spectrum.len()];
+        let mut slopes = before.clone();
+        self.depths(&corners, [value, zero], &mut before);
+        self.depths(&corners, [zero, slope], &mut slopes);
+        let nodes = &self.axes[THICKNESS];
+        let last_cm = nodes[nodes.len() - 1];
+        let step_cm = last_cm - nodes[nodes.len() - 2];
+        for ((y, before), slope) in spectrum.iter_mut().zip(before).zip(slopes) {
+            let end = Diffusion {
+                y: f64::from(*y),
+                slope_per_cm: f64::from(slope * thickness_slope(last_cm)),
+                before: f64::from(before),
+                step_cm: f64::from(step_cm),
+            };
+            *y = end.deeper(f64::from(thickness_cm - last_cm)) as f32;
+        }
+    }
+
+    /// From y to the quantity.
+    fn leave(&self, spectrum: &mut [f32]) {
+        for chunk in spectrum.chunks_mut(8) {
+            let mut y = [0.0; 8];
+            y[..chunk.len()].copy_from_slice(chunk);
+            let mut left = (-f32x8::new(y).max(f32x8::ZERO)).exp();
+            if self.quantity == Quantity::Reflectance {
+                left = f32x8::ONE - left;
+            }
+            chunk.copy_from_slice(&left.as_array()[..chunk.len()]);
+        }
+    }
+}
+
+/// `values` eight at a time, with zeros at the end.
+fn lanes(values: &[f32]) -> Vec<f32x8> {
+    let chunk = |chunk: &[f32]| {
+        let mut lanes = [0.0; 8];
+        lanes[..chunk.len()].copy_from_slice(chunk);
+        f32x8::new(lanes)
+    };
+    values.chunks(8).map(chunk).collect()
+}
+
+/// The weights `value` for values and `slope` for slopes.
+fn halves(value: f32, slope: f32) -> f32x8 {
+    f32x8::new(std::array::from_fn(
+        |i| if i < LANES { value } else { slope },
+    ))
+}
+
+/// Weights of the node below and of that above, `t` of the way from one to the
+/// other, which are `step` apart.
+fn hermite(t: f32, step: f32) -> [f32x8; 2] {
+    let left = 1.0 - t;
+    [
+        halves((1.0 + 2.0 * t) * left * left, t * left * left * step),
+        halves(t * t * (3.0 - 2.0 * t), -t * t * left * step),
+    ]
+}
+
+/// The last node, but for the very last, that is not above `place`.
+#[inline]
+fn below(nodes: &[f32], place: f32) -> usize {
+    let inner = nodes.len().max(2) - 1;
+    nodes[1..]
+        .iter()
+        .take(inner - 1)
+        .filter(|node| **node <= place)
+        .count()
+}
+
+/// How far `place` is from node `cell` to the next; 0 if there is none.
+#[inline]
+fn fraction(nodes: &[f32], cell: usize, place: f32) -> f32 {
+    match nodes.get(cell + 1) {
+        None => 0.0,
+        Some(next) => ((place - nodes[cell]) / (next - nodes[cell])).clamp(0.0, 1.0),
+    }
+}
+
+/// Slope of the line between nodes `h` and `h + 1`.
+fn secant(x: &[f32], values: &[Vec<f32>], h: usize, i: usize) -> f32 {
+    (values[h + 1][i] - values[h][i]) / (x[h + 1] - x[h])
+}
+
+/// Slope at node `h` of the parabola through it and its neighbours.
+fn slope(x: &[f32], values: &[Vec<f32>], h: usize, i: usize) -> f32 {
+    let last = x.len() - 1;
+    if last == 1 {
+        return secant(x, values, 0, i);
+    }
+    let middle = h.clamp(1, last - 1);
+    let [left, right] = [middle - 1, middle].map(|h| secant(x, values, h, i));
+    let [before, after] = [x[middle] - x[middle - 1], x[middle + 1] - x[middle]];
+    let at_middle = (left * after + right * before) / (before + after);
+    match h {
+        0 => 2.0 * left - at_middle,
+        h if h == last => 2.0 * right - at_middle,
+        _ => at_middle,
+    }
+}
+
+/// Share of the slope at node `h` that keeps its curve from turning.
+fn share(x: &[f32], values: &[Vec<f32>], h: usize, i: usize) -> f32 {
+    let last = x.len() - 1;
+    let beside = [h.max(1) - 1, h.min(last - 1)].map(|h| secant(x, values, h, i));
+    let most = LIMIT * beside[0].min(beside[1]);
+    let slope = slope(x, values, h, i);
+    if slope <= most {
+        return if slope >= 0.0 { 1.0 } else { 0.0 };
+    }
+    (most / slope).max(0.0)
+}

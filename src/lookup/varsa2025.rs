@@ -1,0 +1,170 @@
+//! The look-up of Varsa 2025, section 5.3, to the letter: nodes only in
+//! facetness, grain size and density, a natural cubic spline in thickness, a
+//! straight line in the angle between two nodes.
+//!
+//! The spline's knots are the thicknesses of the database and two more:
+//! transmittance is 1 at 0 cm and 0 at 100 cm, and 0 beyond. (Where the database
+//! itself reaches 100 cm its last node is the last knot.) Angles beyond the last
+//! node give no light. For reflectance, of which the thesis says only that the
+//! thickness may be dropped, it is 0 at 0 cm and stays beyond the last node.
+//!
+//! The spline rings between its knots and can leave [0, 1]: nothing is mended.
+use nalgebra::{DMatrix, DVector};
+
+use super::{Database, LookupError, Point, nodes};
+use crate::compress::AXES;
+use crate::measurement::Quantity;
+
+/// Where nothing is transmitted any more, cm.
+const BLACK_CM: f64 = 100.0;
+
+/// One quantity of a database, ready for look-ups.
+#[derive(Debug, Clone)]
+pub struct Varsa2025<'a> {
+    database: &'a Database,
+    quantity: Quantity,
+    /// Thicknesses of the knots, cm; the first is 0.
+    knots_cm: Vec<f64>,
+    /// Second derivatives at the knots per value at the knots.
+    bending: DMatrix<f64>,
+}
+
+impl<'a> Varsa2025<'a> {
+    /// Prepares `quantity` of `database`.
+    #[must_use]
+    pub fn new(database: &'a Database, quantity: Quantity) -> Self {
+        let mut knots_cm = vec![0.0];
+        knots_cm.extend(database.axes()[3].iter().map(|h| f64::from(*h)));
+        let thickest = knots_cm[knots_cm.len() - 1];
+        if quantity == Quantity::Transmittance && thickest < BLACK_CM {
+            knots_cm.push(BLACK_CM);
+        }
+        let bending = bending(&knots_cm);
+        Self {
+            database,
+            quantity,
+            knots_cm,
+            bending,
+        }
+    }
+
+    /// The spectrum at `point`, `[l]`.
+    ///
+    /// # Errors
+    /// [`LookupError::BetweenNodes`] for snow that is no node, and
+    /// [`LookupError::Outside`].
+    pub fn spectrum(&self, point: Point) -> Result<Vec<f32>, LookupError> {
+        let axes = self.database.axes();
+        let coordinates = point.coordinates();
+        let mut snow = 0;
+        for axis in 0..3 {
+            let node = nodes::find(AXES[axis].name, &axes[axis], coordinates[axis])?;
+            snow = snow * axes[axis].len() + node;
+        }
+        let outside = |axis: usize, first, last| LookupError::Outside {
+            axis: AXES[axis].name,
+            value: coordinates[axis],
+            first,
+            last,
+        };
+        let (h, angle) = (point.thickness_cm, point.angle_deg);
+        if !(0.0..=f64::MAX).contains(&h) {
+            return Err(outside(3, 0.0, f32::MAX));
+        }
+        let angles = &axes[4];
+        if !(f64::from(angles[0])..90.0).contains(&angle) {
+            return Err(outside(4, angles[0], 90.0));
+        }
+        let mut spectrum = vec![0.0; self.database.wavelengths_nm().len()];
+        let last = self.knots_cm[self.knots_cm.len() - 1];
+        let dark = h >= last && self.quantity == Quantity::Transmittance;
+        let above = angles.partition_point(|node| f64::from(*node) <= angle);
+        let ends = f64::from(angles[angles.len() - 1]);
+        if dark || angle > ends {
+            return Ok(vec![0.0; spectrum.len()]);
+        }
+        let weights = self.weights(h.min(last));
+        let (lower, upper) = (above - 1, above.min(angles.len() - 1));
+        let step = f64::from(angles[upper] - angles[lower]);
+        let share = if step > 0.0 {
+            (angle - f64::from(angles[lower])) / step
+        } else {
+            0.0
+        };
+        for (node, share) in [(lower, 1.0 - share), (upper, share)] {
+            for (knot, weight) in weights.iter().enumerate() {
+                for (sum, value) in spectrum.iter_mut().zip(self.knot(snow, knot, node)) {
+                    *sum += share * weight * f64::from(value);
+                }
+            }
+        }
+        Ok(spectrum.into_iter().map(|v| v as f32).collect())
+    }
+
+    /// The curve at a knot.
+    fn knot(&self, snow: usize, knot: usize, angle: usize) -> Vec<f32> {
+        let [.., n_h, n_a] = self.database.axes().each_ref().map(Vec::len);
+        let row = (snow * n_h + knot.max(1) - 1) * n_a + angle;
+        let edge = match self.quantity {
+            Quantity::Transmittance => 1.0,
+            Quantity::Reflectance => 0.0,
+        };
+        let all = |value| vec![value; self.database.wavelengths_nm().len()];
+        match knot {
+            0 => all(edge),
+            knot if knot > n_h => all(0.0),
+            _ => self.database.curve(row, self.quantity).unwrap_or_default(),
+        }
+    }
+
+    /// Weights of the knots at a thickness of `h` cm, within them.
+    fn weights(&self, h: f64) -> Vec<f64> {
+        let x = &self.knots_cm;
+        let cell = x.partition_point(|knot| *knot <= h).clamp(1, x.len() - 1) - 1;
+        let step = x[cell + 1] - x[cell];
+        let (a, b) = ((x[cell + 1] - h) / step, (h - x[cell]) / step);
+        let bend = |t: f64| (t * t * t - t) * step * step / 6.0;
+        let weight = |knot: usize| {
+            let line = a * f64::from(knot == cell) + b * f64::from(knot == cell + 1);
+            line + bend(a) * self.bending[(cell, knot)] + bend(b) * self.bending[(cell + 1, knot)]
+        };
+        (0..x.len()).map(weight).collect()
+    }
+}
+
+/// Second derivatives of the natural spline through knots at `x`: a matrix that
+/// takes the values at the knots to them.
+fn bending(x: &[f64]) -> DMatrix<f64> {
+    let n = x.len();
+    let (mut left, mut right) = (DMatrix::identity(n, n), DMatrix::zeros(n, n));
+    for i in 1..n - 1 {
+        let (before, after) = (x[i] - x[i - 1], x[i + 1] - x[i]);
+        left[(i, i - 1)] = before / 6.0;
+        left[(i, i)] = (before + after) / 3.0;
+        left[(i, i + 1)] = after / 6.0;
+        right[(i, i - 1)] = 1.0 / before;
+        right[(i, i)] = -1.0 / before - 1.0 / after;
+        right[(i, i + 1)] = 1.0 / after;
+    }
+    let solved = left.lu().solve(&right);
+    // diagonally dominant: never singular
+    solved.unwrap_or_else(|| DMatrix::from_diagonal(&DVector::zeros(n)))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn natural_spline_by_hand() {
+        // Knots 0, 1, 2 with values 0, 1, 0: second derivatives 0, -3, 0.
+        let bending = bending(&[0.0, 1.0, 2.0]);
+        let second = &bending * DVector::from_vec(vec![0.0, 1.0, 0.0]);
+        assert!((second[1] + 3.0).abs() < 1e-12 && second[0] == 0.0 && second[2] == 0.0);
+        // A straight line does not bend.
+        let x = [0.0, 1.0, 1.5, 7.0, 100.0];
+        let bending = super::bending(&x);
+        let line = &bending * DVector::from_iterator(5, x.iter().map(|x| 2.0 - x));
+        assert!(line.amax() < 1e-12, "{line}");
+    }
+}
