@@ -10,7 +10,7 @@
 //! | module | what lives there |
 //! |---|---|
 //! | [`math`], [`rng`], [`units`] | vectors, deterministic elementary functions, random streams, conversions |
-//! | [`spectrum`], [`optics`] | tabulated functions of wavelength; refractive indices; Fresnel and Snell |
+//! | [`spectrum`], [`optics`], [`colour`] | tabulated functions of wavelength; refractive indices; Fresnel and Snell; CIELAB |
 //! | [`grain`] | laws of grain size and shape, the event on one grain, mean free distance |
 //! | [`transport`] | the snow sample and the walk of one ray through it |
 //! | [`table`] | outcomes of grain events drawn once; walks that take them from there |
@@ -19,7 +19,7 @@
 //! | [`engine`] | schedulers of the same physics: `reference`, `spectral` |
 //! | [`grid`], [`config`] | the axes of a database; sample and grid files |
 //! | [`store`], [`batch`] | the Zarr store that is checkpoint and result; the job runner |
-//! | [`colour`], [`compress`], [`lookup`] | CIELAB; SVD and the compact file; reading it |
+//! | [`compress`], [`lookup`] | SVD and the compact file; reading it |
 //! | [`verify`] | re-checking a finished database |
 //! | [`tradeoff`], [`report`] | speed against accuracy of the engines; its charts and tables |
 //! | [`cli`] | the command line |

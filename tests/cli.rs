@@ -100,6 +100,45 @@ fn a_plain_build_keeps_the_bounds_of_its_grid_file() {
 }
 
 #[test]
+fn colours_are_compared_as_asked_and_verified_so() {
+    let viewing = "illuminants = [\"E\", \"LED-B5\"]\ndelta_e = \"cie2000\"\n";
+    let dir = folder(|text| format!("{text}\n[compression]\nmax_delta_e = 0.5\n{viewing}"));
+    run(dir.path(), "build tiny.toml");
+    let expected = out(dir.path());
+    run(dir.path(), "compress out/tiny --max-delta-e 0.5");
+    assert!(expected != out(dir.path()));
+    let asked = "--max-delta-e 0.5 --illuminant E --illuminant LED-B5 --delta-e cie2000";
+    run(dir.path(), &format!("compress out/tiny {asked}"));
+    assert_same(&expected, &out(dir.path()));
+    let report = run(dir.path(), "verify out/tiny --samples 2 --rays 100");
+    assert!(
+        report.contains("Delta-E: cie2000, the worst of E, LED-B5"),
+        "{report}"
+    );
+
+    // The file states another formula than the one it was made with, or none.
+    let path = dir.path().join("out/tiny/snow.safetensors");
+    let header = std::fs::read(&path).unwrap();
+    for (other, problem) in [
+        ("cie1976", "its error table states"),
+        ("cie1994", "no colour difference is named `cie1994`"),
+    ] {
+        let mut changed = header.clone();
+        let at = changed
+            .windows(7)
+            .position(|bytes| bytes == b"cie2000")
+            .unwrap();
+        changed[at..at + 7].copy_from_slice(other.as_bytes());
+        std::fs::write(&path, changed).unwrap();
+        let verify = splitsnow(dir.path(), "verify out/tiny --samples 0");
+        let output = { verify }.output().unwrap();
+        let report = String::from_utf8(output.stdout).unwrap();
+        assert_eq!(output.status.code(), Some(1));
+        assert!(report.contains(problem), "{report}");
+    }
+}
+
+#[test]
 fn a_fresh_build_starts_again() {
     let dir = folder(|text| text);
     run(dir.path(), "build tiny.toml");

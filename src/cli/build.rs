@@ -87,7 +87,7 @@ pub(super) fn run(args: &Args) -> anyhow::Result<()> {
     if cancel.load(Ordering::Relaxed) {
         return Err(interrupted("all jobs are done and safe").into());
     }
-    let report = compact::write(&store, Choice::Bounds(grid.compression))?;
+    let report = compact::write(&store, Choice::Bounds(grid.compression), &file.viewing)?;
     if args.json {
         return common::print_json(&Summary {
             jobs: done.jobs,

@@ -9,7 +9,7 @@ use serde::Serialize;
 use serde_json::{Map, Value, json};
 
 use super::common::{self, Spinner};
-use crate::colour::Colorimeter;
+use crate::colour::{Colorimeter, Viewing};
 use crate::compress::{Choice, CompactFile, Compressed, ErrorTable, Statistics, compress};
 use crate::measurement::Quantity;
 use crate::store::{COMPACT, Store, Variable, estimated_bytes};
@@ -49,8 +49,8 @@ struct Lost {
 /// Compresses the finished database in `store`, which nobody else may be
 /// writing, and writes its compact file.
 ///
-/// The file is a function of the database and `choice` alone.
-pub(super) fn write(store: &Store, choice: Choice) -> anyhow::Result<Report> {
+/// The file is a function of the database, `choice` and `viewing` alone.
+pub(super) fn write(store: &Store, choice: Choice, viewing: &Viewing) -> anyhow::Result<Report> {
     let missing = store.missing(None)?.len();
     let jobs = store.jobs();
     if missing > 0 {
@@ -61,14 +61,14 @@ pub(super) fn write(store: &Store, choice: Choice) -> anyhow::Result<Report> {
         );
     }
     let spinner = Spinner::new("compressing");
-    let colour = Colorimeter::new(store.wavelengths_nm())?;
+    let colour = Colorimeter::viewing(store.wavelengths_nm(), viewing)?;
     let compressed = |variable| -> anyhow::Result<Compressed> {
         let curves = store.read(variable)?.mapv(f64::from);
         Ok(compress(curves.view(), colour.as_ref(), choice)?)
     };
     let transmittance = compressed(Variable::Transmittance)?;
     let reflectance = compressed(Variable::Reflectance)?;
-    let (provenance, extra) = metadata(store, choice)?;
+    let (provenance, extra) = metadata(store, choice, viewing)?;
     let file = CompactFile {
         axes: store.axes(),
         wavelengths_nm: store.wavelengths_nm(),
@@ -95,7 +95,11 @@ pub(super) fn write(store: &Store, choice: Choice) -> anyhow::Result<Report> {
 }
 
 /// Where the numbers come from, as JSON; and what the spectra are of.
-fn metadata(store: &Store, choice: Choice) -> anyhow::Result<(String, BTreeMap<String, String>)> {
+fn metadata(
+    store: &Store,
+    choice: Choice,
+    viewing: &Viewing,
+) -> anyhow::Result<(String, BTreeMap<String, String>)> {
     let mut provenance = Map::new();
     let mut extra = BTreeMap::new();
     for (key, value) in store.attributes() {
@@ -110,12 +114,14 @@ fn metadata(store: &Store, choice: Choice) -> anyhow::Result<(String, BTreeMap<S
             }
         }
     }
-    let compression = match choice {
+    let mut compression = match choice {
         Choice::Components(components) => json!({ "components": components }),
         Choice::Bounds(bounds) => {
             json!({ "max_delta_e": bounds.max_delta_e, "max_rmse": bounds.max_rmse })
         }
     };
+    compression["illuminants"] = json!(viewing.illuminants);
+    compression["delta_e"] = json!(viewing.difference);
     provenance.insert("compression".into(), compression);
     Ok((serde_json::to_string(&provenance)?, extra))
 }

@@ -2,6 +2,7 @@
 use std::path::PathBuf;
 
 use super::{common, compact};
+use crate::colour::{ColourDifference, Illuminant, Viewing};
 use crate::compress::Choice;
 use crate::grid::Compression;
 use crate::store::Store;
@@ -26,13 +27,14 @@ const DEFAULT_MAX_DELTA_E: f64 = 2.3;
 Examples:
   splitsnow compress out/quick
   splitsnow compress out/quick --max-delta-e 0.5 --max-rmse 0.002
-  splitsnow compress out/quick --components 4"
+  splitsnow compress out/quick --components 4
+  splitsnow compress out/quick --illuminant D65 --illuminant LED-B5 --delta-e cie2000"
 )]
 pub(super) struct Args {
     /// Output directory of a build
     #[arg(value_name = "DIR")]
     dir: PathBuf,
-    /// Largest Delta-E*ab allowed on any curve [default: 2.3]
+    /// Largest Delta-E allowed on any curve [default: 2.3]
     #[arg(long, value_name = "X", value_parser = common::positive)]
     max_delta_e: Option<f64>,
     /// Largest RMSE allowed on any curve [default: none; 0.002 if no wavelength is visible]
@@ -42,6 +44,14 @@ pub(super) struct Args {
     #[arg(long, value_name = "K", conflicts_with_all = ["max_delta_e", "max_rmse"],
           value_parser = clap::value_parser!(u16).range(1..))]
     components: Option<u16>,
+    /// Light the colours are compared under; given several times, the worst case counts
+    #[arg(long, value_name = "NAME", default_value = "D65",
+          value_parser = common::named(Illuminant::ALL, Illuminant::name))]
+    illuminant: Vec<Illuminant>,
+    /// Formula of the colour difference Delta-E
+    #[arg(long, value_name = "FORMULA", default_value = "cie1976",
+          value_parser = common::named(ColourDifference::ALL, ColourDifference::name))]
+    delta_e: ColourDifference,
     /// Print the summary as JSON
     #[arg(long)]
     json: bool,
@@ -54,8 +64,12 @@ pub(super) fn run(args: &Args) -> anyhow::Result<()> {
     });
     let components = |k| Choice::Components(usize::from(k));
     let choice = args.components.map_or(bounds, components);
+    let viewing = Viewing {
+        illuminants: args.illuminant.clone(),
+        difference: args.delta_e,
+    };
     let store = Store::open_exclusive(&args.dir)?;
-    let report = compact::write(&store, choice)?;
+    let report = compact::write(&store, choice, &viewing)?;
     if args.json {
         return common::print_json(&report);
     }

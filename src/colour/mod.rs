@@ -1,15 +1,18 @@
 //! Colour of a spectrum: CIELAB, the difference of two colours, sRGB.
 //!
 //! A reflectance or transmittance, sampled at a database's wavelengths, is seen
-//! under the illuminant D65 by the CIE 1931 2-degree observer. Tristimulus
-//! values are trapezoid sums over the spectrum's own wavelengths, with both
-//! tables interpolated linearly to them; white is a spectrum of 1 everywhere,
-//! seen through the same sums. Delta-E*ab is CIE 1976, the measure of
-//! Varsa 2025, section 6.5 (the observer is our reading: the thesis names none).
+//! under one or several illuminants by the CIE 1931 2-degree observer.
+//! Tristimulus values are trapezoid sums over the spectrum's own wavelengths,
+//! with both tables interpolated linearly to them; white is a spectrum of 1
+//! everywhere, seen through the same sums. By default the illuminant is D65 and
+//! the difference Delta-E*ab of CIE 1976, the measure of Varsa 2025, section 6.5
+//! (the observer is our reading: the thesis names none).
 //!
-//! Neglected: wavelengths outside 360-780 nm, where the two tables overlap. The
-//! observer's values beyond are below 5e-5, their share of white below 1e-5.
+//! Neglected: wavelengths outside 360-780 nm (380-780 nm for FL3.15 and LED-B5),
+//! where the two tables overlap. The observer's values beyond are below 5e-5,
+//! their share of white under D65 below 1e-5.
 mod observer;
+mod viewing;
 
 use palette::color_difference::DeltaE;
 use palette::convert::FromColorUnclamped;
@@ -18,6 +21,8 @@ use palette::{Clamp, LinSrgb, Srgb, Xyz};
 use thiserror::Error;
 
 use crate::spectrum::TableError;
+
+pub use viewing::{ColourDifference, Illuminant, Viewing};
 
 /// White of the sums below: they are divided by white already.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -45,38 +50,36 @@ pub enum ColourError {
         /// The value there, nm.
         value: f64,
     },
+    /// Nothing to see by.
+    #[error("no illuminant is given; name at least one")]
+    NoIlluminant,
     /// A built-in table cannot be read.
     #[error(transparent)]
     Table(#[from] TableError),
 }
 
 /// Turns spectra at fixed wavelengths into colours: one weighted sum per
-/// tristimulus value.
+/// tristimulus value and illuminant.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Colorimeter {
+    /// One per illuminant, at least one.
+    lights: Vec<Light>,
+    difference: ColourDifference,
+}
+
+/// Weights under one illuminant.
+#[derive(Debug, Clone, PartialEq)]
+struct Light {
     /// `[3][l]`: X, Y, Z of a unit spectrum at one wavelength, as shares of white.
     weights: [Vec<f64>; 3],
     /// Tristimulus values of white, Y = 1.
     white: [f64; 3],
 }
 
-impl Colorimeter {
-    /// A colorimeter for spectra sampled at `wavelengths_nm` (nm, strictly
-    /// increasing), or `None` where these spectra have no colour: fewer than 3
-    /// wavelengths in 360-780 nm, or none at which the observer sees blue.
-    ///
-    /// # Errors
-    /// [`ColourError::Wavelengths`] for a list that is not finite and increasing.
-    pub fn new(wavelengths_nm: &[f64]) -> Result<Option<Self>, ColourError> {
-        let mut before = f64::NEG_INFINITY;
-        for (index, &value) in wavelengths_nm.iter().enumerate() {
-            if !(value.is_finite() && value > before) {
-                let number = index + 1;
-                return Err(ColourError::Wavelengths { number, value });
-            }
-            before = value;
-        }
-        let mut weights = observer::weights(wavelengths_nm)?;
+impl Light {
+    /// `None` where the spectra have no colour.
+    fn new(wavelengths_nm: &[f64], illuminant: Illuminant) -> Result<Option<Self>, TableError> {
+        let mut weights = observer::weights(wavelengths_nm, illuminant)?;
         let white = [0, 1, 2].map(|c: usize| weights[c].iter().sum::<f64>());
         let seen = weights[1].iter().filter(|&&w| w > 0.0).count();
         if seen < 3 || white.iter().any(|&w| w <= 0.0) {
@@ -87,13 +90,6 @@ impl Colorimeter {
         }
         let white = white.map(|w| w / white[1]);
         Ok(Some(Self { weights, white }))
-    }
-
-    /// Tristimulus values X, Y, Z of white (D65 as these wavelengths sample
-    /// it), with Y = 1.
-    #[must_use]
-    pub fn white(&self) -> [f64; 3] {
-        self.white
     }
 
     /// X/Xn, Y/Yn, Z/Zn of `spectrum`.
@@ -108,24 +104,99 @@ impl Colorimeter {
         [sum(x), sum(y), sum(z)]
     }
 
-    /// CIELAB of `spectrum` (`[l]`, dimensionless).
+    fn lab(&self, spectrum: &[f64]) -> Lab {
+        let [x, y, z] = self.relative(spectrum);
+        Lab::from_color_unclamped(Xyz::<UnitWhite, f64>::new(x, y, z))
+    }
+}
+
+impl Colorimeter {
+    /// A colorimeter of the default [`Viewing`]: see [`Colorimeter::viewing`].
+    ///
+    /// # Errors
+    /// [`ColourError::Wavelengths`] for a list that is not finite and increasing.
+    pub fn new(wavelengths_nm: &[f64]) -> Result<Option<Self>, ColourError> {
+        Self::viewing(wavelengths_nm, &Viewing::default())
+    }
+
+    /// A colorimeter for spectra sampled at `wavelengths_nm` (nm, strictly
+    /// increasing), or `None` where these spectra have no colour under one of the
+    /// illuminants: fewer than 3 wavelengths that observer and illuminant are
+    /// tabulated at, or none at which the observer sees blue.
+    ///
+    /// # Errors
+    /// [`ColourError::Wavelengths`] for a list that is not finite and increasing,
+    /// [`ColourError::NoIlluminant`].
+    pub fn viewing(wavelengths_nm: &[f64], viewing: &Viewing) -> Result<Option<Self>, ColourError> {
+        let mut before = f64::NEG_INFINITY;
+        for (index, &value) in wavelengths_nm.iter().enumerate() {
+            if !(value.is_finite() && value > before) {
+                let number = index + 1;
+                return Err(ColourError::Wavelengths { number, value });
+            }
+            before = value;
+        }
+        if viewing.illuminants.is_empty() {
+            return Err(ColourError::NoIlluminant);
+        }
+        let mut lights = Vec::new();
+        for &illuminant in &viewing.illuminants {
+            let Some(light) = Light::new(wavelengths_nm, illuminant)? else {
+                return Ok(None);
+            };
+            lights.push(light);
+        }
+        Ok(Some(Self {
+            lights,
+            difference: viewing.difference,
+        }))
+    }
+
+    /// Tristimulus values X, Y, Z of white (the first illuminant as these
+    /// wavelengths sample it), with Y = 1.
+    #[must_use]
+    pub fn white(&self) -> [f64; 3] {
+        self.lights[0].white
+    }
+
+    /// CIELAB of `spectrum` (`[l]`, dimensionless) under the first illuminant.
     ///
     /// # Panics
     /// If `spectrum` has not one value per wavelength.
     #[must_use]
     pub fn lab(&self, spectrum: &[f64]) -> Lab {
-        let [x, y, z] = self.relative(spectrum);
-        Lab::from_color_unclamped(Xyz::<UnitWhite, f64>::new(x, y, z))
+        self.lights[0].lab(spectrum)
     }
 
-    /// Gamma-encoded sRGB of `spectrum` (`[l]`), with a spectrum of 1 as the
-    /// white (255, 255, 255); colours out of gamut are clipped in linear sRGB.
+    /// The colour difference of two spectra (`[l]`): the largest over the
+    /// illuminants, NaN if one of them gives NaN.
+    ///
+    /// # Panics
+    /// If one has not one value per wavelength.
+    #[must_use]
+    pub fn difference(&self, first: &[f64], second: &[f64]) -> f64 {
+        let differences = self.lights.iter().map(|light| {
+            let (first, second) = (light.lab(first), light.lab(second));
+            self.difference.between(first, second)
+        });
+        differences.fold(0.0, |worst, e| {
+            if e <= worst || worst.is_nan() {
+                worst
+            } else {
+                e
+            }
+        })
+    }
+
+    /// Gamma-encoded sRGB of `spectrum` (`[l]`) under the first illuminant, with
+    /// a spectrum of 1 as the white (255, 255, 255); colours out of gamut are
+    /// clipped in linear sRGB.
     ///
     /// # Panics
     /// If `spectrum` has not one value per wavelength.
     #[must_use]
     pub fn srgb(&self, spectrum: &[f64]) -> [u8; 3] {
-        let [x, y, z] = self.relative(spectrum);
+        let [x, y, z] = self.lights[0].relative(spectrum);
         let white: Xyz<Any, f64> = D65::get_xyz();
         let xyz = Xyz::<D65, f64>::new(x * white.x, y * white.y, z * white.z);
         let linear: LinSrgb<f64> = LinSrgb::from_color_unclamped(xyz).clamp();
@@ -172,6 +243,74 @@ mod tests {
         let sum = x + y + z;
         assert!((x / sum - 0.3127).abs() < 1e-4, "{}", x / sum);
         assert!((y / sum - 0.3290).abs() < 1e-4, "{}", y / sum);
+    }
+
+    /// White of every illuminant, against x and y as CIE 015:2018 tabulates them.
+    #[test]
+    fn illuminants_have_the_published_chromaticity() {
+        let nm: Vec<f64> = (72..=156).map(|i| f64::from(i) * 5.0).collect();
+        for (illuminant, x, y) in [
+            (Illuminant::D55, 0.332_43, 0.347_44),
+            (Illuminant::D65, 0.312_70, 0.329_00),
+            (Illuminant::E, 0.333_33, 0.333_33),
+            (Illuminant::Fl3_15, 0.312_70, 0.328_80),
+            (Illuminant::LedB5, 0.311_80, 0.323_60),
+        ] {
+            let white = seen(&nm, &[illuminant], ColourDifference::Cie1976).white();
+            let sum: f64 = white.iter().sum();
+            let found = (white[0] / sum, white[1] / sum);
+            assert!((found.0 - x).abs() < 2e-4, "{illuminant:?}: {found:?}");
+            assert!((found.1 - y).abs() < 2e-4, "{illuminant:?}: {found:?}");
+        }
+    }
+
+    fn seen(nm: &[f64], illuminants: &[Illuminant], difference: ColourDifference) -> Colorimeter {
+        let illuminants = illuminants.to_vec();
+        let viewing = Viewing {
+            illuminants,
+            difference,
+        };
+        Colorimeter::viewing(nm, &viewing).unwrap().unwrap()
+    }
+
+    #[test]
+    fn the_worst_illuminant_counts() {
+        // A bump where the LED is strong, and one where daylight has more.
+        let bump = |centre: f64| -> Vec<f64> {
+            let at = |w: &f64| 0.5 + 0.1 * (-((w - centre) / 15.0).powi(2)).exp();
+            visible().iter().map(at).collect()
+        };
+        let flat = vec![0.5; 31];
+        for difference in ColourDifference::ALL {
+            let of = |illuminants: &[Illuminant], spectrum: &[f64]| {
+                seen(&visible(), illuminants, difference).difference(&flat, spectrum)
+            };
+            let (led, day) = (Illuminant::LedB5, Illuminant::D65);
+            let [blue, cyan] = [bump(450.0), bump(490.0)];
+            assert!(of(&[led], &blue) > 1.02 * of(&[day], &blue));
+            assert!(of(&[day], &cyan) > 1.02 * of(&[led], &cyan));
+            for spectrum in [&blue, &cyan] {
+                let worst = of(&[led], spectrum).max(of(&[day], spectrum));
+                assert_eq!(of(&[led, day], spectrum), worst);
+                assert_eq!(of(&[day, led], spectrum), worst);
+            }
+            assert!(of(&[led, day], &[f64::NAN; 31]).is_nan());
+        }
+    }
+
+    #[test]
+    fn the_default_difference_is_the_distance_in_lab_under_d65() {
+        let colorimeter = every_5_nm();
+        let (a, b) = ([0.3; 85], [0.31; 85]);
+        let expected = delta_e(colorimeter.lab(&a), colorimeter.lab(&b));
+        assert_eq!(colorimeter.difference(&a, &b), expected);
+        assert_eq!(colorimeter.difference(&a, &a), 0.0);
+        let nobody = Viewing {
+            illuminants: Vec::new(),
+            ..Viewing::default()
+        };
+        let refused = Colorimeter::viewing(&visible(), &nobody);
+        assert_eq!(refused, Err(ColourError::NoIlluminant));
     }
 
     /// L* of a grey of 18.418 65 % is 50 (CIE 15, eq. 8.3: 116 Y^(1/3) - 16).

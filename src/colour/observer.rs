@@ -1,19 +1,19 @@
-//! The observer under the illuminant, as weights per wavelength.
+//! The observer under an illuminant, as weights per wavelength.
+use super::Illuminant;
 use crate::spectrum::{Table, TableError};
 
 /// Trapezoid weights `[3][l]` (X, Y, Z; arbitrary scale) at `wavelengths_nm`
 /// (strictly increasing); zero where either table has no value.
-pub(super) fn weights(wavelengths_nm: &[f64]) -> Result<[Vec<f64>; 3], TableError> {
+pub(super) fn weights(
+    wavelengths_nm: &[f64],
+    light: Illuminant,
+) -> Result<[Vec<f64>; 3], TableError> {
     let observer = Table::parse(
         "cie_1931_2deg",
         include_str!("../../data/cie_1931_2deg.csv"),
         &["wavelength_nm", "xbar", "ybar", "zbar"],
     )?;
-    let illuminant = Table::parse(
-        "illuminant_d65",
-        include_str!("../../data/illuminant_d65.csv"),
-        &["wavelength_nm", "spd"],
-    )?;
+    let illuminant = Table::parse(light.name(), light.csv(), &["wavelength_nm", "spd"])?;
     let low = observer.range().0.max(illuminant.range().0);
     let high = observer.range().1.min(illuminant.range().1);
     let begin = wavelengths_nm.partition_point(|&w| w < low);

@@ -9,14 +9,14 @@ use ndarray::{ArrayView1, ArrayView2};
 use serde::{Serialize, Serializer};
 
 use super::Decomposition;
-use crate::colour::{Colorimeter, delta_e};
+use crate::colour::Colorimeter;
 
 /// The error of one rebuilt spectrum.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct CurveError {
     /// Root mean square difference over the wavelengths (Varsa 2025, eq. 6.4).
     pub rmse: f64,
-    /// Delta-E*ab; `None` where the wavelengths give no colour.
+    /// Colour difference; `None` where the wavelengths give no colour.
     pub delta_e: Option<f64>,
 }
 
@@ -31,7 +31,7 @@ impl CurveError {
         let squares: f64 = (original.iter().zip(rebuilt).map(|(a, b)| (a - b).powi(2))).sum();
         Self {
             rmse: (squares / original.len() as f64).sqrt(),
-            delta_e: colour.map(|c| delta_e(c.lab(original), c.lab(rebuilt))),
+            delta_e: colour.map(|c| c.difference(original, rebuilt)),
         }
     }
 }
@@ -97,7 +97,7 @@ pub struct ErrorRow {
     pub components: usize,
     /// RMSE per curve.
     pub rmse: Statistics,
-    /// Delta-E*ab per curve; `None` where the wavelengths give no colour.
+    /// Colour difference per curve; `None` where the wavelengths give no colour.
     pub delta_e: Option<Statistics>,
 }
 

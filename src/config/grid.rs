@@ -1,6 +1,7 @@
 //! Grid files: the axes of a spectral database and how it is computed.
 use std::path::Path;
 
+use crate::colour::Viewing;
 use crate::engine::{Engine, MaxError};
 use crate::grid::{Axes, Compression, Fixed, Grid, Run, Spread};
 use crate::optics::ice_density_kg_m3;
@@ -10,7 +11,7 @@ use super::error::{ConfigError, Problem};
 use super::keys::{AxesKeys, FixedKeys, GridKeys, RunKeys, SIZE_UM};
 use super::shared::{
     choose, clean, covered, exclusive, increasing, law, model, remark, saturation_from_fraction,
-    wavelengths,
+    viewing, wavelengths,
 };
 use super::{MIN_GRAIN_LENGTHS, directory_of, schema};
 
@@ -26,6 +27,8 @@ pub struct GridFile {
     pub name: String,
     /// The database it describes.
     pub grid: Grid,
+    /// How the compression compares colours; it changes no spectrum.
+    pub viewing: Viewing,
     /// Values beyond the ordinary ranges of docs/methods.md, for the user to see.
     pub warnings: Vec<String>,
     /// The file as it was read.
@@ -65,6 +68,13 @@ pub fn parse(name: &str, text: &str) -> Result<GridFile, ConfigError> {
     )?;
     let run = run(&document, &keys.run, &wavelengths_nm)?;
     size(&document, &axes, wavelengths_nm.len(), run.rays)?;
+    let compression = &keys.compression;
+    let viewing = viewing(
+        &document,
+        "compression",
+        &compression.illuminants,
+        &compression.delta_e,
+    )?;
     let stem = Path::new(name).file_stem();
     Ok(GridFile {
         name: stem.map_or("database".into(), |s| s.to_string_lossy().into_owned()),
@@ -75,10 +85,11 @@ pub fn parse(name: &str, text: &str) -> Result<GridFile, ConfigError> {
             fixed,
             run,
             compression: Compression {
-                max_delta_e: keys.compression.max_delta_e,
-                max_rmse: keys.compression.max_rmse,
+                max_delta_e: compression.max_delta_e,
+                max_rmse: compression.max_rmse,
             },
         },
+        viewing,
         warnings,
         text: text.to_owned(),
     })

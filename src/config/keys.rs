@@ -7,6 +7,7 @@
 use schemars::{JsonSchema, json_schema};
 use serde::Deserialize;
 
+use crate::colour::{ColourDifference, Illuminant, Viewing};
 use crate::engine::Engine;
 use crate::optics::{IceTable, MODEL_RANGE_NM};
 use crate::transport::Entry;
@@ -343,7 +344,7 @@ fn below_90(schema: &mut schemars::Schema) {
     limit_items(schema, "exclusiveMaximum", 90.0);
 }
 
-fn limit_items(schema: &mut schemars::Schema, keyword: &str, limit: f64) {
+fn limit_items(schema: &mut schemars::Schema, keyword: &str, limit: impl Into<serde_json::Value>) {
     if let Some(items) = schema.get_mut("items").and_then(|i| i.as_object_mut()) {
         items.insert(keyword.to_owned(), limit.into());
     }
@@ -458,12 +459,19 @@ pub(super) struct MaxErrorKeys {
 #[derive(Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields, default)]
 pub(super) struct CompressionKeys {
-    /// Largest colour difference Delta-E*ab (CIE 1976) of any curve.
+    /// Largest colour difference Delta-E of any curve.
     #[schemars(range(max = 100.0), extend("exclusiveMinimum" = 0.0))]
     pub(super) max_delta_e: f64,
     /// Largest root-mean-square error of any curve; no bound by default.
     #[schemars(range(max = 1.0), extend("exclusiveMinimum" = 0.0))]
     pub(super) max_rmse: Option<f64>,
+    /// Lights that colours are compared under; of several the worst case counts.
+    #[schemars(length(min = 1, max = Illuminant::ALL.len()), extend("uniqueItems" = true),
+        transform = illuminant_names)]
+    pub(super) illuminants: Vec<String>,
+    /// Formula of the colour difference.
+    #[schemars(extend("enum" = ColourDifference::ALL.map(ColourDifference::name)))]
+    pub(super) delta_e: String,
 }
 
 impl Default for CompressionKeys {
@@ -471,8 +479,26 @@ impl Default for CompressionKeys {
         Self {
             max_delta_e: 2.3,
             max_rmse: None,
+            illuminants: default_illuminants(),
+            delta_e: default_delta_e(),
         }
     }
+}
+
+fn illuminant_names(schema: &mut schemars::Schema) {
+    limit_items(schema, "enum", Illuminant::ALL.map(Illuminant::name));
+}
+
+fn default_illuminants() -> Vec<String> {
+    let names = Viewing::default()
+        .illuminants
+        .into_iter()
+        .map(|i| i.name().to_owned());
+    names.collect()
+}
+
+fn default_delta_e() -> String {
+    Viewing::default().difference.name().to_owned()
 }
 
 fn default_temperature_c() -> f64 {

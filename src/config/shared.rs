@@ -2,6 +2,7 @@
 //! the choices within the model, and what this version cannot compute.
 use std::path::Path;
 
+use crate::colour::{ColourDifference, Illuminant, Viewing};
 use crate::grain::TruncatedNormal;
 use crate::optics::WaterTable;
 use crate::transport::Model;
@@ -201,6 +202,32 @@ pub(super) fn model(
         entry: choose(document, "model.entry", &ENTRIES, &keys.entry)?,
         ice: choose(document, "model.ice", &ICE_TABLES, &keys.ice)?,
         water,
+    })
+}
+
+/// How colours are compared, from the keys `illuminants` and `delta_e` of `table`.
+pub(super) fn viewing(
+    document: &Document,
+    table: &str,
+    illuminants: &[String],
+    delta_e: &str,
+) -> Result<Viewing, ConfigError> {
+    let named = Illuminant::ALL.map(|i| (i.name(), i));
+    let mut chosen = Vec::new();
+    for (i, name) in illuminants.iter().enumerate() {
+        let key = format!("{table}.illuminants[{i}]");
+        let illuminant = choose(document, &key, &named, name)?;
+        if chosen.contains(&illuminant) {
+            let problem = Problem::Contradiction("is named before".to_owned());
+            return Err(document.error(&key, problem, "name each illuminant once"));
+        }
+        chosen.push(illuminant);
+    }
+    let named = ColourDifference::ALL.map(|d| (d.name(), d));
+    let key = format!("{table}.delta_e");
+    Ok(Viewing {
+        illuminants: chosen,
+        difference: choose(document, &key, &named, delta_e)?,
     })
 }
 

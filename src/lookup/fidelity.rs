@@ -11,7 +11,7 @@ use crate::measurement::Quantity;
 pub struct CurveErrors {
     /// RMSE, `[s]`.
     pub rmse: Vec<f64>,
-    /// Delta-E*ab, `[s]`; `None` without a colorimeter.
+    /// Colour difference, `[s]`; `None` without a colorimeter.
     pub delta_e: Option<Vec<f64>>,
 }
 

@@ -125,22 +125,16 @@ fn binomial(truth: &[f64], rays: u64, colour: Option<&Colorimeter>) -> Metrics {
     }
 }
 
-/// Square of the distance in CIELAB that a unit change at each wavelength makes,
+/// Square of the colour difference that a unit change at each wavelength makes,
 /// to first order.
 fn slopes_sq(spectrum: &[f64], colour: &Colorimeter) -> Vec<f64> {
-    let mut changed = spectrum.to_vec();
-    let mut lab = |l: usize, step: f64| {
-        changed[l] = spectrum[l] + step;
-        let lab = colour.lab(&changed);
-        changed[l] = spectrum[l];
-        [lab.l, lab.a, lab.b]
+    let changed = |l: usize, step: f64| {
+        let mut changed = spectrum.to_vec();
+        changed[l] += step;
+        changed
     };
-    let slope = |l| {
-        let (up, down) = (lab(l, STEP), lab(l, -STEP));
-        let differences = up.iter().zip(down).map(|(u, d)| (u - d) / (2.0 * STEP));
-        differences.map(|d| d * d).sum()
-    };
-    (0..spectrum.len()).map(slope).collect()
+    let slope = |l| colour.difference(&changed(l, STEP), &changed(l, -STEP)) / (2.0 * STEP);
+    (0..spectrum.len()).map(|l| slope(l).powi(2)).collect()
 }
 
 /// Root mean square of the largest magnitude among independent normal variates

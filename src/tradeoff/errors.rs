@@ -1,7 +1,7 @@
 //! How far a spectrum is from the truth.
 use serde::Serialize;
 
-use crate::colour::{Colorimeter, delta_e};
+use crate::colour::Colorimeter;
 
 /// Distances of one spectrum from another, or statistics of such distances.
 #[derive(Debug, Clone, Copy, PartialEq, Default, Serialize)]
@@ -26,7 +26,7 @@ impl Metrics {
         Self {
             rmse: (squares / truth.len() as f64).sqrt(),
             max_abs: differences.fold(0.0, f64::max),
-            delta_e: colour.map(|c| delta_e(c.lab(values), c.lab(truth))),
+            delta_e: colour.map(|c| c.difference(values, truth)),
         }
     }
 

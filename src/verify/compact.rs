@@ -1,9 +1,11 @@
 //! The compact file against the database it must have been made from.
 use std::collections::BTreeMap;
 
+use serde::Deserialize;
 use serde_json::Value;
 
 use super::{Check, Figure, Subject, VerifyError};
+use crate::colour::{Colorimeter, Viewing};
 use crate::compress::{BOUNDS, Bounds, ERROR_TABLE, PROVENANCE};
 use crate::lookup::{Database, errors_of};
 use crate::measurement::Quantity;
@@ -15,7 +17,11 @@ const IDENTITY: [&str; 3] = ["config_sha256", "engine", "seed"];
 /// from the errors found anew, relative to itself.
 const ROUNDING: f64 = 1e-5;
 
-pub(super) fn check(subject: &Subject<'_>, database: &Database) -> Result<Check, VerifyError> {
+pub(super) fn check(
+    subject: &Subject<'_>,
+    database: &Database,
+    colour: Option<&Colorimeter>,
+) -> Result<Check, VerifyError> {
     let mut check = Check::new(NAME);
     check.problems.extend(origin(subject, database));
     if !check.problems.is_empty() {
@@ -28,7 +34,6 @@ pub(super) fn check(subject: &Subject<'_>, database: &Database) -> Result<Check,
     let table: Value = serde_json::from_str(metadata(ERROR_TABLE)).unwrap_or_default();
     for quantity in Quantity::ALL {
         let [curves, _] = subject.curves(quantity)?;
-        let colour = subject.colour.as_ref();
         let errors = errors_of(database, quantity, curves.view(), colour)?;
         let row = &table[quantity.name()]["rows"][database.components(quantity) - 1];
         let Some(bounds) = stated(database, quantity) else {
@@ -89,10 +94,7 @@ pub(super) fn check(subject: &Subject<'_>, database: &Database) -> Result<Check,
 
 /// What tells that the file was made from another database.
 fn origin(subject: &Subject<'_>, database: &Database) -> Vec<String> {
-    let text = database.metadata().get(PROVENANCE);
-    let provenance: Value = text
-        .and_then(|text| serde_json::from_str(text).ok())
-        .unwrap_or_default();
+    let provenance = provenance(database);
     let mut problems = Vec::new();
     let mut compare = |key: &str, stored: &Value| match provenance.get(key) {
         Some(value) if value == stored => {}
@@ -129,6 +131,21 @@ fn origin(subject: &Subject<'_>, database: &Database) -> Vec<String> {
         }
     }
     problems
+}
+
+fn provenance(database: &Database) -> Value {
+    let text = database.metadata().get(PROVENANCE);
+    text.and_then(|text| serde_json::from_str(text).ok())
+        .unwrap_or_default()
+}
+
+/// How the file says its colours were compared; the default where it says
+/// nothing. An error says what is unknown.
+pub(super) fn viewing(database: &Database) -> Result<Viewing, String> {
+    match provenance(database).get("compression") {
+        Some(stated) => Viewing::deserialize(stated).map_err(|e| e.to_string()),
+        None => Ok(Viewing::default()),
+    }
 }
 
 /// Lines of the identity in which file and database differ.

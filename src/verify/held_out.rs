@@ -4,8 +4,8 @@
 //! Only the projection is measured: what compression does to a new spectrum.
 //! Interpolation between nodes is not part of it. A fresh spectrum carries
 //! noise that no basis expresses, so each is simulated in independent parts,
-//! and the standard error of what the projection leaves out (as a vector, over
-//! wavelengths or over Lab) is measured from how the parts disagree, however
+//! and the standard error of what the projection leaves out (as a vector over
+//! wavelengths, or as the colour difference it makes) is measured from how the parts disagree, however
 //! the noise of wavelengths goes together. A bound is broken only where an
 //! error exceeds it by more than about ten such standard errors.
 use rand::Rng;
@@ -13,6 +13,7 @@ use rand::Rng;
 use super::compact::{stated, summary};
 use super::fresh::{Simulations, random, uniform};
 use super::{Check, FALSE_ALARM, Figure, Subject, VerifyError};
+use crate::colour::Colorimeter;
 use crate::compress::CurveError;
 use crate::engine::Control;
 use crate::lookup::{Database, Point};
@@ -56,6 +57,7 @@ pub(super) fn simulations(subject: &Subject<'_>) -> Simulations {
 pub(super) fn check(
     subject: &Subject<'_>,
     database: &Database,
+    colour: Option<&Colorimeter>,
     control: &Control<'_>,
 ) -> Result<Check, VerifyError> {
     let simulations = simulations(subject);
@@ -71,8 +73,7 @@ pub(super) fn check(
     for quantity in Quantity::ALL {
         let mut measures = [Measure::default(), Measure::default()];
         for parts in &fresh {
-            let [rmse, delta_e] = &mut measures;
-            project(subject, database, quantity, parts, rmse, delta_e)?;
+            project(database, quantity, parts, colour, &mut measures)?;
         }
         let bounds = stated(database, quantity).unwrap_or_default();
         let [rmse, delta_e] = measures;
@@ -154,44 +155,64 @@ impl Measure {
     }
 }
 
-/// Adds the errors of one point, given its parts.
+/// Adds the errors of one point, given its parts, to those in RMSE and Delta-E.
 fn project(
-    subject: &Subject<'_>,
     database: &Database,
     quantity: Quantity,
     parts: &[Spectrum],
-    rmse: &mut Measure,
-    delta_e: &mut Measure,
+    colour: Option<&Colorimeter>,
+    [rmse, delta_e]: &mut [Measure; 2],
 ) -> Result<(), VerifyError> {
-    let colour = subject.colour.as_ref();
-    let mut mean = vec![0.0; subject.grid.wavelengths_nm.len()];
-    // What the projection leaves out of each part: spectra, and colours.
-    let (mut spectra, mut colours) = (Vec::new(), Vec::new());
-    for part in parts {
-        let original: Vec<f64> = part.of(quantity).iter().map(|m| m.value).collect();
-        let rebuilt: Vec<f64> = database
-            .project(quantity, &original)?
-            .into_iter()
-            .map(f64::from)
-            .collect();
-        for (mean, value) in mean.iter_mut().zip(&original) {
-            *mean += value / parts.len() as f64;
-        }
-        if let Some(colour) = colour {
-            let (a, b) = (colour.lab(&original), colour.lab(&rebuilt));
-            colours.push(vec![a.l - b.l, a.a - b.a, a.b - b.b]);
-        }
-        spectra.push(original.iter().zip(&rebuilt).map(|(a, b)| a - b).collect());
+    let project = |spectrum: &[f64]| -> Result<Vec<f64>, VerifyError> {
+        let rebuilt = database.project(quantity, spectrum)?;
+        Ok(rebuilt.into_iter().map(f64::from).collect())
+    };
+    let originals: Vec<Vec<f64>> = parts
+        .iter()
+        .map(|part| part.of(quantity).iter().map(|m| m.value).collect())
+        .collect();
+    let mean = mean(&originals);
+    // What the projection leaves out of each part.
+    let mut left_out = Vec::new();
+    for original in &originals {
+        let rebuilt = project(original)?;
+        left_out.push(original.iter().zip(&rebuilt).map(|(a, b)| a - b).collect());
     }
     let error: CurveError = database.projection_error(quantity, &mean, colour)?;
     rmse.error.push(error.rmse);
     rmse.noise
-        .push(standard_error(&spectra) / (mean.len() as f64).sqrt());
-    if let Some(error) = error.delta_e {
+        .push(standard_error(&left_out) / (mean.len() as f64).sqrt());
+    if let (Some(error), Some(colour)) = (error.delta_e, colour) {
         delta_e.error.push(error);
-        delta_e.noise.push(standard_error(&colours));
+        delta_e
+            .noise
+            .push(colour_standard_error(&project(&mean)?, &left_out, colour));
     }
     Ok(())
+}
+
+fn mean(vectors: &[Vec<f64>]) -> Vec<f64> {
+    let mut mean = vec![0.0; vectors.first().map_or(0, Vec::len)];
+    for vector in vectors {
+        for (mean, value) in mean.iter_mut().zip(vector) {
+            *mean += value / vectors.len() as f64;
+        }
+    }
+    mean
+}
+
+/// Standard error of the mean of `left_out`, as the difference it makes to the
+/// colour of `expressed`: to first order that of the colours themselves.
+fn colour_standard_error(expressed: &[f64], left_out: &[Vec<f64>], colour: &Colorimeter) -> f64 {
+    let n = left_out.len() as f64;
+    let with =
+        |part: &[f64]| -> Vec<f64> { expressed.iter().zip(part).map(|(e, p)| e + p).collect() };
+    let centre = with(&mean(left_out));
+    let differences = left_out
+        .iter()
+        .map(|part| colour.difference(&with(part), &centre));
+    let squares: f64 = differences.map(|d| d * d).sum();
+    (squares / (n - 1.0) / n).sqrt()
 }
 
 /// Length of the standard error of the mean of `vectors`.
@@ -220,6 +241,20 @@ mod tests {
             let alarms = 4.0 * points as f64 * t.sf(margin(points));
             assert!(alarms < 1.5 * FALSE_ALARM, "{points}: {alarms}");
         }
+    }
+
+    /// Greys above the linear part of CIELAB: L* = 116 Y^(1/3) - 16, so that a
+    /// small change dY makes 116 / 3 Y^(-2/3) dY.
+    #[test]
+    #[allow(clippy::unwrap_used)]
+    fn the_standard_error_of_greys_is_that_of_their_lightness() {
+        let nm: Vec<f64> = (40..=70).map(|i| f64::from(i) * 10.0).collect();
+        let colour = Colorimeter::new(&nm).unwrap().unwrap();
+        let parts = [1e-4, 2e-4, 6e-4].map(|change| vec![change; 31]);
+        let found = colour_standard_error(&[0.4; 31], &parts, &colour);
+        let expected = standard_error(&[vec![1e-4], vec![2e-4], vec![6e-4]]);
+        let slope = 116.0 / 3.0 * (0.4 + 3e-4_f64).powf(-2.0 / 3.0);
+        assert!((found / (slope * expected) - 1.0).abs() < 1e-3, "{found}");
     }
 
     #[test]

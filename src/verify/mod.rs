@@ -83,7 +83,6 @@ pub struct Verification {
 struct Subject<'a> {
     store: &'a Store,
     grid: &'a Grid,
-    colour: Option<Colorimeter>,
     options: Options,
 }
 
@@ -109,7 +108,7 @@ impl Verification {
     /// # Errors
     /// A point cannot be run.
     pub fn walks(&self) -> Result<u64, VerifyError> {
-        let subject = self.subject()?;
+        let subject = self.subject();
         let simulations = [
             nodes::simulations(&subject),
             held_out::simulations(&subject),
@@ -125,7 +124,7 @@ impl Verification {
     /// [`VerifyError::Cancelled`]. What is wrong with the database itself is in
     /// the report.
     pub fn run(&self, control: &Control<'_>) -> Result<Report, VerifyError> {
-        let subject = self.subject()?;
+        let subject = self.subject();
         let integrity = self.integrity()?;
         if !integrity.passed() {
             let checks = vec![integrity];
@@ -133,12 +132,18 @@ impl Verification {
         }
         let mut checks = vec![integrity];
         let path = self.store.dir().join(store::COMPACT);
-        let database = match Database::open(&path) {
-            Ok(database) => {
-                let check = compact::check(&subject, &database)?;
+        let opened = Database::open(&path).map_err(|error| error.to_string());
+        let opened = opened.and_then(|file| Ok((compact::viewing(&file)?, file)));
+        let database = match opened {
+            Ok((viewing, database)) => {
+                let colour = Colorimeter::viewing(self.store.wavelengths_nm(), &viewing)?;
+                let mut check = compact::check(&subject, &database, colour.as_ref())?;
+                if colour.is_some() {
+                    check.notes.push(format!("Delta-E: {viewing}"));
+                }
                 let passed = check.passed();
                 checks.push(check);
-                passed.then_some(database)
+                passed.then_some((database, colour))
             }
             Err(error) => {
                 let mut check = Check::new(compact::NAME);
@@ -151,20 +156,20 @@ impl Verification {
         };
         if self.options.samples > 0 {
             checks.push(nodes::check(&subject, control)?);
-            if let Some(database) = database {
-                checks.push(held_out::check(&subject, &database, control)?);
+            if let Some((database, colour)) = database {
+                let colour = colour.as_ref();
+                checks.push(held_out::check(&subject, &database, colour, control)?);
             }
         }
         Ok(Report { checks })
     }
 
-    fn subject(&self) -> Result<Subject<'_>, VerifyError> {
-        Ok(Subject {
+    fn subject(&self) -> Subject<'_> {
+        Subject {
             store: &self.store,
             grid: &self.grid,
-            colour: Colorimeter::new(self.store.wavelengths_nm())?,
             options: self.options,
-        })
+        }
     }
 
     /// Every job's files and mark.

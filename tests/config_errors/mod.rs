@@ -207,4 +207,9 @@ pub(crate) const GRID_ERRORS: &[(&str, &str)] = &[
     ("engine = \"spectral\"", "max_error = { max = 1 }"),
     ("max_delta_e = 2.3", "max_delta_e = 0"),
     ("max_delta_e = 2.3", "max_delta_e = 2.3\nmax_rmse = inf"),
+    ("max_delta_e = 2.3", "illuminants = [\"D65\", \"D50\"]"),
+    ("max_delta_e = 2.3", "illuminants = [\"E\", \"LED-B5\", \"E\"]"),
+    ("max_delta_e = 2.3", "illuminants = []"),
+    ("max_delta_e = 2.3", "illuminants = \"D65\""),
+    ("max_delta_e = 2.3", "delta_e = \"cie94\""),
 ];

@@ -1,0 +1,212 @@
+//! How two colours are seen and compared: illuminants and difference formula.
+use std::fmt;
+use std::str::FromStr;
+
+use palette::color_difference::Ciede2000;
+use serde::{Deserialize, Serialize};
+
+use super::{Lab, delta_e};
+
+/// A light that colours are seen under; CIE 015:2018 tabulates all.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Hash, Serialize, Deserialize)]
+#[serde(into = "&'static str", try_from = "String")]
+pub enum Illuminant {
+    /// Mid-morning daylight, 5503 K.
+    D55,
+    /// Average daylight, 6504 K.
+    D65,
+    /// The same power at every wavelength.
+    E,
+    /// Fluorescent lamp simulating daylight, 6508 K.
+    Fl3_15,
+    /// Phosphor-converted blue LED, 6598 K.
+    LedB5,
+}
+
+impl Illuminant {
+    /// All of them.
+    pub const ALL: [Self; 5] = [Self::D55, Self::D65, Self::E, Self::Fl3_15, Self::LedB5];
+
+    /// Its name in files and on the command line.
+    #[must_use]
+    pub const fn name(self) -> &'static str {
+        match self {
+            Self::D55 => "D55",
+            Self::D65 => "D65",
+            Self::E => "E",
+            Self::Fl3_15 => "FL3.15",
+            Self::LedB5 => "LED-B5",
+        }
+    }
+
+    /// Its relative power, `wavelength_nm,spd`, as CSV.
+    pub(super) const fn csv(self) -> &'static str {
+        match self {
+            Self::D55 => include_str!("../../data/illuminant_d55.csv"),
+            Self::D65 => include_str!("../../data/illuminant_d65.csv"),
+            Self::E => include_str!("../../data/illuminant_e.csv"),
+            Self::Fl3_15 => include_str!("../../data/illuminant_fl3_15.csv"),
+            Self::LedB5 => include_str!("../../data/illuminant_led_b5.csv"),
+        }
+    }
+}
+
+/// A formula for the difference of two CIELAB colours.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Hash, Serialize, Deserialize)]
+#[serde(into = "&'static str", try_from = "String")]
+pub enum ColourDifference {
+    /// Delta-E*ab, the Euclidean distance.
+    Cie1976,
+    /// Delta-E 00 with all factors 1 (Sharma, Wu and Dalal 2005).
+    Cie2000,
+}
+
+impl ColourDifference {
+    /// Both.
+    pub const ALL: [Self; 2] = [Self::Cie1976, Self::Cie2000];
+
+    /// Its name in files and on the command line.
+    #[must_use]
+    pub const fn name(self) -> &'static str {
+        match self {
+            Self::Cie1976 => "cie1976",
+            Self::Cie2000 => "cie2000",
+        }
+    }
+
+    /// The difference of two colours.
+    #[must_use]
+    pub fn between(self, first: Lab, second: Lab) -> f64 {
+        match self {
+            Self::Cie1976 => delta_e(first, second),
+            Self::Cie2000 => first.difference(second),
+        }
+    }
+}
+
+/// The light or lights two spectra are compared under, and how. Under several
+/// the worst case counts. By default D65 and CIE 1976, as in Varsa 2025.
+#[derive(Debug, Clone, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(default)]
+pub struct Viewing {
+    /// Illuminants, at least one.
+    pub illuminants: Vec<Illuminant>,
+    /// Formula of the difference.
+    #[serde(rename = "delta_e")]
+    pub difference: ColourDifference,
+}
+
+impl Default for Viewing {
+    fn default() -> Self {
+        Self {
+            illuminants: vec![Illuminant::D65],
+            difference: ColourDifference::Cie1976,
+        }
+    }
+}
+
+/// Such as `cie2000, the worst of D65, E`.
+impl fmt::Display for Viewing {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        let names: Vec<_> = self.illuminants.iter().map(|i| i.name()).collect();
+        let worst = if names.len() > 1 { "the worst of " } else { "" };
+        write!(f, "{}, {worst}{}", self.difference.name(), names.join(", "))
+    }
+}
+
+/// Both enums are written as their names and read from them.
+macro_rules! named {
+    ($kind:ty, $what:literal) => {
+        impl From<$kind> for &'static str {
+            fn from(value: $kind) -> Self {
+                value.name()
+            }
+        }
+
+        impl TryFrom<String> for $kind {
+            type Error = String;
+
+            fn try_from(name: String) -> Result<Self, String> {
+                name.parse()
+            }
+        }
+
+        impl FromStr for $kind {
+            type Err = String;
+
+            fn from_str(name: &str) -> Result<Self, String> {
+                let found = Self::ALL.into_iter().find(|value| value.name() == name);
+                found.ok_or_else(|| {
+                    let names = Self::ALL.map(Self::name).join(", ");
+                    format!("no {} is named `{name}`; there are {names}", $what)
+                })
+            }
+        }
+    };
+}
+
+named!(Illuminant, "illuminant");
+named!(ColourDifference, "colour difference");
+
+#[cfg(test)]
+#[allow(clippy::unwrap_used)]
+mod tests {
+    use super::*;
+
+    /// Pairs 1, 4, 7, 9, 15, 16, 17, 21, 25, 33 and 34 of table 1 of Sharma, Wu
+    /// and Dalal, "The CIEDE2000 color-difference formula: implementation notes,
+    /// supplementary test data, and mathematical observations", Color Res.
+    /// Appl. 30, 2005.
+    #[test]
+    #[rustfmt::skip]
+    fn ciede2000_is_the_published_one() {
+        let pairs = [
+            ([50.0, 2.6772, -79.7751], [50.0, 0.0, -82.7485], 2.0425),
+            ([50.0, -1.3802, -84.2814], [50.0, 0.0, -82.7485], 1.0000),
+            ([50.0, 0.0, 0.0], [50.0, -1.0, 2.0], 2.3669),
+            ([50.0, 2.49, -0.001], [50.0, -2.49, 0.0009], 7.1792),
+            ([50.0, -0.001, 2.49], [50.0, 0.0011, -2.49], 4.7461),
+            ([50.0, 2.5, 0.0], [50.0, 0.0, -2.5], 4.3065),
+            ([50.0, 2.5, 0.0], [73.0, 25.0, -18.0], 27.1492),
+            ([50.0, 2.5, 0.0], [50.0, 3.1736, 0.5854], 1.0000),
+            ([60.2574, -34.0099, 36.2677], [60.4626, -34.1751, 39.4387], 1.2644),
+            ([6.7747, -0.2908, -2.4247], [5.8714, -0.0985, -2.2286], 0.6377),
+            ([2.0776, 0.0795, -1.1350], [0.9033, -0.0636, -0.5514], 0.9082),
+        ];
+        for ([l, a, b], [other_l, other_a, other_b], expected) in pairs {
+            let (first, second) = (Lab::new(l, a, b), Lab::new(other_l, other_a, other_b));
+            for (one, other) in [(first, second), (second, first)] {
+                let found = ColourDifference::Cie2000.between(one, other);
+                assert!((found - expected).abs() < 5e-5, "{one:?} {other:?}: {found}");
+            }
+        }
+    }
+
+    #[test]
+    fn names_are_read_back() {
+        for illuminant in Illuminant::ALL {
+            assert_eq!(illuminant.name().parse(), Ok(illuminant));
+        }
+        for difference in ColourDifference::ALL {
+            assert_eq!(difference.name().parse(), Ok(difference));
+        }
+        assert_eq!(
+            "D50".parse::<Illuminant>().unwrap_err(),
+            "no illuminant is named `D50`; there are D55, D65, E, FL3.15, LED-B5"
+        );
+        let viewing = Viewing {
+            illuminants: vec![Illuminant::E, Illuminant::LedB5],
+            difference: ColourDifference::Cie2000,
+        };
+        let json = serde_json::to_string(&viewing).unwrap();
+        assert_eq!(
+            json,
+            r#"{"illuminants":["E","LED-B5"],"delta_e":"cie2000"}"#
+        );
+        assert_eq!(serde_json::from_str::<Viewing>(&json).unwrap(), viewing);
+        assert_eq!(
+            serde_json::from_str::<Viewing>("{}").unwrap(),
+            Viewing::default()
+        );
+    }
+}
