@@ -58,7 +58,7 @@ pub(super) fn run(args: &Args) -> anyhow::Result<()> {
     };
     let engine = args.engine.resolve(&request);
     let walks = args.engine.walks(&request)?;
-    let result = simulate::run(args.threads, walks, cancel, |control| {
+    let result = simulate::run(args.threads, Some(walks), cancel, |control| {
         args.engine.run(&request, control)
     })?;
     let mut spectra = match result {

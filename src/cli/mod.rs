@@ -7,6 +7,7 @@ mod build;
 mod common;
 mod compact;
 mod compress;
+mod fit;
 mod measure;
 mod pilot;
 mod plan;
@@ -52,6 +53,7 @@ enum Command {
     Build(build::Args),
     Compress(compress::Args),
     Verify(verify::Args),
+    Fit(fit::Args),
     Query(query::Args),
     Measure(measure::Args),
     Tradeoff(tradeoff::Args),
@@ -65,6 +67,7 @@ pub fn run() -> ExitCode {
         Command::Build(args) => build::run(&args),
         Command::Compress(args) => compress::run(&args),
         Command::Verify(args) => verify::run(&args),
+        Command::Fit(args) => fit::run(&args),
         Command::Query(args) => query::run(&args),
         Command::Measure(args) => measure::run(&args),
         Command::Tradeoff(args) => tradeoff::run(&args),

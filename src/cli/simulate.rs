@@ -16,10 +16,11 @@ const PATIENCE: Duration = Duration::from_secs(1);
 const TICK: Duration = Duration::from_millis(250);
 
 /// Does `work` of `walks` walks on `threads` threads (0: one per core), with a
-/// progress bar on standard error if that is a terminal; `cancel` stops it.
+/// progress bar on standard error if that is a terminal and they are known;
+/// `cancel` stops it.
 pub(super) fn run<T: Send>(
     threads: usize,
-    walks: u64,
+    walks: Option<u64>,
     cancel: &AtomicBool,
     work: impl FnOnce(&Control<'_>) -> T + Send,
 ) -> anyhow::Result<T> {
@@ -36,8 +37,9 @@ pub(super) fn run<T: Send>(
     };
     Ok(std::thread::scope(|scope| {
         let (working, ended) = mpsc::channel::<()>();
-        if io::stderr().is_terminal() {
-            scope.spawn(|| show(ended, &rays_done, walks));
+        if let Some(walks) = walks.filter(|_| io::stderr().is_terminal()) {
+            let rays_done = &rays_done;
+            scope.spawn(move || show(ended, rays_done, walks));
         }
         let result = pool.install(|| work(&control));
         drop(working);

@@ -59,6 +59,39 @@ pub(super) fn thickness_slope(thickness_cm: f32) -> f32 {
     1.0 / (THICKNESS_CM + thickness_cm)
 }
 
+/// `n` values of an axis (in the order of [`crate::compress::AXES`]) from `first`
+/// to `last`, evenly spaced in its coordinate, to four digits but for the ends.
+#[must_use]
+pub fn spread(axis: usize, [first, last]: [f64; 2], n: usize) -> Vec<f64> {
+    let place = |value: f64| {
+        let mut point = [0.0, 1.0, 1.0, 0.0, 0.0];
+        if let Some(at) = point.get_mut(axis) {
+            *at = value as f32;
+        }
+        f64::from(smooth(point).get(axis).copied().unwrap_or_default())
+    };
+    let (begin, end) = (place(first), place(last));
+    let value = |i: usize| {
+        let target = begin + (end - begin) * i as f64 / (n - 1) as f64;
+        let mut range = [first, last];
+        for _ in 0..40 {
+            let middle = 0.5 * (range[0] + range[1]);
+            range[usize::from(place(middle) > target)] = middle;
+        }
+        let rounded = format!("{:.3e}", range[0]).parse().unwrap_or(range[0]);
+        f64::clamp(rounded, first, last)
+    };
+    match n {
+        0 => Vec::new(),
+        1 => vec![first],
+        _ => {
+            let mut values: Vec<f64> = (0..n).map(value).collect();
+            (values[0], values[n - 1]) = (first, last);
+            values
+        }
+    }
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;
@@ -84,5 +117,19 @@ mod tests {
         close(d, 300_f64.ln());
         close(h, 9_f64.ln());
         close(a, 0.4 * (-25_f64).exp() - 0.5);
+    }
+
+    #[test]
+    fn spread_evenly() {
+        let values = spread(3, [1.0, 50.0], 5);
+        assert_eq!((values[0], values[4]), (1.0, 50.0));
+        let place = |h: f64| (1.0 + h / 0.5).ln();
+        let step = (place(50.0) - place(1.0)) / 4.0;
+        for pair in values.windows(2) {
+            assert!((place(pair[1]) - place(pair[0]) - step).abs() < 2e-3, "{values:?}");
+        }
+        assert_eq!(spread(0, [0.3, 0.3], 1), [0.3]);
+        let angles = spread(4, [0.0, 89.0], 9);
+        assert!(angles.is_sorted() && angles[7] > 80.0, "{angles:?}");
     }
 }

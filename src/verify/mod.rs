@@ -1,11 +1,13 @@
 //! Checks a finished database anew: its files, its compact file against it,
-//! and both against fresh simulations on and off the grid nodes.
+//! the curves against fresh simulations on the nodes, and the answers of the
+//! compact file against fresh ones anywhere ([`crate::certificate`]). Of a file
+//! that was fitted to a scene there is only the last.
 //!
 //! Every check that compares random numbers states how often it would fail a
 //! good database: [`FALSE_ALARM`] for each kind of fresh simulation.
+mod answers;
 mod compact;
 mod fresh;
-mod held_out;
 mod nodes;
 mod report;
 
@@ -14,6 +16,7 @@ use std::path::Path;
 use ndarray::Array2;
 use thiserror::Error;
 
+use crate::certificate::{Certificate, CertificateError};
 use crate::colour::{Colorimeter, ColourError};
 use crate::config::{self, ConfigError};
 use crate::engine::{Control, EngineError};
@@ -22,6 +25,7 @@ use crate::lookup::{Database, LookupError};
 use crate::measurement::Quantity;
 use crate::store::{self, Store, StoreError, Variable};
 
+pub use answers::fitted;
 pub use report::{Check, Figure, Report};
 
 /// Probability that fresh simulations fail a database that is right.
@@ -30,11 +34,13 @@ pub const FALSE_ALARM: f64 = 1e-6;
 /// What to verify.
 #[derive(Debug, Clone, Copy)]
 pub struct Options {
-    /// Fresh simulations on nodes, and as many off them; 0 checks files only.
+    /// Fresh simulations on nodes; 0 makes none.
     pub samples: usize,
+    /// Random points of the certificate, at least; 0 makes none.
+    pub points: usize,
     /// Chooses the points and the streams of the fresh simulations.
     pub seed: u64,
-    /// Rays of a fresh simulation; as many as the database's if `None`.
+    /// Rays of a fresh simulation on a node; as many as the database's if `None`.
     pub rays: Option<u64>,
 }
 
@@ -66,6 +72,9 @@ pub enum VerifyError {
     /// The compact file is not of the database's shape.
     #[error(transparent)]
     Lookup(#[from] LookupError),
+    /// There is no certificate for it.
+    #[error(transparent)]
+    Certificate(CertificateError),
     /// The caller asked it to stop.
     #[error("cancelled")]
     Cancelled,
@@ -77,6 +86,15 @@ pub struct Verification {
     store: Store,
     grid: Grid,
     options: Options,
+}
+
+impl From<CertificateError> for VerifyError {
+    fn from(error: CertificateError) -> Self {
+        match error {
+            CertificateError::Cancelled => Self::Cancelled,
+            error => Self::Certificate(error),
+        }
+    }
 }
 
 /// The parts of the checks that have a database in common.
@@ -109,26 +127,32 @@ impl Verification {
     /// A point cannot be run.
     pub fn walks(&self) -> Result<u64, VerifyError> {
         let subject = self.subject();
-        let simulations = [
-            nodes::simulations(&subject),
-            held_out::simulations(&subject),
-        ];
-        simulations.iter().map(|s| s.walks(&self.grid)).sum()
+        let nodes = nodes::simulations(&subject).walks(&self.grid)?;
+        let path = self.store.dir().join(store::COMPACT);
+        // one that cannot be read is told of by the check itself
+        let answers = match Database::open(&path) {
+            Ok(database) if self.options.points > 0 => answers::walks(&subject, &database)?,
+            _ => 0,
+        };
+        Ok(nodes.saturating_add(answers))
     }
 
-    /// Does all checks that can be done. The report is a function of the
-    /// database and the options alone.
+    /// Does all checks that can be done, and gives the certificate of the compact
+    /// file. They are functions of the database and the options alone.
     ///
     /// # Errors
     /// A file is there but cannot be read, an engine fails, or
     /// [`VerifyError::Cancelled`]. What is wrong with the database itself is in
     /// the report.
-    pub fn run(&self, control: &Control<'_>) -> Result<Report, VerifyError> {
+    pub fn run(
+        &self,
+        control: &Control<'_>,
+    ) -> Result<(Report, Option<Certificate>), VerifyError> {
         let subject = self.subject();
         let integrity = self.integrity()?;
         if !integrity.passed() {
             let checks = vec![integrity];
-            return Ok(Report { checks });
+            return Ok((Report { checks }, None));
         }
         let mut checks = vec![integrity];
         let path = self.store.dir().join(store::COMPACT);

@@ -1,0 +1,182 @@
+//! The numbers of a certificate, and how they read.
+use std::collections::BTreeMap;
+use std::fmt;
+
+use serde::{Deserialize, Serialize};
+
+use super::Certificate;
+use crate::compress::CurveError;
+use crate::lookup::Point;
+
+/// Worst points named.
+const NAMED: usize = 3;
+
+/// Errors of many spectra.
+#[derive(Debug, Clone, Copy, PartialEq, Default, Serialize, Deserialize)]
+pub struct Summary {
+    /// Mean.
+    pub mean: f64,
+    /// 95th percentile.
+    pub p95: f64,
+    /// Largest.
+    pub max: f64,
+}
+
+/// The errors of many spectra in both measures.
+#[derive(Debug, Clone, Copy, PartialEq, Default, Serialize, Deserialize)]
+pub struct Measures {
+    /// Delta-E; `None` where the wavelengths have no colour.
+    pub delta_e: Option<Summary>,
+    /// RMSE over the wavelengths.
+    pub rmse: Summary,
+}
+
+/// One of the worst points.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+pub struct Worst {
+    /// Where.
+    pub at: String,
+    /// Delta-E there.
+    pub delta_e: Option<f64>,
+    /// RMSE there.
+    pub rmse: f64,
+}
+
+/// The errors of one quantity.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+pub struct Chain {
+    /// The file's answers against the truth, anywhere.
+    pub total: Measures,
+    /// The file's answers against those of its curves.
+    pub compression: Measures,
+    /// The curves' answers against the truth: simulation and interpolation.
+    pub interpolation: Measures,
+    /// The curves against the truth on nodes; `None` if none was tried.
+    pub simulation: Option<Measures>,
+    /// What the truth's own standard error amounts to.
+    pub noise: Measures,
+    /// The curves' answers off the nodes in one axis alone, by its name.
+    pub axes: BTreeMap<String, Measures>,
+    /// The points of the largest errors of the whole chain, the worst first.
+    pub worst: Vec<Worst>,
+}
+
+/// Errors on their way into a [`Chain`].
+#[derive(Default)]
+pub(super) struct Collector {
+    pub(super) total: Vec<(Point, CurveError)>,
+    pub(super) compression: Vec<CurveError>,
+    pub(super) interpolation: Vec<CurveError>,
+    pub(super) simulation: Vec<CurveError>,
+    pub(super) noise: Vec<CurveError>,
+    pub(super) axes: BTreeMap<String, Vec<CurveError>>,
+}
+
+impl Collector {
+    pub(super) fn finish(mut self) -> Chain {
+        // by what the eye sees, where there is a colour
+        let size = |e: &CurveError| e.delta_e.unwrap_or(e.rmse);
+        self.total.sort_by(|a, b| size(&b.1).total_cmp(&size(&a.1)));
+        let worst = self.total.iter().take(NAMED).map(|(point, error)| Worst {
+            at: point.to_string(),
+            delta_e: error.delta_e.map(four_digits),
+            rmse: four_digits(error.rmse),
+        });
+        let worst = worst.collect();
+        let total: Vec<CurveError> = self.total.iter().map(|(_, error)| *error).collect();
+        let axes = self.axes.into_iter();
+        Chain {
+            total: measures(&total),
+            compression: measures(&self.compression),
+            interpolation: measures(&self.interpolation),
+            simulation: (!self.simulation.is_empty()).then(|| measures(&self.simulation)),
+            noise: measures(&self.noise),
+            axes: axes.map(|(name, errors)| (name, measures(&errors))).collect(),
+            worst,
+        }
+    }
+}
+
+fn measures(errors: &[CurveError]) -> Measures {
+    let colours: Option<Vec<f64>> = errors.iter().map(|e| e.delta_e).collect();
+    Measures {
+        delta_e: colours.filter(|all| !all.is_empty()).map(summary),
+        rmse: summary(errors.iter().map(|e| e.rmse).collect()),
+    }
+}
+
+fn summary(mut values: Vec<f64>) -> Summary {
+    values.sort_by(f64::total_cmp);
+    let n = values.len();
+    let Some(&max) = values.last() else {
+        return Summary::default();
+    };
+    Summary {
+        mean: four_digits(values.iter().sum::<f64>() / n as f64),
+        p95: four_digits(values[(n * 95).div_ceil(100).max(1) - 1]),
+        max: four_digits(max),
+    }
+}
+
+/// More is not known of any of these.
+fn four_digits(value: f64) -> f64 {
+    format!("{value:.3e}").parse().unwrap_or(value)
+}
+
+impl fmt::Display for Certificate {
+    fn fmt(&self, f: &mut fmt::Formatter) -> fmt::Result {
+        write!(
+            f,
+            "{} random points against fresh simulations of {} walks (seed {})",
+            self.points, self.rays, self.seed
+        )?;
+        for (quantity, chain) in &self.quantities {
+            write!(
+                f,
+                "\n{quantity:<34}{:>8}{:>8}{:>8}{:>11}{:>10}{:>10}",
+                "Delta-E", "p95", "max", "RMSE", "p95", "max"
+            )?;
+            let mut line = |name: &str, measures: &Measures| {
+                write!(f, "\n  {name:<32}")?;
+                match measures.delta_e {
+                    Some(Summary { mean, p95, max }) => {
+                        write!(f, "{mean:>8.3}{p95:>8.3}{max:>8.3}")?;
+                    }
+                    None => write!(f, "{:>24}", "-")?,
+                }
+                let Summary { mean, p95, max } = measures.rmse;
+                write!(f, "{mean:>11.6}{p95:>10.6}{max:>10.6}")
+            };
+            line("whole chain", &chain.total)?;
+            line("compression", &chain.compression)?;
+            line("interpolation and simulation", &chain.interpolation)?;
+            if let Some(simulation) = &chain.simulation {
+                line("simulation, on nodes", simulation)?;
+            }
+            for (axis, measures) in &chain.axes {
+                line(&format!("off the nodes in {axis}"), measures)?;
+            }
+            line("noise of the fresh simulations", &chain.noise)?;
+            for worst in &chain.worst {
+                let Worst { at, delta_e, rmse } = worst;
+                let colour = delta_e.map_or(String::new(), |e| format!("Delta-E {e:.3}, "));
+                write!(f, "\n  worst: {colour}RMSE {rmse:.6} at {at}")?;
+            }
+        }
+        Ok(())
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn percentiles_by_hand() {
+        let values = (1..=100).rev().map(f64::from).collect();
+        let found = summary(values);
+        assert_eq!((found.mean, found.p95, found.max), (50.5, 95.0, 100.0));
+        assert_eq!(summary(vec![3.0]).p95, 3.0);
+        assert_eq!(summary(Vec::new()), Summary::default());
+    }
+}

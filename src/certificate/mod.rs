@@ -1,0 +1,196 @@
+//! The error certificate of a compact file: how far its answers are from fresh
+//! simulations, anywhere in its box (docs/methods.md).
+//!
+//! An answer carries three errors: the simulation's, the compression's and the
+//! interpolation's. The whole is measured against fresh simulations of many more
+//! walks at random points; the parts by asking the curves the file was made
+//! from as well, through the same look-up:
+//!
+//! - **compression**: the file against those curves, at the same points;
+//! - **interpolation** (with the simulation's): those curves against the truth;
+//! - **simulation**: the same on nodes, where nothing is interpolated;
+//! - and the interpolation along each axis alone.
+//!
+//! The truth has noise of its own, told beside them: what a standard error at all
+//! wavelengths at once would change. It does not hold what all engines have in
+//! common, nor the method's own error of the engine that made it
+//! (docs/stability.md).
+mod measures;
+mod patch;
+mod trial;
+
+use std::collections::BTreeMap;
+
+use serde::{Deserialize, Serialize};
+use thiserror::Error;
+
+use crate::colour::Colorimeter;
+use crate::compress::{AXES, CurveError};
+use crate::engine::{Control, EngineError};
+use crate::grid::{Grid, GridError};
+use crate::lookup::{Database, Lookup, LookupError};
+use crate::measurement::{Quantity, Spectrum};
+
+pub use measures::{Chain, Measures, Summary, Worst};
+pub use patch::{Patch, Simulation};
+pub use trial::Region;
+use trial::{Kind, Trial};
+
+/// Metadata key of a certificate in a compact file: its JSON.
+pub const CERTIFICATE: &str = "certificate";
+
+/// Why nothing could be certified.
+#[derive(Debug, Error)]
+pub enum CertificateError {
+    /// A point cannot be run.
+    #[error(transparent)]
+    Grid(#[from] GridError),
+    /// A fresh simulation failed.
+    #[error("fresh simulation of {at}: {source}")]
+    Engine {
+        /// Where.
+        at: String,
+        /// Why.
+        source: EngineError,
+    },
+    /// A file does not answer there.
+    #[error(transparent)]
+    Lookup(#[from] LookupError),
+    /// The caller asked it to stop.
+    #[error("cancelled")]
+    Cancelled,
+}
+
+/// What is to be certified, and how.
+#[derive(Debug, Clone, Copy)]
+pub struct Subject<'a> {
+    /// Laws of the grains, wavelengths and model of the simulations.
+    pub grid: &'a Grid,
+    /// Where points are drawn; at least one.
+    pub regions: &'a [Region],
+    /// The file.
+    pub file: &'a Database,
+    /// The curves it was made from, as [`Database::from_curves`].
+    pub exact: &'a Database,
+    /// What colours are seen with; of the wavelengths of both.
+    pub colour: Option<&'a Colorimeter>,
+    /// Points anywhere, at least.
+    pub points: usize,
+    /// Walks of a fresh simulation.
+    pub rays: u64,
+    /// Chooses points and random numbers.
+    pub seed: u64,
+}
+
+/// What was found; the same for the same subject.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+pub struct Certificate {
+    /// Random points of the whole chain.
+    pub points: usize,
+    /// Walks per light and index node of the fresh simulations.
+    pub rays: u64,
+    /// Seed of points and simulations.
+    pub seed: u64,
+    /// The errors by name of the quantity.
+    pub quantities: BTreeMap<String, Chain>,
+}
+
+impl Subject<'_> {
+    fn simulation(&self) -> Simulation<'_> {
+        Simulation {
+            grid: self.grid,
+            rays: self.rays,
+            seed: trial::simulation_seed(self.seed),
+        }
+    }
+
+    fn trials(&self) -> Vec<Trial> {
+        let axes = self.file.axes().each_ref().map(|axis| {
+            let exact = |v: &f32| format!("{v}").parse().unwrap_or(f64::from(*v));
+            axis.iter().map(exact).collect()
+        });
+        let mut trials = trial::anywhere(self.regions, self.points, self.seed);
+        // snow that a scene leaves out would be of no use to it
+        if self.regions.len() == 1 {
+            trials.extend(trial::along(&axes, self.seed));
+        }
+        trials
+    }
+
+    fn patches(&self) -> Vec<Patch> {
+        self.trials().into_iter().map(|trial| trial.patch).collect()
+    }
+
+    /// How many walks [`Subject::certify`] does.
+    ///
+    /// # Errors
+    /// A point cannot be run.
+    pub fn walks(&self) -> Result<u64, CertificateError> {
+        self.simulation().walks(&self.patches())
+    }
+
+    /// Simulates and compares.
+    ///
+    /// # Errors
+    /// See [`CertificateError`].
+    pub fn certify(&self, control: &Control) -> Result<Certificate, CertificateError> {
+        let trials = self.trials();
+        let truth = self.simulation().run(&self.patches(), control)?;
+        let mut quantities = BTreeMap::new();
+        let there = Quantity::ALL.into_iter().filter(|q| self.file.has(*q));
+        for quantity in there {
+            let chain = self.chain(quantity, &trials, &truth)?;
+            quantities.insert(quantity.name().to_owned(), chain);
+        }
+        let points = trials.iter().flat_map(|trial| &trial.kinds);
+        Ok(Certificate {
+            points: points.filter(|kind| **kind == Kind::Anywhere).count(),
+            rays: self.rays,
+            seed: self.seed,
+            quantities,
+        })
+    }
+
+    fn chain(
+        &self,
+        quantity: Quantity,
+        trials: &[Trial],
+        truth: &[Vec<Spectrum>],
+    ) -> Result<Chain, CertificateError> {
+        let file = Lookup::new(self.file, quantity)?;
+        let exact = Lookup::new(self.exact, quantity)?;
+        let mut found = vec![0.0; file.wavelengths()];
+        let mut ask = |lookup: &Lookup, point| -> Result<Vec<f64>, LookupError> {
+            lookup.spectrum(point, &mut found)?;
+            Ok(found.iter().map(|v| f64::from(*v)).collect())
+        };
+        let error = |a: &[f64], b: &[f64]| CurveError::between(a, b, self.colour);
+        let mut chain = measures::Collector::default();
+        for (trial, truth) in trials.iter().zip(truth) {
+            let points = trial.patch.points().zip(&trial.kinds).zip(truth);
+            for ((point, kind), truth) in points {
+                let values = |add: f64| -> Vec<f64> {
+                    let all = truth.of(quantity).iter();
+                    all.map(|m| m.value + add * m.se).collect()
+                };
+                let truth = values(0.0);
+                let (answer, curves) = (ask(&file, point)?, ask(&exact, point)?);
+                let interpolated = error(&truth, &curves);
+                match kind {
+                    Kind::Anywhere => {
+                        chain.total.push((point, error(&truth, &answer)));
+                        chain.compression.push(error(&curves, &answer));
+                        chain.interpolation.push(interpolated);
+                        chain.noise.push(error(&truth, &values(1.0)));
+                    }
+                    Kind::Along(axis) => {
+                        let name = AXES[*axis].name.to_owned();
+                        chain.axes.entry(name).or_default().push(interpolated);
+                    }
+                    Kind::Nodes => chain.simulation.push(interpolated),
+                }
+            }
+        }
+        Ok(chain.finish())
+    }
+}

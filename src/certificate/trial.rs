@@ -1,0 +1,181 @@
+//! Where a database is tried.
+//!
+//! - **Anywhere**: random snow of the regions, each at four random thicknesses
+//!   and two random angles. Uniform along each axis, but for the thickness, whose
+//!   logarithm is.
+//! - **Along an axis**: nodes in all axes but one, which is random: the error
+//!   that this axis alone makes.
+//! - **On nodes**: the error of the simulation alone.
+//!
+//! Facetness takes a few values only, since each needs tables of its own.
+use rand::{Rng, SeedableRng};
+use rand_xoshiro::Xoshiro256PlusPlus;
+use sha2::{Digest, Sha256};
+
+use super::Patch;
+
+/// Points of a patch anywhere, thicknesses and angles: of snow that varies, and
+/// of snow that does not.
+const ANYWHERE: [(usize, usize); 2] = [(4, 2), (16, 8)];
+/// Values of the facetness.
+const FACETS: usize = 16;
+/// Snows per axis tried alone.
+const ALONG: usize = 8;
+
+/// What a point of a patch tells about.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub(super) enum Kind {
+    Anywhere,
+    /// Off the nodes in this axis alone.
+    Along(usize),
+    Nodes,
+}
+
+/// A box of the axes, lowest and highest value each.
+pub type Region = [[f64; 2]; 5];
+
+/// A patch, and what each of its points tells about.
+#[derive(Debug, Clone)]
+pub(super) struct Trial {
+    pub(super) patch: Patch,
+    pub(super) kinds: Vec<Kind>,
+}
+
+/// Random numbers of `purpose`: by their hash none of those that made a database.
+fn random(seed: u64, purpose: &str) -> Xoshiro256PlusPlus {
+    let mut hash = Sha256::new();
+    hash.update(b"splitsnow certificate 1 ");
+    hash.update(purpose);
+    hash.update(seed.to_le_bytes());
+    Xoshiro256PlusPlus::from_seed(hash.finalize().into())
+}
+
+/// Seed of the simulations.
+pub(super) fn simulation_seed(seed: u64) -> u64 {
+    random(seed, "simulation").next_u64()
+}
+
+struct Draw(Xoshiro256PlusPlus);
+
+impl Draw {
+    /// Uniform in [0, 1).
+    fn unit(&mut self) -> f64 {
+        (self.0.next_u64() >> 11) as f64 * f64::EPSILON / 2.0
+    }
+
+    fn below(&mut self, n: usize) -> usize {
+        ((self.unit() * n as f64) as usize).min(n - 1)
+    }
+
+    /// In the range of `axis`, to five digits.
+    fn within(&mut self, axis: usize, [first, last]: [f64; 2]) -> f64 {
+        let u = self.unit();
+        let value = match axis {
+            3 if first > 0.0 => first * (last / first).powf(u),
+            _ => first + (last - first) * u,
+        };
+        let rounded: f64 = format!("{value:.4e}").parse().unwrap_or(value);
+        rounded.clamp(first, last)
+    }
+
+    /// `n` different values, increasing; one if there is but one.
+    fn several(&mut self, axis: usize, range: [f64; 2], n: usize) -> Vec<f64> {
+        let n = if range[0] == range[1] { 1 } else { n };
+        let mut values: Vec<f64> = (0..n).map(|_| self.within(axis, range)).collect();
+        values.sort_by(f64::total_cmp);
+        values.dedup();
+        values
+    }
+
+    /// `n` different nodes, increasing.
+    fn nodes(&mut self, nodes: &[f64], n: usize) -> Vec<f64> {
+        let mut values: Vec<f64> = (0..n).map(|_| nodes[self.below(nodes.len())]).collect();
+        values.sort_by(f64::total_cmp);
+        values.dedup();
+        values
+    }
+}
+
+/// Some `points` points anywhere in the `regions`.
+pub(super) fn anywhere(regions: &[Region], points: usize, seed: u64) -> Vec<Trial> {
+    let mut draw = Draw(random(seed, "anywhere"));
+    let facets: Vec<f64> = (0..FACETS)
+        .map(|i| (i as f64 + draw.unit()) / FACETS as f64)
+        .collect();
+    let mut trials: Vec<Trial> = Vec::new();
+    let mut count = 0;
+    // a scene of one point is one patch
+    while count < points && trials.len() < points {
+        let region = &regions[trials.len() % regions.len()];
+        let fixed = region[..3].iter().all(|[first, last]| first == last);
+        let (thicknesses, angles) = ANYWHERE[usize::from(fixed)];
+        let [first, last] = region[0];
+        let facetness = first + (last - first) * facets[trials.len() / regions.len() % FACETS];
+        let facetness: f64 = format!("{facetness:.4}").parse().unwrap_or(facetness);
+        let patch = Patch {
+            snow: [
+                facetness.clamp(first, last),
+                draw.within(1, region[1]),
+                draw.within(2, region[2]),
+            ],
+            thickness_cm: draw.several(3, region[3], thicknesses),
+            angle_deg: draw.several(4, region[4], angles),
+        };
+        count += patch.len();
+        let kinds = vec![Kind::Anywhere; patch.len()];
+        trials.push(Trial { patch, kinds });
+    }
+    trials
+}
+
+/// Points on the nodes of `axes` and off them in one axis each.
+pub(super) fn along(axes: &[Vec<f64>; 5], seed: u64) -> Vec<Trial> {
+    let mut draw = Draw(random(seed, "along"));
+    let mut trials = Vec::new();
+    let ends = |axis: usize| [axes[axis][0], axes[axis][axes[axis].len() - 1]];
+    for axis in (0..3).filter(|axis| axes[*axis].len() > 1) {
+        for _ in 0..ALONG {
+            let mut snow = [0, 1, 2].map(|other: usize| axes[other][draw.below(axes[other].len())]);
+            snow[axis] = draw.within(axis, ends(axis));
+            let patch = Patch {
+                snow,
+                thickness_cm: draw.nodes(&axes[3], 3),
+                angle_deg: draw.nodes(&axes[4], 2),
+            };
+            let kinds = vec![Kind::Along(axis); patch.len()];
+            trials.push(Trial { patch, kinds });
+        }
+    }
+    for _ in 0..ALONG {
+        let snow = [0, 1, 2].map(|axis: usize| axes[axis][draw.below(axes[axis].len())]);
+        // nodes and others side by side: they share their walks
+        let mut mixed = |axis: usize| -> Vec<(f64, bool)> {
+            let nodes = draw.nodes(&axes[axis], 3).into_iter().map(|v| (v, true));
+            let mut values: Vec<_> = nodes.collect();
+            if axes[axis].len() > 1 {
+                let others = draw.several(axis, ends(axis), 3).into_iter();
+                let others = others.filter(|v| !axes[axis].contains(v));
+                values.extend(others.map(|v| (v, false)));
+            }
+            values.sort_by(|a, b| a.0.total_cmp(&b.0));
+            values
+        };
+        let (thicknesses, angles) = (mixed(3), mixed(4));
+        let patch = Patch {
+            snow,
+            thickness_cm: thicknesses.iter().map(|(v, _)| *v).collect(),
+            angle_deg: angles.iter().map(|(v, _)| *v).collect(),
+        };
+        let kinds = thicknesses.iter().flat_map(|(_, h)| {
+            angles.iter().map(move |(_, a)| match (h, a) {
+                (true, true) => Kind::Nodes,
+                (false, true) => Kind::Along(3),
+                (true, false) => Kind::Along(4),
+                (false, false) => Kind::Anywhere,
+            })
+        });
+        let kinds = kinds.collect();
+        trials.push(Trial { patch, kinds });
+    }
+    trials
+}

@@ -1,0 +1,50 @@
+//! Adds an entry to the metadata of a compact file.
+use std::collections::BTreeMap;
+
+use serde_json::Value;
+
+use super::CompactError;
+
+/// `bytes`, a compact file, with the metadata entry `key` set to `value`. All
+/// else stays, to the byte.
+///
+/// # Errors
+/// [`CompactError::Content`] if `bytes` are no such file, [`CompactError::Header`].
+pub fn annotated(bytes: &[u8], key: &str, value: &str) -> Result<Vec<u8>, CompactError> {
+    let broken = || CompactError::Content("it is not a safetensors file".into());
+    let (length, rest) = bytes.split_first_chunk::<8>().ok_or_else(broken)?;
+    let length = usize::try_from(u64::from_le_bytes(*length)).map_err(|_| broken())?;
+    let (header, data) = rest.split_at_checked(length).ok_or_else(broken)?;
+    let mut header: BTreeMap<String, Value> = serde_json::from_slice(header)?;
+    let metadata = header.remove("__metadata__").unwrap_or_default();
+    let mut metadata: BTreeMap<String, Value> = serde_json::from_value(metadata)?;
+    metadata.insert(key.to_owned(), value.into());
+    header.insert("__metadata__".to_owned(), serde_json::to_value(metadata)?);
+    super::compact::assemble(&header, data)
+}
+
+#[cfg(test)]
+#[allow(clippy::unwrap_used)]
+mod tests {
+    use super::annotated;
+
+    #[test]
+    fn nothing_else_changes() {
+        let header = br#"{"__metadata__":{"b":"1"},"x":{"dtype":"U8","shape":[3],"data_offsets":[0,3]}}"#;
+        let mut file = (header.len() as u64).to_le_bytes().to_vec();
+        file.extend(header);
+        file.extend([7, 8, 9]);
+        let once = annotated(&file, "a", "\"new\"").unwrap();
+        let length = u64::from_le_bytes(*once.first_chunk().unwrap()) as usize;
+        assert_eq!((length % 8, &once[8 + length..]), (0, &[7, 8, 9][..]));
+        let header: serde_json::Value = serde_json::from_slice(&once[8..8 + length]).unwrap();
+        assert_eq!(header["__metadata__"]["a"], "\"new\"");
+        assert_eq!(header["__metadata__"]["b"], "1");
+        assert_eq!(header["x"]["dtype"], "U8");
+        // again, and back
+        assert_eq!(annotated(&once, "a", "\"new\"").unwrap(), once);
+        for broken in [&file[..7], &file[..20], b""] {
+            assert!(annotated(broken, "a", "b").is_err());
+        }
+    }
+}

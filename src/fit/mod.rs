@@ -1,0 +1,354 @@
+//! `fit`: the smallest database that answers what a scene asks within its bound
+//! on the colour difference of the whole chain (docs/methods.md).
+//!
+//! 1. All nodes that it might have are simulated (`training`), with walks enough
+//!    that noise is a small part of the bound.
+//! 2. Nodes are chosen (`nodes`) until the look-up gives every other candidate
+//!    within a share of the bound, the rest of which is for the compression.
+//! 3. The curves are compressed: components of y = -ln T, as few, and quantised as
+//!    coarsely, as the rest of the bound allows.
+//! 4. The file is certified: random points, fresh simulations with other random
+//!    numbers and more walks. If it fails, all begins again at 2 with a smaller share.
+//!
+//! What a scene does not ask for is left out: axes of one value, the other
+//! quantity, angles and thicknesses that do not occur.
+mod nodes;
+mod training;
+
+use std::collections::BTreeMap;
+use std::time::Instant;
+
+use serde_json::json;
+use thiserror::Error;
+
+use crate::certificate::{CERTIFICATE, Certificate, CertificateError, Region, Subject};
+use crate::colour::{Colorimeter, ColourError};
+use crate::compress::{
+    Basis, Choice, CompactError, CompactFile, CompressError, Compressed, Precision, Variant,
+    compress,
+};
+use crate::engine::{Control, Engine, MaxError};
+use crate::grid::{Axes, Compression, Grid, Run};
+use crate::lookup::{Database, FormatError, LookupError};
+use crate::measurement::Quantity;
+use crate::scene::Scene;
+use training::{Nodes, Training};
+
+/// Metadata key of the scene that a file was fitted to, as TOML.
+pub const SCENE: &str = "scene";
+/// Shares of the bound for the interpolation, tried one after another.
+const SHARES: [f64; 4] = [0.7, 0.5, 0.35, 0.25];
+/// Share of the bound for the compression: differences add up like
+/// perpendiculars more than like lengths.
+const COMPRESSION: f64 = 0.35;
+/// Share of the bound that the certificate must keep, so that other random
+/// points keep the bound.
+const CERTIFIED: f64 = 0.9;
+/// Walks of a simulation at a bound of 0.5, and the least and most.
+const RAYS: [f64; 3] = [65_536.0, 16_384.0, 1_048_576.0];
+/// Walks of a fresh one, in those.
+pub(crate) const FRESH: u64 = 4;
+
+/// Why no database could be fitted.
+#[derive(Debug, Error)]
+pub enum FitError {
+    /// A simulation or a certificate failed.
+    #[error(transparent)]
+    Certificate(#[from] CertificateError),
+    /// Its wavelengths have no colour.
+    #[error(transparent)]
+    Colour(#[from] ColourError),
+    /// They have none at all.
+    #[error("the scene's wavelengths have no colour, so that no bound on it holds; give some between 400 and 700 nm")]
+    NoColour,
+    /// The curves cannot be compressed.
+    #[error(transparent)]
+    Compress(#[from] CompressError),
+    /// The file cannot be made.
+    #[error(transparent)]
+    Compact(#[from] CompactError),
+    /// The file made cannot be read.
+    #[error(transparent)]
+    Format(#[from] FormatError),
+    /// The file made does not answer.
+    #[error(transparent)]
+    Lookup(#[from] LookupError),
+    /// No database holds the bound.
+    #[error(
+        "no database was found that keeps Delta-E {bound} with a tenth to spare: the best reaches {reached:.3} at {at}; raise max_delta_e or narrow the scene"
+    )]
+    Bound {
+        /// The bound.
+        bound: f64,
+        /// The largest difference of the best.
+        reached: f64,
+        /// Where that is.
+        at: String,
+    },
+    /// It is too large.
+    #[error(
+        "the smallest database found within Delta-E {bound} takes {bytes} bytes, more than max_bytes = {most}; raise one of the two or narrow the scene"
+    )]
+    Bytes {
+        /// The bound.
+        bound: f64,
+        /// Bytes of the smallest.
+        bytes: usize,
+        /// What is allowed.
+        most: u64,
+    },
+}
+
+/// A fitted database.
+#[derive(Debug)]
+pub struct Fitted {
+    /// The compact file.
+    pub bytes: Vec<u8>,
+    /// The same, read.
+    pub database: Database,
+    /// Its nodes.
+    pub axes: Axes,
+    /// Candidates per axis.
+    pub candidates: [usize; 5],
+    /// Compressed quantities.
+    pub compressed: Vec<(Quantity, Compressed)>,
+    /// What it is good for.
+    pub certificate: Certificate,
+}
+
+/// The boxes that a scene asks for.
+#[must_use]
+pub fn regions(scene: &Scene) -> Vec<Region> {
+    let range = |range: crate::scene::Range| [range.min, range.max];
+    let region = |snow: &crate::scene::SceneSnow| {
+        [
+            range(snow.facetness),
+            range(snow.grain_size_um),
+            range(snow.density_kg_m3),
+            range(scene.thickness_cm),
+            range(scene.angle_deg),
+        ]
+    };
+    scene.snow.iter().map(region).collect()
+}
+
+/// The grid whose laws, wavelengths and model the scene's snow has; its axes hold
+/// nothing.
+#[must_use]
+pub fn grid(scene: &Scene) -> Grid {
+    Grid {
+        axes: Axes {
+            facetness: Vec::new(),
+            grain_size_um: Vec::new(),
+            density_kg_m3: Vec::new(),
+            thickness_cm: Vec::new(),
+            angle_deg: Vec::new(),
+        },
+        spread: scene.spread,
+        wavelengths_nm: scene.wavelengths_nm.clone(),
+        fixed: scene.fixed.clone(),
+        run: Run {
+            engine: Engine::Doubling,
+            seed: scene.seed,
+            rays: rays(scene),
+            max_error: MaxError::usual(&scene.wavelengths_nm),
+        },
+        compression: compression(scene, COMPRESSION),
+    }
+}
+
+/// Walks of the scene's simulations: their noise is to be a small part of the bound.
+fn rays(scene: &Scene) -> u64 {
+    let [usual, least, most] = RAYS;
+    let rays = usual * (0.5 / scene.max_delta_e).powi(2);
+    (rays.clamp(least, most) as u64).next_power_of_two()
+}
+
+fn compression(scene: &Scene, share: f64) -> Compression {
+    Compression {
+        max_delta_e: share * scene.max_delta_e,
+        max_rmse: None,
+        viewing: scene.viewing.clone(),
+    }
+}
+
+/// Fits a database to `scene`; `text` is the scene as TOML, which the file
+/// keeps. `points` random points certify it; `say` is told what is being done.
+///
+/// Depends on the scene and `points` alone, unless the scene has a time budget that
+/// runs out: then refinement stops early.
+///
+/// # Errors
+/// See [`FitError`].
+pub fn fit(
+    scene: &Scene,
+    text: &str,
+    points: usize,
+    control: &Control,
+    say: &dyn Fn(&str),
+) -> Result<Fitted, FitError> {
+    let begin = Instant::now();
+    let colour = Colorimeter::viewing(&scene.wavelengths_nm, &scene.viewing)?;
+    let colour = colour.ok_or(FitError::NoColour)?;
+    let (grid, regions) = (grid(scene), regions(scene));
+    say("simulating candidates");
+    let rays = rays(scene);
+    let training = Training::new(scene, &grid, &regions, &colour, rays, control)?;
+    let in_time = || {
+        let most = scene.max_seconds.unwrap_or(f64::INFINITY);
+        begin.elapsed().as_secs_f64() < 0.5 * most
+    };
+    let mut best: Option<(f64, Fitted)> = None;
+    for share in SHARES {
+        let bound = share * scene.max_delta_e;
+        let (nodes, _) = nodes::choose(&training, bound, &|nodes, judgement| {
+            if control.cancel.load(std::sync::atomic::Ordering::Relaxed) {
+                return Err(CertificateError::Cancelled.into());
+            }
+            let curves: usize = nodes.iter().map(Vec::len).product();
+            say(&format!("{curves} nodes, Delta-E {:.3}", judgement.max));
+            Ok(in_time())
+        })?;
+        say("compressing");
+        let made = Made::new(scene, text, &training, &nodes, &colour)?;
+        say("certifying");
+        let exact = training.exact(&nodes);
+        let certificate = Subject {
+            grid: &grid,
+            regions: &regions,
+            file: &made.database,
+            exact: &exact,
+            colour: Some(&colour),
+            points,
+            rays: FRESH * rays,
+            seed: scene.seed,
+        }
+        .certify(control)?;
+        let reached = largest(&certificate);
+        let fitted = made.certified(scene, text, &training, certificate)?;
+        if reached < CERTIFIED * scene.max_delta_e {
+            let bytes = fitted.bytes.len();
+            return match scene.max_bytes {
+                Some(most) if bytes as u64 > most => Err(FitError::Bytes {
+                    bound: scene.max_delta_e,
+                    bytes,
+                    most,
+                }),
+                _ => Ok(fitted),
+            };
+        }
+        if best.as_ref().is_none_or(|(least, _)| reached < *least) {
+            best = Some((reached, fitted));
+        }
+        if !in_time() {
+            break;
+        }
+    }
+    let worst = best.and_then(|(reached, fitted)| {
+        let chains = fitted.certificate.quantities.into_values();
+        let worst = chains.filter_map(|chain| chain.worst.into_iter().next());
+        let worst = worst.max_by(|a, b| a.delta_e.unwrap_or(0.0).total_cmp(&b.delta_e.unwrap_or(0.0)));
+        worst.map(|worst| (reached, worst.at))
+    });
+    let (reached, at) = worst.unwrap_or((f64::NAN, String::new()));
+    Err(FitError::Bound {
+        bound: scene.max_delta_e,
+        reached,
+        at,
+    })
+}
+
+/// The largest colour difference that a certificate found.
+#[must_use]
+pub fn largest(certificate: &Certificate) -> f64 {
+    let chains = certificate.quantities.values();
+    let largest = chains.filter_map(|chain| Some(chain.total.delta_e?.max));
+    largest.fold(0.0, f64::max)
+}
+
+/// A database not yet certified.
+struct Made {
+    axes: Axes,
+    compressed: Vec<(Quantity, Compressed)>,
+    database: Database,
+}
+
+impl Made {
+    fn new(
+        scene: &Scene,
+        text: &str,
+        training: &Training,
+        nodes: &Nodes,
+        colour: &Colorimeter,
+    ) -> Result<Self, FitError> {
+        let variant = Variant {
+            basis: Basis::Log,
+            precision: Precision::Quantised,
+        };
+        let mut compressed = Vec::new();
+        for &quantity in &scene.quantities {
+            let curves = training.curves_of(nodes, quantity);
+            let choice = Choice::Bounds(compression(scene, COMPRESSION));
+            let mut one = compress(curves.view(), quantity, Some(colour), choice, variant)?;
+            // the errors of other numbers of components are of no use to a scene
+            one.table.rows.retain(|row| Some(row.components) == one.table.chosen);
+            compressed.push((quantity, one));
+        }
+        let axes = training.axes_of(nodes);
+        let bytes = bytes(scene, text, &axes, &compressed, None)?;
+        Ok(Self {
+            database: Database::from_bytes(&bytes)?,
+            axes,
+            compressed,
+        })
+    }
+
+    fn certified(
+        self,
+        scene: &Scene,
+        text: &str,
+        training: &Training,
+        certificate: Certificate,
+    ) -> Result<Fitted, FitError> {
+        let bytes = bytes(scene, text, &self.axes, &self.compressed, Some(&certificate))?;
+        Ok(Fitted {
+            database: Database::from_bytes(&bytes)?,
+            bytes,
+            axes: self.axes,
+            candidates: training.axes.each_ref().map(Vec::len),
+            compressed: self.compressed,
+            certificate,
+        })
+    }
+}
+
+/// The compact file.
+fn bytes(
+    scene: &Scene,
+    text: &str,
+    axes: &Axes,
+    compressed: &[(Quantity, Compressed)],
+    certificate: Option<&Certificate>,
+) -> Result<Vec<u8>, FitError> {
+    let of = |quantity| compressed.iter().find(|(q, _)| *q == quantity).map(|(_, c)| c);
+    let mut extra = BTreeMap::from([(SCENE.to_owned(), text.to_owned())]);
+    if let Some(certificate) = certificate {
+        let json = serde_json::to_string(certificate).map_err(CompactError::Header)?;
+        extra.insert(CERTIFICATE.to_owned(), json);
+    }
+    let provenance = json!({
+        "software": concat!("splitsnow ", env!("CARGO_PKG_VERSION")),
+        "engine": Engine::Doubling.name(),
+        "seed": scene.seed,
+        "rays": rays(scene),
+    });
+    let file = CompactFile {
+        axes,
+        wavelengths_nm: &scene.wavelengths_nm,
+        transmittance: of(Quantity::Transmittance),
+        reflectance: of(Quantity::Reflectance),
+        provenance: &provenance.to_string(),
+        extra: &extra,
+    };
+    Ok(file.to_bytes()?)
+}

@@ -1,0 +1,139 @@
+//! The compact file's answers anywhere against fresh simulations.
+use super::{Check, Figure, Options, Subject, VerifyError, compact};
+use crate::certificate::{self, Certificate, Region};
+use crate::colour::Colorimeter;
+use crate::config;
+use crate::engine::Control;
+use crate::fit;
+use crate::lookup::Database;
+use crate::measurement::Quantity;
+
+/// Walks of a fresh simulation: its noise is a third of that of a database of
+/// configs/thesis.toml.
+const RAYS: u64 = 1 << 19;
+/// Away from the seeds of those who made the file.
+const APART: u64 = 1 << 32;
+
+/// The box of the file's axes.
+fn region(database: &Database) -> Region {
+    let ends = |axis: &Vec<f32>| {
+        let ends = [axis.first(), axis.last()];
+        ends.map(|end| end.map_or(0.0, |v| v.to_string().parse().unwrap_or(f64::from(*v))))
+    };
+    database.axes().each_ref().map(ends)
+}
+
+fn subject<'a>(
+    subject: &'a Subject<'_>,
+    regions: &'a [Region],
+    file: &'a Database,
+    exact: &'a Database,
+) -> certificate::Subject<'a> {
+    certificate::Subject {
+        grid: subject.grid,
+        regions,
+        file,
+        exact,
+        colour: subject.colour.as_ref(),
+        points: subject.options.points,
+        rays: RAYS,
+        seed: subject.options.seed.wrapping_add(APART),
+    }
+}
+
+pub(super) fn walks(of: &Subject<'_>, file: &Database) -> Result<u64, VerifyError> {
+    let regions = [region(file)];
+    Ok(subject(of, &regions, file, file).walks()?)
+}
+
+/// Certifies the file of a database. What it states of its compression must hold
+/// off the nodes too.
+pub(super) fn check(
+    of: &Subject<'_>,
+    file: &Database,
+    control: &Control<'_>,
+) -> Result<(Check, Certificate), VerifyError> {
+    let [t, _] = of.curves(Quantity::Transmittance)?;
+    let [r, _] = of.curves(Quantity::Reflectance)?;
+    let exact = Database::from_curves(
+        of.store.axes(),
+        of.store.wavelengths_nm(),
+        Some(&t),
+        Some(&r),
+    );
+    let regions = [region(file)];
+    let certificate = subject(of, &regions, file, &exact).certify(control)?;
+    let mut check = named(&certificate);
+    for quantity in Quantity::ALL {
+        let Some(chain) = certificate.quantities.get(quantity.name()) else {
+            continue;
+        };
+        let bound = compact::stated(file, quantity).and_then(|bounds| bounds.max_delta_e);
+        let measures = [
+            ("Delta-E", chain.total.delta_e, None),
+            ("Delta-E of compression", chain.compression.delta_e, bound),
+        ];
+        for (measure, summary, bound) in measures {
+            let Some(summary) = summary else { continue };
+            check.figures.push(Figure {
+                quantity,
+                measure,
+                value: summary.max,
+                bound,
+                at: String::new(),
+            });
+        }
+    }
+    Ok((check, certificate))
+}
+
+/// Proves the file of a scene anew, at other points: its bound must hold.
+///
+/// # Errors
+/// It was not fitted to a scene that this version reads, or a simulation fails.
+pub fn fitted(
+    file: &Database,
+    options: Options,
+    control: &Control<'_>,
+) -> Result<(super::Report, Certificate), VerifyError> {
+    let text = file.metadata().get(fit::SCENE).map_or("", String::as_str);
+    let scene = config::scene::parse("the scene in the file", text)?.scene;
+    let (grid, regions) = (fit::grid(&scene), fit::regions(&scene));
+    let colour = Colorimeter::viewing(&scene.wavelengths_nm, &scene.viewing)?;
+    let certificate = certificate::Subject {
+        grid: &grid,
+        regions: &regions,
+        file,
+        exact: file,
+        colour: colour.as_ref(),
+        points: options.points,
+        rays: RAYS.max(fit::FRESH * grid.run.rays),
+        seed: options.seed.wrapping_add(APART),
+    }
+    .certify(control)?;
+    let mut check = named(&certificate);
+    for &quantity in &scene.quantities {
+        let chain = certificate.quantities.get(quantity.name());
+        let Some(total) = chain.and_then(|chain| chain.total.delta_e) else {
+            let problem = format!("it holds no {}, which its scene asks for", quantity.name());
+            check.problems.push(problem);
+            continue;
+        };
+        check.figures.push(Figure {
+            quantity,
+            measure: "Delta-E",
+            value: total.max,
+            bound: Some(scene.max_delta_e),
+            at: String::new(),
+        });
+    }
+    let checks = vec![check];
+    Ok((super::Report { checks }, certificate))
+}
+
+fn named(certificate: &Certificate) -> Check {
+    let mut check = Check::new("answers of the compact file against fresh simulations");
+    let lines = certificate.to_string();
+    check.notes.extend(lines.lines().map(str::to_owned));
+    check
+}
