@@ -17,7 +17,7 @@
 //! | [`slab`] | transport between points in homogeneous slabs, solved by discrete ordinates |
 //! | [`measurement`] | directional-hemispherical reflectance and transmittance with standard errors |
 //! | [`engine`] | schedulers of the same physics: `reference`, `spectral` |
-//! | [`grid`], [`config`] | the axes of a database; sample and grid files |
+//! | [`grid`], [`scene`], [`config`] | the axes of a database; what a renderer asks for; sample, grid and scene files |
 //! | [`store`], [`batch`] | the Zarr store that is checkpoint and result; the job runner |
 //! | [`compress`], [`lookup`] | SVD and the compact file; reading it |
 //! | [`verify`] | re-checking a finished database |
@@ -38,6 +38,7 @@ pub mod measurement;
 pub mod optics;
 pub mod report;
 pub mod rng;
+pub mod scene;
 pub mod slab;
 pub mod spectrum;
 pub mod store;

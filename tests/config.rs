@@ -8,10 +8,13 @@ mod config_errors;
 use std::fmt::Write;
 use std::path::{Path, PathBuf};
 
-use config_errors::{GRID, GRID_ERRORS, SAMPLE, SAMPLE_ERRORS};
+use config_errors::{GRID, GRID_ERRORS, SAMPLE, SAMPLE_ERRORS, SCENE, SCENE_ERRORS};
 use proptest::prelude::*;
-use splitsnow::config::{grid, sample, schema};
+use splitsnow::colour::{ColourDifference, Illuminant, Viewing};
+use splitsnow::config::{grid, sample, scene, schema};
+use splitsnow::measurement::Quantity;
 use splitsnow::optics::ice_density_kg_m3;
+use splitsnow::scene::Range;
 use splitsnow::transport::Illumination;
 
 fn root() -> &'static Path {
@@ -61,6 +64,81 @@ fn refused_samples_say_why() {
 fn refused_grids_say_why() {
     let text = refusals(GRID, GRID_ERRORS, |text| grid::parse("g.toml", text));
     golden("tests/config_errors/grid.txt", &text);
+}
+
+#[test]
+fn refused_scenes_say_why() {
+    let text = refusals(SCENE, SCENE_ERRORS, |text| scene::parse("s.toml", text));
+    golden("tests/config_errors/scene.txt", &text);
+}
+
+#[test]
+fn scenes_are_read_as_they_are_written() {
+    let file = scene::parse("scenes/mine.toml", SCENE).unwrap();
+    assert_eq!((file.name.as_str(), file.text.as_str()), ("mine", SCENE));
+    assert_eq!(file.warnings, Vec::<String>::new());
+    let read = file.scene;
+    let range = |min, max| Range { min, max };
+    assert_eq!(read.thickness_cm, range(1.0, 50.0));
+    assert_eq!(read.angle_deg, range(0.0, 89.0));
+    let [snow] = read.snow[..] else {
+        panic!("{:?}", read.snow)
+    };
+    assert_eq!(snow.facetness, range(0.1, 0.9));
+    assert_eq!(snow.grain_size_um, range(300.0, 300.0));
+    assert_eq!(snow.density_kg_m3, range(200.0, 400.0));
+    assert_eq!(read.quantities, [Quantity::Transmittance]);
+    assert_eq!((read.max_delta_e, read.seed), (0.5, 1));
+    assert_eq!(
+        (read.max_bytes, read.max_seconds),
+        (Some(10_000), Some(20.0))
+    );
+    assert_eq!(
+        (read.wavelengths_nm.len(), read.wavelengths_nm[30]),
+        (31, 700.0)
+    );
+    // What a grid file with the same keys has.
+    let grid = grid::parse("g.toml", GRID).unwrap().grid;
+    assert_eq!((read.spread, read.fixed), (grid.spread, grid.fixed));
+
+    let short = "\
+version = 1
+scene = { max_delta_e = 1, thickness_cm = 5, angle_deg = 0.5 }
+wavelengths.values_nm = [450, 550, 650]
+fixed.water_fraction = 0.05
+snow = [
+    { facetness = 0.3, grain_size_um = 300, density_kg_m3 = 300 },
+    { facetness = 0, grain_size_um = 90, density_kg_m3 = 300 },
+]
+";
+    let file = scene::parse("s.toml", short).unwrap();
+    assert_eq!(
+        file.warnings,
+        [
+            "s.toml:7: `snow[1].grain_size_um` = 90 makes grains down to 40 um; ordinary are 50 to 3000 um"
+        ]
+    );
+    let read = file.scene;
+    assert_eq!(
+        (read.thickness_cm, read.angle_deg),
+        (range(5.0, 5.0), range(0.5, 0.5))
+    );
+    assert_eq!(read.quantities, Quantity::ALL);
+    assert_eq!(read.viewing, Viewing::default());
+    assert_eq!(
+        (read.max_bytes, read.max_seconds, read.snow.len()),
+        (None, None, 2)
+    );
+    assert!(read.fixed.water_saturation > 0.05);
+    let lights = "illuminants = [\"LED-B5\", \"E\"], delta_e = \"cie2000\", max_delta_e";
+    let read = scene::parse("s.toml", &short.replace("max_delta_e", lights));
+    assert_eq!(
+        read.unwrap().scene.viewing,
+        Viewing {
+            illuminants: vec![Illuminant::LedB5, Illuminant::E],
+            difference: ColourDifference::Cie2000,
+        }
+    );
 }
 
 #[test]
@@ -119,6 +197,7 @@ fn unreadable_files_are_refused() {
 fn schemas_are_current() {
     golden("schema/sample.schema.json", &schema::sample());
     golden("schema/grid.schema.json", &schema::grid());
+    golden("schema/scene.schema.json", &schema::scene());
 }
 
 #[test]
@@ -146,7 +225,13 @@ fn committed_configs_are_accepted_and_name_their_schema() {
     };
     let (grids, mut samples) = (files("configs"), files("configs/samples"));
     samples.extend(files("configs/tradeoff"));
-    assert!(grids.len() >= 2 && samples.len() >= 6);
+    let scenes = files("configs/scenes");
+    assert!(grids.len() >= 2 && samples.len() >= 6 && scenes.len() >= 4);
+    for path in &scenes {
+        names_schema(path);
+        let file = scene::read(path).unwrap_or_else(|e| panic!("{e}"));
+        assert_eq!(file.warnings, Vec::<String>::new());
+    }
     for path in &grids {
         names_schema(path);
         let file = grid::read(path).unwrap_or_else(|e| panic!("{e}"));
@@ -173,6 +258,32 @@ fn the_thesis_database_is_that_of_the_thesis() {
     assert_eq!(curves, 24_750);
     assert_eq!(file.grid.wavelengths_nm.len(), 31);
     assert_eq!(file.name, "thesis");
+}
+
+/// The scene of that name asks for the box of the thesis.
+#[test]
+fn the_thesis_scene_is_the_box_of_the_thesis_database() {
+    let axes = grid::read(&root().join("configs/thesis.toml"))
+        .unwrap()
+        .grid
+        .axes;
+    let scene = scene::read(&root().join("configs/scenes/thesis.toml"))
+        .unwrap()
+        .scene;
+    let [snow] = scene.snow[..] else {
+        panic!("{:?}", scene.snow)
+    };
+    let ranges = [
+        snow.facetness,
+        snow.grain_size_um,
+        snow.density_kg_m3,
+        scene.thickness_cm,
+        scene.angle_deg,
+    ];
+    for ((name, values), range) in axes.named().into_iter().zip(ranges) {
+        let ends = (values[0], values[values.len() - 1]);
+        assert_eq!((range.min, range.max), ends, "{name}");
+    }
 }
 
 #[test]
@@ -374,11 +485,11 @@ proptest! {
     #[test]
     fn shuffled_files_never_panic(
         cuts in prop::collection::vec((any::<prop::sample::Index>(), any::<prop::sample::Index>()), 1..12),
-        grid_kind in any::<bool>(),
+        good in prop::sample::select(vec![GRID, SAMPLE, SCENE]),
     ) {
         const PIECES: [&str; 16] = ["nan", "-inf", "1e999", "-0.0", "[", "]", "{", "}", "=", "\"", "\n",
             "[[layer]]\n", "[axes]\n", "0x7fffffffffffffffffff", "a.b.c = 1\n", "\u{feff}"];
-        let mut text = if grid_kind { GRID } else { SAMPLE }.to_owned();
+        let mut text = good.to_owned();
         for (piece, at) in cuts {
             let at = at.index(text.len() + 1);
             if text.is_char_boundary(at) {
@@ -386,5 +497,6 @@ proptest! {
             }
         }
         let _ = (sample::parse("s.toml", &text), grid::parse("g.toml", &text));
+        let _ = scene::parse("s.toml", &text);
     }
 }

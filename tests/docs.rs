@@ -66,7 +66,11 @@ fn allowed(node: &Value) -> String {
     let mut found = bounds
         .iter()
         .filter_map(|(keyword, bracket)| Some((number(node[keyword].as_f64()?), bracket)));
-    match (node["type"].as_str(), found.next(), found.next()) {
+    let kind = match &node["properties"]["min"]["type"] {
+        Value::Null => &node["type"],
+        number => number,
+    };
+    match (kind.as_str(), found.next(), found.next()) {
         (Some("boolean"), ..) => "true, false".to_owned(),
         (kind, Some((low, open)), Some((high, close))) => {
             let range = if low == high {
@@ -86,7 +90,7 @@ fn allowed(node: &Value) -> String {
 
 fn literal(value: &Value) -> String {
     match value {
-        Value::String(text) => format!("`\"{text}\"`"),
+        Value::String(_) | Value::Array(_) => format!("`{value}`"),
         value => value.as_f64().map_or_else(|| value.to_string(), number),
     }
 }
@@ -104,7 +108,11 @@ fn tables_of_keys_are_current() {
     let path = Path::new(env!("CARGO_MANIFEST_DIR")).join("docs/formats.md");
     let before = std::fs::read_to_string(&path).unwrap();
     let mut after = before.clone();
-    for (name, schema) in [("sample", schema::sample()), ("grid", schema::grid())] {
+    for (name, schema) in [
+        ("sample", schema::sample()),
+        ("grid", schema::grid()),
+        ("scene", schema::scene()),
+    ] {
         let schema: Value = serde_json::from_str(&schema).unwrap();
         let mut table = "| key | allowed | default | meaning |\n|---|---|---|---|\n".to_owned();
         rows(&mut table, &schema, "");

@@ -3,8 +3,8 @@
 //!
 //! Only the keywords that decide by themselves are read: `type`, `enum`, limits
 //! of numbers and lists, `properties` and `required`.
-//! What a schema cannot say well is checked in [`super::sample`] and
-//! [`super::grid`].
+//! What a schema cannot say well is checked in [`super::sample`],
+//! [`super::grid`] and [`super::scene`].
 use serde_json::Value;
 use toml::Spanned;
 use toml::de::{DeTable, DeValue};
@@ -189,6 +189,8 @@ fn expected(schema: &Value, path: &str, types: &[&str]) -> String {
             format!("a list of tables: write [[{header}]]")
         }
         "array" => "a list in [ ]".to_owned(),
+        // Beside a number only ranges are tables.
+        "object" if types.len() > 1 => "a range { min, max }".to_owned(),
         _ => "a table".to_owned(),
     };
     types.iter().map(name).collect::<Vec<_>>().join(" or ")

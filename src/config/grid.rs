@@ -3,17 +3,14 @@ use std::path::Path;
 
 use crate::colour::Viewing;
 use crate::engine::{Engine, MaxError};
-use crate::grid::{Axes, Compression, Fixed, Grid, Run, Spread};
-use crate::optics::ice_density_kg_m3;
+use crate::grid::{Axes, Compression, Grid, Run, Spread};
 
 use super::document::{Document, read_text};
 use super::error::{ConfigError, Problem};
-use super::keys::{AxesKeys, FixedKeys, GridKeys, RunKeys, SIZE_UM};
-use super::shared::{
-    choose, clean, covered, exclusive, increasing, law, model, remark, saturation_from_fraction,
-    viewing, wavelengths,
-};
-use super::{MIN_GRAIN_LENGTHS, directory_of, schema};
+use super::keys::{AxesKeys, GridKeys, RunKeys};
+use super::shared::{choose, covered, increasing, model, viewing, wavelengths};
+use super::snow::{biggest_grain, fixed, remark_axis, remark_small, spread, thick_enough};
+use super::{directory_of, schema};
 
 /// Most values (curves times wavelengths) of one database: 8 GB per quantity.
 const MAX_VALUES: u64 = 1_000_000_000;
@@ -51,15 +48,11 @@ pub fn read(path: &Path) -> Result<GridFile, ConfigError> {
 pub fn parse(name: &str, text: &str) -> Result<GridFile, ConfigError> {
     let (document, keys) = Document::read::<GridKeys>(name, text, &schema::GRID)?;
     let mut warnings = Vec::new();
-    let spread = Spread {
-        facetness_half_width: keys.spread.facetness_half_width,
-        facetness_sd: keys.spread.facetness_sd,
-        grain_size_half_width_um: keys.spread.grain_size_half_width_um,
-    };
+    let spread = spread(&keys.spread);
     let axes = axes(&document, keys.axes, &spread, &mut warnings)?;
     let wavelengths_nm = wavelengths(&document, &keys.wavelengths, &mut warnings)?;
     let model = model(&document, &keys.model, directory_of(name))?;
-    let fixed = fixed(&document, &keys.fixed, model, &axes)?;
+    let fixed = fixed(&document, &keys.fixed, model, &axes.density_kg_m3)?;
     covered(
         &document,
         &fixed.model,
@@ -112,36 +105,21 @@ fn axes(
         increasing(document, &format!("axes.{key}"), values)?;
     }
     let half_width = spread.grain_size_half_width_um;
-    let (least, most) = SIZE_UM;
     let mut biggest = 0.0;
-    for (i, mean) in axes.grain_size_um.iter().enumerate() {
+    for (i, &mean) in axes.grain_size_um.iter().enumerate() {
         let key = format!("axes.grain_size_um[{i}]");
-        let (min, max) = (mean - half_width, mean + half_width);
-        if !(least <= min && max <= most) {
-            let problem = Problem::Contradiction(format!(
-                "makes grains of {min} to {max} um with spread.grain_size_half_width_um = {half_width}: allowed {least} to {most}"
-            ));
-            return Err(document.error(&key, problem, "move the size or narrow the spread"));
+        biggest = biggest_grain(document, &key, mean, half_width)?;
+        if i == 0 {
+            remark_small(document, warnings, &key, mean, half_width);
         }
-        if i == 0 && min < 50.0 {
-            let remark = format!("makes grains down to {min} um; ordinary are 50 to 3000 um");
-            warnings.push(document.warning(&key, remark));
-        }
-        biggest = max;
     }
-    let least_cm = MIN_GRAIN_LENGTHS * biggest * 1e-4;
     for (i, &thickness) in axes.thickness_cm.iter().enumerate() {
         let key = format!("axes.thickness_cm[{i}]");
-        if thickness < least_cm {
-            let problem = Problem::OutOfRange(format!(
-                "{least_cm} to 1000 cm with grains up to {biggest} um, of which {MIN_GRAIN_LENGTHS} lengths must fit"
-            ));
-            return Err(document.error(&key, problem, "take thicker slabs or smaller grains"));
-        }
+        thick_enough(document, &key, thickness, biggest)?;
     }
-    for (key, values, ordinary, unit) in [
-        ("thickness_cm", &axes.thickness_cm, (1.0, 100.0), "cm"),
-        ("density_kg_m3", &axes.density_kg_m3, (50.0, 450.0), "kg/m3"),
+    for (axis, values) in [
+        ("thickness_cm", &axes.thickness_cm),
+        ("density_kg_m3", &axes.density_kg_m3),
     ] {
         // The ends say it all: a long axis shall not bring as many remarks.
         let last = values.len().saturating_sub(1);
@@ -150,53 +128,16 @@ fn axes(
             .enumerate()
             .filter(|&(i, _)| i == 0 || i == last)
         {
-            remark(
+            remark_axis(
                 document,
                 warnings,
-                &format!("axes.{key}[{i}]"),
+                axis,
+                &format!("axes.{axis}[{i}]"),
                 value,
-                ordinary,
-                unit,
             );
         }
     }
     Ok(axes)
-}
-
-fn fixed(
-    document: &Document,
-    keys: &FixedKeys,
-    model: crate::transport::Model,
-    axes: &Axes,
-) -> Result<Fixed, ConfigError> {
-    let s = &keys.sphericity;
-    clean(
-        document,
-        "fixed",
-        keys.black_carbon.as_ref(),
-        keys.brown_carbon.as_ref(),
-    )?;
-    exclusive(document, "fixed.water_saturation", "fixed.water_fraction")?;
-    let water_saturation = match (keys.water_fraction, axes.density_kg_m3.as_slice()) {
-        (None, _) => keys.water_saturation.unwrap_or(0.0),
-        (Some(0.0), _) => 0.0,
-        (Some(fraction), &[density]) => {
-            let ice = ice_density_kg_m3(keys.temperature_c);
-            saturation_from_fraction(document, "fixed", fraction, density, ice)?
-        }
-        // One fraction of the volume is another saturation at each density.
-        (Some(_), _) => {
-            let problem = Problem::Unsupported("one water saturation for all densities");
-            let help = "give water_saturation, or a single density";
-            return Err(document.error("fixed.water_fraction", problem, help));
-        }
-    };
-    Ok(Fixed {
-        sphericity: law(document, "fixed.sphericity", (s.min, s.max, s.mean, s.sd))?,
-        temperature_c: keys.temperature_c,
-        water_saturation,
-        model,
-    })
 }
 
 /// Refuses databases nobody could compute or store.

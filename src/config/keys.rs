@@ -1,9 +1,9 @@
-//! The keys of the two config files, their types, limits and meanings: the one
+//! The keys of sample and grid files, their types, limits and meanings: the one
 //! place from which the schema, the check and the help texts come. Comments of
 //! the fields are those texts.
 //!
 //! Limits that involve two keys, or depend on tables, are in [`super::sample`],
-//! [`super::grid`] and [`super::shared`].
+//! [`super::grid`], [`super::shared`] and [`super::snow`].
 use schemars::{JsonSchema, json_schema};
 use serde::Deserialize;
 
@@ -18,6 +18,9 @@ pub(super) const MAX_WAVELENGTHS: u64 = 2151;
 pub(super) const DENSITY_KG_M3: (f64, f64) = (50.0, 550.0);
 /// Limits of the water saturation of the pore space.
 pub(super) const SATURATION: (f64, f64) = (0.0, 0.5);
+/// Largest whole number of a config: above this a JSON reader that keeps numbers
+/// as doubles would lose digits.
+pub(super) const MAX_INTEGER: u64 = 9_007_199_254_740_991;
 /// Limits of the grain size, um.
 pub(super) const SIZE_UM: (f64, f64) = (10.0, 3000.0);
 
@@ -344,7 +347,11 @@ fn below_90(schema: &mut schemars::Schema) {
     limit_items(schema, "exclusiveMaximum", 90.0);
 }
 
-fn limit_items(schema: &mut schemars::Schema, keyword: &str, limit: impl Into<serde_json::Value>) {
+pub(super) fn limit_items(
+    schema: &mut schemars::Schema,
+    keyword: &str,
+    limit: impl Into<serde_json::Value>,
+) {
     if let Some(items) = schema.get_mut("items").and_then(|i| i.as_object_mut()) {
         items.insert(keyword.to_owned(), limit.into());
     }
@@ -417,8 +424,7 @@ pub(super) struct RunKeys {
     #[serde(default = "default_engine")]
     pub(super) engine: String,
     /// Seed of the random streams.
-    // Above this a JSON reader that keeps numbers as doubles would lose digits.
-    #[schemars(range(min = 0, max = 9_007_199_254_740_991_u64))]
+    #[schemars(range(min = 0, max = MAX_INTEGER))]
     #[serde(default = "default_seed")]
     pub(super) seed: u64,
     /// Walks per curve: at each wavelength in `reference`, at each index node
@@ -485,11 +491,11 @@ impl Default for CompressionKeys {
     }
 }
 
-fn illuminant_names(schema: &mut schemars::Schema) {
+pub(super) fn illuminant_names(schema: &mut schemars::Schema) {
     limit_items(schema, "enum", Illuminant::ALL.map(Illuminant::name));
 }
 
-fn default_illuminants() -> Vec<String> {
+pub(super) fn default_illuminants() -> Vec<String> {
     let names = Viewing::default()
         .illuminants
         .into_iter()
@@ -497,7 +503,7 @@ fn default_illuminants() -> Vec<String> {
     names.collect()
 }
 
-fn default_delta_e() -> String {
+pub(super) fn default_delta_e() -> String {
     Viewing::default().difference.name().to_owned()
 }
 
@@ -509,6 +515,6 @@ fn default_engine() -> String {
     Engine::Auto.name().to_owned()
 }
 
-fn default_seed() -> u64 {
+pub(super) fn default_seed() -> u64 {
     1
 }

@@ -1,10 +1,11 @@
 //! Config files: strict TOML, refused with file, line, key, value and what is
 //! allowed.
 //!
-//! The private module `keys` lists every key with its type, limits and meaning;
+//! The private modules `keys` and `scene_keys` list every key with its type, limits and meaning;
 //! the JSON Schemas are generated from it, and each document is checked against
 //! its schema before it is read, so that an editor and the program refuse the
-//! same. Limits that involve several keys follow in [`sample`] and [`grid`]. Keys of the file
+//! same. Limits that involve several keys follow in [`sample`], [`grid`]
+//! and [`scene`]. Keys of the file
 //! format that this version cannot compute yet (several layers or grain types,
 //! carbon, a bright ground) are known and refused as such.
 //!
@@ -19,8 +20,11 @@ mod error;
 pub mod grid;
 mod keys;
 pub mod sample;
+pub mod scene;
+mod scene_keys;
 pub mod schema;
 mod shared;
+mod snow;
 pub mod water;
 
 pub use error::{ConfigError, Problem};

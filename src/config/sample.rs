@@ -11,9 +11,8 @@ use super::canonical::Writer;
 use super::document::{Document, read_text};
 use super::error::{ConfigError, Problem};
 use super::keys::{DENSITY_KG_M3, GrainKeys, LayerKeys, NumberOrPath, SampleKeys};
-use super::shared::{
-    clean, covered, exclusive, law, model, ordered, remark, saturation_from_fraction, wavelengths,
-};
+use super::shared::{covered, exclusive, law, model, ordered, wavelengths};
+use super::snow::{clean, remark, saturation_from_fraction};
 use super::{MIN_GRAIN_LENGTHS, directory_of, schema, water};
 
 /// A sample file, resolved: no defaults or alternatives are left.

@@ -1,4 +1,4 @@
-//! JSON Schemas (draft 2020-12) of the two file kinds, generated from
+//! JSON Schemas (draft 2020-12) of the three file kinds, generated from
 //! the list of keys and committed under `schema/`, from which editors complete
 //! and check.
 use std::sync::LazyLock;
@@ -8,9 +8,11 @@ use schemars::{JsonSchema, Schema, generate::SchemaSettings};
 use serde_json::Value;
 
 use super::keys::{GridKeys, SampleKeys};
+use super::scene_keys::SceneKeys;
 
 pub(super) static SAMPLE: LazyLock<Value> = LazyLock::new(of::<SampleKeys>);
 pub(super) static GRID: LazyLock<Value> = LazyLock::new(of::<GridKeys>);
+pub(super) static SCENE: LazyLock<Value> = LazyLock::new(of::<SceneKeys>);
 
 /// The schema of a sample file, as committed in `schema/sample.schema.json`.
 #[must_use]
@@ -23,6 +25,12 @@ pub fn sample() -> String {
 #[must_use]
 pub fn grid() -> String {
     format!("{:#}\n", *GRID)
+}
+
+/// The schema of a scene file, as committed in `schema/scene.schema.json`.
+#[must_use]
+pub fn scene() -> String {
+    format!("{:#}\n", *SCENE)
 }
 
 /// The schema of a set of keys, without references to follow.

@@ -1,5 +1,5 @@
-//! What sample and grid files have in common: wavelengths, grain laws, water,
-//! the choices within the model, and what this version cannot compute.
+//! What the kinds of file have in common: wavelengths, laws, named choices, and
+//! those within the model.
 use std::path::Path;
 
 use crate::colour::{ColourDifference, Illuminant, Viewing};
@@ -10,11 +10,7 @@ use crate::transport::Model;
 use super::check;
 use super::document::Document;
 use super::error::{ConfigError, Problem};
-use super::keys::{
-    CarbonKeys, ENTRIES, ICE_TABLES, MAX_WAVELENGTHS, ModelKeys, SATURATION, WATER_TABLES,
-    WavelengthKeys,
-};
-use super::water;
+use super::keys::{ENTRIES, ICE_TABLES, MAX_WAVELENGTHS, ModelKeys, WATER_TABLES, WavelengthKeys};
 
 /// Refuses two keys of which only one may be given.
 pub(super) fn exclusive(document: &Document, one: &str, other: &str) -> Result<(), ConfigError> {
@@ -145,26 +141,6 @@ pub(super) fn ordered(
     Err(document.error(&format!("{key}.min"), problem, "exchange the two"))
 }
 
-/// Saturation of the pore space from the key `table.water_fraction`.
-pub(super) fn saturation_from_fraction(
-    document: &Document,
-    table: &str,
-    fraction: f64,
-    density_kg_m3: f64,
-    ice_density_kg_m3: f64,
-) -> Result<f64, ConfigError> {
-    let saturation = water::saturation(fraction, density_kg_m3, ice_density_kg_m3);
-    if saturation <= SATURATION.1 {
-        return Ok(saturation);
-    }
-    let most = water::water_fraction(SATURATION.1, density_kg_m3, ice_density_kg_m3);
-    let problem = Problem::OutOfRange(format!(
-        "0 to {most:.4} at {density_kg_m3} kg/m3, where it fills half of the pore space"
-    ));
-    let help = "lower the water or the density";
-    Err(document.error(&format!("{table}.water_fraction"), problem, help))
-}
-
 /// The choices within the model; paths are relative to the file's directory.
 pub(super) fn model(
     document: &Document,
@@ -212,23 +188,38 @@ pub(super) fn viewing(
     illuminants: &[String],
     delta_e: &str,
 ) -> Result<Viewing, ConfigError> {
-    let named = Illuminant::ALL.map(|i| (i.name(), i));
-    let mut chosen = Vec::new();
-    for (i, name) in illuminants.iter().enumerate() {
-        let key = format!("{table}.illuminants[{i}]");
-        let illuminant = choose(document, &key, &named, name)?;
-        if chosen.contains(&illuminant) {
-            let problem = Problem::Contradiction("is named before".to_owned());
-            return Err(document.error(&key, problem, "name each illuminant once"));
-        }
-        chosen.push(illuminant);
-    }
-    let named = ColourDifference::ALL.map(|d| (d.name(), d));
-    let key = format!("{table}.delta_e");
+    let illuminants_named = Illuminant::ALL.map(|i| (i.name(), i));
+    let differences_named = ColourDifference::ALL.map(|d| (d.name(), d));
+    let illuminants_key = format!("{table}.illuminants");
     Ok(Viewing {
-        illuminants: chosen,
-        difference: choose(document, &key, &named, delta_e)?,
+        illuminants: choose_all(document, &illuminants_key, &illuminants_named, illuminants)?,
+        difference: choose(
+            document,
+            &format!("{table}.delta_e"),
+            &differences_named,
+            delta_e,
+        )?,
     })
+}
+
+/// The values that go by the names in a list, each once.
+pub(super) fn choose_all<T: Copy + PartialEq>(
+    document: &Document,
+    key: &str,
+    choices: &[(&str, T)],
+    given: &[String],
+) -> Result<Vec<T>, ConfigError> {
+    let mut chosen = Vec::new();
+    for (i, name) in given.iter().enumerate() {
+        let key = format!("{key}[{i}]");
+        let value = choose(document, &key, choices, name)?;
+        if chosen.contains(&value) {
+            let problem = Problem::Contradiction("is named before".to_owned());
+            return Err(document.error(&key, problem, "name each once"));
+        }
+        chosen.push(value);
+    }
+    Ok(chosen)
 }
 
 /// The value that goes by a name.
@@ -275,37 +266,4 @@ pub(super) fn covered(
         within("model.water", water.range_nm())?;
     }
     Ok(())
-}
-
-/// Refuses carbon, which this version cannot compute.
-pub(super) fn clean(
-    document: &Document,
-    table: &str,
-    black: Option<&CarbonKeys>,
-    brown: Option<&CarbonKeys>,
-) -> Result<(), ConfigError> {
-    for (name, carbon) in [("black_carbon", black), ("brown_carbon", brown)] {
-        if carbon.is_some_and(|c| c.concentration_ng_g != 0.0) {
-            let key = format!("{table}.{name}.concentration_ng_g");
-            let help = format!("leave [{name}] out, or set it to 0");
-            return Err(document.error(&key, Problem::Unsupported("clean snow"), help));
-        }
-    }
-    Ok(())
-}
-
-/// Remarks on values that are allowed but beyond the ordinary range of
-/// docs/methods.md.
-pub(super) fn remark(
-    document: &Document,
-    warnings: &mut Vec<String>,
-    key: &str,
-    value: f64,
-    (min, max): (f64, f64),
-    unit: &str,
-) {
-    if !(min..=max).contains(&value) {
-        let remark = format!("is outside the ordinary range {min} to {max} {unit}");
-        warnings.push(document.warning(key, remark));
-    }
 }

@@ -62,6 +62,34 @@ rays = 1000
 max_delta_e = 2.3
 ";
 
+/// A scene file that is accepted.
+pub(crate) const SCENE: &str = "\
+version = 1
+[scene]
+max_delta_e = 0.5
+quantities = [\"transmittance\"]
+illuminants = [\"D65\"]
+delta_e = \"cie1976\"
+max_bytes = 10000
+max_seconds = 20
+thickness_cm = { min = 1, max = 50 }
+angle_deg = { min = 0, max = 89 }
+[[snow]]
+facetness = { min = 0.1, max = 0.9 }
+grain_size_um = 300
+density_kg_m3 = { min = 200, max = 400 }
+[wavelengths]
+start_nm = 400
+stop_nm = 700
+step_nm = 10
+[spread]
+grain_size_half_width_um = 50
+[fixed]
+water_saturation = 0
+[run]
+seed = 1
+";
+
 /// What is replaced in [`SAMPLE`], and by what.
 #[rustfmt::skip]
 pub(crate) const SAMPLE_ERRORS: &[(&str, &str)] = &[
@@ -212,4 +240,53 @@ pub(crate) const GRID_ERRORS: &[(&str, &str)] = &[
     ("max_delta_e = 2.3", "illuminants = []"),
     ("max_delta_e = 2.3", "illuminants = \"D65\""),
     ("max_delta_e = 2.3", "delta_e = \"cie94\""),
+];
+
+/// What is replaced in [`SCENE`], and by what.
+#[rustfmt::skip]
+pub(crate) const SCENE_ERRORS: &[(&str, &str)] = &[
+    ("version = 1", "version = 2"),
+    ("[scene]\n", "[scenes]\n"),
+    ("max_delta_e = 0.5\n", ""),
+    ("max_delta_e = 0.5", "max_delta_e = 0"),
+    ("max_delta_e = 0.5", "max_deltae = 0.5"),
+    ("\"transmittance\"", "\"transmitance\""),
+    ("\"transmittance\"", "\"transmittance\", \"transmittance\""),
+    ("[\"transmittance\"]", "[]"),
+    ("\"D65\"", "\"D50\""),
+    ("\"cie1976\"", "\"cie1994\""),
+    ("max_bytes = 10000", "max_bytes = 0"),
+    ("max_bytes = 10000", "max_bytes = 1e4"),
+    ("max_seconds = 20", "max_seconds = 0"),
+    // Ranges.
+    ("thickness_cm = { min = 1, max = 50 }\n", ""),
+    ("{ min = 1, max = 50 }", "[1, 50]"),
+    ("{ min = 1, max = 50 }", "{ min = 1 }"),
+    ("{ min = 1, max = 50 }", "{ min = 1, max = 50, step = 1 }"),
+    ("{ min = 1, max = 50 }", "{ min = 1, max = \"50\" }"),
+    ("{ min = 1, max = 50 }", "{ min = 50, max = 1 }"),
+    ("{ min = 1, max = 50 }", "{ min = 0, max = 50 }"),
+    ("{ min = 1, max = 50 }", "{ min = 1, max = 1001 }"),
+    ("{ min = 1, max = 50 }", "0"),
+    ("{ min = 0, max = 89 }", "{ min = 0, max = 90 }"),
+    ("{ min = 0, max = 89 }", "nan"),
+    ("{ min = 0.1, max = 0.9 }", "{ min = -0.1, max = 0.9 }"),
+    ("{ min = 0.1, max = 0.9 }", "{ min = 0.1, max = inf }"),
+    ("{ min = 0.1, max = 0.9 }", "1.1"),
+    ("grain_size_um = 300", "grain_size_um = 5"),
+    ("{ min = 200, max = 400 }", "{ min = 200, max = 900 }"),
+    // Numbers that contradict each other.
+    ("grain_size_um = 300", "grain_size_um = { min = 55, max = 300 }"),
+    ("grain_size_um = 300", "grain_size_um = { min = 300, max = 2990 }"),
+    ("grain_size_um = 300", "grain_size_um = { min = 300, max = 1000 }"),
+    ("grain_size_half_width_um = 50", "grain_size_half_width_um = 299"),
+    ("[wavelengths]", "[[snow]]\nfacetness = 0.5\ngrain_size_um = 1000\ndensity_kg_m3 = 300\n[wavelengths]"),
+    ("[[snow]]", "[snow]"),
+    ("water_saturation = 0", "water_fraction = 0.1"),
+    ("water_saturation = 0", "water_saturation = 0\nwater_fraction = 0"),
+    ("water_saturation = 0", "black_carbon = { concentration_ng_g = 5 }"),
+    ("start_nm = 400\nstop_nm = 700", "start_nm = 800\nstop_nm = 1400"),
+    ("start_nm = 400\nstop_nm = 700\nstep_nm = 10", "values_nm = [500, 600]"),
+    ("seed = 1", "seed = -1"),
+    ("seed = 1", "rays = 1000"),
 ];

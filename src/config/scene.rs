@@ -1,0 +1,153 @@
+//! Scene files: which snow a renderer will ask for, and how good the answers
+//! must be.
+use std::path::Path;
+
+use crate::colour::Colorimeter;
+use crate::measurement::Quantity;
+use crate::scene::{Range, Scene, SceneSnow};
+
+use super::document::{Document, read_text};
+use super::error::{ConfigError, Problem};
+use super::scene_keys::{RangeKeys, SceneKeys};
+use super::shared::{choose_all, covered, model, ordered, viewing, wavelengths};
+use super::snow::{biggest_grain, fixed, remark_axis, remark_small, spread, thick_enough};
+use super::{directory_of, schema};
+
+/// A scene file, resolved: no defaults or alternatives are left.
+#[derive(Debug, Clone, PartialEq)]
+pub struct SceneFile {
+    /// The file's name without directory and extension.
+    pub name: String,
+    /// The scene it describes.
+    pub scene: Scene,
+    /// Values beyond the ordinary ranges of docs/methods.md, for the user to see.
+    pub warnings: Vec<String>,
+    /// The file as it was read.
+    pub text: String,
+}
+
+/// Reads a scene file.
+///
+/// # Errors
+/// [`ConfigError`] with file, line, key, value, and what is allowed.
+pub fn read(path: &Path) -> Result<SceneFile, ConfigError> {
+    parse(&path.display().to_string(), &read_text(path)?)
+}
+
+/// Reads the `text` of a scene file; `name` is its path, for messages, for the
+/// scene's name and for the paths in it.
+///
+/// # Errors
+/// As [`read`].
+pub fn parse(name: &str, text: &str) -> Result<SceneFile, ConfigError> {
+    let (document, keys) = Document::read::<SceneKeys>(name, text, &schema::SCENE)?;
+    let mut warnings = Vec::new();
+    let asked = &keys.scene;
+    let spread = spread(&keys.spread);
+    let half_width = spread.grain_size_half_width_um;
+
+    let mut snow = Vec::new();
+    let mut densities = Vec::new();
+    let mut biggest = 0.0_f64;
+    for (i, keys) in keys.snow.iter().enumerate() {
+        let facetness = Given::new(&document, format!("snow[{i}].facetness"), keys.facetness)?;
+        let size = Given::new(
+            &document,
+            format!("snow[{i}].grain_size_um"),
+            keys.grain_size_um,
+        )?;
+        let density = Given::new(
+            &document,
+            format!("snow[{i}].density_kg_m3"),
+            keys.density_kg_m3,
+        )?;
+        for (key, mean) in &size.ends {
+            biggest = biggest.max(biggest_grain(&document, key, *mean, half_width)?);
+            remark_small(&document, &mut warnings, key, *mean, half_width);
+        }
+        for (key, value) in &density.ends {
+            remark_axis(&document, &mut warnings, "density_kg_m3", key, *value);
+            densities.push(*value);
+        }
+        snow.push(SceneSnow {
+            facetness: facetness.range,
+            grain_size_um: size.range,
+            density_kg_m3: density.range,
+        });
+    }
+    let thickness = Given::new(&document, "scene.thickness_cm".into(), asked.thickness_cm)?;
+    for (key, value) in &thickness.ends {
+        thick_enough(&document, key, *value, biggest)?;
+        remark_axis(&document, &mut warnings, "thickness_cm", key, *value);
+    }
+    let angle = Given::new(&document, "scene.angle_deg".into(), asked.angle_deg)?;
+
+    let wavelengths_nm = wavelengths(&document, &keys.wavelengths, &mut warnings)?;
+    let viewing = viewing(&document, "scene", &asked.illuminants, &asked.delta_e)?;
+    if !matches!(Colorimeter::viewing(&wavelengths_nm, &viewing), Ok(Some(_))) {
+        let problem = Problem::Contradiction("have no colour, which max_delta_e is of".into());
+        let help = "take in 400 to 700 nm, for example start_nm = 400, stop_nm = 700, step_nm = 10";
+        return Err(document.error("wavelengths", problem, help));
+    }
+    let model = model(&document, &keys.model, directory_of(name))?;
+    densities.dedup();
+    let fixed = fixed(&document, &keys.fixed, model, &densities)?;
+    covered(
+        &document,
+        &fixed.model,
+        &wavelengths_nm,
+        fixed.water_saturation,
+    )?;
+    let quantities = Quantity::ALL.map(|quantity| (quantity.name(), quantity));
+    let stem = Path::new(name).file_stem();
+    Ok(SceneFile {
+        name: stem.map_or("scene".into(), |s| s.to_string_lossy().into_owned()),
+        scene: Scene {
+            max_delta_e: asked.max_delta_e,
+            quantities: choose_all(
+                &document,
+                "scene.quantities",
+                &quantities,
+                &asked.quantities,
+            )?,
+            viewing,
+            max_bytes: asked.max_bytes,
+            max_seconds: asked.max_seconds,
+            thickness_cm: thickness.range,
+            angle_deg: angle.range,
+            snow,
+            spread,
+            wavelengths_nm,
+            fixed,
+            seed: keys.run.seed,
+        },
+        warnings,
+        text: text.to_owned(),
+    })
+}
+
+/// A range, and the keys and values it was given by: one for a number, else two.
+struct Given {
+    range: Range,
+    ends: Vec<(String, f64)>,
+}
+
+impl Given {
+    fn new(document: &Document, key: String, keys: RangeKeys) -> Result<Self, ConfigError> {
+        let (range, ends) = match keys {
+            RangeKeys::Number(value) => {
+                let range = Range {
+                    min: value,
+                    max: value,
+                };
+                (range, vec![(key, value)])
+            }
+            RangeKeys::Range { min, max } => {
+                ordered(document, &key, min, max)?;
+                let ends = vec![(format!("{key}.min"), min), (format!("{key}.max"), max)];
+                (Range { min, max }, ends)
+            }
+        };
+        Ok(Self { range, ends })
+    }
+}

@@ -1,0 +1,164 @@
+//! The keys of scene files, as [`super::keys`] has those of the other kinds.
+use schemars::{JsonSchema, Schema, SchemaGenerator, json_schema};
+use serde::Deserialize;
+use serde_json::Value;
+
+use crate::colour::{ColourDifference, Illuminant};
+use crate::measurement::Quantity;
+
+use super::keys::{
+    DENSITY_KG_M3, FixedKeys, MAX_INTEGER, ModelKeys, SIZE_UM, SpreadKeys, WavelengthKeys,
+    default_delta_e, default_illuminants, default_seed, illuminant_names, limit_items,
+};
+
+/// What a scene asks of snow, and how good the answers must be.
+#[derive(Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields)]
+#[schemars(title = "SPLITSnow scene file")]
+pub(super) struct SceneKeys {
+    /// Version of the file format; this program reads 1.
+    #[schemars(range(min = 1, max = 1))]
+    #[serde(rename = "version")]
+    pub(super) _version: u32,
+    pub(super) scene: AskedKeys,
+    /// Snows of the scene, each at every thickness and angle.
+    #[schemars(length(min = 1, max = 100))]
+    pub(super) snow: Vec<SnowKeys>,
+    #[serde(default)]
+    pub(super) spread: SpreadKeys,
+    pub(super) wavelengths: WavelengthKeys,
+    #[serde(default)]
+    pub(super) fixed: FixedKeys,
+    #[serde(default)]
+    pub(super) model: ModelKeys,
+    #[serde(default)]
+    pub(super) run: SceneRunKeys,
+}
+
+/// What is asked for.
+#[derive(Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields)]
+pub(super) struct AskedKeys {
+    /// Largest colour difference Delta-E of the whole chain, against a fresh converged simulation.
+    #[schemars(range(max = 100.0), extend("exclusiveMinimum" = 0.0))]
+    pub(super) max_delta_e: f64,
+    /// Quantities asked for.
+    #[schemars(length(min = 1, max = Quantity::ALL.len()), extend("uniqueItems" = true),
+        transform = quantity_names)]
+    #[serde(default = "default_quantities")]
+    pub(super) quantities: Vec<String>,
+    /// Lights that colours are compared under; of several the worst case counts.
+    #[schemars(length(min = 1, max = Illuminant::ALL.len()), extend("uniqueItems" = true),
+        transform = illuminant_names)]
+    #[serde(default = "default_illuminants")]
+    pub(super) illuminants: Vec<String>,
+    /// Formula of the colour difference.
+    #[schemars(extend("enum" = ColourDifference::ALL.map(ColourDifference::name)))]
+    #[serde(default = "default_delta_e")]
+    pub(super) delta_e: String,
+    /// Largest compact file, bytes; no bound by default.
+    #[schemars(range(min = 1, max = MAX_INTEGER))]
+    pub(super) max_bytes: Option<u64>,
+    /// Longest time to make it, seconds; no bound by default.
+    #[schemars(range(max = 1e9), extend("exclusiveMinimum" = 0.0))]
+    pub(super) max_seconds: Option<f64>,
+    /// Thickness, cm, a number or a range: at least 10 lengths of the biggest grain; ordinarily 1 to 100.
+    #[schemars(range(max = 1000.0), extend("exclusiveMinimum" = 0.0), transform = limit_ends)]
+    pub(super) thickness_cm: RangeKeys,
+    /// Angle between parallel rays and the surface normal, degrees, a number or a range in [0, 90).
+    #[schemars(range(min = 0.0), extend("exclusiveMaximum" = 90.0), transform = limit_ends)]
+    pub(super) angle_deg: RangeKeys,
+}
+
+/// One kind of snow, or a box of kinds.
+#[derive(Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields)]
+pub(super) struct SnowKeys {
+    /// Mean facetness of the grains, 0 to 1: a number or a range.
+    #[schemars(range(min = 0.0, max = 1.0), transform = limit_ends)]
+    pub(super) facetness: RangeKeys,
+    /// Mean grain size (full length of the major axis), um: a number or a range.
+    #[schemars(range(min = SIZE_UM.0, max = SIZE_UM.1), transform = limit_ends)]
+    pub(super) grain_size_um: RangeKeys,
+    /// Density of the dry snow, kg/m3, a number or a range: ordinarily 50 to 450.
+    #[schemars(range(min = DENSITY_KG_M3.0, max = DENSITY_KG_M3.1), transform = limit_ends)]
+    pub(super) density_kg_m3: RangeKeys,
+}
+
+/// How the scene is computed.
+#[derive(Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields)]
+pub(super) struct SceneRunKeys {
+    /// Seed of the random streams.
+    #[schemars(range(min = 0, max = MAX_INTEGER))]
+    #[serde(default = "default_seed")]
+    pub(super) seed: u64,
+}
+
+impl Default for SceneRunKeys {
+    fn default() -> Self {
+        Self {
+            seed: default_seed(),
+        }
+    }
+}
+
+/// A number, or the ends of a range.
+#[derive(Deserialize, Clone, Copy)]
+#[serde(untagged)]
+pub(super) enum RangeKeys {
+    Number(f64),
+    Range { min: f64, max: f64 },
+}
+
+impl JsonSchema for RangeKeys {
+    fn schema_name() -> std::borrow::Cow<'static, str> {
+        "Range".into()
+    }
+
+    fn inline_schema() -> bool {
+        true
+    }
+
+    fn json_schema(_: &mut SchemaGenerator) -> Schema {
+        json_schema!({
+            "type": ["number", "object"],
+            "properties": {
+                "min": { "type": "number" },
+                "max": { "type": "number" },
+            },
+            "required": ["min", "max"],
+            "additionalProperties": false,
+        })
+    }
+}
+
+/// The limits and the meaning of a number are those of the ends of a range.
+fn limit_ends(schema: &mut Schema) {
+    const SHARED: [&str; 5] = [
+        "description",
+        "minimum",
+        "exclusiveMinimum",
+        "maximum",
+        "exclusiveMaximum",
+    ];
+    let shared = SHARED.map(|keyword| (keyword, schema.get(keyword).cloned()));
+    let ends = schema.get_mut("properties").and_then(Value::as_object_mut);
+    for end in ends.into_iter().flat_map(|ends| ends.values_mut()) {
+        for (keyword, value) in shared.iter().cloned() {
+            if let (Some(end), Some(value)) = (end.as_object_mut(), value) {
+                end.insert(keyword.to_owned(), value);
+            }
+        }
+    }
+}
+
+fn quantity_names(schema: &mut Schema) {
+    limit_items(schema, "enum", Quantity::ALL.map(Quantity::name));
+}
+
+fn default_quantities() -> Vec<String> {
+    Quantity::ALL
+        .map(|quantity| quantity.name().to_owned())
+        .into()
+}

@@ -1,0 +1,176 @@
+//! What the kinds of file have in common about snow: limits of grains and slabs,
+//! water, and what this version cannot compute.
+use crate::grid::{Fixed, Spread};
+use crate::optics::ice_density_kg_m3;
+use crate::transport::Model;
+
+use super::document::Document;
+use super::error::{ConfigError, Problem};
+use super::keys::{CarbonKeys, FixedKeys, SATURATION, SIZE_UM, SpreadKeys};
+use super::shared::{exclusive, law};
+use super::{MIN_GRAIN_LENGTHS, water};
+
+/// Widths of the laws around the mean of a kind of snow.
+pub(super) fn spread(keys: &SpreadKeys) -> Spread {
+    Spread {
+        facetness_half_width: keys.facetness_half_width,
+        facetness_sd: keys.facetness_sd,
+        grain_size_half_width_um: keys.grain_size_half_width_um,
+    }
+}
+
+/// What all snows of the dry `densities_kg_m3` have in common.
+pub(super) fn fixed(
+    document: &Document,
+    keys: &FixedKeys,
+    model: Model,
+    densities_kg_m3: &[f64],
+) -> Result<Fixed, ConfigError> {
+    let s = &keys.sphericity;
+    clean(
+        document,
+        "fixed",
+        keys.black_carbon.as_ref(),
+        keys.brown_carbon.as_ref(),
+    )?;
+    exclusive(document, "fixed.water_saturation", "fixed.water_fraction")?;
+    let water_saturation = match (keys.water_fraction, densities_kg_m3) {
+        (None, _) => keys.water_saturation.unwrap_or(0.0),
+        (Some(0.0), _) => 0.0,
+        (Some(fraction), &[density]) => {
+            let ice = ice_density_kg_m3(keys.temperature_c);
+            saturation_from_fraction(document, "fixed", fraction, density, ice)?
+        }
+        // One fraction of the volume is another saturation at each density.
+        (Some(_), _) => {
+            let problem = Problem::Unsupported("one water saturation for all densities");
+            let help = "give water_saturation, or a single density";
+            return Err(document.error("fixed.water_fraction", problem, help));
+        }
+    };
+    Ok(Fixed {
+        sphericity: law(document, "fixed.sphericity", (s.min, s.max, s.mean, s.sd))?,
+        temperature_c: keys.temperature_c,
+        water_saturation,
+        model,
+    })
+}
+
+/// Saturation of the pore space from the key `table.water_fraction`.
+pub(super) fn saturation_from_fraction(
+    document: &Document,
+    table: &str,
+    fraction: f64,
+    density_kg_m3: f64,
+    ice_density_kg_m3: f64,
+) -> Result<f64, ConfigError> {
+    let saturation = water::saturation(fraction, density_kg_m3, ice_density_kg_m3);
+    if saturation <= SATURATION.1 {
+        return Ok(saturation);
+    }
+    let most = water::water_fraction(SATURATION.1, density_kg_m3, ice_density_kg_m3);
+    let problem = Problem::OutOfRange(format!(
+        "0 to {most:.4} at {density_kg_m3} kg/m3, where it fills half of the pore space"
+    ));
+    let help = "lower the water or the density";
+    Err(document.error(&format!("{table}.water_fraction"), problem, help))
+}
+
+/// Refuses carbon, which this version cannot compute.
+pub(super) fn clean(
+    document: &Document,
+    table: &str,
+    black: Option<&CarbonKeys>,
+    brown: Option<&CarbonKeys>,
+) -> Result<(), ConfigError> {
+    for (name, carbon) in [("black_carbon", black), ("brown_carbon", brown)] {
+        if carbon.is_some_and(|c| c.concentration_ng_g != 0.0) {
+            let key = format!("{table}.{name}.concentration_ng_g");
+            let help = format!("leave [{name}] out, or set it to 0");
+            return Err(document.error(&key, Problem::Unsupported("clean snow"), help));
+        }
+    }
+    Ok(())
+}
+
+/// The biggest grain, um, of sizes in `mean_um` -+ `half_width_um`, the value at
+/// `key`; refuses sizes out of range.
+pub(super) fn biggest_grain(
+    document: &Document,
+    key: &str,
+    mean_um: f64,
+    half_width_um: f64,
+) -> Result<f64, ConfigError> {
+    let (least, most) = SIZE_UM;
+    let (min, max) = (mean_um - half_width_um, mean_um + half_width_um);
+    if !(least <= min && max <= most) {
+        let problem = Problem::Contradiction(format!(
+            "makes grains of {min} to {max} um with spread.grain_size_half_width_um = {half_width_um}: allowed {least} to {most}"
+        ));
+        return Err(document.error(key, problem, "move the size or narrow the spread"));
+    }
+    Ok(max)
+}
+
+/// Remarks on sizes that reach below the ordinary.
+pub(super) fn remark_small(
+    document: &Document,
+    warnings: &mut Vec<String>,
+    key: &str,
+    mean_um: f64,
+    half_width_um: f64,
+) {
+    let min = mean_um - half_width_um;
+    if min < 50.0 {
+        let remark = format!("makes grains down to {min} um; ordinary are 50 to 3000 um");
+        warnings.push(document.warning(key, remark));
+    }
+}
+
+/// Refuses a slab that the biggest grain does not fit into often enough.
+pub(super) fn thick_enough(
+    document: &Document,
+    key: &str,
+    thickness_cm: f64,
+    biggest_um: f64,
+) -> Result<(), ConfigError> {
+    let least_cm = MIN_GRAIN_LENGTHS * biggest_um * 1e-4;
+    if thickness_cm >= least_cm {
+        return Ok(());
+    }
+    let problem = Problem::OutOfRange(format!(
+        "{least_cm} to 1000 cm with grains up to {biggest_um} um, of which {MIN_GRAIN_LENGTHS} lengths must fit"
+    ));
+    Err(document.error(key, problem, "take thicker slabs or smaller grains"))
+}
+
+/// Remarks on a thickness or density beyond the ordinary.
+pub(super) fn remark_axis(
+    document: &Document,
+    warnings: &mut Vec<String>,
+    axis: &str,
+    key: &str,
+    value: f64,
+) {
+    let (range, unit) = match axis {
+        "thickness_cm" => ((1.0, 100.0), "cm"),
+        _ => ((50.0, 450.0), "kg/m3"),
+    };
+    remark(document, warnings, key, value, range, unit);
+}
+
+/// Remarks on values that are allowed but beyond the ordinary range of
+/// docs/methods.md.
+pub(super) fn remark(
+    document: &Document,
+    warnings: &mut Vec<String>,
+    key: &str,
+    value: f64,
+    (min, max): (f64, f64),
+    unit: &str,
+) {
+    if !(min..=max).contains(&value) {
+        let remark = format!("is outside the ordinary range {min} to {max} {unit}");
+        warnings.push(document.warning(key, remark));
+    }
+}
