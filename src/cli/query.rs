@@ -2,8 +2,6 @@
 use std::fmt::Write;
 use std::path::PathBuf;
 
-use clap::builder::{PossibleValuesParser, TypedValueParser};
-
 use super::common;
 use crate::lookup::{Database, Point};
 use crate::measurement::Quantity;
@@ -42,16 +40,9 @@ pub(super) struct Args {
     #[arg(long, value_name = "A")]
     angle_deg: f64,
     /// Which spectrum
-    #[arg(long, default_value = Quantity::Transmittance.name(), value_parser = quantity_parser())]
+    #[arg(long, default_value = Quantity::Transmittance.name(),
+          value_parser = common::named(Quantity::ALL, Quantity::name))]
     quantity: Quantity,
-}
-
-fn quantity_parser() -> impl TypedValueParser<Value = Quantity> {
-    PossibleValuesParser::new(Quantity::ALL.map(Quantity::name)).try_map(|name| {
-        let mut all = Quantity::ALL.into_iter();
-        let found = all.find(|quantity| quantity.name() == name);
-        found.ok_or_else(|| format!("no quantity is named {name}"))
-    })
 }
 
 pub(super) fn run(args: &Args) -> anyhow::Result<()> {

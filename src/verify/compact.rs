@@ -26,7 +26,7 @@ pub(super) fn check(subject: &Subject<'_>, database: &Database) -> Result<Check,
         text.unwrap_or_default()
     };
     let table: Value = serde_json::from_str(metadata(ERROR_TABLE)).unwrap_or_default();
-    for quantity in Quantity::ALL {
+    for quantity in Quantity::ALL.into_iter().filter(|&q| database.has(q)) {
         let [curves, _] = subject.curves(quantity)?;
         let colour = subject.colour.as_ref();
         let errors = errors_of(database, quantity, curves.view(), colour)?;
