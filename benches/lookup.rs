@@ -54,7 +54,7 @@ fn lookups(c: &mut Criterion) {
                 .unwrap()
         })
     });
-    let published = Varsa2025::new(&database, quantity);
+    let published = Varsa2025::new(&database, quantity).unwrap();
     let node = database.point(0).unwrap();
     let on_node = |point: Point| Point {
         thickness_cm: point.thickness_cm,

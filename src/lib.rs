@@ -19,17 +19,20 @@
 //! | [`engine`] | schedulers of the same physics: `reference`, `spectral` |
 //! | [`grid`], [`scene`], [`config`] | the axes of a database; what a renderer asks for; sample, grid and scene files |
 //! | [`store`], [`batch`] | the Zarr store that is checkpoint and result; the job runner |
-//! | [`compress`], [`lookup`] | SVD and the compact file; reading it |
+//! | [`compress`], [`lookup`] | SVD and the compact file; reading it and interpolating in it |
+//! | [`certificate`], [`fit`] | how far its answers are off; the smallest file for a scene |
 //! | [`verify`] | re-checking a finished database |
 //! | [`tradeoff`], [`report`] | speed against accuracy of the engines; its charts and tables |
 //! | [`cli`] | the command line |
 mod atomic;
 pub mod batch;
+pub mod certificate;
 pub mod cli;
 pub mod colour;
 pub mod compress;
 pub mod config;
 pub mod engine;
+pub mod fit;
 pub mod grain;
 pub mod grid;
 pub mod lookup;

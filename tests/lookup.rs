@@ -139,7 +139,7 @@ fn smooth_is_near_the_truth_where_the_spline_rings() {
     );
     let quantity = Quantity::Transmittance;
     let lookup = Lookup::new(&database, quantity).unwrap();
-    let published = Varsa2025::new(&database, quantity);
+    let published = Varsa2025::new(&database, quantity).unwrap();
     let (mut ours, mut theirs, mut rises) = (0.0_f64, 0.0_f64, 0);
     let mut before = f32::INFINITY;
     for i in 1..1000 {
@@ -320,7 +320,7 @@ fn one_thickness_is_no_curve() {
 fn the_published_method_knows_nodes_only() {
     let axes = small();
     let database = database(&axes, slab);
-    let published = Varsa2025::new(&database, Quantity::Transmittance);
+    let published = Varsa2025::new(&database, Quantity::Transmittance).unwrap();
     for (row, point) in points(&axes).into_iter().enumerate() {
         let curve = database.curve(row, Quantity::Transmittance).unwrap();
         for (a, b) in published.spectrum(point).unwrap().iter().zip(curve) {

@@ -114,18 +114,32 @@ fn all_files_are_there_and_parse() {
         }
     }
     let components = rows(&out.join("components.csv"));
-    assert_eq!(components.len(), 24);
-    // Until the last digits of f32 are reached.
-    let few: Vec<_> = components
-        .iter()
-        .filter(|row| number(row, "components") <= 4.0)
-        .collect();
-    for pair in few
-        .windows(2)
-        .filter(|p| p[0]["quantity"] == p[1]["quantity"])
-    {
-        assert!(number(pair[0], "rmse_mean") > number(pair[1], "rmse_mean"));
-        assert!(number(pair[0], "bytes") < number(pair[1], "bytes"));
+    let of = |quantity: &str, basis: &str, precision: &str| -> Vec<_> {
+        let mine = components.iter().filter(|row| {
+            (&*row["quantity"], &*row["basis"], &*row["precision"]) == (quantity, basis, precision)
+        });
+        mine.cloned().collect()
+    };
+    for quantity in ["transmittance", "reflectance"] {
+        let linear = of(quantity, "linear", "f32");
+        let full = of(quantity, "log", "f32");
+        for rows in [&linear, &full] {
+            assert_eq!(rows.len(), 8);
+            // Until the last digits of f32 are reached.
+            for pair in rows[..4].windows(2) {
+                assert!(number(&pair[0], "rmse_mean") > number(&pair[1], "rmse_mean"));
+                assert!(number(&pair[0], "bytes") < number(&pair[1], "bytes"));
+            }
+        }
+        for precision in ["f16", "quantised_16"] {
+            let half = of(quantity, "log", precision);
+            assert_eq!(half.len(), 8);
+            let smaller = |(a, b)| number(a, "bytes") < number(b, "bytes");
+            assert!(half.iter().zip(&full).all(smaller), "{precision}");
+        }
+        let narrow = of(quantity, "log", "quantised");
+        assert!(!narrow.is_empty());
+        assert!(narrow.iter().all(|row| number(row, "delta_e_max") < 2.3));
     }
 }
 

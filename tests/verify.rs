@@ -11,11 +11,11 @@ use std::sync::atomic::{AtomicBool, AtomicU64};
 
 use splitsnow::batch;
 use splitsnow::colour::Colorimeter;
-use splitsnow::compress::{Choice, CompactFile, Compressed, compress};
+use splitsnow::compress::{Choice, CompactFile, Compressed, Variant, compress};
 use splitsnow::config;
 use splitsnow::engine::{Cache, Control, Engine, EngineError, Request};
 use splitsnow::grid::Grid;
-use splitsnow::measurement::Spectrum;
+use splitsnow::measurement::{Quantity, Spectrum};
 use splitsnow::store::{Access, COMPACT, Store, Variable};
 use splitsnow::verify::{Options, Report, Verification, VerifyError};
 
@@ -48,18 +48,28 @@ fn build(
     let options = batch::Options::default();
     batch::run(grid, &store, simulate, &options, &AtomicBool::new(false)).unwrap();
     let colour = Colorimeter::new(&grid.wavelengths_nm).unwrap();
-    let compressed = |variable| {
+    let compressed = |quantity, variable| {
         let curves = store.read(variable).unwrap().mapv(f64::from);
         let choice = Choice::Bounds(grid.compression);
-        let mut compressed = compress(curves.view(), colour.as_ref(), choice).unwrap();
+        let mut compressed = compress(
+            curves.view(),
+            quantity,
+            colour.as_ref(),
+            choice,
+            Variant::default(),
+        )
+        .unwrap();
         promise(&mut compressed);
         compressed
     };
     CompactFile {
         axes: &grid.axes,
         wavelengths_nm: &grid.wavelengths_nm,
-        transmittance: &compressed(Variable::Transmittance),
-        reflectance: &compressed(Variable::Reflectance),
+        transmittance: Some(&compressed(
+            Quantity::Transmittance,
+            Variable::Transmittance,
+        )),
+        reflectance: Some(&compressed(Quantity::Reflectance, Variable::Reflectance)),
         provenance: &serde_json::to_string(&store.attributes()).unwrap(),
         extra: &BTreeMap::new(),
     }

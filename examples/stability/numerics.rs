@@ -2,7 +2,8 @@
 //! their corners.
 use ndarray::Array2;
 use splitsnow::colour::{Colorimeter, delta_e};
-use splitsnow::compress::{Decomposition, error_table};
+use splitsnow::compress::{Basis, Decomposition, Model, Precision};
+use splitsnow::measurement::Quantity;
 use splitsnow::slab::{Light, Medium, Streams};
 
 /// What was tried, what came out, and whether that is right.
@@ -123,7 +124,10 @@ pub(crate) fn decomposition() -> Vec<Check> {
             let largest = |a: &Array2<f64>| a.iter().fold(0.0_f64, |x, y| x.max(y.abs()));
             let rebuilt = m.dot(&found.basis).dot(&found.basis.t());
             let colour = (m.ncols() == 31).then_some(&colour);
-            let table = error_table(m.view(), &found, colour, found.rank_limit());
+            let quantity = Quantity::Transmittance;
+            let model = Model::new(m.view(), quantity, colour, Basis::Linear).unwrap();
+            let stored = model.coefficients(found.rank_limit(), Precision::F32);
+            let table = model.table(&stored);
             let last = &table.rows[table.rows.len() - 1];
             let (gram, left) = (largest(&gram), largest(&(&rebuilt - &m)));
             // rounding of sums of 31 terms; f32 in the table, whose Delta-E is at most 900 per unit

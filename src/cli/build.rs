@@ -8,7 +8,6 @@ use serde_json::json;
 use super::common::{self, GridArgs, Interrupted};
 use super::compact::{self, Report};
 use crate::batch::{self, BatchError, Options};
-use crate::compress::Choice;
 use crate::engine::{Control, Request};
 use crate::grid::Shard;
 use crate::store::{self, Access, Store};
@@ -87,7 +86,8 @@ pub(super) fn run(args: &Args) -> anyhow::Result<()> {
     if cancel.load(Ordering::Relaxed) {
         return Err(interrupted("all jobs are done and safe").into());
     }
-    let report = compact::write(&store, Choice::Bounds(grid.compression), &file.viewing)?;
+    let asked = compact::Asked::plain(grid.compression, file.viewing.clone());
+    let report = compact::write(&store, &asked)?;
     if args.json {
         return common::print_json(&Summary {
             jobs: done.jobs,

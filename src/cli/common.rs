@@ -3,7 +3,6 @@ use std::collections::BTreeMap;
 use std::io::{self, Write};
 use std::num::NonZero;
 use std::path::{Path, PathBuf};
-use std::str::FromStr;
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::time::Duration;
 
@@ -83,9 +82,12 @@ pub(super) fn named<T, const N: usize>(
     name: fn(T) -> &'static str,
 ) -> impl TypedValueParser<Value = T>
 where
-    T: FromStr<Err = String> + Clone + Send + Sync + 'static,
+    T: Copy + Send + Sync + 'static,
 {
-    PossibleValuesParser::new(all.map(name)).try_map(|name| name.parse::<T>())
+    PossibleValuesParser::new(all.map(name)).try_map(move |text| {
+        let found = all.into_iter().find(|&value| name(value) == text);
+        found.ok_or_else(|| format!("nothing is named {text}"))
+    })
 }
 
 /// A finite number above 0.

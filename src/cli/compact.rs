@@ -4,15 +4,38 @@ use std::collections::BTreeMap;
 use std::fmt::{self, Write};
 use std::path::PathBuf;
 
-use anyhow::bail;
+use anyhow::{Context, bail};
 use serde::Serialize;
 use serde_json::{Map, Value, json};
 
 use super::common::{self, Spinner};
 use crate::colour::{Colorimeter, Viewing};
-use crate::compress::{Choice, CompactFile, Compressed, ErrorTable, Statistics, compress};
+use crate::compress::{Choice, CompactFile, Compressed, ErrorTable, Statistics, Variant, compress};
+use crate::grid::Compression;
 use crate::measurement::Quantity;
 use crate::store::{COMPACT, Store, Variable, estimated_bytes};
+
+/// What the compact file is to be.
+pub(super) struct Asked {
+    pub(super) choice: Choice,
+    pub(super) variant: Variant,
+    /// At least one.
+    pub(super) quantities: Vec<Quantity>,
+    /// How colours are compared.
+    pub(super) viewing: Viewing,
+}
+
+impl Asked {
+    /// What `build` writes.
+    pub(super) fn plain(bounds: Compression, viewing: Viewing) -> Self {
+        Self {
+            choice: Choice::Bounds(bounds),
+            variant: Variant::default(),
+            quantities: Quantity::ALL.into(),
+            viewing,
+        }
+    }
+}
 
 /// What a database and its compact file hold, and how good they are.
 #[derive(Debug, Serialize)]
@@ -23,8 +46,12 @@ pub(super) struct Report {
     wavelengths: u64,
     compact: PathBuf,
     compact_bytes: u64,
-    transmittance: QuantityReport,
-    reflectance: QuantityReport,
+    basis: &'static str,
+    precision: &'static str,
+    #[serde(skip_serializing_if = "Option::is_none")]
+    transmittance: Option<QuantityReport>,
+    #[serde(skip_serializing_if = "Option::is_none")]
+    reflectance: Option<QuantityReport>,
     lost_share: Lost,
     next: String,
 }
@@ -33,6 +60,7 @@ pub(super) struct Report {
 #[derive(Debug, Serialize)]
 struct QuantityReport {
     components: usize,
+    bits: Vec<u32>,
     rmse: Option<Statistics>,
     delta_e: Option<Statistics>,
     max_standard_error: f32,
@@ -49,8 +77,8 @@ struct Lost {
 /// Compresses the finished database in `store`, which nobody else may be
 /// writing, and writes its compact file.
 ///
-/// The file is a function of the database, `choice` and `viewing` alone.
-pub(super) fn write(store: &Store, choice: Choice, viewing: &Viewing) -> anyhow::Result<Report> {
+/// The file is a function of the database and `asked` alone.
+pub(super) fn write(store: &Store, asked: &Asked) -> anyhow::Result<Report> {
     let missing = store.missing(None)?.len();
     let jobs = store.jobs();
     if missing > 0 {
@@ -61,25 +89,35 @@ pub(super) fn write(store: &Store, choice: Choice, viewing: &Viewing) -> anyhow:
         );
     }
     let spinner = Spinner::new("compressing");
-    let colour = Colorimeter::viewing(store.wavelengths_nm(), viewing)?;
-    let compressed = |variable| -> anyhow::Result<Compressed> {
+    let colour = Colorimeter::viewing(store.wavelengths_nm(), &asked.viewing)?;
+    let Variant { basis, precision } = asked.variant;
+    let compressed = |quantity, variable| -> anyhow::Result<Option<Compressed>> {
+        if !asked.quantities.contains(&quantity) {
+            return Ok(None);
+        }
         let curves = store.read(variable)?.mapv(f64::from);
-        Ok(compress(curves.view(), colour.as_ref(), choice)?)
+        let colour = colour.as_ref();
+        let compressed = compress(curves.view(), quantity, colour, asked.choice, asked.variant);
+        Ok(Some(compressed.with_context(|| quantity.name())?))
     };
-    let transmittance = compressed(Variable::Transmittance)?;
-    let reflectance = compressed(Variable::Reflectance)?;
-    let (provenance, extra) = metadata(store, choice, viewing)?;
+    let transmittance = compressed(Quantity::Transmittance, Variable::Transmittance)?;
+    let reflectance = compressed(Quantity::Reflectance, Variable::Reflectance)?;
+    let (provenance, extra) = metadata(store, asked.choice, &asked.viewing)?;
     let file = CompactFile {
         axes: store.axes(),
         wavelengths_nm: store.wavelengths_nm(),
-        transmittance: &transmittance,
-        reflectance: &reflectance,
+        transmittance: transmittance.as_ref(),
+        reflectance: reflectance.as_ref(),
         provenance: &provenance,
         extra: &extra,
     };
     let compact = store.dir().join(COMPACT);
     file.write(&compact)?;
     drop(spinner);
+    let report = |errors, compressed: Option<Compressed>| {
+        let report = compressed.map(|compressed| QuantityReport::new(store, errors, compressed));
+        report.transpose()
+    };
     Ok(Report {
         database: store.path().into(),
         database_bytes: estimated_bytes(&jobs, jobs.count()),
@@ -87,10 +125,12 @@ pub(super) fn write(store: &Store, choice: Choice, viewing: &Viewing) -> anyhow:
         wavelengths: jobs.wavelengths(),
         compact_bytes: std::fs::metadata(&compact)?.len(),
         compact,
-        transmittance: QuantityReport::new(store, Variable::TransmittanceSe, transmittance)?,
-        reflectance: QuantityReport::new(store, Variable::ReflectanceSe, reflectance)?,
+        basis: basis.name(),
+        precision: precision.name(),
+        transmittance: report(Variable::TransmittanceSe, transmittance)?,
+        reflectance: report(Variable::ReflectanceSe, reflectance)?,
         lost_share: Lost::of(store)?,
-        next: next(store),
+        next: next(store, asked),
     })
 }
 
@@ -127,11 +167,14 @@ fn metadata(
 }
 
 /// A command that uses the compact file: its first curve.
-fn next(store: &Store) -> String {
+fn next(store: &Store, asked: &Asked) -> String {
     let mut command = format!("splitsnow query {}", store.dir().display());
     for (name, values) in store.axes().named() {
         let first = values.first().copied().unwrap_or_default();
         let _ = write!(command, " --{} {first}", name.replace('_', "-"));
+    }
+    if !asked.quantities.contains(&Quantity::Transmittance) {
+        let _ = write!(command, " --quantity {}", Quantity::Reflectance.name());
     }
     command
 }
@@ -139,11 +182,13 @@ fn next(store: &Store) -> String {
 impl QuantityReport {
     fn new(store: &Store, errors: Variable, compressed: Compressed) -> anyhow::Result<Self> {
         let components = compressed.components();
+        let bits = compressed.coefficients.bits();
         let table = compressed.table;
         let row = table.rows.iter().find(|row| row.components == components);
         let max_standard_error = store.read(errors)?.iter().copied().fold(0.0, f32::max);
         Ok(Self {
             components,
+            bits,
             rmse: row.map(|row| row.rmse),
             delta_e: row.and_then(|row| row.delta_e),
             max_standard_error,
@@ -155,6 +200,10 @@ impl QuantityReport {
     fn errors(&self) -> String {
         let plural = if self.components == 1 { "" } else { "s" };
         let mut text = format!("{} component{plural}", self.components);
+        if self.bits.iter().any(|bits| *bits != 32) {
+            let bits: Vec<_> = self.bits.iter().map(u32::to_string).collect();
+            let _ = write!(text, " of {} bits", bits.join(", "));
+        }
         if let Some(delta_e) = self.delta_e {
             let _ = write!(text, ", Delta-E at most {:.3}", delta_e.max);
         }
@@ -188,7 +237,10 @@ impl fmt::Display for Report {
             (Quantity::Transmittance, &self.transmittance),
             (Quantity::Reflectance, &self.reflectance),
         ];
-        for (quantity, report) in both {
+        let there = both
+            .into_iter()
+            .filter_map(|(quantity, report)| Some((quantity, report.as_ref()?)));
+        for (quantity, report) in there.clone() {
             writeln!(f, "{}\n{}\n", quantity.name(), report.error_table)?;
         }
         writeln!(
@@ -201,11 +253,13 @@ impl fmt::Display for Report {
         )?;
         writeln!(
             f,
-            "compact file    {}: {}",
+            "compact file    {}: {}, {} basis, {}",
             self.compact.display(),
-            common::bytes(self.compact_bytes)
+            common::bytes(self.compact_bytes),
+            self.basis,
+            self.precision
         )?;
-        for (quantity, report) in both {
+        for (quantity, report) in there {
             writeln!(
                 f,
                 "{:<14}  {}, standard errors at most {:.5}",

@@ -3,23 +3,25 @@ use std::path::PathBuf;
 
 use super::{common, compact};
 use crate::colour::{ColourDifference, Illuminant, Viewing};
-use crate::compress::Choice;
+use crate::compress::{Basis, Choice, DEFAULT_MAX_DELTA_E, Precision, Variant};
 use crate::grid::Compression;
+use crate::measurement::Quantity;
 use crate::store::Store;
 
-/// Bound on Delta-E where none is given: a just noticeable difference
-/// (Varsa 2025, section 8.2), as in grid files.
-const DEFAULT_MAX_DELTA_E: f64 = 2.3;
-
-/// Compress a finished database again, with other bounds
+/// Compress a finished database again, with other bounds or in another variant
 ///
 /// Prints the errors for each number of components and rewrites the compact file
 /// `snow.safetensors` with the smallest number that keeps the bounds on every
 /// curve, or with the number given. Transmittance and reflectance are compressed
 /// apart.
 ///
+/// With `--basis log` the components are of the logarithm of transmittance and
+/// of 1 - reflectance; transmittance of thick snow then needs fewer. With
+/// `--precision` each is smaller. Errors and bounds are of the file as it is written. Quantised
+/// coefficients take 8 bits where the bounds allow it, else 16.
+///
 /// A later `splitsnow build` of the same directory writes the file with the
-/// bounds of the grid file again.
+/// bounds of the grid file again, linear and f32.
 #[derive(Debug, clap::Args)]
 #[command(
     allow_negative_numbers = true,
@@ -28,6 +30,7 @@ Examples:
   splitsnow compress out/quick
   splitsnow compress out/quick --max-delta-e 0.5 --max-rmse 0.002
   splitsnow compress out/quick --components 4
+  splitsnow compress out/quick --basis log --precision quantised --quantity transmittance
   splitsnow compress out/quick --illuminant D65 --illuminant LED-B5 --delta-e cie2000"
 )]
 pub(super) struct Args {
@@ -52,6 +55,17 @@ pub(super) struct Args {
     #[arg(long, value_name = "FORMULA", default_value = "cie1976",
           value_parser = common::named(ColourDifference::ALL, ColourDifference::name))]
     delta_e: ColourDifference,
+    /// What the components are of
+    #[arg(long, default_value = Basis::Linear.name(),
+          value_parser = common::named(Basis::ALL, Basis::name))]
+    basis: Basis,
+    /// Numbers of the coefficients
+    #[arg(long, default_value = Precision::F32.name(),
+          value_parser = common::named(Precision::ALL, Precision::name))]
+    precision: Precision,
+    /// What the file holds; may be given twice [default: both]
+    #[arg(long, value_parser = common::named(Quantity::ALL, Quantity::name))]
+    quantity: Vec<Quantity>,
     /// Print the summary as JSON
     #[arg(long)]
     json: bool,
@@ -63,13 +77,23 @@ pub(super) fn run(args: &Args) -> anyhow::Result<()> {
         max_rmse: args.max_rmse,
     });
     let components = |k| Choice::Components(usize::from(k));
-    let choice = args.components.map_or(bounds, components);
-    let viewing = Viewing {
-        illuminants: args.illuminant.clone(),
-        difference: args.delta_e,
-    };
     let store = Store::open_exclusive(&args.dir)?;
-    let report = compact::write(&store, choice, &viewing)?;
+    let asked = compact::Asked {
+        choice: args.components.map_or(bounds, components),
+        variant: Variant {
+            basis: args.basis,
+            precision: args.precision,
+        },
+        quantities: match args.quantity.as_slice() {
+            [] => Quantity::ALL.into(),
+            some => some.into(),
+        },
+        viewing: Viewing {
+            illuminants: args.illuminant.clone(),
+            difference: args.delta_e,
+        },
+    };
+    let report = compact::write(&store, &asked)?;
     if args.json {
         return common::print_json(&report);
     }

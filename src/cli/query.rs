@@ -2,16 +2,17 @@
 use std::fmt::Write;
 use std::path::PathBuf;
 
-use clap::builder::{PossibleValuesParser, TypedValueParser};
-
 use super::common;
-use crate::lookup::{Database, Point};
+use crate::certificate::{CERTIFICATE, Certificate};
+use crate::lookup::{Database, Lookup, Point, Varsa2025};
 use crate::measurement::Quantity;
 
 /// Print one spectrum of a compact file as CSV
 ///
-/// The columns are `wavelength_nm,value`. This version answers on the nodes of
-/// the five axes only; a point between them is refused with its neighbours.
+/// The columns are `wavelength_nm,value`. Any point in the box of the five axes
+/// is answered, and any thickness from 0 on. `--method varsa2025` interpolates in
+/// thickness and angle only, as the thesis does, and refuses other snow than that
+/// of the nodes.
 #[derive(Debug, clap::Args)]
 #[command(
     allow_negative_numbers = true,
@@ -42,16 +43,24 @@ pub(super) struct Args {
     #[arg(long, value_name = "A")]
     angle_deg: f64,
     /// Which spectrum
-    #[arg(long, default_value = Quantity::Transmittance.name(), value_parser = quantity_parser())]
+    #[arg(long, default_value = Quantity::Transmittance.name(),
+          value_parser = common::named(Quantity::ALL, Quantity::name))]
     quantity: Quantity,
+    /// How to interpolate
+    #[arg(long, value_enum, default_value = "smooth")]
+    method: Method,
+    /// Say before the columns, in lines that begin with #, what the file is and how
+    /// far its answers may be off
+    #[arg(long)]
+    explain: bool,
 }
 
-fn quantity_parser() -> impl TypedValueParser<Value = Quantity> {
-    PossibleValuesParser::new(Quantity::ALL.map(Quantity::name)).try_map(|name| {
-        let mut all = Quantity::ALL.into_iter();
-        let found = all.find(|quantity| quantity.name() == name);
-        found.ok_or_else(|| format!("no quantity is named {name}"))
-    })
+#[derive(Debug, Clone, Copy, clap::ValueEnum)]
+enum Method {
+    /// All five axes, in coordinates in which snow is smooth
+    Smooth,
+    /// Natural spline in thickness, straight line in the angle
+    Varsa2025,
 }
 
 pub(super) fn run(args: &Args) -> anyhow::Result<()> {
@@ -63,10 +72,45 @@ pub(super) fn run(args: &Args) -> anyhow::Result<()> {
         thickness_cm: args.thickness_cm,
         angle_deg: args.angle_deg,
     };
-    let spectrum = database.spectrum(point, args.quantity)?;
-    let mut csv = String::from("wavelength_nm,value\n");
+    let spectrum = match args.method {
+        Method::Smooth => {
+            let lookup = Lookup::new(&database, args.quantity)?;
+            let mut spectrum = vec![0.0; lookup.wavelengths()];
+            lookup.spectrum(point, &mut spectrum)?;
+            spectrum
+        }
+        Method::Varsa2025 => Varsa2025::new(&database, args.quantity)?.spectrum(point)?,
+    };
+    let mut csv = String::new();
+    if args.explain {
+        for line in explanation(&database, args.quantity).lines() {
+            writeln!(csv, "# {line}")?;
+        }
+    }
+    csv.push_str("wavelength_nm,value\n");
     for (nm, value) in database.wavelengths_nm().iter().zip(&spectrum) {
         writeln!(csv, "{nm},{value}")?;
     }
     common::print(&csv)
+}
+
+/// What the file is, and its certificate.
+fn explanation(database: &Database, quantity: Quantity) -> String {
+    let mut text = format!(
+        "{} nodes, {} components of {} spectra, coefficients {}",
+        database.curves(),
+        database.components(quantity),
+        database.basis_kind().name(),
+        database.precision().name()
+    );
+    let certificate = database.metadata().get(CERTIFICATE);
+    let certificate = certificate.and_then(|text| serde_json::from_str::<Certificate>(text).ok());
+    let _ = match certificate {
+        Some(certificate) => write!(text, "\n{certificate}"),
+        None => write!(
+            text,
+            "\nno certificate: `splitsnow verify` measures how far its answers are off"
+        ),
+    };
+    text
 }

@@ -1,8 +1,12 @@
 //! Choosing the number of components.
 use serde::{Deserialize, Serialize};
 
-use super::{CompressError, ErrorRow, ErrorTable};
+use super::{CompressError, ErrorRow, ErrorTable, Precision};
 use crate::grid::Compression;
+
+/// Bound on Delta-E where none is given: a just noticeable difference (Varsa
+/// 2025, section 8.2), as in grid files.
+pub const DEFAULT_MAX_DELTA_E: f64 = 2.3;
 
 /// Bound on the RMSE of every curve where neither a colour nor a bound of the
 /// user's can decide (a database without visible wavelengths): about the largest
@@ -47,12 +51,16 @@ impl Choice {
 /// The smallest number of components in `table` whose largest Delta-E is below
 /// `bounds.max_delta_e` and whose largest RMSE is below `bounds.max_rmse`, where
 /// that is set. Without a colour only the RMSE decides, with
-/// [`DEFAULT_MAX_RMSE`] unless one is set.
+/// [`DEFAULT_MAX_RMSE`] unless one is set. `precision` is told in the error only.
 ///
 /// # Errors
 /// [`CompressError::Bound`] for a bound that is not above 0;
 /// [`CompressError::Unreachable`], of the table's last row, if no row keeps them.
-pub fn choose(table: &ErrorTable, bounds: &Compression) -> Result<usize, CompressError> {
+pub fn choose(
+    table: &ErrorTable,
+    bounds: &Compression,
+    precision: Precision,
+) -> Result<usize, CompressError> {
     let coloured = table.rows.iter().all(|row| row.delta_e.is_some());
     let max_rmse = Choice::Bounds(*bounds).bounds(coloured).max_rmse;
     let max_rmse = max_rmse.unwrap_or(f64::INFINITY);
@@ -84,6 +92,7 @@ pub fn choose(table: &ErrorTable, bounds: &Compression) -> Result<usize, Compres
         bound,
         reached,
         components,
+        precision,
     })
 }
 
@@ -133,34 +142,47 @@ mod tests {
 
     #[test]
     fn the_published_table_gives_two_components() {
-        assert_eq!(choose(&published(true), &bounds(2.3, None)), Ok(2));
+        assert_eq!(
+            choose(&published(true), &bounds(2.3, None), Precision::F32),
+            Ok(2)
+        );
     }
 
     #[test]
     fn both_bounds_hold_and_are_strict() {
         let table = published(true);
-        assert_eq!(choose(&table, &bounds(2.3, Some(0.001915))), Ok(3));
-        assert_eq!(choose(&table, &bounds(1.0, Some(0.01))), Ok(3));
-        assert_eq!(choose(&table, &bounds(1.3955, None)), Ok(3));
-        assert_eq!(choose(&table, &bounds(3.0, None)), Ok(1));
+        assert_eq!(
+            choose(&table, &bounds(2.3, Some(0.001915)), Precision::F32),
+            Ok(3)
+        );
+        assert_eq!(
+            choose(&table, &bounds(1.0, Some(0.01)), Precision::F32),
+            Ok(3)
+        );
+        assert_eq!(choose(&table, &bounds(1.3955, None), Precision::F32), Ok(3));
+        assert_eq!(choose(&table, &bounds(3.0, None), Precision::F32), Ok(1));
     }
 
     #[test]
     fn without_colour_the_rmse_decides() {
         let table = published(false);
-        assert_eq!(choose(&table, &bounds(2.3, None)), Ok(2));
-        assert_eq!(choose(&table, &bounds(2.3, Some(0.005))), Ok(1));
+        assert_eq!(choose(&table, &bounds(2.3, None), Precision::F32), Ok(2));
+        assert_eq!(
+            choose(&table, &bounds(2.3, Some(0.005)), Precision::F32),
+            Ok(1)
+        );
     }
 
     #[test]
     fn what_cannot_be_kept_is_said() {
         let table = published(true);
-        let error = choose(&table, &bounds(0.1, None)).unwrap_err();
+        let error = choose(&table, &bounds(0.1, None), Precision::F32).unwrap_err();
         let CompressError::Unreachable {
             name,
             bound,
             reached,
             components,
+            ..
         } = error
         else {
             panic!("{error}");
@@ -170,7 +192,12 @@ mod tests {
             ("Delta-E", 0.1, 0.2672, 4)
         );
         for bad in [0.0, -1.0, f64::NAN] {
-            let refused = |b| matches!(choose(&table, &b), Err(CompressError::Bound { .. }));
+            let refused = |b| {
+                matches!(
+                    choose(&table, &b, Precision::F32),
+                    Err(CompressError::Bound { .. })
+                )
+            };
             assert!(refused(bounds(bad, None)));
             assert!(refused(bounds(2.3, Some(bad))));
         }

@@ -11,11 +11,11 @@ use serde_json::{Value, json};
 use thiserror::Error;
 
 use super::format::{
-    AXES, BASIS_LINEAR, BOUNDS, Coordinate, ERROR_TABLE, FORMAT, FORMAT_VERSION, MAX_HEADER,
-    MAX_NUMBER, PROVENANCE, WAVELENGTHS, axis_order, basis_name, coefficients_name, components_key,
-    number,
+    AXES, BASIS, BOUNDS, Coordinate, ERROR_TABLE, FORMAT, FORMAT_VERSION, MAX_HEADER, MAX_NUMBER,
+    PRECISION, PROVENANCE, QUANTITIES, WAVELENGTHS, axis_order, basis_name, coefficients_name,
+    components_key, integers_name, number, quantisation_name, quantities,
 };
-use super::{Bounds, Compressed, ErrorTable};
+use super::{Bounds, Coefficients, Compressed, ErrorTable, Integers, Variant};
 use crate::atomic;
 use crate::grid::Axes;
 use crate::measurement::Quantity;
@@ -46,10 +46,11 @@ pub struct CompactFile<'a> {
     pub axes: &'a Axes,
     /// Wavelengths, nm; kept as f32.
     pub wavelengths_nm: &'a [f64],
-    /// Compressed transmittance, one row per cell of the axes.
-    pub transmittance: &'a Compressed,
-    /// Compressed reflectance, likewise.
-    pub reflectance: &'a Compressed,
+    /// Compressed transmittance, one row per cell of the axes; `None`: the file
+    /// has reflectance only.
+    pub transmittance: Option<&'a Compressed>,
+    /// Compressed reflectance, likewise and in the same variant.
+    pub reflectance: Option<&'a Compressed>,
     /// Where the numbers come from: the JSON of [`crate::store::Store::attributes`].
     pub provenance: &'a str,
     /// Further metadata (illumination, bottom boundary, ...); none of the
@@ -81,64 +82,84 @@ impl CompactFile<'_> {
         for (coordinate, values) in AXES.iter().zip(self.axis_values()) {
             curves = curves.saturating_mul(values.len());
             let values = rounded(coordinate, values)?;
-            tensors.insert(coordinate.name.to_owned(), (vec![values.len()], values));
+            tensors.insert(
+                coordinate.name.to_owned(),
+                Tensor::f32(&[values.len()], values),
+            );
         }
         for (quantity, compressed) in self.quantities() {
-            let Compressed {
-                coefficients,
-                basis,
-                ..
-            } = compressed;
             let components = compressed.components();
-            let shapes = [
-                (
-                    coefficients_name(quantity),
-                    coefficients,
-                    [curves, components],
-                ),
-                (basis_name(quantity), basis, [wavelengths.len(), components]),
-            ];
-            for (name, matrix, shape) in shapes {
-                check_matrix(&name, matrix, shape)?;
-                // Logical order is row-major, whatever the layout in memory.
-                let values = matrix.iter().copied().collect();
-                tensors.insert(name, (shape.to_vec(), values));
+            let name = coefficients_name(quantity);
+            let coefficients = &compressed.coefficients;
+            check_matrix(&name, &coefficients.decoded(), [curves, components])?;
+            // Logical order is row-major, whatever the layout in memory.
+            match coefficients {
+                Coefficients::F32(values) => {
+                    let tensor = Tensor::f32(values.shape(), values.iter().copied());
+                    tensors.insert(name, tensor);
+                }
+                Coefficients::F16(values) => {
+                    let bytes = values.iter().flat_map(|v| v.to_le_bytes());
+                    tensors.insert(name, Tensor::new("F16", values.shape(), bytes));
+                }
+                Coefficients::Quantised(all) => {
+                    for (component, quantised) in all.iter().enumerate() {
+                        let tensor = Tensor::integers(&quantised.integers);
+                        tensors.insert(integers_name(quantity, component), tensor);
+                    }
+                    let scales = all.iter().flat_map(|c| [c.offset, c.step]);
+                    let tensor = Tensor::f32(&[components, 2], scales);
+                    tensors.insert(quantisation_name(quantity), tensor);
+                }
             }
+            let name = basis_name(quantity);
+            let basis = &compressed.basis;
+            check_matrix(&name, basis, [wavelengths.len(), components])?;
+            tensors.insert(name, Tensor::f32(basis.shape(), basis.iter().copied()));
         }
         tensors.insert(
             WAVELENGTHS.name.to_owned(),
-            (vec![wavelengths.len()], wavelengths),
+            Tensor::f32(&[wavelengths.len()], wavelengths),
         );
 
         let mut header = BTreeMap::from([("__metadata__".to_owned(), self.metadata()?)]);
         let mut data = Vec::new();
-        for (name, (shape, values)) in tensors {
+        for (name, mut tensor) in tensors {
             let begin = data.len();
-            data.extend(values.iter().flat_map(|v| v.to_le_bytes()));
+            data.append(&mut tensor.bytes);
+            let Tensor { dtype, shape, .. } = tensor;
             let entry =
-                json!({"dtype": "F32", "shape": shape, "data_offsets": [begin, data.len()]});
+                json!({"dtype": dtype, "shape": shape, "data_offsets": [begin, data.len()]});
             header.insert(name, entry);
         }
-        let mut header = serde_json::to_vec(&header)?;
-        header.resize(header.len().next_multiple_of(8), b' ');
-        if header.len() > MAX_HEADER {
-            let problem = format!(
-                "its metadata take {} bytes; at most {MAX_HEADER} are allowed",
-                header.len()
-            );
-            return Err(CompactError::Content(problem));
-        }
-        let mut bytes = (header.len() as u64).to_le_bytes().to_vec();
-        bytes.append(&mut header);
-        bytes.append(&mut data);
-        Ok(bytes)
+        assemble(&header, &data)
     }
 
-    fn quantities(&self) -> [(Quantity, &Compressed); 2] {
-        Quantity::ALL.map(|quantity| match quantity {
-            Quantity::Transmittance => (quantity, self.transmittance),
-            Quantity::Reflectance => (quantity, self.reflectance),
+    /// The quantities there are.
+    fn quantities(&self) -> impl Iterator<Item = (Quantity, &Compressed)> {
+        Quantity::ALL.into_iter().filter_map(|quantity| {
+            let compressed = match quantity {
+                Quantity::Transmittance => self.transmittance,
+                Quantity::Reflectance => self.reflectance,
+            };
+            Some((quantity, compressed?))
         })
+    }
+
+    /// That of all quantities there are.
+    fn variant(&self) -> Result<Variant, CompactError> {
+        let mut variants = self
+            .quantities()
+            .map(|(_, compressed)| compressed.variant());
+        let Some(variant) = variants.next() else {
+            let problem = "it has neither transmittance nor reflectance".to_owned();
+            return Err(CompactError::Content(problem));
+        };
+        if variants.any(|other| other != variant) {
+            let problem = "transmittance and reflectance are of two variants".to_owned();
+            return Err(CompactError::Content(problem));
+        }
+        Ok(variant)
     }
 
     /// Values in the order of [`AXES`].
@@ -155,20 +176,27 @@ impl CompactFile<'_> {
 
     /// `__metadata__`: strings by name.
     fn metadata(&self) -> Result<Value, CompactError> {
-        let tables: BTreeMap<&str, &ErrorTable> =
-            self.quantities().map(|(q, c)| (q.name(), &c.table)).into();
-        let bounds: BTreeMap<&str, Bounds> =
-            self.quantities().map(|(q, c)| (q.name(), c.bounds)).into();
+        let Variant { basis, precision } = self.variant()?;
+        let quantities = quantities(self.quantities().map(|(quantity, _)| quantity));
+        let tables = self.quantities().map(|(q, c)| (q.name(), &c.table));
+        let tables: BTreeMap<&str, &ErrorTable> = tables.collect();
+        let bounds = self.quantities().map(|(q, c)| (q.name(), c.bounds));
+        let bounds: BTreeMap<&str, Bounds> = bounds.collect();
         let mut units = BTreeMap::from(AXES.map(|axis| (axis.name, axis.unit)));
         units.insert(WAVELENGTHS.name, WAVELENGTHS.unit);
-        units.extend(Quantity::ALL.map(|quantity| (quantity.name(), "1")));
+        units.extend(
+            self.quantities()
+                .map(|(quantity, _)| (quantity.name(), "1")),
+        );
 
         let mut entries = BTreeMap::from([
             ("format".to_owned(), FORMAT.to_owned()),
             ("format_version".to_owned(), FORMAT_VERSION.to_owned()),
             ("axis_order".to_owned(), axis_order()),
             ("units".to_owned(), serde_json::to_string(&units)?),
-            ("basis".to_owned(), BASIS_LINEAR.to_owned()),
+            (BASIS.to_owned(), basis.name().to_owned()),
+            (PRECISION.to_owned(), precision.name().to_owned()),
+            (QUANTITIES.to_owned(), quantities),
             (ERROR_TABLE.to_owned(), serde_json::to_string(&tables)?),
             (BOUNDS.to_owned(), serde_json::to_string(&bounds)?),
             (PROVENANCE.to_owned(), self.provenance.to_owned()),
@@ -187,6 +215,58 @@ impl CompactFile<'_> {
         }
         Ok(serde_json::to_value(entries)?)
     }
+}
+
+/// A tensor as it is written.
+struct Tensor {
+    dtype: &'static str,
+    shape: Vec<usize>,
+    bytes: Vec<u8>,
+}
+
+impl Tensor {
+    fn new(dtype: &'static str, shape: &[usize], bytes: impl IntoIterator<Item = u8>) -> Self {
+        Self {
+            dtype,
+            shape: shape.to_vec(),
+            bytes: bytes.into_iter().collect(),
+        }
+    }
+
+    fn f32(shape: &[usize], values: impl IntoIterator<Item = f32>) -> Self {
+        let bytes = values.into_iter().flat_map(f32::to_le_bytes);
+        Self::new("F32", shape, bytes)
+    }
+
+    fn integers(all: &Integers) -> Self {
+        match all {
+            Integers::U8(all) => Self::new("U8", &[all.len()], all.iter().copied()),
+            Integers::U16(all) => {
+                let bytes = all.iter().flat_map(|i| i.to_le_bytes());
+                Self::new("U16", &[all.len()], bytes)
+            }
+        }
+    }
+}
+
+/// A safetensors file of this header and data.
+pub(super) fn assemble(
+    header: &BTreeMap<String, Value>,
+    data: &[u8],
+) -> Result<Vec<u8>, CompactError> {
+    let mut header = serde_json::to_vec(header)?;
+    header.resize(header.len().next_multiple_of(8), b' ');
+    if header.len() > MAX_HEADER {
+        let problem = format!(
+            "its metadata take {} bytes; at most {MAX_HEADER} are allowed",
+            header.len()
+        );
+        return Err(CompactError::Content(problem));
+    }
+    let mut bytes = (header.len() as u64).to_le_bytes().to_vec();
+    bytes.append(&mut header);
+    bytes.extend_from_slice(data);
+    Ok(bytes)
 }
 
 /// `values` as f32, if a reader accepts them.

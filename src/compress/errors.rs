@@ -1,15 +1,16 @@
 //! What compression costs: errors per curve, and their table per number of
 //! components (docs/methods.md).
 //!
-//! Errors are of what a reader gets: coefficients and basis rounded to f32, the
-//! sum of their products rounded to f32.
+//! Errors are of what a reader gets: coefficients rounded as they are stored, the
+//! basis rounded to f32, the spectrum rounded to f32.
 use std::fmt;
 
 use ndarray::{ArrayView1, ArrayView2};
 use serde::{Serialize, Serializer};
 
-use super::Decomposition;
+use super::Basis;
 use crate::colour::Colorimeter;
+use crate::measurement::Quantity;
 
 /// The error of one rebuilt spectrum.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -111,37 +112,44 @@ pub struct ErrorTable {
     pub chosen: Option<usize>,
 }
 
-/// Tabulates the errors of `curves` (`[s, l]`) for 1 to `components`
-/// components (at most [`Decomposition::rank_limit`] are used).
-///
-/// # Panics
-/// If `curves` is not the matrix decomposed, or `colour` is of other wavelengths.
-#[must_use]
-pub fn error_table(
+/// What rebuilds curves, as a file holds it.
+pub(super) struct Rebuilding<'a> {
+    /// What the components are of.
+    pub(super) kind: Basis,
+    /// What the curves are.
+    pub(super) quantity: Quantity,
+    /// `[s, l']`.
+    pub(super) coefficients: ArrayView2<'a, f32>,
+    /// `[l, l']` or more.
+    pub(super) basis: ArrayView2<'a, f32>,
+}
+
+/// Tabulates the errors of `curves` (`[s, l]`) for `first` to l' components.
+pub(super) fn error_table(
     curves: ArrayView2<f64>,
-    decomposition: &Decomposition,
+    by: &Rebuilding<'_>,
     colour: Option<&Colorimeter>,
-    components: usize,
+    first: usize,
 ) -> ErrorTable {
     let wavelengths = curves.ncols();
-    assert_eq!(
-        wavelengths,
-        decomposition.basis.nrows(),
-        "the matrix decomposed"
-    );
-    let components = components.min(decomposition.rank_limit());
-    let basis = decomposition.basis.mapv(|v| v as f32);
-    let mut tallies = vec![(Tally::default(), Tally::default()); components];
+    let unlisted = first - 1;
+    let mut tallies =
+        vec![(Tally::default(), Tally::default()); by.coefficients.ncols() - unlisted];
     let mut original = vec![0.0; wavelengths];
     let mut sum = vec![0.0; wavelengths];
     let mut rebuilt = vec![0.0; wavelengths];
-    for curve in curves.rows() {
+    for (curve, coefficients) in curves.rows().into_iter().zip(by.coefficients.rows()) {
         (original.iter_mut().zip(curve)).for_each(|(to, &from)| *to = from);
         sum.fill(0.0);
-        for (column, (rmse, colours)) in tallies.iter_mut().enumerate() {
-            let coefficient = coefficient(curve, decomposition.basis.column(column));
-            add_component(&mut sum, coefficient, basis.column(column));
-            (rebuilt.iter_mut().zip(&sum)).for_each(|(to, &from)| *to = f64::from(from as f32));
+        for (column, &coefficient) in coefficients.iter().enumerate() {
+            add_component(&mut sum, coefficient, by.basis.column(column));
+            let Some((rmse, colours)) = column.checked_sub(unlisted).map(|i| &mut tallies[i])
+            else {
+                continue;
+            };
+            for (to, &sum) in rebuilt.iter_mut().zip(&sum) {
+                *to = f64::from(by.kind.value(by.quantity, sum) as f32);
+            }
             let error = CurveError::between(&original, &rebuilt, colour);
             rmse.add(error.rmse);
             error.delta_e.into_iter().for_each(|e| colours.add(e));
@@ -151,7 +159,7 @@ pub fn error_table(
         .into_iter()
         .enumerate()
         .map(|(i, (rmse, colours))| ErrorRow {
-            components: i + 1,
+            components: first + i,
             rmse: rmse.finish(),
             delta_e: colour.map(|_| colours.finish()),
         });
@@ -159,13 +167,6 @@ pub fn error_table(
         rows: rows.collect(),
         chosen: None,
     }
-}
-
-/// One coefficient as it is stored: summed in wavelength order, so that every
-/// caller gets the same bits.
-pub(super) fn coefficient(curve: ArrayView1<f64>, vector: ArrayView1<f64>) -> f32 {
-    let sum: f64 = curve.iter().zip(vector).map(|(m, v)| m * v).sum();
-    sum as f32
 }
 
 /// Adds one component to a spectrum being rebuilt. Products of two f32 are exact

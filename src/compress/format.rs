@@ -2,15 +2,20 @@
 //! share these names and ranges.
 //!
 //! A safetensors file: 8 bytes little-endian header length, a JSON header padded
-//! with spaces to a multiple of 8, little-endian f32 data without gaps. Tensors:
+//! with spaces to a multiple of 8, little-endian data without gaps. Tensors, f32
+//! where nothing else is said:
 //!
 //! | name | shape | content |
 //! |---|---|---|
-//! | `transmittance.coefficients` | `[s, l']` | C', one row per curve, row-major over the axes |
+//! | `transmittance.coefficients` | `[s, l']` | C', one row per curve, row-major over the axes; f32 or f16 |
+//! | `transmittance.coefficients.0` ... | `[s]` | instead, if quantised: integers, u8 or u16, one tensor per component |
+//! | `transmittance.quantisation` | `[l', 2]` | if quantised: offset and step; a coefficient is offset + step integer |
 //! | `transmittance.basis` | `[l, l']` | V' |
 //! | `reflectance.*` | likewise | with its own l' |
 //! | `wavelength_nm` | `[l]` | strictly increasing |
 //! | `facetness`, `grain_size_um`, `density_kg_m3`, `thickness_cm`, `angle_deg` | `[n]` each | the axes, slowest first; s is the product of their lengths |
+//!
+//! The tensors of a quantity are there if the metadata `quantities` name it.
 use crate::measurement::Quantity;
 
 /// `format` in the metadata.
@@ -26,8 +31,12 @@ pub const BOUNDS: &str = "bounds";
 /// Metadata key of where the numbers come from: JSON of the attributes of the
 /// database ([`crate::store::Store::attributes`]).
 pub const PROVENANCE: &str = "provenance";
-/// `basis` in the metadata: a spectrum is C' V'^T, nothing else.
-pub(crate) const BASIS_LINEAR: &str = "linear";
+/// Metadata key of the [`super::Basis`].
+pub(crate) const BASIS: &str = "basis";
+/// Metadata key of the [`super::Precision`]; absent in older files: f32.
+pub(crate) const PRECISION: &str = "precision";
+/// Metadata key of the quantities there are; absent in older files: both.
+pub(crate) const QUANTITIES: &str = "quantities";
 /// Longest header written or read, bytes.
 pub(crate) const MAX_HEADER: usize = 16 << 20;
 /// Largest magnitude of a coefficient or basis entry: no sum of products of
@@ -119,6 +128,16 @@ pub(crate) fn coefficients_name(quantity: Quantity) -> String {
     format!("{}.coefficients", quantity.name())
 }
 
+/// Name of the integers of one component of `quantity`.
+pub(crate) fn integers_name(quantity: Quantity, component: usize) -> String {
+    format!("{}.coefficients.{component}", quantity.name())
+}
+
+/// Name of the offsets and steps of `quantity`.
+pub(crate) fn quantisation_name(quantity: Quantity) -> String {
+    format!("{}.quantisation", quantity.name())
+}
+
 /// Name of the basis of `quantity`.
 pub(crate) fn basis_name(quantity: Quantity) -> String {
     format!("{}.basis", quantity.name())
@@ -127,6 +146,12 @@ pub(crate) fn basis_name(quantity: Quantity) -> String {
 /// Metadata key with the number of components of `quantity`.
 pub(crate) fn components_key(quantity: Quantity) -> String {
     format!("{}.components", quantity.name())
+}
+
+/// `quantities` in the metadata.
+pub(crate) fn quantities(there: impl IntoIterator<Item = Quantity>) -> String {
+    let names: Vec<_> = there.into_iter().map(Quantity::name).collect();
+    names.join(",")
 }
 
 /// `axis_order` in the metadata.

@@ -4,23 +4,33 @@
 //!
 //! Transmittance and reflectance are compressed apart, each with its own number
 //! of components.
+mod annotation;
+mod basis;
 mod choice;
 mod compact;
 mod errors;
 pub(crate) mod format;
+mod model;
+mod precision;
 mod svd;
 
-pub use choice::{Bounds, Choice, DEFAULT_MAX_RMSE, choose};
+pub use annotation::annotated;
+pub use basis::Basis;
+pub use choice::{Bounds, Choice, DEFAULT_MAX_DELTA_E, DEFAULT_MAX_RMSE, choose};
 pub use compact::{CompactError, CompactFile};
 pub(crate) use errors::add_component;
-pub use errors::{CurveError, ErrorRow, ErrorTable, Statistics, error_table};
+pub use errors::{CurveError, ErrorRow, ErrorTable, Statistics};
 pub use format::{AXES, BOUNDS, Coordinate, ERROR_TABLE, PROVENANCE};
+pub use model::Model;
+pub(crate) use precision::dequantised;
+pub use precision::{Coefficients, Integers, Precision, Quantised};
 pub use svd::Decomposition;
 
-use ndarray::{Array2, ArrayView2, Axis};
+use ndarray::{Array2, ArrayView2};
 use thiserror::Error;
 
 use crate::colour::Colorimeter;
+use crate::measurement::Quantity;
 
 /// Rows of the error table that are always there, if there are as many components.
 const ROWS: usize = 12;
@@ -74,7 +84,9 @@ pub enum CompressError {
     },
     /// Even all components do not keep the bounds.
     #[error(
-        "with all {components} components the largest {name} is {reached:.3e}, not below {bound:e}: f32 holds no more; raise the bound"
+        "with all {components} components the largest {name} is {reached:.3e}, not below {bound:e}: `{}` coefficients hold no more; raise the bound{}",
+        precision.name(),
+        if *precision == Precision::F32 { "" } else { ", or take f32" }
     )]
     Unreachable {
         /// The measure that fails.
@@ -85,17 +97,32 @@ pub enum CompressError {
         reached: f64,
         /// All there are.
         components: usize,
+        /// The precision of the coefficients.
+        precision: Precision,
     },
 }
 
-/// A compressed matrix: spectrum `j` is row j of `coefficients` times `basis`^T.
+/// The variant of a compact file: how it holds both quantities.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
+pub struct Variant {
+    /// What the components are of.
+    pub basis: Basis,
+    /// Numbers of the coefficients.
+    pub precision: Precision,
+}
+
+/// A compressed matrix: row j of `coefficients` times `basis`^T gives spectrum
+/// `j` as `kind` says.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Compressed {
+    /// What the components are of.
+    pub kind: Basis,
     /// C', `[s, l']`.
-    pub coefficients: Array2<f32>,
+    pub coefficients: Coefficients,
     /// V', `[l, l']`.
     pub basis: Array2<f32>,
-    /// Errors per number of components, with the chosen one marked.
+    /// Errors per number of components, with the chosen one marked. If
+    /// coefficients are quantised, they have 16 bits but in the chosen row.
     pub table: ErrorTable,
     /// The bounds that chose it.
     pub bounds: Bounds,
@@ -107,9 +134,20 @@ impl Compressed {
     pub fn components(&self) -> usize {
         self.basis.ncols()
     }
+
+    /// How it is held.
+    #[must_use]
+    pub fn variant(&self) -> Variant {
+        Variant {
+            basis: self.kind,
+            precision: self.coefficients.precision(),
+        }
+    }
 }
 
-/// Compresses `curves`, `[s, l]`; `colour` is of the same l wavelengths.
+/// Compresses `curves`, `[s, l]`, of `quantity`; `colour` is of the same l
+/// wavelengths. Quantised coefficients have 8 bits where the bounds allow it and
+/// 16 where they do not, or where there are no bounds.
 ///
 /// # Errors
 /// See [`CompressError`].
@@ -118,11 +156,13 @@ impl Compressed {
 /// If `colour` is of another number of wavelengths.
 pub fn compress(
     curves: ArrayView2<f64>,
+    quantity: Quantity,
     colour: Option<&Colorimeter>,
     choice: Choice,
+    variant: Variant,
 ) -> Result<Compressed, CompressError> {
-    let decomposition = Decomposition::new(curves)?;
-    let limit = decomposition.rank_limit();
+    let model = Model::new(curves, quantity, colour, variant.basis)?;
+    let limit = model.rank_limit();
     let first = match choice {
         Choice::Components(components) if !(1..=limit).contains(&components) => {
             return Err(CompressError::Components { components, limit });
@@ -130,13 +170,15 @@ pub fn compress(
         Choice::Components(components) => components.max(ROWS),
         Choice::Bounds(_) => ROWS,
     };
-    let mut table = error_table(curves, &decomposition, colour, first);
+    let mut all = model.coefficients(first, variant.precision);
+    let mut table = model.table(&all);
     let components = match choice {
         Choice::Components(components) => components,
-        Choice::Bounds(bounds) => match choose(&table, &bounds) {
+        Choice::Bounds(bounds) => match choose(&table, &bounds, variant.precision) {
             Err(CompressError::Unreachable { .. }) if first < limit => {
-                table = error_table(curves, &decomposition, colour, limit);
-                let chosen = choose(&table, &bounds)?;
+                all = model.coefficients(limit, variant.precision);
+                table = model.table(&all);
+                let chosen = choose(&table, &bounds, variant.precision)?;
                 table.rows.truncate(chosen);
                 chosen
             }
@@ -144,13 +186,14 @@ pub fn compress(
         },
     };
     table.chosen = Some(components);
-    let (kept, _) = decomposition.basis.view().split_at(Axis(1), components);
-    let coefficients = Array2::from_shape_fn((curves.nrows(), components), |(row, column)| {
-        errors::coefficient(curves.row(row), kept.column(column))
-    });
+    let mut coefficients = all.first(components);
+    if let (Choice::Bounds(bounds), Precision::Quantised) = (choice, variant.precision) {
+        (coefficients, table.rows[components - 1]) = model.narrowed(components, &bounds)?;
+    }
     Ok(Compressed {
+        kind: variant.basis,
         coefficients,
-        basis: kept.mapv(|v| v as f32),
+        basis: model.basis(components),
         table,
         bounds: choice.bounds(colour.is_some()),
     })

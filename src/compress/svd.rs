@@ -44,13 +44,8 @@ impl Decomposition {
         if rows == 0 || columns == 0 {
             return Err(CompressError::Empty { rows, columns });
         }
-        let mut scale: f64 = 0.0;
-        for ((row, column), &value) in curves.indexed_iter() {
-            if value.is_nan() || value.abs() > MAX_MAGNITUDE {
-                return Err(CompressError::Value { row, column, value });
-            }
-            scale = scale.max(value.abs());
-        }
+        check_values(curves)?;
+        let scale = curves.iter().fold(0.0_f64, |a, b| a.max(b.abs()));
         // Scaled, no square of an entry that matters can underflow.
         let scale = if scale > 0.0 { scale } else { 1.0 };
 
@@ -94,6 +89,15 @@ impl Decomposition {
     #[must_use]
     pub fn rank_limit(&self) -> usize {
         self.singular_values.len()
+    }
+}
+
+/// Refuses entries that are not numbers of ordinary size.
+pub(super) fn check_values(curves: ArrayView2<f64>) -> Result<(), CompressError> {
+    let ordinary = |value: f64| value.abs() <= MAX_MAGNITUDE;
+    match curves.indexed_iter().find(|(_, value)| !ordinary(**value)) {
+        Some(((row, column), &value)) => Err(CompressError::Value { row, column, value }),
+        None => Ok(()),
     }
 }
 

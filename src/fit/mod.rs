@@ -153,7 +153,7 @@ pub fn grid(scene: &Scene) -> Grid {
             rays: rays(scene),
             max_error: MaxError::usual(&scene.wavelengths_nm),
         },
-        compression: compression(scene, COMPRESSION),
+        compression: compression(scene),
     }
 }
 
@@ -164,11 +164,10 @@ fn rays(scene: &Scene) -> u64 {
     (rays.clamp(least, most) as u64).next_power_of_two()
 }
 
-fn compression(scene: &Scene, share: f64) -> Compression {
+fn compression(scene: &Scene) -> Compression {
     Compression {
-        max_delta_e: share * scene.max_delta_e,
+        max_delta_e: COMPRESSION * scene.max_delta_e,
         max_rmse: None,
-        viewing: scene.viewing.clone(),
     }
 }
 
@@ -288,7 +287,7 @@ impl Made {
         let mut compressed = Vec::new();
         for &quantity in &scene.quantities {
             let curves = training.curves_of(nodes, quantity);
-            let choice = Choice::Bounds(compression(scene, COMPRESSION));
+            let choice = Choice::Bounds(compression(scene));
             let mut one = compress(curves.view(), quantity, Some(colour), choice, variant)?;
             // the errors of other numbers of components are of no use to a scene
             one.table.rows.retain(|row| Some(row.components) == one.table.chosen);

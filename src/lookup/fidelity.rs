@@ -19,7 +19,8 @@ pub struct CurveErrors {
 /// `quantity`: to the last bit those that its error table was made from.
 ///
 /// # Errors
-/// [`LookupError::Shape`] if `curves` is of another shape.
+/// [`LookupError::NoQuantity`]; [`LookupError::Shape`] if `curves` is of another
+/// shape.
 ///
 /// # Panics
 /// If `colour` is of another number of wavelengths.
@@ -29,6 +30,7 @@ pub fn errors_of(
     curves: ArrayView2<f64>,
     colour: Option<&Colorimeter>,
 ) -> Result<CurveErrors, LookupError> {
+    database.expect(quantity)?;
     expect("curves", database.curves(), curves.nrows())?;
     expect("wavelengths", database.wavelengths_nm.len(), curves.ncols())?;
     let mut errors = CurveErrors {
@@ -47,26 +49,33 @@ pub fn errors_of(
 }
 
 impl Database {
-    /// The nearest spectrum that the basis of `quantity` can express to
-    /// `spectrum` (`[l]`), a new one, say off the nodes: what compression alone
-    /// does to it.
+    /// `spectrum` (`[l]`), a new one, say off the nodes, projected on the basis
+    /// of `quantity`: what compression alone does to it. Coefficients are f32
+    /// whatever those of the file.
     ///
     /// # Errors
-    /// [`LookupError::Shape`] if `spectrum` is of another length.
+    /// [`LookupError::NoQuantity`]; [`LookupError::Shape`] if `spectrum` is of
+    /// another length.
     pub fn project(&self, quantity: Quantity, spectrum: &[f64]) -> Result<Vec<f32>, LookupError> {
+        self.expect(quantity)?;
         expect("wavelengths", self.wavelengths_nm.len(), spectrum.len())?;
-        let factors = self.factors(quantity);
-        let coefficients = factors.basis.columns().into_iter().map(|vector| {
-            let products = vector.iter().zip(spectrum).map(|(&v, m)| f64::from(v) * m);
+        let projected = spectrum.iter().map(|&m| self.kind.projected(quantity, m));
+        let projected: Vec<f64> = projected.collect();
+        let basis = self.basis(quantity);
+        let coefficients = basis.columns().into_iter().map(|vector| {
+            let products = vector
+                .iter()
+                .zip(&projected)
+                .map(|(&v, m)| f64::from(v) * m);
             products.sum::<f64>() as f32
         });
-        Ok(factors.rebuild(coefficients))
+        Ok(self.rebuild(quantity, coefficients))
     }
 
     /// The error of [`Database::project`].
     ///
     /// # Errors
-    /// [`LookupError::Shape`] if `spectrum` is of another length.
+    /// As [`Database::project`].
     ///
     /// # Panics
     /// If `colour` is of another number of wavelengths.

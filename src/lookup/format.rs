@@ -5,16 +5,22 @@
 //! header is measured here, with checked sums, against the bytes there are.
 use std::collections::BTreeMap;
 
-use ndarray::Array2;
+use half::f16;
+use ndarray::{Array2, ShapeBuilder};
 use safetensors::tensor::{Dtype, Metadata};
 use thiserror::Error;
 
 use super::{Database, Factors};
 use crate::compress::format::{
-    AXES, BASIS_LINEAR, Coordinate, FORMAT, FORMAT_VERSION, MAX_HEADER, MAX_NUMBER, WAVELENGTHS,
-    axis_order, basis_name, coefficients_name, components_key, number,
+    AXES, BASIS, Coordinate, FORMAT, FORMAT_VERSION, MAX_HEADER, MAX_NUMBER, PRECISION, QUANTITIES,
+    WAVELENGTHS, axis_order, basis_name, coefficients_name, components_key, integers_name, number,
+    quantisation_name, quantities,
 };
+use crate::compress::{Basis, Precision, dequantised};
 use crate::measurement::Quantity;
+
+/// What an unknown value of a variant's key means.
+const ANOTHER_VARIANT: &str = "this version cannot read that variant";
 
 /// Why bytes are not a compact file that this version reads.
 #[derive(Debug, Clone, PartialEq, Error)]
@@ -153,31 +159,31 @@ impl Tensors<'_> {
             FORMAT_VERSION,
             "another version of the program wrote it",
         )?;
-        self.says(
-            "basis",
-            BASIS_LINEAR,
-            "this version cannot read that variant",
-        )?;
-        self.says(
-            "axis_order",
-            &axis_order(),
-            "this version cannot read that variant",
-        )?;
+        self.says("axis_order", &axis_order(), ANOTHER_VARIANT)?;
+        let kind = self.one_of(BASIS, None, Basis::ALL.map(|b| (b.name().to_owned(), b)))?;
+        let all = Precision::ALL.map(|p| (p.name().to_owned(), p));
+        let precision = self.one_of(PRECISION, Some(Precision::F32), all)?;
+        let [first, second] = Quantity::ALL;
+        let all = [vec![first, second], vec![first], vec![second]];
+        let all = all.map(|there| (quantities(there.iter().copied()), there));
+        let there = self.one_of(QUANTITIES, Some(Quantity::ALL.into()), all)?;
 
-        let mut known: Vec<String> = AXES.iter().map(|axis| axis.name.to_owned()).collect();
-        known.push(WAVELENGTHS.name.to_owned());
-        known.extend(
-            Quantity::ALL
-                .iter()
-                .flat_map(|&q| [coefficients_name(q), basis_name(q)]),
-        );
+        let wavelengths_nm = self.coordinate(&WAVELENGTHS)?;
+        let mut components = Vec::new();
+        for quantity in there {
+            components.push((quantity, self.components(quantity, wavelengths_nm.len())?));
+        }
         for name in self.header.offset_keys() {
-            if !known.contains(&name) {
+            let axes = AXES.iter().any(|axis| axis.name == name);
+            let mut quantities = components.iter();
+            let known = axes
+                || name == WAVELENGTHS.name
+                || quantities.any(|&(q, components)| belongs(&name, q, components, precision));
+            if !known {
                 return Err(FormatError::Unknown(name));
             }
         }
 
-        let wavelengths_nm = self.coordinate(&WAVELENGTHS)?;
         let mut axes: [Vec<f32>; 5] = Default::default();
         // More curves than fit in a usize match no tensor: checked below.
         let mut curves: usize = 1;
@@ -185,13 +191,63 @@ impl Tensors<'_> {
             *axis = self.coordinate(coordinate)?;
             curves = curves.saturating_mul(axis.len());
         }
+        let [mut transmittance, mut reflectance] = <[Factors; 2]>::default();
+        for (quantity, components) in components {
+            let factors = match quantity {
+                Quantity::Transmittance => &mut transmittance,
+                Quantity::Reflectance => &mut reflectance,
+            };
+            *factors = Factors {
+                coefficients: match precision {
+                    Precision::Quantised => self.integers(quantity, [curves, components])?,
+                    other => {
+                        self.matrix(&coefficients_name(quantity), [curves, components], other)?
+                    }
+                },
+                basis: self.matrix(
+                    &basis_name(quantity),
+                    [wavelengths_nm.len(), components],
+                    Precision::F32,
+                )?,
+            };
+        }
         Ok(Database {
-            transmittance: self.factors(Quantity::Transmittance, curves, wavelengths_nm.len())?,
-            reflectance: self.factors(Quantity::Reflectance, curves, wavelengths_nm.len())?,
+            kind,
+            precision,
+            transmittance,
+            reflectance,
+            curves,
             axes,
             wavelengths_nm,
             metadata: self.metadata,
         })
+    }
+
+    /// The value of which metadata `key` has the name; `absent` without the key.
+    fn one_of<T, const N: usize>(
+        &self,
+        key: &str,
+        absent: Option<T>,
+        named: [(String, T); N],
+    ) -> Result<T, FormatError> {
+        let found = self.metadata.get(key);
+        if let (None, Some(absent)) = (found, absent) {
+            return Ok(absent);
+        }
+        let expected = named
+            .each_ref()
+            .map(|(name, _)| name.as_str())
+            .join("` or `");
+        let mut named = named.into_iter();
+        let value = named.find(|(name, _)| found == Some(name));
+        value
+            .map(|(_, value)| value)
+            .ok_or_else(|| FormatError::Metadata {
+                key: key.to_owned(),
+                found: quoted(found),
+                expected,
+                meaning: ANOTHER_VARIANT,
+            })
     }
 
     /// Refuses a file whose metadata `key` is not `expected`.
@@ -202,7 +258,7 @@ impl Tensors<'_> {
         }
         Err(FormatError::Metadata {
             key: key.to_owned(),
-            found: found.map_or("missing".to_owned(), |found| format!("{found:?}")),
+            found: quoted(found),
             expected: expected.to_owned(),
             meaning,
         })
@@ -214,34 +270,70 @@ impl Tensors<'_> {
         Ok(values)
     }
 
-    fn factors(&self, quantity: Quantity, s: usize, l: usize) -> Result<Factors, FormatError> {
+    /// The number of components of `quantity`, of `l` wavelengths.
+    fn components(&self, quantity: Quantity, l: usize) -> Result<usize, FormatError> {
         let key = components_key(quantity);
-        let stated = self.metadata.get(&key).and_then(|text| text.parse().ok());
-        let Some(components) = stated.filter(|n| (1..=l).contains(n)) else {
-            return Err(FormatError::Metadata {
-                found: self
-                    .metadata
-                    .get(&key)
-                    .map_or("missing".to_owned(), |v| format!("{v:?}")),
+        let found = self.metadata.get(&key);
+        let stated = found.and_then(|text| text.parse().ok());
+        stated
+            .filter(|n| (1..=l).contains(n))
+            .ok_or_else(|| FormatError::Metadata {
+                found: quoted(found),
                 key,
                 expected: format!("1 to {l}"),
                 meaning: "there are at most as many components as wavelengths",
-            });
-        };
-        Ok(Factors {
-            coefficients: self.matrix(&coefficients_name(quantity), [s, components])?,
-            basis: self.matrix(&basis_name(quantity), [l, components])?,
-        })
+            })
     }
 
-    fn matrix(&self, name: &str, shape: [usize; 2]) -> Result<Array2<f32>, FormatError> {
-        let expected = format!("{shape:?}");
-        let values = self.values(name, &expected, |found| found == shape)?;
-        if let Some(bad) = values.iter().find(|v| !number(**v)) {
-            return Err(FormatError::Value(format!(
-                "{name} has the value {bad}; expected finite numbers up to {MAX_NUMBER:e} in magnitude"
-            )));
+    /// Quantised coefficients, `[s, l']`, decoded.
+    fn integers(
+        &self,
+        quantity: Quantity,
+        [s, components]: [usize; 2],
+    ) -> Result<Array2<f32>, FormatError> {
+        let name = quantisation_name(quantity);
+        let scales = self.matrix(&name, [components, 2], Precision::F32)?;
+        let mut columns = Vec::new();
+        for (component, scale) in scales.rows().into_iter().enumerate() {
+            let name = integers_name(quantity, component);
+            let types = [Dtype::U8, Dtype::U16];
+            let (dtype, data) =
+                self.data(&name, &types, &format!("[{s}]"), |found| found == [s])?;
+            let decoded = |integer| dequantised(scale[0], scale[1], integer);
+            let begin = columns.len();
+            match dtype {
+                Dtype::U8 => columns.extend(data.iter().map(|&i| decoded(i.into()))),
+                _ => {
+                    let integers = data.as_chunks::<2>().0.iter();
+                    columns.extend(integers.map(|&bytes| decoded(u16::from_le_bytes(bytes))));
+                }
+            }
+            check_numbers(&name, columns.get(begin..).unwrap_or_default())?;
         }
+        let columns = Array2::from_shape_vec((s, components).f(), columns);
+        let columns = columns.map_err(|e| FormatError::Header(e.to_string()))?;
+        Ok(columns.as_standard_layout().into_owned())
+    }
+
+    fn matrix(
+        &self,
+        name: &str,
+        shape: [usize; 2],
+        precision: Precision,
+    ) -> Result<Array2<f32>, FormatError> {
+        let expected = format!("{shape:?}");
+        let fits = |found: &[usize]| found == shape;
+        let values = match precision {
+            Precision::F16 => {
+                let (_, data) = self.data(name, &[Dtype::F16], &expected, fits)?;
+                let numbers = data.as_chunks::<2>().0.iter();
+                numbers
+                    .map(|&bytes| f16::from_le_bytes(bytes).to_f32())
+                    .collect()
+            }
+            _ => self.values(name, &expected, fits)?,
+        };
+        check_numbers(name, &values)?;
         Array2::from_shape_vec(shape, values).map_err(|e| FormatError::Header(e.to_string()))
     }
 
@@ -252,21 +344,59 @@ impl Tensors<'_> {
         expected: &str,
         fits: impl Fn(&[usize]) -> bool,
     ) -> Result<Vec<f32>, FormatError> {
+        let (_, data) = self.data(name, &[Dtype::F32], expected, fits)?;
+        let numbers = data.as_chunks::<4>().0.iter();
+        Ok(numbers.map(|&bytes| f32::from_le_bytes(bytes)).collect())
+    }
+
+    /// The type and bytes of one tensor, if it is of one of `types` and of a
+    /// shape that `fits`.
+    fn data(
+        &self,
+        name: &str,
+        types: &[Dtype],
+        expected: &str,
+        fits: impl Fn(&[usize]) -> bool,
+    ) -> Result<(Dtype, &[u8]), FormatError> {
         let missing = || FormatError::Missing(name.to_owned());
         let info = self.header.info(name).ok_or_else(missing)?;
-        if info.dtype != Dtype::F32 || !fits(&info.shape) {
+        if !types.contains(&info.dtype) || !fits(&info.shape) {
+            let types: Vec<_> = types.iter().map(|dtype| format!("{dtype:?}")).collect();
             return Err(FormatError::Tensor {
                 name: name.to_owned(),
                 found: format!("{:?} {:?}", info.dtype, info.shape),
-                expected: format!("F32 {expected}"),
+                expected: format!("{} {expected}", types.join(" or ")),
             });
         }
         let (begin, end) = info.data_offsets;
         let data = self.data.get(begin..end).ok_or_else(missing)?;
-        let (numbers, _) = data.as_chunks::<4>();
-        Ok(numbers
-            .iter()
-            .map(|&bytes| f32::from_le_bytes(bytes))
-            .collect())
+        Ok((info.dtype, data))
+    }
+}
+
+/// A metadata value in a message.
+fn quoted(found: Option<&String>) -> String {
+    found.map_or("missing".to_owned(), |found| format!("{found:?}"))
+}
+
+/// Whether `name` is of a tensor of `quantity`.
+fn belongs(name: &str, quantity: Quantity, components: usize, precision: Precision) -> bool {
+    if name == basis_name(quantity) {
+        return true;
+    }
+    if precision != Precision::Quantised {
+        return name == coefficients_name(quantity);
+    }
+    let component = name.rsplit('.').next().and_then(|last| last.parse().ok());
+    let integers = |component| component < components && name == integers_name(quantity, component);
+    name == quantisation_name(quantity) || component.is_some_and(integers)
+}
+
+fn check_numbers(name: &str, values: &[f32]) -> Result<(), FormatError> {
+    match values.iter().find(|value| !number(**value)) {
+        Some(bad) => Err(FormatError::Value(format!(
+            "{name} has the value {bad}; expected finite numbers up to {MAX_NUMBER:e} in magnitude"
+        ))),
+        None => Ok(()),
     }
 }

@@ -12,6 +12,7 @@ mod varsa2025;
 pub use fidelity::{CurveErrors, errors_of};
 pub use format::FormatError;
 pub use nodes::Point;
+pub use coordinates::spread;
 pub use smooth::Lookup;
 pub use varsa2025::Varsa2025;
 
@@ -23,7 +24,8 @@ use std::path::{Path, PathBuf};
 use ndarray::{Array2, ArrayView2};
 use thiserror::Error;
 
-use crate::compress::{AXES, add_component};
+use crate::compress::{AXES, Basis, Precision, add_component};
+use crate::grid::Axes;
 use crate::measurement::Quantity;
 
 /// Why a look-up gave no spectrum.
@@ -79,6 +81,14 @@ pub enum LookupError {
         /// Its size.
         bytes: u128,
     },
+    /// A quantity that the file does not hold.
+    #[error("the compact file has no {}, it has {} only", missing.name(), there.name())]
+    NoQuantity {
+        /// What was asked for.
+        missing: Quantity,
+        /// What there is.
+        there: Quantity,
+    },
     /// A matrix or spectrum of another shape than the database.
     #[error("expected {expected} {what} as in the compact file, found {found}")]
     Shape {
@@ -91,8 +101,9 @@ pub enum LookupError {
     },
 }
 
-/// One quantity: a spectrum is a row of `coefficients` times `basis`^T.
-#[derive(Debug, Clone, PartialEq)]
+/// One quantity: a row of `coefficients` times `basis`^T gives a spectrum. Empty
+/// if the file does not hold it.
+#[derive(Debug, Clone, PartialEq, Default)]
 struct Factors {
     /// `[s, l']`.
     coefficients: Array2<f32>,
@@ -105,6 +116,9 @@ struct Factors {
 pub struct Database {
     axes: [Vec<f32>; 5],
     wavelengths_nm: Vec<f32>,
+    curves: usize,
+    kind: Basis,
+    precision: Precision,
     transmittance: Factors,
     reflectance: Factors,
     metadata: BTreeMap<String, String>,
@@ -147,6 +161,48 @@ impl Database {
         format::read(bytes)
     }
 
+    /// A database of these very curves (`[s, l]`, in single precision), for look-ups
+    /// that no compression touches. What is `None` it does not hold.
+    #[must_use]
+    pub fn from_curves(
+        axes: &Axes,
+        wavelengths_nm: &[f64],
+        transmittance: Option<&Array2<f64>>,
+        reflectance: Option<&Array2<f64>>,
+    ) -> Self {
+        let single = |values: &[f64]| values.iter().map(|v| *v as f32).collect();
+        let factors = |curves: Option<&Array2<f64>>| {
+            curves.map_or_else(Factors::default, |curves| Factors {
+                coefficients: curves.mapv(|v| v as f32),
+                basis: Array2::eye(wavelengths_nm.len()),
+            })
+        };
+        Self {
+            curves: axes.shape().iter().product::<u64>() as usize,
+            axes: axes.named().map(|(_, values)| single(values)),
+            wavelengths_nm: single(wavelengths_nm),
+            kind: Basis::Linear,
+            precision: Precision::F32,
+            transmittance: factors(transmittance),
+            reflectance: factors(reflectance),
+            metadata: BTreeMap::new(),
+        }
+    }
+
+    /// [`LookupError::NoQuantity`] unless the file holds `quantity`.
+    fn require(&self, quantity: Quantity) -> Result<(), LookupError> {
+        if self.has(quantity) {
+            return Ok(());
+        }
+        Err(LookupError::NoQuantity {
+            missing: quantity,
+            there: match quantity {
+                Quantity::Transmittance => Quantity::Reflectance,
+                Quantity::Reflectance => Quantity::Transmittance,
+            },
+        })
+    }
+
     /// Wavelengths, nm, `[l]`, strictly increasing.
     #[must_use]
     pub fn wavelengths_nm(&self) -> &[f32] {
@@ -162,22 +218,41 @@ impl Database {
     /// Number of curves, s: the product of the axes' lengths.
     #[must_use]
     pub fn curves(&self) -> usize {
-        self.transmittance.coefficients.nrows()
+        self.curves
     }
 
-    /// Number of components of `quantity`, l'.
+    /// What a row of coefficients times the basis^T is.
+    #[must_use]
+    pub fn basis_kind(&self) -> Basis {
+        self.kind
+    }
+
+    /// Numbers in which the file holds its coefficients.
+    #[must_use]
+    pub fn precision(&self) -> Precision {
+        self.precision
+    }
+
+    /// Whether the file holds `quantity`; it holds at least one.
+    #[must_use]
+    pub fn has(&self, quantity: Quantity) -> bool {
+        self.components(quantity) > 0
+    }
+
+    /// Number of components of `quantity`, l'; 0 if the file does not hold it.
     #[must_use]
     pub fn components(&self, quantity: Quantity) -> usize {
         self.basis(quantity).ncols()
     }
 
-    /// Coefficients of `quantity`, `[s, l']`.
+    /// Coefficients of `quantity`, `[s, l']`, whatever their precision in the
+    /// file; `[0, 0]` if it does not hold it.
     #[must_use]
     pub fn coefficients(&self, quantity: Quantity) -> ArrayView2<'_, f32> {
         self.factors(quantity).coefficients.view()
     }
 
-    /// Basis of `quantity`, `[l, l']`.
+    /// Basis of `quantity`, `[l, l']`; `[0, 0]` if the file does not hold it.
     #[must_use]
     pub fn basis(&self, quantity: Quantity) -> ArrayView2<'_, f32> {
         self.factors(quantity).basis.view()
@@ -193,17 +268,12 @@ impl Database {
     /// on a node within 1e-6 of the node's value (the axes are f32).
     ///
     /// # Errors
-    /// [`LookupError::Outside`] and [`LookupError::BetweenNodes`].
+    /// [`LookupError::NoQuantity`], [`LookupError::Outside`] and
+    /// [`LookupError::BetweenNodes`].
     pub fn spectrum(&self, point: Point, quantity: Quantity) -> Result<Vec<f32>, LookupError> {
+        self.expect(quantity)?;
         let row = self.row(point)?;
         Ok(self.curve(row, quantity).unwrap_or_default())
-    }
-
-    /// Whether components are of y, as in [`Lookup`], not of the spectra.
-    fn is_logarithmic(&self) -> bool {
-        self.metadata
-            .get("basis")
-            .is_some_and(|basis| basis == "log")
     }
 
     /// The row of the curve at a node: [`Database::point`] inverted.
@@ -230,12 +300,37 @@ impl Database {
         (rest == 0).then(|| Point::from_coordinates(coordinates))
     }
 
-    /// The spectrum of curve `row`, `[l]`; `None` beyond the last one.
+    /// The spectrum of curve `row`, `[l]`; `None` beyond the last one, and if
+    /// the file does not hold `quantity`.
     #[must_use]
     pub fn curve(&self, row: usize, quantity: Quantity) -> Option<Vec<f32>> {
-        let factors = self.factors(quantity);
-        let coefficients = (row < self.curves()).then(|| factors.coefficients.row(row))?;
-        Some(factors.rebuild(coefficients.iter().copied()))
+        let all = &self.factors(quantity).coefficients;
+        let coefficients = (row < all.nrows()).then(|| all.row(row))?;
+        Some(self.rebuild(quantity, coefficients.iter().copied()))
+    }
+
+    /// The spectrum of these coefficients (`[l']`), in the arithmetic in which
+    /// the error table was made.
+    fn rebuild(&self, quantity: Quantity, coefficients: impl Iterator<Item = f32>) -> Vec<f32> {
+        let basis = self.basis(quantity);
+        let mut sum = vec![0.0; basis.nrows()];
+        for (coefficient, vector) in coefficients.zip(basis.columns()) {
+            add_component(&mut sum, coefficient, vector);
+        }
+        let value = |sum| self.kind.value(quantity, sum) as f32;
+        sum.into_iter().map(value).collect()
+    }
+
+    /// Refuses a quantity that is not there.
+    fn expect(&self, quantity: Quantity) -> Result<(), LookupError> {
+        let mut all = Quantity::ALL.into_iter();
+        match all.find(|&other| self.has(other)) {
+            Some(there) if !self.has(quantity) => Err(LookupError::NoQuantity {
+                missing: quantity,
+                there,
+            }),
+            _ => Ok(()),
+        }
     }
 
     fn factors(&self, quantity: Quantity) -> &Factors {
@@ -243,17 +338,5 @@ impl Database {
             Quantity::Transmittance => &self.transmittance,
             Quantity::Reflectance => &self.reflectance,
         }
-    }
-}
-
-impl Factors {
-    /// The spectrum of these coefficients (`[l']`), in the arithmetic in which
-    /// the error table was made.
-    fn rebuild(&self, coefficients: impl Iterator<Item = f32>) -> Vec<f32> {
-        let mut sum = vec![0.0; self.basis.nrows()];
-        for (coefficient, vector) in coefficients.zip(self.basis.columns()) {
-            add_component(&mut sum, coefficient, vector);
-        }
-        sum.into_iter().map(|v| v as f32).collect()
     }
 }

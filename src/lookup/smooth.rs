@@ -22,7 +22,7 @@ use wide::f32x8;
 use super::coordinates::{smooth, thickness_slope};
 use super::diffusion::Diffusion;
 use super::{Database, LookupError, Point, nodes};
-use crate::compress::AXES;
+use crate::compress::{AXES, Basis};
 use crate::measurement::Quantity;
 
 /// Axis of the thickness.
@@ -71,9 +71,10 @@ impl Lookup {
     /// Prepares `quantity` of `database`: some ten milliseconds for 25,000 curves.
     ///
     /// # Errors
-    /// [`LookupError::TooLarge`] for a `linear` file of so many curves and
+    /// [`LookupError::NoQuantity`]; [`LookupError::TooLarge`] for a `linear` file of so many curves and
     /// wavelengths that its table would not fit 4 GB.
     pub fn new(database: &Database, quantity: Quantity) -> Result<Self, LookupError> {
+        database.require(quantity)?;
         let axes = database.axes().clone();
         let mut places: [Vec<f32>; 5] = Default::default();
         for (axis, (places, values)) in places.iter_mut().zip(&axes).enumerate() {
@@ -89,7 +90,7 @@ impl Lookup {
         }
         let columns = database.basis(quantity);
         let (wavelengths, components) = columns.dim();
-        let (depth, basis) = if database.is_logarithmic() {
+        let (depth, basis) = if database.basis_kind() == Basis::Log {
             let basis = columns.columns().into_iter().map(|c| lanes(&c.to_vec()));
             (components, basis.collect())
         } else {

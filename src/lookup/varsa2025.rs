@@ -31,8 +31,11 @@ pub struct Varsa2025<'a> {
 
 impl<'a> Varsa2025<'a> {
     /// Prepares `quantity` of `database`.
-    #[must_use]
-    pub fn new(database: &'a Database, quantity: Quantity) -> Self {
+    ///
+    /// # Errors
+    /// [`LookupError::NoQuantity`].
+    pub fn new(database: &'a Database, quantity: Quantity) -> Result<Self, LookupError> {
+        database.require(quantity)?;
         let mut knots_cm = vec![0.0];
         knots_cm.extend(database.axes()[3].iter().map(|h| f64::from(*h)));
         let thickest = knots_cm[knots_cm.len() - 1];
@@ -40,12 +43,12 @@ impl<'a> Varsa2025<'a> {
             knots_cm.push(BLACK_CM);
         }
         let bending = bending(&knots_cm);
-        Self {
+        Ok(Self {
             database,
             quantity,
             knots_cm,
             bending,
-        }
+        })
     }
 
     /// The spectrum at `point`, `[l]`.

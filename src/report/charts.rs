@@ -4,7 +4,7 @@ use super::panel::{Panel, Series};
 use super::style::Style;
 use crate::engine::Engine;
 use crate::measurement::Quantity;
-use crate::tradeoff::{Band, Components, Growth, Measure, Point, Results, front, points};
+use crate::tradeoff::{Band, Coding, Components, Growth, Measure, Point, Results, front, points};
 
 /// A figure and the name of its files.
 pub(super) struct Chart {
@@ -187,64 +187,70 @@ fn scaling(results: &Results) -> Figure {
     }
 }
 
-/// Errors of compression against its costs.
+/// Errors of compression against its costs, in each variant of the file.
 fn components(all: &[Components]) -> Figure {
-    type Of = fn(&Components) -> f64;
-    let panel = |title: &str, x: &str, cost: Of, y: &str, error: fn(&Components) -> Option<f64>| {
-        let of = |(i, quantity): (usize, Quantity)| Series {
-            style: Style::numbered(i),
-            points: all
-                .iter()
-                .filter(|row| row.quantity == quantity)
-                .filter_map(|row| Some((cost(row), error(row)?)))
-                .collect(),
-            joined: true,
+    type Of = fn(&Components) -> Option<f64>;
+    let bytes: Of = |row| Some(row.bytes as f64);
+    // Coefficients are decoded when a file is read: one precision tells of all.
+    let time: Of = |row| {
+        let decoded = matches!(row.coding, Coding::Linear | Coding::Log);
+        decoded.then_some(row.cpu_seconds)
+    };
+    let colour: Of = |row| row.delta_e.map(|e| e[1]);
+    let rmse: Of = |row| Some(row.rmse[1]);
+    let panel = |title: &str, of: Quantity, (x, cost): (&str, Of), (y, error): (&str, Of)| {
+        let at = |row: &Components| Some((cost(row)?, error(row)?));
+        let series = |(i, coding): (usize, Coding)| {
+            let mine = all.iter();
+            let mine = mine.filter(|row| row.quantity == of && row.coding == coding);
+            Series {
+                style: Style::numbered(i),
+                points: mine.filter_map(at).collect(),
+                // No line: its errors follow the bound, not the bytes.
+                joined: coding != Coding::LogNarrow,
+            }
         };
+        let rows = all.iter().filter(|row| row.quantity == of);
+        let labels = rows.filter_map(|row| Some((at(row)?, row.components.to_string())));
         Panel {
             title: title.into(),
             x: x.into(),
             y: y.into(),
-            series: Quantity::ALL.into_iter().enumerate().map(of).collect(),
+            series: Coding::ALL.into_iter().enumerate().map(series).collect(),
+            labels: labels.collect(),
             ..Panel::default()
         }
     };
-    let number: Of = |row| row.components as f64;
-    let colour = |row: &Components| row.delta_e.map(|e| e[1]);
-    let rmse = |row: &Components| Some(row.rmse[1]);
-    let legend = Quantity::ALL.into_iter().enumerate();
+    let size = ("bytes of coefficients and basis", bytes);
+    let (colour, rmse) = (("ΔE*ab", colour), ("RMSE", rmse));
+    let time = ("CPU seconds to rebuild a spectrum", time);
+    let [first, second] = Quantity::ALL;
+    let mut legend: Vec<_> = Coding::ALL
+        .into_iter()
+        .enumerate()
+        .map(|(i, coding)| {
+            let precision = match coding {
+                Coding::LogIntegers => "quantised to 16 bits",
+                Coding::LogNarrow => "quantised to 8 bits where ΔE*ab stays below 2.3",
+                other => other.precision(),
+            };
+            let words = format!("{} basis, {precision}", coding.basis().name());
+            (Symbol::Series(Style::numbered(i)), words)
+        })
+        .collect();
+    let remarks = [
+        "numbers are components; errors are those of the worst curve",
+        "linear, f32: the compression of Varsa 2025",
+    ];
+    legend.extend(remarks.map(|words| (Symbol::None, words.into())));
     Figure {
         panels: vec![
-            panel(
-                "Colour of the worst curve",
-                "components",
-                number,
-                "ΔE*ab",
-                colour,
-            ),
-            panel(
-                "RMSE of the worst curve",
-                "components",
-                number,
-                "RMSE",
-                rmse,
-            ),
-            panel(
-                "Size",
-                "bytes of the quantity",
-                |row| row.bytes as f64,
-                "ΔE*ab",
-                colour,
-            ),
-            panel(
-                "Time",
-                "CPU seconds to rebuild a spectrum",
-                |row| row.cpu_seconds,
-                "ΔE*ab",
-                colour,
-            ),
+            panel("Transmittance: colour and size", first, size, colour),
+            panel("Reflectance: colour and size", second, size, colour),
+            panel("Transmittance: RMSE and size", first, size, rmse),
+            panel("Reflectance: RMSE and size", second, size, rmse),
+            panel("Transmittance: colour and time", first, time, colour),
         ],
-        legend: legend
-            .map(|(i, quantity)| (Symbol::Series(Style::numbered(i)), quantity.name().into()))
-            .collect(),
+        legend,
     }
 }

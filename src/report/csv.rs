@@ -117,6 +117,8 @@ fn components(results: &Results) -> Result<Vec<u8>, ReportError> {
     let mut out = Writer::from_writer(Vec::new());
     out.write_record([
         "quantity",
+        "basis",
+        "precision",
         "components",
         "bytes",
         "cpu_seconds",
@@ -128,6 +130,8 @@ fn components(results: &Results) -> Result<Vec<u8>, ReportError> {
     for row in &results.components {
         let mut record = vec![
             row.quantity.name().to_owned(),
+            row.coding.basis().name().to_owned(),
+            row.coding.precision().to_owned(),
             row.components.to_string(),
             row.bytes.to_string(),
             digits(row.cpu_seconds),

@@ -101,6 +101,12 @@ impl Store {
         Ok(store)
     }
 
+    /// Whether there is a database in `dir`, whatever its state.
+    #[must_use]
+    pub fn is_at(dir: &Path) -> bool {
+        dir.join(DATABASE).exists()
+    }
+
     /// Opens the database in `dir` for reading, whatever grid made it.
     ///
     /// # Errors
@@ -129,7 +135,7 @@ impl Store {
     /// # Errors
     /// As `open`; the directory is in use or cannot be written.
     pub fn open_exclusive(dir: &Path) -> Result<Self, StoreError> {
-        if !dir.join(DATABASE).exists() {
+        if !Self::is_at(dir) {
             return Err(StoreError::Absent { path: dir.into() });
         }
         let lock = Lock::take(dir, Access::Exclusive)?;

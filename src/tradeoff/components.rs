@@ -1,5 +1,5 @@
 //! Errors of compression against what a compact file costs: components, bytes,
-//! and the time to rebuild a spectrum.
+//! and the time to rebuild a spectrum, in each of the file's variants.
 use std::hint::black_box;
 use std::path::PathBuf;
 
@@ -10,14 +10,16 @@ use super::measure::{Bench, Tables};
 use super::truth::values;
 use super::{Setting, TradeoffError};
 use crate::colour::Colorimeter;
-use crate::compress::{Decomposition, add_component, error_table};
+use crate::compress::{
+    Basis, CompressError, DEFAULT_MAX_DELTA_E, ErrorRow, Model, Precision, add_component,
+};
 use crate::engine::{EngineError, Resolution};
-use crate::grid::Grid;
+use crate::grid::{Compression, Grid};
 use crate::measurement::Quantity;
 use crate::store::{Store, Variable};
 
 /// Components of the last row, if there are as many.
-const MOST: usize = 12;
+const MOST: usize = 8;
 /// Rays per curve, of a grid in memory, for each CPU second of the budget: at
 /// most its own number.
 const RAYS_PER_SECOND: f64 = 4.0;
@@ -35,11 +37,65 @@ pub enum Source {
     Grid(Box<Grid>),
 }
 
+/// A variant of the compact file.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub enum Coding {
+    /// Components of the spectra, f32: that of Varsa 2025.
+    Linear,
+    /// Components of the logarithm, f32.
+    Log,
+    /// Likewise, f16.
+    LogHalf,
+    /// Likewise, integers of 16 bits.
+    LogIntegers,
+    /// Likewise, integers of 8 bits where Delta-E stays below the usual bound.
+    LogNarrow,
+}
+
+impl Coding {
+    /// All there are.
+    pub const ALL: [Self; 5] = [
+        Self::Linear,
+        Self::Log,
+        Self::LogHalf,
+        Self::LogIntegers,
+        Self::LogNarrow,
+    ];
+
+    /// What the components are of.
+    #[must_use]
+    pub fn basis(self) -> Basis {
+        match self {
+            Self::Linear => Basis::Linear,
+            _ => Basis::Log,
+        }
+    }
+
+    /// The precision's name in files of results.
+    #[must_use]
+    pub fn precision(self) -> &'static str {
+        match self {
+            Self::LogIntegers => "quantised_16",
+            other => other.stored().name(),
+        }
+    }
+
+    fn stored(self) -> Precision {
+        match self {
+            Self::Linear | Self::Log => Precision::F32,
+            Self::LogHalf => Precision::F16,
+            Self::LogIntegers | Self::LogNarrow => Precision::Quantised,
+        }
+    }
+}
+
 /// Errors and costs with one number of components of one quantity.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Components {
     /// The quantity.
     pub quantity: Quantity,
+    /// The variant.
+    pub coding: Coding,
     /// Their number.
     pub components: usize,
     /// Bytes of the quantity's coefficients and basis, as a compact file holds them.
@@ -72,18 +128,54 @@ pub(super) fn measure(
     let colour = Colorimeter::new(&curves.nm)?;
     let mut rows = Vec::new();
     for (quantity, matrix) in &curves.of {
-        let decomposition = Decomposition::new(matrix.view())?;
-        let table = error_table(matrix.view(), &decomposition, colour.as_ref(), MOST);
-        let numbers = (matrix.nrows() + matrix.ncols()) as u64;
-        for row in table.rows {
-            rows.push(Components {
-                quantity: *quantity,
-                components: row.components,
-                bytes: numbers * (row.components * size_of::<f32>()) as u64,
-                cpu_seconds: rebuilding(matrix, &decomposition, row.components),
-                rmse: [row.rmse.mean, row.rmse.max],
-                delta_e: row.delta_e.map(|e| [e.mean, e.max]),
-            });
+        for basis in Basis::ALL {
+            let model = Model::new(matrix.view(), *quantity, colour.as_ref(), basis)?;
+            let most = MOST.min(model.rank_limit());
+            let cpu_seconds: Vec<_> = (1..=most).map(|n| rebuilding(&model, n)).collect();
+            for coding in Coding::ALL.into_iter().filter(|c| c.basis() == basis) {
+                for (bytes, row) in coded(&model, coding, most)? {
+                    let numbers = matrix.ncols() * row.components;
+                    rows.push(Components {
+                        quantity: *quantity,
+                        coding,
+                        components: row.components,
+                        bytes: bytes + (numbers * size_of::<f32>()) as u64,
+                        cpu_seconds: cpu_seconds[row.components - 1],
+                        rmse: [row.rmse.mean, row.rmse.max],
+                        delta_e: row.delta_e.map(|e| [e.mean, e.max]),
+                    });
+                }
+            }
+        }
+    }
+    Ok(rows)
+}
+
+/// Bytes of the coefficients and errors for 1 to `most` components.
+fn coded(
+    model: &Model,
+    coding: Coding,
+    most: usize,
+) -> Result<Vec<(u64, ErrorRow)>, CompressError> {
+    if coding != Coding::LogNarrow {
+        let table = model.table(&model.coefficients(most, coding.stored()));
+        let bytes = |row: ErrorRow| {
+            let stored = model.coefficients(row.components, coding.stored());
+            (stored.bytes(), row)
+        };
+        return Ok(table.rows.into_iter().map(bytes).collect());
+    }
+    let bounds = Compression {
+        max_delta_e: DEFAULT_MAX_DELTA_E,
+        max_rmse: None,
+    };
+    let mut rows = Vec::new();
+    for components in 1..=most {
+        match model.narrowed(components, &bounds) {
+            Ok((stored, row)) => rows.push((stored.bytes(), row)),
+            // So few components do not keep the bound in 16 bits.
+            Err(CompressError::Unreachable { .. }) => {}
+            Err(error) => return Err(error),
         }
     }
     Ok(rows)
@@ -146,19 +238,20 @@ fn simulated(bench: &Bench, grid: &Grid) -> Result<Curves, TradeoffError> {
 }
 
 /// CPU seconds to rebuild one spectrum as readers of compact files do, undisturbed.
-fn rebuilding(curves: &Array2<f64>, decomposition: &Decomposition, components: usize) -> f64 {
-    let basis = decomposition.basis.mapv(|v| v as f32);
-    let coefficients = curves
-        .dot(&decomposition.basis)
-        .mapv(|coefficient| coefficient as f32);
-    let mut sum = vec![0.0; curves.ncols()];
+fn rebuilding(model: &Model, components: usize) -> f64 {
+    let basis = model.basis(components);
+    let coefficients = model.coefficients(components, Precision::F32).decoded();
+    let mut sum = vec![0.0; basis.nrows()];
     let mut pass = || {
         let (begin, mut spectra) = (ThreadTime::now(), 0_u32);
         loop {
             for row in coefficients.rows() {
                 sum.fill(0.0);
-                for (&coefficient, vector) in row.iter().zip(basis.columns()).take(components) {
+                for (&coefficient, vector) in row.iter().zip(basis.columns()) {
                     add_component(&mut sum, coefficient, vector);
+                }
+                for value in &mut sum {
+                    *value = model.value(*value);
                 }
                 black_box(&sum);
                 spectra += 1;

@@ -26,7 +26,7 @@ use std::sync::atomic::AtomicBool;
 
 pub use band::Band;
 pub use baseline::BASELINE_RAYS;
-pub use components::{Components, Source};
+pub use components::{Coding, Components, Source};
 pub use error::TradeoffError;
 pub use errors::Metrics;
 pub use ladder::{Setting, ladder};

@@ -28,13 +28,14 @@ fn subject<'a>(
     regions: &'a [Region],
     file: &'a Database,
     exact: &'a Database,
+    colour: Option<&'a Colorimeter>,
 ) -> certificate::Subject<'a> {
     certificate::Subject {
         grid: subject.grid,
         regions,
         file,
         exact,
-        colour: subject.colour.as_ref(),
+        colour,
         points: subject.options.points,
         rays: RAYS,
         seed: subject.options.seed.wrapping_add(APART),
@@ -43,7 +44,7 @@ fn subject<'a>(
 
 pub(super) fn walks(of: &Subject<'_>, file: &Database) -> Result<u64, VerifyError> {
     let regions = [region(file)];
-    Ok(subject(of, &regions, file, file).walks()?)
+    Ok(subject(of, &regions, file, file, None).walks()?)
 }
 
 /// Certifies the file of a database. What it states of its compression must hold
@@ -51,6 +52,7 @@ pub(super) fn walks(of: &Subject<'_>, file: &Database) -> Result<u64, VerifyErro
 pub(super) fn check(
     of: &Subject<'_>,
     file: &Database,
+    colour: Option<&Colorimeter>,
     control: &Control<'_>,
 ) -> Result<(Check, Certificate), VerifyError> {
     let [t, _] = of.curves(Quantity::Transmittance)?;
@@ -62,7 +64,7 @@ pub(super) fn check(
         Some(&r),
     );
     let regions = [region(file)];
-    let certificate = subject(of, &regions, file, &exact).certify(control)?;
+    let certificate = subject(of, &regions, file, &exact, colour).certify(control)?;
     let mut check = named(&certificate);
     for quantity in Quantity::ALL {
         let Some(chain) = certificate.quantities.get(quantity.name()) else {

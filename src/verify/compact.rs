@@ -32,7 +32,7 @@ pub(super) fn check(
         text.unwrap_or_default()
     };
     let table: Value = serde_json::from_str(metadata(ERROR_TABLE)).unwrap_or_default();
-    for quantity in Quantity::ALL {
+    for quantity in Quantity::ALL.into_iter().filter(|&q| database.has(q)) {
         let [curves, _] = subject.curves(quantity)?;
         let errors = errors_of(database, quantity, curves.view(), colour)?;
         let row = &table[quantity.name()]["rows"][database.components(quantity) - 1];

@@ -1,9 +1,9 @@
 //! Choice of components and errors, from curves alone.
 use ndarray::Array2;
-use splitsnow::compress::{Choice, CompressError, CurveError, compress};
+use splitsnow::compress::{Choice, CompressError, CurveError};
 use splitsnow::grid::Compression;
 
-use crate::{BOUNDS, colour, compressed, curves};
+use crate::{BOUNDS, colour, compress, compressed, curves};
 
 #[test]
 fn errors_fall_with_components_and_match_a_plain_sum() {
@@ -14,6 +14,7 @@ fn errors_fall_with_components_and_match_a_plain_sum() {
     );
     let rebuilt = compressed
         .coefficients
+        .decoded()
         .dot(&compressed.basis.t())
         .mapv(f64::from);
     let worst = compressed.table.rows[2].rmse.worst_curve;

@@ -1,19 +1,20 @@
 //! Files that are damaged, foreign or malicious.
 use std::collections::BTreeMap;
+use std::sync::LazyLock;
 
 use ndarray::Array2;
 use proptest::prelude::*;
 use safetensors::SafeTensors;
-use splitsnow::compress::{Choice, CompactFile, compress};
-use splitsnow::grid::Axes;
+use splitsnow::compress::{Basis, Choice, CompactFile, Precision, Variant, compress};
+use splitsnow::grid::{Axes, Compression};
 use splitsnow::lookup::{Database, FormatError};
 use splitsnow::measurement::Quantity;
 
 use crate::valid;
+use crate::variants::{file, variants};
 
-/// A valid file with its header text changed and its length kept true.
-fn with_header(change: impl FnOnce(String) -> String) -> Vec<u8> {
-    let bytes = valid();
+/// A file with its header text changed and its length kept true.
+pub(crate) fn with_header(bytes: &[u8], change: impl FnOnce(String) -> String) -> Vec<u8> {
     let (length, rest) = bytes.split_first_chunk::<8>().unwrap();
     let (header, data) = rest.split_at(u64::from_le_bytes(*length) as usize);
     let header = change(String::from_utf8(header.to_vec()).unwrap());
@@ -24,7 +25,11 @@ fn with_header(change: impl FnOnce(String) -> String) -> Vec<u8> {
 }
 
 fn swapped(from: &str, to: &str) -> String {
-    let bytes = with_header(|header| {
+    swapped_in(&valid(), from, to)
+}
+
+fn swapped_in(bytes: &[u8], from: &str, to: &str) -> String {
+    let bytes = with_header(bytes, |header| {
         assert!(header.contains(from), "{header}");
         header.replacen(from, to, 1)
     });
@@ -64,8 +69,26 @@ fn damaged_and_foreign_files_are_refused_with_the_reason() {
         version.contains("`format_version` is \"2\", expected `1`"),
         "{version}"
     );
-    let basis = swapped(r#""basis":"linear""#, r#""basis":"log""#);
-    assert!(basis.contains("`basis` is \"log\""), "{basis}");
+    let basis = swapped(r#""basis":"linear""#, r#""basis":"cubic""#);
+    assert!(
+        basis.contains("`basis` is \"cubic\", expected `linear` or `log`"),
+        "{basis}"
+    );
+    let none = swapped(r#""basis":"linear","#, "");
+    assert!(none.contains("`basis` is missing"), "{none}");
+    let precision = swapped(r#""precision":"f32""#, r#""precision":"f64""#);
+    assert!(precision.contains("`precision` is \"f64\""), "{precision}");
+    let precision = swapped(r#""precision":"f32""#, r#""precision":"f16""#);
+    let other = "is F32 [108, 2], expected F16 [108, 2]";
+    assert!(precision.contains(other), "{precision}");
+    let both = r#""quantities":"transmittance,reflectance""#;
+    let quantities = swapped(both, r#""quantities":"absorptance""#);
+    assert!(quantities.contains("`quantities` is"), "{quantities}");
+    let quantities = swapped(both, r#""quantities":"reflectance""#);
+    assert!(
+        quantities.contains("tensor `transmittance."),
+        "{quantities}"
+    );
     let other = swapped(r#""format":"splitsnow-compact","#, "");
     assert!(other.contains("`format` is missing"), "{other}");
     let order = swapped("facetness,grain_size_um,", "grain_size_um,facetness,");
@@ -114,6 +137,54 @@ fn damaged_and_foreign_files_are_refused_with_the_reason() {
         );
         assert!(offsets.contains("header is damaged"), "{offsets}");
     }
+}
+
+#[test]
+fn damaged_integers_are_refused_with_the_reason() {
+    let variant = Variant {
+        basis: Basis::Log,
+        precision: Precision::Quantised,
+    };
+    let bytes = file(Choice::Components(3), variant);
+    let swapped = |from: &str, to: &str| swapped_in(&bytes, from, to);
+    let unknown = swapped("reflectance.coefficients.2", "reflectance.coefficients.3");
+    assert!(
+        unknown.contains("`reflectance.coefficients.3`, which"),
+        "{unknown}"
+    );
+    let unknown = swapped("reflectance.coefficients.2", "reflectance.coefficients.02");
+    assert!(
+        unknown.contains("which this version does not know"),
+        "{unknown}"
+    );
+    let dtype = swapped(r#""U16","shape":[108]"#, r#""I16","shape":[108]"#);
+    assert!(
+        dtype.contains("I16 [108], expected U8 or U16 [108]"),
+        "{dtype}"
+    );
+    let shape = swapped(r#""U16","shape":[108]"#, r#""U16","shape":[2,54]"#);
+    assert!(shape.contains("expected U8 or U16 [108]"), "{shape}");
+    let shape = swapped(r#""shape":[3,2]"#, r#""shape":[2,3]"#);
+    assert!(shape.contains("expected F32 [3, 2]"), "{shape}");
+    let components = r#"reflectance.components":"3""#;
+    let fewer = swapped(components, &components.replace('3', "2"));
+    assert!(
+        fewer.contains("which this version does not know"),
+        "{fewer}"
+    );
+    let more = swapped(components, &components.replace('3', "4"));
+    assert!(more.contains("expected F32 [4, 2]"), "{more}");
+
+    let (length, header) = SafeTensors::read_metadata(&bytes).unwrap();
+    let begin = header.info("transmittance.quantisation").unwrap();
+    let begin = 8 + length + begin.data_offsets.0;
+    let mut bytes = bytes;
+    bytes[begin + 4..begin + 8].copy_from_slice(&9e8_f32.to_le_bytes());
+    let error = Database::from_bytes(&bytes).unwrap_err().to_string();
+    assert!(
+        error.contains("tensor transmittance.coefficients.0 has the value"),
+        "{error}"
+    );
 }
 
 /// Tensors whose declared sizes add up to more than a file can have must not
@@ -166,7 +237,6 @@ fn fuzz_seeds_are_what_they_say() {
     let directory = std::path::Path::new(env!("CARGO_MANIFEST_DIR")).join("fuzz/seeds/compact");
     if std::env::var_os("UPDATE_GOLDEN").is_some() {
         let curves = Array2::from_shape_fn((4, 3), |(i, j)| (1 + i * j) as f64 / 8.0);
-        let compressed = compress(curves.view(), None, Choice::Components(2)).unwrap();
         let small = Axes {
             facetness: vec![0.1],
             grain_size_um: vec![100.0, 200.0],
@@ -174,16 +244,42 @@ fn fuzz_seeds_are_what_they_say() {
             thickness_cm: vec![5.0],
             angle_deg: vec![0.0, 60.0],
         };
-        let valid = CompactFile {
-            axes: &small,
-            wavelengths_nm: &[500.0, 550.0, 600.0],
-            transmittance: &compressed,
-            reflectance: &compressed,
-            provenance: "{}",
-            extra: &BTreeMap::new(),
+        let bytes = |variant, choice, there: &[Quantity]| {
+            let [t, r] = Quantity::ALL.map(|quantity| {
+                let made = compress(curves.view(), quantity, None, choice, variant).unwrap();
+                there.contains(&quantity).then_some(made)
+            });
+            CompactFile {
+                axes: &small,
+                wavelengths_nm: &[500.0, 550.0, 600.0],
+                transmittance: t.as_ref(),
+                reflectance: r.as_ref(),
+                provenance: "{}",
+                extra: &BTreeMap::new(),
+            }
+            .to_bytes()
+            .unwrap()
+        };
+        let two = Choice::Components(2);
+        let valid = bytes(Variant::default(), two, &Quantity::ALL);
+        let log = |precision| Variant {
+            basis: Basis::Log,
+            precision,
+        };
+        // Of 8 bits where components are chosen by bounds, else of 16.
+        let loose = Choice::Bounds(Compression {
+            max_delta_e: 2.3,
+            max_rmse: Some(0.01),
+        });
+        for (name, precision, choice, there) in [
+            ("valid_log", Precision::F32, two, &Quantity::ALL[..]),
+            ("valid_f16", Precision::F16, two, &Quantity::ALL),
+            ("valid_u8", Precision::Quantised, loose, &Quantity::ALL),
+            ("valid_u16", Precision::Quantised, two, &Quantity::ALL[1..]),
+        ] {
+            let path = directory.join(format!("{name}.safetensors"));
+            std::fs::write(path, bytes(log(precision), choice, there)).unwrap();
         }
-        .to_bytes()
-        .unwrap();
         let text = String::from_utf8_lossy(&valid[8..]).find("F32").unwrap() + 8;
         let mut other_type = valid.clone();
         other_type[text..text + 3].copy_from_slice(b"F64");
@@ -206,7 +302,7 @@ fn fuzz_seeds_are_what_they_say() {
         assert_eq!(Database::open(&path).is_ok(), valid, "{}", path.display());
         seen += 1;
     }
-    assert_eq!(seen, 3);
+    assert_eq!(seen, 7);
 }
 
 proptest! {
@@ -218,9 +314,11 @@ proptest! {
         flips in proptest::collection::vec((any::<prop::sample::Index>(), 1_u8..), 0..4),
         header_only in any::<bool>(),
         cut in proptest::option::weighted(0.2, any::<prop::sample::Index>()),
+        variant in any::<prop::sample::Index>(),
     ) {
-        static VALID: std::sync::LazyLock<Vec<u8>> = std::sync::LazyLock::new(valid);
-        let mut bytes = VALID.clone();
+        static VALID: LazyLock<Vec<Vec<u8>>> =
+            LazyLock::new(|| variants().map(|v| file(Choice::Components(3), v)).collect());
+        let mut bytes = variant.get(&VALID).clone();
         let range = if header_only { 4000 } else { bytes.len() };
         for (index, mask) in flips {
             bytes[index.index(range)] ^= mask;
@@ -231,9 +329,11 @@ proptest! {
         if let Ok(database) = Database::from_bytes(&bytes) {
             for row in [0, database.curves() - 1] {
                 let point = database.point(row).unwrap();
-                let spectrum = database.spectrum(point, Quantity::Transmittance).unwrap();
-                prop_assert_eq!(spectrum.len(), database.wavelengths_nm().len());
-                prop_assert!(spectrum.iter().all(|v| v.is_finite()));
+                for quantity in Quantity::ALL.into_iter().filter(|&q| database.has(q)) {
+                    let spectrum = database.spectrum(point, quantity).unwrap();
+                    prop_assert_eq!(spectrum.len(), database.wavelengths_nm().len());
+                    prop_assert!(spectrum.iter().all(|v| v.is_finite()));
+                }
             }
         }
     }

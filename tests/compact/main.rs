@@ -2,14 +2,17 @@
 #![allow(clippy::unwrap_used)]
 mod compression;
 mod damage;
+mod variants;
 
 use std::collections::BTreeMap;
 
-use ndarray::Array2;
+use ndarray::{Array2, ArrayView2};
 use proptest::prelude::*;
 use safetensors::SafeTensors;
 use splitsnow::colour::Colorimeter;
-use splitsnow::compress::{Choice, CompactFile, Compressed, compress};
+use splitsnow::compress::{
+    self, Choice, Coefficients, CompactFile, CompressError, Compressed, Variant,
+};
 use splitsnow::grid::{Axes, Compression};
 use splitsnow::lookup::{Database, LookupError, Point, errors_of};
 use splitsnow::measurement::Quantity;
@@ -62,6 +65,16 @@ fn curves() -> Array2<f64> {
     Array2::from_shape_vec((rows.len() / 31, 31), rows).unwrap()
 }
 
+/// In the plain variant, of transmittance.
+fn compress(
+    curves: ArrayView2<f64>,
+    colour: Option<&Colorimeter>,
+    choice: Choice,
+) -> Result<Compressed, CompressError> {
+    let variant = Variant::default();
+    compress::compress(curves, Quantity::Transmittance, colour, choice, variant)
+}
+
 fn compressed(choice: Choice) -> Compressed {
     compress(curves().view(), Some(&colour()), choice).unwrap()
 }
@@ -70,8 +83,8 @@ fn bytes_of(transmittance: &Compressed, reflectance: &Compressed) -> Vec<u8> {
     CompactFile {
         axes: &axes(),
         wavelengths_nm: &wavelengths(),
-        transmittance,
-        reflectance,
+        transmittance: Some(transmittance),
+        reflectance: Some(reflectance),
         provenance: r#"{"engine":"spectral","seed":1}"#,
         extra: &BTreeMap::from([("illumination".to_owned(), "collimated".to_owned())]),
     }
@@ -97,6 +110,8 @@ fn the_safetensors_crate_reads_it_and_the_bytes_are_the_same_twice() {
     assert_eq!(metadata["format"], "splitsnow-compact");
     assert_eq!(metadata["format_version"], "1");
     assert_eq!(metadata["basis"], "linear");
+    assert_eq!(metadata["precision"], "f32");
+    assert_eq!(metadata["quantities"], "transmittance,reflectance");
     assert_eq!(metadata["reflectance.components"], "5");
     assert_eq!(metadata["illumination"], "collimated");
     assert_eq!(
@@ -223,8 +238,8 @@ fn the_writer_refuses_what_the_reader_would() {
         let file = CompactFile {
             axes,
             wavelengths_nm,
-            transmittance,
-            reflectance: &good,
+            transmittance: Some(transmittance),
+            reflectance: Some(&good),
             provenance: "{}",
             extra: &extra,
         };
@@ -239,15 +254,17 @@ fn the_writer_refuses_what_the_reader_would() {
     assert!(refused(&close, &wavelengths(), &good).contains("angle_deg has the value 90"));
     assert!(refused(&axes(), &wavelengths()[1..], &good).contains("transmittance.basis"));
     let mut bad = good.clone();
-    bad.coefficients[[7, 1]] = f32::NAN;
+    let mut coefficients = bad.coefficients.decoded();
+    coefficients[[7, 1]] = f32::NAN;
+    bad.coefficients = Coefficients::F32(coefficients);
     assert!(refused(&axes(), &wavelengths(), &bad).contains("NaN"));
     let own = BTreeMap::from([("basis".to_owned(), "log".to_owned())]);
     let (axes, wavelengths) = (axes(), wavelengths());
     let file = CompactFile {
         axes: &axes,
         wavelengths_nm: &wavelengths,
-        transmittance: &good,
-        reflectance: &good,
+        transmittance: Some(&good),
+        reflectance: Some(&good),
         provenance: "{}",
         extra: &own,
     };
@@ -267,8 +284,8 @@ fn files_are_replaced_whole_and_errors_name_them() {
     let file = CompactFile {
         axes: &axes,
         wavelengths_nm: &wavelengths,
-        transmittance: &compressed,
-        reflectance: &compressed,
+        transmittance: Some(&compressed),
+        reflectance: Some(&compressed),
         provenance: "{}",
         extra: &extra,
     };
@@ -323,13 +340,13 @@ proptest! {
         let file = CompactFile {
             axes: &axes,
             wavelengths_nm: &wavelengths_nm,
-            transmittance: &compressed,
-            reflectance: &compressed,
+            transmittance: Some(&compressed),
+            reflectance: Some(&compressed),
             provenance: "{}",
             extra: &extra,
         };
         let database = Database::from_bytes(&file.to_bytes().unwrap()).unwrap();
-        prop_assert_eq!(database.coefficients(Quantity::Transmittance), &compressed.coefficients);
+        prop_assert_eq!(database.coefficients(Quantity::Transmittance), &compressed.coefficients.decoded());
         prop_assert_eq!(database.basis(Quantity::Reflectance), &compressed.basis);
         prop_assert_eq!(&database.metadata()["note"], &extra["note"]);
         for (nodes, values) in database.axes().iter().zip([

@@ -1,0 +1,299 @@
+//! How coefficients are stored.
+use half::f16;
+use ndarray::{Array2, ArrayView1, ArrayView2, Axis, ShapeBuilder};
+
+/// Numbers in which a file holds coefficients. Bases are f32 in all.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
+pub enum Precision {
+    /// 32-bit floating point.
+    #[default]
+    F32,
+    /// 16-bit floating point.
+    F16,
+    /// Integers of 8 or 16 bits, evenly from a component's least coefficient to
+    /// its largest.
+    Quantised,
+}
+
+impl Precision {
+    /// All there are.
+    pub const ALL: [Self; 3] = [Self::F32, Self::F16, Self::Quantised];
+
+    /// The name used on the command line and in files.
+    #[must_use]
+    pub fn name(self) -> &'static str {
+        match self {
+            Self::F32 => "f32",
+            Self::F16 => "f16",
+            Self::Quantised => "quantised",
+        }
+    }
+}
+
+/// Coefficients as a file holds them.
+#[derive(Debug, Clone, PartialEq)]
+pub enum Coefficients {
+    /// `[s, l']`.
+    F32(Array2<f32>),
+    /// `[s, l']`.
+    F16(Array2<f16>),
+    /// One per component.
+    Quantised(Vec<Quantised>),
+}
+
+/// The coefficients of one component, as integers.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Quantised {
+    /// The coefficient of integer 0.
+    pub offset: f32,
+    /// The difference from one integer to the next.
+    pub step: f32,
+    /// One per curve.
+    pub integers: Integers,
+}
+
+/// Integers of one width.
+#[derive(Debug, Clone, PartialEq)]
+pub enum Integers {
+    /// 8 bits.
+    U8(Vec<u8>),
+    /// 16 bits.
+    U16(Vec<u16>),
+}
+
+impl Coefficients {
+    /// `exact` (`[s, l']`) in a precision; integers have 16 bits.
+    pub(super) fn new(exact: Array2<f32>, precision: Precision) -> Self {
+        match precision {
+            Precision::F32 => Self::F32(exact),
+            // Beyond the largest f16 the error is seen, infinity would hide it.
+            Precision::F16 => Self::F16(exact.mapv(|c| {
+                let limit = f16::MAX.to_f32();
+                f16::from_f32(c.clamp(-limit, limit))
+            })),
+            Precision::Quantised => {
+                let columns = exact.columns().into_iter();
+                Self::Quantised(columns.map(Quantised::wide).collect())
+            }
+        }
+    }
+
+    /// The precision.
+    #[must_use]
+    pub fn precision(&self) -> Precision {
+        match self {
+            Self::F32(_) => Precision::F32,
+            Self::F16(_) => Precision::F16,
+            Self::Quantised(_) => Precision::Quantised,
+        }
+    }
+
+    /// What a reader gets, `[s, l']`.
+    #[must_use]
+    pub fn decoded(&self) -> Array2<f32> {
+        match self {
+            Self::F32(values) => values.clone(),
+            Self::F16(values) => values.mapv(f16::to_f32),
+            Self::Quantised(components) => {
+                let curves = components.first().map_or(0, |c| c.decoded().len());
+                let values: Vec<f32> = components.iter().flat_map(Quantised::decoded).collect();
+                let shape = (curves, components.len());
+                // Components of unequal lengths have no matrix.
+                Array2::from_shape_vec(shape.f(), values).unwrap_or_default()
+            }
+        }
+    }
+
+    /// Bits of a coefficient, by component.
+    #[must_use]
+    pub fn bits(&self) -> Vec<u32> {
+        match self {
+            Self::F32(values) => vec![32; values.ncols()],
+            Self::F16(values) => vec![16; values.ncols()],
+            Self::Quantised(all) => all.iter().map(|c| c.integers.bits()).collect(),
+        }
+    }
+
+    /// Bytes of a file that they take.
+    #[must_use]
+    pub fn bytes(&self) -> u64 {
+        let bytes = match self {
+            Self::F32(values) => size_of::<f32>() * values.len(),
+            Self::F16(values) => size_of::<f16>() * values.len(),
+            Self::Quantised(components) => {
+                let scale = 2 * size_of::<f32>();
+                components.iter().map(|c| c.integers.bytes() + scale).sum()
+            }
+        };
+        bytes as u64
+    }
+
+    /// The first `components` of them.
+    pub(super) fn first(self, components: usize) -> Self {
+        let columns = Axis(1);
+        match self {
+            Self::F32(values) => {
+                Self::F32(values.view().split_at(columns, components).0.to_owned())
+            }
+            Self::F16(values) => {
+                Self::F16(values.view().split_at(columns, components).0.to_owned())
+            }
+            Self::Quantised(mut all) => {
+                all.truncate(components);
+                Self::Quantised(all)
+            }
+        }
+    }
+}
+
+impl Quantised {
+    /// `exact` in 16 bits.
+    fn wide(exact: ArrayView1<f32>) -> Self {
+        let (offset, step, integers) = evenly(exact, u16::MAX);
+        Self {
+            offset,
+            step,
+            integers: Integers::U16(integers),
+        }
+    }
+
+    /// `exact` in 8 bits.
+    pub(super) fn narrow(exact: ArrayView1<f32>) -> Self {
+        let (offset, step, integers) = evenly(exact, u8::MAX.into());
+        // None is above the largest u8.
+        let integers = integers.into_iter().map(|i| i as u8).collect();
+        Self {
+            offset,
+            step,
+            integers: Integers::U8(integers),
+        }
+    }
+
+    /// What a reader gets, `[s]`.
+    #[must_use]
+    pub fn decoded(&self) -> Vec<f32> {
+        let value = |integer| dequantised(self.offset, self.step, integer);
+        match &self.integers {
+            Integers::U8(all) => all.iter().map(|&i| value(i.into())).collect(),
+            Integers::U16(all) => all.iter().map(|&i| value(i)).collect(),
+        }
+    }
+}
+
+impl Integers {
+    /// Their width.
+    #[must_use]
+    pub fn bits(&self) -> u32 {
+        match self {
+            Self::U8(_) => u8::BITS,
+            Self::U16(_) => u16::BITS,
+        }
+    }
+
+    fn bytes(&self) -> usize {
+        match self {
+            Self::U8(all) => all.len(),
+            Self::U16(all) => 2 * all.len(),
+        }
+    }
+}
+
+/// The coefficient that an integer stands for: summed in f64, rounded to f32.
+pub(crate) fn dequantised(offset: f32, step: f32, integer: u16) -> f32 {
+    (f64::from(offset) + f64::from(step) * f64::from(integer)) as f32
+}
+
+/// Offset, step, and the integers from 0 to `largest` that are nearest to `exact`.
+fn evenly(exact: ArrayView1<f32>, largest: u16) -> (f32, f32, Vec<u16>) {
+    let least = exact.iter().copied().fold(f32::INFINITY, f32::min);
+    let most = exact.iter().copied().fold(f32::NEG_INFINITY, f32::max);
+    let largest = f64::from(largest);
+    let step = ((f64::from(most) - f64::from(least)) / largest) as f32;
+    let integer = |&value: &f32| {
+        // Equal coefficients have no step; a conversion from NaN gives 0.
+        let steps = (f64::from(value) - f64::from(least)) / f64::from(step);
+        steps.round().clamp(0.0, largest) as u16
+    };
+    (least, step, exact.iter().map(integer).collect())
+}
+
+/// The quantised `stored` of `exact` (`[s, l']`), component by component in as
+/// few bits as `kept` allows; later components, which tell least, first.
+pub(super) fn narrowed(
+    exact: ArrayView2<f32>,
+    mut stored: Coefficients,
+    mut kept: impl FnMut(&Coefficients) -> bool,
+) -> Coefficients {
+    for (component, exact) in exact.columns().into_iter().enumerate().rev() {
+        let mut tried = stored.clone();
+        if let Coefficients::Quantised(all) = &mut tried {
+            all[component] = Quantised::narrow(exact);
+        }
+        if kept(&tried) {
+            stored = tried;
+        }
+    }
+    stored
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use ndarray::{Array1, array};
+
+    #[test]
+    fn integers_are_within_half_a_step() {
+        let exact = Array1::from_shape_fn(1000, |i| (i as f32 * 0.7).sin() * 40.0 - 3.0);
+        for (stored, steps) in [
+            (Quantised::wide(exact.view()), 65535.0),
+            (Quantised::narrow(exact.view()), 255.0),
+        ] {
+            let span = 80.0 / steps;
+            assert!((stored.step / span - 1.0).abs() < 1e-3, "{}", stored.step);
+            for (found, exact) in stored.decoded().iter().zip(&exact) {
+                assert!((found - exact).abs() <= 0.5001 * stored.step + 4e-6);
+            }
+        }
+    }
+
+    #[test]
+    fn equal_and_tiny_coefficients_are_kept() {
+        for exact in [array![0.3_f32, 0.3], array![0.0, 0.0], array![1e-45, 0.0]] {
+            let exact = exact.view();
+            for stored in [Quantised::wide(exact), Quantised::narrow(exact)] {
+                let decoded = stored.decoded();
+                assert!(
+                    decoded
+                        .iter()
+                        .zip(exact)
+                        .all(|(a, b)| (a - b).abs() < 1e-40)
+                );
+            }
+        }
+    }
+
+    #[test]
+    fn bytes_and_shapes() {
+        let exact = Array2::from_shape_fn((10, 3), |(i, j)| (i * j) as f32);
+        for (precision, bytes) in Precision::ALL.into_iter().zip([120, 60, 60 + 24]) {
+            let stored = Coefficients::new(exact.clone(), precision);
+            assert_eq!((stored.precision(), stored.bytes()), (precision, bytes));
+            let difference = &stored.decoded() - &exact;
+            assert!(difference.iter().all(|d| d.abs() < 1e-3));
+            assert_eq!(stored.first(2).decoded().dim(), (10, 2));
+        }
+        let huge = Coefficients::new(array![[1e6, -1e6]], Precision::F16);
+        assert_eq!(huge.decoded(), array![[65504.0, -65504.0]]);
+    }
+
+    #[test]
+    fn later_components_are_narrowed_first() {
+        let exact = Array2::from_shape_fn((10, 3), |(i, j)| (i * j) as f32);
+        let wide = Coefficients::new(exact.clone(), Precision::Quantised);
+        let least = |bytes| move |tried: &Coefficients| tried.bytes() >= bytes;
+        let found = |bytes| narrowed(exact.view(), wide.clone(), least(bytes)).bits();
+        assert_eq!(found(0), [8, 8, 8]);
+        assert_eq!(found(24 + 50), [16, 16, 8]);
+        assert_eq!(found(24 + 60), [16, 16, 16]);
+    }
+}

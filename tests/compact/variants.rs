@@ -1,0 +1,333 @@
+//! The variants of the file: bases, precisions, one quantity.
+use std::collections::BTreeMap;
+
+use ndarray::Array2;
+use safetensors::{Dtype, SafeTensors};
+use splitsnow::compress::{
+    Basis, Bounds, Choice, Coefficients, CompactFile, CompressError, Compressed, Precision,
+    Variant, compress,
+};
+use splitsnow::grid::Compression;
+use splitsnow::lookup::{Database, LookupError, errors_of};
+use splitsnow::measurement::Quantity;
+
+use crate::{BOUNDS, axes, colour, curves, valid, wavelengths};
+
+pub(crate) fn variants() -> impl Iterator<Item = Variant> {
+    Basis::ALL
+        .into_iter()
+        .flat_map(|basis| Precision::ALL.map(|precision| Variant { basis, precision }))
+}
+
+/// Curves of a quantity: what is not transmitted, and a little less, is reflected.
+fn curves_of(quantity: Quantity) -> Array2<f64> {
+    match quantity {
+        Quantity::Transmittance => curves(),
+        Quantity::Reflectance => curves().mapv(|t| 0.98 - 0.9 * t),
+    }
+}
+
+fn compressed(quantity: Quantity, choice: Choice, variant: Variant) -> Compressed {
+    let curves = curves_of(quantity);
+    compress(curves.view(), quantity, Some(&colour()), choice, variant).unwrap()
+}
+
+fn try_bytes(
+    transmittance: Option<&Compressed>,
+    reflectance: Option<&Compressed>,
+) -> Result<Vec<u8>, String> {
+    CompactFile {
+        axes: &axes(),
+        wavelengths_nm: &wavelengths(),
+        transmittance,
+        reflectance,
+        provenance: "{}",
+        extra: &BTreeMap::new(),
+    }
+    .to_bytes()
+    .map_err(|error| error.to_string())
+}
+
+pub(crate) fn file(choice: Choice, variant: Variant) -> Vec<u8> {
+    let [t, r] = Quantity::ALL.map(|quantity| compressed(quantity, choice, variant));
+    try_bytes(Some(&t), Some(&r)).unwrap()
+}
+
+fn largest(all: &[f64]) -> f64 {
+    all.iter().copied().fold(0.0, f64::max)
+}
+
+/// What is written is what is read, the table's errors are the reader's to the
+/// last bit, and the bounds hold.
+#[test]
+fn every_variant_is_read_as_the_table_says() {
+    for variant in variants() {
+        for choice in [BOUNDS, Choice::Components(5)] {
+            let [t, r] = Quantity::ALL.map(|quantity| compressed(quantity, choice, variant));
+            let database = Database::from_bytes(&try_bytes(Some(&t), Some(&r)).unwrap()).unwrap();
+            assert_eq!(database.basis_kind(), variant.basis);
+            assert_eq!(database.precision(), variant.precision);
+            for (quantity, compressed) in Quantity::ALL.into_iter().zip([&t, &r]) {
+                assert!(database.has(quantity));
+                let coefficients = compressed.coefficients.decoded();
+                assert_eq!(database.coefficients(quantity), coefficients);
+                assert_eq!(database.basis(quantity), compressed.basis);
+                let curves = curves_of(quantity);
+                let errors = errors_of(&database, quantity, curves.view(), Some(&colour()));
+                let errors = errors.unwrap();
+                let row = compressed.table.rows[compressed.components() - 1];
+                assert_eq!(row.components, compressed.components());
+                assert_eq!(largest(&errors.rmse), row.rmse.max);
+                let delta_e = errors.delta_e.unwrap();
+                assert_eq!(largest(&delta_e), row.delta_e.unwrap().max);
+                if compressed.bounds != Bounds::default() {
+                    assert!(largest(&delta_e) < 2.3, "{variant:?} {quantity:?}");
+                }
+            }
+        }
+    }
+}
+
+#[test]
+fn the_logarithm_is_undone() {
+    let variant = Variant {
+        basis: Basis::Log,
+        ..Variant::default()
+    };
+    let database = Database::from_bytes(&file(Choice::Components(31), variant)).unwrap();
+    for quantity in Quantity::ALL {
+        let y = database.coefficients(quantity).mapv(f64::from);
+        let y = y.dot(&database.basis(quantity).t().mapv(f64::from));
+        for (row, curve) in curves_of(quantity).rows().into_iter().enumerate() {
+            let found = database.curve(row, quantity).unwrap();
+            for ((found, original), y) in found.iter().zip(curve).zip(y.row(row)) {
+                let by_hand = match quantity {
+                    Quantity::Transmittance => (-y).exp(),
+                    Quantity::Reflectance => 1.0 - (-y).exp(),
+                };
+                assert!((f64::from(*found) - by_hand).abs() < 1e-6);
+                assert!((f64::from(*found) - original).abs() < 1e-5);
+            }
+            let curve = curve.to_vec();
+            let error = database.projection_error(quantity, &curve, None).unwrap();
+            assert!(error.rmse < 1e-5, "{quantity:?} {row} {}", error.rmse);
+        }
+    }
+}
+
+/// Beer's law in as many components as it has spectra of absorption.
+#[test]
+fn exponentials_take_one_component() {
+    let curves = Array2::from_shape_fn((200, 31), |(i, j)| {
+        (-0.02 * i as f64 * (0.1 + (j as f64 / 31.0).powi(3))).exp()
+    });
+    let chosen = |quantity, curves: &Array2<f64>, basis| {
+        let variant = Variant {
+            basis,
+            ..Variant::default()
+        };
+        let bounds = Choice::Bounds(Compression {
+            max_delta_e: 0.1,
+            max_rmse: Some(1e-4),
+        });
+        let found = compress(curves.view(), quantity, Some(&colour()), bounds, variant);
+        found.unwrap().components()
+    };
+    assert_eq!(chosen(Quantity::Transmittance, &curves, Basis::Log), 1);
+    assert!(chosen(Quantity::Transmittance, &curves, Basis::Linear) > 2);
+    let rest = curves.mapv(|t| 1.0 - t);
+    assert_eq!(chosen(Quantity::Reflectance, &rest, Basis::Log), 1);
+}
+
+#[test]
+fn values_without_a_logarithm_are_compressed() {
+    let mut curves = curves();
+    curves.row_mut(3).fill(0.0);
+    curves.row_mut(4).fill(1.0);
+    curves.row_mut(5).fill(1.0 + 1e-9);
+    let variant = Variant {
+        basis: Basis::Log,
+        ..Variant::default()
+    };
+    for quantity in Quantity::ALL {
+        let choice = Choice::Components(31);
+        let found = compress(curves.view(), quantity, None, choice, variant).unwrap();
+        assert!(found.table.rows[30].rmse.max < 1e-5);
+    }
+    curves[[7, 2]] = f64::NAN;
+    let error = compress(
+        curves.view(),
+        Quantity::Transmittance,
+        None,
+        BOUNDS,
+        variant,
+    );
+    assert!(
+        matches!(
+            error,
+            Err(CompressError::Value {
+                row: 7,
+                column: 2,
+                ..
+            })
+        ),
+        "{error:?}"
+    );
+}
+
+/// As docs/formats.md tells readers: one tensor of integers per component.
+#[test]
+fn integers_have_the_documented_layout() {
+    let variant = Variant {
+        basis: Basis::Log,
+        precision: Precision::Quantised,
+    };
+    let bytes = file(BOUNDS, variant);
+    let database = Database::from_bytes(&bytes).unwrap();
+    let tensors = SafeTensors::deserialize(&bytes).unwrap();
+    let scales = tensors.tensor("transmittance.quantisation").unwrap();
+    let components = database.components(Quantity::Transmittance);
+    assert_eq!(
+        (scales.dtype(), scales.shape()),
+        (Dtype::F32, &[components, 2][..])
+    );
+    let scale = |i: usize| {
+        let bytes = scales.data()[4 * i..4 * i + 4].try_into().unwrap();
+        f64::from(f32::from_le_bytes(bytes))
+    };
+    for k in 0..components {
+        let name = format!("transmittance.coefficients.{k}");
+        let tensor = tensors.tensor(&name).unwrap();
+        assert_eq!(tensor.shape(), [108]);
+        let integer = |row: usize| match tensor.dtype() {
+            Dtype::U8 => f64::from(tensor.data()[row]),
+            Dtype::U16 => {
+                let bytes = tensor.data()[2 * row..2 * row + 2].try_into().unwrap();
+                f64::from(u16::from_le_bytes(bytes))
+            }
+            other => panic!("{other:?}"),
+        };
+        for row in 0..108 {
+            let value = (scale(2 * k) + scale(2 * k + 1) * integer(row)) as f32;
+            assert_eq!(
+                value,
+                database.coefficients(Quantity::Transmittance)[[row, k]]
+            );
+        }
+    }
+    assert!(tensors.tensor("transmittance.coefficients").is_err());
+}
+
+/// Widths: 16 bits without bounds or under tight ones, 8 under loose ones.
+#[test]
+fn bits_are_as_few_as_the_bounds_allow() {
+    let bits = |choice| {
+        let variant = Variant {
+            basis: Basis::Log,
+            precision: Precision::Quantised,
+        };
+        let found = compressed(Quantity::Transmittance, choice, variant);
+        (found.coefficients.bits(), found.coefficients.bytes())
+    };
+    let bounds = |max_rmse| {
+        Choice::Bounds(Compression {
+            max_delta_e: 2.3,
+            max_rmse: Some(max_rmse),
+        })
+    };
+    assert_eq!(bits(Choice::Components(3)).0, [16; 3]);
+    let (loose, bytes) = bits(bounds(0.1));
+    assert!(loose.iter().all(|bits| *bits == 8), "{loose:?}");
+    assert_eq!(bytes, loose.len() as u64 * (108 + 8));
+    let (tight, _) = bits(bounds(5e-4));
+    assert!(tight.contains(&16), "{tight:?}");
+}
+
+#[test]
+fn a_bound_beyond_a_precision_is_said() {
+    for (precision, rmse) in [(Precision::F16, 1e-6), (Precision::Quantised, 1e-7)] {
+        let bounds = Choice::Bounds(Compression {
+            max_delta_e: 2.3,
+            max_rmse: Some(rmse),
+        });
+        let variant = Variant {
+            precision,
+            ..Variant::default()
+        };
+        let curves = curves();
+        let quantity = Quantity::Transmittance;
+        let error = compress(curves.view(), quantity, Some(&colour()), bounds, variant);
+        let error = error.unwrap_err().to_string();
+        let named = format!(
+            "`{}` coefficients hold no more; raise the bound, or take f32",
+            precision.name()
+        );
+        assert!(error.contains(&named), "{error}");
+    }
+}
+
+#[test]
+fn one_quantity_alone() {
+    for (there, missing) in [
+        (Quantity::Transmittance, Quantity::Reflectance),
+        (Quantity::Reflectance, Quantity::Transmittance),
+    ] {
+        let only = compressed(there, BOUNDS, Variant::default());
+        let bytes = match there {
+            Quantity::Transmittance => try_bytes(Some(&only), None),
+            Quantity::Reflectance => try_bytes(None, Some(&only)),
+        };
+        let bytes = bytes.unwrap();
+        assert_eq!(SafeTensors::deserialize(&bytes).unwrap().len(), 8);
+        let database = Database::from_bytes(&bytes).unwrap();
+        assert_eq!(database.metadata()["quantities"], there.name());
+        assert!(database.has(there) && !database.has(missing));
+        assert_eq!(database.curves(), 108);
+        assert_eq!(database.coefficients(missing).dim(), (0, 0));
+        assert_eq!(database.basis(missing).dim(), (0, 0));
+        assert_eq!(database.components(missing), 0);
+        assert_eq!(database.curve(0, missing), None);
+        assert!(database.curve(0, there).is_some());
+        let point = database.point(0).unwrap();
+        assert!(database.spectrum(point, there).is_ok());
+        let error = database.spectrum(point, missing).unwrap_err();
+        assert!(matches!(error, LookupError::NoQuantity { .. }));
+        let words = format!("has no {}, it has {} only", missing.name(), there.name());
+        assert!(error.to_string().contains(&words), "{error}");
+        assert!(database.project(missing, &[0.5; 31]).is_err());
+        assert!(errors_of(&database, missing, curves().view(), None).is_err());
+    }
+}
+
+/// Files written before there were variants.
+#[test]
+fn older_files_are_linear_f32_and_hold_both() {
+    let bytes = super::damage::with_header(&valid(), |header| {
+        let header = header.replacen(r#""precision":"f32","#, "", 1);
+        let older = header.replacen(r#""quantities":"transmittance,reflectance","#, "", 1);
+        assert!(older.len() < header.len());
+        older
+    });
+    let [old, new] = [&bytes, &valid()].map(|bytes| Database::from_bytes(bytes).unwrap());
+    assert_eq!(old.precision(), Precision::F32);
+    assert!(Quantity::ALL.iter().all(|&quantity| old.has(quantity)));
+    let quantity = Quantity::Reflectance;
+    assert_eq!(old.curve(5, quantity), new.curve(5, quantity));
+}
+
+#[test]
+fn the_writer_refuses_what_is_no_file() {
+    let plain = compressed(Quantity::Transmittance, BOUNDS, Variant::default());
+    let error = try_bytes(None, None).unwrap_err();
+    assert!(error.contains("neither"), "{error}");
+    let variant = Variant {
+        basis: Basis::Log,
+        ..Variant::default()
+    };
+    let other = compressed(Quantity::Reflectance, BOUNDS, variant);
+    let error = try_bytes(Some(&plain), Some(&other)).unwrap_err();
+    assert!(error.contains("two variants"), "{error}");
+    let mut short = plain.clone();
+    short.coefficients = Coefficients::Quantised(Vec::new());
+    assert!(try_bytes(Some(&short), None).is_err());
+}
