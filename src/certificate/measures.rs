@@ -11,8 +11,9 @@ use crate::lookup::Point;
 /// Worst points named.
 const NAMED: usize = 3;
 
-/// Errors of many spectra.
+/// Errors of many spectra; in files mean, 95th percentile and maximum as an array.
 #[derive(Debug, Clone, Copy, PartialEq, Default, Serialize, Deserialize)]
+#[serde(into = "[f64; 3]", from = "[f64; 3]")]
 pub struct Summary {
     /// Mean.
     pub mean: f64,
@@ -20,6 +21,18 @@ pub struct Summary {
     pub p95: f64,
     /// Largest.
     pub max: f64,
+}
+
+impl From<Summary> for [f64; 3] {
+    fn from(Summary { mean, p95, max }: Summary) -> Self {
+        [mean, p95, max]
+    }
+}
+
+impl From<[f64; 3]> for Summary {
+    fn from([mean, p95, max]: [f64; 3]) -> Self {
+        Self { mean, p95, max }
+    }
 }
 
 /// The errors of many spectra in both measures.
@@ -91,7 +104,9 @@ impl Collector {
             interpolation: measures(&self.interpolation),
             simulation: (!self.simulation.is_empty()).then(|| measures(&self.simulation)),
             noise: measures(&self.noise),
-            axes: axes.map(|(name, errors)| (name, measures(&errors))).collect(),
+            axes: axes
+                .map(|(name, errors)| (name, measures(&errors)))
+                .collect(),
             worst,
         }
     }

@@ -54,7 +54,9 @@ pub(super) fn run(args: &Args) -> anyhow::Result<()> {
     let spinner = Spinner::new("reading");
     let text = plain(&file.text);
     let fitted = simulate::run(args.threads, None, cancel, |control| {
-        fit::fit(&file.scene, &text, args.points as usize, control, &|what| spinner.say(what))
+        fit::fit(&file.scene, &text, args.points as usize, control, &|what| {
+            spinner.say(what)
+        })
     })?;
     drop(spinner);
     let fitted = match fitted {
@@ -116,7 +118,11 @@ fn text_report(scene: &Scene, fitted: &Fitted, path: &Path) -> String {
             "{:<16}{} components of {}, {} bits",
             quantity.name(),
             one.components(),
-            if one.kind == Basis::Log { "-ln" } else { "the spectra" },
+            if one.kind == Basis::Log {
+                "-ln"
+            } else {
+                "the spectra"
+            },
             bits.join(", ")
         );
     }
@@ -129,7 +135,11 @@ fn text_report(scene: &Scene, fitted: &Fitted, path: &Path) -> String {
         "{}: {bytes}, Delta-E at most {reached:.3} of {bound} allowed",
         path.display()
     );
-    let _ = writeln!(text, "next: splitsnow verify {}", path.parent().unwrap_or(path).display());
+    let _ = writeln!(
+        text,
+        "next: splitsnow verify {}",
+        path.parent().unwrap_or(path).display()
+    );
     text
 }
 
@@ -145,7 +155,11 @@ fn left_out(scene: &Scene, fitted: &Fitted, nodes: usize) -> String {
             .find(|quantity| !scene.quantities.contains(quantity));
         parts.extend(other.map(|quantity| quantity.name().to_owned()));
     }
-    let fixed = fitted.axes.named().into_iter().filter(|(_, values)| values.len() == 1);
+    let fixed = fitted
+        .axes
+        .named()
+        .into_iter()
+        .filter(|(_, values)| values.len() == 1);
     let fixed: Vec<&str> = fixed.map(|(name, _)| name).collect();
     if !fixed.is_empty() {
         parts.push(format!("the axes {}", fixed.join(", ")));

@@ -85,7 +85,10 @@ pub(super) fn run(args: &Args) -> anyhow::Result<()> {
         let text = serde_json::to_string(&certificate)?;
         let bytes = annotated(&bytes, CERTIFICATE, &text)?;
         if let Err(error) = atomic::write(&compact, &bytes) {
-            common::note(&format!("the certificate is not kept: {}: {error}", compact.display()));
+            common::note(&format!(
+                "the certificate is not kept: {}: {error}",
+                compact.display()
+            ));
         }
     }
     common::print(&if args.json {

@@ -30,7 +30,8 @@ mod tests {
 
     #[test]
     fn nothing_else_changes() {
-        let header = br#"{"__metadata__":{"b":"1"},"x":{"dtype":"U8","shape":[3],"data_offsets":[0,3]}}"#;
+        let header =
+            br#"{"__metadata__":{"b":"1"},"x":{"dtype":"U8","shape":[3],"data_offsets":[0,3]}}"#;
         let mut file = (header.len() as u64).to_le_bytes().to_vec();
         file.extend(header);
         file.extend([7, 8, 9]);

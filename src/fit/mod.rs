@@ -37,10 +37,10 @@ use training::{Nodes, Training};
 /// Metadata key of the scene that a file was fitted to, as TOML.
 pub const SCENE: &str = "scene";
 /// Shares of the bound for the interpolation, tried one after another.
-const SHARES: [f64; 4] = [0.7, 0.5, 0.35, 0.25];
+const SHARES: [f64; 6] = [0.9, 0.75, 0.6, 0.45, 0.35, 0.25];
 /// Share of the bound for the compression: differences add up like
 /// perpendiculars more than like lengths.
-const COMPRESSION: f64 = 0.35;
+const COMPRESSION: f64 = 0.45;
 /// Share of the bound that the certificate must keep, so that other random
 /// points keep the bound.
 const CERTIFIED: f64 = 0.9;
@@ -59,7 +59,9 @@ pub enum FitError {
     #[error(transparent)]
     Colour(#[from] ColourError),
     /// They have none at all.
-    #[error("the scene's wavelengths have no colour, so that no bound on it holds; give some between 400 and 700 nm")]
+    #[error(
+        "the scene's wavelengths have no colour, so that no bound on it holds; give some between 400 and 700 nm"
+    )]
     NoColour,
     /// The curves cannot be compressed.
     #[error(transparent)]
@@ -210,6 +212,11 @@ pub fn fit(
         })?;
         say("compressing");
         let made = Made::new(scene, text, &training, &nodes, &colour)?;
+        // not worth a certificate if not even the candidates are answered
+        let judgement = training.judge(&made.database)?;
+        if judgement.max >= CERTIFIED * scene.max_delta_e && share > SHARES[SHARES.len() - 1] {
+            continue;
+        }
         say("certifying");
         let exact = training.exact(&nodes);
         let certificate = Subject {
@@ -246,7 +253,11 @@ pub fn fit(
     let worst = best.and_then(|(reached, fitted)| {
         let chains = fitted.certificate.quantities.into_values();
         let worst = chains.filter_map(|chain| chain.worst.into_iter().next());
-        let worst = worst.max_by(|a, b| a.delta_e.unwrap_or(0.0).total_cmp(&b.delta_e.unwrap_or(0.0)));
+        let worst = worst.max_by(|a, b| {
+            a.delta_e
+                .unwrap_or(0.0)
+                .total_cmp(&b.delta_e.unwrap_or(0.0))
+        });
         worst.map(|worst| (reached, worst.at))
     });
     let (reached, at) = worst.unwrap_or((f64::NAN, String::new()));
@@ -290,7 +301,9 @@ impl Made {
             let choice = Choice::Bounds(compression(scene));
             let mut one = compress(curves.view(), quantity, Some(colour), choice, variant)?;
             // the errors of other numbers of components are of no use to a scene
-            one.table.rows.retain(|row| Some(row.components) == one.table.chosen);
+            one.table
+                .rows
+                .retain(|row| Some(row.components) == one.table.chosen);
             compressed.push((quantity, one));
         }
         let axes = training.axes_of(nodes);
@@ -309,7 +322,13 @@ impl Made {
         training: &Training,
         certificate: Certificate,
     ) -> Result<Fitted, FitError> {
-        let bytes = bytes(scene, text, &self.axes, &self.compressed, Some(&certificate))?;
+        let bytes = bytes(
+            scene,
+            text,
+            &self.axes,
+            &self.compressed,
+            Some(&certificate),
+        )?;
         Ok(Fitted {
             database: Database::from_bytes(&bytes)?,
             bytes,
@@ -329,7 +348,12 @@ fn bytes(
     compressed: &[(Quantity, Compressed)],
     certificate: Option<&Certificate>,
 ) -> Result<Vec<u8>, FitError> {
-    let of = |quantity| compressed.iter().find(|(q, _)| *q == quantity).map(|(_, c)| c);
+    let of = |quantity| {
+        compressed
+            .iter()
+            .find(|(q, _)| *q == quantity)
+            .map(|(_, c)| c)
+    };
     let mut extra = BTreeMap::from([(SCENE.to_owned(), text.to_owned())]);
     if let Some(certificate) = certificate {
         let json = serde_json::to_string(certificate).map_err(CompactError::Header)?;

@@ -38,7 +38,9 @@ pub(super) fn choose(
         let worth = |step: &Step| {
             (here.typical / step.judgement.typical).ln() / (size(&step.nodes) / size(&nodes)).ln()
         };
-        let best = steps.into_iter().max_by(|a, b| worth(a).total_cmp(&worth(b)));
+        let best = steps
+            .into_iter()
+            .max_by(|a, b| worth(a).total_cmp(&worth(b)));
         // all candidates are nodes: their own curves are answered exactly
         let Some(best) = best else { break };
         (nodes, here) = (best.nodes, best.judgement);
@@ -48,9 +50,9 @@ pub(super) fn choose(
             return Ok((nodes, here));
         }
         let steps = tried(training, moved(training, &nodes))?;
-        let best = steps.into_iter().min_by(|a, b| {
-            a.judgement.typical.total_cmp(&b.judgement.typical)
-        });
+        let best = steps
+            .into_iter()
+            .min_by(|a, b| a.judgement.typical.total_cmp(&b.judgement.typical));
         if let Some(best) = best
             && best.judgement.typical < 0.98 * here.typical
             && best.judgement.max < bound

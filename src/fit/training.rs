@@ -127,11 +127,16 @@ impl<'a> Training<'a> {
 
     /// The values of `nodes`.
     pub(super) fn axes_of(&self, nodes: &Nodes) -> Axes {
-        let [facetness, grain_size_um, density_kg_m3, thickness_cm, angle_deg] =
-            std::array::from_fn(|axis: usize| {
-                let values = nodes[axis].iter().map(|i| self.axes[axis][*i]);
-                values.collect()
-            });
+        let [
+            facetness,
+            grain_size_um,
+            density_kg_m3,
+            thickness_cm,
+            angle_deg,
+        ] = std::array::from_fn(|axis: usize| {
+            let values = nodes[axis].iter().map(|i| self.axes[axis][*i]);
+            values.collect()
+        });
         Axes {
             facetness,
             grain_size_um,
@@ -149,7 +154,8 @@ impl<'a> Training<'a> {
             rows = rows.into_iter().flat_map(next).collect();
         }
         let all = self.curves.iter().find(|(q, _)| *q == quantity);
-        all.map(|(_, curves)| curves.select(Axis(0), &rows)).unwrap_or_default()
+        all.map(|(_, curves)| curves.select(Axis(0), &rows))
+            .unwrap_or_default()
     }
 
     /// A database of exactly the curves at `nodes`.
@@ -202,11 +208,17 @@ mod tests {
     #[test]
     fn ends_are_candidates_and_nothing_is_twice() {
         assert_eq!(candidates(0, &[[0.3, 0.3]], 7), [0.3]);
-        assert_eq!(candidates(1, &[[100.0, 100.0], [300.0, 300.0]], 9), [100.0, 300.0]);
+        assert_eq!(
+            candidates(1, &[[100.0, 100.0], [300.0, 300.0]], 9),
+            [100.0, 300.0]
+        );
         let found = candidates(3, &[[1.0, 50.0]], 17);
         assert_eq!((found.len(), found[0], found[16]), (17, 1.0, 50.0));
         assert!(found.is_sorted());
         let found = candidates(1, &[[100.0, 400.0], [250.0, 250.0]], 9);
-        assert!(found.contains(&250.0) && (9..=10).contains(&found.len()), "{found:?}");
+        assert!(
+            found.contains(&250.0) && (9..=10).contains(&found.len()),
+            "{found:?}"
+        );
     }
 }

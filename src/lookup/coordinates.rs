@@ -126,7 +126,10 @@ mod tests {
         let place = |h: f64| (1.0 + h / 0.5).ln();
         let step = (place(50.0) - place(1.0)) / 4.0;
         for pair in values.windows(2) {
-            assert!((place(pair[1]) - place(pair[0]) - step).abs() < 2e-3, "{values:?}");
+            assert!(
+                (place(pair[1]) - place(pair[0]) - step).abs() < 2e-3,
+                "{values:?}"
+            );
         }
         assert_eq!(spread(0, [0.3, 0.3], 1), [0.3]);
         let angles = spread(4, [0.0, 89.0], 9);

@@ -9,10 +9,10 @@ mod nodes;
 mod smooth;
 mod varsa2025;
 
+pub use coordinates::spread;
 pub use fidelity::{CurveErrors, errors_of};
 pub use format::FormatError;
 pub use nodes::Point;
-pub use coordinates::spread;
 pub use smooth::Lookup;
 pub use varsa2025::Varsa2025;
 

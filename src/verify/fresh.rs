@@ -28,11 +28,6 @@ pub(super) fn random(subject: &Subject<'_>, purpose: &str) -> Xoshiro256PlusPlus
     Xoshiro256PlusPlus::from_seed(hash.finalize().into())
 }
 
-/// Uniform in [0, 1).
-pub(super) fn uniform(random: &mut Xoshiro256PlusPlus) -> f64 {
-    (random.next_u64() >> 11) as f64 * f64::EPSILON / 2.0
-}
-
 impl Simulations {
     /// Walks of all of them.
     pub(super) fn walks(&self, grid: &Grid) -> Result<u64, VerifyError> {

@@ -144,10 +144,7 @@ impl Verification {
     /// A file is there but cannot be read, an engine fails, or
     /// [`VerifyError::Cancelled`]. What is wrong with the database itself is in
     /// the report.
-    pub fn run(
-        &self,
-        control: &Control<'_>,
-    ) -> Result<(Report, Option<Certificate>), VerifyError> {
+    pub fn run(&self, control: &Control<'_>) -> Result<(Report, Option<Certificate>), VerifyError> {
         let subject = self.subject();
         let integrity = self.integrity()?;
         if !integrity.passed() {
