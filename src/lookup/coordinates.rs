@@ -12,22 +12,23 @@
 //!
 //! The constants are measured on configs/thesis.toml (docs/methods.md); they move
 //! no value on a node.
-use wide::f32x8;
+use wide::f64x8;
+
+use crate::math::{exp_neg, ln};
 
 /// Decay of the facetness.
-const FACETNESS: f32 = 0.18;
+const FACETNESS: f64 = 0.18;
 /// Scale of the thickness, cm.
-const THICKNESS_CM: f32 = 0.5;
+const THICKNESS_CM: f64 = 0.5;
 /// Size and decay of what grazing light adds.
-const GRAZING: [f32; 2] = [0.4, 0.02];
+const GRAZING: [f64; 2] = [0.4, 0.02];
 
 /// Coordinates of facetness, grain size, density, thickness and angle, each
 /// growing with its axis.
-///
-/// Single precision throughout: a value that is a node comes out as the node does.
 #[inline]
-pub(super) fn smooth([facetness, size, density, thickness, angle]: [f32; 5]) -> [f32; 5] {
-    let mu = f32x8::splat(angle.to_radians()).cos().as_array()[0];
+pub(super) fn smooth(point: [f32; 5]) -> [f32; 5] {
+    let [facetness, size, density, thickness, angle] = point.map(f64::from);
+    let mu = libm::cos(angle.to_radians());
     let logs = [
         size,
         density,
@@ -38,25 +39,21 @@ pub(super) fn smooth([facetness, size, density, thickness, angle]: [f32; 5]) -> 
         1.0,
         1.0,
     ];
-    let [size, density, thickness, ..] = *f32x8::new(logs).ln().as_array();
+    let [size, density, thickness, ..] = ln(f64x8::new(logs)).to_array();
     let [height, decay] = GRAZING;
-    let exponents = [
-        -facetness / FACETNESS,
-        -mu / decay,
-        0.0,
-        0.0,
-        0.0,
-        0.0,
-        0.0,
-        0.0,
-    ];
-    let [facetness, grazing, ..] = *f32x8::new(exponents).exp().as_array();
-    [-facetness, size, density, thickness, height * grazing - mu]
+    [
+        -exp_neg(facetness / FACETNESS),
+        size,
+        density,
+        thickness,
+        height * exp_neg(mu / decay) - mu,
+    ]
+    .map(|place| place as f32)
 }
 
 /// Derivative of the thickness' coordinate, 1/cm.
 pub(super) fn thickness_slope(thickness_cm: f32) -> f32 {
-    1.0 / (THICKNESS_CM + thickness_cm)
+    1.0 / (THICKNESS_CM as f32 + thickness_cm)
 }
 
 /// `n` values of an axis (in the order of [`crate::compress::AXES`]) from `first`

@@ -17,12 +17,14 @@
 //! one of y (`log`): then all wavelengths share the limiter, and a spectrum costs
 //! as many multiplications as a few components need. Of a file with plain
 //! spectra (`linear`) they are kept per wavelength.
+use ndarray::ArrayView1;
 use wide::f32x8;
 
 use super::coordinates::{smooth, thickness_slope};
 use super::diffusion::Diffusion;
 use super::{Database, LookupError, Point, nodes};
 use crate::compress::{AXES, Basis};
+use crate::math::exp_neg_single as exp_neg;
 use crate::measurement::Quantity;
 
 /// Axis of the thickness.
@@ -55,16 +57,27 @@ pub struct Lookup {
     width: usize,
     /// `[node][width]`: y and its slope along the thickness.
     table: Vec<f32x8>,
-    /// `[component][l / 8]`; empty if the components are the wavelengths.
-    basis: Vec<Vec<f32x8>>,
+    /// Components of a basis; 0 if the wavelengths are the components.
+    components: usize,
+    /// `[l / 8][component]`.
+    basis: Vec<f32x8>,
     wavelengths: usize,
 }
 
 /// Columns around a point: where in the table their node below it is, and
 /// their weights.
 struct Corners {
-    columns: [(usize, f32); 16],
+    at: [usize; 16],
+    weight: [f32; 16],
     count: usize,
+}
+
+impl Corners {
+    #[inline]
+    fn iter(&self) -> impl Iterator<Item = (usize, f32)> {
+        let all = self.at.iter().zip(&self.weight);
+        all.take(self.count).map(|(at, weight)| (*at, *weight))
+    }
 }
 
 impl Lookup {
@@ -90,12 +103,8 @@ impl Lookup {
         }
         let columns = database.basis(quantity);
         let (wavelengths, components) = columns.dim();
-        let (depth, basis) = if database.basis_kind() == Basis::Log {
-            let basis = columns.columns().into_iter().map(|c| lanes(&c.to_vec()));
-            (components, basis.collect())
-        } else {
-            (wavelengths, Vec::new())
-        };
+        let logarithmic = database.basis_kind() == Basis::Log;
+        let depth = if logarithmic { components } else { wavelengths };
         let width = depth.div_ceil(LANES);
         let nodes = database.curves() / axes[THICKNESS].len() * places[THICKNESS].len();
         let bytes = (nodes as u128) * (width * size_of::<f32x8>()) as u128;
@@ -108,9 +117,22 @@ impl Lookup {
             places,
             width,
             table: Vec::new(),
-            basis,
+            components: 0,
+            basis: Vec::new(),
             wavelengths,
         };
+        if logarithmic {
+            lookup.components = components;
+            for l in (0..wavelengths).step_by(8) {
+                let chunk = |column: ArrayView1<f32>| {
+                    let value = |i: usize| column.get(l + i).copied().unwrap_or_default();
+                    f32x8::new(std::array::from_fn(value))
+                };
+                lookup
+                    .basis
+                    .extend(columns.columns().into_iter().map(chunk));
+            }
+        }
         lookup.fill(database, depth);
         Ok(lookup)
     }
@@ -137,10 +159,10 @@ impl Lookup {
                 found: spectrum.len(),
             });
         }
-        let places = smooth(self.inside(point)?);
+        let values = self.inside(point).ok_or_else(|| self.outside(point))?;
+        let places = smooth(values);
         let x = &self.places[THICKNESS];
-        let last = x.len() - 1;
-        if places[THICKNESS] <= x[last] {
+        if places[THICKNESS] <= x[x.len() - 1] {
             let (corners, cell) = self.corners(places);
             let t = fraction(x, cell, places[THICKNESS]);
             let step = x[cell + 1] - x[cell];
@@ -170,7 +192,7 @@ impl Lookup {
             thickness_cm: f64::from(self.axes[THICKNESS][0]),
             angle_deg: f64::from(self.axes[4][0]),
         };
-        let values = self.inside(point)?;
+        let values = self.inside(point).ok_or_else(|| self.outside(point))?;
         let places = smooth(values);
         let (corners, _) = self.corners(places);
         let column = self.places[THICKNESS].len() * self.axes[4].len() * self.width;
@@ -182,7 +204,7 @@ impl Lookup {
             basis: self.basis.clone(),
             ..*self
         };
-        for &(at, weight) in &corners.columns[..corners.count] {
+        for (at, weight) in corners.iter() {
             let begin = at / column * column;
             let nodes = table.iter_mut().zip(&self.table[begin..begin + column]);
             nodes.for_each(|(sum, node)| *sum += *node * f32x8::splat(weight));
@@ -205,7 +227,7 @@ impl Lookup {
             for h in 0..n_h {
                 let row = (snow * n_h + h) * n_a + angle;
                 let (before, here) = y.split_at_mut(THIN.len() + h);
-                if self.basis.is_empty() {
+                if self.components == 0 {
                     let curve = database.curve(row, self.quantity).unwrap_or_default();
                     // noise must not make a slab brighter than a thinner one
                     let least = before.last().filter(|_| h > 0);
@@ -251,12 +273,13 @@ impl Lookup {
                 step_cm: f64::from(first_cm),
             };
             for (thin, y) in thin.iter_mut().zip(node.thinner(THIN.map(f64::from))) {
-                if self.basis.is_empty() {
+                if self.components == 0 {
                     thin[l] = y as f32;
                     continue;
                 }
-                for (c, vector) in thin.iter_mut().zip(&self.basis) {
-                    *c += y as f32 * vector[l / 8].as_array()[l % 8];
+                let chunk = &self.basis[l / 8 * self.components..];
+                for (c, vector) in thin.iter_mut().zip(chunk) {
+                    *c += y as f32 * vector.as_array()[l % 8];
                 }
             }
         }
@@ -275,7 +298,7 @@ impl Lookup {
     fn slopes(&self, y: &[Vec<f32>]) -> Vec<Vec<f32>> {
         let x = &self.places[THICKNESS];
         let last = x.len() - 1;
-        if self.basis.is_empty() {
+        if self.components == 0 {
             let limited = |h: usize, i: usize| {
                 let slope = slope(x, y, h, i);
                 share(x, y, h, i) * slope
@@ -297,128 +320,164 @@ impl Lookup {
 
     /// y per wavelength of these components.
     fn spectral(&self, components: &[f32]) -> Vec<f32> {
-        if self.basis.is_empty() {
+        if self.components == 0 {
             return components.to_vec();
         }
         let mut spectrum = vec![0.0; self.wavelengths];
-        for (c, vector) in components.iter().zip(&self.basis) {
-            let values = vector.iter().flat_map(|lanes| *lanes.as_array());
-            spectrum
-                .iter_mut()
-                .zip(values)
-                .for_each(|(sum, v)| *sum += c * v);
-        }
+        self.rebuild(components, &mut spectrum);
         spectrum
     }
 
+    /// y per wavelength of coefficients of the basis, into `spectrum`.
+    #[inline(always)]
+    fn rebuild(&self, components: &[f32], spectrum: &mut [f32]) {
+        let chunks = self.basis.chunks_exact(self.components);
+        for (to, vectors) in spectrum.chunks_mut(8).zip(chunks) {
+            let mut y = f32x8::ZERO;
+            for (c, vector) in components.iter().zip(vectors) {
+                y += f32x8::splat(*c) * *vector;
+            }
+            let lanes = y.as_array();
+            match to.first_chunk_mut::<8>() {
+                Some(all) => *all = *lanes,
+                None => to.copy_from_slice(&lanes[..to.len()]),
+            }
+        }
+    }
+
+    /// The values that axis `axis` answers.
+    fn range(&self, axis: usize) -> [f32; 2] {
+        let nodes = &self.axes[axis];
+        match (axis, nodes.len()) {
+            (THICKNESS, 2..) => [0.0, f32::MAX],
+            (_, n) => [nodes[0], nodes[n - 1]],
+        }
+    }
+
     /// The coordinates of `point`, moved onto the box where they are on its edge.
-    fn inside(&self, point: Point) -> Result<[f32; 5], LookupError> {
+    #[inline(always)]
+    fn inside(&self, point: Point) -> Option<[f32; 5]> {
         let asked = point.coordinates();
         let mut values = asked.map(|v| v as f32);
-        for (axis, (value, nodes)) in values.iter_mut().zip(&self.axes).enumerate() {
-            let (mut first, mut last) = (nodes[0], nodes[nodes.len() - 1]);
-            if axis == THICKNESS && nodes.len() > 1 {
-                (first, last) = (0.0, f32::MAX);
-            }
+        for (axis, value) in values.iter_mut().enumerate() {
+            let [first, last] = self.range(axis);
             if !(first..=last).contains(value) {
                 if ![first, last].iter().any(|end| nodes::on(*end, asked[axis])) {
-                    return Err(LookupError::Outside {
-                        axis: AXES[axis].name,
-                        value: asked[axis],
-                        first,
-                        last,
-                    });
+                    return None;
                 }
                 *value = value.clamp(first, last);
             }
         }
-        Ok(values)
+        Some(values)
+    }
+
+    /// What is wrong with a point that is not inside.
+    #[cold]
+    fn outside(&self, point: Point) -> LookupError {
+        let asked = point.coordinates();
+        let wrong = |axis: &usize| {
+            let [first, last] = self.range(*axis);
+            let value = asked[*axis];
+            !((first..=last).contains(&(value as f32))
+                || nodes::on(first, value)
+                || nodes::on(last, value))
+        };
+        let axis = (0..5).find(wrong).unwrap_or_default();
+        let [first, last] = self.range(axis);
+        LookupError::Outside {
+            axis: AXES[axis].name,
+            value: asked[axis],
+            first,
+            last,
+        }
     }
 
     /// The columns around a point at `places`, at the node below its thickness,
     /// and the number of that node.
-    #[inline]
+    #[inline(always)]
     fn corners(&self, places: [f32; 5]) -> (Corners, usize) {
         let mut corners = Corners {
-            columns: [(0, 1.0); 16],
+            at: [0; 16],
+            weight: [1.0; 16],
             count: 1,
         };
-        let mut cell = 0;
-        for (axis, nodes) in self.places.iter().enumerate() {
+        let (mut stride, mut begin, mut cell) = (self.width, 0, 0);
+        for axis in (0..5).rev() {
+            let nodes = &self.places[axis];
             let below = below(nodes, places[axis]);
-            let columns = &mut corners.columns;
-            for (at, _) in &mut columns[..corners.count] {
-                *at = *at * nodes.len() + below;
-            }
+            begin += below * stride;
             if axis == THICKNESS {
                 cell = below;
-                continue;
-            }
-            let above = fraction(nodes, below, places[axis]);
-            if above > 0.0 {
-                let (these, those) = columns.split_at_mut(corners.count);
-                for (this, that) in these.iter_mut().zip(those) {
-                    *that = (this.0 + 1, this.1 * above);
-                    this.1 *= 1.0 - above;
+            } else if nodes.len() > 1 {
+                let above = fraction(nodes, below, places[axis]);
+                let count = corners.count;
+                for i in 0..count {
+                    corners.at[count + i] = corners.at[i] + stride;
+                    corners.weight[count + i] = corners.weight[i] * above;
+                    corners.weight[i] *= 1.0 - above;
                 }
-                corners.count *= 2;
+                corners.count = 2 * count;
             }
+            stride *= nodes.len();
         }
-        for (at, _) in &mut corners.columns {
-            *at *= self.width;
-        }
+        corners.at.iter_mut().for_each(|at| *at += begin);
         (corners, cell)
     }
 
     /// y per wavelength: sums over `corners` of the values and slopes at the
     /// nodes below and above the thickness, with `weights`.
-    #[inline]
+    #[inline(always)]
     fn depths(&self, corners: &Corners, weights: [f32x8; 2], spectrum: &mut [f32]) {
+        if self.components == 0 {
+            // the components are the spectrum
+            self.sums(corners, weights, spectrum);
+        } else if self.components <= FEW {
+            let mut few = [0.0; FEW];
+            self.sums(corners, weights, &mut few[..self.components]);
+            self.rebuild(&few[..self.components], spectrum);
+        } else {
+            let mut many = vec![0.0; self.components];
+            self.sums(corners, weights, &mut many);
+            self.rebuild(&many, spectrum);
+        }
+    }
+
+    /// The same per component.
+    #[inline(always)]
+    fn sums(&self, corners: &Corners, [lower, upper]: [f32x8; 2], sums: &mut [f32]) {
         let above = self.axes[4].len() * self.width;
-        let [lower, upper] = weights;
-        let components = self.basis.len();
-        let (mut few, mut many) = ([0.0; FEW], Vec::new());
-        // without a basis the components are the spectrum
-        let sums: &mut [f32] = match components {
-            0 => spectrum,
-            1..=FEW => &mut few[..components],
-            _ => {
-                many.resize(components, 0.0);
-                &mut many
+        if self.width == 1 {
+            // one vector, the usual case of a fitted file, needs no room in memory
+            let mut sum = [f32x8::ZERO; 2];
+            for (at, weight) in corners.iter() {
+                let weight = f32x8::splat(weight);
+                sum[0] += self.table[at] * weight;
+                sum[1] += self.table[at + above] * weight;
             }
-        };
+            let lanes = (sum[0] * lower + sum[1] * upper).to_array();
+            for (i, to) in sums.iter_mut().enumerate().take(LANES) {
+                *to = lanes[i] + lanes[LANES + i];
+            }
+            return;
+        }
         for (block, sums) in sums.chunks_mut(BLOCK * LANES).enumerate() {
             let vectors = sums.len().div_ceil(LANES);
-            let mut sum = [f32x8::ZERO; BLOCK];
-            for &(at, weight) in &corners.columns[..corners.count] {
+            let mut sum = [[f32x8::ZERO; 2]; BLOCK];
+            for (at, weight) in corners.iter() {
                 let at = at + block * BLOCK;
                 let weight = f32x8::splat(weight);
-                let (lower, upper) = (weight * lower, weight * upper);
-                let nodes = self.table[at..at + vectors].iter();
-                let nodes = nodes.zip(&self.table[at + above..at + above + vectors]);
-                for (sum, (below, above)) in sum.iter_mut().zip(nodes) {
-                    *sum += *below * lower + *above * upper;
+                let below = &self.table[at..at + vectors];
+                let above = &self.table[at + above..at + above + vectors];
+                for ((sum, below), above) in sum.iter_mut().zip(below).zip(above) {
+                    sum[0] += *below * weight;
+                    sum[1] += *above * weight;
                 }
             }
-            for (sums, vector) in sums.chunks_mut(LANES).zip(&sum) {
-                let lanes = vector.as_array();
+            for (sums, [below, above]) in sums.chunks_mut(LANES).zip(sum) {
+                let lanes = (below * lower + above * upper).to_array();
                 for (i, to) in sums.iter_mut().enumerate() {
                     *to = lanes[i] + lanes[LANES + i];
                 }
-            }
-        }
-        if components > 0 {
-            let sums = if many.is_empty() {
-                &few[..components]
-            } else {
-                &many
-            };
-            for (l, to) in spectrum.chunks_mut(8).enumerate() {
-                let mut y = f32x8::ZERO;
-                for (c, vector) in sums.iter().zip(&self.basis) {
-                    y += f32x8::splat(*c) * vector[l];
-                }
-                to.copy_from_slice(&y.as_array()[..to.len()]);
             }
         }
     }
@@ -452,27 +511,14 @@ impl Lookup {
     }
 
     /// From y to the quantity.
+    #[inline(always)]
     fn leave(&self, spectrum: &mut [f32]) {
-        for chunk in spectrum.chunks_mut(8) {
-            let mut y = [0.0; 8];
-            y[..chunk.len()].copy_from_slice(chunk);
-            let mut left = (-f32x8::new(y).max(f32x8::ZERO)).exp();
-            if self.quantity == Quantity::Reflectance {
-                left = f32x8::ONE - left;
-            }
-            chunk.copy_from_slice(&left.as_array()[..chunk.len()]);
+        if self.quantity == Quantity::Reflectance {
+            spectrum.iter_mut().for_each(|y| *y = 1.0 - exp_neg(*y));
+        } else {
+            spectrum.iter_mut().for_each(|y| *y = exp_neg(*y));
         }
     }
-}
-
-/// `values` eight at a time, with zeros at the end.
-fn lanes(values: &[f32]) -> Vec<f32x8> {
-    let chunk = |chunk: &[f32]| {
-        let mut lanes = [0.0; 8];
-        lanes[..chunk.len()].copy_from_slice(chunk);
-        f32x8::new(lanes)
-    };
-    values.chunks(8).map(chunk).collect()
 }
 
 /// The weights `value` for values and `slope` for slopes.

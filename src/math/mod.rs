@@ -6,7 +6,7 @@ mod lanes;
 mod legendre;
 mod vec3;
 
-pub use elementary::exp_neg;
+pub use elementary::{exp_neg, exp_neg_single};
 pub use lanes::{Vec3x8, ln, sincos_eighth};
 pub use legendre::{DEGREES, legendre};
 pub use vec3::Vec3;
