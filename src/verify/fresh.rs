@@ -1,5 +1,5 @@
 //! Fresh simulations of single points, with streams of their own.
-use rand::{Rng, SeedableRng};
+use rand::SeedableRng;
 use rand_xoshiro::Xoshiro256PlusPlus;
 use rayon::prelude::*;
 use sha2::{Digest, Sha256};
