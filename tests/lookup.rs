@@ -5,7 +5,7 @@ use std::collections::BTreeMap;
 
 use ndarray::Array2;
 use proptest::prelude::*;
-use splitsnow::compress::{Choice, CompactFile, compress};
+use splitsnow::compress::{Choice, CompactFile, Variant, compress};
 use splitsnow::grid::Axes;
 use splitsnow::lookup::{Database, Lookup, LookupError, Point, Varsa2025};
 use splitsnow::measurement::Quantity;
@@ -36,13 +36,14 @@ fn database(axes: &Axes, curve: impl Fn(Point, Quantity) -> Vec<f64>) -> Databas
             .collect();
         let curves = Array2::from_shape_vec((rows.len() / 31, 31), rows).unwrap();
         let components = Choice::Components(31.min(curves.nrows()));
-        compress(curves.view(), None, components).unwrap()
+        let variant = Variant::default();
+        compress(curves.view(), quantity, None, components, variant).unwrap()
     };
     let file = CompactFile {
         axes,
         wavelengths_nm: &wavelengths(),
-        transmittance: &compressed(Quantity::Transmittance),
-        reflectance: &compressed(Quantity::Reflectance),
+        transmittance: Some(&compressed(Quantity::Transmittance)),
+        reflectance: Some(&compressed(Quantity::Reflectance)),
         provenance: "{}",
         extra: &BTreeMap::new(),
     };
@@ -197,9 +198,9 @@ fn off_the_nodes_of_the_thesis_grid() {
         for (l, (a, b)) in found.iter().zip(truth).enumerate() {
             let error = f64::from(*a) - b;
             // 1 % of what is seen: in this slab facets act a little otherwise than in
-            // snow; and 3 % of snow thinner than the first node
+            // snow; and 3.5 % of snow thinner than the first node
             let most = if point.thickness_cm < 1.0 {
-                0.03
+                0.035
             } else {
                 0.012
             };

@@ -10,7 +10,7 @@ use crate::certificate::CERTIFICATE;
 use crate::compress::annotated;
 use crate::fit::SCENE;
 use crate::lookup::Database;
-use crate::store::Store;
+use crate::store::{COMPACT, Store};
 use crate::verify::{self, Options, Verification, VerifyError};
 
 /// Check a finished database anew: files, compact file, fresh simulations
@@ -56,8 +56,13 @@ pub(super) fn run(args: &Args) -> anyhow::Result<()> {
         seed: args.seed,
         rays: args.rays,
     };
-    let compact = common::compact_path(&args.dir)?;
-    let result = if Store::is_at(&args.dir) {
+    let compact = if args.dir.is_file() {
+        args.dir.clone()
+    } else {
+        args.dir.join(COMPACT)
+    };
+    // what is missing of a database is told by its checks
+    let result = if Store::is_at(&args.dir) || !compact.exists() {
         let verification = Verification::open(&args.dir, options)?;
         let walks = verification.walks()?;
         simulate::run(args.threads, Some(walks), cancel, |control| {

@@ -1,0 +1,246 @@
+//! `fit`: what it writes holds the scene's bound and is proved by `verify`; what
+//! it cannot do it says, and writes nothing.
+#![cfg(unix)]
+#![allow(clippy::unwrap_used)]
+mod common;
+
+use std::fs;
+use std::path::{Path, PathBuf};
+use std::process::{Command, Output, Stdio};
+use std::sync::LazyLock;
+use std::thread::sleep;
+use std::time::Duration;
+
+use assert_cmd::cargo::cargo_bin;
+use splitsnow::certificate::{CERTIFICATE, Certificate};
+use splitsnow::compress::annotated;
+use splitsnow::fit::{self, SCENE};
+use splitsnow::lookup::Database;
+use splitsnow::measurement::Quantity;
+use splitsnow::store::COMPACT;
+
+const TEXT: &str = "version = 1
+[scene]
+max_delta_e = 1
+quantities = [\"transmittance\"]
+thickness_cm = { min = 5, max = 10 }
+angle_deg = { min = 0, max = 60 }
+[[snow]]
+facetness = 0.3
+grain_size_um = 300
+density_kg_m3 = 300
+[wavelengths]
+start_nm = 400
+stop_nm = 700
+step_nm = 100
+";
+
+struct Folder(tempfile::TempDir);
+
+impl Folder {
+    /// With the scene file `s.toml`.
+    fn new(text: &str) -> Self {
+        let dir = tempfile::tempdir().unwrap();
+        fs::write(dir.path().join("s.toml"), text).unwrap();
+        Self(dir)
+    }
+
+    fn path(&self) -> &Path {
+        self.0.path()
+    }
+
+    fn command(&self, args: &str) -> Command {
+        let mut command = Command::new(cargo_bin!("splitsnow"));
+        command.current_dir(self.path());
+        command.args(args.split_whitespace());
+        command.stdout(Stdio::piped()).stderr(Stdio::piped());
+        command
+    }
+
+    fn run(&self, args: &str) -> Output {
+        self.command(args).output().unwrap()
+    }
+
+    fn fit(&self, more: &str) -> String {
+        let output = self.run(&format!("fit s.toml --points 64 {more}"));
+        assert!(output.status.success(), "{}", errors(&output));
+        assert_eq!(errors(&output), "");
+        String::from_utf8(output.stdout).unwrap()
+    }
+
+    fn file(&self) -> PathBuf {
+        self.path().join("out/s").join(COMPACT)
+    }
+
+    /// `fit` must fail, and leave nothing.
+    fn refused(&self) -> String {
+        let output = self.run("fit s.toml --points 16");
+        assert_eq!(output.status.code(), Some(1), "{}", errors(&output));
+        assert!(!self.path().join("out").exists());
+        errors(&output)
+    }
+}
+
+fn errors(output: &Output) -> String {
+    String::from_utf8(output.stderr.clone()).unwrap()
+}
+
+/// Fitted once, never changed.
+static FITTED: LazyLock<(Vec<u8>, String)> = LazyLock::new(|| {
+    let folder = Folder::new(TEXT);
+    let text = folder.fit("--threads 1");
+    (fs::read(folder.file()).unwrap(), text)
+});
+
+/// A folder with `bytes` as its fitted file.
+fn with_file(bytes: &[u8]) -> Folder {
+    let folder = Folder::new(TEXT);
+    fs::create_dir_all(folder.file().parent().unwrap()).unwrap();
+    fs::write(folder.file(), bytes).unwrap();
+    folder
+}
+
+#[test]
+fn holds_its_bound_and_is_proved_anew() {
+    let (bytes, text) = &*FITTED;
+    let file = Database::from_bytes(bytes).unwrap();
+    let certificate: Certificate = serde_json::from_str(&file.metadata()[CERTIFICATE]).unwrap();
+    assert!(fit::largest(&certificate) < 1.0, "{certificate}");
+    assert!(certificate.points >= 64 && certificate.quantities.len() == 1);
+    assert!(text.contains("out/s/snow.safetensors: "), "{text}");
+    assert!(text.contains("next: splitsnow verify out/s"), "{text}");
+    let lengths = file.axes().each_ref().map(Vec::len);
+    assert_eq!(lengths[..3], [1, 1, 1]);
+    assert_eq!(
+        (file.axes()[3][0], file.axes()[3][lengths[3] - 1]),
+        (5.0, 10.0)
+    );
+
+    let folder = with_file(bytes);
+    let output = folder.run("verify out/s --points 64");
+    let report = String::from_utf8(output.stdout.clone()).unwrap();
+    assert!(output.status.success(), "{report}{}", errors(&output));
+    assert!(report.ends_with("PASS\n"), "{report}");
+    // at other points and with other walks: this certificate takes its place
+    let verified = Database::open(&folder.file()).unwrap();
+    let other: Certificate = serde_json::from_str(&verified.metadata()[CERTIFICATE]).unwrap();
+    assert_ne!(other.seed, certificate.seed);
+    assert_ne!(other.quantities, certificate.quantities);
+    assert_eq!(verified.metadata()[SCENE], file.metadata()[SCENE]);
+}
+
+#[test]
+fn threads_leave_no_trace() {
+    let folder = Folder::new(TEXT);
+    let text = folder.fit("--threads 2");
+    assert_eq!((fs::read(folder.file()).unwrap(), text), *FITTED);
+}
+
+#[test]
+fn what_a_scene_does_not_ask_for_is_not_there() {
+    let (bytes, text) = &*FITTED;
+    let file = Database::from_bytes(bytes).unwrap();
+    assert!(file.has(Quantity::Transmittance) && !file.has(Quantity::Reflectance));
+    let left_out = "reflectance; the axes facetness, grain_size_um, density_kg_m3";
+    assert!(text.contains(left_out), "{text}");
+    let folder = with_file(bytes);
+    let point =
+        "--facetness 0.3 --grain-size-um 300 --density-kg-m3 300 --thickness-cm 7.3 --angle-deg 33";
+    let there = folder.run(&format!("query out/s {point}"));
+    assert!(there.status.success(), "{}", errors(&there));
+    let other = folder.run(&format!("query out/s {point} --quantity reflectance"));
+    assert_eq!(other.status.code(), Some(1));
+    assert_eq!(
+        errors(&other),
+        "error: the compact file has no reflectance, it has transmittance only\n"
+    );
+}
+
+/// Numbers of the float32 tensor `name`, changed.
+fn changed(bytes: &[u8], name: &str, change: impl Fn(f32) -> f32) -> Vec<u8> {
+    let header = 8 + u64::from_le_bytes(*bytes.first_chunk().unwrap()) as usize;
+    let json: serde_json::Value = serde_json::from_slice(&bytes[8..header]).unwrap();
+    let ends: [usize; 2] = serde_json::from_value(json[name]["data_offsets"].clone()).unwrap();
+    let mut bytes = bytes.to_vec();
+    for number in bytes[header + ends[0]..header + ends[1]].chunks_exact_mut(4) {
+        let value = f32::from_le_bytes(*number.first_chunk().unwrap());
+        number.copy_from_slice(&change(value).to_le_bytes());
+    }
+    bytes
+}
+
+#[test]
+fn altered_coefficients_fail() {
+    let altered = changed(&FITTED.0, "transmittance.quantisation", |v| 1.1 * v);
+    let folder = with_file(&altered);
+    let output = folder.run("verify out/s --points 16");
+    assert_eq!(output.status.code(), Some(1));
+    let report = String::from_utf8(output.stdout).unwrap();
+    assert!(report.contains("is not below 1.0000"), "{report}");
+    assert!(report.ends_with("FAIL\n"), "{report}");
+}
+
+#[test]
+fn a_bound_that_was_lowered_fails() {
+    let file = Database::from_bytes(&FITTED.0).unwrap();
+    let (text, certificate) = (&file.metadata()[SCENE], &file.metadata()[CERTIFICATE]);
+    let reached = fit::largest(&serde_json::from_str(certificate).unwrap());
+    let bound = format!("{:.2}", 0.8 * reached);
+    let lowered = text.replace("max_delta_e = 1\n", &format!("max_delta_e = {bound}\n"));
+    assert_ne!(&lowered, text);
+    let folder = with_file(&annotated(&FITTED.0, SCENE, &lowered).unwrap());
+    let output = folder.run("verify out/s --points 16");
+    assert_eq!(output.status.code(), Some(1));
+    let report = String::from_utf8(output.stdout).unwrap();
+    assert!(
+        report.contains(&format!("is not below {bound}")),
+        "{report}"
+    );
+}
+
+#[test]
+fn a_file_that_is_too_large_is_refused() {
+    let text = TEXT.replace("max_delta_e = 1", "max_delta_e = 1\nmax_bytes = 100");
+    let error = Folder::new(&text).refused();
+    let bytes = FITTED.0.len();
+    let (start, end) = ("takes ", " bytes, more than max_bytes = 100;");
+    let needed = error.split_once(start).unwrap().1.split_once(end);
+    let needed: usize = needed.unwrap().0.parse().unwrap();
+    // but for the key itself, and the number of points of the certificate
+    assert!(needed.abs_diff(bytes) < bytes / 5, "{error} {bytes}");
+}
+
+#[test]
+fn a_bound_out_of_reach_is_refused() {
+    // no time to choose nodes: those at the ends are all
+    let text = TEXT
+        .replace("max_delta_e = 1", "max_delta_e = 1\nmax_seconds = 0.001")
+        .replace("min = 5, max = 10", "min = 2, max = 40");
+    let error = Folder::new(&text).refused();
+    let (_, best) = error.split_once("the best reaches ").unwrap();
+    let reached: f64 = best.split_whitespace().next().unwrap().parse().unwrap();
+    assert!(reached > 1.0, "{error}");
+    assert!(
+        error.contains("keeps Delta-E 1 ") && best.contains("thickness"),
+        "{error}"
+    );
+}
+
+#[test]
+fn ctrl_c_leaves_nothing() {
+    // a bound that takes many walks
+    let folder = Folder::new(&TEXT.replace("max_delta_e = 1", "max_delta_e = 0.05"));
+    let child = folder.command("fit s.toml").spawn().unwrap();
+    sleep(Duration::from_millis(500));
+    let id = child.id().to_string();
+    let kill = Command::new("kill").args(["-INT", &id]).status().unwrap();
+    assert!(kill.success());
+    let output = child.wait_with_output().unwrap();
+    assert_eq!(output.status.code(), Some(130), "{}", errors(&output));
+    let said = errors(&output);
+    assert!(
+        said.ends_with("interrupted: nothing was written\n"),
+        "{said}"
+    );
+    assert_eq!(common::dir_bytes(folder.path()).len(), 1);
+}
