@@ -110,7 +110,10 @@ fn colours_are_compared_as_asked_and_verified_so() {
     let asked = "--max-delta-e 0.5 --illuminant E --illuminant LED-B5 --delta-e cie2000";
     run(dir.path(), &format!("compress out/tiny {asked}"));
     assert_same(&expected, &out(dir.path()));
-    let report = run(dir.path(), "verify out/tiny --samples 2 --rays 100 --points 0");
+    let report = run(
+        dir.path(),
+        "verify out/tiny --samples 2 --rays 100 --points 0",
+    );
     assert!(
         report.contains("Delta-E: cie2000, the worst of E, LED-B5"),
         "{report}"
