@@ -110,7 +110,10 @@ fn colours_are_compared_as_asked_and_verified_so() {
     let asked = "--max-delta-e 0.5 --illuminant E --illuminant LED-B5 --delta-e cie2000";
     run(dir.path(), &format!("compress out/tiny {asked}"));
     assert_same(&expected, &out(dir.path()));
-    let report = run(dir.path(), "verify out/tiny --samples 2 --rays 100");
+    let report = run(
+        dir.path(),
+        "verify out/tiny --samples 2 --rays 100 --points 0",
+    );
     assert!(
         report.contains("Delta-E: cie2000, the worst of E, LED-B5"),
         "{report}"
@@ -130,7 +133,7 @@ fn colours_are_compared_as_asked_and_verified_so() {
             .unwrap();
         changed[at..at + 7].copy_from_slice(other.as_bytes());
         std::fs::write(&path, changed).unwrap();
-        let verify = splitsnow(dir.path(), "verify out/tiny --samples 0");
+        let verify = splitsnow(dir.path(), "verify out/tiny --samples 0 --points 0");
         let output = { verify }.output().unwrap();
         let report = String::from_utf8(output.stdout).unwrap();
         assert_eq!(output.status.code(), Some(1));

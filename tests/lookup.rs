@@ -291,6 +291,29 @@ fn edges_limits_and_refusals() {
     );
 }
 
+/// Their cosines and logarithms are the same in single precision.
+#[test]
+fn nodes_that_fall_together_are_answered() {
+    let axes = Axes {
+        thickness_cm: vec![5.0, 5.0000005, 10.0],
+        angle_deg: vec![0.0, 0.01],
+        ..small()
+    };
+    let database = database(&axes, slab);
+    for quantity in Quantity::ALL {
+        let lookup = Lookup::new(&database, quantity).unwrap();
+        for thickness_cm in [0.0, 3.0, 5.0, 7.0, 20.0] {
+            let near = Point {
+                thickness_cm,
+                angle_deg: 0.005,
+                ..points(&axes)[0]
+            };
+            let found = spectrum(&lookup, near);
+            assert!(found.iter().all(|v| (0.0..=1.0).contains(v)), "{found:?}");
+        }
+    }
+}
+
 #[test]
 fn one_thickness_is_no_curve() {
     let axes = Axes {

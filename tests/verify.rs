@@ -10,11 +10,13 @@ use std::sync::LazyLock;
 use std::sync::atomic::{AtomicBool, AtomicU64};
 
 use splitsnow::batch;
+use splitsnow::certificate::{CERTIFICATE, Certificate};
 use splitsnow::colour::Colorimeter;
-use splitsnow::compress::{Choice, CompactFile, Compressed, Variant, compress};
+use splitsnow::compress::{BOUNDS, Choice, CompactFile, Compressed, Variant, annotated, compress};
 use splitsnow::config;
 use splitsnow::engine::{Cache, Control, Engine, EngineError, Request};
 use splitsnow::grid::Grid;
+use splitsnow::lookup::Database;
 use splitsnow::measurement::{Quantity, Spectrum};
 use splitsnow::store::{Access, COMPACT, Store, Variable};
 use splitsnow::verify::{Options, Report, Verification, VerifyError};
@@ -23,6 +25,7 @@ const NODES: &str = "fresh simulations at nodes of the grid";
 const COMPACT_CHECK: &str = "compact file against the database";
 const OPTIONS: Options = Options {
     samples: 6,
+    points: 0,
     seed: 1,
     rays: None,
 };
@@ -47,10 +50,13 @@ fn build(
     let store = Store::build(dir, grid, &BTreeMap::new(), Access::Exclusive).unwrap();
     let options = batch::Options::default();
     batch::run(grid, &store, simulate, &options, &AtomicBool::new(false)).unwrap();
+    write_compact(&store, grid, Choice::Bounds(grid.compression), promise);
+}
+
+fn write_compact(store: &Store, grid: &Grid, choice: Choice, promise: impl Fn(&mut Compressed)) {
     let colour = Colorimeter::new(&grid.wavelengths_nm).unwrap();
     let compressed = |quantity, variable| {
         let curves = store.read(variable).unwrap().mapv(f64::from);
-        let choice = Choice::Bounds(grid.compression);
         let mut compressed = compress(
             curves.view(),
             quantity,
@@ -73,7 +79,7 @@ fn build(
         provenance: &serde_json::to_string(&store.attributes()).unwrap(),
         extra: &BTreeMap::new(),
     }
-    .write(&dir.join(COMPACT))
+    .write(&store.dir().join(COMPACT))
     .unwrap();
 }
 
@@ -101,6 +107,10 @@ fn copy() -> tempfile::TempDir {
 }
 
 fn verify(dir: &Path, options: Options) -> Report {
+    certified(dir, options).0
+}
+
+fn certified(dir: &Path, options: Options) -> (Report, Option<Certificate>) {
     let (cancel, rays_done) = (AtomicBool::new(false), AtomicU64::new(0));
     let cache = Cache::default();
     let control = Control {
@@ -110,10 +120,10 @@ fn verify(dir: &Path, options: Options) -> Report {
         cache: &cache,
     };
     let verification = Verification::open(dir, options).unwrap();
-    let report = verification.run(&control).unwrap();
+    let found = verification.run(&control).unwrap();
     let done = rays_done.into_inner();
     assert!(done <= verification.walks().unwrap());
-    report
+    found
 }
 
 /// Files only.
@@ -135,7 +145,7 @@ fn assert_fails(report: &Report, check: &str, message: &str) {
 fn a_fresh_build_passes() {
     let report = verify(FRESH.path(), OPTIONS);
     assert!(report.passed(), "{report}");
-    assert_eq!(report.checks.len(), 4);
+    assert_eq!(report.checks.len(), 3);
     assert_eq!(
         report,
         verify(FRESH.path(), OPTIONS),
@@ -164,7 +174,8 @@ fn the_command_prints_the_report() {
         let mut command = assert_cmd::Command::cargo_bin("splitsnow").unwrap();
         command.arg("verify").arg(dir).args(args).output().unwrap()
     };
-    let args = ["--samples", "2", "--rays", "100", "--threads"];
+    let args = ["--samples", "2", "--rays", "100", "--points", "0"];
+    let args = [&args[..], &["--threads"]].concat();
     let one = command(FRESH.path(), &[&args[..], &["1"]].concat());
     assert!(one.status.success(), "{one:?}");
     let text = String::from_utf8(one.stdout.clone()).unwrap();
@@ -179,7 +190,8 @@ fn the_command_prints_the_report() {
 
     let dir = copy();
     fs::remove_file(dir.path().join(COMPACT)).unwrap();
-    let failed = command(dir.path(), &["--samples", "0", "--json"]);
+    let files_only = ["--samples", "0", "--points", "0", "--json"];
+    let failed = command(dir.path(), &files_only);
     assert_eq!(failed.status.code(), Some(1));
     let json: serde_json::Value = serde_json::from_slice(&failed.stdout).unwrap();
     assert_eq!(json["passed"], false);
@@ -280,43 +292,156 @@ fn a_bound_that_is_not_kept_fails() {
     );
 }
 
-/// Spectra off the nodes that the bases cannot express: one component, made
-/// from curves of one shape, beside an engine that gives another.
-#[test]
-fn bases_that_do_not_express_fresh_spectra_fail() {
+/// One snow at 5 thicknesses and 4 angles, with little noise.
+fn one_snow() -> Grid {
+    let mut grid = grid();
+    grid.axes.facetness = vec![0.5];
+    grid.axes.grain_size_um = vec![300.0];
+    grid.axes.thickness_cm = vec![1.0, 2.0, 4.0, 8.0, 16.0];
+    grid.axes.angle_deg = vec![0.0, 30.0, 55.0, 75.0];
+    grid.wavelengths_nm = vec![400.0, 500.0, 600.0, 700.0];
+    grid.run.engine = Engine::Doubling;
+    grid.run.rays = 100_000;
+    grid
+}
+
+fn doubling(request: &Request<'_>, control: &Control<'_>) -> Simulated {
+    Engine::Doubling.run(request, control)
+}
+
+static ONE_SNOW: LazyLock<tempfile::TempDir> = LazyLock::new(|| {
     let dir = tempfile::tempdir().unwrap();
-    let flat = |request: &Request<'_>, control: &Control<'_>| -> Simulated {
-        let mut spectra = honest(request, control)?;
+    build(dir.path(), &one_snow(), doubling, |_| {});
+    dir
+});
+
+const CERTIFY: Options = Options {
+    samples: 0,
+    points: 16,
+    ..OPTIONS
+};
+
+/// What is found of [`ONE_SNOW`].
+static CERTIFIED: LazyLock<(Report, Option<Certificate>)> =
+    LazyLock::new(|| certified(ONE_SNOW.path(), CERTIFY));
+
+#[test]
+fn a_certificate_is_a_function_of_its_seed() {
+    let (report, certificate) = &*CERTIFIED;
+    assert!(report.passed(), "{report}");
+    assert_eq!(report.checks.len(), 3);
+    let certificate = certificate.as_ref().unwrap();
+    assert!(certificate.points >= 16);
+    let json = serde_json::to_string(&certificate).unwrap();
+    let again: Certificate = serde_json::from_str(&json).unwrap();
+    assert_eq!(&again, certificate);
+    let chain = &certificate.quantities["transmittance"];
+    let total = chain.total.delta_e.unwrap();
+    assert!(total.mean > 0.0 && total.mean <= total.p95 && total.p95 <= total.max);
+    assert_eq!(chain.worst[0].delta_e, Some(total.max));
+    let axes: Vec<_> = chain.axes.keys().collect();
+    assert_eq!(axes, ["angle_deg", "thickness_cm"]);
+    // noise is small, so that the bound of the compression is most of it
+    assert!(total.max < 2.3, "{certificate}");
+
+    let other = Options { seed: 2, ..CERTIFY };
+    let other = certified(ONE_SNOW.path(), other).1.unwrap();
+    assert_ne!(other.quantities, certificate.quantities);
+    assert_eq!(certified(ONE_SNOW.path(), OPTIONS).1, None);
+}
+
+#[test]
+fn shifted_curves_show_in_the_certificate() {
+    let dir = tempfile::tempdir().unwrap();
+    let shifted = |request: &Request<'_>, control: &Control<'_>| -> Simulated {
+        let mut spectra = doubling(request, control)?;
         for spectrum in &mut spectra {
-            for measured in [&mut spectrum.transmittance, &mut spectrum.reflectance] {
-                for (number, value) in measured.iter_mut().enumerate() {
-                    *value = measured_at(number, value.se);
-                }
-            }
+            let both = [&mut spectrum.transmittance, &mut spectrum.reflectance];
+            both.into_iter().flatten().for_each(|m| m.value *= 0.95);
         }
         Ok(spectra)
     };
-    build(dir.path(), &grid(), flat, |_| {});
-    let options = Options {
-        rays: Some(20_000),
-        ..OPTIONS
-    };
-    let report = verify(dir.path(), options);
-    assert_eq!(report.failed().len(), 2, "{report}");
-    let broken = |measure: &str| {
-        let figures = report.checks.iter().flat_map(|check| &check.figures);
-        let mut of = figures.filter(|figure| figure.measure == measure);
-        of.any(|figure| !figure.holds())
-    };
-    assert!(
-        broken("largest |z|") && broken("Delta-E max beyond noise"),
-        "{report}"
-    );
+    build(dir.path(), &one_snow(), shifted, |_| {});
+    let good = CERTIFIED.1.clone().unwrap();
+    let shifted = certified(dir.path(), CERTIFY).1.unwrap();
+    for quantity in Quantity::ALL {
+        let of = |certificate: &Certificate| certificate.quantities[quantity.name()].clone();
+        let (good, shifted) = (of(&good), of(&shifted));
+        let mean = |m: splitsnow::certificate::Measures| m.rmse.mean;
+        for (good, shifted) in [
+            (good.total, shifted.total),
+            (good.interpolation, shifted.interpolation),
+            (good.simulation.unwrap(), shifted.simulation.unwrap()),
+        ] {
+            assert!(mean(shifted) > 3.0 * mean(good), "{good:?} {shifted:?}");
+        }
+        // both files are as true to their curves
+        assert!(mean(shifted.compression) < 2.0 * mean(good.compression));
+        assert_eq!(shifted.noise, good.noise);
+    }
 }
 
-fn measured_at(number: usize, se: f64) -> splitsnow::measurement::Measured {
-    let value = if number.is_multiple_of(2) { 0.1 } else { 0.6 };
-    splitsnow::measurement::Measured { value, se }
+#[test]
+fn coarse_compression_shows_in_the_certificate() {
+    let dir = tempfile::tempdir().unwrap();
+    build(dir.path(), &one_snow(), doubling, |_| {});
+    let path = dir.path().join(COMPACT);
+    let chain = || {
+        let (report, certificate) = certified(dir.path(), CERTIFY);
+        assert!(report.passed(), "{report}");
+        certificate.unwrap().quantities["transmittance"].clone()
+    };
+    let with = |components| {
+        let store = Store::open(dir.path()).unwrap();
+        write_compact(&store, &one_snow(), Choice::Components(components), |_| {});
+        chain()
+    };
+    let (fine, coarse) = (with(4), with(1));
+    let max = |m: splitsnow::certificate::Measures| m.delta_e.unwrap().max;
+    assert!(max(fine.compression) < 1e-2, "{fine:?}");
+    assert!(max(coarse.compression) > 0.3, "{coarse:?}");
+    assert_eq!(coarse.interpolation, fine.interpolation);
+
+    // a bound it states but does not keep
+    let bounds = r#"{"transmittance":{"max_delta_e":0.1,"max_rmse":null},"reflectance":{"max_delta_e":null,"max_rmse":null}}"#;
+    let lowered = annotated(&fs::read(&path).unwrap(), BOUNDS, bounds).unwrap();
+    fs::write(&path, lowered).unwrap();
+    let report = verify(dir.path(), CERTIFY);
+    assert_fails(&report, COMPACT_CHECK, "is not below 0.1000");
+}
+
+#[test]
+fn the_command_keeps_the_certificate_in_the_file() {
+    let dir = tempfile::tempdir().unwrap();
+    build(dir.path(), &one_snow(), doubling, |_| {});
+    let path = dir.path().join(COMPACT);
+    let verified = |threads| {
+        let mut command = assert_cmd::Command::cargo_bin("splitsnow").unwrap();
+        command.arg("verify").arg(dir.path());
+        command.args(["--samples", "0", "--points", "16", "--threads", threads]);
+        command.assert().success().get_output().stdout.clone()
+    };
+    let report = String::from_utf8(verified("1")).unwrap();
+    assert!(report.contains("off the nodes in angle_deg"), "{report}");
+    let file = Database::open(&path).unwrap();
+    let kept: Certificate = serde_json::from_str(&file.metadata()[CERTIFICATE]).unwrap();
+    let kept_points = kept.points;
+    assert_eq!(CERTIFIED.1, Some(kept));
+    let bytes = fs::read(&path).unwrap();
+    assert_eq!(String::from_utf8(verified("2")).unwrap(), report);
+    assert_eq!(fs::read(&path).unwrap(), bytes);
+
+    let mut query = assert_cmd::Command::cargo_bin("splitsnow").unwrap();
+    query.arg("query").arg(dir.path()).arg("--explain");
+    let point =
+        "--facetness 0.5 --grain-size-um 300 --density-kg-m3 300 --thickness-cm 3 --angle-deg 9";
+    let output = query.args(point.split(' ')).assert().success();
+    let text = String::from_utf8(output.get_output().stdout.clone()).unwrap();
+    let points = format!("# {kept_points} random points against");
+    assert!(
+        text.contains(&points) && text.contains("\n#   whole chain "),
+        "{text}"
+    );
 }
 
 #[test]

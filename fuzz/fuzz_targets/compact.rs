@@ -1,20 +1,43 @@
 //! Any bytes: the compact file's reader returns an error, or a database of
-//! which every look-up on a node answers with finite numbers.
+//! which every look-up on a node answers with finite numbers, and every one
+//! between them with numbers in [0, 1], unless its table would be too large.
 #![no_main]
 use libfuzzer_sys::fuzz_target;
-use splitsnow::lookup::Database;
+use splitsnow::lookup::{Database, Lookup, LookupError, Point, Varsa2025};
 use splitsnow::measurement::Quantity;
 
 fuzz_target!(|bytes: &[u8]| {
     let Ok(database) = Database::from_bytes(bytes) else {
         return;
     };
-    for row in [0, database.curves() / 2, database.curves() - 1] {
-        let point = database.point(row).expect("a row of the database");
-        for quantity in Quantity::ALL.into_iter().filter(|&q| database.has(q)) {
+    let first = database.point(0).expect("a row of the database");
+    let middle = database.axes().each_ref().map(|nodes| {
+        let ends = [nodes[0], nodes[nodes.len() - 1]].map(f64::from);
+        0.5 * (ends[0] + ends[1])
+    });
+    let middle = Point::from_coordinates(middle);
+    for quantity in Quantity::ALL.into_iter().filter(|&q| database.has(q)) {
+        for row in [0, database.curves() / 2, database.curves() - 1] {
+            let point = database.point(row).expect("a row of the database");
             let spectrum = database.spectrum(point, quantity).expect("a node");
             assert_eq!(spectrum.len(), database.wavelengths_nm().len());
             assert!(spectrum.iter().all(|value| value.is_finite()));
+        }
+        // its spline has no bounds, and knows nodes of the snow only
+        let published = Varsa2025::new(&database, quantity).expect("a quantity it has");
+        published.spectrum(first).ok();
+        published.spectrum(middle).ok();
+        let lookup = match Lookup::new(&database, quantity) {
+            Err(LookupError::TooLarge { .. }) => continue,
+            lookup => lookup.expect("a quantity it has"),
+        };
+        let mut spectrum = vec![0.0; lookup.wavelengths()];
+        for point in [first, middle] {
+            // axes of any numbers: not all have coordinates
+            if lookup.spectrum(point, &mut spectrum).is_ok() {
+                let inside = |value: &f32| (0.0..=1.0).contains(value);
+                assert!(spectrum.iter().all(inside), "{point}: {spectrum:?}");
+            }
         }
     }
 });

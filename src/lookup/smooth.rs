@@ -549,18 +549,26 @@ fn below(nodes: &[f32], place: f32) -> usize {
         .count()
 }
 
-/// How far `place` is from node `cell` to the next; 0 if there is none.
+/// How far `place` is from node `cell` to the next; 0 if there is none, and if
+/// single precision does not tell them apart.
 #[inline]
 fn fraction(nodes: &[f32], cell: usize, place: f32) -> f32 {
     match nodes.get(cell + 1) {
-        None => 0.0,
-        Some(next) => ((place - nodes[cell]) / (next - nodes[cell])).clamp(0.0, 1.0),
+        Some(next) if *next > nodes[cell] => {
+            ((place - nodes[cell]) / (next - nodes[cell])).clamp(0.0, 1.0)
+        }
+        _ => 0.0,
     }
 }
 
-/// Slope of the line between nodes `h` and `h + 1`.
+/// Slope of the line between nodes `h` and `h + 1`; 0 where they fall together.
 fn secant(x: &[f32], values: &[Vec<f32>], h: usize, i: usize) -> f32 {
-    (values[h + 1][i] - values[h][i]) / (x[h + 1] - x[h])
+    let step = x[h + 1] - x[h];
+    if step > 0.0 {
+        (values[h + 1][i] - values[h][i]) / step
+    } else {
+        0.0
+    }
 }
 
 /// Slope at node `h` of the parabola through it and its neighbours.
@@ -572,7 +580,10 @@ fn slope(x: &[f32], values: &[Vec<f32>], h: usize, i: usize) -> f32 {
     let middle = h.clamp(1, last - 1);
     let [left, right] = [middle - 1, middle].map(|h| secant(x, values, h, i));
     let [before, after] = [x[middle] - x[middle - 1], x[middle + 1] - x[middle]];
-    let at_middle = (left * after + right * before) / (before + after);
+    let at_middle = match before + after > 0.0 {
+        true => (left * after + right * before) / (before + after),
+        false => 0.0,
+    };
     match h {
         0 => 2.0 * left - at_middle,
         h if h == last => 2.0 * right - at_middle,
