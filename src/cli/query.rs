@@ -97,7 +97,7 @@ pub(super) fn run(args: &Args) -> anyhow::Result<()> {
 /// What the file is, and its certificate.
 fn explanation(database: &Database, quantity: Quantity) -> String {
     let mut text = format!(
-        "{} nodes, {} components of {} spectra, coefficients {}",
+        "{} nodes, components: {} of {} spectra, coefficients: {}",
         database.curves(),
         database.components(quantity),
         database.basis_kind().name(),

@@ -77,7 +77,7 @@ pub enum FitError {
     Lookup(#[from] LookupError),
     /// No database holds the bound.
     #[error(
-        "no database was found that keeps Delta-E {bound} with a tenth to spare: the best reaches {reached:.3} at {at}; raise max_delta_e or narrow the scene"
+        "no database was found that keeps Delta-E {bound} with a tenth to spare: the best reaches {reached:.3} at {at}; {}raise max_delta_e or narrow the scene", if *hurried { "max_seconds ran out; raise it, " } else { "" }
     )]
     Bound {
         /// The bound.
@@ -86,6 +86,8 @@ pub enum FitError {
         reached: f64,
         /// Where that is.
         at: String,
+        /// Whether the time allowed ran out.
+        hurried: bool,
     },
     /// It is too large.
     #[error(
@@ -265,6 +267,7 @@ pub fn fit(
         bound: scene.max_delta_e,
         reached,
         at,
+        hurried: !in_time(),
     })
 }
 

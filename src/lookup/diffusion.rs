@@ -29,18 +29,18 @@ impl Diffusion {
     fn growth(&self, k: f64, h_cm: f64) -> f64 {
         let s = self.slope_per_cm;
         if k * h_cm.abs() < 1e-6 {
-            return (s * h_cm).max(-1.0).ln_1p();
+            return libm::log1p((s * h_cm).max(-1.0));
         }
         // ln(cosh kh + s/k sinh kh), without overflow
         let (rising, falling) = (0.5 * (1.0 + s / k), 0.5 * (1.0 - s / k));
         let sum = match h_cm > 0.0 {
-            true => rising + falling * (-2.0 * k * h_cm).exp(),
-            false => rising * (2.0 * k * h_cm).exp() + falling,
+            true => rising + falling * libm::exp(-2.0 * k * h_cm),
+            false => rising * libm::exp(2.0 * k * h_cm) + falling,
         };
         if sum <= 0.0 {
             return f64::NEG_INFINITY;
         }
-        k * h_cm.abs() + sum.ln()
+        k * h_cm.abs() + libm::log(sum)
     }
 
     /// k, from y before the node.
@@ -141,7 +141,7 @@ mod tests {
                     assert!(y >= last && y.is_finite(), "{end:?} {h}: {y}");
                     last = y;
                 }
-                let before = before.max(0.0).min(5.0);
+                let before = before.clamp(0.0, 5.0);
                 let end = Diffusion { before, ..end };
                 let [zero, part, more, one] = end.thinner([0.0, 0.1, 0.7, 1.0]);
                 assert!((zero - before).abs() < 1e-9 && (one - 5.0).abs() < 1e-9);

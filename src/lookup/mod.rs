@@ -61,7 +61,7 @@ pub enum LookupError {
     },
     /// A coordinate between two nodes.
     #[error(
-        "{axis} = {value} lies between the nodes {below} and {above} of the database, and the method of Varsa 2025 knows nodes only there; `smooth` interpolates"
+        "{axis} = {value} lies between the nodes {below} and {above} of the database, and this look-up knows nodes only; the method `smooth` interpolates"
     )]
     BetweenNodes {
         /// Name of the axis.
@@ -75,7 +75,7 @@ pub enum LookupError {
     },
     /// A table that does not fit into memory.
     #[error(
-        "the look-up table of this file would take {bytes} bytes, more than 4 GB; give fewer wavelengths or nodes, or compress the database with --basis log"
+        "the look-up table of this file would take {bytes} bytes, more than 1 GB; give fewer wavelengths or nodes, or compress the database with --basis log"
     )]
     TooLarge {
         /// Its size.

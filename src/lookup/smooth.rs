@@ -41,7 +41,7 @@ const LANES: usize = 4;
 /// Components that need no memory of their own.
 const FEW: usize = 64;
 /// Largest table, bytes.
-const MOST_BYTES: u128 = 4 << 30;
+const MOST_BYTES: u128 = 1 << 30;
 /// Vectors summed at a time.
 const BLOCK: usize = 8;
 
@@ -85,7 +85,7 @@ impl Lookup {
     ///
     /// # Errors
     /// [`LookupError::NoQuantity`]; [`LookupError::TooLarge`] for a `linear` file of so many curves and
-    /// wavelengths that its table would not fit 4 GB.
+    /// wavelengths that its table would not fit 1 GB.
     pub fn new(database: &Database, quantity: Quantity) -> Result<Self, LookupError> {
         database.require(quantity)?;
         let axes = database.axes().clone();
@@ -263,7 +263,7 @@ impl Lookup {
         let spectra: Vec<Vec<f32>> = nodes.iter().take(3).map(|y| self.spectral(y)).collect();
         for (l, y) in spectra[0].iter().enumerate() {
             let slope = match spectra.len() {
-                1 => y / x[0],
+                1 => y / x[0].max(f32::MIN_POSITIVE),
                 n => slope(&x[..n], &spectra, 0, l).max(0.0),
             };
             let node = Diffusion {
@@ -291,7 +291,7 @@ impl Lookup {
             Quantity::Transmittance => value,
             Quantity::Reflectance => 1.0 - value,
         };
-        -left.clamp((-DARKEST).exp(), 1.0).ln()
+        -libm::logf(left.clamp(libm::expf(-DARKEST), 1.0))
     }
 
     /// Limited slopes of a column, `[h][component]`.
@@ -384,11 +384,12 @@ impl Lookup {
         };
         let axis = (0..5).find(wrong).unwrap_or_default();
         let [first, last] = self.range(axis);
+        let any = last == f32::MAX;
         LookupError::Outside {
             axis: AXES[axis].name,
             value: asked[axis],
             first,
-            last,
+            last: if any { f32::INFINITY } else { last },
         }
     }
 

@@ -72,7 +72,7 @@ impl<'a> Varsa2025<'a> {
         };
         let (h, angle) = (point.thickness_cm, point.angle_deg);
         if !(0.0..=f64::MAX).contains(&h) {
-            return Err(outside(3, 0.0, f32::MAX));
+            return Err(outside(3, 0.0, f32::INFINITY));
         }
         let angles = &axes[4];
         if !(f64::from(angles[0])..90.0).contains(&angle) {

@@ -45,7 +45,8 @@ pub fn exp_neg_single(x: f32) -> f32 {
     let shifted = x * std::f32::consts::LOG2_E + ROUND;
     let k = shifted - ROUND;
     let r = (k * LN_2_HI - x) + k * LN_2_LO;
-    let mut p = 1.0 / 720.0;
+    let mut p = 1.0 / 5_040.0;
+    p = p * r + 1.0 / 720.0;
     p = p * r + 1.0 / 120.0;
     p = p * r + 1.0 / 24.0;
     p = p * r + 1.0 / 6.0;

@@ -69,13 +69,15 @@ pub(super) fn check(
         let Some(chain) = certificate.quantities.get(quantity.name()) else {
             continue;
         };
-        check.figures.extend(chain.total.delta_e.map(|total| Figure {
-            quantity,
-            measure: "Delta-E",
-            value: total.max,
-            bound: None,
-            at: String::new(),
-        }));
+        check
+            .figures
+            .extend(chain.total.delta_e.map(|total| Figure {
+                quantity,
+                measure: "Delta-E",
+                value: total.max,
+                bound: None,
+                at: String::new(),
+            }));
     }
     Ok((check, certificate))
 }

@@ -215,7 +215,7 @@ fn nodes_are_found_by_their_values_and_others_refused() {
             .spectrum(between, Quantity::Reflectance)
             .unwrap_err()
             .to_string(),
-        "thickness_cm = 10 lies between the nodes 1.5 and 50 of the database; this version looks up nodes only, it does not interpolate"
+        "thickness_cm = 10 lies between the nodes 1.5 and 50 of the database, and this look-up knows nodes only; the method `smooth` interpolates"
     );
     let outside = Point {
         angle_deg: 89.5,
