@@ -104,8 +104,8 @@ pub(super) fn anywhere(regions: &[Region], points: usize, seed: u64) -> Vec<Tria
         .collect();
     let mut trials: Vec<Trial> = Vec::new();
     let mut count = 0;
-    // a scene of one point is one patch
-    while count < points && trials.len() < points {
+    // every region has its turn; a scene of one point is one patch
+    while trials.len() < regions.len() || (count < points && trials.len() < points) {
         let region = &regions[trials.len() % regions.len()];
         let fixed = region[..3].iter().all(|[first, last]| first == last);
         let (thicknesses, angles) = ANYWHERE[usize::from(fixed)];
@@ -178,4 +178,75 @@ pub(super) fn along(axes: &[Vec<f64>; 5], seed: u64) -> Vec<Trial> {
         trials.push(Trial { patch, kinds });
     }
     trials
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn every_region_is_tried_and_points_stay_inside() {
+        let snow = |size: f64| [[0.3; 2], [size; 2], [250.0; 2], [1.0, 80.0], [0.0, 89.0]];
+        let regions: Vec<Region> = (1..=7).map(|i| snow(100.0 * f64::from(i))).collect();
+        let trials = anywhere(&regions, 512, 1);
+        for region in &regions {
+            let mine = |trial: &&Trial| trial.patch.snow[1] == region[1][0];
+            assert!(trials.iter().filter(mine).count() > 0);
+        }
+        let wide = [
+            [0.1, 0.9],
+            [100.0, 500.0],
+            [200.0, 400.0],
+            [1.0, 50.0],
+            [0.0, 89.0],
+        ];
+        let trials = anywhere(&[wide], 500, 2);
+        let points: Vec<_> = trials.iter().flat_map(|t| t.patch.points()).collect();
+        assert!(points.len() >= 500 && points.len() < 520);
+        for point in &points {
+            for (value, [first, last]) in point.coordinates().into_iter().zip(wide) {
+                assert!((first..=last).contains(&value), "{point}");
+            }
+        }
+        assert_ne!(
+            points[0],
+            anywhere(&[wide], 500, 3)[0]
+                .patch
+                .points()
+                .next()
+                .unwrap_or(points[0])
+        );
+        // a single point
+        let one = [[0.3; 2], [300.0; 2], [250.0; 2], [15.0; 2], [0.0; 2]];
+        let trials = anywhere(&[one], 16, 1);
+        assert!(trials.iter().all(|trial| trial.patch.len() == 1));
+    }
+
+    #[test]
+    fn along_leaves_the_nodes_in_one_axis_alone() {
+        let axes = [
+            vec![0.1, 0.5],
+            vec![100.0, 300.0],
+            vec![250.0],
+            vec![1.0, 5.0],
+            vec![0.0, 60.0],
+        ];
+        let mut seen = [0; 5];
+        for trial in along(&axes, 1) {
+            for (point, kind) in trial.patch.points().zip(&trial.kinds) {
+                let coordinates = point.coordinates();
+                let off = |axis: &usize| !axes[*axis].contains(&coordinates[*axis]);
+                let off: Vec<usize> = (0..5).filter(off).collect();
+                match kind {
+                    Kind::Nodes => assert!(off.is_empty()),
+                    Kind::Along(axis) => {
+                        assert_eq!(off, [*axis]);
+                        seen[*axis] += 1;
+                    }
+                    Kind::Anywhere => assert_eq!(off, [3, 4]),
+                }
+            }
+        }
+        assert!(seen[0] > 0 && seen[1] > 0 && seen[2] == 0 && seen[3] > 0 && seen[4] > 0);
+    }
 }
