@@ -5,6 +5,7 @@
 use std::path::Path;
 
 use criterion::{Criterion, criterion_group, criterion_main};
+use rayon::prelude::*;
 use splitsnow::lookup::{Database, Lookup, Point, Varsa2025};
 use splitsnow::measurement::Quantity;
 
@@ -52,6 +53,15 @@ fn lookups(c: &mut Criterion) {
         b.iter(|| {
             snow.spectrum(of_snow(next.next().unwrap()), &mut spectrum)
                 .unwrap()
+        })
+    });
+    group.bench_function("a million, all cores", |b| {
+        b.iter(|| {
+            let chunks = (0..1_000_000_usize).into_par_iter().with_min_len(4096);
+            chunks.for_each_init(
+                || vec![0.0; lookup.wavelengths()],
+                |spectrum, i| lookup.spectrum(points[i % points.len()], spectrum).unwrap(),
+            );
         })
     });
     let published = Varsa2025::new(&database, quantity).unwrap();

@@ -247,7 +247,8 @@ impl Lookup {
                 for (i, (y, slope)) in y[h].iter().zip(&slopes[h]).enumerate() {
                     let lanes = table[node + i / LANES].as_mut_array();
                     lanes[i % LANES] = *y;
-                    lanes[LANES + i % LANES] = *slope;
+                    // numbers of a hostile file may overflow
+                    lanes[LANES + i % LANES] = if slope.is_finite() { *slope } else { 0.0 };
                 }
             }
         }

@@ -32,8 +32,10 @@ pub fn exp_neg(x: f64) -> f64 {
     if x > 700.0 { 0.0 } else { scaled }
 }
 
-/// exp(-x) in single precision, for x clamped to 0 to 87; relative error below
+/// exp(-x) in single precision, for x clamped to 0 to 87 and 0 if it is no
+/// number; relative error below
 /// 2e-7 times max(1, x). A loop over it vectorises.
+#[allow(clippy::manual_clamp)] // `clamp` keeps NaN
 #[inline]
 #[must_use]
 pub fn exp_neg_single(x: f32) -> f32 {
@@ -41,7 +43,7 @@ pub fn exp_neg_single(x: f32) -> f32 {
     const ROUND: f32 = 12_582_912.0;
     const LN_2_HI: f32 = 0.693_359_4;
     const LN_2_LO: f32 = -2.121_944_4e-4;
-    let x = x.clamp(0.0, 87.0);
+    let x = x.max(0.0).min(87.0);
     let shifted = x * std::f32::consts::LOG2_E + ROUND;
     let k = shifted - ROUND;
     let r = (k * LN_2_HI - x) + k * LN_2_LO;
@@ -87,6 +89,7 @@ mod tests {
         }
         assert_eq!(exp_neg_single(0.0), 1.0);
         assert_eq!(exp_neg_single(-3.0), 1.0);
+        assert_eq!(exp_neg_single(f32::NAN), 1.0);
         assert!((0.0..2e-38).contains(&exp_neg_single(1e30)));
     }
 }
