@@ -16,7 +16,7 @@
 //! | [`table`] | outcomes of grain events drawn once; walks that take them from there |
 //! | [`slab`] | transport between points in homogeneous slabs, solved by discrete ordinates |
 //! | [`measurement`] | directional-hemispherical reflectance and transmittance with standard errors |
-//! | [`engine`] | schedulers of the same physics: `reference`, `spectral` |
+//! | [`engine`] | schedulers of the same physics: `reference`, `spectral`, `tabulated`, `doubling`, `auto` |
 //! | [`grid`], [`scene`], [`config`] | the axes of a database; what a renderer asks for; sample, grid and scene files |
 //! | [`store`], [`batch`] | the Zarr store that is checkpoint and result; the job runner |
 //! | [`compress`], [`lookup`] | SVD and the compact file; reading it and interpolating in it |

@@ -5,6 +5,7 @@ mod coordinates;
 mod diffusion;
 mod fidelity;
 mod format;
+mod monotone;
 mod nodes;
 mod smooth;
 mod varsa2025;

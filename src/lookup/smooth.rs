@@ -22,6 +22,7 @@ use wide::f32x8;
 
 use super::coordinates::{smooth, thickness_slope};
 use super::diffusion::Diffusion;
+use super::monotone::{share, slope};
 use super::{Database, LookupError, Point, nodes};
 use crate::compress::{AXES, Basis};
 use crate::math::exp_neg_single as exp_neg;
@@ -34,8 +35,6 @@ const THIN: [f32; 7] = [0.0, 0.015625, 0.03125, 0.0625, 0.125, 0.25, 0.5];
 /// Largest y that spectra of a `linear` file are taken for: what is darker is
 /// noise of its truncation.
 const DARKEST: f32 = 16.0;
-/// Most by which a slope may exceed the smaller secant beside it.
-const LIMIT: f32 = 3.0;
 /// Components per vector: their values, then their slopes.
 const LANES: usize = 4;
 /// Components that need no memory of their own.
@@ -561,46 +560,4 @@ fn fraction(nodes: &[f32], cell: usize, place: f32) -> f32 {
         }
         _ => 0.0,
     }
-}
-
-/// Slope of the line between nodes `h` and `h + 1`; 0 where they fall together.
-fn secant(x: &[f32], values: &[Vec<f32>], h: usize, i: usize) -> f32 {
-    let step = x[h + 1] - x[h];
-    if step > 0.0 {
-        (values[h + 1][i] - values[h][i]) / step
-    } else {
-        0.0
-    }
-}
-
-/// Slope at node `h` of the parabola through it and its neighbours.
-fn slope(x: &[f32], values: &[Vec<f32>], h: usize, i: usize) -> f32 {
-    let last = x.len() - 1;
-    if last == 1 {
-        return secant(x, values, 0, i);
-    }
-    let middle = h.clamp(1, last - 1);
-    let [left, right] = [middle - 1, middle].map(|h| secant(x, values, h, i));
-    let [before, after] = [x[middle] - x[middle - 1], x[middle + 1] - x[middle]];
-    let at_middle = match before + after > 0.0 {
-        true => (left * after + right * before) / (before + after),
-        false => 0.0,
-    };
-    match h {
-        0 => 2.0 * left - at_middle,
-        h if h == last => 2.0 * right - at_middle,
-        _ => at_middle,
-    }
-}
-
-/// Share of the slope at node `h` that keeps its curve from turning.
-fn share(x: &[f32], values: &[Vec<f32>], h: usize, i: usize) -> f32 {
-    let last = x.len() - 1;
-    let beside = [h.max(1) - 1, h.min(last - 1)].map(|h| secant(x, values, h, i));
-    let most = LIMIT * beside[0].min(beside[1]);
-    let slope = slope(x, values, h, i);
-    if slope <= most {
-        return if slope >= 0.0 { 1.0 } else { 0.0 };
-    }
-    (most / slope).max(0.0)
 }
