@@ -19,3 +19,36 @@ pub fn cm_to_m(cm: f64) -> f64 {
 pub fn nm_to_m(nm: f64) -> f64 {
     nm * 1e-9
 }
+
+/// Metres to centimetres: the round number that [`cm_to_m`] gives `m` of, if
+/// there is one.
+#[must_use]
+pub fn m_to_cm(m: f64) -> f64 {
+    round_inverse(m, m * 1e2, cm_to_m)
+}
+
+/// Metres to micrometres, as [`m_to_cm`].
+#[must_use]
+pub fn m_to_um(m: f64) -> f64 {
+    round_inverse(m, m * 1e6, um_to_m)
+}
+
+fn round_inverse(m: f64, value: f64, to_m: fn(f64) -> f64) -> f64 {
+    let round = format!("{value:.12e}").parse().unwrap_or(value);
+    if to_m(round) == m { round } else { value }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn lengths_come_back_as_they_were_given() {
+        for cm in [0.1, 0.3, 1.1, 7.0, 15.0, 29.3, 80.0] {
+            assert_eq!(m_to_cm(cm_to_m(cm)), cm);
+        }
+        for um in [50.0, 95.5, 299.9, 750.0, 3000.0] {
+            assert_eq!(m_to_um(um_to_m(um)), um);
+        }
+    }
+}

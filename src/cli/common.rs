@@ -102,7 +102,7 @@ pub(super) fn positive(text: &str) -> Result<f64, String> {
 /// part of a database's identity.
 pub(super) fn data_hashes(grid: &Grid) -> anyhow::Result<BTreeMap<String, String>> {
     let Grid { fixed, .. } = grid;
-    let water = (fixed.water_saturation > 0.0).then_some(&fixed.model.water);
+    let water = fixed.is_wet().then_some(&fixed.model.water);
     let files = data_files(fixed.model.ice, water)?;
     let hash = |bytes: &[u8]| -> String {
         let digest = Sha256::digest(bytes);

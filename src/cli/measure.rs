@@ -45,7 +45,7 @@ pub(super) fn run(args: &Args) -> anyhow::Result<()> {
     let sample = sample::read(&args.sample)?;
     common::warn(&sample.warnings);
     let request = Request {
-        snow: &sample.snow,
+        pack: &sample.pack,
         thicknesses_m: &[sample.thickness_m],
         illuminations: &[sample.illumination],
         resolution: Resolution::default(),

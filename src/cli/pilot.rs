@@ -19,7 +19,6 @@ use anyhow::bail;
 
 use super::common::Spinner;
 use crate::engine::{BATCH, Cache, Control, Engine};
-use crate::grain::mean_free_distance_m;
 use crate::grid::{Grid, Job, Jobs};
 
 /// Wavelengths per job with an engine that walks each of them by itself.
@@ -216,8 +215,7 @@ fn size(job: &Job) -> f64 {
     if job.angles_deg.len() > 1 {
         return 1.0;
     }
-    let snow = &job.snow;
-    let distance_m = mean_free_distance_m(&snow.grain, snow.density_kg_m3, snow.temperature_c);
+    let distance_m = job.pack.surface.mean_free_distance_m();
     let thickness_m = job.thicknesses_m.last().copied().unwrap_or_default();
     1.0 + thickness_m / distance_m
 }
@@ -336,7 +334,7 @@ mod tests {
         assert!((total / sizes.iter().sum::<f64>() - 1.0).abs() < 1e-12);
         // Grains of 50-150 um are smaller than those of 150-250 um, so there
         // are more of them in the way: drawn 5 or 6 times of 8, not 4.
-        let fine = |job: &&Job| job.snow.grain.size.max_m() < 200e-6;
+        let fine = |job: &&Job| job.pack.longest_grain_m() < 200e-6;
         let share = drawn.iter().filter(fine).count() as f64 / 8.0;
         let expected = (sizes[0] + sizes[4]) / (sizes[0] + sizes[2] + sizes[4] + sizes[6]);
         assert!(

@@ -4,9 +4,11 @@ use std::fmt::Write;
 use std::path::Path;
 
 use crate::grain::TruncatedNormal;
-use crate::grid::{list, normal, number};
+use crate::grid::{carbon_lines, list, normal, number, reflectance};
 use crate::optics::WaterTable;
-use crate::transport::Model;
+use crate::transport::{Ground, Layer, Model};
+
+use super::keys::LayerKeys;
 
 /// Collects `key = value` lines under table headers.
 pub(super) struct Writer {
@@ -53,11 +55,51 @@ impl Writer {
         };
         self.header("[model]");
         self.text("entry", model.entry.name());
-        self.text("layers", "continuous");
-        self.text("carbon_law", "power");
-        self.text("impurity_mass", "varsa2025");
+        self.text("layers", model.joining.name());
+        self.text("carbon_law", model.carbon_law.name());
+        self.text("impurity_mass", model.impurity_mass.name());
         self.text("ice", model.ice.name());
         self.text("water", &water);
+    }
+
+    /// A table `[[layer]]`; `keys` have its lengths as they were given.
+    pub(super) fn layer(&mut self, layer: &Layer, keys: &LayerKeys) {
+        let snow = &layer.snow;
+        self.header("[[layer]]");
+        self.number("thickness_cm", keys.thickness_cm);
+        self.number("density_kg_m3", snow.density_kg_m3);
+        self.number("temperature_c", snow.temperature_c);
+        self.number("water_saturation", snow.water_saturation);
+        for (component, keys) in snow.grains.iter().zip(&keys.grain) {
+            let grain = &component.grain;
+            self.header("[[layer.grain]]");
+            self.number("fraction", component.fraction);
+            let (min, max) = (number(keys.size_um.min), number(keys.size_um.max));
+            self.raw("size_um", &format!("{{ min = {min}, max = {max} }}"));
+            self.law("facetness", &grain.facetness);
+            self.law("sphericity", &grain.sphericity);
+        }
+        for (name, carbon) in [
+            ("black_carbon", &snow.black_carbon),
+            ("brown_carbon", &snow.brown_carbon),
+        ] {
+            if let Some(carbon) = carbon {
+                self.header(&format!("[layer.{name}]"));
+                self.text.push_str(&carbon_lines(carbon).join("\n"));
+                self.text.push('\n');
+            }
+        }
+    }
+
+    /// The table `[substrate]`; a path is written relative to `directory`.
+    pub(super) fn ground(&mut self, ground: &Ground, directory: &Path) {
+        let Some(reflectance) = reflectance(ground, |path| {
+            path.strip_prefix(directory).unwrap_or(path).to_owned()
+        }) else {
+            return;
+        };
+        self.header("[substrate]");
+        self.raw("reflectance", &reflectance);
     }
 
     pub(super) fn text(&mut self, key: &str, value: &str) {

@@ -52,13 +52,15 @@ pub fn parse(name: &str, text: &str) -> Result<GridFile, ConfigError> {
     let axes = axes(&document, keys.axes, &spread, &mut warnings)?;
     let wavelengths_nm = wavelengths(&document, &keys.wavelengths, &mut warnings)?;
     let model = model(&document, &keys.model, directory_of(name))?;
-    let fixed = fixed(&document, &keys.fixed, model, &axes.density_kg_m3)?;
-    covered(
+    let fixed = fixed(
         &document,
-        &fixed.model,
-        &wavelengths_nm,
-        fixed.water_saturation,
+        &keys.fixed,
+        model,
+        &axes.density_kg_m3,
+        (directory_of(name), &wavelengths_nm),
+        &mut warnings,
     )?;
+    covered(&document, &fixed.model, &wavelengths_nm, fixed.is_wet())?;
     let run = run(&document, &keys.run, &wavelengths_nm)?;
     size(&document, &axes, wavelengths_nm.len(), run.rays)?;
     let compression = &keys.compression;

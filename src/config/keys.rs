@@ -9,8 +9,8 @@ use serde::Deserialize;
 
 use crate::colour::{ColourDifference, Illuminant, Viewing};
 use crate::engine::Engine;
-use crate::optics::{IceTable, MODEL_RANGE_NM};
-use crate::transport::Entry;
+use crate::optics::{CarbonLaw, IceTable, ImpurityMass, MODEL_RANGE_NM};
+use crate::transport::{Entry, Joining};
 
 /// Most wavelengths of one config: 350-2500 nm by 1 nm.
 pub(super) const MAX_WAVELENGTHS: u64 = 2151;
@@ -28,6 +28,19 @@ pub(super) const ENTRIES: [(&str, Entry); 2] = [
     (Entry::Uniform.name(), Entry::Uniform),
     (Entry::Projected.name(), Entry::Projected),
 ];
+pub(super) const JOININGS: [(&str, Joining); 2] = [
+    (Joining::Continuous.name(), Joining::Continuous),
+    (Joining::Cascade.name(), Joining::Cascade),
+];
+pub(super) const CARBON_LAWS: [(&str, CarbonLaw); 2] = [
+    (CarbonLaw::Power.name(), CarbonLaw::Power),
+    (CarbonLaw::Varsa2025.name(), CarbonLaw::Varsa2025),
+];
+pub(super) const IMPURITY_MASSES: [(&str, ImpurityMass); 2] = [
+    (ImpurityMass::Varsa2025.name(), ImpurityMass::Varsa2025),
+    (ImpurityMass::Conserved.name(), ImpurityMass::Conserved),
+];
+pub(super) const CONCENTRATIONS: [&str; 2] = ["dry_mass", "wet_mass"];
 pub(super) const ICE_TABLES: [(&str, IceTable); 2] = [
     ("warren_brandt_2008", IceTable::WarrenBrandt2008),
     ("picard_2016", IceTable::Picard2016),
@@ -125,7 +138,7 @@ pub(super) struct LayerKeys {
     /// Share of the whole volume that is water, instead of water_saturation.
     #[schemars(range(min = 0.0, max = 0.5))]
     pub(super) water_fraction: Option<f64>,
-    /// Types of grain; this version computes one.
+    /// Types of grain.
     #[schemars(length(min = 1, max = 100))]
     pub(super) grain: Vec<GrainKeys>,
     pub(super) black_carbon: Option<CarbonKeys>,
@@ -205,7 +218,7 @@ impl Default for SphericityKeys {
     }
 }
 
-/// Light-absorbing carbon; this version computes clean snow: concentration 0.
+/// Light-absorbing carbon.
 #[derive(Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub(super) struct CarbonKeys {
@@ -214,23 +227,23 @@ pub(super) struct CarbonKeys {
     pub(super) concentration_ng_g: f64,
     /// Share of the carbon that sits in the ice, default 1.
     #[schemars(range(min = 0.0, max = 1.0))]
-    #[serde(rename = "sedimentation")]
-    pub(super) _sedimentation: Option<f64>,
+    pub(super) sedimentation: Option<f64>,
     /// Mass absorption efficiency at the reference wavelength, m2/g, default 16.619.
     #[schemars(range(min = 0.0, max = 1000.0))]
-    #[serde(rename = "mass_absorption_efficiency_m2_g")]
-    pub(super) _mass_absorption_efficiency_m2_g: Option<f64>,
+    pub(super) mass_absorption_efficiency_m2_g: Option<f64>,
     /// Reference wavelength, nm, default 880.
     #[schemars(range(min = 100.0, max = 10_000.0))]
-    #[serde(rename = "reference_wavelength_nm")]
-    pub(super) _reference_wavelength_nm: Option<f64>,
+    pub(super) reference_wavelength_nm: Option<f64>,
     /// Angstrom exponent of the absorption, default 1 (black) or 2 (brown).
     #[schemars(range(min = 0.0, max = 20.0))]
-    #[serde(rename = "angstrom_exponent")]
-    pub(super) _angstrom_exponent: Option<f64>,
+    pub(super) angstrom_exponent: Option<f64>,
+    /// Whether the concentration is per mass of the dry snow, or with its water.
+    #[schemars(extend("enum" = CONCENTRATIONS))]
+    #[serde(default = "default_concentration_per")]
+    pub(super) concentration_per: String,
 }
 
-/// What lies below the snow; this version computes a black ground: reflectance 0.
+/// What lies below the snow: a Lambertian reflector, black by default.
 #[derive(Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub(super) struct SubstrateKeys {
@@ -238,16 +251,16 @@ pub(super) struct SubstrateKeys {
     pub(super) reflectance: NumberOrPath,
 }
 
-#[derive(Deserialize, PartialEq)]
+#[derive(Deserialize)]
 #[serde(untagged)]
 pub(super) enum NumberOrPath {
     Number(f64),
-    Path(#[allow(dead_code)] String), // recognised, not computed yet
+    Path(String),
 }
 
 fn number_or_csv(_: &mut schemars::SchemaGenerator) -> schemars::Schema {
     json_schema!({
-        "description": "Lambertian reflectance: a number from 0 to 1, or the path of a CSV file.",
+        "description": "Lambertian reflectance: a number from 0 to 1, or the path of a CSV file wavelength_nm,reflectance relative to this file.",
         "type": ["number", "string"],
         "minimum": 0.0,
         "maximum": 1.0,
@@ -262,14 +275,15 @@ pub(super) struct ModelKeys {
     /// Where a ray enters a grain: uniformly over its facing surface, or over its projected area.
     #[schemars(extend("enum" = names(&ENTRIES)))]
     pub(super) entry: String,
-    /// How layers are joined; this version computes one layer.
-    #[schemars(extend("enum" = ["continuous", "cascade"]))]
+    /// How layers are joined: walks go on from one to the next, or each is a slab
+    /// of its own over the reflectance of all below it.
+    #[schemars(extend("enum" = names(&JOININGS)))]
     pub(super) layers: String,
-    /// Spectral law of carbon absorption; without carbon there is only the default.
-    #[schemars(extend("enum" = ["power", "varsa2025"]))]
+    /// Spectral law of carbon absorption: M (lambda_0 / lambda)^A, or as printed in Varsa 2025.
+    #[schemars(extend("enum" = names(&CARBON_LAWS)))]
     pub(super) carbon_law: String,
-    /// How the mass of impurities is shared out; without carbon there is only the default.
-    #[schemars(extend("enum" = ["varsa2025", "conserved"]))]
+    /// Whether carbon absorbs in each phase as if it filled the snow, or its mass is conserved.
+    #[schemars(extend("enum" = names(&IMPURITY_MASSES)))]
     pub(super) impurity_mass: String,
     /// Refractive index of ice.
     #[schemars(extend("enum" = names(&ICE_TABLES)))]
@@ -400,6 +414,11 @@ pub(super) struct FixedKeys {
     pub(super) water_fraction: Option<f64>,
     pub(super) black_carbon: Option<CarbonKeys>,
     pub(super) brown_carbon: Option<CarbonKeys>,
+    /// Layers under the snow of the axes: the first is the base. The thickness
+    /// axis is that of all layers together.
+    #[schemars(length(max = 100))]
+    pub(super) below: Vec<LayerKeys>,
+    pub(super) substrate: Option<SubstrateKeys>,
 }
 
 impl Default for FixedKeys {
@@ -411,6 +430,8 @@ impl Default for FixedKeys {
             water_fraction: None,
             black_carbon: None,
             brown_carbon: None,
+            below: Vec::new(),
+            substrate: None,
         }
     }
 }
@@ -509,6 +530,10 @@ pub(super) fn default_delta_e() -> String {
 
 fn default_temperature_c() -> f64 {
     -1.0
+}
+
+fn default_concentration_per() -> String {
+    CONCENTRATIONS[0].to_owned()
 }
 
 fn default_engine() -> String {

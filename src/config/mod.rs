@@ -5,9 +5,7 @@
 //! the JSON Schemas are generated from it, and each document is checked against
 //! its schema before it is read, so that an editor and the program refuse the
 //! same. Limits that involve several keys follow in [`sample`], [`grid`]
-//! and [`scene`]. Keys of the file
-//! format that this version cannot compute yet (several layers or grain types,
-//! carbon, a bright ground) are known and refused as such.
+//! and [`scene`].
 //!
 //! Parsing never panics, and its time and memory are bounded by the length of
 //! the text (at most 1 MiB).
@@ -19,6 +17,7 @@ mod document;
 mod error;
 pub mod grid;
 mod keys;
+mod layer;
 pub mod sample;
 pub mod scene;
 mod scene_keys;

@@ -91,13 +91,15 @@ pub fn parse(name: &str, text: &str) -> Result<SceneFile, ConfigError> {
     }
     let model = model(&document, &keys.model, directory_of(name))?;
     densities.dedup();
-    let fixed = fixed(&document, &keys.fixed, model, &densities)?;
-    covered(
+    let fixed = fixed(
         &document,
-        &fixed.model,
-        &wavelengths_nm,
-        fixed.water_saturation,
+        &keys.fixed,
+        model,
+        &densities,
+        (directory_of(name), &wavelengths_nm),
+        &mut warnings,
     )?;
+    covered(&document, &fixed.model, &wavelengths_nm, fixed.is_wet())?;
     let quantities = Quantity::ALL.map(|quantity| (quantity.name(), quantity));
     let stem = Path::new(name).file_stem();
     Ok(SceneFile {

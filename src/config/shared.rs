@@ -10,7 +10,7 @@ use crate::transport::Model;
 use super::check;
 use super::document::Document;
 use super::error::{ConfigError, Problem};
-use super::keys::{ENTRIES, ICE_TABLES, MAX_WAVELENGTHS, ModelKeys, WATER_TABLES, WavelengthKeys};
+use super::keys::{CARBON_LAWS, IMPURITY_MASSES, JOININGS, ENTRIES, ICE_TABLES, MAX_WAVELENGTHS, ModelKeys, WATER_TABLES, WavelengthKeys};
 
 /// Refuses two keys of which only one may be given.
 pub(super) fn exclusive(document: &Document, one: &str, other: &str) -> Result<(), ConfigError> {
@@ -147,22 +147,6 @@ pub(super) fn model(
     keys: &ModelKeys,
     directory: &Path,
 ) -> Result<Model, ConfigError> {
-    for (key, value, only, computes) in [
-        ("layers", &keys.layers, "continuous", "one layer"),
-        ("carbon_law", &keys.carbon_law, "power", "clean snow"),
-        (
-            "impurity_mass",
-            &keys.impurity_mass,
-            "varsa2025",
-            "clean snow",
-        ),
-    ] {
-        if value != only {
-            let help = format!("leave it out, or write \"{only}\"");
-            let key = format!("model.{key}");
-            return Err(document.error(&key, Problem::Unsupported(computes), help));
-        }
-    }
     let water = match keys.water.as_str() {
         "segelstein_1981" => WaterTable::Segelstein1981,
         "rowe_2020" => WaterTable::Rowe2020,
@@ -176,6 +160,19 @@ pub(super) fn model(
     };
     Ok(Model {
         entry: choose(document, "model.entry", &ENTRIES, &keys.entry)?,
+        joining: choose(document, "model.layers", &JOININGS, &keys.layers)?,
+        carbon_law: choose(
+            document,
+            "model.carbon_law",
+            &CARBON_LAWS,
+            &keys.carbon_law,
+        )?,
+        impurity_mass: choose(
+            document,
+            "model.impurity_mass",
+            &IMPURITY_MASSES,
+            &keys.impurity_mass,
+        )?,
         ice: choose(document, "model.ice", &ICE_TABLES, &keys.ice)?,
         water,
     })
@@ -242,7 +239,7 @@ pub(super) fn covered(
     document: &Document,
     model: &Model,
     wavelengths_nm: &[f64],
-    water_saturation: f64,
+    wet: bool,
 ) -> Result<(), ConfigError> {
     let (Some(&first), Some(&last)) = (wavelengths_nm.first(), wavelengths_nm.last()) else {
         return Ok(());
@@ -258,7 +255,7 @@ pub(super) fn covered(
         Err(document.error(key, problem, help))
     };
     within("model.ice", model.ice.range_nm())?;
-    if water_saturation > 0.0 {
+    if wet {
         let water = model.water.load().map_err(|e| {
             let problem = Problem::Contradiction(format!("cannot serve: {e}"));
             document.error("model.water", problem, "")

@@ -1,14 +1,16 @@
 //! What the kinds of file have in common about snow: limits of grains and slabs,
-//! water, and what this version cannot compute.
+//! and water.
+use std::path::Path;
+
 use crate::grid::{Fixed, Spread};
-use crate::optics::ice_density_kg_m3;
+use crate::optics::{Carbon, ice_density_kg_m3};
 use crate::transport::Model;
 
 use super::document::Document;
 use super::error::{ConfigError, Problem};
 use super::keys::{CarbonKeys, FixedKeys, SATURATION, SIZE_UM, SpreadKeys};
 use super::shared::{exclusive, law};
-use super::{MIN_GRAIN_LENGTHS, water};
+use super::{MIN_GRAIN_LENGTHS, layer, water};
 
 /// Widths of the laws around the mean of a kind of snow.
 pub(super) fn spread(keys: &SpreadKeys) -> Spread {
@@ -25,14 +27,10 @@ pub(super) fn fixed(
     keys: &FixedKeys,
     model: Model,
     densities_kg_m3: &[f64],
+    (directory, wavelengths_nm): (&Path, &[f64]),
+    warnings: &mut Vec<String>,
 ) -> Result<Fixed, ConfigError> {
     let s = &keys.sphericity;
-    clean(
-        document,
-        "fixed",
-        keys.black_carbon.as_ref(),
-        keys.brown_carbon.as_ref(),
-    )?;
     exclusive(document, "fixed.water_saturation", "fixed.water_fraction")?;
     let water_saturation = match (keys.water_fraction, densities_kg_m3) {
         (None, _) => keys.water_saturation.unwrap_or(0.0),
@@ -48,10 +46,29 @@ pub(super) fn fixed(
             return Err(document.error("fixed.water_fraction", problem, help));
         }
     };
+    let carbon = |name: &str, keys: &Option<CarbonKeys>, usual| {
+        let key = format!("fixed.{name}");
+        let carbon = keys
+            .as_ref()
+            .map(|keys| layer::carbon(document, &key, keys, usual));
+        carbon.transpose()
+    };
+    let mut below = layer::layers(document, "fixed.below", &keys.below, warnings)?;
+    below.reverse();
     Ok(Fixed {
         sphericity: law(document, "fixed.sphericity", (s.min, s.max, s.mean, s.sd))?,
         temperature_c: keys.temperature_c,
         water_saturation,
+        black_carbon: carbon("black_carbon", &keys.black_carbon, Carbon::black(0.0))?,
+        brown_carbon: carbon("brown_carbon", &keys.brown_carbon, Carbon::brown(0.0))?,
+        below,
+        ground: layer::ground(
+            document,
+            "fixed.substrate",
+            keys.substrate.as_ref(),
+            directory,
+            wavelengths_nm,
+        )?,
         model,
     })
 }
@@ -74,23 +91,6 @@ pub(super) fn saturation_from_fraction(
     ));
     let help = "lower the water or the density";
     Err(document.error(&format!("{table}.water_fraction"), problem, help))
-}
-
-/// Refuses carbon, which this version cannot compute.
-pub(super) fn clean(
-    document: &Document,
-    table: &str,
-    black: Option<&CarbonKeys>,
-    brown: Option<&CarbonKeys>,
-) -> Result<(), ConfigError> {
-    for (name, carbon) in [("black_carbon", black), ("brown_carbon", brown)] {
-        if carbon.is_some_and(|c| c.concentration_ng_g != 0.0) {
-            let key = format!("{table}.{name}.concentration_ng_g");
-            let help = format!("leave [{name}] out, or set it to 0");
-            return Err(document.error(&key, Problem::Unsupported("clean snow"), help));
-        }
-    }
-    Ok(())
 }
 
 /// The biggest grain, um, of sizes in `mean_um` -+ `half_width_um`, the value at

@@ -2,8 +2,7 @@
 //! eqs. 4.9, C.16, C.17). Densities in kg/m3; saturation S is the share of the
 //! pore space that is water, fraction W the share of the whole volume.
 
-/// Density of liquid water, kg/m3.
-pub const WATER_DENSITY_KG_M3: f64 = 1000.0;
+use crate::optics::WATER_DENSITY_KG_M3;
 
 /// Saturation S = W D_ice / (D_ice - D) of snow of dry density D.
 #[must_use]

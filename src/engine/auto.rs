@@ -6,6 +6,7 @@
 //! engine that accepts the request and whose own error leaves room for noise,
 //! with as many walks as keep the noise within that room.
 use super::{Engine, Request};
+use crate::transport::Snow;
 
 /// What error of a spectrum is allowed.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -48,11 +49,10 @@ const CROWDED: f64 = 7e-3;
 /// Delta-E and RMSE, in the visible and in the near infrared, of an engine by
 /// itself for this snow.
 fn own(engine: Engine, errors: [f64; 3], request: &Request) -> [f64; 3] {
-    let snow = request.snow;
-    let largest_m = snow.grain.size.max_m();
+    let most = |of: &dyn Fn(&Snow) -> f64| request.pack.snows().map(of).fold(0.0, f64::max);
     let crowds = [
-        largest_m / snow.grain.size.min_m(),
-        largest_m / snow.mean_free_distance_m(),
+        most(&|snow| snow.sizes_m()[1] / snow.sizes_m()[0]),
+        most(&|snow| snow.sizes_m()[1] / snow.mean_free_distance_m()),
     ];
     let crowded = crowds
         .iter()
@@ -123,22 +123,18 @@ mod tests {
     use super::*;
     use crate::engine::Resolution;
     use crate::grain::{GrainType, SizeRange, TruncatedNormal};
-    use crate::transport::{Illumination, Model, Snow};
+    use crate::transport::{Illumination, Model};
 
     fn chosen(size_um: [f64; 2], angle_deg: f64, rmse: f64, nm: f64) -> (Engine, u64) {
-        let snow = Snow {
-            grain: GrainType {
-                size: SizeRange::new(size_um[0] * 1e-6, size_um[1] * 1e-6).unwrap(),
-                facetness: TruncatedNormal::new(0.2, 0.4, 0.3, 0.072).unwrap(),
-                sphericity: TruncatedNormal::new(0.6, 0.95, 0.798, 0.064).unwrap(),
-            },
-            density_kg_m3: 275.0,
-            temperature_c: -1.0,
-            water_saturation: 0.0,
+        let grain = GrainType {
+            size: SizeRange::new(size_um[0] * 1e-6, size_um[1] * 1e-6).unwrap(),
+            facetness: TruncatedNormal::new(0.2, 0.4, 0.3, 0.072).unwrap(),
+            sphericity: TruncatedNormal::new(0.6, 0.95, 0.798, 0.064).unwrap(),
         };
+        let pack = Snow::dry(grain, 275.0, -1.0).into();
         let delta_e = 0.3;
         choose(&Request {
-            snow: &snow,
+            pack: &pack,
             thicknesses_m: &[0.1],
             illuminations: &[Illumination::Collimated {
                 polar_angle_rad: angle_deg.to_radians(),

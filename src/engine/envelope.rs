@@ -3,7 +3,7 @@
 //! tests/stability.rs tries both sides.
 use crate::engine::{Engine, EngineError, Request};
 pub use crate::transport::FIRST_FLIGHT;
-use crate::transport::Illumination;
+use crate::transport::{EXPONENTS, Illumination, Joining, Snow};
 
 /// Fewest entries of a table of grain events: with N of them R and T are off
 /// by some 0.1 / sqrt(N).
@@ -21,22 +21,66 @@ struct Limit {
     instead: Option<Engine>,
 }
 
+/// Shortest axis of any grain, m.
+fn slimmest_m(snow: &Snow) -> f64 {
+    let grains = snow.grains.iter().map(|component| component.grain);
+    let axes = grains.map(|grain| grain.size.min_m() * grain.sphericity.min().powi(2));
+    axes.fold(f64::INFINITY, f64::min)
+}
+
 impl Engine {
+    /// Whether the engine computes packs of this kind.
+    fn can(self, request: &Request) -> Result<(), EngineError> {
+        let pack = request.pack;
+        let unable = |what| {
+            Err(EngineError::Unable {
+                engine: self,
+                what,
+                instead: Self::Spectral,
+            })
+        };
+        if matches!(self, Self::Tabulated | Self::Doubling) {
+            let continuous = request.model.joining == Joining::Continuous;
+            if continuous && !pack.below.is_empty() {
+                return unable("several layers");
+            }
+            if pack.snows().any(|snow| snow.grains.len() > 1) {
+                return unable("several types of grain");
+            }
+            if !pack.exponents().is_empty() {
+                return unable("carbon");
+            }
+        }
+        Ok(())
+    }
+
     /// Whether the engine holds, within its stated error, for `request`.
     ///
     /// # Errors
     /// [`EngineError::Outside`] for the first limit that is broken.
     pub fn check(self, request: &Request) -> Result<(), EngineError> {
-        let grain = &request.snow.grain;
-        let slimmest_m = grain.size.min_m() * grain.sphericity.min().powi(2);
+        let pack = request.pack;
+        let found = pack.exponents().len();
+        if found > EXPONENTS {
+            return Err(EngineError::Exponents { found });
+        }
         let thinnest_m = request.thicknesses_m.iter().copied();
+        let thinnest_m = thinnest_m.fold(f64::INFINITY, f64::min);
+        if thinnest_m <= pack.below_m() && !pack.below.is_empty() {
+            return Err(EngineError::NoSurface {
+                thickness_m: thinnest_m,
+                below_m: pack.below_m(),
+            });
+        }
+        self.can(request)?;
+        let slimmest_m = pack.snows().map(slimmest_m).fold(0.0, f64::max);
         let mut limits = vec![Limit {
             what: "thickness in axes of the slimmest grain",
-            value: thinnest_m.fold(f64::INFINITY, f64::min) / slimmest_m,
+            value: thinnest_m / slimmest_m,
             lowest: 1.0,
             instead: None,
         }];
-        let flight = request.snow.mean_free_distance_m() / grain.size.max_m();
+        let flight = pack.surface.mean_free_distance_m() / pack.surface.sizes_m()[1];
         for light in request.illuminations {
             if let Illumination::Collimated { polar_angle_rad } = light {
                 limits.push(Limit {

@@ -4,6 +4,7 @@ mod batches;
 mod cache;
 mod doubling;
 pub mod envelope;
+mod ground;
 mod nodes;
 mod reference;
 mod spectral;
@@ -16,12 +17,13 @@ use thiserror::Error;
 pub use auto::MaxError;
 pub use batches::BATCH;
 pub use cache::Cache;
-use spectral::Grains;
 
 use crate::measurement::Spectrum;
 use crate::optics::{Index, OpticsError};
 use crate::slab::SlabError;
-use crate::transport::{Illumination, Model, REJECTION_LIMIT, Snow, WalkError};
+use crate::transport::{
+    Coefficients, EXPONENTS, Illumination, Model, Pack, REJECTION_LIMIT, WalkError,
+};
 
 /// Which engine runs a job.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
@@ -63,8 +65,8 @@ impl Default for Resolution {
 #[derive(Debug, Clone)]
 pub struct Request<'a> {
     /// The snow.
-    pub snow: &'a Snow,
-    /// Slab thicknesses, m, strictly increasing.
+    pub pack: &'a Pack,
+    /// Thicknesses of the whole pack, m, strictly increasing.
     pub thicknesses_m: &'a [f64],
     /// The light: one or several incidences.
     pub illuminations: &'a [Illumination],
@@ -133,6 +135,45 @@ pub enum EngineError {
         lowest: f64,
         /// An engine that holds there, if there is one.
         instead: Option<Engine>,
+    },
+    /// The engine does not compute such a pack.
+    #[error("`{}` does not compute {what}; use the engine `{}`", engine.name(), instead.name())]
+    Unable {
+        /// The engine that refuses.
+        engine: Engine,
+        /// What it cannot do.
+        what: &'static str,
+        /// One that can.
+        instead: Engine,
+    },
+    /// The carbon in a pack has too many different exponents.
+    #[error(
+        "the carbon in the pack has {found} different Angstrom exponents; at most {EXPONENTS} are allowed"
+    )]
+    Exponents {
+        /// How many there are.
+        found: usize,
+    },
+    /// The reflectance of the ground is not known at a wavelength.
+    #[error("the reflectance of the ground is given for {min_nm} to {max_nm} nm, not {wavelength_nm} nm")]
+    Ground {
+        /// The wavelength.
+        wavelength_nm: f64,
+        /// First of its table.
+        min_nm: f64,
+        /// Last of its table.
+        max_nm: f64,
+    },
+    /// The lower layers leave nothing for the surface layer.
+    #[error(
+        "a pack of {} cm has no room for a surface layer: the layers under it take {} cm",
+        thickness_m * 100.0, below_m * 100.0
+    )]
+    NoSurface {
+        /// Thickness of the pack, m.
+        thickness_m: f64,
+        /// That of the layers under the surface, m.
+        below_m: f64,
     },
     /// The transport equation could not be solved.
     #[error(transparent)]
@@ -209,12 +250,19 @@ impl Engine {
     /// # Errors
     /// [`EngineError::Optics`].
     pub fn walks(self, request: &Request) -> Result<u64, EngineError> {
+        match self {
+            Self::Auto => self.chosen(request, |engine, request| engine.walks(request)),
+            engine => ground::walks(engine, request),
+        }
+    }
+
+    /// The same of a pack without cascades on black ground.
+    fn walks_bare(self, request: &Request) -> Result<u64, EngineError> {
         let per_ray = match self {
-            Self::Auto => return self.chosen(request, |engine, request| engine.walks(request)),
-            Self::Doubling => return doubling::walks(request),
+            Self::Auto | Self::Doubling => return doubling::walks(request),
             Self::Reference => request.wavelengths_nm.len() * request.thicknesses_m.len(),
             Self::Spectral | Self::Tabulated => {
-                nodes::nodes(&indices(request)?, request.snow).len()
+                nodes::nodes(&indices(request)?, request.pack.is_wet()).len()
             }
         };
         let per_ray = per_ray * request.illuminations.len();
@@ -244,13 +292,10 @@ impl Engine {
         control: &Control,
     ) -> Result<Vec<Spectrum>, EngineError> {
         match self {
-            Self::Reference => reference::run(request, control),
-            Self::Spectral => spectral::run(request, control, Grains::Followed),
-            Self::Tabulated => spectral::run(request, control, Grains::Tabulated),
-            Self::Doubling => doubling::run(request, control),
             Self::Auto => self.chosen(request, |engine, request| {
                 engine.run_unchecked(request, control)
             }),
+            engine => ground::run(engine, request, control),
         }
     }
 }
@@ -270,7 +315,7 @@ impl std::str::FromStr for Engine {
 
 /// Ice and water at each wavelength. Dry snow needs no water: vacuum stands in.
 fn indices(request: &Request) -> Result<Vec<(Index, Index)>, OpticsError> {
-    let water = if request.snow.water_saturation > 0.0 {
+    let water = if request.pack.is_wet() {
         Some(request.model.water.load()?)
     } else {
         None
@@ -285,12 +330,21 @@ fn indices(request: &Request) -> Result<Vec<(Index, Index)>, OpticsError> {
     request.wavelengths_nm.iter().map(index).collect()
 }
 
+/// Absorption of everything in the snow at each wavelength.
+fn coefficients(request: &Request, indices: &[(Index, Index)]) -> Vec<Coefficients> {
+    let exponents = request.pack.exponents();
+    let wavelengths = request.wavelengths_nm.iter().zip(indices);
+    wavelengths
+        .map(|(nm, indices)| Coefficients::at(*nm, *indices, &exponents))
+        .collect()
+}
+
 /// A walk's error as the engine's.
 fn engine_error(request: &Request, error: WalkError) -> EngineError {
     match error {
         WalkError::TooThin { thickness_m } => EngineError::SlabTooThin {
             thickness_m,
-            size_max_m: request.snow.grain.size.max_m(),
+            size_max_m: request.pack.longest_grain_m(),
         },
         WalkError::Stopped => EngineError::Cancelled,
     }

@@ -9,7 +9,6 @@
 //! interval of at most [`SPACING`] in index: below 0.1 % of transmittance, as
 //! `tests/engines.rs` measures against walks at every wavelength's own index.
 use crate::optics::Index;
-use crate::transport::Snow;
 
 /// Largest distance of two neighbouring nodes in refractive index.
 pub(super) const SPACING: f64 = 0.0135;
@@ -22,12 +21,8 @@ const DEVIATION: f64 = 5e-4;
 const K_WEIGHT: f64 = 4.0;
 
 /// Coordinates in which nodes are placed; vacuum stands for absent water.
-fn coordinates(&(ice, water): &(Index, Index), snow: &Snow) -> [f64; 4] {
-    let wet = if snow.water_saturation > 0.0 {
-        1.0
-    } else {
-        0.0
-    };
+fn coordinates(&(ice, water): &(Index, Index), wet: bool) -> [f64; 4] {
+    let wet = if wet { 1.0 } else { 0.0 };
     [
         ice.n,
         K_WEIGHT * ice.k,
@@ -59,8 +54,8 @@ fn project(p: [f64; 4], a: [f64; 4], b: [f64; 4]) -> (f64, f64) {
 
 /// Positions in the wavelength list at which walks are done, increasing; the
 /// first and last wavelength are always among them.
-pub(super) fn nodes(indices: &[(Index, Index)], snow: &Snow) -> Vec<usize> {
-    let points: Vec<_> = indices.iter().map(|i| coordinates(i, snow)).collect();
+pub(super) fn nodes(indices: &[(Index, Index)], wet: bool) -> Vec<usize> {
+    let points: Vec<_> = indices.iter().map(|i| coordinates(i, wet)).collect();
     let mut nodes = vec![0];
     let mut from = 0;
     while from + 1 < points.len() {
@@ -128,10 +123,10 @@ impl Mix {
 }
 
 /// Refractive indices of the nodes, and what nodes each wavelength mixes.
-pub(super) fn mixes(indices: &[(Index, Index)], snow: &Snow) -> (Vec<(Index, Index)>, Vec<Mix>) {
-    let nodes = nodes(indices, snow);
+pub(super) fn mixes(indices: &[(Index, Index)], wet: bool) -> (Vec<(Index, Index)>, Vec<Mix>) {
+    let nodes = nodes(indices, wet);
     let node_indices = node_indices(&nodes, indices);
-    let mixes = mix_of_nodes(&nodes, &node_indices, indices, snow);
+    let mixes = mix_of_nodes(&nodes, &node_indices, indices, wet);
     (node_indices, mixes)
 }
 
@@ -139,7 +134,7 @@ fn mix_of_nodes(
     nodes: &[usize],
     node_indices: &[(Index, Index)],
     indices: &[(Index, Index)],
-    snow: &Snow,
+    wet: bool,
 ) -> Vec<Mix> {
     let mix = |(l, index): (usize, &(Index, Index))| {
         // between nodes i - 1 and i; a single node stands alone
@@ -148,7 +143,7 @@ fn mix_of_nodes(
             .max(1)
             .min(nodes.len() - 1);
         let j = i.saturating_sub(1);
-        let [p, a, b] = [*index, node_indices[j], node_indices[i]].map(|i| coordinates(&i, snow));
+        let [p, a, b] = [*index, node_indices[j], node_indices[i]].map(|i| coordinates(&i, wet));
         Mix {
             nodes: [j, i],
             share: project(p, a, b).0,

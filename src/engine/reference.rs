@@ -4,10 +4,11 @@
 use std::ops::Range;
 use std::sync::atomic::{AtomicBool, Ordering};
 
-use crate::engine::{Control, EngineError, Request, batches, indices};
+use crate::engine::ground::Footing;
+use crate::engine::{Control, EngineError, Request, batches, coefficients, indices};
 use crate::math::Vec3;
 use crate::measurement::{Estimate, Measured, Spectrum};
-use crate::transport::{Absorption, End, Path, Sink, Walker};
+use crate::transport::{Absorption, Bounce, End, Path, Sink, Walker};
 
 /// Ends of walks, counted.
 #[derive(Clone, Copy)]
@@ -15,14 +16,22 @@ struct Counts<'a> {
     reflected: u64,
     transmitted: u64,
     lost: u64,
+    /// Bounces off the ground of those reflected and transmitted.
+    bounces: [u64; 2],
     cancel: &'a AtomicBool,
 }
 
 impl Sink for Counts<'_> {
-    fn end(&mut self, _: Range<usize>, end: End, _: &Path, _: Vec3) {
+    fn end(&mut self, _: Range<usize>, end: End, path: &Path, _: Vec3) {
         match end {
-            End::Reflected => self.reflected += 1,
-            End::Transmitted => self.transmitted += 1,
+            End::Reflected => {
+                self.reflected += 1;
+                self.bounces[0] += u64::from(path.bounces);
+            }
+            End::Transmitted => {
+                self.transmitted += 1;
+                self.bounces[1] += u64::from(path.bounces);
+            }
             End::Absorbed => {}
             End::Lost => self.lost += 1,
         }
@@ -38,31 +47,45 @@ impl batches::Scores for Counts<'_> {
         self.reflected += other.reflected;
         self.transmitted += other.transmitted;
         self.lost += other.lost;
+        let bounces = self.bounces.iter_mut().zip(other.bounces);
+        bounces.for_each(|(ours, theirs)| *ours += theirs);
     }
 }
 
-pub(super) fn run(request: &Request, control: &Control) -> Result<Vec<Spectrum>, EngineError> {
+pub(super) fn run(
+    request: &Request,
+    ground: &[Footing],
+    control: &Control,
+) -> Result<Vec<Spectrum>, EngineError> {
     let indices = indices(request)?;
+    let coefficients = coefficients(request, &indices);
     let empty = Counts {
         reflected: 0,
         transmitted: 0,
         lost: 0,
+        bounces: [0; 2],
         cancel: control.cancel,
     };
     let one = |(h, light, l): (usize, usize, usize)| {
-        let ((ice, water), nm) = (indices[l], request.wavelengths_nm[l]);
         let absorption = Absorption {
-            ice_per_m: ice.absorption_per_m(nm),
-            water_per_m: water.absorption_per_m(nm),
+            coefficients: coefficients[l],
             deferred: 0.0,
         };
-        let walker = Walker::new(request.snow, request.model.entry, (ice, water), absorption);
+        let Footing {
+            reflectance,
+            transmittance,
+        } = ground[l];
+        let walker = Walker::new(request.pack, request.model, indices[l], absorption);
+        let walker = walker.over(Bounce {
+            reflected: reflectance.value,
+            transmitted: transmittance.value,
+        });
         let thickness_m = [request.thicknesses_m[h]];
         let purpose = [0, h as u32, l as u32];
         batches::run(
             request,
             control,
-            |_| walker,
+            |_| &walker,
             &thickness_m,
             light,
             purpose,
@@ -75,18 +98,36 @@ pub(super) fn run(request: &Request, control: &Control) -> Result<Vec<Spectrum>,
         .map(|(h, light)| {
             let cells = (0..indices.len()).map(|l| (h, light, l)).collect();
             let mut spectrum = Spectrum::default();
-            for counts in batches::map(control, cells, one)? {
-                spectrum
-                    .reflectance
-                    .push(proportion(counts.reflected, request.rays));
-                spectrum
-                    .transmittance
-                    .push(proportion(counts.transmitted, request.rays));
+            for (counts, ground) in batches::map(control, cells, one)?.iter().zip(ground) {
+                let (r, t) = counts.measured(request.rays, ground);
+                spectrum.reflectance.push(r);
+                spectrum.transmittance.push(t);
                 spectrum.lost.push(counts.lost as f64 / request.rays as f64);
             }
             Ok(spectrum)
         })
         .collect()
+}
+
+impl Counts<'_> {
+    /// Reflectance and transmittance: with the error of what is known of the
+    /// ground, which each bounce and each end in it multiplies in.
+    fn measured(&self, rays: u64, ground: &Footing) -> (Measured, Measured) {
+        let relative = |m: Measured| if m.value > 0.0 { m.se / m.value } else { 0.0 };
+        let per_bounce = relative(ground.reflectance);
+        let with = |count, bounces: u64, passed: f64| {
+            let walked = proportion(count, rays);
+            let bounced = per_bounce * bounces as f64 / rays as f64;
+            let se = (walked.se * walked.se + bounced * bounced + passed * passed).sqrt();
+            let value = walked.value;
+            Measured { value, se }
+        };
+        let passed = relative(ground.transmittance) * self.transmitted as f64 / rays as f64;
+        (
+            with(self.reflected, self.bounces[0], 0.0),
+            with(self.transmitted, self.bounces[1], passed),
+        )
+    }
 }
 
 fn proportion(count: u64, rays: u64) -> Measured {

@@ -17,12 +17,12 @@ use std::ops::Range;
 use std::sync::atomic::{AtomicBool, Ordering};
 
 use crate::engine::nodes::{mixes, nodes};
-use crate::engine::{Control, EngineError, Request, batches, indices, tables};
+use crate::engine::{Control, EngineError, Request, batches, coefficients, indices, tables};
 use crate::math::Vec3;
 use crate::measurement::{Estimate, Measured, Spectrum};
 use crate::optics::Index;
 use crate::table::{TableSnow, TableWalker};
-use crate::transport::{Absorption, End, Path, Sink, Walker};
+use crate::transport::{Absorption, Coefficients, End, Path, Sink, Walker};
 
 /// Optical depth of the least absorbed wavelength that every walk survives.
 const DEFERRED: f64 = 3.0;
@@ -30,13 +30,6 @@ const DEFERRED: f64 = 3.0;
 /// results from tables of 2^14 entries each was that of 100,000 (89 degrees) to
 /// 500,000 rays (normal incidence).
 const RAYS_PER_ENTRY: f64 = 6.0;
-
-/// Absorption coefficients of one wavelength, 1/m.
-#[derive(Clone, Copy)]
-struct Coefficients {
-    ice_per_m: f64,
-    water_per_m: f64,
-}
 
 /// Estimates of one node: [thickness][wavelength of its span].
 #[derive(Clone)]
@@ -64,7 +57,7 @@ impl Sink for NodeScores<'_> {
             End::Absorbed => return,
         };
         for (weight, a) in self.weights.iter_mut().zip(self.coefficients) {
-            *weight = self.absorption.weight(path, a.ice_per_m, a.water_per_m);
+            *weight = self.absorption.weight(path, a);
         }
         let width = self.weights.len();
         let rows = &mut estimates[thicknesses.start * width..thicknesses.end * width];
@@ -138,8 +131,8 @@ fn run_lit(
     indices: &[(Index, Index)],
     light: usize,
 ) -> Result<Vec<Spectrum>, EngineError> {
-    let nodes = nodes(indices, request.snow);
-    let (node_indices, mixes) = mixes(indices, request.snow);
+    let nodes = nodes(indices, request.pack.is_wet());
+    let (node_indices, mixes) = mixes(indices, request.pack.is_wet());
     // the wavelengths a node serves reach from the node before it to the node after it
     let results = batches::map(control, (0..nodes.len()).collect(), |i| {
         let last = nodes[(i + 1).min(nodes.len() - 1)];
@@ -181,18 +174,9 @@ fn walk_node(
     (number, node): (usize, (Index, Index)),
     span: Range<usize>,
 ) -> Result<NodeResult, EngineError> {
-    let coefficients: Vec<Coefficients> = span
-        .clone()
-        .map(|l| Coefficients {
-            ice_per_m: indices[l].0.absorption_per_m(request.wavelengths_nm[l]),
-            water_per_m: indices[l].1.absorption_per_m(request.wavelengths_nm[l]),
-        })
-        .collect();
-    let least =
-        |of: fn(&Coefficients) -> f64| coefficients.iter().map(of).fold(f64::INFINITY, f64::min);
+    let coefficients = &coefficients(request, indices)[span.clone()];
     let absorption = Absorption {
-        ice_per_m: least(|a| a.ice_per_m),
-        water_per_m: least(|a| a.water_per_m),
+        coefficients: Coefficients::least(coefficients),
         deferred: DEFERRED,
     };
     let (heights, width) = (request.thicknesses_m.len(), span.len());
@@ -201,19 +185,19 @@ fn walk_node(
         transmitted: vec![Estimate::default(); heights * width],
         lost: vec![0; heights],
         absorption,
-        coefficients: &coefficients,
+        coefficients,
         weights: vec![0.0; width],
         cancel: control.cancel,
     };
     let heights_m = request.thicknesses_m;
     let scores = match grains {
         Grains::Followed => {
-            let walker = Walker::new(request.snow, request.model.entry, node, absorption);
+            let walker = Walker::new(request.pack, request.model, node, absorption);
             let purpose = [1, number as u32, 0];
             batches::run(
                 request,
                 control,
-                |_| walker,
+                |_| &walker,
                 heights_m,
                 light,
                 purpose,
@@ -225,7 +209,7 @@ fn walk_node(
             let walker = |batch: u64| {
                 let part = batch as usize % tables::PARTS;
                 let tables = outcomes.each_ref().map(|outcomes| &outcomes.tables[part]);
-                let snow = TableSnow::new(request.snow, tables);
+                let snow = TableSnow::new(&request.pack.surface, tables);
                 TableWalker { snow, absorption }
             };
             let purpose = [3, number as u32, 0];

@@ -47,13 +47,13 @@ pub(super) fn outcomes(
     control: &Control,
     (ice, water): (Index, Index),
 ) -> Result<[Arc<Outcomes>; 2], EngineError> {
-    let wet = request.snow.water_saturation > 0.0;
+    let wet = request.pack.surface.water_saturation > 0.0;
     let [air, water] = Surface::in_air_and_water(ice, water, wet);
     let one = |surface| {
         let recipe = Recipe {
             grain: GrainType {
                 size: SizeRange::UNIT,
-                ..request.snow.grain
+                ..request.pack.surface.grains[0].grain
             },
             entry: request.model.entry,
             surface,

@@ -203,13 +203,6 @@ impl Events {
         self.internal_hits.as_mut_array()[lane] = 0.0;
     }
 
-    /// Height of the ray of `lane` over the centre of its grain, m, downward.
-    #[inline(always)]
-    #[must_use]
-    pub fn depth_in_grain_m(&self, lane: usize) -> f64 {
-        self.at.z.as_array()[lane] * self.scale_m.as_array()[lane]
-    }
-
     /// Where the ray of `lane` is in its grain, m from its centre.
     #[inline(always)]
     #[must_use]

@@ -4,10 +4,14 @@
 //! which change no spectrum.
 use std::fmt::Write;
 
+use std::path::{Path, PathBuf};
+
 use super::Grid;
 use crate::engine::{Engine, MaxError};
 use crate::grain::TruncatedNormal;
-use crate::optics::WaterTable;
+use crate::optics::{Carbon, WaterTable};
+use crate::transport::{Component, Ground, Layer};
+use crate::units::{m_to_cm, m_to_um};
 
 impl Grid {
     /// Section, key and TOML value of everything that decides the spectra.
@@ -38,6 +42,23 @@ impl Grid {
         add("fixed", "sphericity", normal(&fixed.sphericity));
         add("fixed", "temperature_c", number(fixed.temperature_c));
         add("fixed", "water_saturation", number(fixed.water_saturation));
+        for (key, carbon) in [
+            ("black_carbon", &fixed.black_carbon),
+            ("brown_carbon", &fixed.brown_carbon),
+        ] {
+            if let Some(carbon) = carbon {
+                add("fixed", key, inline(&carbon_lines(carbon)));
+            }
+        }
+        if !fixed.below.is_empty() {
+            // a config begins at the base
+            let layers: Vec<_> = fixed.below.iter().rev().map(layer).collect();
+            add("fixed", "below", format!("[{}]", layers.join(", ")));
+        }
+        let file_name = |path: &Path| path.file_name().map_or(PathBuf::new(), PathBuf::from);
+        if let Some(reflectance) = reflectance(&fixed.ground, file_name) {
+            add("fixed", "substrate", inline(&[format!("reflectance = {reflectance}")]));
+        }
         add("run", "engine", quoted(self.run.engine.name()));
         add("run", "seed", self.run.seed.to_string());
         add("run", "rays", self.run.rays.to_string());
@@ -47,6 +68,13 @@ impl Grid {
             add("run", "max_error", error);
         }
         add("model", "entry", quoted(model.entry.name()));
+        if !fixed.below.is_empty() {
+            add("model", "layers", quoted(model.joining.name()));
+        }
+        if fixed.carbon().next().is_some() {
+            add("model", "carbon_law", quoted(model.carbon_law.name()));
+            add("model", "impurity_mass", quoted(model.impurity_mass.name()));
+        }
         add("model", "ice", quoted(model.ice.name()));
         add("model", "water", quoted(&water_name(&model.water)));
         entries
@@ -84,6 +112,65 @@ pub(crate) fn list(values: &[f64]) -> String {
 pub(crate) fn normal(law: &TruncatedNormal) -> String {
     let [min, max, mean, sd] = [law.min(), law.max(), law.mean(), law.sd()].map(number);
     format!("{{ min = {min}, max = {max}, mean = {mean}, sd = {sd} }}")
+}
+
+fn inline(lines: &[String]) -> String {
+    format!("{{ {} }}", lines.join(", "))
+}
+
+/// A layer as an inline table.
+fn layer(layer: &Layer) -> String {
+    let snow = &layer.snow;
+    let grain = |Component { fraction, grain }: &Component| {
+        let size = [grain.size.min_m(), grain.size.max_m()].map(|m| number(m_to_um(m)));
+        inline(&[
+            format!("fraction = {}", number(*fraction)),
+            format!("size_um = {{ min = {}, max = {} }}", size[0], size[1]),
+            format!("facetness = {}", normal(&grain.facetness)),
+            format!("sphericity = {}", normal(&grain.sphericity)),
+        ])
+    };
+    let grains: Vec<_> = snow.grains.iter().map(grain).collect();
+    let mut lines = vec![
+        format!("thickness_cm = {}", number(m_to_cm(layer.thickness_m))),
+        format!("density_kg_m3 = {}", number(snow.density_kg_m3)),
+        format!("temperature_c = {}", number(snow.temperature_c)),
+        format!("water_saturation = {}", number(snow.water_saturation)),
+        format!("grain = [{}]", grains.join(", ")),
+    ];
+    for (name, carbon) in [
+        ("black_carbon", &snow.black_carbon),
+        ("brown_carbon", &snow.brown_carbon),
+    ] {
+        lines.extend(carbon.map(|carbon| format!("{name} = {}", inline(&carbon_lines(&carbon)))));
+    }
+    inline(&lines)
+}
+
+/// The keys of a table of carbon.
+pub(crate) fn carbon_lines(carbon: &Carbon) -> Vec<String> {
+    let per = if carbon.per_wet_mass { "wet_mass" } else { "dry_mass" };
+    vec![
+        format!("concentration_ng_g = {}", number(carbon.concentration_ng_g)),
+        format!("sedimentation = {}", number(carbon.sedimentation)),
+        format!(
+            "mass_absorption_efficiency_m2_g = {}",
+            number(carbon.mass_absorption_efficiency_m2_g)
+        ),
+        format!("reference_wavelength_nm = {}", number(carbon.reference_wavelength_nm)),
+        format!("angstrom_exponent = {}", number(carbon.angstrom_exponent)),
+        format!("concentration_per = {}", quoted(per)),
+    ]
+}
+
+/// The value of the key `reflectance` of a ground, if it is not black; paths as
+/// `spelled`.
+pub(crate) fn reflectance(ground: &Ground, spelled: impl Fn(&Path) -> PathBuf) -> Option<String> {
+    match ground {
+        Ground::Black => None,
+        Ground::Grey(reflectance) => Some(number(*reflectance)),
+        Ground::Spectrum { path, .. } => Some(quoted(&spelled(path).display().to_string())),
+    }
 }
 
 /// A TOML basic string.

@@ -4,7 +4,7 @@ use std::fmt;
 use super::{Grid, GridError, Jobs};
 use crate::engine::{Request, Resolution};
 use crate::grain::{GrainType, SizeRange, TruncatedNormal};
-use crate::transport::{Illumination, Snow};
+use crate::transport::{Illumination, Pack, Snow};
 use crate::units::{cm_to_m, um_to_m};
 
 /// One job: one snow, one or all thicknesses, one or all angles.
@@ -13,7 +13,7 @@ pub struct Job {
     /// Number of the job, which is also the cell of its random streams.
     pub cell: u64,
     /// The snow.
-    pub snow: Snow,
+    pub pack: Pack,
     /// Slab thicknesses, m, increasing: the job's curves in storage order.
     pub thicknesses_m: Vec<f64>,
     /// Polar angles of incidence, degrees.
@@ -27,7 +27,7 @@ impl Job {
     #[must_use]
     pub fn request<'a>(&'a self, grid: &'a Grid) -> Request<'a> {
         Request {
-            snow: &self.snow,
+            pack: &self.pack,
             thicknesses_m: &self.thicknesses_m,
             illuminations: &self.illuminations,
             resolution: Resolution::default(),
@@ -44,14 +44,15 @@ impl Job {
 /// The parameters that single this job out, for messages.
 impl fmt::Display for Job {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        let grain = &self.snow.grain;
+        let snow = &self.pack.surface;
+        let grain = &snow.grains[0].grain;
         write!(
             f,
             "facetness {}, grain size {:.0}-{:.0} um, density {} kg/m3, thickness",
             grain.facetness.mean(),
             grain.size.min_m() * 1e6,
             grain.size.max_m() * 1e6,
-            self.snow.density_kg_m3,
+            snow.density_kg_m3,
         )?;
         let mut separator = " ";
         for thickness_m in &self.thicknesses_m {
@@ -91,11 +92,19 @@ impl Grid {
         let angles_deg = axes.angle_deg.get(a..a + angles).ok_or_else(missing)?;
         Ok(Job {
             cell: job,
-            snow: Snow {
-                grain,
-                density_kg_m3: at(&axes.density_kg_m3, d)?,
-                temperature_c: self.fixed.temperature_c,
-                water_saturation: self.fixed.water_saturation,
+            pack: Pack {
+                surface: Snow {
+                    water_saturation: self.fixed.water_saturation,
+                    black_carbon: self.fixed.black_carbon,
+                    brown_carbon: self.fixed.brown_carbon,
+                    ..Snow::dry(
+                        grain,
+                        at(&axes.density_kg_m3, d)?,
+                        self.fixed.temperature_c,
+                    )
+                },
+                below: self.fixed.below.clone(),
+                ground: self.fixed.ground.clone(),
             },
             thicknesses_m: thicknesses_cm
                 .ok_or_else(missing)?
@@ -159,8 +168,8 @@ mod tests {
         );
         assert_eq!(job(1).thicknesses_m, [0.01]);
         assert_eq!(job(2).thicknesses_m, [0.02]);
-        assert_eq!(job(6).snow.grain.size.max_m(), 250.0 * 1e-6);
-        assert_eq!(job(12).snow.grain.facetness.mean(), 0.5);
+        assert_eq!(job(6).pack.surface.sizes_m()[1], 250.0 * 1e-6);
+        assert_eq!(job(12).pack.surface.grains[0].grain.facetness.mean(), 0.5);
         assert_eq!(job(23).cell, 23);
         assert!(grid.job(&jobs, 24).is_err());
     }

@@ -11,10 +11,11 @@ mod shard;
 
 use crate::engine::{Engine, MaxError};
 use crate::grain::TruncatedNormal;
-use crate::transport::Model;
+use crate::optics::Carbon;
+use crate::transport::{Ground, Layer, Model};
 
 pub use check::GridError;
-pub(crate) use describe::{list, normal, number};
+pub(crate) use describe::{carbon_lines, list, normal, number, reflectance};
 pub use job::Job;
 pub use jobs::{Jobs, Shape, job_shape};
 pub use shard::{Shard, ShardError};
@@ -85,8 +86,33 @@ pub struct Fixed {
     pub temperature_c: f64,
     /// Water saturation of the pore space.
     pub water_saturation: f64,
+    /// Black carbon.
+    pub black_carbon: Option<Carbon>,
+    /// Brown carbon.
+    pub brown_carbon: Option<Carbon>,
+    /// Layers under the snow of the axes, downward: the thickness axis is that
+    /// of all layers together.
+    pub below: Vec<Layer>,
+    /// What they lie on.
+    pub ground: Ground,
     /// Choices within the model.
     pub model: Model,
+}
+
+impl Fixed {
+    /// The carbon in the snow of the axes and in the layers under it.
+    pub fn carbon(&self) -> impl Iterator<Item = &Carbon> {
+        let own = [&self.black_carbon, &self.brown_carbon];
+        let below = self.below.iter().flat_map(|layer| layer.snow.carbon());
+        own.into_iter().flatten().chain(below)
+    }
+
+    /// Whether there is water in any layer.
+    #[must_use]
+    pub fn is_wet(&self) -> bool {
+        let below = self.below.iter();
+        self.water_saturation > 0.0 || below.into_iter().any(|l| l.snow.water_saturation > 0.0)
+    }
 }
 
 /// How the jobs are run.
@@ -153,6 +179,10 @@ pub(crate) mod tests {
                 sphericity: TruncatedNormal::new(0.6, 0.95, 0.798, 0.064).unwrap(),
                 temperature_c: -1.0,
                 water_saturation: 0.0,
+                black_carbon: None,
+                brown_carbon: None,
+                below: Vec::new(),
+                ground: Ground::Black,
                 model: Model::default(),
             },
             run: Run {

@@ -28,7 +28,7 @@ impl<'a> TableSnow<'a> {
             tables,
             mean_free_distance_m: snow.mean_free_distance_m(),
             water_saturation: snow.water_saturation,
-            size_m: [snow.grain.size.min_m(), snow.grain.size.max_m()],
+            size_m: snow.sizes_m(),
         }
     }
 

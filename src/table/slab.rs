@@ -100,8 +100,9 @@ impl<S: Sink> Walks<'_, S> {
     fn run(&mut self) -> Result<u64, WalkError> {
         let TableWalker { snow, absorption } = self.walker;
         let wet = snow.water_saturation > 0.0;
+        let coefficients = absorption.coefficients;
         let [ice_per_m, water_per_m] =
-            [absorption.ice_per_m, absorption.water_per_m].map(f64x8::splat);
+            [coefficients.ice_per_m, coefficients.water_per_m].map(f64x8::splat);
         let (one, limit) = (f64x8::ONE, f64x8::splat(f64::from(REJECTION_LIMIT)));
         let mut walking = lanes(0xff).fold(0, |walking, lane| {
             walking | u32::from(self.start(lane)) << lane
@@ -222,7 +223,12 @@ impl<S: Sink> Walks<'_, S> {
     /// false if it has ended in all.
     fn end(&mut self, lane: usize, end: End) -> bool {
         let [_, mu, ice_m, water_m] = self.rays.get(lane);
-        let (path, across) = (Path { ice_m, water_m }, (1.0 - mu * mu).max(0.0).sqrt());
+        let path = Path {
+            ice_m,
+            water_m,
+            ..Path::default()
+        };
+        let across = (1.0 - mu * mu).max(0.0).sqrt();
         let direction = Vec3::new(across, 0.0, mu);
         let Lane {
             slab,

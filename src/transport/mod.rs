@@ -1,10 +1,12 @@
-//! The snow sample and the walk of one ray through it (docs/methods.md).
+//! The snow pack and the walk of one ray through it (docs/methods.md).
+mod pack;
 mod proposal;
 mod report;
 mod sample;
 mod walk;
 
+pub use pack::{EXPONENTS, Ground, Joining, Layer, Pack};
 pub use proposal::contact;
-pub use report::{Absorption, End, Path, Sink};
-pub use sample::{Entry, FIRST_FLIGHT, Illumination, Model, Snow, diffuse_cosine};
-pub use walk::{EVENT_LIMIT, REJECTION_LIMIT, Walk, WalkError, Walker};
+pub use report::{Absorption, Coefficients, End, Path, Sink};
+pub use sample::{Component, Entry, FIRST_FLIGHT, Illumination, Model, Snow, diffuse_cosine};
+pub use walk::{Bounce, EVENT_LIMIT, REJECTION_LIMIT, Walk, WalkError, Walker};

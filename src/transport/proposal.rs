@@ -2,16 +2,17 @@
 //! eight at a time and handed out one by one.
 use wide::f64x8;
 
-use crate::grain::{Grain, Grains, projected_point};
+use crate::grain::{Grain, GrainType, Grains, projected_point};
 use crate::math::Vec3;
 use crate::rng::Stream;
-use crate::transport::{Entry, Snow};
+use crate::transport::{Component, Entry, Snow};
 
 /// A flight and the grain at its end, not yet accepted.
 #[derive(Debug, Clone, Copy)]
 pub(super) struct Proposal {
     pub(super) flight_m: f64,
-    pub(super) in_water: bool,
+    /// Uniform variate: in water if it is below the saturation.
+    pub(super) medium: f64,
     pub(super) grain: Grain,
     /// Uniform variate and azimuth for [`Entry::Projected`].
     pub(super) projected: (f64, (f64, f64)),
@@ -48,11 +49,9 @@ pub fn contact(
     }
 }
 
-/// Proposals drawn eight at a time.
-pub(super) struct Proposals<'a> {
-    snow: &'a Snow,
-    entry: Entry,
-    mean_free_distance_m: f64,
+/// Proposals of one type of grain, drawn eight at a time.
+struct Supply {
+    grain: GrainType,
     flights: f64x8,
     media: f64x8,
     grains: Grains,
@@ -60,41 +59,82 @@ pub(super) struct Proposals<'a> {
     kept: u32,
 }
 
-impl<'a> Proposals<'a> {
-    /// None drawn yet.
-    pub(super) fn new(snow: &'a Snow, entry: Entry, mean_free_distance_m: f64) -> Self {
-        Self {
-            snow,
-            entry,
-            mean_free_distance_m,
+/// Proposals in one layer.
+pub(super) struct Proposals {
+    entry: Entry,
+    mean_free_distance_m: f64,
+    /// Whether the medium of a flight is drawn.
+    wet: bool,
+    /// Probabilities that a grain met is of one of the types up to each.
+    types: Vec<f64>,
+    supplies: Vec<Supply>,
+    /// Which types come next, as uniform variates.
+    choices: f64x8,
+    chosen: usize,
+}
+
+impl Proposals {
+    /// None drawn yet; `wet` if any layer is.
+    pub(super) fn new(snow: &Snow, entry: Entry, wet: bool) -> Self {
+        let supply = |component: &Component| Supply {
+            grain: component.grain,
             flights: f64x8::ZERO,
             media: f64x8::ONE,
             grains: Grains::default(),
             projected: [f64x8::ZERO; 3],
             kept: 0,
+        };
+        let mut sum = 0.0;
+        let shares = snow.meeting_shares().into_iter();
+        let types = shares.map(|share| {
+            sum += share;
+            sum
+        });
+        Self {
+            entry,
+            mean_free_distance_m: snow.mean_free_distance_m(),
+            wet,
+            types: types.collect(),
+            supplies: snow.grains.iter().map(supply).collect(),
+            choices: f64x8::ZERO,
+            chosen: 8,
         }
     }
 
-    /// The next one, drawing eight more when there is none left.
+    /// The next one. The nearest of candidates of all types, each at a distance
+    /// of its own, is of a type drawn with the meeting shares, at a distance
+    /// that does not depend on it.
     pub(super) fn next(&mut self, rng: &mut Stream) -> Proposal {
-        while self.kept == 0 {
-            self.flights = rng.exponential();
-            if self.snow.water_saturation > 0.0 {
-                self.media = rng.uniform();
+        let last = self.types.len() - 1;
+        let kind = if last == 0 {
+            0
+        } else {
+            if self.chosen == 8 {
+                (self.choices, self.chosen) = (rng.uniform(), 0);
+            }
+            let u = self.choices.as_array()[self.chosen];
+            self.chosen += 1;
+            self.types[..last].partition_point(|up_to| *up_to <= u)
+        };
+        let supply = &mut self.supplies[kind];
+        while supply.kept == 0 {
+            supply.flights = rng.exponential();
+            if self.wet {
+                supply.media = rng.uniform();
             }
             if self.entry == Entry::Projected {
                 let (sin, cos) = rng.azimuth();
-                self.projected = [rng.uniform(), sin, cos];
+                supply.projected = [rng.uniform(), sin, cos];
             }
-            (self.grains, self.kept) = Grains::draw(&self.snow.grain, rng);
+            (supply.grains, supply.kept) = Grains::draw(&supply.grain, rng);
         }
-        let lane = self.kept.trailing_zeros() as usize;
-        self.kept &= self.kept - 1;
-        let [u, sin, cos] = self.projected.each_ref().map(|v| v.as_array()[lane]);
+        let lane = supply.kept.trailing_zeros() as usize;
+        supply.kept &= supply.kept - 1;
+        let [u, sin, cos] = supply.projected.each_ref().map(|v| v.as_array()[lane]);
         Proposal {
-            flight_m: self.mean_free_distance_m * self.flights.as_array()[lane],
-            in_water: self.media.as_array()[lane] < self.snow.water_saturation,
-            grain: self.grains.get(lane),
+            flight_m: self.mean_free_distance_m * supply.flights.as_array()[lane],
+            medium: supply.media.as_array()[lane],
+            grain: supply.grains.get(lane),
             projected: (u, (sin, cos)),
         }
     }

@@ -1,40 +1,96 @@
 //! What walks report, and how absorption enters it.
 use std::ops::Range;
 
+use super::EXPONENTS;
 use crate::math::{Vec3, exp_neg};
+#[cfg(doc)]
+use crate::optics::IMPURITY_NM;
+use crate::optics::{Impurity, Index};
+
+/// Absorption coefficients at one wavelength.
+#[derive(Debug, Clone, Copy, PartialEq, Default)]
+pub struct Coefficients {
+    /// Of ice, 1/m.
+    pub ice_per_m: f64,
+    /// Of water, 1/m.
+    pub water_per_m: f64,
+    /// What impurities of each exponent ([`super::Pack::exponents`]) absorb,
+    /// relative to [`IMPURITY_NM`].
+    pub impurities: [f64; EXPONENTS],
+}
+
+impl Coefficients {
+    /// Those of ice and water at `wavelength_nm` and of impurities with the
+    /// `exponents` given.
+    #[must_use]
+    pub fn at(wavelength_nm: f64, (ice, water): (Index, Index), exponents: &[f64]) -> Self {
+        let mut impurities = [0.0; EXPONENTS];
+        for (factor, exponent) in impurities.iter_mut().zip(exponents) {
+            *factor = Impurity::factor(*exponent, wavelength_nm);
+        }
+        Self {
+            ice_per_m: ice.absorption_per_m(wavelength_nm),
+            water_per_m: water.absorption_per_m(wavelength_nm),
+            impurities,
+        }
+    }
+
+    /// The least of each, over all.
+    #[must_use]
+    pub fn least(all: &[Self]) -> Self {
+        let least = |of: &dyn Fn(&Self) -> f64| all.iter().map(of).fold(f64::INFINITY, f64::min);
+        Self {
+            ice_per_m: least(&|c| c.ice_per_m),
+            water_per_m: least(&|c| c.water_per_m),
+            impurities: std::array::from_fn(|i| least(&|c| c.impurities[i])),
+        }
+    }
+
+    /// Optical depth of a path.
+    #[inline]
+    #[must_use]
+    pub fn depth(&self, path: &Path) -> f64 {
+        let clean = self.ice_per_m * path.ice_m + self.water_per_m * path.water_m;
+        let impurities = self.impurities.iter().zip(&path.impurities);
+        impurities.fold(clean, |sum, (factor, depth)| sum + factor * depth)
+    }
+}
 
 /// How walks end by absorption.
-#[derive(Debug, Clone, Copy, PartialEq)]
+#[derive(Debug, Clone, Copy, PartialEq, Default)]
 pub struct Absorption {
-    /// Absorption coefficient of ice, 1/m: of the wavelength walked, or the
-    /// least of all wavelengths that share the walk.
-    pub ice_per_m: f64,
-    /// The same of water, 1/m.
-    pub water_per_m: f64,
+    /// Of the wavelength walked, or the least of all wavelengths that share the walk.
+    pub coefficients: Coefficients,
     /// Optical depth that every ray survives (0: analog absorption).
     pub deferred: f64,
 }
 
 impl Absorption {
-    /// Weight of a ray that has survived the paths given, for a wavelength
-    /// with the absorption coefficients given, none below these: exp(-depth)
-    /// over the chance to survive. At most 1, and unbiased.
+    /// Weight of a ray that has survived the path given, for a wavelength with
+    /// `coefficients` none below these: exp(-depth) over the chance to survive.
+    /// At most 1, and unbiased.
     #[inline]
     #[must_use]
-    pub fn weight(&self, path: &Path, ice_per_m: f64, water_per_m: f64) -> f64 {
-        let survived =
-            self.ice_per_m * path.ice_m + self.water_per_m * path.water_m - self.deferred;
-        exp_neg(ice_per_m * path.ice_m + water_per_m * path.water_m - survived.max(0.0))
+    pub fn weight(&self, path: &Path, coefficients: &Coefficients) -> f64 {
+        let survived = self.coefficients.depth(path) - self.deferred;
+        exp_neg(coefficients.depth(path) - survived.max(0.0))
     }
 }
 
-/// Path lengths of a ray in the snow, m.
+/// The way of a ray in the snow.
 #[derive(Debug, Clone, Copy, PartialEq, Default)]
 pub struct Path {
-    /// In ice.
+    /// Path in ice, m.
     pub ice_m: f64,
-    /// In the water of the pores.
+    /// Path in the water of the pores, m.
     pub water_m: f64,
+    /// Optical depth of impurities of each exponent at [`IMPURITY_NM`].
+    pub impurities: [f64; EXPONENTS],
+    /// How far it is from where it entered, m: along the surface in the plane of
+    /// incidence and across that plane. 0 where walks do not follow it.
+    pub offset_m: [f64; 2],
+    /// How often the ground sent it back.
+    pub bounces: u32,
 }
 
 /// How a walk ended.
@@ -72,19 +128,27 @@ mod tests {
         let path = Path {
             ice_m: 4.0,
             water_m: 2.0,
+            impurities: [0.5, 0.0, 0.0, 0.0],
+            ..Path::default()
+        };
+        let coefficients = |ice_per_m, water_per_m, impurity| Coefficients {
+            ice_per_m,
+            water_per_m,
+            impurities: [impurity, 0.0, 0.0, 0.0],
         };
         let absorption = |deferred| Absorption {
-            ice_per_m: 1.0,
-            water_per_m: 0.5,
+            coefficients: coefficients(0.5, 0.5, 4.0),
             deferred,
         };
         let exp = |x: f64| libm::exp(-x);
         let close = |a: f64, b: f64| assert!((a / b - 1.0).abs() < 1e-14, "{a} {b}");
         // 5 optical depths, 2 of them survived by chance: exp(-5) / exp(-2)
-        close(absorption(3.0).weight(&path, 1.0, 0.5), exp(3.0));
-        close(absorption(3.0).weight(&path, 2.0, 1.0), exp(8.0));
+        let same = coefficients(0.5, 0.5, 4.0);
+        close(absorption(3.0).weight(&path, &same), exp(3.0));
+        let more = coefficients(1.0, 1.0, 8.0);
+        close(absorption(3.0).weight(&path, &more), exp(8.0));
         // none deferred: all survived by chance; all deferred: all in the weight
-        close(absorption(0.0).weight(&path, 1.0, 0.5), 1.0);
-        close(absorption(9.0).weight(&path, 1.0, 0.5), exp(5.0));
+        close(absorption(0.0).weight(&path, &same), 1.0);
+        close(absorption(9.0).weight(&path, &same), exp(5.0));
     }
 }

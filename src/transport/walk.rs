@@ -1,26 +1,33 @@
-//! Walks from grain to grain through a homogeneous slab (docs/methods.md;
+//! Walks from grain to grain through a pack of layers (docs/methods.md;
 //! Varsa 2025, section 4.1), eight side by side.
 //!
-//! The slab's planes reflect nothing; a grain that would stick out of the slab
+//! The pack's outer planes reflect nothing; a grain that would stick out of it
 //! is rejected and its flight drawn anew. A ray never meets a grain twice.
+//!
+//! **Layers.** A flight that reaches the plane between two layers is cut there
+//! and drawn anew by the law of the next; its medium follows from the same
+//! uniform variate. A grain belongs to the layer it is met in and may reach
+//! into the next, so that a layer cut in two is the same layer.
 //!
 //! **Absorption.** A trial with survival exp(-alpha d) on every path (eqs. 4.5
 //! and 4.7) ends a walk after an exponentially distributed optical depth, so
 //! one variate per ray decides at which depth it is absorbed: the same law.
 //! [`Absorption`] may defer this, and [`Absorption::weight`] then makes up for it.
 //!
-//! **Several thicknesses.** The thickness acts on a walk only through the
-//! slab's lower plane: up to the first flight that ends beyond it, or whose
-//! grain would stick out of it, the walks in all thicker slabs are the same.
-//! From exactly that flight and grain on, the walk is resumed for the next
-//! thickness. Each thickness sees walks of the exact law; the errors of
+//! **Several thicknesses.** They are those of the surface layer, and act on a
+//! walk only through its lower plane: up to the first flight that ends beyond
+//! it, or whose grain would stick out of the pack, the walks in all thicker
+//! packs are the same. From exactly that flight and grain on, the walk is
+//! resumed for the next thickness. Each thickness sees walks of the exact law; the errors of
 //! different thicknesses are correlated.
 use crate::grain::{Events, Surface, half_height};
 use crate::math::Vec3;
-use crate::optics::Index;
+use crate::optics::{Impurity, Index};
 use crate::rng::Stream;
 use crate::transport::proposal::{Proposal, Proposals, contact};
-use crate::transport::{Absorption, End, Entry, Illumination, Path, Sink, Snow, diffuse_cosine};
+use crate::transport::{
+    Absorption, EXPONENTS, End, Entry, Illumination, Model, Pack, Path, Sink, Snow, diffuse_cosine,
+};
 
 /// Grain events after which a ray counts as lost.
 pub const EVENT_LIMIT: u64 = 10_000_000;
@@ -45,9 +52,9 @@ pub enum WalkError {
     Stopped,
 }
 
-/// A way to walk rays through a slab.
+/// A way to walk rays through a pack.
 pub trait Walk: Sync {
-    /// Walks `rays` rays to their ends in slabs of all `thicknesses_m`
+    /// Walks `rays` rays to their ends in packs of all `thicknesses_m`
     /// (increasing) and gives the number of grain events.
     ///
     /// # Errors
@@ -62,15 +69,48 @@ pub trait Walk: Sync {
     ) -> Result<u64, WalkError>;
 }
 
-/// Snow made ready for walks at one pair of refractive indices.
-#[derive(Debug, Clone, Copy)]
+/// Chances of a ray that reaches the ground.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Bounce {
+    /// To come back, in a direction with the weight of its cosine.
+    pub reflected: f64,
+    /// To end as transmitted. If it does neither, the ground absorbs it.
+    pub transmitted: f64,
+}
+
+impl Bounce {
+    /// Everything is transmitted.
+    pub const NONE: Self = Self {
+        reflected: 0.0,
+        transmitted: 1.0,
+    };
+}
+
+/// A pack made ready for walks at one pair of refractive indices.
+#[derive(Debug, Clone)]
 pub struct Walker {
-    snow: Snow,
     entry: Entry,
-    mean_free_distance_m: f64,
+    /// From the surface down, at least one.
+    strata: Vec<Stratum>,
+    wet: bool,
     /// Grain surfaces in air and in water.
     surfaces: [Surface; 2],
     absorption: Absorption,
+    bounce: Bounce,
+}
+
+/// A layer as walks see it.
+#[derive(Debug, Clone)]
+struct Stratum {
+    snow: Snow,
+    mean_free_distance_m: f64,
+    longest_grain_m: f64,
+    /// Height of its lower plane over the base of the pack, m.
+    base_m: f64,
+    /// Impurities of each exponent, 1/m.
+    in_ice: [f64; EXPONENTS],
+    in_pores: [f64; EXPONENTS],
+    has_sooty_pores: bool,
 }
 
 /// A ray between two grains.
@@ -79,6 +119,8 @@ struct Ray {
     z_m: f64,
     direction: Vec3,
     path: Path,
+    /// Its layer, counted from the surface.
+    stratum: usize,
     /// Grain events so far.
     events: u64,
 }
@@ -93,8 +135,8 @@ struct Lane {
     slab: usize,
     /// Where the ray is to be resumed for the next slab.
     touch: Option<(Ray, Proposal)>,
-    /// Depth of the centre of the grain the ray is in, m.
-    centre_m: f64,
+    /// Centre of the grain the ray is in, m: depth, and as [`Path::offset_m`].
+    centre_m: Vec3,
 }
 
 /// Walks under way: what the driver and its helpers share.
@@ -103,7 +145,8 @@ struct Walks<'a, S> {
     thicknesses_m: &'a [f64],
     illumination: Illumination,
     rng: Stream,
-    proposals: Proposals<'a>,
+    /// Per layer.
+    proposals: Vec<Proposals>,
     events: [Events; GROUPS],
     lanes: [Lane; LANES],
     /// Rays not started yet.
@@ -111,22 +154,84 @@ struct Walks<'a, S> {
     sink: &'a mut S,
 }
 
+impl Stratum {
+    fn new(snow: &Snow, base_m: f64, exponents: &[f64], model: &Model) -> Self {
+        let (mut in_ice, mut in_pores) = ([0.0; EXPONENTS], [0.0; EXPONENTS]);
+        for (i, exponent) in exponents.iter().enumerate().take(EXPONENTS) {
+            let alike = |impurity: &Impurity| impurity.angstrom_exponent == *exponent;
+            for impurity in snow.impurities(model).filter(alike) {
+                in_ice[i] += impurity.ice_per_m;
+                in_pores[i] += impurity.pores_per_m;
+            }
+        }
+        Self {
+            snow: snow.clone(),
+            mean_free_distance_m: snow.mean_free_distance_m(),
+            longest_grain_m: snow.sizes_m()[1],
+            base_m,
+            in_ice,
+            in_pores,
+            has_sooty_pores: in_pores != [0.0; EXPONENTS],
+        }
+    }
+}
+
+impl Path {
+    /// Goes `length_m` on through a medium with these `impurities`.
+    #[inline(always)]
+    fn collect(&mut self, impurities: &[f64; EXPONENTS], length_m: f64) {
+        let depths = self.impurities.iter_mut().zip(impurities);
+        depths.for_each(|(depth, per_m)| *depth += per_m * length_m);
+    }
+}
+
 impl Walker {
-    /// `ice` and `water` at the wavelength (or node) walked.
+    /// `ice` and `water` at the wavelength (or node) walked. The ground is black.
     #[must_use]
     pub fn new(
-        snow: &Snow,
-        entry: Entry,
+        pack: &Pack,
+        model: &Model,
         (ice, water): (Index, Index),
         absorption: Absorption,
     ) -> Self {
-        Self {
-            snow: *snow,
-            entry,
-            mean_free_distance_m: snow.mean_free_distance_m(),
-            surfaces: Surface::in_air_and_water(ice, water, snow.water_saturation > 0.0),
-            absorption,
+        let exponents = pack.exponents();
+        let mut base_m = pack.below_m();
+        let mut strata = vec![Stratum::new(&pack.surface, base_m, &exponents, model)];
+        for layer in &pack.below {
+            base_m -= layer.thickness_m;
+            strata.push(Stratum::new(&layer.snow, base_m, &exponents, model));
         }
+        if let Some(last) = strata.last_mut() {
+            last.base_m = 0.0;
+        }
+        let wet = pack.is_wet();
+        Self {
+            entry: model.entry,
+            strata,
+            wet,
+            surfaces: Surface::in_air_and_water(ice, water, wet),
+            absorption,
+            bounce: Bounce::NONE,
+        }
+    }
+
+    /// The same on another ground.
+    #[must_use]
+    pub fn over(self, bounce: Bounce) -> Self {
+        Self { bounce, ..self }
+    }
+}
+
+impl<W: Walk> Walk for &W {
+    fn walk(
+        &self,
+        thicknesses_m: &[f64],
+        illumination: Illumination,
+        rays: u64,
+        rng: Stream,
+        sink: &mut impl Sink,
+    ) -> Result<u64, WalkError> {
+        (*self).walk(thicknesses_m, illumination, rays, rng, sink)
     }
 }
 
@@ -143,6 +248,7 @@ impl Walk for Walker {
             z_m: 0.0,
             direction: Vec3::default(),
             path: Path::default(),
+            stratum: 0,
             events: 0,
         };
         let lane = Lane {
@@ -150,17 +256,18 @@ impl Walk for Walker {
             budget: 0.0,
             slab: 0,
             touch: None,
-            centre_m: 0.0,
+            centre_m: Vec3::default(),
         };
+        let strata = self.strata.iter();
         let mut walks = Walks {
             walker: self,
             thicknesses_m,
             illumination,
             rng,
-            proposals: Proposals::new(&self.snow, self.entry, self.mean_free_distance_m),
-            events: std::array::from_fn(|_| {
-                Events::new(&self.surfaces, self.snow.water_saturation > 0.0)
-            }),
+            proposals: strata
+                .map(|stratum| Proposals::new(&stratum.snow, self.entry, self.wet))
+                .collect(),
+            events: std::array::from_fn(|_| Events::new(&self.surfaces, self.wet)),
             lanes: [lane; LANES],
             waiting: rays,
             sink,
@@ -207,7 +314,7 @@ impl<S: Sink> Walks<'_, S> {
                         self.leave_grain(lane)?
                     } else {
                         let lost = step.absorbed & (1 << bit) == 0;
-                        self.lanes[lane].ray.path.ice_m = self.ice_m(lane);
+                        self.collect_ice(lane);
                         self.end(lane, if lost { End::Lost } else { End::Absorbed })?
                     };
                     if !goes_on {
@@ -226,17 +333,14 @@ impl<S: Sink> Walks<'_, S> {
             // cheap next to a walk, so the other seven variates go unused
             let cos = match self.illumination {
                 Illumination::Collimated { polar_angle_rad } => libm::cos(polar_angle_rad),
-                Illumination::Diffuse => diffuse_cosine(
-                    self.rng.uniform().as_array()[0],
-                    self.walker.mean_free_distance_m,
-                    self.walker.snow.grain.size.max_m(),
-                ),
+                Illumination::Diffuse => self.diffuse_cosine(0),
             };
             let direction = Vec3::new((1.0 - cos * cos).sqrt(), 0.0, cos);
             let ray = Ray {
                 z_m: 0.0,
                 direction,
                 path: Path::default(),
+                stratum: 0,
                 events: 0,
             };
             let budget = self.walker.absorption.deferred + self.rng.exponential().as_array()[0];
@@ -245,7 +349,7 @@ impl<S: Sink> Walks<'_, S> {
                 budget,
                 slab: 0,
                 touch: None,
-                centre_m: 0.0,
+                centre_m: Vec3::default(),
             };
             if self.fly(lane, None)? {
                 return Ok(true);
@@ -254,21 +358,46 @@ impl<S: Sink> Walks<'_, S> {
         Ok(false)
     }
 
-    fn ice_m(&self, lane: usize) -> f64 {
-        self.events[lane / 8].ice_m.as_array()[lane % 8]
+    /// Cosine from the normal of diffuse light on the plane of a layer.
+    fn diffuse_cosine(&mut self, stratum: usize) -> f64 {
+        let Stratum {
+            mean_free_distance_m,
+            longest_grain_m,
+            ..
+        } = self.walker.strata[stratum];
+        let u = self.rng.uniform().as_array()[0];
+        diffuse_cosine(u, mean_free_distance_m, longest_grain_m)
+    }
+
+    /// Takes note of the path of the ray of `lane` in its grain.
+    fn collect_ice(&mut self, lane: usize) {
+        let ice_m = self.events[lane / 8].ice_m.as_array()[lane % 8];
+        let ray = &mut self.lanes[lane].ray;
+        let length_m = ice_m - ray.path.ice_m;
+        ray.path.ice_m = ice_m;
+        ray.path
+            .collect(&self.walker.strata[ray.stratum].in_ice, length_m);
     }
 
     /// Takes the ray of `lane` out of its grain and on to the next.
     fn leave_grain(&mut self, lane: usize) -> Result<bool, WalkError> {
+        self.collect_ice(lane);
         let (events, bit) = (&self.events[lane / 8], lane % 8);
         let Lane { ray, centre_m, .. } = &mut self.lanes[lane];
-        ray.path.ice_m = events.ice_m.as_array()[bit];
         ray.direction = events.direction.get(bit);
-        ray.z_m = *centre_m + events.depth_in_grain_m(bit);
+        let place = *centre_m + events.place_in_grain_m(bit);
+        ray.z_m = place.z;
+        ray.path.offset_m = [place.x, place.y];
         ray.events += 1;
         if ray.events >= EVENT_LIMIT {
             return self.end(lane, End::Lost);
         }
+        // a grain may reach across planes
+        let thickness_m = self.thicknesses_m[self.lanes[lane].slab];
+        let ray = &mut self.lanes[lane].ray;
+        let above_base_m = thickness_m - ray.z_m;
+        let strata = &self.walker.strata[..self.walker.strata.len() - 1];
+        ray.stratum = strata.partition_point(|stratum| stratum.base_m > above_base_m);
         Ok(self.fly(lane, None)? || self.start(lane)?)
     }
 
@@ -297,63 +426,95 @@ impl<S: Sink> Walks<'_, S> {
         self.fly(lane, Some(proposal))
     }
 
-    /// Flies the ray of `lane` to a grain that fits into the slab; false if
-    /// the walk has ended, in this slab and all thicker ones.
+    /// Flies the ray of `lane` to a grain that fits into the pack; false if
+    /// the walk has ended, in this pack and all thicker ones.
     fn fly(&mut self, lane: usize, mut resumed: Option<Proposal>) -> Result<bool, WalkError> {
         let mut rejections = 0;
         loop {
             let proposal = match resumed.take() {
                 Some(proposal) => proposal,
-                None => self.proposals.next(&mut self.rng),
+                None => {
+                    let stratum = self.lanes[lane].ray.stratum;
+                    self.proposals[stratum].next(&mut self.rng)
+                }
             };
-            let Lane {
-                ray,
-                slab,
-                touch,
-                budget,
-                ..
-            } = &mut self.lanes[lane];
-            let thickness_m = self.thicknesses_m[*slab];
-            let may_resume = touch.is_none() && *slab + 1 < self.thicknesses_m.len();
-            let absorption = &self.walker.absorption;
-            let depth = |path: &Path| {
-                absorption.ice_per_m * path.ice_m + absorption.water_per_m * path.water_m
-            };
-            let z_m = ray.z_m + proposal.flight_m * ray.direction.z;
-            if !(0.0 <= z_m && z_m <= thickness_m) {
+            let thickness_m = self.thicknesses_m[self.lanes[lane].slab];
+            // to a grain, or out of the pack
+            let (first, mut proposal, mut ray) = (proposal, proposal, self.lanes[lane].ray);
+            let inside = loop {
+                let stratum = &self.walker.strata[ray.stratum];
+                let z_m = ray.z_m + proposal.flight_m * ray.direction.z;
+                let top_m = match ray.stratum.checked_sub(1) {
+                    Some(above) => thickness_m - self.walker.strata[above].base_m,
+                    None => 0.0,
+                };
+                let bottom_m = thickness_m - stratum.base_m;
+                let inside = top_m <= z_m && z_m <= bottom_m;
                 let down = ray.direction.z > 0.0;
-                if down && may_resume {
-                    *touch = Some((*ray, proposal));
+                let plane_m = if down { bottom_m } else { top_m };
+                let length_m = if inside {
+                    proposal.flight_m
+                } else {
+                    (plane_m - ray.z_m) / ray.direction.z
+                };
+                if first.medium < stratum.snow.water_saturation {
+                    ray.path.water_m += length_m;
                 }
-                if proposal.in_water {
-                    let boundary_m = if down { thickness_m } else { 0.0 };
-                    ray.path.water_m += (boundary_m - ray.z_m) / ray.direction.z;
+                if stratum.has_sooty_pores {
+                    ray.path.collect(&stratum.in_pores, length_m);
                 }
-                let absorbed = proposal.in_water && depth(&ray.path) >= *budget;
-                let end = match (absorbed, down) {
+                ray.path.offset_m[0] += length_m * ray.direction.x;
+                ray.path.offset_m[1] += length_m * ray.direction.y;
+                ray.z_m = if inside { z_m } else { plane_m };
+                if inside {
+                    break true;
+                }
+                if down && ray.stratum == 0 {
+                    self.touch(lane, &first);
+                }
+                let last = if down { self.walker.strata.len() - 1 } else { 0 };
+                if ray.stratum == last {
+                    break false;
+                }
+                ray.stratum = if down { ray.stratum + 1 } else { ray.stratum - 1 };
+                proposal = self.proposals[ray.stratum].next(&mut self.rng);
+            };
+            let absorption = &self.walker.absorption;
+            let budget = self.lanes[lane].budget;
+            let depth = absorption.coefficients.depth(&ray.path);
+            if !inside {
+                self.lanes[lane].ray = ray;
+                let end = match (depth >= budget, ray.direction.z > 0.0) {
                     (true, _) => End::Absorbed,
-                    (false, true) => End::Transmitted,
+                    (false, true) => {
+                        if self.bounce(lane) {
+                            rejections = 0;
+                            continue;
+                        }
+                        self.ground()
+                    }
                     (false, false) => End::Reflected,
                 };
                 return self.end_and_resume(lane, end);
             }
             let grain = &proposal.grain;
             let (point, normal) = contact(
-                &proposal.grain,
+                grain,
                 self.walker.entry,
                 proposal.projected,
                 ray.direction,
             );
             let scale_m = 0.5 * grain.size_m;
-            let centre_m = z_m - point.z * scale_m;
+            let [x_m, y_m] = ray.path.offset_m;
+            let centre_m = Vec3::new(x_m, y_m, ray.z_m) + point * -scale_m;
             // the contact lies on the grain, so only near a plane can it stick out
-            if z_m < grain.size_m || z_m > thickness_m - grain.size_m {
+            if ray.z_m < grain.size_m || ray.z_m > thickness_m - grain.size_m {
                 let half_m = half_height(grain.flattening, grain.axis) * scale_m;
-                let sticks_out_below = centre_m + half_m > thickness_m;
-                if sticks_out_below && may_resume {
-                    *touch = Some((*ray, proposal));
+                let sticks_out_below = centre_m.z + half_m > thickness_m;
+                if sticks_out_below {
+                    self.touch(lane, &first);
                 }
-                if sticks_out_below || centre_m - half_m < 0.0 {
+                if sticks_out_below || centre_m.z - half_m < 0.0 {
                     rejections += 1;
                     if rejections == REJECTION_LIMIT {
                         return Err(WalkError::TooThin { thickness_m });
@@ -361,24 +522,67 @@ impl<S: Sink> Walks<'_, S> {
                     continue;
                 }
             }
-            if proposal.in_water {
-                ray.path.water_m += proposal.flight_m;
-                if depth(&ray.path) >= *budget {
-                    return self.end_and_resume(lane, End::Absorbed);
-                }
+            self.lanes[lane].ray = ray;
+            if depth >= budget {
+                return self.end_and_resume(lane, End::Absorbed);
             }
-            let left = *budget - absorption.water_per_m * ray.path.water_m;
+            let stratum = &self.walker.strata[ray.stratum];
+            let in_ice = absorption.coefficients.impurities.iter().zip(&stratum.in_ice);
+            let in_ice: f64 = in_ice.map(|(factor, per_m)| factor * per_m).sum();
+            let ice_per_m = absorption.coefficients.ice_per_m + in_ice;
             let (events, bit) = (&mut self.events[lane / 8], lane % 8);
             events.ice_m.as_mut_array()[bit] = ray.path.ice_m;
-            events.ice_limit_m.as_mut_array()[bit] = if absorption.ice_per_m > 0.0 {
-                left / absorption.ice_per_m
+            events.ice_limit_m.as_mut_array()[bit] = if ice_per_m > 0.0 {
+                ray.path.ice_m + (budget - depth) / ice_per_m
             } else {
                 f64::INFINITY
             };
             events.direction.set(bit, ray.direction);
-            events.start(bit, grain, point, normal, proposal.in_water);
+            let in_water = first.medium < stratum.snow.water_saturation;
+            events.start(bit, grain, point, normal, in_water);
             self.lanes[lane].centre_m = centre_m;
             return Ok(true);
         }
+    }
+
+    /// The lower plane of the surface layer has a say in the flight that begins
+    /// with `proposal`: notes where to resume for the next slab.
+    fn touch(&mut self, lane: usize, proposal: &Proposal) {
+        let Lane {
+            ray, slab, touch, ..
+        } = &mut self.lanes[lane];
+        if touch.is_none() && *slab + 1 < self.thicknesses_m.len() {
+            *touch = Some((*ray, *proposal));
+        }
+    }
+
+    /// Whether the ground sends the ray of `lane` back.
+    fn bounce(&mut self, lane: usize) -> bool {
+        let reflected = self.walker.bounce.reflected;
+        if reflected == 0.0 || self.rng.uniform().as_array()[0] >= reflected {
+            return false;
+        }
+        let last = self.walker.strata.len() - 1;
+        let cos = self.diffuse_cosine(last);
+        let (sin_azimuth, cos_azimuth) = self.rng.azimuth();
+        let [y, x] = [sin_azimuth, cos_azimuth].map(|v| v.as_array()[0]);
+        let sin = (1.0 - cos * cos).sqrt();
+        let ray = &mut self.lanes[lane].ray;
+        ray.direction = Vec3::new(sin * x, sin * y, -cos);
+        ray.path.bounces += 1;
+        true
+    }
+
+    /// What becomes of a ray that the ground does not send back.
+    fn ground(&mut self) -> End {
+        let Bounce {
+            reflected,
+            transmitted,
+        } = self.walker.bounce;
+        let absorbed = 1.0 - reflected - transmitted;
+        if absorbed > 0.0 && self.rng.uniform().as_array()[0] * (1.0 - reflected) < absorbed {
+            return End::Absorbed;
+        }
+        End::Transmitted
     }
 }

@@ -62,9 +62,9 @@ struct Run<'a> {
 
 impl<'a> Run<'a> {
     fn new(request: &'a Request) -> Result<Self, EngineError> {
-        let mean_free_distance_m = request.snow.mean_free_distance_m();
+        let mean_free_distance_m = request.pack.surface.mean_free_distance_m();
         let (distances, grains) = LAYER;
-        let largest_m = request.snow.grain.size.max_m();
+        let largest_m = request.pack.surface.sizes_m()[1];
         let layer_m = (distances * mean_free_distance_m).max(grains * largest_m);
         Ok(Self {
             request,
@@ -85,7 +85,7 @@ impl<'a> Run<'a> {
 pub(super) fn run(request: &Request, control: &Control) -> Result<Vec<Spectrum>, EngineError> {
     let run = Run::new(request)?;
     let indices = indices(request)?;
-    let (nodes, mixes) = mixes(&indices, request.snow);
+    let (nodes, mixes) = mixes(&indices, request.pack.is_wet());
     let walks = nodes.iter().map(|&node| Walks::of(&run, control, node));
     let walks: Vec<_> = walks.collect::<Result<_, _>>()?;
     run.spectra(&walks, &indices, &mixes)
@@ -94,7 +94,7 @@ pub(super) fn run(request: &Request, control: &Control) -> Result<Vec<Spectrum>,
 /// How many walks a request takes.
 pub(super) fn walks(request: &Request) -> Result<u64, EngineError> {
     let run = Run::new(request)?;
-    let (nodes, _) = mixes(&indices(request)?, request.snow);
+    let (nodes, _) = mixes(&indices(request)?, request.pack.is_wet());
     let tasks = run.tasks();
     let rays: u64 = tasks.iter().map(|task| task.rays).sum();
     Ok(rays.saturating_mul((PARTS * nodes.len()) as u64))

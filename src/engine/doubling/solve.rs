@@ -147,7 +147,7 @@ impl Run<'_> {
     fn flight_m(&self, absorption: Absorption) -> [f64; 2] {
         let (d, wet) = (
             self.mean_free_distance_m,
-            self.request.snow.water_saturation,
+            self.request.pack.surface.water_saturation,
         );
         let survival = self.survival(absorption);
         let moment = |n| 1.0 - wet + wet * survival.powi(n);
@@ -174,7 +174,7 @@ impl Run<'_> {
         let mut moments = vec![vec![0.0; n]; n + lights];
         let (mut left, mut through) = ([0.0], vec![0.0; n]);
         // light from below is what survived its flight up to the layer
-        let wet = self.request.snow.water_saturation;
+        let wet = self.request.pack.surface.water_saturation;
         let arriving = 1.0 - wet + wet * self.survival(absorption);
         for (walks, share) in mix.of(walks) {
             for source in 0..n + lights {
@@ -219,8 +219,8 @@ impl Run<'_> {
 
     /// The mean grain event inside the snow.
     fn event(&self, walks: &[Arc<Walks>], mix: &Mix, absorption: Absorption, part: Part) -> Event {
-        let snow = self.request.snow;
-        let size_m = [snow.grain.size.min_m(), snow.grain.size.max_m()];
+        let snow = &self.request.pack.surface;
+        let size_m = snow.sizes_m();
         let survival = self.survival(absorption);
         let of = |walks: &Walks| {
             let [air, water] = walks.kernels(part);

@@ -128,7 +128,7 @@ impl Walks {
     ) -> Result<Arc<Self>, EngineError> {
         let request = run.request;
         let occasion = Occasion {
-            snow: *request.snow,
+            snow: request.pack.surface.clone(),
             lights: request.illuminations.to_vec(),
             thin_m: request.thicknesses_m[..run.thin].to_vec(),
             has_inside: !run.is_all_thin(),
@@ -164,7 +164,7 @@ impl Walks {
         let outcomes = tables::outcomes(request, control, node)?;
         let snows: Vec<TableSnow> = (0..PARTS)
             .map(|part| outcomes.each_ref().map(|outcomes| &outcomes.tables[part]))
-            .map(|tables| TableSnow::new(request.snow, tables))
+            .map(|tables| TableSnow::new(&request.pack.surface, tables))
             .collect();
         let tasks = run.tasks();
         let one = |(part, task): (usize, &Task)| {

@@ -1,0 +1,240 @@
+//! Layers of snow, what absorbs in them and what they lie on.
+use std::path::Path;
+
+use crate::grain::{GrainType, SizeRange};
+use crate::optics::{Carbon, ice_density_kg_m3};
+use crate::spectrum::Table;
+use crate::transport::{Component, Ground, Layer, Snow};
+use crate::units::{cm_to_m, um_to_m};
+
+use super::document::Document;
+use super::error::{ConfigError, Problem};
+use super::keys::{
+    CONCENTRATIONS, CarbonKeys, DENSITY_KG_M3, GrainKeys, LayerKeys, NumberOrPath, SubstrateKeys,
+};
+use super::shared::{exclusive, law, ordered};
+use super::snow::{remark, saturation_from_fraction};
+use super::{check, water};
+
+/// The layers of a list of tables `[[name]]`, the base first.
+pub(super) fn layers(
+    document: &Document,
+    name: &str,
+    keys: &[LayerKeys],
+    warnings: &mut Vec<String>,
+) -> Result<Vec<Layer>, ConfigError> {
+    let one = |(i, keys): (usize, &LayerKeys)| layer(document, &format!("{name}[{i}]"), keys, warnings);
+    keys.iter().enumerate().map(one).collect()
+}
+
+fn layer(
+    document: &Document,
+    table: &str,
+    keys: &LayerKeys,
+    warnings: &mut Vec<String>,
+) -> Result<Layer, ConfigError> {
+    fractions(document, table, keys)?;
+    let grain = |(i, grain): (usize, &GrainKeys)| {
+        Ok(Component {
+            fraction: grain.fraction.unwrap_or(1.0),
+            grain: grain_type(document, &format!("{table}.grain[{i}]"), grain, warnings)?,
+        })
+    };
+    let grains = keys.grain.iter().enumerate().map(grain);
+    let grains = grains.collect::<Result<_, ConfigError>>()?;
+    let (density_kg_m3, water_saturation) = density_and_water(document, table, keys, warnings)?;
+    let thickness = format!("{table}.thickness_cm");
+    remark(document, warnings, &thickness, keys.thickness_cm, (1.0, 100.0), "cm");
+    let carbon = |name: &str, keys: &Option<CarbonKeys>, usual| {
+        let key = format!("{table}.{name}");
+        let carbon = keys.as_ref().map(|keys| carbon(document, &key, keys, usual));
+        carbon.transpose()
+    };
+    Ok(Layer {
+        snow: Snow {
+            grains,
+            density_kg_m3,
+            temperature_c: keys.temperature_c,
+            water_saturation,
+            black_carbon: carbon("black_carbon", &keys.black_carbon, Carbon::black(0.0))?,
+            brown_carbon: carbon("brown_carbon", &keys.brown_carbon, Carbon::brown(0.0))?,
+        },
+        thickness_m: cm_to_m(keys.thickness_cm),
+    })
+}
+
+/// Carbon in the table `table`, with the `usual` values where nothing is said.
+pub(super) fn carbon(
+    document: &Document,
+    table: &str,
+    keys: &CarbonKeys,
+    usual: Carbon,
+) -> Result<Carbon, ConfigError> {
+    let per = format!("{table}.concentration_per");
+    check::choice(document, &per, &keys.concentration_per, &CONCENTRATIONS, "")?;
+    let efficiency = keys.mass_absorption_efficiency_m2_g;
+    let reference = keys.reference_wavelength_nm;
+    Ok(Carbon {
+        concentration_ng_g: keys.concentration_ng_g,
+        sedimentation: keys.sedimentation.unwrap_or(usual.sedimentation),
+        mass_absorption_efficiency_m2_g: efficiency
+            .unwrap_or(usual.mass_absorption_efficiency_m2_g),
+        reference_wavelength_nm: reference.unwrap_or(usual.reference_wavelength_nm),
+        angstrom_exponent: keys.angstrom_exponent.unwrap_or(usual.angstrom_exponent),
+        per_wet_mass: keys.concentration_per == CONCENTRATIONS[1],
+    })
+}
+
+/// What the table `table` says of the ground; paths are relative to `directory`.
+pub(super) fn ground(
+    document: &Document,
+    table: &str,
+    keys: Option<&SubstrateKeys>,
+    directory: &Path,
+    wavelengths_nm: &[f64],
+) -> Result<Ground, ConfigError> {
+    let key = format!("{table}.reflectance");
+    let path = match keys.map(|keys| &keys.reflectance) {
+        None => return Ok(Ground::Black),
+        Some(NumberOrPath::Number(0.0)) => return Ok(Ground::Black),
+        Some(NumberOrPath::Number(reflectance)) => return Ok(Ground::Grey(*reflectance)),
+        Some(NumberOrPath::Path(path)) => path,
+    };
+    let refuse = |problem: String, help: &str| {
+        Err(document.error(&key, Problem::Contradiction(problem), help))
+    };
+    if !path.ends_with(".csv") {
+        let help = "give a number from 0 to 1, or the path of a file ending in .csv";
+        return refuse("is no CSV file".to_owned(), help);
+    }
+    let path = directory.join(path);
+    let spectrum = match Table::read(&path, &["wavelength_nm", "reflectance"]) {
+        Ok(table) => table,
+        Err(error) => return refuse(format!("cannot serve: {error}"), ""),
+    };
+    let wrong = spectrum.column(0).iter().position(|r| !(0.0..=1.0).contains(r));
+    if let Some(row) = wrong {
+        let (nm, value) = (spectrum.abscissae()[row], spectrum.column(0)[row]);
+        let problem = format!("has a reflectance of {value} at {nm} nm: allowed 0 to 1");
+        return refuse(problem, "mend the table");
+    }
+    let (min, max) = spectrum.range();
+    if let (Some(&first), Some(&last)) = (wavelengths_nm.first(), wavelengths_nm.last())
+        && !(min <= first && last <= max)
+    {
+        let problem = format!(
+            "covers {min} to {max} nm, but the wavelengths run from {first} to {last} nm"
+        );
+        return refuse(problem, "extend the table or choose other wavelengths");
+    }
+    Ok(Ground::Spectrum {
+        table: spectrum,
+        path,
+    })
+}
+
+/// The fractions of several types are all given, and sum to 1.
+fn fractions(document: &Document, table: &str, layer: &LayerKeys) -> Result<(), ConfigError> {
+    let several = layer.grain.len() > 1;
+    let mut sum = 0.0;
+    for (i, grain) in layer.grain.iter().enumerate() {
+        sum += match grain.fraction {
+            Some(fraction) => fraction,
+            None if several => {
+                let key = format!("{table}.grain[{i}].fraction");
+                let help = "give every type its share of the ice volume";
+                return Err(document.error(&key, Problem::Missing, help));
+            }
+            None => 1.0,
+        };
+    }
+    if (sum - 1.0).abs() <= 1e-6 {
+        return Ok(());
+    }
+    let last = layer.grain.len() - 1;
+    let key = format!("{table}.grain[{last}].fraction");
+    let problem = Problem::Contradiction(format!(
+        "makes the fractions of {table} sum to {sum}, not 1"
+    ));
+    Err(document.error(&key, problem, "the shares of the ice volume sum to 1"))
+}
+
+fn grain_type(
+    document: &Document,
+    table: &str,
+    grain: &GrainKeys,
+    warnings: &mut Vec<String>,
+) -> Result<GrainType, ConfigError> {
+    let (size, f, s) = (&grain.size_um, &grain.facetness, &grain.sphericity);
+    let key = format!("{table}.size_um");
+    ordered(document, &key, size.min, size.max)?;
+    let range = SizeRange::new(um_to_m(size.min), um_to_m(size.max))
+        .map_err(|e| document.error(&key, Problem::Contradiction(e.to_string()), ""))?;
+    remark(
+        document,
+        warnings,
+        &format!("{key}.min"),
+        size.min,
+        (50.0, 3000.0),
+        "um",
+    );
+    let facetness = (f.min, f.max, f.mean, f.sd);
+    let sphericity = (s.min, s.max, s.mean, s.sd);
+    Ok(GrainType {
+        size: range,
+        facetness: law(document, &format!("{table}.facetness"), facetness)?,
+        sphericity: law(document, &format!("{table}.sphericity"), sphericity)?,
+    })
+}
+
+/// Dry density, kg/m3, and saturation, from whichever keys are given.
+fn density_and_water(
+    document: &Document,
+    table: &str,
+    layer: &LayerKeys,
+    warnings: &mut Vec<String>,
+) -> Result<(f64, f64), ConfigError> {
+    let key = |name: &str| format!("{table}.{name}");
+    let (dry, wet) = (key("density_kg_m3"), key("wet_density_kg_m3"));
+    exclusive(document, &dry, &wet)?;
+    exclusive(document, &key("water_saturation"), &key("water_fraction"))?;
+    let ice = ice_density_kg_m3(layer.temperature_c);
+    let saturation = layer.water_saturation.unwrap_or(0.0);
+    let (key, density) = match (
+        layer.density_kg_m3,
+        layer.wet_density_kg_m3,
+        layer.water_fraction,
+    ) {
+        (Some(density), _, _) => (dry, density),
+        (None, Some(density), Some(fraction)) => (
+            wet,
+            water::dry_density_from_fraction_kg_m3(density, fraction),
+        ),
+        (None, Some(density), None) => (wet, water::dry_density_kg_m3(density, saturation, ice)),
+        (None, None, _) => {
+            let help = "give density_kg_m3 of the dry snow, or wet_density_kg_m3";
+            return Err(document.error(&dry, Problem::Missing, help));
+        }
+    };
+    let (least, most) = DENSITY_KG_M3;
+    if !(least <= density && density <= most && density < ice) {
+        let problem = Problem::Contradiction(format!(
+            "leaves a dry density of {density:.2} kg/m3: allowed {least} to {most}, and below ice ({ice:.2} kg/m3 at {} C)",
+            layer.temperature_c
+        ));
+        return Err(document.error(&key, problem, "change the density or the water"));
+    }
+    remark(
+        document,
+        warnings,
+        &key,
+        density,
+        (50.0, 450.0),
+        "kg/m3 of dry snow",
+    );
+    let saturation = match layer.water_fraction {
+        Some(fraction) => saturation_from_fraction(document, table, fraction, density, ice)?,
+        None => saturation,
+    };
+    Ok((density, saturation))
+}

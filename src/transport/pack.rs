@@ -1,0 +1,153 @@
+//! A snow pack: layers of snow on a ground.
+use std::path::PathBuf;
+
+use super::Snow;
+use crate::spectrum::Table;
+
+/// Different Angstrom exponents that the impurities of one pack may have.
+pub const EXPONENTS: usize = 4;
+
+/// A layer of known thickness.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Layer {
+    /// Its snow.
+    pub snow: Snow,
+    /// Its thickness, m.
+    pub thickness_m: f64,
+}
+
+/// What lies below a pack: a Lambertian reflector.
+#[derive(Debug, Clone, PartialEq, Default)]
+pub enum Ground {
+    /// Reflects nothing.
+    #[default]
+    Black,
+    /// Reflects this share at all wavelengths, [0, 1].
+    Grey(f64),
+    /// Reflects what the first column says over wavelength in nm.
+    Spectrum {
+        /// The table.
+        table: Table,
+        /// The file it comes from.
+        path: PathBuf,
+    },
+}
+
+impl Ground {
+    /// Reflectance; `None` where its table does not reach.
+    #[must_use]
+    pub fn reflectance(&self, wavelength_nm: f64) -> Option<f64> {
+        match self {
+            Self::Black => Some(0.0),
+            Self::Grey(reflectance) => Some(*reflectance),
+            Self::Spectrum { table, .. } => table.linear(0, wavelength_nm),
+        }
+    }
+}
+
+/// How the layers of a pack are joined.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
+pub enum Joining {
+    /// Walks go on from layer to layer; only the outer planes reject grains.
+    #[default]
+    Continuous,
+    /// Each layer is a slab of its own over a Lambertian ground that has the
+    /// reflectance of all below it at normal incidence (Varsa 2025, section 4.4).
+    Cascade,
+}
+
+impl Joining {
+    /// The name used in configs and files.
+    #[must_use]
+    pub const fn name(self) -> &'static str {
+        match self {
+            Self::Continuous => "continuous",
+            Self::Cascade => "cascade",
+        }
+    }
+}
+
+/// A snow pack but for its thickness, which is that of all layers together: the
+/// surface layer is what the others leave.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Pack {
+    /// The layer that light falls on.
+    pub surface: Snow,
+    /// The layers under it, downward.
+    pub below: Vec<Layer>,
+    /// What they lie on.
+    pub ground: Ground,
+}
+
+impl From<Snow> for Pack {
+    /// A single layer on black ground.
+    fn from(surface: Snow) -> Self {
+        Self {
+            surface,
+            below: Vec::new(),
+            ground: Ground::Black,
+        }
+    }
+}
+
+impl Pack {
+    /// The snows from the surface down.
+    pub fn snows(&self) -> impl Iterator<Item = &Snow> {
+        let below = self.below.iter().map(|layer| &layer.snow);
+        std::iter::once(&self.surface).chain(below)
+    }
+
+    /// Thickness of all layers but the surface, m.
+    #[must_use]
+    pub fn below_m(&self) -> f64 {
+        self.below.iter().map(|layer| layer.thickness_m).sum()
+    }
+
+    /// The layers from the surface down, of a pack `thickness_m` thick.
+    #[must_use]
+    pub fn layers(&self, thickness_m: f64) -> Vec<Layer> {
+        let surface = Layer {
+            snow: self.surface.clone(),
+            thickness_m: thickness_m - self.below_m(),
+        };
+        std::iter::once(surface)
+            .chain(self.below.iter().cloned())
+            .collect()
+    }
+
+    /// A pack of `layers` (from the surface down, at least one) on `ground`, and
+    /// its thickness in m.
+    #[must_use]
+    pub fn of(layers: &[Layer], ground: Ground) -> Option<(Self, f64)> {
+        let (surface, below) = layers.split_first()?;
+        let thickness_m = layers.iter().map(|layer| layer.thickness_m).sum();
+        let pack = Self {
+            surface: surface.snow.clone(),
+            below: below.to_vec(),
+            ground,
+        };
+        Some((pack, thickness_m))
+    }
+
+    /// Whether there is water in any layer.
+    #[must_use]
+    pub fn is_wet(&self) -> bool {
+        self.snows().any(|snow| snow.water_saturation > 0.0)
+    }
+
+    /// Length of the largest grain, m.
+    #[must_use]
+    pub fn longest_grain_m(&self) -> f64 {
+        self.snows().map(|s| s.sizes_m()[1]).fold(0.0, f64::max)
+    }
+
+    /// The different Angstrom exponents of the carbon in it, increasing.
+    #[must_use]
+    pub fn exponents(&self) -> Vec<f64> {
+        let all = self.snows().flat_map(Snow::carbon);
+        let mut exponents: Vec<f64> = all.map(|carbon| carbon.angstrom_exponent).collect();
+        exponents.sort_by(f64::total_cmp);
+        exponents.dedup();
+        exponents
+    }
+}
