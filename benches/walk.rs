@@ -11,7 +11,7 @@ use splitsnow::optics::{IceTable, Index};
 use splitsnow::rng::{Key, Stream};
 use splitsnow::table::{Table, TableSnow, TableWalker, draw};
 use splitsnow::transport::{
-    Absorption, End, Entry, Illumination, Model, Path, Sink, Snow, Walk, Walker,
+    Absorption, Coefficients, End, Entry, Illumination, Model, Path, Sink, Snow, Walk, Walker,
 };
 
 /// Counts what leaves at the top, so that no walk is for nothing.
@@ -25,16 +25,15 @@ impl Sink for Reflected {
 
 /// The representative sample (Varsa 2025, chapter 7), dry.
 fn representative() -> Snow {
-    Snow {
-        grain: GrainType {
+    Snow::dry(
+        GrainType {
             size: SizeRange::new(300e-6, 750e-6).unwrap(),
             facetness: TruncatedNormal::new(0.2, 0.4, 0.3, 0.072).unwrap(),
             sphericity: TruncatedNormal::new(0.6, 0.95, 0.798, 0.064).unwrap(),
         },
-        density_kg_m3: 275.0,
-        temperature_c: -1.0,
-        water_saturation: 0.0,
-    }
+        275.0,
+        -1.0,
+    )
 }
 
 const NORMAL: Illumination = Illumination::Collimated {
@@ -47,8 +46,11 @@ fn ice() -> Index {
 
 fn absorption(deferred: f64) -> Absorption {
     Absorption {
-        ice_per_m: ice().absorption_per_m(550.0),
-        water_per_m: 0.0,
+        coefficients: Coefficients {
+            ice_per_m: ice().absorption_per_m(550.0),
+            water_per_m: 0.0,
+            ..Coefficients::default()
+        },
         deferred,
     }
 }
@@ -79,13 +81,24 @@ fn grain_event(c: &mut Criterion) {
     group.sample_size(20);
     let (snow, ice) = (representative(), ice());
     for (engine, deferred) in [("reference", 0.0), ("spectral", 3.0)] {
-        let walker = Walker::new(&snow, Entry::Uniform, (ice, ice), absorption(deferred));
+        let walker = Walker::new(
+            &snow.clone().into(),
+            &Model::default(),
+            (ice, ice),
+            absorption(deferred),
+        );
         group.throughput(Throughput::Elements(walks(&walker)));
         group.bench_function(engine, |b| b.iter(|| walks(&walker)));
     }
     let [air, _] = Surface::in_air_and_water(ice, ice, false);
     // one of the eight parts of a table
-    let outcomes = draw(&snow.grain, Entry::Uniform, air, 1 << 17, stream());
+    let outcomes = draw(
+        &snow.grains[0].grain,
+        Entry::Uniform,
+        air,
+        1 << 17,
+        stream(),
+    );
     let table = Table::new(outcomes, 1 << 14, &mut stream());
     let walker = TableWalker {
         snow: TableSnow::new(&snow, [&table; 2]),
@@ -100,7 +113,7 @@ fn spectrum(c: &mut Criterion) {
     let wavelengths_nm: Vec<f64> = (40..=70).map(|l| f64::from(l) * 10.0).collect();
     let (snow, model) = (representative(), Model::default());
     let request = Request {
-        snow: &snow,
+        pack: &snow.clone().into(),
         thicknesses_m: &[0.12],
         illuminations: &[NORMAL],
         resolution: Resolution::default(),

@@ -21,23 +21,22 @@ fn main() {
     let thickness_m = argument(1, 12.0) / 100.0;
     let rays = argument(2, 10_000.0) as u64;
     let bias_rays = argument(3, 0.0) as u64;
-    let snow = Snow {
-        grain: GrainType {
+    let snow = Snow::dry(
+        GrainType {
             size: SizeRange::new(300e-6, 750e-6).unwrap(),
             facetness: TruncatedNormal::new(0.2, 0.4, 0.3, 0.072).unwrap(),
             sphericity: TruncatedNormal::new(0.6, 0.95, 0.798, 0.064).unwrap(),
         },
-        density_kg_m3: 275.0,
-        temperature_c: -1.0,
-        water_saturation: 0.0,
-    };
+        275.0,
+        -1.0,
+    );
     let model = Model::default();
     let visible: Vec<f64> = (40..=70).map(|l| f64::from(l) * 10.0).collect();
     let (cancel, rays_done) = (AtomicBool::new(false), AtomicU64::new(0));
     let cache = Cache::default();
     let run = |engine: Engine, wavelengths_nm: &[f64], rays, seed| -> (f64, Spectrum) {
         let request = Request {
-            snow: &snow,
+            pack: &snow.clone().into(),
             thicknesses_m: &[thickness_m],
             illuminations: &[Illumination::Collimated {
                 polar_angle_rad: 0.0,

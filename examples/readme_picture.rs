@@ -48,18 +48,17 @@ fn main() -> Result<()> {
 /// Transmittance per thickness and wavelength: grains of 350-450 um, facetness
 /// 0.3, 300 kg/m3, dry (the swatches of Varsa 2025, section 8.6), normal incidence.
 fn transmittances(wavelengths_nm: &[f64]) -> Result<Vec<Vec<f64>>> {
-    let snow = Snow {
-        grain: GrainType {
+    let snow = Snow::dry(
+        GrainType {
             size: SizeRange::new(um_to_m(350.0), um_to_m(450.0))?,
             facetness: TruncatedNormal::new(0.2, 0.4, 0.3, 0.072)?,
             sphericity: TruncatedNormal::new(0.6, 0.95, 0.798, 0.064)?,
         },
-        density_kg_m3: 300.0,
-        temperature_c: -1.0,
-        water_saturation: 0.0,
-    };
+        300.0,
+        -1.0,
+    );
     let request = Request {
-        snow: &snow,
+        pack: &snow.clone().into(),
         thicknesses_m: &THICKNESSES_CM.map(cm_to_m),
         illuminations: &[Illumination::Collimated {
             polar_angle_rad: 0.0,

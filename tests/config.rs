@@ -301,18 +301,18 @@ facetness = { min = 0.2, max = 0.4, mean = 0.3, sd = 0.072 }
 ";
     let file = sample::parse("s.toml", short).unwrap();
     assert_eq!(file.illumination, Illumination::Diffuse);
-    assert_eq!(file.snow.temperature_c, -1.0);
-    assert_eq!(file.snow.water_saturation, 0.0);
-    assert_eq!(file.snow.grain.sphericity.mean(), 0.798);
+    assert_eq!(file.pack.surface.temperature_c, -1.0);
+    assert_eq!(file.pack.surface.water_saturation, 0.0);
+    assert_eq!(file.pack.surface.grains[0].grain.sphericity.mean(), 0.798);
     assert_eq!(file.thickness_m, 0.25);
     assert_eq!(file.wavelengths_nm, [842.25, 1037.76]);
-    assert_eq!(file.snow.grain.size.max_m(), 750.0 * 1e-6);
+    assert_eq!(file.pack.surface.sizes_m()[1], 750.0 * 1e-6);
 }
 
 #[test]
 fn water_may_be_given_in_other_ways() {
     let ice = ice_density_kg_m3(-1.0);
-    let dry = sample::parse("s.toml", SAMPLE).unwrap().snow;
+    let dry = sample::parse("s.toml", SAMPLE).unwrap().pack.surface;
     let fraction = 0.05 * (1.0 - 275.0 / ice);
     let wet = 275.0 + 1000.0 * fraction;
     for (density, water) in [
@@ -332,7 +332,7 @@ fn water_may_be_given_in_other_ways() {
         let text = SAMPLE
             .replace("density_kg_m3 = 275", &density)
             .replace("water_saturation = 0.05", &water);
-        let snow = sample::parse("s.toml", &text).unwrap().snow;
+        let snow = sample::parse("s.toml", &text).unwrap().pack.surface;
         assert!((snow.density_kg_m3 - dry.density_kg_m3).abs() < 1e-10);
         assert!((snow.water_saturation - dry.water_saturation).abs() < 1e-14);
     }

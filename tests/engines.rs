@@ -23,14 +23,16 @@ const Z: f64 = 5.5;
 fn snow(size: [f64; 2], f: naive::Law, psi: naive::Law, density: f64, saturation: f64) -> Snow {
     let law = |l: naive::Law| TruncatedNormal::new(l[0], l[1], l[2], l[3]).unwrap();
     Snow {
-        grain: GrainType {
-            size: SizeRange::new(size[0] * 1e-6, size[1] * 1e-6).unwrap(),
-            facetness: law(f),
-            sphericity: law(psi),
-        },
-        density_kg_m3: density,
-        temperature_c: -1.0,
         water_saturation: saturation,
+        ..Snow::dry(
+            GrainType {
+                size: SizeRange::new(size[0] * 1e-6, size[1] * 1e-6).unwrap(),
+                facetness: law(f),
+                sphericity: law(psi),
+            },
+            density,
+            -1.0,
+        )
     }
 }
 
@@ -54,14 +56,14 @@ struct Case {
 /// Coarse grains in thin slabs keep the walks short; the corners of the
 /// parameter box are all there.
 fn cases() -> Vec<Case> {
-    let case = |what, snow, illumination, thickness_m| Case {
+    let case = |what, snow: &Snow, illumination, thickness_m| Case {
         what,
-        snow,
+        snow: snow.clone(),
         illumination,
         thickness_m,
         entry: Entry::Uniform,
     };
-    let representative = snow([300.0, 750.0], F, PSI, 275.0, 0.0);
+    let representative = &snow([300.0, 750.0], F, PSI, 275.0, 0.0);
     vec![
         case("representative, normal", representative, angle(0.0), 0.01),
         case("representative, grazing", representative, angle(89.0), 0.01),
@@ -73,25 +75,25 @@ fn cases() -> Vec<Case> {
         ),
         case(
             "wet",
-            snow([300.0, 750.0], F, PSI, 275.0, 0.3),
+            &snow([300.0, 750.0], F, PSI, 275.0, 0.3),
             angle(30.0),
             0.01,
         ),
         case(
             "soaked",
-            snow([800.0, 1600.0], F, PSI, 450.0, 0.5),
+            &snow([800.0, 1600.0], F, PSI, 450.0, 0.5),
             angle(0.0),
             0.02,
         ),
         case(
             "smooth spheres",
-            snow([900.0; 2], [0.0; 4], [1.0; 4], 300.0, 0.0),
+            &snow([900.0; 2], [0.0; 4], [1.0; 4], 300.0, 0.0),
             angle(60.0),
             0.01,
         ),
         case(
             "needles",
-            snow(
+            &snow(
                 [2000.0, 3000.0],
                 [0.0, 0.2, 0.1, 0.05],
                 [0.2, 0.4, 0.3, 0.05],
@@ -103,7 +105,7 @@ fn cases() -> Vec<Case> {
         ),
         case(
             "rough",
-            snow(
+            &snow(
                 [10.0, 100.0],
                 [0.8, 0.99, 0.9, 0.5],
                 [0.3, 0.9, 0.5, 0.15],
@@ -115,7 +117,7 @@ fn cases() -> Vec<Case> {
         ),
         case(
             "barely thicker than its grains",
-            snow([1000.0, 2500.0], F, PSI, 400.0, 0.1),
+            &snow([1000.0, 2500.0], F, PSI, 400.0, 0.1),
             angle(20.0),
             0.003,
         ),
@@ -152,7 +154,7 @@ fn run_all(
         ..Model::default()
     };
     let request = Request {
-        snow: &case.snow,
+        pack: &case.snow.clone().into(),
         thicknesses_m,
         illuminations: &[case.illumination],
         resolution: Resolution::default(),
@@ -204,7 +206,7 @@ fn reference_is_the_plain_model() {
             let rays = 20_000;
             let model = Model::default();
             let index = |i: splitsnow::optics::Index| Complex::new(i.n, i.k);
-            let grain = case.snow.grain;
+            let grain = case.snow.grains[0].grain;
             let law = |l: TruncatedNormal| [l.min(), l.max(), l.mean(), l.sd()];
             let plain = Naive {
                 size_m: [grain.size.min_m(), grain.size.max_m()],
@@ -279,10 +281,8 @@ fn sharing_thicknesses_changes_no_law() {
         for (thickness_m, shared) in thicknesses.into_iter().zip(&shared) {
             let case = Case {
                 thickness_m,
-                ..Case {
-                    what: case.what,
-                    ..case
-                }
+                snow: case.snow.clone(),
+                ..case
             };
             let alone = run(Engine::Spectral, &case, &[450.0, 1030.0], 50_000, 8);
             agree(&format!("{} {thickness_m} m", case.what), shared, &alone);

@@ -50,7 +50,7 @@ fn on_grid(run: &Run, grid: &Grid) -> bool {
             .thicknesses_cm
             .iter()
             .all(|cm| axes.thickness_cm.contains(cm))
-        && one.job(&one.jobs().unwrap(), 0).unwrap().snow == run.snow.snow()
+        && one.job(&one.jobs().unwrap(), 0).unwrap().pack.surface == run.snow.snow()
 }
 
 #[test]
@@ -155,7 +155,7 @@ fn values_conserve_energy() {
 fn thicker_slabs_transmit_less() {
     for pair in CASES.windows(2) {
         let [thin, thick] = pair else { unreachable!() };
-        if (thin.snow, thin.illumination) != (thick.snow, thick.illumination) {
+        if (&thin.snow, thin.illumination) != (&thick.snow, thick.illumination) {
             continue;
         }
         assert!(thin.thickness_m < thick.thickness_m);
@@ -176,7 +176,7 @@ fn thicker_slabs_transmit_less() {
 
 fn run(engine: Engine, case: &Case, wavelengths_nm: &[f64], rays: u64, seed: u64) -> Spectrum {
     let request = Request {
-        snow: &case.snow,
+        pack: &case.snow.clone().into(),
         thicknesses_m: &[case.thickness_m],
         illuminations: &[case.illumination],
         resolution: Resolution::default(),
@@ -301,7 +301,7 @@ fn doubling_agrees() {
             }
         }
         let request = Request {
-            snow: &cases[0].snow,
+            pack: &cases[0].snow.clone().into(),
             thicknesses_m: &thicknesses_m,
             illuminations: &illuminations,
             wavelengths_nm: &wavelengths,
@@ -363,7 +363,7 @@ fn tabulated_agrees() {
         // the two ends of the visible, and a near infrared wavelength
         let at = [0, 30, 33];
         let request = Request {
-            snow: &case.snow,
+            pack: &case.snow.clone().into(),
             thicknesses_m: &[case.thickness_m],
             illuminations: &[case.illumination],
             wavelengths_nm: &at.map(|l| case.wavelengths_nm[l]),

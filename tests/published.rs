@@ -82,7 +82,7 @@ fn widest(curves: &[Vec<Measured>], wavelengths_nm: &[f64]) -> f64 {
 /// digits given.
 #[test]
 fn mean_free_distance() {
-    let d = mean_free_distance_m(&dry().grain, 450.0, -1.0);
+    let d = mean_free_distance_m(&dry().grains[0].grain, 450.0, -1.0);
     println!("mean free distance: {d:e} m");
     assert!((d - 4.37e-4).abs() < 0.005e-4);
 }

@@ -35,7 +35,7 @@ fn asked(
     resolution: Resolution,
 ) -> Result<Vec<Spectrum>, EngineError> {
     let request = Request {
-        snow: &case.snow,
+        pack: &case.snow.clone().into(),
         thicknesses_m: &case.thicknesses_m,
         illuminations: &[case.light],
         wavelengths_nm: &case.wavelengths_nm,
@@ -171,7 +171,8 @@ fn slabs_must_hold_a_grain() {
         [1.0, 1.0, 1.0, 0.0],
         275.0,
     );
-    let slab = |grains: f64| Case::new("thin", spheres, 0.0, &[], &[550.0]).in_grains(&[grains]);
+    let slab =
+        |grains: f64| Case::new("thin", spheres.clone(), 0.0, &[], &[550.0]).in_grains(&[grains]);
     for engine in Engine::ALL {
         let empty = slab(0.999).run(engine, 1000, COARSE, &Cache::default(), 1);
         assert_eq!(empty.unwrap()[0].transmittance[0].value, 1.0);
@@ -206,10 +207,10 @@ fn slabs_must_hold_a_grain() {
 fn grazing_light_must_reach_under_the_surface() {
     let snow = ordinary();
     let at = |first_flight: f64| {
-        let cosine = first_flight * snow.grain.size.max_m() / snow.mean_free_distance_m();
+        let cosine = first_flight * snow.sizes_m()[1] / snow.mean_free_distance_m();
         Case::new(
             "grazing",
-            snow,
+            snow.clone(),
             cosine.acos().to_degrees(),
             &[5.0],
             &[2000.0],

@@ -28,16 +28,15 @@ pub(crate) struct Case {
 /// Snow of grains of `size_um`.
 pub(crate) fn snow(size_um: [f64; 2], facetness: Law, sphericity: Law, density_kg_m3: f64) -> Snow {
     let law = |l: Law| TruncatedNormal::new(l[0], l[1], l[2], l[3]).unwrap();
-    Snow {
-        grain: GrainType {
+    Snow::dry(
+        GrainType {
             size: SizeRange::new(size_um[0] * 1e-6, size_um[1] * 1e-6).unwrap(),
             facetness: law(facetness),
             sphericity: law(sphericity),
         },
         density_kg_m3,
-        temperature_c: -1.0,
-        water_saturation: 0.0,
-    }
+        -1.0,
+    )
 }
 
 /// The representative sample, dry.
@@ -77,7 +76,7 @@ impl Case {
 
     /// The same slabs in grains of the largest size instead.
     pub(crate) fn in_grains(mut self, grains: &[f64]) -> Self {
-        let size_m = self.snow.grain.size.max_m();
+        let size_m = self.snow.sizes_m()[1];
         self.thicknesses_m = grains.iter().map(|g| g * size_m).collect();
         self
     }
@@ -98,7 +97,7 @@ impl Case {
         seed: u64,
     ) -> Result<Vec<Spectrum>, EngineError> {
         let request = Request {
-            snow: &self.snow,
+            pack: &self.snow.clone().into(),
             thicknesses_m: &self.thicknesses_m,
             illuminations: &[self.light],
             wavelengths_nm: &self.wavelengths_nm,
@@ -121,7 +120,7 @@ impl Case {
     /// Whether the engine would refuse, and why.
     pub(crate) fn refusal(&self, engine: Engine, resolution: Resolution) -> Option<EngineError> {
         let request = Request {
-            snow: &self.snow,
+            pack: &self.snow.clone().into(),
             thicknesses_m: &self.thicknesses_m,
             illuminations: &[self.light],
             wavelengths_nm: &self.wavelengths_nm,

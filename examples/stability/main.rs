@@ -28,7 +28,7 @@ use splitsnow::measurement::{Measured, Spectrum};
 use splitsnow::optics::Index;
 use splitsnow::rng::{Key, Stream};
 use splitsnow::table::{Table, TableSnow, TableWalker, draw};
-use splitsnow::transport::{Absorption, End, Sink, Walk};
+use splitsnow::transport::{Absorption, Coefficients, End, Sink, Walk};
 
 type Result<T> = std::result::Result<T, Box<dyn Error>>;
 
@@ -168,7 +168,7 @@ fn against_absorption(cases: &[Case], rows: &[(String, Vec<Answer>)]) -> Vec<Cur
     for (first, what) in [(0, "dry"), (half, "half full of water")] {
         for (h, depth) in [(1, "4.2"), (2, "6"), (3, "12")] {
             let points = (first + 2..first + half).filter_map(|i| {
-                let k: f64 = cases[i].snow.grain.size.max_m() / 750e-6 * 1.32e-5;
+                let k: f64 = cases[i].snow.sizes_m()[1] / 750e-6 * 1.32e-5;
                 let per_distance = 4.0 * std::f64::consts::PI * 1.32e-5 / 1300e-9
                     * cases[i].snow.mean_free_distance_m();
                 let of = |engine| {
@@ -319,7 +319,7 @@ fn large_table(case: &Case, rays: u64) -> f64 {
     let (ice, air) = (case.model.ice.at(nm).unwrap(), Index { n: 1.0, k: 0.0 });
     let [surface, _] = Surface::in_air_and_water(ice, air, false);
     let outcomes = draw(
-        &case.snow.grain,
+        &case.snow.grains[0].grain,
         case.model.entry,
         surface,
         ENTRIES,
@@ -329,8 +329,11 @@ fn large_table(case: &Case, rays: u64) -> f64 {
     let walker = TableWalker {
         snow: TableSnow::new(&case.snow, [&table; 2]),
         absorption: Absorption {
-            ice_per_m: ice.absorption_per_m(nm),
-            water_per_m: 0.0,
+            coefficients: Coefficients {
+                ice_per_m: ice.absorption_per_m(nm),
+                water_per_m: 0.0,
+                ..Coefficients::default()
+            },
             deferred: 0.0,
         },
     };

@@ -23,7 +23,8 @@ pub(super) fn layers(
     keys: &[LayerKeys],
     warnings: &mut Vec<String>,
 ) -> Result<Vec<Layer>, ConfigError> {
-    let one = |(i, keys): (usize, &LayerKeys)| layer(document, &format!("{name}[{i}]"), keys, warnings);
+    let one =
+        |(i, keys): (usize, &LayerKeys)| layer(document, &format!("{name}[{i}]"), keys, warnings);
     keys.iter().enumerate().map(one).collect()
 }
 
@@ -44,10 +45,19 @@ fn layer(
     let grains = grains.collect::<Result<_, ConfigError>>()?;
     let (density_kg_m3, water_saturation) = density_and_water(document, table, keys, warnings)?;
     let thickness = format!("{table}.thickness_cm");
-    remark(document, warnings, &thickness, keys.thickness_cm, (1.0, 100.0), "cm");
+    remark(
+        document,
+        warnings,
+        &thickness,
+        keys.thickness_cm,
+        (1.0, 100.0),
+        "cm",
+    );
     let carbon = |name: &str, keys: &Option<CarbonKeys>, usual| {
         let key = format!("{table}.{name}");
-        let carbon = keys.as_ref().map(|keys| carbon(document, &key, keys, usual));
+        let carbon = keys
+            .as_ref()
+            .map(|keys| carbon(document, &key, keys, usual));
         carbon.transpose()
     };
     Ok(Layer {
@@ -112,7 +122,10 @@ pub(super) fn ground(
         Ok(table) => table,
         Err(error) => return refuse(format!("cannot serve: {error}"), ""),
     };
-    let wrong = spectrum.column(0).iter().position(|r| !(0.0..=1.0).contains(r));
+    let wrong = spectrum
+        .column(0)
+        .iter()
+        .position(|r| !(0.0..=1.0).contains(r));
     if let Some(row) = wrong {
         let (nm, value) = (spectrum.abscissae()[row], spectrum.column(0)[row]);
         let problem = format!("has a reflectance of {value} at {nm} nm: allowed 0 to 1");
@@ -122,9 +135,8 @@ pub(super) fn ground(
     if let (Some(&first), Some(&last)) = (wavelengths_nm.first(), wavelengths_nm.last())
         && !(min <= first && last <= max)
     {
-        let problem = format!(
-            "covers {min} to {max} nm, but the wavelengths run from {first} to {last} nm"
-        );
+        let problem =
+            format!("covers {min} to {max} nm, but the wavelengths run from {first} to {last} nm");
         return refuse(problem, "extend the table or choose other wavelengths");
     }
     Ok(Ground::Spectrum {

@@ -2,6 +2,7 @@
 use std::path::Path;
 
 use crate::transport::{EXPONENTS, Illumination, Joining, Layer, Model, Pack};
+use crate::units::m_to_um;
 
 use super::canonical::Writer;
 use super::document::{Document, read_text};
@@ -59,7 +60,13 @@ pub fn parse(name: &str, text: &str) -> Result<SampleFile, ConfigError> {
     let directory = directory_of(name);
     let model = model(&document, &keys.model, directory)?;
     let substrate = keys.substrate.as_ref();
-    let ground = layer::ground(&document, "substrate", substrate, directory, &wavelengths_nm)?;
+    let ground = layer::ground(
+        &document,
+        "substrate",
+        substrate,
+        directory,
+        &wavelengths_nm,
+    )?;
     room(&document, &layers, model.joining)?;
 
     let mut out = Writer::new();
@@ -129,7 +136,7 @@ fn room(document: &Document, layers: &[Layer], joining: Joining) -> Result<(), C
             let together = if slab.len() > 1 { "for the pack " } else { "" };
             let problem = Problem::OutOfRange(format!(
                 "{together}{least_cm} to 1000 cm with grains up to {} um, of which {MIN_GRAIN_LENGTHS} lengths must fit",
-                biggest_m(slab) * 1e6
+                m_to_um(biggest_m(slab))
             ));
             let key = format!("layer[{i}].thickness_cm");
             return Err(document.error(&key, problem, "take a thicker slab or smaller grains"));

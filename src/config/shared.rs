@@ -10,7 +10,10 @@ use crate::transport::Model;
 use super::check;
 use super::document::Document;
 use super::error::{ConfigError, Problem};
-use super::keys::{CARBON_LAWS, IMPURITY_MASSES, JOININGS, ENTRIES, ICE_TABLES, MAX_WAVELENGTHS, ModelKeys, WATER_TABLES, WavelengthKeys};
+use super::keys::{
+    CARBON_LAWS, ENTRIES, ICE_TABLES, IMPURITY_MASSES, JOININGS, MAX_WAVELENGTHS, ModelKeys,
+    WATER_TABLES, WavelengthKeys,
+};
 
 /// Refuses two keys of which only one may be given.
 pub(super) fn exclusive(document: &Document, one: &str, other: &str) -> Result<(), ConfigError> {
@@ -161,12 +164,7 @@ pub(super) fn model(
     Ok(Model {
         entry: choose(document, "model.entry", &ENTRIES, &keys.entry)?,
         joining: choose(document, "model.layers", &JOININGS, &keys.layers)?,
-        carbon_law: choose(
-            document,
-            "model.carbon_law",
-            &CARBON_LAWS,
-            &keys.carbon_law,
-        )?,
+        carbon_law: choose(document, "model.carbon_law", &CARBON_LAWS, &keys.carbon_law)?,
         impurity_mass: choose(
             document,
             "model.impurity_mass",

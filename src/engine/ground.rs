@@ -114,7 +114,10 @@ fn over(
     }
     let thicknesses = request.thicknesses_m.len();
     let (mut spectra, from_below) = if ground.iter().all(|g| g.reflectance.value == 0.0) {
-        (bare(engine, request, control)?, vec![Spectrum::default(); thicknesses])
+        (
+            bare(engine, request, control)?,
+            vec![Spectrum::default(); thicknesses],
+        )
     } else if request.pack.below.is_empty() {
         // a homogeneous slab is the same from below
         let lights = with_diffuse(request);
@@ -137,7 +140,9 @@ fn over(
             let request = from_below(request, &pack, &thickness_m, h);
             Ok(bare(engine, &request, control)?.pop().unwrap_or_default())
         };
-        let from_below = (0..thicknesses).map(below).collect::<Result<_, EngineError>>()?;
+        let from_below = (0..thicknesses)
+            .map(below)
+            .collect::<Result<_, EngineError>>()?;
         (bare(engine, request, control)?, from_below)
     };
     let lights = request.illuminations.len();
@@ -174,7 +179,7 @@ fn from_below<'a>(
         pack,
         thicknesses_m: std::slice::from_ref(thickness_m),
         illuminations: &[Illumination::Diffuse],
-        cell: request.cell ^ (FROM_BELOW | LOWER_LAYER * h as u64),
+        cell: request.cell ^ (FROM_BELOW | (LOWER_LAYER * h as u64)),
         ..request.clone()
     }
 }
@@ -201,7 +206,10 @@ fn grounded(spectrum: &mut Spectrum, from_below: &Spectrum, ground: &[Footing]) 
         let (r, t) = (&mut spectrum.reflectance[l], &mut spectrum.transmittance[l]);
         let none = Measured::default();
         let back = |all: &[Measured]| all.get(l).copied().unwrap_or(none);
-        let (r1, t1) = (back(&from_below.reflectance), back(&from_below.transmittance));
+        let (r1, t1) = (
+            back(&from_below.reflectance),
+            back(&from_below.transmittance),
+        );
         let gain = 1.0 / (1.0 - rho.value * r1.value);
         let arrived = t.value * gain;
         let returned = rho.value * t1.value;
@@ -233,7 +241,9 @@ fn grounded(spectrum: &mut Spectrum, from_below: &Spectrum, ground: &[Footing]) 
 
 /// How many walks [`run`] does.
 pub(super) fn walks(engine: Engine, request: &Request) -> Result<u64, EngineError> {
-    let black = footings(request)?.iter().all(|g| g.reflectance.value == 0.0);
+    let black = footings(request)?
+        .iter()
+        .all(|g| g.reflectance.value == 0.0);
     if !is_cascade(request) {
         return walks_over(engine, request, black);
     }

@@ -155,7 +155,9 @@ pub enum EngineError {
         found: usize,
     },
     /// The reflectance of the ground is not known at a wavelength.
-    #[error("the reflectance of the ground is given for {min_nm} to {max_nm} nm, not {wavelength_nm} nm")]
+    #[error(
+        "the reflectance of the ground is given for {min_nm} to {max_nm} nm, not {wavelength_nm} nm"
+    )]
     Ground {
         /// The wavelength.
         wavelength_nm: f64,

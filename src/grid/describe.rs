@@ -57,7 +57,11 @@ impl Grid {
         }
         let file_name = |path: &Path| path.file_name().map_or(PathBuf::new(), PathBuf::from);
         if let Some(reflectance) = reflectance(&fixed.ground, file_name) {
-            add("fixed", "substrate", inline(&[format!("reflectance = {reflectance}")]));
+            add(
+                "fixed",
+                "substrate",
+                inline(&[format!("reflectance = {reflectance}")]),
+            );
         }
         add("run", "engine", quoted(self.run.engine.name()));
         add("run", "seed", self.run.seed.to_string());
@@ -149,7 +153,11 @@ fn layer(layer: &Layer) -> String {
 
 /// The keys of a table of carbon.
 pub(crate) fn carbon_lines(carbon: &Carbon) -> Vec<String> {
-    let per = if carbon.per_wet_mass { "wet_mass" } else { "dry_mass" };
+    let per = if carbon.per_wet_mass {
+        "wet_mass"
+    } else {
+        "dry_mass"
+    };
     vec![
         format!("concentration_ng_g = {}", number(carbon.concentration_ng_g)),
         format!("sedimentation = {}", number(carbon.sedimentation)),
@@ -157,7 +165,10 @@ pub(crate) fn carbon_lines(carbon: &Carbon) -> Vec<String> {
             "mass_absorption_efficiency_m2_g = {}",
             number(carbon.mass_absorption_efficiency_m2_g)
         ),
-        format!("reference_wavelength_nm = {}", number(carbon.reference_wavelength_nm)),
+        format!(
+            "reference_wavelength_nm = {}",
+            number(carbon.reference_wavelength_nm)
+        ),
         format!("angstrom_exponent = {}", number(carbon.angstrom_exponent)),
         format!("concentration_per = {}", quoted(per)),
     ]

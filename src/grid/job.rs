@@ -97,11 +97,7 @@ impl Grid {
                     water_saturation: self.fixed.water_saturation,
                     black_carbon: self.fixed.black_carbon,
                     brown_carbon: self.fixed.brown_carbon,
-                    ..Snow::dry(
-                        grain,
-                        at(&axes.density_kg_m3, d)?,
-                        self.fixed.temperature_c,
-                    )
+                    ..Snow::dry(grain, at(&axes.density_kg_m3, d)?, self.fixed.temperature_c)
                 },
                 below: self.fixed.below.clone(),
                 ground: self.fixed.ground.clone(),

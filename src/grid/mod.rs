@@ -100,6 +100,21 @@ pub struct Fixed {
 }
 
 impl Fixed {
+    /// Clean, dry snow on black ground.
+    #[must_use]
+    pub fn dry(sphericity: TruncatedNormal, temperature_c: f64) -> Self {
+        Self {
+            sphericity,
+            temperature_c,
+            water_saturation: 0.0,
+            black_carbon: None,
+            brown_carbon: None,
+            below: Vec::new(),
+            ground: Ground::Black,
+            model: Model::default(),
+        }
+    }
+
     /// The carbon in the snow of the axes and in the layers under it.
     pub fn carbon(&self) -> impl Iterator<Item = &Carbon> {
         let own = [&self.black_carbon, &self.brown_carbon];
@@ -175,16 +190,7 @@ pub(crate) mod tests {
                 grain_size_half_width_um: 50.0,
             },
             wavelengths_nm: vec![400.0, 500.0, 600.0, 700.0],
-            fixed: Fixed {
-                sphericity: TruncatedNormal::new(0.6, 0.95, 0.798, 0.064).unwrap(),
-                temperature_c: -1.0,
-                water_saturation: 0.0,
-                black_carbon: None,
-                brown_carbon: None,
-                below: Vec::new(),
-                ground: Ground::Black,
-                model: Model::default(),
-            },
+            fixed: Fixed::dry(TruncatedNormal::new(0.6, 0.95, 0.798, 0.064).unwrap(), -1.0),
             run: Run {
                 engine,
                 seed: 7,

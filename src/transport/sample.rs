@@ -1,8 +1,8 @@
 //! What a walk needs to know about the snow and the light.
 use crate::grain::{GrainType, mean_free_distance_m};
 use crate::optics::{
-    Carbon, CarbonLaw, Densities, IceTable, Impurity, ImpurityMass, WATER_DENSITY_KG_M3, WaterTable,
-    ice_density_kg_m3,
+    Carbon, CarbonLaw, Densities, IceTable, Impurity, ImpurityMass, WATER_DENSITY_KG_M3,
+    WaterTable, ice_density_kg_m3,
 };
 use crate::transport::Joining;
 
@@ -64,7 +64,12 @@ impl Snow {
     pub fn mean_free_distance_m(&self) -> f64 {
         match self.grains.as_slice() {
             [_] => self.distances_m().sum(),
-            _ => 1.0 / self.distances_m().map(|distance| 1.0 / distance).sum::<f64>(),
+            _ => {
+                1.0 / self
+                    .distances_m()
+                    .map(|distance| 1.0 / distance)
+                    .sum::<f64>()
+            }
         }
     }
 
@@ -83,7 +88,9 @@ impl Snow {
     pub fn sizes_m(&self) -> [f64; 2] {
         let sizes = || self.grains.iter().map(|component| component.grain.size);
         [
-            sizes().map(|size| size.min_m()).fold(f64::INFINITY, f64::min),
+            sizes()
+                .map(|size| size.min_m())
+                .fold(f64::INFINITY, f64::min),
             sizes().map(|size| size.max_m()).fold(0.0, f64::max),
         ]
     }
@@ -91,13 +98,16 @@ impl Snow {
     /// The carbon in it that absorbs.
     pub fn carbon(&self) -> impl Iterator<Item = &Carbon> {
         let all = [&self.black_carbon, &self.brown_carbon];
-        all.into_iter().flatten().filter(|c| c.concentration_ng_g > 0.0)
+        all.into_iter()
+            .flatten()
+            .filter(|c| c.concentration_ng_g > 0.0)
     }
 
     /// What that adds to the absorption of ice and pores.
     pub fn impurities(&self, model: &Model) -> impl Iterator<Item = Impurity> {
         let (law, mass, densities) = (model.carbon_law, model.impurity_mass, self.densities());
-        self.carbon().map(move |carbon| carbon.impurity(law, mass, &densities))
+        self.carbon()
+            .map(move |carbon| carbon.impurity(law, mass, &densities))
     }
 
     /// Its densities.

@@ -472,11 +472,19 @@ impl<S: Sink> Walks<'_, S> {
                 if down && ray.stratum == 0 {
                     self.touch(lane, &first);
                 }
-                let last = if down { self.walker.strata.len() - 1 } else { 0 };
+                let last = if down {
+                    self.walker.strata.len() - 1
+                } else {
+                    0
+                };
                 if ray.stratum == last {
                     break false;
                 }
-                ray.stratum = if down { ray.stratum + 1 } else { ray.stratum - 1 };
+                ray.stratum = if down {
+                    ray.stratum + 1
+                } else {
+                    ray.stratum - 1
+                };
                 proposal = self.proposals[ray.stratum].next(&mut self.rng);
             };
             let absorption = &self.walker.absorption;
@@ -498,12 +506,8 @@ impl<S: Sink> Walks<'_, S> {
                 return self.end_and_resume(lane, end);
             }
             let grain = &proposal.grain;
-            let (point, normal) = contact(
-                grain,
-                self.walker.entry,
-                proposal.projected,
-                ray.direction,
-            );
+            let (point, normal) =
+                contact(grain, self.walker.entry, proposal.projected, ray.direction);
             let scale_m = 0.5 * grain.size_m;
             let [x_m, y_m] = ray.path.offset_m;
             let centre_m = Vec3::new(x_m, y_m, ray.z_m) + point * -scale_m;
@@ -527,7 +531,11 @@ impl<S: Sink> Walks<'_, S> {
                 return self.end_and_resume(lane, End::Absorbed);
             }
             let stratum = &self.walker.strata[ray.stratum];
-            let in_ice = absorption.coefficients.impurities.iter().zip(&stratum.in_ice);
+            let in_ice = absorption
+                .coefficients
+                .impurities
+                .iter()
+                .zip(&stratum.in_ice);
             let in_ice: f64 = in_ice.map(|(factor, per_m)| factor * per_m).sum();
             let ice_per_m = absorption.coefficients.ice_per_m + in_ice;
             let (events, bit) = (&mut self.events[lane / 8], lane % 8);

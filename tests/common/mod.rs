@@ -9,7 +9,7 @@ use splitsnow::engine::{Control, Engine, EngineError, MaxError, Request};
 use splitsnow::grain::TruncatedNormal;
 use splitsnow::grid::{Axes, Compression, Fixed, Grid, Run, Spread};
 use splitsnow::measurement::{Measured, Spectrum};
-use splitsnow::transport::{Illumination, Model};
+use splitsnow::transport::Illumination;
 
 /// Every file below `path`, by its path relative to it, with its bytes.
 pub(crate) fn dir_bytes(path: &Path) -> BTreeMap<String, Vec<u8>> {
@@ -53,12 +53,7 @@ pub(crate) fn grid(engine: Engine) -> Grid {
             grain_size_half_width_um: 50.0,
         },
         wavelengths_nm: vec![400.0, 500.0, 600.0, 700.0],
-        fixed: Fixed {
-            sphericity: TruncatedNormal::new(0.6, 0.95, 0.798, 0.064).unwrap(),
-            temperature_c: -1.0,
-            water_saturation: 0.0,
-            model: Model::default(),
-        },
+        fixed: Fixed::dry(TruncatedNormal::new(0.6, 0.95, 0.798, 0.064).unwrap(), -1.0),
         run: Run {
             engine,
             seed: 7,
@@ -77,7 +72,7 @@ pub(crate) fn simulate(request: &Request, control: &Control) -> Result<Vec<Spect
     if control.cancel.load(Ordering::Relaxed) {
         return Err(EngineError::Cancelled);
     }
-    let grain = request.snow.grain.size.max_m() / request.thicknesses_m[0];
+    let grain = request.pack.longest_grain_m() / request.thicknesses_m[0];
     let lights = request.illuminations.iter();
     let curves = request
         .thicknesses_m

@@ -9,7 +9,8 @@ use splitsnow::measurement::{Measured, Spectrum};
 use splitsnow::optics::Index;
 use splitsnow::rng::{Key, Stream};
 use splitsnow::transport::{
-    Absorption, End, Entry, Illumination, Model, Path, Sink, Snow, Walk, Walker,
+    Absorption, Coefficients, EXPONENTS, End, Entry, Illumination, Model, Path, Sink, Snow, Walk,
+    Walker,
 };
 use statrs::function::erf::erfc_inv;
 
@@ -17,8 +18,11 @@ pub(crate) const NORMAL: Illumination = Illumination::Collimated {
     polar_angle_rad: 0.0,
 };
 pub(crate) const TRANSPARENT: Absorption = Absorption {
-    ice_per_m: 0.0,
-    water_per_m: 0.0,
+    coefficients: Coefficients {
+        ice_per_m: 0.0,
+        water_per_m: 0.0,
+        impurities: [0.0; EXPONENTS],
+    },
     deferred: 0.0,
 };
 pub(crate) const AIR: Index = Index { n: 1.0, k: 0.0 };
@@ -44,15 +48,17 @@ pub(crate) fn stream(cell: u64) -> Stream {
 /// facetness (range 0.1 either way), density and water saturation changed.
 pub(crate) fn snow(size_um: (f64, f64), facetness: f64, density_kg_m3: f64, wet: f64) -> Snow {
     Snow {
-        grain: GrainType {
-            size: SizeRange::new(size_um.0 * 1e-6, size_um.1 * 1e-6).unwrap(),
-            facetness: TruncatedNormal::new(facetness - 0.1, facetness + 0.1, facetness, 0.072)
-                .unwrap(),
-            sphericity: TruncatedNormal::new(0.6, 0.95, 0.798, 0.064).unwrap(),
-        },
-        density_kg_m3,
-        temperature_c: -1.0,
         water_saturation: wet,
+        ..Snow::dry(
+            GrainType {
+                size: SizeRange::new(size_um.0 * 1e-6, size_um.1 * 1e-6).unwrap(),
+                facetness: TruncatedNormal::new(facetness - 0.1, facetness + 0.1, facetness, 0.072)
+                    .unwrap(),
+                sphericity: TruncatedNormal::new(0.6, 0.95, 0.798, 0.064).unwrap(),
+            },
+            density_kg_m3,
+            -1.0,
+        )
     }
 }
 
@@ -64,19 +70,25 @@ pub(crate) fn dry() -> Snow {
 /// Snow of equal smooth spheres.
 pub(crate) fn spheres(size_um: f64, density_kg_m3: f64) -> Snow {
     let constant = |value| TruncatedNormal::new(value, value, value, 0.0).unwrap();
-    Snow {
-        grain: GrainType {
-            size: SizeRange::new(size_um * 1e-6, size_um * 1e-6).unwrap(),
-            facetness: constant(0.0),
-            sphericity: constant(1.0),
-        },
-        ..snow((1.0, 1.0), 0.3, density_kg_m3, 0.0)
-    }
+    let grain = GrainType {
+        size: SizeRange::new(size_um * 1e-6, size_um * 1e-6).unwrap(),
+        facetness: constant(0.0),
+        sphericity: constant(1.0),
+    };
+    Snow::dry(grain, density_kg_m3, -1.0)
 }
 
 /// A walker with real refractive indices `n` of ice in air.
 pub(crate) fn walker(snow: &Snow, entry: Entry, n: f64, absorption: Absorption) -> Walker {
-    Walker::new(snow, entry, (Index { n, k: 0.0 }, AIR), absorption)
+    Walker::new(
+        &snow.clone().into(),
+        &Model {
+            entry,
+            ..Model::default()
+        },
+        (Index { n, k: 0.0 }, AIR),
+        absorption,
+    )
 }
 
 /// Ends of walks in one slab, counted.
@@ -140,7 +152,7 @@ pub(crate) fn spectra(
     rays: u64,
 ) -> Vec<Spectrum> {
     let request = Request {
-        snow,
+        pack: &snow.clone().into(),
         thicknesses_m,
         illuminations: &[illumination],
         resolution: Resolution::default(),

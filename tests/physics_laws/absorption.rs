@@ -3,7 +3,7 @@ use splitsnow::grain::mean_free_distance_m;
 use splitsnow::measurement::Measured;
 use splitsnow::optics::{Index, Interface};
 use splitsnow::rng::Stream;
-use splitsnow::transport::{Absorption, Entry, Snow, Walker};
+use splitsnow::transport::{Absorption, Coefficients, Entry, Model, Snow, Walker};
 use wide::f64x8;
 
 use crate::snow::{AIR, NORMAL, TRANSPARENT, beam, dry, ends, proportion, spheres, walker};
@@ -13,10 +13,18 @@ use crate::{ALPHA, COMPARISONS, assert_close, mean, snow::z_limit};
 fn absorbing(snow: &Snow, k: f64) -> Walker {
     let ice = Index { n: 1.3, k };
     let absorption = Absorption {
-        ice_per_m: ice.absorption_per_m(1000.0),
+        coefficients: Coefficients {
+            ice_per_m: ice.absorption_per_m(1000.0),
+            ..Coefficients::default()
+        },
         ..TRANSPARENT
     };
-    Walker::new(snow, Entry::Uniform, (ice, AIR), absorption)
+    Walker::new(
+        &snow.clone().into(),
+        &Model::default(),
+        (ice, AIR),
+        absorption,
+    )
 }
 
 /// Invisible spheres (n = 1) of diameter s that absorb: the ray alternates
@@ -27,7 +35,7 @@ fn absorbing(snow: &Snow, k: f64) -> Walker {
 fn beer_lambert_in_ice() {
     let (rays, s, alpha) = (500_000, 500e-6, 200.0);
     let snow = spheres(500.0, 300.0);
-    let d = mean_free_distance_m(&snow.grain, 300.0, -1.0);
+    let d = mean_free_distance_m(&snow.grains[0].grain, 300.0, -1.0);
     let excess = |g: f64| {
         let x = (g - alpha) * s;
         x.exp_m1() / x - (1.0 - g * d)
@@ -39,7 +47,10 @@ fn beer_lambert_in_ice() {
         if excess(g) < 0.0 { low = g } else { high = g }
     }
     let absorption = Absorption {
-        ice_per_m: alpha,
+        coefficients: Coefficients {
+            ice_per_m: alpha,
+            ..Coefficients::default()
+        },
         ..TRANSPARENT
     };
     let walker = walker(&snow, Entry::Uniform, 1.0, absorption);
@@ -106,9 +117,12 @@ fn thick_absorbing_slabs_look_alike() {
 fn opaque_ice_reflects_only_at_entry() {
     let rays = 2_000_000;
     let snow = spheres(100.0, 0.1);
-    let d = mean_free_distance_m(&snow.grain, 0.1, -1.0);
+    let d = mean_free_distance_m(&snow.grains[0].grain, 0.1, -1.0);
     let absorption = Absorption {
-        ice_per_m: 1e12,
+        coefficients: Coefficients {
+            ice_per_m: 1e12,
+            ..Coefficients::default()
+        },
         ..TRANSPARENT
     };
     let walker = walker(&snow, Entry::Uniform, 1.31, absorption);

@@ -108,7 +108,11 @@ const THIN: f64 = 1.0;
 const DENSE: f64 = 275.0;
 
 fn exchange(snow: &Snow, entry: Entry, cell: u64) -> Exchange {
-    let d = mean_free_distance_m(&snow.grain, snow.density_kg_m3, snow.temperature_c);
+    let d = mean_free_distance_m(
+        &snow.grains[0].grain,
+        snow.density_kg_m3,
+        snow.temperature_c,
+    );
     Exchange::measure(snow, entry, FLIGHTS * d, cell)
 }
 

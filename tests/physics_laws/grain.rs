@@ -150,7 +150,7 @@ fn smooth_spheres_have_closed_forms() {
         for n in [1.31, 1.5] {
             let [mut entered, mut path, mut first, mut cosine] = [const { Mean::new() }; 4];
             events(
-                &spheres(1e6, 300.0).grain,
+                &spheres(1e6, 300.0).grains[0].grain,
                 entry,
                 n,
                 count,
@@ -202,10 +202,17 @@ fn smooth_spheres_have_closed_forms() {
 fn representative_grains_scatter_as_published() {
     for (cell, n, g, path_mm) in [(110, 1.3194, 0.422, 0.475), (111, 1.3069, 0.430, 0.465)] {
         let [mut cosine, mut path] = [const { Mean::new() }; 2];
-        events(&dry().grain, Entry::Uniform, n, 12_000_000, cell, |o| {
-            cosine.add(o.cos);
-            path.add(o.ice_m * 1e3);
-        });
+        events(
+            &dry().grains[0].grain,
+            Entry::Uniform,
+            n,
+            12_000_000,
+            cell,
+            |o| {
+                cosine.add(o.cos);
+                path.add(o.ice_m * 1e3);
+            },
+        );
         for (name, found, published) in [("g", cosine, g), ("path, mm", path, path_mm)] {
             let m = found.measured();
             println!("n = {n}: {name} {:.5} +- {:.5}", m.value, m.se);

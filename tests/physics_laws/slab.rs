@@ -1,7 +1,9 @@
 //! Slabs without absorption in ice: conservation and closed forms.
 use splitsnow::math::Vec3;
 use splitsnow::optics::Index;
-use splitsnow::transport::{Absorption, End, Entry, Illumination, Path, Walk, Walker};
+use splitsnow::transport::{
+    Absorption, Coefficients, End, Entry, Illumination, Model, Path, Walk, Walker,
+};
 
 use crate::snow::{
     AIR, Each, Ends, NORMAL, TRANSPARENT, beam, dry, ends, proportion, snow, spheres, stream,
@@ -27,7 +29,15 @@ fn every_ray_is_accounted_for() {
             (Entry::Uniform, Illumination::Diffuse),
             (Entry::Projected, beam(60.0)),
         ] {
-            let walker = Walker::new(snow, entry, (Index { n: 1.31, k: 0.0 }, water), TRANSPARENT);
+            let walker = Walker::new(
+                &snow.clone().into(),
+                &Model {
+                    entry,
+                    ..Model::default()
+                },
+                (Index { n: 1.31, k: 0.0 }, water),
+                TRANSPARENT,
+            );
             let counts = ends(&walker, 5e-3, light, rays, cell as u64);
             assert_eq!(counts.absorbed, 0);
             assert_eq!(counts.lost, 0, "no grain of these samples traps light");
@@ -44,7 +54,10 @@ fn every_ray_is_accounted_for() {
 fn without_grains_a_slab_is_free() {
     let (rays, alpha, h) = (400_000, 50.0, 0.02);
     let water = Absorption {
-        water_per_m: alpha,
+        coefficients: Coefficients {
+            water_per_m: alpha,
+            ..Coefficients::default()
+        },
         ..TRANSPARENT
     };
     let lights = [
@@ -98,12 +111,25 @@ fn grains_of_matching_index_are_invisible() {
                 TRANSPARENT,
             );
             assert_eq!(ends(&air, 0.01, light, rays, 20), all);
-            let water = Walker::new(&drowned, entry, (ice, ice), TRANSPARENT);
+            let water = Walker::new(
+                &drowned.clone().into(),
+                &Model {
+                    entry,
+                    ..Model::default()
+                },
+                (ice, ice),
+                TRANSPARENT,
+            );
             assert_eq!(ends(&water, 0.01, light, rays, 21), all);
         }
     }
     // and it takes no more than another index to make it visible
-    let seen = Walker::new(&drowned, Entry::Uniform, (ice, AIR), TRANSPARENT);
+    let seen = Walker::new(
+        &drowned.clone().into(),
+        &Model::default(),
+        (ice, AIR),
+        TRANSPARENT,
+    );
     assert!(ends(&seen, 0.01, NORMAL, rays, 22).reflected > 0);
 }
 
@@ -118,7 +144,7 @@ fn grains_of_matching_index_are_invisible() {
 fn unscattered_light_follows_the_boundary_rule() {
     let (rays, s, h) = (1_000_000, 500e-6, 2e-3);
     let snow = spheres(500.0, 200.0);
-    let d = splitsnow::grain::mean_free_distance_m(&snow.grain, 200.0, -1.0);
+    let d = splitsnow::grain::mean_free_distance_m(&snow.grains[0].grain, 200.0, -1.0);
     for (entry, weight) in [
         (Entry::Uniform, (|_| 1.0) as fn(f64) -> f64),
         (Entry::Projected, |u| 2.0 * u),

@@ -2,7 +2,9 @@
 use splitsnow::grain::mean_free_distance_m;
 use splitsnow::math::Vec3;
 use splitsnow::optics::Index;
-use splitsnow::transport::{Absorption, End, Entry, Illumination, Path, Snow, Walk, Walker};
+use splitsnow::transport::{
+    Absorption, Coefficients, End, Entry, Illumination, Model, Path, Snow, Walk, Walker,
+};
 
 use crate::snow::{AIR, Each, NORMAL, TRANSPARENT, spheres, stream, walker};
 use crate::{assert_distributed, assert_uniform, cell};
@@ -15,19 +17,30 @@ const DENSITY: f64 = 0.01;
 /// all enter it. Calls `each` with the paths.
 fn first_grains(snow: &Snow, entry: Entry, number: u64, mut each: impl FnMut(&Path)) {
     let absorption = Absorption {
-        ice_per_m: 1e12,
-        water_per_m: 1e-12,
+        coefficients: Coefficients {
+            ice_per_m: 1e12,
+            water_per_m: 1e-12,
+            ..Coefficients::default()
+        },
         deferred: 0.0,
     };
-    let d = mean_free_distance_m(&snow.grain, DENSITY, snow.temperature_c);
+    let d = mean_free_distance_m(&snow.grains[0].grain, DENSITY, snow.temperature_c);
     let mut sink = Each(|end, path: &Path, _: Vec3| {
         if end == End::Absorbed {
             each(path);
         }
     });
-    Walker::new(snow, entry, (AIR, AIR), absorption)
-        .walk(&[50.0 * d], NORMAL, 500_000, stream(number), &mut sink)
-        .unwrap();
+    Walker::new(
+        &snow.clone().into(),
+        &Model {
+            entry,
+            ..Model::default()
+        },
+        (AIR, AIR),
+        absorption,
+    )
+    .walk(&[50.0 * d], NORMAL, 500_000, stream(number), &mut sink)
+    .unwrap();
 }
 
 /// Flights are exponential with the mean free distance, and a share S of them
@@ -38,7 +51,7 @@ fn flights_and_media() {
         water_saturation: 1.0, // outside the model's range, but shows every flight
         ..spheres(100.0, DENSITY)
     };
-    let d = mean_free_distance_m(&drowned.grain, DENSITY, -1.0);
+    let d = mean_free_distance_m(&drowned.grains[0].grain, DENSITY, -1.0);
     let mut flights = [0u64; 100];
     first_grains(&drowned, Entry::Uniform, 60, |path| {
         flights[cell((-path.water_m / d).exp(), 100)] += 1;

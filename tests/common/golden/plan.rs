@@ -25,14 +25,16 @@ impl GoldenSnow {
         let (min, max) = ((mean - half_width).max(0.0), (mean + half_width).min(1.0));
         let [size_min_um, size_max_um] = self.size_um;
         Snow {
-            grain: GrainType {
-                size: SizeRange::new(um_to_m(size_min_um), um_to_m(size_max_um)).unwrap(),
-                facetness: TruncatedNormal::new(min, max, mean, 0.072).unwrap(),
-                sphericity: TruncatedNormal::new(0.6, 0.95, 0.798, 0.064).unwrap(),
-            },
-            density_kg_m3: self.density_kg_m3,
-            temperature_c: -1.0,
             water_saturation: self.saturation,
+            ..Snow::dry(
+                GrainType {
+                    size: SizeRange::new(um_to_m(size_min_um), um_to_m(size_max_um)).unwrap(),
+                    facetness: TruncatedNormal::new(min, max, mean, 0.072).unwrap(),
+                    sphericity: TruncatedNormal::new(0.6, 0.95, 0.798, 0.064).unwrap(),
+                },
+                self.density_kg_m3,
+                -1.0,
+            )
         }
     }
 }
