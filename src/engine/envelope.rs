@@ -3,7 +3,7 @@
 //! tests/stability.rs tries both sides.
 use crate::engine::{Engine, EngineError, Request};
 pub use crate::transport::FIRST_FLIGHT;
-use crate::transport::{EXPONENTS, Illumination, Joining, Snow};
+use crate::transport::{EXPONENTS, Illumination, Snow};
 
 /// Fewest entries of a table of grain events: with N of them R and T are off
 /// by some 0.1 / sqrt(N).
@@ -29,31 +29,6 @@ fn slimmest_m(snow: &Snow) -> f64 {
 }
 
 impl Engine {
-    /// Whether the engine computes packs of this kind.
-    fn can(self, request: &Request) -> Result<(), EngineError> {
-        let pack = request.pack;
-        let unable = |what| {
-            Err(EngineError::Unable {
-                engine: self,
-                what,
-                instead: Self::Spectral,
-            })
-        };
-        if matches!(self, Self::Tabulated | Self::Doubling) {
-            let continuous = request.model.joining == Joining::Continuous;
-            if continuous && !pack.below.is_empty() {
-                return unable("several layers");
-            }
-            if pack.snows().any(|snow| snow.grains.len() > 1) {
-                return unable("several types of grain");
-            }
-            if !pack.exponents().is_empty() {
-                return unable("carbon");
-            }
-        }
-        Ok(())
-    }
-
     /// Whether the engine holds, within its stated error, for `request`.
     ///
     /// # Errors
@@ -72,7 +47,6 @@ impl Engine {
                 below_m: pack.below_m(),
             });
         }
-        self.can(request)?;
         let slimmest_m = pack.snows().map(slimmest_m).fold(0.0, f64::max);
         let mut limits = vec![Limit {
             what: "thickness in axes of the slimmest grain",

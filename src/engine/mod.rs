@@ -136,16 +136,6 @@ pub enum EngineError {
         /// An engine that holds there, if there is one.
         instead: Option<Engine>,
     },
-    /// The engine does not compute such a pack.
-    #[error("`{}` does not compute {what}; use the engine `{}`", engine.name(), instead.name())]
-    Unable {
-        /// The engine that refuses.
-        engine: Engine,
-        /// What it cannot do.
-        what: &'static str,
-        /// One that can.
-        instead: Engine,
-    },
     /// The carbon in a pack has too many different exponents.
     #[error(
         "the carbon in the pack has {found} different Angstrom exponents; at most {EXPONENTS} are allowed"

@@ -21,7 +21,7 @@ use crate::engine::{Control, EngineError, Request, batches, coefficients, indice
 use crate::math::Vec3;
 use crate::measurement::{Estimate, Measured, Spectrum};
 use crate::optics::Index;
-use crate::table::{TableSnow, TableWalker};
+use crate::table::TableWalker;
 use crate::transport::{Absorption, Coefficients, End, Path, Sink, Walker};
 
 /// Optical depth of the least absorbed wavelength that every walk survives.
@@ -206,11 +206,11 @@ fn walk_node(
         }
         Grains::Tabulated => {
             let outcomes = tables::outcomes(request, control, node)?;
+            let stretches = tables::stretches(request, heights_m[heights - 1]);
             let walker = |batch: u64| {
                 let part = batch as usize % tables::PARTS;
-                let tables = outcomes.each_ref().map(|outcomes| &outcomes.tables[part]);
-                let snow = TableSnow::new(&request.pack.surface, tables);
-                TableWalker { snow, absorption }
+                let pack = tables::pack(request, &outcomes, part, &stretches);
+                TableWalker { pack, absorption }
             };
             let purpose = [3, number as u32, 0];
             batches::run(request, control, walker, heights_m, light, purpose, &empty)?

@@ -7,8 +7,8 @@ use crate::engine::{Control, EngineError, Request, Resolution, batches};
 use crate::grain::{GrainType, SizeRange, Surface};
 use crate::optics::Index;
 use crate::rng::{Key, Stream};
-use crate::table::{Kernel, Table, draw};
-use crate::transport::Entry;
+use crate::table::{Kernel, Table, TablePack, TableStratum, draw};
+use crate::transport::{Entry, Layer, Snow};
 
 /// Outcomes drawn with one stream.
 const BATCH: usize = 1 << 14;
@@ -40,20 +40,22 @@ pub(super) struct Outcomes {
     pub(super) kernel: Kernel,
 }
 
-/// The outcomes of the grains of `request` in air and in water, at the
-/// indices `(ice, water)`; those in air stand for both in dry snow.
+/// Outcomes of the grains of each type in each layer of a pack, from the surface
+/// down, in air and in water; those in air stand for both in dry snow.
+pub(super) type PackOutcomes = Vec<Vec<[Arc<Outcomes>; 2]>>;
+
+/// Those of the pack of `request` at the indices `(ice, water)`.
 pub(super) fn outcomes(
     request: &Request,
     control: &Control,
     (ice, water): (Index, Index),
-) -> Result<[Arc<Outcomes>; 2], EngineError> {
-    let wet = request.pack.surface.water_saturation > 0.0;
-    let [air, water] = Surface::in_air_and_water(ice, water, wet);
-    let one = |surface| {
+) -> Result<PackOutcomes, EngineError> {
+    let [air, water] = Surface::in_air_and_water(ice, water, request.pack.is_wet());
+    let one = |grain: &GrainType, surface| {
         let recipe = Recipe {
             grain: GrainType {
                 size: SizeRange::UNIT,
-                ..request.pack.surface.grains[0].grain
+                ..*grain
             },
             entry: request.model.entry,
             surface,
@@ -62,9 +64,62 @@ pub(super) fn outcomes(
         };
         control.cache.tables.get(&recipe, || recipe.make(control))
     };
-    let air = one(air)?;
-    let water = if wet { one(water)? } else { Arc::clone(&air) };
-    Ok([air, water])
+    let of = |snow: &Snow| {
+        let kinds = snow.grains.iter().map(|component| {
+            let in_air = one(&component.grain, air)?;
+            let in_water = match snow.water_saturation {
+                0.0 => Arc::clone(&in_air),
+                _ => one(&component.grain, water)?,
+            };
+            Ok([in_air, in_water])
+        });
+        kinds.collect()
+    };
+    request.pack.snows().map(of).collect()
+}
+
+/// A stretch of the `snow`-th layer of a pack, counted from the surface.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub(super) struct Stretch {
+    pub(super) snow: usize,
+    pub(super) thickness_m: f64,
+}
+
+/// Snow in these `stretches`, from the surface down, with the tables of `part`.
+pub(super) fn pack<'a>(
+    request: &Request,
+    outcomes: &'a PackOutcomes,
+    part: usize,
+    stretches: &[Stretch],
+) -> TablePack<'a> {
+    let exponents = request.pack.exponents();
+    let snows: Vec<&Snow> = request.pack.snows().collect();
+    let stratum = |(i, stretch): (usize, &Stretch)| {
+        let tables: Vec<_> = outcomes[stretch.snow]
+            .iter()
+            .map(|media| media.each_ref().map(|outcomes| &outcomes.tables[part]))
+            .collect();
+        let below = stretches[i + 1..].iter().map(|stretch| stretch.thickness_m);
+        TableStratum::new(
+            snows[stretch.snow],
+            below.sum(),
+            request.model,
+            &exponents,
+            &tables,
+        )
+    };
+    let strata = stretches.iter().enumerate().map(stratum).collect();
+    TablePack::new(strata, exponents.len())
+}
+
+/// The layers of the pack of `request` at this thickness, from the surface down.
+pub(super) fn stretches(request: &Request, thickness_m: f64) -> Vec<Stretch> {
+    let layers = request.pack.layers(thickness_m).into_iter().enumerate();
+    let stretch = |(snow, layer): (usize, Layer)| Stretch {
+        snow,
+        thickness_m: layer.thickness_m,
+    };
+    layers.map(stretch).collect()
 }
 
 impl Recipe {

@@ -14,9 +14,10 @@ use wide::f64x8;
 
 use crate::math::legendre;
 use crate::rng::Stream;
-use crate::table::rays::{Rays, TableSnow, Variates};
-use crate::table::{Histogram, lanes};
-use crate::transport::{EVENT_LIMIT, REJECTION_LIMIT, WalkError};
+use crate::table::rays::{Ray, Variates};
+use crate::table::step::{Steps, Stuck};
+use crate::table::{Histogram, TablePack, lanes};
+use crate::transport::WalkError;
 
 /// Grain events that draw on the lattice.
 const LATTICE_EVENTS: usize = 5;
@@ -41,11 +42,11 @@ pub enum Source {
     Below(f64),
 }
 
-/// A layer of snow under a surface.
-#[derive(Debug, Clone, Copy)]
-pub struct Layer<'a> {
+/// The snow next to a surface.
+#[derive(Debug, Clone)]
+pub struct Region<'a> {
     /// The snow.
-    pub snow: TableSnow<'a>,
+    pub pack: TablePack<'a>,
     /// Thickness, m.
     pub thickness_m: f64,
     /// What is below.
@@ -109,7 +110,7 @@ impl Lattice {
     }
 }
 
-impl Layer<'_> {
+impl Region<'_> {
     /// Walks `rays` rays from `source` until they leave and scores `moments`
     /// moments of those that leave below.
     ///
@@ -123,30 +124,24 @@ impl Layer<'_> {
         mut rng: Stream,
     ) -> Result<Scores, WalkError> {
         let Self {
-            snow,
+            pack,
             thickness_m,
             lower,
-        } = *self;
-        let wet = snow.water_saturation > 0.0;
-        let per_event = if wet { 4 } else { 3 };
+        } = self;
+        let (thickness_m, open) = (*thickness_m, *lower == Lower::Open);
+        let per_event = if pack.wet { 4 } else { 3 };
         let mut lattice = Lattice::new(per_event * LATTICE_EVENTS, &mut rng);
-        let scale_m = snow.size_m[1];
+        let scale_m = pack.longest_m();
         let mut scores = Scores {
-            out: Histogram::new(scale_m, 1),
-            through: Histogram::new(scale_m, moments),
+            out: Histogram::new(scale_m, pack.exponents, 1),
+            through: Histogram::new(scale_m, pack.exponents, moments),
             rays,
         };
         let (one, zero) = (f64x8::ONE, f64x8::ZERO);
-        let depth_m = f64x8::splat(thickness_m);
-        let open = lower == Lower::Open;
-        let mut state = Rays::default();
+        let last = pack.strata.len() - 1;
+        let mut steps = Steps::new(pack, open);
         let mut queue = [[zero; LATTICE_EVENTS]; 4];
         let mut queued = zero;
-        // A ray from below is on a flight that began below: where it comes back
-        // to if its grain does not fit. Its path in water counts from there:
-        // what crosses water that absorbs is the less likely to have arrived.
-        let mut flown_m = zero;
-        let (mut rejections, mut events) = (zero, zero);
         let mut started = 0;
         let mut scored = vec![0.0; moments];
         let mut walking = 0xff;
@@ -162,28 +157,37 @@ impl Layer<'_> {
                     place.as_mut_array()[lane] = coordinate;
                 }
                 queued.as_mut_array()[lane] = LATTICE_EVENTS as f64;
-                rejections.as_mut_array()[lane] = 0.0;
-                events.as_mut_array()[lane] = 0.0;
+                // A ray from below is on a flight that began below: where it comes
+                // back to if its grain does not fit. Its path in the pores counts
+                // from there: what crosses pores that absorb is the less likely to
+                // have arrived.
                 let mut behind_m = 0.0;
-                let (z_m, mu) = match source {
-                    Source::Above(mu) => (0.0, mu),
+                let (z_m, mu, stratum) = match source {
+                    Source::Above(mu) => (0.0, mu, 0),
                     Source::Diffuse => {
                         let u = (started as f64 + rng.uniform().as_array()[0]) / rays as f64;
-                        (0.0, snow.diffuse_cosine(u))
+                        (0.0, pack.diffuse_cosine(u), 0)
                     }
                     Source::Below(mu) => {
-                        behind_m = snow.mean_free_distance_m * rng.exponential().as_array()[0];
-                        (thickness_m + mu * behind_m, -mu)
+                        let distance_m = pack.strata[last].mean_free_distance_m;
+                        behind_m = distance_m * rng.exponential().as_array()[0];
+                        (thickness_m + mu * behind_m, -mu, last)
                     }
                 };
-                flown_m.as_mut_array()[lane] = behind_m;
-                state.set(lane, [z_m, mu, 0.0, 0.0]);
+                let ray = Ray {
+                    z_m,
+                    mu,
+                    stratum,
+                    ..Ray::default()
+                };
+                steps.start(lane, &ray, thickness_m);
+                steps.flown_m.as_mut_array()[lane] = behind_m;
                 started += 1;
             }
             if walking == 0 {
                 return Ok(scores);
             }
-            let mut variates = Variates::draw(wet, &mut rng);
+            let mut variates = Variates::draw(pack.wet, &mut rng);
             let on_lattice = queued.simd_gt(zero);
             if on_lattice.any() {
                 for (variate, queue) in variates
@@ -197,55 +201,23 @@ impl Layer<'_> {
                 }
                 queued -= one & on_lattice;
             }
-            let mut flight = snow.fly(&state, &variates);
-            flight.length_m += flown_m;
-            flight.end_m += flown_m * state.mu;
-            flown_m = zero;
-            let above = flight.end_m.simd_lt(zero);
-            let below = flight.end_m.simd_gt(depth_m) & state.mu.simd_gt(zero);
-            let out = above | below;
-            let mut rejected = zero;
-            let mut near = !out & flight.end_m.simd_lt(flight.size_m);
-            if !open {
-                near |= !out & flight.end_m.simd_gt(depth_m - flight.size_m);
+            let stepped = steps
+                .step(&mut variates, walking, |_, _, _| {})
+                .map_err(|Stuck(_)| WalkError::TooThin { thickness_m })?;
+            let mut handed = stepped.below;
+            if open {
+                let rays = &steps.rays;
+                let under = rays.z_m.simd_gt(f64x8::splat(thickness_m)) & rays.mu.simd_gt(zero);
+                handed |= under.to_bitmask() & stepped.met;
             }
-            if near.to_bitmask() & walking != 0 {
-                let [top_m, bottom_m] = snow.extent_m(&state, &flight);
-                rejected = near & top_m.simd_lt(zero);
-                if !open {
-                    rejected |= near & bottom_m.simd_gt(depth_m);
-                }
-                let stuck = rejections.simd_ge(f64x8::splat(f64::from(REJECTION_LIMIT)));
-                if stuck.to_bitmask() & walking != 0 {
-                    return Err(WalkError::TooThin { thickness_m });
-                }
-            }
-            rejections = rejected.select(rejections + one, zero);
-            let met = !(out | rejected);
-            snow.scatter(&mut state, &flight, met);
-            events += one & met;
-            if wet {
-                let plane_m = below.select(depth_m, zero);
-                let flown_m = (plane_m - state.z_m) / state.mu;
-                // beyond the plane the flight is the next layer's
-                state.water_m += flown_m & (out & flight.wet);
-            }
-            let handed = if open {
-                below | (met & state.z_m.simd_gt(depth_m) & state.mu.simd_gt(zero))
-            } else {
-                below
-            };
-            let lost = state.ice_m.simd_eq(f64x8::splat(f64::INFINITY))
-                | events.simd_ge(f64x8::splat(EVENT_LIMIT as f64));
-            let [above, handed, lost] = [above, handed, lost].map(f64x8::to_bitmask);
-            ended = (above | handed | lost) & walking;
-            for lane in lanes(ended & !lost) {
-                let [_, mu, ice_m, water_m] = state.get(lane);
-                if above >> lane & 1 == 1 {
-                    scores.out.add(ice_m, water_m, &[1.0]);
+            ended = (stepped.above | handed | stepped.lost) & walking;
+            for lane in lanes(ended & !stepped.lost) {
+                let Ray { mu, path, .. } = steps.rays.get(lane);
+                if stepped.above >> lane & 1 == 1 {
+                    scores.out.add(&path, &[1.0]);
                 } else {
                     legendre(2.0 * mu - 1.0, &mut scored);
-                    scores.through.add(ice_m, water_m, &scored);
+                    scores.through.add(&path, &scored);
                 }
             }
         }

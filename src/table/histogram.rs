@@ -1,6 +1,7 @@
-//! Scores of walks by their paths in ice and water, from which the mean score
-//! at any absorption follows.
+//! Scores of walks by their paths in ice, water and impurities, from which the
+//! mean score at any absorption follows.
 use crate::math::exp_neg;
+use crate::transport::{Coefficients, EXPONENTS, Path};
 
 /// Bins per factor of two of path in ice, a power of two; of path in water half as many.
 const BINS_PER_OCTAVE: u32 = 4;
@@ -13,17 +14,26 @@ const OCTAVES: u32 = 20;
 pub struct Histogram {
     /// One over the unit of path lengths, 1/m.
     per_m: f64,
+    /// Impurities whose depths are kept.
+    impurities: usize,
     /// Scores per ray.
     columns: usize,
-    /// Where the bins of `sums` are, by path in ice and in water; 0 for none.
+    /// Where the bins of `sums` are, by path in ice and in water (or, where there
+    /// is none, the depth of the first impurity); 0 for none.
     places: Vec<u32>,
-    /// Per bin: rays, their paths in ice and water, the squares and the
-    /// product of these; then the scores.
+    /// Per bin: rays; their paths in ice and water and depths of impurities,
+    /// the squares and the products of two of these; then the scores.
     sums: Vec<f64>,
 }
 
-/// Sums of a bin that come before its scores.
-const PATHS: usize = 6;
+/// Paths and depths of a ray, at most.
+const MOST: usize = 2 + EXPONENTS;
+
+/// Sums of a bin that come before its scores, of `paths` paths and depths.
+const fn moments(paths: usize) -> usize {
+    1 + paths + paths * (paths + 1) / 2
+}
+
 const WATER_BINS: usize = bins(BINS_PER_OCTAVE / 2);
 
 const fn bins(per_octave: u32) -> usize {
@@ -43,41 +53,59 @@ fn bin(x: f64, per_octave: u32) -> usize {
 }
 
 impl Histogram {
-    /// Empty, for paths of about `scale_m` and `columns` scores per ray.
+    /// Empty, for paths of about `scale_m`, so many `impurities` (of at most
+    /// [`EXPONENTS`]) and `columns` scores per ray.
     #[must_use]
-    pub fn new(scale_m: f64, columns: usize) -> Self {
+    pub fn new(scale_m: f64, impurities: usize, columns: usize) -> Self {
         Self {
             per_m: 1.0 / scale_m,
+            impurities: impurities.min(EXPONENTS),
             columns,
             ..Self::default()
         }
     }
 
+    /// Sums per bin.
+    fn width(&self) -> usize {
+        moments(2 + self.impurities) + self.columns
+    }
+
     /// Adds a ray's scores.
     #[inline]
-    pub fn add(&mut self, ice_m: f64, water_m: f64, scores: &[f64]) {
-        let (ice, water) = (ice_m * self.per_m, water_m * self.per_m);
-        let place = bin(ice, BINS_PER_OCTAVE) * WATER_BINS + bin(water, BINS_PER_OCTAVE / 2);
+    pub fn add(&mut self, path: &Path, scores: &[f64]) {
+        let mut all = [0.0; MOST];
+        (all[0], all[1]) = (path.ice_m * self.per_m, path.water_m * self.per_m);
+        all[2..].copy_from_slice(&path.impurities);
+        let second = if all[1] > 0.0 { all[1] } else { all[2] };
+        let place = bin(all[0], BINS_PER_OCTAVE) * WATER_BINS + bin(second, BINS_PER_OCTAVE / 2);
         if place >= self.places.len() {
             self.places.resize(place + 1, 0);
         }
-        let width = PATHS + self.columns;
+        let width = self.width();
         if self.places[place] == 0 {
             self.sums.resize(self.sums.len() + width, 0.0);
             self.places[place] = (self.sums.len() / width) as u32;
         }
         let start = (self.places[place] as usize - 1) * width;
-        let sums = &mut self.sums[start..start + width];
-        let paths = [1.0, ice, water, ice * ice, water * water, ice * water];
-        let all = paths.iter().chain(scores);
-        sums.iter_mut()
-            .zip(all)
-            .for_each(|(sum, value)| *sum += value);
+        let mut sums = self.sums[start..start + width].iter_mut();
+        let paths = &all[..2 + self.impurities];
+        let mut next = |value: f64| {
+            if let Some(sum) = sums.next() {
+                *sum += value;
+            }
+        };
+        next(1.0);
+        paths.iter().for_each(|x| next(*x));
+        paths.iter().for_each(|x| next(x * x));
+        for (i, x) in paths.iter().enumerate() {
+            paths[i + 1..].iter().for_each(|y| next(x * y));
+        }
+        scores.iter().for_each(|score| next(*score));
     }
 
     /// Adds the sums of another of the same kind.
     pub fn merge(&mut self, other: &Self) {
-        let width = PATHS + self.columns;
+        let width = self.width();
         if self.places.len() < other.places.len() {
             self.places.resize(other.places.len(), 0);
         }
@@ -95,21 +123,36 @@ impl Histogram {
         }
     }
 
-    /// Sums of the scores, each ray weighted by exp(-alpha L) in ice and
-    /// water; `scores` receives them.
+    /// Sums of the scores, each ray weighted by exp(-depth) at these
+    /// `coefficients`; `scores` receives them.
     ///
     /// Within a bin the weight is that of the mean path and, to second order,
     /// of the spread about it.
-    pub fn weighted(&self, ice_per_m: f64, water_per_m: f64, scores: &mut [f64]) {
-        let (a, w) = (ice_per_m / self.per_m, water_per_m / self.per_m);
+    pub fn weighted(&self, coefficients: &Coefficients, scores: &mut [f64]) {
+        let mut all = [0.0; MOST];
+        all[0] = coefficients.ice_per_m / self.per_m;
+        all[1] = coefficients.water_per_m / self.per_m;
+        all[2..].copy_from_slice(&coefficients.impurities);
+        let n = 2 + self.impurities;
+        let per = &all[..n];
         scores.fill(0.0);
-        for bin in self.sums.chunks_exact(PATHS + self.columns) {
-            let (paths, sums) = bin.split_at(PATHS);
-            let [ice, water, ice_sq, water_sq, both] = [1, 2, 3, 4, 5].map(|i| paths[i] / paths[0]);
-            let variance = a * a * (ice_sq - ice * ice)
-                + w * w * (water_sq - water * water)
-                + 2.0 * a * w * (both - ice * water);
-            let weight = exp_neg(a * ice + w * water) * (1.0 + 0.5 * variance.max(0.0));
+        for bin in self.sums.chunks_exact(self.width()) {
+            let (paths, sums) = bin.split_at(moments(n));
+            let mean = |i: usize| paths[i] / paths[0];
+            let mut depth = 0.0;
+            let mut variance = 0.0;
+            for (i, a) in per.iter().enumerate() {
+                depth += a * mean(1 + i);
+                variance += a * a * (mean(1 + n + i) - mean(1 + i) * mean(1 + i));
+            }
+            let mut place = 1 + 2 * n;
+            for (i, a) in per.iter().enumerate() {
+                for (j, w) in per.iter().enumerate().skip(i + 1) {
+                    variance += 2.0 * a * w * (mean(place) - mean(1 + i) * mean(1 + j));
+                    place += 1;
+                }
+            }
+            let weight = exp_neg(depth) * (1.0 + 0.5 * variance.max(0.0));
             let sums = scores.iter_mut().zip(sums);
             sums.for_each(|(score, sum)| *score += weight * sum);
         }

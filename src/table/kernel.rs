@@ -2,6 +2,7 @@
 //! absorption, and how far a grain carries the ray.
 use crate::math::{DEGREES, legendre};
 use crate::table::{Histogram, Outcome};
+use crate::transport::{Coefficients, Path};
 
 /// Scores before the moments: displacement along the incoming and along the
 /// outgoing ray and its square.
@@ -26,7 +27,7 @@ pub struct Kernel {
 }
 
 /// A grain event on average, each ray weighted by exp(-alpha L).
-#[derive(Debug, Clone, PartialEq)]
+#[derive(Debug, Clone, PartialEq, Default)]
 pub struct Event {
     /// E[exp(-alpha L) P_l(cos Theta)]; the first is the single-scattering albedo.
     pub moments: Vec<f64>,
@@ -41,7 +42,7 @@ impl Kernel {
     #[must_use]
     pub fn new(outcomes: &[Outcome], moments: usize) -> Self {
         let moments = moments.min(DEGREES);
-        let mut sums = Histogram::new(1.0, DISPLACEMENTS + moments);
+        let mut sums = Histogram::new(1.0, 0, DISPLACEMENTS + moments);
         let mut scores = vec![0.0; DISPLACEMENTS + moments];
         for outcome in outcomes.iter().filter(|o| o.ice.is_finite()) {
             let (cos, sin) = (f64::from(outcome.cos), f64::from(outcome.sin));
@@ -50,7 +51,11 @@ impl Kernel {
             scores[1] = along * cos + x * sin;
             scores[2] = x * x + y * y + along * along;
             legendre(cos, &mut scores[DISPLACEMENTS..]);
-            sums.add(f64::from(outcome.ice), 0.0, &scores);
+            let path = Path {
+                ice_m: f64::from(outcome.ice),
+                ..Path::default()
+            };
+            sums.add(&path, &scores);
         }
         Self {
             sums,
@@ -74,7 +79,11 @@ impl Kernel {
         let [min, max] = size_m;
         for [u, weight] in SIZES {
             let size = min + (max - min) * u;
-            self.sums.weighted(ice_per_m * size, 0.0, &mut sums);
+            let coefficients = Coefficients {
+                ice_per_m: ice_per_m * size,
+                ..Coefficients::default()
+            };
+            self.sums.weighted(&coefficients, &mut sums);
             for (column, (mean, sum)) in means.iter_mut().zip(&sums).enumerate() {
                 let scale = match column {
                     0 | 1 => size,

@@ -5,16 +5,18 @@ mod boundary;
 mod histogram;
 mod kernel;
 mod outcome;
+mod pack;
 mod packed;
 mod rays;
 mod slab;
+mod step;
 
-pub use boundary::{Layer, Lower, Scores, Source};
+pub use boundary::{Lower, Region, Scores, Source};
 pub use histogram::Histogram;
 pub use kernel::{Event, Kernel};
 pub use outcome::{Outcome, draw};
+pub use pack::{TablePack, TableStratum};
 pub use packed::Table;
-pub use rays::TableSnow;
 pub use slab::TableWalker;
 
 /// The lanes set in a mask.

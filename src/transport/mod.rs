@@ -5,7 +5,7 @@ mod report;
 mod sample;
 mod walk;
 
-pub use pack::{EXPONENTS, Ground, Joining, Layer, Pack};
+pub use pack::{EXPONENTS, Ground, Joining, Layer, Pack, impurities_per_m};
 pub use proposal::contact;
 pub use report::{Absorption, Coefficients, End, Path, Sink};
 pub use sample::{Component, Entry, FIRST_FLIGHT, Illumination, Model, Snow, diffuse_cosine};

@@ -1,7 +1,9 @@
 //! A snow pack: layers of snow on a ground.
 use std::path::PathBuf;
 
-use super::Snow;
+use super::{Model, Snow};
+#[cfg(doc)]
+use crate::optics::IMPURITY_NM;
 use crate::spectrum::Table;
 
 /// Different Angstrom exponents that the impurities of one pack may have.
@@ -65,6 +67,22 @@ impl Joining {
             Self::Cascade => "cascade",
         }
     }
+}
+
+/// What impurities of each of the `exponents` absorb in the ice and in the pores
+/// of `snow`, 1/m at [`IMPURITY_NM`].
+#[must_use]
+pub fn impurities_per_m(snow: &Snow, model: &Model, exponents: &[f64]) -> [[f64; EXPONENTS]; 2] {
+    let mut sums = [[0.0; EXPONENTS]; 2];
+    for impurity in snow.impurities(model) {
+        let same = |exponent: &f64| *exponent == impurity.angstrom_exponent;
+        let place = exponents.iter().take(EXPONENTS).position(same);
+        if let Some(i) = place {
+            sums[0][i] += impurity.ice_per_m;
+            sums[1][i] += impurity.pores_per_m;
+        }
+    }
+    sums
 }
 
 /// A snow pack but for its thickness, which is that of all layers together: the

@@ -22,11 +22,12 @@
 //! different thicknesses are correlated.
 use crate::grain::{Events, Surface, half_height};
 use crate::math::Vec3;
-use crate::optics::{Impurity, Index};
+use crate::optics::Index;
 use crate::rng::Stream;
 use crate::transport::proposal::{Proposal, Proposals, contact};
 use crate::transport::{
     Absorption, EXPONENTS, End, Entry, Illumination, Model, Pack, Path, Sink, Snow, diffuse_cosine,
+    impurities_per_m,
 };
 
 /// Grain events after which a ray counts as lost.
@@ -156,14 +157,7 @@ struct Walks<'a, S> {
 
 impl Stratum {
     fn new(snow: &Snow, base_m: f64, exponents: &[f64], model: &Model) -> Self {
-        let (mut in_ice, mut in_pores) = ([0.0; EXPONENTS], [0.0; EXPONENTS]);
-        for (i, exponent) in exponents.iter().enumerate().take(EXPONENTS) {
-            let alike = |impurity: &Impurity| impurity.angstrom_exponent == *exponent;
-            for impurity in snow.impurities(model).filter(alike) {
-                in_ice[i] += impurity.ice_per_m;
-                in_pores[i] += impurity.pores_per_m;
-            }
-        }
+        let [in_ice, in_pores] = impurities_per_m(snow, model, exponents);
         Self {
             snow: snow.clone(),
             mean_free_distance_m: snow.mean_free_distance_m(),

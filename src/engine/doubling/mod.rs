@@ -8,18 +8,23 @@
 //! under it. So a slab is taken as two boundary layers and what is between:
 //!
 //! 1. **Boundary layer**, as thick as [`LAYER`] says: walks with tabulated
-//!    grains ([`crate::table::Layer`]), from every light above and every stream
+//!    grains ([`crate::table::Region`]), from every light above and every stream
 //!    below, give the shares that leave through the surface and, by Legendre
 //!    moments, into every stream going down. Paths in ice and water are kept in
 //!    a histogram, so that one set of walks serves all wavelengths. A ray from
 //!    below is on a flight that began a free path further down; if its grain
 //!    does not fit under the surface it goes back there.
 //! 2. **Inside**: reflection and transmission of the plane-parallel solver with
-//!    the kernel of the same grains at the same absorption. In wet snow its
-//!    grains are a mixture of those in air and in water, the latter weakened by
-//!    the mean survival of a flight through water, 1/(1 + alpha d).
-//! 3. **Adding** the three, the lower boundary layer being the upper one's
-//!    mirror image, gives every thickness and illumination at once.
+//!    the kernel of the same grains at the same absorption. Its grains are a
+//!    mixture of all types in air and in water, each weakened by the mean
+//!    survival of a flight through what absorbs there, 1/(1 + alpha d).
+//! 3. **Adding** the three, in homogeneous snow with the upper boundary layer's
+//!    mirror image as the lower one, gives every thickness and illumination at
+//!    once.
+//!
+//! Layers inside a pack are added as the points they scatter like: where they
+//! meet, no grain is rejected, and the error made there by grains that reach
+//! across is small (docs/stability.md). A boundary layer may hold several.
 //!
 //! Slabs of up to three boundary layers are walked from plane to plane.
 //!
@@ -29,6 +34,8 @@
 //! **Errors.** Tables, kernels and walks come in independent parts, and the
 //! scatter of results from the parts gives the standard errors. They hold
 //! nothing of the method's own error: see docs/stability.md.
+mod cut;
+mod inside;
 mod solve;
 mod walks;
 
@@ -37,6 +44,7 @@ use crate::engine::tables::PARTS;
 use crate::engine::{Control, EngineError, Request, indices};
 use crate::measurement::Spectrum;
 use crate::slab::Streams;
+use cut::Plan;
 
 pub(super) use walks::{Occasion, Walks};
 
@@ -54,31 +62,18 @@ const FROM_BELOW: f64 = 0.25;
 struct Run<'a> {
     request: &'a Request<'a>,
     streams: Streams,
-    mean_free_distance_m: f64,
-    layer_m: f64,
-    /// Number of thicknesses, thinnest first, without an inside.
-    thin: usize,
+    plan: Plan,
 }
 
 impl<'a> Run<'a> {
     fn new(request: &'a Request) -> Result<Self, EngineError> {
-        let mean_free_distance_m = request.pack.surface.mean_free_distance_m();
-        let (distances, grains) = LAYER;
-        let largest_m = request.pack.surface.sizes_m()[1];
-        let layer_m = (distances * mean_free_distance_m).max(grains * largest_m);
+        let streams = Streams::new(request.resolution.streams)?;
+        let plan = Plan::new(request, &streams);
         Ok(Self {
             request,
-            streams: Streams::new(request.resolution.streams)?,
-            mean_free_distance_m,
-            layer_m,
-            thin: request
-                .thicknesses_m
-                .partition_point(|h| *h <= THIN * layer_m),
+            streams,
+            plan,
         })
-    }
-
-    fn is_all_thin(&self) -> bool {
-        self.thin == self.request.thicknesses_m.len()
     }
 }
 
@@ -95,7 +90,6 @@ pub(super) fn run(request: &Request, control: &Control) -> Result<Vec<Spectrum>,
 pub(super) fn walks(request: &Request) -> Result<u64, EngineError> {
     let run = Run::new(request)?;
     let (nodes, _) = mixes(&indices(request)?, request.pack.is_wet());
-    let tasks = run.tasks();
-    let rays: u64 = tasks.iter().map(|task| task.rays).sum();
+    let rays: u64 = run.plan.tasks.iter().map(|task| task.rays).sum();
     Ok(rays.saturating_mul((PARTS * nodes.len()) as u64))
 }

@@ -2,15 +2,18 @@
 use std::sync::Arc;
 
 use super::Run;
+use super::cut::{BoundaryLayer, Slab};
+use super::inside::{Flights, Inside, inside};
 use super::walks::{Part, Walks};
-use crate::engine::EngineError;
 use crate::engine::nodes::Mix;
 use crate::engine::tables::PARTS;
+use crate::engine::{EngineError, coefficients};
 use crate::math::legendre;
 use crate::measurement::{Measured, Spectrum};
 use crate::optics::Index;
-use crate::slab::{Matrix, Medium};
-use crate::table::{Event, Kernel, Scores};
+use crate::slab::Matrix;
+use crate::table::Scores;
+use crate::transport::{Coefficients, Snow};
 
 /// Wavelengths at which standard errors are found; between them they are
 /// interpolated relative to the values.
@@ -19,14 +22,7 @@ const ANCHORS: usize = 5;
 /// Reflectance and transmittance.
 type Pair = [f64; 2];
 
-/// Absorption coefficients of ice and water, 1/m.
-#[derive(Clone, Copy)]
-struct Absorption {
-    ice_per_m: f64,
-    water_per_m: f64,
-}
-
-/// What a boundary layer does to light, and the grains below it.
+/// What a boundary layer does to light: "down" is away from its plane.
 struct Couplings {
     /// From streams going up to streams going down: [down, up].
     inner: Matrix,
@@ -36,7 +32,6 @@ struct Couplings {
     entry: Matrix,
     /// From lights out through the surface again.
     reflected: Vec<f64>,
-    event: Event,
 }
 
 impl Run<'_> {
@@ -48,15 +43,8 @@ impl Run<'_> {
         mixes: &[Mix],
     ) -> Result<Vec<Spectrum>, EngineError> {
         let request = self.request;
-        let absorption = |l: usize| {
-            let (ice, water) = indices[l];
-            let nm = request.wavelengths_nm[l];
-            Absorption {
-                ice_per_m: ice.absorption_per_m(nm),
-                water_per_m: water.absorption_per_m(nm),
-            }
-        };
-        let curves = |l: usize, part| self.curves(walks, &mixes[l], absorption(l), part);
+        let coefficients = coefficients(request, indices);
+        let curves = |l: usize, part| self.curves(walks, &mixes[l], &coefficients[l], part);
         let wavelengths = indices.len();
         let count = request.thicknesses_m.len() * request.illuminations.len();
         let mut spectra = vec![Spectrum::default(); count];
@@ -96,95 +84,87 @@ impl Run<'_> {
         &self,
         walks: &[Arc<Walks>],
         mix: &Mix,
-        absorption: Absorption,
+        coefficients: &Coefficients,
         part: Part,
     ) -> Result<Vec<Pair>, EngineError> {
-        let request = self.request;
-        let lights = request.illuminations.len();
-        let mut curves: Vec<Pair> = (0..self.thin * lights)
-            .map(|curve| thin(walks, mix, absorption, part, curve))
-            .collect();
-        if self.is_all_thin() {
-            return Ok(curves);
+        let lights = self.request.illuminations.len();
+        let snows: Vec<&Snow> = self.request.pack.snows().collect();
+        let couple = |layer: &BoundaryLayer| {
+            self.couplings(walks, mix, coefficients, part, layer, snows[layer.snow])
+        };
+        let couplings: Vec<Couplings> = self.plan.layers.iter().map(couple).collect();
+        let mut points = Vec::new();
+        for (number, snow) in snows.iter().enumerate() {
+            let inner = self.plan.slabs.iter().any(|slab| match slab {
+                Slab::Thin(_) => false,
+                Slab::Thick(cut) => cut.inside.iter().any(|stretch| stretch.snow == number),
+            });
+            let of = || self.points(walks, mix, coefficients, part, number, snow);
+            points.push(inner.then(of).transpose()?);
         }
-        let couplings = self.couplings(walks, mix, absorption, part);
-        let Couplings { inner, entry, .. } = &couplings;
-        let medium = Medium::delta_m(&self.streams, &couplings.event.moments)?;
-        let mean_free_path_m = couplings
-            .event
-            .effective_mean_free_path_m(self.flight_m(absorption));
-        let one = Matrix::identity(self.streams.count());
-        for thickness_m in &request.thicknesses_m[self.thin..] {
-            let inside_m = thickness_m - 2.0 * self.layer_m;
-            let inside = medium.operators(inside_m / mean_free_path_m)?;
-            let (r, t) = (inside.reflection, inside.transmission);
+        let n = self.streams.count();
+        let one = Matrix::identity(n);
+        let mut curves = Vec::new();
+        for slab in &self.plan.slabs {
+            let cut = match slab {
+                Slab::Thin(first) => {
+                    let tasks = *first..first + lights;
+                    curves.extend(tasks.map(|task| thin(walks, mix, coefficients, part, task)));
+                    continue;
+                }
+                Slab::Thick(cut) => cut,
+            };
+            let (upper, lower) = (&couplings[cut.upper], &couplings[cut.lower]);
+            let Inside {
+                from_above: [r, t],
+                from_below: [back, through],
+            } = inside(&cut.inside, &points, n)?;
             // downward at the lower layer, and upward at the upper one, per
             // downward at the upper one
-            let passed = (&one - &(&r * inner)).solve(t.clone())?;
-            let returned = &r + &(&(&t * inner) * &passed);
+            let passed = (&one - &(&back * &lower.inner)).solve(t)?;
+            let returned = &r + &(&(&through * &lower.inner) * &passed);
             // what the lights send down at the upper layer in the end
-            let down = (&one - &(inner * &returned)).solve(entry.clone())?;
-            let escaped = |up: &Matrix, light: usize| -> f64 {
-                let streams = couplings.escape.iter().enumerate();
-                streams.map(|(i, escape)| escape * up[(i, light)]).sum()
+            let down = (&one - &(&upper.inner * &returned)).solve(upper.entry.clone())?;
+            let escaped = |escape: &[f64], streams: &Matrix, light: usize| -> f64 {
+                let all = escape.iter().enumerate();
+                all.map(|(i, escape)| escape * streams[(i, light)]).sum()
             };
-            let (up, through) = (&returned * &down, &passed * &down);
+            let (up, passed) = (&returned * &down, &passed * &down);
             curves.extend((0..lights).map(|light| {
-                let reflected = couplings.reflected[light] + escaped(&up, light);
-                [reflected, escaped(&through, light)]
+                let reflected = upper.reflected[light] + escaped(&upper.escape, &up, light);
+                [reflected, escaped(&lower.escape, &passed, light)]
             }));
         }
         Ok(curves)
-    }
-
-    /// Share of flights that survive the water they cross.
-    fn survival(&self, absorption: Absorption) -> f64 {
-        1.0 / (1.0 + absorption.water_per_m * self.mean_free_distance_m)
-    }
-
-    /// Mean length, and root of half the mean square, m, of flights that light
-    /// survives: those through water that absorbs are the shorter ones.
-    fn flight_m(&self, absorption: Absorption) -> [f64; 2] {
-        let (d, wet) = (
-            self.mean_free_distance_m,
-            self.request.pack.surface.water_saturation,
-        );
-        let survival = self.survival(absorption);
-        let moment = |n| 1.0 - wet + wet * survival.powi(n);
-        [
-            d * moment(2) / moment(1),
-            d * (moment(3) / moment(1)).sqrt(),
-        ]
     }
 
     fn couplings(
         &self,
         walks: &[Arc<Walks>],
         mix: &Mix,
-        absorption: Absorption,
+        coefficients: &Coefficients,
         part: Part,
+        layer: &BoundaryLayer,
+        snow: &Snow,
     ) -> Couplings {
-        let Absorption {
-            ice_per_m,
-            water_per_m,
-        } = absorption;
         let n = self.streams.count();
-        let lights = self.request.illuminations.len();
+        let lights = if layer.is_lit {
+            self.request.illuminations.len()
+        } else {
+            0
+        };
         let mut out = vec![0.0; n + lights];
         let mut moments = vec![vec![0.0; n]; n + lights];
         let (mut left, mut through) = ([0.0], vec![0.0; n]);
-        // light from below is what survived its flight up to the layer
-        let wet = self.request.pack.surface.water_saturation;
-        let arriving = 1.0 - wet + wet * self.survival(absorption);
+        // light from inside is what survived its flight up to the layer
+        let arriving = Flights::new(self, snow, coefficients).moment(1);
         for (walks, share) in mix.of(walks) {
             for source in 0..n + lights {
-                let scores = &walks.ends(part).layer[source];
+                let scores = walks.scores(part, layer.first + source);
                 let arriving = if source < n { arriving } else { 1.0 };
                 let share = share / (arriving * scores.rays as f64);
-                scores.out.weighted(ice_per_m, water_per_m, &mut left);
-                scores
-                    .through
-                    .weighted(ice_per_m, water_per_m, &mut through);
+                scores.out.weighted(coefficients, &mut left);
+                scores.through.weighted(coefficients, &mut through);
                 out[source] += share * left[0];
                 let sums = moments[source].iter_mut().zip(&through);
                 sums.for_each(|(sum, score)| *sum += share * score);
@@ -213,44 +193,24 @@ impl Run<'_> {
             escape: out[..n].to_vec(),
             entry: Matrix::from_fn(n, lights, |stream, light| into(stream, n + light)),
             reflected: out[n..].to_vec(),
-            event: self.event(walks, mix, absorption, part),
-        }
-    }
-
-    /// The mean grain event inside the snow.
-    fn event(&self, walks: &[Arc<Walks>], mix: &Mix, absorption: Absorption, part: Part) -> Event {
-        let snow = &self.request.pack.surface;
-        let size_m = snow.sizes_m();
-        let survival = self.survival(absorption);
-        let of = |walks: &Walks| {
-            let [air, water] = walks.kernels(part);
-            let event = |kernel: &Kernel| kernel.event(size_m, absorption.ice_per_m);
-            match snow.water_saturation {
-                0.0 => event(air),
-                share => event(air).mix(&event(water).attenuated(survival), share),
-            }
-        };
-        let [first, second] = mix.nodes.map(|node| &walks[node]);
-        match mix.share {
-            0.0 => of(first),
-            1.0 => of(second),
-            share => of(first).mix(&of(second), share),
         }
     }
 }
 
-/// One slab without an inside under one light.
-fn thin(walks: &[Arc<Walks>], mix: &Mix, absorption: Absorption, part: Part, curve: usize) -> Pair {
-    let Absorption {
-        ice_per_m,
-        water_per_m,
-    } = absorption;
+/// One slab without an inside under one light: that of `task`.
+fn thin(
+    walks: &[Arc<Walks>],
+    mix: &Mix,
+    coefficients: &Coefficients,
+    part: Part,
+    task: usize,
+) -> Pair {
     let mut pair = [0.0; 2];
     for (walks, share) in mix.of(walks) {
-        let Scores { out, through, rays } = &walks.ends(part).thin[curve];
+        let Scores { out, through, rays } = walks.scores(part, task);
         for (sum, scores) in pair.iter_mut().zip([out, through]) {
             let mut score = [0.0];
-            scores.weighted(ice_per_m, water_per_m, &mut score);
+            scores.weighted(coefficients, &mut score);
             *sum += share * score[0] / *rays as f64;
         }
     }

@@ -1,0 +1,206 @@
+//! How packs are cut into boundary layers and what is between, and what is to be
+//! walked.
+use super::{FROM_BELOW, LAYER, THIN};
+use crate::engine::Request;
+use crate::engine::tables::{PARTS, Stretch, stretches};
+use crate::slab::Streams;
+use crate::table::{Lower, Source};
+use crate::transport::{Illumination, Snow};
+
+/// Walks of one kind from one source.
+#[derive(Debug, Clone, PartialEq)]
+pub(super) struct Task {
+    /// What its random streams are for.
+    pub(super) purpose: [u32; 2],
+    /// From the surface that light comes to, inward.
+    pub(super) stretches: Vec<Stretch>,
+    pub(super) lower: Lower,
+    pub(super) source: Source,
+    /// Moments of the directions of what leaves inward.
+    pub(super) moments: usize,
+    /// Per part.
+    pub(super) rays: u64,
+}
+
+/// A pack of one thickness.
+#[derive(Debug, Clone)]
+pub(super) enum Slab {
+    /// Walked from plane to plane: its first task, one per light.
+    Thin(usize),
+    /// Cut up.
+    Thick(Cut),
+}
+
+/// A pack cut into two boundary layers and what is between.
+#[derive(Debug, Clone)]
+pub(super) struct Cut {
+    /// Position of the upper boundary layer in [`Plan::layers`].
+    pub(super) upper: usize,
+    /// The same of the lower one.
+    pub(super) lower: usize,
+    /// Between them, downward.
+    pub(super) inside: Vec<Stretch>,
+}
+
+/// A boundary layer: its first task, one per stream and then, if it is an upper
+/// one, one per light; and the snow that it ends in.
+#[derive(Debug, Clone)]
+pub(super) struct BoundaryLayer {
+    pub(super) first: usize,
+    pub(super) is_lit: bool,
+    pub(super) snow: usize,
+    stretches: Vec<Stretch>,
+}
+
+/// All that is to be walked for a request.
+#[derive(Debug, Clone, Default)]
+pub(super) struct Plan {
+    pub(super) tasks: Vec<Task>,
+    pub(super) layers: Vec<BoundaryLayer>,
+    /// Per thickness.
+    pub(super) slabs: Vec<Slab>,
+}
+
+/// The stretches of a pack down to where grains do not feel its plane.
+fn boundary(pack: &[Stretch], snows: &[&Snow]) -> Vec<Stretch> {
+    let (distances, grains) = LAYER;
+    let (mut depth_m, mut top_m) = (0.0_f64, 0.0);
+    for stretch in pack {
+        let snow = snows[stretch.snow];
+        let [_, longest_m] = snow.sizes_m();
+        if top_m > 0.0 && top_m >= depth_m && top_m >= longest_m {
+            break;
+        }
+        let needed_m = (distances * snow.mean_free_distance_m()).max(grains * longest_m);
+        depth_m = depth_m.max(needed_m);
+        top_m += stretch.thickness_m;
+    }
+    let mut left_m = depth_m;
+    let mut taken = Vec::new();
+    for stretch in pack {
+        if left_m <= 0.0 {
+            break;
+        }
+        let thickness_m = left_m.min(stretch.thickness_m);
+        taken.push(Stretch {
+            thickness_m,
+            ..*stretch
+        });
+        left_m -= thickness_m;
+    }
+    taken
+}
+
+fn depth_m(stretches: &[Stretch]) -> f64 {
+    stretches.iter().map(|stretch| stretch.thickness_m).sum()
+}
+
+/// `pack` without `cut` at its upper end.
+fn without(pack: &[Stretch], cut: &[Stretch]) -> Vec<Stretch> {
+    let whole = cut.len().saturating_sub(1);
+    let mut rest = pack[whole..].to_vec();
+    if let (Some(first), Some(last)) = (rest.first_mut(), cut.last()) {
+        first.thickness_m -= last.thickness_m;
+    }
+    rest.retain(|stretch| stretch.thickness_m > 0.0);
+    rest
+}
+
+fn source(light: &Illumination) -> Source {
+    match light {
+        Illumination::Collimated { polar_angle_rad } => Source::Above(libm::cos(*polar_angle_rad)),
+        Illumination::Diffuse => Source::Diffuse,
+    }
+}
+
+impl Plan {
+    pub(super) fn new(request: &Request, streams: &Streams) -> Self {
+        let snows: Vec<&Snow> = request.pack.snows().collect();
+        let mut plan = Self::default();
+        let mut thin = Vec::new();
+        for (h, thickness_m) in request.thicknesses_m.iter().enumerate() {
+            let pack = stretches(request, *thickness_m);
+            let mut flipped = pack.clone();
+            flipped.reverse();
+            let (upper, lower) = (boundary(&pack, &snows), boundary(&flipped, &snows));
+            let both_m = depth_m(&upper) + depth_m(&lower);
+            if *thickness_m <= 0.5 * THIN * both_m {
+                thin.push((h, pack));
+                // its place is known when all boundary layers are
+                plan.slabs.push(Slab::Thin(0));
+                continue;
+            }
+            let mut inside = without(&pack, &upper);
+            inside.reverse();
+            inside = without(&inside, &lower);
+            inside.reverse();
+            let upper = plan.layer(request, streams, upper, true);
+            let lower = plan.layer(request, streams, lower, false);
+            plan.slabs.push(Slab::Thick(Cut {
+                upper,
+                lower,
+                inside,
+            }));
+        }
+        let rays = request.rays.div_ceil(PARTS as u64);
+        let lights = request.illuminations.len();
+        for (number, (h, pack)) in thin.into_iter().enumerate() {
+            plan.slabs[h] = Slab::Thin(plan.tasks.len());
+            let tasks = request
+                .illuminations
+                .iter()
+                .enumerate()
+                .map(|(i, light)| Task {
+                    purpose: [5, (number * lights + i) as u32],
+                    stretches: pack.clone(),
+                    lower: Lower::Plane,
+                    source: source(light),
+                    moments: 1,
+                    rays,
+                });
+            plan.tasks.extend(tasks);
+        }
+        plan
+    }
+
+    /// The position of a boundary layer of these `stretches`, which is made if
+    /// there is none.
+    fn layer(
+        &mut self,
+        request: &Request,
+        streams: &Streams,
+        stretches: Vec<Stretch>,
+        is_lit: bool,
+    ) -> usize {
+        let same =
+            |layer: &BoundaryLayer| layer.stretches == stretches && (layer.is_lit || !is_lit);
+        if let Some(there) = self.layers.iter().position(same) {
+            return there;
+        }
+        let rays = request.rays.div_ceil(PARTS as u64);
+        let below = ((rays as f64 * FROM_BELOW).ceil() as u64).max(1);
+        let lights: &[Illumination] = if is_lit { request.illuminations } else { &[] };
+        let cosines = streams.cosines().iter();
+        let sources = cosines.map(|cosine| (Source::Below(*cosine), below));
+        let sources = sources.chain(lights.iter().map(|light| (source(light), rays)));
+        let first = self.tasks.len();
+        // numbers of tasks are well below 2^16
+        let kind = 4 + ((self.layers.len() as u32) << 16);
+        self.tasks
+            .extend(sources.enumerate().map(|(i, (source, rays))| Task {
+                purpose: [kind, i as u32],
+                stretches: stretches.clone(),
+                lower: Lower::Open,
+                source,
+                moments: streams.count(),
+                rays,
+            }));
+        self.layers.push(BoundaryLayer {
+            first,
+            is_lit,
+            snow: stretches.last().map_or(0, |stretch| stretch.snow),
+            stretches,
+        });
+        self.layers.len() - 1
+    }
+}

@@ -1,0 +1,231 @@
+//! One step of eight rays: a flight, and the grain event or the plane at its end.
+use wide::f64x8;
+
+use crate::table::lanes;
+use crate::table::pack::TablePack;
+use crate::table::rays::{Ray, Rays, Variates};
+use crate::transport::{EVENT_LIMIT, REJECTION_LIMIT};
+
+/// Eight rays on their way through a pack.
+#[derive(Debug)]
+pub(super) struct Steps<'a> {
+    pub(super) pack: &'a TablePack<'a>,
+    /// Whether snow goes on below, so that grains may cross the lower end.
+    open: bool,
+    pub(super) rays: Rays,
+    /// Depth of the lower end, m.
+    pub(super) depth_m: f64x8,
+    /// Length by which the next flight is longer than drawn, m.
+    pub(super) flown_m: f64x8,
+    events: f64x8,
+    rejections: f64x8,
+    /// Where flights began that have crossed planes between layers, and their
+    /// first variate of the medium, for the lanes set in `cut`.
+    origin: Rays,
+    medium: f64x8,
+    cut: f64x8,
+}
+
+/// Lanes to which something happened, a bit each.
+#[derive(Debug, Clone, Copy)]
+pub(super) struct Stepped {
+    /// A grain was met.
+    pub(super) met: u32,
+    /// Left upward.
+    pub(super) above: u32,
+    /// Left downward, past the lower end.
+    pub(super) below: u32,
+    /// Never comes to an end.
+    pub(super) lost: u32,
+}
+
+/// A lane whose grains do not fit.
+#[derive(Debug, Clone, Copy)]
+pub(super) struct Stuck(pub(super) usize);
+
+impl<'a> Steps<'a> {
+    pub(super) fn new(pack: &'a TablePack<'a>, open: bool) -> Self {
+        Self {
+            pack,
+            open,
+            rays: Rays::default(),
+            depth_m: f64x8::ZERO,
+            flown_m: f64x8::ZERO,
+            events: f64x8::ZERO,
+            rejections: f64x8::ZERO,
+            origin: Rays::default(),
+            medium: f64x8::ZERO,
+            cut: f64x8::ZERO,
+        }
+    }
+
+    /// Puts `ray` on `lane`, at the beginning of a flight, in a pack
+    /// `depth_m` deep.
+    pub(super) fn start(&mut self, lane: usize, ray: &Ray, depth_m: f64) {
+        self.resume(lane, ray, depth_m);
+        self.events.as_mut_array()[lane] = 0.0;
+    }
+
+    /// The same for a ray that has events behind it.
+    pub(super) fn resume(&mut self, lane: usize, ray: &Ray, depth_m: f64) {
+        self.rays.set(lane, ray);
+        self.depth_m.as_mut_array()[lane] = depth_m;
+        self.rejections.as_mut_array()[lane] = 0.0;
+        self.cut.as_mut_array()[lane] = 0.0;
+    }
+
+    /// Where the flight of `lane` began.
+    pub(super) fn origin(&self, lane: usize) -> Ray {
+        if self.cut.to_bitmask() >> lane & 1 == 1 {
+            self.origin.get(lane)
+        } else {
+            self.rays.get(lane)
+        }
+    }
+
+    /// Depths of the planes of the rays' layers, m.
+    #[inline(always)]
+    fn planes(&self) -> [f64x8; 2] {
+        let strata = &self.pack.strata;
+        let (mut top_m, mut bottom_m) = (f64x8::ZERO, self.depth_m);
+        if strata.len() > 1 {
+            for (lane, stratum) in self.rays.stratum.iter().enumerate() {
+                let depth_m = self.depth_m.as_array()[lane];
+                if *stratum > 0 {
+                    top_m.as_mut_array()[lane] = depth_m - strata[stratum - 1].base_m;
+                }
+                bottom_m.as_mut_array()[lane] = depth_m - strata[*stratum].base_m;
+            }
+        }
+        [top_m, bottom_m]
+    }
+
+    /// One step of the lanes set in `walking`. `touch` is told, before rays
+    /// move, which lanes the lower plane has a say in.
+    #[inline(always)]
+    pub(super) fn step(
+        &mut self,
+        variates: &mut Variates,
+        walking: u32,
+        mut touch: impl FnMut(&Self, usize, &Variates),
+    ) -> Result<Stepped, Stuck> {
+        let (one, zero) = (f64x8::ONE, f64x8::ZERO);
+        let layered = self.pack.strata.len() > 1;
+        if layered {
+            // the medium of a flight cut at a plane follows from the same variate
+            variates.medium = self.cut.select(self.medium, variates.medium);
+        }
+        let mut flight = self.pack.fly(&self.rays, variates);
+        flight.length_m += self.flown_m;
+        flight.end_m += self.flown_m * self.rays.mu;
+        self.flown_m = zero;
+
+        // planes
+        let [top_m, bottom_m] = self.planes();
+        let up = flight.end_m.simd_lt(top_m);
+        let down = flight.end_m.simd_gt(bottom_m) & self.rays.mu.simd_gt(zero);
+        let (mut above, mut below, mut crossed) = (up, down, zero);
+        let mut touched = down;
+        if layered {
+            let (mut first, mut last) = (zero, zero);
+            let end = self.pack.strata.len() - 1;
+            let all = f64::from_bits(u64::MAX);
+            for (lane, stratum) in self.rays.stratum.iter().enumerate() {
+                first.as_mut_array()[lane] = if *stratum == 0 { all } else { 0.0 };
+                last.as_mut_array()[lane] = if *stratum == end { all } else { 0.0 };
+            }
+            above = up & first;
+            below = down & last;
+            crossed = (up & !first) | (down & !last);
+            touched = down & (first | last);
+        }
+        let out = above | below;
+
+        // grains that would cross the outer ones
+        let mut rejected = zero;
+        let ends = !(out | crossed);
+        let mut near = ends & flight.end_m.simd_lt(flight.size_m);
+        if !self.open {
+            near |= ends & flight.end_m.simd_gt(self.depth_m - flight.size_m);
+        }
+        if near.to_bitmask() & walking != 0 {
+            let [highest_m, lowest_m] = self.pack.extent_m(&self.rays, &flight);
+            rejected = near & highest_m.simd_lt(zero);
+            if !self.open {
+                let under = near & lowest_m.simd_gt(self.depth_m);
+                touched |= under;
+                rejected |= under;
+            }
+            let counts = rejected | crossed;
+            self.rejections = counts.select(self.rejections + (one & rejected), zero);
+            let limit = f64x8::splat(f64::from(REJECTION_LIMIT));
+            let stuck = self.rejections.simd_ge(limit).to_bitmask() & walking;
+            if let Some(lane) = lanes(stuck).next() {
+                return Err(Stuck(lane));
+            }
+        } else {
+            self.rejections = crossed.select(self.rejections, zero);
+        }
+        let touched = touched.to_bitmask() & walking;
+        for lane in lanes(touched) {
+            touch(self, lane, variates);
+        }
+
+        let met = !(out | crossed | rejected);
+        if layered {
+            self.keep_origins(crossed, variates);
+        }
+        if self.pack.wet || self.pack.sooty {
+            let plane_m = down.select(bottom_m, top_m);
+            let to_plane_m = (plane_m - self.rays.z_m) / self.rays.mu;
+            let length_m = met.select(flight.length_m, to_plane_m & (out | crossed));
+            self.pack.pass(&mut self.rays, &flight, length_m);
+        }
+        self.pack.scatter(&mut self.rays, &flight, met);
+        self.events += one & met;
+        if layered {
+            self.change_layers([up & crossed, down & crossed], [top_m, bottom_m], met);
+            for lane in lanes((rejected & self.cut).to_bitmask()) {
+                let origin = self.origin.get(lane);
+                self.rays.set(lane, &origin);
+            }
+            self.cut = crossed;
+        }
+        let lost = self.rays.ice_m.simd_eq(f64x8::splat(f64::INFINITY))
+            | self.events.simd_ge(f64x8::splat(EVENT_LIMIT as f64));
+        Ok(Stepped {
+            met: met.to_bitmask(),
+            above: above.to_bitmask(),
+            below: below.to_bitmask(),
+            lost: lost.to_bitmask(),
+        })
+    }
+
+    /// Takes note of where flights that are cut for the first time began.
+    fn keep_origins(&mut self, crossed: f64x8, variates: &Variates) {
+        for lane in lanes((crossed & !self.cut).to_bitmask()) {
+            let ray = self.rays.get(lane);
+            self.origin.set(lane, &ray);
+            self.medium.as_mut_array()[lane] = variates.medium.as_array()[lane];
+        }
+    }
+
+    /// Puts rays that crossed planes `up` and `down` onto them, and those that
+    /// grains carried elsewhere into their layers.
+    fn change_layers(&mut self, [up, down]: [f64x8; 2], [top_m, bottom_m]: [f64x8; 2], met: f64x8) {
+        self.rays.z_m = up.select(top_m, down.select(bottom_m, self.rays.z_m));
+        let [up, down, met] = [up, down, met].map(f64x8::to_bitmask);
+        let strata = &self.pack.strata[..self.pack.strata.len() - 1];
+        for lane in 0..8 {
+            let stratum = &mut self.rays.stratum[lane];
+            if up >> lane & 1 == 1 {
+                *stratum -= 1;
+            } else if down >> lane & 1 == 1 {
+                *stratum += 1;
+            } else if met >> lane & 1 == 1 {
+                let above_base_m = self.depth_m.as_array()[lane] - self.rays.z_m.as_array()[lane];
+                *stratum = strata.partition_point(|s| s.base_m > above_base_m);
+            }
+        }
+    }
+}
