@@ -17,6 +17,7 @@
 //! | [`slab`] | transport between points in homogeneous slabs, solved by discrete ordinates |
 //! | [`measurement`] | directional-hemispherical reflectance and transmittance with standard errors |
 //! | [`engine`] | schedulers of the same physics: `reference`, `spectral`, `tabulated`, `doubling`, `auto` |
+//! | [`comparison`] | a simulated spectrum against a measured one |
 //! | [`grid`], [`scene`], [`config`] | the axes of a database; what a renderer asks for; sample, grid and scene files |
 //! | [`store`], [`batch`] | the Zarr store that is checkpoint and result; the job runner |
 //! | [`compress`], [`lookup`] | SVD and the compact file; reading it and interpolating in it |
@@ -29,6 +30,7 @@ pub mod batch;
 pub mod certificate;
 pub mod cli;
 pub mod colour;
+pub mod comparison;
 pub mod compress;
 pub mod config;
 pub mod engine;

@@ -164,6 +164,11 @@ pub(super) fn print_json(value: &impl Serialize) -> anyhow::Result<()> {
     print(&(serde_json::to_string_pretty(value)? + "\n"))
 }
 
+/// A path in a comment, which is one line whatever the file is called.
+pub(super) fn one_line(path: &Path) -> String {
+    path.display().to_string().replace(['\n', '\r'], " ")
+}
+
 /// Writes a line to standard error, where nobody may be listening.
 pub(super) fn note(line: &str) {
     let _ = writeln!(io::stderr(), "{line}");

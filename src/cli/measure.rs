@@ -2,10 +2,10 @@
 use std::fmt::Write;
 use std::path::PathBuf;
 
-use serde_json::json;
+use serde_json::{Value, json};
 
 use super::common::{self, Interrupted};
-use super::simulate;
+use super::{against, simulate};
 use crate::config::sample;
 use crate::engine::{Engine, EngineError, MaxError, Request, Resolution};
 use crate::measurement::{Measured, Spectrum};
@@ -17,6 +17,11 @@ use crate::measurement::{Measured, Spectrum};
 /// what was measured. The absorptance is 1 - reflectance - transmittance: rays
 /// stopped at the event limit count in it, and their share is told if there
 /// are any. The result depends on the sample, engine, rays and seed alone.
+///
+/// With --against, prints instead how far the simulation is from a measured
+/// spectrum: root mean square error and bias, overall and per band, in lines that
+/// start with #, then CSV: wavelength_nm, simulated, simulated_se, measured,
+/// residual (simulated - measured), excluded.
 #[derive(Debug, clap::Args)]
 pub(super) struct Args {
     /// Sample file (TOML)
@@ -38,12 +43,15 @@ pub(super) struct Args {
     /// Print JSON: one list per column, and the share of lost rays
     #[arg(long)]
     json: bool,
+    #[command(flatten)]
+    against: against::Args,
 }
 
 pub(super) fn run(args: &Args) -> anyhow::Result<()> {
     let cancel = common::interrupt_flag()?;
     let sample = sample::read(&args.sample)?;
     common::warn(&sample.warnings);
+    let target = args.against.target(&sample.wavelengths_nm)?;
     let request = Request {
         pack: &sample.pack,
         thicknesses_m: &[sample.thickness_m],
@@ -67,11 +75,21 @@ pub(super) fn run(args: &Args) -> anyhow::Result<()> {
     };
     // One thickness, one spectrum.
     let spectrum = spectra.pop().unwrap_or_default();
+    let compared = target.map(|target| target.compare(&spectrum));
     common::print(&if args.json {
-        json_text(args, engine, &sample.wavelengths_nm, &spectrum)
+        let mut value = json_value(args, engine, &sample.wavelengths_nm, &spectrum);
+        if let Some(compared) = &compared {
+            value["against"] = compared.json();
+        }
+        format!("{value:#}\n")
     } else {
-        csv_text(args, engine, &sample.wavelengths_nm, &spectrum)
-    })
+        let rows = match &compared {
+            Some(compared) => compared.csv(),
+            None => csv_rows(&sample.wavelengths_nm, &spectrum),
+        };
+        comments(args, engine, &spectrum) + &rows
+    })?;
+    compared.map_or(Ok(()), |compared| args.against.plot(&compared))
 }
 
 /// What is neither reflected nor transmitted.
@@ -79,9 +97,9 @@ fn absorptance(reflectance: &Measured, transmittance: &Measured) -> f64 {
     1.0 - reflectance.value - transmittance.value
 }
 
-fn csv_text(args: &Args, engine: Engine, wavelengths_nm: &[f64], spectrum: &Spectrum) -> String {
-    // A comment is one line, whatever the file is called.
-    let sample = args.sample.display().to_string().replace(['\n', '\r'], " ");
+/// What was measured, in lines that start with #.
+fn comments(args: &Args, engine: Engine, spectrum: &Spectrum) -> String {
+    let sample = common::one_line(&args.sample);
     let (version, engine) = (env!("CARGO_PKG_VERSION"), engine.name());
     let (rays, seed) = (args.rays, args.seed);
     let mut out = format!(
@@ -94,7 +112,11 @@ fn csv_text(args: &Args, engine: Engine, wavelengths_nm: &[f64], spectrum: &Spec
             "# lost_share: {lost:?} at most; rays stopped at the event limit, counted in absorptance"
         );
     }
-    out.push_str(
+    out
+}
+
+fn csv_rows(wavelengths_nm: &[f64], spectrum: &Spectrum) -> String {
+    let mut out = String::from(
         "wavelength_nm,reflectance,reflectance_se,transmittance,transmittance_se,absorptance\n",
     );
     let measured = spectrum.reflectance.iter().zip(&spectrum.transmittance);
@@ -110,12 +132,12 @@ fn csv_text(args: &Args, engine: Engine, wavelengths_nm: &[f64], spectrum: &Spec
     out
 }
 
-fn json_text(args: &Args, engine: Engine, wavelengths_nm: &[f64], spectrum: &Spectrum) -> String {
+fn json_value(args: &Args, engine: Engine, wavelengths_nm: &[f64], spectrum: &Spectrum) -> Value {
     let (r, t) = (&spectrum.reflectance, &spectrum.transmittance);
     let list =
         |of: &[Measured], part: fn(&Measured) -> f64| -> Vec<f64> { of.iter().map(part).collect() };
     let absorptance: Vec<f64> = r.iter().zip(t).map(|(r, t)| absorptance(r, t)).collect();
-    let value = json!({
+    json!({
         "version": env!("CARGO_PKG_VERSION"),
         "sample": args.sample.display().to_string(),
         "engine": engine.name(),
@@ -128,6 +150,5 @@ fn json_text(args: &Args, engine: Engine, wavelengths_nm: &[f64], spectrum: &Spe
         "transmittance_se": list(t, |m| m.se),
         "absorptance": absorptance,
         "lost_share": spectrum.lost,
-    });
-    format!("{value:#}\n")
+    })
 }

@@ -3,6 +3,7 @@
 //! Results go to standard output, all else to standard error. Exit codes: 0
 //! when everything asked for is done, 1 with one line `error: ...`, 2 for a
 //! wrong command line, 130 when interrupted.
+mod against;
 mod build;
 mod common;
 mod compact;

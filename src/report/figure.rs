@@ -46,28 +46,16 @@ impl Figure {
         } else {
             LINE * (self.legend.len() as i32 + 1)
         };
-        let (width, height) = (WIDTH * SCALE, (rows * ROW + strip) * SCALE);
-        let mut svg = String::new();
-        self.draw(&mut svg, (width as u32, height as u32), rows)
-            .map_err(|error| error.to_string())?;
-        // Drawn larger, shown at its size.
-        let size = |scale| {
-            let (width, height) = (width / scale, height / scale);
-            format!("<svg width=\"{width}\" height=\"{height}\"")
-        };
-        Ok(svg.replacen(&size(1), &size(SCALE), 1))
+        svg((WIDTH, rows * ROW + strip), |area| self.draw(area, rows))
     }
 
-    fn draw(&self, svg: &mut String, size: (u32, u32), rows: i32) -> Drawn {
-        let area = SVGBackend::with_string(svg, size).into_drawing_area();
-        area.fill(&WHITE)?;
+    fn draw(&self, area: &Area, rows: i32) -> Drawn {
         let (above, below) = area.split_vertically(rows * ROW * SCALE);
         let cells = above.split_evenly((rows as usize, 2));
         for (panel, cell) in self.panels.iter().zip(&cells) {
             panel.draw(cell)?;
         }
-        self.draw_legend(cells.get(self.panels.len()).unwrap_or(&below))?;
-        area.present()
+        self.draw_legend(cells.get(self.panels.len()).unwrap_or(&below))
     }
 
     fn draw_legend(&self, area: &Area) -> Drawn {
@@ -96,6 +84,26 @@ impl Figure {
         }
         Ok(())
     }
+}
+
+/// What `draw` draws on white, as the text of an SVG file shown at `size`, pixels.
+pub(super) fn svg(
+    (width, height): (i32, i32),
+    draw: impl FnOnce(&Area) -> Drawn,
+) -> Result<String, String> {
+    // Drawn larger, shown at its size.
+    let header = |scale| {
+        let (width, height) = (width * scale, height * scale);
+        format!("<svg width=\"{width}\" height=\"{height}\"")
+    };
+    let size = ((width * SCALE) as u32, (height * SCALE) as u32);
+    let mut svg = String::new();
+    let area = SVGBackend::with_string(&mut svg, size).into_drawing_area();
+    let drawn = area.fill(&WHITE).and_then(|()| draw(&area));
+    let drawn = drawn.and_then(|()| area.present());
+    drop(area);
+    drawn.map_err(|error| error.to_string())?;
+    Ok(svg.replacen(&header(SCALE), &header(1), 1))
 }
 
 /// The picture of an SVG file as a PNG file, at the size it is shown.

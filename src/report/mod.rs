@@ -1,4 +1,5 @@
-//! Charts and tables of what [`crate::tradeoff`] measured.
+//! Charts and tables of what [`crate::tradeoff`] measured, and of a comparison with
+//! a measured spectrum.
 //!
 //! A chart is drawn once, as SVG; its PNG is that SVG rasterised with the font
 //! DejaVu Sans, which is part of the program, so that it looks the same on every
@@ -8,6 +9,7 @@ mod charts;
 mod csv;
 mod figure;
 mod panel;
+mod residuals;
 mod style;
 mod text;
 
@@ -19,6 +21,7 @@ use thiserror::Error;
 use crate::atomic;
 use crate::tradeoff::Results;
 
+pub use residuals::{Picture, Residuals};
 pub use text::{json, table};
 
 /// Why there are no charts.

@@ -1,0 +1,280 @@
+//! `measure --against`: the simulation beside a measured spectrum.
+use std::fmt::Write;
+use std::path::{Path, PathBuf};
+use std::str::FromStr;
+
+use anyhow::bail;
+use serde_json::{Value, json};
+
+use super::common;
+use crate::comparison::{
+    Band, Comparison, Exclusion, GOOD_RMSE, Matched, MeasuredSpectrum, Point, Statistics, listed,
+};
+use crate::measurement::{Quantity, Spectrum};
+use crate::report;
+
+#[derive(Debug, clap::Args)]
+#[command(next_help_heading = "Comparison with a measured spectrum")]
+pub(super) struct Args {
+    /// Measured spectrum: CSV with the columns wavelength_nm, then reflectance,
+    /// transmittance or value, and perhaps uncertainty (docs/formats.md)
+    #[arg(long, value_name = "FILE.csv")]
+    against: Option<PathBuf>,
+    /// What the column `value` of the file holds
+    #[arg(long, requires = "against",
+          value_parser = common::named(Quantity::ALL, Quantity::name))]
+    quantity: Option<Quantity>,
+    /// Band in nm, ends included, that is shown but does not count; once for each, or
+    /// `none` [default: 1750-2000 and 2350-2500, where water vapour takes the light]
+    #[arg(long, requires = "against", value_name = "FROM-TO")]
+    exclude: Vec<Exclude>,
+    /// Picture of both spectra and the residuals: a file that ends with .svg or .png
+    #[arg(long, requires = "against", value_name = "FILE", value_parser = picture)]
+    plot: Option<PathBuf>,
+}
+
+/// A value of `--exclude`.
+#[derive(Debug, Clone, Copy, PartialEq)]
+enum Exclude {
+    None,
+    Band(Exclusion),
+}
+
+impl FromStr for Exclude {
+    type Err = String;
+
+    fn from_str(text: &str) -> Result<Self, String> {
+        match text {
+            "none" => Ok(Self::None),
+            band => band.parse().map(Self::Band),
+        }
+    }
+}
+
+/// The name of a file that can hold a picture.
+fn picture(text: &str) -> Result<PathBuf, String> {
+    let path = PathBuf::from(text);
+    match report::Picture::of(&path) {
+        Some(_) => Ok(path),
+        None => Err("it must end with .svg or .png".into()),
+    }
+}
+
+/// What to compare with, at the wavelengths of the sample.
+pub(super) struct Target {
+    measured: MeasuredSpectrum,
+    matched: Vec<Matched>,
+    wavelengths: usize,
+}
+
+/// A target and what was simulated.
+pub(super) struct Compared {
+    measured: MeasuredSpectrum,
+    comparison: Comparison,
+    /// Wavelengths of the sample without a measurement.
+    unmatched: usize,
+}
+
+impl Args {
+    /// Reads the measured spectrum, if there is one.
+    pub(super) fn target(&self, wavelengths_nm: &[f64]) -> anyhow::Result<Option<Target>> {
+        let Some(path) = &self.against else {
+            return Ok(None);
+        };
+        let measured = MeasuredSpectrum::read(path, self.quantity, &self.exclusions()?)?;
+        Ok(Some(Target {
+            matched: measured.at(wavelengths_nm)?,
+            measured,
+            wavelengths: wavelengths_nm.len(),
+        }))
+    }
+
+    fn exclusions(&self) -> anyhow::Result<Vec<Exclusion>> {
+        match self.exclude[..] {
+            [] => return Ok(Exclusion::FIELD.into()),
+            [Exclude::None] => return Ok(Vec::new()),
+            _ => {}
+        }
+        let bands = self.exclude.iter().map(|exclude| match exclude {
+            Exclude::Band(band) => Ok(*band),
+            Exclude::None => bail!("--exclude none cannot stand beside another --exclude"),
+        });
+        bands.collect()
+    }
+
+    /// Writes the picture, if one is asked for.
+    pub(super) fn plot(&self, compared: &Compared) -> anyhow::Result<()> {
+        let Some(path) = &self.plot else {
+            return Ok(());
+        };
+        let Compared {
+            measured,
+            comparison,
+            ..
+        } = compared;
+        let drawing = report::Residuals {
+            measured,
+            comparison,
+        };
+        Ok(drawing.write(path)?)
+    }
+}
+
+impl Target {
+    pub(super) fn compare(self, spectrum: &Spectrum) -> Compared {
+        let simulated = spectrum.of(self.measured.quantity());
+        Compared {
+            comparison: Comparison::new(&self.matched, simulated),
+            unmatched: self.wavelengths - self.matched.len(),
+            measured: self.measured,
+        }
+    }
+}
+
+impl Compared {
+    /// Lines that start with #, then a row per wavelength.
+    pub(super) fn csv(&self) -> String {
+        let Self {
+            measured,
+            comparison,
+            unmatched,
+        } = self;
+        let (quantity, used, ignored) = (
+            measured.quantity().name(),
+            measured.rows(),
+            measured.ignored(),
+        );
+        let file = common::one_line(Path::new(measured.file()));
+        let mut out = format!(
+            "# against: {file}, {quantity}, {used} rows used, {ignored} outside 350-2500 nm\n\
+             # not_compared: {unmatched} wavelengths of the sample without rows near them\n\
+             # excluded_nm: {}\n",
+            listed(measured.exclusions())
+        );
+        if let Some(overall) = comparison.overall() {
+            let _ = writeln!(out, "# overall: {}", told(&overall));
+        }
+        for band in Band::ALL {
+            let ((from, to), name) = (band.range_nm(), band.name());
+            let figures = comparison.band(band);
+            let figures = figures.map_or("points 0".to_owned(), |figures| told(&figures));
+            let _ = writeln!(out, "# {name} {from}-{to} nm: {figures}");
+        }
+        let good = if self.good() { "yes" } else { "no" };
+        let _ = writeln!(
+            out,
+            "# good: {good} (Varsa 2025: an RMSE below {GOOD_RMSE})\n\
+             wavelength_nm,simulated,simulated_se,measured,residual,excluded"
+        );
+        for point in &comparison.points {
+            let Matched {
+                nm,
+                value,
+                excluded,
+                ..
+            } = point.matched;
+            let (residual, simulated) = (point.residual(), point.simulated);
+            let _ = writeln!(
+                out,
+                "{nm},{:?},{:?},{value:?},{residual:?},{excluded}",
+                simulated.value, simulated.se
+            );
+        }
+        out
+    }
+
+    /// The same content.
+    pub(super) fn json(&self) -> Value {
+        let Self {
+            measured,
+            comparison,
+            unmatched,
+        } = self;
+        let list =
+            |of: &dyn Fn(&Point) -> Value| -> Value { comparison.points.iter().map(of).collect() };
+        let exclusions = measured.exclusions().iter();
+        let excluded: Vec<_> = exclusions.map(|band| (band.from_nm, band.to_nm)).collect();
+        let bands = Band::ALL.map(|band| {
+            let mut value = figures(comparison.band(band));
+            value["name"] = json!(band.name());
+            value["range_nm"] = json!(band.range_nm());
+            value
+        });
+        json!({
+            "file": measured.file(),
+            "quantity": measured.quantity().name(),
+            "rows_used": measured.rows(),
+            "rows_outside": measured.ignored(),
+            "not_compared": unmatched,
+            "excluded_nm": excluded,
+            "overall": figures(comparison.overall()),
+            "bands": bands,
+            "good": self.good(),
+            "wavelength_nm": list(&|point| json!(point.matched.nm)),
+            "simulated": list(&|point| json!(point.simulated.value)),
+            "simulated_se": list(&|point| json!(point.simulated.se)),
+            "measured": list(&|point| json!(point.matched.value)),
+            "uncertainty": list(&|point| json!(point.matched.uncertainty)),
+            "residual": list(&|point| json!(point.residual())),
+            "excluded": list(&|point| json!(point.matched.excluded)),
+        })
+    }
+
+    fn good(&self) -> bool {
+        let overall = self.comparison.overall();
+        overall.is_some_and(|figures| figures.rmse < GOOD_RMSE)
+    }
+}
+
+/// Figures for people: five decimals, or three digits of what is smaller.
+fn told(figures: &Statistics) -> String {
+    let digits = |value: f64| match value.abs() {
+        size if size >= 1e-4 || size == 0.0 => format!("{value:.5}"),
+        _ => format!("{value:.2e}"),
+    };
+    let mut text = format!(
+        "rmse {}, bias {}, mean simulated_se {}, points {}",
+        digits(figures.rmse),
+        digits(figures.bias),
+        digits(figures.mean_simulated_se),
+        figures.points
+    );
+    if let Some(uncertainty) = figures.mean_uncertainty {
+        let _ = write!(
+            text,
+            ", mean uncertainty of the measurement {}",
+            digits(uncertainty)
+        );
+    }
+    text
+}
+
+fn figures(of: Option<Statistics>) -> Value {
+    json!({
+        "points": of.map_or(0, |figures| figures.points),
+        "rmse": of.map(|figures| figures.rmse),
+        "bias": of.map(|figures| figures.bias),
+        "mean_simulated_se": of.map(|figures| figures.mean_simulated_se),
+        "mean_uncertainty": of.and_then(|figures| figures.mean_uncertainty),
+    })
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn small_figures_keep_their_digits() {
+        let figures = Statistics {
+            points: 3,
+            rmse: 0.0177,
+            bias: -2.5e-7,
+            mean_simulated_se: 0.0,
+            mean_uncertainty: None,
+        };
+        assert_eq!(
+            told(&figures),
+            "rmse 0.01770, bias -2.50e-7, mean simulated_se 0.00000, points 3"
+        );
+    }
+}

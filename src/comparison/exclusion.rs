@@ -1,0 +1,103 @@
+//! Bands that do not count.
+use std::fmt;
+use std::str::FromStr;
+
+use super::measured::RANGE_NM;
+
+/// A range of wavelengths, both ends included, in which residuals are shown but
+/// not counted.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Exclusion {
+    /// Where it begins, nm.
+    pub from_nm: f64,
+    /// Where it ends, nm.
+    pub to_nm: f64,
+}
+
+impl Exclusion {
+    /// Where water vapour leaves too little sunlight for measurements in the field.
+    pub const FIELD: [Self; 2] = [
+        Self {
+            from_nm: 1750.0,
+            to_nm: 2000.0,
+        },
+        Self {
+            from_nm: 2350.0,
+            to_nm: RANGE_NM.1,
+        },
+    ];
+}
+
+/// Whether one of `exclusions` holds a wavelength, nm.
+#[must_use]
+pub fn excluded(exclusions: &[Exclusion], nm: f64) -> bool {
+    exclusions
+        .iter()
+        .any(|band| (band.from_nm..=band.to_nm).contains(&nm))
+}
+
+impl fmt::Display for Exclusion {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        write!(f, "{}-{}", self.from_nm, self.to_nm)
+    }
+}
+
+impl FromStr for Exclusion {
+    type Err = String;
+
+    fn from_str(text: &str) -> Result<Self, String> {
+        let ends = text.split_once('-');
+        let ends = ends.and_then(|(a, b)| Some((a.parse().ok()?, b.parse().ok()?)));
+        match ends {
+            Some((from_nm, to_nm))
+                if 0.0 <= from_nm && from_nm < to_nm && to_nm < f64::INFINITY =>
+            {
+                Ok(Self { from_nm, to_nm })
+            }
+            _ => {
+                Err("it must be two wavelengths in nm, the shorter first, such as 1750-2000".into())
+            }
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn both_ends_belong_to_it() {
+        let held = |nm| excluded(&Exclusion::FIELD, nm);
+        assert!(
+            [1750.0, 1900.0, 2000.0, 2350.0, 2500.0]
+                .into_iter()
+                .all(held)
+        );
+        assert!(![1749.9, 2000.1, 2349.9].into_iter().any(held));
+        assert!(!excluded(&[], 1800.0));
+    }
+
+    #[test]
+    fn is_read_as_it_is_written() {
+        for text in ["1750-2000", "2350.5-2500"] {
+            assert_eq!(
+                text.parse().map(|band: Exclusion| band.to_string()),
+                Ok(text.into())
+            );
+        }
+        for wrong in [
+            "",
+            "-",
+            "1750",
+            "2000-1750",
+            "1-1",
+            "a-b",
+            "1-inf",
+            "nan-2",
+            "-5-10",
+            "none",
+        ] {
+            assert!(wrong.parse::<Exclusion>().is_err(), "{wrong}");
+        }
+    }
+}

@@ -1,0 +1,209 @@
+//! A simulated spectrum against a measured one: residuals and their root mean
+//! square, overall and per band (docs/formats.md). Knows no physics.
+mod error;
+mod exclusion;
+mod measured;
+
+use crate::measurement::Measured;
+
+pub use error::{MeasuredError, Problem};
+pub use exclusion::{Exclusion, excluded};
+pub(crate) use measured::listed;
+pub use measured::{Matched, MeasuredSpectrum, RANGE_NM};
+
+/// Varsa 2025 calls a root mean square error below this good.
+pub const GOOD_RMSE: f64 = 0.03;
+
+/// The ranges of wavelengths in which errors are told.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Band {
+    /// 350-400 nm.
+    UvA,
+    /// 400-780 nm.
+    Visible,
+    /// 780-1400 nm.
+    IrA,
+    /// 1400-2500 nm, what is used of IR-B.
+    IrB,
+}
+
+impl Band {
+    /// All, by wavelength.
+    pub const ALL: [Self; 4] = [Self::UvA, Self::Visible, Self::IrA, Self::IrB];
+
+    /// The name used in output.
+    #[must_use]
+    pub fn name(self) -> &'static str {
+        match self {
+            Self::UvA => "uv_a",
+            Self::Visible => "visible",
+            Self::IrA => "ir_a",
+            Self::IrB => "ir_b",
+        }
+    }
+
+    /// Where it begins and ends, nm.
+    #[must_use]
+    pub fn range_nm(self) -> (f64, f64) {
+        match self {
+            Self::UvA => (350.0, 400.0),
+            Self::Visible => (400.0, 780.0),
+            Self::IrA => (780.0, 1400.0),
+            Self::IrB => (1400.0, 2500.0),
+        }
+    }
+
+    /// Whether it holds a wavelength, nm: its begin is its own, its end is the next
+    /// band's; 2500 nm is the last one's.
+    #[must_use]
+    pub fn holds(self, nm: f64) -> bool {
+        let (from, to) = self.range_nm();
+        from <= nm && (nm < to || (self == Self::IrB && nm == to))
+    }
+}
+
+/// One wavelength of a comparison.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Point {
+    /// The measurement at this wavelength.
+    pub matched: Matched,
+    /// The simulation and its standard error.
+    pub simulated: Measured,
+}
+
+impl Point {
+    /// Simulated minus measured.
+    #[must_use]
+    pub fn residual(&self) -> f64 {
+        self.simulated.value - self.matched.value
+    }
+}
+
+/// The residuals of some points in a few numbers.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Statistics {
+    /// How many points, at least 1.
+    pub points: usize,
+    /// Root mean square residual.
+    pub rmse: f64,
+    /// Mean residual: positive where the simulation is the brighter.
+    pub bias: f64,
+    /// Mean standard error of the simulation: an RMSE of this size is its noise.
+    pub mean_simulated_se: f64,
+    /// Mean standard uncertainty of the measurement, if the file states it.
+    pub mean_uncertainty: Option<f64>,
+}
+
+impl Statistics {
+    /// Of `points`; `None` if there are none.
+    fn of(points: &[&Point]) -> Option<Self> {
+        let mean = |of: &dyn Fn(&Point) -> Option<f64>| -> Option<f64> {
+            let sum: Option<f64> = points.iter().map(|point| of(point)).sum();
+            sum.filter(|_| !points.is_empty())
+                .map(|sum| sum / points.len() as f64)
+        };
+        Some(Self {
+            points: points.len(),
+            rmse: mean(&|point| Some(point.residual() * point.residual()))?.sqrt(),
+            bias: mean(&|point| Some(point.residual()))?,
+            mean_simulated_se: mean(&|point| Some(point.simulated.se))?,
+            mean_uncertainty: mean(&|point| point.matched.uncertainty),
+        })
+    }
+}
+
+/// A simulated spectrum beside a measured one.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Comparison {
+    /// What both have, by wavelength; excluded wavelengths among them.
+    pub points: Vec<Point>,
+}
+
+impl Comparison {
+    /// `simulated`, per wavelength of the list that `matched` was made for.
+    #[must_use]
+    pub fn new(matched: &[Matched], simulated: &[Measured]) -> Self {
+        let point = |matched: &Matched| {
+            let (matched, simulated) = (*matched, *simulated.get(matched.index)?);
+            Some(Point { matched, simulated })
+        };
+        Self {
+            points: matched.iter().filter_map(point).collect(),
+        }
+    }
+
+    /// Over all wavelengths that count.
+    #[must_use]
+    pub fn overall(&self) -> Option<Statistics> {
+        self.statistics(|_| true)
+    }
+
+    /// Over those of a band.
+    #[must_use]
+    pub fn band(&self, band: Band) -> Option<Statistics> {
+        self.statistics(|nm| band.holds(nm))
+    }
+
+    fn statistics(&self, held: impl Fn(f64) -> bool) -> Option<Statistics> {
+        let counts = |point: &&Point| !point.matched.excluded && held(point.matched.nm);
+        let points: Vec<&Point> = self.points.iter().filter(counts).collect();
+        Statistics::of(&points)
+    }
+}
+
+#[cfg(test)]
+#[allow(clippy::unwrap_used)]
+mod tests {
+    use super::*;
+
+    fn close(a: f64, b: f64) -> bool {
+        (a - b).abs() < 1e-12
+    }
+
+    /// Residuals .03, .04 | -.02 | excluded 1 | .06 at the last wavelength.
+    #[test]
+    fn by_hand() {
+        let measured = [
+            (399.0, 0.50, false),
+            (399.5, 0.50, false),
+            (400.0, 0.52, false),
+            (1800.0, -0.5, true),
+            (2500.0, 0.44, false),
+        ];
+        let matched: Vec<Matched> = measured
+            .into_iter()
+            .enumerate()
+            .map(|(index, (nm, value, excluded))| Matched {
+                index,
+                nm,
+                value,
+                uncertainty: Some(0.01),
+                excluded,
+            })
+            .collect();
+        let simulated = [0.53, 0.54, 0.5, 0.5, 0.5].map(|value| Measured { value, se: 0.002 });
+        let comparison = Comparison::new(&matched, &simulated);
+        let rmse = |band| comparison.band(band).unwrap().rmse;
+        assert!(close(rmse(Band::UvA), 0.00125_f64.sqrt()));
+        assert!(close(rmse(Band::Visible), 0.02));
+        assert!(close(rmse(Band::IrB), 0.06));
+        assert_eq!(comparison.band(Band::IrA), None);
+        let overall = comparison.overall().unwrap();
+        // (9 + 16 + 4 + 36) / 4 = 16.25 in units of 1e-4
+        assert!(close(overall.rmse, 0.001_625_f64.sqrt()));
+        assert!(close(overall.bias, 0.11 / 4.0));
+        assert!(close(overall.mean_simulated_se, 0.002));
+        assert!(close(overall.mean_uncertainty.unwrap(), 0.01));
+        assert_eq!((overall.points, comparison.points.len()), (4, 5));
+    }
+
+    #[test]
+    fn every_wavelength_has_one_band() {
+        for nm in [350.0, 399.9, 400.0, 779.0, 780.0, 1400.0, 2499.0, 2500.0] {
+            let held = Band::ALL.iter().filter(|band| band.holds(nm)).count();
+            assert_eq!(held, 1, "{nm}");
+        }
+        assert!(Band::ALL.iter().all(|band| !band.holds(349.9)));
+        assert!(Band::Visible.holds(400.0) && Band::IrA.holds(780.0) && Band::IrB.holds(1400.0));
+    }
+}

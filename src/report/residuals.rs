@@ -1,0 +1,276 @@
+//! A simulated and a measured spectrum, and their difference below.
+use std::ops::Range;
+use std::path::Path;
+
+use plotters::element::DashedPathElement;
+use plotters::prelude::*;
+use plotters::style::text_anchor::HPos;
+
+use super::ReportError;
+use super::figure::{self, png};
+use super::style::{Area, Drawn, GREY, GRID, INK, SCALE, SHADE, Style, font, write};
+use crate::atomic;
+use crate::comparison::{Comparison, GOOD_RMSE, MeasuredSpectrum, Point, listed};
+
+/// Size as shown, pixels: the title with the legend, and the two panels.
+const WIDTH: i32 = 900;
+const HEAD: i32 = 78;
+const UPPER: i32 = 380;
+const LOWER: i32 = 230;
+/// So few points are marked one by one.
+const FEW: usize = 60;
+
+/// A kind of picture file.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Picture {
+    /// Scalable vector graphics.
+    Svg,
+    /// Pixels.
+    Png,
+}
+
+impl Picture {
+    /// The kind that the end of a file's name says.
+    #[must_use]
+    pub fn of(path: &Path) -> Option<Self> {
+        let extension = path.extension()?;
+        match () {
+            () if extension.eq_ignore_ascii_case("svg") => Some(Self::Svg),
+            () if extension.eq_ignore_ascii_case("png") => Some(Self::Png),
+            () => None,
+        }
+    }
+}
+
+/// The picture of a comparison.
+#[derive(Debug, Clone, Copy)]
+pub struct Residuals<'a> {
+    /// What was compared with.
+    pub measured: &'a MeasuredSpectrum,
+    /// What came out.
+    pub comparison: &'a Comparison,
+}
+
+/// What a panel draws of a point.
+type Of<'f> = &'f dyn Fn(&Point) -> f64;
+
+impl Residuals<'_> {
+    /// Writes it, as a whole or not at all: as PNG if the name of the file says so,
+    /// else as SVG.
+    ///
+    /// # Errors
+    /// See [`ReportError`].
+    pub fn write(&self, path: &Path) -> Result<(), ReportError> {
+        let failed = |reason| ReportError::Drawing {
+            chart: "the comparison",
+            reason,
+        };
+        let size = (WIDTH, HEAD + UPPER + LOWER);
+        let svg = figure::svg(size, |area| self.draw(area)).map_err(failed)?;
+        let bytes = match Picture::of(path) {
+            Some(Picture::Png) => png(&svg).map_err(failed)?,
+            _ => svg.into_bytes(),
+        };
+        atomic::write(path, &bytes).map_err(|source| ReportError::Io {
+            path: path.to_owned(),
+            source,
+        })
+    }
+
+    fn draw(&self, area: &Area) -> Drawn {
+        let (head, rest) = area.split_vertically(HEAD * SCALE);
+        let (upper, lower) = rest.split_vertically(UPPER * SCALE);
+        let (simulated, measured) = (Style::numbered(0), Style::numbered(1));
+        self.head(&head, simulated, measured)?;
+        let value: Of = &|point| point.matched.value;
+        let counted = || {
+            self.comparison
+                .points
+                .iter()
+                .filter(|p| !p.matched.excluded)
+        };
+        let all = counted().flat_map(|p| [p.matched.value, p.simulated.value]);
+        let ys = all.clone().fold(0.0, f64::min)..above(all.fold(0.0, f64::max));
+        let curves = [
+            (measured, value),
+            (simulated, &|p: &Point| p.simulated.value),
+        ];
+        self.panel(&upper, self.measured.quantity().name(), ys, &curves, &[])?;
+        let largest = counted().fold(GOOD_RMSE, |most, p| most.max(p.residual().abs()));
+        let ys = -1.1 * largest..1.1 * largest;
+        let limits = [-GOOD_RMSE, GOOD_RMSE];
+        let residual: Of = &Point::residual;
+        let words = "simulated - measured";
+        self.panel(&lower, words, ys, &[(simulated, residual)], &limits)
+    }
+
+    /// Title and legend.
+    fn head(&self, area: &Area, simulated: Style, measured: Style) -> Drawn {
+        let quantity = self.measured.quantity().name();
+        let title = match self.comparison.overall() {
+            Some(all) => format!(
+                "Simulated and measured {quantity}: RMSE {:.4}, mean difference {:+.4}, {} wavelengths",
+                all.rmse, all.bias, all.points
+            ),
+            None => format!("Simulated and measured {quantity}"),
+        };
+        let middle = WIDTH * SCALE / 2;
+        write(
+            area,
+            &title,
+            (middle, 24 * SCALE),
+            font(15, &INK),
+            HPos::Center,
+        )?;
+        let y = 56 * SCALE;
+        let entry = |x: i32| ((x * SCALE, y), ((x + 30) * SCALE, y));
+        let words = |x: i32, words: &str| {
+            write(
+                area,
+                words,
+                ((x + 38) * SCALE, y),
+                font(12, &INK),
+                HPos::Left,
+            )
+        };
+        for (x, style, name) in [(74, simulated, "simulated"), (194, measured, "measured")] {
+            let (from, to) = entry(x);
+            area.draw(&PathElement::new(
+                [from, to],
+                style.colour.stroke_width(2 * SCALE as u32),
+            ))?;
+            words(x, name)?;
+        }
+        let (from, to) = entry(314);
+        dashed(area, [from, to])?;
+        words(314, &format!("± {GOOD_RMSE}"))?;
+        let exclusions = self.measured.exclusions();
+        if !exclusions.is_empty() {
+            let ((left, _), (right, _)) = entry(424);
+            let swatch = [(left, y - 7 * SCALE), (right, y + 7 * SCALE)];
+            area.draw(&Rectangle::new(swatch, SHADE.filled()))?;
+            let mut bands = listed(exclusions);
+            if bands.chars().count() > 40 {
+                bands = format!("{} bands", exclusions.len());
+            }
+            words(424, &format!("not counted: {bands} nm"))?;
+        }
+        Ok(())
+    }
+
+    /// Curves over wavelength within `ys`, and dashed lines at `limits`.
+    fn panel(
+        &self,
+        area: &Area,
+        words: &str,
+        ys: Range<f64>,
+        curves: &[(Style, Of)],
+        limits: &[f64],
+    ) -> Drawn {
+        let points = &self.comparison.points;
+        let nm = |point: Option<&Point>| point.map_or(0.0, |point| point.matched.nm);
+        let xs = nm(points.first())..nm(points.last());
+        let mut chart = ChartBuilder::on(area)
+            .margin(4 * SCALE)
+            .margin_right(22 * SCALE)
+            .x_label_area_size(40 * SCALE)
+            .y_label_area_size(66 * SCALE)
+            .build_cartesian_2d(xs.clone(), ys.clone())?;
+        for band in self.measured.exclusions() {
+            let (from, to) = (band.from_nm.max(xs.start), band.to_nm.min(xs.end));
+            if from < to {
+                let corners = [(from, ys.start), (to, ys.end)];
+                chart.draw_series([Rectangle::new(corners, SHADE.filled())])?;
+            }
+        }
+        chart
+            .configure_mesh()
+            .light_line_style(TRANSPARENT)
+            .bold_line_style(GRID.stroke_width(SCALE as u32))
+            .axis_style(INK.stroke_width(SCALE as u32))
+            .x_label_formatter(&|nm| format!("{}", (nm * 1e3).round() / 1e3))
+            .label_style(font(12, &INK))
+            .x_desc("wavelength, nm")
+            .y_desc(words)
+            .axis_desc_style(font(13, &INK))
+            .draw()?;
+        // Pixels of `area`. What is beyond the axis is noise that does not count.
+        let base = area.get_base_pixel();
+        let at = |(nm, y): (f64, f64)| {
+            let (x, y) = chart.backend_coord(&(nm, y.clamp(ys.start, ys.end)));
+            (x - base.0, y - base.1)
+        };
+        for &y in limits {
+            dashed(area, [at((xs.start, y)), at((xs.end, y))])?;
+        }
+        for &(style, of) in curves {
+            let path = |points: &[Point]| -> Vec<_> {
+                let pairs = points.iter().map(|point| (point.matched.nm, of(point)));
+                pairs.map(at).collect()
+            };
+            let line = |points: &[Point], width: i32| {
+                let stroke = style.colour.stroke_width((width * SCALE) as u32);
+                area.draw(&PathElement::new(path(points), stroke))
+            };
+            // No line where wavelengths between have no measurement.
+            for joined in points.chunk_by(|a, b| b.matched.index == a.matched.index + 1) {
+                line(joined, 1)?;
+                for part in joined.chunk_by(|a, b| a.matched.excluded == b.matched.excluded) {
+                    if part.iter().all(|point| !point.matched.excluded) {
+                        line(part, 2)?;
+                    }
+                }
+                if points.len() <= FEW || joined.len() == 1 {
+                    for pixel in path(joined) {
+                        style.mark(area, pixel)?;
+                    }
+                }
+            }
+        }
+        Ok(())
+    }
+}
+
+fn dashed(area: &Area, ends: [(i32, i32); 2]) -> Drawn {
+    let (dash, gap, style) = (6 * SCALE, 4 * SCALE, GREY.stroke_width(SCALE as u32));
+    area.draw(&DashedPathElement::new(ends, dash, gap, style))
+}
+
+/// Where an axis from 0 ends above `value`: 1, or 2, 5 or 10 of a smaller decade;
+/// 1.2 if it must.
+fn above(value: f64) -> f64 {
+    if value > 1.0 {
+        return 1.2;
+    }
+    let decade = 10_f64.powf(value.max(1e-12).log10().floor());
+    let ends = [1.0, 2.0, 5.0, 10.0].map(|digit| digit * decade);
+    ends.into_iter().find(|end| *end >= value).unwrap_or(1.0)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn axes_end_above_their_values() {
+        let cases = [
+            (0.98, 1.0),
+            (1.0, 1.0),
+            (1.07, 1.2),
+            (0.3, 0.5),
+            (0.011, 0.02),
+            (0.0, 1e-12),
+        ];
+        for (value, end) in cases {
+            assert!((above(value) / end - 1.0).abs() < 1e-9, "{value}");
+        }
+    }
+
+    #[test]
+    fn kinds_by_name() {
+        let kind = |name: &str| Picture::of(Path::new(name));
+        assert_eq!(kind("a/b.svg"), Some(Picture::Svg));
+        assert_eq!(kind("b.PNG"), Some(Picture::Png));
+        assert_eq!([kind("b.pdf"), kind("svg"), kind(".png")], [None; 3]);
+    }
+}
