@@ -165,7 +165,9 @@ fn the_certificate_sees_the_wavelengths_left_out() {
         rays: 16_384,
         seed: 1,
     };
-    let spectra = simulation.run(&[patch.clone()], &control).unwrap();
+    let spectra = simulation
+        .run(std::slice::from_ref(&patch), &control)
+        .unwrap();
     let axes = Axes {
         facetness: vec![0.3],
         grain_size_um: vec![300.0],
