@@ -8,13 +8,19 @@ use std::fs;
 use std::path::{Path, PathBuf};
 use std::process::{Command, Output, Stdio};
 use std::sync::LazyLock;
+use std::sync::atomic::{AtomicBool, AtomicU64};
 use std::thread::sleep;
 use std::time::Duration;
 
 use assert_cmd::cargo::cargo_bin;
-use splitsnow::certificate::{CERTIFICATE, Certificate};
+use ndarray::Array2;
+use splitsnow::certificate::{CERTIFICATE, Certificate, Measures, Patch, Simulation, Subject};
+use splitsnow::colour::Colorimeter;
 use splitsnow::compress::annotated;
-use splitsnow::fit::{self, SCENE};
+use splitsnow::config::scene;
+use splitsnow::engine::{Cache, Control};
+use splitsnow::fit::{self, BETWEEN_WAVELENGTHS, SCENE};
+use splitsnow::grid::Axes;
 use splitsnow::lookup::Database;
 use splitsnow::measurement::Quantity;
 use splitsnow::store::COMPACT;
@@ -32,7 +38,7 @@ density_kg_m3 = 300
 [wavelengths]
 start_nm = 400
 stop_nm = 700
-step_nm = 100
+step_nm = 20
 ";
 
 struct Folder(tempfile::TempDir);
@@ -107,6 +113,14 @@ fn holds_its_bound_and_is_proved_anew() {
     let certificate: Certificate = serde_json::from_str(&file.metadata()[CERTIFICATE]).unwrap();
     assert!(fit::largest(&certificate) < 1.0, "{certificate}");
     assert!(certificate.points >= 64 && certificate.quantities.len() == 1);
+    // fewer wavelengths than the 16 asked for, and what that costs at all of them
+    let kept = file.wavelengths_nm();
+    assert!((3..14).contains(&kept.len()), "{kept:?}");
+    assert_eq!((kept[0], kept[kept.len() - 1]), (400.0, 700.0));
+    assert_eq!(file.metadata()[BETWEEN_WAVELENGTHS], "linear");
+    let chain = &certificate.quantities["transmittance"];
+    let between = chain.wavelengths.unwrap().delta_e.unwrap();
+    assert!(between.max > 0.0 && between.max < 0.2, "{between:?}");
     assert!(text.contains("out/s/snow.safetensors: "), "{text}");
     assert!(text.contains("next: splitsnow verify out/s"), "{text}");
     let lengths = file.axes().each_ref().map(Vec::len);
@@ -129,6 +143,84 @@ fn holds_its_bound_and_is_proved_anew() {
     assert_eq!(verified.metadata()[SCENE], file.metadata()[SCENE]);
 }
 
+/// Databases of the same simulations, at some of the scene's wavelengths.
+#[test]
+fn the_certificate_sees_the_wavelengths_left_out() {
+    let scene = scene::parse("s.toml", TEXT).unwrap().scene;
+    let (grid, regions) = (fit::grid(&scene), fit::regions(&scene));
+    let patch = Patch {
+        snow: [0.3, 300.0, 300.0],
+        thickness_cm: vec![5.0, 7.0, 10.0],
+        angle_deg: vec![0.0, 30.0, 60.0],
+    };
+    let (cancel, rays_done) = (AtomicBool::new(false), AtomicU64::new(0));
+    let control = Control {
+        parallel: false,
+        cancel: &cancel,
+        rays_done: &rays_done,
+        cache: &Cache::default(),
+    };
+    let simulation = Simulation {
+        grid: &grid,
+        rays: 16_384,
+        seed: 1,
+    };
+    let spectra = simulation
+        .run(std::slice::from_ref(&patch), &control)
+        .unwrap();
+    let axes = Axes {
+        facetness: vec![0.3],
+        grain_size_um: vec![300.0],
+        density_kg_m3: vec![300.0],
+        thickness_cm: patch.thickness_cm,
+        angle_deg: patch.angle_deg,
+    };
+    let colour = Colorimeter::viewing(&scene.wavelengths_nm, &scene.viewing).unwrap();
+    let chain = |kept: &[usize]| {
+        let nm: Vec<f64> = kept.iter().map(|i| scene.wavelengths_nm[*i]).collect();
+        let value = |(row, w): (usize, usize)| spectra[0][row].transmittance[kept[w]].value;
+        let curves = Array2::from_shape_fn((9, kept.len()), value);
+        let file = Database::from_curves(&axes, &nm, Some(&curves), None);
+        let subject = Subject {
+            grid: &grid,
+            regions: &regions,
+            file: &file,
+            exact: &file,
+            colour: colour.as_ref(),
+            points: 32,
+            rays: 16_384,
+            seed: 1,
+        };
+        let certificate = subject.certify(&control).unwrap();
+        certificate.quantities["transmittance"].clone()
+    };
+    let max = |measures: Measures| measures.delta_e.unwrap().max;
+    let all = chain(&(0..16).collect::<Vec<_>>());
+    let two = chain(&[0, 15]);
+    assert_eq!(all.wavelengths, None);
+    assert_eq!(all.total, all.interpolation);
+    assert!(max(all.total) < 0.3, "{all:?}");
+    assert!(max(two.wavelengths.unwrap()) > 2.5, "{two:?}");
+    assert!(max(two.total) > 2.5, "{two:?}");
+    assert!(two.total.rmse.max > 3.0 * all.total.rmse.max, "{two:?}");
+    // the other parts are told apart from it
+    assert!(max(two.interpolation) < 0.3, "{two:?}");
+    assert!(max(two.simulation.unwrap()) < 0.3, "{two:?}");
+}
+
+#[test]
+fn few_wavelengths_are_all_kept() {
+    let text = TEXT.replace("step_nm = 20", "step_nm = 100");
+    let folder = Folder::new(&text);
+    let text = folder.fit("");
+    let file = Database::open(&folder.file()).unwrap();
+    assert_eq!(file.wavelengths_nm(), [400.0, 500.0, 600.0, 700.0]);
+    let certificate: Certificate = serde_json::from_str(&file.metadata()[CERTIFICATE]).unwrap();
+    assert_eq!(certificate.quantities["transmittance"].wavelengths, None);
+    assert!(text.contains("(4 of 4)"), "{text}");
+    assert!(!text.contains("wavelengths;"), "{text}");
+}
+
 #[test]
 fn threads_leave_no_trace() {
     let folder = Folder::new(TEXT);
@@ -141,13 +233,23 @@ fn what_a_scene_does_not_ask_for_is_not_there() {
     let (bytes, text) = &*FITTED;
     let file = Database::from_bytes(bytes).unwrap();
     assert!(file.has(Quantity::Transmittance) && !file.has(Quantity::Reflectance));
+    assert!(text.contains(" of 16, linear between)"), "{text}");
+    assert!(text.contains(" of 16 wavelengths; reflectance;"), "{text}");
     let left_out = "reflectance; the axes facetness, grain_size_um, density_kg_m3";
     assert!(text.contains(left_out), "{text}");
     let folder = with_file(bytes);
     let point =
         "--facetness 0.3 --grain-size-um 300 --density-kg-m3 300 --thickness-cm 7.3 --angle-deg 33";
-    let there = folder.run(&format!("query out/s {point}"));
+    let there = folder.run(&format!("query out/s {point} --explain"));
     assert!(there.status.success(), "{}", errors(&there));
+    let csv = String::from_utf8(there.stdout).unwrap();
+    let n = file.wavelengths_nm().len();
+    let said = format!("# {n} wavelengths, between them linear\n");
+    assert!(csv.contains(&said), "{csv}");
+    assert_eq!(
+        csv.lines().filter(|line| !line.starts_with('#')).count(),
+        1 + n
+    );
     let other = folder.run(&format!("query out/s {point} --quantity reflectance"));
     assert_eq!(other.status.code(), Some(1));
     assert_eq!(

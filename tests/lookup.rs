@@ -299,17 +299,38 @@ fn nodes_that_fall_together_are_answered() {
         angle_deg: vec![0.0, 0.01],
         ..small()
     };
-    let database = database(&axes, slab);
+    let plain = Axes {
+        thickness_cm: vec![5.0, 10.0],
+        angle_deg: vec![0.0],
+        ..small()
+    };
+    let there = points(&axes)[0];
+    let [doubled, plain] = [axes, plain].map(|axes| database(&axes, slab));
     for quantity in Quantity::ALL {
-        let lookup = Lookup::new(&database, quantity).unwrap();
-        for thickness_cm in [0.0, 3.0, 5.0, 7.0, 20.0] {
-            let near = Point {
+        let [doubled, plain] = [&doubled, &plain].map(|d| Lookup::new(d, quantity).unwrap());
+        let at = |lookup: &Lookup, thickness_cm, angle_deg| {
+            let point = Point {
                 thickness_cm,
-                angle_deg: 0.005,
-                ..points(&axes)[0]
+                angle_deg,
+                ..there
             };
-            let found = spectrum(&lookup, near);
-            assert!(found.iter().all(|v| (0.0..=1.0).contains(v)), "{found:?}");
+            spectrum(lookup, point)
+        };
+        let all = [0.0, 3.0, 5.0, 7.0, 10.0, 20.0].map(|h| at(&doubled, h, 0.005));
+        for (found, thickness_cm) in [(&all[2], 5.0), (&all[4], 10.0)] {
+            for (found, expected) in found.iter().zip(at(&plain, thickness_cm, 0.0)) {
+                assert!((found - expected).abs() < 1e-5, "{found} {expected}");
+            }
+        }
+        for pair in all.windows(2) {
+            let falls = pair[0]
+                .iter()
+                .zip(&pair[1])
+                .map(|(thin, thick)| match quantity {
+                    Quantity::Transmittance => thin - thick,
+                    Quantity::Reflectance => thick - thin,
+                });
+            assert!(falls.into_iter().all(|by| by >= -1e-6), "{pair:?}");
         }
     }
 }

@@ -62,10 +62,14 @@ pub struct Chain {
     pub total: Measures,
     /// The file's answers against those of its curves.
     pub compression: Measures,
-    /// The curves' answers against the truth: simulation and interpolation.
+    /// The curves' answers against the truth at the file's wavelengths: simulation and
+    /// interpolation.
     pub interpolation: Measures,
     /// The curves against the truth on nodes; `None` if none was tried.
     pub simulation: Option<Measures>,
+    /// The straight lines between the file's wavelengths; `None` where it has all.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub wavelengths: Option<Measures>,
     /// What the truth's own standard error amounts to.
     pub noise: Measures,
     /// The curves' answers off the nodes in one axis alone, by its name.
@@ -81,6 +85,7 @@ pub(super) struct Collector {
     pub(super) compression: Vec<CurveError>,
     pub(super) interpolation: Vec<CurveError>,
     pub(super) simulation: Vec<CurveError>,
+    pub(super) wavelengths: Vec<CurveError>,
     pub(super) noise: Vec<CurveError>,
     pub(super) axes: BTreeMap<String, Vec<CurveError>>,
 }
@@ -102,7 +107,8 @@ impl Collector {
             total: measures(&total),
             compression: measures(&self.compression),
             interpolation: measures(&self.interpolation),
-            simulation: (!self.simulation.is_empty()).then(|| measures(&self.simulation)),
+            simulation: some(&self.simulation),
+            wavelengths: some(&self.wavelengths),
             noise: measures(&self.noise),
             axes: axes
                 .map(|(name, errors)| (name, measures(&errors)))
@@ -110,6 +116,10 @@ impl Collector {
             worst,
         }
     }
+}
+
+fn some(errors: &[CurveError]) -> Option<Measures> {
+    (!errors.is_empty()).then(|| measures(errors))
 }
 
 fn measures(errors: &[CurveError]) -> Measures {
@@ -170,6 +180,9 @@ impl fmt::Display for Certificate {
             }
             for (axis, measures) in &chain.axes {
                 line(&format!("off the nodes in {axis}"), measures)?;
+            }
+            if let Some(wavelengths) = &chain.wavelengths {
+                line("between the wavelengths", wavelengths)?;
             }
             line("noise of the fresh simulations", &chain.noise)?;
             for worst in &chain.worst {

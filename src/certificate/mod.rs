@@ -9,7 +9,12 @@
 //! - **compression**: the file against those curves, at the same points;
 //! - **interpolation** (with the simulation's): those curves against the truth;
 //! - **simulation**: the same on nodes, where nothing is interpolated;
-//! - and the interpolation along each axis alone.
+//! - the interpolation along each axis alone;
+//! - and, of a file with fewer wavelengths than the truth, the **wavelengths**: the
+//!   truth with straight lines between those of the file, which interpolation and
+//!   simulation are compared with, against the truth itself.
+//!
+//! Answers are compared at the wavelengths of the truth.
 //!
 //! The truth has noise of its own, told beside them: what a standard error at all
 //! wavelengths at once would change. It does not hold what all engines have in
@@ -30,6 +35,7 @@ use crate::engine::{Control, EngineError};
 use crate::grid::{Grid, GridError};
 use crate::lookup::{Database, Lookup, LookupError};
 use crate::measurement::{Quantity, Spectrum};
+use crate::spectrum::Resampling;
 
 pub use measures::{Chain, Measures, Summary, Worst};
 pub use patch::{Patch, Simulation};
@@ -64,15 +70,16 @@ pub enum CertificateError {
 /// What is to be certified, and how.
 #[derive(Debug, Clone, Copy)]
 pub struct Subject<'a> {
-    /// Laws of the grains, wavelengths and model of the simulations.
+    /// Laws of the grains, wavelengths and model of the simulations. Answers are
+    /// compared at its wavelengths, with straight lines between those of the databases.
     pub grid: &'a Grid,
     /// Where points are drawn; at least one.
     pub regions: &'a [Region],
     /// The file.
     pub file: &'a Database,
-    /// The curves it was made from, as [`Database::from_curves`].
+    /// The curves it was made from, as [`Database::from_curves`]; at its wavelengths.
     pub exact: &'a Database,
-    /// What colours are seen with; of the wavelengths of both.
+    /// What colours are seen with; of the wavelengths of `grid`.
     pub colour: Option<&'a Colorimeter>,
     /// Points anywhere, at least.
     pub points: usize,
@@ -159,10 +166,17 @@ impl Subject<'_> {
     ) -> Result<Chain, CertificateError> {
         let file = Lookup::new(self.file, quantity)?;
         let exact = Lookup::new(self.exact, quantity)?;
+        let nm = &self.grid.wavelengths_nm;
+        let lines = Resampling::new(self.file.wavelengths_nm(), nm);
+        let single: Vec<f32> = nm.iter().map(|v| *v as f32).collect();
+        let fewer = single != self.file.wavelengths_nm();
+        let there = self.file.wavelengths_nm().iter().map(|v| f64::from(*v));
+        let there = Resampling::new(&single, &there.collect::<Vec<_>>());
         let mut found = vec![0.0; file.wavelengths()];
         let mut ask = |lookup: &Lookup, point| -> Result<Vec<f64>, LookupError> {
             lookup.spectrum(point, &mut found)?;
-            Ok(found.iter().map(|v| f64::from(*v)).collect())
+            let found: Vec<f64> = found.iter().map(|v| f64::from(*v)).collect();
+            Ok(lines.apply(&found))
         };
         let error = |a: &[f64], b: &[f64]| CurveError::between(a, b, self.colour);
         let mut chain = measures::Collector::default();
@@ -175,9 +189,13 @@ impl Subject<'_> {
                 };
                 let truth = values(0.0);
                 let (answer, curves) = (ask(&file, point)?, ask(&exact, point)?);
-                let interpolated = error(&truth, &curves);
+                let drawn = lines.apply(&there.apply(&truth));
+                let interpolated = error(&drawn, &curves);
                 match kind {
                     Kind::Anywhere => {
+                        if fewer {
+                            chain.wavelengths.push(error(&truth, &drawn));
+                        }
                         chain.total.push((point, error(&truth, &answer)));
                         chain.compression.push(error(&curves, &answer));
                         chain.interpolation.push(interpolated);

@@ -18,10 +18,10 @@ use crate::store::COMPACT;
 ///
 /// A scene file names the snow, thicknesses and angles that a renderer will ask
 /// for, the light, and the largest colour difference allowed between what it gets
-/// and a converged simulation. `fit` simulates candidates, chooses the nodes,
-/// components and bits that hold the bound in the fewest bytes, and certifies
-/// the file at random points with fresh simulations. The file is
-/// `snow.safetensors`; `splitsnow verify` proves it anew.
+/// and a converged simulation. `fit` simulates candidates, chooses the wavelengths,
+/// nodes, components and bits that hold the bound in the fewest bytes, and certifies
+/// the file at random points with fresh simulations. Between the wavelengths kept,
+/// spectra are linear. The file is `snow.safetensors`; `splitsnow verify` proves it anew.
 #[derive(Debug, clap::Args)]
 #[command(after_long_help = "\
 Examples:
@@ -93,6 +93,7 @@ fn report(scene: &Scene, fitted: &Fitted, path: &Path) -> serde_json::Value {
         "bytes": fitted.bytes.len(),
         "max_delta_e": scene.max_delta_e,
         "reached_delta_e": fit::largest(&fitted.certificate),
+        "wavelength_nm": fitted.database.wavelengths_nm(),
         "nodes": axes.map(|(name, values)| (name.to_owned(), json!(values))).collect::<serde_json::Map<_, _>>(),
         "quantities": quantities.collect::<serde_json::Map<_, _>>(),
         "certificate": fitted.certificate,
@@ -111,6 +112,16 @@ fn text_report(scene: &Scene, fitted: &Fitted, path: &Path) -> String {
         };
         let _ = writeln!(text, "{name:<16}{} ({among})", list.join(", "));
     }
+    let wavelengths = fitted.database.wavelengths_nm();
+    let list: Vec<String> = wavelengths.iter().map(f32::to_string).collect();
+    let (n, all) = (wavelengths.len(), scene.wavelengths_nm.len());
+    let between = if n < all { ", linear between" } else { "" };
+    let list = list.join(", ");
+    let _ = writeln!(
+        text,
+        "{:<16}{list} ({n} of {all}{between})",
+        "wavelength_nm"
+    );
     for (quantity, one) in &fitted.compressed {
         let bits: Vec<String> = one.coefficients.bits().iter().map(u32::to_string).collect();
         let _ = writeln!(
@@ -149,6 +160,13 @@ fn left_out(scene: &Scene, fitted: &Fitted, nodes: usize) -> String {
     let wavelengths = scene.wavelengths_nm.len();
     let plain = 2 * all * wavelengths * size_of::<f32>();
     let mut parts = vec![format!("{} of {all} nodes", all - nodes)];
+    let kept = fitted.database.wavelengths_nm().len();
+    if kept < wavelengths {
+        parts.push(format!(
+            "{} of {wavelengths} wavelengths",
+            wavelengths - kept
+        ));
+    }
     if scene.quantities.len() == 1 {
         let other = crate::measurement::Quantity::ALL
             .into_iter()

@@ -4,6 +4,7 @@ use std::path::PathBuf;
 
 use super::common;
 use crate::certificate::{CERTIFICATE, Certificate};
+use crate::fit::BETWEEN_WAVELENGTHS;
 use crate::lookup::{Database, Lookup, Point, Varsa2025};
 use crate::measurement::Quantity;
 
@@ -103,6 +104,10 @@ fn explanation(database: &Database, quantity: Quantity) -> String {
         database.basis_kind().name(),
         database.precision().name()
     );
+    if let Some(between) = database.metadata().get(BETWEEN_WAVELENGTHS) {
+        let n = database.wavelengths_nm().len();
+        let _ = write!(text, "\n{n} wavelengths, between them {between}");
+    }
     let certificate = database.metadata().get(CERTIFICATE);
     let certificate = certificate.and_then(|text| serde_json::from_str::<Certificate>(text).ok());
     let _ = match certificate {

@@ -20,7 +20,7 @@ use palette::white_point::{Any, D65, WhitePoint};
 use palette::{Clamp, LinSrgb, Srgb, Xyz};
 use thiserror::Error;
 
-use crate::spectrum::TableError;
+use crate::spectrum::{Resampling, TableError};
 
 pub use viewing::{ColourDifference, Illuminant, Viewing};
 
@@ -168,6 +168,31 @@ impl Colorimeter {
         self.lights[0].lab(spectrum)
     }
 
+    /// The same for spectra that `by` takes to the wavelengths of this: it sees them
+    /// as what they become there.
+    ///
+    /// # Panics
+    /// If `by` leads to another number of wavelengths.
+    #[must_use]
+    pub fn resampled(&self, by: &Resampling) -> Self {
+        let lights = self.lights.iter().map(|light| Light {
+            weights: light.weights.each_ref().map(|weights| by.folded(weights)),
+            white: light.white,
+        });
+        Self {
+            lights: lights.collect(),
+            difference: self.difference,
+        }
+    }
+
+    /// Whether any colour depends on the value at this wavelength, by its position.
+    #[must_use]
+    pub fn sees(&self, wavelength: usize) -> bool {
+        let weights = self.lights.iter().flat_map(|light| &light.weights);
+        let mut here = weights.filter_map(|weights| weights.get(wavelength));
+        here.any(|weight| *weight != 0.0)
+    }
+
     /// The colour difference of two spectra (`[l]`): the largest over the
     /// illuminants, NaN if one of them gives NaN.
     ///
@@ -175,10 +200,19 @@ impl Colorimeter {
     /// If one has not one value per wavelength.
     #[must_use]
     pub fn difference(&self, first: &[f64], second: &[f64]) -> f64 {
-        let differences = self.lights.iter().map(|light| {
-            let (first, second) = (light.lab(first), light.lab(second));
-            self.difference.between(first, second)
-        });
+        self.difference_across(first, self, second)
+    }
+
+    /// The same of `first`, seen by this, and `second`, seen by `other`, one that
+    /// was [resampled](Self::resampled) from this.
+    ///
+    /// # Panics
+    /// If one has not one value per wavelength of what sees it.
+    #[must_use]
+    pub fn difference_across(&self, first: &[f64], other: &Self, second: &[f64]) -> f64 {
+        let lights = self.lights.iter().zip(&other.lights);
+        let differences =
+            lights.map(|(here, there)| self.difference.between(here.lab(first), there.lab(second)));
         differences.fold(0.0, |worst, e| {
             if e <= worst || worst.is_nan() {
                 worst
@@ -356,6 +390,39 @@ mod tests {
         // The observer sees no blue above 650 nm: there is no white to divide by.
         assert_eq!(Colorimeter::new(&[660.0, 680.0, 700.0]).unwrap(), None);
         assert_eq!(Colorimeter::new(&[]).unwrap(), None);
+    }
+
+    #[test]
+    fn resampled_it_sees_the_lines_between() {
+        let sparse = [400.0, 430.0, 480.0, 550.0, 610.0, 700.0];
+        let by = Resampling::new(&sparse, &visible());
+        let values = [0.31, 0.5, 0.2, 0.7, 0.4, 0.05];
+        let lines = by.apply(&values);
+        for lights in [
+            &[Illuminant::D65][..],
+            &[Illuminant::LedB5, Illuminant::D55],
+        ] {
+            let all = seen(&visible(), lights, ColourDifference::Cie1976);
+            let few = all.resampled(&by);
+            assert!(delta_e(all.lab(&lines), few.lab(&values)) < 1e-12);
+            assert!(all.difference_across(&lines, &few, &values) < 1e-12);
+            // and not as if there were nothing between
+            let bare: Vec<f64> = sparse.map(f64::from).to_vec();
+            let bare = seen(&bare, lights, ColourDifference::Cie1976);
+            assert!(delta_e(all.lab(&lines), bare.lab(&values)) > 1.0);
+            let other = [0.3, 0.51, 0.19, 0.72, 0.41, 0.02];
+            let expected = all.difference(&lines, &by.apply(&other));
+            assert!((few.difference(&values, &other) - expected).abs() < 1e-12);
+            assert_eq!(few.white(), all.white());
+        }
+    }
+
+    #[test]
+    fn only_what_the_eye_sees_counts() {
+        let nm = [350.0, 400.0, 500.0, 600.0, 780.0, 790.0];
+        let colorimeter = Colorimeter::new(&nm).unwrap().unwrap();
+        let seen: Vec<bool> = (0..7).map(|i| colorimeter.sees(i)).collect();
+        assert_eq!(seen, [false, true, true, true, true, false, false]);
     }
 
     #[test]

@@ -3,17 +3,20 @@
 //!
 //! 1. All nodes that it might have are simulated (`training`), with walks enough
 //!    that noise is a small part of the bound.
-//! 2. Nodes are chosen (`nodes`) until the look-up gives every other candidate
+//! 2. Of the scene's wavelengths those are chosen (`wavelengths`) between which
+//!    straight lines do for a small share of the bound.
+//! 3. Nodes are chosen (`nodes`) until the look-up gives every other candidate
 //!    within a share of the bound, the rest of which is for the compression.
-//! 3. The curves are compressed: components of y = -ln T, as few, and quantised as
+//! 4. The curves are compressed: components of y = -ln T, as few, and quantised as
 //!    coarsely, as the rest of the bound allows.
-//! 4. The file is certified: random points, fresh simulations with other random
-//!    numbers and more walks. If it fails, all begins again at 2 with a smaller share.
+//! 5. The file is certified: random points, fresh simulations with other random
+//!    numbers and more walks. If it fails, all begins again at 3 with a smaller share.
 //!
 //! What a scene does not ask for is left out: axes of one value, the other
 //! quantity, angles and thicknesses that do not occur.
 mod nodes;
 mod training;
+mod wavelengths;
 
 use std::collections::BTreeMap;
 use std::time::Instant;
@@ -33,9 +36,12 @@ use crate::lookup::{Database, FormatError, LookupError};
 use crate::measurement::Quantity;
 use crate::scene::Scene;
 use training::{Nodes, Training};
+use wavelengths::Wavelengths;
 
 /// Metadata key of the scene that a file was fitted to, as TOML.
 pub const SCENE: &str = "scene";
+/// Metadata key that says what a spectrum is between the file's wavelengths.
+pub const BETWEEN_WAVELENGTHS: &str = "between_wavelengths";
 /// Shares of the bound for the interpolation, tried one after another.
 const SHARES: [f64; 6] = [0.9, 0.75, 0.6, 0.45, 0.35, 0.25];
 /// Share of the bound for the compression: differences add up like
@@ -213,7 +219,7 @@ pub fn fit(
             Ok(in_time())
         })?;
         say("compressing");
-        let made = Made::new(scene, text, &training, &nodes, &colour)?;
+        let made = Made::new(scene, text, &training, &nodes)?;
         // not worth a certificate if not even the candidates are answered
         let judgement = training.judge(&made.database)?;
         if judgement.max >= CERTIFIED * scene.max_delta_e && share > SHARES[SHARES.len() - 1] {
@@ -292,8 +298,8 @@ impl Made {
         text: &str,
         training: &Training,
         nodes: &Nodes,
-        colour: &Colorimeter,
     ) -> Result<Self, FitError> {
+        let Wavelengths { nm, colour, .. } = &training.wavelengths;
         let variant = Variant {
             basis: Basis::Log,
             precision: Precision::Quantised,
@@ -310,7 +316,7 @@ impl Made {
             compressed.push((quantity, one));
         }
         let axes = training.axes_of(nodes);
-        let bytes = bytes(scene, text, &axes, &compressed, None)?;
+        let bytes = bytes(scene, text, &axes, nm, &compressed, None)?;
         Ok(Self {
             database: Database::from_bytes(&bytes)?,
             axes,
@@ -329,6 +335,7 @@ impl Made {
             scene,
             text,
             &self.axes,
+            &training.wavelengths.nm,
             &self.compressed,
             Some(&certificate),
         )?;
@@ -348,6 +355,7 @@ fn bytes(
     scene: &Scene,
     text: &str,
     axes: &Axes,
+    wavelengths_nm: &[f64],
     compressed: &[(Quantity, Compressed)],
     certificate: Option<&Certificate>,
 ) -> Result<Vec<u8>, FitError> {
@@ -357,7 +365,10 @@ fn bytes(
             .find(|(q, _)| *q == quantity)
             .map(|(_, c)| c)
     };
-    let mut extra = BTreeMap::from([(SCENE.to_owned(), text.to_owned())]);
+    let mut extra = BTreeMap::from([
+        (SCENE.to_owned(), text.to_owned()),
+        (BETWEEN_WAVELENGTHS.to_owned(), "linear".to_owned()),
+    ]);
     if let Some(certificate) = certificate {
         let json = serde_json::to_string(certificate).map_err(CompactError::Header)?;
         extra.insert(CERTIFICATE.to_owned(), json);
@@ -370,7 +381,7 @@ fn bytes(
     });
     let file = CompactFile {
         axes,
-        wavelengths_nm: &scene.wavelengths_nm,
+        wavelengths_nm,
         transmittance: of(Quantity::Transmittance),
         reflectance: of(Quantity::Reflectance),
         provenance: &provenance.to_string(),

@@ -4,6 +4,7 @@ use ndarray::{Array2, Axis};
 use rayon::prelude::*;
 
 use super::FitError;
+use super::wavelengths::Wavelengths;
 use crate::certificate::{Patch, Region, Simulation};
 use crate::colour::Colorimeter;
 use crate::engine::Control;
@@ -16,6 +17,10 @@ use crate::scene::Scene;
 const CANDIDATES: [usize; 5] = [7, 9, 4, 17, 13];
 /// Points that a choice of nodes is judged by, at most.
 const JUDGES: usize = 3000;
+/// Points that a choice of wavelengths is judged by, at most.
+const WAVELENGTH_JUDGES: usize = 400;
+/// Share of the bound for the lines between wavelengths.
+const WAVELENGTHS: f64 = 0.1;
 /// Power mean of the errors that a choice is to lower: near the largest, but
 /// felt by all.
 const POWER: f64 = 8.0;
@@ -30,12 +35,27 @@ pub(super) struct Judgement {
     pub(super) typical: f64,
 }
 
+impl Judgement {
+    pub(super) fn of(errors: impl ExactSizeIterator<Item = f64>) -> Self {
+        let (mut max, mut sum, count) = (0.0_f64, 0.0, errors.len() as f64);
+        for error in errors {
+            max = max.max(error);
+            sum += error.powf(POWER);
+        }
+        let typical = (sum / count).powf(1.0 / POWER);
+        Self { max, typical }
+    }
+}
+
 pub(super) struct Training<'a> {
     scene: &'a Scene,
+    /// Of the scene's wavelengths.
     colour: &'a Colorimeter,
+    /// Those that databases have.
+    pub(super) wavelengths: Wavelengths,
     /// Values of the candidates.
     pub(super) axes: [Vec<f64>; 5],
-    /// `[s, l]` per quantity of the scene.
+    /// `[s, l]` per quantity of the scene, at its wavelengths.
     curves: Vec<(Quantity, Array2<f64>)>,
     /// Candidates that the scene asks for, thinned out: row and point.
     judges: Vec<(usize, Point)>,
@@ -66,8 +86,17 @@ fn candidates(axis: usize, ranges: &[[f64; 2]], n: usize) -> Vec<f64> {
     kept
 }
 
+/// Every which of `n` to take for at most `most` or so: one that shares no factor
+/// with the axes' lengths visits all of them alike.
+fn stride(n: usize, most: usize) -> usize {
+    match n.div_ceil(most) {
+        0 | 1 => 1,
+        step => step | 1,
+    }
+}
+
 impl<'a> Training<'a> {
-    /// Simulates all candidates.
+    /// Simulates all candidates, and chooses the wavelengths.
     pub(super) fn new(
         scene: &'a Scene,
         grid: &'a Grid,
@@ -103,7 +132,8 @@ impl<'a> Training<'a> {
             // every spectrum has l values
             Array2::from_shape_vec((values.len() / l, l), values).unwrap_or_default()
         };
-        let curves = scene.quantities.iter().map(|q| (*q, curves(*q))).collect();
+        let curves: Vec<(Quantity, Array2<f64>)> =
+            scene.quantities.iter().map(|q| (*q, curves(*q))).collect();
         let wanted = |point: &Point| {
             let coordinates = point.coordinates();
             regions.iter().any(|region| {
@@ -113,15 +143,23 @@ impl<'a> Training<'a> {
         };
         let points = patches.iter().flat_map(|patch| patch.points());
         let judges: Vec<_> = points.enumerate().filter(|(_, p)| wanted(p)).collect();
-        let step = judges.len().div_ceil(JUDGES).max(1);
-        // a stride that shares no factor with the axes' lengths visits all of them alike
-        let step = if step == 1 { 1 } else { step | 1 };
+        let step = stride(judges.len(), JUDGES);
+        let judges: Vec<(usize, Point)> = judges.into_iter().step_by(step).collect();
+        let step = stride(judges.len(), WAVELENGTH_JUDGES);
+        let seen = curves.iter().flat_map(|(_, curves)| {
+            let judges = judges.iter().step_by(step);
+            judges.map(|(row, _)| curves.row(*row).to_vec())
+        });
+        let bound = WAVELENGTHS * scene.max_delta_e;
+        let seen: Vec<Vec<f64>> = seen.collect();
+        let wavelengths = Wavelengths::choose(&scene.wavelengths_nm, colour, &seen, bound);
         Ok(Self {
             scene,
             colour,
+            wavelengths,
             axes,
             curves,
-            judges: judges.into_iter().step_by(step).collect(),
+            judges,
         })
     }
 
@@ -146,7 +184,7 @@ impl<'a> Training<'a> {
         }
     }
 
-    /// The curves at `nodes`, `[s, l]`.
+    /// The curves at `nodes` and the wavelengths chosen, `[s, l]`.
     pub(super) fn curves_of(&self, nodes: &Nodes, quantity: Quantity) -> Array2<f64> {
         let mut rows = vec![0];
         for (nodes, values) in nodes.iter().zip(&self.axes) {
@@ -154,7 +192,9 @@ impl<'a> Training<'a> {
             rows = rows.into_iter().flat_map(next).collect();
         }
         let all = self.curves.iter().find(|(q, _)| *q == quantity);
-        all.map(|(_, curves)| curves.select(Axis(0), &rows))
+        let there = all.map(|(_, curves)| curves.select(Axis(0), &rows));
+        there
+            .map(|curves| curves.select(Axis(1), &self.wavelengths.kept))
             .unwrap_or_default()
     }
 
@@ -166,7 +206,7 @@ impl<'a> Training<'a> {
         };
         Database::from_curves(
             &self.axes_of(nodes),
-            &self.scene.wavelengths_nm,
+            &self.wavelengths.nm,
             curves(Quantity::Transmittance).as_ref(),
             curves(Quantity::Reflectance).as_ref(),
         )
@@ -174,10 +214,10 @@ impl<'a> Training<'a> {
 
     /// How far the answers of `database` are from the curves at all candidates.
     pub(super) fn judge(&self, database: &Database) -> Result<Judgement, FitError> {
-        let (mut max, mut sum) = (0.0_f64, 0.0);
+        let mut errors = Vec::new();
         for (quantity, curves) in &self.curves {
             let lookup = Lookup::new(database, *quantity)?;
-            let errors: Result<Vec<f64>, FitError> = self
+            let of_one: Result<Vec<f64>, FitError> = self
                 .judges
                 .par_iter()
                 .with_min_len(64)
@@ -186,18 +226,15 @@ impl<'a> Training<'a> {
                     |found, (row, point)| {
                         lookup.spectrum(*point, found)?;
                         let found: Vec<f64> = found.iter().map(|v| f64::from(*v)).collect();
-                        Ok(self.colour.difference(&curves.row(*row).to_vec(), &found))
+                        let truth = curves.row(*row).to_vec();
+                        let few = &self.wavelengths.colour;
+                        Ok(self.colour.difference_across(&truth, few, &found))
                     },
                 )
                 .collect();
-            for error in errors? {
-                max = max.max(error);
-                sum += error.powf(POWER);
-            }
+            errors.extend(of_one?);
         }
-        let count = (self.judges.len() * self.curves.len()) as f64;
-        let typical = (sum / count).powf(1.0 / POWER);
-        Ok(Judgement { max, typical })
+        Ok(Judgement::of(errors.into_iter()))
     }
 }
 

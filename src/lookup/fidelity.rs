@@ -1,4 +1,4 @@
-//! How well a compact file holds spectra it was made from, or new ones.
+//! How well a compact file holds the spectra it was made from.
 use ndarray::ArrayView2;
 
 use super::{Database, LookupError};
@@ -38,7 +38,8 @@ pub fn errors_of(
         delta_e: colour.map(|_| Vec::with_capacity(curves.nrows())),
     };
     for (row, original) in curves.rows().into_iter().enumerate() {
-        let rebuilt = widen(&database.curve(row, quantity).unwrap_or_default());
+        let rebuilt = database.curve(row, quantity).unwrap_or_default();
+        let rebuilt: Vec<f64> = rebuilt.into_iter().map(f64::from).collect();
         let error = CurveError::between(&original.to_vec(), &rebuilt, colour);
         errors.rmse.push(error.rmse);
         if let (Some(all), Some(delta_e)) = (&mut errors.delta_e, error.delta_e) {
@@ -46,52 +47,6 @@ pub fn errors_of(
         }
     }
     Ok(errors)
-}
-
-impl Database {
-    /// `spectrum` (`[l]`), a new one, say off the nodes, projected on the basis
-    /// of `quantity`: what compression alone does to it. Coefficients are f32
-    /// whatever those of the file.
-    ///
-    /// # Errors
-    /// [`LookupError::NoQuantity`]; [`LookupError::Shape`] if `spectrum` is of
-    /// another length.
-    pub fn project(&self, quantity: Quantity, spectrum: &[f64]) -> Result<Vec<f32>, LookupError> {
-        self.expect(quantity)?;
-        expect("wavelengths", self.wavelengths_nm.len(), spectrum.len())?;
-        let projected = spectrum.iter().map(|&m| self.kind.projected(quantity, m));
-        let projected: Vec<f64> = projected.collect();
-        let basis = self.basis(quantity);
-        let coefficients = basis.columns().into_iter().map(|vector| {
-            let products = vector
-                .iter()
-                .zip(&projected)
-                .map(|(&v, m)| f64::from(v) * m);
-            products.sum::<f64>() as f32
-        });
-        Ok(self.rebuild(quantity, coefficients))
-    }
-
-    /// The error of [`Database::project`].
-    ///
-    /// # Errors
-    /// As [`Database::project`].
-    ///
-    /// # Panics
-    /// If `colour` is of another number of wavelengths.
-    pub fn projection_error(
-        &self,
-        quantity: Quantity,
-        spectrum: &[f64],
-        colour: Option<&Colorimeter>,
-    ) -> Result<CurveError, LookupError> {
-        let rebuilt = widen(&self.project(quantity, spectrum)?);
-        Ok(CurveError::between(spectrum, &rebuilt, colour))
-    }
-}
-
-fn widen(spectrum: &[f32]) -> Vec<f64> {
-    spectrum.iter().map(|&v| f64::from(v)).collect()
 }
 
 fn expect(what: &'static str, expected: usize, found: usize) -> Result<(), LookupError> {

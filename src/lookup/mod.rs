@@ -301,25 +301,21 @@ impl Database {
         (rest == 0).then(|| Point::from_coordinates(coordinates))
     }
 
-    /// The spectrum of curve `row`, `[l]`; `None` beyond the last one, and if
-    /// the file does not hold `quantity`.
+    /// The spectrum of curve `row`, `[l]`, in the arithmetic in which the error table
+    /// was made; `None` beyond the last one, and if the file does not hold `quantity`.
     #[must_use]
     pub fn curve(&self, row: usize, quantity: Quantity) -> Option<Vec<f32>> {
-        let all = &self.factors(quantity).coefficients;
-        let coefficients = (row < all.nrows()).then(|| all.row(row))?;
-        Some(self.rebuild(quantity, coefficients.iter().copied()))
-    }
-
-    /// The spectrum of these coefficients (`[l']`), in the arithmetic in which
-    /// the error table was made.
-    fn rebuild(&self, quantity: Quantity, coefficients: impl Iterator<Item = f32>) -> Vec<f32> {
-        let basis = self.basis(quantity);
+        let Factors {
+            coefficients,
+            basis,
+        } = self.factors(quantity);
+        let coefficients = (row < coefficients.nrows()).then(|| coefficients.row(row))?;
         let mut sum = vec![0.0; basis.nrows()];
-        for (coefficient, vector) in coefficients.zip(basis.columns()) {
+        for (&coefficient, vector) in coefficients.iter().zip(basis.columns()) {
             add_component(&mut sum, coefficient, vector);
         }
         let value = |sum| self.kind.value(quantity, sum) as f32;
-        sum.into_iter().map(value).collect()
+        Some(sum.into_iter().map(value).collect())
     }
 
     /// Refuses a quantity that is not there.

@@ -1,0 +1,117 @@
+//! Spectra at some wavelengths from spectra at others.
+
+/// Straight lines between the wavelengths of a spectrum, as renderers draw them;
+/// beyond its ends it stays.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Resampling {
+    /// How many wavelengths a spectrum has before.
+    from: usize,
+    /// For each wavelength after: the position below it, and the share of the next.
+    places: Vec<(usize, f64)>,
+}
+
+impl Resampling {
+    /// From spectra at `from_nm`, strictly increasing, to spectra at `to_nm`, both in
+    /// nm. A wavelength of both lists in single precision, in which files hold them,
+    /// keeps its value to the bit.
+    ///
+    /// # Panics
+    /// If `from_nm` is empty.
+    #[must_use]
+    pub fn new(from_nm: &[f32], to_nm: &[f64]) -> Self {
+        assert!(!from_nm.is_empty(), "a spectrum has a wavelength");
+        let place = |nm: &f64| {
+            let nm = *nm as f32;
+            let above = from_nm.partition_point(|from| *from <= nm);
+            match (above.checked_sub(1), from_nm.get(above)) {
+                (None, _) => (0, 0.0),
+                (Some(below), None) => (below, 0.0),
+                (Some(below), Some(&next)) => {
+                    let [here, next, nm] = [from_nm[below], next, nm].map(f64::from);
+                    (below, (nm - here) / (next - here))
+                }
+            }
+        };
+        Self {
+            from: from_nm.len(),
+            places: to_nm.iter().map(place).collect(),
+        }
+    }
+
+    /// `spectrum` at the new wavelengths.
+    ///
+    /// # Panics
+    /// If it has not one value per old wavelength.
+    #[must_use]
+    pub fn apply(&self, spectrum: &[f64]) -> Vec<f64> {
+        assert_eq!(spectrum.len(), self.from, "one value per wavelength");
+        let value = |&(below, share): &(usize, f64)| match share {
+            0.0 => spectrum[below],
+            _ => spectrum[below] + share * (spectrum[below + 1] - spectrum[below]),
+        };
+        self.places.iter().map(value).collect()
+    }
+
+    /// Weights of an old spectrum whose weighted sum is that of the new one with
+    /// `weights`.
+    ///
+    /// # Panics
+    /// If there is not one weight per new wavelength.
+    #[must_use]
+    pub fn folded(&self, weights: &[f64]) -> Vec<f64> {
+        assert_eq!(
+            weights.len(),
+            self.places.len(),
+            "one weight per wavelength"
+        );
+        let mut folded = vec![0.0; self.from];
+        for (&(below, share), weight) in self.places.iter().zip(weights) {
+            folded[below] += (1.0 - share) * weight;
+            if share > 0.0 {
+                folded[below + 1] += share * weight;
+            }
+        }
+        folded
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn lines_between_and_nothing_new_beyond() {
+        let by = Resampling::new(
+            &[400.0, 500.0, 700.0],
+            &[390.0, 400.0, 425.0, 500.0, 650.0, 700.0, 800.0],
+        );
+        let found = by.apply(&[1.0, 3.0, -1.0]);
+        assert_eq!(found, [1.0, 1.0, 1.5, 3.0, 0.0, -1.0, -1.0]);
+        assert_eq!(
+            Resampling::new(&[550.0], &[400.0, 550.0]).apply(&[0.3]),
+            [0.3, 0.3]
+        );
+    }
+
+    #[test]
+    fn equal_lists_change_no_bit() {
+        // none of these is a single-precision number
+        let nm = [400.1, 533.3, 700.7];
+        let by = Resampling::new(&nm.map(|v| v as f32), &nm);
+        let spectrum = [0.1, f64::NAN, 1e-30];
+        assert_eq!(
+            by.apply(&spectrum)[..]
+                .iter()
+                .map(|v| v.to_bits())
+                .collect::<Vec<_>>(),
+            spectrum.map(f64::to_bits)
+        );
+    }
+
+    #[test]
+    fn folded_weights_by_hand() {
+        let by = Resampling::new(&[400.0, 500.0, 700.0], &[400.0, 425.0, 500.0, 650.0, 800.0]);
+        let weights = [1.0, 4.0, 2.0, 8.0, 0.5];
+        assert_eq!(by.folded(&weights), [1.0 + 3.0, 1.0 + 2.0 + 2.0, 6.0 + 0.5]);
+    }
+}
