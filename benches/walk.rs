@@ -9,7 +9,7 @@ use splitsnow::grain::{GrainType, SizeRange, Surface, TruncatedNormal};
 use splitsnow::math::Vec3;
 use splitsnow::optics::{IceTable, Index};
 use splitsnow::rng::{Key, Stream};
-use splitsnow::table::{Table, TableSnow, TableWalker, draw};
+use splitsnow::table::{Table, TablePack, TableWalker, draw};
 use splitsnow::transport::{
     Absorption, Coefficients, End, Entry, Illumination, Model, Path, Sink, Snow, Walk, Walker,
 };
@@ -101,7 +101,7 @@ fn grain_event(c: &mut Criterion) {
     );
     let table = Table::new(outcomes, 1 << 14, &mut stream());
     let walker = TableWalker {
-        snow: TableSnow::new(&snow, [&table; 2]),
+        pack: TablePack::plain(&snow, [&table; 2]),
         absorption: absorption(3.0),
     };
     group.throughput(Throughput::Elements(walks(&walker)));

@@ -35,7 +35,7 @@ fn asked(
     resolution: Resolution,
 ) -> Result<Vec<Spectrum>, EngineError> {
     let request = Request {
-        pack: &case.snow.clone().into(),
+        pack: &case.pack,
         thicknesses_m: &case.thicknesses_m,
         illuminations: &[case.light],
         wavelengths_nm: &case.wavelengths_nm,

@@ -4,7 +4,10 @@ use std::sync::atomic::{AtomicBool, AtomicU64};
 use splitsnow::engine::{Cache, Control, Engine, EngineError, MaxError, Request, Resolution};
 use splitsnow::grain::{GrainType, SizeRange, TruncatedNormal};
 use splitsnow::measurement::{Measured, Spectrum};
-use splitsnow::transport::{Entry, Illumination, Model, Snow};
+use splitsnow::optics::Carbon;
+use splitsnow::transport::{
+    Component, Entry, Ground, Illumination, Joining, Layer, Model, Pack, Snow,
+};
 
 /// Minimum, maximum, mean and standard deviation of a shape's law.
 pub(crate) type Law = [f64; 4];
@@ -14,11 +17,11 @@ pub(crate) const SPHERICITY: Law = [0.6, 0.95, 0.798, 0.064];
 /// Diffuse light, as an angle.
 pub(crate) const DIFFUSE: f64 = f64::NAN;
 
-/// A snow, its light, its slabs and its wavelengths.
+/// A pack, its light, its slabs and its wavelengths.
 #[derive(Debug, Clone)]
 pub(crate) struct Case {
     pub(crate) name: String,
-    pub(crate) snow: Snow,
+    pub(crate) pack: Pack,
     pub(crate) model: Model,
     pub(crate) light: Illumination,
     pub(crate) thicknesses_m: Vec<f64>,
@@ -61,23 +64,42 @@ pub(crate) fn light(degrees: f64) -> Illumination {
 }
 
 impl Case {
-    /// Slabs of these thicknesses in mean free distances.
-    pub(crate) fn new(name: &str, snow: Snow, degrees: f64, depths: &[f64], nm: &[f64]) -> Self {
-        let distance_m = snow.mean_free_distance_m();
+    /// Packs with surface layers of these thicknesses in mean free distances.
+    pub(crate) fn new(
+        name: &str,
+        pack: impl Into<Pack>,
+        degrees: f64,
+        depths: &[f64],
+        nm: &[f64],
+    ) -> Self {
+        let pack = pack.into();
+        let (distance_m, below_m) = (pack.surface.mean_free_distance_m(), pack.below_m());
         Self {
             name: name.into(),
-            snow,
+            pack,
             model: Model::default(),
             light: light(degrees),
-            thicknesses_m: depths.iter().map(|d| d * distance_m).collect(),
+            thicknesses_m: depths.iter().map(|d| below_m + d * distance_m).collect(),
             wavelengths_nm: nm.to_vec(),
         }
     }
 
     /// The same slabs in grains of the largest size instead.
     pub(crate) fn in_grains(mut self, grains: &[f64]) -> Self {
-        let size_m = self.snow.sizes_m()[1];
+        let size_m = self.pack.surface.sizes_m()[1];
         self.thicknesses_m = grains.iter().map(|g| g * size_m).collect();
+        self
+    }
+
+    /// Thickness of the surface layer of a pack `thickness_m` thick, in mean free
+    /// distances.
+    pub(crate) fn depth(&self, thickness_m: f64) -> f64 {
+        (thickness_m - self.pack.below_m()) / self.pack.surface.mean_free_distance_m()
+    }
+
+    /// The same with layers that are slabs of their own.
+    pub(crate) fn cascaded(mut self) -> Self {
+        self.model.joining = Joining::Cascade;
         self
     }
 
@@ -97,7 +119,7 @@ impl Case {
         seed: u64,
     ) -> Result<Vec<Spectrum>, EngineError> {
         let request = Request {
-            pack: &self.snow.clone().into(),
+            pack: &self.pack,
             thicknesses_m: &self.thicknesses_m,
             illuminations: &[self.light],
             wavelengths_nm: &self.wavelengths_nm,
@@ -120,7 +142,7 @@ impl Case {
     /// Whether the engine would refuse, and why.
     pub(crate) fn refusal(&self, engine: Engine, resolution: Resolution) -> Option<EngineError> {
         let request = Request {
-            pack: &self.snow.clone().into(),
+            pack: &self.pack,
             thicknesses_m: &self.thicknesses_m,
             illuminations: &[self.light],
             wavelengths_nm: &self.wavelengths_nm,
@@ -147,8 +169,112 @@ pub(crate) fn z(a: Measured, b: Measured) -> f64 {
     }
 }
 
+/// Fine faceted grains.
+fn fresh() -> Snow {
+    snow([50.0, 100.0], [0.7, 0.99, 0.9, 0.5], SPHERICITY, 225.0)
+}
+
+/// Coarse round ones.
+fn coarse() -> Snow {
+    snow([900.0, 1000.0], [0.05, 0.15, 0.1, 0.075], SPHERICITY, 375.0)
+}
+
+/// `surface` over `below`, from the surface down, with thicknesses in cm.
+fn over(surface: Snow, below: &[(Snow, f64)], ground: Ground) -> Pack {
+    let layer = |(snow, cm): &(Snow, f64)| Layer {
+        snow: snow.clone(),
+        thickness_m: cm * 1e-2,
+    };
+    Pack {
+        surface,
+        below: below.iter().map(layer).collect(),
+        ground,
+    }
+}
+
+/// `snow` with black carbon, ng/g, and the share of it in the ice.
+fn sooty(snow: Snow, concentration_ng_g: f64, sedimentation: f64) -> Snow {
+    let carbon = Carbon {
+        sedimentation,
+        ..Carbon::black(concentration_ng_g)
+    };
+    Snow {
+        black_carbon: Some(carbon),
+        ..snow
+    }
+}
+
+/// Packs of several layers or types of grain, with carbon, on bright ground.
+fn packs() -> Vec<Case> {
+    let nm = &[400.0, 700.0, 1030.0, 1300.0, 2000.0];
+    let slabs = &[2.5, 5.0, 12.0, 30.0];
+    let of = |name: &str, pack: Pack| Case::new(name, pack, 0.0, slabs, nm);
+    let black = || Ground::Black;
+    let mixture = |a: Snow, b: Snow, share: f64| {
+        let of = |snow: &Snow, fraction| Component {
+            fraction,
+            grain: snow.grains[0].grain,
+        };
+        Snow {
+            grains: vec![of(&a, share), of(&b, 1.0 - share)],
+            ..ordinary()
+        }
+    };
+    vec![
+        of(
+            "fresh on coarse",
+            over(fresh(), &[(coarse(), 1.0)], black()),
+        ),
+        of(
+            "coarse on fresh",
+            over(coarse(), &[(fresh(), 1.0)], black()),
+        ),
+        of(
+            "half a grain of coarse in fresh",
+            over(fresh(), &[(coarse(), 0.05), (fresh(), 0.2)], black()),
+        ),
+        of(
+            "a hundredth of a grain",
+            over(ordinary(), &[(coarse(), 0.001), (ordinary(), 0.5)], black()),
+        ),
+        of(
+            "ten layers of one grain",
+            over(fresh(), &vec![(ordinary(), 0.075); 10], black()),
+        ),
+        of(
+            "fresh on coarse, cascade",
+            over(fresh(), &[(coarse(), 1.0)], black()),
+        )
+        .cascaded(),
+        of(
+            "mixture, fresh and coarse",
+            mixture(fresh(), coarse(), 0.5).into(),
+        ),
+        of(
+            "mixture, 1 % fresh",
+            mixture(fresh(), coarse(), 0.01).into(),
+        ),
+        of("ground 0.5", over(ordinary(), &[], Ground::Grey(0.5))),
+        of("ground 1", over(ordinary(), &[], Ground::Grey(1.0))),
+        of("1000 ng/g in the ice", sooty(ordinary(), 1e3, 1.0).into()),
+        of("1e5 ng/g in the ice", sooty(ordinary(), 1e5, 1.0).into()),
+        of("1000 ng/g in the pores", sooty(ordinary(), 1e3, 0.0).into()),
+        of("1e5 ng/g in the pores", sooty(ordinary(), 1e5, 0.0).into()),
+        of(
+            "1e5 ng/g in pores half full",
+            sooty(wet(ordinary(), 0.5), 1e5, 0.5).into(),
+        ),
+    ]
+}
+
 /// Every case of the map.
 pub(crate) fn all() -> Vec<Case> {
+    let mut cases = homogeneous();
+    cases.extend(packs());
+    cases
+}
+
+fn homogeneous() -> Vec<Case> {
     let visible_to_infrared = &[400.0, 700.0, 1030.0, 1300.0, 2000.0];
     let slabs = &[2.5, 5.0, 12.0, 30.0];
     let of = |name: &str, snow: Snow, degrees: f64| {

@@ -93,7 +93,7 @@ pub(crate) fn judge(
                         y.value,
                         z(x, y),
                         case.wavelengths_nm[l],
-                        case.thicknesses_m[h] / case.snow.mean_free_distance_m(),
+                        case.depth(case.thicknesses_m[h]),
                     );
                 }
             }

@@ -27,7 +27,7 @@ use splitsnow::math::Vec3;
 use splitsnow::measurement::{Measured, Spectrum};
 use splitsnow::optics::Index;
 use splitsnow::rng::{Key, Stream};
-use splitsnow::table::{Table, TableSnow, TableWalker, draw};
+use splitsnow::table::{Table, TablePack, TableWalker, draw};
 use splitsnow::transport::{Absorption, Coefficients, End, Sink, Walk};
 
 type Result<T> = std::result::Result<T, Box<dyn Error>>;
@@ -104,7 +104,8 @@ fn engines(case: &Case, rays: u64) -> Vec<Answer> {
     let run =
         |engine, rays, seed| case.run(engine, rays, Resolution::default(), &Cache::default(), seed);
     // walks grow with the thickness: fewer rays where slabs are very thick
-    let deepest = case.thicknesses_m.last().unwrap() / case.snow.mean_free_distance_m();
+    let deepest = (case.thicknesses_m.last().unwrap() - case.pack.below_m())
+        / case.pack.surface.mean_free_distance_m();
     let rays = (rays as f64 * (30.0 / deepest).min(1.0)) as u64;
     let spectral = run(Engine::Spectral, rays, 1);
     let yardstick = spectral.clone().unwrap_or_default();
@@ -168,9 +169,9 @@ fn against_absorption(cases: &[Case], rows: &[(String, Vec<Answer>)]) -> Vec<Cur
     for (first, what) in [(0, "dry"), (half, "half full of water")] {
         for (h, depth) in [(1, "4.2"), (2, "6"), (3, "12")] {
             let points = (first + 2..first + half).filter_map(|i| {
-                let k: f64 = cases[i].snow.sizes_m()[1] / 750e-6 * 1.32e-5;
+                let k: f64 = cases[i].pack.surface.sizes_m()[1] / 750e-6 * 1.32e-5;
                 let per_distance = 4.0 * std::f64::consts::PI * 1.32e-5 / 1300e-9
-                    * cases[i].snow.mean_free_distance_m();
+                    * cases[i].pack.surface.mean_free_distance_m();
                 let of = |engine| {
                     rows[i]
                         .1
@@ -319,7 +320,7 @@ fn large_table(case: &Case, rays: u64) -> f64 {
     let (ice, air) = (case.model.ice.at(nm).unwrap(), Index { n: 1.0, k: 0.0 });
     let [surface, _] = Surface::in_air_and_water(ice, air, false);
     let outcomes = draw(
-        &case.snow.grains[0].grain,
+        &case.pack.surface.grains[0].grain,
         case.model.entry,
         surface,
         ENTRIES,
@@ -327,7 +328,7 @@ fn large_table(case: &Case, rays: u64) -> f64 {
     );
     let table = Table::new(outcomes, ENTRIES, &mut stream(1));
     let walker = TableWalker {
-        snow: TableSnow::new(&case.snow, [&table; 2]),
+        pack: TablePack::plain(&case.pack.surface, [&table; 2]),
         absorption: Absorption {
             coefficients: Coefficients {
                 ice_per_m: ice.absorption_per_m(nm),

@@ -50,7 +50,7 @@ pub(crate) fn csv(path: &Path, cases: &[Case], rows: &[(String, Vec<Answer>)]) -
                         answer.engine.name().into(),
                         answer.verdict.name().into(),
                     ];
-                    let depth = thickness_m / case.snow.mean_free_distance_m();
+                    let depth = case.depth(thickness_m);
                     row.extend(
                         [
                             thickness_m,

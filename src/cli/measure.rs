@@ -56,7 +56,7 @@ pub(super) fn run(args: &Args) -> anyhow::Result<()> {
         pack: &sample.pack,
         thicknesses_m: &[sample.thickness_m],
         illuminations: &[sample.illumination],
-        resolution: Resolution::default(),
+        resolution: Resolution::of_rays(args.rays),
         wavelengths_nm: &sample.wavelengths_nm,
         model: &sample.model,
         rays: args.rays,

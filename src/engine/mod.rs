@@ -61,6 +61,22 @@ impl Default for Resolution {
     }
 }
 
+impl Resolution {
+    /// No finer than what so many walks can tell: a table as large and a kernel
+    /// of sixteen times as many grain events, within the limits of the engines
+    /// and the default.
+    #[must_use]
+    pub fn of_rays(rays: u64) -> Self {
+        let most = Self::default();
+        let at_most = |n: u64, most: u32| n.next_power_of_two().min(u64::from(most)) as u32;
+        Self {
+            table: at_most(rays.clamp(1 << 14, 1 << 32), most.table),
+            grains: at_most(rays.saturating_mul(8).clamp(1 << 17, 1 << 32), most.grains),
+            ..most
+        }
+    }
+}
+
 /// What an engine is asked for: all thicknesses of one snow under all lights.
 #[derive(Debug, Clone)]
 pub struct Request<'a> {

@@ -97,6 +97,15 @@ impl<'a> TablePack<'a> {
         }
     }
 
+    /// A pack of one clean snow with one type of grain, whose outcomes in air and
+    /// in water these tables have.
+    #[must_use]
+    pub fn plain(snow: &Snow, tables: [&'a Table; 2]) -> Self {
+        let model = Model::default();
+        let stratum = TableStratum::new(snow, 0.0, &model, &[], &[tables]);
+        Self::new(vec![stratum], 0)
+    }
+
     /// Whether all grains are of one type in one layer.
     pub(super) fn is_plain(&self) -> bool {
         self.strata.len() == 1 && self.strata[0].kinds.len() == 1

@@ -143,14 +143,14 @@ impl TablePack<'_> {
         let mut kinds = [0; 8];
         let mut choice = variates.outcome;
         if !self.is_plain() {
-            for lane in 0..8 {
+            for (lane, chosen) in kinds.iter_mut().enumerate() {
                 let stratum = &self.strata[rays.stratum[lane]];
                 distance_m.as_mut_array()[lane] = stratum.mean_free_distance_m;
                 saturation.as_mut_array()[lane] = stratum.water_saturation;
                 let u = choice.as_array()[lane];
                 let others = &stratum.kinds[1..];
-                kinds[lane] = others.partition_point(|kind| kind.chance[0] <= u);
-                let kind = &stratum.kinds[kinds[lane]];
+                *chosen = others.partition_point(|kind| kind.chance[0] <= u);
+                let kind = &stratum.kinds[*chosen];
                 let [before, share] = kind.chance;
                 // what is left of the variate, kept below 1 against rounding
                 let rest = ((u - before) / share).clamp(0.0, 1.0 - f64::EPSILON);
