@@ -8,14 +8,16 @@ mod config_errors;
 use std::fmt::Write;
 use std::path::{Path, PathBuf};
 
-use config_errors::{GRID, GRID_ERRORS, SAMPLE, SAMPLE_ERRORS, SCENE, SCENE_ERRORS};
+use config_errors::{
+    GRID, GRID_ERRORS, PACK, PACK_ERRORS, SAMPLE, SAMPLE_ERRORS, SCENE, SCENE_ERRORS,
+};
 use proptest::prelude::*;
 use splitsnow::colour::{ColourDifference, Illuminant, Viewing};
 use splitsnow::config::{grid, sample, scene, schema};
 use splitsnow::measurement::Quantity;
-use splitsnow::optics::ice_density_kg_m3;
+use splitsnow::optics::{Carbon, CarbonLaw, ImpurityMass, ice_density_kg_m3};
 use splitsnow::scene::Range;
-use splitsnow::transport::Illumination;
+use splitsnow::transport::{Ground, Illumination, Joining};
 
 fn root() -> &'static Path {
     Path::new(env!("CARGO_MANIFEST_DIR"))
@@ -58,6 +60,12 @@ fn refusals<T>(
 fn refused_samples_say_why() {
     let text = refusals(SAMPLE, SAMPLE_ERRORS, |text| sample::parse("s.toml", text));
     golden("tests/config_errors/sample.txt", &text);
+}
+
+#[test]
+fn refused_packs_say_why() {
+    let text = refusals(PACK, PACK_ERRORS, |text| sample::parse("s.toml", text));
+    golden("tests/config_errors/pack.txt", &text);
 }
 
 #[test]
@@ -226,7 +234,7 @@ fn committed_configs_are_accepted_and_name_their_schema() {
     let (grids, mut samples) = (files("configs"), files("configs/samples"));
     samples.extend(files("configs/tradeoff"));
     let scenes = files("configs/scenes");
-    assert!(grids.len() >= 2 && samples.len() >= 6 && scenes.len() >= 4);
+    assert!(grids.len() >= 2 && samples.len() >= 17 && scenes.len() >= 4);
     for path in &scenes {
         names_schema(path);
         let file = scene::read(path).unwrap_or_else(|e| panic!("{e}"));
@@ -242,7 +250,9 @@ fn committed_configs_are_accepted_and_name_their_schema() {
     for path in &samples {
         names_schema(path);
         let file = sample::read(path).unwrap_or_else(|e| panic!("{e}"));
-        assert_eq!(!file.warnings.is_empty(), path.ends_with("surface.toml"));
+        let has_fresh_surface =
+            path.ends_with("surface.toml") || path.ends_with("surface_on_basal.toml");
+        assert_eq!(!file.warnings.is_empty(), has_fresh_surface);
     }
 }
 
@@ -309,6 +319,42 @@ facetness = { min = 0.2, max = 0.4, mean = 0.3, sd = 0.072 }
     assert_eq!(file.pack.surface.sizes_m()[1], 750.0 * 1e-6);
 }
 
+/// A pack begins at its surface, a file at the base.
+#[test]
+fn packs_are_read_as_they_are_written() {
+    let file = sample::parse("s.toml", PACK).unwrap();
+    let pack = &file.pack;
+    assert!((file.thickness_m - 0.17).abs() < 1e-15);
+    assert_eq!(file.model.joining, Joining::Cascade);
+    assert_eq!(file.model.impurity_mass, ImpurityMass::Conserved);
+    assert_eq!(file.model.carbon_law, CarbonLaw::Power);
+    assert_eq!(pack.ground, Ground::Grey(0.2));
+    let [base] = &pack.below[..] else {
+        panic!("{pack:?}")
+    };
+    assert_eq!(
+        (base.thickness_m, base.snow.density_kg_m3),
+        (15.0 * 1e-2, 375.0)
+    );
+    assert_eq!(base.snow.black_carbon, Some(Carbon::black(6.0)));
+    assert_eq!(base.snow.brown_carbon, None);
+    let surface = &pack.surface;
+    // 300 kg/m3 of which 50 are water
+    assert_eq!(surface.density_kg_m3, 250.0);
+    assert!(
+        (surface.water_saturation * (1.0 - 250.0 / ice_density_kg_m3(-1.0)) - 0.05).abs() < 1e-15
+    );
+    let fractions: Vec<f64> = surface.grains.iter().map(|grain| grain.fraction).collect();
+    assert_eq!(fractions, [0.25, 0.75]);
+    assert_eq!(surface.sizes_m(), [100.0 * 1e-6, 1200.0 * 1e-6]);
+    let brown = Carbon {
+        per_wet_mass: true,
+        ..Carbon::brown(500.0)
+    };
+    assert_eq!(surface.brown_carbon, Some(brown));
+    assert_eq!(pack.exponents(), [1.0, 2.0]);
+}
+
 #[test]
 fn water_may_be_given_in_other_ways() {
     let ice = ice_density_kg_m3(-1.0);
@@ -373,9 +419,16 @@ fn paths_are_relative_to_the_config() {
     let table = "wavelength_nm,n,k\n300,1.34,1e-9\n2600,1.3,1e-3\n";
     std::fs::write(directory.path().join("mine.csv"), table).unwrap();
     let path = directory.path().join("s.toml");
-    std::fs::write(&path, SAMPLE.replace("segelstein_1981", "mine.csv")).unwrap();
+    let soil = "wavelength_nm,reflectance\n300,0.25\n700,0.75\n";
+    std::fs::write(directory.path().join("soil.csv"), soil).unwrap();
+    let text = SAMPLE
+        .replace("segelstein_1981", "mine.csv")
+        .replace("reflectance = 0", "reflectance = \"soil.csv\"");
+    std::fs::write(&path, text).unwrap();
     let file = sample::read(&path).unwrap();
     assert!(file.to_toml().contains("water = \"mine.csv\""));
+    assert!(file.to_toml().contains("reflectance = \"soil.csv\""));
+    assert_eq!(file.pack.ground.reflectance(500.0), Some(0.5));
     let again = sample::parse(&path.display().to_string(), file.to_toml()).unwrap();
     assert_eq!(again, file);
 }
@@ -420,6 +473,64 @@ fn water() -> impl Strategy<Value = String> {
     ]
 }
 
+fn carbon() -> impl Strategy<Value = String> {
+    let exponent = prop::sample::select(vec![0.5, 1.0, 2.0, 3.25]);
+    let per = prop_oneof![Just("dry_mass"), Just("wet_mass")];
+    let numbers = (0.0..=1e9_f64, 0.0..=1.0, 0.0..=1000.0, 100.0..=10_000.0);
+    (numbers, exponent, per).prop_map(|((c, x, m, nm), exponent, per)| {
+        format!(
+            "concentration_ng_g = {c}\nsedimentation = {x}\nmass_absorption_efficiency_m2_g = {m}\n\
+             reference_wavelength_nm = {nm}\nangstrom_exponent = {exponent}\nconcentration_per = \"{per}\"\n"
+        )
+    })
+}
+
+/// A layer `[[name]]`, hundredths of `cm` thick, of one or two types of grain.
+fn layer(name: &'static str, cm: std::ops::Range<u32>) -> impl Strategy<Value = String> {
+    let grain = || ((10_u32..3000, 10_u32..3000), law(0.0), law(0.01));
+    let share = prop::option::of(0.0..=1.0_f64);
+    let grains = (share, [grain(), grain()]);
+    let soot = (prop::option::of(carbon()), prop::option::of(carbon()));
+    (cm, 50.0..=550.0, -40.0..=0.0, water(), grains, soot).prop_map(
+        move |(cm, density, temperature, water, (share, grains), (black, brown))| {
+            let thickness = f64::from(cm) / 100.0;
+            let mut text = format!(
+                "[[{name}]]\nthickness_cm = {thickness}\ndensity_kg_m3 = {density}\n\
+                 temperature_c = {temperature}\n{water}\n"
+            );
+            let shares = share.map_or(vec![1.0], |share| vec![share, 1.0 - share]);
+            for (share, ((a, b), facetness, sphericity)) in shares.iter().zip(&grains) {
+                let (min, max) = (a.min(b), a.max(b));
+                write!(
+                    text,
+                    "[[{name}.grain]]\nfraction = {share}\nsize_um = {{ min = {min}, max = {max} }}\n\
+                     facetness = {facetness}\nsphericity = {sphericity}\n"
+                )
+                .unwrap();
+            }
+            for (key, soot) in [("black_carbon", black), ("brown_carbon", brown)] {
+                if let Some(soot) = soot {
+                    write!(text, "[{name}.{key}]\n{soot}").unwrap();
+                }
+            }
+            text
+        },
+    )
+}
+
+fn ground(name: &'static str) -> impl Strategy<Value = String> {
+    prop::option::of(0.0..=1.0_f64).prop_map(move |ground| {
+        ground.map_or(String::new(), |r| format!("[{name}]\nreflectance = {r}\n"))
+    })
+}
+
+fn choices() -> impl Strategy<Value = String> {
+    let law = prop_oneof![Just("power"), Just("varsa2025")];
+    let mass = prop_oneof![Just("varsa2025"), Just("conserved")];
+    (law, mass)
+        .prop_map(|(law, mass)| format!("carbon_law = \"{law}\"\nimpurity_mass = \"{mass}\"\n"))
+}
+
 /// A strictly increasing list of multiples of `unit` in [low, high].
 fn axis(low: u32, high: u32, unit: f64) -> impl Strategy<Value = String> {
     prop::collection::btree_set(low..=high, 1..6).prop_map(move |set| {
@@ -434,19 +545,16 @@ fn axis(low: u32, high: u32, unit: f64) -> impl Strategy<Value = String> {
 proptest! {
     #[test]
     fn samples_survive_being_written(
-        (light, wavelengths, water) in (light(), wavelengths(), water()),
-        (facetness, sphericity) in (law(0.0), law(0.01)),
-        (size_a, size_b) in (10.0..=3000.0_f64, 10.0..=3000.0_f64),
-        (thickness, density, temperature) in (3.0..=1000.0, 50.0..=550.0, -40.0..=0.0),
+        (light, wavelengths) in (light(), wavelengths()),
+        layers in prop::collection::vec(layer("layer", 300..100_000), 1..4),
+        (ground, choices) in (ground("substrate"), choices()),
+        joining in prop_oneof![Just("continuous"), Just("cascade")],
         entry in prop_oneof![Just("uniform"), Just("projected")],
         ice in prop_oneof![Just("warren_brandt_2008"), Just("picard_2016")],
     ) {
-        let (min, max) = (size_a.min(size_b), size_a.max(size_b));
+        let layers = layers.concat();
         let text = format!("version = 1\n[illumination]\n{light}\n[wavelengths]\n{wavelengths}\n\
-            [[layer]]\nthickness_cm = {thickness}\ndensity_kg_m3 = {density}\n\
-            temperature_c = {temperature}\n{water}\n[[layer.grain]]\n\
-            size_um = {{ min = {min}, max = {max} }}\nfacetness = {facetness}\n\
-            sphericity = {sphericity}\n[model]\nentry = \"{entry}\"\nice = \"{ice}\"\n");
+            {layers}{ground}[model]\nentry = \"{entry}\"\nice = \"{ice}\"\nlayers = \"{joining}\"\n{choices}");
         let first = sample::parse("s.toml", &text).map_err(|e| TestCaseError::fail(e.to_string()))?;
         let again = sample::parse("s.toml", first.to_toml()).map_err(|e| TestCaseError::fail(e.to_string()))?;
         prop_assert_eq!(again.to_toml(), first.to_toml());
@@ -464,13 +572,17 @@ proptest! {
         (seed, rays) in (0..=9_007_199_254_740_991_u64, 1..=1_000_000_000_000_u64),
         engine in prop_oneof![Just("spectral"), Just("reference")],
         rmse in prop::option::of(1e-9..=1.0),
+        below in prop::collection::vec(layer("fixed.below", 1..140), 0..3),
+        (ground, black, choices) in (ground("fixed.substrate"), carbon(), choices()),
     ) {
+        let below = below.concat();
         let rmse = rmse.map_or(String::new(), |rmse| format!("max_rmse = {rmse}\n"));
         let text = format!("version = 1\n[axes]\nfacetness = {facetness}\ngrain_size_um = {sizes}\n\
             density_kg_m3 = {densities}\nthickness_cm = {thicknesses}\nangle_deg = {angles}\n\
             [spread]\nfacetness_half_width = {half_width}\nfacetness_sd = {sd}\n\
             grain_size_half_width_um = {size_half_width}\n[wavelengths]\n{wavelengths}\n[fixed]\n\
             temperature_c = {temperature}\nwater_saturation = {saturation}\nsphericity = {sphericity}\n\
+            {below}{ground}[fixed.black_carbon]\n{black}[model]\n{choices}\
             [run]\nengine = \"{engine}\"\nseed = {seed}\nrays = {rays}\n[compression]\n{rmse}");
         let first = grid::parse("g.toml", &text).map_err(|e| TestCaseError::fail(e.to_string()))?;
         let written = first.grid.to_config();
@@ -485,7 +597,7 @@ proptest! {
     #[test]
     fn shuffled_files_never_panic(
         cuts in prop::collection::vec((any::<prop::sample::Index>(), any::<prop::sample::Index>()), 1..12),
-        good in prop::sample::select(vec![GRID, SAMPLE, SCENE]),
+        good in prop::sample::select(vec![GRID, SAMPLE, PACK, SCENE]),
     ) {
         const PIECES: [&str; 16] = ["nan", "-inf", "1e999", "-0.0", "[", "]", "{", "}", "=", "\"", "\n",
             "[[layer]]\n", "[axes]\n", "0x7fffffffffffffffffff", "a.b.c = 1\n", "\u{feff}"];

@@ -211,3 +211,32 @@ fn an_interrupted_measurement_prints_nothing() {
         "\nstopping (Ctrl-C again stops at once)\ninterrupted: nothing was written\n"
     );
 }
+
+/// Every sample of configs/samples is measured and keeps its energy.
+#[test]
+fn samples_that_come_along_can_be_measured() {
+    let folder = PathBuf::from(env!("CARGO_MANIFEST_DIR")).join("configs/samples");
+    let mut measured = 0;
+    for entry in std::fs::read_dir(folder).unwrap() {
+        let path = entry.unwrap().path();
+        if path.extension().is_none_or(|extension| extension != "toml") {
+            continue;
+        }
+        let mut command = Command::new(PathBuf::from(env!("CARGO_BIN_EXE_splitsnow")));
+        let args = ["--engine", "spectral", "--rays", "8"];
+        let output = command
+            .arg("measure")
+            .arg(&path)
+            .args(args)
+            .output()
+            .unwrap();
+        let errors = String::from_utf8_lossy(&output.stderr);
+        assert!(output.status.success(), "{}: {errors}", path.display());
+        for [nm, r, _, t, _, a] in rows(&String::from_utf8(output.stdout).unwrap()) {
+            let kept = r >= 0.0 && t >= 0.0 && a >= -1e-12;
+            assert!(kept, "{} at {nm} nm: {r} {t} {a}", path.display());
+        }
+        measured += 1;
+    }
+    assert!(measured >= 12, "{measured} samples");
+}

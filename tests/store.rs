@@ -12,7 +12,9 @@ use common::{assert_same, dir_bytes, grid, simulate};
 use splitsnow::batch::{self, BatchError, Options, Summary};
 use splitsnow::engine::{Cache, Engine, EngineError};
 use splitsnow::grid::{Grid, Shard};
+use splitsnow::optics::Carbon;
 use splitsnow::store::{self, Access, Store, StoreError, Variable};
+use splitsnow::transport::{Ground, Layer};
 
 fn extra() -> BTreeMap<String, String> {
     BTreeMap::from([("data.ice".to_string(), "0123".to_string())])
@@ -303,12 +305,31 @@ fn values_that_are_no_numbers_are_refused() {
     assert!(error.to_string().ends_with("reflectance is NaN"), "{error}");
 }
 
+/// A ground counts by its name and what it says, and is told to readers.
+#[test]
+fn a_database_names_its_ground() {
+    let bottom = |grid: &Grid| {
+        let (dir, _) = finished(grid);
+        let text = fs::read_to_string(dir.path().join("database.zarr/zarr.json")).unwrap();
+        let root: serde_json::Value = serde_json::from_str(&text).unwrap();
+        let text = root["attributes"]["bottom_boundary"].as_str().unwrap();
+        text.to_owned()
+    };
+    let mut grid = grid(Engine::Spectral);
+    assert!(bottom(&grid).starts_with("black:"));
+    grid.fixed.ground = Ground::Grey(0.25);
+    assert_eq!(
+        bottom(&grid),
+        "Lambertian ground { reflectance = 0.25 }; transmittance is the light that stays in it"
+    );
+}
+
 #[test]
 fn another_config_is_refused_by_key() {
     let grid = grid(Engine::Spectral);
     let (dir, before) = finished(&grid);
     type Change = (fn(&mut Grid), &'static str);
-    let changes: [Change; 7] = [
+    let changes: [Change; 11] = [
         (|g| g.run.seed = 8, "run.seed = 7, not 8;"),
         (|g| g.run.rays = 5, "run.rays = 100, not 5;"),
         (
@@ -330,6 +351,27 @@ fn another_config_is_refused_by_key() {
         (
             |g| g.fixed.water_saturation = 0.1,
             "fixed.water_saturation = 0.0, not 0.1;",
+        ),
+        (
+            |g| g.fixed.ground = Ground::Grey(0.2),
+            "fixed.substrate = (none), not { reflectance = 0.2 };",
+        ),
+        (
+            |g| g.fixed.brown_carbon = Some(Carbon::brown(5.0)),
+            "fixed.brown_carbon = (none), not { concentration_ng_g = 5.0, sedimentation = 1.0,",
+        ),
+        (
+            |g| {
+                g.fixed.below.push(Layer {
+                    snow: g.job(&g.jobs().unwrap(), 0).unwrap().pack.surface,
+                    thickness_m: 0.005,
+                });
+            },
+            "fixed.below = (none), not [{ thickness_cm = 0.5, density_kg_m3 = 300.0,",
+        ),
+        (
+            |g| g.axes.density_kg_m3[0] = 310.0,
+            "axes.density_kg_m3 = [300.0], not [310.0];",
         ),
     ];
     for (change, message) in changes {

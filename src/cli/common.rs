@@ -16,8 +16,9 @@ use thiserror::Error;
 use crate::config::grid::{self, GridFile};
 use crate::engine::Engine;
 use crate::grid::Grid;
-use crate::optics::data_files;
+use crate::optics::{DataFile, data_files};
 use crate::store::COMPACT;
+use crate::transport::Ground;
 
 /// The arguments of commands that work from a grid file.
 #[derive(Debug, clap::Args)]
@@ -103,7 +104,19 @@ pub(super) fn positive(text: &str) -> Result<f64, String> {
 pub(super) fn data_hashes(grid: &Grid) -> anyhow::Result<BTreeMap<String, String>> {
     let Grid { fixed, .. } = grid;
     let water = fixed.is_wet().then_some(&fixed.model.water);
-    let files = data_files(fixed.model.ice, water)?;
+    let mut files = data_files(fixed.model.ice, water)?;
+    if let Ground::Spectrum { path, .. } = &fixed.ground {
+        let bytes = std::fs::read(path).with_context(|| {
+            format!(
+                "cannot read the reflectance of the ground, {}",
+                path.display()
+            )
+        })?;
+        files.push(DataFile {
+            name: "ground".to_owned(),
+            bytes: bytes.into(),
+        });
+    }
     let hash = |bytes: &[u8]| -> String {
         let digest = Sha256::digest(bytes);
         digest.iter().map(|byte| format!("{byte:02x}")).collect()

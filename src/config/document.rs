@@ -152,7 +152,8 @@ impl<'t> Document<'t> {
             key: key.to_owned(),
             value: value.map(shorten),
             problem,
-            help: help.into(),
+            // descriptions of keys may have several lines
+            help: help.into().replace('\n', " "),
         })
     }
 

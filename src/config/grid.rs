@@ -49,7 +49,7 @@ pub fn parse(name: &str, text: &str) -> Result<GridFile, ConfigError> {
     let (document, keys) = Document::read::<GridKeys>(name, text, &schema::GRID)?;
     let mut warnings = Vec::new();
     let spread = spread(&keys.spread);
-    let axes = axes(&document, keys.axes, &spread, &mut warnings)?;
+    let (axes, biggest_um) = axes(&document, keys.axes, &spread, &mut warnings)?;
     let wavelengths_nm = wavelengths(&document, &keys.wavelengths, &mut warnings)?;
     let model = model(&document, &keys.model, directory_of(name))?;
     let fixed = fixed(
@@ -60,6 +60,10 @@ pub fn parse(name: &str, text: &str) -> Result<GridFile, ConfigError> {
         (directory_of(name), &wavelengths_nm),
         &mut warnings,
     )?;
+    for (i, &thickness) in axes.thickness_cm.iter().enumerate() {
+        let key = format!("axes.thickness_cm[{i}]");
+        thick_enough(&document, &key, thickness, biggest_um, &fixed)?;
+    }
     covered(&document, &fixed.model, &wavelengths_nm, fixed.is_wet())?;
     let run = run(&document, &keys.run, &wavelengths_nm)?;
     size(&document, &axes, wavelengths_nm.len(), run.rays)?;
@@ -90,12 +94,13 @@ pub fn parse(name: &str, text: &str) -> Result<GridFile, ConfigError> {
     })
 }
 
+/// The axes, and the biggest grain, um, that they reach.
 fn axes(
     document: &Document,
     keys: AxesKeys,
     spread: &Spread,
     warnings: &mut Vec<String>,
-) -> Result<Axes, ConfigError> {
+) -> Result<(Axes, f64), ConfigError> {
     let axes = Axes {
         facetness: keys.facetness,
         grain_size_um: keys.grain_size_um,
@@ -114,10 +119,6 @@ fn axes(
         if i == 0 {
             remark_small(document, warnings, &key, mean, half_width);
         }
-    }
-    for (i, &thickness) in axes.thickness_cm.iter().enumerate() {
-        let key = format!("axes.thickness_cm[{i}]");
-        thick_enough(document, &key, thickness, biggest)?;
     }
     for (axis, values) in [
         ("thickness_cm", &axes.thickness_cm),
@@ -139,7 +140,7 @@ fn axes(
             );
         }
     }
-    Ok(axes)
+    Ok((axes, biggest))
 }
 
 /// Refuses databases nobody could compute or store.

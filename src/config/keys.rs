@@ -119,7 +119,8 @@ pub(super) struct WavelengthKeys {
     { "required": ["density_kg_m3"] }, { "required": ["wet_density_kg_m3"] },
 ], "not" = { "required": ["water_saturation", "water_fraction"] }))]
 pub(super) struct LayerKeys {
-    /// Thickness, cm: at least 10 lengths of the biggest grain; ordinarily 1 to 100.
+    /// Thickness, cm; ordinarily 1 to 100. The pack, or in a cascade each layer,
+    /// holds at least 10 lengths of its biggest grain.
     #[schemars(range(max = 1000.0), extend("exclusiveMinimum" = 0.0))]
     pub(super) thickness_cm: f64,
     /// Density of the dry snow, kg/m3: ordinarily 50 to 450; ice itself has about 917.

@@ -4,7 +4,7 @@ use std::path::Path;
 use crate::grain::{GrainType, SizeRange};
 use crate::optics::{Carbon, ice_density_kg_m3};
 use crate::spectrum::Table;
-use crate::transport::{Component, Ground, Layer, Snow};
+use crate::transport::{Component, EXPONENTS, Ground, Layer, Snow};
 use crate::units::{cm_to_m, um_to_m};
 
 use super::document::Document;
@@ -93,6 +93,29 @@ pub(super) fn carbon(
         angstrom_exponent: keys.angstrom_exponent.unwrap_or(usual.angstrom_exponent),
         per_wet_mass: keys.concentration_per == CONCENTRATIONS[1],
     })
+}
+
+/// Refuses more different exponents of `carbon` than walks keep apart, in the
+/// layers or the snow at `key`.
+pub(super) fn exponents<'a>(
+    document: &Document,
+    key: &str,
+    carbon: impl Iterator<Item = &'a Carbon>,
+) -> Result<(), ConfigError> {
+    let mut found: Vec<f64> = carbon
+        .filter(|carbon| carbon.concentration_ng_g > 0.0)
+        .map(|carbon| carbon.angstrom_exponent)
+        .collect();
+    found.sort_by(f64::total_cmp);
+    found.dedup();
+    if found.len() <= EXPONENTS {
+        return Ok(());
+    }
+    let problem = Problem::Contradiction(format!(
+        "brings carbon of {} different Angstrom exponents: at most {EXPONENTS} in one pack",
+        found.len()
+    ));
+    Err(document.error(key, problem, "give alike carbon the same exponent"))
 }
 
 /// What the table `table` says of the ground; paths are relative to `directory`.

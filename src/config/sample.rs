@@ -1,15 +1,16 @@
 //! Sample files: one snow pack, its light and the wavelengths.
 use std::path::Path;
 
-use crate::transport::{EXPONENTS, Illumination, Joining, Layer, Model, Pack};
-use crate::units::m_to_um;
+use crate::transport::{Illumination, Joining, Layer, Model, Pack, Snow};
+use crate::units::{m_to_cm, m_to_um};
 
 use super::canonical::Writer;
 use super::document::{Document, read_text};
 use super::error::{ConfigError, Problem};
 use super::keys::SampleKeys;
 use super::shared::{covered, exclusive, model, wavelengths};
-use super::{MIN_GRAIN_LENGTHS, directory_of, layer, schema};
+use super::snow::holds_grains;
+use super::{directory_of, layer, schema};
 
 /// A sample file, resolved: no defaults or alternatives are left.
 #[derive(Debug, Clone, PartialEq)]
@@ -90,7 +91,7 @@ pub fn parse(name: &str, text: &str) -> Result<SampleFile, ConfigError> {
     };
     let wet = pack.is_wet();
     covered(&document, &model, &wavelengths_nm, wet)?;
-    exponents(&document, &pack)?;
+    layer::exponents(&document, "layer", pack.snows().flat_map(Snow::carbon))?;
     Ok(SampleFile {
         pack,
         thickness_m,
@@ -120,39 +121,23 @@ fn illumination(document: &Document, keys: &SampleKeys) -> Result<Illumination, 
 /// Grains must fit between the planes that reject them: those of the pack, or
 /// in a cascade of each layer.
 fn room(document: &Document, layers: &[Layer], joining: Joining) -> Result<(), ConfigError> {
-    let biggest_m = |layers: &[Layer]| {
-        let sizes = layers.iter().map(|layer| layer.snow.sizes_m()[1]);
-        sizes.fold(0.0, f64::max)
-    };
     let slabs: Vec<&[Layer]> = match joining {
         Joining::Continuous => vec![layers],
         Joining::Cascade => layers.chunks(1).collect(),
     };
     for (i, slab) in slabs.iter().enumerate() {
-        let least_cm = MIN_GRAIN_LENGTHS * biggest_m(slab) * 1e2;
-        let thickness_m: f64 = slab.iter().map(|layer| layer.thickness_m).sum();
-        // a sum of thicknesses in m may miss one in cm by a rounding
-        if thickness_m * 1e2 < least_cm * (1.0 - 1e-12) {
-            let together = if slab.len() > 1 { "for the pack " } else { "" };
-            let problem = Problem::OutOfRange(format!(
-                "{together}{least_cm} to 1000 cm with grains up to {} um, of which {MIN_GRAIN_LENGTHS} lengths must fit",
-                m_to_um(biggest_m(slab))
-            ));
-            let key = format!("layer[{i}].thickness_cm");
-            return Err(document.error(&key, problem, "take a thicker slab or smaller grains"));
-        }
+        let biggest_m = slab.iter().map(|layer| layer.snow.sizes_m()[1]);
+        let biggest_um = m_to_um(biggest_m.fold(0.0, f64::max));
+        // the base brings what the layers over it do not
+        let (base_m, over_m) = slab.split_first().map_or((0.0, 0.0), |(base, over)| {
+            (
+                base.thickness_m,
+                over.iter().map(|layer| layer.thickness_m).sum(),
+            )
+        });
+        let key = format!("layer[{i}].thickness_cm");
+        let (base_cm, over_cm) = (m_to_cm(base_m), m_to_cm(over_m));
+        holds_grains(document, &key, base_cm, biggest_um, -over_cm)?;
     }
     Ok(())
-}
-
-/// No more different exponents than walks keep apart.
-fn exponents(document: &Document, pack: &Pack) -> Result<(), ConfigError> {
-    let found = pack.exponents().len();
-    if found <= EXPONENTS {
-        return Ok(());
-    }
-    let problem = Problem::Contradiction(format!(
-        "brings carbon of {found} different Angstrom exponents: at most {EXPONENTS} in one pack"
-    ));
-    Err(document.error("layer", problem, "give alike carbon the same exponent"))
 }

@@ -77,7 +77,6 @@ pub fn parse(name: &str, text: &str) -> Result<SceneFile, ConfigError> {
     }
     let thickness = Given::new(&document, "scene.thickness_cm".into(), asked.thickness_cm)?;
     for (key, value) in &thickness.ends {
-        thick_enough(&document, key, *value, biggest)?;
         remark_axis(&document, &mut warnings, "thickness_cm", key, *value);
     }
     let angle = Given::new(&document, "scene.angle_deg".into(), asked.angle_deg)?;
@@ -99,6 +98,9 @@ pub fn parse(name: &str, text: &str) -> Result<SceneFile, ConfigError> {
         (directory_of(name), &wavelengths_nm),
         &mut warnings,
     )?;
+    for (key, value) in &thickness.ends {
+        thick_enough(&document, key, *value, biggest, &fixed)?;
+    }
     covered(&document, &fixed.model, &wavelengths_nm, fixed.is_wet())?;
     let quantities = Quantity::ALL.map(|quantity| (quantity.name(), quantity));
     let stem = Path::new(name).file_stem();

@@ -4,7 +4,8 @@ use std::path::Path;
 
 use crate::grid::{Fixed, Spread};
 use crate::optics::{Carbon, ice_density_kg_m3};
-use crate::transport::Model;
+use crate::transport::{Joining, Model};
+use crate::units::{m_to_cm, m_to_um};
 
 use super::document::Document;
 use super::error::{ConfigError, Problem};
@@ -54,8 +55,15 @@ pub(super) fn fixed(
         carbon.transpose()
     };
     let mut below = layer::layers(document, "fixed.below", &keys.below, warnings)?;
+    if model.joining == Joining::Cascade {
+        for (i, (layer, keys)) in below.iter().zip(&keys.below).enumerate() {
+            let key = format!("fixed.below[{i}].thickness_cm");
+            let biggest_um = m_to_um(layer.snow.sizes_m()[1]);
+            holds_grains(document, &key, keys.thickness_cm, biggest_um, 0.0)?;
+        }
+    }
     below.reverse();
-    Ok(Fixed {
+    let fixed = Fixed {
         sphericity: law(document, "fixed.sphericity", (s.min, s.max, s.mean, s.sd))?,
         temperature_c: keys.temperature_c,
         water_saturation,
@@ -70,7 +78,9 @@ pub(super) fn fixed(
             wavelengths_nm,
         )?,
         model,
-    })
+    };
+    layer::exponents(document, "fixed", fixed.carbon())?;
+    Ok(fixed)
 }
 
 /// Saturation of the pore space from the key `table.water_fraction`.
@@ -127,19 +137,55 @@ pub(super) fn remark_small(
     }
 }
 
-/// Refuses a slab that the biggest grain does not fit into often enough.
+/// Refuses a pack over the layers of `fixed` that leaves nothing for the surface
+/// layer, or that the biggest grain does not fit into often enough.
 pub(super) fn thick_enough(
     document: &Document,
     key: &str,
     thickness_cm: f64,
     biggest_um: f64,
+    fixed: &Fixed,
 ) -> Result<(), ConfigError> {
-    let least_cm = MIN_GRAIN_LENGTHS * biggest_um * 1e-4;
-    if thickness_cm >= least_cm {
+    let below_cm = m_to_cm(fixed.below.iter().map(|layer| layer.thickness_m).sum());
+    if !fixed.below.is_empty() && thickness_cm <= below_cm {
+        let problem = Problem::OutOfRange(format!(
+            "above {below_cm} cm, which the layers of fixed.below take: it is the thickness of all layers"
+        ));
+        let help = "take thicker packs or thinner layers below";
+        return Err(document.error(key, problem, help));
+    }
+    match fixed.model.joining {
+        Joining::Continuous => {
+            let below = fixed.below.iter().map(|layer| layer.snow.sizes_m()[1]);
+            let biggest_um = below.map(m_to_um).fold(biggest_um, f64::max);
+            holds_grains(document, key, thickness_cm, biggest_um, 0.0)
+        }
+        Joining::Cascade => holds_grains(document, key, thickness_cm, biggest_um, below_cm),
+    }
+}
+
+/// Refuses a slab that grains up to `biggest_um` do not fit into often enough.
+/// The value at `key` is its thickness and `rest_cm` of other layers; or, if that
+/// is negative, its thickness but for those.
+pub(super) fn holds_grains(
+    document: &Document,
+    key: &str,
+    thickness_cm: f64,
+    biggest_um: f64,
+    rest_cm: f64,
+) -> Result<(), ConfigError> {
+    let least_cm = rest_cm + MIN_GRAIN_LENGTHS * biggest_um * 1e-4;
+    // sums of thicknesses may miss one by a rounding
+    if thickness_cm >= least_cm * (1.0 - 1e-12) {
         return Ok(());
     }
+    let rest = match rest_cm {
+        0.0 => String::new(),
+        ..0.0 => format!(" with the {} cm of other layers", -rest_cm),
+        _ => format!(" beside the {rest_cm} cm of other layers"),
+    };
     let problem = Problem::OutOfRange(format!(
-        "{least_cm} to 1000 cm with grains up to {biggest_um} um, of which {MIN_GRAIN_LENGTHS} lengths must fit"
+        "{least_cm} to 1000 cm with grains up to {biggest_um} um, of which {MIN_GRAIN_LENGTHS} lengths must fit{rest}"
     ));
     Err(document.error(key, problem, "take thicker slabs or smaller grains"))
 }

@@ -90,7 +90,7 @@ fn lower<'a>(request: &Request<'a>, pack: &'a Pack, layer: &'a Layer, i: usize) 
         pack,
         thicknesses_m: std::slice::from_ref(&layer.thickness_m),
         illuminations: &[NORMAL],
-        cell: request.cell ^ (LOWER_LAYER * (i as u64 + 1)),
+        cell: request.cell ^ LOWER_LAYER.wrapping_mul(i as u64 + 1),
         ..request.clone()
     }
 }
@@ -179,7 +179,7 @@ fn from_below<'a>(
         pack,
         thicknesses_m: std::slice::from_ref(thickness_m),
         illuminations: &[Illumination::Diffuse],
-        cell: request.cell ^ (FROM_BELOW | (LOWER_LAYER * h as u64)),
+        cell: request.cell ^ (FROM_BELOW | LOWER_LAYER.wrapping_mul(h as u64)),
         ..request.clone()
     }
 }

@@ -86,8 +86,9 @@ impl Grid {
 
     /// The text of a grid file that builds this database, every value explicit:
     /// [`crate::config::grid::parse`] gives this grid again, with the default
-    /// bounds of the compression. A user's water table is named without its
-    /// folder: it is looked for beside the text.
+    /// bounds of the compression and of choices that change nothing in it. A
+    /// user's tables are named without their folders: they are looked for beside
+    /// the text.
     #[must_use]
     pub fn to_config(&self) -> String {
         let mut text = String::from("version = 1\n");

@@ -172,6 +172,12 @@ impl Description {
             let value = self.get(key).and_then(|value| value.parse::<u64>().ok());
             Value::from(value.unwrap_or_default())
         };
+        let bottom_boundary = match self.get("fixed.substrate") {
+            None => "black: light that leaves through the bottom does not come back".to_owned(),
+            Some(ground) => {
+                format!("Lambertian ground {ground}; transmittance is the light that stays in it")
+            }
+        };
         let entries: [(&str, Value); 16] = [
             ("title", "Spectral database of snow".into()),
             ("program", PROGRAM.into()),
@@ -189,7 +195,7 @@ impl Description {
                 "illumination",
                 "collimated; angle_deg is the polar angle of incidence, measured from the surface normal".into(),
             ),
-            ("bottom_boundary", "black: light that leaves through the bottom does not come back".into()),
+            ("bottom_boundary", bottom_boundary.into()),
             ("ice_table", text("model.ice")),
             ("water_table", text("model.water")),
             ("engine", text("run.engine")),

@@ -16,10 +16,11 @@
 //!
 //! **Several thicknesses.** They are those of the surface layer, and act on a
 //! walk only through its lower plane: up to the first flight that ends beyond
-//! it, or whose grain would stick out of the pack, the walks in all thicker
-//! packs are the same. From exactly that flight and grain on, the walk is
-//! resumed for the next thickness. Each thickness sees walks of the exact law; the errors of
-//! different thicknesses are correlated.
+//! it or whose grain would stick out of the pack, and up to the first grain that
+//! carries the ray across it, the walks in all thicker packs are the same. From
+//! exactly there on, the walk is resumed for the next thickness. Each thickness
+//! sees walks of the exact law; the errors of different thicknesses are
+//! correlated.
 use crate::grain::{Events, Surface, half_height};
 use crate::math::Vec3;
 use crate::optics::Index;
@@ -134,8 +135,9 @@ struct Lane {
     budget: f64,
     /// Position of the slab in the list of thicknesses.
     slab: usize,
-    /// Where the ray is to be resumed for the next slab.
-    touch: Option<(Ray, Proposal)>,
+    /// Where the ray is to be resumed for the next slab, and with which flight
+    /// if that is drawn.
+    touch: Option<(Ray, Option<Proposal>)>,
     /// Centre of the grain the ray is in, m: depth, and as [`Path::offset_m`].
     centre_m: Vec3,
 }
@@ -386,13 +388,20 @@ impl<S: Sink> Walks<'_, S> {
         if ray.events >= EVENT_LIMIT {
             return self.end(lane, End::Lost);
         }
-        // a grain may reach across planes
-        let thickness_m = self.thicknesses_m[self.lanes[lane].slab];
-        let ray = &mut self.lanes[lane].ray;
-        let above_base_m = thickness_m - ray.z_m;
+        self.find_stratum(lane);
+        Ok(self.fly(lane, None)? || self.start(lane)?)
+    }
+
+    /// Finds the layer of a ray that has left a grain, which may reach across
+    /// planes.
+    fn find_stratum(&mut self, lane: usize) {
+        let Lane { ray, slab, .. } = &mut self.lanes[lane];
+        let above_base_m = self.thicknesses_m[*slab] - ray.z_m;
         let strata = &self.walker.strata[..self.walker.strata.len() - 1];
         ray.stratum = strata.partition_point(|stratum| stratum.base_m > above_base_m);
-        Ok(self.fly(lane, None)? || self.start(lane)?)
+        if ray.stratum > 0 {
+            self.touch(lane, None);
+        }
     }
 
     /// Ends the walk of `lane`, resumes it in the next slab or starts another
@@ -417,7 +426,10 @@ impl<S: Sink> Walks<'_, S> {
             .end(*slab..*slab + 1, end, &ray.path, ray.direction);
         *slab += 1;
         *ray = before;
-        self.fly(lane, Some(proposal))
+        if proposal.is_none() {
+            self.find_stratum(lane);
+        }
+        self.fly(lane, proposal)
     }
 
     /// Flies the ray of `lane` to a grain that fits into the pack; false if
@@ -464,7 +476,7 @@ impl<S: Sink> Walks<'_, S> {
                     break true;
                 }
                 if down && ray.stratum == 0 {
-                    self.touch(lane, &first);
+                    self.touch(lane, Some(first));
                 }
                 let last = if down {
                     self.walker.strata.len() - 1
@@ -510,7 +522,7 @@ impl<S: Sink> Walks<'_, S> {
                 let half_m = half_height(grain.flattening, grain.axis) * scale_m;
                 let sticks_out_below = centre_m.z + half_m > thickness_m;
                 if sticks_out_below {
-                    self.touch(lane, &first);
+                    self.touch(lane, Some(first));
                 }
                 if sticks_out_below || centre_m.z - half_m < 0.0 {
                     rejections += 1;
@@ -547,14 +559,15 @@ impl<S: Sink> Walks<'_, S> {
         }
     }
 
-    /// The lower plane of the surface layer has a say in the flight that begins
-    /// with `proposal`: notes where to resume for the next slab.
-    fn touch(&mut self, lane: usize, proposal: &Proposal) {
+    /// The lower plane of the surface layer has a say from here on, where the
+    /// flight of `proposal` begins if it is drawn: notes where to resume for the
+    /// next slab.
+    fn touch(&mut self, lane: usize, proposal: Option<Proposal>) {
         let Lane {
             ray, slab, touch, ..
         } = &mut self.lanes[lane];
         if touch.is_none() && *slab + 1 < self.thicknesses_m.len() {
-            *touch = Some((*ray, *proposal));
+            *touch = Some((*ray, proposal));
         }
     }
 

@@ -12,15 +12,29 @@ type V = Vector3<f64>;
 /// Minimum, maximum, mean, standard deviation.
 pub(crate) type Law = [f64; 4];
 
-#[derive(Clone, Copy)]
-pub(crate) struct Naive {
+/// One type of grain of a layer.
+#[derive(Clone)]
+pub(crate) struct Grain {
     pub(crate) size_m: [f64; 2],
     pub(crate) facetness: Law,
     pub(crate) sphericity: Law,
-    /// Mean free distance, m.
+    /// Mean free distance to grains of this type, m.
     pub(crate) distance_m: f64,
+}
+
+#[derive(Clone)]
+pub(crate) struct Layer {
+    pub(crate) grains: Vec<Grain>,
     pub(crate) saturation: f64,
     pub(crate) thickness_m: f64,
+    /// What soot absorbs in ice and in the pores, 1/m.
+    pub(crate) soot_per_m: [f64; 2],
+}
+
+#[derive(Clone)]
+pub(crate) struct Naive {
+    /// From the surface down.
+    pub(crate) layers: Vec<Layer>,
     pub(crate) ice: Complex<f64>,
     pub(crate) water: Complex<f64>,
     pub(crate) wavelength_m: f64,
@@ -28,6 +42,8 @@ pub(crate) struct Naive {
     pub(crate) angle: Option<f64>,
     /// Entry points uniform over the projected area.
     pub(crate) projected: bool,
+    /// Lambertian reflectance of the ground.
+    pub(crate) ground: f64,
 }
 
 /// Reflected, transmitted and lost rays.
@@ -37,6 +53,31 @@ enum Event {
     Out(V, V),
     Absorbed,
     Lost,
+}
+
+/// What a flight came to.
+enum Flight {
+    /// The grain did not fit: fly again.
+    Rejected,
+    Absorbed,
+    Up,
+    Down,
+    Met(Met),
+}
+
+/// A grain met.
+struct Met {
+    layer: usize,
+    /// Depth of the contact, m.
+    contact: f64,
+    /// Contact in major semi-axes from the grain's centre.
+    x: V,
+    half: f64,
+    axis: V,
+    /// Minor semi-axis over major.
+    c: f64,
+    facetness: f64,
+    wet: bool,
 }
 
 fn truncated(law: Law, rng: &mut SmallRng) -> f64 {
@@ -117,9 +158,9 @@ impl Naive {
         counts
     }
 
-    fn survives(&self, index: Complex<f64>, length_m: f64, rng: &mut SmallRng) -> bool {
-        let alpha = 4.0 * std::f64::consts::PI * index.im / self.wavelength_m;
-        rng.random::<f64>() < (-alpha * length_m).exp()
+    /// Absorption coefficient of a medium with this index, 1/m.
+    fn alpha(&self, index: Complex<f64>) -> f64 {
+        4.0 * std::f64::consts::PI * index.im / self.wavelength_m
     }
 
     fn walk(&self, rng: &mut SmallRng) -> Option<usize> {
@@ -127,52 +168,110 @@ impl Naive {
             .angle
             .map_or_else(|| rng.random::<f64>().sqrt(), f64::cos);
         let mut d = V::new((1.0 - cos * cos).sqrt(), 0.0, cos);
-        let mut z = 0.0;
-        let air = Complex::new(1.0, 0.0);
+        let (mut z, mut layer) = (0.0, 0);
         for _ in 0..10_000_000 {
-            let (contact, half, axis, psi, outside, x) = loop {
-                let wet = rng.random::<f64>() < self.saturation;
-                let flight = -self.distance_m * (1.0 - rng.random::<f64>()).ln();
-                let contact = z + flight * d.z;
-                if !(0.0..=self.thickness_m).contains(&contact) {
-                    let down = d.z > 0.0;
-                    let way = (if down { self.thickness_m } else { 0.0 } - z) / d.z;
-                    let gone = wet && !self.survives(self.water, way, rng);
-                    return (!gone).then_some(usize::from(down));
+            let flight = loop {
+                match self.fly(z, layer, d, rng) {
+                    Flight::Rejected => {}
+                    flight => break flight,
                 }
-                let half = 0.5 * rng.random_range(self.size_m[0]..=self.size_m[1]);
-                let psi = truncated(self.sphericity, rng);
-                let axis = sphere(rng);
-                let x = self.point(d, axis, psi * psi, rng);
-                let up = axis.z.abs();
-                let reach = half * (up * up + psi.powi(4) * (1.0 - up * up)).sqrt();
-                let centre = contact - half * x.z;
-                if centre - reach < 0.0 || centre + reach > self.thickness_m {
-                    continue;
-                }
-                if wet && !self.survives(self.water, flight, rng) {
-                    return None;
-                }
-                break (
-                    contact,
-                    half,
-                    axis,
-                    psi,
-                    if wet { self.water } else { air },
-                    x,
-                );
             };
-            let facetness = truncated(self.facetness, rng);
-            match self.event(x, d, axis, psi * psi, half, facetness, outside, rng) {
-                Event::Out(end, direction) => {
-                    z = contact + half * (end.z - x.z);
-                    d = direction;
+            match flight {
+                Flight::Absorbed => return None,
+                Flight::Down if rng.random::<f64>() < self.ground => {
+                    let cos = rng.random::<f64>().sqrt();
+                    let azimuth = rng.random_range(0.0..std::f64::consts::TAU);
+                    let sin = (1.0 - cos * cos).sqrt();
+                    d = V::new(sin * azimuth.cos(), sin * azimuth.sin(), -cos);
+                    (z, layer) = (self.plane(self.layers.len()), self.layers.len() - 1);
                 }
-                Event::Absorbed => return None,
-                Event::Lost => return Some(2),
+                Flight::Down => return Some(1),
+                Flight::Met(met) => match self.event(&met, d, rng) {
+                    Event::Out(end, direction) => {
+                        z = met.contact + met.half * (end.z - met.x.z);
+                        d = direction;
+                        layer = 0;
+                        while layer + 1 < self.layers.len() && z > self.plane(layer + 1) {
+                            layer += 1;
+                        }
+                    }
+                    Event::Absorbed => return None,
+                    Event::Lost => return Some(2),
+                },
+                _ => return Some(0),
             }
         }
         Some(2)
+    }
+
+    /// Depth of the plane over a layer, m.
+    fn plane(&self, layer: usize) -> f64 {
+        self.layers[..layer]
+            .iter()
+            .map(|layer| layer.thickness_m)
+            .sum()
+    }
+
+    /// One flight from depth `z` in a layer.
+    fn fly(&self, mut z: f64, mut layer: usize, d: V, rng: &mut SmallRng) -> Flight {
+        let u = rng.random::<f64>();
+        let mut depth = 0.0;
+        loop {
+            let here = &self.layers[layer];
+            let wet = u < here.saturation;
+            let alpha = here.soot_per_m[1] + if wet { self.alpha(self.water) } else { 0.0 };
+            // one candidate of each type: the nearest is met
+            let mut flight = f64::INFINITY;
+            let mut grain = &here.grains[0];
+            for candidate in &here.grains {
+                let distance = -candidate.distance_m * (1.0 - rng.random::<f64>()).ln();
+                if distance < flight {
+                    (flight, grain) = (distance, candidate);
+                }
+            }
+            let contact = z + flight * d.z;
+            if !(self.plane(layer)..=self.plane(layer + 1)).contains(&contact) {
+                let down = d.z > 0.0;
+                let plane = self.plane(if down { layer + 1 } else { layer });
+                depth += alpha * (plane - z) / d.z;
+                let last = if down { self.layers.len() - 1 } else { 0 };
+                if layer == last {
+                    return match (rng.random::<f64>() < (-depth).exp(), down) {
+                        (false, _) => Flight::Absorbed,
+                        (true, true) => Flight::Down,
+                        (true, false) => Flight::Up,
+                    };
+                }
+                z = plane;
+                layer = if down { layer + 1 } else { layer - 1 };
+                continue;
+            }
+            depth += alpha * flight;
+            let half = 0.5 * rng.random_range(grain.size_m[0]..=grain.size_m[1]);
+            let psi = truncated(grain.sphericity, rng);
+            let axis = sphere(rng);
+            let x = self.point(d, axis, psi * psi, rng);
+            let up = axis.z.abs();
+            let reach = half * (up * up + psi.powi(4) * (1.0 - up * up)).sqrt();
+            let centre = contact - half * x.z;
+            if centre - reach < 0.0 || centre + reach > self.plane(self.layers.len()) {
+                return Flight::Rejected;
+            }
+            if rng.random::<f64>() >= (-depth).exp() {
+                return Flight::Absorbed;
+            }
+            let (c, facetness) = (psi * psi, truncated(grain.facetness, rng));
+            return Flight::Met(Met {
+                layer,
+                contact,
+                x,
+                half,
+                axis,
+                c,
+                facetness,
+                wet,
+            });
+        }
     }
 
     /// Point of entry on the spheroid with semi-axes 1 (along `axis`) and `c`.
@@ -194,18 +293,21 @@ impl Naive {
         }
     }
 
-    #[allow(clippy::too_many_arguments)]
-    fn event(
-        &self,
-        x: V,
-        d: V,
-        axis: V,
-        c: f64,
-        half: f64,
-        facetness: f64,
-        outside: Complex<f64>,
-        rng: &mut SmallRng,
-    ) -> Event {
+    fn event(&self, met: &Met, d: V, rng: &mut SmallRng) -> Event {
+        let &Met {
+            x,
+            half,
+            axis,
+            c,
+            facetness,
+            ..
+        } = met;
+        let outside = if met.wet {
+            self.water
+        } else {
+            Complex::new(1.0, 0.0)
+        };
+        let alpha = self.alpha(self.ice) + self.layers[met.layer].soot_per_m[0];
         let gradient = |x: V| axis * x.dot(&axis) + (x - axis * x.dot(&axis)) / (c * c);
         let n = gradient(x).normalize();
         let m = facet(n, d, facetness, rng);
@@ -224,7 +326,7 @@ impl Naive {
             // |x + s t|^2 in the metric of the spheroid is 1 again
             let g = gradient(t);
             let length = (-2.0 * at.dot(&g) / t.dot(&g)).max(0.0);
-            if !self.survives(self.ice, length * half, rng) {
+            if rng.random::<f64>() >= (-alpha * length * half).exp() {
                 return Event::Absorbed;
             }
             at += t * length;

@@ -90,6 +90,76 @@ water_saturation = 0
 seed = 1
 ";
 
+/// A sample file with layers of a cascade, a mixture, carbon and a ground.
+pub(crate) const PACK: &str = "\
+version = 1
+[illumination]
+diffuse = true
+[wavelengths]
+values_nm = [450, 850]
+[[layer]]
+thickness_cm = 15
+density_kg_m3 = 375
+[[layer.grain]]
+size_um = { min = 900, max = 1000 }
+facetness = { min = 0.05, max = 0.15, mean = 0.1, sd = 0.075 }
+[layer.black_carbon]
+concentration_ng_g = 6
+[[layer]]
+thickness_cm = 2
+wet_density_kg_m3 = 300
+water_fraction = 0.05
+[[layer.grain]]
+fraction = 0.25
+size_um = { min = 100, max = 300 }
+facetness = { min = 0.7, max = 0.9, mean = 0.8, sd = 0.5 }
+[[layer.grain]]
+fraction = 0.75
+size_um = { min = 800, max = 1200 }
+facetness = { min = 0.1, max = 0.3, mean = 0.2, sd = 0.1 }
+[layer.brown_carbon]
+concentration_ng_g = 500
+concentration_per = \"wet_mass\"
+[substrate]
+reflectance = 0.2
+[model]
+layers = \"cascade\"
+impurity_mass = \"conserved\"
+";
+
+/// What is replaced in [`PACK`], and by what.
+#[rustfmt::skip]
+pub(crate) const PACK_ERRORS: &[(&str, &str)] = &[
+    ("thickness_cm = 15\n", ""),
+    ("thickness_cm = 2\n", ""),
+    ("thickness_cm = 15", "thickness_cm = 0.9"),
+    ("thickness_cm = 2", "thickness_cm = 1.1"),
+    ("fraction = 0.25\n", ""),
+    ("fraction = 0.75", "fraction = 0.7"),
+    ("fraction = 0.75", "fraction = 1.75"),
+    ("density_kg_m3 = 375", "density_kg_m3 = 375\nwet_density_kg_m3 = 380"),
+    ("water_fraction = 0.05", "water_fraction = 0.05\nwater_saturation = 0.05"),
+    ("water_fraction = 0.05", "water_saturation = 0.51"),
+    ("water_fraction = 0.05", "water_fraction = 0.28"),
+    ("water_fraction = 0.05", "water_fraction = 0.45"),
+    ("concentration_ng_g = 500", "concentration_ng_g = -500"),
+    ("\n[[layer]]\nthickness_cm = 2", "
+angstrom_exponent = 0.8
+[[layer]]
+thickness_cm = 2
+density_kg_m3 = 300
+grain = [{ size_um = { min = 100, max = 200 }, facetness = { min = 0, max = 1, mean = 0.5, sd = 1 } }]
+black_carbon = { concentration_ng_g = 1, angstrom_exponent = 1.2 }
+brown_carbon = { concentration_ng_g = 1, angstrom_exponent = 4 }
+[[layer]]
+thickness_cm = 2
+density_kg_m3 = 300
+grain = [{ size_um = { min = 100, max = 200 }, facetness = { min = 0, max = 1, mean = 0.5, sd = 1 } }]
+black_carbon = { concentration_ng_g = 1, angstrom_exponent = 1.1 }
+[[layer]]
+thickness_cm = 2"),
+];
+
 /// What is replaced in [`SAMPLE`], and by what.
 #[rustfmt::skip]
 pub(crate) const SAMPLE_ERRORS: &[(&str, &str)] = &[
@@ -181,18 +251,30 @@ pub(crate) const SAMPLE_ERRORS: &[(&str, &str)] = &[
     ("\"segelstein_1981\"", "\"segelstien_1981\""),
     ("\"segelstein_1981\"", "\"rowe_2020\""),
     ("\"segelstein_1981\"", "\"none/such.csv\""),
-    // Known to the format, not to this version.
-    ("[[layer]]", "[[layer]]\nthickness_cm = 15\ndensity_kg_m3 = 375\ngrain = [{ size_um = { min = 900, max = 1000 }, facetness = { min = 0, max = 1, mean = 0.5, sd = 1 } }]\n[[layer]]"),
-    ("fraction = 1.0", "fraction = 0.5\nsize_um = { min = 100, max = 200 }\nfacetness = { min = 0.2, max = 0.4, mean = 0.3, sd = 0.072 }\n[[layer.grain]]\nfraction = 0.5"),
+    // Layers, types of grain, carbon, ground.
+    ("[[layer]]", "[[layer]]\ndensity_kg_m3 = 375\ngrain = [{ size_um = { min = 900, max = 1000 }, facetness = { min = 0, max = 1, mean = 0.5, sd = 1 } }]\n[[layer]]"),
+    ("[[layer]]", "[[layer]]\nthickness_cm = 5\ndensity_kg_m3 = 375\n[[layer]]"),
+    ("[[layer]]", "[[layer]]\nthickness_cm = 5\ndensity_kg_m3 = 375\ngrain = []\n[[layer]]"),
     ("fraction = 1.0", "fraction = 0.5\nsize_um = { min = 100, max = 200 }\nfacetness = { min = 0.2, max = 0.4, mean = 0.3, sd = 0.072 }\n[[layer.grain]]\nfraction = 0.49"),
     ("fraction = 1.0", "fraction = 0.5\nsize_um = { min = 100, max = 200 }\nfacetness = { min = 0.2, max = 0.4, mean = 0.3, sd = 0.072 }\n[[layer.grain]]"),
-    ("concentration_ng_g = 0", "concentration_ng_g = 6\nsedimentation = 1.0\nmass_absorption_efficiency_m2_g = 16.619\nreference_wavelength_nm = 880\nangstrom_exponent = 1"),
-    ("[layer.black_carbon]\nconcentration_ng_g = 0", "[layer.brown_carbon]\nconcentration_ng_g = 500"),
-    ("reflectance = 0", "reflectance = 0.2"),
-    ("reflectance = 0", "reflectance = \"soil.csv\""),
-    ("\"continuous\"", "\"cascade\""),
-    ("\"power\"", "\"varsa2025\""),
-    ("impurity_mass = \"varsa2025\"", "impurity_mass = \"conserved\""),
+    ("concentration_ng_g = 0", "concentration_ng_g = 6\nsedimentation = 1.1"),
+    ("concentration_ng_g = 0", "sedimentation = 0.5"),
+    ("concentration_ng_g = 0", "concentration_ng_g = 6\nangstrom_exponent = -1"),
+    ("concentration_ng_g = 0", "concentration_ng_g = 6\nconcentration_per = \"wet\""),
+    ("[layer.black_carbon]", "[layer.dust]"),
+    ("reflectance = 0", "reflectance = -0.1"),
+    ("reflectance = 0", "reflectance = true"),
+    ("reflectance = 0", "reflectance = \"soil.txt\""),
+    ("reflectance = 0", "reflectance = \"none/such.csv\""),
+    ("reflectance = 0", "reflectance = \"tests/config_errors/ground_header.csv\""),
+    ("reflectance = 0", "reflectance = \"tests/config_errors/ground_range.csv\""),
+    ("reflectance = 0", "reflectance = \"tests/config_errors/ground_short.csv\""),
+    ("reflectance = 0", "reflectance = \"tests/config_errors/ground_row.csv\""),
+    ("reflectance = 0\n", ""),
+    ("\"continuous\"", "\"cascaded\""),
+    ("\"power\"", "\"varsa2024\""),
+    ("impurity_mass = \"varsa2025\"", "impurity_mass = \"conservd\""),
+    ("carbon_law = ", "carbon_low = "),
 ];
 
 /// What is replaced in [`GRID`], and by what.
@@ -221,8 +303,16 @@ pub(crate) const GRID_ERRORS: &[(&str, &str)] = &[
     ("mean = 0.798", "mean = 0.99"),
     ("water_saturation = 0", "water_saturation = 0\nwater_fraction = 0"),
     ("water_saturation = 0", "water_fraction = 0.1"),
-    ("water_saturation = 0", "black_carbon = { concentration_ng_g = 5 }"),
-    ("[run]", "[model]\nwater = \"hale_querry_1973\"\nlayers = \"cascade\"\n[run]"),
+    ("water_saturation = 0", "black_carbon = { concentration_ng_g = -5 }"),
+    ("water_saturation = 0", "black_carbon = { concentration_ng_g = 5, sedimentation = 2 }"),
+    ("water_saturation = 0", "substrate = { reflectance = 1.5 }"),
+    ("water_saturation = 0", "substrate = { reflectance = \"tests/config_errors/ground_short.csv\" }"),
+    ("water_saturation = 0", "below = [{ thickness_cm = 1, density_kg_m3 = 300, grain = [{ size_um = { min = 300, max = 900 }, facetness = { min = 0, max = 1, mean = 0.5, sd = 1 } }] }]"),
+    ("water_saturation = 0", "below = [{ thickness_cm = 0.5, density_kg_m3 = 300, grain = [{ size_um = { min = 300, max = 2000 }, facetness = { min = 0, max = 1, mean = 0.5, sd = 1 } }] }]"),
+    ("water_saturation = 0", "below = [{ density_kg_m3 = 300, grain = [{ size_um = { min = 300, max = 600 }, facetness = { min = 0, max = 1, mean = 0.5, sd = 1 } }] }]"),
+    ("[run]", "[model]\nlayers = \"cascade\"\n[[fixed.below]]\nthickness_cm = 0.7\ndensity_kg_m3 = 300\ngrain = [{ size_um = { min = 300, max = 600 }, facetness = { min = 0, max = 1, mean = 0.5, sd = 1 } }]\n[run]"),
+    ("[run]", "[model]\nlayers = \"cascade\"\n[[fixed.below]]\nthickness_cm = 0.5\ndensity_kg_m3 = 300\ngrain = [{ size_um = { min = 300, max = 600 }, facetness = { min = 0, max = 1, mean = 0.5, sd = 1 } }]\n[run]"),
+    ("[run]", "[model]\nlayers = \"cascades\"\n[run]"),
     ("engine = \"spectral\"", "engine = \"spectrl\""),
     ("seed = 1", "seed = -1"),
     ("rays = 1000", "rays = 0"),
@@ -284,7 +374,15 @@ pub(crate) const SCENE_ERRORS: &[(&str, &str)] = &[
     ("[[snow]]", "[snow]"),
     ("water_saturation = 0", "water_fraction = 0.1"),
     ("water_saturation = 0", "water_saturation = 0\nwater_fraction = 0"),
-    ("water_saturation = 0", "black_carbon = { concentration_ng_g = 5 }"),
+    ("water_saturation = 0", "black_carbon = { concentration_ng_g = -5 }"),
+    ("water_saturation = 0", "black_carbon = { concentration_ng_g = 5, sedimentation = 2 }"),
+    ("water_saturation = 0", "substrate = { reflectance = 1.5 }"),
+    ("water_saturation = 0", "substrate = { reflectance = \"tests/config_errors/ground_short.csv\" }"),
+    ("water_saturation = 0", "below = [{ thickness_cm = 1, density_kg_m3 = 300, grain = [{ size_um = { min = 300, max = 900 }, facetness = { min = 0, max = 1, mean = 0.5, sd = 1 } }] }]"),
+    ("water_saturation = 0", "below = [{ thickness_cm = 0.5, density_kg_m3 = 300, grain = [{ size_um = { min = 300, max = 2000 }, facetness = { min = 0, max = 1, mean = 0.5, sd = 1 } }] }]"),
+    ("water_saturation = 0", "below = [{ density_kg_m3 = 300, grain = [{ size_um = { min = 300, max = 600 }, facetness = { min = 0, max = 1, mean = 0.5, sd = 1 } }] }]"),
+    ("[run]", "[model]\nlayers = \"cascade\"\n[[fixed.below]]\nthickness_cm = 0.7\ndensity_kg_m3 = 300\ngrain = [{ size_um = { min = 300, max = 600 }, facetness = { min = 0, max = 1, mean = 0.5, sd = 1 } }]\n[run]"),
+    ("[run]", "[model]\nlayers = \"cascade\"\n[[fixed.below]]\nthickness_cm = 0.5\ndensity_kg_m3 = 300\ngrain = [{ size_um = { min = 300, max = 600 }, facetness = { min = 0, max = 1, mean = 0.5, sd = 1 } }]\n[run]"),
     ("start_nm = 400\nstop_nm = 700", "start_nm = 800\nstop_nm = 1400"),
     ("start_nm = 400\nstop_nm = 700\nstep_nm = 10", "values_nm = [500, 600]"),
     ("seed = 1", "seed = -1"),

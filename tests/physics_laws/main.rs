@@ -12,12 +12,13 @@ mod snow;
 mod absorption;
 mod exchange;
 mod grain;
+mod pack;
 mod slab;
 
 /// Chance that any comparison of this tier fails although all is well.
 const ALPHA: f64 = 1e-6;
 /// Upper bound of the number of comparisons with a standard error.
-const COMPARISONS: usize = 150;
+const COMPARISONS: usize = 400;
 
 /// Asserts that `value` is `expected` within its standard error (and rounding).
 fn assert_close(what: &str, value: f64, se: f64, expected: f64) {
