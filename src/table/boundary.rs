@@ -162,22 +162,21 @@ impl Region<'_> {
                 // from there: what crosses pores that absorb is the less likely to
                 // have arrived.
                 let mut behind_m = 0.0;
-                let (z_m, mu, stratum) = match source {
-                    Source::Above(mu) => (0.0, mu, 0),
+                let (z_m, mu) = match source {
+                    Source::Above(mu) => (0.0, mu),
                     Source::Diffuse => {
                         let u = (started as f64 + rng.uniform().as_array()[0]) / rays as f64;
-                        (0.0, pack.diffuse_cosine(u), 0)
+                        (0.0, pack.diffuse_cosine(u))
                     }
                     Source::Below(mu) => {
                         let distance_m = pack.strata[last].mean_free_distance_m;
                         behind_m = distance_m * rng.exponential().as_array()[0];
-                        (thickness_m + mu * behind_m, -mu, last)
+                        (thickness_m + mu * behind_m, -mu)
                     }
                 };
                 let ray = Ray {
                     z_m,
                     mu,
-                    stratum,
                     ..Ray::default()
                 };
                 steps.start(lane, &ray, thickness_m);

@@ -30,8 +30,9 @@ pub struct TableWalker<'a> {
 struct Lane {
     /// Position of the slab in the list of thicknesses.
     slab: usize,
-    /// Where the ray is to be resumed for the next slab, and with which flight.
-    touch: Option<(Ray, [f64; 4])>,
+    /// Where the ray is to be resumed for the next slab, and with which flight
+    /// if that is drawn.
+    touch: Option<(Ray, Option<[f64; 4]>)>,
     /// What the next flight must be.
     forced: Option<[f64; 4]>,
 }
@@ -105,7 +106,7 @@ impl<S: Sink> Walks<'_, S> {
             let touch = |steps: &Steps, lane: usize, variates: &Variates| {
                 let Lane { slab, touch, .. } = &mut self.lanes[lane];
                 if touch.is_none() && *slab + 1 < slabs {
-                    *touch = Some((steps.origin(lane), variates.get(lane)));
+                    *touch = Some((steps.origin(lane), Some(variates.get(lane))));
                 }
             };
             let stepped = steps.step(&mut variates, walking, touch);
@@ -118,6 +119,16 @@ impl<S: Sink> Walks<'_, S> {
                 thickness_m: steps.depth_m.as_array()[lane],
             })?;
             total += u64::from((met & walking).count_ones());
+            if pack.strata.len() > 1 {
+                // grains may carry rays across the lower plane of the surface layer
+                for lane in lanes(met & walking) {
+                    let Lane { slab, touch, .. } = &mut self.lanes[lane];
+                    let ray = steps.rays.get(lane);
+                    if ray.stratum > 0 && touch.is_none() && *slab + 1 < slabs {
+                        *touch = Some((ray, None));
+                    }
+                }
+            }
             let rays = &steps.rays;
             let mut depth = ice_per_m * rays.ice_m + water_per_m * rays.water_m;
             if pack.sooty {
@@ -184,8 +195,8 @@ impl<S: Sink> Walks<'_, S> {
         };
         self.sink.end(*slab..*slab + 1, end, &path, direction);
         *slab += 1;
-        *forced = Some(variates);
-        self.forced |= 1 << lane;
+        *forced = variates;
+        self.forced |= u32::from(variates.is_some()) << lane;
         steps.resume(lane, &ray, self.thicknesses_m[*slab]);
         true
     }

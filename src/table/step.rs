@@ -66,12 +66,21 @@ impl<'a> Steps<'a> {
         self.events.as_mut_array()[lane] = 0.0;
     }
 
-    /// The same for a ray that has events behind it.
+    /// The same for a ray that has events behind it. Its layer is found by its
+    /// depth.
     pub(super) fn resume(&mut self, lane: usize, ray: &Ray, depth_m: f64) {
         self.rays.set(lane, ray);
         self.depth_m.as_mut_array()[lane] = depth_m;
+        self.rays.stratum[lane] = self.stratum(lane);
         self.rejections.as_mut_array()[lane] = 0.0;
         self.cut.as_mut_array()[lane] = 0.0;
+    }
+
+    /// The layer at the depth of the ray of `lane`.
+    fn stratum(&self, lane: usize) -> usize {
+        let above_base_m = self.depth_m.as_array()[lane] - self.rays.z_m.as_array()[lane];
+        let strata = &self.pack.strata[..self.pack.strata.len() - 1];
+        strata.partition_point(|stratum| stratum.base_m > above_base_m)
     }
 
     /// Where the flight of `lane` began.
@@ -215,17 +224,8 @@ impl<'a> Steps<'a> {
     fn change_layers(&mut self, [up, down]: [f64x8; 2], [top_m, bottom_m]: [f64x8; 2], met: f64x8) {
         self.rays.z_m = up.select(top_m, down.select(bottom_m, self.rays.z_m));
         let [up, down, met] = [up, down, met].map(f64x8::to_bitmask);
-        let strata = &self.pack.strata[..self.pack.strata.len() - 1];
-        for lane in 0..8 {
-            let stratum = &mut self.rays.stratum[lane];
-            if up >> lane & 1 == 1 {
-                *stratum -= 1;
-            } else if down >> lane & 1 == 1 {
-                *stratum += 1;
-            } else if met >> lane & 1 == 1 {
-                let above_base_m = self.depth_m.as_array()[lane] - self.rays.z_m.as_array()[lane];
-                *stratum = strata.partition_point(|s| s.base_m > above_base_m);
-            }
-        }
+        lanes(up).for_each(|lane| self.rays.stratum[lane] -= 1);
+        lanes(down).for_each(|lane| self.rays.stratum[lane] += 1);
+        lanes(met).for_each(|lane| self.rays.stratum[lane] = self.stratum(lane));
     }
 }
