@@ -252,8 +252,29 @@ pub(super) fn duration(seconds: f64) -> String {
 }
 
 #[cfg(test)]
+#[allow(clippy::unwrap_used)]
 mod tests {
     use super::*;
+    use crate::grid::tests::small;
+    use crate::spectrum::Table;
+
+    #[test]
+    fn the_ground_counts_by_its_content() {
+        let dir = tempfile::tempdir().unwrap();
+        let path = dir.path().join("soil.csv");
+        let mut grid = small(Engine::Spectral);
+        assert!(!data_hashes(&grid).unwrap().contains_key("data.ground"));
+        let mut hash = |reflectance| {
+            let text = format!("wavelength_nm,reflectance\n300,0.1\n800,{reflectance}\n");
+            std::fs::write(&path, text).unwrap();
+            let table = Table::read(&path, &["wavelength_nm", "reflectance"]).unwrap();
+            let path = path.clone();
+            grid.fixed.ground = Ground::Spectrum { table, path };
+            data_hashes(&grid).unwrap()["data.ground"].clone()
+        };
+        assert_eq!(hash(0.2), hash(0.2));
+        assert_ne!(hash(0.2), hash(0.3));
+    }
 
     #[test]
     fn numbers_for_people() {

@@ -10,8 +10,10 @@
 mod snow;
 
 mod absorption;
+mod case;
 mod exchange;
 mod grain;
+mod ground;
 mod pack;
 mod slab;
 

@@ -1,0 +1,141 @@
+//! What the tests of packs measure, and the snow they measure.
+use std::sync::atomic::{AtomicBool, AtomicU64};
+
+use splitsnow::engine::{Cache, Control, Engine, MaxError, Request, Resolution};
+use splitsnow::measurement::Spectrum;
+use splitsnow::optics::Carbon;
+use splitsnow::spectrum::Table;
+use splitsnow::transport::{Ground, Illumination, Joining, Layer, Model, Pack, Snow};
+
+use crate::assert_close;
+use crate::snow::{beam, snow};
+
+pub(crate) const NM: [f64; 3] = [450.0, 850.0, 1250.0];
+
+/// What is asked for, but for rays and seed.
+#[derive(Clone)]
+pub(crate) struct Case {
+    pub(crate) engine: Engine,
+    pub(crate) pack: Pack,
+    pub(crate) model: Model,
+    pub(crate) thicknesses_m: Vec<f64>,
+    pub(crate) light: Illumination,
+    pub(crate) nm: Vec<f64>,
+}
+
+impl Case {
+    pub(crate) fn new(pack: impl Into<Pack>, thickness_m: f64) -> Self {
+        Self {
+            engine: Engine::Spectral,
+            pack: pack.into(),
+            model: Model::default(),
+            thicknesses_m: vec![thickness_m],
+            light: beam(30.0),
+            nm: NM.to_vec(),
+        }
+    }
+
+    pub(crate) fn of(&self, engine: Engine) -> Self {
+        Self {
+            engine,
+            ..self.clone()
+        }
+    }
+
+    pub(crate) fn cascade(&self) -> Self {
+        let mut case = self.clone();
+        case.model.joining = Joining::Cascade;
+        case
+    }
+
+    pub(crate) fn run_all(&self, rays: u64, seed: u64) -> Vec<Spectrum> {
+        let request = Request {
+            pack: &self.pack,
+            thicknesses_m: &self.thicknesses_m,
+            illuminations: &[self.light],
+            resolution: Resolution::default(),
+            max_error: MaxError::default(),
+            wavelengths_nm: &self.nm,
+            model: &self.model,
+            rays,
+            seed,
+            cell: 0,
+        };
+        let (cancel, rays_done) = (AtomicBool::new(false), AtomicU64::new(0));
+        let cache = Cache::default();
+        let control = Control {
+            parallel: true,
+            cancel: &cancel,
+            rays_done: &rays_done,
+            cache: &cache,
+        };
+        let spectra = self.engine.run(&request, &control).unwrap();
+        assert_eq!(
+            rays_done.into_inner(),
+            self.engine.walks(&request).unwrap(),
+            "walks are not as many as told"
+        );
+        spectra
+    }
+
+    pub(crate) fn run(&self, rays: u64, seed: u64) -> Spectrum {
+        self.run_all(rays, seed).remove(0)
+    }
+}
+
+/// Asserts that two spectra agree within the errors of both.
+pub(crate) fn assert_same(what: &str, a: &Spectrum, b: &Spectrum) {
+    let both = [
+        ("R", &a.reflectance, &b.reflectance),
+        ("T", &a.transmittance, &b.transmittance),
+    ];
+    for (quantity, a, b) in both {
+        for (i, (a, b)) in a.iter().zip(b).enumerate() {
+            let what = format!("{what}, {quantity} {i}");
+            assert_close(&what, a.value, a.se.hypot(b.se), b.value);
+        }
+    }
+}
+
+/// Wet snow with carbon in ice and pores.
+pub(crate) fn dirty() -> Snow {
+    Snow {
+        black_carbon: Some(Carbon {
+            sedimentation: 0.4,
+            ..Carbon::black(800.0)
+        }),
+        brown_carbon: Some(Carbon {
+            sedimentation: 0.7,
+            ..Carbon::brown(500.0)
+        }),
+        ..snow((300.0, 750.0), 0.3, 275.0, 0.1)
+    }
+}
+
+pub(crate) fn over(snow: Snow, ground: Ground) -> Pack {
+    Pack {
+        ground,
+        ..snow.into()
+    }
+}
+
+/// Snow on another, `below_m` thick.
+pub(crate) fn on(surface: Snow, below: Snow, below_m: f64) -> Pack {
+    Pack {
+        surface,
+        below: vec![Layer {
+            snow: below,
+            thickness_m: below_m,
+        }],
+        ground: Ground::Black,
+    }
+}
+
+/// A ground that changes with wavelength.
+pub(crate) fn spectral_ground() -> Ground {
+    let text = "wavelength_nm,reflectance\n400,0.1\n800,0.9\n1300,0.3\n";
+    Ground::Spectrum {
+        table: Table::parse("g", text, &["wavelength_nm", "reflectance"]).unwrap(),
+        path: "g.csv".into(),
+    }
+}
