@@ -1,6 +1,6 @@
 //! Snow packs whose grain events are drawn from tables.
 use crate::table::Table;
-use crate::transport::{EXPONENTS, Model, Snow, diffuse_cosine, impurities_per_m};
+use crate::transport::{EXPONENTS, Entry, Model, Snow, diffuse_cosine, impurities_per_m};
 
 /// A pack, or the part of one next to a plane, from the surface down.
 #[derive(Debug, Clone)]
@@ -27,6 +27,7 @@ pub struct TableStratum<'a> {
     pub(super) base_m: f64,
     /// Longest grain, m.
     longest_m: f64,
+    entry: Entry,
     /// Impurities of each exponent in ice and pores, 1/m.
     pub(super) in_ice: [f64; EXPONENTS],
     pub(super) in_pores: [f64; EXPONENTS],
@@ -75,6 +76,7 @@ impl<'a> TableStratum<'a> {
             water_saturation: snow.water_saturation,
             base_m,
             longest_m: snow.sizes_m()[1],
+            entry: model.entry,
             in_ice,
             in_pores,
         }
@@ -119,6 +121,11 @@ impl<'a> TablePack<'a> {
     /// See [`diffuse_cosine`].
     pub(super) fn diffuse_cosine(&self, u: f64) -> f64 {
         let surface = &self.strata[0];
-        diffuse_cosine(u, surface.mean_free_distance_m, surface.longest_m)
+        diffuse_cosine(
+            u,
+            surface.entry,
+            surface.mean_free_distance_m,
+            surface.longest_m,
+        )
     }
 }

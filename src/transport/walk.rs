@@ -37,10 +37,6 @@ pub const EVENT_LIMIT: u64 = 10_000_000;
 pub const REJECTION_LIMIT: u32 = 10_000;
 /// Steps after which the sink is asked whether to go on, well under a millisecond.
 const STEPS_BETWEEN_CHECKS: u64 = 1024;
-/// How much more room than [`super::FIRST_FLIGHT`] grains need that are met
-/// uniformly over their projected area: at X largest grains under a plane they
-/// fit in some 1.7 X^1.5 of trials, not 2 X.
-const PROJECTED_ROOM: f64 = 12.0;
 /// Vectors of eight lanes stepped in turn: while one waits for its square
 /// roots and divisions the processor works on the other.
 const GROUPS: usize = 2;
@@ -366,11 +362,8 @@ impl<S: Sink> Walks<'_, S> {
             ..
         } = self.walker.strata[stratum];
         let u = self.rng.uniform().as_array()[0];
-        let room_m = match self.walker.entry {
-            Entry::Uniform => longest_grain_m,
-            Entry::Projected => PROJECTED_ROOM * longest_grain_m,
-        };
-        diffuse_cosine(u, mean_free_distance_m, room_m)
+        let entry = self.walker.entry;
+        diffuse_cosine(u, entry, mean_free_distance_m, longest_grain_m)
     }
 
     /// Takes note of the path of the ray of `lane` in its grain.

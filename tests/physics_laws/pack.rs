@@ -14,20 +14,22 @@ use crate::snow::{AIR, NORMAL, TRANSPARENT, dry, ends, proportion, snow, spheres
 
 #[test]
 fn a_pack_cut_into_equal_layers_is_the_pack() {
-    let whole = Case::new(over(dirty(), Ground::Grey(0.3)), 0.01);
     let layer = Layer {
         snow: dirty(),
         thickness_m: 0.0013,
     };
-    let cut = Case {
-        pack: Pack {
-            below: vec![layer; 6],
-            ..whole.pack.clone()
-        },
-        ..whole.clone()
-    };
-    for (engine, rays) in [(Engine::Spectral, 100_000), (Engine::Reference, 30_000)] {
-        let [a, b] = [&whole, &cut].map(|case| case.of(engine).run(rays, 1));
+    for (engine, rays, thickness_m) in [
+        (Engine::Spectral, 100_000, 0.01),
+        (Engine::Reference, 30_000, 0.01),
+        (Engine::Tabulated, 100_000, 0.01),
+        // walked from plane to plane, and cut up
+        (Engine::Doubling, 32_768, 0.01),
+        (Engine::Doubling, 32_768, 0.03),
+    ] {
+        let whole = Case::new(over(dirty(), Ground::Grey(0.3)), thickness_m).of(engine);
+        let mut cut = whole.clone();
+        cut.pack.below = vec![layer.clone(); 6];
+        let [a, b] = [whole.run(rays, 1), cut.run(rays, 2)];
         assert_same(&format!("cut, {}", engine.name()), &a, &b);
     }
 }
@@ -43,8 +45,17 @@ fn a_mixture_of_a_type_with_itself_is_the_type() {
         grains: vec![part(0.2), part(0.0), part(0.5), part(0.3)],
         ..pure.clone()
     };
-    let [a, b] = [pure, mixed].map(|snow| Case::new(snow, 0.01).run(100_000, 2));
-    assert_same("mixed with itself", &a, &b);
+    for (engine, thickness_m) in [
+        (Engine::Spectral, 0.01),
+        (Engine::Tabulated, 0.01),
+        (Engine::Doubling, 0.03),
+    ] {
+        let [a, b] = [(&pure, 2), (&mixed, 3)].map(|(snow, seed)| {
+            let case = Case::new(snow.clone(), thickness_m).of(engine);
+            case.run(50_000, seed)
+        });
+        assert_same(&format!("mixed with itself, {}", engine.name()), &a, &b);
+    }
 }
 
 /// The parts of a mixture are met in proportion to their surface, and the mean
@@ -82,7 +93,12 @@ fn nothing_added_is_nothing_changed() {
         brown_carbon: Some(Carbon::brown(0.0)),
         ..dry()
     };
-    for engine in [Engine::Spectral, Engine::Reference] {
+    for engine in [
+        Engine::Spectral,
+        Engine::Reference,
+        Engine::Tabulated,
+        Engine::Doubling,
+    ] {
         let expected = bare.of(engine).run(20_000, 3);
         for pack in [over(dry(), Ground::Grey(0.0)), clean.clone().into()] {
             assert_eq!(Case::new(pack, 0.01).of(engine).run(20_000, 3), expected);
@@ -208,7 +224,12 @@ fn thicknesses_at_once_are_those_alone_in_packs() {
     let mut all = Case::new(on(dirty(), coarse, 0.006), 0.0);
     all.pack.ground = Ground::Grey(0.4);
     all.thicknesses_m = vec![0.0075, 0.009, 0.0091, 0.014];
-    for (joined, what) in [(all.clone(), "continuous"), (all.cascade(), "cascade")] {
+    let tabulated = all.of(Engine::Tabulated);
+    for (joined, what) in [
+        (all.clone(), "continuous"),
+        (all.cascade(), "cascade"),
+        (tabulated, "tabulated"),
+    ] {
         let together = joined.run_all(100_000, 7);
         for (h, shared) in joined.thicknesses_m.iter().zip(&together) {
             let alone = Case {
@@ -252,6 +273,59 @@ fn energy_is_conserved() {
                     }
                 }
             }
+        }
+    }
+}
+
+/// Grains of all types in layers of all kinds, drawn from tables, and taken for
+/// points inside: within the method's own error (docs/stability.md).
+#[test]
+fn engines_with_tables_agree_on_packs() {
+    let fine = snow((60.0, 140.0), 0.5, 225.0, 0.0);
+    let mixed = Snow {
+        grains: vec![
+            Component {
+                fraction: 0.4,
+                ..fine.grains[0]
+            },
+            Component {
+                fraction: 0.6,
+                ..dirty().grains[0]
+            },
+        ],
+        ..dirty()
+    };
+    let pack = Pack {
+        surface: fine,
+        below: vec![
+            Layer {
+                snow: mixed,
+                thickness_m: 0.01,
+            },
+            Layer {
+                snow: snow((900.0, 1000.0), 0.1, 375.0, 0.0),
+                thickness_m: 0.015,
+            },
+        ],
+        ground: Ground::Grey(0.3),
+    };
+    let case = Case::new(pack, 0.027);
+    let expected = case.run(60_000, 20);
+    let tabulated = case.of(Engine::Tabulated).run(60_000, 21);
+    assert_same("tabulated", &tabulated, &expected);
+    let doubling = case.of(Engine::Doubling).run(65_536, 22);
+    for (a, b) in [
+        (&doubling.reflectance, &expected.reflectance),
+        (&doubling.transmittance, &expected.transmittance),
+    ] {
+        for (a, b) in a.iter().zip(b) {
+            let apart = (a.value - b.value).abs();
+            println!(
+                "doubling - spectral: {:.5} +- {:.5}",
+                a.value - b.value,
+                a.se.hypot(b.se)
+            );
+            assert!(apart < 0.004 + 5.0 * a.se.hypot(b.se), "{a:?} {b:?}");
         }
     }
 }
