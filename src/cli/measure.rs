@@ -5,7 +5,7 @@ use std::path::PathBuf;
 use serde_json::json;
 
 use super::common::{self, Interrupted};
-use super::simulate;
+use super::{goniometer, simulate};
 use crate::config::sample;
 use crate::engine::{Engine, EngineError, MaxError, Request, Resolution};
 use crate::measurement::{Measured, Spectrum};
@@ -38,6 +38,8 @@ pub(super) struct Args {
     /// Print JSON: one list per column, and the share of lost rays
     #[arg(long)]
     json: bool,
+    #[command(flatten)]
+    exits: goniometer::Args,
 }
 
 pub(super) fn run(args: &Args) -> anyhow::Result<()> {
@@ -56,6 +58,16 @@ pub(super) fn run(args: &Args) -> anyhow::Result<()> {
         seed: args.seed,
         cell: 0,
     };
+    if args.exits.asks() {
+        let job = goniometer::Job {
+            sample: args.sample.display().to_string(),
+            engine: args.engine,
+            request,
+            threads: args.threads,
+            json: args.json,
+        };
+        return goniometer::run(&args.exits, &job, cancel);
+    }
     let engine = args.engine.resolve(&request);
     let walks = args.engine.walks(&request)?;
     let result = simulate::run(args.threads, Some(walks), cancel, |control| {

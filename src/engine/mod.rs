@@ -4,6 +4,7 @@ mod batches;
 mod cache;
 mod doubling;
 pub mod envelope;
+pub mod exits;
 mod ground;
 mod nodes;
 mod reference;
