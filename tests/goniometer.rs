@@ -5,12 +5,14 @@
 //! (31 degrees of freedom): a squared difference in units of its variance then has
 //! mean 31/29 and, for the difference of two such runs, about the variance of F.
 #![allow(clippy::unwrap_used)]
-mod common;
+#[path = "common/snow.rs"]
+#[allow(dead_code)]
+mod laboratory;
 
 use std::f64::consts::{PI, TAU};
 use std::sync::atomic::{AtomicBool, AtomicU64};
 
-use common::snow::{NORMAL, beam, dry, snow, z_limit};
+use laboratory::{NORMAL, beam, dry, snow, z_limit};
 use proptest::prelude::*;
 use splitsnow::engine::exits::{Exits, goniometer, radial_profile};
 use splitsnow::engine::{Cache, Control, Engine, EngineError, MaxError, Request, Resolution};
@@ -470,4 +472,89 @@ fn trends_of_the_brdf() {
         peak(&faceted),
         "forward peak of smooth grains",
     );
+}
+
+/// The command line prints what the library measures, whatever the threads.
+#[test]
+fn the_command_line_prints_sensors_and_profiles() {
+    const SAMPLE: &str = "\
+version = 1
+[illumination]
+polar_angle_deg = 60
+[wavelengths]
+values_nm = [600, 1300]
+[[layer]]
+thickness_cm = 1
+density_kg_m3 = 300
+[[layer.grain]]
+size_um = { min = 300, max = 500 }
+facetness = { min = 0.2, max = 0.4, mean = 0.3, sd = 0.072 }
+";
+    let dir = tempfile::tempdir().unwrap();
+    std::fs::write(dir.path().join("sample.toml"), SAMPLE).unwrap();
+    let output = |args: &[&str]| {
+        let mut command = std::process::Command::new(env!("CARGO_BIN_EXE_splitsnow"));
+        command.args([&["measure", "sample.toml", "--rays", "300"], args].concat());
+        command.current_dir(dir.path()).output().unwrap()
+    };
+    let text = |args: &[&str]| {
+        let output = output(args);
+        assert!(output.status.success(), "{output:?}");
+        String::from_utf8(output.stdout).unwrap()
+    };
+    let rows = |csv: &str, header: &str| -> Vec<Vec<String>> {
+        let mut lines = csv.lines().skip_while(|line| line.starts_with('#'));
+        assert_eq!(lines.next(), Some(header));
+        lines
+            .map(|line| line.split(',').map(String::from).collect())
+            .collect()
+    };
+    let header = "wavelength_nm,side,polar_deg,azimuth_deg,value_per_sr,se_per_sr";
+    let sensors = ["--goniometer", "--sensors", "90"];
+    let csv = text(&[&sensors[..], &["--threads", "1"]].concat());
+    assert_eq!(csv, text(&[&sensors[..], &["--threads", "3"]].concat()));
+    assert!(csv.contains("# engine: tabulated\n") && csv.contains("# sensors: 90\n"));
+    let all = rows(&csv, header);
+    assert_eq!(all.len(), 2 * 2 * 90);
+    // the plane of incidence: the same values, from horizon to horizon
+    let plane = rows(
+        &text(&[&sensors[..], &["--principal-plane"]].concat()),
+        header,
+    );
+    let angle = |row: &[String], i: usize| row[i].parse::<f64>().unwrap();
+    let side = &plane[..plane.len() / 4];
+    for row in side {
+        assert!(
+            all.iter()
+                .any(|other| other[..3] == row[..3] && other[4..] == row[4..]),
+            "{row:?}"
+        );
+    }
+    let signed = |row: &Vec<String>| angle(row, 2) * if row[3] == "0.0000" { 1.0 } else { -1.0 };
+    assert!(side.is_sorted_by(|a, b| signed(a) < signed(b)));
+    // JSON has the same numbers and their sums
+    let json = text(&[&sensors[..], &["--json"]].concat());
+    let json: serde_json::Value = serde_json::from_str(&json).unwrap();
+    let list = |v: &serde_json::Value| -> Vec<f64> { serde_json::from_value(v.clone()).unwrap() };
+    let values = list(&json["reflected_per_sr"][0]);
+    let terms = values.iter().zip(list(&json["projected_sr"]));
+    let sum: f64 = terms.map(|(f, projected)| f * projected).sum();
+    assert!((sum / json["reflectance"][0].as_f64().unwrap() - 1.0).abs() < 1e-9);
+    assert_eq!(values[7], angle(&all[7], 4));
+
+    let header =
+        "wavelength_nm,side,radius_min_m,radius_max_m,exitance_per_m2,se_per_m2,share,share_se";
+    let profile = rows(&text(&["--radial-profile", "5"]), header);
+    assert_eq!(profile.len(), 2 * 2 * 6);
+    assert_eq!(
+        (profile[0][2].as_str(), profile[5][3].as_str()),
+        ("0.0", "inf")
+    );
+    for row in profile.iter().filter(|row| row[3] != "inf") {
+        let area = PI * (angle(row, 3).powi(2) - angle(row, 2).powi(2));
+        assert!((angle(row, 4) * area - angle(row, 6)).abs() < 1e-9);
+    }
+    let refused = output(&["--goniometer", "--engine", "doubling"]);
+    let message = String::from_utf8_lossy(&refused.stderr).into_owned();
+    assert!(!refused.status.success() && message.contains("use the engine `tabulated`"));
 }
