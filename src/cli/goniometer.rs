@@ -222,7 +222,7 @@ fn profile_text(job: &Job, engine: Engine, radii: &Radii, all: &[Exits]) -> Stri
             .map(|bin| radii.bounds_m(bin)[1])
             .collect();
         value["radius_max_m"] = json!(outer);
-        columns(&mut value, all, ["_per_m2", "_se_per_m2"], &exitance);
+        columns(&mut value, all, ["_per_m2", "_se_per_m2"], exitance);
         columns(&mut value, all, ["_share", "_share_se"], <[_]>::to_vec);
         return format!("{value:#}\n");
     }

@@ -71,12 +71,15 @@ pub(super) fn run(
 }
 
 /// The ground that light meets, per wavelength, and in a cascade the pack on it
-/// with its thicknesses: the surface layer. `engine` computes the layers below.
+/// with its thicknesses: the surface layer.
+pub(super) type Standing = (Vec<Footing>, Option<(Pack, Vec<f64>)>);
+
+/// What light meets in `request`; `engine` computes the layers below a cascade's.
 pub(super) fn standing(
     engine: Engine,
     request: &Request,
     control: &Control,
-) -> Result<(Vec<Footing>, Option<(Pack, Vec<f64>)>), EngineError> {
+) -> Result<Standing, EngineError> {
     let mut ground = footings(request)?;
     if !is_cascade(request) {
         return Ok((ground, None));
