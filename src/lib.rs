@@ -15,7 +15,7 @@
 //! | [`transport`] | the snow sample and the walk of one ray through it |
 //! | [`table`] | outcomes of grain events drawn once; walks that take them from there |
 //! | [`slab`] | transport between points in homogeneous slabs, solved by discrete ordinates |
-//! | [`measurement`] | directional-hemispherical reflectance and transmittance with standard errors |
+//! | [`measurement`] | directional-hemispherical reflectance and transmittance with standard errors; sensors and radii |
 //! | [`engine`] | schedulers of the same physics: `reference`, `spectral`, `tabulated`, `doubling`, `auto` |
 //! | [`comparison`] | a simulated spectrum against a measured one |
 //! | [`grid`], [`scene`], [`config`] | the axes of a database; what a renderer asks for; sample, grid and scene files |

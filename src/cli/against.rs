@@ -18,7 +18,7 @@ use crate::report;
 pub(super) struct Args {
     /// Measured spectrum: CSV with the columns wavelength_nm, then reflectance,
     /// transmittance or value, and perhaps uncertainty (docs/formats.md)
-    #[arg(long, value_name = "FILE.csv")]
+    #[arg(long, value_name = "FILE.csv", conflicts_with_all = ["goniometer", "radial_profile"])]
     against: Option<PathBuf>,
     /// What the column `value` of the file holds
     #[arg(long, requires = "against",

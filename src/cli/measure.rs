@@ -5,7 +5,7 @@ use std::path::PathBuf;
 use serde_json::{Value, json};
 
 use super::common::{self, Interrupted};
-use super::{against, simulate};
+use super::{against, goniometer, simulate};
 use crate::config::sample;
 use crate::engine::{Engine, EngineError, MaxError, Request, Resolution};
 use crate::measurement::{Measured, Spectrum};
@@ -45,6 +45,8 @@ pub(super) struct Args {
     json: bool,
     #[command(flatten)]
     against: against::Args,
+    #[command(flatten)]
+    exits: goniometer::Args,
 }
 
 pub(super) fn run(args: &Args) -> anyhow::Result<()> {
@@ -64,6 +66,16 @@ pub(super) fn run(args: &Args) -> anyhow::Result<()> {
         seed: args.seed,
         cell: 0,
     };
+    if args.exits.asks() {
+        let job = goniometer::Job {
+            sample: args.sample.display().to_string(),
+            engine: args.engine,
+            request,
+            threads: args.threads,
+            json: args.json,
+        };
+        return goniometer::run(&args.exits, &job, cancel);
+    }
     let engine = args.engine.resolve(&request);
     let walks = args.engine.walks(&request)?;
     let result = simulate::run(args.threads, Some(walks), cancel, |control| {

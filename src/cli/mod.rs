@@ -9,6 +9,7 @@ mod common;
 mod compact;
 mod compress;
 mod fit;
+mod goniometer;
 mod measure;
 mod pilot;
 mod plan;

@@ -47,7 +47,7 @@ fn footings(request: &Request) -> Result<Vec<Footing>, EngineError> {
 }
 
 /// Whether the pack is a cascade of several layers.
-fn is_cascade(request: &Request) -> bool {
+pub(super) fn is_cascade(request: &Request) -> bool {
     request.model.joining == Joining::Cascade && !request.pack.below.is_empty()
 }
 
@@ -57,9 +57,32 @@ pub(super) fn run(
     request: &Request,
     control: &Control,
 ) -> Result<Vec<Spectrum>, EngineError> {
+    match standing(engine, request, control)? {
+        (ground, None) => over(engine, request, &ground, control),
+        (ground, Some((pack, thicknesses_m))) => {
+            let request = Request {
+                pack: &pack,
+                thicknesses_m: &thicknesses_m,
+                ..request.clone()
+            };
+            over(engine, &request, &ground, control)
+        }
+    }
+}
+
+/// The ground that light meets, per wavelength, and in a cascade the pack on it
+/// with its thicknesses: the surface layer.
+pub(super) type Standing = (Vec<Footing>, Option<(Pack, Vec<f64>)>);
+
+/// What light meets in `request`; `engine` computes the layers below a cascade's.
+pub(super) fn standing(
+    engine: Engine,
+    request: &Request,
+    control: &Control,
+) -> Result<Standing, EngineError> {
     let mut ground = footings(request)?;
     if !is_cascade(request) {
-        return over(engine, request, &ground, control);
+        return Ok((ground, None));
     }
     for (i, layer) in request.pack.below.iter().enumerate().rev() {
         let pack = layer.snow.clone().into();
@@ -75,13 +98,7 @@ pub(super) fn run(
         };
         ground = spectra.iter().flat_map(of).collect();
     }
-    let (pack, thicknesses_m) = top(request);
-    let request = Request {
-        pack: &pack,
-        thicknesses_m: &thicknesses_m,
-        ..request.clone()
-    };
-    over(engine, &request, &ground, control)
+    Ok((ground, Some(top(request))))
 }
 
 /// What is asked of the `i`-th layer under the surface in a cascade.

@@ -4,6 +4,7 @@ mod batches;
 mod cache;
 mod doubling;
 pub mod envelope;
+pub mod exits;
 mod ground;
 mod nodes;
 mod reference;
@@ -151,6 +152,16 @@ pub enum EngineError {
         lowest: f64,
         /// An engine that holds there, if there is one.
         instead: Option<Engine>,
+    },
+    /// The engine does not compute what is asked.
+    #[error("`{}` does not compute {what}; use the engine `{}`", engine.name(), instead.name())]
+    Unable {
+        /// The engine that refuses.
+        engine: Engine,
+        /// What it cannot do.
+        what: &'static str,
+        /// One that can.
+        instead: Engine,
     },
     /// The carbon in a pack has too many different exponents.
     #[error(

@@ -25,7 +25,7 @@ use crate::table::TableWalker;
 use crate::transport::{Absorption, Coefficients, End, Path, Sink, Walker};
 
 /// Optical depth of the least absorbed wavelength that every walk survives.
-const DEFERRED: f64 = 3.0;
+pub(super) const DEFERRED: f64 = 3.0;
 /// So many rays know as much as one entry of a table, at least: the scatter of
 /// results from tables of 2^14 entries each was that of 100,000 (89 degrees) to
 /// 500,000 rays (normal incidence).

@@ -1,10 +1,15 @@
-//! Virtual spectrophotometer (docs/methods.md): directional-hemispherical
-//! reflectance and transmittance with standard errors.
+//! Virtual spectrophotometer and goniophotometer (docs/methods.md):
+//! directional-hemispherical reflectance and transmittance with standard
+//! errors, and where light leaves, by direction and by distance.
 mod estimate;
 mod quantity;
+mod radii;
+mod sensors;
 
 pub use estimate::Estimate;
 pub use quantity::Quantity;
+pub use radii::Radii;
+pub use sensors::{MOST_SENSORS, Sensors};
 
 /// A Monte Carlo result: a mean and the standard error of that mean.
 #[derive(Debug, Clone, Copy, PartialEq, Default)]

@@ -1,7 +1,8 @@
 //! Grain events from tables: outcomes drawn once by following rays through
 //! grains ([`draw`]), a stratified choice of them ([`Table`]), and walks that
-//! take their grain events from it ([`TableWalker`]).
+//! take their grain events from it ([`TableWalker`], [`EscapeWalker`]).
 mod boundary;
+mod escape;
 mod histogram;
 mod kernel;
 mod outcome;
@@ -12,6 +13,7 @@ mod slab;
 mod step;
 
 pub use boundary::{Lower, Region, Scores, Source};
+pub use escape::{Band, Catch, EscapeWalker};
 pub use histogram::Histogram;
 pub use kernel::{Event, Kernel};
 pub use outcome::{Outcome, draw};

@@ -1,0 +1,159 @@
+//! Walks counted where they end, weighted by what each wavelength leaves of them.
+use std::ops::Range;
+use std::sync::atomic::{AtomicBool, Ordering};
+
+use super::parts::{self, Part};
+use super::{Exits, Scene, at_nodes};
+use crate::engine::spectral::DEFERRED;
+use crate::engine::{Engine, EngineError, coefficients, engine_error, ground::Footing, indices};
+use crate::math::Vec3;
+use crate::measurement::{Radii, Sensors};
+use crate::optics::Index;
+use crate::transport::{Absorption, Bounce, Coefficients, End, Path, Sink, Walk, Walker};
+
+/// What exits are sorted into.
+pub(super) trait Bins: Sync {
+    fn len(&self) -> usize;
+
+    fn bin(&self, path: &Path, direction: Vec3) -> usize;
+
+    /// See [`Sensors::symmetrise`].
+    fn symmetrise(&self, _axial: bool, _sums: &mut [f64], _bands: usize) {}
+}
+
+impl Bins for Sensors {
+    fn len(&self) -> usize {
+        self.len()
+    }
+
+    fn bin(&self, _: &Path, direction: Vec3) -> usize {
+        self.folded(direction)
+    }
+
+    fn symmetrise(&self, axial: bool, sums: &mut [f64], bands: usize) {
+        self.symmetrise(axial, sums, bands);
+    }
+}
+
+impl Bins for Radii {
+    fn len(&self) -> usize {
+        self.len()
+    }
+
+    fn bin(&self, path: &Path, _: Vec3) -> usize {
+        self.index(path.offset_m)
+    }
+}
+
+/// Chance to survive the ground and share of light that is transmitted there.
+/// Light that comes back in all wavelengths is let go all the same now and then,
+/// and made up for, so that walks between it and snow end.
+const MOST_REFLECTED: f64 = 0.999;
+
+struct Counts<'a, B> {
+    bins: &'a B,
+    absorption: Absorption,
+    coefficients: &'a [Coefficients],
+    ground: &'a [Footing],
+    bounce: f64,
+    part: Part,
+    cancel: &'a AtomicBool,
+}
+
+impl<B: Bins> Sink for Counts<'_, B> {
+    fn end(&mut self, _: Range<usize>, end: End, path: &Path, direction: Vec3) {
+        let side = match end {
+            End::Reflected => 0,
+            End::Transmitted => 1,
+            End::Lost => {
+                self.part.lost += 1;
+                return;
+            }
+            End::Absorbed => return,
+        };
+        let bands = self.coefficients.len();
+        let bin = self.bins.bin(path, direction);
+        let row = (side * self.bins.len() + bin) * bands;
+        let sums = self.part.sums[row..row + bands].iter_mut();
+        for ((sum, coefficients), ground) in sums.zip(self.coefficients).zip(self.ground) {
+            let mut weight = self.absorption.weight(path, coefficients);
+            for _ in 0..path.bounces {
+                weight *= ground.reflectance.value / self.bounce;
+            }
+            if end == End::Transmitted {
+                weight *= ground.transmittance.value / (1.0 - self.bounce);
+            }
+            *sum += weight;
+        }
+    }
+
+    fn stop(&self) -> bool {
+        self.cancel.load(Ordering::Relaxed)
+    }
+}
+
+/// Counts the walks of `scene`: in `reference` of every wavelength on its own,
+/// with analog absorption.
+pub(super) fn run(scene: &Scene, bins: &impl Bins) -> Result<Vec<Exits>, EngineError> {
+    if scene.engine == Engine::Reference {
+        let indices = indices(scene.request)?;
+        let one =
+            |(l, index): (usize, &(Index, Index))| walk(scene, bins, (8, l), *index, l..l + 1, 0.0);
+        let all = indices.iter().enumerate().map(one);
+        return Ok(all.collect::<Result<Vec<_>, _>>()?.concat());
+    }
+    at_nodes(scene, |node| {
+        walk(
+            scene,
+            bins,
+            (9, node.number),
+            node.indices,
+            node.span,
+            DEFERRED,
+        )
+    })
+}
+
+/// Walks at one pair of indices for the wavelengths of `span`.
+fn walk(
+    scene: &Scene,
+    bins: &impl Bins,
+    (purpose, number): (u32, usize),
+    index: (Index, Index),
+    span: Range<usize>,
+    deferred: f64,
+) -> Result<Vec<Exits>, EngineError> {
+    let request = scene.request;
+    let coefficients = &coefficients(request, &indices(request)?)[span.clone()];
+    let ground = &scene.ground[span];
+    let absorption = Absorption {
+        coefficients: Coefficients::least(coefficients),
+        deferred,
+    };
+    let most = ground
+        .iter()
+        .map(|g| g.reflectance.value)
+        .fold(0.0, f64::max);
+    let bounce = most.min(MOST_REFLECTED);
+    let walker = Walker::new(scene.pack, request.model, index, absorption).over(Bounce {
+        reflected: bounce,
+        transmitted: 1.0 - bounce,
+    });
+    let (h, thickness_m) = scene.thickness;
+    parts::run(scene, bins, coefficients.len(), |part, rays| {
+        let mut counts = Counts {
+            bins,
+            absorption,
+            coefficients,
+            ground,
+            bounce,
+            part: Part::empty(bins, coefficients.len()),
+            cancel: scene.control.cancel,
+        };
+        let rng = parts::stream(scene, [purpose, h as u32, number as u32], part);
+        walker
+            .walk(&[thickness_m], scene.illumination(), rays, rng, &mut counts)
+            .map_err(|error| engine_error(request, error))?;
+        Ok(counts.part)
+    })
+}

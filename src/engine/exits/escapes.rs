@@ -1,0 +1,155 @@
+//! Light that leaves from every grain event, scored on sensors.
+use std::sync::atomic::{AtomicBool, Ordering};
+
+use wide::f64x8;
+
+use super::parts::{self, Part};
+use super::{Exits, Node, Scene, at_nodes};
+use crate::engine::envelope::FITTING;
+use crate::engine::spectral::DEFERRED;
+use crate::engine::{Engine, EngineError, Request, coefficients, engine_error, indices};
+use crate::grain::{GrainType, Surface};
+use crate::math::{Vec3, Vec3x8};
+use crate::measurement::Sensors;
+use crate::table::{Band, Catch, EscapeWalker, Table, draw};
+use crate::transport::{Absorption, Coefficients, Illumination};
+
+/// Outcomes in the table of a part, for each type of grain and medium.
+const TABLE: usize = 1 << 13;
+/// Outcomes drawn for every one in the table.
+const OVERSAMPLING: usize = 8;
+/// Least share of [`FITTING`] that suits a part's table: the errors of tables
+/// differ from part to part and show in the scatter.
+const PART_OF_FITTING: f64 = 0.125;
+
+/// Whether tables hold under the lights of `request`.
+///
+/// # Errors
+/// [`EngineError::Outside`] where grazing light leaves too few of them.
+pub(super) fn check(request: &Request) -> Result<(), EngineError> {
+    let flight = request.pack.surface.mean_free_distance_m() / request.pack.surface.sizes_m()[1];
+    for light in request.illuminations {
+        let Illumination::Collimated { polar_angle_rad } = light else {
+            continue;
+        };
+        let value = 2.0 * libm::cos(*polar_angle_rad) * flight * TABLE as f64;
+        let lowest = PART_OF_FITTING * FITTING;
+        if value < lowest {
+            return Err(EngineError::Outside {
+                engine: Engine::Tabulated,
+                what: "number of grain events per table that fit where grazing light first meets grains",
+                value,
+                lowest,
+                instead: Some(Engine::Spectral),
+            });
+        }
+    }
+    Ok(())
+}
+
+struct Sheet<'a> {
+    sensors: &'a Sensors,
+    part: Part,
+    cancel: &'a AtomicBool,
+}
+
+impl Catch for Sheet<'_> {
+    #[inline(always)]
+    fn catch(&mut self, lanes: u32, direction: &Vec3x8, weights: &[f64x8]) {
+        let [x, y, z] = [direction.x, direction.y, direction.z].map(f64x8::to_array);
+        let bands = weights.len();
+        for lane in 0..8 {
+            if lanes >> lane & 1 == 0 {
+                continue;
+            }
+            let sensor = self.sensors.folded(Vec3::new(x[lane], y[lane], z[lane]));
+            let side = usize::from(z[lane] > 0.0) * self.sensors.len();
+            let row = (side + sensor) * bands;
+            let sums = self.part.sums[row..row + bands].iter_mut();
+            sums.zip(weights)
+                .for_each(|(sum, weight)| *sum += weight.as_array()[lane]);
+        }
+    }
+
+    fn lost(&mut self) {
+        self.part.lost += 1;
+    }
+
+    fn stop(&self) -> bool {
+        self.cancel.load(Ordering::Relaxed)
+    }
+}
+
+/// Scores `scene` on `sensors`.
+pub(super) fn run(scene: &Scene, sensors: &Sensors) -> Result<Vec<Exits>, EngineError> {
+    at_nodes(scene, |node| walk(scene, sensors, node))
+}
+
+fn walk(scene: &Scene, sensors: &Sensors, node: Node) -> Result<Vec<Exits>, EngineError> {
+    let request = scene.request;
+    let coefficients = &coefficients(request, &indices(request)?)[node.span.clone()];
+    let pairs = coefficients.iter().zip(&scene.ground[node.span.clone()]);
+    let bands: Vec<Band> = pairs
+        .map(|(coefficients, ground)| Band {
+            coefficients: *coefficients,
+            reflected: ground.reflectance.value,
+            transmitted: ground.transmittance.value,
+        })
+        .collect();
+    let absorption = Absorption {
+        coefficients: Coefficients::least(coefficients),
+        deferred: DEFERRED,
+    };
+    let (h, thickness_m) = scene.thickness;
+    // exponents and media are those of all layers, as the coefficients are
+    let (exponents, layers) = (request.pack.exponents(), scene.pack.layers(thickness_m));
+    parts::run(scene, sensors, bands.len(), |part, rays| {
+        let tables = tables(scene, &node, part);
+        let walker = EscapeWalker::new(
+            &layers,
+            &tables,
+            (&exponents, request.model),
+            &bands,
+            absorption,
+        );
+        let mut sheet = Sheet {
+            sensors,
+            part: Part::empty(sensors, bands.len()),
+            cancel: scene.control.cancel,
+        };
+        let rng = parts::stream(scene, [10, h as u32, node.number as u32], part);
+        walker
+            .walk(scene.illumination(), rays, rng, &mut sheet)
+            .map_err(|error| engine_error(request, error))?;
+        Ok(sheet.part)
+    })
+}
+
+/// Outcomes in air and in water of every type of grain in every layer.
+fn tables(scene: &Scene, node: &Node, part: u64) -> Vec<Vec<[Table; 2]>> {
+    let request = scene.request;
+    let (ice, water) = node.indices;
+    let wet = request.pack.is_wet();
+    let surfaces = Surface::in_air_and_water(ice, water, wet);
+    let of = |grain: &GrainType, layer: usize, kind: usize| {
+        let purpose = [11, node.number as u32, (layer << 8 | kind) as u32];
+        let table = |surface| {
+            let mut rng = parts::stream(scene, purpose, part);
+            let count = OVERSAMPLING * TABLE;
+            let drawn = draw(grain, request.model.entry, surface, count, rng.clone());
+            Table::new(drawn, TABLE, &mut rng)
+        };
+        let air = table(surfaces[0]);
+        let water = if wet { table(surfaces[1]) } else { air.clone() };
+        [air, water]
+    };
+    let snows = scene.pack.snows().enumerate();
+    snows
+        .map(|(layer, snow)| {
+            let grains = snow.grains.iter().enumerate();
+            grains
+                .map(|(kind, component)| of(&component.grain, layer, kind))
+                .collect()
+        })
+        .collect()
+}
