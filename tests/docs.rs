@@ -112,6 +112,7 @@ fn tables_of_keys_are_current() {
         ("sample", schema::sample()),
         ("grid", schema::grid()),
         ("scene", schema::scene()),
+        ("study", schema::study()),
     ] {
         let schema: Value = serde_json::from_str(&schema).unwrap();
         let mut table = "| key | allowed | default | meaning |\n|---|---|---|---|\n".to_owned();

@@ -14,6 +14,7 @@ mod pilot;
 mod plan;
 mod query;
 mod simulate;
+mod study;
 mod tradeoff;
 mod verify;
 
@@ -58,6 +59,7 @@ enum Command {
     Query(query::Args),
     Measure(measure::Args),
     Tradeoff(tradeoff::Args),
+    Study(study::Args),
 }
 
 /// Runs the command that the arguments of this process ask for.
@@ -72,6 +74,7 @@ pub fn run() -> ExitCode {
         Command::Query(args) => query::run(&args),
         Command::Measure(args) => measure::run(&args),
         Command::Tradeoff(args) => tradeoff::run(&args),
+        Command::Study(args) => study::run(&args),
     };
     match done {
         Ok(()) => ExitCode::SUCCESS,
