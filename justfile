@@ -10,6 +10,10 @@ bench:
 golden:
     UPDATE_GOLDEN=1 cargo test --release
 
+# The figures of docs/validation.md
+figures:
+    cargo run --release -- study configs/studies --out docs/validation
+
 # The picture of the README
 picture:
     cargo run --release --example readme_picture

@@ -18,12 +18,13 @@
 //! | [`measurement`] | directional-hemispherical reflectance and transmittance with standard errors; sensors and radii |
 //! | [`engine`] | schedulers of the same physics: `reference`, `spectral`, `tabulated`, `doubling`, `auto` |
 //! | [`comparison`] | a simulated spectrum against a measured one |
-//! | [`grid`], [`scene`], [`config`] | the axes of a database; what a renderer asks for; sample, grid and scene files |
+//! | [`grid`], [`scene`], [`config`] | the axes of a database; what a renderer asks for; sample, grid, scene and study files |
 //! | [`store`], [`batch`] | the Zarr store that is checkpoint and result; the job runner |
 //! | [`compress`], [`lookup`] | SVD and the compact file; reading it and interpolating in it |
 //! | [`certificate`], [`fit`] | how far its answers are off; the smallest file for a scene |
 //! | [`verify`] | re-checking a finished database |
 //! | [`tradeoff`], [`report`] | speed against accuracy of the engines; its charts and tables |
+//! | [`study`] | the variants of a sample that a study file asks for |
 //! | [`cli`] | the command line |
 mod atomic;
 pub mod batch;
@@ -47,6 +48,7 @@ pub mod scene;
 pub mod slab;
 pub mod spectrum;
 pub mod store;
+pub mod study;
 pub mod table;
 pub mod tradeoff;
 pub mod transport;

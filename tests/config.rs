@@ -9,11 +9,12 @@ use std::fmt::Write;
 use std::path::{Path, PathBuf};
 
 use config_errors::{
-    GRID, GRID_ERRORS, PACK, PACK_ERRORS, SAMPLE, SAMPLE_ERRORS, SCENE, SCENE_ERRORS,
+    GRID, GRID_ERRORS, PACK, PACK_ERRORS, SAMPLE, SAMPLE_ERRORS, SCENE, SCENE_ERRORS, STUDY,
+    STUDY_ERRORS,
 };
 use proptest::prelude::*;
 use splitsnow::colour::{ColourDifference, Illuminant, Viewing};
-use splitsnow::config::{grid, sample, scene, schema};
+use splitsnow::config::{grid, sample, scene, schema, study};
 use splitsnow::measurement::Quantity;
 use splitsnow::optics::{Carbon, CarbonLaw, ImpurityMass, ice_density_kg_m3};
 use splitsnow::scene::Range;
@@ -206,6 +207,7 @@ fn schemas_are_current() {
     golden("schema/sample.schema.json", &schema::sample());
     golden("schema/grid.schema.json", &schema::grid());
     golden("schema/scene.schema.json", &schema::scene());
+    golden("schema/study.schema.json", &schema::study());
 }
 
 #[test]
@@ -235,6 +237,16 @@ fn committed_configs_are_accepted_and_name_their_schema() {
     samples.extend(files("configs/tradeoff"));
     let scenes = files("configs/scenes");
     assert!(grids.len() >= 2 && samples.len() >= 17 && scenes.len() >= 4);
+    let studies = files("configs/studies");
+    assert!(studies.len() >= 12);
+    for path in &studies {
+        names_schema(path);
+        let file = study::read(path).unwrap_or_else(|e| panic!("{e}"));
+        assert_eq!(
+            !file.warnings.is_empty(),
+            path.ends_with("surface_layer.toml")
+        );
+    }
     for path in &scenes {
         names_schema(path);
         let file = scene::read(path).unwrap_or_else(|e| panic!("{e}"));
@@ -254,6 +266,50 @@ fn committed_configs_are_accepted_and_name_their_schema() {
             path.ends_with("surface.toml") || path.ends_with("surface_on_basal.toml");
         assert_eq!(!file.warnings.is_empty(), has_fresh_surface);
     }
+}
+
+/// A study beside the sample file `base.toml`, and how it is refused with `edit`.
+fn refused_study(edit: (&str, &str)) -> String {
+    let folder = tempfile::tempdir().unwrap();
+    std::fs::write(folder.path().join("base.toml"), SAMPLE).unwrap();
+    let name = folder.path().join("study.toml").display().to_string();
+    assert!(study::parse(&name, STUDY).is_ok());
+    assert_eq!(STUDY.matches(edit.0).count(), 1, "{}", edit.0);
+    let error = study::parse(&name, &STUDY.replace(edit.0, edit.1)).unwrap_err();
+    let folder = format!("{}/", folder.path().display());
+    error.to_string().replace(&folder, "")
+}
+
+#[test]
+fn refused_studies_say_why() {
+    let mut text = String::new();
+    for (old, new) in STUDY_ERRORS {
+        let refusal = refused_study((old, new));
+        writeln!(text, "- {old}\n+ {new}\n{refusal}\n").unwrap();
+    }
+    golden("tests/config_errors/study.txt", &text);
+}
+
+#[test]
+fn studies_change_samples() {
+    let folder = tempfile::tempdir().unwrap();
+    std::fs::write(folder.path().join("base.toml"), SAMPLE).unwrap();
+    let name = folder.path().join("study.toml").display().to_string();
+    let file = study::parse(&name, STUDY).unwrap();
+    assert_eq!((file.name.as_str(), file.variants.len()), ("study", 2));
+    assert_eq!(file.against, study::Against::Wavelength);
+    let base = sample::parse("s.toml", SAMPLE).unwrap();
+    let [first, second] = &file.variants[..] else {
+        panic!("{:?}", file.variants)
+    };
+    assert_eq!((first.label.as_str(), first.group.as_str()), ("thin", ""));
+    assert_eq!(first.sample.wavelengths_nm, [500.0, 600.0]);
+    assert_eq!(first.sample.pack, base.pack);
+    assert_eq!(first.sample.thickness_m, 0.05);
+    // a layer more, which is the surface
+    assert_eq!(second.sample.pack.below.len(), base.pack.below.len() + 1);
+    assert_eq!(second.sample.pack.surface.density_kg_m3, 100.0);
+    assert_eq!(file.published[0].range, Some([0.8, 0.95]));
 }
 
 #[test]

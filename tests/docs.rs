@@ -51,7 +51,8 @@ fn allowed(node: &Value) -> String {
         return words.join(", ");
     }
     if node["type"] == "array" {
-        let count = format!("{} to {}", node["minItems"], node["maxItems"]);
+        let least = node["minItems"].as_u64().unwrap_or(0);
+        let count = format!("{least} to {}", node["maxItems"]);
         return match node["items"]["type"].as_str() {
             Some("object") => format!("{count} of them"),
             _ => format!("list of {count}, each {}", allowed(&node["items"])),
@@ -112,6 +113,7 @@ fn tables_of_keys_are_current() {
         ("sample", schema::sample()),
         ("grid", schema::grid()),
         ("scene", schema::scene()),
+        ("study", schema::study()),
     ] {
         let schema: Value = serde_json::from_str(&schema).unwrap();
         let mut table = "| key | allowed | default | meaning |\n|---|---|---|---|\n".to_owned();

@@ -15,6 +15,7 @@ mod pilot;
 mod plan;
 mod query;
 mod simulate;
+mod study;
 mod tradeoff;
 mod verify;
 
@@ -59,6 +60,7 @@ enum Command {
     Query(query::Args),
     Measure(measure::Args),
     Tradeoff(tradeoff::Args),
+    Study(study::Args),
 }
 
 /// Runs the command that the arguments of this process ask for.
@@ -73,6 +75,7 @@ pub fn run() -> ExitCode {
         Command::Query(args) => query::run(&args),
         Command::Measure(args) => measure::run(&args),
         Command::Tradeoff(args) => tradeoff::run(&args),
+        Command::Study(args) => study::run(&args),
     };
     match done {
         Ok(()) => ExitCode::SUCCESS,

@@ -2,7 +2,8 @@
 //! underlines and what the program refuses are the same by construction.
 //!
 //! Only the keywords that decide by themselves are read: `type`, `enum`, limits
-//! of numbers and lists, `properties` and `required`.
+//! of numbers and lists, `properties`, `required`, and `additionalProperties` where
+//! any are welcome.
 //! What a schema cannot say well is checked in [`super::sample`],
 //! [`super::grid`] and [`super::scene`].
 use serde_json::Value;
@@ -42,6 +43,9 @@ pub(super) fn table(
             .places
             .insert(path.clone(), place(key.span(), node));
         let Some(schema) = known.get(key.get_ref().as_ref()) else {
+            if schema["additionalProperties"] == true {
+                continue;
+            }
             let suggestion = nearest(key.get_ref(), known.keys().map(String::as_str));
             let keys: Vec<_> = known.keys().map(String::as_str).collect();
             let help = format!("the keys here are {}", keys.join(", "));

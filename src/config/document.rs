@@ -121,6 +121,10 @@ impl<'t> Document<'t> {
         1 + before.filter(|&&b| b == b'\n').count()
     }
 
+    pub(super) fn file(&self) -> &str {
+        self.file
+    }
+
     /// Line of a key, or of the nearest table around it.
     pub(super) fn line(&self, key: &str) -> Option<usize> {
         let mut key = key;

@@ -83,6 +83,16 @@ impl ConfigError {
         Self { at: Box::new(at) }
     }
 
+    /// The same finding in a document made from another, `file`, which is to blame at
+    /// `line` below its key `within`.
+    pub(super) fn blamed(mut self, file: &str, line: Option<usize>, within: &str) -> Self {
+        let key = std::mem::take(&mut self.at.key);
+        self.at.file = file.to_owned();
+        self.at.line = line;
+        self.at.key = format!("{within}: {key}");
+        self
+    }
+
     /// The file as it was named by the caller.
     #[must_use]
     pub fn file(&self) -> &str {

@@ -1,17 +1,18 @@
 //! Config files: strict TOML, refused with file, line, key, value and what is
 //! allowed.
 //!
-//! The private modules `keys` and `scene_keys` list every key with its type, limits and meaning;
+//! The private modules `keys`, `scene_keys` and `study_keys` list every key with its type, limits and meaning;
 //! the JSON Schemas are generated from it, and each document is checked against
 //! its schema before it is read, so that an editor and the program refuse the
-//! same. Limits that involve several keys follow in [`sample`], [`grid`]
-//! and [`scene`].
+//! same. Limits that involve several keys follow in [`sample`], [`grid`],
+//! [`scene`] and [`study`].
 //!
 //! Parsing never panics, and its time and memory are bounded by the length of
 //! the text (at most 1 MiB).
 use std::path::Path;
 
 mod canonical;
+mod change;
 mod check;
 mod document;
 mod error;
@@ -24,6 +25,8 @@ mod scene_keys;
 pub mod schema;
 mod shared;
 mod snow;
+pub mod study;
+mod study_keys;
 pub mod water;
 
 pub use error::{ConfigError, Problem};

@@ -1,4 +1,4 @@
-//! JSON Schemas (draft 2020-12) of the three file kinds, generated from
+//! JSON Schemas (draft 2020-12) of the four file kinds, generated from
 //! the list of keys and committed under `schema/`, from which editors complete
 //! and check.
 use std::sync::LazyLock;
@@ -9,10 +9,12 @@ use serde_json::Value;
 
 use super::keys::{GridKeys, SampleKeys};
 use super::scene_keys::SceneKeys;
+use super::study_keys::StudyKeys;
 
 pub(super) static SAMPLE: LazyLock<Value> = LazyLock::new(of::<SampleKeys>);
 pub(super) static GRID: LazyLock<Value> = LazyLock::new(of::<GridKeys>);
 pub(super) static SCENE: LazyLock<Value> = LazyLock::new(of::<SceneKeys>);
+pub(super) static STUDY: LazyLock<Value> = LazyLock::new(of::<StudyKeys>);
 
 /// The schema of a sample file, as committed in `schema/sample.schema.json`.
 #[must_use]
@@ -31,6 +33,12 @@ pub fn grid() -> String {
 #[must_use]
 pub fn scene() -> String {
     format!("{:#}\n", *SCENE)
+}
+
+/// The schema of a study file, as committed in `schema/study.schema.json`.
+#[must_use]
+pub fn study() -> String {
+    format!("{:#}\n", *STUDY)
 }
 
 /// The schema of a set of keys, without references to follow.

@@ -1,5 +1,5 @@
-//! Charts and tables of what [`crate::tradeoff`] measured, and of a comparison with
-//! a measured spectrum.
+//! Charts and tables of what [`crate::tradeoff`] measured, of a comparison with
+//! a measured spectrum, and of studies.
 //!
 //! A chart is drawn once, as SVG; its PNG is that SVG rasterised with the font
 //! DejaVu Sans, which is part of the program, so that it looks the same on every
@@ -10,6 +10,7 @@ mod csv;
 mod figure;
 mod panel;
 mod residuals;
+mod studies;
 mod style;
 mod text;
 
@@ -22,6 +23,7 @@ use crate::atomic;
 use crate::tradeoff::Results;
 
 pub use residuals::{Picture, Residuals};
+pub use studies::{study_table, write_study};
 pub use text::{json, table};
 
 /// Why there are no charts.
@@ -65,6 +67,11 @@ pub fn write(dir: &Path, results: &Results) -> Result<Vec<PathBuf>, ReportError>
         files.push((format!("{}.svg", chart.name), svg.into_bytes()));
         files.push((format!("{}.png", chart.name), png));
     }
+    save(dir, files)
+}
+
+/// Writes files to the folder `dir`, which is made if need be. Gives their paths.
+fn save(dir: &Path, files: Vec<(String, Vec<u8>)>) -> Result<Vec<PathBuf>, ReportError> {
     let io = |path: &Path| {
         let path = path.to_owned();
         |source| ReportError::Io { path, source }

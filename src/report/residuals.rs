@@ -238,7 +238,7 @@ fn dashed(area: &Area, ends: [(i32, i32); 2]) -> Drawn {
 
 /// Where an axis from 0 ends above `value`: 1, or 2, 5 or 10 of a smaller decade;
 /// 1.2 if it must.
-fn above(value: f64) -> f64 {
+pub(super) fn above(value: f64) -> f64 {
     if value > 1.0 {
         return 1.2;
     }

@@ -388,3 +388,52 @@ pub(crate) const SCENE_ERRORS: &[(&str, &str)] = &[
     ("seed = 1", "seed = -1"),
     ("seed = 1", "rays = 1000"),
 ];
+
+/// A study file that is accepted beside `base.toml`, which is [`SAMPLE`].
+pub(crate) const STUDY: &str = "\
+version = 1
+title = \"Two samples\"
+expected = \"no difference\"
+sample = \"base.toml\"
+[draw]
+quantity = \"reflectance\"
+[set]
+wavelengths = { values_nm = [500, 600] }
+[[variant]]
+label = \"thin\"
+set.\"layer[0].thickness_cm\" = 5
+[[variant]]
+label = \"new snow\"
+set.\"layer[1]\" = { thickness_cm = 1, density_kg_m3 = 100, grain = [] }
+set.\"layer[1].grain[0].size_um\" = { min = 50, max = 100 }
+set.\"layer[1].grain[0].facetness\" = { min = 0, max = 1, mean = 0.5, sd = 1 }
+[[published]]
+label = \"measured\"
+wavelength_nm = 500
+value = 0.9
+min = 0.8
+max = 0.95
+";
+
+pub(crate) const STUDY_ERRORS: &[(&str, &str)] = &[
+    ("title =", "titel ="),
+    ("\"base.toml\"", "\"none.toml\""),
+    ("\"reflectance\"", "\"brdf\""),
+    (
+        "quantity = \"reflectance\"",
+        "quantity = \"reflectance\"\nagainst = \"depth\"",
+    ),
+    (
+        "[set]\nwavelengths = { values_nm = [500, 600] }",
+        "against = \"thickness\"\n[set]\nwavelengths = { values_nm = [800] }",
+    ),
+    ("values_nm = [500, 600]", "values_nm = [500, 200]"),
+    ("thickness_cm\" = 5", "thickness_cm\" = 0.5"),
+    ("layer[0].thickness_cm", "layer[0].thicknes_cm"),
+    ("layer[0].thickness_cm", "layer[7].thickness_cm"),
+    ("layer[0].thickness_cm", "layer.thickness_cm"),
+    ("layer[0].thickness_cm", "layer[x].thickness_cm"),
+    ("\"layer[0].thickness_cm\"", "\"\""),
+    ("label = \"thin\"", "title = \"thin\""),
+    ("value = 0.9", "value = 9"),
+];

@@ -1,0 +1,53 @@
+"""Reading of the CSV files in data/, and the looks of the pictures."""
+
+import csv
+import pathlib
+
+import matplotlib
+
+matplotlib.use("svg")
+import matplotlib.pyplot as plt  # noqa: E402
+
+HERE = pathlib.Path(__file__).parent
+# Okabe and Ito's colours, told apart with any kind of colour vision.
+COLOURS = ["#0072B2", "#D55E00", "#009E73", "#CC79A7", "#E69F00", "#56B4E9"]
+plt.rcParams.update(
+    {
+        "font.family": "DejaVu Sans",
+        "font.size": 9,
+        "axes.grid": True,
+        "grid.color": "#e4e4e4",
+        "axes.prop_cycle": matplotlib.cycler(color=COLOURS),
+        "svg.hashsalt": "splitsnow",
+        "legend.frameon": False,
+    }
+)
+
+
+def table(name):
+    """Columns of data/NAME.csv as lists, and the numbers of its lines `# key number`."""
+    numbers, rows = {}, []
+    with open(HERE / "data" / f"{name}.csv") as file:
+        for line in file:
+            if line.startswith("#"):
+                words = line[1:].replace(":", " ").split()
+                try:
+                    numbers[words[0]] = float(words[-1])
+                except ValueError:
+                    pass
+            else:
+                rows.append(line)
+    columns = {}
+    for row in csv.DictReader(rows):
+        for key, value in row.items():
+            columns.setdefault(key, []).append(float(value))
+    return columns, numbers
+
+
+def save(figure, name, out):
+    """Writes the picture as SVG and PNG."""
+    out = pathlib.Path(out)
+    out.mkdir(parents=True, exist_ok=True)
+    figure.tight_layout()
+    figure.savefig(out / f"{name}.svg", metadata={"Date": None})
+    figure.savefig(out / f"{name}.png", dpi=96)

@@ -1,0 +1,66 @@
+"""2 cm of snow against discrete ordinates (PythonicDISORT) fed with our grain events.
+
+The code solves transport between points: it gets the single-scattering albedo and the
+Legendre moments of one of our grain events, and an optical thickness. Once that is the
+thickness over the mean distance between grains, once over the free path of points that
+spread light as far as the grains do (docs/methods.md).
+"""
+
+import argparse
+import warnings
+
+import numpy as np
+from common import COLOURS, plt, save, table
+from PythonicDISORT.pydisort import pydisort
+
+# Snow hardly absorbs blue light.
+warnings.filterwarnings("ignore", message="Some delta-scaled single-scattering albedos")
+
+parser = argparse.ArgumentParser(description=__doc__)
+parser.add_argument("--out", default="out/peers", help="folder of the picture")
+args = parser.parse_args()
+
+STREAMS = 16
+kernel, of = table("kernel")
+snow, _ = table("thin")
+nm = np.array(kernel["wavelength_nm"])
+assert snow["wavelength_nm"] == list(nm)
+moments = [name for name in kernel if name[0] == "p"]
+thickness_m = 0.02
+
+
+def fluxes(i, free_path_m):
+    """Reflectance and transmittance under parallel light at 0 degrees."""
+    legendre = np.array([1.0] + [kernel[name][i] for name in moments])
+    depth = thickness_m / free_path_m
+    # An albedo of 1 is singular there.
+    albedo = min(kernel["albedo"][i], 1 - 1e-9)
+    _, up, down, *_ = pydisort(
+        depth, albedo, STREAMS, legendre[None, :STREAMS], 1.0, 1.0, 0.0, only_flux=True
+    )
+    diffuse, direct = down(depth)
+    return float(up(0.0)), float(diffuse + direct)
+
+
+free = of["mean_free_distance_m"]
+curves = {
+    "SPLITSnow": (np.array(snow["reflectance"]), np.array(snow["transmittance"])),
+    "points, distance of grains": np.array([fluxes(i, free) for i in range(len(nm))]).T,
+    "points, effective free path": np.array(
+        [fluxes(i, path) for i, path in enumerate(kernel["effective_free_path_m"])]
+    ).T,
+}
+shown = [400, 600, 800, 900, 1040, 1240, 1400]
+print(f"optical thickness {thickness_m / free:.2f}; {thickness_m / kernel['effective_free_path_m'][0]:.2f} at {nm[0]:.0f} nm")
+print("g", *(f"{kernel['p1'][list(nm).index(x)]:.4f}" for x in shown), sep="\t")
+figure, axes = plt.subplots(1, 2, figsize=(9.4, 3.8))
+for axis, j, quantity in zip(axes, (0, 1), ("reflectance", "transmittance")):
+    print(quantity, *shown, sep="\t")
+    for i, (name, values) in enumerate(curves.items()):
+        style = dict(color=COLOURS[i], marker="osD"[i], markevery=(3 * i, 9), markersize=5)
+        axis.plot(nm, values[j], label=name, **style)
+        print(name, *(f"{values[j][list(nm).index(x)]:.4f}" for x in shown), sep="\t")
+    axis.set(xlabel="wavelength, nm", ylabel=f"{quantity} of 2 cm", xlim=(nm[0], nm[-1]))
+    axis.set_ylim(bottom=0)
+axes[1].legend(loc="upper right")
+save(figure, "disort", args.out)

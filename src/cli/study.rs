@@ -1,0 +1,121 @@
+//! `study`: figures of one sample in several variants.
+use std::path::{Path, PathBuf};
+
+use anyhow::{Context, bail};
+
+use super::common::{self, Interrupted, Spinner};
+use super::simulate;
+use crate::config::study::{self as file, StudyFile};
+use crate::engine::{Engine, EngineError};
+use crate::study::{self, Settings};
+use crate::{report, study::Studied};
+
+/// Draw studies: a sample in several variants, the spectra in one picture
+///
+/// A study file names a sample, lists variants with the keys that each changes, and
+/// says what is drawn. Writes for each study a picture (SVG and PNG) and its values with
+/// standard errors (CSV), and prints means over bands. Those of configs/studies are
+/// the experiments of docs/validation.md.
+#[derive(Debug, clap::Args)]
+#[command(after_long_help = "\
+Examples:
+  splitsnow study
+  splitsnow study configs/studies/black_carbon.toml --rays 131072 --out out/mine")]
+pub(super) struct Args {
+    /// Study files (TOML), or folders of them
+    #[arg(value_name = "STUDY.toml", default_value = "configs/studies")]
+    studies: Vec<PathBuf>,
+    /// Output directory
+    #[arg(long, value_name = "DIR", default_value = "out/studies")]
+    out: PathBuf,
+    /// How light is simulated
+    #[arg(long, default_value = Engine::Auto.name(), value_parser = common::engine_parser())]
+    engine: Engine,
+    /// Walks of each variant, as in `measure`
+    #[arg(long, value_name = "N", default_value_t = 16_384, value_parser = clap::value_parser!(u64).range(1..))]
+    rays: u64,
+    /// Seed of the random numbers
+    #[arg(long, value_name = "N", default_value_t = 1)]
+    seed: u64,
+    /// Threads; 0 is one per core
+    #[arg(long, value_name = "N", default_value_t = 0)]
+    threads: usize,
+}
+
+pub(super) fn run(args: &Args) -> anyhow::Result<()> {
+    let cancel = common::interrupt_flag()?;
+    // All are read before the first is run, so that a wrong one costs no time.
+    let studies = read(&args.studies)?;
+    for study in &studies {
+        common::warn(&study.warnings);
+    }
+    let settings = Settings {
+        engine: args.engine,
+        rays: args.rays,
+        seed: args.seed,
+    };
+    let spinner = Spinner::new("starting");
+    // One pool and one cache for all: variants share tables of grain events.
+    simulate::run(args.threads, None, cancel, |control| {
+        for study in &studies {
+            let say = |variant: &file::Variant| {
+                spinner.say(&format!("{}: {}", study.name, variant.label));
+            };
+            let studied = match study::run(study, settings, control, say) {
+                Err(EngineError::Cancelled) => {
+                    let safe = "the studies printed are finished";
+                    return Err(Interrupted(safe.into()).into());
+                }
+                studied => studied.with_context(|| format!("in the study {}", study.name))?,
+            };
+            tell(args, &studied)?;
+        }
+        Ok(())
+    })?
+}
+
+fn tell(args: &Args, studied: &Studied) -> anyhow::Result<()> {
+    let files = report::write_study(&args.out, studied)?;
+    let files: Vec<_> = files.iter().map(|file| common::one_line(file)).collect();
+    let table = report::study_table(studied);
+    common::print(&format!("{table}  {}\n\n", files.join(", ")))
+}
+
+/// The studies at `paths`, of different names.
+fn read(paths: &[PathBuf]) -> anyhow::Result<Vec<StudyFile>> {
+    let mut studies: Vec<StudyFile> = Vec::new();
+    for path in paths {
+        for path in files(path)? {
+            let study = file::read(&path)?;
+            if studies.iter().any(|other| other.name == study.name) {
+                bail!(
+                    "{}: another study is named {} too, and its files would be replaced; rename one",
+                    path.display(),
+                    study.name
+                );
+            }
+            studies.push(study);
+        }
+    }
+    Ok(studies)
+}
+
+/// The file at `path`, or those ending in .toml of the folder there.
+fn files(path: &Path) -> anyhow::Result<Vec<PathBuf>> {
+    if !path.is_dir() {
+        return Ok(vec![path.to_owned()]);
+    }
+    let failed = || format!("cannot list {}", path.display());
+    let mut files = Vec::new();
+    for entry in std::fs::read_dir(path).with_context(failed)? {
+        let file = entry.with_context(failed)?.path();
+        if file.extension().is_some_and(|end| end == "toml") {
+            files.push(file);
+        }
+    }
+    if files.is_empty() {
+        bail!("{}: no study file (.toml) in this folder", path.display());
+    }
+    files.sort();
+    Ok(files)
+}

@@ -1,0 +1,202 @@
+//! Study files: a sample, what is changed in it from curve to curve, and what
+//! is drawn.
+use std::path::Path;
+
+use toml::Table;
+
+use crate::measurement::Quantity;
+
+use super::change;
+use super::document::{Document, read_text};
+use super::error::{ConfigError, Problem};
+use super::sample::{self, SampleFile};
+use super::study_keys::{StudyKeys, THICKNESS, VariantKeys};
+use super::{directory_of, schema};
+
+/// A study file, resolved: every variant is a sample of its own.
+#[derive(Debug, Clone, PartialEq)]
+pub struct StudyFile {
+    /// The file's name without directory and extension.
+    pub name: String,
+    /// What the picture is headed.
+    pub title: String,
+    /// What is expected, and who says so.
+    pub expected: String,
+    /// What is drawn.
+    pub quantity: Quantity,
+    /// What it is drawn against.
+    pub against: Against,
+    /// Where the axis of the quantity begins.
+    pub from: f64,
+    /// The curves, or the points of curves.
+    pub variants: Vec<Variant>,
+    /// Published values to draw beside them.
+    pub published: Vec<Published>,
+    /// Values beyond the ordinary ranges of docs/methods.md, for the user to see.
+    pub warnings: Vec<String>,
+}
+
+/// What a study draws its quantity against.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Against {
+    /// Wavelength: a curve for each variant.
+    Wavelength,
+    /// Thickness, of the mean over 400-700 nm: a point for each variant.
+    Thickness,
+}
+
+/// One variant of the sample.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Variant {
+    /// What it is called.
+    pub label: String,
+    /// Variants of one group share a panel, or with thicknesses a line.
+    pub group: String,
+    /// The sample, changed.
+    pub sample: SampleFile,
+}
+
+/// One published value.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Published {
+    /// Whose it is.
+    pub label: String,
+    /// Wavelength, nm.
+    pub wavelength_nm: f64,
+    /// The value.
+    pub value: f64,
+    /// Least and largest, where a range is given.
+    pub range: Option<[f64; 2]>,
+}
+
+/// Reads a study file and the sample file it names.
+///
+/// # Errors
+/// [`ConfigError`] with file, line, key, value, and what is allowed.
+pub fn read(path: &Path) -> Result<StudyFile, ConfigError> {
+    parse(&path.display().to_string(), &read_text(path)?)
+}
+
+/// Reads the `text` of a study file; `name` is its path, for messages, for the
+/// study's name and for the path of the sample in it.
+///
+/// # Errors
+/// As [`read`].
+pub fn parse(name: &str, text: &str) -> Result<StudyFile, ConfigError> {
+    let (document, keys) = Document::read::<StudyKeys>(name, text, &schema::STUDY)?;
+    let path = directory_of(name).join(&keys.sample);
+    let base_name = path.display().to_string();
+    let base_text = read_text(&path).map_err(|error| {
+        let help = "give the path of a sample file, relative to this file";
+        document.error("sample", error.problem().clone(), help)
+    })?;
+    // what is wrong with the sample as it stands is told at its own lines
+    sample::parse(&base_name, &base_text)?;
+    let base: Table = toml::from_str(&base_text).map_err(|error| {
+        let problem = Problem::Syntax(error.message().to_owned());
+        document.error("sample", problem, "")
+    })?;
+
+    let mut warnings = Vec::new();
+    let mut variants = Vec::new();
+    for (i, variant) in keys.variant.iter().enumerate() {
+        let sets = [
+            ("set".to_owned(), &keys.set),
+            (format!("variant[{i}].set"), &variant.set),
+        ];
+        let sample = changed(&document, &base_name, base.clone(), &sets)?;
+        for warning in &sample.warnings {
+            // Its line is one of the changed text.
+            let (_, remark) = warning.split_once(": ").unwrap_or(("", warning));
+            let warning = format!("{name}: {}: {remark}", variant.label);
+            warnings.push(warning);
+        }
+        variants.push(named(variant, sample));
+    }
+    let quantity = Quantity::ALL
+        .into_iter()
+        .find(|quantity| quantity.name() == keys.draw.quantity)
+        .unwrap_or(Quantity::Reflectance);
+    let against = match keys.draw.against == THICKNESS {
+        true => Against::Thickness,
+        false => Against::Wavelength,
+    };
+    if against == Against::Thickness {
+        visible(&document, &variants)?;
+    }
+    let published = keys.published.into_iter().map(|keys| Published {
+        label: keys.label,
+        wavelength_nm: keys.wavelength_nm,
+        value: keys.value,
+        range: keys.min.zip(keys.max).map(|(min, max)| [min, max]),
+    });
+    let stem = Path::new(name).file_stem();
+    Ok(StudyFile {
+        name: stem.map_or("study".into(), |s| s.to_string_lossy().into_owned()),
+        title: keys.title,
+        expected: keys.expected,
+        quantity,
+        against,
+        from: keys.draw.from,
+        variants,
+        published: published.collect(),
+        warnings,
+    })
+}
+
+fn named(keys: &VariantKeys, sample: SampleFile) -> Variant {
+    Variant {
+        label: keys.label.clone(),
+        group: keys.group.clone(),
+        sample,
+    }
+}
+
+/// The sample `base` with what the tables `sets` of the study change in it.
+fn changed(
+    document: &Document,
+    base_name: &str,
+    mut base: Table,
+    sets: &[(String, &Table); 2],
+) -> Result<SampleFile, ConfigError> {
+    for (table, set) in sets {
+        for (path, value) in *set {
+            change::set(&mut base, path, value.clone()).map_err(|wrong| {
+                let key = format!("{table}.{path:?}");
+                let help = "write it as error messages do, such as layer[0].grain[0].size_um.min";
+                document.error(&key, Problem::Contradiction(wrong), help)
+            })?;
+        }
+    }
+    let text = base.to_string();
+    sample::parse(base_name, &text).map_err(|error| {
+        // The base is right, so a change is to blame: the last that touches the key.
+        let touches = |path: &str| error.key().starts_with(path) || path.starts_with(error.key());
+        let of = |(table, set): &(String, &Table)| {
+            let path = set.keys().find(|path| touches(path))?;
+            Some(format!("{table}.{path:?}"))
+        };
+        let key = sets.iter().rev().find_map(of);
+        let line = document.line(key.as_deref().unwrap_or(&sets[1].0));
+        error.blamed(document.file(), line, &sets[1].0)
+    })
+}
+
+/// A mean over the visible range needs wavelengths there.
+fn visible(document: &Document, variants: &[Variant]) -> Result<(), ConfigError> {
+    let seen = |variant: &Variant| {
+        let mut all = variant.sample.wavelengths_nm.iter();
+        all.any(|nm| VISIBLE_NM.contains(nm))
+    };
+    if variants.iter().all(seen) {
+        return Ok(());
+    }
+    let problem = Problem::Contradiction(
+        "needs wavelengths in 400-700 nm, over which it takes the mean".into(),
+    );
+    let help = "set the sample's wavelengths, for example start_nm = 400, stop_nm = 700";
+    Err(document.error("draw.against", problem, help))
+}
+
+/// What the mean of a study against thickness is taken over, nm.
+pub const VISIBLE_NM: std::ops::RangeInclusive<f64> = 400.0..=700.0;

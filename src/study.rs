@@ -1,0 +1,120 @@
+//! Runs study files: one sample, a spectrum for each of its variants.
+use crate::config::study::{Against, StudyFile, VISIBLE_NM, Variant};
+use crate::engine::{Control, Engine, EngineError, MaxError, Request, Resolution};
+use crate::measurement::{Measured, Spectrum};
+
+/// A study with the spectrum of each of its variants.
+#[derive(Debug, Clone)]
+pub struct Studied<'a> {
+    /// What was asked.
+    pub study: &'a StudyFile,
+    /// What came out, in the order of the variants.
+    pub spectra: Vec<Spectrum>,
+}
+
+/// How a study is run: as `measure` would run each of its variants.
+#[derive(Debug, Clone, Copy)]
+pub struct Settings {
+    /// The engine.
+    pub engine: Engine,
+    /// Walks, see [`Request::rays`].
+    pub rays: u64,
+    /// Seed of the random numbers.
+    pub seed: u64,
+}
+
+/// Runs all variants of `study`, calling `next` before each of them.
+///
+/// # Errors
+/// See [`EngineError`].
+pub fn run<'a>(
+    study: &'a StudyFile,
+    settings: Settings,
+    control: &Control<'_>,
+    next: impl Fn(&Variant),
+) -> Result<Studied<'a>, EngineError> {
+    let one = |variant: &Variant| {
+        next(variant);
+        let sample = &variant.sample;
+        let request = Request {
+            pack: &sample.pack,
+            thicknesses_m: &[sample.thickness_m],
+            illuminations: &[sample.illumination],
+            resolution: Resolution::default(),
+            wavelengths_nm: &sample.wavelengths_nm,
+            model: &sample.model,
+            rays: settings.rays,
+            max_error: MaxError::usual(&sample.wavelengths_nm),
+            seed: settings.seed,
+            cell: 0,
+        };
+        let spectra = settings.engine.run(&request, control)?;
+        // One thickness, one light, one spectrum.
+        Ok(spectra.into_iter().next().unwrap_or_default())
+    };
+    let spectra = study.variants.iter().map(one);
+    Ok(Studied {
+        study,
+        spectra: spectra.collect::<Result<_, EngineError>>()?,
+    })
+}
+
+impl Studied<'_> {
+    /// Every variant, its wavelengths, nm, and its values.
+    pub fn curves(&self) -> impl Iterator<Item = (&Variant, &[f64], &[Measured])> {
+        let variants = self.study.variants.iter().zip(&self.spectra);
+        variants.map(|(variant, spectrum)| {
+            let values = spectrum.of(self.study.quantity);
+            (variant, variant.sample.wavelengths_nm.as_slice(), values)
+        })
+    }
+
+    /// The values of variant `index` at `nm`, if it is there.
+    #[must_use]
+    pub fn at(&self, index: usize, nm: f64) -> Option<Measured> {
+        let (_, wavelengths_nm, values) = self.curves().nth(index)?;
+        let place = wavelengths_nm.iter().position(|other| *other == nm)?;
+        values.get(place).copied()
+    }
+
+    /// What a study against thickness draws: every variant, its thickness, m, and its
+    /// mean over 400-700 nm.
+    #[must_use]
+    pub fn against_thickness(&self) -> Vec<(&Variant, f64, Measured)> {
+        let curves = self.curves();
+        let visible = curves.filter_map(|(variant, nm, values)| {
+            let mean = mean(nm, values, |nm| VISIBLE_NM.contains(&nm))?;
+            Some((variant, variant.sample.thickness_m, mean))
+        });
+        visible.collect()
+    }
+
+    /// Whether it draws spectra.
+    #[must_use]
+    pub fn is_spectral(&self) -> bool {
+        self.study.against == Against::Wavelength
+    }
+}
+
+/// The mean over the wavelengths that `of` holds, if there are any. They share their
+/// walks, so the standard error is that of values that err together: an upper bound.
+#[must_use]
+pub fn mean(
+    wavelengths_nm: &[f64],
+    values: &[Measured],
+    of: impl Fn(f64) -> bool,
+) -> Option<Measured> {
+    let mut sum = Measured::default();
+    let mut count = 0.0;
+    for (nm, value) in wavelengths_nm.iter().zip(values) {
+        if of(*nm) {
+            sum.value += value.value;
+            sum.se += value.se;
+            count += 1.0;
+        }
+    }
+    (count > 0.0).then(|| Measured {
+        value: sum.value / count,
+        se: sum.se / count,
+    })
+}

@@ -1,0 +1,276 @@
+//! The trends of the committed studies (configs/studies) that tests/published.rs does
+//! not hold for homogeneous clean snow: layers, carbon, depth.
+//!
+//! Each runs its study file, at fewer wavelengths. A difference counts if it exceeds
+//! what chance allows over all comparisons here (see tests/published.rs).
+#![allow(clippy::unwrap_used, clippy::print_stdout)]
+#[path = "common/snow.rs"]
+#[allow(dead_code)]
+mod snow;
+
+use std::collections::BTreeMap;
+use std::path::Path;
+use std::process::Command;
+use std::sync::atomic::{AtomicBool, AtomicU64};
+
+use snow::z_limit;
+use splitsnow::config::study::{StudyFile, Variant, read};
+use splitsnow::engine::{Cache, Control, Engine};
+use splitsnow::measurement::Measured;
+use splitsnow::study::{Settings, Studied, run};
+
+/// Chance that any comparison fails although the trend is there, and how many there are.
+const ALPHA: f64 = 1e-6;
+const COMPARISONS: usize = 200;
+
+fn study(name: &str, wavelengths_nm: &[f64]) -> StudyFile {
+    let folder = Path::new(env!("CARGO_MANIFEST_DIR")).join("configs/studies");
+    let mut study = read(&folder.join(format!("{name}.toml"))).unwrap();
+    for variant in &mut study.variants {
+        variant.sample.wavelengths_nm = wavelengths_nm.to_vec();
+    }
+    study
+}
+
+/// The values of every variant, by group and label.
+type Values = BTreeMap<(String, String), Vec<Measured>>;
+
+fn studied(study: &StudyFile, rays: u64) -> Studied<'_> {
+    let (cancel, rays_done, cache) = (AtomicBool::new(false), AtomicU64::new(0), Cache::default());
+    let control = Control {
+        parallel: true,
+        cancel: &cancel,
+        rays_done: &rays_done,
+        cache: &cache,
+    };
+    let settings = Settings {
+        engine: Engine::Auto,
+        rays,
+        seed: 2025,
+    };
+    run(study, settings, &control, |_| ()).unwrap()
+}
+
+fn values(study: &StudyFile, rays: u64) -> Values {
+    let studied = studied(study, rays);
+    let of = |(variant, _, values): (&Variant, _, &[Measured])| {
+        let key = (variant.group.clone(), variant.label.clone());
+        (key, values.to_vec())
+    };
+    studied.curves().map(of).collect()
+}
+
+fn key(group: &str, label: &str) -> (String, String) {
+    (group.to_owned(), label.to_owned())
+}
+
+/// How far `more` exceeds `less`, and by how much chance may move that.
+fn gap(more: Measured, less: Measured) -> (f64, f64) {
+    let limit = z_limit(ALPHA, COMPARISONS) * more.se.hypot(less.se);
+    (more.value - less.value, limit)
+}
+
+fn assert_more(what: &str, more: Measured, less: Measured, by: f64) {
+    let (gap, limit) = gap(more, less);
+    assert!(gap - limit > by, "{what}: {more:?} {less:?}");
+}
+
+/// 1 cm of fine faceted grains lifts an old pack by more than 0.1 over 800-1300 nm,
+/// joined either way, and the visible by less than 0.05.
+#[test]
+fn a_surface_layer_lifts_the_near_infrared() {
+    let wavelengths_nm = [500.0, 900.0, 1100.0, 1300.0];
+    let found = values(&study("surface_layer", &wavelengths_nm), 4096);
+    let old = &found[&key("", "basal layer, 15 cm")];
+    for label in ["1 cm of fine grains on it", "cascaded as printed"] {
+        let fresh = &found[&key("", label)];
+        for l in 1..4 {
+            assert_more(label, fresh[l], old[l], 0.1);
+        }
+        let (gap, limit) = gap(fresh[0], old[0]);
+        assert!(gap.abs() < 0.05 + limit, "{label}: {gap}");
+    }
+}
+
+/// Every step of black carbon takes reflectance at 450 and 550 nm; 1000 ng/g take three
+/// times as much there as at 1030 nm, and less than 0.02 at 1300 nm.
+#[test]
+fn black_carbon_darkens_mostly_the_visible() {
+    let wavelengths_nm = [450.0, 550.0, 1030.0, 1300.0];
+    let found = values(&study("black_carbon", &wavelengths_nm), 8192);
+    let of = |ng_g: u32| &found[&key("", &format!("{ng_g} ng/g"))];
+    for (less, more) in [(0, 20), (20, 100), (100, 500), (500, 1000)] {
+        for (less, more) in of(less).iter().zip(of(more)).take(2) {
+            assert_more("clean above sooty", *less, *more, 0.0);
+        }
+    }
+    let lost: Vec<_> = of(0)
+        .iter()
+        .zip(of(1000))
+        .map(|(a, b)| gap(*a, *b))
+        .collect();
+    for visible in &lost[..2] {
+        assert!(
+            visible.0 - visible.1 > 3.0 * (lost[2].0 + lost[2].1),
+            "{lost:?}"
+        );
+    }
+    assert!(lost[3].0 < 0.02 + lost[3].1, "{lost:?}");
+}
+
+/// Below its reference wavelength of 880 nm brown carbon absorbs the more, the larger
+/// its exponent, as the corrected law has it; as printed, with nm, the trend is inverted,
+/// and at exponent 2 nothing is left of it.
+#[test]
+fn the_exponent_of_brown_carbon_acts_as_its_law_says() {
+    let wavelengths_nm = [400.0, 500.0, 600.0];
+    let found = values(&study("brown_carbon", &wavelengths_nm), 16_384);
+    let of = |law: &str, label: &str| &found[&key(&format!("carbon_law = {law}"), label)];
+    let exponents = ["exponent 1", "exponent 1.5", "exponent 2"];
+    for pair in exponents.windows(2) {
+        let [power, printed] =
+            ["power", "varsa2025"].map(|law| (of(law, pair[0]), of(law, pair[1])));
+        for l in 0..wavelengths_nm.len() {
+            assert_more(pair[1], power.0[l], power.1[l], 0.0);
+            let (gap, limit) = gap(printed.1[l], printed.0[l]);
+            assert!(gap > -limit, "{}: {gap}", pair[1]);
+        }
+    }
+    for l in 0..wavelengths_nm.len() {
+        let printed = of("varsa2025", "exponent 2")[l];
+        assert_more("printed", printed, of("varsa2025", "exponent 1")[l], 0.0);
+        let (gap, limit) = gap(of("varsa2025", "clean")[l], printed);
+        assert!(gap.abs() < 0.005 + limit, "{gap}");
+        // with exponent 1 both laws are one
+        let (gap, limit) = self::gap(
+            of("power", "exponent 1")[l],
+            of("varsa2025", "exponent 1")[l],
+        );
+        assert!(gap.abs() <= limit, "{gap}");
+    }
+}
+
+/// In every snow of the depth study blue light (400-500 nm) goes deepest: at 10 cm it
+/// clearly exceeds 700 nm, and that 800 nm. At lesser depths of coarse snow, where ice
+/// takes hardly anything, the visible is level: blue is not below 600 nm by more than
+/// 0.001. Beyond 600 nm light fades to the infrared.
+#[test]
+fn blue_goes_deepest_in_all_snows() {
+    let wavelengths_nm = [400.0, 450.0, 500.0, 600.0, 700.0, 800.0, 1000.0];
+    let found = values(&study("depth", &wavelengths_nm), 4096);
+    assert_eq!(found.len(), 16);
+    for ((group, label), t) in found {
+        let what = format!("{group}, {label}");
+        let larger = |a: Measured, b: &Measured| if b.value > a.value { *b } else { a };
+        let blue = t[..3].iter().fold(Measured::default(), larger);
+        let (above, limit) = gap(blue, t[3]);
+        assert!(above > -0.001 - limit, "{what}: {blue:?} {:?}", t[3]);
+        for pair in t[3..].windows(2) {
+            let (gap, limit) = gap(pair[0], pair[1]);
+            assert!(gap > -limit, "{what}: {pair:?}");
+        }
+        if label == "10 cm" {
+            assert!(above > -limit, "{what}: {blue:?} {:?}", t[3]);
+            assert_more(&what, blue, t[4], 0.0);
+            assert_more(&what, t[4], t[5], 0.0);
+        }
+    }
+}
+
+/// From 1.25 to 10 cm total visible transmittance is nearly straight on logarithmic axes:
+/// the line of least squares leaves less than 2 % of the variance of the logarithms, of
+/// which standard errors (2 % of a value at most) are no part that counts. Its slope is that of a power of -1 or
+/// steeper, more so in fine snow, where light takes longer paths.
+#[test]
+fn visible_transmittance_is_nearly_a_power_of_thickness() {
+    let file = study("visible_thickness", &[450.0, 550.0, 650.0]);
+    let studied = studied(&file, 8192);
+    let mut lines: BTreeMap<&str, Vec<[f64; 2]>> = BTreeMap::new();
+    for (variant, thickness_m, mean) in studied.against_thickness() {
+        assert!(mean.se < 0.02 * mean.value, "{mean:?}");
+        if thickness_m < 0.1001 {
+            let line = lines.entry(&variant.group).or_default();
+            line.push([thickness_m.ln(), mean.value.ln()]);
+        }
+    }
+    assert_eq!(lines.len(), 3);
+    for (group, line) in lines {
+        let n = line.len() as f64;
+        let mean = |of: &dyn Fn(&[f64; 2]) -> f64| line.iter().map(of).sum::<f64>() / n;
+        let (x, y) = (mean(&|p| p[0]), mean(&|p| p[1]));
+        let product = |i: usize, j: usize| mean(&|p| (p[i] - [x, y][i]) * (p[j] - [x, y][j]));
+        let slope = product(0, 1) / product(0, 0);
+        let unexplained = 1.0 - slope * product(0, 1) / product(1, 1);
+        println!("{group}: slope {slope:.3}, variance left {unexplained:.4}");
+        assert!((-1.6..-0.8).contains(&slope), "{group}: {slope}");
+        assert!(unexplained < 0.02, "{group}: {unexplained}");
+    }
+}
+
+/// The command writes a picture and a table that hold what was asked.
+#[test]
+fn the_command_draws_what_is_asked() {
+    let folder = tempfile::tempdir().unwrap();
+    let sample = "\
+version = 1
+illumination.polar_angle_deg = 0
+wavelengths.values_nm = [500, 600, 900]
+layer = [{ thickness_cm = 1, density_kg_m3 = 300, grain = [{ size_um = { min = 900, max = 1000 }, facetness = { min = 0, max = 1, mean = 0.3, sd = 0.1 } }] }]
+";
+    let of = |against: &str| {
+        format!(
+            "version = 1\ntitle = \"Slabs\"\nexpected = \"more is darker\"\nsample = \"../s.toml\"\n\
+             draw = {{ quantity = \"transmittance\", against = \"{against}\" }}\n\
+             [[variant]]\nlabel = \"1 cm\"\n[[variant]]\nlabel = \"2 cm\"\n\
+             set.\"layer[0].thickness_cm\" = 2\n"
+        )
+    };
+    let path = |name: &str| folder.path().join(name);
+    std::fs::write(path("s.toml"), sample).unwrap();
+    std::fs::create_dir(path("studies")).unwrap();
+    for against in ["wavelength", "thickness"] {
+        std::fs::write(path(&format!("studies/{against}.toml")), of(against)).unwrap();
+    }
+    let output = Command::new(env!("CARGO_BIN_EXE_splitsnow"))
+        .args(["study", "studies", "--rays", "1024", "--out", "out"])
+        .current_dir(folder.path())
+        .output()
+        .unwrap();
+    assert!(output.status.success(), "{output:?}");
+    let rows = |name: &str| {
+        let mut reader = csv::Reader::from_path(path(name)).unwrap();
+        let header: Vec<_> = reader
+            .headers()
+            .unwrap()
+            .iter()
+            .map(str::to_owned)
+            .collect();
+        let rows: Vec<csv::StringRecord> = reader.records().map(Result::unwrap).collect();
+        (header, rows)
+    };
+    let (header, spectra) = rows("out/wavelength.csv");
+    let columns = [
+        "group",
+        "variant",
+        "wavelength_nm",
+        "transmittance",
+        "transmittance_se",
+    ];
+    assert_eq!(
+        (header, spectra.len()),
+        (columns.map(str::to_owned).into(), 6)
+    );
+    let number = |row: &csv::StringRecord, column: usize| row[column].parse::<f64>().unwrap();
+    assert!(number(&spectra[0], 3) > number(&spectra[3], 3));
+    let (header, means) = rows("out/thickness.csv");
+    assert_eq!((header[2].as_str(), &means[1][2]), ("thickness_cm", "2"));
+    // 900 nm is not visible
+    let mean = (number(&spectra[0], 3) + number(&spectra[1], 3)) / 2.0;
+    assert!((number(&means[0], 3) - mean).abs() < 2e-6);
+    for name in ["wavelength", "thickness"] {
+        let svg = std::fs::read_to_string(path(&format!("out/{name}.svg"))).unwrap();
+        assert!(svg.contains("Slabs") && svg.contains("more is darker"));
+        let png = std::fs::read(path(&format!("out/{name}.png"))).unwrap();
+        assert_eq!(&png[..8], b"\x89PNG\r\n\x1a\n");
+    }
+}
