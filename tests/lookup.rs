@@ -77,6 +77,7 @@ fn thesis() -> Axes {
         density_kg_m3: vec![200.0, 250.0, 300.0, 350.0, 400.0],
         thickness_cm: vec![1.0, 1.5, 2.0, 3.0, 5.0, 7.0, 10.0, 15.0, 25.0, 35.0, 50.0],
         angle_deg: vec![0.0, 10.0, 20.0, 30.0, 40.0, 50.0, 60.0, 70.0, 80.0, 89.0],
+        ..Axes::default()
     }
 }
 
@@ -87,6 +88,7 @@ fn small() -> Axes {
         density_kg_m3: vec![300.0],
         thickness_cm: vec![1.0, 2.0, 5.0, 10.0, 30.0],
         angle_deg: vec![0.0, 50.0, 89.0],
+        ..Axes::default()
     }
 }
 
@@ -135,6 +137,7 @@ fn smooth_is_near_the_truth_where_the_spline_rings() {
             grain_size_um: vec![100.0],
             density_kg_m3: vec![400.0],
             ..axes
+            ..Axes::default()
         },
         slab,
     );
@@ -183,6 +186,7 @@ fn off_the_nodes_of_the_thesis_grid() {
         grain_size_um: vec![100.0, 150.0, 200.0, 250.0],
         angle_deg: vec![0.0, 20.0, 40.0, 60.0, 80.0],
         ..thesis()
+        ..Axes::default()
     };
     let database = database(&axes, slab);
     let lookup = Lookup::new(&database, Quantity::Transmittance).unwrap();
@@ -298,11 +302,13 @@ fn nodes_that_fall_together_are_answered() {
         thickness_cm: vec![5.0, 5.0000005, 10.0],
         angle_deg: vec![0.0, 0.01],
         ..small()
+        ..Axes::default()
     };
     let plain = Axes {
         thickness_cm: vec![5.0, 10.0],
         angle_deg: vec![0.0],
         ..small()
+        ..Axes::default()
     };
     let there = points(&axes)[0];
     let [doubled, plain] = [axes, plain].map(|axes| database(&axes, slab));
@@ -341,6 +347,7 @@ fn one_thickness_is_no_curve() {
         thickness_cm: vec![15.0],
         angle_deg: vec![30.0],
         ..small()
+        ..Axes::default()
     };
     let database = database(&axes, slab);
     let lookup = Lookup::new(&database, Quantity::Transmittance).unwrap();

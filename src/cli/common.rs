@@ -101,9 +101,9 @@ pub(super) fn positive(text: &str) -> Result<f64, String> {
 /// The hashes of the data files that decide the spectra of `grid`, by name:
 /// part of a database's identity.
 pub(super) fn data_hashes(grid: &Grid) -> anyhow::Result<BTreeMap<String, String>> {
-    let Grid { fixed, .. } = grid;
-    let water = fixed.is_wet().then_some(&fixed.model.water);
-    let files = data_files(fixed.model.ice, water)?;
+    let model = &grid.fixed.model;
+    let water = grid.is_wet().then_some(&model.water);
+    let files = data_files(model.ice, water)?;
     let hash = |bytes: &[u8]| -> String {
         let digest = Sha256::digest(bytes);
         digest.iter().map(|byte| format!("{byte:02x}")).collect()

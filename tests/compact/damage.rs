@@ -243,6 +243,7 @@ fn fuzz_seeds_are_what_they_say() {
             density_kg_m3: vec![300.0],
             thickness_cm: vec![5.0],
             angle_deg: vec![0.0, 60.0],
+            ..Axes::default()
         };
         let bytes = |variant, choice, there: &[Quantity]| {
             let [t, r] = Quantity::ALL.map(|quantity| {
