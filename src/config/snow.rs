@@ -23,7 +23,8 @@ pub(super) fn spread(keys: &SpreadKeys) -> Spread {
     }
 }
 
-/// Refuses what is an axis beyond the five in one of the `tables`, and fixed too.
+/// Refuses what is an axis beyond the five in one of the `tables`, and fixed too;
+/// and what is said of an axis that there is not.
 pub(super) fn fixed_or_axis(
     document: &Document,
     tables: &[String],
@@ -42,11 +43,19 @@ pub(super) fn fixed_or_axis(
             exclusive(document, &format!("{table}.{}", axis.name()), fixed)?;
         }
     }
-    let axis = |table: &String| {
-        let key = format!("{table}.{}", ExtraAxis::BlackCarbon.name());
-        document.has(&key)
+    let has = |axis: ExtraAxis| {
+        let mut keys = tables.iter().map(|table| format!("{table}.{}", axis.name()));
+        keys.any(|key| document.has(&key))
     };
-    if keys.black_carbon.is_some() && !document.has(CONCENTRATION) && !tables.iter().any(axis) {
+    for key in ["spread.sphericity_half_width", "spread.sphericity_sd"] {
+        if document.has(key) && !has(ExtraAxis::Sphericity) {
+            let problem = "is for an axis sphericity, and there is none";
+            let problem = Problem::Contradiction(problem.to_owned());
+            return Err(document.error(key, problem, "leave it out, or name the axis"));
+        }
+    }
+    let needed = keys.black_carbon.is_some() && !has(ExtraAxis::BlackCarbon);
+    if needed && !document.has(CONCENTRATION) {
         let help = "add it: Mass of carbon per mass of snow, ng/g.";
         return Err(document.error(CONCENTRATION, Problem::Missing, help));
     }

@@ -1,5 +1,6 @@
 //! The compact file from curves to bytes and back.
 #![allow(clippy::unwrap_used)]
+mod beyond;
 mod compression;
 mod damage;
 mod variants;
