@@ -70,7 +70,9 @@ impl Folder {
 
 fn csv(text: &str) -> Vec<f64> {
     let lines = text.lines().skip(1);
-    lines.map(|line| line.split_once(',').unwrap().1.parse().unwrap()).collect()
+    lines
+        .map(|line| line.split_once(',').unwrap().1.parse().unwrap())
+        .collect()
 }
 
 /// A converged simulation at `thickness_cm` under normal light: values and errors.
@@ -103,14 +105,20 @@ fn fresh(thickness_cm: f64, conditions: Conditions) -> Vec<[f64; 2]> {
 fn from_the_grid_file_to_the_answers() {
     let folder = Folder::new(GRID);
     let plan = folder.succeeds("plan g.toml");
-    assert!(plan.contains("black_carbon_ng_g 2 values, 0 to 100"), "{plan}");
+    assert!(
+        plan.contains("black_carbon_ng_g 2 values, 0 to 100"),
+        "{plan}"
+    );
     assert!(plan.contains("4 of 6 curves each: 24 curves"), "{plan}");
     folder.succeeds("build g.toml");
     let whole = dir_bytes(&folder.out());
 
     let metadata = fs::read(folder.out().join("database.zarr/transmittance/zarr.json"));
     let metadata: serde_json::Value = serde_json::from_slice(&metadata.unwrap()).unwrap();
-    assert_eq!(metadata["shape"], serde_json::json!([2, 2, 1, 1, 1, 3, 2, 3]));
+    assert_eq!(
+        metadata["shape"],
+        serde_json::json!([2, 2, 1, 1, 1, 3, 2, 3])
+    );
     assert_eq!(metadata["dimension_names"][0], "black_carbon_ng_g");
     assert_eq!(metadata["dimension_names"][2], "facetness");
 
@@ -149,7 +157,10 @@ fn from_the_grid_file_to_the_answers() {
     ];
     let clean = query("--thickness-cm 4 --black-carbon-ng-g 0 --water-saturation 0.02");
     for ((found, [value, se]), clean) in off.iter().zip(fresh(4.0, between.into())).zip(clean) {
-        assert!((found - value).abs() < 8.0 * se + 0.006, "{found} {value} {se}");
+        assert!(
+            (found - value).abs() < 8.0 * se + 0.006,
+            "{found} {value} {se}"
+        );
         // what the test could not see otherwise: carbon matters here
         assert!((found - clean).abs() > 0.02, "{found} {clean}");
     }
@@ -159,12 +170,18 @@ fn from_the_grid_file_to_the_answers() {
     let mut spectrum = [0.0; 3];
     let point = Point::from_coordinates([0.3, 300.0, 250.0, 4.0, 0.0]);
     lookup.spectrum(point, &mut spectrum).unwrap();
-    let same = spectrum.iter().zip(&off).all(|(a, b)| (f64::from(*a) - b).abs() < 1e-6);
+    let same = spectrum
+        .iter()
+        .zip(&off)
+        .all(|(a, b)| (f64::from(*a) - b).abs() < 1e-6);
     assert!(same, "{spectrum:?} {off:?}");
 
     let refused = |more: &str| folder.fails(&format!("query out/g {SNOW} --thickness-cm 5 {more}"));
     let missing = refused("--water-saturation 0.02");
-    assert!(missing.contains("axis black_carbon_ng_g, from 0 to 100"), "{missing}");
+    assert!(
+        missing.contains("axis black_carbon_ng_g, from 0 to 100"),
+        "{missing}"
+    );
     let outside = refused("--black-carbon-ng-g 101 --water-saturation 0");
     assert!(outside.contains("covers 0 to 100"), "{outside}");
     let none = refused("--black-carbon-ng-g 1 --water-saturation 0 --temperature-c -3");
@@ -178,8 +195,14 @@ fn from_the_grid_file_to_the_answers() {
 fn verified(folder: &Folder) {
     let report = folder.succeeds("verify out/g --samples 8 --points 32");
     assert!(report.ends_with("PASS\n"), "{report}");
-    assert!(report.contains("off the nodes in black_carbon_ng_g"), "{report}");
-    assert!(report.contains("off the nodes in water_saturation"), "{report}");
+    assert!(
+        report.contains("off the nodes in black_carbon_ng_g"),
+        "{report}"
+    );
+    assert!(
+        report.contains("off the nodes in water_saturation"),
+        "{report}"
+    );
     let path = folder.out().join("snow.safetensors");
     let file = Database::open(&path).unwrap();
     let certificate: Certificate = serde_json::from_str(&file.metadata()[CERTIFICATE]).unwrap();
@@ -220,10 +243,19 @@ fn the_canonical_config_is_read_again() {
     let job = read.job(&jobs, jobs.count() - 1).unwrap();
     let surface = &job.pack.surface;
     let carbon = surface.black_carbon.unwrap();
-    assert_eq!((carbon.concentration_ng_g, carbon.sedimentation), (100.0, 0.5));
-    assert_eq!((surface.temperature_c, surface.water_saturation), (-1.0, 0.05));
+    assert_eq!(
+        (carbon.concentration_ng_g, carbon.sedimentation),
+        (100.0, 0.5)
+    );
+    assert_eq!(
+        (surface.temperature_c, surface.water_saturation),
+        (-1.0, 0.05)
+    );
     assert_eq!(surface.grains[0].grain.sphericity.mean(), 0.9);
-    let before = grid(&GRID.replace("black_carbon_ng_g = [0, 100]\nwater_saturation = [0, 0.05]\n", ""));
+    let before = grid(&GRID.replace(
+        "black_carbon_ng_g = [0, 100]\nwater_saturation = [0, 0.05]\n",
+        "",
+    ));
     let before = before.unwrap().grid;
     assert!(!before.to_config().contains("carbon") && !before.to_config().contains("sphericity_"));
 }

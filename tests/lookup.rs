@@ -136,8 +136,7 @@ fn smooth_is_near_the_truth_where_the_spline_rings() {
             facetness: vec![0.3],
             grain_size_um: vec![100.0],
             density_kg_m3: vec![400.0],
-            ..axes
-            ..Axes::default()
+            ..axes..Axes::default()
         },
         slab,
     );
@@ -185,8 +184,7 @@ fn off_the_nodes_of_the_thesis_grid() {
     let axes = Axes {
         grain_size_um: vec![100.0, 150.0, 200.0, 250.0],
         angle_deg: vec![0.0, 20.0, 40.0, 60.0, 80.0],
-        ..thesis()
-        ..Axes::default()
+        ..thesis()..Axes::default()
     };
     let database = database(&axes, slab);
     let lookup = Lookup::new(&database, Quantity::Transmittance).unwrap();
@@ -301,14 +299,12 @@ fn nodes_that_fall_together_are_answered() {
     let axes = Axes {
         thickness_cm: vec![5.0, 5.0000005, 10.0],
         angle_deg: vec![0.0, 0.01],
-        ..small()
-        ..Axes::default()
+        ..small()..Axes::default()
     };
     let plain = Axes {
         thickness_cm: vec![5.0, 10.0],
         angle_deg: vec![0.0],
-        ..small()
-        ..Axes::default()
+        ..small()..Axes::default()
     };
     let there = points(&axes)[0];
     let [doubled, plain] = [axes, plain].map(|axes| database(&axes, slab));
@@ -346,8 +342,7 @@ fn one_thickness_is_no_curve() {
     let axes = Axes {
         thickness_cm: vec![15.0],
         angle_deg: vec![30.0],
-        ..small()
-        ..Axes::default()
+        ..small()..Axes::default()
     };
     let database = database(&axes, slab);
     let lookup = Lookup::new(&database, Quantity::Transmittance).unwrap();

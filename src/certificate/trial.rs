@@ -245,8 +245,7 @@ mod tests {
             axes,
             extra: BTreeMap::new(),
         };
-        let snow =
-            |size: f64| region([[0.3; 2], [size; 2], [250.0; 2], [1.0, 80.0], [0.0, 89.0]]);
+        let snow = |size: f64| region([[0.3; 2], [size; 2], [250.0; 2], [1.0, 80.0], [0.0, 89.0]]);
         let regions: Vec<Region> = (1..=7).map(|i| snow(100.0 * f64::from(i))).collect();
         let trials = anywhere(&regions, 512, 1);
         for region in &regions {

@@ -189,7 +189,10 @@ impl CompactFile<'_> {
         let mut entries = BTreeMap::from([
             ("format".to_owned(), FORMAT.to_owned()),
             ("format_version".to_owned(), FORMAT_VERSION.to_owned()),
-            ("axis_order".to_owned(), axis_order(self.axes.extra.keys().copied())),
+            (
+                "axis_order".to_owned(),
+                axis_order(self.axes.extra.keys().copied()),
+            ),
             ("units".to_owned(), serde_json::to_string(&units)?),
             (BASIS.to_owned(), basis.name().to_owned()),
             (PRECISION.to_owned(), precision.name().to_owned()),

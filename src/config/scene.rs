@@ -106,9 +106,8 @@ pub fn parse(name: &str, text: &str) -> Result<SceneFile, ConfigError> {
         (directory_of(name), &wavelengths_nm),
         &mut warnings,
     )?;
-    let water = |(axis, range): (ExtraAxis, Range)| {
-        axis == ExtraAxis::WaterSaturation && range.max > 0.0
-    };
+    let water =
+        |(axis, range): (ExtraAxis, Range)| axis == ExtraAxis::WaterSaturation && range.max > 0.0;
     let wet = fixed.is_wet() || snow.iter().any(|snow| snow.beyond().any(water));
     covered(&document, &fixed.model, &wavelengths_nm, wet)?;
     let quantities = Quantity::ALL.map(|quantity| (quantity.name(), quantity));

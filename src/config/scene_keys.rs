@@ -8,8 +8,8 @@ use crate::measurement::Quantity;
 
 use super::keys::{
     DENSITY_KG_M3, FixedKeys, MAX_CARBON, MAX_INTEGER, ModelKeys, SATURATION, SIZE_UM, SpreadKeys,
-    TEMPERATURE_C, WavelengthKeys,
-    default_delta_e, default_illuminants, default_seed, illuminant_names, limit_items,
+    TEMPERATURE_C, WavelengthKeys, default_delta_e, default_illuminants, default_seed,
+    illuminant_names, limit_items,
 };
 
 /// What a scene asks of snow, and how good the answers must be.

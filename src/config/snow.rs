@@ -44,7 +44,9 @@ pub(super) fn fixed_or_axis(
         }
     }
     let has = |axis: ExtraAxis| {
-        let mut keys = tables.iter().map(|table| format!("{table}.{}", axis.name()));
+        let mut keys = tables
+            .iter()
+            .map(|table| format!("{table}.{}", axis.name()));
         keys.any(|key| document.has(&key))
     };
     for key in ["spread.sphericity_half_width", "spread.sphericity_sd"] {

@@ -138,7 +138,10 @@ pub fn regions(scene: &Scene) -> Vec<Region> {
             range(scene.thickness_cm),
             range(scene.angle_deg),
         ],
-        extra: snow.beyond().map(|(axis, there)| (axis, range(there))).collect(),
+        extra: snow
+            .beyond()
+            .map(|(axis, there)| (axis, range(there)))
+            .collect(),
     };
     scene.snow.iter().map(region).collect()
 }

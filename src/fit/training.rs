@@ -125,7 +125,10 @@ impl<'a> Training<'a> {
             candidates(&ranges, |ends| spread(axis, ends, CANDIDATES[axis]))
         });
         // all regions have the same axes
-        let beyond = regions.first().into_iter().flat_map(|region| region.extra.keys());
+        let beyond = regions
+            .first()
+            .into_iter()
+            .flat_map(|region| region.extra.keys());
         let beyond: BTreeMap<ExtraAxis, Vec<f64>> = beyond
             .map(|&axis| {
                 let ranges = regions.iter().filter_map(|region| region.extra.get(&axis));
@@ -165,7 +168,9 @@ impl<'a> Training<'a> {
             scene.quantities.iter().map(|q| (*q, curves(*q))).collect();
         let wanted = |judge: &Judge| {
             let coordinates = judge.point.coordinates().into_iter();
-            let coordinates: Vec<f64> = coordinates.chain(judge.conditions.values().copied()).collect();
+            let coordinates: Vec<f64> = coordinates
+                .chain(judge.conditions.values().copied())
+                .collect();
             regions.iter().any(|region| {
                 let inside = |([min, max], value): (&[f64; 2], &f64)| (*min..=*max).contains(value);
                 let ranges = region.axes.iter().chain(region.extra.values());

@@ -110,7 +110,13 @@ impl Grid {
         for &value in &self.axes.grain_size_um {
             self.size_law(value)?;
         }
-        for &value in self.axes.extra.get(&ExtraAxis::Sphericity).into_iter().flatten() {
+        for &value in self
+            .axes
+            .extra
+            .get(&ExtraAxis::Sphericity)
+            .into_iter()
+            .flatten()
+        {
             self.spread.sphericity_law(value)?;
         }
         Jobs::new(

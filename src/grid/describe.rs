@@ -22,7 +22,11 @@ impl Grid {
             .axes
             .named()
             .into_iter()
-            .chain(extra.iter().map(|(axis, values)| (axis.name(), values.as_slice())))
+            .chain(
+                extra
+                    .iter()
+                    .map(|(axis, values)| (axis.name(), values.as_slice())),
+            )
             .map(|(name, values)| ("axes", name, list(values)))
             .collect();
         let spread = &self.spread;

@@ -115,8 +115,7 @@ pub(crate) fn combination<T: Copy>(
 ) -> BTreeMap<ExtraAxis, T> {
     let positions = positions(axes, number);
     let values = axes.iter().zip(positions);
-    let values =
-        values.filter_map(|((axis, values), i)| Some((*axis, *values.get(i as usize)?)));
+    let values = values.filter_map(|((axis, values), i)| Some((*axis, *values.get(i as usize)?)));
     values.collect()
 }
 
@@ -223,7 +222,10 @@ mod tests {
             assert_eq!(surface.water_saturation, 0.0);
         }
         assert_eq!(job(8).pack.surface.water_saturation, 0.1);
-        assert_eq!(job(8).pack.surface.black_carbon, job(0).pack.surface.black_carbon);
+        assert_eq!(
+            job(8).pack.surface.black_carbon,
+            job(0).pack.surface.black_carbon
+        );
         let last = job(47);
         assert_eq!(last.pack.surface.black_carbon, Some(Carbon::black(400.0)));
         assert_eq!((last.cell, last.pack.surface.water_saturation), (47, 0.1));
@@ -249,6 +251,9 @@ mod tests {
         let law = fixed(ExtraAxis::Sphericity, 0.1).sphericity;
         assert_eq!((law.min(), law.max()), (0.01, 0.25));
         let ground = |value| fixed(ExtraAxis::SubstrateReflectance, value).ground;
-        assert_eq!((ground(0.0), ground(0.3)), (Ground::Black, Ground::Grey(0.3)));
+        assert_eq!(
+            (ground(0.0), ground(0.3)),
+            (Ground::Black, Ground::Grey(0.3))
+        );
     }
 }

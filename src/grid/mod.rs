@@ -19,8 +19,8 @@ use crate::transport::{Ground, Layer, Model};
 
 pub use check::GridError;
 pub(crate) use describe::{carbon_lines, list, normal, number, reflectance};
-pub(crate) use extra::{combination, combinations, positions};
 pub use extra::{Conditions, ExtraAxis, described};
+pub(crate) use extra::{combination, combinations, positions};
 pub use job::Job;
 pub use jobs::{Jobs, Shape, job_shape};
 pub use shard::{Shard, ShardError};

@@ -13,8 +13,10 @@ use crate::compress::Basis;
 use crate::grid::{Conditions, ExtraAxis, combination};
 use crate::measurement::Quantity;
 
-/// Scale of the carbon, ng/g.
-const CARBON_NG_G: f64 = 50.0;
+/// What absorbs in clean snow, as carbon, ng/g.
+const CARBON_NG_G: f64 = 20.0;
+/// Reflectance of the snow above a substrate.
+const SNOW: f64 = 0.95;
 /// Largest y, as in [`super::smooth`].
 const DARKEST: f64 = 16.0;
 /// Most bytes of spectra made of a `linear` file.
@@ -24,7 +26,21 @@ const MOST_BYTES: u128 = 1 << 30;
 fn place(axis: ExtraAxis, value: f64) -> f64 {
     match axis {
         ExtraAxis::BlackCarbon => (value + CARBON_NG_G).sqrt(),
-        _ => value,
+        ExtraAxis::WaterSaturation => -libm::log(1.0 - value),
+        ExtraAxis::Temperature => value,
+        ExtraAxis::Sphericity => libm::log(value),
+        ExtraAxis::SubstrateReflectance => -libm::log(1.0 - SNOW * value),
+    }
+}
+
+/// [`place`] inverted.
+fn value_at(axis: ExtraAxis, place: f64) -> f64 {
+    match axis {
+        ExtraAxis::BlackCarbon => place * place - CARBON_NG_G,
+        ExtraAxis::WaterSaturation => 1.0 - libm::exp(-place),
+        ExtraAxis::Temperature => place,
+        ExtraAxis::Sphericity => libm::exp(place),
+        ExtraAxis::SubstrateReflectance => (1.0 - libm::exp(-place)) / SNOW,
     }
 }
 
@@ -32,11 +48,10 @@ fn place(axis: ExtraAxis, value: f64) -> f64 {
 pub(crate) fn spread_beyond(axis: ExtraAxis, [first, last]: [f64; 2], n: usize) -> Vec<f64> {
     let ends = [place(axis, first), place(axis, last)];
     let value = |i: usize| {
-        let target = ends[0] + (ends[1] - ends[0]) * i as f64 / (n.max(2) - 1) as f64;
-        let value = match axis {
-            ExtraAxis::BlackCarbon => target * target - CARBON_NG_G,
-            _ => target,
-        };
+        let value = value_at(
+            axis,
+            ends[0] + (ends[1] - ends[0]) * i as f64 / (n.max(2) - 1) as f64,
+        );
         let rounded = format!("{value:.3e}").parse().unwrap_or(value);
         f64::clamp(rounded, first, last)
     };
@@ -87,7 +102,10 @@ impl Database {
     /// [`LookupError::Outside`]; [`LookupError::TooLarge`] for a `linear` file whose
     /// spectra would not fit 1 GB.
     pub fn at(&self, conditions: &Conditions) -> Result<Self, LookupError> {
-        if let Some(axis) = conditions.keys().find(|axis| !self.extra.contains_key(axis)) {
+        if let Some(axis) = conditions
+            .keys()
+            .find(|axis| !self.extra.contains_key(axis))
+        {
             return Err(LookupError::NoAxis { axis: axis.name() });
         }
         let mut corners = vec![(0, 1.0)];
@@ -199,4 +217,41 @@ fn cell(axis: ExtraAxis, values: &[f32], value: f64) -> Result<(usize, f64), Loo
 fn exact(value: f32) -> f64 {
     let decimal = value.to_string().parse();
     decimal.unwrap_or(f64::from(value))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn coordinates_grow_and_come_back() {
+        let ends = [
+            [0.0, 1e9],
+            [0.0, 0.5],
+            [-40.0, 0.0],
+            [0.01, 1.0],
+            [0.0, 1.0],
+        ];
+        for (axis, [first, last]) in ExtraAxis::ALL.into_iter().zip(ends) {
+            let mut before = f64::NEG_INFINITY;
+            for i in 0..=100 {
+                let value = first + (last - first) * f64::from(i) / 100.0;
+                let here = place(axis, value);
+                assert!(
+                    here > before
+                        && (value_at(axis, here) - value).abs() <= 1e-9 * last.abs().max(40.0)
+                );
+                before = here;
+            }
+            let values = spread_beyond(axis, [first, last], 6);
+            assert_eq!((values[0], values[5], values.len()), (first, last, 6));
+            assert!(
+                values.windows(2).all(|pair| pair[0] < pair[1]),
+                "{values:?}"
+            );
+        }
+        let carbon = spread_beyond(ExtraAxis::BlackCarbon, [0.0, 400.0], 3);
+        let halfway = (0.5 * (20_f64.sqrt() + 420_f64.sqrt())).powi(2) - 20.0;
+        assert!((carbon[1] - halfway).abs() < 0.1, "{carbon:?}");
+    }
 }

@@ -12,9 +12,9 @@ use thiserror::Error;
 
 use super::{Database, Factors};
 use crate::compress::format::{
-    self,     AXES, BASIS, Coordinate, FORMAT, FORMAT_VERSION, MAX_HEADER, MAX_NUMBER, PRECISION, QUANTITIES,
-    WAVELENGTHS, axis_order, basis_name, coefficients_name, components_key, integers_name, number,
-    quantisation_name, quantities,
+    self, AXES, BASIS, Coordinate, FORMAT, FORMAT_VERSION, MAX_HEADER, MAX_NUMBER, PRECISION,
+    QUANTITIES, WAVELENGTHS, axis_order, basis_name, coefficients_name, components_key,
+    integers_name, number, quantisation_name, quantities,
 };
 use crate::compress::{Basis, Precision, dequantised};
 use crate::grid::ExtraAxis;

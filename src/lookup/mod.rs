@@ -200,7 +200,11 @@ impl Database {
         };
         Self {
             curves: (axes.combinations() * axes.shape().iter().product::<u64>()) as usize,
-            extra: axes.extra.iter().map(|(axis, values)| (*axis, single(values))).collect(),
+            extra: axes
+                .extra
+                .iter()
+                .map(|(axis, values)| (*axis, single(values)))
+                .collect(),
             axes: axes.named().map(|(_, values)| single(values)),
             wavelengths_nm: single(wavelengths_nm),
             kind: Basis::Linear,

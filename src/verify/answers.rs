@@ -22,7 +22,11 @@ fn region(database: &Database) -> Region {
     };
     Region {
         axes: database.axes().each_ref().map(ends),
-        extra: database.extra().iter().map(|(axis, values)| (*axis, ends(values))).collect(),
+        extra: database
+            .extra()
+            .iter()
+            .map(|(axis, values)| (*axis, ends(values)))
+            .collect(),
     }
 }
 

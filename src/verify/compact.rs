@@ -67,9 +67,9 @@ pub(super) fn check(
                 bound,
                 at,
             };
-            let at = database
-                .point(worst)
-                .map_or(String::new(), |p| described(&p, &database.conditions(worst)));
+            let at = database.point(worst).map_or(String::new(), |p| {
+                described(&p, &database.conditions(worst))
+            });
             check
                 .figures
                 .push(figure(mean_name, mean, None, String::new()));
@@ -120,7 +120,15 @@ fn origin(subject: &Subject<'_>, database: &Database) -> Vec<String> {
         database.wavelengths_nm(),
     );
     let beyond = |names: Vec<&str>| names.join(", ");
-    let asked = beyond(subject.store.axes().extra.keys().map(|axis| axis.name()).collect());
+    let asked = beyond(
+        subject
+            .store
+            .axes()
+            .extra
+            .keys()
+            .map(|axis| axis.name())
+            .collect(),
+    );
     let there = beyond(database.extra().keys().map(|axis| axis.name()).collect());
     if asked != there {
         problems.push(format!(

@@ -135,7 +135,10 @@ impl Tally {
         for (z, nm) in z.iter().zip(wavelengths_nm) {
             // Not a number is worse than any number.
             if self.at.is_empty() || z.abs().total_cmp(&self.max).is_gt() {
-                (self.max, self.at) = (z.abs(), format!("{nm} nm, {}", described(&node.point, &node.conditions)));
+                (self.max, self.at) = (
+                    z.abs(),
+                    format!("{nm} nm, {}", described(&node.point, &node.conditions)),
+                );
             }
         }
     }

@@ -90,8 +90,8 @@ fn between_their_nodes_y_is_linear() {
     let quantity = Quantity::Transmittance;
     for basis in Basis::ALL {
         let database = Database::from_bytes(&file(basis)).unwrap();
-        // halfway in the coordinate: sqrt(c + 50) from 50 to 150
-        let halfway = (0.5 * (50_f64.sqrt() + 150_f64.sqrt())).powi(2) - 50.0;
+        // halfway in the coordinate sqrt(c + 20)
+        let halfway = (0.5 * (20_f64.sqrt() + 120_f64.sqrt())).powi(2) - 20.0;
         let there = database.at(&[(CARBON, halfway), (COLD, -8.0)].into());
         let there = there.unwrap();
         // temperature -8 is power 2.2 without carbon, and 5.2 with all

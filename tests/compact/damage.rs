@@ -286,7 +286,13 @@ fn fuzz_seeds_are_what_they_say() {
             extra: BTreeMap::from([(ExtraAxis::BlackCarbon, vec![0.0, 100.0])]),
             ..small.clone()
         };
-        let made = compress(curves.view(), Quantity::ALL[0], None, two, Variant::default());
+        let made = compress(
+            curves.view(),
+            Quantity::ALL[0],
+            None,
+            two,
+            Variant::default(),
+        );
         let file = CompactFile {
             axes: &beyond,
             wavelengths_nm: &[500.0, 550.0, 600.0],
