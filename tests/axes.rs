@@ -158,11 +158,11 @@ fn from_the_grid_file_to_the_answers() {
     let clean = query("--thickness-cm 4 --black-carbon-ng-g 0 --water-saturation 0.02");
     for ((found, [value, se]), clean) in off.iter().zip(fresh(4.0, between.into())).zip(clean) {
         assert!(
-            (found - value).abs() < 8.0 * se + 0.006,
+            (found - value).abs() < 8.0 * se + 0.04 * value,
             "{found} {value} {se}"
         );
         // what the test could not see otherwise: carbon matters here
-        assert!((found - clean).abs() > 0.02, "{found} {clean}");
+        assert!(*found < 0.92 * clean, "{found} {clean}");
     }
     let database = Database::open(&folder.out().join("snow.safetensors")).unwrap();
     let there = database.at(&between.into()).unwrap();

@@ -229,7 +229,7 @@ impl Default for SphericityKeys {
 #[schemars(extend("required" = ["concentration_ng_g"]))]
 pub(super) struct CarbonKeys {
     /// Mass of carbon per mass of snow, ng/g.
-    #[schemars(range(min = 0.0, max = MAX_CARBON))]
+    #[schemars(range(min = 0.0, max = MAX_CARBON), transform = without_default)]
     #[serde(default)]
     pub(super) concentration_ng_g: f64,
     /// Share of the carbon that sits in the ice, default 1.
@@ -248,6 +248,11 @@ pub(super) struct CarbonKeys {
     #[schemars(extend("enum" = CONCENTRATIONS))]
     #[serde(default = "default_concentration_per")]
     pub(super) concentration_per: String,
+}
+
+/// The schema says where it is required.
+fn without_default(schema: &mut schemars::Schema) {
+    schema.remove("default");
 }
 
 /// Of black carbon that is an axis only the kind is fixed.

@@ -55,7 +55,11 @@ pub(crate) fn spread_beyond(axis: ExtraAxis, [first, last]: [f64; 2], n: usize) 
         let rounded = format!("{value:.3e}").parse().unwrap_or(value);
         f64::clamp(rounded, first, last)
     };
-    (0..n).map(value).collect()
+    let mut values: Vec<f64> = (0..n).map(value).collect();
+    if let [begin, .., end] = values.as_mut_slice() {
+        (*begin, *end) = (first, last);
+    }
+    values
 }
 
 impl Database {
@@ -82,11 +86,7 @@ impl Database {
     pub(super) fn single(&self) -> Result<(), LookupError> {
         match self.extra.iter().find(|(_, values)| values.len() > 1) {
             None => Ok(()),
-            Some((axis, values)) => Err(LookupError::Condition {
-                axis: axis.name(),
-                first: values[0],
-                last: values[values.len() - 1],
-            }),
+            Some((axis, values)) => Err(untold(*axis, values)),
         }
     }
 
@@ -114,10 +114,7 @@ impl Database {
             let (below, share) = match asked {
                 Some(value) => cell(axis, values, value)?,
                 None if values.len() == 1 => (0, 0.0),
-                None => {
-                    self.single()?;
-                    (0, 0.0)
-                }
+                None => return Err(untold(axis, values)),
             };
             let both = [(below, 1.0 - share), (below + 1, share)];
             let there = both.into_iter().filter(|(_, weight)| *weight > 0.0);
@@ -193,6 +190,14 @@ impl Database {
             coefficients: curves,
             basis: Array2::eye(l),
         }
+    }
+}
+
+fn untold(axis: ExtraAxis, values: &[f32]) -> LookupError {
+    LookupError::Condition {
+        axis: axis.name(),
+        first: values.first().copied().unwrap_or(f32::NAN),
+        last: values.last().copied().unwrap_or(f32::NAN),
     }
 }
 
