@@ -20,7 +20,7 @@ use splitsnow::compress::annotated;
 use splitsnow::config::scene;
 use splitsnow::engine::{Cache, Control};
 use splitsnow::fit::{self, BETWEEN_WAVELENGTHS, SCENE};
-use splitsnow::grid::Axes;
+use splitsnow::grid::{Axes, Conditions};
 use splitsnow::lookup::Database;
 use splitsnow::measurement::Quantity;
 use splitsnow::store::COMPACT;
@@ -152,6 +152,7 @@ fn the_certificate_sees_the_wavelengths_left_out() {
         snow: [0.3, 300.0, 300.0],
         thickness_cm: vec![5.0, 7.0, 10.0],
         angle_deg: vec![0.0, 30.0, 60.0],
+        conditions: Conditions::default(),
     };
     let (cancel, rays_done) = (AtomicBool::new(false), AtomicU64::new(0));
     let control = Control {
@@ -174,6 +175,7 @@ fn the_certificate_sees_the_wavelengths_left_out() {
         density_kg_m3: vec![300.0],
         thickness_cm: patch.thickness_cm,
         angle_deg: patch.angle_deg,
+        ..Axes::default()
     };
     let colour = Colorimeter::viewing(&scene.wavelengths_nm, &scene.viewing).unwrap();
     let chain = |kept: &[usize]| {

@@ -77,6 +77,7 @@ fn thesis() -> Axes {
         density_kg_m3: vec![200.0, 250.0, 300.0, 350.0, 400.0],
         thickness_cm: vec![1.0, 1.5, 2.0, 3.0, 5.0, 7.0, 10.0, 15.0, 25.0, 35.0, 50.0],
         angle_deg: vec![0.0, 10.0, 20.0, 30.0, 40.0, 50.0, 60.0, 70.0, 80.0, 89.0],
+        ..Axes::default()
     }
 }
 
@@ -87,6 +88,7 @@ fn small() -> Axes {
         density_kg_m3: vec![300.0],
         thickness_cm: vec![1.0, 2.0, 5.0, 10.0, 30.0],
         angle_deg: vec![0.0, 50.0, 89.0],
+        ..Axes::default()
     }
 }
 

@@ -16,13 +16,24 @@ fuzz_target!(|bytes: &[u8]| {
         0.5 * (ends[0] + ends[1])
     });
     let middle = Point::from_coordinates(middle);
+    let rows = [0, database.curves() / 2, database.curves() - 1];
     for quantity in Quantity::ALL.into_iter().filter(|&q| database.has(q)) {
-        for row in [0, database.curves() / 2, database.curves() - 1] {
+        for row in rows {
             let point = database.point(row).expect("a row of the database");
-            let spectrum = database.spectrum(point, quantity).expect("a node");
+            let there = database.at(&database.conditions(row)).expect("a node");
+            let spectrum = there.spectrum(point, quantity).expect("a node");
             assert_eq!(spectrum.len(), database.wavelengths_nm().len());
             assert!(spectrum.iter().all(|value| value.is_finite()));
         }
+    }
+    // halfway on every axis beyond the five
+    let [low, _, high] = rows.map(|row| database.conditions(row));
+    let halfway = low.iter().map(|(axis, value)| (*axis, 0.5 * (value + high[axis])));
+    let database = match database.at(&halfway.collect()) {
+        Err(LookupError::TooLarge { .. }) => return,
+        database => database.expect("between nodes"),
+    };
+    for quantity in Quantity::ALL.into_iter().filter(|&q| database.has(q)) {
         // its spline has no bounds, and knows nodes of the snow only
         let published = Varsa2025::new(&database, quantity).expect("a quantity it has");
         published.spectrum(first).ok();

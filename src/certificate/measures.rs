@@ -6,7 +6,6 @@ use serde::{Deserialize, Serialize};
 
 use super::Certificate;
 use crate::compress::CurveError;
-use crate::lookup::Point;
 
 /// Worst points named.
 const NAMED: usize = 3;
@@ -81,7 +80,7 @@ pub struct Chain {
 /// Errors on their way into a [`Chain`].
 #[derive(Default)]
 pub(super) struct Collector {
-    pub(super) total: Vec<(Point, CurveError)>,
+    pub(super) total: Vec<(String, CurveError)>,
     pub(super) compression: Vec<CurveError>,
     pub(super) interpolation: Vec<CurveError>,
     pub(super) simulation: Vec<CurveError>,
@@ -95,8 +94,8 @@ impl Collector {
         // by what the eye sees, where there is a colour
         let size = |e: &CurveError| e.delta_e.unwrap_or(e.rmse);
         self.total.sort_by(|a, b| size(&b.1).total_cmp(&size(&a.1)));
-        let worst = self.total.iter().take(NAMED).map(|(point, error)| Worst {
-            at: point.to_string(),
+        let worst = self.total.iter().take(NAMED).map(|(at, error)| Worst {
+            at: at.clone(),
             delta_e: error.delta_e.map(four_digits),
             rmse: four_digits(error.rmse),
         });

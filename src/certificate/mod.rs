@@ -32,7 +32,7 @@ use thiserror::Error;
 use crate::colour::Colorimeter;
 use crate::compress::{AXES, CurveError};
 use crate::engine::{Control, EngineError};
-use crate::grid::{Grid, GridError};
+use crate::grid::{Conditions, Grid, GridError, described};
 use crate::lookup::{Database, Lookup, LookupError};
 use crate::measurement::{Quantity, Spectrum};
 use crate::spectrum::Resampling;
@@ -112,14 +112,16 @@ impl Subject<'_> {
     }
 
     fn trials(&self) -> Vec<Trial> {
-        let axes = self.file.axes().each_ref().map(|axis| {
-            let exact = |v: &f32| format!("{v}").parse().unwrap_or(f64::from(*v));
-            axis.iter().map(exact).collect()
-        });
+        let exact = |v: &f32| format!("{v}").parse().unwrap_or(f64::from(*v));
+        let axes = self.file.axes().each_ref();
+        let axes = axes.map(|axis| axis.iter().map(exact).collect());
+        let exact = |values: &Vec<f32>| values.iter().map(exact).collect();
+        let extra = self.file.extra().iter();
+        let extra = extra.map(|(axis, values)| (*axis, exact(values))).collect();
         let mut trials = trial::anywhere(self.regions, self.points, self.seed);
         // snow that a scene leaves out would be of no use to it
         if self.regions.len() == 1 {
-            trials.extend(trial::along(&axes, self.seed));
+            trials.extend(trial::along(&axes, &extra, self.seed));
         }
         trials
     }
@@ -164,15 +166,24 @@ impl Subject<'_> {
         trials: &[Trial],
         truth: &[Vec<Spectrum>],
     ) -> Result<Chain, CertificateError> {
-        let file = Lookup::new(self.file, quantity)?;
-        let exact = Lookup::new(self.exact, quantity)?;
+        let lookups = |conditions: &Conditions| {
+            let mut found = Vec::new();
+            for database in [self.file, self.exact] {
+                found.push(if database.extra().is_empty() {
+                    Lookup::new(database, quantity)?
+                } else {
+                    Lookup::new(&database.at(conditions)?, quantity)?
+                });
+            }
+            Ok::<_, LookupError>(found)
+        };
         let nm = &self.grid.wavelengths_nm;
         let lines = Resampling::new(self.file.wavelengths_nm(), nm);
         let single: Vec<f32> = nm.iter().map(|v| *v as f32).collect();
         let fewer = single != self.file.wavelengths_nm();
         let there = self.file.wavelengths_nm().iter().map(|v| f64::from(*v));
         let there = Resampling::new(&single, &there.collect::<Vec<_>>());
-        let mut found = vec![0.0; file.wavelengths()];
+        let mut found = vec![0.0; self.file.wavelengths_nm().len()];
         let mut ask = |lookup: &Lookup, point| -> Result<Vec<f64>, LookupError> {
             lookup.spectrum(point, &mut found)?;
             let found: Vec<f64> = found.iter().map(|v| f64::from(*v)).collect();
@@ -180,7 +191,13 @@ impl Subject<'_> {
         };
         let error = |a: &[f64], b: &[f64]| CurveError::between(a, b, self.colour);
         let mut chain = measures::Collector::default();
+        let mut current: Option<(&Conditions, Vec<Lookup>)> = None;
         for (trial, truth) in trials.iter().zip(truth) {
+            let conditions = &trial.patch.conditions;
+            let (_, lookups) = match current.take() {
+                Some(same) if same.0 == conditions => current.insert(same),
+                _ => current.insert((conditions, lookups(conditions)?)),
+            };
             let points = trial.patch.points().zip(&trial.kinds).zip(truth);
             for ((point, kind), truth) in points {
                 let values = |add: f64| -> Vec<f64> {
@@ -188,7 +205,7 @@ impl Subject<'_> {
                     all.map(|m| m.value + add * m.se).collect()
                 };
                 let truth = values(0.0);
-                let (answer, curves) = (ask(&file, point)?, ask(&exact, point)?);
+                let (answer, curves) = (ask(&lookups[0], point)?, ask(&lookups[1], point)?);
                 let drawn = lines.apply(&there.apply(&truth));
                 let interpolated = error(&drawn, &curves);
                 match kind {
@@ -196,13 +213,18 @@ impl Subject<'_> {
                         if fewer {
                             chain.wavelengths.push(error(&truth, &drawn));
                         }
-                        chain.total.push((point, error(&truth, &answer)));
+                        let at = described(&point, conditions);
+                        chain.total.push((at, error(&truth, &answer)));
                         chain.compression.push(error(&curves, &answer));
                         chain.interpolation.push(interpolated);
                         chain.noise.push(error(&truth, &values(1.0)));
                     }
                     Kind::Along(axis) => {
                         let name = AXES[*axis].name.to_owned();
+                        chain.axes.entry(name).or_default().push(interpolated);
+                    }
+                    Kind::Beyond(axis) => {
+                        let name = axis.name().to_owned();
                         chain.axes.entry(name).or_default().push(interpolated);
                     }
                     Kind::Nodes => chain.simulation.push(interpolated),

@@ -3,7 +3,7 @@ use rayon::prelude::*;
 
 use super::CertificateError;
 use crate::engine::{Control, Engine, EngineError, Request};
-use crate::grid::{Axes, Grid, Run};
+use crate::grid::{Axes, Conditions, Grid, Run};
 use crate::lookup::Point;
 use crate::measurement::Spectrum;
 
@@ -16,6 +16,8 @@ pub struct Patch {
     pub thickness_cm: Vec<f64>,
     /// Polar angles of incidence, degrees, strictly increasing.
     pub angle_deg: Vec<f64>,
+    /// Values on the axes beyond the five.
+    pub conditions: Conditions,
 }
 
 /// How patches are simulated.
@@ -69,6 +71,7 @@ impl Simulation<'_> {
                 density_kg_m3,
                 thickness_cm: patch.thickness_cm.clone(),
                 angle_deg: patch.angle_deg.clone(),
+                ..Axes::default()
             },
             run: Run {
                 engine: Engine::Doubling,
@@ -76,7 +79,7 @@ impl Simulation<'_> {
                 rays: self.rays,
                 ..self.grid.run
             },
-            ..self.grid.clone()
+            ..self.grid.at(&patch.conditions)?
         };
         let job = grid.job(&grid.jobs()?, 0)?;
         let request = Request {

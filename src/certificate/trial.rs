@@ -8,11 +8,14 @@
 //! - **On nodes**: the error of the simulation alone.
 //!
 //! Facetness takes a few values only, since each needs tables of its own.
+use std::collections::BTreeMap;
+
 use rand::{Rng, SeedableRng};
 use rand_xoshiro::Xoshiro256PlusPlus;
 use sha2::{Digest, Sha256};
 
 use super::Patch;
+use crate::grid::{Conditions, ExtraAxis};
 
 /// Points of a patch anywhere, thicknesses and angles: of snow that varies, and
 /// of snow that does not.
@@ -28,11 +31,19 @@ pub(super) enum Kind {
     Anywhere,
     /// Off the nodes in this axis alone.
     Along(usize),
+    /// Off the nodes in this axis beyond the five alone.
+    Beyond(ExtraAxis),
     Nodes,
 }
 
 /// A box of the axes, lowest and highest value each.
-pub type Region = [[f64; 2]; 5];
+#[derive(Debug, Clone, PartialEq)]
+pub struct Region {
+    /// Of the five.
+    pub axes: [[f64; 2]; 5],
+    /// Of those beyond.
+    pub extra: BTreeMap<ExtraAxis, [f64; 2]>,
+}
 
 /// A patch, and what each of its points tells about.
 #[derive(Debug, Clone)]
@@ -69,11 +80,32 @@ impl Draw {
 
     /// In the range of `axis`, to five digits.
     fn within(&mut self, axis: usize, [first, last]: [f64; 2]) -> f64 {
-        let u = self.unit();
-        let value = match axis {
-            3 if first > 0.0 => first * (last / first).powf(u),
-            _ => first + (last - first) * u,
-        };
+        if axis != 3 || first <= 0.0 {
+            return self.evenly([first, last]);
+        }
+        let value = first * (last / first).powf(self.unit());
+        let rounded: f64 = format!("{value:.4e}").parse().unwrap_or(value);
+        rounded.clamp(first, last)
+    }
+
+    /// Values in these ranges.
+    fn conditions(&mut self, ranges: &BTreeMap<ExtraAxis, [f64; 2]>) -> Conditions {
+        let ranges = ranges.iter();
+        ranges
+            .map(|(axis, range)| (*axis, self.evenly(*range)))
+            .collect()
+    }
+
+    /// Nodes of these axes.
+    fn node_of_each(&mut self, axes: &BTreeMap<ExtraAxis, Vec<f64>>) -> Conditions {
+        let axes = axes.iter();
+        axes.map(|(axis, nodes)| (*axis, nodes[self.below(nodes.len())]))
+            .collect()
+    }
+
+    /// Uniform between these, to five digits.
+    fn evenly(&mut self, [first, last]: [f64; 2]) -> f64 {
+        let value = first + (last - first) * self.unit();
         let rounded: f64 = format!("{value:.4e}").parse().unwrap_or(value);
         rounded.clamp(first, last)
     }
@@ -107,19 +139,22 @@ pub(super) fn anywhere(regions: &[Region], points: usize, seed: u64) -> Vec<Tria
     // every region has its turn; a scene of one point is one patch
     while trials.len() < regions.len() || (count < points && trials.len() < points) {
         let region = &regions[trials.len() % regions.len()];
-        let fixed = region[..3].iter().all(|[first, last]| first == last);
+        let Region { axes, extra } = region;
+        let beyond = axes[..3].iter().chain(extra.values());
+        let fixed = beyond.into_iter().all(|[first, last]| first == last);
         let (thicknesses, angles) = ANYWHERE[usize::from(fixed)];
-        let [first, last] = region[0];
+        let [first, last] = axes[0];
         let facetness = first + (last - first) * facets[trials.len() / regions.len() % FACETS];
         let facetness: f64 = format!("{facetness:.4}").parse().unwrap_or(facetness);
         let patch = Patch {
             snow: [
                 facetness.clamp(first, last),
-                draw.within(1, region[1]),
-                draw.within(2, region[2]),
+                draw.within(1, axes[1]),
+                draw.within(2, axes[2]),
             ],
-            thickness_cm: draw.several(3, region[3], thicknesses),
-            angle_deg: draw.several(4, region[4], angles),
+            thickness_cm: draw.several(3, axes[3], thicknesses),
+            angle_deg: draw.several(4, axes[4], angles),
+            conditions: draw.conditions(extra),
         };
         count += patch.len();
         let kinds = vec![Kind::Anywhere; patch.len()];
@@ -129,7 +164,11 @@ pub(super) fn anywhere(regions: &[Region], points: usize, seed: u64) -> Vec<Tria
 }
 
 /// Points on the nodes of `axes` and off them in one axis each.
-pub(super) fn along(axes: &[Vec<f64>; 5], seed: u64) -> Vec<Trial> {
+pub(super) fn along(
+    axes: &[Vec<f64>; 5],
+    extra: &BTreeMap<ExtraAxis, Vec<f64>>,
+    seed: u64,
+) -> Vec<Trial> {
     let mut draw = Draw(random(seed, "along"));
     let mut trials = Vec::new();
     let ends = |axis: usize| [axes[axis][0], axes[axis][axes[axis].len() - 1]];
@@ -141,8 +180,23 @@ pub(super) fn along(axes: &[Vec<f64>; 5], seed: u64) -> Vec<Trial> {
                 snow,
                 thickness_cm: draw.nodes(&axes[3], 3),
                 angle_deg: draw.nodes(&axes[4], 2),
+                conditions: draw.node_of_each(extra),
             };
             let kinds = vec![Kind::Along(axis); patch.len()];
+            trials.push(Trial { patch, kinds });
+        }
+    }
+    for (axis, nodes) in extra.iter().filter(|(_, nodes)| nodes.len() > 1) {
+        for _ in 0..ALONG {
+            let mut conditions = draw.node_of_each(extra);
+            conditions.insert(*axis, draw.evenly([nodes[0], nodes[nodes.len() - 1]]));
+            let patch = Patch {
+                snow: [0, 1, 2].map(|axis: usize| axes[axis][draw.below(axes[axis].len())]),
+                thickness_cm: draw.nodes(&axes[3], 3),
+                angle_deg: draw.nodes(&axes[4], 2),
+                conditions,
+            };
+            let kinds = vec![Kind::Beyond(*axis); patch.len()];
             trials.push(Trial { patch, kinds });
         }
     }
@@ -165,6 +219,7 @@ pub(super) fn along(axes: &[Vec<f64>; 5], seed: u64) -> Vec<Trial> {
             snow,
             thickness_cm: thicknesses.iter().map(|(v, _)| *v).collect(),
             angle_deg: angles.iter().map(|(v, _)| *v).collect(),
+            conditions: draw.node_of_each(extra),
         };
         let kinds = thicknesses.iter().flat_map(|(_, h)| {
             angles.iter().map(move |(_, a)| match (h, a) {
@@ -186,11 +241,15 @@ mod tests {
 
     #[test]
     fn every_region_is_tried_and_points_stay_inside() {
-        let snow = |size: f64| [[0.3; 2], [size; 2], [250.0; 2], [1.0, 80.0], [0.0, 89.0]];
+        let region = |axes| Region {
+            axes,
+            extra: BTreeMap::new(),
+        };
+        let snow = |size: f64| region([[0.3; 2], [size; 2], [250.0; 2], [1.0, 80.0], [0.0, 89.0]]);
         let regions: Vec<Region> = (1..=7).map(|i| snow(100.0 * f64::from(i))).collect();
         let trials = anywhere(&regions, 512, 1);
         for region in &regions {
-            let mine = |trial: &&Trial| trial.patch.snow[1] == region[1][0];
+            let mine = |trial: &&Trial| trial.patch.snow[1] == region.axes[1][0];
             assert!(trials.iter().filter(mine).count() > 0);
         }
         let wide = [
@@ -200,7 +259,7 @@ mod tests {
             [1.0, 50.0],
             [0.0, 89.0],
         ];
-        let trials = anywhere(&[wide], 500, 2);
+        let trials = anywhere(&[region(wide)], 500, 2);
         let points: Vec<_> = trials.iter().flat_map(|t| t.patch.points()).collect();
         assert!(points.len() >= 500 && points.len() < 520);
         for point in &points {
@@ -210,7 +269,7 @@ mod tests {
         }
         assert_ne!(
             points[0],
-            anywhere(&[wide], 500, 3)[0]
+            anywhere(&[region(wide)], 500, 3)[0]
                 .patch
                 .points()
                 .next()
@@ -218,7 +277,7 @@ mod tests {
         );
         // a single point
         let one = [[0.3; 2], [300.0; 2], [250.0; 2], [15.0; 2], [0.0; 2]];
-        let trials = anywhere(&[one], 16, 1);
+        let trials = anywhere(&[region(one)], 16, 1);
         assert!(trials.iter().all(|trial| trial.patch.len() == 1));
     }
 
@@ -232,13 +291,23 @@ mod tests {
             vec![0.0, 60.0],
         ];
         let mut seen = [0; 5];
-        for trial in along(&axes, 1) {
+        let extra = BTreeMap::from([(ExtraAxis::BlackCarbon, vec![0.0, 50.0, 400.0])]);
+        let mut beyond = 0;
+        for trial in along(&axes, &extra, 1) {
+            let carbon = trial.patch.conditions[&ExtraAxis::BlackCarbon];
+            let on_node = extra[&ExtraAxis::BlackCarbon].contains(&carbon);
+            let alone = |kind: &Kind| matches!(kind, Kind::Beyond(_));
+            assert_eq!(on_node, !trial.kinds.iter().any(alone));
             for (point, kind) in trial.patch.points().zip(&trial.kinds) {
                 let coordinates = point.coordinates();
                 let off = |axis: &usize| !axes[*axis].contains(&coordinates[*axis]);
                 let off: Vec<usize> = (0..5).filter(off).collect();
                 match kind {
                     Kind::Nodes => assert!(off.is_empty()),
+                    Kind::Beyond(axis) => {
+                        assert_eq!((*axis, off.len()), (ExtraAxis::BlackCarbon, 0));
+                        beyond += 1;
+                    }
                     Kind::Along(axis) => {
                         assert_eq!(off, [*axis]);
                         seen[*axis] += 1;
@@ -247,6 +316,7 @@ mod tests {
                 }
             }
         }
+        assert!(beyond > 0);
         assert!(seen[0] > 0 && seen[1] > 0 && seen[2] == 0 && seen[3] > 0 && seen[4] > 0);
     }
 }

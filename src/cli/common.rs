@@ -102,10 +102,10 @@ pub(super) fn positive(text: &str) -> Result<f64, String> {
 /// The hashes of the data files that decide the spectra of `grid`, by name:
 /// part of a database's identity.
 pub(super) fn data_hashes(grid: &Grid) -> anyhow::Result<BTreeMap<String, String>> {
-    let Grid { fixed, .. } = grid;
-    let water = fixed.is_wet().then_some(&fixed.model.water);
-    let mut files = data_files(fixed.model.ice, water)?;
-    if let Ground::Spectrum { path, .. } = &fixed.ground {
+    let model = &grid.fixed.model;
+    let water = grid.is_wet().then_some(&model.water);
+    let mut files = data_files(model.ice, water)?;
+    if let Ground::Spectrum { path, .. } = &grid.fixed.ground {
         let bytes = std::fs::read(path).with_context(|| {
             format!(
                 "cannot read the reflectance of the ground, {}",

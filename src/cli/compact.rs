@@ -169,7 +169,7 @@ fn metadata(
 /// A command that uses the compact file: its first curve.
 fn next(store: &Store, asked: &Asked) -> String {
     let mut command = format!("splitsnow query {}", store.dir().display());
-    for (name, values) in store.axes().named() {
+    for (name, values) in store.axes().all() {
         let first = values.first().copied().unwrap_or_default();
         let _ = write!(command, " --{} {first}", name.replace('_', "-"));
     }

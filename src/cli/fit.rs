@@ -87,7 +87,7 @@ fn report(scene: &Scene, fitted: &Fitted, path: &Path) -> serde_json::Value {
         let about = json!({ "components": one.components(), "bits": one.coefficients.bits() });
         (quantity.name().to_owned(), about)
     });
-    let axes = fitted.axes.named().into_iter();
+    let axes = fitted.axes.all().into_iter();
     json!({
         "file": path,
         "bytes": fitted.bytes.len(),
@@ -103,14 +103,14 @@ fn report(scene: &Scene, fitted: &Fitted, path: &Path) -> serde_json::Value {
 fn text_report(scene: &Scene, fitted: &Fitted, path: &Path) -> String {
     let mut text = String::new();
     let mut nodes = 1;
-    for ((name, values), candidates) in fitted.axes.named().into_iter().zip(fitted.candidates) {
+    for ((name, values), candidates) in fitted.axes.all().into_iter().zip(&fitted.candidates) {
         nodes *= values.len();
         let list: Vec<String> = values.iter().map(f64::to_string).collect();
         let among = match (values.len(), candidates) {
             (1, _) => "one value: no axis of its own".to_owned(),
             (n, all) => format!("{n} of {all} candidates"),
         };
-        let _ = writeln!(text, "{name:<16}{} ({among})", list.join(", "));
+        let _ = writeln!(text, "{name:<15} {} ({among})", list.join(", "));
     }
     let wavelengths = fitted.database.wavelengths_nm();
     let list: Vec<String> = wavelengths.iter().map(f32::to_string).collect();
@@ -175,7 +175,7 @@ fn left_out(scene: &Scene, fitted: &Fitted, nodes: usize) -> String {
     }
     let fixed = fitted
         .axes
-        .named()
+        .all()
         .into_iter()
         .filter(|(_, values)| values.len() == 1);
     let fixed: Vec<&str> = fixed.map(|(name, _)| name).collect();

@@ -19,7 +19,7 @@ use anyhow::bail;
 
 use super::common::Spinner;
 use crate::engine::{BATCH, Cache, Control, Engine};
-use crate::grid::{Grid, Job, Jobs};
+use crate::grid::{ExtraAxis, Grid, Job, Jobs};
 
 /// Wavelengths per job with an engine that walks each of them by itself.
 const WAVELENGTHS: usize = 5;
@@ -132,7 +132,9 @@ impl Pilot {
                     let all = timed.iter().map(|sample| of(sample.tables));
                     all.sum::<f64>() / timed.len() as f64
                 };
-                let shapes = grid.axes.facetness.len() as f64;
+                let spheroids = grid.axes.extra.get(&ExtraAxis::Sphericity);
+                let shapes = grid.axes.facetness.len() * spheroids.map_or(1, Vec::len);
+                let shapes = shapes as f64;
                 let once = Time {
                     core: mean(|time| time.core),
                     wall: mean(|time| time.wall),

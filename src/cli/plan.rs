@@ -95,7 +95,7 @@ fn plan(args: &Args, file: &GridFile) -> anyhow::Result<Plan> {
     let (value, wavelength) = COMPRESS_SECONDS;
     let values = 2.0 * (jobs.curves() * jobs.wavelengths()) as f64;
     let compressing = values * (value + wavelength * jobs.wavelengths() as f64);
-    let mut axes: Vec<_> = grid.axes.named().into();
+    let mut axes = grid.axes.all();
     axes.push(("wavelength_nm", &grid.wavelengths_nm));
     Ok(Plan {
         name: file.name.clone(),

@@ -5,6 +5,7 @@ use std::path::PathBuf;
 use super::common;
 use crate::certificate::{CERTIFICATE, Certificate};
 use crate::fit::BETWEEN_WAVELENGTHS;
+use crate::grid::ExtraAxis;
 use crate::lookup::{Database, Lookup, Point, Varsa2025};
 use crate::measurement::Quantity;
 
@@ -43,6 +44,22 @@ pub(super) struct Args {
     /// Polar angle of incidence from the surface normal, degrees
     #[arg(long, value_name = "A")]
     angle_deg: f64,
+    /// Black carbon, ng per g of snow; this and the four below where the file has
+    /// such an axis, and only there
+    #[arg(long, value_name = "C")]
+    black_carbon_ng_g: Option<f64>,
+    /// Water saturation of the pore space
+    #[arg(long, value_name = "S")]
+    water_saturation: Option<f64>,
+    /// Temperature, Celsius
+    #[arg(long, value_name = "T")]
+    temperature_c: Option<f64>,
+    /// Mean sphericity of the grains
+    #[arg(long, value_name = "S")]
+    sphericity: Option<f64>,
+    /// Lambertian reflectance of the substrate
+    #[arg(long, value_name = "R")]
+    substrate_reflectance: Option<f64>,
     /// Which spectrum
     #[arg(long, default_value = Quantity::Transmittance.name(),
           value_parser = common::named(Quantity::ALL, Quantity::name))]
@@ -73,9 +90,19 @@ pub(super) fn run(args: &Args) -> anyhow::Result<()> {
         thickness_cm: args.thickness_cm,
         angle_deg: args.angle_deg,
     };
+    let conditions = [
+        args.black_carbon_ng_g,
+        args.water_saturation,
+        args.temperature_c,
+        args.sphericity,
+        args.substrate_reflectance,
+    ];
+    let conditions = ExtraAxis::ALL.into_iter().zip(conditions);
+    let conditions = conditions.filter_map(|(axis, value)| Some((axis, value?)));
+    let there = database.at(&conditions.collect())?;
     let spectrum = match args.method {
         Method::Smooth => {
-            let lookup = Lookup::new(&database, args.quantity)?;
+            let lookup = Lookup::new(&there, args.quantity)?;
             let mut spectrum = vec![0.0; lookup.wavelengths()];
             lookup.spectrum(point, &mut spectrum)?;
             spectrum

@@ -13,7 +13,7 @@ use thiserror::Error;
 use super::format::{
     AXES, BASIS, BOUNDS, Coordinate, ERROR_TABLE, FORMAT, FORMAT_VERSION, MAX_HEADER, MAX_NUMBER,
     PRECISION, PROVENANCE, QUANTITIES, WAVELENGTHS, axis_order, basis_name, coefficients_name,
-    components_key, integers_name, number, quantisation_name, quantities,
+    components_key, extra, integers_name, number, quantisation_name, quantities,
 };
 use super::{Bounds, Coefficients, Compressed, ErrorTable, Integers, Variant};
 use crate::atomic;
@@ -79,9 +79,9 @@ impl CompactFile<'_> {
         let mut curves: usize = 1;
         // Sorted by name: the order of the header and of the data.
         let mut tensors = BTreeMap::new();
-        for (coordinate, values) in AXES.iter().zip(self.axis_values()) {
+        for (coordinate, values) in self.coordinates() {
             curves = curves.saturating_mul(values.len());
-            let values = rounded(coordinate, values)?;
+            let values = rounded(&coordinate, values)?;
             tensors.insert(
                 coordinate.name.to_owned(),
                 Tensor::f32(&[values.len()], values),
@@ -162,16 +162,12 @@ impl CompactFile<'_> {
         Ok(variant)
     }
 
-    /// Values in the order of [`AXES`].
-    fn axis_values(&self) -> [&[f64]; 5] {
-        let axes = self.axes;
-        [
-            &axes.facetness,
-            &axes.grain_size_um,
-            &axes.density_kg_m3,
-            &axes.thickness_cm,
-            &axes.angle_deg,
-        ]
+    /// All axes with their values, slowest first.
+    fn coordinates(&self) -> impl Iterator<Item = (Coordinate, &[f64])> {
+        let beyond = self.axes.extra.iter();
+        let beyond = beyond.map(|(axis, values)| (extra(*axis), values.as_slice()));
+        let five = self.axes.named().map(|(_, values)| values);
+        beyond.chain(AXES.into_iter().zip(five))
     }
 
     /// `__metadata__`: strings by name.
@@ -182,7 +178,8 @@ impl CompactFile<'_> {
         let tables: BTreeMap<&str, &ErrorTable> = tables.collect();
         let bounds = self.quantities().map(|(q, c)| (q.name(), c.bounds));
         let bounds: BTreeMap<&str, Bounds> = bounds.collect();
-        let mut units = BTreeMap::from(AXES.map(|axis| (axis.name, axis.unit)));
+        let axes = self.coordinates().map(|(axis, _)| (axis.name, axis.unit));
+        let mut units: BTreeMap<_, _> = axes.collect();
         units.insert(WAVELENGTHS.name, WAVELENGTHS.unit);
         units.extend(
             self.quantities()
@@ -192,7 +189,10 @@ impl CompactFile<'_> {
         let mut entries = BTreeMap::from([
             ("format".to_owned(), FORMAT.to_owned()),
             ("format_version".to_owned(), FORMAT_VERSION.to_owned()),
-            ("axis_order".to_owned(), axis_order()),
+            (
+                "axis_order".to_owned(),
+                axis_order(self.axes.extra.keys().copied()),
+            ),
             ("units".to_owned(), serde_json::to_string(&units)?),
             (BASIS.to_owned(), basis.name().to_owned()),
             (PRECISION.to_owned(), precision.name().to_owned()),

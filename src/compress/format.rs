@@ -14,8 +14,10 @@
 //! | `reflectance.*` | likewise | with its own l' |
 //! | `wavelength_nm` | `[l]` | strictly increasing |
 //! | `facetness`, `grain_size_um`, `density_kg_m3`, `thickness_cm`, `angle_deg` | `[n]` each | the axes, slowest first; s is the product of their lengths |
+//! | `black_carbon_ng_g`, `water_saturation`, `temperature_c`, `sphericity`, `substrate_reflectance` | `[n]` each | axes beyond the five, slower than these in this order; those there are stand first in the metadata `axis_order` |
 //!
 //! The tensors of a quantity are there if the metadata `quantities` name it.
+use crate::grid::ExtraAxis;
 use crate::measurement::Quantity;
 
 /// `format` in the metadata.
@@ -95,6 +97,23 @@ pub const AXES: [Coordinate; 5] = [
     },
 ];
 
+/// An axis beyond the five.
+pub(crate) fn extra(axis: ExtraAxis) -> Coordinate {
+    let (range, allowed): (_, fn(f32) -> bool) = match axis {
+        ExtraAxis::BlackCarbon => ("0 to 1e9", |v| (0.0..=1e9).contains(&v)),
+        ExtraAxis::WaterSaturation => ("0 to 0.5", |v| (0.0..=0.5).contains(&v)),
+        ExtraAxis::Temperature => ("-40 to 0", |v| (-40.0..=0.0).contains(&v)),
+        ExtraAxis::Sphericity => ("above 0 and at most 1", |v| v > 0.0 && v <= 1.0),
+        ExtraAxis::SubstrateReflectance => ("0 to 1", |v| (0.0..=1.0).contains(&v)),
+    };
+    Coordinate {
+        name: axis.name(),
+        unit: axis.unit(),
+        range,
+        allowed,
+    }
+}
+
 /// The wavelengths.
 pub(crate) const WAVELENGTHS: Coordinate = Coordinate {
     name: "wavelength_nm",
@@ -154,7 +173,9 @@ pub(crate) fn quantities(there: impl IntoIterator<Item = Quantity>) -> String {
     names.join(",")
 }
 
-/// `axis_order` in the metadata.
-pub(crate) fn axis_order() -> String {
-    AXES.map(|axis| axis.name).join(",")
+/// `axis_order` in the metadata, with these axes beyond the five.
+pub(crate) fn axis_order(extra: impl IntoIterator<Item = ExtraAxis>) -> String {
+    let extra = extra.into_iter().map(ExtraAxis::name);
+    let names: Vec<_> = extra.chain(AXES.map(|axis| axis.name)).collect();
+    names.join(",")
 }

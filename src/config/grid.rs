@@ -3,13 +3,15 @@ use std::path::Path;
 
 use crate::colour::Viewing;
 use crate::engine::{Engine, MaxError};
-use crate::grid::{Axes, Compression, Grid, Run, Spread};
+use crate::grid::{Axes, Compression, ExtraAxis, Grid, Run, Spread};
 
 use super::document::{Document, read_text};
 use super::error::{ConfigError, Problem};
 use super::keys::{AxesKeys, GridKeys, RunKeys};
 use super::shared::{choose, covered, increasing, model, viewing, wavelengths};
-use super::snow::{biggest_grain, fixed, remark_axis, remark_small, spread, thick_enough};
+use super::snow::{
+    biggest_grain, fixed, fixed_or_axis, remark_axis, remark_small, spread, thick_enough,
+};
 use super::{directory_of, schema};
 
 /// Most values (curves times wavelengths) of one database: 8 GB per quantity.
@@ -52,6 +54,7 @@ pub fn parse(name: &str, text: &str) -> Result<GridFile, ConfigError> {
     let (axes, biggest_um) = axes(&document, keys.axes, &spread, &mut warnings)?;
     let wavelengths_nm = wavelengths(&document, &keys.wavelengths, &mut warnings)?;
     let model = model(&document, &keys.model, directory_of(name))?;
+    fixed_or_axis(&document, &["axes".to_owned()], &keys.fixed)?;
     let fixed = fixed(
         &document,
         &keys.fixed,
@@ -64,7 +67,8 @@ pub fn parse(name: &str, text: &str) -> Result<GridFile, ConfigError> {
         let key = format!("axes.thickness_cm[{i}]");
         thick_enough(&document, &key, thickness, biggest_um, &fixed)?;
     }
-    covered(&document, &fixed.model, &wavelengths_nm, fixed.is_wet())?;
+    let wet = fixed.is_wet() || axes.is_wet();
+    covered(&document, &fixed.model, &wavelengths_nm, wet)?;
     let run = run(&document, &keys.run, &wavelengths_nm)?;
     size(&document, &axes, wavelengths_nm.len(), run.rays)?;
     let compression = &keys.compression;
@@ -97,18 +101,21 @@ pub fn parse(name: &str, text: &str) -> Result<GridFile, ConfigError> {
 /// The axes, and the biggest grain, um, that they reach.
 fn axes(
     document: &Document,
-    keys: AxesKeys,
+    mut keys: AxesKeys,
     spread: &Spread,
     warnings: &mut Vec<String>,
 ) -> Result<(Axes, f64), ConfigError> {
+    let extra = ExtraAxis::ALL.into_iter().zip(keys.extra());
+    let extra = extra.filter_map(|(axis, values)| Some((axis, values?)));
     let axes = Axes {
+        extra: extra.collect(),
         facetness: keys.facetness,
         grain_size_um: keys.grain_size_um,
         density_kg_m3: keys.density_kg_m3,
         thickness_cm: keys.thickness_cm,
         angle_deg: keys.angle_deg,
     };
-    for (key, values) in axes.named() {
+    for (key, values) in axes.all() {
         increasing(document, &format!("axes.{key}"), values)?;
     }
     let half_width = spread.grain_size_half_width_um;
@@ -150,10 +157,12 @@ fn size(
     wavelengths: usize,
     rays: u64,
 ) -> Result<(), ConfigError> {
-    let lengths = axes.named().map(|(_, values)| values.len() as u64);
+    let all = axes.all().into_iter();
+    let lengths: Vec<u64> = all.map(|(_, values)| values.len() as u64).collect();
     let curves = lengths.iter().try_fold(1_u64, |n, &len| n.checked_mul(len));
     let values = curves.and_then(|n| n.checked_mul(wavelengths as u64));
-    let shape = lengths.map(|n| n.to_string()).join(" x ");
+    let shape = lengths.iter().map(u64::to_string);
+    let shape = shape.collect::<Vec<_>>().join(" x ");
     if values.is_none_or(|n| n > MAX_VALUES) {
         let problem = Problem::Contradiction(format!(
             "describes {shape} curves of {wavelengths} wavelengths, more than {MAX_VALUES:.0e} values",

@@ -9,6 +9,7 @@ use serde::Deserialize;
 
 use crate::colour::{ColourDifference, Illuminant, Viewing};
 use crate::engine::Engine;
+use crate::grid::Spread;
 use crate::optics::{CarbonLaw, IceTable, ImpurityMass, MODEL_RANGE_NM};
 use crate::transport::{Entry, Joining};
 
@@ -21,6 +22,10 @@ pub(super) const SATURATION: (f64, f64) = (0.0, 0.5);
 /// Largest whole number of a config: above this a JSON reader that keeps numbers
 /// as doubles would lose digits.
 pub(super) const MAX_INTEGER: u64 = 9_007_199_254_740_991;
+/// Limits of the temperature, Celsius.
+pub(super) const TEMPERATURE_C: (f64, f64) = (-40.0, 0.0);
+/// Most carbon, ng/g.
+pub(super) const MAX_CARBON: f64 = 1e9;
 /// Limits of the grain size, um.
 pub(super) const SIZE_UM: (f64, f64) = (10.0, 3000.0);
 
@@ -130,7 +135,7 @@ pub(super) struct LayerKeys {
     #[schemars(range(min = DENSITY_KG_M3.0, max = 1000.0))]
     pub(super) wet_density_kg_m3: Option<f64>,
     /// Temperature, Celsius.
-    #[schemars(range(min = -40.0, max = 0.0))]
+    #[schemars(range(min = TEMPERATURE_C.0, max = TEMPERATURE_C.1))]
     #[serde(default = "default_temperature_c")]
     pub(super) temperature_c: f64,
     /// Share of the pore space that is water; default 0, dry.
@@ -222,9 +227,11 @@ impl Default for SphericityKeys {
 /// Light-absorbing carbon.
 #[derive(Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
+#[schemars(extend("required" = ["concentration_ng_g"]))]
 pub(super) struct CarbonKeys {
     /// Mass of carbon per mass of snow, ng/g.
-    #[schemars(range(min = 0.0, max = 1e9))]
+    #[schemars(range(min = 0.0, max = MAX_CARBON), transform = without_default)]
+    #[serde(default)]
     pub(super) concentration_ng_g: f64,
     /// Share of the carbon that sits in the ice, default 1.
     #[schemars(range(min = 0.0, max = 1.0))]
@@ -242,6 +249,18 @@ pub(super) struct CarbonKeys {
     #[schemars(extend("enum" = CONCENTRATIONS))]
     #[serde(default = "default_concentration_per")]
     pub(super) concentration_per: String,
+}
+
+/// The schema says where it is required.
+fn without_default(schema: &mut schemars::Schema) {
+    schema.remove("default");
+}
+
+/// Of black carbon that is an axis only the kind is fixed.
+fn carbon_of_any_amount(generator: &mut schemars::SchemaGenerator) -> schemars::Schema {
+    let mut schema = CarbonKeys::json_schema(generator);
+    schema.remove("required");
+    schema
 }
 
 /// What lies below the snow: a Lambertian reflector, black by default.
@@ -352,6 +371,35 @@ pub(super) struct AxesKeys {
     #[schemars(length(min = 1, max = 1000), inner(range(min = 0.0)), extend("uniqueItems" = true),
         transform = below_90)]
     pub(super) angle_deg: Vec<f64>,
+    /// Black carbon, ng per g of snow, instead of fixed.black_carbon.concentration_ng_g.
+    #[schemars(length(min = 1, max = 1000), inner(range(min = 0.0, max = MAX_CARBON)), extend("uniqueItems" = true))]
+    pub(super) black_carbon_ng_g: Option<Vec<f64>>,
+    /// Share of the pore space that is water, instead of that in fixed.
+    #[schemars(length(min = 1, max = 1000), inner(range(min = SATURATION.0, max = SATURATION.1)), extend("uniqueItems" = true))]
+    pub(super) water_saturation: Option<Vec<f64>>,
+    /// Temperature, Celsius, instead of that in fixed.
+    #[schemars(length(min = 1, max = 1000), inner(range(min = TEMPERATURE_C.0, max = TEMPERATURE_C.1)), extend("uniqueItems" = true))]
+    pub(super) temperature_c: Option<Vec<f64>>,
+    /// Mean sphericity of the grains, in (0, 1], 1 is a sphere, instead of that in fixed.
+    #[schemars(length(min = 1, max = 1000), inner(range(max = 1.0)), extend("uniqueItems" = true),
+        transform = above_zero)]
+    pub(super) sphericity: Option<Vec<f64>>,
+    /// Lambertian reflectance of the substrate, instead of that in fixed.
+    #[schemars(length(min = 1, max = 1000), inner(range(min = 0.0, max = 1.0)), extend("uniqueItems" = true))]
+    pub(super) substrate_reflectance: Option<Vec<f64>>,
+}
+
+impl AxesKeys {
+    /// Values of the axes beyond the five, in the order of [`ExtraAxis::ALL`].
+    pub(super) fn extra(&mut self) -> [Option<Vec<f64>>; 5] {
+        [
+            self.black_carbon_ng_g.take(),
+            self.water_saturation.take(),
+            self.temperature_c.take(),
+            self.sphericity.take(),
+            self.substrate_reflectance.take(),
+        ]
+    }
 }
 
 fn above_zero(schema: &mut schemars::Schema) {
@@ -385,15 +433,23 @@ pub(super) struct SpreadKeys {
     /// Grain size is uniform in mean -+ this, um.
     #[schemars(range(min = 0.0, max = SIZE_UM.1))]
     pub(super) grain_size_half_width_um: f64,
+    /// Where sphericity is an axis, it is cut to mean -+ this, and to (0, 1].
+    #[schemars(range(min = 0.0, max = 1.0))]
+    pub(super) sphericity_half_width: f64,
+    /// Standard deviation of sphericity before it is cut, where it is an axis.
+    #[schemars(range(min = 0.0, max = 10.0))]
+    pub(super) sphericity_sd: f64,
 }
 
 impl Default for SpreadKeys {
-    /// Varsa 2025, section 8.1; sd of section 7.1.
     fn default() -> Self {
+        let spread = Spread::default();
         Self {
-            facetness_half_width: 0.1,
-            facetness_sd: 0.072,
-            grain_size_half_width_um: 50.0,
+            facetness_half_width: spread.facetness_half_width,
+            facetness_sd: spread.facetness_sd,
+            grain_size_half_width_um: spread.grain_size_half_width_um,
+            sphericity_half_width: spread.sphericity_half_width,
+            sphericity_sd: spread.sphericity_sd,
         }
     }
 }
@@ -405,7 +461,7 @@ impl Default for SpreadKeys {
 pub(super) struct FixedKeys {
     pub(super) sphericity: SphericityKeys,
     /// Temperature, Celsius.
-    #[schemars(range(min = -40.0, max = 0.0))]
+    #[schemars(range(min = TEMPERATURE_C.0, max = TEMPERATURE_C.1))]
     pub(super) temperature_c: f64,
     /// Share of the pore space that is water; default 0, dry.
     #[schemars(range(min = SATURATION.0, max = SATURATION.1))]
@@ -413,6 +469,7 @@ pub(super) struct FixedKeys {
     /// Share of the whole volume that is water, instead of water_saturation; with a single density only.
     #[schemars(range(min = 0.0, max = 0.5))]
     pub(super) water_fraction: Option<f64>,
+    #[schemars(schema_with = "carbon_of_any_amount")]
     pub(super) black_carbon: Option<CarbonKeys>,
     pub(super) brown_carbon: Option<CarbonKeys>,
     /// Layers under the snow of the axes: the first is the base. The thickness

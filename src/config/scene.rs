@@ -3,14 +3,17 @@
 use std::path::Path;
 
 use crate::colour::Colorimeter;
+use crate::grid::ExtraAxis;
 use crate::measurement::Quantity;
 use crate::scene::{Range, Scene, SceneSnow};
 
 use super::document::{Document, read_text};
 use super::error::{ConfigError, Problem};
-use super::scene_keys::{RangeKeys, SceneKeys};
+use super::scene_keys::{RangeKeys, SceneKeys, SnowKeys};
 use super::shared::{choose_all, covered, model, ordered, viewing, wavelengths};
-use super::snow::{biggest_grain, fixed, remark_axis, remark_small, spread, thick_enough};
+use super::snow::{
+    biggest_grain, fixed, fixed_or_axis, remark_axis, remark_small, spread, thick_enough,
+};
 use super::{directory_of, schema};
 
 /// A scene file, resolved: no defaults or alternatives are left.
@@ -73,6 +76,7 @@ pub fn parse(name: &str, text: &str) -> Result<SceneFile, ConfigError> {
             facetness: facetness.range,
             grain_size_um: size.range,
             density_kg_m3: density.range,
+            extra: beyond(&document, i, keys)?,
         });
     }
     let thickness = Given::new(&document, "scene.thickness_cm".into(), asked.thickness_cm)?;
@@ -88,6 +92,9 @@ pub fn parse(name: &str, text: &str) -> Result<SceneFile, ConfigError> {
         let help = "take in 400 to 700 nm, for example start_nm = 400, stop_nm = 700, step_nm = 10";
         return Err(document.error("wavelengths", problem, help));
     }
+    let tables: Vec<String> = (0..snow.len()).map(|i| format!("snow[{i}]")).collect();
+    fixed_or_axis(&document, &tables, &keys.fixed)?;
+    same_axes(&document, &snow)?;
     let model = model(&document, &keys.model, directory_of(name))?;
     densities.dedup();
     let fixed = fixed(
@@ -101,7 +108,10 @@ pub fn parse(name: &str, text: &str) -> Result<SceneFile, ConfigError> {
     for (key, value) in &thickness.ends {
         thick_enough(&document, key, *value, biggest, &fixed)?;
     }
-    covered(&document, &fixed.model, &wavelengths_nm, fixed.is_wet())?;
+    let water =
+        |(axis, range): (ExtraAxis, Range)| axis == ExtraAxis::WaterSaturation && range.max > 0.0;
+    let wet = fixed.is_wet() || snow.iter().any(|snow| snow.beyond().any(water));
+    covered(&document, &fixed.model, &wavelengths_nm, wet)?;
     let quantities = Quantity::ALL.map(|quantity| (quantity.name(), quantity));
     let stem = Path::new(name).file_stem();
     Ok(SceneFile {
@@ -128,6 +138,37 @@ pub fn parse(name: &str, text: &str) -> Result<SceneFile, ConfigError> {
         warnings,
         text: text.to_owned(),
     })
+}
+
+/// What snow number `i` says of the axes beyond the five.
+fn beyond(
+    document: &Document,
+    i: usize,
+    keys: &SnowKeys,
+) -> Result<[Option<Range>; 5], ConfigError> {
+    let mut ranges = [None; 5];
+    for ((range, keys), axis) in ranges.iter_mut().zip(keys.extra()).zip(ExtraAxis::ALL) {
+        if let Some(keys) = keys {
+            let key = format!("snow[{i}].{}", axis.name());
+            *range = Some(Given::new(document, key, keys)?.range);
+        }
+    }
+    Ok(ranges)
+}
+
+/// Refuses an axis beyond the five that only some of the snows have.
+fn same_axes(document: &Document, snow: &[SceneSnow]) -> Result<(), ConfigError> {
+    for (axis, name) in ExtraAxis::ALL.map(ExtraAxis::name).into_iter().enumerate() {
+        let has = |snow: &SceneSnow| snow.extra[axis].is_some();
+        if let Some(i) = snow.iter().position(|snow| !has(snow))
+            && snow.iter().any(has)
+        {
+            let help = "give it for every snow, or for none";
+            let key = format!("snow[{i}].{name}");
+            return Err(document.error(&key, Problem::Missing, help));
+        }
+    }
+    Ok(())
 }
 
 /// A range, and the keys and values it was given by: one for a number, else two.

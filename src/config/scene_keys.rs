@@ -7,8 +7,9 @@ use crate::colour::{ColourDifference, Illuminant};
 use crate::measurement::Quantity;
 
 use super::keys::{
-    DENSITY_KG_M3, FixedKeys, MAX_INTEGER, ModelKeys, SIZE_UM, SpreadKeys, WavelengthKeys,
-    default_delta_e, default_illuminants, default_seed, illuminant_names, limit_items,
+    DENSITY_KG_M3, FixedKeys, MAX_CARBON, MAX_INTEGER, ModelKeys, SATURATION, SIZE_UM, SpreadKeys,
+    TEMPERATURE_C, WavelengthKeys, default_delta_e, default_illuminants, default_seed,
+    illuminant_names, limit_items,
 };
 
 /// What a scene asks of snow, and how good the answers must be.
@@ -83,6 +84,34 @@ pub(super) struct SnowKeys {
     /// Density of the dry snow, kg/m3, a number or a range: ordinarily 50 to 450.
     #[schemars(range(min = DENSITY_KG_M3.0, max = DENSITY_KG_M3.1), transform = limit_ends)]
     pub(super) density_kg_m3: RangeKeys,
+    /// Black carbon, ng per g of snow, a number or a range, instead of fixed.black_carbon.concentration_ng_g.
+    #[schemars(range(min = 0.0, max = MAX_CARBON), transform = limit_ends)]
+    pub(super) black_carbon_ng_g: Option<RangeKeys>,
+    /// Share of the pore space that is water, a number or a range, instead of that in fixed.
+    #[schemars(range(min = SATURATION.0, max = SATURATION.1), transform = limit_ends)]
+    pub(super) water_saturation: Option<RangeKeys>,
+    /// Temperature, Celsius, a number or a range, instead of that in fixed.
+    #[schemars(range(min = TEMPERATURE_C.0, max = TEMPERATURE_C.1), transform = limit_ends)]
+    pub(super) temperature_c: Option<RangeKeys>,
+    /// Mean sphericity of the grains, in (0, 1], a number or a range, instead of that in fixed.
+    #[schemars(range(max = 1.0), extend("exclusiveMinimum" = 0.0), transform = limit_ends)]
+    pub(super) sphericity: Option<RangeKeys>,
+    /// Lambertian reflectance of the substrate, a number or a range, instead of that in fixed.
+    #[schemars(range(min = 0.0, max = 1.0), transform = limit_ends)]
+    pub(super) substrate_reflectance: Option<RangeKeys>,
+}
+
+impl SnowKeys {
+    /// Those of the axes beyond the five, in the order of [`ExtraAxis::ALL`].
+    pub(super) fn extra(&self) -> [Option<RangeKeys>; 5] {
+        [
+            self.black_carbon_ng_g,
+            self.water_saturation,
+            self.temperature_c,
+            self.sphericity,
+            self.substrate_reflectance,
+        ]
+    }
 }
 
 /// How the scene is computed.

@@ -2,7 +2,7 @@
 //! and water.
 use std::path::Path;
 
-use crate::grid::{Fixed, Spread};
+use crate::grid::{ExtraAxis, Fixed, Spread};
 use crate::optics::{Carbon, ice_density_kg_m3};
 use crate::transport::{Joining, Model};
 use crate::units::{m_to_cm, m_to_um};
@@ -19,7 +19,50 @@ pub(super) fn spread(keys: &SpreadKeys) -> Spread {
         facetness_half_width: keys.facetness_half_width,
         facetness_sd: keys.facetness_sd,
         grain_size_half_width_um: keys.grain_size_half_width_um,
+        sphericity_half_width: keys.sphericity_half_width,
+        sphericity_sd: keys.sphericity_sd,
     }
+}
+
+/// Refuses what is an axis beyond the five in one of the `tables`, and fixed too;
+/// and what is said of an axis that there is not.
+pub(super) fn fixed_or_axis(
+    document: &Document,
+    tables: &[String],
+    keys: &FixedKeys,
+) -> Result<(), ConfigError> {
+    const CONCENTRATION: &str = "fixed.black_carbon.concentration_ng_g";
+    for table in tables {
+        for (axis, fixed) in [
+            (ExtraAxis::BlackCarbon, CONCENTRATION),
+            (ExtraAxis::WaterSaturation, "fixed.water_saturation"),
+            (ExtraAxis::WaterSaturation, "fixed.water_fraction"),
+            (ExtraAxis::Temperature, "fixed.temperature_c"),
+            (ExtraAxis::Sphericity, "fixed.sphericity"),
+            (ExtraAxis::SubstrateReflectance, "fixed.substrate"),
+        ] {
+            exclusive(document, &format!("{table}.{}", axis.name()), fixed)?;
+        }
+    }
+    let has = |axis: ExtraAxis| {
+        let mut keys = tables
+            .iter()
+            .map(|table| format!("{table}.{}", axis.name()));
+        keys.any(|key| document.has(&key))
+    };
+    for key in ["spread.sphericity_half_width", "spread.sphericity_sd"] {
+        if document.has(key) && !has(ExtraAxis::Sphericity) {
+            let problem = "is for an axis sphericity, and there is none";
+            let problem = Problem::Contradiction(problem.to_owned());
+            return Err(document.error(key, problem, "leave it out, or name the axis"));
+        }
+    }
+    let needed = keys.black_carbon.is_some() && !has(ExtraAxis::BlackCarbon);
+    if needed && !document.has(CONCENTRATION) {
+        let help = "add it: Mass of carbon per mass of snow, ng/g.";
+        return Err(document.error(CONCENTRATION, Problem::Missing, help));
+    }
+    Ok(())
 }
 
 /// What all snows of the dry `densities_kg_m3` have in common.

@@ -118,8 +118,8 @@ pub struct Fitted {
     pub database: Database,
     /// Its nodes.
     pub axes: Axes,
-    /// Candidates per axis.
-    pub candidates: [usize; 5],
+    /// Candidates per axis, in storage order.
+    pub candidates: Vec<usize>,
     /// Compressed quantities.
     pub compressed: Vec<(Quantity, Compressed)>,
     /// What it is good for.
@@ -130,14 +130,18 @@ pub struct Fitted {
 #[must_use]
 pub fn regions(scene: &Scene) -> Vec<Region> {
     let range = |range: crate::scene::Range| [range.min, range.max];
-    let region = |snow: &crate::scene::SceneSnow| {
-        [
+    let region = |snow: &crate::scene::SceneSnow| Region {
+        axes: [
             range(snow.facetness),
             range(snow.grain_size_um),
             range(snow.density_kg_m3),
             range(scene.thickness_cm),
             range(scene.angle_deg),
-        ]
+        ],
+        extra: snow
+            .beyond()
+            .map(|(axis, there)| (axis, range(there)))
+            .collect(),
     };
     scene.snow.iter().map(region).collect()
 }
@@ -147,13 +151,7 @@ pub fn regions(scene: &Scene) -> Vec<Region> {
 #[must_use]
 pub fn grid(scene: &Scene) -> Grid {
     Grid {
-        axes: Axes {
-            facetness: Vec::new(),
-            grain_size_um: Vec::new(),
-            density_kg_m3: Vec::new(),
-            thickness_cm: Vec::new(),
-            angle_deg: Vec::new(),
-        },
+        axes: Axes::default(),
         spread: scene.spread,
         wavelengths_nm: scene.wavelengths_nm.clone(),
         fixed: scene.fixed.clone(),
@@ -343,7 +341,7 @@ impl Made {
             database: Database::from_bytes(&bytes)?,
             bytes,
             axes: self.axes,
-            candidates: training.axes.each_ref().map(Vec::len),
+            candidates: training.axes.iter().map(Vec::len).collect(),
             compressed: self.compressed,
             certificate,
         })

@@ -24,10 +24,11 @@ pub(super) fn choose(
     bound: f64,
     go_on: &dyn Fn(&Nodes, Judgement) -> Result<bool, FitError>,
 ) -> Result<(Nodes, Judgement), FitError> {
-    let mut nodes: Nodes = std::array::from_fn(|axis| match training.axes[axis].len() {
+    let ends = |axis: &Vec<f64>| match axis.len() {
         1 => vec![0],
         n => vec![0, n - 1],
-    });
+    };
+    let mut nodes: Nodes = training.axes.iter().map(ends).collect();
     let mut here = training.judge(&training.exact(&nodes))?;
     while here.max >= bound {
         if !go_on(&nodes, here)? {

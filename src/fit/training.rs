@@ -1,5 +1,7 @@
 //! Curves at all nodes that a database might have, and how well some of them
 //! give the others.
+use std::collections::BTreeMap;
+
 use ndarray::{Array2, Axis};
 use rayon::prelude::*;
 
@@ -8,13 +10,15 @@ use super::wavelengths::Wavelengths;
 use crate::certificate::{Patch, Region, Simulation};
 use crate::colour::Colorimeter;
 use crate::engine::Control;
-use crate::grid::{Axes, Grid};
-use crate::lookup::{Database, Lookup, Point, spread};
+use crate::grid::{Axes, Conditions, ExtraAxis, Grid, combination, combinations};
+use crate::lookup::{Database, Lookup, Point, spread, spread_beyond};
 use crate::measurement::Quantity;
 use crate::scene::Scene;
 
 /// Candidates per axis, where the scene has a range.
 const CANDIDATES: [usize; 5] = [7, 9, 4, 17, 13];
+/// On an axis beyond the five.
+const CANDIDATES_BEYOND: usize = 6;
 /// Points that a choice of nodes is judged by, at most.
 const JUDGES: usize = 3000;
 /// Points that a choice of wavelengths is judged by, at most.
@@ -25,8 +29,9 @@ const WAVELENGTHS: f64 = 0.1;
 /// felt by all.
 const POWER: f64 = 8.0;
 
-/// Positions of nodes among the candidates of each axis, increasing.
-pub(super) type Nodes = [Vec<usize>; 5];
+/// Positions of nodes among the candidates of each axis, increasing; axes in
+/// storage order.
+pub(super) type Nodes = Vec<Vec<usize>>;
 
 /// Errors of the look-up at the judging points.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -47,27 +52,37 @@ impl Judgement {
     }
 }
 
+/// A candidate and the row of its curve.
+struct Judge {
+    row: usize,
+    conditions: Conditions,
+    point: Point,
+}
+
 pub(super) struct Training<'a> {
     scene: &'a Scene,
     /// Of the scene's wavelengths.
     colour: &'a Colorimeter,
     /// Those that databases have.
     pub(super) wavelengths: Wavelengths,
-    /// Values of the candidates.
-    pub(super) axes: [Vec<f64>; 5],
+    /// Axes beyond the five.
+    beyond: Vec<ExtraAxis>,
+    /// Values of the candidates, in storage order.
+    pub(super) axes: Vec<Vec<f64>>,
     /// `[s, l]` per quantity of the scene, at its wavelengths.
     curves: Vec<(Quantity, Array2<f64>)>,
-    /// Candidates that the scene asks for, thinned out: row and point.
-    judges: Vec<(usize, Point)>,
+    /// Candidates that the scene asks for, thinned out.
+    judges: Vec<Judge>,
 }
 
-/// Values between the ends of `ranges`: the ends, and `n` in all where they differ.
-fn candidates(axis: usize, ranges: &[[f64; 2]], n: usize) -> Vec<f64> {
+/// Values between the ends of `ranges`: the ends, and those that `between` spreads
+/// over all of them where they differ.
+fn candidates(ranges: &[[f64; 2]], between: impl Fn([f64; 2]) -> Vec<f64>) -> Vec<f64> {
     let mut values: Vec<f64> = ranges.iter().flatten().copied().collect();
     let first = values.iter().copied().fold(f64::INFINITY, f64::min);
     let last = values.iter().copied().fold(f64::NEG_INFINITY, f64::max);
     if ranges.iter().any(|[min, max]| min < max) {
-        values.extend(spread(axis, [first, last], n));
+        values.extend(between([first, last]));
     }
     values.sort_by(f64::total_cmp);
     // an end beside which a candidate fell is enough
@@ -105,19 +120,36 @@ impl<'a> Training<'a> {
         rays: u64,
         control: &Control,
     ) -> Result<Self, FitError> {
-        let axes: [Vec<f64>; 5] = std::array::from_fn(|axis| {
-            let ranges: Vec<[f64; 2]> = regions.iter().map(|region| region[axis]).collect();
-            candidates(axis, &ranges, CANDIDATES[axis])
+        let five: [Vec<f64>; 5] = std::array::from_fn(|axis| {
+            let ranges: Vec<[f64; 2]> = regions.iter().map(|region| region.axes[axis]).collect();
+            candidates(&ranges, |ends| spread(axis, ends, CANDIDATES[axis]))
         });
+        // all regions have the same axes
+        let beyond = regions
+            .first()
+            .into_iter()
+            .flat_map(|region| region.extra.keys());
+        let beyond: BTreeMap<ExtraAxis, Vec<f64>> = beyond
+            .map(|&axis| {
+                let ranges = regions.iter().filter_map(|region| region.extra.get(&axis));
+                let ranges: Vec<[f64; 2]> = ranges.copied().collect();
+                let between = |ends| spread_beyond(axis, ends, CANDIDATES_BEYOND);
+                (axis, candidates(&ranges, between))
+            })
+            .collect();
         let mut patches = Vec::new();
-        for &facetness in &axes[0] {
-            for &size in &axes[1] {
-                for &density in &axes[2] {
-                    patches.push(Patch {
-                        snow: [facetness, size, density],
-                        thickness_cm: axes[3].clone(),
-                        angle_deg: axes[4].clone(),
-                    });
+        for number in 0..combinations(&beyond) {
+            let conditions = combination(&beyond, number);
+            for &facetness in &five[0] {
+                for &size in &five[1] {
+                    for &density in &five[2] {
+                        patches.push(Patch {
+                            snow: [facetness, size, density],
+                            thickness_cm: five[3].clone(),
+                            angle_deg: five[4].clone(),
+                            conditions: conditions.clone(),
+                        });
+                    }
                 }
             }
         }
@@ -134,21 +166,33 @@ impl<'a> Training<'a> {
         };
         let curves: Vec<(Quantity, Array2<f64>)> =
             scene.quantities.iter().map(|q| (*q, curves(*q))).collect();
-        let wanted = |point: &Point| {
-            let coordinates = point.coordinates();
+        let wanted = |judge: &Judge| {
+            let coordinates = judge.point.coordinates().into_iter();
+            let coordinates: Vec<f64> = coordinates
+                .chain(judge.conditions.values().copied())
+                .collect();
             regions.iter().any(|region| {
-                let inside = |([min, max], value): (&[f64; 2], f64)| (*min..=*max).contains(&value);
-                region.iter().zip(coordinates).all(inside)
+                let inside = |([min, max], value): (&[f64; 2], &f64)| (*min..=*max).contains(value);
+                let ranges = region.axes.iter().chain(region.extra.values());
+                ranges.zip(&coordinates).all(inside)
             })
         };
-        let points = patches.iter().flat_map(|patch| patch.points());
-        let judges: Vec<_> = points.enumerate().filter(|(_, p)| wanted(p)).collect();
+        let points = patches.iter().flat_map(|patch| {
+            let points = patch.points();
+            points.map(|point| (&patch.conditions, point))
+        });
+        let judges = points.enumerate().map(|(row, (conditions, point))| Judge {
+            row,
+            conditions: conditions.clone(),
+            point,
+        });
+        let judges: Vec<_> = judges.filter(wanted).collect();
         let step = stride(judges.len(), JUDGES);
-        let judges: Vec<(usize, Point)> = judges.into_iter().step_by(step).collect();
+        let judges: Vec<Judge> = judges.into_iter().step_by(step).collect();
         let step = stride(judges.len(), WAVELENGTH_JUDGES);
         let seen = curves.iter().flat_map(|(_, curves)| {
             let judges = judges.iter().step_by(step);
-            judges.map(|(row, _)| curves.row(*row).to_vec())
+            judges.map(|judge| curves.row(judge.row).to_vec())
         });
         let bound = WAVELENGTHS * scene.max_delta_e;
         let seen: Vec<Vec<f64>> = seen.collect();
@@ -157,7 +201,8 @@ impl<'a> Training<'a> {
             scene,
             colour,
             wavelengths,
-            axes,
+            axes: beyond.values().chain(&five).cloned().collect(),
+            beyond: beyond.keys().copied().collect(),
             curves,
             judges,
         })
@@ -165,17 +210,21 @@ impl<'a> Training<'a> {
 
     /// The values of `nodes`.
     pub(super) fn axes_of(&self, nodes: &Nodes) -> Axes {
+        let values = |axis: usize| -> Vec<f64> {
+            let values = nodes[axis].iter().map(|i| self.axes[axis][*i]);
+            values.collect()
+        };
+        let first = self.beyond.len();
         let [
             facetness,
             grain_size_um,
             density_kg_m3,
             thickness_cm,
             angle_deg,
-        ] = std::array::from_fn(|axis: usize| {
-            let values = nodes[axis].iter().map(|i| self.axes[axis][*i]);
-            values.collect()
-        });
+        ] = std::array::from_fn(|axis| values(first + axis));
+        let beyond = self.beyond.iter().enumerate();
         Axes {
+            extra: beyond.map(|(i, axis)| (*axis, values(i))).collect(),
             facetness,
             grain_size_um,
             density_kg_m3,
@@ -216,23 +265,32 @@ impl<'a> Training<'a> {
     pub(super) fn judge(&self, database: &Database) -> Result<Judgement, FitError> {
         let mut errors = Vec::new();
         for (quantity, curves) in &self.curves {
-            let lookup = Lookup::new(database, *quantity)?;
-            let of_one: Result<Vec<f64>, FitError> = self
-                .judges
-                .par_iter()
-                .with_min_len(64)
-                .map_init(
-                    || vec![0.0; lookup.wavelengths()],
-                    |found, (row, point)| {
-                        lookup.spectrum(*point, found)?;
-                        let found: Vec<f64> = found.iter().map(|v| f64::from(*v)).collect();
-                        let truth = curves.row(*row).to_vec();
-                        let few = &self.wavelengths.colour;
-                        Ok(self.colour.difference_across(&truth, few, &found))
-                    },
-                )
-                .collect();
-            errors.extend(of_one?);
+            // judges of the same conditions stand together
+            for judges in self.judges.chunk_by(|a, b| a.conditions == b.conditions) {
+                let Some(Judge { conditions, .. }) = judges.first() else {
+                    continue;
+                };
+                let lookup = if conditions.is_empty() {
+                    Lookup::new(database, *quantity)?
+                } else {
+                    Lookup::new(&database.at(conditions)?, *quantity)?
+                };
+                let of_one: Result<Vec<f64>, FitError> = judges
+                    .par_iter()
+                    .with_min_len(64)
+                    .map_init(
+                        || vec![0.0; lookup.wavelengths()],
+                        |found, judge| {
+                            lookup.spectrum(judge.point, found)?;
+                            let found: Vec<f64> = found.iter().map(|v| f64::from(*v)).collect();
+                            let truth = curves.row(judge.row).to_vec();
+                            let few = &self.wavelengths.colour;
+                            Ok(self.colour.difference_across(&truth, few, &found))
+                        },
+                    )
+                    .collect();
+                errors.extend(of_one?);
+            }
         }
         Ok(Judgement::of(errors.into_iter()))
     }
@@ -240,19 +298,23 @@ impl<'a> Training<'a> {
 
 #[cfg(test)]
 mod tests {
-    use super::candidates;
+    use super::{candidates, spread};
+
+    fn spreading(axis: usize, ranges: &[[f64; 2]], n: usize) -> Vec<f64> {
+        candidates(ranges, |ends| spread(axis, ends, n))
+    }
 
     #[test]
     fn ends_are_candidates_and_nothing_is_twice() {
-        assert_eq!(candidates(0, &[[0.3, 0.3]], 7), [0.3]);
+        assert_eq!(spreading(0, &[[0.3, 0.3]], 7), [0.3]);
         assert_eq!(
-            candidates(1, &[[100.0, 100.0], [300.0, 300.0]], 9),
+            spreading(1, &[[100.0, 100.0], [300.0, 300.0]], 9),
             [100.0, 300.0]
         );
-        let found = candidates(3, &[[1.0, 50.0]], 17);
+        let found = spreading(3, &[[1.0, 50.0]], 17);
         assert_eq!((found.len(), found[0], found[16]), (17, 1.0, 50.0));
         assert!(found.is_sorted());
-        let found = candidates(1, &[[100.0, 400.0], [250.0, 250.0]], 9);
+        let found = spreading(1, &[[100.0, 400.0], [250.0, 250.0]], 9);
         assert!(
             found.contains(&250.0) && (9..=10).contains(&found.len()),
             "{found:?}"

@@ -1,7 +1,7 @@
 //! What makes a grid impossible, whoever built it.
 use thiserror::Error;
 
-use super::{Grid, Jobs};
+use super::{ExtraAxis, Grid, Jobs};
 use crate::grain::GrainError;
 
 /// Smallest grain a law may reach, um (docs/methods.md).
@@ -59,10 +59,11 @@ pub enum GridError {
         source: GrainError,
     },
     /// The product of the axis lengths does not fit a 64-bit number.
-    #[error("{} curves are more than can be counted; shorten the axes", .shape.map(|n| n.to_string()).join(" x "))]
+    #[error("{} curves are more than can be counted; shorten the axes", .shape.iter().map(u64::to_string).collect::<Vec<_>>().join(" x "))]
     TooMany {
-        /// Axis lengths, storage order, and wavelengths.
-        shape: [u64; 6],
+        /// Axis lengths, storage order (one number for all axes beyond the
+        /// five), and wavelengths.
+        shape: Vec<u64>,
     },
     /// A job number outside the grid.
     #[error("job {job} does not exist: the grid has {jobs} jobs, counted from 0")]
@@ -92,6 +93,10 @@ impl Grid {
         for ((axis, values), (inside, allowed)) in self.axes.named().into_iter().zip(ranges) {
             check_list(axis, values, inside, allowed)?;
         }
+        for (axis, values) in &self.axes.extra {
+            let (inside, allowed) = axis.range();
+            check_list(axis.name(), values, inside, allowed)?;
+        }
         let positive = |nm| nm > 0.0;
         check_list(
             "wavelength_nm",
@@ -105,11 +110,21 @@ impl Grid {
         for &value in &self.axes.grain_size_um {
             self.size_law(value)?;
         }
+        for &value in self
+            .axes
+            .extra
+            .get(&ExtraAxis::Sphericity)
+            .into_iter()
+            .flatten()
+        {
+            self.spread.sphericity_law(value)?;
+        }
         Jobs::new(
             self.run.engine,
             self.axes.shape(),
             self.wavelengths_nm.len() as u64,
-        )
+        )?
+        .repeated(self.axes.combinations())
     }
 
     /// Refuses a size law below the smallest grain.

@@ -6,7 +6,7 @@ use std::fmt::Write;
 
 use std::path::{Path, PathBuf};
 
-use super::Grid;
+use super::{ExtraAxis, Grid};
 use crate::engine::{Engine, MaxError};
 use crate::grain::TruncatedNormal;
 use crate::optics::{Carbon, WaterTable};
@@ -17,10 +17,16 @@ impl Grid {
     /// Section, key and TOML value of everything that decides the spectra.
     #[must_use]
     pub fn describe(&self) -> Vec<(&'static str, &'static str, String)> {
+        let extra = &self.axes.extra;
         let mut entries: Vec<_> = self
             .axes
             .named()
             .into_iter()
+            .chain(
+                extra
+                    .iter()
+                    .map(|(axis, values)| (axis.name(), values.as_slice())),
+            )
             .map(|(name, values)| ("axes", name, list(values)))
             .collect();
         let spread = &self.spread;
@@ -38,16 +44,31 @@ impl Grid {
             "grain_size_half_width_um",
             number(spread.grain_size_half_width_um),
         );
+        if extra.contains_key(&ExtraAxis::Sphericity) {
+            let half_width = number(spread.sphericity_half_width);
+            add("spread", "sphericity_half_width", half_width);
+            add("spread", "sphericity_sd", number(spread.sphericity_sd));
+        }
         add("wavelengths", "values_nm", list(&self.wavelengths_nm));
-        add("fixed", "sphericity", normal(&fixed.sphericity));
-        add("fixed", "temperature_c", number(fixed.temperature_c));
-        add("fixed", "water_saturation", number(fixed.water_saturation));
+        // what is an axis is not fixed
+        for (axis, value) in [
+            (ExtraAxis::Sphericity, normal(&fixed.sphericity)),
+            (ExtraAxis::Temperature, number(fixed.temperature_c)),
+            (ExtraAxis::WaterSaturation, number(fixed.water_saturation)),
+        ] {
+            if !extra.contains_key(&axis) {
+                add("fixed", axis.name(), value);
+            }
+        }
         for (key, carbon) in [
             ("black_carbon", &fixed.black_carbon),
             ("brown_carbon", &fixed.brown_carbon),
         ] {
             if let Some(carbon) = carbon {
-                add("fixed", key, inline(&carbon_lines(carbon)));
+                let axis = key == "black_carbon" && extra.contains_key(&ExtraAxis::BlackCarbon);
+                // the concentration comes first
+                let lines = &carbon_lines(carbon)[usize::from(axis)..];
+                add("fixed", key, inline(lines));
             }
         }
         if !fixed.below.is_empty() {
@@ -56,7 +77,9 @@ impl Grid {
             add("fixed", "below", format!("[{}]", layers.join(", ")));
         }
         let file_name = |path: &Path| path.file_name().map_or(PathBuf::new(), PathBuf::from);
-        if let Some(reflectance) = reflectance(&fixed.ground, file_name) {
+        let ground = reflectance(&fixed.ground, file_name);
+        let free = !extra.contains_key(&ExtraAxis::SubstrateReflectance);
+        if let Some(reflectance) = ground.filter(|_| free) {
             add(
                 "fixed",
                 "substrate",
@@ -75,7 +98,7 @@ impl Grid {
         if !fixed.below.is_empty() {
             add("model", "layers", quoted(model.joining.name()));
         }
-        if fixed.carbon().next().is_some() {
+        if fixed.carbon().next().is_some() || extra.contains_key(&ExtraAxis::BlackCarbon) {
             add("model", "carbon_law", quoted(model.carbon_law.name()));
             add("model", "impurity_mass", quoted(model.impurity_mass.name()));
         }

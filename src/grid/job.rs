@@ -1,17 +1,20 @@
 //! From a job's number to what an engine is asked for.
 use std::fmt;
 
-use super::{Grid, GridError, Jobs};
+use super::{Conditions, Grid, GridError, Jobs, described};
 use crate::engine::{Request, Resolution};
 use crate::grain::{GrainType, SizeRange, TruncatedNormal};
 use crate::transport::{Illumination, Pack, Snow};
 use crate::units::{cm_to_m, um_to_m};
 
-/// One job: one snow, one or all thicknesses, one or all angles.
+/// One job: one snow at one combination of the axes beyond the five, one or all
+/// thicknesses, one or all angles.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Job {
     /// Number of the job, which is also the cell of its random streams.
     pub cell: u64,
+    /// Its values on the axes beyond the five.
+    pub conditions: Conditions,
     /// The snow.
     pub pack: Pack,
     /// Slab thicknesses, m, increasing: the job's curves in storage order.
@@ -65,7 +68,7 @@ impl fmt::Display for Job {
             write!(f, "{separator}{angle_deg}")?;
             separator = ", ";
         }
-        write!(f, " degrees")
+        f.write_str(&described(&" degrees", &self.conditions))
     }
 }
 
@@ -83,24 +86,27 @@ impl Grid {
         let [thicknesses, angles] = [3, 4].map(|axis| jobs.block()[axis] as usize);
         let at = |values: &[f64], i: usize| values.get(i).copied().ok_or_else(missing);
         let axes = &self.axes;
+        let conditions = axes.conditions(jobs.combination(job));
+        let fixed = self.fixed.at(&conditions, &self.spread)?;
         let grain = GrainType {
             size: self.size_law(at(&axes.grain_size_um, s)?)?,
             facetness: self.facetness_law(at(&axes.facetness, f)?)?,
-            sphericity: self.fixed.sphericity,
+            sphericity: fixed.sphericity,
         };
         let thicknesses_cm = axes.thickness_cm.get(h..h + thicknesses);
         let angles_deg = axes.angle_deg.get(a..a + angles).ok_or_else(missing)?;
         Ok(Job {
             cell: job,
+            conditions,
             pack: Pack {
                 surface: Snow {
-                    water_saturation: self.fixed.water_saturation,
-                    black_carbon: self.fixed.black_carbon,
-                    brown_carbon: self.fixed.brown_carbon,
-                    ..Snow::dry(grain, at(&axes.density_kg_m3, d)?, self.fixed.temperature_c)
+                    water_saturation: fixed.water_saturation,
+                    black_carbon: fixed.black_carbon,
+                    brown_carbon: fixed.brown_carbon,
+                    ..Snow::dry(grain, at(&axes.density_kg_m3, d)?, fixed.temperature_c)
                 },
-                below: self.fixed.below.clone(),
-                ground: self.fixed.ground.clone(),
+                below: fixed.below,
+                ground: fixed.ground,
             },
             thicknesses_m: thicknesses_cm
                 .ok_or_else(missing)?

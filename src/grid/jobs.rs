@@ -31,6 +31,8 @@ pub struct Jobs {
     block: Shape,
     blocks: Shape,
     wavelengths: u64,
+    /// Of the axes beyond the five.
+    combinations: u64,
 }
 
 impl Jobs {
@@ -50,7 +52,7 @@ impl Jobs {
         }
         all.into_iter()
             .try_fold(8_u64, u64::checked_mul)
-            .ok_or(GridError::TooMany { shape: all })?;
+            .ok_or(GridError::TooMany { shape: all.into() })?;
         let block = job_shape(engine, shape);
         let mut blocks = shape;
         for (n, b) in blocks.iter_mut().zip(block) {
@@ -61,19 +63,54 @@ impl Jobs {
             block,
             blocks,
             wavelengths,
+            combinations: 1,
         })
+    }
+
+    /// These jobs once for each of `combinations` of the axes beyond the five,
+    /// which run slower.
+    ///
+    /// # Errors
+    /// There must be at least one, and not more values than can be counted.
+    pub fn repeated(self, combinations: u64) -> Result<Self, GridError> {
+        let shape = [&[combinations], &self.shape[..], &[self.wavelengths]].concat();
+        let mut lengths = shape.iter().copied();
+        match lengths.try_fold(8_u64, u64::checked_mul) {
+            Some(1..) => Ok(Self {
+                combinations,
+                ..self
+            }),
+            _ => Err(GridError::TooMany { shape }),
+        }
     }
 
     /// Number of jobs.
     #[must_use]
     pub fn count(&self) -> u64 {
+        self.combinations * self.jobs_each()
+    }
+
+    /// Number of jobs of one combination of the axes beyond the five.
+    fn jobs_each(&self) -> u64 {
         self.blocks.iter().product()
     }
 
     /// Number of curves (spectra) of the grid.
     #[must_use]
     pub fn curves(&self) -> u64 {
+        self.combinations * self.curves_each()
+    }
+
+    /// Number of curves of one combination of the axes beyond the five.
+    #[must_use]
+    pub fn curves_each(&self) -> u64 {
         self.shape.iter().product()
+    }
+
+    /// The combination of the axes beyond the five that `job` is of.
+    #[must_use]
+    pub fn combination(&self, job: u64) -> u64 {
+        job / self.jobs_each()
     }
 
     /// Number of curves of one job.
@@ -82,7 +119,7 @@ impl Jobs {
         self.block.iter().product()
     }
 
-    /// Axis lengths.
+    /// Lengths of the five axes.
     #[must_use]
     pub fn shape(&self) -> Shape {
         self.shape
@@ -100,18 +137,20 @@ impl Jobs {
         self.wavelengths
     }
 
-    /// Position of `job`'s block in the grid of blocks.
+    /// Position of `job`'s block in the grid of blocks of the five axes.
     ///
     /// # Errors
     /// There is no such job.
     pub fn chunk(&self, job: u64) -> Result<Shape, GridError> {
-        multi_index(job, self.blocks).ok_or(GridError::NoSuchJob {
+        let there = Some(job).filter(|job| *job < self.count());
+        let index = there.and_then(|job| multi_index(job % self.jobs_each(), self.blocks));
+        index.ok_or(GridError::NoSuchJob {
             job,
             jobs: self.count(),
         })
     }
 
-    /// Index of the first curve of `job` along each axis.
+    /// Index of the first curve of `job` along each of the five axes.
     ///
     /// # Errors
     /// There is no such job.

@@ -1,13 +1,16 @@
 //! The grid of a spectral database: its axes, its cells and its jobs
 //! (docs/methods.md).
 //!
-//! Curves and jobs are numbered in storage order, slowest axis first:
-//! facetness, grain size, density, thickness, angle.
+//! Curves and jobs are numbered in storage order, slowest axis first: those
+//! beyond the five, facetness, grain size, density, thickness, angle.
 mod check;
 mod describe;
+mod extra;
 mod job;
 mod jobs;
 mod shard;
+
+use std::collections::BTreeMap;
 
 use crate::engine::{Engine, MaxError};
 use crate::grain::TruncatedNormal;
@@ -16,13 +19,16 @@ use crate::transport::{Ground, Layer, Model};
 
 pub use check::GridError;
 pub(crate) use describe::{carbon_lines, list, normal, number, reflectance};
+pub use extra::{Conditions, ExtraAxis, described};
+pub(crate) use extra::{combination, combinations, positions};
 pub use job::Job;
 pub use jobs::{Jobs, Shape, job_shape};
 pub use shard::{Shard, ShardError};
 
-/// The five axes, each strictly increasing and not empty. Storage order,
-/// slowest first: facetness, grain size, density, thickness, angle.
-#[derive(Debug, Clone, PartialEq)]
+/// The five axes, and those beyond, each strictly increasing and not empty. Storage
+/// order, slowest first: those beyond, facetness, grain size, density, thickness,
+/// angle.
+#[derive(Debug, Clone, PartialEq, Default)]
 pub struct Axes {
     /// Mean facetness, [0, 1].
     pub facetness: Vec<f64>,
@@ -34,6 +40,8 @@ pub struct Axes {
     pub thickness_cm: Vec<f64>,
     /// Polar angle of incidence, degrees from the normal, [0, 90).
     pub angle_deg: Vec<f64>,
+    /// Axes beyond the five, usually none.
+    pub extra: BTreeMap<ExtraAxis, Vec<f64>>,
 }
 
 impl Axes {
@@ -59,7 +67,27 @@ impl Axes {
         ]
     }
 
-    /// Lengths of the axes in storage order.
+    /// Names and values of all axes in storage order.
+    #[must_use]
+    pub fn all(&self) -> Vec<(&'static str, &[f64])> {
+        let extra = self.extra.iter();
+        let extra = extra.map(|(axis, values)| (axis.name(), values.as_slice()));
+        extra.chain(self.named()).collect()
+    }
+
+    /// How many combinations of the axes beyond the five there are; 1 without.
+    #[must_use]
+    pub fn combinations(&self) -> u64 {
+        combinations(&self.extra)
+    }
+
+    /// Combination `number` of them.
+    #[must_use]
+    pub fn conditions(&self, number: u64) -> Conditions {
+        combination(&self.extra, number)
+    }
+
+    /// Lengths of the five axes in storage order.
     #[must_use]
     pub fn shape(&self) -> Shape {
         self.named().map(|(_, values)| values.len() as u64)
@@ -75,6 +103,23 @@ pub struct Spread {
     pub facetness_sd: f64,
     /// Grain size is uniform in mean -+ this, um.
     pub grain_size_half_width_um: f64,
+    /// Where sphericity is an axis, it is cut to mean -+ this (and to (0, 1]).
+    pub sphericity_half_width: f64,
+    /// Standard deviation of sphericity there.
+    pub sphericity_sd: f64,
+}
+
+impl Default for Spread {
+    /// Varsa 2025, section 8.1, and the widths of section 7.1.
+    fn default() -> Self {
+        Self {
+            facetness_half_width: 0.1,
+            facetness_sd: 0.072,
+            grain_size_half_width_um: 50.0,
+            sphericity_half_width: 0.15,
+            sphericity_sd: 0.064,
+        }
+    }
 }
 
 /// What every cell of the grid has in common.
@@ -155,7 +200,7 @@ pub struct Compression {
 /// A whole database, as a config describes it.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Grid {
-    /// The five axes.
+    /// The axes.
     pub axes: Axes,
     /// Widths of the laws around an axis value.
     pub spread: Spread,
@@ -183,12 +228,9 @@ pub(crate) mod tests {
                 density_kg_m3: vec![300.0],
                 thickness_cm: vec![1.0, 2.0, 5.0],
                 angle_deg: vec![0.0, 60.0],
+                ..Axes::default()
             },
-            spread: Spread {
-                facetness_half_width: 0.1,
-                facetness_sd: 0.072,
-                grain_size_half_width_um: 50.0,
-            },
+            spread: Spread::default(),
             wavelengths_nm: vec![400.0, 500.0, 600.0, 700.0],
             fixed: Fixed::dry(TruncatedNormal::new(0.6, 0.95, 0.798, 0.064).unwrap(), -1.0),
             run: Run {
@@ -202,5 +244,14 @@ pub(crate) mod tests {
                 max_rmse: None,
             },
         }
+    }
+
+    /// The same at three concentrations of carbon and two saturations.
+    pub(crate) fn with_extra(mut grid: Grid) -> Grid {
+        grid.axes.extra = BTreeMap::from([
+            (ExtraAxis::BlackCarbon, vec![0.0, 100.0, 400.0]),
+            (ExtraAxis::WaterSaturation, vec![0.0, 0.1]),
+        ]);
+        grid
     }
 }

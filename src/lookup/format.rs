@@ -3,7 +3,7 @@
 //! The `safetensors` crate parses the header and proves that the tensors tile
 //! the data without gap or overlap and that shapes match sizes; what follows the
 //! header is measured here, with checked sums, against the bytes there are.
-use std::collections::BTreeMap;
+use std::collections::{BTreeMap, BTreeSet};
 
 use half::f16;
 use ndarray::{Array2, ShapeBuilder};
@@ -12,11 +12,12 @@ use thiserror::Error;
 
 use super::{Database, Factors};
 use crate::compress::format::{
-    AXES, BASIS, Coordinate, FORMAT, FORMAT_VERSION, MAX_HEADER, MAX_NUMBER, PRECISION, QUANTITIES,
-    WAVELENGTHS, axis_order, basis_name, coefficients_name, components_key, integers_name, number,
-    quantisation_name, quantities,
+    self, AXES, BASIS, Coordinate, FORMAT, FORMAT_VERSION, MAX_HEADER, MAX_NUMBER, PRECISION,
+    QUANTITIES, WAVELENGTHS, axis_order, basis_name, coefficients_name, components_key,
+    integers_name, number, quantisation_name, quantities,
 };
 use crate::compress::{Basis, Precision, dequantised};
+use crate::grid::ExtraAxis;
 use crate::measurement::Quantity;
 
 /// What an unknown value of a variant's key means.
@@ -73,6 +74,9 @@ pub enum FormatError {
     /// A tensor that this version does not know.
     #[error("it has a tensor `{0}`, which this version does not know")]
     Unknown(String),
+    /// An axis that this version does not know.
+    #[error("it has an axis `{0}`, which this version does not know")]
+    UnknownAxis(String),
     /// A tensor of another type or shape.
     #[error("its tensor `{name}` is {found}, expected {expected}")]
     Tensor {
@@ -159,7 +163,7 @@ impl Tensors<'_> {
             FORMAT_VERSION,
             "another version of the program wrote it",
         )?;
-        self.says("axis_order", &axis_order(), ANOTHER_VARIANT)?;
+        let beyond = self.axes_beyond()?;
         let kind = self.one_of(BASIS, None, Basis::ALL.map(|b| (b.name().to_owned(), b)))?;
         let all = Precision::ALL.map(|p| (p.name().to_owned(), p));
         let precision = self.one_of(PRECISION, Some(Precision::F32), all)?;
@@ -174,7 +178,8 @@ impl Tensors<'_> {
             components.push((quantity, self.components(quantity, wavelengths_nm.len())?));
         }
         for name in self.header.offset_keys() {
-            let axes = AXES.iter().any(|axis| axis.name == name);
+            let axes = AXES.iter().any(|axis| axis.name == name)
+                || beyond.iter().any(|axis| axis.name() == name);
             let mut quantities = components.iter();
             let known = axes
                 || name == WAVELENGTHS.name
@@ -187,6 +192,12 @@ impl Tensors<'_> {
         let mut axes: [Vec<f32>; 5] = Default::default();
         // More curves than fit in a usize match no tensor: checked below.
         let mut curves: usize = 1;
+        let mut extra = BTreeMap::new();
+        for axis in beyond {
+            let values = self.coordinate(&format::extra(axis))?;
+            curves = curves.saturating_mul(values.len());
+            extra.insert(axis, values);
+        }
         for (axis, coordinate) in axes.iter_mut().zip(&AXES) {
             *axis = self.coordinate(coordinate)?;
             curves = curves.saturating_mul(axis.len());
@@ -218,9 +229,25 @@ impl Tensors<'_> {
             reflectance,
             curves,
             axes,
+            extra,
             wavelengths_nm,
             metadata: self.metadata,
         })
+    }
+
+    /// The axes that stand before the five in the metadata.
+    fn axes_beyond(&self) -> Result<Vec<ExtraAxis>, FormatError> {
+        let five = axis_order([]);
+        let found = self.metadata.get("axis_order");
+        let before = found.and_then(|order| order.strip_suffix(&five));
+        let mut axes = Vec::new();
+        for name in before.unwrap_or_default().split_terminator(',') {
+            let unknown = || FormatError::UnknownAxis(name.to_owned());
+            axes.push(ExtraAxis::named(name).ok_or_else(unknown)?);
+        }
+        let sorted: BTreeSet<_> = axes.iter().copied().collect();
+        self.says("axis_order", &axis_order(sorted), ANOTHER_VARIANT)?;
+        Ok(axes)
     }
 
     /// The value of which metadata `key` has the name; `absent` without the key.

@@ -1,6 +1,7 @@
 //! Reading a compact file and looking spectra up in it (docs/methods.md): at its
 //! nodes as it stands ([`Database`]), anywhere in its box by our method
 //! ([`Lookup`]) or by the published one ([`Varsa2025`]).
+mod conditions;
 mod coordinates;
 mod diffusion;
 mod fidelity;
@@ -10,6 +11,7 @@ mod nodes;
 mod smooth;
 mod varsa2025;
 
+pub(crate) use conditions::spread_beyond;
 pub use coordinates::spread;
 pub use fidelity::{CurveErrors, errors_of};
 pub use format::FormatError;
@@ -26,7 +28,7 @@ use ndarray::{Array2, ArrayView2};
 use thiserror::Error;
 
 use crate::compress::{AXES, Basis, Precision, add_component};
-use crate::grid::Axes;
+use crate::grid::{Axes, ExtraAxis};
 use crate::measurement::Quantity;
 
 /// Why a look-up gave no spectrum.
@@ -74,6 +76,22 @@ pub enum LookupError {
         /// The node above.
         above: f32,
     },
+    /// A value that must be told, on an axis beyond the five.
+    #[error("the database has an axis {axis}, from {first} to {last}: say where on it")]
+    Condition {
+        /// Name of the axis.
+        axis: &'static str,
+        /// First node.
+        first: f32,
+        /// Last node.
+        last: f32,
+    },
+    /// A value of an axis beyond the five that the file has not.
+    #[error("the database has no axis {axis}: its snow is as it was built; leave it out")]
+    NoAxis {
+        /// Name of the axis.
+        axis: &'static str,
+    },
     /// A table that does not fit into memory.
     #[error(
         "the look-up table of this file would take {bytes} bytes, more than 1 GB; give fewer wavelengths or nodes, or compress the database with --basis log"
@@ -116,6 +134,8 @@ struct Factors {
 #[derive(Debug, Clone, PartialEq)]
 pub struct Database {
     axes: [Vec<f32>; 5],
+    /// Slower than the five.
+    extra: BTreeMap<ExtraAxis, Vec<f32>>,
     wavelengths_nm: Vec<f32>,
     curves: usize,
     kind: Basis,
@@ -179,7 +199,12 @@ impl Database {
             })
         };
         Self {
-            curves: axes.shape().iter().product::<u64>() as usize,
+            curves: (axes.combinations() * axes.shape().iter().product::<u64>()) as usize,
+            extra: axes
+                .extra
+                .iter()
+                .map(|(axis, values)| (*axis, single(values)))
+                .collect(),
             axes: axes.named().map(|(_, values)| single(values)),
             wavelengths_nm: single(wavelengths_nm),
             kind: Basis::Linear,
@@ -216,7 +241,7 @@ impl Database {
         &self.axes
     }
 
-    /// Number of curves, s: the product of the axes' lengths.
+    /// Number of curves, s: the product of the lengths of all axes.
     #[must_use]
     pub fn curves(&self) -> usize {
         self.curves
@@ -269,8 +294,7 @@ impl Database {
     /// on a node within 1e-6 of the node's value (the axes are f32).
     ///
     /// # Errors
-    /// [`LookupError::NoQuantity`], [`LookupError::Outside`] and
-    /// [`LookupError::BetweenNodes`].
+    /// [`LookupError::NoQuantity`], and those of [`Database::row`].
     pub fn spectrum(&self, point: Point, quantity: Quantity) -> Result<Vec<f32>, LookupError> {
         self.expect(quantity)?;
         let row = self.row(point)?;
@@ -280,8 +304,11 @@ impl Database {
     /// The row of the curve at a node: [`Database::point`] inverted.
     ///
     /// # Errors
-    /// [`LookupError::Outside`] and [`LookupError::BetweenNodes`].
+    /// [`LookupError::Outside`] and [`LookupError::BetweenNodes`];
+    /// [`LookupError::Condition`] if the five axes do not tell the row
+    /// ([`Database::at`]).
     pub fn row(&self, point: Point) -> Result<usize, LookupError> {
+        self.single()?;
         let mut row = 0;
         for ((axis, nodes), value) in AXES.iter().zip(&self.axes).zip(point.coordinates()) {
             row = row * nodes.len() + nodes::find(axis.name, nodes, value)?;
@@ -289,7 +316,7 @@ impl Database {
         Ok(row)
     }
 
-    /// The node of curve `row`; `None` beyond the last one.
+    /// The node of curve `row` on the five axes; `None` beyond the last one.
     #[must_use]
     pub fn point(&self, row: usize) -> Option<Point> {
         let mut rest = row;
@@ -298,7 +325,7 @@ impl Database {
             *coordinate = f64::from(*nodes.get(rest % nodes.len())?);
             rest /= nodes.len();
         }
-        (rest == 0).then(|| Point::from_coordinates(coordinates))
+        (row < self.curves).then(|| Point::from_coordinates(coordinates))
     }
 
     /// The spectrum of curve `row`, `[l]`, in the arithmetic in which the error table

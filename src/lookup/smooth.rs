@@ -83,10 +83,12 @@ impl Lookup {
     /// Prepares `quantity` of `database`: some ten milliseconds for 25,000 curves.
     ///
     /// # Errors
-    /// [`LookupError::NoQuantity`]; [`LookupError::TooLarge`] for a `linear` file of so many curves and
-    /// wavelengths that its table would not fit 1 GB.
+    /// [`LookupError::NoQuantity`]; [`LookupError::Condition`] for a file that
+    /// [`Database::at`] must cut first; [`LookupError::TooLarge`] for a `linear` file
+    /// of so many curves and wavelengths that its table would not fit 1 GB.
     pub fn new(database: &Database, quantity: Quantity) -> Result<Self, LookupError> {
         database.require(quantity)?;
+        database.single()?;
         let axes = database.axes().clone();
         let mut places: [Vec<f32>; 5] = Default::default();
         for (axis, (places, values)) in places.iter_mut().zip(&axes).enumerate() {

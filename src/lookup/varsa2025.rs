@@ -33,9 +33,11 @@ impl<'a> Varsa2025<'a> {
     /// Prepares `quantity` of `database`.
     ///
     /// # Errors
-    /// [`LookupError::NoQuantity`].
+    /// [`LookupError::NoQuantity`]; [`LookupError::Condition`] for a file that
+    /// [`Database::at`] must cut first.
     pub fn new(database: &'a Database, quantity: Quantity) -> Result<Self, LookupError> {
         database.require(quantity)?;
+        database.single()?;
         let mut knots_cm = vec![0.0];
         knots_cm.extend(database.axes()[3].iter().map(|h| f64::from(*h)));
         let thickest = knots_cm[knots_cm.len() - 1];

@@ -1,6 +1,6 @@
 //! A scene: which snow a renderer will ask for, and how good the answers must be.
 use crate::colour::Viewing;
-use crate::grid::{Fixed, Spread};
+use crate::grid::{ExtraAxis, Fixed, Spread};
 use crate::measurement::Quantity;
 
 /// All values between two ends, both included; a single one where they are equal.
@@ -21,6 +21,17 @@ pub struct SceneSnow {
     pub grain_size_um: Range,
     /// Dry density, kg/m3.
     pub density_kg_m3: Range,
+    /// On the axes beyond the five, in the order of [`ExtraAxis::ALL`]; `None`: as
+    /// fixed. All snows of a scene have the same ones.
+    pub extra: [Option<Range>; 5],
+}
+
+impl SceneSnow {
+    /// The axes beyond the five that it gives.
+    pub fn beyond(&self) -> impl Iterator<Item = (ExtraAxis, Range)> {
+        let all = ExtraAxis::ALL.into_iter().zip(self.extra);
+        all.filter_map(|(axis, range)| Some((axis, range?)))
+    }
 }
 
 /// What is asked for: every snow, at every thickness and angle.

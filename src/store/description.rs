@@ -1,6 +1,7 @@
 //! What a database is made of: the identity that decides whether a directory
 //! may be continued, and the text of a grid file that makes the same database.
 use std::collections::BTreeMap;
+use std::fmt::Write;
 use std::path::Path;
 
 use serde_json::{Map, Value};
@@ -8,7 +9,7 @@ use sha2::{Digest, Sha256};
 
 use super::StoreError;
 use crate::engine::Engine;
-use crate::grid::{Axes, Grid};
+use crate::grid::{Axes, ExtraAxis, Grid};
 
 /// Version of the layout described in [`crate::store`].
 pub const FORMAT_VERSION: u32 = 1;
@@ -150,7 +151,14 @@ impl Description {
                 .ok_or_else(|| damaged(format!("attribute \"config\" has no {section}.{key}")))
         };
         let [f, s, d, h, a] = Axes::NAMES;
+        let mut extra = BTreeMap::new();
+        for axis in ExtraAxis::ALL {
+            if get("axes", axis.name()).is_some() {
+                extra.insert(axis, list("axes", axis.name())?);
+            }
+        }
         let axes = Axes {
+            extra,
             facetness: list("axes", f)?,
             grain_size_um: list("axes", s)?,
             density_kg_m3: list("axes", d)?,
@@ -165,6 +173,10 @@ impl Description {
         Ok((axes, list("wavelengths", "values_nm")?, engine))
     }
 
+    fn has_axis(&self, axis: ExtraAxis) -> bool {
+        self.get(&format!("axes.{}", axis.name())).is_some()
+    }
+
     /// Attributes of the database.
     pub(super) fn attributes(&self) -> Map<String, Value> {
         let text = |key: &str| self.get(key).unwrap_or_default().trim_matches('"').into();
@@ -172,11 +184,18 @@ impl Description {
             let value = self.get(key).and_then(|value| value.parse::<u64>().ok());
             Value::from(value.unwrap_or_default())
         };
-        let bottom_boundary = match self.get("fixed.substrate") {
-            None => "black: light that leaves through the bottom does not come back".to_owned(),
-            Some(ground) => {
-                format!("Lambertian ground {ground}; transmittance is the light that stays in it")
+        let mut units = String::new();
+        for axis in ExtraAxis::ALL {
+            if self.has_axis(axis) {
+                let _ = write!(units, "{}: {}; ", axis.name(), axis.unit());
             }
+        }
+        let bottom = if self.has_axis(ExtraAxis::SubstrateReflectance) {
+            "Lambertian, of the axis substrate_reflectance"
+        } else if self.get("fixed.substrate").is_some() {
+            "Lambertian, of fixed.substrate in the config"
+        } else {
+            "black: light that leaves through the bottom does not come back"
         };
         let entries: [(&str, Value); 16] = [
             ("title", "Spectral database of snow".into()),
@@ -189,13 +208,13 @@ impl Description {
             ),
             (
                 "units",
-                "facetness: 1; grain_size_um: um; density_kg_m3: kg m-3; thickness_cm: cm; angle_deg: degree; wavelength_nm: nm; transmittance, reflectance and their standard errors: 1".into(),
+                format!("{units}facetness: 1; grain_size_um: um; density_kg_m3: kg m-3; thickness_cm: cm; angle_deg: degree; wavelength_nm: nm; transmittance, reflectance and their standard errors: 1").into(),
             ),
             (
                 "illumination",
                 "collimated; angle_deg is the polar angle of incidence, measured from the surface normal".into(),
             ),
-            ("bottom_boundary", bottom_boundary.into()),
+            ("bottom_boundary", bottom.into()),
             ("ice_table", text("model.ice")),
             ("water_table", text("model.water")),
             ("engine", text("run.engine")),

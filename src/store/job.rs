@@ -20,7 +20,7 @@ impl Store {
             let values: Vec<f32> = spectra.iter().flat_map(|s| values(s, quantity)).collect();
             let bytes = encode(array, &values)?;
             seal.add(&bytes);
-            writer.write(&self.file(array, &self.chunk(job)?), &bytes)?;
+            writer.write(&self.file(array, &self.layout.chunk(job)?), &bytes)?;
         }
         let lost = &self.layout.lost;
         let shares = spectra.iter().flat_map(|spectrum| &spectrum.lost);
@@ -42,7 +42,7 @@ impl Store {
         let Some(mark) = file::read(&self.file(committed, &[job]))? else {
             return Ok(false);
         };
-        let chunk = self.chunk(job)?;
+        let chunk = self.layout.chunk(job)?;
         let mut paths: Vec<_> = self
             .layout
             .quantities()
@@ -57,12 +57,6 @@ impl Store {
             seal.add(&bytes);
         }
         Ok(mark == encode(committed, &[seal.finish()])?)
-    }
-
-    /// Index of a job's chunk in the arrays of spectra.
-    fn chunk(&self, job: u64) -> Result<[u64; 6], StoreError> {
-        let [f, s, d, h, a] = self.layout.jobs.chunk(job)?;
-        Ok([f, s, d, h, a, 0])
     }
 
     fn file(&self, array: &ZarrArray, chunk: &[u64]) -> std::path::PathBuf {

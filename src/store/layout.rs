@@ -16,7 +16,7 @@ use zarrs::filesystem::FilesystemStore;
 use super::description::Description;
 use super::{StoreError, Variable};
 use crate::engine::Engine;
-use crate::grid::{Axes, Jobs};
+use crate::grid::{Axes, ExtraAxis, Jobs, positions};
 
 pub(super) type ZarrArray = Array<FilesystemStore>;
 
@@ -43,12 +43,16 @@ impl Layout {
         engine: Engine,
     ) -> Result<Self, StoreError> {
         let jobs = Jobs::new(engine, axes.shape(), wavelengths_nm.len() as u64)?;
+        let jobs = jobs.repeated(axes.combinations())?;
         let storage =
             Arc::new(FilesystemStore::new(root).map_err(StoreError::zarr("the file system"))?);
         let quantity = |quantity: Variable| {
-            let shape = [&jobs.shape()[..], &[jobs.wavelengths()]].concat();
-            let chunk = [&jobs.block()[..], &[jobs.wavelengths()]].concat();
-            let names: Vec<_> = Axes::NAMES.into_iter().chain([WAVELENGTH]).collect();
+            let l = [jobs.wavelengths()];
+            let extra: Vec<u64> = axes.extra.values().map(|v| v.len() as u64).collect();
+            let shape = [&extra, &jobs.shape()[..], &l].concat();
+            let chunk = [&vec![1; extra.len()], &jobs.block()[..], &l].concat();
+            let all = axes.all().into_iter().map(|(name, _)| name);
+            let names: Vec<_> = all.chain([WAVELENGTH]).collect();
             let spec = Spec {
                 name: quantity.name(),
                 long_name: quantity.long_name(),
@@ -91,6 +95,12 @@ impl Layout {
         &self.axes
     }
 
+    /// Index of a job's chunk in the arrays of spectra.
+    pub(super) fn chunk(&self, job: u64) -> Result<Vec<u64>, StoreError> {
+        let extra = positions(&self.axes.extra, self.jobs.combination(job));
+        Ok([&extra, &self.jobs.chunk(job)?[..], &[0]].concat())
+    }
+
     pub(super) fn wavelengths_nm(&self) -> &[f64] {
         &self.wavelengths_nm
     }
@@ -118,7 +128,7 @@ impl Layout {
     ) -> Result<BTreeMap<String, Vec<u8>>, StoreError> {
         let mut files = BTreeMap::new();
         let mut nodes = Map::new();
-        let coordinates = self.axes.named();
+        let coordinates = self.axes.all();
         let coordinates = coordinates
             .into_iter()
             .chain([(WAVELENGTH, self.wavelengths_nm.as_slice())]);
@@ -201,7 +211,10 @@ fn coordinate(
         "density_kg_m3" => ("density of the dry snow", "kg m-3"),
         "thickness_cm" => ("thickness of the slab", "cm"),
         "angle_deg" => ("polar angle of incidence from the surface normal", "degree"),
-        _ => ("wavelength in vacuum", "nm"),
+        _ => match ExtraAxis::named(name) {
+            Some(axis) => (axis.long_name(), axis.unit()),
+            None => ("wavelength in vacuum", "nm"),
+        },
     };
     let spec = Spec {
         name,

@@ -5,7 +5,8 @@
 //!   zarr.json                  attributes; metadata of all arrays inline
 //!   transmittance/ reflectance/ transmittance_se/ reflectance_se/
 //!     zarr.json                float32 [facetness, grain_size_um, density_kg_m3,
-//!     c.0.0.0.0.0.0 ...          thickness_cm, angle_deg, wavelength_nm]
+//!     c.0.0.0.0.0.0 ...          thickness_cm, angle_deg, wavelength_nm], axes
+//!                                beyond the five before these
 //!   facetness/ ... wavelength_nm/   float64 coordinates
 //!   jobs/lost_share/ jobs/committed/   float64 and uint64 [job]
 //! DIR/.splitsnow-lock          empty; who holds its lock may write
@@ -217,7 +218,7 @@ impl Store {
         &self.root
     }
 
-    /// The five axes.
+    /// The axes.
     #[must_use]
     pub fn axes(&self) -> &Axes {
         self.layout.axes()

@@ -20,7 +20,14 @@ fn region(database: &Database) -> Region {
         let ends = [axis.first(), axis.last()];
         ends.map(|end| end.map_or(0.0, |v| v.to_string().parse().unwrap_or(f64::from(*v))))
     };
-    database.axes().each_ref().map(ends)
+    Region {
+        axes: database.axes().each_ref().map(ends),
+        extra: database
+            .extra()
+            .iter()
+            .map(|(axis, values)| (*axis, ends(values)))
+            .collect(),
+    }
 }
 
 fn subject<'a>(

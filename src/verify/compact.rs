@@ -7,6 +7,7 @@ use serde_json::Value;
 use super::{Check, Figure, Subject, VerifyError};
 use crate::colour::{Colorimeter, Viewing};
 use crate::compress::{BOUNDS, Bounds, ERROR_TABLE, PROVENANCE};
+use crate::grid::described;
 use crate::lookup::{Database, errors_of};
 use crate::measurement::Quantity;
 
@@ -66,9 +67,9 @@ pub(super) fn check(
                 bound,
                 at,
             };
-            let at = database
-                .point(worst)
-                .map_or(String::new(), |p| p.to_string());
+            let at = database.point(worst).map_or(String::new(), |p| {
+                described(&p, &database.conditions(worst))
+            });
             check
                 .figures
                 .push(figure(mean_name, mean, None, String::new()));
@@ -118,12 +119,29 @@ fn origin(subject: &Subject<'_>, database: &Database) -> Vec<String> {
         subject.store.wavelengths_nm(),
         database.wavelengths_nm(),
     );
+    let beyond = |names: Vec<&str>| names.join(", ");
+    let asked = beyond(
+        subject
+            .store
+            .axes()
+            .extra
+            .keys()
+            .map(|axis| axis.name())
+            .collect(),
+    );
+    let there = beyond(database.extra().keys().map(|axis| axis.name()).collect());
+    if asked != there {
+        problems.push(format!(
+            "its axes beyond the five are [{there}], those of the database [{asked}]"
+        ));
+        return problems;
+    }
     let axes = subject
         .store
         .axes()
-        .named()
+        .all()
         .into_iter()
-        .zip(database.axes());
+        .zip(database.extra().values().chain(database.axes()));
     let axes = axes.map(|((name, stored), axis)| (name, stored, axis.as_slice()));
     for (name, stored, axis) in axes.chain([wavelengths]) {
         if !stored.iter().map(|&v| v as f32).eq(axis.iter().copied()) {

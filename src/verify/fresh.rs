@@ -6,13 +6,13 @@ use sha2::{Digest, Sha256};
 
 use super::{Subject, VerifyError};
 use crate::engine::{Control, EngineError, Request};
-use crate::grid::{Axes, Grid, Job};
+use crate::grid::{Axes, Conditions, Grid, Job, described};
 use crate::lookup::Point;
 use crate::measurement::Spectrum;
 
 /// Points to simulate, each in `parts` independent parts of `rays` rays.
 pub(super) struct Simulations {
-    pub(super) points: Vec<Point>,
+    pub(super) points: Vec<(Point, Conditions)>,
     pub(super) parts: u64,
     pub(super) rays: u64,
     pub(super) seed: u64,
@@ -32,8 +32,8 @@ impl Simulations {
     /// Walks of all of them.
     pub(super) fn walks(&self, grid: &Grid) -> Result<u64, VerifyError> {
         let mut walks: u64 = 0;
-        for point in &self.points {
-            let cell = Cell::new(grid, *point)?;
+        for (point, conditions) in &self.points {
+            let cell = Cell::new(grid, *point, conditions)?;
             let one = grid.run.engine.walks(&self.request(&cell, 0));
             let one = one.map_err(|source| cell.error(source))?;
             walks = walks.saturating_add(one.saturating_mul(self.parts));
@@ -47,7 +47,11 @@ impl Simulations {
         grid: &Grid,
         control: &Control<'_>,
     ) -> Result<Vec<Vec<Spectrum>>, VerifyError> {
-        let cells: Result<Vec<_>, _> = self.points.iter().map(|&p| Cell::new(grid, p)).collect();
+        let cells: Result<Vec<_>, _> = self
+            .points
+            .iter()
+            .map(|(point, conditions)| Cell::new(grid, *point, conditions))
+            .collect();
         let cells = cells?;
         let requests: Vec<_> = (0_u64..)
             .zip(cells.iter().flat_map(|c| (0..self.parts).map(move |_| c)))
@@ -76,13 +80,14 @@ impl Simulations {
 
 /// A grid of one node, and its only job.
 struct Cell {
-    point: Point,
+    /// Where, for messages.
+    at: String,
     grid: Grid,
     job: Job,
 }
 
 impl Cell {
-    fn new(grid: &Grid, point: Point) -> Result<Self, VerifyError> {
+    fn new(grid: &Grid, point: Point, conditions: &Conditions) -> Result<Self, VerifyError> {
         let [
             facetness,
             grain_size_um,
@@ -97,18 +102,20 @@ impl Cell {
                 density_kg_m3,
                 thickness_cm,
                 angle_deg,
+                ..Axes::default()
             },
-            ..grid.clone()
+            ..grid.at(conditions)?
         };
         let job = grid.job(&grid.jobs()?, 0)?;
-        Ok(Self { point, grid, job })
+        let at = described(&point, conditions);
+        Ok(Self { at, grid, job })
     }
 
     fn error(&self, source: EngineError) -> VerifyError {
         match source {
             EngineError::Cancelled => VerifyError::Cancelled,
             source => VerifyError::Engine {
-                point: self.point.to_string(),
+                point: self.at.clone(),
                 source,
             },
         }

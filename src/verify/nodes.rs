@@ -17,7 +17,7 @@
 use super::fresh::{Simulations, random};
 use super::{Check, FALSE_ALARM, Figure, Subject, VerifyError};
 use crate::engine::Control;
-use crate::grid::Grid;
+use crate::grid::{Conditions, Grid, described};
 use crate::lookup::Point;
 use crate::measurement::{Measured, Quantity};
 use rand::Rng;
@@ -28,13 +28,17 @@ const TESTS: f64 = 6.0;
 /// A node and the row of its curve.
 struct Node {
     point: Point,
+    conditions: Conditions,
     row: usize,
 }
 
 pub(super) fn simulations(subject: &Subject<'_>) -> Simulations {
     let (nodes, seed) = choose(subject);
     Simulations {
-        points: nodes.iter().map(|node| node.point).collect(),
+        points: nodes
+            .into_iter()
+            .map(|node| (node.point, node.conditions))
+            .collect(),
         parts: 1,
         rays: subject.options.rays.unwrap_or(subject.grid.run.rays),
         seed,
@@ -82,16 +86,22 @@ fn choose(subject: &Subject<'_>) -> (Vec<Node>, u64) {
         for (index, length) in node.iter_mut().zip(block) {
             *index += random.next_u64() % length;
         }
+        let combination = jobs.combination(job as u64);
         let row = node
             .iter()
             .zip(shape)
-            .fold(0, |row, (index, n)| row * n + index);
+            .fold(combination, |row, (index, n)| row * n + index);
         let mut point = [0.0; 5];
         for ((to, index), (_, values)) in point.iter_mut().zip(node).zip(axes) {
             *to = *values.get(index as usize)?;
         }
         let (point, row) = (Point::from_coordinates(point), row as usize);
-        Some(Node { point, row })
+        let conditions = subject.store.axes().conditions(combination);
+        Some(Node {
+            point,
+            conditions,
+            row,
+        })
     });
     (nodes.collect(), seed)
 }
@@ -125,7 +135,10 @@ impl Tally {
         for (z, nm) in z.iter().zip(wavelengths_nm) {
             // Not a number is worse than any number.
             if self.at.is_empty() || z.abs().total_cmp(&self.max).is_gt() {
-                (self.max, self.at) = (z.abs(), format!("{nm} nm, {}", node.point));
+                (self.max, self.at) = (
+                    z.abs(),
+                    format!("{nm} nm, {}", described(&node.point, &node.conditions)),
+                );
             }
         }
     }

@@ -46,11 +46,13 @@ pub(crate) fn grid(engine: Engine) -> Grid {
             density_kg_m3: vec![300.0],
             thickness_cm: vec![1.0, 2.0, 5.0],
             angle_deg: vec![0.0, 60.0],
+            ..Axes::default()
         },
         spread: Spread {
             facetness_half_width: 0.1,
             facetness_sd: 0.072,
             grain_size_half_width_um: 50.0,
+            ..Spread::default()
         },
         wavelengths_nm: vec![400.0, 500.0, 600.0, 700.0],
         fixed: Fixed::dry(TruncatedNormal::new(0.6, 0.95, 0.798, 0.064).unwrap(), -1.0),

@@ -6,7 +6,7 @@ use ndarray::Array2;
 use proptest::prelude::*;
 use safetensors::SafeTensors;
 use splitsnow::compress::{Basis, Choice, CompactFile, Precision, Variant, compress};
-use splitsnow::grid::{Axes, Compression};
+use splitsnow::grid::{Axes, Compression, ExtraAxis};
 use splitsnow::lookup::{Database, FormatError, Lookup};
 use splitsnow::measurement::Quantity;
 
@@ -243,6 +243,7 @@ fn fuzz_seeds_are_what_they_say() {
             density_kg_m3: vec![300.0],
             thickness_cm: vec![5.0],
             angle_deg: vec![0.0, 60.0],
+            ..Axes::default()
         };
         let bytes = |variant, choice, there: &[Quantity]| {
             let [t, r] = Quantity::ALL.map(|quantity| {
@@ -280,6 +281,28 @@ fn fuzz_seeds_are_what_they_say() {
             let path = directory.join(format!("{name}.safetensors"));
             std::fs::write(path, bytes(log(precision), choice, there)).unwrap();
         }
+        let beyond = Axes {
+            angle_deg: vec![0.0],
+            extra: BTreeMap::from([(ExtraAxis::BlackCarbon, vec![0.0, 100.0])]),
+            ..small.clone()
+        };
+        let made = compress(
+            curves.view(),
+            Quantity::ALL[0],
+            None,
+            two,
+            Variant::default(),
+        );
+        let file = CompactFile {
+            axes: &beyond,
+            wavelengths_nm: &[500.0, 550.0, 600.0],
+            transmittance: Some(&made.unwrap()),
+            reflectance: None,
+            provenance: "{}",
+            extra: &BTreeMap::new(),
+        };
+        let path = directory.join("valid_axes.safetensors");
+        std::fs::write(path, file.to_bytes().unwrap()).unwrap();
         let text = String::from_utf8_lossy(&valid[8..]).find("F32").unwrap() + 8;
         let mut other_type = valid.clone();
         other_type[text..text + 3].copy_from_slice(b"F64");

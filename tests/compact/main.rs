@@ -1,5 +1,6 @@
 //! The compact file from curves to bytes and back.
 #![allow(clippy::unwrap_used)]
+mod beyond;
 mod compression;
 mod damage;
 mod variants;
@@ -29,6 +30,7 @@ fn axes() -> Axes {
         density_kg_m3: vec![200.0, 400.0],
         thickness_cm: vec![1.0, 1.5, 50.0],
         angle_deg: vec![0.0, 40.0, 89.0],
+        ..Axes::default()
     }
 }
 
@@ -325,6 +327,7 @@ proptest! {
             density_kg_m3: axis(2, 99.0),
             thickness_cm: axis(3, 1.3),
             angle_deg: axis(4, 20.0),
+            ..Axes::default()
         };
         let rows: usize = lengths.iter().product();
         let curves = Array2::from_shape_fn((rows, bands), |(i, j)| numbers[(i * bands + j) % 64]);

@@ -1,11 +1,13 @@
 """A finished database opens in xarray, without a warning, as documented.
 
-SPLITSNOW_OUT names the output directory of a finished `splitsnow build`.
+SPLITSNOW_OUT names the output directory of a finished `splitsnow build`, with or
+without axes beyond the five.
 """
 
 import hashlib
 import os
 import shutil
+import tomllib
 import warnings
 from pathlib import Path
 
@@ -13,7 +15,14 @@ import numpy as np
 import pytest
 import xarray
 
-DIMS = (
+BEYOND = (
+    "black_carbon_ng_g",
+    "water_saturation",
+    "temperature_c",
+    "sphericity",
+    "substrate_reflectance",
+)
+FIVE = (
     "facetness",
     "grain_size_um",
     "density_kg_m3",
@@ -30,6 +39,12 @@ def open_strictly(path, **kwargs):
         return xarray.open_zarr(path, **kwargs).load()
 
 
+def axes_beyond(path):
+    """The axes beyond the five that the grid names, in their order."""
+    config = tomllib.loads(open_strictly(path).attrs["config"])
+    return tuple(name for name in BEYOND if name in config["axes"])
+
+
 @pytest.fixture
 def path():
     return Path(os.environ["SPLITSNOW_OUT"]) / "database.zarr"
@@ -37,14 +52,15 @@ def path():
 
 def test_arrays_and_coordinates(path):
     data = open_strictly(path)
+    dims = axes_beyond(path) + FIVE
     assert set(data.data_vars) == set(QUANTITIES)
     for name in QUANTITIES:
-        assert data[name].dims == DIMS
+        assert data[name].dims == dims
         assert data[name].dtype == np.float32
         assert data[name].attrs["units"] == "1"
         assert "long_name" in data[name].attrs
-    assert set(data.coords) == set(DIMS)
-    for name in DIMS:
+    assert set(data.coords) == set(dims)
+    for name in dims:
         assert data[name].dtype == np.float64
         assert data.indexes[name].is_monotonic_increasing
         assert data[name].attrs["units"]
@@ -67,7 +83,8 @@ def test_attributes(path):
         assert attrs[name]
     assert attrs["illumination"].startswith("collimated")
     assert "normal" in attrs["illumination"]
-    assert attrs["bottom_boundary"].startswith("black")
+    ground = "Lambertian" if "substrate_reflectance" in axes_beyond(path) else "black"
+    assert attrs["bottom_boundary"].startswith(ground)
     assert isinstance(attrs["seed"], int) and isinstance(attrs["rays"], int)
     assert hashlib.sha256(attrs["config"].encode()).hexdigest() == attrs["config_sha256"]
 
@@ -79,22 +96,27 @@ def test_jobs(path):
     assert ((jobs.lost_share >= 0) & (jobs.lost_share <= 1)).all()
 
 
+def first_chunk(path):
+    return "c" + ".0" * (len(axes_beyond(path)) + 6)
+
+
 def test_a_missing_chunk_reads_as_nan(path, tmp_path):
     copy = tmp_path / "database.zarr"
     shutil.copytree(path, copy)
-    (copy / "transmittance" / "c.0.0.0.0.0.0").unlink()
+    snow = axes_beyond(path) + FIVE[:3]
+    (copy / "transmittance" / first_chunk(path)).unlink()
     data = open_strictly(copy)
     # a chunk is one snow: all its thicknesses and angles
-    assert np.isnan(data.transmittance[0, 0, 0]).all()
-    assert np.isfinite(data.transmittance[0, 0, 1:]).all()
-    assert np.isfinite(data.transmittance[1:]).all()
+    first = data.transmittance[(0,) * len(snow)]
+    assert np.isnan(first).all()
+    assert np.isnan(data.transmittance).sum() == first.size
     assert np.isfinite(data.reflectance).all()
 
 
 def test_a_torn_chunk_is_refused(path, tmp_path):
     copy = tmp_path / "database.zarr"
     shutil.copytree(path, copy)
-    chunk = copy / "transmittance" / "c.0.0.0.0.0.0"
+    chunk = copy / "transmittance" / first_chunk(path)
     content = bytearray(chunk.read_bytes())
     content[0] ^= 1
     chunk.write_bytes(content)

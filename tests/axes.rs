@@ -1,0 +1,261 @@
+//! A database with axes beyond the five, from the grid file to the answers.
+#![allow(clippy::unwrap_used)]
+mod common;
+
+use std::fs;
+use std::path::{Path, PathBuf};
+use std::process::{Command, Output};
+use std::sync::atomic::{AtomicBool, AtomicU64};
+
+use assert_cmd::cargo::cargo_bin;
+use common::{assert_same, dir_bytes};
+use splitsnow::certificate::{CERTIFICATE, Certificate, Patch, Simulation};
+use splitsnow::config;
+use splitsnow::engine::{Cache, Control};
+use splitsnow::grid::{Conditions, ExtraAxis};
+use splitsnow::lookup::{Database, Lookup, Point};
+use splitsnow::measurement::Quantity;
+use splitsnow::store::{Store, Variable};
+
+/// 2 x 2 combinations of 3 x 2 curves.
+const GRID: &str = "version = 1
+[axes]
+facetness = [0.3]
+grain_size_um = [300]
+density_kg_m3 = [250]
+thickness_cm = [2, 5, 10]
+angle_deg = [0, 60]
+black_carbon_ng_g = [0, 100]
+water_saturation = [0, 0.05]
+[wavelengths]
+values_nm = [450, 550, 650]
+[run]
+engine = \"doubling\"
+rays = 40000
+";
+const SNOW: &str = "--facetness 0.3 --grain-size-um 300 --density-kg-m3 250 --angle-deg 0";
+
+struct Folder(tempfile::TempDir);
+
+impl Folder {
+    fn new(text: &str) -> Self {
+        let dir = tempfile::tempdir().unwrap();
+        fs::write(dir.path().join("g.toml"), text).unwrap();
+        Self(dir)
+    }
+
+    fn out(&self) -> PathBuf {
+        self.0.path().join("out/g")
+    }
+
+    fn run(&self, args: &str) -> Output {
+        let mut command = Command::new(cargo_bin!("splitsnow"));
+        command.current_dir(self.0.path());
+        command.args(args.split_whitespace()).output().unwrap()
+    }
+
+    fn succeeds(&self, args: &str) -> String {
+        let output = self.run(args);
+        let errors = String::from_utf8_lossy(&output.stderr).into_owned();
+        assert!(output.status.success(), "{args}: {errors}");
+        String::from_utf8(output.stdout).unwrap()
+    }
+
+    fn fails(&self, args: &str) -> String {
+        let output = self.run(args);
+        assert_eq!(output.status.code(), Some(1), "{args}");
+        String::from_utf8(output.stderr).unwrap()
+    }
+}
+
+fn csv(text: &str) -> Vec<f64> {
+    let lines = text.lines().skip(1);
+    lines
+        .map(|line| line.split_once(',').unwrap().1.parse().unwrap())
+        .collect()
+}
+
+/// A converged simulation at `thickness_cm` under normal light: values and errors.
+fn fresh(thickness_cm: f64, conditions: Conditions) -> Vec<[f64; 2]> {
+    let grid = config::grid::parse("g.toml", GRID).unwrap().grid;
+    let patch = Patch {
+        snow: [0.3, 300.0, 250.0],
+        thickness_cm: vec![thickness_cm],
+        angle_deg: vec![0.0],
+        conditions,
+    };
+    let (cancel, rays_done) = (AtomicBool::new(false), AtomicU64::new(0));
+    let control = Control {
+        parallel: false,
+        cancel: &cancel,
+        rays_done: &rays_done,
+        cache: &Cache::default(),
+    };
+    let simulation = Simulation {
+        grid: &grid,
+        rays: 100_000,
+        seed: 77,
+    };
+    let spectra = simulation.run(&[patch], &control).unwrap();
+    let all = spectra[0][0].of(Quantity::Transmittance).iter();
+    all.map(|m| [m.value, m.se]).collect()
+}
+
+#[test]
+fn from_the_grid_file_to_the_answers() {
+    let folder = Folder::new(GRID);
+    let plan = folder.succeeds("plan g.toml");
+    assert!(
+        plan.contains("black_carbon_ng_g 2 values, 0 to 100"),
+        "{plan}"
+    );
+    assert!(plan.contains("4 of 6 curves each: 24 curves"), "{plan}");
+    folder.succeeds("build g.toml");
+    let whole = dir_bytes(&folder.out());
+
+    let metadata = fs::read(folder.out().join("database.zarr/transmittance/zarr.json"));
+    let metadata: serde_json::Value = serde_json::from_slice(&metadata.unwrap()).unwrap();
+    assert_eq!(
+        metadata["shape"],
+        serde_json::json!([2, 2, 1, 1, 1, 3, 2, 3])
+    );
+    assert_eq!(metadata["dimension_names"][0], "black_carbon_ng_g");
+    assert_eq!(metadata["dimension_names"][2], "facetness");
+
+    // what is lost is made anew, to the byte
+    for chunk in ["transmittance/c.1.0.0.0.0.0.0.0", "black_carbon_ng_g/c.0"] {
+        fs::remove_file(folder.out().join("database.zarr").join(chunk)).unwrap();
+    }
+    folder.succeeds("build g.toml");
+    assert_same(&whole, &dir_bytes(&folder.out()));
+
+    // rows are in storage order
+    let store = Store::open(&folder.out()).unwrap();
+    let curves = store.read(Variable::Transmittance).unwrap();
+    let grid = config::grid::parse("g.toml", store.config()).unwrap().grid;
+    assert_eq!(grid.axes, *store.axes());
+    let stored = curves.row(3 * 6 + 2).to_vec();
+    let both = [
+        (ExtraAxis::BlackCarbon, 100.0),
+        (ExtraAxis::WaterSaturation, 0.05),
+    ];
+    let again = fresh(5.0, both.into());
+    for (stored, [value, se]) in stored.iter().zip(&again) {
+        assert!((f64::from(*stored) - value).abs() < 8.0 * se + 2e-3);
+    }
+
+    // answers on and off the nodes
+    let query = |more: &str| csv(&folder.succeeds(&format!("query out/g {SNOW} {more}")));
+    let on_node = query("--thickness-cm 5 --black-carbon-ng-g 100 --water-saturation 0.05");
+    for (found, stored) in on_node.iter().zip(&stored) {
+        assert!((found - f64::from(*stored)).abs() < 5e-3, "{on_node:?}");
+    }
+    let off = query("--thickness-cm 4 --black-carbon-ng-g 40 --water-saturation 0.02");
+    let between = [
+        (ExtraAxis::BlackCarbon, 40.0),
+        (ExtraAxis::WaterSaturation, 0.02),
+    ];
+    let clean = query("--thickness-cm 4 --black-carbon-ng-g 0 --water-saturation 0.02");
+    for ((found, [value, se]), clean) in off.iter().zip(fresh(4.0, between.into())).zip(clean) {
+        assert!(
+            (found - value).abs() < 8.0 * se + 0.04 * value,
+            "{found} {value} {se}"
+        );
+        // what the test could not see otherwise: carbon matters here
+        assert!(*found < 0.92 * clean, "{found} {clean}");
+    }
+    let database = Database::open(&folder.out().join("snow.safetensors")).unwrap();
+    let there = database.at(&between.into()).unwrap();
+    let lookup = Lookup::new(&there, Quantity::Transmittance).unwrap();
+    let mut spectrum = [0.0; 3];
+    let point = Point::from_coordinates([0.3, 300.0, 250.0, 4.0, 0.0]);
+    lookup.spectrum(point, &mut spectrum).unwrap();
+    let same = spectrum
+        .iter()
+        .zip(&off)
+        .all(|(a, b)| (f64::from(*a) - b).abs() < 1e-6);
+    assert!(same, "{spectrum:?} {off:?}");
+
+    let refused = |more: &str| folder.fails(&format!("query out/g {SNOW} --thickness-cm 5 {more}"));
+    let missing = refused("--water-saturation 0.02");
+    assert!(
+        missing.contains("axis black_carbon_ng_g, from 0 to 100"),
+        "{missing}"
+    );
+    let outside = refused("--black-carbon-ng-g 101 --water-saturation 0");
+    assert!(outside.contains("covers 0 to 100"), "{outside}");
+    let none = refused("--black-carbon-ng-g 1 --water-saturation 0 --temperature-c -3");
+    assert!(none.contains("no axis temperature_c"), "{none}");
+    let published = refused("--black-carbon-ng-g 0 --water-saturation 0 --method varsa2025");
+    assert!(published.contains("axis black_carbon_ng_g"), "{published}");
+
+    verified(&folder);
+}
+
+fn verified(folder: &Folder) {
+    let report = folder.succeeds("verify out/g --samples 8 --points 32");
+    assert!(report.ends_with("PASS\n"), "{report}");
+    assert!(
+        report.contains("off the nodes in black_carbon_ng_g"),
+        "{report}"
+    );
+    assert!(
+        report.contains("off the nodes in water_saturation"),
+        "{report}"
+    );
+    let path = folder.out().join("snow.safetensors");
+    let file = Database::open(&path).unwrap();
+    let certificate: Certificate = serde_json::from_str(&file.metadata()[CERTIFICATE]).unwrap();
+    let worst = &certificate.quantities["transmittance"].worst[0].at;
+    assert!(worst.contains("degrees, black_carbon_ng_g "), "{worst}");
+
+    // a chunk of another combination is no substitute
+    let array = folder.out().join("database.zarr/transmittance");
+    let [one, other] = ["c.0.1.0.0.0.0.0.0", "c.1.0.0.0.0.0.0.0"].map(|c| array.join(c));
+    fs::copy(one, other).unwrap();
+    let report = folder.run("verify out/g --samples 8 --points 0");
+    assert!(!report.status.success());
+    let report = String::from_utf8(report.stdout).unwrap();
+    assert!(
+        report.contains("job 2 is missing or damaged")
+            && report.contains("black_carbon_ng_g 100, water_saturation 0"),
+        "{report}"
+    );
+}
+
+/// Naming an axis changes nothing in a description that has none.
+#[test]
+fn the_canonical_config_is_read_again() {
+    let grid = |text: &str| config::grid::parse(Path::new("g.toml").to_str().unwrap(), text);
+    let all = GRID.replace(
+        "water_saturation = [0, 0.05]",
+        "water_saturation = [0, 0.05]\ntemperature_c = [-10, -1]\nsphericity = [0.7, 0.9]\nsubstrate_reflectance = [0, 0.5]",
+    ) + "[fixed]\nblack_carbon = { sedimentation = 0.5 }\n";
+    for text in [GRID, &all] {
+        let read = grid(text).unwrap().grid;
+        let again = grid(&read.to_config()).unwrap().grid;
+        assert_eq!(read.describe(), again.describe());
+        assert_eq!(read.axes, again.axes);
+    }
+    let read = grid(&all).unwrap().grid;
+    assert_eq!(read.axes.combinations(), 32);
+    let jobs = read.jobs().unwrap();
+    let job = read.job(&jobs, jobs.count() - 1).unwrap();
+    let surface = &job.pack.surface;
+    let carbon = surface.black_carbon.unwrap();
+    assert_eq!(
+        (carbon.concentration_ng_g, carbon.sedimentation),
+        (100.0, 0.5)
+    );
+    assert_eq!(
+        (surface.temperature_c, surface.water_saturation),
+        (-1.0, 0.05)
+    );
+    assert_eq!(surface.grains[0].grain.sphericity.mean(), 0.9);
+    let before = grid(&GRID.replace(
+        "black_carbon_ng_g = [0, 100]\nwater_saturation = [0, 0.05]\n",
+        "",
+    ));
+    let before = before.unwrap().grid;
+    assert!(!before.to_config().contains("carbon") && !before.to_config().contains("sphericity_"));
+}
