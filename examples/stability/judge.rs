@@ -1,6 +1,7 @@
 //! What an engine's answer to a case is worth.
 use splitsnow::engine::{Engine, EngineError};
 use splitsnow::measurement::{Measured, Spectrum};
+use splitsnow::transport::Ground;
 
 use crate::cases::{Case, z};
 
@@ -71,7 +72,9 @@ pub(crate) fn judge(
         Err(error) => return answer(Verdict::Refused, error.to_string(), None, vec![]),
         Ok(spectra) => spectra,
     };
-    if let Some(why) = impossible(&spectra) {
+    // snow over brighter snow or ground may take light away
+    let brightens = case.pack.below.is_empty() && case.pack.ground == Ground::Black;
+    if let Some(why) = impossible(&spectra, brightens) {
         return answer(Verdict::Impossible, why, None, spectra);
     }
     let (mut largest, mut worst, mut why): (f64, f64, _) = (0.0, 0.0, String::new());
@@ -112,8 +115,9 @@ pub(crate) fn excess(engine: Engine, x: Measured, y: Measured) -> f64 {
     (x.value - y.value).abs() - stated(engine) - Z * x.se.hypot(y.se)
 }
 
-/// What is physically impossible about spectra of one snow at rising thickness.
-pub(crate) fn impossible(spectra: &[Spectrum]) -> Option<String> {
+/// What is physically impossible about spectra of one snow at rising thickness,
+/// which `brightens` it or may not.
+pub(crate) fn impossible(spectra: &[Spectrum], brightens: bool) -> Option<String> {
     for spectrum in spectra {
         let pairs = spectrum.reflectance.iter().zip(&spectrum.transmittance);
         for ((r, t), lost) in pairs.zip(&spectrum.lost) {
@@ -141,11 +145,9 @@ pub(crate) fn impossible(spectra: &[Spectrum]) -> Option<String> {
         for l in 0..pair[0].reflectance.len() {
             let rises = z(pair[1].transmittance[l], pair[0].transmittance[l]);
             let falls = z(pair[0].reflectance[l], pair[1].reflectance[l]);
-            if rises > Z || falls > Z {
-                return Some(format!(
-                    "T rises or R falls with thickness, {:.1} se",
-                    rises.max(falls)
-                ));
+            if rises > Z || (brightens && falls > Z) {
+                let most = rises.max(falls);
+                return Some(format!("T rises or R falls with thickness, {most:.1} se"));
             }
         }
     }

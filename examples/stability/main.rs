@@ -261,7 +261,7 @@ fn resolution(rays: u64) -> Result<String> {
             match case.run(engine, rays, resolution, &Cache::default(), seed) {
                 Err(error) => wrong = Some(error.to_string()),
                 Ok(spectra) => {
-                    wrong = wrong.or(impossible(&spectra));
+                    wrong = wrong.or(impossible(&spectra, true));
                     for l in 0..2 {
                         let d = spectra[0].reflectance[l].value - best[0].reflectance[l].value;
                         squares += d * d / (2 * SEEDS) as f64;
