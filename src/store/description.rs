@@ -190,12 +190,16 @@ impl Description {
                 let _ = write!(units, "{}: {}; ", axis.name(), axis.unit());
             }
         }
-        let bottom = if self.has_axis(ExtraAxis::SubstrateReflectance) {
-            "Lambertian, of the axis substrate_reflectance"
-        } else if self.get("fixed.substrate").is_some() {
-            "Lambertian, of fixed.substrate in the config"
+        let ground = if self.has_axis(ExtraAxis::SubstrateReflectance) {
+            Some("of the axis substrate_reflectance")
         } else {
-            "black: light that leaves through the bottom does not come back"
+            self.get("fixed.substrate")
+        };
+        let bottom = match ground {
+            None => "black: light that leaves through the bottom does not come back".to_owned(),
+            Some(ground) => {
+                format!("Lambertian ground {ground}; transmittance is the light that stays in it")
+            }
         };
         let entries: [(&str, Value); 16] = [
             ("title", "Spectral database of snow".into()),
