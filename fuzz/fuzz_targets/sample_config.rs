@@ -8,7 +8,7 @@ fuzz_target!(|text: &str| match sample::parse("configs/samples/fuzz.toml", text)
     Ok(file) => {
         let again = sample::parse("configs/samples/fuzz.toml", file.to_toml()).expect("canonical");
         assert_eq!(again.to_toml(), file.to_toml());
-        assert_eq!(again.snow, file.snow);
+        assert_eq!(again.pack, file.pack);
     }
     Err(error) => assert!(!error.to_string().is_empty()),
 });
