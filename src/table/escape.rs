@@ -18,7 +18,7 @@ use crate::rng::Stream;
 use crate::table::{Table, lanes as each_of};
 use crate::transport::{
     Absorption, Coefficients, EVENT_LIMIT, EXPONENTS, Entry, Illumination, Layer, Model, Path,
-    REJECTION_LIMIT, WalkError, diffuse_cosine,
+    REJECTION_LIMIT, WalkError, diffuse_cosine, impurities_per_m,
 };
 
 /// Outcomes, of eight azimuths each, drawn beside the walk's own in an event
@@ -178,15 +178,7 @@ impl<'a> Stratum<'a> {
         (exponents, model): (&[f64], &Model),
     ) -> Self {
         let snow = &layer.snow;
-        let (mut in_ice, mut in_pores) = ([0.0; EXPONENTS], [0.0; EXPONENTS]);
-        for (i, exponent) in exponents.iter().enumerate().take(EXPONENTS) {
-            for impurity in snow.impurities(model) {
-                if impurity.angstrom_exponent == *exponent {
-                    in_ice[i] += impurity.ice_per_m;
-                    in_pores[i] += impurity.pores_per_m;
-                }
-            }
-        }
+        let [in_ice, in_pores] = impurities_per_m(snow, model, exponents);
         let carbon = |band: &Band, per_m: &[f64; EXPONENTS]| -> f64 {
             let factors = band.coefficients.impurities.iter();
             factors
