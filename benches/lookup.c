@@ -1,0 +1,104 @@
+/* The cost of a look-up through include/splitsnow.h, one core, warm, at the points of
+ * benches/lookup.rs:
+ *
+ *   cc -O2 -Iinclude benches/lookup.c -lm -o target/lookup_c && target/lookup_c FILE */
+#define SPLITSNOW_IMPLEMENTATION
+#include "splitsnow.h"
+
+#include <time.h>
+
+#define POINTS 4096
+#define RUNS 15
+
+static double now(void) {
+    struct timespec t;
+    timespec_get(&t, TIME_UTC);
+    return (double)t.tv_sec + 1e-9 * (double)t.tv_nsec;
+}
+
+/* Prints the median and the least nanoseconds of one of `count` answers. */
+static void report(const char *what, double *seconds, int count) {
+    for (int i = 1; i < RUNS; i++) {
+        for (int j = i; j > 0 && seconds[j] < seconds[j - 1]; j--) {
+            double t = seconds[j];
+            seconds[j] = seconds[j - 1];
+            seconds[j - 1] = t;
+        }
+    }
+    printf("%-32s %8.0f ns, least %.0f\n", what, 1e9 * seconds[RUNS / 2] / count,
+           1e9 * seconds[0] / count);
+}
+
+int main(int argc, char **argv) {
+    static double points[POINTS][5];
+    static float spectrum[4096];
+    static const double step[5] = {0.8567, 0.7339, 0.6287, 0.5386, 0.4614};
+    static const double hero[4] = {440.0, 520.0, 600.0, 680.0};
+    double u[5] = {0.5, 0.5, 0.5, 0.5, 0.5}, seconds[RUNS], sum = 0.0;
+    char message[256] = "give a compact file";
+    splitsnow *database;
+    splitsnow_lookup *all, *one;
+    splitsnow_colour *colour;
+    splitsnow_snow snow;
+    size_t n;
+    if (argc != 2 || splitsnow_open(argv[1], &database, message, sizeof message) != SPLITSNOW_OK) {
+        fprintf(stderr, "%s\n", message);
+        return 1;
+    }
+    for (int i = 0; i < POINTS; i++) {
+        for (int axis = 0; axis < 5; axis++) {
+            const float *nodes = splitsnow_nodes(database, (splitsnow_axis)axis, &n);
+            u[axis] = fmod(u[axis] + step[axis], 1.0);
+            points[i][axis] = (double)nodes[0] + u[axis] * ((double)nodes[n - 1] - (double)nodes[0]);
+        }
+    }
+    splitsnow_wavelengths(database, &n);
+    snow.facetness = points[0][0];
+    snow.grain_size_um = points[0][1];
+    snow.density_kg_m3 = points[0][2];
+    if (n > 4096 || splitsnow_colour_new(database, SPLITSNOW_D65, NULL, 0, &colour) != SPLITSNOW_OK ||
+        splitsnow_prepare(database, SPLITSNOW_TRANSMITTANCE, NULL, NULL, 0, &all) != SPLITSNOW_OK ||
+        splitsnow_prepare(database, SPLITSNOW_TRANSMITTANCE, &snow, NULL, 0, &one) != SPLITSNOW_OK) {
+        fprintf(stderr, "not a file of the five axes with colours\n");
+        return 1;
+    }
+    printf("%zu wavelengths\n", n);
+    for (int what = 0; what < 5; what++) {
+        static const char *const names[] = {"anywhere", "of one snow", "of one snow, 4 wavelengths",
+                                            "of one snow, linear sRGB", "preparing one snow"};
+        int count = what == 4 ? 256 : 16 * POINTS;
+        for (int run = 0; run < RUNS; run++) {
+            double begin = now();
+            for (int i = 0; i < count; i++) {
+                const double *p = points[i % POINTS];
+                double rgb[3];
+                if (what == 0) {
+                    snow.facetness = p[0];
+                    snow.grain_size_um = p[1];
+                    snow.density_kg_m3 = p[2];
+                    splitsnow_spectrum_of(all, &snow, p[3], p[4], spectrum, n);
+                } else if (what == 1) {
+                    splitsnow_spectrum(one, p[3], p[4], spectrum, n);
+                } else if (what == 2) {
+                    splitsnow_spectrum_at(one, p[3], p[4], hero, 4, spectrum);
+                } else if (what == 3) {
+                    splitsnow_linear_srgb(one, colour, p[3], p[4], rgb);
+                    spectrum[0] = (float)rgb[0];
+                } else {
+                    splitsnow_lookup *other;
+                    splitsnow_prepare(database, SPLITSNOW_TRANSMITTANCE, &snow, NULL, 0, &other);
+                    splitsnow_lookup_free(other);
+                }
+                sum += (double)spectrum[0];
+            }
+            seconds[run] = now() - begin;
+        }
+        report(names[what], seconds, count);
+    }
+    printf("(sum %g)\n", sum);
+    splitsnow_colour_free(colour);
+    splitsnow_lookup_free(all);
+    splitsnow_lookup_free(one);
+    splitsnow_close(database);
+    return 0;
+}
