@@ -7,6 +7,7 @@ use std::collections::BTreeMap;
 use std::fs;
 use std::path::{Path, PathBuf};
 use std::process::Command;
+use std::sync::LazyLock;
 
 use ndarray::Array2;
 use palette::convert::FromColorUnclamped;
@@ -65,6 +66,9 @@ fn compiled(source: &Path, sanitizer: &str) -> PathBuf {
     run(command.args(["-lm", "-pthread"]));
     program
 }
+
+static ANSWERS: LazyLock<PathBuf> =
+    LazyLock::new(|| compiled(Path::new("tests/c/answers.c"), CHECKED));
 
 /// Numbers without a pattern, in [0, 1).
 struct Numbers(u64);
@@ -132,7 +136,7 @@ impl Default for Made {
 
 impl Made {
     fn bytes(&self) -> Vec<u8> {
-        let beyond = self.axes.extra.values();
+        let beyond = self.axes.extra.values().map(Vec::as_slice);
         let five = self.axes.named().map(|(_, values)| values);
         let mut rows = vec![Vec::new()];
         for values in beyond.chain(five) {
@@ -180,7 +184,7 @@ fn variants() -> Vec<(String, Vec<u8>)> {
         basis: Basis::Log,
         precision,
     };
-    let beyond = |n| {
+    let beyond = |n: usize| {
         let axes = [
             (ExtraAxis::BlackCarbon, vec![0.0, 50.0, 200.0]),
             (ExtraAxis::WaterSaturation, vec![0.0, 0.1]),
@@ -194,7 +198,7 @@ fn variants() -> Vec<(String, Vec<u8>)> {
             density_kg_m3: vec![300.0],
             thickness_cm: vec![1.0, 3.0, 9.0, 20.0],
             angle_deg: vec![0.0, 70.0],
-            extra: axes.into_iter().skip(5 - n).chain([]).collect(),
+            extra: axes.into_iter().skip(5 - n).collect(),
         }
     };
     for (name, variant, n) in [
@@ -332,7 +336,6 @@ fn write_numbers(path: &Path, numbers: &[f64]) {
 /// 10,000 points of all variants: answers differ by 1e-6 at most, and refusals agree.
 #[test]
 fn answers_are_those_of_rust() {
-    let program = compiled(Path::new("tests/c/answers.c"), CHECKED);
     let folder = folder("points");
     let [file, points, out] = ["snow.safetensors", "points", "out"].map(|n| folder.join(n));
     let mut numbers = Numbers(1);
@@ -356,10 +359,18 @@ fn answers_are_those_of_rust() {
                 let mut given = vec![conditions.len() as f64];
                 given.extend(conditions.iter().flat_map(|(a, v)| [of(*a) as f64, *v]));
                 let count = if conditions.is_empty() { 500 } else { 125 };
-                let all: Vec<_> = (0..count).map(|_| point(&there, &mut numbers)).collect();
+                let mut all: Vec<_> = (0..count).map(|_| point(&there, &mut numbers)).collect();
+                // several of each snow, which is prepared once
+                for same in all.chunks_mut(5) {
+                    let [facetness, size, density, ..] = same[0];
+                    let snow = [facetness, size, density];
+                    same[1..4]
+                        .iter_mut()
+                        .for_each(|p| p[..3].copy_from_slice(&snow));
+                }
                 given.extend(all.iter().flatten());
                 write_numbers(&points, &given);
-                let mut command = Command::new(&program);
+                let mut command = Command::new(&*ANSWERS);
                 command.arg("points").arg(&file).arg(quantity.name());
                 run(command.args([&points, &out]));
 
@@ -376,9 +387,11 @@ fn answers_are_those_of_rust() {
                     let mut spectrum = vec![0.0; lookup.wavelengths()];
                     let at = Point::from_coordinates(*point);
                     if lookup.spectrum(at, &mut spectrum).is_err() {
-                        // SPLITSNOW_ERROR_OUTSIDE
+                        // SPLITSNOW_ERROR_OUTSIDE, or as below
+                        let (spectra, seen) = found.split_at(each - 18);
                         assert!(
-                            found.iter().all(|v| *v == -8.0),
+                            spectra.iter().all(|v| *v == -8.0)
+                                && seen.iter().all(|v| *v == -8.0 || *v == -4.0),
                             "{name} {point:?} {found:?}"
                         );
                         refused += 1;
@@ -583,7 +596,6 @@ fn odd_headers(bytes: &[u8]) -> Vec<Vec<u8>> {
 /// The header refuses what the Rust reader refuses, and nothing else.
 #[test]
 fn hostile_files_are_refused_as_by_rust() {
-    let program = compiled(Path::new("tests/c/answers.c"), CHECKED);
     let seeds = Path::new(env!("CARGO_MANIFEST_DIR")).join("fuzz/seeds/compact");
     let mut all = Vec::new();
     for entry in fs::read_dir(&seeds).unwrap() {
@@ -601,7 +613,7 @@ fn hostile_files_are_refused_as_by_rust() {
             // bytes of JSON as often as any
             let any = [
                 numbers.below(256) as u8,
-                b"0123456789{}[],:\"\\eE.-+ nF"[numbers.below(27)],
+                b"0123456789{}[],:\"\\eE.-+ nF"[numbers.below(26)],
             ];
             let at = numbers.below(bytes.len());
             match numbers.below(4) {
@@ -623,7 +635,7 @@ fn hostile_files_are_refused_as_by_rust() {
         [&length, bytes.as_slice()].concat()
     });
     fs::write(&pack, packed.collect::<Vec<u8>>()).unwrap();
-    run(Command::new(&program).arg("files").args([&pack, &out]));
+    run(Command::new(&*ANSWERS).arg("files").args([&pack, &out]));
     let found = fs::read_to_string(&out).unwrap();
     let found: Vec<&str> = found.lines().collect();
     assert_eq!(found.len(), all.len());
@@ -640,7 +652,22 @@ fn hostile_files_are_refused_as_by_rust() {
         accepted += usize::from(rust.is_ok());
     }
     println!("{} files, {accepted} accepted", all.len());
-    assert!(accepted > 1000 && all.len() - accepted > 5000, "{accepted}");
+    assert!(accepted > 800 && all.len() - accepted > 5000, "{accepted}");
+}
+
+/// What the functions refuse of their arguments, getters, and the table for textures.
+#[test]
+fn arguments_are_checked() {
+    let program = compiled(Path::new("tests/c/arguments.c"), CHECKED);
+    let folder = folder("arguments");
+    let all: BTreeMap<_, _> = variants().into_iter().collect();
+    let mut command = Command::new(program);
+    for name in ["linear_f32", "beyond_log", "thick"] {
+        let file = folder.join(name);
+        fs::write(&file, &all[name]).unwrap();
+        command.arg(file);
+    }
+    run(command.arg(&folder));
 }
 
 /// The compiler's checks of threads find no race, and all threads the same answers.
@@ -650,4 +677,57 @@ fn threads_share_a_database() {
     let file = folder("threads").join("snow.safetensors");
     fs::write(&file, Made::default().bytes()).unwrap();
     run(Command::new(program).arg(&file));
+}
+
+/// The examples of docs/c.md are compiled as they stand, and answer.
+#[test]
+fn the_documented_examples_work() {
+    let text = fs::read_to_string(Path::new(env!("CARGO_MANIFEST_DIR")).join("docs/c.md"));
+    let text = text.unwrap();
+    let blocks = |language: &str| -> Vec<String> {
+        let begin = format!("```{language}\n");
+        let parts = text.split(&begin).skip(1);
+        parts
+            .map(|part| part.split("```").next().unwrap().to_owned())
+            .collect()
+    };
+    let folder = folder("documented");
+    let [program, table] = blocks("c").try_into().unwrap();
+    let [renderer] = blocks("cpp").try_into().unwrap();
+    let c = folder.join("example.c");
+    // the second example goes on where the first asks
+    let asks = "    /* per sample";
+    assert!(program.contains(asks));
+    let table: String = table.lines().map(|line| format!("    {line}\n")).collect();
+    fs::write(
+        &c,
+        program.replace(asks, &format!("{table}    free(table);\n{asks}")),
+    )
+    .unwrap();
+    let cpp = folder.join("renderer.cpp");
+    fs::write(
+        &cpp,
+        format!("#define SPLITSNOW_IMPLEMENTATION\n{renderer}int main() {{}}\n"),
+    )
+    .unwrap();
+    compiled(&cpp, CHECKED);
+
+    let made = Made::default().bytes();
+    let file = folder.join("snow.safetensors");
+    fs::write(&file, &made).unwrap();
+    let found = run(Command::new(compiled(&c, CHECKED)).arg(&file));
+    let database = Database::from_bytes(&made).unwrap();
+    let lookup = Lookup::new(&database, Quantity::Transmittance).unwrap();
+    let mut spectrum = [0.0; 31];
+    let point = Point::from_coordinates([0.4, 260.0, 270.0, 7.5, 33.0]);
+    lookup.spectrum(point, &mut spectrum).unwrap();
+    let values: Vec<f64> = found
+        .lines()
+        .take(4)
+        .map(|line| line.split_once(',').unwrap().1.parse().unwrap())
+        .collect();
+    for (value, at) in values.iter().zip([5, 12, 20, 28]) {
+        assert!((value - f64::from(spectrum[at])).abs() < 2e-6, "{found}");
+    }
+    assert_eq!(found.lines().count(), 5);
 }

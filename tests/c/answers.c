@@ -44,8 +44,9 @@ static void answer(const splitsnow *database, splitsnow_quantity quantity,
                    const splitsnow_condition *conditions, size_t n_conditions,
                    const double *points, size_t n_points, FILE *out) {
     static const double at[AT] = {100.0, 433.3, 433.4, 555.0, 700.0, 3000.0};
-    splitsnow_lookup *all, *one;
+    splitsnow_lookup *all, *one = NULL;
     splitsnow_colour *colours[5];
+    splitsnow_status prepared = SPLITSNOW_OK;
     size_t n;
     float *spectrum;
     splitsnow_wavelengths(database, &n);
@@ -68,7 +69,11 @@ static void answer(const splitsnow *database, splitsnow_quantity quantity,
         snow.density_kg_m3 = p[2];
         status = splitsnow_spectrum_of(all, &snow, p[3], p[4], spectrum, n);
         put(out, spectrum, n, status);
-        status = splitsnow_prepare(database, quantity, &snow, conditions, n_conditions, &one);
+        if (i == 0 || memcmp(p - 5, p, 3 * sizeof *p) != 0) {
+            splitsnow_lookup_free(one);
+            prepared = splitsnow_prepare(database, quantity, &snow, conditions, n_conditions, &one);
+        }
+        status = prepared;
         if (status == SPLITSNOW_OK) status = splitsnow_spectrum(one, p[3], p[4], spectrum, n);
         put(out, spectrum, n, status);
         if (one != NULL) status = splitsnow_spectrum_at(one, p[3], p[4], at, AT, few);
@@ -83,8 +88,8 @@ static void answer(const splitsnow *database, splitsnow_quantity quantity,
                 expect(fwrite(&value, sizeof value, 1, out) == 1, "writing");
             }
         }
-        splitsnow_lookup_free(one);
     }
+    splitsnow_lookup_free(one);
     for (int i = 0; i < 5; i++) splitsnow_colour_free(colours[i]);
     splitsnow_lookup_free(all);
     free(spectrum);
