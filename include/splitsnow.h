@@ -113,7 +113,7 @@ const char *splitsnow_axis_name(splitsnow_axis axis);
 const char *splitsnow_error_string(splitsnow_status status);
 
 /* Prepares one quantity of one `snow`: computes what does not depend on thickness
- * and angle, some microseconds. With `snow` NULL it prepares all snow in the box, as
+ * and angle, in about a millisecond. With `snow` NULL it prepares all snow in the box, as
  * long as its table takes at most 1 GB. `conditions` (may be NULL if there are none)
  * say where on axes beyond the five; those of one node may be left out. */
 splitsnow_status splitsnow_prepare(const splitsnow *database, splitsnow_quantity quantity,
@@ -1610,23 +1610,25 @@ static void splitsnow__split(splitsnow__corners *corners, float above, size_t st
 static void splitsnow__exp_neg(float x[8]) {
     const float round = 12582912.0f; /* adding it rounds to an integer */
     uint32_t shifts[8], bits[8];
-    float shifted[8], p[8];
+    float clamped[8], shifted[8], powers[8];
     for (int i = 0; i < 8; i++) {
-        float c = x[i] > 0.0f ? x[i] : 0.0f, k, r;
-        c = c < 87.0f ? c : 87.0f;
-        shifted[i] = c * 1.44269504f + round;
+        float c = x[i] > 0.0f ? x[i] : 0.0f;
+        clamped[i] = c < 87.0f ? c : 87.0f;
+    }
+    for (int i = 0; i < 8; i++) {
+        float k, r, p = 1.0f / 5040.0f;
+        shifted[i] = clamped[i] * 1.44269504f + round;
         k = shifted[i] - round;
-        r = (k * 0.6933594f - c) + k * -2.1219444e-4f;
-        p[i] = 1.0f / 5040.0f;
-        p[i] = p[i] * r + 1.0f / 720.0f;
-        p[i] = p[i] * r + 1.0f / 120.0f;
-        p[i] = p[i] * r + 1.0f / 24.0f;
-        p[i] = p[i] * r + 1.0f / 6.0f;
-        p[i] = p[i] * r + 0.5f;
-        p[i] = p[i] * r * r + r + 1.0f;
+        r = (k * 0.6933594f - clamped[i]) + k * -2.1219444e-4f;
+        p = p * r + 1.0f / 720.0f;
+        p = p * r + 1.0f / 120.0f;
+        p = p * r + 1.0f / 24.0f;
+        p = p * r + 1.0f / 6.0f;
+        p = p * r + 0.5f;
+        powers[i] = p * r * r + r + 1.0f;
     }
     memcpy(shifts, shifted, sizeof shifts);
-    memcpy(bits, p, sizeof bits);
+    memcpy(bits, powers, sizeof bits);
     /* 2^-k by subtracting k from the exponent */
     for (int i = 0; i < 8; i++) bits[i] -= shifts[i] << 23;
     memcpy(x, bits, sizeof bits);
