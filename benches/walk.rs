@@ -99,7 +99,7 @@ fn grain_event(c: &mut Criterion) {
         1 << 17,
         stream(),
     );
-    let table = Table::new(outcomes, 1 << 14, &mut stream());
+    let table = Table::new(&outcomes, 1 << 14, &mut stream());
     let walker = TableWalker {
         pack: TablePack::plain(&snow, [&table; 2]),
         absorption: absorption(3.0),

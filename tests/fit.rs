@@ -182,7 +182,7 @@ fn the_certificate_sees_the_wavelengths_left_out() {
         let nm: Vec<f64> = kept.iter().map(|i| scene.wavelengths_nm[*i]).collect();
         let value = |(row, w): (usize, usize)| spectra[0][row].transmittance[kept[w]].value;
         let curves = Array2::from_shape_fn((9, kept.len()), value);
-        let file = Database::from_curves(&axes, &nm, Some(&curves), None);
+        let file = Database::from_curves(true, &axes, &nm, Some(&curves), None);
         let subject = Subject {
             grid: &grid,
             regions: &regions,

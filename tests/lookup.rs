@@ -29,6 +29,15 @@ fn points(axes: &Axes) -> Vec<Point> {
 
 /// A file with all components of these curves: exact but for rounding.
 fn database(axes: &Axes, curve: impl Fn(Point, Quantity) -> Vec<f64>) -> Database {
+    database_over("black: nothing comes back", axes, curve)
+}
+
+/// The same with this text as its bottom boundary.
+fn database_over(
+    bottom: &str,
+    axes: &Axes,
+    curve: impl Fn(Point, Quantity) -> Vec<f64>,
+) -> Database {
     let compressed = |quantity| {
         let rows: Vec<f64> = points(axes)
             .into_iter()
@@ -45,7 +54,7 @@ fn database(axes: &Axes, curve: impl Fn(Point, Quantity) -> Vec<f64>) -> Databas
         transmittance: Some(&compressed(Quantity::Transmittance)),
         reflectance: Some(&compressed(Quantity::Reflectance)),
         provenance: "{}",
-        extra: &BTreeMap::new(),
+        extra: &BTreeMap::from([("bottom_boundary".into(), bottom.into())]),
     };
     Database::from_bytes(&file.to_bytes().unwrap()).unwrap()
 }
@@ -333,6 +342,47 @@ fn nodes_that_fall_together_are_answered() {
                     Quantity::Reflectance => thick - thin,
                 });
             assert!(falls.into_iter().all(|by| by >= -1e-6), "{pair:?}");
+        }
+    }
+}
+
+/// Over a bright ground snow may darken what is under it, and without snow there is
+/// the ground: nodes stand as they are, and nothing is said below the first.
+#[test]
+fn a_ground_is_not_black_without_snow() {
+    let axes = small();
+    let bright = |point: Point, quantity| match quantity {
+        Quantity::Transmittance => slab(point, quantity),
+        Quantity::Reflectance => vec![0.5 + 0.4 * (-point.thickness_cm).exp(); 31],
+    };
+    let first = axes.thickness_cm[0];
+    for bottom in ["Lambertian ground", "the layers of fixed.below, then black"] {
+        let file = database_over(bottom, &axes, bright);
+        assert!(!file.stands_free());
+        let below = Point {
+            thickness_cm: 0.5 * first,
+            ..inside(&axes, [0.5; 5])
+        };
+        for quantity in Quantity::ALL {
+            let lookup = Lookup::new(&file, quantity).unwrap();
+            for point in points(&axes) {
+                let expected = bright(point, quantity);
+                for (found, expected) in spectrum(&lookup, point).iter().zip(expected) {
+                    assert!((f64::from(*found) - expected).abs() < 2e-6, "{point:?}");
+                }
+            }
+            let refused = lookup.spectrum(below, &mut [0.0; 31]).unwrap_err();
+            let says = format!("thickness_cm = {} is outside", below.thickness_cm);
+            assert!(refused.to_string().starts_with(&says), "{refused}");
+            let published = Varsa2025::new(&file, quantity).unwrap();
+            let at_node = points(&axes)[0];
+            let thin = Point {
+                thickness_cm: 0.5 * first,
+                ..at_node
+            };
+            assert!(published.spectrum(at_node).is_ok());
+            let refused = published.spectrum(thin).unwrap_err();
+            assert!(refused.to_string().contains("outside"), "{refused}");
         }
     }
 }

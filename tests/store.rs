@@ -322,6 +322,13 @@ fn a_database_names_its_ground() {
         bottom(&grid),
         "Lambertian ground { reflectance = 0.25 }; transmittance is the light that stays in it"
     );
+    let snow = grid.job(&grid.jobs().unwrap(), 0).unwrap().pack.surface;
+    grid.axes.thickness_cm.iter_mut().for_each(|h| *h += 1.0);
+    grid.fixed.below.push(Layer {
+        snow,
+        thickness_m: 0.01,
+    });
+    assert!(bottom(&grid).starts_with("the layers of fixed.below, then Lambertian"));
 }
 
 #[test]

@@ -326,7 +326,7 @@ fn large_table(case: &Case, rays: u64) -> f64 {
         ENTRIES,
         stream(0),
     );
-    let table = Table::new(outcomes, ENTRIES, &mut stream(1));
+    let table = Table::new(&outcomes, ENTRIES, &mut stream(1));
     let walker = TableWalker {
         pack: TablePack::plain(&case.pack.surface, [&table; 2]),
         absorption: Absorption {

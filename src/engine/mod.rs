@@ -64,15 +64,16 @@ impl Default for Resolution {
 
 impl Resolution {
     /// No finer than what so many walks can tell: a table as large and a kernel
-    /// of sixteen times as many grain events, within the limits of the engines
-    /// and the default.
+    /// of twice as many grain events, within the limits of the engines and the
+    /// default. Of those, eight instead of two changed the error of no wavelength
+    /// of a pack of three layers (docs/performance.md), and took most of the time.
     #[must_use]
     pub fn of_rays(rays: u64) -> Self {
         let most = Self::default();
         let at_most = |n: u64, most: u32| n.next_power_of_two().min(u64::from(most)) as u32;
         Self {
             table: at_most(rays.clamp(1 << 14, 1 << 32), most.table),
-            grains: at_most(rays.saturating_mul(8).clamp(1 << 17, 1 << 32), most.grains),
+            grains: at_most(rays.saturating_mul(2).clamp(1 << 17, 1 << 32), most.grains),
             ..most
         }
     }

@@ -14,7 +14,7 @@ use crate::transport::{Entry, Layer, Snow};
 const BATCH: usize = 1 << 14;
 /// Independent parts whose scatter gives standard errors.
 pub(super) const PARTS: usize = 8;
-/// Outcomes drawn for every one in the table, at least.
+/// Outcomes that one in the table is chosen from, if so many are drawn.
 const OVERSAMPLING: usize = 8;
 
 /// What tables are made from.
@@ -155,12 +155,13 @@ impl Recipe {
             kernel.merge(&sums);
             lists[part].extend(drawn);
         }
-        let tables = lists
-            .into_iter()
-            .enumerate()
-            .map(|(part, list)| Table::new(list, size, &mut self.stream(part, outcomes)));
+        let tables = |(part, list): (usize, Vec<_>)| {
+            let mut rng = self.stream(part, outcomes);
+            Ok(Table::new(&list, size, &mut rng))
+        };
+        let lists = lists.into_iter().enumerate().collect();
         Ok(Outcomes {
-            tables: tables.collect(),
+            tables: batches::map(control, lists, tables)?,
             kernels,
             kernel,
         })

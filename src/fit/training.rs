@@ -254,6 +254,8 @@ impl<'a> Training<'a> {
             asked.then(|| self.curves_of(nodes, quantity))
         };
         Database::from_curves(
+            self.scene.fixed.stands_free()
+                && !self.beyond.contains(&ExtraAxis::SubstrateReflectance),
             &self.axes_of(nodes),
             &self.wavelengths.nm,
             curves(Quantity::Transmittance).as_ref(),

@@ -167,6 +167,12 @@ impl Fixed {
         own.into_iter().flatten().chain(below)
     }
 
+    /// Whether there is nothing below the snow of the axes.
+    #[must_use]
+    pub fn stands_free(&self) -> bool {
+        self.below.is_empty() && matches!(self.ground, Ground::Black)
+    }
+
     /// Whether there is water in any layer.
     #[must_use]
     pub fn is_wet(&self) -> bool {

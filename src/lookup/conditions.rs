@@ -141,6 +141,7 @@ impl Database {
             precision: self.precision,
             transmittance: self.mixed(Quantity::Transmittance, &corners),
             reflectance: self.mixed(Quantity::Reflectance, &corners),
+            stands_free: self.stands_free,
             metadata: self.metadata.clone(),
         })
     }

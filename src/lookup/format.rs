@@ -222,7 +222,9 @@ impl Tensors<'_> {
                 )?,
             };
         }
+        let bottom = self.metadata.get("bottom_boundary");
         Ok(Database {
+            stands_free: bottom.is_none_or(|bottom| bottom.starts_with("black")),
             kind,
             precision,
             transmittance,

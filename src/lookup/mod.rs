@@ -142,6 +142,7 @@ pub struct Database {
     precision: Precision,
     transmittance: Factors,
     reflectance: Factors,
+    stands_free: bool,
     metadata: BTreeMap<String, String>,
 }
 
@@ -183,9 +184,11 @@ impl Database {
     }
 
     /// A database of these very curves (`[s, l]`, in single precision), for look-ups
-    /// that no compression touches. What is `None` it does not hold.
+    /// that no compression touches. What is `None` it does not hold; for `stands_free`
+    /// see [`Database::stands_free`].
     #[must_use]
     pub fn from_curves(
+        stands_free: bool,
         axes: &Axes,
         wavelengths_nm: &[f64],
         transmittance: Option<&Array2<f64>>,
@@ -211,6 +214,7 @@ impl Database {
             precision: Precision::F32,
             transmittance: factors(transmittance),
             reflectance: factors(reflectance),
+            stands_free,
             metadata: BTreeMap::new(),
         }
     }
@@ -245,6 +249,15 @@ impl Database {
     #[must_use]
     pub fn curves(&self) -> usize {
         self.curves
+    }
+
+    /// Whether there is nothing but the snow of the axes, over black ground: without
+    /// snow, transmittance is then 1 and reflectance 0, and look-ups reach down to a
+    /// thickness of 0; otherwise they begin at the first node. The metadata
+    /// `bottom_boundary` says so, by beginning with `black` or by its absence.
+    #[must_use]
+    pub fn stands_free(&self) -> bool {
+        self.stands_free
     }
 
     /// What a row of coefficients times the basis^T is.

@@ -5,7 +5,8 @@
 //!
 //! - along the thickness y is a monotone cubic (Hermite, slopes by parabolas
 //!   through three nodes, limited to three times the smaller secant beside a
-//!   node after Fritsch and Carlson 1980), from 0 at 0 cm on;
+//!   node after Fritsch and Carlson 1980), from 0 at 0 cm on, or over a ground or
+//!   other layers from the first node on;
 //! - between the nodes of the other axes it is linear: a mean of columns with
 //!   weights that are not negative.
 //!
@@ -30,7 +31,7 @@ use crate::measurement::Quantity;
 
 /// Axis of the thickness.
 const THICKNESS: usize = 3;
-/// Nodes before the first thickness, in parts of it.
+/// Nodes before the first thickness, in parts of it, of a file that stands free.
 const THIN: [f32; 7] = [0.0, 0.015625, 0.03125, 0.0625, 0.125, 0.25, 0.5];
 /// Largest y that spectra of a `linear` file are taken for: what is darker is
 /// noise of its truncation.
@@ -50,7 +51,7 @@ pub struct Lookup {
     quantity: Quantity,
     /// Values of the axes as in the file.
     axes: [Vec<f32>; 5],
-    /// Their coordinates; those of the thickness begin with [`THIN`].
+    /// Their coordinates; those of the thickness begin with [`THIN`], if it stands free.
     places: [Vec<f32>; 5],
     /// Vectors per node.
     width: usize,
@@ -93,7 +94,9 @@ impl Lookup {
         let mut places: [Vec<f32>; 5] = Default::default();
         for (axis, (places, values)) in places.iter_mut().zip(&axes).enumerate() {
             let thin = THIN.map(|part| part * values[0]);
-            let thin = thin.into_iter().filter(|_| axis == THICKNESS);
+            // a thickness alone needs a second node
+            let downward = database.stands_free() || values.len() == 1;
+            let thin = thin.into_iter().filter(|_| axis == THICKNESS && downward);
             let place = |value| {
                 let mut point = [0.0, 1.0, 1.0, 0.0, 0.0];
                 point[axis] = value;
@@ -146,7 +149,8 @@ impl Lookup {
 
     /// The spectrum at `point`, into `spectrum` (`[l]`).
     ///
-    /// Thickness may be anything from 0 on, unless the file has one alone; the
+    /// Thickness may be anything from 0 on, or from its first node on if the file does
+    /// not stand free ([`Database::stands_free`]), unless the file has one alone; the
     /// other coordinates are in the box of the axes, within 1e-6 of its ends.
     ///
     /// # Errors
@@ -221,17 +225,19 @@ impl Lookup {
     /// Fills the table, column by column, with `depth` components.
     fn fill(&mut self, database: &Database, depth: usize) {
         let [n_f, n_g, n_d, n_h, n_a] = self.axes.each_ref().map(Vec::len);
-        let rows = THIN.len() + n_h;
+        let thin = self.thin();
+        let rows = thin + n_h;
         let mut table = vec![f32x8::ZERO; n_f * n_g * n_d * rows * n_a * self.width];
         let mut y = vec![vec![0.0; depth]; rows];
         for (snow, angle) in (0..n_f * n_g * n_d).flat_map(|s| (0..n_a).map(move |a| (s, a))) {
             for h in 0..n_h {
                 let row = (snow * n_h + h) * n_a + angle;
-                let (before, here) = y.split_at_mut(THIN.len() + h);
+                let (before, here) = y.split_at_mut(thin + h);
                 if self.components == 0 {
                     let curve = database.curve(row, self.quantity).unwrap_or_default();
-                    // noise must not make a slab brighter than a thinner one
-                    let least = before.last().filter(|_| h > 0);
+                    // Noise must not make a slab transmit more than a thinner one, nor
+                    // reflect less, though over a ground snow may darken it.
+                    let least = before.last().filter(|_| h > 0 && thin > 0);
                     for (l, (y, value)) in here[0].iter_mut().zip(curve).enumerate() {
                         *y = self.depth(value).max(least.map_or(0.0, |least| least[l]));
                     }
@@ -241,7 +247,9 @@ impl Lookup {
                     pairs.for_each(|(y, c)| *y = *c);
                 }
             }
-            self.fill_thin(&mut y);
+            if thin > 0 {
+                self.fill_thin(&mut y);
+            }
             let slopes = self.slopes(&y);
             for h in 0..rows {
                 let node = ((snow * rows + h) * n_a + angle) * self.width;
@@ -254,6 +262,11 @@ impl Lookup {
             }
         }
         self.table = table;
+    }
+
+    /// Number of nodes before the first thickness.
+    fn thin(&self) -> usize {
+        self.places[THICKNESS].len() - self.axes[THICKNESS].len()
     }
 
     /// The nodes before the first thickness of a column.
@@ -351,6 +364,7 @@ impl Lookup {
     fn range(&self, axis: usize) -> [f32; 2] {
         let nodes = &self.axes[axis];
         match (axis, nodes.len()) {
+            (THICKNESS, 2..) if self.thin() == 0 => [nodes[0], f32::MAX],
             (THICKNESS, 2..) => [0.0, f32::MAX],
             (_, n) => [nodes[0], nodes[n - 1]],
         }

@@ -73,8 +73,12 @@ impl<'a> Varsa2025<'a> {
             last,
         };
         let (h, angle) = (point.thickness_cm, point.angle_deg);
-        if !(0.0..=f64::MAX).contains(&h) {
-            return Err(outside(3, 0.0, f32::INFINITY));
+        let thinnest = match self.database.stands_free() {
+            true => 0.0,
+            false => axes[3][0],
+        };
+        if !(f64::from(thinnest)..=f64::MAX).contains(&h) {
+            return Err(outside(3, thinnest, f32::INFINITY));
         }
         let angles = &axes[4];
         if !(f64::from(angles[0])..90.0).contains(&angle) {

@@ -195,11 +195,17 @@ impl Description {
         } else {
             self.get("fixed.substrate")
         };
-        let bottom = match ground {
+        let ground = match ground {
             None => "black: light that leaves through the bottom does not come back".to_owned(),
             Some(ground) => {
                 format!("Lambertian ground {ground}; transmittance is the light that stays in it")
             }
+        };
+        // A reader takes a bottom that begins with `black` for one under nothing but
+        // the snow of the axes.
+        let bottom = match self.get("fixed.below") {
+            None => ground,
+            Some(_) => format!("the layers of fixed.below, then {ground}"),
         };
         let entries: [(&str, Value); 16] = [
             ("title", "Spectral database of snow".into()),

@@ -18,23 +18,37 @@ pub struct Table {
     pub(super) bodies: Vec<[f32; 8]>,
 }
 
+/// An integer that grows with `value`, as [`f32::total_cmp`] orders.
+fn rank(value: f32) -> i32 {
+    let bits = value.to_bits() as i32;
+    bits ^ ((bits >> 31) as u32 >> 1) as i32
+}
+
 impl Table {
     /// Picks `size` of `outcomes` (all, if there are no more than that).
     #[must_use]
-    pub fn new(mut outcomes: Vec<Outcome>, size: usize, rng: &mut Stream) -> Self {
+    pub fn new(outcomes: &[Outcome], size: usize, rng: &mut Stream) -> Self {
         let n = outcomes.len();
         let size = size.min(n).max(1);
         let parts = (size as f64).sqrt() as usize;
-        outcomes.sort_unstable_by(|a, b| a.cos.total_cmp(&b.cos));
+        // numbers behind what they are sorted by: much less to move about than outcomes
+        let mut by_cos: Vec<(i32, u32)> =
+            (0..).zip(outcomes).map(|(i, o)| (rank(o.cos), i)).collect();
+        by_cos.sort_unstable();
+        let outcome = |place: u32| &outcomes[by_cos[place as usize].1 as usize];
+        // of equal paths, as the many of none, the cosines stay in order
+        let mut order: Vec<(i32, u32)> = (0..n as u32)
+            .map(|place| (rank(outcome(place).ice), place))
+            .collect();
         for part in 0..parts {
             let edge = |part: usize| part * size / parts * n / size;
-            outcomes[edge(part)..edge(part + 1)].sort_unstable_by(|a, b| a.ice.total_cmp(&b.ice));
+            order[edge(part)..edge(part + 1)].sort_unstable();
         }
         let chosen: Vec<Outcome> = (0..size)
             .map(|stratum| {
                 let (low, high) = (stratum * n / size, (stratum + 1) * n / size);
                 let u = rng.uniform().as_array()[0];
-                outcomes[low + (u * (high - low) as f64) as usize]
+                *outcome(order[low + (u * (high - low) as f64) as usize].1)
             })
             .collect();
         let motion = |o: &Outcome| {
@@ -61,5 +75,27 @@ impl Table {
     #[must_use]
     pub fn is_empty(&self) -> bool {
         self.motions.is_empty()
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn ranks_grow_with_values() {
+        let values = [
+            f32::NEG_INFINITY,
+            -1.0,
+            -f32::MIN_POSITIVE,
+            -0.0,
+            0.0,
+            1e-30,
+            0.5,
+            1.0,
+            f32::INFINITY,
+        ];
+        let ranks = values.map(rank);
+        assert!(ranks.is_sorted_by(|a, b| a < b), "{ranks:?}");
     }
 }

@@ -64,6 +64,7 @@ pub(super) fn check(
     let [t, _] = of.curves(Quantity::Transmittance)?;
     let [r, _] = of.curves(Quantity::Reflectance)?;
     let exact = Database::from_curves(
+        file.stands_free(),
         of.store.axes(),
         of.store.wavelengths_nm(),
         Some(&t),

@@ -137,7 +137,7 @@ fn tables(scene: &Scene, node: &Node, part: u64) -> Vec<Vec<[Table; 2]>> {
             let mut rng = parts::stream(scene, purpose, part);
             let count = OVERSAMPLING * TABLE;
             let drawn = draw(grain, request.model.entry, surface, count, rng.clone());
-            Table::new(drawn, TABLE, &mut rng)
+            Table::new(&drawn, TABLE, &mut rng)
         };
         let air = table(surfaces[0]);
         let water = if wet { table(surfaces[1]) } else { air.clone() };

@@ -1,25 +1,13 @@
-//! Walks through a pack that score, at every grain event, the light that would
-//! leave from there in all directions (the local estimate of neutron transport,
-//! for grains that take up room).
-//!
-//! Where a flight ends, several outcomes of the grain event are drawn beside the
-//! one with which the walk goes on, each turned to eight azimuths about the ray
-//! (grain axes are isotropic, so every turn is as likely). From where such a
-//! grain, if it fits between the planes, would send the ray, a flight leaves the
-//! pack with probability exp(-tau): so much is scored in that direction. The sum
-//! over the flights of a walk has the mean of a count of those that do leave.
-//! Flights drawn anew, because a grain did not fit, are counted by a trial of
-//! them at every score. No outcome is tilted, moved or replaced, so the estimate
-//! has no error but that of the table of outcomes.
+//! One such walk after another.
 use wide::f64x8;
 
-use crate::math::{Vec3x8, exp_neg, ln};
-use crate::rng::Stream;
+use crate::math::{Vec3x8, exp_neg};
 use crate::table::{Table, lanes as each_of};
-use crate::transport::{
-    Absorption, Coefficients, EVENT_LIMIT, EXPONENTS, Entry, Illumination, Layer, Model, Path,
-    REJECTION_LIMIT, WalkError, diffuse_cosine, impurities_per_m,
-};
+use crate::transport::{EVENT_LIMIT, Path, REJECTION_LIMIT, WalkError, diffuse_cosine};
+
+use super::stratum::{Kind, Stratum};
+use super::supply::Supply;
+use super::{Catch, EscapeWalker};
 
 /// Outcomes, of eight azimuths each, drawn beside the walk's own in an event
 /// next to a plane, and exp(-tau) of that at optical depth tau below it: few cost
@@ -28,8 +16,6 @@ const SPREAD: f64 = 32.0;
 /// Flights drawn in place of a scored one are looked for with this times the
 /// chance that it leaves.
 const TRIED: f64 = 8.0;
-/// Rays after which the caller is asked whether to go on.
-const RAYS_BETWEEN_CHECKS: u64 = 64;
 /// sin and cos of eighths of a turn.
 const TURNS: [[f64; 8]; 2] = {
     const H: f64 = std::f64::consts::FRAC_1_SQRT_2;
@@ -38,71 +24,6 @@ const TURNS: [[f64; 8]; 2] = {
         [1.0, H, 0.0, -H, -1.0, -H, 0.0, H],
     ]
 };
-
-/// What escaping light is reported to.
-pub trait Catch {
-    /// Light leaves on the lanes of the mask along unit vectors `direction`
-    /// (upward where z < 0), with these weights per wavelength.
-    fn catch(&mut self, lanes: u32, direction: &Vec3x8, weights: &[f64x8]);
-
-    /// A ray hit an event limit.
-    fn lost(&mut self);
-
-    /// Asked now and then: whether to give up.
-    fn stop(&self) -> bool;
-}
-
-/// Light at one wavelength.
-#[derive(Debug, Clone, Copy)]
-pub struct Band {
-    /// Its absorption.
-    pub coefficients: Coefficients,
-    /// Share of the light arriving at the ground that comes back.
-    pub reflected: f64,
-    /// Share that counts as transmitted.
-    pub transmitted: f64,
-}
-
-/// A pack ready for such walks.
-#[derive(Debug)]
-pub struct EscapeWalker<'a> {
-    /// From the surface down.
-    strata: Vec<Stratum<'a>>,
-    thickness_m: f64,
-    wet: bool,
-    absorbing_pores: bool,
-    absorption: Absorption,
-    bands: &'a [Band],
-    entry: Entry,
-    /// Chance to survive the ground.
-    bounce: f64,
-}
-
-/// Grains of one type, with outcomes in air and in water.
-#[derive(Debug)]
-struct Kind<'a> {
-    /// Probability that a grain met is of this type or one before it.
-    up_to: f64,
-    size_m: [f64; 2],
-    tables: [&'a Table; 2],
-}
-
-#[derive(Debug)]
-struct Stratum<'a> {
-    kinds: Vec<Kind<'a>>,
-    /// Depths of its planes, m.
-    top_m: f64,
-    base_m: f64,
-    mean_free_distance_m: f64,
-    longest_grain_m: f64,
-    water_saturation: f64,
-    in_ice: [f64; EXPONENTS],
-    in_pores: [f64; EXPONENTS],
-    /// Absorption of its ice per band, 1/m.
-    ice_per_m: Vec<f64>,
-    /// Absorption of its pores per band, filled with air and with water, 1/m.
-    pores_per_m: [Vec<f64>; 2],
-}
 
 /// A ray between two grains.
 #[derive(Debug, Clone, Copy)]
@@ -117,208 +38,14 @@ struct Ray {
     stratum: usize,
 }
 
-/// Random numbers one at a time.
-struct Supply {
-    rng: Stream,
-    uniforms: [f64; 8],
-    exponentials: [f64; 8],
-    azimuths: [[f64; 8]; 2],
-    left: [usize; 3],
-}
-
-impl Supply {
-    fn new(rng: Stream) -> Self {
-        Self {
-            rng,
-            uniforms: [0.0; 8],
-            exponentials: [0.0; 8],
-            azimuths: [[0.0; 8]; 2],
-            left: [0; 3],
-        }
-    }
-
-    #[inline(always)]
-    fn uniform(&mut self) -> f64 {
-        if self.left[0] == 0 {
-            (self.uniforms, self.left[0]) = (self.rng.uniform().to_array(), 8);
-        }
-        self.left[0] -= 1;
-        self.uniforms[self.left[0]]
-    }
-
-    #[inline(always)]
-    fn exponential(&mut self) -> f64 {
-        if self.left[1] == 0 {
-            let u = self.rng.uniform();
-            (self.exponentials, self.left[1]) = ((-ln(f64x8::ONE - u)).to_array(), 8);
-        }
-        self.left[1] -= 1;
-        self.exponentials[self.left[1]]
-    }
-
-    /// (sin, cos) of a uniform angle.
-    #[inline(always)]
-    fn azimuth(&mut self) -> (f64, f64) {
-        if self.left[2] == 0 {
-            let (sin, cos) = self.rng.azimuth();
-            (self.azimuths, self.left[2]) = ([sin.to_array(), cos.to_array()], 8);
-        }
-        self.left[2] -= 1;
-        let [sin, cos] = &self.azimuths;
-        (sin[self.left[2]], cos[self.left[2]])
-    }
-}
-
-impl<'a> Stratum<'a> {
-    fn new(
-        layer: &Layer,
-        top_m: f64,
-        tables: &'a [[Table; 2]],
-        bands: &[Band],
-        (exponents, model): (&[f64], &Model),
-    ) -> Self {
-        let snow = &layer.snow;
-        let [in_ice, in_pores] = impurities_per_m(snow, model, exponents);
-        let carbon = |band: &Band, per_m: &[f64; EXPONENTS]| -> f64 {
-            let factors = band.coefficients.impurities.iter();
-            factors
-                .zip(per_m)
-                .map(|(factor, per_m)| factor * per_m)
-                .sum()
-        };
-        let per_band = |f: &dyn Fn(&Band) -> f64| bands.iter().map(f).collect();
-        let mut up_to = 0.0;
-        let grains = snow
-            .meeting_shares()
-            .into_iter()
-            .zip(&snow.grains)
-            .zip(tables);
-        let kinds = grains.map(|((share, component), [air, water])| {
-            up_to += share;
-            let size = component.grain.size;
-            Kind {
-                up_to,
-                size_m: [size.min_m(), size.max_m()],
-                tables: [air, water],
-            }
-        });
-        Self {
-            kinds: kinds.collect(),
-            top_m,
-            base_m: top_m + layer.thickness_m,
-            mean_free_distance_m: snow.mean_free_distance_m(),
-            longest_grain_m: snow.sizes_m()[1],
-            water_saturation: snow.water_saturation,
-            in_ice,
-            in_pores,
-            ice_per_m: per_band(&|b| b.coefficients.ice_per_m + carbon(b, &in_ice)),
-            pores_per_m: [
-                per_band(&|b| carbon(b, &in_pores)),
-                per_band(&|b| b.coefficients.water_per_m + carbon(b, &in_pores)),
-            ],
-        }
-    }
-}
-
-impl<'a> EscapeWalker<'a> {
-    /// `layers` from the surface down (at least one), with outcomes per type of
-    /// grain in each. `absorption` is the least of all `bands`.
-    #[must_use]
-    pub fn new(
-        layers: &[Layer],
-        tables: &'a [Vec<[Table; 2]>],
-        (exponents, model): (&[f64], &Model),
-        bands: &'a [Band],
-        absorption: Absorption,
-    ) -> Self {
-        let mut top_m = 0.0;
-        let strata = layers.iter().zip(tables).map(|(layer, tables)| {
-            let stratum = Stratum::new(layer, top_m, tables, bands, (exponents, model));
-            top_m = stratum.base_m;
-            stratum
-        });
-        let strata: Vec<_> = strata.collect();
-        let sooty = strata.iter().any(|s| s.in_pores != [0.0; EXPONENTS]);
-        let wet = strata.iter().any(|s| s.water_saturation > 0.0);
-        let bounce = bands.iter().map(|band| band.reflected).fold(0.0, f64::max);
-        Self {
-            thickness_m: top_m,
-            wet,
-            absorbing_pores: wet || sooty,
-            strata,
-            absorption,
-            bands,
-            entry: model.entry,
-            bounce,
-        }
-    }
-
-    /// Walks `rays` rays.
-    ///
-    /// # Errors
-    /// [`WalkError`].
-    pub fn walk(
-        &self,
-        illumination: Illumination,
-        rays: u64,
-        rng: Stream,
-        catch: &mut impl Catch,
-    ) -> Result<(), WalkError> {
-        let zero = f64x8::ZERO;
-        let mut walk = Walk {
-            walker: self,
-            random: Supply::new(rng),
-            base: vec![0.0; self.bands.len()],
-            weights: vec![zero; self.bands.len()],
-            catch,
-        };
-        for ray in 0..rays {
-            if ray % RAYS_BETWEEN_CHECKS == 0 && walk.catch.stop() {
-                return Err(WalkError::Stopped);
-            }
-            let mu = match illumination {
-                Illumination::Collimated { polar_angle_rad } => libm::cos(polar_angle_rad),
-                Illumination::Diffuse => walk.diffuse_cosine(0),
-            };
-            walk.ray(mu)?;
-        }
-        Ok(())
-    }
-
-    /// The layer at a depth.
-    #[inline(always)]
-    fn stratum(&self, z_m: f64) -> usize {
-        let above_last = self.strata[..self.strata.len() - 1].iter();
-        above_last
-            .take_while(|stratum| stratum.base_m < z_m)
-            .count()
-    }
-
-    /// Optical thicknesses of the snow between depths `z_m` and the upper plane,
-    /// and where `down` the lower one, for vertical light and absorption per
-    /// length `per_m` in each layer.
-    #[inline(always)]
-    fn vertical(&self, z_m: f64x8, down: f64x8, per_m: impl Fn(&Stratum) -> f64) -> f64x8 {
-        let zero = f64x8::ZERO;
-        let mut sum = zero;
-        for stratum in &self.strata {
-            let [top, base] = [stratum.top_m, stratum.base_m].map(f64x8::splat);
-            let part = down.select(base - z_m, z_m - top);
-            let part = part.fast_max(zero).fast_min(base - top);
-            sum += part * f64x8::splat(per_m(stratum));
-        }
-        sum
-    }
-}
-
 /// One walk after another.
-struct Walk<'w, C> {
-    walker: &'w EscapeWalker<'w>,
-    random: Supply,
+pub(super) struct Walk<'w, C> {
+    pub(super) walker: &'w EscapeWalker<'w>,
+    pub(super) random: Supply,
     /// Weight of the ray in each band on its last grain.
-    base: Vec<f64>,
-    weights: Vec<f64x8>,
-    catch: &'w mut C,
+    pub(super) base: Vec<f64>,
+    pub(super) weights: Vec<f64x8>,
+    pub(super) catch: &'w mut C,
 }
 
 /// A grain in the way of a ray: which outcome, how large and how turned.
@@ -348,7 +75,7 @@ struct Meeting<'a> {
 }
 
 impl<'w, C: Catch> Walk<'w, C> {
-    fn diffuse_cosine(&mut self, stratum: usize) -> f64 {
+    pub(super) fn diffuse_cosine(&mut self, stratum: usize) -> f64 {
         let stratum = &self.walker.strata[stratum];
         let u = self.random.uniform();
         let (distance_m, longest_m) = (stratum.mean_free_distance_m, stratum.longest_grain_m);
@@ -361,7 +88,7 @@ impl<'w, C: Catch> Walk<'w, C> {
     }
 
     /// Walks a ray that enters at cosine `mu` to its end.
-    fn ray(&mut self, mu: f64) -> Result<(), WalkError> {
+    pub(super) fn ray(&mut self, mu: f64) -> Result<(), WalkError> {
         let walker = self.walker;
         let thickness_m = walker.thickness_m;
         let last = walker.strata.len() - 1;

@@ -1,0 +1,82 @@
+//! A layer of a pack with outcomes of its grains.
+use crate::table::Table;
+use crate::transport::{EXPONENTS, Layer, Model, impurities_per_m};
+
+use super::Band;
+
+/// Grains of one type, with outcomes in air and in water.
+#[derive(Debug)]
+pub(super) struct Kind<'a> {
+    /// Probability that a grain met is of this type or one before it.
+    pub(super) up_to: f64,
+    pub(super) size_m: [f64; 2],
+    pub(super) tables: [&'a Table; 2],
+}
+
+#[derive(Debug)]
+pub(super) struct Stratum<'a> {
+    pub(super) kinds: Vec<Kind<'a>>,
+    /// Depths of its planes, m.
+    pub(super) top_m: f64,
+    pub(super) base_m: f64,
+    pub(super) mean_free_distance_m: f64,
+    pub(super) longest_grain_m: f64,
+    pub(super) water_saturation: f64,
+    pub(super) in_ice: [f64; EXPONENTS],
+    pub(super) in_pores: [f64; EXPONENTS],
+    /// Absorption of its ice per band, 1/m.
+    pub(super) ice_per_m: Vec<f64>,
+    /// Absorption of its pores per band, filled with air and with water, 1/m.
+    pub(super) pores_per_m: [Vec<f64>; 2],
+}
+
+impl<'a> Stratum<'a> {
+    pub(super) fn new(
+        layer: &Layer,
+        top_m: f64,
+        tables: &'a [[Table; 2]],
+        bands: &[Band],
+        (exponents, model): (&[f64], &Model),
+    ) -> Self {
+        let snow = &layer.snow;
+        let [in_ice, in_pores] = impurities_per_m(snow, model, exponents);
+        let carbon = |band: &Band, per_m: &[f64; EXPONENTS]| -> f64 {
+            let factors = band.coefficients.impurities.iter();
+            factors
+                .zip(per_m)
+                .map(|(factor, per_m)| factor * per_m)
+                .sum()
+        };
+        let per_band = |f: &dyn Fn(&Band) -> f64| bands.iter().map(f).collect();
+        let mut up_to = 0.0;
+        let grains = snow
+            .meeting_shares()
+            .into_iter()
+            .zip(&snow.grains)
+            .zip(tables);
+        let kinds = grains.map(|((share, component), [air, water])| {
+            up_to += share;
+            let size = component.grain.size;
+            Kind {
+                up_to,
+                size_m: [size.min_m(), size.max_m()],
+                tables: [air, water],
+            }
+        });
+        Self {
+            kinds: kinds.collect(),
+            top_m,
+            base_m: top_m + layer.thickness_m,
+            mean_free_distance_m: snow.mean_free_distance_m(),
+            longest_grain_m: snow.sizes_m()[1],
+            water_saturation: snow.water_saturation,
+            in_ice,
+            in_pores,
+            ice_per_m: per_band(&|b| b.coefficients.ice_per_m + carbon(b, &in_ice)),
+            pores_per_m: [
+                per_band(&|b| carbon(b, &in_pores)),
+                per_band(&|b| b.coefficients.water_per_m + carbon(b, &in_pores)),
+            ],
+        }
+    }
+}

@@ -1,0 +1,57 @@
+//! Random numbers one at a time, though drawn eight at a time.
+use wide::f64x8;
+
+use crate::math::ln;
+use crate::rng::Stream;
+
+/// Random numbers one at a time.
+pub(super) struct Supply {
+    rng: Stream,
+    uniforms: [f64; 8],
+    exponentials: [f64; 8],
+    azimuths: [[f64; 8]; 2],
+    left: [usize; 3],
+}
+
+impl Supply {
+    pub(super) fn new(rng: Stream) -> Self {
+        Self {
+            rng,
+            uniforms: [0.0; 8],
+            exponentials: [0.0; 8],
+            azimuths: [[0.0; 8]; 2],
+            left: [0; 3],
+        }
+    }
+
+    #[inline(always)]
+    pub(super) fn uniform(&mut self) -> f64 {
+        if self.left[0] == 0 {
+            (self.uniforms, self.left[0]) = (self.rng.uniform().to_array(), 8);
+        }
+        self.left[0] -= 1;
+        self.uniforms[self.left[0]]
+    }
+
+    #[inline(always)]
+    pub(super) fn exponential(&mut self) -> f64 {
+        if self.left[1] == 0 {
+            let u = self.rng.uniform();
+            (self.exponentials, self.left[1]) = ((-ln(f64x8::ONE - u)).to_array(), 8);
+        }
+        self.left[1] -= 1;
+        self.exponentials[self.left[1]]
+    }
+
+    /// (sin, cos) of a uniform angle.
+    #[inline(always)]
+    pub(super) fn azimuth(&mut self) -> (f64, f64) {
+        if self.left[2] == 0 {
+            let (sin, cos) = self.rng.azimuth();
+            (self.azimuths, self.left[2]) = ([sin.to_array(), cos.to_array()], 8);
+        }
+        self.left[2] -= 1;
+        let [sin, cos] = &self.azimuths;
+        (sin[self.left[2]], cos[self.left[2]])
+    }
+}
