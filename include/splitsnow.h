@@ -103,6 +103,10 @@ const float *splitsnow_wavelengths(const splitsnow *database, size_t *count);
 /* Whether the file holds the quantity. */
 int splitsnow_has(const splitsnow *database, splitsnow_quantity quantity);
 
+/* Whether there is nothing but the snow of the axes, over black ground: queries then
+ * reach down to a thickness of 0, else they begin at the first node. */
+int splitsnow_stands_free(const splitsnow *database);
+
 /* A metadata value (`certificate`, `provenance`, ...), NULL if there is none. */
 const char *splitsnow_metadata(const splitsnow *database, const char *key);
 
@@ -126,8 +130,8 @@ void splitsnow_lookup_free(splitsnow_lookup *lookup);
 
 /* The spectrum of a lookup of one snow at the database's `n` wavelengths.
  *
- * Thickness is anything from 0 on, unless the file has one alone; the angle of
- * incidence, from the normal, is in the box of the axis: beyond it, and for NaN,
+ * Thickness is anything from 0 on, or from the first node on if the file does not stand
+ * free (splitsnow_stands_free), unless the file has one alone; the angle of incidence, from the normal, is in the box of the axis: beyond it, and for NaN,
  * SPLITSNOW_ERROR_OUTSIDE. Within 1e-6 of an end is on it. */
 splitsnow_status splitsnow_spectrum(const splitsnow_lookup *lookup, double thickness_cm,
                                     double angle_deg, float *spectrum, size_t n);
@@ -218,6 +222,7 @@ typedef struct splitsnow__pair {
 struct splitsnow {
     int logarithmic;
     int lines; /* straight lines between the wavelengths */
+    int stands_free;
     size_t counts[SPLITSNOW_AXES];
     float *axes[SPLITSNOW_AXES];
     size_t wavelengths;
@@ -1117,6 +1122,7 @@ static splitsnow_status splitsnow__fill(splitsnow *database, const splitsnow__so
     static const char *const both[] = {"transmittance,reflectance", "transmittance", "reflectance"};
     static const char *const between[] = {"linear"};
     const splitsnow__header *header = &source->header;
+    const splitsnow__text *bottom;
     unsigned char there[SPLITSNOW_AXES];
     int basis, precision, quantities;
     size_t rows = 1;
@@ -1143,6 +1149,9 @@ static splitsnow_status splitsnow__fill(splitsnow *database, const splitsnow__so
     }
     database->logarithmic = basis;
     database->lines = splitsnow__choice(source, "between_wavelengths", -1, between, 1) == 0;
+    bottom = splitsnow__value(header->metadata, header->n_metadata, "bottom_boundary");
+    database->stands_free =
+        bottom == NULL || (bottom->size >= 5 && memcmp(bottom->at, "black", 5) == 0);
 
     status = splitsnow__coordinate(source, "wavelength_nm", SPLITSNOW_AXES,
                                    &database->wavelength_nm, &database->wavelengths);
@@ -1344,6 +1353,8 @@ const float *splitsnow_wavelengths(const splitsnow *database, size_t *count) {
 int splitsnow_has(const splitsnow *database, splitsnow_quantity quantity) {
     return (unsigned)quantity < 2 && database->components[quantity] > 0;
 }
+
+int splitsnow_stands_free(const splitsnow *database) { return database->stands_free; }
 
 const char *splitsnow_metadata(const splitsnow *database, const char *key) {
     const splitsnow__text *found =
@@ -1576,6 +1587,7 @@ struct splitsnow_lookup {
     size_t n[5];     /* nodes of the axes */
     float *axes[5];  /* as in the file */
     float *places[5]; /* their coordinates; those of the thickness begin with the thin ones */
+    size_t thin;     /* nodes before the first thickness, none if the file does not stand free */
     size_t rows;     /* of the thickness, thin ones and nodes */
     size_t width;    /* vectors per node */
     /* [node][width][8]: y of four components and their slopes along the thickness */
@@ -1696,13 +1708,14 @@ static void splitsnow__read_column(const splitsnow_lookup *lookup, const splitsn
     int quantity = lookup->quantity;
     size_t depth = scratch->depth;
     for (size_t h = 0; h < lookup->n[3]; h++, row += lookup->n[4]) {
-        float *y = scratch->y + (SPLITSNOW__THIN + h) * depth;
+        float *y = scratch->y + (lookup->thin + h) * depth;
         for (size_t i = 0; i < depth; i++) {
             if (lookup->components == 0) {
                 float here = splitsnow__depth(
                     quantity, splitsnow__mixed(database, quantity, mix, row, i));
-                /* noise must not make a slab brighter than a thinner one */
-                float least = h > 0 ? (y - depth)[i] : 0.0f;
+                /* Noise must not make a slab transmit more than a thinner one, nor reflect
+                 * less, though over a ground snow may darken it. */
+                float least = h > 0 && lookup->thin > 0 ? (y - depth)[i] : 0.0f;
                 y[i] = here > least ? here : least;
                 continue;
             }
@@ -1779,7 +1792,7 @@ static void splitsnow__add_column(splitsnow_lookup *lookup, size_t at, float wei
 static int splitsnow__inside(const splitsnow_lookup *lookup, int axis, double value, float *moved) {
     float first = lookup->axes[axis][0], last = lookup->axes[axis][lookup->n[axis] - 1];
     if (axis == SPLITSNOW_THICKNESS_CM && lookup->n[axis] > 1) {
-        first = 0.0f;
+        if (lookup->thin > 0) first = 0.0f;
         last = FLT_MAX;
     }
     *moved = splitsnow__single(value);
@@ -1801,15 +1814,15 @@ static void splitsnow__fill_table(splitsnow_lookup *lookup, const splitsnow *dat
         size_t to = corners != NULL ? 0 : column;
         float weight = corners != NULL ? corners->weight[column] : 1.0f;
         for (size_t angle = 0; angle < n_a && weight > 0.0f; angle++) {
-            const float *y = scratch->y + SPLITSNOW__THIN * scratch->depth;
-            float *spectra = scratch->spectra + SPLITSNOW__THIN * lookup->wavelengths;
+            const float *y = scratch->y + lookup->thin * scratch->depth;
+            float *spectra = scratch->spectra + lookup->thin * lookup->wavelengths;
             splitsnow__read_column(lookup, database, mix, from * n_h * n_a + angle, scratch);
             for (size_t h = 0; h < n_h && lookup->components > 0; h++) {
                 splitsnow__rebuild(lookup, y + h * scratch->depth,
                                    spectra + h * lookup->wavelengths);
             }
-            splitsnow__fill_thin(lookup, scratch);
-            for (size_t h = 0; h < SPLITSNOW__THIN && lookup->components > 0; h++) {
+            if (lookup->thin > 0) splitsnow__fill_thin(lookup, scratch);
+            for (size_t h = 0; h < lookup->thin && lookup->components > 0; h++) {
                 splitsnow__rebuild(lookup, scratch->y + h * scratch->depth,
                                    scratch->spectra + h * lookup->wavelengths);
             }
@@ -1830,7 +1843,9 @@ static splitsnow_status splitsnow__shape_lookup(splitsnow_lookup *lookup, const 
     lookup->components = database->logarithmic ? components : 0;
     scratch->depth = database->logarithmic ? components : database->wavelengths;
     lookup->width = (scratch->depth + 3) / 4;
-    lookup->rows = SPLITSNOW__THIN + database->counts[3];
+    /* a thickness alone needs a second node */
+    lookup->thin = database->stands_free || database->counts[3] == 1 ? SPLITSNOW__THIN : 0;
+    lookup->rows = lookup->thin + database->counts[3];
     need = SPLITSNOW__THIN + database->wavelengths;
     for (int axis = 0; axis < 5; axis++) {
         size_t n = one && axis < 3 ? 1 : database->counts[axis];
@@ -1867,7 +1882,7 @@ static splitsnow_status splitsnow__shape_lookup(splitsnow_lookup *lookup, const 
         memcpy(at, database->axes[axis], lookup->n[axis] * sizeof(float));
         at += lookup->n[axis];
         lookup->places[axis] = at;
-        for (size_t i = 0; axis == 3 && i < SPLITSNOW__THIN; i++) {
+        for (size_t i = 0; axis == 3 && i < lookup->thin; i++) {
             *at++ = splitsnow__place(3, splitsnow__thin[i] * lookup->axes[3][0]);
         }
         for (size_t i = 0; i < lookup->n[axis]; i++) {

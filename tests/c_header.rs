@@ -147,7 +147,15 @@ impl Made {
             rows = rows.into_iter().flat_map(longer).collect();
         }
         let [t, r] = Quantity::ALL.map(|quantity| {
-            let values = rows.iter().flat_map(|row| curve(row, &self.nm, quantity));
+            let over = self.extra.contains_key("bottom_boundary");
+            let values = rows.iter().flat_map(|row| {
+                let mut curve = curve(row, &self.nm, quantity);
+                if over && quantity == Quantity::Reflectance {
+                    let ground = 0.35 * (-row[row.len() - 2]).exp();
+                    curve.iter_mut().for_each(|r| *r = 0.6 * *r + ground);
+                }
+                curve
+            });
             let curves = Array2::from_shape_vec((rows.len(), self.nm.len()), values.collect());
             let curves = curves.unwrap();
             let made = compress(curves.view(), quantity, None, self.choice, self.variant);
@@ -226,6 +234,18 @@ fn variants() -> Vec<(String, Vec<u8>)> {
         ..Made::default()
     };
     all.push(("fitted".into(), fitted.bytes()));
+    // over a ground, where snow darkens what is under it
+    for (name, basis) in [("ground_linear", Basis::Linear), ("ground_log", Basis::Log)] {
+        let made = Made {
+            variant: Variant {
+                basis,
+                ..Variant::default()
+            },
+            extra: [("bottom_boundary".into(), "Lambertian ground".into())].into(),
+            ..Made::default()
+        };
+        all.push((name.to_owned(), made.bytes()));
+    }
     // more components than are summed at once, and one quantity
     let many = Made {
         nm: (0..90).map(|i| 380.0 + 5.0 * f64::from(i)).collect(),
