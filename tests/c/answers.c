@@ -1,4 +1,4 @@
-/* What the header answers, for tests/c_header.rs to compare with Rust.
+/* What the header answers, for tests/c_header to compare with Rust.
  *
  *   answers points FILE QUANTITY POINTS OUT   answers at points
  *   answers files PACK OUT                    which files are refused

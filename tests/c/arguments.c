@@ -1,5 +1,5 @@
 /* What include/splitsnow.h refuses of its arguments, its getters and its tables.
- * Usage: arguments PLAIN BEYOND THICK FOLDER, files of tests/c_header.rs. */
+ * Usage: arguments PLAIN BEYOND THICK FOLDER, files of tests/c_header. */
 #define SPLITSNOW_IMPLEMENTATION
 #include "splitsnow.h"
 

@@ -1,0 +1,199 @@
+//! Compact files of every variant.
+use std::collections::BTreeMap;
+use std::fs;
+
+use ndarray::Array2;
+use splitsnow::compress::{Basis, Choice, CompactFile, Precision, Variant, compress};
+use splitsnow::grid::{Axes, Compression, ExtraAxis};
+use splitsnow::measurement::Quantity;
+
+/// Something like snow, with all that decides it.
+fn curve(row: &[f64], nm: &[f64], quantity: Quantity) -> Vec<f64> {
+    let [beyond @ .., facetness, size, density, thickness, angle] = row else {
+        panic!("five axes")
+    };
+    let dirt = 1.0 + beyond.iter().map(|v| v.abs().sqrt()).sum::<f64>() / 20.0;
+    let scatter = 6.0 * density / size * (1.0 - 0.4 * (-facetness / 0.2).exp());
+    let z = (0.7 + 0.5 * angle.to_radians().cos()) / scatter;
+    let value = |nm: &f64| {
+        let k = (scatter * density * 1e-6 * dirt * (nm / 700.0).powi(8)).sqrt();
+        let t = (k * z).sinh() / (k * (thickness + z)).sinh();
+        match quantity {
+            Quantity::Transmittance => t,
+            Quantity::Reflectance => 0.97 - (0.9 * t).max(z / (thickness + z)),
+        }
+    };
+    nm.iter().map(value).collect()
+}
+
+/// A compact file: what is in it, and how.
+pub(crate) struct Made {
+    axes: Axes,
+    nm: Vec<f64>,
+    variant: Variant,
+    choice: Choice,
+    there: Vec<Quantity>,
+    extra: BTreeMap<String, String>,
+}
+
+impl Default for Made {
+    fn default() -> Self {
+        Self {
+            axes: Axes {
+                facetness: vec![0.1, 0.4, 0.9],
+                grain_size_um: vec![100.0, 180.0, 400.0],
+                density_kg_m3: vec![200.0, 350.0],
+                thickness_cm: vec![0.5, 1.0, 2.0, 5.0, 10.0, 30.0],
+                angle_deg: vec![0.0, 30.0, 60.0, 80.0, 89.0],
+                ..Axes::default()
+            },
+            nm: (40..=70).map(|i| f64::from(i) * 10.0).collect(),
+            variant: Variant::default(),
+            choice: Choice::Components(5),
+            there: Quantity::ALL.into(),
+            extra: BTreeMap::new(),
+        }
+    }
+}
+
+impl Made {
+    pub(crate) fn bytes(&self) -> Vec<u8> {
+        let beyond = self.axes.extra.values().map(Vec::as_slice);
+        let five = self.axes.named().map(|(_, values)| values);
+        let mut rows = vec![Vec::new()];
+        for values in beyond.chain(five) {
+            let longer = |head: Vec<f64>| {
+                let with = move |value: &f64| [head.as_slice(), &[*value]].concat();
+                values.iter().map(with).collect::<Vec<_>>()
+            };
+            rows = rows.into_iter().flat_map(longer).collect();
+        }
+        let [t, r] = Quantity::ALL.map(|quantity| {
+            let over = self.extra.contains_key("bottom_boundary");
+            let values = rows.iter().flat_map(|row| {
+                let mut curve = curve(row, &self.nm, quantity);
+                if over && quantity == Quantity::Reflectance {
+                    let ground = 0.35 * (-row[row.len() - 2]).exp();
+                    curve.iter_mut().for_each(|r| *r = 0.6 * *r + ground);
+                }
+                curve
+            });
+            let curves = Array2::from_shape_vec((rows.len(), self.nm.len()), values.collect());
+            let curves = curves.unwrap();
+            let made = compress(curves.view(), quantity, None, self.choice, self.variant);
+            self.there.contains(&quantity).then(|| made.unwrap())
+        });
+        CompactFile {
+            axes: &self.axes,
+            wavelengths_nm: &self.nm,
+            transmittance: t.as_ref(),
+            reflectance: r.as_ref(),
+            provenance: "{}",
+            extra: &self.extra,
+        }
+        .to_bytes()
+        .unwrap()
+    }
+}
+
+/// Files of every variant, by name.
+pub(crate) fn variants() -> Vec<(String, Vec<u8>)> {
+    let mut all = Vec::new();
+    for basis in Basis::ALL {
+        for precision in Precision::ALL {
+            let variant = Variant { basis, precision };
+            let made = Made {
+                variant,
+                ..Made::default()
+            };
+            let name = format!("{}_{}", basis.name(), precision.name());
+            all.push((name, made.bytes()));
+        }
+    }
+    let log = |precision| Variant {
+        basis: Basis::Log,
+        precision,
+    };
+    let beyond = |n: usize| {
+        let axes = [
+            (ExtraAxis::BlackCarbon, vec![0.0, 50.0, 200.0]),
+            (ExtraAxis::WaterSaturation, vec![0.0, 0.1]),
+            (ExtraAxis::Temperature, vec![-20.0, -5.0]),
+            (ExtraAxis::Sphericity, vec![0.6, 0.9]),
+            (ExtraAxis::SubstrateReflectance, vec![0.25]),
+        ];
+        Axes {
+            facetness: vec![0.3, 0.5],
+            grain_size_um: vec![100.0, 300.0],
+            density_kg_m3: vec![300.0],
+            thickness_cm: vec![1.0, 3.0, 9.0, 20.0],
+            angle_deg: vec![0.0, 70.0],
+            extra: axes.into_iter().skip(5 - n).collect(),
+        }
+    };
+    for (name, variant, n) in [
+        ("beyond_log", log(Precision::F32), 5),
+        ("beyond_quantised", log(Precision::Quantised), 3),
+        ("beyond_linear", Variant::default(), 4),
+    ] {
+        let made = Made {
+            axes: beyond(n),
+            variant,
+            ..Made::default()
+        };
+        all.push((name.to_owned(), made.bytes()));
+    }
+    // 8 bits; few wavelengths with straight lines between, as `fit` writes
+    let loose = Choice::Bounds(Compression {
+        max_delta_e: 2.3,
+        max_rmse: Some(0.02),
+    });
+    let fitted = Made {
+        nm: vec![400.0, 431.5, 480.0, 550.0, 611.0, 655.0, 690.0, 760.25],
+        variant: log(Precision::Quantised),
+        choice: loose,
+        extra: [("between_wavelengths".into(), "linear".into())].into(),
+        ..Made::default()
+    };
+    all.push(("fitted".into(), fitted.bytes()));
+    // over a ground, where snow darkens what is under it
+    for (name, basis) in [("ground_linear", Basis::Linear), ("ground_log", Basis::Log)] {
+        let made = Made {
+            variant: Variant {
+                basis,
+                ..Variant::default()
+            },
+            extra: [("bottom_boundary".into(), "Lambertian ground".into())].into(),
+            ..Made::default()
+        };
+        all.push((name.to_owned(), made.bytes()));
+    }
+    // more components than are summed at once, and one quantity
+    let many = Made {
+        nm: (0..90).map(|i| 380.0 + 5.0 * f64::from(i)).collect(),
+        variant: log(Precision::F32),
+        choice: Choice::Components(90),
+        there: vec![Quantity::Reflectance],
+        ..Made::default()
+    };
+    all.push(("many".into(), many.bytes()));
+    for (name, thickness_cm) in [("thick", vec![15.0]), ("two_thick", vec![5.0, 15.0])] {
+        let axes = Axes {
+            thickness_cm,
+            angle_deg: vec![30.0],
+            ..Made::default().axes
+        };
+        let made = Made {
+            axes,
+            nm: vec![900.0],
+            choice: Choice::Components(1),
+            there: vec![Quantity::Transmittance],
+            ..Made::default()
+        };
+        all.push((name.to_owned(), made.bytes()));
+    }
+    if let Some(path) = std::env::var_os("SPLITSNOW_FILE") {
+        all.push(("given".into(), fs::read(path).unwrap()));
+    }
+    all
+}

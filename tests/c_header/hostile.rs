@@ -1,0 +1,252 @@
+//! Files that are cut, changed or odd.
+use std::fs;
+use std::path::Path;
+use std::process::Command;
+
+use splitsnow::lookup::Database;
+
+use crate::{ANSWERS, Numbers, folder, run};
+
+/// A file with its header text changed and its length kept true.
+fn with_header(bytes: &[u8], change: impl FnOnce(Vec<u8>) -> Vec<u8>) -> Vec<u8> {
+    let (length, rest) = bytes.split_first_chunk::<8>().unwrap();
+    let (header, data) = rest.split_at(u64::from_le_bytes(*length) as usize);
+    let header = change(header.to_vec());
+    [&(header.len() as u64).to_le_bytes(), &header[..], data].concat()
+}
+
+/// Headers that are odd, some of which mean what they meant before.
+fn odd_headers(bytes: &[u8]) -> Vec<Vec<u8>> {
+    let angle = r#""angle_deg":{"dtype":"F32","shape":[2],"data_offsets":[0,8]}"#;
+    let nested = |n: usize| format!(r#""a":{}{}, "dtype":"F32""#, "[".repeat(n), "]".repeat(n));
+    let mut swaps: Vec<(&str, String)> = Vec::new();
+    for other in [
+        r#""angle_deg":{"dtype":{"F32":null},"shape":[2],"data_offsets":[0,8]}"#,
+        r#""angle_deg":{"dtype":{"F32":{}},"shape":[2],"data_offsets":[0,8]}"#,
+        r#""angle_deg":{"dtype":{"F32":null,"F32":null},"shape":[2],"data_offsets":[0,8]}"#,
+        r#""angle_deg":["F32",[2],[0,8]]"#,
+        r#""angle_deg":["F32",[2],[0,8],1]"#,
+        r#""angle_deg":["F32",[2]]"#,
+        r#""angle_deg":{"dtype":"F32","shape":[2],"data_offsets":[0,8,8]}"#,
+        r#""angle_deg":{"dtype":"F32","shape":[2],"data_offsets":[0]}"#,
+        r#""angle_deg":{"dtype":"F32","dtype":"F32","shape":[2],"data_offsets":[0,8]}"#,
+        r#""angle_deg":{"dtype":"F32","shape":[2]}"#,
+        r#""angle_deg":{}"#,
+        r#""angle_deg":null"#,
+        r#""angle_deg":7,"angle_deg":{"dtype":"F32","shape":[2],"data_offsets":[0,8]}"#,
+        r#""angle_deg":{"dtype":"U8","shape":[9],"data_offsets":[3,2]},"angle_deg":{"dtype":"F32","shape":[2],"data_offsets":[0,8]}"#,
+        r#""angle_deg":{"dtype":"F32","shape":[2],"data_offsets":[0,8]},"angle_deg":{"dtype":"U8","shape":[9],"data_offsets":[3,2]}"#,
+        r#""angle\u005fdeg":{"\u0064type":"F32","shape":[2],"data_offsets":[0,8]}"#,
+        r#""angle_deg":{"dtype":"F3\u0032","shape":[2],"data_offsets":[0,8]}"#,
+        r#""angle_deg\u0000":{"dtype":"F32","shape":[2],"data_offsets":[0,8]}"#,
+        r#""angle_deg":{"dtype":"F32","shape":[2.0],"data_offsets":[0,8]}"#,
+        r#""angle_deg":{"dtype":"F32","shape":[2],"data_offsets":[-0,8]}"#,
+        r#""angle_deg":{"dtype":"F32","shape":[02],"data_offsets":[0,8]}"#,
+        r#""angle_deg":{"dtype":"F32","shape":[1,2],"data_offsets":[0,8]}"#,
+        r#""angle_deg":{"dtype":"F32","shape":[2,],"data_offsets":[0,8]}"#,
+        r#""angle_deg":{"dtype":"F32","shape":[18446744073709551615,2],"data_offsets":[0,8]}"#,
+        r#""angle_deg":{"dtype":"F32","shape":[18446744073709551616],"data_offsets":[0,8]}"#,
+        r#""angle_deg":{"dtype":"F32","shape":[4611686018427387906],"data_offsets":[0,8]}"#,
+        r#""angle_deg":{"dtype":"F4","shape":[16],"data_offsets":[0,8]}"#,
+        r#""angle_deg":{"dtype":"F4","shape":[15],"data_offsets":[0,8]}"#,
+        r#""angle_deg":{"dtype":"F32","shape":[],"data_offsets":[0,4]}"#,
+        r#""nothing":{"dtype":"F32","shape":[0],"data_offsets":[0,0]},"angle_deg":{"dtype":"F32","shape":[2],"data_offsets":[0,8]}"#,
+        r#"  "angle_deg" : 	{"dtype":"F32" , "shape":[ 2 ],"data_offsets":[0 ,8] } "#,
+    ] {
+        swaps.push((angle, other.to_owned()));
+    }
+    for value in [
+        "1e308",
+        "1e309",
+        "-1e309",
+        "1.7976931348623157e308",
+        "1.7976931348623159e308",
+        "17976931348623157e292",
+        "17976931348623159e292",
+        "0.00017976931348623159e312",
+        "1e-99999999999",
+        "1e99999999999",
+        "0e99999999999",
+        "0.0e99999999999",
+        "01",
+        "-",
+        "-0",
+        "1.",
+        "1.e3",
+        "1e",
+        "1e+",
+        ".5",
+        "+1",
+        "99999999999999999999999999",
+        "true",
+        "nul",
+        "nan",
+        r#""\ud83d\ude00""#,
+        r#""\ud83d""#,
+        r#""\ude00""#,
+        r#""\ud83dx""#,
+        r#""\ud83d\u0041""#,
+        r#""\ud83d\ue000""#,
+        r#""\x""#,
+        r#""\u12g4""#,
+        "\"\u{1}\"",
+        "\"\u{7f}\"",
+        "\"é\"",
+        r#"{"a":[1,{"b":null}]}"#,
+        r#"{"a" 1}"#,
+        "[1 2]",
+        "[,]",
+        "{,}",
+        "[1,]",
+        "\"",
+        "",
+    ] {
+        swaps.push((r#""dtype":"F32""#, format!(r#""a":{value},"dtype":"F32""#)));
+    }
+    swaps.extend([124, 125, 126, 127, 128, 5000].map(|n| (r#""dtype":"F32""#, nested(n))));
+    for (from, to) in [
+        (r#""format":"#, r#""format":"other","format":"#),
+        (
+            r#""format_version":"1""#,
+            r#""format_version":"1","format_version":"2""#,
+        ),
+        (r#""format_version":"1""#, r#""format_version":1"#),
+        (r#""format_version":"1""#, r#""format_version":"1\u0000""#),
+        (r#""format_version":"1""#, r#""format_version":"\u0031""#),
+        (r#"components":"2""#, r#"components":"+2""#),
+        (r#"components":"2""#, r#"components":"+""#),
+        (r#"components":"2""#, r#"components":"02""#),
+        (r#"components":"2""#, r#"components":" 2""#),
+        (r#"components":"2""#, r#"components":"-2""#),
+        (r#"components":"2""#, r#"components":"""#),
+        (
+            r#"components":"2""#,
+            r#"components":"18446744073709551618""#,
+        ),
+        (r#"components":"2""#, r#"components":"0""#),
+        (r#""facetness,grain"#, r#"",facetness,grain"#),
+        (r#""facetness,grain"#, r#""sphericity,facetness,grain"#),
+        (r#""facetness,grain"#, r#""sphericityfacetness,grain"#),
+        (r#""facetness,grain"#, r#""dust,facetness,grain"#),
+        (r#""precision":"f32""#, r#""precision":"f64""#),
+        (r#""precision":"f32""#, r#""precision":"quantised""#),
+        (r#""precision":"f32","#, ""),
+        (r#""basis":"linear""#, r#""basis":"log""#),
+        (r#""basis":"linear""#, r#""basis":"cubic""#),
+        (r#""quantities":"transmittance,reflectance","#, ""),
+        (
+            r#""quantities":"transmittance,reflectance""#,
+            r#""quantities":"reflectance""#,
+        ),
+        (r#""__metadata__":{"#, r#""__metadata__":null,"other":{"#),
+        (
+            r#""__metadata__":{"#,
+            r#""__metadata__":null,"__metadata__":{"#,
+        ),
+        (r#""__metadata__":{"#, r#""__metadata__":{"x":null,"#),
+        (
+            r#""__metadata__":{"#,
+            r#""__metadata__":{"x":"","x":"\u0000","#,
+        ),
+        (
+            r#""__metadata__":{"#,
+            "\"__metadata__\":{\"\u{e9}\u{10ffff}\":\"\",\"",
+        ),
+    ] {
+        swaps.push((from, to.to_owned()));
+    }
+    let mut all = Vec::new();
+    for (from, to) in &swaps {
+        all.push(with_header(bytes, |header| {
+            let header = String::from_utf8(header).unwrap();
+            assert!(header.contains(from), "{from} {header}");
+            header.replacen(from, to, 1).into_bytes()
+        }));
+    }
+    // what is no text, behind and before the header
+    for odd in [
+        &b"\xff"[..],
+        b"\xed\xa0\x80",
+        b"\xc0\x80",
+        b"\xf4\x90\x80\x80",
+        b"\xe2\x82",
+    ] {
+        all.push(with_header(bytes, |header| {
+            [b"{\"__metadata__\":{\"x\":\"", odd, b"\",", &header[17..]].concat()
+        }));
+    }
+    for tail in [&b"\0"[..], b"  \n\t\r", b"x", b"{}", b"\x0b"] {
+        all.push(with_header(bytes, |header| [&header, tail].concat()));
+        all.push(with_header(bytes, |header| [tail, &header].concat()));
+    }
+    for header in ["{}", "[]", "{", "\"\"", "1 ", "{\"__metadata__\":null}"] {
+        all.push(with_header(bytes, |_| header.into()));
+        all.push([&(header.len() as u64).to_le_bytes(), header.as_bytes()].concat());
+    }
+    for length in [0, 1, 2, 16 << 20, (16 << 20) + 1, u64::MAX, u64::MAX - 7] {
+        all.push([&u64::to_le_bytes(length), &bytes[8..]].concat());
+    }
+    all
+}
+
+/// The header refuses what the Rust reader refuses, and nothing else.
+#[test]
+fn hostile_files_are_refused_as_by_rust() {
+    let seeds = Path::new(env!("CARGO_MANIFEST_DIR")).join("fuzz/seeds/compact");
+    let mut all = Vec::new();
+    for entry in fs::read_dir(&seeds).unwrap() {
+        all.push(fs::read(entry.unwrap().path()).unwrap());
+    }
+    let originals = all.clone();
+    let valid = fs::read(seeds.join("valid.safetensors")).unwrap();
+    all.extend((0..valid.len()).map(|end| valid[..end].to_vec()));
+    all.push([valid.as_slice(), &[0]].concat());
+    all.extend(odd_headers(&valid));
+    let mut numbers = Numbers(2);
+    for i in 0..8000 {
+        let mut bytes = originals[i % originals.len()].clone();
+        for _ in 0..1 + numbers.below(3) {
+            // bytes of JSON as often as any
+            let any = [
+                numbers.below(256) as u8,
+                b"0123456789{}[],:\"\\eE.-+ nF"[numbers.below(26)],
+            ];
+            let at = numbers.below(bytes.len());
+            match numbers.below(4) {
+                0 => bytes[at] ^= 1 << numbers.below(8),
+                1 => bytes[at] = any[0],
+                2 => bytes[at] = any[1],
+                _ => {
+                    let range = 8 + numbers.below(bytes.len() - 8);
+                    bytes[range] = any[1];
+                }
+            }
+        }
+        all.push(bytes);
+    }
+    let folder = folder("files");
+    let [pack, out] = ["pack", "out"].map(|name| folder.join(name));
+    let packed = all.iter().flat_map(|bytes| {
+        let length = (bytes.len() as u64).to_le_bytes();
+        [&length, bytes.as_slice()].concat()
+    });
+    fs::write(&pack, packed.collect::<Vec<u8>>()).unwrap();
+    run(Command::new(&*ANSWERS).arg("files").args([&pack, &out]));
+    let found = fs::read_to_string(&out).unwrap();
+    let found: Vec<&str> = found.lines().collect();
+    assert_eq!(found.len(), all.len());
+    let mut accepted = 0;
+    for (i, (bytes, found)) in all.iter().zip(found).enumerate() {
+        let rust = Database::from_bytes(bytes);
+        let header = String::from_utf8_lossy(bytes.get(8..).unwrap_or_default());
+        assert_eq!(
+            rust.is_ok(),
+            found == "ok",
+            "{i}: {:?} {found} {header}",
+            rust.err()
+        );
+        accepted += usize::from(rust.is_ok());
+    }
+    eprintln!("{} files, {accepted} accepted", all.len());
+    assert!(accepted > 800 && all.len() - accepted > 5000, "{accepted}");
+}
