@@ -19,9 +19,11 @@ pub(crate) struct Eye {
 }
 
 impl Eye {
-    pub(crate) fn new(wavelengths_nm: &[f64], illuminant: &str, space: &str) -> PyResult<Self> {
+    /// For spectra at these wavelengths; `seen` are a colour space and an illuminant.
+    pub(crate) fn new(wavelengths_nm: &[f64], seen: &(String, String)) -> PyResult<Self> {
+        let (space, illuminant) = seen;
         let refuse = |message: String| PyValueError::new_err(message);
-        let space = match space {
+        let space = match space.as_str() {
             "xyz" => Space::Xyz,
             "lab" => Space::Lab,
             "linear_srgb" => Space::LinearSrgb,
@@ -69,8 +71,7 @@ pub(crate) fn colours(
     seen: (String, String),
     mut out: PyReadwriteArray2<f64>,
 ) -> PyResult<()> {
-    let (space, illuminant) = seen;
-    let eye = Eye::new(&wavelengths_nm, &illuminant, &space)?;
+    let eye = Eye::new(&wavelengths_nm, &seen)?;
     let (spectra, mut out) = (spectra.as_array(), out.as_array_mut());
     if spectra.ncols() != wavelengths_nm.len() || out.dim() != (spectra.nrows(), 3) {
         let (found, expected) = (spectra.ncols(), wavelengths_nm.len());

@@ -18,7 +18,7 @@ use crate::colour::Eye;
 use crate::points::{Method, Points, refused};
 use crate::pool::pool;
 
-/// Prepared look-ups kept; those of a `linear` file may take 1 GB each.
+/// Prepared look-ups kept, and eyes; a look-up of a `linear` file may take 1 GB.
 const KEPT: usize = 8;
 
 /// What is looked up: quantity, method, values of axes beyond the five by name.
@@ -31,7 +31,29 @@ type Key = (Quantity, Vec<(ExtraAxis, u64)>);
 #[pyclass(frozen)]
 pub(crate) struct Database {
     file: lookup::Database,
-    prepared: Mutex<Vec<(Key, Arc<Lookup>)>>,
+    prepared: Kept<Key, Lookup>,
+    eyes: Kept<(String, String), Eye>,
+}
+
+/// What was made last, by what it is for.
+struct Kept<K, V>(Mutex<Vec<(K, Arc<V>)>>);
+
+impl<K: PartialEq, V> Kept<K, V> {
+    /// What is for `key`, made if it must be. The lock is not held while it is: two
+    /// threads may both make the same.
+    fn get<E>(&self, key: K, make: impl FnOnce() -> Result<V, E>) -> Result<Arc<V>, E> {
+        let lock = || self.0.lock().unwrap_or_else(PoisonError::into_inner);
+        if let Some((_, value)) = lock().iter().find(|(known, _)| *known == key) {
+            return Ok(value.clone());
+        }
+        let value = Arc::new(make()?);
+        let mut kept = lock();
+        if kept.len() == KEPT {
+            kept.remove(0);
+        }
+        kept.push((key, value.clone()));
+        Ok(value)
+    }
 }
 
 /// An error of reading a file or preparing a look-up.
@@ -72,7 +94,8 @@ impl Database {
             .map_err(failed)?;
         Ok(Self {
             file,
-            prepared: Mutex::default(),
+            prepared: Kept(Mutex::default()),
+            eyes: Kept(Mutex::default()),
         })
     }
 
@@ -148,14 +171,15 @@ impl Database {
         seen: (String, String),
         mut out: PyReadwriteArray2<f64>,
     ) -> PyResult<()> {
-        let (space, illuminant) = seen;
-        let nm: Vec<f64> = self
-            .file
-            .wavelengths_nm()
-            .iter()
-            .map(|nm| f64::from(*nm))
-            .collect();
-        let eye = Eye::new(&nm, &illuminant, &space)?;
+        let eye = self.eyes.get(seen.clone(), || {
+            let nm: Vec<f64> = self
+                .file
+                .wavelengths_nm()
+                .iter()
+                .map(|nm| f64::from(*nm))
+                .collect();
+            Eye::new(&nm, &seen)
+        })?;
         self.fill(
             py,
             &asked,
@@ -228,27 +252,16 @@ impl Database {
         py.detach(|| run(&pool))
     }
 
-    /// The look-up of `quantity` there. The lock is never held for long, nor with the
-    /// GIL: two threads may both prepare the same.
+    /// The look-up of `quantity` there.
     fn prepared(&self, quantity: Quantity, there: &Conditions) -> Result<Arc<Lookup>, LookupError> {
         let bits = there.iter().map(|(axis, value)| (*axis, value.to_bits()));
-        let key: Key = (quantity, bits.collect());
-        let lock = || self.prepared.lock().unwrap_or_else(PoisonError::into_inner);
-        if let Some((_, lookup)) = lock().iter().find(|(known, _)| *known == key) {
-            return Ok(lookup.clone());
-        }
-        let lookup = if there.is_empty() && self.file.extra().is_empty() {
-            Lookup::new(&self.file, quantity)?
-        } else {
-            Lookup::new(&self.file.at(there)?, quantity)?
-        };
-        let lookup = Arc::new(lookup);
-        let mut kept = lock();
-        if kept.len() == KEPT {
-            kept.remove(0);
-        }
-        kept.push((key, lookup.clone()));
-        Ok(lookup)
+        self.prepared.get((quantity, bits.collect()), || {
+            if self.file.extra().is_empty() && there.is_empty() {
+                Lookup::new(&self.file, quantity)
+            } else {
+                Lookup::new(&self.file.at(there)?, quantity)
+            }
+        })
     }
 }
 

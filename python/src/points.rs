@@ -9,6 +9,9 @@ use splitsnow::lookup::{Lookup, LookupError, Point, Varsa2025};
 /// Rows of a task; fewer are not worth waking a thread.
 const TASK: usize = 1024;
 
+/// Which point has no answer, and why.
+pub(crate) type Failure = (usize, Box<LookupError>);
+
 /// A prepared method of look-up.
 pub(crate) enum Method<'a> {
     Smooth(&'a Lookup),
@@ -73,13 +76,13 @@ impl<'a> Points<'a> {
         wavelengths: usize,
         (rows, width): (&mut [T], usize),
         finish: impl Fn(&[f32], &mut [T]) + Sync,
-    ) -> Result<(), (usize, LookupError)> {
+    ) -> Result<(), Failure> {
         let task = |(number, rows): (usize, &mut [T])| {
             let mut spectrum = vec![0.0; wavelengths];
             for (i, row) in rows.chunks_exact_mut(width).enumerate() {
                 let index = number * TASK + i;
                 let found = method.spectrum(self.at(index), &mut spectrum);
-                found.map_err(|error| (index, error))?;
+                found.map_err(|error| (index, Box::new(error)))?;
                 finish(&spectrum, row);
             }
             Ok(())
@@ -97,7 +100,7 @@ impl<'a> Points<'a> {
 }
 
 /// A failed look-up as `ValueError`, with the position in the broadcast arguments.
-pub(crate) fn refused((index, error): (usize, LookupError), shape: &[usize]) -> PyErr {
+pub(crate) fn refused((index, error): Failure, shape: &[usize]) -> PyErr {
     let mut rest = index;
     let mut position: Vec<usize> = Vec::new();
     for length in shape.iter().rev() {
