@@ -238,7 +238,10 @@ class Database:
         axes = " x ".join(f"{len(values)} {name}" for name, values in self.axes.items())
         nm = self.wavelengths_nm
         held = ", ".join(self.quantities)
-        return f"<splitsnow.Database {self._path!r}: {held}; {axes}; {len(nm)} wavelengths, {nm[0]:g}-{nm[-1]:g} nm>"
+        return (
+            f"<splitsnow.Database {self._path!r}: {held}; {axes}; "
+            f"{len(nm)} wavelengths, {nm[0]:g}-{nm[-1]:g} nm>"
+        )
 
     @staticmethod
     def _asked(

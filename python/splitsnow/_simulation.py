@@ -75,6 +75,9 @@ def simulate(
     else:
         path = os.fspath(sample)
         file = (path, Path(path).read_text(encoding="utf-8"), False)
+    for name, value in (("rays", rays), ("seed", seed)):
+        if value is not None and not 0 <= value < 2**64:
+            raise ValueError(f"{name} = {value} must be a whole number from 0 to 2^64 - 1")
     bounds = None
     if isinstance(max_error, Mapping):
         unknown = set(max_error) - {"delta_e", "rmse"}

@@ -237,8 +237,10 @@ impl Database {
                     Method::Smooth(&lookup)
                 }
                 "varsa2025" => {
+                    let published = Varsa2025::new(&self.file, quantity).map_err(failed)?;
+                    // refuses axes that the file has not, and values off the only one
                     self.file.at(&conditions).map_err(failed)?;
-                    Method::Varsa2025(Varsa2025::new(&self.file, quantity).map_err(failed)?)
+                    Method::Varsa2025(published)
                 }
                 other => {
                     let message =

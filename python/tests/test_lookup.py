@@ -142,6 +142,9 @@ def test_wrong_arguments(quick, sooty, fitted):
     for message, call in {
         "axis black_carbon_ng_g, from 0 to 100: say": lambda: sooty.transmittance(0.3, 300, 250, 4, 0),
         "no axis temperature_c": lambda: quick.transmittance(*POINT, temperature_c=-3),
+        "the database has no axis sphericity": lambda: quick.transmittance(
+            0.5, 300, 200, 4, 0, method="varsa2025", sphericity=0.8
+        ),
         "no axis is named `soot`; there are black": lambda: quick.transmittance(*POINT, soot=3),
         "black_carbon_ng_g = NaN is outside": lambda: sooty.transmittance(
             0.3, 300, 250, 4, 0, black_carbon_ng_g=np.nan

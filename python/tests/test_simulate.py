@@ -77,6 +77,8 @@ def test_wrong_samples_and_arguments(tmp_path):
         ("polar_angle", {"version": 1}, {}),
         ("no engine is named `fast`", SAMPLE, {"engine": "fast"}),
         ("rays = 0", SAMPLE, {"rays": 0}),
+        ("rays = -1 must", SAMPLE, {"rays": -1}),
+        ("seed = 18446744073709551616 must", SAMPLE, {"seed": 2**64}),
         ("for the engine `auto`", SAMPLE, {"engine": "spectral", "max_error": 0.01}),
         ("must be above 0", SAMPLE, {"max_error": -1}),
         ("must be above 0", SAMPLE, {"max_error": np.nan}),
