@@ -147,11 +147,10 @@ splitsnow_status splitsnow_spectrum_at(const splitsnow_lookup *lookup, double th
                                        double angle_deg, const double *wavelength_nm, size_t n,
                                        float *spectrum);
 
-/* The CIE 1931 2-degree observer under an illuminant, seeing spectra of the database
- * at `n` wavelengths (nm, strictly increasing) by trapezoid sums, with straight lines
- * between those of the file. With `wavelength_nm` NULL: at those of the file, or,
- * where the file says that there are straight lines between (made by `fit`), every
- * 5 nm from its first to its last. */
+/* The CIE 1931 2-degree observer under an illuminant, seeing the straight lines between
+ * the database's wavelengths by trapezoid sums over `n` wavelengths (nm, strictly
+ * increasing), or, if `wavelength_nm` is NULL, over those of the database and every 5 nm
+ * between. */
 splitsnow_status splitsnow_colour_new(const splitsnow *database, splitsnow_illuminant illuminant,
                                       const double *wavelength_nm, size_t n,
                                       splitsnow_colour **colour);
@@ -221,7 +220,6 @@ typedef struct splitsnow__pair {
 
 struct splitsnow {
     int logarithmic;
-    int lines; /* straight lines between the wavelengths */
     int stands_free;
     size_t counts[SPLITSNOW_AXES];
     float *axes[SPLITSNOW_AXES];
@@ -1120,7 +1118,6 @@ static splitsnow_status splitsnow__fill(splitsnow *database, const splitsnow__so
     static const char *const bases[] = {"linear", "log"};
     static const char *const precisions[] = {"f32", "f16", "quantised"};
     static const char *const both[] = {"transmittance,reflectance", "transmittance", "reflectance"};
-    static const char *const between[] = {"linear"};
     const splitsnow__header *header = &source->header;
     const splitsnow__text *bottom;
     unsigned char there[SPLITSNOW_AXES];
@@ -1148,7 +1145,6 @@ static splitsnow_status splitsnow__fill(splitsnow *database, const splitsnow__so
             source, "quantities", "transmittance,reflectance` or `transmittance` or `reflectance");
     }
     database->logarithmic = basis;
-    database->lines = splitsnow__choice(source, "between_wavelengths", -1, between, 1) == 0;
     bottom = splitsnow__value(header->metadata, header->n_metadata, "bottom_boundary");
     database->stands_free =
         bottom == NULL || (bottom->size >= 5 && memcmp(bottom->at, "black", 5) == 0);
@@ -2362,19 +2358,17 @@ void splitsnow_colour_free(splitsnow_colour *colour) {
     free(colour);
 }
 
-/* The wavelengths of the file, or every 5 nm over them as far as the observer sees. */
+/* The wavelengths of the file and every 5 nm between. */
 static double *splitsnow__own(const splitsnow *database, size_t *count) {
     const float *file = database->wavelength_nm;
-    double first = (double)file[0], last = (double)file[database->wavelengths - 1], *nm;
-    nm = (double *)splitsnow__allocate(database->wavelengths + SPLITSNOW__OBSERVED, sizeof(double));
+    int step = 0;
+    double *nm = (double *)splitsnow__allocate(database->wavelengths + SPLITSNOW__LIT, sizeof *nm);
     *count = 0;
-    for (size_t i = 0; nm != NULL && !database->lines && i < database->wavelengths; i++) {
-        nm[(*count)++] = (double)file[i];
-    }
-    for (int step = 0; nm != NULL && database->lines && step < SPLITSNOW__OBSERVED; step++) {
-        if (splitsnow__nm(step) >= first && splitsnow__nm(step) <= last) {
-            nm[(*count)++] = splitsnow__nm(step);
+    for (size_t i = 0; nm != NULL && i < database->wavelengths; i++) {
+        for (; step < SPLITSNOW__LIT && splitsnow__nm(step) <= (double)file[i]; step++) {
+            if (i > 0 && splitsnow__nm(step) < (double)file[i]) nm[(*count)++] = splitsnow__nm(step);
         }
+        nm[(*count)++] = (double)file[i];
     }
     return nm;
 }

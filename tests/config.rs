@@ -9,8 +9,8 @@ use std::fmt::Write;
 use std::path::{Path, PathBuf};
 
 use config_errors::{
-    GRID, GRID_ERRORS, PACK, PACK_ERRORS, SAMPLE, SAMPLE_ERRORS, SCENE, SCENE_ERRORS, STUDY,
-    STUDY_ERRORS,
+    BRDF_STUDY, BRDF_STUDY_ERRORS, GRID, GRID_ERRORS, PACK, PACK_ERRORS, SAMPLE, SAMPLE_ERRORS,
+    SCENE, SCENE_ERRORS, STUDY, STUDY_ERRORS,
 };
 use proptest::prelude::*;
 use splitsnow::colour::{ColourDifference, Illuminant, Viewing};
@@ -238,13 +238,13 @@ fn committed_configs_are_accepted_and_name_their_schema() {
     let scenes = files("configs/scenes");
     assert!(grids.len() >= 2 && samples.len() >= 17 && scenes.len() >= 4);
     let studies = files("configs/studies");
-    assert!(studies.len() >= 12);
+    assert!(studies.len() >= 20);
     for path in &studies {
         names_schema(path);
         let file = study::read(path).unwrap_or_else(|e| panic!("{e}"));
         assert_eq!(
             !file.warnings.is_empty(),
-            path.ends_with("surface_layer.toml")
+            path.ends_with("surface_layer.toml") || path.ends_with("brdf_grain_size.toml")
         );
     }
     for path in &scenes {
@@ -268,14 +268,14 @@ fn committed_configs_are_accepted_and_name_their_schema() {
     }
 }
 
-/// A study beside the sample file `base.toml`, and how it is refused with `edit`.
-fn refused_study(edit: (&str, &str)) -> String {
+/// The study `good` beside the sample file `base.toml`, and how it is refused with `edit`.
+fn refused_study(good: &str, edit: (&str, &str)) -> String {
     let folder = tempfile::tempdir().unwrap();
     std::fs::write(folder.path().join("base.toml"), SAMPLE).unwrap();
     let name = folder.path().join("study.toml").display().to_string();
-    assert!(study::parse(&name, STUDY).is_ok());
-    assert_eq!(STUDY.matches(edit.0).count(), 1, "{}", edit.0);
-    let error = study::parse(&name, &STUDY.replace(edit.0, edit.1)).unwrap_err();
+    assert!(study::parse(&name, good).is_ok());
+    assert_eq!(good.matches(edit.0).count(), 1, "{}", edit.0);
+    let error = study::parse(&name, &good.replace(edit.0, edit.1)).unwrap_err();
     let folder = format!("{}/", folder.path().display());
     error.to_string().replace(&folder, "")
 }
@@ -283,9 +283,11 @@ fn refused_study(edit: (&str, &str)) -> String {
 #[test]
 fn refused_studies_say_why() {
     let mut text = String::new();
-    for (old, new) in STUDY_ERRORS {
-        let refusal = refused_study((old, new));
-        writeln!(text, "- {old}\n+ {new}\n{refusal}\n").unwrap();
+    for (good, errors) in [(STUDY, STUDY_ERRORS), (BRDF_STUDY, BRDF_STUDY_ERRORS)] {
+        for (old, new) in errors {
+            let refusal = refused_study(good, (old, new));
+            writeln!(text, "- {old}\n+ {new}\n{refusal}\n").unwrap();
+        }
     }
     golden("tests/config_errors/study.txt", &text);
 }
@@ -297,7 +299,12 @@ fn studies_change_samples() {
     let name = folder.path().join("study.toml").display().to_string();
     let file = study::parse(&name, STUDY).unwrap();
     assert_eq!((file.name.as_str(), file.variants.len()), ("study", 2));
-    assert_eq!(file.against, study::Against::Wavelength);
+    let spectra = study::DrawSpectra {
+        quantity: Quantity::Reflectance,
+        against: study::Against::Wavelength,
+        from: 0.0,
+    };
+    assert_eq!(file.draw, study::Draw::Spectra(spectra));
     let base = sample::parse("s.toml", SAMPLE).unwrap();
     let [first, second] = &file.variants[..] else {
         panic!("{:?}", file.variants)
@@ -310,6 +317,18 @@ fn studies_change_samples() {
     assert_eq!(second.sample.pack.below.len(), base.pack.below.len() + 1);
     assert_eq!(second.sample.pack.surface.density_kg_m3, 100.0);
     assert_eq!(file.published[0].range, Some([0.8, 0.95]));
+
+    let brdf = |text: &str| study::parse(&name, text).unwrap().draw;
+    let mut plane = study::DrawBrdf {
+        hemisphere: false,
+        logarithmic: true,
+        sensors: 1000,
+    };
+    assert_eq!(brdf(BRDF_STUDY), study::Draw::Brdf(plane));
+    (plane.hemisphere, plane.logarithmic, plane.sensors) = (true, false, 70);
+    let keys = "directions = \"hemisphere\"\nsensors = 70";
+    let discs = BRDF_STUDY.replace("scale = \"logarithmic\"", keys);
+    assert_eq!(brdf(&discs), study::Draw::Brdf(plane));
 }
 
 #[test]

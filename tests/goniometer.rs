@@ -1,5 +1,5 @@
 //! The goniophotometer: sensors, sums, symmetries, limits, reciprocity, errors,
-//! the fast way against counting, and the published trends.
+//! the fast way against counting. The published trends are in tests/studies.rs.
 //!
 //! Where runs are compared over many sensors, standard errors come from 32 parts
 //! (31 degrees of freedom): a squared difference in units of its variance then has
@@ -403,75 +403,6 @@ fn radial_profiles_add_up_and_widen_with_depth() {
     let beyond = far(&visible.reflected, visible.reflectance);
     assert!(beyond > 1.5 * far(&infrared.reflected, infrared.reflectance));
     assert!(far(&visible.transmitted, visible.transmittance) > beyond);
-}
-
-/// BRDF at a polar angle in the plane of incidence, `azimuth` 0 or pi.
-fn at(sensors: &Sensors, exits: &Exits, deg: f64, azimuth: f64) -> Measured {
-    exits.reflected[sensors.index(direction([deg.to_radians(), azimuth]))]
-}
-
-/// Trends of the BRDF (Varsa 2025, section 7): each by more than three standard
-/// errors of the difference.
-#[test]
-fn trends_of_the_brdf() {
-    let sensors = Sensors::new(200);
-    let run = |facetness, deg, nm: &[f64]| {
-        let snow = snow((300.0, 750.0), facetness, 275.0, 0.0);
-        let setup = Setup::new(snow, 0.12, beam(deg), nm, 10_000);
-        setup.measure(Engine::Tabulated, &sensors)
-    };
-    let more = |a: Measured, b: Measured, what: &str| {
-        assert!(z(a, b) > 3.0, "{what}: {a:?} {b:?}");
-    };
-    let normal = run(0.3, 0.0, &[600.0]).remove(0);
-    // nearly Lambertian at normal incidence in the visible: within a fifth up to 60 degrees
-    let whole = normal.reflectance.value / PI;
-    for deg in [0.0, 20.0, 40.0, 60.0] {
-        let f = at(&sensors, &normal, deg, 0.0);
-        assert!(
-            (f.value / whole - 1.0).abs() < 0.2 + 3.0 * f.se / whole,
-            "{deg}: {f:?} {whole}"
-        );
-    }
-    let relative = |exits: &Exits, deg, azimuth| {
-        let f = at(&sensors, exits, deg, azimuth);
-        let scale = PI / exits.reflectance.value;
-        Measured {
-            value: scale * f.value,
-            se: scale * f.se,
-        }
-    };
-    let peak = |exits: &Exits| relative(exits, 70.0, 0.0);
-    let nadir = |exits: &Exits| relative(exits, 0.0, 0.0);
-    let slant = run(0.3, 60.0, &[600.0, 1800.0]);
-    let grazing = run(0.3, 75.0, &[600.0]).remove(0);
-    more(peak(&slant[0]), peak(&normal), "forward peak at 60 degrees");
-    more(
-        peak(&grazing),
-        peak(&slant[0]),
-        "forward peak at 75 degrees",
-    );
-    more(
-        nadir(&normal),
-        nadir(&slant[0]),
-        "nadir darkening at 60 degrees",
-    );
-    more(
-        nadir(&slant[0]),
-        nadir(&grazing),
-        "nadir darkening at 75 degrees",
-    );
-    more(peak(&slant[1]), peak(&slant[0]), "forward peak at 1800 nm");
-    more(nadir(&slant[0]), nadir(&slant[1]), "nadir at 1800 nm");
-    let (smooth, faceted) = (
-        run(0.1, 60.0, &[600.0]).remove(0),
-        run(0.9, 60.0, &[600.0]).remove(0),
-    );
-    more(
-        peak(&smooth),
-        peak(&faceted),
-        "forward peak of smooth grains",
-    );
 }
 
 /// The command line prints what the library measures, whatever the threads.

@@ -1,7 +1,7 @@
 //! The trends of the committed studies (configs/studies) that tests/published.rs does
-//! not hold for homogeneous clean snow: layers, carbon, depth.
+//! not hold for homogeneous clean snow: layers, carbon, depth, and the BRDF.
 //!
-//! Each runs its study file, at fewer wavelengths. A difference counts if it exceeds
+//! Each runs its study file, at fewer wavelengths or on fewer sensors. A difference counts if it exceeds
 //! what chance allows over all comparisons here (see tests/published.rs).
 #![allow(clippy::unwrap_used, clippy::print_stdout)]
 #[path = "common/snow.rs"]
@@ -9,23 +9,30 @@
 mod snow;
 
 use std::collections::BTreeMap;
+use std::f64::consts::{FRAC_PI_2, PI};
 use std::path::Path;
 use std::process::Command;
 use std::sync::atomic::{AtomicBool, AtomicU64};
 
 use snow::z_limit;
-use splitsnow::config::study::{StudyFile, Variant, read};
+use splitsnow::config::study::{Draw, StudyFile, Variant, read};
+use splitsnow::engine::exits::Exits;
 use splitsnow::engine::{Cache, Control, Engine};
-use splitsnow::measurement::Measured;
-use splitsnow::study::{Settings, Studied, run};
+use splitsnow::math::Vec3;
+use splitsnow::measurement::{Measured, Sensors};
+use splitsnow::study::{Settings, Spectra, Studied, run};
 
 /// Chance that any comparison fails although the trend is there, and how many there are.
 const ALPHA: f64 = 1e-6;
 const COMPARISONS: usize = 200;
 
-fn study(name: &str, wavelengths_nm: &[f64]) -> StudyFile {
+fn committed(name: &str) -> StudyFile {
     let folder = Path::new(env!("CARGO_MANIFEST_DIR")).join("configs/studies");
-    let mut study = read(&folder.join(format!("{name}.toml"))).unwrap();
+    read(&folder.join(format!("{name}.toml"))).unwrap()
+}
+
+fn study(name: &str, wavelengths_nm: &[f64]) -> StudyFile {
+    let mut study = committed(name);
     for variant in &mut study.variants {
         variant.sample.wavelengths_nm = wavelengths_nm.to_vec();
     }
@@ -51,8 +58,15 @@ fn studied(study: &StudyFile, rays: u64) -> Studied<'_> {
     run(study, settings, &control, |_| ()).unwrap()
 }
 
+fn spectra(study: &StudyFile, rays: u64) -> Spectra<'_> {
+    match studied(study, rays) {
+        Studied::Spectra(spectra) => spectra,
+        Studied::Brdfs(_) => panic!("{} draws BRDFs", study.name),
+    }
+}
+
 fn values(study: &StudyFile, rays: u64) -> Values {
-    let studied = studied(study, rays);
+    let studied = spectra(study, rays);
     let of = |(variant, _, values): (&Variant, _, &[Measured])| {
         let key = (variant.group.clone(), variant.label.clone());
         (key, values.to_vec())
@@ -184,7 +198,7 @@ fn blue_goes_deepest_in_all_snows() {
 #[test]
 fn visible_transmittance_is_nearly_a_power_of_thickness() {
     let file = study("visible_thickness", &[450.0, 550.0, 650.0]);
-    let studied = studied(&file, 8192);
+    let studied = spectra(&file, 8192);
     let mut lines: BTreeMap<&str, Vec<[f64; 2]>> = BTreeMap::new();
     for (variant, thickness_m, mean) in studied.against_thickness() {
         assert!(mean.se < 0.02 * mean.value, "{mean:?}");
@@ -207,6 +221,191 @@ fn visible_transmittance_is_nearly_a_power_of_thickness() {
     }
 }
 
+/// BRDFs on few sensors, some 20 degrees wide, by group and label.
+struct Brdfs {
+    sensors: Sensors,
+    of: BTreeMap<(String, String), Exits>,
+}
+
+fn brdfs(name: &str, rays: u64) -> Brdfs {
+    let mut study = committed(name);
+    let Draw::Brdf(draw) = &mut study.draw else {
+        panic!("{name} draws spectra")
+    };
+    draw.sensors = 60;
+    let Studied::Brdfs(all) = studied(&study, rays) else {
+        panic!("{name} gives spectra")
+    };
+    let named = all.variants().map(|(variant, exits)| {
+        let key = (variant.group.clone(), variant.label.clone());
+        (key, exits.clone())
+    });
+    Brdfs {
+        of: named.collect(),
+        sensors: all.sensors.clone(),
+    }
+}
+
+impl Brdfs {
+    /// The BRDF in units of that of a Lambertian reflector as bright.
+    fn at(&self, group: &str, label: &str, degrees: f64, azimuth: f64) -> Measured {
+        let exits = &self.of[&key(group, label)];
+        let (sin, cos) = degrees.to_radians().sin_cos();
+        let direction = Vec3::new(sin * azimuth.cos(), sin * azimuth.sin(), -cos);
+        let brdf = exits.reflected[self.sensors.index(direction)];
+        scaled(brdf, PI / exits.reflectance.value)
+    }
+
+    fn nadir(&self, group: &str, label: &str) -> Measured {
+        self.at(group, label, 0.0, 0.0)
+    }
+
+    fn forward(&self, group: &str, label: &str) -> Measured {
+        self.at(group, label, 80.0, 0.0)
+    }
+
+    /// The forward peak over the nadir.
+    fn contrast(&self, group: &str, label: &str) -> Measured {
+        let (peak, nadir) = (self.forward(group, label), self.nadir(group, label));
+        let value = peak.value / nadir.value;
+        let se = value * (peak.se / peak.value).hypot(nadir.se / nadir.value);
+        Measured { value, se }
+    }
+}
+
+fn scaled(m: Measured, by: f64) -> Measured {
+    Measured {
+        value: by * m.value,
+        se: by * m.se,
+    }
+}
+
+/// At normal incidence and 600 nm the BRDF is that of a Lambertian reflector within a
+/// fifth, up to 60 degrees. At 60 degrees there is more light forward and less at nadir,
+/// of both the more at 1800 nm.
+#[test]
+fn slanting_light_goes_forward() {
+    let found = brdfs("brdf_incidence", 16_384);
+    let [normal, slight, slant] = ["0", "30", "60"].map(|angle| format!("light at {angle}°"));
+    for degrees in [0.0, 20.0, 40.0, 60.0] {
+        let f = found.at("600 nm", &normal, degrees, 0.0);
+        let limit = z_limit(ALPHA, COMPARISONS) * f.se;
+        assert!((f.value - 1.0).abs() < 0.2 + limit, "{degrees}: {f:?}");
+    }
+    for nm in ["600 nm", "1800 nm"] {
+        let peak = found.forward(nm, &slant);
+        for less in [&normal, &slight] {
+            assert_more("forward at 60 degrees", peak, found.forward(nm, less), 0.0);
+        }
+        let nadirs = [&normal, &slight, &slant].map(|label| found.nadir(nm, label));
+        assert_more("nadir at 0 degrees", nadirs[0], nadirs[2], 0.0);
+        for pair in nadirs.windows(2) {
+            let (gap, limit) = gap(pair[0], pair[1]);
+            assert!(gap > -limit, "{nm}: {pair:?}");
+        }
+    }
+    let [near, far] = ["600 nm", "1800 nm"];
+    let peaks = [near, far].map(|nm| found.forward(nm, &slant));
+    assert_more("forward at 1800 nm", peaks[1], peaks[0], 0.0);
+    let nadirs = [near, far].map(|nm| found.nadir(nm, &slant));
+    assert_more("nadir at 600 nm", nadirs[0], nadirs[1], 0.0);
+}
+
+/// From 52.8 to 84.8 degrees the forward peak grows and the nadir darkens; from 69.3 the
+/// peak is above all else, at 84.8 degrees five times as high as Lambertian. At 1800 nm
+/// both are stronger than at 600 nm.
+#[test]
+fn grazing_light_goes_forward_the_more() {
+    let found = brdfs("brdf_incidence_published", 16_384);
+    let labels = ["52.8", "69.3", "84.8"].map(|angle| format!("light at {angle}°"));
+    let peaks = labels
+        .each_ref()
+        .map(|label| found.forward("600 nm", label));
+    let nadirs = labels.each_ref().map(|label| found.nadir("600 nm", label));
+    for i in 0..2 {
+        assert_more("forward", peaks[i + 1], peaks[i], 0.0);
+        let (gap, limit) = gap(nadirs[i], nadirs[i + 1]);
+        assert!(gap > -limit, "{nadirs:?}");
+        assert_more("nadir", nadirs[i], nadirs[2], 0.0);
+    }
+    assert_more(
+        "the peak at 84.8 degrees",
+        peaks[2],
+        Measured::default(),
+        5.0,
+    );
+    let backward = found.at("600 nm", &labels[1], 60.0, PI);
+    assert_more("forward above backward", peaks[1], backward, 0.0);
+    let far = |of: fn(&Brdfs, &str, &str) -> Measured| of(&found, "1800 nm", &labels[1]);
+    assert_more("forward at 1800 nm", far(Brdfs::forward), peaks[1], 0.0);
+    assert_more("nadir at 600 nm", nadirs[1], far(Brdfs::nadir), 0.0);
+}
+
+/// At 1450 nm fine grains have the higher forward peak in 1/sr, though over a nadir that
+/// is brighter still; at 600 nm they have the lower one over the nadir.
+#[test]
+fn the_forward_peak_of_fine_grains_is_low_in_the_visible() {
+    let found = brdfs("brdf_grain_size", 65_536);
+    let [coarse, fine] = ["grains of 1.5-3 mm", "grains of 0.03-0.3 mm"];
+    let contrast = |nm: &str, label: &str| found.contrast(nm, label);
+    assert_more(
+        "600 nm",
+        contrast("600 nm", coarse),
+        contrast("600 nm", fine),
+        0.0,
+    );
+    assert_more(
+        "1450 nm",
+        contrast("1450 nm", coarse),
+        contrast("1450 nm", fine),
+        10.0,
+    );
+    let per_sr = |label: &str| {
+        let exits = &found.of[&key("1450 nm", label)];
+        scaled(
+            found.forward("1450 nm", label),
+            exits.reflectance.value / PI,
+        )
+    };
+    assert_more("1450 nm, 1/sr", per_sr(fine), per_sr(coarse), 0.0);
+}
+
+/// The forward peak falls with facetness; from 0.3 to 0.9 only little, so that it must
+/// not rise.
+#[test]
+fn facets_take_the_forward_peak() {
+    let found = brdfs("brdf_facetness", 16_384);
+    let [smooth, middle, faceted] =
+        ["0-0.2", "0.2-0.4", "0.8-1"].map(|f| found.forward("", &format!("facetness {f}")));
+    assert_more("0.1 above 0.3", smooth, middle, 0.0);
+    assert_more("0.1 above 0.9", smooth, faceted, 0.0);
+    let (gap, limit) = gap(middle, faceted);
+    assert!(gap > -limit, "{middle:?} {faceted:?}");
+}
+
+/// At 1800 nm faceted snow has peaks forward and backward, above the nadir and above the
+/// sides at the same angle; smooth snow has the higher forward peak. At 600 nm faceted
+/// snow has none forward.
+#[test]
+fn faceted_snow_has_two_peaks_in_the_infrared() {
+    let found = brdfs("brdf_hemisphere", 16_384);
+    let [smooth, faceted] = ["facetness 0.1", "facetness 0.9"];
+    let nm = "1800 nm";
+    let forward = found.forward(nm, faceted);
+    let backward = found.at(nm, faceted, 60.0, PI);
+    for (peak, degrees) in [(forward, 80.0), (backward, 60.0)] {
+        assert_more("above nadir", peak, found.nadir(nm, faceted), 0.0);
+        let side = found.at(nm, faceted, degrees, FRAC_PI_2);
+        assert_more("above the sides", peak, side, 0.0);
+    }
+    assert_more("smooth forward", found.forward(nm, smooth), forward, 0.0);
+    let (gap, limit) = gap(
+        found.nadir("600 nm", faceted),
+        found.forward("600 nm", faceted),
+    );
+    assert!(gap > -limit, "{gap}");
+}
+
 /// The command writes a picture and a table that hold what was asked.
 #[test]
 fn the_command_draws_what_is_asked() {
@@ -217,19 +416,29 @@ illumination.polar_angle_deg = 0
 wavelengths.values_nm = [500, 600, 900]
 layer = [{ thickness_cm = 1, density_kg_m3 = 300, grain = [{ size_um = { min = 900, max = 1000 }, facetness = { min = 0, max = 1, mean = 0.3, sd = 0.1 } }] }]
 ";
-    let of = |against: &str| {
+    let of = |draw: &str| {
         format!(
             "version = 1\ntitle = \"Slabs\"\nexpected = \"more is darker\"\nsample = \"../s.toml\"\n\
-             draw = {{ quantity = \"transmittance\", against = \"{against}\" }}\n\
+             draw = {{ {draw} }}\n\
              [[variant]]\nlabel = \"1 cm\"\n[[variant]]\nlabel = \"2 cm\"\n\
              set.\"layer[0].thickness_cm\" = 2\n"
         )
     };
+    let one =
+        "[set]\nwavelengths = { values_nm = [600] }\nillumination = { polar_angle_deg = 40 }\n";
     let path = |name: &str| folder.path().join(name);
     std::fs::write(path("s.toml"), sample).unwrap();
     std::fs::create_dir(path("studies")).unwrap();
     for against in ["wavelength", "thickness"] {
-        std::fs::write(path(&format!("studies/{against}.toml")), of(against)).unwrap();
+        let draw = format!("quantity = \"transmittance\", against = \"{against}\"");
+        std::fs::write(path(&format!("studies/{against}.toml")), of(&draw)).unwrap();
+    }
+    for (directions, scale) in [("principal_plane", "logarithmic"), ("hemisphere", "linear")] {
+        let draw = format!(
+            "quantity = \"brdf\", sensors = 70, directions = \"{directions}\", scale = \"{scale}\""
+        );
+        let text = format!("{}{one}", of(&draw));
+        std::fs::write(path(&format!("studies/{directions}.toml")), text).unwrap();
     }
     let output = Command::new(env!("CARGO_BIN_EXE_splitsnow"))
         .args(["study", "studies", "--rays", "1024", "--out", "out"])
@@ -267,7 +476,39 @@ layer = [{ thickness_cm = 1, density_kg_m3 = 300, grain = [{ size_um = { min = 9
     // 900 nm is not visible
     let mean = (number(&spectra[0], 3) + number(&spectra[1], 3)) / 2.0;
     assert!((number(&means[0], 3) - mean).abs() < 2e-6);
-    for name in ["wavelength", "thickness"] {
+    // a BRDF is that of `measure` with twice the walks
+    let told = String::from_utf8(output.stdout).unwrap();
+    assert_eq!(told.matches("forward/nadir").count(), 4, "{told}");
+    let alone = sample
+        .replace("polar_angle_deg = 0", "polar_angle_deg = 40")
+        .replace("500, 600, 900", "600");
+    std::fs::write(path("alone.toml"), alone).unwrap();
+    let measured = Command::new(env!("CARGO_BIN_EXE_splitsnow"))
+        .args(["measure", "alone.toml", "--rays", "2048", "--goniometer"])
+        .args(["--sensors", "70"])
+        .current_dir(folder.path())
+        .output()
+        .unwrap();
+    let measured = String::from_utf8(measured.stdout).unwrap();
+    let measured: Vec<f64> = measured
+        .lines()
+        .filter(|line| line.contains(",reflected,"))
+        .map(|line| line.split(',').nth(4).unwrap().parse().unwrap())
+        .collect();
+    let (header, brdf) = rows("out/hemisphere.csv");
+    assert_eq!(header[2..], ["polar_deg", "azimuth_deg", "brdf", "brdf_se"]);
+    assert_eq!((brdf.len(), measured.len()), (140, 70));
+    for (row, value) in brdf.iter().zip(measured) {
+        assert!((number(row, 4) - value).abs() < 1e-6, "{row:?} {value}");
+    }
+    // of them the plane of incidence holds those at azimuths 0 and 180
+    let (_, plane) = rows("out/principal_plane.csv");
+    let cut: Vec<_> = brdf
+        .iter()
+        .filter(|row| ["0.00", "180.00"].contains(&&row[3]))
+        .collect();
+    assert!(plane.iter().all(|row| cut.contains(&row) || &row[2] > "80"));
+    for name in ["wavelength", "thickness", "principal_plane", "hemisphere"] {
         let svg = std::fs::read_to_string(path(&format!("out/{name}.svg"))).unwrap();
         assert!(svg.contains("Slabs") && svg.contains("more is darker"));
         let png = std::fs::read(path(&format!("out/{name}.png"))).unwrap();

@@ -10,11 +10,11 @@ use crate::engine::{Engine, EngineError};
 use crate::study::{self, Settings};
 use crate::{report, study::Studied};
 
-/// Draw studies: a sample in several variants, the spectra in one picture
+/// Draw studies: a sample in several variants, their spectra or BRDFs in one picture
 ///
 /// A study file names a sample, lists variants with the keys that each changes, and
 /// says what is drawn. Writes for each study a picture (SVG and PNG) and its values with
-/// standard errors (CSV), and prints means over bands. Those of configs/studies are
+/// standard errors (CSV), and prints means over bands, or peaks of the BRDF. Those of configs/studies are
 /// the experiments of docs/validation.md.
 #[derive(Debug, clap::Args)]
 #[command(after_long_help = "\
@@ -31,7 +31,7 @@ pub(super) struct Args {
     /// How light is simulated
     #[arg(long, default_value = Engine::Auto.name(), value_parser = common::engine_parser())]
     engine: Engine,
-    /// Walks of each variant, as in `measure`
+    /// Walks of each variant, as in `measure`; twice as many for a BRDF
     #[arg(long, value_name = "N", default_value_t = 16_384, value_parser = clap::value_parser!(u64).range(1..))]
     rays: u64,
     /// Seed of the random numbers

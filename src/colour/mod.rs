@@ -128,14 +128,7 @@ impl Colorimeter {
     /// [`ColourError::Wavelengths`] for a list that is not finite and increasing,
     /// [`ColourError::NoIlluminant`].
     pub fn viewing(wavelengths_nm: &[f64], viewing: &Viewing) -> Result<Option<Self>, ColourError> {
-        let mut before = f64::NEG_INFINITY;
-        for (index, &value) in wavelengths_nm.iter().enumerate() {
-            if !(value.is_finite() && value > before) {
-                let number = index + 1;
-                return Err(ColourError::Wavelengths { number, value });
-            }
-            before = value;
-        }
+        increasing(wavelengths_nm)?;
         if viewing.illuminants.is_empty() {
             return Err(ColourError::NoIlluminant);
         }
@@ -152,11 +145,46 @@ impl Colorimeter {
         }))
     }
 
+    /// As [`Colorimeter::viewing`], for spectra that are straight lines between
+    /// `wavelengths_nm`, however few: those lines are seen every 5 nm, as the observer
+    /// is tabulated.
+    ///
+    /// # Errors
+    /// As [`Colorimeter::viewing`].
+    pub fn of_lines(
+        wavelengths_nm: &[f64],
+        viewing: &Viewing,
+    ) -> Result<Option<Self>, ColourError> {
+        increasing(wavelengths_nm)?;
+        let (Some(&first), Some(&last)) = (wavelengths_nm.first(), wavelengths_nm.last()) else {
+            return Ok(None);
+        };
+        let mut fine = observer::every_5_nm();
+        fine.retain(|nm| *nm > first && *nm < last);
+        fine.extend(wavelengths_nm);
+        fine.sort_by(f64::total_cmp);
+        fine.dedup();
+        let single: Vec<f32> = wavelengths_nm.iter().map(|nm| *nm as f32).collect();
+        let by = Resampling::new(&single, &fine);
+        Ok(Self::viewing(&fine, viewing)?.map(|seen| seen.resampled(&by)))
+    }
+
     /// Tristimulus values X, Y, Z of white (the first illuminant as these
     /// wavelengths sample it), with Y = 1.
     #[must_use]
     pub fn white(&self) -> [f64; 3] {
         self.lights[0].white
+    }
+
+    /// Tristimulus values X, Y, Z of `spectrum` (`[l]`, dimensionless) under the first
+    /// illuminant; those of a spectrum of 1 are [`Colorimeter::white`].
+    ///
+    /// # Panics
+    /// If `spectrum` has not one value per wavelength.
+    #[must_use]
+    pub fn xyz(&self, spectrum: &[f64]) -> [f64; 3] {
+        let ([x, y, z], white) = (self.lights[0].relative(spectrum), self.white());
+        [x * white[0], y * white[1], z * white[2]]
     }
 
     /// CIELAB of `spectrum` (`[l]`, dimensionless) under the first illuminant.
@@ -230,12 +258,42 @@ impl Colorimeter {
     /// If `spectrum` has not one value per wavelength.
     #[must_use]
     pub fn srgb(&self, spectrum: &[f64]) -> [u8; 3] {
+        let linear = LinSrgb::from(self.linear_srgb(spectrum)).clamp();
+        Srgb::<f64>::from_linear(linear).into_format::<u8>().into()
+    }
+
+    /// Linear sRGB of `spectrum` (`[l]`) under the first illuminant, not clipped. A
+    /// spectrum of 1 is (1, 1, 1) under any illuminant: X, Y and Z are scaled from its
+    /// white to D65, the white of sRGB.
+    ///
+    /// # Panics
+    /// If `spectrum` has not one value per wavelength.
+    #[must_use]
+    pub fn linear_srgb(&self, spectrum: &[f64]) -> [f64; 3] {
         let [x, y, z] = self.lights[0].relative(spectrum);
         let white: Xyz<Any, f64> = D65::get_xyz();
         let xyz = Xyz::<D65, f64>::new(x * white.x, y * white.y, z * white.z);
-        let linear: LinSrgb<f64> = LinSrgb::from_color_unclamped(xyz).clamp();
-        Srgb::<f64>::from_linear(linear).into_format::<u8>().into()
+        LinSrgb::from_color_unclamped(xyz).into()
     }
+}
+
+/// Linear sRGB in the encoding of IEC 61966-2-1, [0, 1] to [0, 1].
+#[must_use]
+pub fn encoded_srgb(linear: [f64; 3]) -> [f64; 3] {
+    Srgb::<f64>::from_linear(LinSrgb::from(linear)).into()
+}
+
+/// [`ColourError::Wavelengths`] for a list that is not finite and increasing.
+fn increasing(wavelengths_nm: &[f64]) -> Result<(), ColourError> {
+    let mut before = f64::NEG_INFINITY;
+    for (index, &value) in wavelengths_nm.iter().enumerate() {
+        if !(value.is_finite() && value > before) {
+            let number = index + 1;
+            return Err(ColourError::Wavelengths { number, value });
+        }
+        before = value;
+    }
+    Ok(())
 }
 
 /// Delta-E*ab (CIE 1976): the Euclidean distance of two CIELAB colours. 2.3 is
@@ -415,6 +473,57 @@ mod tests {
             assert!((few.difference(&values, &other) - expected).abs() < 1e-12);
             assert_eq!(few.white(), all.white());
         }
+    }
+
+    #[test]
+    fn few_wavelengths_are_seen_as_lines() {
+        // one of them on no multiple of 5 nm
+        let sparse = [400.0, 431.5, 480.0, 550.0, 610.0, 700.0];
+        let values = [0.31, 0.5, 0.2, 0.7, 0.4, 0.05];
+        let mut fine: Vec<f64> = (80..=140).map(|i| f64::from(i) * 5.0).collect();
+        fine.insert(7, 431.5);
+        let lines = Resampling::new(&sparse.map(|nm| nm as f32), &fine).apply(&values);
+        let daylight = Viewing::default();
+        let few = Colorimeter::of_lines(&sparse, &daylight).unwrap().unwrap();
+        let all = Colorimeter::new(&fine).unwrap().unwrap();
+        assert!(delta_e(few.lab(&values), all.lab(&lines)) < 1e-9);
+        // no line is drawn beyond the ends, and two wavelengths are enough for one
+        let two = Colorimeter::of_lines(&[400.0, 700.0], &daylight)
+            .unwrap()
+            .unwrap();
+        assert!(two.lab(&[0.5, 0.5]).a.abs() < 1e-12);
+        for none in [&[][..], &[500.0], &[900.0, 1000.0]] {
+            assert_eq!(Colorimeter::of_lines(none, &daylight), Ok(None));
+        }
+        assert!(Colorimeter::of_lines(&[500.0, 400.0], &daylight).is_err());
+    }
+
+    #[test]
+    fn tristimulus_values_and_linear_srgb_agree_with_white() {
+        for illuminant in Illuminant::ALL {
+            let seen = seen(&visible(), &[illuminant], ColourDifference::Cie1976);
+            for value in [1.0, 0.25] {
+                let xyz = seen.xyz(&[value; 31]);
+                let pairs = xyz.iter().zip(seen.white());
+                assert!(
+                    pairs
+                        .into_iter()
+                        .all(|(c, w)| (c - value * w).abs() < 1e-12)
+                );
+                let rgb = seen.linear_srgb(&[value; 31]);
+                // the matrix of sRGB is published to four decimals
+                assert!(rgb.iter().all(|c| (c - value).abs() < 2e-4), "{rgb:?}");
+            }
+        }
+        // out of gamut: not clipped
+        let blue: Vec<f64> = visible().iter().map(|w| f64::from(*w < 480.0)).collect();
+        let [_, green, _] =
+            seen(&visible(), &[Illuminant::E], ColourDifference::Cie1976).linear_srgb(&blue);
+        assert!(green < 0.0, "{green}");
+        let [low, middle, high] = encoded_srgb([0.002, 0.184_186_5, 1.0]);
+        assert!((low - 12.92 * 0.002).abs() < 1e-12);
+        assert!((middle - (1.055 * 0.184_186_5_f64.powf(1.0 / 2.4) - 0.055)).abs() < 1e-12);
+        assert!((high - 1.0).abs() < 1e-12);
     }
 
     #[test]

@@ -2,6 +2,11 @@
 use super::Illuminant;
 use crate::spectrum::{Table, TableError};
 
+/// The wavelengths that the observer is tabulated at, nm.
+pub(super) fn every_5_nm() -> Vec<f64> {
+    (72..=156).map(|i| f64::from(i) * 5.0).collect()
+}
+
 /// Trapezoid weights `[3][l]` (X, Y, Z; arbitrary scale) at `wavelengths_nm`
 /// (strictly increasing); zero where either table has no value.
 pub(super) fn weights(

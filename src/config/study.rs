@@ -5,12 +5,15 @@ use std::path::Path;
 use toml::Table;
 
 use crate::measurement::Quantity;
+use crate::transport::Illumination;
 
 use super::change;
 use super::document::{Document, read_text};
 use super::error::{ConfigError, Problem};
 use super::sample::{self, SampleFile};
-use super::study_keys::{StudyKeys, THICKNESS, VariantKeys};
+use super::study_keys::{
+    BRDF, DrawKeys, HEMISPHERE, LOGARITHMIC, StudyKeys, THICKNESS, VariantKeys,
+};
 use super::{directory_of, schema};
 
 /// A study file, resolved: every variant is a sample of its own.
@@ -23,11 +26,7 @@ pub struct StudyFile {
     /// What is expected, and who says so.
     pub expected: String,
     /// What is drawn.
-    pub quantity: Quantity,
-    /// What it is drawn against.
-    pub against: Against,
-    /// Where the axis of the quantity begins.
-    pub from: f64,
+    pub draw: Draw,
     /// The curves, or the points of curves.
     pub variants: Vec<Variant>,
     /// Published values to draw beside them.
@@ -36,7 +35,38 @@ pub struct StudyFile {
     pub warnings: Vec<String>,
 }
 
-/// What a study draws its quantity against.
+/// What a study draws.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub enum Draw {
+    /// Reflectance or transmittance.
+    Spectra(DrawSpectra),
+    /// The BRDF. Every variant has one wavelength and light from one direction.
+    Brdf(DrawBrdf),
+}
+
+/// How spectra are drawn.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct DrawSpectra {
+    /// What is drawn.
+    pub quantity: Quantity,
+    /// What it is drawn against.
+    pub against: Against,
+    /// Where the axis of the quantity begins.
+    pub from: f64,
+}
+
+/// How BRDFs are drawn.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct DrawBrdf {
+    /// Whether in all directions; or those in the plane of incidence.
+    pub hemisphere: bool,
+    /// Whether the scale of radius or colour is logarithmic.
+    pub logarithmic: bool,
+    /// Sensors of the hemisphere.
+    pub sensors: usize,
+}
+
+/// What a study draws spectra against.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Against {
     /// Wavelength: a curve for each variant.
@@ -113,17 +143,7 @@ pub fn parse(name: &str, text: &str) -> Result<StudyFile, ConfigError> {
         }
         variants.push(named(variant, sample));
     }
-    let quantity = Quantity::ALL
-        .into_iter()
-        .find(|quantity| quantity.name() == keys.draw.quantity)
-        .unwrap_or(Quantity::Reflectance);
-    let against = match keys.draw.against == THICKNESS {
-        true => Against::Thickness,
-        false => Against::Wavelength,
-    };
-    if against == Against::Thickness {
-        visible(&document, &variants)?;
-    }
+    let draw = draw(&document, &keys.draw, &variants)?;
     let published = keys.published.into_iter().map(|keys| Published {
         label: keys.label,
         wavelength_nm: keys.wavelength_nm,
@@ -135,9 +155,7 @@ pub fn parse(name: &str, text: &str) -> Result<StudyFile, ConfigError> {
         name: stem.map_or("study".into(), |s| s.to_string_lossy().into_owned()),
         title: keys.title,
         expected: keys.expected,
-        quantity,
-        against,
-        from: keys.draw.from,
+        draw,
         variants,
         published: published.collect(),
         warnings,
@@ -182,6 +200,73 @@ fn changed(
     })
 }
 
+/// What is drawn, once the keys suit it and the variants do.
+fn draw(document: &Document, keys: &DrawKeys, variants: &[Variant]) -> Result<Draw, ConfigError> {
+    let quantity = Quantity::ALL
+        .into_iter()
+        .find(|quantity| quantity.name() == keys.quantity);
+    let (others, whose): (&[&str], _) = match quantity {
+        Some(_) => (
+            &["draw.directions", "draw.scale", "draw.sensors"],
+            format!("is for the quantity {BRDF}"),
+        ),
+        None => (
+            &["draw.against", "draw.from", "published"],
+            "is for spectra: reflectance and transmittance".to_owned(),
+        ),
+    };
+    if let Some(key) = others.iter().find(|key| document.has(key)) {
+        let help = format!(
+            "leave it out, or change draw.quantity = {:?}",
+            keys.quantity
+        );
+        return Err(document.error(key, Problem::Contradiction(whose), help));
+    }
+    let Some(quantity) = quantity else {
+        one_beam(document, variants)?;
+        return Ok(Draw::Brdf(DrawBrdf {
+            hemisphere: keys.directions.as_deref() == Some(HEMISPHERE),
+            logarithmic: keys.scale.as_deref() == Some(LOGARITHMIC),
+            sensors: keys.sensors.unwrap_or(DEFAULT_SENSORS),
+        }));
+    };
+    let against = match keys.against == THICKNESS {
+        true => Against::Thickness,
+        false => Against::Wavelength,
+    };
+    if against == Against::Thickness {
+        visible(document, variants)?;
+    }
+    Ok(Draw::Spectra(DrawSpectra {
+        quantity,
+        against,
+        from: keys.from,
+    }))
+}
+
+/// A BRDF is that of one wavelength and one direction of light.
+fn one_beam(document: &Document, variants: &[Variant]) -> Result<(), ConfigError> {
+    let refuse = |problem: String, help: &str| {
+        Err(document.error("draw.quantity", Problem::Contradiction(problem), help))
+    };
+    for Variant { label, sample, .. } in variants {
+        let count = sample.wavelengths_nm.len();
+        if count != 1 {
+            let problem = format!("needs one wavelength, but the variant {label:?} has {count}");
+            let help = "set it, for all or for one: wavelengths = { values_nm = [600] }";
+            return refuse(problem, help);
+        }
+        if sample.illumination == Illumination::Diffuse {
+            let problem = format!(
+                "needs light from one direction, but on the variant {label:?} it is diffuse"
+            );
+            let help = "set illumination = { polar_angle_deg = 60 }, or another angle";
+            return refuse(problem, help);
+        }
+    }
+    Ok(())
+}
+
 /// A mean over the visible range needs wavelengths there.
 fn visible(document: &Document, variants: &[Variant]) -> Result<(), ConfigError> {
     let seen = |variant: &Variant| {
@@ -200,3 +285,6 @@ fn visible(document: &Document, variants: &[Variant]) -> Result<(), ConfigError>
 
 /// What the mean of a study against thickness is taken over, nm.
 pub const VISIBLE_NM: std::ops::RangeInclusive<f64> = 400.0..=700.0;
+
+/// Sensors of the hemisphere where none are given, as in `measure --goniometer`.
+const DEFAULT_SENSORS: usize = 1000;

@@ -3,11 +3,16 @@ use schemars::{JsonSchema, Schema, SchemaGenerator, json_schema};
 use serde::Deserialize;
 use toml::Table;
 
-use crate::measurement::Quantity;
+use crate::measurement::{MOST_SENSORS, Quantity};
 use crate::optics::MODEL_RANGE_NM;
 
+pub(super) const BRDF: &str = "brdf";
 pub(super) const WAVELENGTH: &str = "wavelength";
 pub(super) const THICKNESS: &str = "thickness";
+pub(super) const PRINCIPAL_PLANE: &str = "principal_plane";
+pub(super) const HEMISPHERE: &str = "hemisphere";
+pub(super) const LINEAR: &str = "linear";
+pub(super) const LOGARITHMIC: &str = "logarithmic";
 
 /// One sample, what is changed in it from curve to curve, and what is drawn.
 #[derive(Deserialize, JsonSchema)]
@@ -33,7 +38,7 @@ pub(super) struct StudyKeys {
     /// The curves, or the points of curves.
     #[schemars(length(min = 1, max = 100))]
     pub(super) variant: Vec<VariantKeys>,
-    /// Published values to draw beside them.
+    /// Published values to draw beside them; with wavelengths only.
     #[schemars(length(max = 100))]
     #[serde(default)]
     pub(super) published: Vec<PublishedKeys>,
@@ -43,10 +48,10 @@ pub(super) struct StudyKeys {
 #[derive(Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub(super) struct DrawKeys {
-    /// The quantity.
-    #[schemars(extend("enum" = Quantity::ALL.map(Quantity::name)))]
+    /// The quantity; `brdf` at one wavelength of each variant.
+    #[schemars(extend("enum" = quantities()))]
     pub(super) quantity: String,
-    /// What it is drawn against: `wavelength`, a curve for each variant, or
+    /// What a spectrum is drawn against: `wavelength`, a curve for each variant, or
     /// `thickness`, its mean over 400-700 nm on logarithmic axes, a point for each.
     #[schemars(extend("enum" = [WAVELENGTH, THICKNESS]))]
     #[serde(default = "default_against")]
@@ -55,6 +60,16 @@ pub(super) struct DrawKeys {
     #[schemars(range(min = 0.0, max = 0.99))]
     #[serde(default)]
     pub(super) from: f64,
+    /// Directions in which a BRDF is drawn: those in the plane of incidence, a polar
+    /// curve for each variant, or all, a disc for each. Default `principal_plane`.
+    #[schemars(extend("enum" = [PRINCIPAL_PLANE, HEMISPHERE]))]
+    pub(super) directions: Option<String>,
+    /// Scale of a BRDF, of radius or of colour. Default `linear`.
+    #[schemars(extend("enum" = [LINEAR, LOGARITHMIC]))]
+    pub(super) scale: Option<String>,
+    /// Sensors of the hemisphere that a BRDF is measured on. Default 1000.
+    #[schemars(range(min = 1, max = MOST_SENSORS))]
+    pub(super) sensors: Option<usize>,
 }
 
 /// One variant of the sample.
@@ -63,7 +78,7 @@ pub(super) struct DrawKeys {
 pub(super) struct VariantKeys {
     /// What it is called in the legend.
     pub(super) label: String,
-    /// Variants of one group share a panel, or with thicknesses a line.
+    /// Variants of one group share a panel, with thicknesses a line, or with discs a row.
     #[serde(default)]
     pub(super) group: String,
     /// Keys of the sample changed in this variant, as in the `set` of all.
@@ -99,4 +114,9 @@ fn changes(_: &mut SchemaGenerator) -> Schema {
 
 fn default_against() -> String {
     WAVELENGTH.to_owned()
+}
+
+fn quantities() -> Vec<&'static str> {
+    let spectra = Quantity::ALL.map(Quantity::name);
+    spectra.into_iter().chain([BRDF]).collect()
 }

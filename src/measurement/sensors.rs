@@ -156,6 +156,18 @@ impl Sensors {
         [libm::acos(self.mean_cosine(ring)), azimuth]
     }
 
+    /// The cell of a sensor: least and largest angle from the normal, and least and
+    /// largest azimuth about that of its centre, rad.
+    #[must_use]
+    pub fn cell_rad(&self, sensor: usize) -> [[f64; 2]; 2] {
+        let ring = self.ring(sensor);
+        let bound = |cells: usize| libm::acos(1.0 - cells as f64 / self.len() as f64);
+        let polar = [bound(ring.first), bound(ring.first + ring.count)];
+        let [_, azimuth] = self.centre_rad(sensor);
+        let half = PI / ring.count as f64;
+        [polar, [azimuth - half, azimuth + half]]
+    }
+
     /// The sensors that the plane of incidence cuts, from the horizon on the
     /// side of the light (azimuth pi) over the normal to the other horizon, with
     /// their angles from the normal and azimuths 0 or pi. Of two that meet in the
@@ -197,6 +209,19 @@ impl Sensors {
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    #[test]
+    fn cells_are_of_equal_solid_angle_about_their_centres() {
+        let sensors = Sensors::new(321);
+        for sensor in 0..sensors.len() {
+            let [polar, azimuth] = sensors.cell_rad(sensor);
+            let solid = (libm::cos(polar[0]) - libm::cos(polar[1])) * (azimuth[1] - azimuth[0]);
+            assert!((solid - sensors.solid_angle_sr()).abs() < 1e-9, "{sensor}");
+            let centre = sensors.centre_rad(sensor);
+            assert!(polar[0] <= centre[0] && centre[0] < polar[1], "{sensor}");
+            assert!((0.5 * (azimuth[0] + azimuth[1]) - centre[1]).abs() < 1e-9);
+        }
+    }
 
     #[test]
     fn half_turn_is_the_angle() {

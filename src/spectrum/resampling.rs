@@ -52,6 +52,25 @@ impl Resampling {
         self.places.iter().map(value).collect()
     }
 
+    /// The same in single precision, into `resampled`, one value per new wavelength.
+    ///
+    /// # Panics
+    /// If one of the two has another length.
+    pub fn write(&self, spectrum: &[f32], resampled: &mut [f32]) {
+        assert_eq!(spectrum.len(), self.from, "one value per wavelength");
+        assert_eq!(
+            resampled.len(),
+            self.places.len(),
+            "one value per wavelength"
+        );
+        for (value, &(below, share)) in resampled.iter_mut().zip(&self.places) {
+            *value = spectrum[below];
+            if share > 0.0 {
+                *value += share as f32 * (spectrum[below + 1] - spectrum[below]);
+            }
+        }
+    }
+
     /// Weights of an old spectrum whose weighted sum is that of the new one with
     /// `weights`.
     ///
@@ -87,6 +106,9 @@ mod tests {
         );
         let found = by.apply(&[1.0, 3.0, -1.0]);
         assert_eq!(found, [1.0, 1.0, 1.5, 3.0, 0.0, -1.0, -1.0]);
+        let mut single = [f32::NAN; 7];
+        by.write(&[1.0, 3.0, -1.0], &mut single);
+        assert_eq!(single.map(f64::from)[..], found);
         assert_eq!(
             Resampling::new(&[550.0], &[400.0, 550.0]).apply(&[0.3]),
             [0.3, 0.3]

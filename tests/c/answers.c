@@ -38,24 +38,27 @@ static void put(FILE *out, const float *values, size_t n, splitsnow_status statu
 }
 
 /* Per point: its spectrum from a lookup of all snow, and from one of its own; that at AT
- * wavelengths; X, Y, Z under each illuminant; linear sRGB under the first. Minus the
+ * wavelengths; X, Y, Z under each illuminant; linear sRGB under the first, seen at the wavelengths of
+ * the file alone. Minus the
  * status instead where there is none. */
 static void answer(const splitsnow *database, splitsnow_quantity quantity,
                    const splitsnow_condition *conditions, size_t n_conditions,
                    const double *points, size_t n_points, FILE *out) {
     static const double at[AT] = {100.0, 433.3, 433.4, 555.0, 700.0, 3000.0};
     splitsnow_lookup *all, *one = NULL;
-    splitsnow_colour *colours[5];
+    splitsnow_colour *colours[6];
     splitsnow_status prepared = SPLITSNOW_OK;
     size_t n;
-    float *spectrum;
-    splitsnow_wavelengths(database, &n);
-    spectrum = (float *)malloc(n * sizeof(float));
+    const float *nm = splitsnow_wavelengths(database, &n);
+    float *spectrum = (float *)malloc(n * sizeof(float));
+    double *own = (double *)malloc(n * sizeof(double));
+    for (size_t l = 0; l < n; l++) own[l] = (double)nm[l];
     expect(splitsnow_prepare(database, quantity, NULL, conditions, n_conditions, &all) == SPLITSNOW_OK,
            "preparing all snow");
-    for (int i = 0; i < 5; i++) {
-        splitsnow_illuminant light = (splitsnow_illuminant)i;
-        splitsnow_status status = splitsnow_colour_new(database, light, NULL, 0, &colours[i]);
+    for (int i = 0; i < 6; i++) {
+        splitsnow_illuminant light = (splitsnow_illuminant)(i % 5);
+        splitsnow_status status =
+            splitsnow_colour_new(database, light, i < 5 ? NULL : own, i < 5 ? 0 : n, &colours[i]);
         expect(status == SPLITSNOW_OK || status == SPLITSNOW_ERROR_NO_COLOUR, "a colour");
     }
     for (size_t i = 0; i < n_points; i++) {
@@ -81,7 +84,7 @@ static void answer(const splitsnow *database, splitsnow_quantity quantity,
         for (int light = 0; light < 6; light++) {
             if (one != NULL && light < 5) status = splitsnow_xyz(one, colours[light], p[3], p[4], colour);
             if (one != NULL && light == 5) {
-                status = splitsnow_linear_srgb(one, colours[0], p[3], p[4], colour);
+                status = splitsnow_linear_srgb(one, colours[5], p[3], p[4], colour);
             }
             for (int c = 0; c < 3; c++) {
                 double value = status == SPLITSNOW_OK ? colour[c] : -(double)status;
@@ -90,9 +93,10 @@ static void answer(const splitsnow *database, splitsnow_quantity quantity,
         }
     }
     splitsnow_lookup_free(one);
-    for (int i = 0; i < 5; i++) splitsnow_colour_free(colours[i]);
+    for (int i = 0; i < 6; i++) splitsnow_colour_free(colours[i]);
     splitsnow_lookup_free(all);
     free(spectrum);
+    free(own);
 }
 
 static void points(char **argv) {

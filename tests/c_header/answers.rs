@@ -3,10 +3,7 @@ use std::fs;
 use std::path::Path;
 use std::process::Command;
 
-use palette::convert::FromColorUnclamped;
-use palette::white_point::{Any, D65, WhitePoint};
-use palette::{LinSrgb, Xyz};
-use splitsnow::colour::{Colorimeter, ColourDifference, Illuminant, UnitWhite, Viewing};
+use splitsnow::colour::{Colorimeter, Illuminant, Viewing};
 use splitsnow::grid::{Conditions, ExtraAxis};
 use splitsnow::lookup::{Database, Lookup, Point};
 use splitsnow::measurement::Quantity;
@@ -43,28 +40,19 @@ fn point(database: &Database, numbers: &mut Numbers) -> [f64; 5] {
     point
 }
 
-/// How spectra of the file are seen: as docs/c.md says.
-fn colorimeter(database: &Database, illuminant: Illuminant) -> Option<Colorimeter> {
-    let nm = database.wavelengths_nm();
-    let viewing = Viewing {
+/// How spectra of the file are seen: under each illuminant as lines, and under the first
+/// at the wavelengths of the file alone.
+fn colorimeters(database: &Database) -> Vec<Option<Colorimeter>> {
+    let nm = database.wavelengths_nm().iter();
+    let nm: Vec<f64> = nm.map(|nm| f64::from(*nm)).collect();
+    let viewing = |illuminant| Viewing {
         illuminants: vec![illuminant],
-        difference: ColourDifference::Cie1976,
+        ..Viewing::default()
     };
-    if !database.metadata().contains_key("between_wavelengths") {
-        let nm: Vec<f64> = nm.iter().map(|nm| f64::from(*nm)).collect();
-        return Colorimeter::viewing(&nm, &viewing).unwrap();
-    }
-    let [first, last] = [nm[0], nm[nm.len() - 1]].map(f64::from);
-    let steps = (72..=166).map(|i| 5.0 * f64::from(i));
-    let steps: Vec<f64> = steps.filter(|nm| (first..=last).contains(nm)).collect();
-    let colorimeter = Colorimeter::viewing(&steps, &viewing).unwrap();
-    colorimeter.map(|seen| seen.resampled(&Resampling::new(nm, &steps)))
-}
-
-/// X, Y, Z as shares of white.
-fn relative(colorimeter: &Colorimeter, spectrum: &[f64]) -> [f64; 3] {
-    let xyz = Xyz::<UnitWhite, f64>::from_color_unclamped(colorimeter.lab(spectrum));
-    [xyz.x, xyz.y, xyz.z]
+    let lines = |light| Colorimeter::of_lines(&nm, &viewing(light)).unwrap();
+    let mut all: Vec<_> = Illuminant::ALL.map(lines).into();
+    all.push(Colorimeter::viewing(&nm, &viewing(Illuminant::ALL[0])).unwrap());
+    all
 }
 
 /// What tests/c/answers.c writes of a point that Rust answers with `spectrum`.
@@ -73,20 +61,14 @@ fn expected(database: &Database, colours: &[Option<Colorimeter>], spectrum: &[f3
     let spectrum: Vec<f64> = spectrum.iter().map(|v| f64::from(*v)).collect();
     let mut all = [spectrum.as_slice(), &spectrum].concat();
     all.extend(Resampling::new(nm, &AT).apply(&spectrum));
-    // minus SPLITSNOW_ERROR_ARGUMENT where there is no colour
-    for colour in colours {
-        all.extend(colour.as_ref().map_or([-4.0; 3], |colour| {
-            let (shares, white) = (relative(colour, &spectrum), colour.white());
-            std::array::from_fn(|c| shares[c] * white[c])
-        }));
+    for (i, colour) in colours.iter().enumerate() {
+        all.extend(match colour {
+            // minus SPLITSNOW_ERROR_ARGUMENT
+            None => [-4.0; 3],
+            Some(colour) if i == 5 => colour.linear_srgb(&spectrum),
+            Some(colour) => colour.xyz(&spectrum),
+        });
     }
-    all.extend(colours[0].as_ref().map_or([-4.0; 3], |colour| {
-        let [x, y, z] = relative(colour, &spectrum);
-        let white: Xyz<Any, f64> = D65::get_xyz();
-        let xyz = Xyz::<D65, f64>::new(x * white.x, y * white.y, z * white.z);
-        let rgb = LinSrgb::<f64>::from_color_unclamped(xyz);
-        [rgb.red, rgb.green, rgb.blue]
-    }));
     all
 }
 
@@ -105,7 +87,7 @@ fn answers_are_those_of_rust() {
     for (name, bytes) in variants() {
         fs::write(&file, &bytes).unwrap();
         let database = Database::from_bytes(&bytes).unwrap();
-        let colours = Illuminant::ALL.map(|light| colorimeter(&database, light));
+        let colours = colorimeters(&database);
         for quantity in Quantity::ALL.into_iter().filter(|q| database.has(*q)) {
             // with axes beyond the five, at several places on them
             for _ in 0..if database.extra().is_empty() { 1 } else { 4 } {

@@ -434,10 +434,63 @@ min = 0.8
 max = 0.95
 ";
 
+/// The same of a BRDF.
+pub(crate) const BRDF_STUDY: &str = "\
+version = 1
+title = \"Two directions of light\"
+expected = \"a forward peak\"
+sample = \"base.toml\"
+[draw]
+quantity = \"brdf\"
+scale = \"logarithmic\"
+[set]
+wavelengths = { values_nm = [600] }
+[[variant]]
+label = \"0 degrees\"
+[[variant]]
+label = \"60 degrees\"
+set.illumination = { polar_angle_deg = 60 }
+";
+
+pub(crate) const BRDF_STUDY_ERRORS: &[(&str, &str)] = &[
+    ("[600]", "[600, 700]"),
+    (
+        "{ polar_angle_deg = 60 }",
+        "{ polar_angle_deg = 60 }\n[[published]]\nlabel = \"a\"\nwavelength_nm = 600\nvalue = 1",
+    ),
+    ("{ polar_angle_deg = 60 }", "{ diffuse = true }"),
+    ("\"logarithmic\"", "\"log\""),
+];
+
 pub(crate) const STUDY_ERRORS: &[(&str, &str)] = &[
     ("title =", "titel ="),
     ("\"base.toml\"", "\"none.toml\""),
+    ("\"reflectance\"", "\"btdf\""),
     ("\"reflectance\"", "\"brdf\""),
+    (
+        "quantity = \"reflectance\"",
+        "quantity = \"reflectance\"\ndirections = \"hemisphere\"",
+    ),
+    (
+        "quantity = \"reflectance\"",
+        "quantity = \"transmittance\"\nsensors = 100",
+    ),
+    (
+        "quantity = \"reflectance\"",
+        "quantity = \"brdf\"\ndirections = \"all\"",
+    ),
+    (
+        "quantity = \"reflectance\"",
+        "quantity = \"brdf\"\nsensors = 0",
+    ),
+    (
+        "quantity = \"reflectance\"",
+        "quantity = \"brdf\"\nfrom = 0.1",
+    ),
+    (
+        "quantity = \"reflectance\"",
+        "quantity = \"brdf\"\nagainst = \"wavelength\"",
+    ),
     (
         "quantity = \"reflectance\"",
         "quantity = \"reflectance\"\nagainst = \"depth\"",

@@ -1,70 +1,24 @@
-//! Runs study files: one sample, a spectrum for each of its variants.
-use crate::config::study::{Against, StudyFile, VISIBLE_NM, Variant};
-use crate::engine::{Control, Engine, EngineError, MaxError, Request, Resolution};
+//! The spectra of the variants of a study.
+use crate::config::study::{Against, DrawSpectra, StudyFile, VISIBLE_NM, Variant};
 use crate::measurement::{Measured, Spectrum};
 
 /// A study with the spectrum of each of its variants.
 #[derive(Debug, Clone)]
-pub struct Studied<'a> {
+pub struct Spectra<'a> {
     /// What was asked.
     pub study: &'a StudyFile,
+    /// How it is drawn.
+    pub draw: DrawSpectra,
     /// What came out, in the order of the variants.
     pub spectra: Vec<Spectrum>,
 }
 
-/// How a study is run: as `measure` would run each of its variants.
-#[derive(Debug, Clone, Copy)]
-pub struct Settings {
-    /// The engine.
-    pub engine: Engine,
-    /// Walks, see [`Request::rays`].
-    pub rays: u64,
-    /// Seed of the random numbers.
-    pub seed: u64,
-}
-
-/// Runs all variants of `study`, calling `next` before each of them.
-///
-/// # Errors
-/// See [`EngineError`].
-pub fn run<'a>(
-    study: &'a StudyFile,
-    settings: Settings,
-    control: &Control<'_>,
-    next: impl Fn(&Variant),
-) -> Result<Studied<'a>, EngineError> {
-    let one = |variant: &Variant| {
-        next(variant);
-        let sample = &variant.sample;
-        let request = Request {
-            pack: &sample.pack,
-            thicknesses_m: &[sample.thickness_m],
-            illuminations: &[sample.illumination],
-            resolution: Resolution::default(),
-            wavelengths_nm: &sample.wavelengths_nm,
-            model: &sample.model,
-            rays: settings.rays,
-            max_error: MaxError::usual(&sample.wavelengths_nm),
-            seed: settings.seed,
-            cell: 0,
-        };
-        let spectra = settings.engine.run(&request, control)?;
-        // One thickness, one light, one spectrum.
-        Ok(spectra.into_iter().next().unwrap_or_default())
-    };
-    let spectra = study.variants.iter().map(one);
-    Ok(Studied {
-        study,
-        spectra: spectra.collect::<Result<_, EngineError>>()?,
-    })
-}
-
-impl Studied<'_> {
+impl Spectra<'_> {
     /// Every variant, its wavelengths, nm, and its values.
     pub fn curves(&self) -> impl Iterator<Item = (&Variant, &[f64], &[Measured])> {
         let variants = self.study.variants.iter().zip(&self.spectra);
         variants.map(|(variant, spectrum)| {
-            let values = spectrum.of(self.study.quantity);
+            let values = spectrum.of(self.draw.quantity);
             (variant, variant.sample.wavelengths_nm.as_slice(), values)
         })
     }
@@ -92,7 +46,7 @@ impl Studied<'_> {
     /// Whether it draws spectra.
     #[must_use]
     pub fn is_spectral(&self) -> bool {
-        self.study.against == Against::Wavelength
+        self.draw.against == Against::Wavelength
     }
 }
 

@@ -1,0 +1,19 @@
+"""Spectral databases of snow: look-ups, colours and simulations.
+
+A database is a compact file made by ``splitsnow build`` or ``splitsnow fit``::
+
+    import splitsnow
+
+    snow = splitsnow.Database.open("out/quick")
+    spectra = snow.transmittance(0.3, 250, 300, thickness_cm=[2, 5], angle_deg=20)
+    colours = snow.srgb(0.3, 250, 300, thickness_cm=[2, 5], angle_deg=20)
+
+Wavelengths are in nm, reflectance and transmittance dimensionless in [0, 1].
+"""
+
+from ._colour import lab, srgb, xyz
+from ._database import Database
+from ._native import VERSION as __version__
+from ._simulation import Simulation, simulate
+
+__all__ = ["Database", "Simulation", "__version__", "lab", "simulate", "srgb", "xyz"]

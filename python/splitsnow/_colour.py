@@ -1,0 +1,70 @@
+"""Colours of spectra, by the CIE 1931 2-degree observer."""
+
+from __future__ import annotations
+
+from typing import Literal
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from . import _native
+
+Illuminant = Literal["E", "D55", "D65", "LED-B5", "FL3.15"]
+
+
+def xyz(
+    spectrum: ArrayLike, wavelengths_nm: ArrayLike, illuminant: Illuminant = "E"
+) -> NDArray[np.float64]:
+    """CIE XYZ of spectra, shape ``(..., 3)``; a spectrum of 1 has Y = 1.
+
+    ``spectrum`` is ``(..., l)``, dimensionless, at ``wavelengths_nm``, ``(l,)`` and
+    increasing. Between them it is a straight line, beyond them not seen.
+    """
+    return _seen(spectrum, wavelengths_nm, "xyz", illuminant)
+
+
+def lab(
+    spectrum: ArrayLike, wavelengths_nm: ArrayLike, illuminant: Illuminant = "E"
+) -> NDArray[np.float64]:
+    """CIELAB of spectra, shape ``(..., 3)``: L* in [0, 100], a*, b*.
+
+    White, L* = 100, is a spectrum of 1 under the same illuminant; the arguments are
+    those of :func:`xyz`.
+    """
+    return _seen(spectrum, wavelengths_nm, "lab", illuminant)
+
+
+def srgb(
+    spectrum: ArrayLike,
+    wavelengths_nm: ArrayLike,
+    illuminant: Illuminant = "E",
+    *,
+    linear: bool = False,
+    clip: bool = True,
+) -> NDArray[np.float64]:
+    """sRGB of spectra, shape ``(..., 3)``, in [0, 1].
+
+    A spectrum of 1 is (1, 1, 1) under any illuminant: X, Y and Z are scaled from its
+    white to D65, the white of sRGB. ``linear`` leaves out the encoding of IEC
+    61966-2-1 (gamma); ``clip=False`` leaves colours out of gamut as they are, below 0
+    or above 1. The other arguments are those of :func:`xyz`.
+    """
+    space = "linear_srgb" if linear else "srgb"
+    found = _seen(spectrum, wavelengths_nm, space, illuminant)
+    return np.clip(found, 0.0, 1.0) if clip else found
+
+
+def _seen(
+    spectrum: ArrayLike, wavelengths_nm: ArrayLike, space: str, illuminant: str
+) -> NDArray[np.float64]:
+    spectra = np.asarray(spectrum, dtype=np.float64)
+    wavelengths = np.asarray(wavelengths_nm, dtype=np.float64).ravel()
+    if spectra.ndim == 0 or spectra.shape[-1] != wavelengths.size:
+        raise ValueError(
+            f"spectra of shape {spectra.shape} need {wavelengths.size} values, one per "
+            "wavelength, along their last axis"
+        )
+    rows = np.ascontiguousarray(spectra).reshape(-1, wavelengths.size)
+    found = np.empty(spectra.shape[:-1] + (3,))
+    _native.colours(rows, wavelengths.tolist(), (space, illuminant), found.reshape(-1, 3))
+    return found

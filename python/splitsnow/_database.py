@@ -1,0 +1,310 @@
+"""A compact file and look-ups in it."""
+
+from __future__ import annotations
+
+import json
+import os
+from typing import TYPE_CHECKING, Any, Literal, Mapping, Optional, Union
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from . import _native
+from ._colour import Illuminant
+
+if TYPE_CHECKING:
+    import xarray
+
+Method = Literal["smooth", "varsa2025"]
+Quantity = Literal["transmittance", "reflectance"]
+
+# Units and names as in the Zarr database.
+_DESCRIBED = {
+    "facetness": ("1", "mean facetness of the grains"),
+    "grain_size_um": ("um", "mean length of the grains' major axis"),
+    "density_kg_m3": ("kg m-3", "density of the dry snow"),
+    "thickness_cm": ("cm", "thickness of the slab"),
+    "angle_deg": ("degree", "polar angle of incidence from the surface normal"),
+    "black_carbon_ng_g": ("ng/g", "mass of black carbon per mass of snow"),
+    "water_saturation": ("1", "share of the pore space that is water"),
+    "temperature_c": ("degC", "temperature of the snow"),
+    "sphericity": ("1", "mean sphericity of the grains"),
+    "substrate_reflectance": ("1", "Lambertian reflectance of the substrate"),
+    "wavelength_nm": ("nm", "wavelength in vacuum"),
+}
+
+
+class Database:
+    """A compact file in memory: spectra anywhere in the box of its axes.
+
+    Look-ups run on all cores with the GIL released, and any number of Python threads
+    may share one database. It pickles as its path.
+    """
+
+    def __init__(self, path: Union[str, os.PathLike[str]]) -> None:
+        """The same as :meth:`open`."""
+        self._path = os.path.abspath(os.fspath(path))
+        self._native = _native.Database(self._path)
+
+    @classmethod
+    def open(cls, path: Union[str, os.PathLike[str]]) -> Database:
+        """Reads a compact file, or the one in an output directory.
+
+        Raises ``OSError`` where it cannot be read and ``ValueError`` where it is
+        no compact file.
+        """
+        return cls(path)
+
+    @property
+    def path(self) -> str:
+        """Absolute path of the file, or of the directory that holds it."""
+        return self._path
+
+    @property
+    def wavelengths_nm(self) -> NDArray[np.float32]:
+        """Wavelengths of the spectra, nm, shape ``(l,)``, increasing."""
+        return self._native.wavelengths_nm
+
+    @property
+    def axes(self) -> dict[str, NDArray[np.float64]]:
+        """Nodes of the axes by name, each ``(n,)`` and increasing, slowest first: those
+        beyond the five, if any, then facetness, grain_size_um, density_kg_m3,
+        thickness_cm and angle_deg. Units are in the names."""
+        return dict(self._native.axes)
+
+    @property
+    def quantities(self) -> tuple[str, ...]:
+        """What the file holds: ``"transmittance"``, ``"reflectance"`` or both."""
+        return tuple(name for name, _ in self._native.components)
+
+    @property
+    def components(self) -> dict[str, int]:
+        """Number of components of each quantity."""
+        return dict(self._native.components)
+
+    @property
+    def basis(self) -> str:
+        """What the components are of: ``"linear"``, the spectra, or ``"log"``, their
+        logarithms."""
+        return self._native.basis
+
+    @property
+    def precision(self) -> str:
+        """Numbers in which the file holds its coefficients: ``"f32"``, ``"f16"`` or
+        ``"quantised"``."""
+        return self._native.precision
+
+    @property
+    def metadata(self) -> dict[str, str]:
+        """The file's metadata as docs/formats.md describes them."""
+        return self._native.metadata
+
+    @property
+    def certificate(self) -> Optional[dict[str, Any]]:
+        """How far answers are from fresh simulations (docs/formats.md), or ``None``
+        for a file that ``splitsnow verify`` or ``fit`` has not certified."""
+        text = self.metadata.get("certificate")
+        return None if text is None else dict(json.loads(text))
+
+    def transmittance(
+        self,
+        facetness: ArrayLike,
+        grain_size_um: ArrayLike,
+        density_kg_m3: ArrayLike,
+        thickness_cm: ArrayLike,
+        angle_deg: ArrayLike,
+        *,
+        method: Method = "smooth",
+        wavelengths_nm: Optional[ArrayLike] = None,
+        clamp: bool = True,
+        conditions: Optional[Mapping[str, float]] = None,
+        **more_conditions: float,
+    ) -> NDArray[np.float32]:
+        """Directional-hemispherical transmittance, the shape to which the arguments
+        broadcast and ``(l,)`` after it.
+
+        The arguments are scalars or arrays that broadcast: mean facetness of the
+        grains, mean length of their major axis in um, density of the dry snow in
+        kg/m3, thickness in cm (from 0 on), polar angle of incidence from the normal
+        in degrees. Of a database with further axes their values, each one number, are
+        given by name, as in ``black_carbon_ng_g=50``, or in ``conditions``.
+
+        ``method="varsa2025"`` interpolates as the thesis does, in thickness and angle
+        alone. ``wavelengths_nm``, ``(l,)``, draws straight lines between the
+        wavelengths of the file; beyond its ends a spectrum stays as it is there, or
+        is refused with ``clamp=False``.
+
+        Raises ``ValueError`` for what the file does not cover, naming the first such
+        element, the axis and its range; NaN is never covered.
+        """
+        asked = self._asked("transmittance", method, conditions, more_conditions)
+        points = (facetness, grain_size_um, density_kg_m3, thickness_cm, angle_deg)
+        return self._spectra(asked, points, wavelengths_nm, clamp)
+
+    def reflectance(
+        self,
+        facetness: ArrayLike,
+        grain_size_um: ArrayLike,
+        density_kg_m3: ArrayLike,
+        thickness_cm: ArrayLike,
+        angle_deg: ArrayLike,
+        *,
+        method: Method = "smooth",
+        wavelengths_nm: Optional[ArrayLike] = None,
+        clamp: bool = True,
+        conditions: Optional[Mapping[str, float]] = None,
+        **more_conditions: float,
+    ) -> NDArray[np.float32]:
+        """Directional-hemispherical reflectance; as :meth:`transmittance`."""
+        asked = self._asked("reflectance", method, conditions, more_conditions)
+        points = (facetness, grain_size_um, density_kg_m3, thickness_cm, angle_deg)
+        return self._spectra(asked, points, wavelengths_nm, clamp)
+
+    def lab(
+        self,
+        facetness: ArrayLike,
+        grain_size_um: ArrayLike,
+        density_kg_m3: ArrayLike,
+        thickness_cm: ArrayLike,
+        angle_deg: ArrayLike,
+        *,
+        quantity: Quantity = "transmittance",
+        illuminant: Illuminant = "E",
+        method: Method = "smooth",
+        conditions: Optional[Mapping[str, float]] = None,
+        **more_conditions: float,
+    ) -> NDArray[np.float64]:
+        """CIELAB of the spectra, the broadcast shape and ``(3,)`` after it: L* in
+        [0, 100], a*, b*; white is a spectrum of 1 under the same illuminant.
+
+        The arguments are those of :meth:`transmittance`; see :func:`splitsnow.lab`.
+        """
+        asked = self._asked(quantity, method, conditions, more_conditions)
+        points = (facetness, grain_size_um, density_kg_m3, thickness_cm, angle_deg)
+        return self._colours(asked, points, ("lab", illuminant))
+
+    def srgb(
+        self,
+        facetness: ArrayLike,
+        grain_size_um: ArrayLike,
+        density_kg_m3: ArrayLike,
+        thickness_cm: ArrayLike,
+        angle_deg: ArrayLike,
+        *,
+        quantity: Quantity = "transmittance",
+        illuminant: Illuminant = "E",
+        linear: bool = False,
+        clip: bool = True,
+        method: Method = "smooth",
+        conditions: Optional[Mapping[str, float]] = None,
+        **more_conditions: float,
+    ) -> NDArray[np.float64]:
+        """sRGB of the spectra, the broadcast shape and ``(3,)`` after it, in [0, 1]; a
+        spectrum of 1 is (1, 1, 1) under any illuminant.
+
+        The arguments are those of :meth:`transmittance` and of :func:`splitsnow.srgb`.
+        """
+        asked = self._asked(quantity, method, conditions, more_conditions)
+        points = (facetness, grain_size_um, density_kg_m3, thickness_cm, angle_deg)
+        space = "linear_srgb" if linear else "srgb"
+        found = self._colours(asked, points, (space, illuminant))
+        return np.clip(found, 0.0, 1.0, out=found) if clip else found
+
+    def to_xarray(self) -> xarray.Dataset:
+        """The curves on the nodes as an ``xarray.Dataset``: a variable per quantity
+        over all axes and ``wavelength_nm``, with units; the metadata as attributes."""
+        try:
+            import xarray
+        except ImportError as error:
+            raise ImportError("to_xarray needs xarray: pip install xarray") from error
+        nodes: dict[str, NDArray[Any]] = {**self.axes, "wavelength_nm": self.wavelengths_nm}
+        coords: dict[str, Any] = {}
+        for name, values in nodes.items():
+            units, long_name = _DESCRIBED[name]
+            coords[name] = (name, values, {"units": units, "long_name": long_name})
+        shape = tuple(len(values) for values in nodes.values())
+        variables = {}
+        for quantity in self.quantities:
+            curves = np.empty(shape, np.float32)
+            self._native.nodes(quantity, curves.reshape(-1, shape[-1]))
+            long_name = f"directional-hemispherical {quantity}"
+            variables[quantity] = (list(coords), curves, {"units": "1", "long_name": long_name})
+        return xarray.Dataset(variables, coords, self.metadata)
+
+    def __reduce__(self) -> tuple[type[Database], tuple[str]]:
+        return type(self), (self._path,)
+
+    def __repr__(self) -> str:
+        axes = " x ".join(f"{len(values)} {name}" for name, values in self.axes.items())
+        nm = self.wavelengths_nm
+        held = ", ".join(self.quantities)
+        return (
+            f"<splitsnow.Database {self._path!r}: {held}; {axes}; "
+            f"{len(nm)} wavelengths, {nm[0]:g}-{nm[-1]:g} nm>"
+        )
+
+    @staticmethod
+    def _asked(
+        quantity: str,
+        method: str,
+        conditions: Optional[Mapping[str, float]],
+        more: Mapping[str, float],
+    ) -> tuple[str, str, list[tuple[str, float]]]:
+        there = {**(conditions or {}), **more}
+        return quantity, method, [(name, float(value)) for name, value in there.items()]
+
+    def _spectra(
+        self,
+        asked: tuple[str, str, list[tuple[str, float]]],
+        points: tuple[ArrayLike, ...],
+        wavelengths_nm: Optional[ArrayLike],
+        clamp: bool,
+    ) -> NDArray[np.float32]:
+        columns, shape = _columns(points)
+        own = self.wavelengths_nm
+        wanted = None
+        if wavelengths_nm is not None:
+            wavelengths = np.asarray(wavelengths_nm, dtype=np.float64)
+            if wavelengths.ndim != 1 or wavelengths.size == 0:
+                raise ValueError(
+                    f"wavelengths_nm must be a list of numbers, not of shape {wavelengths.shape}"
+                )
+            if not np.isfinite(wavelengths).all():
+                raise ValueError("wavelengths_nm must be finite")
+            single = wavelengths.astype(np.float32)
+            if not clamp and (single.min() < own[0] or single.max() > own[-1]):
+                raise ValueError(
+                    f"wavelengths_nm reach from {single.min():g} to {single.max():g} nm; the "
+                    f"database covers {own[0]:g} to {own[-1]:g} nm (clamp=True keeps its ends)"
+                )
+            wanted = wavelengths.tolist()
+        l = len(own) if wanted is None else len(wanted)
+        out = np.empty(shape + (l,), np.float32)
+        self._native.spectra(asked, columns, shape, wanted, out.reshape(-1, l))
+        return out
+
+    def _colours(
+        self,
+        asked: tuple[str, str, list[tuple[str, float]]],
+        points: tuple[ArrayLike, ...],
+        seen: tuple[str, str],
+    ) -> NDArray[np.float64]:
+        columns, shape = _columns(points)
+        out = np.empty(shape + (3,))
+        self._native.colours(asked, columns, shape, seen, out.reshape(-1, 3))
+        return out
+
+
+def _columns(
+    points: tuple[ArrayLike, ...],
+) -> tuple[list[NDArray[np.float64]], tuple[int, ...]]:
+    """Each coordinate flat, of one value or one per point, and the broadcast shape.
+
+    They are copies: nobody can change them while the GIL is released."""
+    arrays = [np.asarray(values, dtype=np.float64) for values in points]
+    shape = np.broadcast_shapes(*(array.shape for array in arrays))
+    columns = [
+        np.array(array if array.size == 1 else np.broadcast_to(array, shape)).ravel()
+        for array in arrays
+    ]
+    return columns, shape

@@ -1,0 +1,59 @@
+"""The compiled half of ``splitsnow``; use the package itself."""
+
+from typing import Any, Final, Optional, final
+
+import numpy as np
+from numpy.typing import NDArray
+
+__all__ = ["Database", "VERSION", "colours", "simulate"]
+
+VERSION: Final[str]
+
+_Asked = tuple[str, str, list[tuple[str, float]]]
+
+@final
+class Database:
+    def __new__(cls, path: str) -> Database: ...
+    @property
+    def wavelengths_nm(self) -> NDArray[np.float32]: ...
+    @property
+    def axes(self) -> list[tuple[str, NDArray[np.float64]]]: ...
+    @property
+    def components(self) -> list[tuple[str, int]]: ...
+    @property
+    def basis(self) -> str: ...
+    @property
+    def precision(self) -> str: ...
+    @property
+    def metadata(self) -> dict[str, str]: ...
+    def spectra(
+        self,
+        asked: _Asked,
+        points: list[NDArray[np.float64]],
+        shape: tuple[int, ...],
+        wavelengths_nm: Optional[list[float]],
+        out: NDArray[np.float32],
+    ) -> None: ...
+    def colours(
+        self,
+        asked: _Asked,
+        points: list[NDArray[np.float64]],
+        shape: tuple[int, ...],
+        seen: tuple[str, str],
+        out: NDArray[np.float64],
+    ) -> None: ...
+    def nodes(self, name: str, out: NDArray[np.float32]) -> None: ...
+
+def colours(
+    spectra: NDArray[np.float64],
+    wavelengths_nm: list[float],
+    seen: tuple[str, str],
+    out: NDArray[np.float64],
+) -> None: ...
+def simulate(
+    file: tuple[str, str, bool],
+    engine: str,
+    rays: Optional[int],
+    seed: int,
+    max_error: Optional[tuple[Optional[float], Optional[float]]],
+) -> dict[str, Any]: ...

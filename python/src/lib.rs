@@ -1,0 +1,23 @@
+//! What the Python package `splitsnow` calls; the Python half, with the
+//! documentation for users, is in `python/splitsnow`.
+mod colour;
+mod database;
+mod points;
+mod pool;
+mod simulation;
+
+use pyo3::prelude::*;
+
+/// The compiled half of `splitsnow`.
+#[pymodule]
+mod _native {
+    #[pymodule_export]
+    use crate::colour::colours;
+    #[pymodule_export]
+    use crate::database::Database;
+    #[pymodule_export]
+    use crate::simulation::simulate;
+
+    #[pymodule_export]
+    const VERSION: &str = env!("CARGO_PKG_VERSION");
+}

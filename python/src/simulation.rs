@@ -1,0 +1,159 @@
+//! The virtual spectrophotometer.
+use std::sync::atomic::{AtomicBool, AtomicU64, Ordering};
+use std::sync::mpsc::{self, RecvTimeoutError};
+use std::time::Duration;
+
+use numpy::PyArray1;
+use pyo3::exceptions::PyValueError;
+use pyo3::prelude::*;
+use pyo3::types::PyDict;
+use rayon::ThreadPool;
+use splitsnow::config::sample;
+use splitsnow::engine::{Cache, Control, Engine, EngineError, MaxError, Request, Resolution};
+use splitsnow::measurement::{Measured, Spectrum};
+
+use crate::pool::pool;
+
+/// Walks where nobody says how many, as in `splitsnow measure`.
+const RAYS: u64 = 131_072;
+/// Between two looks for Ctrl-C.
+const TICK: Duration = Duration::from_millis(50);
+
+fn refuse(message: impl ToString) -> PyErr {
+    PyValueError::new_err(message.to_string())
+}
+
+/// Delta-E and RMSE that `auto` may leave, where they are given.
+type Bounds = (Option<f64>, Option<f64>);
+
+/// The error allowed at these wavelengths, and the walks of a run that names none.
+fn bounds(given: Option<Bounds>, engine: Engine, nm: &[f64]) -> PyResult<(MaxError, u64)> {
+    let mut allowed = MaxError::usual(nm);
+    let Some((delta_e, rmse)) = given else {
+        return Ok((allowed, RAYS));
+    };
+    if engine != Engine::Auto {
+        return Err(refuse(
+            "max_error is for the engine `auto`; other engines take rays",
+        ));
+    }
+    let bounds = [
+        ("delta_e", delta_e, &mut allowed.delta_e, 100.0),
+        ("rmse", rmse, &mut allowed.rmse, 1.0),
+    ];
+    for (name, value, bound, most) in bounds {
+        match value {
+            Some(value) if value > 0.0 && value <= most => *bound = value,
+            Some(value) => {
+                let message =
+                    format!("max_error[\"{name}\"] = {value} must be above 0 and at most {most}");
+                return Err(refuse(message));
+            }
+            None => {}
+        }
+    }
+    let rays = allowed.rays(nm);
+    Ok((allowed, rays))
+}
+
+/// Measures the sample in `file`: its path, for messages and for paths in it, its
+/// text, and whether that is not TOML but the same keys as JSON.
+#[pyfunction]
+pub(crate) fn simulate<'py>(
+    py: Python<'py>,
+    file: (String, String, bool),
+    engine: &str,
+    rays: Option<u64>,
+    seed: u64,
+    max_error: Option<Bounds>,
+) -> PyResult<Bound<'py, PyDict>> {
+    let (name, text, json) = file;
+    let text = if json {
+        let value: toml::Value = serde_json::from_str(&text).map_err(refuse)?;
+        toml::to_string(&value).map_err(refuse)?
+    } else {
+        text
+    };
+    let sample = sample::parse(&name, &text).map_err(refuse)?;
+    let named = Engine::ALL.into_iter().find(|e| e.name() == engine);
+    let names = Engine::ALL.map(Engine::name).join(", ");
+    let unknown = || refuse(format!("no engine is named `{engine}`; there are {names}"));
+    let engine = named.ok_or_else(unknown)?;
+    let (max_error, usual) = bounds(max_error, engine, &sample.wavelengths_nm)?;
+    let rays = rays.unwrap_or(usual);
+    if rays == 0 {
+        return Err(refuse("rays = 0 must be at least 1"));
+    }
+    let request = Request {
+        pack: &sample.pack,
+        thicknesses_m: &[sample.thickness_m],
+        illuminations: &[sample.illumination],
+        resolution: Resolution::of_rays(rays),
+        wavelengths_nm: &sample.wavelengths_nm,
+        model: &sample.model,
+        rays,
+        max_error,
+        seed,
+        cell: 0,
+    };
+    let pool = pool(py)?;
+    let spectrum = py.detach(|| interruptible(&pool, engine, &request))?;
+
+    let list =
+        |of: &[Measured], part: fn(&Measured) -> f64| PyArray1::from_iter(py, of.iter().map(part));
+    let (r, t) = (&spectrum.reflectance, &spectrum.transmittance);
+    let both = || r.iter().zip(t);
+    let absorptance = both().map(|(r, t)| 1.0 - r.value - t.value);
+    let absorptance_se = both().map(|(r, t)| r.se + t.se);
+    let result = PyDict::new(py);
+    result.set_item(
+        "wavelengths_nm",
+        PyArray1::from_slice(py, &sample.wavelengths_nm),
+    )?;
+    result.set_item("reflectance", list(r, |m| m.value))?;
+    result.set_item("reflectance_se", list(r, |m| m.se))?;
+    result.set_item("transmittance", list(t, |m| m.value))?;
+    result.set_item("transmittance_se", list(t, |m| m.se))?;
+    result.set_item("absorptance", PyArray1::from_iter(py, absorptance))?;
+    result.set_item("absorptance_se", PyArray1::from_iter(py, absorptance_se))?;
+    result.set_item("lost_share", PyArray1::from_slice(py, &spectrum.lost))?;
+    result.set_item("engine", engine.resolve(&request).name())?;
+    result.set_item("rays", rays)?;
+    result.set_item("seed", seed)?;
+    result.set_item("warnings", sample.warnings.clone())?;
+    Ok(result)
+}
+
+/// Runs `request`, and stops it once Python has a signal, such as Ctrl-C, to handle.
+fn interruptible(pool: &ThreadPool, engine: Engine, request: &Request) -> PyResult<Spectrum> {
+    let (cancel, rays_done, cache) = (AtomicBool::new(false), AtomicU64::new(0), Cache::default());
+    let control = Control {
+        parallel: true,
+        cancel: &cancel,
+        rays_done: &rays_done,
+        cache: &cache,
+    };
+    let mut signal = Ok(());
+    let (done, waiting) = mpsc::channel();
+    let spectra = std::thread::scope(|scope| {
+        scope.spawn(|| {
+            // dropped also by a panic, which the scope passes on
+            let done = done;
+            let _ = done.send(pool.install(|| engine.run(request, &control)));
+        });
+        loop {
+            match waiting.recv_timeout(TICK) {
+                Ok(result) => return result,
+                Err(RecvTimeoutError::Disconnected) => return Err(EngineError::Cancelled),
+                Err(RecvTimeoutError::Timeout) if signal.is_ok() => {
+                    signal = Python::attach(|py| py.check_signals());
+                    cancel.store(signal.is_err(), Ordering::Relaxed);
+                }
+                Err(RecvTimeoutError::Timeout) => {}
+            }
+        }
+    });
+    signal?;
+    // One thickness, one spectrum.
+    Ok(spectra.map_err(refuse)?.pop().unwrap_or_default())
+}

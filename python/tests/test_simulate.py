@@ -1,0 +1,114 @@
+"""Simulations are those of `splitsnow measure`, digit by digit."""
+
+import json
+import signal
+import subprocess
+import sys
+import time
+import tomllib
+
+import numpy as np
+import pytest
+
+import splitsnow
+
+SAMPLE = """version = 1
+[illumination]
+polar_angle_deg = 30
+[wavelengths]
+values_nm = [450, 600, 1000]
+[[layer]]
+thickness_cm = 2
+density_kg_m3 = 250
+temperature_c = -5
+[[layer.grain]]
+size_um = { min = 200, max = 400 }
+facetness = { min = 0.1, max = 0.5, mean = 0.3, sd = 0.1 }
+sphericity = { min = 0.5, max = 0.9, mean = 0.7, sd = 0.1 }
+"""
+COLUMNS = "reflectance reflectance_se transmittance transmittance_se absorptance lost_share".split()
+
+
+@pytest.fixture
+def path(tmp_path):
+    (tmp_path / "sample.toml").write_text(SAMPLE)
+    return tmp_path / "sample.toml"
+
+
+@pytest.mark.parametrize("engine", ["auto", "spectral", "reference"])
+def test_equals_measure(run, path, engine):
+    measured = json.loads(
+        run("measure", path, "--engine", engine, "--rays", 4000, "--seed", 7, "--json")
+    )
+    found = splitsnow.simulate(path, engine=engine, rays=4000, seed=7)
+    assert found.wavelengths_nm.tolist() == measured["wavelength_nm"]
+    for column in COLUMNS:
+        values = getattr(found, column)
+        assert values.dtype == np.float64 and values.tolist() == measured[column]
+    assert np.array_equal(found.absorptance_se, found.reflectance_se + found.transmittance_se)
+    assert (found.engine, found.rays, found.seed) == (measured["engine"], 4000, 7)
+    assert found.engine != "auto"
+
+
+def test_path_text_and_mapping_are_one(path):
+    keys = tomllib.loads(SAMPLE)
+    keys["wavelengths"]["values_nm"] = np.array(keys["wavelengths"]["values_nm"])
+    keys["layer"][0]["thickness_cm"] = np.float32(2)
+    ways = [path, str(path), SAMPLE, keys]
+    first, *others = [splitsnow.simulate(way, engine="spectral", rays=500) for way in ways]
+    for other in others:
+        assert np.array_equal(first.transmittance, other.transmittance)
+    seeded = splitsnow.simulate(path, engine="spectral", rays=500, seed=2)
+    assert not np.array_equal(first.transmittance, seeded.transmittance)
+
+
+def test_the_error_allowed_decides_the_rays():
+    coarse = splitsnow.simulate(SAMPLE, max_error=0.01)
+    fine = splitsnow.simulate(SAMPLE, max_error={"rmse": 0.004, "delta_e": 1})
+    assert coarse.rays < fine.rays < 131_072
+    assert (fine.reflectance_se < coarse.reflectance_se).all()
+
+
+def test_wrong_samples_and_arguments(tmp_path):
+    with pytest.raises(FileNotFoundError):
+        splitsnow.simulate(tmp_path / "nothing.toml")
+    for message, sample, arguments in [
+        ("layer.*density_kg_m3", SAMPLE.replace("250", "-3"), {}),
+        ("polar_angle", {"version": 1}, {}),
+        ("no engine is named `fast`", SAMPLE, {"engine": "fast"}),
+        ("rays = 0", SAMPLE, {"rays": 0}),
+        ("rays = -1 must", SAMPLE, {"rays": -1}),
+        ("seed = 18446744073709551616 must", SAMPLE, {"seed": 2**64}),
+        ("for the engine `auto`", SAMPLE, {"engine": "spectral", "max_error": 0.01}),
+        ("must be above 0", SAMPLE, {"max_error": -1}),
+        ("must be above 0", SAMPLE, {"max_error": np.nan}),
+        ("not speed", SAMPLE, {"max_error": {"speed": 1}}),
+    ]:
+        with pytest.raises(ValueError, match=message):
+            splitsnow.simulate(sample, **arguments)
+    with pytest.raises(TypeError, match="not set"):
+        splitsnow.simulate({"version": {1}})
+
+
+def test_warnings_are_told():
+    dense = SAMPLE.replace("250", "500")
+    with pytest.warns(UserWarning, match="density_kg_m3"):
+        splitsnow.simulate(dense, engine="spectral", rays=200)
+
+
+def test_ctrl_c_stops_it(path):
+    code = (
+        "import splitsnow, sys; print('ready', flush=True)\n"
+        f"splitsnow.simulate({str(path)!r}, engine='reference', rays=10**12)"
+    )
+    process = subprocess.Popen(
+        [sys.executable, "-c", code], stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True
+    )
+    try:
+        assert process.stdout.readline() == "ready\n"
+        time.sleep(1)
+        process.send_signal(signal.SIGINT)
+        _, errors = process.communicate(timeout=60)
+    finally:
+        process.kill()
+    assert "KeyboardInterrupt" in errors

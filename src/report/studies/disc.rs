@@ -1,0 +1,191 @@
+//! BRDFs over the hemisphere, as discs seen from above.
+use std::f64::consts::FRAC_PI_2;
+
+use plotters::prelude::*;
+use plotters::style::colors::colormaps::ViridisRGB;
+use plotters::style::text_anchor::HPos;
+
+use super::super::style::{Area, Drawn, GREY, INK, SCALE, font, write};
+use super::axis::Axis;
+use super::{grouped, sheet, tick};
+use crate::config::study::Variant;
+use crate::engine::exits::Exits;
+use crate::study::{Brdfs, incidence_deg};
+
+/// Radius of a disc as shown, pixels, and what is left and right of it.
+const RADIUS: i32 = 160;
+const MARGIN: i32 = 26;
+/// Heights above and below a disc.
+const ABOVE: i32 = 58;
+const BELOW: i32 = 52;
+/// Width of a colour bar with its labels, and of the bar.
+const SCALES: i32 = 110;
+const BAR: i32 = 20;
+/// Height of the remark below all.
+const REMARK: i32 = 30;
+/// Steps of colour of the bar.
+const SHADES: i32 = 160;
+
+/// Discs, a row for each group, with a colour scale of its own.
+pub(super) fn svg(studied: &Brdfs<'_>) -> Result<String, String> {
+    let variants = studied.variants();
+    let groups =
+        grouped(variants.map(|(variant, exits)| (variant.group.as_str(), (variant, exits))));
+    let most = groups.iter().map(|(_, discs)| discs.len()).max();
+    let (cell, row) = (2 * (RADIUS + MARGIN), ABOVE + 2 * RADIUS + BELOW);
+    let width = most.unwrap_or(0) as i32 * cell + SCALES;
+    let below = groups.len() as i32 * row;
+    sheet(studied.study, (width, below + REMARK), |area| {
+        for ((group, discs), i) in groups.iter().zip(0..) {
+            let values = discs.iter().flat_map(|(_, exits)| &exits.reflected);
+            let values = values.map(|brdf| brdf.value);
+            let axis = if studied.draw.logarithmic {
+                Axis::logarithmic(values)
+            } else {
+                Axis::linear(values, false)
+            };
+            let top = i * row;
+            let middle = discs.len() as i32 * cell / 2;
+            let at = (middle * SCALE, (top + 14) * SCALE);
+            write(area, group, at, font(14, &INK), HPos::Center)?;
+            for ((variant, exits), j) in discs.iter().zip(0..) {
+                let disc = Disc {
+                    area,
+                    centre: (
+                        (j * cell + RADIUS + MARGIN) * SCALE,
+                        (top + ABOVE + RADIUS) * SCALE,
+                    ),
+                    axis: &axis,
+                };
+                disc.draw(studied, variant, exits)?;
+            }
+            let left = discs.len() as i32 * cell + 6;
+            scale(area, (left * SCALE, (top + ABOVE) * SCALE), &axis)?;
+        }
+        let remark =
+            "○ where light comes from; the angle from the normal grows from the middle to the rim";
+        let at = (width * SCALE / 2, (below + REMARK / 2) * SCALE);
+        write(area, remark, at, font(12, &GREY), HPos::Center)
+    })
+}
+
+/// The colour of a share of the scale.
+fn colour(share: f64) -> ShapeStyle {
+    ViridisRGB::get_color(share).filled()
+}
+
+/// The bar of colours whose upper left corner is at `(x, y)`.
+fn scale(area: &Area, (x, y): (i32, i32), axis: &Axis) -> Drawn {
+    let height = 2 * RADIUS * SCALE;
+    let at = |share: f64| y + height - (share * f64::from(height)).round() as i32;
+    for shade in 0..SHADES {
+        let share = |shade: i32| f64::from(shade) / f64::from(SHADES);
+        let corners = [
+            (x, at(share(shade + 1))),
+            (x + BAR * SCALE, at(share(shade))),
+        ];
+        let middle = 0.5 * (share(shade) + share(shade + 1));
+        area.draw(&Rectangle::new(corners, colour(middle)))?;
+    }
+    for value in &axis.ticks {
+        let y = at(axis.share(*value));
+        let (from, to) = (x + BAR * SCALE, x + (BAR + 5) * SCALE);
+        let stroke = INK.stroke_width(SCALE as u32);
+        area.draw(&PathElement::new([(from, y), (to, y)], stroke))?;
+        let words = (to + 4 * SCALE, y);
+        write(area, &tick(*value), words, font(12, &INK), HPos::Left)?;
+    }
+    write(
+        area,
+        "BRDF, 1/sr",
+        (x, y - 18 * SCALE),
+        font(12, &INK),
+        HPos::Left,
+    )
+}
+
+/// The hemisphere from above: the angle from the normal is the distance from the centre,
+/// azimuth 0, the way the light travels, on the right.
+struct Disc<'a, 'b> {
+    area: &'a Area<'b>,
+    centre: (i32, i32),
+    axis: &'a Axis,
+}
+
+impl Disc<'_, '_> {
+    fn pixel(&self, polar_rad: f64, azimuth_rad: f64) -> (i32, i32) {
+        let length = f64::from(RADIUS * SCALE) * polar_rad / FRAC_PI_2;
+        let (sin, cos) = azimuth_rad.sin_cos();
+        let place = |at: i32, by: f64| (f64::from(at) + by).round() as i32;
+        (
+            place(self.centre.0, length * cos),
+            place(self.centre.1, -length * sin),
+        )
+    }
+
+    fn draw(&self, studied: &Brdfs<'_>, variant: &Variant, exits: &Exits) -> Drawn {
+        let (x, y) = self.centre;
+        let radius = RADIUS * SCALE;
+        let title = (x, y - radius - 16 * SCALE);
+        write(
+            self.area,
+            &variant.label,
+            title,
+            font(13, &INK),
+            HPos::Center,
+        )?;
+        // From the rim inward, each a slice down to the centre that later ones paint over,
+        // so that no seams are left between them.
+        for (sensor, brdf) in exits.reflected.iter().enumerate().rev() {
+            let [[_, polar], [from, to]] = studied.sensors.cell_rad(sensor);
+            let from = from - 0.01;
+            let steps = ((to - from) / 0.1).ceil();
+            let arc = (0..=steps as i32).map(|step| {
+                let azimuth = from + (to - from) * f64::from(step) / steps;
+                self.pixel(polar, azimuth)
+            });
+            let slice: Vec<_> = [self.centre].into_iter().chain(arc).collect();
+            let colour = colour(self.axis.share(brdf.value));
+            self.area.draw(&Polygon::new(slice, colour))?;
+        }
+        let thin = INK.stroke_width(SCALE as u32);
+        for degrees in [0, 30, 60, 90] {
+            let reach = radius * degrees / 90;
+            if degrees > 0 {
+                let look = if degrees == 90 {
+                    thin
+                } else {
+                    GREY.stroke_width(1)
+                };
+                self.area.draw(&Circle::new(self.centre, reach, look))?;
+            }
+            let tick = [
+                (x + reach, y + radius + 5 * SCALE),
+                (x + reach, y + radius + 9 * SCALE),
+            ];
+            self.area.draw(&PathElement::new(tick, thin))?;
+            let at = (x + reach, y + radius + 18 * SCALE);
+            write(
+                self.area,
+                &format!("{degrees}°"),
+                at,
+                font(11, &INK),
+                HPos::Center,
+            )?;
+        }
+        let axis = [x, x + radius].map(|x| (x, y + radius + 5 * SCALE));
+        self.area.draw(&PathElement::new(axis, thin))?;
+        for (words, x, across) in [
+            ("← backward", x - radius, HPos::Left),
+            ("forward →", x + radius, HPos::Right),
+        ] {
+            let at = (x, y + radius + 36 * SCALE);
+            write(self.area, words, at, font(12, &GREY), across)?;
+        }
+        let light = incidence_deg(variant).unwrap_or(0.0).to_radians();
+        let at = self.pixel(light, std::f64::consts::PI);
+        self.area
+            .draw(&Circle::new(at, 6 * SCALE, WHITE.filled()))?;
+        self.area.draw(&Circle::new(at, 6 * SCALE, thin))
+    }
+}
