@@ -250,12 +250,20 @@ fn grazing_light_must_reach_under_the_surface() {
             "{error}"
         );
     }
-    // what the limit guards against: a few grains stand for all
+    // what the limit guards against: a few grains stand for all, and whether they do
+    // so well is chance, which one seed does not tell
     let case = at(1.01 * envelope::FIRST_FLIGHT);
-    let yardstick = spectral(&case, 4000);
-    let said = case.run(Engine::Tabulated, 2000, COARSE, &Cache::default(), 2);
-    let answer = judge(&case, Engine::Tabulated, said, &yardstick);
-    assert_ne!(answer.verdict, Verdict::Holds);
+    let yardstick = spectral(&case, 40_000);
+    let few = Resolution {
+        table: 4096,
+        ..COARSE
+    };
+    let wrong = |seed: &u64| {
+        let said = case.run(Engine::Tabulated, 20_000, few, &Cache::default(), *seed);
+        judge(&case, Engine::Tabulated, said, &yardstick).verdict != Verdict::Holds
+    };
+    let wrong = (2..10).filter(wrong).count();
+    assert!(wrong >= 1, "wrong with {wrong} of 8 seeds");
 }
 
 /// At the smallest table allowed the engines' error over seeds is below what

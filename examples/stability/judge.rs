@@ -72,8 +72,15 @@ pub(crate) fn judge(
         Err(error) => return answer(Verdict::Refused, error.to_string(), None, vec![]),
         Ok(spectra) => spectra,
     };
-    // snow over brighter snow or ground may take light away
-    let brightens = case.pack.below.is_empty() && case.pack.ground == Ground::Black;
+    // Snow over brighter snow or ground may take light away. So may a thicker slab
+    // whose pores are black: in one of few grains short grains are met the more, since
+    // long ones do not fit, and `spectral` has R of .0694 at 2.4 grains, .0660 at 5.
+    let black_pores = case
+        .pack
+        .surface
+        .carbon()
+        .any(|carbon| carbon.sedimentation < 1.0);
+    let brightens = case.pack.below.is_empty() && case.pack.ground == Ground::Black && !black_pores;
     if let Some(why) = impossible(&spectra, brightens) {
         return answer(Verdict::Impossible, why, None, spectra);
     }

@@ -1,10 +1,11 @@
-//! Walks next to the surface, where grains must fit under it.
+//! Walks next to planes: the surface, where grains must fit under it, and those
+//! between layers, across which grains carry light.
 //!
-//! Rays enter a layer from outside or from below, and leave it through the
-//! surface or, going down, through its open lower side, where they are handed
-//! over with the Legendre moments of their direction. Grains that would cross
-//! the surface are rejected as in any walk; the lower side is no plane of the
-//! snow and rejects none. A slab too thin to have an inside is walked from
+//! Rays enter a region from outside or from the snow beyond it, and leave it
+//! through a plane of the pack or, going away, through an open side, where they
+//! are handed over with the Legendre moments of their direction. Grains that would
+//! cross a plane of the pack are rejected as in any walk; an open side is no plane
+//! of the snow and rejects none. A slab too thin to have an inside is walked from
 //! plane to plane.
 //!
 //! The first grain events of a ray use points of a lattice instead of random
@@ -22,12 +23,12 @@ use crate::transport::WalkError;
 /// Grain events that draw on the lattice.
 const LATTICE_EVENTS: usize = 5;
 
-/// What is below a layer.
+/// How a region ends.
 #[derive(Debug, Clone, Copy, PartialEq)]
-pub enum Lower {
+pub enum Edge {
     /// Snow goes on.
     Open,
-    /// The slab ends: grains must not cross, and rays leave.
+    /// The pack ends: grains must not cross, and rays leave.
     Plane,
 }
 
@@ -38,27 +39,30 @@ pub enum Source {
     Above(f64),
     /// Outside, isotropic radiance.
     Diffuse,
-    /// The snow below the layer, at this cosine from straight up.
+    /// The snow below the region, at this cosine from straight up.
     Below(f64),
+    /// The snow over the region, at this cosine from straight down.
+    Over(f64),
 }
 
-/// The snow next to a surface.
+/// The snow next to planes.
 #[derive(Debug, Clone)]
 pub struct Region<'a> {
     /// The snow.
     pub pack: TablePack<'a>,
     /// Thickness, m.
     pub thickness_m: f64,
-    /// What is below.
-    pub lower: Lower,
+    /// How it ends above and below.
+    pub edges: [Edge; 2],
 }
 
 /// Where rays went.
 #[derive(Debug, Clone)]
 pub struct Scores {
-    /// Rays that left through the surface: 1 each.
+    /// Rays that left above: P_l(2 mu - 1) for l = 0, 1, ..., with mu the cosine from
+    /// straight up; where the pack ends, l = 0 only.
     pub out: Histogram,
-    /// Rays that left below: P_l(2 mu - 1) for l = 0, 1, ....
+    /// Rays that left below: the same, with mu the cosine from straight down.
     pub through: Histogram,
     /// Rays started.
     pub rays: u64,
@@ -112,7 +116,7 @@ impl Lattice {
 
 impl Region<'_> {
     /// Walks `rays` rays from `source` until they leave and scores `moments`
-    /// moments of those that leave below.
+    /// moments of those that leave below, and through an open side above.
     ///
     /// # Errors
     /// [`WalkError::TooThin`] if grains do not fit.
@@ -126,19 +130,24 @@ impl Region<'_> {
         let Self {
             pack,
             thickness_m,
-            lower,
+            edges,
         } = self;
-        let (thickness_m, open) = (*thickness_m, *lower == Lower::Open);
+        let (thickness_m, open) = (*thickness_m, edges.map(|edge| edge == Edge::Open));
+        let [open_above, open_below] = open;
+        let above = if open_above { moments } else { 1 };
         let per_event = if pack.wet { 4 } else { 3 };
         let mut lattice = Lattice::new(per_event * LATTICE_EVENTS, &mut rng);
         let scale_m = pack.longest_m();
         let mut scores = Scores {
-            out: Histogram::new(scale_m, pack.exponents, 1),
+            out: Histogram::new(scale_m, pack.exponents, above),
             through: Histogram::new(scale_m, pack.exponents, moments),
             rays,
         };
         let (one, zero) = (f64x8::ONE, f64x8::ZERO);
         let last = pack.strata.len() - 1;
+        let flight_m = |stratum: usize, rng: &mut Stream| {
+            pack.strata[stratum].mean_free_distance_m * rng.exponential().as_array()[0]
+        };
         let mut steps = Steps::new(pack, open);
         let mut queue = [[zero; LATTICE_EVENTS]; 4];
         let mut queued = zero;
@@ -157,7 +166,7 @@ impl Region<'_> {
                     place.as_mut_array()[lane] = coordinate;
                 }
                 queued.as_mut_array()[lane] = LATTICE_EVENTS as f64;
-                // A ray from below is on a flight that began below: where it comes
+                // A ray from beyond is on a flight that began there: where it comes
                 // back to if its grain does not fit. Its path in the pores counts
                 // from there: what crosses pores that absorb is the less likely to
                 // have arrived.
@@ -169,9 +178,12 @@ impl Region<'_> {
                         (0.0, pack.diffuse_cosine(u))
                     }
                     Source::Below(mu) => {
-                        let distance_m = pack.strata[last].mean_free_distance_m;
-                        behind_m = distance_m * rng.exponential().as_array()[0];
+                        behind_m = flight_m(last, &mut rng);
                         (thickness_m + mu * behind_m, -mu)
+                    }
+                    Source::Over(mu) => {
+                        behind_m = flight_m(0, &mut rng);
+                        (-mu * behind_m, mu)
                     }
                 };
                 let ray = Ray {
@@ -203,21 +215,25 @@ impl Region<'_> {
             let stepped = steps
                 .step(&mut variates, walking, |_, _, _| {})
                 .map_err(|Stuck(_)| WalkError::TooThin { thickness_m })?;
-            let mut handed = stepped.below;
-            if open {
-                let rays = &steps.rays;
-                let under = rays.z_m.simd_gt(f64x8::splat(thickness_m)) & rays.mu.simd_gt(zero);
-                handed |= under.to_bitmask() & stepped.met;
+            let (mut up, mut down) = (stepped.above, stepped.below);
+            let rays = &steps.rays;
+            if open_above {
+                let over = rays.z_m.simd_lt(zero) & rays.mu.simd_lt(zero);
+                up |= over.to_bitmask() & stepped.met;
             }
-            ended = (stepped.above | handed | stepped.lost) & walking;
+            if open_below {
+                let under = rays.z_m.simd_gt(f64x8::splat(thickness_m)) & rays.mu.simd_gt(zero);
+                down |= under.to_bitmask() & stepped.met;
+            }
+            ended = (up | down | stepped.lost) & walking;
             for lane in lanes(ended & !stepped.lost) {
                 let Ray { mu, path, .. } = steps.rays.get(lane);
-                if stepped.above >> lane & 1 == 1 {
-                    scores.out.add(&path, &[1.0]);
-                } else {
-                    legendre(2.0 * mu - 1.0, &mut scored);
-                    scores.through.add(&path, &scored);
-                }
+                let (to, moments) = match up >> lane & 1 {
+                    1 => (&mut scores.out, above),
+                    _ => (&mut scores.through, moments),
+                };
+                legendre(2.0 * mu.abs() - 1.0, &mut scored[..moments]);
+                to.add(&path, &scored[..moments]);
             }
         }
     }

@@ -12,7 +12,7 @@ mod rays;
 mod slab;
 mod step;
 
-pub use boundary::{Lower, Region, Scores, Source};
+pub use boundary::{Edge, Region, Scores, Source};
 pub use escape::{Band, Catch, EscapeWalker};
 pub use histogram::Histogram;
 pub use kernel::{Event, Kernel};

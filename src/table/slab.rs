@@ -83,7 +83,7 @@ impl<S: Sink> Walks<'_, S> {
         let coefficients = absorption.coefficients;
         let [ice_per_m, water_per_m] =
             [coefficients.ice_per_m, coefficients.water_per_m].map(f64x8::splat);
-        let mut steps = Steps::new(pack, false);
+        let mut steps = Steps::new(pack, [false; 2]);
         let mut walking = lanes(0xff).fold(0, |walking, lane| {
             walking | u32::from(self.start(&mut steps, lane)) << lane
         });

@@ -10,8 +10,8 @@ use crate::transport::{EVENT_LIMIT, REJECTION_LIMIT};
 #[derive(Debug)]
 pub(super) struct Steps<'a> {
     pub(super) pack: &'a TablePack<'a>,
-    /// Whether snow goes on below, so that grains may cross the lower end.
-    open: bool,
+    /// Whether snow goes on above and below, so that grains may cross the ends.
+    open: [bool; 2],
     pub(super) rays: Rays,
     /// Depth of the lower end, m.
     pub(super) depth_m: f64x8,
@@ -44,7 +44,7 @@ pub(super) struct Stepped {
 pub(super) struct Stuck(pub(super) usize);
 
 impl<'a> Steps<'a> {
-    pub(super) fn new(pack: &'a TablePack<'a>, open: bool) -> Self {
+    pub(super) fn new(pack: &'a TablePack<'a>, open: [bool; 2]) -> Self {
         Self {
             pack,
             open,
@@ -131,7 +131,7 @@ impl<'a> Steps<'a> {
 
         // planes
         let [top_m, bottom_m] = self.planes();
-        let up = flight.end_m.simd_lt(top_m);
+        let up = flight.end_m.simd_lt(top_m) & self.rays.mu.simd_lt(zero);
         let down = flight.end_m.simd_gt(bottom_m) & self.rays.mu.simd_gt(zero);
         let (mut above, mut below, mut crossed) = (up, down, zero);
         let mut touched = down;
@@ -153,14 +153,20 @@ impl<'a> Steps<'a> {
         // grains that would cross the outer ones
         let mut rejected = zero;
         let ends = !(out | crossed);
-        let mut near = ends & flight.end_m.simd_lt(flight.size_m);
-        if !self.open {
+        let [open_above, open_below] = self.open;
+        let mut near = zero;
+        if !open_above {
+            near |= ends & flight.end_m.simd_lt(flight.size_m);
+        }
+        if !open_below {
             near |= ends & flight.end_m.simd_gt(self.depth_m - flight.size_m);
         }
         if near.to_bitmask() & walking != 0 {
             let [highest_m, lowest_m] = self.pack.extent_m(&self.rays, &flight);
-            rejected = near & highest_m.simd_lt(zero);
-            if !self.open {
+            if !open_above {
+                rejected = near & highest_m.simd_lt(zero);
+            }
+            if !open_below {
                 let under = near & lowest_m.simd_gt(self.depth_m);
                 touched |= under;
                 rejected |= under;

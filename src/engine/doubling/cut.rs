@@ -1,10 +1,11 @@
 //! How packs are cut into boundary layers and what is between, and what is to be
 //! walked.
+use super::planes::{Piece, pieces};
 use super::{FROM_BELOW, LAYER, THIN};
 use crate::engine::Request;
 use crate::engine::tables::{PARTS, Stretch, stretches};
 use crate::slab::Streams;
-use crate::table::{Lower, Source};
+use crate::table::{Edge, Source};
 use crate::transport::{Illumination, Snow};
 
 /// Walks of one kind from one source.
@@ -14,9 +15,9 @@ pub(super) struct Task {
     pub(super) purpose: [u32; 2],
     /// From the surface that light comes to, inward.
     pub(super) stretches: Vec<Stretch>,
-    pub(super) lower: Lower,
+    pub(super) edges: [Edge; 2],
     pub(super) source: Source,
-    /// Moments of the directions of what leaves inward.
+    /// Moments of the directions of what is handed over.
     pub(super) moments: usize,
     /// Per part.
     pub(super) rays: u64,
@@ -38,8 +39,8 @@ pub(super) struct Cut {
     pub(super) upper: usize,
     /// The same of the lower one.
     pub(super) lower: usize,
-    /// Between them, downward.
-    pub(super) inside: Vec<Stretch>,
+    /// Between them, downward; what is walked by its position in [`Plan::joints`].
+    pub(super) inside: Vec<Piece<usize>>,
 }
 
 /// A boundary layer: its first task, one per stream and then, if it is an upper
@@ -52,11 +53,20 @@ pub(super) struct BoundaryLayer {
     stretches: Vec<Stretch>,
 }
 
+/// What is next to a plane between layers: its first task, one per stream above and
+/// then one per stream below.
+#[derive(Debug, Clone)]
+pub(super) struct Joint {
+    pub(super) first: usize,
+    pub(super) stretches: Vec<Stretch>,
+}
+
 /// All that is to be walked for a request.
 #[derive(Debug, Clone, Default)]
 pub(super) struct Plan {
     pub(super) tasks: Vec<Task>,
     pub(super) layers: Vec<BoundaryLayer>,
+    pub(super) joints: Vec<Joint>,
     /// Per thickness.
     pub(super) slabs: Vec<Slab>,
 }
@@ -136,6 +146,13 @@ impl Plan {
             inside.reverse();
             let upper = plan.layer(request, streams, upper, true);
             let lower = plan.layer(request, streams, lower, false);
+            let pieces = pieces(&inside, &snows).into_iter();
+            let inside = pieces
+                .map(|piece| match piece {
+                    Piece::Points(stretch) => Piece::Points(stretch),
+                    Piece::Walked(walked) => Piece::Walked(plan.joint(request, streams, walked)),
+                })
+                .collect();
             plan.slabs.push(Slab::Thick(Cut {
                 upper,
                 lower,
@@ -153,7 +170,7 @@ impl Plan {
                 .map(|(i, light)| Task {
                     purpose: [5, (number * lights + i) as u32],
                     stretches: pack.clone(),
-                    lower: Lower::Plane,
+                    edges: [Edge::Plane; 2],
                     source: source(light),
                     moments: 1,
                     rays,
@@ -190,7 +207,7 @@ impl Plan {
             .extend(sources.enumerate().map(|(i, (source, rays))| Task {
                 purpose: [kind, i as u32],
                 stretches: stretches.clone(),
-                lower: Lower::Open,
+                edges: [Edge::Plane, Edge::Open],
                 source,
                 moments: streams.count(),
                 rays,
@@ -202,5 +219,33 @@ impl Plan {
             stretches,
         });
         self.layers.len() - 1
+    }
+
+    /// The position of what is next to a plane, of these `stretches`, which is made
+    /// if there is none.
+    fn joint(&mut self, request: &Request, streams: &Streams, stretches: Vec<Stretch>) -> usize {
+        let mut all = self.joints.iter();
+        if let Some(there) = all.position(|joint| joint.stretches == stretches) {
+            return there;
+        }
+        let rays = request.rays.div_ceil(PARTS as u64);
+        let rays = ((rays as f64 * FROM_BELOW).ceil() as u64).max(1);
+        let cosines = || streams.cosines().iter().copied();
+        let sources = cosines()
+            .map(Source::Over)
+            .chain(cosines().map(Source::Below));
+        let first = self.tasks.len();
+        let kind = 6 + ((self.joints.len() as u32) << 16);
+        self.tasks
+            .extend(sources.enumerate().map(|(i, source)| Task {
+                purpose: [kind, i as u32],
+                stretches: stretches.clone(),
+                edges: [Edge::Open; 2],
+                source,
+                moments: streams.count(),
+                rays,
+            }));
+        self.joints.push(Joint { first, stretches });
+        self.joints.len() - 1
     }
 }

@@ -1,17 +1,18 @@
-//! The inside of packs, where grains act like points: mean grain events, and
-//! homogeneous stretches added up.
+//! The inside of packs: mean grain events, where grains act like points, and
+//! stretches and planes added up.
 use std::sync::Arc;
 
 use super::Run;
+use super::planes::Piece;
 use super::walks::{Part, Walks};
 use crate::engine::EngineError;
 use crate::engine::nodes::Mix;
-use crate::engine::tables::Stretch;
 use crate::slab::{Matrix, Medium};
 use crate::table::{Event, Kernel};
 use crate::transport::{Coefficients, Snow, impurities_per_m};
 
-/// What a stretch does to the streams that enter it.
+/// What a part of the inside does to the streams that enter it.
+#[derive(Clone)]
 pub(super) struct Inside {
     /// Of those from above: up again, and down through.
     pub(super) from_above: [Matrix; 2],
@@ -150,18 +151,23 @@ impl Points<'_> {
     }
 }
 
-/// `stretches`, downward and at least one, of layers that act like `points`.
+/// `pieces`, downward, of layers that act like `points` and of planes between them,
+/// `joints`.
 pub(super) fn inside(
-    stretches: &[Stretch],
+    pieces: &[Piece<usize>],
     points: &[Option<Points>],
+    joints: &[Inside],
     streams: usize,
 ) -> Result<Inside, EngineError> {
     let mut sum: Option<Inside> = None;
-    for stretch in stretches {
-        let Some(points) = &points[stretch.snow] else {
-            continue;
+    for piece in pieces {
+        let next = match piece {
+            Piece::Walked(joint) => joints[*joint].clone(),
+            Piece::Points(stretch) => match &points[stretch.snow] {
+                Some(points) => points.stretch(stretch.thickness_m)?,
+                None => continue,
+            },
         };
-        let next = points.stretch(stretch.thickness_m)?;
         sum = Some(match sum {
             None => next,
             Some(above) => above.over(&next, streams)?,

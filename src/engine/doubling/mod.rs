@@ -22,9 +22,9 @@
 //!    mirror image as the lower one, gives every thickness and illumination at
 //!    once.
 //!
-//! Layers inside a pack are added as the points they scatter like: where they
-//! meet, no grain is rejected, and the error made there by grains that reach
-//! across is small (docs/stability.md). A boundary layer may hold several.
+//! Layers inside a pack are added as the points they scatter like, and what is next
+//! to the planes between them, across which grains carry light, is walked too. A
+//! boundary layer may hold several.
 //!
 //! Slabs of up to three boundary layers are walked from plane to plane.
 //!
@@ -36,6 +36,7 @@
 //! nothing of the method's own error: see docs/stability.md.
 mod cut;
 mod inside;
+mod planes;
 mod solve;
 mod walks;
 

@@ -2,8 +2,9 @@
 use std::sync::Arc;
 
 use super::Run;
-use super::cut::{BoundaryLayer, Slab};
+use super::cut::{BoundaryLayer, Joint, Slab};
 use super::inside::{Flights, Inside, inside};
+use super::planes::Piece;
 use super::walks::{Part, Walks};
 use crate::engine::nodes::Mix;
 use crate::engine::tables::PARTS;
@@ -93,11 +94,16 @@ impl Run<'_> {
             self.couplings(walks, mix, coefficients, part, layer, snows[layer.snow])
         };
         let couplings: Vec<Couplings> = self.plan.layers.iter().map(couple).collect();
+        let join = |joint: &Joint| self.joined(walks, mix, coefficients, part, joint, &snows);
+        let joints: Vec<Inside> = self.plan.joints.iter().map(join).collect();
         let mut points = Vec::new();
         for (number, snow) in snows.iter().enumerate() {
             let inner = self.plan.slabs.iter().any(|slab| match slab {
                 Slab::Thin(_) => false,
-                Slab::Thick(cut) => cut.inside.iter().any(|stretch| stretch.snow == number),
+                Slab::Thick(cut) => cut
+                    .inside
+                    .iter()
+                    .any(|piece| matches!(piece, Piece::Points(stretch) if stretch.snow == number)),
             });
             let of = || self.points(walks, mix, coefficients, part, number, snow);
             points.push(inner.then(of).transpose()?);
@@ -118,7 +124,7 @@ impl Run<'_> {
             let Inside {
                 from_above: [r, t],
                 from_below: [back, through],
-            } = inside(&cut.inside, &points, n)?;
+            } = inside(&cut.inside, &points, &joints, n)?;
             // downward at the lower layer, and upward at the upper one, per
             // downward at the upper one
             let passed = (&one - &(&back * &lower.inner)).solve(t)?;
@@ -170,30 +176,63 @@ impl Run<'_> {
                 sums.for_each(|(sum, score)| *sum += share * score);
             }
         }
-        // Light that leaves downward at mu is the polynomial with these moments
-        // over P_l(2 mu - 1), at the nodes of the streams and with their weights.
-        let basis: Vec<Vec<f64>> = self
-            .streams
-            .cosines()
-            .iter()
-            .map(|cosine| {
-                let mut p = vec![0.0; n];
-                legendre(2.0 * cosine - 1.0, &mut p);
-                p
-            })
-            .collect();
-        let weights = self.streams.weights();
-        let into = |stream: usize, source: usize| -> f64 {
-            let terms = basis[stream].iter().zip(&moments[source]).enumerate();
-            let sum: f64 = terms.map(|(l, (p, m))| (2 * l + 1) as f64 * p * m).sum();
-            weights[stream] * sum
-        };
+        let into = |stream: usize, source: usize| self.into_stream(stream, &moments[source]);
         Couplings {
             inner: Matrix::from_fn(n, n, into),
             escape: out[..n].to_vec(),
             entry: Matrix::from_fn(n, lights, |stream, light| into(stream, n + light)),
             reflected: out[n..].to_vec(),
         }
+    }
+
+    /// What the walks next to a plane between layers come to.
+    fn joined(
+        &self,
+        walks: &[Arc<Walks>],
+        mix: &Mix,
+        coefficients: &Coefficients,
+        part: Part,
+        joint: &Joint,
+        snows: &[&Snow],
+    ) -> Inside {
+        let n = self.streams.count();
+        let ends = [joint.stretches.first(), joint.stretches.last()];
+        let arriving = ends.map(|end| {
+            let snow = snows[end.map_or(0, |stretch| stretch.snow)];
+            Flights::new(self, snow, coefficients).moment(1)
+        });
+        let (mut up, mut down) = (vec![vec![0.0; n]; 2 * n], vec![vec![0.0; n]; 2 * n]);
+        let mut score = vec![0.0; n];
+        for (walks, share) in mix.of(walks) {
+            for source in 0..2 * n {
+                let scores = walks.scores(part, joint.first + source);
+                let share = share / (arriving[source / n] * scores.rays as f64);
+                for (from, to) in [(&scores.out, &mut up), (&scores.through, &mut down)] {
+                    from.weighted(coefficients, &mut score);
+                    let sums = to[source].iter_mut().zip(&score);
+                    sums.for_each(|(sum, score)| *sum += share * score);
+                }
+            }
+        }
+        let matrix = |moments: &[Vec<f64>], first: usize| {
+            Matrix::from_fn(n, n, |to, from| {
+                self.into_stream(to, &moments[first + from])
+            })
+        };
+        Inside {
+            from_above: [matrix(&up, 0), matrix(&down, 0)],
+            from_below: [matrix(&down, n), matrix(&up, n)],
+        }
+    }
+
+    /// Light into a stream: the polynomial with these moments over P_l(2 mu - 1), at
+    /// the stream's cosine and with its weight.
+    fn into_stream(&self, stream: usize, moments: &[f64]) -> f64 {
+        let mut basis = vec![0.0; moments.len()];
+        legendre(2.0 * self.streams.cosines()[stream] - 1.0, &mut basis);
+        let terms = basis.iter().zip(moments).enumerate();
+        let sum: f64 = terms.map(|(l, (p, m))| (2 * l + 1) as f64 * p * m).sum();
+        self.streams.weights()[stream] * sum
     }
 }
 

@@ -102,7 +102,7 @@ impl Walks {
             let region = Region {
                 pack: tables::pack(request, &outcomes, part, &task.stretches),
                 thickness_m: task.stretches.iter().map(thickness).sum(),
-                lower: task.lower,
+                edges: task.edges,
             };
             let scores = region.walk(task.source, task.rays, task.moments, stream);
             control.rays_done.fetch_add(task.rays, Ordering::Relaxed);
