@@ -1,7 +1,7 @@
 //! How packs are cut into boundary layers and what is between, and what is to be
 //! walked.
 use super::planes::{Piece, pieces};
-use super::{FROM_BELOW, LAYER, THIN};
+use super::{FROM_BELOW, JOINT, LAYER, THIN};
 use crate::engine::Request;
 use crate::engine::tables::{PARTS, Stretch, stretches};
 use crate::slab::Streams;
@@ -229,7 +229,7 @@ impl Plan {
             return there;
         }
         let rays = request.rays.div_ceil(PARTS as u64);
-        let rays = ((rays as f64 * FROM_BELOW).ceil() as u64).max(1);
+        let rays = ((rays as f64 * JOINT).ceil() as u64).max(1);
         let cosines = || streams.cosines().iter().copied();
         let sources = cosines()
             .map(Source::Over)

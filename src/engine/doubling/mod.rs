@@ -59,6 +59,9 @@ const THIN: f64 = 3.0;
 /// streams, and each stream carries but a part of the light.
 const FROM_BELOW: f64 = 0.25;
 
+/// Walks from each stream next to a plane between layers, which lies deeper.
+const JOINT: f64 = 0.125;
+
 /// What a request comes to.
 struct Run<'a> {
     request: &'a Request<'a>,
