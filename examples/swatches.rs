@@ -148,8 +148,7 @@ fn swatches(eyes: &Eyes, comparisons: &[Comparison]) -> Swatches {
     Swatches {
         title: "Light through snow, in pairs".into(),
         remarks: vec![
-            "400 ± 50 µm, facetness 0.3 ± 0.1, 300 kg/m³, 15 cm,".into(),
-            "0°, dry, unless the column says otherwise".into(),
+            "400 ± 50 µm, facetness 0.3 ± 0.1, 300 kg/m³, 15 cm, 0°, dry, but for what a column says".into(),
             format!("×: exposure of both, to a luminance of {LUMINANCE} (white 1)"),
             NOTE.into(),
         ],
@@ -184,8 +183,8 @@ over 455, 551 and 608 nm alone. FL3.15 is our reading of the light that the thes
 calls FL-15.
 
 Delta-E*ab, CIE 1976, of the two colours of a pair as they are (in brackets: as
-exposed). 2.3 is a just noticeable difference. The noise of the simulation is at
-most 0.3, as they are.
+exposed). 2.3 is a just noticeable difference. One standard error of the simulation is
+at most 0.3, as they are.
 "
     );
     for by in Sampling::ALL {

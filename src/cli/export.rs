@@ -12,8 +12,7 @@ use crate::lookup::{Database, Lookup};
 use crate::measurement::Quantity;
 use crate::store::{COMPACT, Store};
 
-/// Write a database or compact file as NetCDF, CSV or NPZ; a spectrum for renderers;
-/// colours
+/// Export to NetCDF, CSV or NPZ; one spectrum for renderers; patches of colour
 ///
 /// `netcdf` (conventions CF-1.11), `csv` (one row for each node and wavelength) and
 /// `npz` hold all nodes: those of the database, with standard errors, or those of the
@@ -46,8 +45,10 @@ pub(super) struct Args {
     /// What of a directory [default: the compact file, or the database if there is none]
     #[arg(long, value_enum)]
     from: Option<From>,
-    /// Order of the axes, slowest first, in netcdf and npz [default: database]
-    #[arg(long, value_enum)]
+    /// Order of the axes in netcdf and npz, slowest first: that of the database, or
+    /// density, thickness, grain size, wavelength, angle after all others
+    /// [default: database]
+    #[arg(long, value_parser = common::named(Layout::ALL, Layout::name))]
     layout: Option<Layout>,
     /// Which spectrum in spd, png and svg [default: transmittance]
     #[arg(long, value_parser = common::named(Quantity::ALL, Quantity::name))]

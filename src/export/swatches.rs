@@ -16,8 +16,8 @@ pub const LIGHTS: [Illuminant; 5] = [
     Illuminant::LedB5,
     Illuminant::Fl3_15,
 ];
-/// Luminance, of white, up to which the brightest of a column is exposed: no patch
-/// of clean snow then leaves sRGB.
+/// Luminance, of white, to which the brightest of a column is exposed. Light that has
+/// come through more than some 20 cm is bluer than sRGB can show at any luminance.
 pub const LUMINANCE: f64 = 0.3;
 /// Most columns of a picture.
 const COLUMNS: usize = 12;
@@ -154,6 +154,17 @@ impl Eyes {
     }
 }
 
+/// The nodes, or [`COLUMNS`] of them, the first and the last among these.
+fn some(nodes: &[f32]) -> Vec<f64> {
+    let columns = nodes.len().min(COLUMNS);
+    let (last, steps) = (
+        nodes.len().saturating_sub(1),
+        columns.saturating_sub(1).max(1),
+    );
+    let there = (0..columns).filter_map(|i| nodes.get((i * last + steps / 2) / steps));
+    there.map(|node| exact(*node)).collect()
+}
+
 fn exposed(spectrum: &[f64], exposure: f64) -> Vec<f64> {
     spectrum.iter().map(|value| value * exposure).collect()
 }
@@ -176,15 +187,11 @@ pub fn thicknesses(
 ) -> Result<Swatches, ExportError> {
     let eyes = Eyes::new(database.wavelengths_nm())?;
     let lookup = Lookup::new(database, quantity)?;
-    let nodes = &database.axes()[3];
-    let all: Vec<f64> = match one {
-        true => vec![at.thickness_cm],
-        false => {
-            let columns = nodes.len().min(COLUMNS);
-            let last = nodes.len().saturating_sub(1);
-            let node = |i: usize| nodes[(i * last + (columns - 1) / 2) / (columns - 1).max(1)];
-            (0..columns).map(|i| exact(node(i))).collect()
-        }
+    let [_, _, _, nodes, _] = database.axes();
+    let all = if one {
+        vec![at.thickness_cm]
+    } else {
+        some(nodes)
     };
     let mut columns = Vec::new();
     let mut rows: Vec<_> = LIGHTS
@@ -213,8 +220,8 @@ pub fn thicknesses(
         title: format!("{what}: {snow}"),
         remarks: vec![
             "patches: left 31 wavelengths, 400-700 nm by 10; right 3 wavelengths, 455, 551, 608 nm".into(),
-            format!("×: exposure, by which a column is brighter than the light (white) makes it, to a luminance of {LUMINANCE}"),
-            "numbers: ΔE*ab (CIE 1976) of left and right as they are, not exposed; sRGB, CIE 1931 2-degree observer".into(),
+            format!("×: exposure: a column is shown so many times brighter, to a luminance of {LUMINANCE}; the light itself is white, 1"),
+            "numbers: ΔE*ab (CIE 1976) of left and right as they are, not exposed; CIE 1931 2-degree observer, clipped to sRGB".into(),
         ],
         columns,
         groups: vec![SwatchRows { heading: String::new(), rows }],
@@ -279,5 +286,66 @@ mod tests {
             "spectra from 410 to 700 nm have no colour here: they must cover 400 to 700 nm"
         );
         assert!(Eyes::new(&[]).is_err());
+    }
+
+    #[test]
+    fn columns_are_spread_over_the_nodes() {
+        assert_eq!(some(&[0.1]), [0.1]);
+        assert_eq!(some(&[1.0, 2.0, 5.5]), [1.0, 2.0, 5.5]);
+        let nodes: Vec<f32> = (0..30).map(|i| i as f32).collect();
+        let found = some(&nodes);
+        assert_eq!((found.len(), found[0], found[11]), (12, 0.0, 29.0));
+        assert!(
+            found
+                .windows(2)
+                .all(|pair| (2.0..=3.0).contains(&(pair[1] - pair[0])))
+        );
+    }
+
+    #[test]
+    fn patches_are_what_a_colorimeter_sees() {
+        let database = crate::export::table::tests::database();
+        let conditions = [(crate::grid::ExtraAxis::Temperature, -1.0)].into();
+        let there = database.at(&conditions).unwrap();
+        let at = Point::from_coordinates([0.9, 300.0, 400.0, 5.0, 40.0]);
+        let quantity = Quantity::Reflectance;
+        let picture = |one| thicknesses(&there, quantity, at, one, "snow".into()).unwrap();
+        let all = picture(false);
+        assert_eq!(
+            all.columns
+                .iter()
+                .map(|c| c[0].as_str())
+                .collect::<Vec<_>>(),
+            ["1 cm", "5 cm"]
+        );
+        assert_eq!(all.columns[1], picture(true).columns[0]);
+        assert_eq!(
+            all.groups[0].rows[3].1[1],
+            picture(true).groups[0].rows[3].1[0]
+        );
+
+        let spectrum = there.spectrum(at, quantity).unwrap();
+        let exposure: f64 = all.columns[1][1].replace("× ", "").parse().unwrap();
+        for (name, swatches) in &all.groups[0].rows {
+            let viewing = Viewing {
+                illuminants: vec![name.parse().unwrap()],
+                ..Viewing::default()
+            };
+            for (by, found) in Sampling::ALL.into_iter().zip(&swatches[1].colours) {
+                let nm = by.wavelengths_nm();
+                // the nodes are 100 nm apart
+                let value = |nm: &f64| {
+                    let i = (((nm - 400.0) / 100.0) as usize).min(2);
+                    let share = (nm - 400.0) / 100.0 - i as f64;
+                    let [a, b] = [spectrum[i], spectrum[i + 1]].map(f64::from);
+                    exposure * (a + share * (b - a))
+                };
+                let values: Vec<f64> = nm.iter().map(value).collect();
+                let eye = Colorimeter::viewing(&nm, &viewing).unwrap().unwrap();
+                let expected = eye.srgb(&values);
+                let apart = found.iter().zip(expected).map(|(f, e)| f.abs_diff(e)).max();
+                assert!(apart <= Some(1), "{name}: {found:?} {expected:?}");
+            }
+        }
     }
 }

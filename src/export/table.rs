@@ -23,15 +23,28 @@ pub struct Table {
 }
 
 /// The order of the axes in an export.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, clap::ValueEnum)]
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Layout {
-    /// As in the database, wavelengths last
+    /// As in the database, wavelengths last.
     Database,
-    /// Density, thickness, grain size, wavelength, angle; all others before these
+    /// Density, thickness, grain size, wavelength, angle, as the tables of radiative
+    /// transfer codes for satellites have them; all others before these.
     Crtm,
 }
 
 impl Layout {
+    /// Both.
+    pub const ALL: [Self; 2] = [Self::Database, Self::Crtm];
+
+    /// The name used on the command line.
+    #[must_use]
+    pub const fn name(self) -> &'static str {
+        match self {
+            Self::Database => "database",
+            Self::Crtm => "crtm",
+        }
+    }
+
     /// The axes of the name, slowest first, after all others.
     pub(super) const CRTM: [&'static str; 5] = [
         "density_kg_m3",

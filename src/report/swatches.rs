@@ -86,13 +86,12 @@ impl Swatches {
 
     fn draw(&self, area: &Area) -> Drawn {
         let at = |x: i32, y: i32| (x * SCALE, y * SCALE);
-        let middle = self.width() / 2;
         write(
             area,
             &self.title,
-            at(middle, TITLE / 2),
+            at(GAP, TITLE / 2),
             font(16, &INK),
-            HPos::Center,
+            HPos::Left,
         )?;
         for (lines, i) in self.columns.iter().zip(0..) {
             let x = left(i) + PATCH / 2;
