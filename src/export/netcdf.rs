@@ -89,7 +89,7 @@ impl Table {
         for (name, values) in &self.axes {
             let (long_name, units) = coordinate_about(name);
             set.add_fixed_dim(*name, values.len())?;
-            set.add_var_f64(*name, &[*name])?;
+            set.add_var_f64(name, &[*name])?;
             set.add_var_attr_string(name, "long_name", long_name)?;
             set.add_var_attr_string(name, "units", units)?;
             if *name == WAVELENGTH {
