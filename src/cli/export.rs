@@ -38,8 +38,8 @@ pub(super) struct Args {
     /// What to write
     #[arg(long, value_enum)]
     format: Format,
-    /// File to write; one that is there is replaced [default: snow.<format> in the
-    /// directory, or beside the file and named like it]
+    /// File to write; one that is there is replaced [default: snow.nc, snow.csv and so
+    /// on in the directory, or beside the file and named like it]
     #[arg(long, value_name = "PATH")]
     out: Option<PathBuf>,
     /// What of a directory [default: the compact file, or the database if there is none]

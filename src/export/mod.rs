@@ -1,7 +1,7 @@
 //! Databases and compact files in the formats of others (docs/formats.md, "Exports").
 //!
-//! [`Table`] is what a database or a compact file holds, at its nodes; [`netcdf`],
-//! [`csv`] and [`npz`] are the bytes of a file that holds the same. [`spd`] is one
+//! [`Table`] is what a database or a compact file holds, at its nodes; [`netcdf()`],
+//! [`csv()`] and [`npz()`] are the bytes of a file that holds the same. [`spd()`] is one
 //! spectrum as renderers read it, and [`Eyes`] are what sees spectra as colours.
 mod csv;
 mod netcdf;
