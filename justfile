@@ -17,3 +17,8 @@ figures:
 # The picture of the README
 picture:
     cargo run --release --example readme_picture
+
+# The swatches of docs/swatches.md
+swatches:
+    cargo run --release -- build configs/thesis.toml
+    cargo run --release --example swatches -- out/thesis docs

@@ -25,6 +25,7 @@
 //! | [`verify`] | re-checking a finished database |
 //! | [`tradeoff`], [`report`] | speed against accuracy of the engines; its charts and tables |
 //! | [`study`] | the variants of a sample that a study file asks for |
+//! | [`export`] | databases, compact files and their colours in the formats of others |
 //! | [`cli`] | the command line |
 mod atomic;
 pub mod batch;
@@ -35,6 +36,7 @@ pub mod comparison;
 pub mod compress;
 pub mod config;
 pub mod engine;
+pub mod export;
 pub mod fit;
 pub mod grain;
 pub mod grid;

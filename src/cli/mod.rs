@@ -8,11 +8,13 @@ mod build;
 mod common;
 mod compact;
 mod compress;
+mod export;
 mod fit;
 mod goniometer;
 mod measure;
 mod pilot;
 mod plan;
+mod point;
 mod query;
 mod simulate;
 mod study;
@@ -58,6 +60,7 @@ enum Command {
     Verify(verify::Args),
     Fit(fit::Args),
     Query(query::Args),
+    Export(export::Args),
     Measure(measure::Args),
     Tradeoff(tradeoff::Args),
     Study(study::Args),
@@ -73,6 +76,7 @@ pub fn run() -> ExitCode {
         Command::Verify(args) => verify::run(&args),
         Command::Fit(args) => fit::run(&args),
         Command::Query(args) => query::run(&args),
+        Command::Export(args) => export::run(&args),
         Command::Measure(args) => measure::run(&args),
         Command::Tradeoff(args) => tradeoff::run(&args),
         Command::Study(args) => study::run(&args),

@@ -3,10 +3,10 @@ use std::fmt::Write;
 use std::path::PathBuf;
 
 use super::common;
+use super::point::{self, PointArgs};
 use crate::certificate::{CERTIFICATE, Certificate};
 use crate::fit::BETWEEN_WAVELENGTHS;
-use crate::grid::ExtraAxis;
-use crate::lookup::{Database, Lookup, Point, Varsa2025};
+use crate::lookup::{Database, Lookup, Varsa2025};
 use crate::measurement::Quantity;
 
 /// Print one spectrum of a compact file as CSV
@@ -18,6 +18,7 @@ use crate::measurement::Quantity;
 #[derive(Debug, clap::Args)]
 #[command(
     allow_negative_numbers = true,
+    mut_args = point::required,
     after_long_help = "\
 Examples:
   splitsnow query out/quick --facetness 0.1 --grain-size-um 300 \\
@@ -29,37 +30,8 @@ pub(super) struct Args {
     /// A compact file, or the output directory that holds one
     #[arg(value_name = "FILE")]
     file: PathBuf,
-    /// Mean facetness of the grains
-    #[arg(long, value_name = "F")]
-    facetness: f64,
-    /// Mean length of the grains' major axis, um
-    #[arg(long, value_name = "G")]
-    grain_size_um: f64,
-    /// Density of the dry snow, kg/m3
-    #[arg(long, value_name = "D")]
-    density_kg_m3: f64,
-    /// Thickness of the slab, cm
-    #[arg(long, value_name = "H")]
-    thickness_cm: f64,
-    /// Polar angle of incidence from the surface normal, degrees
-    #[arg(long, value_name = "A")]
-    angle_deg: f64,
-    /// Black carbon, ng per g of snow; this and the four below where the file has
-    /// such an axis, and only there
-    #[arg(long, value_name = "C")]
-    black_carbon_ng_g: Option<f64>,
-    /// Water saturation of the pore space
-    #[arg(long, value_name = "S")]
-    water_saturation: Option<f64>,
-    /// Temperature, Celsius
-    #[arg(long, value_name = "T")]
-    temperature_c: Option<f64>,
-    /// Mean sphericity of the grains
-    #[arg(long, value_name = "S")]
-    sphericity: Option<f64>,
-    /// Lambertian reflectance of the substrate
-    #[arg(long, value_name = "R")]
-    substrate_reflectance: Option<f64>,
+    #[command(flatten)]
+    point: PointArgs,
     /// Which spectrum
     #[arg(long, default_value = Quantity::Transmittance.name(),
           value_parser = common::named(Quantity::ALL, Quantity::name))]
@@ -83,23 +55,8 @@ enum Method {
 
 pub(super) fn run(args: &Args) -> anyhow::Result<()> {
     let database = Database::open(&common::compact_path(&args.file)?)?;
-    let point = Point {
-        facetness: args.facetness,
-        grain_size_um: args.grain_size_um,
-        density_kg_m3: args.density_kg_m3,
-        thickness_cm: args.thickness_cm,
-        angle_deg: args.angle_deg,
-    };
-    let conditions = [
-        args.black_carbon_ng_g,
-        args.water_saturation,
-        args.temperature_c,
-        args.sphericity,
-        args.substrate_reflectance,
-    ];
-    let conditions = ExtraAxis::ALL.into_iter().zip(conditions);
-    let conditions = conditions.filter_map(|(axis, value)| Some((axis, value?)));
-    let there = database.at(&conditions.collect())?;
+    let point = args.point.point()?;
+    let there = database.at(&args.point.conditions())?;
     let spectrum = match args.method {
         Method::Smooth => {
             let lookup = Lookup::new(&there, args.quantity)?;

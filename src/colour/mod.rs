@@ -196,8 +196,18 @@ impl Colorimeter {
         self.lights[0].lab(spectrum)
     }
 
-    /// The same for spectra that `by` takes to the wavelengths of this: it sees them
-    /// as what they become there.
+    /// Luminance of `spectrum` (`[l]`) under the first illuminant, as a share of
+    /// white's.
+    ///
+    /// # Panics
+    /// If `spectrum` has not one value per wavelength.
+    #[must_use]
+    pub fn luminance(&self, spectrum: &[f64]) -> f64 {
+        self.lights[0].relative(spectrum)[1]
+    }
+
+    /// A colorimeter for spectra that `by` takes to the wavelengths of this: it sees
+    /// them as what they become there.
     ///
     /// # Panics
     /// If `by` leads to another number of wavelengths.

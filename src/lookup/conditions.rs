@@ -220,7 +220,7 @@ fn cell(axis: ExtraAxis, values: &[f32], value: f64) -> Result<(usize, f64), Loo
 }
 
 /// The decimal that an f32 stands for.
-fn exact(value: f32) -> f64 {
+pub(crate) fn exact(value: f32) -> f64 {
     let decimal = value.to_string().parse();
     decimal.unwrap_or(f64::from(value))
 }

@@ -11,7 +11,7 @@ mod nodes;
 mod smooth;
 mod varsa2025;
 
-pub(crate) use conditions::spread_beyond;
+pub(crate) use conditions::{exact, spread_beyond};
 pub use coordinates::spread;
 pub use fidelity::{CurveErrors, errors_of};
 pub use format::FormatError;

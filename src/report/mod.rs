@@ -1,5 +1,5 @@
 //! Charts and tables of what [`crate::tradeoff`] measured, of a comparison with
-//! a measured spectrum, and of studies.
+//! a measured spectrum, and of studies; patches of colour.
 //!
 //! A chart is drawn once, as SVG; its PNG is that SVG rasterised with the font
 //! DejaVu Sans, which is part of the program, so that it looks the same on every
@@ -12,6 +12,7 @@ mod panel;
 mod residuals;
 mod studies;
 mod style;
+mod swatches;
 mod text;
 
 use std::io;
@@ -24,6 +25,7 @@ use crate::tradeoff::Results;
 
 pub use residuals::{Picture, Residuals};
 pub use studies::{study_table, write_study};
+pub use swatches::{Swatch, SwatchRows, Swatches};
 pub use text::{json, table};
 
 /// Why there are no charts.

@@ -164,7 +164,8 @@ impl Layout {
     }
 }
 
-const WAVELENGTH: &str = "wavelength_nm";
+/// Name of the axis of wavelengths.
+pub(crate) const WAVELENGTH: &str = "wavelength_nm";
 
 /// How an array is named and explained.
 struct Spec<'a> {
@@ -200,12 +201,9 @@ impl Spec<'_> {
     }
 }
 
-fn coordinate(
-    storage: &Arc<FilesystemStore>,
-    name: &str,
-    length: u64,
-) -> Result<ZarrArray, StoreError> {
-    let (long_name, units) = match name {
+/// What a coordinate is, for people, and its unit.
+pub(crate) fn coordinate_about(name: &str) -> (&'static str, &'static str) {
+    match name {
         "facetness" => ("mean facetness of the grains", "1"),
         "grain_size_um" => ("mean length of the grains' major axis", "um"),
         "density_kg_m3" => ("density of the dry snow", "kg m-3"),
@@ -215,7 +213,15 @@ fn coordinate(
             Some(axis) => (axis.long_name(), axis.unit()),
             None => ("wavelength in vacuum", "nm"),
         },
-    };
+    }
+}
+
+fn coordinate(
+    storage: &Arc<FilesystemStore>,
+    name: &str,
+    length: u64,
+) -> Result<ZarrArray, StoreError> {
+    let (long_name, units) = coordinate_about(name);
     let spec = Spec {
         name,
         long_name,

@@ -39,6 +39,7 @@ use crate::grid::{Axes, Grid, Jobs};
 
 pub use description::FORMAT_VERSION;
 pub use error::StoreError;
+pub(crate) use layout::{WAVELENGTH, coordinate_about};
 pub use lock::Access;
 pub use read::Variable;
 pub use space::estimated_bytes;

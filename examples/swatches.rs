@@ -1,0 +1,206 @@
+//! The swatches of Varsa 2025, section 8.6, from a database of configs/thesis.toml:
+//! `cargo run --release --example swatches -- out/thesis docs` writes swatches.svg,
+//! .png and .md to the folder `docs`, in seconds.
+use std::error::Error;
+use std::fmt::Write;
+use std::path::PathBuf;
+
+use ndarray::Array2;
+use splitsnow::colour::Colorimeter;
+use splitsnow::compress::{Choice, Variant, compress};
+use splitsnow::export::{Eyes, LIGHTS, LUMINANCE, Sampling};
+use splitsnow::lookup::{Database, Point};
+use splitsnow::measurement::Quantity;
+use splitsnow::report::{Swatch, SwatchRows, Swatches};
+use splitsnow::store::{Store, Variable};
+
+type Result<T> = std::result::Result<T, Box<dyn Error>>;
+
+const BASE: Point = Point {
+    facetness: 0.3,
+    grain_size_um: 400.0,
+    density_kg_m3: 300.0,
+    thickness_cm: 15.0,
+    angle_deg: 0.0,
+};
+const NOTE: &str = "ΔE*ab (CIE 1976) of the two as they are; in brackets, exposed";
+
+/// Two spectra side by side.
+struct Comparison {
+    name: [&'static str; 2],
+    spectra: [Vec<f64>; 2],
+    exposure: f64,
+}
+
+fn main() -> Result<()> {
+    let mut args = std::env::args().skip(1).map(PathBuf::from);
+    let (Some(out), Some(docs)) = (args.next(), args.next()) else {
+        return Err(
+            "give the directory of a database of configs/thesis.toml and that of the pictures"
+                .into(),
+        );
+    };
+    let store = Store::open(&out)?;
+    if !store.missing(None)?.is_empty() {
+        return Err(format!("the database in {} is not finished", out.display()).into());
+    }
+    let curves = store.read(Variable::Transmittance)?.mapv(f64::from);
+    let nm = store.wavelengths_nm();
+    let database = Database::from_curves(true, store.axes(), nm, Some(&curves), None);
+    let eyes = Eyes::new(database.wavelengths_nm())?;
+    let comparisons = comparisons(&curves, &database, nm, &eyes)?;
+    let swatches = swatches(&eyes, &comparisons);
+    std::fs::write(docs.join("swatches.svg"), swatches.svg()?)?;
+    std::fs::write(docs.join("swatches.png"), swatches.png()?)?;
+    std::fs::write(docs.join("swatches.md"), page(&eyes, &comparisons)?)?;
+    Ok(())
+}
+
+fn comparisons(
+    curves: &Array2<f64>,
+    database: &Database,
+    nm: &[f64],
+    eyes: &Eyes,
+) -> Result<Vec<Comparison>> {
+    let spectrum = |point| -> Result<Vec<f64>> {
+        let spectrum = database.spectrum(point, Quantity::Transmittance)?;
+        Ok(spectrum.into_iter().map(f64::from).collect())
+    };
+    let rebuilt = |components| -> Result<Vec<f64>> {
+        let colour = Colorimeter::new(nm)?;
+        let compressed = compress(
+            curves.view(),
+            Quantity::Transmittance,
+            colour.as_ref(),
+            Choice::Components(components),
+            Variant::default(),
+        )?;
+        let coefficients = compressed.coefficients.decoded();
+        let row = coefficients.row(database.row(BASE)?).mapv(f64::from);
+        Ok(compressed.basis.mapv(f64::from).dot(&row).to_vec())
+    };
+    let size = |grain_size_um| {
+        spectrum(Point {
+            grain_size_um,
+            ..BASE
+        })
+    };
+    let facetness = |facetness| spectrum(Point { facetness, ..BASE });
+    let density = |density_kg_m3| {
+        spectrum(Point {
+            density_kg_m3,
+            ..BASE
+        })
+    };
+    let all = [
+        (
+            ["grain size, µm", "100 | 500"],
+            [size(100.0)?, size(500.0)?],
+        ),
+        (
+            ["facetness", "0.1 | 0.9"],
+            [facetness(0.1)?, facetness(0.9)?],
+        ),
+        (
+            ["density, kg/m³", "200 | 400"],
+            [density(200.0)?, density(400.0)?],
+        ),
+        (["components", "31 | 1"], [spectrum(BASE)?, rebuilt(1)?]),
+        (["components", "31 | 2"], [spectrum(BASE)?, rebuilt(2)?]),
+    ];
+    let compared = |(name, spectra): ([&'static str; 2], [Vec<f64>; 2])| Comparison {
+        exposure: eyes.exposure(&[&spectra[0], &spectra[1]]),
+        name,
+        spectra,
+    };
+    Ok(all.into_iter().map(compared).collect())
+}
+
+impl Comparison {
+    /// The difference under a light, and that of the two exposed.
+    fn difference(&self, eyes: &Eyes, light: usize, by: Sampling) -> String {
+        let [first, second] = &self.spectra;
+        let at = |exposure| eyes.difference(light, [(by, first), (by, second)], exposure);
+        format!("{:.2} ({:.2})", at(1.0), at(self.exposure))
+    }
+}
+
+fn swatches(eyes: &Eyes, comparisons: &[Comparison]) -> Swatches {
+    let row = |light: usize, by| {
+        let swatch = |comparison: &Comparison| Swatch {
+            colours: comparison
+                .spectra
+                .iter()
+                .map(|spectrum| eyes.srgb(by, light, spectrum, comparison.exposure))
+                .collect(),
+            words: comparison.difference(eyes, light, by),
+        };
+        let swatches = comparisons.iter().map(swatch).collect();
+        (LIGHTS[light].name().to_owned(), swatches)
+    };
+    let head = |comparison: &Comparison| {
+        let [name, values] = comparison.name;
+        [
+            name.to_owned(),
+            format!("{values}, × {}", comparison.exposure),
+        ]
+    };
+    Swatches {
+        title: "Light through snow, in pairs".into(),
+        remarks: vec![
+            "400 ± 50 µm, facetness 0.3 ± 0.1, 300 kg/m³, 15 cm, 0°, dry, but for what a column says".into(),
+            format!("×: exposure of both, to a luminance of {LUMINANCE} (white 1)"),
+            NOTE.into(),
+        ],
+        columns: comparisons.iter().map(head).collect(),
+        groups: Sampling::ALL
+            .map(|by| SwatchRows {
+                heading: by.name().into(),
+                rows: (0..LIGHTS.len()).map(|light| row(light, by)).collect(),
+            })
+            .into(),
+    }
+}
+
+fn page(eyes: &Eyes, comparisons: &[Comparison]) -> Result<String> {
+    let mut page = format!(
+        "# Swatches
+
+`just swatches` makes this page and its picture anew, from a database of
+`configs/thesis.toml`, after Varsa 2025, section 8.6: transmittance of snow with
+grains of 400 +- 50 um, facetness 0.3 +- 0.1, 300 kg/m3, 15 cm thick, dry, at normal
+incidence, 400-700 nm by 10, unless a column changes it; and the same spectrum rebuilt
+from one and two of its 31 components, those of all 24,750 curves.
+
+![Pairs of colour patches: five comparisons under five lights, by 31 and by 3 wavelengths](swatches.svg)
+
+Colours are those of the CIE 1931 2-degree observer in sRGB. A spectrum of 1
+everywhere, lit by the light of the row, is the white of the screen. Light through
+snow is dark beside it: each column is shown brighter by the factor × above it,
+which lifts the brighter spectrum to a luminance of {LUMINANCE} of white under light E;
+both patches of a pair by the same. With 3 wavelengths, white and patches are sums
+over 455, 551 and 608 nm alone. FL3.15 is our reading of the light that the thesis
+calls FL-15.
+
+Delta-E*ab, CIE 1976, of the two colours of a pair as they are (in brackets: as
+exposed). 2.3 is a just noticeable difference. One standard error of the simulation is
+at most 0.3, as they are.
+"
+    );
+    for by in Sampling::ALL {
+        write!(page, "\n| {} |", by.name())?;
+        for light in LIGHTS {
+            write!(page, " {} |", light.name())?;
+        }
+        writeln!(page, "\n|---|{}", "---|".repeat(LIGHTS.len()))?;
+        for comparison in comparisons {
+            let [name, values] = comparison.name;
+            write!(page, "| {name}: {} |", values.replace('|', "and"))?;
+            for light in 0..LIGHTS.len() {
+                write!(page, " {} |", comparison.difference(eyes, light, by))?;
+            }
+            page.push('\n');
+        }
+    }
+    Ok(page)
+}

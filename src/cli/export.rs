@@ -1,0 +1,215 @@
+//! `splitsnow export`: a database or compact file in the formats of others.
+use std::path::{Path, PathBuf};
+
+use anyhow::{Context, bail, ensure};
+
+use super::common::{self, Spinner};
+use super::point::PointArgs;
+use crate::atomic;
+use crate::export::{self, Layout, Table};
+use crate::grid::described;
+use crate::lookup::{Database, Lookup};
+use crate::measurement::Quantity;
+use crate::store::{COMPACT, Store};
+
+/// Export to NetCDF, CSV or NPZ; one spectrum for renderers; patches of colour
+///
+/// `netcdf` (conventions CF-1.11), `csv` (one row for each node and wavelength) and
+/// `npz` hold all nodes: those of the database, with standard errors, or those of the
+/// compact file. `spd` is one spectrum of the compact file, as pbrt-v4 and Mitsuba 3
+/// read it. `png` and `svg` are patches of the colours of the compact file, all its
+/// thicknesses under five lights, at the middle of the other axes where no option says
+/// otherwise. docs/formats.md describes them all.
+#[derive(Debug, clap::Args)]
+#[command(
+    allow_negative_numbers = true,
+    after_long_help = "\
+Examples:
+  splitsnow export out/quick --format netcdf --layout crtm
+  splitsnow export out/quick --from database --format csv --out quick.csv
+  splitsnow export out/quick --format spd --facetness 0.1 --grain-size-um 300 \\
+      --density-kg-m3 200 --thickness-cm 5 --angle-deg 40 --out snow.spd
+  splitsnow export out/quick --format png --grain-size-um 300 --angle-deg 0"
+)]
+pub(super) struct Args {
+    /// A compact file, or an output directory
+    #[arg(value_name = "FILE|DIR")]
+    file: PathBuf,
+    /// What to write
+    #[arg(long, value_enum)]
+    format: Format,
+    /// File to write; one that is there is replaced [default: snow.nc, snow.csv and so
+    /// on in the directory, or beside the file and named like it]
+    #[arg(long, value_name = "PATH")]
+    out: Option<PathBuf>,
+    /// What of a directory [default: the compact file, or the database if there is none]
+    #[arg(long, value_enum)]
+    from: Option<From>,
+    /// Order of the axes in netcdf and npz, slowest first: that of the database, or
+    /// density, thickness, grain size, wavelength, angle after all others
+    /// [default: database]
+    #[arg(long, value_parser = common::named(Layout::ALL, Layout::name))]
+    layout: Option<Layout>,
+    /// Which spectrum in spd, png and svg [default: transmittance]
+    #[arg(long, value_parser = common::named(Quantity::ALL, Quantity::name))]
+    quantity: Option<Quantity>,
+    #[command(flatten, next_help_heading = "Where, in spd, png and svg")]
+    point: PointArgs,
+}
+
+#[derive(Debug, Clone, Copy, PartialEq, Eq, clap::ValueEnum)]
+enum Format {
+    /// NetCDF, classic format, CF-1.11
+    Netcdf,
+    /// A long table
+    Csv,
+    /// Arrays for NumPy
+    Npz,
+    /// One spectrum for pbrt-v4 and Mitsuba 3
+    Spd,
+    /// Colours, as pixels
+    Png,
+    /// Colours, as vector graphics
+    Svg,
+}
+
+#[derive(Debug, Clone, Copy, PartialEq, Eq, clap::ValueEnum)]
+enum From {
+    /// The compact file, rebuilt on its nodes
+    Compact,
+    /// The database, with standard errors
+    Database,
+}
+
+impl Format {
+    fn extension(self) -> &'static str {
+        match self {
+            Self::Netcdf => "nc",
+            Self::Csv => "csv",
+            Self::Npz => "npz",
+            Self::Spd => "spd",
+            Self::Png => "png",
+            Self::Svg => "svg",
+        }
+    }
+
+    /// Whether all nodes are exported.
+    fn is_table(self) -> bool {
+        matches!(self, Self::Netcdf | Self::Csv | Self::Npz)
+    }
+}
+
+pub(super) fn run(args: &Args) -> anyhow::Result<()> {
+    args.check()?;
+    let spinner = Spinner::new("exporting");
+    let bytes = if args.format.is_table() {
+        let table = args
+            .table()?
+            .laid_out(args.layout.unwrap_or(Layout::Database));
+        match args.format {
+            Format::Netcdf => export::netcdf(&table)?,
+            Format::Npz => export::npz(&table)?,
+            _ => export::csv(&table).into_bytes(),
+        }
+    } else {
+        args.seen()?
+    };
+    let out = args.out()?;
+    atomic::write(&out, &bytes).with_context(|| format!("cannot write {}", out.display()))?;
+    drop(spinner);
+    let size = common::bytes(bytes.len() as u64);
+    common::print(&format!("{}: {size}\n", common::one_line(&out)))
+}
+
+impl Args {
+    /// Refuses options that the format has no use for.
+    fn check(&self) -> anyhow::Result<()> {
+        if self.format.is_table() {
+            ensure!(
+                self.point.is_empty() && self.quantity.is_none(),
+                "netcdf, csv and npz hold all points and quantities; only spd, png and svg take options that choose among them"
+            );
+        } else {
+            ensure!(
+                self.from != Some(From::Database),
+                "spd, png and svg are looked up in the compact file; leave out --from database"
+            );
+        }
+        ensure!(
+            self.layout.is_none() || matches!(self.format, Format::Netcdf | Format::Npz),
+            "--layout is the order of the axes in netcdf and npz"
+        );
+        Ok(())
+    }
+
+    fn table(&self) -> anyhow::Result<Table> {
+        let dir = self.file.is_dir();
+        let absent = dir && !self.file.join(COMPACT).exists() && Store::is_at(&self.file);
+        let database = match self.from {
+            Some(from) => from == From::Database,
+            None => absent,
+        };
+        Ok(if database {
+            Table::of_store(&Store::open(&self.file)?)?
+        } else {
+            Table::of_compact(&self.compact()?)?
+        })
+    }
+
+    fn compact(&self) -> anyhow::Result<Database> {
+        Ok(Database::open(&common::compact_path(&self.file)?)?)
+    }
+
+    /// A spectrum or colours.
+    fn seen(&self) -> anyhow::Result<Vec<u8>> {
+        let quantity = self.quantity.unwrap_or(Quantity::Transmittance);
+        if self.format != Format::Spd {
+            let file = self.compact()?;
+            let (point, conditions) = self.point.or_middle(&file);
+            let there = file.at(&conditions)?;
+            let snow = self.point.described(point, &conditions);
+            let one = self.point.has_thickness();
+            let swatches = export::thicknesses(&there, quantity, point, one, snow)?;
+            return Ok(match self.format {
+                Format::Png => swatches.png()?,
+                _ => swatches.svg()?.into_bytes(),
+            });
+        }
+        let point = self.point.point()?;
+        let conditions = self.point.conditions();
+        let there = self.compact()?.at(&conditions)?;
+        let lookup = Lookup::new(&there, quantity)?;
+        let mut values = vec![0.0; lookup.wavelengths()];
+        lookup.spectrum(point, &mut values)?;
+        let comments = [
+            format!(
+                "{} of snow: {}",
+                quantity.name(),
+                described(&point, &conditions)
+            ),
+            format!(
+                "wavelength in vacuum, nm, and value; splitsnow {}",
+                env!("CARGO_PKG_VERSION")
+            ),
+        ];
+        Ok(export::spd(&comments, there.wavelengths_nm(), &values).into_bytes())
+    }
+
+    fn out(&self) -> anyhow::Result<PathBuf> {
+        let extension = self.format.extension();
+        let out = match &self.out {
+            Some(out) => out.clone(),
+            None if self.file.is_dir() => self.file.join(COMPACT).with_extension(extension),
+            None => self.file.with_extension(extension),
+        };
+        let real = |path: &Path| path.canonicalize().ok();
+        let source = common::compact_path(&self.file).ok();
+        if real(&out).is_some_and(|out| source.and_then(|source| real(&source)) == Some(out)) {
+            bail!(
+                "{} is the file to export; choose another --out",
+                out.display()
+            );
+        }
+        Ok(out)
+    }
+}

@@ -1,0 +1,126 @@
+//! The options that say where in a compact file.
+use anyhow::bail;
+
+use crate::compress::AXES;
+use crate::grid::{Conditions, ExtraAxis, described};
+use crate::lookup::{Database, Point, exact};
+
+/// One coordinate for each axis.
+#[derive(Debug, clap::Args)]
+pub(super) struct PointArgs {
+    /// Mean facetness of the grains
+    #[arg(long, value_name = "F")]
+    facetness: Option<f64>,
+    /// Mean length of the grains' major axis, um
+    #[arg(long, value_name = "G")]
+    grain_size_um: Option<f64>,
+    /// Density of the dry snow, kg/m3
+    #[arg(long, value_name = "D")]
+    density_kg_m3: Option<f64>,
+    /// Thickness of the slab, cm
+    #[arg(long, value_name = "H")]
+    thickness_cm: Option<f64>,
+    /// Polar angle of incidence from the surface normal, degrees
+    #[arg(long, value_name = "A")]
+    angle_deg: Option<f64>,
+    /// Black carbon, ng per g of snow; this and the four below where the file has
+    /// such an axis, and only there
+    #[arg(long, value_name = "C")]
+    black_carbon_ng_g: Option<f64>,
+    /// Water saturation of the pore space
+    #[arg(long, value_name = "S")]
+    water_saturation: Option<f64>,
+    /// Temperature, Celsius
+    #[arg(long, value_name = "T")]
+    temperature_c: Option<f64>,
+    /// Mean sphericity of the grains
+    #[arg(long, value_name = "S")]
+    sphericity: Option<f64>,
+    /// Lambertian reflectance of the substrate
+    #[arg(long, value_name = "R")]
+    substrate_reflectance: Option<f64>,
+}
+
+/// Makes the options of the five axes required ones.
+pub(super) fn required(arg: clap::Arg) -> clap::Arg {
+    let five = AXES.iter().any(|axis| axis.name == arg.get_id().as_str());
+    if five { arg.required(true) } else { arg }
+}
+
+impl PointArgs {
+    fn five(&self) -> [Option<f64>; 5] {
+        [
+            self.facetness,
+            self.grain_size_um,
+            self.density_kg_m3,
+            self.thickness_cm,
+            self.angle_deg,
+        ]
+    }
+
+    /// Whether none is given.
+    pub(super) fn is_empty(&self) -> bool {
+        self.five().iter().all(Option::is_none) && self.conditions().is_empty()
+    }
+
+    /// Whether the thickness is given.
+    pub(super) fn has_thickness(&self) -> bool {
+        self.thickness_cm.is_some()
+    }
+
+    /// The point, all five coordinates of which must be given.
+    pub(super) fn point(&self) -> anyhow::Result<Point> {
+        let mut coordinates = [0.0; 5];
+        let given = self.five().into_iter().zip(&AXES);
+        for (coordinate, (value, axis)) in coordinates.iter_mut().zip(given) {
+            match value {
+                Some(value) => *coordinate = value,
+                None => bail!(
+                    "say where: --{} is missing; one spectrum is at one point of all five axes",
+                    axis.name.replace('_', "-")
+                ),
+            }
+        }
+        Ok(Point::from_coordinates(coordinates))
+    }
+
+    /// The values given of axes beyond the five.
+    pub(super) fn conditions(&self) -> Conditions {
+        let given = [
+            self.black_carbon_ng_g,
+            self.water_saturation,
+            self.temperature_c,
+            self.sphericity,
+            self.substrate_reflectance,
+        ];
+        let all = ExtraAxis::ALL.into_iter().zip(given);
+        all.filter_map(|(axis, value)| Some((axis, value?)))
+            .collect()
+    }
+
+    /// The point and conditions, at the middle nodes of the axes where nothing is
+    /// given.
+    pub(super) fn or_middle(&self, database: &Database) -> (Point, Conditions) {
+        let middle = |nodes: &[f32]| nodes.get(nodes.len() / 2).map_or(0.0, |node| exact(*node));
+        let mut coordinates = [0.0; 5];
+        let given = self.five().into_iter().zip(database.axes());
+        for (coordinate, (value, nodes)) in coordinates.iter_mut().zip(given) {
+            *coordinate = value.unwrap_or_else(|| middle(nodes));
+        }
+        let mut conditions = self.conditions();
+        for (axis, nodes) in database.extra() {
+            conditions.entry(*axis).or_insert_with(|| middle(nodes));
+        }
+        (Point::from_coordinates(coordinates), conditions)
+    }
+
+    /// The point and conditions for people, without the thickness unless it is given.
+    pub(super) fn described(&self, point: Point, conditions: &Conditions) -> String {
+        let text = described(&point, conditions);
+        let thickness = format!("thickness {} cm, ", point.thickness_cm as f32);
+        match self.thickness_cm {
+            Some(_) => text,
+            None => text.replace(&thickness, ""),
+        }
+    }
+}

@@ -1,0 +1,94 @@
+//! Databases and compact files in the formats of others (docs/formats.md, "Exports").
+//!
+//! [`Table`] is what a database or a compact file holds, at its nodes; [`netcdf()`],
+//! [`csv()`] and [`npz()`] are the bytes of a file that holds the same. [`spd()`] is one
+//! spectrum as renderers read it, and [`Eyes`] are what sees spectra as colours.
+mod csv;
+mod netcdf;
+mod npz;
+mod spd;
+mod swatches;
+mod table;
+
+use std::path::PathBuf;
+
+use thiserror::Error;
+
+use crate::colour::ColourError;
+use crate::lookup::LookupError;
+use crate::report::ReportError;
+use crate::store::StoreError;
+
+pub use csv::csv;
+pub use netcdf::netcdf;
+pub use npz::npz;
+pub use spd::spd;
+pub use swatches::{Eyes, LIGHTS, LUMINANCE, Sampling, thicknesses};
+pub use table::{Layout, Table};
+
+/// Why there is no export.
+#[derive(Debug, Error)]
+pub enum ExportError {
+    /// A database that is still being made.
+    #[error(
+        "{missing} of {jobs} jobs of {} are not done; finish it with `splitsnow build`", path.display()
+    )]
+    Unfinished {
+        /// Jobs not done.
+        missing: usize,
+        /// All jobs.
+        jobs: u64,
+        /// The database.
+        path: PathBuf,
+    },
+    /// The database cannot be read.
+    #[error(transparent)]
+    Store(#[from] StoreError),
+    /// The compact file has no spectrum there.
+    #[error(transparent)]
+    Lookup(#[from] LookupError),
+    /// More than the format holds.
+    #[error(
+        "the array {name} takes {bytes} bytes, and NetCDF in its classic format holds at most {limit} in one; read the database itself (Zarr), or export to npz"
+    )]
+    TooLarge {
+        /// The array.
+        name: String,
+        /// Its size.
+        bytes: u64,
+        /// The most there may be.
+        limit: u64,
+    },
+    /// Spectra that have no colour.
+    #[error("spectra from {first} to {last} nm have no colour here: they must cover 400 to 700 nm")]
+    NoColour {
+        /// First wavelength.
+        first: f32,
+        /// Last wavelength.
+        last: f32,
+    },
+    /// The observer cannot be set up.
+    #[error(transparent)]
+    Colour(#[from] ColourError),
+    /// The picture cannot be drawn.
+    #[error(transparent)]
+    Report(#[from] ReportError),
+    /// A library refused what should be valid.
+    #[error("cannot make the {format} file: {reason}")]
+    Encoding {
+        /// The format.
+        format: &'static str,
+        /// What the library said.
+        reason: String,
+    },
+}
+
+impl ExportError {
+    /// For `map_err` on what a library does for `format`.
+    fn encoding<E: std::fmt::Debug>(format: &'static str) -> impl Fn(E) -> Self {
+        move |error| Self::Encoding {
+            format,
+            reason: format!("{error:?}"),
+        }
+    }
+}

@@ -1,0 +1,228 @@
+//! NetCDF with the conventions of CF-1.11.
+use std::cell::RefCell;
+use std::io::{Cursor, Seek, SeekFrom, Write};
+use std::rc::Rc;
+
+use netcdf3::{DataSet, FileWriter, Version};
+
+use super::{ExportError, Table};
+use crate::store::{Variable, WAVELENGTH, coordinate_about};
+
+/// Largest array, bytes: offsets of 64 bits leave sizes signed numbers of 32.
+const LARGEST: u64 = i32::MAX as u64;
+/// Up to so many bytes offsets have 32 bits, which every reader knows; the rest of
+/// 2 GiB is for attributes.
+const CLASSIC: u64 = 2_000_000_000;
+/// What a file of ours says of itself, which is not true of this one.
+const OTHERS: [&str; 6] = [
+    "axis_order",
+    "format",
+    "format_version",
+    "quantities",
+    "source",
+    "units",
+];
+const NORMALISATION: &str = "directional-hemispherical: the power that leaves a side of the slab in all directions, as a share of the power that falls onto it";
+
+/// `table` as the bytes of a NetCDF file: classic format, with offsets of 64 bits if
+/// it needs them.
+///
+/// # Errors
+/// [`ExportError::TooLarge`] for an array of more than 2 GiB.
+pub fn netcdf(table: &Table) -> Result<Vec<u8>, ExportError> {
+    let version = version(table.sizes())?;
+    let set = table.definition().map_err(failed)?;
+    let buffer = Buffer::default();
+    let writer = FileWriter::open_seek_write("memory", Box::new(buffer.clone()));
+    let mut writer = writer.map_err(failed)?;
+    writer.set_def(&set, version, 0).map_err(failed)?;
+    for (name, values) in &table.axes {
+        writer.write_var_f64(name, values).map_err(failed)?;
+    }
+    for (variable, array) in &table.quantities {
+        let values: Vec<f32> = array.iter().copied().collect();
+        let done = writer.write_var_f32(variable.name(), &values);
+        done.map_err(failed)?;
+    }
+    writer.close().map_err(failed)?;
+    Ok(buffer.0.take().into_inner())
+}
+
+fn failed<E: std::fmt::Debug>(error: E) -> ExportError {
+    ExportError::encoding("NetCDF")(error)
+}
+
+/// The version that holds arrays of these names and bytes.
+fn version<'a>(arrays: impl Iterator<Item = (&'a str, u64)>) -> Result<Version, ExportError> {
+    let mut all = 0_u64;
+    for (name, bytes) in arrays {
+        if bytes > LARGEST {
+            return Err(ExportError::TooLarge {
+                name: name.into(),
+                bytes,
+                limit: LARGEST,
+            });
+        }
+        all += bytes;
+    }
+    Ok(if all > CLASSIC {
+        Version::Offset64Bit
+    } else {
+        Version::Classic
+    })
+}
+
+impl Table {
+    fn sizes(&self) -> impl Iterator<Item = (&str, u64)> {
+        let axes = self.axes.iter();
+        let axes = axes.map(|(name, values)| (*name, 8 * values.len() as u64));
+        let quantities = self.quantities.iter();
+        axes.chain(quantities.map(|(variable, array)| (variable.name(), 4 * array.len() as u64)))
+    }
+
+    /// Dimensions, variables and attributes.
+    fn definition(&self) -> Result<DataSet, netcdf3::error::InvalidDataSet> {
+        let mut set = DataSet::new();
+        for (name, text) in self.global() {
+            set.add_global_attr_string(&name, text)?;
+        }
+        for (name, values) in &self.axes {
+            let (long_name, units) = coordinate_about(name);
+            set.add_fixed_dim(*name, values.len())?;
+            set.add_var_f64(name, &[*name])?;
+            set.add_var_attr_string(name, "long_name", long_name)?;
+            set.add_var_attr_string(name, "units", units)?;
+            if *name == WAVELENGTH {
+                set.add_var_attr_string(name, "standard_name", "radiation_wavelength")?;
+            }
+        }
+        let dimensions: Vec<&str> = self.axes.iter().map(|(name, _)| *name).collect();
+        for (variable, _) in &self.quantities {
+            let name = variable.name();
+            set.add_var_f32(name, &dimensions)?;
+            set.add_var_attr_string(name, "long_name", variable.long_name())?;
+            set.add_var_attr_string(name, "units", "1")?;
+            let error = match variable {
+                Variable::Transmittance => Variable::TransmittanceSe,
+                Variable::Reflectance => Variable::ReflectanceSe,
+                _ => continue,
+            };
+            if self.quantities.iter().any(|(there, _)| *there == error) {
+                set.add_var_attr_string(name, "ancillary_variables", error.name())?;
+            }
+        }
+        Ok(set)
+    }
+
+    /// Global attributes: those of CF, the conventions of the numbers, and what the
+    /// file itself says.
+    fn global(&self) -> Vec<(String, String)> {
+        let version = env!("CARGO_PKG_VERSION");
+        let said = |key: &str, otherwise: &str| {
+            let found = self.attributes.get(key);
+            found.map_or(otherwise, String::as_str).to_owned()
+        };
+        let first = [
+            ("Conventions", "CF-1.11".to_owned()),
+            ("title", said("title", "Spectral database of snow")),
+            (
+                "source",
+                "first-principles Monte Carlo model of light in snow, splitsnow".to_owned(),
+            ),
+            (
+                "history",
+                format!(
+                    "written by splitsnow export {version}, without a time so that equal inputs give equal bytes"
+                ),
+            ),
+            (
+                "references",
+                said(
+                    "source",
+                    "P. M. Varsa, PhD thesis, University of Waterloo, 2025",
+                ),
+            ),
+            (
+                "illumination",
+                said(
+                    "illumination",
+                    "collimated; angle_deg is the polar angle of incidence, measured from the surface normal",
+                ),
+            ),
+            ("bottom_boundary", said("bottom_boundary", "black")),
+            ("normalisation", NORMALISATION.to_owned()),
+            ("wavelengths", "in vacuum".to_owned()),
+        ];
+        let said = |key: &String| {
+            first.iter().any(|(name, _)| name == key) || OTHERS.contains(&key.as_str())
+        };
+        let rest = self.attributes.iter().filter(|(key, _)| !said(key));
+        let rest: Vec<_> = rest
+            .map(|(key, text)| (key.replace('.', "_"), text.clone()))
+            .collect();
+        let first = first.into_iter().map(|(key, text)| (key.to_owned(), text));
+        first.chain(rest).collect()
+    }
+}
+
+/// Bytes that the writer of the library owns and we get back.
+#[derive(Debug, Clone, Default)]
+struct Buffer(Rc<RefCell<Cursor<Vec<u8>>>>);
+
+impl Write for Buffer {
+    fn write(&mut self, bytes: &[u8]) -> std::io::Result<usize> {
+        self.0.borrow_mut().write(bytes)
+    }
+
+    fn flush(&mut self) -> std::io::Result<()> {
+        Ok(())
+    }
+}
+
+impl Seek for Buffer {
+    fn seek(&mut self, to: SeekFrom) -> std::io::Result<u64> {
+        self.0.borrow_mut().seek(to)
+    }
+}
+
+#[cfg(test)]
+#[allow(clippy::unwrap_used)]
+mod tests {
+    use super::*;
+    use crate::export::Layout;
+    use crate::export::table::tests::database;
+
+    #[test]
+    fn read_back_by_the_library() {
+        let table = Table::of_compact(&database())
+            .unwrap()
+            .laid_out(Layout::Crtm);
+        let bytes = netcdf(&table).unwrap();
+        let file = Box::new(Cursor::new(bytes));
+        let mut reader = netcdf3::FileReader::open_seek_read("memory", file).unwrap();
+        let set = reader.data_set();
+        assert_eq!(
+            set.get_global_attr_as_string("Conventions").unwrap(),
+            "CF-1.11"
+        );
+        let names = set.get_var("reflectance").unwrap().dim_names();
+        assert_eq!(names[2..], Layout::CRTM);
+        let values = reader.read_var_f32("reflectance").unwrap();
+        let expected: Vec<f32> = table.quantities[1].1.iter().copied().collect();
+        assert_eq!(values, expected);
+        assert_eq!(reader.read_var_f64("facetness").unwrap(), [0.1, 0.9]);
+    }
+
+    #[test]
+    fn arrays_larger_than_the_format_are_refused() {
+        let of = |sizes: &[u64]| version(sizes.iter().map(|bytes| ("transmittance", *bytes)));
+        assert_eq!(of(&[1_000_000_000; 2]).unwrap(), Version::Classic);
+        assert_eq!(of(&[1_000_000_001; 2]).unwrap(), Version::Offset64Bit);
+        assert_eq!(of(&[LARGEST; 4]).unwrap(), Version::Offset64Bit);
+        let refused = of(&[8, LARGEST + 1]).unwrap_err();
+        assert_eq!(
+            refused.to_string(),
+            "the array transmittance takes 2147483648 bytes, and NetCDF in its classic format holds at most 2147483647 in one; read the database itself (Zarr), or export to npz"
+        );
+    }
+}

@@ -1,0 +1,57 @@
+//! A spectrum as pbrt-v4 and Mitsuba 3 read it.
+use std::fmt::Write;
+
+/// Lines `wavelength value`, after `comments`, each on a line that begins with #,
+/// which both renderers skip.
+///
+/// pbrt takes numbers of fewer than 32 characters, so those below 1e-4 have a power
+/// of ten, which both read; and a number only counts when something follows it, so
+/// the last line ends as all do.
+#[must_use]
+pub fn spd(comments: &[String], wavelengths_nm: &[f32], values: &[f32]) -> String {
+    let mut text = String::new();
+    for comment in comments {
+        // Writing to a string cannot fail.
+        let _ = writeln!(text, "# {}", comment.replace(['\n', '\r'], " "));
+    }
+    for (nm, value) in wavelengths_nm.iter().zip(values) {
+        let _ = match value {
+            0.0 | 1e-4.. => writeln!(text, "{nm} {value}"),
+            _ => writeln!(text, "{nm} {value:e}"),
+        };
+    }
+    text
+}
+
+#[cfg(test)]
+#[allow(clippy::unwrap_used)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn pairs_read_back_and_are_short() {
+        let values = [
+            0.0,
+            1.0,
+            0.365_475_42,
+            1e-4,
+            9.999e-5,
+            1e-30,
+            f32::MIN_POSITIVE,
+            -0.25,
+        ];
+        let nm: Vec<f32> = (0..8).map(|i| 400.5 + 10.0 * i as f32).collect();
+        let text = spd(&["two\nlines".into(), "49° µm".into()], &nm, &values);
+        let mut lines = text.lines();
+        assert_eq!(lines.next(), Some("# two lines"));
+        assert_eq!(lines.next(), Some("# 49° µm"));
+        for (line, (nm, value)) in lines.clone().zip(nm.iter().zip(&values)) {
+            let (first, second) = line.split_once(' ').unwrap();
+            assert_eq!(first.parse(), Ok(*nm));
+            assert_eq!(second.parse(), Ok(*value));
+            assert!(first.len() < 32 && second.len() < 32, "{line}");
+        }
+        assert_eq!(lines.count(), 8);
+        assert!(text.ends_with('\n'));
+    }
+}

@@ -1,0 +1,224 @@
+//! What a database or a compact file holds.
+use std::collections::BTreeMap;
+
+use ndarray::{ArrayD, IxDyn};
+use serde_json::Value;
+
+use super::ExportError;
+use crate::compress::AXES;
+use crate::lookup::{Database, exact};
+use crate::measurement::Quantity;
+use crate::store::{Store, Variable, WAVELENGTH};
+
+/// Spectra at all nodes of some axes, whatever file they come from.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Table {
+    /// Names and values of the axes, slowest first; `wavelength_nm` is one of them,
+    /// last in a database.
+    pub(super) axes: Vec<(&'static str, Vec<f64>)>,
+    /// What there is, with one dimension for each axis.
+    pub(super) quantities: Vec<(Variable, ArrayD<f32>)>,
+    /// What the file says about itself.
+    pub(super) attributes: BTreeMap<String, String>,
+}
+
+/// The order of the axes in an export.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Layout {
+    /// As in the database, wavelengths last.
+    Database,
+    /// Density, thickness, grain size, wavelength, angle, as the tables of radiative
+    /// transfer codes for satellites have them; all others before these.
+    Crtm,
+}
+
+impl Layout {
+    /// Both.
+    pub const ALL: [Self; 2] = [Self::Database, Self::Crtm];
+
+    /// The name used on the command line.
+    #[must_use]
+    pub const fn name(self) -> &'static str {
+        match self {
+            Self::Database => "database",
+            Self::Crtm => "crtm",
+        }
+    }
+
+    /// The axes of the name, slowest first, after all others.
+    pub(super) const CRTM: [&'static str; 5] = [
+        "density_kg_m3",
+        "thickness_cm",
+        "grain_size_um",
+        WAVELENGTH,
+        "angle_deg",
+    ];
+}
+
+impl Table {
+    /// All of a finished database, standard errors among it.
+    ///
+    /// # Errors
+    /// [`ExportError::Unfinished`]; [`ExportError::Store`] if it cannot be read.
+    pub fn of_store(store: &Store) -> Result<Self, ExportError> {
+        let missing = store.missing(None)?.len();
+        if missing > 0 {
+            return Err(ExportError::Unfinished {
+                missing,
+                jobs: store.jobs().count(),
+                path: store.path().into(),
+            });
+        }
+        let axes = store.axes().all().into_iter();
+        let axes = axes.chain([(WAVELENGTH, store.wavelengths_nm())]);
+        let axes = axes.map(|(name, values)| (name, values.to_vec())).collect();
+        let attributes = store.attributes().into_iter().map(|(key, value)| {
+            let text = match value {
+                Value::String(text) => text,
+                other => other.to_string(),
+            };
+            (key, text)
+        });
+        let mut table = Self {
+            axes,
+            quantities: Vec::new(),
+            attributes: attributes.collect(),
+        };
+        for variable in Variable::ALL {
+            let values = store.read(variable)?.into_raw_vec_and_offset().0;
+            table.add(variable, values)?;
+        }
+        Ok(table)
+    }
+
+    /// All curves of a compact file, rebuilt as they stand on its nodes.
+    ///
+    /// # Errors
+    /// [`ExportError::Encoding`] for a file larger than memory can address.
+    pub fn of_compact(database: &Database) -> Result<Self, ExportError> {
+        let named = |(name, values): (&'static str, &Vec<f32>)| {
+            (name, values.iter().copied().map(exact).collect())
+        };
+        let beyond = database.extra().iter();
+        let beyond = beyond.map(|(axis, values)| (axis.name(), values));
+        let five = AXES.iter().map(|axis| axis.name).zip(database.axes());
+        let mut axes: Vec<_> = beyond.chain(five).map(named).collect();
+        let nm = database.wavelengths_nm().iter().copied();
+        axes.push((WAVELENGTH, nm.map(exact).collect()));
+        let mut table = Self {
+            axes,
+            quantities: Vec::new(),
+            attributes: database.metadata().clone(),
+        };
+        let both = [
+            (Quantity::Transmittance, Variable::Transmittance),
+            (Quantity::Reflectance, Variable::Reflectance),
+        ];
+        for (quantity, variable) in both {
+            if database.has(quantity) {
+                let curves = (0..database.curves()).filter_map(|row| database.curve(row, quantity));
+                table.add(variable, curves.flatten().collect())?;
+            }
+        }
+        Ok(table)
+    }
+
+    fn add(&mut self, variable: Variable, values: Vec<f32>) -> Result<(), ExportError> {
+        let shape: Vec<usize> = self.axes.iter().map(|(_, values)| values.len()).collect();
+        let array = ArrayD::from_shape_vec(IxDyn(&shape), values);
+        let array = array.map_err(ExportError::encoding("array"))?;
+        self.quantities.push((variable, array));
+        Ok(())
+    }
+
+    /// The same with its axes in another order.
+    #[must_use]
+    pub fn laid_out(mut self, layout: Layout) -> Self {
+        if layout == Layout::Database {
+            return self;
+        }
+        // Not among these is before them; a stable sort keeps the order of the others.
+        let rank = |axis: &usize| {
+            let mut fast = Layout::CRTM.iter();
+            fast.position(|name| *name == self.axes[*axis].0)
+                .map(|i| i + 1)
+        };
+        let mut order: Vec<usize> = (0..self.axes.len()).collect();
+        order.sort_by_key(rank);
+        self.axes = order.iter().map(|&axis| self.axes[axis].clone()).collect();
+        let permuted = |(variable, array): (Variable, ArrayD<f32>)| {
+            (variable, array.permuted_axes(IxDyn(&order)))
+        };
+        self.quantities = self.quantities.into_iter().map(permuted).collect();
+        self
+    }
+}
+
+#[cfg(test)]
+#[allow(clippy::unwrap_used)]
+pub(super) mod tests {
+    use ndarray::Array2;
+
+    use super::*;
+    use crate::grid::{Axes, ExtraAxis};
+
+    /// Two quantities whose values tell where they are: the digits of a value are
+    /// the positions along the axes.
+    pub(in crate::export) fn database() -> Database {
+        let axes = Axes {
+            facetness: vec![0.1, 0.9],
+            grain_size_um: vec![100.0, 300.0, 500.0],
+            density_kg_m3: vec![200.0, 400.0],
+            thickness_cm: vec![1.0, 5.0],
+            angle_deg: vec![0.0, 40.0, 80.0],
+            extra: [(ExtraAxis::Temperature, vec![-10.0, -1.0])].into(),
+        };
+        let lengths = [2, 2, 3, 2, 2, 3];
+        let curve = |row: usize| {
+            let (mut rest, mut digits, mut unit) = (row, 0, 10);
+            for length in lengths.iter().rev() {
+                digits += unit * (rest % length);
+                rest /= length;
+                unit *= 10;
+            }
+            digits
+        };
+        let values = |first: usize| {
+            Array2::from_shape_fn((144, 4), |(row, l)| (first + curve(row) + l) as f64 * 1e-8)
+        };
+        let (t, r) = (values(0), values(10_000_000));
+        let nm = [400.0, 500.0, 600.0, 700.0];
+        Database::from_curves(true, &axes, &nm, Some(&t), Some(&r))
+    }
+
+    #[test]
+    fn values_stay_at_their_nodes_in_every_layout() {
+        let table = Table::of_compact(&database()).unwrap();
+        let names = |table: &Table| table.axes.iter().map(|(name, _)| *name).collect::<Vec<_>>();
+        assert_eq!(
+            names(&table)[..3],
+            ["temperature_c", "facetness", "grain_size_um"]
+        );
+        assert_eq!(table.axes[1].1, [0.1, 0.9]);
+        let crtm = table.clone().laid_out(Layout::Crtm);
+        assert_eq!(
+            names(&crtm),
+            [
+                "temperature_c",
+                "facetness",
+                "density_kg_m3",
+                "thickness_cm",
+                "grain_size_um",
+                "wavelength_nm",
+                "angle_deg"
+            ]
+        );
+        let found = crtm.quantities[1].1[[1, 0, 1, 0, 2, 3, 1]];
+        // temperature 1, facetness 0, size 2, density 1, thickness 0, angle 1, wavelength 3
+        assert_eq!(found, (11_021_013.0 * 1e-8) as f32);
+        assert_eq!(
+            table.quantities[1].1[[1, 0, 2, 1, 0, 1, 3]],
+            crtm.quantities[1].1[[1, 0, 1, 0, 2, 3, 1]]
+        );
+    }
+}

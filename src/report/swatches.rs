@@ -1,0 +1,219 @@
+//! Patches of colour in rows and columns.
+use plotters::prelude::*;
+use plotters::style::text_anchor::HPos;
+
+use super::ReportError;
+use super::figure::{self, png};
+use super::style::{Area, Drawn, GREY, INK, SCALE, font, write};
+
+/// Sizes as shown, pixels: what is left of the patches, a patch with the gap after
+/// it, and the heights of a patch and of the words below.
+const LEFT: i32 = 84;
+const PATCH: i32 = 96;
+const GAP: i32 = 10;
+const HEIGHT: i32 = 46;
+const WORDS: i32 = 22;
+/// Heights of the title, of a remark, of the heads of the columns and of a group.
+const TITLE: i32 = 42;
+const REMARK: i32 = 18;
+const COLUMNS: i32 = 44;
+const GROUP: i32 = 30;
+/// Width of a letter of a remark, and of the title.
+const LETTER: f64 = 6.6;
+const CAPITAL: f64 = 8.8;
+
+/// A table of patches. Remarks stand below it.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Swatches {
+    /// What is shown.
+    pub title: String,
+    /// How it is shown.
+    pub remarks: Vec<String>,
+    /// The two lines above each column.
+    pub columns: Vec<[String; 2]>,
+    /// The rows.
+    pub groups: Vec<SwatchRows>,
+}
+
+/// Rows of patches with a heading, which may be empty.
+#[derive(Debug, Clone, PartialEq)]
+pub struct SwatchRows {
+    /// What they have in common.
+    pub heading: String,
+    /// Name and patches of each, one patch per column.
+    pub rows: Vec<(String, Vec<Swatch>)>,
+}
+
+/// A patch: colours side by side without a gap, and words below.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub struct Swatch {
+    /// Gamma-encoded sRGB, from left to right.
+    pub colours: Vec<[u8; 3]>,
+    /// Words below it.
+    pub words: String,
+}
+
+impl Swatches {
+    /// The table as the text of an SVG file.
+    ///
+    /// # Errors
+    /// [`ReportError::Drawing`].
+    pub fn svg(&self) -> Result<String, ReportError> {
+        figure::svg((self.width(), self.height()), |area| self.draw(area)).map_err(failed)
+    }
+
+    /// The same as a PNG file.
+    ///
+    /// # Errors
+    /// [`ReportError::Drawing`].
+    pub fn png(&self) -> Result<Vec<u8>, ReportError> {
+        png(&self.svg()?).map_err(failed)
+    }
+
+    fn width(&self) -> i32 {
+        let letters = |text: &String, width: f64| (text.chars().count() as f64 * width) as i32;
+        let remarks = self.remarks.iter().map(|text| letters(text, LETTER));
+        let words = remarks.fold(letters(&self.title, CAPITAL), i32::max);
+        let table = LEFT + self.columns.len() as i32 * (PATCH + GAP);
+        table.max(words + GAP) + GAP
+    }
+
+    fn height(&self) -> i32 {
+        let rows = |group: &SwatchRows| head(group) + group.rows.len() as i32 * (HEIGHT + WORDS);
+        let groups: i32 = self.groups.iter().map(rows).sum();
+        TITLE + COLUMNS + groups + self.remarks.len() as i32 * REMARK + GAP
+    }
+
+    fn draw(&self, area: &Area) -> Drawn {
+        let at = |x: i32, y: i32| (x * SCALE, y * SCALE);
+        write(
+            area,
+            &self.title,
+            at(GAP, TITLE / 2),
+            font(16, &INK),
+            HPos::Left,
+        )?;
+        for (lines, i) in self.columns.iter().zip(0..) {
+            let x = left(i) + PATCH / 2;
+            for (words, line) in lines.iter().zip([10, 28]) {
+                let look = font(12, if line == 10 { &INK } else { &GREY });
+                write(area, words, at(x, TITLE + line), look, HPos::Center)?;
+            }
+        }
+        let mut y = TITLE + COLUMNS;
+        for group in &self.groups {
+            let from = at(GAP, y + GROUP / 2 - 2);
+            write(area, &group.heading, from, font(13, &INK), HPos::Left)?;
+            y += head(group);
+            for (name, swatches) in &group.rows {
+                let side = at(LEFT - GAP, y + HEIGHT / 2);
+                write(area, name, side, font(13, &INK), HPos::Right)?;
+                for (swatch, i) in swatches.iter().zip(0..) {
+                    swatch.draw(area, (left(i), y))?;
+                }
+                y += HEIGHT + WORDS;
+            }
+        }
+        for remark in &self.remarks {
+            y += REMARK;
+            write(
+                area,
+                remark,
+                at(GAP, y - REMARK / 2),
+                font(12, &GREY),
+                HPos::Left,
+            )?;
+        }
+        Ok(())
+    }
+}
+
+fn failed(reason: String) -> ReportError {
+    ReportError::Drawing {
+        chart: "the swatches",
+        reason,
+    }
+}
+
+/// The left edge of a column.
+fn left(column: i32) -> i32 {
+    LEFT + column * (PATCH + GAP)
+}
+
+/// Height of the heading of a group.
+fn head(group: &SwatchRows) -> i32 {
+    if group.heading.is_empty() { 0 } else { GROUP }
+}
+
+impl Swatch {
+    fn draw(&self, area: &Area, (x, y): (i32, i32)) -> Drawn {
+        let n = self.colours.len().max(1) as i32;
+        for (&[r, g, b], i) in self.colours.iter().zip(0..) {
+            let edge = |i: i32| (x + PATCH * i / n) * SCALE;
+            let corners = [(edge(i), y * SCALE), (edge(i + 1), (y + HEIGHT) * SCALE)];
+            area.draw(&Rectangle::new(corners, RGBColor(r, g, b).filled()))?;
+        }
+        let below = ((x + PATCH / 2) * SCALE, (y + HEIGHT + 9) * SCALE);
+        write(area, &self.words, below, font(11, &INK), HPos::Center)
+    }
+}
+
+#[cfg(test)]
+#[allow(clippy::unwrap_used)]
+mod tests {
+    use resvg::tiny_skia::Pixmap;
+
+    use super::*;
+
+    #[test]
+    fn pixels_have_the_colours_asked_for() {
+        let colours = |i: u8| vec![[10 * i, 100 + i, 255], [i, 7, 80 - i]];
+        let swatch = |i: u8| Swatch {
+            colours: colours(i),
+            words: format!("{i}"),
+        };
+        let row = |first: u8| {
+            (
+                format!("row {first}"),
+                (0..3).map(|i| swatch(first + i)).collect(),
+            )
+        };
+        let group = |heading: &str, first: u8| SwatchRows {
+            heading: heading.into(),
+            rows: vec![row(first), row(first + 3)],
+        };
+        let swatches = Swatches {
+            title: "patches".into(),
+            remarks: vec!["a remark".into()],
+            columns: ["a", "b", "c"]
+                .map(|name| [name.into(), "below".into()])
+                .into(),
+            groups: vec![group("", 0), group("second", 6)],
+        };
+        let png = swatches.png().unwrap();
+        assert!(png.starts_with(b"\x89PNG\r\n\x1a\n"));
+        let pixels = Pixmap::decode_png(&png).unwrap();
+        let (width, height) = (swatches.width(), swatches.height());
+        assert_eq!(
+            (pixels.width(), pixels.height()),
+            (width as u32, height as u32)
+        );
+        for number in 0..12_i32 {
+            let row = number / 3;
+            let y = TITLE + COLUMNS + row * (HEIGHT + WORDS) + if row > 1 { GROUP } else { 0 };
+            for (side, expected) in [PATCH / 4, 3 * PATCH / 4]
+                .into_iter()
+                .zip(colours(number as u8))
+            {
+                let x = left(number % 3) + side;
+                let found = pixels.pixel(x as u32, (y + HEIGHT / 2) as u32).unwrap();
+                assert_eq!(
+                    [found.red(), found.green(), found.blue()],
+                    expected,
+                    "{number}"
+                );
+            }
+        }
+        assert_eq!(pixels.pixel(2, 2).unwrap().red(), 255);
+    }
+}
