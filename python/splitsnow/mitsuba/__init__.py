@@ -31,7 +31,7 @@ place in it) is one body, other shapes are opaque.
 from __future__ import annotations
 
 from ._llvm import check_llvm
-from ._scene import attach, register
+from ._scene import attach, detach, register
 from ._snow import snow
 
-__all__ = ["attach", "check_llvm", "register", "snow"]
+__all__ = ["attach", "check_llvm", "detach", "register", "snow"]

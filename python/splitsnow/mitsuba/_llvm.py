@@ -7,11 +7,13 @@ import subprocess
 import sys
 
 _PROBE = """
-import drjit, mitsuba
+import mitsuba
 mitsuba.set_variant("llvm_ad_rgb")
-scene = mitsuba.load_dict({"type": "scene", "shape": {"type": "sphere"}})
-ray = mitsuba.Ray3f(mitsuba.Point3f([0, 3], 0, -5), mitsuba.Vector3f(0, 0, 1))
-assert list(scene.ray_intersect(ray).is_valid()) == [True, False]
+film = {"type": "hdrfilm", "width": 2, "height": 2}
+scene = {"type": "scene", "integrator": {"type": "path"}, "light": {"type": "constant"},
+         "shape": {"type": "sphere", "center": [0, 0, 4]},
+         "sensor": {"type": "perspective", "film": film}}
+assert mitsuba.render(mitsuba.load_dict(scene), spp=1).array[0] > 0
 """
 
 
@@ -19,17 +21,18 @@ assert list(scene.ray_intersect(ray).is_valid()) == [True, False]
 def check_llvm() -> None:
     """Raises ``RuntimeError`` where the LLVM variants of Mitsuba cannot run.
 
-    Some versions of LLVM (15 and 16 among them) end the process at the first kernel,
-    so that a process of its own runs one, once; it takes about a second.
+    Some versions of LLVM (15 and 16 among them) end the process at the first rendering,
+    so that a process of its own tries one, once; it takes about a second.
     """
     probe = [sys.executable, "-c", _PROBE]
     try:
         done = subprocess.run(probe, capture_output=True, text=True, timeout=120)
     except subprocess.TimeoutExpired as error:
-        raise _unusable("no kernel was ready in two minutes") from error
+        raise _unusable("no image was ready in two minutes") from error
     if done.returncode != 0:
-        said = done.stderr.strip().splitlines()
-        raise _unusable(said[-1] if said else f"a kernel ends it with code {done.returncode}")
+        said = [line for line in done.stderr.splitlines() if "Error" in line or "LLVM ERROR" in line]
+        code = f"rendering ends the process (code {done.returncode})"
+        raise _unusable(said[-1].strip() if said else code)
 
 
 def _unusable(why: str) -> RuntimeError:

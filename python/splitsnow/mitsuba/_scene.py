@@ -37,17 +37,13 @@ def register() -> None:
 
 def attach(scene: Any) -> int:
     """Tells all ``pcasnow`` of a loaded scene what surrounds them; the number of shapes
-    that are snow. Again after a shape was added. Raises ``ValueError`` if it is none.
+    that are snow. The scene stays in memory until :func:`detach`. Raises
+    ``ValueError`` if none is.
     """
     mi, dr = _modules()
-    kind = _classes.get(mi.variant())
-    if kind is None:
-        raise RuntimeError("call splitsnow.mitsuba.register() after mitsuba.set_variant")
     bodies = defaultdict(list)
-    for shape in scene.shapes():
-        if shape.is_emitter():
-            for found in _textures(mi, shape.emitter(), kind):
-                bodies[found.key].append((shape, found))
+    for shape, found in _snow(mi, scene):
+        bodies[found.key].append((shape, found))
     for members in bodies.values():
         body = Body(mi, dr, scene, [shape for shape, _ in members])
         for _, found in members:
@@ -57,17 +53,30 @@ def attach(scene: Any) -> int:
     return sum(len(members) for members in bodies.values())
 
 
-def _textures(mi: Any, emitter: Any, kind: type) -> list[Any]:
-    found = []
+def detach(scene: Any) -> None:
+    """Undoes :func:`attach`, so that the scene can be freed."""
+    mi, _ = _modules()
+    for _, found in _snow(mi, scene):
+        found.body = None
+
+
+def _snow(mi: Any, scene: Any) -> list[tuple[Any, Any]]:
+    """Shapes and what is ``pcasnow`` in their emitters."""
+    if mi.variant() not in _classes:
+        raise RuntimeError("call splitsnow.mitsuba.register() after mitsuba.set_variant")
+    kind = _classes[mi.variant()]
+    found: list[tuple[Any, Any]] = []
 
     class Seek(mi.TraversalCallback):  # type: ignore[misc]
         def put(self, name: str, value: Any, *_: Any) -> None:
             if isinstance(value, kind):
-                found.append(value)
+                found.append((shape, value))
 
         put_value = put_object = put
 
-    emitter.traverse(Seek())
+    for shape in scene.shapes():
+        if shape.is_emitter():
+            shape.emitter().traverse(Seek())
     return found
 
 

@@ -23,10 +23,10 @@ def texture(mi: Any, dr: Any) -> type:
 
         def __init__(self, props: Any) -> None:
             mi.Texture.__init__(self, props)
-            named = {
-                name: float(props[name]) if name in props else None
+            facetness, grain_size_um, density_kg_m3 = (
+                float(props[name]) if name in props else None
                 for name in ("facetness", "grain_size_um", "density_kg_m3")
-            }
+            )
             if "filename" not in props:
                 raise ValueError("pcasnow: filename is needed, a compact file of splitsnow")
             filename = mi.file_resolver().resolve(props["filename"])
@@ -44,10 +44,13 @@ def texture(mi: Any, dr: Any) -> type:
             if curve is None or mi.is_spectral:
                 self.irradiance = props.get_emissive_texture("irradiance", 1.0)
             # All else says where in the database the snow is.
-            conditions = {
-                name: float(props[name]) for name in props.keys() if name in props.unqueried()
-            }
-            material = Material.of(str(filename), *named.values(), conditions)
+            conditions = {name: props[name] for name in props.unqueried()}
+            for name, value in conditions.items():
+                if not isinstance(value, (int, float)):
+                    raise ValueError(f"pcasnow: {name} must be a number, not {value!r}")
+            material = Material.of(
+                str(filename), facetness, grain_size_um, density_kg_m3, conditions
+            )
             self.key = material.key
             if mi.is_spectral:
                 self.look_up = LookUp(mi, dr, Table.spectral(material))
