@@ -16,11 +16,12 @@ class LookUp:
         self.mi, self.dr = mi, dr
         self.scalar = not dr.is_array_v(mi.Float)
         cosines = np.cos(np.deg2rad(table.angles_deg))
-        self.least, self.greatest = float(cosines[-1]), float(cosines[0])
+        self.least, self.greatest = self.number(cosines[-1]), self.number(cosines[0])
         bent = 0.4 * np.exp(-cosines / 0.02) - cosines
-        self.steps = list(zip(bent[:-1].tolist(), (1 / np.diff(bent)).tolist()))
+        slopes = 1 / np.diff(bent)
+        self.steps = [(self.number(b), self.number(s)) for b, s in zip(bent, slopes)]
         thicknesses, self.angles, self.width = table.values.shape
-        self.scale = (thicknesses - 1) / np.log1p(table.deepest_cm / BEND_CM)
+        self.scale = self.number((thicknesses - 1) / np.log1p(table.deepest_cm / BEND_CM))
         self.last = thicknesses - 1
         self.values = self._held(table.values)
         # A wavelength's place among the table's: straight lines between whole nm,
@@ -28,6 +29,10 @@ class LookUp:
         nm = np.arange(VISIBLE_NM[0], VISIBLE_NM[1] + 1)
         places = np.interp(nm, table.wavelengths_nm, np.arange(len(table.wavelengths_nm)))
         self.places = self._held(places)
+
+    def number(self, value: float) -> Any:
+        """One that is no part of the compiled code, so that all snow shares it."""
+        return float(value) if self.scalar else self.dr.opaque(self.mi.Float, float(value))
 
     def spectrum(self, thickness_cm: Any, cosine: Any, wavelengths: Any, active: Any) -> Any:
         """Transmittance at each of the wavelengths."""

@@ -37,7 +37,7 @@ class Body:
         numbers = [self._number(mi.ShapePtr(shape))[0] for shape in shapes]
         own = np.zeros(max(numbers) + 1, bool)
         own[numbers] = True
-        self.own, self.beyond = mi.Bool(own), len(own)
+        self.own, self.beyond = mi.Bool(own), dr.opaque(mi.UInt32, len(own))
 
     def path(self, si: Any, to_light: Any, shadows: bool, active: Any) -> Path:
         """From a point on a surface, whether of this body or not."""

@@ -47,17 +47,17 @@ def attach(scene: Any) -> int:
     for members in bodies.values():
         body = Body(mi, dr, scene, [shape for shape, _ in members])
         for _, found in members:
-            found.body = body
+            found.body, found.detached = body, False
     if not bodies:
         raise ValueError("no shape of the scene is snow: none has an emitter with pcasnow")
     return sum(len(members) for members in bodies.values())
 
 
 def detach(scene: Any) -> None:
-    """Undoes :func:`attach`, so that the scene can be freed."""
+    """Undoes :func:`attach`, so that the scene can be freed; its snow is dark."""
     mi, _ = _modules()
     for _, found in _snow(mi, scene):
-        found.body = None
+        found.body, found.detached = None, True
 
 
 def _snow(mi: Any, scene: Any) -> list[tuple[Any, Any]]:

@@ -30,8 +30,8 @@ def texture(mi: Any, dr: Any) -> type:
             if "filename" not in props:
                 raise ValueError("pcasnow: filename is needed, a compact file of splitsnow")
             filename = mi.file_resolver().resolve(props["filename"])
-            self.cm_per_unit = 100 * float(props.get("metres_per_unit", 1.0))
-            if not (math.isfinite(self.cm_per_unit) and self.cm_per_unit > 0):
+            metres_per_unit = float(props.get("metres_per_unit", 1.0))
+            if not (math.isfinite(metres_per_unit) and metres_per_unit > 0):
                 raise ValueError("pcasnow: metres_per_unit must be above 0")
             self.shadows = bool(props.get("shadows", True))
             self.kind = props.get("light", "directional")
@@ -56,13 +56,17 @@ def texture(mi: Any, dr: Any) -> type:
                 self.look_up = LookUp(mi, dr, Table.spectral(material))
             else:
                 self.look_up = LookUp(mi, dr, Table.colour(material, curve))
+            self.cm_per_unit = self.look_up.number(100 * metres_per_unit)
             self.body: Optional[Body] = None
+            self.detached = False
 
         def eval(self, si: Any, active: Any = True) -> Any:
+            if self.detached:  # LLVM variants compile all that is in memory
+                return mi.UnpolarizedSpectrum(0)
             if self.body is None:
                 raise RuntimeError(
-                    "pcasnow does not know its scene: call splitsnow.mitsuba.attach(scene) "
-                    "once it is loaded"
+                    "a pcasnow in memory does not know its scene: call "
+                    "splitsnow.mitsuba.attach(scene) for each scene once it is loaded"
                 )
             if self.kind == "sky":
                 direction, weight = self._towards_sky(si)
@@ -149,7 +153,9 @@ def texture(mi: Any, dr: Any) -> type:
             length = float(np.linalg.norm(vector))
             if vector.size != 3 or not (math.isfinite(length) and length > 0):
                 raise ValueError(f"pcasnow: {name} must be a vector of three numbers, not zero")
-            return mi.Vector3f(*(vector / length).tolist())
+            unit = mi.Vector3f(*(vector / length).tolist())
+            dr.make_opaque(unit)  # as LookUp.number
+            return unit
 
         def _curve(self, props: Any) -> Any:
             """The light where it is given wavelength by wavelength, ``(n, 2)``."""
