@@ -1,5 +1,6 @@
 """Snow in real scenes of Mitsuba, beside what the look-ups say."""
 
+import importlib.util
 import math
 import sys
 
@@ -7,6 +8,7 @@ import drjit as dr
 import mitsuba as mi
 import numpy as np
 import pytest
+from conftest import ROOT
 
 import splitsnow
 import splitsnow.mitsuba
@@ -408,3 +410,35 @@ def test_what_is_missing_is_named(monkeypatch):
     monkeypatch.setitem(sys.modules, "mitsuba", None)
     with pytest.raises(ImportError, match="pip install mitsuba"):
         splitsnow.mitsuba.register()
+
+
+@pytest.mark.parametrize("variant", ["llvm_ad_spectral", "scalar_rgb"])
+def test_example_blocks(variant, monkeypatch, tmp_path):
+    """From left to right darker and bluer, the first nearly white, each as its
+    thickness says, and a few per cent that come back from the ground."""
+    path = ROOT / "examples/mitsuba/blocks.py"
+    spec = importlib.util.spec_from_file_location("blocks", path)
+    blocks = importlib.util.module_from_spec(spec)
+    spec.loader.exec_module(blocks)
+    out = tmp_path / "blocks"
+    size = ["--size", "80", "--spp", "128" if "llvm" in variant else "8"]
+    monkeypatch.setattr(sys, "argv", ["blocks", *size, "--variant", variant, "--out", str(out)])
+    blocks.main()
+    image = np.array(mi.Bitmap(str(out.with_suffix(".exr"))))
+    shown = np.array(mi.Bitmap(str(out.with_suffix(".png"))))
+    assert image.shape == shown.shape == (40, 80, 3)
+    columns = [10, 28, 45, 62]
+    seen = np.array([image[14:22, x : x + 9].mean((0, 1)) for x in columns])
+    database = splitsnow.Database.open(blocks.FILE)
+    assert (database.wavelengths_nm[[0, -1]] == [360, 830]).all()
+    spectra = database.transmittance(0.3, 300, 275, blocks.THICKNESSES_CM, 0, wavelengths_nm=NM)
+    wanted = splitsnow.srgb(spectra, NM, "D65", linear=True, clip=False) / math.pi
+    seen, wanted = np.maximum(seen, 0), np.maximum(wanted, 0)  # blue out of gamut
+    assert (np.abs(seen - wanted) < 0.05 * wanted.max(-1, keepdims=True)).all()
+    assert (np.diff(seen, axis=0) < 0).all()
+    assert (wanted[:, 2] < seen[:, 2]).all()
+    red, green, blue = seen.T
+    assert 0.8 < red[0] / blue[0] < 1 and (np.diff(red / blue) < 0).all()
+    bytes_seen = np.array([shown[14:22, x : x + 9].mean((0, 1)) for x in columns])
+    assert (bytes_seen[0] > 200).all() and bytes_seen[3, 0] < 20 and bytes_seen[3, 2] > 60
+    assert image[:3].max() < 1e-5  # above the blocks
