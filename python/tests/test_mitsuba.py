@@ -2,6 +2,7 @@
 
 import importlib.util
 import math
+import re
 import sys
 
 import drjit as dr
@@ -410,6 +411,20 @@ def test_what_is_missing_is_named(monkeypatch):
     monkeypatch.setitem(sys.modules, "mitsuba", None)
     with pytest.raises(ImportError, match="pip install mitsuba"):
         splitsnow.mitsuba.register()
+
+
+@pytest.mark.parametrize("file", ["README.md", "docs/mitsuba.md"])
+def test_what_is_documented_runs(file, monkeypatch):
+    text = (ROOT / file).read_text()
+    codes = re.findall(r"```python\n(.*?)```", text, re.DOTALL)
+    (code,) = [code for code in codes if "splitsnow.mitsuba" in code]
+    names = {}
+    monkeypatch.chdir(ROOT)
+    exec(code, names)
+    _scenes.append((mi.variant(), names["scene"]))
+    if "image" in names:
+        image = np.array(names["image"])
+        assert image.max() > 0.005 and image[..., 2].sum() > image[..., 0].sum()
 
 
 @pytest.mark.parametrize("variant", ["llvm_ad_spectral", "scalar_rgb"])
