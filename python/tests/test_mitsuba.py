@@ -193,15 +193,17 @@ def boxes(path, heights):
 
 
 def test_pieces_add_up(variant, quick, tmp_path):
-    """Also as shapes of their own, apart or in touch; other snow is opaque."""
+    """Also as shapes of their own, apart, in touch or overlapping; other snow is opaque."""
     two = boxes(tmp_path / "two.obj", [(0, 0.02), (0.07, 0.1)])
     mesh = {"type": "obj", "filename": two, "face_normals": True}
     entries = snow(quick, to_light=towards(40))
     wanted = expected(quick, 5 / math.cos(math.radians(40)), 40)
     assert np.allclose(radiance(scene_of(both={**mesh, **entries})), wanted, rtol=1e-3)
-    for bottom in (0.02, 0.03):
-        lower, upper = slab(entries, top=0.02), slab(entries, bottom, bottom + 0.03)
-        assert np.allclose(radiance(scene_of(a=lower, b=upper)), wanted, rtol=1e-3)
+    for bottom in (0.015, 0.02, 0.03):
+        top = max(0.05, bottom + 0.03)
+        lower, upper = slab(entries, top=0.02), slab(entries, bottom, top)
+        for a, b in ((lower, upper), (upper, lower)):
+            assert np.allclose(radiance(scene_of(a=a, b=b)), wanted, rtol=1e-3)
     other = snow(quick, to_light=towards(40), facetness=0.5)
     assert (radiance(scene_of(a=slab(entries, top=0.02), b=slab(other, 0.03, 0.06))) == 0).all()
     # in front of snow, on what faces the light, falls what the snow above lets through
@@ -326,23 +328,45 @@ def test_reflection(quick):
     assert np.allclose(pixel(scene), 1 / math.pi, rtol=0.02)
 
 
-def test_snow_lights_what_is_near(quick):
-    """Under wide snow a white sheet gets pi times its radiance, by either way of
-    sampling: from the six faces of a cube, evenly."""
+@pytest.mark.parametrize("turn_deg", [0, 90])
+def test_snow_lights_what_is_near(quick, turn_deg):
+    """Whichever face of the cube is above a white sheet, its light is found by sampling
+    the emitter as it is by sampling directions."""
     use("llvm_ad_rgb")
     white = {"type": "diffuse", "reflectance": {"type": "rgb", "value": 0.5}}
-    place = mi.ScalarTransform4f().translate([0, 0, -0.2])
+    place = mi.ScalarTransform4f().translate([0, 0, -0.5])
     sheet = {"type": "rectangle", "bsdf": white, "to_world": place}
-    scene = scene_of(4096, slab=slab(snow(quick, to_light=towards(30))), sheet=sheet)
+    turned = mi.ScalarTransform4f().translate([0, 0, 3]).rotate([1, 0, 0], turn_deg).scale(3)
+    entries = snow(quick, metres_per_unit=0.01)
+    scene = scene_of(slab={"type": "cube", "to_world": turned, **entries}, sheet=sheet)
     sensor = mi.load_dict({
         "type": "perspective", "fov": 0.5,
         "film": {"type": "hdrfilm", "width": 4, "height": 4, "rfilter": {"type": "box"}},
-        "sampler": {"type": "independent", "sample_count": 4096},
-        "to_world": mi.ScalarTransform4f().look_at([-2, 0, -0.05], [0, 0, -0.2], [0, 0, 1]),
+        "to_world": mi.ScalarTransform4f().look_at([-8, 0, -0.2], [0, 0, -0.5], [0, 0, 1]),
     })  # fmt: skip
-    seen = np.array(mi.render(scene, sensor=sensor)).mean((0, 1))
-    above = radiances(scene, [[0.01, 0, -0.1]], [0, 0, 1])[0]
-    assert np.allclose(seen, 0.5 * above, rtol=0.02)
+    seen = []
+    for samples in ((64, 0), (0, 64)):
+        options = dict(zip(("emitter_samples", "bsdf_samples"), samples))
+        direct = mi.load_dict({"type": "direct", **options})
+        image = np.array(mi.render(scene, sensor=sensor, integrator=direct, spp=96))
+        seen.append(image.mean((0, 1)))
+    assert (seen[0] > 0.4 * expected(quick, 6, 0)).all()
+    assert np.allclose(*seen, rtol=0.02)
+
+
+def test_what_faces_the_light_is_dark(fitted):
+    """However little it does, and as exact as places on large triangles are."""
+    use("llvm_ad_rgb")
+    turn = mi.ScalarTransform4f().rotate([1, 0, 0], 35).rotate([0, 1, 0], 20)
+    place = turn.scale([20, 20, 0.05])
+    down = np.array(turn @ mi.ScalarVector3f(0, 0, -1)).ravel()
+    along = np.array(turn @ mi.ScalarVector3f(1, 0, 0)).ravel()
+    origins = np.random.default_rng(4).uniform(-5, 5, (50_000, 3)) * [1, 1, 0] - [0, 0, 20]
+    for grazing in (1, 0.1, 0.02):
+        to_light = along + grazing * down
+        entries = splitsnow.mitsuba.snow(fitted.path, to_light=to_light, reflected=False)
+        scene = scene_of(slab={"type": "cube", "to_world": place, **entries})
+        assert (radiances(scene, origins, [0, 0, 1]) == 0).all(), grazing
 
 
 def test_parameters_and_names(quick):

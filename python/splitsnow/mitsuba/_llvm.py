@@ -30,7 +30,7 @@ def check_llvm() -> None:
     except subprocess.TimeoutExpired as error:
         raise _unusable("no image was ready in two minutes") from error
     if done.returncode != 0:
-        said = [line for line in done.stderr.splitlines() if "Error" in line or "LLVM ERROR" in line]
+        said = [line for line in done.stderr.splitlines() if "error" in line.lower()]
         code = f"rendering ends the process (code {done.returncode})"
         raise _unusable(said[-1].strip() if said else code)
 

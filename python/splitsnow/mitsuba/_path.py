@@ -84,7 +84,8 @@ class Body:
         # A surface that faces the light must not be hit once more: there was no snow.
         start = dr.select(inside, onwards(si), si.spawn_ray(to_light))
         state = (
-            mi.Bool(active), start, mi.Point3f(si.p), inside, mi.Float(0), mi.Float(0), mi.Bool(active), mi.UInt32(0),
+            mi.Bool(active), start, mi.Point3f(si.p), inside,
+            mi.Float(0), mi.Float(0), mi.Bool(active), mi.UInt32(0),
         )  # fmt: skip
         if self.scalar:
             while state[0]:
