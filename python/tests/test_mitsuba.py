@@ -345,10 +345,10 @@ def test_snow_lights_what_is_near(quick, turn_deg):
         "to_world": mi.ScalarTransform4f().look_at([-8, 0, -0.2], [0, 0, -0.5], [0, 0, 1]),
     })  # fmt: skip
     seen = []
-    for samples in ((64, 0), (0, 64)):
+    for samples in ((1, 0), (0, 1)):
         options = dict(zip(("emitter_samples", "bsdf_samples"), samples))
         direct = mi.load_dict({"type": "direct", **options})
-        image = np.array(mi.render(scene, sensor=sensor, integrator=direct, spp=96))
+        image = np.array(mi.render(scene, sensor=sensor, integrator=direct, spp=32768))
         seen.append(image.mean((0, 1)))
     assert (seen[0] > 0.4 * expected(quick, 6, 0)).all()
     assert np.allclose(*seen, rtol=0.02)
