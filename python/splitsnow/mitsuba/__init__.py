@@ -22,7 +22,7 @@ takes one direction, uniform over the inner hemisphere, of a uniform sky.
 
 Neglected are: every way of light but the straight one, as which the snow is as thick as
 the ray is long; light that spreads sideways; directions in which light leaves (all
-alike, Lambertian); refraction at the surface; light that goes from snow into snow.
+alike, Lambertian); refraction at the surface; light that leaves snow and enters it again.
 
 Shapes must be closed with their normals outwards; snow of one material (file and
 place in it) is one body, other shapes are opaque.

@@ -9,8 +9,8 @@ import numpy as np
 MOST_HITS = 256
 """A way of more surfaces gives no light."""
 
-
 _STEP = 1e-5
+"""Beyond a surface, the next ray begins so far on, of one unit and the coordinates."""
 
 
 class Path(NamedTuple):
