@@ -1,0 +1,175 @@
+"""The texture `pcasnow`, the radiance of an area emitter."""
+
+from __future__ import annotations
+
+import math
+import struct
+from typing import Any, Optional
+
+import numpy as np
+
+from ._look_up import LookUp
+from ._path import Body
+from ._table import Material, Table
+
+LIGHTS = ("directional", "sky")
+
+
+def texture(mi: Any, dr: Any) -> type:
+    """The class for Mitsuba's variant at hand."""
+
+    class PcaSnow(mi.Texture):  # type: ignore[misc]
+        """Light that snow lets through; see :func:`splitsnow.mitsuba.snow`."""
+
+        def __init__(self, props: Any) -> None:
+            mi.Texture.__init__(self, props)
+            facetness, grain_size_um, density_kg_m3 = (
+                float(props[name]) if name in props else None
+                for name in ("facetness", "grain_size_um", "density_kg_m3")
+            )
+            if "filename" not in props:
+                raise ValueError("pcasnow: filename is needed, a compact file of splitsnow")
+            filename = mi.file_resolver().resolve(props["filename"])
+            metres_per_unit = float(props.get("metres_per_unit", 1.0))
+            if not (math.isfinite(metres_per_unit) and metres_per_unit > 0):
+                raise ValueError("pcasnow: metres_per_unit must be above 0")
+            self.shadows = bool(props.get("shadows", True))
+            self.kind = props.get("light", "directional")
+            if self.kind not in LIGHTS:
+                raise ValueError(f"pcasnow: light is directional or sky, not {self.kind}")
+            self.to_light = self._direction(props, "to_light", self.kind == "directional")
+            self.up = self._direction(props, "up", False)
+            curve = self._curve(props)
+            self.irradiance = None
+            if curve is None or mi.is_spectral:
+                self.irradiance = props.get_emissive_texture("irradiance", 1.0)
+            # All else says where in the database the snow is.
+            conditions = {name: props[name] for name in props.unqueried()}
+            for name, value in conditions.items():
+                if not isinstance(value, (int, float)):
+                    raise ValueError(f"pcasnow: {name} must be a number, not {value!r}")
+            material = Material.of(
+                str(filename), facetness, grain_size_um, density_kg_m3, conditions
+            )
+            self.key = material.key
+            if mi.is_spectral:
+                self.look_up = LookUp(mi, dr, Table.spectral(material))
+            else:
+                self.look_up = LookUp(mi, dr, Table.colour(material, curve))
+            self.cm_per_unit = self.look_up.number(100 * metres_per_unit)
+            self.body: Optional[Body] = None
+            self.detached = False
+
+        def eval(self, si: Any, active: Any = True) -> Any:
+            if self.detached:  # LLVM variants compile all that is in memory
+                return mi.UnpolarizedSpectrum(0)
+            if self.body is None:
+                raise RuntimeError(
+                    "a pcasnow in memory does not know its scene: call "
+                    "splitsnow.mitsuba.attach(scene) for each scene once it is loaded"
+                )
+            if self.kind == "sky":
+                direction, weight = self._towards_sky(si)
+            else:
+                direction, weight = self.to_light, 1 / math.pi
+            with dr.suspend_grad():
+                path = self.body.path(si, direction, self.shadows, active)
+                lit = path.free & self._covered(path.cosine)
+                cm = path.thickness * self.cm_per_unit
+                if mi.is_spectral:
+                    found = self.look_up.spectrum(cm, path.cosine, si.wavelengths, lit)
+                else:
+                    found = self.look_up.colour(cm, path.cosine, lit)
+                found = dr.select(lit, found * (path.cosine * weight), 0)
+            if self.irradiance is not None:
+                found = found * self.irradiance.eval(si, active)
+            return found
+
+        def eval_1(self, si: Any, active: Any = True) -> Any:
+            """The mean over the wavelengths, or colours, of :meth:`eval`."""
+            return dr.mean(self.eval(si, active))
+
+        def eval_3(self, si: Any, active: Any = True) -> Any:
+            if mi.is_spectral:
+                raise RuntimeError("pcasnow has no colours in spectral variants")
+            return mi.Color3f(self.eval(si, active))
+
+        def sample_spectrum(self, si: Any, sample: Any, active: Any = True) -> Any:
+            if not mi.is_spectral:
+                return sample, self.eval(si, active)
+            wavelengths, weight = mi.sample_rgb_spectrum(sample)
+            si.wavelengths = wavelengths
+            return wavelengths, self.eval(si, active) * weight
+
+        def is_spatially_varying(self) -> bool:
+            """It says no, so that emitters sample their surface evenly, not by UV
+            coordinates, which on many shapes are not unique."""
+            return False
+
+        def mean(self) -> Any:
+            """That of snow without thickness, across the beam."""
+            return (1.0 if self.irradiance is None else self.irradiance.mean()) / math.pi
+
+        def max(self) -> Any:
+            return (1.0 if self.irradiance is None else self.irradiance.max()) / math.pi
+
+        def traverse(self, callback: Any) -> None:
+            if self.irradiance is not None:
+                callback.put("irradiance", self.irradiance, mi.ParamFlags.Differentiable)
+
+        def to_string(self) -> str:
+            path, snow, conditions = self.key
+            return (
+                f"PcaSnow[filename={path}, snow={snow}, conditions={conditions}, "
+                f"light={self.kind}, attached={self.body is not None}]"
+            )
+
+        __repr__ = to_string
+
+        def _covered(self, cosine: Any) -> Any:
+            """With a margin for rounding."""
+            return (cosine > self.look_up.least - 1e-6) & (cosine < self.look_up.greatest + 1e-6)
+
+        def _towards_sky(self, si: Any) -> tuple[Any, Any]:
+            """A direction, uniform over the inner hemisphere, and the weight that makes
+            the mean that of a uniform sky. The place decides it: textures have no
+            random numbers of their own."""
+            first, second = mi.sample_tea_32(_bits(si.p.x), _bits(si.p.y))
+            first, second = mi.sample_tea_32(first ^ _bits(si.p.z), second)
+            u, v = mi.Float(first) * 2.0**-32, mi.Float(second) * 2.0**-32
+            local = mi.warp.square_to_uniform_hemisphere(mi.Point2f(u, v))
+            direction = mi.Frame3f(-si.n).to_world(local)
+            weight = mi.Float(2 / math.pi)
+            if self.up is not None:
+                weight = dr.select(dr.dot(direction, self.up) > 0, weight, 0)
+            return direction, weight
+
+        def _direction(self, props: Any, name: str, needed: bool) -> Any:
+            if name not in props:
+                if needed:
+                    raise ValueError(f"pcasnow: {name} is needed, the direction to the light")
+                return None
+            vector = np.array(props[name], float).ravel()
+            length = float(np.linalg.norm(vector))
+            if vector.size != 3 or not (math.isfinite(length) and length > 0):
+                raise ValueError(f"pcasnow: {name} must be a vector of three numbers, not zero")
+            unit = mi.Vector3f(*(vector / length).tolist())
+            dr.make_opaque(unit)  # as LookUp.number
+            return unit
+
+        def _curve(self, props: Any) -> Any:
+            """The light where it is given wavelength by wavelength, ``(n, 2)``."""
+            if "irradiance" not in props or props.type("irradiance") != mi.Properties.Type.Spectrum:
+                return None
+            given = props["irradiance"]
+            values = np.array(given.values, float)
+            if given.is_uniform():
+                return np.array([[0.0, values[0]], [1e5, values[0]]])
+            return np.stack([np.array(given.wavelengths, float), values], -1)
+
+    def _bits(number: Any) -> Any:
+        if isinstance(number, float):
+            return struct.unpack("<I", struct.pack("<f", number))[0]
+        return dr.reinterpret_array(mi.UInt32, number)
+
+    return PcaSnow
