@@ -260,9 +260,28 @@ fn thin(
 fn relative_error(values: impl Iterator<Item = f64> + Clone) -> f64 {
     let n = values.clone().count() as f64;
     let mean = values.clone().sum::<f64>() / n;
-    let squares: f64 = values.map(|v| (v - mean) * (v - mean)).sum();
     if mean == 0.0 {
         return 0.0;
     }
-    (squares / (n * (n - 1.0))).sqrt() / mean.abs()
+    // of ratios: the squares of what leaves deep snow may be too small for a number
+    let squares: f64 = values.map(|v| (v / mean - 1.0) * (v / mean - 1.0)).sum();
+    (squares / (n * (n - 1.0))).sqrt()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn errors_of_what_hardly_leaves_are_as_large() {
+        let values = [1.0, 2.0, 6.0];
+        for scale in [1.0, 1e-199] {
+            let error = relative_error(values.iter().map(|v| v * scale));
+            assert!(
+                (error - (14.0 / 6.0_f64).sqrt() / 3.0).abs() < 1e-12,
+                "{error}"
+            );
+        }
+        assert_eq!(relative_error([0.0; 8].into_iter()), 0.0);
+    }
 }
