@@ -63,3 +63,29 @@ def test_sculpture(example):
         assert core @ LUMINANCE < 0.3 * (fin @ LUMINANCE)
         assert blueness(core) > max(0.5, blueness(fin) + 0.1)
     assert shown.max() == 255 and (shown[:, :4] == 0).all()
+
+
+def test_igloo(example):
+    """Blue all over, and brighter and whiter where seams are."""
+    igloo, image, shown = example("igloo", 120, 64)
+    sensor = mi.load_dict(igloo.scene(120, 1)["sensor"])
+    rows, columns = np.mgrid[:60, :120]  # the wall, not the floor
+    places = (np.stack([columns, rows]).reshape(2, -1) + 0.5) / np.array([[120], [90]])
+    ray, _ = sensor.sample_ray(0, 0.5, mi.Point2f(places), mi.Point2f(0.5))
+    origin, towards = np.array(ray.o), np.array(ray.d)
+    along = (origin * towards).sum(0)
+    reach = -along + np.sqrt(along**2 + igloo.RADIUS**2 - (origin**2).sum(0))
+    x, y, z = origin + reach * towards
+    seam = igloo.seams(np.arctan2(z, np.hypot(x, y)), np.arctan2(y, x))
+    wall = image[:60].reshape(-1, 3)
+    between, seams = wall[seam < 0.1].mean(0), wall[seam > 0.8].mean(0)
+    assert seams @ LUMINANCE > 1.1 * (between @ LUMINANCE) and seams[0] > 1.5 * between[0]
+    assert blueness(between) > blueness(seams) + 0.05
+    assert between[0] < 0.7 * between[2] and (between > 0).all()
+    # Under a sky of radiance 1 / pi a wall of snow 15 cm thick; reflections add to it.
+    nm = np.arange(360, 831, 5)
+    database = splitsnow.Database.open(igloo.FILE)
+    straight = database.transmittance(0.3, 300, 300, 15, 0, wavelengths_nm=nm)
+    straight = splitsnow.srgb(straight, nm, "D65", linear=True, clip=False) / np.pi
+    assert (0.2 * straight[1:] < between[1:]).all() and (between < 2 * straight.max()).all()
+    assert shown[:60].mean() > 60
