@@ -89,3 +89,32 @@ def test_igloo(example):
     straight = splitsnow.srgb(straight, nm, "D65", linear=True, clip=False) / np.pi
     assert (0.2 * straight[1:] < between[1:]).all() and (between < 2 * straight.max()).all()
     assert shown[:60].mean() > 60
+
+
+def test_soot(example):
+    """Above what is reflected, below what comes through, each as the database says;
+    soot takes blue first of what comes through."""
+    soot, image, shown = example("soot", 120, 256)
+    nm = np.arange(360, 831, 5)
+    database = splitsnow.Database.open(soot.FILE)
+
+    def colours(lookup, angle_deg):
+        spectra = [
+            lookup(0.3, 300, 275, 10, angle_deg, wavelengths_nm=nm, black_carbon_ng_g=soot_ng_g)
+            for soot_ng_g in soot.SOOT_NG_G
+        ]
+        return splitsnow.srgb(np.array(spectra), nm, "D65", linear=True, clip=False) / np.pi
+
+    through = colours(database.transmittance, 0)
+    both = through + soot.FRONT * np.sqrt(0.5) * colours(database.reflectance, 45)
+    columns = [(12, 31), (39, 58), (66, 85), (93, 112)]
+    above, below = (
+        np.array([image[rows, start:stop].mean((0, 1)) for start, stop in columns])
+        for rows in (slice(10, 20), slice(25, 34))
+    )
+    assert np.allclose(below, through, rtol=0.05, atol=1e-5)
+    assert np.allclose(above, both, rtol=0.05)
+    assert (np.diff(below, axis=0) < 0).all() and (np.diff(above, axis=0) < 0).all()
+    assert (np.diff(below[:, 2] / below[:, 0]) < 0).all()
+    assert below[0, 2] > below[0, 0] and below[3, 2] < below[3, 0]
+    assert shown[25:34, 93:112].max() < 60 < 100 < shown[25:34, 12:31].min()
