@@ -58,8 +58,7 @@ def render(scene, variant, size, spp):
 
 
 def main(name, doc, scene, size, spp, white_percentile=97):
-    """Renders as the command line says. The PNG is exposed so that the percentile of
-    the values is nearly white; the EXR is as it is."""
+    """Renders as the command line says."""
     parser = argparse.ArgumentParser(description=doc.splitlines()[0])
     parser.add_argument("--size", type=int, default=size, help="width in pixels")
     parser.add_argument("--spp", type=int, default=spp, help="samples per pixel")
@@ -67,7 +66,12 @@ def main(name, doc, scene, size, spp, white_percentile=97):
     parser.add_argument("--out", type=Path, default=Path("out") / name, help="without suffix")
     options = parser.parse_args()
     image = render(scene, options.variant, options.size, options.spp)
-    options.out.parent.mkdir(parents=True, exist_ok=True)
-    mi.Bitmap(image).write(str(options.out.with_suffix(".exr")))
+    write(image, options.out, white_percentile)
+
+
+def write(image, out, white_percentile):
+    """As EXR, and as PNG so exposed that the percentile of the values is nearly white."""
+    out.parent.mkdir(parents=True, exist_ok=True)
+    mi.Bitmap(image).write(str(out.with_suffix(".exr")))
     exposed = 0.8 * image / np.percentile(image, white_percentile)
-    mi.util.write_bitmap(str(options.out.with_suffix(".png")), exposed)
+    mi.util.write_bitmap(str(out.with_suffix(".png")), exposed)
