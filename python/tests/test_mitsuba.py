@@ -1,6 +1,6 @@
 """Snow in real scenes of Mitsuba, beside what the look-ups say."""
 
-import importlib.util
+import importlib
 import math
 import re
 import sys
@@ -455,14 +455,12 @@ def test_what_is_documented_runs(file, monkeypatch):
 def test_example_blocks(variant, monkeypatch, tmp_path):
     """From left to right darker and bluer, the first nearly white, each as its
     thickness says, and a few per cent that come back from the ground."""
-    path = ROOT / "examples/mitsuba/blocks.py"
-    spec = importlib.util.spec_from_file_location("blocks", path)
-    blocks = importlib.util.module_from_spec(spec)
-    spec.loader.exec_module(blocks)
+    monkeypatch.syspath_prepend(str(ROOT / "examples/mitsuba"))
+    blocks = importlib.import_module("blocks")
     out = tmp_path / "blocks"
     size = ["--size", "80", "--spp", "128" if "llvm" in variant else "8"]
     monkeypatch.setattr(sys, "argv", ["blocks", *size, "--variant", variant, "--out", str(out)])
-    blocks.main()
+    blocks.stage.main(*blocks.PICTURE)
     image = np.array(mi.Bitmap(str(out.with_suffix(".exr"))))
     shown = np.array(mi.Bitmap(str(out.with_suffix(".png"))))
     assert image.shape == shown.shape == (40, 80, 3)

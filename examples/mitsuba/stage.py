@@ -1,0 +1,77 @@
+"""What the scenes here share: simple shapes, meshes, and the program around them."""
+
+import argparse
+from pathlib import Path
+
+import mitsuba as mi
+import numpy as np
+
+import splitsnow.mitsuba
+
+HERE = Path(__file__).parent
+
+
+def box(middle, size, **entries):
+    half = [length / 2 for length in size]
+    place = mi.ScalarTransform4f().translate(middle).scale(half)
+    return {"type": "cube", "to_world": place, **entries}
+
+
+def grey(reflectance):
+    return {"type": "diffuse", "reflectance": {"type": "spectrum", "value": reflectance}}
+
+
+def mesh(vertices, faces, smooth, bsdf, emitter=None):
+    """``(n, 3)`` places and ``(m, 3)`` indices, anticlockwise seen from outside."""
+    entries = mi.Properties()
+    entries["bsdf"] = mi.load_dict(bsdf)
+    if emitter is not None:
+        entries["emitter"] = mi.load_dict(emitter)
+    entries["face_normals"] = not smooth
+    made = mi.Mesh("mesh", len(vertices), len(faces), entries, has_vertex_normals=smooth)
+    parameters = mi.traverse(made)
+    parameters["vertex_positions"] = np.ravel(vertices).astype(np.float32)
+    parameters["faces"] = np.ravel(faces).astype(np.uint32)
+    parameters.update()
+    return made
+
+
+def camera(origin, target, fov, width, height, spp):
+    return {
+        "type": "perspective",
+        "fov": fov,
+        "to_world": mi.ScalarTransform4f().look_at(origin, target, [0, 0, 1]),
+        "film": {"type": "hdrfilm", "width": width, "height": height},
+        "sampler": {"type": "independent", "sample_count": spp},
+    }
+
+
+def render(scene, variant, size, spp):
+    """Linear sRGB, ``(height, width, 3)``, of what ``scene(size, spp)`` describes."""
+    mi.set_variant(variant)
+    splitsnow.mitsuba.register()
+    loaded = mi.load_dict(scene(size, spp))
+    splitsnow.mitsuba.attach(loaded)
+    image = np.array(mi.render(loaded))
+    splitsnow.mitsuba.detach(loaded)
+    return image
+
+
+def main(name, doc, scene, size, spp, white_percentile=97):
+    """Renders as the command line says."""
+    parser = argparse.ArgumentParser(description=doc.splitlines()[0])
+    parser.add_argument("--size", type=int, default=size, help="width in pixels")
+    parser.add_argument("--spp", type=int, default=spp, help="samples per pixel")
+    parser.add_argument("--variant", default="llvm_ad_spectral", help="of Mitsuba")
+    parser.add_argument("--out", type=Path, default=Path("out") / name, help="without suffix")
+    options = parser.parse_args()
+    image = render(scene, options.variant, options.size, options.spp)
+    write(image, options.out, white_percentile)
+
+
+def write(image, out, white_percentile):
+    """As EXR, and as PNG so exposed that the percentile of the values is nearly white."""
+    out.parent.mkdir(parents=True, exist_ok=True)
+    mi.Bitmap(image).write(str(out.with_suffix(".exr")))
+    exposed = 0.8 * image / np.percentile(image, white_percentile)
+    mi.util.write_bitmap(str(out.with_suffix(".png")), exposed)

@@ -1,0 +1,120 @@
+"""The scenes of examples/mitsuba, small: brightness, hue and their order."""
+
+import importlib
+import sys
+
+import mitsuba as mi
+import numpy as np
+import pytest
+from conftest import ROOT
+
+import splitsnow
+
+LUMINANCE = [0.2126, 0.7152, 0.0722]
+
+
+@pytest.fixture
+def example(monkeypatch, tmp_path):
+    """Runs a script of examples/mitsuba: its module, EXR and PNG."""
+    monkeypatch.syspath_prepend(str(ROOT / "examples/mitsuba"))
+
+    def example(name, size, spp, variant="llvm_ad_spectral"):
+        module = importlib.import_module(name)
+        out = tmp_path / name
+        words = [name, "--size", size, "--spp", spp, "--variant", variant, "--out", out]
+        monkeypatch.setattr(sys, "argv", list(map(str, words)))
+        module.stage.main(*module.PICTURE)
+        image, shown = (np.array(mi.Bitmap(f"{out}{end}")) for end in (".exr", ".png"))
+        assert image.shape == shown.shape and image.shape[1] == size
+        assert np.isfinite(image).all()
+        return module, image, shown
+
+    return example
+
+
+def blueness(colour):
+    """Share of blue; what is out of gamut is cut off."""
+    colour = np.maximum(colour, 0)
+    return colour[..., 2] / colour.sum(-1)
+
+
+def test_sculpture(example):
+    """Each snow as bright as its grains and density say; thin fins white, cores blue."""
+    sculpture, image, shown = example("sculpture", 350, 32)
+    vertices, faces = sculpture.body()
+    corners = vertices[faces]
+    normals = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
+    assert (corners[:, 0] * normals).sum() / 6 > 0.03  # outwards
+    edges = np.sort(np.concatenate([faces[:, [0, 1]], faces[:, [1, 2]], faces[:, [2, 0]]]), 1)
+    assert (np.unique(edges, axis=0, return_counts=True)[1] == 2).all()  # closed
+    bodies = [image[:, 50 * i : 50 * (i + 1)] for i in range(7)]
+    seen = [body[body.sum(-1) > 0] for body in bodies]
+    base, small, large, round_, faceted, light, dense = [body.mean(0) @ LUMINANCE for body in seen]
+    assert small < 0.7 * base and base < large
+    assert 1.1 * dense < base < 0.9 * light
+    database = splitsnow.Database.open(sculpture.FILE)
+    through = [
+        database.transmittance(*snow.values(), 20, 0, wavelengths_nm=[550])
+        for snow in sculpture.SNOWS[3:5]
+    ]
+    assert (round_ > faceted) == (through[0] > through[1])
+    for body in bodies:
+        core, fin = (body[32:36, x : x + 3].mean((0, 1)) for x in (26, 15))
+        assert core @ LUMINANCE < 0.3 * (fin @ LUMINANCE)
+        assert blueness(core) > max(0.5, blueness(fin) + 0.1)
+    assert shown.max() == 255 and (shown[:, :4] == 0).all()
+
+
+def test_igloo(example):
+    """Blue all over, and brighter and whiter where seams are."""
+    igloo, image, shown = example("igloo", 120, 64)
+    sensor = mi.load_dict(igloo.scene(120, 1)["sensor"])
+    rows, columns = np.mgrid[:60, :120]  # the wall, not the floor
+    places = (np.stack([columns, rows]).reshape(2, -1) + 0.5) / np.array([[120], [90]])
+    ray, _ = sensor.sample_ray(0, 0.5, mi.Point2f(places), mi.Point2f(0.5))
+    origin, towards = np.array(ray.o), np.array(ray.d)
+    along = (origin * towards).sum(0)
+    reach = -along + np.sqrt(along**2 + igloo.RADIUS**2 - (origin**2).sum(0))
+    x, y, z = origin + reach * towards
+    seam = igloo.seams(np.arctan2(z, np.hypot(x, y)), np.arctan2(y, x))
+    wall = image[:60].reshape(-1, 3)
+    between, seams = wall[seam < 0.1].mean(0), wall[seam > 0.8].mean(0)
+    assert seams @ LUMINANCE > 1.1 * (between @ LUMINANCE) and seams[0] > 1.5 * between[0]
+    assert blueness(between) > blueness(seams) + 0.05
+    assert between[0] < 0.7 * between[2] and (between > 0).all()
+    # Under a sky of radiance 1 / pi a wall of snow 15 cm thick; reflections add to it.
+    nm = np.arange(360, 831, 5)
+    database = splitsnow.Database.open(igloo.FILE)
+    straight = database.transmittance(0.3, 300, 300, 15, 0, wavelengths_nm=nm)
+    straight = splitsnow.srgb(straight, nm, "D65", linear=True, clip=False) / np.pi
+    assert (0.2 * straight[1:] < between[1:]).all() and (between < 2 * straight.max()).all()
+    assert shown[:60].mean() > 60
+
+
+def test_soot(example):
+    """Above what is reflected, below what comes through, each as the database says;
+    soot takes blue first of what comes through."""
+    soot, image, shown = example("soot", 120, 256)
+    nm = np.arange(360, 831, 5)
+    database = splitsnow.Database.open(soot.FILE)
+
+    def colours(lookup, angle_deg):
+        spectra = [
+            lookup(0.3, 300, 275, 10, angle_deg, wavelengths_nm=nm, black_carbon_ng_g=soot_ng_g)
+            for soot_ng_g in soot.SOOT_NG_G
+        ]
+        return splitsnow.srgb(np.array(spectra), nm, "D65", linear=True, clip=False) / np.pi
+
+    through = colours(database.transmittance, 0)
+    both = through + soot.FRONT * np.sqrt(0.5) * colours(database.reflectance, 45)
+    columns = [(12, 31), (39, 58), (66, 85), (93, 112)]
+    above, below = (
+        np.array([image[rows, start:stop].mean((0, 1)) for start, stop in columns])
+        for rows in (slice(10, 20), slice(25, 34))
+    )
+    assert np.allclose(below, through, rtol=0.05, atol=1e-5)
+    assert np.allclose(above, both, rtol=0.05)
+    assert (np.diff(below, axis=0) < 0).all() and (np.diff(above, axis=0) < 0).all()
+    assert (np.diff(below[:, 2] / below[:, 0]) < 0).all()
+    assert below[0, 2] > below[0, 0] and below[3, 2] < below[3, 0]
+    assert shown[25:34, 93:112].max() < 60 < 100 < shown[25:34, 12:31].min()
