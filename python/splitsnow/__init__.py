@@ -11,9 +11,9 @@ A database is a compact file made by ``splitsnow build`` or ``splitsnow fit``::
 Wavelengths are in nm, reflectance and transmittance dimensionless in [0, 1].
 """
 
-from ._colour import lab, srgb, xyz
+from ._colour import lab, srgb, swatch, xyz
 from ._database import Database
 from ._native import VERSION as __version__
 from ._simulation import Simulation, simulate
 
-__all__ = ["Database", "Simulation", "__version__", "lab", "simulate", "srgb", "xyz"]
+__all__ = ["Database", "Simulation", "__version__", "lab", "simulate", "srgb", "swatch", "xyz"]

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import Literal
+from typing import Literal, Sequence
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -10,6 +10,7 @@ from numpy.typing import ArrayLike, NDArray
 from . import _native
 
 Illuminant = Literal["E", "D55", "D65", "LED-B5", "FL3.15"]
+ILLUMINANTS: Sequence[Illuminant] = ("E", "D55", "D65", "LED-B5", "FL3.15")
 
 
 def xyz(
@@ -52,6 +53,33 @@ def srgb(
     space = "linear_srgb" if linear else "srgb"
     found = _seen(spectrum, wavelengths_nm, space, illuminant)
     return np.clip(found, 0.0, 1.0) if clip else found
+
+
+def swatch(
+    spectra: ArrayLike,
+    wavelengths_nm: ArrayLike,
+    illuminants: Sequence[Illuminant] = ILLUMINANTS,
+    *,
+    exposure: float = 1.0,
+    patch: int = 48,
+) -> NDArray[np.uint8]:
+    """Patches of colour, an image in sRGB of shape ``(rows, columns, 3)``.
+
+    ``spectra`` is ``(n, l)`` or ``(l,)``: a column for each spectrum, a row for each of
+    ``illuminants``, patches of ``patch`` x ``patch`` pixels. Light is multiplied by
+    ``exposure``, which dark snow needs; what is out of gamut then is clipped. Save it
+    with ``PIL.Image.fromarray(image).save("swatch.png")`` or the like.
+    """
+    if not (np.isfinite(exposure) and exposure > 0):
+        raise ValueError(f"exposure = {exposure} must be above 0")
+    if patch < 1:
+        raise ValueError(f"patch = {patch} must be 1 or more")
+    bright = np.atleast_2d(np.asarray(spectra, dtype=np.float64)) * exposure
+    if bright.ndim != 2:
+        raise ValueError(f"spectra of shape {bright.shape} must be (n, l) or (l,)")
+    rows = [srgb(bright, wavelengths_nm, illuminant) for illuminant in illuminants]
+    colours = np.round(255 * np.array(rows).reshape(len(rows), -1, 3)).astype(np.uint8)
+    return colours.repeat(patch, axis=0).repeat(patch, axis=1)
 
 
 def _seen(

@@ -107,3 +107,27 @@ def test_wrong_arguments():
     }.items():
         with pytest.raises(ValueError, match=message):
             call()
+
+
+def test_swatch():
+    nm = np.arange(400, 701, 10)
+    spectra = np.array([np.full(31, 0.2), np.linspace(0.1, 0.02, 31)])
+    image = splitsnow.swatch(spectra, nm, ("E", "D65", "LED-B5"), exposure=4, patch=3)
+    assert image.shape == (9, 6, 3) and image.dtype == np.uint8
+    for row, illuminant in enumerate(("E", "D65", "LED-B5")):
+        for column, spectrum in enumerate(spectra):
+            colour = np.round(255 * splitsnow.srgb(4 * spectrum, nm, illuminant))
+            patch = image[3 * row : 3 * row + 3, 3 * column : 3 * column + 3]
+            assert (patch == colour).all()
+    assert splitsnow.swatch(spectra[0], nm).shape == (5 * 48, 48, 3)
+    for wrong in ({"exposure": 0}, {"exposure": np.nan}, {"patch": 0}, {"illuminants": ["A"]}):
+        with pytest.raises(ValueError):
+            splitsnow.swatch(spectra, nm, **wrong)
+    with pytest.raises(ValueError):
+        splitsnow.swatch(spectra[None, None], nm)
+
+
+def test_a_swatch_of_three_wavelengths():
+    nm = np.array([455, 551, 608])
+    image = splitsnow.swatch(np.ones(3), nm, patch=1)
+    assert (image == 255).all()
