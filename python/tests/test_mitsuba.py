@@ -437,6 +437,21 @@ def test_what_is_missing_is_named(monkeypatch):
         splitsnow.mitsuba.register()
 
 
+def test_spectra_exported_as_text(run, quick, tmp_path):
+    """What `export --format spd` writes, Mitsuba reads."""
+    use("scalar_spectral")
+    file = tmp_path / "snow.spd"
+    point = (0.3, 250, 300, 4.5, 33)
+    names = "facetness grain-size-um density-kg-m3 thickness-cm angle-deg".split()
+    args = [f"--{name}={value}" for name, value in zip(names, point)]
+    run("export", quick.path, "--format", "spd", "--out", file, *args)
+    spectrum = mi.load_dict({"type": "spectrum", "filename": str(file)})
+    si = mi.SurfaceInteraction3f()
+    si.wavelengths = [450, 515, 600, 690]
+    expected = quick.transmittance(*point, wavelengths_nm=[450, 515, 600, 690])
+    assert np.allclose(np.array(spectrum.eval(si)).ravel(), expected, rtol=1e-4)
+
+
 @pytest.mark.parametrize("file", ["README.md", "docs/mitsuba.md"])
 def test_what_is_documented_runs(file, monkeypatch):
     text = (ROOT / file).read_text()

@@ -176,7 +176,7 @@ impl Run<'_> {
                 sums.for_each(|(sum, score)| *sum += share * score);
             }
         }
-        let into = |stream: usize, source: usize| self.into_stream(stream, &moments[source]);
+        let into = |stream: usize, source: usize| self.stream_from(stream, &moments[source]);
         Couplings {
             inner: Matrix::from_fn(n, n, into),
             escape: out[..n].to_vec(),
@@ -216,7 +216,7 @@ impl Run<'_> {
         }
         let matrix = |moments: &[Vec<f64>], first: usize| {
             Matrix::from_fn(n, n, |to, from| {
-                self.into_stream(to, &moments[first + from])
+                self.stream_from(to, &moments[first + from])
             })
         };
         Inside {
@@ -227,7 +227,7 @@ impl Run<'_> {
 
     /// Light into a stream: the polynomial with these moments over P_l(2 mu - 1), at
     /// the stream's cosine and with its weight.
-    fn into_stream(&self, stream: usize, moments: &[f64]) -> f64 {
+    fn stream_from(&self, stream: usize, moments: &[f64]) -> f64 {
         let mut basis = vec![0.0; moments.len()];
         legendre(2.0 * self.streams.cosines()[stream] - 1.0, &mut basis);
         let terms = basis.iter().zip(moments).enumerate();
