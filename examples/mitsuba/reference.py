@@ -4,12 +4,12 @@
 
 writes out/reference.png and out/reference.exr: on the left the block as
 `splitsnow.mitsuba` has it, in the middle a homogeneous medium in which light is traced
-from event to event, on the right that averaged over tiles. kernel.csv says how a grain of the same snow scatters:
-`cargo run --release --example kernel -- examples/mitsuba/kernel.toml`. The medium has its
-single-scattering albedo, its effective free path and its asymmetry parameter, in the
-phase function of Henyey and Greenstein. Colours of the
-middle of the block are printed, also of a medium 3 m wide, out of whose sides hardly any
-light gets lost.
+from event to event, on the right that averaged over tiles. kernel.csv, made by
+`cargo run --release --example kernel -- examples/mitsuba/kernel.toml`, says how a grain
+of the same snow scatters. The medium has its single-scattering albedo, its effective
+free path and its asymmetry parameter, in the phase function of Henyey and Greenstein.
+Colours of the middle of the block are printed, also of a medium 3 m wide, out of whose
+sides hardly any light gets lost.
 """
 
 import argparse
