@@ -9,6 +9,7 @@ import pytest
 from conftest import ROOT
 
 import splitsnow
+import splitsnow.mitsuba
 
 LUMINANCE = [0.2126, 0.7152, 0.0722]
 
@@ -118,3 +119,31 @@ def test_soot(example):
     assert (np.diff(below[:, 2] / below[:, 0]) < 0).all()
     assert below[0, 2] > below[0, 0] and below[3, 2] < below[3, 0]
     assert shown[25:34, 93:112].max() < 60 < 100 < shown[25:34, 12:31].min()
+
+
+def test_reference(monkeypatch):
+    """Traced from event to event, about as much light of about the same hue leaves the
+    middle of a block, and less towards its sides."""
+    monkeypatch.syspath_prepend(str(ROOT / "examples/mitsuba"))
+    reference = importlib.import_module("reference")
+    mi.set_variant("llvm_ad_spectral")
+    splitsnow.mitsuba.register()
+    width = reference.WIDTH
+    straight = reference.render(reference.ours, width, width / 3, 24, 256)[0].mean((0, 1))
+    wide = reference.render(reference.volume, 3.0, width / 3, 24, 96)[0].mean((0, 1))
+    block = reference.render(reference.volume, width, width, 24, 96)[0] @ LUMINANCE
+    inner, whole = block[6:-6, 6:-6].mean(), block.mean()
+    rim = (block.sum() - block[2:-2, 2:-2].sum()) / (24**2 - 20**2)
+    assert rim < 0.6 * inner and whole < 0.9 * inner
+    nm = np.arange(360, 831, 5)
+    database = splitsnow.Database.open(reference.FILE)
+    wanted = database.transmittance(0.3, 300, 275, 10, 0, wavelengths_nm=nm)
+    wanted = splitsnow.srgb(wanted, nm, "D65", linear=True, clip=False) / np.pi
+    assert np.allclose(straight, wanted, rtol=0.03)
+    assert 0.85 < (wide @ LUMINANCE) / (straight @ LUMINANCE) < 1.4
+    assert abs(blueness(wide) - blueness(straight)) < 0.04
+    one, other = np.array([0.2, 0.2, 0.2]), np.array([0.1, 0.1, 0.1])
+    assert reference.delta_e(one, one, 1.0) == 0
+    # Greys: lightness alone.
+    lightness = [116 * np.cbrt(np.pi * grey) - 16 for grey in (0.2, 0.1)]
+    assert reference.delta_e(one, other, 1.0) == pytest.approx(lightness[0] - lightness[1])
