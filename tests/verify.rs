@@ -375,8 +375,12 @@ fn shifted_curves_show_in_the_certificate() {
         ] {
             assert!(mean(shifted) > 3.0 * mean(good), "{good:?} {shifted:?}");
         }
-        // both files are as true to their curves
-        assert!(mean(shifted.compression) < 2.0 * mean(good.compression));
+        // both files are as true to their curves as was asked, though the one may need
+        // a component less
+        let bound = one_snow().compression.max_delta_e;
+        for compression in [good.compression, shifted.compression] {
+            assert!(compression.delta_e.unwrap().max < bound, "{compression:?}");
+        }
         assert_eq!(shifted.noise, good.noise);
     }
 }

@@ -1,4 +1,4 @@
-"""Inside an igloo under a uniform sky, in Mitsuba 3.
+"""Inside an igloo under a uniform sky of CIE D55, in Mitsuba 3.
 
     python examples/mitsuba/igloo.py --size 600 --spp 128 --out out/igloo
 
@@ -64,7 +64,7 @@ def dome(rings=240, sides=900):
 def scene(size, spp):
     """The dome stands on z = 0; z is up. What is seen is the light through the wall, and
     what one reflection adds, in directions of the BSDF: snow is all around."""
-    snow = splitsnow.mitsuba.snow(FILE, light="sky", up=[0, 0, 1], irradiance={"type": "d65"})
+    snow = splitsnow.mitsuba.snow(FILE, light="sky", up=[0, 0, 1], irradiance=stage.d55())
     floor = mi.ScalarTransform4f().translate([0, 0, 0.01]).scale(RADIUS)
     return {
         "type": "scene",

@@ -21,6 +21,15 @@ def grey(reflectance):
     return {"type": "diffuse", "reflectance": {"type": "spectrum", "value": reflectance}}
 
 
+def d55():
+    """CIE illuminant D55, daylight of a lower sun than D65."""
+    file = HERE.parents[1] / "data/illuminant_d55.csv"
+    rows = [line.split(",") for line in file.read_text().splitlines() if line[:1].isdigit()]
+    nm, power = zip(*rows)
+    values = [str(float(value) / 100) for value in power]
+    return {"type": "irregular", "wavelengths": ", ".join(nm), "values": ", ".join(values)}
+
+
 def mesh(vertices, faces, smooth, bsdf, emitter=None):
     """``(n, 3)`` places and ``(m, 3)`` indices, anticlockwise seen from outside."""
     entries = mi.Properties()
