@@ -1,5 +1,5 @@
 //! Replaces a file as a whole.
-use std::fs::{self, File};
+use std::fs::{self, File, OpenOptions};
 use std::io::{self, Write};
 use std::path::Path;
 
@@ -10,7 +10,15 @@ use std::path::Path;
 /// One process at a time writes `path` (a database directory is locked by
 /// whoever changes it), so a temporary file of another one is what a killed
 /// process left: it is removed. Should two write after all, one fails.
+///
+/// A device or a pipe is written to, not replaced.
 pub(crate) fn write(path: &Path, bytes: &[u8]) -> io::Result<()> {
+    if let Ok(there) = fs::metadata(path)
+        && !there.is_file()
+        && !there.is_dir()
+    {
+        return OpenOptions::new().write(true).open(path)?.write_all(bytes);
+    }
     let name = path
         .file_name()
         .ok_or_else(|| io::Error::new(io::ErrorKind::InvalidInput, "not a file name"))?;
@@ -59,6 +67,24 @@ mod tests {
             .collect();
         names.sort();
         names
+    }
+
+    #[cfg(unix)]
+    #[test]
+    fn a_pipe_is_written_to_and_stays() {
+        use std::os::unix::fs::FileTypeExt;
+        let directory = tempfile::tempdir().unwrap();
+        let path = directory.path().join("pipe");
+        let made = std::process::Command::new("mkfifo").arg(&path).status();
+        assert!(made.unwrap().success());
+        let reader = std::thread::spawn({
+            let path = path.clone();
+            move || fs::read(path)
+        });
+        write(&path, b"through").unwrap();
+        assert_eq!(reader.join().unwrap().unwrap(), b"through");
+        assert!(fs::metadata(&path).unwrap().file_type().is_fifo());
+        assert_eq!(names(directory.path()), ["pipe"]);
     }
 
     #[test]
