@@ -3,8 +3,8 @@
     python examples/mitsuba/sculpture.py --size 1400 --spp 64 --out out/sculpture
 
 writes out/sculpture.png and out/sculpture.exr. From left to right: the base, smaller
-and larger grains, rounder and more faceted ones, lighter and denser snow. The lamp
-stands behind them, level; what comes through crosses from none to 77 cm of snow.
+and larger grains, lighter and denser snow, light snow of small grains and dense snow of
+large ones. The lamp stands behind them, level; what comes through crosses from none to 77 cm of snow.
 snows.safetensors is made by `splitsnow fit configs/scenes/snows.toml`.
 """
 
@@ -14,19 +14,12 @@ import stage
 import splitsnow.mitsuba
 
 FILE = stage.HERE / "snows.safetensors"
-BASE = {"facetness": 0.3, "grain_size_um": 400, "density_kg_m3": 300}
 SNOWS = [
-    {**BASE, **change}
-    for change in (
-        {},
-        {"grain_size_um": 100},
-        {"grain_size_um": 500},
-        {"facetness": 0.1},
-        {"facetness": 0.9},
-        {"density_kg_m3": 200},
-        {"density_kg_m3": 400},
+    {"facetness": 0.3, "grain_size_um": size, "density_kg_m3": density}
+    for size, density in (
+        (250, 300), (100, 300), (500, 300), (250, 200), (250, 400), (100, 200), (500, 400),
     )
-]
+]  # fmt: skip
 TO_LAMP = (0.0, 1.0, 0.0)
 HEIGHT, RADIUS, STEP = 2.2, 0.74, 1.56
 """Metres, as all lengths of the scene."""

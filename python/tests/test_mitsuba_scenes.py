@@ -50,19 +50,16 @@ def test_sculpture(example):
     assert (np.unique(edges, axis=0, return_counts=True)[1] == 2).all()  # closed
     bodies = [image[:, 50 * i : 50 * (i + 1)] for i in range(7)]
     seen = [body[body.sum(-1) > 0] for body in bodies]
-    base, small, large, round_, faceted, light, dense = [body.mean(0) @ LUMINANCE for body in seen]
+    lights = [body.mean(0) @ LUMINANCE for body in seen]
+    base, small, large, light, dense, fine_light, coarse_dense = lights
     assert small < 0.7 * base and base < large
     assert 1.1 * dense < base < 0.9 * light
-    database = splitsnow.Database.open(sculpture.FILE)
-    through = [
-        database.transmittance(*snow.values(), 20, 0, wavelengths_nm=[550])
-        for snow in sculpture.SNOWS[3:5]
-    ]
-    assert (round_ > faceted) == (through[0] > through[1])
+    assert small < fine_light < coarse_dense < large
     for body in bodies:
         core, fin = (body[32:36, x : x + 3].mean((0, 1)) for x in (26, 15))
         assert core @ LUMINANCE < 0.3 * (fin @ LUMINANCE)
-        assert blueness(core) > max(0.5, blueness(fin) + 0.1)
+        # of small grains even the fins are blue
+        assert blueness(core) > max(0.5, blueness(fin) + 0.05)
     assert shown.max() == 255 and (shown[:, :4] == 0).all()
 
 
