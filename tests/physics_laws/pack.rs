@@ -349,7 +349,7 @@ fn grains_carry_light_across_planes() {
         for (a, b) in pairs.chain(more).take(5) {
             let (apart, se) = (a.value - b.value, a.se.hypot(b.se));
             println!("{what}: {:.5}, {apart:+.5} +- {se:.5}", b.value);
-            // the bound of docs/stability.md for what grains do near planes
+            // half of what docs/stability.md states for `doubling` in thick slabs
             assert!(apart.abs() < 0.002 + 5.0 * se, "{what}: {a:?} {b:?}");
         }
     }
