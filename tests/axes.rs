@@ -1,14 +1,13 @@
 //! A database with axes beyond the five, from the grid file to the answers.
 #![allow(clippy::unwrap_used)]
-mod common;
 
 use std::fs;
 use std::path::{Path, PathBuf};
 use std::process::{Command, Output};
 use std::sync::atomic::{AtomicBool, AtomicU64};
 
+use crate::common::{assert_same, dir_bytes};
 use assert_cmd::cargo::cargo_bin;
-use common::{assert_same, dir_bytes};
 use splitsnow::certificate::{CERTIFICATE, Certificate, Patch, Simulation};
 use splitsnow::config;
 use splitsnow::engine::{Cache, Control};

@@ -2,7 +2,6 @@
 //! with TRYCMD=overwrite to bring those up to date), and that neither threads
 //! nor shards leave a trace in the bytes it writes.
 #![allow(clippy::unwrap_used)]
-mod common;
 
 use std::collections::BTreeMap;
 use std::fs::File;
@@ -11,8 +10,8 @@ use std::process::{Child, Command, Stdio};
 use std::thread::sleep;
 use std::time::Duration;
 
+use crate::common::{assert_same, dir_bytes};
 use assert_cmd::cargo::cargo_bin;
-use common::{assert_same, dir_bytes};
 
 /// Seconds after which a process is not waited for any more.
 const PATIENCE: Duration = Duration::from_secs(60);

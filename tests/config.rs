@@ -3,12 +3,11 @@
 //! `UPDATE_GOLDEN=1` rewrites the schemas and the messages; read the difference
 //! before it is committed.
 #![allow(clippy::unwrap_used)]
-mod config_errors;
 
 use std::fmt::Write;
 use std::path::{Path, PathBuf};
 
-use config_errors::{
+use crate::config_errors::{
     BRDF_STUDY, BRDF_STUDY_ERRORS, GRID, GRID_ERRORS, PACK, PACK_ERRORS, SAMPLE, SAMPLE_ERRORS,
     SCENE, SCENE_ERRORS, STUDY, STUDY_ERRORS,
 };

@@ -3,7 +3,6 @@
 //! uninterrupted build on one thread.
 #![cfg(unix)]
 #![allow(clippy::unwrap_used)]
-mod common;
 
 use std::collections::BTreeMap;
 use std::fs;
@@ -13,8 +12,8 @@ use std::process::{Command, Output, Stdio};
 use std::thread::sleep;
 use std::time::{Duration, Instant};
 
+use crate::common::{assert_same, dir_bytes};
 use assert_cmd::cargo::cargo_bin;
-use common::{assert_same, dir_bytes};
 use rand::{RngExt, SeedableRng};
 use rand_xoshiro::Xoshiro256PlusPlus;
 

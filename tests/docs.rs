@@ -1,5 +1,5 @@
 //! The tables of keys in `docs/formats.md` are those of the schemas, and so of
-//! the program. `UPDATE_GOLDEN=1 cargo test --release --test docs` rewrites them.
+//! the program. `UPDATE_GOLDEN=1 cargo test --release --test pipeline docs` rewrites them.
 #![allow(clippy::unwrap_used)]
 use std::fmt::Write;
 use std::path::Path;

@@ -5,12 +5,10 @@
 //! level of the whole file is 1e-4, shared over fewer than 2000 comparisons
 //! (Bonferroni), so |z| < 5.5. Seeds are fixed: a failure is a change.
 #![allow(missing_docs, clippy::unwrap_used)]
-#[path = "common/naive.rs"]
-mod naive;
 
 use std::sync::atomic::{AtomicBool, AtomicU64};
 
-use naive::Naive;
+use crate::naive::{self, Naive};
 use nalgebra::Complex;
 use splitsnow::engine::{Cache, Control, Engine, MaxError, Request, Resolution};
 use splitsnow::grain::{GrainType, SizeRange, TruncatedNormal, mean_free_distance_m};

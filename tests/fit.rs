@@ -2,7 +2,6 @@
 //! it cannot do it says, and writes nothing.
 #![cfg(unix)]
 #![allow(clippy::unwrap_used)]
-mod common;
 
 use std::fs;
 use std::path::{Path, PathBuf};
@@ -346,5 +345,5 @@ fn ctrl_c_leaves_nothing() {
         said.ends_with("interrupted: nothing was written\n"),
         "{said}"
     );
-    assert_eq!(common::dir_bytes(folder.path()).len(), 1);
+    assert_eq!(crate::common::dir_bytes(folder.path()).len(), 1);
 }

@@ -2,22 +2,22 @@
 #![allow(clippy::unwrap_used, clippy::print_stdout)]
 #[path = "common/golden/mod.rs"]
 #[allow(dead_code)]
-mod golden;
+mod data;
 
 use std::path::Path;
 use std::sync::LazyLock;
 use std::sync::atomic::{AtomicBool, AtomicU64};
 
-use golden::Case;
-use golden::compare::compare;
-use golden::plan::{BANDS, Run, runs};
+use data::Case;
+use data::compare::compare;
+use data::plan::{BANDS, Run, runs};
 use splitsnow::config::grid;
 use splitsnow::engine::{Cache, Control, Engine, MaxError, Request, Resolution};
 use splitsnow::grid::Grid;
 use splitsnow::measurement::{Measured, Spectrum};
 use splitsnow::transport::{Illumination, Model};
 
-static CASES: LazyLock<Vec<Case>> = LazyLock::new(golden::read);
+static CASES: LazyLock<Vec<Case>> = LazyLock::new(data::read);
 
 const VISIBLE: usize = BANDS[0].len();
 

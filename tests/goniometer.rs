@@ -5,14 +5,11 @@
 //! (31 degrees of freedom): a squared difference in units of its variance then has
 //! mean 31/29 and, for the difference of two such runs, about the variance of F.
 #![allow(clippy::unwrap_used)]
-#[path = "common/snow.rs"]
-#[allow(dead_code)]
-mod laboratory;
 
 use std::f64::consts::{PI, TAU};
 use std::sync::atomic::{AtomicBool, AtomicU64};
 
-use laboratory::{NORMAL, beam, dry, snow, z_limit};
+use crate::snow::{NORMAL, beam, dry, snow, z_limit};
 use proptest::prelude::*;
 use splitsnow::engine::exits::{Exits, goniometer, radial_profile};
 use splitsnow::engine::{Cache, Control, Engine, EngineError, MaxError, Request, Resolution};

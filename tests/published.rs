@@ -6,11 +6,8 @@
 //! probability [`ALPHA`] (Bonferroni over [`COMPARISONS`]). Where a change is
 //! too small to show, the opposite one must not. Seeds are fixed.
 #![allow(clippy::unwrap_used, clippy::print_stdout)]
-#[path = "common/snow.rs"]
-#[allow(dead_code)]
-mod snow;
 
-use snow::{NORMAL, beam, dry, snow, spectra, z_limit};
+use crate::snow::{NORMAL, beam, dry, snow, spectra, z_limit};
 use splitsnow::grain::mean_free_distance_m;
 use splitsnow::measurement::{Measured, Spectrum};
 use splitsnow::transport::Snow;

@@ -1,14 +1,13 @@
 //! The database on disk: same bytes whatever the threads, shards and
 //! accidents; nothing damaged is trusted; nothing foreign is touched.
 #![allow(clippy::unwrap_used)]
-mod common;
 
 use std::collections::BTreeMap;
 use std::fs;
 use std::path::{Path, PathBuf};
 use std::sync::atomic::{AtomicBool, AtomicU64, Ordering};
 
-use common::{assert_same, dir_bytes, grid, simulate};
+use crate::common::{assert_same, dir_bytes, grid, simulate};
 use splitsnow::batch::{self, BatchError, Options, Summary};
 use splitsnow::engine::{Cache, Engine, EngineError};
 use splitsnow::grid::{Grid, Shard};

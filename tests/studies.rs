@@ -4,9 +4,6 @@
 //! Each runs its study file, at fewer wavelengths or on fewer sensors. A difference counts if it exceeds
 //! what chance allows over all comparisons here (see tests/published.rs).
 #![allow(clippy::unwrap_used, clippy::print_stdout)]
-#[path = "common/snow.rs"]
-#[allow(dead_code)]
-mod snow;
 
 use std::collections::BTreeMap;
 use std::f64::consts::{FRAC_PI_2, PI};
@@ -14,7 +11,7 @@ use std::path::Path;
 use std::process::Command;
 use std::sync::atomic::{AtomicBool, AtomicU64};
 
-use snow::z_limit;
+use crate::snow::z_limit;
 use splitsnow::config::study::{Draw, StudyFile, Variant, read};
 use splitsnow::engine::exits::Exits;
 use splitsnow::engine::{Cache, Control, Engine};

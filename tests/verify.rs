@@ -1,7 +1,6 @@
 //! `verify` passes on a database that was just built, and says what is wrong
 //! with one that was damaged, exchanged, changed or promises too much.
 #![allow(clippy::unwrap_used)]
-mod common;
 
 use std::collections::BTreeMap;
 use std::fs;
@@ -32,7 +31,7 @@ const OPTIONS: Options = Options {
 
 /// A grid of 8 jobs and 24 curves.
 fn grid() -> Grid {
-    let mut grid = common::grid(Engine::Spectral);
+    let mut grid = crate::common::grid(Engine::Spectral);
     grid.axes.thickness_cm = vec![0.3, 0.5, 1.0];
     grid.wavelengths_nm = (0..7).map(|i| 400.0 + 50.0 * f64::from(i)).collect();
     grid.run.rays = 500;
@@ -98,7 +97,7 @@ static FRESH: LazyLock<tempfile::TempDir> = LazyLock::new(|| {
 /// A copy to be damaged.
 fn copy() -> tempfile::TempDir {
     let dir = tempfile::tempdir().unwrap();
-    for (name, bytes) in common::dir_bytes(FRESH.path()) {
+    for (name, bytes) in crate::common::dir_bytes(FRESH.path()) {
         let path = dir.path().join(name);
         fs::create_dir_all(path.parent().unwrap()).unwrap();
         fs::write(path, bytes).unwrap();
@@ -233,7 +232,7 @@ fn a_compact_file_of_another_database_is_refused() {
     grid.run.seed = 8;
     grid.run.rays = 20;
     let other = tempfile::tempdir().unwrap();
-    build(other.path(), &grid, common::simulate, |_| {});
+    build(other.path(), &grid, crate::common::simulate, |_| {});
     let dir = copy();
     fs::copy(other.path().join(COMPACT), dir.path().join(COMPACT)).unwrap();
     let report = verify_files(dir.path());
@@ -284,7 +283,7 @@ fn changed_coefficients_are_found() {
 fn a_bound_that_is_not_kept_fails() {
     let dir = tempfile::tempdir().unwrap();
     let tight = |compressed: &mut Compressed| compressed.bounds.max_rmse = Some(1e-9);
-    build(dir.path(), &grid(), common::simulate, tight);
+    build(dir.path(), &grid(), crate::common::simulate, tight);
     assert_fails(
         &verify_files(dir.path()),
         COMPACT_CHECK,
@@ -495,7 +494,7 @@ fn cancelling_stops_it() {
 #[test]
 fn the_grid_of_a_database_is_in_it() {
     for engine in Engine::ALL {
-        let mut grid = common::grid(engine);
+        let mut grid = crate::common::grid(engine);
         grid.run.rays = 12_345;
         grid.fixed.water_saturation = 0.1;
         grid.fixed.model.entry = splitsnow::transport::Entry::Projected;

@@ -3,7 +3,7 @@ use splitsnow::engine::{Engine, EngineError};
 use splitsnow::measurement::{Measured, Spectrum};
 use splitsnow::transport::Ground;
 
-use crate::cases::{Case, z};
+use super::cases::{Case, z};
 
 /// Standard errors taken for chance: one in a million and a half.
 pub(crate) const Z: f64 = 5.0;

@@ -5,7 +5,7 @@ use std::path::Path;
 use plotters::prelude::*;
 use plotters::style::text_anchor::{HPos, Pos, VPos};
 
-use crate::judge::{Answer, Verdict};
+use super::judge::{Answer, Verdict};
 
 type Result<T> = std::result::Result<T, Box<dyn Error>>;
 

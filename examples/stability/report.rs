@@ -3,9 +3,9 @@ use std::error::Error;
 use std::fmt::Write;
 use std::path::Path;
 
-use crate::cases::{Case, z};
-use crate::judge::Answer;
-use crate::numerics::Check;
+use super::cases::{Case, z};
+use super::judge::Answer;
+use super::numerics::Check;
 
 type Result<T> = std::result::Result<T, Box<dyn Error>>;
 

@@ -9,8 +9,8 @@ use splitsnow::lookup::{Database, Lookup, Point};
 use splitsnow::measurement::Quantity;
 use splitsnow::spectrum::Resampling;
 
-use crate::files::variants;
-use crate::{ANSWERS, Numbers, folder, run};
+use super::files::variants;
+use super::{ANSWERS, Numbers, folder, run};
 
 /// Wavelengths that tests/c/answers.c asks spectra at.
 const AT: [f64; 6] = [100.0, 433.3, 433.4, 555.0, 700.0, 3000.0];

@@ -5,7 +5,7 @@ use std::process::Command;
 
 use splitsnow::lookup::Database;
 
-use crate::{ANSWERS, Numbers, folder, run};
+use super::{ANSWERS, Numbers, folder, run};
 
 /// A file with its header text changed and its length kept true.
 fn with_header(bytes: &[u8], change: impl FnOnce(Vec<u8>) -> Vec<u8>) -> Vec<u8> {

@@ -7,8 +7,8 @@ use splitsnow::grid::{Axes, ExtraAxis};
 use splitsnow::lookup::{Database, FormatError, Lookup, LookupError, Varsa2025};
 use splitsnow::measurement::Quantity;
 
-use crate::damage::with_header;
-use crate::{axes, curves, wavelengths};
+use super::damage::with_header;
+use super::{axes, curves, wavelengths};
 
 const CARBON: ExtraAxis = ExtraAxis::BlackCarbon;
 const COLD: ExtraAxis = ExtraAxis::Temperature;

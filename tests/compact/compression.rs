@@ -3,7 +3,7 @@ use ndarray::Array2;
 use splitsnow::compress::{Choice, CompressError, CurveError};
 use splitsnow::grid::Compression;
 
-use crate::{BOUNDS, colour, compress, compressed, curves};
+use super::{BOUNDS, colour, compress, compressed, curves};
 
 #[test]
 fn errors_fall_with_components_and_match_a_plain_sum() {

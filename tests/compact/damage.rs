@@ -10,8 +10,8 @@ use splitsnow::grid::{Axes, Compression, ExtraAxis};
 use splitsnow::lookup::{Database, FormatError, Lookup};
 use splitsnow::measurement::Quantity;
 
-use crate::valid;
-use crate::variants::{file, variants};
+use super::valid;
+use super::variants::{file, variants};
 
 /// A file with its header text changed and its length kept true.
 pub(crate) fn with_header(bytes: &[u8], change: impl FnOnce(String) -> String) -> Vec<u8> {
@@ -231,7 +231,7 @@ fn impossible_values_are_refused_by_name() {
 }
 
 /// Seeds of the fuzz target `compact`: files named `valid*` open, the others
-/// are refused. `UPDATE_GOLDEN=1 cargo test --release --test compact` rewrites them.
+/// are refused. `UPDATE_GOLDEN=1 cargo test --release --test pipeline compact` rewrites them.
 #[test]
 fn fuzz_seeds_are_what_they_say() {
     let directory = std::path::Path::new(env!("CARGO_MANIFEST_DIR")).join("fuzz/seeds/compact");

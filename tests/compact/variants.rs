@@ -11,7 +11,7 @@ use splitsnow::grid::Compression;
 use splitsnow::lookup::{Database, LookupError, errors_of};
 use splitsnow::measurement::Quantity;
 
-use crate::{BOUNDS, axes, colour, curves, valid, wavelengths};
+use super::{BOUNDS, axes, colour, curves, valid, wavelengths};
 
 pub(crate) fn variants() -> impl Iterator<Item = Variant> {
     Basis::ALL

@@ -6,8 +6,10 @@ use splitsnow::rng::Stream;
 use splitsnow::transport::{Absorption, Coefficients, Entry, Model, Snow, Walker};
 use wide::f64x8;
 
-use crate::snow::{AIR, NORMAL, TRANSPARENT, beam, dry, ends, proportion, spheres, walker};
-use crate::{ALPHA, COMPARISONS, assert_close, mean, snow::z_limit};
+use super::{ALPHA, COMPARISONS, assert_close, mean};
+use crate::snow::{
+    AIR, NORMAL, TRANSPARENT, beam, dry, ends, proportion, spheres, walker, z_limit,
+};
 
 /// A walker at 1000 nm with the index of ice 1.3 + i k.
 fn absorbing(snow: &Snow, k: f64) -> Walker {
@@ -127,7 +129,7 @@ fn opaque_ice_reflects_only_at_entry() {
     };
     let walker = walker(&snow, Entry::Uniform, 1.31, absorption);
     let counts = ends(&walker, 60.0 * d, NORMAL, rays, 70);
-    let fresnel = |c: f64| crate::grain::fresnel(c, 1.31);
+    let fresnel = |c: f64| super::grain::fresnel(c, 1.31);
     let once = mean(|c| (1.0 - 0.5 / (c * c)).max(0.0) * fresnel(c));
     let more = mean(fresnel).powi(2);
     let r = proportion(counts.reflected, rays);

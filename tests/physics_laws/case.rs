@@ -7,7 +7,7 @@ use splitsnow::optics::Carbon;
 use splitsnow::spectrum::Table;
 use splitsnow::transport::{Ground, Illumination, Joining, Layer, Model, Pack, Snow};
 
-use crate::assert_close;
+use super::assert_close;
 use crate::snow::{beam, snow};
 
 pub(crate) const NM: [f64; 3] = [450.0, 850.0, 1250.0];

@@ -12,8 +12,8 @@ use splitsnow::measurement::Measured;
 use splitsnow::transport::{End, Entry, Illumination, Path, Snow, Walk};
 use statrs::function::gamma::gamma_ur;
 
+use super::{ALPHA, COMPARISONS, assert_close};
 use crate::snow::{Each, TRANSPARENT, snow, spheres, stream, walker};
-use crate::{ALPHA, COMPARISONS, assert_close};
 
 const BANDS: usize = 10;
 /// Angles of incidence per band, so that its rays come from all over it.

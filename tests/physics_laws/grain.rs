@@ -8,8 +8,8 @@ use splitsnow::measurement::Measured;
 use splitsnow::optics::{Index, Interface};
 use splitsnow::transport::Entry;
 
+use super::{assert_close, mean};
 use crate::snow::{AIR, dry, spheres, stream};
-use crate::{assert_close, mean};
 
 /// Unpolarised reflectance of a dielectric of relative index `n`.
 pub(crate) fn fresnel(c: f64, n: f64) -> f64 {

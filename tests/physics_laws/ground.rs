@@ -6,8 +6,8 @@ use splitsnow::transport::Snow;
 use splitsnow::transport::{Bounce, Entry, Ground, Illumination, Pack};
 use statrs::distribution::{ChiSquared, ContinuousCDF};
 
-use crate::assert_close;
-use crate::case::{Case, assert_same, dirty, on, over, spectral_ground};
+use super::assert_close;
+use super::case::{Case, assert_same, dirty, on, over, spectral_ground};
 use crate::snow::{NORMAL, TRANSPARENT, beam, dry, ends, snow, walker};
 
 /// Nothing is lost between a perfect ground and snow that does not absorb.

@@ -8,8 +8,8 @@ use splitsnow::transport::{
     Absorption, Coefficients, Component, Ground, Layer, Model, Pack, Snow, Walker,
 };
 
-use crate::assert_close;
-use crate::case::{Case, assert_same, dirty, on, over, spectral_ground};
+use super::assert_close;
+use super::case::{Case, assert_same, dirty, on, over, spectral_ground};
 use crate::snow::{AIR, NORMAL, TRANSPARENT, dry, ends, proportion, snow, spheres};
 
 #[test]

@@ -5,11 +5,11 @@ use splitsnow::transport::{
     Absorption, Coefficients, End, Entry, Illumination, Model, Path, Walk, Walker,
 };
 
+use super::{assert_close, mean};
 use crate::snow::{
     AIR, Each, Ends, NORMAL, TRANSPARENT, beam, dry, ends, proportion, snow, spheres, stream,
     walker,
 };
-use crate::{assert_close, mean};
 
 /// Nothing is lost or made without absorption: every ray is counted once.
 #[test]

@@ -8,9 +8,9 @@ use splitsnow::rng::Stream;
 use statrs::function::erf::erf;
 use std::f64::consts::SQRT_2;
 
+use super::streams::turn;
+use super::{assert_distributed, assert_uniform, cell, steps};
 use crate::snow::{AIR, stream};
-use crate::streams::turn;
-use crate::{assert_distributed, assert_uniform, cell, steps};
 
 fn law(min: f64, max: f64, mean: f64, sd: f64) -> TruncatedNormal {
     TruncatedNormal::new(min, max, mean, sd).unwrap()

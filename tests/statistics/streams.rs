@@ -4,8 +4,8 @@ use std::f64::consts::{PI, SQRT_2};
 use splitsnow::rng::{Key, Stream};
 use statrs::function::erf::erf;
 
+use super::{ALPHA, COMPARISONS, assert_uniform, cell};
 use crate::snow::{stream, z_limit};
-use crate::{ALPHA, COMPARISONS, assert_uniform, cell};
 
 const DRAWS: usize = 250_000;
 

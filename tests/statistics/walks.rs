@@ -6,8 +6,8 @@ use splitsnow::transport::{
     Absorption, Coefficients, End, Entry, Illumination, Model, Path, Snow, Walk, Walker,
 };
 
+use super::{assert_distributed, assert_uniform, cell};
 use crate::snow::{AIR, Each, NORMAL, TRANSPARENT, spheres, stream, walker};
-use crate::{assert_distributed, assert_uniform, cell};
 
 /// So thin that the boundary rule, which acts within a grain of the planes,
 /// touches 1 ray in 10^5.

@@ -13,10 +13,6 @@
 //! Seeds are fixed. A p-value below [`ALPHA`] / [`COMPARISONS`] fails
 //! (Bonferroni): all tests together would fail by chance in 1 of 10^6 seeds.
 #![allow(clippy::unwrap_used, clippy::print_stdout)]
-#[path = "../common/snow.rs"]
-#[allow(dead_code)]
-mod snow;
-
 mod grains;
 mod streams;
 mod walks;

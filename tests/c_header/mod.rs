@@ -16,7 +16,7 @@ use std::sync::LazyLock;
 use splitsnow::lookup::{Database, Lookup, Point};
 use splitsnow::measurement::Quantity;
 
-use crate::files::{Made, variants};
+use self::files::{Made, variants};
 
 const STRICT: [&str; 6] = [
     "-Wall",

@@ -5,10 +5,6 @@
 //! the one that all comparisons of this tier exceed with a probability of
 //! [`ALPHA`] (Bonferroni over [`COMPARISONS`]).
 #![allow(clippy::unwrap_used, clippy::print_stdout)]
-#[path = "../common/snow.rs"]
-#[allow(dead_code)]
-mod snow;
-
 mod absorption;
 mod case;
 mod exchange;
@@ -26,7 +22,7 @@ const COMPARISONS: usize = 400;
 fn assert_close(what: &str, value: f64, se: f64, expected: f64) {
     let z = (value - expected) / se;
     println!("{what}: {value:.6} +- {se:.6}, expected {expected:.6}, z = {z:.2}");
-    let limit = snow::z_limit(ALPHA, COMPARISONS) * se + 1e-12;
+    let limit = crate::snow::z_limit(ALPHA, COMPARISONS) * se + 1e-12;
     assert!(
         (value - expected).abs() <= limit,
         "{what}: {value} is not {expected} (z = {z:.1})"

@@ -1,0 +1,21 @@
+//! Tests of what is computed: the model, its engines, and the published results.
+//!
+//! One binary, so that the library is linked once. `cargo test --release --test physics
+//! engines::` runs one module.
+#![allow(clippy::unwrap_used, clippy::print_stdout)]
+mod engines;
+mod golden;
+mod goniometer;
+mod physics_laws;
+mod published;
+mod slab;
+mod stability;
+mod statistics;
+mod studies;
+mod tradeoff;
+
+#[path = "common/naive.rs"]
+mod naive;
+#[path = "common/snow.rs"]
+#[allow(dead_code)]
+mod snow;

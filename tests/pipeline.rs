@@ -1,0 +1,23 @@
+//! Tests of what users hold: the program, its files, and the readers of them.
+//!
+//! One binary, so that the library is linked once. `cargo test --release --test pipeline
+//! store::` runs one module.
+#![allow(clippy::unwrap_used)]
+mod against;
+mod axes;
+mod c_header;
+mod cli;
+mod compact;
+mod config;
+#[cfg(unix)]
+mod crash;
+mod docs;
+#[cfg(unix)]
+mod fit;
+mod lookup;
+mod measure;
+mod store;
+mod verify;
+
+mod common;
+mod config_errors;
