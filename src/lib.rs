@@ -40,6 +40,7 @@ pub mod export;
 pub mod fit;
 pub mod grain;
 pub mod grid;
+mod host;
 pub mod lookup;
 pub mod math;
 pub mod measurement;

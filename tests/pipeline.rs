@@ -12,6 +12,8 @@ mod config;
 #[cfg(unix)]
 mod crash;
 mod docs;
+#[cfg(target_os = "linux")]
+mod filesystems;
 #[cfg(unix)]
 mod fit;
 mod lookup;

@@ -2,6 +2,7 @@
 use std::fmt::Write;
 use std::path::{Path, PathBuf};
 
+use anyhow::Context;
 use serde_json::json;
 
 use super::common::{self, Interrupted, Spinner};
@@ -67,7 +68,8 @@ pub(super) fn run(args: &Args) -> anyhow::Result<()> {
     };
     std::fs::create_dir_all(&out)?;
     let path = out.join(COMPACT);
-    atomic::write(&path, &fitted.bytes)?;
+    let written = atomic::write(&path, &fitted.bytes);
+    written.with_context(|| format!("cannot write {}", path.display()))?;
     common::print(&if args.json {
         format!("{:#}\n", report(&file.scene, &fitted, &path))
     } else {

@@ -25,6 +25,8 @@ use std::process::ExitCode;
 
 use clap::{Parser, Subcommand};
 
+use crate::atomic;
+
 /// Generates and compresses spectral databases of snow
 ///
 /// A first-principles Monte Carlo model walks light from grain to grain. A grid
@@ -81,6 +83,12 @@ pub fn run() -> ExitCode {
         Command::Tradeoff(args) => tradeoff::run(&args),
         Command::Study(args) => study::run(&args),
     };
+    if let Some((directory, error)) = atomic::unsynced() {
+        common::warn(&[format!(
+            "{} cannot be synced to the disk ({error}); what was written there is in place, but a power loss in the next minute may undo it",
+            directory.display()
+        )]);
+    }
     match done {
         Ok(()) => ExitCode::SUCCESS,
         Err(error) if error.is::<common::Interrupted>() => {

@@ -30,7 +30,7 @@ pub enum CompactError {
     #[error("the header of the compact file cannot be written: {0}")]
     Header(#[from] serde_json::Error),
     /// The system refused.
-    #[error("cannot write {}: {source}; the file that was there, if any, is untouched", path.display())]
+    #[error("cannot write {}: {source}", path.display())]
     Io {
         /// The file.
         path: PathBuf,

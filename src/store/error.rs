@@ -56,6 +56,29 @@ pub enum StoreError {
         /// Output directory.
         path: PathBuf,
     },
+    /// A process that cannot be asked holds the directory, where the file system
+    /// has no locks.
+    #[error(
+        "{} is held by {owner}, and its file system has no locks that end with a process; wait until that one ends or, if it is no longer there, delete {} and run the same command again", .path.display(), .file.display()
+    )]
+    Held {
+        /// Output directory.
+        path: PathBuf,
+        /// Who holds it.
+        owner: String,
+        /// The file that says so.
+        file: PathBuf,
+    },
+    /// A symbolic link to nothing.
+    #[error(
+        "{} is a symbolic link to {}, which is not there; make that directory, mount its disk, or remove the link", .path.display(), .target.display()
+    )]
+    Dangling {
+        /// The link.
+        path: PathBuf,
+        /// Where it points.
+        target: PathBuf,
+    },
     /// There is no database.
     #[error("no database in {}; make one with `splitsnow build`", .path.display())]
     Absent {

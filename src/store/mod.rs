@@ -10,6 +10,7 @@
 //!   facetness/ ... wavelength_nm/   float64 coordinates
 //!   jobs/lost_share/ jobs/committed/   float64 and uint64 [job]
 //! DIR/.splitsnow-lock          empty; who holds its lock may write
+//! DIR/.splitsnow-held-...      instead, where the file system has no locks
 //! ```
 //!
 //! One chunk is one job (see [`crate::grid::job_shape`]); every chunk ends in
@@ -18,6 +19,7 @@
 //! flipped, missing or foreign ones are found, and the job is run again.
 //! Every byte follows from the grid and the program alone: never from time,
 //! host, threads, shards, or what interrupted the work.
+mod claim;
 mod description;
 mod error;
 mod file;
@@ -35,6 +37,7 @@ use description::Description;
 use layout::Layout;
 use lock::Lock;
 
+use crate::atomic::resolved;
 use crate::grid::{Axes, Grid, Jobs};
 
 pub use description::FORMAT_VERSION;
@@ -46,6 +49,10 @@ pub use space::estimated_bytes;
 
 /// The database in an output directory.
 const DATABASE: &str = "database.zarr";
+/// What a disk may have in its uppermost directory.
+const SYSTEM: &str = "lost+found";
+/// The file that makes a directory a database.
+const ROOT: &str = "zarr.json";
 /// The compact file in an output directory, made from the database.
 pub const COMPACT: &str = "snow.safetensors";
 
@@ -78,6 +85,7 @@ impl Store {
         let jobs = grid.jobs()?;
         let lock = Lock::take(dir, access)?;
         let root = dir.join(DATABASE);
+        file::check_links(&root)?;
         let asked = Description::new(grid, extra);
         let stored = stored(&root)?;
         if let Some(stored) = &stored {
@@ -159,9 +167,17 @@ impl Store {
         })
     }
 
-    /// Makes the empty database: complete under another name, then renamed.
+    /// Makes the empty database: complete under another name, then renamed; or,
+    /// in a directory that is there, such as the target of a link, its root, to
+    /// which `build` adds the rest.
     fn create(&self) -> Result<(), StoreError> {
         let writer = self.writer()?;
+        if self.root.exists() {
+            let mut files = self.layout.static_files(&self.description)?;
+            let root = files.remove(ROOT).unwrap_or_default();
+            writer.write(&self.root.join(ROOT), &root)?;
+            return self.check_stored();
+        }
         let scratch = writer.scratch();
         file::remove_dir(&scratch)?;
         for (path, bytes) in self.layout.static_files(&self.description)? {
@@ -174,14 +190,19 @@ impl Store {
             // Another shard was first; `build` goes on with what it made.
             Err(_) if self.root.exists() => {
                 file::remove_dir(&scratch)?;
-                stored(&self.root)?
-                    .ok_or_else(|| StoreError::Absent {
-                        path: self.dir.clone(),
-                    })?
-                    .check_same(&self.description, &self.root)
+                self.check_stored()
             }
             renamed => renamed.map_err(StoreError::io("create", &self.root)),
         }
+    }
+
+    /// Refuses if another process made another database.
+    fn check_stored(&self) -> Result<(), StoreError> {
+        let absent = || StoreError::Absent {
+            path: self.dir.clone(),
+        };
+        let stored = stored(&self.root)?.ok_or_else(absent)?;
+        stored.check_same(&self.description, &self.root)
     }
 
     /// Writes metadata and coordinates anew where they are not what they must be.
@@ -274,7 +295,7 @@ impl Store {
 /// program, or it cannot be deleted.
 pub fn remove(dir: &Path) -> Result<(), StoreError> {
     if !dir.exists() {
-        return Ok(());
+        return file::check_links(dir);
     }
     let _lock = Lock::take(dir, Access::Exclusive)?;
     let root = dir.join(DATABASE);
@@ -283,11 +304,41 @@ pub fn remove(dir: &Path) -> Result<(), StoreError> {
     }
     // The file made from the database never outlives it, and the database is
     // out of the way at once: a kill leaves no half of it.
-    file::remove_file(&dir.join(COMPACT))?;
+    file::remove_file(&resolved(&dir.join(COMPACT)))?;
     let writer = file::Writer::new(dir, Access::Exclusive)?;
     let scratch = writer.scratch();
+    if root.is_symlink() {
+        return empty(&root);
+    }
     fs::rename(&root, &scratch).map_err(StoreError::io("delete", &root))?;
     file::remove_dir(&scratch)
+}
+
+/// Deletes what is in the database at `root`, a link, which stays. Its root goes
+/// last: before that, a kill leaves a database that
+/// lacks some jobs.
+fn empty(root: &Path) -> Result<(), StoreError> {
+    for entry in fs::read_dir(root).map_err(StoreError::io("read", root))? {
+        let path = entry.map_err(StoreError::io("read", root))?.path();
+        match path.is_dir() {
+            _ if path.ends_with(ROOT) || path.ends_with(SYSTEM) => {}
+            true => file::remove_dir(&path)?,
+            false => file::remove_file(&path)?,
+        }
+    }
+    file::remove_file(&root.join(ROOT))
+}
+
+/// Whether the directory `root` holds nothing but what the system put there, or
+/// a process that was killed before it wrote the database's root.
+fn is_vacant(root: &Path) -> Result<bool, StoreError> {
+    for entry in fs::read_dir(root).map_err(StoreError::io("read", root))? {
+        let name = entry.map_err(StoreError::io("read", root))?.file_name();
+        if name != file::PARTIAL && name != SYSTEM {
+            return Ok(false);
+        }
+    }
+    Ok(true)
 }
 
 /// What the database at `root` was made from; `None` if there is none.
@@ -295,8 +346,10 @@ fn stored(root: &Path) -> Result<Option<Description>, StoreError> {
     if !root.exists() {
         return Ok(None);
     }
-    match file::read(&root.join("zarr.json"))? {
+    match file::read(&root.join(ROOT))? {
         Some(bytes) => Description::read(&bytes, root).map(Some),
+        // A link is where the user wants it.
+        None if root.is_symlink() && is_vacant(root)? => Ok(None),
         None => Err(StoreError::Foreign {
             path: root.into(),
             reason: "it has no zarr.json".into(),

@@ -16,9 +16,12 @@ pub fn estimated_bytes(jobs: &Jobs, count: u64) -> u64 {
     per_job.saturating_mul(count)
 }
 
-/// Refuses what the disk of `dir` cannot hold.
+/// Refuses what the disk of the database in `dir` cannot hold.
 pub(super) fn check(dir: &Path, jobs: &Jobs, count: u64) -> Result<(), StoreError> {
-    let available = fs4::available_space(dir).map_err(StoreError::io("measure", dir))?;
+    // It may be a link to another disk.
+    let root = dir.join(super::DATABASE);
+    let disk = if root.exists() { &root } else { dir };
+    let available = fs4::available_space(disk).map_err(StoreError::io("measure", disk))?;
     let needed = estimated_bytes(jobs, count);
     if needed > available {
         return Err(StoreError::TooLarge {
