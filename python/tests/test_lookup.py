@@ -9,6 +9,7 @@ from concurrent.futures import ThreadPoolExecutor
 import numpy as np
 import pytest
 import xarray
+from conftest import ROOT
 
 import splitsnow
 
@@ -45,6 +46,28 @@ def test_equals_query_of_a_fitted_file_and_further_axes(fitted, sooty, query):
     for soot in range(20):  # more than are kept
         sooty.transmittance(*point, black_carbon_ng_g=soot)
     assert np.array_equal(sooty.transmittance(*point, black_carbon_ng_g=30), expected)
+
+
+def test_files_from_before_tensors_were_aligned():
+    path = ROOT / "tests/data/compact_tensors_by_name.safetensors"
+    older = splitsnow.Database.open(path)
+    data = path.read_bytes()
+    begin = 8 + int.from_bytes(data[:8], "little")
+    header = json.loads(data[8:begin])
+
+    def tensor(name):
+        place = header[name]
+        dtype = {"F32": "<f4", "U8": "u1"}[place["dtype"]]
+        first, last = (begin + offset for offset in place["data_offsets"])
+        return np.frombuffer(data[first:last], dtype).reshape(place["shape"])
+
+    scales = tensor("transmittance.quantisation").astype(float)
+    y = np.zeros((9, 7))
+    for k, (offset, step) in enumerate(scales):
+        coefficients = offset + step * tensor(f"transmittance.coefficients.{k}")
+        y += np.outer(coefficients, tensor("transmittance.basis")[:, k].astype(float))
+    found = older.transmittance(0.3, 200, 300, [[1], [3], [9]], [0, 60, 80])
+    assert np.allclose(found.reshape(9, 7), np.exp(-y), rtol=1e-5)
 
 
 def test_broadcasting(quick):

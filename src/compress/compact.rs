@@ -2,6 +2,7 @@
 //!
 //! The header is written here, not by the `safetensors` crate: that one keeps
 //! metadata in a hash map, so that no two files would have the same bytes.
+use std::cmp::Reverse;
 use std::collections::BTreeMap;
 use std::io;
 use std::path::{Path, PathBuf};
@@ -77,7 +78,7 @@ impl CompactFile<'_> {
     pub fn to_bytes(&self) -> Result<Vec<u8>, CompactError> {
         let wavelengths = rounded(&WAVELENGTHS, self.wavelengths_nm)?;
         let mut curves: usize = 1;
-        // Sorted by name: the order of the header and of the data.
+        // Sorted by name: the order of the header.
         let mut tensors = BTreeMap::new();
         for (coordinate, values) in self.coordinates() {
             curves = curves.saturating_mul(values.len());
@@ -100,7 +101,7 @@ impl CompactFile<'_> {
                 }
                 Coefficients::F16(values) => {
                     let bytes = values.iter().flat_map(|v| v.to_le_bytes());
-                    tensors.insert(name, Tensor::new("F16", values.shape(), bytes));
+                    tensors.insert(name, Tensor::new("F16", 2, values.shape(), bytes));
                 }
                 Coefficients::Quantised(all) => {
                     for (component, quantised) in all.iter().enumerate() {
@@ -124,6 +125,9 @@ impl CompactFile<'_> {
 
         let mut header = BTreeMap::from([("__metadata__".to_owned(), self.metadata()?)]);
         let mut data = Vec::new();
+        // Largest elements first: each begins at a multiple of its elements' size.
+        let mut tensors: Vec<_> = tensors.into_iter().collect();
+        tensors.sort_by_key(|(_, tensor)| Reverse(tensor.size));
         for (name, mut tensor) in tensors {
             let begin = data.len();
             data.append(&mut tensor.bytes);
@@ -220,14 +224,22 @@ impl CompactFile<'_> {
 /// A tensor as it is written.
 struct Tensor {
     dtype: &'static str,
+    /// Bytes of an element.
+    size: usize,
     shape: Vec<usize>,
     bytes: Vec<u8>,
 }
 
 impl Tensor {
-    fn new(dtype: &'static str, shape: &[usize], bytes: impl IntoIterator<Item = u8>) -> Self {
+    fn new(
+        dtype: &'static str,
+        size: usize,
+        shape: &[usize],
+        bytes: impl IntoIterator<Item = u8>,
+    ) -> Self {
         Self {
             dtype,
+            size,
             shape: shape.to_vec(),
             bytes: bytes.into_iter().collect(),
         }
@@ -235,21 +247,21 @@ impl Tensor {
 
     fn f32(shape: &[usize], values: impl IntoIterator<Item = f32>) -> Self {
         let bytes = values.into_iter().flat_map(f32::to_le_bytes);
-        Self::new("F32", shape, bytes)
+        Self::new("F32", 4, shape, bytes)
     }
 
     fn integers(all: &Integers) -> Self {
         match all {
-            Integers::U8(all) => Self::new("U8", &[all.len()], all.iter().copied()),
+            Integers::U8(all) => Self::new("U8", 1, &[all.len()], all.iter().copied()),
             Integers::U16(all) => {
                 let bytes = all.iter().flat_map(|i| i.to_le_bytes());
-                Self::new("U16", &[all.len()], bytes)
+                Self::new("U16", 2, &[all.len()], bytes)
             }
         }
     }
 }
 
-/// A safetensors file of this header and data.
+/// A safetensors file of this header and data, which begins at a multiple of 8 bytes.
 pub(super) fn assemble(
     header: &BTreeMap<String, Value>,
     data: &[u8],

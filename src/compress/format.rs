@@ -2,8 +2,10 @@
 //! share these names and ranges.
 //!
 //! A safetensors file: 8 bytes little-endian header length, a JSON header padded
-//! with spaces to a multiple of 8, little-endian data without gaps. Tensors, f32
-//! where nothing else is said:
+//! with spaces to a multiple of 8, little-endian data without gaps. Data are in the
+//! order of their element size, largest first, then of their names, so that every
+//! tensor begins at a multiple of its element size; readers take any order, since
+//! older files are in that of their names. Tensors, f32 where nothing else is said:
 //!
 //! | name | shape | content |
 //! |---|---|---|

@@ -1,6 +1,7 @@
 //! Compact files of every variant.
 use std::collections::BTreeMap;
 use std::fs;
+use std::path::Path;
 
 use ndarray::Array2;
 use splitsnow::compress::{Basis, Choice, CompactFile, Precision, Variant, compress};
@@ -192,6 +193,10 @@ pub(crate) fn variants() -> Vec<(String, Vec<u8>)> {
         };
         all.push((name.to_owned(), made.bytes()));
     }
+    // from before tensors were aligned
+    let older = Path::new(env!("CARGO_MANIFEST_DIR"))
+        .join("tests/data/compact_tensors_by_name.safetensors");
+    all.push(("by_name".to_owned(), fs::read(older).unwrap()));
     if let Some(path) = std::env::var_os("SPLITSNOW_FILE") {
         all.push(("given".into(), fs::read(path).unwrap()));
     }

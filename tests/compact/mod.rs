@@ -3,6 +3,7 @@
 mod beyond;
 mod compression;
 mod damage;
+mod layout;
 mod variants;
 
 use std::collections::BTreeMap;
