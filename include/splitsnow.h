@@ -31,7 +31,8 @@ typedef enum splitsnow_status {
     SPLITSNOW_ERROR_CONDITION,   /* the file has an axis beyond the five: say where on it */
     SPLITSNOW_ERROR_OUTSIDE,     /* a coordinate outside the database, or not a number */
     SPLITSNOW_ERROR_TOO_LARGE,   /* a table of more than 1 GB */
-    SPLITSNOW_ERROR_NO_COLOUR    /* the wavelengths have no colour under the illuminant */
+    SPLITSNOW_ERROR_NO_COLOUR,   /* the wavelengths have no colour under the illuminant */
+    SPLITSNOW_ERROR_ABSENT       /* a curve around does not exist: its grains do not fit */
 } splitsnow_status;
 
 /* What spectra are of; each value is in [0, 1]. */
@@ -226,6 +227,7 @@ struct splitsnow {
     size_t wavelengths;
     float *wavelength_nm;
     size_t curves;          /* of one combination of the axes beyond the five */
+    size_t *absent;         /* by grain size: thinnest thicknesses without a curve; or NULL */
     size_t components[2];   /* 0 for a quantity that is not there */
     float *coefficients[2]; /* [combination][curve][component] */
     float *basis[2];        /* [wavelength][component] */
@@ -257,6 +259,7 @@ const char *splitsnow_error_string(splitsnow_status status) {
     case SPLITSNOW_ERROR_CONDITION: return "the file has an axis beyond the five: say where on it";
     case SPLITSNOW_ERROR_OUTSIDE: return "a coordinate is outside the database";
     case SPLITSNOW_ERROR_TOO_LARGE: return "the look-up table would take more than 1 GB";
+    case SPLITSNOW_ERROR_ABSENT: return "grains around do not fit into the slab: the file has no curve";
     case SPLITSNOW_ERROR_NO_COLOUR: return "the wavelengths have no colour under the illuminant";
     }
     return "unknown status";
@@ -1055,7 +1058,7 @@ static int splitsnow__known(const splitsnow *database, const unsigned char *ther
     for (int axis = 0; axis < SPLITSNOW_AXES; axis++) {
         if (there[axis] && splitsnow__is(name, splitsnow__axis_names[axis])) return 1;
     }
-    if (splitsnow__is(name, "wavelength_nm")) return 1;
+    if (splitsnow__is(name, "wavelength_nm") || splitsnow__is(name, "absent")) return 1;
     for (int quantity = 0; quantity < 2; quantity++) {
         const char *word = splitsnow__quantities[quantity];
         size_t size = (size_t)snprintf(other, sizeof other, "%s.coefficients.", word), n = 0;
@@ -1074,6 +1077,28 @@ static int splitsnow__known(const splitsnow *database, const unsigned char *ther
         if (splitsnow__is(name, other)) return 1;
     }
     return 0;
+}
+
+/* The curves that do not exist, if there are any. */
+static splitsnow_status splitsnow__absent(const splitsnow__source *source, splitsnow *database) {
+    const splitsnow__tensor *tensor;
+    const unsigned char *bytes;
+    size_t sizes = database->counts[SPLITSNOW_GRAIN_SIZE_UM];
+    if (splitsnow__find(source, "absent") == NULL) return SPLITSNOW_OK;
+    bytes = splitsnow__bytes(source, "absent", SPLITSNOW__U16, sizes, 0, &tensor);
+    if (bytes == NULL) return SPLITSNOW_ERROR_FORMAT;
+    database->absent = (size_t *)splitsnow__allocate(sizes, sizeof(size_t));
+    if (database->absent == NULL) return splitsnow__no_memory(source->report);
+    for (size_t i = 0; i < sizes; i++) {
+        database->absent[i] = splitsnow__little(bytes + 2 * i, 2);
+        if (database->absent[i] > database->counts[SPLITSNOW_THICKNESS_CM]) {
+            return splitsnow__refuse(source->report,
+                                     "its tensor absent has the value %zu; expected at most the %zu "
+                                     "thicknesses there are",
+                                     database->absent[i], database->counts[SPLITSNOW_THICKNESS_CM]);
+        }
+    }
+    return SPLITSNOW_OK;
 }
 
 /* Which axes the metadata say there are. */
@@ -1173,6 +1198,8 @@ static splitsnow_status splitsnow__fill(splitsnow *database, const splitsnow__so
         if (!splitsnow__times(&rows, database->counts[axis])) rows = SIZE_MAX;
         if (axis == SPLITSNOW_ANGLE_DEG) database->curves = rows;
     }
+    status = splitsnow__absent(source, database);
+    if (status != SPLITSNOW_OK) return status;
     for (int quantity = 0; quantity < 2; quantity++) {
         char name[40];
         size_t components = database->components[quantity];
@@ -1203,6 +1230,7 @@ void splitsnow_close(splitsnow *database) {
         free(database->basis[quantity]);
     }
     free(database->wavelength_nm);
+    free(database->absent);
     free(database->metadata);
     free(database->strings);
     free(database);
@@ -1593,6 +1621,7 @@ struct splitsnow_lookup {
     size_t wavelengths;
     float *wavelength_nm;
     float *numbers; /* memory of all these */
+    size_t *absent; /* by grain size: thinnest thicknesses without a curve; or NULL */
 };
 
 /* Columns around a point: where in the table their first node is, and their weights. */
@@ -1697,15 +1726,20 @@ static double splitsnow__mixed(const splitsnow *database, int quantity, const sp
     return quantity == SPLITSNOW_TRANSMITTANCE ? exp(-sum) : -expm1(-sum);
 }
 
-/* The nodes of a column from the file: `row` is that of its first thickness. */
+/* The nodes of a column from the file: `row` is that of its first thickness. The first
+ * `absent` thicknesses have no curve. */
 static void splitsnow__read_column(const splitsnow_lookup *lookup, const splitsnow *database,
-                                   const splitsnow__mix *mix, size_t row,
+                                   const splitsnow__mix *mix, size_t row, size_t absent,
                                    const splitsnow__scratch *scratch) {
     int quantity = lookup->quantity;
     size_t depth = scratch->depth;
     for (size_t h = 0; h < lookup->n[3]; h++, row += lookup->n[4]) {
         float *y = scratch->y + (lookup->thin + h) * depth;
         for (size_t i = 0; i < depth; i++) {
+            if (h < absent) {
+                y[i] = 0.0f;
+                continue;
+            }
             if (lookup->components == 0) {
                 float here = splitsnow__depth(
                     quantity, splitsnow__mixed(database, quantity, mix, row, i));
@@ -1757,28 +1791,33 @@ static void splitsnow__fill_thin(const splitsnow_lookup *lookup,
     }
 }
 
-/* Adds `weight` times a column to the table, its first node at `at`. */
+/* Adds `weight` times a column to the table, its first node at `at`; but for its first
+ * `absent` thicknesses and those before them, which are nobody's neighbours. */
 static void splitsnow__add_column(splitsnow_lookup *lookup, size_t at, float weight,
-                                  const splitsnow__scratch *scratch) {
-    size_t depth = scratch->depth;
+                                  size_t absent, const splitsnow__scratch *scratch) {
+    size_t depth = scratch->depth, begin = absent > 0 ? lookup->thin + absent : 0;
     splitsnow__column y, spectra;
-    y.x = spectra.x = lookup->places[3];
-    y.n = spectra.n = lookup->rows;
-    y.values = scratch->y;
+    y.x = spectra.x = lookup->places[3] + begin;
+    y.n = spectra.n = lookup->rows - begin;
+    y.values = scratch->y + begin * depth;
     y.stride = depth;
-    spectra.values = scratch->spectra;
+    spectra.values = scratch->spectra + begin * lookup->wavelengths;
     spectra.stride = lookup->wavelengths;
-    for (size_t h = 0; h < lookup->rows; h++) {
-        float *node = lookup->table + at + h * lookup->n[4] * lookup->width * 8, share = 1.0f;
-        for (size_t l = 0; l < lookup->wavelengths && lookup->components > 0; l++) {
+    for (size_t h = 0; h < y.n; h++) {
+        float *node = lookup->table + at + (begin + h) * lookup->n[4] * lookup->width * 8;
+        float share = 1.0f;
+        for (size_t l = 0; l < lookup->wavelengths && lookup->components > 0 && y.n > 1; l++) {
             float least = splitsnow__share(&spectra, h, l);
             if (least < share) share = least;
         }
         for (size_t i = 0; i < depth; i++) {
-            float slope = splitsnow__slope(&y, h, i);
-            slope *= lookup->components > 0 ? share : splitsnow__share(&y, h, i);
+            float slope = 0.0f;
+            if (y.n > 1) {
+                slope = splitsnow__slope(&y, h, i);
+                slope *= lookup->components > 0 ? share : splitsnow__share(&y, h, i);
+            }
             if (!(fabsf(slope) <= FLT_MAX)) slope = 0.0f; /* numbers of a hostile file */
-            node[i / 4 * 8 + i % 4] += scratch->y[h * depth + i] * weight;
+            node[i / 4 * 8 + i % 4] += y.values[h * depth + i] * weight;
             node[i / 4 * 8 + 4 + i % 4] += slope * weight;
         }
     }
@@ -1809,20 +1848,23 @@ static void splitsnow__fill_table(splitsnow_lookup *lookup, const splitsnow *dat
         size_t from = corners != NULL ? corners->at[column] : column;
         size_t to = corners != NULL ? 0 : column;
         float weight = corners != NULL ? corners->weight[column] : 1.0f;
+        size_t size = from / database->counts[2] % database->counts[1];
+        size_t absent = database->absent != NULL ? database->absent[size] : 0;
         for (size_t angle = 0; angle < n_a && weight > 0.0f; angle++) {
             const float *y = scratch->y + lookup->thin * scratch->depth;
             float *spectra = scratch->spectra + lookup->thin * lookup->wavelengths;
-            splitsnow__read_column(lookup, database, mix, from * n_h * n_a + angle, scratch);
+            splitsnow__read_column(lookup, database, mix, from * n_h * n_a + angle, absent,
+                                   scratch);
             for (size_t h = 0; h < n_h && lookup->components > 0; h++) {
                 splitsnow__rebuild(lookup, y + h * scratch->depth,
                                    spectra + h * lookup->wavelengths);
             }
-            if (lookup->thin > 0) splitsnow__fill_thin(lookup, scratch);
-            for (size_t h = 0; h < lookup->thin && lookup->components > 0; h++) {
+            if (lookup->thin > 0 && absent == 0) splitsnow__fill_thin(lookup, scratch);
+            for (size_t h = 0; h < lookup->thin && lookup->components > 0 && absent == 0; h++) {
                 splitsnow__rebuild(lookup, scratch->y + h * scratch->depth,
                                    scratch->spectra + h * lookup->wavelengths);
             }
-            splitsnow__add_column(lookup, (to * lookup->rows * n_a + angle) * node, weight,
+            splitsnow__add_column(lookup, (to * lookup->rows * n_a + angle) * node, weight, absent,
                                   scratch);
         }
     }
@@ -1931,7 +1973,27 @@ static splitsnow_status splitsnow__around(splitsnow_lookup *lookup, const splits
 void splitsnow_lookup_free(splitsnow_lookup *lookup) {
     if (lookup == NULL) return;
     free(lookup->numbers);
+    free(lookup->absent);
     free(lookup);
+}
+
+/* Curves that do not exist, of all grain sizes or of those around one snow. */
+static splitsnow_status splitsnow__lacks(splitsnow_lookup *lookup, const splitsnow *database,
+                                         const splitsnow__corners *corners) {
+    size_t sizes = database->counts[1];
+    if (database->absent == NULL) return SPLITSNOW_OK;
+    lookup->absent = (size_t *)splitsnow__allocate(lookup->n[1], sizeof(size_t));
+    if (lookup->absent == NULL) return SPLITSNOW_ERROR_MEMORY;
+    if (corners == NULL) {
+        memcpy(lookup->absent, database->absent, sizes * sizeof(size_t));
+        return SPLITSNOW_OK;
+    }
+    lookup->absent[0] = 0;
+    for (int i = 0; i < corners->count; i++) {
+        size_t absent = database->absent[corners->at[i] / database->counts[2] % sizes];
+        if (corners->weight[i] > 0.0f && absent > lookup->absent[0]) lookup->absent[0] = absent;
+    }
+    return SPLITSNOW_OK;
 }
 
 splitsnow_status splitsnow_prepare(const splitsnow *database, splitsnow_quantity quantity,
@@ -1958,6 +2020,9 @@ splitsnow_status splitsnow_prepare(const splitsnow *database, splitsnow_quantity
     status = splitsnow__shape_lookup(made, database, snow != NULL, &scratch);
     if (status == SPLITSNOW_OK && snow != NULL) {
         status = splitsnow__around(made, database, snow, &corners);
+    }
+    if (status == SPLITSNOW_OK) {
+        status = splitsnow__lacks(made, database, snow != NULL ? &corners : NULL);
     }
     if (status == SPLITSNOW_OK) {
         splitsnow__fill_table(made, database, &mix, snow != NULL ? &corners : NULL, &scratch);
@@ -2008,10 +2073,35 @@ static void splitsnow__set(splitsnow__query *query, int set, float below, float 
     query->weights[set][3] = slope_above;
 }
 
+/* Whether a curve does not exist of those that a grain size and a thickness need: the nodes
+ * on both sides of the size, at those on both sides of the thickness; a node itself needs
+ * no other. */
+static int splitsnow__gap(const splitsnow_lookup *lookup, float size, float cm) {
+    const float *sizes = lookup->axes[1], *nodes = lookup->axes[3];
+    size_t n = lookup->n[1], n_h = lookup->n[3], lowest = 0, first = 0, last;
+    while (lowest < n_h && nodes[lowest] <= cm) lowest++;
+    /* beyond the last thickness the last two count */
+    lowest = lowest == n_h && n_h > 1 ? n_h - 2 : lowest > 0 ? lowest - 1 : 0;
+    for (size_t i = n_h; i-- > 0;) {
+        if (splitsnow__on(nodes[i], (double)cm)) lowest = i;
+    }
+    while (first < n && sizes[first] <= size) first++;
+    last = first < n ? first : n - 1;
+    first = first > 0 ? first - 1 : 0;
+    for (size_t i = n; i-- > 0;) {
+        if (splitsnow__on(sizes[i], (double)size)) first = last = i;
+    }
+    for (size_t i = first; i <= last; i++) {
+        if (lowest < lookup->absent[i]) return 1;
+    }
+    return 0;
+}
+
 /* Finds a point among the nodes. */
 static splitsnow_status splitsnow__start(const splitsnow_lookup *lookup, const double asked[5],
                                          splitsnow__query *query) {
     size_t stride = lookup->width * 8;
+    float values[5];
     splitsnow__corners *corners = &query->corners;
     corners->at[0] = 0;
     corners->weight[0] = 1.0f;
@@ -2020,10 +2110,12 @@ static splitsnow_status splitsnow__start(const splitsnow_lookup *lookup, const d
     for (int axis = 4; axis >= 0; axis--) {
         const float *nodes = lookup->places[axis];
         size_t n = axis == 3 ? lookup->rows : lookup->n[axis], below;
-        float value, place;
-        if (!splitsnow__inside(lookup, axis, asked[axis], &value)) return SPLITSNOW_ERROR_OUTSIDE;
+        float place;
+        if (!splitsnow__inside(lookup, axis, asked[axis], &values[axis])) {
+            return SPLITSNOW_ERROR_OUTSIDE;
+        }
         if (n == 1) continue;
-        place = splitsnow__place(axis, value);
+        place = splitsnow__place(axis, values[axis]);
         below = splitsnow__below(nodes, n, place);
         for (int i = 0; i < corners->count; i++) corners->at[i] += below * stride;
         if (axis != 3) {
@@ -2041,6 +2133,9 @@ static splitsnow_status splitsnow__start(const splitsnow_lookup *lookup, const d
             splitsnow__set(query, 2, 0.0f, 0.0f, 0.0f, 1.0f);
         }
         stride *= n;
+    }
+    if (lookup->absent != NULL && splitsnow__gap(lookup, values[1], values[3])) {
+        return SPLITSNOW_ERROR_ABSENT;
     }
     for (int set = 0; set < query->sets && lookup->width * 4 <= SPLITSNOW__FEW; set++) {
         splitsnow__sums(lookup, query, set, 0, lookup->components > 0 ? lookup->width : 0,

@@ -50,6 +50,7 @@ fn database_over(
     };
     let file = CompactFile {
         axes,
+        absent: &[],
         wavelengths_nm: &wavelengths(),
         transmittance: Some(&compressed(Quantity::Transmittance)),
         reflectance: Some(&compressed(Quantity::Reflectance)),

@@ -9,6 +9,7 @@ mod c_header;
 mod cli;
 mod compact;
 mod config;
+mod corners;
 #[cfg(unix)]
 mod crash;
 mod docs;

@@ -69,6 +69,7 @@ fn write_compact(store: &Store, grid: &Grid, choice: Choice, promise: impl Fn(&m
     };
     CompactFile {
         axes: &grid.axes,
+        absent: &[],
         wavelengths_nm: &grid.wavelengths_nm,
         transmittance: Some(&compressed(
             Quantity::Transmittance,

@@ -145,16 +145,20 @@ where
     let job = grid
         .job(&store.jobs(), number)
         .map_err(|error| Some(BatchError::Grid(error)))?;
-    let spectra = simulate(&job.request(grid), control).map_err(|error| match error {
-        EngineError::Cancelled => None,
-        source => Some(BatchError::Job {
-            number,
-            job: job.to_string(),
-            source,
-        }),
-    })?;
+    let spectra = if job.exists() {
+        simulate(&job.request(grid), control).map_err(|error| match error {
+            EngineError::Cancelled => None,
+            source => Some(BatchError::Job {
+                number,
+                job: job.to_string(),
+                source,
+            }),
+        })?
+    } else {
+        Vec::new()
+    };
     store
-        .commit(number, &spectra)
+        .commit(number, &job.completed(spectra, grid.wavelengths_nm.len()))
         .map_err(|error| Some(BatchError::Store(error)))
 }
 

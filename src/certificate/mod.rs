@@ -118,10 +118,12 @@ impl Subject<'_> {
         let exact = |values: &Vec<f32>| values.iter().map(exact).collect();
         let extra = self.file.extra().iter();
         let extra = extra.map(|(axis, values)| (*axis, exact(values))).collect();
-        let mut trials = trial::anywhere(self.regions, self.points, self.seed);
+        let covered = |size, thickness| self.file.covers(size, thickness);
+        let mut trials = trial::anywhere(self.regions, self.points, self.seed, &covered);
         // snow that a scene leaves out would be of no use to it
         if self.regions.len() == 1 {
-            trials.extend(trial::along(&axes, &extra, self.seed));
+            let along = trial::along(&axes, &extra, self.seed).into_iter();
+            trials.extend(along.filter_map(|trial| trial.within(&covered)));
         }
         trials
     }

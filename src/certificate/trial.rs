@@ -128,23 +128,50 @@ impl Draw {
     }
 }
 
-/// Some `points` points anywhere in the `regions`.
-pub(super) fn anywhere(regions: &[Region], points: usize, seed: u64) -> Vec<Trial> {
+/// Whether a file has an answer for grains of a size, um, in a thickness, cm.
+pub(super) type Covered<'a> = &'a dyn Fn(f64, f64) -> bool;
+
+impl Trial {
+    /// Its points that the file answers, if there are any.
+    pub(super) fn within(mut self, covered: Covered<'_>) -> Option<Self> {
+        let angles = self.patch.angle_deg.len();
+        let size = self.patch.snow[1];
+        let there = self.patch.thickness_cm.iter().map(|cm| covered(size, *cm));
+        let there: Vec<bool> = there.collect();
+        let mut points = there
+            .iter()
+            .flat_map(|there| std::iter::repeat_n(*there, angles));
+        self.kinds.retain(|_| points.next().unwrap_or_default());
+        let mut thicknesses = there.iter();
+        self.patch
+            .thickness_cm
+            .retain(|_| thicknesses.next().is_some_and(|there| *there));
+        (!self.kinds.is_empty()).then_some(self)
+    }
+}
+
+/// Some `points` points anywhere in the `regions` that the file answers.
+pub(super) fn anywhere(
+    regions: &[Region],
+    points: usize,
+    seed: u64,
+    covered: Covered<'_>,
+) -> Vec<Trial> {
     let mut draw = Draw(random(seed, "anywhere"));
     let facets: Vec<f64> = (0..FACETS)
         .map(|i| (i as f64 + draw.unit()) / FACETS as f64)
         .collect();
     let mut trials: Vec<Trial> = Vec::new();
-    let mut count = 0;
+    let (mut count, mut drawn) = (0, 0);
     // every region has its turn; a scene of one point is one patch
-    while trials.len() < regions.len() || (count < points && trials.len() < points) {
-        let region = &regions[trials.len() % regions.len()];
+    while drawn < regions.len() || (count < points && drawn < points) {
+        let region = &regions[drawn % regions.len()];
         let Region { axes, extra } = region;
         let beyond = axes[..3].iter().chain(extra.values());
         let fixed = beyond.into_iter().all(|[first, last]| first == last);
         let (thicknesses, angles) = ANYWHERE[usize::from(fixed)];
         let [first, last] = axes[0];
-        let facetness = first + (last - first) * facets[trials.len() / regions.len() % FACETS];
+        let facetness = first + (last - first) * facets[drawn / regions.len() % FACETS];
         let facetness: f64 = format!("{facetness:.4}").parse().unwrap_or(facetness);
         let patch = Patch {
             snow: [
@@ -156,9 +183,12 @@ pub(super) fn anywhere(regions: &[Region], points: usize, seed: u64) -> Vec<Tria
             angle_deg: draw.several(4, axes[4], angles),
             conditions: draw.conditions(extra),
         };
-        count += patch.len();
+        drawn += 1;
         let kinds = vec![Kind::Anywhere; patch.len()];
-        trials.push(Trial { patch, kinds });
+        if let Some(trial) = (Trial { patch, kinds }).within(covered) {
+            count += trial.patch.len();
+            trials.push(trial);
+        }
     }
     trials
 }
@@ -247,7 +277,7 @@ mod tests {
         };
         let snow = |size: f64| region([[0.3; 2], [size; 2], [250.0; 2], [1.0, 80.0], [0.0, 89.0]]);
         let regions: Vec<Region> = (1..=7).map(|i| snow(100.0 * f64::from(i))).collect();
-        let trials = anywhere(&regions, 512, 1);
+        let trials = anywhere(&regions, 512, 1, &|_, _| true);
         for region in &regions {
             let mine = |trial: &&Trial| trial.patch.snow[1] == region.axes[1][0];
             assert!(trials.iter().filter(mine).count() > 0);
@@ -259,7 +289,7 @@ mod tests {
             [1.0, 50.0],
             [0.0, 89.0],
         ];
-        let trials = anywhere(&[region(wide)], 500, 2);
+        let trials = anywhere(&[region(wide)], 500, 2, &|_, _| true);
         let points: Vec<_> = trials.iter().flat_map(|t| t.patch.points()).collect();
         assert!(points.len() >= 500 && points.len() < 520);
         for point in &points {
@@ -269,7 +299,7 @@ mod tests {
         }
         assert_ne!(
             points[0],
-            anywhere(&[region(wide)], 500, 3)[0]
+            anywhere(&[region(wide)], 500, 3, &|_, _| true)[0]
                 .patch
                 .points()
                 .next()
@@ -277,8 +307,19 @@ mod tests {
         );
         // a single point
         let one = [[0.3; 2], [300.0; 2], [250.0; 2], [15.0; 2], [0.0; 2]];
-        let trials = anywhere(&[region(one)], 16, 1);
+        let trials = anywhere(&[region(one)], 16, 1, &|_, _| true);
         assert!(trials.iter().all(|trial| trial.patch.len() == 1));
+        // what the file does not answer is not tried, and there are as many points
+        let thick = |size: f64, thickness: f64| thickness >= size / 20.0;
+        let trials = anywhere(&[region(wide)], 500, 2, &thick);
+        let points: Vec<_> = trials.iter().flat_map(|t| t.patch.points()).collect();
+        assert!(points.len() >= 500 && points.len() < 520);
+        assert!(
+            points
+                .iter()
+                .all(|p| thick(p.grain_size_um, p.thickness_cm))
+        );
+        assert!(trials.iter().all(|t| t.kinds.len() == t.patch.len()));
     }
 
     #[test]

@@ -5,6 +5,7 @@ use std::fmt::{self, Write};
 use std::path::PathBuf;
 
 use anyhow::{Context, bail};
+use ndarray::Axis;
 use serde::Serialize;
 use serde_json::{Map, Value, json};
 
@@ -43,6 +44,8 @@ pub(super) struct Report {
     database: PathBuf,
     database_bytes: u64,
     curves: u64,
+    /// Those of them that do not exist.
+    absent_curves: u64,
     wavelengths: u64,
     compact: PathBuf,
     compact_bytes: u64,
@@ -54,6 +57,8 @@ pub(super) struct Report {
     reflectance: Option<QuantityReport>,
     lost_share: Lost,
     next: String,
+    #[serde(skip)]
+    why_absent: String,
 }
 
 /// One quantity; errors are the largest over all curves.
@@ -91,20 +96,29 @@ pub(super) fn write(store: &Store, asked: &Asked) -> anyhow::Result<Report> {
     let spinner = Spinner::new("compressing");
     let colour = Colorimeter::viewing(store.wavelengths_nm(), &asked.viewing)?;
     let Variant { basis, precision } = asked.variant;
+    let rows = store.rows();
     let compressed = |quantity, variable| -> anyhow::Result<Option<Compressed>> {
         if !asked.quantities.contains(&quantity) {
             return Ok(None);
         }
         let curves = store.read(variable)?.mapv(f64::from);
+        let all = curves.nrows();
+        let curves = if rows.len() < all {
+            curves.select(Axis(0), &rows)
+        } else {
+            curves
+        };
         let colour = colour.as_ref();
         let compressed = compress(curves.view(), quantity, colour, asked.choice, asked.variant);
-        Ok(Some(compressed.with_context(|| quantity.name())?))
+        let compressed = compressed.with_context(|| quantity.name())?;
+        Ok(Some(compressed.spread_over(&rows, all)))
     };
     let transmittance = compressed(Quantity::Transmittance, Variable::Transmittance)?;
     let reflectance = compressed(Quantity::Reflectance, Variable::Reflectance)?;
     let (provenance, extra) = metadata(store, asked.choice, &asked.viewing)?;
     let file = CompactFile {
         axes: store.axes(),
+        absent: store.absent(),
         wavelengths_nm: store.wavelengths_nm(),
         transmittance: transmittance.as_ref(),
         reflectance: reflectance.as_ref(),
@@ -122,6 +136,8 @@ pub(super) fn write(store: &Store, asked: &Asked) -> anyhow::Result<Report> {
         database: store.path().into(),
         database_bytes: estimated_bytes(&jobs, jobs.count()),
         curves: jobs.curves(),
+        absent_curves: store.axes().absent_curves(store.absent()),
+        why_absent: store.axes().why_absent(store.absent()),
         wavelengths: jobs.wavelengths(),
         compact_bytes: std::fs::metadata(&compact)?.len(),
         compact,
@@ -170,7 +186,10 @@ fn metadata(
 fn next(store: &Store, asked: &Asked) -> String {
     let mut command = format!("splitsnow query {}", store.dir().display());
     for (name, values) in store.axes().all() {
-        let first = values.first().copied().unwrap_or_default();
+        // of the first grain size, the thinnest slab into which its grains fit
+        let thinnest = store.absent().first().filter(|_| name == "thickness_cm");
+        let first = values.get(thinnest.copied().unwrap_or_default());
+        let first = first.copied().unwrap_or_default();
         let _ = write!(command, " --{} {first}", name.replace('_', "-"));
     }
     if !asked.quantities.contains(&Quantity::Transmittance) {
@@ -251,6 +270,9 @@ impl fmt::Display for Report {
             self.wavelengths,
             common::bytes(self.database_bytes),
         )?;
+        if self.absent_curves > 0 {
+            writeln!(f, "absent          {}", self.why_absent)?;
+        }
         writeln!(
             f,
             "compact file    {}: {}, {} basis, {}",

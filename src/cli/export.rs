@@ -25,7 +25,7 @@ use crate::store::{COMPACT, Store};
     allow_negative_numbers = true,
     after_long_help = "\
 Examples:
-  splitsnow export out/quick --format netcdf --layout crtm
+  splitsnow export out/quick --format netcdf
   splitsnow export out/quick --from database --format csv --out quick.csv
   splitsnow export out/quick --format spd --facetness 0.1 --grain-size-um 300 \\
       --density-kg-m3 200 --thickness-cm 5 --angle-deg 40 --out snow.spd
@@ -45,15 +45,18 @@ pub(super) struct Args {
     /// What of a directory [default: the compact file, or the database if there is none]
     #[arg(long, value_enum)]
     from: Option<From>,
-    /// Order of the axes in netcdf and npz, slowest first: that of the database, or
-    /// density, thickness, grain size, wavelength, angle after all others
-    /// [default: database]
+    /// Axes in netcdf and npz: as in the database, or crtm: density, thickness, grain
+    /// size, wavelength, angle after all others, in netcdf under the names and units that
+    /// the loader of CRTM reads [default: database]
     #[arg(long, value_parser = common::named(Layout::ALL, Layout::name))]
     layout: Option<Layout>,
     /// Which spectrum in spd, png and svg [default: transmittance]
     #[arg(long, value_parser = common::named(Quantity::ALL, Quantity::name))]
     quantity: Option<Quantity>,
-    #[command(flatten, next_help_heading = "Where, in spd, png and svg")]
+    #[command(
+        flatten,
+        next_help_heading = "Where, in spd, png and svg; nodes for --layout crtm"
+    )]
     point: PointArgs,
 }
 
@@ -103,13 +106,12 @@ pub(super) fn run(args: &Args) -> anyhow::Result<()> {
     args.check()?;
     let spinner = Spinner::new("exporting");
     let bytes = if args.format.is_table() {
-        let table = args
-            .table()?
-            .laid_out(args.layout.unwrap_or(Layout::Database));
-        match args.format {
-            Format::Netcdf => export::netcdf(&table)?,
-            Format::Npz => export::npz(&table)?,
-            _ => export::csv(&table).into_bytes(),
+        let table = args.table()?;
+        let layout = args.layout.unwrap_or(Layout::Database);
+        if args.is_crtm() {
+            export::crtm(args.point.cut(table)?)?
+        } else {
+            args.written(&table.laid_out(layout))?
         }
     } else {
         args.seen()?
@@ -122,9 +124,28 @@ pub(super) fn run(args: &Args) -> anyhow::Result<()> {
 }
 
 impl Args {
+    /// Whether the loader of CRTM is to read it.
+    fn is_crtm(&self) -> bool {
+        self.format == Format::Netcdf && self.layout == Some(Layout::Crtm)
+    }
+
+    /// All nodes.
+    fn written(&self, table: &Table) -> anyhow::Result<Vec<u8>> {
+        Ok(match self.format {
+            Format::Netcdf => export::netcdf(table)?,
+            Format::Npz => export::npz(table)?,
+            _ => export::csv(table).into_bytes(),
+        })
+    }
+
     /// Refuses options that the format has no use for.
     fn check(&self) -> anyhow::Result<()> {
-        if self.format.is_table() {
+        if self.is_crtm() {
+            ensure!(
+                self.point.leaves_tables() && self.quantity.is_none(),
+                "the layout crtm holds the reflectance at all densities, thicknesses, grain sizes and angles; only options of the other axes choose a node of them"
+            );
+        } else if self.format.is_table() {
             ensure!(
                 self.point.is_empty() && self.quantity.is_none(),
                 "netcdf, csv and npz hold all points and quantities; only spd, png and svg take options that choose among them"
@@ -137,7 +158,7 @@ impl Args {
         }
         ensure!(
             self.layout.is_none() || matches!(self.format, Format::Netcdf | Format::Npz),
-            "--layout is the order of the axes in netcdf and npz"
+            "--layout is for netcdf and npz"
         );
         Ok(())
     }

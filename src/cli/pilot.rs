@@ -211,9 +211,12 @@ fn samples(
 }
 
 /// What the time of a job is about proportional to: mean free distances across
-/// the thickest slab (never 0), or nothing but their number where one job has
+/// the thickest slab (0 if there is nothing to run), or nothing but their number where one job has
 /// all angles and does not walk through the inside.
 fn size(job: &Job) -> f64 {
+    if !job.exists() {
+        return 0.0;
+    }
     if job.angles_deg.len() > 1 {
         return 1.0;
     }
@@ -236,7 +239,9 @@ fn draw(grid: &Grid, jobs: &Jobs, most: usize, weight: fn(&Job) -> f64) -> anyho
     let mut sums = Vec::new();
     let mut sum = 0.0;
     for number in (0..jobs.count()).step_by(step as usize) {
-        sum += weight(&grid.job(jobs, number)?);
+        let job = grid.job(jobs, number)?;
+        // what is not run is not drawn
+        sum += if job.exists() { weight(&job) } else { 0.0 };
         sums.push((sum, number));
     }
     // Multiples of the golden ratio fill the unit interval evenly at any count.

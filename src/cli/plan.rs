@@ -51,6 +51,10 @@ struct Plan {
     jobs: u64,
     jobs_left: u64,
     curves: u64,
+    /// Those of them that do not exist, and why.
+    absent_curves: u64,
+    #[serde(skip)]
+    why_absent: String,
     threads: usize,
     /// Of the jobs left, and of the compression.
     core_seconds: f64,
@@ -85,6 +89,7 @@ fn plan(args: &Args, file: &GridFile) -> anyhow::Result<Plan> {
     let jobs = grid.jobs()?;
     let out = args.grid.dir(file);
     let left = left(&out, grid)?;
+    let absent = grid.absent()?;
     let threads = args.grid.threads();
     let pilot = Pilot::run(grid, &jobs, threads)?;
     let (jobs_left, walking) = match &left {
@@ -113,6 +118,8 @@ fn plan(args: &Args, file: &GridFile) -> anyhow::Result<Plan> {
         jobs: jobs.count(),
         jobs_left,
         curves: jobs.curves(),
+        absent_curves: grid.axes.absent_curves(&absent),
+        why_absent: grid.axes.why_absent(&absent),
         threads,
         core_seconds: walking.core + compressing,
         wall_seconds: (walking.wall + storing) / threads as f64 + compressing,
@@ -172,6 +179,9 @@ impl fmt::Display for Plan {
             if per_job == 1 { "" } else { "s" },
             self.curves
         )?;
+        if self.absent_curves > 0 {
+            writeln!(f, "absent          {}", self.why_absent)?;
+        }
         if self.jobs_left < self.jobs {
             let out = self.out.display();
             writeln!(

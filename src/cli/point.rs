@@ -2,6 +2,7 @@
 use anyhow::bail;
 
 use crate::compress::AXES;
+use crate::export::{ExportError, Table};
 use crate::grid::{Conditions, ExtraAxis, described};
 use crate::lookup::{Database, Point, exact};
 
@@ -66,6 +67,23 @@ impl PointArgs {
     /// Whether the thickness is given.
     pub(super) fn has_thickness(&self) -> bool {
         self.thickness_cm.is_some()
+    }
+
+    /// Whether no node is chosen of density, size, thickness and angle.
+    pub(super) fn leaves_tables(&self) -> bool {
+        let [_facetness, rest @ ..] = self.five();
+        rest.iter().all(Option::is_none)
+    }
+
+    /// The part of `table` at the nodes of facetness and of axes beyond the five.
+    pub(super) fn cut(&self, mut table: Table) -> Result<Table, ExportError> {
+        if let Some(facetness) = self.facetness {
+            table = table.at(AXES[0].name, facetness)?;
+        }
+        for (axis, value) in self.conditions() {
+            table = table.at(axis.name(), value)?;
+        }
+        Ok(table)
     }
 
     /// The point, all five coordinates of which must be given.

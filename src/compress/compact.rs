@@ -12,9 +12,9 @@ use serde_json::{Value, json};
 use thiserror::Error;
 
 use super::format::{
-    AXES, BASIS, BOUNDS, Coordinate, ERROR_TABLE, FORMAT, FORMAT_VERSION, MAX_HEADER, MAX_NUMBER,
-    PRECISION, PROVENANCE, QUANTITIES, WAVELENGTHS, axis_order, basis_name, coefficients_name,
-    components_key, extra, integers_name, number, quantisation_name, quantities,
+    ABSENT, AXES, BASIS, BOUNDS, Coordinate, ERROR_TABLE, FORMAT, FORMAT_VERSION, MAX_HEADER,
+    MAX_NUMBER, PRECISION, PROVENANCE, QUANTITIES, WAVELENGTHS, axis_order, basis_name,
+    coefficients_name, components_key, extra, integers_name, number, quantisation_name, quantities,
 };
 use super::{Bounds, Coefficients, Compressed, ErrorTable, Integers, Variant};
 use crate::atomic;
@@ -47,6 +47,9 @@ pub struct CompactFile<'a> {
     pub axes: &'a Axes,
     /// Wavelengths, nm; kept as f32.
     pub wavelengths_nm: &'a [f64],
+    /// For each grain size, how many of the thinnest thicknesses have no curve, as of
+    /// [`crate::grid::Grid::absent`]; empty if all have.
+    pub absent: &'a [usize],
     /// Compressed transmittance, one row per cell of the axes; `None`: the file
     /// has reflectance only.
     pub transmittance: Option<&'a Compressed>,
@@ -118,6 +121,9 @@ impl CompactFile<'_> {
             check_matrix(&name, basis, [wavelengths.len(), components])?;
             tensors.insert(name, Tensor::f32(basis.shape(), basis.iter().copied()));
         }
+        if !self.absent.is_empty() {
+            tensors.insert(ABSENT.to_owned(), Tensor::integers(&self.absent()?));
+        }
         tensors.insert(
             WAVELENGTHS.name.to_owned(),
             Tensor::f32(&[wavelengths.len()], wavelengths),
@@ -137,6 +143,20 @@ impl CompactFile<'_> {
             header.insert(name, entry);
         }
         assemble(&header, &data)
+    }
+
+    /// The counts of absent curves.
+    fn absent(&self) -> Result<Integers, CompactError> {
+        let counts = self.absent.iter().map(|n| u16::try_from(*n).ok());
+        let counts: Option<Vec<u16>> = counts.collect();
+        let most = self.axes.thickness_cm.len();
+        let sizes = self.axes.grain_size_um.len();
+        let fits =
+            |all: &Vec<u16>| all.len() == sizes && all.iter().all(|n| usize::from(*n) <= most);
+        counts.filter(fits).map(Integers::U16).ok_or_else(|| {
+            let problem = format!("{:?} are no counts of {sizes} grain sizes", self.absent);
+            CompactError::Content(problem)
+        })
     }
 
     /// The quantities there are.

@@ -18,6 +18,8 @@
 //! | `facetness`, `grain_size_um`, `density_kg_m3`, `thickness_cm`, `angle_deg` | `[n]` each | the axes, slowest first; s is the product of their lengths |
 //! | `black_carbon_ng_g`, `water_saturation`, `temperature_c`, `sphericity`, `substrate_reflectance` | `[n]` each | axes beyond the five, slower than these in this order; those there are stand first in the metadata `axis_order` |
 //!
+//! | `absent` | `[n]`, u16 | per grain size, how many of the thinnest thicknesses have no curve; only if there are such |
+//!
 //! The tensors of a quantity are there if the metadata `quantities` name it.
 use crate::grid::ExtraAxis;
 use crate::measurement::Quantity;
@@ -41,6 +43,8 @@ pub(crate) const BASIS: &str = "basis";
 pub(crate) const PRECISION: &str = "precision";
 /// Metadata key of the quantities there are; absent in older files: both.
 pub(crate) const QUANTITIES: &str = "quantities";
+/// Tensor of the counts of curves that do not exist.
+pub(crate) const ABSENT: &str = "absent";
 /// Longest header written or read, bytes.
 pub(crate) const MAX_HEADER: usize = 16 << 20;
 /// Largest magnitude of a coefficient or basis entry: no sum of products of

@@ -4,6 +4,7 @@
 //!
 //! Transmittance and reflectance are compressed apart, each with its own number
 //! of components.
+mod absent;
 mod annotation;
 mod basis;
 mod choice;

@@ -3,7 +3,7 @@ use std::path::Path;
 
 use crate::colour::Viewing;
 use crate::engine::{Engine, MaxError};
-use crate::grid::{Axes, Compression, ExtraAxis, Grid, Run, Spread};
+use crate::grid::{Axes, Compression, ExtraAxis, Fixed, Grid, Run, Spread};
 
 use super::document::{Document, read_text};
 use super::error::{ConfigError, Problem};
@@ -63,10 +63,7 @@ pub fn parse(name: &str, text: &str) -> Result<GridFile, ConfigError> {
         (directory_of(name), &wavelengths_nm),
         &mut warnings,
     )?;
-    for (i, &thickness) in axes.thickness_cm.iter().enumerate() {
-        let key = format!("axes.thickness_cm[{i}]");
-        thick_enough(&document, &key, thickness, biggest_um, &fixed)?;
-    }
+    useful(&document, &axes, &biggest_um, &fixed)?;
     let wet = fixed.is_wet() || axes.is_wet();
     covered(&document, &fixed.model, &wavelengths_nm, wet)?;
     let run = run(&document, &keys.run, &wavelengths_nm)?;
@@ -79,32 +76,59 @@ pub fn parse(name: &str, text: &str) -> Result<GridFile, ConfigError> {
         &compression.delta_e,
     )?;
     let stem = Path::new(name).file_stem();
+    let grid = Grid {
+        axes,
+        spread,
+        wavelengths_nm,
+        fixed,
+        run,
+        compression: Compression {
+            max_delta_e: compression.max_delta_e,
+            max_rmse: compression.max_rmse,
+        },
+    };
+    // an impossible law is told by `Grid::jobs`
+    let absent = grid.absent().unwrap_or_default();
+    if !absent.is_empty() {
+        warnings.push(document.warning("axes.thickness_cm", grid.axes.why_absent(&absent)));
+    }
     Ok(GridFile {
         name: stem.map_or("database".into(), |s| s.to_string_lossy().into_owned()),
-        grid: Grid {
-            axes,
-            spread,
-            wavelengths_nm,
-            fixed,
-            run,
-            compression: Compression {
-                max_delta_e: compression.max_delta_e,
-                max_rmse: compression.max_rmse,
-            },
-        },
+        grid,
         viewing,
         warnings,
         text: text.to_owned(),
     })
 }
 
-/// The axes, and the biggest grain, um, that they reach.
+/// Refuses a thickness into which the grains of no size fit, and a size that fits into
+/// no thickness; other pairs of the two that do not fit have no curve.
+fn useful(
+    document: &Document,
+    axes: &Axes,
+    biggest_um: &[f64],
+    fixed: &Fixed,
+) -> Result<(), ConfigError> {
+    let smallest = biggest_um.first().copied().unwrap_or_default();
+    for (i, &thickness) in axes.thickness_cm.iter().enumerate() {
+        let key = format!("axes.thickness_cm[{i}]");
+        thick_enough(document, &key, thickness, smallest, fixed)?;
+    }
+    let last = axes.thickness_cm.len().saturating_sub(1);
+    let thickest = axes.thickness_cm.get(last).copied().unwrap_or_default();
+    let key = format!("axes.thickness_cm[{last}]");
+    let all = biggest_um.iter();
+    all.copied()
+        .try_for_each(|biggest| thick_enough(document, &key, thickest, biggest, fixed))
+}
+
+/// The axes, and for each grain size the biggest grain, um.
 fn axes(
     document: &Document,
     mut keys: AxesKeys,
     spread: &Spread,
     warnings: &mut Vec<String>,
-) -> Result<(Axes, f64), ConfigError> {
+) -> Result<(Axes, Vec<f64>), ConfigError> {
     let extra = ExtraAxis::ALL.into_iter().zip(keys.extra());
     let extra = extra.filter_map(|(axis, values)| Some((axis, values?)));
     let axes = Axes {
@@ -119,10 +143,10 @@ fn axes(
         increasing(document, &format!("axes.{key}"), values)?;
     }
     let half_width = spread.grain_size_half_width_um;
-    let mut biggest = 0.0;
+    let mut biggest = Vec::new();
     for (i, &mean) in axes.grain_size_um.iter().enumerate() {
         let key = format!("axes.grain_size_um[{i}]");
-        biggest = biggest_grain(document, &key, mean, half_width)?;
+        biggest.push(biggest_grain(document, &key, mean, half_width)?);
         if i == 0 {
             remark_small(document, warnings, &key, mean, half_width);
         }

@@ -363,7 +363,7 @@ pub(super) struct AxesKeys {
     /// Density of the dry snow, kg/m3: ordinarily 50 to 450; ice itself has about 917.
     #[schemars(length(min = 1, max = 1000), inner(range(min = DENSITY_KG_M3.0, max = DENSITY_KG_M3.1)), extend("uniqueItems" = true))]
     pub(super) density_kg_m3: Vec<f64>,
-    /// Thickness, cm: at least 10 lengths of the biggest grain; ordinarily 1 to 100.
+    /// Thickness, cm; ordinarily 1 to 100. Curves of grains of which 10 lengths do not fit are NaN.
     #[schemars(length(min = 1, max = 1000), inner(range(max = 1000.0)), extend("uniqueItems" = true),
         transform = above_zero)]
     pub(super) thickness_cm: Vec<f64>,

@@ -31,10 +31,6 @@ pub mod water;
 
 pub use error::{ConfigError, Problem};
 
-/// A slab must hold this many lengths of its biggest grain: below, too many
-/// grains do not fit (docs/methods.md).
-const MIN_GRAIN_LENGTHS: f64 = 10.0;
-
 /// The directory that paths inside the config file `name` are relative to.
 fn directory_of(name: &str) -> &Path {
     Path::new(name).parent().unwrap_or(Path::new(""))

@@ -2,7 +2,7 @@
 //! and water.
 use std::path::Path;
 
-use crate::grid::{ExtraAxis, Fixed, Spread};
+use crate::grid::{ExtraAxis, Fixed, MIN_GRAIN_LENGTHS, Spread};
 use crate::optics::{Carbon, ice_density_kg_m3};
 use crate::transport::{Joining, Model};
 use crate::units::{m_to_cm, m_to_um};
@@ -11,7 +11,7 @@ use super::document::Document;
 use super::error::{ConfigError, Problem};
 use super::keys::{CarbonKeys, FixedKeys, SATURATION, SIZE_UM, SpreadKeys};
 use super::shared::{exclusive, law};
-use super::{MIN_GRAIN_LENGTHS, layer, water};
+use super::{layer, water};
 
 /// Widths of the laws around the mean of a kind of snow.
 pub(super) fn spread(keys: &SpreadKeys) -> Spread {

@@ -1,8 +1,10 @@
 //! Databases and compact files in the formats of others (docs/formats.md, "Exports").
 //!
 //! [`Table`] is what a database or a compact file holds, at its nodes; [`netcdf()`],
-//! [`csv()`] and [`npz()`] are the bytes of a file that holds the same. [`spd()`] is one
+//! [`csv()`] and [`npz()`] are the bytes of a file that holds the same, [`crtm()`] that of
+//! a table of reflectance for satellite codes. [`spd()`] is one
 //! spectrum as renderers read it, and [`Eyes`] are what sees spectra as colours.
+mod crtm;
 mod csv;
 mod netcdf;
 mod npz;
@@ -19,6 +21,7 @@ use crate::lookup::LookupError;
 use crate::report::ReportError;
 use crate::store::StoreError;
 
+pub use crtm::crtm;
 pub use csv::csv;
 pub use netcdf::netcdf;
 pub use npz::npz;
@@ -58,6 +61,24 @@ pub enum ExportError {
         bytes: u64,
         /// The most there may be.
         limit: u64,
+    },
+    /// A table for which the loader of CRTM has no place.
+    #[error("no table for CRTM: {reason}")]
+    Crtm {
+        /// What does not fit.
+        reason: String,
+    },
+    /// A value that no node has.
+    #[error(
+        "{axis} = {value} is none of the nodes {}", nodes.iter().map(f64::to_string).collect::<Vec<_>>().join(", ")
+    )]
+    NoNode {
+        /// The axis.
+        axis: String,
+        /// The value.
+        value: f64,
+        /// Its nodes; none if there is no such axis.
+        nodes: Vec<f64>,
     },
     /// Spectra that have no colour.
     #[error("spectra from {first} to {last} nm have no colour here: they must cover 400 to 700 nm")]

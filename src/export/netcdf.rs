@@ -3,6 +3,7 @@ use std::cell::RefCell;
 use std::io::{Cursor, Seek, SeekFrom, Write};
 use std::rc::Rc;
 
+use netcdf3::error::WriteError;
 use netcdf3::{DataSet, FileWriter, Version};
 
 use super::{ExportError, Table};
@@ -32,28 +33,69 @@ const NORMALISATION: &str = "directional-hemispherical: the power that leaves a 
 pub fn netcdf(table: &Table) -> Result<Vec<u8>, ExportError> {
     let version = version(table.sizes())?;
     let set = table.definition().map_err(failed)?;
+    written(&set, version, |writer| {
+        for (name, values) in &table.axes {
+            writer.write_var_f64(name, values)?;
+        }
+        for (variable, array) in &table.quantities {
+            let values: Vec<f32> = array.iter().copied().collect();
+            writer.write_var_f32(variable.name(), &values)?;
+        }
+        Ok(())
+    })
+}
+
+/// The bytes of a file of this definition, whose variables `fill` writes.
+pub(super) fn written(
+    set: &DataSet,
+    version: Version,
+    fill: impl FnOnce(&mut FileWriter) -> Result<(), WriteError>,
+) -> Result<Vec<u8>, ExportError> {
     let buffer = Buffer::default();
     let writer = FileWriter::open_seek_write("memory", Box::new(buffer.clone()));
     let mut writer = writer.map_err(failed)?;
-    writer.set_def(&set, version, 0).map_err(failed)?;
-    for (name, values) in &table.axes {
-        writer.write_var_f64(name, values).map_err(failed)?;
-    }
-    for (variable, array) in &table.quantities {
-        let values: Vec<f32> = array.iter().copied().collect();
-        let done = writer.write_var_f32(variable.name(), &values);
-        done.map_err(failed)?;
-    }
+    writer.set_def(set, version, 0).map_err(failed)?;
+    fill(&mut writer).map_err(failed)?;
     writer.close().map_err(failed)?;
-    Ok(buffer.0.take().into_inner())
+    let mut bytes = buffer.0.take().into_inner();
+    fill_with_nan(&mut bytes);
+    Ok(bytes)
 }
 
-fn failed<E: std::fmt::Debug>(error: E) -> ExportError {
+/// Stands for NaN in an attribute [`FILL`]: the library compares variables by their
+/// attributes, and takes one with NaN for another than itself.
+pub(super) const STAND_IN: f32 = -1.267_650_6e30;
+/// The attribute of values that are missing.
+pub(super) const FILL: &str = "_FillValue";
+
+/// Puts NaN where [`STAND_IN`] stands: after the padded name, the type, and the number
+/// of values, 1.
+fn fill_with_nan(bytes: &mut [u8]) {
+    const NAME: &[u8] = b"\0\0\0\x0a_FillValue\0\0";
+    let (single, double) = (STAND_IN.to_be_bytes(), f64::from(STAND_IN).to_be_bytes());
+    let found = bytes.windows(NAME.len()).enumerate();
+    let found = found.filter(|(_, window)| *window == NAME);
+    let values: Vec<usize> = found.map(|(at, _)| at + NAME.len() + 8).collect();
+    for at in values {
+        let Some((_, value)) = bytes.split_at_mut_checked(at) else {
+            continue;
+        };
+        if value.starts_with(&single) {
+            value[..4].copy_from_slice(&f32::NAN.to_be_bytes());
+        } else if value.starts_with(&double) {
+            value[..8].copy_from_slice(&f64::NAN.to_be_bytes());
+        }
+    }
+}
+
+pub(super) fn failed<E: std::fmt::Debug>(error: E) -> ExportError {
     ExportError::encoding("NetCDF")(error)
 }
 
 /// The version that holds arrays of these names and bytes.
-fn version<'a>(arrays: impl Iterator<Item = (&'a str, u64)>) -> Result<Version, ExportError> {
+pub(super) fn version<'a>(
+    arrays: impl Iterator<Item = (&'a str, u64)>,
+) -> Result<Version, ExportError> {
     let mut all = 0_u64;
     for (name, bytes) in arrays {
         if bytes > LARGEST {
@@ -97,11 +139,14 @@ impl Table {
             }
         }
         let dimensions: Vec<&str> = self.axes.iter().map(|(name, _)| *name).collect();
-        for (variable, _) in &self.quantities {
+        for (variable, array) in &self.quantities {
             let name = variable.name();
             set.add_var_f32(name, &dimensions)?;
             set.add_var_attr_string(name, "long_name", variable.long_name())?;
             set.add_var_attr_string(name, "units", "1")?;
+            if array.iter().any(|value| value.is_nan()) {
+                set.add_var_attr_f32(name, FILL, vec![STAND_IN])?;
+            }
             let error = match variable {
                 Variable::Transmittance => Variable::TransmittanceSe,
                 Variable::Reflectance => Variable::ReflectanceSe,
@@ -116,7 +161,7 @@ impl Table {
 
     /// Global attributes: those of CF, the conventions of the numbers, and what the
     /// file itself says.
-    fn global(&self) -> Vec<(String, String)> {
+    pub(super) fn global(&self) -> Vec<(String, String)> {
         let version = env!("CARGO_PKG_VERSION");
         let said = |key: &str, otherwise: &str| {
             let found = self.attributes.get(key);
@@ -211,6 +256,25 @@ mod tests {
         let expected: Vec<f32> = table.quantities[1].1.iter().copied().collect();
         assert_eq!(values, expected);
         assert_eq!(reader.read_var_f64("facetness").unwrap(), [0.1, 0.9]);
+    }
+
+    #[test]
+    fn missing_curves_are_nan_and_so_is_the_fill_value() {
+        let mut table = Table::of_compact(&database()).unwrap();
+        table.quantities[1].1.fill(f32::NAN);
+        let bytes = netcdf(&table).unwrap();
+        let mut reader =
+            netcdf3::FileReader::open_seek_read("memory", Box::new(Cursor::new(bytes))).unwrap();
+        let fill = |name| {
+            reader
+                .data_set()
+                .get_var_attr_f32(name, FILL)
+                .map(<[f32]>::to_vec)
+        };
+        assert_eq!(fill("transmittance"), None);
+        assert!(fill("reflectance").unwrap()[0].is_nan());
+        let values = reader.read_var_f32("reflectance").unwrap();
+        assert!(values.iter().all(|value| value.is_nan()));
     }
 
     #[test]

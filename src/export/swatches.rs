@@ -191,7 +191,8 @@ pub fn thicknesses(
     let all = if one {
         vec![at.thickness_cm]
     } else {
-        some(nodes)
+        let there = |cm: &f32| database.covers(at.grain_size_um, f64::from(*cm));
+        some(&nodes.iter().copied().filter(there).collect::<Vec<_>>())
     };
     let mut columns = Vec::new();
     let mut rows: Vec<_> = LIGHTS

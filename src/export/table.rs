@@ -1,7 +1,7 @@
 //! What a database or a compact file holds.
 use std::collections::BTreeMap;
 
-use ndarray::{ArrayD, IxDyn};
+use ndarray::{ArrayD, Axis, IxDyn};
 use serde_json::Value;
 
 use super::ExportError;
@@ -20,6 +20,8 @@ pub struct Table {
     pub(super) quantities: Vec<(Variable, ArrayD<f32>)>,
     /// What the file says about itself.
     pub(super) attributes: BTreeMap<String, String>,
+    /// Values of axes that [`Table::at`] has removed.
+    pub(super) fixed: BTreeMap<&'static str, f64>,
 }
 
 /// The order of the axes in an export.
@@ -27,8 +29,8 @@ pub struct Table {
 pub enum Layout {
     /// As in the database, wavelengths last.
     Database,
-    /// Density, thickness, grain size, wavelength, angle, as the tables of radiative
-    /// transfer codes for satellites have them; all others before these.
+    /// Density, thickness, grain size, wavelength, angle, all others before these: the
+    /// order of the Community Radiative Transfer Model for satellites ([`super::crtm()`]).
     Crtm,
 }
 
@@ -49,11 +51,16 @@ impl Layout {
     pub(super) const CRTM: [&'static str; 5] = [
         "density_kg_m3",
         "thickness_cm",
-        "grain_size_um",
+        SIZE,
         WAVELENGTH,
         "angle_deg",
     ];
 }
+
+/// Name of the axis of grain sizes.
+pub(super) const SIZE: &str = "grain_size_um";
+/// Name of the axis in its place where sizes are told as radii.
+pub(super) const RADIUS: &str = "optical_radius_um";
 
 impl Table {
     /// All of a finished database, standard errors among it.
@@ -83,6 +90,7 @@ impl Table {
             axes,
             quantities: Vec::new(),
             attributes: attributes.collect(),
+            fixed: BTreeMap::new(),
         };
         for variable in Variable::ALL {
             let values = store.read(variable)?.into_raw_vec_and_offset().0;
@@ -109,6 +117,7 @@ impl Table {
             axes,
             quantities: Vec::new(),
             attributes: database.metadata().clone(),
+            fixed: BTreeMap::new(),
         };
         let both = [
             (Quantity::Transmittance, Variable::Transmittance),
@@ -131,6 +140,30 @@ impl Table {
         Ok(())
     }
 
+    /// The part at one node of `axis`, without that axis. A value is on a node within
+    /// 1e-6 of it.
+    ///
+    /// # Errors
+    /// [`ExportError::NoNode`].
+    pub fn at(mut self, axis: &str, value: f64) -> Result<Self, ExportError> {
+        let place = self.axes.iter().position(|(name, _)| *name == axis);
+        let nodes = place.map_or(&[][..], |place| &self.axes[place].1);
+        let on = |node: &f64| (node - value).abs() <= 1e-6 * node.abs().max(f64::MIN_POSITIVE);
+        let (Some(place), Some(node)) = (place, nodes.iter().position(on)) else {
+            return Err(ExportError::NoNode {
+                axis: axis.to_owned(),
+                value,
+                nodes: nodes.to_vec(),
+            });
+        };
+        let (name, nodes) = self.axes.remove(place);
+        self.fixed.insert(name, nodes[node]);
+        for (_, array) in &mut self.quantities {
+            *array = array.index_axis(Axis(place), node).to_owned();
+        }
+        Ok(self)
+    }
+
     /// The same with its axes in another order.
     #[must_use]
     pub fn laid_out(mut self, layout: Layout) -> Self {
@@ -140,8 +173,11 @@ impl Table {
         // Not among these is before them; a stable sort keeps the order of the others.
         let rank = |axis: &usize| {
             let mut fast = Layout::CRTM.iter();
-            fast.position(|name| *name == self.axes[*axis].0)
-                .map(|i| i + 1)
+            let name = match self.axes[*axis].0 {
+                RADIUS => SIZE,
+                name => name,
+            };
+            fast.position(|fast| *fast == name).map(|i| i + 1)
         };
         let mut order: Vec<usize> = (0..self.axes.len()).collect();
         order.sort_by_key(rank);

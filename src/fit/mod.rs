@@ -379,6 +379,7 @@ fn bytes(
     });
     let file = CompactFile {
         axes,
+        absent: &[],
         wavelengths_nm,
         transmittance: of(Quantity::Transmittance),
         reflectance: of(Quantity::Reflectance),

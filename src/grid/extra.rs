@@ -159,7 +159,7 @@ impl Fixed {
 
 impl Spread {
     /// Sphericity around an axis value: cut to mean -+ half width, and to (0, 1].
-    pub(super) fn sphericity_law(&self, mean: f64) -> Result<TruncatedNormal, GridError> {
+    pub(crate) fn sphericity_law(&self, mean: f64) -> Result<TruncatedNormal, GridError> {
         let half_width = self.sphericity_half_width;
         let min = (mean - half_width).max(LEAST_SPHERICITY.min(mean));
         let max = (mean + half_width).min(1.0);

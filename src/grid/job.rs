@@ -4,6 +4,7 @@ use std::fmt;
 use super::{Conditions, Grid, GridError, Jobs, described};
 use crate::engine::{Request, Resolution};
 use crate::grain::{GrainType, SizeRange, TruncatedNormal};
+use crate::measurement::{Measured, Spectrum};
 use crate::transport::{Illumination, Pack, Snow};
 use crate::units::{cm_to_m, um_to_m};
 
@@ -23,15 +24,42 @@ pub struct Job {
     pub angles_deg: Vec<f64>,
     /// The same as illuminations.
     pub illuminations: Vec<Illumination>,
+    /// How many of the first thicknesses are too thin for the grains: their curves
+    /// do not exist ([`Grid::absent`]).
+    pub absent: usize,
 }
 
 impl Job {
-    /// What to ask an engine for.
+    /// Whether it has curves that exist.
+    #[must_use]
+    pub fn exists(&self) -> bool {
+        self.absent < self.thicknesses_m.len()
+    }
+
+    /// The `spectra` of the curves that exist, after one of `wavelengths` NaN for each
+    /// that does not: those of all curves.
+    #[must_use]
+    pub fn completed(&self, spectra: Vec<Spectrum>, wavelengths: usize) -> Vec<Spectrum> {
+        let none = Measured {
+            value: f64::NAN,
+            se: f64::NAN,
+        };
+        let none = Spectrum {
+            reflectance: vec![none; wavelengths],
+            transmittance: vec![none; wavelengths],
+            lost: vec![0.0; wavelengths],
+        };
+        let mut all = vec![none; self.absent * self.angles_deg.len()];
+        all.extend(spectra);
+        all
+    }
+
+    /// What to ask an engine for: the curves that exist.
     #[must_use]
     pub fn request<'a>(&'a self, grid: &'a Grid) -> Request<'a> {
         Request {
             pack: &self.pack,
-            thicknesses_m: &self.thicknesses_m,
+            thicknesses_m: self.thicknesses_m.get(self.absent..).unwrap_or_default(),
             illuminations: &self.illuminations,
             resolution: Resolution::default(),
             wavelengths_nm: &grid.wavelengths_nm,
@@ -94,6 +122,7 @@ impl Grid {
             sphericity: fixed.sphericity,
         };
         let thicknesses_cm = axes.thickness_cm.get(h..h + thicknesses);
+        let absent = self.absent()?.get(s).copied().unwrap_or_default();
         let angles_deg = axes.angle_deg.get(a..a + angles).ok_or_else(missing)?;
         Ok(Job {
             cell: job,
@@ -114,6 +143,7 @@ impl Grid {
                 .map(|cm| cm_to_m(*cm))
                 .collect(),
             angles_deg: angles_deg.to_vec(),
+            absent: absent.saturating_sub(h).min(thicknesses),
             illuminations: angles_deg
                 .iter()
                 .map(|deg| Illumination::Collimated {

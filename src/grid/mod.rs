@@ -3,6 +3,7 @@
 //!
 //! Curves and jobs are numbered in storage order, slowest axis first: those
 //! beyond the five, facetness, grain size, density, thickness, angle.
+mod absent;
 mod check;
 mod describe;
 mod extra;
@@ -17,6 +18,7 @@ use crate::grain::TruncatedNormal;
 use crate::optics::Carbon;
 use crate::transport::{Ground, Layer, Model};
 
+pub use absent::MIN_GRAIN_LENGTHS;
 pub use check::GridError;
 pub(crate) use describe::{carbon_lines, list, normal, number, reflectance};
 pub use extra::{Conditions, ExtraAxis, described};

@@ -134,6 +134,7 @@ impl Database {
         }
         Ok(Self {
             axes: self.axes.clone(),
+            absent: self.absent.clone(),
             extra: BTreeMap::new(),
             wavelengths_nm: self.wavelengths_nm.clone(),
             curves: self.curves_each(),
@@ -175,6 +176,9 @@ impl Database {
         }
         let mut curves = Array2::zeros((n, l));
         for (row, mut mean) in curves.rows_mut().into_iter().enumerate() {
+            if !self.exists(row) {
+                continue;
+            }
             let mut sum = vec![0.0; l];
             for (block, weight) in corners {
                 let curve = self.curve(block * n + row, quantity).unwrap_or_default();

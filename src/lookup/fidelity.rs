@@ -6,7 +6,7 @@ use crate::colour::Colorimeter;
 use crate::compress::CurveError;
 use crate::measurement::Quantity;
 
-/// Errors of every curve, in row order.
+/// Errors of every curve, in row order; NaN of those that do not exist.
 #[derive(Debug, Clone, PartialEq)]
 pub struct CurveErrors {
     /// RMSE, `[s]`.
@@ -38,6 +38,11 @@ pub fn errors_of(
         delta_e: colour.map(|_| Vec::with_capacity(curves.nrows())),
     };
     for (row, original) in curves.rows().into_iter().enumerate() {
+        if !database.exists(row) {
+            errors.rmse.push(f64::NAN);
+            errors.delta_e.iter_mut().for_each(|all| all.push(f64::NAN));
+            continue;
+        }
         let rebuilt = database.curve(row, quantity).unwrap_or_default();
         let rebuilt: Vec<f64> = rebuilt.into_iter().map(f64::from).collect();
         let error = CurveError::between(&original.to_vec(), &rebuilt, colour);

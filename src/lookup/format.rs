@@ -12,8 +12,8 @@ use thiserror::Error;
 
 use super::{Database, Factors};
 use crate::compress::format::{
-    self, AXES, BASIS, Coordinate, FORMAT, FORMAT_VERSION, MAX_HEADER, MAX_NUMBER, PRECISION,
-    QUANTITIES, WAVELENGTHS, axis_order, basis_name, coefficients_name, components_key,
+    self, ABSENT, AXES, BASIS, Coordinate, FORMAT, FORMAT_VERSION, MAX_HEADER, MAX_NUMBER,
+    PRECISION, QUANTITIES, WAVELENGTHS, axis_order, basis_name, coefficients_name, components_key,
     integers_name, number, quantisation_name, quantities,
 };
 use crate::compress::{Basis, Precision, dequantised};
@@ -183,6 +183,7 @@ impl Tensors<'_> {
             let mut quantities = components.iter();
             let known = axes
                 || name == WAVELENGTHS.name
+                || name == ABSENT
                 || quantities.any(|&(q, components)| belongs(&name, q, components, precision));
             if !known {
                 return Err(FormatError::Unknown(name));
@@ -202,6 +203,7 @@ impl Tensors<'_> {
             *axis = self.coordinate(coordinate)?;
             curves = curves.saturating_mul(axis.len());
         }
+        let absent = self.absent(axes[1].len(), axes[3].len())?;
         let [mut transmittance, mut reflectance] = <[Factors; 2]>::default();
         for (quantity, components) in components {
             let factors = match quantity {
@@ -231,6 +233,7 @@ impl Tensors<'_> {
             reflectance,
             curves,
             axes,
+            absent,
             extra,
             wavelengths_nm,
             metadata: self.metadata,
@@ -312,6 +315,24 @@ impl Tensors<'_> {
                 expected: format!("1 to {l}"),
                 meaning: "there are at most as many components as wavelengths",
             })
+    }
+
+    /// For each of `sizes` grain sizes, how many of the thinnest `thicknesses` have no
+    /// curve; empty if all have.
+    fn absent(&self, sizes: usize, thicknesses: usize) -> Result<Vec<usize>, FormatError> {
+        if self.header.info(ABSENT).is_none() {
+            return Ok(Vec::new());
+        }
+        let expected = format!("[{sizes}]");
+        let (_, data) = self.data(ABSENT, &[Dtype::U16], &expected, |found| found == [sizes])?;
+        let counts = data.as_chunks::<2>().0.iter();
+        let counts: Vec<usize> = counts.map(|&n| u16::from_le_bytes(n).into()).collect();
+        match counts.iter().find(|n| **n > thicknesses) {
+            Some(bad) => Err(FormatError::Value(format!(
+                "{ABSENT} has the value {bad}; expected at most the {thicknesses} thicknesses there are"
+            ))),
+            None => Ok(counts),
+        }
     }
 
     /// Quantised coefficients, `[s, l']`, decoded.

@@ -1,6 +1,7 @@
 //! Reading a compact file and looking spectra up in it (docs/methods.md): at its
 //! nodes as it stands ([`Database`]), anywhere in its box by our method
 //! ([`Lookup`]) or by the published one ([`Varsa2025`]).
+mod absent;
 mod conditions;
 mod coordinates;
 mod diffusion;
@@ -11,6 +12,7 @@ mod nodes;
 mod smooth;
 mod varsa2025;
 
+use absent::{Gap, absent, gap};
 pub(crate) use conditions::{exact, spread_beyond};
 pub use coordinates::spread;
 pub use fidelity::{CurveErrors, errors_of};
@@ -100,6 +102,21 @@ pub enum LookupError {
         /// Its size.
         bytes: u128,
     },
+    /// A curve that does not exist would be needed.
+    #[error(
+        "the file has no answer for grains of {grain_size_um} um in {thickness_cm} cm: grains of the node {node_um} um do not fit into a slab thinner than {}; ask for thicker snow or smaller grains",
+        least_cm.map_or_else(|| "all of the file".to_owned(), |cm| format!("{cm} cm"))
+    )]
+    Absent {
+        /// What was asked for.
+        grain_size_um: f64,
+        /// What was asked for.
+        thickness_cm: f64,
+        /// Node of the grain size that lacks it.
+        node_um: f32,
+        /// The thinnest node that it has.
+        least_cm: Option<f32>,
+    },
     /// A quantity that the file does not hold.
     #[error("the compact file has no {}, it has {} only", missing.name(), there.name())]
     NoQuantity {
@@ -134,6 +151,9 @@ struct Factors {
 #[derive(Debug, Clone, PartialEq)]
 pub struct Database {
     axes: [Vec<f32>; 5],
+    /// For each grain size, how many of the thinnest thicknesses have no curve; empty if
+    /// all have.
+    absent: Vec<usize>,
     /// Slower than the five.
     extra: BTreeMap<ExtraAxis, Vec<f32>>,
     wavelengths_nm: Vec<f32>,
@@ -209,6 +229,7 @@ impl Database {
                 .map(|(axis, values)| (*axis, single(values)))
                 .collect(),
             axes: axes.named().map(|(_, values)| single(values)),
+            absent: Vec::new(),
             wavelengths_nm: single(wavelengths_nm),
             kind: Basis::Linear,
             precision: Precision::F32,
@@ -217,6 +238,44 @@ impl Database {
             stands_free,
             metadata: BTreeMap::new(),
         }
+    }
+
+    /// The same of which the curves that `absent` counts do not exist, whatever they
+    /// hold: for each grain size, how many of the thinnest thicknesses.
+    #[must_use]
+    pub fn without(self, absent: &[usize]) -> Self {
+        Self {
+            absent: absent.to_vec(),
+            ..self
+        }
+    }
+
+    /// For each grain size, how many of the thinnest thicknesses have no curve, since
+    /// the grains do not fit into the slab; empty if all have.
+    #[must_use]
+    pub fn absent(&self) -> &[usize] {
+        &self.absent
+    }
+
+    /// Whether curve `row` exists.
+    #[must_use]
+    pub fn exists(&self, row: usize) -> bool {
+        let [.., thicknesses, angles] = self.axes.each_ref().map(Vec::len);
+        let absent = self.absent.get(self.size_of(row)).copied();
+        row / angles % thicknesses >= absent.unwrap_or_default()
+    }
+
+    /// The index of the grain size of curve `row`.
+    fn size_of(&self, row: usize) -> usize {
+        let [_, sizes, densities, thicknesses, angles] = self.axes.each_ref().map(Vec::len);
+        row / (angles * thicknesses * densities) % sizes
+    }
+
+    /// Whether all curves exist that the look-up `smooth` needs for these.
+    #[must_use]
+    pub fn covers(&self, grain_size_um: f64, thickness_cm: f64) -> bool {
+        let [size, thickness] = [grain_size_um, thickness_cm].map(|v| v as f32);
+        gap(&self.absent, &self.axes, size, thickness).is_none()
     }
 
     /// [`LookupError::NoQuantity`] unless the file holds `quantity`.
@@ -307,10 +366,17 @@ impl Database {
     /// on a node within 1e-6 of the node's value (the axes are f32).
     ///
     /// # Errors
-    /// [`LookupError::NoQuantity`], and those of [`Database::row`].
+    /// [`LookupError::NoQuantity`], [`LookupError::Absent`], and those of
+    /// [`Database::row`].
     pub fn spectrum(&self, point: Point, quantity: Quantity) -> Result<Vec<f32>, LookupError> {
         self.expect(quantity)?;
         let row = self.row(point)?;
+        if !self.exists(row) {
+            return Err(absent(
+                Gap::of(self.size_of(row), &self.absent, &self.axes),
+                point,
+            ));
+        }
         Ok(self.curve(row, quantity).unwrap_or_default())
     }
 
@@ -343,6 +409,7 @@ impl Database {
 
     /// The spectrum of curve `row`, `[l]`, in the arithmetic in which the error table
     /// was made; `None` beyond the last one, and if the file does not hold `quantity`.
+    /// NaN if the curve does not exist ([`Database::exists`]).
     #[must_use]
     pub fn curve(&self, row: usize, quantity: Quantity) -> Option<Vec<f32>> {
         let Factors {
@@ -350,6 +417,9 @@ impl Database {
             basis,
         } = self.factors(quantity);
         let coefficients = (row < coefficients.nrows()).then(|| coefficients.row(row))?;
+        if !self.exists(row) {
+            return Some(vec![f32::NAN; basis.nrows()]);
+        }
         let mut sum = vec![0.0; basis.nrows()];
         for (&coefficient, vector) in coefficients.iter().zip(basis.columns()) {
             add_component(&mut sum, coefficient, vector);

@@ -24,7 +24,7 @@ use wide::f32x8;
 use super::coordinates::{smooth, thickness_slope};
 use super::diffusion::Diffusion;
 use super::monotone::{share, slope};
-use super::{Database, LookupError, Point, nodes};
+use super::{Database, LookupError, Point, absent, gap, nodes};
 use crate::compress::{AXES, Basis};
 use crate::math::exp_neg_single as exp_neg;
 use crate::measurement::Quantity;
@@ -53,6 +53,8 @@ pub struct Lookup {
     axes: [Vec<f32>; 5],
     /// Their coordinates; those of the thickness begin with [`THIN`], if it stands free.
     places: [Vec<f32>; 5],
+    /// Curves that do not exist, as [`Database::absent`].
+    absent: Vec<usize>,
     /// Vectors per node.
     width: usize,
     /// `[node][width]`: y and its slope along the thickness.
@@ -119,6 +121,7 @@ impl Lookup {
             quantity,
             axes,
             places,
+            absent: database.absent().to_vec(),
             width,
             table: Vec::new(),
             components: 0,
@@ -154,8 +157,8 @@ impl Lookup {
     /// other coordinates are in the box of the axes, within 1e-6 of its ends.
     ///
     /// # Errors
-    /// [`LookupError::Outside`], and [`LookupError::Shape`] for a `spectrum` of
-    /// another length.
+    /// [`LookupError::Outside`], [`LookupError::Absent`] where a curve around does not
+    /// exist, and [`LookupError::Shape`] for a `spectrum` of another length.
     pub fn spectrum(&self, point: Point, spectrum: &mut [f32]) -> Result<(), LookupError> {
         if spectrum.len() != self.wavelengths {
             return Err(LookupError::Shape {
@@ -165,6 +168,11 @@ impl Lookup {
             });
         }
         let values = self.inside(point).ok_or_else(|| self.outside(point))?;
+        if !self.absent.is_empty()
+            && let Some(gap) = gap(&self.absent, &self.axes, values[1], values[THICKNESS])
+        {
+            return Err(absent(gap, point));
+        }
         let places = smooth(values);
         let x = &self.places[THICKNESS];
         if places[THICKNESS] <= x[x.len() - 1] {
@@ -207,6 +215,7 @@ impl Lookup {
             places: self.places.clone(),
             table: Vec::new(),
             basis: self.basis.clone(),
+            absent: self.absent_between(values[1]),
             ..*self
         };
         for (at, weight) in corners.iter() {
@@ -222,6 +231,17 @@ impl Lookup {
         Ok(material)
     }
 
+    /// [`Lookup::absent`] of a grain size alone: that of the nodes around it.
+    fn absent_between(&self, grain_size_um: f32) -> Vec<usize> {
+        let missing = |cm: &&f32| gap(&self.absent, &self.axes, grain_size_um, **cm).is_some();
+        let thinnest = self.axes[THICKNESS].iter().take_while(missing).count();
+        if thinnest > 0 {
+            vec![thinnest]
+        } else {
+            Vec::new()
+        }
+    }
+
     /// Fills the table, column by column, with `depth` components.
     fn fill(&mut self, database: &Database, depth: usize) {
         let [n_f, n_g, n_d, n_h, n_a] = self.axes.each_ref().map(Vec::len);
@@ -230,9 +250,18 @@ impl Lookup {
         let mut table = vec![f32x8::ZERO; n_f * n_g * n_d * rows * n_a * self.width];
         let mut y = vec![vec![0.0; depth]; rows];
         for (snow, angle) in (0..n_f * n_g * n_d).flat_map(|s| (0..n_a).map(move |a| (s, a))) {
+            let absent = self
+                .absent
+                .get(snow / n_d % n_g)
+                .copied()
+                .unwrap_or_default();
             for h in 0..n_h {
                 let row = (snow * n_h + h) * n_a + angle;
                 let (before, here) = y.split_at_mut(thin + h);
+                if h < absent {
+                    here[0].fill(0.0);
+                    continue;
+                }
                 if self.components == 0 {
                     let curve = database.curve(row, self.quantity).unwrap_or_default();
                     // Noise must not make a slab transmit more than a thinner one, nor
@@ -247,10 +276,14 @@ impl Lookup {
                     pairs.for_each(|(y, c)| *y = *c);
                 }
             }
-            if thin > 0 {
+            // what does not exist is nobody's neighbour
+            let begin = if absent > 0 { thin + absent } else { 0 };
+            y[..begin].iter_mut().for_each(|y| y.fill(0.0));
+            if thin > 0 && begin == 0 {
                 self.fill_thin(&mut y);
             }
-            let slopes = self.slopes(&y);
+            let mut slopes = vec![vec![0.0; depth]; begin];
+            slopes.extend(self.slopes(&y[begin..]));
             for h in 0..rows {
                 let node = ((snow * rows + h) * n_a + angle) * self.width;
                 for (i, (y, slope)) in y[h].iter().zip(&slopes[h]).enumerate() {
@@ -309,9 +342,13 @@ impl Lookup {
         -libm::logf(left.clamp(libm::expf(-DARKEST), 1.0))
     }
 
-    /// Limited slopes of a column, `[h][component]`.
+    /// Limited slopes of a column, or of its last nodes, `[h][component]`.
     fn slopes(&self, y: &[Vec<f32>]) -> Vec<Vec<f32>> {
-        let x = &self.places[THICKNESS];
+        let all = &self.places[THICKNESS];
+        let x = &all[all.len() - y.len()..];
+        if x.len() < 2 {
+            return y.iter().map(|y| vec![0.0; y.len()]).collect();
+        }
         let last = x.len() - 1;
         if self.components == 0 {
             let limited = |h: usize, i: usize| {

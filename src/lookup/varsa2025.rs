@@ -11,7 +11,7 @@
 //! The spline rings between its knots and can leave [0, 1]: nothing is mended.
 use nalgebra::{DMatrix, DVector};
 
-use super::{Database, LookupError, Point, nodes};
+use super::{Database, Gap, LookupError, Point, absent, nodes};
 use crate::compress::AXES;
 use crate::measurement::Quantity;
 
@@ -56,8 +56,8 @@ impl<'a> Varsa2025<'a> {
     /// The spectrum at `point`, `[l]`.
     ///
     /// # Errors
-    /// [`LookupError::BetweenNodes`] for snow that is no node, and
-    /// [`LookupError::Outside`].
+    /// [`LookupError::BetweenNodes`] for snow that is no node, [`LookupError::Outside`],
+    /// and [`LookupError::Absent`] for snow of which a thickness does not exist.
     pub fn spectrum(&self, point: Point) -> Result<Vec<f32>, LookupError> {
         let axes = self.database.axes();
         let coordinates = point.coordinates();
@@ -65,6 +65,11 @@ impl<'a> Varsa2025<'a> {
         for axis in 0..3 {
             let node = nodes::find(AXES[axis].name, &axes[axis], coordinates[axis])?;
             snow = snow * axes[axis].len() + node;
+        }
+        let size = snow / axes[2].len() % axes[1].len();
+        // the spline passes through all thicknesses
+        if self.database.absent().get(size).is_some_and(|n| *n > 0) {
+            return Err(absent(Gap::of(size, self.database.absent(), axes), point));
         }
         let outside = |axis: usize, first, last| LookupError::Outside {
             axis: AXES[axis].name,

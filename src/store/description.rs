@@ -14,6 +14,9 @@ use crate::grid::{Axes, ExtraAxis, Grid};
 /// Version of the layout described in [`crate::store`].
 pub const FORMAT_VERSION: u32 = 1;
 
+/// Entry of the thicknesses that are too thin for the grains, per grain size.
+const ABSENT: &str = "absent";
+
 /// Value of the attribute by which our own databases are recognised.
 const PROGRAM: &str = "splitsnow";
 
@@ -43,12 +46,19 @@ impl Description {
             .describe()
             .into_iter()
             .map(|(section, key, value)| (format!("{section}.{key}"), value));
+        let absent = grid.absent().unwrap_or_default();
+        let absent = (!absent.is_empty()).then(|| (ABSENT.to_string(), counts(&absent)));
         // Each entry is one line of the attribute.
         let extra = extra
             .iter()
             .map(|(key, value)| (key.clone(), value.replace('\n', " ")));
         Self {
-            entries: own.into_iter().chain(inputs).chain(extra).collect(),
+            entries: own
+                .into_iter()
+                .chain(inputs)
+                .chain(absent)
+                .chain(extra)
+                .collect(),
             config: grid.to_config(),
         }
     }
@@ -173,6 +183,22 @@ impl Description {
         Ok((axes, list("wavelengths", "values_nm")?, engine))
     }
 
+    /// For each grain size, how many of the thinnest thicknesses have no curve; empty
+    /// if all have.
+    pub(super) fn absent(&self, axes: &Axes, path: &Path) -> Result<Vec<usize>, StoreError> {
+        let Some(text) = self.get(ABSENT) else {
+            return Ok(Vec::new());
+        };
+        let all: Result<Vec<usize>, _> = text.split(", ").map(str::parse).collect();
+        let [_, sizes, _, thicknesses, _] = axes.shape().map(|n| n as usize);
+        all.ok()
+            .filter(|all| all.len() == sizes && all.iter().all(|n| *n <= thicknesses))
+            .ok_or_else(|| StoreError::Damaged {
+                path: path.join("zarr.json"),
+                reason: format!("its identity says {ABSENT} = {text}"),
+            })
+    }
+
     fn has_axis(&self, axis: ExtraAxis) -> bool {
         self.get(&format!("axes.{}", axis.name())).is_some()
     }
@@ -239,6 +265,13 @@ impl Description {
             .map(|(key, value)| (key.to_string(), value))
             .collect()
     }
+}
+
+fn counts(all: &[usize]) -> String {
+    all.iter()
+        .map(usize::to_string)
+        .collect::<Vec<_>>()
+        .join(", ")
 }
 
 fn hex(bytes: &[u8]) -> String {

@@ -11,7 +11,7 @@ impl Store {
     ///
     /// # Errors
     /// The store is open for reading only, the spectra do not fit the job or
-    /// hold a value that is no number, or a file cannot be written.
+    /// hold a value that is no number (or is one, of a curve that does not exist), or a file cannot be written.
     pub fn commit(&self, job: u64, spectra: &[Spectrum]) -> Result<(), StoreError> {
         let writer = self.writer()?;
         self.check_spectra(job, spectra)?;
@@ -77,7 +77,8 @@ impl Store {
         if spectra.len() as u64 != curves {
             return refuse(format!("{} spectra for {curves} curves", spectra.len()));
         }
-        for spectrum in spectra {
+        let absent = self.layout.absent_of(job)?;
+        for (curve, spectrum) in spectra.iter().enumerate() {
             let lengths = [
                 spectrum.reflectance.len(),
                 spectrum.transmittance.len(),
@@ -88,7 +89,14 @@ impl Store {
                 return refuse(format!("{lengths:?} values for {wavelengths} wavelengths"));
             }
             for quantity in Variable::ALL {
-                if let Some(value) = values(spectrum, quantity).find(|v| !v.is_finite()) {
+                let wrong = |v: &f32| {
+                    if curve < absent {
+                        !v.is_nan()
+                    } else {
+                        !v.is_finite()
+                    }
+                };
+                if let Some(value) = values(spectrum, quantity).find(wrong) {
                     return refuse(format!("{} is {value}", quantity.name()));
                 }
             }

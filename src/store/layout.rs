@@ -28,6 +28,7 @@ const JOBS: &str = "jobs";
 pub(super) struct Layout {
     pub(super) jobs: Jobs,
     axes: Axes,
+    absent: Vec<usize>,
     wavelengths_nm: Vec<f64>,
     quantities: [ZarrArray; 4],
     pub(super) lost: ZarrArray,
@@ -41,6 +42,7 @@ impl Layout {
         axes: Axes,
         wavelengths_nm: Vec<f64>,
         engine: Engine,
+        absent: Vec<usize>,
     ) -> Result<Self, StoreError> {
         let jobs = Jobs::new(engine, axes.shape(), wavelengths_nm.len() as u64)?;
         let jobs = jobs.repeated(axes.combinations())?;
@@ -83,6 +85,7 @@ impl Layout {
         Ok(Self {
             jobs,
             axes,
+            absent,
             wavelengths_nm,
             quantities,
             lost,
@@ -93,6 +96,43 @@ impl Layout {
 
     pub(super) fn axes(&self) -> &Axes {
         &self.axes
+    }
+
+    pub(super) fn absent(&self) -> &[usize] {
+        &self.absent
+    }
+
+    /// How many of the first curves of `job` do not exist.
+    pub(super) fn absent_of(&self, job: u64) -> Result<usize, StoreError> {
+        let [_, size, _, thickness, _] = self.jobs.origin(job)?.map(|i| i as usize);
+        let [.., thicknesses, angles] = self.jobs.block().map(|n| n as usize);
+        let thinnest = self.absent.get(size).copied().unwrap_or_default();
+        Ok(thinnest.saturating_sub(thickness).min(thicknesses) * angles)
+    }
+
+    /// Which curves do not exist, if there are any: 1 by grain size and thickness.
+    fn status(&self) -> Result<Option<(ZarrArray, Vec<i8>)>, StoreError> {
+        if self.absent.is_empty() {
+            return Ok(None);
+        }
+        let n = self.axes.thickness_cm.len();
+        let row = |thinnest: &usize| {
+            let thinnest = *thinnest;
+            (0..n).map(move |h| i8::from(h < thinnest))
+        };
+        let values: Vec<i8> = self.absent.iter().flat_map(row).collect();
+        let shape = vec![self.absent.len() as u64, n as u64];
+        let spec = Spec {
+            name: STATUS,
+            long_name: "whether curves exist: a slab must hold ten lengths of its longest grain",
+            units: "1",
+            dimensions: &["grain_size_um", "thickness_cm"],
+        };
+        let mut array = spec.array(&self.storage, shape.clone(), shape, data_type::int8(), 0_i8)?;
+        let attributes = array.attributes_mut();
+        attributes.insert("flag_values".into(), json!([0, 1]));
+        attributes.insert("flag_meanings".into(), json!("simulated grains_do_not_fit"));
+        Ok(Some((array, values)))
     }
 
     /// Index of a job's chunk in the arrays of spectra.
@@ -138,6 +178,11 @@ impl Layout {
             files.insert(key, encode(&array, values)?);
             nodes.insert(name.into(), metadata(&array)?);
         }
+        if let Some((array, values)) = self.status()? {
+            let key = format!("{STATUS}/{}", chunk_name(&array, &[0, 0])?);
+            files.insert(key, encode(&array, &values)?);
+            nodes.insert(STATUS.into(), metadata(&array)?);
+        }
         for (quantity, array) in self.quantities() {
             nodes.insert(quantity.name().into(), metadata(array)?);
         }
@@ -166,6 +211,9 @@ impl Layout {
 
 /// Name of the axis of wavelengths.
 pub(crate) const WAVELENGTH: &str = "wavelength_nm";
+
+/// Name of the array that says which curves exist.
+const STATUS: &str = "curve_status";
 
 /// How an array is named and explained.
 struct Spec<'a> {

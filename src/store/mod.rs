@@ -8,6 +8,8 @@
 //!     c.0.0.0.0.0.0 ...          thickness_cm, angle_deg, wavelength_nm], axes
 //!                                beyond the five before these
 //!   facetness/ ... wavelength_nm/   float64 coordinates
+//!   curve_status/              int8 [grain_size_um, thickness_cm], if there are curves
+//!                                that do not exist: 1, and NaN in all quantities
 //!   jobs/lost_share/ jobs/committed/   float64 and uint64 [job]
 //! DIR/.splitsnow-lock          empty; who holds its lock may write
 //! DIR/.splitsnow-held-...      instead, where the file system has no locks
@@ -95,7 +97,7 @@ impl Store {
         }
         let writer = file::Writer::new(dir, access)?;
         let (axes, nm) = (grid.axes.clone(), grid.wavelengths_nm.clone());
-        let layout = Layout::new(&root, axes, nm, grid.run.engine)?;
+        let layout = Layout::new(&root, axes, nm, grid.run.engine, grid.absent()?)?;
         let store = Self {
             dir: dir.into(),
             root,
@@ -157,9 +159,10 @@ impl Store {
         let description = stored(&root)?.ok_or_else(|| StoreError::Absent { path: dir.into() })?;
         description.check_format(&root)?;
         let (axes, nm, engine) = description.axes(&root)?;
+        let absent = description.absent(&axes, &root)?;
         Ok(Self {
             dir: dir.into(),
-            layout: Layout::new(&root, axes, nm, engine)?,
+            layout: Layout::new(&root, axes, nm, engine, absent)?,
             root,
             description,
             writer: None,
@@ -244,6 +247,26 @@ impl Store {
     #[must_use]
     pub fn axes(&self) -> &Axes {
         self.layout.axes()
+    }
+
+    /// For each grain size, how many of the thinnest thicknesses have no curve
+    /// ([`Grid::absent`]): they are NaN. Empty if all have.
+    #[must_use]
+    pub fn absent(&self) -> &[usize] {
+        self.layout.absent()
+    }
+
+    /// Rows, in storage order, of the curves that exist.
+    #[must_use]
+    pub fn rows(&self) -> Vec<usize> {
+        let [_, sizes, densities, thicknesses, angles] = self.axes().shape().map(|n| n as usize);
+        let absent = self.absent();
+        let exists = |row: &usize| {
+            let thickness = row / angles % thicknesses;
+            let size = row / (angles * thicknesses * densities) % sizes;
+            thickness >= absent.get(size).copied().unwrap_or_default()
+        };
+        (0..self.jobs().curves() as usize).filter(exists).collect()
     }
 
     /// Wavelengths, nm.

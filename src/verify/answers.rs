@@ -69,7 +69,8 @@ pub(super) fn check(
         of.store.wavelengths_nm(),
         Some(&t),
         Some(&r),
-    );
+    )
+    .without(of.store.absent());
     let regions = [region(file)];
     let certificate = subject(of, &regions, file, &exact, colour).certify(control)?;
     let mut check = named(&certificate);

@@ -114,6 +114,9 @@ fn origin(subject: &Subject<'_>, database: &Database) -> Vec<String> {
     for (key, stored) in &attributes {
         compare(key, stored);
     }
+    if database.absent() != subject.store.absent() {
+        problems.push("the curves that it lacks are not those of the database".to_owned());
+    }
     let wavelengths = (
         "wavelength_nm",
         subject.store.wavelengths_nm(),
@@ -191,12 +194,11 @@ pub(super) fn stated(database: &Database, quantity: Quantity) -> Option<Bounds> 
     bounds.get(quantity.name()).copied()
 }
 
-/// Mean, largest and position of the (first) largest; `None` of nothing.
+/// Mean, largest and position of the (first) largest, of curves that exist; `None` of
+/// nothing.
 pub(super) fn summary(errors: &[f64]) -> Option<(f64, f64, usize)> {
-    let mean = errors.iter().sum::<f64>() / errors.len() as f64;
-    let (worst, max) = errors
-        .iter()
-        .enumerate()
-        .reduce(|a, b| if b.1 > a.1 { b } else { a })?;
+    let there = errors.iter().enumerate().filter(|(_, e)| !e.is_nan());
+    let mean = there.clone().map(|(_, e)| e).sum::<f64>() / there.clone().count() as f64;
+    let (worst, max) = there.reduce(|a, b| if b.1 > a.1 { b } else { a })?;
     Some((mean, *max, worst))
 }

@@ -86,6 +86,13 @@ fn choose(subject: &Subject<'_>) -> (Vec<Node>, u64) {
         for (index, length) in node.iter_mut().zip(block) {
             *index += random.next_u64() % length;
         }
+        // where grains do not fit, the thinnest slab of the job that holds them
+        let absent = subject.store.absent().get(node[1] as usize).copied();
+        node[3] = node[3].max(absent.unwrap_or_default() as u64);
+        if node[3] / block[3] * block[3] != jobs.origin(job as u64).ok()?[3] || node[3] >= shape[3]
+        {
+            return None;
+        }
         let combination = jobs.combination(job as u64);
         let row = node
             .iter()

@@ -50,7 +50,7 @@ static void getters(const splitsnow *database) {
     EXPECT(strcmp(splitsnow_metadata(database, "provenance"), "{}") == 0);
     EXPECT(splitsnow_metadata(database, "nothing") == NULL);
     EXPECT(strcmp(splitsnow_axis_name(SPLITSNOW_WATER_SATURATION), "water_saturation") == 0);
-    for (int status = 0; status <= SPLITSNOW_ERROR_NO_COLOUR; status++) {
+    for (int status = 0; status <= SPLITSNOW_ERROR_ABSENT; status++) {
         EXPECT(strlen(splitsnow_error_string((splitsnow_status)status)) > 5);
     }
 }

@@ -34,6 +34,7 @@ pub(crate) struct Made {
     variant: Variant,
     choice: Choice,
     there: Vec<Quantity>,
+    absent: Vec<usize>,
     extra: BTreeMap<String, String>,
 }
 
@@ -52,6 +53,7 @@ impl Default for Made {
             variant: Variant::default(),
             choice: Choice::Components(5),
             there: Quantity::ALL.into(),
+            absent: Vec::new(),
             extra: BTreeMap::new(),
         }
     }
@@ -86,6 +88,7 @@ impl Made {
         });
         CompactFile {
             axes: &self.axes,
+            absent: &self.absent,
             wavelengths_nm: &self.nm,
             transmittance: t.as_ref(),
             reflectance: r.as_ref(),
@@ -165,6 +168,18 @@ pub(crate) fn variants() -> Vec<(String, Vec<u8>)> {
                 ..Variant::default()
             },
             extra: [("bottom_boundary".into(), "Lambertian ground".into())].into(),
+            ..Made::default()
+        };
+        all.push((name.to_owned(), made.bytes()));
+    }
+    // curves that do not exist; of the last size only one thickness has any
+    for (name, variant, absent) in [
+        ("absent_linear", Variant::default(), [0, 2, 5]),
+        ("absent_quantised", log(Precision::Quantised), [0, 0, 3]),
+    ] {
+        let made = Made {
+            variant,
+            absent: absent.into(),
             ..Made::default()
         };
         all.push((name.to_owned(), made.bytes()));

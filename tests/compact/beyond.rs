@@ -44,6 +44,7 @@ fn file(basis: Basis) -> Vec<u8> {
     );
     CompactFile {
         axes: &beyond(),
+        absent: &[],
         wavelengths_nm: &wavelengths(),
         transmittance: Some(&made.unwrap()),
         reflectance: None,

@@ -252,6 +252,7 @@ fn fuzz_seeds_are_what_they_say() {
             });
             CompactFile {
                 axes: &small,
+                absent: &[],
                 wavelengths_nm: &[500.0, 550.0, 600.0],
                 transmittance: t.as_ref(),
                 reflectance: r.as_ref(),
@@ -295,6 +296,7 @@ fn fuzz_seeds_are_what_they_say() {
         );
         let file = CompactFile {
             axes: &beyond,
+            absent: &[],
             wavelengths_nm: &[500.0, 550.0, 600.0],
             transmittance: Some(&made.unwrap()),
             reflectance: None,

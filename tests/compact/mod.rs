@@ -85,6 +85,7 @@ fn compressed(choice: Choice) -> Compressed {
 fn bytes_of(transmittance: &Compressed, reflectance: &Compressed) -> Vec<u8> {
     CompactFile {
         axes: &axes(),
+        absent: &[],
         wavelengths_nm: &wavelengths(),
         transmittance: Some(transmittance),
         reflectance: Some(reflectance),
@@ -235,6 +236,7 @@ fn the_writer_refuses_what_the_reader_would() {
     let refused = |axes: &Axes, wavelengths_nm: &[f64], transmittance: &Compressed| {
         let file = CompactFile {
             axes,
+            absent: &[],
             wavelengths_nm,
             transmittance: Some(transmittance),
             reflectance: Some(&good),
@@ -260,6 +262,7 @@ fn the_writer_refuses_what_the_reader_would() {
     let (axes, wavelengths) = (axes(), wavelengths());
     let file = CompactFile {
         axes: &axes,
+        absent: &[],
         wavelengths_nm: &wavelengths,
         transmittance: Some(&good),
         reflectance: Some(&good),
@@ -281,6 +284,7 @@ fn files_are_replaced_whole_and_errors_name_them() {
     let (axes, wavelengths, extra) = (axes(), wavelengths(), BTreeMap::new());
     let file = CompactFile {
         axes: &axes,
+        absent: &[],
         wavelengths_nm: &wavelengths,
         transmittance: Some(&compressed),
         reflectance: Some(&compressed),
@@ -338,6 +342,7 @@ proptest! {
         let extra = BTreeMap::from([("note".to_owned(), "\"\\\u{1f}\u{e9}".to_owned())]);
         let file = CompactFile {
             axes: &axes,
+            absent: &[],
             wavelengths_nm: &wavelengths_nm,
             transmittance: Some(&compressed),
             reflectance: Some(&compressed),

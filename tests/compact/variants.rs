@@ -38,6 +38,7 @@ fn try_bytes(
 ) -> Result<Vec<u8>, String> {
     CompactFile {
         axes: &axes(),
+        absent: &[],
         wavelengths_nm: &wavelengths(),
         transmittance,
         reflectance,

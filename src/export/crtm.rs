@@ -1,0 +1,430 @@
+//! NetCDF as the Community Radiative Transfer Model loads tables of snow.
+//!
+//! Names, types, order of dimensions, units and `long_name` are those of its loader
+//! `VISsnowCoeff_netCDF_IO` (JCSDA/CRTMv3, May 2026; docs/formats.md): reflectance by
+//! density, depth, grain size, frequency and angle, and no emissivity, which it takes
+//! to be 1 less reflectance. Its infrared loader, `IRsnowCoeff`, has tables of
+//! emissivity beyond the wavelengths that we simulate.
+use ndarray::{ArrayD, Axis};
+use netcdf3::DataSet;
+
+use super::netcdf::{FILL, STAND_IN, failed, version, written};
+use super::table::RADIUS;
+use super::{ExportError, Layout, Table};
+use crate::grain::{SizeRange, TruncatedNormal, shape_factor, size_factor_per_m};
+use crate::grid::{ExtraAxis, Spread};
+use crate::store::Variable;
+use crate::units::{m_to_um, um_to_m};
+
+/// A coordinate of the loader, in the order of [`Layout::CRTM`].
+struct Dimension {
+    /// Of the dimension.
+    dimension: &'static str,
+    /// Of the variable.
+    variable: &'static str,
+    long_name: &'static str,
+    description: &'static str,
+    units: &'static str,
+}
+
+const DIMENSIONS: [Dimension; 5] = [
+    Dimension {
+        dimension: "n_Densities",
+        variable: "Density",
+        long_name: "Density",
+        description: "density of the dry snow",
+        units: "kg/m^3",
+    },
+    Dimension {
+        dimension: "n_Depths",
+        variable: "Depth",
+        long_name: "Depth",
+        description: "thickness of the snow",
+        units: "meters",
+    },
+    Dimension {
+        dimension: "n_Grain_Sizes",
+        variable: "Grain_Size",
+        long_name: "Grain Size",
+        description: "optical radius, 3 / (specific surface area times density of ice)",
+        units: "effective radius in microns (um)",
+    },
+    Dimension {
+        dimension: "n_Frequencies",
+        variable: "Frequency",
+        long_name: "Frequency",
+        description: "wavenumber in vacuum",
+        units: "inverse centimeters (cm^-1)",
+    },
+    Dimension {
+        dimension: "n_Angles",
+        variable: "Angle",
+        long_name: "Angle",
+        description: "polar angle of incidence of collimated light (solar zenith angle)",
+        units: "degrees from vertical",
+    },
+];
+
+/// What the loader reads before anything else; another release is refused by it.
+const RELEASE: i32 = 1;
+/// Of the data: the loader takes any.
+const VERSION: i32 = 1;
+/// By the file name's first part CRTM chooses the loader: `NPOESS` is that of one
+/// reflectance for each type of snow, `SNICAR` that of this table.
+const CLASSIFICATION: &str = "SNICAR";
+/// Nodes between which CRTM interpolates: two parabolas (`CRTM_Interpolation`).
+const NODES: usize = 4;
+
+/// `table` as the bytes of a NetCDF file for the loader of CRTM. Axes of one value
+/// beside its five are dropped. NaN, also the `_FillValue`, are curves that do not
+/// exist: CRTM adds them up to NaN.
+///
+/// # Errors
+/// [`ExportError::Crtm`]: no reflectance, an axis too many, fewer than four nodes, a
+/// radius that is not told; [`ExportError::TooLarge`].
+pub fn crtm(table: Table) -> Result<Vec<u8>, ExportError> {
+    let table = table.alone()?.laid_out(Layout::Crtm);
+    if table.axes.len() != DIMENSIONS.len() {
+        return refused("it needs the axes density, depth, grain size, frequency and angle".into());
+    }
+    let mut coordinates = Vec::new();
+    for ((name, values), about) in table.axes.iter().zip(&DIMENSIONS) {
+        if values.len() < NODES {
+            return refused(format!(
+                "it interpolates over {NODES} nodes of every axis, and {name} has {}",
+                values.len()
+            ));
+        }
+        let converted: Vec<f64> = match about.variable {
+            "Depth" => values.iter().map(|cm| cm / 100.0).collect(),
+            "Grain_Size" => table.radii_um(name, values)?,
+            // it looks for rising frequencies
+            "Frequency" => values.iter().rev().map(|nm| 1e7 / nm).collect(),
+            _ => values.clone(),
+        };
+        if let Some(value) = converted.iter().find(|value| !value.is_finite()) {
+            return refused(format!("{name} has the value {value}"));
+        }
+        coordinates.push((about, converted));
+    }
+    let quantities = [
+        (Variable::Reflectance, "Reflectance", "Reflectance"),
+        (
+            Variable::ReflectanceSe,
+            "Reflectance_SE",
+            "Standard Error of the Reflectance",
+        ),
+    ];
+    let mut arrays: Vec<(&str, &str, ArrayD<f32>)> = Vec::new();
+    for (variable, name, long_name) in quantities {
+        let mut all = table.quantities.iter();
+        if let Some((_, array)) = all.find(|(there, _)| *there == variable) {
+            let mut array = array.clone();
+            array.invert_axis(Axis(3));
+            arrays.push((name, long_name, array));
+        }
+    }
+    if arrays
+        .first()
+        .is_none_or(|(name, ..)| *name != "Reflectance")
+    {
+        return refused("the file has no reflectance".to_owned());
+    }
+
+    let sizes = arrays
+        .iter()
+        .map(|(name, _, array)| (*name, 8 * array.len() as u64));
+    let version = version(sizes)?;
+    let mut set = DataSet::new();
+    table.about(&mut set).map_err(failed)?;
+    for (about, values) in &coordinates {
+        set.add_fixed_dim(about.dimension, values.len())
+            .map_err(failed)?;
+        let name = about.variable;
+        set.add_var_f64(name, &[about.dimension]).map_err(failed)?;
+        described(
+            &mut set,
+            name,
+            [about.long_name, about.description, about.units],
+        )
+        .map_err(failed)?;
+    }
+    let dimensions = DIMENSIONS.each_ref().map(|about| about.dimension);
+    for (name, long_name, _) in &arrays {
+        set.add_var_f64(*name, &dimensions).map_err(failed)?;
+        let description = "Spectral snow surface reflectance data: directional-hemispherical";
+        described(&mut set, name, [long_name, description, "N/A"]).map_err(failed)?;
+    }
+    written(&set, version, |writer| {
+        for (about, values) in &coordinates {
+            writer.write_var_f64(about.variable, values)?;
+        }
+        for (name, _, array) in &arrays {
+            let values: Vec<f64> = array.iter().copied().map(f64::from).collect();
+            writer.write_var_f64(name, &values)?;
+        }
+        Ok(())
+    })
+}
+
+fn refused<T>(reason: String) -> Result<T, ExportError> {
+    Err(ExportError::Crtm { reason })
+}
+
+fn described(
+    set: &mut DataSet,
+    variable: &str,
+    [long_name, description, units]: [&str; 3],
+) -> Result<(), netcdf3::error::InvalidDataSet> {
+    set.add_var_attr_string(variable, "long_name", long_name)?;
+    set.add_var_attr_string(variable, "description", description)?;
+    set.add_var_attr_string(variable, "units", units)?;
+    set.add_var_attr_f64(variable, FILL, vec![f64::from(STAND_IN)])
+}
+
+impl Table {
+    /// Without its axes of one value that the loader has no place for.
+    fn alone(mut self) -> Result<Self, ExportError> {
+        let fit = |name: &str| Layout::CRTM.contains(&name) || name == RADIUS;
+        while let Some(axis) = self.axes.iter().position(|(name, _)| !fit(name)) {
+            let (name, values) = self.axes[axis].clone();
+            let [value] = values[..] else {
+                return refused(format!(
+                    "it has density, depth, grain size, frequency and angle only; choose one of the {} values of {name} with --{}",
+                    values.len(),
+                    name.replace('_', "-")
+                ));
+            };
+            self = self.at(name, value)?;
+        }
+        Ok(self)
+    }
+
+    /// Optical radii, um, of the values of the axis `name`.
+    fn radii_um(&self, name: &str, values: &[f64]) -> Result<Vec<f64>, ExportError> {
+        if name == RADIUS {
+            return Ok(values.to_vec());
+        }
+        let untold = |what: &str| {
+            let reason = format!("the file does not say its {what}, which the optical radii need");
+            ExportError::Crtm { reason }
+        };
+        let config = self.config().ok_or_else(|| untold("config"))?;
+        let entry = |section: &str, key: &str| config.get(section)?.get(key).cloned();
+        let float = |value: Option<toml::Value>| value.and_then(|value| value.as_float());
+        let half_width_um = float(entry("spread", "grain_size_half_width_um"))
+            .ok_or_else(|| untold("spread.grain_size_half_width_um"))?;
+        let sphericity = || {
+            let law = |key| float(entry("fixed", "sphericity")?.get(key).cloned());
+            TruncatedNormal::new(law("min")?, law("max")?, law("mean")?, law("sd")?).ok()
+        };
+        let sphericity = match self.fixed.get(ExtraAxis::Sphericity.name()) {
+            None => sphericity(),
+            Some(mean) => {
+                let width = |key| float(entry("spread", key)).unwrap_or(f64::NAN);
+                let spread = Spread {
+                    sphericity_half_width: width("sphericity_half_width"),
+                    sphericity_sd: width("sphericity_sd"),
+                    ..Spread::default()
+                };
+                spread.sphericity_law(*mean).ok()
+            }
+        };
+        let sphericity = sphericity.ok_or_else(|| untold("fixed.sphericity"))?;
+        let shape = shape_factor(&sphericity);
+        let radius_um = |size_um: &f64| {
+            let ends = [size_um - half_width_um, size_um + half_width_um].map(um_to_m);
+            let size = SizeRange::new(ends[0], ends[1]);
+            let size = size.map_err(|_| untold("range of grain sizes"))?;
+            Ok(m_to_um(3.0 / (4.0 * size_factor_per_m(&size) * shape)))
+        };
+        values.iter().map(radius_um).collect()
+    }
+
+    /// The canonical grid file of the database, if the file says it.
+    fn config(&self) -> Option<toml::Table> {
+        let provenance = self.attributes.get("provenance");
+        let provenance: Option<serde_json::Value> =
+            provenance.and_then(|text| serde_json::from_str(text).ok());
+        let within = provenance
+            .as_ref()
+            .and_then(|all| all.get("config")?.as_str());
+        let text = self
+            .attributes
+            .get("config")
+            .map(String::as_str)
+            .or(within)?;
+        text.parse().ok()
+    }
+
+    /// Global attributes.
+    fn about(&self, set: &mut DataSet) -> Result<(), netcdf3::error::InvalidDataSet> {
+        set.add_global_attr_i32("Release", vec![RELEASE])?;
+        set.add_global_attr_i32("Version", vec![VERSION])?;
+        set.add_global_attr_string("Classification_Name", CLASSIFICATION)?;
+        set.add_global_attr_string("Title", "Reflectance of snow")?;
+        let version = env!("CARGO_PKG_VERSION");
+        let history = format!(
+            "written by splitsnow export {version}, without a time so that equal inputs give equal bytes"
+        );
+        set.add_global_attr_string("History", history)?;
+        let mut comment = "First-principles Monte Carlo model of light in snow (Varsa 2025), not SNICAR; that name chooses the loader.".to_owned();
+        for (name, value) in &self.fixed {
+            comment += &format!(" {name} {value}.");
+        }
+        set.add_global_attr_string("Comment", comment)?;
+        for (name, text) in self.global() {
+            if !["Conventions", "title", "history"].contains(&name.as_str()) {
+                set.add_global_attr_string(&name, text)?;
+            }
+        }
+        Ok(())
+    }
+}
+
+#[cfg(test)]
+#[allow(clippy::unwrap_used)]
+mod tests {
+    use std::io::Cursor;
+
+    use ndarray::Dimension;
+    use netcdf3::{DataType, FileReader};
+
+    use super::*;
+
+    /// Four nodes or more along the five axes; values tell where they are.
+    fn table() -> Table {
+        let axes: Vec<(&'static str, Vec<f64>)> = vec![
+            ("facetness", vec![0.1, 0.3]),
+            ("grain_size_um", vec![100.0, 200.0, 400.0, 800.0]),
+            ("density_kg_m3", vec![100.0, 200.0, 300.0, 400.0]),
+            ("thickness_cm", vec![2.0, 5.0, 10.0, 100.0]),
+            ("angle_deg", vec![0.0, 15.0, 30.0, 45.0, 75.0]),
+            ("wavelength_nm", vec![400.0, 500.0, 800.0, 1000.0]),
+        ];
+        let shape: Vec<usize> = axes.iter().map(|(_, values)| values.len()).collect();
+        let value = |index: ndarray::IxDyn| {
+            let digits = index
+                .slice()
+                .iter()
+                .fold(0.0_f32, |sum, i| 8.0 * sum + *i as f32);
+            digits * 2.0_f32.powi(-18)
+        };
+        let config = "[spread]\ngrain_size_half_width_um = 10.0\n[fixed]\nsphericity = { min = 1.0, max = 1.0, mean = 1.0, sd = 0.0 }";
+        Table {
+            axes,
+            quantities: vec![(Variable::Reflectance, ArrayD::from_shape_fn(shape, value))],
+            attributes: [("config".to_owned(), config.to_owned())].into(),
+            fixed: Default::default(),
+        }
+    }
+
+    /// Names, types, dimensions and units that
+    /// `src/Coefficients/EmisCoeff/VIS_Snow/VISsnowCoeff_netCDF_IO.f90` of
+    /// JCSDA/CRTMv3 asks for (its module parameters), and the release of
+    /// `VISsnowCoeff_Define.f90`.
+    #[test]
+    fn what_the_loader_asks_for() {
+        let table = table().at("facetness", 0.3).unwrap();
+        let bytes = crtm(table).unwrap();
+        let mut file = FileReader::open_seek_read("memory", Box::new(Cursor::new(bytes))).unwrap();
+        let set = file.data_set();
+        let expected = [
+            ("Angle", "n_Angles", 5, "degrees from vertical"),
+            (
+                "Frequency",
+                "n_Frequencies",
+                4,
+                "inverse centimeters (cm^-1)",
+            ),
+            (
+                "Grain_Size",
+                "n_Grain_Sizes",
+                4,
+                "effective radius in microns (um)",
+            ),
+            ("Depth", "n_Depths", 4, "meters"),
+            ("Density", "n_Densities", 4, "kg/m^3"),
+        ];
+        for (name, dimension, n, units) in expected {
+            assert_eq!(set.dim_size(dimension), Some(n), "{name}");
+            let variable = set.get_var(name).unwrap();
+            assert_eq!(variable.dim_names(), [dimension]);
+            assert_eq!(variable.data_type(), DataType::F64);
+            assert_eq!(set.get_var_attr_as_string(name, "units").unwrap(), units);
+            for key in ["long_name", "description"] {
+                assert_eq!(set.has_var_attr(name, key), Some(true));
+            }
+            assert!(set.get_var_attr_f64(name, FILL).unwrap()[0].is_nan());
+        }
+        let reflectance = set.get_var("Reflectance").unwrap();
+        assert_eq!(reflectance.data_type(), DataType::F64);
+        // C order; Fortran has it as I x L x G x T x J of VISsnowCoeff_Define
+        assert_eq!(
+            reflectance.dim_names(),
+            [
+                "n_Densities",
+                "n_Depths",
+                "n_Grain_Sizes",
+                "n_Frequencies",
+                "n_Angles"
+            ]
+        );
+        assert_eq!(
+            set.get_var_attr_as_string("Reflectance", "units").unwrap(),
+            "N/A"
+        );
+        assert_eq!(set.get_global_attr_i32("Release"), Some(&[1][..]));
+        assert_eq!(set.get_global_attr_i32("Version"), Some(&[1][..]));
+        let text = |key| set.get_global_attr_as_string(key).unwrap();
+        assert_eq!(text("Classification_Name"), "SNICAR");
+        for key in ["Title", "History", "Comment"] {
+            assert!(!text(key).is_empty() && text(key).len() < 5000);
+        }
+
+        assert_eq!(file.read_var_f64("Depth").unwrap(), [0.02, 0.05, 0.1, 1.0]);
+        assert_eq!(
+            file.read_var_f64("Frequency").unwrap(),
+            [10_000.0, 12_500.0, 20_000.0, 25_000.0]
+        );
+        // spheres: the radius is half the size over the mean of 1/s, here at 100 um
+        // 1 / K1 = 90 110 ln(110 / 90) / 20
+        let radii = file.read_var_f64("Grain_Size").unwrap();
+        let expected = 0.5 * 90.0 * 110.0 * (110.0_f64 / 90.0).ln() / 20.0;
+        assert!((radii[0] - expected).abs() < 1e-9, "{radii:?}");
+        let values = file.read_var_f64("Reflectance").unwrap();
+        // density 1, depth 2, size 3, frequency 0 (wavelength 3), angle 4
+        let place = (((1 * 4 + 2) * 4 + 3) * 4) * 5 + 4;
+        let digits = [1.0, 3.0, 1.0, 2.0, 4.0, 3.0];
+        let digits = digits.into_iter().fold(0.0, |sum, digit| 8.0 * sum + digit);
+        assert_eq!(values[place], digits * 2.0_f64.powi(-18));
+    }
+
+    #[test]
+    fn what_has_no_place_is_refused() {
+        let refused = |table: Table| crtm(table).unwrap_err().to_string();
+        let message = refused(table());
+        assert!(
+            message.ends_with("choose one of the 2 values of facetness with --facetness"),
+            "{message}"
+        );
+        let error = table().at("facetness", 0.2).unwrap_err().to_string();
+        assert_eq!(error, "facetness = 0.2 is none of the nodes 0.1, 0.3");
+        assert!(table().at("sphericity", 0.2).is_err());
+        let one = || table().at("facetness", 0.1).unwrap();
+        let thin = one().at("thickness_cm", 2.0).unwrap();
+        assert!(refused(thin).starts_with("no table for CRTM: it needs the axes"));
+        let mut few = one();
+        few.axes[4].1.truncate(3);
+        assert!(refused(few).contains("4 nodes"));
+        let mut untold = one();
+        untold.attributes.clear();
+        assert!(refused(untold).contains("does not say its config"));
+        let mut dark = one();
+        dark.quantities[0].0 = Variable::Transmittance;
+        assert!(refused(dark).contains("no reflectance"));
+        let mut half = one();
+        half.axes[2].1[3] = f64::INFINITY;
+        assert!(refused(half).contains("thickness_cm has the value inf"));
+    }
+}

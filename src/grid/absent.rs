@@ -1,0 +1,106 @@
+//! Curves of a grid that cannot exist: slabs into which the grains do not fit.
+//!
+//! A slab must hold [`MIN_GRAIN_LENGTHS`] lengths of its longest grain. What a grid
+//! lacks is told per grain size, by how many of its thinnest thicknesses are too thin;
+//! an empty list says that all curves exist.
+use std::fmt::Write;
+
+use super::{Axes, Fixed, Grid, GridError};
+use crate::transport::Joining;
+use crate::units::cm_to_m;
+
+/// Lengths of the longest grain that a slab must hold (docs/methods.md).
+pub const MIN_GRAIN_LENGTHS: f64 = 10.0;
+
+impl Fixed {
+    /// Thickness, m, of the thinnest pack, of all layers together, for grains of the
+    /// surface layer up to `longest_m` long.
+    #[must_use]
+    pub fn thinnest_m(&self, longest_m: f64) -> f64 {
+        match self.model.joining {
+            Joining::Continuous => {
+                let below = self.below.iter().map(|layer| layer.snow.sizes_m()[1]);
+                MIN_GRAIN_LENGTHS * below.fold(longest_m, f64::max)
+            }
+            Joining::Cascade => {
+                let below: f64 = self.below.iter().map(|layer| layer.thickness_m).sum();
+                below + MIN_GRAIN_LENGTHS * longest_m
+            }
+        }
+    }
+}
+
+impl Grid {
+    /// For each grain size, how many of the thinnest thicknesses have no curve since
+    /// its grains do not fit; empty if all curves exist.
+    ///
+    /// # Errors
+    /// A law of a grain size is impossible.
+    pub fn absent(&self) -> Result<Vec<usize>, GridError> {
+        let mut absent = Vec::new();
+        for &size_um in &self.axes.grain_size_um {
+            let least_m = self.fixed.thinnest_m(self.size_law(size_um)?.max_m());
+            // sums of thicknesses may miss one by a rounding
+            let thin = |cm: &&f64| cm_to_m(**cm) < least_m * (1.0 - 1e-12);
+            absent.push(self.axes.thickness_cm.iter().take_while(thin).count());
+        }
+        if absent.iter().all(|n| *n == 0) {
+            absent.clear();
+        }
+        Ok(absent)
+    }
+}
+
+impl Axes {
+    /// How many curves these counts leave out.
+    #[must_use]
+    pub fn absent_curves(&self, absent: &[usize]) -> u64 {
+        let pairs = absent.iter().sum::<usize>() as u64;
+        let [facetness, _, density, _, angle] = self.shape();
+        pairs * self.combinations() * facetness * density * angle
+    }
+
+    /// Why, for people: which grains do not fit into how much snow.
+    #[must_use]
+    pub fn why_absent(&self, absent: &[usize]) -> String {
+        let mut text = format!(
+            "{} of {} curves do not exist and are NaN: {MIN_GRAIN_LENGTHS} lengths of the longest grain must fit into the slab",
+            self.absent_curves(absent),
+            self.combinations() * self.shape().iter().product::<u64>()
+        );
+        let mut separator = "; they do not with";
+        for (&thinnest, size_um) in absent.iter().zip(&self.grain_size_um) {
+            if let Some(last) = thinnest.checked_sub(1) {
+                let cm = self.thickness_cm.get(last).copied().unwrap_or_default();
+                let _ = write!(text, "{separator} grain_size_um {size_um} up to {cm} cm");
+                separator = ",";
+            }
+        }
+        text
+    }
+}
+
+#[cfg(test)]
+#[allow(clippy::unwrap_used)]
+mod tests {
+    use crate::engine::Engine;
+    use crate::grid::tests::small;
+
+    #[test]
+    fn ten_lengths_of_the_longest_grain_must_fit() {
+        let mut grid = small(Engine::Spectral);
+        // grains up to 150, 250, 1050 and 2050 um in 1, 2 and 5 cm
+        assert!(grid.absent().unwrap().is_empty());
+        grid.axes.grain_size_um.extend([1000.0, 2000.0]);
+        assert_eq!(grid.absent().unwrap(), [0, 0, 1, 2]);
+        let absent = grid.absent().unwrap();
+        // two facetnesses, one density, two angles
+        assert_eq!(grid.axes.absent_curves(&absent), 3 * 4);
+        let why = grid.axes.why_absent(&absent);
+        assert!(why.starts_with("12 of 48 curves"), "{why}");
+        assert!(why.ends_with("with grain_size_um 1000 up to 1 cm, grain_size_um 2000 up to 2 cm"));
+        // exactly ten lengths are enough
+        grid.axes.grain_size_um[3] = 1950.0;
+        assert_eq!(grid.absent().unwrap(), [0, 0, 1, 1]);
+    }
+}

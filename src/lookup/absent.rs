@@ -1,0 +1,192 @@
+//! Curves that do not exist: which answers would need them.
+use super::{LookupError, Point, nodes};
+
+/// Where a curve is missing.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub(super) struct Gap {
+    /// Value of the grain size, um.
+    node_um: f32,
+    /// The thinnest thickness that it has, cm.
+    least_cm: Option<f32>,
+}
+
+impl Gap {
+    /// That of the grain size of this index.
+    pub(super) fn of(size: usize, absent: &[usize], axes: &[Vec<f32>; 5]) -> Self {
+        let [_, sizes, _, thicknesses, _] = axes;
+        let first = absent.get(size).copied().unwrap_or_default();
+        Self {
+            node_um: sizes.get(size).copied().unwrap_or(f32::NAN),
+            least_cm: thicknesses.get(first).copied(),
+        }
+    }
+}
+
+/// The first curve that does not exist of those that an answer of the method `smooth`
+/// for these takes: the nodes on both sides of the size, at those on both sides of the
+/// thickness; a node itself needs no other. Below the first thickness the answer leans
+/// on it, beyond the last on the last two.
+pub(super) fn gap(
+    absent: &[usize],
+    axes: &[Vec<f32>; 5],
+    grain_size_um: f32,
+    thickness_cm: f32,
+) -> Option<Gap> {
+    if absent.is_empty() {
+        return None;
+    }
+    let [_, sizes, _, thicknesses, _] = axes;
+    let on = |node: &f32, value: f32| nodes::on(*node, f64::from(value));
+    // the thinnest node with a weight
+    let above = thicknesses.partition_point(|node| *node <= thickness_cm);
+    let lowest = match thicknesses.iter().position(|node| on(node, thickness_cm)) {
+        Some(node) => node,
+        None if above == thicknesses.len() => above.saturating_sub(2),
+        None => above.saturating_sub(1),
+    };
+    let above = sizes.partition_point(|node| *node <= grain_size_um);
+    let (first, last) = match sizes.iter().position(|node| on(node, grain_size_um)) {
+        Some(node) => (node, node),
+        None => (
+            above.saturating_sub(1),
+            above.min(sizes.len().saturating_sub(1)),
+        ),
+    };
+    let missing = |size: &usize| absent.get(*size).is_some_and(|thinnest| lowest < *thinnest);
+    let size = (first..=last).find(missing)?;
+    Some(Gap::of(size, absent, axes))
+}
+
+/// The error of a gap at `point`.
+#[cold]
+pub(super) fn absent(gap: Gap, point: Point) -> LookupError {
+    LookupError::Absent {
+        grain_size_um: point.grain_size_um,
+        thickness_cm: point.thickness_cm,
+        node_um: gap.node_um,
+        least_cm: gap.least_cm,
+    }
+}
+
+#[cfg(test)]
+#[allow(clippy::unwrap_used)]
+mod tests {
+    use ndarray::Array2;
+
+    use crate::grid::Axes;
+    use crate::lookup::{Database, Lookup, LookupError, Point};
+    use crate::measurement::Quantity;
+
+    fn axes(thickness_cm: &[f64]) -> Axes {
+        Axes {
+            facetness: vec![0.3],
+            grain_size_um: vec![100.0, 1000.0],
+            density_kg_m3: vec![200.0, 300.0],
+            thickness_cm: thickness_cm.to_vec(),
+            angle_deg: vec![0.0, 60.0],
+            ..Axes::default()
+        }
+    }
+
+    /// Something smooth in [0, 1] at two wavelengths; NaN where there is no curve.
+    fn file(thickness_cm: &[f64], absent: &[usize], free: bool) -> Database {
+        let (n, axes) = (thickness_cm.len(), axes(thickness_cm));
+        let curves = Array2::from_shape_fn((2 * 2 * n * 2, 2), |(row, l)| {
+            let [size, density, h, angle] =
+                [row / (4 * n), row / (2 * n) % 2, row / 2 % n, row % 2];
+            if h < absent.get(size).copied().unwrap_or(0) {
+                return f64::NAN;
+            }
+            let scale = [2.0, 9.0][size] * [1.0, 0.7][density] * [1.0, 0.8][angle];
+            (-thickness_cm[h] / scale).exp() * [1.0, 0.9][l] + 1e-4
+        });
+        Database::from_curves(free, &axes, &[500.0, 600.0], Some(&curves), None).without(absent)
+    }
+
+    fn at(grain_size_um: f64, thickness_cm: f64) -> Point {
+        Point {
+            facetness: 0.3,
+            grain_size_um,
+            density_kg_m3: 260.0,
+            thickness_cm,
+            angle_deg: 25.0,
+        }
+    }
+
+    fn ask(database: &Database, point: Point) -> Result<Vec<f32>, LookupError> {
+        let mut spectrum = vec![0.0; 2];
+        Lookup::new(database, Quantity::Transmittance)?.spectrum(point, &mut spectrum)?;
+        Ok(spectrum)
+    }
+
+    /// The nodes that exist answer as if those that do not had never been asked for.
+    #[test]
+    fn the_rest_of_a_column_does_not_feel_the_gap() {
+        let all = [1.0, 2.0, 4.0, 8.0, 16.0];
+        let whole = file(&all, &[0, 2], true);
+        let rest = file(&all[2..], &[], false);
+        for thickness in [4.0, 4.3, 6.0, 8.0, 11.0, 16.0, 40.0] {
+            assert_eq!(
+                ask(&whole, at(1000.0, thickness)).unwrap(),
+                ask(&rest, at(1000.0, thickness)).unwrap(),
+                "{thickness}"
+            );
+        }
+        // the other size has all its nodes
+        let none = file(&all, &[], true);
+        for thickness in [0.3, 1.0, 1.7, 30.0] {
+            let point = at(100.0, thickness);
+            assert_eq!(ask(&whole, point).unwrap(), ask(&none, point).unwrap());
+        }
+        let material = Lookup::new(&whole, Quantity::Transmittance).unwrap();
+        let material = material.material(0.3, 500.0, 260.0).unwrap();
+        let mut found = vec![0.0; 2];
+        material.spectrum(at(500.0, 5.0), &mut found).unwrap();
+        let direct = ask(&whole, at(500.0, 5.0)).unwrap();
+        assert!(found.iter().zip(&direct).all(|(a, b)| (a - b).abs() < 1e-6));
+        assert!(material.spectrum(at(500.0, 3.0), &mut found).is_err());
+    }
+
+    #[test]
+    fn answers_that_lean_on_a_gap_are_refused() {
+        let all = [1.0, 2.0, 4.0];
+        let cases: [(&[usize], f64, f64, bool); 12] = [
+            (&[0, 1], 100.0, 0.5, true),
+            (&[0, 1], 101.0, 0.5, false),
+            (&[0, 1], 1000.0, 0.5, false),
+            (&[0, 1], 1000.0, 1.0, false),
+            (&[0, 1], 1000.0, 1.9, false),
+            (&[0, 1], 1000.0, 2.0, true),
+            (&[0, 1], 300.0, 2.5, true),
+            (&[0, 2], 300.0, 3.9, false),
+            (&[0, 2], 300.0, 4.0, true),
+            // deeper than the last, the last two tell how it goes on
+            (&[0, 2], 300.0, 4.1, false),
+            (&[0, 1], 300.0, 4.1, true),
+            (&[0, 3], 1000.0, 4.0, false),
+        ];
+        for (absent, size, thickness, answered) in cases {
+            let database = file(&all, absent, true);
+            let found = ask(&database, at(size, thickness));
+            assert_eq!(found.is_ok(), answered, "{absent:?} {size} {thickness}");
+            assert_eq!(database.covers(size, thickness), answered);
+            if let Err(error) = found {
+                assert!(
+                    matches!(
+                        error,
+                        LookupError::Absent {
+                            node_um: 1000.0,
+                            ..
+                        }
+                    ),
+                    "{error}"
+                );
+            }
+        }
+        let error = ask(&file(&all, &[0, 1], true), at(500.0, 1.5)).unwrap_err();
+        assert_eq!(
+            error.to_string(),
+            "the file has no answer for grains of 500 um in 1.5 cm: grains of the node 1000 um do not fit into a slab thinner than 2 cm; ask for thicker snow or smaller grains"
+        );
+    }
+}

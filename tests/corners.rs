@@ -1,0 +1,203 @@
+//! A grid with curves that cannot exist, from the grid file to the answers.
+use std::fs;
+use std::path::PathBuf;
+use std::process::{Command, Output};
+
+use assert_cmd::cargo::cargo_bin;
+use splitsnow::config;
+use splitsnow::lookup::Database;
+use splitsnow::measurement::Quantity;
+use splitsnow::store::{Store, Variable};
+
+/// The grid that a satellite team wanted, with fewer nodes: grains of 2793 um do not
+/// fit into 2 cm.
+const GRID: &str = "version = 1
+[axes]
+facetness = [0.3]
+grain_size_um = [140, 559, 1396, 2793]
+density_kg_m3 = [100, 200, 300, 400]
+thickness_cm = [2, 5, 10, 100]
+angle_deg = [0, 30, 60, 75]
+[spread]
+grain_size_half_width_um = 10
+[wavelengths]
+values_nm = [400, 500, 600, 700, 1000, 1600, 2200]
+[run]
+engine = \"doubling\"
+rays = 2000
+[compression]
+max_delta_e = 5
+";
+const SNOW: &str = "--facetness 0.3 --density-kg-m3 250 --angle-deg 20";
+
+struct Folder(tempfile::TempDir);
+
+impl Folder {
+    fn new(text: &str) -> Self {
+        let dir = tempfile::tempdir().unwrap();
+        fs::write(dir.path().join("g.toml"), text).unwrap();
+        Self(dir)
+    }
+
+    fn out(&self) -> PathBuf {
+        self.0.path().join("out/g")
+    }
+
+    fn run(&self, args: &str) -> Output {
+        let mut command = Command::new(cargo_bin!("splitsnow"));
+        command.current_dir(self.0.path());
+        command.args(args.split_whitespace()).output().unwrap()
+    }
+
+    fn succeeds(&self, args: &str) -> String {
+        let output = self.run(args);
+        let errors = String::from_utf8_lossy(&output.stderr).into_owned();
+        assert!(output.status.success(), "{args}: {errors}");
+        String::from_utf8(output.stdout).unwrap()
+    }
+
+    fn fails(&self, args: &str) -> String {
+        let output = self.run(args);
+        assert_eq!(output.status.code(), Some(1), "{args}");
+        String::from_utf8(output.stderr).unwrap()
+    }
+}
+
+#[test]
+fn the_satellite_grid_is_accepted_and_its_corner_counted() {
+    let text = include_str!("data/crtm323_converted.toml");
+    let text = format!("{text}[run]\nengine = \"doubling\"\nrays = 10000\n");
+    let file = config::grid::parse("crtm323.toml", &text).unwrap();
+    let absent = file.grid.absent().unwrap();
+    assert_eq!(absent, [0, 0, 0, 0, 0, 1]);
+    // five densities, ten angles
+    assert_eq!(file.grid.axes.absent_curves(&absent), 50);
+    let told = file
+        .warnings
+        .iter()
+        .any(|w| w.contains("50 of 2400 curves do not exist"));
+    assert!(told, "{:?}", file.warnings);
+    // a thickness or a size that is of no use at all is an error, as ever
+    let refused = |from: &str, to: &str| {
+        let text = text.replace(from, to);
+        config::grid::parse("crtm323.toml", &text)
+            .unwrap_err()
+            .to_string()
+    };
+    let error = refused("[2, 5,", "[0.05, 2, 5,");
+    assert!(
+        error.contains("`axes.thickness_cm[0]` = 0.05 is out of range"),
+        "{error}"
+    );
+    let error = refused("[2, 5, 10, 20, 30, 40, 50, 100]", "[1, 2]");
+    assert!(
+        error.contains("`axes.thickness_cm[1]` = 2 is out of range"),
+        "{error}"
+    );
+}
+
+#[test]
+fn corners_are_nan_and_all_else_is_computed() {
+    let folder = Folder::new(GRID);
+    let plan: serde_json::Value =
+        serde_json::from_str(&folder.succeeds("plan g.toml --json")).unwrap();
+    assert_eq!(
+        (&plan["curves"], &plan["absent_curves"]),
+        (&256.into(), &16.into())
+    );
+    let built = folder.succeeds("build g.toml");
+    assert!(
+        built.contains("absent          16 of 256 curves do not exist"),
+        "{built}"
+    );
+
+    let store = Store::open(&folder.out()).unwrap();
+    assert_eq!(store.missing(None).unwrap(), []);
+    assert!(store.verify().unwrap().is_whole());
+    assert_eq!(store.absent(), [0, 0, 0, 1]);
+    for variable in Variable::ALL {
+        let values = store.read(variable).unwrap();
+        for (row, curve) in values.rows().into_iter().enumerate() {
+            // size, density, thickness, angle
+            let corner = row / 64 == 3 && row / 4 % 4 == 0;
+            assert!(curve.iter().all(|value| value.is_nan() == corner), "{row}");
+        }
+    }
+    let status = fs::read(folder.out().join("database.zarr/curve_status/c.0.0")).unwrap();
+    assert_eq!(
+        status[..16],
+        [0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 1, 0, 0, 0]
+    );
+
+    let file = Database::open(&folder.out().join("snow.safetensors")).unwrap();
+    assert_eq!(file.absent(), [0, 0, 0, 1]);
+    let reflectance = store.read(Variable::Reflectance).unwrap();
+    for row in 0..file.curves() {
+        let curve = file.curve(row, Quantity::Reflectance).unwrap();
+        assert_eq!(file.exists(row), !reflectance[[row, 0]].is_nan());
+        assert_eq!(curve[0].is_nan(), !file.exists(row));
+        if file.exists(row) {
+            assert!((curve[2] - reflectance[[row, 2]]).abs() < 0.05, "{row}");
+        }
+    }
+
+    // answers that would need the corner are refused by name, all others given
+    let ask = |size: f64, cm: f64| {
+        format!("query out/g {SNOW} --grain-size-um {size} --thickness-cm {cm}")
+    };
+    for (size, cm) in [(2793.0, 2.0), (2793.0, 4.9), (2000.0, 3.0), (1397.0, 1.0)] {
+        let error = folder.fails(&ask(size, cm));
+        assert!(
+            error.contains("grains of the node 2793 um do not fit into a slab thinner than 5 cm"),
+            "{error}"
+        );
+    }
+    for (size, cm) in [
+        (2793.0, 5.0),
+        (2793.0, 7.0),
+        (1396.0, 2.0),
+        (2000.0, 5.5),
+        (2793.0, 300.0),
+    ] {
+        folder.succeeds(&ask(size, cm));
+    }
+    let published = "--facetness 0.3 --density-kg-m3 200 --angle-deg 0 --method varsa2025";
+    let error = folder.fails(&format!(
+        "query out/g {published} --grain-size-um 2793 --thickness-cm 10"
+    ));
+    assert!(error.contains("2793"), "{error}");
+
+    // exports
+    folder.succeeds("export out/g --format netcdf --layout crtm --out SNICAR.nc");
+    let file = netcdf3::FileReader::open(folder.0.path().join("SNICAR.nc"));
+    let mut file = file.unwrap();
+    let values = file.read_var_f64("Reflectance").unwrap();
+    // n_Densities, n_Depths, n_Grain_Sizes, n_Frequencies, n_Angles
+    for (place, value) in values.iter().enumerate() {
+        let corner = place / (4 * 7) % 4 == 3 && place / (4 * 7 * 4) % 4 == 0;
+        assert_eq!(value.is_nan(), corner, "{place}");
+    }
+    let csv = folder.succeeds("export out/g --format csv --from database --out all.csv");
+    assert!(csv.starts_with("all.csv"));
+    let csv = fs::read_to_string(folder.0.path().join("all.csv")).unwrap();
+    assert_eq!(
+        csv.lines().filter(|line| line.contains("NaN")).count(),
+        16 * 7
+    );
+    folder.succeeds("export out/g --format svg --grain-size-um 2793 --out patches.svg");
+
+    // the whole chain: files, bounds, nodes, and points that the file answers
+    let report = folder.succeeds("verify out/g --points 16 --samples 3 --threads 1 --json");
+    let report: serde_json::Value = serde_json::from_str(&report).unwrap();
+    assert_eq!(report["passed"], true);
+
+    // nothing is left to do, and quantised files keep the corner too
+    assert!(
+        folder
+            .succeeds("build g.toml")
+            .starts_with("16 jobs, 0 of them run now")
+    );
+    folder.succeeds("compress out/g --basis log --precision quantised --max-delta-e 5");
+    folder.fails(&ask(2793.0, 2.0));
+    folder.succeeds(&ask(2793.0, 5.0));
+}
