@@ -81,6 +81,7 @@ impl Simulation<'_> {
             },
             ..self.grid.at(&patch.conditions)?
         };
+        grid.fixed.diffuse = false;
         let job = grid.job(&grid.jobs()?, 0)?;
         let request = Request {
             cell: number,

@@ -17,7 +17,7 @@ use crate::config::grid::{self, GridFile};
 use crate::engine::Engine;
 use crate::grid::Grid;
 use crate::optics::{DataFile, data_files};
-use crate::store::COMPACT;
+use crate::store::{COMPACT, DIFFUSE};
 use crate::transport::Ground;
 
 /// The arguments of commands that work from a grid file.
@@ -136,6 +136,18 @@ pub(super) fn compact_path(path: &Path) -> anyhow::Result<PathBuf> {
     if !file.exists() {
         bail!(
             "no {COMPACT} in {}; `splitsnow build` makes it once all jobs are done",
+            path.display()
+        );
+    }
+    Ok(file)
+}
+
+/// The compact file of isotropic light in the directory `path`.
+pub(super) fn diffuse_path(path: &Path) -> anyhow::Result<PathBuf> {
+    let file = path.join(DIFFUSE);
+    if !file.exists() {
+        bail!(
+            "no {DIFFUSE} in {}; `splitsnow build` makes it of a grid with axes.diffuse = true",
             path.display()
         );
     }

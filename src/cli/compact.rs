@@ -12,9 +12,9 @@ use serde_json::{Map, Value, json};
 use super::common::{self, Spinner};
 use crate::colour::{Colorimeter, Viewing};
 use crate::compress::{Choice, CompactFile, Compressed, ErrorTable, Statistics, Variant, compress};
-use crate::grid::Compression;
+use crate::grid::{Axes, Compression};
 use crate::measurement::Quantity;
-use crate::store::{COMPACT, Store, Variable, estimated_bytes};
+use crate::store::{COMPACT, DIFFUSE, Store, Variable, estimated_bytes};
 
 /// What the compact file is to be.
 pub(super) struct Asked {
@@ -57,6 +57,9 @@ pub(super) struct Report {
     reflectance: Option<QuantityReport>,
     lost_share: Lost,
     next: String,
+    /// The same of the curves under isotropic light.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    diffuse: Option<Box<Report>>,
     #[serde(skip)]
     why_absent: String,
 }
@@ -79,11 +82,21 @@ struct Lost {
     max: f64,
 }
 
+/// Compresses the finished database in `store`, which nobody else may be writing, and
+/// writes its compact file; that of isotropic light, too, if it has such.
+pub(super) fn write(store: &Store, asked: &Asked) -> anyhow::Result<Report> {
+    let mut report = write_one(store, asked, false)?;
+    if store.has_diffuse() {
+        report.diffuse = Some(Box::new(write_one(store, asked, true)?));
+    }
+    Ok(report)
+}
+
 /// Compresses the finished database in `store`, which nobody else may be
 /// writing, and writes its compact file.
 ///
 /// The file is a function of the database and `asked` alone.
-pub(super) fn write(store: &Store, asked: &Asked) -> anyhow::Result<Report> {
+fn write_one(store: &Store, asked: &Asked, diffuse: bool) -> anyhow::Result<Report> {
     let missing = store.missing(None)?.len();
     let jobs = store.jobs();
     if missing > 0 {
@@ -96,7 +109,17 @@ pub(super) fn write(store: &Store, asked: &Asked) -> anyhow::Result<Report> {
     let spinner = Spinner::new("compressing");
     let colour = Colorimeter::viewing(store.wavelengths_nm(), &asked.viewing)?;
     let Variant { basis, precision } = asked.variant;
-    let rows = store.rows();
+    let axes = if diffuse {
+        // look-ups ask for the one angle there is
+        Axes {
+            angle_deg: vec![0.0],
+            ..store.axes().clone()
+        }
+    } else {
+        store.axes().clone()
+    };
+    let variable = |of: Variable| if diffuse { of.diffuse() } else { of };
+    let rows = axes.existing(store.absent());
     let compressed = |quantity, variable| -> anyhow::Result<Option<Compressed>> {
         if !asked.quantities.contains(&quantity) {
             return Ok(None);
@@ -113,11 +136,16 @@ pub(super) fn write(store: &Store, asked: &Asked) -> anyhow::Result<Report> {
         let compressed = compressed.with_context(|| quantity.name())?;
         Ok(Some(compressed.spread_over(&rows, all)))
     };
-    let transmittance = compressed(Quantity::Transmittance, Variable::Transmittance)?;
-    let reflectance = compressed(Quantity::Reflectance, Variable::Reflectance)?;
-    let (provenance, extra) = metadata(store, asked.choice, &asked.viewing)?;
+    let transmittance =
+        compressed(Quantity::Transmittance, variable(Variable::Transmittance))?;
+    let reflectance = compressed(Quantity::Reflectance, variable(Variable::Reflectance))?;
+    let (provenance, mut extra) = metadata(store, asked.choice, &asked.viewing)?;
+    if diffuse {
+        let light = "diffuse: isotropic radiance; the one angle_deg, 0, stands for all directions";
+        extra.insert("illumination".to_owned(), light.to_owned());
+    }
     let file = CompactFile {
-        axes: store.axes(),
+        axes: &axes,
         absent: store.absent(),
         wavelengths_nm: store.wavelengths_nm(),
         transmittance: transmittance.as_ref(),
@@ -125,7 +153,7 @@ pub(super) fn write(store: &Store, asked: &Asked) -> anyhow::Result<Report> {
         provenance: &provenance,
         extra: &extra,
     };
-    let compact = store.dir().join(COMPACT);
+    let compact = store.dir().join(if diffuse { DIFFUSE } else { COMPACT });
     file.write(&compact)?;
     drop(spinner);
     let report = |errors, compressed: Option<Compressed>| {
@@ -135,18 +163,19 @@ pub(super) fn write(store: &Store, asked: &Asked) -> anyhow::Result<Report> {
     Ok(Report {
         database: store.path().into(),
         database_bytes: estimated_bytes(&jobs, jobs.count()),
-        curves: jobs.curves(),
-        absent_curves: store.axes().absent_curves(store.absent()),
-        why_absent: store.axes().why_absent(store.absent()),
+        curves: axes.combinations() * axes.shape().iter().product::<u64>(),
+        absent_curves: axes.absent_curves(store.absent()),
+        why_absent: axes.why_absent(store.absent()),
         wavelengths: jobs.wavelengths(),
         compact_bytes: std::fs::metadata(&compact)?.len(),
         compact,
         basis: basis.name(),
         precision: precision.name(),
-        transmittance: report(Variable::TransmittanceSe, transmittance)?,
-        reflectance: report(Variable::ReflectanceSe, reflectance)?,
+        transmittance: report(variable(Variable::TransmittanceSe), transmittance)?,
+        reflectance: report(variable(Variable::ReflectanceSe), reflectance)?,
         lost_share: Lost::of(store)?,
-        next: next(store, asked),
+        next: next(store, asked, diffuse),
+        diffuse: None,
     })
 }
 
@@ -183,9 +212,15 @@ fn metadata(
 }
 
 /// A command that uses the compact file: its first curve.
-fn next(store: &Store, asked: &Asked) -> String {
+fn next(store: &Store, asked: &Asked, diffuse: bool) -> String {
     let mut command = format!("splitsnow query {}", store.dir().display());
+    if diffuse {
+        command.push_str(" --diffuse");
+    }
     for (name, values) in store.axes().all() {
+        if diffuse && name == "angle_deg" {
+            continue;
+        }
         // of the first grain size, the thinnest slab into which its grains fit
         let thinnest = store.absent().first().filter(|_| name == "thickness_cm");
         let first = values.get(thinnest.copied().unwrap_or_default());
@@ -298,6 +333,10 @@ impl fmt::Display for Report {
                 100.0 * self.lost_share.max
             )?;
         }
-        writeln!(f, "next            {}", self.next)
+        writeln!(f, "next            {}", self.next)?;
+        match &self.diffuse {
+            Some(diffuse) => write!(f, "\nunder isotropic light: {diffuse}"),
+            None => Ok(()),
+        }
     }
 }

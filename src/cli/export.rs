@@ -10,7 +10,7 @@ use crate::export::{self, Layout, Table};
 use crate::grid::described;
 use crate::lookup::{Database, Lookup};
 use crate::measurement::Quantity;
-use crate::store::{COMPACT, Store};
+use crate::store::{COMPACT, DIFFUSE, Store};
 
 /// Export to NetCDF, CSV or NPZ; one spectrum for renderers; patches of colour
 ///
@@ -45,6 +45,10 @@ pub(super) struct Args {
     /// What of a directory [default: the compact file, or the database if there is none]
     #[arg(long, value_enum)]
     from: Option<From>,
+    /// Curves under isotropic light, in netcdf, csv and npz: of an output directory whose
+    /// grid has axes.diffuse
+    #[arg(long)]
+    diffuse: bool,
     /// Axes in netcdf and npz: as in the database, or crtm: density, thickness, grain
     /// size, wavelength, angle after all others, in netcdf under the names and units that
     /// the loader of CRTM reads [default: database]
@@ -157,6 +161,10 @@ impl Args {
             );
         }
         ensure!(
+            !self.diffuse || (self.format.is_table() && self.layout.is_none()),
+            "--diffuse is for netcdf, csv and npz in the layout of the database"
+        );
+        ensure!(
             self.layout.is_none() || matches!(self.format, Format::Netcdf | Format::Npz),
             "--layout is for netcdf and npz"
         );
@@ -170,10 +178,13 @@ impl Args {
             Some(from) => from == From::Database,
             None => absent,
         };
-        Ok(if database {
-            Table::of_store(&Store::open(&self.file)?)?
-        } else {
-            Table::of_compact(&self.compact()?)?
+        Ok(match (database, self.diffuse) {
+            (true, diffuse) => Table::of_store(&Store::open(&self.file)?, diffuse)?,
+            (false, false) => Table::of_compact(&self.compact()?)?,
+            (false, true) => {
+                let file = Database::open(&common::diffuse_path(&self.file)?)?;
+                Table::of_compact(&file)?.diffuse()?
+            }
         })
     }
 
@@ -196,7 +207,7 @@ impl Args {
                 _ => swatches.svg()?.into_bytes(),
             });
         }
-        let point = self.point.point()?;
+        let point = self.point.point(false)?;
         let conditions = self.point.conditions();
         let there = self.compact()?.at(&conditions)?;
         let lookup = Lookup::new(&there, quantity)?;
@@ -220,7 +231,10 @@ impl Args {
         let extension = self.format.extension();
         let out = match &self.out {
             Some(out) => out.clone(),
-            None if self.file.is_dir() => self.file.join(COMPACT).with_extension(extension),
+            None if self.file.is_dir() => {
+                let name = if self.diffuse { DIFFUSE } else { COMPACT };
+                self.file.join(name).with_extension(extension)
+            }
             None => self.file.with_extension(extension),
         };
         let real = |path: &Path| path.canonicalize().ok();

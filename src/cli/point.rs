@@ -44,8 +44,12 @@ pub(super) struct PointArgs {
 
 /// Makes the options of the five axes required ones.
 pub(super) fn required(arg: clap::Arg) -> clap::Arg {
-    let five = AXES.iter().any(|axis| axis.name == arg.get_id().as_str());
-    if five { arg.required(true) } else { arg }
+    match AXES.iter().position(|axis| axis.name == arg.get_id().as_str()) {
+        // the angle
+        Some(4) => arg.required_unless_present("diffuse"),
+        Some(_) => arg.required(true),
+        None => arg,
+    }
 }
 
 impl PointArgs {
@@ -86,10 +90,13 @@ impl PointArgs {
         Ok(table)
     }
 
-    /// The point, all five coordinates of which must be given.
-    pub(super) fn point(&self) -> anyhow::Result<Point> {
+    /// The point, all five coordinates of which must be given; under `diffuse` light the
+    /// angle is the one of its file.
+    pub(super) fn point(&self, diffuse: bool) -> anyhow::Result<Point> {
         let mut coordinates = [0.0; 5];
-        let given = self.five().into_iter().zip(&AXES);
+        let mut five = self.five();
+        five[4] = five[4].or(diffuse.then_some(0.0));
+        let given = five.into_iter().zip(&AXES);
         for (coordinate, (value, axis)) in coordinates.iter_mut().zip(given) {
             match value {
                 Some(value) => *coordinate = value,

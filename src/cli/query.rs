@@ -36,6 +36,10 @@ pub(super) struct Args {
     #[arg(long, default_value = Quantity::Transmittance.name(),
           value_parser = common::named(Quantity::ALL, Quantity::name))]
     quantity: Quantity,
+    /// Under isotropic light, instead of light from an angle: of an output directory whose
+    /// grid has axes.diffuse
+    #[arg(long, conflicts_with = "angle_deg")]
+    diffuse: bool,
     /// How to interpolate
     #[arg(long, value_enum, default_value = "smooth")]
     method: Method,
@@ -54,8 +58,13 @@ enum Method {
 }
 
 pub(super) fn run(args: &Args) -> anyhow::Result<()> {
-    let database = Database::open(&common::compact_path(&args.file)?)?;
-    let point = args.point.point()?;
+    let path = if args.diffuse {
+        common::diffuse_path(&args.file)?
+    } else {
+        common::compact_path(&args.file)?
+    };
+    let database = Database::open(&path)?;
+    let point = args.point.point(args.diffuse)?;
     let there = database.at(&args.point.conditions())?;
     let spectrum = match args.method {
         Method::Smooth => {

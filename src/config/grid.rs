@@ -51,11 +51,12 @@ pub fn parse(name: &str, text: &str) -> Result<GridFile, ConfigError> {
     let (document, keys) = Document::read::<GridKeys>(name, text, &schema::GRID)?;
     let mut warnings = Vec::new();
     let spread = spread(&keys.spread);
+    let diffuse = keys.axes.diffuse;
     let (axes, biggest_um) = axes(&document, keys.axes, &spread, &mut warnings)?;
     let wavelengths_nm = wavelengths(&document, &keys.wavelengths, &mut warnings)?;
     let model = model(&document, &keys.model, directory_of(name))?;
     fixed_or_axis(&document, &["axes".to_owned()], &keys.fixed)?;
-    let fixed = fixed(
+    let mut fixed = fixed(
         &document,
         &keys.fixed,
         model,
@@ -67,6 +68,15 @@ pub fn parse(name: &str, text: &str) -> Result<GridFile, ConfigError> {
     let wet = fixed.is_wet() || axes.is_wet();
     covered(&document, &fixed.model, &wavelengths_nm, wet)?;
     let run = run(&document, &keys.run, &wavelengths_nm)?;
+    if diffuse && !run.engine.shares_angles() {
+        let problem = Problem::Contradiction(format!(
+            "is for the engines doubling and auto, but run.engine is {}",
+            run.engine.name()
+        ));
+        let help = "set run.engine = \"doubling\", or build a second grid";
+        return Err(document.error("axes.diffuse", problem, help));
+    }
+    fixed.diffuse = diffuse;
     size(&document, &axes, wavelengths_nm.len(), run.rays)?;
     let compression = &keys.compression;
     let viewing = viewing(

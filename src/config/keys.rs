@@ -371,6 +371,9 @@ pub(super) struct AxesKeys {
     #[schemars(length(min = 1, max = 1000), inner(range(min = 0.0)), extend("uniqueItems" = true),
         transform = below_90)]
     pub(super) angle_deg: Vec<f64>,
+    /// Whether curves under isotropic light are computed beside those of all angles; with the engines doubling and auto.
+    #[serde(default)]
+    pub(super) diffuse: bool,
     /// Black carbon, ng per g of snow, instead of fixed.black_carbon.concentration_ng_g.
     #[schemars(length(min = 1, max = 1000), inner(range(min = 0.0, max = MAX_CARBON)), extend("uniqueItems" = true))]
     pub(super) black_carbon_ng_g: Option<Vec<f64>>,

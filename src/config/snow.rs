@@ -121,6 +121,7 @@ pub(super) fn fixed(
             wavelengths_nm,
         )?,
         model,
+        diffuse: false,
     };
     layer::exponents(document, "fixed", fixed.carbon())?;
     Ok(fixed)

@@ -150,6 +150,8 @@ impl Table {
             let error = match variable {
                 Variable::Transmittance => Variable::TransmittanceSe,
                 Variable::Reflectance => Variable::ReflectanceSe,
+                Variable::TransmittanceDiffuse => Variable::TransmittanceDiffuseSe,
+                Variable::ReflectanceDiffuse => Variable::ReflectanceDiffuseSe,
                 _ => continue,
             };
             if self.quantities.iter().any(|(there, _)| *there == error) {

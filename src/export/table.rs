@@ -53,9 +53,12 @@ impl Layout {
         "thickness_cm",
         SIZE,
         WAVELENGTH,
-        "angle_deg",
+        ANGLE,
     ];
 }
+
+/// Name of the axis of angles.
+const ANGLE: &str = "angle_deg";
 
 /// Name of the axis of grain sizes.
 pub(super) const SIZE: &str = "grain_size_um";
@@ -63,11 +66,12 @@ pub(super) const SIZE: &str = "grain_size_um";
 pub(super) const RADIUS: &str = "optical_radius_um";
 
 impl Table {
-    /// All of a finished database, standard errors among it.
+    /// All of a finished database under collimated or `diffuse` light, standard errors
+    /// among it; without the axis of angles for the latter.
     ///
     /// # Errors
     /// [`ExportError::Unfinished`]; [`ExportError::Store`] if it cannot be read.
-    pub fn of_store(store: &Store) -> Result<Self, ExportError> {
+    pub fn of_store(store: &Store, diffuse: bool) -> Result<Self, ExportError> {
         let missing = store.missing(None)?.len();
         if missing > 0 {
             return Err(ExportError::Unfinished {
@@ -78,6 +82,7 @@ impl Table {
         }
         let axes = store.axes().all().into_iter();
         let axes = axes.chain([(WAVELENGTH, store.wavelengths_nm())]);
+        let axes = axes.filter(|(name, _)| !(diffuse && *name == ANGLE));
         let axes = axes.map(|(name, values)| (name, values.to_vec())).collect();
         let attributes = store.attributes().into_iter().map(|(key, value)| {
             let text = match value {
@@ -92,7 +97,15 @@ impl Table {
             attributes: attributes.collect(),
             fixed: BTreeMap::new(),
         };
+        if diffuse {
+            table.says_diffuse();
+        }
         for variable in Variable::ALL {
+            let variable = if diffuse {
+                variable.diffuse()
+            } else {
+                variable
+            };
             let values = store.read(variable)?.into_raw_vec_and_offset().0;
             table.add(variable, values)?;
         }
@@ -138,6 +151,26 @@ impl Table {
         let array = array.map_err(ExportError::encoding("array"))?;
         self.quantities.push((variable, array));
         Ok(())
+    }
+
+    /// A table of curves under isotropic light, whose file has one angle for all
+    /// directions, without it.
+    ///
+    /// # Errors
+    /// [`ExportError::NoNode`] if it has another.
+    pub fn diffuse(self) -> Result<Self, ExportError> {
+        let mut table = self.at(ANGLE, 0.0)?;
+        table.fixed.remove(ANGLE);
+        for (variable, _) in &mut table.quantities {
+            *variable = variable.diffuse();
+        }
+        table.says_diffuse();
+        Ok(table)
+    }
+
+    fn says_diffuse(&mut self) {
+        let light = "diffuse: isotropic radiance over the upper hemisphere";
+        self.attributes.insert("illumination".to_owned(), light.to_owned());
     }
 
     /// The part at one node of `axis`, without that axis. A value is on a node within

@@ -60,6 +60,19 @@ impl Axes {
         pairs * self.combinations() * facetness * density * angle
     }
 
+    /// Rows, in storage order, of the curves that exist.
+    #[must_use]
+    pub fn existing(&self, absent: &[usize]) -> Vec<usize> {
+        let [facets, sizes, densities, thicknesses, angles] = self.shape().map(|n| n as usize);
+        let curves = self.combinations() as usize * facets * sizes * densities * thicknesses * angles;
+        let exists = |row: &usize| {
+            let thickness = row / angles % thicknesses;
+            let size = row / (angles * thicknesses * densities) % sizes;
+            thickness >= absent.get(size).copied().unwrap_or_default()
+        };
+        (0..curves).filter(exists).collect()
+    }
+
     /// Why, for people: which grains do not fit into how much snow.
     #[must_use]
     pub fn why_absent(&self, absent: &[usize]) -> String {

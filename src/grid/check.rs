@@ -65,6 +65,12 @@ pub enum GridError {
         /// five), and wavelengths.
         shape: Vec<u64>,
     },
+    /// Isotropic light with an engine that has a job for each angle.
+    #[error("diffuse light beside angles needs the engine doubling or auto, not {engine}")]
+    Diffuse {
+        /// The engine.
+        engine: &'static str,
+    },
     /// A job number outside the grid.
     #[error("job {job} does not exist: the grid has {jobs} jobs, counted from 0")]
     NoSuchJob {
@@ -118,6 +124,10 @@ impl Grid {
             .flatten()
         {
             self.spread.sphericity_law(value)?;
+        }
+        if self.fixed.diffuse && !self.run.engine.shares_angles() {
+            let engine = self.run.engine.name();
+            return Err(GridError::Diffuse { engine });
         }
         Jobs::new(
             self.run.engine,

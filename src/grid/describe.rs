@@ -33,6 +33,9 @@ impl Grid {
         let fixed = &self.fixed;
         let model = &fixed.model;
         let mut add = |section, key, value| entries.push((section, key, value));
+        if fixed.diffuse {
+            add("axes", "diffuse", "true".to_owned());
+        }
         add(
             "spread",
             "facetness_half_width",

@@ -22,7 +22,7 @@ pub struct Job {
     pub thicknesses_m: Vec<f64>,
     /// Polar angles of incidence, degrees.
     pub angles_deg: Vec<f64>,
-    /// The same as illuminations.
+    /// The same as illuminations, and isotropic light last if the grid asks for it.
     pub illuminations: Vec<Illumination>,
     /// How many of the first thicknesses are too thin for the grains: their curves
     /// do not exist ([`Grid::absent`]).
@@ -49,7 +49,7 @@ impl Job {
             transmittance: vec![none; wavelengths],
             lost: vec![0.0; wavelengths],
         };
-        let mut all = vec![none; self.absent * self.angles_deg.len()];
+        let mut all = vec![none; self.absent * self.illuminations.len()];
         all.extend(spectra);
         all
     }
@@ -149,6 +149,7 @@ impl Grid {
                 .map(|deg| Illumination::Collimated {
                     polar_angle_rad: deg.to_radians(),
                 })
+                .chain(self.fixed.diffuse.then_some(Illumination::Diffuse))
                 .collect(),
         })
     }

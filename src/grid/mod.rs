@@ -144,6 +144,9 @@ pub struct Fixed {
     pub ground: Ground,
     /// Choices within the model.
     pub model: Model,
+    /// Whether isotropic light falls on it, too, beside that of the angles; only with
+    /// engines one job of which has all angles.
+    pub diffuse: bool,
 }
 
 impl Fixed {
@@ -159,6 +162,7 @@ impl Fixed {
             below: Vec::new(),
             ground: Ground::Black,
             model: Model::default(),
+            diffuse: false,
         }
     }
 

@@ -199,6 +199,11 @@ impl Description {
             })
     }
 
+    /// Whether there are curves under isotropic light.
+    pub(super) fn has_diffuse(&self) -> bool {
+        self.get("axes.diffuse") == Some("true")
+    }
+
     fn has_axis(&self, axis: ExtraAxis) -> bool {
         self.get(&format!("axes.{}", axis.name())).is_some()
     }
@@ -233,6 +238,11 @@ impl Description {
             None => ground,
             Some(_) => format!("the layers of fixed.below, then {ground}"),
         };
+        let illumination = if self.has_diffuse() {
+            "collimated; angle_deg is the polar angle of incidence, measured from the surface normal; those named diffuse: isotropic"
+        } else {
+            "collimated; angle_deg is the polar angle of incidence, measured from the surface normal"
+        };
         let entries: [(&str, Value); 16] = [
             ("title", "Spectral database of snow".into()),
             ("program", PROGRAM.into()),
@@ -248,7 +258,7 @@ impl Description {
             ),
             (
                 "illumination",
-                "collimated; angle_deg is the polar angle of incidence, measured from the surface normal".into(),
+                illumination.into(),
             ),
             ("bottom_boundary", bottom.into()),
             ("ice_table", text("model.ice")),

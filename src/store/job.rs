@@ -7,7 +7,8 @@ use super::{Store, StoreError, Variable, file};
 use crate::measurement::{Measured, Spectrum};
 
 impl Store {
-    /// Stores the spectra of `job`, one per curve in storage order.
+    /// Stores the spectra of `job`, one per curve in storage order; if there is isotropic
+    /// light, its spectrum follows those of the angles of each thickness.
     ///
     /// # Errors
     /// The store is open for reading only, the spectra do not fit the job or
@@ -17,10 +18,22 @@ impl Store {
         self.check_spectra(job, spectra)?;
         let mut seal = self.seal(job);
         for (quantity, array) in self.layout.quantities() {
-            let values: Vec<f32> = spectra.iter().flat_map(|s| values(s, quantity)).collect();
+            let angles = self.layout.jobs.block()[4] as usize;
+            let of_slab = |slab: &'_ [Spectrum]| -> Vec<f32> {
+                let (collimated, diffuse) = slab.split_at(angles.min(slab.len()));
+                let spectra = if quantity.is_diffuse() {
+                    diffuse
+                } else {
+                    collimated
+                };
+                spectra.iter().flat_map(|s| values(s, quantity)).collect()
+            };
+            let slabs = spectra.chunks(self.layout.lights().max(1));
+            let values: Vec<f32> = slabs.flat_map(of_slab).collect();
             let bytes = encode(array, &values)?;
             seal.add(&bytes);
-            writer.write(&self.file(array, &self.layout.chunk(job)?), &bytes)?;
+            let chunk = self.layout.chunk(quantity, job)?;
+            writer.write(&self.file(array, &chunk), &bytes)?;
         }
         let lost = &self.layout.lost;
         let shares = spectra.iter().flat_map(|spectrum| &spectrum.lost);
@@ -42,12 +55,10 @@ impl Store {
         let Some(mark) = file::read(&self.file(committed, &[job]))? else {
             return Ok(false);
         };
-        let chunk = self.layout.chunk(job)?;
-        let mut paths: Vec<_> = self
-            .layout
-            .quantities()
-            .map(|(_, array)| self.file(array, &chunk))
-            .collect();
+        let mut paths = Vec::new();
+        for (quantity, array) in self.layout.quantities() {
+            paths.push(self.file(array, &self.layout.chunk(quantity, job)?));
+        }
         paths.push(self.file(&self.layout.lost, &[job]));
         let mut seal = self.seal(job);
         for path in paths {
@@ -73,7 +84,8 @@ impl Store {
 
     fn check_spectra(&self, job: u64, spectra: &[Spectrum]) -> Result<(), StoreError> {
         let refuse = |reason: String| Err(StoreError::Spectra { job, reason });
-        let curves = self.layout.jobs.curves_per_job();
+        let lights = self.layout.lights();
+        let curves = self.layout.jobs.block()[3] * lights as u64;
         if spectra.len() as u64 != curves {
             return refuse(format!("{} spectra for {curves} curves", spectra.len()));
         }
@@ -90,7 +102,7 @@ impl Store {
             }
             for quantity in Variable::ALL {
                 let wrong = |v: &f32| {
-                    if curve < absent {
+                    if curve / lights < absent {
                         !v.is_nan()
                     } else {
                         !v.is_finite()
@@ -124,10 +136,18 @@ impl Seal {
 
 fn values(spectrum: &Spectrum, quantity: Variable) -> impl Iterator<Item = f32> {
     let (measured, part): (&[Measured], fn(&Measured) -> f64) = match quantity {
-        Variable::Transmittance => (&spectrum.transmittance, |m| m.value),
-        Variable::Reflectance => (&spectrum.reflectance, |m| m.value),
-        Variable::TransmittanceSe => (&spectrum.transmittance, |m| m.se),
-        Variable::ReflectanceSe => (&spectrum.reflectance, |m| m.se),
+        Variable::Transmittance | Variable::TransmittanceDiffuse => {
+            (&spectrum.transmittance, |m| m.value)
+        }
+        Variable::Reflectance | Variable::ReflectanceDiffuse => {
+            (&spectrum.reflectance, |m| m.value)
+        }
+        Variable::TransmittanceSe | Variable::TransmittanceDiffuseSe => {
+            (&spectrum.transmittance, |m| m.se)
+        }
+        Variable::ReflectanceSe | Variable::ReflectanceDiffuseSe => {
+            (&spectrum.reflectance, |m| m.se)
+        }
     };
     measured.iter().map(move |m| part(m) as f32)
 }

@@ -31,6 +31,8 @@ pub(super) struct Layout {
     absent: Vec<usize>,
     wavelengths_nm: Vec<f64>,
     quantities: [ZarrArray; 4],
+    /// Those of isotropic light, without the axis of angles.
+    diffuse: Option<[ZarrArray; 4]>,
     pub(super) lost: ZarrArray,
     pub(super) committed: ZarrArray,
     storage: Arc<FilesystemStore>,
@@ -48,23 +50,7 @@ impl Layout {
         let jobs = jobs.repeated(axes.combinations())?;
         let storage =
             Arc::new(FilesystemStore::new(root).map_err(StoreError::zarr("the file system"))?);
-        let quantity = |quantity: Variable| {
-            let l = [jobs.wavelengths()];
-            let extra: Vec<u64> = axes.extra.values().map(|v| v.len() as u64).collect();
-            let shape = [&extra, &jobs.shape()[..], &l].concat();
-            let chunk = [&vec![1; extra.len()], &jobs.block()[..], &l].concat();
-            let all = axes.all().into_iter().map(|(name, _)| name);
-            let names: Vec<_> = all.chain([WAVELENGTH]).collect();
-            let spec = Spec {
-                name: quantity.name(),
-                long_name: quantity.long_name(),
-                units: "1",
-                dimensions: &names,
-            };
-            spec.array(&storage, shape, chunk, data_type::float32(), f32::NAN)
-        };
-        let [t, r, t_se, r_se] = Variable::ALL;
-        let quantities = [quantity(t)?, quantity(r)?, quantity(t_se)?, quantity(r_se)?];
+        let quantities = arrays(&storage, &axes, &jobs, Variable::ALL)?;
         let per_job = |name, long_name| Spec {
             name,
             long_name,
@@ -88,10 +74,22 @@ impl Layout {
             absent,
             wavelengths_nm,
             quantities,
+            diffuse: None,
             lost,
             committed,
             storage,
         })
+    }
+
+    /// The same with arrays of isotropic light, if there is `any`.
+    pub(super) fn with_diffuse(self, any: bool) -> Result<Self, StoreError> {
+        let made = || arrays(&self.storage, &self.axes, &self.jobs, Variable::DIFFUSE);
+        let diffuse = any.then(made).transpose()?;
+        Ok(Self { diffuse, ..self })
+    }
+
+    pub(super) fn has_diffuse(&self) -> bool {
+        self.diffuse.is_some()
     }
 
     pub(super) fn axes(&self) -> &Axes {
@@ -102,12 +100,16 @@ impl Layout {
         &self.absent
     }
 
-    /// How many of the first curves of `job` do not exist.
+    /// How many of the first thicknesses of `job` have no curves.
     pub(super) fn absent_of(&self, job: u64) -> Result<usize, StoreError> {
         let [_, size, _, thickness, _] = self.jobs.origin(job)?.map(|i| i as usize);
-        let [.., thicknesses, angles] = self.jobs.block().map(|n| n as usize);
         let thinnest = self.absent.get(size).copied().unwrap_or_default();
-        Ok(thinnest.saturating_sub(thickness).min(thicknesses) * angles)
+        Ok(thinnest.saturating_sub(thickness))
+    }
+
+    /// Lights that fall on each slab of a job, isotropic light last.
+    pub(super) fn lights(&self) -> usize {
+        self.jobs.block()[4] as usize + usize::from(self.has_diffuse())
     }
 
     /// Which curves do not exist, if there are any: 1 by grain size and thickness.
@@ -135,29 +137,36 @@ impl Layout {
         Ok(Some((array, values)))
     }
 
-    /// Index of a job's chunk in the arrays of spectra.
-    pub(super) fn chunk(&self, job: u64) -> Result<Vec<u64>, StoreError> {
+    /// Index of a job's chunk in the array of a quantity.
+    pub(super) fn chunk(&self, quantity: Variable, job: u64) -> Result<Vec<u64>, StoreError> {
         let extra = positions(&self.axes.extra, self.jobs.combination(job));
-        Ok([&extra, &self.jobs.chunk(job)?[..], &[0]].concat())
+        let chunk = self.jobs.chunk(job)?;
+        let five = if quantity.is_diffuse() {
+            &chunk[..4]
+        } else {
+            &chunk[..]
+        };
+        Ok([&extra, five, &[0]].concat())
     }
 
     pub(super) fn wavelengths_nm(&self) -> &[f64] {
         &self.wavelengths_nm
     }
 
-    /// In the order of [`Variable::ALL`].
+    /// In the order of [`Variable::ALL`], then [`Variable::DIFFUSE`] if there are any.
     pub(super) fn quantities(&self) -> impl Iterator<Item = (Variable, &ZarrArray)> {
-        Variable::ALL.into_iter().zip(&self.quantities)
+        let diffuse = self.diffuse.iter().flatten();
+        let diffuse = Variable::DIFFUSE.into_iter().zip(diffuse);
+        Variable::ALL.into_iter().zip(&self.quantities).chain(diffuse)
     }
 
-    pub(super) fn quantity(&self, quantity: Variable) -> &ZarrArray {
-        let [t, r, t_se, r_se] = &self.quantities;
-        match quantity {
-            Variable::Transmittance => t,
-            Variable::Reflectance => r,
-            Variable::TransmittanceSe => t_se,
-            Variable::ReflectanceSe => r_se,
-        }
+    pub(super) fn quantity(&self, quantity: Variable) -> Result<&ZarrArray, StoreError> {
+        let mut all = self.quantities();
+        let found = all.find(|(there, _)| *there == quantity);
+        found.map(|(_, array)| array).ok_or_else(|| StoreError::Zarr {
+            what: quantity.name().into(),
+            reason: "this database has no isotropic light".into(),
+        })
     }
 
     /// Path below the database and bytes of every file that is there from the
@@ -207,6 +216,34 @@ impl Layout {
         files.insert("zarr.json".into(), pretty(&root)?);
         Ok(files)
     }
+}
+
+/// The arrays of four quantities.
+fn arrays(
+    storage: &Arc<FilesystemStore>,
+    axes: &Axes,
+    jobs: &Jobs,
+    quantities: [Variable; 4],
+) -> Result<[ZarrArray; 4], StoreError> {
+    let array = |quantity: Variable| {
+        // isotropic light has no angle, the last axis of the five
+        let five = if quantity.is_diffuse() { 4 } else { 5 };
+        let l = [jobs.wavelengths()];
+        let extra: Vec<u64> = axes.extra.values().map(|v| v.len() as u64).collect();
+        let shape = [&extra, &jobs.shape()[..five], &l].concat();
+        let chunk = [&vec![1; extra.len()], &jobs.block()[..five], &l].concat();
+        let all = axes.all().into_iter().map(|(name, _)| name);
+        let names: Vec<_> = all.take(extra.len() + five).chain([WAVELENGTH]).collect();
+        let spec = Spec {
+            name: quantity.name(),
+            long_name: quantity.long_name(),
+            units: "1",
+            dimensions: &names,
+        };
+        spec.array(storage, shape, chunk, data_type::float32(), f32::NAN)
+    };
+    let [t, r, t_se, r_se] = quantities;
+    Ok([array(t)?, array(r)?, array(t_se)?, array(r_se)?])
 }
 
 /// Name of the axis of wavelengths.

@@ -7,6 +7,7 @@
 //!     zarr.json                float32 [facetness, grain_size_um, density_kg_m3,
 //!     c.0.0.0.0.0.0 ...          thickness_cm, angle_deg, wavelength_nm], axes
 //!                                beyond the five before these
+//!   transmittance_diffuse/ ...   the same without angle_deg, if the grid has `diffuse`
 //!   facetness/ ... wavelength_nm/   float64 coordinates
 //!   curve_status/              int8 [grain_size_um, thickness_cm], if there are curves
 //!                                that do not exist: 1, and NaN in all quantities
@@ -58,6 +59,9 @@ const ROOT: &str = "zarr.json";
 /// The compact file in an output directory, made from the database.
 pub const COMPACT: &str = "snow.safetensors";
 
+/// The compact file of its curves under isotropic light, if it has such.
+pub const DIFFUSE: &str = "diffuse.safetensors";
+
 /// An open database.
 #[derive(Debug)]
 pub struct Store {
@@ -98,6 +102,7 @@ impl Store {
         let writer = file::Writer::new(dir, access)?;
         let (axes, nm) = (grid.axes.clone(), grid.wavelengths_nm.clone());
         let layout = Layout::new(&root, axes, nm, grid.run.engine, grid.absent()?)?;
+        let layout = layout.with_diffuse(grid.fixed.diffuse)?;
         let store = Self {
             dir: dir.into(),
             root,
@@ -162,7 +167,8 @@ impl Store {
         let absent = description.absent(&axes, &root)?;
         Ok(Self {
             dir: dir.into(),
-            layout: Layout::new(&root, axes, nm, engine, absent)?,
+            layout: Layout::new(&root, axes, nm, engine, absent)?
+                .with_diffuse(description.has_diffuse())?,
             root,
             description,
             writer: None,
@@ -256,17 +262,10 @@ impl Store {
         self.layout.absent()
     }
 
-    /// Rows, in storage order, of the curves that exist.
+    /// Whether it holds curves under isotropic light ([`Variable::DIFFUSE`]), too.
     #[must_use]
-    pub fn rows(&self) -> Vec<usize> {
-        let [_, sizes, densities, thicknesses, angles] = self.axes().shape().map(|n| n as usize);
-        let absent = self.absent();
-        let exists = |row: &usize| {
-            let thickness = row / angles % thicknesses;
-            let size = row / (angles * thicknesses * densities) % sizes;
-            thickness >= absent.get(size).copied().unwrap_or_default()
-        };
-        (0..self.jobs().curves() as usize).filter(exists).collect()
+    pub fn has_diffuse(&self) -> bool {
+        self.layout.has_diffuse()
     }
 
     /// Wavelengths, nm.
@@ -328,6 +327,7 @@ pub fn remove(dir: &Path) -> Result<(), StoreError> {
     // The file made from the database never outlives it, and the database is
     // out of the way at once: a kill leaves no half of it.
     file::remove_file(&resolved(&dir.join(COMPACT)))?;
+    file::remove_file(&resolved(&dir.join(DIFFUSE)))?;
     let writer = file::Writer::new(dir, Access::Exclusive)?;
     let scratch = writer.scratch();
     if root.is_symlink() {

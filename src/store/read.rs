@@ -17,16 +17,54 @@ pub enum Variable {
     TransmittanceSe,
     /// Standard error of the reflectance.
     ReflectanceSe,
+    /// Transmittance of isotropic light.
+    TransmittanceDiffuse,
+    /// Reflectance of isotropic light.
+    ReflectanceDiffuse,
+    /// Standard error of the transmittance of isotropic light.
+    TransmittanceDiffuseSe,
+    /// Standard error of the reflectance of isotropic light.
+    ReflectanceDiffuseSe,
 }
 
 impl Variable {
-    /// All, in the order in which a job's chunks are written.
+    /// All under collimated light, in the order in which a job's chunks are written.
     pub const ALL: [Self; 4] = [
         Self::Transmittance,
         Self::Reflectance,
         Self::TransmittanceSe,
         Self::ReflectanceSe,
     ];
+
+    /// All under isotropic light, likewise; their arrays have no axis of angles.
+    pub const DIFFUSE: [Self; 4] = [
+        Self::TransmittanceDiffuse,
+        Self::ReflectanceDiffuse,
+        Self::TransmittanceDiffuseSe,
+        Self::ReflectanceDiffuseSe,
+    ];
+
+    /// The same under collimated light.
+    #[must_use]
+    pub fn collimated(self) -> Self {
+        let both = Self::ALL.into_iter().zip(Self::DIFFUSE);
+        let mut same = both.filter_map(|(one, other)| (other == self).then_some(one));
+        same.next().unwrap_or(self)
+    }
+
+    /// The same under isotropic light.
+    #[must_use]
+    pub fn diffuse(self) -> Self {
+        let both = Self::ALL.into_iter().zip(Self::DIFFUSE);
+        let mut same = both.filter_map(|(one, other)| (one == self).then_some(other));
+        same.next().unwrap_or(self)
+    }
+
+    /// Whether it is of isotropic light.
+    #[must_use]
+    pub fn is_diffuse(self) -> bool {
+        Self::DIFFUSE.contains(&self)
+    }
 
     /// Name of the array.
     #[must_use]
@@ -36,6 +74,10 @@ impl Variable {
             Self::Reflectance => "reflectance",
             Self::TransmittanceSe => "transmittance_se",
             Self::ReflectanceSe => "reflectance_se",
+            Self::TransmittanceDiffuse => "transmittance_diffuse",
+            Self::ReflectanceDiffuse => "reflectance_diffuse",
+            Self::TransmittanceDiffuseSe => "transmittance_diffuse_se",
+            Self::ReflectanceDiffuseSe => "reflectance_diffuse_se",
         }
     }
 
@@ -47,6 +89,12 @@ impl Variable {
             Self::Reflectance => "directional-hemispherical reflectance",
             Self::TransmittanceSe => "standard error of the transmittance",
             Self::ReflectanceSe => "standard error of the reflectance",
+            Self::TransmittanceDiffuse => "bi-hemispherical transmittance of isotropic light",
+            Self::ReflectanceDiffuse => "bi-hemispherical reflectance of isotropic light",
+            Self::TransmittanceDiffuseSe => {
+                "standard error of the transmittance of isotropic light"
+            }
+            Self::ReflectanceDiffuseSe => "standard error of the reflectance of isotropic light",
         }
     }
 }
@@ -104,18 +152,23 @@ impl Store {
     }
 
     /// All curves of a quantity, [curves, wavelengths], curves in storage
-    /// order; NaN where a job has written nothing. Ask [`missing`](Self::missing)
+    /// order, those of isotropic light without the axis of angles; NaN where a job has written nothing. Ask [`missing`](Self::missing)
     /// first whether all jobs are done.
     ///
     /// # Errors
     /// A chunk is torn, or cannot be read.
     pub fn read(&self, quantity: Variable) -> Result<Array2<f32>, StoreError> {
-        let array = self.layout.quantity(quantity);
+        let array = self.layout.quantity(quantity)?;
         let values: Vec<f32> = array
             .retrieve_array_subset(&array.subset_all())
             .map_err(|error| self.damaged(array, &error))?;
         let jobs = &self.layout.jobs;
-        let shape = (jobs.curves() as usize, jobs.wavelengths() as usize);
+        let angles = if quantity.is_diffuse() {
+            jobs.shape()[4]
+        } else {
+            1
+        };
+        let shape = ((jobs.curves() / angles) as usize, jobs.wavelengths() as usize);
         Array2::from_shape_vec(shape, values).map_err(StoreError::zarr(quantity.name()))
     }
 

@@ -213,6 +213,8 @@ fn simulated(bench: &Bench, grid: &Grid) -> Result<Curves, TradeoffError> {
     let spectra = bench.map(&numbers, |&number| {
         let job = grid.job(&jobs, number)?;
         let mut request = job.request(grid);
+        // isotropic light is another file's
+        request.illuminations = &job.illuminations[..job.angles_deg.len()];
         request.rays = setting.rays;
         let run = bench.run(&setting, &request, &Tables::default());
         let run = run.map_err(|source| match source {

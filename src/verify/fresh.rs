@@ -95,7 +95,7 @@ impl Cell {
             thickness_cm,
             angle_deg,
         ] = point.coordinates().map(|value| vec![value]);
-        let grid = Grid {
+        let mut grid = Grid {
             axes: Axes {
                 facetness,
                 grain_size_um,
@@ -106,6 +106,7 @@ impl Cell {
             },
             ..grid.at(conditions)?
         };
+        grid.fixed.diffuse = false;
         let job = grid.job(&grid.jobs()?, 0)?;
         let at = described(&point, conditions);
         Ok(Self { at, grid, job })
