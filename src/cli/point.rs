@@ -44,7 +44,10 @@ pub(super) struct PointArgs {
 
 /// Makes the options of the five axes required ones.
 pub(super) fn required(arg: clap::Arg) -> clap::Arg {
-    match AXES.iter().position(|axis| axis.name == arg.get_id().as_str()) {
+    match AXES
+        .iter()
+        .position(|axis| axis.name == arg.get_id().as_str())
+    {
         // the angle
         Some(4) => arg.required_unless_present("diffuse"),
         Some(_) => arg.required(true),

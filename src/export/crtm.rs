@@ -9,7 +9,6 @@ use ndarray::{ArrayD, Axis};
 use netcdf3::DataSet;
 
 use super::netcdf::{FILL, STAND_IN, failed, version, written};
-use super::table::RADIUS;
 use super::{ExportError, Layout, Table};
 use crate::grain::{SizeRange, TruncatedNormal, shape_factor, size_factor_per_m};
 use crate::grid::{ExtraAxis, Spread};
@@ -97,7 +96,7 @@ pub fn crtm(table: Table) -> Result<Vec<u8>, ExportError> {
         }
         let converted: Vec<f64> = match about.variable {
             "Depth" => values.iter().map(|cm| cm / 100.0).collect(),
-            "Grain_Size" => table.radii_um(name, values)?,
+            "Grain_Size" => table.radii_um(values)?,
             // it looks for rising frequencies
             "Frequency" => values.iter().rev().map(|nm| 1e7 / nm).collect(),
             _ => values.clone(),
@@ -185,7 +184,7 @@ fn described(
 impl Table {
     /// Without its axes of one value that the loader has no place for.
     fn alone(mut self) -> Result<Self, ExportError> {
-        let fit = |name: &str| Layout::CRTM.contains(&name) || name == RADIUS;
+        let fit = |name: &str| Layout::CRTM.contains(&name);
         while let Some(axis) = self.axes.iter().position(|(name, _)| !fit(name)) {
             let (name, values) = self.axes[axis].clone();
             let [value] = values[..] else {
@@ -200,11 +199,8 @@ impl Table {
         Ok(self)
     }
 
-    /// Optical radii, um, of the values of the axis `name`.
-    fn radii_um(&self, name: &str, values: &[f64]) -> Result<Vec<f64>, ExportError> {
-        if name == RADIUS {
-            return Ok(values.to_vec());
-        }
+    /// Optical radii, um, of these grain sizes.
+    fn radii_um(&self, values: &[f64]) -> Result<Vec<f64>, ExportError> {
         let untold = |what: &str| {
             let reason = format!("the file does not say its {what}, which the optical radii need");
             ExportError::Crtm { reason }

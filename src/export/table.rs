@@ -48,22 +48,13 @@ impl Layout {
     }
 
     /// The axes of the name, slowest first, after all others.
-    pub(super) const CRTM: [&'static str; 5] = [
-        "density_kg_m3",
-        "thickness_cm",
-        SIZE,
-        WAVELENGTH,
-        ANGLE,
-    ];
+    pub(super) const CRTM: [&'static str; 5] =
+        ["density_kg_m3", "thickness_cm", "grain_size_um", WAVELENGTH, ANGLE];
 }
 
 /// Name of the axis of angles.
 const ANGLE: &str = "angle_deg";
 
-/// Name of the axis of grain sizes.
-pub(super) const SIZE: &str = "grain_size_um";
-/// Name of the axis in its place where sizes are told as radii.
-pub(super) const RADIUS: &str = "optical_radius_um";
 
 impl Table {
     /// All of a finished database under collimated or `diffuse` light, standard errors
@@ -170,7 +161,8 @@ impl Table {
 
     fn says_diffuse(&mut self) {
         let light = "diffuse: isotropic radiance over the upper hemisphere";
-        self.attributes.insert("illumination".to_owned(), light.to_owned());
+        self.attributes
+            .insert("illumination".to_owned(), light.to_owned());
     }
 
     /// The part at one node of `axis`, without that axis. A value is on a node within
@@ -206,11 +198,8 @@ impl Table {
         // Not among these is before them; a stable sort keeps the order of the others.
         let rank = |axis: &usize| {
             let mut fast = Layout::CRTM.iter();
-            let name = match self.axes[*axis].0 {
-                RADIUS => SIZE,
-                name => name,
-            };
-            fast.position(|fast| *fast == name).map(|i| i + 1)
+            fast.position(|name| *name == self.axes[*axis].0)
+                .map(|i| i + 1)
         };
         let mut order: Vec<usize> = (0..self.axes.len()).collect();
         order.sort_by_key(rank);

@@ -64,7 +64,8 @@ impl Axes {
     #[must_use]
     pub fn existing(&self, absent: &[usize]) -> Vec<usize> {
         let [facets, sizes, densities, thicknesses, angles] = self.shape().map(|n| n as usize);
-        let curves = self.combinations() as usize * facets * sizes * densities * thicknesses * angles;
+        let curves =
+            self.combinations() as usize * facets * sizes * densities * thicknesses * angles;
         let exists = |row: &usize| {
             let thickness = row / angles % thicknesses;
             let size = row / (angles * thicknesses * densities) % sizes;

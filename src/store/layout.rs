@@ -157,16 +157,21 @@ impl Layout {
     pub(super) fn quantities(&self) -> impl Iterator<Item = (Variable, &ZarrArray)> {
         let diffuse = self.diffuse.iter().flatten();
         let diffuse = Variable::DIFFUSE.into_iter().zip(diffuse);
-        Variable::ALL.into_iter().zip(&self.quantities).chain(diffuse)
+        Variable::ALL
+            .into_iter()
+            .zip(&self.quantities)
+            .chain(diffuse)
     }
 
     pub(super) fn quantity(&self, quantity: Variable) -> Result<&ZarrArray, StoreError> {
         let mut all = self.quantities();
         let found = all.find(|(there, _)| *there == quantity);
-        found.map(|(_, array)| array).ok_or_else(|| StoreError::Zarr {
-            what: quantity.name().into(),
-            reason: "this database has no isotropic light".into(),
-        })
+        found
+            .map(|(_, array)| array)
+            .ok_or_else(|| StoreError::Zarr {
+                what: quantity.name().into(),
+                reason: "this database has no isotropic light".into(),
+            })
     }
 
     /// Path below the database and bytes of every file that is there from the

@@ -168,7 +168,10 @@ impl Store {
         } else {
             1
         };
-        let shape = ((jobs.curves() / angles) as usize, jobs.wavelengths() as usize);
+        let shape = (
+            (jobs.curves() / angles) as usize,
+            jobs.wavelengths() as usize,
+        );
         Array2::from_shape_vec(shape, values).map_err(StoreError::zarr(quantity.name()))
     }
 

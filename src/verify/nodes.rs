@@ -116,7 +116,8 @@ fn choose(subject: &Subject<'_>) -> (Vec<Node>, u64) {
 /// The difference in combined standard errors; the store's rounding to f32 is
 /// the least error there is.
 fn z(fresh: Measured, stored: Measured) -> f64 {
-    let rounding = f64::from(f32::EPSILON) * stored.value.abs();
+    // what is below the least f32 is stored as 0
+    let rounding = f64::from(f32::EPSILON * stored.value.abs() as f32 + f32::MIN_POSITIVE);
     let variance = fresh.se.powi(2) + stored.se.powi(2) + rounding.powi(2);
     if variance == 0.0 && fresh.value == stored.value {
         return 0.0;

@@ -67,6 +67,7 @@ fn every_tensor_of_every_variant_is_aligned() {
             for [t, r] in [[Some(&t), Some(&r)], [Some(&t), None], [None, Some(&r)]] {
                 let bytes = CompactFile {
                     axes: &axes,
+                    absent: &[],
                     wavelengths_nm: &wavelengths(),
                     transmittance: t,
                     reflectance: r,
