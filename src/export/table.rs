@@ -48,13 +48,17 @@ impl Layout {
     }
 
     /// The axes of the name, slowest first, after all others.
-    pub(super) const CRTM: [&'static str; 5] =
-        ["density_kg_m3", "thickness_cm", "grain_size_um", WAVELENGTH, ANGLE];
+    pub(super) const CRTM: [&'static str; 5] = [
+        "density_kg_m3",
+        "thickness_cm",
+        "grain_size_um",
+        WAVELENGTH,
+        ANGLE,
+    ];
 }
 
 /// Name of the axis of angles.
 const ANGLE: &str = "angle_deg";
-
 
 impl Table {
     /// All of a finished database under collimated or `diffuse` light, standard errors
