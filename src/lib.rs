@@ -9,7 +9,7 @@
 //!
 //! | module | what lives there |
 //! |---|---|
-//! | [`math`], [`rng`], [`units`] | vectors, deterministic elementary functions, random streams, conversions |
+//! | [`math`], [`rng`], [`units`], [`threads`] | vectors, deterministic elementary functions, random streams, conversions; how many threads |
 //! | [`spectrum`], [`optics`], [`colour`] | tabulated functions of wavelength; refractive indices; Fresnel and Snell; CIELAB |
 //! | [`grain`] | laws of grain size and shape, the event on one grain, mean free distance |
 //! | [`transport`] | the snow sample and the walk of one ray through it |
@@ -53,6 +53,7 @@ pub mod spectrum;
 pub mod store;
 pub mod study;
 pub mod table;
+pub mod threads;
 pub mod tradeoff;
 pub mod transport;
 pub mod units;

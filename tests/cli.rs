@@ -15,6 +15,11 @@ use assert_cmd::cargo::cargo_bin;
 
 /// Seconds after which a process is not waited for any more.
 const PATIENCE: Duration = Duration::from_secs(60);
+const SAMPLE: &str = concat!(
+    env!("CARGO_MANIFEST_DIR"),
+    "/configs/samples/representative.toml"
+);
+const SCENE: &str = concat!(env!("CARGO_MANIFEST_DIR"), "/configs/scenes/block.toml");
 
 fn splitsnow(dir: &Path, args: &str) -> Command {
     let mut command = Command::new(cargo_bin!("splitsnow"));
@@ -82,6 +87,46 @@ fn threads_and_shards_leave_no_trace() {
             assert_same(&expected, &out(dir.path()));
         }
     }
+}
+
+/// The most specific of what limits the threads counts, and what is no number of them
+/// is refused by its name before anything is written.
+#[test]
+fn the_environment_limits_the_threads() {
+    let dir = folder(|text| text);
+    let with = |args: &str, [slurm, rayon]: [&str; 2]| {
+        let mut command = splitsnow(dir.path(), args);
+        command.env("SLURM_CPUS_PER_TASK", slurm);
+        command.env("RAYON_NUM_THREADS", rayon);
+        command.output().unwrap()
+    };
+    for (option, limits, expected) in [
+        ("", ["3", "5"], 3),
+        ("", ["", "5"], 5),
+        (" --threads 2", ["3", "5"], 2),
+    ] {
+        let output = with(&format!("plan tiny.toml --json{option}"), limits);
+        let plan: serde_json::Value = serde_json::from_slice(&output.stdout).unwrap();
+        assert_eq!(plan["threads"], expected);
+    }
+    std::fs::copy(SAMPLE, dir.path().join("sample.toml")).unwrap();
+    std::fs::copy(SCENE, dir.path().join("scene.toml")).unwrap();
+    for command in [
+        "build tiny.toml",
+        "plan tiny.toml",
+        "measure sample.toml --rays 8",
+        "tradeoff",
+        "fit scene.toml",
+    ] {
+        for limits in [["0", "2"], ["", "two"]] {
+            let output = with(command, limits);
+            let text = String::from_utf8(output.stderr).unwrap();
+            let variable = ["SLURM_CPUS_PER_TASK is `0`", "RAYON_NUM_THREADS is `two`"];
+            let variable = variable[usize::from(limits[0].is_empty())];
+            assert!(!output.status.success() && text.contains(variable), "{text}");
+        }
+    }
+    assert!(!dir.path().join("out").exists());
 }
 
 #[test]

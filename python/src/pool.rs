@@ -1,11 +1,11 @@
 //! The threads that look-ups and simulations run on.
 use std::sync::{Arc, Mutex, PoisonError};
 
-use pyo3::exceptions::PyRuntimeError;
+use pyo3::exceptions::{PyRuntimeError, PyValueError};
 use pyo3::prelude::*;
 use rayon::ThreadPool;
 
-/// One thread per core. A forked process, such as a worker of `multiprocessing`, has
+/// As many threads as [`splitsnow::threads`] says. A forked process, such as a worker of `multiprocessing`, has
 /// none of its parent's threads, and so makes its own.
 ///
 /// The GIL is held, so no fork happens while the lock is.
@@ -18,7 +18,9 @@ pub(crate) fn pool(_py: Python) -> PyResult<Arc<ThreadPool>> {
     {
         return Ok(pool.clone());
     }
-    let new = rayon::ThreadPoolBuilder::new().build();
+    let threads = splitsnow::threads::threads(None);
+    let threads = threads.map_err(|e| PyValueError::new_err(e.to_string()))?;
+    let new = rayon::ThreadPoolBuilder::new().num_threads(threads).build();
     let new = new.map_err(|e| PyRuntimeError::new_err(format!("cannot start threads: {e}")))?;
     let new = Arc::new(new);
     // The parent's is not dropped: nobody would answer.

@@ -73,7 +73,7 @@ where
     let rays = Arc::new(AtomicU64::new(0));
     let left = missing.len() as u64;
     let progress = Progress::new(options.progress, left, total, &store.jobs(), &rays);
-    let cache = Cache::default();
+    let cache = Cache::of_cells();
     let next = AtomicUsize::new(0);
     let finished = AtomicU64::new(0);
     let failure: Mutex<Option<BatchError>> = Mutex::new(None);

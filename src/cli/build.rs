@@ -61,6 +61,7 @@ pub(super) fn run(args: &Args) -> anyhow::Result<()> {
     let grid = &file.grid;
     let inputs = common::data_hashes(grid)?;
     let dir = args.grid.dir(&file);
+    let threads = args.grid.threads()?;
     let cancel = common::interrupt_flag()?;
     if args.fresh {
         store::remove(&dir)?;
@@ -68,7 +69,7 @@ pub(super) fn run(args: &Args) -> anyhow::Result<()> {
     let access = args.shard.map_or(Access::Exclusive, Access::Shard);
     let store = Store::build(&dir, grid, &inputs, access)?;
     let options = Options {
-        threads: args.grid.threads(),
+        threads,
         shard: args.shard,
         progress: true,
     };

@@ -1,7 +1,6 @@
 //! What the commands share.
 use std::collections::BTreeMap;
 use std::io::{self, Write};
-use std::num::NonZero;
 use std::path::{Path, PathBuf};
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::time::Duration;
@@ -18,6 +17,7 @@ use crate::engine::Engine;
 use crate::grid::Grid;
 use crate::optics::{DataFile, data_files};
 use crate::store::{COMPACT, DIFFUSE};
+use crate::threads::{self, ThreadsError};
 use crate::transport::Ground;
 
 /// The arguments of commands that work from a grid file.
@@ -32,9 +32,22 @@ pub(super) struct GridArgs {
     /// Engine, instead of the grid file's
     #[arg(long, value_parser = engine_parser())]
     engine: Option<Engine>,
-    /// Threads [default: one per core]
-    #[arg(long, value_name = "N", value_parser = clap::value_parser!(u16).range(1..=1024))]
+    #[command(flatten)]
+    threads: ThreadArgs,
+}
+
+/// How many threads to run on.
+#[derive(Debug, Clone, Copy, clap::Args)]
+pub(super) struct ThreadArgs {
+    /// Threads [default: SLURM_CPUS_PER_TASK, else RAYON_NUM_THREADS, else what this process may use]
+    #[arg(long, value_name = "N", value_parser = clap::value_parser!(u16).range(1..=i64::from(threads::MOST)))]
     threads: Option<u16>,
+}
+
+impl ThreadArgs {
+    pub(super) fn count(self) -> Result<usize, ThreadsError> {
+        threads::threads(self.threads)
+    }
 }
 
 impl GridArgs {
@@ -66,9 +79,8 @@ impl GridArgs {
         line
     }
 
-    pub(super) fn threads(&self) -> usize {
-        let cores = || std::thread::available_parallelism().map_or(1, NonZero::get);
-        self.threads.map_or_else(cores, usize::from)
+    pub(super) fn threads(&self) -> Result<usize, ThreadsError> {
+        self.threads.count()
     }
 }
 

@@ -5,7 +5,7 @@ use std::path::{Path, PathBuf};
 use anyhow::Context;
 use serde_json::json;
 
-use super::common::{self, Interrupted, Spinner};
+use super::common::{self, Interrupted, Spinner, ThreadArgs};
 use super::simulate;
 use crate::atomic;
 use crate::certificate::CertificateError;
@@ -38,9 +38,8 @@ pub(super) struct Args {
     /// Random points that certify the file
     #[arg(long, value_name = "N", default_value_t = 512, value_parser = clap::value_parser!(u64).range(16..=100_000))]
     points: u64,
-    /// Threads; 0 is one per core
-    #[arg(long, value_name = "N", default_value_t = 0)]
-    threads: usize,
+    #[command(flatten)]
+    threads: ThreadArgs,
     /// Print the report as JSON
     #[arg(long)]
     json: bool,

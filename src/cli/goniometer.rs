@@ -4,7 +4,7 @@ use std::sync::atomic::AtomicBool;
 
 use serde_json::json;
 
-use super::common::{self, Interrupted};
+use super::common::{self, Interrupted, ThreadArgs};
 use super::simulate;
 use crate::engine::exits::{self, Exits};
 use crate::engine::{Control, Engine, EngineError, Request};
@@ -50,7 +50,7 @@ pub(super) struct Job<'a> {
     pub(super) sample: String,
     pub(super) engine: Engine,
     pub(super) request: Request<'a>,
-    pub(super) threads: usize,
+    pub(super) threads: ThreadArgs,
     pub(super) json: bool,
 }
 

@@ -4,7 +4,7 @@ use std::path::PathBuf;
 
 use serde_json::{Value, json};
 
-use super::common::{self, Interrupted};
+use super::common::{self, Interrupted, ThreadArgs};
 use super::{against, goniometer, simulate};
 use crate::config::sample;
 use crate::engine::{Engine, EngineError, MaxError, Request, Resolution};
@@ -37,9 +37,8 @@ pub(super) struct Args {
     /// Seed of the random numbers
     #[arg(long, default_value_t = 1)]
     seed: u64,
-    /// Threads; 0 is one per core
-    #[arg(long, default_value_t = 0)]
-    threads: usize,
+    #[command(flatten)]
+    threads: ThreadArgs,
     /// Print JSON: one list per column, and the share of lost rays
     #[arg(long)]
     json: bool,

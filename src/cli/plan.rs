@@ -90,7 +90,7 @@ fn plan(args: &Args, file: &GridFile) -> anyhow::Result<Plan> {
     let out = args.grid.dir(file);
     let left = left(&out, grid)?;
     let absent = grid.absent()?;
-    let threads = args.grid.threads();
+    let threads = args.grid.threads()?;
     let pilot = Pilot::run(grid, &jobs, threads)?;
     let (jobs_left, walking) = match &left {
         None => (jobs.count(), pilot.time()),

@@ -8,6 +8,7 @@ use std::time::{Duration, Instant};
 use anyhow::Context;
 use indicatif::{ProgressBar, ProgressStyle};
 
+use super::common::ThreadArgs;
 use crate::engine::{Cache, Control};
 
 /// No bar for what takes less.
@@ -15,17 +16,17 @@ const PATIENCE: Duration = Duration::from_secs(1);
 /// Between two redraws.
 const TICK: Duration = Duration::from_millis(250);
 
-/// Does `work` of `walks` walks on `threads` threads (0: one per core), with a
+/// Does `work` of `walks` walks on as many threads as asked for, with a
 /// progress bar on standard error if that is a terminal and they are known;
 /// `cancel` stops it.
 pub(super) fn run<T: Send>(
-    threads: usize,
+    threads: ThreadArgs,
     walks: Option<u64>,
     cancel: &AtomicBool,
     work: impl FnOnce(&Control<'_>) -> T + Send,
 ) -> anyhow::Result<T> {
     let pool = rayon::ThreadPoolBuilder::new()
-        .num_threads(threads)
+        .num_threads(threads.count()?)
         .build()
         .context("cannot start the threads; ask for fewer with --threads")?;
     let (rays_done, cache) = (AtomicU64::new(0), Cache::default());

@@ -3,7 +3,7 @@ use std::path::{Path, PathBuf};
 
 use anyhow::{Context, bail};
 
-use super::common::{self, Interrupted, Spinner};
+use super::common::{self, Interrupted, Spinner, ThreadArgs};
 use super::simulate;
 use crate::config::study::{self as file, StudyFile};
 use crate::engine::{Engine, EngineError};
@@ -37,9 +37,8 @@ pub(super) struct Args {
     /// Seed of the random numbers
     #[arg(long, value_name = "N", default_value_t = 1)]
     seed: u64,
-    /// Threads; 0 is one per core
-    #[arg(long, value_name = "N", default_value_t = 0)]
-    threads: usize,
+    #[command(flatten)]
+    threads: ThreadArgs,
 }
 
 pub(super) fn run(args: &Args) -> anyhow::Result<()> {

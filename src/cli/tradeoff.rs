@@ -4,7 +4,7 @@ use std::path::{Path, PathBuf};
 
 use serde_json::json;
 
-use super::common::{self, Interrupted, Spinner};
+use super::common::{self, Interrupted, Spinner, ThreadArgs};
 use crate::config::grid;
 use crate::engine::Engine;
 use crate::report;
@@ -61,9 +61,8 @@ pub(super) struct Args {
     /// Finished database whose compression is charted [default: configs/quick.toml, in memory]
     #[arg(long, value_name = "DIR")]
     database: Option<PathBuf>,
-    /// Threads; 0 is one per core
-    #[arg(long, value_name = "N", default_value_t = 0)]
-    threads: usize,
+    #[command(flatten)]
+    threads: ThreadArgs,
     /// Print the table as JSON
     #[arg(long)]
     json: bool,
@@ -116,7 +115,7 @@ fn options(args: &Args) -> anyhow::Result<Options> {
         engines: engines.filter(chosen).collect(),
         seeds: args.seeds,
         budget: args.budget,
-        threads: args.threads,
+        threads: args.threads.count()?,
         truth_engine: args.truth_engine,
         truth_rays: args.truth_rays,
         truth_folder: args.out.join("truth"),

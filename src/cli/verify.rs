@@ -3,7 +3,7 @@ use std::path::PathBuf;
 
 use serde_json::json;
 
-use super::common::{self, Interrupted};
+use super::common::{self, Interrupted, ThreadArgs};
 use super::simulate;
 use crate::atomic;
 use crate::certificate::CERTIFICATE;
@@ -40,9 +40,8 @@ pub(super) struct Args {
     /// Rays of a fresh simulation on a node [default: as many as the database's]
     #[arg(long, value_parser = clap::value_parser!(u64).range(1..))]
     rays: Option<u64>,
-    /// Threads; 0 is one per core
-    #[arg(long, default_value_t = 0)]
-    threads: usize,
+    #[command(flatten)]
+    threads: ThreadArgs,
     /// Print the report as JSON
     #[arg(long)]
     json: bool,

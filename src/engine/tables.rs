@@ -3,6 +3,7 @@
 use std::sync::Arc;
 use std::sync::atomic::Ordering;
 
+use crate::engine::cache::Bytes;
 use crate::engine::{Control, EngineError, Request, Resolution, batches};
 use crate::grain::{GrainType, SizeRange, Surface};
 use crate::optics::Index;
@@ -34,10 +35,31 @@ pub(super) struct Recipe {
 pub(super) struct Outcomes {
     /// To draw from, per part.
     pub(super) tables: Vec<Table>,
-    /// Averages, per part.
+    /// What they are on average.
+    pub(super) averages: Arc<Averages>,
+}
+
+/// What grain events do on average.
+#[derive(Debug)]
+pub(super) struct Averages {
+    /// Per part.
     pub(super) kernels: Vec<Kernel>,
-    /// Average over all parts.
+    /// Over all parts.
     pub(super) kernel: Kernel,
+}
+
+impl Bytes for Averages {
+    fn bytes(&self) -> usize {
+        let kernels = self.kernels.iter().map(Kernel::bytes);
+        self.kernel.bytes() + kernels.sum::<usize>()
+    }
+}
+
+impl Bytes for Outcomes {
+    fn bytes(&self) -> usize {
+        let tables = self.tables.iter().map(Table::bytes);
+        self.averages.bytes() + tables.sum::<usize>()
+    }
 }
 
 /// Outcomes of the grains of each type in each layer of a pack, from the surface
@@ -133,7 +155,7 @@ impl Recipe {
         let outcomes = (grains as usize).div_ceil(PARTS).max(size);
         // what goes into a table is chosen from the first of a part
         let candidates = (OVERSAMPLING * size).min(outcomes);
-        let one = |(part, first): (usize, usize)| {
+        let batch = |part: usize, first: usize| {
             if control.cancel.load(Ordering::Relaxed) {
                 return Err(EngineError::Cancelled);
             }
@@ -143,27 +165,36 @@ impl Recipe {
             let mut drawn = draw(&self.grain, self.entry, self.surface, count, rng);
             let kernel = Kernel::new(&drawn, 2 * streams + 1);
             drawn.truncate(candidates.saturating_sub(first));
-            Ok((part, kernel, drawn))
+            drawn.shrink_to_fit();
+            Ok((kernel, drawn))
         };
-        let batches =
-            (0..PARTS).flat_map(|part| (0..outcomes).step_by(BATCH).map(move |i| (part, i)));
+        // a part at a time, whose outcomes become a table: all would take 110 MB
+        let part = |part: usize| {
+            let firsts = (0..outcomes).step_by(BATCH).collect();
+            let drawn = batches::map(control, firsts, |first| batch(part, first))?;
+            let mut list = Vec::with_capacity(candidates);
+            let mut sums = Vec::with_capacity(drawn.len());
+            for (kernel, drawn) in drawn {
+                sums.push(kernel);
+                list.extend(drawn);
+            }
+            let mut rng = self.stream(part, outcomes);
+            Ok((Table::new(&list, size, &mut rng), sums))
+        };
+        let mut tables = Vec::with_capacity(PARTS);
         let mut kernel = Kernel::new(&[], 2 * streams + 1);
         let mut kernels = vec![kernel.clone(); PARTS];
-        let mut lists = vec![Vec::new(); PARTS];
-        for (part, sums, drawn) in batches::map(control, batches.collect(), one)? {
-            kernels[part].merge(&sums);
-            kernel.merge(&sums);
-            lists[part].extend(drawn);
+        let parts = batches::map(control, (0..PARTS).collect(), part)?;
+        for ((table, sums), part) in parts.into_iter().zip(&mut kernels) {
+            for sums in &sums {
+                part.merge(sums);
+                kernel.merge(sums);
+            }
+            tables.push(table);
         }
-        let tables = |(part, list): (usize, Vec<_>)| {
-            let mut rng = self.stream(part, outcomes);
-            Ok(Table::new(&list, size, &mut rng))
-        };
-        let lists = lists.into_iter().enumerate().collect();
         Ok(Outcomes {
-            tables: batches::map(control, lists, tables)?,
-            kernels,
-            kernel,
+            tables,
+            averages: Arc::new(Averages { kernels, kernel }),
         })
     }
 

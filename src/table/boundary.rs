@@ -69,6 +69,18 @@ pub struct Scores {
 }
 
 impl Scores {
+    /// Bytes on the heap.
+    #[must_use]
+    pub fn bytes(&self) -> usize {
+        self.out.bytes() + self.through.bytes()
+    }
+
+    /// Gives back the memory that more rays would have needed.
+    pub fn shrink(&mut self) {
+        self.out.shrink();
+        self.through.shrink();
+    }
+
     /// Adds those of other rays from the same source.
     pub fn merge(&mut self, other: &Self) {
         self.out.merge(&other.out);

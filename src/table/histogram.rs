@@ -18,8 +18,9 @@ pub struct Histogram {
     impurities: usize,
     /// Scores per ray.
     columns: usize,
-    /// Where the bins of `sums` are, by path in ice and in water (or, where there
-    /// is none, the depth of the first impurity); 0 for none.
+    /// Where the bins of `sums` are, by path in water (or, where there is none, the
+    /// depth of the first impurity) and, running faster, in ice; 0 for none. So it is
+    /// short where there are paths in ice alone.
     places: Vec<u32>,
     /// Per bin: rays; their paths in ice and water and depths of impurities,
     /// the squares and the products of two of these; then the scores.
@@ -34,7 +35,7 @@ const fn moments(paths: usize) -> usize {
     1 + paths + paths * (paths + 1) / 2
 }
 
-const WATER_BINS: usize = bins(BINS_PER_OCTAVE / 2);
+const ICE_BINS: usize = bins(BINS_PER_OCTAVE);
 
 const fn bins(per_octave: u32) -> usize {
     (per_octave * OCTAVES + 2) as usize
@@ -65,6 +66,18 @@ impl Histogram {
         }
     }
 
+    /// Bytes on the heap.
+    #[must_use]
+    pub fn bytes(&self) -> usize {
+        size_of::<u32>() * self.places.capacity() + size_of::<f64>() * self.sums.capacity()
+    }
+
+    /// Gives back the memory that more rays would have needed.
+    pub fn shrink(&mut self) {
+        self.places.shrink_to_fit();
+        self.sums.shrink_to_fit();
+    }
+
     /// Sums per bin.
     fn width(&self) -> usize {
         moments(2 + self.impurities) + self.columns
@@ -77,7 +90,7 @@ impl Histogram {
         (all[0], all[1]) = (path.ice_m * self.per_m, path.water_m * self.per_m);
         all[2..].copy_from_slice(&path.impurities);
         let second = if all[1] > 0.0 { all[1] } else { all[2] };
-        let place = bin(all[0], BINS_PER_OCTAVE) * WATER_BINS + bin(second, BINS_PER_OCTAVE / 2);
+        let place = bin(second, BINS_PER_OCTAVE / 2) * ICE_BINS + bin(all[0], BINS_PER_OCTAVE);
         if place >= self.places.len() {
             self.places.resize(place + 1, 0);
         }
@@ -109,7 +122,11 @@ impl Histogram {
         if self.places.len() < other.places.len() {
             self.places.resize(other.places.len(), 0);
         }
-        for (place, theirs) in other.places.iter().enumerate().filter(|(_, p)| **p > 0) {
+        // by path in ice and then the other: sums are added in this order
+        let rows = other.places.len().div_ceil(ICE_BINS);
+        let order = (0..ICE_BINS).flat_map(|ice| (0..rows).map(move |row| row * ICE_BINS + ice));
+        let places = order.filter_map(|place| Some((place, other.places.get(place)?)));
+        for (place, theirs) in places.filter(|(_, p)| **p > 0) {
             let start = (*theirs as usize - 1) * width;
             let theirs = &other.sums[start..start + width];
             if self.places[place] == 0 {

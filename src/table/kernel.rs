@@ -38,6 +38,12 @@ pub struct Event {
 }
 
 impl Kernel {
+    /// Bytes on the heap.
+    #[must_use]
+    pub fn bytes(&self) -> usize {
+        self.sums.bytes()
+    }
+
     /// Sums over `outcomes`, with the first `moments` (at most 64) Legendre moments.
     #[must_use]
     pub fn new(outcomes: &[Outcome], moments: usize) -> Self {

@@ -71,6 +71,12 @@ impl Table {
         self.motions.len()
     }
 
+    /// Bytes on the heap.
+    #[must_use]
+    pub fn bytes(&self) -> usize {
+        size_of::<[f32; 8]>() * (self.motions.capacity() + self.bodies.capacity())
+    }
+
     /// Never: a table holds at least one outcome.
     #[must_use]
     pub fn is_empty(&self) -> bool {

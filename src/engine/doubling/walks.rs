@@ -4,17 +4,19 @@ use std::sync::atomic::Ordering;
 
 use super::Run;
 use super::cut::Task;
-use crate::engine::tables::{self, PARTS, PackOutcomes, Stretch};
+use crate::engine::cache::Bytes;
+use crate::engine::tables::{self, Averages, PARTS, Stretch};
 use crate::engine::{Control, EngineError, Resolution, batches, engine_error};
 use crate::optics::Index;
 use crate::rng::{Key, Stream};
 use crate::table::{Kernel, Region, Scores};
 use crate::transport::{Layer, Model, Snow};
 
-/// Outcomes of grain events and what walks with them came to.
+/// What grain events do on average and what walks with them came to.
 #[derive(Debug)]
 pub(in crate::engine) struct Walks {
-    outcomes: PackOutcomes,
+    /// Of the grains of each type in each layer, in air and in water.
+    averages: Vec<Vec<[Arc<Averages>; 2]>>,
     /// What came of each task in each part.
     parts: Vec<Vec<Scores>>,
     /// In all parts together.
@@ -74,10 +76,10 @@ impl Walks {
     /// Averages over the grain events of `part` in the `snow`-th layer, of each
     /// type in air and in water.
     pub(super) fn kernels(&self, part: Part, snow: usize) -> impl Iterator<Item = [&Kernel; 2]> {
-        self.outcomes[snow].iter().map(move |media| {
-            media.each_ref().map(|outcomes| match part {
-                Part::One(part) => &outcomes.kernels[part],
-                Part::All => &outcomes.kernel,
+        self.averages[snow].iter().map(move |media| {
+            media.each_ref().map(|averages| match part {
+                Part::One(part) => &averages.kernels[part],
+                Part::All => &averages.kernel,
             })
         })
     }
@@ -106,7 +108,9 @@ impl Walks {
             };
             let scores = region.walk(task.source, task.rays, task.moments, stream);
             control.rays_done.fetch_add(task.rays, Ordering::Relaxed);
-            scores.map_err(|error| engine_error(request, error))
+            let mut scores = scores.map_err(|error| engine_error(request, error))?;
+            scores.shrink();
+            Ok(scores)
         };
         let each = (0..PARTS).flat_map(|part| tasks.iter().map(move |task| (part, task)));
         let mut scores = batches::map(control, each.collect(), one)?.into_iter();
@@ -118,10 +122,24 @@ impl Walks {
                 .zip(part)
                 .for_each(|(all, part)| all.merge(part));
         }
+        all.iter_mut().for_each(Scores::shrink);
+        // the tables themselves are done with
+        let averages = |media: [Arc<tables::Outcomes>; 2]| media.map(|one| one.averages.clone());
+        let averages = outcomes
+            .into_iter()
+            .map(|kinds| kinds.into_iter().map(averages).collect());
         Ok(Self {
-            outcomes,
+            averages: averages.collect(),
             parts,
             all,
         })
+    }
+}
+
+impl Bytes for Walks {
+    fn bytes(&self) -> usize {
+        let scores = self.parts.iter().flatten().chain(&self.all);
+        let averages = self.averages.iter().flatten().flatten();
+        scores.map(Scores::bytes).sum::<usize>() + averages.map(|one| one.bytes()).sum::<usize>()
     }
 }
