@@ -9,7 +9,7 @@
 //!
 //! | module | what lives there |
 //! |---|---|
-//! | [`math`], [`rng`], [`units`], [`threads`] | vectors, deterministic elementary functions, random streams, conversions; how many threads |
+//! | [`math`], [`rng`], [`units`], [`threads`], [`budget`] | vectors, deterministic elementary functions, random streams, conversions; how many threads, and for how long |
 //! | [`spectrum`], [`optics`], [`colour`] | tabulated functions of wavelength; refractive indices; Fresnel and Snell; CIELAB |
 //! | [`grain`] | laws of grain size and shape, the event on one grain, mean free distance |
 //! | [`transport`] | the snow sample and the walk of one ray through it |
@@ -29,6 +29,7 @@
 //! | [`cli`] | the command line |
 mod atomic;
 pub mod batch;
+pub mod budget;
 pub mod certificate;
 pub mod cli;
 pub mod colour;

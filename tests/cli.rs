@@ -123,7 +123,10 @@ fn the_environment_limits_the_threads() {
             let text = String::from_utf8(output.stderr).unwrap();
             let variable = ["SLURM_CPUS_PER_TASK is `0`", "RAYON_NUM_THREADS is `two`"];
             let variable = variable[usize::from(limits[0].is_empty())];
-            assert!(!output.status.success() && text.contains(variable), "{text}");
+            assert!(
+                !output.status.success() && text.contains(variable),
+                "{text}"
+            );
         }
     }
     assert!(!dir.path().join("out").exists());

@@ -27,6 +27,7 @@ const OPTIONS: Options = Options {
     points: 0,
     seed: 1,
     rays: None,
+    seconds: None,
 };
 
 /// A grid of 8 jobs and 24 curves.
@@ -290,6 +291,43 @@ fn a_bound_that_is_not_kept_fails() {
         COMPACT_CHECK,
         "is not below 1.000e-9",
     );
+}
+
+/// What there is no time for is named at the end, and a bound that is broken still fails.
+#[test]
+fn a_spent_budget_says_what_was_not_checked() {
+    let options = Options {
+        points: 16,
+        seconds: Some(0.0),
+        ..OPTIONS
+    };
+    let (report, certificate) = certified(FRESH.path(), options);
+    assert!(report.passed() && certificate.is_none(), "{report}");
+    let names: Vec<_> = report.checks.iter().map(|check| check.name).collect();
+    assert_eq!(names, ["files of the database", COMPACT_CHECK]);
+    let text = report.to_string();
+    let end = text.lines().rev().take(3).collect::<Vec<_>>();
+    assert!(end[2].starts_with("PASS  of what was checked"), "{text}");
+    assert!(
+        end[1].contains("6 of 6 fresh simulations at nodes"),
+        "{text}"
+    );
+    assert!(
+        end[0].contains("random points of the certificate"),
+        "{text}"
+    );
+
+    let dir = tempfile::tempdir().unwrap();
+    let tight = |compressed: &mut Compressed| compressed.bounds.max_rmse = Some(1e-9);
+    build(dir.path(), &grid(), crate::common::simulate, tight);
+    let report = verify(dir.path(), options);
+    assert_fails(&report, COMPACT_CHECK, "FAIL  of what was checked");
+    // enough for all
+    let options = Options {
+        seconds: Some(1e9),
+        ..OPTIONS
+    };
+    assert_eq!(verify(FRESH.path(), options), verify(FRESH.path(), OPTIONS));
 }
 
 /// One snow at 5 thicknesses and 4 angles, with little noise.

@@ -102,6 +102,39 @@ pub struct Certificate {
     pub quantities: BTreeMap<String, Chain>,
 }
 
+/// What of a certificate there was time for.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Partial {
+    /// From what was simulated; `None` without a random point.
+    pub certificate: Option<Certificate>,
+    /// Fresh simulations and random points left out, if any was.
+    pub left: Option<[usize; 2]>,
+}
+
+/// Random points of the whole chain.
+fn anywhere(trials: &[Trial]) -> usize {
+    let kinds = trials.iter().flat_map(|trial| &trial.kinds);
+    kinds.filter(|kind| **kind == Kind::Anywhere).count()
+}
+
+/// Numbers of the trials in an order that has, wherever it ends, the same share of
+/// those anywhere and of those along the axes.
+fn interleaved(trials: &[Trial]) -> Vec<usize> {
+    let is_anywhere = |trial: &Trial| trial.kinds.iter().all(|kind| *kind == Kind::Anywhere);
+    let number = trials.iter().take_while(|trial| is_anywhere(trial)).count();
+    let place = |i: usize| {
+        let (before, of) = if i < number {
+            (i, number)
+        } else {
+            (i - number, trials.len() - number)
+        };
+        (before as f64 + 0.5) / of as f64
+    };
+    let mut order: Vec<usize> = (0..trials.len()).collect();
+    order.sort_by(|a, b| place(*a).total_cmp(&place(*b)));
+    order
+}
+
 impl Subject<'_> {
     fn simulation(&self) -> Simulation<'_> {
         Simulation {
@@ -145,21 +178,44 @@ impl Subject<'_> {
     /// # Errors
     /// See [`CertificateError`].
     pub fn certify(&self, control: &Control) -> Result<Certificate, CertificateError> {
+        let Partial { certificate, left } = self.certify_some(control)?;
+        let whole = certificate.filter(|_| left.is_none());
+        whole.ok_or(CertificateError::Cancelled)
+    }
+
+    /// The same from what was simulated when `control` said to stop.
+    ///
+    /// # Errors
+    /// See [`CertificateError`].
+    pub fn certify_some(&self, control: &Control) -> Result<Partial, CertificateError> {
         let trials = self.trials();
-        let truth = self.simulation().run(&self.patches(), control)?;
+        let patches: Vec<Patch> = trials.iter().map(|trial| trial.patch.clone()).collect();
+        let truth = self
+            .simulation()
+            .run_some(&patches, &interleaved(&trials), control)?;
+        let (total, patches) = (anywhere(&trials), trials.len());
+        let done = trials.into_iter().zip(truth);
+        let done = done.filter_map(|(trial, truth)| Some((trial, truth?)));
+        let (trials, truth): (Vec<Trial>, Vec<Vec<Spectrum>>) = done.unzip();
+        let points = anywhere(&trials);
+        let left = (trials.len() < patches).then(|| [patches - trials.len(), total - points]);
+        if points == 0 {
+            let certificate = None;
+            return Ok(Partial { certificate, left });
+        }
         let mut quantities = BTreeMap::new();
         let there = Quantity::ALL.into_iter().filter(|q| self.file.has(*q));
         for quantity in there {
             let chain = self.chain(quantity, &trials, &truth)?;
             quantities.insert(quantity.name().to_owned(), chain);
         }
-        let points = trials.iter().flat_map(|trial| &trial.kinds);
-        Ok(Certificate {
-            points: points.filter(|kind| **kind == Kind::Anywhere).count(),
+        let certificate = Some(Certificate {
+            points,
             rays: self.rays,
             seed: self.seed,
             quantities,
-        })
+        });
+        Ok(Partial { certificate, left })
     }
 
     fn chain(
@@ -234,5 +290,37 @@ impl Subject<'_> {
             }
         }
         Ok(chain.finish())
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn whatever_there_is_time_for_holds_both_kinds() {
+        let trial = |kind| Trial {
+            patch: Patch {
+                snow: [0.3, 300.0, 250.0],
+                thickness_cm: vec![1.0],
+                angle_deg: vec![0.0],
+                conditions: Conditions::new(),
+            },
+            kinds: vec![kind],
+        };
+        let mut trials: Vec<Trial> = (0..30).map(|_| trial(Kind::Anywhere)).collect();
+        trials.extend((0..10).map(|_| trial(Kind::Along(1))));
+        let order = interleaved(&trials);
+        for n in 1..=order.len() {
+            let along = order[..n].iter().filter(|i| **i >= 30).count();
+            assert!(
+                (along as f64 - n as f64 / 4.0).abs() <= 1.0,
+                "{along} of {n}"
+            );
+        }
+        let mut all = order;
+        all.sort_unstable();
+        assert!(all.into_iter().eq(0..40));
+        assert_eq!(interleaved(&trials[..3]), [0, 1, 2]);
     }
 }

@@ -1,7 +1,6 @@
 //! Fresh simulations of single snows, at some thicknesses and angles each.
-use rayon::prelude::*;
-
 use super::CertificateError;
+use crate::budget;
 use crate::engine::{Control, Engine, EngineError, Request};
 use crate::grid::{Axes, Conditions, Grid, Run};
 use crate::lookup::Point;
@@ -102,7 +101,24 @@ impl Simulation<'_> {
         patches: &[Patch],
         control: &Control,
     ) -> Result<Vec<Vec<Spectrum>>, CertificateError> {
-        let one = |(number, patch): (usize, &Patch)| {
+        let order: Vec<usize> = (0..patches.len()).collect();
+        let all = self.run_some(patches, &order, control)?;
+        let all: Option<Vec<_>> = all.into_iter().collect();
+        all.ok_or(CertificateError::Cancelled)
+    }
+
+    /// The same, begun in this `order` of the patches' numbers; `None` of those that
+    /// were not done when it was cancelled.
+    ///
+    /// # Errors
+    /// A point of a patch cannot be run.
+    pub fn run_some(
+        &self,
+        patches: &[Patch],
+        order: &[usize],
+        control: &Control,
+    ) -> Result<Vec<Option<Vec<Spectrum>>>, CertificateError> {
+        let one = |number: usize, patch: &Patch| {
             let grid = self.grid(patch, number as u64)?;
             let jobs = grid.jobs()?;
             let mut spectra = vec![Spectrum::default(); patch.len()];
@@ -128,9 +144,18 @@ impl Simulation<'_> {
             }
             Ok(spectra)
         };
-        // one at a time per thread: they differ much in cost
-        let numbered = patches.par_iter().enumerate().with_max_len(1);
-        numbered.map(one).collect()
+        let found = budget::in_order(order.len(), control.cancel, |place| {
+            let number = order[place];
+            match one(number, &patches[number]) {
+                Err(CertificateError::Cancelled) => Ok::<_, CertificateError>(None),
+                found => Ok(Some((number, found?))),
+            }
+        })?;
+        let mut spectra = vec![None; patches.len()];
+        for (number, found) in found.into_iter().flatten() {
+            spectra[number] = Some(found);
+        }
+        Ok(spectra)
     }
 
     /// How many walks [`Simulation::run`] does.

@@ -23,10 +23,11 @@ const HEADER: u64 = 10_000;
 
 /// Say what a build will take, without running it
 ///
-/// Prints the axes, the number of jobs and curves, and estimates of time, bytes
-/// and standard errors. A few of the jobs are run to measure time and errors,
-/// which takes some seconds; nothing is written. If the output directory holds
-/// part of the database, the time is that of the jobs left.
+/// Prints the axes, the number of jobs and curves, the job that takes longest, and
+/// estimates of time, bytes and standard errors. To find these, a few of the jobs are
+/// run with as many of their rays as the budget of --seconds allows; the rest is
+/// extrapolated. Nothing is written. If the output directory holds part of the
+/// database, the time is that of the jobs left.
 #[derive(Debug, clap::Args)]
 #[command(after_long_help = "\
 Examples:
@@ -35,6 +36,9 @@ Examples:
 pub(super) struct Args {
     #[command(flatten)]
     grid: GridArgs,
+    /// CPU seconds to measure with, in all threads together
+    #[arg(long, value_name = "X", default_value = "5", value_parser = common::positive)]
+    seconds: f64,
     /// Print the plan as JSON
     #[arg(long)]
     json: bool,
@@ -62,11 +66,39 @@ struct Plan {
     database_bytes: u64,
     /// With [`COMPONENTS`] components for each quantity.
     compact_bytes: u64,
-    median_standard_error: f64,
-    max_standard_error: f64,
-    pilot_jobs: usize,
-    pilot_rays: u64,
+    /// Absent where nothing could be run.
+    median_standard_error: Option<f64>,
+    max_standard_error: Option<f64>,
+    longest_job: LongestJob,
+    pilot: Measured,
     next: String,
+}
+
+/// The job that takes longest on one thread.
+#[derive(Debug, Serialize)]
+struct LongestJob {
+    parameters: String,
+    engine: &'static str,
+    rays: u64,
+    /// Rays it was run with; 0 if its time is from those of others and its size.
+    rays_run: u64,
+    core_seconds: f64,
+}
+
+/// What the estimates rest on.
+#[derive(Debug, Serialize)]
+struct Measured {
+    budget_seconds: f64,
+    spent_seconds: f64,
+    /// Jobs run, and how many of them with all rays.
+    jobs: usize,
+    jobs_whole: usize,
+    /// Fewest and most rays of these.
+    rays: [u64; 2],
+    /// Wavelengths they were run at.
+    wavelengths: usize,
+    /// What no run ended of within the budget: from sizes and typical times.
+    not_measured: Vec<&'static str>,
 }
 
 #[derive(Debug, Serialize)]
@@ -91,7 +123,7 @@ fn plan(args: &Args, file: &GridFile) -> anyhow::Result<Plan> {
     let left = left(&out, grid)?;
     let absent = grid.absent()?;
     let threads = args.grid.threads()?;
-    let pilot = Pilot::run(grid, &jobs, threads)?;
+    let pilot = Pilot::run(grid, &jobs, threads, args.seconds)?;
     let (jobs_left, walking) = match &left {
         None => (jobs.count(), pilot.time()),
         Some(left) => (left.len() as u64, pilot.time_of(grid, &jobs, left)?),
@@ -127,8 +159,22 @@ fn plan(args: &Args, file: &GridFile) -> anyhow::Result<Plan> {
         compact_bytes: compact_bytes(&jobs),
         median_standard_error: pilot.median_standard_error(),
         max_standard_error: pilot.max_standard_error(),
-        pilot_jobs: pilot.jobs,
-        pilot_rays: pilot.rays,
+        longest_job: LongestJob {
+            parameters: pilot.longest.job.clone(),
+            engine: pilot.longest.engine.name(),
+            rays: pilot.longest.rays[0],
+            rays_run: pilot.longest.rays[1],
+            core_seconds: pilot.longest.core,
+        },
+        pilot: Measured {
+            budget_seconds: args.seconds,
+            spent_seconds: pilot.spent,
+            jobs: pilot.jobs[0],
+            jobs_whole: pilot.jobs[1],
+            rays: pilot.rays,
+            wavelengths: pilot.wavelengths,
+            not_measured: pilot.guessed.clone(),
+        },
         next: args.grid.command("build"),
     })
 }
@@ -204,16 +250,72 @@ impl fmt::Display for Plan {
             common::bytes(self.database_bytes),
             common::bytes(self.compact_bytes)
         )?;
+        match (self.median_standard_error, self.max_standard_error) {
+            (Some(median), Some(max)) => writeln!(
+                f,
+                "standard error  median {median:.5}, largest about {max:.5}, of values between 0 and 1"
+            )?,
+            _ => writeln!(
+                f,
+                "standard error  unknown: no run ended; give more --seconds"
+            )?,
+        }
+        let LongestJob {
+            parameters,
+            engine,
+            rays,
+            rays_run,
+            core_seconds,
+        } = &self.longest_job;
         writeln!(
             f,
-            "standard error  median {:.5}, largest about {:.5}, of values between 0 and 1",
-            self.median_standard_error, self.max_standard_error
+            "longest job     about {} core-seconds by {engine}, {}: {parameters}",
+            whole(*core_seconds),
+            match rays_run {
+                0 => "from its size".to_owned(),
+                run if run == rays => "measured".to_owned(),
+                run => format!("extrapolated from {run} of its {rays} rays"),
+            }
         )?;
+        let Measured {
+            spent_seconds,
+            jobs,
+            jobs_whole,
+            rays: [fewest, most],
+            wavelengths,
+            not_measured,
+            ..
+        } = &self.pilot;
         writeln!(
             f,
-            "measured        on {} jobs with {} rays, on this machine as busy as it is",
-            self.pilot_jobs, self.pilot_rays
+            "measured        {jobs} jobs with {fewest} to {most} rays, in {spent_seconds:.1} CPU-seconds, on this machine as busy as it is"
         )?;
+        let mut extrapolated = Vec::new();
+        if jobs_whole < jobs {
+            let fewer = jobs - jobs_whole;
+            extrapolated.push(format!(
+                "{fewer} of these to all {} rays",
+                self.longest_job.rays
+            ));
+        }
+        let all = self.axes.last().map_or(0, |axis| axis.values.len());
+        if *wavelengths < all {
+            extrapolated.push(format!("from {wavelengths} wavelengths to {all}"));
+        }
+        let others = self.jobs.saturating_sub(*jobs as u64);
+        if others > 0 {
+            extrapolated.push(format!("{others} jobs from their sizes"));
+        }
+        if !extrapolated.is_empty() {
+            writeln!(f, "extrapolated    {}", extrapolated.join(", "))?;
+        }
+        if !not_measured.is_empty() {
+            writeln!(
+                f,
+                "not measured    {}: from typical times; give more --seconds",
+                not_measured.join(", ")
+            )?;
+        }
         writeln!(f, "next            {}", self.next)
     }
 }

@@ -252,6 +252,15 @@ impl Engine {
         }
     }
 
+    /// The same with the rays that it does, as in [`Request::rays`].
+    #[must_use]
+    pub fn resolve_rays(self, request: &Request) -> (Self, u64) {
+        match self {
+            Self::Auto => auto::choose(request),
+            engine => (engine, request.rays),
+        }
+    }
+
     /// Hands `request` to the engine that `auto` chooses.
     fn chosen<T>(self, request: &Request, run: impl Fn(Self, &Request) -> T) -> T {
         let (engine, rays) = auto::choose(request);

@@ -90,8 +90,15 @@ impl Jobs {
         self.combinations * self.jobs_each()
     }
 
+    /// Lengths of the five axes in blocks.
+    #[must_use]
+    pub fn blocks(&self) -> Shape {
+        self.blocks
+    }
+
     /// Number of jobs of one combination of the axes beyond the five.
-    fn jobs_each(&self) -> u64 {
+    #[must_use]
+    pub fn jobs_each(&self) -> u64 {
         self.blocks.iter().product()
     }
 

@@ -1,12 +1,13 @@
 //! The compact file's answers anywhere against fresh simulations.
-use super::{Check, Figure, Options, Subject, VerifyError};
-use crate::certificate::{self, Certificate, Region};
+use super::{Check, Figure, Options, Subject, VerifyError, within};
+use crate::certificate::{self, Certificate, Partial, Region};
 use crate::colour::Colorimeter;
 use crate::config;
 use crate::engine::Control;
 use crate::fit;
 use crate::lookup::Database;
 use crate::measurement::Quantity;
+use crate::scene::Scene;
 
 /// Walks of a fresh simulation: its noise is a third of that of a database of
 /// configs/thesis.toml.
@@ -54,13 +55,28 @@ pub(super) fn walks(of: &Subject<'_>, file: &Database) -> Result<u64, VerifyErro
     Ok(subject(of, &regions, file, file, None).walks()?)
 }
 
+/// The check, its certificate if it is whole, and what was left out.
+type Answers = (Option<Check>, Option<Certificate>, Option<String>);
+
+/// What a certificate comes to.
+fn answers(partial: Partial) -> Answers {
+    let check = partial.certificate.as_ref().map(named);
+    let left = partial.left.map(|[patches, points]| {
+        format!(
+            "{patches} fresh simulations with {points} random points of the certificate, which is not kept in the file"
+        )
+    });
+    let whole = partial.certificate.filter(|_| left.is_none());
+    (check, whole, left)
+}
+
 /// Certifies the file of a database, which states no bound off its nodes.
 pub(super) fn check(
     of: &Subject<'_>,
     file: &Database,
     colour: Option<&Colorimeter>,
     control: &Control<'_>,
-) -> Result<(Check, Certificate), VerifyError> {
+) -> Result<Answers, VerifyError> {
     let [t, _] = of.curves(Quantity::Transmittance)?;
     let [r, _] = of.curves(Quantity::Reflectance)?;
     let exact = Database::from_curves(
@@ -72,10 +88,14 @@ pub(super) fn check(
     )
     .without(of.store.absent());
     let regions = [region(file)];
-    let certificate = subject(of, &regions, file, &exact, colour).certify(control)?;
-    let mut check = named(&certificate);
+    let partial = subject(of, &regions, file, &exact, colour).certify_some(control)?;
+    let chains = partial.certificate.clone().map(|found| found.quantities);
+    let (mut check, certificate, left) = answers(partial);
     for quantity in Quantity::ALL {
-        let Some(chain) = certificate.quantities.get(quantity.name()) else {
+        let chain = chains
+            .as_ref()
+            .and_then(|chains| chains.get(quantity.name()));
+        let (Some(chain), Some(check)) = (chain, &mut check) else {
             continue;
         };
         check
@@ -88,23 +108,20 @@ pub(super) fn check(
                 at: String::new(),
             }));
     }
-    Ok((check, certificate))
+    Ok((check, certificate, left))
 }
 
-/// Proves the file of a scene anew, at other points: its bound must hold.
-///
-/// # Errors
-/// It was not fitted to a scene that this version reads, or a simulation fails.
-pub fn fitted(
+/// Does `work` on the file of a scene and the scene itself.
+fn of_scene<T>(
     file: &Database,
     options: Options,
-    control: &Control<'_>,
-) -> Result<(super::Report, Certificate), VerifyError> {
+    work: impl FnOnce(&certificate::Subject, &Scene) -> Result<T, VerifyError>,
+) -> Result<T, VerifyError> {
     let text = file.metadata().get(fit::SCENE).map_or("", String::as_str);
     let scene = config::scene::parse("the scene in the file", text)?.scene;
     let (grid, regions) = (fit::grid(&scene), fit::regions(&scene));
     let colour = Colorimeter::viewing(&scene.wavelengths_nm, &scene.viewing)?;
-    let certificate = certificate::Subject {
+    let subject = certificate::Subject {
         grid: &grid,
         regions: &regions,
         file,
@@ -113,26 +130,69 @@ pub fn fitted(
         points: options.points,
         rays: RAYS.max(fit::FRESH * grid.run.rays),
         seed: options.seed.wrapping_add(APART),
-    }
-    .certify(control)?;
-    let mut check = named(&certificate);
-    for &quantity in &scene.quantities {
-        let chain = certificate.quantities.get(quantity.name());
-        let Some(total) = chain.and_then(|chain| chain.total.delta_e) else {
-            let problem = format!("it holds no {}, which its scene asks for", quantity.name());
-            check.problems.push(problem);
-            continue;
+    };
+    work(&subject, &scene)
+}
+
+/// How many walks [`fitted`] does at most, for a progress bar.
+///
+/// # Errors
+/// As of that.
+pub fn fitted_walks(file: &Database, options: Options) -> Result<u64, VerifyError> {
+    of_scene(file, options, |subject, _| Ok(subject.walks()?))
+}
+
+/// Proves the file of a scene anew, at other points: its bound must hold.
+///
+/// # Errors
+/// It was not fitted to a scene that this version reads, or a simulation fails; see
+/// [`super::Verification::run`] of a budget of time.
+pub fn fitted(
+    file: &Database,
+    options: Options,
+    control: &Control<'_>,
+) -> Result<(super::Report, Option<Certificate>), VerifyError> {
+    of_scene(file, options, |subject, scene| {
+        let partial = within(options.seconds, control, |control| {
+            Ok(subject.certify_some(control)?)
+        })?;
+        let chains = partial.certificate.clone().map(|found| found.quantities);
+        let (check, certificate, left) = answers(partial);
+        let not_checked = left.into_iter().collect();
+        let (Some(mut check), Some(chains)) = (check, chains) else {
+            let checks = Vec::new();
+            return Ok((
+                super::Report {
+                    checks,
+                    not_checked,
+                },
+                None,
+            ));
         };
-        check.figures.push(Figure {
-            quantity,
-            measure: "Delta-E",
-            value: total.max,
-            bound: Some(scene.max_delta_e),
-            at: String::new(),
-        });
-    }
-    let checks = vec![check];
-    Ok((super::Report { checks }, certificate))
+        for &quantity in &scene.quantities {
+            let chain = chains.get(quantity.name());
+            let Some(total) = chain.and_then(|chain| chain.total.delta_e) else {
+                let problem = format!("it holds no {}, which its scene asks for", quantity.name());
+                check.problems.push(problem);
+                continue;
+            };
+            check.figures.push(Figure {
+                quantity,
+                measure: "Delta-E",
+                value: total.max,
+                bound: Some(scene.max_delta_e),
+                at: String::new(),
+            });
+        }
+        let checks = vec![check];
+        Ok((
+            super::Report {
+                checks,
+                not_checked,
+            },
+            certificate,
+        ))
+    })
 }
 
 fn named(certificate: &Certificate) -> Check {

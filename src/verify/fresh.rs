@@ -1,10 +1,10 @@
 //! Fresh simulations of single points, with streams of their own.
 use rand::SeedableRng;
 use rand_xoshiro::Xoshiro256PlusPlus;
-use rayon::prelude::*;
 use sha2::{Digest, Sha256};
 
 use super::{Subject, VerifyError};
+use crate::budget;
 use crate::engine::{Control, EngineError, Request};
 use crate::grid::{Axes, Conditions, Grid, Job, described};
 use crate::lookup::Point;
@@ -41,12 +41,12 @@ impl Simulations {
         Ok(walks)
     }
 
-    /// Their spectra, [point][part].
+    /// Their spectra, [point][part]; of the points that were done when it was cancelled.
     pub(super) fn run(
         &self,
         grid: &Grid,
         control: &Control<'_>,
-    ) -> Result<Vec<Vec<Spectrum>>, VerifyError> {
+    ) -> Result<Vec<Option<Vec<Spectrum>>>, VerifyError> {
         let cells: Result<Vec<_>, _> = self
             .points
             .iter()
@@ -62,10 +62,16 @@ impl Simulations {
             // One thickness, one spectrum.
             Ok(spectra.pop().unwrap_or_default())
         };
-        let spectra: Result<Vec<Spectrum>, VerifyError> =
-            requests.into_par_iter().map(one).collect();
+        let spectra =
+            budget::in_order(requests.len(), control.cancel, |i| match one(requests[i]) {
+                Err(VerifyError::Cancelled) => Ok(None),
+                found => found.map(Some),
+            })?;
         let parts = self.parts.max(1) as usize;
-        Ok(spectra?.chunks(parts).map(<[Spectrum]>::to_vec).collect())
+        let points = spectra.chunks(parts);
+        Ok(points
+            .map(|parts| parts.iter().cloned().collect())
+            .collect())
     }
 
     fn request<'a>(&self, cell: &'a Cell, number: u64) -> Request<'a> {

@@ -12,10 +12,12 @@ mod nodes;
 mod report;
 
 use std::path::Path;
+use std::sync::atomic::Ordering;
 
 use ndarray::Array2;
 use thiserror::Error;
 
+use crate::budget;
 use crate::certificate::{Certificate, CertificateError};
 use crate::colour::{Colorimeter, ColourError};
 use crate::config::{self, ConfigError};
@@ -25,7 +27,7 @@ use crate::lookup::{Database, LookupError};
 use crate::measurement::Quantity;
 use crate::store::{self, Store, StoreError, Variable};
 
-pub use answers::fitted;
+pub use answers::{fitted, fitted_walks};
 pub use report::{Check, Figure, Report};
 
 /// Probability that fresh simulations fail a database that is right.
@@ -42,6 +44,9 @@ pub struct Options {
     pub seed: u64,
     /// Rays of a fresh simulation on a node; as many as the database's if `None`.
     pub rays: Option<u64>,
+    /// CPU seconds after which no more is simulated; half of them at most are for the
+    /// nodes. `None`: without limit.
+    pub seconds: Option<f64>,
 }
 
 /// Why a database could not be verified at all.
@@ -97,6 +102,22 @@ impl From<CertificateError> for VerifyError {
     }
 }
 
+/// Does `work` until it is done or `seconds` of CPU time are spent, which `work` is told
+/// of as if it were cancelled.
+fn within<T>(
+    seconds: Option<f64>,
+    control: &Control,
+    work: impl FnOnce(&Control) -> Result<T, VerifyError>,
+) -> Result<T, VerifyError> {
+    let done = budget::within(seconds, control.cancel, |cancel| {
+        work(&Control { cancel, ..*control })
+    })?;
+    if control.cancel.load(Ordering::Relaxed) {
+        return Err(VerifyError::Cancelled);
+    }
+    Ok(done)
+}
+
 /// The parts of the checks that have a database in common.
 struct Subject<'a> {
     store: &'a Store,
@@ -138,18 +159,33 @@ impl Verification {
     }
 
     /// Does all checks that can be done, and gives the certificate of the compact
-    /// file. They are functions of the database and the options alone.
+    /// file. They are functions of the database and the options alone, unless a budget
+    /// of time ends first: then the report says what was left out, and there is no
+    /// certificate but in its notes.
     ///
     /// # Errors
     /// A file is there but cannot be read, an engine fails, or
     /// [`VerifyError::Cancelled`]. What is wrong with the database itself is in
     /// the report.
     pub fn run(&self, control: &Control<'_>) -> Result<(Report, Option<Certificate>), VerifyError> {
+        within(self.options.seconds, control, |control| {
+            self.checks(control)
+        })
+    }
+
+    fn checks(&self, control: &Control<'_>) -> Result<(Report, Option<Certificate>), VerifyError> {
         let subject = self.subject();
+        let mut not_checked = Vec::new();
         let integrity = self.integrity()?;
         if !integrity.passed() {
             let checks = vec![integrity];
-            return Ok((Report { checks }, None));
+            return Ok((
+                Report {
+                    checks,
+                    not_checked,
+                },
+                None,
+            ));
         }
         let mut checks = vec![integrity];
         let path = self.store.dir().join(store::COMPACT);
@@ -176,16 +212,34 @@ impl Verification {
             }
         };
         if self.options.samples > 0 {
-            checks.push(nodes::check(&subject, control)?);
+            let half = self.options.seconds.map(|seconds| 0.5 * seconds);
+            let (check, [left, of]) = budget::within(half, control.cancel, |cancel| {
+                nodes::check(&subject, &Control { cancel, ..*control })
+            })?;
+            if left < of {
+                checks.push(check);
+            }
+            if left > 0 {
+                not_checked.push(format!(
+                    "{left} of {of} fresh simulations at nodes of the grid"
+                ));
+            }
         }
         let mut certificate = None;
         if let Some((database, colour)) = database.filter(|_| self.options.points > 0) {
             let colour = colour.as_ref();
-            let (check, found) = answers::check(&subject, &database, colour, control)?;
-            checks.push(check);
-            certificate = Some(found);
+            let (check, found, left) = answers::check(&subject, &database, colour, control)?;
+            checks.extend(check);
+            not_checked.extend(left);
+            certificate = found;
         }
-        Ok((Report { checks }, certificate))
+        Ok((
+            Report {
+                checks,
+                not_checked,
+            },
+            certificate,
+        ))
     }
 
     fn subject(&self) -> Subject<'_> {

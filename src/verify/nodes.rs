@@ -19,7 +19,7 @@ use super::{Check, FALSE_ALARM, Figure, Subject, VerifyError};
 use crate::engine::Control;
 use crate::grid::{Conditions, Grid, described};
 use crate::lookup::Point;
-use crate::measurement::{Measured, Quantity};
+use crate::measurement::{Measured, Quantity, Spectrum};
 use rand::Rng;
 use rand::seq::index;
 
@@ -45,16 +45,28 @@ pub(super) fn simulations(subject: &Subject<'_>) -> Simulations {
     }
 }
 
-pub(super) fn check(subject: &Subject<'_>, control: &Control<'_>) -> Result<Check, VerifyError> {
+/// The check, and how many nodes of how many there was no time for.
+pub(super) fn check(
+    subject: &Subject<'_>,
+    control: &Control<'_>,
+) -> Result<(Check, [usize; 2]), VerifyError> {
     let (nodes, _) = choose(subject);
+    let total = nodes.len();
     let simulations = simulations(subject);
     let fresh = simulations.run(subject.grid, control)?;
+    let done = nodes.into_iter().zip(fresh);
+    let done = done.filter_map(|(node, fresh)| Some((node, fresh?)));
+    let (nodes, fresh): (Vec<Node>, Vec<Vec<Spectrum>>) = done.unzip();
     let mut check = Check::new("fresh simulations at nodes of the grid");
     check.notes.push(format!(
         "{} nodes of different jobs, {} rays; z is the difference in standard errors; false alarms: {FALSE_ALARM:e}",
         nodes.len(),
         simulations.rays,
     ));
+    let left = [total - nodes.len(), total];
+    if nodes.is_empty() {
+        return Ok((check, left));
+    }
     for quantity in Quantity::ALL {
         let [values, errors] = subject.curves(quantity)?;
         let mut tally = Tally::default();
@@ -69,7 +81,7 @@ pub(super) fn check(subject: &Subject<'_>, control: &Control<'_>) -> Result<Chec
         }
         check.figures.extend(tally.figures(quantity, subject.grid));
     }
-    Ok(check)
+    Ok((check, left))
 }
 
 /// Nodes of different jobs, and the seed of their simulations.

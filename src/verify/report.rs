@@ -65,6 +65,8 @@ pub struct Report {
     /// In the order in which they were done; what depends on a check that
     /// failed is left out.
     pub checks: Vec<Check>,
+    /// What there was no time for.
+    pub not_checked: Vec<String>,
 }
 
 impl Report {
@@ -109,7 +111,18 @@ impl fmt::Display for Report {
                 writeln!(f, "      problem: {problem}")?;
             }
         }
-        write!(f, "{}", verdict(self.passed()))
+        if self.not_checked.is_empty() {
+            return write!(f, "{}", verdict(self.passed()));
+        }
+        write!(
+            f,
+            "{}  of what was checked; not checked, for the budget of --seconds is spent:",
+            verdict(self.passed())
+        )?;
+        for left in &self.not_checked {
+            write!(f, "\n      {left}")?;
+        }
+        Ok(())
     }
 }
 
