@@ -240,9 +240,17 @@ impl Pilot {
         let [cpu, wall] = [0, 1].map(|i| run().map(|(_, probe)| probe.spent[i]).sum::<f64>());
         let spheroids = grid.axes.extra.get(&ExtraAxis::Sphericity);
         let shapes = grid.axes.facetness.len() * spheroids.map_or(1, Vec::len);
-        let whole = run().filter(|(case, probe)| case.rays == probe.rays);
+        // one may have been drawn more than once
+        let count = |all: &dyn Fn(&Probe, &Case) -> bool| {
+            let cells = run().filter(|(case, probe)| all(probe, case));
+            let cells = cells.map(|(case, _)| case.job.cell);
+            cells.collect::<BTreeSet<u64>>().len()
+        };
         Self {
-            jobs: [run().count(), whole.count()],
+            jobs: [
+                count(&|_, _| true),
+                count(&|probe, case| probe.rays == case.rays),
+            ],
             rays: [
                 rays().min().unwrap_or_default(),
                 rays().max().unwrap_or_default(),
