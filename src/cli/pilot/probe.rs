@@ -9,8 +9,10 @@ use crate::engine::{BATCH, Cache, Control, Engine, EngineError, Request, Resolut
 use crate::grid::Grid;
 
 /// Rays of the first run and how many times more each next one takes.
-const FIRST: u64 = 16;
-const MORE: u64 = 4;
+const WALKED: [u64; 2] = [16, 4];
+/// The same of `doubling`, which walks a part of a part of these from every stream, eight
+/// side by side, and solves much whatever the rays.
+const SOLVED: [u64; 2] = [256, 16];
 /// Grain events averaged for a table here: the time to make it is nearly proportional.
 const GRAINS: u32 = 1 << 18;
 /// Typical CPU seconds of a table (docs/performance.md).
@@ -136,13 +138,22 @@ impl Prober<'_> {
             _ => case.rays.min(BATCH),
         };
         if case.engine.uses_tables() {
-            // the tables, and whatever the first use of memory costs
-            match self.run(case.engine, &request(FIRST.min(most)))? {
+            // a single walk leaves the tables in the cache
+            let walk = Request {
+                thicknesses_m: &whole_request.thicknesses_m[..1],
+                illuminations: &whole_request.illuminations[..1],
+                ..request(1)
+            };
+            match self.run(Engine::Tabulated, &walk)? {
                 None => return Ok(probe),
                 Some((_, spent)) => probe.add(spent),
             }
         }
-        let mut rays = FIRST.min(most);
+        let [first, more] = match case.engine {
+            Engine::Doubling => SOLVED,
+            _ => WALKED,
+        };
+        let mut rays = first.min(most);
         loop {
             let Some((errors, spent)) = self.run(case.engine, &request(rays))? else {
                 break;
@@ -153,10 +164,22 @@ impl Prober<'_> {
                 core: spent[0],
             });
             probe.rays = rays;
-            let more = (rays as f64 / case.rays as f64).sqrt();
-            probe.standard_errors = errors.into_iter().map(|se| se * more).collect();
-            let next = rays.saturating_mul(MORE).min(most);
-            let expected = spent[0] * next as f64 / rays as f64;
+            let noise = (rays as f64 / case.rays as f64).sqrt();
+            probe.standard_errors = errors.into_iter().map(|se| se * noise).collect();
+            let next = rays.saturating_mul(more).min(most);
+            let expected = match (&runs[..], case.engine) {
+                // mostly what does not depend on the rays
+                ([only], Engine::Doubling) => 1.5 * only.core,
+                ([only], _) => only.core * next as f64 / only.rays,
+                _ => {
+                    let ahead = Left {
+                        rays: next as f64,
+                        nodes: 1.0,
+                        wavelengths: 1.0,
+                    };
+                    whole(&runs, &ahead, false).unwrap_or_default()
+                }
+            };
             if rays == most || probe.spent[0] + expected > seconds {
                 break;
             }
