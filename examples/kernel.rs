@@ -11,7 +11,7 @@ use std::path::PathBuf;
 
 use anyhow::{Context, bail};
 use splitsnow::config::sample;
-use splitsnow::grain::{Surface, mean_free_distance_m, shape_factor, size_factor_per_m};
+use splitsnow::grain::{Surface, mean_free_distance_m, specific_surface_m2_kg};
 use splitsnow::optics::{Index, ice_density_kg_m3};
 use splitsnow::rng::{Key, Stream};
 use splitsnow::table::{Kernel, draw};
@@ -32,7 +32,7 @@ fn main() -> anyhow::Result<()> {
     let size_m = [grain.size.min_m(), grain.size.max_m()];
     let free_m = mean_free_distance_m(grain, snow.density_kg_m3, snow.temperature_c);
     let ice_kg_m3 = ice_density_kg_m3(snow.temperature_c);
-    let ssa = 4.0 * size_factor_per_m(&grain.size) * shape_factor(&grain.sphericity) / ice_kg_m3;
+    let ssa = specific_surface_m2_kg(grain, snow.temperature_c);
     println!("# thickness_m {}", sample.thickness_m);
     println!("# density_kg_m3 {}", snow.density_kg_m3);
     println!("# ice_density_kg_m3 {ice_kg_m3}");

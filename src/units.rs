@@ -14,6 +14,13 @@ pub fn cm_to_m(cm: f64) -> f64 {
     cm * 1e-2
 }
 
+/// Thickness, m, that stands for a half space: more than 100 times the depth in which
+/// light in the clearest snow falls to 1/e, so that nothing comes out below.
+pub const HALF_SPACE_M: f64 = 1e4;
+
+/// The same in centimetres, as files hold it.
+pub const HALF_SPACE_CM: f64 = 1e6;
+
 /// Nanometres to metres.
 #[must_use]
 pub fn nm_to_m(nm: f64) -> f64 {

@@ -39,6 +39,10 @@ fn rows(out: &mut String, node: &Value, path: &str) {
 
 /// What a value may be.
 fn allowed(node: &Value) -> String {
+    if let Some(most) = node["anyOf"][0]["maximum"].as_f64() {
+        let least = node["exclusiveMinimum"].as_f64().unwrap();
+        return format!("({}, {}], or inf", number(least), number(most));
+    }
     let choices = match &node["enum"] {
         Value::Null => &node["anyOf"][0]["enum"],
         choices => choices,

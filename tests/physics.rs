@@ -6,6 +6,7 @@
 mod engines;
 mod golden;
 mod goniometer;
+mod half_space;
 mod physics_laws;
 mod published;
 mod slab;

@@ -19,6 +19,7 @@ mod filesystems;
 mod fit;
 mod lookup;
 mod measure;
+mod optical;
 mod store;
 mod verify;
 

@@ -191,6 +191,14 @@ fn metadata(
             ("title" | "source" | "illumination" | "bottom_boundary", Value::String(text)) => {
                 extra.insert(key, text);
             }
+            ("grain_size_relation", Value::String(text)) => {
+                extra.insert(key, text);
+            }
+            ("optical_radius_um" | "ssa_m2_kg", values) => {
+                extra.insert(key, values.to_string());
+            }
+            // what readers of Zarr need
+            ("coordinates", _) => {}
             // Those of the database, which the file has its own of.
             ("units" | "format_version", _) => {}
             (_, value) => {

@@ -5,6 +5,7 @@ use crate::compress::AXES;
 use crate::export::{ExportError, Table};
 use crate::grid::{Conditions, ExtraAxis, described};
 use crate::lookup::{Database, Point, exact};
+use crate::units::HALF_SPACE_CM;
 
 /// One coordinate for each axis.
 #[derive(Debug, clap::Args)]
@@ -18,7 +19,7 @@ pub(super) struct PointArgs {
     /// Density of the dry snow, kg/m3
     #[arg(long, value_name = "D")]
     density_kg_m3: Option<f64>,
-    /// Thickness of the slab, cm
+    /// Thickness of the slab, cm; inf is a half space
     #[arg(long, value_name = "H")]
     thickness_cm: Option<f64>,
     /// Polar angle of incidence from the surface normal, degrees
@@ -61,7 +62,11 @@ impl PointArgs {
             self.facetness,
             self.grain_size_um,
             self.density_kg_m3,
-            self.thickness_cm,
+            // a half space is as thick as files hold it
+            self.thickness_cm.map(|cm| match cm {
+                f64::INFINITY => HALF_SPACE_CM,
+                cm => cm,
+            }),
             self.angle_deg,
         ]
     }

@@ -3,12 +3,14 @@
 use std::fmt::Write;
 use std::path::Path;
 
-use crate::grain::TruncatedNormal;
+use crate::grain::{SizeLaw, TruncatedNormal};
 use crate::grid::{carbon_lines, list, normal, number, reflectance};
 use crate::optics::WaterTable;
 use crate::transport::{Ground, Layer, Model};
+use crate::units::HALF_SPACE_CM;
 
 use super::keys::LayerKeys;
+use super::layer::sizes_um;
 
 /// Collects `key = value` lines under table headers.
 pub(super) struct Writer {
@@ -44,7 +46,7 @@ impl Writer {
     }
 
     /// The table `[model]`; a CSV path is written relative to `directory`.
-    pub(super) fn model(&mut self, model: &Model, directory: &Path) {
+    pub(super) fn model(&mut self, model: &Model, size_law: SizeLaw, directory: &Path) {
         let water = match &model.water {
             WaterTable::Csv(path) => path
                 .strip_prefix(directory)
@@ -55,6 +57,7 @@ impl Writer {
         };
         self.header("[model]");
         self.text("entry", model.entry.name());
+        self.text("size_law", size_law.name());
         self.text("layers", model.joining.name());
         self.text("carbon_law", model.carbon_law.name());
         self.text("impurity_mass", model.impurity_mass.name());
@@ -66,7 +69,10 @@ impl Writer {
     pub(super) fn layer(&mut self, layer: &Layer, keys: &LayerKeys) {
         let snow = &layer.snow;
         self.header("[[layer]]");
-        self.number("thickness_cm", keys.thickness_cm);
+        match keys.thickness_cm < HALF_SPACE_CM {
+            true => self.number("thickness_cm", keys.thickness_cm),
+            false => self.raw("thickness_cm", "inf"),
+        }
         self.number("density_kg_m3", snow.density_kg_m3);
         self.number("temperature_c", snow.temperature_c);
         self.number("water_saturation", snow.water_saturation);
@@ -74,7 +80,9 @@ impl Writer {
             let grain = &component.grain;
             self.header("[[layer.grain]]");
             self.number("fraction", component.fraction);
-            let (min, max) = (number(keys.size_um.min), number(keys.size_um.max));
+            let law = grain.size.law();
+            let sizes = sizes_um(keys, law, grain.sphericity, snow.temperature_c);
+            let [min, max] = sizes.map(number);
             self.raw("size_um", &format!("{{ min = {min}, max = {max} }}"));
             self.law("facetness", &grain.facetness);
             self.law("sphericity", &grain.sphericity);

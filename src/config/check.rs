@@ -107,7 +107,7 @@ fn value(
                 let choices: Vec<_> = choices.iter().filter_map(Value::as_str).collect();
                 choice(document, path, given, &choices, help)
             }
-            None => Ok(()),
+            None => constant(document, schema, path, given),
         },
         DeValue::Array(items) => {
             let least = schema["minItems"].as_u64().unwrap_or(0);
@@ -135,8 +135,35 @@ fn value(
     }
 }
 
+/// Refuses a string beside numbers that is not the one which is allowed.
+fn constant(
+    document: &Document<'_>,
+    schema: &Value,
+    path: &str,
+    given: &str,
+) -> Result<(), ConfigError> {
+    let branches = schema["anyOf"].as_array();
+    let only = branches.and_then(|all| all.iter().find_map(|branch| branch["const"].as_str()));
+    match only {
+        Some(only) if only != given => {
+            let help = schema["description"].as_str().unwrap_or_default();
+            let problem = Problem::OutOfRange(format!("a number, or {only:?}"));
+            Err(document.error(path, problem, help))
+        }
+        _ => Ok(()),
+    }
+}
+
 fn number(document: &Document<'_>, schema: &Value, path: &str, x: f64) -> Result<(), ConfigError> {
-    let limit = |keyword: &str| schema[keyword].as_f64();
+    // a number beyond the range may have a meaning of its own, infinity included
+    let beyond = schema["anyOf"][1]["minimum"].as_f64();
+    if beyond.is_some_and(|least| x >= least) {
+        return Ok(());
+    }
+    let limit = |keyword: &str| {
+        let limits = [&schema[keyword], &schema["anyOf"][0][keyword]];
+        limits.into_iter().find_map(Value::as_f64)
+    };
     let inside = x.is_finite()
         && limit("minimum").is_none_or(|min| x >= min)
         && limit("exclusiveMinimum").is_none_or(|min| x > min)
@@ -158,6 +185,10 @@ fn number(document: &Document<'_>, schema: &Value, path: &str, x: f64) -> Result
             ];
             limits.into_iter().flatten().collect::<Vec<_>>().join(", ")
         }
+    };
+    let allowed = match beyond {
+        Some(_) => format!("{allowed}, or inf"),
+        None => allowed,
     };
     let help = schema["description"].as_str().unwrap_or_default();
     let problem = Problem::OutOfRange(allowed);

@@ -3,14 +3,18 @@ use std::path::Path;
 
 use crate::colour::Viewing;
 use crate::engine::{Engine, MaxError};
+use crate::grain::{SizeMeasure, Told};
 use crate::grid::{Axes, Compression, ExtraAxis, Fixed, Grid, Run, Spread};
 
 use super::document::{Document, read_text};
 use super::error::{ConfigError, Problem};
-use super::keys::{AxesKeys, GridKeys, RunKeys};
-use super::shared::{choose, covered, increasing, model, viewing, wavelengths};
+use super::keys::{AxesKeys, FixedKeys, GridKeys, RunKeys};
+use super::shared::{
+    choose, covered, increasing, law, model, one_size, size_law, viewing, wavelengths,
+};
 use super::snow::{
-    biggest_grain, fixed, fixed_or_axis, remark_axis, remark_small, spread, thick_enough,
+    biggest_grain, fixed, fixed_or_axis, remark_axis, remark_sizes, remark_smooth, remark_spread,
+    spread, thick_enough,
 };
 use super::{directory_of, schema};
 
@@ -50,9 +54,13 @@ pub fn read(path: &Path) -> Result<GridFile, ConfigError> {
 pub fn parse(name: &str, text: &str) -> Result<GridFile, ConfigError> {
     let (document, keys) = Document::read::<GridKeys>(name, text, &schema::GRID)?;
     let mut warnings = Vec::new();
-    let spread = spread(&keys.spread);
+    let size_law = size_law(&document, &keys.model)?;
+    let mut spread = spread(&keys.spread, size_law);
+    if !document.has("axes.grain_size_um") && !document.has("spread.grain_size_half_width_um") {
+        spread.grain_size_half_width_um = 0.0;
+    }
     let diffuse = keys.axes.diffuse;
-    let (axes, biggest_um) = axes(&document, keys.axes, &spread, &mut warnings)?;
+    let (axes, biggest_um) = axes(&document, keys.axes, &spread, &keys.fixed, &mut warnings)?;
     let wavelengths_nm = wavelengths(&document, &keys.wavelengths, &mut warnings)?;
     let model = model(&document, &keys.model, directory_of(name))?;
     fixed_or_axis(&document, &["axes".to_owned()], &keys.fixed)?;
@@ -60,6 +68,7 @@ pub fn parse(name: &str, text: &str) -> Result<GridFile, ConfigError> {
         &document,
         &keys.fixed,
         model,
+        size_law,
         &axes.density_kg_m3,
         (directory_of(name), &wavelengths_nm),
         &mut warnings,
@@ -137,29 +146,65 @@ fn axes(
     document: &Document,
     mut keys: AxesKeys,
     spread: &Spread,
+    fixed: &FixedKeys,
     warnings: &mut Vec<String>,
 ) -> Result<(Axes, Vec<f64>), ConfigError> {
     let extra = ExtraAxis::ALL.into_iter().zip(keys.extra());
     let extra = extra.filter_map(|(axis, values)| Some((axis, values?)));
-    let axes = Axes {
+    one_size(document, "axes", "grain_size_um")?;
+    let (size_key, given, told) = size_axis(document, &mut keys)?;
+    let mut axes = Axes {
         extra: extra.collect(),
         facetness: keys.facetness,
-        grain_size_um: keys.grain_size_um,
+        grain_size_um: given,
         density_kg_m3: keys.density_kg_m3,
         thickness_cm: keys.thickness_cm,
         angle_deg: keys.angle_deg,
+        told: None,
     };
     for (key, values) in axes.all() {
+        let key = if key == "grain_size_um" {
+            size_key
+        } else {
+            key
+        };
         increasing(document, &format!("axes.{key}"), values)?;
+    }
+    if let Some(measure) = told {
+        let s = &fixed.sphericity;
+        let shape = Told {
+            half_width_um: spread.grain_size_half_width_um,
+            size_law: spread.size_law,
+            sphericity: law(document, "fixed.sphericity", (s.min, s.max, s.mean, s.sd))?,
+            temperature_c: fixed.temperature_c,
+        };
+        let sizes = measure.sizes_um(&axes.grain_size_um, &shape);
+        axes.told = Some((measure, std::mem::replace(&mut axes.grain_size_um, sizes)));
+    }
+    if let Some(&least) = axes.facetness.first() {
+        remark_smooth(document, warnings, "axes.facetness[0]", least);
     }
     let half_width = spread.grain_size_half_width_um;
     let mut biggest = Vec::new();
+    let last = axes.grain_size_um.len() - 1;
+    let size_key = |i: usize| match told {
+        // told the other way round
+        Some(SizeMeasure::SpecificSurface) => format!("axes.{size_key}[{}]", last - i),
+        _ => format!("axes.{size_key}[{i}]"),
+    };
     for (i, &mean) in axes.grain_size_um.iter().enumerate() {
-        let key = format!("axes.grain_size_um[{i}]");
-        biggest.push(biggest_grain(document, &key, mean, half_width)?);
-        if i == 0 {
-            remark_small(document, warnings, &key, mean, half_width);
-        }
+        biggest.push(biggest_grain(document, &size_key(i), mean, half_width)?);
+    }
+    if let (Some(first), Some(most)) = (axes.grain_size_um.first(), axes.grain_size_um.last()) {
+        let keys = [size_key(0), size_key(last)];
+        let ends = [first - half_width, most + half_width];
+        remark_sizes(
+            document,
+            warnings,
+            keys.each_ref().map(String::as_str),
+            ends,
+        );
+        remark_spread(document, warnings, &keys[0], *first, spread);
     }
     for (axis, values) in [
         ("thickness_cm", &axes.thickness_cm),
@@ -182,6 +227,37 @@ fn axes(
         }
     }
     Ok((axes, biggest))
+}
+
+/// The key of the axis of grain sizes, its values, and what they are if not sizes.
+fn size_axis(
+    document: &Document,
+    keys: &mut AxesKeys,
+) -> Result<(&'static str, Vec<f64>, Option<SizeMeasure>), ConfigError> {
+    if let Some(sizes) = keys.grain_size_um.take() {
+        return Ok(("grain_size_um", sizes, None));
+    }
+    let (measure, values) = match keys.optical_radius_um.take() {
+        Some(values) => (SizeMeasure::OpticalRadius, values),
+        None => (
+            SizeMeasure::SpecificSurface,
+            keys.ssa_m2_kg.take().unwrap_or_default(),
+        ),
+    };
+    let key = format!("axes.{}", measure.name());
+    let depends: &[ExtraAxis] = match measure {
+        SizeMeasure::OpticalRadius => &[ExtraAxis::Sphericity],
+        SizeMeasure::SpecificSurface => &[ExtraAxis::Sphericity, ExtraAxis::Temperature],
+    };
+    for axis in depends {
+        if document.has(&format!("axes.{}", axis.name())) {
+            let name = axis.name();
+            let problem = format!("is of other grain sizes at each value of the axis {name}");
+            let help = format!("give grain_size_um, or leave {name} the same everywhere");
+            return Err(document.error(&key, Problem::Contradiction(problem), help));
+        }
+    }
+    Ok((measure.name(), values, Some(measure)))
 }
 
 /// Refuses databases nobody could compute or store.

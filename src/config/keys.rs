@@ -9,9 +9,11 @@ use serde::Deserialize;
 
 use crate::colour::{ColourDifference, Illuminant, Viewing};
 use crate::engine::Engine;
+use crate::grain::SizeLaw;
 use crate::grid::Spread;
 use crate::optics::{CarbonLaw, IceTable, ImpurityMass, MODEL_RANGE_NM};
 use crate::transport::{Entry, Joining};
+use crate::units::HALF_SPACE_CM;
 
 /// Most wavelengths of one config: 350-2500 nm by 1 nm.
 pub(super) const MAX_WAVELENGTHS: u64 = 2151;
@@ -27,11 +29,21 @@ pub(super) const TEMPERATURE_C: (f64, f64) = (-40.0, 0.0);
 /// Most carbon, ng/g.
 pub(super) const MAX_CARBON: f64 = 1e9;
 /// Limits of the grain size, um.
-pub(super) const SIZE_UM: (f64, f64) = (10.0, 3000.0);
+pub(super) const SIZE_UM: (f64, f64) = (10.0, 6000.0);
+/// Largest thickness that is no half space, cm.
+pub(super) const MAX_THICKNESS_CM: f64 = 10_000.0;
+/// Largest optical radius, um: of spheres of the largest size.
+pub(super) const MAX_OPTICAL_RADIUS_UM: f64 = 3000.0;
+/// Largest specific surface area, m2/kg.
+pub(super) const MAX_SSA_M2_KG: f64 = 10_000.0;
 
 pub(super) const ENTRIES: [(&str, Entry); 2] = [
     (Entry::Uniform.name(), Entry::Uniform),
     (Entry::Projected.name(), Entry::Projected),
+];
+pub(super) const SIZE_LAWS: [(&str, SizeLaw); 2] = [
+    (SizeLaw::Varsa2025.name(), SizeLaw::Varsa2025),
+    (SizeLaw::Consistent.name(), SizeLaw::Consistent),
 ];
 pub(super) const JOININGS: [(&str, Joining); 2] = [
     (Joining::Continuous.name(), Joining::Continuous),
@@ -125,8 +137,9 @@ pub(super) struct WavelengthKeys {
 ], "not" = { "required": ["water_saturation", "water_fraction"] }))]
 pub(super) struct LayerKeys {
     /// Thickness, cm; ordinarily 1 to 100. The pack, or in a cascade each layer,
-    /// holds at least 10 lengths of its biggest grain.
-    #[schemars(range(max = 1000.0), extend("exclusiveMinimum" = 0.0))]
+    /// holds at least 10 lengths of its biggest grain. `inf` makes the base of a sample a half space.
+    #[schemars(with = "f64", transform = or_half_space)]
+    #[serde(deserialize_with = "thickness")]
     pub(super) thickness_cm: f64,
     /// Density of the dry snow, kg/m3: ordinarily 50 to 450; ice itself has about 917.
     #[schemars(range(min = DENSITY_KG_M3.0, max = DENSITY_KG_M3.1))]
@@ -154,11 +167,22 @@ pub(super) struct LayerKeys {
 /// One type of grain.
 #[derive(Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
+#[schemars(extend("oneOf" = [
+    { "required": ["size_um"] }, { "required": ["optical_radius_um"] }, { "required": ["ssa_m2_kg"] },
+]))]
 pub(super) struct GrainKeys {
     /// Share of the ice volume; the shares of a layer sum to 1. May be left out for a single type.
     #[schemars(range(min = 0.0, max = 1.0))]
     pub(super) fraction: Option<f64>,
-    pub(super) size_um: SizeKeys,
+    pub(super) size_um: Option<SizeKeys>,
+    /// Optical radius, um, instead of size_um: grains are of the one size that has it by
+    /// the walk's extinction, 3 / (4 K1 K2).
+    #[schemars(range(max = MAX_OPTICAL_RADIUS_UM), extend("exclusiveMinimum" = 0.0))]
+    pub(super) optical_radius_um: Option<f64>,
+    /// Specific surface area, m2/kg, instead of size_um: grains are of the one size that
+    /// has it by the walk's extinction, 4 K1 K2 / ice density.
+    #[schemars(range(max = MAX_SSA_M2_KG), extend("exclusiveMinimum" = 0.0))]
+    pub(super) ssa_m2_kg: Option<f64>,
     pub(super) facetness: FacetnessKeys,
     #[serde(default)]
     pub(super) sphericity: SphericityKeys,
@@ -171,7 +195,7 @@ pub(super) struct SizeKeys {
     /// Smallest grain size, um: ordinarily at least 50, fresh surface snow down to 10.
     #[schemars(range(min = SIZE_UM.0, max = SIZE_UM.1))]
     pub(super) min: f64,
-    /// Largest grain size, um.
+    /// Largest grain size, um: ordinarily at most 3000.
     #[schemars(range(min = SIZE_UM.0, max = SIZE_UM.1))]
     pub(super) max: f64,
 }
@@ -295,6 +319,10 @@ pub(super) struct ModelKeys {
     /// Where a ray enters a grain: uniformly over its facing surface, or over its projected area.
     #[schemars(extend("enum" = names(&ENTRIES)))]
     pub(super) entry: String,
+    /// How often grains of a range of sizes are met: as published, which brings more ice
+    /// than the density holds, or so that the ice met per metre is what it holds.
+    #[schemars(extend("enum" = names(&SIZE_LAWS)))]
+    pub(super) size_law: String,
     /// How layers are joined: walks go on from one to the next, or each is a slab
     /// of its own over the reflectance of all below it.
     #[schemars(extend("enum" = names(&JOININGS)))]
@@ -318,6 +346,7 @@ impl Default for ModelKeys {
     fn default() -> Self {
         Self {
             entry: "uniform".to_owned(),
+            size_law: SizeLaw::default().name().to_owned(),
             layers: "continuous".to_owned(),
             carbon_law: "power".to_owned(),
             impurity_mass: "varsa2025".to_owned(),
@@ -353,19 +382,34 @@ pub(super) struct GridKeys {
 /// The axes of the database, each strictly increasing.
 #[derive(Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
+#[schemars(extend("oneOf" = [
+    { "required": ["grain_size_um"] }, { "required": ["optical_radius_um"] }, { "required": ["ssa_m2_kg"] },
+]))]
 pub(super) struct AxesKeys {
     /// Mean facetness of the grains, 0 to 1.
     #[schemars(length(min = 1, max = 1000), inner(range(min = 0.0, max = 1.0)), extend("uniqueItems" = true))]
     pub(super) facetness: Vec<f64>,
-    /// Mean grain size (full length of the major axis), um.
+    /// Mean grain size (full length of the major axis), um; required unless one of the
+    /// next two is given.
     #[schemars(length(min = 1, max = 1000), inner(range(min = SIZE_UM.0, max = SIZE_UM.1)), extend("uniqueItems" = true))]
-    pub(super) grain_size_um: Vec<f64>,
+    pub(super) grain_size_um: Option<Vec<f64>>,
+    /// Optical radius of the grains by the walk's extinction, 3 / (4 K1 K2), um, instead
+    /// of grain_size_um: each gives a mean grain size.
+    #[schemars(length(min = 1, max = 1000), inner(range(max = MAX_OPTICAL_RADIUS_UM)), extend("uniqueItems" = true),
+        transform = above_zero)]
+    pub(super) optical_radius_um: Option<Vec<f64>>,
+    /// Specific surface area of the grains by the walk's extinction, 4 K1 K2 / ice
+    /// density, m2/kg, instead of grain_size_um: each gives a mean grain size.
+    #[schemars(length(min = 1, max = 1000), inner(range(max = MAX_SSA_M2_KG)), extend("uniqueItems" = true),
+        transform = above_zero)]
+    pub(super) ssa_m2_kg: Option<Vec<f64>>,
     /// Density of the dry snow, kg/m3: ordinarily 50 to 450; ice itself has about 917.
     #[schemars(length(min = 1, max = 1000), inner(range(min = DENSITY_KG_M3.0, max = DENSITY_KG_M3.1)), extend("uniqueItems" = true))]
     pub(super) density_kg_m3: Vec<f64>,
-    /// Thickness, cm; ordinarily 1 to 100. Curves of grains of which 10 lengths do not fit are NaN.
-    #[schemars(length(min = 1, max = 1000), inner(range(max = 1000.0)), extend("uniqueItems" = true),
-        transform = above_zero)]
+    /// Thickness, cm; ordinarily 1 to 100. Curves of grains of which 10 lengths do not fit are NaN. `inf` is a half space.
+    #[schemars(with = "Vec<f64>", length(min = 1, max = 1000), extend("uniqueItems" = true),
+        transform = items_or_half_space)]
+    #[serde(deserialize_with = "thicknesses")]
     pub(super) thickness_cm: Vec<f64>,
     /// Angle between parallel rays and the surface normal, degrees, in [0, 90).
     #[schemars(length(min = 1, max = 1000), inner(range(min = 0.0)), extend("uniqueItems" = true),
@@ -405,6 +449,56 @@ impl AxesKeys {
     }
 }
 
+/// Limits of a thickness, cm: a number, or "inf" for a half space.
+fn or_half_space(schema: &mut schemars::Schema) {
+    schema.insert("type".to_owned(), serde_json::json!(["number", "string"]));
+    schema.insert("exclusiveMinimum".to_owned(), 0.0.into());
+    let branches = serde_json::json!([
+        { "type": "number", "maximum": MAX_THICKNESS_CM },
+        { "type": "number", "minimum": HALF_SPACE_CM },
+        { "const": "inf" },
+    ]);
+    schema.insert("anyOf".to_owned(), branches);
+}
+
+fn items_or_half_space(schema: &mut schemars::Schema) {
+    let mut items = schemars::Schema::default();
+    or_half_space(&mut items);
+    schema.insert("items".to_owned(), items.to_value());
+}
+
+#[derive(Deserialize)]
+#[serde(untagged)]
+enum NumberOrInf {
+    Number(f64),
+    /// The check against the schema lets "inf" pass only.
+    Text(String),
+}
+
+impl NumberOrInf {
+    fn cm(self) -> f64 {
+        let cm = match self {
+            Self::Number(cm) => cm,
+            Self::Text(text) => text.parse().unwrap_or(f64::NAN),
+        };
+        if cm < HALF_SPACE_CM {
+            cm
+        } else {
+            HALF_SPACE_CM
+        }
+    }
+}
+
+/// A thickness, cm: that of a half space is [`HALF_SPACE_CM`].
+fn thickness<'de, D: serde::Deserializer<'de>>(from: D) -> Result<f64, D::Error> {
+    NumberOrInf::deserialize(from).map(NumberOrInf::cm)
+}
+
+fn thicknesses<'de, D: serde::Deserializer<'de>>(from: D) -> Result<Vec<f64>, D::Error> {
+    let all = Vec::<NumberOrInf>::deserialize(from)?;
+    Ok(all.into_iter().map(NumberOrInf::cm).collect())
+}
+
 fn above_zero(schema: &mut schemars::Schema) {
     limit_items(schema, "exclusiveMinimum", 0.0);
 }
@@ -433,7 +527,8 @@ pub(super) struct SpreadKeys {
     /// Standard deviation of facetness before it is cut.
     #[schemars(range(min = 0.0, max = 10.0))]
     pub(super) facetness_sd: f64,
-    /// Grain size is uniform in mean -+ this, um.
+    /// Grain size is uniform in mean -+ this, um; 0 by default where the axis is
+    /// optical_radius_um or ssa_m2_kg.
     #[schemars(range(min = 0.0, max = SIZE_UM.1))]
     pub(super) grain_size_half_width_um: f64,
     /// Where sphericity is an axis, it is cut to mean -+ this, and to (0, 1].

@@ -1,30 +1,38 @@
 //! Layers of snow, what absorbs in them and what they lie on.
 use std::path::Path;
 
-use crate::grain::{GrainType, SizeRange};
+use crate::grain::{GrainType, SizeLaw, SizeMeasure, SizeRange, Told, TruncatedNormal};
 use crate::optics::{Carbon, ice_density_kg_m3};
 use crate::spectrum::Table;
 use crate::transport::{Component, EXPONENTS, Ground, Layer, Snow};
-use crate::units::{cm_to_m, um_to_m};
+use crate::units::{HALF_SPACE_CM, cm_to_m, um_to_m};
 
 use super::document::Document;
 use super::error::{ConfigError, Problem};
 use super::keys::{
     CONCENTRATIONS, CarbonKeys, DENSITY_KG_M3, GrainKeys, LayerKeys, NumberOrPath, SubstrateKeys,
 };
-use super::shared::{exclusive, law, ordered};
-use super::snow::{remark, saturation_from_fraction};
+use super::shared::{exclusive, law, one_size, ordered};
+use super::snow::{
+    ORDINARY_UM, biggest_grain, remark, remark_overpacked, remark_sizes, remark_smooth,
+    remark_thickness, saturation_from_fraction,
+};
 use super::{check, water};
+
+/// The layer of a sample that may be a half space.
+const BASE: &str = "layer[0]";
 
 /// The layers of a list of tables `[[name]]`, the base first.
 pub(super) fn layers(
     document: &Document,
     name: &str,
     keys: &[LayerKeys],
+    size_law: SizeLaw,
     warnings: &mut Vec<String>,
 ) -> Result<Vec<Layer>, ConfigError> {
-    let one =
-        |(i, keys): (usize, &LayerKeys)| layer(document, &format!("{name}[{i}]"), keys, warnings);
+    let one = |(i, keys): (usize, &LayerKeys)| {
+        layer(document, &format!("{name}[{i}]"), keys, size_law, warnings)
+    };
     keys.iter().enumerate().map(one).collect()
 }
 
@@ -32,27 +40,35 @@ fn layer(
     document: &Document,
     table: &str,
     keys: &LayerKeys,
+    size_law: SizeLaw,
     warnings: &mut Vec<String>,
 ) -> Result<Layer, ConfigError> {
     fractions(document, table, keys)?;
     let grain = |(i, grain): (usize, &GrainKeys)| {
+        let key = format!("{table}.grain[{i}]");
         Ok(Component {
             fraction: grain.fraction.unwrap_or(1.0),
-            grain: grain_type(document, &format!("{table}.grain[{i}]"), grain, warnings)?,
+            grain: grain_type(
+                document,
+                &key,
+                grain,
+                (size_law, keys.temperature_c),
+                warnings,
+            )?,
         })
     };
     let grains = keys.grain.iter().enumerate().map(grain);
     let grains = grains.collect::<Result<_, ConfigError>>()?;
     let (density_kg_m3, water_saturation) = density_and_water(document, table, keys, warnings)?;
     let thickness = format!("{table}.thickness_cm");
-    remark(
-        document,
-        warnings,
-        &thickness,
-        keys.thickness_cm,
-        (1.0, 100.0),
-        "cm",
-    );
+    if keys.thickness_cm >= HALF_SPACE_CM && table != BASE {
+        let problem =
+            "leaves no base under it: only the first [[layer]] of a sample may be a half space";
+        let problem = Problem::Contradiction(problem.to_owned());
+        let help = "give a thickness, or put the layers over it after it";
+        return Err(document.error(&thickness, problem, help));
+    }
+    remark_thickness(document, warnings, &thickness, keys.thickness_cm);
     let carbon = |name: &str, keys: &Option<CarbonKeys>, usual| {
         let key = format!("{table}.{name}");
         let carbon = keys
@@ -198,28 +214,72 @@ fn grain_type(
     document: &Document,
     table: &str,
     grain: &GrainKeys,
+    (size_law, temperature_c): (SizeLaw, f64),
     warnings: &mut Vec<String>,
 ) -> Result<GrainType, ConfigError> {
-    let (size, f, s) = (&grain.size_um, &grain.facetness, &grain.sphericity);
-    let key = format!("{table}.size_um");
-    ordered(document, &key, size.min, size.max)?;
-    let range = SizeRange::new(um_to_m(size.min), um_to_m(size.max))
-        .map_err(|e| document.error(&key, Problem::Contradiction(e.to_string()), ""))?;
-    remark(
-        document,
-        warnings,
-        &format!("{key}.min"),
-        size.min,
-        (50.0, 3000.0),
-        "um",
-    );
-    let facetness = (f.min, f.max, f.mean, f.sd);
+    let (f, s) = (&grain.facetness, &grain.sphericity);
     let sphericity = (s.min, s.max, s.mean, s.sd);
+    let sphericity = law(document, &format!("{table}.sphericity"), sphericity)?;
+    one_size(document, table, "size_um")?;
+    let sizes_um = sizes_um(grain, size_law, sphericity, temperature_c);
+    let key = match told(grain) {
+        None => {
+            let key = format!("{table}.size_um");
+            ordered(document, &key, sizes_um[0], sizes_um[1])?;
+            for (end, size) in ["min", "max"].into_iter().zip(sizes_um) {
+                let key = format!("{key}.{end}");
+                remark(document, warnings, &key, size, ORDINARY_UM, "um");
+            }
+            key
+        }
+        Some((measure, _)) => {
+            let key = format!("{table}.{}", measure.name());
+            biggest_grain(document, &key, sizes_um[0], 0.0)?;
+            remark_sizes(document, warnings, [&key, &key], sizes_um);
+            key
+        }
+    };
+    let range = SizeRange::new(um_to_m(sizes_um[0]), um_to_m(sizes_um[1]))
+        .map_err(|e| document.error(&key, Problem::Contradiction(e.to_string()), ""))?
+        .with_law(size_law);
+    remark_overpacked(document, warnings, &key, &range);
+    remark_smooth(document, warnings, &format!("{table}.facetness.min"), f.min);
+    let facetness = (f.min, f.max, f.mean, f.sd);
     Ok(GrainType {
         size: range,
         facetness: law(document, &format!("{table}.facetness"), facetness)?,
-        sphericity: law(document, &format!("{table}.sphericity"), sphericity)?,
+        sphericity,
     })
+}
+
+/// What the size of the grains is told by, if not as such.
+fn told(grain: &GrainKeys) -> Option<(SizeMeasure, f64)> {
+    let radius = grain
+        .optical_radius_um
+        .map(|r| (SizeMeasure::OpticalRadius, r));
+    radius.or(grain
+        .ssa_m2_kg
+        .map(|ssa| (SizeMeasure::SpecificSurface, ssa)))
+}
+
+/// Smallest and largest grain, um: one size where they are told by their surface.
+pub(super) fn sizes_um(
+    grain: &GrainKeys,
+    size_law: SizeLaw,
+    sphericity: TruncatedNormal,
+    temperature_c: f64,
+) -> [f64; 2] {
+    if let Some(size) = &grain.size_um {
+        return [size.min, size.max];
+    }
+    let shape = Told {
+        half_width_um: 0.0,
+        size_law,
+        sphericity,
+        temperature_c,
+    };
+    let one = told(grain).map_or(f64::NAN, |(measure, value)| measure.size_um(value, &shape));
+    [one; 2]
 }
 
 /// Dry density, kg/m3, and saturation, from whichever keys are given.

@@ -8,7 +8,7 @@ use super::canonical::Writer;
 use super::document::{Document, read_text};
 use super::error::{ConfigError, Problem};
 use super::keys::SampleKeys;
-use super::shared::{covered, exclusive, model, wavelengths};
+use super::shared::{covered, exclusive, model, size_law, wavelengths};
 use super::snow::holds_grains;
 use super::{directory_of, layer, schema};
 
@@ -57,7 +57,8 @@ pub fn parse(name: &str, text: &str) -> Result<SampleFile, ConfigError> {
     let mut warnings = Vec::new();
     let illumination = illumination(&document, &keys)?;
     let wavelengths_nm = wavelengths(&document, &keys.wavelengths, &mut warnings)?;
-    let mut layers = layer::layers(&document, "layer", &keys.layer, &mut warnings)?;
+    let size_law = size_law(&document, &keys.model)?;
+    let mut layers = layer::layers(&document, "layer", &keys.layer, size_law, &mut warnings)?;
     let directory = directory_of(name);
     let model = model(&document, &keys.model, directory)?;
     let substrate = keys.substrate.as_ref();
@@ -82,7 +83,7 @@ pub fn parse(name: &str, text: &str) -> Result<SampleFile, ConfigError> {
         out.layer(layer, keys);
     }
     out.ground(&ground, directory);
-    out.model(&model, directory);
+    out.model(&model, size_law, directory);
 
     // a config begins at the base, light at the surface
     layers.reverse();

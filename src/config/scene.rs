@@ -10,9 +10,10 @@ use crate::scene::{Range, Scene, SceneSnow};
 use super::document::{Document, read_text};
 use super::error::{ConfigError, Problem};
 use super::scene_keys::{RangeKeys, SceneKeys, SnowKeys};
-use super::shared::{choose_all, covered, model, ordered, viewing, wavelengths};
+use super::shared::{choose_all, covered, model, ordered, size_law, viewing, wavelengths};
 use super::snow::{
-    biggest_grain, fixed, fixed_or_axis, remark_axis, remark_small, spread, thick_enough,
+    biggest_grain, fixed, fixed_or_axis, remark_axis, remark_sizes, remark_smooth, remark_spread,
+    spread, thick_enough,
 };
 use super::{directory_of, schema};
 
@@ -46,7 +47,8 @@ pub fn parse(name: &str, text: &str) -> Result<SceneFile, ConfigError> {
     let (document, keys) = Document::read::<SceneKeys>(name, text, &schema::SCENE)?;
     let mut warnings = Vec::new();
     let asked = &keys.scene;
-    let spread = spread(&keys.spread);
+    let size_law = size_law(&document, &keys.model)?;
+    let spread = spread(&keys.spread, size_law);
     let half_width = spread.grain_size_half_width_um;
 
     let mut snow = Vec::new();
@@ -54,6 +56,9 @@ pub fn parse(name: &str, text: &str) -> Result<SceneFile, ConfigError> {
     let mut biggest = 0.0_f64;
     for (i, keys) in keys.snow.iter().enumerate() {
         let facetness = Given::new(&document, format!("snow[{i}].facetness"), keys.facetness)?;
+        if let Some((key, least)) = facetness.ends.first() {
+            remark_smooth(&document, &mut warnings, key, *least);
+        }
         let size = Given::new(
             &document,
             format!("snow[{i}].grain_size_um"),
@@ -66,7 +71,9 @@ pub fn parse(name: &str, text: &str) -> Result<SceneFile, ConfigError> {
         )?;
         for (key, mean) in &size.ends {
             biggest = biggest.max(biggest_grain(&document, key, *mean, half_width)?);
-            remark_small(&document, &mut warnings, key, *mean, half_width);
+            let ends = [mean - half_width, mean + half_width];
+            remark_sizes(&document, &mut warnings, [key, key], ends);
+            remark_spread(&document, &mut warnings, key, *mean, &spread);
         }
         for (key, value) in &density.ends {
             remark_axis(&document, &mut warnings, "density_kg_m3", key, *value);
@@ -101,6 +108,7 @@ pub fn parse(name: &str, text: &str) -> Result<SceneFile, ConfigError> {
         &document,
         &keys.fixed,
         model,
+        size_law,
         &densities,
         (directory_of(name), &wavelengths_nm),
         &mut warnings,

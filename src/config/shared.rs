@@ -3,7 +3,7 @@
 use std::path::Path;
 
 use crate::colour::{ColourDifference, Illuminant, Viewing};
-use crate::grain::TruncatedNormal;
+use crate::grain::{SizeLaw, SizeMeasure, TruncatedNormal};
 use crate::optics::WaterTable;
 use crate::transport::Model;
 
@@ -12,7 +12,7 @@ use super::document::Document;
 use super::error::{ConfigError, Problem};
 use super::keys::{
     CARBON_LAWS, ENTRIES, ICE_TABLES, IMPURITY_MASSES, JOININGS, MAX_WAVELENGTHS, ModelKeys,
-    WATER_TABLES, WavelengthKeys,
+    SIZE_LAWS, WATER_TABLES, WavelengthKeys,
 };
 
 /// Refuses two keys of which only one may be given.
@@ -30,6 +30,24 @@ pub(super) fn exclusive(document: &Document, one: &str, other: &str) -> Result<(
         line: document.line(first),
     };
     Err(document.error(second, conflict, "give one of the two"))
+}
+
+/// Refuses none or more than one of the sizes of grains in `table`, where `size` is
+/// the name of that as such.
+pub(super) fn one_size(document: &Document, table: &str, size: &str) -> Result<(), ConfigError> {
+    let [radius, surface] = SizeMeasure::ALL.map(SizeMeasure::name);
+    let key = |name: &str| format!("{table}.{name}");
+    for [one, other] in [[size, radius], [size, surface], [radius, surface]] {
+        exclusive(document, &key(one), &key(other))?;
+    }
+    if [size, radius, surface]
+        .iter()
+        .any(|name| document.has(&key(name)))
+    {
+        return Ok(());
+    }
+    let help = format!("give the size of the grains: {size}, {radius} or {surface}");
+    Err(document.error(&key(size), Problem::Missing, help))
 }
 
 /// Refuses a list that is not strictly increasing.
@@ -144,7 +162,12 @@ pub(super) fn ordered(
     Err(document.error(&format!("{key}.min"), problem, "exchange the two"))
 }
 
-/// The choices within the model; paths are relative to the file's directory.
+/// How often grains of a range of sizes are met.
+pub(super) fn size_law(document: &Document, keys: &ModelKeys) -> Result<SizeLaw, ConfigError> {
+    choose(document, "model.size_law", &SIZE_LAWS, &keys.size_law)
+}
+
+/// The choices within the model but for the size law, which the grains carry; paths are relative to the file's directory.
 pub(super) fn model(
     document: &Document,
     keys: &ModelKeys,

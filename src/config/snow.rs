@@ -2,25 +2,27 @@
 //! and water.
 use std::path::Path;
 
+use crate::grain::{SizeLaw, SizeRange, overpacking};
 use crate::grid::{ExtraAxis, Fixed, MIN_GRAIN_LENGTHS, Spread};
 use crate::optics::{Carbon, ice_density_kg_m3};
 use crate::transport::{Joining, Model};
-use crate::units::{m_to_cm, m_to_um};
+use crate::units::{HALF_SPACE_CM, m_to_cm, m_to_um, um_to_m};
 
 use super::document::Document;
 use super::error::{ConfigError, Problem};
-use super::keys::{CarbonKeys, FixedKeys, SATURATION, SIZE_UM, SpreadKeys};
+use super::keys::{CarbonKeys, FixedKeys, MAX_THICKNESS_CM, SATURATION, SIZE_UM, SpreadKeys};
 use super::shared::{exclusive, law};
 use super::{layer, water};
 
 /// Widths of the laws around the mean of a kind of snow.
-pub(super) fn spread(keys: &SpreadKeys) -> Spread {
+pub(super) fn spread(keys: &SpreadKeys, size_law: SizeLaw) -> Spread {
     Spread {
         facetness_half_width: keys.facetness_half_width,
         facetness_sd: keys.facetness_sd,
         grain_size_half_width_um: keys.grain_size_half_width_um,
         sphericity_half_width: keys.sphericity_half_width,
         sphericity_sd: keys.sphericity_sd,
+        size_law,
     }
 }
 
@@ -70,6 +72,7 @@ pub(super) fn fixed(
     document: &Document,
     keys: &FixedKeys,
     model: Model,
+    size_law: SizeLaw,
     densities_kg_m3: &[f64],
     (directory, wavelengths_nm): (&Path, &[f64]),
     warnings: &mut Vec<String>,
@@ -97,7 +100,7 @@ pub(super) fn fixed(
             .map(|keys| layer::carbon(document, &key, keys, usual));
         carbon.transpose()
     };
-    let mut below = layer::layers(document, "fixed.below", &keys.below, warnings)?;
+    let mut below = layer::layers(document, "fixed.below", &keys.below, size_law, warnings)?;
     if model.joining == Joining::Cascade {
         for (i, (layer, keys)) in below.iter().zip(&keys.below).enumerate() {
             let key = format!("fixed.below[{i}].thickness_cm");
@@ -158,26 +161,89 @@ pub(super) fn biggest_grain(
     let (least, most) = SIZE_UM;
     let (min, max) = (mean_um - half_width_um, mean_um + half_width_um);
     if !(least <= min && max <= most) {
-        let problem = Problem::Contradiction(format!(
-            "makes grains of {min} to {max} um with spread.grain_size_half_width_um = {half_width_um}: allowed {least} to {most}"
-        ));
+        let sizes = match half_width_um {
+            0.0 => format!("{mean_um} um"),
+            _ => {
+                format!("{min} to {max} um with spread.grain_size_half_width_um = {half_width_um}")
+            }
+        };
+        let problem = format!("makes grains of {sizes}: allowed {least} to {most}");
+        let problem = Problem::Contradiction(problem);
         return Err(document.error(key, problem, "move the size or narrow the spread"));
     }
     Ok(max)
 }
 
-/// Remarks on sizes that reach below the ordinary.
-pub(super) fn remark_small(
+/// Remarks on sizes, um, from the first to the second, that reach beyond the ordinary.
+pub(super) fn remark_sizes(
+    document: &Document,
+    warnings: &mut Vec<String>,
+    [first, last]: [&str; 2],
+    [min, max]: [f64; 2],
+) {
+    let (least, most) = ORDINARY_UM;
+    let mut remark = |key: &str, what: String| {
+        let remark = format!("makes grains {what} um; ordinary are {least} to {most} um");
+        warnings.push(document.warning(key, remark));
+    };
+    if min < least {
+        remark(first, format!("down to {}", min as f32));
+    }
+    if max > most {
+        remark(last, format!("up to {}", max as f32));
+    }
+}
+
+/// Ordinary grain sizes, um.
+pub(super) const ORDINARY_UM: (f64, f64) = (50.0, 3000.0);
+
+/// Remarks on a least facetness, given at `key`, from which reflectance jumps.
+pub(super) fn remark_smooth(
+    document: &Document,
+    warnings: &mut Vec<String>,
+    key: &str,
+    least: f64,
+) {
+    if least == 0.0 {
+        let remark = "is where reflectance jumps: smooth grains and grains of facetness 0.01 are far apart, and what lies between is neither (docs/stability.md)";
+        warnings.push(document.warning(key, remark.to_owned()));
+    }
+}
+
+/// Most ice that the spread of sizes may bring, over what the density holds, without a
+/// remark.
+const OVERPACKED: f64 = 1.3;
+
+/// Remarks on sizes, given at `key`, that the published law meets too often.
+pub(super) fn remark_overpacked(
+    document: &Document,
+    warnings: &mut Vec<String>,
+    key: &str,
+    size: &SizeRange,
+) {
+    let ratio = overpacking(size);
+    if ratio > OVERPACKED {
+        let [min, max] = [size.min_m(), size.max_m()].map(|m| m_to_um(m) as f32);
+        let remark = format!(
+            "makes grains of {min} to {max} um, of which the published size law meets {ratio:.2} times the ice that the density holds; set model.size_law = \"consistent\" to meet just that"
+        );
+        warnings.push(document.warning(key, remark));
+    }
+}
+
+/// The same of sizes `spread` around `mean_um`, the value at `key`.
+pub(super) fn remark_spread(
     document: &Document,
     warnings: &mut Vec<String>,
     key: &str,
     mean_um: f64,
-    half_width_um: f64,
+    spread: &Spread,
 ) {
-    let min = mean_um - half_width_um;
-    if min < 50.0 {
-        let remark = format!("makes grains down to {min} um; ordinary are 50 to 3000 um");
-        warnings.push(document.warning(key, remark));
+    let half_width_um = spread.grain_size_half_width_um;
+    let ends = [mean_um - half_width_um, mean_um + half_width_um].map(um_to_m);
+    // what is no range of sizes is refused elsewhere
+    if let Ok(size) = SizeRange::new(ends[0], ends[1]) {
+        remark_overpacked(document, warnings, key, &size.with_law(spread.size_law));
     }
 }
 
@@ -229,7 +295,7 @@ pub(super) fn holds_grains(
         _ => format!(" beside the {rest_cm} cm of other layers"),
     };
     let problem = Problem::OutOfRange(format!(
-        "{least_cm} to 1000 cm with grains up to {biggest_um} um, of which {MIN_GRAIN_LENGTHS} lengths must fit{rest}"
+        "{least_cm} to {MAX_THICKNESS_CM} cm with grains up to {biggest_um} um, of which {MIN_GRAIN_LENGTHS} lengths must fit{rest}"
     ));
     Err(document.error(key, problem, "take thicker slabs or smaller grains"))
 }
@@ -242,11 +308,22 @@ pub(super) fn remark_axis(
     key: &str,
     value: f64,
 ) {
-    let (range, unit) = match axis {
-        "thickness_cm" => ((1.0, 100.0), "cm"),
-        _ => ((50.0, 450.0), "kg/m3"),
-    };
-    remark(document, warnings, key, value, range, unit);
+    match axis {
+        "thickness_cm" => remark_thickness(document, warnings, key, value),
+        _ => remark(document, warnings, key, value, (50.0, 450.0), "kg/m3"),
+    }
+}
+
+/// Remarks on a thickness beyond the ordinary that is no half space.
+pub(super) fn remark_thickness(
+    document: &Document,
+    warnings: &mut Vec<String>,
+    key: &str,
+    value: f64,
+) {
+    if value < HALF_SPACE_CM {
+        remark(document, warnings, key, value, (1.0, 100.0), "cm");
+    }
 }
 
 /// Remarks on values that are allowed but beyond the ordinary range of

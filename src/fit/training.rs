@@ -225,6 +225,7 @@ impl<'a> Training<'a> {
         let beyond = self.beyond.iter().enumerate();
         Axes {
             extra: beyond.map(|(i, axis)| (*axis, values(i))).collect(),
+            told: None,
             facetness,
             grain_size_um,
             density_kg_m3,

@@ -1,9 +1,19 @@
-//! Mean free distance between grains (Varsa 2025, appendix B).
+//! Mean free distance between grains (Varsa 2025, appendix B), by either size law.
 //!
-//! The published K1 implies grain numbers falling as s^-4 while the walk meets
-//! sizes uniformly; it is kept as published. The specific surface area that
-//! the walk's extinction implies is 4 K1 K2 / ice density (convex grains).
-use crate::grain::{GrainType, SizeRange, TruncatedNormal};
+//! A straight line that meets grains at random, 1/dbar of them per metre, has on
+//! average the chord 4 volume / surface in each (Cauchy, for a convex body met
+//! uniformly over its projected area). The walk meets sizes and shapes as their
+//! laws draw them, so the ice per metre is <4 volume / surface> / dbar, a mean over
+//! the grains met. [`SizeLaw::Consistent`] sets that equal to the volume fraction
+//! of ice V: with size s and shape Psi independent, surface / volume = A(Psi) / s,
+//!
+//! dbar = <s> <4 / A(Psi)> / V, so K1 = 1 / <s> and K2 = 1 / <4 / A(Psi)>.
+//!
+//! The published K1 <s> is 1 for a single size, 1.15 for 300-750 um, 7.3 for
+//! 50-3000 um: so many times the ice is met. The published K2 adds .7 % at the usual
+//! spread of the sphericity. Either way the snow that the walk meets has the specific
+//! surface area 4 K1 K2 / ice density.
+use crate::grain::{GrainType, SizeLaw, SizeRange, TruncatedNormal};
 use crate::optics::ice_density_kg_m3;
 
 /// Mean free distance, m, between grains of dry snow of the density and
@@ -11,14 +21,25 @@ use crate::optics::ice_density_kg_m3;
 #[must_use]
 pub fn mean_free_distance_m(grain: &GrainType, density_kg_m3: f64, temperature_c: f64) -> f64 {
     let ice_fraction = density_kg_m3 / ice_density_kg_m3(temperature_c);
-    1.0 / (ice_fraction * size_factor_per_m(&grain.size) * shape_factor(&grain.sphericity))
+    let shape = shape_factor(&grain.sphericity, grain.size.law());
+    1.0 / (ice_fraction * size_factor_per_m(&grain.size) * shape)
 }
 
-/// K1, 1/m: mean inverse size (eq. B.7 with the sign of its logarithm mended);
-/// 1/s for a single size.
+/// Surface of the grains per mass of their ice, m2/kg, that this distance implies.
+#[must_use]
+pub fn specific_surface_m2_kg(grain: &GrainType, temperature_c: f64) -> f64 {
+    let shape = shape_factor(&grain.sphericity, grain.size.law());
+    4.0 * size_factor_per_m(&grain.size) * shape / ice_density_kg_m3(temperature_c)
+}
+
+/// K1, 1/m, of the law of the sizes: the mean inverse size (eq. B.7 with the sign of
+/// its logarithm mended), or the inverse of the mean size; 1/s for a single size.
 #[must_use]
 pub fn size_factor_per_m(size: &SizeRange) -> f64 {
     let (min, max) = (size.min_m(), size.max_m());
+    if size.law() == SizeLaw::Consistent {
+        return 2.0 / (min + max);
+    }
     let ratio = (max - min) / min;
     if ratio < 1e-8 {
         return 1.0 / (min * max).sqrt();
@@ -26,10 +47,18 @@ pub fn size_factor_per_m(size: &SizeRange) -> f64 {
     ratio / (max * libm::log1p(ratio))
 }
 
-/// K2: a quarter of the mean surface-to-volume ratio of spheroids of unit
-/// length over the truncated normal of the sphericity.
+/// How many times the ice of the density a ray meets for the spread of these sizes,
+/// at least 1; 1 under [`SizeLaw::Consistent`].
 #[must_use]
-pub fn shape_factor(sphericity: &TruncatedNormal) -> f64 {
+pub fn overpacking(size: &SizeRange) -> f64 {
+    0.5 * (size.min_m() + size.max_m()) * size_factor_per_m(size)
+}
+
+/// K2: a quarter of the surface-to-volume ratio of spheroids of unit length, of
+/// which the truncated normal of the sphericity takes the mean, or in
+/// [`SizeLaw::Consistent`] the harmonic mean.
+#[must_use]
+pub fn shape_factor(sphericity: &TruncatedNormal, law: SizeLaw) -> f64 {
     let (min, max, mean, sd) = (
         sphericity.min(),
         sphericity.max(),
@@ -53,10 +82,16 @@ pub fn shape_factor(sphericity: &TruncatedNormal) -> f64 {
             2.0 + 2.0 * f64::from(i % 2)
         };
         let density = simpson * libm::exp(-0.5 * z * z);
-        weighted += density * surface_to_volume(psi);
+        weighted += match law {
+            SizeLaw::Varsa2025 => density * surface_to_volume(psi),
+            SizeLaw::Consistent => density / surface_to_volume(psi),
+        };
         total += density;
     }
-    weighted / (4.0 * total)
+    match law {
+        SizeLaw::Varsa2025 => weighted / (4.0 * total),
+        SizeLaw::Consistent => total / (4.0 * weighted),
+    }
 }
 
 /// Surface-to-volume ratio of a prolate spheroid of unit full length:
@@ -97,5 +132,37 @@ mod tests {
         let expected = 450e-6 / (300e-6 * 750e-6 * 2.5f64.ln());
         assert!((size_factor_per_m(&size) / expected - 1.0).abs() < 1e-12);
         assert!((size_factor_per_m(&size) - 2183.0).abs() < 1.0);
+    }
+
+    /// A mean distance is held to the ice: <4 volume / surface> / dbar is the volume
+    /// fraction, and the published law meets so many times that.
+    #[test]
+    fn wide_ranges_are_overpacked_as_published_only() {
+        let sizes = |min: f64, max: f64| SizeRange::new(min * 1e-6, max * 1e-6).unwrap();
+        for (min, max, ratio) in [
+            (300.0, 750.0, 1.146),
+            (150.0, 800.0, 1.537),
+            (50.0, 3000.0, 7.325),
+            (400.0, 400.0, 1.0),
+        ] {
+            let published = sizes(min, max);
+            let consistent = published.with_law(SizeLaw::Consistent);
+            let found = size_factor_per_m(&published) / size_factor_per_m(&consistent);
+            assert!((found - ratio).abs() < 5e-4, "{min}-{max} um: {found}");
+            assert!((overpacking(&published) - found).abs() < 1e-12);
+            assert!((overpacking(&consistent) - 1.0).abs() < 1e-12);
+        }
+        let psi = TruncatedNormal::new(0.6, 0.95, 0.798, 0.064).unwrap();
+        let [published, consistent] =
+            [SizeLaw::Varsa2025, SizeLaw::Consistent].map(|law| shape_factor(&psi, law));
+        assert!(
+            (published / consistent - 1.0073).abs() < 2e-4,
+            "{published} {consistent}"
+        );
+        let one = TruncatedNormal::new(0.8, 0.8, 0.8, 0.0).unwrap();
+        assert_eq!(
+            shape_factor(&one, SizeLaw::Varsa2025),
+            shape_factor(&one, SizeLaw::Consistent)
+        );
     }
 }

@@ -38,11 +38,34 @@ pub enum GrainError {
     },
 }
 
+/// How often a ray meets grains whose sizes are spread, for a given volume of ice.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
+pub enum SizeLaw {
+    /// As published (Varsa 2025, eqs. B.3-B.7): grain numbers fall as s^-4, while the
+    /// sizes met are uniform, so that wide ranges bring more ice than there is.
+    #[default]
+    Varsa2025,
+    /// Ours: the ice met per metre is what the density holds.
+    Consistent,
+}
+
+impl SizeLaw {
+    /// The name used in configs and files.
+    #[must_use]
+    pub const fn name(self) -> &'static str {
+        match self {
+            Self::Varsa2025 => "varsa2025",
+            Self::Consistent => "consistent",
+        }
+    }
+}
+
 /// Full grain length in metres, uniform in [min, max].
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct SizeRange {
     min_m: f64,
     max_m: f64,
+    law: SizeLaw,
 }
 
 impl SizeRange {
@@ -50,13 +73,20 @@ impl SizeRange {
     pub const UNIT: Self = Self {
         min_m: 1.0,
         max_m: 1.0,
+        law: SizeLaw::Varsa2025,
     };
 
+    /// Sizes met as often as the published law has it.
+    ///
     /// # Errors
     /// Both must be finite and `0 < min_m <= max_m`.
     pub fn new(min_m: f64, max_m: f64) -> Result<Self, GrainError> {
         if min_m.is_finite() && max_m.is_finite() && 0.0 < min_m && min_m <= max_m {
-            Ok(Self { min_m, max_m })
+            Ok(Self {
+                min_m,
+                max_m,
+                law: SizeLaw::default(),
+            })
         } else {
             Err(GrainError::Range {
                 what: "grain size (m)",
@@ -65,6 +95,18 @@ impl SizeRange {
                 lowest: 0.0,
             })
         }
+    }
+
+    /// The same sizes, met as often as `law` has it.
+    #[must_use]
+    pub fn with_law(self, law: SizeLaw) -> Self {
+        Self { law, ..self }
+    }
+
+    /// How often they are met.
+    #[must_use]
+    pub fn law(&self) -> SizeLaw {
+        self.law
     }
 
     /// Smallest grain, m.

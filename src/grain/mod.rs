@@ -4,11 +4,15 @@
 mod distance;
 mod event;
 mod law;
+mod optical;
 mod spheroid;
 
-pub use distance::{mean_free_distance_m, shape_factor, size_factor_per_m};
+pub use distance::{
+    mean_free_distance_m, overpacking, shape_factor, size_factor_per_m, specific_surface_m2_kg,
+};
 pub use event::{Events, Grain, Grains, Stepped, Surface};
-pub use law::{GrainError, SizeRange, TruncatedNormal};
+pub use law::{GrainError, SizeLaw, SizeRange, TruncatedNormal};
+pub use optical::{SizeMeasure, Told};
 pub use spheroid::{Spheroids, half_height, projected_point};
 
 /// One type of grain: how its size, facetness and sphericity are distributed.

@@ -8,7 +8,7 @@ use std::path::{Path, PathBuf};
 
 use super::{ExtraAxis, Grid};
 use crate::engine::{Engine, MaxError};
-use crate::grain::TruncatedNormal;
+use crate::grain::{SizeLaw, TruncatedNormal};
 use crate::optics::{Carbon, WaterTable};
 use crate::transport::{Component, Ground, Layer};
 use crate::units::{m_to_cm, m_to_um};
@@ -18,10 +18,16 @@ impl Grid {
     #[must_use]
     pub fn describe(&self) -> Vec<(&'static str, &'static str, String)> {
         let extra = &self.axes.extra;
+        // sizes as they were told: they follow from that
+        let as_told = |(name, values)| match &self.axes.told {
+            Some((measure, told)) if name == "grain_size_um" => (measure.name(), told.as_slice()),
+            _ => (name, values),
+        };
         let mut entries: Vec<_> = self
             .axes
             .named()
             .into_iter()
+            .map(as_told)
             .chain(
                 extra
                     .iter()
@@ -98,6 +104,10 @@ impl Grid {
             add("run", "max_error", error);
         }
         add("model", "entry", quoted(model.entry.name()));
+        // not said of databases before there was a choice
+        if spread.size_law != SizeLaw::default() {
+            add("model", "size_law", quoted(spread.size_law.name()));
+        }
         if !fixed.below.is_empty() {
             add("model", "layers", quoted(model.joining.name()));
         }

@@ -6,7 +6,7 @@ use crate::engine::{Request, Resolution};
 use crate::grain::{GrainType, SizeRange, TruncatedNormal};
 use crate::measurement::{Measured, Spectrum};
 use crate::transport::{Illumination, Pack, Snow};
-use crate::units::{cm_to_m, um_to_m};
+use crate::units::{HALF_SPACE_M, cm_to_m, um_to_m};
 
 /// One job: one snow at one combination of the axes beyond the five, one or all
 /// thicknesses, one or all angles.
@@ -87,7 +87,10 @@ impl fmt::Display for Job {
         )?;
         let mut separator = " ";
         for thickness_m in &self.thicknesses_m {
-            write!(f, "{separator}{:.4}", thickness_m * 1e2)?;
+            match *thickness_m < HALF_SPACE_M {
+                true => write!(f, "{separator}{:.4}", thickness_m * 1e2)?,
+                false => write!(f, "{separator}inf")?,
+            }
             separator = ", ";
         }
         write!(f, " cm, angle")?;
@@ -175,6 +178,7 @@ impl Grid {
             um_to_m(size_um - half_width_um),
             um_to_m(size_um + half_width_um),
         )
+        .map(|size| size.with_law(self.spread.size_law))
         .map_err(|source| GridError::Law {
             axis: "grain_size_um",
             value: size_um,

@@ -14,7 +14,7 @@ mod shard;
 use std::collections::BTreeMap;
 
 use crate::engine::{Engine, MaxError};
-use crate::grain::TruncatedNormal;
+use crate::grain::{SizeLaw, SizeMeasure, TruncatedNormal};
 use crate::optics::Carbon;
 use crate::transport::{Ground, Layer, Model};
 
@@ -44,6 +44,8 @@ pub struct Axes {
     pub angle_deg: Vec<f64>,
     /// Axes beyond the five, usually none.
     pub extra: BTreeMap<ExtraAxis, Vec<f64>>,
+    /// What the grain sizes were told by, if not as such, and its values, increasing.
+    pub told: Option<(SizeMeasure, Vec<f64>)>,
 }
 
 impl Axes {
@@ -67,6 +69,16 @@ impl Axes {
             (h, &self.thickness_cm),
             (a, &self.angle_deg),
         ]
+    }
+
+    /// What each grain size was told by, in the order of the sizes.
+    #[must_use]
+    pub fn told_by_size(&self) -> Option<(SizeMeasure, Vec<f64>)> {
+        let mut told = self.told.clone();
+        if let Some((SizeMeasure::SpecificSurface, values)) = &mut told {
+            values.reverse();
+        }
+        told
     }
 
     /// Names and values of all axes in storage order.
@@ -109,6 +121,8 @@ pub struct Spread {
     pub sphericity_half_width: f64,
     /// Standard deviation of sphericity there.
     pub sphericity_sd: f64,
+    /// How often grains of such sizes are met.
+    pub size_law: SizeLaw,
 }
 
 impl Default for Spread {
@@ -120,6 +134,7 @@ impl Default for Spread {
             grain_size_half_width_um: 50.0,
             sphericity_half_width: 0.15,
             sphericity_sd: 0.064,
+            size_law: SizeLaw::default(),
         }
     }
 }

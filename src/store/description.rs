@@ -9,6 +9,7 @@ use sha2::{Digest, Sha256};
 
 use super::StoreError;
 use crate::engine::Engine;
+use crate::grain::{SizeLaw, SizeMeasure, Told, TruncatedNormal};
 use crate::grid::{Axes, ExtraAxis, Grid};
 
 /// Version of the layout described in [`crate::store`].
@@ -167,10 +168,24 @@ impl Description {
                 extra.insert(axis, list("axes", axis.name())?);
             }
         }
+        let told = SizeMeasure::ALL
+            .into_iter()
+            .find(|measure| get("axes", measure.name()).is_some());
+        let (grain_size_um, told) = match told {
+            None => (list("axes", s)?, None),
+            Some(measure) => {
+                let values: Vec<f64> = list("axes", measure.name())?;
+                let shape = told_shape(&config).ok_or_else(|| {
+                    damaged("attribute \"config\" does not tell the grains".into())
+                })?;
+                (measure.sizes_um(&values, &shape), Some((measure, values)))
+            }
+        };
         let axes = Axes {
             extra,
+            told,
             facetness: list("axes", f)?,
-            grain_size_um: list("axes", s)?,
+            grain_size_um,
             density_kg_m3: list("axes", d)?,
             thickness_cm: list("axes", h)?,
             angle_deg: list("axes", a)?,
@@ -202,6 +217,20 @@ impl Description {
     /// Whether there are curves under isotropic light.
     pub(super) fn has_diffuse(&self) -> bool {
         self.get("axes.diffuse") == Some("true")
+    }
+
+    /// What the grain sizes were told by, if not as such, and its values in their order.
+    fn told(&self) -> Option<(SizeMeasure, Vec<f64>)> {
+        let told = SizeMeasure::ALL.into_iter().find_map(|measure| {
+            let list = self.get(&format!("axes.{}", measure.name()))?;
+            let list: Result<Vec<f64>, _> = serde_json::from_str(list);
+            Some((measure, list.ok()?))
+        });
+        let axes = Axes {
+            told,
+            ..Axes::default()
+        };
+        axes.told_by_size()
     }
 
     fn has_axis(&self, axis: ExtraAxis) -> bool {
@@ -270,10 +299,22 @@ impl Description {
             ("config_sha256", hex(&Sha256::digest(&self.config)).into()),
             ("identity", self.identity().into()),
         ];
-        entries
+        let mut attributes: Map<String, Value> = entries
             .into_iter()
             .map(|(key, value)| (key.to_string(), value))
-            .collect()
+            .collect();
+        if let Some((measure, values)) = self.told() {
+            let relation = format!(
+                "{}: {}. The values here are those of the grain sizes in their order; spread.grain_size_half_width_um is that of the sizes.",
+                measure.name(),
+                measure.about().0
+            );
+            attributes.insert("grain_size_relation".into(), relation.into());
+            attributes.insert(measure.name().into(), values.into());
+            // by which xarray takes the array of this name for a coordinate
+            attributes.insert("coordinates".into(), measure.name().into());
+        }
+        attributes
     }
 }
 
@@ -282,6 +323,27 @@ fn counts(all: &[usize]) -> String {
         .map(usize::to_string)
         .collect::<Vec<_>>()
         .join(", ")
+}
+
+/// The grains of a canonical grid file but for their size.
+fn told_shape(config: &toml::Table) -> Option<Told> {
+    let number = |section: &str, key: &str| config.get(section)?.get(key)?.as_float();
+    let law = config.get("fixed")?.get("sphericity")?;
+    let law = |key: &str| law.get(key)?.as_float();
+    let model = config.get("model");
+    let size_law = model.and_then(|model| model.get("size_law")?.as_str());
+    let size_law = match size_law {
+        Some(name) if name == SizeLaw::Consistent.name() => SizeLaw::Consistent,
+        _ => SizeLaw::Varsa2025,
+    };
+    Some(Told {
+        half_width_um: number("spread", "grain_size_half_width_um")?,
+        size_law,
+        sphericity: TruncatedNormal::new(law("min")?, law("max")?, law("mean")?, law("sd")?)
+            .ok()?,
+        // of no account but for specific surface areas, which stand beside no axis of it
+        temperature_c: number("fixed", "temperature_c").unwrap_or_default(),
+    })
 }
 
 fn hex(bytes: &[u8]) -> String {

@@ -16,7 +16,9 @@ use zarrs::filesystem::FilesystemStore;
 use super::description::Description;
 use super::{StoreError, Variable};
 use crate::engine::Engine;
+use crate::grain::SizeMeasure;
 use crate::grid::{Axes, ExtraAxis, Jobs, positions};
+use crate::units::HALF_SPACE_CM;
 
 pub(super) type ZarrArray = Array<FilesystemStore>;
 
@@ -187,9 +189,22 @@ impl Layout {
             .into_iter()
             .chain([(WAVELENGTH, self.wavelengths_nm.as_slice())]);
         for (name, values) in coordinates {
-            let array = coordinate(&self.storage, name, values.len() as u64)?;
+            let array = coordinate(&self.storage, name, name, values.len() as u64)?;
             let key = format!("{name}/{}", chunk_name(&array, &[0])?);
-            files.insert(key, encode(&array, values)?);
+            let infinite = |value: &f64| match name {
+                // what stands for a half space within the program
+                "thickness_cm" if *value >= HALF_SPACE_CM => f64::INFINITY,
+                _ => *value,
+            };
+            let values: Vec<f64> = values.iter().map(infinite).collect();
+            files.insert(key, encode(&array, &values)?);
+            nodes.insert(name.into(), metadata(&array)?);
+        }
+        if let Some((measure, values)) = self.axes.told_by_size() {
+            let name = measure.name();
+            let array = coordinate(&self.storage, name, SIZE, values.len() as u64)?;
+            let key = format!("{name}/{}", chunk_name(&array, &[0])?);
+            files.insert(key, encode(&array, &values)?);
             nodes.insert(name.into(), metadata(&array)?);
         }
         if let Some((array, values)) = self.status()? {
@@ -257,6 +272,9 @@ pub(crate) const WAVELENGTH: &str = "wavelength_nm";
 /// Name of the array that says which curves exist.
 const STATUS: &str = "curve_status";
 
+/// Name of the axis of grain sizes.
+const SIZE: &str = "grain_size_um";
+
 /// How an array is named and explained.
 struct Spec<'a> {
     name: &'a str,
@@ -301,7 +319,10 @@ pub(crate) fn coordinate_about(name: &str) -> (&'static str, &'static str) {
         "angle_deg" => ("polar angle of incidence from the surface normal", "degree"),
         _ => match ExtraAxis::named(name) {
             Some(axis) => (axis.long_name(), axis.unit()),
-            None => ("wavelength in vacuum", "nm"),
+            None => match SizeMeasure::ALL.into_iter().find(|m| m.name() == name) {
+                Some(measure) => measure.about(),
+                None => ("wavelength in vacuum", "nm"),
+            },
         },
     }
 }
@@ -309,6 +330,7 @@ pub(crate) fn coordinate_about(name: &str) -> (&'static str, &'static str) {
 fn coordinate(
     storage: &Arc<FilesystemStore>,
     name: &str,
+    dimension: &str,
     length: u64,
 ) -> Result<ZarrArray, StoreError> {
     let (long_name, units) = coordinate_about(name);
@@ -316,7 +338,7 @@ fn coordinate(
         name,
         long_name,
         units,
-        dimensions: &[name],
+        dimensions: &[dimension],
     };
     spec.array(
         storage,

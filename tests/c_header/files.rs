@@ -133,6 +133,7 @@ pub(crate) fn variants() -> Vec<(String, Vec<u8>)> {
             thickness_cm: vec![1.0, 3.0, 9.0, 20.0],
             angle_deg: vec![0.0, 70.0],
             extra: axes.into_iter().skip(5 - n).collect(),
+            told: None,
         }
     };
     for (name, variant, n) in [

@@ -17,7 +17,7 @@ fn law(min: f64, max: f64, mean: f64, sd: f64) -> TruncatedNormal {
 }
 
 /// Calls `each` with `count` grains of a law.
-fn draw(law: &GrainType, count: u32, number: u64, mut each: impl FnMut(&Grain)) {
+pub(super) fn draw(law: &GrainType, count: u32, number: u64, mut each: impl FnMut(&Grain)) {
     let mut rng = stream(number);
     let mut left = count;
     while left > 0 {

@@ -118,6 +118,9 @@ fn typical(engine: Engine) -> f64 {
     }
 }
 
+/// Depth, m, beyond which walks take hardly longer: light comes back or is absorbed.
+const DEEP_M: f64 = 1.0;
+
 impl Case {
     fn new(grid: &Grid, wavelengths_nm: &[f64], job: Job) -> anyhow::Result<Self> {
         let request = Request {
@@ -134,7 +137,7 @@ impl Case {
             _ => {
                 let distance_m = job.pack.surface.mean_free_distance_m();
                 let thickness_m = job.thicknesses_m.last().copied().unwrap_or_default();
-                2.0 * thickness_m / distance_m
+                2.0 * thickness_m.min(DEEP_M) / distance_m
             }
         };
         Ok(Self {

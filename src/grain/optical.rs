@@ -1,0 +1,161 @@
+//! Grain sizes told by what the walk's extinction makes of them.
+//!
+//! The grains that a walk meets have the specific surface area SSA = 4 K1 K2 / ice
+//! density ([`super::specific_surface_m2_kg`]), and the optical radius is that of
+//! spheres of as much surface, 3 / (SSA ice density) = 3 / (4 K1 K2). Of a shape K2 is
+//! known, so that either tells K1, and with the width of the sizes their mean.
+use crate::grain::{SizeLaw, SizeRange, TruncatedNormal, shape_factor, size_factor_per_m};
+use crate::optics::ice_density_kg_m3;
+use crate::units::{m_to_um, um_to_m};
+
+/// A measure of grains that stands in for their size.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum SizeMeasure {
+    /// Optical (effective) radius, um.
+    OpticalRadius,
+    /// Specific surface area, m2/kg.
+    SpecificSurface,
+}
+
+/// The shape, spread and temperature of grains whose size is told by a measure.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Told {
+    /// Sizes are uniform in mean -+ this, um.
+    pub half_width_um: f64,
+    /// How often they are met.
+    pub size_law: SizeLaw,
+    /// Law of the sphericity.
+    pub sphericity: TruncatedNormal,
+    /// Temperature, Celsius.
+    pub temperature_c: f64,
+}
+
+impl SizeMeasure {
+    /// Both.
+    pub const ALL: [Self; 2] = [Self::OpticalRadius, Self::SpecificSurface];
+
+    /// As files spell it, with the unit as suffix.
+    #[must_use]
+    pub const fn name(self) -> &'static str {
+        match self {
+            Self::OpticalRadius => "optical_radius_um",
+            Self::SpecificSurface => "ssa_m2_kg",
+        }
+    }
+
+    /// What it is, for people, and its unit.
+    #[must_use]
+    pub const fn about(self) -> (&'static str, &'static str) {
+        match self {
+            Self::OpticalRadius => (
+                "optical radius of the grains, 3 / (SSA ice density), with the SSA = 4 K1 K2 / ice density that the walk's extinction implies",
+                "um",
+            ),
+            Self::SpecificSurface => (
+                "specific surface area of the grains, 4 K1 K2 / ice density, that the walk's extinction implies",
+                "m2 kg-1",
+            ),
+        }
+    }
+
+    /// Mean size, um, of grains of this measure `value`, which is above 0.
+    #[must_use]
+    pub fn size_um(self, value: f64, told: &Told) -> f64 {
+        let shape = shape_factor(&told.sphericity, told.size_law);
+        let k1_per_m = match self {
+            Self::OpticalRadius => 3.0 / (4.0 * shape * um_to_m(value)),
+            Self::SpecificSurface => value * ice_density_kg_m3(told.temperature_c) / (4.0 * shape),
+        };
+        let single_um = m_to_um(1.0 / k1_per_m);
+        let width_um = told.half_width_um;
+        if width_um == 0.0 || told.size_law == SizeLaw::Consistent {
+            return single_um;
+        }
+        // K1 falls with the mean m, and m - width < 1 / K1 < m
+        let (mut low, mut high) = (single_um.max(width_um), single_um + width_um);
+        for _ in 0..100 {
+            let mean = 0.5 * (low + high);
+            let range = SizeRange::new(um_to_m(mean - width_um), um_to_m(mean + width_um));
+            match range {
+                Ok(range) if size_factor_per_m(&range) <= k1_per_m => high = mean,
+                _ => low = mean,
+            }
+        }
+        0.5 * (low + high)
+    }
+
+    /// Mean sizes, um, of grains of these measures, which increase; the sizes do too,
+    /// so that those of specific surface areas run the other way round.
+    #[must_use]
+    pub fn sizes_um(self, values: &[f64], told: &Told) -> Vec<f64> {
+        let sizes = values.iter().map(|value| self.size_um(*value, told));
+        let mut sizes: Vec<f64> = sizes.collect();
+        if self == Self::SpecificSurface {
+            sizes.reverse();
+        }
+        sizes
+    }
+}
+
+#[cfg(test)]
+#[allow(clippy::unwrap_used)]
+mod tests {
+    use super::*;
+    use crate::grain::{GrainType, specific_surface_m2_kg};
+
+    /// Whatever the width, the law and the shape, grains of the size found have the
+    /// measure that was asked for.
+    #[test]
+    fn sizes_have_the_measure_they_are_told_by() {
+        let usual = TruncatedNormal::new(0.6, 0.95, 0.798, 0.064).unwrap();
+        let sphere = TruncatedNormal::new(1.0, 1.0, 1.0, 0.0).unwrap();
+        for (sphericity, size_law) in [
+            (usual, SizeLaw::Varsa2025),
+            (usual, SizeLaw::Consistent),
+            (sphere, SizeLaw::Varsa2025),
+        ] {
+            for half_width_um in [0.0, 10.0, 50.0] {
+                let told = Told {
+                    half_width_um,
+                    size_law,
+                    sphericity,
+                    temperature_c: -5.0,
+                };
+                for radius_um in [30.0, 82.0, 500.0, 2000.0] {
+                    let ssa = 3.0 / (radius_um * 1e-6 * ice_density_kg_m3(-5.0));
+                    let mean_um = SizeMeasure::OpticalRadius.size_um(radius_um, &told);
+                    let other = SizeMeasure::SpecificSurface.size_um(ssa, &told);
+                    assert!((mean_um / other - 1.0).abs() < 1e-12, "{mean_um} {other}");
+                    let ends = [mean_um - half_width_um, mean_um + half_width_um];
+                    let size = SizeRange::new(um_to_m(ends[0]), um_to_m(ends[1])).unwrap();
+                    let grain = GrainType {
+                        size: size.with_law(size_law),
+                        facetness: sphere,
+                        sphericity,
+                    };
+                    let found = specific_surface_m2_kg(&grain, -5.0);
+                    assert!(
+                        (found / ssa - 1.0).abs() < 1e-9,
+                        "{radius_um}: {found} {ssa}"
+                    );
+                }
+            }
+        }
+        let told = Told {
+            half_width_um: 0.0,
+            size_law: SizeLaw::Varsa2025,
+            sphericity: usual,
+            temperature_c: -1.0,
+        };
+        // a sphere is as long as it is wide; the usual grains are 1 / .351 radii long
+        let sphere = Told {
+            sphericity: sphere,
+            ..told
+        };
+        assert!((SizeMeasure::OpticalRadius.size_um(82.0, &sphere) - 164.0).abs() < 1e-9);
+        assert!((82.0 / SizeMeasure::OpticalRadius.size_um(82.0, &told) - 0.351).abs() < 5e-4);
+        let sizes = SizeMeasure::SpecificSurface.sizes_um(&[5.0, 20.0, 60.0], &told);
+        assert!(sizes[0] < sizes[1] && sizes[1] < sizes[2]);
+        assert_eq!(sizes[2], SizeMeasure::SpecificSurface.size_um(5.0, &told));
+    }
+}

@@ -1,0 +1,116 @@
+//! A half space: what a slab becomes when it is made thicker, in every engine.
+use std::sync::atomic::{AtomicBool, AtomicU64};
+
+use splitsnow::engine::{Cache, Control, Engine, MaxError, Request, Resolution};
+use splitsnow::grain::{GrainType, SizeRange, TruncatedNormal};
+use splitsnow::measurement::Spectrum;
+use splitsnow::transport::{Ground, Illumination, Layer, Model, Pack, Snow};
+use splitsnow::units::HALF_SPACE_M;
+
+fn snow(size_um: [f64; 2], facetness: f64, sphericity: f64, density_kg_m3: f64) -> Snow {
+    let one = |value| TruncatedNormal::new(value, value, value, 0.0).unwrap();
+    let grain = GrainType {
+        size: SizeRange::new(size_um[0] * 1e-6, size_um[1] * 1e-6).unwrap(),
+        facetness: one(facetness),
+        sphericity: one(sphericity),
+    };
+    Snow::dry(grain, density_kg_m3, -1.0)
+}
+
+fn run(engine: Engine, pack: &Pack, thicknesses_m: &[f64], nm: &[f64], rays: u64) -> Vec<Spectrum> {
+    let request = Request {
+        pack,
+        thicknesses_m,
+        illuminations: &[Illumination::Collimated {
+            polar_angle_rad: 0.5,
+        }],
+        wavelengths_nm: nm,
+        model: &Model::default(),
+        rays,
+        max_error: MaxError::default(),
+        resolution: Resolution {
+            table: 1 << 14,
+            grains: 1 << 17,
+            ..Resolution::default()
+        },
+        seed: 3,
+        cell: 0,
+    };
+    let control = Control {
+        parallel: false,
+        cancel: &AtomicBool::new(false),
+        rays_done: &AtomicU64::new(0),
+        cache: &Cache::default(),
+    };
+    engine.run(&request, &control).unwrap()
+}
+
+/// The clearest snow that a config allows, of large smooth spheres at the least density,
+/// where ice absorbs least: a quarter of the thickness taken for a half space reflects
+/// the same to all digits, and no light comes through the whole.
+#[test]
+fn the_bulk_is_converged() {
+    let nm = [350.0, 400.0, 700.0, 1030.0, 2000.0];
+    for snow in [
+        snow([6000.0, 6000.0], 0.0, 1.0, 50.0),
+        snow([150.0, 350.0], 0.3, 0.8, 300.0),
+    ] {
+        let thicknesses = [0.25 * HALF_SPACE_M, HALF_SPACE_M];
+        let found = run(Engine::Doubling, &snow.into(), &thicknesses, &nm, 1024);
+        for (l, nm) in nm.iter().enumerate() {
+            let [thick, half_space] = [0, 1].map(|h| found[h].reflectance[l].value);
+            assert!(
+                (thick - half_space).abs() < 1e-12,
+                "{nm} nm: {thick} {half_space}"
+            );
+            assert!(
+                half_space > 0.0 && half_space < 1.0,
+                "{nm} nm: {half_space}"
+            );
+            let below = found[1].transmittance[l];
+            assert!(
+                below.value < 1e-50 && below.se < 1e-50,
+                "{nm} nm: {below:?}"
+            );
+        }
+    }
+}
+
+/// Walks in a half space, which may come back from any depth, against the solver: a
+/// z-test, and the solver's own error of 1.5e-3 (docs/stability.md). Alone and as the
+/// base of a pack on a ground that nobody sees.
+#[test]
+fn walks_agree_with_the_solver() {
+    let base = snow([150.0, 350.0], 0.3, 0.8, 300.0);
+    let pack = Pack {
+        surface: snow([100.0, 150.0], 0.5, 0.7, 200.0),
+        below: vec![Layer {
+            snow: base.clone(),
+            thickness_m: HALF_SPACE_M,
+        }],
+        ground: Ground::Grey(0.5),
+    };
+    let nm = [800.0, 1030.0, 1300.0];
+    for (pack, thickness_m) in [(base.into(), HALF_SPACE_M), (pack, HALF_SPACE_M + 0.01)] {
+        let of = |engine, rays| run(engine, &pack, &[thickness_m], &nm, rays).remove(0);
+        let solved = of(Engine::Doubling, 4096);
+        for engine in [Engine::Reference, Engine::Spectral, Engine::Tabulated] {
+            let walked = of(engine, 3000);
+            for l in 0..nm.len() {
+                let (a, b) = (solved.reflectance[l], walked.reflectance[l]);
+                let error = (a.se * a.se + b.se * b.se + 1.5e-3 * 1.5e-3_f64).sqrt();
+                let z = (a.value - b.value) / error;
+                println!(
+                    "{} {} nm: {:.4} {:.4} z {z:.1}",
+                    engine.name(),
+                    nm[l],
+                    a.value,
+                    b.value
+                );
+                assert!(z.abs() < 4.5, "{} {} nm: {a:?} {b:?}", engine.name(), nm[l]);
+                assert_eq!(walked.transmittance[l].value, 0.0);
+                assert_eq!(walked.lost[l], 0.0);
+            }
+        }
+    }
+}
