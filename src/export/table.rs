@@ -234,6 +234,7 @@ pub(super) mod tests {
             thickness_cm: vec![1.0, 5.0],
             angle_deg: vec![0.0, 40.0, 80.0],
             extra: [(ExtraAxis::Temperature, vec![-10.0, -1.0])].into(),
+            told: None,
         };
         let lengths = [2, 2, 3, 2, 2, 3];
         let curve = |row: usize| {
