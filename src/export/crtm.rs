@@ -10,7 +10,7 @@ use netcdf3::DataSet;
 
 use super::netcdf::{FILL, STAND_IN, failed, version, written};
 use super::{ExportError, Layout, Table};
-use crate::grain::{SizeRange, TruncatedNormal, shape_factor, size_factor_per_m};
+use crate::grain::{SizeLaw, SizeRange, TruncatedNormal, shape_factor, size_factor_per_m};
 use crate::grid::{ExtraAxis, Spread};
 use crate::store::Variable;
 use crate::units::{m_to_um, um_to_m};
@@ -227,11 +227,21 @@ impl Table {
             }
         };
         let sphericity = sphericity.ok_or_else(|| untold("fixed.sphericity"))?;
-        let shape = shape_factor(&sphericity);
+        let law = entry("model", "size_law");
+        let consistent =
+            law.as_ref().and_then(toml::Value::as_str) == Some(SizeLaw::Consistent.name());
+        let law = if consistent {
+            SizeLaw::Consistent
+        } else {
+            SizeLaw::Varsa2025
+        };
+        let shape = shape_factor(&sphericity, law);
         let radius_um = |size_um: &f64| {
             let ends = [size_um - half_width_um, size_um + half_width_um].map(um_to_m);
             let size = SizeRange::new(ends[0], ends[1]);
-            let size = size.map_err(|_| untold("range of grain sizes"))?;
+            let size = size
+                .map_err(|_| untold("range of grain sizes"))?
+                .with_law(law);
             Ok(m_to_um(3.0 / (4.0 * size_factor_per_m(&size) * shape)))
         };
         values.iter().map(radius_um).collect()
