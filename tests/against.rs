@@ -7,14 +7,234 @@ use std::process::{Command, Output};
 use proptest::prelude::*;
 use serde_json::Value;
 use splitsnow::comparison::{
-    Band, Comparison, Exclusion, MeasuredError, MeasuredSpectrum, Problem, RANGE_NM,
+    Band, Comparison, Exclusion, Hints, MeasuredError, MeasuredSpectrum, RANGE_NM,
 };
 use splitsnow::measurement::{Measured, Quantity};
+use splitsnow::spectrum::measured::{Column, Order, Problem, Scale, Unit, Why};
 
-const R: Option<Quantity> = Some(Quantity::Reflectance);
+fn of(quantity: Option<Quantity>) -> Hints {
+    Hints {
+        quantity,
+        ..Hints::default()
+    }
+}
+
+fn reflectance() -> Hints {
+    of(Some(Quantity::Reflectance))
+}
 
 fn parse(text: &str) -> Result<MeasuredSpectrum, MeasuredError> {
-    MeasuredSpectrum::parse("snow.csv", text.as_bytes(), None, &Exclusion::FIELD)
+    MeasuredSpectrum::parse("snow.csv", text.as_bytes(), &of(None), &Exclusion::FIELD)
+}
+
+/// The line and kind of a refusal to read.
+fn refusal(read: Result<MeasuredSpectrum, MeasuredError>) -> (Option<usize>, Problem) {
+    match read.unwrap_err() {
+        MeasuredError::Spectrum(error) => (error.line, error.problem),
+        other => panic!("{other}"),
+    }
+}
+
+/// A file of tests/data/measured, its bands excluded or not.
+fn file(name: &str, hints: &Hints, exclusions: &[Exclusion]) -> MeasuredSpectrum {
+    let path = Path::new(env!("CARGO_MANIFEST_DIR"))
+        .join("tests/data/measured")
+        .join(name);
+    MeasuredSpectrum::read(&path, hints, exclusions).unwrap_or_else(|error| panic!("{error}"))
+}
+
+/// One spectrum as programs, libraries and instruments write it is one spectrum.
+#[test]
+fn one_spectrum_in_many_ways() {
+    let nm: Vec<f64> = (7..=50).map(|i| 50.0 * f64::from(i)).collect();
+    let plain = file(
+        "ecostress_medium_converted.csv",
+        &of(None),
+        &Exclusion::FIELD,
+    );
+    let expected = plain.at(&nm).unwrap();
+    // every 50 nm from 350 to 1700, one in the converted table's gap, and 2000 to 2500
+    assert!(expected.iter().filter(|m| !m.excluded).count() > 30);
+    for name in [
+        "v_bom_crlf.csv",
+        "v_descending.csv",
+        "v_duplicate.csv",
+        "v_header_caps.csv",
+        "v_nan.csv",
+        "v_noheader.csv",
+        "v_percent.csv",
+        "v_semicolon_comma.csv",
+        "v_tab.txt",
+        "ecostress.txt",
+        "snow.sig",
+        "utf16_le.csv",
+        "utf16_be.csv",
+    ] {
+        let read = file(name, &of(None), &Exclusion::FIELD);
+        assert_eq!(read.quantity(), Quantity::Reflectance, "{name}");
+        let found = read.at(&nm).unwrap();
+        for point in expected.iter().filter(|point| !point.excluded) {
+            let same = found.iter().find(|other| other.nm == point.nm);
+            let value = same.map_or(f64::NAN, |other| other.value);
+            // a percent is divided by 100, and instruments write three decimals of it
+            assert!(
+                (value - point.value).abs() < 1e-12,
+                "{name} at {} nm: {value}",
+                point.nm
+            );
+        }
+        assert!(!read.report().to_string().contains('\n'));
+    }
+    let report =
+        |name: &str, exclusions: &[Exclusion]| file(name, &of(None), exclusions).report().clone();
+    let nan = report("v_nan.csv", &[]);
+    let lines: Vec<usize> = nan.masked.iter().map(|row| row.line).collect();
+    assert_eq!(lines, (97..=104).collect::<Vec<_>>());
+    assert!(
+        nan.to_string().contains("8 without a value (lines 97-104)"),
+        "{nan}"
+    );
+    assert!(report("v_nan.csv", &Exclusion::FIELD).masked.is_empty());
+    assert_eq!(report("v_duplicate.csv", &[]).merged, 1);
+    assert_eq!(report("v_descending.csv", &[]).order, Order::Descending);
+    let sig = report("snow.sig", &[]);
+    assert_eq!(
+        (sig.column, sig.order, sig.scale),
+        (4, Order::Mixed, Some(Scale::Percent))
+    );
+    // 1000, 1880 and 1900 nm are of two detectors
+    assert_eq!((sig.columns, sig.merged), (4, 3), "{sig}");
+    let library = report("ecostress.txt", &[]);
+    assert_eq!((library.unit, library.order), (Unit::Um, Order::Descending));
+}
+
+/// Files as they come from the field.
+#[test]
+fn field_files_are_read_and_their_noise_told() {
+    let sed = file("psr_cut.sed", &of(None), &Exclusion::FIELD);
+    assert_eq!((sed.report().column, sed.rows()), (4, 13));
+    assert_eq!(sed.at(&[350.0, 362.0]).unwrap()[0].value, 0.233_105);
+
+    let many = file("multicolumn_cut.csv", &of(None), &Exclusion::FIELD);
+    assert_eq!(
+        (many.report().name.as_str(), many.report().other_columns),
+        ("13_7_S1", 2)
+    );
+    let told = many.report().to_string();
+    assert!(
+        told.contains("column 2 `13_7_S1` (the first, 2 more like it"),
+        "{told}"
+    );
+    for asked in ["13_7_S2", "3", "s2"] {
+        let hints = Hints {
+            column: Some(Column(asked.into())),
+            ..Hints::default()
+        };
+        let second = file("multicolumn_cut.csv", &hints, &Exclusion::FIELD);
+        assert_eq!(second.at(&[350.0, 360.0]).unwrap()[0].value, 0.360_307_349);
+    }
+
+    let quiet = file("excluded_nan.csv", &of(None), &Exclusion::FIELD);
+    assert!(quiet.report().masked.is_empty() && quiet.at(&[400.0, 430.0, 1800.0]).is_ok());
+    assert_eq!(
+        file("excluded_nan.csv", &of(None), &[])
+            .report()
+            .masked
+            .len(),
+        3
+    );
+
+    let spike = file("greenland_spike.csv", &of(None), &Exclusion::FIELD);
+    let [masked] = spike.report().masked[..] else {
+        panic!("{}", spike.report());
+    };
+    assert_eq!((masked.line, masked.why), (19, Why::Impossible));
+    assert_eq!(spike.at(&[2256.5, 2258.0, 2260.0]).unwrap().len(), 3);
+
+    let hole = file("greenland_empty_cell.csv", &of(None), &[]);
+    let lines = |why| -> Vec<usize> {
+        let rows = hole.report().masked.iter();
+        rows.filter(|row| row.why == why)
+            .map(|row| row.line)
+            .collect()
+    };
+    assert_eq!(lines(Why::Missing), [21]);
+    assert_eq!(lines(Why::Impossible), [3, 13, 16, 17, 19, 20]);
+
+    let low_sun = file("hcrf_above_1.2.csv", &of(None), &Exclusion::FIELD);
+    assert_eq!(
+        low_sun.at(&[350.0, 352.0]).unwrap()[0].value,
+        1.247_717_183_7
+    );
+}
+
+/// What cannot be a spectrum is refused, and guesses can be overruled.
+#[test]
+fn absurd_files_are_refused() {
+    for (text, line, part) in [
+        (
+            "wavelength_nm,counts\n400,5000\n410,5100\n420,5200\n",
+            Some(2),
+            "5000 at 400 nm is no reflectance: allowed -5 to 150 percent, and 3 of 3",
+        ),
+        (
+            "400,0.5\n410,snow\n420,0.5\n",
+            Some(2),
+            "`snow` where a number is expected (the value)",
+        ),
+        (
+            "wavelength_nm,reflectance\n400,0,5\n410,0,6\n",
+            Some(2),
+            "3 cells (`400,0,5`) where 2 are expected",
+        ),
+        ("400;0,5\n410;0.6\n", Some(2), "another decimal sign"),
+        (
+            "400,0.5\n-410,0.5\n",
+            Some(2),
+            "wavelength -410 is not above 0",
+        ),
+        (
+            "wavenumber_cm-1,reflectance\n10000,0.5\n",
+            Some(1),
+            "wavenumbers",
+        ),
+        (&"400,0.5\n".repeat(5), None, "wavelength 400 nm has 5 rows"),
+        (
+            "wavelength_nm,reflectance\n.4,.5\n.5,.5",
+            None,
+            "taken as nm)",
+        ),
+        (
+            "wavelength_nm,irradiance\n400,1.1\n410,1.2\n",
+            Some(1),
+            "is relative power, asked for is reflectance",
+        ),
+        (
+            "snow\nand ice\n",
+            None,
+            "no row with a wavelength and a value, and it begins with `snow`",
+        ),
+        ("", None, "no row"),
+        ("\u{1}\u{2}", None, "no text: it has the character U+0001"),
+    ] {
+        let error = parse(text).unwrap_err().to_string();
+        let at = line.map_or("snow.csv: ".into(), |line| format!("snow.csv:{line}: "));
+        assert!(
+            error.starts_with(&at) && error.contains(part),
+            "{text:?}: {error}"
+        );
+        assert!(error.contains("\n  help: ") && error.len() < 400, "{error}");
+    }
+    let um = Hints {
+        unit: Some(Unit::Um),
+        scale: Some(Scale::Percent),
+        ..Hints::default()
+    };
+    let text = "wavelength_nm,reflectance\n.4,.5\n.5,.5";
+    let read = MeasuredSpectrum::parse("x", text.as_bytes(), &um, &[]).unwrap();
+    let matched = read.at(&[400.0, 500.0]).unwrap();
+    let values: Vec<f64> = matched.iter().map(|m| m.value).collect();
+    assert_eq!(values, [0.005, 0.005]);
 }
 
 /// Wavelength, value and whether it is excluded, of all that is matched.
@@ -43,7 +263,7 @@ fn files_as_programs_write_them_are_read() {
     let uncertain = parse(texts[2]).unwrap().at(&[400.0, 405.0]).unwrap();
     assert_eq!(uncertain[1].uncertainty, Some(0.02));
     let value = texts[0].replace("reflectance", "value");
-    let named = MeasuredSpectrum::parse("x", value.as_bytes(), R, &[]).unwrap();
+    let named = MeasuredSpectrum::parse("x", value.as_bytes(), &reflectance(), &[]).unwrap();
     assert_eq!(named.quantity(), Quantity::Reflectance);
 }
 
@@ -76,7 +296,7 @@ fn no_value_is_made_up() {
 #[test]
 fn noise_in_excluded_bands_does_not_reach_what_counts() {
     let text =
-        "wavelength_nm,reflectance\n1730,0.1\n1740,0.2\n1750,1e308\n1760,-7\n2010,0.4\n2020,0.5\n";
+        "wavelength_nm,reflectance\n1730,0.1\n1740,0.2\n1750,1e29\n1760,-7\n2010,0.4\n2020,0.5\n";
     let found = matched(
         text,
         &[1735.0, 1745.0, 1750.0, 1755.0, 1760.0, 2005.0, 2015.0],
@@ -94,88 +314,20 @@ fn noise_in_excluded_bands_does_not_reach_what_counts() {
     ];
     assert_eq!(nm, expected);
     assert!(found.iter().all(|(_, value, _)| value.is_finite()));
-    // The same file counted throughout is refused for its noise.
-    let all = MeasuredSpectrum::parse("snow.csv", text.as_bytes(), None, &[]);
-    let error = all.unwrap_err();
-    assert_eq!(
-        (error.line, error.problem),
-        (Some(4), Problem::Value(1e308))
-    );
+    // The same file counted throughout: the noise is masked.
+    let all = MeasuredSpectrum::parse("snow.csv", text.as_bytes(), &of(None), &[]).unwrap();
+    let masked: Vec<usize> = all.report().masked.iter().map(|row| row.line).collect();
+    assert_eq!(masked, [4, 5]);
 }
 
 #[test]
-fn refusals_say_where_and_what_to_do() {
-    let row = |row: &str| format!("# a\nwavelength_nm,value\n400,0.5\n{row}\n");
-    let long = "x".repeat(1000);
-    let cases = [
-        ("", "snow.csv: the header is ``"),
-        ("400,0.5\n", "snow.csv:1: the header is `400,0.5`, allowed"),
-        (
-            "wavelength_nm;reflectance\n",
-            "snow.csv:1: the header is `wavelength_nm;refl",
-        ),
-        (
-            "wavelength_nm,albedo\n",
-            "snow.csv:1: the header is `wavelength_nm,albedo`",
-        ),
-        ("wavelength_nm,value,se\n", "snow.csv:1: the header"),
-        (&long, "allowed `wavelength_nm,reflectance`"),
-        (
-            "wavelength_nm,transmittance\n",
-            "snow.csv:1: the column is transmittance, asked for is refl",
-        ),
-        (
-            "wavelength_nm,value\n",
-            "snow.csv: none of its 0 rows lies within 350 to 2500 nm",
-        ),
-        (
-            "wavelength_nm,value\n.4,.5\n.5,.5",
-            "none of its 2 rows lies within 350 to 2500 nm\n  help: give wavelengths in nm",
-        ),
-        (&row("410"), "snow.csv:4: 1 columns where the header has 2"),
-        (
-            &row("410,0,5"),
-            "snow.csv:4: 3 columns where the header has 2",
-        ),
-        (&row("410,"), "snow.csv:4: `` is not a finite number"),
-        (
-            &row("410,NaN"),
-            "snow.csv:4: `NaN` is not a finite number\n  help: leave out",
-        ),
-        (&row("inf,1"), "snow.csv:4: `inf` is not a finite number"),
-        (
-            &row("400,1"),
-            "snow.csv:4: wavelength 400 nm is not above the one before it",
-        ),
-        (
-            &row("410,-0.051"),
-            "snow.csv:4: -0.051 is out of range: allowed -0.05 to 1.2",
-        ),
-        (
-            &row("410,50"),
-            "snow.csv:4: 50 is out of range: allowed -0.05 to 1.2\n  help: give shares, not percents",
-        ),
-    ];
-    for (text, message) in cases {
-        let parsed = MeasuredSpectrum::parse("snow.csv", text.as_bytes(), R, &[]);
-        let error = parsed.unwrap_err().to_string();
-        assert!(
-            error.contains(message) && error.contains("\n  help: "),
-            "{error}"
-        );
-        assert!(error.len() < 400, "{error}");
-    }
-    let uncertain = "wavelength_nm,reflectance,uncertainty\n400,1,-1\n";
-    assert_eq!(
-        parse(uncertain).unwrap_err().problem,
-        Problem::Uncertainty(-1.0)
-    );
-    let unnamed = parse("wavelength_nm,value\n400,1\n").unwrap_err();
-    assert_eq!(unnamed.problem, Problem::Unnamed);
-    let bytes = MeasuredSpectrum::parse("x", &[0xb5, 0x0a], None, &[]);
-    assert_eq!(bytes.unwrap_err().problem, Problem::Encoding);
-    let endless = MeasuredSpectrum::read(Path::new("/dev/zero"), None, &[]);
-    assert!(!cfg!(unix) || endless.unwrap_err().problem == Problem::Length);
+fn other_quantities_and_endless_files_are_refused() {
+    let text = "wavelength_nm,transmittance\n400,0.5\n";
+    let read = MeasuredSpectrum::parse("x", text.as_bytes(), &reflectance(), &[]);
+    let (line, problem) = refusal(read);
+    assert!(line == Some(1) && matches!(problem, Problem::OtherContent { .. }));
+    let endless = MeasuredSpectrum::read(Path::new("/dev/zero"), &of(None), &[]);
+    assert!(!cfg!(unix) || refusal(endless).1 == Problem::Length);
 }
 
 #[test]
@@ -196,17 +348,17 @@ fn rows() -> impl Strategy<Value = Vec<(f64, f64)>> {
 proptest! {
     #[test]
     fn any_bytes_are_read_or_refused(bytes in prop::collection::vec(any::<u8>(), 0..400)) {
-        if let Err(error) = MeasuredSpectrum::parse("x", &bytes, R, &[]) {
+        if let Err(error) = MeasuredSpectrum::parse("x", &bytes, &reflectance(), &[]) {
             prop_assert!(!error.to_string().is_empty());
         }
     }
 
     #[test]
     fn any_cells_are_read_or_refused(
-        cells in prop::collection::vec("[-+0-9.eE,\"#infa \r\n]{0,40}", 0..20)
+        cells in prop::collection::vec("[-+0-9.eE,;\t\"#infa \r\n]{0,40}", 0..20)
     ) {
         let text = format!("wavelength_nm,value\n{}", cells.join("\n"));
-        if let Ok(spectrum) = MeasuredSpectrum::parse("x", text.as_bytes(), R, &Exclusion::FIELD) {
+        if let Ok(spectrum) = MeasuredSpectrum::parse("x", text.as_bytes(), &reflectance(), &Exclusion::FIELD) {
             prop_assert!(spectrum.rows() > 0);
             let _ = spectrum.at(&[350.0, 500.0, 1800.0, 2500.0]);
         }
@@ -366,6 +518,14 @@ fn a_simulation_against_itself_and_shifted() {
     assert!(close(&against["overall"]["rmse"], 0.04), "{against}");
     assert!(close(&against["overall"]["bias"], -0.04), "{against}");
     assert_eq!(against["overall"]["points"], 6);
+    let read = &against["read"];
+    assert_eq!((&read["column"], &read["unit"]), (&2.into(), &"nm".into()));
+    let told = bench
+        .run("--against shifted.csv --column 2 --exclude none")
+        .stderr;
+    let told = String::from_utf8(told).unwrap();
+    assert!(told.starts_with("read shifted.csv: a table, 2 columns by commas; transmittance"));
+    assert_eq!(told.lines().count(), 1, "{told}");
     assert_eq!(against["bands"][3]["points"], 2);
     assert_eq!(against["bands"][1]["name"], "visible");
     assert_eq!(
@@ -400,10 +560,7 @@ fn refusals_come_before_the_simulation() {
             "--against none.csv",
             "error: none.csv: cannot be read: No such file",
         ),
-        (
-            "--against far.csv",
-            "error: far.csv:1: the column `value` does not say of what",
-        ),
+        ("--against far.csv", "(390 to 1800 nm) can be compared"),
         (
             "--against far.csv --quantity reflectance",
             "(390 to 1800 nm) can be compared",

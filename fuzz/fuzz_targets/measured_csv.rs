@@ -1,19 +1,27 @@
 //! Any bytes: a measured spectrum is refused with a message, or read with values
-//! that are finite wherever it has some.
+//! that are possible, at wavelengths that increase.
 #![no_main]
 use libfuzzer_sys::fuzz_target;
-use splitsnow::comparison::{Exclusion, MeasuredSpectrum};
-use splitsnow::measurement::Quantity;
+use splitsnow::comparison::{Exclusion, Hints, MeasuredSpectrum, VALUES};
+use splitsnow::spectrum::measured::{Content, Request, parse};
 
 fuzz_target!(|bytes: &[u8]| {
-    let quantity = Some(Quantity::Reflectance);
-    match MeasuredSpectrum::parse("fuzz.csv", bytes, quantity, &Exclusion::FIELD) {
+    match MeasuredSpectrum::parse("fuzz.csv", bytes, &Hints::default(), &Exclusion::FIELD) {
         Ok(spectrum) => {
+            assert!(!spectrum.report().to_string().contains('\n'));
             let wavelengths: Vec<f64> = (70..=500).map(|i| 5.0 * f64::from(i)).collect();
             for matched in spectrum.at(&wavelengths).unwrap_or_default() {
                 assert!(matched.value.is_finite());
+                let possible = (VALUES.0..=VALUES.1).contains(&matched.value);
+                assert!(possible || matched.excluded);
             }
         }
         Err(error) => assert!(!error.to_string().is_empty()),
+    }
+    let light = Request::of(Some(Content::Power), (0.0, f64::MAX));
+    if let Ok(curve) = parse("fuzz.csv", bytes, &light) {
+        let increase = |pair: &[_]| pair[0].nm < pair[1].nm;
+        assert!(curve.samples.windows(2).all(increase));
+        assert!(curve.samples.iter().all(|s| s.nm > 0.0 && s.value >= 0.0));
     }
 });

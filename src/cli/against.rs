@@ -8,19 +8,31 @@ use serde_json::{Value, json};
 
 use super::common;
 use crate::comparison::{
-    Band, Comparison, Exclusion, GOOD_RMSE, Matched, MeasuredSpectrum, Point, Statistics, listed,
+    Band, Comparison, Exclusion, GOOD_RMSE, Hints, Matched, MeasuredSpectrum, Point, Statistics,
+    listed,
 };
 use crate::measurement::{Quantity, Spectrum};
 use crate::report;
+use crate::spectrum::measured::{Column, Scale, Unit};
 
 #[derive(Debug, clap::Args)]
 #[command(next_help_heading = "Comparison with a measured spectrum")]
 pub(super) struct Args {
-    /// Measured spectrum: CSV with the columns wavelength_nm, then reflectance,
-    /// transmittance or value, and perhaps uncertainty (docs/formats.md)
-    #[arg(long, value_name = "FILE.csv", conflicts_with_all = ["goniometer", "radial_profile"])]
+    /// Measured spectrum: a table of text (CSV, ECOSTRESS, .sed, .sig), read as
+    /// docs/formats.md says; one line on standard error tells how
+    #[arg(long, value_name = "FILE", conflicts_with_all = ["goniometer", "radial_profile"])]
     against: Option<PathBuf>,
-    /// What the column `value` of the file holds
+    /// Column of the file that is compared: its name, part of it, or its number from 1
+    /// [default: the first whose name fits, else the first]
+    #[arg(long, requires = "against", value_name = "NAME|N")]
+    column: Option<Column>,
+    /// Unit of the file's wavelengths [default: what the file says, else guessed]
+    #[arg(long, requires = "against", value_parser = common::named(Unit::ALL, Unit::name))]
+    unit: Option<Unit>,
+    /// Scale of the file's values [default: what the file says, else guessed]
+    #[arg(long, requires = "against", value_parser = common::named(Scale::ALL, Scale::name))]
+    scale: Option<Scale>,
+    /// What the column holds [default: what its name says, else reflectance]
     #[arg(long, requires = "against",
           value_parser = common::named(Quantity::ALL, Quantity::name))]
     quantity: Option<Quantity>,
@@ -81,7 +93,15 @@ impl Args {
         let Some(path) = &self.against else {
             return Ok(None);
         };
-        let measured = MeasuredSpectrum::read(path, self.quantity, &self.exclusions()?)?;
+        let hints = Hints {
+            quantity: self.quantity,
+            column: self.column.clone(),
+            unit: self.unit,
+            scale: self.scale,
+        };
+        let measured = MeasuredSpectrum::read(path, &hints, &self.exclusions()?)?;
+        let file = common::one_line(path);
+        common::note(&format!("read {file}: {}", measured.report()));
         Ok(Some(Target {
             matched: measured.at(wavelengths_nm)?,
             measured,
@@ -205,6 +225,7 @@ impl Compared {
             "quantity": measured.quantity().name(),
             "rows_used": measured.rows(),
             "rows_outside": measured.ignored(),
+            "read": measured.report(),
             "not_compared": unmatched,
             "excluded_nm": excluded,
             "overall": figures(comparison.overall()),

@@ -6,10 +6,10 @@ mod measured;
 
 use crate::measurement::Measured;
 
-pub use error::{MeasuredError, Problem};
+pub use error::MeasuredError;
 pub use exclusion::{Exclusion, excluded};
 pub(crate) use measured::listed;
-pub use measured::{Matched, MeasuredSpectrum, RANGE_NM};
+pub use measured::{Hints, Matched, MeasuredSpectrum, RANGE_NM, VALUES};
 
 /// Varsa 2025 calls a root mean square error below this good.
 pub const GOOD_RMSE: f64 = 0.03;

@@ -1,5 +1,6 @@
 //! Tabulated functions of one variable: strict CSV reading and interpolation;
-//! spectra at other wavelengths than their own.
+//! spectra at other wavelengths than their own; measured spectra as others write them.
+pub mod measured;
 mod resampling;
 mod table;
 

@@ -1,0 +1,104 @@
+//! Bytes of a file as text.
+use std::borrow::Cow;
+
+use super::error::Problem;
+use super::report::Encoding;
+
+/// `bytes` as text, without a byte order mark. UTF-16 is known by its mark, or by the
+/// zero in every other byte of an ASCII line; what is neither that nor UTF-8 is taken
+/// as Latin-1, in which instruments write a micro sign.
+///
+/// # Errors
+/// [`Problem::NoText`] for what no encoding makes text of.
+pub(super) fn decode(bytes: &[u8]) -> Result<(Cow<'_, str>, Encoding), Problem> {
+    let (text, encoding) = match bytes {
+        [0xef, 0xbb, 0xbf, rest @ ..] => utf8_or_latin1(rest),
+        [0xff, 0xfe, rest @ ..] => (utf16(rest, u16::from_le_bytes), Encoding::Utf16Le),
+        [0xfe, 0xff, rest @ ..] => (utf16(rest, u16::from_be_bytes), Encoding::Utf16Be),
+        [a, 0, b, 0, ..] if *a != 0 && *b != 0 => {
+            (utf16(bytes, u16::from_le_bytes), Encoding::Utf16Le)
+        }
+        [0, a, 0, b, ..] if *a != 0 && *b != 0 => {
+            (utf16(bytes, u16::from_be_bytes), Encoding::Utf16Be)
+        }
+        _ => utf8_or_latin1(bytes),
+    };
+    // Binary files have control characters in their first lines; text has not.
+    let odd = |c: &char| c.is_control() && !matches!(c, '\t' | '\n' | '\r' | '\u{c}' | '\u{1a}');
+    match text.chars().find(odd) {
+        Some(c) => Err(Problem::NoText(u32::from(c))),
+        None => Ok((text, encoding)),
+    }
+}
+
+fn utf8_or_latin1(bytes: &[u8]) -> (Cow<'_, str>, Encoding) {
+    match std::str::from_utf8(bytes) {
+        Ok(text) => (text.into(), Encoding::Utf8),
+        Err(_) => {
+            let text: String = bytes.iter().map(|byte| char::from(*byte)).collect();
+            (text.into(), Encoding::Latin1)
+        }
+    }
+}
+
+fn utf16<'a>(bytes: &[u8], of: fn([u8; 2]) -> u16) -> Cow<'a, str> {
+    let (pairs, _) = bytes.as_chunks::<2>();
+    let units = pairs.iter().map(|pair| of(*pair));
+    let characters = char::decode_utf16(units).map(|c| c.unwrap_or(char::REPLACEMENT_CHARACTER));
+    characters.collect::<String>().into()
+}
+
+/// The lines of `text`, whether they end in LF, CR LF or CR.
+pub(super) fn lines(text: &str) -> Vec<&str> {
+    let mut lines = Vec::new();
+    let mut rest = text;
+    while let Some(end) = rest.find(['\n', '\r']) {
+        lines.push(&rest[..end]);
+        let width = if rest[end..].starts_with("\r\n") {
+            2
+        } else {
+            1
+        };
+        rest = &rest[end + width..];
+    }
+    lines.push(rest);
+    lines
+}
+
+#[cfg(test)]
+#[allow(clippy::unwrap_used)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn encodings_are_told_apart() {
+        let text = "Wavelength (\u{b5}m)\r\n0.4,1";
+        let wide = |of: fn(u16) -> [u8; 2]| text.encode_utf16().flat_map(of).collect::<Vec<u8>>();
+        let mut cases = vec![
+            (text.as_bytes().to_vec(), Encoding::Utf8),
+            ([b"\xef\xbb\xbf", text.as_bytes()].concat(), Encoding::Utf8),
+            (text.chars().map(|c| c as u8).collect(), Encoding::Latin1),
+        ];
+        for (of, mark, encoding) in [
+            (
+                u16::to_le_bytes as fn(u16) -> [u8; 2],
+                b"\xff\xfe",
+                Encoding::Utf16Le,
+            ),
+            (u16::to_be_bytes, b"\xfe\xff", Encoding::Utf16Be),
+        ] {
+            cases.push((wide(of), encoding));
+            cases.push(([&mark[..], &wide(of)].concat(), encoding));
+        }
+        for (bytes, encoding) in cases {
+            let (found, of) = decode(&bytes).unwrap();
+            assert_eq!((found.as_ref(), of), (text, encoding));
+        }
+        assert_eq!(decode(b"PK\x03\x04").unwrap_err(), Problem::NoText(3));
+    }
+
+    #[test]
+    fn lines_end_in_three_ways() {
+        assert_eq!(lines("a\r\nb\rc\n\nd"), ["a", "b", "c", "", "d"]);
+    }
+}
