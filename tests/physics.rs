@@ -4,6 +4,7 @@
 //! engines::` runs one module.
 #![allow(clippy::unwrap_used, clippy::print_stdout)]
 mod engines;
+mod errors;
 mod golden;
 mod goniometer;
 mod half_space;

@@ -44,14 +44,11 @@ pub(super) struct Outcomes {
 pub(super) struct Averages {
     /// Per part.
     pub(super) kernels: Vec<Kernel>,
-    /// Over all parts.
-    pub(super) kernel: Kernel,
 }
 
 impl Bytes for Averages {
     fn bytes(&self) -> usize {
-        let kernels = self.kernels.iter().map(Kernel::bytes);
-        self.kernel.bytes() + kernels.sum::<usize>()
+        self.kernels.iter().map(Kernel::bytes).sum()
     }
 }
 
@@ -182,19 +179,17 @@ impl Recipe {
             Ok((Table::new(&list, size, &mut rng), sums))
         };
         let mut tables = Vec::with_capacity(PARTS);
-        let mut kernel = Kernel::new(&[], 2 * streams + 1);
-        let mut kernels = vec![kernel.clone(); PARTS];
+        let mut kernels = vec![Kernel::new(&[], 2 * streams + 1); PARTS];
         let parts = batches::map(control, (0..PARTS).collect(), part)?;
         for ((table, sums), part) in parts.into_iter().zip(&mut kernels) {
             for sums in &sums {
                 part.merge(sums);
-                kernel.merge(sums);
             }
             tables.push(table);
         }
         Ok(Outcomes {
             tables,
-            averages: Arc::new(Averages { kernels, kernel }),
+            averages: Arc::new(Averages { kernels }),
         })
     }
 

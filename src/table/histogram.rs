@@ -155,20 +155,22 @@ impl Histogram {
         scores.fill(0.0);
         for bin in self.sums.chunks_exact(self.width()) {
             let (paths, sums) = bin.split_at(moments(n));
-            let mean = |i: usize| paths[i] / paths[0];
+            let per_ray = 1.0 / paths[0];
             let mut depth = 0.0;
-            let mut variance = 0.0;
-            for (i, a) in per.iter().enumerate() {
-                depth += a * mean(1 + i);
-                variance += a * a * (mean(1 + n + i) - mean(1 + i) * mean(1 + i));
-            }
+            let mut square = 0.0;
             let mut place = 1 + 2 * n;
             for (i, a) in per.iter().enumerate() {
-                for (j, w) in per.iter().enumerate().skip(i + 1) {
-                    variance += 2.0 * a * w * (mean(place) - mean(1 + i) * mean(1 + j));
-                    place += 1;
+                let others = per.len() - i - 1;
+                if *a > 0.0 {
+                    depth += a * paths[1 + i] * per_ray;
+                    square += a * a * paths[1 + n + i] * per_ray;
+                    for (w, product) in per[i + 1..].iter().zip(&paths[place..]) {
+                        square += 2.0 * a * w * product * per_ray;
+                    }
                 }
+                place += others;
             }
+            let variance = square - depth * depth;
             let weight = exp_neg(depth) * (1.0 + 0.5 * variance.max(0.0));
             let sums = scores.iter_mut().zip(sums);
             sums.for_each(|(score, sum)| *score += weight * sum);

@@ -23,6 +23,17 @@ pub(super) struct Task {
     pub(super) rays: u64,
 }
 
+impl Task {
+    /// Scores of a walk that leaves above, and of one that leaves below: moments
+    /// where the snow goes on, light alone where it ends.
+    pub(super) fn columns(&self) -> [usize; 2] {
+        match self.edges[0] {
+            Edge::Open => [self.moments; 2],
+            Edge::Plane => [1, self.moments],
+        }
+    }
+}
+
 /// A pack of one thickness.
 #[derive(Debug, Clone)]
 pub(super) enum Slab {

@@ -4,10 +4,10 @@ use std::sync::Arc;
 
 use super::Run;
 use super::planes::Piece;
-use super::walks::{Part, Walks};
+use super::walks::Walks;
 use crate::engine::EngineError;
 use crate::engine::nodes::Mix;
-use crate::slab::{Matrix, Medium};
+use crate::slab::{Matrix, Medium, Streams};
 use crate::table::{Event, Kernel};
 use crate::transport::{Coefficients, Snow, impurities_per_m};
 
@@ -77,35 +77,28 @@ impl Flights {
     }
 }
 
-impl Run<'_> {
-    /// The `snow`-th layer at the wavelength of `coefficients`.
-    pub(super) fn points(
-        &self,
-        walks: &[Arc<Walks>],
-        mix: &Mix,
-        coefficients: &Coefficients,
-        part: Part,
-        number: usize,
-        snow: &Snow,
-    ) -> Result<Points<'_>, EngineError> {
-        let flights = Flights::new(self, snow, coefficients);
-        let of = |walks: &Walks| event(snow, &flights, walks.kernels(part, number));
-        let [first, second] = mix.nodes.map(|node| &walks[node]);
-        let event = match mix.share {
-            0.0 => of(first),
-            1.0 => of(second),
-            share => of(first).mix(&of(second), share),
-        };
-        Ok(Points {
-            medium: Medium::delta_m(&self.streams, &event.moments)?,
-            mean_free_path_m: event.effective_mean_free_path_m(flights.lengths_m()),
-        })
+/// The mean event on a grain of `snow`, the `number`-th layer, in `part` of the
+/// grain events, at one wavelength.
+pub(super) fn event(
+    walks: &[Arc<Walks>],
+    mix: &Mix,
+    snow: &Snow,
+    flights: &Flights,
+    part: usize,
+    number: usize,
+) -> Event {
+    let of = |walks: &Walks| mean(snow, flights, walks.kernels(part, number));
+    let [first, second] = mix.nodes.map(|node| &walks[node]);
+    match mix.share {
+        0.0 => of(first),
+        1.0 => of(second),
+        share => of(first).mix(&of(second), share),
     }
 }
 
 /// The mean event on a grain of `snow`, whose types have these kernels in air
 /// and in water.
-fn event<'a>(
+fn mean<'a>(
     snow: &Snow,
     flights: &Flights,
     kernels: impl Iterator<Item = [&'a Kernel; 2]>,
@@ -140,7 +133,19 @@ fn event<'a>(
     sum.map_or_else(Event::default, |(event, _)| event)
 }
 
-impl Points<'_> {
+impl<'a> Points<'a> {
+    /// Those of a layer with this mean grain `event`.
+    pub(super) fn new(
+        streams: &'a Streams,
+        event: &Event,
+        flights: &Flights,
+    ) -> Result<Self, EngineError> {
+        Ok(Self {
+            medium: Medium::delta_m(streams, &event.moments)?,
+            mean_free_path_m: event.effective_mean_free_path_m(flights.lengths_m()),
+        })
+    }
+
     fn stretch(&self, thickness_m: f64) -> Result<Inside, EngineError> {
         let operators = self.medium.operators(thickness_m / self.mean_free_path_m)?;
         let (r, t) = (operators.reflection, operators.transmission);

@@ -31,21 +31,25 @@
 //! **Dispersion** as in `spectral`: tables, kernels and walks exist at a few
 //! index nodes, and each wavelength mixes those of its two nodes.
 //!
-//! **Errors.** Tables, kernels and walks come in independent parts, and the
-//! scatter of results from the parts gives the standard errors. They hold
-//! nothing of the method's own error: see docs/stability.md.
+//! **Errors.** Tables, kernels and walks come in independent parts. At every
+//! wavelength the scatter of the results with one part left out at a time (the
+//! jackknife) gives the standard errors. They hold nothing of the method's own
+//! error: see docs/stability.md.
 mod cut;
 mod inside;
 mod planes;
 mod solve;
+mod tally;
 mod walks;
 
 use crate::engine::nodes::mixes;
 use crate::engine::tables::PARTS;
 use crate::engine::{Control, EngineError, Request, indices};
+use crate::math::legendre;
 use crate::measurement::Spectrum;
 use crate::slab::Streams;
 use cut::Plan;
+use tally::Layout;
 
 pub(super) use walks::{Occasion, Walks};
 
@@ -67,16 +71,33 @@ struct Run<'a> {
     request: &'a Request<'a>,
     streams: Streams,
     plan: Plan,
+    layout: Layout,
+    /// Per stream, what it gets per moment of the light that is spread over streams.
+    into_streams: Vec<Vec<f64>>,
 }
 
 impl<'a> Run<'a> {
     fn new(request: &'a Request) -> Result<Self, EngineError> {
         let streams = Streams::new(request.resolution.streams)?;
         let plan = Plan::new(request, &streams);
+        let n = streams.count();
+        let layout = Layout::new(&plan, request.pack.snows().count(), n);
+        let into = |(mu, weight): (&f64, &f64)| {
+            let mut basis = vec![0.0; n];
+            legendre(2.0 * mu - 1.0, &mut basis);
+            let terms = basis.into_iter().enumerate();
+            terms
+                .map(|(l, p)| weight * (2 * l + 1) as f64 * p)
+                .collect()
+        };
+        let pairs = streams.cosines().iter().zip(streams.weights());
+        let into_streams = pairs.map(into).collect();
         Ok(Self {
             request,
             streams,
             plan,
+            layout,
+            into_streams,
         })
     }
 }
@@ -87,7 +108,7 @@ pub(super) fn run(request: &Request, control: &Control) -> Result<Vec<Spectrum>,
     let (nodes, mixes) = mixes(&indices, request.pack.is_wet());
     let walks = nodes.iter().map(|&node| Walks::of(&run, control, node));
     let walks: Vec<_> = walks.collect::<Result<_, _>>()?;
-    run.spectra(&walks, &indices, &mixes)
+    run.spectra(control, &walks, &indices, &mixes)
 }
 
 /// How many walks a request takes.

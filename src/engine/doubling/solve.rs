@@ -1,24 +1,19 @@
 //! Adds boundary layers and what is between them, at every wavelength.
 use std::sync::Arc;
+use std::sync::atomic::Ordering;
 
 use super::Run;
 use super::cut::{BoundaryLayer, Joint, Slab};
-use super::inside::{Flights, Inside, inside};
-use super::planes::Piece;
-use super::walks::{Part, Walks};
+use super::inside::{Flights, Inside, Points, inside};
+use super::tally::Tally;
+use super::walks::Walks;
 use crate::engine::nodes::Mix;
 use crate::engine::tables::PARTS;
-use crate::engine::{EngineError, coefficients};
-use crate::math::legendre;
+use crate::engine::{Control, EngineError, batches, coefficients};
 use crate::measurement::{Measured, Spectrum};
 use crate::optics::Index;
 use crate::slab::Matrix;
-use crate::table::Scores;
-use crate::transport::{Coefficients, Snow};
-
-/// Wavelengths at which standard errors are found; between them they are
-/// interpolated relative to the values.
-const ANCHORS: usize = 5;
+use crate::transport::Coefficients;
 
 /// Reflectance and transmittance.
 type Pair = [f64; 2];
@@ -39,75 +34,75 @@ impl Run<'_> {
     /// Spectra per thickness and light.
     pub(super) fn spectra(
         &self,
+        control: &Control,
         walks: &[Arc<Walks>],
         indices: &[(Index, Index)],
         mixes: &[Mix],
     ) -> Result<Vec<Spectrum>, EngineError> {
         let request = self.request;
         let coefficients = coefficients(request, indices);
-        let curves = |l: usize, part| self.curves(walks, &mixes[l], &coefficients[l], part);
-        let wavelengths = indices.len();
+        let one = |l: usize| {
+            if control.cancel.load(Ordering::Relaxed) {
+                return Err(EngineError::Cancelled);
+            }
+            self.measured(walks, &mixes[l], &coefficients[l])
+        };
         let count = request.thicknesses_m.len() * request.illuminations.len();
         let mut spectra = vec![Spectrum::default(); count];
-        let mut scatter = Vec::new();
-        let anchors = ANCHORS.min(wavelengths);
-        for anchor in 0..anchors {
-            let l = anchor * (wavelengths - 1) / (anchors - 1).max(1);
-            let parts = (0..PARTS).map(|part| curves(l, Part::One(part)));
-            let parts: Vec<Vec<Pair>> = parts.collect::<Result<_, _>>()?;
-            let relative = |c: usize| [0, 1].map(|q| relative_error(parts.iter().map(|p| p[c][q])));
-            scatter.push((l, (0..count).map(relative).collect::<Vec<_>>()));
-        }
-        for l in 0..wavelengths {
-            let after = scatter.partition_point(|(anchor, _)| *anchor < l);
-            let (before, after) = (&scatter[after.saturating_sub(1)], &scatter[after]);
-            let share = match after.0 - before.0 {
-                0 => 0.0,
-                between => (l - before.0) as f64 / between as f64,
-            };
-            for (c, values) in curves(l, Part::All)?.into_iter().enumerate() {
-                let measured = |q: usize| {
-                    let relative = (1.0 - share) * before.1[c][q] + share * after.1[c][q];
-                    let value = values[q];
-                    let se = relative * value.abs();
-                    Measured { value, se }
-                };
-                spectra[c].reflectance.push(measured(0));
-                spectra[c].transmittance.push(measured(1));
-                spectra[c].lost.push(0.0);
+        for curves in batches::map(control, (0..indices.len()).collect(), one)? {
+            for (spectrum, [reflectance, transmittance]) in spectra.iter_mut().zip(curves) {
+                spectrum.reflectance.push(reflectance);
+                spectrum.transmittance.push(transmittance);
+                spectrum.lost.push(0.0);
             }
         }
         Ok(spectra)
     }
 
-    /// Every thickness and light at one wavelength, from `part` of the walks.
-    fn curves(
+    /// Every thickness and light at one wavelength: from all parts of the walks,
+    /// with errors from leaving out one after another.
+    fn measured(
         &self,
         walks: &[Arc<Walks>],
         mix: &Mix,
         coefficients: &Coefficients,
-        part: Part,
-    ) -> Result<Vec<Pair>, EngineError> {
+    ) -> Result<Vec<[Measured; 2]>, EngineError> {
+        let snows = self.request.pack.snows();
+        let flights: Vec<Flights> = snows
+            .map(|snow| Flights::new(self, snow, coefficients))
+            .collect();
+        let parts = (0..PARTS).map(|part| self.tally(walks, mix, coefficients, &flights, part));
+        let parts: Vec<Tally> = parts.collect();
+        let all = Tally::mean(&parts);
+        let values = self.curves(&all, &flights)?;
+        let others = parts
+            .iter()
+            .map(|part| self.curves(&all.without(part), &flights));
+        let others: Vec<Vec<Pair>> = others.collect::<Result<_, _>>()?;
+        let curves = values.into_iter().enumerate();
+        let measured = curves.map(|(c, pair)| {
+            [0, 1].map(|q| Measured {
+                value: pair[q],
+                se: pair[q].abs() * relative_error(others.iter().map(|other| other[c][q])),
+            })
+        });
+        Ok(measured.collect())
+    }
+
+    /// Every thickness and light at one wavelength.
+    fn curves(&self, tally: &Tally, flights: &[Flights]) -> Result<Vec<Pair>, EngineError> {
         let lights = self.request.illuminations.len();
-        let snows: Vec<&Snow> = self.request.pack.snows().collect();
-        let couple = |layer: &BoundaryLayer| {
-            self.couplings(walks, mix, coefficients, part, layer, snows[layer.snow])
-        };
+        let couple = |layer: &BoundaryLayer| self.couplings(tally, layer, &flights[layer.snow]);
         let couplings: Vec<Couplings> = self.plan.layers.iter().map(couple).collect();
-        let join = |joint: &Joint| self.joined(walks, mix, coefficients, part, joint, &snows);
+        let join = |joint: &Joint| self.joined(tally, joint, flights);
         let joints: Vec<Inside> = self.plan.joints.iter().map(join).collect();
-        let mut points = Vec::new();
-        for (number, snow) in snows.iter().enumerate() {
-            let inner = self.plan.slabs.iter().any(|slab| match slab {
-                Slab::Thin(_) => false,
-                Slab::Thick(cut) => cut
-                    .inside
-                    .iter()
-                    .any(|piece| matches!(piece, Piece::Points(stretch) if stretch.snow == number)),
-            });
-            let of = || self.points(walks, mix, coefficients, part, number, snow);
-            points.push(inner.then(of).transpose()?);
-        }
+        let points = flights.iter().enumerate().map(|(snow, flights)| {
+            let event = tally.event(&self.layout, snow);
+            event
+                .map(|event| Points::new(&self.streams, &event, flights))
+                .transpose()
+        });
+        let points: Vec<Option<Points>> = points.collect::<Result<_, _>>()?;
         let n = self.streams.count();
         let one = Matrix::identity(n);
         let mut curves = Vec::new();
@@ -115,7 +110,10 @@ impl Run<'_> {
             let cut = match slab {
                 Slab::Thin(first) => {
                     let tasks = *first..first + lights;
-                    curves.extend(tasks.map(|task| thin(walks, mix, coefficients, part, task)));
+                    curves.extend(tasks.map(|task| {
+                        let [out, through] = tally.scores(&self.layout, task);
+                        [out[0], through[0]]
+                    }));
                     continue;
                 }
                 Slab::Thick(cut) => cut,
@@ -144,119 +142,61 @@ impl Run<'_> {
         Ok(curves)
     }
 
-    fn couplings(
-        &self,
-        walks: &[Arc<Walks>],
-        mix: &Mix,
-        coefficients: &Coefficients,
-        part: Part,
-        layer: &BoundaryLayer,
-        snow: &Snow,
-    ) -> Couplings {
+    fn couplings(&self, tally: &Tally, layer: &BoundaryLayer, flights: &Flights) -> Couplings {
         let n = self.streams.count();
         let lights = if layer.is_lit {
             self.request.illuminations.len()
         } else {
             0
         };
-        let mut out = vec![0.0; n + lights];
-        let mut moments = vec![vec![0.0; n]; n + lights];
-        let (mut left, mut through) = ([0.0], vec![0.0; n]);
+        let scores = |source: usize| tally.scores(&self.layout, layer.first + source);
         // light from inside is what survived its flight up to the layer
-        let arriving = Flights::new(self, snow, coefficients).moment(1);
-        for (walks, share) in mix.of(walks) {
-            for source in 0..n + lights {
-                let scores = walks.scores(part, layer.first + source);
-                let arriving = if source < n { arriving } else { 1.0 };
-                let share = share / (arriving * scores.rays as f64);
-                scores.out.weighted(coefficients, &mut left);
-                scores.through.weighted(coefficients, &mut through);
-                out[source] += share * left[0];
-                let sums = moments[source].iter_mut().zip(&through);
-                sums.for_each(|(sum, score)| *sum += share * score);
-            }
-        }
-        let into = |stream: usize, source: usize| self.stream_from(stream, &moments[source]);
+        let per_arriving = 1.0 / flights.moment(1);
+        let mut inner = self.streams_from(n, |source| scores(source)[1]);
+        (0..n).for_each(|i| inner.row_mut(i).iter_mut().for_each(|x| *x *= per_arriving));
         Couplings {
-            inner: Matrix::from_fn(n, n, into),
-            escape: out[..n].to_vec(),
-            entry: Matrix::from_fn(n, lights, |stream, light| into(stream, n + light)),
-            reflected: out[n..].to_vec(),
+            inner,
+            escape: (0..n)
+                .map(|source| per_arriving * scores(source)[0][0])
+                .collect(),
+            entry: self.streams_from(lights, |light| scores(n + light)[1]),
+            reflected: (n..n + lights).map(|source| scores(source)[0][0]).collect(),
         }
     }
 
     /// What the walks next to a plane between layers come to.
-    fn joined(
-        &self,
-        walks: &[Arc<Walks>],
-        mix: &Mix,
-        coefficients: &Coefficients,
-        part: Part,
-        joint: &Joint,
-        snows: &[&Snow],
-    ) -> Inside {
+    fn joined(&self, tally: &Tally, joint: &Joint, flights: &[Flights]) -> Inside {
         let n = self.streams.count();
         let ends = [joint.stretches.first(), joint.stretches.last()];
-        let arriving = ends.map(|end| {
-            let snow = snows[end.map_or(0, |stretch| stretch.snow)];
-            Flights::new(self, snow, coefficients).moment(1)
-        });
-        let (mut up, mut down) = (vec![vec![0.0; n]; 2 * n], vec![vec![0.0; n]; 2 * n]);
-        let mut score = vec![0.0; n];
-        for (walks, share) in mix.of(walks) {
-            for source in 0..2 * n {
-                let scores = walks.scores(part, joint.first + source);
-                let share = share / (arriving[source / n] * scores.rays as f64);
-                for (from, to) in [(&scores.out, &mut up), (&scores.through, &mut down)] {
-                    from.weighted(coefficients, &mut score);
-                    let sums = to[source].iter_mut().zip(&score);
-                    sums.for_each(|(sum, score)| *sum += share * score);
-                }
+        let per_arriving = ends.map(|end| 1.0 / flights[end.map_or(0, |s| s.snow)].moment(1));
+        let matrix = |side: usize, end: usize| {
+            let first = joint.first + end * n;
+            let mut matrix =
+                self.streams_from(n, |source| tally.scores(&self.layout, first + source)[side]);
+            for i in 0..n {
+                let row = matrix.row_mut(i).iter_mut();
+                row.for_each(|x| *x *= per_arriving[end]);
             }
-        }
-        let matrix = |moments: &[Vec<f64>], first: usize| {
-            Matrix::from_fn(n, n, |to, from| {
-                self.stream_from(to, &moments[first + from])
-            })
+            matrix
         };
         Inside {
-            from_above: [matrix(&up, 0), matrix(&down, 0)],
-            from_below: [matrix(&down, n), matrix(&up, n)],
+            from_above: [matrix(0, 0), matrix(1, 0)],
+            from_below: [matrix(1, 1), matrix(0, 1)],
         }
     }
 
-    /// Light into a stream: the polynomial with these moments over P_l(2 mu - 1), at
-    /// the stream's cosine and with its weight.
-    fn stream_from(&self, stream: usize, moments: &[f64]) -> f64 {
-        let mut basis = vec![0.0; moments.len()];
-        legendre(2.0 * self.streams.cosines()[stream] - 1.0, &mut basis);
-        let terms = basis.iter().zip(moments).enumerate();
-        let sum: f64 = terms.map(|(l, (p, m))| (2 * l + 1) as f64 * p * m).sum();
-        self.streams.weights()[stream] * sum
+    /// Light into every stream from each of `sources`: the polynomial with their
+    /// `moments` over P_l(2 mu - 1), at the stream's cosine and with its weight.
+    fn streams_from<'a>(&self, sources: usize, moments: impl Fn(usize) -> &'a [f64]) -> Matrix {
+        Matrix::from_fn(self.streams.count(), sources, |stream, source| {
+            let terms = self.into_streams[stream].iter().zip(moments(source));
+            terms.map(|(factor, moment)| factor * moment).sum()
+        })
     }
 }
 
-/// One slab without an inside under one light: that of `task`.
-fn thin(
-    walks: &[Arc<Walks>],
-    mix: &Mix,
-    coefficients: &Coefficients,
-    part: Part,
-    task: usize,
-) -> Pair {
-    let mut pair = [0.0; 2];
-    for (walks, share) in mix.of(walks) {
-        let Scores { out, through, rays } = walks.scores(part, task);
-        for (sum, scores) in pair.iter_mut().zip([out, through]) {
-            let mut score = [0.0];
-            scores.weighted(coefficients, &mut score);
-            *sum += share * score[0] / *rays as f64;
-        }
-    }
-    pair
-}
-
-/// Standard error of the mean of independent values, relative to that mean.
+/// Standard error of an estimate from independent parts, relative to it: by
+/// `values` of the same estimate with one part left out at a time.
 fn relative_error(values: impl Iterator<Item = f64> + Clone) -> f64 {
     let n = values.clone().count() as f64;
     let mean = values.clone().sum::<f64>() / n;
@@ -265,20 +205,24 @@ fn relative_error(values: impl Iterator<Item = f64> + Clone) -> f64 {
     }
     // of ratios: the squares of what leaves deep snow may be too small for a number
     let squares: f64 = values.map(|v| (v / mean - 1.0) * (v / mean - 1.0)).sum();
-    (squares / (n * (n - 1.0))).sqrt()
+    (squares * (n - 1.0) / n).sqrt()
 }
 
 #[cfg(test)]
 mod tests {
     use super::*;
 
+    /// Of a mean the jackknife is the usual standard error, however small the values.
     #[test]
     fn errors_of_what_hardly_leaves_are_as_large() {
         let values = [1.0, 2.0, 6.0];
+        // means of the other two
+        let others = [4.0, 3.5, 1.5];
+        let spread: f64 = values.iter().map(|v: &f64| (v - 3.0).powi(2)).sum();
         for scale in [1.0, 1e-199] {
-            let error = relative_error(values.iter().map(|v| v * scale));
+            let error = relative_error(others.iter().map(|v| v * scale));
             assert!(
-                (error - (14.0 / 6.0_f64).sqrt() / 3.0).abs() < 1e-12,
+                (error - (spread / 6.0).sqrt() / 3.0).abs() < 1e-12,
                 "{error}"
             );
         }

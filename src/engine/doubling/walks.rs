@@ -19,15 +19,6 @@ pub(in crate::engine) struct Walks {
     averages: Vec<Vec<[Arc<Averages>; 2]>>,
     /// What came of each task in each part.
     parts: Vec<Vec<Scores>>,
-    /// In all parts together.
-    all: Vec<Scores>,
-}
-
-/// One of the independent parts, or all.
-#[derive(Debug, Clone, Copy)]
-pub(super) enum Part {
-    One(usize),
-    All,
 }
 
 /// All that walks follow from.
@@ -66,22 +57,15 @@ impl Walks {
     }
 
     /// What came of task number `task` in `part`.
-    pub(super) fn scores(&self, part: Part, task: usize) -> &Scores {
-        match part {
-            Part::One(part) => &self.parts[part][task],
-            Part::All => &self.all[task],
-        }
+    pub(super) fn scores(&self, part: usize, task: usize) -> &Scores {
+        &self.parts[part][task]
     }
 
     /// Averages over the grain events of `part` in the `snow`-th layer, of each
     /// type in air and in water.
-    pub(super) fn kernels(&self, part: Part, snow: usize) -> impl Iterator<Item = [&Kernel; 2]> {
-        self.averages[snow].iter().map(move |media| {
-            media.each_ref().map(|averages| match part {
-                Part::One(part) => &averages.kernels[part],
-                Part::All => &averages.kernel,
-            })
-        })
+    pub(super) fn kernels(&self, part: usize, snow: usize) -> impl Iterator<Item = [&Kernel; 2]> {
+        let media = self.averages[snow].iter();
+        media.map(move |[air, water]| [&air.kernels[part], &water.kernels[part]])
     }
 
     fn new(run: &Run, control: &Control, node: (Index, Index)) -> Result<Self, EngineError> {
@@ -115,14 +99,7 @@ impl Walks {
         let each = (0..PARTS).flat_map(|part| tasks.iter().map(move |task| (part, task)));
         let mut scores = batches::map(control, each.collect(), one)?.into_iter();
         let parts = (0..PARTS).map(|_| scores.by_ref().take(tasks.len()).collect());
-        let parts: Vec<Vec<Scores>> = parts.collect();
-        let mut all = parts[0].clone();
-        for part in &parts[1..] {
-            all.iter_mut()
-                .zip(part)
-                .for_each(|(all, part)| all.merge(part));
-        }
-        all.iter_mut().for_each(Scores::shrink);
+        let parts = parts.collect();
         // the tables themselves are done with
         let averages = |media: [Arc<tables::Outcomes>; 2]| media.map(|one| one.averages.clone());
         let averages = outcomes
@@ -131,14 +108,13 @@ impl Walks {
         Ok(Self {
             averages: averages.collect(),
             parts,
-            all,
         })
     }
 }
 
 impl Bytes for Walks {
     fn bytes(&self) -> usize {
-        let scores = self.parts.iter().flatten().chain(&self.all);
+        let scores = self.parts.iter().flatten();
         let averages = self.averages.iter().flatten().flatten();
         scores.map(Scores::bytes).sum::<usize>() + averages.map(|one| one.bytes()).sum::<usize>()
     }
