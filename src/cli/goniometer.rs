@@ -22,8 +22,10 @@ pub(super) struct Args {
     /// azimuth_deg of the sensor's centre, value_per_sr, se_per_sr. Polar angles
     /// are from the normal on that side; azimuth 0 is forward, the way the light
     /// travels, 180 back toward it. Values times projected solid angles add up
-    /// to reflectance and transmittance. Engines: reference, spectral and, the
-    /// fastest, tabulated (auto).
+    /// to reflectance and transmittance, which lines that start with # give with
+    /// their standard errors; all sensors share these. Engines: reference,
+    /// spectral and, the fastest, tabulated (auto), whose values are scaled to the
+    /// reflectance and transmittance of doubling where that holds.
     #[arg(long)]
     pub(super) goniometer: bool,
     /// Sensors of each hemisphere
@@ -114,6 +116,20 @@ fn heading(job: &Job, what: &str, engine: Engine, all: &[Exits]) -> String {
     let mut out = format!(
         "# splitsnow {version} measure {what}\n# sample: {sample}\n# engine: {engine}\n# rays: {rays}\n# seed: {seed}\n"
     );
+    if all.iter().any(|exits| exits.normalised) {
+        out.push_str("# sums: those of doubling, to which values are scaled\n");
+    }
+    out.push_str(
+        "# sum: wavelength_nm,reflectance,reflectance_se,transmittance,transmittance_se\n",
+    );
+    for (nm, exits) in job.request.wavelengths_nm.iter().zip(all) {
+        let (r, t) = (exits.reflectance, exits.transmittance);
+        let _ = writeln!(
+            out,
+            "# sum: {nm},{:?},{:?},{:?},{:?}",
+            r.value, r.se, t.value, t.se
+        );
+    }
     let lost = all.iter().map(|exits| exits.lost).fold(0.0, f64::max);
     if lost > 0.0 {
         let _ = writeln!(
@@ -138,6 +154,7 @@ fn summary(job: &Job, engine: Engine, all: &[Exits]) -> serde_json::Value {
         "reflectance_se": list(&|exits| exits.reflectance.se),
         "transmittance": list(&|exits| exits.transmittance.value),
         "transmittance_se": list(&|exits| exits.transmittance.se),
+        "sums_of": all.iter().any(|exits| exits.normalised).then(|| Engine::Doubling.name()),
         "lost_share": list(&|exits| exits.lost),
     })
 }

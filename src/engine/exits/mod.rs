@@ -5,8 +5,16 @@
 //! every grain event the light that would leave from there in all directions
 //! ([`crate::table::EscapeWalker`]): for sensors it is much the cheapest.
 //! Standard errors are those of independent parts, with tables of their own.
+//!
+//! What is scored at events adds up to R and T with more noise than a count has, and
+//! all sensors share it: walks that last long score much everywhere. So these
+//! sensors are scaled to the R and T of `doubling` where `auto` would take that
+//! (`normal`).
+//! Counts stay as they are: they add up as well as so many walks can tell, and
+//! are what the rest is tested against.
 mod counting;
 mod escapes;
+mod normal;
 mod parts;
 
 use std::ops::Range;
@@ -26,12 +34,14 @@ pub struct Exits {
     pub reflected: Vec<Measured>,
     /// Into the ground.
     pub transmitted: Vec<Measured>,
-    /// Sum of what is reflected: reflectance.
+    /// Sum of what is reflected: reflectance. Its error is shared by all that is.
     pub reflectance: Measured,
-    /// Sum of what is transmitted: transmittance.
+    /// Sum of what is transmitted: transmittance, with an error shared in the same way.
     pub transmittance: Measured,
     /// Share of the rays that hit an event limit.
     pub lost: f64,
+    /// Whether values were scaled so that their sums are R and T of `doubling`.
+    pub normalised: bool,
 }
 
 impl Exits {
@@ -47,6 +57,7 @@ impl Exits {
             reflectance: self.reflectance.mix(other.reflectance, t),
             transmittance: self.transmittance.mix(other.transmittance, t),
             lost: (1.0 - t) * self.lost + t * other.lost,
+            normalised: self.normalised && other.normalised,
         }
     }
 }
@@ -81,14 +92,17 @@ pub fn walks(engine: Engine, request: &Request) -> Result<Option<u64>, EngineErr
         _ => mixes(&indices, request.pack.is_wet()).0.len(),
     };
     let curves = request.thicknesses_m.len() * request.illuminations.len();
-    let walks = request.rays.saturating_mul((per_ray * curves) as u64);
+    let mut walks = request.rays.saturating_mul((per_ray * curves) as u64);
+    if engine == Engine::Tabulated && normal::holds(request) {
+        walks = walks.saturating_add(Engine::Doubling.walks(&normal::request(request))?);
+    }
     Ok((!ground::is_cascade(request)).then_some(walks))
 }
 
 /// BRDF and BTDF, 1/sr (Varsa 2025, eq. 6.1), on `sensors` on either side of the
 /// pack: per thickness, illumination and wavelength, the last running fastest.
 /// The products of values and projected solid angles add up to reflectance and
-/// transmittance.
+/// transmittance. In `tabulated` these are those of `doubling`, where it holds.
 ///
 /// # Errors
 /// See [`EngineError`]; `doubling` knows no azimuths.
@@ -102,11 +116,23 @@ pub fn goniometer(
     let mut all = match engine {
         Engine::Tabulated => {
             escapes::check(request)?;
-            each(engine, request, control, &|scene| {
+            let normals = normal::spectra(request, control)?;
+            let normalised = normals.is_some();
+            let mut all = each(engine, normalised, request, control, &|scene| {
                 escapes::run(scene, sensors)
-            })?
+            })?;
+            if let Some(normals) = normals {
+                let mut all = all.iter_mut();
+                for normal in &normals {
+                    let pairs = normal.reflectance.iter().zip(&normal.transmittance);
+                    for ((r, t), exits) in pairs.zip(&mut all) {
+                        exits.normalise(*r, *t);
+                    }
+                }
+            }
+            all
         }
-        Engine::Reference | Engine::Spectral => each(engine, request, control, &|scene| {
+        Engine::Reference | Engine::Spectral => each(engine, false, request, control, &|scene| {
             counting::run(scene, sensors)
         })?,
         engine => {
@@ -149,7 +175,7 @@ pub fn radial_profile(
             instead: Engine::Spectral,
         });
     }
-    each(engine, request, control, &|scene| {
+    each(engine, false, request, control, &|scene| {
         counting::run(scene, radii)
     })
 }
@@ -157,6 +183,8 @@ pub fn radial_profile(
 /// One pack of known thickness under one light.
 struct Scene<'a> {
     engine: Engine,
+    /// Whether sums are to be replaced: errors of bins are then those of shares.
+    normalised: bool,
     request: &'a Request<'a>,
     control: &'a Control<'a>,
     pack: &'a Pack,
@@ -184,6 +212,7 @@ impl Scene<'_> {
 /// `run` of all thicknesses and lights.
 fn each(
     engine: Engine,
+    normalised: bool,
     request: &Request,
     control: &Control,
     run: &dyn Fn(&Scene) -> Result<Vec<Exits>, EngineError>,
@@ -204,6 +233,7 @@ fn each(
         for light in 0..request.illuminations.len() {
             let scene = Scene {
                 engine,
+                normalised,
                 request,
                 control,
                 pack,

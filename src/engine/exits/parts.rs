@@ -26,17 +26,35 @@ impl Part {
     }
 }
 
-/// Sums over parts of their means and of the squares of these.
+/// Sums over parts of their means, of the squares of these and of their products
+/// with the part's total.
 #[derive(Clone, Copy, Default)]
 struct Scatter {
     sum: f64,
     sum_sq: f64,
+    with_total: f64,
 }
 
 impl Scatter {
-    fn add(&mut self, mean: f64) {
+    fn add(&mut self, mean: f64, total: f64) {
         self.sum += mean;
         self.sum_sq += mean * mean;
+        self.with_total += mean * total;
+    }
+
+    /// The same of what is left over the share that this has of `total`: its
+    /// standard error is that of the share (the ratio estimator) times the total.
+    fn apart(&self, total: &Self) -> Self {
+        let share = match total.sum {
+            0.0 => 0.0,
+            sum => self.sum / sum,
+        };
+        let square = self.sum_sq - 2.0 * share * self.with_total + share * share * total.sum_sq;
+        Self {
+            sum: 0.0,
+            sum_sq: square.max(0.0),
+            with_total: 0.0,
+        }
     }
 
     /// Mean and standard error of `parts` parts of `rays` rays in all. Where
@@ -100,12 +118,15 @@ pub(super) fn run(
         let group = first..parts.min(first + at_once as u64);
         for done in batches::map(scene.control, group.collect(), one)? {
             lost += done.lost;
-            let pairs = scatter.iter_mut().zip(&done.sums);
-            pairs.for_each(|(scatter, mean)| scatter.add(*mean));
             let sides = done.sums.chunks_exact(bins.len() * bands);
-            for (side, totals) in sides.zip(totals.chunks_exact_mut(bands)) {
+            let scatters = scatter.chunks_exact_mut(bins.len() * bands);
+            let totals = totals.chunks_exact_mut(bands);
+            for ((side, scatters), totals) in sides.zip(scatters).zip(totals) {
                 for (band, total) in totals.iter_mut().enumerate() {
-                    total.add(side.iter().skip(band).step_by(bands).sum());
+                    let all: f64 = side.iter().skip(band).step_by(bands).sum();
+                    total.add(all, all);
+                    let pairs = scatters.iter_mut().zip(side).skip(band).step_by(bands);
+                    pairs.for_each(|(scatter, mean)| scatter.add(*mean, all));
                 }
             }
         }
@@ -113,6 +134,14 @@ pub(super) fn run(
     let measured = |scatter: &Scatter| scatter.measured(parts, rays);
     let exits = |band: usize| {
         let column = |side: usize| {
+            let total = totals[side * bands + band];
+            let measured = |scatter: &Scatter| match scene.normalised && total.sum > 0.0 {
+                true if scatter.sum_sq > 0.0 && parts > 1 => Measured {
+                    se: measured(&scatter.apart(&total)).se,
+                    ..measured(scatter)
+                },
+                _ => measured(scatter),
+            };
             let from = side * bins.len() * bands;
             let rows = &scatter[from..from + bins.len() * bands];
             rows.iter()
@@ -127,6 +156,7 @@ pub(super) fn run(
             reflectance: measured(&totals[band]),
             transmittance: measured(&totals[bands + band]),
             lost: lost as f64 / rays as f64,
+            normalised: false,
         }
     };
     Ok((0..bands).map(exits).collect())
