@@ -5,8 +5,13 @@
 //! walks; its noise falls with their square root. `auto` takes the cheapest
 //! engine that accepts the request and whose own error leaves room for noise,
 //! with as many walks as keep the noise within that room.
-use super::{Engine, Request};
-use crate::transport::Snow;
+//!
+//! It chooses for each light by itself, from the snow, the wavelengths and the
+//! error allowed: what else is asked for, be it other lights or thicknesses, has
+//! no say, and a database that grows keeps the spectra it has.
+use super::{Control, Engine, EngineError, Request, identity};
+use crate::measurement::Spectrum;
+use crate::transport::{Illumination, Snow};
 
 /// What error of a spectrum is allowed.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -93,10 +98,10 @@ impl MaxError {
     }
 }
 
-/// The engine for `request` and how many walks it is to do: as many as are
-/// asked for in `doubling`; in engines that walk all the way as many as the
+/// The engine for `request` under `light` and how many walks it is to do: as many
+/// as are asked for in `doubling`; in engines that walk all the way as many as the
 /// noise allowed needs, and no more than give the noise that `doubling` would.
-pub(super) fn choose(request: &Request) -> (Engine, u64) {
+pub(super) fn choose(request: &Request, light: &Illumination) -> (Engine, u64) {
     let holds = |(engine, errors): (Engine, [f64; 3])| {
         let own = own(engine, errors, request);
         let room = request.max_error.room(own, request.wavelengths_nm)?;
@@ -109,6 +114,9 @@ pub(super) fn choose(request: &Request) -> (Engine, u64) {
         };
         let asked = Request {
             rays,
+            // limits of thickness are those of all engines
+            thicknesses_m: &[],
+            illuminations: std::slice::from_ref(light),
             ..request.clone()
         };
         engine.check(&asked).is_ok().then_some((engine, rays))
@@ -117,13 +125,84 @@ pub(super) fn choose(request: &Request) -> (Engine, u64) {
     found.unwrap_or((Engine::Spectral, request.rays))
 }
 
+/// What one engine does of a request.
+struct Part {
+    engine: Engine,
+    rays: u64,
+    cell: u64,
+    /// Positions in the list of lights, and those.
+    lights: Vec<usize>,
+    illuminations: Vec<Illumination>,
+}
+
+/// The parts of `request`: all lights of `doubling`, which keeps their streams
+/// apart by itself, and every other by itself.
+fn parts(request: &Request) -> Vec<Part> {
+    let mut parts: Vec<Part> = Vec::new();
+    for (i, light) in request.illuminations.iter().enumerate() {
+        let (engine, rays) = choose(request, light);
+        let together = |part: &&mut Part| part.engine == Engine::Doubling;
+        match parts.iter_mut().find(together) {
+            Some(part) if engine == Engine::Doubling => {
+                part.lights.push(i);
+                part.illuminations.push(*light);
+            }
+            _ => parts.push(Part {
+                engine,
+                rays,
+                cell: match engine {
+                    Engine::Doubling => request.cell,
+                    _ => identity::with_light(request.cell, light),
+                },
+                lights: vec![i],
+                illuminations: vec![*light],
+            }),
+        }
+    }
+    parts
+}
+
+impl Part {
+    fn of<'a>(&'a self, request: &Request<'a>) -> Request<'a> {
+        Request {
+            rays: self.rays,
+            cell: self.cell,
+            illuminations: &self.illuminations,
+            ..request.clone()
+        }
+    }
+}
+
+/// As [`Engine::run_unchecked`].
+pub(super) fn run(request: &Request, control: &Control) -> Result<Vec<Spectrum>, EngineError> {
+    let lights = request.illuminations.len();
+    let mut spectra = vec![Spectrum::default(); request.thicknesses_m.len() * lights];
+    for part in parts(request) {
+        let found = part.engine.run_unchecked(&part.of(request), control)?;
+        for (i, spectrum) in found.into_iter().enumerate() {
+            let (h, light) = (i / part.lights.len(), i % part.lights.len());
+            spectra[h * lights + part.lights[light]] = spectrum;
+        }
+    }
+    Ok(spectra)
+}
+
+/// As [`Engine::walks`].
+pub(super) fn walks(request: &Request) -> Result<u64, EngineError> {
+    let mut walks = 0_u64;
+    for part in parts(request) {
+        walks = walks.saturating_add(part.engine.walks(&part.of(request))?);
+    }
+    Ok(walks)
+}
+
 #[cfg(test)]
 #[allow(clippy::unwrap_used)]
 mod tests {
     use super::*;
     use crate::engine::Resolution;
     use crate::grain::{GrainType, SizeRange, TruncatedNormal};
-    use crate::transport::{Illumination, Model};
+    use crate::transport::Model;
 
     fn chosen(size_um: [f64; 2], angle_deg: f64, rmse: f64, nm: f64) -> (Engine, u64) {
         let grain = GrainType {
@@ -133,12 +212,13 @@ mod tests {
         };
         let pack = Snow::dry(grain, 275.0, -1.0).into();
         let delta_e = 0.3;
-        choose(&Request {
+        let light = Illumination::Collimated {
+            polar_angle_rad: angle_deg.to_radians(),
+        };
+        let request = Request {
             pack: &pack,
             thicknesses_m: &[0.1],
-            illuminations: &[Illumination::Collimated {
-                polar_angle_rad: angle_deg.to_radians(),
-            }],
+            illuminations: &[light],
             wavelengths_nm: &[nm],
             model: &Model::default(),
             rays: 1 << 17,
@@ -146,7 +226,8 @@ mod tests {
             resolution: Resolution::default(),
             seed: 1,
             cell: 0,
-        })
+        };
+        choose(&request, &light)
     }
 
     #[test]

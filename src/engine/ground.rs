@@ -8,7 +8,7 @@
 //!
 //! In a cascade (Varsa 2025, section 4.4) a layer lies on a ground with the
 //! reflectance and transmittance, at normal incidence, of all below it.
-use super::{Control, Engine, EngineError, Request, doubling, reference, spectral};
+use super::{Control, Engine, EngineError, Request, doubling, identity, reference, spectral};
 use crate::engine::spectral::Grains;
 use crate::measurement::{Measured, Spectrum};
 use crate::transport::{Ground, Illumination, Joining, Layer, Pack};
@@ -154,7 +154,7 @@ fn over(
     } else {
         let below = |h: usize| {
             let (pack, thickness_m) = flipped(request, h);
-            let request = from_below(request, &pack, &thickness_m, h);
+            let request = from_below(request, &pack, &thickness_m);
             Ok(bare(engine, &request, control)?.pop().unwrap_or_default())
         };
         let from_below = (0..thicknesses)
@@ -186,17 +186,12 @@ fn flipped(request: &Request, h: usize) -> (Pack, f64) {
 }
 
 /// What is asked of it.
-fn from_below<'a>(
-    request: &Request<'a>,
-    pack: &'a Pack,
-    thickness_m: &'a f64,
-    h: usize,
-) -> Request<'a> {
+fn from_below<'a>(request: &Request<'a>, pack: &'a Pack, thickness_m: &'a f64) -> Request<'a> {
     Request {
         pack,
         thicknesses_m: std::slice::from_ref(thickness_m),
         illuminations: &[Illumination::Diffuse],
-        cell: request.cell ^ (FROM_BELOW | LOWER_LAYER.wrapping_mul(h as u64)),
+        cell: identity::with_thickness(request.cell, *thickness_m) ^ FROM_BELOW,
         ..request.clone()
     }
 }
@@ -294,7 +289,7 @@ fn walks_over(engine: Engine, request: &Request, black: bool) -> Result<u64, Eng
     let mut sum = engine.walks_bare(request)?;
     for h in 0..request.thicknesses_m.len() {
         let (pack, thickness_m) = flipped(request, h);
-        let request = from_below(request, &pack, &thickness_m, h);
+        let request = from_below(request, &pack, &thickness_m);
         sum = sum.saturating_add(engine.walks_bare(&request)?);
     }
     Ok(sum)

@@ -6,6 +6,7 @@ mod doubling;
 pub mod envelope;
 pub mod exits;
 mod ground;
+pub mod identity;
 mod nodes;
 mod reference;
 mod spectral;
@@ -102,7 +103,8 @@ pub struct Request<'a> {
     pub resolution: Resolution,
     /// Seed of the whole database or measurement.
     pub seed: u64,
-    /// Which cell of a database this is (0 for a single measurement).
+    /// What node or nodes of a database these are ([`identity`]); 0 for a single
+    /// measurement.
     pub cell: u64,
 }
 
@@ -243,34 +245,30 @@ impl Engine {
         matches!(self, Self::Tabulated | Self::Doubling | Self::Auto)
     }
 
-    /// The engine that does the work of `request`: itself, or what `auto` chooses.
+    /// The engine that does the work of `request` under the first of its lights:
+    /// itself, or what `auto` chooses.
     #[must_use]
     pub fn resolve(self, request: &Request) -> Self {
-        match self {
-            Self::Auto => auto::choose(request).0,
-            engine => engine,
+        match (self, request.illuminations.first()) {
+            (Self::Auto, Some(light)) => auto::choose(request, light).0,
+            (engine, _) => engine,
         }
     }
 
     /// The same with the rays that it does, as in [`Request::rays`].
     #[must_use]
     pub fn resolve_rays(self, request: &Request) -> (Self, u64) {
-        match self {
-            Self::Auto => auto::choose(request),
-            engine => (engine, request.rays),
+        match (self, request.illuminations.first()) {
+            (Self::Auto, Some(light)) => auto::choose(request, light),
+            (engine, _) => (engine, request.rays),
         }
     }
 
-    /// Hands `request` to the engine that `auto` chooses.
-    fn chosen<T>(self, request: &Request, run: impl Fn(Self, &Request) -> T) -> T {
-        let (engine, rays) = auto::choose(request);
-        run(
-            engine,
-            &Request {
-                rays,
-                ..request.clone()
-            },
-        )
+    /// Whether a spectrum does not depend on what other thicknesses are asked for
+    /// beside its own: not in engines whose walks are resumed from one to the next.
+    #[must_use]
+    pub fn keeps_thicknesses_apart(self) -> bool {
+        matches!(self, Self::Reference | Self::Doubling)
     }
 
     /// How many walks [`Engine::run`] does for `request`; a walk that serves
@@ -280,7 +278,7 @@ impl Engine {
     /// [`EngineError::Optics`].
     pub fn walks(self, request: &Request) -> Result<u64, EngineError> {
         match self {
-            Self::Auto => self.chosen(request, |engine, request| engine.walks(request)),
+            Self::Auto => auto::walks(request),
             engine => ground::walks(engine, request),
         }
     }
@@ -321,9 +319,7 @@ impl Engine {
         control: &Control,
     ) -> Result<Vec<Spectrum>, EngineError> {
         match self {
-            Self::Auto => self.chosen(request, |engine, request| {
-                engine.run_unchecked(request, control)
-            }),
+            Self::Auto => auto::run(request, control),
             engine => ground::run(engine, request, control),
         }
     }

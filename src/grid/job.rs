@@ -2,7 +2,7 @@
 use std::fmt;
 
 use super::{Conditions, Grid, GridError, Jobs, described};
-use crate::engine::{Request, Resolution};
+use crate::engine::{Engine, Request, Resolution, identity};
 use crate::grain::{GrainType, SizeRange, TruncatedNormal};
 use crate::measurement::{Measured, Spectrum};
 use crate::transport::{Illumination, Pack, Snow};
@@ -12,7 +12,8 @@ use crate::units::{HALF_SPACE_M, cm_to_m, um_to_m};
 /// thicknesses, one or all angles.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Job {
-    /// Number of the job, which is also the cell of its random streams.
+    /// What its random streams are keyed with: [`identity`] of its own parameters,
+    /// wherever it stands in the grid.
     pub cell: u64,
     /// Its values on the axes beyond the five.
     pub conditions: Conditions,
@@ -103,6 +104,19 @@ impl fmt::Display for Job {
     }
 }
 
+/// What the streams of a job are keyed with: of what it shares out over its
+/// curves, the engine keeps the streams apart.
+fn cell(engine: Engine, pack: &Pack, thicknesses_m: &[f64], lights: &[Illumination]) -> u64 {
+    let mut cell = identity::of_pack(pack);
+    if let ([light], false) = (lights, engine.shares_angles()) {
+        cell = identity::with_light(cell, light);
+    }
+    if let ([thickness_m], false) = (thicknesses_m, engine.shares_thicknesses()) {
+        cell = identity::with_thickness(cell, *thickness_m);
+    }
+    cell
+}
+
 impl Grid {
     /// The job of number `job`, of the `jobs` this grid gave.
     ///
@@ -127,33 +141,31 @@ impl Grid {
         let thicknesses_cm = axes.thickness_cm.get(h..h + thicknesses);
         let absent = self.absent()?.get(s).copied().unwrap_or_default();
         let angles_deg = axes.angle_deg.get(a..a + angles).ok_or_else(missing)?;
-        Ok(Job {
-            cell: job,
-            conditions,
-            pack: Pack {
-                surface: Snow {
-                    water_saturation: fixed.water_saturation,
-                    black_carbon: fixed.black_carbon,
-                    brown_carbon: fixed.brown_carbon,
-                    ..Snow::dry(grain, at(&axes.density_kg_m3, d)?, fixed.temperature_c)
-                },
-                below: fixed.below,
-                ground: fixed.ground,
+        let pack = Pack {
+            surface: Snow {
+                water_saturation: fixed.water_saturation,
+                black_carbon: fixed.black_carbon,
+                brown_carbon: fixed.brown_carbon,
+                ..Snow::dry(grain, at(&axes.density_kg_m3, d)?, fixed.temperature_c)
             },
-            thicknesses_m: thicknesses_cm
-                .ok_or_else(missing)?
-                .iter()
-                .map(|cm| cm_to_m(*cm))
-                .collect(),
+            below: fixed.below,
+            ground: fixed.ground,
+        };
+        let thicknesses_cm = thicknesses_cm.ok_or_else(missing)?.iter();
+        let thicknesses_m: Vec<f64> = thicknesses_cm.map(|cm| cm_to_m(*cm)).collect();
+        let light = |deg: &f64| Illumination::Collimated {
+            polar_angle_rad: deg.to_radians(),
+        };
+        let diffuse = self.fixed.diffuse.then_some(Illumination::Diffuse);
+        let illuminations: Vec<_> = angles_deg.iter().map(light).chain(diffuse).collect();
+        Ok(Job {
+            cell: cell(self.run.engine, &pack, &thicknesses_m, &illuminations),
+            conditions,
+            pack,
+            thicknesses_m,
             angles_deg: angles_deg.to_vec(),
             absent: absent.saturating_sub(h).min(thicknesses),
-            illuminations: angles_deg
-                .iter()
-                .map(|deg| Illumination::Collimated {
-                    polar_angle_rad: deg.to_radians(),
-                })
-                .chain(self.fixed.diffuse.then_some(Illumination::Diffuse))
-                .collect(),
+            illuminations,
         })
     }
 
@@ -190,8 +202,62 @@ impl Grid {
 #[cfg(test)]
 mod tests {
     #![allow(clippy::unwrap_used)]
-    use crate::engine::Engine;
-    use crate::grid::tests::small;
+    use super::*;
+    use crate::engine::identity::{of_pack, with_light, with_thickness};
+    use crate::grid::tests::{small, with_extra};
+    use crate::optics::Carbon;
+    use crate::transport::Ground;
+
+    /// Every parameter counts, and nothing but parameters. The number is part of
+    /// what decides the bytes of databases: it may change with the format only.
+    #[test]
+    fn bits_are_of_parameters() {
+        let grid = with_extra(small(Engine::Doubling));
+        let jobs = grid.jobs().unwrap();
+        let mut all: Vec<u64> = (0..jobs.count())
+            .map(|job| grid.job(&jobs, job).unwrap().cell)
+            .collect();
+        let pack = grid.job(&jobs, 0).unwrap().pack;
+        assert_eq!(all[0], of_pack(&pack));
+        all.sort_unstable();
+        all.dedup();
+        assert_eq!(all.len() as u64, jobs.count());
+
+        let clean = Pack {
+            surface: Snow {
+                black_carbon: None,
+                ..pack.surface.clone()
+            },
+            ..pack.clone()
+        };
+        assert_eq!(of_pack(&clean), of_pack(&pack));
+        let sooty = |carbon: Carbon| {
+            let mut pack = pack.clone();
+            pack.surface.black_carbon = Some(carbon);
+            of_pack(&pack)
+        };
+        let carbon = Carbon::black(10.0);
+        let wet = Carbon {
+            per_wet_mass: !carbon.per_wet_mass,
+            ..carbon
+        };
+        assert_ne!(sooty(carbon), of_pack(&pack));
+        assert_ne!(sooty(carbon), sooty(wet));
+        let on = |ground| {
+            let pack = pack.clone();
+            of_pack(&Pack { ground, ..pack })
+        };
+        assert_ne!(on(Ground::Grey(0.2)), on(Ground::Black));
+        assert_ne!(on(Ground::Grey(0.2)), on(Ground::Grey(0.3)));
+        let angle = |polar_angle_rad| Illumination::Collimated { polar_angle_rad };
+        assert_ne!(with_light(1, &angle(0.0)), with_light(1, &angle(0.5)));
+        assert_ne!(with_light(1, &angle(0.0)), with_light(2, &angle(0.0)));
+        assert_ne!(
+            with_light(1, &angle(0.0)),
+            with_light(1, &Illumination::Diffuse)
+        );
+        assert_ne!(with_thickness(1, 0.1), with_thickness(1, 0.2));
+    }
 
     #[test]
     fn the_last_axis_runs_fastest() {
@@ -207,7 +273,10 @@ mod tests {
         assert_eq!(job(2).thicknesses_m, [0.02]);
         assert_eq!(job(6).pack.surface.sizes_m()[1], 250.0 * 1e-6);
         assert_eq!(job(12).pack.surface.grains[0].grain.facetness.mean(), 0.5);
-        assert_eq!(job(23).cell, 23);
+        let mut cells: Vec<u64> = (0..24).map(|n| job(n).cell).collect();
+        cells.sort_unstable();
+        cells.dedup();
+        assert_eq!(cells.len(), 24);
         assert!(grid.job(&jobs, 24).is_err());
     }
 

@@ -2,8 +2,8 @@
 //! walked.
 use super::planes::{Piece, pieces};
 use super::{FROM_BELOW, JOINT, LAYER, THIN};
-use crate::engine::Request;
 use crate::engine::tables::{PARTS, Stretch, stretches};
+use crate::engine::{Request, identity};
 use crate::slab::Streams;
 use crate::table::{Edge, Source};
 use crate::transport::{Illumination, Snow};
@@ -11,8 +11,8 @@ use crate::transport::{Illumination, Snow};
 /// Walks of one kind from one source.
 #[derive(Debug, Clone, PartialEq)]
 pub(super) struct Task {
-    /// What its random streams are for.
-    pub(super) purpose: [u32; 2],
+    /// What of a pack it walks through.
+    pub(super) kind: Kind,
     /// From the surface that light comes to, inward.
     pub(super) stretches: Vec<Stretch>,
     pub(super) edges: [Edge; 2],
@@ -23,7 +23,25 @@ pub(super) struct Task {
     pub(super) rays: u64,
 }
 
+/// What of a pack is walked through.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub(super) enum Kind {
+    /// A boundary layer.
+    Layer = 4,
+    /// All of a thin one.
+    Thin = 5,
+    /// What is next to a plane inside.
+    Joint = 6,
+}
+
 impl Task {
+    /// What its random streams are for: a function of what is walked alone, not
+    /// of what else is. Two tasks alike are the same walks.
+    pub(super) fn purpose(&self) -> [u32; 3] {
+        let bits = identity::of_walks("walks", &self.stretches, &self.source);
+        [self.kind as u32, bits as u32, (bits >> 32) as u32]
+    }
+
     /// Scores of a walk that leaves above, and of one that leaves below: moments
     /// where the snow goes on, light alone where it ends.
     pub(super) fn columns(&self) -> [usize; 2] {
@@ -171,21 +189,16 @@ impl Plan {
             }));
         }
         let rays = request.rays.div_ceil(PARTS as u64);
-        let lights = request.illuminations.len();
-        for (number, (h, pack)) in thin.into_iter().enumerate() {
+        for (h, pack) in thin {
             plan.slabs[h] = Slab::Thin(plan.tasks.len());
-            let tasks = request
-                .illuminations
-                .iter()
-                .enumerate()
-                .map(|(i, light)| Task {
-                    purpose: [5, (number * lights + i) as u32],
-                    stretches: pack.clone(),
-                    edges: [Edge::Plane; 2],
-                    source: source(light),
-                    moments: 1,
-                    rays,
-                });
+            let tasks = request.illuminations.iter().map(|light| Task {
+                kind: Kind::Thin,
+                stretches: pack.clone(),
+                edges: [Edge::Plane; 2],
+                source: source(light),
+                moments: 1,
+                rays,
+            });
             plan.tasks.extend(tasks);
         }
         plan
@@ -212,17 +225,14 @@ impl Plan {
         let sources = cosines.map(|cosine| (Source::Below(*cosine), below));
         let sources = sources.chain(lights.iter().map(|light| (source(light), rays)));
         let first = self.tasks.len();
-        // numbers of tasks are well below 2^16
-        let kind = 4 + ((self.layers.len() as u32) << 16);
-        self.tasks
-            .extend(sources.enumerate().map(|(i, (source, rays))| Task {
-                purpose: [kind, i as u32],
-                stretches: stretches.clone(),
-                edges: [Edge::Plane, Edge::Open],
-                source,
-                moments: streams.count(),
-                rays,
-            }));
+        self.tasks.extend(sources.map(|(source, rays)| Task {
+            kind: Kind::Layer,
+            stretches: stretches.clone(),
+            edges: [Edge::Plane, Edge::Open],
+            source,
+            moments: streams.count(),
+            rays,
+        }));
         self.layers.push(BoundaryLayer {
             first,
             is_lit,
@@ -246,16 +256,14 @@ impl Plan {
             .map(Source::Over)
             .chain(cosines().map(Source::Below));
         let first = self.tasks.len();
-        let kind = 6 + ((self.joints.len() as u32) << 16);
-        self.tasks
-            .extend(sources.enumerate().map(|(i, source)| Task {
-                purpose: [kind, i as u32],
-                stretches: stretches.clone(),
-                edges: [Edge::Open; 2],
-                source,
-                moments: streams.count(),
-                rays,
-            }));
+        self.tasks.extend(sources.map(|source| Task {
+            kind: Kind::Joint,
+            stretches: stretches.clone(),
+            edges: [Edge::Open; 2],
+            source,
+            moments: streams.count(),
+            rays,
+        }));
         self.joints.push(Joint { first, stretches });
         self.joints.len() - 1
     }

@@ -76,12 +76,11 @@ impl Walks {
             if control.cancel.load(Ordering::Relaxed) {
                 return Err(EngineError::Cancelled);
             }
-            let [kind, number] = task.purpose;
             let stream = Stream::new(Key {
                 seed: request.seed,
                 cell: request.cell,
                 // the same at all nodes, so that noise does not bury dispersion
-                purpose: [kind, number, 0],
+                purpose: task.purpose(),
                 batch: part as u64,
             });
             let thickness = |stretch: &Stretch| stretch.thickness_m;

@@ -1,0 +1,102 @@
+//! What a node of a database is: 64 bits that follow from its own parameters
+//! alone, with which the random streams of its walks are keyed ([`crate::rng`]).
+//!
+//! A node gets the same streams wherever it stands in whatever grid, so that a
+//! grid that grows keeps the spectra it has. The bits are the [`Fingerprint`] of
+//!
+//! - the snow of each layer: grains (share, size, facetness, sphericity), density,
+//!   temperature, saturation and the carbon that absorbs; the thicknesses of the
+//!   layers under the surface; the reflectance of the ground;
+//! - where an engine computes them one by one, the light and the thickness.
+//!
+//! What a whole database has in common (seed, wavelengths, engine, walks, choices
+//! within the model, optical tables) is not in them: the seed is part of every
+//! key, and databases that differ in the rest share no nodes.
+use crate::grain::TruncatedNormal;
+use crate::rng::Fingerprint;
+use crate::table::Source;
+use crate::transport::{Ground, Illumination, Pack, Snow};
+
+use super::tables::Stretch;
+
+/// The bits of a pack, without its thickness.
+#[must_use]
+pub fn of_pack(pack: &Pack) -> u64 {
+    let mut digest = with_snow(Fingerprint::of("pack"), &pack.surface);
+    for layer in &pack.below {
+        digest = with_snow(digest.and(&[layer.thickness_m]), &layer.snow);
+    }
+    let digest = match &pack.ground {
+        Ground::Black => digest.and_text("black"),
+        Ground::Grey(reflectance) => digest.and_text("grey").and(&[*reflectance]),
+        Ground::Spectrum { table, .. } => digest
+            .and_text("spectrum")
+            .and(table.abscissae())
+            .and(table.column(0)),
+    };
+    digest.finish()
+}
+
+fn with_snow(digest: Fingerprint, snow: &Snow) -> Fingerprint {
+    let law = |law: &TruncatedNormal| [law.min(), law.max(), law.mean(), law.sd()];
+    let mut digest = digest.and_text("snow").and(&[
+        snow.density_kg_m3,
+        snow.temperature_c,
+        snow.water_saturation,
+    ]);
+    for component in &snow.grains {
+        let grain = &component.grain;
+        digest = digest
+            .and(&[component.fraction, grain.size.min_m(), grain.size.max_m()])
+            .and(&law(&grain.facetness))
+            .and(&law(&grain.sphericity));
+    }
+    for (name, carbon) in [("black", &snow.black_carbon), ("brown", &snow.brown_carbon)] {
+        // snow with none of it is the same whatever it would be
+        if let Some(carbon) = carbon.filter(|carbon| carbon.concentration_ng_g > 0.0) {
+            digest = digest.and_text(name).and(&[
+                carbon.concentration_ng_g,
+                carbon.sedimentation,
+                carbon.mass_absorption_efficiency_m2_g,
+                carbon.reference_wavelength_nm,
+                carbon.angstrom_exponent,
+                f64::from(u8::from(carbon.per_wet_mass)),
+            ]);
+        }
+    }
+    digest
+}
+
+/// Those of a node under one light, of `cell`.
+#[must_use]
+pub fn with_light(cell: u64, light: &Illumination) -> u64 {
+    let digest = Fingerprint::of("light").and_bits(cell);
+    let digest = match light {
+        Illumination::Collimated { polar_angle_rad } => digest.and(&[*polar_angle_rad]),
+        Illumination::Diffuse => digest.and_text("diffuse"),
+    };
+    digest.finish()
+}
+
+/// Those of a node of one thickness, of `cell`.
+#[must_use]
+pub fn with_thickness(cell: u64, thickness_m: f64) -> u64 {
+    let digest = Fingerprint::of("thickness").and_bits(cell);
+    digest.and(&[thickness_m]).finish()
+}
+
+/// Those of what is walked within a node, of a kind: from `source` through
+/// `stretches`.
+pub(super) fn of_walks(kind: &str, stretches: &[Stretch], source: &Source) -> u64 {
+    let mut digest = Fingerprint::of(kind);
+    for Stretch { snow, thickness_m } in stretches {
+        digest = digest.and_bits(*snow as u64).and(&[*thickness_m]);
+    }
+    let digest = match source {
+        Source::Above(cosine) => digest.and_text("above").and(&[*cosine]),
+        Source::Diffuse => digest.and_text("diffuse"),
+        Source::Below(cosine) => digest.and_text("below").and(&[*cosine]),
+        Source::Over(cosine) => digest.and_text("over").and(&[*cosine]),
+    };
+    digest.finish()
+}
