@@ -17,6 +17,7 @@ mod docs;
 mod filesystems;
 #[cfg(unix)]
 mod fit;
+mod growth;
 mod lookup;
 mod measure;
 mod optical;

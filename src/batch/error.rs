@@ -1,4 +1,6 @@
 //! Why a run ended early.
+use std::path::PathBuf;
+
 use thiserror::Error;
 
 use crate::engine::EngineError;
@@ -27,6 +29,14 @@ pub enum BatchError {
         job: String,
         /// What is wrong.
         source: EngineError,
+    },
+    /// A database to take spectra over from cannot be used.
+    #[error("nothing can be taken over from {}: {reason}", .path.display())]
+    Source {
+        /// Where it is.
+        path: PathBuf,
+        /// What is wrong.
+        reason: String,
     },
     /// The database could not be read or written.
     #[error(transparent)]

@@ -2,6 +2,7 @@
 //! as it ends.
 mod error;
 mod progress;
+mod source;
 
 use std::sync::atomic::{AtomicBool, AtomicU64, AtomicUsize, Ordering};
 use std::sync::{Arc, Mutex, PoisonError};
@@ -13,6 +14,8 @@ use crate::store::Store;
 
 pub use error::BatchError;
 use progress::Progress;
+use source::Failure;
+pub use source::Source;
 
 /// How to run.
 #[derive(Debug, Clone, Copy, Default)]
@@ -32,6 +35,10 @@ pub struct Summary {
     pub jobs: u64,
     /// Jobs that had to be run now; the others were done before.
     pub run: u64,
+    /// Spectra (of curves that exist) of the database.
+    pub nodes: u64,
+    /// Those that were taken over from other databases now.
+    pub reused: u64,
     /// Rays walked now.
     pub rays: u64,
     /// Share of the rays that hit an event limit, whenever they were walked:
@@ -62,6 +69,24 @@ pub fn run<S>(
 where
     S: Fn(&Request<'_>, &Control<'_>) -> Result<Vec<Spectrum>, EngineError> + Sync,
 {
+    run_from(grid, store, &[], simulate, options, cancel)
+}
+
+/// The same, with the spectra that are in `sources` taken over from there.
+///
+/// # Errors
+/// As [`run`]; a source cannot be read.
+pub fn run_from<S>(
+    grid: &Grid,
+    store: &Store,
+    sources: &[Source],
+    simulate: S,
+    options: &Options,
+    cancel: &AtomicBool,
+) -> Result<Summary, BatchError>
+where
+    S: Fn(&Request<'_>, &Control<'_>) -> Result<Vec<Spectrum>, EngineError> + Sync,
+{
     let missing = store.missing(options.shard)?;
     store.check_space(missing.len() as u64)?;
     let mine = |job: &u64| options.shard.is_none_or(|shard| shard.owns(*job));
@@ -75,7 +100,7 @@ where
     let progress = Progress::new(options.progress, left, total, &store.jobs(), &rays);
     let cache = Cache::of_cells();
     let next = AtomicUsize::new(0);
-    let finished = AtomicU64::new(0);
+    let (finished, reused) = (AtomicU64::new(0), AtomicU64::new(0));
     let failure: Mutex<Option<BatchError>> = Mutex::new(None);
     let fail = |error| {
         cancel.store(true, Ordering::Relaxed);
@@ -94,8 +119,9 @@ where
                 rays_done: &rays,
                 cache: &cache,
             };
-            match run_job(grid, store, &simulate, job, &control) {
-                Ok(()) => {
+            match run_job(grid, store, sources, &simulate, job, &control) {
+                Ok(taken) => {
+                    reused.fetch_add(taken, Ordering::Relaxed);
                     finished.fetch_add(1, Ordering::Relaxed);
                     progress.job_done();
                 }
@@ -125,41 +151,44 @@ where
     Ok(Summary {
         jobs: total,
         run,
+        nodes: source::nodes(grid, &store.jobs())?,
+        reused: reused.into_inner(),
         rays: rays.load(Ordering::Relaxed),
         mean_lost_share: sum / total.max(1) as f64,
         max_lost_share,
     })
 }
 
-/// Runs and stores one job; `Err(None)` if it was cancelled.
+/// Runs and stores one job, and says how many spectra come from `sources`;
+/// `Err(None)` if it was cancelled.
 fn run_job<S>(
     grid: &Grid,
     store: &Store,
+    sources: &[Source],
     simulate: &S,
     number: u64,
     control: &Control<'_>,
-) -> Result<(), Option<BatchError>>
+) -> Result<u64, Option<BatchError>>
 where
     S: Fn(&Request<'_>, &Control<'_>) -> Result<Vec<Spectrum>, EngineError>,
 {
     let job = grid
         .job(&store.jobs(), number)
         .map_err(|error| Some(BatchError::Grid(error)))?;
-    let spectra = if job.exists() {
-        simulate(&job.request(grid), control).map_err(|error| match error {
-            EngineError::Cancelled => None,
-            source => Some(BatchError::Job {
-                number,
-                job: job.to_string(),
-                source,
-            }),
-        })?
-    } else {
-        Vec::new()
-    };
+    let found = source::spectra(grid, &job, sources, simulate, control);
+    let (spectra, taken) = found.map_err(|failure| match failure {
+        Failure::Engine(EngineError::Cancelled) => None,
+        Failure::Engine(source) => Some(BatchError::Job {
+            number,
+            job: job.to_string(),
+            source,
+        }),
+        Failure::Source(error) => Some(error),
+    })?;
     store
         .commit(number, &job.completed(spectra, grid.wavelengths_nm.len()))
-        .map_err(|error| Some(BatchError::Store(error)))
+        .map_err(|error| Some(BatchError::Store(error)))?;
+    Ok(taken)
 }
 
 #[cfg(test)]

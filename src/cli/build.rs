@@ -1,16 +1,20 @@
 //! `splitsnow build`: the main job.
+use std::collections::BTreeMap;
 use std::fmt::Write;
+use std::path::{Path, PathBuf};
 use std::sync::atomic::Ordering;
 
+use anyhow::{anyhow, bail};
 use serde::Serialize;
 use serde_json::json;
 
 use super::common::{self, GridArgs, Interrupted};
 use super::compact::{self, Report};
-use crate::batch::{self, BatchError, Options};
+use crate::batch::{self, BatchError, Options, Source};
+use crate::config::grid::GridFile;
 use crate::engine::{Control, Request};
 use crate::grid::Shard;
-use crate::store::{self, Access, Store};
+use crate::store::{self, Access, Store, StoreError};
 
 /// Build the database of a grid and compress it; goes on where it stopped
 ///
@@ -33,13 +37,20 @@ Examples:
   splitsnow build configs/thesis.toml --shard 0/3
   splitsnow build configs/thesis.toml --shard 1/3
   splitsnow build configs/thesis.toml --shard 2/3
-  splitsnow build configs/thesis.toml")]
+  splitsnow build configs/thesis.toml
+
+  A table that grows: only what DIR does not have is simulated:
+  splitsnow build more.toml --from out/less")]
 pub(super) struct Args {
     #[command(flatten)]
     grid: GridArgs,
     /// Run share I of N of the jobs only (I from 0), and do not compress
     #[arg(long, value_name = "I/N")]
     shard: Option<Shard>,
+    /// Take over the spectra that the database in DIR already has, of a grid that
+    /// differs in the values of its axes only; may be given several times
+    #[arg(long, value_name = "DIR")]
+    from: Vec<PathBuf>,
     /// Delete the database that is there, and start again
     #[arg(long)]
     fresh: bool,
@@ -52,6 +63,8 @@ pub(super) struct Args {
 struct Summary<'a> {
     jobs: u64,
     jobs_run: u64,
+    nodes: u64,
+    nodes_reused: u64,
     #[serde(flatten)]
     report: &'a Report,
 }
@@ -63,11 +76,12 @@ pub(super) fn run(args: &Args) -> anyhow::Result<()> {
     let dir = args.grid.dir(&file);
     let threads = args.grid.threads()?;
     let cancel = common::interrupt_flag()?;
+    let sources = sources(args, &file, &inputs, &dir)?;
     if args.fresh {
         store::remove(&dir)?;
     }
     let access = args.shard.map_or(Access::Exclusive, Access::Shard);
-    let store = Store::build(&dir, grid, &inputs, access)?;
+    let store = Store::build(&dir, grid, &inputs, access).map_err(|e| growing(e, &dir))?;
     let options = Options {
         threads,
         shard: args.shard,
@@ -75,7 +89,7 @@ pub(super) fn run(args: &Args) -> anyhow::Result<()> {
     };
     let engine = grid.run.engine;
     let simulate = |request: &Request<'_>, control: &Control<'_>| engine.run(request, control);
-    let done = match batch::run(grid, &store, simulate, &options, cancel) {
+    let done = match batch::run_from(grid, &store, &sources, simulate, &options, cancel) {
         Err(BatchError::Interrupted { done, total }) => {
             return Err(interrupted(&format!("{done} of {total} jobs are done and safe")).into());
         }
@@ -93,12 +107,60 @@ pub(super) fn run(args: &Args) -> anyhow::Result<()> {
         return common::print_json(&Summary {
             jobs: done.jobs,
             jobs_run: done.run,
+            nodes: done.nodes,
+            nodes_reused: done.reused,
             report: &report,
         });
     }
-    let mut text = format!("{} jobs, {} of them run now\n\n", done.jobs, done.run);
-    write!(text, "{report}")?;
+    let mut text = format!("{} jobs, {} of them run now\n", done.jobs, done.run);
+    text += &reused(args, &done);
+    write!(text, "\n{report}")?;
     common::print(&text)
+}
+
+/// The databases to take spectra over from, all of them fit for it.
+fn sources(
+    args: &Args,
+    file: &GridFile,
+    inputs: &BTreeMap<String, String>,
+    dir: &Path,
+) -> anyhow::Result<Vec<Source>> {
+    let place = |path: &Path| std::fs::canonicalize(path).ok();
+    for path in &args.from {
+        let here = place(path) == place(dir) || place(path) == place(&store::database(dir));
+        if args.fresh && here && place(path).is_some() {
+            bail!(
+                "--fresh would delete {}, which --from is to take spectra over from; choose another output directory with --out",
+                path.display()
+            );
+        }
+    }
+    let open = |path: &PathBuf| Source::open(path, &file.grid, inputs, args.grid.path());
+    Ok(args.from.iter().map(open).collect::<Result<_, _>>()?)
+}
+
+/// How to go on with a database whose grid has changed.
+fn growing(error: StoreError, dir: &Path) -> anyhow::Error {
+    let of_axes = matches!(&error, StoreError::Differs { key, .. } if key.starts_with("axes."));
+    if !of_axes {
+        return error.into();
+    }
+    anyhow!(
+        "{error}; to keep the spectra it has, give another --out and --from {}",
+        dir.display()
+    )
+}
+
+/// How many spectra were taken over, if any were to be.
+fn reused(args: &Args, done: &batch::Summary) -> String {
+    if args.from.is_empty() {
+        return String::new();
+    }
+    format!(
+        "reused {} of {} nodes\n",
+        done.reused,
+        store.jobs().curves()
+    )
 }
 
 fn interrupted(safe: &str) -> Interrupted {
@@ -118,6 +180,7 @@ fn report_shard(args: &Args, store: &Store, done: &batch::Summary) -> anyhow::Re
             "jobs": done.jobs,
             "jobs_run": done.run,
             "jobs_left": left,
+            "nodes_reused": done.reused,
             "lost_share": { "mean": done.mean_lost_share, "max": done.max_lost_share },
         }));
     }
@@ -128,6 +191,7 @@ fn report_shard(args: &Args, store: &Store, done: &batch::Summary) -> anyhow::Re
         done.run,
         store.jobs().count()
     );
+    text += &reused(args, done);
     if done.max_lost_share > 0.0 {
         writeln!(
             text,

@@ -61,6 +61,11 @@ impl GridArgs {
         Ok(file)
     }
 
+    /// The grid file.
+    pub(super) fn path(&self) -> &Path {
+        &self.grid
+    }
+
     /// Where the database of `file` is or will be.
     pub(super) fn dir(&self, file: &GridFile) -> PathBuf {
         let default = || Path::new("out").join(&file.name);

@@ -117,6 +117,45 @@ impl Description {
         Ok(())
     }
 
+    /// Refuses the database at `path`, which `self` describes, if its nodes are no
+    /// nodes of what is asked for, whatever their values on the axes.
+    pub(super) fn check_nodes(&self, asked: &Self, path: &Path) -> Result<(), StoreError> {
+        const NONE: &str = "(none)";
+        let all = asked.entries.iter().chain(&self.entries);
+        for (key, _) in all {
+            let (stored, wanted) = (self.get(key), asked.get(key));
+            if stored != wanted && !self.is_of_axes(asked, key) {
+                return Err(StoreError::OtherNodes {
+                    path: path.into(),
+                    key: key.clone(),
+                    stored: stored.unwrap_or(NONE).into(),
+                    asked: wanted.unwrap_or(NONE).into(),
+                });
+            }
+        }
+        Ok(())
+    }
+
+    /// Whether a difference in `key` may come from the axes alone. Those beyond the
+    /// five may be there in one description and fixed in the other, and what there
+    /// is none of has neither laws nor tables; the parameters of each node then say
+    /// whether it is the same.
+    fn is_of_axes(&self, asked: &Self, key: &str) -> bool {
+        let moved = |axis| self.has_axis(axis) != asked.has_axis(axis);
+        let in_one = self.get(key).is_some() != asked.get(key).is_some();
+        match key {
+            "fixed.sphericity" | "spread.sphericity_half_width" | "spread.sphericity_sd" => {
+                in_one && moved(ExtraAxis::Sphericity)
+            }
+            "fixed.temperature_c" => moved(ExtraAxis::Temperature),
+            "fixed.water_saturation" => moved(ExtraAxis::WaterSaturation),
+            "fixed.black_carbon" => moved(ExtraAxis::BlackCarbon),
+            "fixed.substrate" | "data.ground" => moved(ExtraAxis::SubstrateReflectance),
+            "model.carbon_law" | "model.impurity_mass" => in_one,
+            _ => key.starts_with("axes.") || in_one && key.starts_with("data."),
+        }
+    }
+
     /// Refuses a layout this version cannot read.
     pub(super) fn check_format(&self, path: &Path) -> Result<(), StoreError> {
         let asked = FORMAT_VERSION.to_string();

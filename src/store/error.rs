@@ -109,6 +109,20 @@ pub enum StoreError {
         /// Its value now.
         asked: String,
     },
+    /// The nodes of the database are not those asked for.
+    #[error(
+        "nothing can be taken over from {}: it was made with {key} = {stored}, not {asked}; only the values of the axes may differ", .path.display()
+    )]
+    OtherNodes {
+        /// The database.
+        path: PathBuf,
+        /// First key that differs.
+        key: String,
+        /// Its value in the database.
+        stored: String,
+        /// Its value now.
+        asked: String,
+    },
     /// A part of the database other than a job's chunks is damaged.
     #[error("{} is damaged: {reason}", .path.display())]
     Damaged {

@@ -133,6 +133,26 @@ impl Store {
         Self::open_with(dir, None)
     }
 
+    /// Opens the database in `path`, or that is `path`, to take spectra over into
+    /// one of `grid` and `extra` (see [`build`](Self::build)).
+    ///
+    /// # Errors
+    /// As [`open`](Self::open); it differs in more than the values of axes.
+    pub fn open_source(
+        path: &Path,
+        grid: &Grid,
+        extra: &BTreeMap<String, String>,
+    ) -> Result<Self, StoreError> {
+        let store = if path.ends_with(DATABASE) {
+            Self::open(path.parent().unwrap_or(path))?
+        } else {
+            Self::open(path)?
+        };
+        let asked = Description::new(grid, extra);
+        store.description.check_nodes(&asked, &store.root)?;
+        Ok(store)
+    }
+
     /// Refuses if [`build`](Self::build) would refuse to go on with this
     /// database for `grid` and `extra`.
     ///
@@ -307,6 +327,12 @@ impl Store {
             StoreError::io("write, it is open for reading only:", &self.root)(reason)
         })
     }
+}
+
+/// The database in the output directory `dir`, if there is one.
+#[must_use]
+pub fn database(dir: &Path) -> PathBuf {
+    dir.join(DATABASE)
 }
 
 /// Deletes the database in `dir` and the compact file made from it, for a

@@ -5,6 +5,7 @@ use zarrs::array::ArrayError;
 use super::layout::ZarrArray;
 use super::{Store, StoreError, file};
 use crate::grid::Shard;
+use crate::measurement::{Measured, Spectrum};
 
 /// An array of spectra in the database.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
@@ -186,6 +187,60 @@ impl Store {
             .retrieve_chunk(&[job])
             .map_err(|error| self.damaged(array, &error))?;
         Ok(share.first().copied().unwrap_or(f64::NAN))
+    }
+
+    /// The spectra of `job`, one per curve in storage order, each with the largest
+    /// lost share of the job; `None` if it is not done.
+    ///
+    /// # Errors
+    /// A chunk cannot be read.
+    pub fn spectra(&self, job: u64) -> Result<Option<Vec<Spectrum>>, StoreError> {
+        if !self.is_done(job)? {
+            return Ok(None);
+        }
+        let wavelengths = self.layout.jobs.wavelengths() as usize;
+        let angles = self.layout.jobs.block()[4] as usize;
+        let lights = self.layout.lights();
+        let values = |quantity: Variable| {
+            let array = self.layout.quantity(quantity)?;
+            let chunk = self.layout.chunk(quantity, job)?;
+            let values: Result<Vec<f32>, _> = array.retrieve_chunk(&chunk);
+            values.map_err(|error| self.damaged(array, &error))
+        };
+        let kinds: &[[Variable; 4]] = match self.has_diffuse() {
+            true => &[Variable::ALL, Variable::DIFFUSE],
+            false => &[Variable::ALL],
+        };
+        let mut read = Vec::new();
+        for kind in kinds {
+            let four: Result<Vec<_>, _> = kind.iter().map(|quantity| values(*quantity)).collect();
+            read.push(four?);
+        }
+        let lost = self.lost_share(job)?;
+        let measured = |values: &[f32], errors: &[f32], row: usize| {
+            let pairs = values.iter().zip(errors).skip(row * wavelengths);
+            let measured = pairs.map(|(value, se)| Measured {
+                value: f64::from(*value),
+                se: f64::from(*se),
+            });
+            measured.take(wavelengths).collect()
+        };
+        let spectrum = |curve: usize| {
+            let (slab, light) = (curve / lights, curve % lights);
+            // those of isotropic light follow those of the angles of each thickness
+            let (kind, row) = match light.checked_sub(angles) {
+                None => (0, slab * angles + light),
+                Some(_) => (1, slab),
+            };
+            let [t, r, t_se, r_se] = [0, 1, 2, 3].map(|i| read[kind][i].as_slice());
+            Spectrum {
+                reflectance: measured(r, r_se, row),
+                transmittance: measured(t, t_se, row),
+                lost: vec![lost; wavelengths],
+            }
+        };
+        let slabs = self.layout.jobs.block()[3] as usize;
+        Ok(Some((0..slabs * lights).map(spectrum).collect()))
     }
 
     fn damaged(&self, array: &ZarrArray, error: &ArrayError) -> StoreError {

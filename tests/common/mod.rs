@@ -69,6 +69,11 @@ pub(crate) fn grid(engine: Engine) -> Grid {
     }
 }
 
+/// A number in [0, 1) that tells nodes apart.
+pub(crate) fn share(cell: u64) -> f64 {
+    (cell >> 11) as f64 / (1_u64 << 53) as f64
+}
+
 /// Stands in for an engine: fast, and a function of the request alone.
 pub(crate) fn simulate(request: &Request, control: &Control) -> Result<Vec<Spectrum>, EngineError> {
     if control.cancel.load(Ordering::Relaxed) {
@@ -86,13 +91,13 @@ pub(crate) fn simulate(request: &Request, control: &Control) -> Result<Vec<Spect
         };
         let measured = |nm: &f64, scale: f64| Measured {
             value: scale * (-thickness_m * nm * polar_angle_rad.cos() * (1.0 - grain)).exp(),
-            se: 1e-3 / (1.0 + request.cell as f64 + request.seed as f64),
+            se: 1e-3 / (1.0 + share(request.cell) + request.seed as f64),
         };
         let nm = request.wavelengths_nm.iter();
         Ok(Spectrum {
             transmittance: nm.clone().map(|nm| measured(nm, 0.4)).collect(),
             reflectance: nm.clone().map(|nm| measured(nm, 0.5)).collect(),
-            lost: nm.map(|_| request.cell as f64 * 1e-6).collect(),
+            lost: nm.map(|_| share(request.cell) * 1e-6).collect(),
         })
     });
     control.rays_done.fetch_add(request.rays, Ordering::Relaxed);
