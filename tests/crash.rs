@@ -232,3 +232,60 @@ fn failed_writes_lose_nothing() {
     assert!(folder.build(&[]).starts_with("48 jobs, 0 of them run now"));
     assert_same(&expected, &folder.bytes());
 }
+
+/// One job of some seconds, killed each time it has kept something of itself.
+#[test]
+fn a_job_that_is_killed_again_and_again_ends() {
+    let long = GRID
+        .replace("[0.1, 0.5, 0.9]", "[0.1]")
+        .replace("[300, 500]", "[300]")
+        .replace("[100, 200]", "[100]")
+        .replace("[0, 20, 40, 60]", "[0]")
+        .replace("rays = 2000", "rays = 120000");
+    let folder = || {
+        let folder = Folder::new();
+        fs::write(folder.path().join("g.toml"), &long).unwrap();
+        folder
+    };
+    let expected = folder();
+    assert!(
+        expected
+            .build(&["--threads", "1"])
+            .starts_with("1 jobs, 1 of them")
+    );
+    let folder = folder();
+    let units = folder.file(".splitsnow-units");
+    let state = || {
+        let entries = fs::read_dir(&units).into_iter().flatten();
+        let mut names: Vec<_> = entries.map(|entry| entry.unwrap().file_name()).collect();
+        names.sort();
+        names
+    };
+    let mut kills = 0;
+    loop {
+        let before = state();
+        let mut child = folder
+            .splitsnow(&["build", "g.toml", "--threads", "1"])
+            .spawn()
+            .unwrap();
+        while state() == before && child.try_wait().unwrap().is_none() {
+            sleep(Duration::from_millis(20));
+        }
+        child.kill().unwrap();
+        let output = child.wait_with_output().unwrap();
+        if output.status.signal() != Some(9) {
+            assert!(output.status.success(), "{}", text(&output));
+            break;
+        }
+        // torn, as by a power cut: passed over
+        if kills == 2 {
+            let file = units.join("0-0");
+            let bytes = fs::read(&file).unwrap();
+            fs::write(&file, &bytes[..bytes.len() / 2]).unwrap();
+        }
+        kills += 1;
+        assert!(kills < 60);
+    }
+    assert!(kills > 0, "the job is too short for this test");
+    assert_same(&expected.bytes(), &folder.bytes());
+}

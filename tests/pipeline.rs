@@ -22,6 +22,7 @@ mod lookup;
 mod measure;
 mod optical;
 mod store;
+mod units;
 mod verify;
 
 mod common;

@@ -7,7 +7,7 @@ mod source;
 use std::sync::atomic::{AtomicBool, AtomicU64, AtomicUsize, Ordering};
 use std::sync::{Arc, Mutex, PoisonError};
 
-use crate::engine::{Cache, Control, EngineError, Request};
+use crate::engine::{Cache, Control, EngineError, Request, Units};
 use crate::grid::{Grid, Shard};
 use crate::measurement::Spectrum;
 use crate::store::Store;
@@ -175,7 +175,25 @@ where
     let job = grid
         .job(&store.jobs(), number)
         .map_err(|error| Some(BatchError::Grid(error)))?;
-    let found = source::spectra(grid, &job, sources, simulate, control);
+    // What an earlier run finished of it, and where this one's goes.
+    let (shelf, before) = store
+        .shelf(number)
+        .map_err(|error| Some(BatchError::Store(error)))?;
+    let units = Units::new(Box::new(shelf.clone()), &before);
+    let cache = control.cache.with(units);
+    let control = Control {
+        cache: &cache,
+        ..*control
+    };
+    let found = source::spectra(grid, &job, sources, simulate, &control);
+    let saved = match found {
+        Err(Failure::Engine(EngineError::Cancelled)) => cache.save_units(),
+        _ => Ok(()),
+    };
+    if let Some(error) = shelf.failure() {
+        return Err(Some(BatchError::Store(error)));
+    }
+    let found = saved.map_err(Failure::Engine).and(found);
     let (spectra, taken) = found.map_err(|failure| match failure {
         Failure::Engine(EngineError::Cancelled) => None,
         Failure::Engine(source) => Some(BatchError::Job {

@@ -4,6 +4,8 @@
 use std::sync::atomic::Ordering;
 
 use rayon::prelude::*;
+use serde::Serialize;
+use serde::de::DeserializeOwned;
 
 use crate::engine::{Control, EngineError, Request, engine_error};
 use crate::rng::{Key, Stream};
@@ -12,13 +14,38 @@ use crate::transport::{Sink, Walk};
 /// Rays of one batch: enough for the eight lanes of a walk to stay busy
 /// although rays differ in length. Changing it changes every random number.
 pub const BATCH: u64 = 4096;
-/// Batches in flight at once: bounds the memory of very long runs.
+/// Batches in flight at once on several threads: bounds the memory of very long runs.
 const IN_FLIGHT: u64 = 16;
 
 /// A sink whose scores can be added up.
 pub(super) trait Scores: Sink + Clone + Send + Sync {
+    /// All that the scores of batches change.
+    type Sums: Serialize + DeserializeOwned;
     /// Adds the scores of another batch.
     fn merge(&mut self, other: &Self);
+    /// The sums so far.
+    fn sums(&self) -> Self::Sums;
+    /// These with other `sums`; `None` if they are of something else.
+    fn with(&self, sums: Self::Sums) -> Option<Self>;
+}
+
+/// Name of the unit of these walks.
+fn unit(request: &Request, illumination: usize, [engine, i, j]: [u32; 3]) -> String {
+    let cell = request.cell;
+    format!("batches {cell:x} {engine} {illumination} {i} {j}")
+}
+
+/// The scores of [`run`], if an earlier one did all of it.
+pub(super) fn finished<S: Scores>(
+    request: &Request,
+    control: &Control,
+    illumination: usize,
+    purpose: [u32; 3],
+    empty: &S,
+) -> Option<S> {
+    let name = unit(request, illumination, purpose) + " all";
+    let sums = control.cache.units.take(&name);
+    sums.and_then(|sums| empty.with(sums))
 }
 
 /// Walks `request.rays` rays, each batch with the `walker` of its number, in slabs of all `thicknesses_m` and gives their
@@ -32,8 +59,17 @@ pub(super) fn run<S: Scores, W: Walk>(
     [engine, i, j]: [u32; 3],
     empty: &S,
 ) -> Result<S, EngineError> {
+    let units = &control.cache.units;
+    let purpose = [engine, i, j];
+    if let Some(scores) = finished(request, control, illumination, purpose, empty) {
+        return Ok(scores);
+    }
     let batches = request.rays.div_ceil(BATCH);
     let one = |batch: u64| {
+        // not all walkers ask in between
+        if control.cancel.load(Ordering::Relaxed) {
+            return Err(EngineError::Cancelled);
+        }
         let key = Key {
             seed: request.seed,
             cell: request.cell,
@@ -54,12 +90,27 @@ pub(super) fn run<S: Scores, W: Walk>(
         control.rays_done.fetch_add(count, Ordering::Relaxed);
         Ok(scores)
     };
-    let mut total = empty.clone();
-    for first in (0..batches).step_by(IN_FLIGHT as usize) {
-        let group = first..batches.min(first + IN_FLIGHT);
-        let scores = map(control, group.collect(), one)?;
+    let name = unit(request, illumination, purpose);
+    let before = units.take(&name).and_then(|(next, sums)| {
+        let scores = empty.with(sums)?;
+        (next <= batches).then_some((next, scores))
+    });
+    let (mut next, mut total) = before.unwrap_or_else(|| (0, empty.clone()));
+    let in_flight = if control.parallel { IN_FLIGHT } else { 1 };
+    while next < batches {
+        let group = next..batches.min(next + in_flight);
+        let scores = match map(control, group.clone().collect(), one) {
+            Err(EngineError::Cancelled) if next > 0 => {
+                units.add(&name, &(next, total.sums()))?;
+                return Err(EngineError::Cancelled);
+            }
+            scores => scores?,
+        };
         scores.iter().for_each(|part| total.merge(part));
+        next = group.end;
+        units.add_if_due(&name, || (next, total.sums()))?;
     }
+    units.add(&(name + " all"), &total.sums())?;
     Ok(total)
 }
 

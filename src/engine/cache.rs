@@ -1,8 +1,10 @@
 //! What engines keep for the requests to come.
 use std::sync::{Arc, Mutex, PoisonError};
 
+use super::EngineError;
 use super::doubling::{Occasion, Walks};
 use super::tables::{Outcomes, Recipe};
+use super::units::Units;
 
 /// Bytes of tables kept: those of one shape of grain at the index nodes of a wide wet
 /// spectrum, 20 in air and in water, take 340 MB.
@@ -11,18 +13,21 @@ const TABLES: usize = 512 << 20;
 const WALKS: usize = 256 << 20;
 
 /// Tables of grain events and walks made so far, the latest used, within a budget of
-/// bytes. Holds nothing that changes a result.
+/// bytes; and what an earlier run finished of the request. Holds nothing that changes
+/// a result.
 #[derive(Debug)]
 pub struct Cache {
-    pub(super) tables: Kept<Recipe, Outcomes>,
-    pub(super) walks: Kept<Occasion, Walks>,
+    pub(super) tables: Arc<Kept<Recipe, Outcomes>>,
+    pub(super) walks: Arc<Kept<Occasion, Walks>>,
+    pub(super) units: Units,
 }
 
 impl Default for Cache {
     fn default() -> Self {
         Self {
-            tables: Kept::new(TABLES),
-            walks: Kept::new(WALKS),
+            tables: Arc::new(Kept::new(TABLES)),
+            walks: Arc::new(Kept::new(WALKS)),
+            units: Units::default(),
         }
     }
 }
@@ -33,9 +38,27 @@ impl Cache {
     #[must_use]
     pub fn of_cells() -> Self {
         Self {
-            walks: Kept::new(0),
+            walks: Arc::new(Kept::new(0)),
             ..Self::default()
         }
+    }
+
+    /// The same tables and walks, with the `units` of one request.
+    #[must_use]
+    pub fn with(&self, units: Units) -> Self {
+        Self {
+            tables: Arc::clone(&self.tables),
+            walks: Arc::clone(&self.walks),
+            units,
+        }
+    }
+
+    /// Saves what is finished of the request, which is to be stopped.
+    ///
+    /// # Errors
+    /// [`EngineError::Cancelled`]: it cannot be kept.
+    pub fn save_units(&self) -> Result<(), EngineError> {
+        self.units.save()
     }
 }
 

@@ -11,6 +11,7 @@ mod nodes;
 mod reference;
 mod spectral;
 mod tables;
+mod units;
 
 use std::sync::atomic::{AtomicBool, AtomicU64};
 
@@ -19,6 +20,7 @@ use thiserror::Error;
 pub use auto::MaxError;
 pub use batches::BATCH;
 pub use cache::Cache;
+pub use units::{Keep, Units};
 
 use crate::measurement::Spectrum;
 use crate::optics::{Index, OpticsError};

@@ -43,6 +43,23 @@ impl Sink for Counts<'_> {
 }
 
 impl batches::Scores for Counts<'_> {
+    type Sums = ([u64; 3], [u64; 2]);
+
+    fn sums(&self) -> Self::Sums {
+        let ends = [self.reflected, self.transmitted, self.lost];
+        (ends, self.bounces)
+    }
+
+    fn with(&self, ([reflected, transmitted, lost], bounces): Self::Sums) -> Option<Self> {
+        Some(Self {
+            reflected,
+            transmitted,
+            lost,
+            bounces,
+            ..*self
+        })
+    }
+
     fn merge(&mut self, other: &Self) {
         self.reflected += other.reflected;
         self.transmitted += other.transmitted;

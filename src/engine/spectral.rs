@@ -74,6 +74,32 @@ impl Sink for NodeScores<'_> {
 }
 
 impl batches::Scores for NodeScores<'_> {
+    type Sums = (Vec<Estimate>, Vec<Estimate>, Vec<u64>);
+
+    fn sums(&self) -> Self::Sums {
+        let [reflected, transmitted] = [&self.reflected, &self.transmitted].map(Vec::clone);
+        (reflected, transmitted, self.lost.clone())
+    }
+
+    fn with(&self, (reflected, transmitted, lost): Self::Sums) -> Option<Self> {
+        let lengths = |scores: &Self| {
+            let Self {
+                reflected,
+                transmitted,
+                lost,
+                ..
+            } = scores;
+            [reflected.len(), transmitted.len(), lost.len()]
+        };
+        let restored = Self {
+            reflected,
+            transmitted,
+            lost,
+            ..self.clone()
+        };
+        (lengths(&restored) == lengths(self)).then_some(restored)
+    }
+
     fn merge(&mut self, other: &Self) {
         let pairs = self.reflected.iter_mut().zip(&other.reflected);
         pairs.for_each(|(a, b)| a.merge(b));
@@ -205,15 +231,20 @@ fn walk_node(
             )?
         }
         Grains::Tabulated => {
-            let outcomes = tables::outcomes(request, control, node)?;
-            let stretches = tables::stretches(request, heights_m[heights - 1]);
-            let walker = |batch: u64| {
-                let part = batch as usize % tables::PARTS;
-                let pack = tables::pack(request, &outcomes, part, &stretches);
-                TableWalker { pack, absorption }
-            };
             let purpose = [3, number as u32, 0];
-            batches::run(request, control, walker, heights_m, light, purpose, &empty)?
+            match batches::finished(request, control, light, purpose, &empty) {
+                Some(scores) => scores,
+                None => {
+                    let outcomes = tables::outcomes(request, control, node)?;
+                    let stretches = tables::stretches(request, heights_m[heights - 1]);
+                    let walker = |batch: u64| {
+                        let part = batch as usize % tables::PARTS;
+                        let pack = tables::pack(request, &outcomes, part, &stretches);
+                        TableWalker { pack, absorption }
+                    };
+                    batches::run(request, control, walker, heights_m, light, purpose, &empty)?
+                }
+            }
         }
     };
     // the table's share in the error does not fall with the number of rays

@@ -3,6 +3,8 @@
 use std::sync::Arc;
 use std::sync::atomic::Ordering;
 
+use serde::{Deserialize, Serialize};
+
 use crate::engine::cache::Bytes;
 use crate::engine::{Control, EngineError, Request, Resolution, batches};
 use crate::grain::{GrainType, SizeRange, Surface};
@@ -40,7 +42,7 @@ pub(super) struct Outcomes {
 }
 
 /// What grain events do on average.
-#[derive(Debug)]
+#[derive(Debug, Serialize, Deserialize)]
 pub(super) struct Averages {
     /// Per part.
     pub(super) kernels: Vec<Kernel>,

@@ -1,4 +1,6 @@
 //! Running sums of a Monte Carlo estimate.
+use serde::{Deserialize, Serialize};
+
 use crate::measurement::Measured;
 
 /// Equal scores that tell enough about a distribution to estimate its variance.
@@ -6,7 +8,7 @@ const FEW: f64 = 10.0;
 
 /// Sum and sum of squares of the scores of rays; those that scored nothing
 /// count in the number of rays given to [`Estimate::measured`].
-#[derive(Debug, Clone, Copy, PartialEq, Default)]
+#[derive(Debug, Clone, Copy, PartialEq, Default, Serialize, Deserialize)]
 pub struct Estimate {
     sum: f64,
     sum_sq: f64,

@@ -43,6 +43,11 @@ impl Writer {
         })
     }
 
+    /// Whether no other process writes there.
+    pub(super) fn is_alone(&self) -> bool {
+        self.owner == Access::Exclusive
+    }
+
     /// A path no other live writer uses.
     pub(super) fn scratch(&self) -> PathBuf {
         self.scratch_in(&self.partial)
@@ -97,7 +102,7 @@ impl Writer {
 /// A process that was alone leaves no folder behind; a shard's may be in use.
 impl Drop for Writer {
     fn drop(&mut self) {
-        if self.owner == Access::Exclusive {
+        if self.is_alone() {
             let across = self.across.get_mut();
             let across = across.unwrap_or_else(PoisonError::into_inner);
             // What a failed deletion leaves is deleted at the next start.

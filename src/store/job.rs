@@ -42,7 +42,8 @@ impl Store {
         writer.write(&self.file(lost, &[job]), &bytes)?;
         let committed = &self.layout.committed;
         let mark = encode(committed, &[seal.finish()])?;
-        writer.write(&self.file(committed, &[job]), &mark)
+        writer.write(&self.file(committed, &[job]), &mark)?;
+        self.forget(job)
     }
 
     /// Whether `job` is done: its mark is there and agrees with its chunks, to

@@ -13,6 +13,7 @@
 //!                                that do not exist: 1, and NaN in all quantities
 //!   jobs/lost_share/ jobs/committed/   float64 and uint64 [job]
 //! DIR/.splitsnow-lock          empty; who holds its lock may write
+//! DIR/.splitsnow-units/        what is finished of jobs that are not done
 //! DIR/.splitsnow-held-...      instead, where the file system has no locks
 //! ```
 //!
@@ -30,11 +31,13 @@ mod job;
 mod layout;
 mod lock;
 mod read;
+mod shelf;
 mod space;
 
 use std::collections::BTreeMap;
 use std::fs;
 use std::path::{Path, PathBuf};
+use std::sync::Arc;
 
 use description::Description;
 use layout::Layout;
@@ -69,7 +72,7 @@ pub struct Store {
     root: PathBuf,
     description: Description,
     layout: Layout,
-    writer: Option<file::Writer>,
+    writer: Option<Arc<file::Writer>>,
     // Dropped last: nothing is written without it.
     _lock: Option<Lock>,
 }
@@ -108,13 +111,16 @@ impl Store {
             root,
             description: asked,
             layout,
-            writer: Some(writer),
+            writer: Some(Arc::new(writer)),
             _lock: Some(lock),
         };
         if stored.is_none() {
             store.create()?;
         }
         store.mend()?;
+        if access == Access::Exclusive {
+            store.forget_done()?;
+        }
         Ok(store)
     }
 
@@ -321,7 +327,7 @@ impl Store {
         }
     }
 
-    fn writer(&self) -> Result<&file::Writer, StoreError> {
+    fn writer(&self) -> Result<&Arc<file::Writer>, StoreError> {
         self.writer.as_ref().ok_or_else(|| {
             let reason = std::io::ErrorKind::PermissionDenied.into();
             StoreError::io("write, it is open for reading only:", &self.root)(reason)
@@ -333,6 +339,17 @@ impl Store {
 #[must_use]
 pub fn database(dir: &Path) -> PathBuf {
     dir.join(DATABASE)
+}
+
+/// Once no job is half done, there is no folder for their units.
+impl Drop for Store {
+    fn drop(&mut self) {
+        // Another shard may be about to write there.
+        if self.writer.as_ref().is_some_and(|writer| writer.is_alone()) {
+            // It fails where there are some, which stay.
+            let _ = fs::remove_dir(self.dir.join(shelf::UNITS));
+        }
+    }
 }
 
 /// Deletes the database in `dir` and the compact file made from it, for a
@@ -354,6 +371,7 @@ pub fn remove(dir: &Path) -> Result<(), StoreError> {
     // out of the way at once: a kill leaves no half of it.
     file::remove_file(&resolved(&dir.join(COMPACT)))?;
     file::remove_file(&resolved(&dir.join(DIFFUSE)))?;
+    file::remove_dir(&dir.join(shelf::UNITS))?;
     let writer = file::Writer::new(dir, Access::Exclusive)?;
     let scratch = writer.scratch();
     if root.is_symlink() {

@@ -11,6 +11,7 @@
 //! The first grain events of a ray use points of a lattice instead of random
 //! numbers (a Kronecker sequence after Roberts 2018, shifted at random), which
 //! cover the unit cube evenly and so leave less to chance.
+use serde::{Deserialize, Serialize};
 use wide::f64x8;
 
 use crate::math::legendre;
@@ -57,7 +58,7 @@ pub struct Region<'a> {
 }
 
 /// Where rays went.
-#[derive(Debug, Clone)]
+#[derive(Debug, Clone, Serialize, Deserialize)]
 pub struct Scores {
     /// Rays that left above: P_l(2 mu - 1) for l = 0, 1, ..., with mu the cosine from
     /// straight up; where the pack ends, l = 0 only.

@@ -1,5 +1,7 @@
 //! Scores of walks by their paths in ice, water and impurities, from which the
 //! mean score at any absorption follows.
+use serde::{Deserialize, Serialize};
+
 use crate::math::exp_neg;
 use crate::transport::{Coefficients, EXPONENTS, Path};
 
@@ -10,7 +12,7 @@ const FIRST_OCTAVE: i32 = -7;
 const OCTAVES: u32 = 20;
 
 /// Sums of scores over rays of about the same paths.
-#[derive(Debug, Clone, Default)]
+#[derive(Debug, Clone, Default, Serialize, Deserialize)]
 pub struct Histogram {
     /// One over the unit of path lengths, 1/m.
     per_m: f64,

@@ -1,5 +1,7 @@
 //! What one grain event does on average: the scattering kernel at any
 //! absorption, and how far a grain carries the ray.
+use serde::{Deserialize, Serialize};
+
 use crate::math::{DEGREES, legendre};
 use crate::table::{Histogram, Outcome};
 use crate::transport::{Coefficients, Path};
@@ -19,7 +21,7 @@ const SIZES: [[f64; 2]; 6] = [
 ];
 
 /// Sums over outcomes, by path in ice.
-#[derive(Debug, Clone)]
+#[derive(Debug, Clone, Serialize, Deserialize)]
 pub struct Kernel {
     sums: Histogram,
     moments: usize,

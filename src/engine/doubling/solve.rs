@@ -6,12 +6,13 @@ use super::Run;
 use super::cut::{BoundaryLayer, Joint, Slab};
 use super::inside::{Flights, Inside, Points, inside};
 use super::tally::Tally;
-use super::walks::Walks;
+use super::walks::{Walks, unit};
 use crate::engine::nodes::Mix;
 use crate::engine::tables::PARTS;
 use crate::engine::{Control, EngineError, batches, coefficients};
 use crate::measurement::{Measured, Spectrum};
 use crate::optics::Index;
+use crate::rng::Fingerprint;
 use crate::slab::Matrix;
 use crate::transport::Coefficients;
 
@@ -41,11 +42,20 @@ impl Run<'_> {
     ) -> Result<Vec<Spectrum>, EngineError> {
         let request = self.request;
         let coefficients = coefficients(request, indices);
+        let units = &control.cache.units;
+        let thicknesses = Fingerprint::of("thicknesses").and(request.thicknesses_m);
+        let name = format!("{} {:x}", unit(self, "curves"), thicknesses.finish());
         let one = |l: usize| {
+            let name = format!("{name} {l}");
+            if let Some(curves) = units.take(&name) {
+                return Ok(curves);
+            }
             if control.cancel.load(Ordering::Relaxed) {
                 return Err(EngineError::Cancelled);
             }
-            self.measured(walks, &mixes[l], &coefficients[l])
+            let curves = self.measured(walks, &mixes[l], &coefficients[l])?;
+            units.add(&name, &curves)?;
+            Ok(curves)
         };
         let count = request.thicknesses_m.len() * request.illuminations.len();
         let mut spectra = vec![Spectrum::default(); count];
