@@ -342,7 +342,7 @@ pub(crate) const GRID_ERRORS: &[(&str, &str)] = &[
     ("water_saturation = 0", "below = [{ thickness_cm = 1, density_kg_m3 = 300, grain = [{ size_um = { min = 300, max = 900 }, facetness = { min = 0, max = 1, mean = 0.5, sd = 1 } }] }]"),
     ("water_saturation = 0", "below = [{ thickness_cm = 0.5, density_kg_m3 = 300, grain = [{ size_um = { min = 300, max = 2000 }, facetness = { min = 0, max = 1, mean = 0.5, sd = 1 } }] }]"),
     ("water_saturation = 0", "below = [{ density_kg_m3 = 300, grain = [{ size_um = { min = 300, max = 600 }, facetness = { min = 0, max = 1, mean = 0.5, sd = 1 } }] }]"),
-    ("[run]", "[model]\nlayers = \"cascade\"\n[[fixed.below]]\nthickness_cm = 0.7\ndensity_kg_m3 = 300\ngrain = [{ size_um = { min = 300, max = 600 }, facetness = { min = 0, max = 1, mean = 0.5, sd = 1 } }]\n[run]"),
+    ("[run]", "[model]\nlayers = \"cascade\"\n[[fixed.below]]\nthickness_cm = 0.9\ndensity_kg_m3 = 300\ngrain = [{ size_um = { min = 300, max = 600 }, facetness = { min = 0, max = 1, mean = 0.5, sd = 1 } }]\n[run]"),
     ("[run]", "[model]\nlayers = \"cascade\"\n[[fixed.below]]\nthickness_cm = 0.5\ndensity_kg_m3 = 300\ngrain = [{ size_um = { min = 300, max = 600 }, facetness = { min = 0, max = 1, mean = 0.5, sd = 1 } }]\n[run]"),
     ("[run]", "[model]\nlayers = \"cascades\"\n[run]"),
     ("engine = \"spectral\"", "engine = \"spectrl\""),
