@@ -7,7 +7,7 @@ use std::path::PathBuf;
 
 use ndarray::Array2;
 use splitsnow::colour::Colorimeter;
-use splitsnow::compress::{Choice, Variant, compress};
+use splitsnow::compress::{Bands, Choice, Variant, compress};
 use splitsnow::export::{Eyes, LIGHTS, LUMINANCE, Sampling};
 use splitsnow::lookup::{Database, Point};
 use splitsnow::measurement::Quantity;
@@ -72,6 +72,7 @@ fn comparisons(
             curves.view(),
             Quantity::Transmittance,
             colour.as_ref(),
+            &Bands::default(),
             Choice::Components(components),
             Variant::default(),
         )?;

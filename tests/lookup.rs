@@ -5,7 +5,7 @@ use std::collections::BTreeMap;
 
 use ndarray::Array2;
 use proptest::prelude::*;
-use splitsnow::compress::{Choice, CompactFile, Variant, compress};
+use splitsnow::compress::{Bands, Choice, CompactFile, Variant, compress};
 use splitsnow::grid::Axes;
 use splitsnow::lookup::{Database, Lookup, LookupError, Point, Varsa2025};
 use splitsnow::measurement::Quantity;
@@ -46,7 +46,15 @@ fn database_over(
         let curves = Array2::from_shape_vec((rows.len() / 31, 31), rows).unwrap();
         let components = Choice::Components(31.min(curves.nrows()));
         let variant = Variant::default();
-        compress(curves.view(), quantity, None, components, variant).unwrap()
+        compress(
+            curves.view(),
+            quantity,
+            None,
+            &Bands::default(),
+            components,
+            variant,
+        )
+        .unwrap()
     };
     let file = CompactFile {
         axes,

@@ -11,7 +11,9 @@ use std::sync::atomic::{AtomicBool, AtomicU64};
 use splitsnow::batch;
 use splitsnow::certificate::{CERTIFICATE, Certificate};
 use splitsnow::colour::Colorimeter;
-use splitsnow::compress::{BOUNDS, Choice, CompactFile, Compressed, Variant, annotated, compress};
+use splitsnow::compress::{
+    BAND_ERRORS, BOUNDS, Bands, Choice, CompactFile, Compressed, Variant, annotated, compress,
+};
 use splitsnow::config;
 use splitsnow::engine::{Cache, Control, Engine, EngineError, Request};
 use splitsnow::grid::Grid;
@@ -55,12 +57,18 @@ fn build(
 
 fn write_compact(store: &Store, grid: &Grid, choice: Choice, promise: impl Fn(&mut Compressed)) {
     let colour = Colorimeter::new(&grid.wavelengths_nm).unwrap();
+    let bands = Bands::new(&grid.wavelengths_nm);
+    let bands = match choice {
+        Choice::Bounds(bounds) => bands.bounded(bounds.max_rmse),
+        Choice::Components(_) => bands,
+    };
     let compressed = |quantity, variable| {
         let curves = store.read(variable).unwrap().mapv(f64::from);
         let mut compressed = compress(
             curves.view(),
             quantity,
             colour.as_ref(),
+            &bands,
             choice,
             Variant::default(),
         )
@@ -328,6 +336,56 @@ fn a_spent_budget_says_what_was_not_checked() {
         ..OPTIONS
     };
     assert_eq!(verify(FRESH.path(), options), verify(FRESH.path(), OPTIONS));
+}
+
+#[test]
+fn a_bound_of_a_band_that_is_not_kept_fails() {
+    let dir = tempfile::tempdir().unwrap();
+    let nm = grid().wavelengths_nm;
+    let tight = |compressed: &mut Compressed| {
+        compressed.bands = Bands::new(&nm).bounded(Some(1e-9));
+    };
+    build(dir.path(), &grid(), crate::common::simulate, tight);
+    let message = "RMSE in visible";
+    let report = verify_files(dir.path());
+    assert_fails(&report, COMPACT_CHECK, message);
+    assert!(
+        report.to_string().contains("is not below 1.000e-9"),
+        "{report}"
+    );
+    // files from before bands were told
+    let none = |compressed: &mut Compressed| compressed.bands = Bands::default();
+    let dir = tempfile::tempdir().unwrap();
+    build(dir.path(), &grid(), crate::common::simulate, none);
+    let report = verify_files(dir.path());
+    assert!(report.passed(), "{report}");
+}
+
+#[test]
+fn changed_errors_of_a_band_fail() {
+    let dir = copy();
+    let path = dir.path().join(COMPACT);
+    let bytes = fs::read(&path).unwrap();
+    let text = Database::from_bytes(&bytes).unwrap().metadata()[BAND_ERRORS].clone();
+    let mut stated: serde_json::Value = serde_json::from_str(&text).unwrap();
+    let error = stated["reflectance"][0]["largest"]["error"]
+        .as_f64()
+        .unwrap();
+    stated["reflectance"][0]["largest"]["error"] = (error / 2.0).into();
+    for (text, message) in [
+        (
+            stated.to_string(),
+            "as the largest error of reflectance in visible",
+        ),
+        (
+            r#"{"transmittance":[]}"#.to_owned(),
+            "say nothing of visible",
+        ),
+        ("{".to_owned(), "`band_errors` cannot be read"),
+    ] {
+        fs::write(&path, annotated(&bytes, BAND_ERRORS, &text).unwrap()).unwrap();
+        assert_fails(&verify_files(dir.path()), COMPACT_CHECK, message);
+    }
 }
 
 /// One snow at 5 thicknesses and 4 angles, with little noise.

@@ -2,7 +2,7 @@
 //! their corners.
 use ndarray::Array2;
 use splitsnow::colour::{Colorimeter, delta_e};
-use splitsnow::compress::{Basis, Decomposition, Model, Precision};
+use splitsnow::compress::{Bands, Basis, Decomposition, Model, Precision};
 use splitsnow::measurement::Quantity;
 use splitsnow::slab::{Light, Medium, Streams};
 
@@ -125,7 +125,8 @@ pub(crate) fn decomposition() -> Vec<Check> {
             let rebuilt = m.dot(&found.basis).dot(&found.basis.t());
             let colour = (m.ncols() == 31).then_some(&colour);
             let quantity = Quantity::Transmittance;
-            let model = Model::new(m.view(), quantity, colour, Basis::Linear).unwrap();
+            let bands = Bands::default();
+            let model = Model::new(m.view(), quantity, colour, &bands, Basis::Linear).unwrap();
             let stored = model.coefficients(found.rank_limit(), Precision::F32);
             let table = model.table(&stored);
             let last = &table.rows[table.rows.len() - 1];

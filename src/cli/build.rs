@@ -20,8 +20,8 @@ use crate::store::{self, Access, Store, StoreError};
 ///
 /// Runs the jobs that are missing in the output directory, on all cores, and
 /// stores each as it ends. Once all are done, compresses the curves, prints the
-/// errors for each number of components, and writes the compact file
-/// `snow.safetensors` beside `database.zarr`.
+/// errors for each number of components, by band, and the largest error, and writes the
+/// compact file `snow.safetensors` beside `database.zarr`.
 ///
 /// Ctrl-C, a kill or a full disk lose nothing that was finished: run the same
 /// command again. The result is the same to the byte, whatever the threads,

@@ -11,8 +11,12 @@ use serde_json::{Map, Value, json};
 
 use super::common::{self, Spinner};
 use crate::colour::{Colorimeter, Viewing};
-use crate::compress::{Choice, CompactFile, Compressed, ErrorTable, Statistics, Variant, compress};
-use crate::grid::{Axes, Compression};
+use crate::compress::{
+    BandError, Bands, Choice, CompactFile, Compressed, ErrorTable, Largest, Statistics, Variant,
+    compress,
+};
+use crate::grid::{Axes, Compression, described};
+use crate::lookup::Database;
 use crate::measurement::Quantity;
 use crate::store::{COMPACT, DIFFUSE, Store, Variable, estimated_bytes};
 
@@ -72,7 +76,17 @@ struct QuantityReport {
     rmse: Option<Statistics>,
     delta_e: Option<Statistics>,
     max_standard_error: f32,
+    bands: Vec<BandError>,
+    largest: Option<LargestError>,
     error_table: ErrorTable,
+}
+
+/// The largest error of any curve at any wavelength, and the node of the curve.
+#[derive(Debug, Serialize)]
+struct LargestError {
+    #[serde(flatten)]
+    largest: Largest,
+    at: String,
 }
 
 /// Share of the rays that hit an event limit and count in no quantity.
@@ -120,11 +134,21 @@ fn write_one(store: &Store, asked: &Asked, diffuse: bool) -> anyhow::Result<Repo
     };
     let variable = |of: Variable| if diffuse { of.diffuse() } else { of };
     let rows = axes.existing(store.absent());
-    let compressed = |quantity, variable| -> anyhow::Result<Option<Compressed>> {
+    let mut max_standard_errors = [0.0; 2];
+    let mut compressed = |quantity, [values, errors]: [_; 2]| -> anyhow::Result<_> {
         if !asked.quantities.contains(&quantity) {
             return Ok(None);
         }
-        let curves = store.read(variable)?.mapv(f64::from);
+        let errors = store.read(variable(errors))?;
+        max_standard_errors[quantity as usize] = errors.iter().copied().fold(0.0, f32::max);
+        // standard errors of curves that do not exist are NaN, which no maximum is
+        let bands = Bands::new(store.wavelengths_nm()).with_noise(errors.view());
+        let bands = match asked.choice {
+            Choice::Bounds(bounds) => bands.bounded(bounds.max_rmse),
+            Choice::Components(_) => bands,
+        };
+        drop(errors);
+        let curves = store.read(variable(values))?.mapv(f64::from);
         let all = curves.nrows();
         let curves = if rows.len() < all {
             curves.select(Axis(0), &rows)
@@ -132,12 +156,19 @@ fn write_one(store: &Store, asked: &Asked, diffuse: bool) -> anyhow::Result<Repo
             curves
         };
         let colour = colour.as_ref();
-        let compressed = compress(curves.view(), quantity, colour, asked.choice, asked.variant);
+        let (choice, variant) = (asked.choice, asked.variant);
+        let compressed = compress(curves.view(), quantity, colour, &bands, choice, variant);
         let compressed = compressed.with_context(|| quantity.name())?;
         Ok(Some(compressed.spread_over(&rows, all)))
     };
-    let transmittance = compressed(Quantity::Transmittance, variable(Variable::Transmittance))?;
-    let reflectance = compressed(Quantity::Reflectance, variable(Variable::Reflectance))?;
+    let transmittance = compressed(
+        Quantity::Transmittance,
+        [Variable::Transmittance, Variable::TransmittanceSe],
+    )?;
+    let reflectance = compressed(
+        Quantity::Reflectance,
+        [Variable::Reflectance, Variable::ReflectanceSe],
+    )?;
     let (provenance, mut extra) = metadata(store, asked.choice, &asked.viewing)?;
     if diffuse {
         let light = "diffuse: isotropic radiance; the one angle_deg, 0, stands for all directions";
@@ -155,9 +186,10 @@ fn write_one(store: &Store, asked: &Asked, diffuse: bool) -> anyhow::Result<Repo
     let compact = store.dir().join(if diffuse { DIFFUSE } else { COMPACT });
     file.write(&compact)?;
     drop(spinner);
-    let report = |errors, compressed: Option<Compressed>| {
-        let report = compressed.map(|compressed| QuantityReport::new(store, errors, compressed));
-        report.transpose()
+    let written = Database::open(&compact)?;
+    let report = |quantity, compressed: Option<Compressed>| {
+        let max_standard_error = max_standard_errors[quantity as usize];
+        compressed.map(|one| QuantityReport::new(&written, max_standard_error, one))
     };
     Ok(Report {
         database: store.path().into(),
@@ -170,8 +202,8 @@ fn write_one(store: &Store, asked: &Asked, diffuse: bool) -> anyhow::Result<Repo
         compact,
         basis: basis.name(),
         precision: precision.name(),
-        transmittance: report(variable(Variable::TransmittanceSe), transmittance)?,
-        reflectance: report(variable(Variable::ReflectanceSe), reflectance)?,
+        transmittance: report(Quantity::Transmittance, transmittance),
+        reflectance: report(Quantity::Reflectance, reflectance),
         lost_share: Lost::of(store)?,
         next: next(store, asked, diffuse),
         diffuse: None,
@@ -241,20 +273,29 @@ fn next(store: &Store, asked: &Asked, diffuse: bool) -> String {
 }
 
 impl QuantityReport {
-    fn new(store: &Store, errors: Variable, compressed: Compressed) -> anyhow::Result<Self> {
-        let components = compressed.components();
-        let bits = compressed.coefficients.bits();
-        let table = compressed.table;
-        let row = table.rows.iter().find(|row| row.components == components);
-        let max_standard_error = store.read(errors)?.iter().copied().fold(0.0, f32::max);
-        Ok(Self {
-            components,
-            bits,
+    /// `database` is the file that it was written to.
+    fn new(database: &Database, max_standard_error: f32, compressed: Compressed) -> Self {
+        let row = compressed.errors().copied();
+        let bands = compressed.band_errors();
+        let larger = |a: Largest, b: Largest| if b.error > a.error { b } else { a };
+        let largest = bands.iter().map(|band| band.largest).reduce(larger);
+        let at = |row| {
+            let point = database.point(row);
+            point.map_or(String::new(), |p| described(&p, &database.conditions(row)))
+        };
+        Self {
+            components: compressed.components(),
+            bits: compressed.coefficients.bits(),
             rmse: row.map(|row| row.rmse),
             delta_e: row.and_then(|row| row.delta_e),
             max_standard_error,
-            error_table: table,
-        })
+            bands,
+            largest: largest.map(|largest| LargestError {
+                at: at(largest.curve),
+                largest,
+            }),
+            error_table: compressed.table,
+        }
     }
 
     /// Largest errors with the components chosen.
@@ -272,6 +313,27 @@ impl QuantityReport {
             let _ = write!(text, ", RMSE at most {:.5}", rmse.max);
         }
         text
+    }
+}
+
+/// Lines of the bands and the largest error, each after 16 columns.
+impl fmt::Display for QuantityReport {
+    fn fmt(&self, f: &mut fmt::Formatter) -> fmt::Result {
+        let bands = self.bands.iter().map(|band| {
+            let bound = band.max_rmse.map(|bound| format!(" < {bound}"));
+            let (name, rmse) = (band.band.name(), band.rmse.max);
+            format!("{name} {rmse:.5}{}", bound.unwrap_or_default())
+        });
+        let bands: Vec<_> = bands.collect();
+        writeln!(f, "  RMSE in       {}", bands.join(", "))?;
+        if let Some(LargestError { largest, at }) = &self.largest {
+            writeln!(
+                f,
+                "  largest error {:.5} at {} nm: {at}",
+                largest.error, largest.wavelength_nm
+            )?;
+        }
+        Ok(())
     }
 }
 
@@ -331,6 +393,7 @@ impl fmt::Display for Report {
                 report.errors(),
                 report.max_standard_error
             )?;
+            write!(f, "{report}")?;
         }
         if self.lost_share.max > 0.0 {
             writeln!(

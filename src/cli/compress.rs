@@ -15,6 +15,10 @@ use crate::store::Store;
 /// curve, or with the number given. Transmittance and reflectance are compressed
 /// apart.
 ///
+/// The RMSE is bounded in each band of wavelengths: uv_a (to 400 nm), visible (400-780),
+/// ir_a (780-1400), ir_b (from 1400). Unless --max-rmse is given, its bound is twice the
+/// largest standard error of a curve in the band, but at least 0.002.
+///
 /// With `--basis log` the components are of the logarithm of transmittance and
 /// of 1 - reflectance; transmittance of thick snow then needs fewer. With
 /// `--precision` each is smaller. Errors and bounds are of the file as it is written. Quantised
@@ -40,7 +44,8 @@ pub(super) struct Args {
     /// Largest Delta-E allowed on any curve [default: 2.3]
     #[arg(long, value_name = "X", value_parser = common::positive)]
     max_delta_e: Option<f64>,
-    /// Largest RMSE allowed on any curve [default: none; 0.002 if no wavelength is visible]
+    /// Largest RMSE allowed on any curve, over all its wavelengths and in each band
+    /// [default: by the simulation's own error in each band, see above]
     #[arg(long, value_name = "Y", value_parser = common::positive)]
     max_rmse: Option<f64>,
     /// Keep this many components, whatever the errors

@@ -1,10 +1,12 @@
 //! `splitsnow query`: one spectrum from a compact file.
+use std::collections::BTreeMap;
 use std::fmt::Write;
 use std::path::PathBuf;
 
 use super::common;
 use super::point::{self, PointArgs};
 use crate::certificate::{CERTIFICATE, Certificate};
+use crate::compress::{BAND_ERRORS, BandError};
 use crate::fit::BETWEEN_WAVELENGTHS;
 use crate::lookup::{Database, Lookup, Varsa2025};
 use crate::measurement::Quantity;
@@ -101,6 +103,12 @@ fn explanation(database: &Database, quantity: Quantity) -> String {
         let n = database.wavelengths_nm().len();
         let _ = write!(text, "\n{n} wavelengths, between them {between}");
     }
+    let bands = database.metadata().get(BAND_ERRORS);
+    let bands = bands.and_then(|text| serde_json::from_str(text).ok());
+    let bands: BTreeMap<String, Vec<BandError>> = bands.unwrap_or_default();
+    for band in bands.get(quantity.name()).into_iter().flatten() {
+        let _ = write!(text, "\n{}", compression(band));
+    }
     let certificate = database.metadata().get(CERTIFICATE);
     let certificate = certificate.and_then(|text| serde_json::from_str::<Certificate>(text).ok());
     let _ = match certificate {
@@ -110,5 +118,29 @@ fn explanation(database: &Database, quantity: Quantity) -> String {
             "\nno certificate: `splitsnow verify` measures how far its answers are off"
         ),
     };
+    text
+}
+
+/// What the compression costs in a band.
+fn compression(band: &BandError) -> String {
+    let BandError { rmse, largest, .. } = band;
+    let mut text = format!(
+        "compression in {} ({}-{} nm): RMSE at most {:.5}",
+        band.band.name(),
+        band.from_nm,
+        band.to_nm,
+        rmse.max
+    );
+    if let Some(bound) = band.max_rmse {
+        let _ = write!(text, " (below {bound})");
+    }
+    if let Some(noise) = band.standard_error {
+        let _ = write!(text, ", standard error at most {noise:.5}");
+    }
+    let _ = write!(
+        text,
+        ", largest error {:.5} at {} nm",
+        largest.error, largest.wavelength_nm
+    );
     text
 }

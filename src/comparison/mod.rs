@@ -5,6 +5,7 @@ mod exclusion;
 mod measured;
 
 use crate::measurement::Measured;
+pub use crate::spectrum::Band;
 
 pub use error::MeasuredError;
 pub use exclusion::{Exclusion, excluded};
@@ -13,54 +14,6 @@ pub use measured::{Hints, Matched, MeasuredSpectrum, RANGE_NM, VALUES};
 
 /// Varsa 2025 calls a root mean square error below this good.
 pub const GOOD_RMSE: f64 = 0.03;
-
-/// The ranges of wavelengths in which errors are told.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub enum Band {
-    /// 350-400 nm.
-    UvA,
-    /// 400-780 nm.
-    Visible,
-    /// 780-1400 nm.
-    IrA,
-    /// 1400-2500 nm, what is used of IR-B.
-    IrB,
-}
-
-impl Band {
-    /// All, by wavelength.
-    pub const ALL: [Self; 4] = [Self::UvA, Self::Visible, Self::IrA, Self::IrB];
-
-    /// The name used in output.
-    #[must_use]
-    pub fn name(self) -> &'static str {
-        match self {
-            Self::UvA => "uv_a",
-            Self::Visible => "visible",
-            Self::IrA => "ir_a",
-            Self::IrB => "ir_b",
-        }
-    }
-
-    /// Where it begins and ends, nm.
-    #[must_use]
-    pub fn range_nm(self) -> (f64, f64) {
-        match self {
-            Self::UvA => (350.0, 400.0),
-            Self::Visible => (400.0, 780.0),
-            Self::IrA => (780.0, 1400.0),
-            Self::IrB => (1400.0, 2500.0),
-        }
-    }
-
-    /// Whether it holds a wavelength, nm: its begin is its own, its end is the next
-    /// band's; 2500 nm is the last one's.
-    #[must_use]
-    pub fn holds(self, nm: f64) -> bool {
-        let (from, to) = self.range_nm();
-        from <= nm && (nm < to || (self == Self::IrB && nm == to))
-    }
-}
 
 /// One wavelength of a comparison.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -195,15 +148,5 @@ mod tests {
         assert!(close(overall.mean_simulated_se, 0.002));
         assert!(close(overall.mean_uncertainty.unwrap(), 0.01));
         assert_eq!((overall.points, comparison.points.len()), (4, 5));
-    }
-
-    #[test]
-    fn every_wavelength_has_one_band() {
-        for nm in [350.0, 399.9, 400.0, 779.0, 780.0, 1400.0, 2499.0, 2500.0] {
-            let held = Band::ALL.iter().filter(|band| band.holds(nm)).count();
-            assert_eq!(held, 1, "{nm}");
-        }
-        assert!(Band::ALL.iter().all(|band| !band.holds(349.9)));
-        assert!(Band::Visible.holds(400.0) && Band::IrA.holds(780.0) && Band::IrB.holds(1400.0));
     }
 }

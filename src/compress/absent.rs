@@ -34,6 +34,10 @@ impl Compressed {
             if let Some(delta_e) = &mut errors.delta_e {
                 row(&mut delta_e.worst_curve);
             }
+            for band in errors.bands.iter_mut().flatten() {
+                row(&mut band.rmse.worst_curve);
+                row(&mut band.largest.curve);
+            }
         }
         self
     }
@@ -59,7 +63,7 @@ fn placed<T: Copy + Default>(values: &[T], rows: &[usize], curves: usize) -> Vec
 #[allow(clippy::unwrap_used)]
 mod tests {
     use super::*;
-    use crate::compress::{Choice, Precision, Variant, compress};
+    use crate::compress::{Bands, Choice, Precision, Variant, compress};
     use crate::measurement::Quantity;
 
     #[test]
@@ -67,6 +71,7 @@ mod tests {
         let curves =
             Array2::from_shape_fn((6, 4), |(i, j)| 0.1 + 0.1 * (i as f64) + 0.02 * j as f64);
         let rows = [0, 2, 3, 5, 6, 8];
+        let bands = Bands::new(&[390.0, 500.0, 600.0, 900.0]);
         for precision in Precision::ALL {
             let variant = Variant {
                 precision,
@@ -76,6 +81,7 @@ mod tests {
                 curves.view(),
                 Quantity::Reflectance,
                 None,
+                &bands,
                 Choice::Components(2),
                 variant,
             );
@@ -88,6 +94,10 @@ mod tests {
             }
             for (one, other) in all.table.rows.iter().zip(&few.table.rows) {
                 assert_eq!(one.rmse.worst_curve, rows[other.rmse.worst_curve]);
+                for (one, other) in one.bands.iter().flatten().zip(other.bands.iter().flatten()) {
+                    assert_eq!(one.rmse.worst_curve, rows[other.rmse.worst_curve]);
+                    assert_eq!(one.largest.curve, rows[other.largest.curve]);
+                }
             }
             assert_eq!(few.clone().spread_over(&[0, 1, 2, 3, 4, 5], 6), few);
         }

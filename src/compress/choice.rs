@@ -1,16 +1,17 @@
 //! Choosing the number of components.
 use serde::{Deserialize, Serialize};
 
-use super::{CompressError, ErrorRow, ErrorTable, Precision};
+use super::bands::rmse_in;
+use super::{Bands, CompressError, ErrorRow, ErrorTable, Precision};
 use crate::grid::Compression;
 
 /// Bound on Delta-E where none is given: a just noticeable difference (Varsa
 /// 2025, section 8.2), as in grid files.
 pub const DEFAULT_MAX_DELTA_E: f64 = 2.3;
 
-/// Bound on the RMSE of every curve where neither a colour nor a bound of the
-/// user's can decide (a database without visible wavelengths): about the largest
-/// error that Varsa 2025, section 8.2 accepts with two components.
+/// Least default bound on the RMSE of every curve in each band ([`Bands::bounded`]),
+/// and over all wavelengths where nothing else decides: about the largest error that
+/// Varsa 2025, section 8.2 accepts with two components.
 pub const DEFAULT_MAX_RMSE: f64 = 0.002;
 
 /// How the number of components is found.
@@ -34,13 +35,15 @@ pub struct Bounds {
 }
 
 impl Choice {
-    /// The bounds that curves with or without a colour keep.
+    /// The bounds that curves with or without a colour keep over all wavelengths,
+    /// beside those of `bands`.
     #[must_use]
-    pub fn bounds(self, coloured: bool) -> Bounds {
+    pub fn bounds(self, coloured: bool, bands: &Bands) -> Bounds {
         let Self::Bounds(asked) = self else {
             return Bounds::default();
         };
-        let default = (!coloured).then_some(DEFAULT_MAX_RMSE);
+        let decided = coloured || bands.are_bounded();
+        let default = (!decided).then_some(DEFAULT_MAX_RMSE);
         Bounds {
             max_delta_e: coloured.then_some(asked.max_delta_e),
             max_rmse: asked.max_rmse.or(default),
@@ -49,35 +52,48 @@ impl Choice {
 }
 
 /// The smallest number of components in `table` whose largest Delta-E is below
-/// `bounds.max_delta_e` and whose largest RMSE is below `bounds.max_rmse`, where
-/// that is set. Without a colour only the RMSE decides, with
-/// [`DEFAULT_MAX_RMSE`] unless one is set. `precision` is told in the error only.
+/// `bounds.max_delta_e`, whose largest RMSE is below `bounds.max_rmse`, and that in
+/// each of `bands` below its bound, where these are set. `precision` is told in the
+/// error only.
 ///
 /// # Errors
 /// [`CompressError::Bound`] for a bound that is not above 0;
 /// [`CompressError::Unreachable`], of the table's last row, if no row keeps them.
 pub fn choose(
     table: &ErrorTable,
-    bounds: &Compression,
+    bounds: &Bounds,
+    bands: &Bands,
     precision: Precision,
 ) -> Result<usize, CompressError> {
-    let coloured = table.rows.iter().all(|row| row.delta_e.is_some());
-    let max_rmse = Choice::Bounds(*bounds).bounds(coloured).max_rmse;
-    let max_rmse = max_rmse.unwrap_or(f64::INFINITY);
-    let named = [("max_delta_e", bounds.max_delta_e), ("max_rmse", max_rmse)];
-    for (name, value) in named {
-        if value.is_nan() || value <= 0.0 {
-            return Err(CompressError::Bound { name, value });
+    let of_bands = bands.parts().iter().map(|part| ("max_rmse", part.max_rmse));
+    let named = [
+        ("max_delta_e", bounds.max_delta_e),
+        ("max_rmse", bounds.max_rmse),
+    ];
+    for (name, value) in named.into_iter().chain(of_bands) {
+        match value {
+            Some(value) if value.is_nan() || value <= 0.0 => {
+                return Err(CompressError::Bound { name, value });
+            }
+            _ => {}
         }
     }
+    // What is bounded but not there reaches NaN, which breaks any bound.
+    let nan = f64::NAN;
     let broken = |row: &ErrorRow| {
-        let reached = row.delta_e.map(|e| e.max);
-        let rmse = ("RMSE", max_rmse, row.rmse.max);
-        let measures = reached.map(|e| ("Delta-E", bounds.max_delta_e, e));
-        measures
-            .into_iter()
-            .chain([rmse])
-            .find(|(_, bound, reached)| reached.is_nan() || reached >= bound)
+        let colour = row.delta_e.map_or(nan, |e| e.max);
+        let in_bands = bands.parts().iter().map(|part| {
+            let reached = row.bands[part.band as usize].map_or(nan, |found| found.rmse.max);
+            (rmse_in(part.band), part.max_rmse, reached)
+        });
+        [
+            ("Delta-E", bounds.max_delta_e, colour),
+            ("RMSE", bounds.max_rmse, row.rmse.max),
+        ]
+        .into_iter()
+        .chain(in_bands)
+        .filter_map(|(name, bound, reached)| Some((name, bound?, reached)))
+        .find(|(_, bound, reached)| reached.is_nan() || reached >= bound)
     };
     let mut last = None;
     for row in &table.rows {
@@ -86,7 +102,7 @@ pub fn choose(
             Some(measure) => last = Some((row.components, measure)),
         }
     }
-    let (components, (name, bound, reached)) = last.unwrap_or((0, ("RMSE", max_rmse, f64::NAN)));
+    let (components, (name, bound, reached)) = last.unwrap_or((0, ("RMSE", nan, nan)));
     Err(CompressError::Unreachable {
         name,
         bound,
@@ -100,7 +116,8 @@ pub fn choose(
 #[allow(clippy::unwrap_used)]
 mod tests {
     use super::*;
-    use crate::compress::Statistics;
+    use crate::compress::{InBand, Largest, Statistics};
+    use crate::spectrum::Band;
 
     fn statistics(max: f64) -> Statistics {
         Statistics {
@@ -126,6 +143,7 @@ mod tests {
                 components: i + 1,
                 rmse: statistics(rmse),
                 delta_e: coloured.then(|| statistics(colour)),
+                bands: [None; 4],
             });
         ErrorTable {
             rows: rows.collect(),
@@ -140,43 +158,78 @@ mod tests {
         }
     }
 
+    /// Of a table without bands.
+    fn chosen(table: &ErrorTable, asked: Compression) -> Result<usize, CompressError> {
+        let none = Bands::default();
+        let coloured = table.rows[0].delta_e.is_some();
+        let bounds = Choice::Bounds(asked).bounds(coloured, &none);
+        choose(table, &bounds, &none, Precision::F32)
+    }
+
     #[test]
     fn the_published_table_gives_two_components() {
-        assert_eq!(
-            choose(&published(true), &bounds(2.3, None), Precision::F32),
-            Ok(2)
-        );
+        assert_eq!(chosen(&published(true), bounds(2.3, None)), Ok(2));
     }
 
     #[test]
     fn both_bounds_hold_and_are_strict() {
         let table = published(true);
-        assert_eq!(
-            choose(&table, &bounds(2.3, Some(0.001915)), Precision::F32),
-            Ok(3)
-        );
-        assert_eq!(
-            choose(&table, &bounds(1.0, Some(0.01)), Precision::F32),
-            Ok(3)
-        );
-        assert_eq!(choose(&table, &bounds(1.3955, None), Precision::F32), Ok(3));
-        assert_eq!(choose(&table, &bounds(3.0, None), Precision::F32), Ok(1));
+        assert_eq!(chosen(&table, bounds(2.3, Some(0.001915))), Ok(3));
+        assert_eq!(chosen(&table, bounds(1.0, Some(0.01))), Ok(3));
+        assert_eq!(chosen(&table, bounds(1.3955, None)), Ok(3));
+        assert_eq!(chosen(&table, bounds(3.0, None)), Ok(1));
     }
 
     #[test]
     fn without_colour_the_rmse_decides() {
         let table = published(false);
-        assert_eq!(choose(&table, &bounds(2.3, None), Precision::F32), Ok(2));
-        assert_eq!(
-            choose(&table, &bounds(2.3, Some(0.005)), Precision::F32),
-            Ok(1)
+        assert_eq!(chosen(&table, bounds(2.3, None)), Ok(2));
+        assert_eq!(chosen(&table, bounds(2.3, Some(0.005))), Ok(1));
+    }
+
+    /// Each band has its own bound, whatever the colour and the mean over all.
+    #[test]
+    fn every_band_keeps_its_bound() {
+        let mut table = published(true);
+        for (row, error) in table.rows.iter_mut().zip([0.03, 0.004, 0.0019, 0.001]) {
+            for (band, error) in [(Band::Visible, error / 10.0), (Band::IrA, error)] {
+                let largest = Largest {
+                    error,
+                    wavelength_nm: 900.0,
+                    curve: 0,
+                };
+                let rmse = statistics(error);
+                row.bands[band as usize] = Some(InBand { rmse, largest });
+            }
+        }
+        let nm = [500.0, 900.0];
+        let asked = |asked, bands: &Bands| {
+            let bounds = Choice::Bounds(asked).bounds(true, bands);
+            choose(&table, &bounds, bands, Precision::F32)
+        };
+        let colour_alone = bounds(2.3, None);
+        assert_eq!(asked(colour_alone, &Bands::new(&nm)), Ok(2));
+        let defaults = Bands::new(&nm).bounded(None);
+        assert_eq!(asked(colour_alone, &defaults), Ok(3));
+        let loose = Bands::new(&nm).bounded(Some(0.005));
+        assert_eq!(asked(colour_alone, &loose), Ok(2));
+        let tight = Bands::new(&nm).bounded(Some(1e-3));
+        let error = asked(colour_alone, &tight).unwrap_err().to_string();
+        assert!(
+            error.contains("largest RMSE in ir_a is 1.000e-3, not below 1e-3"),
+            "{error}"
         );
+        // a band that the table lacks
+        let more = Bands::new(&[500.0, 2000.0]).bounded(None);
+        assert!(asked(colour_alone, &more).is_err());
+        let without = Choice::Bounds(colour_alone).bounds(false, &defaults);
+        assert_eq!(without, Bounds::default());
     }
 
     #[test]
     fn what_cannot_be_kept_is_said() {
         let table = published(true);
-        let error = choose(&table, &bounds(0.1, None), Precision::F32).unwrap_err();
+        let error = chosen(&table, bounds(0.1, None)).unwrap_err();
         let CompressError::Unreachable {
             name,
             bound,
@@ -192,12 +245,7 @@ mod tests {
             ("Delta-E", 0.1, 0.2672, 4)
         );
         for bad in [0.0, -1.0, f64::NAN] {
-            let refused = |b| {
-                matches!(
-                    choose(&table, &b, Precision::F32),
-                    Err(CompressError::Bound { .. })
-                )
-            };
+            let refused = |b| matches!(chosen(&table, b), Err(CompressError::Bound { .. }));
             assert!(refused(bounds(bad, None)));
             assert!(refused(bounds(2.3, Some(bad))));
         }

@@ -12,11 +12,11 @@ use serde_json::{Value, json};
 use thiserror::Error;
 
 use super::format::{
-    ABSENT, AXES, BASIS, BOUNDS, Coordinate, ERROR_TABLE, FORMAT, FORMAT_VERSION, MAX_HEADER,
-    MAX_NUMBER, PRECISION, PROVENANCE, QUANTITIES, WAVELENGTHS, axis_order, basis_name,
+    ABSENT, AXES, BAND_ERRORS, BASIS, BOUNDS, Coordinate, ERROR_TABLE, FORMAT, FORMAT_VERSION,
+    MAX_HEADER, MAX_NUMBER, PRECISION, PROVENANCE, QUANTITIES, WAVELENGTHS, axis_order, basis_name,
     coefficients_name, components_key, extra, integers_name, number, quantisation_name, quantities,
 };
-use super::{Bounds, Coefficients, Compressed, ErrorTable, Integers, Variant};
+use super::{BandError, Bounds, Coefficients, Compressed, ErrorTable, Integers, Variant};
 use crate::atomic;
 use crate::grid::Axes;
 use crate::measurement::Quantity;
@@ -225,6 +225,11 @@ impl CompactFile<'_> {
             (BOUNDS.to_owned(), serde_json::to_string(&bounds)?),
             (PROVENANCE.to_owned(), self.provenance.to_owned()),
         ]);
+        let bands = self.quantities().map(|(q, c)| (q.name(), c.band_errors()));
+        let bands: BTreeMap<&str, Vec<BandError>> = bands.collect();
+        if bands.values().any(|errors| !errors.is_empty()) {
+            entries.insert(BAND_ERRORS.to_owned(), serde_json::to_string(&bands)?);
+        }
         for (quantity, compressed) in self.quantities() {
             entries.insert(
                 components_key(quantity),

@@ -4,13 +4,15 @@
 //! Errors are of what a reader gets: coefficients rounded as they are stored, the
 //! basis rounded to f32, the spectrum rounded to f32.
 use std::fmt;
+use std::ops::Range;
 
 use ndarray::{ArrayView1, ArrayView2};
-use serde::{Serialize, Serializer};
+use serde::{Deserialize, Serialize, Serializer};
 
-use super::Basis;
+use super::{Bands, Basis};
 use crate::colour::Colorimeter;
 use crate::measurement::Quantity;
+use crate::spectrum::Band;
 
 /// The error of one rebuilt spectrum.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -37,8 +39,48 @@ impl CurveError {
     }
 }
 
+/// The RMSE of `rebuilt` against `original` in some columns, the largest absolute
+/// error in them, and its column.
+pub(crate) fn error_in(
+    original: &[f64],
+    rebuilt: &[f64],
+    columns: &Range<usize>,
+) -> (f64, f64, usize) {
+    let (mut squares, mut largest, mut at) = (0.0, 0.0, columns.start);
+    let pairs = original.iter().zip(rebuilt).enumerate();
+    for (column, (a, b)) in pairs.skip(columns.start).take(columns.len()) {
+        let error = (a - b).abs();
+        squares += error * error;
+        if error > largest {
+            (largest, at) = (error, column);
+        }
+    }
+    ((squares / columns.len() as f64).sqrt(), largest, at)
+}
+
+/// The largest absolute error of all curves at some wavelengths.
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
+pub struct Largest {
+    /// Its size.
+    #[serde(serialize_with = "six_digits")]
+    pub error: f64,
+    /// Where it is, nm.
+    pub wavelength_nm: f64,
+    /// Row of the (first) curve that has it.
+    pub curve: usize,
+}
+
+/// Errors over all curves in one band.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct InBand {
+    /// RMSE per curve over the band's wavelengths.
+    pub rmse: Statistics,
+    /// The largest error at any of them.
+    pub largest: Largest,
+}
+
 /// Smallest, mean and largest of one error over all curves.
-#[derive(Debug, Clone, Copy, PartialEq, Serialize)]
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 pub struct Statistics {
     /// Smallest.
     #[serde(serialize_with = "six_digits")]
@@ -91,6 +133,46 @@ impl Tally {
     }
 }
 
+/// Accumulates [`InBand`].
+#[derive(Debug, Clone, Copy)]
+pub(crate) struct BandTally {
+    rmse: Tally,
+    largest: Largest,
+}
+
+impl BandTally {
+    pub(crate) fn new() -> Self {
+        let largest = Largest {
+            error: -1.0,
+            wavelength_nm: f64::NAN,
+            curve: 0,
+        };
+        Self {
+            rmse: Tally::default(),
+            largest,
+        }
+    }
+
+    /// Adds the errors of a curve, the next.
+    pub(crate) fn add(&mut self, curve: usize, rmse: f64, error: f64, wavelength_nm: f64) {
+        if error > self.largest.error {
+            self.largest = Largest {
+                error,
+                wavelength_nm,
+                curve,
+            };
+        }
+        self.rmse.add(rmse);
+    }
+
+    pub(crate) fn finish(self) -> InBand {
+        InBand {
+            rmse: self.rmse.finish(),
+            largest: self.largest,
+        }
+    }
+}
+
 /// Errors over all curves with a given number of components.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize)]
 pub struct ErrorRow {
@@ -100,6 +182,20 @@ pub struct ErrorRow {
     pub rmse: Statistics,
     /// Colour difference per curve; `None` where the wavelengths give no colour.
     pub delta_e: Option<Statistics>,
+    /// By band, in the order of [`Band::ALL`]; `None` for those without wavelengths.
+    #[serde(serialize_with = "largest_rmse")]
+    pub bands: [Option<InBand>; Band::ALL.len()],
+}
+
+/// The largest RMSE of each band, by its name: the rest is told of the chosen row alone.
+fn largest_rmse<S: Serializer>(
+    bands: &[Option<InBand>; Band::ALL.len()],
+    serializer: S,
+) -> Result<S::Ok, S::Error> {
+    let named = Band::ALL.into_iter().zip(bands);
+    let named = named.filter_map(|(band, found)| Some((band.name(), found.as_ref()?.rmse.max)));
+    let short = |value: f64| format!("{value:.5e}").parse().unwrap_or(value);
+    serializer.collect_map(named.map(|(name, max)| (name, short(max))))
 }
 
 /// Errors for 1, 2, ... components, and the number chosen. Prints as the
@@ -129,21 +225,25 @@ pub(super) fn error_table(
     curves: ArrayView2<f64>,
     by: &Rebuilding<'_>,
     colour: Option<&Colorimeter>,
+    bands: &Bands,
     first: usize,
 ) -> ErrorTable {
     let wavelengths = curves.ncols();
     let unlisted = first - 1;
-    let mut tallies =
-        vec![(Tally::default(), Tally::default()); by.coefficients.ncols() - unlisted];
+    let in_bands = vec![BandTally::new(); bands.parts().len()];
+    let of_row = (Tally::default(), Tally::default(), in_bands);
+    let mut tallies = vec![of_row; by.coefficients.ncols() - unlisted];
     let mut original = vec![0.0; wavelengths];
     let mut sum = vec![0.0; wavelengths];
     let mut rebuilt = vec![0.0; wavelengths];
-    for (curve, coefficients) in curves.rows().into_iter().zip(by.coefficients.rows()) {
+    let pairs = curves.rows().into_iter().zip(by.coefficients.rows());
+    for (row, (curve, coefficients)) in pairs.enumerate() {
         (original.iter_mut().zip(curve)).for_each(|(to, &from)| *to = from);
         sum.fill(0.0);
         for (column, &coefficient) in coefficients.iter().enumerate() {
             add_component(&mut sum, coefficient, by.basis.column(column));
-            let Some((rmse, colours)) = column.checked_sub(unlisted).map(|i| &mut tallies[i])
+            let Some((rmse, colours, in_bands)) =
+                column.checked_sub(unlisted).map(|i| &mut tallies[i])
             else {
                 continue;
             };
@@ -153,15 +253,26 @@ pub(super) fn error_table(
             let error = CurveError::between(&original, &rebuilt, colour);
             rmse.add(error.rmse);
             error.delta_e.into_iter().for_each(|e| colours.add(e));
+            for (tally, part) in in_bands.iter_mut().zip(bands.parts()) {
+                let (rmse, largest, at) = error_in(&original, &rebuilt, &part.columns);
+                tally.add(row, rmse, largest, bands.wavelength_nm(at));
+            }
         }
     }
     let rows = tallies
         .into_iter()
         .enumerate()
-        .map(|(i, (rmse, colours))| ErrorRow {
-            components: first + i,
-            rmse: rmse.finish(),
-            delta_e: colour.map(|_| colours.finish()),
+        .map(|(i, (rmse, colours, in_bands))| {
+            let mut row = ErrorRow {
+                components: first + i,
+                rmse: rmse.finish(),
+                delta_e: colour.map(|_| colours.finish()),
+                bands: [None; Band::ALL.len()],
+            };
+            for (part, tally) in bands.parts().iter().zip(in_bands) {
+                row.bands[part.band as usize] = Some(tally.finish());
+            }
+            row
         });
     ErrorTable {
         rows: rows.collect(),
@@ -184,12 +295,23 @@ impl fmt::Display for ErrorTable {
         if self.rows.iter().any(|row| row.delta_e.is_some()) {
             write!(f, "   Delta-E min     mean      max")?;
         }
+        // One band alone is all there is.
+        let there = |band: &Band| self.rows.iter().any(|r| r.bands[*band as usize].is_some());
+        let bands: Vec<Band> = Band::ALL.into_iter().filter(there).collect();
+        let bands = if bands.len() > 1 { bands } else { Vec::new() };
+        for band in &bands {
+            write!(f, "  {:>11}", format!("{} max", band.name()))?;
+        }
         for row in &self.rows {
             let Statistics { min, mean, max, .. } = row.rmse;
             let components = row.components;
             write!(f, "\n{components:>10}  {min:>9.6} {mean:>9.6} {max:>9.6}")?;
             if let Some(Statistics { min, mean, max, .. }) = row.delta_e {
                 write!(f, "   {min:>11.4} {mean:>8.4} {max:>8.4}")?;
+            }
+            for band in &bands {
+                let max = row.bands[*band as usize].map_or(f64::NAN, |found| found.rmse.max);
+                write!(f, "  {max:>11.6}")?;
             }
             if self.chosen == Some(components) {
                 write!(f, "  <- chosen")?;
@@ -224,6 +346,7 @@ mod tests {
                     components,
                     rmse,
                     delta_e,
+                    bands: [None; 4],
                 })
                 .collect(),
             chosen: Some(2),
@@ -243,6 +366,27 @@ components   RMSE min      mean       max   Delta-E min     mean      max
          1   0.000130  0.001490  0.004700        0.0043   0.7612   2.8638
          2   0.000000  0.123457 10.000000        0.0000   1.0000 100.0000  <- chosen"
         );
+        let mut by_band = table([None, None]);
+        let largest = Largest {
+            error: 0.01,
+            wavelength_nm: 1170.0,
+            curve: 3,
+        };
+        for row in &mut by_band.rows {
+            let rmse = statistics(0.0, 0.001, 0.002 * row.components as f64);
+            row.bands[1] = Some(InBand { rmse, largest });
+            row.bands[2] = row.bands[1];
+        }
+        assert_eq!(
+            format!("\n{by_band}"),
+            "
+components   RMSE min      mean       max  visible max     ir_a max
+         1   0.000130  0.001490  0.004700     0.002000     0.002000
+         2   0.000000  0.123457 10.000000     0.004000     0.004000  <- chosen"
+        );
+        let json = serde_json::to_string(&by_band.rows[0]).unwrap_or_default();
+        let tail = r#""delta_e":null,"bands":{"visible":0.002,"ir_a":0.002}}"#;
+        assert!(json.ends_with(tail), "{json}");
         let without = table([None, None]).to_string();
         assert_eq!(
             without.lines().next(),

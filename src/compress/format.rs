@@ -34,6 +34,9 @@ pub const ERROR_TABLE: &str = "error_table";
 /// Metadata key of the bounds that hold on every curve: JSON of
 /// [`super::Bounds`] per quantity.
 pub const BOUNDS: &str = "bounds";
+/// Metadata key of the errors in each band, with the bounds that they keep: JSON of a
+/// list of [`super::BandError`] per quantity; absent in older files and those of `fit`.
+pub const BAND_ERRORS: &str = "band_errors";
 /// Metadata key of where the numbers come from: JSON of the attributes of the
 /// database ([`crate::store::Store::attributes`]).
 pub const PROVENANCE: &str = "provenance";

@@ -6,6 +6,7 @@
 //! of components.
 mod absent;
 mod annotation;
+mod bands;
 mod basis;
 mod choice;
 mod compact;
@@ -16,12 +17,14 @@ mod precision;
 mod svd;
 
 pub use annotation::annotated;
+pub(crate) use bands::rmse_in;
+pub use bands::{BandError, Bands, NOISE_FACTOR, Part};
 pub use basis::Basis;
 pub use choice::{Bounds, Choice, DEFAULT_MAX_DELTA_E, DEFAULT_MAX_RMSE, choose};
 pub use compact::{CompactError, CompactFile};
-pub(crate) use errors::add_component;
-pub use errors::{CurveError, ErrorRow, ErrorTable, Statistics};
-pub use format::{AXES, BOUNDS, Coordinate, ERROR_TABLE, PROVENANCE};
+pub(crate) use errors::{BandTally, add_component, error_in};
+pub use errors::{CurveError, ErrorRow, ErrorTable, InBand, Largest, Statistics};
+pub use format::{AXES, BAND_ERRORS, BOUNDS, Coordinate, ERROR_TABLE, PROVENANCE};
 pub use model::Model;
 pub(crate) use precision::dequantised;
 pub use precision::{Coefficients, Integers, Precision, Quantised};
@@ -125,8 +128,10 @@ pub struct Compressed {
     /// Errors per number of components, with the chosen one marked. If
     /// coefficients are quantised, they have 16 bits but in the chosen row.
     pub table: ErrorTable,
-    /// The bounds that chose it.
+    /// The bounds that chose it, over all wavelengths.
     pub bounds: Bounds,
+    /// The bands, with the bounds that chose it.
+    pub bands: Bands,
 }
 
 impl Compressed {
@@ -134,6 +139,20 @@ impl Compressed {
     #[must_use]
     pub fn components(&self) -> usize {
         self.basis.ncols()
+    }
+
+    /// The errors with the number of components chosen.
+    #[must_use]
+    pub fn errors(&self) -> Option<&ErrorRow> {
+        let mut rows = self.table.rows.iter();
+        rows.find(|row| row.components == self.components())
+    }
+
+    /// The same by band, by wavelength.
+    #[must_use]
+    pub fn band_errors(&self) -> Vec<BandError> {
+        self.errors()
+            .map_or(Vec::new(), |row| self.bands.errors(row))
     }
 
     /// How it is held.
@@ -146,8 +165,10 @@ impl Compressed {
     }
 }
 
-/// Compresses `curves`, `[s, l]`, of `quantity`; `colour` is of the same l
-/// wavelengths. Quantised coefficients have 8 bits where the bounds allow it and
+/// Compresses `curves`, `[s, l]`, of `quantity`; `colour` and `bands` are of the same l
+/// wavelengths. If a number is chosen by bounds, those that `bands` have are kept, too:
+/// [`Bands::bounded`] has the defaults. Without them (`Bands::default()`) nothing bounds
+/// what no eye sees, as long as there is a colour. Quantised coefficients have 8 bits where the bounds allow it and
 /// 16 where they do not, or where there are no bounds.
 ///
 /// # Errors
@@ -159,36 +180,40 @@ pub fn compress(
     curves: ArrayView2<f64>,
     quantity: Quantity,
     colour: Option<&Colorimeter>,
+    bands: &Bands,
     choice: Choice,
     variant: Variant,
 ) -> Result<Compressed, CompressError> {
-    let model = Model::new(curves, quantity, colour, variant.basis)?;
+    let model = Model::new(curves, quantity, colour, bands, variant.basis)?;
+    let bounds = choice.bounds(colour.is_some(), bands);
     let limit = model.rank_limit();
-    let first = match choice {
+    let mut listed = match choice {
         Choice::Components(components) if !(1..=limit).contains(&components) => {
             return Err(CompressError::Components { components, limit });
         }
         Choice::Components(components) => components.max(ROWS),
         Choice::Bounds(_) => ROWS,
     };
-    let mut all = model.coefficients(first, variant.precision);
-    let mut table = model.table(&all);
-    let components = match choice {
-        Choice::Components(components) => components,
-        Choice::Bounds(bounds) => match choose(&table, &bounds, variant.precision) {
-            Err(CompressError::Unreachable { .. }) if first < limit => {
-                all = model.coefficients(limit, variant.precision);
-                table = model.table(&all);
-                let chosen = choose(&table, &bounds, variant.precision)?;
-                table.rows.truncate(chosen);
-                chosen
+    let (all, mut table, components) = loop {
+        let all = model.coefficients(listed, variant.precision);
+        let mut table = model.table(&all);
+        if let Choice::Components(components) = choice {
+            break (all, table, components);
+        }
+        match choose(&table, &bounds, bands, variant.precision) {
+            Err(CompressError::Unreachable { .. }) if listed < limit => {
+                listed = limit.min(2 * listed);
             }
-            chosen => chosen?,
-        },
+            chosen => {
+                let chosen = chosen?;
+                table.rows.truncate(chosen.max(ROWS));
+                break (all, table, chosen);
+            }
+        }
     };
     table.chosen = Some(components);
     let mut coefficients = all.first(components);
-    if let (Choice::Bounds(bounds), Precision::Quantised) = (choice, variant.precision) {
+    if let (Choice::Bounds(_), Precision::Quantised) = (choice, variant.precision) {
         (coefficients, table.rows[components - 1]) = model.narrowed(components, &bounds)?;
     }
     Ok(Compressed {
@@ -196,6 +221,7 @@ pub fn compress(
         coefficients,
         basis: model.basis(components),
         table,
-        bounds: choice.bounds(colour.is_some()),
+        bounds,
+        bands: bands.clone(),
     })
 }

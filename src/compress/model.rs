@@ -5,11 +5,10 @@ use ndarray::{Array2, ArrayView2, Axis};
 use super::errors::{Rebuilding, error_table};
 use super::precision::narrowed;
 use super::{
-    Basis, Coefficients, CompressError, Decomposition, ErrorRow, ErrorTable, Precision, basis,
-    choose, svd,
+    Bands, Basis, Bounds, Coefficients, CompressError, Decomposition, ErrorRow, ErrorTable,
+    Precision, basis, choose, svd,
 };
 use crate::colour::Colorimeter;
-use crate::grid::Compression;
 use crate::measurement::Quantity;
 
 /// Curves, `[s, l]`, of one quantity, and their basis.
@@ -18,6 +17,7 @@ pub struct Model<'a> {
     curves: ArrayView2<'a, f64>,
     quantity: Quantity,
     colour: Option<&'a Colorimeter>,
+    bands: &'a Bands,
     kind: Basis,
     decomposition: Decomposition,
     /// Its basis as files hold it.
@@ -26,7 +26,7 @@ pub struct Model<'a> {
 
 impl<'a> Model<'a> {
     /// Finds the basis of this kind for `curves`, `[s, l]`, of `quantity`;
-    /// `colour` is of the same l wavelengths.
+    /// `colour` and `bands` are of the same l wavelengths, or there are none.
     ///
     /// # Errors
     /// As [`Decomposition::new`].
@@ -37,6 +37,7 @@ impl<'a> Model<'a> {
         curves: ArrayView2<'a, f64>,
         quantity: Quantity,
         colour: Option<&'a Colorimeter>,
+        bands: &'a Bands,
         kind: Basis,
     ) -> Result<Self, CompressError> {
         let decomposition = match kind {
@@ -51,6 +52,7 @@ impl<'a> Model<'a> {
             curves,
             quantity,
             colour,
+            bands,
             kind,
             basis: decomposition.basis.mapv(|v| v as f32),
             decomposition,
@@ -93,20 +95,20 @@ impl<'a> Model<'a> {
         self.kind.value(self.quantity, sum)
     }
 
-    /// The first `components` quantised in as few bits as keep `bounds`, and
-    /// their errors.
+    /// The first `components` quantised in as few bits as keep `bounds` and those of
+    /// the bands, and their errors.
     ///
     /// # Errors
     /// See [`choose`]: 16 bits do not keep them.
     pub fn narrowed(
         &self,
         components: usize,
-        bounds: &Compression,
+        bounds: &Bounds,
     ) -> Result<(Coefficients, ErrorRow), CompressError> {
         let exact = self.exact(components);
         let row = |tried: &Coefficients| {
             let table = self.errors(tried, exact.ncols());
-            choose(&table, bounds, Precision::Quantised).map(|_| table.rows[0])
+            choose(&table, bounds, self.bands, Precision::Quantised).map(|_| table.rows[0])
         };
         let wide = Coefficients::new(exact.clone(), Precision::Quantised);
         let mut kept = row(&wide)?;
@@ -142,6 +144,6 @@ impl<'a> Model<'a> {
             coefficients: coefficients.view(),
             basis: self.basis.view(),
         };
-        error_table(self.curves, &by, self.colour, first)
+        error_table(self.curves, &by, self.colour, self.bands, first)
     }
 }

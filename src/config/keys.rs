@@ -645,7 +645,9 @@ pub(super) struct CompressionKeys {
     /// Largest colour difference Delta-E of any curve.
     #[schemars(range(max = 100.0), extend("exclusiveMinimum" = 0.0))]
     pub(super) max_delta_e: f64,
-    /// Largest root-mean-square error of any curve; no bound by default.
+    /// Largest root-mean-square error of any curve, over all its wavelengths and in each
+    /// band of them; by default that of a band is twice its largest standard error, but
+    /// at least 0.002.
     #[schemars(range(max = 1.0), extend("exclusiveMinimum" = 0.0))]
     pub(super) max_rmse: Option<f64>,
     /// Lights that colours are compared under; of several the worst case counts.

@@ -27,7 +27,7 @@ use thiserror::Error;
 use crate::certificate::{CERTIFICATE, Certificate, CertificateError, Region, Subject};
 use crate::colour::{Colorimeter, ColourError};
 use crate::compress::{
-    Basis, Choice, CompactError, CompactFile, CompressError, Compressed, Precision, Variant,
+    Bands, Basis, Choice, CompactError, CompactFile, CompressError, Compressed, Precision, Variant,
     compress,
 };
 use crate::engine::{Control, Engine, MaxError};
@@ -306,7 +306,16 @@ impl Made {
         for &quantity in &scene.quantities {
             let curves = training.curves_of(nodes, quantity);
             let choice = Choice::Bounds(compression(scene));
-            let mut one = compress(curves.view(), quantity, Some(colour), choice, variant)?;
+            // What a scene bounds is the colour; the certificate says the rest.
+            let none = Bands::default();
+            let mut one = compress(
+                curves.view(),
+                quantity,
+                Some(colour),
+                &none,
+                choice,
+                variant,
+            )?;
             // the errors of other numbers of components are of no use to a scene
             one.table
                 .rows

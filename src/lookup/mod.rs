@@ -15,7 +15,7 @@ mod varsa2025;
 use absent::{Gap, absent, gap};
 pub(crate) use conditions::{exact, spread_beyond};
 pub use coordinates::spread;
-pub use fidelity::{CurveErrors, errors_of};
+pub use fidelity::{BandErrors, CurveErrors, errors_of};
 pub use format::FormatError;
 pub use nodes::Point;
 pub use smooth::Lookup;

@@ -6,13 +6,15 @@ mod quantity;
 mod radii;
 mod sensors;
 
+use serde::{Deserialize, Serialize};
+
 pub use estimate::Estimate;
 pub use quantity::Quantity;
 pub use radii::Radii;
 pub use sensors::{MOST_SENSORS, Sensors};
 
 /// A Monte Carlo result: a mean and the standard error of that mean.
-#[derive(Debug, Clone, Copy, PartialEq, Default)]
+#[derive(Debug, Clone, Copy, PartialEq, Default, Serialize, Deserialize)]
 pub struct Measured {
     /// Estimate of the quantity, dimensionless.
     pub value: f64,

@@ -11,7 +11,8 @@ use super::truth::values;
 use super::{Setting, TradeoffError};
 use crate::colour::Colorimeter;
 use crate::compress::{
-    Basis, CompressError, DEFAULT_MAX_DELTA_E, ErrorRow, Model, Precision, add_component,
+    Bands, Basis, Bounds, Choice, CompressError, DEFAULT_MAX_DELTA_E, ErrorRow, Model, Precision,
+    add_component,
 };
 use crate::engine::{EngineError, Resolution};
 use crate::grid::{Compression, Grid};
@@ -126,14 +127,20 @@ pub(super) fn measure(
         Source::Grid(grid) => simulated(bench, grid)?,
     };
     let colour = Colorimeter::new(&curves.nm)?;
+    let usual = Choice::Bounds(Compression {
+        max_delta_e: DEFAULT_MAX_DELTA_E,
+        max_rmse: None,
+    });
+    let bands = Bands::default();
+    let bounds = usual.bounds(colour.is_some(), &bands);
     let mut rows = Vec::new();
     for (quantity, matrix) in &curves.of {
         for basis in Basis::ALL {
-            let model = Model::new(matrix.view(), *quantity, colour.as_ref(), basis)?;
+            let model = Model::new(matrix.view(), *quantity, colour.as_ref(), &bands, basis)?;
             let most = MOST.min(model.rank_limit());
             let cpu_seconds: Vec<_> = (1..=most).map(|n| rebuilding(&model, n)).collect();
             for coding in Coding::ALL.into_iter().filter(|c| c.basis() == basis) {
-                for (bytes, row) in coded(&model, coding, most)? {
+                for (bytes, row) in coded(&model, &bounds, coding, most)? {
                     let numbers = matrix.ncols() * row.components;
                     rows.push(Components {
                         quantity: *quantity,
@@ -154,6 +161,7 @@ pub(super) fn measure(
 /// Bytes of the coefficients and errors for 1 to `most` components.
 fn coded(
     model: &Model,
+    bounds: &Bounds,
     coding: Coding,
     most: usize,
 ) -> Result<Vec<(u64, ErrorRow)>, CompressError> {
@@ -165,13 +173,9 @@ fn coded(
         };
         return Ok(table.rows.into_iter().map(bytes).collect());
     }
-    let bounds = Compression {
-        max_delta_e: DEFAULT_MAX_DELTA_E,
-        max_rmse: None,
-    };
     let mut rows = Vec::new();
     for components in 1..=most {
-        match model.narrowed(components, &bounds) {
+        match model.narrowed(components, bounds) {
             Ok((stored, row)) => rows.push((stored.bytes(), row)),
             // So few components do not keep the bound in 16 bits.
             Err(CompressError::Unreachable { .. }) => {}

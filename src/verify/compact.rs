@@ -6,9 +6,9 @@ use serde_json::Value;
 
 use super::{Check, Figure, Subject, VerifyError};
 use crate::colour::{Colorimeter, Viewing};
-use crate::compress::{BOUNDS, Bounds, ERROR_TABLE, PROVENANCE};
+use crate::compress::{BAND_ERRORS, BOUNDS, BandError, Bounds, ERROR_TABLE, PROVENANCE, rmse_in};
 use crate::grid::described;
-use crate::lookup::{Database, errors_of};
+use crate::lookup::{BandErrors, Database, errors_of};
 use crate::measurement::Quantity;
 
 pub(super) const NAME: &str = "compact file against the database";
@@ -67,13 +67,11 @@ pub(super) fn check(
                 bound,
                 at,
             };
-            let at = database.point(worst).map_or(String::new(), |p| {
-                described(&p, &database.conditions(worst))
-            });
             check
                 .figures
                 .push(figure(mean_name, mean, None, String::new()));
-            check.figures.push(figure(max_name, max, bound, at));
+            let worst = at(database, worst);
+            check.figures.push(figure(max_name, max, bound, worst));
             for (name, found, stated) in [
                 (mean_name, mean, &row[key]["mean"]),
                 (max_name, max, &row[key]["max"]),
@@ -89,8 +87,78 @@ pub(super) fn check(
                 }
             }
         }
+        match band_errors(database, quantity) {
+            // Files from before bands were told.
+            Ok(None) => {}
+            Ok(Some(stated)) => {
+                for found in &errors.bands {
+                    in_band(&mut check, database, quantity, found, &stated);
+                }
+            }
+            Err(problem) => check.problems.push(problem),
+        }
     }
     Ok(check)
+}
+
+/// The RMSE of one band against its bound, and what the file says of it against what
+/// was `found`.
+fn in_band(
+    check: &mut Check,
+    database: &Database,
+    quantity: Quantity,
+    found: &BandErrors,
+    stated: &[BandError],
+) {
+    let name = found.band.name();
+    let Some((_, max, worst)) = summary(&found.rmse) else {
+        return;
+    };
+    let stated = stated.iter().find(|stated| stated.band == found.band);
+    check.figures.push(Figure {
+        quantity,
+        measure: rmse_in(found.band),
+        value: max,
+        bound: stated.and_then(|stated| stated.max_rmse),
+        at: at(database, worst),
+    });
+    let Some(stated) = stated else {
+        let problem = format!(
+            "its metadata `{BAND_ERRORS}` say nothing of {name} of {}",
+            quantity.name()
+        );
+        check.problems.push(problem);
+        return;
+    };
+    let largest = found.largest.error;
+    for (what, found, stated) in [
+        ("largest RMSE", max, stated.rmse.max),
+        ("largest error", largest, stated.largest.error),
+    ] {
+        if (stated - found).abs() > ROUNDING * found || stated.is_nan() {
+            check.problems.push(format!(
+                "its metadata `{BAND_ERRORS}` state {stated} as the {what} of {} in {name}, its coefficients give {found:.5e}: one of them was changed",
+                quantity.name()
+            ));
+        }
+    }
+}
+
+/// The node of a curve.
+fn at(database: &Database, row: usize) -> String {
+    let point = database.point(row);
+    point.map_or(String::new(), |p| described(&p, &database.conditions(row)))
+}
+
+/// What the file states of each band of `quantity`; `None` if it states no bands at all.
+/// An error says that it cannot be read.
+fn band_errors(database: &Database, quantity: Quantity) -> Result<Option<Vec<BandError>>, String> {
+    let Some(text) = database.metadata().get(BAND_ERRORS) else {
+        return Ok(None);
+    };
+    let all: BTreeMap<String, Vec<BandError>> = serde_json::from_str(text)
+        .map_err(|e| format!("its metadata `{BAND_ERRORS}` cannot be read: {e}"))?;
+    Ok(Some(all.get(quantity.name()).cloned().unwrap_or_default()))
 }
 
 /// What tells that the file was made from another database.

@@ -4,7 +4,7 @@ use std::fs;
 use std::path::Path;
 
 use ndarray::Array2;
-use splitsnow::compress::{Basis, Choice, CompactFile, Precision, Variant, compress};
+use splitsnow::compress::{Bands, Basis, Choice, CompactFile, Precision, Variant, compress};
 use splitsnow::grid::{Axes, Compression, ExtraAxis};
 use splitsnow::measurement::Quantity;
 
@@ -83,7 +83,14 @@ impl Made {
             });
             let curves = Array2::from_shape_vec((rows.len(), self.nm.len()), values.collect());
             let curves = curves.unwrap();
-            let made = compress(curves.view(), quantity, None, self.choice, self.variant);
+            let made = compress(
+                curves.view(),
+                quantity,
+                None,
+                &Bands::new(&self.nm),
+                self.choice,
+                self.variant,
+            );
             self.there.contains(&quantity).then(|| made.unwrap())
         });
         CompactFile {

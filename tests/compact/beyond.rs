@@ -2,7 +2,7 @@
 use std::collections::BTreeMap;
 
 use ndarray::Array2;
-use splitsnow::compress::{self, Basis, Choice, CompactFile, Precision, Variant};
+use splitsnow::compress::{self, Bands, Basis, Choice, CompactFile, Precision, Variant};
 use splitsnow::grid::{Axes, ExtraAxis};
 use splitsnow::lookup::{Database, FormatError, Lookup, LookupError, Varsa2025};
 use splitsnow::measurement::Quantity;
@@ -39,6 +39,7 @@ fn file(basis: Basis) -> Vec<u8> {
         powers().view(),
         quantity,
         None,
+        &Bands::default(),
         Choice::Components(5),
         variant,
     );

@@ -5,7 +5,7 @@ use std::sync::LazyLock;
 use ndarray::Array2;
 use proptest::prelude::*;
 use safetensors::SafeTensors;
-use splitsnow::compress::{Basis, Choice, CompactFile, Precision, Variant, compress};
+use splitsnow::compress::{Bands, Basis, Choice, CompactFile, Precision, Variant, compress};
 use splitsnow::grid::{Axes, Compression, ExtraAxis};
 use splitsnow::lookup::{Database, FormatError, Lookup};
 use splitsnow::measurement::Quantity;
@@ -247,7 +247,15 @@ fn fuzz_seeds_are_what_they_say() {
         };
         let bytes = |variant, choice, there: &[Quantity]| {
             let [t, r] = Quantity::ALL.map(|quantity| {
-                let made = compress(curves.view(), quantity, None, choice, variant).unwrap();
+                let made = compress(
+                    curves.view(),
+                    quantity,
+                    None,
+                    &Bands::default(),
+                    choice,
+                    variant,
+                )
+                .unwrap();
                 there.contains(&quantity).then_some(made)
             });
             CompactFile {
@@ -291,6 +299,7 @@ fn fuzz_seeds_are_what_they_say() {
             curves.view(),
             Quantity::ALL[0],
             None,
+            &Bands::default(),
             two,
             Variant::default(),
         );

@@ -6,7 +6,7 @@ use std::path::{Path, PathBuf};
 use ndarray::{Array2, Axis};
 use safetensors::SafeTensors;
 use serde_json::Value;
-use splitsnow::compress::{Choice, CompactFile, annotated, compress};
+use splitsnow::compress::{Bands, Choice, CompactFile, annotated, compress};
 use splitsnow::grid::{Axes, Compression};
 use splitsnow::lookup::Database;
 use splitsnow::measurement::Quantity;
@@ -60,10 +60,11 @@ fn every_tensor_of_every_variant_is_aligned() {
         max_delta_e: 2.3,
         max_rmse: Some(5e-4),
     });
+    let bands = Bands::new(&wavelengths());
     for variant in variants() {
         for choice in [BOUNDS, loose, Choice::Components(3)] {
-            let [t, r] =
-                Quantity::ALL.map(|q| compress(curves.view(), q, None, choice, variant).unwrap());
+            let [t, r] = Quantity::ALL
+                .map(|q| compress(curves.view(), q, None, &bands, choice, variant).unwrap());
             for [t, r] in [[Some(&t), Some(&r)], [Some(&t), None], [None, Some(&r)]] {
                 let bytes = CompactFile {
                     axes: &axes,

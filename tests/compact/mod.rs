@@ -1,5 +1,6 @@
 //! The compact file from curves to bytes and back.
 #![allow(clippy::unwrap_used)]
+mod bands;
 mod beyond;
 mod compression;
 mod damage;
@@ -13,7 +14,7 @@ use proptest::prelude::*;
 use safetensors::SafeTensors;
 use splitsnow::colour::Colorimeter;
 use splitsnow::compress::{
-    self, Choice, Coefficients, CompactFile, CompressError, Compressed, Variant,
+    self, Bands, Choice, Coefficients, CompactFile, CompressError, Compressed, Variant,
 };
 use splitsnow::grid::{Axes, Compression};
 use splitsnow::lookup::{Database, LookupError, Point, errors_of};
@@ -75,7 +76,15 @@ fn compress(
     choice: Choice,
 ) -> Result<Compressed, CompressError> {
     let variant = Variant::default();
-    compress::compress(curves, Quantity::Transmittance, colour, choice, variant)
+    let bands = Bands::default();
+    compress::compress(
+        curves,
+        Quantity::Transmittance,
+        colour,
+        &bands,
+        choice,
+        variant,
+    )
 }
 
 fn compressed(choice: Choice) -> Compressed {

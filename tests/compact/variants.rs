@@ -4,7 +4,7 @@ use std::collections::BTreeMap;
 use ndarray::Array2;
 use safetensors::{Dtype, SafeTensors};
 use splitsnow::compress::{
-    Basis, Bounds, Choice, Coefficients, CompactFile, CompressError, Compressed, Precision,
+    Bands, Basis, Bounds, Choice, Coefficients, CompactFile, CompressError, Compressed, Precision,
     Variant, compress,
 };
 use splitsnow::grid::Compression;
@@ -29,7 +29,15 @@ fn curves_of(quantity: Quantity) -> Array2<f64> {
 
 fn compressed(quantity: Quantity, choice: Choice, variant: Variant) -> Compressed {
     let curves = curves_of(quantity);
-    compress(curves.view(), quantity, Some(&colour()), choice, variant).unwrap()
+    compress(
+        curves.view(),
+        quantity,
+        Some(&colour()),
+        &Bands::default(),
+        choice,
+        variant,
+    )
+    .unwrap()
 }
 
 fn try_bytes(
@@ -128,7 +136,14 @@ fn exponentials_take_one_component() {
             max_delta_e: 0.1,
             max_rmse: Some(1e-4),
         });
-        let found = compress(curves.view(), quantity, Some(&colour()), bounds, variant);
+        let found = compress(
+            curves.view(),
+            quantity,
+            Some(&colour()),
+            &Bands::default(),
+            bounds,
+            variant,
+        );
         found.unwrap().components()
     };
     assert_eq!(chosen(Quantity::Transmittance, &curves, Basis::Log), 1);
@@ -149,7 +164,15 @@ fn values_without_a_logarithm_are_compressed() {
     };
     for quantity in Quantity::ALL {
         let choice = Choice::Components(31);
-        let found = compress(curves.view(), quantity, None, choice, variant).unwrap();
+        let found = compress(
+            curves.view(),
+            quantity,
+            None,
+            &Bands::default(),
+            choice,
+            variant,
+        )
+        .unwrap();
         assert!(found.table.rows[30].rmse.max < 1e-5);
     }
     curves[[7, 2]] = f64::NAN;
@@ -157,6 +180,7 @@ fn values_without_a_logarithm_are_compressed() {
         curves.view(),
         Quantity::Transmittance,
         None,
+        &Bands::default(),
         BOUNDS,
         variant,
     );
@@ -254,7 +278,14 @@ fn a_bound_beyond_a_precision_is_said() {
         };
         let curves = curves();
         let quantity = Quantity::Transmittance;
-        let error = compress(curves.view(), quantity, Some(&colour()), bounds, variant);
+        let error = compress(
+            curves.view(),
+            quantity,
+            Some(&colour()),
+            &Bands::default(),
+            bounds,
+            variant,
+        );
         let error = error.unwrap_err().to_string();
         let named = format!(
             "`{}` coefficients hold no more; raise the bound, or take f32",

@@ -1,0 +1,82 @@
+//! The ranges of wavelengths in which errors are told and bounded.
+use serde::{Deserialize, Serialize};
+
+/// A range of wavelengths.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Serialize, Deserialize)]
+#[serde(rename_all = "snake_case")]
+pub enum Band {
+    /// 350-400 nm.
+    UvA,
+    /// 400-780 nm.
+    Visible,
+    /// 780-1400 nm.
+    IrA,
+    /// 1400-2500 nm, what is used of IR-B.
+    IrB,
+}
+
+impl Band {
+    /// All, by wavelength.
+    pub const ALL: [Self; 4] = [Self::UvA, Self::Visible, Self::IrA, Self::IrB];
+
+    /// The name used in output and in files.
+    #[must_use]
+    pub fn name(self) -> &'static str {
+        match self {
+            Self::UvA => "uv_a",
+            Self::Visible => "visible",
+            Self::IrA => "ir_a",
+            Self::IrB => "ir_b",
+        }
+    }
+
+    /// Where it begins and ends, nm.
+    #[must_use]
+    pub fn range_nm(self) -> (f64, f64) {
+        match self {
+            Self::UvA => (350.0, 400.0),
+            Self::Visible => (400.0, 780.0),
+            Self::IrA => (780.0, 1400.0),
+            Self::IrB => (1400.0, 2500.0),
+        }
+    }
+
+    /// Whether it holds a wavelength, nm: its begin is its own, its end is the next
+    /// band's; 2500 nm is the last one's.
+    #[must_use]
+    pub fn holds(self, nm: f64) -> bool {
+        let (from, to) = self.range_nm();
+        from <= nm && (nm < to || (self == Self::IrB && nm == to))
+    }
+
+    /// The band that holds a wavelength, nm, or that is nearest to one beyond all.
+    #[must_use]
+    pub fn of(nm: f64) -> Self {
+        let shorter = |band: &Self| nm < band.range_nm().1;
+        Self::ALL.into_iter().find(shorter).unwrap_or(Self::IrB)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::Band;
+
+    #[test]
+    fn every_wavelength_has_one_band() {
+        for nm in [350.0, 399.9, 400.0, 779.0, 780.0, 1400.0, 2499.0, 2500.0] {
+            let held = Band::ALL.into_iter().filter(|band| band.holds(nm));
+            assert_eq!(held.collect::<Vec<_>>(), [Band::of(nm)], "{nm}");
+        }
+        assert!(Band::ALL.iter().all(|band| !band.holds(349.9)));
+        assert!(Band::Visible.holds(400.0) && Band::IrA.holds(780.0) && Band::IrB.holds(1400.0));
+        assert_eq!([100.0, 3000.0].map(Band::of), [Band::UvA, Band::IrB]);
+    }
+
+    #[test]
+    fn files_have_its_name() {
+        for band in Band::ALL {
+            let json = serde_json::to_value(band).unwrap_or_default();
+            assert_eq!(json, band.name());
+        }
+    }
+}
