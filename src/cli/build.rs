@@ -156,11 +156,7 @@ fn reused(args: &Args, done: &batch::Summary) -> String {
     if args.from.is_empty() {
         return String::new();
     }
-    format!(
-        "reused {} of {} nodes\n",
-        done.reused,
-        store.jobs().curves()
-    )
+    format!("reused {} of {} nodes\n", done.reused, done.nodes)
 }
 
 fn interrupted(safe: &str) -> Interrupted {

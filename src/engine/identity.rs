@@ -48,6 +48,7 @@ fn with_snow(digest: Fingerprint, snow: &Snow) -> Fingerprint {
         let grain = &component.grain;
         digest = digest
             .and(&[component.fraction, grain.size.min_m(), grain.size.max_m()])
+            .and_text(grain.size.law().name())
             .and(&law(&grain.facetness))
             .and(&law(&grain.sphericity));
     }

@@ -152,6 +152,8 @@ impl Description {
             "fixed.black_carbon" => moved(ExtraAxis::BlackCarbon),
             "fixed.substrate" | "data.ground" => moved(ExtraAxis::SubstrateReflectance),
             "model.carbon_law" | "model.impurity_mass" => in_one,
+            // which corners do not exist follows from sizes and thicknesses
+            ABSENT => true,
             _ => key.starts_with("axes.") || in_one && key.starts_with("data."),
         }
     }
