@@ -223,6 +223,11 @@ impl Args {
                 "wavelength in vacuum, nm, and value; splitsnow {}",
                 env!("CARGO_PKG_VERSION")
             ),
+            format!(
+                "where the file it is from ends within {} to {} nm, the last values are held",
+                export::RANGE_NM[0],
+                export::RANGE_NM[1]
+            ),
         ];
         Ok(export::spd(&comments, there.wavelengths_nm(), &values).into_bytes())
     }

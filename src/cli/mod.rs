@@ -21,9 +21,10 @@ mod study;
 mod tradeoff;
 mod verify;
 
+use std::any::TypeId;
 use std::process::ExitCode;
 
-use clap::{Parser, Subcommand};
+use clap::{CommandFactory, FromArgMatches, Parser, Subcommand};
 
 use crate::atomic;
 
@@ -68,10 +69,26 @@ enum Command {
     Study(study::Args),
 }
 
+/// The command line, in which every number may be negative in any notation: clap's
+/// `allow_negative_numbers` takes `-1`, but `-1e-16` for an option.
+fn command() -> clap::Command {
+    let number = |arg: clap::Arg| {
+        let is_number = arg.get_value_parser().type_id() == TypeId::of::<f64>();
+        if is_number {
+            arg.allow_hyphen_values(true)
+        } else {
+            arg
+        }
+    };
+    Cli::command().mut_subcommands(|command| command.mut_args(number))
+}
+
 /// Runs the command that the arguments of this process ask for.
 #[must_use]
 pub fn run() -> ExitCode {
-    let done = match Cli::parse().command {
+    let parsed = Cli::from_arg_matches(&command().get_matches());
+    let cli = parsed.unwrap_or_else(|error| error.format(&mut command()).exit());
+    let done = match cli.command {
         Command::Plan(args) => plan::run(&args),
         Command::Build(args) => build::run(&args),
         Command::Compress(args) => compress::run(&args),
@@ -104,10 +121,8 @@ pub fn run() -> ExitCode {
 
 #[cfg(test)]
 mod tests {
-    use clap::CommandFactory;
-
     #[test]
     fn the_arguments_are_consistent() {
-        super::Cli::command().debug_assert();
+        super::command().debug_assert();
     }
 }

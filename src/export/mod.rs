@@ -25,7 +25,7 @@ pub use crtm::crtm;
 pub use csv::csv;
 pub use netcdf::netcdf;
 pub use npz::npz;
-pub use spd::spd;
+pub use spd::{RANGE_NM, spd};
 pub use swatches::{Eyes, LIGHTS, LUMINANCE, Sampling, thicknesses};
 pub use table::{Layout, Table};
 

@@ -1,12 +1,18 @@
 //! A spectrum as pbrt-v4 and Mitsuba 3 read it.
 use std::fmt::Write;
 
+/// Wavelengths that both renderers sample, nm.
+pub const RANGE_NM: [f32; 2] = [360.0, 830.0];
+
 /// Lines `wavelength value`, after `comments`, each on a line that begins with #,
 /// which both renderers skip.
 ///
 /// pbrt takes numbers of fewer than 32 characters, so those below 1e-4 have a power
 /// of ten, which both read; and a number only counts when something follows it, so
 /// the last line ends as all do.
+///
+/// Outside its first and last wavelength a spectrum is zero in both, so the values at its
+/// ends are held to those of [`RANGE_NM`] where they end before.
 #[must_use]
 pub fn spd(comments: &[String], wavelengths_nm: &[f32], values: &[f32]) -> String {
     let mut text = String::new();
@@ -14,7 +20,13 @@ pub fn spd(comments: &[String], wavelengths_nm: &[f32], values: &[f32]) -> Strin
         // Writing to a string cannot fail.
         let _ = writeln!(text, "# {}", comment.replace(['\n', '\r'], " "));
     }
-    for (nm, value) in wavelengths_nm.iter().zip(values) {
+    let [first, last] = RANGE_NM;
+    let pairs = wavelengths_nm.iter().copied().zip(values.iter().copied());
+    let before = pairs.clone().next().filter(|(nm, _)| *nm > first);
+    let after = pairs.clone().next_back().filter(|(nm, _)| *nm < last);
+    let before = before.map(|(_, value)| (first, value));
+    let after = after.map(|(_, value)| (last, value));
+    for (nm, value) in before.into_iter().chain(pairs).chain(after) {
         let _ = match value {
             0.0 | 1e-4.. => writeln!(text, "{nm} {value}"),
             _ => writeln!(text, "{nm} {value:e}"),
@@ -40,7 +52,7 @@ mod tests {
             f32::MIN_POSITIVE,
             -0.25,
         ];
-        let nm: Vec<f32> = (0..8).map(|i| 400.5 + 10.0 * i as f32).collect();
+        let nm: Vec<f32> = (0..8).map(|i| 350.5 + 70.0 * i as f32).collect();
         let text = spd(&["two\nlines".into(), "49° µm".into()], &nm, &values);
         let mut lines = text.lines();
         assert_eq!(lines.next(), Some("# two lines"));
@@ -53,5 +65,22 @@ mod tests {
         }
         assert_eq!(lines.count(), 8);
         assert!(text.ends_with('\n'));
+    }
+
+    #[test]
+    fn ends_are_held() {
+        let lines = |nm: &[f32], values: &[f32]| -> Vec<String> {
+            spd(&[], nm, values).lines().map(str::to_owned).collect()
+        };
+        assert_eq!(
+            lines(&[400.0, 700.0], &[0.25, 0.5]),
+            ["360 0.25", "400 0.25", "700 0.5", "830 0.5"]
+        );
+        assert_eq!(
+            lines(&[550.0], &[0.25]),
+            ["360 0.25", "550 0.25", "830 0.25"]
+        );
+        let wide = ["360 0.25", "830 0.5"];
+        assert_eq!(lines(&[360.0, 830.0], &[0.25, 0.5]), wide);
     }
 }
