@@ -8,6 +8,10 @@ use crate::measurement::{Measured, Spectrum};
 use crate::transport::{Illumination, Pack, Snow};
 use crate::units::{HALF_SPACE_M, cm_to_m, um_to_m};
 
+/// Jobs share the tables of a shape of grain, so these are this many times as fine as the
+/// walks of one job could tell: as fine as they get from 65,536 walks on.
+const SHARED: u64 = 16;
+
 /// One job: one snow at one combination of the axes beyond the five, one or all
 /// thicknesses, one or all angles.
 #[derive(Debug, Clone, PartialEq)]
@@ -62,7 +66,7 @@ impl Job {
             pack: &self.pack,
             thicknesses_m: self.thicknesses_m.get(self.absent..).unwrap_or_default(),
             illuminations: &self.illuminations,
-            resolution: Resolution::default(),
+            resolution: Resolution::of_rays(grid.run.rays.saturating_mul(SHARED)),
             wavelengths_nm: &grid.wavelengths_nm,
             model: &grid.fixed.model,
             rays: grid.run.rays,

@@ -89,7 +89,7 @@ fn each<T: Default>(
             pack: &sample.pack,
             thicknesses_m: &[sample.thickness_m],
             illuminations: &[sample.illumination],
-            resolution: Resolution::default(),
+            resolution: Resolution::of_rays(settings.rays),
             wavelengths_nm: &sample.wavelengths_nm,
             model: &sample.model,
             rays: settings.rays,
