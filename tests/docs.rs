@@ -136,3 +136,30 @@ fn tables_of_keys_are_current() {
         );
     }
 }
+
+/// `rust-version` is as new as the newest that any dependency asks for.
+#[test]
+fn the_compiler_that_is_asked_for_can_compile_it() {
+    let output = std::process::Command::new(env!("CARGO"))
+        .args(["metadata", "--format-version", "1", "--locked"])
+        .current_dir(env!("CARGO_MANIFEST_DIR"))
+        .output()
+        .unwrap();
+    let metadata: Value = serde_json::from_slice(&output.stdout).unwrap();
+    let needed = metadata["packages"].as_array().unwrap().iter();
+    let version = |text: &str| -> Vec<u32> {
+        text.split('.')
+            .map(|number| number.parse().unwrap())
+            .collect()
+    };
+    let asked = version(env!("CARGO_PKG_RUST_VERSION"));
+    for package in needed {
+        if let Some(text) = package["rust_version"].as_str() {
+            assert!(
+                version(text)[..2] <= asked[..2],
+                "{} needs {text}",
+                package["name"]
+            );
+        }
+    }
+}

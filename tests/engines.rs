@@ -244,7 +244,7 @@ fn run_all(
         pack: &case.pack,
         thicknesses_m,
         illuminations: &[case.illumination],
-        resolution: Resolution::default(),
+        resolution: Resolution::of_rays(rays),
         max_error: MaxError::default(),
         wavelengths_nm,
         model: &model,
@@ -321,9 +321,18 @@ fn plain(layer: &Layer, nm: f64) -> naive::Layer {
 
 #[test]
 fn reference_is_the_plain_model() {
+    reference_against_plain(4_000, 10_000);
+}
+
+#[test]
+#[ignore = "long: five times the walks, some 30 CPU-s"]
+fn reference_is_the_plain_model_closely() {
+    reference_against_plain(20_000, 50_000);
+}
+
+fn reference_against_plain(rays: u64, reference_rays: u64) {
     for case in cases() {
         for (i, nm) in [450.0, 1030.0, 2000.0].into_iter().enumerate() {
-            let rays = 20_000;
             let model = Model::default();
             let index = |i: splitsnow::optics::Index| Complex::new(i.n, i.k);
             let plain = Naive {
@@ -355,7 +364,7 @@ fn reference_is_the_plain_model() {
                 transmittance: measured(transmitted),
                 lost: vec![lost as f64 / rays as f64],
             };
-            let reference = run(Engine::Reference, &case, &[nm], 50_000, 3);
+            let reference = run(Engine::Reference, &case, &[nm], reference_rays, 3);
             agree(&format!("{} at {nm} nm", case.what), &reference, &plain);
         }
     }
@@ -363,11 +372,21 @@ fn reference_is_the_plain_model() {
 
 #[test]
 fn spectral_is_reference_up_to_2500_nm() {
+    spectral_against_reference(8_000, 6_000);
+}
+
+#[test]
+#[ignore = "long: five times the walks, some 60 CPU-s"]
+fn spectral_is_reference_up_to_2500_nm_closely() {
+    spectral_against_reference(40_000, 30_000);
+}
+
+fn spectral_against_reference(spectral_rays: u64, reference_rays: u64) {
     // between the nodes that a full list has, and at its ends
     let wavelengths: Vec<f64> = (0..=86).map(|i| 350.0 + 25.0 * f64::from(i)).collect();
     let checked = [0, 4, 10, 18, 27, 38, 44, 48, 57, 63, 66, 74, 86];
     for case in cases() {
-        let spectral = run(Engine::Spectral, &case, &wavelengths, 40_000, 5);
+        let spectral = run(Engine::Spectral, &case, &wavelengths, spectral_rays, 5);
         let pick = |v: &[Measured]| checked.map(|i| v[i]).to_vec();
         let spectral = Spectrum {
             reflectance: pick(&spectral.reflectance),
@@ -378,7 +397,7 @@ fn spectral_is_reference_up_to_2500_nm() {
             Engine::Reference,
             &case,
             &checked.map(|i| wavelengths[i]),
-            30_000,
+            reference_rays,
             6,
         );
         agree(case.what, &spectral, &reference);
@@ -387,6 +406,16 @@ fn spectral_is_reference_up_to_2500_nm() {
 
 #[test]
 fn sharing_thicknesses_changes_no_law() {
+    shared_against_alone(10_000);
+}
+
+#[test]
+#[ignore = "long: five times the walks, some 40 CPU-s"]
+fn sharing_thicknesses_changes_no_law_closely() {
+    shared_against_alone(50_000);
+}
+
+fn shared_against_alone(rays: u64) {
     let thicknesses = [0.008, 0.012, 0.013, 0.03];
     for case in cases().into_iter().filter(|c| c.thickness_m == 0.01) {
         let shared = run_all(
@@ -394,7 +423,7 @@ fn sharing_thicknesses_changes_no_law() {
             &case,
             &thicknesses,
             &[450.0, 1030.0],
-            50_000,
+            rays,
             7,
         );
         for (thickness_m, shared) in thicknesses.into_iter().zip(&shared) {
@@ -402,7 +431,7 @@ fn sharing_thicknesses_changes_no_law() {
                 thickness_m,
                 ..case.clone()
             };
-            let alone = run(Engine::Spectral, &case, &[450.0, 1030.0], 50_000, 8);
+            let alone = run(Engine::Spectral, &case, &[450.0, 1030.0], rays, 8);
             agree(&format!("{} {thickness_m} m", case.what), shared, &alone);
         }
         // one set of walks: without errors of their own, T falls and R rises
@@ -435,6 +464,7 @@ fn ending_hopeless_walks_is_unbiased() {
 /// Bias from mixing two index nodes instead of walking at each wavelength's
 /// own index, on coarse grains where walks are short.
 #[test]
+#[ignore = "long: only so many walks can see the bias, 20 CPU-s"]
 fn index_nodes_cost_less_than_their_noise() {
     let case = Case {
         what: "coarse",

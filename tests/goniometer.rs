@@ -55,7 +55,7 @@ impl Setup {
             model: &self.model,
             rays: self.rays,
             max_error: MaxError::default(),
-            resolution: Resolution::default(),
+            resolution: Resolution::of_rays(self.rays),
             seed: self.seed,
             cell: 0,
         };

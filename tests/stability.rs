@@ -83,7 +83,18 @@ fn colours_near_black() {
 
 /// Every engine in every cheap corner: it holds, or refuses where the map says so.
 #[test]
+#[ignore = "long: every corner, some 100 CPU-s"]
 fn corners_of_the_box() {
+    corners(16_000);
+}
+
+/// The same with an eighth of the walks.
+#[test]
+fn corners_of_the_box_roughly() {
+    corners(2_000);
+}
+
+fn corners(walks: u64) {
     let dear = [
         "depth 100 to 1000",
         "50-3000 um",
@@ -97,16 +108,16 @@ fn corners_of_the_box() {
         }
         case.wavelengths_nm
             .retain(|nm| ![700.0, 1300.0].contains(nm));
-        let yardstick = asked(&case, Engine::Spectral, 16_000, COARSE);
+        let yardstick = asked(&case, Engine::Spectral, walks, COARSE);
         let refused =
             ["89.99 degrees", "spheres in slabs of 0.99 grains"].contains(&case.name.as_str());
         assert_eq!(yardstick.is_err(), refused, "{}: {yardstick:?}", case.name);
         let yardstick = yardstick.unwrap_or_default();
         for engine in [Engine::Reference, Engine::Tabulated, Engine::Doubling] {
             let rays = if engine == Engine::Reference {
-                2000
+                walks / 8
             } else {
-                8000
+                walks / 2
             };
             let said = asked(&case, engine, rays, COARSE);
             let answer = judge(&case, engine, said, &yardstick);

@@ -28,7 +28,9 @@ fuzz_target!(|bytes: &[u8]| {
     }
     // halfway on every axis beyond the five
     let [low, _, high] = rows.map(|row| database.conditions(row));
-    let halfway = low.iter().map(|(axis, value)| (*axis, 0.5 * (value + high[axis])));
+    let halfway = low
+        .iter()
+        .map(|(axis, value)| (*axis, 0.5 * (value + high[axis])));
     let database = match database.at(&halfway.collect()) {
         Err(LookupError::TooLarge { .. }) => return,
         database => database.expect("between nodes"),

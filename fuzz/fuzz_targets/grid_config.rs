@@ -7,7 +7,9 @@ use splitsnow::config::grid;
 fuzz_target!(|text: &str| match grid::parse("configs/fuzz.toml", text) {
     Ok(file) => {
         let text = file.grid.to_config();
-        let mut again = grid::parse("configs/fuzz.toml", &text).expect("canonical").grid;
+        let mut again = grid::parse("configs/fuzz.toml", &text)
+            .expect("canonical")
+            .grid;
         assert_eq!(again.to_config(), text);
         again.compression = file.grid.compression;
         // A user's water table loses its folder.

@@ -20,8 +20,8 @@ fuzz_target!(|bytes: &[u8]| {
     }
     let light = Request::of(Some(Content::Power), (0.0, f64::MAX));
     if let Ok(curve) = parse("fuzz.csv", bytes, &light) {
-        let increase = |pair: &[_]| pair[0].nm < pair[1].nm;
-        assert!(curve.samples.windows(2).all(increase));
+        let mut pairs = curve.samples.windows(2);
+        assert!(pairs.all(|pair| pair[0].nm < pair[1].nm));
         assert!(curve.samples.iter().all(|s| s.nm > 0.0 && s.value >= 0.0));
     }
 });

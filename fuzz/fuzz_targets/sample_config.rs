@@ -4,11 +4,14 @@
 use libfuzzer_sys::fuzz_target;
 use splitsnow::config::sample;
 
-fuzz_target!(|text: &str| match sample::parse("configs/samples/fuzz.toml", text) {
-    Ok(file) => {
-        let again = sample::parse("configs/samples/fuzz.toml", file.to_toml()).expect("canonical");
-        assert_eq!(again.to_toml(), file.to_toml());
-        assert_eq!(again.pack, file.pack);
+fuzz_target!(
+    |text: &str| match sample::parse("configs/samples/fuzz.toml", text) {
+        Ok(file) => {
+            let again =
+                sample::parse("configs/samples/fuzz.toml", file.to_toml()).expect("canonical");
+            assert_eq!(again.to_toml(), file.to_toml());
+            assert_eq!(again.pack, file.pack);
+        }
+        Err(error) => assert!(!error.to_string().is_empty()),
     }
-    Err(error) => assert!(!error.to_string().is_empty()),
-});
+);

@@ -143,7 +143,8 @@ pub(crate) fn proportion(count: u64, rays: u64) -> Measured {
     Measured { value, se }
 }
 
-/// Spectra of `snow` per thickness by the spectral engine, dry or wet.
+/// Spectra of `snow` per thickness, dry or wet, by `tabulated`: a tenth of the cost of
+/// `spectral`, with which tests/engines.rs and tests/golden.rs compare it.
 pub(crate) fn spectra(
     snow: &Snow,
     thicknesses_m: &[f64],
@@ -155,7 +156,7 @@ pub(crate) fn spectra(
         pack: &snow.clone().into(),
         thicknesses_m,
         illuminations: &[illumination],
-        resolution: Resolution::default(),
+        resolution: Resolution::of_rays(rays),
         max_error: MaxError::default(),
         wavelengths_nm,
         model: &Model::default(),
@@ -171,7 +172,7 @@ pub(crate) fn spectra(
         rays_done: &rays_done,
         cache: &cache,
     };
-    Engine::Spectral.run(&request, &control).unwrap()
+    Engine::Tabulated.run(&request, &control).unwrap()
 }
 
 /// How many standard errors a normal variate may stray so that none of

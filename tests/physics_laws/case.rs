@@ -53,7 +53,7 @@ impl Case {
             pack: &self.pack,
             thicknesses_m: &self.thicknesses_m,
             illuminations: &[self.light],
-            resolution: Resolution::default(),
+            resolution: Resolution::of_rays(rays),
             max_error: MaxError::default(),
             wavelengths_nm: &self.nm,
             model: &self.model,
