@@ -30,7 +30,7 @@ fn parse(text: &str) -> Result<MeasuredSpectrum, MeasuredError> {
 /// The line and kind of a refusal to read.
 fn refusal(read: Result<MeasuredSpectrum, MeasuredError>) -> (Option<usize>, Problem) {
     match read.unwrap_err() {
-        MeasuredError::Spectrum(error) => (error.line, error.problem),
+        MeasuredError::Spectrum(error) => (error.line, *error.problem),
         other => panic!("{other}"),
     }
 }

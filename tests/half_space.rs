@@ -96,18 +96,17 @@ fn walks_agree_with_the_solver() {
         let solved = of(Engine::Doubling, 4096);
         for engine in [Engine::Reference, Engine::Spectral, Engine::Tabulated] {
             let walked = of(engine, 3000);
-            for l in 0..nm.len() {
+            for (l, nm) in nm.iter().enumerate() {
                 let (a, b) = (solved.reflectance[l], walked.reflectance[l]);
                 let error = (a.se * a.se + b.se * b.se + 1.5e-3 * 1.5e-3_f64).sqrt();
                 let z = (a.value - b.value) / error;
                 println!(
-                    "{} {} nm: {:.4} {:.4} z {z:.1}",
+                    "{} {nm} nm: {:.4} {:.4} z {z:.1}",
                     engine.name(),
-                    nm[l],
                     a.value,
                     b.value
                 );
-                assert!(z.abs() < 4.5, "{} {} nm: {a:?} {b:?}", engine.name(), nm[l]);
+                assert!(z.abs() < 4.5, "{} {nm} nm: {a:?} {b:?}", engine.name());
                 assert_eq!(walked.transmittance[l].value, 0.0);
                 assert_eq!(walked.lost[l], 0.0);
             }

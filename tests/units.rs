@@ -62,7 +62,8 @@ fn a_job_ends_however_short_its_lives_are() {
         grid.run.rays = 10_000;
         grid.fixed.ground = Ground::Grey(0.3);
         // one thin slab, one with an inside
-        grid.axes.thickness_cm = vec![0.5, 5.0];
+        grid.axes.grain_size_um = vec![400.0];
+        grid.axes.thickness_cm = vec![0.5, 2.0];
         // its units are many: one index node will do
         let nm = [500.0, 900.0];
         let count = if engine == Engine::Doubling { 1 } else { 2 };
@@ -85,7 +86,7 @@ fn a_job_ends_however_short_its_lives_are() {
             let life = Life {
                 kept: Arc::clone(&kept),
                 // the units of doubling are many
-                savings: if engine == Engine::Doubling { 16 } else { 1 },
+                savings: if engine == Engine::Doubling { 8 } else { 1 },
                 cancel,
             };
             let before = kept.lock().unwrap().clone();

@@ -150,7 +150,7 @@ pub fn crtm(table: Table) -> Result<Vec<u8>, ExportError> {
     }
     let dimensions = DIMENSIONS.each_ref().map(|about| about.dimension);
     for (name, long_name, _) in &arrays {
-        set.add_var_f64(*name, &dimensions).map_err(failed)?;
+        set.add_var_f64(name, &dimensions).map_err(failed)?;
         let description = "Spectral snow surface reflectance data: directional-hemispherical";
         described(&mut set, name, [long_name, description, "N/A"]).map_err(failed)?;
     }
@@ -400,7 +400,7 @@ mod tests {
         assert!((radii[0] - expected).abs() < 1e-9, "{radii:?}");
         let values = file.read_var_f64("Reflectance").unwrap();
         // density 1, depth 2, size 3, frequency 0 (wavelength 3), angle 4
-        let place = (((1 * 4 + 2) * 4 + 3) * 4) * 5 + 4;
+        let place = (((4 + 2) * 4 + 3) * 4) * 5 + 4;
         let digits = [1.0, 3.0, 1.0, 2.0, 4.0, 3.0];
         let digits = digits.into_iter().fold(0.0, |sum, digit| 8.0 * sum + digit);
         assert_eq!(values[place], digits * 2.0_f64.powi(-18));

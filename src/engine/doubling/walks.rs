@@ -168,10 +168,7 @@ impl Walks {
             part
         };
         let parts: Vec<Vec<Scores>> = (0..PARTS).map(|_| part()).collect();
-        Ok(Self {
-            averages,
-            parts,
-        })
+        Ok(Self { averages, parts })
     }
 }
 

@@ -12,7 +12,7 @@ pub struct SpectrumError {
     /// Line to blame, from 1; `None` where none is.
     pub line: Option<usize>,
     /// What is wrong.
-    pub problem: Problem,
+    pub problem: Box<Problem>,
 }
 
 /// The kinds of refusal. Text of the file is quoted short.

@@ -187,7 +187,7 @@ pub fn read(path: &Path, request: &Request) -> Result<Curve, SpectrumError> {
         .map_err(|error| SpectrumError {
             file: name.clone(),
             line: None,
-            problem: Problem::Read(error.to_string()),
+            problem: Box::new(Problem::Read(error.to_string())),
         })?;
     parse(&name, &bytes, request)
 }
@@ -210,6 +210,6 @@ pub fn parse(file: &str, bytes: &[u8], request: &Request) -> Result<Curve, Spect
     read().map_err(|(line, problem)| SpectrumError {
         file: file.to_owned(),
         line,
-        problem,
+        problem: Box::new(problem),
     })
 }
