@@ -7,9 +7,9 @@
 //! the grains met. [`SizeLaw::Consistent`] sets that equal to the volume fraction
 //! of ice V: with size s and shape Psi independent, surface / volume = A(Psi) / s,
 //!
-//! dbar = <s> <4 / A(Psi)> / V, so K1 = 1 / <s> and K2 = 1 / <4 / A(Psi)>.
+//! `dbar = <s> <4 / A(Psi)> / V`, so `K1 = 1 / <s>` and `K2 = 1 / <4 / A(Psi)>`.
 //!
-//! The published K1 <s> is 1 for a single size, 1.15 for 300-750 um, 7.3 for
+//! The published `K1 <s>` is 1 for a single size, 1.15 for 300-750 um, 7.3 for
 //! 50-3000 um: so many times the ice is met. The published K2 adds 1.6 % at the usual
 //! spread of the sphericity. Either way the snow that the walk meets has the specific
 //! surface area 4 K1 K2 / ice density.
