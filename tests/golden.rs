@@ -335,12 +335,20 @@ fn doubling_errors(step: usize) -> usize {
                 .iter()
                 .position(|l| *l == case.illumination)
                 .unwrap();
-            let errors = compare(case, &spectra[h * illuminations.len() + light]);
-            // what docs/stability.md promises; Delta-E with room for the noise of
-            // the golden data itself, which is of the same size
+            let spectrum = &spectra[h * illuminations.len() + light];
+            let errors = compare(case, spectrum);
+            // what docs/stability.md promises of the method itself, beyond the noise of the
+            // golden data and of these walks: that is up to 5e-4 in T where T is .24, so that
+            // a bare 1e-3, as once here, is two standard errors and holds for some seeds only
+            let beyond = |error: Measured, run: &[Measured]| {
+                let run_se = run.iter().map(|m| m.se).fold(0.0, f64::max);
+                error.value - 3.0 * error.se.hypot(run_se)
+            };
+            let visible_t = beyond(errors.visible_t, &spectrum.transmittance[..VISIBLE]);
+            let infrared_r = beyond(errors.infrared_r, &spectrum.reflectance[VISIBLE..]);
             let delta_e = errors.delta_e.value - 3.0 * errors.delta_e.se;
-            assert!(errors.visible_t.value <= 1e-3, "{}: {errors:?}", case.name);
-            assert!(errors.infrared_r.value <= 5e-3, "{}: {errors:?}", case.name);
+            assert!(visible_t <= 1e-3, "{}: {errors:?}", case.name);
+            assert!(infrared_r <= 5e-3, "{}: {errors:?}", case.name);
             assert!(delta_e <= 0.3, "{}: {errors:?}", case.name);
             let of = [
                 errors.visible_t,
