@@ -1413,9 +1413,12 @@ static float splitsnow__place(int axis, float single) {
 /* Derivative of the thickness' coordinate, 1/cm. */
 static float splitsnow__slope_at(float thickness_cm) { return 1.0f / (0.5f + thickness_cm); }
 
-/* Whether `value` is the node `node`: axes are in single precision, users type decimals. */
+/* Whether `value` is the node `node`: axes are in single precision, users type decimals.
+ * The shortest decimal of a subnormal number is farther from it than the tolerance. */
 static int splitsnow__on(float node, double value) {
-    double scale = node == 0.0f ? 1.0 : fabs((double)node);
+    double scale;
+    if (fabs(value) <= 3.4e38 && (float)value == node) return 1;
+    scale = node == 0.0f ? 1.0 : fabs((double)node);
     return fabs((double)node - value) <= 1e-6 * scale;
 }
 

@@ -66,8 +66,12 @@ impl fmt::Display for Point {
     }
 }
 
-/// Whether `value` is the node `node`.
+/// Whether `value` is the node `node`: near it, or a decimal of it. The shortest
+/// decimal of a subnormal number is farther from it than the tolerance.
 pub(super) fn on(node: f32, value: f64) -> bool {
+    if value as f32 == node {
+        return true;
+    }
     let node = f64::from(node);
     let scale = if node == 0.0 { 1.0 } else { node.abs() };
     (node - value).abs() <= TOLERANCE * scale
@@ -129,6 +133,10 @@ mod tests {
         let close: [f32; 2] = [1.0, 1.000_000_1];
         assert_eq!(find("x", &close, 1.0).unwrap(), 0);
         assert_eq!(find("x", &close, f64::from(close[1])).unwrap(), 1);
+        let subnormal: [f32; 3] = [1e-45, 9.04e-41, 100.0];
+        for (index, decimal) in [1e-45, 9.04e-41].into_iter().enumerate() {
+            assert_eq!(find("x", &subnormal, decimal).unwrap(), index);
+        }
     }
 
     #[test]
