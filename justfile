@@ -2,6 +2,10 @@
 check:
     bash .ci/run
 
+# And what takes too long for every change
+full:
+    bash .ci/full
+
 # Benchmarks; results go to docs/performance.md
 bench:
     cargo bench --bench walk --bench slab

@@ -372,11 +372,11 @@ fn reference_against_plain(rays: u64, reference_rays: u64) {
 
 #[test]
 fn spectral_is_reference_up_to_2500_nm() {
-    spectral_against_reference(8_000, 6_000);
+    spectral_against_reference(3_000, 2_000);
 }
 
 #[test]
-#[ignore = "long: five times the walks, some 60 CPU-s"]
+#[ignore = "long: some 15 times the walks, some 60 CPU-s"]
 fn spectral_is_reference_up_to_2500_nm_closely() {
     spectral_against_reference(40_000, 30_000);
 }
@@ -406,11 +406,11 @@ fn spectral_against_reference(spectral_rays: u64, reference_rays: u64) {
 
 #[test]
 fn sharing_thicknesses_changes_no_law() {
-    shared_against_alone(10_000);
+    shared_against_alone(3_000);
 }
 
 #[test]
-#[ignore = "long: five times the walks, some 40 CPU-s"]
+#[ignore = "long: some 15 times the walks, some 60 CPU-s"]
 fn sharing_thicknesses_changes_no_law_closely() {
     shared_against_alone(50_000);
 }

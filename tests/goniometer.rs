@@ -46,6 +46,19 @@ impl Setup {
         }
     }
 
+    /// Of a handful of walks nothing is told but that they are the same.
+    fn resolution(&self) -> Resolution {
+        let of_rays = Resolution::of_rays(self.rays);
+        match self.rays {
+            0..=100 => Resolution {
+                table: 1 << 10,
+                grains: 1 << 13,
+                ..of_rays
+            },
+            _ => of_rays,
+        }
+    }
+
     fn with<T>(&self, run: impl FnOnce(&Request, &Control) -> T) -> T {
         let request = Request {
             pack: &self.pack,
@@ -55,7 +68,7 @@ impl Setup {
             model: &self.model,
             rays: self.rays,
             max_error: MaxError::default(),
-            resolution: Resolution::of_rays(self.rays),
+            resolution: self.resolution(),
             seed: self.seed,
             cell: 0,
         };
@@ -183,9 +196,35 @@ fn everything(joining: Joining) -> Setup {
 /// another on every sensor, and their sums with the spectrophotometer.
 #[test]
 fn engines_agree_and_sum_to_reflectance_and_transmittance() {
-    let sensors = Sensors::new(40);
-    for joining in [Joining::Continuous, Joining::Cascade] {
-        let setup = everything(joining);
+    engines_agree_and_sum(
+        16,
+        3_000,
+        &[
+            (Joining::Continuous, &[500.0, 1300.0]),
+            (Joining::Cascade, &[900.0]),
+        ],
+    );
+}
+
+#[test]
+#[ignore = "long: six times the walks, some 35 CPU-s"]
+fn engines_agree_and_sum_to_reflectance_and_transmittance_closely() {
+    let nm = [500.0, 900.0, 1300.0];
+    engines_agree_and_sum(
+        40,
+        20_000,
+        &[(Joining::Continuous, &nm), (Joining::Cascade, &nm)],
+    );
+}
+
+fn engines_agree_and_sum(sensors: usize, rays: u64, cases: &[(Joining, &[f64])]) {
+    let sensors = Sensors::new(sensors);
+    for &(joining, nm) in cases {
+        let setup = Setup {
+            rays,
+            wavelengths_nm: nm.to_vec(),
+            ..everything(joining)
+        };
         let spectral = setup.measure(Engine::Spectral, &sensors);
         let fast = setup.measure(Engine::Tabulated, &sensors);
         let reference = setup.measure(Engine::Reference, &sensors);
@@ -197,10 +236,10 @@ fn engines_agree_and_sum_to_reflectance_and_transmittance() {
                 zs[0].extend(halves(&sensors).map(|s| z(a.reflected[s], b.reflected[s])));
                 zs[1].extend(halves(&sensors).map(|s| z(a.transmitted[s], b.transmitted[s])));
             }
-            // wavelengths share walks: a third of the comparisons are independent
+            // wavelengths share walks: those of one are independent
             for (side, zs) in ["BRDF", "BTDF"].iter().zip(&zs) {
-                for third in zs.chunks(zs.len() / 3) {
-                    assert_alike(third, &format!("{engine} {side} {joining:?}"));
+                for alone in zs.chunks(zs.len() / nm.len()) {
+                    assert_alike(alone, &format!("{engine} {side} {joining:?}"));
                 }
             }
         }
@@ -305,11 +344,21 @@ fn exchange_of_light_and_sensor_in_dilute_snow() {
 /// Standard errors are the scatter over seeds.
 #[test]
 fn standard_errors_are_the_scatter_over_seeds() {
-    let (sensors, seeds) = (Sensors::new(40), 24);
-    for engine in [Engine::Spectral, Engine::Tabulated] {
+    errors_are_the_scatter(&[Engine::Spectral], 20, 1_000);
+}
+
+#[test]
+#[ignore = "long: four times the walks, and tables, some 20 CPU-s"]
+fn standard_errors_are_the_scatter_over_seeds_closely() {
+    errors_are_the_scatter(&[Engine::Spectral, Engine::Tabulated], 40, 4_000);
+}
+
+fn errors_are_the_scatter(engines: &[Engine], sensors: usize, rays: u64) {
+    let (sensors, seeds) = (Sensors::new(sensors), 24);
+    for &engine in engines {
         let runs: Vec<Exits> = (0..seeds)
             .map(|seed| {
-                let mut setup = Setup::new(dry(), 0.005, beam(60.0), &[800.0], 4000);
+                let mut setup = Setup::new(dry(), 0.005, beam(60.0), &[800.0], rays);
                 setup.seed = seed;
                 setup.measure(engine, &sensors).remove(0)
             })
@@ -338,12 +387,11 @@ fn standard_errors_are_the_scatter_over_seeds() {
 /// are left.
 #[test]
 fn scored_sensors_add_up_to_reflectance() {
-    let (sensors, seeds) = (Sensors::new(40), 8);
-    let mut setup = Setup::new(dry(), 0.01, beam(60.0), &[800.0, 1300.0], 4000);
-    setup.rays = 400_000;
+    let (sensors, seeds) = (Sensors::new(20), 6);
+    let mut setup = Setup::new(dry(), 0.01, beam(60.0), &[800.0, 1300.0], 100_000);
     let counted = setup.with(|request, control| Engine::Tabulated.run(request, control));
     let counted = counted.unwrap().remove(0);
-    setup.rays = 4000;
+    setup.rays = 1500;
     let mut means = [[Measured::default(); 2]; 2];
     for seed in 100..100 + seeds {
         setup.seed = seed;
@@ -365,7 +413,7 @@ fn scored_sensors_add_up_to_reflectance() {
     }
     for (l, [r, t]) in means.into_iter().enumerate() {
         for (ours, theirs) in [(r, counted.reflectance[l]), (t, counted.transmittance[l])] {
-            // 56 degrees of freedom; of its own `doubling` is off by up to .002 where
+            // 42 degrees of freedom; of its own `doubling` is off by up to .002 where
             // `auto` takes it (docs/stability.md), `tabulated` by .0003
             let apart = (ours.value - theirs.value).abs();
             let noise = 1.2 * z_limit(ALPHA, 4) * ours.se.hypot(theirs.se);
@@ -382,7 +430,8 @@ fn scored_sensors_add_up_to_reflectance() {
 fn threads_leave_no_trace() {
     let sensors = Sensors::new(50);
     let mut setup = everything(Joining::Continuous);
-    setup.rays = 500;
+    setup.rays = 100;
+    setup.wavelengths_nm = vec![900.0, 1300.0];
     for engine in [Engine::Spectral, Engine::Tabulated, Engine::Reference] {
         let run = |threads| {
             let pool = rayon::ThreadPoolBuilder::new().num_threads(threads);

@@ -88,10 +88,10 @@ fn corners_of_the_box() {
     corners(16_000);
 }
 
-/// The same with an eighth of the walks.
+/// The same with a sixteenth of the walks.
 #[test]
 fn corners_of_the_box_roughly() {
-    corners(2_000);
+    corners(1_000);
 }
 
 fn corners(walks: u64) {

@@ -91,7 +91,7 @@ fn assert_more(what: &str, more: Measured, less: Measured, by: f64) {
 #[test]
 fn a_surface_layer_lifts_the_near_infrared() {
     let wavelengths_nm = [500.0, 900.0, 1100.0, 1300.0];
-    let found = values(&study("surface_layer", &wavelengths_nm), 4096);
+    let found = values(&study("surface_layer", &wavelengths_nm), 2048);
     let old = &found[&key("", "basal layer, 15 cm")];
     for label in ["1 cm of fine grains on it", "cascaded as printed"] {
         let fresh = &found[&key("", label)];
@@ -282,7 +282,7 @@ fn scaled(m: Measured, by: f64) -> Measured {
 /// of both the more at 1800 nm.
 #[test]
 fn slanting_light_goes_forward() {
-    let found = brdfs("brdf_incidence", 16_384);
+    let found = brdfs("brdf_incidence", 8_192);
     let [normal, slight, slant] = ["0", "30", "60"].map(|angle| format!("light at {angle}°"));
     for degrees in [0.0, 20.0, 40.0, 60.0] {
         let f = found.at("600 nm", &normal, degrees, 0.0);
@@ -313,7 +313,7 @@ fn slanting_light_goes_forward() {
 /// both are stronger than at 600 nm.
 #[test]
 fn grazing_light_goes_forward_the_more() {
-    let found = brdfs("brdf_incidence_published", 16_384);
+    let found = brdfs("brdf_incidence_published", 8_192);
     let labels = ["52.8", "69.3", "84.8"].map(|angle| format!("light at {angle}°"));
     let peaks = labels
         .each_ref()
@@ -338,19 +338,27 @@ fn grazing_light_goes_forward_the_more() {
     assert_more("nadir at 600 nm", nadirs[1], far(Brdfs::nadir), 0.0);
 }
 
-/// At 1450 nm fine grains have the higher forward peak in 1/sr, though over a nadir that
-/// is brighter still; at 600 nm they have the lower one over the nadir.
+/// At 600 nm fine grains have the lower forward peak over the nadir.
 #[test]
+#[ignore = "long: the difference is small, some 45 CPU-s"]
 fn the_forward_peak_of_fine_grains_is_low_in_the_visible() {
     let found = brdfs("brdf_grain_size", 65_536);
     let [coarse, fine] = ["grains of 1.5-3 mm", "grains of 0.03-0.3 mm"];
-    let contrast = |nm: &str, label: &str| found.contrast(nm, label);
     assert_more(
         "600 nm",
-        contrast("600 nm", coarse),
-        contrast("600 nm", fine),
+        found.contrast("600 nm", coarse),
+        found.contrast("600 nm", fine),
         0.0,
     );
+}
+
+/// At 1450 nm fine grains have the higher forward peak in 1/sr, though over a nadir that
+/// is brighter still.
+#[test]
+fn the_forward_peak_of_fine_grains_is_high_in_the_infrared() {
+    let found = brdfs("brdf_grain_size", 8_192);
+    let [coarse, fine] = ["grains of 1.5-3 mm", "grains of 0.03-0.3 mm"];
+    let contrast = |nm: &str, label: &str| found.contrast(nm, label);
     assert_more(
         "1450 nm",
         contrast("1450 nm", coarse),
@@ -371,7 +379,7 @@ fn the_forward_peak_of_fine_grains_is_low_in_the_visible() {
 /// not rise.
 #[test]
 fn facets_take_the_forward_peak() {
-    let found = brdfs("brdf_facetness", 16_384);
+    let found = brdfs("brdf_facetness", 8_192);
     let [smooth, middle, faceted] =
         ["0-0.2", "0.2-0.4", "0.8-1"].map(|f| found.forward("", &format!("facetness {f}")));
     assert_more("0.1 above 0.3", smooth, middle, 0.0);
@@ -385,7 +393,7 @@ fn facets_take_the_forward_peak() {
 /// snow has none forward.
 #[test]
 fn faceted_snow_has_two_peaks_in_the_infrared() {
-    let found = brdfs("brdf_hemisphere", 16_384);
+    let found = brdfs("brdf_hemisphere", 8_192);
     let [smooth, faceted] = ["facetness 0.1", "facetness 0.9"];
     let nm = "1800 nm";
     let forward = found.forward(nm, faceted);

@@ -24,9 +24,37 @@ facetness = { min = 0.2, max = 0.4, mean = 0.3, sd = 0.072 }
 ";
 const CHARTS: [&str; 3] = ["tradeoff", "scaling", "components"];
 
+/// What is compressed: 24 curves of rough noise.
+const GRID: &str = "\
+version = 1
+[axes]
+facetness = [0.1, 0.5]
+grain_size_um = [800, 1000]
+density_kg_m3 = [400]
+thickness_cm = [1, 2, 4]
+angle_deg = [0, 60]
+[wavelengths]
+start_nm = 400
+stop_nm = 700
+step_nm = 10
+[run]
+engine = \"spectral\"
+rays = 300
+";
+
 fn folder() -> tempfile::TempDir {
     let dir = tempfile::tempdir().unwrap();
     fs::write(dir.path().join("slab.toml"), SAMPLE).unwrap();
+    fs::write(dir.path().join("grid.toml"), GRID).unwrap();
+    dir
+}
+
+/// The same with the database of the grid in `out/grid`.
+fn built() -> tempfile::TempDir {
+    let dir = folder();
+    let mut build = Command::new(env!("CARGO_BIN_EXE_splitsnow"));
+    let build = build.args(["build", "grid.toml"]).current_dir(dir.path());
+    text(&build.output().unwrap());
     dir
 }
 
@@ -58,8 +86,8 @@ fn number(row: &BTreeMap<String, String>, column: &str) -> f64 {
 
 #[test]
 fn all_files_are_there_and_parse() {
-    let dir = folder();
-    let args = "slab.toml --out out --budget 3 --truth-rays 4096 --seeds 3";
+    let dir = built();
+    let args = "slab.toml --out out --database out/grid --budget 1 --truth-rays 4096 --seeds 2";
     let table = text(&command(dir.path(), args).output().unwrap());
     let out = dir.path().join("out");
     for line in [
@@ -147,8 +175,9 @@ fn all_files_are_there_and_parse() {
 /// the truth was on file.
 #[test]
 fn values_are_reproducible_and_the_truth_is_kept() {
-    let dir = folder();
-    let args = "slab.toml --engine spectral --truth-rays 512 --seeds 2 --json --out";
+    let dir = built();
+    let args =
+        "slab.toml --database out/grid --engine spectral --truth-rays 512 --seeds 2 --json --out";
     let values = |args: &str, out: &str| {
         let json = text(
             &command(dir.path(), &format!("{args} {out}"))
@@ -165,10 +194,10 @@ fn values_are_reproducible_and_the_truth_is_kept() {
         assert_eq!(first.len(), 4);
         first
     };
-    let one = values(&format!("--budget 1 --threads 1 {args}"), "one");
+    let one = values(&format!("--budget 0.2 --threads 1 {args}"), "one");
     assert_eq!(
         one,
-        values(&format!("--budget 2 --threads 2 {args}"), "two")
+        values(&format!("--budget 0.4 --threads 2 {args}"), "two")
     );
     let truths = |out: &str| -> Vec<_> {
         let entries = fs::read_dir(dir.path().join(out).join("truth")).unwrap();
@@ -184,7 +213,7 @@ fn values_are_reproducible_and_the_truth_is_kept() {
         }
         fs::write(path, truth.to_string()).unwrap();
     }
-    assert_ne!(one, values(&format!("--budget 1 {args}"), "one"));
+    assert_ne!(one, values(&format!("--budget 0.2 {args}"), "one"));
 }
 
 #[cfg(unix)]

@@ -18,20 +18,25 @@ use crate::snow::{Each, TRANSPARENT, snow, spheres, stream, walker};
 const BANDS: usize = 10;
 /// Angles of incidence per band, so that its rays come from all over it.
 const BEAMS: usize = 4;
-const RAYS_PER_BEAM: u64 = 25_000;
-const RAYS: u64 = RAYS_PER_BEAM * (BANDS * BEAMS) as u64;
+/// Rays per beam, and in the long tests.
+const FEW: u64 = 5_000;
+const MANY: u64 = 25_000;
 
 /// Counts by [band of incidence][band of exit].
 #[derive(Default)]
 struct Exchange {
+    rays: u64,
     reflected: [[u64; BANDS]; BANDS],
     transmitted: [[u64; BANDS]; BANDS],
 }
 
 impl Exchange {
-    fn measure(snow: &Snow, entry: Entry, thickness_m: f64, cell: u64) -> Self {
+    fn measure(snow: &Snow, entry: Entry, thickness_m: f64, rays_per_beam: u64, cell: u64) -> Self {
         let walker = walker(snow, entry, 1.31, TRANSPARENT);
-        let mut counts = Self::default();
+        let mut counts = Self {
+            rays: rays_per_beam * (BANDS * BEAMS) as u64,
+            ..Self::default()
+        };
         for beam in 0..BANDS * BEAMS {
             let mu = ((beam as f64 + 0.5) / (BANDS * BEAMS) as f64).sqrt();
             let light = Illumination::Collimated {
@@ -48,7 +53,7 @@ impl Exchange {
             });
             let rng = stream(cell + beam as u64);
             walker
-                .walk(&[thickness_m], light, RAYS_PER_BEAM, rng, &mut sink)
+                .walk(&[thickness_m], light, rays_per_beam, rng, &mut sink)
                 .unwrap();
         }
         counts
@@ -61,10 +66,10 @@ impl Exchange {
         std::array::from_fn(|out| {
             let both = self.reflected.iter().chain(&self.transmitted);
             let count: u64 = both.map(|row| row[out]).sum();
-            let p = count as f64 / RAYS as f64;
+            let p = count as f64 / self.rays as f64;
             Measured {
                 value: BANDS as f64 * p,
-                se: BANDS as f64 * (p * (1.0 - p) / RAYS as f64).sqrt(),
+                se: BANDS as f64 * (p * (1.0 - p) / self.rays as f64).sqrt(),
             }
         })
     }
@@ -107,13 +112,13 @@ const FLIGHTS: f64 = 12.0;
 const THIN: f64 = 1.0;
 const DENSE: f64 = 275.0;
 
-fn exchange(snow: &Snow, entry: Entry, cell: u64) -> Exchange {
+fn exchange(snow: &Snow, entry: Entry, rays_per_beam: u64, cell: u64) -> Exchange {
     let d = mean_free_distance_m(
         &snow.grains[0].grain,
         snow.density_kg_m3,
         snow.temperature_c,
     );
-    Exchange::measure(snow, entry, FLIGHTS * d, cell)
+    Exchange::measure(snow, entry, FLIGHTS * d, rays_per_beam, cell)
 }
 
 fn faceted(density: f64) -> Snow {
@@ -135,6 +140,16 @@ fn report(name: &str, exchange: &Exchange) {
 /// point: a grain's law of deflection depends on the angle alone.
 #[test]
 fn thin_snow_is_reciprocal() {
+    thin_snow(FEW);
+}
+
+#[test]
+#[ignore = "long: five times the walks, some 20 CPU-s"]
+fn thin_snow_is_reciprocal_closely() {
+    thin_snow(MANY);
+}
+
+fn thin_snow(rays_per_beam: u64) {
     for (name, snow, entry, cell) in [
         ("faceted, uniform", faceted(THIN), Entry::Uniform, 1000),
         ("faceted, projected", faceted(THIN), Entry::Projected, 2000),
@@ -151,7 +166,7 @@ fn thin_snow_is_reciprocal() {
             4000,
         ),
     ] {
-        let exchange = exchange(&snow, entry, cell);
+        let exchange = exchange(&snow, entry, rays_per_beam, cell);
         report(name, &exchange);
         for m in exchange.furnace() {
             assert_close(name, m.value, m.se, 1.0);
@@ -187,6 +202,16 @@ struct Measurement {
 /// that this fails where the behaviour changes.
 #[test]
 fn dense_snow_bends_the_furnace_as_measured() {
+    dense_snow(FEW);
+}
+
+#[test]
+#[ignore = "long: five times the walks, some 15 CPU-s"]
+fn dense_snow_bends_the_furnace_as_measured_closely() {
+    dense_snow(MANY);
+}
+
+fn dense_snow(rays_per_beam: u64) {
     for (name, snow, entry, cell, expected) in [
         (
             "faceted, uniform",
@@ -211,7 +236,7 @@ fn dense_snow_bends_the_furnace_as_measured() {
         ),
     ] {
         let name = &format!("{name}, dense");
-        let exchange = exchange(&snow, entry, cell);
+        let exchange = exchange(&snow, entry, rays_per_beam, cell);
         report(name, &exchange);
         for (m, radiance) in exchange.furnace().iter().zip(expected.radiance) {
             assert_close(name, m.value, m.se.hypot(expected.radiance_se), radiance);

@@ -105,13 +105,22 @@ fn a_cascade_is_a_layer_on_a_ground() {
 /// that sends back nothing or everything, but for grains at the plane.
 #[test]
 fn how_far_cascades_are_off() {
+    cascades_are_off(1_000, &[0.0], &[0.002]);
+}
+
+#[test]
+#[ignore = "long: eight times the walks and more snows, some 50 CPU-s"]
+fn how_far_cascades_are_off_closely() {
+    cascades_are_off(8_000, &[0.0, 60.0], &[0.002, 0.005, 0.01]);
+}
+
+fn cascades_are_off(rays: u64, degs: &[f64], surfaces_m: &[f64]) {
     let black = Snow {
         black_carbon: Some(Carbon::black(1e9)),
         ..dry()
     };
     let fine = |density| snow((60.0, 140.0), 0.5, density, 0.0);
     let basal = snow((900.0, 1000.0), 0.1, 375.0, 0.0);
-    let rays = 8_000;
     let apart = |what: &str, pack: Pack, thickness_m, deg| {
         let case = Case {
             light: beam(deg),
@@ -126,12 +135,13 @@ fn how_far_cascades_are_off() {
             })
             .collect();
         println!("cascade - continuous, {what}, {deg} degrees: {differences:.4?}");
+        // what is sure, for the largest of few walks is mostly noise
         differences
             .iter()
-            .map(|d| d.value.abs())
+            .map(|d| d.value.abs() - 3.0 * d.se)
             .fold(0.0, f64::max)
     };
-    assert!(apart("on black", on(dry(), black, 0.02), 0.03, 0.0) < 0.02);
+    assert!(apart("on black", on(dry(), black, 0.02), 0.03, 0.0) < 0.005);
     let perfect = apart(
         "visible, on much fine snow",
         on(fine(300.0), fine(300.0), 0.2),
@@ -139,15 +149,15 @@ fn how_far_cascades_are_off() {
         0.0,
     );
     let mut most = perfect;
-    for deg in [0.0, 60.0] {
-        for surface_m in [0.002, 0.005, 0.01] {
+    for &deg in degs {
+        for &surface_m in surfaces_m {
             let pack = on(fine(225.0), basal.clone(), 0.1);
             let what = format!("{} mm on basal", surface_m * 1e3);
             most = most.max(apart(&what, pack, 0.1 + surface_m, deg));
         }
     }
     println!("cascades are off by {most:.4} at most");
-    assert!(most < 0.05);
+    assert!(most < 0.02);
 }
 
 /// Scatter over seeds in units of the standard errors: chi-square. The errors

@@ -14,6 +14,16 @@ use crate::snow::{AIR, NORMAL, TRANSPARENT, dry, ends, proportion, snow, spheres
 
 #[test]
 fn a_pack_cut_into_equal_layers_is_the_pack() {
+    cut_is_whole(8);
+}
+
+#[test]
+#[ignore = "long: eight times the walks, some 15 CPU-s"]
+fn a_pack_cut_into_equal_layers_is_the_pack_closely() {
+    cut_is_whole(1);
+}
+
+fn cut_is_whole(fewer: u64) {
     let layer = Layer {
         snow: dirty(),
         thickness_m: 0.0013,
@@ -29,7 +39,7 @@ fn a_pack_cut_into_equal_layers_is_the_pack() {
         let whole = Case::new(over(dirty(), Ground::Grey(0.3)), thickness_m).of(engine);
         let mut cut = whole.clone();
         cut.pack.below = vec![layer.clone(); 6];
-        let [a, b] = [whole.run(rays, 1), cut.run(rays, 2)];
+        let [a, b] = [whole.run(rays / fewer, 1), cut.run(rays / fewer, 2)];
         assert_same(&format!("cut, {}", engine.name()), &a, &b);
     }
 }
@@ -52,7 +62,7 @@ fn a_mixture_of_a_type_with_itself_is_the_type() {
     ] {
         let [a, b] = [(&pure, 2), (&mixed, 3)].map(|(snow, seed)| {
             let case = Case::new(snow.clone(), thickness_m).of(engine);
-            case.run(50_000, seed)
+            case.run(20_000, seed)
         });
         assert_same(&format!("mixed with itself, {}", engine.name()), &a, &b);
     }
@@ -116,7 +126,7 @@ fn little_carbon_has_half_the_effect_of_twice_as_little() {
             }),
             ..dry()
         };
-        Case::new(sooty, 0.02).run(50_000, 5)
+        Case::new(sooty, 0.02).run(20_000, 5)
     };
     let (clean, once, twice) = (case(0.0), case(0.5), case(1.0));
     // beyond the visible other walks end early, and the two do not share their errors
@@ -220,6 +230,16 @@ fn the_trend_with_the_exponent_inverts() {
 
 #[test]
 fn thicknesses_at_once_are_those_alone_in_packs() {
+    thicknesses_at_once(12_000);
+}
+
+#[test]
+#[ignore = "long: eight times the walks, some 45 CPU-s"]
+fn thicknesses_at_once_are_those_alone_in_packs_closely() {
+    thicknesses_at_once(100_000);
+}
+
+fn thicknesses_at_once(rays: u64) {
     let coarse = snow((1000.0, 2500.0), 0.2, 400.0, 0.0);
     let mut all = Case::new(on(dirty(), coarse, 0.006), 0.0);
     all.pack.ground = Ground::Grey(0.4);
@@ -230,13 +250,13 @@ fn thicknesses_at_once_are_those_alone_in_packs() {
         (all.cascade(), "cascade"),
         (tabulated, "tabulated"),
     ] {
-        let together = joined.run_all(100_000, 7);
+        let together = joined.run_all(rays, 7);
         for (h, shared) in joined.thicknesses_m.iter().zip(&together) {
             let alone = Case {
                 thicknesses_m: vec![*h],
                 ..joined.clone()
             };
-            let alone = alone.run(100_000, 8);
+            let alone = alone.run(rays, 8);
             assert_same(&format!("{what}, {h} m"), shared, &alone);
         }
     }
@@ -281,6 +301,16 @@ fn energy_is_conserved() {
 /// points inside: within the method's own error (docs/stability.md).
 #[test]
 fn engines_with_tables_agree_on_packs() {
+    tables_on_packs(16_384);
+}
+
+#[test]
+#[ignore = "long: four times the walks, some 20 CPU-s"]
+fn engines_with_tables_agree_on_packs_closely() {
+    tables_on_packs(65_536);
+}
+
+fn tables_on_packs(rays: u64) {
     let fine = snow((60.0, 140.0), 0.5, 225.0, 0.0);
     let mixed = Snow {
         grains: vec![
@@ -310,10 +340,10 @@ fn engines_with_tables_agree_on_packs() {
         ground: Ground::Grey(0.3),
     };
     let case = Case::new(pack, 0.027);
-    let expected = case.run(60_000, 20);
-    let tabulated = case.of(Engine::Tabulated).run(60_000, 21);
+    let expected = case.run(rays, 20);
+    let tabulated = case.of(Engine::Tabulated).run(rays, 21);
     assert_same("tabulated", &tabulated, &expected);
-    let doubling = case.of(Engine::Doubling).run(65_536, 22);
+    let doubling = case.of(Engine::Doubling).run(rays, 22);
     for (a, b) in [
         (&doubling.reflectance, &expected.reflectance),
         (&doubling.transmittance, &expected.transmittance),
