@@ -22,6 +22,7 @@ pub fn within<T>(
     let begin = ProcessTime::now();
     thread::scope(|scope| {
         let watcher = scope.spawn(|| {
+            // until the work ends, by panicking too: the scope waits for this thread
             while !ended.load(Ordering::Relaxed) {
                 let late = seconds.is_some_and(|most| begin.elapsed().as_secs_f64() > most);
                 if late || cancel.load(Ordering::Relaxed) {
@@ -30,11 +31,25 @@ pub fn within<T>(
                 thread::park_timeout(TICK);
             }
         });
-        let done = work(&stop);
-        ended.store(true, Ordering::Relaxed);
-        watcher.thread().unpark();
-        done
+        let _end = End {
+            ended: &ended,
+            watcher: watcher.thread(),
+        };
+        work(&stop)
     })
+}
+
+/// Ends the watcher when dropped.
+struct End<'a> {
+    ended: &'a AtomicBool,
+    watcher: &'a thread::Thread,
+}
+
+impl Drop for End<'_> {
+    fn drop(&mut self) {
+        self.ended.store(true, Ordering::Relaxed);
+        self.watcher.unpark();
+    }
 }
 
 /// `f` of 0, 1, ... below `count`, begun in this order on all threads of the rayon pool,
@@ -80,6 +95,14 @@ mod tests {
         assert!(begin.elapsed().as_secs_f64() > 0.1);
         cancel.store(true, Ordering::Relaxed);
         within(None, &cancel, spin);
+    }
+
+    #[test]
+    fn work_that_panics_ends() {
+        let never = AtomicBool::new(false);
+        let work = || within(None, &never, |_| panic!("as meant"));
+        let ended = std::panic::catch_unwind(std::panic::AssertUnwindSafe(work));
+        assert!(ended.is_err());
     }
 
     #[test]

@@ -68,8 +68,11 @@ impl Process {
         }
         match is_running(self.process) {
             Some(false) => State::Gone,
-            Some(true) if started(self.process) != self.started => State::Gone,
-            Some(true) => State::Running,
+            // where /proc hides the processes of others, nothing is known of their start
+            Some(true) => match (started(self.process), self.started) {
+                (Some(now), Some(then)) if now != then => State::Gone,
+                _ => State::Running,
+            },
             None => State::Elsewhere,
         }
     }
@@ -137,6 +140,11 @@ mod tests {
             ..this.clone()
         };
         assert_eq!(earlier.state(), State::Gone, "its number was used again");
+        let hidden = Process {
+            started: None,
+            ..this.clone()
+        };
+        assert_eq!(hidden.state(), State::Running, "its start is not known");
         let host = Process {
             host: "another".into(),
             ..this.clone()

@@ -71,10 +71,6 @@ impl Fingerprint {
     }
 }
 
-/// One of the generators of a [`Stream`].
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
-pub struct Single([u64; 4]);
-
 /// Eight xoshiro256++ generators (Blackman and Vigna 2021) side by side.
 #[derive(Debug, Clone)]
 pub struct Stream {
@@ -129,29 +125,6 @@ impl Stream {
         let mut seeds = generator(key);
         let state = std::array::from_fn(|_| u64x8::new(std::array::from_fn(|_| seeds.next_u64())));
         Self { state, spare: None }
-    }
-
-    /// A stream that only this one leads to: its states are drawn from this one.
-    #[must_use]
-    pub fn child(&mut self) -> Self {
-        let state = std::array::from_fn(|_| self.bits());
-        Self { state, spare: None }
-    }
-
-    /// The generator of `lane`, as it stands.
-    #[inline(always)]
-    #[must_use]
-    pub fn single(&self, lane: usize) -> Single {
-        Single(std::array::from_fn(|i| self.state[i].to_array()[lane]))
-    }
-
-    /// Puts a generator on `lane`. Only [`Stream::normal`] keeps numbers back
-    /// from before.
-    #[inline(always)]
-    pub fn set_single(&mut self, lane: usize, Single(words): Single) {
-        for (all, word) in self.state.iter_mut().zip(words) {
-            all.as_mut_array()[lane] = word;
-        }
     }
 
     /// Eight times 64 random bits.
@@ -221,32 +194,6 @@ impl Stream {
     }
 }
 
-impl Single {
-    /// 64 random bits.
-    fn bits(&mut self) -> u64 {
-        let [s0, s1, s2, s3] = &mut self.0;
-        let result = s0.wrapping_add(*s3).rotate_left(23).wrapping_add(*s0);
-        let t = *s1 << 17;
-        *s2 ^= *s0;
-        *s3 ^= *s1;
-        *s1 ^= *s2;
-        *s0 ^= *s3;
-        *s2 ^= t;
-        *s3 = s3.rotate_left(45);
-        result
-    }
-
-    /// As [`Stream::uniform`].
-    pub fn uniform(&mut self) -> f64 {
-        unit_interval(u64x8::splat(self.bits())).as_array()[0]
-    }
-
-    /// As [`Stream::exponential`].
-    pub fn exponential(&mut self) -> f64 {
-        -ln(f64x8::splat(1.0 - self.uniform())).as_array()[0]
-    }
-}
-
 #[cfg(test)]
 mod tests {
     use super::*;
@@ -281,27 +228,6 @@ mod tests {
         first.sort_unstable();
         first.dedup();
         assert_eq!(first.len(), 8 * all.len());
-    }
-
-    /// A lane taken out of a stream goes on as it would have in it.
-    #[test]
-    fn a_single_generator_is_its_lane() {
-        let mut stream = Stream::new(KEY);
-        let mut all: Vec<Single> = (0..8).map(|lane| stream.single(lane)).collect();
-        let (uniform, exponential) = (stream.uniform(), stream.exponential());
-        for (lane, single) in all.iter_mut().enumerate() {
-            assert_eq!(single.uniform(), uniform.as_array()[lane]);
-            assert_eq!(single.exponential(), exponential.as_array()[lane]);
-            assert_eq!(*single, stream.single(lane));
-        }
-        let mut other = Stream::new(Key { batch: 7, ..KEY });
-        other.set_single(3, all[5]);
-        assert_eq!(other.single(3), all[5]);
-        assert_eq!(
-            other.uniform().as_array()[3],
-            stream.uniform().as_array()[5]
-        );
-        assert_ne!(stream.child().bits(), stream.child().bits());
     }
 
     /// Part of the format: the digest decides the bytes of databases.

@@ -27,7 +27,7 @@ pub struct ThreadsError {
 }
 
 /// The number of threads: `asked`, or the first of [`VARIABLES`] that is set (an empty
-/// one is not), or the processors that this process may use: on Linux those of its
+/// one is not, nor `RAYON_NUM_THREADS=0`), or the processors that this process may use: on Linux those of its
 /// affinity mask, and no more than the quota of its control group.
 ///
 /// # Errors
@@ -46,6 +46,10 @@ fn limit(variable: impl Fn(&str) -> Option<OsString>) -> Result<Option<usize>, T
         let Some(value) = variable(name).filter(|value| !value.is_empty()) else {
             continue;
         };
+        // rayon's own word for its default
+        if name == VARIABLES[1] && value == "0" {
+            continue;
+        }
         let number = value.to_str().and_then(|text| text.trim().parse().ok());
         return match number.filter(|number| (1..=MOST).contains(number)) {
             Some(number) => Ok(Some(number.into())),
@@ -83,7 +87,9 @@ mod tests {
 
     #[test]
     fn what_is_no_number_of_threads_is_refused_by_name() {
-        for wrong in ["0", "-2", "two", "1.5", "1025", "2(x3)", " "] {
+        assert_eq!(of(None, Some("0")), Ok(None));
+        assert!(of(Some("0"), None).is_err());
+        for wrong in ["-2", "two", "1.5", "1025", "2(x3)", " "] {
             for (slurm, rayon, named) in [
                 (Some(wrong), Some("2"), VARIABLES[0]),
                 (None, Some(wrong), VARIABLES[1]),

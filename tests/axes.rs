@@ -92,7 +92,7 @@ fn fresh(thickness_cm: f64, conditions: Conditions) -> Vec<[f64; 2]> {
     };
     let simulation = Simulation {
         grid: &grid,
-        rays: 100_000,
+        rays: 50_000,
         seed: 77,
     };
     let spectra = simulation.run(&[patch], &control).unwrap();
@@ -193,7 +193,7 @@ fn from_the_grid_file_to_the_answers() {
 }
 
 fn verified(folder: &Folder) {
-    let report = folder.succeeds("verify out/g --samples 8 --points 32");
+    let report = folder.succeeds("verify out/g --samples 4 --points 16 --point-rays 16384");
     assert!(report.ends_with("PASS\n"), "{report}");
     assert!(
         report.contains("off the nodes in black_carbon_ng_g"),
@@ -213,7 +213,7 @@ fn verified(folder: &Folder) {
     let array = folder.out().join("database.zarr/transmittance");
     let [one, other] = ["c.0.1.0.0.0.0.0.0", "c.1.0.0.0.0.0.0.0"].map(|c| array.join(c));
     fs::copy(one, other).unwrap();
-    let report = folder.run("verify out/g --samples 8 --points 0");
+    let report = folder.run("verify out/g --samples 4 --points 0");
     assert!(!report.status.success());
     let report = String::from_utf8(report.stdout).unwrap();
     assert!(

@@ -190,6 +190,13 @@ fn corners_are_nan_and_all_else_is_computed() {
     let report = folder.succeeds("verify out/g --points 0 --samples 0 --json");
     let report: serde_json::Value = serde_json::from_str(&report).unwrap();
     assert_eq!(report["passed"], true);
+    // nodes are those that exist
+    let report = folder.succeeds("verify out/g --points 0 --samples 3 --rays 200");
+    assert!(report.contains("3 nodes of different jobs"), "{report}");
+    // and the errors of their compression are charted
+    let chart = folder.run("tradeoff --database out/g --budget 0.01 --truth-rays 16 --seeds 2");
+    let errors = String::from_utf8(chart.stderr).unwrap();
+    assert!(!errors.contains("NaN"), "{errors}");
 
     // nothing is left to do, and quantised files keep the corner too
     assert!(
@@ -314,4 +321,22 @@ sphericity = { min = 0.6, max = 0.95, mean = 0.798, sd = 0.064 }
             .starts_with("2 jobs, 0 of them run now")
     );
     folder.succeeds("verify out/g --points 0 --samples 2 --threads 1");
+    // the file itself may be named, and is checked
+    let point = "--facetness 0.3 --grain-size-um 300 --density-kg-m3 250 --thickness-cm 3";
+    folder.succeeds(&format!(
+        "query out/g/diffuse.safetensors --diffuse {point}"
+    ));
+    let path = folder.out().join("diffuse.safetensors");
+    let bytes = fs::read(&path).unwrap();
+    fs::write(&path, &bytes[..100]).unwrap();
+    let report = folder.run("verify out/g --points 0 --samples 0");
+    let text = String::from_utf8(report.stdout).unwrap();
+    assert!(!report.status.success(), "{text}");
+    assert!(
+        text.contains("FAIL  compact file of isotropic light"),
+        "{text}"
+    );
+    // that of angles is no substitute
+    fs::copy(folder.out().join("snow.safetensors"), &path).unwrap();
+    folder.fails("verify out/g --points 0 --samples 0");
 }

@@ -35,7 +35,7 @@ pub struct Summary {
     pub jobs: u64,
     /// Jobs that had to be run now; the others were done before.
     pub run: u64,
-    /// Spectra (of curves that exist) of the database.
+    /// Spectra (of curves that exist) of the jobs run now.
     pub nodes: u64,
     /// Those that were taken over from other databases now.
     pub reused: u64,
@@ -100,7 +100,8 @@ where
     let progress = Progress::new(options.progress, left, total, &store.jobs(), &rays);
     let cache = Cache::of_cells();
     let next = AtomicUsize::new(0);
-    let (finished, reused) = (AtomicU64::new(0), AtomicU64::new(0));
+    let (finished, nodes) = (AtomicU64::new(0), AtomicU64::new(0));
+    let reused = AtomicU64::new(0);
     let failure: Mutex<Option<BatchError>> = Mutex::new(None);
     let fail = |error| {
         cancel.store(true, Ordering::Relaxed);
@@ -120,8 +121,9 @@ where
                 cache: &cache,
             };
             match run_job(grid, store, sources, &simulate, job, &control) {
-                Ok(taken) => {
+                Ok([taken, of]) => {
                     reused.fetch_add(taken, Ordering::Relaxed);
+                    nodes.fetch_add(of, Ordering::Relaxed);
                     finished.fetch_add(1, Ordering::Relaxed);
                     progress.job_done();
                 }
@@ -151,7 +153,7 @@ where
     Ok(Summary {
         jobs: total,
         run,
-        nodes: source::nodes(grid, &store.jobs())?,
+        nodes: nodes.into_inner(),
         reused: reused.into_inner(),
         rays: rays.load(Ordering::Relaxed),
         mean_lost_share: sum / total.max(1) as f64,
@@ -159,7 +161,7 @@ where
     })
 }
 
-/// Runs and stores one job, and says how many spectra come from `sources`;
+/// Runs and stores one job, and says how many spectra come from `sources`, and of how many;
 /// `Err(None)` if it was cancelled.
 fn run_job<S>(
     grid: &Grid,
@@ -168,7 +170,7 @@ fn run_job<S>(
     simulate: &S,
     number: u64,
     control: &Control<'_>,
-) -> Result<u64, Option<BatchError>>
+) -> Result<[u64; 2], Option<BatchError>>
 where
     S: Fn(&Request<'_>, &Control<'_>) -> Result<Vec<Spectrum>, EngineError>,
 {
@@ -206,7 +208,7 @@ where
     store
         .commit(number, &job.completed(spectra, grid.wavelengths_nm.len()))
         .map_err(|error| Some(BatchError::Store(error)))?;
-    Ok(taken)
+    Ok([taken, source::nodes(&job)])
 }
 
 #[cfg(test)]

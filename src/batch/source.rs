@@ -12,7 +12,7 @@ use std::path::Path;
 use super::BatchError;
 use crate::config;
 use crate::engine::{Control, EngineError, Request, identity};
-use crate::grid::{Grid, GridError, Job, Jobs};
+use crate::grid::{Grid, Job};
 use crate::measurement::Spectrum;
 use crate::store::Store;
 use crate::transport::Illumination;
@@ -111,13 +111,9 @@ fn existing(job: &Job) -> &[f64] {
     job.thicknesses_m.get(job.absent..).unwrap_or_default()
 }
 
-/// How many nodes of `grid` exist.
-pub(super) fn nodes(grid: &Grid, jobs: &Jobs) -> Result<u64, GridError> {
-    let of = |number| {
-        let job = grid.job(jobs, number)?;
-        Ok((existing(&job).len() * job.illuminations.len()) as u64)
-    };
-    (0..jobs.count()).map(of).sum()
+/// How many nodes of a job exist.
+pub(super) fn nodes(job: &Job) -> u64 {
+    (existing(job).len() * job.illuminations.len()) as u64
 }
 
 /// Whether what `job` gives under its `light` for one thickness does not depend on

@@ -109,6 +109,8 @@ pub struct Partial {
     pub certificate: Option<Certificate>,
     /// Fresh simulations and random points left out, if any was.
     pub left: Option<[usize; 2]>,
+    /// Points that were drawn where the file has no answer, for grains do not fit.
+    pub unanswered: usize,
 }
 
 /// Random points of the whole chain.
@@ -144,7 +146,8 @@ impl Subject<'_> {
         }
     }
 
-    fn trials(&self) -> Vec<Trial> {
+    /// And how many points drawn the file does not answer.
+    fn trials(&self) -> (Vec<Trial>, usize) {
         let exact = |v: &f32| format!("{v}").parse().unwrap_or(f64::from(*v));
         let axes = self.file.axes().each_ref();
         let axes = axes.map(|axis| axis.iter().map(exact).collect());
@@ -152,17 +155,19 @@ impl Subject<'_> {
         let extra = self.file.extra().iter();
         let extra = extra.map(|(axis, values)| (*axis, exact(values))).collect();
         let covered = |size, thickness| self.file.covers(size, thickness);
-        let mut trials = trial::anywhere(self.regions, self.points, self.seed, &covered);
+        let (mut trials, unanswered) =
+            trial::anywhere(self.regions, self.points, self.seed, &covered);
         // snow that a scene leaves out would be of no use to it
         if self.regions.len() == 1 {
             let along = trial::along(&axes, &extra, self.seed).into_iter();
             trials.extend(along.filter_map(|trial| trial.within(&covered)));
         }
-        trials
+        (trials, unanswered)
     }
 
     fn patches(&self) -> Vec<Patch> {
-        self.trials().into_iter().map(|trial| trial.patch).collect()
+        let (trials, _) = self.trials();
+        trials.into_iter().map(|trial| trial.patch).collect()
     }
 
     /// How many walks [`Subject::certify`] does.
@@ -178,7 +183,9 @@ impl Subject<'_> {
     /// # Errors
     /// See [`CertificateError`].
     pub fn certify(&self, control: &Control) -> Result<Certificate, CertificateError> {
-        let Partial { certificate, left } = self.certify_some(control)?;
+        let Partial {
+            certificate, left, ..
+        } = self.certify_some(control)?;
         let whole = certificate.filter(|_| left.is_none());
         whole.ok_or(CertificateError::Cancelled)
     }
@@ -188,7 +195,7 @@ impl Subject<'_> {
     /// # Errors
     /// See [`CertificateError`].
     pub fn certify_some(&self, control: &Control) -> Result<Partial, CertificateError> {
-        let trials = self.trials();
+        let (trials, unanswered) = self.trials();
         let patches: Vec<Patch> = trials.iter().map(|trial| trial.patch.clone()).collect();
         let truth = self
             .simulation()
@@ -200,8 +207,11 @@ impl Subject<'_> {
         let points = anywhere(&trials);
         let left = (trials.len() < patches).then(|| [patches - trials.len(), total - points]);
         if points == 0 {
-            let certificate = None;
-            return Ok(Partial { certificate, left });
+            return Ok(Partial {
+                certificate: None,
+                left,
+                unanswered,
+            });
         }
         let mut quantities = BTreeMap::new();
         let there = Quantity::ALL.into_iter().filter(|q| self.file.has(*q));
@@ -215,7 +225,11 @@ impl Subject<'_> {
             seed: self.seed,
             quantities,
         });
-        Ok(Partial { certificate, left })
+        Ok(Partial {
+            certificate,
+            left,
+            unanswered,
+        })
     }
 
     fn chain(
@@ -285,6 +299,7 @@ impl Subject<'_> {
                         let name = axis.name().to_owned();
                         chain.axes.entry(name).or_default().push(interpolated);
                     }
+                    Kind::Slab => {}
                     Kind::Nodes => chain.simulation.push(interpolated),
                 }
             }

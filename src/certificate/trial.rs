@@ -33,6 +33,9 @@ pub(super) enum Kind {
     Along(usize),
     /// Off the nodes in this axis beyond the five alone.
     Beyond(ExtraAxis),
+    /// Off the nodes in thickness and angle, of snow on the nodes: only there for
+    /// the walks that it shares.
+    Slab,
     Nodes,
 }
 
@@ -150,19 +153,20 @@ impl Trial {
     }
 }
 
-/// Some `points` points anywhere in the `regions` that the file answers.
+/// Some `points` points anywhere in the `regions` that the file answers, and how many
+/// were drawn that it does not.
 pub(super) fn anywhere(
     regions: &[Region],
     points: usize,
     seed: u64,
     covered: Covered<'_>,
-) -> Vec<Trial> {
+) -> (Vec<Trial>, usize) {
     let mut draw = Draw(random(seed, "anywhere"));
     let facets: Vec<f64> = (0..FACETS)
         .map(|i| (i as f64 + draw.unit()) / FACETS as f64)
         .collect();
     let mut trials: Vec<Trial> = Vec::new();
-    let (mut count, mut drawn) = (0, 0);
+    let (mut count, mut drawn, mut unanswered) = (0, 0, 0);
     // every region has its turn; a scene of one point is one patch
     while drawn < regions.len() || (count < points && drawn < points) {
         let region = &regions[drawn % regions.len()];
@@ -185,12 +189,14 @@ pub(super) fn anywhere(
         };
         drawn += 1;
         let kinds = vec![Kind::Anywhere; patch.len()];
+        unanswered += patch.len();
         if let Some(trial) = (Trial { patch, kinds }).within(covered) {
+            unanswered -= trial.patch.len();
             count += trial.patch.len();
             trials.push(trial);
         }
     }
-    trials
+    (trials, unanswered)
 }
 
 /// Points on the nodes of `axes` and off them in one axis each.
@@ -256,7 +262,7 @@ pub(super) fn along(
                 (true, true) => Kind::Nodes,
                 (false, true) => Kind::Along(3),
                 (true, false) => Kind::Along(4),
-                (false, false) => Kind::Anywhere,
+                (false, false) => Kind::Slab,
             })
         });
         let kinds = kinds.collect();
@@ -277,7 +283,8 @@ mod tests {
         };
         let snow = |size: f64| region([[0.3; 2], [size; 2], [250.0; 2], [1.0, 80.0], [0.0, 89.0]]);
         let regions: Vec<Region> = (1..=7).map(|i| snow(100.0 * f64::from(i))).collect();
-        let trials = anywhere(&regions, 512, 1, &|_, _| true);
+        let (trials, unanswered) = anywhere(&regions, 512, 1, &|_, _| true);
+        assert_eq!(unanswered, 0);
         for region in &regions {
             let mine = |trial: &&Trial| trial.patch.snow[1] == region.axes[1][0];
             assert!(trials.iter().filter(mine).count() > 0);
@@ -289,7 +296,7 @@ mod tests {
             [1.0, 50.0],
             [0.0, 89.0],
         ];
-        let trials = anywhere(&[region(wide)], 500, 2, &|_, _| true);
+        let (trials, _) = anywhere(&[region(wide)], 500, 2, &|_, _| true);
         let points: Vec<_> = trials.iter().flat_map(|t| t.patch.points()).collect();
         assert!(points.len() >= 500 && points.len() < 520);
         for point in &points {
@@ -299,7 +306,7 @@ mod tests {
         }
         assert_ne!(
             points[0],
-            anywhere(&[region(wide)], 500, 3, &|_, _| true)[0]
+            anywhere(&[region(wide)], 500, 3, &|_, _| true).0[0]
                 .patch
                 .points()
                 .next()
@@ -307,11 +314,12 @@ mod tests {
         );
         // a single point
         let one = [[0.3; 2], [300.0; 2], [250.0; 2], [15.0; 2], [0.0; 2]];
-        let trials = anywhere(&[region(one)], 16, 1, &|_, _| true);
+        let (trials, _) = anywhere(&[region(one)], 16, 1, &|_, _| true);
         assert!(trials.iter().all(|trial| trial.patch.len() == 1));
         // what the file does not answer is not tried, and there are as many points
         let thick = |size: f64, thickness: f64| thickness >= size / 20.0;
-        let trials = anywhere(&[region(wide)], 500, 2, &thick);
+        let (trials, unanswered) = anywhere(&[region(wide)], 500, 2, &thick);
+        assert!(unanswered > 0);
         let points: Vec<_> = trials.iter().flat_map(|t| t.patch.points()).collect();
         assert!(points.len() >= 500 && points.len() < 520);
         assert!(
@@ -353,7 +361,8 @@ mod tests {
                         assert_eq!(off, [*axis]);
                         seen[*axis] += 1;
                     }
-                    Kind::Anywhere => assert_eq!(off, [3, 4]),
+                    Kind::Slab => assert_eq!(off, [3, 4]),
+                    Kind::Anywhere => panic!("{point} is not along an axis"),
                 }
             }
         }

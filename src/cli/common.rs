@@ -161,7 +161,11 @@ pub(super) fn compact_path(path: &Path) -> anyhow::Result<PathBuf> {
 
 /// The compact file of isotropic light in the directory `path`.
 pub(super) fn diffuse_path(path: &Path) -> anyhow::Result<PathBuf> {
-    let file = path.join(DIFFUSE);
+    let file = if path.is_file() {
+        path.to_path_buf()
+    } else {
+        path.join(DIFFUSE)
+    };
     if !file.exists() {
         bail!(
             "no {DIFFUSE} in {}; `splitsnow build` makes it of a grid with axes.diffuse = true",

@@ -21,10 +21,10 @@ mod study;
 mod tradeoff;
 mod verify;
 
-use std::any::TypeId;
+use std::ffi::{OsStr, OsString};
 use std::process::ExitCode;
 
-use clap::{CommandFactory, FromArgMatches, Parser, Subcommand};
+use clap::{Parser, Subcommand};
 
 use crate::atomic;
 
@@ -69,25 +69,34 @@ enum Command {
     Study(study::Args),
 }
 
-/// The command line, in which every number may be negative in any notation: clap's
-/// `allow_negative_numbers` takes `-1`, but `-1e-16` for an option.
-fn command() -> clap::Command {
-    let number = |arg: clap::Arg| {
-        let is_number = arg.get_value_parser().type_id() == TypeId::of::<f64>();
-        if is_number {
-            arg.allow_hyphen_values(true)
-        } else {
-            arg
+/// `words` with every number below zero joined to the option in front of it:
+/// `--angle-deg -1e-16` is `--angle-deg=-1e-16`, and no option of its own.
+fn joined(words: impl Iterator<Item = OsString>) -> Vec<OsString> {
+    let mut all: Vec<OsString> = Vec::new();
+    for word in words {
+        let text = word.to_str().unwrap_or_default();
+        let is_number = text.starts_with('-') && text.parse::<f64>().is_ok();
+        match all.last_mut() {
+            Some(option) if is_number && is_open(option) => {
+                option.push("=");
+                option.push(&word);
+            }
+            _ => all.push(word),
         }
-    };
-    Cli::command().mut_subcommands(|command| command.mut_args(number))
+    }
+    all
+}
+
+/// Whether a word is a long option without its value.
+fn is_open(word: &OsStr) -> bool {
+    let text = word.to_str().unwrap_or_default();
+    text.len() > 2 && text.starts_with("--") && !text.contains('=')
 }
 
 /// Runs the command that the arguments of this process ask for.
 #[must_use]
 pub fn run() -> ExitCode {
-    let parsed = Cli::from_arg_matches(&command().get_matches());
-    let cli = parsed.unwrap_or_else(|error| error.format(&mut command()).exit());
+    let cli = Cli::parse_from(joined(std::env::args_os()));
     let done = match cli.command {
         Command::Plan(args) => plan::run(&args),
         Command::Build(args) => build::run(&args),
@@ -121,8 +130,29 @@ pub fn run() -> ExitCode {
 
 #[cfg(test)]
 mod tests {
+    use clap::CommandFactory;
+
     #[test]
     fn the_arguments_are_consistent() {
-        super::command().debug_assert();
+        super::Cli::command().debug_assert();
+    }
+
+    #[test]
+    fn numbers_below_zero_belong_to_the_option_before() {
+        let joined = |line: &str| {
+            let words = super::joined(line.split(' ').map(Into::into)).into_iter();
+            let words: Vec<_> = words.filter_map(|word| word.into_string().ok()).collect();
+            words.join(" ")
+        };
+        for (line, expected) in [
+            ("q --angle-deg -1e-16 --json", "q --angle-deg=-1e-16 --json"),
+            ("q --temperature-c -5", "q --temperature-c=-5"),
+            ("q --angle-deg 1e-16", "q --angle-deg 1e-16"),
+            ("q --angle-deg --quantity r", "q --angle-deg --quantity r"),
+            ("q --a=-1 -2", "q --a=-1 -2"),
+            ("q -5", "q -5"),
+        ] {
+            assert_eq!(joined(line), expected);
+        }
     }
 }

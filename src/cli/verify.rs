@@ -25,7 +25,7 @@ use crate::verify::{self, Options, Verification, VerifyError};
 /// scene's bound holds. Exits with 1 if anything fails; a database that is right
 /// fails by chance about once in a million runs. Where the budget of --seconds ends
 /// first, what was simulated until then is judged, the last lines say what was not,
-/// and no certificate is kept in the file.
+/// no certificate is kept in the file, and it exits with 1.
 #[derive(Debug, clap::Args)]
 pub(super) struct Args {
     /// Output directory of `build` or `fit`
@@ -42,6 +42,9 @@ pub(super) struct Args {
     /// Rays of a fresh simulation on a node [default: as many as the database's]
     #[arg(long, value_parser = clap::value_parser!(u64).range(1..))]
     rays: Option<u64>,
+    /// Rays of a fresh simulation at a random point [default: 524288]
+    #[arg(long, value_parser = clap::value_parser!(u64).range(1..))]
+    point_rays: Option<u64>,
     /// CPU seconds after which no more is simulated, in all threads together
     #[arg(long, value_name = "X", default_value = "600", value_parser = common::positive)]
     seconds: f64,
@@ -59,6 +62,7 @@ pub(super) fn run(args: &Args) -> anyhow::Result<()> {
         points: args.points as usize,
         seed: args.seed,
         rays: args.rays,
+        point_rays: args.point_rays,
         seconds: Some(args.seconds),
     };
     let compact = if args.dir.is_file() {
@@ -116,6 +120,11 @@ pub(super) fn run(args: &Args) -> anyhow::Result<()> {
         "{} failed: {}",
         args.dir.display(),
         failed.join("; ")
+    );
+    anyhow::ensure!(
+        report.not_checked.is_empty(),
+        "not everything that was asked for was checked in {}: see the last lines of the report",
+        args.dir.display()
     );
     Ok(())
 }

@@ -156,8 +156,8 @@ fn constant(
 
 fn number(document: &Document<'_>, schema: &Value, path: &str, x: f64) -> Result<(), ConfigError> {
     // a number beyond the range may have a meaning of its own, infinity included
-    let beyond = schema["anyOf"][1]["minimum"].as_f64();
-    if beyond.is_some_and(|least| x >= least) {
+    let beyond = schema["anyOf"][1]["const"].as_f64();
+    if beyond.is_some_and(|meant| x == meant || x == f64::INFINITY) {
         return Ok(());
     }
     let limit = |keyword: &str| {

@@ -455,7 +455,7 @@ fn or_half_space(schema: &mut schemars::Schema) {
     schema.insert("exclusiveMinimum".to_owned(), 0.0.into());
     let branches = serde_json::json!([
         { "type": "number", "maximum": MAX_THICKNESS_CM },
-        { "type": "number", "minimum": HALF_SPACE_CM },
+        { "type": "number", "const": HALF_SPACE_CM },
         { "const": "inf" },
     ]);
     schema.insert("anyOf".to_owned(), branches);

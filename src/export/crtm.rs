@@ -1,7 +1,7 @@
 //! NetCDF as the Community Radiative Transfer Model loads tables of snow.
 //!
 //! Names, types, order of dimensions, units and `long_name` are those of its loader
-//! `VISsnowCoeff_netCDF_IO` (JCSDA/CRTMv3, May 2026; docs/formats.md): reflectance by
+//! `VISsnowCoeff_netCDF_IO` (JCSDA/CRTMv3, June 2026; docs/formats.md): reflectance by
 //! density, depth, grain size, frequency and angle, and no emissivity, which it takes
 //! to be 1 less reflectance. Its infrared loader, `IRsnowCoeff`, has tables of
 //! emissivity beyond the wavelengths that we simulate.
@@ -13,7 +13,7 @@ use super::{ExportError, Layout, Table};
 use crate::grain::{SizeLaw, SizeRange, TruncatedNormal, shape_factor, size_factor_per_m};
 use crate::grid::{ExtraAxis, Spread};
 use crate::store::Variable;
-use crate::units::{m_to_um, um_to_m};
+use crate::units::{HALF_SPACE_CM, m_to_um, um_to_m};
 
 /// A coordinate of the loader, in the order of [`Layout::CRTM`].
 struct Dimension {
@@ -101,6 +101,11 @@ pub fn crtm(table: Table) -> Result<Vec<u8>, ExportError> {
             "Frequency" => values.iter().rev().map(|nm| 1e7 / nm).collect(),
             _ => values.clone(),
         };
+        if about.variable == "Depth" && values.iter().any(|cm| *cm >= HALF_SPACE_CM) {
+            return refused(format!(
+                "its depths are of finite snow, and {name} has a half space (inf)"
+            ));
+        }
         if let Some(value) = converted.iter().find(|value| !value.is_finite()) {
             return refused(format!("{name} has the value {value}"));
         }
@@ -430,7 +435,7 @@ mod tests {
         dark.quantities[0].0 = Variable::Transmittance;
         assert!(refused(dark).contains("no reflectance"));
         let mut half = one();
-        half.axes[2].1[3] = f64::INFINITY;
-        assert!(refused(half).contains("thickness_cm has the value inf"));
+        half.axes[2].1[3] = HALF_SPACE_CM;
+        assert!(refused(half).contains("thickness_cm has a half space"));
     }
 }

@@ -15,6 +15,10 @@ use crate::grid::{Axes, ExtraAxis, Grid};
 /// Version of the layout described in [`crate::store`].
 pub const FORMAT_VERSION: u32 = 1;
 
+/// Version of how nodes are given their random numbers and tables: a database of another
+/// one is not continued, for its bytes would be of both.
+const STREAMS: u32 = 2;
+
 /// Entry of the thicknesses that are too thin for the grains, per grain size.
 const ABSENT: &str = "absent";
 
@@ -42,6 +46,7 @@ impl Description {
                 "program_version".to_string(),
                 env!("CARGO_PKG_VERSION").to_string(),
             ),
+            ("streams".to_string(), STREAMS.to_string()),
         ];
         let inputs = grid
             .describe()

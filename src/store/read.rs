@@ -45,14 +45,6 @@ impl Variable {
         Self::ReflectanceDiffuseSe,
     ];
 
-    /// The same under collimated light.
-    #[must_use]
-    pub fn collimated(self) -> Self {
-        let both = Self::ALL.into_iter().zip(Self::DIFFUSE);
-        let mut same = both.filter_map(|(one, other)| (other == self).then_some(one));
-        same.next().unwrap_or(self)
-    }
-
     /// The same under isotropic light.
     #[must_use]
     pub fn diffuse(self) -> Self {

@@ -4,7 +4,7 @@ use std::hint::black_box;
 use std::path::PathBuf;
 
 use cpu_time::ThreadTime;
-use ndarray::Array2;
+use ndarray::{Array2, Axis};
 
 use super::measure::{Bench, Tables};
 use super::truth::values;
@@ -191,12 +191,15 @@ fn stored(store: &Store) -> Result<Curves, TradeoffError> {
         let path = store.path().into();
         return Err(TradeoffError::Unfinished { missing, path });
     }
+    // those of grains that do not fit in their slab are not there
+    let existing = store.axes().existing(store.absent());
     let read = |quantity| {
         let variable = match quantity {
             Quantity::Transmittance => Variable::Transmittance,
             Quantity::Reflectance => Variable::Reflectance,
         };
-        Ok((quantity, store.read(variable)?.mapv(f64::from)))
+        let curves = store.read(variable)?.mapv(f64::from);
+        Ok((quantity, curves.select(Axis(0), &existing)))
     };
     let of: Result<_, TradeoffError> = Quantity::ALL.into_iter().map(read).collect();
     Ok(Curves {

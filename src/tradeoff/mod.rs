@@ -21,6 +21,7 @@ mod scaling;
 mod sweep;
 mod truth;
 
+use std::fs;
 use std::path::PathBuf;
 use std::sync::atomic::AtomicBool;
 
@@ -93,14 +94,19 @@ pub fn run(
     say: &dyn Fn(&str),
 ) -> Result<Results, TradeoffError> {
     let mut bench = Bench::new(options.threads, options.budget, cancel)?;
-    // First, so that a database that is not there is told at once.
+    // First, so that what cannot be written or read is told at once.
+    let folder = options.truth_folder.clone();
+    fs::create_dir_all(&folder).map_err(|source| TradeoffError::Io {
+        path: folder.clone(),
+        source,
+    })?;
     let components = components::measure(&bench, &options.source, say)?;
     say("what a ray costs");
     let truths = Truths {
         bench: &bench,
         engine: options.truth_engine,
         rays: options.truth_rays,
-        folder: options.truth_folder.clone(),
+        folder,
     };
     let before = bench.spent();
     let truths = truths.all(&options.samples, say)?;

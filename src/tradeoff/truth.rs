@@ -92,11 +92,6 @@ impl Truths<'_> {
         samples: &[Sample],
         say: &dyn Fn(&str),
     ) -> Result<Vec<Vec<Truth>>, TradeoffError> {
-        let path = &self.folder;
-        fs::create_dir_all(path).map_err(|source| TradeoffError::Io {
-            path: path.clone(),
-            source,
-        })?;
         let (rays, least) = match self.rays {
             Some(rays) => (rays, rays),
             None => {

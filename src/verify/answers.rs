@@ -11,7 +11,7 @@ use crate::scene::Scene;
 
 /// Walks of a fresh simulation: its noise is a third of that of a database of
 /// configs/thesis.toml.
-const RAYS: u64 = 1 << 19;
+pub const POINT_RAYS: u64 = 1 << 19;
 /// Away from the seeds of those who made the file.
 const APART: u64 = 1 << 32;
 
@@ -45,7 +45,7 @@ fn subject<'a>(
         exact,
         colour,
         points: subject.options.points,
-        rays: RAYS,
+        rays: subject.options.point_rays.unwrap_or(POINT_RAYS),
         seed: subject.options.seed.wrapping_add(APART),
     }
 }
@@ -60,12 +60,22 @@ type Answers = (Option<Check>, Option<Certificate>, Option<String>);
 
 /// What a certificate comes to.
 fn answers(partial: Partial) -> Answers {
-    let check = partial.certificate.as_ref().map(named);
-    let left = partial.left.map(|[patches, points]| {
-        format!(
+    let mut check = partial.certificate.as_ref().map(named);
+    let unanswered = partial.unanswered;
+    if let Some(check) = check.as_mut().filter(|_| unanswered > 0) {
+        check.notes.push(format!(
+            "{unanswered} drawn points have no answer in the file: grains do not fit there"
+        ));
+    }
+    let left = match partial.left {
+        Some([patches, points]) => Some(format!(
             "{patches} fresh simulations with {points} random points of the certificate, which is not kept in the file"
-        )
-    });
+        )),
+        None if partial.certificate.is_none() => Some(format!(
+            "the certificate: none of {unanswered} random points has an answer in the file"
+        )),
+        None => None,
+    };
     let whole = partial.certificate.filter(|_| left.is_none());
     (check, whole, left)
 }
@@ -77,8 +87,8 @@ pub(super) fn check(
     colour: Option<&Colorimeter>,
     control: &Control<'_>,
 ) -> Result<Answers, VerifyError> {
-    let [t, _] = of.curves(Quantity::Transmittance)?;
-    let [r, _] = of.curves(Quantity::Reflectance)?;
+    let [t, _] = of.curves(Quantity::Transmittance, false)?;
+    let [r, _] = of.curves(Quantity::Reflectance, false)?;
     let exact = Database::from_curves(
         file.stands_free(),
         of.store.axes(),
@@ -128,7 +138,9 @@ fn of_scene<T>(
         exact: file,
         colour: colour.as_ref(),
         points: options.points,
-        rays: RAYS.max(fit::FRESH * grid.run.rays),
+        rays: options
+            .point_rays
+            .unwrap_or(POINT_RAYS.max(fit::FRESH * grid.run.rays)),
         seed: options.seed.wrapping_add(APART),
     };
     work(&subject, &scene)

@@ -12,6 +12,7 @@ use crate::lookup::{BandErrors, Database, errors_of};
 use crate::measurement::Quantity;
 
 pub(super) const NAME: &str = "compact file against the database";
+pub(super) const DIFFUSE_NAME: &str = "compact file of isotropic light against the database";
 /// Attributes without which a provenance says nothing.
 const IDENTITY: [&str; 3] = ["config_sha256", "engine", "seed"];
 /// The error table has six digits: the most that one of its numbers may differ
@@ -22,8 +23,12 @@ pub(super) fn check(
     subject: &Subject<'_>,
     database: &Database,
     colour: Option<&Colorimeter>,
+    diffuse: bool,
 ) -> Result<Check, VerifyError> {
-    let mut check = Check::new(NAME);
+    let mut check = Check::new(match diffuse {
+        false => NAME,
+        true => DIFFUSE_NAME,
+    });
     check.problems.extend(origin(subject, database));
     if !check.problems.is_empty() {
         return Ok(check);
@@ -34,7 +39,7 @@ pub(super) fn check(
     };
     let table: Value = serde_json::from_str(metadata(ERROR_TABLE)).unwrap_or_default();
     for quantity in Quantity::ALL.into_iter().filter(|&q| database.has(q)) {
-        let [curves, _] = subject.curves(quantity)?;
+        let [curves, _] = subject.curves(quantity, diffuse)?;
         let errors = errors_of(database, quantity, curves.view(), colour)?;
         let row = &table[quantity.name()]["rows"][database.components(quantity) - 1];
         let Some(bounds) = stated(database, quantity) else {

@@ -27,7 +27,7 @@ use crate::lookup::{Database, LookupError};
 use crate::measurement::Quantity;
 use crate::store::{self, Store, StoreError, Variable};
 
-pub use answers::{fitted, fitted_walks};
+pub use answers::{POINT_RAYS, fitted, fitted_walks};
 pub use report::{Check, Figure, Report};
 
 /// Probability that fresh simulations fail a database that is right.
@@ -44,6 +44,8 @@ pub struct Options {
     pub seed: u64,
     /// Rays of a fresh simulation on a node; as many as the database's if `None`.
     pub rays: Option<u64>,
+    /// Rays of a fresh simulation at a random point; [`POINT_RAYS`] if `None`.
+    pub point_rays: Option<u64>,
     /// CPU seconds after which no more is simulated; half of them at most are for the
     /// nodes. `None`: without limit.
     pub seconds: Option<f64>,
@@ -194,12 +196,15 @@ impl Verification {
         let database = match opened {
             Ok((viewing, database)) => {
                 let colour = Colorimeter::viewing(self.store.wavelengths_nm(), &viewing)?;
-                let mut check = compact::check(&subject, &database, colour.as_ref())?;
+                let mut check = compact::check(&subject, &database, colour.as_ref(), false)?;
                 if colour.is_some() {
                     check.notes.push(format!("Delta-E: {viewing}"));
                 }
                 let passed = check.passed();
                 checks.push(check);
+                if let Some(check) = self.diffuse(&subject, colour.as_ref())? {
+                    checks.push(check);
+                }
                 passed.then_some((database, colour))
             }
             Err(error) => {
@@ -218,6 +223,9 @@ impl Verification {
             })?;
             if left < of {
                 checks.push(check);
+            }
+            if of == 0 {
+                not_checked.push("nodes of the grid, for none exists".into());
             }
             if left > 0 {
                 not_checked.push(format!(
@@ -248,6 +256,28 @@ impl Verification {
             grid: &self.grid,
             options: self.options,
         }
+    }
+
+    /// The compact file of isotropic light, where there is one.
+    fn diffuse(
+        &self,
+        subject: &Subject<'_>,
+        colour: Option<&Colorimeter>,
+    ) -> Result<Option<Check>, VerifyError> {
+        if !self.store.has_diffuse() {
+            return Ok(None);
+        }
+        let path = self.store.dir().join(store::DIFFUSE);
+        Ok(Some(match Database::open(&path) {
+            Ok(file) => compact::check(subject, &file, colour, true)?,
+            Err(error) => {
+                let mut check = Check::new(compact::DIFFUSE_NAME);
+                check.problems.push(format!(
+                    "{error}; make the file anew with `splitsnow compress`"
+                ));
+                check
+            }
+        }))
     }
 
     /// Every job's files and mark.
@@ -282,12 +312,19 @@ impl Verification {
 
 impl Subject<'_> {
     /// The stored curves of a quantity and their standard errors, `[s, l]`.
-    fn curves(&self, quantity: Quantity) -> Result<[Array2<f64>; 2], StoreError> {
+    fn curves(&self, quantity: Quantity, diffuse: bool) -> Result<[Array2<f64>; 2], StoreError> {
         let [value, se] = match quantity {
             Quantity::Transmittance => [Variable::Transmittance, Variable::TransmittanceSe],
             Quantity::Reflectance => [Variable::Reflectance, Variable::ReflectanceSe],
         };
-        let read = |variable| self.store.read(variable);
+        let read = |variable: Variable| {
+            let variable = if diffuse {
+                variable.diffuse()
+            } else {
+                variable
+            };
+            self.store.read(variable)
+        };
         Ok([read(value)?.mapv(f64::from), read(se)?.mapv(f64::from)])
     }
 }

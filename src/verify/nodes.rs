@@ -68,7 +68,7 @@ pub(super) fn check(
         return Ok((check, left));
     }
     for quantity in Quantity::ALL {
-        let [values, errors] = subject.curves(quantity)?;
+        let [values, errors] = subject.curves(quantity, false)?;
         let mut tally = Tally::default();
         for (node, spectrum) in nodes.iter().zip(&fresh) {
             let measured = spectrum.iter().flat_map(|part| part.of(quantity));
@@ -92,8 +92,9 @@ fn choose(subject: &Subject<'_>) -> (Vec<Node>, u64) {
     let (block, shape) = (jobs.block(), jobs.shape());
     let axes = subject.store.axes().named();
     let count = jobs.count() as usize;
-    let chosen = index::sample(&mut random, count, count.min(subject.options.samples));
-    let nodes = chosen.into_iter().filter_map(|job| {
+    let all = index::sample(&mut random, count, count);
+    // some jobs have no node that exists
+    let nodes = all.into_iter().filter_map(|job| {
         let mut node = jobs.origin(job as u64).ok()?;
         for (index, length) in node.iter_mut().zip(block) {
             *index += random.next_u64() % length;
@@ -122,7 +123,7 @@ fn choose(subject: &Subject<'_>) -> (Vec<Node>, u64) {
             row,
         })
     });
-    (nodes.collect(), seed)
+    (nodes.take(subject.options.samples).collect(), seed)
 }
 
 /// The difference in combined standard errors; the store's rounding to f32 is
