@@ -62,7 +62,9 @@ typedef enum splitsnow_illuminant {
     SPLITSNOW_D65,
     SPLITSNOW_E,
     SPLITSNOW_FL3_15,
-    SPLITSNOW_LED_B5
+    SPLITSNOW_LED_B5,
+    SPLITSNOW_A,
+    SPLITSNOW_D50
 } splitsnow_illuminant;
 
 /* One snow. */
@@ -2336,7 +2338,8 @@ static const float splitsnow__observer[3 * SPLITSNOW__OBSERVED] = {
     2.522525e-06f, 9.1093e-07f, 0.0f, 1.776509e-06f, 6.4153e-07f, 0.0f, 1.251141e-06f, 4.5181e-07f,
     0.0f};
 
-/* Illuminants of CIE 015:2018, every 5 nm up to 780: daylights from 360, lamps from 380 nm. */
+/* Illuminants of CIE 015:2018, every 5 nm up to 780: daylights and A from 360,
+ * other lamps from 380 nm. */
 static const float splitsnow__d55[SPLITSNOW__LIT] = {
     30.621f, 32.464f, 34.308f, 33.446f, 32.584f, 35.335f, 38.087f, 49.518f, 60.949f, 64.751f,
     68.554f, 70.065f, 71.577f, 69.746f, 67.914f, 76.76f, 85.605f, 91.799f, 97.993f, 99.228f,
@@ -2374,6 +2377,27 @@ static const float splitsnow__led_b5[SPLITSNOW__LIT - 4] = {
     9.0f, 8.27f, 7.57f, 6.9f, 6.25f, 5.65f, 5.08f, 4.55f, 4.06f, 3.61f, 3.22f, 2.86f, 2.54f, 2.26f,
     2.0f, 1.75f, 1.54f, 1.36f, 1.2f, 1.05f, 0.93f, 0.82f, 0.72f, 0.64f, 0.56f, 0.49f, 0.44f, 0.39f,
     0.35f, 0.31f, 0.27f};
+static const float splitsnow__a[SPLITSNOW__LIT] = {
+    6.14462f, 6.9472f, 7.82135f, 8.7698f, 9.7951f, 10.8996f, 12.0853f, 13.3543f, 14.708f, 16.148f,
+    17.6753f, 19.2907f, 20.995f, 22.7883f, 24.6709f, 26.6425f, 28.7027f, 30.8508f, 33.0859f,
+    35.4068f, 37.8121f, 40.3002f, 42.8693f, 45.5174f, 48.2423f, 51.0418f, 53.9132f, 56.8539f,
+    59.8611f, 62.932f, 66.0635f, 69.2525f, 72.4959f, 75.7903f, 79.1326f, 82.5193f, 85.947f,
+    89.4124f, 92.912f, 96.4423f, 100.f, 103.582f, 107.184f, 110.803f, 114.436f, 118.08f, 121.731f,
+    125.386f, 129.043f, 132.697f, 136.346f, 139.988f, 143.618f, 147.235f, 150.836f, 154.418f,
+    157.979f, 161.516f, 165.028f, 168.51f, 171.963f, 175.383f, 178.769f, 182.118f, 185.429f,
+    188.701f, 191.931f, 195.118f, 198.261f, 201.359f, 204.409f, 207.411f, 210.365f, 213.268f,
+    216.12f, 218.92f, 221.667f, 224.361f, 227.f, 229.585f, 232.115f, 234.589f, 237.008f, 239.37f,
+    241.675f};
+static const float splitsnow__d50[SPLITSNOW__LIT] = {
+    23.942f, 25.451f, 26.961f, 25.724f, 24.488f, 27.179f, 29.871f, 39.589f, 49.308f, 52.91f,
+    56.513f, 58.273f, 60.034f, 58.926f, 57.818f, 66.321f, 74.825f, 81.036f, 87.247f, 88.93f,
+    90.612f, 90.99f, 91.368f, 93.238f, 95.109f, 93.536f, 91.963f, 93.843f, 95.724f, 96.169f,
+    96.613f, 96.871f, 97.129f, 99.614f, 102.099f, 101.427f, 100.755f, 101.536f, 102.317f, 101.159f,
+    100.f, 98.868f, 97.735f, 98.327f, 98.918f, 96.208f, 93.499f, 95.593f, 97.688f, 98.478f, 99.269f,
+    99.155f, 99.042f, 97.382f, 95.722f, 97.29f, 98.857f, 97.262f, 95.667f, 96.929f, 98.19f,
+    100.597f, 103.003f, 101.068f, 99.133f, 93.257f, 87.381f, 89.492f, 91.604f, 92.246f, 92.889f,
+    84.872f, 76.854f, 81.683f, 86.511f, 89.546f, 92.58f, 85.405f, 78.23f, 67.961f, 57.692f, 70.307f,
+    82.923f, 80.599f, 78.274f};
 
 /* How many steps of 5 nm a light's table has, its first number and values. */
 typedef struct splitsnow__light {
@@ -2387,6 +2411,8 @@ static splitsnow__light splitsnow__light_of(splitsnow_illuminant illuminant) {
     light.count = SPLITSNOW__LIT;
     light.power = illuminant == SPLITSNOW_D55      ? splitsnow__d55
                   : illuminant == SPLITSNOW_D65    ? splitsnow__d65
+                  : illuminant == SPLITSNOW_A      ? splitsnow__a
+                  : illuminant == SPLITSNOW_D50    ? splitsnow__d50
                   : illuminant == SPLITSNOW_FL3_15 ? splitsnow__fl3_15
                                                    : splitsnow__led_b5;
     if (illuminant == SPLITSNOW_FL3_15 || illuminant == SPLITSNOW_LED_B5) {
@@ -2479,7 +2505,7 @@ splitsnow_status splitsnow_colour_new(const splitsnow *database, splitsnow_illum
     double *own = NULL;
     if (colour == NULL) return SPLITSNOW_ERROR_ARGUMENT;
     *colour = NULL;
-    if (database == NULL || (unsigned)illuminant > SPLITSNOW_LED_B5) return SPLITSNOW_ERROR_ARGUMENT;
+    if (database == NULL || (unsigned)illuminant > SPLITSNOW_D50) return SPLITSNOW_ERROR_ARGUMENT;
     for (size_t i = 0; i < n && wavelength_nm != NULL; i++) {
         double before = i > 0 ? wavelength_nm[i - 1] : -HUGE_VAL;
         if (!(wavelength_nm[i] > before && wavelength_nm[i] < HUGE_VAL)) {

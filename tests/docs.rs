@@ -54,6 +54,10 @@ fn allowed(node: &Value) -> String {
         }
         return words.join(", ");
     }
+    if let Some(names) = node["examples"].as_array() {
+        let names: Vec<_> = names.iter().map(literal).collect();
+        return format!("{}, or a path", names.join(", "));
+    }
     if node["type"] == "array" {
         let least = node["minItems"].as_u64().unwrap_or(0);
         let count = format!("{least} to {}", node["maxItems"]);

@@ -18,6 +18,7 @@ mod filesystems;
 #[cfg(unix)]
 mod fit;
 mod growth;
+mod illuminants;
 mod lookup;
 mod measure;
 mod optical;

@@ -2,14 +2,18 @@
 
 from __future__ import annotations
 
-from typing import Literal, Sequence
+import logging
+import os
+from typing import Any, Literal, Sequence, Tuple, Union, get_args
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from . import _native
 
-Illuminant = Literal["E", "D55", "D65", "LED-B5", "FL3.15"]
+Name = Literal["E", "D55", "D65", "LED-B5", "FL3.15", "A", "D50"]
+# A name, the path of a table of relative power, or wavelengths in nm and the power there.
+Illuminant = Union[Name, str, "os.PathLike[str]", Tuple[ArrayLike, ArrayLike]]
 ILLUMINANTS: Sequence[Illuminant] = ("E", "D55", "D65", "LED-B5", "FL3.15")
 
 
@@ -20,6 +24,10 @@ def xyz(
 
     ``spectrum`` is ``(..., l)``, dimensionless, at ``wavelengths_nm``, ``(l,)`` and
     increasing. Between them it is a straight line, beyond them not seen.
+
+    ``illuminant`` is a name, the path of a table of relative power (any that
+    ``splitsnow compress --illuminant`` takes; the logger ``splitsnow`` tells at level
+    INFO how it was read), or a pair of arrays, wavelengths in nm and the power there.
     """
     return _seen(spectrum, wavelengths_nm, "xyz", illuminant)
 
@@ -83,7 +91,7 @@ def swatch(
 
 
 def _seen(
-    spectrum: ArrayLike, wavelengths_nm: ArrayLike, space: str, illuminant: str
+    spectrum: ArrayLike, wavelengths_nm: ArrayLike, space: str, illuminant: Illuminant
 ) -> NDArray[np.float64]:
     spectra = np.asarray(spectrum, dtype=np.float64)
     wavelengths = np.asarray(wavelengths_nm, dtype=np.float64).ravel()
@@ -94,5 +102,23 @@ def _seen(
         )
     rows = np.ascontiguousarray(spectra).reshape(-1, wavelengths.size)
     found = np.empty(spectra.shape[:-1] + (3,))
-    _native.colours(rows, wavelengths.tolist(), (space, illuminant), found.reshape(-1, 3))
+    _native.colours(rows, wavelengths.tolist(), (space, light(illuminant)), found.reshape(-1, 3))
     return found
+
+
+def light(illuminant: Illuminant) -> Any:
+    """An illuminant as the compiled half takes it: a name, or the numbers of a table."""
+    if isinstance(illuminant, str) and illuminant in get_args(Name):
+        return illuminant
+    if isinstance(illuminant, (str, os.PathLike)):
+        path = os.fspath(illuminant)
+        wavelengths_nm, power, report = _native.illuminant(path)
+        logging.getLogger("splitsnow").info("read %s: %s", path, report)
+        return wavelengths_nm, power
+    columns = [np.asarray(column, dtype=np.float64).ravel().tolist() for column in illuminant]
+    if len(columns) != 2:
+        raise ValueError(
+            "an illuminant is a name, a path, or a pair of wavelengths in nm and power, not "
+            f"{len(columns)} columns"
+        )
+    return tuple(columns)

@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from . import _native
-from ._colour import Illuminant
+from ._colour import Illuminant, light
 
 if TYPE_CHECKING:
     import xarray
@@ -181,7 +181,7 @@ class Database:
         """
         asked = self._asked(quantity, method, conditions, more_conditions)
         points = (facetness, grain_size_um, density_kg_m3, thickness_cm, angle_deg)
-        return self._colours(asked, points, ("lab", illuminant))
+        return self._colours(asked, points, ("lab", light(illuminant)))
 
     def srgb(
         self,
@@ -207,7 +207,7 @@ class Database:
         asked = self._asked(quantity, method, conditions, more_conditions)
         points = (facetness, grain_size_um, density_kg_m3, thickness_cm, angle_deg)
         space = "linear_srgb" if linear else "srgb"
-        found = self._colours(asked, points, (space, illuminant))
+        found = self._colours(asked, points, (space, light(illuminant)))
         return np.clip(found, 0.0, 1.0, out=found) if clip else found
 
     def to_xarray(self) -> xarray.Dataset:
@@ -287,7 +287,7 @@ class Database:
         self,
         asked: tuple[str, str, list[tuple[str, float]]],
         points: tuple[ArrayLike, ...],
-        seen: tuple[str, str],
+        seen: tuple[str, Any],
     ) -> NDArray[np.float64]:
         columns, shape = _columns(points)
         out = np.empty(shape + (3,))

@@ -5,10 +5,11 @@ from typing import Any, Final, Optional, final
 import numpy as np
 from numpy.typing import NDArray
 
-__all__ = ["Database", "VERSION", "colours", "simulate"]
+__all__ = ["Database", "VERSION", "colours", "illuminant", "simulate"]
 
 VERSION: Final[str]
 
+_Seen = tuple[str, Any]  # colour space; name of an illuminant, or wavelengths and power
 _Asked = tuple[str, str, list[tuple[str, float]]]
 
 @final
@@ -39,7 +40,7 @@ class Database:
         asked: _Asked,
         points: list[NDArray[np.float64]],
         shape: tuple[int, ...],
-        seen: tuple[str, str],
+        seen: _Seen,
         out: NDArray[np.float64],
     ) -> None: ...
     def nodes(self, name: str, out: NDArray[np.float32]) -> None: ...
@@ -47,9 +48,10 @@ class Database:
 def colours(
     spectra: NDArray[np.float64],
     wavelengths_nm: list[float],
-    seen: tuple[str, str],
+    seen: _Seen,
     out: NDArray[np.float64],
 ) -> None: ...
+def illuminant(path: str) -> tuple[list[float], list[float], str]: ...
 def simulate(
     file: tuple[str, str, bool],
     engine: str,

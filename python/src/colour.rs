@@ -2,7 +2,10 @@
 use numpy::{PyReadonlyArray2, PyReadwriteArray2};
 use pyo3::exceptions::PyValueError;
 use pyo3::prelude::*;
-use splitsnow::colour::{Colorimeter, Illuminant, Viewing, encoded_srgb};
+use std::path::Path;
+use std::sync::Arc;
+
+use splitsnow::colour::{Colorimeter, Illuminant, PowerTable, Viewing, encoded_srgb};
 
 #[derive(Clone, Copy)]
 enum Space {
@@ -10,6 +13,44 @@ enum Space {
     Lab,
     LinearSrgb,
     Srgb,
+}
+
+/// An illuminant as Python gives it.
+#[derive(FromPyObject, Debug, Clone, PartialEq)]
+pub(crate) enum Light {
+    Name(String),
+    /// Wavelengths, nm, and the power there.
+    Table(Vec<f64>, Vec<f64>),
+}
+
+impl Light {
+    fn illuminant(&self) -> Result<Illuminant, String> {
+        match self {
+            Self::Name(name) => name.parse(),
+            Self::Table(nm, power) => {
+                let table = PowerTable::new("the illuminant's table", nm, power);
+                let table = table.map_err(|error| error.to_string())?;
+                Ok(Illuminant::Table(Arc::new(table)))
+            }
+        }
+    }
+}
+
+/// Wavelengths and power of the table in a file, and a line that says how it was read.
+#[pyfunction]
+pub(crate) fn illuminant(path: &str) -> PyResult<(Vec<f64>, Vec<f64>, String)> {
+    let found = Illuminant::find(path, Path::new(""));
+    match found.map_err(|error| PyValueError::new_err(error.to_string()))? {
+        (Illuminant::Table(table), Some(report)) => Ok((
+            table.wavelengths_nm().to_vec(),
+            table.power().to_vec(),
+            report.to_string(),
+        )),
+        (named, _) => {
+            let message = format!("`{}` is a name, not a file", named.name());
+            Err(PyValueError::new_err(message))
+        }
+    }
 }
 
 /// Sees spectra at fixed wavelengths in one colour space.
@@ -20,7 +61,7 @@ pub(crate) struct Eye {
 
 impl Eye {
     /// For spectra at these wavelengths; `seen` are a colour space and an illuminant.
-    pub(crate) fn new(wavelengths_nm: &[f64], seen: &(String, String)) -> PyResult<Self> {
+    pub(crate) fn new(wavelengths_nm: &[f64], seen: &(String, Light)) -> PyResult<Self> {
         let (space, illuminant) = seen;
         let refuse = |message: String| PyValueError::new_err(message);
         let space = match space.as_str() {
@@ -30,7 +71,7 @@ impl Eye {
             "srgb" => Space::Srgb,
             other => return Err(refuse(format!("no colour space is named `{other}`"))),
         };
-        let illuminant: Illuminant = illuminant.parse().map_err(refuse)?;
+        let illuminant = illuminant.illuminant().map_err(refuse)?;
         let viewing = Viewing {
             illuminants: vec![illuminant],
             ..Viewing::default()
@@ -68,7 +109,7 @@ impl Eye {
 pub(crate) fn colours(
     spectra: PyReadonlyArray2<f64>,
     wavelengths_nm: Vec<f64>,
-    seen: (String, String),
+    seen: (String, Light),
     mut out: PyReadwriteArray2<f64>,
 ) -> PyResult<()> {
     let eye = Eye::new(&wavelengths_nm, &seen)?;

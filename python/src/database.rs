@@ -14,7 +14,7 @@ use splitsnow::measurement::Quantity;
 use splitsnow::spectrum::Resampling;
 use splitsnow::store::COMPACT;
 
-use crate::colour::Eye;
+use crate::colour::{Eye, Light};
 use crate::points::{Method, Points, refused};
 use crate::pool::pool;
 
@@ -32,7 +32,7 @@ type Key = (Quantity, Vec<(ExtraAxis, u64)>);
 pub(crate) struct Database {
     file: lookup::Database,
     prepared: Kept<Key, Lookup>,
-    eyes: Kept<(String, String), Eye>,
+    eyes: Kept<(String, Light), Eye>,
 }
 
 /// What was made last, by what it is for.
@@ -168,7 +168,7 @@ impl Database {
         asked: Asked,
         points: [PyReadonlyArray1<f64>; 5],
         shape: Vec<usize>,
-        seen: (String, String),
+        seen: (String, Light),
         mut out: PyReadwriteArray2<f64>,
     ) -> PyResult<()> {
         let eye = self.eyes.get(seen.clone(), || {

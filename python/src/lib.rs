@@ -12,7 +12,7 @@ use pyo3::prelude::*;
 #[pymodule]
 mod _native {
     #[pymodule_export]
-    use crate::colour::colours;
+    use crate::colour::{colours, illuminant};
     #[pymodule_export]
     use crate::database::Database;
     #[pymodule_export]

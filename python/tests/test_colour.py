@@ -8,7 +8,7 @@ import pytest
 import splitsnow
 
 DATA = Path(__file__).parents[2] / "data"
-FILES = {"E": "e", "D55": "d55", "D65": "d65", "LED-B5": "led_b5", "FL3.15": "fl3_15"}
+FILES = {"E": "e", "D55": "d55", "D65": "d65", "LED-B5": "led_b5", "FL3.15": "fl3_15", "A": "a", "D50": "d50"}
 POINT = (0.3, 250, 300, np.array([1, 4.5, 10]), 33)
 # IEC 61966-2-1, and its D65
 TO_SRGB = np.array(
@@ -102,7 +102,7 @@ def test_wrong_arguments():
     for message, call in {
         "31 values": lambda: splitsnow.lab(np.ones(30), nm),
         "strictly increasing": lambda: splitsnow.lab(np.ones(31), nm[::-1]),
-        "no illuminant is named `A`": lambda: splitsnow.xyz(np.ones(31), nm, "A"),
+        "no illuminant is named `B`": lambda: splitsnow.xyz(np.ones(31), nm, "B"),
         "have no colour": lambda: splitsnow.srgb(np.ones(31), nm + 500),
     }.items():
         with pytest.raises(ValueError, match=message):
@@ -120,7 +120,7 @@ def test_swatch():
             patch = image[3 * row : 3 * row + 3, 3 * column : 3 * column + 3]
             assert (patch == colour).all()
     assert splitsnow.swatch(spectra[0], nm).shape == (5 * 48, 48, 3)
-    for wrong in ({"exposure": 0}, {"exposure": np.nan}, {"patch": 0}, {"illuminants": ["A"]}):
+    for wrong in ({"exposure": 0}, {"exposure": np.nan}, {"patch": 0}, {"illuminants": ["B"]}):
         with pytest.raises(ValueError):
             splitsnow.swatch(spectra, nm, **wrong)
     with pytest.raises(ValueError):
@@ -131,3 +131,33 @@ def test_a_swatch_of_three_wavelengths():
     nm = np.array([455, 551, 608])
     image = splitsnow.swatch(np.ones(3), nm, patch=1)
     assert (image == 255).all()
+
+
+def test_illuminants_of_files_and_arrays(quick, tmp_path, caplog):
+    nm, power = table("illuminant_d65")
+    named = quick.lab(*POINT, illuminant="D65")
+    arrays = quick.lab(*POINT, illuminant=(nm, 0.01 * power))
+    assert np.allclose(arrays, named, atol=1e-9)
+    path = tmp_path / "lamp.txt"
+    rows = [f"{w / 1000:.3f}\t{p}" for w, p in zip(nm[::-1], power[::-1])]
+    path.write_text("\n".join(rows) + "\n")
+    with caplog.at_level("INFO", logger="splitsnow"):
+        for given in (path, str(path)):
+            assert np.allclose(quick.lab(*POINT, illuminant=given), named, atol=1e-9)
+    assert "lamp.txt: a table, 2 columns by tabs" in caplog.text
+    spectra = quick.transmittance(*POINT)
+    found = splitsnow.srgb(spectra, quick.wavelengths_nm, path)
+    assert np.allclose(found, splitsnow.srgb(spectra, quick.wavelengths_nm, "D65"), atol=1e-9)
+    assert not np.allclose(named, quick.lab(*POINT, illuminant="A"), atol=0.1)
+    part = (nm > 380) & (nm < 600)
+    for message, wrong in {
+        "no such file": tmp_path / "none.csv",
+        "need 400 to 700 nm": (nm[part], power[part]),
+        "powers": (nm, power[:-1]),
+        "strictly increasing": (nm[::-1], power),
+        "power of -100 at": (nm, -100 + 0 * power),
+        "nothing is white": (nm, 0 * power),
+        "3 columns": (nm, power, power),
+    }.items():
+        with pytest.raises(ValueError, match=message):
+            quick.lab(*POINT, illuminant=wrong)

@@ -175,7 +175,7 @@ def test_wrong_arguments(quick, sooty, fitted):
         "no method is named `best`": lambda: quick.transmittance(*POINT, method="best"),
         "has no reflectance": lambda: fitted.reflectance(0.3, 300, 300, 21.5, 33),
         "no quantity is named `R`": lambda: quick.lab(*POINT, quantity="R"),
-        "no illuminant is named `D50`": lambda: quick.lab(*POINT, illuminant="D50"),
+        "no illuminant is named `D60`": lambda: quick.lab(*POINT, illuminant="D60"),
         "facetness = 0.3 lies between": lambda: quick.transmittance(*POINT, method="varsa2025"),
     }.items():
         with pytest.raises(ValueError, match=message):

@@ -58,6 +58,7 @@ impl GridArgs {
             file.grid.run.engine = engine;
         }
         warn(&file.warnings);
+        notes(&file.notes);
         Ok(file)
     }
 
@@ -218,6 +219,11 @@ pub(super) fn one_line(path: &Path) -> String {
 /// Writes a line to standard error, where nobody may be listening.
 pub(super) fn note(line: &str) {
     let _ = writeln!(io::stderr(), "{line}");
+}
+
+/// Writes lines to standard error.
+pub(super) fn notes(lines: &[String]) {
+    lines.iter().for_each(|line| note(line));
 }
 
 /// Writes warnings to standard error.

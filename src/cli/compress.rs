@@ -1,12 +1,14 @@
 //! `splitsnow compress`: the compact file anew.
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 
 use super::{common, compact};
-use crate::colour::{ColourDifference, Illuminant, Viewing};
+use crate::colour::{ColourDifference, Illuminant, IlluminantError, Viewing};
 use crate::compress::{Basis, Choice, DEFAULT_MAX_DELTA_E, Precision, Variant};
 use crate::grid::Compression;
+use crate::lookup::Database;
 use crate::measurement::Quantity;
-use crate::store::Store;
+use crate::store::{COMPACT, Store};
+use crate::verify;
 
 /// Compress a finished database again, with other bounds or in another variant
 ///
@@ -52,10 +54,10 @@ pub(super) struct Args {
     #[arg(long, value_name = "K", conflicts_with_all = ["max_delta_e", "max_rmse"],
           value_parser = clap::value_parser!(u16).range(1..))]
     components: Option<u16>,
-    /// Light the colours are compared under; given several times, the worst case counts
-    #[arg(long, value_name = "NAME", default_value = "D65",
-          value_parser = common::named(Illuminant::ALL, Illuminant::name))]
-    illuminant: Vec<Illuminant>,
+    /// Light the colours are compared under: D55, D65, E, FL3.15, LED-B5, A, D50, or a file
+    /// with a table of its relative power; given several times, the worst case counts
+    #[arg(long, value_name = "NAME|FILE", default_value = "D65")]
+    illuminant: Vec<String>,
     /// Formula of the colour difference Delta-E
     #[arg(long, value_name = "FORMULA", default_value = "cie1976",
           value_parser = common::named(ColourDifference::ALL, ColourDifference::name))]
@@ -82,6 +84,7 @@ pub(super) fn run(args: &Args) -> anyhow::Result<()> {
         max_rmse: args.max_rmse,
     });
     let components = |k| Choice::Components(usize::from(k));
+    let lights = illuminants(&args.illuminant, &args.dir.join(COMPACT))?;
     let store = Store::open_exclusive(&args.dir)?;
     let asked = compact::Asked {
         choice: args.components.map_or(bounds, components),
@@ -94,7 +97,7 @@ pub(super) fn run(args: &Args) -> anyhow::Result<()> {
             some => some.into(),
         },
         viewing: Viewing {
-            illuminants: args.illuminant.clone(),
+            illuminants: lights,
             difference: args.delta_e,
         },
     };
@@ -103,4 +106,42 @@ pub(super) fn run(args: &Args) -> anyhow::Result<()> {
         return common::print_json(&report);
     }
     common::print(&report.to_string())
+}
+
+/// The lights asked for. A table whose file is gone is taken from the compact file that
+/// there is, if that has one of the name.
+fn illuminants(asked: &[String], compact: &Path) -> anyhow::Result<Vec<Illuminant>> {
+    let mut lights: Vec<Illuminant> = Vec::new();
+    for asked in asked {
+        let light = match Illuminant::find(asked, Path::new("")) {
+            Ok((light, report)) => {
+                if let Some(report) = report {
+                    let file = common::one_line(Path::new(asked));
+                    common::note(&format!("read {file}: {report}"));
+                }
+                light
+            }
+            Err(unknown @ IlluminantError::Unknown { .. }) => {
+                let kept = kept(asked, compact).ok_or(unknown)?;
+                common::note(&format!(
+                    "no file {asked}: {kept} is taken from {}",
+                    compact.display()
+                ));
+                kept
+            }
+            Err(error) => return Err(error.into()),
+        };
+        if !lights.contains(&light) {
+            lights.push(light);
+        }
+    }
+    Ok(lights)
+}
+
+/// The table that the compact file keeps of the file `asked`.
+fn kept(asked: &str, compact: &Path) -> Option<Illuminant> {
+    let name = Path::new(asked).file_name()?.to_str()?;
+    let viewing = verify::viewing(&Database::open(compact).ok()?).ok()?;
+    let mut tables = viewing.illuminants.into_iter();
+    tables.find(|light| matches!(light, Illuminant::Table(table) if table.name() == name))
 }

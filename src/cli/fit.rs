@@ -49,10 +49,11 @@ pub(super) fn run(args: &Args) -> anyhow::Result<()> {
     let cancel = common::interrupt_flag()?;
     let file = scene::read(&args.scene)?;
     common::warn(&file.warnings);
+    common::notes(&file.notes);
     let out = args.out.clone();
     let out = out.unwrap_or_else(|| Path::new("out").join(&file.name));
     let spinner = Spinner::new("reading");
-    let text = plain(&file.text);
+    let text = file.self_contained();
     let fitted = simulate::run(args.threads, None, cancel, |control| {
         fit::fit(&file.scene, &text, args.points as usize, control, &|what| {
             spinner.say(what)
@@ -74,13 +75,6 @@ pub(super) fn run(args: &Args) -> anyhow::Result<()> {
     } else {
         text_report(&file.scene, &fitted, &path)
     })
-}
-
-/// A scene file without its comments.
-fn plain(text: &str) -> String {
-    let table = text.parse::<toml::Table>().ok();
-    let plain = table.and_then(|table| toml::to_string(&table).ok());
-    plain.unwrap_or_else(|| text.to_owned())
 }
 
 fn report(scene: &Scene, fitted: &Fitted, path: &Path) -> serde_json::Value {

@@ -8,10 +8,11 @@
 //! the difference Delta-E*ab of CIE 1976, the measure of Varsa 2025, section 6.5
 //! (the observer is our reading: the thesis names none).
 //!
-//! Neglected: wavelengths outside 360-780 nm (380-780 nm for FL3.15 and LED-B5),
-//! where the two tables overlap. The observer's values beyond are below 5e-5,
-//! their share of white under D65 below 1e-5.
+//! Neglected: wavelengths outside 360-780 nm (380-780 nm for FL3.15 and LED-B5; for a
+//! user's table those that it has), where the two tables overlap. The observer's values
+//! beyond are below 5e-5, their share of white under D65 below 1e-5.
 mod observer;
+mod power;
 mod viewing;
 
 use palette::color_difference::DeltaE;
@@ -22,6 +23,8 @@ use thiserror::Error;
 
 use crate::spectrum::{Resampling, TableError};
 
+pub use power::{IlluminantError, PowerTable};
+pub(crate) use viewing::Stated;
 pub use viewing::{ColourDifference, Illuminant, Viewing};
 
 /// White of the sums below: they are divided by white already.
@@ -53,6 +56,9 @@ pub enum ColourError {
     /// Nothing to see by.
     #[error("no illuminant is given; name at least one")]
     NoIlluminant,
+    /// A user's illuminant that does not reach as far as the wavelengths.
+    #[error(transparent)]
+    Illuminant(#[from] IlluminantError),
     /// A built-in table cannot be read.
     #[error(transparent)]
     Table(#[from] TableError),
@@ -78,8 +84,8 @@ struct Light {
 
 impl Light {
     /// `None` where the spectra have no colour.
-    fn new(wavelengths_nm: &[f64], illuminant: Illuminant) -> Result<Option<Self>, TableError> {
-        let mut weights = observer::weights(wavelengths_nm, illuminant)?;
+    fn new(wavelengths_nm: &[f64], illuminant: &Illuminant) -> Result<Option<Self>, TableError> {
+        let mut weights = observer::weights(wavelengths_nm, illuminant.table()?.as_ref())?;
         let white = [0, 1, 2].map(|c: usize| weights[c].iter().sum::<f64>());
         let seen = weights[1].iter().filter(|&&w| w > 0.0).count();
         if seen < 3 || white.iter().any(|&w| w <= 0.0) {
@@ -126,14 +132,15 @@ impl Colorimeter {
     ///
     /// # Errors
     /// [`ColourError::Wavelengths`] for a list that is not finite and increasing,
-    /// [`ColourError::NoIlluminant`].
+    /// [`ColourError::NoIlluminant`], [`ColourError::Illuminant`].
     pub fn viewing(wavelengths_nm: &[f64], viewing: &Viewing) -> Result<Option<Self>, ColourError> {
         increasing(wavelengths_nm)?;
         if viewing.illuminants.is_empty() {
             return Err(ColourError::NoIlluminant);
         }
         let mut lights = Vec::new();
-        for &illuminant in &viewing.illuminants {
+        for illuminant in &viewing.illuminants {
+            illuminant.covers(wavelengths_nm)?;
             let Some(light) = Light::new(wavelengths_nm, illuminant)? else {
                 return Ok(None);
             };
@@ -352,18 +359,38 @@ mod tests {
     fn illuminants_have_the_published_chromaticity() {
         let nm: Vec<f64> = (72..=156).map(|i| f64::from(i) * 5.0).collect();
         for (illuminant, x, y) in [
+            (Illuminant::A, 0.447_58, 0.407_45),
+            (Illuminant::D50, 0.345_67, 0.358_51),
             (Illuminant::D55, 0.332_43, 0.347_44),
             (Illuminant::D65, 0.312_70, 0.329_00),
             (Illuminant::E, 0.333_33, 0.333_33),
             (Illuminant::Fl3_15, 0.312_70, 0.328_80),
             (Illuminant::LedB5, 0.311_80, 0.323_60),
         ] {
-            let white = seen(&nm, &[illuminant], ColourDifference::Cie1976).white();
+            let white = seen(
+                &nm,
+                std::slice::from_ref(&illuminant),
+                ColourDifference::Cie1976,
+            )
+            .white();
             let sum: f64 = white.iter().sum();
             let found = (white[0] / sum, white[1] / sum);
             assert!((found.0 - x).abs() < 2e-4, "{illuminant:?}: {found:?}");
             assert!((found.1 - y).abs() < 2e-4, "{illuminant:?}: {found:?}");
         }
+    }
+
+    /// CIE 015: 100 (560 / l)^5 (exp(c2 / (T 560)) - 1) / (exp(c2 / (T l)) - 1) with
+    /// c2 / T = 1.435e7 nm K / 2848 K; the table has six digits.
+    #[test]
+    fn illuminant_a_follows_its_formula() {
+        let table = Illuminant::A.table().unwrap();
+        let power = |nm: f64| (560.0 / nm).powi(5) / (1.435e7 / (2848.0 * nm)).exp_m1();
+        for (nm, found) in table.abscissae().iter().zip(table.column(0)) {
+            let expected = 100.0 * power(*nm) / power(560.0);
+            assert!((found / expected - 1.0).abs() < 5e-6, "{nm} nm: {found}");
+        }
+        assert_eq!(table.range(), (300.0, 780.0));
     }
 
     fn seen(nm: &[f64], illuminants: &[Illuminant], difference: ColourDifference) -> Colorimeter {
@@ -387,16 +414,16 @@ mod tests {
             let of = |illuminants: &[Illuminant], spectrum: &[f64]| {
                 seen(&visible(), illuminants, difference).difference(&flat, spectrum)
             };
-            let (led, day) = (Illuminant::LedB5, Illuminant::D65);
+            let (led, day) = (|| Illuminant::LedB5, || Illuminant::D65);
             let [blue, cyan] = [bump(450.0), bump(490.0)];
-            assert!(of(&[led], &blue) > 1.02 * of(&[day], &blue));
-            assert!(of(&[day], &cyan) > 1.02 * of(&[led], &cyan));
+            assert!(of(&[led()], &blue) > 1.02 * of(&[day()], &blue));
+            assert!(of(&[day()], &cyan) > 1.02 * of(&[led()], &cyan));
             for spectrum in [&blue, &cyan] {
-                let worst = of(&[led], spectrum).max(of(&[day], spectrum));
-                assert_eq!(of(&[led, day], spectrum), worst);
-                assert_eq!(of(&[day, led], spectrum), worst);
+                let worst = of(&[led()], spectrum).max(of(&[day()], spectrum));
+                assert_eq!(of(&[led(), day()], spectrum), worst);
+                assert_eq!(of(&[day(), led()], spectrum), worst);
             }
-            assert!(of(&[led, day], &[f64::NAN; 31]).is_nan());
+            assert!(of(&[led(), day()], &[f64::NAN; 31]).is_nan());
         }
     }
 

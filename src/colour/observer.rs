@@ -1,24 +1,29 @@
 //! The observer under an illuminant, as weights per wavelength.
-use super::Illuminant;
 use crate::spectrum::{Table, TableError};
 
-/// The wavelengths that the observer is tabulated at, nm.
+/// First and last wavelength of the observer's table, nm.
+pub(super) const RANGE_NM: (f64, f64) = (360.0, 830.0);
+
+/// The wavelengths that the observer is tabulated at, nm, as far as lights are.
 pub(super) fn every_5_nm() -> Vec<f64> {
     (72..=156).map(|i| f64::from(i) * 5.0).collect()
+}
+
+fn observer() -> Result<Table, TableError> {
+    Table::parse(
+        "cie_1931_2deg",
+        include_str!("../../data/cie_1931_2deg.csv"),
+        &["wavelength_nm", "xbar", "ybar", "zbar"],
+    )
 }
 
 /// Trapezoid weights `[3][l]` (X, Y, Z; arbitrary scale) at `wavelengths_nm`
 /// (strictly increasing); zero where either table has no value.
 pub(super) fn weights(
     wavelengths_nm: &[f64],
-    light: Illuminant,
+    illuminant: &Table,
 ) -> Result<[Vec<f64>; 3], TableError> {
-    let observer = Table::parse(
-        "cie_1931_2deg",
-        include_str!("../../data/cie_1931_2deg.csv"),
-        &["wavelength_nm", "xbar", "ybar", "zbar"],
-    )?;
-    let illuminant = Table::parse(light.name(), light.csv(), &["wavelength_nm", "spd"])?;
+    let observer = observer()?;
     let low = observer.range().0.max(illuminant.range().0);
     let high = observer.range().1.min(illuminant.range().1);
     let begin = wavelengths_nm.partition_point(|&w| w < low);
@@ -36,4 +41,17 @@ pub(super) fn weights(
         }
     }
     Ok(weights)
+}
+
+/// Whether a table of power has X, Y and Z above 0, which are then finite, too.
+pub(super) fn sees_white(illuminant: &Table) -> bool {
+    let mut nm = every_5_nm();
+    // lines of a lamp may stand between
+    nm.extend(illuminant.abscissae());
+    nm.sort_by(f64::total_cmp);
+    nm.dedup();
+    weights(&nm, illuminant).is_ok_and(|weights| {
+        let mut sums = weights.iter().map(|weights| weights.iter().sum::<f64>());
+        sums.all(|sum| sum > 0.0 && sum.is_finite())
+    })
 }

@@ -1,15 +1,18 @@
 //! How two colours are seen and compared: illuminants and difference formula.
+use std::borrow::Cow;
 use std::fmt;
 use std::str::FromStr;
+use std::sync::Arc;
 
 use palette::color_difference::Ciede2000;
 use serde::{Deserialize, Serialize};
 
-use super::{Lab, delta_e};
+use super::{IlluminantError, Lab, PowerTable, delta_e};
+use crate::spectrum::{Table, TableError};
 
-/// A light that colours are seen under; CIE 015:2018 tabulates all.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Hash, Serialize, Deserialize)]
-#[serde(into = "&'static str", try_from = "String")]
+/// A light that colours are seen under: one that CIE 015:2018 tabulates, or a table.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[serde(into = "Stated", try_from = "Stated")]
 pub enum Illuminant {
     /// Mid-morning daylight, 5503 K.
     D55,
@@ -21,32 +24,135 @@ pub enum Illuminant {
     Fl3_15,
     /// Phosphor-converted blue LED, 6598 K.
     LedB5,
+    /// Incandescent lamp, 2856 K.
+    A,
+    /// Daylight of a low sun, 5003 K.
+    D50,
+    /// A user's.
+    Table(Arc<PowerTable>),
+}
+
+/// An illuminant as it is written: a name, or a table with its numbers.
+#[derive(Debug, Clone, Serialize, Deserialize)]
+#[serde(untagged)]
+pub(crate) enum Stated {
+    Name(String),
+    Table {
+        name: String,
+        wavelength_nm: Vec<f64>,
+        power: Vec<f64>,
+    },
 }
 
 impl Illuminant {
-    /// All of them.
-    pub const ALL: [Self; 5] = [Self::D55, Self::D65, Self::E, Self::Fl3_15, Self::LedB5];
+    /// All that have a name of their own.
+    pub const ALL: [Self; 7] = [
+        Self::D55,
+        Self::D65,
+        Self::E,
+        Self::Fl3_15,
+        Self::LedB5,
+        Self::A,
+        Self::D50,
+    ];
+    /// Their names.
+    pub const NAMES: [&'static str; 7] = ["D55", "D65", "E", "FL3.15", "LED-B5", "A", "D50"];
 
-    /// Its name in files and on the command line.
+    /// Its name in files and on the command line; of a table, that of its file.
     #[must_use]
-    pub const fn name(self) -> &'static str {
+    pub fn name(&self) -> &str {
         match self {
             Self::D55 => "D55",
             Self::D65 => "D65",
             Self::E => "E",
             Self::Fl3_15 => "FL3.15",
             Self::LedB5 => "LED-B5",
+            Self::A => "A",
+            Self::D50 => "D50",
+            Self::Table(table) => table.name(),
         }
     }
 
-    /// Its relative power, `wavelength_nm,spd`, as CSV.
-    pub(super) const fn csv(self) -> &'static str {
-        match self {
+    /// Its relative power over wavelength.
+    pub(super) fn table(&self) -> Result<Cow<'_, Table>, TableError> {
+        let csv = match self {
             Self::D55 => include_str!("../../data/illuminant_d55.csv"),
             Self::D65 => include_str!("../../data/illuminant_d65.csv"),
             Self::E => include_str!("../../data/illuminant_e.csv"),
             Self::Fl3_15 => include_str!("../../data/illuminant_fl3_15.csv"),
             Self::LedB5 => include_str!("../../data/illuminant_led_b5.csv"),
+            Self::A => include_str!("../../data/illuminant_a.csv"),
+            Self::D50 => include_str!("../../data/illuminant_d50.csv"),
+            Self::Table(table) => return Ok(Cow::Borrowed(table.table())),
+        };
+        let table = Table::parse(self.name(), csv, &["wavelength_nm", "spd"])?;
+        Ok(Cow::Owned(table))
+    }
+
+    /// Whether it can be used for spectra at `wavelengths_nm`, nm, increasing: a table
+    /// must reach over those of them within 380-780 nm.
+    ///
+    /// # Errors
+    /// [`IlluminantError::Short`].
+    pub fn covers(&self, wavelengths_nm: &[f64]) -> Result<(), IlluminantError> {
+        match self {
+            Self::Table(table) => table.covers(wavelengths_nm),
+            _ => Ok(()),
+        }
+    }
+}
+
+/// `D65`, or `lamp.csv (table 1f0c2d3e)`, with a fingerprint of its content.
+impl fmt::Display for Illuminant {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        f.write_str(self.name())?;
+        match self {
+            Self::Table(table) => write!(f, " (table {})", table.fingerprint()),
+            _ => Ok(()),
+        }
+    }
+}
+
+impl FromStr for Illuminant {
+    type Err = String;
+
+    fn from_str(name: &str) -> Result<Self, String> {
+        let found = Self::ALL.into_iter().find(|value| value.name() == name);
+        found.ok_or_else(|| {
+            let names = Self::NAMES.join(", ");
+            format!("no illuminant is named `{name}`; there are {names}")
+        })
+    }
+}
+
+impl From<Illuminant> for Stated {
+    fn from(illuminant: Illuminant) -> Self {
+        match illuminant {
+            Illuminant::Table(table) => Self::Table {
+                name: table.name().to_owned(),
+                wavelength_nm: table.wavelengths_nm().to_vec(),
+                power: table.power().to_vec(),
+            },
+            named => Self::Name(named.name().to_owned()),
+        }
+    }
+}
+
+impl TryFrom<Stated> for Illuminant {
+    type Error = String;
+
+    fn try_from(stated: Stated) -> Result<Self, String> {
+        match stated {
+            Stated::Name(name) => name.parse(),
+            Stated::Table {
+                name,
+                wavelength_nm,
+                power,
+            } => {
+                let table = PowerTable::new(&name, &wavelength_nm, &power);
+                let table = table.map_err(|error| error.to_string())?;
+                Ok(Self::Table(Arc::new(table)))
+            }
         }
     }
 }
@@ -86,7 +192,7 @@ impl ColourDifference {
 
 /// The light or lights two spectra are compared under, and how. Under several
 /// the worst case counts. By default D65 and CIE 1976, as in Varsa 2025.
-#[derive(Debug, Clone, PartialEq, Eq, Serialize, Deserialize)]
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[serde(default)]
 pub struct Viewing {
     /// Illuminants, at least one.
@@ -108,45 +214,37 @@ impl Default for Viewing {
 /// Such as `cie2000, the worst of D65, E`.
 impl fmt::Display for Viewing {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        let names: Vec<_> = self.illuminants.iter().map(|i| i.name()).collect();
+        let names: Vec<_> = self.illuminants.iter().map(Illuminant::to_string).collect();
         let worst = if names.len() > 1 { "the worst of " } else { "" };
         write!(f, "{}, {worst}{}", self.difference.name(), names.join(", "))
     }
 }
 
-/// Both enums are written as their names and read from them.
-macro_rules! named {
-    ($kind:ty, $what:literal) => {
-        impl From<$kind> for &'static str {
-            fn from(value: $kind) -> Self {
-                value.name()
-            }
-        }
-
-        impl TryFrom<String> for $kind {
-            type Error = String;
-
-            fn try_from(name: String) -> Result<Self, String> {
-                name.parse()
-            }
-        }
-
-        impl FromStr for $kind {
-            type Err = String;
-
-            fn from_str(name: &str) -> Result<Self, String> {
-                let found = Self::ALL.into_iter().find(|value| value.name() == name);
-                found.ok_or_else(|| {
-                    let names = Self::ALL.map(Self::name).join(", ");
-                    format!("no {} is named `{name}`; there are {names}", $what)
-                })
-            }
-        }
-    };
+impl From<ColourDifference> for &'static str {
+    fn from(value: ColourDifference) -> Self {
+        value.name()
+    }
 }
 
-named!(Illuminant, "illuminant");
-named!(ColourDifference, "colour difference");
+impl TryFrom<String> for ColourDifference {
+    type Error = String;
+
+    fn try_from(name: String) -> Result<Self, String> {
+        name.parse()
+    }
+}
+
+impl FromStr for ColourDifference {
+    type Err = String;
+
+    fn from_str(name: &str) -> Result<Self, String> {
+        let found = Self::ALL.into_iter().find(|value| value.name() == name);
+        found.ok_or_else(|| {
+            let names = Self::ALL.map(Self::name).join(", ");
+            format!("no colour difference is named `{name}`; there are {names}")
+        })
+    }
+}
 
 #[cfg(test)]
 #[allow(clippy::unwrap_used)]
@@ -184,6 +282,10 @@ mod tests {
 
     #[test]
     fn names_are_read_back() {
+        assert_eq!(
+            Illuminant::ALL.each_ref().map(Illuminant::name),
+            Illuminant::NAMES
+        );
         for illuminant in Illuminant::ALL {
             assert_eq!(illuminant.name().parse(), Ok(illuminant));
         }
@@ -191,8 +293,8 @@ mod tests {
             assert_eq!(difference.name().parse(), Ok(difference));
         }
         assert_eq!(
-            "D50".parse::<Illuminant>().unwrap_err(),
-            "no illuminant is named `D50`; there are D55, D65, E, FL3.15, LED-B5"
+            "D60".parse::<Illuminant>().unwrap_err(),
+            "no illuminant is named `D60`; there are D55, D65, E, FL3.15, LED-B5, A, D50"
         );
         let viewing = Viewing {
             illuminants: vec![Illuminant::E, Illuminant::LedB5],

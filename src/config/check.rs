@@ -225,7 +225,7 @@ fn expected(schema: &Value, path: &str, types: &[&str]) -> String {
         }
         "array" => "a list in [ ]".to_owned(),
         // Beside a number only ranges are tables.
-        "object" if types.len() > 1 => "a range { min, max }".to_owned(),
+        "object" if types.contains(&"number") => "a range { min, max }".to_owned(),
         _ => "a table".to_owned(),
     };
     types.iter().map(name).collect::<Vec<_>>().join(" or ")

@@ -34,6 +34,8 @@ pub struct GridFile {
     pub viewing: Viewing,
     /// Values beyond the ordinary ranges of docs/methods.md, for the user to see.
     pub warnings: Vec<String>,
+    /// What was found in the files it names and done, for the user to see.
+    pub notes: Vec<String>,
     /// The file as it was read.
     pub text: String,
 }
@@ -53,7 +55,7 @@ pub fn read(path: &Path) -> Result<GridFile, ConfigError> {
 /// As [`read`].
 pub fn parse(name: &str, text: &str) -> Result<GridFile, ConfigError> {
     let (document, keys) = Document::read::<GridKeys>(name, text, &schema::GRID)?;
-    let mut warnings = Vec::new();
+    let (mut warnings, mut notes) = (Vec::new(), Vec::new());
     let size_law = size_law(&document, &keys.model)?;
     let mut spread = spread(&keys.spread, size_law);
     if !document.has("axes.grain_size_um") && !document.has("spread.grain_size_half_width_um") {
@@ -91,8 +93,9 @@ pub fn parse(name: &str, text: &str) -> Result<GridFile, ConfigError> {
     let viewing = viewing(
         &document,
         "compression",
-        &compression.illuminants,
-        &compression.delta_e,
+        (&compression.illuminants, &compression.delta_e),
+        (directory_of(name), &wavelengths_nm),
+        &mut notes,
     )?;
     let stem = Path::new(name).file_stem();
     let grid = Grid {
@@ -116,6 +119,7 @@ pub fn parse(name: &str, text: &str) -> Result<GridFile, ConfigError> {
         grid,
         viewing,
         warnings,
+        notes,
         text: text.to_owned(),
     })
 }

@@ -7,7 +7,7 @@
 use schemars::{JsonSchema, json_schema};
 use serde::Deserialize;
 
-use crate::colour::{ColourDifference, Illuminant, Viewing};
+use crate::colour::{ColourDifference, Illuminant, Stated, Viewing};
 use crate::engine::Engine;
 use crate::grain::SizeLaw;
 use crate::grid::Spread;
@@ -17,6 +17,8 @@ use crate::units::HALF_SPACE_CM;
 
 /// Most wavelengths of one config: 350-2500 nm by 1 nm.
 pub(super) const MAX_WAVELENGTHS: u64 = 2151;
+/// Most lights that colours are compared under.
+const MAX_ILLUMINANTS: u64 = 16;
 /// Limits of the dry density, kg/m3.
 pub(super) const DENSITY_KG_M3: (f64, f64) = (50.0, 550.0);
 /// Limits of the water saturation of the pore space.
@@ -650,10 +652,8 @@ pub(super) struct CompressionKeys {
     /// at least 0.002.
     #[schemars(range(max = 1.0), extend("exclusiveMinimum" = 0.0))]
     pub(super) max_rmse: Option<f64>,
-    /// Lights that colours are compared under; of several the worst case counts.
-    #[schemars(length(min = 1, max = Illuminant::ALL.len()), extend("uniqueItems" = true),
-        transform = illuminant_names)]
-    pub(super) illuminants: Vec<String>,
+    #[schemars(schema_with = "illuminants")]
+    pub(super) illuminants: Vec<Stated>,
     /// Formula of the colour difference.
     #[schemars(extend("enum" = ColourDifference::ALL.map(ColourDifference::name)))]
     pub(super) delta_e: String,
@@ -670,16 +670,41 @@ impl Default for CompressionKeys {
     }
 }
 
-pub(super) fn illuminant_names(schema: &mut schemars::Schema) {
-    limit_items(schema, "enum", Illuminant::ALL.map(Illuminant::name));
+/// Names, paths, or the tables themselves, as files keep them.
+pub(super) fn illuminants(_: &mut schemars::SchemaGenerator) -> schemars::Schema {
+    json_schema!({
+        "description": "Lights that colours are compared under; of several the worst case counts. What is no name is the path of a table of relative power, relative to this file.",
+        "type": "array",
+        "minItems": 1,
+        "maxItems": MAX_ILLUMINANTS,
+        "uniqueItems": true,
+        "items": {
+            "type": ["string", "object"],
+            "examples": Illuminant::NAMES,
+            "properties": {
+                "name": { "type": "string", "description": "What the table is called." },
+                "wavelength_nm": table_column("Wavelengths of the table, nm, strictly increasing."),
+                "power": table_column("Relative power at each of them, 0 or more."),
+            },
+            "required": ["name", "wavelength_nm", "power"],
+            "additionalProperties": false,
+        },
+    })
 }
 
-pub(super) fn default_illuminants() -> Vec<String> {
-    let names = Viewing::default()
-        .illuminants
-        .into_iter()
-        .map(|i| i.name().to_owned());
-    names.collect()
+fn table_column(description: &str) -> serde_json::Value {
+    serde_json::json!({
+        "type": "array",
+        "description": description,
+        "items": { "type": "number" },
+        "minItems": 2,
+        "maxItems": 100_000,
+    })
+}
+
+pub(super) fn default_illuminants() -> Vec<Stated> {
+    let all = Viewing::default().illuminants.into_iter();
+    all.map(Stated::from).collect()
 }
 
 pub(super) fn default_delta_e() -> String {

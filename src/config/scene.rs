@@ -26,8 +26,27 @@ pub struct SceneFile {
     pub scene: Scene,
     /// Values beyond the ordinary ranges of docs/methods.md, for the user to see.
     pub warnings: Vec<String>,
+    /// What was found in the files it names and done, for the user to see.
+    pub notes: Vec<String>,
     /// The file as it was read.
     pub text: String,
+}
+
+impl SceneFile {
+    /// The scene as TOML that needs none of the files of illuminants: their tables
+    /// stand in place of the paths. Without comments.
+    #[must_use]
+    pub fn self_contained(&self) -> String {
+        let with_tables = || {
+            let mut all = self.text.parse::<toml::Table>().ok()?;
+            let scene = all.get_mut("scene")?.as_table_mut()?;
+            if let Some(lights) = scene.get_mut("illuminants") {
+                *lights = toml::Value::try_from(&self.scene.viewing.illuminants).ok()?;
+            }
+            toml::to_string(&all).ok()
+        };
+        with_tables().unwrap_or_else(|| self.text.clone())
+    }
 }
 
 /// Reads a scene file.
@@ -45,7 +64,7 @@ pub fn read(path: &Path) -> Result<SceneFile, ConfigError> {
 /// As [`read`].
 pub fn parse(name: &str, text: &str) -> Result<SceneFile, ConfigError> {
     let (document, keys) = Document::read::<SceneKeys>(name, text, &schema::SCENE)?;
-    let mut warnings = Vec::new();
+    let (mut warnings, mut notes) = (Vec::new(), Vec::new());
     let asked = &keys.scene;
     let size_law = size_law(&document, &keys.model)?;
     let spread = spread(&keys.spread, size_law);
@@ -93,7 +112,13 @@ pub fn parse(name: &str, text: &str) -> Result<SceneFile, ConfigError> {
     let angle = Given::new(&document, "scene.angle_deg".into(), asked.angle_deg)?;
 
     let wavelengths_nm = wavelengths(&document, &keys.wavelengths, &mut warnings)?;
-    let viewing = viewing(&document, "scene", &asked.illuminants, &asked.delta_e)?;
+    let viewing = viewing(
+        &document,
+        "scene",
+        (&asked.illuminants, &asked.delta_e),
+        (directory_of(name), &wavelengths_nm),
+        &mut notes,
+    )?;
     if !matches!(Colorimeter::viewing(&wavelengths_nm, &viewing), Ok(Some(_))) {
         let problem = Problem::Contradiction("have no colour, which max_delta_e is of".into());
         let help = "take in 400 to 700 nm, for example start_nm = 400, stop_nm = 700, step_nm = 10";
@@ -144,6 +169,7 @@ pub fn parse(name: &str, text: &str) -> Result<SceneFile, ConfigError> {
             seed: keys.run.seed,
         },
         warnings,
+        notes,
         text: text.to_owned(),
     })
 }

@@ -3,13 +3,13 @@ use schemars::{JsonSchema, Schema, SchemaGenerator, json_schema};
 use serde::Deserialize;
 use serde_json::Value;
 
-use crate::colour::{ColourDifference, Illuminant};
+use crate::colour::{ColourDifference, Stated};
 use crate::measurement::Quantity;
 
 use super::keys::{
     DENSITY_KG_M3, FixedKeys, MAX_CARBON, MAX_INTEGER, ModelKeys, SATURATION, SIZE_UM, SpreadKeys,
-    TEMPERATURE_C, WavelengthKeys, default_delta_e, default_illuminants, default_seed,
-    illuminant_names, limit_items,
+    TEMPERATURE_C, WavelengthKeys, default_delta_e, default_illuminants, default_seed, illuminants,
+    limit_items,
 };
 
 /// What a scene asks of snow, and how good the answers must be.
@@ -48,11 +48,9 @@ pub(super) struct AskedKeys {
         transform = quantity_names)]
     #[serde(default = "default_quantities")]
     pub(super) quantities: Vec<String>,
-    /// Lights that colours are compared under; of several the worst case counts.
-    #[schemars(length(min = 1, max = Illuminant::ALL.len()), extend("uniqueItems" = true),
-        transform = illuminant_names)]
+    #[schemars(schema_with = "illuminants")]
     #[serde(default = "default_illuminants")]
-    pub(super) illuminants: Vec<String>,
+    pub(super) illuminants: Vec<Stated>,
     /// Formula of the colour difference.
     #[schemars(extend("enum" = ColourDifference::ALL.map(ColourDifference::name)))]
     #[serde(default = "default_delta_e")]

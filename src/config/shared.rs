@@ -2,7 +2,7 @@
 //! those within the model.
 use std::path::Path;
 
-use crate::colour::{ColourDifference, Illuminant, Viewing};
+use crate::colour::{ColourDifference, Illuminant, IlluminantError, Stated, Viewing};
 use crate::grain::{SizeLaw, SizeMeasure, TruncatedNormal};
 use crate::optics::WaterTable;
 use crate::transport::Model;
@@ -199,18 +199,33 @@ pub(super) fn model(
     })
 }
 
-/// How colours are compared, from the keys `illuminants` and `delta_e` of `table`.
+/// How colours at `wavelengths_nm` are compared, from the keys `illuminants` and
+/// `delta_e` of `table`; paths are relative to `directory`, and `notes` say what files
+/// were read.
 pub(super) fn viewing(
     document: &Document,
     table: &str,
-    illuminants: &[String],
-    delta_e: &str,
+    (illuminants, delta_e): (&[Stated], &str),
+    (directory, wavelengths_nm): (&Path, &[f64]),
+    notes: &mut Vec<String>,
 ) -> Result<Viewing, ConfigError> {
-    let illuminants_named = Illuminant::ALL.map(|i| (i.name(), i));
     let differences_named = ColourDifference::ALL.map(|d| (d.name(), d));
-    let illuminants_key = format!("{table}.illuminants");
+    let mut lights: Vec<Illuminant> = Vec::new();
+    for (i, stated) in illuminants.iter().enumerate() {
+        let key = format!("{table}.illuminants[{i}]");
+        let light = illuminant(document, &key, stated, directory, notes)?;
+        light.covers(wavelengths_nm).map_err(|error| {
+            let problem = Problem::Contradiction(format!("cannot serve: {error}"));
+            document.error(&key, problem, "")
+        })?;
+        if lights.contains(&light) {
+            let problem = Problem::Contradiction("is named before".to_owned());
+            return Err(document.error(&key, problem, "name each once"));
+        }
+        lights.push(light);
+    }
     Ok(Viewing {
-        illuminants: choose_all(document, &illuminants_key, &illuminants_named, illuminants)?,
+        illuminants: lights,
         difference: choose(
             document,
             &format!("{table}.delta_e"),
@@ -218,6 +233,36 @@ pub(super) fn viewing(
             delta_e,
         )?,
     })
+}
+
+/// The illuminant of a name, at a path, or in a table of its own.
+fn illuminant(
+    document: &Document,
+    key: &str,
+    stated: &Stated,
+    directory: &Path,
+    notes: &mut Vec<String>,
+) -> Result<Illuminant, ConfigError> {
+    let refuse = |problem: String| document.error(key, Problem::Contradiction(problem), "");
+    let Stated::Name(name) = stated else {
+        return Illuminant::try_from(stated.clone()).map_err(refuse);
+    };
+    match Illuminant::find(name, directory) {
+        Ok((light, report)) => {
+            let file = directory.join(name);
+            notes.extend(report.map(|report| format!("read {}: {report}", file.display())));
+            Ok(light)
+        }
+        Err(IlluminantError::Unknown { .. }) => {
+            let problem = Problem::Choice {
+                suggestion: check::nearest(name, Illuminant::NAMES.into_iter()),
+                choices: format!("{}, or the path of a file", Illuminant::NAMES.join(", ")),
+            };
+            let help = "of a file give the path relative to this one";
+            Err(document.error(key, problem, help))
+        }
+        Err(error) => Err(refuse(format!("cannot serve: {error}"))),
+    }
 }
 
 /// The values that go by the names in a list, each once.

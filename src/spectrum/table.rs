@@ -86,6 +86,19 @@ impl Table {
         Ok(Self { x, columns })
     }
 
+    /// A table of one column; `None` unless both lists have the same length, of 2 or
+    /// more, all numbers are finite and the abscissae strictly increasing.
+    #[must_use]
+    pub fn of(abscissae: &[f64], column: &[f64]) -> Option<Self> {
+        let mut numbers = abscissae.iter().chain(column);
+        let sorted = abscissae.windows(2).all(|pair| pair[0] < pair[1]);
+        let fits = abscissae.len() >= 2 && abscissae.len() == column.len();
+        (fits && sorted && numbers.all(|value| value.is_finite())).then(|| Self {
+            x: abscissae.to_vec(),
+            columns: vec![column.to_vec()],
+        })
+    }
+
     /// Reads and parses a file.
     ///
     /// # Errors

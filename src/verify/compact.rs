@@ -235,7 +235,7 @@ fn provenance(database: &Database) -> Value {
 
 /// How the file says its colours were compared; the default where it says
 /// nothing. An error says what is unknown.
-pub(super) fn viewing(database: &Database) -> Result<Viewing, String> {
+pub(crate) fn viewing(database: &Database) -> Result<Viewing, String> {
     match provenance(database).get("compression") {
         Some(stated) => Viewing::deserialize(stated).map_err(|e| e.to_string()),
         None => Ok(Viewing::default()),

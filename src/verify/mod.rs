@@ -28,6 +28,7 @@ use crate::measurement::Quantity;
 use crate::store::{self, Store, StoreError, Variable};
 
 pub use answers::{POINT_RAYS, fitted, fitted_walks};
+pub(crate) use compact::viewing;
 pub use report::{Check, Figure, Report};
 
 /// Probability that fresh simulations fail a database that is right.

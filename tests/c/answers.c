@@ -46,7 +46,7 @@ static void answer(const splitsnow *database, splitsnow_quantity quantity,
                    const double *points, size_t n_points, FILE *out) {
     static const double at[AT] = {100.0, 433.3, 433.4, 555.0, 700.0, 3000.0};
     splitsnow_lookup *all, *one = NULL;
-    splitsnow_colour *colours[6];
+    splitsnow_colour *colours[8];
     splitsnow_status prepared = SPLITSNOW_OK;
     size_t n;
     const float *nm = splitsnow_wavelengths(database, &n);
@@ -55,10 +55,10 @@ static void answer(const splitsnow *database, splitsnow_quantity quantity,
     for (size_t l = 0; l < n; l++) own[l] = (double)nm[l];
     expect(splitsnow_prepare(database, quantity, NULL, conditions, n_conditions, &all) == SPLITSNOW_OK,
            "preparing all snow");
-    for (int i = 0; i < 6; i++) {
-        splitsnow_illuminant light = (splitsnow_illuminant)(i % 5);
+    for (int i = 0; i < 8; i++) {
+        splitsnow_illuminant light = (splitsnow_illuminant)(i % 7);
         splitsnow_status status =
-            splitsnow_colour_new(database, light, i < 5 ? NULL : own, i < 5 ? 0 : n, &colours[i]);
+            splitsnow_colour_new(database, light, i < 7 ? NULL : own, i < 7 ? 0 : n, &colours[i]);
         expect(status == SPLITSNOW_OK || status == SPLITSNOW_ERROR_NO_COLOUR, "a colour");
     }
     for (size_t i = 0; i < n_points; i++) {
@@ -81,10 +81,10 @@ static void answer(const splitsnow *database, splitsnow_quantity quantity,
         put(out, spectrum, n, status);
         if (one != NULL) status = splitsnow_spectrum_at(one, p[3], p[4], at, AT, few);
         put(out, few, AT, status);
-        for (int light = 0; light < 6; light++) {
-            if (one != NULL && light < 5) status = splitsnow_xyz(one, colours[light], p[3], p[4], colour);
-            if (one != NULL && light == 5) {
-                status = splitsnow_linear_srgb(one, colours[5], p[3], p[4], colour);
+        for (int light = 0; light < 8; light++) {
+            if (one != NULL && light < 7) status = splitsnow_xyz(one, colours[light], p[3], p[4], colour);
+            if (one != NULL && light == 7) {
+                status = splitsnow_linear_srgb(one, colours[7], p[3], p[4], colour);
             }
             for (int c = 0; c < 3; c++) {
                 double value = status == SPLITSNOW_OK ? colour[c] : -(double)status;
@@ -93,7 +93,7 @@ static void answer(const splitsnow *database, splitsnow_quantity quantity,
         }
     }
     splitsnow_lookup_free(one);
-    for (int i = 0; i < 6; i++) splitsnow_colour_free(colours[i]);
+    for (int i = 0; i < 8; i++) splitsnow_colour_free(colours[i]);
     splitsnow_lookup_free(all);
     free(spectrum);
     free(own);
