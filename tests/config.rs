@@ -514,10 +514,19 @@ fn paths_are_relative_to_the_config() {
         .replace("segelstein_1981", "mine.csv")
         .replace("reflectance = 0", "reflectance = \"soil.csv\"");
     std::fs::write(&path, text).unwrap();
-    let file = sample::read(&path).unwrap();
+    let mut file = sample::read(&path).unwrap();
     assert!(file.to_toml().contains("water = \"mine.csv\""));
-    assert!(file.to_toml().contains("reflectance = \"soil.csv\""));
+    assert!(
+        file.to_toml()
+            .contains("reflectance = [0.375, 0.3875, 0.4, ")
+    );
     assert_eq!(file.pack.ground.reflectance(500.0), Some(0.5));
+    let [note] = &file.notes[..] else { panic!() };
+    assert!(
+        note.contains("soil.csv: a table, 2 columns by commas"),
+        "{note}"
+    );
+    file.notes.clear();
     let again = sample::parse(&path.display().to_string(), file.to_toml()).unwrap();
     assert_eq!(again, file);
 }

@@ -90,7 +90,10 @@ fn allowed(node: &Value) -> String {
             match kind {
                 Some("integer") => format!("integer, {range}"),
                 Some(_) => range,
-                None => format!("{range}, or a path ending in .csv"),
+                None => format!(
+                    "{range}, a path, or a list of 1 to {}, each {range}",
+                    node["maxItems"]
+                ),
             }
         }
         _ => String::new(),

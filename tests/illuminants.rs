@@ -355,3 +355,38 @@ fn a_database_needs_its_illuminant_s_file_no_more() {
     done(dir, "compress out/tiny");
     assert!(!run(dir, asked).status.success());
 }
+
+/// A fitted file keeps the table in its scene, by which it is verified.
+#[test]
+fn a_fitted_file_needs_its_illuminant_s_file_no_more() {
+    let dir = tempfile::tempdir().unwrap();
+    let dir = dir.path();
+    let scene = "version = 1\n[scene]\nmax_delta_e = 1\nquantities = [\"transmittance\"]\n\
+        illuminants = [\"lamp.csv\", \"D50\"]\nthickness_cm = { min = 5, max = 7 }\nangle_deg = 20\n\
+        [[snow]]\nfacetness = 0.3\ngrain_size_um = 300\ndensity_kg_m3 = 300\n\
+        [wavelengths]\nstart_nm = 400\nstop_nm = 700\nstep_nm = 20\n";
+    fs::write(dir.join("s.toml"), scene).unwrap();
+    fs::write(dir.join("lamp.csv"), lamp()).unwrap();
+    let [_, told] = done(dir, "fit s.toml --points 16");
+    assert!(
+        told.starts_with("read lamp.csv: ") && told.lines().count() == 1,
+        "{told}"
+    );
+    fs::remove_file(dir.join("lamp.csv")).unwrap();
+    let [report, told] = done(dir, "verify out/s --points 16");
+    assert!(
+        report.ends_with("PASS\n") && told.is_empty(),
+        "{report}{told}"
+    );
+    // the scene in the file is one to fit to again
+    let database = splitsnow::lookup::Database::open(&dir.join("out/s/snow.safetensors")).unwrap();
+    let kept = scene::parse("elsewhere/s.toml", &database.metadata()["scene"]).unwrap();
+    let names: Vec<_> = kept
+        .scene
+        .viewing
+        .illuminants
+        .iter()
+        .map(Illuminant::name)
+        .collect();
+    assert_eq!(names, ["lamp.csv", "D50"]);
+}

@@ -23,6 +23,7 @@ mod lookup;
 mod measure;
 mod optical;
 mod store;
+mod substrates;
 mod units;
 mod verify;
 

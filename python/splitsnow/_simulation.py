@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import logging
 import os
 import warnings
 from dataclasses import dataclass
@@ -89,6 +90,8 @@ def simulate(
     result = _native.simulate(file, engine, rays, seed, bounds)
     for warning in result.pop("warnings"):
         warnings.warn(warning, stacklevel=2)
+    for note in result.pop("notes"):
+        logging.getLogger("splitsnow").info(note)
     return Simulation(**result)
 
 

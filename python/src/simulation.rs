@@ -121,6 +121,7 @@ pub(crate) fn simulate<'py>(
     result.set_item("rays", rays)?;
     result.set_item("seed", seed)?;
     result.set_item("warnings", sample.warnings.clone())?;
+    result.set_item("notes", sample.notes.clone())?;
     Ok(result)
 }
 

@@ -15,10 +15,9 @@ use thiserror::Error;
 use crate::config::grid::{self, GridFile};
 use crate::engine::Engine;
 use crate::grid::Grid;
-use crate::optics::{DataFile, data_files};
+use crate::optics::data_files;
 use crate::store::{COMPACT, DIFFUSE};
 use crate::threads::{self, ThreadsError};
-use crate::transport::Ground;
 
 /// The arguments of commands that work from a grid file.
 #[derive(Debug, clap::Args)]
@@ -122,19 +121,7 @@ pub(super) fn positive(text: &str) -> Result<f64, String> {
 pub(super) fn data_hashes(grid: &Grid) -> anyhow::Result<BTreeMap<String, String>> {
     let model = &grid.fixed.model;
     let water = grid.is_wet().then_some(&model.water);
-    let mut files = data_files(model.ice, water)?;
-    if let Ground::Spectrum { path, .. } = &grid.fixed.ground {
-        let bytes = std::fs::read(path).with_context(|| {
-            format!(
-                "cannot read the reflectance of the ground, {}",
-                path.display()
-            )
-        })?;
-        files.push(DataFile {
-            name: "ground".to_owned(),
-            bytes: bytes.into(),
-        });
-    }
+    let files = data_files(model.ice, water)?;
     let hash = |bytes: &[u8]| -> String {
         let digest = Sha256::digest(bytes);
         digest.iter().map(|byte| format!("{byte:02x}")).collect()
@@ -294,26 +281,6 @@ pub(super) fn duration(seconds: f64) -> String {
 #[allow(clippy::unwrap_used)]
 mod tests {
     use super::*;
-    use crate::grid::tests::small;
-    use crate::spectrum::Table;
-
-    #[test]
-    fn the_ground_counts_by_its_content() {
-        let dir = tempfile::tempdir().unwrap();
-        let path = dir.path().join("soil.csv");
-        let mut grid = small(Engine::Spectral);
-        assert!(!data_hashes(&grid).unwrap().contains_key("data.ground"));
-        let mut hash = |reflectance| {
-            let text = format!("wavelength_nm,reflectance\n300,0.1\n800,{reflectance}\n");
-            std::fs::write(&path, text).unwrap();
-            let table = Table::read(&path, &["wavelength_nm", "reflectance"]).unwrap();
-            let path = path.clone();
-            grid.fixed.ground = Ground::Spectrum { table, path };
-            data_hashes(&grid).unwrap()["data.ground"].clone()
-        };
-        assert_eq!(hash(0.2), hash(0.2));
-        assert_ne!(hash(0.2), hash(0.3));
-    }
 
     #[test]
     fn numbers_for_people() {

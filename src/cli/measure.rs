@@ -52,6 +52,7 @@ pub(super) fn run(args: &Args) -> anyhow::Result<()> {
     let cancel = common::interrupt_flag()?;
     let sample = sample::read(&args.sample)?;
     common::warn(&sample.warnings);
+    common::notes(&sample.notes);
     let target = args.against.target(&sample.wavelengths_nm)?;
     let request = Request {
         pack: &sample.pack,

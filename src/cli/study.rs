@@ -47,6 +47,7 @@ pub(super) fn run(args: &Args) -> anyhow::Result<()> {
     let studies = read(&args.studies)?;
     for study in &studies {
         common::warn(&study.warnings);
+        common::notes(&study.notes);
     }
     let settings = Settings {
         engine: args.engine,

@@ -100,6 +100,7 @@ fn options(args: &Args) -> anyhow::Result<Options> {
     };
     for sample in &samples {
         common::warn(&sample.file.warnings);
+        common::notes(&sample.file.notes);
     }
     let source = match &args.database {
         Some(dir) => Source::Database(dir.clone()),

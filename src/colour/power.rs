@@ -47,7 +47,7 @@ pub enum IlluminantError {
         reason: String,
     },
     /// The file holds no spectrum of power.
-    #[error(transparent)]
+    #[error("{}", .0.without_choices())]
     Spectrum(#[from] SpectrumError),
     /// A row that has none or less than none, within 380-780 nm.
     #[error(

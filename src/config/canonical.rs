@@ -99,11 +99,9 @@ impl Writer {
         }
     }
 
-    /// The table `[substrate]`; a path is written relative to `directory`.
-    pub(super) fn ground(&mut self, ground: &Ground, directory: &Path) {
-        let Some(reflectance) = reflectance(ground, |path| {
-            path.strip_prefix(directory).unwrap_or(path).to_owned()
-        }) else {
+    /// The table `[substrate]`.
+    pub(super) fn ground(&mut self, ground: &Ground) {
+        let Some(reflectance) = reflectance(ground) else {
             return;
         };
         self.header("[substrate]");

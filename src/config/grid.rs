@@ -73,7 +73,7 @@ pub fn parse(name: &str, text: &str) -> Result<GridFile, ConfigError> {
         size_law,
         &axes.density_kg_m3,
         (directory_of(name), &wavelengths_nm),
-        &mut warnings,
+        (&mut warnings, &mut notes),
     )?;
     useful(&document, &axes, &biggest_um, &fixed)?;
     let wet = fixed.is_wet() || axes.is_wet();

@@ -293,24 +293,28 @@ fn carbon_of_any_amount(generator: &mut schemars::SchemaGenerator) -> schemars::
 #[derive(Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub(super) struct SubstrateKeys {
-    #[schemars(schema_with = "number_or_csv")]
-    pub(super) reflectance: NumberOrPath,
+    #[schemars(schema_with = "reflectance")]
+    pub(super) reflectance: ReflectanceKeys,
 }
 
 #[derive(Deserialize)]
 #[serde(untagged)]
-pub(super) enum NumberOrPath {
+pub(super) enum ReflectanceKeys {
     Number(f64),
     Path(String),
+    /// One per wavelength.
+    List(Vec<f64>),
 }
 
-fn number_or_csv(_: &mut schemars::SchemaGenerator) -> schemars::Schema {
+fn reflectance(_: &mut schemars::SchemaGenerator) -> schemars::Schema {
     json_schema!({
-        "description": "Lambertian reflectance: a number from 0 to 1, or the path of a CSV file wavelength_nm,reflectance relative to this file.",
-        "type": ["number", "string"],
+        "description": "Lambertian reflectance: a number from 0 to 1, the path of a file with its spectrum relative to this file, or a list with a number for each wavelength.",
+        "type": ["number", "string", "array"],
         "minimum": 0.0,
         "maximum": 1.0,
-        "pattern": "\\.csv$",
+        "items": { "type": "number", "minimum": 0.0, "maximum": 1.0 },
+        "minItems": 1,
+        "maxItems": MAX_WAVELENGTHS,
     })
 }
 

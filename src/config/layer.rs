@@ -4,13 +4,14 @@ use std::path::Path;
 use crate::grain::{GrainType, SizeLaw, SizeMeasure, SizeRange, Told, TruncatedNormal};
 use crate::optics::{Carbon, ice_density_kg_m3};
 use crate::spectrum::Table;
+use crate::spectrum::measured::{self, Content, Gap, MAX_BRIDGE_NM, Request};
 use crate::transport::{Component, EXPONENTS, Ground, Layer, Snow};
 use crate::units::{HALF_SPACE_CM, cm_to_m, um_to_m};
 
 use super::document::Document;
 use super::error::{ConfigError, Problem};
 use super::keys::{
-    CONCENTRATIONS, CarbonKeys, DENSITY_KG_M3, GrainKeys, LayerKeys, NumberOrPath, SubstrateKeys,
+    CONCENTRATIONS, CarbonKeys, DENSITY_KG_M3, GrainKeys, LayerKeys, ReflectanceKeys, SubstrateKeys,
 };
 use super::shared::{exclusive, law, one_size, ordered};
 use super::snow::{
@@ -134,53 +135,58 @@ pub(super) fn exponents<'a>(
     Err(document.error(key, problem, "give alike carbon the same exponent"))
 }
 
-/// What the table `table` says of the ground; paths are relative to `directory`.
+/// What the table `table` says of the ground at `wavelengths_nm`; paths are relative to
+/// `directory`, and `notes` say what files were read.
 pub(super) fn ground(
     document: &Document,
     table: &str,
     keys: Option<&SubstrateKeys>,
-    directory: &Path,
-    wavelengths_nm: &[f64],
+    (directory, wavelengths_nm): (&Path, &[f64]),
+    notes: &mut Vec<String>,
 ) -> Result<Ground, ConfigError> {
     let key = format!("{table}.reflectance");
-    let path = match keys.map(|keys| &keys.reflectance) {
+    let refuse =
+        |problem: String, help: &str| document.error(&key, Problem::Contradiction(problem), help);
+    let values = match keys.map(|keys| &keys.reflectance) {
         None => return Ok(Ground::Black),
-        Some(NumberOrPath::Number(0.0)) => return Ok(Ground::Black),
-        Some(NumberOrPath::Number(reflectance)) => return Ok(Ground::Grey(*reflectance)),
-        Some(NumberOrPath::Path(path)) => path,
+        Some(ReflectanceKeys::Number(reflectance)) => vec![*reflectance],
+        Some(ReflectanceKeys::List(values)) => {
+            let (given, needed) = (values.len(), wavelengths_nm.len());
+            if given != needed {
+                let problem = format!("has {given} values for {needed} wavelengths");
+                return Err(refuse(
+                    problem,
+                    "give one for each wavelength, in their order",
+                ));
+            }
+            values.clone()
+        }
+        Some(ReflectanceKeys::Path(path)) => {
+            let path = directory.join(path);
+            // what comes back is no more than what arrives
+            let request = Request::of(Some(Content::Reflectance), (0.0, 1.0));
+            let curve = measured::read(&path, &request).map_err(|error| {
+                refuse(format!("cannot serve: {}", error.without_choices()), "")
+            })?;
+            notes.push(format!("read {}: {}", path.display(), curve.report));
+            curve.at(wavelengths_nm).map_err(|gap| {
+                let help = match gap {
+                    Gap::Short { .. } => "extend the table or choose other wavelengths".to_owned(),
+                    Gap::Hole { .. } => format!(
+                        "fill the hole or choose other wavelengths; a straight line is drawn over {MAX_BRIDGE_NM} nm at most"
+                    ),
+                };
+                refuse(gap.to_string(), &help)
+            })?
+        }
     };
-    let refuse = |problem: String, help: &str| {
-        Err(document.error(&key, Problem::Contradiction(problem), help))
-    };
-    if !path.ends_with(".csv") {
-        let help = "give a number from 0 to 1, or the path of a file ending in .csv";
-        return refuse("is no CSV file".to_owned(), help);
-    }
-    let path = directory.join(path);
-    let spectrum = match Table::read(&path, &["wavelength_nm", "reflectance"]) {
-        Ok(table) => table,
-        Err(error) => return refuse(format!("cannot serve: {error}"), ""),
-    };
-    let wrong = spectrum
-        .column(0)
-        .iter()
-        .position(|r| !(0.0..=1.0).contains(r));
-    if let Some(row) = wrong {
-        let (nm, value) = (spectrum.abscissae()[row], spectrum.column(0)[row]);
-        let problem = format!("has a reflectance of {value} at {nm} nm: allowed 0 to 1");
-        return refuse(problem, "mend the table");
-    }
-    let (min, max) = spectrum.range();
-    if let (Some(&first), Some(&last)) = (wavelengths_nm.first(), wavelengths_nm.last())
-        && !(min <= first && last <= max)
-    {
-        let problem =
-            format!("covers {min} to {max} nm, but the wavelengths run from {first} to {last} nm");
-        return refuse(problem, "extend the table or choose other wavelengths");
-    }
-    Ok(Ground::Spectrum {
-        table: spectrum,
-        path,
+    Ok(match values[..] {
+        [0.0] => Ground::Black,
+        [reflectance] => Ground::Grey(reflectance),
+        _ => match Table::of(wavelengths_nm, &values) {
+            Some(table) => Ground::Spectrum { table },
+            None => return Err(refuse("has values that are not finite".to_owned(), "")),
+        },
     })
 }
 

@@ -27,6 +27,8 @@ pub struct SampleFile {
     pub model: Model,
     /// Values beyond the ordinary ranges of docs/methods.md, for the user to see.
     pub warnings: Vec<String>,
+    /// What was found in the files it names and done, for the user to see.
+    pub notes: Vec<String>,
     canonical: String,
 }
 
@@ -54,7 +56,7 @@ pub fn read(path: &Path) -> Result<SampleFile, ConfigError> {
 /// As [`read`].
 pub fn parse(name: &str, text: &str) -> Result<SampleFile, ConfigError> {
     let (document, keys) = Document::read::<SampleKeys>(name, text, &schema::SAMPLE)?;
-    let mut warnings = Vec::new();
+    let (mut warnings, mut notes) = (Vec::new(), Vec::new());
     let illumination = illumination(&document, &keys)?;
     let wavelengths_nm = wavelengths(&document, &keys.wavelengths, &mut warnings)?;
     let size_law = size_law(&document, &keys.model)?;
@@ -66,8 +68,8 @@ pub fn parse(name: &str, text: &str) -> Result<SampleFile, ConfigError> {
         &document,
         "substrate",
         substrate,
-        directory,
-        &wavelengths_nm,
+        (directory, &wavelengths_nm),
+        &mut notes,
     )?;
     room(&document, &layers, model.joining)?;
 
@@ -82,7 +84,7 @@ pub fn parse(name: &str, text: &str) -> Result<SampleFile, ConfigError> {
     for (layer, keys) in layers.iter().zip(&keys.layer) {
         out.layer(layer, keys);
     }
-    out.ground(&ground, directory);
+    out.ground(&ground);
     out.model(&model, size_law, directory);
 
     // a config begins at the base, light at the surface
@@ -100,6 +102,7 @@ pub fn parse(name: &str, text: &str) -> Result<SampleFile, ConfigError> {
         wavelengths_nm,
         model,
         warnings,
+        notes,
         canonical: out.finish(),
     })
 }

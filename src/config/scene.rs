@@ -6,6 +6,7 @@ use crate::colour::Colorimeter;
 use crate::grid::ExtraAxis;
 use crate::measurement::Quantity;
 use crate::scene::{Range, Scene, SceneSnow};
+use crate::transport::Ground;
 
 use super::document::{Document, read_text};
 use super::error::{ConfigError, Problem};
@@ -33,8 +34,8 @@ pub struct SceneFile {
 }
 
 impl SceneFile {
-    /// The scene as TOML that needs none of the files of illuminants: their tables
-    /// stand in place of the paths. Without comments.
+    /// The scene as TOML that needs no files of illuminants and of the substrate: their
+    /// numbers stand in place of the paths. Without comments.
     #[must_use]
     pub fn self_contained(&self) -> String {
         let with_tables = || {
@@ -42,6 +43,11 @@ impl SceneFile {
             let scene = all.get_mut("scene")?.as_table_mut()?;
             if let Some(lights) = scene.get_mut("illuminants") {
                 *lights = toml::Value::try_from(&self.scene.viewing.illuminants).ok()?;
+            }
+            if let Ground::Spectrum { table } = &self.scene.fixed.ground {
+                let keys = all.get_mut("fixed")?.get_mut("substrate")?.as_table_mut()?;
+                let values = toml::Value::try_from(table.column(0)).ok()?;
+                keys.insert("reflectance".to_owned(), values);
             }
             toml::to_string(&all).ok()
         };
@@ -136,7 +142,7 @@ pub fn parse(name: &str, text: &str) -> Result<SceneFile, ConfigError> {
         size_law,
         &densities,
         (directory_of(name), &wavelengths_nm),
-        &mut warnings,
+        (&mut warnings, &mut notes),
     )?;
     for (key, value) in &thickness.ends {
         thick_enough(&document, key, *value, biggest, &fixed)?;

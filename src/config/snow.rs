@@ -75,7 +75,7 @@ pub(super) fn fixed(
     size_law: SizeLaw,
     densities_kg_m3: &[f64],
     (directory, wavelengths_nm): (&Path, &[f64]),
-    warnings: &mut Vec<String>,
+    (warnings, notes): (&mut Vec<String>, &mut Vec<String>),
 ) -> Result<Fixed, ConfigError> {
     let s = &keys.sphericity;
     exclusive(document, "fixed.water_saturation", "fixed.water_fraction")?;
@@ -120,8 +120,8 @@ pub(super) fn fixed(
             document,
             "fixed.substrate",
             keys.substrate.as_ref(),
-            directory,
-            wavelengths_nm,
+            (directory, wavelengths_nm),
+            notes,
         )?,
         model,
         diffuse: false,

@@ -33,6 +33,8 @@ pub struct StudyFile {
     pub published: Vec<Published>,
     /// Values beyond the ordinary ranges of docs/methods.md, for the user to see.
     pub warnings: Vec<String>,
+    /// What was found in the files that its samples name and done, for the user to see.
+    pub notes: Vec<String>,
 }
 
 /// What a study draws.
@@ -127,7 +129,7 @@ pub fn parse(name: &str, text: &str) -> Result<StudyFile, ConfigError> {
         document.error("sample", problem, "")
     })?;
 
-    let mut warnings = Vec::new();
+    let (mut warnings, mut notes) = (Vec::new(), Vec::new());
     let mut variants = Vec::new();
     for (i, variant) in keys.variant.iter().enumerate() {
         let sets = [
@@ -140,6 +142,11 @@ pub fn parse(name: &str, text: &str) -> Result<StudyFile, ConfigError> {
             let (_, remark) = warning.split_once(": ").unwrap_or(("", warning));
             let warning = format!("{name}: {}: {remark}", variant.label);
             warnings.push(warning);
+        }
+        for note in &sample.notes {
+            if !notes.contains(note) {
+                notes.push(note.clone());
+            }
         }
         variants.push(named(variant, sample));
     }
@@ -159,6 +166,7 @@ pub fn parse(name: &str, text: &str) -> Result<StudyFile, ConfigError> {
         variants,
         published: published.collect(),
         warnings,
+        notes,
     })
 }
 

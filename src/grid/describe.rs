@@ -4,8 +4,6 @@
 //! which change no spectrum.
 use std::fmt::Write;
 
-use std::path::{Path, PathBuf};
-
 use super::{ExtraAxis, Grid};
 use crate::engine::{Engine, MaxError};
 use crate::grain::{SizeLaw, TruncatedNormal};
@@ -85,8 +83,7 @@ impl Grid {
             let layers: Vec<_> = fixed.below.iter().rev().map(layer).collect();
             add("fixed", "below", format!("[{}]", layers.join(", ")));
         }
-        let file_name = |path: &Path| path.file_name().map_or(PathBuf::new(), PathBuf::from);
-        let ground = reflectance(&fixed.ground, file_name);
+        let ground = reflectance(&fixed.ground);
         let free = !extra.contains_key(&ExtraAxis::SubstrateReflectance);
         if let Some(reflectance) = ground.filter(|_| free) {
             add(
@@ -211,13 +208,13 @@ pub(crate) fn carbon_lines(carbon: &Carbon) -> Vec<String> {
     ]
 }
 
-/// The value of the key `reflectance` of a ground, if it is not black; paths as
-/// `spelled`.
-pub(crate) fn reflectance(ground: &Ground, spelled: impl Fn(&Path) -> PathBuf) -> Option<String> {
+/// The value of the key `reflectance` of a ground, if it is not black: of a spectrum the
+/// values that are used, one for each wavelength.
+pub(crate) fn reflectance(ground: &Ground) -> Option<String> {
     match ground {
         Ground::Black => None,
         Ground::Grey(reflectance) => Some(number(*reflectance)),
-        Ground::Spectrum { path, .. } => Some(quoted(&spelled(path).display().to_string())),
+        Ground::Spectrum { table } => Some(list(table.column(0))),
     }
 }
 

@@ -114,8 +114,8 @@ impl Description {
                 return Err(StoreError::Differs {
                     path: path.into(),
                     key: key.clone(),
-                    stored: stored.unwrap_or(NONE).into(),
-                    asked: asked.unwrap_or(NONE).into(),
+                    stored: short(stored.unwrap_or(NONE)),
+                    asked: short(asked.unwrap_or(NONE)),
                 });
             }
         }
@@ -133,8 +133,8 @@ impl Description {
                 return Err(StoreError::OtherNodes {
                     path: path.into(),
                     key: key.clone(),
-                    stored: stored.unwrap_or(NONE).into(),
-                    asked: wanted.unwrap_or(NONE).into(),
+                    stored: short(stored.unwrap_or(NONE)),
+                    asked: short(wanted.unwrap_or(NONE)),
                 });
             }
         }
@@ -155,7 +155,7 @@ impl Description {
             "fixed.temperature_c" => moved(ExtraAxis::Temperature),
             "fixed.water_saturation" => moved(ExtraAxis::WaterSaturation),
             "fixed.black_carbon" => moved(ExtraAxis::BlackCarbon),
-            "fixed.substrate" | "data.ground" => moved(ExtraAxis::SubstrateReflectance),
+            "fixed.substrate" => moved(ExtraAxis::SubstrateReflectance),
             "model.carbon_law" | "model.impurity_mass" => in_one,
             // which corners do not exist follows from sizes and thicknesses
             ABSENT => true,
@@ -303,6 +303,9 @@ impl Description {
         };
         let ground = match ground {
             None => "black: light that leaves through the bottom does not come back".to_owned(),
+            Some(ground) if ground.contains('[') => {
+                "Lambertian ground with the spectrum fixed.substrate of config; transmittance is the light that stays in it".to_owned()
+            }
             Some(ground) => {
                 format!("Lambertian ground {ground}; transmittance is the light that stays in it")
             }
@@ -369,6 +372,15 @@ fn counts(all: &[usize]) -> String {
         .map(usize::to_string)
         .collect::<Vec<_>>()
         .join(", ")
+}
+
+/// A value as a message quotes it: spectra and axes may be long.
+fn short(value: &str) -> String {
+    const MOST: usize = 200;
+    match value.char_indices().nth(MOST) {
+        None => value.to_owned(),
+        Some((end, _)) => format!("{}...", &value[..end]),
+    }
 }
 
 /// The grains of a canonical grid file but for their size.

@@ -1,6 +1,4 @@
 //! A snow pack: layers of snow on a ground.
-use std::path::PathBuf;
-
 use super::{Model, Snow};
 #[cfg(doc)]
 use crate::optics::IMPURITY_NM;
@@ -30,8 +28,6 @@ pub enum Ground {
     Spectrum {
         /// The table.
         table: Table,
-        /// The file it comes from.
-        path: PathBuf,
     },
 }
 

@@ -136,6 +136,5 @@ pub(crate) fn spectral_ground() -> Ground {
     let text = "wavelength_nm,reflectance\n400,0.1\n800,0.9\n1300,0.3\n";
     Ground::Spectrum {
         table: Table::parse("g", text, &["wavelength_nm", "reflectance"]).unwrap(),
-        path: "g.csv".into(),
     }
 }

@@ -15,6 +15,23 @@ pub struct SpectrumError {
     pub problem: Box<Problem>,
 }
 
+impl SpectrumError {
+    /// The message, with help for who cannot say which column to read and in what it is.
+    #[must_use]
+    pub fn without_choices(&self) -> String {
+        let text = self.to_string();
+        match (&*self.problem, text.split_once("\n  help: ")) {
+            (
+                Problem::OtherContent { .. } | Problem::Impossible { .. } | Problem::Empty { .. },
+                Some((message, _)),
+            ) => format!(
+                "{message}\n  help: mend the file, or give one in which the first fitting columns are wavelength and value"
+            ),
+            _ => text,
+        }
+    }
+}
+
 /// The kinds of refusal. Text of the file is quoted short.
 #[derive(Debug, Clone, PartialEq, Error)]
 pub enum Problem {

@@ -5,6 +5,7 @@
 //!
 //! Nothing is made up: a row without a usable value is left out and counted, and what
 //! cannot be a spectrum is refused. Guesses are told, and the caller can overrule each.
+mod between;
 mod clean;
 mod columns;
 mod decode;
@@ -19,6 +20,7 @@ use std::str::FromStr;
 
 use serde::Serialize;
 
+pub use between::{Gap, MAX_BRIDGE_NM};
 pub use error::{Problem, SpectrumError};
 pub use report::{By, Encoding, Format, Masked, Order, Report, Why};
 

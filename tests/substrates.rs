@@ -1,0 +1,244 @@
+//! Spectra of the ground from files: how they are read, refused and kept.
+use std::fmt::Write;
+use std::fs;
+use std::path::Path;
+use std::process::Command;
+
+use assert_cmd::cargo::cargo_bin;
+use splitsnow::config::{grid, sample, scene};
+use splitsnow::transport::Ground;
+
+const SAMPLE: &str = include_str!("../configs/samples/soot_on_grass.toml");
+const QUICK: &str = include_str!("../configs/quick.toml");
+const TINY: &str = include_str!("cli/build.in/tiny.toml");
+
+/// Wavelengths, nm, and reflectance of a made-up soil.
+fn soil() -> Vec<(f64, f64)> {
+    let rows = (35..=105).map(|i| f64::from(i) * 10.0);
+    rows.map(|nm| (nm, 0.1 + 4e-4 * (nm - 350.0))).collect()
+}
+
+/// As CSV, with cells changed.
+fn csv(change: impl Fn(f64) -> Option<&'static str>) -> String {
+    let mut text = "wavelength_nm,reflectance\n".to_owned();
+    for (nm, value) in soil() {
+        let cell = change(nm).map_or(value.to_string(), str::to_owned);
+        writeln!(text, "{nm},{cell}").unwrap();
+    }
+    text
+}
+
+/// The ground of a sample over `text`, and what was told; or the message.
+fn over(text: &str) -> Result<(Ground, String), String> {
+    let dir = tempfile::tempdir().unwrap();
+    fs::write(dir.path().join("soil.txt"), text).unwrap();
+    let sample_text = SAMPLE.replace("data/grass_made_up.csv", "soil.txt");
+    let name = dir.path().join("s.toml").display().to_string();
+    let file = sample::parse(&name, &sample_text).map_err(|error| error.to_string())?;
+    let [note] = &file.notes[..] else {
+        panic!("{:?}", file.notes)
+    };
+    assert!(note.starts_with("read ") && !note.contains('\n'), "{note}");
+    Ok((file.pack.ground, note.clone()))
+}
+
+#[test]
+fn any_spelling_gives_the_same_ground() {
+    let (plain, _) = over(&csv(|_| None)).unwrap();
+    let (mut tabs, mut turned) = (
+        String::from("WL (um)\tRefl. %\n"),
+        String::from("nm;albedo\n"),
+    );
+    let mut bare = String::new();
+    for (nm, value) in soil() {
+        writeln!(tabs, "{}\t{}", nm / 1000.0, 100.0 * value).unwrap();
+        writeln!(bare, "  {nm}   {value}").unwrap();
+    }
+    for (nm, value) in soil().into_iter().rev() {
+        writeln!(turned, "{nm};{}", value.to_string().replace('.', ",")).unwrap();
+    }
+    for (text, told) in [
+        (
+            &tabs,
+            "percent (as the file says); wavelengths in column 1, um (as the file says)",
+        ),
+        (&turned, "descending: turned round; 71 of 71 rows used"),
+        (
+            &bare,
+            "2 columns by spaces; reflectance in column 2 (the first), fraction (guessed",
+        ),
+    ] {
+        let (ground, note) = over(text).unwrap();
+        assert!(note.contains(told), "{note}");
+        for nm in (400..=1000).step_by(10).map(f64::from) {
+            let (a, b) = (
+                ground.reflectance(nm).unwrap(),
+                plain.reflectance(nm).unwrap(),
+            );
+            assert!((a - b).abs() < 1e-14, "{nm} nm: {a} {b}");
+        }
+    }
+    assert!((plain.reflectance(500.0).unwrap() - 0.16).abs() < 1e-14);
+    // what is kept are the values used
+    assert_eq!(plain.reflectance(390.0), None);
+}
+
+#[test]
+fn holes_and_impossible_values() {
+    let masked = |from: f64, to: f64, cell: &'static str| {
+        over(&csv(move |nm| (from..=to).contains(&nm).then_some(cell)))
+    };
+    // two rows of 10 nm are bridged, and so is what no wavelength needs
+    for (from, to, cell, told) in [
+        (500.0, 510.0, "NaN", "2 without a value (lines 17-18)"),
+        (
+            500.0,
+            510.0,
+            "1.2",
+            "2 outside what is possible (lines 17-18)",
+        ),
+        (
+            700.0,
+            700.0,
+            "-0.02",
+            "1 outside what is possible (line 37)",
+        ),
+        (1010.0, 1050.0, "-999", "5 without a value (lines 68-72)"),
+        (350.0, 390.0, "", "5 without a value (lines 2-6)"),
+    ] {
+        let (ground, note) = masked(from, to, cell).unwrap();
+        assert!(note.contains(told), "{note}");
+        let nm = from.clamp(400.0, 1000.0);
+        let at = ground.reflectance(nm).unwrap();
+        assert!((at - (0.1 + 4e-4 * (nm - 350.0))).abs() < 1e-14, "{at}");
+    }
+    for (from, to, cell, message) in [
+        (
+            500.0,
+            520.0,
+            "NaN",
+            "has no value that can be used between 490 and 530 nm, where one is needed at 500 nm\n  help: fill the hole",
+        ),
+        (
+            500.0,
+            520.0,
+            "-0.1",
+            "has no value that can be used between 490 and 530 nm",
+        ),
+        (
+            980.0,
+            1050.0,
+            "NaN",
+            "covers 350 to 970 nm, but the wavelengths run from 400 to 1000 nm\n  help: extend",
+        ),
+        (
+            350.0,
+            1050.0,
+            "1.5",
+            ":2: 1.5 at 350 nm is no reflectance: allowed 0 to 1, and 71 of 71 rows",
+        ),
+    ] {
+        let error = masked(from, to, cell).unwrap_err();
+        assert!(
+            error.contains("`substrate.reflectance` = \"soil.txt\" "),
+            "{error}"
+        );
+        assert!(error.contains(message), "{error}");
+    }
+    // rows far apart are lines, as long as none is left out
+    let (two, _) = over("wavelength_nm,reflectance\n400,0.1\n1000,0.7\n").unwrap();
+    assert!((two.reflectance(700.0).unwrap() - 0.4).abs() < 1e-14);
+}
+
+#[test]
+fn a_ground_counts_by_its_content() {
+    let dir = tempfile::tempdir().unwrap();
+    let name = dir.path().join("g.toml").display().to_string();
+    for (file, text) in [
+        ("a.csv", csv(|_| None)),
+        ("b.txt", csv(|_| None).replace(',', "\t")),
+        ("c.csv", csv(|nm| (nm == 500.0).then_some("0.2"))),
+        // where no wavelength is
+        ("d.csv", csv(|nm| (nm == 900.0).then_some("0.2"))),
+    ] {
+        fs::write(dir.path().join(file), text).unwrap();
+    }
+    let with = |value: &str| {
+        let text = format!("{QUICK}\n[fixed.substrate]\nreflectance = {value}\n");
+        grid::parse(&name, &text).map(|file| file.grid)
+    };
+    let [a, b, c, d] =
+        ["a.csv", "b.txt", "c.csv", "d.csv"].map(|f| with(&format!("{f:?}")).unwrap());
+    assert_eq!(a.describe(), b.describe());
+    assert_eq!(a.describe(), d.describe());
+    assert_ne!(a.describe(), c.describe());
+    let again = grid::parse("elsewhere/g.toml", &a.to_config())
+        .unwrap()
+        .grid;
+    assert_eq!(again, a);
+    let error = with("[0.1, 0.2]").unwrap_err().to_string();
+    assert!(
+        error.contains("has 2 values for 31 wavelengths\n  help: give one"),
+        "{error}"
+    );
+    let one = |value: &str| {
+        let single = QUICK.replace(
+            "start_nm = 400\nstop_nm = 700\nstep_nm = 10",
+            "values_nm = [500]",
+        );
+        let text = format!("{single}\n[fixed.substrate]\nreflectance = {value}\n");
+        grid::parse(&name, &text).unwrap().grid.fixed.ground
+    };
+    assert_eq!(
+        (one("[0.3]"), one("\"c.csv\""), one("[0]")),
+        (Ground::Grey(0.3), Ground::Grey(0.2), Ground::Black)
+    );
+
+    let text = include_str!("../configs/scenes/igloo.toml");
+    let text = format!("{text}\n[fixed.substrate]\nreflectance = \"c.csv\"\n");
+    let file = scene::parse(&name, &text).unwrap();
+    assert_eq!(file.notes.len(), 1);
+    let kept = scene::parse("elsewhere/s.toml", &file.self_contained()).unwrap();
+    assert_eq!(kept.scene, file.scene);
+    assert_eq!(kept.scene.fixed.ground.reflectance(500.0), Some(0.2));
+}
+
+fn run(dir: &Path, args: &str) -> [String; 2] {
+    let mut command = Command::new(cargo_bin!("splitsnow"));
+    let output = command
+        .current_dir(dir)
+        .args(args.split_whitespace())
+        .output()
+        .unwrap();
+    let texts = [output.stdout, output.stderr].map(|bytes| String::from_utf8(bytes).unwrap());
+    assert!(output.status.success(), "{texts:?}");
+    texts
+}
+
+#[test]
+fn a_database_needs_the_file_of_its_ground_no_more() {
+    let dir = tempfile::tempdir().unwrap();
+    let dir = dir.path();
+    let tiny = |file: &str| format!("{TINY}\n[fixed.substrate]\nreflectance = {file:?}\n");
+    fs::write(dir.join("tiny.toml"), tiny("soil.csv")).unwrap();
+    fs::write(dir.join("soil.csv"), csv(|_| None)).unwrap();
+    let [_, told] = run(dir, "build tiny.toml");
+    assert!(
+        told.starts_with("read soil.csv: a table") && told.lines().count() == 1,
+        "{told}"
+    );
+    // the same numbers in another file are the same ground: nothing is run again
+    fs::rename(dir.join("soil.csv"), dir.join("moved.txt")).unwrap();
+    fs::write(dir.join("tiny.toml"), tiny("moved.txt")).unwrap();
+    let [report, _] = run(dir, "build tiny.toml");
+    assert!(report.starts_with("4 jobs, 0 of them run now"), "{report}");
+    fs::remove_file(dir.join("moved.txt")).unwrap();
+    let [report, told] = run(dir, "verify out/tiny --samples 2 --rays 100 --points 0");
+    assert!(
+        report.ends_with("PASS\n") && told.is_empty(),
+        "{report}{told}"
+    );
+    let root = fs::read_to_string(dir.join("out/tiny/database.zarr/zarr.json")).unwrap();
+    assert!(root.contains("Lambertian ground with the spectrum fixed.substrate of config"));
+    assert!(!root.contains("soil.csv"));
+}
