@@ -14,9 +14,22 @@ bench:
 golden:
     UPDATE_GOLDEN=1 cargo test --release
 
-# The figures of docs/validation.md
+# The figures of docs/validation.md, and the numbers in it
 figures:
     cargo run --release -- study configs/studies --out docs/validation
+    UPDATE_GOLDEN=1 cargo test --release --test pipeline pages::numbers_of_validation
+
+# The curves, pictures and tables of docs/peers.md
+peers:
+    for sample in clean soot_in_pores soot_in_ice thin; do \
+        cargo run --release -- measure examples/peers/$sample.toml > examples/peers/data/$sample.csv; \
+    done
+    cargo run --release --example kernel -- examples/peers/clean.toml > examples/peers/data/kernel.csv
+    python3 -m venv target/peers
+    target/peers/bin/pip install -r examples/peers/requirements.txt
+    target/peers/bin/python examples/peers/tartes_albedo.py --out docs/peers
+    target/peers/bin/python examples/peers/disort.py --out docs/peers
+    UPDATE_GOLDEN=1 cargo test --release --test pipeline pages::tables_beside
 
 # The picture of the README
 picture:

@@ -115,11 +115,29 @@ fn number(value: f64) -> String {
     }
 }
 
+/// The page below `docs` is this text, or becomes it.
+pub(crate) fn keep(name: &str, text: &str) {
+    let path = Path::new(env!("CARGO_MANIFEST_DIR"))
+        .join("docs")
+        .join(name);
+    if std::env::var_os("UPDATE_GOLDEN").is_some() {
+        return std::fs::write(&path, text).unwrap();
+    }
+    let before = std::fs::read_to_string(&path).unwrap();
+    let differs = before
+        .lines()
+        .zip(text.lines())
+        .find(|(old, new)| old != new);
+    assert!(
+        before == text,
+        "docs/{name}: run with UPDATE_GOLDEN=1 and read the difference; first {differs:?}"
+    );
+}
+
 #[test]
 fn tables_of_keys_are_current() {
     let path = Path::new(env!("CARGO_MANIFEST_DIR")).join("docs/formats.md");
-    let before = std::fs::read_to_string(&path).unwrap();
-    let mut after = before.clone();
+    let mut after = std::fs::read_to_string(&path).unwrap();
     for (name, schema) in [
         ("sample", schema::sample()),
         ("grid", schema::grid()),
@@ -134,14 +152,7 @@ fn tables_of_keys_are_current() {
         let (_, tail) = rest.split_once(end).unwrap();
         after = format!("{head}{begin}{table}{end}{tail}");
     }
-    if std::env::var_os("UPDATE_GOLDEN").is_some() {
-        std::fs::write(&path, after).unwrap();
-    } else {
-        assert!(
-            before == after,
-            "docs/formats.md: run with UPDATE_GOLDEN=1 and read the difference"
-        );
-    }
+    keep("formats.md", &after);
 }
 
 /// `rust-version` is as new as the newest that any dependency asks for.

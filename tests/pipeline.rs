@@ -22,6 +22,7 @@ mod illuminants;
 mod lookup;
 mod measure;
 mod optical;
+mod pages;
 mod store;
 mod substrates;
 mod units;

@@ -51,3 +51,12 @@ def save(figure, name, out):
     figure.tight_layout()
     figure.savefig(out / f"{name}.svg", metadata={"Date": None})
     figure.savefig(out / f"{name}.png", dpi=96)
+
+
+def write(name, out, columns):
+    """Writes columns, by name, as NAME.csv."""
+    with open(pathlib.Path(out) / f"{name}.csv", "w", newline="") as file:
+        rows = csv.writer(file, lineterminator="\n")
+        rows.writerow(columns)
+        for row in zip(*columns.values()):
+            rows.writerow([f"{value:.6g}" for value in row])

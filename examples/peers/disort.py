@@ -10,7 +10,7 @@ import argparse
 import warnings
 
 import numpy as np
-from common import COLOURS, plt, save, table
+from common import COLOURS, plt, save, table, write
 from PythonicDISORT.pydisort import pydisort
 
 # Snow hardly absorbs blue light.
@@ -64,3 +64,8 @@ for axis, j, quantity in zip(axes, (0, 1), ("reflectance", "transmittance")):
     axis.set_ylim(bottom=0)
 axes[1].legend(loc="upper right")
 save(figure, "disort", args.out)
+written = {"wavelength_nm": nm}
+for j, quantity in enumerate("RT"):
+    for name, values in list(curves.items())[1:]:
+        written[f"{quantity}: {name}"] = values[j]
+write("disort", args.out, written)

@@ -11,7 +11,7 @@ import argparse
 
 import numpy as np
 import tartes
-from common import COLOURS, plt, save, table
+from common import COLOURS, plt, save, table, write
 
 parser = argparse.ArgumentParser(description=__doc__)
 parser.add_argument("--out", default="out/peers", help="folder of the picture")
@@ -60,6 +60,7 @@ panels = {
     "100 ng/g of black carbon": (100, ["soot_in_pores", "soot_in_ice"]),
 }
 names = {"clean": "SPLITSnow", "soot_in_pores": "SPLITSnow, in pores", "soot_in_ice": "SPLITSnow, in ice"}
+written = {"wavelength_nm": nm}
 shown = [400, 600, 800, 900, 1040, 1240, 1400]
 print(f"SSA {ssa:.2f} m2/kg; g {g[0]:.3f} to {g[-1]:.3f} with diffraction; B {b[0]:.2f} to {b[-1]:.2f}")
 figure, axes = plt.subplots(1, 2, figsize=(9.4, 3.8), sharey=True)
@@ -68,6 +69,8 @@ for axis, (title, (ng_g, ours)) in zip(axes, panels.items()):
         "TARTES, its own g and B": albedo(ng_g),
         "TARTES, our g and B": albedo(ng_g, (g, b)),
     }
+    for name, values in curves.items():
+        written[f"{title}: {name}"] = values
     for name in ours:
         columns, _ = table(name)
         assert columns["wavelength_nm"] == list(nm)
@@ -81,3 +84,4 @@ for axis, (title, (ng_g, ours)) in zip(axes, panels.items()):
     axis.legend(loc="lower left")
 axes[0].set_ylabel("albedo of 1 m of snow")
 save(figure, "tartes", args.out)
+write("tartes", args.out, written)

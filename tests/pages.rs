@@ -1,0 +1,545 @@
+//! Numbers quoted in the docs are those of the files that the programs wrote.
+//!
+//! `docs/validation.md` is made from `docs/validation.md.in`, in which `{...}` stands for a
+//! number of the study whose picture comes next:
+//!
+//! | | |
+//! |---|---|
+//! | `{KEY @ 500}` | of a curve, at a wavelength; the BRDF forward, at whole degrees |
+//! | `{KEY @ 67 180}` | the BRDF, at an azimuth or next to it |
+//! | `{KEY @ 400-700}` | mean over wavelengths |
+//! | `{A / B}`, `{A - B}` | of two of these |
+//! | `{rmse KEY \| KEY}`, `noise`, `largest`, `percent` | two curves: difference (root mean square), its standard error, largest and mean relative difference |
+//! | `{peak KEY}` | the wavelength of the largest value |
+//! | `{slope KEY @ 1.25-10}`, `miss`, `left` | the line of least squares of logarithms: slope, largest miss and variance left, % |
+//!
+//! KEY is a variant, `group, variant`, or a group. `; 3` asks for decimals, without it the
+//! standard error of the last digits follows in brackets. In other pages rows of tables are
+//! compared. `UPDATE_GOLDEN=1 cargo test --release --test pipeline pages` rewrites all.
+use std::path::PathBuf;
+
+use crate::docs::keep;
+
+fn docs() -> PathBuf {
+    PathBuf::from(env!("CARGO_MANIFEST_DIR")).join("docs")
+}
+
+/// The rows of a CSV file below the repository, without comments.
+fn rows(path: &str) -> Vec<csv::StringRecord> {
+    let path = PathBuf::from(env!("CARGO_MANIFEST_DIR")).join(path);
+    let reader = csv::ReaderBuilder::new()
+        .comment(Some(b'#'))
+        .from_path(&path);
+    reader.unwrap().into_records().map(Result::unwrap).collect()
+}
+
+fn number(text: &str) -> f64 {
+    text.parse().unwrap_or_else(|_| panic!("no number: {text}"))
+}
+
+/// A value with its standard error.
+#[derive(Clone, Copy)]
+struct Value {
+    value: f64,
+    se: f64,
+}
+
+/// A row of a study: wavelength, thickness, or polar angle and azimuth.
+struct Point {
+    at: Vec<f64>,
+    of: Value,
+}
+
+/// The rows of one variant, or of all variants of a group.
+fn curve(study: &str, key: &str) -> Vec<Point> {
+    let rows = rows(&format!("docs/validation/{study}.csv"));
+    let is = |row: &&csv::StringRecord| {
+        let (group, variant) = (&row[0], &row[1]);
+        [group, variant, &format!("{group}, {variant}")].contains(&key)
+    };
+    let points: Vec<_> = rows
+        .iter()
+        .filter(is)
+        .map(|row| {
+            let numbers: Vec<_> = row.iter().skip(2).map(number).collect();
+            let (at, of) = numbers.split_at(numbers.len() - 2);
+            Point {
+                at: at.to_vec(),
+                of: Value {
+                    value: of[0],
+                    se: of[1],
+                },
+            }
+        })
+        .collect();
+    assert!(!points.is_empty(), "{study}.csv has no {key}");
+    points
+}
+
+/// `LO-HI` of a range.
+fn range(place: &str) -> Option<(f64, f64)> {
+    let (low, high) = place.split_once('-')?;
+    Some((number(low), number(high)))
+}
+
+fn within(points: Vec<Point>, (low, high): (f64, f64)) -> Vec<Point> {
+    let inside = |point: &Point| (low..=high).contains(&point.at[0]);
+    points.into_iter().filter(inside).collect()
+}
+
+/// `KEY @ PLACE`, or two of them and what is between.
+fn value(study: &str, text: &str) -> Value {
+    if let Some((a, b)) = text.split_once(" / ") {
+        let (a, b) = (value(study, a), value(study, b));
+        let ratio = a.value / b.value;
+        return Value {
+            value: ratio,
+            se: ratio * (a.se / a.value).hypot(b.se / b.value),
+        };
+    }
+    if let Some((a, b)) = text.split_once(" - ") {
+        let (a, b) = (value(study, a), value(study, b));
+        return Value {
+            value: a.value - b.value,
+            se: a.se.hypot(b.se),
+        };
+    }
+    let (key, place) = text
+        .rsplit_once(" @ ")
+        .unwrap_or_else(|| panic!("{text}: no place"));
+    let points = curve(study, key);
+    if let Some(range) = range(place) {
+        let points = within(points, range);
+        let sum: f64 = points.iter().map(|point| point.of.value).sum();
+        // errors of wavelengths are not independent, and not known together
+        return Value {
+            value: sum / points.len() as f64,
+            se: f64::NAN,
+        };
+    }
+    let (x, azimuth) = place.split_once(' ').unwrap_or((place, "0"));
+    let (x, azimuth) = (number(x), number(azimuth));
+    let is_brdf = points[0].at.len() == 2;
+    let found = points.iter().filter(|point| {
+        let at = if is_brdf {
+            point.at[0].round()
+        } else {
+            point.at[0]
+        };
+        (at - x).abs() < 1e-6
+    });
+    let away = |point: &&Point| point.at.get(1).map_or(0.0, |other| (other - azimuth).abs());
+    let found: Vec<_> = found.collect();
+    assert!(
+        is_brdf || found.len() == 1,
+        "{study}: {text}: {} rows",
+        found.len()
+    );
+    let nearest = found.into_iter().min_by(|a, b| away(a).total_cmp(&away(b)));
+    let nearest = nearest.unwrap_or_else(|| panic!("{study}: {text}: no row"));
+    // nadir has no azimuth; else no further than a sensor is wide
+    assert!(
+        x == 0.0 || away(&nearest) < 5.0,
+        "{study}: {text}: no such azimuth"
+    );
+    nearest.of
+}
+
+/// Two curves, row by row.
+fn pairs(study: &str, keys: &str) -> Vec<(Value, Value)> {
+    let (a, b) = keys
+        .split_once(" | ")
+        .unwrap_or_else(|| panic!("{keys}: one curve"));
+    let (a, b) = (curve(study, a), curve(study, b));
+    assert!(
+        a.iter().map(|p| &p.at).eq(b.iter().map(|p| &p.at)),
+        "{keys}"
+    );
+    a.iter().zip(&b).map(|(a, b)| (a.of, b.of)).collect()
+}
+
+fn mean(values: impl Iterator<Item = f64>) -> f64 {
+    let values: Vec<_> = values.collect();
+    values.iter().sum::<f64>() / values.len() as f64
+}
+
+/// The line of least squares through logarithms: its slope, by how many % it misses a
+/// value at most, and the % of the variance that it leaves.
+fn line(study: &str, text: &str) -> [f64; 3] {
+    let (key, place) = text.split_once(" @ ").unwrap();
+    let points = within(curve(study, key), range(place).unwrap());
+    let logs: Vec<_> = points
+        .iter()
+        .map(|p| [p.at[0].ln(), p.of.value.ln()])
+        .collect();
+    let means = [0, 1].map(|i| mean(logs.iter().map(|p| p[i])));
+    let product =
+        |i: usize, j: usize| mean(logs.iter().map(|p| (p[i] - means[i]) * (p[j] - means[j])));
+    let slope = product(0, 1) / product(0, 0);
+    let misses = logs
+        .iter()
+        .map(|p| (p[1] - means[1] - slope * (p[0] - means[0])).exp_m1().abs());
+    let left = 1.0 - slope * product(0, 1) / product(1, 1);
+    [slope, 100.0 * misses.fold(0.0, f64::max), 100.0 * left]
+}
+
+/// What a reference stands for.
+fn quoted(study: &str, reference: &str) -> String {
+    let (text, decimals) = match reference.rsplit_once("; ") {
+        Some((text, decimals)) => (text, Some(number(decimals) as usize)),
+        None => (reference, None),
+    };
+    let (word, rest) = text.split_once(' ').unwrap();
+    let difference = |(a, b): &(Value, Value)| a.value - b.value;
+    let plain = match word {
+        "rmse" => mean(pairs(study, rest).iter().map(|p| difference(p).powi(2))).sqrt(),
+        "noise" => mean(
+            pairs(study, rest)
+                .iter()
+                .map(|(a, b)| a.se.hypot(b.se).powi(2)),
+        )
+        .sqrt(),
+        "largest" => pairs(study, rest)
+            .iter()
+            .map(|p| difference(p).abs())
+            .fold(0.0, f64::max),
+        "percent" => {
+            100.0
+                * mean(
+                    pairs(study, rest)
+                        .iter()
+                        .map(|p| difference(p).abs() / p.0.value),
+                )
+        }
+        "peak" => {
+            let larger = |a: &Point, b: &Point| a.of.value.total_cmp(&b.of.value);
+            return curve(study, rest).into_iter().max_by(larger).unwrap().at[0].to_string();
+        }
+        "slope" => line(study, rest)[0],
+        "miss" => line(study, rest)[1],
+        "left" => line(study, rest)[2],
+        _ => {
+            let value = value(study, text);
+            return match decimals {
+                Some(decimals) => fixed(value.value, decimals),
+                None => bracketed(value),
+            };
+        }
+    };
+    fixed(
+        plain,
+        decimals.unwrap_or_else(|| panic!("{reference}: how many decimals?")),
+    )
+}
+
+/// So many decimals, no 0 before the point.
+fn fixed(x: f64, decimals: usize) -> String {
+    let text = format!("{x:.decimals$}");
+    match text.split_once('.') {
+        Some(("0", rest)) => format!(".{rest}"),
+        Some(("-0", rest)) => format!("-.{rest}"),
+        _ => text,
+    }
+}
+
+/// The standard error of the last digits in brackets: two if it begins with 1, else one.
+fn bracketed(Value { value, se }: Value) -> String {
+    assert!(se > 0.0 && se < 1e3, "a standard error of {se}");
+    let first = se.log10().floor();
+    let digits = if se / 10_f64.powf(first) < 2.0 {
+        1.0
+    } else {
+        0.0
+    };
+    let decimals = (digits - first).max(0.0);
+    let error = (se * 10_f64.powf(decimals)).round();
+    format!("{}({error})", fixed(value, decimals as usize))
+}
+
+#[test]
+fn numbers_of_validation_are_those_of_the_studies() {
+    let template = std::fs::read_to_string(docs().join("validation.md.in")).unwrap();
+    let (mut page, mut rest) = (String::new(), template.as_str());
+    while let Some((before, after)) = rest.split_once('{') {
+        let (reference, after) = after.split_once('}').unwrap();
+        let (_, picture) = after.split_once("](validation/").unwrap();
+        let (study, _) = picture.split_once(".svg").unwrap();
+        page += before;
+        page += &quoted(study, &reference.replace('\n', " "));
+        rest = after;
+    }
+    keep("validation.md", &(page + rest));
+}
+
+/// A page whose rows of tables are put in order one by one.
+struct Page {
+    name: &'static str,
+    text: String,
+}
+
+impl Page {
+    fn open(name: &'static str) -> Self {
+        let text = std::fs::read_to_string(docs().join(name)).unwrap();
+        Self { name, text }
+    }
+
+    /// The first line after `heading` that begins with `head` goes on with these cells.
+    fn row(&mut self, heading: &str, head: &str, cells: &[String]) {
+        let missing = || panic!("{}: no row {head} after {heading}", self.name);
+        let from = self.text.find(heading).unwrap_or_else(missing);
+        let start = from
+            + self.text[from..]
+                .find(&format!("\n{head}"))
+                .unwrap_or_else(missing)
+            + 1;
+        let end = start + self.text[start..].find('\n').unwrap();
+        let line = format!("{head} {} |", cells.join(" | "));
+        self.text.replace_range(start..end, &line);
+    }
+
+    fn keep(self) {
+        keep(self.name, &self.text);
+    }
+}
+
+/// Two decimals, or two digits of what is below 1.
+fn two(x: f64) -> String {
+    let decimals = if x < 1.0 {
+        1.0 - x.log10().floor()
+    } else {
+        2.0
+    };
+    format!("{x:.*}", decimals as usize)
+}
+
+#[test]
+fn tables_of_the_compression_are_those_of_its_run() {
+    let rows = rows("docs/components.csv");
+    let mut page = Page::open("performance.md");
+    for count in 1..=8 {
+        let find = |basis: &str, precision: &str| {
+            let key = ["transmittance", basis, precision, &count.to_string()];
+            rows.iter()
+                .find(|row| key.iter().zip(row.iter()).all(|(a, b)| *a == b))
+        };
+        let cell = |(basis, precision)| match find(basis, precision) {
+            Some(row) => {
+                let kilobytes = number(&row[4]) / 1000.0;
+                format!("{kilobytes:.0} kB, {}", two(number(&row[9])))
+            }
+            None => "above 2.3".to_owned(),
+        };
+        let variants = [
+            ("linear", "f32"),
+            ("log", "f32"),
+            ("log", "f16"),
+            ("log", "quantised_16"),
+            ("log", "quantised"),
+        ];
+        page.row(
+            "| l' | linear, f32",
+            &format!("| {count} |"),
+            &variants.map(cell),
+        );
+        if count <= 4 {
+            let row = find("linear", "f32").unwrap();
+            let [rmse, rmse_max, delta_e, delta_e_max] = [6, 7, 8, 9].map(|i| number(&row[i]));
+            let cells = [
+                fixed(rmse, 5),
+                fixed(rmse_max, 5),
+                fixed(delta_e, 4),
+                fixed(delta_e_max, 4),
+            ];
+            page.row("| l' | | RMSE mean", &format!("| {count} | here |"), &cells);
+        }
+    }
+    page.keep();
+}
+
+#[test]
+fn the_table_of_the_goniophotometer_is_that_of_its_run() {
+    let rows = rows("docs/goniometer.csv");
+    let mut page = Page::open("performance.md");
+    for nm in ["600", "1300", "1800"] {
+        let light = format!("| {nm} nm, 60 degrees |");
+        for (engine, walks, shown, light_cell) in [
+            ("spectral", "200000", "200,000", light.as_str()),
+            ("tabulated", "40000", "40,000", "| |"),
+        ] {
+            let key = [nm, "60", engine, walks];
+            let is = |row: &&csv::StringRecord| row.iter().zip(key).all(|(a, b)| a == b);
+            let row = rows.iter().find(is).unwrap();
+            let [cpu_s, rms, largest] = [4, 5, 6].map(|i| number(&row[i]));
+            let to_one_percent = cpu_s * (100.0 * rms).powi(2);
+            let decimals = usize::from(to_one_percent < 10.0);
+            let cells = [
+                shown.to_owned(),
+                two(cpu_s),
+                format!("{:.1} %", 100.0 * rms),
+                format!("{:.1} %", 100.0 * largest),
+                format!("{to_one_percent:.decimals$}"),
+            ];
+            // the first row of a light is looked for from the head of the table on
+            let from = if engine == "spectral" {
+                "| light | engine"
+            } else {
+                &light
+            };
+            page.row(from, &format!("{light_cell} `{engine}` |"), &cells);
+        }
+    }
+    page.keep();
+}
+
+/// The rows of a model's curve; the columns are wavelengths.
+fn beside(page: &mut Page, heading: &str, head: &str, curve: &[csv::StringRecord], column: usize) {
+    let shown = ["400", "600", "800", "900", "1040", "1240", "1400"];
+    let cells = shown.map(|nm| {
+        let is = |row: &&csv::StringRecord| number(&row[0]) == number(nm);
+        fixed(number(&curve.iter().find(is).unwrap()[column]), 4)
+    });
+    page.row(heading, &format!("| {head} |"), &cells);
+}
+
+#[test]
+fn tables_beside_other_models_are_those_of_their_runs() {
+    let mut page = Page::open("peers.md");
+    let [tartes, disort] = ["tartes", "disort"].map(|name| rows(&format!("docs/peers/{name}.csv")));
+    let [clean, pores, ice, thin] = ["clean", "soot_in_pores", "soot_in_ice", "thin"]
+        .map(|name| rows(&format!("examples/peers/data/{name}.csv")));
+    let albedo = "| albedo of 1 m |";
+    beside(
+        &mut page,
+        albedo,
+        "clean: TARTES, its own g and B",
+        &tartes,
+        1,
+    );
+    beside(&mut page, albedo, "TARTES, our g and B", &tartes, 2);
+    beside(&mut page, albedo, "SPLITSnow", &clean, 1);
+    let sooty = "100 ng/g: TARTES, its own g and B";
+    beside(&mut page, albedo, sooty, &tartes, 3);
+    beside(
+        &mut page,
+        &format!("| {sooty}"),
+        "TARTES, our g and B",
+        &tartes,
+        4,
+    );
+    beside(
+        &mut page,
+        albedo,
+        "SPLITSnow, carbon in the pores",
+        &pores,
+        1,
+    );
+    beside(&mut page, albedo, "SPLITSnow, carbon in the ice", &ice, 1);
+    for (i, quantity) in ["R", "T"].iter().enumerate() {
+        let ours = format!("{quantity}: SPLITSnow");
+        beside(&mut page, "## Discrete ordinates", &ours, &thin, 1 + 2 * i);
+        let ours = format!("| {ours} |");
+        beside(
+            &mut page,
+            &ours,
+            "points, distance of grains",
+            &disort,
+            1 + 2 * i,
+        );
+        beside(
+            &mut page,
+            &ours,
+            "points, effective free path",
+            &disort,
+            2 + 2 * i,
+        );
+    }
+    // one grain event: the heads of kernel.csv, and its columns at two wavelengths
+    let text = include_str!("../examples/peers/data/kernel.csv");
+    let head = |key: &str| {
+        let line = text.lines().find(|line| line.contains(key)).unwrap();
+        number(line.rsplit(' ').next().unwrap())
+    };
+    let names: Vec<_> = text
+        .lines()
+        .find(|line| !line.starts_with('#'))
+        .unwrap()
+        .split(',')
+        .collect();
+    let kernel = rows("examples/peers/data/kernel.csv");
+    let at = |nm: &str, name: &str| {
+        let column = names.iter().position(|other| *other == name).unwrap();
+        number(&kernel.iter().find(|row| &row[0] == nm).unwrap()[column])
+    };
+    let [g, far] = ["400", "1040"].map(|nm| at(nm, "p1"));
+    let (surface, path) = (head("specific_surface_area"), at("400", "mean_path_m"));
+    let distance = head("mean_free_distance");
+    let enhancement = path * surface * head("ice_density") / 4.0;
+    for (row, quoted) in [
+        ("specific surface area", format!("{surface:.2} m2/kg")),
+        (
+            "mean distance between grains",
+            format!("{:.3} mm", 1e3 * distance),
+        ),
+        (
+            "asymmetry parameter",
+            format!("{g:.3} at 400 nm, {far:.3} at 1040 nm"),
+        ),
+        (
+            "the same with diffraction",
+            format!("{:.3}, {:.3}", (1.0 + g) / 2.0, (1.0 + far) / 2.0),
+        ),
+        (
+            "mean path in ice per event",
+            format!("{:.3} mm", 1e3 * path),
+        ),
+        ("absorption enhancement B", format!("{enhancement:.2}")),
+    ] {
+        let line = format!("| {row} | {quoted} |");
+        assert!(page.text.contains(&line), "docs/peers.md has not {line}");
+    }
+    page.keep();
+}
+
+/// `examples/stability` writes page and file; what the page says of a case is the largest
+/// difference that the file has of it.
+#[test]
+fn the_map_of_stability_is_that_of_its_run() {
+    let text = std::fs::read_to_string(docs().join("stability.md")).unwrap();
+    let (_, map) = text.split_once("<!-- map -->\n| case |").unwrap();
+    let mut lines = map.lines();
+    let engines: Vec<_> = lines.next().unwrap().split('|').map(str::trim).collect();
+    let rows = rows("docs/stability.csv");
+    let mut compared = 0;
+    for line in lines.skip(1).take_while(|line| line.starts_with('|')) {
+        let cells: Vec<_> = line.split('|').map(str::trim).collect();
+        for (engine, cell) in engines
+            .iter()
+            .zip(&cells[2..])
+            .filter(|(e, _)| !e.is_empty())
+        {
+            let (verdict, largest) = cell.split_once(' ').unwrap_or((cell, ""));
+            let of: Vec<_> = rows
+                .iter()
+                .filter(|row| [&row[0], &row[1]] == [cells[1], engine])
+                .collect();
+            let off = |row: &&csv::StringRecord| {
+                [11, 13]
+                    .map(|i| number(&row[i]).abs())
+                    .into_iter()
+                    .fold(0.0, f64::max)
+            };
+            assert!(
+                of.iter().all(|row| &row[2] == verdict) && !of.is_empty(),
+                "{line}"
+            );
+            if !largest.is_empty() {
+                let found = of.iter().map(off).fold(0.0, f64::max);
+                // four decimals of what the file has to six digits
+                let off = (found - number(largest)).abs();
+                assert!(off < 5.1e-5, "{line}: {engine}: {found}");
+                compared += 1;
+            }
+        }
+    }
+    assert!(compared > 300, "{compared}");
+}
