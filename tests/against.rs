@@ -168,6 +168,31 @@ fn field_files_are_read_and_their_noise_told() {
     );
 }
 
+/// A scale of 0-100 is not one of 0-1, and wavenumbers beside wavelengths are let be.
+#[test]
+fn what_names_say_is_not_taken_for_more() {
+    for (text, expected) in [
+        (
+            "wavelength_nm,Reflectance (0-100)\n1500,0.9\n1510,0.8\n",
+            0.009,
+        ),
+        ("wavelength_nm,Reflectance (0-1)\n1500,0.9\n1510,0.8\n", 0.9),
+        (
+            "wavelength_nm,wavenumber_cm-1,reflectance\n500,20000,0.9\n510,19608,0.8\n",
+            0.9,
+        ),
+        (
+            "wavelength_nm,radiance_W_cm-2_sr-1_cm-1,reflectance\n500,1e-6,0.9\n510,1e-6,0.8\n",
+            0.9,
+        ),
+    ] {
+        let read = parse(text).unwrap_or_else(|error| panic!("{text}: {error}"));
+        let nm = if text.contains("1500") { 1500.0 } else { 500.0 };
+        let first = read.at(&[nm, nm + 10.0]).unwrap()[0];
+        assert!((first.value - expected).abs() < 1e-12, "{text}: {first:?}");
+    }
+}
+
 /// What cannot be a spectrum is refused, and guesses can be overruled.
 #[test]
 fn absurd_files_are_refused() {

@@ -415,8 +415,9 @@ fn scaled(m: Measured, by: f64) -> Measured {
 /// fifth, up to 60 degrees. At 60 degrees there is more light forward and less at nadir,
 /// of both the more at 1800 nm.
 #[test]
+#[ignore = "long: tables of grain events for every part, some 15 CPU-s"]
 fn slanting_light_goes_forward() {
-    let found = brdfs("brdf_incidence", 8_192);
+    let found = brdfs("brdf_incidence", 16_384);
     let [normal, slight, slant] = ["0", "30", "60"].map(|angle| format!("light at {angle}°"));
     for degrees in [0.0, 20.0, 40.0, 60.0] {
         let f = found.at("600 nm", &normal, degrees, 0.0);
@@ -489,6 +490,7 @@ fn the_forward_peak_of_fine_grains_is_low_in_the_visible() {
 /// At 1450 nm fine grains have the higher forward peak in 1/sr, though over a nadir that
 /// is brighter still.
 #[test]
+#[ignore = "long: tables of grain events for every part, some 10 CPU-s"]
 fn the_forward_peak_of_fine_grains_is_high_in_the_infrared() {
     let found = brdfs("brdf_grain_size", 8_192);
     let [coarse, fine] = ["grains of 1.5-3 mm", "grains of 0.03-0.3 mm"];
@@ -535,6 +537,7 @@ fn the_peak_of_all_grain_sizes_is_forward() {
 /// The forward peak falls with facetness; from 0.3 to 0.9 only little, so that it must
 /// not rise.
 #[test]
+#[ignore = "long: tables of grain events for every part, some 10 CPU-s"]
 fn facets_take_the_forward_peak() {
     let found = brdfs("brdf_facetness", 8_192);
     let [smooth, middle, faceted] =
@@ -549,6 +552,7 @@ fn facets_take_the_forward_peak() {
 /// sides at the same angle; smooth snow has the higher forward peak. At 600 nm faceted
 /// snow has none forward.
 #[test]
+#[ignore = "long: tables of grain events for every part, some 10 CPU-s"]
 fn faceted_snow_has_two_peaks_in_the_infrared() {
     let found = brdfs("brdf_hemisphere", 8_192);
     let [smooth, faceted] = ["facetness 0.1", "facetness 0.9"];

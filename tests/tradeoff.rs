@@ -87,7 +87,7 @@ fn number(row: &BTreeMap<String, String>, column: &str) -> f64 {
 #[test]
 fn all_files_are_there_and_parse() {
     let dir = built();
-    let args = "slab.toml --out out --database out/grid --budget 1 --truth-rays 4096 --seeds 2";
+    let args = "slab.toml --out out --database out/grid --engine reference --engine spectral --budget 2 --truth-rays 4096 --seeds 2";
     let table = text(&command(dir.path(), args).output().unwrap());
     let out = dir.path().join("out");
     for line in [

@@ -13,6 +13,8 @@ use crate::measurement::Quantity;
 
 pub(super) const NAME: &str = "compact file against the database";
 pub(super) const DIFFUSE_NAME: &str = "compact file of isotropic light against the database";
+/// The axis that isotropic light does not have.
+const ANGLE: &str = "angle_deg";
 /// Attributes without which a provenance says nothing.
 const IDENTITY: [&str; 3] = ["config_sha256", "engine", "seed"];
 /// The error table has six digits: the most that one of its numbers may differ
@@ -29,7 +31,7 @@ pub(super) fn check(
         false => NAME,
         true => DIFFUSE_NAME,
     });
-    check.problems.extend(origin(subject, database));
+    check.problems.extend(origin(subject, database, diffuse));
     if !check.problems.is_empty() {
         return Ok(check);
     }
@@ -167,7 +169,7 @@ fn band_errors(database: &Database, quantity: Quantity) -> Result<Option<Vec<Ban
 }
 
 /// What tells that the file was made from another database.
-fn origin(subject: &Subject<'_>, database: &Database) -> Vec<String> {
+fn origin(subject: &Subject<'_>, database: &Database, diffuse: bool) -> Vec<String> {
     let provenance = provenance(database);
     let mut problems = Vec::new();
     let mut compare = |key: &str, stored: &Value| match provenance.get(key) {
@@ -219,6 +221,8 @@ fn origin(subject: &Subject<'_>, database: &Database) -> Vec<String> {
         .into_iter()
         .zip(database.extra().values().chain(database.axes()));
     let axes = axes.map(|((name, stored), axis)| (name, stored, axis.as_slice()));
+    // isotropic light has one angle, which stands for all
+    let axes = axes.filter(|(name, ..)| !diffuse || *name != ANGLE);
     for (name, stored, axis) in axes.chain([wavelengths]) {
         if !stored.iter().map(|&v| v as f32).eq(axis.iter().copied()) {
             problems.push(format!("its {name} are not those of the database"));

@@ -317,6 +317,7 @@ pub(crate) const GRID_ERRORS: &[(&str, &str)] = &[
     ("grain_size_um = [100, 300, 500]", "optical_radius_um = [50, 100]\nsphericity = [0.7, 0.8]"),
     ("thickness_cm = [1, 2, 5]", "thickness_cm = [1, \"deep\"]"),
     ("thickness_cm = [1, 2, 5]", "thickness_cm = [1, 20000]"),
+    ("thickness_cm = [1, 2, 5]", "thickness_cm = [1, 3e6]"),
     ("thickness_cm = [1, 2, 5]", "thickness_cm = [1, inf, inf]"),
     ("grain_size_um = [100, 300, 500]", "grain_size_um = [5, 300]"),
     // Axes beyond the five.

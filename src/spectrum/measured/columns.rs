@@ -30,7 +30,8 @@ pub(super) fn is_wavelength(name: &str) -> bool {
 }
 
 fn is_wavenumber(name: &str) -> bool {
-    has_part(name, &["wavenumber", "wave number", "cm-1", "cm^-1"])
+    has_part(name, &["wavenumber", "wave number"])
+        || ["cm-1", "cm^-1", "1/cm"].contains(&name.trim().to_lowercase().as_str())
 }
 
 fn is_uncertainty(name: &str) -> bool {
@@ -65,7 +66,9 @@ pub(super) fn unit(text: &str) -> Option<Unit> {
 /// The scale that a name or a line such as `Y Units: Reflectance (percent)` states.
 pub(super) fn scale(text: &str) -> Option<Scale> {
     match () {
-        () if has_part(text, &["%", "percent"]) || has_word(text, &["pct"]) => Some(Scale::Percent),
+        () if has_part(text, &["%", "percent", "0-100", "0 - 100"]) || has_word(text, &["pct"]) => {
+            Some(Scale::Percent)
+        }
         () if has_part(text, &["[1.0]", "fraction", "0-1", "unitless"]) => Some(Scale::Fraction),
         () => None,
     }
@@ -105,13 +108,13 @@ pub(super) fn columns(
             .get(*column)
             .is_some_and(|share| *share > 0.5)
     };
-    if let Some(wave) = (0..width).find(|c| is_wavenumber(name(*c))) {
-        return Err(Problem::Wavenumber(quoted(name(wave))));
-    }
     let wavelength = (0..width).find(|c| numeric(c) && is_wavelength(name(*c)));
     let wavelength = wavelength.or_else(|| (0..width).find(numeric)).unwrap_or(0);
+    if is_wavenumber(name(wavelength)) {
+        return Err(Problem::Wavenumber(quoted(name(wavelength))));
+    }
     let rest: Vec<usize> = (0..width)
-        .filter(|c| *c != wavelength && numeric(c))
+        .filter(|c| *c != wavelength && numeric(c) && !is_wavenumber(name(*c)))
         .collect();
 
     let metadata = |key: &str| {

@@ -161,16 +161,6 @@ pub struct Report {
 }
 
 impl Report {
-    /// Whether the file says itself what it holds, and every row was used as it is.
-    #[must_use]
-    pub fn is_plain(&self) -> bool {
-        let said = [self.column_by, self.unit_by, self.content_by];
-        let guessed = said.iter().any(|by| matches!(by, By::Values | By::Place));
-        let percent = self.scale == Some(Scale::Percent);
-        let done = self.masked.len() + self.merged + self.other_columns + self.footer_lines;
-        !guessed && !percent && done == 0 && self.encoding == Encoding::Utf8
-    }
-
     fn masked(&self, why: Why) -> Vec<&Masked> {
         self.masked.iter().filter(|row| row.why == why).collect()
     }
