@@ -96,6 +96,31 @@ fn the_satellite_grid_is_accepted_and_its_corner_counted() {
     );
 }
 
+/// As first written down: sizes so small that the usual spread would not fit.
+#[test]
+fn the_spread_is_narrowed_for_the_smallest_sizes() {
+    let text = include_str!("data/crtm323_naive.toml");
+    let file = config::grid::parse("crtm323.toml", text).unwrap();
+    assert_eq!(file.grid.spread.grain_size_half_width_um, 20.0);
+    let told = file
+        .warnings
+        .iter()
+        .any(|w| w.contains("spread.grain_size_half_width_um is 20 here"));
+    assert!(told, "{:?}", file.warnings);
+    assert_eq!(file.grid.absent().unwrap(), [0, 0, 0, 0, 0, 0, 1]);
+    // what is asked for is not changed
+    let asked = format!("{text}[spread]\ngrain_size_half_width_um = 50\n");
+    let error = config::grid::parse("crtm323.toml", &asked).unwrap_err();
+    assert!(
+        error.to_string().contains("makes grains of -20 to 80 um"),
+        "{error}"
+    );
+    // and what fits is left
+    let fits = text.replace("[30, 50, 100,", "[60, 100,");
+    let file = config::grid::parse("crtm323.toml", &fits).unwrap();
+    assert_eq!(file.grid.spread.grain_size_half_width_um, 50.0);
+}
+
 #[test]
 fn corners_are_nan_and_all_else_is_computed() {
     let folder = Folder::new(GRID);

@@ -8,7 +8,7 @@ use crate::grid::{Axes, Compression, ExtraAxis, Fixed, Grid, Run, Spread};
 
 use super::document::{Document, read_text};
 use super::error::{ConfigError, Problem};
-use super::keys::{AxesKeys, FixedKeys, GridKeys, RunKeys};
+use super::keys::{AxesKeys, FixedKeys, GridKeys, RunKeys, SIZE_UM};
 use super::shared::{
     choose, covered, increasing, law, model, one_size, size_law, viewing, wavelengths,
 };
@@ -40,6 +40,24 @@ pub struct GridFile {
     pub text: String,
 }
 
+/// Lowers the half width of the sizes, unless the file gives it, so far that the smallest
+/// of them make grains that are allowed.
+fn narrow(document: &Document, axes: &AxesKeys, spread: &mut Spread, warnings: &mut Vec<String>) {
+    const KEY: &str = "spread.grain_size_half_width_um";
+    let sizes = axes.grain_size_um.as_deref().unwrap_or_default();
+    let smallest = sizes.iter().copied().fold(f64::INFINITY, f64::min);
+    let most = smallest - SIZE_UM.0;
+    let default = spread.grain_size_half_width_um;
+    if !document.has(KEY) && most >= 0.0 && most < default {
+        spread.grain_size_half_width_um = most;
+        let remark = format!(
+            "has grains of {smallest} um, and none may be below {} um: {KEY} is {most} here, for all sizes, instead of {default}; give it to choose another",
+            SIZE_UM.0
+        );
+        warnings.push(document.warning("axes.grain_size_um", remark));
+    }
+}
+
 /// Reads a grid file.
 ///
 /// # Errors
@@ -61,6 +79,7 @@ pub fn parse(name: &str, text: &str) -> Result<GridFile, ConfigError> {
     if !document.has("axes.grain_size_um") && !document.has("spread.grain_size_half_width_um") {
         spread.grain_size_half_width_um = 0.0;
     }
+    narrow(&document, &keys.axes, &mut spread, &mut warnings);
     let diffuse = keys.axes.diffuse;
     let (axes, biggest_um) = axes(&document, keys.axes, &spread, &keys.fixed, &mut warnings)?;
     let wavelengths_nm = wavelengths(&document, &keys.wavelengths, &mut warnings)?;
