@@ -30,7 +30,7 @@ water_saturation = [0, 0.05]
 values_nm = [450, 550, 650]
 [run]
 engine = \"doubling\"
-rays = 40000
+rays = 20000
 ";
 const SNOW: &str = "--facetness 0.3 --grain-size-um 300 --density-kg-m3 250 --angle-deg 0";
 
@@ -92,7 +92,7 @@ fn fresh(thickness_cm: f64, conditions: Conditions) -> Vec<[f64; 2]> {
     };
     let simulation = Simulation {
         grid: &grid,
-        rays: 50_000,
+        rays: 30_000,
         seed: 77,
     };
     let spectra = simulation.run(&[patch], &control).unwrap();

@@ -130,7 +130,7 @@ fn holds_its_bound_and_is_proved_anew() {
     );
 
     let folder = with_file(bytes);
-    let output = folder.run("verify out/s --points 64");
+    let output = folder.run("verify out/s --points 64 --point-rays 131072");
     let report = String::from_utf8(output.stdout.clone()).unwrap();
     assert!(output.status.success(), "{report}{}", errors(&output));
     assert!(report.ends_with("PASS\n"), "{report}");
@@ -276,7 +276,7 @@ fn changed(bytes: &[u8], name: &str, change: impl Fn(f32) -> f32) -> Vec<u8> {
 fn altered_coefficients_fail() {
     let altered = changed(&FITTED.0, "transmittance.quantisation", |v| 1.1 * v);
     let folder = with_file(&altered);
-    let output = folder.run("verify out/s --points 16");
+    let output = folder.run("verify out/s --points 16 --point-rays 65536");
     assert_eq!(output.status.code(), Some(1));
     let report = String::from_utf8(output.stdout).unwrap();
     assert!(report.contains("is not below 1.0000"), "{report}");
@@ -292,7 +292,7 @@ fn a_bound_that_was_lowered_fails() {
     let lowered = text.replace("max_delta_e = 1\n", &format!("max_delta_e = {bound}\n"));
     assert_ne!(&lowered, text);
     let folder = with_file(&annotated(&FITTED.0, SCENE, &lowered).unwrap());
-    let output = folder.run("verify out/s --points 16");
+    let output = folder.run("verify out/s --points 16 --point-rays 65536");
     assert_eq!(output.status.code(), Some(1));
     let report = String::from_utf8(output.stdout).unwrap();
     assert!(

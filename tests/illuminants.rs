@@ -373,7 +373,7 @@ fn a_fitted_file_needs_its_illuminant_s_file_no_more() {
         "{told}"
     );
     fs::remove_file(dir.join("lamp.csv")).unwrap();
-    let [report, told] = done(dir, "verify out/s --points 16");
+    let [report, told] = done(dir, "verify out/s --points 16 --point-rays 131072");
     assert!(
         report.ends_with("PASS\n") && told.is_empty(),
         "{report}{told}"
