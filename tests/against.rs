@@ -10,7 +10,7 @@ use splitsnow::comparison::{
     Band, Comparison, Exclusion, Hints, MeasuredError, MeasuredSpectrum, RANGE_NM,
 };
 use splitsnow::measurement::{Measured, Quantity};
-use splitsnow::spectrum::measured::{Column, Order, Problem, Scale, Unit, Why};
+use splitsnow::spectrum::measured::{self, Column, Order, Problem, Scale, Unit, Why};
 
 fn of(quantity: Option<Quantity>) -> Hints {
     Hints {
@@ -191,6 +191,16 @@ fn what_names_say_is_not_taken_for_more() {
         let first = read.at(&[nm, nm + 10.0]).unwrap()[0];
         assert!((first.value - expected).abs() < 1e-12, "{text}: {first:?}");
     }
+}
+
+/// Wavelengths stay above 0, however small.
+#[test]
+fn no_wavelength_is_rounded_to_nothing() {
+    let text = "wavelength_um,power\n0.7e-10,2\n0.351,2\n0.7,3\n";
+    let light = measured::Request::of(Some(measured::Content::Power), (0.0, f64::MAX));
+    let curve = measured::parse("lamp.csv", text.as_bytes(), &light).unwrap();
+    let nm: Vec<f64> = curve.samples.iter().map(|sample| sample.nm).collect();
+    assert_eq!(nm, [0.7e-10 * 1e3, 351.0, 700.0]);
 }
 
 /// What cannot be a spectrum is refused, and guesses can be overruled.

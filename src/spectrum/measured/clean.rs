@@ -53,8 +53,10 @@ pub(super) fn curve(
         .unwrap_or_else(|| (guessed_unit(rows), By::Values));
     let nm = |x: f64| match unit {
         Unit::Nm => x,
-        // 0.351 um is 351 nm, not 350.99999999999994.
-        Unit::Um => (x * 1e9).round() / 1e6,
+        // 0.351 um is 351 nm, not 350.99999999999994; and nothing above 0 is 0.
+        Unit::Um => Some((x * 1e9).round() / 1e6)
+            .filter(|nm| *nm > 0.0)
+            .unwrap_or(x * 1e3),
     };
     let (low, high) = request.range_nm;
     let inside = |row: &&Row| row.x.is_some_and(|x| (low..=high).contains(&nm(x)));
