@@ -30,20 +30,6 @@ max_delta_e = 5
 ";
 const SNOW: &str = "--facetness 0.3 --density-kg-m3 250 --angle-deg 20";
 
-/// A slab that takes no time.
-const SLAB: &str = "version = 1
-[illumination]
-polar_angle_deg = 30
-[wavelengths]
-values_nm = [500]
-[[layer]]
-thickness_cm = 1
-density_kg_m3 = 450
-[[layer.grain]]
-size_um = { min = 900, max = 1000 }
-facetness = { min = 0.2, max = 0.4, mean = 0.3, sd = 0.072 }
-";
-
 struct Folder(tempfile::TempDir);
 
 impl Folder {
@@ -233,7 +219,11 @@ fn corners_are_nan_and_all_else_is_computed() {
     let report = folder.succeeds("verify out/g --points 0 --samples 3 --rays 200");
     assert!(report.contains("3 nodes of different jobs"), "{report}");
     // and the errors of their compression are charted
-    fs::write(folder.0.path().join("slab.toml"), SLAB).unwrap();
+    fs::write(
+        folder.0.path().join("slab.toml"),
+        include_str!("data/slab.toml"),
+    )
+    .unwrap();
     folder.succeeds("tradeoff slab.toml --engine reference --database out/g --budget 0.1 --truth-rays 64 --seeds 2 --out out");
 
     // nothing is left to do, and quantised files keep the corner too

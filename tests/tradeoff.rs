@@ -9,19 +9,7 @@ use std::process::{Command, Output, Stdio};
 use serde_json::Value;
 
 /// Few grains, and a density beyond the ordinary: one warning.
-const SAMPLE: &str = "\
-version = 1
-[illumination]
-polar_angle_deg = 30
-[wavelengths]
-values_nm = [500]
-[[layer]]
-thickness_cm = 1
-density_kg_m3 = 500
-[[layer.grain]]
-size_um = { min = 900, max = 1000 }
-facetness = { min = 0.2, max = 0.4, mean = 0.3, sd = 0.072 }
-";
+const SLAB: &str = include_str!("data/slab.toml");
 const CHARTS: [&str; 3] = ["tradeoff", "scaling", "components"];
 
 /// What is compressed: 24 curves of rough noise.
@@ -44,7 +32,7 @@ rays = 300
 
 fn folder() -> tempfile::TempDir {
     let dir = tempfile::tempdir().unwrap();
-    fs::write(dir.path().join("slab.toml"), SAMPLE).unwrap();
+    fs::write(dir.path().join("slab.toml"), SLAB).unwrap();
     fs::write(dir.path().join("grid.toml"), GRID).unwrap();
     dir
 }

@@ -40,8 +40,8 @@ pub struct GridFile {
     pub text: String,
 }
 
-/// Lowers the half width of the sizes, unless the file gives it, so far that the smallest
-/// of them make grains that are allowed.
+/// Lowers the default half width of the sizes where the smallest size would make grains
+/// below the allowed range. A half width that the file gives is kept.
 fn narrow(document: &Document, axes: &AxesKeys, spread: &mut Spread, warnings: &mut Vec<String>) {
     const KEY: &str = "spread.grain_size_half_width_um";
     let sizes = axes.grain_size_um.as_deref().unwrap_or_default();
@@ -51,7 +51,7 @@ fn narrow(document: &Document, axes: &AxesKeys, spread: &mut Spread, warnings: &
     if !document.has(KEY) && most >= 0.0 && most < default {
         spread.grain_size_half_width_um = most;
         let remark = format!(
-            "has grains of {smallest} um, and none may be below {} um: {KEY} is {most} here, for all sizes, instead of {default}; give it to choose another",
+            "starts at {smallest} um, and no grain may be below {} um: {KEY} is {most} here, for all sizes, instead of the default {default}; set it to choose another",
             SIZE_UM.0
         );
         warnings.push(document.warning("axes.grain_size_um", remark));

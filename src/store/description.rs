@@ -15,8 +15,8 @@ use crate::grid::{Axes, ExtraAxis, Grid};
 /// Version of the layout described in [`crate::store`].
 pub const FORMAT_VERSION: u32 = 1;
 
-/// Version of how nodes are given their random numbers and tables: a database of another
-/// one is not continued, for its bytes would be of both.
+/// Version of how random streams and tables are keyed to nodes. A database of another
+/// version is not continued: it would mix two sets of streams.
 const STREAMS: u32 = 2;
 
 /// Entry of the thicknesses that are too thin for the grains, per grain size.

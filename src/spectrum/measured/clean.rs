@@ -53,7 +53,7 @@ pub(super) fn curve(
         .unwrap_or_else(|| (guessed_unit(rows), By::Values));
     let nm = |x: f64| match unit {
         Unit::Nm => x,
-        // 0.351 um is 351 nm, not 350.99999999999994; and nothing above 0 is 0.
+        // 0.351 um is 351 nm, not 350.99999999999994; a tiny wavelength must not become 0
         Unit::Um => Some((x * 1e9).round() / 1e6)
             .filter(|nm| *nm > 0.0)
             .unwrap_or(x * 1e3),
