@@ -533,8 +533,9 @@ pub(super) struct SpreadKeys {
     /// Standard deviation of facetness before it is cut.
     #[schemars(range(min = 0.0, max = 10.0))]
     pub(super) facetness_sd: f64,
-    /// Grain size is uniform in mean -+ this, um; 0 by default where the axis is
-    /// optical_radius_um or ssa_m2_kg; in a grid as far below 50 as no grain is below 10 um.
+    /// Grain size is uniform in mean -+ this, um. The default is 0 where the axis is
+    /// optical_radius_um or ssa_m2_kg. In a grid the default is less than 50 where a
+    /// grain would be below 10 um.
     #[schemars(range(min = 0.0, max = SIZE_UM.1))]
     pub(super) grain_size_half_width_um: f64,
     /// Where sphericity is an axis, it is cut to mean -+ this, and to (0, 1].
