@@ -14,7 +14,7 @@
 //! no value on a node.
 use wide::f64x8;
 
-use crate::math::{exp_neg, ln};
+use crate::elementary::{exp_neg, ln};
 
 /// Decay of the facetness.
 const FACETNESS: f64 = 0.18;

@@ -26,7 +26,7 @@ use super::diffusion::Diffusion;
 use super::monotone::{share, slope};
 use super::{Database, LookupError, Point, absent, gap, nodes};
 use crate::compress::{AXES, Basis};
-use crate::math::exp_neg_single as exp_neg;
+use crate::elementary::exp_neg_single as exp_neg;
 use crate::measurement::Quantity;
 
 /// Axis of the thickness.

@@ -1,12 +1,11 @@
 //! Three-vectors and the elementary functions of the walk. The functions are
 //! our own because the platform's differ between machines in the last bit,
 //! which would change a database's bytes, and because these vectorise.
-mod elementary;
 mod lanes;
 mod legendre;
 mod vec3;
 
-pub use elementary::{exp_neg, exp_neg_single};
-pub use lanes::{Vec3x8, ln, sincos_eighth};
+pub use lanes::{Vec3x8, sincos_eighth};
 pub use legendre::{DEGREES, legendre};
+pub use splitsnow_spectra::elementary::{exp_neg, ln};
 pub use vec3::Vec3;

@@ -2,16 +2,15 @@
 //! directional-hemispherical reflectance and transmittance with standard
 //! errors, and where light leaves, by direction and by distance.
 mod estimate;
-mod quantity;
 mod radii;
 mod sensors;
 
 use serde::{Deserialize, Serialize};
 
 pub use estimate::Estimate;
-pub use quantity::Quantity;
 pub use radii::Radii;
 pub use sensors::{MOST_SENSORS, Sensors};
+pub use splitsnow_spectra::Quantity;
 
 /// A Monte Carlo result: a mean and the standard error of that mean.
 #[derive(Debug, Clone, Copy, PartialEq, Default, Serialize, Deserialize)]

@@ -7,7 +7,7 @@ use std::sync::LazyLock;
 
 use thiserror::Error;
 
-use crate::spectrum::{Table, TableError};
+use splitsnow_spectra::spectrum::{Table, TableError};
 
 /// Wavelengths the model is meant for, nm (docs/methods.md).
 pub const MODEL_RANGE_NM: (f64, f64) = (350.0, 2500.0);
@@ -61,7 +61,7 @@ impl Index {
     /// Absorption coefficient 4 pi k / lambda, 1/m (Varsa 2025, eq. 4.7).
     #[must_use]
     pub fn absorption_per_m(self, wavelength_nm: f64) -> f64 {
-        4.0 * std::f64::consts::PI * self.k / crate::units::nm_to_m(wavelength_nm)
+        4.0 * std::f64::consts::PI * self.k / splitsnow_spectra::units::nm_to_m(wavelength_nm)
     }
 }
 
@@ -117,7 +117,7 @@ macro_rules! shipped {
     ($name:ident, $file:literal, $header:expr) => {
         static $name: Shipped = Shipped {
             file: $file,
-            text: include_str!(concat!("../../data/", $file)),
+            text: include_str!(concat!("../../../../data/", $file)),
             table: LazyLock::new(|| {
                 #[allow(clippy::expect_used)] // compiled in; a test parses each
                 Table::parse($file, $name.text, $header).expect("shipped table")

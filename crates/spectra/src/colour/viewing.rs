@@ -35,11 +35,16 @@ pub enum Illuminant {
 /// An illuminant as it is written: a name, or a table with its numbers.
 #[derive(Debug, Clone, Serialize, Deserialize)]
 #[serde(untagged)]
-pub(crate) enum Stated {
+pub enum Stated {
+    /// One of [`Illuminant::ALL`].
     Name(String),
+    /// A table of its own.
     Table {
+        /// Its name.
         name: String,
+        /// Wavelengths, nm.
         wavelength_nm: Vec<f64>,
+        /// Relative power at each of them.
         power: Vec<f64>,
     },
 }
@@ -76,13 +81,13 @@ impl Illuminant {
     /// Its relative power over wavelength.
     pub(super) fn table(&self) -> Result<Cow<'_, Table>, TableError> {
         let csv = match self {
-            Self::D55 => include_str!("../../data/illuminant_d55.csv"),
-            Self::D65 => include_str!("../../data/illuminant_d65.csv"),
-            Self::E => include_str!("../../data/illuminant_e.csv"),
-            Self::Fl3_15 => include_str!("../../data/illuminant_fl3_15.csv"),
-            Self::LedB5 => include_str!("../../data/illuminant_led_b5.csv"),
-            Self::A => include_str!("../../data/illuminant_a.csv"),
-            Self::D50 => include_str!("../../data/illuminant_d50.csv"),
+            Self::D55 => include_str!("../../../../data/illuminant_d55.csv"),
+            Self::D65 => include_str!("../../../../data/illuminant_d65.csv"),
+            Self::E => include_str!("../../../../data/illuminant_e.csv"),
+            Self::Fl3_15 => include_str!("../../../../data/illuminant_fl3_15.csv"),
+            Self::LedB5 => include_str!("../../../../data/illuminant_led_b5.csv"),
+            Self::A => include_str!("../../../../data/illuminant_a.csv"),
+            Self::D50 => include_str!("../../../../data/illuminant_d50.csv"),
             Self::Table(table) => return Ok(Cow::Borrowed(table.table())),
         };
         let table = Table::parse(self.name(), csv, &["wavelength_nm", "spd"])?;

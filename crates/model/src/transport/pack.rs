@@ -2,7 +2,7 @@
 use super::{Model, Snow};
 #[cfg(doc)]
 use crate::optics::IMPURITY_NM;
-use crate::spectrum::Table;
+use splitsnow_spectra::spectrum::Table;
 
 /// Different Angstrom exponents that the impurities of one pack may have.
 pub const EXPONENTS: usize = 4;

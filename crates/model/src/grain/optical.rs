@@ -6,7 +6,7 @@
 //! known, so that either tells K1, and with the width of the sizes their mean.
 use crate::grain::{SizeLaw, SizeRange, TruncatedNormal, shape_factor, size_factor_per_m};
 use crate::optics::ice_density_kg_m3;
-use crate::units::{m_to_um, um_to_m};
+use splitsnow_spectra::units::{m_to_um, um_to_m};
 
 /// A measure of grains that stands in for their size.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]

@@ -24,8 +24,7 @@ use thiserror::Error;
 use crate::spectrum::{Resampling, TableError};
 
 pub use power::{IlluminantError, PowerTable};
-pub(crate) use viewing::Stated;
-pub use viewing::{ColourDifference, Illuminant, Viewing};
+pub use viewing::{ColourDifference, Illuminant, Stated, Viewing};
 
 /// White of the sums below: they are divided by white already.
 #[derive(Debug, Clone, Copy, PartialEq)]

@@ -1,11 +1,10 @@
 //! Eight walks side by side: vectors of eight f64 and their elementary
 //! functions. Only single operations are used, never fused ones, so the
 //! results are the same to the bit on every machine.
-use std::f64::consts::{FRAC_PI_4, LN_2, SQRT_2};
+use std::f64::consts::FRAC_PI_4;
 use std::ops::{Add, Mul};
 
-use wide::bytemuck::cast;
-use wide::{f64x8, u64x8};
+use wide::f64x8;
 
 /// Eight vectors.
 #[derive(Debug, Clone, Copy, PartialEq, Default)]
@@ -112,30 +111,6 @@ impl Mul<f64x8> for Vec3x8 {
     }
 }
 
-/// Natural logarithm of normal positive numbers; relative error below 1e-14.
-#[inline(always)]
-#[must_use]
-pub fn ln(x: f64x8) -> f64x8 {
-    let bits: u64x8 = cast(x);
-    // exponent as a float: put it in the low bits of 2^52 and subtract that
-    let biased: f64x8 = cast((bits >> 52) | u64x8::splat(0x4330_0000_0000_0000));
-    let exponent = biased - f64x8::splat(4_503_599_627_370_496.0 + 1023.0);
-    let mantissa: f64x8 =
-        cast((bits & u64x8::splat(0x000f_ffff_ffff_ffff)) | u64x8::splat(0x3ff0_0000_0000_0000));
-    let high = mantissa.simd_gt(f64x8::splat(SQRT_2));
-    let mantissa = high.select(mantissa * f64x8::splat(0.5), mantissa);
-    let exponent = high.select(exponent + f64x8::ONE, exponent);
-    // ln m = 2 artanh(s), s = (m - 1)/(m + 1), |s| <= 0.172
-    let s = (mantissa - f64x8::ONE) / (mantissa + f64x8::ONE);
-    let y = s * s;
-    let mut p = f64x8::splat(1.0 / 17.0);
-    for denominator in [15.0, 13.0, 11.0, 9.0, 7.0, 5.0, 3.0] {
-        p = p * y + f64x8::splat(1.0 / denominator);
-    }
-    let twice = s + s;
-    exponent * f64x8::splat(LN_2) + (twice + twice * y * p)
-}
-
 /// (sin, cos) of `t * pi / 4` for t in [-1, 1]; absolute error below 3e-14.
 #[inline(always)]
 #[must_use]
@@ -169,21 +144,6 @@ pub fn sincos_eighth(t: f64x8) -> (f64x8, f64x8) {
 #[cfg(test)]
 mod tests {
     use super::*;
-
-    #[test]
-    fn ln_is_ln() {
-        for i in 1..100_000 {
-            let x = f64::from(i) * 1.7e-5;
-            for x in [x, x * 1e-9, x * 1e12, 1.0 - x * 1e-6] {
-                let (ours, exact) = (ln(f64x8::splat(x)).to_array()[3], libm::log(x));
-                assert!(
-                    (ours - exact).abs() <= 1e-14 * exact.abs() + 1e-300,
-                    "{x}: {ours} {exact}"
-                );
-            }
-        }
-        assert_eq!(ln(f64x8::ONE).to_array()[0], 0.0);
-    }
 
     #[test]
     fn sincos_eighth_is_sincos() {

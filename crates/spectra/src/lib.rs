@@ -1,0 +1,9 @@
+//! Spectra and their colours: tabulated functions of wavelength, measured spectra as
+//! instruments and libraries write them, CIELAB. The lowest crate of SPLITSnow.
+pub mod colour;
+pub mod elementary;
+mod quantity;
+pub mod spectrum;
+pub mod units;
+
+pub use quantity::Quantity;
