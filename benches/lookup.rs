@@ -6,8 +6,9 @@ use std::path::Path;
 
 use criterion::{Criterion, criterion_group, criterion_main};
 use rayon::prelude::*;
-use splitsnow::lookup::{Database, Lookup, Point, Varsa2025};
+use splitsnow::lookup::{Database, Lookup, Varsa2025};
 use splitsnow::measurement::Quantity;
+use splitsnow::parameter::{Parameter, Point};
 
 fn lookups(c: &mut Criterion) {
     let file = std::env::var("SPLITSNOW_FILE").unwrap_or("out/quick/snow.safetensors".into());
@@ -17,8 +18,8 @@ fn lookups(c: &mut Criterion) {
     let mut spectrum = vec![0.0; lookup.wavelengths()];
     let ends = database
         .axes()
-        .each_ref()
-        .map(|axis| [axis[0], axis[axis.len() - 1]].map(f64::from));
+        .core()
+        .map(|axis| [axis[0], axis[axis.len() - 1]]);
     // points of a lattice: as scattered as a renderer's
     let mut u = [0.5; 5];
     let points: Vec<Point> = (0..4096)
@@ -28,7 +29,7 @@ fn lookups(c: &mut Criterion) {
                 .zip(steps)
                 .for_each(|(u, step)| *u = (*u + step) % 1.0);
             let place = |axis: usize| ends[axis][0] + u[axis] * (ends[axis][1] - ends[axis][0]);
-            Point::from_coordinates(std::array::from_fn(place))
+            Point::of_core(std::array::from_fn(place))
         })
         .collect();
     let mut next = (0..).map(|i: usize| points[i % points.len()]);
@@ -41,13 +42,10 @@ fn lookups(c: &mut Criterion) {
         })
     });
     let p = points[0];
-    let snow = lookup
-        .material(p.facetness, p.grain_size_um, p.density_kg_m3)
-        .unwrap();
-    let of_snow = |point: Point| Point {
-        thickness_cm: point.thickness_cm,
-        angle_deg: point.angle_deg,
-        ..p
+    let snow = lookup.material(p).unwrap();
+    let of_snow = |point: Point| {
+        p.with(Parameter::Thickness, point[Parameter::Thickness])
+            .with(Parameter::Incidence, point[Parameter::Incidence])
     };
     group.bench_function("of one snow", |b| {
         b.iter(|| {
@@ -66,10 +64,9 @@ fn lookups(c: &mut Criterion) {
     });
     let published = Varsa2025::new(&database, quantity).unwrap();
     let node = database.point(0).unwrap();
-    let on_node = |point: Point| Point {
-        thickness_cm: point.thickness_cm,
-        angle_deg: point.angle_deg,
-        ..node
+    let on_node = |point: Point| {
+        node.with(Parameter::Thickness, point[Parameter::Thickness])
+            .with(Parameter::Incidence, point[Parameter::Incidence])
     };
     group.bench_function("varsa2025", |b| {
         b.iter(|| published.spectrum(on_node(next.next().unwrap())).unwrap())

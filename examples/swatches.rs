@@ -9,20 +9,17 @@ use ndarray::Array2;
 use splitsnow::colour::Colorimeter;
 use splitsnow::compress::{Bands, Choice, Variant, compress};
 use splitsnow::export::{Eyes, LIGHTS, LUMINANCE, Sampling};
-use splitsnow::lookup::{Database, Point};
+use splitsnow::lookup::Database;
 use splitsnow::measurement::Quantity;
+use splitsnow::parameter::{Parameter, Point};
 use splitsnow::report::{Swatch, SwatchRows, Swatches};
 use splitsnow::store::{Store, Variable};
 
 type Result<T> = std::result::Result<T, Box<dyn Error>>;
 
-const BASE: Point = Point {
-    facetness: 0.3,
-    grain_size_um: 400.0,
-    density_kg_m3: 300.0,
-    thickness_cm: 15.0,
-    angle_deg: 0.0,
-};
+fn base() -> Point {
+    Point::of_core([0.3, 400.0, 300.0, 15.0, 0.0])
+}
 const NOTE: &str = "ΔE*ab (CIE 1976) of the two as they are; in brackets, exposed";
 
 /// Two spectra side by side.
@@ -77,22 +74,12 @@ fn comparisons(
             Variant::default(),
         )?;
         let coefficients = compressed.coefficients.decoded();
-        let row = coefficients.row(database.row(BASE)?).mapv(f64::from);
+        let row = coefficients.row(database.row(base())?).mapv(f64::from);
         Ok(compressed.basis.mapv(f64::from).dot(&row).to_vec())
     };
-    let size = |grain_size_um| {
-        spectrum(Point {
-            grain_size_um,
-            ..BASE
-        })
-    };
-    let facetness = |facetness| spectrum(Point { facetness, ..BASE });
-    let density = |density_kg_m3| {
-        spectrum(Point {
-            density_kg_m3,
-            ..BASE
-        })
-    };
+    let size = |grain_size_um| spectrum(base().with(Parameter::GrainSize, grain_size_um));
+    let facetness = |facetness| spectrum(base().with(Parameter::Facetness, facetness));
+    let density = |density_kg_m3| spectrum(base().with(Parameter::Density, density_kg_m3));
     let all = [
         (
             ["grain size, µm", "100 | 500"],
@@ -106,8 +93,8 @@ fn comparisons(
             ["density, kg/m³", "200 | 400"],
             [density(200.0)?, density(400.0)?],
         ),
-        (["components", "31 | 1"], [spectrum(BASE)?, rebuilt(1)?]),
-        (["components", "31 | 2"], [spectrum(BASE)?, rebuilt(2)?]),
+        (["components", "31 | 1"], [spectrum(base())?, rebuilt(1)?]),
+        (["components", "31 | 2"], [spectrum(base())?, rebuilt(2)?]),
     ];
     let compared = |(name, spectra): ([&'static str; 2], [Vec<f64>; 2])| Comparison {
         exposure: eyes.exposure(&[&spectra[0], &spectra[1]]),

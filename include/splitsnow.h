@@ -27,7 +27,7 @@ typedef enum splitsnow_status {
     SPLITSNOW_ERROR_FORMAT,      /* the file is not one that this version reads */
     SPLITSNOW_ERROR_ARGUMENT,    /* an argument that is never allowed */
     SPLITSNOW_ERROR_NO_QUANTITY, /* the file does not hold the quantity */
-    SPLITSNOW_ERROR_NO_AXIS,     /* a condition on an axis that the file has not */
+    SPLITSNOW_ERROR_NO_AXIS,     /* a condition on an axis that the file does not have */
     SPLITSNOW_ERROR_CONDITION,   /* the file has an axis beyond the five: say where on it */
     SPLITSNOW_ERROR_OUTSIDE,     /* a coordinate outside the database, or not a number */
     SPLITSNOW_ERROR_TOO_LARGE,   /* a table of more than 1 GB */
@@ -41,20 +41,23 @@ typedef enum splitsnow_quantity {
     SPLITSNOW_REFLECTANCE = 1
 } splitsnow_quantity;
 
-/* Axes. Every file has the first five, few have some of the others. */
+/* Axes. Every file has the first five, few have some of the others. The blocks between
+ * marks are made from crates/lookup/src/parameter (tests/c_header/parameters.rs). */
+/* <axes> */
 typedef enum splitsnow_axis {
-    SPLITSNOW_FACETNESS = 0,
-    SPLITSNOW_GRAIN_SIZE_UM,
-    SPLITSNOW_DENSITY_KG_M3,
-    SPLITSNOW_THICKNESS_CM,
-    SPLITSNOW_ANGLE_DEG,
-    SPLITSNOW_BLACK_CARBON_NG_G,
-    SPLITSNOW_WATER_SATURATION,
-    SPLITSNOW_TEMPERATURE_C,
-    SPLITSNOW_SPHERICITY,
-    SPLITSNOW_SUBSTRATE_REFLECTANCE,
+    SPLITSNOW_FACETNESS = 0, /* mean facetness of the grains */
+    SPLITSNOW_GRAIN_SIZE_UM, /* mean length of the grains' major axis, um */
+    SPLITSNOW_DENSITY_KG_M3, /* density of the dry snow, kg m-3 */
+    SPLITSNOW_THICKNESS_CM, /* thickness of the slab, cm */
+    SPLITSNOW_ANGLE_DEG, /* polar angle of incidence from the surface normal, degree */
+    SPLITSNOW_BLACK_CARBON_NG_G, /* mass of black carbon per mass of snow, ng g-1 */
+    SPLITSNOW_WATER_SATURATION, /* share of the pore space that is water */
+    SPLITSNOW_TEMPERATURE_C, /* temperature of the snow, degC */
+    SPLITSNOW_SPHERICITY, /* mean sphericity of the grains */
+    SPLITSNOW_SUBSTRATE_REFLECTANCE, /* Lambertian reflectance of the substrate */
     SPLITSNOW_AXES /* how many there are */
 } splitsnow_axis;
+/* </axes> */
 
 /* Lights that colours are seen under. */
 typedef enum splitsnow_illuminant {
@@ -238,15 +241,47 @@ struct splitsnow {
     char *strings;
 };
 
-static const char *const splitsnow__axis_names[SPLITSNOW_AXES] = {
-    "facetness",         "grain_size_um",    "density_kg_m3", "thickness_cm", "angle_deg",
-    "black_carbon_ng_g", "water_saturation", "temperature_c", "sphericity",
-    "substrate_reflectance"};
+/* Coordinates that grow with the value x of a parameter. */
+typedef enum splitsnow__scale {
+    SPLITSNOW__LINEAR,     /* x */
+    SPLITSNOW__LOG,        /* ln x */
+    SPLITSNOW__SHIFTED,    /* ln(1 + x / s) */
+    SPLITSNOW__ROOT,       /* sqrt(x + s) */
+    SPLITSNOW__COMPLEMENT, /* -ln(1 - s x) */
+    SPLITSNOW__SATURATING, /* -exp(-x / s) */
+    SPLITSNOW__GRAZING     /* a exp(-mu / s) - mu, mu the cosine of x degrees */
+} splitsnow__scale;
+
+typedef struct splitsnow__parameter {
+    const char *name;
+    double min, max;
+    int open_min, open_max; /* whether the ends themselves are not allowed */
+    splitsnow__scale scale;
+    double s, a;
+} splitsnow__parameter;
+
+/* <parameters> */
+#define SPLITSNOW__CORE "facetness,grain_size_um,density_kg_m3,thickness_cm,angle_deg"
+#define SPLITSNOW__FIRST_OPTIONAL SPLITSNOW_BLACK_CARBON_NG_G
+
+static const splitsnow__parameter splitsnow__parameters[SPLITSNOW_AXES] = {
+    {"facetness", 0.0, 1.0, 0, 0, SPLITSNOW__SATURATING, 0.18, 0.0},
+    {"grain_size_um", 0.0, 1000000.0, 1, 0, SPLITSNOW__LOG, 1.0, 0.0},
+    {"density_kg_m3", 0.0, 1000.0, 1, 1, SPLITSNOW__LOG, 1.0, 0.0},
+    {"thickness_cm", 0.0, 1000000.0, 1, 0, SPLITSNOW__SHIFTED, 0.5, 0.0},
+    {"angle_deg", 0.0, 90.0, 0, 1, SPLITSNOW__GRAZING, 0.02, 0.4},
+    {"black_carbon_ng_g", 0.0, 1000000000.0, 0, 0, SPLITSNOW__ROOT, 20.0, 0.0},
+    {"water_saturation", 0.0, 0.5, 0, 0, SPLITSNOW__COMPLEMENT, 1.0, 0.0},
+    {"temperature_c", -40.0, 0.0, 0, 0, SPLITSNOW__LINEAR, 1.0, 0.0},
+    {"sphericity", 0.0, 1.0, 1, 0, SPLITSNOW__LOG, 1.0, 0.0},
+    {"substrate_reflectance", 0.0, 1.0, 0, 0, SPLITSNOW__COMPLEMENT, 0.95, 0.0},
+};
+/* </parameters> */
 
 static const char *const splitsnow__quantities[2] = {"transmittance", "reflectance"};
 
 const char *splitsnow_axis_name(splitsnow_axis axis) {
-    return (unsigned)axis < SPLITSNOW_AXES ? splitsnow__axis_names[axis] : "unknown axis";
+    return (unsigned)axis < SPLITSNOW_AXES ? splitsnow__parameters[axis].name : "unknown axis";
 }
 
 const char *splitsnow_error_string(splitsnow_status status) {
@@ -522,17 +557,17 @@ typedef struct splitsnow__tensor {
     uint64_t begin, end;
 } splitsnow__tensor;
 
-enum { SPLITSNOW__U8, SPLITSNOW__U16, SPLITSNOW__F16, SPLITSNOW__F32 };
+enum { SPLITSNOW__U8, SPLITSNOW__U16, SPLITSNOW__F16, SPLITSNOW__F32, SPLITSNOW__F64 };
 
 static const struct {
     const char *name;
     unsigned bits;
 } splitsnow__types[] = {
-    {"U8", 8},       {"U16", 16},        {"F16", 16},        {"F32", 32},
+    {"U8", 8},       {"U16", 16},        {"F16", 16},        {"F32", 32},        {"F64", 64},
     {"BOOL", 8},     {"F4", 4},          {"F6_E2M3", 6},     {"F6_E3M2", 6},
     {"I8", 8},       {"F8_E5M2", 8},     {"F8_E4M3", 8},     {"F8_E8M0", 8},
     {"I16", 16},     {"F8_E4M3FNUZ", 8}, {"F8_E5M2FNUZ", 8}, {"BF16", 16},
-    {"I32", 32},     {"U32", 32},        {"C64", 64},        {"F64", 64},
+    {"I32", 32},     {"U32", 32},        {"C64", 64},
     {"I64", 64},     {"U64", 64}};
 
 /* A header: tensors and metadata sorted by name. */
@@ -873,6 +908,13 @@ static float splitsnow__float32(const unsigned char *at) {
     return value;
 }
 
+static double splitsnow__float64(const unsigned char *at) {
+    uint64_t bits = splitsnow__little(at, 4) | (uint64_t)splitsnow__little(at + 4, 4) << 32;
+    double value;
+    memcpy(&value, &bits, sizeof value);
+    return value;
+}
+
 static float splitsnow__float16(const unsigned char *at) {
     uint32_t bits = splitsnow__little(at, 2);
     int exponent = (int)(bits >> 10 & 31);
@@ -898,8 +940,8 @@ static const splitsnow__tensor *splitsnow__find(const splitsnow__source *source,
     return NULL;
 }
 
-/* The bytes of a tensor of the `type` (or, if that is U8, U16) and shape: [a], or [a, b] if
- * b > 0; a of 0 is any. NULL if there is none, which is told. */
+/* The bytes of a tensor of the `type` (U8 stands for U16, too, and F64 for F32) and shape:
+ * [a], or [a, b] if b > 0; a of 0 is any. NULL if there is none, which is told. */
 static const unsigned char *splitsnow__bytes(const splitsnow__source *source, const char *name,
                                              int type, size_t a, size_t b,
                                              const splitsnow__tensor **tensor) {
@@ -910,7 +952,8 @@ static const unsigned char *splitsnow__bytes(const splitsnow__source *source, co
         splitsnow__refuse(source->report, "it has no tensor `%s`", name);
         return NULL;
     }
-    if ((found->type == type || (type == SPLITSNOW__U8 && found->type == SPLITSNOW__U16)) &&
+    if ((found->type == type || (type == SPLITSNOW__U8 && found->type == SPLITSNOW__U16) ||
+         (type == SPLITSNOW__F64 && found->type == SPLITSNOW__F32)) &&
         found->dimensions == (b > 0 ? 2u : 1u) && (a == 0 || found->shape[0] == a) &&
         (b == 0 || found->shape[1] == b)) {
         return source->data + found->begin;
@@ -922,29 +965,27 @@ static const unsigned char *splitsnow__bytes(const splitsnow__source *source, co
                       "its tensor `%s` is %s of %zu dimensions, %llu values; expected %s %s", name,
                       splitsnow__types[found->type].name, found->dimensions,
                       (unsigned long long)found->elements,
-                      type == SPLITSNOW__U8 ? "U8 or U16" : splitsnow__types[type].name, expected);
+                      type == SPLITSNOW__U8    ? "U8 or U16"
+                      : type == SPLITSNOW__F64 ? "F64 or F32"
+                                               : splitsnow__types[type].name,
+                      expected);
     return NULL;
 }
 
-/* Whether a node may have this value; the last is the wavelength. */
-static int splitsnow__allowed(int axis, float v) {
-    switch (axis) {
-    case SPLITSNOW_FACETNESS: return v >= 0.0f && v <= 1.0f;
-    case SPLITSNOW_DENSITY_KG_M3: return v > 0.0f && v < 1000.0f;
-    case SPLITSNOW_ANGLE_DEG: return v >= 0.0f && v < 90.0f;
-    case SPLITSNOW_BLACK_CARBON_NG_G: return v >= 0.0f && v <= 1e9f;
-    case SPLITSNOW_WATER_SATURATION: return v >= 0.0f && v <= 0.5f;
-    case SPLITSNOW_TEMPERATURE_C: return v >= -40.0f && v <= 0.0f;
-    case SPLITSNOW_SPHERICITY: return v > 0.0f && v <= 1.0f;
-    case SPLITSNOW_SUBSTRATE_REFLECTANCE: return v >= 0.0f && v <= 1.0f;
-    default: return v > 0.0f && v <= 1e6f; /* grain size, thickness, wavelength */
-    }
+/* Whether a node may have this value; beyond the axes, a wavelength in nm. */
+static int splitsnow__allowed(int axis, double v) {
+    const splitsnow__parameter *of;
+    if (axis == SPLITSNOW_AXES) return v > 0.0 && v <= 1e6;
+    of = &splitsnow__parameters[axis];
+    return v >= of->min && v <= of->max && !(of->open_min && v == of->min) &&
+           !(of->open_max && v == of->max);
 }
 
+/* Coordinates are f64, in files of version 1 f32; look-ups are in single precision. */
 static splitsnow_status splitsnow__coordinate(const splitsnow__source *source, const char *name,
                                               int axis, float **values, size_t *count) {
     const splitsnow__tensor *tensor;
-    const unsigned char *bytes = splitsnow__bytes(source, name, SPLITSNOW__F32, 0, 0, &tensor);
+    const unsigned char *bytes = splitsnow__bytes(source, name, SPLITSNOW__F64, 0, 0, &tensor);
     if (bytes == NULL) return SPLITSNOW_ERROR_FORMAT;
     if (tensor->elements == 0) {
         return splitsnow__refuse(source->report, "its tensor %s has no values", name);
@@ -953,13 +994,16 @@ static splitsnow_status splitsnow__coordinate(const splitsnow__source *source, c
     *values = splitsnow__floats(*count);
     if (*values == NULL) return splitsnow__no_memory(source->report);
     for (size_t i = 0; i < *count; i++) {
-        float value = splitsnow__float32(bytes + 4 * i);
-        (*values)[i] = value;
-        if (!splitsnow__allowed(axis, value) || (i > 0 && !((*values)[i - 1] < value))) {
+        double value = tensor->type == SPLITSNOW__F64
+                           ? splitsnow__float64(bytes + 8 * i)
+                           : (double)splitsnow__float32(bytes + 4 * i);
+        (*values)[i] = splitsnow__single(value);
+        if (!splitsnow__allowed(axis, value) || !splitsnow__allowed(axis, (double)(*values)[i]) ||
+            (i > 0 && !((*values)[i - 1] < (*values)[i]))) {
             return splitsnow__refuse(source->report,
                                      "its tensor %s has the value %g, number %zu, which is outside "
                                      "what is allowed or not above the one before",
-                                     name, (double)value, i + 1);
+                                     name, value, i + 1);
         }
     }
     return SPLITSNOW_OK;
@@ -1058,7 +1102,7 @@ static int splitsnow__known(const splitsnow *database, const unsigned char *ther
                             splitsnow__text name) {
     char other[80];
     for (int axis = 0; axis < SPLITSNOW_AXES; axis++) {
-        if (there[axis] && splitsnow__is(name, splitsnow__axis_names[axis])) return 1;
+        if (there[axis] && splitsnow__is(name, splitsnow__parameters[axis].name)) return 1;
     }
     if (splitsnow__is(name, "wavelength_nm") || splitsnow__is(name, "absent")) return 1;
     for (int quantity = 0; quantity < 2; quantity++) {
@@ -1109,9 +1153,9 @@ static splitsnow_status splitsnow__axis_order(const splitsnow__source *source,
     const splitsnow__header *header = &source->header;
     const splitsnow__text *found =
         splitsnow__value(header->metadata, header->n_metadata, "axis_order");
-    static const char five[] = "facetness,grain_size_um,density_kg_m3,thickness_cm,angle_deg";
+    static const char five[] = SPLITSNOW__CORE;
     size_t size = sizeof five - 1, at = 0;
-    int least = SPLITSNOW_BLACK_CARBON_NG_G, ordered = 1;
+    int least = SPLITSNOW__FIRST_OPTIONAL, ordered = 1;
     for (int axis = 0; axis < SPLITSNOW_AXES; axis++) there[axis] = axis < least;
     if (found == NULL || found->size < size ||
         memcmp(found->at + found->size - size, five, size) != 0) {
@@ -1120,10 +1164,10 @@ static splitsnow_status splitsnow__axis_order(const splitsnow__source *source,
     while (at < found->size - size) {
         splitsnow__text name;
         const char *end = (const char *)memchr(found->at + at, ',', found->size - size - at);
-        int axis = SPLITSNOW_BLACK_CARBON_NG_G;
+        int axis = SPLITSNOW__FIRST_OPTIONAL;
         name.at = found->at + at;
         name.size = (end != NULL ? (size_t)(end - found->at) : found->size - size) - at;
-        while (axis < SPLITSNOW_AXES && !splitsnow__is(name, splitsnow__axis_names[axis])) axis++;
+        while (axis < SPLITSNOW_AXES && !splitsnow__is(name, splitsnow__parameters[axis].name)) axis++;
         if (axis == SPLITSNOW_AXES) {
             return splitsnow__refuse(source->report,
                                      "it has an axis `%s`, which this version does not know",
@@ -1134,30 +1178,30 @@ static splitsnow_status splitsnow__axis_order(const splitsnow__source *source,
         there[axis] = 1;
         at += name.size + 1;
     }
-    if (!ordered) return splitsnow__unexpected(source, "axis_order", "black_carbon_ng_g,... in order");
+    if (!ordered) return splitsnow__unexpected(source, "axis_order", "the axes in storage order");
     return SPLITSNOW_OK;
 }
 
 /* Everything of a header and data that agree on their sizes. */
 static splitsnow_status splitsnow__fill(splitsnow *database, const splitsnow__source *source) {
     static const char *const format[] = {"splitsnow-compact"};
-    static const char *const version[] = {"1"};
+    static const char *const versions[] = {"2", "1"};
+    static const char *const substrates[] = {"black", "reflecting", "layers"};
     static const char *const bases[] = {"linear", "log"};
     static const char *const precisions[] = {"f32", "f16", "quantised"};
     static const char *const both[] = {"transmittance,reflectance", "transmittance", "reflectance"};
     const splitsnow__header *header = &source->header;
     const splitsnow__text *bottom;
     unsigned char there[SPLITSNOW_AXES];
-    int basis, precision, quantities;
+    int basis, precision, quantities, version;
     size_t rows = 1;
     splitsnow_status status;
 
     if (splitsnow__choice(source, "format", -1, format, 1) < 0) {
         return splitsnow__unexpected(source, "format", format[0]);
     }
-    if (splitsnow__choice(source, "format_version", -1, version, 1) < 0) {
-        return splitsnow__unexpected(source, "format_version", version[0]);
-    }
+    version = splitsnow__choice(source, "format_version", -1, versions, 2);
+    if (version < 0) return splitsnow__unexpected(source, "format_version", "2` or `1");
     status = splitsnow__axis_order(source, there);
     if (status != SPLITSNOW_OK) return status;
     basis = splitsnow__choice(source, "basis", -1, bases, 2);
@@ -1172,9 +1216,17 @@ static splitsnow_status splitsnow__fill(splitsnow *database, const splitsnow__so
             source, "quantities", "transmittance,reflectance` or `transmittance` or `reflectance");
     }
     database->logarithmic = basis;
-    bottom = splitsnow__value(header->metadata, header->n_metadata, "bottom_boundary");
-    database->stands_free =
-        bottom == NULL || (bottom->size >= 5 && memcmp(bottom->at, "black", 5) == 0);
+    if (version == 0) {
+        int substrate = splitsnow__choice(source, "substrate", -1, substrates, 3);
+        if (substrate < 0) {
+            return splitsnow__unexpected(source, "substrate", "black` or `reflecting` or `layers");
+        }
+        database->stands_free = substrate == 0;
+    } else {
+        bottom = splitsnow__value(header->metadata, header->n_metadata, "bottom_boundary");
+        database->stands_free =
+            bottom == NULL || (bottom->size >= 5 && memcmp(bottom->at, "black", 5) == 0);
+    }
 
     status = splitsnow__coordinate(source, "wavelength_nm", SPLITSNOW_AXES,
                                    &database->wavelength_nm, &database->wavelengths);
@@ -1194,7 +1246,7 @@ static splitsnow_status splitsnow__fill(splitsnow *database, const splitsnow__so
     }
     for (int axis = 0; axis < SPLITSNOW_AXES; axis++) {
         if (!there[axis]) continue;
-        status = splitsnow__coordinate(source, splitsnow__axis_names[axis], axis,
+        status = splitsnow__coordinate(source, splitsnow__parameters[axis].name, axis,
                                        &database->axes[axis], &database->counts[axis]);
         if (status != SPLITSNOW_OK) return status;
         if (!splitsnow__times(&rows, database->counts[axis])) rows = SIZE_MAX;
@@ -1390,30 +1442,30 @@ const char *splitsnow_metadata(const splitsnow *database, const char *key) {
 
 /* ---- Coordinates in which snow is smooth ---- */
 
-static double splitsnow__place_beyond(int axis, double value) {
-    switch (axis) {
-    case SPLITSNOW_BLACK_CARBON_NG_G: return sqrt(value + 20.0);
-    case SPLITSNOW_WATER_SATURATION: return -log(1.0 - value);
-    case SPLITSNOW_SPHERICITY: return log(value);
-    case SPLITSNOW_SUBSTRATE_REFLECTANCE: return -log(1.0 - 0.95 * value);
-    default: return value; /* temperature */
+static double splitsnow__place_of(int axis, double x) {
+    const splitsnow__parameter *of = &splitsnow__parameters[axis];
+    double mu;
+    switch (of->scale) {
+    case SPLITSNOW__LINEAR: return x;
+    case SPLITSNOW__LOG: return log(x);
+    case SPLITSNOW__SHIFTED: return log(1.0 + x / of->s);
+    case SPLITSNOW__ROOT: return sqrt(x + of->s);
+    case SPLITSNOW__COMPLEMENT: return -log(1.0 - of->s * x);
+    case SPLITSNOW__SATURATING: return -exp(-x / of->s);
+    case SPLITSNOW__GRAZING: break;
     }
+    mu = cos(x * (3.14159265358979323846 / 180.0));
+    return of->a * exp(-mu / of->s) - mu;
 }
 
-static float splitsnow__place(int axis, float single) {
-    double value = (double)single, mu;
-    switch (axis) {
-    case SPLITSNOW_FACETNESS: return (float)-exp(-value / 0.18);
-    case SPLITSNOW_THICKNESS_CM: return (float)log(1.0 + value / 0.5);
-    case SPLITSNOW_ANGLE_DEG:
-        mu = cos(value * (3.14159265358979323846 / 180.0));
-        return (float)(0.4 * exp(-mu / 0.02) - mu);
-    default: return (float)log(value); /* grain size, density */
-    }
+static float splitsnow__place(int axis, float value) {
+    return (float)splitsnow__place_of(axis, (double)value);
 }
 
 /* Derivative of the thickness' coordinate, 1/cm. */
-static float splitsnow__slope_at(float thickness_cm) { return 1.0f / (0.5f + thickness_cm); }
+static float splitsnow__slope_at(float thickness_cm) {
+    return 1.0f / ((float)splitsnow__parameters[SPLITSNOW_THICKNESS_CM].s + thickness_cm);
+}
 
 /* Whether `value` is the node `node`: axes are in single precision, users type decimals.
  * The shortest decimal of a subnormal number is farther from it than the tolerance. */
@@ -1462,9 +1514,9 @@ static int splitsnow__cell(int axis, const float *nodes, size_t n, double value,
     if (splitsnow__on(nodes[*below], value)) return 1;
     if (above == n) return 0;
     *below = above - 1;
-    from = splitsnow__place_beyond(axis, (double)nodes[*below]);
-    to = splitsnow__place_beyond(axis, (double)nodes[above]);
-    *share = (splitsnow__place_beyond(axis, value) - from) / (to - from);
+    from = splitsnow__place_of(axis, (double)nodes[*below]);
+    to = splitsnow__place_of(axis, (double)nodes[above]);
+    *share = (splitsnow__place_of(axis, value) - from) / (to - from);
     return 1;
 }
 

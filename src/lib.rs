@@ -39,7 +39,6 @@ pub mod export;
 pub mod fit;
 pub mod grid;
 mod host;
-pub mod lookup;
 pub mod report;
 pub mod scene;
 pub mod store;
@@ -48,5 +47,6 @@ pub mod threads;
 pub mod tradeoff;
 pub mod verify;
 
+pub use splitsnow_lookup::{self as lookup, parameter};
 pub use splitsnow_model::{engine, grain, math, measurement, optics, rng, slab, table, transport};
 pub use splitsnow_spectra::{colour, elementary, spectrum, units};

@@ -11,9 +11,10 @@ use assert_cmd::cargo::cargo_bin;
 use splitsnow::certificate::{CERTIFICATE, Certificate, Patch, Simulation};
 use splitsnow::config;
 use splitsnow::engine::{Cache, Control};
-use splitsnow::grid::{Conditions, ExtraAxis};
-use splitsnow::lookup::{Database, Lookup, Point};
+
+use splitsnow::lookup::{Database, Lookup};
 use splitsnow::measurement::Quantity;
+use splitsnow::parameter::{Parameter, Point};
 use splitsnow::store::{Store, Variable};
 
 /// 2 x 2 combinations of 3 x 2 curves.
@@ -75,13 +76,15 @@ fn csv(text: &str) -> Vec<f64> {
 }
 
 /// A converged simulation at `thickness_cm` under normal light: values and errors.
-fn fresh(thickness_cm: f64, conditions: Conditions) -> Vec<[f64; 2]> {
+fn fresh(thickness_cm: f64, optional: Point) -> Vec<[f64; 2]> {
     let grid = config::grid::parse("g.toml", GRID).unwrap().grid;
     let patch = Patch {
-        snow: [0.3, 300.0, 250.0],
+        snow: optional
+            .with(Parameter::Facetness, 0.3)
+            .with(Parameter::GrainSize, 300.0)
+            .with(Parameter::Density, 250.0),
         thickness_cm: vec![thickness_cm],
         angle_deg: vec![0.0],
-        conditions,
     };
     let (cancel, rays_done) = (AtomicBool::new(false), AtomicU64::new(0));
     let control = Control {
@@ -135,8 +138,8 @@ fn from_the_grid_file_to_the_answers() {
     assert_eq!(grid.axes, *store.axes());
     let stored = curves.row(3 * 6 + 2).to_vec();
     let both = [
-        (ExtraAxis::BlackCarbon, 100.0),
-        (ExtraAxis::WaterSaturation, 0.05),
+        (Parameter::BlackCarbon, 100.0),
+        (Parameter::WaterSaturation, 0.05),
     ];
     let again = fresh(5.0, both.into());
     for (stored, [value, se]) in stored.iter().zip(&again) {
@@ -151,8 +154,8 @@ fn from_the_grid_file_to_the_answers() {
     }
     let off = query("--thickness-cm 4 --black-carbon-ng-g 40 --water-saturation 0.02");
     let between = [
-        (ExtraAxis::BlackCarbon, 40.0),
-        (ExtraAxis::WaterSaturation, 0.02),
+        (Parameter::BlackCarbon, 40.0),
+        (Parameter::WaterSaturation, 0.02),
     ];
     let clean = query("--thickness-cm 4 --black-carbon-ng-g 0 --water-saturation 0.02");
     for ((found, [value, se]), clean) in off.iter().zip(fresh(4.0, between.into())).zip(clean) {
@@ -165,10 +168,10 @@ fn from_the_grid_file_to_the_answers() {
         assert!(*found < 0.95 * clean, "{found} {clean}");
     }
     let database = Database::open(&folder.out().join("snow.safetensors")).unwrap();
-    let there = database.at(&between.into()).unwrap();
+    let there = database.at(between.into()).unwrap();
     let lookup = Lookup::new(&there, Quantity::Transmittance).unwrap();
     let mut spectrum = [0.0; 3];
-    let point = Point::from_coordinates([0.3, 300.0, 250.0, 4.0, 0.0]);
+    let point = Point::of_core([0.3, 300.0, 250.0, 4.0, 0.0]);
     lookup.spectrum(point, &mut spectrum).unwrap();
     let same = spectrum
         .iter()
@@ -207,7 +210,7 @@ fn verified(folder: &Folder) {
     let file = Database::open(&path).unwrap();
     let certificate: Certificate = serde_json::from_str(&file.metadata()[CERTIFICATE]).unwrap();
     let worst = &certificate.quantities["transmittance"].worst[0].at;
-    assert!(worst.contains("degrees, black_carbon_ng_g "), "{worst}");
+    assert!(worst.contains("degrees, black carbon "), "{worst}");
 
     // a chunk of another combination is no substitute
     let array = folder.out().join("database.zarr/transmittance");
@@ -218,7 +221,7 @@ fn verified(folder: &Folder) {
     let report = String::from_utf8(report.stdout).unwrap();
     assert!(
         report.contains("job 2 is missing or damaged")
-            && report.contains("black_carbon_ng_g 100, water_saturation 0"),
+            && report.contains("black carbon 100 ng g-1, water saturation 0"),
         "{report}"
     );
 }
@@ -238,7 +241,7 @@ fn the_canonical_config_is_read_again() {
         assert_eq!(read.axes, again.axes);
     }
     let read = grid(&all).unwrap().grid;
-    assert_eq!(read.axes.combinations(), 32);
+    assert_eq!(read.axes.optional().count(), 32);
     let jobs = read.jobs().unwrap();
     let job = read.job(&jobs, jobs.count() - 1).unwrap();
     let surface = &job.pack.surface;

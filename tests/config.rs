@@ -17,7 +17,7 @@ use splitsnow::config::{grid, sample, scene, schema, study};
 use splitsnow::grain::{SizeLaw, SizeMeasure, specific_surface_m2_kg};
 use splitsnow::measurement::Quantity;
 use splitsnow::optics::{Carbon, CarbonLaw, ImpurityMass, ice_density_kg_m3};
-use splitsnow::scene::Range;
+use splitsnow::parameter::{Parameter, Region};
 use splitsnow::transport::{Ground, Illumination, Joining};
 
 fn root() -> &'static Path {
@@ -87,15 +87,14 @@ fn scenes_are_read_as_they_are_written() {
     assert_eq!((file.name.as_str(), file.text.as_str()), ("mine", SCENE));
     assert_eq!(file.warnings, Vec::<String>::new());
     let read = file.scene;
-    let range = |min, max| Range { min, max };
-    assert_eq!(read.thickness_cm, range(1.0, 50.0));
-    assert_eq!(read.angle_deg, range(0.0, 89.0));
-    let [snow] = read.snow[..] else {
-        panic!("{:?}", read.snow)
-    };
-    assert_eq!(snow.facetness, range(0.1, 0.9));
-    assert_eq!(snow.grain_size_um, range(300.0, 300.0));
-    assert_eq!(snow.density_kg_m3, range(200.0, 400.0));
+    let region = Region::from([
+        (Parameter::Facetness, [0.1, 0.9]),
+        (Parameter::GrainSize, [300.0, 300.0]),
+        (Parameter::Density, [200.0, 400.0]),
+        (Parameter::Thickness, [1.0, 50.0]),
+        (Parameter::Incidence, [0.0, 89.0]),
+    ]);
+    assert_eq!(read.regions, [region]);
     assert_eq!(read.quantities, [Quantity::Transmittance]);
     assert_eq!((read.max_delta_e, read.seed), (0.5, 1));
     assert_eq!(
@@ -129,14 +128,14 @@ snow = [
         ]
     );
     let read = file.scene;
-    assert_eq!(
-        (read.thickness_cm, read.angle_deg),
-        (range(5.0, 5.0), range(0.5, 0.5))
-    );
+    for region in &read.regions {
+        assert_eq!(region.get(Parameter::Thickness), Some([5.0, 5.0]));
+        assert_eq!(region.get(Parameter::Incidence), Some([0.5, 0.5]));
+    }
     assert_eq!(read.quantities, Quantity::ALL);
     assert_eq!(read.viewing, Viewing::default());
     assert_eq!(
-        (read.max_bytes, read.max_seconds, read.snow.len()),
+        (read.max_bytes, read.max_seconds, read.regions.len()),
         (None, None, 2)
     );
     assert!(read.fixed.water_saturation > 0.05);
@@ -358,11 +357,11 @@ fn studies_change_samples() {
 fn the_thesis_database_is_that_of_the_thesis() {
     let file = grid::read(&root().join("configs/thesis.toml")).unwrap();
     let axes = &file.grid.axes;
-    let curves = axes.facetness.len()
-        * axes.grain_size_um.len()
-        * axes.density_kg_m3.len()
-        * axes.thickness_cm.len()
-        * axes.angle_deg.len();
+    let curves = axes.values(Parameter::Facetness).len()
+        * axes.values(Parameter::GrainSize).len()
+        * axes.values(Parameter::Density).len()
+        * axes.values(Parameter::Thickness).len()
+        * axes.values(Parameter::Incidence).len();
     assert_eq!(curves, 24_750);
     assert_eq!(file.grid.wavelengths_nm.len(), 31);
     assert_eq!(file.name, "thesis");
@@ -378,20 +377,7 @@ fn the_thesis_scene_is_the_box_of_the_thesis_database() {
     let scene = scene::read(&root().join("configs/scenes/thesis.toml"))
         .unwrap()
         .scene;
-    let [snow] = scene.snow[..] else {
-        panic!("{:?}", scene.snow)
-    };
-    let ranges = [
-        snow.facetness,
-        snow.grain_size_um,
-        snow.density_kg_m3,
-        scene.thickness_cm,
-        scene.angle_deg,
-    ];
-    for ((name, values), range) in axes.named().into_iter().zip(ranges) {
-        let ends = (values[0], values[values.len() - 1]);
-        assert_eq!((range.min, range.max), ends, "{name}");
-    }
+    assert_eq!(scene.regions, [axes.region()]);
 }
 
 #[test]
@@ -754,7 +740,8 @@ fn grains_told_by_their_surface() {
         assert_eq!(again.grid, file.grid);
         assert!(file.grid.to_config().contains(&told[..10]));
         let jobs = file.grid.jobs().unwrap();
-        let (measure, values) = file.grid.axes.told_by_size().unwrap();
+        let given = file.grid.given_sizes.as_ref().unwrap();
+        let (measure, values) = (given.measure, given.by_size());
         for (i, value) in values.iter().enumerate() {
             let job = file.grid.job(&jobs, (i * 2 * 3) as u64).unwrap();
             let surface = &job.pack.surface;
@@ -791,7 +778,7 @@ fn depths_without_end() {
     }
     let text = GRID.replace("[1, 2, 5]", "[1, 10000, \"inf\"]");
     let file = grid::parse("g.toml", &text).unwrap();
-    assert_eq!(file.grid.axes.thickness_cm, [1.0, 1e4, 1e6]);
+    assert_eq!(file.grid.axes.values(Parameter::Thickness), [1.0, 1e4, 1e6]);
     let again = grid::parse("g.toml", &file.grid.to_config()).unwrap();
     assert_eq!(again.grid, file.grid);
 }

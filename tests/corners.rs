@@ -5,6 +5,7 @@ use std::process::{Command, Output};
 
 use assert_cmd::cargo::cargo_bin;
 use splitsnow::config;
+use splitsnow::grid::absent_curves;
 use splitsnow::lookup::Database;
 use splitsnow::measurement::Quantity;
 use splitsnow::store::{Store, Variable};
@@ -71,7 +72,7 @@ fn the_satellite_grid_is_accepted_and_its_corner_counted() {
     let absent = file.grid.absent().unwrap();
     assert_eq!(absent, [0, 0, 0, 0, 0, 1]);
     // five densities, ten angles
-    assert_eq!(file.grid.axes.absent_curves(&absent), 50);
+    assert_eq!(absent_curves(&file.grid.axes, &absent), 50);
     let told = file
         .warnings
         .iter()

@@ -6,6 +6,7 @@ use std::path::Path;
 
 use serde_json::{Map, Value};
 use splitsnow::config::schema;
+use splitsnow::parameter::{Parameter, Scale};
 
 /// Rows of all keys below `node`.
 fn rows(out: &mut String, node: &Value, path: &str) {
@@ -180,4 +181,48 @@ fn the_compiler_that_is_asked_for_can_compile_it() {
             );
         }
     }
+}
+
+fn coordinate(scale: Scale) -> String {
+    match scale {
+        Scale::Linear => "x".to_owned(),
+        Scale::Log => "ln x".to_owned(),
+        Scale::Shifted(s) => format!("ln(1 + x / {s})"),
+        Scale::Root(s) => format!("sqrt(x + {s})"),
+        Scale::Complement(s) => format!("-ln(1 - {s} x)"),
+        Scale::Saturating(s) => format!("-exp(-x / {s})"),
+        Scale::Grazing([a, s]) => format!("{a} exp(-cos x / {s}) - cos x"),
+    }
+}
+
+#[test]
+fn the_table_of_parameters_is_current() {
+    let page =
+        std::fs::read_to_string(Path::new(env!("CARGO_MANIFEST_DIR")).join("docs/formats.md"))
+            .unwrap();
+    let mut table = String::from(
+        "| name | symbol | unit | | in files | in configs | ordinary | coordinate |\n|---|---|---|---|---|---|---|---|\n",
+    );
+    for parameter in Parameter::ALL {
+        let record = parameter.record();
+        let optional = if record.optional { " (optional)" } else { "" };
+        writeln!(
+            table,
+            "| `{}` | {} | {} | {}{optional} | {} | {} | {} | {} |",
+            record.name,
+            record.symbol,
+            record.unit,
+            record.long_name,
+            record.physical,
+            record.allowed,
+            record.ordinary,
+            coordinate(record.scale)
+        )
+        .unwrap();
+    }
+    let (begin, end) = ("<!-- parameters -->\n", "<!-- end -->");
+    let from = page.find(begin).unwrap() + begin.len();
+    let to = from + page[from..].find(end).unwrap();
+    let made = format!("{}{table}{}", &page[..from], &page[to..]);
+    keep("formats.md", &made);
 }

@@ -19,9 +19,10 @@ use splitsnow::compress::annotated;
 use splitsnow::config::scene;
 use splitsnow::engine::{Cache, Control};
 use splitsnow::fit::{self, BETWEEN_WAVELENGTHS, SCENE};
-use splitsnow::grid::{Axes, Conditions};
+
 use splitsnow::lookup::Database;
 use splitsnow::measurement::Quantity;
+use splitsnow::parameter::{Axes, Parameter, Point};
 use splitsnow::store::COMPACT;
 
 const TEXT: &str = "version = 1
@@ -122,12 +123,9 @@ fn holds_its_bound_and_is_proved_anew() {
     assert!(between.max > 0.0 && between.max < 0.2, "{between:?}");
     assert!(text.contains("out/s/snow.safetensors: "), "{text}");
     assert!(text.contains("next: splitsnow verify out/s"), "{text}");
-    let lengths = file.axes().each_ref().map(Vec::len);
-    assert_eq!(lengths[..3], [1, 1, 1]);
-    assert_eq!(
-        (file.axes()[3][0], file.axes()[3][lengths[3] - 1]),
-        (5.0, 10.0)
-    );
+    assert_eq!(file.axes().core_shape()[..3], [1, 1, 1]);
+    let region = file.axes().region();
+    assert_eq!(region.get(Parameter::Thickness), Some([5.0, 10.0]));
 
     let folder = with_file(bytes);
     let output = folder.run("verify out/s --points 64 --point-rays 131072");
@@ -146,12 +144,15 @@ fn holds_its_bound_and_is_proved_anew() {
 #[test]
 fn the_certificate_sees_the_wavelengths_left_out() {
     let scene = scene::parse("s.toml", TEXT).unwrap().scene;
-    let (grid, regions) = (fit::grid(&scene), fit::regions(&scene));
+    let (grid, regions) = (fit::grid(&scene), &scene.regions);
     let patch = Patch {
-        snow: [0.3, 300.0, 300.0],
+        snow: Point::from([
+            (Parameter::Facetness, 0.3),
+            (Parameter::GrainSize, 300.0),
+            (Parameter::Density, 300.0),
+        ]),
         thickness_cm: vec![5.0, 7.0, 10.0],
         angle_deg: vec![0.0, 30.0, 60.0],
-        conditions: Conditions::default(),
     };
     let (cancel, rays_done) = (AtomicBool::new(false), AtomicU64::new(0));
     let control = Control {
@@ -168,14 +169,13 @@ fn the_certificate_sees_the_wavelengths_left_out() {
     let spectra = simulation
         .run(std::slice::from_ref(&patch), &control)
         .unwrap();
-    let axes = Axes {
-        facetness: vec![0.3],
-        grain_size_um: vec![300.0],
-        density_kg_m3: vec![300.0],
-        thickness_cm: patch.thickness_cm,
-        angle_deg: patch.angle_deg,
-        ..Axes::default()
-    };
+    let axes = Axes::from([
+        (Parameter::Facetness, vec![0.3]),
+        (Parameter::GrainSize, vec![300.0]),
+        (Parameter::Density, vec![300.0]),
+        (Parameter::Thickness, patch.thickness_cm),
+        (Parameter::Incidence, patch.angle_deg),
+    ]);
     let colour = Colorimeter::viewing(&scene.wavelengths_nm, &scene.viewing).unwrap();
     let chain = |kept: &[usize]| {
         let nm: Vec<f64> = kept.iter().map(|i| scene.wavelengths_nm[*i]).collect();
@@ -184,7 +184,7 @@ fn the_certificate_sees_the_wavelengths_left_out() {
         let file = Database::from_curves(true, &axes, &nm, Some(&curves), None);
         let subject = Subject {
             grid: &grid,
-            regions: &regions,
+            regions,
             file: &file,
             exact: &file,
             colour: colour.as_ref(),

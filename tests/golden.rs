@@ -15,6 +15,7 @@ use splitsnow::config::grid;
 use splitsnow::engine::{Cache, Control, Engine, MaxError, Request, Resolution};
 use splitsnow::grid::Grid;
 use splitsnow::measurement::{Measured, Spectrum};
+use splitsnow::parameter::Parameter;
 use splitsnow::transport::{Illumination, Model};
 
 static CASES: LazyLock<Vec<Case>> = LazyLock::new(data::read);
@@ -38,18 +39,18 @@ fn on_grid(run: &Run, grid: &Grid) -> bool {
     let facetness = run.snow.facetness[0];
     let density_kg_m3 = run.snow.density_kg_m3;
     let mut one = grid.clone();
-    one.axes.facetness = vec![facetness];
-    one.axes.grain_size_um = vec![size_um];
-    one.axes.density_kg_m3 = vec![density_kg_m3];
-    one.axes.angle_deg = vec![angle_deg];
-    axes.facetness.contains(&facetness)
-        && axes.grain_size_um.contains(&size_um)
-        && axes.density_kg_m3.contains(&density_kg_m3)
-        && axes.angle_deg.contains(&angle_deg)
+    one.axes.set(Parameter::Facetness, vec![facetness]);
+    one.axes.set(Parameter::GrainSize, vec![size_um]);
+    one.axes.set(Parameter::Density, vec![density_kg_m3]);
+    one.axes.set(Parameter::Incidence, vec![angle_deg]);
+    axes.values(Parameter::Facetness).contains(&facetness)
+        && axes.values(Parameter::GrainSize).contains(&size_um)
+        && axes.values(Parameter::Density).contains(&density_kg_m3)
+        && axes.values(Parameter::Incidence).contains(&angle_deg)
         && run
             .thicknesses_cm
             .iter()
-            .all(|cm| axes.thickness_cm.contains(cm))
+            .all(|cm| axes.values(Parameter::Thickness).contains(cm))
         && one.job(&one.jobs().unwrap(), 0).unwrap().pack.surface == run.snow.snow()
 }
 
@@ -72,9 +73,9 @@ fn sixty_nodes_of_the_grid_and_all_its_corners() {
     assert!(nodes >= 60, "{nodes}");
     let ends = |values: &[f64]| [values[0], values[values.len() - 1]];
     let axes = &grid.axes;
-    for facetness in ends(&axes.facetness) {
-        for size_um in ends(&axes.grain_size_um) {
-            for density in ends(&axes.density_kg_m3) {
+    for facetness in ends(&axes.values(Parameter::Facetness)) {
+        for size_um in ends(&axes.values(Parameter::GrainSize)) {
+            for density in ends(&axes.values(Parameter::Density)) {
                 let mut thicknesses = Vec::new();
                 for run in &runs {
                     let [min, max] = run.snow.size_um;
@@ -87,7 +88,7 @@ fn sixty_nodes_of_the_grid_and_all_its_corners() {
                         thicknesses.extend(&run.thicknesses_cm);
                     }
                 }
-                let [thinnest, thickest] = ends(&axes.thickness_cm);
+                let [thinnest, thickest] = ends(&axes.values(Parameter::Thickness));
                 assert!(
                     thicknesses.contains(&thinnest) && thicknesses.contains(&thickest),
                     "{facetness} {size_um} {density}: {thicknesses:?}"

@@ -15,9 +15,10 @@ use rand::{RngExt, SeedableRng};
 use rand_xoshiro::Xoshiro256PlusPlus;
 use splitsnow::batch::{self, BatchError, Options, Source, Summary};
 use splitsnow::engine::{Cache, Control, Engine, EngineError, MaxError, Request, Resolution};
-use splitsnow::grid::{ExtraAxis, Grid};
+use splitsnow::grid::Grid;
 use splitsnow::measurement::{Measured, Spectrum};
 use splitsnow::optics::Carbon;
+use splitsnow::parameter::Parameter;
 use splitsnow::store::{Access, Store};
 use splitsnow::transport::{Ground, Illumination, Joining, Layer, Model, Pack};
 
@@ -258,26 +259,38 @@ fn a_grown_database_is_the_one_built_whole() {
     type Change = (&'static str, fn(&mut Grid));
     let changes: [Change; 11] = [
         ("nothing", |_| ()),
-        ("thickness", |g| g.axes.thickness_cm.insert(1, 1.5)),
-        ("thinner", |g| g.axes.thickness_cm = vec![2.0]),
+        ("thickness", |g| {
+            g.axes.values_mut(Parameter::Thickness).insert(1, 1.5)
+        }),
+        ("thinner", |g| {
+            g.axes.set(Parameter::Thickness, vec![2.0]);
+        }),
         // 2 mm are too thin for the larger grains
-        ("corner", |g| g.axes.thickness_cm.insert(0, 0.2)),
+        ("corner", |g| {
+            g.axes.values_mut(Parameter::Thickness).insert(0, 0.2)
+        }),
         ("diffuse", |g| g.fixed.diffuse = true),
-        ("angle", |g| g.axes.angle_deg.push(75.0)),
-        ("facetness", |g| g.axes.facetness.insert(1, 0.2)),
-        ("density", |g| g.axes.density_kg_m3.insert(0, 200.0)),
+        ("angle", |g| {
+            g.axes.values_mut(Parameter::Incidence).push(75.0)
+        }),
+        ("facetness", |g| {
+            g.axes.values_mut(Parameter::Facetness).insert(1, 0.2)
+        }),
+        ("density", |g| {
+            g.axes.values_mut(Parameter::Density).insert(0, 200.0)
+        }),
         ("black carbon", |g| {
             let values = vec![0.0, 30.0];
-            g.axes.extra.insert(ExtraAxis::BlackCarbon, values);
+            g.axes.set(Parameter::BlackCarbon, values);
         }),
         ("water", |g| {
             let values = vec![0.0, 0.1];
-            g.axes.extra.insert(ExtraAxis::WaterSaturation, values);
+            g.axes.set(Parameter::WaterSaturation, values);
         }),
         ("all", |g| {
-            g.axes.thickness_cm = vec![0.7, 1.0, 5.0, 9.0];
-            g.axes.angle_deg = vec![0.0, 30.0, 60.0];
-            g.axes.grain_size_um = vec![100.0, 150.0];
+            g.axes.set(Parameter::Thickness, vec![0.7, 1.0, 5.0, 9.0]);
+            g.axes.set(Parameter::Incidence, vec![0.0, 30.0, 60.0]);
+            g.axes.set(Parameter::GrainSize, vec![100.0, 150.0]);
         }),
     ];
     for engine in [Engine::Reference, Engine::Spectral, Engine::Doubling] {
@@ -332,10 +345,10 @@ fn a_grown_database_is_the_one_built_whole() {
 fn growth_goes_on_where_it_stopped() {
     let small = grid(Engine::Doubling);
     let mut other = small.clone();
-    other.axes.facetness = vec![0.2, 0.5];
+    other.axes.set(Parameter::Facetness, vec![0.2, 0.5]);
     let mut grown = small.clone();
-    grown.axes.facetness = vec![0.05, 0.2, 0.5];
-    grown.axes.angle_deg.push(75.0);
+    grown.axes.set(Parameter::Facetness, vec![0.05, 0.2, 0.5]);
+    grown.axes.values_mut(Parameter::Incidence).push(75.0);
     let ((a, ..), (b, ..), (whole, ..)) =
         (built(&small, &[]), built(&other, &[]), built(&grown, &[]));
     let from = [a.path(), b.path()];

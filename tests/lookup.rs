@@ -6,35 +6,26 @@ use std::collections::BTreeMap;
 use ndarray::Array2;
 use proptest::prelude::*;
 use splitsnow::compress::{Bands, Choice, CompactFile, Variant, compress};
-use splitsnow::grid::Axes;
-use splitsnow::lookup::{Database, Lookup, LookupError, Point, Varsa2025};
+use splitsnow::lookup::{Database, Lookup, LookupError, Substrate, Varsa2025};
 use splitsnow::measurement::Quantity;
+use splitsnow::parameter::{Axes, Parameter, Point};
 
 fn wavelengths() -> Vec<f64> {
     (40..=70).map(|i| f64::from(i) * 10.0).collect()
 }
 
 fn points(axes: &Axes) -> Vec<Point> {
-    let mut points = vec![Vec::new()];
-    for (_, values) in axes.named() {
-        let longer = |head: Vec<f64>| {
-            let with = move |value: &f64| [head.as_slice(), &[*value]].concat();
-            values.iter().map(with).collect::<Vec<_>>()
-        };
-        points = points.into_iter().flat_map(longer).collect();
-    }
-    let point = |c: Vec<f64>| Point::from_coordinates(c.try_into().unwrap());
-    points.into_iter().map(point).collect()
+    (0..axes.count()).map(|number| axes.point(number)).collect()
 }
 
 /// A file with all components of these curves: exact but for rounding.
 fn database(axes: &Axes, curve: impl Fn(Point, Quantity) -> Vec<f64>) -> Database {
-    database_over("black: nothing comes back", axes, curve)
+    database_over(Substrate::Black, axes, curve)
 }
 
 /// The same with this text as its bottom boundary.
 fn database_over(
-    bottom: &str,
+    substrate: Substrate,
     axes: &Axes,
     curve: impl Fn(Point, Quantity) -> Vec<f64>,
 ) -> Database {
@@ -60,10 +51,11 @@ fn database_over(
         axes,
         absent: &[],
         wavelengths_nm: &wavelengths(),
+        substrate,
         transmittance: Some(&compressed(Quantity::Transmittance)),
         reflectance: Some(&compressed(Quantity::Reflectance)),
         provenance: "{}",
-        extra: &BTreeMap::from([("bottom_boundary".into(), bottom.into())]),
+        extra: &BTreeMap::new(),
     };
     Database::from_bytes(&file.to_bytes().unwrap()).unwrap()
 }
@@ -71,7 +63,7 @@ fn database_over(
 /// Diffusion through a slab: 1/T = sinh(k (h + z)) / sinh(k z), with the similarity
 /// laws of snow; R as of the same light without absorption.
 fn slab(point: Point, quantity: Quantity) -> Vec<f64> {
-    let [facetness, size_um, density, thickness_cm, angle] = point.coordinates();
+    let [facetness, size_um, density, thickness_cm, angle] = point.core();
     let mu = angle.to_radians().cos();
     let scatter = 6.0 * density / size_um * (1.0 - 0.4 * (-facetness / 0.2).exp());
     let z = (0.7 + 0.5 * mu) / scatter;
@@ -89,25 +81,32 @@ fn slab(point: Point, quantity: Quantity) -> Vec<f64> {
 }
 
 fn thesis() -> Axes {
-    Axes {
-        facetness: vec![0.1, 0.3, 0.5, 0.7, 0.9],
-        grain_size_um: (0..9).map(|i| 100.0 + 50.0 * f64::from(i)).collect(),
-        density_kg_m3: vec![200.0, 250.0, 300.0, 350.0, 400.0],
-        thickness_cm: vec![1.0, 1.5, 2.0, 3.0, 5.0, 7.0, 10.0, 15.0, 25.0, 35.0, 50.0],
-        angle_deg: vec![0.0, 10.0, 20.0, 30.0, 40.0, 50.0, 60.0, 70.0, 80.0, 89.0],
-        ..Axes::default()
-    }
+    Axes::from([
+        (Parameter::Facetness, vec![0.1, 0.3, 0.5, 0.7, 0.9]),
+        (
+            Parameter::GrainSize,
+            (0..9).map(|i| 100.0 + 50.0 * f64::from(i)).collect(),
+        ),
+        (Parameter::Density, vec![200.0, 250.0, 300.0, 350.0, 400.0]),
+        (
+            Parameter::Thickness,
+            vec![1.0, 1.5, 2.0, 3.0, 5.0, 7.0, 10.0, 15.0, 25.0, 35.0, 50.0],
+        ),
+        (
+            Parameter::Incidence,
+            vec![0.0, 10.0, 20.0, 30.0, 40.0, 50.0, 60.0, 70.0, 80.0, 89.0],
+        ),
+    ])
 }
 
 fn small() -> Axes {
-    Axes {
-        facetness: vec![0.1, 0.5],
-        grain_size_um: vec![100.0, 200.0, 500.0],
-        density_kg_m3: vec![300.0],
-        thickness_cm: vec![1.0, 2.0, 5.0, 10.0, 30.0],
-        angle_deg: vec![0.0, 50.0, 89.0],
-        ..Axes::default()
-    }
+    Axes::from([
+        (Parameter::Facetness, vec![0.1, 0.5]),
+        (Parameter::GrainSize, vec![100.0, 200.0, 500.0]),
+        (Parameter::Density, vec![300.0]),
+        (Parameter::Thickness, vec![1.0, 2.0, 5.0, 10.0, 30.0]),
+        (Parameter::Incidence, vec![0.0, 50.0, 89.0]),
+    ])
 }
 
 fn spectrum(lookup: &Lookup, point: Point) -> Vec<f32> {
@@ -118,16 +117,14 @@ fn spectrum(lookup: &Lookup, point: Point) -> Vec<f32> {
 
 /// The point at `u` of the box, each in [0, 1]; the thickness from 0 on.
 fn inside(axes: &Axes, u: [f64; 5]) -> Point {
-    let mut coordinates = [0.0; 5];
-    for ((to, (name, values)), u) in coordinates.iter_mut().zip(axes.named()).zip(u) {
-        let first = if name == "thickness_cm" {
-            0.0
-        } else {
-            values[0]
+    let value = |((parameter, values), u): ((Parameter, &[f64]), f64)| {
+        let first = match parameter {
+            Parameter::Thickness => 0.0,
+            _ => values[0],
         };
-        *to = first + u * (values[values.len() - 1] - first);
-    }
-    Point::from_coordinates(coordinates)
+        (parameter, first + u * (values[values.len() - 1] - first))
+    };
+    axes.iter().zip(u).map(value).collect()
 }
 
 #[test]
@@ -150,12 +147,10 @@ fn smooth_is_near_the_truth_where_the_spline_rings() {
     let axes = thesis();
     // one snow of the nodes, as the published method needs
     let database = database(
-        &Axes {
-            facetness: vec![0.3],
-            grain_size_um: vec![100.0],
-            density_kg_m3: vec![400.0],
-            ..axes
-        },
+        &axes
+            .with(Parameter::Facetness, vec![0.3])
+            .with(Parameter::GrainSize, vec![100.0])
+            .with(Parameter::Density, vec![400.0]),
         slab,
     );
     let quantity = Quantity::Transmittance;
@@ -166,22 +161,18 @@ fn smooth_is_near_the_truth_where_the_spline_rings() {
     for i in 1..1000 {
         let point = inside(&thesis(), [0.25, 0.5, 0.25, f64::from(i) / 1000.0, 0.31]);
         let truth = slab(
-            Point {
-                facetness: 0.3,
-                grain_size_um: 100.0,
-                density_kg_m3: 400.0,
-                ..point
-            },
+            point
+                .with(Parameter::Facetness, 0.3)
+                .with(Parameter::GrainSize, 100.0)
+                .with(Parameter::Density, 400.0),
             quantity,
         );
-        let point = Point {
-            facetness: 0.3,
-            grain_size_um: 100.0,
-            density_kg_m3: 400.0,
-            ..point
-        };
+        let point = point
+            .with(Parameter::Facetness, 0.3)
+            .with(Parameter::GrainSize, 100.0)
+            .with(Parameter::Density, 400.0);
         let relative = |found: &[f32], l: usize| (f64::from(found[l]) / truth[l] - 1.0).abs();
-        if point.thickness_cm < 1.0 {
+        if point[Parameter::Thickness] < 1.0 {
             let thin = spectrum(&lookup, point);
             assert!(relative(&thin, 0) < 0.1, "{point} {}", relative(&thin, 0));
             continue;
@@ -199,11 +190,9 @@ fn smooth_is_near_the_truth_where_the_spline_rings() {
 
 #[test]
 fn off_the_nodes_of_the_thesis_grid() {
-    let axes = Axes {
-        grain_size_um: vec![100.0, 150.0, 200.0, 250.0],
-        angle_deg: vec![0.0, 20.0, 40.0, 60.0, 80.0],
-        ..thesis()
-    };
+    let axes = thesis()
+        .with(Parameter::GrainSize, vec![100.0, 150.0, 200.0, 250.0])
+        .with(Parameter::Incidence, vec![0.0, 20.0, 40.0, 60.0, 80.0]);
     let database = database(&axes, slab);
     let lookup = Lookup::new(&database, Quantity::Transmittance).unwrap();
     let mut u = [0.5; 5];
@@ -219,7 +208,7 @@ fn off_the_nodes_of_the_thesis_grid() {
             let error = f64::from(*a) - b;
             // 1 % of what is seen: in this slab facets act a little otherwise than in
             // snow; and 3.5 % of snow thinner than the first node
-            let most = if point.thickness_cm < 1.0 {
+            let most = if point[Parameter::Thickness] < 1.0 {
                 0.035
             } else {
                 0.012
@@ -236,10 +225,7 @@ fn edges_limits_and_refusals() {
     let t = Lookup::new(&database, Quantity::Transmittance).unwrap();
     let r = Lookup::new(&database, Quantity::Reflectance).unwrap();
     let node = points(&axes)[0];
-    let at = |thickness_cm| Point {
-        thickness_cm,
-        ..node
-    };
+    let at = |thickness_cm| node.with(Parameter::Thickness, thickness_cm);
     assert!(spectrum(&t, at(0.0)).iter().all(|t| *t == 1.0));
     assert!(spectrum(&r, at(0.0)).iter().all(|r| *r == 0.0));
     // deep snow: diffusion goes on, and reflects no less
@@ -254,45 +240,18 @@ fn edges_limits_and_refusals() {
     assert_eq!(spectrum(&r, at(1e30)), spectrum(&r, at(30.0)));
     // decimals that single precision cannot hold are on the edge
     assert_eq!(
-        spectrum(
-            &t,
-            Point {
-                facetness: 0.1 - 5e-9,
-                ..node
-            }
-        ),
+        spectrum(&t, node.with(Parameter::Facetness, 0.1 - 5e-9)),
         spectrum(&t, node)
     );
     let mut out = vec![0.0; 31];
     for wrong in [
-        Point {
-            facetness: 0.09,
-            ..node
-        },
-        Point {
-            grain_size_um: 501.0,
-            ..node
-        },
-        Point {
-            density_kg_m3: 299.0,
-            ..node
-        },
-        Point {
-            thickness_cm: -1.0,
-            ..node
-        },
-        Point {
-            thickness_cm: f64::NAN,
-            ..node
-        },
-        Point {
-            angle_deg: 89.1,
-            ..node
-        },
-        Point {
-            angle_deg: f64::INFINITY,
-            ..node
-        },
+        node.with(Parameter::Facetness, 0.09),
+        node.with(Parameter::GrainSize, 501.0),
+        node.with(Parameter::Density, 299.0),
+        node.with(Parameter::Thickness, -1.0),
+        node.with(Parameter::Thickness, f64::NAN),
+        node.with(Parameter::Incidence, 89.1),
+        node.with(Parameter::Incidence, f64::INFINITY),
     ] {
         let error = t.spectrum(wrong, &mut out).unwrap_err();
         assert!(matches!(error, LookupError::Outside { .. }), "{error}");
@@ -314,26 +273,20 @@ fn edges_limits_and_refusals() {
 /// Their cosines and logarithms are the same in single precision.
 #[test]
 fn nodes_that_fall_together_are_answered() {
-    let axes = Axes {
-        thickness_cm: vec![5.0, 5.0000005, 10.0],
-        angle_deg: vec![0.0, 0.01],
-        ..small()
-    };
-    let plain = Axes {
-        thickness_cm: vec![5.0, 10.0],
-        angle_deg: vec![0.0],
-        ..small()
-    };
+    let axes = small()
+        .with(Parameter::Thickness, vec![5.0, 5.0000005, 10.0])
+        .with(Parameter::Incidence, vec![0.0, 0.01]);
+    let plain = small()
+        .with(Parameter::Thickness, vec![5.0, 10.0])
+        .with(Parameter::Incidence, vec![0.0]);
     let there = points(&axes)[0];
     let [doubled, plain] = [axes, plain].map(|axes| database(&axes, slab));
     for quantity in Quantity::ALL {
         let [doubled, plain] = [&doubled, &plain].map(|d| Lookup::new(d, quantity).unwrap());
         let at = |lookup: &Lookup, thickness_cm, angle_deg| {
-            let point = Point {
-                thickness_cm,
-                angle_deg,
-                ..there
-            };
+            let point = there
+                .with(Parameter::Thickness, thickness_cm)
+                .with(Parameter::Incidence, angle_deg);
             spectrum(lookup, point)
         };
         let all = [0.0, 3.0, 5.0, 7.0, 10.0, 20.0].map(|h| at(&doubled, h, 0.005));
@@ -362,16 +315,13 @@ fn a_ground_is_not_black_without_snow() {
     let axes = small();
     let bright = |point: Point, quantity| match quantity {
         Quantity::Transmittance => slab(point, quantity),
-        Quantity::Reflectance => vec![0.5 + 0.4 * (-point.thickness_cm).exp(); 31],
+        Quantity::Reflectance => vec![0.5 + 0.4 * (-point[Parameter::Thickness]).exp(); 31],
     };
-    let first = axes.thickness_cm[0];
-    for bottom in ["Lambertian ground", "the layers of fixed.below, then black"] {
-        let file = database_over(bottom, &axes, bright);
+    let first = axes.values(Parameter::Thickness)[0];
+    for substrate in [Substrate::Reflecting, Substrate::Layers] {
+        let file = database_over(substrate, &axes, bright);
         assert!(!file.stands_free());
-        let below = Point {
-            thickness_cm: 0.5 * first,
-            ..inside(&axes, [0.5; 5])
-        };
+        let below = inside(&axes, [0.5; 5]).with(Parameter::Thickness, 0.5 * first);
         for quantity in Quantity::ALL {
             let lookup = Lookup::new(&file, quantity).unwrap();
             for point in points(&axes) {
@@ -381,14 +331,11 @@ fn a_ground_is_not_black_without_snow() {
                 }
             }
             let refused = lookup.spectrum(below, &mut [0.0; 31]).unwrap_err();
-            let says = format!("thickness_cm = {} is outside", below.thickness_cm);
+            let says = format!("thickness_cm = {} is outside", below[Parameter::Thickness]);
             assert!(refused.to_string().starts_with(&says), "{refused}");
             let published = Varsa2025::new(&file, quantity).unwrap();
             let at_node = points(&axes)[0];
-            let thin = Point {
-                thickness_cm: 0.5 * first,
-                ..at_node
-            };
+            let thin = at_node.with(Parameter::Thickness, 0.5 * first);
             assert!(published.spectrum(at_node).is_ok());
             let refused = published.spectrum(thin).unwrap_err();
             assert!(refused.to_string().contains("outside"), "{refused}");
@@ -398,25 +345,17 @@ fn a_ground_is_not_black_without_snow() {
 
 #[test]
 fn one_thickness_is_no_curve() {
-    let axes = Axes {
-        thickness_cm: vec![15.0],
-        angle_deg: vec![30.0],
-        ..small()
-    };
+    let axes = small()
+        .with(Parameter::Thickness, vec![15.0])
+        .with(Parameter::Incidence, vec![30.0]);
     let database = database(&axes, slab);
     let lookup = Lookup::new(&database, Quantity::Transmittance).unwrap();
     let node = points(&axes)[0];
     spectrum(&lookup, node);
     let mut out = vec![0.0; 31];
     for wrong in [
-        Point {
-            thickness_cm: 14.0,
-            ..node
-        },
-        Point {
-            angle_deg: 0.0,
-            ..node
-        },
+        node.with(Parameter::Thickness, 14.0),
+        node.with(Parameter::Incidence, 0.0),
     ] {
         assert!(lookup.spectrum(wrong, &mut out).is_err());
     }
@@ -436,55 +375,32 @@ fn the_published_method_knows_nodes_only() {
     let node = points(&axes)[0];
     let at = |point| published.spectrum(point).unwrap();
     assert!(
-        at(Point {
-            thickness_cm: 0.0,
-            ..node
-        })
-        .iter()
-        .all(|t| *t == 1.0)
+        at(node.with(Parameter::Thickness, 0.0))
+            .iter()
+            .all(|t| *t == 1.0)
     );
     assert!(
-        at(Point {
-            thickness_cm: 100.0,
-            ..node
-        })
-        .iter()
-        .all(|t| *t == 0.0)
+        at(node.with(Parameter::Thickness, 100.0))
+            .iter()
+            .all(|t| *t == 0.0)
     );
     assert!(
-        at(Point {
-            angle_deg: 89.5,
-            ..node
-        })
-        .iter()
-        .all(|t| *t == 0.0)
+        at(node.with(Parameter::Incidence, 89.5))
+            .iter()
+            .all(|t| *t == 0.0)
     );
     // half way between two angles is their mean
-    let between = at(Point {
-        angle_deg: 25.0,
-        ..node
-    });
+    let between = at(node.with(Parameter::Incidence, 25.0));
     for (l, value) in between.iter().enumerate() {
-        let mean = 0.5
-            * (at(node)[l]
-                + at(Point {
-                    angle_deg: 50.0,
-                    ..node
-                })[l]);
+        let mean = 0.5 * (at(node)[l] + at(node.with(Parameter::Incidence, 50.0))[l]);
         assert!((value - mean).abs() < 1e-6);
     }
     let error = published
-        .spectrum(Point {
-            facetness: 0.3,
-            ..node
-        })
+        .spectrum(node.with(Parameter::Facetness, 0.3))
         .unwrap_err();
     assert!(matches!(error, LookupError::BetweenNodes { .. }), "{error}");
     let error = published
-        .spectrum(Point {
-            thickness_cm: -1.0,
-            ..node
-        })
+        .spectrum(node.with(Parameter::Thickness, -1.0))
         .unwrap_err();
     assert!(matches!(error, LookupError::Outside { .. }), "{error}");
 }
@@ -504,11 +420,11 @@ proptest! {
             slab(point, quantity).iter().map(|v| v + noise[row]).collect()
         });
         let lookup = Lookup::new(&database, quantity).unwrap();
-        let material = |p: Point| lookup.material(p.facetness, p.grain_size_um, p.density_kg_m3).unwrap();
+        let material = |p: Point| lookup.material(p).unwrap();
         let mut before: Option<Vec<f32>> = None;
         for i in 0..=400 {
             let mut point = inside(&axes, u);
-            point.thickness_cm = 40.0 * f64::from(i) / 400.0;
+            point.set(Parameter::Thickness, 40.0 * f64::from(i) / 400.0);
             let here = spectrum(&lookup, point);
             prop_assert!(here.iter().all(|v| (0.0..=1.0).contains(v)));
             let near = spectrum(&material(point), point);
@@ -523,11 +439,11 @@ proptest! {
         }
         // across a node of every axis
         for axis in [0, 1, 3, 4] {
-            let mut coordinates = inside(&axes, u).coordinates();
-            let node = axes.named()[axis].1[1];
+            let mut coordinates = inside(&axes, u).core();
+            let node = axes.core()[axis][1];
             let mut on = |value| {
                 coordinates[axis] = value;
-                spectrum(&lookup, Point::from_coordinates(coordinates))
+                spectrum(&lookup, Point::of_core(coordinates))
             };
             for (a, b) in on(node * (1.0 - 1e-6)).iter().zip(on(node * (1.0 + 1e-6))) {
                 prop_assert!((a - b).abs() < 1e-4, "{axis}: {a} {b}");

@@ -4,6 +4,7 @@ use std::process::Command;
 
 use assert_cmd::cargo::cargo_bin;
 use serde_json::{Value, json};
+use splitsnow::parameter::Parameter;
 use splitsnow::store::Store;
 
 const GRID: &str = "version = 1
@@ -70,7 +71,7 @@ fn from_surfaces_and_a_half_space_to_the_answers() {
     );
     assert_eq!(nodes["ssa_m2_kg"]["attributes"]["units"], "m2 kg-1");
     let store = Store::open(&dir.join("out/g")).unwrap();
-    assert_eq!(store.axes().grain_size_um, sizes);
+    assert_eq!(store.axes().values(Parameter::GrainSize), sizes);
     assert!(store.verify().unwrap().is_whole());
     drop(store);
     // it goes on where it was

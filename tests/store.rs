@@ -12,6 +12,7 @@ use splitsnow::batch::{self, BatchError, Options, Summary};
 use splitsnow::engine::{Cache, Engine, EngineError};
 use splitsnow::grid::{Grid, Shard};
 use splitsnow::optics::Carbon;
+use splitsnow::parameter::Parameter;
 use splitsnow::store::{self, Access, Store, StoreError, Variable};
 use splitsnow::transport::{Ground, Layer};
 
@@ -283,7 +284,7 @@ fn a_failing_job_is_named_and_the_others_kept() {
     .unwrap_err();
     assert_eq!(
         error.to_string(),
-        "job 3 (facetness 0.05, grain size 150-250 um, density 300 kg/m3, thickness 1.0000, 2.0000, 5.0000 cm, angle 60 degrees): the slab of 1 cm is too thin for grains up to 9000 um long: 10000 grains in a row did not fit; use a thickness of at least 10 grain lengths"
+        "job 3 (facetness 0.05, grain size 200 um, density 300 kg m-3, thickness 1, 2, 5 cm, angle 60 degrees): the slab of 1 cm is too thin for grains up to 9000 um long: 10000 grains in a row did not fit; use a thickness of at least 10 grain lengths"
     );
     assert_eq!(store.missing(None).unwrap(), [3, 4, 5, 6, 7]);
 }
@@ -326,7 +327,10 @@ fn a_database_names_its_ground() {
         "Lambertian ground { reflectance = 0.25 }; transmittance is the light that stays in it"
     );
     let snow = grid.job(&grid.jobs().unwrap(), 0).unwrap().pack.surface;
-    grid.axes.thickness_cm.iter_mut().for_each(|h| *h += 1.0);
+    grid.axes
+        .values_mut(Parameter::Thickness)
+        .iter_mut()
+        .for_each(|h| *h += 1.0);
     grid.fixed.below.push(Layer {
         snow,
         thickness_m: 0.01,
@@ -347,7 +351,7 @@ fn another_config_is_refused_by_key() {
             "run.engine = \"spectral\", not \"reference\";",
         ),
         (
-            |g| g.axes.thickness_cm.push(7.0),
+            |g| g.axes.values_mut(Parameter::Thickness).push(7.0),
             "axes.thickness_cm = [1.0, 2.0, 5.0], not [1.0, 2.0, 5.0, 7.0];",
         ),
         (
@@ -380,7 +384,7 @@ fn another_config_is_refused_by_key() {
             "fixed.below = (none), not [{ thickness_cm = 0.5, density_kg_m3 = 300.0,",
         ),
         (
-            |g| g.axes.density_kg_m3[0] = 310.0,
+            |g| g.axes.values_mut(Parameter::Density)[0] = 310.0,
             "axes.density_kg_m3 = [300.0], not [310.0];",
         ),
     ];
@@ -501,9 +505,13 @@ fn impossible_outputs_are_refused() {
     assert!(error.starts_with("no database in"), "{error}");
 
     let many: Vec<f64> = (1..=4000).map(f64::from).collect();
-    grid.axes.thickness_cm.clone_from(&many);
-    grid.axes.density_kg_m3.clone_from(&many);
-    grid.axes.grain_size_um = many.iter().map(|v| v + 100.0).collect();
+    grid.axes.values_mut(Parameter::Thickness).clone_from(&many);
+    let densities = many.iter().map(|v| v / 5.0).collect();
+    grid.axes.set(Parameter::Density, densities);
+    grid.axes.set(
+        Parameter::GrainSize,
+        many.iter().map(|v| v + 100.0).collect(),
+    );
     let absurd = dir.path().join("absurd");
     let error = open(&absurd, &grid).unwrap_err().to_string();
     assert!(error.contains("but the disk has"), "{error}");

@@ -9,6 +9,7 @@ use std::time::Duration;
 use crate::common::grid;
 use splitsnow::engine::{Cache, Control, Engine, EngineError, Keep, Request, Resolution, Units};
 use splitsnow::measurement::Spectrum;
+use splitsnow::parameter::Parameter;
 use splitsnow::transport::Ground;
 
 /// Keeps some savings of a life and ends it: what is saved later is lost, as is
@@ -62,8 +63,8 @@ fn a_job_ends_however_short_its_lives_are() {
         grid.run.rays = 10_000;
         grid.fixed.ground = Ground::Grey(0.3);
         // one thin slab, one with an inside
-        grid.axes.grain_size_um = vec![400.0];
-        grid.axes.thickness_cm = vec![0.5, 2.0];
+        grid.axes.set(Parameter::GrainSize, vec![400.0]);
+        grid.axes.set(Parameter::Thickness, vec![0.5, 2.0]);
         // its units are many: one index node will do
         let nm = [500.0, 900.0];
         let count = if engine == Engine::Doubling { 1 } else { 2 };

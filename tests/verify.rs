@@ -17,8 +17,9 @@ use splitsnow::compress::{
 use splitsnow::config;
 use splitsnow::engine::{Cache, Control, Engine, EngineError, Request};
 use splitsnow::grid::Grid;
-use splitsnow::lookup::Database;
+use splitsnow::lookup::{Database, Substrate};
 use splitsnow::measurement::{Quantity, Spectrum};
+use splitsnow::parameter::Parameter;
 use splitsnow::store::{Access, COMPACT, Store, Variable};
 use splitsnow::verify::{Options, Report, Verification, VerifyError};
 
@@ -36,7 +37,7 @@ const OPTIONS: Options = Options {
 /// A grid of 8 jobs and 24 curves.
 fn grid() -> Grid {
     let mut grid = crate::common::grid(Engine::Spectral);
-    grid.axes.thickness_cm = vec![0.3, 0.5, 1.0];
+    grid.axes.set(Parameter::Thickness, vec![0.3, 0.5, 1.0]);
     grid.wavelengths_nm = (0..7).map(|i| 400.0 + 50.0 * f64::from(i)).collect();
     grid.run.rays = 500;
     grid
@@ -81,6 +82,7 @@ fn write_compact(store: &Store, grid: &Grid, choice: Choice, promise: impl Fn(&m
         axes: &grid.axes,
         absent: &[],
         wavelengths_nm: &grid.wavelengths_nm,
+        substrate: Substrate::Black,
         transmittance: Some(&compressed(
             Quantity::Transmittance,
             Variable::Transmittance,
@@ -241,7 +243,7 @@ fn a_damaged_job_is_named() {
     bytes[5] ^= 1;
     fs::write(&chunk, bytes).unwrap();
     let report = verify(dir.path(), OPTIONS);
-    let message = "job 5 is missing or damaged: facetness 0.5, grain size 50-150 um";
+    let message = "job 5 is missing or damaged: facetness 0.5, grain size 100 um";
     assert_fails(&report, "files of the database", message);
 
     let dir = copy();
@@ -405,10 +407,12 @@ fn changed_errors_of_a_band_fail() {
 /// One snow at 5 thicknesses and 4 angles, with little noise.
 fn one_snow() -> Grid {
     let mut grid = grid();
-    grid.axes.facetness = vec![0.5];
-    grid.axes.grain_size_um = vec![300.0];
-    grid.axes.thickness_cm = vec![1.0, 2.0, 4.0, 8.0, 16.0];
-    grid.axes.angle_deg = vec![0.0, 30.0, 55.0, 75.0];
+    grid.axes.set(Parameter::Facetness, vec![0.5]);
+    grid.axes.set(Parameter::GrainSize, vec![300.0]);
+    grid.axes
+        .set(Parameter::Thickness, vec![1.0, 2.0, 4.0, 8.0, 16.0]);
+    grid.axes
+        .set(Parameter::Incidence, vec![0.0, 30.0, 55.0, 75.0]);
     grid.wavelengths_nm = vec![400.0, 500.0, 600.0, 700.0];
     grid.run.engine = Engine::Doubling;
     grid.run.rays = 20_000;

@@ -3,35 +3,27 @@
 //! between them with numbers in [0, 1], unless its table would be too large.
 #![no_main]
 use libfuzzer_sys::fuzz_target;
-use splitsnow::lookup::{Database, Lookup, LookupError, Point, Varsa2025};
+use splitsnow::lookup::{Database, Lookup, LookupError, Varsa2025};
 use splitsnow::measurement::Quantity;
+use splitsnow::parameter::Point;
 
 fuzz_target!(|bytes: &[u8]| {
     let Ok(database) = Database::from_bytes(bytes) else {
         return;
     };
     let first = database.point(0).expect("a row of the database");
-    let middle = database.axes().each_ref().map(|nodes| {
-        let ends = [nodes[0], nodes[nodes.len() - 1]].map(f64::from);
-        0.5 * (ends[0] + ends[1])
-    });
-    let middle = Point::from_coordinates(middle);
+    let halfway = |(parameter, [low, high])| (parameter, 0.5 * (low + high));
+    let middle: Point = database.axes().region().iter().map(halfway).collect();
     let rows = [0, database.curves() / 2, database.curves() - 1];
     for quantity in Quantity::ALL.into_iter().filter(|&q| database.has(q)) {
         for row in rows {
             let point = database.point(row).expect("a row of the database");
-            let there = database.at(&database.conditions(row)).expect("a node");
-            let spectrum = there.spectrum(point, quantity).expect("a node");
+            let spectrum = database.spectrum(point, quantity).expect("a node");
             assert_eq!(spectrum.len(), database.wavelengths_nm().len());
             assert!(spectrum.iter().all(|value| value.is_finite()));
         }
     }
-    // halfway on every axis beyond the five
-    let [low, _, high] = rows.map(|row| database.conditions(row));
-    let halfway = low
-        .iter()
-        .map(|(axis, value)| (*axis, 0.5 * (value + high[axis])));
-    let database = match database.at(&halfway.collect()) {
+    let database = match database.at(middle.optional()) {
         Err(LookupError::TooLarge { .. }) => return,
         database => database.expect("between nodes"),
     };

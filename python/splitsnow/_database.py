@@ -18,20 +18,9 @@ if TYPE_CHECKING:
 Method = Literal["smooth", "varsa2025"]
 Quantity = Literal["transmittance", "reflectance"]
 
-# Units and names as in the Zarr database.
-_DESCRIBED = {
-    "facetness": ("1", "mean facetness of the grains"),
-    "grain_size_um": ("um", "mean length of the grains' major axis"),
-    "density_kg_m3": ("kg m-3", "density of the dry snow"),
-    "thickness_cm": ("cm", "thickness of the slab"),
-    "angle_deg": ("degree", "polar angle of incidence from the surface normal"),
-    "black_carbon_ng_g": ("ng/g", "mass of black carbon per mass of snow"),
-    "water_saturation": ("1", "share of the pore space that is water"),
-    "temperature_c": ("degC", "temperature of the snow"),
-    "sphericity": ("1", "mean sphericity of the grains"),
-    "substrate_reflectance": ("1", "Lambertian reflectance of the substrate"),
-    "wavelength_nm": ("nm", "wavelength in vacuum"),
-}
+# Unit and long name of each axis.
+_DESCRIBED = {name: (unit, what) for name, unit, what in _native.parameters()}
+_DESCRIBED["wavelength_nm"] = ("nm", "wavelength in vacuum")
 
 
 class Database:
@@ -61,14 +50,14 @@ class Database:
         return self._path
 
     @property
-    def wavelengths_nm(self) -> NDArray[np.float32]:
+    def wavelengths_nm(self) -> NDArray[np.float64]:
         """Wavelengths of the spectra, nm, shape ``(l,)``, increasing."""
         return self._native.wavelengths_nm
 
     @property
     def axes(self) -> dict[str, NDArray[np.float64]]:
-        """Nodes of the axes by name, each ``(n,)`` and increasing, slowest first: those
-        beyond the five, if any, then facetness, grain_size_um, density_kg_m3,
+        """Nodes of the axes by name, each ``(n,)`` and increasing, slowest first:
+        optional ones, if any, then facetness, grain_size_um, density_kg_m3,
         thickness_cm and angle_deg. Units are in the names."""
         return dict(self._native.axes)
 
@@ -271,10 +260,9 @@ class Database:
                 )
             if not np.isfinite(wavelengths).all():
                 raise ValueError("wavelengths_nm must be finite")
-            single = wavelengths.astype(np.float32)
-            if not clamp and (single.min() < own[0] or single.max() > own[-1]):
+            if not clamp and (wavelengths.min() < own[0] or wavelengths.max() > own[-1]):
                 raise ValueError(
-                    f"wavelengths_nm reach from {single.min():g} to {single.max():g} nm; the "
+                    f"wavelengths_nm reach from {wavelengths.min():g} to {wavelengths.max():g} nm; the "
                     f"database covers {own[0]:g} to {own[-1]:g} nm (clamp=True keeps its ends)"
                 )
             wanted = wavelengths.tolist()

@@ -5,9 +5,11 @@ from typing import Any, Final, Optional, final
 import numpy as np
 from numpy.typing import NDArray
 
-__all__ = ["Database", "VERSION", "colours", "illuminant", "simulate"]
+__all__ = ["Database", "VERSION", "colours", "illuminant", "parameters", "simulate"]
 
 VERSION: Final[str]
+
+def parameters() -> list[tuple[str, str, str]]: ...
 
 _Seen = tuple[str, Any]  # colour space; name of an illuminant, or wavelengths and power
 _Asked = tuple[str, str, list[tuple[str, float]]]
@@ -16,7 +18,7 @@ _Asked = tuple[str, str, list[tuple[str, float]]]
 class Database:
     def __new__(cls, path: str) -> Database: ...
     @property
-    def wavelengths_nm(self) -> NDArray[np.float32]: ...
+    def wavelengths_nm(self) -> NDArray[np.float64]: ...
     @property
     def axes(self) -> list[tuple[str, NDArray[np.float64]]]: ...
     @property

@@ -7,10 +7,9 @@ use pyo3::exceptions::{PyOSError, PyValueError};
 use pyo3::prelude::*;
 use rayon::ThreadPool;
 use rayon::prelude::*;
-use splitsnow::compress::AXES;
-use splitsnow::grid::{Conditions, ExtraAxis};
 use splitsnow::lookup::{self, Lookup, LookupError, Varsa2025};
 use splitsnow::measurement::Quantity;
+use splitsnow::parameter::{Parameter, Point};
 use splitsnow::spectrum::Resampling;
 use splitsnow::store::COMPACT;
 
@@ -21,11 +20,11 @@ use crate::pool::pool;
 /// Prepared look-ups kept, and eyes; a look-up of a `linear` file may take 1 GB.
 const KEPT: usize = 8;
 
-/// What is looked up: quantity, method, values of axes beyond the five by name.
+/// What is looked up: quantity, method, values of optional axes by name.
 type Asked = (String, String, Vec<(String, f64)>);
 
 /// What a look-up is prepared for: its quantity and conditions, as bits.
-type Key = (Quantity, Vec<(ExtraAxis, u64)>);
+type Key = (Quantity, Vec<(Parameter, u64)>);
 
 /// A compact file in memory, with the look-ups prepared so far.
 #[pyclass(frozen)]
@@ -76,12 +75,6 @@ fn quantity(name: &str) -> PyResult<Quantity> {
     found.ok_or_else(message)
 }
 
-/// As decimals, which is how users give them.
-fn decimals(values: &[f32]) -> Vec<f64> {
-    let decimal = |v: &f32| format!("{v}").parse().unwrap_or(f64::from(*v));
-    values.iter().map(decimal).collect()
-}
-
 #[pymethods]
 impl Database {
     #[new]
@@ -100,19 +93,16 @@ impl Database {
     }
 
     #[getter]
-    fn wavelengths_nm<'py>(&self, py: Python<'py>) -> Bound<'py, PyArray1<f32>> {
+    fn wavelengths_nm<'py>(&self, py: Python<'py>) -> Bound<'py, PyArray1<f64>> {
         PyArray1::from_slice(py, self.file.wavelengths_nm())
     }
 
     /// Name and values of each axis, slowest first.
     #[getter]
     fn axes<'py>(&self, py: Python<'py>) -> Vec<(&'static str, Bound<'py, PyArray1<f64>>)> {
-        let values = |values: &Vec<f32>| PyArray1::from_vec(py, decimals(values));
-        let extra = self.file.extra().iter();
-        let extra = extra.map(|(axis, v)| (axis.name(), values(v)));
-        let five = AXES.iter().zip(self.file.axes());
-        let five = five.map(|(axis, v)| (axis.name, values(v)));
-        extra.chain(five).collect()
+        let axes = self.file.axes().iter();
+        axes.map(|(parameter, values)| (parameter.name(), PyArray1::from_slice(py, values)))
+            .collect()
     }
 
     /// Name and number of components of each quantity.
@@ -171,15 +161,9 @@ impl Database {
         seen: (String, Light),
         mut out: PyReadwriteArray2<f64>,
     ) -> PyResult<()> {
-        let eye = self.eyes.get(seen.clone(), || {
-            let nm: Vec<f64> = self
-                .file
-                .wavelengths_nm()
-                .iter()
-                .map(|nm| f64::from(*nm))
-                .collect();
-            Eye::new(&nm, &seen)
-        })?;
+        let eye = self
+            .eyes
+            .get(seen.clone(), || Eye::new(self.file.wavelengths_nm(), &seen))?;
         self.fill(
             py,
             &asked,
@@ -220,7 +204,7 @@ impl Database {
         finish: impl Fn(&[f32], &mut [T]) + Sync + Send,
     ) -> PyResult<()> {
         let quantity = quantity(name)?;
-        let conditions = named(conditions)?;
+        let optional = named(conditions)?;
         let points = Points::new(columns, shape)?;
         if width.checked_mul(points.count()) != Some(rows.len()) || width == 0 {
             return Err(PyValueError::new_err(
@@ -233,13 +217,13 @@ impl Database {
             let lookup;
             let method = match method.as_str() {
                 "smooth" => {
-                    lookup = self.prepared(quantity, &conditions).map_err(failed)?;
+                    lookup = self.prepared(quantity, optional).map_err(failed)?;
                     Method::Smooth(&lookup)
                 }
                 "varsa2025" => {
                     let published = Varsa2025::new(&self.file, quantity).map_err(failed)?;
                     // refuses axes that the file has not, and values off the only one
-                    self.file.at(&conditions).map_err(failed)?;
+                    self.file.at(optional).map_err(failed)?;
                     Method::Varsa2025(published)
                 }
                 other => {
@@ -255,26 +239,37 @@ impl Database {
     }
 
     /// The look-up of `quantity` there.
-    fn prepared(&self, quantity: Quantity, there: &Conditions) -> Result<Arc<Lookup>, LookupError> {
-        let bits = there.iter().map(|(axis, value)| (*axis, value.to_bits()));
+    fn prepared(&self, quantity: Quantity, optional: Point) -> Result<Arc<Lookup>, LookupError> {
+        let bits = optional
+            .iter()
+            .map(|(parameter, value)| (parameter, value.to_bits()));
         self.prepared.get((quantity, bits.collect()), || {
-            if self.file.extra().is_empty() && there.is_empty() {
-                Lookup::new(&self.file, quantity)
-            } else {
-                Lookup::new(&self.file.at(there)?, quantity)
-            }
+            Lookup::new(&self.file.at(optional)?, quantity)
         })
     }
 }
 
-/// Conditions by the names of their axes.
-fn named(conditions: &[(String, f64)]) -> PyResult<Conditions> {
+/// Values of optional axes by their names.
+fn named(values: &[(String, f64)]) -> PyResult<Point> {
     let one = |(name, value): &(String, f64)| {
-        let axis = ExtraAxis::named(name).ok_or_else(|| {
-            let names = ExtraAxis::ALL.map(ExtraAxis::name).join(", ");
+        let axis = Parameter::named(name).filter(|axis| axis.is_optional());
+        let axis = axis.ok_or_else(|| {
+            let optional = Parameter::ALL.into_iter().filter(|axis| axis.is_optional());
+            let names: Vec<_> = optional.map(Parameter::name).collect();
+            let names = names.join(", ");
             PyValueError::new_err(format!("no axis is named `{name}`; there are {names}"))
         })?;
         Ok((axis, *value))
     };
-    conditions.iter().map(one).collect()
+    values.iter().map(one).collect()
+}
+
+/// Name, unit and long name of every parameter that an axis may be of.
+#[pyfunction]
+pub(crate) fn parameters() -> Vec<[&'static str; 3]> {
+    let about = |parameter: Parameter| {
+        let record = parameter.record();
+        [record.name, record.unit, record.long_name]
+    };
+    Parameter::ALL.map(about).into()
 }

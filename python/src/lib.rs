@@ -19,5 +19,8 @@ mod _native {
     use crate::simulation::simulate;
 
     #[pymodule_export]
+    use crate::database::parameters;
+
+    #[pymodule_export]
     const VERSION: &str = env!("CARGO_PKG_VERSION");
 }

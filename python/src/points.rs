@@ -4,7 +4,8 @@ use pyo3::exceptions::PyValueError;
 use pyo3::prelude::*;
 use rayon::ThreadPool;
 use rayon::prelude::*;
-use splitsnow::lookup::{Lookup, LookupError, Point, Varsa2025};
+use splitsnow::lookup::{Lookup, LookupError, Varsa2025};
+use splitsnow::parameter::Point;
 
 /// Rows of a task; fewer are not worth waking a thread.
 const TASK: usize = 1024;
@@ -62,7 +63,7 @@ impl<'a> Points<'a> {
             [value] => *value,
             values => values[index],
         };
-        Point::from_coordinates(std::array::from_fn(value))
+        Point::of_core(std::array::from_fn(value))
     }
 
     /// Writes what `finish` makes of each point's spectrum of `wavelengths` values into

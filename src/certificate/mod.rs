@@ -30,16 +30,16 @@ use serde::{Deserialize, Serialize};
 use thiserror::Error;
 
 use crate::colour::Colorimeter;
-use crate::compress::{AXES, CurveError};
+use crate::compress::CurveError;
 use crate::engine::{Control, EngineError};
-use crate::grid::{Conditions, Grid, GridError, described};
+use crate::grid::{Grid, GridError};
 use crate::lookup::{Database, Lookup, LookupError};
 use crate::measurement::{Quantity, Spectrum};
+use crate::parameter::{Point, Region};
 use crate::spectrum::Resampling;
 
 pub use measures::{Chain, Measures, Summary, Worst};
 pub use patch::{Patch, Simulation};
-pub use trial::Region;
 use trial::{Kind, Trial};
 
 /// Metadata key of a certificate in a compact file: its JSON.
@@ -148,18 +148,12 @@ impl Subject<'_> {
 
     /// And how many points drawn the file does not answer.
     fn trials(&self) -> (Vec<Trial>, usize) {
-        let exact = |v: &f32| format!("{v}").parse().unwrap_or(f64::from(*v));
-        let axes = self.file.axes().each_ref();
-        let axes = axes.map(|axis| axis.iter().map(exact).collect());
-        let exact = |values: &Vec<f32>| values.iter().map(exact).collect();
-        let extra = self.file.extra().iter();
-        let extra = extra.map(|(axis, values)| (*axis, exact(values))).collect();
         let covered = |size, thickness| self.file.covers(size, thickness);
         let (mut trials, unanswered) =
             trial::anywhere(self.regions, self.points, self.seed, &covered);
         // snow that a scene leaves out would be of no use to it
         if self.regions.len() == 1 {
-            let along = trial::along(&axes, &extra, self.seed).into_iter();
+            let along = trial::along(self.file.axes(), self.seed).into_iter();
             trials.extend(along.filter_map(|trial| trial.within(&covered)));
         }
         (trials, unanswered)
@@ -238,23 +232,17 @@ impl Subject<'_> {
         trials: &[Trial],
         truth: &[Vec<Spectrum>],
     ) -> Result<Chain, CertificateError> {
-        let lookups = |conditions: &Conditions| {
+        let lookups = |optional: Point| {
             let mut found = Vec::new();
             for database in [self.file, self.exact] {
-                found.push(if database.extra().is_empty() {
-                    Lookup::new(database, quantity)?
-                } else {
-                    Lookup::new(&database.at(conditions)?, quantity)?
-                });
+                found.push(Lookup::new(&database.at(optional)?, quantity)?);
             }
             Ok::<_, LookupError>(found)
         };
         let nm = &self.grid.wavelengths_nm;
         let lines = Resampling::new(self.file.wavelengths_nm(), nm);
-        let single: Vec<f32> = nm.iter().map(|v| *v as f32).collect();
-        let fewer = single != self.file.wavelengths_nm();
-        let there = self.file.wavelengths_nm().iter().map(|v| f64::from(*v));
-        let there = Resampling::new(&single, &there.collect::<Vec<_>>());
+        let fewer = nm != self.file.wavelengths_nm();
+        let there = Resampling::new(nm, self.file.wavelengths_nm());
         let mut found = vec![0.0; self.file.wavelengths_nm().len()];
         let mut ask = |lookup: &Lookup, point| -> Result<Vec<f64>, LookupError> {
             lookup.spectrum(point, &mut found)?;
@@ -263,12 +251,12 @@ impl Subject<'_> {
         };
         let error = |a: &[f64], b: &[f64]| CurveError::between(a, b, self.colour);
         let mut chain = measures::Collector::default();
-        let mut current: Option<(&Conditions, Vec<Lookup>)> = None;
+        let mut current: Option<(Point, Vec<Lookup>)> = None;
         for (trial, truth) in trials.iter().zip(truth) {
-            let conditions = &trial.patch.conditions;
+            let optional = trial.patch.snow.optional();
             let (_, lookups) = match current.take() {
-                Some(same) if same.0 == conditions => current.insert(same),
-                _ => current.insert((conditions, lookups(conditions)?)),
+                Some(same) if same.0 == optional => current.insert(same),
+                _ => current.insert((optional, lookups(optional)?)),
             };
             let points = trial.patch.points().zip(&trial.kinds).zip(truth);
             for ((point, kind), truth) in points {
@@ -285,18 +273,14 @@ impl Subject<'_> {
                         if fewer {
                             chain.wavelengths.push(error(&truth, &drawn));
                         }
-                        let at = described(&point, conditions);
+                        let at = point.to_string();
                         chain.total.push((at, error(&truth, &answer)));
                         chain.compression.push(error(&curves, &answer));
                         chain.interpolation.push(interpolated);
                         chain.noise.push(error(&truth, &values(1.0)));
                     }
-                    Kind::Along(axis) => {
-                        let name = AXES[*axis].name.to_owned();
-                        chain.axes.entry(name).or_default().push(interpolated);
-                    }
-                    Kind::Beyond(axis) => {
-                        let name = axis.name().to_owned();
+                    Kind::Along(parameter) => {
+                        let name = parameter.name().to_owned();
                         chain.axes.entry(name).or_default().push(interpolated);
                     }
                     Kind::Slab => {}
@@ -311,20 +295,20 @@ impl Subject<'_> {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::parameter::Parameter;
 
     #[test]
     fn whatever_there_is_time_for_holds_both_kinds() {
         let trial = |kind| Trial {
             patch: Patch {
-                snow: [0.3, 300.0, 250.0],
+                snow: Point::from([(Parameter::Facetness, 0.3)]),
                 thickness_cm: vec![1.0],
                 angle_deg: vec![0.0],
-                conditions: Conditions::new(),
             },
             kinds: vec![kind],
         };
         let mut trials: Vec<Trial> = (0..30).map(|_| trial(Kind::Anywhere)).collect();
-        trials.extend((0..10).map(|_| trial(Kind::Along(1))));
+        trials.extend((0..10).map(|_| trial(Kind::Along(Parameter::GrainSize))));
         let order = interleaved(&trials);
         for n in 1..=order.len() {
             let along = order[..n].iter().filter(|i| **i >= 30).count();

@@ -2,21 +2,19 @@
 use super::CertificateError;
 use crate::budget;
 use crate::engine::{Control, Engine, EngineError, Request};
-use crate::grid::{Axes, Conditions, Grid, Run};
-use crate::lookup::Point;
+use crate::grid::{Grid, Run};
 use crate::measurement::Spectrum;
+use crate::parameter::{Axes, Parameter, Point};
 
 /// Thicknesses and angles of one snow.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Patch {
-    /// Mean facetness, mean grain size, um, and density, kg/m3.
-    pub snow: [f64; 3],
+    /// The snow, on all axes but thickness and incidence.
+    pub snow: Point,
     /// Thicknesses, cm, strictly increasing.
     pub thickness_cm: Vec<f64>,
     /// Polar angles of incidence, degrees, strictly increasing.
     pub angle_deg: Vec<f64>,
-    /// Values on the axes beyond the five.
-    pub conditions: Conditions,
 }
 
 /// How patches are simulated.
@@ -33,15 +31,10 @@ pub struct Simulation<'a> {
 impl Patch {
     /// Its points, angles running fastest.
     pub fn points(&self) -> impl Iterator<Item = Point> {
-        let [facetness, grain_size_um, density_kg_m3] = self.snow;
         self.thickness_cm.iter().flat_map(move |&thickness_cm| {
-            self.angle_deg.iter().map(move |&angle_deg| Point {
-                facetness,
-                grain_size_um,
-                density_kg_m3,
-                thickness_cm,
-                angle_deg,
-            })
+            let slab = self.snow.with(Parameter::Thickness, thickness_cm);
+            let angles = self.angle_deg.iter();
+            angles.map(move |&angle_deg| slab.with(Parameter::Incidence, angle_deg))
         })
     }
 
@@ -62,23 +55,23 @@ impl Simulation<'_> {
     /// The grid of one patch, with an engine that holds there: `doubling`, or
     /// `spectral` where that refuses.
     fn grid(&self, patch: &Patch, number: u64) -> Result<Grid, CertificateError> {
-        let [facetness, grain_size_um, density_kg_m3] = patch.snow.map(|value| vec![value]);
+        let mut axes: Axes = patch
+            .snow
+            .iter()
+            .map(|(parameter, value)| (parameter, vec![value]))
+            .collect();
+        axes.set(Parameter::Thickness, patch.thickness_cm.clone());
+        axes.set(Parameter::Incidence, patch.angle_deg.clone());
         let mut grid = Grid {
-            axes: Axes {
-                facetness,
-                grain_size_um,
-                density_kg_m3,
-                thickness_cm: patch.thickness_cm.clone(),
-                angle_deg: patch.angle_deg.clone(),
-                ..Axes::default()
-            },
+            axes,
+            given_sizes: None,
             run: Run {
                 engine: Engine::Doubling,
                 seed: self.seed,
                 rays: self.rays,
                 ..self.grid.run
             },
-            ..self.grid.at(&patch.conditions)?
+            ..self.grid.clone()
         };
         grid.fixed.diffuse = false;
         let job = grid.job(&grid.jobs()?, 0)?;
@@ -136,7 +129,9 @@ impl Simulation<'_> {
                         source,
                     },
                 })?;
-                let [.., h, a] = jobs.origin(number_of_job)?.map(|i| i as usize);
+                let [h, a] = [Parameter::Thickness, Parameter::Incidence]
+                    .map(|parameter| jobs.nodes(number_of_job, parameter));
+                let (h, a) = (h?.start, a?.start);
                 for (i, spectrum) in found.into_iter().enumerate() {
                     let (row, column) = (i / job.angles_deg.len(), i % job.angles_deg.len());
                     spectra[(h + row) * patch.angle_deg.len() + a + column] = spectrum;

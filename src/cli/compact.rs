@@ -15,9 +15,10 @@ use crate::compress::{
     BandError, Bands, Choice, CompactFile, Compressed, ErrorTable, Largest, Statistics, Variant,
     compress,
 };
-use crate::grid::{Axes, Compression, described};
+use crate::grid::{Compression, absent_curves, existing, why_absent};
 use crate::lookup::Database;
 use crate::measurement::Quantity;
+use crate::parameter::Parameter;
 use crate::store::{COMPACT, DIFFUSE, Store, Variable, estimated_bytes};
 
 /// What the compact file is to be.
@@ -123,17 +124,13 @@ fn write_one(store: &Store, asked: &Asked, diffuse: bool) -> anyhow::Result<Repo
     let spinner = Spinner::new("compressing");
     let colour = Colorimeter::viewing(store.wavelengths_nm(), &asked.viewing)?;
     let Variant { basis, precision } = asked.variant;
-    let axes = if diffuse {
+    let mut axes = store.axes().clone();
+    if diffuse {
         // look-ups ask for the one angle there is
-        Axes {
-            angle_deg: vec![0.0],
-            ..store.axes().clone()
-        }
-    } else {
-        store.axes().clone()
-    };
+        axes.set(Parameter::Incidence, vec![0.0]);
+    }
     let variable = |of: Variable| if diffuse { of.diffuse() } else { of };
-    let rows = axes.existing(store.absent());
+    let rows = existing(&axes, store.absent());
     let mut max_standard_errors = [0.0; 2];
     let mut compressed = |quantity, [values, errors]: [_; 2]| -> anyhow::Result<_> {
         if !asked.quantities.contains(&quantity) {
@@ -178,6 +175,7 @@ fn write_one(store: &Store, asked: &Asked, diffuse: bool) -> anyhow::Result<Repo
         axes: &axes,
         absent: store.absent(),
         wavelengths_nm: store.wavelengths_nm(),
+        substrate: store.substrate(),
         transmittance: transmittance.as_ref(),
         reflectance: reflectance.as_ref(),
         provenance: &provenance,
@@ -193,10 +191,10 @@ fn write_one(store: &Store, asked: &Asked, diffuse: bool) -> anyhow::Result<Repo
     };
     Ok(Report {
         database: store.path().into(),
-        database_bytes: estimated_bytes(&jobs, jobs.count()),
-        curves: axes.combinations() * axes.shape().iter().product::<u64>(),
-        absent_curves: axes.absent_curves(store.absent()),
-        why_absent: axes.why_absent(store.absent()),
+        database_bytes: estimated_bytes(jobs, jobs.count()),
+        curves: axes.count(),
+        absent_curves: absent_curves(&axes, store.absent()),
+        why_absent: why_absent(&axes, store.absent()),
         wavelengths: jobs.wavelengths(),
         compact_bytes: std::fs::metadata(&compact)?.len(),
         compact,
@@ -232,7 +230,7 @@ fn metadata(
             // what readers of Zarr need
             ("coordinates", _) => {}
             // Those of the database, which the file has its own of.
-            ("units" | "format_version", _) => {}
+            ("units" | "format_version" | "substrate", _) => {}
             (_, value) => {
                 provenance.insert(key, value);
             }
@@ -256,15 +254,19 @@ fn next(store: &Store, asked: &Asked, diffuse: bool) -> String {
     if diffuse {
         command.push_str(" --diffuse");
     }
-    for (name, values) in store.axes().all() {
-        if diffuse && name == "angle_deg" {
+    // those that every database has first
+    let (optional, core): (Vec<_>, Vec<_>) =
+        store.axes().iter().partition(|(p, _)| p.is_optional());
+    for (parameter, values) in core.into_iter().chain(optional) {
+        if diffuse && parameter == Parameter::Incidence {
             continue;
         }
+        let is_thickness = parameter == Parameter::Thickness;
         // of the first grain size, the thinnest slab into which its grains fit
-        let thinnest = store.absent().first().filter(|_| name == "thickness_cm");
+        let thinnest = store.absent().first().filter(|_| is_thickness);
         let first = values.get(thinnest.copied().unwrap_or_default());
         let first = first.copied().unwrap_or_default();
-        let _ = write!(command, " --{} {first}", name.replace('_', "-"));
+        let _ = write!(command, " --{} {first}", parameter.record().option);
     }
     if !asked.quantities.contains(&Quantity::Transmittance) {
         let _ = write!(command, " --quantity {}", Quantity::Reflectance.name());
@@ -281,7 +283,7 @@ impl QuantityReport {
         let largest = bands.iter().map(|band| band.largest).reduce(larger);
         let at = |row| {
             let point = database.point(row);
-            point.map_or(String::new(), |p| described(&p, &database.conditions(row)))
+            point.map_or(String::new(), |point| point.to_string())
         };
         Self {
             components: compressed.components(),

@@ -7,7 +7,6 @@ use super::common::{self, Spinner};
 use super::point::PointArgs;
 use crate::atomic;
 use crate::export::{self, Layout, Table};
-use crate::grid::described;
 use crate::lookup::{Database, Lookup};
 use crate::measurement::Quantity;
 use crate::store::{COMPACT, DIFFUSE, Store};
@@ -197,9 +196,9 @@ impl Args {
         let quantity = self.quantity.unwrap_or(Quantity::Transmittance);
         if self.format != Format::Spd {
             let file = self.compact()?;
-            let (point, conditions) = self.point.or_middle(&file);
-            let there = file.at(&conditions)?;
-            let snow = self.point.described(point, &conditions);
+            let point = self.point.or_middle(&file);
+            let there = file.at(point.optional())?;
+            let snow = self.point.described(point);
             let one = self.point.has_thickness();
             let swatches = export::thicknesses(&there, quantity, point, one, snow)?;
             return Ok(match self.format {
@@ -208,17 +207,12 @@ impl Args {
             });
         }
         let point = self.point.point(false)?;
-        let conditions = self.point.conditions();
-        let there = self.compact()?.at(&conditions)?;
+        let there = self.compact()?.at(point.optional())?;
         let lookup = Lookup::new(&there, quantity)?;
         let mut values = vec![0.0; lookup.wavelengths()];
         lookup.spectrum(point, &mut values)?;
         let comments = [
-            format!(
-                "{} of snow: {}",
-                quantity.name(),
-                described(&point, &conditions)
-            ),
+            format!("{} of snow: {point}", quantity.name()),
             format!(
                 "wavelength in vacuum, nm, and value; splitsnow {}",
                 env!("CARGO_PKG_VERSION")

@@ -82,14 +82,14 @@ fn report(scene: &Scene, fitted: &Fitted, path: &Path) -> serde_json::Value {
         let about = json!({ "components": one.components(), "bits": one.coefficients.bits() });
         (quantity.name().to_owned(), about)
     });
-    let axes = fitted.axes.all().into_iter();
+    let axes = fitted.axes.iter();
     json!({
         "file": path,
         "bytes": fitted.bytes.len(),
         "max_delta_e": scene.max_delta_e,
         "reached_delta_e": fit::largest(&fitted.certificate),
         "wavelength_nm": fitted.database.wavelengths_nm(),
-        "nodes": axes.map(|(name, values)| (name.to_owned(), json!(values))).collect::<serde_json::Map<_, _>>(),
+        "nodes": axes.map(|(axis, values)| (axis.name().to_owned(), json!(values))).collect::<serde_json::Map<_, _>>(),
         "quantities": quantities.collect::<serde_json::Map<_, _>>(),
         "certificate": fitted.certificate,
     })
@@ -98,7 +98,8 @@ fn report(scene: &Scene, fitted: &Fitted, path: &Path) -> serde_json::Value {
 fn text_report(scene: &Scene, fitted: &Fitted, path: &Path) -> String {
     let mut text = String::new();
     let mut nodes = 1;
-    for ((name, values), candidates) in fitted.axes.all().into_iter().zip(&fitted.candidates) {
+    for ((axis, values), candidates) in fitted.axes.iter().zip(&fitted.candidates) {
+        let name = axis.name();
         nodes *= values.len();
         let list: Vec<String> = values.iter().map(f64::to_string).collect();
         let among = match (values.len(), candidates) {
@@ -108,7 +109,7 @@ fn text_report(scene: &Scene, fitted: &Fitted, path: &Path) -> String {
         let _ = writeln!(text, "{name:<15} {} ({among})", list.join(", "));
     }
     let wavelengths = fitted.database.wavelengths_nm();
-    let list: Vec<String> = wavelengths.iter().map(f32::to_string).collect();
+    let list: Vec<String> = wavelengths.iter().map(f64::to_string).collect();
     let (n, all) = (wavelengths.len(), scene.wavelengths_nm.len());
     let between = if n < all { ", linear between" } else { "" };
     let list = list.join(", ");
@@ -168,12 +169,8 @@ fn left_out(scene: &Scene, fitted: &Fitted, nodes: usize) -> String {
             .find(|quantity| !scene.quantities.contains(quantity));
         parts.extend(other.map(|quantity| quantity.name().to_owned()));
     }
-    let fixed = fitted
-        .axes
-        .all()
-        .into_iter()
-        .filter(|(_, values)| values.len() == 1);
-    let fixed: Vec<&str> = fixed.map(|(name, _)| name).collect();
+    let fixed = fitted.axes.iter().filter(|(_, values)| values.len() == 1);
+    let fixed: Vec<&str> = fixed.map(|(axis, _)| axis.name()).collect();
     if !fixed.is_empty() {
         parts.push(format!("the axes {}", fixed.join(", ")));
     }

@@ -7,7 +7,8 @@ use serde::Serialize;
 use super::common::{self, GridArgs};
 use super::pilot::Pilot;
 use crate::config::grid::GridFile;
-use crate::grid::{Grid, Jobs};
+use crate::grid::{Grid, Jobs, absent_curves, why_absent};
+use crate::lookup::format::WAVELENGTH;
 use crate::store::{Store, StoreError, estimated_bytes};
 
 /// Time to store one job, s: six files flushed to the disk (1 to 7 ms measured
@@ -132,8 +133,8 @@ fn plan(args: &Args, file: &GridFile) -> anyhow::Result<Plan> {
     let (value, wavelength) = COMPRESS_SECONDS;
     let values = 2.0 * (jobs.curves() * jobs.wavelengths()) as f64;
     let compressing = values * (value + wavelength * jobs.wavelengths() as f64);
-    let mut axes = grid.axes.all();
-    axes.push(("wavelength_nm", &grid.wavelengths_nm));
+    let axes = grid.axes.iter().map(|(axis, values)| (axis.name(), values));
+    let axes = axes.chain([(WAVELENGTH, grid.wavelengths_nm.as_slice())]);
     Ok(Plan {
         name: file.name.clone(),
         out,
@@ -141,7 +142,6 @@ fn plan(args: &Args, file: &GridFile) -> anyhow::Result<Plan> {
         seed: grid.run.seed,
         rays: grid.run.rays,
         axes: axes
-            .into_iter()
             .map(|(name, values)| Axis {
                 name,
                 values: values.to_vec(),
@@ -150,8 +150,8 @@ fn plan(args: &Args, file: &GridFile) -> anyhow::Result<Plan> {
         jobs: jobs.count(),
         jobs_left,
         curves: jobs.curves(),
-        absent_curves: grid.axes.absent_curves(&absent),
-        why_absent: grid.axes.why_absent(&absent),
+        absent_curves: absent_curves(&grid.axes, &absent),
+        why_absent: why_absent(&grid.axes, &absent),
         threads,
         core_seconds: walking.core + compressing,
         wall_seconds: (walking.wall + storing) / threads as f64 + compressing,
@@ -199,7 +199,7 @@ fn left(dir: &Path, grid: &Grid) -> anyhow::Result<Option<Vec<u64>>> {
 fn compact_bytes(jobs: &Jobs) -> u64 {
     let axes: u64 = jobs.shape().iter().sum::<u64>() + jobs.wavelengths();
     let factors = COMPONENTS * (jobs.curves() + jobs.wavelengths());
-    HEADER + size_of::<f32>() as u64 * (axes + 2 * factors)
+    HEADER + size_of::<f64>() as u64 * axes + size_of::<f32>() as u64 * 2 * factors
 }
 
 impl fmt::Display for Plan {
@@ -334,6 +334,7 @@ mod tests {
     #![allow(clippy::unwrap_used)]
     use super::*;
     use crate::engine::Engine;
+    use crate::parameter::Parameter;
 
     #[test]
     fn two_digits_of_seconds() {
@@ -344,8 +345,10 @@ mod tests {
     #[test]
     fn the_compact_file_by_hand() {
         // 24 curves, 4 wavelengths: 3 (24 + 4) numbers per quantity, and 14
-        // coordinates.
-        let jobs = Jobs::new(Engine::Spectral, [2, 2, 1, 3, 2], 4).unwrap();
-        assert_eq!(compact_bytes(&jobs), HEADER + 4 * (2 * 84 + 14));
+        // coordinates of eight bytes.
+        let lengths = Parameter::CORE.into_iter().zip([2, 2, 1, 3, 2]);
+        let axes = lengths.map(|(axis, n)| (axis, vec![0.5; n])).collect();
+        let jobs = Jobs::new(Engine::Spectral, &axes, 4).unwrap();
+        assert_eq!(compact_bytes(&jobs), HEADER + 4 * 2 * 84 + 8 * 14);
     }
 }

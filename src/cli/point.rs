@@ -1,159 +1,148 @@
-//! The options that say where in a compact file.
+//! The options that say where in a compact file, one for each parameter.
 use anyhow::bail;
+use clap::{Arg, ArgMatches, Command};
 
-use crate::compress::AXES;
 use crate::export::{ExportError, Table};
-use crate::grid::{Conditions, ExtraAxis, described};
-use crate::lookup::{Database, Point, exact};
+use crate::lookup::Database;
+use crate::parameter::{Parameter, Point};
 use crate::units::HALF_SPACE_CM;
 
 /// One coordinate for each axis.
-#[derive(Debug, clap::Args)]
-pub(super) struct PointArgs {
-    /// Mean facetness of the grains
-    #[arg(long, value_name = "F")]
-    facetness: Option<f64>,
-    /// Mean length of the grains' major axis, um
-    #[arg(long, value_name = "G")]
-    grain_size_um: Option<f64>,
-    /// Density of the dry snow, kg/m3
-    #[arg(long, value_name = "D")]
-    density_kg_m3: Option<f64>,
-    /// Thickness of the slab, cm; inf is a half space
-    #[arg(long, value_name = "H")]
-    thickness_cm: Option<f64>,
-    /// Polar angle of incidence from the surface normal, degrees
-    #[arg(long, value_name = "A")]
-    angle_deg: Option<f64>,
-    /// Black carbon, ng per g of snow; this and the four below where the file has
-    /// such an axis, and only there
-    #[arg(long, value_name = "C")]
-    black_carbon_ng_g: Option<f64>,
-    /// Water saturation of the pore space
-    #[arg(long, value_name = "S")]
-    water_saturation: Option<f64>,
-    /// Temperature, Celsius
-    #[arg(long, value_name = "T")]
-    temperature_c: Option<f64>,
-    /// Mean sphericity of the grains
-    #[arg(long, value_name = "S")]
-    sphericity: Option<f64>,
-    /// Lambertian reflectance of the substrate
-    #[arg(long, value_name = "R")]
-    substrate_reflectance: Option<f64>,
+#[derive(Debug)]
+pub(super) struct PointArgs(Point);
+
+/// A number: NaN is none.
+fn number(text: &str) -> Result<f64, String> {
+    let number = text.parse().ok().filter(|number: &f64| !number.is_nan());
+    number.ok_or_else(|| "not a number".to_owned())
 }
 
-/// Makes the options of the five axes required ones.
-pub(super) fn required(arg: clap::Arg) -> clap::Arg {
-    match AXES
-        .iter()
-        .position(|axis| axis.name == arg.get_id().as_str())
-    {
-        // the angle
-        Some(4) => arg.required_unless_present("diffuse"),
-        Some(_) => arg.required(true),
-        None => arg,
+/// The option of a parameter.
+fn arg(parameter: Parameter) -> Arg {
+    let record = parameter.record();
+    let mut words = record.long_name.chars();
+    let first = words.next().map(|c| c.to_uppercase().to_string());
+    let mut help = first.unwrap_or_default() + words.as_str();
+    match record.unit {
+        "1" => {}
+        "degree" => help += ", degrees",
+        unit => help += &format!(", {unit}"),
+    }
+    if parameter == Parameter::Thickness {
+        help += "; inf is a half space";
+    }
+    if parameter.is_optional() {
+        help += "; only where the file has such an axis";
+    }
+    Arg::new(record.name)
+        .long(record.option)
+        .value_name(record.symbol)
+        .value_parser(number)
+        .help(help)
+}
+
+impl clap::Args for PointArgs {
+    fn augment_args(command: Command) -> Command {
+        let optional = Parameter::ALL.into_iter().filter(|p| p.is_optional());
+        command.args(Parameter::CORE.into_iter().chain(optional).map(arg))
+    }
+
+    fn augment_args_for_update(command: Command) -> Command {
+        Self::augment_args(command)
+    }
+}
+
+impl clap::FromArgMatches for PointArgs {
+    fn from_arg_matches(matches: &ArgMatches) -> Result<Self, clap::Error> {
+        let given = Parameter::ALL.into_iter().filter_map(|parameter| {
+            let value = *matches.get_one::<f64>(parameter.name())?;
+            let value = match parameter {
+                // a half space is as thick as files hold it
+                Parameter::Thickness => value.min(HALF_SPACE_CM),
+                _ => value,
+            };
+            Some((parameter, value))
+        });
+        Ok(Self(given.collect()))
+    }
+
+    fn update_from_arg_matches(&mut self, matches: &ArgMatches) -> Result<(), clap::Error> {
+        *self = Self::from_arg_matches(matches)?;
+        Ok(())
+    }
+}
+
+/// Makes the options of axes that every file has required ones.
+pub(super) fn required(arg: Arg) -> Arg {
+    match Parameter::named(arg.get_id().as_str()) {
+        Some(Parameter::Incidence) => arg.required_unless_present("diffuse"),
+        Some(parameter) if !parameter.is_optional() => arg.required(true),
+        _ => arg,
     }
 }
 
 impl PointArgs {
-    fn five(&self) -> [Option<f64>; 5] {
-        [
-            self.facetness,
-            self.grain_size_um,
-            self.density_kg_m3,
-            // a half space is as thick as files hold it
-            self.thickness_cm.map(|cm| match cm {
-                f64::INFINITY => HALF_SPACE_CM,
-                cm => cm,
-            }),
-            self.angle_deg,
-        ]
-    }
-
     /// Whether none is given.
     pub(super) fn is_empty(&self) -> bool {
-        self.five().iter().all(Option::is_none) && self.conditions().is_empty()
+        self.0.is_empty()
     }
 
     /// Whether the thickness is given.
     pub(super) fn has_thickness(&self) -> bool {
-        self.thickness_cm.is_some()
+        self.0.get(Parameter::Thickness).is_some()
     }
 
     /// Whether no node is chosen of density, size, thickness and angle.
     pub(super) fn leaves_tables(&self) -> bool {
-        let [_facetness, rest @ ..] = self.five();
-        rest.iter().all(Option::is_none)
+        let core = Parameter::CORE.into_iter();
+        let mut rest = core.filter(|p| *p != Parameter::Facetness);
+        rest.all(|parameter| self.0.get(parameter).is_none())
     }
 
-    /// The part of `table` at the nodes of facetness and of axes beyond the five.
+    /// The part of `table` at the nodes that are given.
     pub(super) fn cut(&self, mut table: Table) -> Result<Table, ExportError> {
-        if let Some(facetness) = self.facetness {
-            table = table.at(AXES[0].name, facetness)?;
-        }
-        for (axis, value) in self.conditions() {
-            table = table.at(axis.name(), value)?;
+        for (parameter, value) in self.0.iter() {
+            table = table.at(parameter.name(), value)?;
         }
         Ok(table)
     }
 
-    /// The point, all five coordinates of which must be given; under `diffuse` light the
-    /// angle is the one of its file.
+    /// The point, at which all parameters that every file has must be given; under
+    /// `diffuse` light the angle is the one of its file.
     pub(super) fn point(&self, diffuse: bool) -> anyhow::Result<Point> {
-        let mut coordinates = [0.0; 5];
-        let mut five = self.five();
-        five[4] = five[4].or(diffuse.then_some(0.0));
-        let given = five.into_iter().zip(&AXES);
-        for (coordinate, (value, axis)) in coordinates.iter_mut().zip(given) {
-            match value {
-                Some(value) => *coordinate = value,
-                None => bail!(
-                    "say where: --{} is missing; one spectrum is at one point of all five axes",
-                    axis.name.replace('_', "-")
-                ),
+        let mut point = self.0;
+        if diffuse && point.get(Parameter::Incidence).is_none() {
+            point.set(Parameter::Incidence, 0.0);
+        }
+        let mut core = Parameter::CORE.into_iter();
+        match core.find(|parameter| point.get(*parameter).is_none()) {
+            Some(parameter) => bail!(
+                "say where: --{} is missing; one spectrum is at one point of all axes",
+                parameter.record().option
+            ),
+            None => Ok(point),
+        }
+    }
+
+    /// The point, at the middle nodes of the axes where nothing is given.
+    pub(super) fn or_middle(&self, database: &Database) -> Point {
+        let mut point = self.0;
+        for (parameter, nodes) in database.axes().iter() {
+            if point.get(parameter).is_none() {
+                point.set(
+                    parameter,
+                    nodes.get(nodes.len() / 2).copied().unwrap_or(0.0),
+                );
             }
         }
-        Ok(Point::from_coordinates(coordinates))
+        point
     }
 
-    /// The values given of axes beyond the five.
-    pub(super) fn conditions(&self) -> Conditions {
-        let given = [
-            self.black_carbon_ng_g,
-            self.water_saturation,
-            self.temperature_c,
-            self.sphericity,
-            self.substrate_reflectance,
-        ];
-        let all = ExtraAxis::ALL.into_iter().zip(given);
-        all.filter_map(|(axis, value)| Some((axis, value?)))
-            .collect()
-    }
-
-    /// The point and conditions, at the middle nodes of the axes where nothing is
-    /// given.
-    pub(super) fn or_middle(&self, database: &Database) -> (Point, Conditions) {
-        let middle = |nodes: &[f32]| nodes.get(nodes.len() / 2).map_or(0.0, |node| exact(*node));
-        let mut coordinates = [0.0; 5];
-        let given = self.five().into_iter().zip(database.axes());
-        for (coordinate, (value, nodes)) in coordinates.iter_mut().zip(given) {
-            *coordinate = value.unwrap_or_else(|| middle(nodes));
-        }
-        let mut conditions = self.conditions();
-        for (axis, nodes) in database.extra() {
-            conditions.entry(*axis).or_insert_with(|| middle(nodes));
-        }
-        (Point::from_coordinates(coordinates), conditions)
-    }
-
-    /// The point and conditions for people, without the thickness unless it is given.
-    pub(super) fn described(&self, point: Point, conditions: &Conditions) -> String {
-        let text = described(&point, conditions);
-        let thickness = format!("thickness {} cm, ", point.thickness_cm as f32);
-        match self.thickness_cm {
-            Some(_) => text,
-            None => text.replace(&thickness, ""),
+    /// The point for people, without the thickness unless it is given.
+    pub(super) fn described(&self, point: Point) -> String {
+        match self.has_thickness() {
+            true => point.to_string(),
+            false => point.with(Parameter::Thickness, f64::NAN).to_string(),
         }
     }
 }

@@ -13,8 +13,8 @@ use crate::measurement::Quantity;
 
 /// Print one spectrum of a compact file as CSV
 ///
-/// The columns are `wavelength_nm,value`. Any point in the box of the five axes
-/// is answered, and any thickness from 0 on. `--method varsa2025` interpolates in
+/// The columns are `wavelength_nm,value`. Any point in the box of the axes is
+/// answered, and any thickness from 0 on. `--method varsa2025` interpolates in
 /// thickness and angle only, as the thesis does, and refuses other snow than that
 /// of the nodes.
 #[derive(Debug, clap::Args)]
@@ -67,7 +67,7 @@ pub(super) fn run(args: &Args) -> anyhow::Result<()> {
     };
     let database = Database::open(&path)?;
     let point = args.point.point(args.diffuse)?;
-    let there = database.at(&args.point.conditions())?;
+    let there = database.at(point.optional())?;
     let spectrum = match args.method {
         Method::Smooth => {
             let lookup = Lookup::new(&there, args.quantity)?;

@@ -11,15 +11,17 @@ use ndarray::Array2;
 use serde_json::{Value, json};
 use thiserror::Error;
 
-use super::format::{
-    ABSENT, AXES, BAND_ERRORS, BASIS, BOUNDS, Coordinate, ERROR_TABLE, FORMAT, FORMAT_VERSION,
-    MAX_HEADER, MAX_NUMBER, PRECISION, PROVENANCE, QUANTITIES, WAVELENGTHS, axis_order, basis_name,
-    coefficients_name, components_key, extra, integers_name, number, quantisation_name, quantities,
-};
 use super::{BandError, Bounds, Coefficients, Compressed, ErrorTable, Integers, Variant};
 use crate::atomic;
-use crate::grid::Axes;
+use crate::lookup::Substrate;
+use crate::lookup::format::{
+    ABSENT, BAND_ERRORS, BASIS, BOUNDS, ERROR_TABLE, FORMAT, FORMAT_VERSION, MAX_HEADER,
+    MAX_NUMBER, PRECISION, PROVENANCE, QUANTITIES, SUBSTRATE, WAVELENGTH, axis_order, basis_name,
+    check_axis, check_wavelengths, coefficients_name, components_key, integers_name, number,
+    quantisation_name, quantities,
+};
 use crate::measurement::Quantity;
+use crate::parameter::{Axes, Parameter};
 
 /// Why a compact file could not be written.
 #[derive(Debug, Error)]
@@ -43,10 +45,12 @@ pub enum CompactError {
 /// What a compact file is made of. Its bytes are a function of these fields.
 #[derive(Debug, Clone, Copy)]
 pub struct CompactFile<'a> {
-    /// The axes of the database; kept as f32.
+    /// The axes of the database.
     pub axes: &'a Axes,
-    /// Wavelengths, nm; kept as f32.
+    /// Wavelengths, nm.
     pub wavelengths_nm: &'a [f64],
+    /// What lies under the snow of the axes.
+    pub substrate: Substrate,
     /// For each grain size, how many of the thinnest thicknesses have no curve, as of
     /// [`crate::grid::Grid::absent`]; empty if all have.
     pub absent: &'a [usize],
@@ -57,7 +61,7 @@ pub struct CompactFile<'a> {
     pub reflectance: Option<&'a Compressed>,
     /// Where the numbers come from: the JSON of [`crate::store::Store::attributes`].
     pub provenance: &'a str,
-    /// Further metadata (illumination, bottom boundary, ...); none of the
+    /// Further metadata (illumination, ...); none of the
     /// format's own keys.
     pub extra: &'a BTreeMap<String, String>,
 }
@@ -79,17 +83,15 @@ impl CompactFile<'_> {
     /// # Errors
     /// [`CompactError::Content`] and [`CompactError::Header`].
     pub fn to_bytes(&self) -> Result<Vec<u8>, CompactError> {
-        let wavelengths = rounded(&WAVELENGTHS, self.wavelengths_nm)?;
+        let wavelengths = self.wavelengths_nm;
+        check_wavelengths(wavelengths).map_err(CompactError::Content)?;
         let mut curves: usize = 1;
         // Sorted by name: the order of the header.
         let mut tensors = BTreeMap::new();
-        for (coordinate, values) in self.coordinates() {
+        for (parameter, values) in self.axes.iter() {
+            check_axis(parameter, values).map_err(CompactError::Content)?;
             curves = curves.saturating_mul(values.len());
-            let values = rounded(&coordinate, values)?;
-            tensors.insert(
-                coordinate.name.to_owned(),
-                Tensor::f32(&[values.len()], values),
-            );
+            tensors.insert(parameter.name().to_owned(), Tensor::f64(values));
         }
         for (quantity, compressed) in self.quantities() {
             let components = compressed.components();
@@ -124,10 +126,7 @@ impl CompactFile<'_> {
         if !self.absent.is_empty() {
             tensors.insert(ABSENT.to_owned(), Tensor::integers(&self.absent()?));
         }
-        tensors.insert(
-            WAVELENGTHS.name.to_owned(),
-            Tensor::f32(&[wavelengths.len()], wavelengths),
-        );
+        tensors.insert(WAVELENGTH.to_owned(), Tensor::f64(wavelengths));
 
         let mut header = BTreeMap::from([("__metadata__".to_owned(), self.metadata()?)]);
         let mut data = Vec::new();
@@ -149,8 +148,8 @@ impl CompactFile<'_> {
     fn absent(&self) -> Result<Integers, CompactError> {
         let counts = self.absent.iter().map(|n| u16::try_from(*n).ok());
         let counts: Option<Vec<u16>> = counts.collect();
-        let most = self.axes.thickness_cm.len();
-        let sizes = self.axes.grain_size_um.len();
+        let most = self.axes.values(Parameter::Thickness).len();
+        let sizes = self.axes.values(Parameter::GrainSize).len();
         let fits =
             |all: &Vec<u16>| all.len() == sizes && all.iter().all(|n| usize::from(*n) <= most);
         counts.filter(fits).map(Integers::U16).ok_or_else(|| {
@@ -186,14 +185,6 @@ impl CompactFile<'_> {
         Ok(variant)
     }
 
-    /// All axes with their values, slowest first.
-    fn coordinates(&self) -> impl Iterator<Item = (Coordinate, &[f64])> {
-        let beyond = self.axes.extra.iter();
-        let beyond = beyond.map(|(axis, values)| (extra(*axis), values.as_slice()));
-        let five = self.axes.named().map(|(_, values)| values);
-        beyond.chain(AXES.into_iter().zip(five))
-    }
-
     /// `__metadata__`: strings by name.
     fn metadata(&self) -> Result<Value, CompactError> {
         let Variant { basis, precision } = self.variant()?;
@@ -202,9 +193,9 @@ impl CompactFile<'_> {
         let tables: BTreeMap<&str, &ErrorTable> = tables.collect();
         let bounds = self.quantities().map(|(q, c)| (q.name(), c.bounds));
         let bounds: BTreeMap<&str, Bounds> = bounds.collect();
-        let axes = self.coordinates().map(|(axis, _)| (axis.name, axis.unit));
+        let axes = self.axes.iter().map(|(axis, _)| (axis.name(), axis.unit()));
         let mut units: BTreeMap<_, _> = axes.collect();
-        units.insert(WAVELENGTHS.name, WAVELENGTHS.unit);
+        units.insert(WAVELENGTH, "nm");
         units.extend(
             self.quantities()
                 .map(|(quantity, _)| (quantity.name(), "1")),
@@ -215,12 +206,13 @@ impl CompactFile<'_> {
             ("format_version".to_owned(), FORMAT_VERSION.to_owned()),
             (
                 "axis_order".to_owned(),
-                axis_order(self.axes.extra.keys().copied()),
+                axis_order(self.axes.iter().map(|(axis, _)| axis)),
             ),
             ("units".to_owned(), serde_json::to_string(&units)?),
             (BASIS.to_owned(), basis.name().to_owned()),
             (PRECISION.to_owned(), precision.name().to_owned()),
             (QUANTITIES.to_owned(), quantities),
+            (SUBSTRATE.to_owned(), self.substrate.name().to_owned()),
             (ERROR_TABLE.to_owned(), serde_json::to_string(&tables)?),
             (BOUNDS.to_owned(), serde_json::to_string(&bounds)?),
             (PROVENANCE.to_owned(), self.provenance.to_owned()),
@@ -275,6 +267,11 @@ impl Tensor {
         Self::new("F32", 4, shape, bytes)
     }
 
+    fn f64(values: &[f64]) -> Self {
+        let bytes = values.iter().flat_map(|value| value.to_le_bytes());
+        Self::new("F64", 8, &[values.len()], bytes)
+    }
+
     fn integers(all: &Integers) -> Self {
         match all {
             Integers::U8(all) => Self::new("U8", 1, &[all.len()], all.iter().copied()),
@@ -304,13 +301,6 @@ pub(super) fn assemble(
     bytes.append(&mut header);
     bytes.extend_from_slice(data);
     Ok(bytes)
-}
-
-/// `values` as f32, if a reader accepts them.
-fn rounded(coordinate: &Coordinate, values: &[f64]) -> Result<Vec<f32>, CompactError> {
-    let values: Vec<f32> = values.iter().map(|&v| v as f32).collect();
-    coordinate.check(&values).map_err(CompactError::Content)?;
-    Ok(values)
 }
 
 /// Whether a matrix has the shape and the kind of numbers a reader accepts.

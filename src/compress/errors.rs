@@ -6,11 +6,12 @@
 use std::fmt;
 use std::ops::Range;
 
-use ndarray::{ArrayView1, ArrayView2};
+use ndarray::ArrayView2;
 use serde::{Deserialize, Serialize, Serializer};
 
 use super::{Bands, Basis};
 use crate::colour::Colorimeter;
+use crate::lookup::add_component;
 use crate::measurement::Quantity;
 use crate::spectrum::Band;
 
@@ -277,15 +278,6 @@ pub(super) fn error_table(
     ErrorTable {
         rows: rows.collect(),
         chosen: None,
-    }
-}
-
-/// Adds one component to a spectrum being rebuilt. Products of two f32 are exact
-/// in f64; components are added in order, so that a table's errors and a
-/// reader's agree to the last bit.
-pub(crate) fn add_component(sum: &mut [f64], coefficient: f32, vector: ArrayView1<f32>) {
-    for (sum, &v) in sum.iter_mut().zip(vector) {
-        *sum += f64::from(coefficient) * f64::from(v);
     }
 }
 

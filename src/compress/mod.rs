@@ -7,33 +7,33 @@
 mod absent;
 mod annotation;
 mod bands;
-mod basis;
 mod choice;
 mod compact;
 mod errors;
-pub(crate) mod format;
+mod fidelity;
 mod model;
 mod precision;
 mod svd;
+mod weight;
 
 pub use annotation::annotated;
 pub(crate) use bands::rmse_in;
 pub use bands::{BandError, Bands, NOISE_FACTOR, Part};
-pub use basis::Basis;
 pub use choice::{Bounds, Choice, DEFAULT_MAX_DELTA_E, DEFAULT_MAX_RMSE, choose};
 pub use compact::{CompactError, CompactFile};
-pub(crate) use errors::{BandTally, add_component, error_in};
+pub(crate) use errors::{BandTally, error_in};
 pub use errors::{CurveError, ErrorRow, ErrorTable, InBand, Largest, Statistics};
-pub use format::{AXES, BAND_ERRORS, BOUNDS, Coordinate, ERROR_TABLE, PROVENANCE};
+pub use fidelity::{BandErrors, CurveErrors, errors_of};
 pub use model::Model;
-pub(crate) use precision::dequantised;
-pub use precision::{Coefficients, Integers, Precision, Quantised};
+pub use precision::{Coefficients, Integers, Quantised};
 pub use svd::Decomposition;
 
 use ndarray::{Array2, ArrayView2};
 use thiserror::Error;
 
 use crate::colour::Colorimeter;
+pub use crate::lookup::format::{BAND_ERRORS, BOUNDS, ERROR_TABLE, PROVENANCE};
+pub use crate::lookup::{Basis, Precision};
 use crate::measurement::Quantity;
 
 /// Rows of the error table that are always there, if there are as many components.

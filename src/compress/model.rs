@@ -6,7 +6,7 @@ use super::errors::{Rebuilding, error_table};
 use super::precision::narrowed;
 use super::{
     Bands, Basis, Bounds, Coefficients, CompressError, Decomposition, ErrorRow, ErrorTable,
-    Precision, basis, choose, svd,
+    Precision, choose, svd, weight,
 };
 use crate::colour::Colorimeter;
 use crate::measurement::Quantity;
@@ -45,7 +45,7 @@ impl<'a> Model<'a> {
             Basis::Log => {
                 // What is not a number has no place in a logarithm's limits.
                 svd::check_values(curves)?;
-                Decomposition::new(basis::weighted(quantity, curves).view())?
+                Decomposition::new(weight::weighted(quantity, curves).view())?
             }
         };
         Ok(Self {

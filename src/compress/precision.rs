@@ -2,33 +2,7 @@
 use half::f16;
 use ndarray::{Array2, ArrayView1, ArrayView2, Axis, ShapeBuilder};
 
-/// Numbers in which a file holds coefficients. Bases are f32 in all.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
-pub enum Precision {
-    /// 32-bit floating point.
-    #[default]
-    F32,
-    /// 16-bit floating point.
-    F16,
-    /// Integers of 8 or 16 bits, evenly from a component's least coefficient to
-    /// its largest.
-    Quantised,
-}
-
-impl Precision {
-    /// All there are.
-    pub const ALL: [Self; 3] = [Self::F32, Self::F16, Self::Quantised];
-
-    /// The name used on the command line and in files.
-    #[must_use]
-    pub fn name(self) -> &'static str {
-        match self {
-            Self::F32 => "f32",
-            Self::F16 => "f16",
-            Self::Quantised => "quantised",
-        }
-    }
-}
+use crate::lookup::{Precision, dequantised};
 
 /// Coefficients as a file holds them.
 #[derive(Debug, Clone, PartialEq)]
@@ -196,11 +170,6 @@ impl Integers {
             Self::U16(all) => 2 * all.len(),
         }
     }
-}
-
-/// The coefficient that an integer stands for: summed in f64, rounded to f32.
-pub(crate) fn dequantised(offset: f32, step: f32, integer: u16) -> f32 {
-    (f64::from(offset) + f64::from(step) * f64::from(integer)) as f32
 }
 
 /// Offset, step, and the integers from 0 to `largest` that are nearest to `exact`.

@@ -4,11 +4,13 @@ use std::path::Path;
 use crate::colour::Viewing;
 use crate::engine::{Engine, MaxError};
 use crate::grain::{SizeMeasure, Told};
-use crate::grid::{Axes, Compression, ExtraAxis, Fixed, Grid, Run, Spread};
+use crate::grid::{Compression, Fixed, GivenSizes, Grid, Run, Spread, why_absent};
+use crate::parameter::{Axes, Parameter};
 
+use super::axis_keys::AxesKeys;
 use super::document::{Document, read_text};
 use super::error::{ConfigError, Problem};
-use super::keys::{AxesKeys, FixedKeys, GridKeys, RunKeys, SIZE_UM};
+use super::keys::{FixedKeys, GridKeys, RunKeys, SIZE_UM};
 use super::shared::{
     choose, covered, increasing, law, model, one_size, size_law, viewing, wavelengths,
 };
@@ -44,8 +46,8 @@ pub struct GridFile {
 /// below the allowed range. A half width that the file gives is kept.
 fn narrow(document: &Document, axes: &AxesKeys, spread: &mut Spread, warnings: &mut Vec<String>) {
     const KEY: &str = "spread.grain_size_half_width_um";
-    let sizes = axes.grain_size_um.as_deref().unwrap_or_default();
-    let smallest = sizes.iter().copied().fold(f64::INFINITY, f64::min);
+    let sizes = axes.values(Parameter::GrainSize.name());
+    let smallest = sizes.into_iter().fold(f64::INFINITY, f64::min);
     let most = smallest - SIZE_UM.0;
     let default = spread.grain_size_half_width_um;
     if !document.has(KEY) && most >= 0.0 && most < default {
@@ -81,7 +83,8 @@ pub fn parse(name: &str, text: &str) -> Result<GridFile, ConfigError> {
     }
     narrow(&document, &keys.axes, &mut spread, &mut warnings);
     let diffuse = keys.axes.diffuse;
-    let (axes, biggest_um) = axes(&document, keys.axes, &spread, &keys.fixed, &mut warnings)?;
+    let (axes, given_sizes, biggest_um) =
+        axes(&document, keys.axes, &spread, &keys.fixed, &mut warnings)?;
     let wavelengths_nm = wavelengths(&document, &keys.wavelengths, &mut warnings)?;
     let model = model(&document, &keys.model, directory_of(name))?;
     fixed_or_axis(&document, &["axes".to_owned()], &keys.fixed)?;
@@ -90,12 +93,13 @@ pub fn parse(name: &str, text: &str) -> Result<GridFile, ConfigError> {
         &keys.fixed,
         model,
         size_law,
-        &axes.density_kg_m3,
+        axes.values(Parameter::Density),
         (directory_of(name), &wavelengths_nm),
         (&mut warnings, &mut notes),
     )?;
     useful(&document, &axes, &biggest_um, &fixed)?;
-    let wet = fixed.is_wet() || axes.is_wet();
+    let water = axes.values(Parameter::WaterSaturation).last();
+    let wet = fixed.is_wet() || water.is_some_and(|most| *most > 0.0);
     covered(&document, &fixed.model, &wavelengths_nm, wet)?;
     let run = run(&document, &keys.run, &wavelengths_nm)?;
     if diffuse && !run.engine.shares_angles() {
@@ -119,6 +123,7 @@ pub fn parse(name: &str, text: &str) -> Result<GridFile, ConfigError> {
     let stem = Path::new(name).file_stem();
     let grid = Grid {
         axes,
+        given_sizes,
         spread,
         wavelengths_nm,
         fixed,
@@ -131,7 +136,7 @@ pub fn parse(name: &str, text: &str) -> Result<GridFile, ConfigError> {
     // an impossible law is told by `Grid::jobs`
     let absent = grid.absent().unwrap_or_default();
     if !absent.is_empty() {
-        warnings.push(document.warning("axes.thickness_cm", grid.axes.why_absent(&absent)));
+        warnings.push(document.warning("axes.thickness_cm", why_absent(&grid.axes, &absent)));
     }
     Ok(GridFile {
         name: stem.map_or("database".into(), |s| s.to_string_lossy().into_owned()),
@@ -152,48 +157,45 @@ fn useful(
     fixed: &Fixed,
 ) -> Result<(), ConfigError> {
     let smallest = biggest_um.first().copied().unwrap_or_default();
-    for (i, &thickness) in axes.thickness_cm.iter().enumerate() {
+    let thicknesses = axes.values(Parameter::Thickness);
+    for (i, &thickness) in thicknesses.iter().enumerate() {
         let key = format!("axes.thickness_cm[{i}]");
         thick_enough(document, &key, thickness, smallest, fixed)?;
     }
-    let last = axes.thickness_cm.len().saturating_sub(1);
-    let thickest = axes.thickness_cm.get(last).copied().unwrap_or_default();
+    let last = thicknesses.len().saturating_sub(1);
+    let thickest = thicknesses.get(last).copied().unwrap_or_default();
     let key = format!("axes.thickness_cm[{last}]");
     let all = biggest_um.iter();
     all.copied()
         .try_for_each(|biggest| thick_enough(document, &key, thickest, biggest, fixed))
 }
 
-/// The axes, and for each grain size the biggest grain, um.
+/// The axes, by what the grain sizes were given if not as such, and for each grain size
+/// the biggest grain, um.
 fn axes(
     document: &Document,
     mut keys: AxesKeys,
     spread: &Spread,
     fixed: &FixedKeys,
     warnings: &mut Vec<String>,
-) -> Result<(Axes, Vec<f64>), ConfigError> {
-    let extra = ExtraAxis::ALL.into_iter().zip(keys.extra());
-    let extra = extra.filter_map(|(axis, values)| Some((axis, values?)));
+) -> Result<(Axes, Option<GivenSizes>, Vec<f64>), ConfigError> {
     one_size(document, "axes", "grain_size_um")?;
-    let (size_key, given, told) = size_axis(document, &mut keys)?;
-    let mut axes = Axes {
-        extra: extra.collect(),
-        facetness: keys.facetness,
-        grain_size_um: given,
-        density_kg_m3: keys.density_kg_m3,
-        thickness_cm: keys.thickness_cm,
-        angle_deg: keys.angle_deg,
-        told: None,
-    };
-    for (key, values) in axes.all() {
-        let key = if key == "grain_size_um" {
-            size_key
-        } else {
-            key
+    let (size_key, given, measure) = size_axis(document, &mut keys)?;
+    let mut axes = Axes::default();
+    // those that every database has first: their remarks come in this order
+    let optional = Parameter::ALL.into_iter().filter(|p| p.is_optional());
+    for parameter in optional.chain(Parameter::CORE) {
+        let (key, values) = match parameter {
+            Parameter::GrainSize => (size_key, Some(given.clone())),
+            _ => (parameter.name(), keys.take(parameter.name())),
         };
-        increasing(document, &format!("axes.{key}"), values)?;
+        if let Some(values) = values {
+            increasing(document, &format!("axes.{key}"), &values)?;
+            axes.set(parameter, values);
+        }
     }
-    if let Some(measure) = told {
+    let mut given_sizes = None;
+    if let Some(measure) = measure {
         let s = &fixed.sphericity;
         let shape = Told {
             half_width_um: spread.grain_size_half_width_um,
@@ -201,24 +203,28 @@ fn axes(
             sphericity: law(document, "fixed.sphericity", (s.min, s.max, s.mean, s.sd))?,
             temperature_c: fixed.temperature_c,
         };
-        let sizes = measure.sizes_um(&axes.grain_size_um, &shape);
-        axes.told = Some((measure, std::mem::replace(&mut axes.grain_size_um, sizes)));
+        axes.set(Parameter::GrainSize, measure.sizes_um(&given, &shape));
+        given_sizes = Some(GivenSizes {
+            measure,
+            values: given,
+        });
     }
-    if let Some(&least) = axes.facetness.first() {
+    if let Some(&least) = axes.values(Parameter::Facetness).first() {
         remark_smooth(document, warnings, "axes.facetness[0]", least);
     }
     let half_width = spread.grain_size_half_width_um;
     let mut biggest = Vec::new();
-    let last = axes.grain_size_um.len() - 1;
-    let size_key = |i: usize| match told {
-        // told the other way round
+    let sizes = axes.values(Parameter::GrainSize);
+    let last = sizes.len() - 1;
+    let size_key = |i: usize| match measure {
+        // given the other way round
         Some(SizeMeasure::SpecificSurface) => format!("axes.{size_key}[{}]", last - i),
         _ => format!("axes.{size_key}[{i}]"),
     };
-    for (i, &mean) in axes.grain_size_um.iter().enumerate() {
+    for (i, &mean) in sizes.iter().enumerate() {
         biggest.push(biggest_grain(document, &size_key(i), mean, half_width)?);
     }
-    if let (Some(first), Some(most)) = (axes.grain_size_um.first(), axes.grain_size_um.last()) {
+    if let (Some(first), Some(most)) = (sizes.first(), sizes.last()) {
         let keys = [size_key(0), size_key(last)];
         let ends = [first - half_width, most + half_width];
         remark_sizes(
@@ -229,10 +235,8 @@ fn axes(
         );
         remark_spread(document, warnings, &keys[0], *first, spread);
     }
-    for (axis, values) in [
-        ("thickness_cm", &axes.thickness_cm),
-        ("density_kg_m3", &axes.density_kg_m3),
-    ] {
+    for parameter in [Parameter::Thickness, Parameter::Density] {
+        let values = axes.values(parameter);
         // The ends say it all: a long axis shall not bring as many remarks.
         let last = values.len().saturating_sub(1);
         for (i, &value) in values
@@ -240,16 +244,11 @@ fn axes(
             .enumerate()
             .filter(|&(i, _)| i == 0 || i == last)
         {
-            remark_axis(
-                document,
-                warnings,
-                axis,
-                &format!("axes.{axis}[{i}]"),
-                value,
-            );
+            let key = format!("axes.{}[{i}]", parameter.name());
+            remark_axis(document, warnings, parameter, &key, value);
         }
     }
-    Ok((axes, biggest))
+    Ok((axes, given_sizes, biggest))
 }
 
 /// The key of the axis of grain sizes, its values, and what they are if not sizes.
@@ -257,20 +256,21 @@ fn size_axis(
     document: &Document,
     keys: &mut AxesKeys,
 ) -> Result<(&'static str, Vec<f64>, Option<SizeMeasure>), ConfigError> {
-    if let Some(sizes) = keys.grain_size_um.take() {
-        return Ok(("grain_size_um", sizes, None));
+    let size = Parameter::GrainSize.name();
+    if let Some(sizes) = keys.take(size) {
+        return Ok((size, sizes, None));
     }
-    let (measure, values) = match keys.optical_radius_um.take() {
+    let (measure, values) = match keys.take(SizeMeasure::OpticalRadius.name()) {
         Some(values) => (SizeMeasure::OpticalRadius, values),
-        None => (
-            SizeMeasure::SpecificSurface,
-            keys.ssa_m2_kg.take().unwrap_or_default(),
-        ),
+        None => {
+            let measure = SizeMeasure::SpecificSurface;
+            (measure, keys.take(measure.name()).unwrap_or_default())
+        }
     };
     let key = format!("axes.{}", measure.name());
-    let depends: &[ExtraAxis] = match measure {
-        SizeMeasure::OpticalRadius => &[ExtraAxis::Sphericity],
-        SizeMeasure::SpecificSurface => &[ExtraAxis::Sphericity, ExtraAxis::Temperature],
+    let depends: &[Parameter] = match measure {
+        SizeMeasure::OpticalRadius => &[Parameter::Sphericity],
+        SizeMeasure::SpecificSurface => &[Parameter::Sphericity, Parameter::Temperature],
     };
     for axis in depends {
         if document.has(&format!("axes.{}", axis.name())) {
@@ -290,8 +290,7 @@ fn size(
     wavelengths: usize,
     rays: u64,
 ) -> Result<(), ConfigError> {
-    let all = axes.all().into_iter();
-    let lengths: Vec<u64> = all.map(|(_, values)| values.len() as u64).collect();
+    let lengths = axes.shape();
     let curves = lengths.iter().try_fold(1_u64, |n, &len| n.checked_mul(len));
     let values = curves.and_then(|n| n.checked_mul(wavelengths as u64));
     let shape = lengths.iter().map(u64::to_string);

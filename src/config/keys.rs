@@ -7,33 +7,41 @@
 use schemars::{JsonSchema, json_schema};
 use serde::Deserialize;
 
+use super::axis_keys::AxesKeys;
 use crate::colour::{ColourDifference, Illuminant, Stated, Viewing};
 use crate::engine::Engine;
 use crate::grain::SizeLaw;
 use crate::grid::Spread;
 use crate::optics::{CarbonLaw, IceTable, ImpurityMass, MODEL_RANGE_NM};
+use crate::parameter::Parameter;
 use crate::transport::{Entry, Joining};
 use crate::units::HALF_SPACE_CM;
+
+/// Least and largest value of a parameter in a config.
+const fn ends(parameter: Parameter) -> (f64, f64) {
+    let allowed = parameter.record().allowed;
+    (allowed.min, allowed.max)
+}
 
 /// Most wavelengths of one config: 350-2500 nm by 1 nm.
 pub(super) const MAX_WAVELENGTHS: u64 = 2151;
 /// Most lights that colours are compared under.
 const MAX_ILLUMINANTS: u64 = 16;
 /// Limits of the dry density, kg/m3.
-pub(super) const DENSITY_KG_M3: (f64, f64) = (50.0, 550.0);
+pub(super) const DENSITY_KG_M3: (f64, f64) = ends(Parameter::Density);
 /// Limits of the water saturation of the pore space.
-pub(super) const SATURATION: (f64, f64) = (0.0, 0.5);
+pub(super) const SATURATION: (f64, f64) = ends(Parameter::WaterSaturation);
 /// Largest whole number of a config: above this a JSON reader that keeps numbers
 /// as doubles would lose digits.
 pub(super) const MAX_INTEGER: u64 = 9_007_199_254_740_991;
 /// Limits of the temperature, Celsius.
-pub(super) const TEMPERATURE_C: (f64, f64) = (-40.0, 0.0);
+pub(super) const TEMPERATURE_C: (f64, f64) = ends(Parameter::Temperature);
 /// Most carbon, ng/g.
-pub(super) const MAX_CARBON: f64 = 1e9;
+pub(super) const MAX_CARBON: f64 = ends(Parameter::BlackCarbon).1;
 /// Limits of the grain size, um.
-pub(super) const SIZE_UM: (f64, f64) = (10.0, 6000.0);
+pub(super) const SIZE_UM: (f64, f64) = ends(Parameter::GrainSize);
 /// Largest thickness that is no half space, cm.
-pub(super) const MAX_THICKNESS_CM: f64 = 10_000.0;
+pub(super) const MAX_THICKNESS_CM: f64 = ends(Parameter::Thickness).1;
 /// Largest optical radius, um: of spheres of the largest size.
 pub(super) const MAX_OPTICAL_RADIUS_UM: f64 = 3000.0;
 /// Largest specific surface area, m2/kg.
@@ -385,78 +393,8 @@ pub(super) struct GridKeys {
     pub(super) compression: CompressionKeys,
 }
 
-/// The axes of the database, each strictly increasing.
-#[derive(Deserialize, JsonSchema)]
-#[serde(deny_unknown_fields)]
-#[schemars(extend("oneOf" = [
-    { "required": ["grain_size_um"] }, { "required": ["optical_radius_um"] }, { "required": ["ssa_m2_kg"] },
-]))]
-pub(super) struct AxesKeys {
-    /// Mean facetness of the grains, 0 to 1.
-    #[schemars(length(min = 1, max = 1000), inner(range(min = 0.0, max = 1.0)), extend("uniqueItems" = true))]
-    pub(super) facetness: Vec<f64>,
-    /// Mean grain size (full length of the major axis), um; required unless one of the
-    /// next two is given.
-    #[schemars(length(min = 1, max = 1000), inner(range(min = SIZE_UM.0, max = SIZE_UM.1)), extend("uniqueItems" = true))]
-    pub(super) grain_size_um: Option<Vec<f64>>,
-    /// Optical radius of the grains by the walk's extinction, 3 / (4 K1 K2), um, instead
-    /// of grain_size_um: each gives a mean grain size.
-    #[schemars(length(min = 1, max = 1000), inner(range(max = MAX_OPTICAL_RADIUS_UM)), extend("uniqueItems" = true),
-        transform = above_zero)]
-    pub(super) optical_radius_um: Option<Vec<f64>>,
-    /// Specific surface area of the grains by the walk's extinction, 4 K1 K2 / ice
-    /// density, m2/kg, instead of grain_size_um: each gives a mean grain size.
-    #[schemars(length(min = 1, max = 1000), inner(range(max = MAX_SSA_M2_KG)), extend("uniqueItems" = true),
-        transform = above_zero)]
-    pub(super) ssa_m2_kg: Option<Vec<f64>>,
-    /// Density of the dry snow, kg/m3: ordinarily 50 to 450; ice itself has about 917.
-    #[schemars(length(min = 1, max = 1000), inner(range(min = DENSITY_KG_M3.0, max = DENSITY_KG_M3.1)), extend("uniqueItems" = true))]
-    pub(super) density_kg_m3: Vec<f64>,
-    /// Thickness, cm; ordinarily 1 to 100. Curves of grains of which 10 lengths do not fit are NaN. `inf` is a half space.
-    #[schemars(with = "Vec<f64>", length(min = 1, max = 1000), extend("uniqueItems" = true),
-        transform = items_or_half_space)]
-    #[serde(deserialize_with = "thicknesses")]
-    pub(super) thickness_cm: Vec<f64>,
-    /// Angle between parallel rays and the surface normal, degrees, in [0, 90).
-    #[schemars(length(min = 1, max = 1000), inner(range(min = 0.0)), extend("uniqueItems" = true),
-        transform = below_90)]
-    pub(super) angle_deg: Vec<f64>,
-    /// Whether curves under isotropic light are computed beside those of all angles; with the engines doubling and auto.
-    #[serde(default)]
-    pub(super) diffuse: bool,
-    /// Black carbon, ng per g of snow, instead of fixed.black_carbon.concentration_ng_g.
-    #[schemars(length(min = 1, max = 1000), inner(range(min = 0.0, max = MAX_CARBON)), extend("uniqueItems" = true))]
-    pub(super) black_carbon_ng_g: Option<Vec<f64>>,
-    /// Share of the pore space that is water, instead of that in fixed.
-    #[schemars(length(min = 1, max = 1000), inner(range(min = SATURATION.0, max = SATURATION.1)), extend("uniqueItems" = true))]
-    pub(super) water_saturation: Option<Vec<f64>>,
-    /// Temperature, Celsius, instead of that in fixed.
-    #[schemars(length(min = 1, max = 1000), inner(range(min = TEMPERATURE_C.0, max = TEMPERATURE_C.1)), extend("uniqueItems" = true))]
-    pub(super) temperature_c: Option<Vec<f64>>,
-    /// Mean sphericity of the grains, in (0, 1], 1 is a sphere, instead of that in fixed.
-    #[schemars(length(min = 1, max = 1000), inner(range(max = 1.0)), extend("uniqueItems" = true),
-        transform = above_zero)]
-    pub(super) sphericity: Option<Vec<f64>>,
-    /// Lambertian reflectance of the substrate, instead of that in fixed.
-    #[schemars(length(min = 1, max = 1000), inner(range(min = 0.0, max = 1.0)), extend("uniqueItems" = true))]
-    pub(super) substrate_reflectance: Option<Vec<f64>>,
-}
-
-impl AxesKeys {
-    /// Values of the axes beyond the five, in the order of [`ExtraAxis::ALL`].
-    pub(super) fn extra(&mut self) -> [Option<Vec<f64>>; 5] {
-        [
-            self.black_carbon_ng_g.take(),
-            self.water_saturation.take(),
-            self.temperature_c.take(),
-            self.sphericity.take(),
-            self.substrate_reflectance.take(),
-        ]
-    }
-}
-
 /// Limits of a thickness, cm: a number, or "inf" for a half space.
-fn or_half_space(schema: &mut schemars::Schema) {
+pub(super) fn or_half_space(schema: &mut schemars::Schema) {
     schema.insert("type".to_owned(), serde_json::json!(["number", "string"]));
     schema.insert("exclusiveMinimum".to_owned(), 0.0.into());
     let branches = serde_json::json!([
@@ -467,50 +405,27 @@ fn or_half_space(schema: &mut schemars::Schema) {
     schema.insert("anyOf".to_owned(), branches);
 }
 
-fn items_or_half_space(schema: &mut schemars::Schema) {
-    let mut items = schemars::Schema::default();
-    or_half_space(&mut items);
-    schema.insert("items".to_owned(), items.to_value());
-}
-
-#[derive(Deserialize)]
+/// A number, or "inf" for the thickness of a half space.
+#[derive(Deserialize, Clone)]
 #[serde(untagged)]
-enum NumberOrInf {
+pub(super) enum NumberOrInf {
     Number(f64),
     /// The check against the schema lets "inf" pass only.
-    Text(String),
+    Text(#[allow(dead_code)] String),
 }
 
 impl NumberOrInf {
-    fn cm(self) -> f64 {
-        let cm = match self {
-            Self::Number(cm) => cm,
-            Self::Text(text) => text.parse().unwrap_or(f64::NAN),
-        };
-        if cm < HALF_SPACE_CM {
-            cm
-        } else {
-            HALF_SPACE_CM
+    pub(super) fn number(self) -> f64 {
+        match self {
+            Self::Number(number) if number < f64::INFINITY => number,
+            _ => HALF_SPACE_CM,
         }
     }
 }
 
 /// A thickness, cm: that of a half space is [`HALF_SPACE_CM`].
 fn thickness<'de, D: serde::Deserializer<'de>>(from: D) -> Result<f64, D::Error> {
-    NumberOrInf::deserialize(from).map(NumberOrInf::cm)
-}
-
-fn thicknesses<'de, D: serde::Deserializer<'de>>(from: D) -> Result<Vec<f64>, D::Error> {
-    let all = Vec::<NumberOrInf>::deserialize(from)?;
-    Ok(all.into_iter().map(NumberOrInf::cm).collect())
-}
-
-fn above_zero(schema: &mut schemars::Schema) {
-    limit_items(schema, "exclusiveMinimum", 0.0);
-}
-
-fn below_90(schema: &mut schemars::Schema) {
-    limit_items(schema, "exclusiveMaximum", 90.0);
+    NumberOrInf::deserialize(from).map(NumberOrInf::number)
 }
 
 pub(super) fn limit_items(

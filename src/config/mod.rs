@@ -11,6 +11,7 @@
 //! the text (at most 1 MiB).
 use std::path::Path;
 
+mod axis_keys;
 mod canonical;
 mod change;
 mod check;

@@ -3,14 +3,14 @@
 use std::path::Path;
 
 use crate::colour::Colorimeter;
-use crate::grid::ExtraAxis;
 use crate::measurement::Quantity;
-use crate::scene::{Range, Scene, SceneSnow};
+use crate::parameter::{Parameter, Region};
+use crate::scene::Scene;
 use crate::transport::Ground;
 
 use super::document::{Document, read_text};
 use super::error::{ConfigError, Problem};
-use super::scene_keys::{RangeKeys, SceneKeys, SnowKeys};
+use super::scene_keys::{RangeKeys, SceneKeys};
 use super::shared::{choose_all, covered, model, ordered, size_law, viewing, wavelengths};
 use super::snow::{
     biggest_grain, fixed, fixed_or_axis, remark_axis, remark_sizes, remark_smooth, remark_spread,
@@ -80,40 +80,39 @@ pub fn parse(name: &str, text: &str) -> Result<SceneFile, ConfigError> {
     let mut densities = Vec::new();
     let mut biggest = 0.0_f64;
     for (i, keys) in keys.snow.iter().enumerate() {
-        let facetness = Given::new(&document, format!("snow[{i}].facetness"), keys.facetness)?;
-        if let Some((key, least)) = facetness.ends.first() {
-            remark_smooth(&document, &mut warnings, key, *least);
+        let mut ranges = Vec::new();
+        for (parameter, keys) in keys.iter() {
+            let key = format!("snow[{i}].{}", parameter.name());
+            let given = Given::new(&document, key, keys)?;
+            ranges.push((parameter, given.range));
+            match parameter {
+                Parameter::Facetness => {
+                    if let Some((key, least)) = given.ends.first() {
+                        remark_smooth(&document, &mut warnings, key, *least);
+                    }
+                }
+                Parameter::GrainSize => {
+                    for (key, mean) in &given.ends {
+                        biggest = biggest.max(biggest_grain(&document, key, *mean, half_width)?);
+                        let ends = [mean - half_width, mean + half_width];
+                        remark_sizes(&document, &mut warnings, [key, key], ends);
+                        remark_spread(&document, &mut warnings, key, *mean, &spread);
+                    }
+                }
+                Parameter::Density => {
+                    for (key, value) in &given.ends {
+                        remark_axis(&document, &mut warnings, parameter, key, *value);
+                        densities.push(*value);
+                    }
+                }
+                _ => {}
+            }
         }
-        let size = Given::new(
-            &document,
-            format!("snow[{i}].grain_size_um"),
-            keys.grain_size_um,
-        )?;
-        let density = Given::new(
-            &document,
-            format!("snow[{i}].density_kg_m3"),
-            keys.density_kg_m3,
-        )?;
-        for (key, mean) in &size.ends {
-            biggest = biggest.max(biggest_grain(&document, key, *mean, half_width)?);
-            let ends = [mean - half_width, mean + half_width];
-            remark_sizes(&document, &mut warnings, [key, key], ends);
-            remark_spread(&document, &mut warnings, key, *mean, &spread);
-        }
-        for (key, value) in &density.ends {
-            remark_axis(&document, &mut warnings, "density_kg_m3", key, *value);
-            densities.push(*value);
-        }
-        snow.push(SceneSnow {
-            facetness: facetness.range,
-            grain_size_um: size.range,
-            density_kg_m3: density.range,
-            extra: beyond(&document, i, keys)?,
-        });
+        snow.push(ranges);
     }
     let thickness = Given::new(&document, "scene.thickness_cm".into(), asked.thickness_cm)?;
     for (key, value) in &thickness.ends {
-        remark_axis(&document, &mut warnings, "thickness_cm", key, *value);
+        remark_axis(&document, &mut warnings, Parameter::Thickness, key, *value);
     }
     let angle = Given::new(&document, "scene.angle_deg".into(), asked.angle_deg)?;
 
@@ -132,7 +131,15 @@ pub fn parse(name: &str, text: &str) -> Result<SceneFile, ConfigError> {
     }
     let tables: Vec<String> = (0..snow.len()).map(|i| format!("snow[{i}]")).collect();
     fixed_or_axis(&document, &tables, &keys.fixed)?;
-    same_axes(&document, &snow)?;
+    let slab = [
+        (Parameter::Thickness, thickness.range),
+        (Parameter::Incidence, angle.range),
+    ];
+    let boxes = snow
+        .into_iter()
+        .map(|ranges| ranges.into_iter().chain(slab));
+    let regions: Vec<Region> = boxes.map(Iterator::collect).collect();
+    same_axes(&document, &regions)?;
     let model = model(&document, &keys.model, directory_of(name))?;
     densities.dedup();
     let fixed = fixed(
@@ -147,9 +154,11 @@ pub fn parse(name: &str, text: &str) -> Result<SceneFile, ConfigError> {
     for (key, value) in &thickness.ends {
         thick_enough(&document, key, *value, biggest, &fixed)?;
     }
-    let water =
-        |(axis, range): (ExtraAxis, Range)| axis == ExtraAxis::WaterSaturation && range.max > 0.0;
-    let wet = fixed.is_wet() || snow.iter().any(|snow| snow.beyond().any(water));
+    let water = |region: &Region| {
+        let saturation = region.get(Parameter::WaterSaturation);
+        saturation.is_some_and(|[_, most]| most > 0.0)
+    };
+    let wet = fixed.is_wet() || regions.iter().any(water);
     covered(&document, &fixed.model, &wavelengths_nm, wet)?;
     let quantities = Quantity::ALL.map(|quantity| (quantity.name(), quantity));
     let stem = Path::new(name).file_stem();
@@ -166,9 +175,7 @@ pub fn parse(name: &str, text: &str) -> Result<SceneFile, ConfigError> {
             viewing,
             max_bytes: asked.max_bytes,
             max_seconds: asked.max_seconds,
-            thickness_cm: thickness.range,
-            angle_deg: angle.range,
-            snow,
+            regions,
             spread,
             wavelengths_nm,
             fixed,
@@ -180,31 +187,15 @@ pub fn parse(name: &str, text: &str) -> Result<SceneFile, ConfigError> {
     })
 }
 
-/// What snow number `i` says of the axes beyond the five.
-fn beyond(
-    document: &Document,
-    i: usize,
-    keys: &SnowKeys,
-) -> Result<[Option<Range>; 5], ConfigError> {
-    let mut ranges = [None; 5];
-    for ((range, keys), axis) in ranges.iter_mut().zip(keys.extra()).zip(ExtraAxis::ALL) {
-        if let Some(keys) = keys {
-            let key = format!("snow[{i}].{}", axis.name());
-            *range = Some(Given::new(document, key, keys)?.range);
-        }
-    }
-    Ok(ranges)
-}
-
-/// Refuses an axis beyond the five that only some of the snows have.
-fn same_axes(document: &Document, snow: &[SceneSnow]) -> Result<(), ConfigError> {
-    for (axis, name) in ExtraAxis::ALL.map(ExtraAxis::name).into_iter().enumerate() {
-        let has = |snow: &SceneSnow| snow.extra[axis].is_some();
-        if let Some(i) = snow.iter().position(|snow| !has(snow))
-            && snow.iter().any(has)
+/// Refuses an axis that only some of the snows have.
+fn same_axes(document: &Document, regions: &[Region]) -> Result<(), ConfigError> {
+    for parameter in Parameter::ALL {
+        let has = |region: &Region| region.get(parameter).is_some();
+        if let Some(i) = regions.iter().position(|region| !has(region))
+            && regions.iter().any(has)
         {
             let help = "give it for every snow, or for none";
-            let key = format!("snow[{i}].{name}");
+            let key = format!("snow[{i}].{}", parameter.name());
             return Err(document.error(&key, Problem::Missing, help));
         }
     }
@@ -213,24 +204,18 @@ fn same_axes(document: &Document, snow: &[SceneSnow]) -> Result<(), ConfigError>
 
 /// A range, and the keys and values it was given by: one for a number, else two.
 struct Given {
-    range: Range,
+    range: [f64; 2],
     ends: Vec<(String, f64)>,
 }
 
 impl Given {
     fn new(document: &Document, key: String, keys: RangeKeys) -> Result<Self, ConfigError> {
         let (range, ends) = match keys {
-            RangeKeys::Number(value) => {
-                let range = Range {
-                    min: value,
-                    max: value,
-                };
-                (range, vec![(key, value)])
-            }
+            RangeKeys::Number(value) => ([value, value], vec![(key, value)]),
             RangeKeys::Range { min, max } => {
                 ordered(document, &key, min, max)?;
                 let ends = vec![(format!("{key}.min"), min), (format!("{key}.max"), max)];
-                (Range { min, max }, ends)
+                ([min, max], ends)
             }
         };
         Ok(Self { range, ends })

@@ -6,10 +6,10 @@ use serde_json::Value;
 use crate::colour::{ColourDifference, Stated};
 use crate::measurement::Quantity;
 
+use super::axis_keys::SnowKeys;
 use super::keys::{
-    DENSITY_KG_M3, FixedKeys, MAX_CARBON, MAX_INTEGER, ModelKeys, SATURATION, SIZE_UM, SpreadKeys,
-    TEMPERATURE_C, WavelengthKeys, default_delta_e, default_illuminants, default_seed, illuminants,
-    limit_items,
+    FixedKeys, MAX_INTEGER, ModelKeys, SpreadKeys, WavelengthKeys, default_delta_e,
+    default_illuminants, default_seed, illuminants, limit_items,
 };
 
 /// What a scene asks of snow, and how good the answers must be.
@@ -69,49 +69,6 @@ pub(super) struct AskedKeys {
     pub(super) angle_deg: RangeKeys,
 }
 
-/// One kind of snow, or a box of kinds.
-#[derive(Deserialize, JsonSchema)]
-#[serde(deny_unknown_fields)]
-pub(super) struct SnowKeys {
-    /// Mean facetness of the grains, 0 to 1: a number or a range.
-    #[schemars(range(min = 0.0, max = 1.0), transform = limit_ends)]
-    pub(super) facetness: RangeKeys,
-    /// Mean grain size (full length of the major axis), um: a number or a range.
-    #[schemars(range(min = SIZE_UM.0, max = SIZE_UM.1), transform = limit_ends)]
-    pub(super) grain_size_um: RangeKeys,
-    /// Density of the dry snow, kg/m3, a number or a range: ordinarily 50 to 450.
-    #[schemars(range(min = DENSITY_KG_M3.0, max = DENSITY_KG_M3.1), transform = limit_ends)]
-    pub(super) density_kg_m3: RangeKeys,
-    /// Black carbon, ng per g of snow, a number or a range, instead of fixed.black_carbon.concentration_ng_g.
-    #[schemars(range(min = 0.0, max = MAX_CARBON), transform = limit_ends)]
-    pub(super) black_carbon_ng_g: Option<RangeKeys>,
-    /// Share of the pore space that is water, a number or a range, instead of that in fixed.
-    #[schemars(range(min = SATURATION.0, max = SATURATION.1), transform = limit_ends)]
-    pub(super) water_saturation: Option<RangeKeys>,
-    /// Temperature, Celsius, a number or a range, instead of that in fixed.
-    #[schemars(range(min = TEMPERATURE_C.0, max = TEMPERATURE_C.1), transform = limit_ends)]
-    pub(super) temperature_c: Option<RangeKeys>,
-    /// Mean sphericity of the grains, in (0, 1], a number or a range, instead of that in fixed.
-    #[schemars(range(max = 1.0), extend("exclusiveMinimum" = 0.0), transform = limit_ends)]
-    pub(super) sphericity: Option<RangeKeys>,
-    /// Lambertian reflectance of the substrate, a number or a range, instead of that in fixed.
-    #[schemars(range(min = 0.0, max = 1.0), transform = limit_ends)]
-    pub(super) substrate_reflectance: Option<RangeKeys>,
-}
-
-impl SnowKeys {
-    /// Those of the axes beyond the five, in the order of [`ExtraAxis::ALL`].
-    pub(super) fn extra(&self) -> [Option<RangeKeys>; 5] {
-        [
-            self.black_carbon_ng_g,
-            self.water_saturation,
-            self.temperature_c,
-            self.sphericity,
-            self.substrate_reflectance,
-        ]
-    }
-}
-
 /// How the scene is computed.
 #[derive(Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
@@ -161,7 +118,7 @@ impl JsonSchema for RangeKeys {
 }
 
 /// The limits and the meaning of a number are those of the ends of a range.
-fn limit_ends(schema: &mut Schema) {
+pub(super) fn limit_ends(schema: &mut Schema) {
     const SHARED: [&str; 5] = [
         "description",
         "minimum",

@@ -3,8 +3,9 @@
 use std::path::Path;
 
 use crate::grain::{SizeLaw, SizeRange, overpacking};
-use crate::grid::{ExtraAxis, Fixed, MIN_GRAIN_LENGTHS, Spread};
+use crate::grid::{Fixed, MIN_GRAIN_LENGTHS, Spread};
 use crate::optics::{Carbon, ice_density_kg_m3};
+use crate::parameter::Parameter;
 use crate::transport::{Joining, Model};
 use crate::units::{HALF_SPACE_CM, m_to_cm, m_to_um, um_to_m};
 
@@ -26,8 +27,8 @@ pub(super) fn spread(keys: &SpreadKeys, size_law: SizeLaw) -> Spread {
     }
 }
 
-/// Refuses what is an axis beyond the five in one of the `tables`, and fixed too;
-/// and what is said of an axis that there is not.
+/// Refuses what is an axis in one of the `tables`, and fixed too; and what is said of an
+/// axis that is not in the file.
 pub(super) fn fixed_or_axis(
     document: &Document,
     tables: &[String],
@@ -36,30 +37,30 @@ pub(super) fn fixed_or_axis(
     const CONCENTRATION: &str = "fixed.black_carbon.concentration_ng_g";
     for table in tables {
         for (axis, fixed) in [
-            (ExtraAxis::BlackCarbon, CONCENTRATION),
-            (ExtraAxis::WaterSaturation, "fixed.water_saturation"),
-            (ExtraAxis::WaterSaturation, "fixed.water_fraction"),
-            (ExtraAxis::Temperature, "fixed.temperature_c"),
-            (ExtraAxis::Sphericity, "fixed.sphericity"),
-            (ExtraAxis::SubstrateReflectance, "fixed.substrate"),
+            (Parameter::BlackCarbon, CONCENTRATION),
+            (Parameter::WaterSaturation, "fixed.water_saturation"),
+            (Parameter::WaterSaturation, "fixed.water_fraction"),
+            (Parameter::Temperature, "fixed.temperature_c"),
+            (Parameter::Sphericity, "fixed.sphericity"),
+            (Parameter::SubstrateReflectance, "fixed.substrate"),
         ] {
             exclusive(document, &format!("{table}.{}", axis.name()), fixed)?;
         }
     }
-    let has = |axis: ExtraAxis| {
+    let has = |axis: Parameter| {
         let mut keys = tables
             .iter()
             .map(|table| format!("{table}.{}", axis.name()));
         keys.any(|key| document.has(&key))
     };
     for key in ["spread.sphericity_half_width", "spread.sphericity_sd"] {
-        if document.has(key) && !has(ExtraAxis::Sphericity) {
+        if document.has(key) && !has(Parameter::Sphericity) {
             let problem = "is for an axis sphericity, and there is none";
             let problem = Problem::Contradiction(problem.to_owned());
             return Err(document.error(key, problem, "leave it out, or name the axis"));
         }
     }
-    let needed = keys.black_carbon.is_some() && !has(ExtraAxis::BlackCarbon);
+    let needed = keys.black_carbon.is_some() && !has(Parameter::BlackCarbon);
     if needed && !document.has(CONCENTRATION) {
         let help = "add it: Mass of carbon per mass of snow, ng/g.";
         return Err(document.error(CONCENTRATION, Problem::Missing, help));
@@ -195,7 +196,10 @@ pub(super) fn remark_sizes(
 }
 
 /// Ordinary grain sizes, um.
-pub(super) const ORDINARY_UM: (f64, f64) = (50.0, 3000.0);
+pub(super) const ORDINARY_UM: (f64, f64) = {
+    let ordinary = Parameter::GrainSize.record().ordinary;
+    (ordinary.min, ordinary.max)
+};
 
 /// Remarks on a least facetness, given at `key`, from which reflectance jumps.
 pub(super) fn remark_smooth(
@@ -300,17 +304,21 @@ pub(super) fn holds_grains(
     Err(document.error(key, problem, "take thicker slabs or smaller grains"))
 }
 
-/// Remarks on a thickness or density beyond the ordinary.
+/// Remarks on a value of an axis beyond the ordinary.
 pub(super) fn remark_axis(
     document: &Document,
     warnings: &mut Vec<String>,
-    axis: &str,
+    parameter: Parameter,
     key: &str,
     value: f64,
 ) {
-    match axis {
-        "thickness_cm" => remark_thickness(document, warnings, key, value),
-        _ => remark(document, warnings, key, value, (50.0, 450.0), "kg/m3"),
+    let record = parameter.record();
+    match parameter {
+        Parameter::Thickness => remark_thickness(document, warnings, key, value),
+        _ => {
+            let ordinary = (record.ordinary.min, record.ordinary.max);
+            remark(document, warnings, key, value, ordinary, record.unit);
+        }
     }
 }
 
@@ -322,7 +330,9 @@ pub(super) fn remark_thickness(
     value: f64,
 ) {
     if value < HALF_SPACE_CM {
-        remark(document, warnings, key, value, (1.0, 100.0), "cm");
+        let ordinary = Parameter::Thickness.record().ordinary;
+        let ordinary = (ordinary.min, ordinary.max);
+        remark(document, warnings, key, value, ordinary, "cm");
     }
 }
 

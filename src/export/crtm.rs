@@ -11,7 +11,8 @@ use netcdf3::DataSet;
 use super::netcdf::{FILL, STAND_IN, failed, version, written};
 use super::{ExportError, Layout, Table};
 use crate::grain::{SizeLaw, SizeRange, TruncatedNormal, shape_factor, size_factor_per_m};
-use crate::grid::{ExtraAxis, Spread};
+use crate::grid::Spread;
+use crate::parameter::Parameter;
 use crate::store::Variable;
 use crate::units::{HALF_SPACE_CM, m_to_um, um_to_m};
 
@@ -219,7 +220,7 @@ impl Table {
             let law = |key| float(entry("fixed", "sphericity")?.get(key).cloned());
             TruncatedNormal::new(law("min")?, law("max")?, law("mean")?, law("sd")?).ok()
         };
-        let sphericity = match self.fixed.get(ExtraAxis::Sphericity.name()) {
+        let sphericity = match self.fixed.get(Parameter::Sphericity.name()) {
             None => sphericity(),
             Some(mean) => {
                 let width = |key| float(entry("spread", key)).unwrap_or(f64::NAN);

@@ -84,9 +84,9 @@ pub enum ExportError {
     #[error("spectra from {first} to {last} nm have no colour here: they must cover 400 to 700 nm")]
     NoColour {
         /// First wavelength.
-        first: f32,
+        first: f64,
         /// Last wavelength.
-        last: f32,
+        last: f64,
     },
     /// The observer cannot be set up.
     #[error(transparent)]

@@ -2,7 +2,7 @@
 use std::fmt::Write;
 
 /// Wavelengths that both renderers sample, nm.
-pub const RANGE_NM: [f32; 2] = [360.0, 830.0];
+pub const RANGE_NM: [f64; 2] = [360.0, 830.0];
 
 /// Lines `wavelength value`, after `comments`, each on a line that begins with #,
 /// which both renderers skip.
@@ -14,7 +14,7 @@ pub const RANGE_NM: [f32; 2] = [360.0, 830.0];
 /// Outside its first and last wavelength a spectrum is zero in both, so the values at its
 /// ends are held to those of [`RANGE_NM`] where they end before.
 #[must_use]
-pub fn spd(comments: &[String], wavelengths_nm: &[f32], values: &[f32]) -> String {
+pub fn spd(comments: &[String], wavelengths_nm: &[f64], values: &[f32]) -> String {
     let mut text = String::new();
     for comment in comments {
         // Writing to a string cannot fail.
@@ -52,7 +52,7 @@ mod tests {
             f32::MIN_POSITIVE,
             -0.25,
         ];
-        let nm: Vec<f32> = (0..8).map(|i| 350.5 + 70.0 * i as f32).collect();
+        let nm: Vec<f64> = (0..8).map(|i| 350.5 + 70.0 * f64::from(i)).collect();
         let text = spd(&["two\nlines".into(), "49° µm".into()], &nm, &values);
         let mut lines = text.lines();
         assert_eq!(lines.next(), Some("# two lines"));
@@ -69,7 +69,7 @@ mod tests {
 
     #[test]
     fn ends_are_held() {
-        let lines = |nm: &[f32], values: &[f32]| -> Vec<String> {
+        let lines = |nm: &[f64], values: &[f32]| -> Vec<String> {
             spd(&[], nm, values).lines().map(str::to_owned).collect()
         };
         assert_eq!(

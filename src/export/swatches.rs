@@ -1,7 +1,8 @@
 //! What spectra look like under several lights, seen by many wavelengths or by three.
 use crate::colour::{Colorimeter, Illuminant, Viewing};
-use crate::lookup::{Database, Lookup, Point, exact};
+use crate::lookup::{Database, Lookup};
 use crate::measurement::Quantity;
+use crate::parameter::{Parameter, Point};
 use crate::report::{Swatch, SwatchRows, Swatches};
 use crate::spectrum::Resampling;
 
@@ -69,11 +70,11 @@ impl Eyes {
     /// # Errors
     /// [`ExportError::NoColour`] unless these cover 400 to 700 nm;
     /// [`ExportError::Colour`].
-    pub fn new(wavelengths_nm: &[f32]) -> Result<Self, ExportError> {
+    pub fn new(wavelengths_nm: &[f64]) -> Result<Self, ExportError> {
         let ends = (wavelengths_nm.first(), wavelengths_nm.last());
         let (&first, &last) = match ends {
             (Some(first), Some(last)) => (first, last),
-            _ => (&f32::NAN, &f32::NAN),
+            _ => (&f64::NAN, &f64::NAN),
         };
         let none = || ExportError::NoColour { first, last };
         if !(first <= 400.0 && last >= 700.0) {
@@ -155,21 +156,21 @@ impl Eyes {
 }
 
 /// The nodes, or [`COLUMNS`] of them, the first and the last among these.
-fn some(nodes: &[f32]) -> Vec<f64> {
+fn some(nodes: &[f64]) -> Vec<f64> {
     let columns = nodes.len().min(COLUMNS);
     let (last, steps) = (
         nodes.len().saturating_sub(1),
         columns.saturating_sub(1).max(1),
     );
     let there = (0..columns).filter_map(|i| nodes.get((i * last + steps / 2) / steps));
-    there.map(|node| exact(*node)).collect()
+    there.copied().collect()
 }
 
 fn exposed(spectrum: &[f64], exposure: f64) -> Vec<f64> {
     spectrum.iter().map(|value| value * exposure).collect()
 }
 
-/// The colours of `database`, which has no axes beyond the five any more, at `at`
+/// The colours of `database`, which has no optional axes any more ([`Database::at`]), at `at`
 /// for each of its thicknesses (twelve of them if there are more), or at that of
 /// `at` if `one`.
 ///
@@ -187,11 +188,11 @@ pub fn thicknesses(
 ) -> Result<Swatches, ExportError> {
     let eyes = Eyes::new(database.wavelengths_nm())?;
     let lookup = Lookup::new(database, quantity)?;
-    let [_, _, _, nodes, _] = database.axes();
+    let nodes = database.axes().values(Parameter::Thickness);
     let all = if one {
-        vec![at.thickness_cm]
+        vec![at[Parameter::Thickness]]
     } else {
-        let there = |cm: &f32| database.covers(at.grain_size_um, f64::from(*cm));
+        let there = |cm: &f64| database.covers(at[Parameter::GrainSize], *cm);
         some(&nodes.iter().copied().filter(there).collect::<Vec<_>>())
     };
     let mut columns = Vec::new();
@@ -200,7 +201,7 @@ pub fn thicknesses(
         .into();
     for thickness_cm in all {
         let mut spectrum = vec![0.0; lookup.wavelengths()];
-        lookup.spectrum(Point { thickness_cm, ..at }, &mut spectrum)?;
+        lookup.spectrum(at.with(Parameter::Thickness, thickness_cm), &mut spectrum)?;
         let spectrum: Vec<f64> = spectrum.into_iter().map(f64::from).collect();
         let exposure = eyes.exposure(&[&spectrum]);
         columns.push([format!("{thickness_cm} cm"), format!("× {exposure}")]);
@@ -235,9 +236,9 @@ mod tests {
     use super::*;
 
     fn eyes() -> (Vec<f64>, Eyes) {
-        let nm: Vec<f32> = (0..=80).map(|i| 380.0 + 5.0 * i as f32).collect();
+        let nm: Vec<f64> = (0..=80).map(|i| 380.0 + 5.0 * f64::from(i)).collect();
         let eyes = Eyes::new(&nm).unwrap();
-        (nm.into_iter().map(f64::from).collect(), eyes)
+        (nm, eyes)
     }
 
     #[test]
@@ -293,7 +294,7 @@ mod tests {
     fn columns_are_spread_over_the_nodes() {
         assert_eq!(some(&[0.1]), [0.1]);
         assert_eq!(some(&[1.0, 2.0, 5.5]), [1.0, 2.0, 5.5]);
-        let nodes: Vec<f32> = (0..30).map(|i| i as f32).collect();
+        let nodes: Vec<f64> = (0..30).map(f64::from).collect();
         let found = some(&nodes);
         assert_eq!((found.len(), found[0], found[11]), (12, 0.0, 29.0));
         assert!(
@@ -306,9 +307,9 @@ mod tests {
     #[test]
     fn patches_are_what_a_colorimeter_sees() {
         let database = crate::export::table::tests::database();
-        let conditions = [(crate::grid::ExtraAxis::Temperature, -1.0)].into();
-        let there = database.at(&conditions).unwrap();
-        let at = Point::from_coordinates([0.9, 300.0, 400.0, 5.0, 40.0]);
+        let conditions = Point::from([(Parameter::Temperature, -1.0)]);
+        let there = database.at(conditions).unwrap();
+        let at = Point::of_core([0.9, 300.0, 400.0, 5.0, 40.0]);
         let quantity = Quantity::Reflectance;
         let picture = |one| thicknesses(&there, quantity, at, one, "snow".into()).unwrap();
         let all = picture(false);

@@ -5,9 +5,9 @@ use ndarray::{ArrayD, Axis, IxDyn};
 use serde_json::Value;
 
 use super::ExportError;
-use crate::compress::AXES;
-use crate::lookup::{Database, exact};
+use crate::lookup::Database;
 use crate::measurement::Quantity;
+use crate::parameter::Parameter;
 use crate::store::{Store, Variable, WAVELENGTH};
 
 /// Spectra at all nodes of some axes, whatever file they come from.
@@ -49,16 +49,16 @@ impl Layout {
 
     /// The axes of the name, slowest first, after all others.
     pub(super) const CRTM: [&'static str; 5] = [
-        "density_kg_m3",
-        "thickness_cm",
-        "grain_size_um",
+        Parameter::Density.name(),
+        Parameter::Thickness.name(),
+        Parameter::GrainSize.name(),
         WAVELENGTH,
         ANGLE,
     ];
 }
 
 /// Name of the axis of angles.
-const ANGLE: &str = "angle_deg";
+const ANGLE: &str = Parameter::Incidence.name();
 
 impl Table {
     /// All of a finished database under collimated or `diffuse` light, standard errors
@@ -75,7 +75,8 @@ impl Table {
                 path: store.path().into(),
             });
         }
-        let axes = store.axes().all().into_iter();
+        let axes = store.axes().iter();
+        let axes = axes.map(|(parameter, values)| (parameter.name(), values));
         let axes = axes.chain([(WAVELENGTH, store.wavelengths_nm())]);
         let axes = axes.filter(|(name, _)| !(diffuse && *name == ANGLE));
         let axes = axes.map(|(name, values)| (name, values.to_vec())).collect();
@@ -112,15 +113,10 @@ impl Table {
     /// # Errors
     /// [`ExportError::Encoding`] for a file larger than memory can address.
     pub fn of_compact(database: &Database) -> Result<Self, ExportError> {
-        let named = |(name, values): (&'static str, &Vec<f32>)| {
-            (name, values.iter().copied().map(exact).collect())
-        };
-        let beyond = database.extra().iter();
-        let beyond = beyond.map(|(axis, values)| (axis.name(), values));
-        let five = AXES.iter().map(|axis| axis.name).zip(database.axes());
-        let mut axes: Vec<_> = beyond.chain(five).map(named).collect();
-        let nm = database.wavelengths_nm().iter().copied();
-        axes.push((WAVELENGTH, nm.map(exact).collect()));
+        let axes = database.axes().iter();
+        let axes = axes.map(|(parameter, values)| (parameter.name(), values.to_vec()));
+        let wavelengths = (WAVELENGTH, database.wavelengths_nm().to_vec());
+        let axes = axes.chain([wavelengths]).collect();
         let mut table = Self {
             axes,
             quantities: Vec::new(),
@@ -222,20 +218,19 @@ pub(super) mod tests {
     use ndarray::Array2;
 
     use super::*;
-    use crate::grid::{Axes, ExtraAxis};
+    use crate::parameter::Axes;
 
     /// Two quantities whose values tell where they are: the digits of a value are
     /// the positions along the axes.
     pub(in crate::export) fn database() -> Database {
-        let axes = Axes {
-            facetness: vec![0.1, 0.9],
-            grain_size_um: vec![100.0, 300.0, 500.0],
-            density_kg_m3: vec![200.0, 400.0],
-            thickness_cm: vec![1.0, 5.0],
-            angle_deg: vec![0.0, 40.0, 80.0],
-            extra: [(ExtraAxis::Temperature, vec![-10.0, -1.0])].into(),
-            told: None,
-        };
+        let axes = Axes::from([
+            (Parameter::Temperature, vec![-10.0, -1.0]),
+            (Parameter::Facetness, vec![0.1, 0.9]),
+            (Parameter::GrainSize, vec![100.0, 300.0, 500.0]),
+            (Parameter::Density, vec![200.0, 400.0]),
+            (Parameter::Thickness, vec![1.0, 5.0]),
+            (Parameter::Incidence, vec![0.0, 40.0, 80.0]),
+        ]);
         let lengths = [2, 2, 3, 2, 2, 3];
         let curve = |row: usize| {
             let (mut rest, mut digits, mut unit) = (row, 0, 10);

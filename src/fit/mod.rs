@@ -24,16 +24,17 @@ use std::time::Instant;
 use serde_json::json;
 use thiserror::Error;
 
-use crate::certificate::{CERTIFICATE, Certificate, CertificateError, Region, Subject};
+use crate::certificate::{CERTIFICATE, Certificate, CertificateError, Subject};
 use crate::colour::{Colorimeter, ColourError};
 use crate::compress::{
     Bands, Basis, Choice, CompactError, CompactFile, CompressError, Compressed, Precision, Variant,
     compress,
 };
 use crate::engine::{Control, Engine, MaxError};
-use crate::grid::{Axes, Compression, Grid, Run};
+use crate::grid::{Compression, Grid, Run};
 use crate::lookup::{Database, FormatError, LookupError};
 use crate::measurement::Quantity;
+use crate::parameter::Axes;
 use crate::scene::Scene;
 use training::{Nodes, Training};
 use wavelengths::Wavelengths;
@@ -126,32 +127,13 @@ pub struct Fitted {
     pub certificate: Certificate,
 }
 
-/// The boxes that a scene asks for.
-#[must_use]
-pub fn regions(scene: &Scene) -> Vec<Region> {
-    let range = |range: crate::scene::Range| [range.min, range.max];
-    let region = |snow: &crate::scene::SceneSnow| Region {
-        axes: [
-            range(snow.facetness),
-            range(snow.grain_size_um),
-            range(snow.density_kg_m3),
-            range(scene.thickness_cm),
-            range(scene.angle_deg),
-        ],
-        extra: snow
-            .beyond()
-            .map(|(axis, there)| (axis, range(there)))
-            .collect(),
-    };
-    scene.snow.iter().map(region).collect()
-}
-
-/// The grid whose laws, wavelengths and model the scene's snow has; its axes hold
-/// nothing.
+/// The grid whose laws, wavelengths and model the scene's snow has; its axes have no values.
 #[must_use]
 pub fn grid(scene: &Scene) -> Grid {
+    let parameters = scene.regions.iter().flat_map(|region| region.iter());
     Grid {
-        axes: Axes::default(),
+        axes: parameters.map(|(p, _)| (p, Vec::new())).collect(),
+        given_sizes: None,
         spread: scene.spread,
         wavelengths_nm: scene.wavelengths_nm.clone(),
         fixed: scene.fixed.clone(),
@@ -197,10 +179,10 @@ pub fn fit(
     let begin = Instant::now();
     let colour = Colorimeter::viewing(&scene.wavelengths_nm, &scene.viewing)?;
     let colour = colour.ok_or(FitError::NoColour)?;
-    let (grid, regions) = (grid(scene), regions(scene));
+    let grid = grid(scene);
     say("simulating candidates");
     let rays = rays(scene);
-    let training = Training::new(scene, &grid, &regions, &colour, rays, control)?;
+    let training = Training::new(scene, &grid, &colour, rays, control)?;
     let in_time = || {
         let most = scene.max_seconds.unwrap_or(f64::INFINITY);
         begin.elapsed().as_secs_f64() < 0.5 * most
@@ -227,7 +209,7 @@ pub fn fit(
         let exact = training.exact(&nodes);
         let certificate = Subject {
             grid: &grid,
-            regions: &regions,
+            regions: &scene.regions,
             file: &made.database,
             exact: &exact,
             colour: Some(&colour),
@@ -389,6 +371,7 @@ fn bytes(
     let file = CompactFile {
         axes,
         absent: &[],
+        substrate: grid(scene).substrate(),
         wavelengths_nm,
         transmittance: of(Quantity::Transmittance),
         reflectance: of(Quantity::Reflectance),

@@ -1,24 +1,19 @@
 //! Curves at all nodes that a database might have, and how well some of them
 //! give the others.
-use std::collections::BTreeMap;
-
-use ndarray::{Array2, Axis};
+use ndarray::{Array2, Axis as Dimension};
 use rayon::prelude::*;
 
 use super::FitError;
 use super::wavelengths::Wavelengths;
-use crate::certificate::{Patch, Region, Simulation};
+use crate::certificate::{Patch, Simulation};
 use crate::colour::Colorimeter;
 use crate::engine::Control;
-use crate::grid::{Axes, Conditions, ExtraAxis, Grid, combination, combinations};
-use crate::lookup::{Database, Lookup, Point, spread, spread_beyond};
+use crate::grid::Grid;
+use crate::lookup::{Database, Lookup, Substrate};
 use crate::measurement::Quantity;
+use crate::parameter::{Axes, Parameter, Point, Region, Role};
 use crate::scene::Scene;
 
-/// Candidates per axis, where the scene has a range.
-const CANDIDATES: [usize; 5] = [7, 9, 4, 17, 13];
-/// On an axis beyond the five.
-const CANDIDATES_BEYOND: usize = 6;
 /// Points that a choice of nodes is judged by, at most.
 const JUDGES: usize = 3000;
 /// Points that a choice of wavelengths is judged by, at most.
@@ -55,7 +50,6 @@ impl Judgement {
 /// A candidate and the row of its curve.
 struct Judge {
     row: usize,
-    conditions: Conditions,
     point: Point,
 }
 
@@ -65,8 +59,8 @@ pub(super) struct Training<'a> {
     colour: &'a Colorimeter,
     /// Those that databases have.
     pub(super) wavelengths: Wavelengths,
-    /// Axes beyond the five.
-    beyond: Vec<ExtraAxis>,
+    parameters: Vec<Parameter>,
+    substrate: Substrate,
     /// Values of the candidates, in storage order.
     pub(super) axes: Vec<Vec<f64>>,
     /// `[s, l]` per quantity of the scene, at its wavelengths.
@@ -115,44 +109,28 @@ impl<'a> Training<'a> {
     pub(super) fn new(
         scene: &'a Scene,
         grid: &'a Grid,
-        regions: &[Region],
         colour: &'a Colorimeter,
         rays: u64,
         control: &Control,
     ) -> Result<Self, FitError> {
-        let five: [Vec<f64>; 5] = std::array::from_fn(|axis| {
-            let ranges: Vec<[f64; 2]> = regions.iter().map(|region| region.axes[axis]).collect();
-            candidates(&ranges, |ends| spread(axis, ends, CANDIDATES[axis]))
-        });
-        // all regions have the same axes
-        let beyond = regions
-            .first()
-            .into_iter()
-            .flat_map(|region| region.extra.keys());
-        let beyond: BTreeMap<ExtraAxis, Vec<f64>> = beyond
-            .map(|&axis| {
-                let ranges = regions.iter().filter_map(|region| region.extra.get(&axis));
-                let ranges: Vec<[f64; 2]> = ranges.copied().collect();
-                let between = |ends| spread_beyond(axis, ends, CANDIDATES_BEYOND);
-                (axis, candidates(&ranges, between))
-            })
-            .collect();
-        let mut patches = Vec::new();
-        for number in 0..combinations(&beyond) {
-            let conditions = combination(&beyond, number);
-            for &facetness in &five[0] {
-                for &size in &five[1] {
-                    for &density in &five[2] {
-                        patches.push(Patch {
-                            snow: [facetness, size, density],
-                            thickness_cm: five[3].clone(),
-                            angle_deg: five[4].clone(),
-                            conditions: conditions.clone(),
-                        });
-                    }
-                }
-            }
-        }
+        let regions = &scene.regions;
+        let of = |parameter: Parameter| -> Vec<f64> {
+            let record = parameter.record();
+            let ranges = regions.iter().filter_map(|region| region.get(parameter));
+            let ranges: Vec<[f64; 2]> = ranges.collect();
+            candidates(&ranges, |ends| record.scale.spread(ends, record.candidates))
+        };
+        // all regions have the same parameters
+        let parameters = regions.first().into_iter().flat_map(Region::iter);
+        let axes: Axes = parameters.map(|(p, _)| (p, of(p))).collect();
+        let snow = axes.iter().filter(|(p, _)| p.record().role == Role::Snow);
+        let snow: Axes = snow.map(|(p, values)| (p, values.to_vec())).collect();
+        let patch = |number| Patch {
+            snow: snow.point(number),
+            thickness_cm: axes.values(Parameter::Thickness).to_vec(),
+            angle_deg: axes.values(Parameter::Incidence).to_vec(),
+        };
+        let patches: Vec<Patch> = (0..snow.count()).map(patch).collect();
         let seed = scene.seed;
         let spectra = Simulation { grid, rays, seed }.run(&patches, control)?;
         let l = grid.wavelengths_nm.len();
@@ -166,26 +144,9 @@ impl<'a> Training<'a> {
         };
         let curves: Vec<(Quantity, Array2<f64>)> =
             scene.quantities.iter().map(|q| (*q, curves(*q))).collect();
-        let wanted = |judge: &Judge| {
-            let coordinates = judge.point.coordinates().into_iter();
-            let coordinates: Vec<f64> = coordinates
-                .chain(judge.conditions.values().copied())
-                .collect();
-            regions.iter().any(|region| {
-                let inside = |([min, max], value): (&[f64; 2], &f64)| (*min..=*max).contains(value);
-                let ranges = region.axes.iter().chain(region.extra.values());
-                ranges.zip(&coordinates).all(inside)
-            })
-        };
-        let points = patches.iter().flat_map(|patch| {
-            let points = patch.points();
-            points.map(|point| (&patch.conditions, point))
-        });
-        let judges = points.enumerate().map(|(row, (conditions, point))| Judge {
-            row,
-            conditions: conditions.clone(),
-            point,
-        });
+        let points = patches.iter().flat_map(Patch::points);
+        let judges = points.enumerate().map(|(row, point)| Judge { row, point });
+        let wanted = |judge: &Judge| regions.iter().any(|region| region.contains(&judge.point));
         let judges: Vec<_> = judges.filter(wanted).collect();
         let step = stride(judges.len(), JUDGES);
         let judges: Vec<Judge> = judges.into_iter().step_by(step).collect();
@@ -201,8 +162,9 @@ impl<'a> Training<'a> {
             scene,
             colour,
             wavelengths,
-            axes: beyond.values().chain(&five).cloned().collect(),
-            beyond: beyond.keys().copied().collect(),
+            parameters: axes.iter().map(|(parameter, _)| parameter).collect(),
+            substrate: grid.substrate(),
+            axes: axes.iter().map(|(_, values)| values.to_vec()).collect(),
             curves,
             judges,
         })
@@ -210,28 +172,9 @@ impl<'a> Training<'a> {
 
     /// The values of `nodes`.
     pub(super) fn axes_of(&self, nodes: &Nodes) -> Axes {
-        let values = |axis: usize| -> Vec<f64> {
-            let values = nodes[axis].iter().map(|i| self.axes[axis][*i]);
-            values.collect()
-        };
-        let first = self.beyond.len();
-        let [
-            facetness,
-            grain_size_um,
-            density_kg_m3,
-            thickness_cm,
-            angle_deg,
-        ] = std::array::from_fn(|axis| values(first + axis));
-        let beyond = self.beyond.iter().enumerate();
-        Axes {
-            extra: beyond.map(|(i, axis)| (*axis, values(i))).collect(),
-            told: None,
-            facetness,
-            grain_size_um,
-            density_kg_m3,
-            thickness_cm,
-            angle_deg,
-        }
+        let chosen = nodes.iter().zip(&self.axes);
+        let values = chosen.map(|(nodes, values)| nodes.iter().map(|i| values[*i]).collect());
+        self.parameters.iter().copied().zip(values).collect()
     }
 
     /// The curves at `nodes` and the wavelengths chosen, `[s, l]`.
@@ -242,9 +185,9 @@ impl<'a> Training<'a> {
             rows = rows.into_iter().flat_map(next).collect();
         }
         let all = self.curves.iter().find(|(q, _)| *q == quantity);
-        let there = all.map(|(_, curves)| curves.select(Axis(0), &rows));
+        let there = all.map(|(_, curves)| curves.select(Dimension(0), &rows));
         there
-            .map(|curves| curves.select(Axis(1), &self.wavelengths.kept))
+            .map(|curves| curves.select(Dimension(1), &self.wavelengths.kept))
             .unwrap_or_default()
     }
 
@@ -255,8 +198,7 @@ impl<'a> Training<'a> {
             asked.then(|| self.curves_of(nodes, quantity))
         };
         Database::from_curves(
-            self.scene.fixed.stands_free()
-                && !self.beyond.contains(&ExtraAxis::SubstrateReflectance),
+            self.substrate == Substrate::Black,
             &self.axes_of(nodes),
             &self.wavelengths.nm,
             curves(Quantity::Transmittance).as_ref(),
@@ -268,16 +210,13 @@ impl<'a> Training<'a> {
     pub(super) fn judge(&self, database: &Database) -> Result<Judgement, FitError> {
         let mut errors = Vec::new();
         for (quantity, curves) in &self.curves {
-            // judges of the same conditions stand together
-            for judges in self.judges.chunk_by(|a, b| a.conditions == b.conditions) {
-                let Some(Judge { conditions, .. }) = judges.first() else {
+            // judges of the same snow stand together, but for what every database has
+            let optional = |judge: &Judge| judge.point.optional();
+            for judges in self.judges.chunk_by(|a, b| optional(a) == optional(b)) {
+                let Some(first) = judges.first() else {
                     continue;
                 };
-                let lookup = if conditions.is_empty() {
-                    Lookup::new(database, *quantity)?
-                } else {
-                    Lookup::new(&database.at(conditions)?, *quantity)?
-                };
+                let lookup = Lookup::new(&database.at(optional(first))?, *quantity)?;
                 let of_one: Result<Vec<f64>, FitError> = judges
                     .par_iter()
                     .with_min_len(64)
@@ -301,23 +240,23 @@ impl<'a> Training<'a> {
 
 #[cfg(test)]
 mod tests {
-    use super::{candidates, spread};
+    use super::{Parameter, candidates};
 
-    fn spreading(axis: usize, ranges: &[[f64; 2]], n: usize) -> Vec<f64> {
-        candidates(ranges, |ends| spread(axis, ends, n))
+    fn spreading(parameter: Parameter, ranges: &[[f64; 2]], n: usize) -> Vec<f64> {
+        candidates(ranges, |ends| parameter.record().scale.spread(ends, n))
     }
 
     #[test]
     fn ends_are_candidates_and_nothing_is_twice() {
-        assert_eq!(spreading(0, &[[0.3, 0.3]], 7), [0.3]);
+        assert_eq!(spreading(Parameter::Facetness, &[[0.3, 0.3]], 7), [0.3]);
         assert_eq!(
-            spreading(1, &[[100.0, 100.0], [300.0, 300.0]], 9),
+            spreading(Parameter::GrainSize, &[[100.0, 100.0], [300.0, 300.0]], 9),
             [100.0, 300.0]
         );
-        let found = spreading(3, &[[1.0, 50.0]], 17);
+        let found = spreading(Parameter::Thickness, &[[1.0, 50.0]], 17);
         assert_eq!((found.len(), found[0], found[16]), (17, 1.0, 50.0));
         assert!(found.is_sorted());
-        let found = spreading(1, &[[100.0, 400.0], [250.0, 250.0]], 9);
+        let found = spreading(Parameter::GrainSize, &[[100.0, 400.0], [250.0, 250.0]], 9);
         assert!(
             found.contains(&250.0) && (9..=10).contains(&found.len()),
             "{found:?}"

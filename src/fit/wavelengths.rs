@@ -19,8 +19,7 @@ pub(super) struct Wavelengths {
 impl Wavelengths {
     fn of(all_nm: &[f64], colour: &Colorimeter, kept: Vec<usize>) -> Self {
         let nm: Vec<f64> = kept.iter().map(|i| all_nm[*i]).collect();
-        let single: Vec<f32> = nm.iter().map(|v| *v as f32).collect();
-        let colour = colour.resampled(&Resampling::new(&single, all_nm));
+        let colour = colour.resampled(&Resampling::new(&nm, all_nm));
         Self { kept, nm, colour }
     }
 
@@ -150,9 +149,8 @@ mod tests {
         let mut before = 2;
         for bound in [1.0, 0.1, 0.01] {
             let chosen = Wavelengths::choose(&nm, &all, std::slice::from_ref(&truth), bound);
-            let single: Vec<f32> = chosen.nm.iter().map(|v| *v as f32).collect();
             let values: Vec<f64> = chosen.nm.iter().map(|nm| curve(*nm)).collect();
-            let lines = Resampling::new(&single, &nm).apply(&values);
+            let lines = Resampling::new(&chosen.nm, &nm).apply(&values);
             assert!(all.difference(&truth, &lines) < bound);
             assert!(
                 (before + 1..31).contains(&chosen.kept.len()),

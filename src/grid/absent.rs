@@ -5,7 +5,8 @@
 //! an empty list says that all curves exist.
 use std::fmt::Write;
 
-use super::{Axes, Fixed, Grid, GridError};
+use super::{Fixed, Grid, GridError};
+use crate::parameter::{Axes, Parameter};
 use crate::transport::Joining;
 use crate::units::cm_to_m;
 
@@ -38,11 +39,12 @@ impl Grid {
     /// A law of a grain size is impossible.
     pub fn absent(&self) -> Result<Vec<usize>, GridError> {
         let mut absent = Vec::new();
-        for &size_um in &self.axes.grain_size_um {
+        for &size_um in self.axes.values(Parameter::GrainSize) {
             let least_m = self.fixed.thinnest_m(self.size_law(size_um)?.max_m());
             // sums of thicknesses may miss one by a rounding
             let thin = |cm: &&f64| cm_to_m(**cm) < least_m * (1.0 - 1e-12);
-            absent.push(self.axes.thickness_cm.iter().take_while(thin).count());
+            let thicknesses = self.axes.values(Parameter::Thickness).iter();
+            absent.push(thicknesses.take_while(thin).count());
         }
         if absent.iter().all(|n| *n == 0) {
             absent.clear();
@@ -51,52 +53,52 @@ impl Grid {
     }
 }
 
-impl Axes {
-    /// How many curves these counts leave out.
-    #[must_use]
-    pub fn absent_curves(&self, absent: &[usize]) -> u64 {
-        let pairs = absent.iter().sum::<usize>() as u64;
-        let [facetness, _, density, _, angle] = self.shape();
-        pairs * self.combinations() * facetness * density * angle
-    }
+/// How many curves of `axes` these counts of thin thicknesses, one per grain size, leave out.
+#[must_use]
+pub fn absent_curves(axes: &Axes, absent: &[usize]) -> u64 {
+    let pairs = absent.iter().sum::<usize>() as u64;
+    let others = axes
+        .iter()
+        .filter(|(p, _)| ![Parameter::GrainSize, Parameter::Thickness].contains(p));
+    others.fold(pairs, |n, (_, values)| n * values.len() as u64)
+}
 
-    /// Rows, in storage order, of the curves that exist.
-    #[must_use]
-    pub fn existing(&self, absent: &[usize]) -> Vec<usize> {
-        let [facets, sizes, densities, thicknesses, angles] = self.shape().map(|n| n as usize);
-        let curves =
-            self.combinations() as usize * facets * sizes * densities * thicknesses * angles;
-        let exists = |row: &usize| {
-            let thickness = row / angles % thicknesses;
-            let size = row / (angles * thicknesses * densities) % sizes;
-            thickness >= absent.get(size).copied().unwrap_or_default()
-        };
-        (0..curves).filter(exists).collect()
-    }
+/// Rows, in storage order, of the curves that exist.
+#[must_use]
+pub fn existing(axes: &Axes, absent: &[usize]) -> Vec<usize> {
+    let [_, sizes, densities, thicknesses, angles] = axes.core_shape();
+    let exists = |row: &usize| {
+        let thickness = row / angles % thicknesses;
+        let size = row / (angles * thicknesses * densities) % sizes;
+        thickness >= absent.get(size).copied().unwrap_or_default()
+    };
+    (0..axes.count() as usize).filter(exists).collect()
+}
 
-    /// Why, for people: which grains do not fit into how much snow.
-    #[must_use]
-    pub fn why_absent(&self, absent: &[usize]) -> String {
-        let mut text = format!(
-            "{} of {} curves do not exist and are NaN: {MIN_GRAIN_LENGTHS} lengths of the longest grain must fit into the slab",
-            self.absent_curves(absent),
-            self.combinations() * self.shape().iter().product::<u64>()
-        );
-        let mut separator = "; they do not with";
-        for (&thinnest, size_um) in absent.iter().zip(&self.grain_size_um) {
-            if let Some(last) = thinnest.checked_sub(1) {
-                let cm = self.thickness_cm.get(last).copied().unwrap_or_default();
-                let _ = write!(text, "{separator} grain_size_um {size_um} up to {cm} cm");
-                separator = ",";
-            }
+/// Why, for people: which grains do not fit into how much snow.
+#[must_use]
+pub fn why_absent(axes: &Axes, absent: &[usize]) -> String {
+    let mut text = format!(
+        "{} of {} curves do not exist and are NaN: {MIN_GRAIN_LENGTHS} lengths of the longest grain must fit into the slab",
+        absent_curves(axes, absent),
+        axes.count()
+    );
+    let thicknesses = axes.values(Parameter::Thickness);
+    let mut separator = "; they do not with";
+    for (&thinnest, size_um) in absent.iter().zip(axes.values(Parameter::GrainSize)) {
+        if let Some(last) = thinnest.checked_sub(1) {
+            let cm = thicknesses.get(last).copied().unwrap_or_default();
+            let _ = write!(text, "{separator} grain_size_um {size_um} up to {cm} cm");
+            separator = ",";
         }
-        text
     }
+    text
 }
 
 #[cfg(test)]
 #[allow(clippy::unwrap_used)]
 mod tests {
+    use super::*;
     use crate::engine::Engine;
     use crate::grid::tests::small;
 
@@ -105,16 +107,18 @@ mod tests {
         let mut grid = small(Engine::Spectral);
         // grains up to 150, 250, 1050 and 2050 um in 1, 2 and 5 cm
         assert!(grid.absent().unwrap().is_empty());
-        grid.axes.grain_size_um.extend([1000.0, 2000.0]);
+        grid.axes
+            .values_mut(Parameter::GrainSize)
+            .extend([1000.0, 2000.0]);
         assert_eq!(grid.absent().unwrap(), [0, 0, 1, 2]);
         let absent = grid.absent().unwrap();
         // two facetnesses, one density, two angles
-        assert_eq!(grid.axes.absent_curves(&absent), 3 * 4);
-        let why = grid.axes.why_absent(&absent);
+        assert_eq!(absent_curves(&grid.axes, &absent), 3 * 4);
+        let why = why_absent(&grid.axes, &absent);
         assert!(why.starts_with("12 of 48 curves"), "{why}");
         assert!(why.ends_with("with grain_size_um 1000 up to 1 cm, grain_size_um 2000 up to 2 cm"));
         // exactly ten lengths are enough
-        grid.axes.grain_size_um[3] = 1950.0;
+        grid.axes.values_mut(Parameter::GrainSize)[3] = 1950.0;
         assert_eq!(grid.absent().unwrap(), [0, 0, 1, 1]);
     }
 }

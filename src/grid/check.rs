@@ -1,8 +1,9 @@
 //! What makes a grid impossible, whoever built it.
 use thiserror::Error;
 
-use super::{ExtraAxis, Grid, Jobs};
+use super::{Grid, Jobs};
 use crate::grain::GrainError;
+use crate::parameter::{Interval, Parameter};
 
 /// Smallest grain a law may reach, um (docs/methods.md).
 const SMALLEST_GRAIN_UM: f64 = 10.0;
@@ -29,14 +30,14 @@ pub enum GridError {
         next: f64,
     },
     /// A value is outside the physical range of its axis, or not finite.
-    #[error("{axis} = {value} must be in {allowed}")]
+    #[error("{axis} = {value} must be {allowed}")]
     Value {
         /// Name of the axis.
         axis: &'static str,
         /// The value.
         value: f64,
         /// The range it must be in.
-        allowed: &'static str,
+        allowed: Interval,
     },
     /// A size law reaches below the smallest grain.
     #[error(
@@ -61,8 +62,7 @@ pub enum GridError {
     /// The product of the axis lengths does not fit a 64-bit number.
     #[error("{} curves are more than can be counted; shorten the axes", .shape.iter().map(u64::to_string).collect::<Vec<_>>().join(" x "))]
     TooMany {
-        /// Axis lengths, storage order (one number for all axes beyond the
-        /// five), and wavelengths.
+        /// Axis lengths, storage order, and wavelengths.
         shape: Vec<u64>,
     },
     /// Isotropic light with an engine that has a job for each angle.
@@ -88,53 +88,35 @@ impl Grid {
     /// Empty, unsorted or unphysical axes, laws that are no distributions, or
     /// more values than can be counted.
     pub fn jobs(&self) -> Result<Jobs, GridError> {
-        type Range = (fn(f64) -> bool, &'static str);
-        let ranges: [Range; 5] = [
-            (|f| (0.0..=1.0).contains(&f), "[0, 1]"),
-            (|s| s > 0.0, "(0, infinity)"),
-            (|d| d > 0.0, "(0, density of ice)"),
-            (|h| h > 0.0, "(0, infinity)"),
-            (|a| (0.0..90.0).contains(&a), "[0, 90)"),
-        ];
-        for ((axis, values), (inside, allowed)) in self.axes.named().into_iter().zip(ranges) {
-            check_list(axis, values, inside, allowed)?;
+        let missing = Parameter::CORE.into_iter().find(|p| !self.axes.has(*p));
+        if let Some(parameter) = missing {
+            let axis = parameter.name();
+            return Err(GridError::Empty { axis });
         }
-        for (axis, values) in &self.axes.extra {
-            let (inside, allowed) = axis.range();
-            check_list(axis.name(), values, inside, allowed)?;
+        for (parameter, values) in self.axes.iter() {
+            check_list(parameter.name(), values, parameter.record().physical)?;
         }
-        let positive = |nm| nm > 0.0;
-        check_list(
-            "wavelength_nm",
-            &self.wavelengths_nm,
-            positive,
-            "(0, infinity)",
-        )?;
-        for &value in &self.axes.facetness {
+        let wavelengths = Interval {
+            min: 0.0,
+            max: 1e6,
+            open: [true, false],
+        };
+        check_list("wavelength_nm", &self.wavelengths_nm, wavelengths)?;
+        for &value in self.axes.values(Parameter::Facetness) {
             self.facetness_law(value)?;
         }
-        for &value in &self.axes.grain_size_um {
+        for &value in self.axes.values(Parameter::GrainSize) {
             self.size_law(value)?;
         }
-        for &value in self
-            .axes
-            .extra
-            .get(&ExtraAxis::Sphericity)
-            .into_iter()
-            .flatten()
-        {
+        for &value in self.axes.values(Parameter::Sphericity) {
             self.spread.sphericity_law(value)?;
         }
         if self.fixed.diffuse && !self.run.engine.shares_angles() {
             let engine = self.run.engine.name();
             return Err(GridError::Diffuse { engine });
         }
-        Jobs::new(
-            self.run.engine,
-            self.axes.shape(),
-            self.wavelengths_nm.len() as u64,
-        )?
-        .repeated(self.axes.combinations())
+        let wavelengths = self.wavelengths_nm.len() as u64;
+        Jobs::new(self.run.engine, &self.axes, wavelengths)
     }
 
     /// Refuses a size law below the smallest grain.
@@ -151,16 +133,11 @@ impl Grid {
     }
 }
 
-fn check_list(
-    axis: &'static str,
-    values: &[f64],
-    inside: impl Fn(f64) -> bool,
-    allowed: &'static str,
-) -> Result<(), GridError> {
+fn check_list(axis: &'static str, values: &[f64], allowed: Interval) -> Result<(), GridError> {
     if values.is_empty() {
         return Err(GridError::Empty { axis });
     }
-    if let Some(&value) = values.iter().find(|v| !(v.is_finite() && inside(**v))) {
+    if let Some(&value) = values.iter().find(|v| !allowed.contains(**v)) {
         return Err(GridError::Value {
             axis,
             value,
@@ -193,25 +170,28 @@ mod tests {
         };
         type Case = (fn(&mut Grid), &'static str);
         let cases: [Case; 10] = [
-            (|g| g.axes.angle_deg.clear(), "angle_deg is empty"),
             (
-                |g| g.axes.angle_deg.push(90.0),
-                "angle_deg = 90 must be in [0, 90)",
+                |g| g.axes.values_mut(Parameter::Incidence).clear(),
+                "angle_deg is empty",
             ),
             (
-                |g| g.axes.thickness_cm.push(5.0),
+                |g| g.axes.values_mut(Parameter::Incidence).push(90.0),
+                "angle_deg = 90 must be at least 0 and below 90",
+            ),
+            (
+                |g| g.axes.values_mut(Parameter::Thickness).push(5.0),
                 "thickness_cm: 5 follows 5",
             ),
             (
-                |g| g.axes.density_kg_m3.push(f64::NAN),
+                |g| g.axes.values_mut(Parameter::Density).push(f64::NAN),
                 "density_kg_m3 = NaN",
             ),
             (
-                |g| g.axes.facetness.push(1.1),
-                "facetness = 1.1 must be in [0, 1]",
+                |g| g.axes.values_mut(Parameter::Facetness).push(1.1),
+                "facetness = 1.1 must be 0 to 1",
             ),
             (
-                |g| g.axes.grain_size_um.insert(0, 59.0),
+                |g| g.axes.values_mut(Parameter::GrainSize).insert(0, 59.0),
                 "grain_size_um = 59 -+ 50",
             ),
             (
@@ -234,7 +214,7 @@ mod tests {
     #[test]
     fn a_grain_of_exactly_ten_um_is_allowed() {
         let mut grid = small(Engine::Spectral);
-        grid.axes.grain_size_um.insert(0, 60.0);
+        grid.axes.values_mut(Parameter::GrainSize).insert(0, 60.0);
         assert!(grid.jobs().is_ok());
     }
 }

@@ -4,10 +4,11 @@
 //! which change no spectrum.
 use std::fmt::Write;
 
-use super::{ExtraAxis, Grid};
+use super::Grid;
 use crate::engine::{Engine, MaxError};
 use crate::grain::{SizeLaw, TruncatedNormal};
 use crate::optics::{Carbon, WaterTable};
+use crate::parameter::Parameter;
 use crate::transport::{Component, Ground, Layer};
 use crate::units::{m_to_cm, m_to_um};
 
@@ -15,22 +16,21 @@ impl Grid {
     /// Section, key and TOML value of everything that decides the spectra.
     #[must_use]
     pub fn describe(&self) -> Vec<(&'static str, &'static str, String)> {
-        let extra = &self.axes.extra;
-        // sizes as they were told: they follow from that
-        let as_told = |(name, values)| match &self.axes.told {
-            Some((measure, told)) if name == "grain_size_um" => (measure.name(), told.as_slice()),
-            _ => (name, values),
+        let axes = &self.axes;
+        // sizes as they were given: they follow from that
+        let as_given = |parameter: Parameter| match &self.given_sizes {
+            Some(given) if parameter == Parameter::GrainSize => {
+                (given.measure.name(), given.values.as_slice())
+            }
+            _ => (parameter.name(), axes.values(parameter)),
         };
-        let mut entries: Vec<_> = self
-            .axes
-            .named()
+        // those that every database has come first
+        let all = axes.iter().map(|(parameter, _)| parameter);
+        let (optional, core): (Vec<_>, Vec<_>) = all.partition(|p| p.is_optional());
+        let mut entries: Vec<_> = core
             .into_iter()
-            .map(as_told)
-            .chain(
-                extra
-                    .iter()
-                    .map(|(axis, values)| (axis.name(), values.as_slice())),
-            )
+            .chain(optional)
+            .map(as_given)
             .map(|(name, values)| ("axes", name, list(values)))
             .collect();
         let spread = &self.spread;
@@ -51,20 +51,20 @@ impl Grid {
             "grain_size_half_width_um",
             number(spread.grain_size_half_width_um),
         );
-        if extra.contains_key(&ExtraAxis::Sphericity) {
+        if axes.has(Parameter::Sphericity) {
             let half_width = number(spread.sphericity_half_width);
             add("spread", "sphericity_half_width", half_width);
             add("spread", "sphericity_sd", number(spread.sphericity_sd));
         }
         add("wavelengths", "values_nm", list(&self.wavelengths_nm));
         // what is an axis is not fixed
-        for (axis, value) in [
-            (ExtraAxis::Sphericity, normal(&fixed.sphericity)),
-            (ExtraAxis::Temperature, number(fixed.temperature_c)),
-            (ExtraAxis::WaterSaturation, number(fixed.water_saturation)),
+        for (parameter, value) in [
+            (Parameter::Sphericity, normal(&fixed.sphericity)),
+            (Parameter::Temperature, number(fixed.temperature_c)),
+            (Parameter::WaterSaturation, number(fixed.water_saturation)),
         ] {
-            if !extra.contains_key(&axis) {
-                add("fixed", axis.name(), value);
+            if !axes.has(parameter) {
+                add("fixed", parameter.name(), value);
             }
         }
         for (key, carbon) in [
@@ -72,7 +72,7 @@ impl Grid {
             ("brown_carbon", &fixed.brown_carbon),
         ] {
             if let Some(carbon) = carbon {
-                let axis = key == "black_carbon" && extra.contains_key(&ExtraAxis::BlackCarbon);
+                let axis = key == "black_carbon" && axes.has(Parameter::BlackCarbon);
                 // the concentration comes first
                 let lines = &carbon_lines(carbon)[usize::from(axis)..];
                 add("fixed", key, inline(lines));
@@ -84,7 +84,7 @@ impl Grid {
             add("fixed", "below", format!("[{}]", layers.join(", ")));
         }
         let ground = reflectance(&fixed.ground);
-        let free = !extra.contains_key(&ExtraAxis::SubstrateReflectance);
+        let free = !axes.has(Parameter::SubstrateReflectance);
         if let Some(reflectance) = ground.filter(|_| free) {
             add(
                 "fixed",
@@ -108,7 +108,7 @@ impl Grid {
         if !fixed.below.is_empty() {
             add("model", "layers", quoted(model.joining.name()));
         }
-        if fixed.carbon().next().is_some() || extra.contains_key(&ExtraAxis::BlackCarbon) {
+        if fixed.carbon().next().is_some() || axes.has(Parameter::BlackCarbon) {
             add("model", "carbon_law", quoted(model.carbon_law.name()));
             add("model", "impurity_mass", quoted(model.impurity_mass.name()));
         }

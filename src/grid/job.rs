@@ -1,26 +1,26 @@
 //! From a job's number to what an engine is asked for.
 use std::fmt;
 
-use super::{Conditions, Grid, GridError, Jobs, described};
+use super::{Grid, GridError, Jobs};
 use crate::engine::{Engine, Request, Resolution, identity};
 use crate::grain::{GrainType, SizeRange, TruncatedNormal};
 use crate::measurement::{Measured, Spectrum};
+use crate::parameter::{Parameter, Point, Role};
 use crate::transport::{Illumination, Pack, Snow};
-use crate::units::{HALF_SPACE_M, cm_to_m, um_to_m};
+use crate::units::{HALF_SPACE_M, cm_to_m, m_to_cm, um_to_m};
 
 /// Jobs share the tables of a shape of grain, so these are this many times as fine as the
 /// walks of one job could tell: as fine as they get from 65,536 walks on.
 const SHARED: u64 = 16;
 
-/// One job: one snow at one combination of the axes beyond the five, one or all
-/// thicknesses, one or all angles.
+/// One job: one snow, one or all thicknesses, one or all angles.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Job {
     /// What its random streams are keyed with: [`identity`] of its own parameters,
     /// wherever it stands in the grid.
     pub cell: u64,
-    /// Its values on the axes beyond the five.
-    pub conditions: Conditions,
+    /// Its values on all axes but thickness and incidence.
+    pub snow: Point,
     /// The snow.
     pub pack: Pack,
     /// Slab thicknesses, m, increasing: the job's curves in storage order.
@@ -80,31 +80,30 @@ impl Job {
 /// The parameters that single this job out, for messages.
 impl fmt::Display for Job {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        let snow = &self.pack.surface;
-        let grain = &snow.grains[0].grain;
-        write!(
-            f,
-            "facetness {}, grain size {:.0}-{:.0} um, density {} kg/m3, thickness",
-            grain.facetness.mean(),
-            grain.size.min_m() * 1e6,
-            grain.size.max_m() * 1e6,
-            snow.density_kg_m3,
-        )?;
-        let mut separator = " ";
-        for thickness_m in &self.thicknesses_m {
-            match *thickness_m < HALF_SPACE_M {
-                true => write!(f, "{separator}{:.4}", thickness_m * 1e2)?,
-                false => write!(f, "{separator}inf")?,
+        let list = |f: &mut fmt::Formatter<'_>, values: &[f64]| {
+            let mut separator = " ";
+            for value in values {
+                write!(f, "{separator}{value}")?;
+                separator = ", ";
             }
-            separator = ", ";
-        }
+            Ok(())
+        };
+        let thicknesses: Vec<f64> = self
+            .thicknesses_m
+            .iter()
+            .map(|m| {
+                if *m < HALF_SPACE_M {
+                    m_to_cm(*m)
+                } else {
+                    f64::INFINITY
+                }
+            })
+            .collect();
+        write!(f, "{}, thickness", self.snow)?;
+        list(f, &thicknesses)?;
         write!(f, " cm, angle")?;
-        let mut separator = " ";
-        for angle_deg in &self.angles_deg {
-            write!(f, "{separator}{angle_deg}")?;
-            separator = ", ";
-        }
-        f.write_str(&described(&" degrees", &self.conditions))
+        list(f, &self.angles_deg)?;
+        f.write_str(" degrees")
     }
 }
 
@@ -127,36 +126,47 @@ impl Grid {
     /// # Errors
     /// No such job, or a law of its axis values is impossible.
     pub fn job(&self, jobs: &Jobs, job: u64) -> Result<Job, GridError> {
-        let missing = || GridError::NoSuchJob {
-            job,
-            jobs: jobs.count(),
-        };
-        let [f, s, d, h, a] = jobs.origin(job)?.map(|i| i as usize);
-        let [thicknesses, angles] = [3, 4].map(|axis| jobs.block()[axis] as usize);
-        let at = |values: &[f64], i: usize| values.get(i).copied().ok_or_else(missing);
         let axes = &self.axes;
-        let conditions = axes.conditions(jobs.combination(job));
-        let fixed = self.fixed.at(&conditions, &self.spread)?;
+        let snow: Point = axes
+            .point(axes.number(&jobs.origin(job)?))
+            .iter()
+            .filter(|(parameter, _)| parameter.record().role == Role::Snow)
+            .collect();
+        let of = |parameter| Ok((jobs.nodes(job, parameter)?, axes.values(parameter)));
+        let [size, thicknesses, angles] = [
+            Parameter::GrainSize,
+            Parameter::Thickness,
+            Parameter::Incidence,
+        ]
+        .map(of);
+        let ((size, _), (thicknesses, all_cm), (angles, all_deg)) = (size?, thicknesses?, angles?);
+        let fixed = self.fixed.at(&snow, &self.spread)?;
         let grain = GrainType {
-            size: self.size_law(at(&axes.grain_size_um, s)?)?,
-            facetness: self.facetness_law(at(&axes.facetness, f)?)?,
+            size: self.size_law(snow[Parameter::GrainSize])?,
+            facetness: self.facetness_law(snow[Parameter::Facetness])?,
             sphericity: fixed.sphericity,
         };
-        let thicknesses_cm = axes.thickness_cm.get(h..h + thicknesses);
-        let absent = self.absent()?.get(s).copied().unwrap_or_default();
-        let angles_deg = axes.angle_deg.get(a..a + angles).ok_or_else(missing)?;
+        let absent = self.absent()?.get(size.start).copied().unwrap_or_default();
         let pack = Pack {
             surface: Snow {
                 water_saturation: fixed.water_saturation,
                 black_carbon: fixed.black_carbon,
                 brown_carbon: fixed.brown_carbon,
-                ..Snow::dry(grain, at(&axes.density_kg_m3, d)?, fixed.temperature_c)
+                ..Snow::dry(grain, snow[Parameter::Density], fixed.temperature_c)
             },
             below: fixed.below,
             ground: fixed.ground,
         };
-        let thicknesses_cm = thicknesses_cm.ok_or_else(missing)?.iter();
+        let missing = || GridError::NoSuchJob {
+            job,
+            jobs: jobs.count(),
+        };
+        let absent = absent
+            .saturating_sub(thicknesses.start)
+            .min(thicknesses.len());
+        let thicknesses_cm = all_cm.get(thicknesses).ok_or_else(missing)?.iter();
         let thicknesses_m: Vec<f64> = thicknesses_cm.map(|cm| cm_to_m(*cm)).collect();
+        let angles_deg = all_deg.get(angles).ok_or_else(missing)?;
         let light = |deg: &f64| Illumination::Collimated {
             polar_angle_rad: deg.to_radians(),
         };
@@ -164,11 +174,11 @@ impl Grid {
         let illuminations: Vec<_> = angles_deg.iter().map(light).chain(diffuse).collect();
         Ok(Job {
             cell: cell(self.run.engine, &pack, &thicknesses_m, &illuminations),
-            conditions,
+            snow,
             pack,
             thicknesses_m,
             angles_deg: angles_deg.to_vec(),
-            absent: absent.saturating_sub(h).min(thicknesses),
+            absent,
             illuminations,
         })
     }
@@ -293,7 +303,7 @@ mod tests {
         assert_eq!(job.thicknesses_m, [0.01, 0.02, 0.05]);
         assert_eq!(
             job.to_string(),
-            "facetness 0.05, grain size 150-250 um, density 300 kg/m3, thickness 1.0000, 2.0000, 5.0000 cm, angle 60 degrees"
+            "facetness 0.05, grain size 200 um, density 300 kg m-3, thickness 1, 2, 5 cm, angle 60 degrees"
         );
     }
 

@@ -1,123 +1,84 @@
 //! Which curves one job computes. A job is a block of the grid: one chunk of
 //! the store, all wavelengths.
+use std::ops::Range;
+
 use super::GridError;
 use crate::engine::Engine;
-
-/// Axis lengths, or one index per axis, in storage order (slowest first):
-/// facetness, grain size, density, thickness, angle.
-pub type Shape = [u64; 5];
-
-/// Positions of thickness and angle in a [`Shape`].
-const THICKNESS: usize = 3;
-const ANGLE: usize = 4;
-
-/// The block of curves that one job of `engine` computes, of a grid of `shape`.
-#[must_use]
-pub fn job_shape(engine: Engine, shape: Shape) -> Shape {
-    let mut block = [1; 5];
-    if engine.shares_thicknesses() {
-        block[THICKNESS] = shape[THICKNESS];
-    }
-    if engine.shares_angles() {
-        block[ANGLE] = shape[ANGLE];
-    }
-    block
-}
+use crate::parameter::{Axes, Parameter, Role};
 
 /// The jobs of a grid, numbered in storage order of their blocks.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+#[derive(Debug, Clone, PartialEq, Eq)]
 pub struct Jobs {
-    shape: Shape,
-    block: Shape,
-    blocks: Shape,
+    parameters: Vec<Parameter>,
+    /// Lengths of the axes.
+    shape: Vec<u64>,
+    /// Curves of one job along each.
+    block: Vec<u64>,
+    /// Jobs along each.
+    blocks: Vec<u64>,
     wavelengths: u64,
-    /// Of the axes beyond the five.
-    combinations: u64,
+}
+
+/// Nodes along an axis of `parameter` that one job of `engine` computes, of `length`.
+fn block(engine: Engine, parameter: Parameter, length: u64) -> u64 {
+    let shared = match parameter.record().role {
+        Role::Snow => false,
+        Role::Thickness => engine.shares_thicknesses(),
+        Role::Incidence => engine.shares_angles(),
+    };
+    if shared { length } else { 1 }
 }
 
 impl Jobs {
     /// # Errors
     /// All lengths must be at least 1, and their product (with 8 bytes per
     /// value) must fit 64 bits.
-    pub fn new(engine: Engine, shape: Shape, wavelengths: u64) -> Result<Self, GridError> {
-        let [f, s, d, h, a] = shape;
-        let all = [f, s, d, h, a, wavelengths];
-        if let Some((axis, _)) = super::Axes::NAMES
-            .into_iter()
-            .chain(["wavelength_nm"])
-            .zip(all)
-            .find(|(_, n)| *n == 0)
-        {
+    pub fn new(engine: Engine, axes: &Axes, wavelengths: u64) -> Result<Self, GridError> {
+        let lengths = axes
+            .iter()
+            .map(|(p, values)| (p.name(), values.len() as u64));
+        let mut lengths = lengths.chain([("wavelength_nm", wavelengths)]);
+        if let Some((axis, _)) = lengths.find(|(_, n)| *n == 0) {
             return Err(GridError::Empty { axis });
         }
-        all.into_iter()
-            .try_fold(8_u64, u64::checked_mul)
-            .ok_or(GridError::TooMany { shape: all.into() })?;
-        let block = job_shape(engine, shape);
-        let mut blocks = shape;
-        for (n, b) in blocks.iter_mut().zip(block) {
-            *n = n.div_ceil(b);
+        let shape = axes.shape();
+        let all = [&shape[..], &[wavelengths]].concat();
+        if all
+            .iter()
+            .try_fold(8_u64, |n, length| n.checked_mul(*length))
+            .is_none()
+        {
+            return Err(GridError::TooMany { shape: all });
         }
+        let parameters: Vec<_> = axes.iter().map(|(parameter, _)| parameter).collect();
+        let block: Vec<u64> = parameters
+            .iter()
+            .zip(&shape)
+            .map(|(parameter, length)| block(engine, *parameter, *length))
+            .collect();
         Ok(Self {
+            blocks: shape
+                .iter()
+                .zip(&block)
+                .map(|(n, b)| n.div_ceil(*b))
+                .collect(),
+            parameters,
             shape,
             block,
-            blocks,
             wavelengths,
-            combinations: 1,
         })
-    }
-
-    /// These jobs once for each of `combinations` of the axes beyond the five,
-    /// which run slower.
-    ///
-    /// # Errors
-    /// There must be at least one, and not more values than can be counted.
-    pub fn repeated(self, combinations: u64) -> Result<Self, GridError> {
-        let shape = [&[combinations], &self.shape[..], &[self.wavelengths]].concat();
-        let mut lengths = shape.iter().copied();
-        match lengths.try_fold(8_u64, u64::checked_mul) {
-            Some(1..) => Ok(Self {
-                combinations,
-                ..self
-            }),
-            _ => Err(GridError::TooMany { shape }),
-        }
     }
 
     /// Number of jobs.
     #[must_use]
     pub fn count(&self) -> u64 {
-        self.combinations * self.jobs_each()
-    }
-
-    /// Lengths of the five axes in blocks.
-    #[must_use]
-    pub fn blocks(&self) -> Shape {
-        self.blocks
-    }
-
-    /// Number of jobs of one combination of the axes beyond the five.
-    #[must_use]
-    pub fn jobs_each(&self) -> u64 {
         self.blocks.iter().product()
     }
 
     /// Number of curves (spectra) of the grid.
     #[must_use]
     pub fn curves(&self) -> u64 {
-        self.combinations * self.curves_each()
-    }
-
-    /// Number of curves of one combination of the axes beyond the five.
-    #[must_use]
-    pub fn curves_each(&self) -> u64 {
         self.shape.iter().product()
-    }
-
-    /// The combination of the axes beyond the five that `job` is of.
-    #[must_use]
-    pub fn combination(&self, job: u64) -> u64 {
-        job / self.jobs_each()
     }
 
     /// Number of curves of one job.
@@ -126,16 +87,30 @@ impl Jobs {
         self.block.iter().product()
     }
 
-    /// Lengths of the five axes.
+    /// Lengths of the axes, slowest first.
     #[must_use]
-    pub fn shape(&self) -> Shape {
-        self.shape
+    pub fn shape(&self) -> &[u64] {
+        &self.shape
     }
 
-    /// Block of one job.
+    /// Lengths of the axes in blocks.
     #[must_use]
-    pub fn block(&self) -> Shape {
-        self.block
+    pub fn blocks(&self) -> &[u64] {
+        &self.blocks
+    }
+
+    /// Lengths of one job.
+    #[must_use]
+    pub fn block(&self) -> &[u64] {
+        &self.block
+    }
+
+    /// Nodes of one job along an axis; 1 along one that is not there.
+    #[must_use]
+    pub fn block_along(&self, parameter: Parameter) -> usize {
+        let mut axes = self.parameters.iter().zip(&self.block);
+        let found = axes.find(|(other, _)| **other == parameter);
+        found.map_or(1, |(_, block)| *block as usize)
     }
 
     /// Number of wavelengths.
@@ -144,36 +119,47 @@ impl Jobs {
         self.wavelengths
     }
 
-    /// Position of `job`'s block in the grid of blocks of the five axes.
+    /// Position of `job`'s block along each axis, in blocks.
     ///
     /// # Errors
     /// There is no such job.
-    pub fn chunk(&self, job: u64) -> Result<Shape, GridError> {
-        let there = Some(job).filter(|job| *job < self.count());
-        let index = there.and_then(|job| multi_index(job % self.jobs_each(), self.blocks));
-        index.ok_or(GridError::NoSuchJob {
+    pub fn chunk(&self, job: u64) -> Result<Vec<u64>, GridError> {
+        multi_index(job, &self.blocks).ok_or(GridError::NoSuchJob {
             job,
             jobs: self.count(),
         })
     }
 
-    /// Index of the first curve of `job` along each of the five axes.
+    /// Index of the first curve of `job` along each axis.
     ///
     /// # Errors
     /// There is no such job.
-    pub fn origin(&self, job: u64) -> Result<Shape, GridError> {
+    pub fn origin(&self, job: u64) -> Result<Vec<u64>, GridError> {
         let mut origin = self.chunk(job)?;
-        for (index, block) in origin.iter_mut().zip(self.block) {
+        for (index, block) in origin.iter_mut().zip(&self.block) {
             *index *= block;
         }
         Ok(origin)
     }
+
+    /// The nodes of `job` along an axis; the first along one that is not there.
+    ///
+    /// # Errors
+    /// There is no such job.
+    pub fn nodes(&self, job: u64, parameter: Parameter) -> Result<Range<usize>, GridError> {
+        let origin = self.origin(job)?;
+        let mut axes = self.parameters.iter().zip(origin);
+        let found = axes.find(|(other, _)| **other == parameter);
+        let first = found.map_or(0, |(_, index)| index as usize);
+        Ok(first..first + self.block_along(parameter))
+    }
 }
 
 /// Index along each axis of flat index `flat`; `None` outside `shape`.
-fn multi_index(mut flat: u64, shape: Shape) -> Option<Shape> {
-    let mut index = [0; 5];
-    for (i, n) in index.iter_mut().zip(shape).rev() {
+fn multi_index(mut flat: u64, shape: &[u64]) -> Option<Vec<u64>> {
+    let mut index = shape.to_vec();
+    for i in index.iter_mut().rev() {
+        let n = *i;
         *i = flat.checked_rem(n)?;
         flat /= n;
     }
@@ -191,13 +177,24 @@ mod tests {
     use crate::grid::Shard;
 
     /// Horner's rule: the inverse of `multi_index`, written independently.
-    fn flat_index(index: Shape, shape: Shape) -> u64 {
+    fn flat_index(index: &[u64], shape: &[u64]) -> u64 {
         index.iter().zip(shape).fold(0, |flat, (i, n)| flat * n + i)
     }
 
+    /// Axes of these lengths: those that every database has, and one more.
+    fn axes(lengths: [u64; 6]) -> Axes {
+        let [temperature, core @ ..] = lengths;
+        let values = |n: u64| (0..n).map(|i| i as f64).collect();
+        let core = Parameter::CORE.into_iter().zip(core);
+        let all = [(Parameter::Temperature, temperature)]
+            .into_iter()
+            .chain(core);
+        all.map(|(parameter, n)| (parameter, values(n))).collect()
+    }
+
     fn any_jobs() -> impl Strategy<Value = Jobs> {
-        (prop::array::uniform5(1_u64..5), 0..Engine::ALL.len())
-            .prop_map(|(shape, e)| Jobs::new(Engine::ALL[e], shape, 3).unwrap())
+        (prop::array::uniform6(1_u64..5), 0..Engine::ALL.len())
+            .prop_map(|(lengths, e)| Jobs::new(Engine::ALL[e], &axes(lengths), 3).unwrap())
     }
 
     proptest! {
@@ -205,10 +202,10 @@ mod tests {
         fn index_and_multi_index_are_inverse(shape in prop::array::uniform5(1_u64..6), raw: u64) {
             let count: u64 = shape.iter().product();
             let flat = raw % count;
-            let index = multi_index(flat, shape).unwrap();
+            let index = multi_index(flat, &shape).unwrap();
             prop_assert!(index.iter().zip(shape).all(|(i, n)| *i < n));
-            prop_assert_eq!(flat_index(index, shape), flat);
-            prop_assert_eq!(multi_index(count, shape), None);
+            prop_assert_eq!(flat_index(&index, &shape), flat);
+            prop_assert_eq!(multi_index(count, &shape), None);
         }
 
         #[test]
@@ -216,12 +213,15 @@ mod tests {
             let mut seen = BTreeSet::new();
             for job in 0..jobs.count() {
                 let origin = jobs.origin(job).unwrap();
+                for (parameter, first) in jobs.parameters.iter().zip(&origin) {
+                    prop_assert_eq!(jobs.nodes(job, *parameter).unwrap().start as u64, *first);
+                }
                 for within in 0..jobs.curves_per_job() {
                     let mut index = multi_index(within, jobs.block()).unwrap();
-                    for (i, o) in index.iter_mut().zip(origin) {
+                    for (i, o) in index.iter_mut().zip(&origin) {
                         *i += o;
                     }
-                    prop_assert!(seen.insert(flat_index(index, jobs.shape())));
+                    prop_assert!(seen.insert(flat_index(&index, jobs.shape())));
                 }
             }
             prop_assert_eq!(seen.len() as u64, jobs.curves());
@@ -242,24 +242,23 @@ mod tests {
 
     #[test]
     fn absurd_grids_are_refused_by_count() {
-        let shape = [1 << 20, 1 << 20, 1 << 20, 1, 1];
-        let error = Jobs::new(Engine::Spectral, shape, 31).unwrap_err();
-        assert!(
-            error.to_string().starts_with("1048576 x 1048576 x"),
-            "{error}"
-        );
+        // lengths are enough: 2^60 curves
+        let values = vec![0.0; 1 << 10];
+        let all = Parameter::ALL.into_iter().take(6);
+        let axes = all.map(|parameter| (parameter, values.clone())).collect();
+        let error = Jobs::new(Engine::Spectral, &axes, 31).unwrap_err();
+        assert!(error.to_string().starts_with("1024 x 1024 x"), "{error}");
     }
 
     #[test]
     fn spectral_jobs_hold_all_thicknesses() {
-        let shape = [5, 9, 5, 11, 10];
-        assert_eq!(
-            Jobs::new(Engine::Spectral, shape, 31).unwrap().count(),
-            2250
-        );
-        assert_eq!(
-            Jobs::new(Engine::Reference, shape, 31).unwrap().count(),
-            24_750
-        );
+        let count = |engine| {
+            Jobs::new(engine, &axes([1, 5, 9, 5, 11, 10]), 31)
+                .unwrap()
+                .count()
+        };
+        assert_eq!(count(Engine::Spectral), 2250);
+        assert_eq!(count(Engine::Reference), 24_750);
+        assert_eq!(count(Engine::Doubling), 225);
     }
 }

@@ -1,110 +1,45 @@
 //! The grid of a spectral database: its axes, its cells and its jobs
-//! (docs/methods.md).
-//!
-//! Curves and jobs are numbered in storage order, slowest axis first: those
-//! beyond the five, facetness, grain size, density, thickness, angle.
+//! (docs/methods.md). Curves and jobs are numbered in storage order, slowest axis first
+//! ([`crate::parameter::Parameter`]).
 mod absent;
 mod check;
 mod describe;
-mod extra;
+mod fixed;
 mod job;
 mod jobs;
 mod shard;
 
-use std::collections::BTreeMap;
-
 use crate::engine::{Engine, MaxError};
 use crate::grain::{SizeLaw, SizeMeasure, TruncatedNormal};
 use crate::optics::Carbon;
+use crate::parameter::Axes;
 use crate::transport::{Ground, Layer, Model};
 
-pub use absent::MIN_GRAIN_LENGTHS;
+pub use absent::{MIN_GRAIN_LENGTHS, absent_curves, existing, why_absent};
 pub use check::GridError;
 pub(crate) use describe::{carbon_lines, list, normal, number, reflectance};
-pub use extra::{Conditions, ExtraAxis, described};
-pub(crate) use extra::{combination, combinations, positions};
 pub use job::Job;
-pub use jobs::{Jobs, Shape, job_shape};
+pub use jobs::Jobs;
 pub use shard::{Shard, ShardError};
 
-/// The five axes, and those beyond, each strictly increasing and not empty. Storage
-/// order, slowest first: those beyond, facetness, grain size, density, thickness,
-/// angle.
-#[derive(Debug, Clone, PartialEq, Default)]
-pub struct Axes {
-    /// Mean facetness, [0, 1].
-    pub facetness: Vec<f64>,
-    /// Mean grain size, um.
-    pub grain_size_um: Vec<f64>,
-    /// Dry density, kg/m3.
-    pub density_kg_m3: Vec<f64>,
-    /// Slab thickness, cm.
-    pub thickness_cm: Vec<f64>,
-    /// Polar angle of incidence, degrees from the normal, [0, 90).
-    pub angle_deg: Vec<f64>,
-    /// Axes beyond the five, usually none.
-    pub extra: BTreeMap<ExtraAxis, Vec<f64>>,
-    /// What the grain sizes were told by, if not as such, and its values, increasing.
-    pub told: Option<(SizeMeasure, Vec<f64>)>,
+/// Grain sizes that were given by another measure, with its values, increasing.
+#[derive(Debug, Clone, PartialEq)]
+pub struct GivenSizes {
+    /// By what.
+    pub measure: SizeMeasure,
+    /// The values as given.
+    pub values: Vec<f64>,
 }
 
-impl Axes {
-    /// Names of the five axes in storage order, as files spell them.
-    pub const NAMES: [&str; 5] = [
-        "facetness",
-        "grain_size_um",
-        "density_kg_m3",
-        "thickness_cm",
-        "angle_deg",
-    ];
-
-    /// Names and values of the five axes in storage order.
+impl GivenSizes {
+    /// The values in the order of the grain sizes.
     #[must_use]
-    pub fn named(&self) -> [(&'static str, &[f64]); 5] {
-        let [f, s, d, h, a] = Self::NAMES;
-        [
-            (f, &self.facetness),
-            (s, &self.grain_size_um),
-            (d, &self.density_kg_m3),
-            (h, &self.thickness_cm),
-            (a, &self.angle_deg),
-        ]
-    }
-
-    /// What each grain size was told by, in the order of the sizes.
-    #[must_use]
-    pub fn told_by_size(&self) -> Option<(SizeMeasure, Vec<f64>)> {
-        let mut told = self.told.clone();
-        if let Some((SizeMeasure::SpecificSurface, values)) = &mut told {
+    pub fn by_size(&self) -> Vec<f64> {
+        let mut values = self.values.clone();
+        if self.measure == SizeMeasure::SpecificSurface {
             values.reverse();
         }
-        told
-    }
-
-    /// Names and values of all axes in storage order.
-    #[must_use]
-    pub fn all(&self) -> Vec<(&'static str, &[f64])> {
-        let extra = self.extra.iter();
-        let extra = extra.map(|(axis, values)| (axis.name(), values.as_slice()));
-        extra.chain(self.named()).collect()
-    }
-
-    /// How many combinations of the axes beyond the five there are; 1 without.
-    #[must_use]
-    pub fn combinations(&self) -> u64 {
-        combinations(&self.extra)
-    }
-
-    /// Combination `number` of them.
-    #[must_use]
-    pub fn conditions(&self, number: u64) -> Conditions {
-        combination(&self.extra, number)
-    }
-
-    /// Lengths of the five axes in storage order.
-    #[must_use]
-    pub fn shape(&self) -> Shape {
-        self.named().map(|(_, values)| values.len() as u64)
+        values
     }
 }
 
@@ -188,12 +123,6 @@ impl Fixed {
         own.into_iter().flatten().chain(below)
     }
 
-    /// Whether there is nothing below the snow of the axes.
-    #[must_use]
-    pub fn stands_free(&self) -> bool {
-        self.below.is_empty() && matches!(self.ground, Ground::Black)
-    }
-
     /// Whether there is water in any layer.
     #[must_use]
     pub fn is_wet(&self) -> bool {
@@ -227,8 +156,10 @@ pub struct Compression {
 /// A whole database, as a config describes it.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Grid {
-    /// The axes.
+    /// The axes: those that every database has, and any others.
     pub axes: Axes,
+    /// By what the grain sizes were given, if not as such.
+    pub given_sizes: Option<GivenSizes>,
     /// Widths of the laws around an axis value.
     pub spread: Spread,
     /// Wavelengths, nm, strictly increasing.
@@ -245,18 +176,19 @@ pub struct Grid {
 pub(crate) mod tests {
     #![allow(clippy::unwrap_used)]
     use super::*;
+    use crate::parameter::Parameter;
 
     /// A small dry grid: 2 x 2 x 1 x 3 x 2 = 24 curves of 4 wavelengths.
     pub(crate) fn small(engine: Engine) -> Grid {
         Grid {
-            axes: Axes {
-                facetness: vec![0.05, 0.5],
-                grain_size_um: vec![100.0, 200.0],
-                density_kg_m3: vec![300.0],
-                thickness_cm: vec![1.0, 2.0, 5.0],
-                angle_deg: vec![0.0, 60.0],
-                ..Axes::default()
-            },
+            axes: Axes::from([
+                (Parameter::Facetness, vec![0.05, 0.5]),
+                (Parameter::GrainSize, vec![100.0, 200.0]),
+                (Parameter::Density, vec![300.0]),
+                (Parameter::Thickness, vec![1.0, 2.0, 5.0]),
+                (Parameter::Incidence, vec![0.0, 60.0]),
+            ]),
+            given_sizes: None,
             spread: Spread::default(),
             wavelengths_nm: vec![400.0, 500.0, 600.0, 700.0],
             fixed: Fixed::dry(TruncatedNormal::new(0.6, 0.95, 0.798, 0.064).unwrap(), -1.0),
@@ -275,10 +207,9 @@ pub(crate) mod tests {
 
     /// The same at three concentrations of carbon and two saturations.
     pub(crate) fn with_extra(mut grid: Grid) -> Grid {
-        grid.axes.extra = BTreeMap::from([
-            (ExtraAxis::BlackCarbon, vec![0.0, 100.0, 400.0]),
-            (ExtraAxis::WaterSaturation, vec![0.0, 0.1]),
-        ]);
+        let axes = &mut grid.axes;
+        axes.set(Parameter::BlackCarbon, vec![0.0, 100.0, 400.0]);
+        axes.set(Parameter::WaterSaturation, vec![0.0, 0.1]);
         grid
     }
 }

@@ -8,9 +8,12 @@ use serde_json::{Map, Value};
 use sha2::{Digest, Sha256};
 
 use super::StoreError;
+use super::layout::Contents;
 use crate::engine::Engine;
 use crate::grain::{SizeLaw, SizeMeasure, Told, TruncatedNormal};
-use crate::grid::{Axes, ExtraAxis, Grid};
+use crate::grid::{GivenSizes, Grid};
+use crate::lookup::Substrate;
+use crate::parameter::{Axes, Parameter};
 
 /// Version of the layout described in [`crate::store`].
 pub const FORMAT_VERSION: u32 = 1;
@@ -150,12 +153,12 @@ impl Description {
         let in_one = self.get(key).is_some() != asked.get(key).is_some();
         match key {
             "fixed.sphericity" | "spread.sphericity_half_width" | "spread.sphericity_sd" => {
-                in_one && moved(ExtraAxis::Sphericity)
+                in_one && moved(Parameter::Sphericity)
             }
-            "fixed.temperature_c" => moved(ExtraAxis::Temperature),
-            "fixed.water_saturation" => moved(ExtraAxis::WaterSaturation),
-            "fixed.black_carbon" => moved(ExtraAxis::BlackCarbon),
-            "fixed.substrate" => moved(ExtraAxis::SubstrateReflectance),
+            "fixed.temperature_c" => moved(Parameter::Temperature),
+            "fixed.water_saturation" => moved(Parameter::WaterSaturation),
+            "fixed.black_carbon" => moved(Parameter::BlackCarbon),
+            "fixed.substrate" => moved(Parameter::SubstrateReflectance),
             "model.carbon_law" | "model.impurity_mass" => in_one,
             // which corners do not exist follows from sizes and thicknesses
             ABSENT => true,
@@ -191,8 +194,8 @@ impl Description {
         Sha256::digest(self.identity()).into()
     }
 
-    /// Axes, wavelengths (nm) and engine, from the canonical grid file.
-    pub(super) fn axes(&self, path: &Path) -> Result<(Axes, Vec<f64>, Engine), StoreError> {
+    /// What the database holds, from the canonical grid file.
+    pub(super) fn contents(&self, path: &Path) -> Result<Contents, StoreError> {
         let damaged = |reason: String| StoreError::Damaged {
             path: path.join("zarr.json"),
             reason,
@@ -201,57 +204,58 @@ impl Description {
             damaged(format!("attribute \"config\": {}", error.message()))
         })?;
         let get = |section: &str, key: &str| config.get(section)?.get(key);
-        let list = |section: &str, key: &str| {
+        let list = |section: &str, key: &str| -> Result<Vec<f64>, StoreError> {
             get(section, key)
                 .and_then(|values| values.as_array())
                 .and_then(|values| values.iter().map(toml::Value::as_float).collect())
                 .ok_or_else(|| damaged(format!("attribute \"config\" has no {section}.{key}")))
         };
-        let [f, s, d, h, a] = Axes::NAMES;
-        let mut extra = BTreeMap::new();
-        for axis in ExtraAxis::ALL {
-            if get("axes", axis.name()).is_some() {
-                extra.insert(axis, list("axes", axis.name())?);
-            }
+        let given = SizeMeasure::ALL.into_iter();
+        let mut given = given.filter(|measure| get("axes", measure.name()).is_some());
+        let given_sizes = match given.next() {
+            None => None,
+            Some(measure) => Some(GivenSizes {
+                measure,
+                values: list("axes", measure.name())?,
+            }),
+        };
+        let mut axes = Axes::default();
+        for parameter in Parameter::ALL {
+            let values = match &given_sizes {
+                Some(given) if parameter == Parameter::GrainSize => {
+                    let shape = told_shape(&config).ok_or_else(|| {
+                        damaged("attribute \"config\" does not tell the grains".into())
+                    })?;
+                    given.measure.sizes_um(&given.values, &shape)
+                }
+                _ if parameter.is_optional() && get("axes", parameter.name()).is_none() => continue,
+                _ => list("axes", parameter.name())?,
+            };
+            axes.set(parameter, values);
         }
-        let told = SizeMeasure::ALL
-            .into_iter()
-            .find(|measure| get("axes", measure.name()).is_some());
-        let (grain_size_um, told) = match told {
-            None => (list("axes", s)?, None),
-            Some(measure) => {
-                let values: Vec<f64> = list("axes", measure.name())?;
-                let shape = told_shape(&config).ok_or_else(|| {
-                    damaged("attribute \"config\" does not tell the grains".into())
-                })?;
-                (measure.sizes_um(&values, &shape), Some((measure, values)))
-            }
-        };
-        let axes = Axes {
-            extra,
-            told,
-            facetness: list("axes", f)?,
-            grain_size_um,
-            density_kg_m3: list("axes", d)?,
-            thickness_cm: list("axes", h)?,
-            angle_deg: list("axes", a)?,
-        };
         let name = get("run", "engine").and_then(|name| name.as_str());
         let engine = Engine::ALL
             .into_iter()
             .find(|engine| Some(engine.name()) == name)
             .ok_or_else(|| damaged(format!("unknown engine {name:?}")))?;
-        Ok((axes, list("wavelengths", "values_nm")?, engine))
+        Ok(Contents {
+            absent: self.absent(&axes, path)?,
+            axes,
+            given_sizes,
+            wavelengths_nm: list("wavelengths", "values_nm")?,
+            engine,
+            diffuse: self.has_diffuse(),
+        })
     }
 
     /// For each grain size, how many of the thinnest thicknesses have no curve; empty
     /// if all have.
-    pub(super) fn absent(&self, axes: &Axes, path: &Path) -> Result<Vec<usize>, StoreError> {
+    fn absent(&self, axes: &Axes, path: &Path) -> Result<Vec<usize>, StoreError> {
         let Some(text) = self.get(ABSENT) else {
             return Ok(Vec::new());
         };
         let all: Result<Vec<usize>, _> = text.split(", ").map(str::parse).collect();
-        let [_, sizes, _, thicknesses, _] = axes.shape().map(|n| n as usize);
+        let [_, sizes, _, thicknesses, _] = axes.core_shape();
         all.ok()
             .filter(|all| all.len() == sizes && all.iter().all(|n| *n <= thicknesses))
             .ok_or_else(|| StoreError::Damaged {
@@ -261,25 +265,32 @@ impl Description {
     }
 
     /// Whether there are curves under isotropic light.
-    pub(super) fn has_diffuse(&self) -> bool {
+    fn has_diffuse(&self) -> bool {
         self.get("axes.diffuse") == Some("true")
     }
 
-    /// What the grain sizes were told by, if not as such, and its values in their order.
-    fn told(&self) -> Option<(SizeMeasure, Vec<f64>)> {
-        let told = SizeMeasure::ALL.into_iter().find_map(|measure| {
+    /// By what the grain sizes were given, if not as such.
+    fn given_sizes(&self) -> Option<GivenSizes> {
+        SizeMeasure::ALL.into_iter().find_map(|measure| {
             let list = self.get(&format!("axes.{}", measure.name()))?;
-            let list: Result<Vec<f64>, _> = serde_json::from_str(list);
-            Some((measure, list.ok()?))
-        });
-        let axes = Axes {
-            told,
-            ..Axes::default()
-        };
-        axes.told_by_size()
+            let values = serde_json::from_str(list).ok()?;
+            Some(GivenSizes { measure, values })
+        })
     }
 
-    fn has_axis(&self, axis: ExtraAxis) -> bool {
+    /// What lies under the snow of the axes.
+    pub(super) fn substrate(&self) -> Substrate {
+        let axis = self.has_axis(Parameter::SubstrateReflectance);
+        if self.get("fixed.below").is_some() {
+            Substrate::Layers
+        } else if axis || self.get("fixed.substrate").is_some() {
+            Substrate::Reflecting
+        } else {
+            Substrate::Black
+        }
+    }
+
+    fn has_axis(&self, axis: Parameter) -> bool {
         self.get(&format!("axes.{}", axis.name())).is_some()
     }
 
@@ -291,12 +302,11 @@ impl Description {
             Value::from(value.unwrap_or_default())
         };
         let mut units = String::new();
-        for axis in ExtraAxis::ALL {
-            if self.has_axis(axis) {
-                let _ = write!(units, "{}: {}; ", axis.name(), axis.unit());
-            }
+        let there = |axis: &Parameter| !axis.is_optional() || self.has_axis(*axis);
+        for axis in Parameter::ALL.into_iter().filter(there) {
+            let _ = write!(units, "{}: {}; ", axis.name(), axis.unit());
         }
-        let ground = if self.has_axis(ExtraAxis::SubstrateReflectance) {
+        let ground = if self.has_axis(Parameter::SubstrateReflectance) {
             Some("of the axis substrate_reflectance")
         } else {
             self.get("fixed.substrate")
@@ -310,8 +320,6 @@ impl Description {
                 format!("Lambertian ground {ground}; transmittance is the light that stays in it")
             }
         };
-        // A reader takes a bottom that begins with `black` for one under nothing but
-        // the snow of the axes.
         let bottom = match self.get("fixed.below") {
             None => ground,
             Some(_) => format!("the layers of fixed.below, then {ground}"),
@@ -321,7 +329,7 @@ impl Description {
         } else {
             "collimated; angle_deg is the polar angle of incidence, measured from the surface normal"
         };
-        let entries: [(&str, Value); 16] = [
+        let entries: [(&str, Value); 17] = [
             ("title", "Spectral database of snow".into()),
             ("program", PROGRAM.into()),
             ("program_version", text("program_version")),
@@ -332,13 +340,14 @@ impl Description {
             ),
             (
                 "units",
-                format!("{units}facetness: 1; grain_size_um: um; density_kg_m3: kg m-3; thickness_cm: cm; angle_deg: degree; wavelength_nm: nm; transmittance, reflectance and their standard errors: 1").into(),
+                format!("{units}wavelength_nm: nm; transmittance, reflectance and their standard errors: 1").into(),
             ),
             (
                 "illumination",
                 illumination.into(),
             ),
             ("bottom_boundary", bottom.into()),
+            ("substrate", self.substrate().name().into()),
             ("ice_table", text("model.ice")),
             ("water_table", text("model.water")),
             ("engine", text("run.engine")),
@@ -352,14 +361,15 @@ impl Description {
             .into_iter()
             .map(|(key, value)| (key.to_string(), value))
             .collect();
-        if let Some((measure, values)) = self.told() {
+        if let Some(given) = self.given_sizes() {
+            let measure = given.measure;
             let relation = format!(
                 "{}: {}. The values here are those of the grain sizes in their order; spread.grain_size_half_width_um is that of the sizes.",
                 measure.name(),
                 measure.about().0
             );
             attributes.insert("grain_size_relation".into(), relation.into());
-            attributes.insert(measure.name().into(), values.into());
+            attributes.insert(measure.name().into(), given.by_size().into());
             // by which xarray takes the array of this name for a coordinate
             attributes.insert("coordinates".into(), measure.name().into());
         }

@@ -5,6 +5,7 @@ use sha2::{Digest, Sha256};
 use super::layout::{ZarrArray, encode};
 use super::{Store, StoreError, Variable, file};
 use crate::measurement::{Measured, Spectrum};
+use crate::parameter::Parameter;
 
 impl Store {
     /// Stores the spectra of `job`, one per curve in storage order; if there is isotropic
@@ -18,7 +19,7 @@ impl Store {
         self.check_spectra(job, spectra)?;
         let mut seal = self.seal(job);
         for (quantity, array) in self.layout.quantities() {
-            let angles = self.layout.jobs.block()[4] as usize;
+            let angles = self.layout.jobs.block_along(Parameter::Incidence);
             let of_slab = |slab: &'_ [Spectrum]| -> Vec<f32> {
                 let (collimated, diffuse) = slab.split_at(angles.min(slab.len()));
                 let spectra = if quantity.is_diffuse() {
@@ -86,7 +87,7 @@ impl Store {
     fn check_spectra(&self, job: u64, spectra: &[Spectrum]) -> Result<(), StoreError> {
         let refuse = |reason: String| Err(StoreError::Spectra { job, reason });
         let lights = self.layout.lights();
-        let curves = self.layout.jobs.block()[3] * lights as u64;
+        let curves = (self.layout.jobs.block_along(Parameter::Thickness) * lights) as u64;
         if spectra.len() as u64 != curves {
             return refuse(format!("{} spectra for {curves} curves", spectra.len()));
         }

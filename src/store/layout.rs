@@ -17,7 +17,8 @@ use super::description::Description;
 use super::{StoreError, Variable};
 use crate::engine::Engine;
 use crate::grain::SizeMeasure;
-use crate::grid::{Axes, ExtraAxis, Jobs, positions};
+use crate::grid::{GivenSizes, Jobs};
+use crate::parameter::{Axes, Parameter};
 use crate::units::HALF_SPACE_CM;
 
 pub(super) type ZarrArray = Array<FilesystemStore>;
@@ -25,13 +26,26 @@ pub(super) type ZarrArray = Array<FilesystemStore>;
 /// Group of the arrays that have one element per job.
 const JOBS: &str = "jobs";
 
+/// What a database holds.
+#[derive(Debug, Clone)]
+pub(super) struct Contents {
+    pub(super) axes: Axes,
+    /// By what the grain sizes were given, if not as such.
+    pub(super) given_sizes: Option<GivenSizes>,
+    pub(super) wavelengths_nm: Vec<f64>,
+    pub(super) engine: Engine,
+    /// For each grain size, how many of the thinnest thicknesses have no curve; empty
+    /// if all have.
+    pub(super) absent: Vec<usize>,
+    /// Whether there are curves under isotropic light.
+    pub(super) diffuse: bool,
+}
+
 /// The arrays into which jobs write.
 #[derive(Debug)]
 pub(super) struct Layout {
     pub(super) jobs: Jobs,
-    axes: Axes,
-    absent: Vec<usize>,
-    wavelengths_nm: Vec<f64>,
+    contents: Contents,
     quantities: [ZarrArray; 4],
     /// Those of isotropic light, without the axis of angles.
     diffuse: Option<[ZarrArray; 4]>,
@@ -41,18 +55,14 @@ pub(super) struct Layout {
 }
 
 impl Layout {
-    pub(super) fn new(
-        root: &Path,
-        axes: Axes,
-        wavelengths_nm: Vec<f64>,
-        engine: Engine,
-        absent: Vec<usize>,
-    ) -> Result<Self, StoreError> {
-        let jobs = Jobs::new(engine, axes.shape(), wavelengths_nm.len() as u64)?;
-        let jobs = jobs.repeated(axes.combinations())?;
+    pub(super) fn new(root: &Path, contents: Contents) -> Result<Self, StoreError> {
+        let axes = &contents.axes;
+        let jobs = Jobs::new(contents.engine, axes, contents.wavelengths_nm.len() as u64)?;
         let storage =
             Arc::new(FilesystemStore::new(root).map_err(StoreError::zarr("the file system"))?);
-        let quantities = arrays(&storage, &axes, &jobs, Variable::ALL)?;
+        let quantities = arrays(&storage, axes, &jobs, Variable::ALL)?;
+        let diffuse = contents.diffuse;
+        let diffuse = diffuse.then(|| arrays(&storage, axes, &jobs, Variable::DIFFUSE));
         let per_job = |name, long_name| Spec {
             name,
             long_name,
@@ -71,23 +81,14 @@ impl Layout {
         )
         .array(&storage, count, one, data_type::uint64(), 0_u64)?;
         Ok(Self {
+            diffuse: diffuse.transpose()?,
             jobs,
-            axes,
-            absent,
-            wavelengths_nm,
+            contents,
             quantities,
-            diffuse: None,
             lost,
             committed,
             storage,
         })
-    }
-
-    /// The same with arrays of isotropic light, if there is `any`.
-    pub(super) fn with_diffuse(self, any: bool) -> Result<Self, StoreError> {
-        let made = || arrays(&self.storage, &self.axes, &self.jobs, Variable::DIFFUSE);
-        let diffuse = any.then(made).transpose()?;
-        Ok(Self { diffuse, ..self })
     }
 
     pub(super) fn has_diffuse(&self) -> bool {
@@ -95,42 +96,48 @@ impl Layout {
     }
 
     pub(super) fn axes(&self) -> &Axes {
-        &self.axes
+        &self.contents.axes
+    }
+
+    pub(super) fn given_sizes(&self) -> Option<&GivenSizes> {
+        self.contents.given_sizes.as_ref()
     }
 
     pub(super) fn absent(&self) -> &[usize] {
-        &self.absent
+        &self.contents.absent
     }
 
     /// How many of the first thicknesses of `job` have no curves.
     pub(super) fn absent_of(&self, job: u64) -> Result<usize, StoreError> {
-        let [_, size, _, thickness, _] = self.jobs.origin(job)?.map(|i| i as usize);
-        let thinnest = self.absent.get(size).copied().unwrap_or_default();
+        let size = self.jobs.nodes(job, Parameter::GrainSize)?.start;
+        let thickness = self.jobs.nodes(job, Parameter::Thickness)?.start;
+        let thinnest = self.absent().get(size).copied().unwrap_or_default();
         Ok(thinnest.saturating_sub(thickness))
     }
 
     /// Lights that fall on each slab of a job, isotropic light last.
     pub(super) fn lights(&self) -> usize {
-        self.jobs.block()[4] as usize + usize::from(self.has_diffuse())
+        self.jobs.block_along(Parameter::Incidence) + usize::from(self.has_diffuse())
     }
 
     /// Which curves do not exist, if there are any: 1 by grain size and thickness.
     fn status(&self) -> Result<Option<(ZarrArray, Vec<i8>)>, StoreError> {
-        if self.absent.is_empty() {
+        let absent = self.absent();
+        if absent.is_empty() {
             return Ok(None);
         }
-        let n = self.axes.thickness_cm.len();
+        let n = self.axes().values(Parameter::Thickness).len();
         let row = |thinnest: &usize| {
             let thinnest = *thinnest;
             (0..n).map(move |h| i8::from(h < thinnest))
         };
-        let values: Vec<i8> = self.absent.iter().flat_map(row).collect();
-        let shape = vec![self.absent.len() as u64, n as u64];
+        let values: Vec<i8> = absent.iter().flat_map(row).collect();
+        let shape = vec![absent.len() as u64, n as u64];
         let spec = Spec {
             name: STATUS,
             long_name: "whether curves exist: a slab must hold ten lengths of its longest grain",
             units: "1",
-            dimensions: &["grain_size_um", "thickness_cm"],
+            dimensions: &[Parameter::GrainSize.name(), Parameter::Thickness.name()],
         };
         let mut array = spec.array(&self.storage, shape.clone(), shape, data_type::int8(), 0_i8)?;
         let attributes = array.attributes_mut();
@@ -141,18 +148,17 @@ impl Layout {
 
     /// Index of a job's chunk in the array of a quantity.
     pub(super) fn chunk(&self, quantity: Variable, job: u64) -> Result<Vec<u64>, StoreError> {
-        let extra = positions(&self.axes.extra, self.jobs.combination(job));
-        let chunk = self.jobs.chunk(job)?;
-        let five = if quantity.is_diffuse() {
-            &chunk[..4]
-        } else {
-            &chunk[..]
-        };
-        Ok([&extra, five, &[0]].concat())
+        let mut chunk = self.jobs.chunk(job)?;
+        if quantity.is_diffuse() {
+            // isotropic light has no angle, the last axis
+            chunk.pop();
+        }
+        chunk.push(0);
+        Ok(chunk)
     }
 
     pub(super) fn wavelengths_nm(&self) -> &[f64] {
-        &self.wavelengths_nm
+        &self.contents.wavelengths_nm
     }
 
     /// In the order of [`Variable::ALL`], then [`Variable::DIFFUSE`] if there are any.
@@ -184,25 +190,27 @@ impl Layout {
     ) -> Result<BTreeMap<String, Vec<u8>>, StoreError> {
         let mut files = BTreeMap::new();
         let mut nodes = Map::new();
-        let coordinates = self.axes.all();
-        let coordinates = coordinates
-            .into_iter()
-            .chain([(WAVELENGTH, self.wavelengths_nm.as_slice())]);
-        for (name, values) in coordinates {
+        let axes = self.axes().iter().map(|(p, values)| (p.name(), values));
+        for (name, values) in axes.chain([(WAVELENGTH, self.wavelengths_nm())]) {
             let array = coordinate(&self.storage, name, name, values.len() as u64)?;
             let key = format!("{name}/{}", chunk_name(&array, &[0])?);
-            let infinite = |value: &f64| match name {
+            let infinite = |value: &f64| {
                 // what stands for a half space within the program
-                "thickness_cm" if *value >= HALF_SPACE_CM => f64::INFINITY,
-                _ => *value,
+                let is_thickness = name == Parameter::Thickness.name();
+                if is_thickness && *value >= HALF_SPACE_CM {
+                    f64::INFINITY
+                } else {
+                    *value
+                }
             };
             let values: Vec<f64> = values.iter().map(infinite).collect();
             files.insert(key, encode(&array, &values)?);
             nodes.insert(name.into(), metadata(&array)?);
         }
-        if let Some((measure, values)) = self.axes.told_by_size() {
-            let name = measure.name();
-            let array = coordinate(&self.storage, name, SIZE, values.len() as u64)?;
+        if let Some(given) = self.given_sizes() {
+            let (name, values) = (given.measure.name(), given.by_size());
+            let dimension = Parameter::GrainSize.name();
+            let array = coordinate(&self.storage, name, dimension, values.len() as u64)?;
             let key = format!("{name}/{}", chunk_name(&array, &[0])?);
             files.insert(key, encode(&array, &values)?);
             nodes.insert(name.into(), metadata(&array)?);
@@ -246,14 +254,13 @@ fn arrays(
     quantities: [Variable; 4],
 ) -> Result<[ZarrArray; 4], StoreError> {
     let array = |quantity: Variable| {
-        // isotropic light has no angle, the last axis of the five
-        let five = if quantity.is_diffuse() { 4 } else { 5 };
+        // isotropic light has no angle, the last axis
+        let n = axes.len() - usize::from(quantity.is_diffuse());
         let l = [jobs.wavelengths()];
-        let extra: Vec<u64> = axes.extra.values().map(|v| v.len() as u64).collect();
-        let shape = [&extra, &jobs.shape()[..five], &l].concat();
-        let chunk = [&vec![1; extra.len()], &jobs.block()[..five], &l].concat();
-        let all = axes.all().into_iter().map(|(name, _)| name);
-        let names: Vec<_> = all.take(extra.len() + five).chain([WAVELENGTH]).collect();
+        let shape = [&jobs.shape()[..n], &l].concat();
+        let chunk = [&jobs.block()[..n], &l].concat();
+        let names = axes.iter().map(|(parameter, _)| parameter.name());
+        let names: Vec<_> = names.take(n).chain([WAVELENGTH]).collect();
         let spec = Spec {
             name: quantity.name(),
             long_name: quantity.long_name(),
@@ -266,14 +273,10 @@ fn arrays(
     Ok([array(t)?, array(r)?, array(t_se)?, array(r_se)?])
 }
 
-/// Name of the axis of wavelengths.
-pub(crate) const WAVELENGTH: &str = "wavelength_nm";
+pub(crate) use crate::lookup::format::WAVELENGTH;
 
 /// Name of the array that says which curves exist.
 const STATUS: &str = "curve_status";
-
-/// Name of the axis of grain sizes.
-const SIZE: &str = "grain_size_um";
 
 /// How an array is named and explained.
 struct Spec<'a> {
@@ -311,19 +314,12 @@ impl Spec<'_> {
 
 /// What a coordinate is, for people, and its unit.
 pub(crate) fn coordinate_about(name: &str) -> (&'static str, &'static str) {
-    match name {
-        "facetness" => ("mean facetness of the grains", "1"),
-        "grain_size_um" => ("mean length of the grains' major axis", "um"),
-        "density_kg_m3" => ("density of the dry snow", "kg m-3"),
-        "thickness_cm" => ("thickness of the slab", "cm"),
-        "angle_deg" => ("polar angle of incidence from the surface normal", "degree"),
-        _ => match ExtraAxis::named(name) {
-            Some(axis) => (axis.long_name(), axis.unit()),
-            None => match SizeMeasure::ALL.into_iter().find(|m| m.name() == name) {
-                Some(measure) => measure.about(),
-                None => ("wavelength in vacuum", "nm"),
-            },
-        },
+    if let Some(parameter) = Parameter::named(name) {
+        return (parameter.record().long_name, parameter.unit());
+    }
+    match SizeMeasure::ALL.into_iter().find(|m| m.name() == name) {
+        Some(measure) => measure.about(),
+        None => ("wavelength in vacuum", "nm"),
     }
 }
 

@@ -40,11 +40,13 @@ use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
 use description::Description;
-use layout::Layout;
+use layout::{Contents, Layout};
 use lock::Lock;
 
 use crate::atomic::resolved;
-use crate::grid::{Axes, Grid, Jobs};
+use crate::grid::{GivenSizes, Grid, Jobs};
+use crate::lookup::Substrate;
+use crate::parameter::Axes;
 
 pub use description::FORMAT_VERSION;
 pub use error::StoreError;
@@ -103,9 +105,15 @@ impl Store {
             space::check(dir, &jobs, jobs.count())?;
         }
         let writer = file::Writer::new(dir, access)?;
-        let (axes, nm) = (grid.axes.clone(), grid.wavelengths_nm.clone());
-        let layout = Layout::new(&root, axes, nm, grid.run.engine, grid.absent()?)?;
-        let layout = layout.with_diffuse(grid.fixed.diffuse)?;
+        let contents = Contents {
+            axes: grid.axes.clone(),
+            given_sizes: grid.given_sizes.clone(),
+            wavelengths_nm: grid.wavelengths_nm.clone(),
+            engine: grid.run.engine,
+            absent: grid.absent()?,
+            diffuse: grid.fixed.diffuse,
+        };
+        let layout = Layout::new(&root, contents)?;
         let store = Self {
             dir: dir.into(),
             root,
@@ -189,12 +197,9 @@ impl Store {
         let root = dir.join(DATABASE);
         let description = stored(&root)?.ok_or_else(|| StoreError::Absent { path: dir.into() })?;
         description.check_format(&root)?;
-        let (axes, nm, engine) = description.axes(&root)?;
-        let absent = description.absent(&axes, &root)?;
         Ok(Self {
             dir: dir.into(),
-            layout: Layout::new(&root, axes, nm, engine, absent)?
-                .with_diffuse(description.has_diffuse())?,
+            layout: Layout::new(&root, description.contents(&root)?)?,
             root,
             description,
             writer: None,
@@ -302,8 +307,20 @@ impl Store {
 
     /// The jobs it is made of.
     #[must_use]
-    pub fn jobs(&self) -> Jobs {
-        self.layout.jobs
+    pub fn jobs(&self) -> &Jobs {
+        &self.layout.jobs
+    }
+
+    /// By what the grain sizes were given, if not as such.
+    #[must_use]
+    pub fn given_sizes(&self) -> Option<&GivenSizes> {
+        self.layout.given_sizes()
+    }
+
+    /// What lies under the snow of the axes.
+    #[must_use]
+    pub fn substrate(&self) -> Substrate {
+        self.description.substrate()
     }
 
     /// The text of a grid file that makes this database.

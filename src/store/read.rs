@@ -6,6 +6,7 @@ use super::layout::ZarrArray;
 use super::{Store, StoreError, file};
 use crate::grid::Shard;
 use crate::measurement::{Measured, Spectrum};
+use crate::parameter::Parameter;
 
 /// An array of spectra in the database.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
@@ -156,10 +157,9 @@ impl Store {
             .retrieve_array_subset(&array.subset_all())
             .map_err(|error| self.damaged(array, &error))?;
         let jobs = &self.layout.jobs;
-        let angles = if quantity.is_diffuse() {
-            jobs.shape()[4]
-        } else {
-            1
+        let angles = match quantity.is_diffuse() {
+            true => self.axes().values(Parameter::Incidence).len() as u64,
+            false => 1,
         };
         let shape = (
             (jobs.curves() / angles) as usize,
@@ -191,7 +191,7 @@ impl Store {
             return Ok(None);
         }
         let wavelengths = self.layout.jobs.wavelengths() as usize;
-        let angles = self.layout.jobs.block()[4] as usize;
+        let angles = self.layout.jobs.block_along(Parameter::Incidence);
         let lights = self.layout.lights();
         let values = |quantity: Variable| {
             let array = self.layout.quantity(quantity)?;
@@ -231,7 +231,7 @@ impl Store {
                 lost: vec![lost; wavelengths],
             }
         };
-        let slabs = self.layout.jobs.block()[3] as usize;
+        let slabs = self.layout.jobs.block_along(Parameter::Thickness);
         Ok(Some((0..slabs * lights).map(spectrum).collect()))
     }
 

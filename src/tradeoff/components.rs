@@ -12,10 +12,10 @@ use super::{Setting, TradeoffError};
 use crate::colour::Colorimeter;
 use crate::compress::{
     Bands, Basis, Bounds, Choice, CompressError, DEFAULT_MAX_DELTA_E, ErrorRow, Model, Precision,
-    add_component,
 };
 use crate::engine::{EngineError, Resolution};
-use crate::grid::{Compression, Grid};
+use crate::grid::{Compression, Grid, existing};
+use crate::lookup::add_component;
 use crate::measurement::Quantity;
 use crate::store::{Store, Variable};
 
@@ -192,7 +192,7 @@ fn stored(store: &Store) -> Result<Curves, TradeoffError> {
         return Err(TradeoffError::Unfinished { missing, path });
     }
     // those of grains that do not fit in their slab are not there
-    let existing = store.axes().existing(store.absent());
+    let existing = existing(store.axes(), store.absent());
     let read = |quantity| {
         let variable = match quantity {
             Quantity::Transmittance => Variable::Transmittance,

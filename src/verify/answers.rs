@@ -1,12 +1,13 @@
 //! The compact file's answers anywhere against fresh simulations.
 use super::{Check, Figure, Options, Subject, VerifyError, within};
-use crate::certificate::{self, Certificate, Partial, Region};
+use crate::certificate::{self, Certificate, Partial};
 use crate::colour::Colorimeter;
 use crate::config;
 use crate::engine::Control;
 use crate::fit;
 use crate::lookup::Database;
 use crate::measurement::Quantity;
+use crate::parameter::Region;
 use crate::scene::Scene;
 
 /// Walks of a fresh simulation: its noise is a third of that of a database of
@@ -14,22 +15,6 @@ use crate::scene::Scene;
 pub const POINT_RAYS: u64 = 1 << 19;
 /// Away from the seeds of those who made the file.
 const APART: u64 = 1 << 32;
-
-/// The box of the file's axes.
-fn region(database: &Database) -> Region {
-    let ends = |axis: &Vec<f32>| {
-        let ends = [axis.first(), axis.last()];
-        ends.map(|end| end.map_or(0.0, |v| v.to_string().parse().unwrap_or(f64::from(*v))))
-    };
-    Region {
-        axes: database.axes().each_ref().map(ends),
-        extra: database
-            .extra()
-            .iter()
-            .map(|(axis, values)| (*axis, ends(values)))
-            .collect(),
-    }
-}
 
 fn subject<'a>(
     subject: &'a Subject<'_>,
@@ -51,7 +36,7 @@ fn subject<'a>(
 }
 
 pub(super) fn walks(of: &Subject<'_>, file: &Database) -> Result<u64, VerifyError> {
-    let regions = [region(file)];
+    let regions = [file.axes().region()];
     Ok(subject(of, &regions, file, file, None).walks()?)
 }
 
@@ -97,7 +82,7 @@ pub(super) fn check(
         Some(&r),
     )
     .without(of.store.absent());
-    let regions = [region(file)];
+    let regions = [file.axes().region()];
     let partial = subject(of, &regions, file, &exact, colour).certify_some(control)?;
     let chains = partial.certificate.clone().map(|found| found.quantities);
     let (mut check, certificate, left) = answers(partial);
@@ -129,11 +114,11 @@ fn of_scene<T>(
 ) -> Result<T, VerifyError> {
     let text = file.metadata().get(fit::SCENE).map_or("", String::as_str);
     let scene = config::scene::parse("the scene in the file", text)?.scene;
-    let (grid, regions) = (fit::grid(&scene), fit::regions(&scene));
+    let grid = fit::grid(&scene);
     let colour = Colorimeter::viewing(&scene.wavelengths_nm, &scene.viewing)?;
     let subject = certificate::Subject {
         grid: &grid,
-        regions: &regions,
+        regions: &scene.regions,
         file,
         exact: file,
         colour: colour.as_ref(),

@@ -6,15 +6,15 @@ use serde_json::Value;
 
 use super::{Check, Figure, Subject, VerifyError};
 use crate::colour::{Colorimeter, Viewing};
-use crate::compress::{BAND_ERRORS, BOUNDS, BandError, Bounds, ERROR_TABLE, PROVENANCE, rmse_in};
-use crate::grid::described;
-use crate::lookup::{BandErrors, Database, errors_of};
+use crate::compress::{
+    BAND_ERRORS, BOUNDS, BandError, BandErrors, Bounds, ERROR_TABLE, PROVENANCE, errors_of, rmse_in,
+};
+use crate::lookup::Database;
 use crate::measurement::Quantity;
+use crate::parameter::{Axes, Parameter};
 
 pub(super) const NAME: &str = "compact file against the database";
 pub(super) const DIFFUSE_NAME: &str = "compact file of isotropic light against the database";
-/// The axis that isotropic light does not have.
-const ANGLE: &str = "angle_deg";
 /// Attributes without which a provenance says nothing.
 const IDENTITY: [&str; 3] = ["config_sha256", "engine", "seed"];
 /// The error table has six digits: the most that one of its numbers may differ
@@ -154,7 +154,7 @@ fn in_band(
 /// The node of a curve.
 fn at(database: &Database, row: usize) -> String {
     let point = database.point(row);
-    point.map_or(String::new(), |p| described(&p, &database.conditions(row)))
+    point.map_or(String::new(), |point| point.to_string())
 }
 
 /// What the file states of each band of `quantity`; `None` if it states no bands at all.
@@ -192,41 +192,31 @@ fn origin(subject: &Subject<'_>, database: &Database, diffuse: bool) -> Vec<Stri
     if database.absent() != subject.store.absent() {
         problems.push("the curves that it lacks are not those of the database".to_owned());
     }
-    let wavelengths = (
-        "wavelength_nm",
-        subject.store.wavelengths_nm(),
-        database.wavelengths_nm(),
-    );
-    let beyond = |names: Vec<&str>| names.join(", ");
-    let asked = beyond(
-        subject
-            .store
-            .axes()
-            .extra
-            .keys()
-            .map(|axis| axis.name())
-            .collect(),
-    );
-    let there = beyond(database.extra().keys().map(|axis| axis.name()).collect());
-    if asked != there {
+    let names = |axes: &Axes| {
+        let names: Vec<_> = axes.iter().map(|(parameter, _)| parameter.name()).collect();
+        names.join(", ")
+    };
+    let [stored, found] = [subject.store.axes(), database.axes()];
+    if names(stored) != names(found) {
         problems.push(format!(
-            "its axes beyond the five are [{there}], those of the database [{asked}]"
+            "its axes are {}, those of the database {}",
+            names(found),
+            names(stored)
         ));
         return problems;
     }
-    let axes = subject
-        .store
-        .axes()
-        .all()
-        .into_iter()
-        .zip(database.extra().values().chain(database.axes()));
-    let axes = axes.map(|((name, stored), axis)| (name, stored, axis.as_slice()));
-    // isotropic light has one angle, which stands for all
-    let axes = axes.filter(|(name, ..)| !diffuse || *name != ANGLE);
-    for (name, stored, axis) in axes.chain([wavelengths]) {
-        if !stored.iter().map(|&v| v as f32).eq(axis.iter().copied()) {
+    // files of version 1 hold single precision
+    let same = |a: &[f64], b: &[f64]| a.iter().map(|v| *v as f32).eq(b.iter().map(|v| *v as f32));
+    for (parameter, values) in stored.iter() {
+        // isotropic light has one angle, which stands for all
+        let all = diffuse && parameter == Parameter::Incidence;
+        if !all && !same(values, found.values(parameter)) {
+            let name = parameter.name();
             problems.push(format!("its {name} are not those of the database"));
         }
+    }
+    if !same(subject.store.wavelengths_nm(), database.wavelengths_nm()) {
+        problems.push("its wavelength_nm are not those of the database".to_owned());
     }
     problems
 }

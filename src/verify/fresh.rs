@@ -6,13 +6,13 @@ use sha2::{Digest, Sha256};
 use super::{Subject, VerifyError};
 use crate::budget;
 use crate::engine::{Control, EngineError, Request};
-use crate::grid::{Axes, Conditions, Grid, Job, described};
-use crate::lookup::Point;
+use crate::grid::{Grid, Job};
 use crate::measurement::Spectrum;
+use crate::parameter::Point;
 
 /// Points to simulate, each in `parts` independent parts of `rays` rays.
 pub(super) struct Simulations {
-    pub(super) points: Vec<(Point, Conditions)>,
+    pub(super) points: Vec<Point>,
     pub(super) parts: u64,
     pub(super) rays: u64,
     pub(super) seed: u64,
@@ -32,8 +32,8 @@ impl Simulations {
     /// Walks of all of them.
     pub(super) fn walks(&self, grid: &Grid) -> Result<u64, VerifyError> {
         let mut walks: u64 = 0;
-        for (point, conditions) in &self.points {
-            let cell = Cell::new(grid, *point, conditions)?;
+        for point in &self.points {
+            let cell = Cell::new(grid, *point)?;
             let one = grid.run.engine.walks(&self.request(&cell, 0));
             let one = one.map_err(|source| cell.error(source))?;
             walks = walks.saturating_add(one.saturating_mul(self.parts));
@@ -50,7 +50,7 @@ impl Simulations {
         let cells: Result<Vec<_>, _> = self
             .points
             .iter()
-            .map(|(point, conditions)| Cell::new(grid, *point, conditions))
+            .map(|point| Cell::new(grid, *point))
             .collect();
         let cells = cells?;
         let requests: Vec<_> = (0_u64..)
@@ -93,28 +93,15 @@ struct Cell {
 }
 
 impl Cell {
-    fn new(grid: &Grid, point: Point, conditions: &Conditions) -> Result<Self, VerifyError> {
-        let [
-            facetness,
-            grain_size_um,
-            density_kg_m3,
-            thickness_cm,
-            angle_deg,
-        ] = point.coordinates().map(|value| vec![value]);
+    fn new(grid: &Grid, point: Point) -> Result<Self, VerifyError> {
         let mut grid = Grid {
-            axes: Axes {
-                facetness,
-                grain_size_um,
-                density_kg_m3,
-                thickness_cm,
-                angle_deg,
-                ..Axes::default()
-            },
-            ..grid.at(conditions)?
+            axes: point.iter().map(|(p, value)| (p, vec![value])).collect(),
+            given_sizes: None,
+            ..grid.clone()
         };
         grid.fixed.diffuse = false;
         let job = grid.job(&grid.jobs()?, 0)?;
-        let at = described(&point, conditions);
+        let at = point.to_string();
         Ok(Self { at, grid, job })
     }
 

@@ -17,9 +17,9 @@
 use super::fresh::{Simulations, random};
 use super::{Check, FALSE_ALARM, Figure, Subject, VerifyError};
 use crate::engine::Control;
-use crate::grid::{Conditions, Grid, described};
-use crate::lookup::Point;
+use crate::grid::Grid;
 use crate::measurement::{Measured, Quantity, Spectrum};
+use crate::parameter::{Parameter, Point};
 use rand::Rng;
 use rand::seq::index;
 
@@ -28,17 +28,13 @@ const TESTS: f64 = 6.0;
 /// A node and the row of its curve.
 struct Node {
     point: Point,
-    conditions: Conditions,
     row: usize,
 }
 
 pub(super) fn simulations(subject: &Subject<'_>) -> Simulations {
     let (nodes, seed) = choose(subject);
     Simulations {
-        points: nodes
-            .into_iter()
-            .map(|node| (node.point, node.conditions))
-            .collect(),
+        points: nodes.into_iter().map(|node| node.point).collect(),
         parts: 1,
         rays: subject.options.rays.unwrap_or(subject.grid.run.rays),
         seed,
@@ -89,38 +85,33 @@ fn choose(subject: &Subject<'_>) -> (Vec<Node>, u64) {
     let mut random = random(subject, "nodes");
     let seed = random.next_u64();
     let jobs = subject.store.jobs();
-    let (block, shape) = (jobs.block(), jobs.shape());
-    let axes = subject.store.axes().named();
+    let axes = subject.store.axes();
     let count = jobs.count() as usize;
     let all = index::sample(&mut random, count, count);
+    let along = |parameter| axes.iter().position(|(other, _)| other == parameter);
+    let [size, thickness] = [Parameter::GrainSize, Parameter::Thickness].map(along);
+    // every database has both
+    let (size, thickness) = (size.unwrap_or_default(), thickness.unwrap_or_default());
     // some jobs have no node that exists
     let nodes = all.into_iter().filter_map(|job| {
         let mut node = jobs.origin(job as u64).ok()?;
-        for (index, length) in node.iter_mut().zip(block) {
-            *index += random.next_u64() % length;
+        for ((index, length), (parameter, _)) in node.iter_mut().zip(jobs.block()).zip(axes.iter())
+        {
+            if !parameter.is_optional() {
+                *index += random.next_u64() % length;
+            }
         }
         // where grains do not fit, the thinnest slab of the job that holds them
-        let absent = subject.store.absent().get(node[1] as usize).copied();
-        node[3] = node[3].max(absent.unwrap_or_default() as u64);
-        if node[3] / block[3] * block[3] != jobs.origin(job as u64).ok()?[3] || node[3] >= shape[3]
-        {
+        let absent = subject.store.absent().get(node[size] as usize).copied();
+        node[thickness] = node[thickness].max(absent.unwrap_or_default() as u64);
+        let slabs = jobs.nodes(job as u64, Parameter::Thickness).ok()?;
+        if !slabs.contains(&(node[thickness] as usize)) {
             return None;
         }
-        let combination = jobs.combination(job as u64);
-        let row = node
-            .iter()
-            .zip(shape)
-            .fold(combination, |row, (index, n)| row * n + index);
-        let mut point = [0.0; 5];
-        for ((to, index), (_, values)) in point.iter_mut().zip(node).zip(axes) {
-            *to = *values.get(index as usize)?;
-        }
-        let (point, row) = (Point::from_coordinates(point), row as usize);
-        let conditions = subject.store.axes().conditions(combination);
+        let row = axes.number(&node);
         Some(Node {
-            point,
-            conditions,
-            row,
+            point: axes.point(row),
+            row: row as usize,
         })
     });
     (nodes.take(subject.options.samples).collect(), seed)
@@ -156,10 +147,7 @@ impl Tally {
         for (z, nm) in z.iter().zip(wavelengths_nm) {
             // Not a number is worse than any number.
             if self.at.is_empty() || z.abs().total_cmp(&self.max).is_gt() {
-                (self.max, self.at) = (
-                    z.abs(),
-                    format!("{nm} nm, {}", described(&node.point, &node.conditions)),
-                );
+                (self.max, self.at) = (z.abs(), format!("{nm} nm, {}", node.point));
             }
         }
     }

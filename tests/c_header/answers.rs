@@ -4,9 +4,10 @@ use std::path::Path;
 use std::process::Command;
 
 use splitsnow::colour::{Colorimeter, Illuminant, Viewing};
-use splitsnow::grid::{Conditions, ExtraAxis};
-use splitsnow::lookup::{Database, Lookup, LookupError, Point};
+
+use splitsnow::lookup::{Database, Lookup, LookupError};
 use splitsnow::measurement::Quantity;
+use splitsnow::parameter::{Parameter, Point};
 use splitsnow::spectrum::Resampling;
 
 use super::files::variants;
@@ -18,10 +19,10 @@ const AT: [f64; 6] = [100.0, 433.3, 433.4, 555.0, 700.0, 3000.0];
 /// A point of the box, on its edges more often than chance, and a little outside.
 fn point(database: &Database, numbers: &mut Numbers) -> [f64; 5] {
     let mut point = [0.0; 5];
-    for (axis, (to, nodes)) in point.iter_mut().zip(database.axes()).enumerate() {
-        let [first, last] = [nodes[0], nodes[nodes.len() - 1]].map(f64::from);
+    for (axis, (to, nodes)) in point.iter_mut().zip(database.axes().core()).enumerate() {
+        let [first, last] = [nodes[0], nodes[nodes.len() - 1]];
         *to = match numbers.below(24) {
-            0 => f64::from(nodes[numbers.below(nodes.len())]),
+            0 => nodes[numbers.below(nodes.len())],
             1 => last * (1.0 + 5e-7),
             2 if axis == 3 => first * numbers.next(),
             3 if axis == 3 => last * (1.0 + 3.0 * numbers.next()),
@@ -89,19 +90,19 @@ fn answers_are_those_of_rust() {
         let database = Database::from_bytes(&bytes).unwrap();
         let colours = colorimeters(&database);
         for quantity in Quantity::ALL.into_iter().filter(|q| database.has(*q)) {
-            // with axes beyond the five, at several places on them
-            for _ in 0..if database.extra().is_empty() { 1 } else { 4 } {
-                let beyond = database.extra().iter().map(|(axis, nodes)| {
-                    let [first, last] = [nodes[0], nodes[nodes.len() - 1]].map(f64::from);
+            // with optional axes, at several places on them
+            let optional = database.axes().optional().region();
+            for _ in 0..if optional.iter().count() == 0 { 1 } else { 4 } {
+                let place = optional.iter().map(|(parameter, [first, last])| {
                     let u = [0.0, 1.0, numbers.next(), numbers.next()][numbers.below(4)];
-                    (*axis, first + u * (last - first))
+                    (parameter, first + u * (last - first))
                 });
-                let conditions: Conditions = beyond.collect();
-                let there = database.at(&conditions).unwrap();
+                let conditions: Point = place.collect();
+                let there = database.at(conditions).unwrap();
                 let lookup = Lookup::new(&there, quantity).unwrap();
-                let of = |axis| 5 + ExtraAxis::ALL.iter().position(|a| *a == axis).unwrap();
-                let mut given = vec![conditions.len() as f64];
-                given.extend(conditions.iter().flat_map(|(a, v)| [of(*a) as f64, *v]));
+                let number = |axis| 5 + Parameter::ALL.iter().position(|a| *a == axis).unwrap();
+                let mut given = vec![conditions.iter().count() as f64];
+                given.extend(conditions.iter().flat_map(|(a, v)| [number(a) as f64, v]));
                 let count = if conditions.is_empty() { 500 } else { 125 };
                 let mut all: Vec<_> = (0..count).map(|_| point(&there, &mut numbers)).collect();
                 // several of each snow, which is prepared once
@@ -129,7 +130,7 @@ fn answers_are_those_of_rust() {
                 assert_eq!(found.len(), each * all.len());
                 for (point, found) in all.iter().zip(found.chunks(each)) {
                     let mut spectrum = vec![0.0; lookup.wavelengths()];
-                    let at = Point::from_coordinates(*point);
+                    let at = Point::of_core(*point);
                     if let Err(error) = lookup.spectrum(at, &mut spectrum) {
                         // minus SPLITSNOW_ERROR_ABSENT or _OUTSIDE, or as below
                         let status = match error {

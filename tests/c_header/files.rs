@@ -5,8 +5,10 @@ use std::path::Path;
 
 use ndarray::Array2;
 use splitsnow::compress::{Bands, Basis, Choice, CompactFile, Precision, Variant, compress};
-use splitsnow::grid::{Axes, Compression, ExtraAxis};
+use splitsnow::grid::Compression;
+use splitsnow::lookup::Substrate;
 use splitsnow::measurement::Quantity;
+use splitsnow::parameter::{Axes, Parameter};
 
 /// Something like snow, with all that decides it.
 fn curve(row: &[f64], nm: &[f64], quantity: Quantity) -> Vec<f64> {
@@ -35,25 +37,26 @@ pub(crate) struct Made {
     choice: Choice,
     there: Vec<Quantity>,
     absent: Vec<usize>,
+    substrate: Substrate,
     extra: BTreeMap<String, String>,
 }
 
 impl Default for Made {
     fn default() -> Self {
         Self {
-            axes: Axes {
-                facetness: vec![0.1, 0.4, 0.9],
-                grain_size_um: vec![100.0, 180.0, 400.0],
-                density_kg_m3: vec![200.0, 350.0],
-                thickness_cm: vec![0.5, 1.0, 2.0, 5.0, 10.0, 30.0],
-                angle_deg: vec![0.0, 30.0, 60.0, 80.0, 89.0],
-                ..Axes::default()
-            },
+            axes: Axes::from([
+                (Parameter::Facetness, vec![0.1, 0.4, 0.9]),
+                (Parameter::GrainSize, vec![100.0, 180.0, 400.0]),
+                (Parameter::Density, vec![200.0, 350.0]),
+                (Parameter::Thickness, vec![0.5, 1.0, 2.0, 5.0, 10.0, 30.0]),
+                (Parameter::Incidence, vec![0.0, 30.0, 60.0, 80.0, 89.0]),
+            ]),
             nm: (40..=70).map(|i| f64::from(i) * 10.0).collect(),
             variant: Variant::default(),
             choice: Choice::Components(5),
             there: Quantity::ALL.into(),
             absent: Vec::new(),
+            substrate: Substrate::Black,
             extra: BTreeMap::new(),
         }
     }
@@ -61,10 +64,8 @@ impl Default for Made {
 
 impl Made {
     pub(crate) fn bytes(&self) -> Vec<u8> {
-        let beyond = self.axes.extra.values().map(Vec::as_slice);
-        let five = self.axes.named().map(|(_, values)| values);
         let mut rows = vec![Vec::new()];
-        for values in beyond.chain(five) {
+        for (_, values) in self.axes.iter() {
             let longer = |head: Vec<f64>| {
                 let with = move |value: &f64| [head.as_slice(), &[*value]].concat();
                 values.iter().map(with).collect::<Vec<_>>()
@@ -72,7 +73,7 @@ impl Made {
             rows = rows.into_iter().flat_map(longer).collect();
         }
         let [t, r] = Quantity::ALL.map(|quantity| {
-            let over = self.extra.contains_key("bottom_boundary");
+            let over = self.substrate != Substrate::Black;
             let values = rows.iter().flat_map(|row| {
                 let mut curve = curve(row, &self.nm, quantity);
                 if over && quantity == Quantity::Reflectance {
@@ -97,6 +98,7 @@ impl Made {
             axes: &self.axes,
             absent: &self.absent,
             wavelengths_nm: &self.nm,
+            substrate: self.substrate,
             transmittance: t.as_ref(),
             reflectance: r.as_ref(),
             provenance: "{}",
@@ -127,21 +129,21 @@ pub(crate) fn variants() -> Vec<(String, Vec<u8>)> {
     };
     let beyond = |n: usize| {
         let axes = [
-            (ExtraAxis::BlackCarbon, vec![0.0, 50.0, 200.0]),
-            (ExtraAxis::WaterSaturation, vec![0.0, 0.1]),
-            (ExtraAxis::Temperature, vec![-20.0, -5.0]),
-            (ExtraAxis::Sphericity, vec![0.6, 0.9]),
-            (ExtraAxis::SubstrateReflectance, vec![0.25]),
+            (Parameter::BlackCarbon, vec![0.0, 50.0, 200.0]),
+            (Parameter::WaterSaturation, vec![0.0, 0.1]),
+            (Parameter::Temperature, vec![-20.0, -5.0]),
+            (Parameter::Sphericity, vec![0.6, 0.9]),
+            (Parameter::SubstrateReflectance, vec![0.25]),
         ];
-        Axes {
-            facetness: vec![0.3, 0.5],
-            grain_size_um: vec![100.0, 300.0],
-            density_kg_m3: vec![300.0],
-            thickness_cm: vec![1.0, 3.0, 9.0, 20.0],
-            angle_deg: vec![0.0, 70.0],
-            extra: axes.into_iter().skip(5 - n).collect(),
-            told: None,
-        }
+        let core = Axes::from([
+            (Parameter::Facetness, vec![0.3, 0.5]),
+            (Parameter::GrainSize, vec![100.0, 300.0]),
+            (Parameter::Density, vec![300.0]),
+            (Parameter::Thickness, vec![1.0, 3.0, 9.0, 20.0]),
+            (Parameter::Incidence, vec![0.0, 70.0]),
+        ]);
+        let optional = axes.into_iter().skip(5 - n);
+        optional.fold(core, |all, (parameter, values)| all.with(parameter, values))
     };
     for (name, variant, n) in [
         ("beyond_log", log(Precision::F32), 5),
@@ -175,7 +177,7 @@ pub(crate) fn variants() -> Vec<(String, Vec<u8>)> {
                 basis,
                 ..Variant::default()
             },
-            extra: [("bottom_boundary".into(), "Lambertian ground".into())].into(),
+            substrate: Substrate::Reflecting,
             ..Made::default()
         };
         all.push((name.to_owned(), made.bytes()));
@@ -202,11 +204,10 @@ pub(crate) fn variants() -> Vec<(String, Vec<u8>)> {
     };
     all.push(("many".into(), many.bytes()));
     for (name, thickness_cm) in [("thick", vec![15.0]), ("two_thick", vec![5.0, 15.0])] {
-        let axes = Axes {
-            thickness_cm,
-            angle_deg: vec![30.0],
-            ..Made::default().axes
-        };
+        let axes = Made::default()
+            .axes
+            .with(Parameter::Thickness, thickness_cm)
+            .with(Parameter::Incidence, vec![30.0]);
         let made = Made {
             axes,
             nm: vec![900.0],

@@ -6,6 +6,7 @@
 mod answers;
 mod files;
 mod hostile;
+mod parameters;
 
 use std::collections::BTreeMap;
 use std::fs;
@@ -13,8 +14,9 @@ use std::path::{Path, PathBuf};
 use std::process::Command;
 use std::sync::LazyLock;
 
-use splitsnow::lookup::{Database, Lookup, Point};
+use splitsnow::lookup::{Database, Lookup};
 use splitsnow::measurement::Quantity;
+use splitsnow::parameter::Point;
 
 use self::files::{Made, variants};
 
@@ -145,7 +147,7 @@ fn the_documented_examples_work() {
     let database = Database::from_bytes(&made).unwrap();
     let lookup = Lookup::new(&database, Quantity::Transmittance).unwrap();
     let mut spectrum = [0.0; 31];
-    let point = Point::from_coordinates([0.4, 260.0, 270.0, 7.5, 33.0]);
+    let point = Point::of_core([0.4, 260.0, 270.0, 7.5, 33.0]);
     lookup.spectrum(point, &mut spectrum).unwrap();
     let values: Vec<f64> = found
         .lines()

@@ -7,8 +7,9 @@ use std::sync::atomic::Ordering;
 
 use splitsnow::engine::{Control, Engine, EngineError, MaxError, Request};
 use splitsnow::grain::TruncatedNormal;
-use splitsnow::grid::{Axes, Compression, Fixed, Grid, Run, Spread};
+use splitsnow::grid::{Compression, Fixed, Grid, Run, Spread};
 use splitsnow::measurement::{Measured, Spectrum};
+use splitsnow::parameter::{Axes, Parameter};
 use splitsnow::transport::Illumination;
 
 /// Every file below `path`, by its path relative to it, with its bytes.
@@ -40,14 +41,14 @@ pub(crate) fn assert_same(left: &BTreeMap<String, Vec<u8>>, right: &BTreeMap<Str
 /// A small dry grid: 2 x 2 x 1 x 3 x 2 = 24 curves of 4 wavelengths.
 pub(crate) fn grid(engine: Engine) -> Grid {
     Grid {
-        axes: Axes {
-            facetness: vec![0.05, 0.5],
-            grain_size_um: vec![100.0, 200.0],
-            density_kg_m3: vec![300.0],
-            thickness_cm: vec![1.0, 2.0, 5.0],
-            angle_deg: vec![0.0, 60.0],
-            ..Axes::default()
-        },
+        axes: Axes::from([
+            (Parameter::Facetness, vec![0.05, 0.5]),
+            (Parameter::GrainSize, vec![100.0, 200.0]),
+            (Parameter::Density, vec![300.0]),
+            (Parameter::Thickness, vec![1.0, 2.0, 5.0]),
+            (Parameter::Incidence, vec![0.0, 60.0]),
+        ]),
+        given_sizes: None,
         spread: Spread {
             facetness_half_width: 0.1,
             facetness_sd: 0.072,

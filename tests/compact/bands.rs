@@ -7,13 +7,13 @@ use serde_json::Value;
 use splitsnow::batch;
 use splitsnow::colour::Colorimeter;
 use splitsnow::compress::{
-    BAND_ERRORS, BandError, Bands, DEFAULT_MAX_RMSE, NOISE_FACTOR, Variant, compress,
+    BAND_ERRORS, BandError, Bands, DEFAULT_MAX_RMSE, NOISE_FACTOR, Variant, compress, errors_of,
 };
 use splitsnow::engine::{Control, Engine, EngineError, Request};
-use splitsnow::grid::Axes;
-use splitsnow::lookup::{Database, errors_of};
+use splitsnow::lookup::Database;
 use splitsnow::measurement::{Measured, Quantity, Spectrum};
 use splitsnow::optics::IceTable;
+use splitsnow::parameter::{Axes, Parameter};
 use splitsnow::spectrum::Band;
 use splitsnow::store::{Access, COMPACT, Store, Variable};
 use splitsnow::transport::Illumination;
@@ -144,14 +144,13 @@ fn like_snow(request: &Request, _: &Control) -> Result<Vec<Spectrum>, EngineErro
 #[test]
 fn wide_spectra_keep_their_bounds_in_every_band() {
     let mut grid = crate::common::grid(Engine::Spectral);
-    grid.axes = Axes {
-        facetness: vec![0.1],
-        grain_size_um: vec![100.0, 200.0, 400.0],
-        density_kg_m3: vec![300.0],
-        thickness_cm: vec![1.0, 4.0, 50.0],
-        angle_deg: vec![0.0, 80.0],
-        ..Axes::default()
-    };
+    grid.axes = Axes::from([
+        (Parameter::Facetness, vec![0.1]),
+        (Parameter::GrainSize, vec![100.0, 200.0, 400.0]),
+        (Parameter::Density, vec![300.0]),
+        (Parameter::Thickness, vec![1.0, 4.0, 50.0]),
+        (Parameter::Incidence, vec![0.0, 80.0]),
+    ]);
     grid.wavelengths_nm = (0..=215).map(|i| 350.0 + 10.0 * f64::from(i)).collect();
     let root = tempfile::tempdir().unwrap();
     let dir = root.path().join("long");

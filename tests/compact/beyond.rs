@@ -3,22 +3,22 @@ use std::collections::BTreeMap;
 
 use ndarray::Array2;
 use splitsnow::compress::{self, Bands, Basis, Choice, CompactFile, Precision, Variant};
-use splitsnow::grid::{Axes, ExtraAxis};
-use splitsnow::lookup::{Database, FormatError, Lookup, LookupError, Varsa2025};
+
+use splitsnow::lookup::{Database, FormatError, Lookup, LookupError, Substrate, Varsa2025};
 use splitsnow::measurement::Quantity;
+use splitsnow::parameter::{Axes, Parameter, Point};
 
 use super::damage::with_header;
 use super::{axes, curves, wavelengths};
 
-const CARBON: ExtraAxis = ExtraAxis::BlackCarbon;
-const COLD: ExtraAxis = ExtraAxis::Temperature;
+const CARBON: Parameter = Parameter::BlackCarbon;
+const COLD: Parameter = Parameter::Temperature;
 
 /// Two concentrations, slower, and three temperatures.
 fn beyond() -> Axes {
-    Axes {
-        extra: BTreeMap::from([(CARBON, vec![0.0, 100.0]), (COLD, vec![-20.0, -10.0, 0.0])]),
-        ..axes()
-    }
+    axes()
+        .with(CARBON, vec![0.0, 100.0])
+        .with(COLD, vec![-20.0, -10.0, 0.0])
 }
 
 /// The curves of [`axes`] to the power of 1 to 6: y grows in even steps.
@@ -47,6 +47,7 @@ fn file(basis: Basis) -> Vec<u8> {
         axes: &beyond(),
         absent: &[],
         wavelengths_nm: &wavelengths(),
+        substrate: Substrate::Black,
         transmittance: Some(&made.unwrap()),
         reflectance: None,
         provenance: "{}",
@@ -61,28 +62,27 @@ fn rows_run_slower_along_them_and_come_back() {
     let quantity = Quantity::Transmittance;
     let database = Database::from_bytes(&file(Basis::Log)).unwrap();
     assert_eq!(database.curves(), 6 * 108);
-    let nodes: Vec<_> = database.extra().iter().collect();
-    assert_eq!(nodes[0], (&CARBON, &vec![0.0, 100.0]));
-    assert_eq!(nodes[1], (&COLD, &vec![-20.0, -10.0, 0.0]));
+    let nodes: Vec<_> = database.axes().iter().collect();
+    assert_eq!(nodes[0], (CARBON, &[0.0, 100.0][..]));
+    assert_eq!(nodes[1], (COLD, &[-20.0, -10.0, 0.0][..]));
     assert_eq!(
         database.metadata()["axis_order"],
         "black_carbon_ng_g,temperature_c,facetness,grain_size_um,density_kg_m3,thickness_cm,angle_deg"
     );
-    assert!(database.metadata()["units"].contains(r#""black_carbon_ng_g":"ng/g""#));
+    assert!(database.metadata()["units"].contains(r#""black_carbon_ng_g":"ng g-1""#));
     for row in [0, 107, 108, 4 * 108 + 5, 6 * 108 - 1] {
-        let conditions = database.conditions(row);
-        let number = row / 108;
-        assert_eq!(conditions[&CARBON], [0.0, 100.0][number / 3]);
-        assert_eq!(conditions[&COLD], [-20.0, -10.0, 0.0][number % 3]);
         let point = database.point(row).unwrap();
-        let there = database.at(&conditions).unwrap();
-        assert!(there.extra().is_empty());
-        assert_eq!(there.row(point).unwrap(), row % 108);
-        let (all, part) = (
-            database.curve(row, quantity).unwrap(),
-            there.spectrum(point, quantity).unwrap(),
-        );
-        assert_eq!(all, part);
+        let number = row / 108;
+        assert_eq!(point[CARBON], [0.0, 100.0][number / 3]);
+        assert_eq!(point[COLD], [-20.0, -10.0, 0.0][number % 3]);
+        assert_eq!(database.row(point).unwrap(), row);
+        let there = database.at(point.optional()).unwrap();
+        assert!(there.axes().optional().is_empty());
+        let core = Point::of_core(point.core());
+        assert_eq!(there.row(core).unwrap(), row % 108);
+        let all = database.curve(row, quantity).unwrap();
+        assert_eq!(all, there.spectrum(core, quantity).unwrap());
+        assert_eq!(all, database.spectrum(point, quantity).unwrap());
     }
     assert_eq!(database.point(6 * 108), None);
 }
@@ -94,7 +94,7 @@ fn between_their_nodes_y_is_linear() {
         let database = Database::from_bytes(&file(basis)).unwrap();
         // halfway in the coordinate sqrt(c + 20)
         let halfway = (0.5 * (20_f64.sqrt() + 120_f64.sqrt())).powi(2) - 20.0;
-        let there = database.at(&[(CARBON, halfway), (COLD, -8.0)].into());
+        let there = database.at([(CARBON, halfway), (COLD, -8.0)].into());
         let there = there.unwrap();
         // temperature -8 is power 2.2 without carbon, and 5.2 with all
         let power = 0.5 * (2.2 + 5.2);
@@ -116,8 +116,8 @@ fn between_their_nodes_y_is_linear() {
 fn what_is_not_told_or_not_there_is_refused_by_name() {
     let quantity = Quantity::Transmittance;
     let database = Database::from_bytes(&file(Basis::Log)).unwrap();
-    let at = |conditions: &[(ExtraAxis, f64)]| {
-        let error = database.at(&conditions.iter().copied().collect());
+    let at = |conditions: &[(Parameter, f64)]| {
+        let error = database.at(conditions.iter().copied().collect());
         error.unwrap_err().to_string()
     };
     assert_eq!(
@@ -129,9 +129,9 @@ fn what_is_not_told_or_not_there_is_refused_by_name() {
         at(&[(CARBON, 100.1), (COLD, 0.0)]),
         "black_carbon_ng_g = 100.1 is outside the database, which covers 0 to 100"
     );
-    assert!(at(&[(CARBON, f64::NAN), (COLD, 0.0)]).contains("NaN is outside"));
-    assert!(at(&[(ExtraAxis::Sphericity, 0.8)]).contains("no axis sphericity"));
-    let point = database.point(0).unwrap();
+    assert!(at(&[(CARBON, f64::NAN), (COLD, 0.0)]).contains("say where on it"));
+    assert!(at(&[(Parameter::Sphericity, 0.8)]).contains("no axis sphericity"));
+    let point = Point::of_core(database.point(0).unwrap().core());
     let untold = |error: LookupError| matches!(error, LookupError::Condition { .. });
     assert!(untold(database.spectrum(point, quantity).unwrap_err()));
     assert!(untold(Lookup::new(&database, quantity).unwrap_err()));
@@ -173,7 +173,7 @@ fn damage_to_them_is_found() {
     let mut bytes = file(Basis::Log);
     let (length, header) = safetensors::SafeTensors::read_metadata(&bytes).unwrap();
     let (begin, _) = header.info("temperature_c").unwrap().data_offsets;
-    bytes[8 + length + begin..][..4].copy_from_slice(&1_f32.to_le_bytes());
+    bytes[8 + length + begin..][..8].copy_from_slice(&1_f64.to_le_bytes());
     let value = Database::from_bytes(&bytes).unwrap_err().to_string();
     assert!(value.contains("temperature_c has the value 1"), "{value}");
 }

@@ -4,11 +4,12 @@ use std::sync::LazyLock;
 
 use ndarray::Array2;
 use proptest::prelude::*;
-use safetensors::SafeTensors;
+use safetensors::{Dtype, SafeTensors};
 use splitsnow::compress::{Bands, Basis, Choice, CompactFile, Precision, Variant, compress};
-use splitsnow::grid::{Axes, Compression, ExtraAxis};
-use splitsnow::lookup::{Database, FormatError, Lookup};
+use splitsnow::grid::Compression;
+use splitsnow::lookup::{Database, FormatError, Lookup, Substrate};
 use splitsnow::measurement::Quantity;
+use splitsnow::parameter::{Axes, Parameter};
 
 use super::valid;
 use super::variants::{file, variants};
@@ -64,11 +65,14 @@ fn damaged_and_foreign_files_are_refused_with_the_reason() {
         FormatError::Header(_)
     ));
 
-    let version = swapped(r#""format_version":"1""#, r#""format_version":"2""#);
+    let version = swapped(r#""format_version":"2""#, r#""format_version":"3""#);
     assert!(
-        version.contains("`format_version` is \"2\", expected `1`"),
+        version.contains("`format_version` is \"3\", expected `2` or `1`"),
         "{version}"
     );
+    let substrate = swapped(r#""substrate":"black""#, r#""substrate":"blue""#);
+    let all = "`substrate` is \"blue\", expected `black` or `reflecting` or `layers`";
+    assert!(substrate.contains(all), "{substrate}");
     let basis = swapped(r#""basis":"linear""#, r#""basis":"cubic""#);
     assert!(
         basis.contains("`basis` is \"cubic\", expected `linear` or `log`"),
@@ -112,12 +116,15 @@ fn damaged_and_foreign_files_are_refused_with_the_reason() {
         "it has a tensor `angle`, which this version does not know"
     );
     let dtype = swapped(
-        r#""dtype":"F32","shape":[31]"#,
-        r#""dtype":"I32","shape":[31]"#,
+        r#""dtype":"F64","shape":[31]"#,
+        r#""dtype":"I64","shape":[31]"#,
     );
-    assert!(dtype.contains("`wavelength_nm` is I32 [31]"), "{dtype}");
+    assert!(
+        dtype.contains("`wavelength_nm` is I64 [31], expected F64 or F32 [n]"),
+        "{dtype}"
+    );
     let shape = swapped(r#""shape":[31]"#, r#""shape":[1,31]"#);
-    assert!(shape.contains("expected F32 [n]"), "{shape}");
+    assert!(shape.contains("expected F64 or F32 [n]"), "{shape}");
     let shape = swapped(r#""shape":[108,5]"#, r#""shape":[54,10]"#);
     assert!(shape.contains("expected F32 [108, 5]"), "{shape}");
     for lie in [
@@ -130,9 +137,9 @@ fn damaged_and_foreign_files_are_refused_with_the_reason() {
         let shape = swapped(r#""shape":[108,5]"#, &format!(r#""shape":{lie}"#));
         assert!(shape.contains("header is damaged"), "{shape}");
     }
-    for lie in ["[0,16]", "[4,12]", "[12,0]", "[0,18446744073709551615]"] {
+    for lie in ["[0,16]", "[8,24]", "[24,0]", "[0,18446744073709551615]"] {
         let offsets = swapped(
-            r#""data_offsets":[0,12]"#,
+            r#""data_offsets":[0,24]"#,
             &format!(r#""data_offsets":{lie}"#),
         );
         assert!(offsets.contains("header is damaged"), "{offsets}");
@@ -214,8 +221,14 @@ fn impossible_values_are_refused_by_name() {
     let (header_length, header) = SafeTensors::read_metadata(&bytes).unwrap();
     let refused = |tensor: &str, index: usize, value: f32| {
         let mut bytes = bytes.clone();
-        let begin = 8 + header_length + header.info(tensor).unwrap().data_offsets.0 + 4 * index;
-        bytes[begin..begin + 4].copy_from_slice(&value.to_le_bytes());
+        let info = header.info(tensor).unwrap();
+        let begin = 8 + header_length + info.data_offsets.0;
+        match info.dtype {
+            Dtype::F64 => {
+                bytes[begin + 8 * index..][..8].copy_from_slice(&f64::from(value).to_le_bytes())
+            }
+            _ => bytes[begin + 4 * index..][..4].copy_from_slice(&value.to_le_bytes()),
+        }
         Database::from_bytes(&bytes).unwrap_err().to_string()
     };
     assert_eq!(
@@ -225,7 +238,7 @@ fn impossible_values_are_refused_by_name() {
     assert!(refused("facetness", 0, f32::NAN).contains("facetness has the value NaN"));
     assert!(refused("thickness_cm", 1, 1.0).contains("thickness_cm has 1 after 1"));
     assert!(refused("grain_size_um", 0, -100.0).contains("expected above 0"));
-    assert!(refused("wavelength_nm", 0, 450.0).contains("strictly increasing"));
+    assert!(refused("wavelength_nm", 0, 450.0).contains("increase strictly"));
     assert!(refused("transmittance.coefficients", 3, f32::INFINITY).contains("value inf"));
     assert!(refused("reflectance.basis", 0, 1e30).contains("reflectance.basis"));
 }
@@ -237,14 +250,13 @@ fn fuzz_seeds_are_what_they_say() {
     let directory = std::path::Path::new(env!("CARGO_MANIFEST_DIR")).join("fuzz/seeds/compact");
     if std::env::var_os("UPDATE_GOLDEN").is_some() {
         let curves = Array2::from_shape_fn((4, 3), |(i, j)| (1 + i * j) as f64 / 8.0);
-        let small = Axes {
-            facetness: vec![0.1],
-            grain_size_um: vec![100.0, 200.0],
-            density_kg_m3: vec![300.0],
-            thickness_cm: vec![5.0],
-            angle_deg: vec![0.0, 60.0],
-            ..Axes::default()
-        };
+        let small = Axes::from([
+            (Parameter::Facetness, vec![0.1]),
+            (Parameter::GrainSize, vec![100.0, 200.0]),
+            (Parameter::Density, vec![300.0]),
+            (Parameter::Thickness, vec![5.0]),
+            (Parameter::Incidence, vec![0.0, 60.0]),
+        ]);
         let bytes = |variant, choice, there: &[Quantity]| {
             let [t, r] = Quantity::ALL.map(|quantity| {
                 let made = compress(
@@ -262,6 +274,7 @@ fn fuzz_seeds_are_what_they_say() {
                 axes: &small,
                 absent: &[],
                 wavelengths_nm: &[500.0, 550.0, 600.0],
+                substrate: Substrate::Black,
                 transmittance: t.as_ref(),
                 reflectance: r.as_ref(),
                 provenance: "{}",
@@ -290,11 +303,10 @@ fn fuzz_seeds_are_what_they_say() {
             let path = directory.join(format!("{name}.safetensors"));
             std::fs::write(path, bytes(log(precision), choice, there)).unwrap();
         }
-        let beyond = Axes {
-            angle_deg: vec![0.0],
-            extra: BTreeMap::from([(ExtraAxis::BlackCarbon, vec![0.0, 100.0])]),
-            ..small.clone()
-        };
+        let beyond = small
+            .clone()
+            .with(Parameter::Incidence, vec![0.0])
+            .with(Parameter::BlackCarbon, vec![0.0, 100.0]);
         let made = compress(
             curves.view(),
             Quantity::ALL[0],
@@ -307,6 +319,7 @@ fn fuzz_seeds_are_what_they_say() {
             axes: &beyond,
             absent: &[],
             wavelengths_nm: &[500.0, 550.0, 600.0],
+            substrate: Substrate::Black,
             transmittance: Some(&made.unwrap()),
             reflectance: None,
             provenance: "{}",
@@ -316,7 +329,7 @@ fn fuzz_seeds_are_what_they_say() {
         std::fs::write(path, file.to_bytes().unwrap()).unwrap();
         let text = String::from_utf8_lossy(&valid[8..]).find("F32").unwrap() + 8;
         let mut other_type = valid.clone();
-        other_type[text..text + 3].copy_from_slice(b"F64");
+        other_type[text..text + 3].copy_from_slice(b"I32");
         std::fs::write(directory.join("valid.safetensors"), &valid).unwrap();
         std::fs::write(
             directory.join("truncated.safetensors"),
@@ -341,7 +354,9 @@ fn fuzz_seeds_are_what_they_say() {
         for quantity in Quantity::ALL.into_iter().filter(|q| database.has(*q)) {
             let mut spectrum = vec![0.0; database.wavelengths_nm().len()];
             for row in 0..database.curves() {
-                let there = database.at(&database.conditions(row)).unwrap();
+                let there = database
+                    .at(database.point(row).unwrap().optional())
+                    .unwrap();
                 let lookup = Lookup::new(&there, quantity).unwrap();
                 let point = database.point(row).unwrap();
                 lookup.spectrum(point, &mut spectrum).unwrap();
@@ -350,7 +365,7 @@ fn fuzz_seeds_are_what_they_say() {
             }
         }
     }
-    assert_eq!(seen, 9);
+    assert_eq!(seen, 11);
 }
 
 proptest! {

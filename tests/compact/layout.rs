@@ -7,9 +7,10 @@ use ndarray::{Array2, Axis};
 use safetensors::SafeTensors;
 use serde_json::Value;
 use splitsnow::compress::{Bands, Choice, CompactFile, annotated, compress};
-use splitsnow::grid::{Axes, Compression};
-use splitsnow::lookup::Database;
+use splitsnow::grid::Compression;
+use splitsnow::lookup::{Database, Substrate};
 use splitsnow::measurement::Quantity;
+use splitsnow::parameter::{Axes, Parameter};
 
 use super::variants::variants;
 use super::{BOUNDS, axes, curves, wavelengths};
@@ -45,11 +46,9 @@ fn assert_laid_out(bytes: &[u8], what: &str) {
 
 /// An odd number of curves, so that 8 and 16 bits leave odd places behind.
 fn odd() -> (Axes, Array2<f64>) {
-    let axes = Axes {
-        facetness: vec![0.1],
-        density_kg_m3: vec![200.0],
-        ..axes()
-    };
+    let axes = axes()
+        .with(Parameter::Facetness, vec![0.1])
+        .with(Parameter::Density, vec![200.0]);
     (axes, curves().view().split_at(Axis(0), 27).0.to_owned())
 }
 
@@ -70,6 +69,7 @@ fn every_tensor_of_every_variant_is_aligned() {
                     axes: &axes,
                     absent: &[],
                     wavelengths_nm: &wavelengths(),
+                    substrate: Substrate::Black,
                     transmittance: t,
                     reflectance: r,
                     provenance: "{}",

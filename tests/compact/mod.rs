@@ -14,11 +14,12 @@ use proptest::prelude::*;
 use safetensors::SafeTensors;
 use splitsnow::colour::Colorimeter;
 use splitsnow::compress::{
-    self, Bands, Choice, Coefficients, CompactFile, CompressError, Compressed, Variant,
+    self, Bands, Choice, Coefficients, CompactFile, CompressError, Compressed, Variant, errors_of,
 };
-use splitsnow::grid::{Axes, Compression};
-use splitsnow::lookup::{Database, LookupError, Point, errors_of};
+use splitsnow::grid::Compression;
+use splitsnow::lookup::{Database, LookupError, Substrate};
 use splitsnow::measurement::Quantity;
+use splitsnow::parameter::{Axes, Parameter, Point};
 
 const BOUNDS: Choice = Choice::Bounds(Compression {
     max_delta_e: 2.3,
@@ -26,14 +27,13 @@ const BOUNDS: Choice = Choice::Bounds(Compression {
 });
 
 fn axes() -> Axes {
-    Axes {
-        facetness: vec![0.1, 0.3],
-        grain_size_um: vec![100.0, 250.0, 500.0],
-        density_kg_m3: vec![200.0, 400.0],
-        thickness_cm: vec![1.0, 1.5, 50.0],
-        angle_deg: vec![0.0, 40.0, 89.0],
-        ..Axes::default()
-    }
+    Axes::from([
+        (Parameter::Facetness, vec![0.1, 0.3]),
+        (Parameter::GrainSize, vec![100.0, 250.0, 500.0]),
+        (Parameter::Density, vec![200.0, 400.0]),
+        (Parameter::Thickness, vec![1.0, 1.5, 50.0]),
+        (Parameter::Incidence, vec![0.0, 40.0, 89.0]),
+    ])
 }
 
 fn wavelengths() -> Vec<f64> {
@@ -48,11 +48,11 @@ fn colour() -> Colorimeter {
 fn curves() -> Array2<f64> {
     let axes = axes();
     let mut rows = Vec::new();
-    for &facetness in &axes.facetness {
-        for &size in &axes.grain_size_um {
-            for &density in &axes.density_kg_m3 {
-                for &thickness in &axes.thickness_cm {
-                    for &angle in &axes.angle_deg {
+    for &facetness in axes.values(Parameter::Facetness) {
+        for &size in axes.values(Parameter::GrainSize) {
+            for &density in axes.values(Parameter::Density) {
+                for &thickness in axes.values(Parameter::Thickness) {
+                    for &angle in axes.values(Parameter::Incidence) {
                         let cosine = angle.to_radians().cos();
                         let level = 1.0 / (1.0 + density * thickness / size / cosine.max(0.2));
                         let path = thickness.sqrt() * (1.0 - facetness / 2.0) * 0.3;
@@ -96,6 +96,7 @@ fn bytes_of(transmittance: &Compressed, reflectance: &Compressed) -> Vec<u8> {
         axes: &axes(),
         absent: &[],
         wavelengths_nm: &wavelengths(),
+        substrate: Substrate::Black,
         transmittance: Some(transmittance),
         reflectance: Some(reflectance),
         provenance: r#"{"engine":"spectral","seed":1}"#,
@@ -121,7 +122,8 @@ fn the_safetensors_crate_reads_it_and_the_bytes_are_the_same_twice() {
     let (_, header) = SafeTensors::read_metadata(&bytes).unwrap();
     let metadata = header.metadata().as_ref().unwrap();
     assert_eq!(metadata["format"], "splitsnow-compact");
-    assert_eq!(metadata["format_version"], "1");
+    assert_eq!(metadata["format_version"], "2");
+    assert_eq!(metadata["substrate"], "black");
     assert_eq!(metadata["basis"], "linear");
     assert_eq!(metadata["precision"], "f32");
     assert_eq!(metadata["quantities"], "transmittance,reflectance");
@@ -148,7 +150,7 @@ fn the_safetensors_crate_reads_it_and_the_bytes_are_the_same_twice() {
         [31, 5]
     );
     let angle = tensors.tensor("angle_deg").unwrap();
-    assert_eq!(angle.data()[4..8], 40.0_f32.to_le_bytes());
+    assert_eq!(angle.data()[8..16], 40.0_f64.to_le_bytes());
     assert_eq!(tensors.len(), 10);
 }
 
@@ -196,13 +198,7 @@ fn every_component_gives_the_curves_back() {
 #[test]
 fn nodes_are_found_by_their_values_and_others_refused() {
     let database = Database::from_bytes(&valid()).unwrap();
-    let point = Point {
-        facetness: 0.3,
-        grain_size_um: 250.0,
-        density_kg_m3: 200.0,
-        thickness_cm: 1.5,
-        angle_deg: 89.0,
-    };
+    let point = Point::of_core([0.3, 250.0, 200.0, 1.5, 89.0]);
     let row = ((((3 + 1) * 2) * 3) + 1) * 3 + 2;
     assert_eq!(database.row(point).unwrap(), row);
     let spectrum = database.spectrum(point, Quantity::Reflectance).unwrap();
@@ -214,10 +210,7 @@ fn nodes_are_found_by_their_values_and_others_refused() {
         assert_eq!(database.row(database.point(row).unwrap()).unwrap(), row);
     }
     assert_eq!(database.point(database.curves()), None);
-    let between = Point {
-        thickness_cm: 10.0,
-        ..point
-    };
+    let between = point.with(Parameter::Thickness, 10.0);
     assert_eq!(
         database
             .spectrum(between, Quantity::Reflectance)
@@ -225,10 +218,7 @@ fn nodes_are_found_by_their_values_and_others_refused() {
             .to_string(),
         "thickness_cm = 10 lies between the nodes 1.5 and 50 of the database, and this look-up knows nodes only; the method `smooth` interpolates"
     );
-    let outside = Point {
-        angle_deg: 89.5,
-        ..point
-    };
+    let outside = point.with(Parameter::Incidence, 89.5);
     assert_eq!(
         database
             .spectrum(outside, Quantity::Reflectance)
@@ -247,6 +237,7 @@ fn the_writer_refuses_what_the_reader_would() {
             axes,
             absent: &[],
             wavelengths_nm,
+            substrate: Substrate::Black,
             transmittance: Some(transmittance),
             reflectance: Some(&good),
             provenance: "{}",
@@ -255,11 +246,11 @@ fn the_writer_refuses_what_the_reader_would() {
         file.to_bytes().unwrap_err().to_string()
     };
     let mut close = axes();
-    close.facetness = vec![0.3, 0.3 + 1e-9];
-    assert!(refused(&close, &wavelengths(), &good).contains("facetness has 0.3 after 0.3"));
-    close.facetness = vec![0.3];
+    close.set(Parameter::Facetness, vec![0.3, 0.3 + 1e-9]);
+    assert!(refused(&close, &wavelengths(), &good).contains("facetness has 0.300000001 after 0.3"));
+    close.set(Parameter::Facetness, vec![0.3]);
     assert!(refused(&close, &wavelengths(), &good).contains("not [54, 2]"));
-    close.angle_deg = vec![90.0];
+    close.set(Parameter::Incidence, vec![90.0]);
     assert!(refused(&close, &wavelengths(), &good).contains("angle_deg has the value 90"));
     assert!(refused(&axes(), &wavelengths()[1..], &good).contains("transmittance.basis"));
     let mut bad = good.clone();
@@ -273,6 +264,7 @@ fn the_writer_refuses_what_the_reader_would() {
         axes: &axes,
         absent: &[],
         wavelengths_nm: &wavelengths,
+        substrate: Substrate::Black,
         transmittance: Some(&good),
         reflectance: Some(&good),
         provenance: "{}",
@@ -295,6 +287,7 @@ fn files_are_replaced_whole_and_errors_name_them() {
         axes: &axes,
         absent: &[],
         wavelengths_nm: &wavelengths,
+        substrate: Substrate::Black,
         transmittance: Some(&compressed),
         reflectance: Some(&compressed),
         provenance: "{}",
@@ -335,14 +328,7 @@ proptest! {
         let axis = |index: usize, step: f64| -> Vec<f64> {
             (0..lengths[index]).map(|i| step * (i + 1) as f64).collect()
         };
-        let axes = Axes {
-            facetness: axis(0, 0.25),
-            grain_size_um: axis(1, 110.0),
-            density_kg_m3: axis(2, 99.0),
-            thickness_cm: axis(3, 1.3),
-            angle_deg: axis(4, 20.0),
-            ..Axes::default()
-        };
+        let axes = Axes::from([(Parameter::Facetness, axis(0, 0.25)), (Parameter::GrainSize, axis(1, 110.0)), (Parameter::Density, axis(2, 99.0)), (Parameter::Thickness, axis(3, 1.3)), (Parameter::Incidence, axis(4, 20.0))]);
         let rows: usize = lengths.iter().product();
         let curves = Array2::from_shape_fn((rows, bands), |(i, j)| numbers[(i * bands + j) % 64]);
         let components = components.min(rows).min(bands);
@@ -353,6 +339,7 @@ proptest! {
             axes: &axes,
             absent: &[],
             wavelengths_nm: &wavelengths_nm,
+            substrate: Substrate::Black,
             transmittance: Some(&compressed),
             reflectance: Some(&compressed),
             provenance: "{}",
@@ -362,12 +349,8 @@ proptest! {
         prop_assert_eq!(database.coefficients(Quantity::Transmittance), &compressed.coefficients.decoded());
         prop_assert_eq!(database.basis(Quantity::Reflectance), &compressed.basis);
         prop_assert_eq!(&database.metadata()["note"], &extra["note"]);
-        for (nodes, values) in database.axes().iter().zip([
-            &axes.facetness, &axes.grain_size_um, &axes.density_kg_m3, &axes.thickness_cm, &axes.angle_deg,
-        ]) {
-            let values: Vec<f32> = values.iter().map(|&v| v as f32).collect();
-            prop_assert_eq!(nodes, &values);
-        }
+        prop_assert_eq!(database.axes(), &axes);
+        prop_assert_eq!(database.wavelengths_nm(), &wavelengths_nm[..]);
         let errors = errors_of(&database, Quantity::Transmittance, curves.view(), None).unwrap();
         let largest = errors.rmse.iter().copied().fold(0.0, f64::max);
         prop_assert_eq!(largest, compressed.table.rows[components - 1].rmse.max);

@@ -5,10 +5,10 @@ use ndarray::Array2;
 use safetensors::{Dtype, SafeTensors};
 use splitsnow::compress::{
     Bands, Basis, Bounds, Choice, Coefficients, CompactFile, CompressError, Compressed, Precision,
-    Variant, compress,
+    Variant, compress, errors_of,
 };
 use splitsnow::grid::Compression;
-use splitsnow::lookup::{Database, LookupError, errors_of};
+use splitsnow::lookup::{Database, LookupError, Substrate};
 use splitsnow::measurement::Quantity;
 
 use super::{BOUNDS, axes, colour, curves, valid, wavelengths};
@@ -48,6 +48,7 @@ fn try_bytes(
         axes: &axes(),
         absent: &[],
         wavelengths_nm: &wavelengths(),
+        substrate: Substrate::Black,
         transmittance,
         reflectance,
         provenance: "{}",

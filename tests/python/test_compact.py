@@ -21,8 +21,8 @@ def test_curves_are_rebuilt_within_the_stated_errors():
     assert metadata["axis_order"] == ",".join(axes) and axes[-5:] == FIVE
     assert metadata["basis"] == "linear"
     for axis in (*axes, "wavelength_nm"):
-        assert tensors[axis].dtype == np.float32
-        assert np.allclose(tensors[axis], stored[axis], rtol=1e-6)
+        assert tensors[axis].dtype == np.float64
+        assert np.array_equal(tensors[axis], stored[axis])
     tables = json.loads(metadata["error_table"])
     for quantity in ("transmittance", "reflectance"):
         coefficients = tensors[f"{quantity}.coefficients"]

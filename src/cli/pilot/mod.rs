@@ -28,7 +28,8 @@ use cpu_time::ProcessTime;
 use super::common::Spinner;
 use crate::budget;
 use crate::engine::{Cache, Engine, Request};
-use crate::grid::{ExtraAxis, Grid, Job, Jobs};
+use crate::grid::{Grid, Job, Jobs};
+use crate::parameter::Parameter;
 use probe::{Probe, Prober};
 
 /// Jobs whose sizes are summed, at most, of a large grid.
@@ -241,8 +242,8 @@ impl Pilot {
         };
         let rays = || run().map(|(_, probe)| probe.rays);
         let [cpu, wall] = [0, 1].map(|i| run().map(|(_, probe)| probe.spent[i]).sum::<f64>());
-        let spheroids = grid.axes.extra.get(&ExtraAxis::Sphericity);
-        let shapes = grid.axes.facetness.len() * spheroids.map_or(1, Vec::len);
+        let spheroids = grid.axes.values(Parameter::Sphericity).len().max(1);
+        let shapes = grid.axes.values(Parameter::Facetness).len() * spheroids;
         // one may have been drawn more than once
         let count = |all: &dyn Fn(&Probe, &Case) -> bool| {
             let cells = run().filter(|(case, probe)| all(probe, case));
@@ -416,18 +417,24 @@ fn coprime(mut a: usize, mut b: usize) -> bool {
     a == 1
 }
 
-/// Jobs at the first and last value of every axis of the five, at the first and the
-/// last combination of the others.
+/// Jobs at the first and last value of every axis that all databases have, with the first
+/// values of all others and with the last.
 fn corners(jobs: &Jobs) -> BTreeSet<u64> {
-    let each = jobs.jobs_each();
-    let blocks = jobs.blocks();
+    let (optional, core) = jobs
+        .blocks()
+        .split_at(jobs.blocks().len() - Parameter::CORE.len());
     let mut corners = BTreeSet::new();
-    for combination in [0, jobs.count() / each - 1] {
-        for corner in 0..1_u32 << blocks.len() {
-            let place = blocks.iter().enumerate().fold(0, |place, (axis, n)| {
-                place * n + if corner >> axis & 1 == 1 { n - 1 } else { 0 }
+    for last in [false, true] {
+        for corner in 0..1_u32 << core.len() {
+            let optional = optional.iter().map(|n| (n, last));
+            let core = core
+                .iter()
+                .enumerate()
+                .map(|(axis, n)| (n, corner >> axis & 1 == 1));
+            let place = optional.chain(core).fold(0, |place, (n, last)| {
+                place * n + if last { n - 1 } else { 0 }
             });
-            corners.insert(combination * each + place);
+            corners.insert(place);
         }
     }
     corners

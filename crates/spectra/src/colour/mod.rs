@@ -170,8 +170,7 @@ impl Colorimeter {
         fine.extend(wavelengths_nm);
         fine.sort_by(f64::total_cmp);
         fine.dedup();
-        let single: Vec<f32> = wavelengths_nm.iter().map(|nm| *nm as f32).collect();
-        let by = Resampling::new(&single, &fine);
+        let by = Resampling::new(wavelengths_nm, &fine);
         Ok(Self::viewing(&fine, viewing)?.map(|seen| seen.resampled(&by)))
     }
 
@@ -518,7 +517,7 @@ mod tests {
         let values = [0.31, 0.5, 0.2, 0.7, 0.4, 0.05];
         let mut fine: Vec<f64> = (80..=140).map(|i| f64::from(i) * 5.0).collect();
         fine.insert(7, 431.5);
-        let lines = Resampling::new(&sparse.map(|nm| nm as f32), &fine).apply(&values);
+        let lines = Resampling::new(&sparse, &fine).apply(&values);
         let daylight = Viewing::default();
         let few = Colorimeter::of_lines(&sparse, &daylight).unwrap().unwrap();
         let all = Colorimeter::new(&fine).unwrap().unwrap();

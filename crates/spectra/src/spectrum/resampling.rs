@@ -12,22 +12,20 @@ pub struct Resampling {
 
 impl Resampling {
     /// From spectra at `from_nm`, strictly increasing, to spectra at `to_nm`, both in
-    /// nm. A wavelength of both lists in single precision, in which files hold them,
-    /// keeps its value to the bit.
+    /// nm. A wavelength of both lists keeps its value to the bit.
     ///
     /// # Panics
     /// If `from_nm` is empty.
     #[must_use]
-    pub fn new(from_nm: &[f32], to_nm: &[f64]) -> Self {
+    pub fn new(from_nm: &[f64], to_nm: &[f64]) -> Self {
         assert!(!from_nm.is_empty(), "a spectrum has a wavelength");
         let place = |nm: &f64| {
-            let nm = *nm as f32;
-            let above = from_nm.partition_point(|from| *from <= nm);
+            let above = from_nm.partition_point(|from| from <= nm);
             match (above.checked_sub(1), from_nm.get(above)) {
                 (None, _) => (0, 0.0),
                 (Some(below), None) => (below, 0.0),
                 (Some(below), Some(&next)) => {
-                    let [here, next, nm] = [from_nm[below], next, nm].map(f64::from);
+                    let here = from_nm[below];
                     (below, (nm - here) / (next - here))
                 }
             }
@@ -117,9 +115,8 @@ mod tests {
 
     #[test]
     fn equal_lists_change_no_bit() {
-        // none of these is a single-precision number
         let nm = [400.1, 533.3, 700.7];
-        let by = Resampling::new(&nm.map(|v| v as f32), &nm);
+        let by = Resampling::new(&nm, &nm);
         let spectrum = [0.1, f64::NAN, 1e-30];
         assert_eq!(
             by.apply(&spectrum)[..]

@@ -1,22 +1,26 @@
 //! Curves that do not exist: which answers would need them.
-use super::{LookupError, Point, nodes};
+use crate::{Axes, LookupError, Parameter, Point, nodes};
 
 /// Where a curve is missing.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub(super) struct Gap {
     /// Value of the grain size, um.
-    node_um: f32,
+    node_um: f64,
     /// The thinnest thickness that it has, cm.
-    least_cm: Option<f32>,
+    least_cm: Option<f64>,
+}
+
+fn sizes_and_thicknesses(axes: &Axes) -> [&[f64]; 2] {
+    [Parameter::GrainSize, Parameter::Thickness].map(|parameter| axes.values(parameter))
 }
 
 impl Gap {
     /// That of the grain size of this index.
-    pub(super) fn of(size: usize, absent: &[usize], axes: &[Vec<f32>; 5]) -> Self {
-        let [_, sizes, _, thicknesses, _] = axes;
+    pub(super) fn of(size: usize, absent: &[usize], axes: &Axes) -> Self {
+        let [sizes, thicknesses] = sizes_and_thicknesses(axes);
         let first = absent.get(size).copied().unwrap_or_default();
         Self {
-            node_um: sizes.get(size).copied().unwrap_or(f32::NAN),
+            node_um: sizes.get(size).copied().unwrap_or(f64::NAN),
             least_cm: thicknesses.get(first).copied(),
         }
     }
@@ -28,24 +32,29 @@ impl Gap {
 /// on it, beyond the last on the last two.
 pub(super) fn gap(
     absent: &[usize],
-    axes: &[Vec<f32>; 5],
-    grain_size_um: f32,
-    thickness_cm: f32,
+    axes: &Axes,
+    grain_size_um: f64,
+    thickness_cm: f64,
 ) -> Option<Gap> {
     if absent.is_empty() {
         return None;
     }
-    let [_, sizes, _, thicknesses, _] = axes;
-    let on = |node: &f32, value: f32| nodes::on(*node, f64::from(value));
+    let [sizes, thicknesses] = sizes_and_thicknesses(axes);
     // the thinnest node with a weight
     let above = thicknesses.partition_point(|node| *node <= thickness_cm);
-    let lowest = match thicknesses.iter().position(|node| on(node, thickness_cm)) {
+    let lowest = match thicknesses
+        .iter()
+        .position(|node| nodes::on(*node, thickness_cm))
+    {
         Some(node) => node,
         None if above == thicknesses.len() => above.saturating_sub(2),
         None => above.saturating_sub(1),
     };
     let above = sizes.partition_point(|node| *node <= grain_size_um);
-    let (first, last) = match sizes.iter().position(|node| on(node, grain_size_um)) {
+    let (first, last) = match sizes
+        .iter()
+        .position(|node| nodes::on(*node, grain_size_um))
+    {
         Some(node) => (node, node),
         None => (
             above.saturating_sub(1),
@@ -61,8 +70,8 @@ pub(super) fn gap(
 #[cold]
 pub(super) fn absent(gap: Gap, point: Point) -> LookupError {
     LookupError::Absent {
-        grain_size_um: point.grain_size_um,
-        thickness_cm: point.thickness_cm,
+        grain_size_um: point[Parameter::GrainSize],
+        thickness_cm: point[Parameter::Thickness],
         node_um: gap.node_um,
         least_cm: gap.least_cm,
     }
@@ -73,19 +82,16 @@ pub(super) fn absent(gap: Gap, point: Point) -> LookupError {
 mod tests {
     use ndarray::Array2;
 
-    use crate::grid::Axes;
-    use crate::lookup::{Database, Lookup, LookupError, Point};
-    use crate::measurement::Quantity;
+    use crate::{Axes, Database, Lookup, LookupError, Parameter, Point, Quantity};
 
     fn axes(thickness_cm: &[f64]) -> Axes {
-        Axes {
-            facetness: vec![0.3],
-            grain_size_um: vec![100.0, 1000.0],
-            density_kg_m3: vec![200.0, 300.0],
-            thickness_cm: thickness_cm.to_vec(),
-            angle_deg: vec![0.0, 60.0],
-            ..Axes::default()
-        }
+        Axes::from([
+            (Parameter::Facetness, vec![0.3]),
+            (Parameter::GrainSize, vec![100.0, 1000.0]),
+            (Parameter::Density, vec![200.0, 300.0]),
+            (Parameter::Thickness, thickness_cm.to_vec()),
+            (Parameter::Incidence, vec![0.0, 60.0]),
+        ])
     }
 
     /// Something smooth in [0, 1] at two wavelengths; NaN where there is no curve.
@@ -104,13 +110,13 @@ mod tests {
     }
 
     fn at(grain_size_um: f64, thickness_cm: f64) -> Point {
-        Point {
-            facetness: 0.3,
-            grain_size_um,
-            density_kg_m3: 260.0,
-            thickness_cm,
-            angle_deg: 25.0,
-        }
+        Point::from([
+            (Parameter::Facetness, 0.3),
+            (Parameter::GrainSize, grain_size_um),
+            (Parameter::Density, 260.0),
+            (Parameter::Thickness, thickness_cm),
+            (Parameter::Incidence, 25.0),
+        ])
     }
 
     fn ask(database: &Database, point: Point) -> Result<Vec<f32>, LookupError> {
@@ -139,7 +145,7 @@ mod tests {
             assert_eq!(ask(&whole, point).unwrap(), ask(&none, point).unwrap());
         }
         let material = Lookup::new(&whole, Quantity::Transmittance).unwrap();
-        let material = material.material(0.3, 500.0, 260.0).unwrap();
+        let material = material.material(at(500.0, 5.0)).unwrap();
         let mut found = vec![0.0; 2];
         material.spectrum(at(500.0, 5.0), &mut found).unwrap();
         let direct = ask(&whole, at(500.0, 5.0)).unwrap();

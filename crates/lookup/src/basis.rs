@@ -1,14 +1,10 @@
 //! What the components are components of (docs/methods.md).
-use ndarray::{Array2, ArrayView1, ArrayView2};
-
-use crate::measurement::Quantity;
+use splitsnow_spectra::Quantity;
 
 /// Least transmittance whose logarithm is taken: far below what is ever seen.
 const LEAST_TRANSMITTANCE: f64 = 1e-30;
 /// Most reflectance whose logarithm is taken, as its distance from 1.
 const LEAST_FROM_ONE: f64 = 1e-9;
-/// Relative luminance below which CIELAB grows no more steeply (CIE 15).
-const DARK: f64 = 216.0 / 24389.0;
 
 /// What a row of coefficients times the basis^T is.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
@@ -36,7 +32,8 @@ impl Basis {
 
     /// What is projected on the basis for a spectrum's `value`: y, limited to
     /// 0 to 69 (transmittance) or 21 (reflectance), or the value.
-    pub(crate) fn projected(self, quantity: Quantity, value: f64) -> f64 {
+    #[must_use]
+    pub fn projected(self, quantity: Quantity, value: f64) -> f64 {
         match (self, quantity) {
             (Self::Linear, _) => value,
             (Self::Log, Quantity::Transmittance) => {
@@ -49,7 +46,8 @@ impl Basis {
     }
 
     /// The value of a spectrum from the `sum` of its components.
-    pub(crate) fn value(self, quantity: Quantity, sum: f64) -> f64 {
+    #[must_use]
+    pub fn value(self, quantity: Quantity, sum: f64) -> f64 {
         match (self, quantity) {
             (Self::Linear, _) => sum,
             (Self::Log, Quantity::Transmittance) => libm::exp(-sum.max(0.0)),
@@ -58,32 +56,9 @@ impl Basis {
     }
 }
 
-/// The y of `curves`, each row weighted by how much of a change dy is seen:
-/// lightness, the cube root of a luminance Y, changes by Y^(-2/3) dY, and dY is
-/// T dy or (1 - R) dy. Its singular vectors are the basis.
-pub(super) fn weighted(quantity: Quantity, curves: ArrayView2<f64>) -> Array2<f64> {
-    let mut matrix = curves.mapv(|value| Basis::Log.projected(quantity, value));
-    for mut row in matrix.rows_mut() {
-        let weight = weight(quantity, row.view());
-        row *= weight;
-    }
-    matrix
-}
-
-/// The weight of a row of y, from its means.
-fn weight(quantity: Quantity, row: ArrayView1<f64>) -> f64 {
-    let transparency = row.iter().map(|y| libm::exp(-y)).sum::<f64>() / row.len() as f64;
-    let luminance = match quantity {
-        Quantity::Transmittance => transparency,
-        Quantity::Reflectance => 1.0 - transparency,
-    };
-    transparency / libm::cbrt(luminance.max(DARK)).powi(2)
-}
-
 #[cfg(test)]
 mod tests {
     use super::*;
-    use ndarray::array;
 
     #[test]
     fn values_come_back() {
@@ -111,27 +86,6 @@ mod tests {
             for sum in [-1e300, 1e300] {
                 let value = Basis::Log.value(quantity, sum);
                 assert!((0.0..=1.0).contains(&value), "{value}");
-            }
-        }
-    }
-
-    /// The weight of a grey row is the change of lightness with y, but for 116 / 3.
-    #[test]
-    fn weights_are_changes_of_lightness() {
-        let lightness = |y: f64| {
-            if y > DARK {
-                116.0 * y.cbrt() - 16.0
-            } else {
-                y / DARK * 8.0
-            }
-        };
-        for quantity in Quantity::ALL {
-            for value in [0.001, 0.1, 0.5, 0.95] {
-                let y = Basis::Log.projected(quantity, value);
-                let of = |y| lightness(Basis::Log.value(quantity, y));
-                let slope = (of(y + 1e-6) - of(y - 1e-6)).abs() / 2e-6;
-                let found = weight(quantity, array![y, y].view()) * 116.0 / 3.0;
-                assert!((found / slope - 1.0).abs() < 0.01, "{found} {slope}");
             }
         }
     }

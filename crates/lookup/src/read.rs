@@ -1,24 +1,21 @@
 //! From bytes to a [`Database`], believing nothing.
 //!
-//! The `safetensors` crate parses the header and proves that the tensors tile
-//! the data without gap or overlap and that shapes match sizes; what follows the
-//! header is measured here, with checked sums, against the bytes there are.
+//! [`Header`] proves that the tensors tile the data; what follows the header is measured
+//! here, with checked sums, against the bytes there are.
 use std::collections::{BTreeMap, BTreeSet};
 
-use half::f16;
 use ndarray::{Array2, ShapeBuilder};
-use safetensors::tensor::{Dtype, Metadata};
+use splitsnow_spectra::Quantity;
 use thiserror::Error;
 
-use super::{Database, Factors};
-use crate::compress::format::{
-    self, ABSENT, AXES, BASIS, Coordinate, FORMAT, FORMAT_VERSION, MAX_HEADER, MAX_NUMBER,
-    PRECISION, QUANTITIES, WAVELENGTHS, axis_order, basis_name, coefficients_name, components_key,
-    integers_name, number, quantisation_name, quantities,
+use crate::format::{
+    ABSENT, BASIS, BOTTOM_BOUNDARY, FORMAT, FORMAT_VERSION, FORMAT_VERSION_1, MAX_HEADER,
+    MAX_NUMBER, PRECISION, QUANTITIES, SUBSTRATE, Substrate, WAVELENGTH, axis_order, basis_name,
+    check_axis, check_wavelengths, coefficients_name, components_key, integers_name, number,
+    quantisation_name, quantities,
 };
-use crate::compress::{Basis, Precision, dequantised};
-use crate::grid::ExtraAxis;
-use crate::measurement::Quantity;
+use crate::header::{Dtype, Header, Tensor};
+use crate::{Axes, Basis, Database, Factors, Parameter, Precision, dequantised, f16_to_f32};
 
 /// What an unknown value of a variant's key means.
 const ANOTHER_VARIANT: &str = "this version cannot read that variant";
@@ -125,32 +122,25 @@ pub(super) fn read(bytes: &[u8]) -> Result<Database, FormatError> {
             found,
             declared: 8 + length as u64,
         })?;
-    let header: Metadata =
-        serde_json::from_slice(header).map_err(|e| FormatError::Header(e.to_string()))?;
-    let declared = (8 + length as u64).saturating_add(header.data_len() as u64);
+    let header = Header::read(header).map_err(FormatError::Header)?;
+    let declared = (8 + length as u64).saturating_add(header.data_len as u64);
     if declared > found {
         return Err(FormatError::Truncated { found, declared });
     }
     if declared < found {
         return Err(FormatError::Trailing { found, declared });
     }
-    let metadata: BTreeMap<String, String> = header
-        .metadata()
-        .clone()
-        .unwrap_or_default()
-        .into_iter()
-        .collect();
     Tensors {
-        header,
+        metadata: header.metadata.unwrap_or_default(),
+        tensors: header.tensors,
         data,
-        metadata,
     }
     .database()
 }
 
 /// A header and data that agree on their sizes.
 struct Tensors<'a> {
-    header: Metadata,
+    tensors: BTreeMap<String, Tensor>,
     data: &'a [u8],
     metadata: BTreeMap<String, String>,
 }
@@ -158,12 +148,9 @@ struct Tensors<'a> {
 impl Tensors<'_> {
     fn database(self) -> Result<Database, FormatError> {
         self.says("format", FORMAT, "it is another kind of file")?;
-        self.says(
-            "format_version",
-            FORMAT_VERSION,
-            "another version of the program wrote it",
-        )?;
-        let beyond = self.axes_beyond()?;
+        let versions = [FORMAT_VERSION, FORMAT_VERSION_1].map(|v| (v.to_owned(), v));
+        let version = self.version(versions)?;
+        let parameters = self.parameters()?;
         let kind = self.one_of(BASIS, None, Basis::ALL.map(|b| (b.name().to_owned(), b)))?;
         let all = Precision::ALL.map(|p| (p.name().to_owned(), p));
         let precision = self.one_of(PRECISION, Some(Precision::F32), all)?;
@@ -172,38 +159,35 @@ impl Tensors<'_> {
         let all = all.map(|there| (quantities(there.iter().copied()), there));
         let there = self.one_of(QUANTITIES, Some(Quantity::ALL.into()), all)?;
 
-        let wavelengths_nm = self.coordinate(&WAVELENGTHS)?;
+        let wavelengths_nm = self.coordinate(WAVELENGTH)?;
+        check_wavelengths(&wavelengths_nm).map_err(FormatError::Value)?;
         let mut components = Vec::new();
         for quantity in there {
             components.push((quantity, self.components(quantity, wavelengths_nm.len())?));
         }
-        for name in self.header.offset_keys() {
-            let axes = AXES.iter().any(|axis| axis.name == name)
-                || beyond.iter().any(|axis| axis.name() == name);
+        for name in self.tensors.keys() {
+            let axes = parameters.iter().any(|axis| axis.name() == name.as_str());
             let mut quantities = components.iter();
             let known = axes
-                || name == WAVELENGTHS.name
+                || name == WAVELENGTH
                 || name == ABSENT
-                || quantities.any(|&(q, components)| belongs(&name, q, components, precision));
+                || quantities.any(|&(q, components)| belongs(name, q, components, precision));
             if !known {
-                return Err(FormatError::Unknown(name));
+                return Err(FormatError::Unknown(name.clone()));
             }
         }
 
-        let mut axes: [Vec<f32>; 5] = Default::default();
         // More curves than fit in a usize match no tensor: checked below.
         let mut curves: usize = 1;
-        let mut extra = BTreeMap::new();
-        for axis in beyond {
-            let values = self.coordinate(&format::extra(axis))?;
+        let mut axes = Axes::default();
+        for parameter in parameters {
+            let values = self.coordinate(parameter.name())?;
+            check_axis(parameter, &values).map_err(FormatError::Value)?;
             curves = curves.saturating_mul(values.len());
-            extra.insert(axis, values);
+            axes.set(parameter, values);
         }
-        for (axis, coordinate) in axes.iter_mut().zip(&AXES) {
-            *axis = self.coordinate(coordinate)?;
-            curves = curves.saturating_mul(axis.len());
-        }
-        let absent = self.absent(axes[1].len(), axes[3].len())?;
+        let [_, sizes, _, thicknesses, _] = axes.core_shape();
+        let absent = self.absent(sizes, thicknesses)?;
         let [mut transmittance, mut reflectance] = <[Factors; 2]>::default();
         for (quantity, components) in components {
             let factors = match quantity {
@@ -224,9 +208,8 @@ impl Tensors<'_> {
                 )?,
             };
         }
-        let bottom = self.metadata.get("bottom_boundary");
         Ok(Database {
-            stands_free: bottom.is_none_or(|bottom| bottom.starts_with("black")),
+            stands_free: self.stands_free(version)?,
             kind,
             precision,
             transmittance,
@@ -234,25 +217,52 @@ impl Tensors<'_> {
             curves,
             axes,
             absent,
-            extra,
             wavelengths_nm,
             metadata: self.metadata,
         })
     }
 
-    /// The axes that stand before the five in the metadata.
-    fn axes_beyond(&self) -> Result<Vec<ExtraAxis>, FormatError> {
-        let five = axis_order([]);
+    /// The axes: those that every file has, after those that it may have.
+    fn parameters(&self) -> Result<Vec<Parameter>, FormatError> {
         let found = self.metadata.get("axis_order");
-        let before = found.and_then(|order| order.strip_suffix(&five));
-        let mut axes = Vec::new();
-        for name in before.unwrap_or_default().split_terminator(',') {
+        let mut parameters: BTreeSet<_> = Parameter::CORE.into();
+        for name in found.map_or("", String::as_str).split_terminator(',') {
             let unknown = || FormatError::UnknownAxis(name.to_owned());
-            axes.push(ExtraAxis::named(name).ok_or_else(unknown)?);
+            parameters.insert(Parameter::named(name).ok_or_else(unknown)?);
         }
-        let sorted: BTreeSet<_> = axes.iter().copied().collect();
-        self.says("axis_order", &axis_order(sorted), ANOTHER_VARIANT)?;
-        Ok(axes)
+        let expected = axis_order(parameters.iter().copied());
+        self.says("axis_order", &expected, ANOTHER_VARIANT)?;
+        Ok(parameters.into_iter().collect())
+    }
+
+    /// The version of the format, of those that are read.
+    fn version(&self, known: [(String, &'static str); 2]) -> Result<&'static str, FormatError> {
+        let meaning = "another version of the program wrote it";
+        self.one_of("format_version", None, known)
+            .map_err(|error| match error {
+                FormatError::Metadata {
+                    key,
+                    found,
+                    expected,
+                    ..
+                } => FormatError::Metadata {
+                    key,
+                    found,
+                    expected,
+                    meaning,
+                },
+                other => other,
+            })
+    }
+
+    /// Whether nothing but the snow of the axes sends light back.
+    fn stands_free(&self, version: &str) -> Result<bool, FormatError> {
+        if version == FORMAT_VERSION_1 {
+            let bottom = self.metadata.get(BOTTOM_BOUNDARY);
+            return Ok(bottom.is_none_or(|bottom| bottom.starts_with("black")));
+        }
+        let known = Substrate::ALL.map(|s| (s.name().to_owned(), s == Substrate::Black));
+        self.one_of(SUBSTRATE, None, known)
     }
 
     /// The value of which metadata `key` has the name; `absent` without the key.
@@ -296,10 +306,18 @@ impl Tensors<'_> {
         })
     }
 
-    fn coordinate(&self, coordinate: &Coordinate) -> Result<Vec<f32>, FormatError> {
-        let values = self.values(coordinate.name, "[n]", |shape| shape.len() == 1)?;
-        coordinate.check(&values).map_err(FormatError::Value)?;
-        Ok(values)
+    /// Values of an axis or the wavelengths. Those of version 1 are in single precision and
+    /// mean the shortest decimals that round to them.
+    fn coordinate(&self, name: &str) -> Result<Vec<f64>, FormatError> {
+        let types = [Dtype::F64, Dtype::F32];
+        let (dtype, data) = self.data(name, &types, "[n]", |shape| shape.len() == 1)?;
+        if dtype == Dtype::F64 {
+            let numbers = data.as_chunks::<8>().0.iter();
+            return Ok(numbers.map(|&bytes| f64::from_le_bytes(bytes)).collect());
+        }
+        let numbers = data.as_chunks::<4>().0.iter();
+        let numbers = numbers.map(|&bytes| f32::from_le_bytes(bytes));
+        Ok(numbers.map(decimal).collect())
     }
 
     /// The number of components of `quantity`, of `l` wavelengths.
@@ -320,7 +338,7 @@ impl Tensors<'_> {
     /// For each of `sizes` grain sizes, how many of the thinnest `thicknesses` have no
     /// curve; empty if all have.
     fn absent(&self, sizes: usize, thicknesses: usize) -> Result<Vec<usize>, FormatError> {
-        if self.header.info(ABSENT).is_none() {
+        if !self.tensors.contains_key(ABSENT) {
             return Ok(Vec::new());
         }
         let expected = format!("[{sizes}]");
@@ -378,7 +396,7 @@ impl Tensors<'_> {
                 let (_, data) = self.data(name, &[Dtype::F16], &expected, fits)?;
                 let numbers = data.as_chunks::<2>().0.iter();
                 numbers
-                    .map(|&bytes| f16::from_le_bytes(bytes).to_f32())
+                    .map(|&bytes| f16_to_f32(u16::from_le_bytes(bytes)))
                     .collect()
             }
             _ => self.values(name, &expected, fits)?,
@@ -409,7 +427,7 @@ impl Tensors<'_> {
         fits: impl Fn(&[usize]) -> bool,
     ) -> Result<(Dtype, &[u8]), FormatError> {
         let missing = || FormatError::Missing(name.to_owned());
-        let info = self.header.info(name).ok_or_else(missing)?;
+        let info = self.tensors.get(name).ok_or_else(missing)?;
         if !types.contains(&info.dtype) || !fits(&info.shape) {
             let types: Vec<_> = types.iter().map(|dtype| format!("{dtype:?}")).collect();
             return Err(FormatError::Tensor {
@@ -422,6 +440,11 @@ impl Tensors<'_> {
         let data = self.data.get(begin..end).ok_or_else(missing)?;
         Ok((info.dtype, data))
     }
+}
+
+/// The shortest decimal that rounds to an f32.
+fn decimal(value: f32) -> f64 {
+    value.to_string().parse().unwrap_or(f64::from(value))
 }
 
 /// A metadata value in a message.

@@ -1,9 +1,9 @@
 //! How well a compact file holds the spectra it was made from.
 use ndarray::ArrayView2;
 
-use super::{Database, LookupError};
+use super::{BandTally, Bands, CurveError, Largest, error_in};
 use crate::colour::Colorimeter;
-use crate::compress::{BandTally, Bands, CurveError, Largest, error_in};
+use crate::lookup::{Database, LookupError};
 use crate::measurement::Quantity;
 use crate::spectrum::Band;
 
@@ -44,20 +44,20 @@ pub fn errors_of(
     curves: ArrayView2<f64>,
     colour: Option<&Colorimeter>,
 ) -> Result<CurveErrors, LookupError> {
-    database.expect(quantity)?;
+    database.require(quantity)?;
     expect("curves", database.curves(), curves.nrows())?;
-    expect("wavelengths", database.wavelengths_nm.len(), curves.ncols())?;
+    expect(
+        "wavelengths",
+        database.wavelengths_nm().len(),
+        curves.ncols(),
+    )?;
     let mut errors = CurveErrors {
         rmse: Vec::with_capacity(curves.nrows()),
         delta_e: colour.map(|_| Vec::with_capacity(curves.nrows())),
         bands: Vec::new(),
     };
-    let nm: Vec<f64> = database
-        .wavelengths_nm
-        .iter()
-        .map(|&nm| nm.into())
-        .collect();
-    let bands = Bands::new(&nm);
+    let nm = database.wavelengths_nm();
+    let bands = Bands::new(nm);
     let mut in_bands = vec![(Vec::new(), BandTally::new()); bands.parts().len()];
     for (row, original) in curves.rows().into_iter().enumerate() {
         if !database.exists(row) {

@@ -1,24 +1,50 @@
-//! Reading a compact file and looking spectra up in it (docs/methods.md): at its
-//! nodes as it stands ([`Database`]), anywhere in its box by our method
-//! ([`Lookup`]) or by the published one ([`Varsa2025`]).
+//! Look-ups in compact snow databases: what a renderer needs.
+//!
+//! A compact file (`snow.safetensors`) holds spectra of transmittance and reflectance on a
+//! lattice of snow parameters. [`Database`] reads it and answers on its nodes, [`Lookup`]
+//! anywhere in its box by our method, [`Varsa2025`] by the published one (docs/methods.md).
+//!
+//! ```no_run
+//! use splitsnow_lookup::{Database, Lookup, Parameter, Point, Quantity};
+//!
+//! # fn main() -> Result<(), splitsnow_lookup::LookupError> {
+//! let database = Database::open("snow.safetensors")?;
+//! let lookup = Lookup::new(&database, Quantity::Transmittance)?;
+//! let mut spectrum = vec![0.0; lookup.wavelengths()];
+//! let point = Point::from([
+//!     (Parameter::Facetness, 0.3),
+//!     (Parameter::GrainSize, 250.0),
+//!     (Parameter::Density, 275.0),
+//!     (Parameter::Thickness, 7.5),
+//!     (Parameter::Incidence, 33.0),
+//! ]);
+//! lookup.spectrum(point, &mut spectrum)?;
+//! # Ok(())
+//! # }
+//! ```
 mod absent;
+mod basis;
 mod conditions;
-mod coordinates;
 mod diffusion;
-mod fidelity;
-mod format;
+pub mod format;
+mod header;
 mod monotone;
 mod nodes;
+pub mod parameter;
+mod precision;
+mod read;
 mod smooth;
 mod varsa2025;
 
 use absent::{Gap, absent, gap};
-pub(crate) use conditions::{exact, spread_beyond};
-pub use coordinates::spread;
-pub use fidelity::{BandErrors, CurveErrors, errors_of};
-pub use format::FormatError;
-pub use nodes::Point;
+pub use basis::Basis;
+pub use format::Substrate;
+pub use parameter::{Axes, Interval, Parameter, Point, Region};
+use precision::f16_to_f32;
+pub use precision::{Precision, dequantised};
+pub use read::FormatError;
 pub use smooth::Lookup;
+pub use splitsnow_spectra::Quantity;
 pub use varsa2025::Varsa2025;
 
 use std::collections::BTreeMap;
@@ -26,12 +52,8 @@ use std::fs::File;
 use std::io::{self, Read};
 use std::path::{Path, PathBuf};
 
-use ndarray::{Array2, ArrayView2};
+use ndarray::{Array2, ArrayView1, ArrayView2};
 use thiserror::Error;
-
-use crate::compress::{AXES, Basis, Precision, add_component};
-use crate::grid::{Axes, ExtraAxis};
-use crate::measurement::Quantity;
 
 /// Why a look-up gave no spectrum.
 #[derive(Debug, Error)]
@@ -60,9 +82,9 @@ pub enum LookupError {
         /// What was asked for.
         value: f64,
         /// First node.
-        first: f32,
+        first: f64,
         /// Last node.
-        last: f32,
+        last: f64,
     },
     /// A coordinate between two nodes.
     #[error(
@@ -74,21 +96,21 @@ pub enum LookupError {
         /// What was asked for.
         value: f64,
         /// The node below.
-        below: f32,
+        below: f64,
         /// The node above.
-        above: f32,
+        above: f64,
     },
-    /// A value that must be told, on an axis beyond the five.
+    /// A value that must be told, on an axis that a database may leave out.
     #[error("the database has an axis {axis}, from {first} to {last}: say where on it")]
     Condition {
         /// Name of the axis.
         axis: &'static str,
         /// First node.
-        first: f32,
+        first: f64,
         /// Last node.
-        last: f32,
+        last: f64,
     },
-    /// A value of an axis beyond the five that the file has not.
+    /// A value on an axis that the file does not have.
     #[error("the database has no axis {axis}: its snow is as it was built; leave it out")]
     NoAxis {
         /// Name of the axis.
@@ -113,9 +135,9 @@ pub enum LookupError {
         /// What was asked for.
         thickness_cm: f64,
         /// Node of the grain size that lacks it.
-        node_um: f32,
+        node_um: f64,
         /// The thinnest node that it has.
-        least_cm: Option<f32>,
+        least_cm: Option<f64>,
     },
     /// A quantity that the file does not hold.
     #[error("the compact file has no {}, it has {} only", missing.name(), there.name())]
@@ -150,13 +172,11 @@ struct Factors {
 /// A compact file in memory, wholly checked.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Database {
-    axes: [Vec<f32>; 5],
+    axes: Axes,
     /// For each grain size, how many of the thinnest thicknesses have no curve; empty if
     /// all have.
     absent: Vec<usize>,
-    /// Slower than the five.
-    extra: BTreeMap<ExtraAxis, Vec<f32>>,
-    wavelengths_nm: Vec<f32>,
+    wavelengths_nm: Vec<f64>,
     curves: usize,
     kind: Basis,
     precision: Precision,
@@ -171,7 +191,8 @@ impl Database {
     ///
     /// # Errors
     /// [`LookupError::Io`] and [`LookupError::Format`].
-    pub fn open(path: &Path) -> Result<Self, LookupError> {
+    pub fn open(path: impl AsRef<Path>) -> Result<Self, LookupError> {
+        let path = path.as_ref();
         let io = |source| LookupError::Io {
             path: path.to_owned(),
             source,
@@ -189,7 +210,7 @@ impl Database {
         // A large file of another kind is refused by its first bytes.
         let mut bytes = Vec::new();
         (&mut file).take(8).read_to_end(&mut bytes).map_err(io)?;
-        format::header_length(&bytes, status.len()).map_err(format)?;
+        read::header_length(&bytes, status.len()).map_err(format)?;
         file.read_to_end(&mut bytes).map_err(io)?;
         Self::from_bytes(&bytes).map_err(format)
     }
@@ -200,7 +221,7 @@ impl Database {
     /// # Errors
     /// See [`FormatError`].
     pub fn from_bytes(bytes: &[u8]) -> Result<Self, FormatError> {
-        format::read(bytes)
+        read::read(bytes)
     }
 
     /// A database of these very curves (`[s, l]`, in single precision), for look-ups
@@ -214,7 +235,6 @@ impl Database {
         transmittance: Option<&Array2<f64>>,
         reflectance: Option<&Array2<f64>>,
     ) -> Self {
-        let single = |values: &[f64]| values.iter().map(|v| *v as f32).collect();
         let factors = |curves: Option<&Array2<f64>>| {
             curves.map_or_else(Factors::default, |curves| Factors {
                 coefficients: curves.mapv(|v| v as f32),
@@ -222,15 +242,10 @@ impl Database {
             })
         };
         Self {
-            curves: (axes.combinations() * axes.shape().iter().product::<u64>()) as usize,
-            extra: axes
-                .extra
-                .iter()
-                .map(|(axis, values)| (*axis, single(values)))
-                .collect(),
-            axes: axes.named().map(|(_, values)| single(values)),
+            curves: axes.count() as usize,
+            axes: axes.clone(),
             absent: Vec::new(),
-            wavelengths_nm: single(wavelengths_nm),
+            wavelengths_nm: wavelengths_nm.to_vec(),
             kind: Basis::Linear,
             precision: Precision::F32,
             transmittance: factors(transmittance),
@@ -260,26 +275,28 @@ impl Database {
     /// Whether curve `row` exists.
     #[must_use]
     pub fn exists(&self, row: usize) -> bool {
-        let [.., thicknesses, angles] = self.axes.each_ref().map(Vec::len);
+        let [.., thicknesses, angles] = self.axes.core_shape();
         let absent = self.absent.get(self.size_of(row)).copied();
         row / angles % thicknesses >= absent.unwrap_or_default()
     }
 
     /// The index of the grain size of curve `row`.
     fn size_of(&self, row: usize) -> usize {
-        let [_, sizes, densities, thicknesses, angles] = self.axes.each_ref().map(Vec::len);
+        let [_, sizes, densities, thicknesses, angles] = self.axes.core_shape();
         row / (angles * thicknesses * densities) % sizes
     }
 
     /// Whether all curves exist that the look-up `smooth` needs for these.
     #[must_use]
     pub fn covers(&self, grain_size_um: f64, thickness_cm: f64) -> bool {
-        let [size, thickness] = [grain_size_um, thickness_cm].map(|v| v as f32);
-        gap(&self.absent, &self.axes, size, thickness).is_none()
+        gap(&self.absent, &self.axes, grain_size_um, thickness_cm).is_none()
     }
 
-    /// [`LookupError::NoQuantity`] unless the file holds `quantity`.
-    fn require(&self, quantity: Quantity) -> Result<(), LookupError> {
+    /// Refuses a quantity that the file does not hold.
+    ///
+    /// # Errors
+    /// [`LookupError::NoQuantity`].
+    pub fn require(&self, quantity: Quantity) -> Result<(), LookupError> {
         if self.has(quantity) {
             return Ok(());
         }
@@ -294,13 +311,13 @@ impl Database {
 
     /// Wavelengths, nm, `[l]`, strictly increasing.
     #[must_use]
-    pub fn wavelengths_nm(&self) -> &[f32] {
+    pub fn wavelengths_nm(&self) -> &[f64] {
         &self.wavelengths_nm
     }
 
-    /// Nodes of the five axes, in the order of [`AXES`], slowest first.
+    /// The axes with their nodes.
     #[must_use]
-    pub fn axes(&self) -> &[Vec<f32>; 5] {
+    pub fn axes(&self) -> &Axes {
         &self.axes
     }
 
@@ -313,7 +330,7 @@ impl Database {
     /// Whether there is nothing but the snow of the axes, over black ground: without
     /// snow, transmittance is then 1 and reflectance 0, and look-ups reach down to a
     /// thickness of 0; otherwise they begin at the first node. The metadata
-    /// `bottom_boundary` says so, by beginning with `black` or by its absence.
+    /// `substrate` says so.
     #[must_use]
     pub fn stands_free(&self) -> bool {
         self.stands_free
@@ -363,48 +380,45 @@ impl Database {
     }
 
     /// The spectrum of `quantity` at a node of the axes, `[l]`. A coordinate is
-    /// on a node within 1e-6 of the node's value (the axes are f32).
+    /// on a node within 1e-6 of the node's value.
     ///
     /// # Errors
     /// [`LookupError::NoQuantity`], [`LookupError::Absent`], and those of
     /// [`Database::row`].
     pub fn spectrum(&self, point: Point, quantity: Quantity) -> Result<Vec<f32>, LookupError> {
-        self.expect(quantity)?;
+        self.require(quantity)?;
         let row = self.row(point)?;
         if !self.exists(row) {
-            return Err(absent(
-                Gap::of(self.size_of(row), &self.absent, &self.axes),
-                point,
-            ));
+            let gap = Gap::of(self.size_of(row), &self.absent, &self.axes);
+            return Err(absent(gap, point));
         }
         Ok(self.curve(row, quantity).unwrap_or_default())
     }
 
-    /// The row of the curve at a node: [`Database::point`] inverted.
+    /// The row of the curve at a node: [`Database::point`] inverted. An axis of one node
+    /// that a database may leave out need not be told.
     ///
     /// # Errors
     /// [`LookupError::Outside`] and [`LookupError::BetweenNodes`];
-    /// [`LookupError::Condition`] if the five axes do not tell the row
-    /// ([`Database::at`]).
+    /// [`LookupError::Condition`] and [`LookupError::NoAxis`] as in [`Database::at`].
     pub fn row(&self, point: Point) -> Result<usize, LookupError> {
-        self.single()?;
+        self.has_axes_of(&point)?;
         let mut row = 0;
-        for ((axis, nodes), value) in AXES.iter().zip(&self.axes).zip(point.coordinates()) {
-            row = row * nodes.len() + nodes::find(axis.name, nodes, value)?;
+        for (parameter, nodes) in self.axes.iter() {
+            let node = match point.get(parameter) {
+                None if parameter.is_optional() && nodes.len() == 1 => 0,
+                None if parameter.is_optional() => return Err(untold(parameter, nodes)),
+                _ => nodes::find(parameter.name(), nodes, point[parameter])?,
+            };
+            row = row * nodes.len() + node;
         }
         Ok(row)
     }
 
-    /// The node of curve `row` on the five axes; `None` beyond the last one.
+    /// The node of curve `row`; `None` beyond the last one.
     #[must_use]
     pub fn point(&self, row: usize) -> Option<Point> {
-        let mut rest = row;
-        let mut coordinates = [0.0; 5];
-        for (coordinate, nodes) in coordinates.iter_mut().zip(&self.axes).rev() {
-            *coordinate = f64::from(*nodes.get(rest % nodes.len())?);
-            rest /= nodes.len();
-        }
-        (row < self.curves).then(|| Point::from_coordinates(coordinates))
+        (row < self.curves).then(|| self.axes.point(row as u64))
     }
 
     /// The spectrum of curve `row`, `[l]`, in the arithmetic in which the error table
@@ -428,22 +442,28 @@ impl Database {
         Some(sum.into_iter().map(value).collect())
     }
 
-    /// Refuses a quantity that is not there.
-    fn expect(&self, quantity: Quantity) -> Result<(), LookupError> {
-        let mut all = Quantity::ALL.into_iter();
-        match all.find(|&other| self.has(other)) {
-            Some(there) if !self.has(quantity) => Err(LookupError::NoQuantity {
-                missing: quantity,
-                there,
-            }),
-            _ => Ok(()),
-        }
-    }
-
     fn factors(&self, quantity: Quantity) -> &Factors {
         match quantity {
             Quantity::Transmittance => &self.transmittance,
             Quantity::Reflectance => &self.reflectance,
         }
+    }
+}
+
+/// Adds one component to a spectrum being rebuilt. Products of two f32 are exact
+/// in f64; components are added in order, so that the errors of a table and of a
+/// reader agree to the last bit.
+pub fn add_component(sum: &mut [f64], coefficient: f32, vector: ArrayView1<f32>) {
+    for (sum, &v) in sum.iter_mut().zip(vector) {
+        *sum += f64::from(coefficient) * f64::from(v);
+    }
+}
+
+/// The error of a point that does not say where on an axis of several nodes.
+fn untold(parameter: Parameter, nodes: &[f64]) -> LookupError {
+    LookupError::Condition {
+        axis: parameter.name(),
+        first: nodes.first().copied().unwrap_or(f64::NAN),
+        last: nodes.last().copied().unwrap_or(f64::NAN),
     }
 }

@@ -9,11 +9,10 @@
 //! thickness may be dropped, it is 0 at 0 cm and stays beyond the last node.
 //!
 //! The spline rings between its knots and can leave [0, 1]: nothing is mended.
-use nalgebra::{DMatrix, DVector};
+use ndarray::Array2;
+use splitsnow_spectra::Quantity;
 
-use super::{Database, Gap, LookupError, Point, absent, nodes};
-use crate::compress::AXES;
-use crate::measurement::Quantity;
+use crate::{Database, Gap, LookupError, Parameter, Point, absent, nodes};
 
 /// Where nothing is transmitted any more, cm.
 const BLACK_CM: f64 = 100.0;
@@ -26,7 +25,7 @@ pub struct Varsa2025<'a> {
     /// Thicknesses of the knots, cm; the first is 0.
     knots_cm: Vec<f64>,
     /// Second derivatives at the knots per value at the knots.
-    bending: DMatrix<f64>,
+    bending: Array2<f64>,
 }
 
 impl<'a> Varsa2025<'a> {
@@ -39,7 +38,7 @@ impl<'a> Varsa2025<'a> {
         database.require(quantity)?;
         database.single()?;
         let mut knots_cm = vec![0.0];
-        knots_cm.extend(database.axes()[3].iter().map(|h| f64::from(*h)));
+        knots_cm.extend(database.axes().values(Parameter::Thickness));
         let thickest = knots_cm[knots_cm.len() - 1];
         if quantity == Quantity::Transmittance && thickest < BLACK_CM {
             knots_cm.push(BLACK_CM);
@@ -60,48 +59,53 @@ impl<'a> Varsa2025<'a> {
     /// and [`LookupError::Absent`] for snow of which a thickness does not exist.
     pub fn spectrum(&self, point: Point) -> Result<Vec<f32>, LookupError> {
         let axes = self.database.axes();
-        let coordinates = point.coordinates();
         let mut snow = 0;
-        for axis in 0..3 {
-            let node = nodes::find(AXES[axis].name, &axes[axis], coordinates[axis])?;
-            snow = snow * axes[axis].len() + node;
+        for parameter in [
+            Parameter::Facetness,
+            Parameter::GrainSize,
+            Parameter::Density,
+        ] {
+            let nodes = axes.values(parameter);
+            let node = nodes::find(parameter.name(), nodes, point[parameter])?;
+            snow = snow * nodes.len() + node;
         }
-        let size = snow / axes[2].len() % axes[1].len();
+        let [_, sizes, densities, ..] = axes.core_shape();
+        let size = snow / densities % sizes;
         // the spline passes through all thicknesses
         if self.database.absent().get(size).is_some_and(|n| *n > 0) {
             return Err(absent(Gap::of(size, self.database.absent(), axes), point));
         }
-        let outside = |axis: usize, first, last| LookupError::Outside {
-            axis: AXES[axis].name,
-            value: coordinates[axis],
+        let outside = |parameter: Parameter, first, last| LookupError::Outside {
+            axis: parameter.name(),
+            value: point[parameter],
             first,
             last,
         };
-        let (h, angle) = (point.thickness_cm, point.angle_deg);
+        let (h, angle) = (point[Parameter::Thickness], point[Parameter::Incidence]);
         let thinnest = match self.database.stands_free() {
             true => 0.0,
-            false => axes[3][0],
+            false => axes.values(Parameter::Thickness)[0],
         };
-        if !(f64::from(thinnest)..=f64::MAX).contains(&h) {
-            return Err(outside(3, thinnest, f32::INFINITY));
+        if !(thinnest..=f64::MAX).contains(&h) {
+            return Err(outside(Parameter::Thickness, thinnest, f64::INFINITY));
         }
-        let angles = &axes[4];
-        if !(f64::from(angles[0])..90.0).contains(&angle) {
-            return Err(outside(4, angles[0], 90.0));
+        let angles = axes.values(Parameter::Incidence);
+        if !(angles[0]..90.0).contains(&angle) {
+            return Err(outside(Parameter::Incidence, angles[0], 90.0));
         }
         let mut spectrum = vec![0.0; self.database.wavelengths_nm().len()];
         let last = self.knots_cm[self.knots_cm.len() - 1];
         let dark = h >= last && self.quantity == Quantity::Transmittance;
-        let above = angles.partition_point(|node| f64::from(*node) <= angle);
-        let ends = f64::from(angles[angles.len() - 1]);
+        let above = angles.partition_point(|node| *node <= angle);
+        let ends = angles[angles.len() - 1];
         if dark || angle > ends {
             return Ok(vec![0.0; spectrum.len()]);
         }
         let weights = self.weights(h.min(last));
         let (lower, upper) = (above - 1, above.min(angles.len() - 1));
-        let step = f64::from(angles[upper] - angles[lower]);
+        let step = angles[upper] - angles[lower];
         let share = if step > 0.0 {
-            (angle - f64::from(angles[lower])) / step
+            (angle - angles[lower]) / step
         } else {
             0.0
         };
@@ -117,7 +121,7 @@ impl<'a> Varsa2025<'a> {
 
     /// The curve at a knot.
     fn knot(&self, snow: usize, knot: usize, angle: usize) -> Vec<f32> {
-        let [.., n_h, n_a] = self.database.axes().each_ref().map(Vec::len);
+        let [.., n_h, n_a] = self.database.axes().core_shape();
         let row = (snow * n_h + knot.max(1) - 1) * n_a + angle;
         let edge = match self.quantity {
             Quantity::Transmittance => 1.0,
@@ -140,7 +144,7 @@ impl<'a> Varsa2025<'a> {
         let bend = |t: f64| (t * t * t - t) * step * step / 6.0;
         let weight = |knot: usize| {
             let line = a * f64::from(knot == cell) + b * f64::from(knot == cell + 1);
-            line + bend(a) * self.bending[(cell, knot)] + bend(b) * self.bending[(cell + 1, knot)]
+            line + bend(a) * self.bending[[cell, knot]] + bend(b) * self.bending[[cell + 1, knot]]
         };
         (0..x.len()).map(weight).collect()
     }
@@ -148,37 +152,53 @@ impl<'a> Varsa2025<'a> {
 
 /// Second derivatives of the natural spline through knots at `x`: a matrix that
 /// takes the values at the knots to them.
-fn bending(x: &[f64]) -> DMatrix<f64> {
+fn bending(x: &[f64]) -> Array2<f64> {
     let n = x.len();
-    let (mut left, mut right) = (DMatrix::identity(n, n), DMatrix::zeros(n, n));
+    // rows of a tridiagonal system, which is diagonally dominant, eliminated downward
+    let (mut over, mut right) = (vec![0.0; n], Array2::zeros((n, n)));
     for i in 1..n - 1 {
         let (before, after) = (x[i] - x[i - 1], x[i + 1] - x[i]);
-        left[(i, i - 1)] = before / 6.0;
-        left[(i, i)] = (before + after) / 3.0;
-        left[(i, i + 1)] = after / 6.0;
-        right[(i, i - 1)] = 1.0 / before;
-        right[(i, i)] = -1.0 / before - 1.0 / after;
-        right[(i, i + 1)] = 1.0 / after;
+        right[[i, i - 1]] = 1.0 / before;
+        right[[i, i]] = -1.0 / before - 1.0 / after;
+        right[[i, i + 1]] = 1.0 / after;
+        let pivot = (before + after) / 3.0 - before / 6.0 * over[i - 1];
+        over[i] = after / 6.0 / pivot;
+        for j in 0..n {
+            right[[i, j]] = (right[[i, j]] - before / 6.0 * right[[i - 1, j]]) / pivot;
+        }
     }
-    let solved = left.lu().solve(&right);
-    // diagonally dominant: never singular
-    solved.unwrap_or_else(|| DMatrix::from_diagonal(&DVector::zeros(n)))
+    for i in (1..n - 1).rev() {
+        for j in 0..n {
+            right[[i, j]] -= over[i] * right[[i + 1, j]];
+        }
+    }
+    right
 }
 
 #[cfg(test)]
 mod tests {
+    use ndarray::Array1;
+
     use super::*;
 
     #[test]
     fn natural_spline_by_hand() {
         // Knots 0, 1, 2 with values 0, 1, 0: second derivatives 0, -3, 0.
-        let bending = bending(&[0.0, 1.0, 2.0]);
-        let second = &bending * DVector::from_vec(vec![0.0, 1.0, 0.0]);
+        let second = bending(&[0.0, 1.0, 2.0]).dot(&Array1::from(vec![0.0, 1.0, 0.0]));
         assert!((second[1] + 3.0).abs() < 1e-12 && second[0] == 0.0 && second[2] == 0.0);
         // A straight line does not bend.
         let x = [0.0, 1.0, 1.5, 7.0, 100.0];
-        let bending = super::bending(&x);
-        let line = &bending * DVector::from_iterator(5, x.iter().map(|x| 2.0 - x));
-        assert!(line.amax() < 1e-12, "{line}");
+        let line = bending(&x).dot(&Array1::from_iter(x.iter().map(|x| 2.0 - x)));
+        assert!(line.iter().all(|bend| bend.abs() < 1e-12), "{line}");
+        // The equations of the spline hold at the inner knots.
+        let y = Array1::from(vec![0.3, -1.0, 2.0, 0.5, 4.0]);
+        let m = bending(&x).dot(&y);
+        for i in 1..4 {
+            let (before, after) = (x[i] - x[i - 1], x[i + 1] - x[i]);
+            let left =
+                before / 6.0 * m[i - 1] + (before + after) / 3.0 * m[i] + after / 6.0 * m[i + 1];
+            let right = (y[i + 1] - y[i]) / after - (y[i] - y[i - 1]) / before;
+            assert!((left - right).abs() < 1e-12, "{left} {right}");
+        }
     }
 }

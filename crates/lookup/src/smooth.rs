@@ -1,7 +1,8 @@
 //! Look-up anywhere in the box of the axes, in variables in which snow is smooth.
 //!
 //! What is interpolated is y = -ln T, and -ln(1 - R) for reflectance: both 0 at
-//! thickness 0 and growing with it. In the coordinates of [`super::coordinates`],
+//! thickness 0 and growing with it. In the coordinates of
+//! [`crate::parameter`],
 //!
 //! - along the thickness y is a monotone cubic (Hermite, slopes by parabolas
 //!   through three nodes, limited to three times the smaller secant beside a
@@ -19,18 +20,19 @@
 //! as many multiplications as a few components need. Of a file with plain
 //! spectra (`linear`) they are kept per wavelength.
 use ndarray::ArrayView1;
+use splitsnow_spectra::Quantity;
+use splitsnow_spectra::elementary::exp_neg_single as exp_neg;
 use wide::f32x8;
 
-use super::coordinates::{smooth, thickness_slope};
-use super::diffusion::Diffusion;
-use super::monotone::{share, slope};
-use super::{Database, LookupError, Point, absent, gap, nodes};
-use crate::compress::{AXES, Basis};
-use crate::elementary::exp_neg_single as exp_neg;
-use crate::measurement::Quantity;
+use crate::diffusion::Diffusion;
+use crate::monotone::{share, slope};
+use crate::parameter::{core_places, thickness_slope};
+use crate::{Axes, Basis, Database, LookupError, Parameter, Point, absent, gap, nodes};
 
-/// Axis of the thickness.
+/// Position of the thickness among [`Parameter::CORE`].
 const THICKNESS: usize = 3;
+/// Position of the incidence.
+const INCIDENCE: usize = 4;
 /// Nodes before the first thickness, in parts of it, of a file that stands free.
 const THIN: [f32; 7] = [0.0, 0.015625, 0.03125, 0.0625, 0.125, 0.25, 0.5];
 /// Largest y that spectra of a `linear` file are taken for: what is darker is
@@ -49,8 +51,10 @@ const BLOCK: usize = 8;
 #[derive(Debug, Clone)]
 pub struct Lookup {
     quantity: Quantity,
-    /// Values of the axes as in the file.
-    axes: [Vec<f32>; 5],
+    /// Those of [`Parameter::CORE`], as in the file.
+    axes: Axes,
+    /// Their values in single precision.
+    values: [Vec<f32>; 5],
     /// Their coordinates; those of the thickness begin with [`THIN`], if it stands free.
     places: [Vec<f32>; 5],
     /// Curves that do not exist, as [`Database::absent`].
@@ -93,8 +97,11 @@ impl Lookup {
         database.require(quantity)?;
         database.single()?;
         let axes = database.axes().clone();
+        let values = Parameter::CORE
+            .map(|parameter| axes.values(parameter).iter().map(|v| *v as f32).collect());
+        let values: [Vec<f32>; 5] = values;
         let mut places: [Vec<f32>; 5] = Default::default();
-        for (axis, (places, values)) in places.iter_mut().zip(&axes).enumerate() {
+        for (axis, (places, values)) in places.iter_mut().zip(&values).enumerate() {
             let thin = THIN.map(|part| part * values[0]);
             // a thickness alone needs a second node
             let downward = database.stands_free() || values.len() == 1;
@@ -102,7 +109,7 @@ impl Lookup {
             let place = |value| {
                 let mut point = [0.0, 1.0, 1.0, 0.0, 0.0];
                 point[axis] = value;
-                smooth(point)[axis]
+                core_places(point)[axis]
             };
             let values = thin.chain(values.iter().copied());
             *places = values.map(place).collect();
@@ -112,7 +119,7 @@ impl Lookup {
         let logarithmic = database.basis_kind() == Basis::Log;
         let depth = if logarithmic { components } else { wavelengths };
         let width = depth.div_ceil(LANES);
-        let nodes = database.curves() / axes[THICKNESS].len() * places[THICKNESS].len();
+        let nodes = database.curves() / values[THICKNESS].len() * places[THICKNESS].len();
         let bytes = (nodes as u128) * (width * size_of::<f32x8>()) as u128;
         if bytes > MOST_BYTES {
             return Err(LookupError::TooLarge { bytes });
@@ -120,6 +127,7 @@ impl Lookup {
         let mut lookup = Self {
             quantity,
             axes,
+            values,
             places,
             absent: database.absent().to_vec(),
             width,
@@ -169,11 +177,11 @@ impl Lookup {
         }
         let values = self.inside(point).ok_or_else(|| self.outside(point))?;
         if !self.absent.is_empty()
-            && let Some(gap) = gap(&self.absent, &self.axes, values[1], values[THICKNESS])
+            && let Some(gap) = self.gap(values[1], values[THICKNESS])
         {
             return Err(absent(gap, point));
         }
-        let places = smooth(values);
+        let places = core_places(values);
         let x = &self.places[THICKNESS];
         if places[THICKNESS] <= x[x.len() - 1] {
             let (corners, cell) = self.corners(places);
@@ -181,37 +189,29 @@ impl Lookup {
             let step = x[cell + 1] - x[cell];
             self.depths(&corners, hermite(t, step), spectrum);
         } else {
-            self.depths_beyond(places, point.thickness_cm as f32, spectrum);
+            self.depths_beyond(places, point[Parameter::Thickness] as f32, spectrum);
         }
         self.leave(spectrum);
         Ok(())
     }
 
-    /// The same for one snow: its curves at all thicknesses and angles, of which
-    /// a renderer asks many. Answers are the same to rounding, and quicker.
+    /// The same for one `snow` (its thickness and angle, if any, are not looked at): its
+    /// curves at all thicknesses and angles, of which a renderer asks many. Answers are the same to rounding, and quicker.
     ///
     /// # Errors
     /// [`LookupError::Outside`].
-    pub fn material(
-        &self,
-        facetness: f64,
-        grain_size_um: f64,
-        density_kg_m3: f64,
-    ) -> Result<Self, LookupError> {
-        let point = Point {
-            facetness,
-            grain_size_um,
-            density_kg_m3,
-            thickness_cm: f64::from(self.axes[THICKNESS][0]),
-            angle_deg: f64::from(self.axes[4][0]),
-        };
+    pub fn material(&self, snow: Point) -> Result<Self, LookupError> {
+        let point = snow
+            .with(Parameter::Thickness, f64::from(self.values[THICKNESS][0]))
+            .with(Parameter::Incidence, f64::from(self.values[INCIDENCE][0]));
         let values = self.inside(point).ok_or_else(|| self.outside(point))?;
-        let places = smooth(values);
+        let places = core_places(values);
         let (corners, _) = self.corners(places);
-        let column = self.places[THICKNESS].len() * self.axes[4].len() * self.width;
+        let column = self.places[THICKNESS].len() * self.values[INCIDENCE].len() * self.width;
         let mut table = vec![f32x8::ZERO; column];
         let mut material = Self {
             axes: self.axes.clone(),
+            values: self.values.clone(),
             places: self.places.clone(),
             table: Vec::new(),
             basis: self.basis.clone(),
@@ -225,16 +225,27 @@ impl Lookup {
         }
         material.table = table;
         for axis in 0..THICKNESS {
-            material.axes[axis] = vec![values[axis]];
+            let value = f64::from(values[axis]);
+            material.axes.set(Parameter::CORE[axis], vec![value]);
+            material.values[axis] = vec![values[axis]];
             material.places[axis] = vec![places[axis]];
         }
         Ok(material)
     }
 
+    fn gap(&self, grain_size_um: f32, thickness_cm: f32) -> Option<crate::Gap> {
+        gap(
+            &self.absent,
+            &self.axes,
+            f64::from(grain_size_um),
+            f64::from(thickness_cm),
+        )
+    }
+
     /// [`Lookup::absent`] of a grain size alone: that of the nodes around it.
     fn absent_between(&self, grain_size_um: f32) -> Vec<usize> {
-        let missing = |cm: &&f32| gap(&self.absent, &self.axes, grain_size_um, **cm).is_some();
-        let thinnest = self.axes[THICKNESS].iter().take_while(missing).count();
+        let missing = |cm: &&f32| self.gap(grain_size_um, **cm).is_some();
+        let thinnest = self.values[THICKNESS].iter().take_while(missing).count();
         if thinnest > 0 {
             vec![thinnest]
         } else {
@@ -244,7 +255,7 @@ impl Lookup {
 
     /// Fills the table, column by column, with `depth` components.
     fn fill(&mut self, database: &Database, depth: usize) {
-        let [n_f, n_g, n_d, n_h, n_a] = self.axes.each_ref().map(Vec::len);
+        let [n_f, n_g, n_d, n_h, n_a] = self.values.each_ref().map(Vec::len);
         let thin = self.thin();
         let rows = thin + n_h;
         let mut table = vec![f32x8::ZERO; n_f * n_g * n_d * rows * n_a * self.width];
@@ -299,12 +310,12 @@ impl Lookup {
 
     /// Number of nodes before the first thickness.
     fn thin(&self) -> usize {
-        self.places[THICKNESS].len() - self.axes[THICKNESS].len()
+        self.places[THICKNESS].len() - self.values[THICKNESS].len()
     }
 
     /// The nodes before the first thickness of a column.
     fn fill_thin(&self, y: &mut [Vec<f32>]) {
-        let first_cm = self.axes[THICKNESS][0];
+        let first_cm = self.values[THICKNESS][0];
         let (thin, nodes) = y.split_at_mut(THIN.len());
         let x = &self.places[THICKNESS][THIN.len()..];
         thin.iter_mut().for_each(|y| y.fill(0.0));
@@ -399,7 +410,7 @@ impl Lookup {
 
     /// The values that axis `axis` answers.
     fn range(&self, axis: usize) -> [f32; 2] {
-        let nodes = &self.axes[axis];
+        let nodes = &self.values[axis];
         match (axis, nodes.len()) {
             (THICKNESS, 2..) if self.thin() == 0 => [nodes[0], f32::MAX],
             (THICKNESS, 2..) => [0.0, f32::MAX],
@@ -407,15 +418,25 @@ impl Lookup {
         }
     }
 
+    /// An end of an axis as the file has it.
+    fn end(&self, axis: usize, value: f32) -> f64 {
+        let nodes = self.axes.values(Parameter::CORE[axis]).iter();
+        let mut same = nodes.filter(|node| **node as f32 == value);
+        same.next().copied().unwrap_or(f64::from(value))
+    }
+
     /// The coordinates of `point`, moved onto the box where they are on its edge.
     #[inline(always)]
     fn inside(&self, point: Point) -> Option<[f32; 5]> {
-        let asked = point.coordinates();
+        let asked = point.core();
         let mut values = asked.map(|v| v as f32);
         for (axis, value) in values.iter_mut().enumerate() {
             let [first, last] = self.range(axis);
             if !(first..=last).contains(value) {
-                if ![first, last].iter().any(|end| nodes::on(*end, asked[axis])) {
+                if ![first, last]
+                    .iter()
+                    .any(|end| nodes::on(f64::from(*end), asked[axis]))
+                {
                     return None;
                 }
                 *value = value.clamp(first, last);
@@ -427,22 +448,26 @@ impl Lookup {
     /// What is wrong with a point that is not inside.
     #[cold]
     fn outside(&self, point: Point) -> LookupError {
-        let asked = point.coordinates();
+        let asked = point.core();
         let wrong = |axis: &usize| {
             let [first, last] = self.range(*axis);
             let value = asked[*axis];
             !((first..=last).contains(&(value as f32))
-                || nodes::on(first, value)
-                || nodes::on(last, value))
+                || nodes::on(f64::from(first), value)
+                || nodes::on(f64::from(last), value))
         };
         let axis = (0..5).find(wrong).unwrap_or_default();
         let [first, last] = self.range(axis);
         let any = last == f32::MAX;
         LookupError::Outside {
-            axis: AXES[axis].name,
+            axis: Parameter::CORE[axis].name(),
             value: asked[axis],
-            first,
-            last: if any { f32::INFINITY } else { last },
+            first: self.end(axis, first),
+            last: if any {
+                f64::INFINITY
+            } else {
+                self.end(axis, last)
+            },
         }
     }
 
@@ -499,7 +524,7 @@ impl Lookup {
     /// The same per component.
     #[inline(always)]
     fn sums(&self, corners: &Corners, [lower, upper]: [f32x8; 2], sums: &mut [f32]) {
-        let above = self.axes[4].len() * self.width;
+        let above = self.values[INCIDENCE].len() * self.width;
         if self.width == 1 {
             // one vector, the usual case of a fitted file, needs no room in memory
             let mut sum = [f32x8::ZERO; 2];
@@ -550,7 +575,7 @@ impl Lookup {
         let mut slopes = before.clone();
         self.depths(&corners, [value, zero], &mut before);
         self.depths(&corners, [zero, slope], &mut slopes);
-        let nodes = &self.axes[THICKNESS];
+        let nodes = &self.values[THICKNESS];
         let last_cm = nodes[nodes.len() - 1];
         let step_cm = last_cm - nodes[nodes.len() - 2];
         for ((y, before), slope) in spectrum.iter_mut().zip(before).zip(slopes) {

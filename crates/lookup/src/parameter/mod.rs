@@ -1,0 +1,405 @@
+//! What the axes of a database are: one record for each parameter.
+//!
+//! Everything that knows an axis takes it from here: the keys of configs and their limits,
+//! the attributes of Zarr and NetCDF files, the tensors of the compact file, the options
+//! of the command line, the coordinates of look-ups. A new axis is one variant with its
+//! record, and what it does to the snow (`Fixed::at` of the root crate).
+mod axes;
+mod point;
+mod scale;
+
+pub use axes::{Axes, Region};
+pub use point::Point;
+pub use scale::Scale;
+pub(crate) use scale::{core_places, thickness_slope};
+
+/// What an axis is of. In storage order, slowest first.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Hash)]
+#[non_exhaustive]
+pub enum Parameter {
+    /// Mass of black carbon per mass of snow.
+    BlackCarbon,
+    /// Share of the pore space that is water.
+    WaterSaturation,
+    /// Temperature of the snow.
+    Temperature,
+    /// Mean sphericity of the grains.
+    Sphericity,
+    /// Lambertian reflectance of the substrate, the same at all wavelengths.
+    SubstrateReflectance,
+    /// Mean facetness of the grains.
+    Facetness,
+    /// Mean length of the grains' major axis.
+    GrainSize,
+    /// Density of the dry snow.
+    Density,
+    /// Thickness of the slab.
+    Thickness,
+    /// Polar angle of incidence.
+    Incidence,
+}
+
+/// What a parameter does in a simulation.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Role {
+    /// It says what the snow is, or lies on.
+    Snow,
+    /// The thickness of the slab: most engines compute all of them at once.
+    Thickness,
+    /// The direction of light: some engines compute all of them at once.
+    Incidence,
+}
+
+/// The values from `min` to `max`; an end that is `open` is not one of them.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Interval {
+    /// Least value.
+    pub min: f64,
+    /// Largest value.
+    pub max: f64,
+    /// Whether the ends themselves are left out.
+    pub open: [bool; 2],
+}
+
+/// All there is to know of a parameter as an axis.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Record {
+    /// Name in files, with the unit as suffix.
+    pub name: &'static str,
+    /// The same on the command line.
+    pub option: &'static str,
+    /// What people call it.
+    pub label: &'static str,
+    /// Symbol in formulas.
+    pub symbol: &'static str,
+    /// Unit as UDUNITS spells it; "1" for a pure number.
+    pub unit: &'static str,
+    /// What it is, in a few words.
+    pub long_name: &'static str,
+    /// Values that a database may have.
+    pub physical: Interval,
+    /// Values that a config may have.
+    pub allowed: Interval,
+    /// Values that a config has without a warning.
+    pub ordinary: Interval,
+    /// Coordinate in which -ln T is nearly straight.
+    pub scale: Scale,
+    /// Most nodes that are tried when a database is tailored to a scene.
+    pub candidates: usize,
+    /// What it does in a simulation.
+    pub role: Role,
+    /// Whether a database may leave it out.
+    pub optional: bool,
+}
+
+const fn closed(min: f64, max: f64) -> Interval {
+    Interval {
+        min,
+        max,
+        open: [false, false],
+    }
+}
+
+const fn above(min: f64, max: f64) -> Interval {
+    Interval {
+        min,
+        max,
+        open: [true, false],
+    }
+}
+
+impl Parameter {
+    /// How many there are.
+    pub const COUNT: usize = 10;
+
+    /// All, in storage order.
+    pub const ALL: [Self; Self::COUNT] = [
+        Self::BlackCarbon,
+        Self::WaterSaturation,
+        Self::Temperature,
+        Self::Sphericity,
+        Self::SubstrateReflectance,
+        Self::Facetness,
+        Self::GrainSize,
+        Self::Density,
+        Self::Thickness,
+        Self::Incidence,
+    ];
+
+    /// Those that every database has, in storage order.
+    pub const CORE: [Self; 5] = [
+        Self::Facetness,
+        Self::GrainSize,
+        Self::Density,
+        Self::Thickness,
+        Self::Incidence,
+    ];
+
+    /// Its record. Ordinary and allowed ranges are those of docs/methods.md.
+    #[must_use]
+    pub const fn record(self) -> Record {
+        match self {
+            Self::BlackCarbon => Record {
+                name: "black_carbon_ng_g",
+                option: "black-carbon-ng-g",
+                label: "black carbon",
+                symbol: "C",
+                unit: "ng g-1",
+                long_name: "mass of black carbon per mass of snow",
+                physical: closed(0.0, 1e9),
+                allowed: closed(0.0, 1e9),
+                ordinary: closed(0.0, 1e9),
+                // 20 ng/g absorb in the visible about as much as clean ice
+                scale: Scale::Root(20.0),
+                candidates: 6,
+                role: Role::Snow,
+                optional: true,
+            },
+            Self::WaterSaturation => Record {
+                name: "water_saturation",
+                option: "water-saturation",
+                label: "water saturation",
+                symbol: "S",
+                unit: "1",
+                long_name: "share of the pore space that is water",
+                physical: closed(0.0, 0.5),
+                allowed: closed(0.0, 0.5),
+                ordinary: closed(0.0, 0.5),
+                scale: Scale::Complement(1.0),
+                candidates: 6,
+                role: Role::Snow,
+                optional: true,
+            },
+            Self::Temperature => Record {
+                name: "temperature_c",
+                option: "temperature-c",
+                label: "temperature",
+                symbol: "T",
+                unit: "degC",
+                long_name: "temperature of the snow",
+                physical: closed(-40.0, 0.0),
+                allowed: closed(-40.0, 0.0),
+                ordinary: closed(-40.0, 0.0),
+                scale: Scale::Linear,
+                candidates: 6,
+                role: Role::Snow,
+                optional: true,
+            },
+            Self::Sphericity => Record {
+                name: "sphericity",
+                option: "sphericity",
+                label: "sphericity",
+                symbol: "Psi",
+                unit: "1",
+                long_name: "mean sphericity of the grains",
+                physical: above(0.0, 1.0),
+                allowed: above(0.0, 1.0),
+                ordinary: above(0.0, 1.0),
+                scale: Scale::Log,
+                candidates: 6,
+                role: Role::Snow,
+                optional: true,
+            },
+            Self::SubstrateReflectance => Record {
+                name: "substrate_reflectance",
+                option: "substrate-reflectance",
+                label: "substrate reflectance",
+                symbol: "rho",
+                unit: "1",
+                long_name: "Lambertian reflectance of the substrate",
+                physical: closed(0.0, 1.0),
+                allowed: closed(0.0, 1.0),
+                ordinary: closed(0.0, 1.0),
+                // .95: the reflectance of the snow above, for light back and forth
+                scale: Scale::Complement(0.95),
+                candidates: 6,
+                role: Role::Snow,
+                optional: true,
+            },
+            Self::Facetness => Record {
+                name: "facetness",
+                option: "facetness",
+                label: "facetness",
+                symbol: "F",
+                unit: "1",
+                long_name: "mean facetness of the grains",
+                physical: closed(0.0, 1.0),
+                allowed: closed(0.0, 1.0),
+                ordinary: closed(0.0, 1.0),
+                scale: Scale::Saturating(0.18),
+                candidates: 7,
+                role: Role::Snow,
+                optional: false,
+            },
+            Self::GrainSize => Record {
+                name: "grain_size_um",
+                option: "grain-size-um",
+                label: "grain size",
+                symbol: "s",
+                unit: "um",
+                long_name: "mean length of the grains' major axis",
+                physical: above(0.0, 1e6),
+                allowed: closed(10.0, 6000.0),
+                ordinary: closed(50.0, 3000.0),
+                scale: Scale::Log,
+                candidates: 9,
+                role: Role::Snow,
+                optional: false,
+            },
+            Self::Density => Record {
+                name: "density_kg_m3",
+                option: "density-kg-m3",
+                label: "density",
+                symbol: "D",
+                unit: "kg m-3",
+                long_name: "density of the dry snow",
+                physical: Interval {
+                    min: 0.0,
+                    max: 1000.0,
+                    open: [true, true],
+                },
+                allowed: closed(50.0, 550.0),
+                ordinary: closed(50.0, 450.0),
+                scale: Scale::Log,
+                candidates: 4,
+                role: Role::Snow,
+                optional: false,
+            },
+            Self::Thickness => Record {
+                name: "thickness_cm",
+                option: "thickness-cm",
+                label: "thickness",
+                symbol: "h",
+                unit: "cm",
+                long_name: "thickness of the slab",
+                physical: above(0.0, 1e6),
+                allowed: above(0.0, 10_000.0),
+                ordinary: closed(1.0, 100.0),
+                scale: Scale::Shifted(0.5),
+                candidates: 17,
+                role: Role::Thickness,
+                optional: false,
+            },
+            Self::Incidence => Record {
+                name: "angle_deg",
+                option: "angle-deg",
+                label: "angle",
+                symbol: "theta",
+                unit: "degree",
+                long_name: "polar angle of incidence from the surface normal",
+                physical: Interval {
+                    min: 0.0,
+                    max: 90.0,
+                    open: [false, true],
+                },
+                allowed: Interval {
+                    min: 0.0,
+                    max: 90.0,
+                    open: [false, true],
+                },
+                ordinary: Interval {
+                    min: 0.0,
+                    max: 90.0,
+                    open: [false, true],
+                },
+                scale: Scale::Grazing([0.4, 0.02]),
+                candidates: 13,
+                role: Role::Incidence,
+                optional: false,
+            },
+        }
+    }
+
+    /// Name in files, with the unit as suffix.
+    #[must_use]
+    pub const fn name(self) -> &'static str {
+        self.record().name
+    }
+
+    /// The parameter of this name.
+    #[must_use]
+    pub fn named(name: &str) -> Option<Self> {
+        Self::ALL.into_iter().find(|axis| axis.name() == name)
+    }
+
+    /// Unit as UDUNITS spells it; "1" for a pure number.
+    #[must_use]
+    pub const fn unit(self) -> &'static str {
+        self.record().unit
+    }
+
+    /// Whether a database may leave it out.
+    #[must_use]
+    pub const fn is_optional(self) -> bool {
+        self.record().optional
+    }
+
+    /// Position among [`Parameter::ALL`].
+    const fn index(self) -> usize {
+        self as usize
+    }
+}
+
+impl Interval {
+    /// Whether `value` is one of them.
+    #[must_use]
+    pub fn contains(&self, value: f64) -> bool {
+        let [open_min, open_max] = self.open;
+        (self.min..=self.max).contains(&value)
+            && !(open_min && value == self.min)
+            && !(open_max && value == self.max)
+    }
+}
+
+/// In words, for messages.
+impl std::fmt::Display for Interval {
+    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        let Self { min, max, open } = self;
+        match open {
+            [false, false] => write!(f, "{min} to {max}"),
+            [true, false] => write!(f, "above {min} and at most {max}"),
+            [false, true] => write!(f, "at least {min} and below {max}"),
+            [true, true] => write!(f, "above {min} and below {max}"),
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn records_hold_together() {
+        for (i, parameter) in Parameter::ALL.into_iter().enumerate() {
+            let record = parameter.record();
+            assert_eq!(parameter.index(), i);
+            assert_eq!(Parameter::named(record.name), Some(parameter));
+            assert_eq!(record.option, record.name.replace('_', "-"));
+            assert_eq!(record.optional, !Parameter::CORE.contains(&parameter));
+            for (inner, outer) in [
+                (record.ordinary, record.allowed),
+                (record.allowed, record.physical),
+            ] {
+                assert!(
+                    outer.min <= inner.min && inner.max <= outer.max,
+                    "{record:?}"
+                );
+            }
+        }
+        assert!(Parameter::ALL.is_sorted());
+        for role in [Role::Thickness, Role::Incidence] {
+            let has = |parameter: &Parameter| parameter.record().role == role;
+            assert_eq!(Parameter::ALL.into_iter().filter(has).count(), 1);
+        }
+    }
+
+    #[test]
+    fn open_ends_are_outside() {
+        let angles = Parameter::Incidence.record().physical;
+        assert!(angles.contains(0.0) && angles.contains(89.9) && !angles.contains(90.0));
+        let sizes = Parameter::GrainSize.record().physical;
+        assert!(!sizes.contains(0.0) && sizes.contains(1e6) && !sizes.contains(f64::NAN));
+        assert_eq!(angles.to_string(), "at least 0 and below 90");
+        assert_eq!(sizes.to_string(), "above 0 and at most 1000000");
+    }
+}

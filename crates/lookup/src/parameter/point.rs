@@ -1,0 +1,148 @@
+//! A place in parameter space.
+use std::fmt;
+use std::ops::Index;
+
+use super::Parameter;
+
+/// A value of some parameters, in their units. A parameter that has no value reads as NaN.
+///
+/// ```
+/// use splitsnow_lookup::{Parameter, Point};
+///
+/// let point = Point::from([(Parameter::Facetness, 0.3), (Parameter::Density, 275.0)]);
+/// assert_eq!(point[Parameter::Density], 275.0);
+/// assert_eq!(point.get(Parameter::Thickness), None);
+/// assert_eq!(point.to_string(), "facetness 0.3, density 275 kg m-3");
+/// ```
+#[derive(Clone, Copy)]
+pub struct Point([f64; Parameter::COUNT]);
+
+impl Point {
+    /// Of the values of [`Parameter::CORE`].
+    #[must_use]
+    pub fn of_core(values: [f64; 5]) -> Self {
+        Parameter::CORE.into_iter().zip(values).collect()
+    }
+
+    /// The value of `parameter`, if it has one.
+    #[must_use]
+    pub fn get(&self, parameter: Parameter) -> Option<f64> {
+        Some(self[parameter]).filter(|value| !value.is_nan())
+    }
+
+    /// Gives `parameter` a value; NaN takes it away.
+    pub fn set(&mut self, parameter: Parameter, value: f64) {
+        self.0[parameter.index()] = value;
+    }
+
+    /// The same with a value of `parameter`.
+    #[must_use]
+    pub fn with(mut self, parameter: Parameter, value: f64) -> Self {
+        self.set(parameter, value);
+        self
+    }
+
+    /// The same with the values that `other` has.
+    #[must_use]
+    pub fn and(mut self, other: Self) -> Self {
+        for (parameter, value) in other.iter() {
+            self.set(parameter, value);
+        }
+        self
+    }
+
+    /// The parameters that have a value, in storage order.
+    pub fn iter(&self) -> impl Iterator<Item = (Parameter, f64)> + '_ {
+        Parameter::ALL
+            .into_iter()
+            .filter_map(|parameter| Some((parameter, self.get(parameter)?)))
+    }
+
+    /// Whether no parameter has a value.
+    #[must_use]
+    pub fn is_empty(&self) -> bool {
+        self.0.iter().all(|value| value.is_nan())
+    }
+
+    /// Those of parameters that a database may leave out.
+    #[must_use]
+    pub fn optional(&self) -> Self {
+        self.iter()
+            .filter(|(parameter, _)| parameter.is_optional())
+            .collect()
+    }
+
+    /// The values of [`Parameter::CORE`]; NaN where there is none.
+    #[must_use]
+    #[inline]
+    pub fn core(&self) -> [f64; 5] {
+        Parameter::CORE.map(|parameter| self[parameter])
+    }
+}
+
+impl Default for Point {
+    fn default() -> Self {
+        Self([f64::NAN; Parameter::COUNT])
+    }
+}
+
+/// Equal if the same parameters have the same values.
+impl PartialEq for Point {
+    fn eq(&self, other: &Self) -> bool {
+        self.iter().eq(other.iter())
+    }
+}
+
+impl Index<Parameter> for Point {
+    type Output = f64;
+
+    #[inline]
+    fn index(&self, parameter: Parameter) -> &f64 {
+        &self.0[parameter.index()]
+    }
+}
+
+impl<const N: usize> From<[(Parameter, f64); N]> for Point {
+    fn from(values: [(Parameter, f64); N]) -> Self {
+        values.into_iter().collect()
+    }
+}
+
+impl FromIterator<(Parameter, f64)> for Point {
+    fn from_iter<I: IntoIterator<Item = (Parameter, f64)>>(values: I) -> Self {
+        let mut point = Self::default();
+        for (parameter, value) in values {
+            point.set(parameter, value);
+        }
+        point
+    }
+}
+
+/// The order of the parameters that every database has, then the others.
+impl fmt::Display for Point {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        let optional = Parameter::ALL.into_iter().filter(|p| p.is_optional());
+        let mut separator = "";
+        for parameter in Parameter::CORE.into_iter().chain(optional) {
+            let Some(value) = self.get(parameter) else {
+                continue;
+            };
+            let record = parameter.record();
+            // to the digits that single precision tells apart
+            write!(f, "{separator}{} {}", record.label, value as f32)?;
+            match record.unit {
+                "1" => {}
+                "degree" => write!(f, " degrees")?,
+                unit => write!(f, " {unit}")?,
+            }
+            separator = ", ";
+        }
+        Ok(())
+    }
+}
+
+impl fmt::Debug for Point {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        f.debug_map().entries(self.iter()).finish()
+    }
+}

@@ -1,0 +1,57 @@
+//! How much of a change of y is seen (docs/methods.md).
+use ndarray::{Array2, ArrayView1, ArrayView2};
+
+use crate::lookup::Basis;
+use crate::measurement::Quantity;
+
+/// Relative luminance below which CIELAB grows no more steeply (CIE 15).
+const DARK: f64 = 216.0 / 24389.0;
+
+/// The y of `curves`, each row weighted by how much of a change dy is seen:
+/// lightness, the cube root of a luminance Y, changes by Y^(-2/3) dY, and dY is
+/// T dy or (1 - R) dy. Its singular vectors are the basis.
+pub(super) fn weighted(quantity: Quantity, curves: ArrayView2<f64>) -> Array2<f64> {
+    let mut matrix = curves.mapv(|value| Basis::Log.projected(quantity, value));
+    for mut row in matrix.rows_mut() {
+        let weight = weight(quantity, row.view());
+        row *= weight;
+    }
+    matrix
+}
+
+/// The weight of a row of y, from its means.
+fn weight(quantity: Quantity, row: ArrayView1<f64>) -> f64 {
+    let transparency = row.iter().map(|y| libm::exp(-y)).sum::<f64>() / row.len() as f64;
+    let luminance = match quantity {
+        Quantity::Transmittance => transparency,
+        Quantity::Reflectance => 1.0 - transparency,
+    };
+    transparency / libm::cbrt(luminance.max(DARK)).powi(2)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use ndarray::array;
+
+    /// The weight of a grey row is the change of lightness with y, but for 116 / 3.
+    #[test]
+    fn weights_are_changes_of_lightness() {
+        let lightness = |y: f64| {
+            if y > DARK {
+                116.0 * y.cbrt() - 16.0
+            } else {
+                y / DARK * 8.0
+            }
+        };
+        for quantity in Quantity::ALL {
+            for value in [0.001, 0.1, 0.5, 0.95] {
+                let y = Basis::Log.projected(quantity, value);
+                let of = |y| lightness(Basis::Log.value(quantity, y));
+                let slope = (of(y + 1e-6) - of(y - 1e-6)).abs() / 2e-6;
+                let found = weight(quantity, array![y, y].view()) * 116.0 / 3.0;
+                assert!((found / slope - 1.0).abs() < 0.01, "{found} {slope}");
+            }
+        }
+    }
+}

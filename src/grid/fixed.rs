@@ -1,0 +1,144 @@
+//! What the parameters of axes do to the snow.
+use super::{Fixed, Grid, GridError, Spread};
+use crate::grain::TruncatedNormal;
+use crate::lookup::Substrate;
+use crate::optics::Carbon;
+use crate::parameter::{Axes, Parameter, Point};
+use crate::transport::Ground;
+
+impl Fixed {
+    /// The same with the values that `point` has; the law of the sphericity is as
+    /// wide as `spread` says.
+    ///
+    /// # Errors
+    /// That law is no distribution.
+    pub fn at(&self, point: &Point, spread: &Spread) -> Result<Self, GridError> {
+        let mut fixed = self.clone();
+        for (parameter, value) in point.iter() {
+            match parameter {
+                Parameter::BlackCarbon => {
+                    let kind = self.black_carbon.unwrap_or_else(|| Carbon::black(0.0));
+                    fixed.black_carbon = Some(Carbon {
+                        concentration_ng_g: value,
+                        ..kind
+                    });
+                }
+                Parameter::WaterSaturation => fixed.water_saturation = value,
+                Parameter::Temperature => fixed.temperature_c = value,
+                Parameter::Sphericity => fixed.sphericity = spread.sphericity_law(value)?,
+                Parameter::SubstrateReflectance if value == 0.0 => fixed.ground = Ground::Black,
+                Parameter::SubstrateReflectance => fixed.ground = Ground::Grey(value),
+                // of the grains, the surface layer and the light: not fixed
+                _ => {}
+            }
+        }
+        Ok(fixed)
+    }
+}
+
+impl Spread {
+    /// Sphericity around an axis value: cut to mean -+ half width, and to (0, 1].
+    pub(crate) fn sphericity_law(&self, mean: f64) -> Result<TruncatedNormal, GridError> {
+        let half_width = self.sphericity_half_width;
+        let min = (mean - half_width).max(LEAST_SPHERICITY.min(mean));
+        let max = (mean + half_width).min(1.0);
+        TruncatedNormal::new(min, max, mean, self.sphericity_sd).map_err(|source| GridError::Law {
+            axis: Parameter::Sphericity.name(),
+            value: mean,
+            source,
+        })
+    }
+}
+
+/// Where laws of the sphericity are cut: no spheroid has 0.
+const LEAST_SPHERICITY: f64 = 0.01;
+
+impl Grid {
+    /// The same grid at one value of each axis that a database may leave out, without
+    /// those axes.
+    ///
+    /// # Errors
+    /// As [`Fixed::at`].
+    pub fn at(&self, point: &Point) -> Result<Self, GridError> {
+        let mut grid = self.clone();
+        let core = Parameter::CORE.map(|p| (p, self.axes.values(p).to_vec()));
+        grid.axes = Axes::from(core);
+        grid.fixed = self.fixed.at(&point.optional(), &self.spread)?;
+        Ok(grid)
+    }
+
+    /// Whether there is water in any snow of it.
+    #[must_use]
+    pub fn is_wet(&self) -> bool {
+        let saturations = self.axes.values(Parameter::WaterSaturation);
+        self.fixed.is_wet() || saturations.last().is_some_and(|most| *most > 0.0)
+    }
+
+    /// What lies under the snow of the axes.
+    #[must_use]
+    pub fn substrate(&self) -> Substrate {
+        let reflects = !matches!(self.fixed.ground, Ground::Black);
+        if !self.fixed.below.is_empty() {
+            Substrate::Layers
+        } else if reflects || self.axes.has(Parameter::SubstrateReflectance) {
+            Substrate::Reflecting
+        } else {
+            Substrate::Black
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    #![allow(clippy::unwrap_used)]
+    use super::*;
+    use crate::engine::Engine;
+    use crate::grid::tests::{small, with_extra};
+
+    #[test]
+    fn optional_axes_run_slower() {
+        let grid = with_extra(small(Engine::Spectral));
+        let jobs = grid.jobs().unwrap();
+        assert_eq!((jobs.count(), jobs.curves()), (6 * 8, 6 * 24));
+        let job = |n| grid.job(&jobs, n).unwrap();
+        for n in 0..8 {
+            let surface = job(n).pack.surface;
+            assert_eq!(surface.black_carbon.unwrap().concentration_ng_g, 0.0);
+            assert_eq!(surface.water_saturation, 0.0);
+        }
+        assert_eq!(job(8).pack.surface.water_saturation, 0.1);
+        assert_eq!(
+            job(8).pack.surface.black_carbon,
+            job(0).pack.surface.black_carbon
+        );
+        let last = job(47);
+        assert_eq!(last.pack.surface.black_carbon, Some(Carbon::black(400.0)));
+        assert_eq!(last.pack.surface.water_saturation, 0.1);
+        assert!(
+            last.to_string()
+                .contains("black carbon 400 ng g-1, water saturation 0.1, thickness"),
+            "{last}"
+        );
+        // the rest of a job is that of the same job of the first combination
+        let first = job(7);
+        assert_eq!(last.angles_deg, first.angles_deg);
+        assert_eq!(last.pack.surface.grains, first.pack.surface.grains);
+        assert!(grid.job(&jobs, 48).is_err());
+    }
+
+    #[test]
+    fn axes_replace_what_is_fixed() {
+        let grid = small(Engine::Spectral);
+        let fixed = |axis, value| grid.at(&Point::from([(axis, value)])).unwrap().fixed;
+        assert_eq!(fixed(Parameter::Temperature, -7.0).temperature_c, -7.0);
+        let law = fixed(Parameter::Sphericity, 0.9).sphericity;
+        assert_eq!((law.min(), law.max(), law.mean()), (0.75, 1.0, 0.9));
+        let law = fixed(Parameter::Sphericity, 0.1).sphericity;
+        assert_eq!((law.min(), law.max()), (0.01, 0.25));
+        let ground = |value| fixed(Parameter::SubstrateReflectance, value).ground;
+        assert_eq!(
+            (ground(0.0), ground(0.3)),
+            (Ground::Black, Ground::Grey(0.3))
+        );
+    }
+}

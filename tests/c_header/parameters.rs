@@ -1,0 +1,82 @@
+//! The blocks of the C header that are made from the records of the parameters.
+//! `UPDATE_GOLDEN=1 cargo test --release --test pipeline c_header::parameters` writes them.
+use std::fmt::Write;
+
+use splitsnow::parameter::{Parameter, Scale};
+
+/// Those that every file has first: the order of `splitsnow_axis`.
+fn ordered() -> impl Iterator<Item = Parameter> {
+    let optional = Parameter::ALL.into_iter().filter(|p| p.is_optional());
+    Parameter::CORE.into_iter().chain(optional)
+}
+
+fn constant(parameter: Parameter) -> String {
+    format!("SPLITSNOW_{}", parameter.name().to_uppercase())
+}
+
+fn axes() -> String {
+    let mut text = String::from("typedef enum splitsnow_axis {\n");
+    for (i, parameter) in ordered().enumerate() {
+        let record = parameter.record();
+        let first = if i == 0 { " = 0" } else { "" };
+        let unit = match record.unit {
+            "1" => String::new(),
+            unit => format!(", {unit}"),
+        };
+        let _ = writeln!(
+            text,
+            "    {}{first}, /* {}{unit} */",
+            constant(parameter),
+            record.long_name
+        );
+    }
+    text + "    SPLITSNOW_AXES /* how many there are */\n} splitsnow_axis;\n"
+}
+
+fn parameters() -> String {
+    let names: Vec<_> = Parameter::CORE.map(Parameter::name).into();
+    let first = ordered().find(|p| p.is_optional()).unwrap();
+    let mut text = format!(
+        "#define SPLITSNOW__CORE \"{}\"\n#define SPLITSNOW__FIRST_OPTIONAL {}\n\nstatic const splitsnow__parameter splitsnow__parameters[SPLITSNOW_AXES] = {{\n",
+        names.join(","),
+        constant(first)
+    );
+    for parameter in ordered() {
+        let record = parameter.record();
+        let range = record.physical;
+        let [min, max] = range.open.map(u8::from);
+        let (scale, s, a) = match record.scale {
+            Scale::Linear => ("LINEAR", 1.0, 0.0),
+            Scale::Log => ("LOG", 1.0, 0.0),
+            Scale::Shifted(s) => ("SHIFTED", s, 0.0),
+            Scale::Root(s) => ("ROOT", s, 0.0),
+            Scale::Complement(s) => ("COMPLEMENT", s, 0.0),
+            Scale::Saturating(s) => ("SATURATING", s, 0.0),
+            Scale::Grazing([a, s]) => ("GRAZING", s, a),
+        };
+        let _ = writeln!(
+            text,
+            "    {{\"{}\", {:?}, {:?}, {min}, {max}, SPLITSNOW__{scale}, {s:?}, {a:?}}},",
+            record.name, range.min, range.max
+        );
+    }
+    text + "};\n"
+}
+
+#[test]
+fn its_tables_are_those_of_the_records() {
+    let path = concat!(env!("CARGO_MANIFEST_DIR"), "/include/splitsnow.h");
+    let header = std::fs::read_to_string(path).unwrap();
+    let mut made = header.clone();
+    for (mark, text) in [("axes", axes()), ("parameters", parameters())] {
+        let [begin, end] = [format!("/* <{mark}> */\n"), format!("/* </{mark}> */\n")];
+        let from = made.find(&begin).unwrap() + begin.len();
+        let to = made.find(&end).unwrap();
+        made.replace_range(from..to, &text);
+    }
+    if std::env::var_os("UPDATE_GOLDEN").is_some() {
+        std::fs::write(path, made).unwrap();
+    } else {
+        assert!(made == header, "include/splitsnow.h is stale");
+    }
+}
