@@ -35,6 +35,13 @@ peers:
 picture:
     cargo run --release --example readme_picture
 
+# The numbers of docs/quoted.csv, and where pages quote them
+quoted:
+    cargo build --release
+    bash examples/quoted/make.sh out/quoted
+    cargo run --release --example quoted -- out/quoted docs/quoted.csv
+    UPDATE_GOLDEN=1 cargo test --release --test pipeline pages::marked
+
 # The swatches of docs/swatches.md
 swatches:
     cargo run --release -- build configs/thesis.toml

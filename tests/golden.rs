@@ -8,6 +8,7 @@ use std::path::Path;
 use std::sync::LazyLock;
 use std::sync::atomic::{AtomicBool, AtomicU64};
 
+use crate::quoted::assert_says;
 use data::Case;
 use data::compare::compare;
 use data::plan::{BANDS, Run, runs};
@@ -175,6 +176,28 @@ fn thicker_slabs_transmit_less() {
     }
 }
 
+/// What docs/methods.md says of the file: how well Delta-E is known, median and worst of all
+/// slabs, and how many rays were given up.
+#[test]
+fn the_page_says_how_exact_the_data_is() {
+    let known = |case: &Case| {
+        let spectrum = Spectrum {
+            reflectance: case.reflectance.clone(),
+            transmittance: case.transmittance.clone(),
+            lost: Vec::new(),
+        };
+        compare(case, &spectrum).delta_e.se
+    };
+    let mut all: Vec<f64> = CASES.iter().map(known).collect();
+    all.sort_by(f64::total_cmp);
+    let page = "docs/methods.md";
+    assert_says(page, "golden Delta-E, median", [all[all.len() / 2]]);
+    assert_says(page, "golden Delta-E, worst", [all[all.len() - 1]]);
+    let lost = CASES.iter().flat_map(|case| &case.lost);
+    let lost = lost.copied().fold(0.0, f64::max);
+    assert_says(page, "golden rays lost", [lost]);
+}
+
 fn run(engine: Engine, case: &Case, wavelengths_nm: &[f64], rays: u64, seed: u64) -> Spectrum {
     let request = Request {
         pack: &case.snow.clone().into(),
@@ -277,17 +300,31 @@ fn comparing_greys_is_comparing_lightness() {
 #[test]
 #[ignore = "long: every snow of the golden data, some 120 CPU-s"]
 fn doubling_agrees() {
-    assert_eq!(doubling_errors(1), CASES.len());
+    let (count, worst) = doubling_errors(1);
+    assert_eq!(count, CASES.len());
+    let page = "docs/performance.md";
+    for (name, worst) in [
+        "doubling golden T",
+        "doubling golden R visible",
+        "doubling golden R infrared",
+        "doubling golden Delta-E",
+    ]
+    .into_iter()
+    .zip(worst)
+    {
+        assert_says(page, name, [worst]);
+    }
 }
 
 /// The same of every ninth snow.
 #[test]
 fn doubling_agrees_here_and_there() {
-    assert!(doubling_errors(9) >= 6);
+    assert!(doubling_errors(9).0 >= 6);
 }
 
-/// Compares the cases of every `step`-th snow and says how many there are.
-fn doubling_errors(step: usize) -> usize {
+/// Compares the cases of every `step`-th snow and says how many there are, and the largest
+/// differences of T and R, 400-700 nm, of R, 800-1400 nm, and Delta-E.
+fn doubling_errors(step: usize) -> (usize, [f64; 4]) {
     let mut snows: Vec<Vec<&Case>> = Vec::new();
     for case in &*CASES {
         match snows.iter_mut().find(|cases| cases[0].snow == case.snow) {
@@ -366,7 +403,7 @@ fn doubling_errors(step: usize) -> usize {
     println!(
         "{count} cases; largest error of T and R, 400-700 nm, of R, 800-1400 nm, and Delta-E: {worst:?}"
     );
-    count
+    (count, worst)
 }
 
 /// Every slab of up to 3 cm by `tabulated`, whose standard errors hold the
@@ -374,17 +411,21 @@ fn doubling_errors(step: usize) -> usize {
 #[test]
 #[ignore = "long: every thin slab of the golden data, some 60 CPU-s"]
 fn tabulated_agrees() {
-    assert!(tabulated_comparisons(1) > 150);
+    let (count, worst) = tabulated_comparisons(1);
+    assert!(count > 150);
+    let page = "docs/performance.md";
+    assert_says(page, "tabulated golden", [count as f64, worst]);
 }
 
 /// The same of every ninth slab.
 #[test]
 fn tabulated_agrees_here_and_there() {
-    assert!(tabulated_comparisons(9) > 15);
+    assert!(tabulated_comparisons(9).0 > 15);
 }
 
-/// Compares every `step`-th of these slabs and says how many values that were.
-fn tabulated_comparisons(step: usize) -> usize {
+/// Compares every `step`-th of these slabs and says how many values that were, and the
+/// largest difference in joint standard errors.
+fn tabulated_comparisons(step: usize) -> (usize, f64) {
     let (cancel, rays_done, cache) = (AtomicBool::new(false), AtomicU64::new(0), Cache::default());
     let control = Control {
         parallel: true,
@@ -427,5 +468,5 @@ fn tabulated_comparisons(step: usize) -> usize {
         .unwrap();
     println!("{} comparisons, worst z {worst:.2}: {name}", scores.len());
     assert!(worst.abs() < 4.8, "{worst}: {name}");
-    scores.len()
+    (scores.len(), worst.abs())
 }

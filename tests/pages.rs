@@ -16,9 +16,23 @@
 //! KEY is a variant, `group, variant`, or a group. `; 3` asks for decimals, without it the
 //! standard error of the last digits follows in brackets. In other pages rows of tables are
 //! compared. `UPDATE_GOLDEN=1 cargo test --release --test pipeline pages` rewrites all.
-use std::path::PathBuf;
+//!
+//! In the other pages `<!-- = NAME -->` follows the numbers that NAME stands for
+//! (tests/common/quoted.rs): rows of `docs/quoted.csv`, numbers of other files
+//! ([`of_other_files`]), or what a test finds, whose source then has "NAME".
+use std::collections::{BTreeMap, BTreeSet};
+use std::path::{Path, PathBuf};
 
 use crate::docs::keep;
+use crate::quoted::{bracketed, fixed, like, marks, number, page};
+
+#[path = "../examples/stability/cases.rs"]
+#[allow(dead_code)]
+mod cases;
+#[path = "../examples/quoted/exact.rs"]
+mod exact;
+#[path = "../examples/quoted/row.rs"]
+mod row;
 
 fn docs() -> PathBuf {
     PathBuf::from(env!("CARGO_MANIFEST_DIR")).join("docs")
@@ -31,10 +45,6 @@ fn rows(path: &str) -> Vec<csv::StringRecord> {
         .comment(Some(b'#'))
         .from_path(&path);
     reader.unwrap().into_records().map(Result::unwrap).collect()
-}
-
-fn number(text: &str) -> f64 {
-    text.parse().unwrap_or_else(|_| panic!("no number: {text}"))
 }
 
 /// A value with its standard error.
@@ -222,7 +232,7 @@ fn quoted(study: &str, reference: &str) -> String {
             let value = value(study, text);
             return match decimals {
                 Some(decimals) => fixed(value.value, decimals),
-                None => bracketed(value),
+                None => bracketed(value.value, value.se),
             };
         }
     };
@@ -230,30 +240,6 @@ fn quoted(study: &str, reference: &str) -> String {
         plain,
         decimals.unwrap_or_else(|| panic!("{reference}: how many decimals?")),
     )
-}
-
-/// So many decimals, no 0 before the point.
-fn fixed(x: f64, decimals: usize) -> String {
-    let text = format!("{x:.decimals$}");
-    match text.split_once('.') {
-        Some(("0", rest)) => format!(".{rest}"),
-        Some(("-0", rest)) => format!("-.{rest}"),
-        _ => text,
-    }
-}
-
-/// The standard error of the last digits in brackets: two if it begins with 1, else one.
-fn bracketed(Value { value, se }: Value) -> String {
-    assert!(se > 0.0 && se < 1e3, "a standard error of {se}");
-    let first = se.log10().floor();
-    let digits = if se / 10_f64.powf(first) < 2.0 {
-        1.0
-    } else {
-        0.0
-    };
-    let decimals = (digits - first).max(0.0);
-    let error = (se * 10_f64.powf(decimals)).round();
-    format!("{}({error})", fixed(value, decimals as usize))
 }
 
 #[test]
@@ -542,4 +528,248 @@ fn the_map_of_stability_is_that_of_its_run() {
         }
     }
     assert!(compared > 300, "{compared}");
+}
+
+/// Pages with marked numbers, below `docs`.
+const MARKED: [&str; 5] = [
+    "methods.md",
+    "performance.md",
+    "stability.md",
+    "mitsuba.md",
+    "../README.md",
+];
+
+/// Values by name.
+type Known = BTreeMap<String, Vec<Value>>;
+
+/// What pages quote of files that are committed for other reasons.
+fn of_other_files() -> Known {
+    let mut known = Known::new();
+    let mut say = |name: &str, values: &[f64]| {
+        let values = values.iter().map(|&value| Value {
+            value,
+            se: f64::NAN,
+        });
+        known.insert(name.to_owned(), values.collect());
+    };
+
+    let components = rows("docs/components.csv");
+    let of = |key: [&str; 4], column: usize| {
+        let is = |row: &&csv::StringRecord| key.iter().zip(row.iter()).all(|(a, b)| *a == b);
+        number(&components.iter().find(is).unwrap()[column])
+    };
+    let [bytes, rmse, delta_e] = [4, 7, 9];
+    let largest = |precision, column| {
+        let rows = components.iter().filter(|row| &row[0] == "transmittance");
+        let rows = rows.filter(move |row| [&row[1], &row[2]] == ["log", precision]);
+        rows.map(move |row| number(&row[column]))
+    };
+    let [eight, plain] = [("log", "quantised", "2"), ("linear", "f32", "3")];
+    let kilobytes =
+        |(basis, precision, count)| of(["transmittance", basis, precision, count], bytes) / 1e3;
+    say(
+        "bytes of transmittance",
+        &[kilobytes(eight), kilobytes(plain)],
+    );
+    let own = kilobytes(("linear", "f32", "2"));
+    say("bytes of the thesis own file", &[own]);
+    let reflectance = |basis, count, column| of(["reflectance", basis, "f32", count], column);
+    let one = ["linear", "log"].map(|basis| reflectance(basis, "1", delta_e));
+    say("reflectance of one component", &one);
+    let both = ["1", "2"].map(|count| reflectance("linear", count, rmse));
+    say("RMSE of one component of reflectance", &both[..1]);
+    say("RMSE of two components of reflectance", &both[1..]);
+    let eight_bits = largest("quantised", rmse).fold(0.0, f64::max);
+    say("RMSE of 8 bits", &[eight_bits]);
+    // what f16 leaves, however many components
+    let limit = |precision| largest(precision, delta_e).fold(f64::INFINITY, f64::min);
+    say("Delta-E of f16", &[limit("f16")]);
+    say("Delta-E of 16 bits", &[limit("quantised_16")]);
+    // mean and largest Delta-E of Varsa 2025, section 8.2
+    let thesis = [[0.7612, 2.8638], [0.2720, 1.3955], [0.1074, 0.5203]];
+    let ratios = thesis
+        .iter()
+        .zip(["1", "2", "3"])
+        .flat_map(|(published, count)| {
+            let ours = [8, 9].map(|column| of(["transmittance", "linear", "f32", count], column));
+            [ours[0] / published[0], ours[1] / published[1]]
+        });
+    let ratios: Vec<f64> = ratios.collect();
+    let least = ratios.iter().copied().fold(f64::INFINITY, f64::min);
+    let most = ratios.iter().copied().fold(0.0, f64::max);
+    say("Delta-E beside the thesis", &[least, most]);
+
+    let goniometer = rows("docs/goniometer.csv");
+    let of = |nm: &str, engine: &str, walks: &str, column: usize| {
+        let key = [nm, "60", engine, walks];
+        let is = |row: &&csv::StringRecord| row.iter().zip(key).all(|(a, b)| a == b);
+        number(&goniometer.iter().find(is).unwrap()[column])
+    };
+    let scored = |column| ["600", "1300", "1800"].map(|nm| of(nm, "tabulated", "40000", column));
+    say("goniometer, chi-square", &scored(8));
+    say("goniometer, sensors", &[scored(9)[0]]);
+    let [visible, _, infrared] = scored(7);
+    say("goniometer, worst sensor at 600 nm", &[visible]);
+    say("goniometer, worst sensor at 1800 nm", &[infrared]);
+    // seconds to 1 % of the root mean square, in seconds and squares
+    let seconds = |nm, engine, walks| of(nm, engine, walks, 4) * of(nm, engine, walks, 5).powi(2);
+    let times = ["600", "1300", "1800"]
+        .map(|nm| seconds(nm, "spectral", "200000") / seconds(nm, "tabulated", "40000"));
+    say("goniometer, times less", &times);
+
+    let chart = rows("docs/tradeoff.csv");
+    // of transmittance, on the worst of the samples
+    let worst = |key: [&str; 5], column: usize| {
+        let is = |row: &&csv::StringRecord| {
+            [&row[1], &row[2], &row[3], &row[4], &row[5]] == key
+                && [&row[6], &row[7]] == ["visible", "transmittance"]
+        };
+        let values = chart.iter().filter(is).map(|row| number(&row[column]));
+        values.fold(f64::NAN, f64::max)
+    };
+    let [rmse, delta_e] = [14, 16];
+    let floor = ["doubling", "65536", "131072", "8", "measured"];
+    say("chart, floor", &[worst(floor, rmse), worst(floor, delta_e)]);
+    say("chart, truth", &[worst(floor, 17), worst(floor, 19)]);
+    let baseline = ["reference", "100000", "131072", "8", "extrapolated"];
+    say("chart, operating point", &[worst(baseline, rmse)]);
+    let first = ["tabulated", "64", "131072", "8", "measured"];
+    say("chart, first look", &[worst(first, rmse)]);
+    let scaling = rows("docs/scaling.csv");
+    let seconds = |varied: &str, value: &str, engine: &str| {
+        let key = [varied, value, engine];
+        let is = |row: &&csv::StringRecord| row.iter().zip(key).all(|(a, b)| a == b);
+        number(&scaling.iter().find(is).unwrap()[6])
+    };
+    let more = |varied| {
+        let [one, many] = ["1", "16"].map(|n| seconds(varied, n, "doubling"));
+        (many / one - 1.0) / 15.0
+    };
+    say("chart, one more", &[more("thicknesses"), more("angles")]);
+    let thick = ["reference", "spectral", "tabulated"]
+        .map(|engine| seconds("thickness_cm", "50", engine) / seconds("thickness_cm", "1", engine));
+    say("chart, 50 cm", &thick);
+
+    let kernel = rows("examples/mitsuba/kernel.csv");
+    let middle = &kernel[kernel.len() / 2];
+    say("free path of mitsuba", &[1e3 * number(&middle[4])]);
+    say("asymmetry of mitsuba", &[number(&middle[6])]);
+    let [points, ours] = ["docs/peers/disort.csv", "examples/peers/data/thin.csv"].map(rows);
+    let at = |rows: &[csv::StringRecord], column: usize| {
+        number(&rows.iter().find(|row| &row[0] == "400").unwrap()[column])
+    };
+    let less = 100.0 * (1.0 - at(&points, 4) / at(&ours, 3));
+    say("less through 2 cm by points", &[less]);
+    let [ratio] = crate::quoted::numbers("docs/performance.md", "times less for spectral");
+    say("times less for spectral", &[ratio]);
+
+    let resolution = page("docs/stability.md");
+    let two = "| doubling | 100000 | 131072 | 2 |";
+    let row = resolution.lines().find(|line| line.starts_with(two));
+    let mean = row.unwrap().split('|').nth(6).unwrap().trim();
+    say("two streams", &[number(mean).abs()]);
+
+    let stability = rows("docs/stability.csv");
+    for (name, thickness) in [
+        ("black pores 2.4", "2.50000e0"),
+        ("black pores 4.8", "5.00000e0"),
+    ] {
+        let is = |row: &&csv::StringRecord| {
+            [&row[0], &row[1]] == ["1e5 ng/g in the pores", "spectral"]
+                && [&row[4], &row[5]] == [thickness, "4.00000e2"]
+        };
+        let row = stability.iter().find(is).unwrap();
+        let [value, se] = [6, 7].map(|column| number(&row[column]));
+        known.insert(name.to_owned(), vec![Value { value, se }]);
+    }
+    known
+}
+
+/// The text of all tests.
+fn sources(dir: &Path) -> String {
+    let mut all = String::new();
+    for entry in std::fs::read_dir(dir).unwrap() {
+        let path = entry.unwrap().path();
+        if path.is_dir() {
+            all += &sources(&path);
+        } else if path.extension().is_some_and(|end| end == "rs") {
+            all += &std::fs::read_to_string(&path).unwrap();
+        }
+    }
+    all
+}
+
+/// Every marked number is that of a file, or of a test; every number of `docs/quoted.csv` is
+/// quoted.
+#[test]
+fn marked_numbers_are_those_of_their_files() {
+    let mut known = of_other_files();
+    for row in row::read(&docs().join("quoted.csv")).unwrap() {
+        let se = row.standard_error;
+        let value = Value {
+            value: row.value,
+            se,
+        };
+        known.entry(row.name).or_default().push(value);
+    }
+    let tests = sources(&docs().join("../tests"));
+    let (mut unused, mut marked): (BTreeSet<_>, _) = (known.keys().cloned().collect(), 0);
+    for name in MARKED {
+        let mut text = page(&format!("docs/{name}"));
+        for mark in marks(&text).into_iter().rev() {
+            marked += 1;
+            unused.remove(&mark.name);
+            let Some(values) = known.get(&mark.name) else {
+                // `assert_says` and `numbers` are given names, some of them put together
+                let parts = [mark.name.as_str(), mark.name.split(' ').next().unwrap()];
+                let parts = [parts[0], parts[1].trim_end_matches(',')];
+                let found = tests.contains(&format!("\"{}\"", parts[0]))
+                    || tests.contains(&format!("\"{}, {{", parts[1]));
+                assert!(found, "{name}: no file and no test has {}", mark.name);
+                continue;
+            };
+            // an error after +- belongs to the number before it
+            let errors = mark.numbers.iter();
+            let errors: Vec<bool> = errors
+                .map(|range| text[..range.start].ends_with("+- "))
+                .collect();
+            let mut wanted = values.iter().rev();
+            let mut next = wanted.next();
+            for i in (0..mark.numbers.len()).rev() {
+                let Some(value) = next else { break };
+                let range = mark.numbers[i].clone();
+                let error = errors[i];
+                let of = if error { value.se } else { value.value };
+                let written = like(&text[range.clone()], of, value.se);
+                text.replace_range(range, &written);
+                if !error {
+                    next = wanted.next();
+                }
+            }
+            assert!(
+                next.is_none(),
+                "{name}: too few numbers before {}",
+                mark.name
+            );
+        }
+        keep(name, &text);
+    }
+    assert!(unused.is_empty(), "no page quotes {unused:?}");
+    assert!(marked > 120, "{marked}");
+}
+
+/// What follows from the model without random numbers is in the file as it is.
+#[test]
+fn exact_numbers_are_in_the_file() {
+    let file = row::read(&docs().join("quoted.csv")).unwrap();
+    for one in exact::exact() {
+        let same = file.iter().find(|row| {
+            [&row.name, &row.setting] == [&one.name, &one.setting]
+                && (row.value - one.value).abs() <= 1e-6 * one.value.abs()
+        });
+        assert!(
+            same.is_some(),
+            "docs/quoted.csv has not {one:?}: run `just quoted`"
+        );
+    }
 }

@@ -18,6 +18,9 @@ mod tradeoff;
 
 #[path = "common/naive.rs"]
 mod naive;
+#[path = "common/quoted.rs"]
+#[allow(dead_code)]
+mod quoted;
 #[path = "common/snow.rs"]
 #[allow(dead_code)]
 mod snow;

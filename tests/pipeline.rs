@@ -30,3 +30,6 @@ mod verify;
 
 mod common;
 mod config_errors;
+#[path = "common/quoted.rs"]
+#[allow(dead_code)]
+mod quoted;

@@ -170,17 +170,17 @@ pub(crate) fn z(a: Measured, b: Measured) -> f64 {
 }
 
 /// Fine faceted grains.
-fn fresh() -> Snow {
+pub(crate) fn fresh() -> Snow {
     snow([50.0, 100.0], [0.7, 0.99, 0.9, 0.5], SPHERICITY, 225.0)
 }
 
 /// Coarse round ones.
-fn coarse() -> Snow {
+pub(crate) fn coarse() -> Snow {
     snow([900.0, 1000.0], [0.05, 0.15, 0.1, 0.075], SPHERICITY, 375.0)
 }
 
 /// `surface` over `below`, from the surface down, with thicknesses in cm.
-fn over(surface: Snow, below: &[(Snow, f64)], ground: Ground) -> Pack {
+pub(crate) fn over(surface: Snow, below: &[(Snow, f64)], ground: Ground) -> Pack {
     let layer = |(snow, cm): &(Snow, f64)| Layer {
         snow: snow.clone(),
         thickness_m: cm * 1e-2,

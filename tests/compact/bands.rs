@@ -3,11 +3,13 @@ use std::collections::BTreeMap;
 use std::path::Path;
 use std::sync::atomic::AtomicBool;
 
+use crate::quoted::assert_says;
 use serde_json::Value;
 use splitsnow::batch;
 use splitsnow::colour::Colorimeter;
 use splitsnow::compress::{
-    BAND_ERRORS, BandError, Bands, DEFAULT_MAX_RMSE, NOISE_FACTOR, Variant, compress, errors_of,
+    BAND_ERRORS, BandError, Bands, Choice, DEFAULT_MAX_RMSE, NOISE_FACTOR, Variant, compress,
+    errors_of,
 };
 use splitsnow::engine::{Control, Engine, EngineError, Request};
 use splitsnow::lookup::Database;
@@ -192,5 +194,46 @@ fn simulated_wide_spectra_keep_their_bounds_in_every_band() {
     let dir = root.path().join("long");
     let grid = Path::new(env!("CARGO_MANIFEST_DIR")).join("tests/data/long_default.toml");
     splitsnow(&["build", grid.to_str().unwrap(), "--out"], &dir);
+    assert_page_says(&dir);
     assert_kept_in_every_variant(&dir);
+}
+
+/// The table of docs/methods.md, and what is said beside it, are of this grid.
+fn assert_page_says(dir: &Path) {
+    let page = "docs/methods.md";
+    let store = Store::open(dir).unwrap();
+    let curves = store.read(Variable::Reflectance).unwrap().mapv(f64::from);
+    let noise = store.read(Variable::ReflectanceSe).unwrap();
+    let nm = store.wavelengths_nm();
+    let noise = [0, 1, 2, 3].map(|i| largest_rms(&noise, nm, Band::ALL[i]));
+    assert_says(page, "bands, standard errors", noise);
+    let bounds = noise.map(|noise| (NOISE_FACTOR * noise).max(DEFAULT_MAX_RMSE));
+    assert_says(page, "bands, bounds", bounds);
+    let colour = Colorimeter::new(nm).unwrap();
+    for components in [2, 4, 5] {
+        let compressed = compress(
+            curves.view(),
+            Quantity::Reflectance,
+            colour.as_ref(),
+            &Bands::new(nm),
+            Choice::Components(components),
+            Variant::default(),
+        )
+        .unwrap();
+        let bands = compressed.band_errors();
+        let [uv_a, visible, ir_a, ir_b] = [0, 1, 2, 3].map(|i| bands[i].rmse.max);
+        let worst = bands.iter().map(|band| &band.largest);
+        let worst = worst.max_by(|a, b| a.error.total_cmp(&b.error)).unwrap();
+        let (error, at) = (worst.error, worst.wavelength_nm);
+        let name = format!("bands, {components}");
+        assert_says(page, &name, [uv_a, visible, ir_a, ir_b, error, at]);
+        let seen = bounds.iter().zip(&bands);
+        let kept = seen.into_iter().all(|(bound, band)| band.rmse.max < *bound);
+        assert_eq!(kept, components == 5, "{name}");
+        if components == 2 {
+            let e = compressed.errors().unwrap().delta_e.unwrap().max;
+            assert_says(page, "bands, Delta-E and largest error of two", [e]);
+            assert_says(page, "bands, largest error of two", [error, at]);
+        }
+    }
 }

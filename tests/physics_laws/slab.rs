@@ -6,6 +6,7 @@ use splitsnow::transport::{
 };
 
 use super::{assert_close, mean};
+use crate::quoted::{assert_says, numbers};
 use crate::snow::{
     AIR, Each, Ends, NORMAL, TRANSPARENT, beam, dry, ends, proportion, snow, spheres, stream,
     walker,
@@ -171,5 +172,12 @@ fn unscattered_light_follows_the_boundary_rule() {
             beer / (beer + met),
         );
         assert!(t.value > beer + 0.03, "Beer's law alone would be {beer}");
+        if entry == Entry::Uniform {
+            let page = "docs/methods.md";
+            let [counted] = numbers(page, "unscattered, counted");
+            assert_close("unscattered, as the page counts it", t.value, t.se, counted);
+            assert_says(page, "unscattered, closed form", [beer / (beer + met)]);
+            assert_says(page, "unscattered, Beer", [beer]);
+        }
     }
 }

@@ -1,7 +1,8 @@
 //! The solver against another code.
 use splitsnow::slab::{Light, Medium, Streams};
 
-use super::{collimated, henyey_greenstein};
+use super::{PAGE, collimated, henyey_greenstein};
+use crate::quoted::assert_says;
 
 /// `PythonicDISORT` differs from itself by up to 7.8e-5 between 32 and 16
 /// streams per hemisphere, and was run at albedo 1 - 1e-9 instead of 1, where it
@@ -36,4 +37,6 @@ fn another_code_agrees() {
     }
     assert_eq!(rows, 257);
     assert!(worst[0] < 1e-5 && worst[1] < 1e-4, "{worst:?}");
+    assert_says(PAGE, "another code below albedo 1", [worst[0]]);
+    assert_says(PAGE, "another code at albedo 1", [worst[1]]);
 }

@@ -8,6 +8,24 @@ mod theory;
 
 use splitsnow::slab::{Light, Matrix, Operators};
 
+use crate::quoted;
+
+/// The page that quotes what the checks find.
+const PAGE: &str = "docs/methods.md";
+
+/// Asserts that rounding errors are as large as the page says, or somewhat smaller: another
+/// compiler may add in another order.
+fn assert_rounding_says<const N: usize>(name: &str, found: [f64; N]) {
+    let said = quoted::numbers::<N>(PAGE, name);
+    for (found, said) in found.iter().zip(said) {
+        let share = found / said;
+        assert!(
+            (0.2..1.5).contains(&share),
+            "{name}: {found:e} is not {said:e}"
+        );
+    }
+}
+
 /// Moments of the Henyey-Greenstein phase function.
 fn henyey_greenstein(albedo: f64, g: f64, count: usize) -> Vec<f64> {
     (0..count as i32).map(|l| albedo * g.powi(l)).collect()

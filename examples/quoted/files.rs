@@ -1,0 +1,91 @@
+//! Numbers of finished files: databases fitted to scenes, and what is made of the database
+//! of configs/thesis.toml.
+use std::error::Error;
+use std::path::Path;
+
+use serde_json::Value;
+use splitsnow::lookup::Database;
+
+use super::row::Quoted;
+
+/// Scenes of docs/performance.md.
+const SCENES: [&str; 7] = [
+    "igloo",
+    "block",
+    "sculpture",
+    "thesis",
+    "wet",
+    "layered",
+    "soot",
+];
+/// Files of the thesis grid below `files`, as `just quoted` makes them.
+const THESIS: [&str; 12] = [
+    "plain.safetensors",
+    "plain_loose.safetensors",
+    "log_quantised.safetensors",
+    "log_quantised_loose.safetensors",
+    "linear_quantised.safetensors",
+    "linear_quantised_loose.safetensors",
+    "compact.nc",
+    "compact.csv",
+    "compact.npz",
+    "database.nc",
+    "database.csv",
+    "database.npz",
+];
+
+/// What stands in `dir`: `scenes/NAME/snow.safetensors` and `files/NAME`.
+pub(crate) fn files(dir: &Path) -> Result<Vec<Quoted>, Box<dyn Error>> {
+    let mut all = vec![];
+    for scene in SCENES {
+        let path = dir.join("scenes").join(scene).join("snow.safetensors");
+        let database = Database::open(&path)?;
+        let certificate: Value = serde_json::from_str(&database.metadata()["certificate"])?;
+        let chains = certificate["quantities"]
+            .as_object()
+            .ok_or("no certificate")?;
+        let of = |part: &str, measure: &str, i: usize| {
+            let found = chains.values().filter_map(|c| c[part][measure][i].as_f64());
+            found.fold(0.0, f64::max)
+        };
+        let name = format!("fit {scene}");
+        let mut say = |value: f64, setting: &str| {
+            all.push(Quoted::new(&name, value, 0.0, setting));
+        };
+        say(of("total", "delta_e", 2), "largest Delta-E certified");
+        say(path.metadata()?.len() as f64, "bytes");
+        say(database.wavelengths_nm().len() as f64, "wavelengths");
+        say(database.curves() as f64, "nodes");
+        if scene == "thesis" {
+            for (measure, i, setting) in [
+                ("delta_e", 0, "Delta-E, mean"),
+                ("delta_e", 2, "Delta-E, largest"),
+                ("rmse", 0, "RMSE, mean"),
+                ("rmse", 2, "RMSE, largest"),
+            ] {
+                let name = "lines between wavelengths";
+                all.push(Quoted::new(
+                    name,
+                    of("wavelengths", measure, i),
+                    0.0,
+                    setting,
+                ));
+            }
+        }
+    }
+    for name in THESIS {
+        let bytes = dir.join("files").join(name).metadata()?.len() as f64;
+        let (scale, unit) = if name.ends_with("safetensors") {
+            (1e3, "kB")
+        } else {
+            (1e6, "MB")
+        };
+        all.push(Quoted::new(
+            &format!("file {name}"),
+            bytes / scale,
+            0.0,
+            unit,
+        ));
+    }
+    Ok(all)
+}

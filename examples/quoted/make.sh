@@ -1,0 +1,29 @@
+#!/usr/bin/env bash
+# The files whose sizes and errors docs/quoted.csv has, below a directory, by the program built:
+# databases fitted to scenes, and the compact files and exports of configs/thesis.toml.
+set -euo pipefail
+out=$1
+splitsnow=target/release/splitsnow
+mkdir -p "$out/files"
+for scene in igloo block sculpture thesis wet layered soot; do
+    "$splitsnow" fit "configs/scenes/$scene.toml" --out "$out/scenes/$scene"
+done
+"$splitsnow" build configs/thesis.toml --out "$out/thesis"
+# name, and how it is compressed; the last is what `build` writes
+while read -r name how; do
+    # shellcheck disable=SC2086
+    "$splitsnow" compress "$out/thesis" $how </dev/null
+    cp "$out/thesis/snow.safetensors" "$out/files/$name.safetensors"
+done <<END
+plain_loose --max-rmse 0.02
+log_quantised --basis log --precision quantised
+log_quantised_loose --basis log --precision quantised --max-rmse 0.02
+linear_quantised --precision quantised
+linear_quantised_loose --precision quantised --max-rmse 0.02
+plain
+END
+for end in nc csv npz; do
+    format=${end/nc/netcdf}
+    "$splitsnow" export "$out/thesis" --format "$format" --out "$out/files/compact.$end"
+    "$splitsnow" export "$out/thesis" --from database --format "$format" --out "$out/files/database.$end"
+done
