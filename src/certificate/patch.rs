@@ -4,7 +4,9 @@ use crate::budget;
 use crate::engine::{Control, Engine, EngineError, Request};
 use crate::grid::{Grid, Run};
 use crate::measurement::Spectrum;
-use crate::parameter::{Axes, Parameter, Point};
+use crate::parameter::{Parameter, Point};
+use crate::transport::{Illumination, Pack};
+use crate::units::cm_to_m;
 
 /// Thicknesses and angles of one snow.
 #[derive(Debug, Clone, PartialEq)]
@@ -51,38 +53,69 @@ impl Patch {
     }
 }
 
+/// A patch as an engine takes it.
+struct Prepared {
+    grid: Grid,
+    pack: Pack,
+    thicknesses_m: Vec<f64>,
+    lights: Vec<Illumination>,
+}
+
+impl Prepared {
+    /// What to ask the engine for, one after another, and the position of the first
+    /// thickness and angle of each: all those at once that share their walks.
+    fn requests(&self, number: u64) -> impl Iterator<Item = ([usize; 2], Request<'_>)> {
+        let engine = self.grid.run.engine;
+        let slabs = match engine.shares_thicknesses() {
+            true => self.thicknesses_m.len(),
+            false => 1,
+        };
+        let angles = match engine.shares_angles() {
+            true => self.lights.len(),
+            false => 1,
+        };
+        let blocks = (0..self.thicknesses_m.len()).step_by(slabs.max(1));
+        let blocks = blocks.flat_map(move |h| {
+            let blocks = (0..self.lights.len()).step_by(angles.max(1));
+            blocks.map(move |a| [h, a])
+        });
+        let blocks: Vec<_> = blocks.collect();
+        let first = number * blocks.len() as u64;
+        blocks.into_iter().zip(first..).map(move |([h, a], cell)| {
+            let slabs = &self.thicknesses_m[h..h + slabs];
+            let lights = &self.lights[a..a + angles];
+            ([h, a], self.grid.request(&self.pack, slabs, lights, cell))
+        })
+    }
+}
+
 impl Simulation<'_> {
-    /// The grid of one patch, with an engine that holds there: `doubling`, or
-    /// `spectral` where that refuses.
-    fn grid(&self, patch: &Patch, number: u64) -> Result<Grid, CertificateError> {
-        let mut axes: Axes = patch
-            .snow
-            .iter()
-            .map(|(parameter, value)| (parameter, vec![value]))
-            .collect();
-        axes.set(Parameter::Thickness, patch.thickness_cm.clone());
-        axes.set(Parameter::Incidence, patch.angle_deg.clone());
-        let mut grid = Grid {
-            axes,
-            given_sizes: None,
-            run: Run {
-                engine: Engine::Doubling,
-                seed: self.seed,
-                rays: self.rays,
-                ..self.grid.run
+    /// One patch, with an engine that holds there: `doubling`, or `spectral` where that
+    /// refuses.
+    fn prepared(&self, patch: &Patch) -> Result<Prepared, CertificateError> {
+        let light = |deg: &f64| Illumination::Collimated {
+            polar_angle_rad: deg.to_radians(),
+        };
+        let run = Run {
+            engine: Engine::Doubling,
+            seed: self.seed,
+            rays: self.rays,
+            ..self.grid.run
+        };
+        let mut prepared = Prepared {
+            pack: self.grid.pack(&patch.snow)?,
+            thicknesses_m: patch.thickness_cm.iter().map(|cm| cm_to_m(*cm)).collect(),
+            lights: patch.angle_deg.iter().map(light).collect(),
+            grid: Grid {
+                run,
+                ..self.grid.clone()
             },
-            ..self.grid.clone()
         };
-        grid.fixed.diffuse = false;
-        let job = grid.job(&grid.jobs()?, 0)?;
-        let request = Request {
-            cell: number,
-            ..job.request(&grid)
-        };
-        if Engine::Doubling.check(&request).is_err() {
-            grid.run.engine = Engine::Spectral;
+        let refused = |(_, request): (_, Request<'_>)| Engine::Doubling.check(&request).is_err();
+        if prepared.requests(0).any(refused) {
+            prepared.grid.run.engine = Engine::Spectral;
         }
-        Ok(grid)
+        Ok(prepared)
     }
 
     /// Spectra of all points of all patches, in order.
@@ -112,28 +145,18 @@ impl Simulation<'_> {
         control: &Control,
     ) -> Result<Vec<Option<Vec<Spectrum>>>, CertificateError> {
         let one = |number: usize, patch: &Patch| {
-            let grid = self.grid(patch, number as u64)?;
-            let jobs = grid.jobs()?;
+            let prepared = self.prepared(patch)?;
+            let engine = prepared.grid.run.engine;
             let mut spectra = vec![Spectrum::default(); patch.len()];
-            for number_of_job in 0..jobs.count() {
-                let job = grid.job(&jobs, number_of_job)?;
-                let request = Request {
-                    cell: number as u64 * jobs.count() + number_of_job,
-                    ..job.request(&grid)
-                };
-                let found = grid.run.engine.run(&request, control);
+            for ([h, a], request) in prepared.requests(number as u64) {
+                let found = engine.run(&request, control);
                 let found = found.map_err(|source| match source {
                     EngineError::Cancelled => CertificateError::Cancelled,
-                    source => CertificateError::Engine {
-                        at: job.to_string(),
-                        source,
-                    },
+                    source => self.failed(patch, source),
                 })?;
-                let [h, a] = [Parameter::Thickness, Parameter::Incidence]
-                    .map(|parameter| jobs.nodes(number_of_job, parameter));
-                let (h, a) = (h?.start, a?.start);
+                let lights = request.illuminations.len();
                 for (i, spectrum) in found.into_iter().enumerate() {
-                    let (row, column) = (i / job.angles_deg.len(), i % job.angles_deg.len());
+                    let (row, column) = (i / lights, i % lights);
                     spectra[(h + row) * patch.angle_deg.len() + a + column] = spectrum;
                 }
             }
@@ -160,18 +183,20 @@ impl Simulation<'_> {
     pub fn walks(&self, patches: &[Patch]) -> Result<u64, CertificateError> {
         let mut walks: u64 = 0;
         for patch in patches {
-            let grid = self.grid(patch, 0)?;
-            let jobs = grid.jobs()?;
-            for number in 0..jobs.count() {
-                let job = grid.job(&jobs, number)?;
-                let one = grid.run.engine.walks(&job.request(&grid));
-                let one = one.map_err(|source| CertificateError::Engine {
-                    at: job.to_string(),
-                    source,
-                })?;
+            let prepared = self.prepared(patch)?;
+            for (_, request) in prepared.requests(0) {
+                let one = prepared.grid.run.engine.walks(&request);
+                let one = one.map_err(|source| self.failed(patch, source))?;
                 walks = walks.saturating_add(one);
             }
         }
         Ok(walks)
+    }
+
+    fn failed(&self, patch: &Patch, source: EngineError) -> CertificateError {
+        CertificateError::Engine {
+            at: patch.snow.to_string(),
+            source,
+        }
     }
 }

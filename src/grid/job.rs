@@ -62,18 +62,8 @@ impl Job {
     /// What to ask an engine for: the curves that exist.
     #[must_use]
     pub fn request<'a>(&'a self, grid: &'a Grid) -> Request<'a> {
-        Request {
-            pack: &self.pack,
-            thicknesses_m: self.thicknesses_m.get(self.absent..).unwrap_or_default(),
-            illuminations: &self.illuminations,
-            resolution: Resolution::of_rays(grid.run.rays.saturating_mul(SHARED)),
-            wavelengths_nm: &grid.wavelengths_nm,
-            model: &grid.fixed.model,
-            rays: grid.run.rays,
-            max_error: grid.run.max_error,
-            seed: grid.run.seed,
-            cell: self.cell,
-        }
+        let thicknesses_m = self.thicknesses_m.get(self.absent..).unwrap_or_default();
+        grid.request(&self.pack, thicknesses_m, &self.illuminations, self.cell)
     }
 }
 
@@ -121,6 +111,54 @@ fn cell(engine: Engine, pack: &Pack, thicknesses_m: &[f64], lights: &[Illuminati
 }
 
 impl Grid {
+    /// The snow at a point, whatever the axes; its thickness and incidence are not looked
+    /// at.
+    ///
+    /// # Errors
+    /// A law of one of its values is impossible.
+    pub fn pack(&self, point: &Point) -> Result<Pack, GridError> {
+        let fixed = self.fixed.at(point, &self.spread)?;
+        let grain = GrainType {
+            size: self.size_law(point[Parameter::GrainSize])?,
+            facetness: self.facetness_law(point[Parameter::Facetness])?,
+            sphericity: fixed.sphericity,
+        };
+        let surface = Snow::dry(grain, point[Parameter::Density], fixed.temperature_c);
+        Ok(Pack {
+            surface: Snow {
+                water_saturation: fixed.water_saturation,
+                black_carbon: fixed.black_carbon,
+                brown_carbon: fixed.brown_carbon,
+                ..surface
+            },
+            below: fixed.below,
+            ground: fixed.ground,
+        })
+    }
+
+    /// What to ask an engine for of one `pack`.
+    #[must_use]
+    pub fn request<'a>(
+        &'a self,
+        pack: &'a Pack,
+        thicknesses_m: &'a [f64],
+        illuminations: &'a [Illumination],
+        cell: u64,
+    ) -> Request<'a> {
+        Request {
+            pack,
+            thicknesses_m,
+            illuminations,
+            resolution: Resolution::of_rays(self.run.rays.saturating_mul(SHARED)),
+            wavelengths_nm: &self.wavelengths_nm,
+            model: &self.fixed.model,
+            rays: self.run.rays,
+            max_error: self.run.max_error,
+            seed: self.run.seed,
+            cell,
+        }
+    }
+
     /// The job of number `job`, of the `jobs` this grid gave.
     ///
     /// # Errors
@@ -140,23 +178,8 @@ impl Grid {
         ]
         .map(of);
         let ((size, _), (thicknesses, all_cm), (angles, all_deg)) = (size?, thicknesses?, angles?);
-        let fixed = self.fixed.at(&snow, &self.spread)?;
-        let grain = GrainType {
-            size: self.size_law(snow[Parameter::GrainSize])?,
-            facetness: self.facetness_law(snow[Parameter::Facetness])?,
-            sphericity: fixed.sphericity,
-        };
         let absent = self.absent()?.get(size.start).copied().unwrap_or_default();
-        let pack = Pack {
-            surface: Snow {
-                water_saturation: fixed.water_saturation,
-                black_carbon: fixed.black_carbon,
-                brown_carbon: fixed.brown_carbon,
-                ..Snow::dry(grain, snow[Parameter::Density], fixed.temperature_c)
-            },
-            below: fixed.below,
-            ground: fixed.ground,
-        };
+        let pack = self.pack(&snow)?;
         let missing = || GridError::NoSuchJob {
             job,
             jobs: jobs.count(),

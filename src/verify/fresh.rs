@@ -6,9 +6,11 @@ use sha2::{Digest, Sha256};
 use super::{Subject, VerifyError};
 use crate::budget;
 use crate::engine::{Control, EngineError, Request};
-use crate::grid::{Grid, Job};
+use crate::grid::Grid;
 use crate::measurement::Spectrum;
-use crate::parameter::Point;
+use crate::parameter::{Parameter, Point};
+use crate::transport::{Illumination, Pack};
+use crate::units::cm_to_m;
 
 /// Points to simulate, each in `parts` independent parts of `rays` rays.
 pub(super) struct Simulations {
@@ -34,7 +36,7 @@ impl Simulations {
         let mut walks: u64 = 0;
         for point in &self.points {
             let cell = Cell::new(grid, *point)?;
-            let one = grid.run.engine.walks(&self.request(&cell, 0));
+            let one = grid.run.engine.walks(&self.request(grid, &cell, 0));
             let one = one.map_err(|source| cell.error(source))?;
             walks = walks.saturating_add(one.saturating_mul(self.parts));
         }
@@ -57,7 +59,10 @@ impl Simulations {
             .zip(cells.iter().flat_map(|c| (0..self.parts).map(move |_| c)))
             .collect();
         let one = |(number, cell): (u64, &Cell)| {
-            let spectra = grid.run.engine.run(&self.request(cell, number), control);
+            let spectra = grid
+                .run
+                .engine
+                .run(&self.request(grid, cell, number), control);
             let mut spectra = spectra.map_err(|source| cell.error(source))?;
             // One thickness, one spectrum.
             Ok(spectra.pop().unwrap_or_default())
@@ -74,35 +79,34 @@ impl Simulations {
             .collect())
     }
 
-    fn request<'a>(&self, cell: &'a Cell, number: u64) -> Request<'a> {
+    fn request<'a>(&self, grid: &'a Grid, cell: &'a Cell, number: u64) -> Request<'a> {
         Request {
             rays: self.rays,
             seed: self.seed,
-            cell: number,
-            ..cell.job.request(&cell.grid)
+            ..grid.request(&cell.pack, &cell.thickness_m, &cell.light, number)
         }
     }
 }
 
-/// A grid of one node, and its only job.
+/// One point to simulate.
 struct Cell {
     /// Where, for messages.
     at: String,
-    grid: Grid,
-    job: Job,
+    pack: Pack,
+    thickness_m: [f64; 1],
+    light: [Illumination; 1],
 }
 
 impl Cell {
     fn new(grid: &Grid, point: Point) -> Result<Self, VerifyError> {
-        let mut grid = Grid {
-            axes: point.iter().map(|(p, value)| (p, vec![value])).collect(),
-            given_sizes: None,
-            ..grid.clone()
-        };
-        grid.fixed.diffuse = false;
-        let job = grid.job(&grid.jobs()?, 0)?;
-        let at = point.to_string();
-        Ok(Self { at, grid, job })
+        Ok(Self {
+            at: point.to_string(),
+            pack: grid.pack(&point)?,
+            thickness_m: [cm_to_m(point[Parameter::Thickness])],
+            light: [Illumination::Collimated {
+                polar_angle_rad: point[Parameter::Incidence].to_radians(),
+            }],
+        })
     }
 
     fn error(&self, source: EngineError) -> VerifyError {
