@@ -84,11 +84,10 @@ fn about(parameter: Parameter) -> String {
 }
 
 /// Where else a parameter that is no axis gets its value from.
-fn instead(parameter: Parameter) -> &'static str {
-    match parameter {
-        Parameter::BlackCarbon => ", instead of fixed.black_carbon.concentration_ng_g",
-        _ if parameter.is_optional() => ", instead of that in fixed",
-        _ => "",
+fn instead(parameter: Parameter) -> String {
+    match parameter.record().fixed.first() {
+        Some(key) => format!(", instead of {key}"),
+        None => String::new(),
     }
 }
 
@@ -118,7 +117,7 @@ impl JsonSchema for AxesKeys {
         let mut properties = Map::new();
         let axis = |parameter: Parameter| {
             let record = parameter.record();
-            let mut text = about(parameter) + instead(parameter);
+            let mut text = about(parameter) + &instead(parameter);
             let items = match parameter {
                 Parameter::Thickness => {
                     let mut items = Schema::default();

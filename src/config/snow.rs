@@ -36,15 +36,10 @@ pub(super) fn fixed_or_axis(
 ) -> Result<(), ConfigError> {
     const CONCENTRATION: &str = "fixed.black_carbon.concentration_ng_g";
     for table in tables {
-        for (axis, fixed) in [
-            (Parameter::BlackCarbon, CONCENTRATION),
-            (Parameter::WaterSaturation, "fixed.water_saturation"),
-            (Parameter::WaterSaturation, "fixed.water_fraction"),
-            (Parameter::Temperature, "fixed.temperature_c"),
-            (Parameter::Sphericity, "fixed.sphericity"),
-            (Parameter::SubstrateReflectance, "fixed.substrate"),
-        ] {
-            exclusive(document, &format!("{table}.{}", axis.name()), fixed)?;
+        for parameter in Parameter::ALL {
+            for fixed in parameter.record().fixed {
+                exclusive(document, &format!("{table}.{}", parameter.name()), fixed)?;
+            }
         }
     }
     let has = |axis: Parameter| {

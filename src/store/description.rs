@@ -155,14 +155,15 @@ impl Description {
             "fixed.sphericity" | "spread.sphericity_half_width" | "spread.sphericity_sd" => {
                 in_one && moved(Parameter::Sphericity)
             }
-            "fixed.temperature_c" => moved(Parameter::Temperature),
-            "fixed.water_saturation" => moved(Parameter::WaterSaturation),
-            "fixed.black_carbon" => moved(Parameter::BlackCarbon),
-            "fixed.substrate" => moved(Parameter::SubstrateReflectance),
             "model.carbon_law" | "model.impurity_mass" => in_one,
             // which corners do not exist follows from sizes and thicknesses
             ABSENT => true,
-            _ => key.starts_with("axes.") || in_one && key.starts_with("data."),
+            _ if key.starts_with("axes.") => true,
+            _ if key.starts_with("data.") => in_one,
+            _ => Parameter::ALL.into_iter().any(|axis| {
+                let fixed = axis.record().fixed.iter();
+                moved(axis) && fixed.into_iter().any(|fixed| fixed.starts_with(key))
+            }),
         }
     }
 

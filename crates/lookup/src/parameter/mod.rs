@@ -90,6 +90,8 @@ pub struct Record {
     pub role: Role,
     /// Whether a database may leave it out.
     pub optional: bool,
+    /// Keys of a config that give its value where it is no axis.
+    pub fixed: &'static [&'static str],
 }
 
 const fn closed(min: f64, max: f64) -> Interval {
@@ -154,6 +156,7 @@ impl Parameter {
                 candidates: 6,
                 role: Role::Snow,
                 optional: true,
+                fixed: &["fixed.black_carbon.concentration_ng_g"],
             },
             Self::WaterSaturation => Record {
                 name: "water_saturation",
@@ -169,6 +172,7 @@ impl Parameter {
                 candidates: 6,
                 role: Role::Snow,
                 optional: true,
+                fixed: &["fixed.water_saturation", "fixed.water_fraction"],
             },
             Self::Temperature => Record {
                 name: "temperature_c",
@@ -184,6 +188,7 @@ impl Parameter {
                 candidates: 6,
                 role: Role::Snow,
                 optional: true,
+                fixed: &["fixed.temperature_c"],
             },
             Self::Sphericity => Record {
                 name: "sphericity",
@@ -199,6 +204,7 @@ impl Parameter {
                 candidates: 6,
                 role: Role::Snow,
                 optional: true,
+                fixed: &["fixed.sphericity"],
             },
             Self::SubstrateReflectance => Record {
                 name: "substrate_reflectance",
@@ -215,6 +221,7 @@ impl Parameter {
                 candidates: 6,
                 role: Role::Snow,
                 optional: true,
+                fixed: &["fixed.substrate"],
             },
             Self::Facetness => Record {
                 name: "facetness",
@@ -230,6 +237,7 @@ impl Parameter {
                 candidates: 7,
                 role: Role::Snow,
                 optional: false,
+                fixed: &[],
             },
             Self::GrainSize => Record {
                 name: "grain_size_um",
@@ -245,6 +253,7 @@ impl Parameter {
                 candidates: 9,
                 role: Role::Snow,
                 optional: false,
+                fixed: &[],
             },
             Self::Density => Record {
                 name: "density_kg_m3",
@@ -264,6 +273,7 @@ impl Parameter {
                 candidates: 4,
                 role: Role::Snow,
                 optional: false,
+                fixed: &[],
             },
             Self::Thickness => Record {
                 name: "thickness_cm",
@@ -279,6 +289,7 @@ impl Parameter {
                 candidates: 17,
                 role: Role::Thickness,
                 optional: false,
+                fixed: &[],
             },
             Self::Incidence => Record {
                 name: "angle_deg",
@@ -306,6 +317,7 @@ impl Parameter {
                 candidates: 13,
                 role: Role::Incidence,
                 optional: false,
+                fixed: &[],
             },
         }
     }
@@ -376,6 +388,7 @@ mod tests {
             assert_eq!(Parameter::named(record.name), Some(parameter));
             assert_eq!(record.option, record.name.replace('_', "-"));
             assert_eq!(record.optional, !Parameter::CORE.contains(&parameter));
+            assert_eq!(record.optional, !record.fixed.is_empty());
             for (inner, outer) in [
                 (record.ordinary, record.allowed),
                 (record.allowed, record.physical),
