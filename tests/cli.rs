@@ -280,3 +280,29 @@ fn a_reader_may_stop_reading() {
         "{errors}"
     );
 }
+
+/// `simulate`, `tailor` and `hybrid` are understood, though help does not list them.
+#[test]
+fn other_names_of_commands_and_engines_work() {
+    let run = |args: &[&str]| {
+        let mut command = assert_cmd::Command::cargo_bin("splitsnow").unwrap();
+        let output = command
+            .current_dir(env!("CARGO_MANIFEST_DIR"))
+            .args(args)
+            .output()
+            .unwrap();
+        assert!(output.status.success(), "{args:?}");
+        String::from_utf8(output.stdout).unwrap()
+    };
+    let sample = "configs/samples/small.toml";
+    let rest = ["--rays", "256", "--seed", "3"];
+    let old = run(&[&["measure", sample, "--engine", "doubling"][..], &rest].concat());
+    let new = run(&[&["simulate", sample, "--engine", "hybrid"][..], &rest].concat());
+    assert_eq!(old, new);
+    assert!(run(&["tailor", "--help"]).contains("SCENE.toml"));
+    let help = run(&["--help"]);
+    assert!(
+        !help.contains("simulate ") && !help.contains("tailor"),
+        "{help}"
+    );
+}

@@ -8,9 +8,10 @@ fuzz_target!(
     |text: &str| match scene::parse("configs/scenes/fuzz.toml", text) {
         Ok(file) => {
             let scene = file.scene;
-            assert!(scene.thickness_cm.min <= scene.thickness_cm.max);
-            assert!(scene.angle_deg.min <= scene.angle_deg.max);
-            assert!(!scene.snow.is_empty() && !scene.quantities.is_empty());
+            assert!(!scene.regions.is_empty() && !scene.quantities.is_empty());
+            for region in scene.regions {
+                assert!(region.iter().all(|(_, [min, max])| min <= max));
+            }
         }
         Err(error) => assert!(!error.to_string().is_empty()),
     }

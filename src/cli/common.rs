@@ -6,7 +6,7 @@ use std::sync::atomic::{AtomicBool, Ordering};
 use std::time::Duration;
 
 use anyhow::{Context, bail};
-use clap::builder::{PossibleValuesParser, TypedValueParser};
+use clap::builder::{PossibleValue, PossibleValuesParser, TypedValueParser};
 use indicatif::ProgressBar;
 use serde::Serialize;
 use sha2::{Digest, Sha256};
@@ -91,7 +91,10 @@ impl GridArgs {
 
 /// Engines by name.
 pub(super) fn engine_parser() -> impl TypedValueParser<Value = Engine> {
-    named(Engine::ALL, Engine::name)
+    let shown = Engine::ALL.map(|engine| PossibleValue::new(engine.name()));
+    let hidden = Engine::ALIASES.map(|(name, _)| PossibleValue::new(name).hide(true));
+    PossibleValuesParser::new(shown.into_iter().chain(hidden))
+        .try_map(|text| Engine::named(&text).ok_or_else(|| format!("nothing is named {text}")))
 }
 
 /// One of `all` by its name.

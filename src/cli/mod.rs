@@ -61,9 +61,11 @@ enum Command {
     Build(build::Args),
     Compress(compress::Args),
     Verify(verify::Args),
+    #[command(alias = "tailor")]
     Fit(fit::Args),
     Query(query::Args),
     Export(export::Args),
+    #[command(alias = "simulate")]
     Measure(measure::Args),
     Tradeoff(tradeoff::Args),
     Study(study::Args),

@@ -315,7 +315,8 @@ fn size(
 
 /// How the curves are computed.
 fn run(document: &Document, keys: &RunKeys, wavelengths_nm: &[f64]) -> Result<Run, ConfigError> {
-    let engines = Engine::ALL.map(|e| (e.name(), e));
+    let engines = Engine::ALL.map(|e| (e.name(), e)).into_iter();
+    let engines: Vec<_> = engines.chain(Engine::ALIASES).collect();
     let engine = choose(document, "run.engine", &engines, &keys.engine)?;
     let given = keys.max_error.as_ref();
     if given.is_some() && engine != Engine::Auto {

@@ -519,7 +519,7 @@ impl Default for FixedKeys {
 #[serde(deny_unknown_fields)]
 pub(super) struct RunKeys {
     /// The engine that runs the walks.
-    #[schemars(extend("enum" = Engine::ALL.map(Engine::name)))]
+    #[schemars(extend("enum" = engine_names()))]
     #[serde(default = "default_engine")]
     pub(super) engine: String,
     /// Seed of the random streams.
@@ -637,6 +637,15 @@ fn default_temperature_c() -> f64 {
 
 fn default_concentration_per() -> String {
     CONCENTRATIONS[0].to_owned()
+}
+
+fn engine_names() -> Vec<&'static str> {
+    let aliases = Engine::ALIASES.map(|(name, _)| name);
+    Engine::ALL
+        .map(Engine::name)
+        .into_iter()
+        .chain(aliases)
+        .collect()
 }
 
 fn default_engine() -> String {

@@ -235,9 +235,8 @@ impl Description {
             axes.set(parameter, values);
         }
         let name = get("run", "engine").and_then(|name| name.as_str());
-        let engine = Engine::ALL
-            .into_iter()
-            .find(|engine| Some(engine.name()) == name)
+        let engine = name
+            .and_then(Engine::named)
             .ok_or_else(|| damaged(format!("unknown engine {name:?}")))?;
         Ok(Contents {
             absent: self.absent(&axes, path)?,

@@ -229,6 +229,18 @@ impl Engine {
         }
     }
 
+    /// Other names that are understood.
+    pub const ALIASES: [(&str, Self); 1] = [("hybrid", Self::Doubling)];
+
+    /// The engine of this name, or of this other name.
+    #[must_use]
+    pub fn named(name: &str) -> Option<Self> {
+        let mut all = Self::ALL.into_iter().map(|engine| (engine.name(), engine));
+        let found = all.find(|(own, _)| *own == name);
+        let alias = || Self::ALIASES.into_iter().find(|(other, _)| *other == name);
+        Some(found.or_else(alias)?.1)
+    }
+
     /// Whether one job of this engine serves all thicknesses at once.
     #[must_use]
     pub fn shares_thicknesses(self) -> bool {
@@ -331,9 +343,7 @@ impl std::str::FromStr for Engine {
     type Err = String;
 
     fn from_str(name: &str) -> Result<Self, String> {
-        Self::ALL
-            .into_iter()
-            .find(|e| e.name() == name)
+        Self::named(name)
             .ok_or_else(|| {
                 format!("no engine is named `{name}`; the engines are reference, spectral, tabulated, doubling and auto")
             })
