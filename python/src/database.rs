@@ -259,6 +259,10 @@ fn named(values: &[(String, f64)]) -> PyResult<Point> {
             let names = names.join(", ");
             PyValueError::new_err(format!("no axis is named `{name}`; there are {names}"))
         })?;
+        if value.is_nan() {
+            let message = format!("{name} = NaN is outside the database");
+            return Err(PyValueError::new_err(message));
+        }
         Ok((axis, *value))
     };
     values.iter().map(one).collect()
