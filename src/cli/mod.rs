@@ -4,6 +4,7 @@
 //! when everything asked for is done, 1 with one line `error: ...`, 2 for a
 //! wrong command line, 130 when interrupted.
 mod against;
+mod bar;
 mod build;
 mod common;
 mod compact;
