@@ -50,7 +50,9 @@ use crate::parameter::Axes;
 
 pub use description::FORMAT_VERSION;
 pub use error::StoreError;
-pub(crate) use layout::{WAVELENGTH, coordinate_about};
+pub(crate) use layout::WAVELENGTH;
+#[cfg(feature = "netcdf")]
+pub(crate) use layout::coordinate_about;
 pub use lock::Access;
 pub use read::Variable;
 pub use space::estimated_bytes;
