@@ -9,10 +9,10 @@ use ndarray::Array2;
 use splitsnow::colour::Colorimeter;
 use splitsnow::compress::{Bands, Choice, Variant, compress};
 use splitsnow::export::{Eyes, LIGHTS, LUMINANCE, Sampling};
+use splitsnow::lab::report::{Swatch, SwatchRows, Swatches};
 use splitsnow::lookup::Database;
 use splitsnow::measurement::Quantity;
 use splitsnow::parameter::{Parameter, Point};
-use splitsnow::report::{Swatch, SwatchRows, Swatches};
 use splitsnow::store::{Store, Variable};
 
 type Result<T> = std::result::Result<T, Box<dyn Error>>;

@@ -59,6 +59,7 @@ static UNSYNCED: Mutex<Option<(PathBuf, io::Error)>> = Mutex::new(None);
 
 /// The first directory, since this was asked last, that cannot be synced where
 /// it lies: for a warning. Files written there are whole and in place.
+#[cfg(feature = "cli")]
 pub(crate) fn unsynced() -> Option<(PathBuf, io::Error)> {
     let mut unsynced = UNSYNCED.lock().unwrap_or_else(PoisonError::into_inner);
     unsynced.take()

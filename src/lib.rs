@@ -10,6 +10,8 @@
 //! | module | what lives there |
 //! |---|---|
 //! | [`math`], [`rng`], [`units`], [`threads`], [`budget`] | vectors, deterministic elementary functions, random streams, conversions; how many threads, and for how long |
+//! | `atomic`, `host` | files that are written as a whole; which process has a file |
+//! | [`parameter`], [`lookup`] | the axes of a database; reading its compact file and interpolating in it |
 //! | [`spectrum`], [`optics`], [`colour`] | tabulated functions of wavelength; refractive indices; Fresnel and Snell; CIELAB |
 //! | [`grain`] | laws of grain size and shape, the event on one grain, mean free distance |
 //! | [`transport`] | the snow sample and the walk of one ray through it |
@@ -20,17 +22,21 @@
 //! | [`comparison`] | a simulated spectrum against a measured one |
 //! | [`grid`], [`scene`], [`config`] | the axes of a database; what a renderer asks for; sample, grid, scene and study files |
 //! | [`store`], [`batch`] | the Zarr store that is checkpoint and result; the job runner |
-//! | [`compress`], [`lookup`] | SVD and the compact file; reading it and interpolating in it |
+//! | [`compress`] | SVD and the compact file |
 //! | [`certificate`], [`fit`] | how far its answers are off; the smallest file for a scene |
 //! | [`verify`] | re-checking a finished database |
-//! | [`tradeoff`], [`report`] | speed against accuracy of the engines; its charts and tables |
-//! | [`study`] | the variants of a sample that a study file asks for |
+//! | `lab` | speed against accuracy of the engines, studies of a sample; charts and tables |
 //! | [`export`] | databases, compact files and their colours in the formats of others |
-//! | [`cli`] | the command line |
+//! | `cli` | the command line |
+//!
+//! Features, all of them default: `charts` has `lab`, and exports as pictures; `netcdf` and
+//! `npz` have exports in these formats; `cli` has `cli`, and the program `splitsnow`. A
+//! format or command of a feature that is left out is not offered.
 mod atomic;
 pub mod batch;
 pub mod budget;
 pub mod certificate;
+#[cfg(feature = "cli")]
 pub mod cli;
 pub mod comparison;
 pub mod compress;
@@ -39,12 +45,11 @@ pub mod export;
 pub mod fit;
 pub mod grid;
 mod host;
-pub mod report;
+#[cfg(feature = "charts")]
+pub mod lab;
 pub mod scene;
 pub mod store;
-pub mod study;
 pub mod threads;
-pub mod tradeoff;
 pub mod verify;
 
 pub use splitsnow_lookup::{self as lookup, parameter};

@@ -167,7 +167,7 @@ fn from_the_grid_file_to_the_answers() {
         // above (it takes 7.9 %, too near the 8 % that stood here)
         assert!(*found < 0.95 * clean, "{found} {clean}");
     }
-    let database = Database::open(&folder.out().join("snow.safetensors")).unwrap();
+    let database = Database::open(folder.out().join("snow.safetensors")).unwrap();
     let there = database.at(between.into()).unwrap();
     let lookup = Lookup::new(&there, Quantity::Transmittance).unwrap();
     let mut spectrum = [0.0; 3];

@@ -155,7 +155,7 @@ fn corners_are_nan_and_all_else_is_computed() {
         [0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 1, 0, 0, 0]
     );
 
-    let file = Database::open(&folder.out().join("snow.safetensors")).unwrap();
+    let file = Database::open(folder.out().join("snow.safetensors")).unwrap();
     assert_eq!(file.absent(), [0, 0, 0, 1]);
     let reflectance = store.read(Variable::Reflectance).unwrap();
     for row in 0..file.curves() {

@@ -133,7 +133,7 @@ fn holds_its_bound_and_is_proved_anew() {
     assert!(output.status.success(), "{report}{}", errors(&output));
     assert!(report.ends_with("PASS\n"), "{report}");
     // at other points and with other walks: this certificate takes its place
-    let verified = Database::open(&folder.file()).unwrap();
+    let verified = Database::open(folder.file()).unwrap();
     let other: Certificate = serde_json::from_str(&verified.metadata()[CERTIFICATE]).unwrap();
     assert_ne!(other.seed, certificate.seed);
     assert_ne!(other.quantities, certificate.quantities);
@@ -214,7 +214,7 @@ fn few_wavelengths_are_all_kept() {
     let text = TEXT.replace("step_nm = 20", "step_nm = 100");
     let folder = Folder::new(&text);
     let text = folder.fit("");
-    let file = Database::open(&folder.file()).unwrap();
+    let file = Database::open(folder.file()).unwrap();
     assert_eq!(file.wavelengths_nm(), [400.0, 500.0, 600.0, 700.0]);
     let certificate: Certificate = serde_json::from_str(&file.metadata()[CERTIFICATE]).unwrap();
     assert_eq!(certificate.quantities["transmittance"].wavelengths, None);

@@ -74,9 +74,9 @@ fn sixty_nodes_of_the_grid_and_all_its_corners() {
     assert!(nodes >= 60, "{nodes}");
     let ends = |values: &[f64]| [values[0], values[values.len() - 1]];
     let axes = &grid.axes;
-    for facetness in ends(&axes.values(Parameter::Facetness)) {
-        for size_um in ends(&axes.values(Parameter::GrainSize)) {
-            for density in ends(&axes.values(Parameter::Density)) {
+    for facetness in ends(axes.values(Parameter::Facetness)) {
+        for size_um in ends(axes.values(Parameter::GrainSize)) {
+            for density in ends(axes.values(Parameter::Density)) {
                 let mut thicknesses = Vec::new();
                 for run in &runs {
                     let [min, max] = run.snow.size_um;
@@ -89,7 +89,7 @@ fn sixty_nodes_of_the_grid_and_all_its_corners() {
                         thicknesses.extend(&run.thicknesses_cm);
                     }
                 }
-                let [thinnest, thickest] = ends(&axes.values(Parameter::Thickness));
+                let [thinnest, thickest] = ends(axes.values(Parameter::Thickness));
                 assert!(
                     thicknesses.contains(&thinnest) && thicknesses.contains(&thickest),
                     "{facetness} {size_um} {density}: {thicknesses:?}"

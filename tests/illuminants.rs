@@ -379,7 +379,7 @@ fn a_fitted_file_needs_its_illuminant_s_file_no_more() {
         "{report}{told}"
     );
     // the scene in the file is one to fit to again
-    let database = splitsnow::lookup::Database::open(&dir.join("out/s/snow.safetensors")).unwrap();
+    let database = splitsnow::lookup::Database::open(dir.join("out/s/snow.safetensors")).unwrap();
     let kept = scene::parse("elsewhere/s.toml", &database.metadata()["scene"]).unwrap();
     let names: Vec<_> = kept
         .scene

@@ -19,6 +19,7 @@ mod filesystems;
 mod fit;
 mod growth;
 mod illuminants;
+mod layers;
 mod lookup;
 mod measure;
 mod optical;

@@ -35,7 +35,7 @@ fn run(
     let options = Options {
         threads,
         shard,
-        progress: false,
+        progress: None,
     };
     batch::run(grid, &store, simulate, &options, &AtomicBool::new(false))
 }

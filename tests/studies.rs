@@ -16,9 +16,9 @@ use splitsnow::config::sample;
 use splitsnow::config::study::{Draw, StudyFile, Variant, read};
 use splitsnow::engine::exits::Exits;
 use splitsnow::engine::{Cache, Control, Engine};
+use splitsnow::lab::study::{Settings, Spectra, Studied, run};
 use splitsnow::math::Vec3;
 use splitsnow::measurement::{Measured, Sensors};
-use splitsnow::study::{Settings, Spectra, Studied, run};
 
 /// Chance that any comparison fails although the trend is there, and how many there are.
 const ALPHA: f64 = 1e-6;

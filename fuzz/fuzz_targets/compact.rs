@@ -12,7 +12,7 @@ fuzz_target!(|bytes: &[u8]| {
         return;
     };
     let first = database.point(0).expect("a row of the database");
-    let halfway = |(parameter, [low, high])| (parameter, 0.5 * (low + high));
+    let halfway = |(parameter, [low, high]): (_, [f64; 2])| (parameter, 0.5 * (low + high));
     let middle: Point = database.axes().region().iter().map(halfway).collect();
     let rows = [0, database.curves() / 2, database.curves() - 1];
     for quantity in Quantity::ALL.into_iter().filter(|&q| database.has(q)) {

@@ -75,7 +75,7 @@ pub(crate) fn simulate<'py>(
         text
     };
     let sample = sample::parse(&name, &text).map_err(refuse)?;
-    let named = Engine::named(&engine);
+    let named = Engine::named(engine);
     let names = Engine::ALL.map(Engine::name).join(", ");
     let unknown = || refuse(format!("no engine is named `{engine}`; there are {names}"));
     let engine = named.ok_or_else(unknown)?;

@@ -13,19 +13,19 @@ use crate::measurement::Spectrum;
 use crate::store::Store;
 
 pub use error::BatchError;
-use progress::Progress;
+pub use progress::{Begin, Progress};
 use source::Failure;
 pub use source::Source;
 
 /// How to run.
 #[derive(Debug, Clone, Copy, Default)]
-pub struct Options {
+pub struct Options<'a> {
     /// Threads; 0 is one per core.
     pub threads: usize,
     /// Run this share of the jobs only.
     pub shard: Option<Shard>,
-    /// Show a bar on standard error, if that is a terminal.
-    pub progress: bool,
+    /// What is told how the run goes on.
+    pub progress: Option<&'a dyn Progress>,
 }
 
 /// What a run did. All jobs it was asked for are done.
@@ -63,7 +63,7 @@ pub fn run<S>(
     grid: &Grid,
     store: &Store,
     simulate: S,
-    options: &Options,
+    options: &Options<'_>,
     cancel: &AtomicBool,
 ) -> Result<Summary, BatchError>
 where
@@ -81,7 +81,7 @@ pub fn run_from<S>(
     store: &Store,
     sources: &[Source],
     simulate: S,
-    options: &Options,
+    options: &Options<'_>,
     cancel: &AtomicBool,
 ) -> Result<Summary, BatchError>
 where
@@ -97,7 +97,15 @@ where
         .map_err(|error| BatchError::Threads(error.to_string()))?;
     let rays = Arc::new(AtomicU64::new(0));
     let left = missing.len() as u64;
-    let progress = Progress::new(options.progress, left, total, &store.jobs(), &rays);
+    let progress = options.progress.filter(|_| left > 0);
+    if let Some(progress) = progress {
+        progress.begin(Begin {
+            done: total - left,
+            jobs: total,
+            curves_per_job: store.jobs().curves_per_job(),
+            rays: Arc::clone(&rays),
+        });
+    }
     let cache = Cache::of_cells();
     let next = AtomicUsize::new(0);
     let (finished, nodes) = (AtomicU64::new(0), AtomicU64::new(0));
@@ -125,14 +133,18 @@ where
                     reused.fetch_add(taken, Ordering::Relaxed);
                     nodes.fetch_add(of, Ordering::Relaxed);
                     finished.fetch_add(1, Ordering::Relaxed);
-                    progress.job_done();
+                    if let Some(progress) = progress {
+                        progress.job_done();
+                    }
                 }
                 Err(None) => break,
                 Err(Some(error)) => fail(error),
             }
         }
     });
-    progress.end();
+    if let Some(progress) = progress {
+        progress.end();
+    }
     if let Some(error) = failure.into_inner().unwrap_or_else(PoisonError::into_inner) {
         return Err(error);
     }
@@ -175,7 +187,7 @@ where
     S: Fn(&Request<'_>, &Control<'_>) -> Result<Vec<Spectrum>, EngineError>,
 {
     let job = grid
-        .job(&store.jobs(), number)
+        .job(store.jobs(), number)
         .map_err(|error| Some(BatchError::Grid(error)))?;
     // What an earlier run finished of it, and where this one's goes.
     let (shelf, before) = store

@@ -51,7 +51,7 @@ impl Source {
             .grid;
         let mut jobs: HashMap<u64, Vec<u64>> = HashMap::new();
         for number in 0..store.jobs().count() {
-            let job = grid.job(&store.jobs(), number)?;
+            let job = grid.job(store.jobs(), number)?;
             let snow = identity::of_pack(&job.pack);
             jobs.entry(snow).or_default().push(number);
         }
@@ -69,7 +69,7 @@ impl Source {
         let lights = job.illuminations.len();
         let wanted = existing(job);
         for number in self.jobs.get(&snow).into_iter().flatten() {
-            let there = self.grid.job(&self.store.jobs(), *number)?;
+            let there = self.grid.job(self.store.jobs(), *number)?;
             let same_slabs = existing(&there) == wanted;
             let mut pairs = Vec::new();
             for (from, light) in there.illuminations.iter().enumerate() {

@@ -11,8 +11,9 @@ use crate::comparison::{
     Band, Comparison, Exclusion, GOOD_RMSE, Hints, Matched, MeasuredSpectrum, Point, Statistics,
     listed,
 };
+#[cfg(feature = "charts")]
+use crate::lab::report;
 use crate::measurement::{Quantity, Spectrum};
-use crate::report;
 use crate::spectrum::measured::{Column, Scale, Unit};
 
 #[derive(Debug, clap::Args)]
@@ -41,6 +42,7 @@ pub(super) struct Args {
     #[arg(long, requires = "against", value_name = "FROM-TO")]
     exclude: Vec<Exclude>,
     /// Picture of both spectra and the residuals: a file that ends with .svg or .png
+    #[cfg(feature = "charts")]
     #[arg(long, requires = "against", value_name = "FILE", value_parser = picture)]
     plot: Option<PathBuf>,
 }
@@ -64,6 +66,7 @@ impl FromStr for Exclude {
 }
 
 /// The name of a file that can hold a picture.
+#[cfg(feature = "charts")]
 fn picture(text: &str) -> Result<PathBuf, String> {
     let path = PathBuf::from(text);
     match report::Picture::of(&path) {
@@ -123,6 +126,7 @@ impl Args {
     }
 
     /// Writes the picture, if one is asked for.
+    #[cfg(feature = "charts")]
     pub(super) fn plot(&self, compared: &Compared) -> anyhow::Result<()> {
         let Some(path) = &self.plot else {
             return Ok(());

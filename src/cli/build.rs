@@ -8,6 +8,7 @@ use anyhow::{anyhow, bail};
 use serde::Serialize;
 use serde_json::json;
 
+use super::bar::Bar;
 use super::common::{self, GridArgs, Interrupted};
 use super::compact::{self, Report};
 use crate::batch::{self, BatchError, Options, Source};
@@ -82,10 +83,11 @@ pub(super) fn run(args: &Args) -> anyhow::Result<()> {
     }
     let access = args.shard.map_or(Access::Exclusive, Access::Shard);
     let store = Store::build(&dir, grid, &inputs, access).map_err(|e| growing(e, &dir))?;
+    let bar = Bar::new();
     let options = Options {
         threads,
         shard: args.shard,
-        progress: true,
+        progress: Some(&bar),
     };
     let engine = grid.run.engine;
     let simulate = |request: &Request<'_>, control: &Control<'_>| engine.run(request, control);

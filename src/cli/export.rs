@@ -7,6 +7,8 @@ use super::common::{self, Spinner};
 use super::point::PointArgs;
 use crate::atomic;
 use crate::export::{self, Layout, Table};
+#[cfg(feature = "charts")]
+use crate::lab::report::Swatches;
 use crate::lookup::{Database, Lookup};
 use crate::measurement::Quantity;
 use crate::store::{COMPACT, DIFFUSE, Store};
@@ -66,16 +68,20 @@ pub(super) struct Args {
 #[derive(Debug, Clone, Copy, PartialEq, Eq, clap::ValueEnum)]
 enum Format {
     /// NetCDF, classic format, CF-1.11
+    #[cfg(feature = "netcdf")]
     Netcdf,
     /// A long table
     Csv,
     /// Arrays for NumPy
+    #[cfg(feature = "npz")]
     Npz,
     /// One spectrum for pbrt-v4 and Mitsuba 3
     Spd,
     /// Colours, as pixels
+    #[cfg(feature = "charts")]
     Png,
     /// Colours, as vector graphics
+    #[cfg(feature = "charts")]
     Svg,
 }
 
@@ -90,18 +96,22 @@ enum From {
 impl Format {
     fn extension(self) -> &'static str {
         match self {
+            #[cfg(feature = "netcdf")]
             Self::Netcdf => "nc",
             Self::Csv => "csv",
+            #[cfg(feature = "npz")]
             Self::Npz => "npz",
             Self::Spd => "spd",
+            #[cfg(feature = "charts")]
             Self::Png => "png",
+            #[cfg(feature = "charts")]
             Self::Svg => "svg",
         }
     }
 
     /// Whether all nodes are exported.
     fn is_table(self) -> bool {
-        matches!(self, Self::Netcdf | Self::Csv | Self::Npz)
+        matches!(self.extension(), "nc" | "csv" | "npz")
     }
 }
 
@@ -109,13 +119,7 @@ pub(super) fn run(args: &Args) -> anyhow::Result<()> {
     args.check()?;
     let spinner = Spinner::new("exporting");
     let bytes = if args.format.is_table() {
-        let table = args.table()?;
-        let layout = args.layout.unwrap_or(Layout::Database);
-        if args.is_crtm() {
-            export::crtm(args.point.cut(table)?)?
-        } else {
-            args.written(&table.laid_out(layout))?
-        }
+        args.written(args.table()?)?
     } else {
         args.seen()?
     };
@@ -129,13 +133,20 @@ pub(super) fn run(args: &Args) -> anyhow::Result<()> {
 impl Args {
     /// Whether the loader of CRTM is to read it.
     fn is_crtm(&self) -> bool {
-        self.format == Format::Netcdf && self.layout == Some(Layout::Crtm)
+        self.format.extension() == "nc" && self.layout == Some(Layout::Crtm)
     }
 
     /// All nodes.
-    fn written(&self, table: &Table) -> anyhow::Result<Vec<u8>> {
+    fn written(&self, table: Table) -> anyhow::Result<Vec<u8>> {
+        #[cfg(feature = "netcdf")]
+        if self.is_crtm() {
+            return Ok(export::crtm(self.point.cut(table)?)?);
+        }
+        let table = &table.laid_out(self.layout.unwrap_or(Layout::Database));
         Ok(match self.format {
+            #[cfg(feature = "netcdf")]
             Format::Netcdf => export::netcdf(table)?,
+            #[cfg(feature = "npz")]
             Format::Npz => export::npz(table)?,
             _ => export::csv(table).into_bytes(),
         })
@@ -164,7 +175,7 @@ impl Args {
             "--diffuse is for netcdf, csv and npz in the layout of the database"
         );
         ensure!(
-            self.layout.is_none() || matches!(self.format, Format::Netcdf | Format::Npz),
+            self.layout.is_none() || matches!(self.format.extension(), "nc" | "npz"),
             "--layout is for netcdf and npz"
         );
         Ok(())
@@ -194,18 +205,27 @@ impl Args {
     /// A spectrum or colours.
     fn seen(&self) -> anyhow::Result<Vec<u8>> {
         let quantity = self.quantity.unwrap_or(Quantity::Transmittance);
-        if self.format != Format::Spd {
-            let file = self.compact()?;
-            let point = self.point.or_middle(&file);
-            let there = file.at(point.optional())?;
-            let snow = self.point.described(point);
-            let one = self.point.has_thickness();
-            let swatches = export::thicknesses(&there, quantity, point, one, snow)?;
-            return Ok(match self.format {
-                Format::Png => swatches.png()?,
-                _ => swatches.svg()?.into_bytes(),
-            });
+        match self.format {
+            #[cfg(feature = "charts")]
+            Format::Png => Ok(self.patches(quantity)?.png()?),
+            #[cfg(feature = "charts")]
+            Format::Svg => Ok(self.patches(quantity)?.svg()?.into_bytes()),
+            _ => self.spectrum(quantity),
         }
+    }
+
+    #[cfg(feature = "charts")]
+    fn patches(&self, quantity: Quantity) -> anyhow::Result<Swatches> {
+        let file = self.compact()?;
+        let point = self.point.or_middle(&file);
+        let there = file.at(point.optional())?;
+        let snow = self.point.described(point);
+        let one = self.point.has_thickness();
+        let swatches = export::thicknesses(&there, quantity, point, one, snow)?;
+        Ok(swatches)
+    }
+
+    fn spectrum(&self, quantity: Quantity) -> anyhow::Result<Vec<u8>> {
         let point = self.point.point(false)?;
         let there = self.compact()?.at(point.optional())?;
         let lookup = Lookup::new(&there, quantity)?;

@@ -101,7 +101,11 @@ pub(super) fn run(args: &Args) -> anyhow::Result<()> {
         };
         comments(args, engine, &spectrum) + &rows
     })?;
-    compared.map_or(Ok(()), |compared| args.against.plot(&compared))
+    #[cfg(feature = "charts")]
+    if let Some(compared) = &compared {
+        args.against.plot(compared)?;
+    }
+    Ok(())
 }
 
 /// What is neither reflected nor transmitted.

@@ -4,6 +4,7 @@
 //! when everything asked for is done, 1 with one line `error: ...`, 2 for a
 //! wrong command line, 130 when interrupted.
 mod against;
+mod bar;
 mod build;
 mod common;
 mod compact;
@@ -17,7 +18,9 @@ mod plan;
 mod point;
 mod query;
 mod simulate;
+#[cfg(feature = "charts")]
 mod study;
+#[cfg(feature = "charts")]
 mod tradeoff;
 mod verify;
 
@@ -67,7 +70,9 @@ enum Command {
     Export(export::Args),
     #[command(alias = "simulate")]
     Measure(measure::Args),
+    #[cfg(feature = "charts")]
     Tradeoff(tradeoff::Args),
+    #[cfg(feature = "charts")]
     Study(study::Args),
 }
 
@@ -108,7 +113,9 @@ pub fn run() -> ExitCode {
         Command::Query(args) => query::run(&args),
         Command::Export(args) => export::run(&args),
         Command::Measure(args) => measure::run(&args),
+        #[cfg(feature = "charts")]
         Command::Tradeoff(args) => tradeoff::run(&args),
+        #[cfg(feature = "charts")]
         Command::Study(args) => study::run(&args),
     };
     if let Some((directory, error)) = atomic::unsynced() {

@@ -2,7 +2,9 @@
 use anyhow::bail;
 use clap::{Arg, ArgMatches, Command};
 
+#[cfg(feature = "netcdf")]
 use crate::export::{ExportError, Table};
+#[cfg(feature = "charts")]
 use crate::lookup::Database;
 use crate::parameter::{Parameter, Point};
 use crate::units::HALF_SPACE_CM;
@@ -87,11 +89,6 @@ impl PointArgs {
         self.0.is_empty()
     }
 
-    /// Whether the thickness is given.
-    pub(super) fn has_thickness(&self) -> bool {
-        self.0.get(Parameter::Thickness).is_some()
-    }
-
     /// Whether no node is chosen of density, size, thickness and angle.
     pub(super) fn leaves_tables(&self) -> bool {
         let core = Parameter::CORE.into_iter();
@@ -100,6 +97,7 @@ impl PointArgs {
     }
 
     /// The part of `table` at the nodes that are given.
+    #[cfg(feature = "netcdf")]
     pub(super) fn cut(&self, mut table: Table) -> Result<Table, ExportError> {
         for (parameter, value) in self.0.iter() {
             table = table.at(parameter.name(), value)?;
@@ -122,6 +120,15 @@ impl PointArgs {
             ),
             None => Ok(point),
         }
+    }
+}
+
+/// For exports as pictures.
+#[cfg(feature = "charts")]
+impl PointArgs {
+    /// Whether the thickness is given.
+    pub(super) fn has_thickness(&self) -> bool {
+        self.0.get(Parameter::Thickness).is_some()
     }
 
     /// The point, at the middle nodes of the axes where nothing is given.

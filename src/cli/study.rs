@@ -7,8 +7,8 @@ use super::common::{self, Interrupted, Spinner, ThreadArgs};
 use super::simulate;
 use crate::config::study::{self as file, StudyFile};
 use crate::engine::{Engine, EngineError};
-use crate::study::{self, Settings};
-use crate::{report, study::Studied};
+use crate::lab::report;
+use crate::lab::study::{self, Settings, Studied};
 
 /// Draw studies: a sample in several variants, their spectra or BRDFs in one picture
 ///

@@ -7,8 +7,8 @@ use serde_json::json;
 use super::common::{self, Interrupted, Spinner, ThreadArgs};
 use crate::config::grid;
 use crate::engine::Engine;
-use crate::report;
-use crate::tradeoff::{self, Options, Results, Sample, Source, TradeoffError};
+use crate::lab::report;
+use crate::lab::tradeoff::{self, Options, Results, Sample, Source, TradeoffError};
 
 /// The grid whose compression is charted, unless there is a database.
 const GRID: (&str, &str) = (

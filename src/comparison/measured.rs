@@ -181,7 +181,8 @@ impl MeasuredSpectrum {
 }
 
 /// `exclusions` as text: `1750-2000, 2350-2500`, or `none`.
-pub(crate) fn listed(exclusions: &[Exclusion]) -> String {
+#[must_use]
+pub fn listed(exclusions: &[Exclusion]) -> String {
     let texts: Vec<_> = exclusions.iter().map(ToString::to_string).collect();
     match texts.is_empty() {
         true => "none".to_owned(),

@@ -9,8 +9,7 @@ pub use crate::spectrum::Band;
 
 pub use error::MeasuredError;
 pub use exclusion::{Exclusion, excluded};
-pub(crate) use measured::listed;
-pub use measured::{Hints, Matched, MeasuredSpectrum, RANGE_NM, VALUES};
+pub use measured::{Hints, Matched, MeasuredSpectrum, RANGE_NM, VALUES, listed};
 
 /// Varsa 2025 calls a root mean square error below this good.
 pub const GOOD_RMSE: f64 = 0.03;

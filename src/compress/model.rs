@@ -91,6 +91,7 @@ impl<'a> Model<'a> {
     }
 
     /// A value of a spectrum from the sum of its components.
+    #[cfg(feature = "charts")]
     pub(crate) fn value(&self, sum: f64) -> f64 {
         self.kind.value(self.quantity, sum)
     }

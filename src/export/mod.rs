@@ -1,14 +1,21 @@
 //! Databases and compact files in the formats of others (docs/formats.md, "Exports").
 //!
-//! [`Table`] is what a database or a compact file holds, at its nodes; [`netcdf()`],
-//! [`csv()`] and [`npz()`] are the bytes of a file that holds the same, [`crtm()`] that of
+//! [`Table`] is what a database or a compact file holds, at its nodes; `netcdf`,
+//! [`csv()`] and `npz` are the bytes of a file that holds the same, `crtm` that of
 //! a table of reflectance for satellite codes. [`spd()`] is one
-//! spectrum as renderers read it, and [`Eyes`] are what sees spectra as colours.
+//! spectrum as renderers read it, [`Eyes`] are what sees spectra as colours, and
+//! `thicknesses` is a picture of these. Features of the crate decide which there are:
+//! `netcdf` has `netcdf` and `crtm`, `npz` has `npz`, `charts` has `thicknesses`.
+#[cfg(feature = "netcdf")]
 mod crtm;
 mod csv;
+mod eyes;
+#[cfg(feature = "netcdf")]
 mod netcdf;
+#[cfg(feature = "npz")]
 mod npz;
 mod spd;
+#[cfg(feature = "charts")]
 mod swatches;
 mod table;
 
@@ -17,16 +24,22 @@ use std::path::PathBuf;
 use thiserror::Error;
 
 use crate::colour::ColourError;
+#[cfg(feature = "charts")]
+use crate::lab::report::ReportError;
 use crate::lookup::LookupError;
-use crate::report::ReportError;
 use crate::store::StoreError;
 
+#[cfg(feature = "netcdf")]
 pub use crtm::crtm;
 pub use csv::csv;
+pub use eyes::{Eyes, LIGHTS, LUMINANCE, Sampling};
+#[cfg(feature = "netcdf")]
 pub use netcdf::netcdf;
+#[cfg(feature = "npz")]
 pub use npz::npz;
 pub use spd::{RANGE_NM, spd};
-pub use swatches::{Eyes, LIGHTS, LUMINANCE, Sampling, thicknesses};
+#[cfg(feature = "charts")]
+pub use swatches::thicknesses;
 pub use table::{Layout, Table};
 
 /// Why there is no export.
@@ -92,6 +105,7 @@ pub enum ExportError {
     #[error(transparent)]
     Colour(#[from] ColourError),
     /// The picture cannot be drawn.
+    #[cfg(feature = "charts")]
     #[error(transparent)]
     Report(#[from] ReportError),
     /// A library refused what should be valid.

@@ -17,7 +17,7 @@
 //! DIR/.splitsnow-held-...      instead, where the file system has no locks
 //! ```
 //!
-//! One chunk is one job (see [`crate::grid::job_shape`]); every chunk ends in
+//! One chunk is one job (see [`crate::grid::Jobs`]); every chunk ends in
 //! its CRC-32C. A chunk that is not there reads as NaN. A job is done when its
 //! mark in `jobs/committed` agrees with the bytes of its five chunks: torn,
 //! flipped, missing or foreign ones are found, and the job is run again.
@@ -50,7 +50,9 @@ use crate::parameter::Axes;
 
 pub use description::FORMAT_VERSION;
 pub use error::StoreError;
-pub(crate) use layout::{WAVELENGTH, coordinate_about};
+pub(crate) use layout::WAVELENGTH;
+#[cfg(feature = "netcdf")]
+pub(crate) use layout::coordinate_about;
 pub use lock::Access;
 pub use read::Variable;
 pub use space::estimated_bytes;

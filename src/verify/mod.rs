@@ -28,6 +28,7 @@ use crate::measurement::Quantity;
 use crate::store::{self, Store, StoreError, Variable};
 
 pub use answers::{POINT_RAYS, fitted, fitted_walks};
+#[cfg(feature = "cli")]
 pub(crate) use compact::viewing;
 pub use report::{Check, Figure, Report};
 
@@ -292,7 +293,7 @@ impl Verification {
         }
         const NAMED: usize = 10;
         for &number in integrity.missing.iter().take(NAMED) {
-            let job = self.grid.job(&jobs, number)?;
+            let job = self.grid.job(jobs, number)?;
             let problem = format!("job {number} is missing or damaged: {job}");
             check.problems.push(problem);
         }

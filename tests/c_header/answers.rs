@@ -45,7 +45,7 @@ fn point(database: &Database, numbers: &mut Numbers) -> [f64; 5] {
 /// at the wavelengths of the file alone.
 fn colorimeters(database: &Database) -> Vec<Option<Colorimeter>> {
     let nm = database.wavelengths_nm().iter();
-    let nm: Vec<f64> = nm.map(|nm| f64::from(*nm)).collect();
+    let nm: Vec<f64> = nm.copied().collect();
     let viewing = |illuminant| Viewing {
         illuminants: vec![illuminant],
         ..Viewing::default()

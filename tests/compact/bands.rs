@@ -39,7 +39,7 @@ fn largest_rms(values: &ndarray::Array2<f32>, nm: &[f64], band: Band) -> f64 {
 /// every band, and as the file states it.
 fn assert_kept(dir: &Path, bound: impl Fn(f64) -> f64) {
     let store = Store::open(dir).unwrap();
-    let database = Database::open(&dir.join(COMPACT)).unwrap();
+    let database = Database::open(dir.join(COMPACT)).unwrap();
     let nm = store.wavelengths_nm();
     let stated = database.metadata().get(BAND_ERRORS);
     let stated: Value = stated.map_or(Value::Null, |text| serde_json::from_str(text).unwrap());

@@ -5,8 +5,8 @@ use plotters::style::text_anchor::HPos;
 use super::super::style::{Area, Drawn, GREY, GRID, INK, SCALE, Style, font, write};
 use super::axis::Axis;
 use super::{LINE, entry, grouped, markers, sheet, tick};
+use crate::lab::study::{Brdfs, incidence_deg};
 use crate::measurement::Measured;
-use crate::study::{Brdfs, incidence_deg};
 
 /// Radius of the only panel, and of two beside each other, as shown, pixels.
 const ALONE: i32 = 300;

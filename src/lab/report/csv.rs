@@ -3,7 +3,7 @@ use csv::Writer;
 
 use super::ReportError;
 use crate::engine::Resolution;
-use crate::tradeoff::{Metrics, Results, Setting};
+use crate::lab::tradeoff::{Metrics, Results, Setting};
 
 /// All CSV files of `results`, by name.
 pub(super) fn files(results: &Results) -> Result<Vec<(String, Vec<u8>)>, ReportError> {

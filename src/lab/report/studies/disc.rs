@@ -10,7 +10,7 @@ use super::axis::Axis;
 use super::{grouped, sheet, tick};
 use crate::config::study::Variant;
 use crate::engine::exits::Exits;
-use crate::study::{Brdfs, incidence_deg};
+use crate::lab::study::{Brdfs, incidence_deg};
 
 /// Radius of a disc as shown, pixels, and what is left and right of it.
 const RADIUS: i32 = 160;

@@ -2,8 +2,8 @@
 use std::fmt::Write;
 
 use super::super::ReportError;
+use crate::lab::study::Brdfs;
 use crate::measurement::Measured;
-use crate::study::Brdfs;
 
 /// The values that are drawn, as CSV (docs/formats.md).
 pub(super) fn csv(studied: &Brdfs<'_>) -> Result<Vec<u8>, ReportError> {

@@ -14,7 +14,7 @@ use super::figure::{self, png};
 use super::style::{Area, Drawn, GREY, INK, SCALE, Style, font, number, write};
 use super::{ReportError, save};
 use crate::config::study::StudyFile;
-use crate::study::Studied;
+use crate::lab::study::Studied;
 
 /// Height of the heading of a picture as shown, pixels.
 const HEAD: i32 = 66;

@@ -135,7 +135,7 @@ mod tests {
 
     use super::*;
     use crate::engine::{Engine, Resolution};
-    use crate::tradeoff::Setting;
+    use crate::lab::tradeoff::Setting;
 
     /// A setting of `rays` measured (or not) with `errors` of T and R: RMSE, and
     /// 100 times that as Delta-E.

@@ -4,10 +4,10 @@ use std::fmt::Write;
 use serde_json::{Value, json};
 
 use crate::engine::Engine;
-use crate::measurement::Quantity;
-use crate::tradeoff::{
+use crate::lab::tradeoff::{
     Band, Bound, Candidate, Metrics, Point, Recommendation, Results, Row, front, points, recommend,
 };
+use crate::measurement::Quantity;
 
 /// What there is on a line of the table: both quantities of one setting.
 struct Line<'a> {

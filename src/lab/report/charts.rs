@@ -3,8 +3,10 @@ use super::figure::{Figure, Symbol};
 use super::panel::{Panel, Series};
 use super::style::Style;
 use crate::engine::Engine;
+use crate::lab::tradeoff::{
+    Band, Coding, Components, Growth, Measure, Point, Results, front, points,
+};
 use crate::measurement::Quantity;
-use crate::tradeoff::{Band, Coding, Components, Growth, Measure, Point, Results, front, points};
 
 /// A figure and the name of its files.
 pub(super) struct Chart {

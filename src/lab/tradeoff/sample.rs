@@ -10,23 +10,23 @@ use super::TradeoffError;
 const DEFAULTS: [(&str, &str); 5] = [
     (
         "dry_12cm",
-        include_str!("../../configs/tradeoff/dry_12cm.toml"),
+        include_str!("../../../configs/tradeoff/dry_12cm.toml"),
     ),
     (
         "dry_1cm",
-        include_str!("../../configs/tradeoff/dry_1cm.toml"),
+        include_str!("../../../configs/tradeoff/dry_1cm.toml"),
     ),
     (
         "fine_dense",
-        include_str!("../../configs/tradeoff/fine_dense.toml"),
+        include_str!("../../../configs/tradeoff/fine_dense.toml"),
     ),
     (
         "coarse_60deg",
-        include_str!("../../configs/tradeoff/coarse_60deg.toml"),
+        include_str!("../../../configs/tradeoff/coarse_60deg.toml"),
     ),
     (
         "wet_5cm",
-        include_str!("../../configs/tradeoff/wet_5cm.toml"),
+        include_str!("../../../configs/tradeoff/wet_5cm.toml"),
     ),
 ];
 

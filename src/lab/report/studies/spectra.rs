@@ -12,8 +12,8 @@ use super::super::style::{Area, Drawn, GRID, INK, SCALE, Style, font};
 use super::{LETTERS, entry, grouped, markers, sheet, wrapped};
 use crate::comparison::Band;
 use crate::config::study::Published;
+use crate::lab::study::{Spectra, mean};
 use crate::measurement::Measured;
-use crate::study::{Spectra, mean};
 
 /// Size of a picture as shown, pixels: a row of panels, the legend beside each.
 const WIDTH: i32 = 900;

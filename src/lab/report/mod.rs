@@ -1,4 +1,4 @@
-//! Charts and tables of what [`crate::tradeoff`] measured, of a comparison with
+//! Charts and tables of what [`crate::lab::tradeoff`] measured, of a comparison with
 //! a measured spectrum, and of studies; patches of colour.
 //!
 //! A chart is drawn once, as SVG; its PNG is that SVG rasterised with the font
@@ -21,7 +21,7 @@ use std::path::{Path, PathBuf};
 use thiserror::Error;
 
 use crate::atomic;
-use crate::tradeoff::Results;
+use crate::lab::tradeoff::Results;
 
 pub use residuals::{Picture, Residuals};
 pub use studies::{study_table, write_study};

@@ -1,0 +1,71 @@
+//! The bar of a build on standard error: jobs, curves, rays per second, time left.
+use std::sync::atomic::Ordering;
+use std::time::Duration;
+
+use indicatif::{HumanDuration, ProgressBar, ProgressDrawTarget, ProgressState, ProgressStyle};
+
+use crate::batch::{Begin, Progress};
+
+/// Between redraws, so that the rates move while long jobs run.
+const TICK: Duration = Duration::from_millis(250);
+
+/// Shown from the beginning of a run, if standard error is a terminal.
+#[derive(Debug)]
+pub(super) struct Bar(ProgressBar);
+
+impl Bar {
+    pub(super) fn new() -> Self {
+        Self(ProgressBar::hidden())
+    }
+}
+
+impl Progress for Bar {
+    fn begin(&self, run: Begin) {
+        let Begin {
+            done,
+            jobs,
+            curves_per_job,
+            rays,
+        } = run;
+        let bar = &self.0;
+        bar.set_length(jobs);
+        bar.set_position(done);
+        bar.reset_elapsed();
+        bar.reset_eta();
+        let curves = move |state: &ProgressState, out: &mut dyn std::fmt::Write| {
+            let _ = write!(out, "{}", state.pos() * curves_per_job);
+        };
+        let rate = move |state: &ProgressState, out: &mut dyn std::fmt::Write| {
+            let seconds = state.elapsed().as_secs_f64().max(1e-3);
+            let _ = write!(out, "{:.2e}", rays.load(Ordering::Relaxed) as f64 / seconds);
+        };
+        let left = move |state: &ProgressState, out: &mut dyn std::fmt::Write| {
+            // Nothing is known before the first job has ended.
+            let _ = if state.pos() == done {
+                write!(out, "?")
+            } else {
+                write!(out, "{:#}", HumanDuration(state.eta()))
+            };
+        };
+        let template = "{wide_bar} {pos}/{len} jobs, {curves} curves, {rate} rays/s, {left} left";
+        // A template that does not parse would only cost the looks.
+        if let Ok(style) = ProgressStyle::with_template(template) {
+            bar.set_style(
+                style
+                    .with_key("curves", curves)
+                    .with_key("rate", rate)
+                    .with_key("left", left),
+            );
+        }
+        bar.set_draw_target(ProgressDrawTarget::stderr());
+        bar.enable_steady_tick(TICK);
+    }
+
+    fn job_done(&self) {
+        self.0.inc(1);
+    }
+
+    fn end(&self) {
+        self.0.finish_and_clear();
+    }
+}

@@ -1,0 +1,142 @@
+//! What may use what: the crates, the modules of `src` in the order of the table in
+//! `src/lib.rs`, and how little a renderer compiles that adds `splitsnow-lookup`.
+use std::collections::{BTreeMap, BTreeSet};
+use std::path::{Path, PathBuf};
+use std::process::Command;
+
+use serde_json::Value;
+
+/// Most crates of others that a user of `splitsnow-lookup` compiles.
+const CRATES: usize = 25;
+
+fn root() -> PathBuf {
+    PathBuf::from(env!("CARGO_MANIFEST_DIR"))
+}
+
+/// Standard output of cargo.
+fn cargo(arguments: &str) -> String {
+    let mut command = Command::new(env!("CARGO"));
+    command.current_dir(root()).args(["--locked", "--offline"]);
+    let output = command.args(arguments.split(' ')).output().unwrap();
+    let errors = String::from_utf8(output.stderr).unwrap();
+    assert!(output.status.success(), "{errors}");
+    String::from_utf8(output.stdout).unwrap()
+}
+
+/// Crates of ours that a crate asks for, to build or to test.
+#[test]
+fn crates_use_lower_ones_only() {
+    let metadata = cargo("metadata --no-deps --format-version 1");
+    let metadata: Value = serde_json::from_str(&metadata).unwrap();
+    let name = |value: &Value| value["name"].as_str().unwrap().to_owned();
+    let uses: BTreeMap<String, BTreeSet<String>> = metadata["packages"]
+        .as_array()
+        .unwrap()
+        .iter()
+        .map(|package| {
+            let all = package["dependencies"].as_array().unwrap().iter();
+            let ours = all.map(name).filter(|name| name.starts_with("splitsnow"));
+            (name(package), ours.collect())
+        })
+        .collect();
+    let [spectra, lookup, model] = ["spectra", "lookup", "model"].map(|c| format!("splitsnow-{c}"));
+    for (user, allowed) in [
+        (&spectra, vec![]),
+        (&lookup, vec![&spectra]),
+        (&model, vec![&spectra]),
+        (&"splitsnow".to_owned(), vec![&spectra, &lookup, &model]),
+    ] {
+        let mut used = uses[user].iter();
+        let other = used.find(|used| !allowed.contains(used));
+        assert_eq!(other, None, "{user} must not use it");
+    }
+}
+
+#[test]
+fn a_renderer_compiles_few_crates() {
+    let tree = cargo("tree --package splitsnow-lookup --edges normal --prefix none");
+    let crates = tree.lines().map(|line| line.trim_end_matches(" (*)"));
+    let mut others: BTreeSet<&str> = crates.filter(|line| !line.is_empty()).collect();
+    assert!(others.iter().any(|line| line.starts_with("ndarray v")));
+    others.retain(|line| !line.starts_with("splitsnow-"));
+    assert!(
+        others.len() <= CRATES,
+        "{} of {CRATES}: {others:#?}",
+        others.len()
+    );
+}
+
+/// The Rust files under `path`, without the lines that are comments.
+fn sources(path: &Path) -> Vec<(PathBuf, String)> {
+    let mut found = Vec::new();
+    for entry in std::fs::read_dir(path).unwrap() {
+        let path = entry.unwrap().path();
+        if path.is_dir() {
+            found.extend(sources(&path));
+        } else if path.extension().is_some_and(|end| end == "rs") {
+            let text = std::fs::read_to_string(&path).unwrap();
+            let code = text.lines().filter(|line| !line.trim().starts_with("//"));
+            found.push((path, code.collect::<Vec<_>>().join("\n")));
+        }
+    }
+    found
+}
+
+/// The word that `text` begins with.
+fn word(text: &str) -> &str {
+    let end = text.find(|c: char| !c.is_alphanumeric() && c != '_');
+    &text[..end.unwrap_or(text.len())]
+}
+
+/// What follows `before` in `code`, wherever it stands.
+fn words_after<'a>(code: &'a str, before: &str) -> Vec<&'a str> {
+    code.split(before).skip(1).map(word).collect()
+}
+
+/// The rows of the table in `src/lib.rs`: where each module stands, from 0 for the lowest.
+fn rows(library: &str) -> BTreeMap<&str, usize> {
+    let table = library
+        .lines()
+        .filter_map(|line| line.strip_prefix("//! | "));
+    let names = table.skip(1).filter_map(|row| row.split_once(" | "));
+    let names = names.enumerate().flat_map(|(row, (names, _))| {
+        let names = names.split('`').skip(1).step_by(2);
+        names.map(move |name| (name, row))
+    });
+    names.collect()
+}
+
+#[test]
+fn modules_use_lower_ones_only() {
+    let src = root().join("src");
+    let library = std::fs::read_to_string(src.join("lib.rs")).unwrap();
+    let rows = rows(&library);
+    let row = |module: &str, path: &Path| {
+        let row = rows.get(module);
+        *row.unwrap_or_else(|| panic!("{}: `{module}` is not in the table", path.display()))
+    };
+    let mut checked = 0;
+    for (path, code) in sources(&src) {
+        let inside = path.strip_prefix(&src).unwrap();
+        let module = inside.iter().next().unwrap().to_str().unwrap();
+        let module = module.trim_end_matches(".rs");
+        if ["lib", "main"].contains(&module) {
+            continue;
+        }
+        for used in words_after(&code, "crate::") {
+            let path = path.display();
+            assert_ne!(used, "", "{path}: one line `use crate::` for each module");
+            let (own, other) = (row(module, inside), row(used, inside));
+            assert!(other <= own, "{path}: `{module}` must not use `{used}`");
+            checked += 1;
+        }
+        if module != "cli" {
+            let all = ["crate::", "super::", "splitsnow::"];
+            let mut used = all.iter().flat_map(|before| words_after(&code, before));
+            assert!(!used.any(|word| word == "cli"), "{}", path.display());
+            let bars = code.contains("indicatif");
+            assert!(!bars, "{}: bars belong to `cli`", path.display());
+        }
+    }
+    assert!(checked > 300, "{checked}");
+}
