@@ -28,7 +28,7 @@ typedef enum splitsnow_status {
     SPLITSNOW_ERROR_ARGUMENT,    /* an argument that is never allowed */
     SPLITSNOW_ERROR_NO_QUANTITY, /* the file does not hold the quantity */
     SPLITSNOW_ERROR_NO_AXIS,     /* a condition on an axis that the file does not have */
-    SPLITSNOW_ERROR_CONDITION,   /* the file has an axis beyond the five: say where on it */
+    SPLITSNOW_ERROR_CONDITION,   /* the file has an optional axis: say where on it */
     SPLITSNOW_ERROR_OUTSIDE,     /* a coordinate outside the database, or not a number */
     SPLITSNOW_ERROR_TOO_LARGE,   /* a table of more than 1 GB */
     SPLITSNOW_ERROR_NO_COLOUR,   /* the wavelengths have no colour under the illuminant */
@@ -77,7 +77,7 @@ typedef struct splitsnow_snow {
     double density_kg_m3;
 } splitsnow_snow;
 
-/* A value on an axis beyond the five. */
+/* A value on an optional axis. */
 typedef struct splitsnow_condition {
     splitsnow_axis axis;
     double value;
@@ -125,7 +125,7 @@ const char *splitsnow_error_string(splitsnow_status status);
 /* Prepares one quantity of one `snow`: computes what does not depend on thickness
  * and angle, in about a millisecond. With `snow` NULL it prepares all snow in the box, as
  * long as its table takes at most 1 GB. `conditions` (may be NULL if there are none)
- * say where on axes beyond the five; those of one node may be left out. */
+ * say where on optional axes; those of one node may be left out. */
 splitsnow_status splitsnow_prepare(const splitsnow *database, splitsnow_quantity quantity,
                                    const splitsnow_snow *snow,
                                    const splitsnow_condition *conditions, size_t n_conditions,
@@ -231,7 +231,7 @@ struct splitsnow {
     float *axes[SPLITSNOW_AXES];
     size_t wavelengths;
     float *wavelength_nm;
-    size_t curves;          /* of one combination of the axes beyond the five */
+    size_t curves;          /* of one combination of the optional axes */
     size_t *absent;         /* by grain size: thinnest thicknesses without a curve; or NULL */
     size_t components[2];   /* 0 for a quantity that is not there */
     float *coefficients[2]; /* [combination][curve][component] */
@@ -292,8 +292,8 @@ const char *splitsnow_error_string(splitsnow_status status) {
     case SPLITSNOW_ERROR_FORMAT: return "the file is not a compact file that this version reads";
     case SPLITSNOW_ERROR_ARGUMENT: return "an argument is not allowed";
     case SPLITSNOW_ERROR_NO_QUANTITY: return "the file does not hold this quantity";
-    case SPLITSNOW_ERROR_NO_AXIS: return "the file has no such axis beyond the five";
-    case SPLITSNOW_ERROR_CONDITION: return "the file has an axis beyond the five: say where on it";
+    case SPLITSNOW_ERROR_NO_AXIS: return "the file has no such axis";
+    case SPLITSNOW_ERROR_CONDITION: return "the file has an optional axis: say where on it";
     case SPLITSNOW_ERROR_OUTSIDE: return "a coordinate is outside the database";
     case SPLITSNOW_ERROR_TOO_LARGE: return "the look-up table would take more than 1 GB";
     case SPLITSNOW_ERROR_ABSENT: return "grains around do not fit into the slab: the file has no curve";

@@ -1,4 +1,4 @@
-//! A database with axes beyond the five, from the grid file to the answers.
+//! A database with optional axes, from the grid file to the answers.
 #![allow(clippy::unwrap_used)]
 
 use std::fs;

@@ -253,7 +253,7 @@ fn built(grid: &Grid, from: &[&Path]) -> (tempfile::TempDir, u64, u64) {
     (dir, nodes, summary.reused)
 }
 
-/// Any axis may grow, alone or with others, and an axis beyond the five may begin.
+/// Any axis may grow, alone or with others, and an optional axis may begin.
 #[test]
 fn a_grown_database_is_the_one_built_whole() {
     type Change = (&'static str, fn(&mut Grid));

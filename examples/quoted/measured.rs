@@ -39,7 +39,7 @@ pub(crate) fn measured(seed: u64) -> Vec<Quoted> {
         ("facetness", Bench::facetness),
         ("goniophotometer", Bench::grazing),
         ("noise", Bench::noise),
-        ("axes beyond the five", Bench::axes),
+        ("optional axes", Bench::axes),
     ] {
         let before = cpu_time::ProcessTime::now();
         measure(&mut bench);
@@ -420,7 +420,7 @@ impl Bench {
     }
 }
 
-/// Snow of the axes beyond the five.
+/// Snow of the optional axes.
 fn base() -> Snow {
     snow([250.0, 350.0], FACETNESS, SPHERICITY, 275.0)
 }

@@ -5,8 +5,8 @@
 //!   zarr.json                  attributes; metadata of all arrays inline
 //!   transmittance/ reflectance/ transmittance_se/ reflectance_se/
 //!     zarr.json                float32 [facetness, grain_size_um, density_kg_m3,
-//!     c.0.0.0.0.0.0 ...          thickness_cm, angle_deg, wavelength_nm], axes
-//!                                beyond the five before these
+//!     c.0.0.0.0.0.0 ...          thickness_cm, angle_deg, wavelength_nm], optional
+//!                                axes before these
 //!   transmittance_diffuse/ ...   the same without angle_deg, if the grid has `diffuse`
 //!   facetness/ ... wavelength_nm/   float64 coordinates
 //!   curve_status/              int8 [grain_size_um, thickness_cm], if there are curves

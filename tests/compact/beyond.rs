@@ -1,4 +1,4 @@
-//! Files with axes beyond the five.
+//! Files with optional axes.
 use std::collections::BTreeMap;
 
 use ndarray::Array2;

@@ -320,7 +320,7 @@ pub(crate) const GRID_ERRORS: &[(&str, &str)] = &[
     ("thickness_cm = [1, 2, 5]", "thickness_cm = [1, 3e6]"),
     ("thickness_cm = [1, 2, 5]", "thickness_cm = [1, inf, inf]"),
     ("grain_size_um = [100, 300, 500]", "grain_size_um = [5, 300]"),
-    // Axes beyond the five.
+    // Optional axes.
     ("angle_deg = [0, 40, 80]", "angle_deg = [0, 40, 80]\nwater_saturation = [0, 0.1]"),
     ("angle_deg = [0, 40, 80]", "angle_deg = [0, 40, 80]\ntemperature_c = [-5]"),
     ("angle_deg = [0, 40, 80]", "angle_deg = [0, 40, 80]\nsphericity = [0.7, 0.8]"),
@@ -414,7 +414,7 @@ pub(crate) const SCENE_ERRORS: &[(&str, &str)] = &[
     ("grain_size_half_width_um = 50", "grain_size_half_width_um = 299"),
     ("[wavelengths]", "[[snow]]\nfacetness = 0.5\ngrain_size_um = 1000\ndensity_kg_m3 = 300\n[wavelengths]"),
     ("[[snow]]", "[snow]"),
-    // Axes beyond the five.
+    // Optional axes.
     ("facetness = { min = 0.1, max = 0.9 }", "facetness = 0.1\nwater_saturation = { min = 0, max = 0.1 }"),
     ("facetness = { min = 0.1, max = 0.9 }", "facetness = 0.1\nblack_carbon_ng_g = { min = 9, max = 0 }"),
     ("facetness = { min = 0.1, max = 0.9 }", "facetness = 0.1\ntemperature_c = 1"),

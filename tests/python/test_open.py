@@ -1,7 +1,7 @@
 """A finished database opens in xarray, without a warning, as documented.
 
 SPLITSNOW_OUT names the output directory of a finished `splitsnow build`, with or
-without axes beyond the five.
+without optional axes.
 """
 
 import hashlib
@@ -40,7 +40,7 @@ def open_strictly(path, **kwargs):
 
 
 def axes_beyond(path):
-    """The axes beyond the five that the grid names, in their order."""
+    """The optional axes that the grid names, in their order."""
     config = tomllib.loads(open_strictly(path).attrs["config"])
     return tuple(name for name in BEYOND if name in config["axes"])
 

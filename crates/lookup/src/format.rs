@@ -17,7 +17,7 @@
 //! | `reflectance.*` | likewise | with its own l' |
 //! | `wavelength_nm` | `[l]` | strictly increasing |
 //! | `facetness`, `grain_size_um`, `density_kg_m3`, `thickness_cm`, `angle_deg` | `[n]` each | the axes, slowest first; s is the product of their lengths |
-//! | `black_carbon_ng_g`, `water_saturation`, `temperature_c`, `sphericity`, `substrate_reflectance` | `[n]` each | axes beyond the five, slower than these in this order; those there are stand first in the metadata `axis_order` |
+//! | `black_carbon_ng_g`, `water_saturation`, `temperature_c`, `sphericity`, `substrate_reflectance` | `[n]` each | optional axes, slower than these in this order; those there are stand first in the metadata `axis_order` |
 //! | `absent` | `[n]`, u16 | per grain size, how many of the thinnest thicknesses have no curve; only if there are such |
 //!
 //! The tensors of a quantity are there if the metadata `quantities` name it.
