@@ -66,7 +66,7 @@ impl From<Body<f32>> for Body<f64> {
 #[derive(Debug, Clone, Copy, PartialEq, Default)]
 pub struct Bodies {
     forms: [Form; 8],
-    numbers: Numbers<f64x8>,
+    pub(super) numbers: Numbers<f64x8>,
 }
 
 impl Bodies {
@@ -103,13 +103,18 @@ impl Bodies {
         }
     }
 
-    /// What `of` gives for the form of each lane: computed once where all are of
-    /// one form, as in snow without mixtures of shapes.
+    /// The form, if all are of one, as in snow without mixtures of shapes.
+    #[inline(always)]
+    pub(super) fn form(&self) -> Option<Form> {
+        let first = self.forms[0];
+        (self.forms == [first; 8]).then_some(first)
+    }
+
+    /// What `of` gives for the form of each lane.
     #[inline(always)]
     fn by_form<const N: usize>(&self, of: impl Fn(Form) -> [f64x8; N]) -> [f64x8; N] {
-        let first = self.forms[0];
-        let mut found = of(first);
-        if self.forms != [first; 8] {
+        let mut found = of(self.forms[0]);
+        if self.form().is_none() {
             for lane in 1..8 {
                 let form = self.forms[lane];
                 if self.forms[..lane].contains(&form) {

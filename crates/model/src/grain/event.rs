@@ -8,6 +8,7 @@
 use wide::bytemuck::cast;
 use wide::{f64x8, u64x8};
 
+use crate::grain::shape::{GrainShape, Numbers, with_form};
 use crate::grain::{Bodies, Body, GrainType};
 use crate::math::{Vec3, Vec3x8};
 use crate::optics::{Index, Interface, Interfaces, reflect};
@@ -208,6 +209,25 @@ impl Events {
     /// Tries one facet on every lane.
     #[inline(always)]
     pub fn step(&mut self, rng: &mut Stream) -> Stepped {
+        match self.bodies.form() {
+            Some(form) => with_form!(form, S => self.step_on(rng, S::normal, S::chord)),
+            None => {
+                let mixed = self.bodies;
+                self.step_on(rng, |_, at| mixed.normal(at), |_, at, d| mixed.chord(at, d))
+            }
+        }
+    }
+
+    /// The same on bodies with these normals and chords. A function of its own for
+    /// each form, so that one more makes no other slower.
+    #[inline(never)]
+    fn step_on(
+        &mut self,
+        rng: &mut Stream,
+        normal: impl Fn(&Numbers<f64x8>, Vec3x8) -> Vec3x8,
+        chord: impl Fn(&Numbers<f64x8>, Vec3x8, Vec3x8) -> f64x8,
+    ) -> Stepped {
+        let body = &self.bodies.numbers;
         let (d, n, one) = (self.direction, self.normal, f64x8::ONE);
         let all: f64x8 = cast(u64x8::MAX);
 
@@ -265,11 +285,11 @@ impl Events {
 
         // on through the ice to the far surface
         let moves = ok & goes_inside;
-        let chord = self.bodies.chord(self.at, next);
+        let chord = chord(body, self.at, next);
         let chord = chord.fast_max(f64x8::ZERO) & moves;
         self.at = self.at.plus(chord, next);
         self.ice_m += chord * self.scale_m;
-        let inward = self.bodies.normal(self.at).unit() * -one;
+        let inward = normal(body, self.at).unit() * -one;
         self.normal = inward.or_where_not(moves, n);
         self.internal_hits += one & moves;
         Stepped {

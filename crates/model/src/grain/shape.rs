@@ -94,13 +94,14 @@ macro_rules! with_law {
 macro_rules! with_form {
     ($form:expr, $S:ident => $work:expr) => {
         match $form {
-            Form::Spheroid => {
-                type $S = Spheroid;
+            $crate::grain::Form::Spheroid => {
+                type $S = $crate::grain::Spheroid;
                 $work
             }
         }
     };
 }
+pub(super) use with_form;
 
 impl Shape {
     /// See [`GrainShape::identify`].
@@ -125,7 +126,7 @@ impl Shape {
     }
 }
 
-// Calls by form, inlined into the kernels: the one place that chooses.
+// Calls by form. The step of a grain event chooses once for all that is in it.
 impl Form {
     #[inline(always)]
     pub(super) fn sample(self, body: &Numbers<f64x8>, rng: &mut Stream) -> (Vec3x8, f64x8) {
