@@ -8,7 +8,7 @@
 use wide::bytemuck::cast;
 use wide::{f64x8, u64x8};
 
-use crate::grain::shape::{GrainShape, Numbers, with_form};
+use crate::grain::shape::{GrainShape, Numbers, with_form, with_law};
 use crate::grain::{Bodies, Body, GrainType};
 use crate::math::{Vec3, Vec3x8};
 use crate::optics::{Index, Interface, Interfaces, reflect};
@@ -77,25 +77,31 @@ impl Grains {
     /// Draws eight grains; the mask has a bit for each to be kept.
     #[inline(always)]
     pub fn draw(law: &GrainType, rng: &mut Stream) -> (Self, u32) {
+        with_law!(&law.shape, shape => Self::draw_of(shape, law, rng))
+    }
+
+    /// The same, of this shape.
+    #[inline(always)]
+    fn draw_of<S: GrainShape>(shape: &S, law: &GrainType, rng: &mut Stream) -> (Self, u32) {
         let (psi, keep_psi) = law.sphericity.propose(rng);
         let (facetness, keep_facetness) = law.facetness.propose(rng);
-        let bodies = law.shape.draw(psi, rng);
+        let body = shape.draw(psi, rng);
         let kept = keep_psi & keep_facetness;
         // a point not kept is drawn again for the same grain: dropping the
         // grain with it would favour round ones, which keep more points
-        let (mut point, mut placed) = bodies.sample(rng);
+        let (mut point, mut placed) = S::sample(&body, rng);
         while (kept & !placed).any() {
-            let (another, keep) = bodies.sample(rng);
+            let (another, keep) = S::sample(&body, rng);
             point = point.or_where_not(placed, another);
             placed |= keep;
         }
-        let normal = bodies.normal(point).unit();
+        let normal = S::normal(&body, point).unit();
         let size_m = law.size.sample(rng);
         (
             Self {
                 size_m,
                 facetness,
-                bodies,
+                bodies: Bodies::new([S::FORM; 8], body),
                 point,
                 normal,
             },

@@ -9,6 +9,7 @@
 use wide::f64x8;
 
 use crate::grain::body::Bodies;
+#[cfg(doc)]
 use crate::grain::spheroid::Spheroid;
 use crate::math::{Real, Vec3, Vec3x8};
 use crate::rng::{Fingerprint, Stream};
@@ -82,13 +83,14 @@ pub enum Form {
 macro_rules! with_law {
     ($shape:expr, $law:ident => $work:expr) => {
         match $shape {
-            Shape::Spheroid => {
-                let $law = &Spheroid;
+            $crate::grain::Shape::Spheroid => {
+                let $law = &$crate::grain::Spheroid;
                 $work
             }
         }
     };
 }
+pub(super) use with_law;
 
 /// `$work` with the shape of bodies of `$form` as the type `$S`.
 macro_rules! with_form {
