@@ -5,7 +5,7 @@ use std::sync::atomic::{AtomicBool, AtomicU64};
 
 use criterion::{Criterion, Throughput, criterion_group, criterion_main};
 use splitsnow::engine::{Cache, Control, Engine, MaxError, Request, Resolution};
-use splitsnow::grain::{GrainType, SizeRange, Surface, TruncatedNormal};
+use splitsnow::grain::{GrainType, Shape, SizeRange, Surface, TruncatedNormal};
 use splitsnow::math::Vec3;
 use splitsnow::optics::{IceTable, Index};
 use splitsnow::rng::{Key, Stream};
@@ -29,6 +29,7 @@ fn representative() -> Snow {
         GrainType {
             size: SizeRange::new(300e-6, 750e-6).unwrap(),
             facetness: TruncatedNormal::new(0.2, 0.4, 0.3, 0.072).unwrap(),
+            shape: Shape::Spheroid,
             sphericity: TruncatedNormal::new(0.6, 0.95, 0.798, 0.064).unwrap(),
         },
         275.0,

@@ -8,7 +8,7 @@ use std::sync::atomic::{AtomicBool, AtomicU64};
 use std::time::Instant;
 
 use splitsnow::engine::{Cache, Control, Engine, MaxError, Request, Resolution};
-use splitsnow::grain::{GrainType, SizeRange, TruncatedNormal};
+use splitsnow::grain::{GrainType, Shape, SizeRange, TruncatedNormal};
 use splitsnow::measurement::{Measured, Spectrum};
 use splitsnow::transport::{Illumination, Model, Snow};
 
@@ -25,6 +25,7 @@ fn main() {
         GrainType {
             size: SizeRange::new(300e-6, 750e-6).unwrap(),
             facetness: TruncatedNormal::new(0.2, 0.4, 0.3, 0.072).unwrap(),
+            shape: Shape::Spheroid,
             sphericity: TruncatedNormal::new(0.6, 0.95, 0.798, 0.064).unwrap(),
         },
         275.0,

@@ -15,7 +15,7 @@ use std::sync::atomic::{AtomicBool, AtomicU64};
 use cpu_time::ProcessTime;
 use splitsnow::engine::exits::{Exits, goniometer};
 use splitsnow::engine::{Cache, Control, Engine, MaxError, Request, Resolution};
-use splitsnow::grain::{GrainType, SizeRange, TruncatedNormal};
+use splitsnow::grain::{GrainType, Shape, SizeRange, TruncatedNormal};
 use splitsnow::measurement::Sensors;
 use splitsnow::transport::{Illumination, Model, Snow};
 
@@ -26,6 +26,7 @@ fn main() {
     let grain = GrainType {
         size: SizeRange::new(300e-6, 750e-6).unwrap(),
         facetness: TruncatedNormal::new(0.2, 0.4, 0.3, 0.072).unwrap(),
+        shape: Shape::Spheroid,
         sphericity: TruncatedNormal::new(0.6, 0.95, 0.798, 0.064).unwrap(),
     };
     let pack = Snow::dry(grain, 275.0, -1.0).into();

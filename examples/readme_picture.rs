@@ -9,7 +9,7 @@ use plotters::prelude::*;
 use plotters::style::text_anchor::{HPos, Pos, VPos};
 use splitsnow::colour::Colorimeter;
 use splitsnow::engine::{Cache, Control, Engine, MaxError, Request, Resolution};
-use splitsnow::grain::{GrainType, SizeRange, TruncatedNormal};
+use splitsnow::grain::{GrainType, Shape, SizeRange, TruncatedNormal};
 use splitsnow::transport::{Illumination, Model, Snow};
 use splitsnow::units::{cm_to_m, um_to_m};
 
@@ -52,6 +52,7 @@ fn transmittances(wavelengths_nm: &[f64]) -> Result<Vec<Vec<f64>>> {
         GrainType {
             size: SizeRange::new(um_to_m(350.0), um_to_m(450.0))?,
             facetness: TruncatedNormal::new(0.2, 0.4, 0.3, 0.072)?,
+            shape: Shape::Spheroid,
             sphericity: TruncatedNormal::new(0.6, 0.95, 0.798, 0.064)?,
         },
         300.0,

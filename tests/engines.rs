@@ -11,7 +11,7 @@ use std::sync::atomic::{AtomicBool, AtomicU64};
 use crate::naive::{self, Naive};
 use nalgebra::Complex;
 use splitsnow::engine::{Cache, Control, Engine, MaxError, Request, Resolution};
-use splitsnow::grain::{GrainType, SizeRange, TruncatedNormal, mean_free_distance_m};
+use splitsnow::grain::{GrainType, Shape, SizeRange, TruncatedNormal, mean_free_distance_m};
 use splitsnow::measurement::{Measured, Spectrum};
 use splitsnow::optics::Carbon;
 use splitsnow::transport::{Component, Entry, Ground, Illumination, Layer, Model, Pack, Snow};
@@ -27,6 +27,7 @@ fn snow(size: [f64; 2], f: naive::Law, psi: naive::Law, density: f64, saturation
             GrainType {
                 size: SizeRange::new(size[0] * 1e-6, size[1] * 1e-6).unwrap(),
                 facetness: law(f),
+                shape: Shape::Spheroid,
                 sphericity: law(psi),
             },
             density,

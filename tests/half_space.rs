@@ -2,7 +2,7 @@
 use std::sync::atomic::{AtomicBool, AtomicU64};
 
 use splitsnow::engine::{Cache, Control, Engine, MaxError, Request, Resolution};
-use splitsnow::grain::{GrainType, SizeRange, TruncatedNormal};
+use splitsnow::grain::{GrainType, Shape, SizeRange, TruncatedNormal};
 use splitsnow::measurement::Spectrum;
 use splitsnow::transport::{Ground, Illumination, Layer, Model, Pack, Snow};
 use splitsnow::units::HALF_SPACE_M;
@@ -12,6 +12,7 @@ fn snow(size_um: [f64; 2], facetness: f64, sphericity: f64, density_kg_m3: f64) 
     let grain = GrainType {
         size: SizeRange::new(size_um[0] * 1e-6, size_um[1] * 1e-6).unwrap(),
         facetness: one(facetness),
+        shape: Shape::Spheroid,
         sphericity: one(sphericity),
     };
     Snow::dry(grain, density_kg_m3, -1.0)

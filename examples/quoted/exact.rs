@@ -3,7 +3,7 @@ use std::f64::consts::FRAC_PI_2;
 
 use splitsnow::colour::{Colorimeter, delta_e};
 use splitsnow::grain::{
-    SizeLaw, SizeRange, TruncatedNormal, mean_free_distance_m, overpacking, shape_factor,
+    Shape, SizeLaw, SizeRange, TruncatedNormal, mean_free_distance_m, overpacking, shape_factor,
     size_factor_per_m,
 };
 use splitsnow::transport::FIRST_FLIGHT;
@@ -34,8 +34,8 @@ pub(crate) fn exact() -> Vec<Quoted> {
     }
     let [min, max, mean, sd] = SPHERICITY;
     let psi = TruncatedNormal::new(min, max, mean, sd).unwrap();
-    let [published, consistent] =
-        [SizeLaw::Varsa2025, SizeLaw::Consistent].map(|law| shape_factor(&psi, law));
+    let [published, consistent] = [SizeLaw::Varsa2025, SizeLaw::Consistent]
+        .map(|law| shape_factor(Shape::Spheroid, &psi, law));
     say(
         "ice met for shapes",
         100.0 * (published / consistent - 1.0),

@@ -2,7 +2,7 @@
 use std::sync::atomic::{AtomicBool, AtomicU64};
 
 use splitsnow::engine::{Cache, Control, Engine, EngineError, MaxError, Request, Resolution};
-use splitsnow::grain::{GrainType, SizeRange, TruncatedNormal};
+use splitsnow::grain::{GrainType, Shape, SizeRange, TruncatedNormal};
 use splitsnow::measurement::{Measured, Spectrum};
 use splitsnow::optics::Carbon;
 use splitsnow::transport::{
@@ -35,6 +35,7 @@ pub(crate) fn snow(size_um: [f64; 2], facetness: Law, sphericity: Law, density_k
         GrainType {
             size: SizeRange::new(size_um[0] * 1e-6, size_um[1] * 1e-6).unwrap(),
             facetness: law(facetness),
+            shape: Shape::Spheroid,
             sphericity: law(sphericity),
         },
         density_kg_m3,

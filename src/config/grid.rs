@@ -3,7 +3,7 @@ use std::path::Path;
 
 use crate::colour::Viewing;
 use crate::engine::{Engine, MaxError};
-use crate::grain::{SizeMeasure, Told};
+use crate::grain::{Shape, SizeMeasure, Told};
 use crate::grid::{Compression, Fixed, GivenSizes, Grid, Run, Spread, why_absent};
 use crate::parameter::{Axes, Parameter};
 
@@ -200,6 +200,7 @@ fn axes(
         let shape = Told {
             half_width_um: spread.grain_size_half_width_um,
             size_law: spread.size_law,
+            shape: Shape::default(),
             sphericity: law(document, "fixed.sphericity", (s.min, s.max, s.mean, s.sd))?,
             temperature_c: fixed.temperature_c,
         };

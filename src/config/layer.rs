@@ -1,7 +1,7 @@
 //! Layers of snow, what absorbs in them and what they lie on.
 use std::path::Path;
 
-use crate::grain::{GrainType, SizeLaw, SizeMeasure, SizeRange, Told, TruncatedNormal};
+use crate::grain::{GrainType, Shape, SizeLaw, SizeMeasure, SizeRange, Told, TruncatedNormal};
 use crate::optics::{Carbon, ice_density_kg_m3};
 use crate::spectrum::Table;
 use crate::spectrum::measured::{self, Content, Gap, MAX_BRIDGE_NM, Request};
@@ -254,6 +254,7 @@ fn grain_type(
     Ok(GrainType {
         size: range,
         facetness: law(document, &format!("{table}.facetness"), facetness)?,
+        shape: Shape::default(),
         sphericity,
     })
 }
@@ -281,6 +282,7 @@ pub(super) fn sizes_um(
     let shape = Told {
         half_width_um: 0.0,
         size_law,
+        shape: Shape::default(),
         sphericity,
         temperature_c,
     };

@@ -10,7 +10,7 @@ use netcdf3::DataSet;
 
 use super::netcdf::{FILL, STAND_IN, failed, version, written};
 use super::{ExportError, Layout, Table};
-use crate::grain::{SizeLaw, SizeRange, TruncatedNormal, shape_factor, size_factor_per_m};
+use crate::grain::{Shape, SizeLaw, SizeRange, TruncatedNormal, shape_factor, size_factor_per_m};
 use crate::grid::Spread;
 use crate::parameter::Parameter;
 use crate::store::Variable;
@@ -241,7 +241,7 @@ impl Table {
         } else {
             SizeLaw::Varsa2025
         };
-        let shape = shape_factor(&sphericity, law);
+        let shape = shape_factor(Shape::default(), &sphericity, law);
         let radius_um = |size_um: &f64| {
             let ends = [size_um - half_width_um, size_um + half_width_um].map(um_to_m);
             let size = SizeRange::new(ends[0], ends[1]);

@@ -10,7 +10,7 @@ use sha2::{Digest, Sha256};
 use super::StoreError;
 use super::layout::Contents;
 use crate::engine::Engine;
-use crate::grain::{SizeLaw, SizeMeasure, Told, TruncatedNormal};
+use crate::grain::{Shape, SizeLaw, SizeMeasure, Told, TruncatedNormal};
 use crate::grid::{GivenSizes, Grid};
 use crate::lookup::Substrate;
 use crate::parameter::{Axes, Parameter};
@@ -407,6 +407,7 @@ fn told_shape(config: &toml::Table) -> Option<Told> {
     Some(Told {
         half_width_um: number("spread", "grain_size_half_width_um")?,
         size_law,
+        shape: Shape::default(),
         sphericity: TruncatedNormal::new(law("min")?, law("max")?, law("mean")?, law("sd")?)
             .ok()?,
         // of no account but for specific surface areas, which stand beside no axis of it

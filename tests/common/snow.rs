@@ -3,7 +3,7 @@ use std::ops::Range;
 use std::sync::atomic::{AtomicBool, AtomicU64};
 
 use splitsnow::engine::{Cache, Control, Engine, MaxError, Request, Resolution};
-use splitsnow::grain::{GrainType, SizeRange, TruncatedNormal};
+use splitsnow::grain::{GrainType, Shape, SizeRange, TruncatedNormal};
 use splitsnow::math::Vec3;
 use splitsnow::measurement::{Measured, Spectrum};
 use splitsnow::optics::Index;
@@ -54,6 +54,7 @@ pub(crate) fn snow(size_um: (f64, f64), facetness: f64, density_kg_m3: f64, wet:
                 size: SizeRange::new(size_um.0 * 1e-6, size_um.1 * 1e-6).unwrap(),
                 facetness: TruncatedNormal::new(facetness - 0.1, facetness + 0.1, facetness, 0.072)
                     .unwrap(),
+                shape: Shape::Spheroid,
                 sphericity: TruncatedNormal::new(0.6, 0.95, 0.798, 0.064).unwrap(),
             },
             density_kg_m3,
@@ -73,6 +74,7 @@ pub(crate) fn spheres(size_um: f64, density_kg_m3: f64) -> Snow {
     let grain = GrainType {
         size: SizeRange::new(size_um * 1e-6, size_um * 1e-6).unwrap(),
         facetness: constant(0.0),
+        shape: Shape::Spheroid,
         sphericity: constant(1.0),
     };
     Snow::dry(grain, density_kg_m3, -1.0)

@@ -2,7 +2,7 @@
 //! separate prototypes gave for the representative sample.
 use std::f64::consts::PI;
 
-use splitsnow::grain::{Events, GrainType, Grains, Surface, projected_point};
+use splitsnow::grain::{Events, GrainType, Grains, Surface};
 use splitsnow::math::Vec3;
 use splitsnow::measurement::Measured;
 use splitsnow::optics::{Index, Interface};
@@ -65,9 +65,7 @@ fn events(
                     let (sin, cos) = rng.azimuth();
                     let azimuth = (sin.to_array()[0], cos.to_array()[0]);
                     let u = rng.uniform().to_array()[0];
-                    let k = grain.flattening;
-                    let point = projected_point(k, grain.axis, d, u, azimuth);
-                    let normal = point.plus(k * point.dot(grain.axis), grain.axis);
+                    let (point, normal) = grain.body.projected_point(d, u, azimuth);
                     (point, normal * (1.0 / normal.dot(normal).sqrt()))
                 }
             };

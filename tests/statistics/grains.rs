@@ -1,6 +1,6 @@
 //! Samplers of grains: laws of size and shape, points on spheroids, facets.
 use splitsnow::grain::{
-    Events, Grain, GrainType, Grains, SizeRange, Surface, TruncatedNormal, projected_point,
+    Body, Events, Grain, GrainType, Grains, Shape, SizeRange, Spheroid, Surface, TruncatedNormal,
 };
 use splitsnow::math::Vec3;
 use splitsnow::optics::{Index, Interface};
@@ -56,6 +56,7 @@ fn sizes_and_shapes_follow_their_laws() {
         let law = GrainType {
             size: SizeRange::new(300e-6, 750e-6).unwrap(),
             facetness,
+            shape: Shape::Spheroid,
             sphericity,
         };
         let scale = |law: &TruncatedNormal, x: f64| (x - law.min()) / (law.max() - law.min());
@@ -63,7 +64,8 @@ fn sizes_and_shapes_follow_their_laws() {
         let [mut psi, mut facet, mut size] = [const { [0u64; 20] }; 3];
         let mut joint = [0u64; 8 * 8 * 8];
         draw(&law, 400_000, 20 + number as u64, |grain| {
-            let p = scale(&sphericity, (1.0 + grain.flattening).sqrt().sqrt());
+            let (_, flattening) = Spheroid::parts(&grain.body.numbers);
+            let p = scale(&sphericity, (1.0 + flattening).sqrt().sqrt());
             let f = scale(&facetness, grain.facetness);
             let s = (grain.size_m - 300e-6) / 450e-6;
             for (counts, x) in [(&mut psi, p), (&mut facet, f), (&mut size, s)] {
@@ -85,6 +87,7 @@ fn shaped(psi: f64) -> GrainType {
     GrainType {
         size: SizeRange::new(1e-3, 1e-3).unwrap(),
         facetness: law(0.0, 0.0, 0.0, 0.0),
+        shape: Shape::Spheroid,
         sphericity: law(psi, psi, psi, 0.0),
     }
 }
@@ -103,12 +106,13 @@ fn points_are_uniform_over_the_surface() {
         let mut counts = [0u64; 20 * 8];
         let mut axes = [0u64; 20 * 8];
         draw(&shaped(psi), 400_000, 30 + number as u64, |grain| {
-            let (t1, t2) = grain.axis.frame();
-            let u = grain.point.dot(grain.axis);
+            let (axis, _) = Spheroid::parts(&grain.body.numbers);
+            let (t1, t2) = axis.frame();
+            let u = grain.point.dot(axis);
             let around = turn(grain.point.dot(t1), grain.point.dot(t2));
             counts[8 * cell(0.5 + 0.5 * u, 20) + cell(around, 8)] += 1;
-            let around = turn(grain.axis.x, grain.axis.y);
-            axes[8 * cell(0.5 + 0.5 * grain.axis.z, 20) + cell(around, 8)] += 1;
+            let around = turn(axis.x, axis.y);
+            axes[8 * cell(0.5 + 0.5 * axis.z, 20) + cell(around, 8)] += 1;
         });
         let bands = steps(20, |t| area(2.0 * t - 1.0) / (2.0 * area(1.0)));
         let expected: Vec<f64> = bands.iter().flat_map(|p| [p / 8.0; 8]).collect();
@@ -133,18 +137,16 @@ fn projected_points_are_uniform_over_the_shadow() {
             // the axis at an angle of `tilt` to the ray
             let (across, along) = d.frame();
             let axis = (d * f64::cos(tilt)).plus(f64::sin(tilt), along);
-            let (c, k) = (psi * psi, psi.powi(4) - 1.0);
+            let c = psi * psi;
+            let body = Spheroid::body(c, axis);
             let half = (c * c + (1.0 - c * c) * f64::sin(tilt).powi(2)).sqrt();
             let mut counts = [0u64; 16 * 16];
             for _ in 0..200_000 {
                 let u = rng.uniform().to_array()[0];
                 let (sin, cos) = rng.azimuth();
                 let azimuth = (sin.to_array()[0], cos.to_array()[0]);
-                let p = projected_point(k, axis, d, u, azimuth);
-                assert!(
-                    p.plus(k * p.dot(axis), axis).dot(d) <= 0.0,
-                    "on the far side"
-                );
+                let (p, normal) = body.projected_point(d, u, azimuth);
+                assert!(normal.dot(d) <= 0.0, "on the far side");
                 let (x, y) = (p.dot(across) / c, p.dot(along) / half);
                 counts[16 * cell(x * x + y * y, 16) + cell(turn(y, x), 16)] += 1;
             }
@@ -166,8 +168,7 @@ fn facets(facetness: f64, incidence_deg: f64, count: u32, rng: &mut Stream) -> V
     let grain = Grain {
         size_m: 1.0,
         facetness,
-        flattening: 0.0,
-        axis: d,
+        body: Body::default(),
         point: normal,
         normal,
     };

@@ -2,7 +2,8 @@
 use std::f64::consts::PI;
 
 use splitsnow::grain::{
-    GrainType, SizeLaw, SizeRange, TruncatedNormal, mean_free_distance_m, overpacking,
+    GrainType, Shape, SizeLaw, SizeRange, Spheroid, TruncatedNormal, mean_free_distance_m,
+    overpacking,
 };
 use splitsnow::math::Vec3;
 use splitsnow::optics::{Index, ice_density_kg_m3};
@@ -138,6 +139,7 @@ fn ice_met_per_metre() {
             let grain = GrainType {
                 size: size.with_law(size_law),
                 facetness: law(0.0, 0.0, 0.0, 0.0),
+                shape: Shape::Spheroid,
                 sphericity,
             };
             let flights_in_water = Snow {
@@ -151,7 +153,7 @@ fn ice_met_per_metre() {
             });
             draw(&grain, 500_000, number, |grain| {
                 // a prolate spheroid of semi-axes 1 and c, in units of the semi-axis
-                let c_2 = 1.0 + grain.flattening;
+                let c_2 = 1.0 + Spheroid::parts(&grain.body.numbers).1;
                 let e = (1.0 - c_2).sqrt();
                 let volume = 4.0 / 3.0 * PI * c_2;
                 let surface = 2.0 * PI * c_2 * (1.0 + e.asin() / (c_2.sqrt() * e));

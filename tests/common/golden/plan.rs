@@ -1,6 +1,6 @@
 //! Which cases the golden data holds and how many rays each was given.
 
-use splitsnow::grain::{GrainType, SizeRange, TruncatedNormal};
+use splitsnow::grain::{GrainType, Shape, SizeRange, TruncatedNormal};
 use splitsnow::transport::{Illumination, Snow};
 use splitsnow::units::um_to_m;
 
@@ -30,6 +30,7 @@ impl GoldenSnow {
                 GrainType {
                     size: SizeRange::new(um_to_m(size_min_um), um_to_m(size_max_um)).unwrap(),
                     facetness: TruncatedNormal::new(min, max, mean, 0.072).unwrap(),
+                    shape: Shape::Spheroid,
                     sphericity: TruncatedNormal::new(0.6, 0.95, 0.798, 0.064).unwrap(),
                 },
                 self.density_kg_m3,

@@ -201,13 +201,14 @@ pub(super) fn walks(request: &Request) -> Result<u64, EngineError> {
 mod tests {
     use super::*;
     use crate::engine::Resolution;
-    use crate::grain::{GrainType, SizeRange, TruncatedNormal};
+    use crate::grain::{GrainType, Shape, SizeRange, TruncatedNormal};
     use crate::transport::Model;
 
     fn chosen(size_um: [f64; 2], angle_deg: f64, rmse: f64, nm: f64) -> (Engine, u64) {
         let grain = GrainType {
             size: SizeRange::new(size_um[0] * 1e-6, size_um[1] * 1e-6).unwrap(),
             facetness: TruncatedNormal::new(0.2, 0.4, 0.3, 0.072).unwrap(),
+            shape: Shape::Spheroid,
             sphericity: TruncatedNormal::new(0.6, 0.95, 0.798, 0.064).unwrap(),
         };
         let pack = Snow::dry(grain, 275.0, -1.0).into();

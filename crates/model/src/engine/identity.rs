@@ -4,7 +4,7 @@
 //! A node gets the same streams wherever it stands in whatever grid, so that a
 //! grid that grows keeps the spectra it has. The bits are the [`Fingerprint`] of
 //!
-//! - the snow of each layer: grains (share, size, facetness, sphericity), density,
+//! - the snow of each layer: grains (share, size, facetness, sphericity, shape), density,
 //!   temperature, saturation and the carbon that absorbs; the thicknesses of the
 //!   layers under the surface; the reflectance of the ground;
 //! - where an engine computes them one by one, the light and the thickness.
@@ -51,6 +51,7 @@ fn with_snow(digest: Fingerprint, snow: &Snow) -> Fingerprint {
             .and_text(grain.size.law().name())
             .and(&law(&grain.facetness))
             .and(&law(&grain.sphericity));
+        digest = grain.shape.identify(digest);
     }
     for (name, carbon) in [("black", &snow.black_carbon), ("brown", &snow.brown_carbon)] {
         // snow with none of it is the same whatever it would be

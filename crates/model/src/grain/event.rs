@@ -1,6 +1,6 @@
 //! The event of a ray on a grain: entry facet, internal hits, exit (docs/methods.md;
 //! Varsa 2025, section 4.2), for eight rays at once. Geometric
-//! optics on a smooth spheroid whose local normal is tilted at random at every
+//! optics on a smooth body whose local normal is tilted at random at every
 //! hit; no diffraction, no polarisation.
 //!
 //! Every [`Events::step`] tries one facet on each lane: the entry of a new
@@ -8,7 +8,8 @@
 use wide::bytemuck::cast;
 use wide::{f64x8, u64x8};
 
-use crate::grain::{GrainType, Spheroids};
+use crate::grain::shape::{GrainShape, Numbers, with_form, with_law};
+use crate::grain::{Bodies, Body, GrainType};
 use crate::math::{Vec3, Vec3x8};
 use crate::optics::{Index, Interface, Interfaces, reflect};
 use crate::rng::Stream;
@@ -50,15 +51,13 @@ impl Surface {
 /// side of it is met.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Grain {
-    /// Full length of the major axis, m.
+    /// Full length, m.
     pub size_m: f64,
     /// Facetness F.
     pub facetness: f64,
-    /// c^2 - 1 of the spheroid.
-    pub flattening: f64,
-    /// Unit vector along its axis.
-    pub axis: Vec3,
-    /// Point on its surface, units of the major semi-axis.
+    /// The solid it is.
+    pub body: Body<f64>,
+    /// Point on its surface, units of half its size.
     pub point: Vec3,
     /// Unit outward normal there.
     pub normal: Vec3,
@@ -69,7 +68,7 @@ pub struct Grain {
 pub struct Grains {
     size_m: f64x8,
     facetness: f64x8,
-    spheroids: Spheroids,
+    bodies: Bodies,
     point: Vec3x8,
     normal: Vec3x8,
 }
@@ -78,26 +77,31 @@ impl Grains {
     /// Draws eight grains; the mask has a bit for each to be kept.
     #[inline(always)]
     pub fn draw(law: &GrainType, rng: &mut Stream) -> (Self, u32) {
+        with_law!(&law.shape, shape => Self::draw_of(shape, law, rng))
+    }
+
+    /// The same, of this shape.
+    #[inline(always)]
+    fn draw_of<S: GrainShape>(shape: &S, law: &GrainType, rng: &mut Stream) -> (Self, u32) {
         let (psi, keep_psi) = law.sphericity.propose(rng);
         let (facetness, keep_facetness) = law.facetness.propose(rng);
-        let minor = psi * psi;
-        let spheroids = Spheroids::new(minor, rng.direction());
+        let body = shape.draw(psi, rng);
         let kept = keep_psi & keep_facetness;
         // a point not kept is drawn again for the same grain: dropping the
         // grain with it would favour round ones, which keep more points
-        let (mut point, mut placed) = spheroids.propose_point(minor, rng);
+        let (mut point, mut placed) = S::sample(&body, rng);
         while (kept & !placed).any() {
-            let (another, keep) = spheroids.propose_point(minor, rng);
+            let (another, keep) = S::sample(&body, rng);
             point = point.or_where_not(placed, another);
             placed |= keep;
         }
-        let normal = spheroids.normal(point).unit();
+        let normal = S::normal(&body, point).unit();
         let size_m = law.size.sample(rng);
         (
             Self {
                 size_m,
                 facetness,
-                spheroids,
+                bodies: Bodies::new([S::FORM; 8], body),
                 point,
                 normal,
             },
@@ -112,8 +116,7 @@ impl Grains {
         Grain {
             size_m: self.size_m.as_array()[lane],
             facetness: self.facetness.as_array()[lane],
-            flattening: self.spheroids.flattening.as_array()[lane],
-            axis: self.spheroids.axis.get(lane),
+            body: self.bodies.get(lane),
             point: self.point.get(lane),
             normal: self.normal.get(lane),
         }
@@ -130,11 +133,11 @@ pub struct Events {
     pub ice_m: f64x8,
     /// Path in ice at which the ray is absorbed, m.
     pub ice_limit_m: f64x8,
-    spheroids: Spheroids,
+    bodies: Bodies,
     facetness: f64x8,
-    /// Major semi-axis, m.
+    /// Half the sizes, m.
     scale_m: f64x8,
-    /// Where the ray is, units of the major semi-axis from the centre.
+    /// Where the ray is, in units of that, from the centre.
     at: Vec3x8,
     /// Unit normal there, facing the ray.
     normal: Vec3x8,
@@ -173,7 +176,7 @@ impl Events {
             direction: unit * -f64x8::ONE,
             ice_m: zero,
             ice_limit_m: zero,
-            spheroids: Spheroids::new(f64x8::ONE, unit),
+            bodies: Bodies::default(),
             facetness: zero,
             scale_m: zero,
             at: unit,
@@ -191,8 +194,7 @@ impl Events {
     /// `normal`, which faces the ray.
     #[inline(always)]
     pub fn start(&mut self, lane: usize, grain: &Grain, point: Vec3, normal: Vec3, in_water: bool) {
-        self.spheroids.axis.set(lane, grain.axis);
-        self.spheroids.flattening.as_mut_array()[lane] = grain.flattening;
+        self.bodies.set(lane, &grain.body);
         self.facetness.as_mut_array()[lane] = grain.facetness;
         self.scale_m.as_mut_array()[lane] = 0.5 * grain.size_m;
         self.at.set(lane, point);
@@ -213,6 +215,25 @@ impl Events {
     /// Tries one facet on every lane.
     #[inline(always)]
     pub fn step(&mut self, rng: &mut Stream) -> Stepped {
+        match self.bodies.form() {
+            Some(form) => with_form!(form, S => self.step_on(rng, S::normal, S::chord)),
+            None => {
+                let mixed = self.bodies;
+                self.step_on(rng, |_, at| mixed.normal(at), |_, at, d| mixed.chord(at, d))
+            }
+        }
+    }
+
+    /// The same on bodies with these normals and chords. A function of its own for
+    /// each form, so that one more makes no other slower.
+    #[inline(never)]
+    fn step_on(
+        &mut self,
+        rng: &mut Stream,
+        normal: impl Fn(&Numbers<f64x8>, Vec3x8) -> Vec3x8,
+        chord: impl Fn(&Numbers<f64x8>, Vec3x8, Vec3x8) -> f64x8,
+    ) -> Stepped {
+        let body = &self.bodies.numbers;
         let (d, n, one) = (self.direction, self.normal, f64x8::ONE);
         let all: f64x8 = cast(u64x8::MAX);
 
@@ -254,7 +275,7 @@ impl Events {
             reflect(d, m, c).or_where_not(reflected, interfaces.refract(d, m, c, &incidences));
         let goes_inside = inside ^ refracted;
 
-        // a tilted facet may send an inner ray out of the spheroid: take the untilted normal
+        // a tilted facet may send an inner ray out of the grain: take the untilted normal
         let outward = next.dot(n) * refracted.select(-one, one);
         let astray = ok & goes_inside & outward.simd_le(f64x8::ZERO);
         next = reflect(d, n, untilted).or_where_not(astray & reflected, next);
@@ -270,11 +291,11 @@ impl Events {
 
         // on through the ice to the far surface
         let moves = ok & goes_inside;
-        let chord = self.spheroids.chord(self.spheroids.normal(self.at), next);
+        let chord = chord(body, self.at, next);
         let chord = chord.fast_max(f64x8::ZERO) & moves;
         self.at = self.at.plus(chord, next);
         self.ice_m += chord * self.scale_m;
-        let inward = self.spheroids.normal(self.at).unit() * -one;
+        let inward = normal(body, self.at).unit() * -one;
         self.normal = inward.or_where_not(moves, n);
         self.internal_hits += one & moves;
         Stepped {

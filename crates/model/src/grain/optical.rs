@@ -4,7 +4,7 @@
 //! density ([`super::specific_surface_m2_kg`]), and the optical radius is that of
 //! spheres of as much surface, 3 / (SSA ice density) = 3 / (4 K1 K2). Of a shape K2 is
 //! known, so that either tells K1, and with the width of the sizes their mean.
-use crate::grain::{SizeLaw, SizeRange, TruncatedNormal, shape_factor, size_factor_per_m};
+use crate::grain::{Shape, SizeLaw, SizeRange, TruncatedNormal, shape_factor, size_factor_per_m};
 use crate::optics::ice_density_kg_m3;
 use splitsnow_spectra::units::{m_to_um, um_to_m};
 
@@ -24,6 +24,8 @@ pub struct Told {
     pub half_width_um: f64,
     /// How often they are met.
     pub size_law: SizeLaw,
+    /// Shape.
+    pub shape: Shape,
     /// Law of the sphericity.
     pub sphericity: TruncatedNormal,
     /// Temperature, Celsius.
@@ -61,7 +63,7 @@ impl SizeMeasure {
     /// Mean size, um, of grains of this measure `value`, which is above 0.
     #[must_use]
     pub fn size_um(self, value: f64, told: &Told) -> f64 {
-        let shape = shape_factor(&told.sphericity, told.size_law);
+        let shape = shape_factor(told.shape, &told.sphericity, told.size_law);
         let k1_per_m = match self {
             Self::OpticalRadius => 3.0 / (4.0 * shape * um_to_m(value)),
             Self::SpecificSurface => value * ice_density_kg_m3(told.temperature_c) / (4.0 * shape),
@@ -118,6 +120,7 @@ mod tests {
                 let told = Told {
                     half_width_um,
                     size_law,
+                    shape: Shape::Spheroid,
                     sphericity,
                     temperature_c: -5.0,
                 };
@@ -131,6 +134,7 @@ mod tests {
                     let grain = GrainType {
                         size: size.with_law(size_law),
                         facetness: sphere,
+                        shape: Shape::Spheroid,
                         sphericity,
                     };
                     let found = specific_surface_m2_kg(&grain, -5.0);
@@ -144,6 +148,7 @@ mod tests {
         let told = Told {
             half_width_um: 0.0,
             size_law: SizeLaw::Varsa2025,
+            shape: Shape::Spheroid,
             sphericity: usual,
             temperature_c: -1.0,
         };

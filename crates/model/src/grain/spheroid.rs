@@ -1,93 +1,135 @@
-//! Prolate spheroids in the way of rays: shape, attitude, and the points where
-//! they are met (docs/methods.md), eight at once.
+//! Prolate spheroids (docs/methods.md; Varsa 2025, eq. 4.2).
 //!
-//! Lengths are in units of the major semi-axis b = s/2; the centre is the
-//! origin. With c the minor semi-axis, K = c^2 - 1 and a the axis, the surface
-//! is |x|^2 + K (x.a)^2 = c^2 and the normal at x is along x + K (x.a) a.
+//! With c the minor semi-axis in units of the major one, K = c^2 - 1 and a the
+//! axis, the surface is |x|^2 + K (x.a)^2 = c^2 and the normal at x is along
+//! x + K (x.a) a. The numbers of a body are a, K and c. A sphere's K is 0,
+//! whatever a and c say.
 use wide::f64x8;
 
-use crate::math::{Vec3, Vec3x8};
-use crate::rng::Stream;
+use crate::grain::body::Body;
+use crate::grain::shape::{Form, GrainShape, Numbers};
+use crate::math::{Real, Vec3, Vec3x8};
+use crate::rng::{Fingerprint, Stream};
 
-/// Eight spheroids with major semi-axis 1.
-#[derive(Debug, Clone, Copy, PartialEq, Default)]
-pub struct Spheroids {
-    /// Unit vectors along the major axes.
-    pub axis: Vec3x8,
-    /// K = c^2 - 1, in (-1, 0].
-    pub flattening: f64x8,
-}
+/// The shape of Varsa 2025. It has no parameter but the sphericity.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Spheroid;
 
-impl Spheroids {
-    /// Spheroids of minor semi-axis `minor` = Psi^2 (Varsa 2025, eq. 4.2).
-    #[inline(always)]
+impl Spheroid {
+    /// The spheroid of minor semi-axis `minor` = Psi^2 with this unit vector along
+    /// its axis.
     #[must_use]
-    pub fn new(minor: f64x8, axis: Vec3x8) -> Self {
-        Self {
-            axis,
-            flattening: minor * minor - f64x8::ONE,
+    pub fn body(minor: f64, axis: Vec3) -> Body<f64> {
+        Body {
+            form: Form::Spheroid,
+            numbers: [axis.x, axis.y, axis.z, minor * minor - 1.0, minor],
         }
     }
 
-    /// Outward normals at surface points `x`, not of unit length.
+    /// Axis and K.
     #[inline(always)]
     #[must_use]
-    pub fn normal(&self, x: Vec3x8) -> Vec3x8 {
-        x.plus(self.flattening * x.dot(self.axis), self.axis)
+    pub fn parts([x, y, z, flattening, _]: &Numbers<f64>) -> (Vec3, f64) {
+        (Vec3::new(*x, *y, *z), *flattening)
+    }
+}
+
+/// The same of eight.
+#[inline(always)]
+fn parts([x, y, z, flattening, _]: &Numbers<f64x8>) -> (Vec3x8, f64x8) {
+    (Vec3x8::new(*x, *y, *z), *flattening)
+}
+
+impl GrainShape for Spheroid {
+    const FORM: Form = Form::Spheroid;
+
+    /// Nothing: spheroids keep the random numbers they had when there was no other shape.
+    fn identify(&self, digest: Fingerprint) -> Fingerprint {
+        digest
     }
 
-    /// Distances along unit directions `d` from surface points with
-    /// unnormalised normals `n` to the far surface; <= 0 where `d` points outward.
-    #[inline(always)]
-    #[must_use]
-    pub fn chord(&self, n: Vec3x8, d: Vec3x8) -> f64x8 {
-        let u = d.dot(self.axis);
-        f64x8::splat(-2.0) * n.dot(d) / (f64x8::ONE + self.flattening * u * u)
+    /// 3 (1 + asin(e) / (Psi^2 e)), e = sqrt(1 - Psi^4); 6 for the sphere.
+    fn surface_to_volume(&self, psi: f64) -> f64 {
+        let e = (1.0 - psi.powi(4)).max(0.0).sqrt();
+        let ratio = if e < 1e-4 {
+            1.0 + e * e / 6.0
+        } else {
+            libm::asin(e) / e
+        };
+        3.0 * (1.0 + ratio / (psi * psi))
     }
 
-    /// Points proposed uniformly over the whole surface, and which to keep.
     #[inline(always)]
-    pub fn propose_point(&self, minor: f64x8, rng: &mut Stream) -> (Vec3x8, f64x8) {
+    fn draw(&self, psi: f64x8, rng: &mut Stream) -> Numbers<f64x8> {
+        let minor = psi * psi;
+        let Vec3x8 { x, y, z } = rng.direction();
+        [x, y, z, minor * minor - f64x8::ONE, minor]
+    }
+
+    #[inline(always)]
+    fn sample(body: &Numbers<f64x8>, rng: &mut Stream) -> (Vec3x8, f64x8) {
         // A point of the unit sphere, stretched; the area it stands for grows
         // by sqrt(1 + K u^2), at most 1, with u its component along the axis.
+        let ((axis, flattening), minor) = (parts(body), body[4]);
         let p = rng.direction();
-        let u = p.dot(self.axis);
+        let u = p.dot(axis);
         let r = rng.uniform();
-        let kept = (r * r).simd_lt(f64x8::ONE + self.flattening * u * u);
-        ((p * minor).plus((f64x8::ONE - minor) * u, self.axis), kept)
+        let kept = (r * r).simd_lt(f64x8::ONE + flattening * u * u);
+        ((p * minor).plus((f64x8::ONE - minor) * u, axis), kept)
     }
-}
 
-/// Half of the extent along z of a spheroid with major semi-axis 1.
-#[inline]
-#[must_use]
-pub fn half_height(flattening: f64, axis: Vec3) -> f64 {
-    // c^2 (1 - a_z^2) + a_z^2
-    (1.0 + flattening * (1.0 - axis.z * axis.z)).sqrt()
-}
+    #[inline(always)]
+    fn normal(body: &Numbers<f64x8>, at: Vec3x8) -> Vec3x8 {
+        let (axis, flattening) = parts(body);
+        at.plus(flattening * at.dot(axis), axis)
+    }
 
-/// A point of the half that faces a ray of direction `d`, uniform over the
-/// area projected along `d`; `u` and `(sin, cos)` are a uniform variate and a
-/// uniform azimuth.
-#[must_use]
-pub fn projected_point(flattening: f64, axis: Vec3, d: Vec3, u: f64, azimuth: (f64, f64)) -> Vec3 {
-    // Stretching is linear, so it keeps uniformity over the projected disc:
-    // take a point of the disc of the unit sphere that the ray would see.
-    let minor = (1.0 + flattening).sqrt();
-    let stretch = |v: Vec3, across: f64| (v * across).plus((1.0 - across) * v.dot(axis), axis);
-    let w = stretch(d, 1.0 / minor);
-    let w = w * (1.0 / w.dot(w).sqrt());
-    let (t1, t2) = w.frame();
-    let r = u.sqrt();
-    let p = (t1 * (r * azimuth.1))
-        .plus(r * azimuth.0, t2)
-        .plus(-(1.0 - u).sqrt(), w);
-    stretch(p, minor)
+    #[inline(always)]
+    fn chord(body: &Numbers<f64x8>, at: Vec3x8, d: Vec3x8) -> f64x8 {
+        let (axis, flattening) = parts(body);
+        let u = d.dot(axis);
+        f64x8::splat(-2.0) * Self::normal(body, at).dot(d) / (f64x8::ONE + flattening * u * u)
+    }
+
+    /// sqrt(c^2 (1 - a_z^2) + a_z^2).
+    #[inline(always)]
+    fn half_height<R: Real>(
+        [x, y, z, flattening, _]: &Numbers<R>,
+        down: impl Fn([R; 3]) -> R,
+    ) -> R {
+        let axis = down([*x, *y, *z]);
+        let square = R::ONE + *flattening * (R::ONE - axis * axis);
+        square.max(R::ZERO).sqrt()
+    }
+
+    fn projected_point(body: &Numbers<f64>, d: Vec3, u: f64, azimuth: (f64, f64)) -> (Vec3, Vec3) {
+        // Stretching is linear, so it keeps uniformity over the projected disc:
+        // take a point of the disc of the unit sphere that the ray would see.
+        let (axis, flattening) = Self::parts(body);
+        let minor = (1.0 + flattening).sqrt();
+        let stretch = |v: Vec3, across: f64| (v * across).plus((1.0 - across) * v.dot(axis), axis);
+        let w = stretch(d, 1.0 / minor);
+        let w = w * (1.0 / w.dot(w).sqrt());
+        let (t1, t2) = w.frame();
+        let r = u.sqrt();
+        let p = (t1 * (r * azimuth.1))
+            .plus(r * azimuth.0, t2)
+            .plus(-(1.0 - u).sqrt(), w);
+        let point = stretch(p, minor);
+        (point, point.plus(flattening * point.dot(axis), axis))
+    }
+
+    #[inline(always)]
+    fn turned([x, y, z, flattening, minor]: &Numbers<f64>, cos: f64, sin: f64) -> Numbers<f64> {
+        let turned = [cos * x + sin * y, cos * y - sin * x];
+        [turned[0], turned[1], *z, *flattening, *minor]
+    }
 }
 
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::grain::{Bodies, Shape};
     use crate::rng::Key;
 
     fn rng() -> Stream {
@@ -109,25 +151,22 @@ mod tests {
     fn points_and_chords_lie_on_the_surface() {
         let mut rng = rng();
         for psi in [0.05f64, 0.3, 0.8, 1.0] {
-            let minor = f64x8::splat(psi * psi);
             for _ in 0..2000 {
-                let s = Spheroids::new(minor, rng.direction());
+                let s = Shape::Spheroid.draw(f64x8::splat(psi), &mut rng);
                 let d = rng.direction();
-                let (x, _) = s.propose_point(minor, &mut rng);
-                let n = s.normal(x);
-                let far = x.plus(s.chord(n, d), d);
-                let k = s.flattening.to_array()[0];
+                let (x, _) = s.sample(&mut rng);
+                let far = x.plus(s.chord(x, d), d);
                 for lane in 0..8 {
-                    let axis = s.axis.get(lane);
+                    let body = s.get(lane);
+                    let (axis, k) = Spheroid::parts(&body.numbers);
                     // unit vectors are good to 3e-14; dividing by c^2 = Psi^4 magnifies that
                     let rounding = 3e-13 / psi.powi(4);
                     assert!(off_surface(k, axis, x.get(lane)) < rounding);
                     assert!(off_surface(k, axis, far.get(lane)) < rounding);
-                    assert!(x.get(lane).z.abs() <= half_height(k, axis) + 1e-12);
+                    assert!(x.get(lane).z.abs() <= body.half_height(|[_, _, z]| z) + 1e-12);
                     let azimuth = (0.6, 0.8);
-                    let p = projected_point(k, axis, d.get(lane), 0.3, azimuth);
+                    let (p, normal) = body.projected_point(d.get(lane), 0.3, azimuth);
                     assert!(off_surface(k, axis, p) < rounding);
-                    let normal = p.plus(k * p.dot(axis), axis);
                     assert!(normal.dot(d.get(lane)) < 0.0);
                 }
             }
@@ -137,17 +176,27 @@ mod tests {
     #[test]
     fn half_height_is_reached() {
         let mut rng = rng();
-        let minor = f64x8::splat(0.36);
-        let axis = Vec3x8::new(f64x8::splat(0.48), f64x8::splat(0.6), f64x8::splat(0.64));
-        let s = Spheroids::new(minor, axis);
-        let top = half_height(s.flattening.to_array()[0], axis.get(0));
+        let body = Spheroid::body(0.36, Vec3::new(0.48, 0.6, 0.64));
+        let s = Bodies::splat(&body);
+        let top = body.half_height(|[_, _, z]| z);
+        assert_eq!(s.half_height(|[_, _, z]| z).to_array(), [top; 8]);
         let mut highest = 0f64;
         for _ in 0..50_000 {
-            highest = highest.max(s.propose_point(minor, &mut rng).0.get(0).z);
+            highest = highest.max(s.sample(&mut rng).0.get(0).z);
         }
         assert!(
             highest <= top + 1e-12 && highest > 0.999 * top,
             "{highest} {top}"
         );
+    }
+    #[test]
+    fn surface_to_volume_has_its_limits() {
+        let surface_to_volume = |psi| Spheroid.surface_to_volume(psi);
+        assert!((surface_to_volume(1.0) - 6.0).abs() < 1e-12);
+        assert!((surface_to_volume(1.0 - 1e-9) - 6.0).abs() < 1e-6);
+        // a thin needle: pi c^2 cross-section, S/V -> (pi / 2) / (c / 2 * ...) : 3 pi / (2 Psi^2)
+        let psi: f64 = 0.01;
+        let needle = 1.5 * std::f64::consts::PI / (psi * psi);
+        assert!((surface_to_volume(psi) / needle - 1.0).abs() < 1e-3);
     }
 }

@@ -3,9 +3,11 @@
 //! which would change a database's bytes, and because these vectorise.
 mod lanes;
 mod legendre;
+mod real;
 mod vec3;
 
 pub use lanes::{Vec3x8, sincos_eighth};
 pub use legendre::{DEGREES, legendre};
+pub use real::Real;
 pub use splitsnow_spectra::elementary::{exp_neg, ln};
 pub use vec3::Vec3;

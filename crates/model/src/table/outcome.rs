@@ -4,7 +4,7 @@
 //! goes (grain axes are isotropic), and lengths scale with the grain. So one
 //! list of outcomes of grains of unit length, in the frame of the incoming
 //! ray, serves every depth, direction, grain size and density.
-use crate::grain::{Events, GrainType, Grains, SizeRange, Surface};
+use crate::grain::{Body, Events, GrainType, Grains, SizeRange, Surface};
 use crate::math::Vec3;
 use crate::rng::Stream;
 use crate::transport::{Entry, contact};
@@ -27,10 +27,8 @@ pub struct Outcome {
     pub ice: f32,
     /// Centre of the grain.
     pub centre: [f32; 3],
-    /// Unit vector along its axis.
-    pub axis: [f32; 3],
-    /// c^2/b^2 - 1 of its semi-axes, in (-1, 0].
-    pub flattening: f32,
+    /// The solid it is, in this frame.
+    pub body: Body<f32>,
 }
 
 /// `count` outcomes of grains of the shapes of `law` (its size does not
@@ -83,8 +81,7 @@ pub fn draw(
                 events.start(lane, &grain, point, normal, false);
                 contacts[8 * group + lane] = Outcome {
                     centre: [-0.5 * point.x, -0.5 * point.y, -0.5 * point.z].map(|v| v as f32),
-                    axis: [grain.axis.x, grain.axis.y, grain.axis.z].map(|v| v as f32),
-                    flattening: grain.flattening as f32,
+                    body: grain.body.rounded(),
                     ..Outcome::default()
                 };
                 busy[group] |= 1 << lane;
@@ -139,7 +136,6 @@ fn in_frame(contact: &Outcome, exit: Vec3, direction: Vec3, ice: f64) -> Outcome
         displacement: turn(displacement),
         ice: ice as f32,
         centre: turn(centre),
-        axis: turn(wide(contact.axis)),
-        flattening: contact.flattening,
+        body: Body::from(contact.body).turned(c, s).rounded(),
     }
 }

@@ -1,4 +1,5 @@
 //! A table of outcomes small enough for the processor's cache.
+use crate::grain::{Body, Form};
 use crate::rng::Stream;
 use crate::table::Outcome;
 
@@ -11,10 +12,12 @@ use crate::table::Outcome;
 /// size at which a plain sample of them would be noisy.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Table {
+    /// What the grains are shaped like.
+    pub(super) form: Form,
     /// cosine, sine, displacement along the ray, across in the plane of
     /// scattering, across out of it; path in ice
     pub(super) motions: Vec<[f32; 8]>,
-    /// centre (across in plane, across out of it, along), axis, flattening
+    /// centre (across in plane, across out of it, along), numbers of the body
     pub(super) bodies: Vec<[f32; 8]>,
 }
 
@@ -56,13 +59,23 @@ impl Table {
             [o.cos, o.sin, along, x, y, o.ice, 0.0, 0.0]
         };
         let body = |o: &Outcome| {
-            let ([x, y, along], [ax, ay, az]) = (o.centre, o.axis);
-            [x, y, along, ax, ay, az, o.flattening, 0.0]
+            let ([x, y, along], [a, b, c, d, e]) = (o.centre, o.body.numbers);
+            [x, y, along, a, b, c, d, e]
         };
         Self {
+            form: chosen[0].body.form,
             motions: chosen.iter().map(motion).collect(),
             bodies: chosen.iter().map(body).collect(),
         }
+    }
+
+    /// Centre of the grain of an outcome, across in plane, across out of it and
+    /// along, from where it is met, and its body.
+    #[inline(always)]
+    pub(super) fn grain(&self, row: usize) -> ([f64; 3], Body<f64>) {
+        let [x, y, along, numbers @ ..] = self.bodies[row].map(f64::from);
+        let form = self.form;
+        ([x, y, along], Body { form, numbers })
     }
 
     /// Number of outcomes.

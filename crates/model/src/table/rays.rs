@@ -2,6 +2,7 @@
 //! the cosines of their directions. In a horizontal pack nothing else matters.
 use wide::f64x8;
 
+use crate::grain::Bodies;
 use crate::math::ln;
 use crate::rng::{Stream, azimuth};
 use crate::table::pack::{TablePack, TableStratum};
@@ -218,12 +219,17 @@ impl TablePack<'_> {
     /// Depths of the highest and lowest points of the grains waiting, m.
     #[inline(always)]
     pub(super) fn extent_m(&self, rays: &Rays, flight: &Flight) -> [f64x8; 2] {
-        let [x, y, along, ax, ay, az, flattening] =
-            self.gather(rays, flight, |table| &table.bodies);
-        let centre = flight.vertical(rays.mu, along, x, y);
-        let axis = flight.vertical(rays.mu, az, ax, ay);
-        let square = f64x8::ONE + flattening * (f64x8::ONE - axis * axis);
-        let half = f64x8::splat(0.5) * square.fast_max(f64x8::ZERO).sqrt();
+        let [x, y, along, numbers @ ..] = self.gather::<8>(rays, flight, |table| &table.bodies);
+        let mut forms = [self.strata[0].kinds[0].tables[0].form; 8];
+        if !self.is_plain() {
+            for (lane, form) in forms.iter_mut().enumerate() {
+                let stratum = &self.strata[rays.stratum[lane]];
+                *form = stratum.kinds[flight.kinds[lane]].tables[0].form;
+            }
+        }
+        let down = |[x, y, along]: [f64x8; 3]| flight.vertical(rays.mu, along, x, y);
+        let centre = down([x, y, along]);
+        let half = f64x8::splat(0.5) * Bodies::new(forms, numbers).half_height(down);
         [centre - half, centre + half].map(|v| flight.end_m + flight.size_m * v)
     }
 

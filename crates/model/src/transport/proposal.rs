@@ -2,7 +2,7 @@
 //! eight at a time and handed out one by one.
 use wide::f64x8;
 
-use crate::grain::{Grain, GrainType, Grains, projected_point};
+use crate::grain::{Grain, GrainType, Grains};
 use crate::math::Vec3;
 use crate::rng::Stream;
 use crate::transport::{Component, Entry, Snow};
@@ -18,8 +18,8 @@ pub(super) struct Proposal {
     pub(super) projected: (f64, (f64, f64)),
 }
 
-/// Where a ray of unit `direction` meets `grain`, in units of its major
-/// semi-axis from its centre, and the unit outward normal there; `projected`
+/// Where a ray of unit `direction` meets `grain`, in units of half
+/// its size from its centre, and the unit outward normal there; `projected`
 /// holds the variates of [`Entry::Projected`].
 #[inline(always)]
 #[must_use]
@@ -41,9 +41,7 @@ pub fn contact(
         }
         Entry::Projected => {
             let (u, azimuth) = projected;
-            let (k, axis) = (grain.flattening, grain.axis);
-            let point = projected_point(k, axis, direction, u, azimuth);
-            let normal = point.plus(k * point.dot(axis), axis);
+            let (point, normal) = grain.body.projected_point(direction, u, azimuth);
             (point, normal * (1.0 / normal.dot(normal).sqrt()))
         }
     }

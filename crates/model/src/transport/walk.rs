@@ -21,7 +21,7 @@
 //! exactly there on, the walk is resumed for the next thickness. Each thickness
 //! sees walks of the exact law; the errors of different thicknesses are
 //! correlated.
-use crate::grain::{Events, Surface, half_height};
+use crate::grain::{Events, Surface};
 use crate::math::Vec3;
 use crate::optics::Index;
 use crate::rng::Stream;
@@ -520,7 +520,7 @@ impl<S: Sink> Walks<'_, S> {
             let centre_m = Vec3::new(x_m, y_m, ray.z_m) + point * -scale_m;
             // the contact lies on the grain, so only near a plane can it stick out
             if ray.z_m < grain.size_m || ray.z_m > thickness_m - grain.size_m {
-                let half_m = half_height(grain.flattening, grain.axis) * scale_m;
+                let half_m = grain.body.half_height(|[_, _, z]| z) * scale_m;
                 let sticks_out_below = centre_m.z + half_m > thickness_m;
                 if sticks_out_below {
                     self.touch(lane, Some(first));

@@ -73,12 +73,13 @@ pub(super) fn pieces(inside: &[Stretch], snows: &[&Snow]) -> Vec<Piece<Vec<Stret
 #[allow(clippy::unwrap_used)]
 mod tests {
     use super::*;
-    use crate::grain::{GrainType, SizeRange, TruncatedNormal};
+    use crate::grain::{GrainType, Shape, SizeRange, TruncatedNormal};
 
     fn snow(size_um: f64) -> Snow {
         let grain = GrainType {
             size: SizeRange::new(size_um * 1e-6, size_um * 1e-6).unwrap(),
             facetness: TruncatedNormal::new(0.2, 0.4, 0.3, 0.072).unwrap(),
+            shape: Shape::Spheroid,
             sphericity: TruncatedNormal::new(0.6, 0.95, 0.798, 0.064).unwrap(),
         };
         Snow::dry(grain, 275.0, -1.0)

@@ -1,6 +1,7 @@
 //! One such walk after another.
 use wide::f64x8;
 
+use crate::grain::Bodies;
 use crate::math::{Vec3x8, exp_neg};
 use crate::table::{Table, lanes as each_of};
 use crate::transport::{EVENT_LIMIT, Path, REJECTION_LIMIT, WalkError, diffuse_cosine};
@@ -222,10 +223,9 @@ impl<'w, C: Catch> Walk<'w, C> {
             cos,
         };
         if ray.z_m < size_m || ray.z_m > thickness_m - size_m {
-            let [x, y, along, ax, ay, az, flattening, _] = table.bodies[row].map(f64::from);
-            let axis = grain.vertical(ray, az, ax, ay);
-            let half = 0.5 * (1.0 + flattening * (1.0 - axis * axis)).max(0.0).sqrt();
-            let centre = grain.vertical(ray, along, x, y);
+            let (centre, body) = table.grain(row);
+            let down = |[x, y, along]: [f64; 3]| grain.vertical(ray, along, x, y);
+            let (centre, half) = (down(centre), 0.5 * body.half_height(down));
             let top_m = ray.z_m + size_m * (centre - half);
             let base_m = ray.z_m + size_m * (centre + half);
             if top_m < 0.0 || base_m > thickness_m {
@@ -331,16 +331,13 @@ impl<'w, C: Catch> Walk<'w, C> {
             let [sin, cos] = [sin, cos].map(f64x8::splat);
             let [s, c] = TURNS.map(f64x8::new);
             let (sin, cos) = (sin * c + cos * s, cos * c - sin * s);
-            let vertical = |along: f64, x: f64, y: f64| {
-                mu * f64x8::splat(along) + across * (cos * f64x8::splat(x) + sin * f64x8::splat(y))
-            };
+            let down = |[x, y, along]: [f64x8; 3]| mu * along + across * (cos * x + sin * y);
+            let vertical = |along: f64, x: f64, y: f64| down([x, y, along].map(f64x8::splat));
             let mut fits = one.simd_gt(zero);
             if ray.z_m < size_m || ray.z_m > walker.thickness_m - size_m {
-                let [x, y, along, ax, ay, az, flattening, _] = table.bodies[row].map(f64::from);
-                let axis = vertical(az, ax, ay);
-                let square = one + f64x8::splat(flattening) * (one - axis * axis);
-                let half = f64x8::splat(0.5) * square.fast_max(zero).sqrt();
-                let [centre, z] = [vertical(along, x, y), f64x8::splat(ray.z_m)];
+                let (centre, body) = table.grain(row);
+                let half = f64x8::splat(0.5) * Bodies::splat(&body).half_height(down);
+                let [centre, z] = [down(centre.map(f64x8::splat)), f64x8::splat(ray.z_m)];
                 fits = (z + size * (centre - half)).simd_ge(zero)
                     & (z + size * (centre + half)).simd_le(thickness);
             }
