@@ -3,7 +3,7 @@
 //!
 //! A body is convex and symmetric about its centre, the origin. Lengths are in
 //! units of half the grain's size s, its largest extent in any direction
-//! (MODEL.md, section 1: for a spheroid the major semi-axis b = s/2). Of
+//! (docs/methods.md, The sample: for a spheroid the major semi-axis b = s/2). Of
 //! sphericity Psi, the largest sphere that fits in it has the radius Psi^2
 //! (Varsa 2025, eq. 4.2: Psi = sqrt(c/b)).
 use wide::f64x8;
@@ -30,33 +30,33 @@ pub trait GrainShape {
     fn identify(&self, digest: Fingerprint) -> Fingerprint;
 
     /// Surface over volume of a body of sphericity `psi` and full length 1, of
-    /// which K2 is a quarter (MODEL.md, section 5: A(Psi)).
+    /// which K2 is a quarter (docs/methods.md, Mean free distance: A(Psi)).
     fn surface_to_volume(&self, psi: f64) -> f64;
 
     /// Eight bodies of these sphericities in attitudes uniform over all
-    /// (MODEL.md, section 3).
+    /// (docs/methods.md, The grain event).
     fn draw(&self, psi: f64x8, rng: &mut Stream) -> Numbers<f64x8>;
 
     /// Points proposed uniformly over the whole surface, and a mask of those to
-    /// keep (MODEL.md, section 3, entry point).
+    /// keep (docs/methods.md, The grain event).
     fn sample(body: &Numbers<f64x8>, rng: &mut Stream) -> (Vec3x8, f64x8);
 
     /// Outward normals at points of the surface, of any length.
     fn normal(body: &Numbers<f64x8>, at: Vec3x8) -> Vec3x8;
 
     /// Distances from points of the surface along unit directions `d` to the far
-    /// surface; not above 0 where `d` points outward (MODEL.md, section 3, inside).
+    /// surface; not above 0 where `d` points outward (docs/methods.md, The grain event).
     fn chord(body: &Numbers<f64x8>, at: Vec3x8, d: Vec3x8) -> f64x8;
 
     /// Half of the vertical extent; `down` gives the downward component of a
     /// vector in the frame of the body's numbers. Decides whether a grain fits
-    /// between the planes of a slab (MODEL.md, section 2, step 4).
+    /// between the planes of a slab (docs/methods.md, The walk).
     fn half_height<R: Real>(body: &Numbers<R>, down: impl Fn([R; 3]) -> R) -> R;
 
     /// A point of the half that faces a ray of direction `d`, uniform over the
     /// area projected along `d`, and the outward normal there, of any length;
-    /// `u` and the (sin, cos) of `azimuth` are uniform variates (MODEL.md,
-    /// section 3, `entry = "projected"`).
+    /// `u` and the (sin, cos) of `azimuth` are uniform variates (docs/methods.md,
+    /// The grain event, `entry = "projected"`).
     fn projected_point(body: &Numbers<f64>, d: Vec3, u: f64, azimuth: (f64, f64)) -> (Vec3, Vec3);
 
     /// The same body in a frame turned about z: (x, y) is `(cos x + sin y, cos y - sin x)` there.
