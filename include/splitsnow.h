@@ -137,8 +137,9 @@ void splitsnow_lookup_free(splitsnow_lookup *lookup);
 /* The spectrum of a lookup of one snow at the database's `n` wavelengths.
  *
  * Thickness is anything from 0 on, or from the first node on if the file does not stand
- * free (splitsnow_stands_free), unless the file has one alone; the angle of incidence, from the normal, is in the box of the axis: beyond it, and for NaN,
- * SPLITSNOW_ERROR_OUTSIDE. Within 1e-6 of an end is on it. */
+ * free (splitsnow_stands_free), unless the file has one alone. The angle of incidence,
+ * from the normal, is within its axis. Beyond them, and for NaN, the status is
+ * SPLITSNOW_ERROR_OUTSIDE. A value within 1e-6 of an end counts as the end. */
 splitsnow_status splitsnow_spectrum(const splitsnow_lookup *lookup, double thickness_cm,
                                     double angle_deg, float *spectrum, size_t n);
 

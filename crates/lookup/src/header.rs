@@ -38,7 +38,8 @@ impl Dtype {
     }
 }
 
-/// One tensor: its elements, and from where to where in the data they stand.
+/// One tensor: the type of its elements, its shape, and its first byte and the byte after
+/// its last, counted from the start of the data.
 #[derive(Debug, Deserialize)]
 pub(crate) struct Tensor {
     pub(crate) dtype: Dtype,
@@ -98,7 +99,7 @@ mod tests {
         };
         let read =
             |tensors: &[String]| Header::read(format!("{{{}}}", tensors.join(",")).as_bytes());
-        let whole = read(&[tensor("b", "[1]", "[8,12]"), tensor("a", "[2]", "[0,8]")]).unwrap();
+        let whole = read(&[tensor("a", "[1]", "[8,12]"), tensor("b", "[2]", "[0,8]")]).unwrap();
         assert_eq!((whole.data_len, whole.tensors.len()), (12, 2));
         assert!(whole.metadata.is_none());
         assert_eq!(read(&[]).unwrap().data_len, 0);
@@ -106,7 +107,8 @@ mod tests {
             ("[2]", "[4,12]"),
             ("[2]", "[0,4]"),
             ("[2]", "[8,0]"),
-            ("[18446744073709551615,2]", "[0,8]"),
+            // 4 x 2^62 elements x 4 bytes wrap to no bytes
+            ("[4,4611686018427387904]", "[0,0]"),
             ("[-1]", "[0,8]"),
         ] {
             assert!(
