@@ -16,7 +16,7 @@ use crate::config::grid::{self, GridFile};
 use crate::engine::Engine;
 use crate::grid::Grid;
 use crate::optics::data_files;
-use crate::store::{COMPACT, DIFFUSE};
+use crate::store::DIFFUSE;
 use crate::threads::{self, ThreadsError};
 
 /// The arguments of commands that work from a grid file.
@@ -133,21 +133,6 @@ pub(super) fn data_hashes(grid: &Grid) -> anyhow::Result<BTreeMap<String, String
         .into_iter()
         .map(|file| (format!("data.{}", file.name), hash(&file.bytes)))
         .collect())
-}
-
-/// A compact file: `path` itself, or the one in the output directory `path`.
-pub(super) fn compact_path(path: &Path) -> anyhow::Result<PathBuf> {
-    if !path.is_dir() {
-        return Ok(path.into());
-    }
-    let file = path.join(COMPACT);
-    if !file.exists() {
-        bail!(
-            "no {COMPACT} in {}; `splitsnow build` makes it once all jobs are done",
-            path.display()
-        );
-    }
-    Ok(file)
 }
 
 /// The compact file of isotropic light in the directory `path`.
