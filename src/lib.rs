@@ -22,6 +22,7 @@
 //! | [`comparison`] | a simulated spectrum against a measured one |
 //! | [`grid`], [`scene`], [`config`] | the axes of a database; what a renderer asks for; sample, grid, scene and study files |
 //! | [`store`], [`batch`] | the Zarr store that is checkpoint and result; the job runner |
+//! | [`simulation`] | the spectrum of a sample as one call |
 //! | [`compress`] | SVD and the compact file |
 //! | [`certificate`], [`fit`] | how far its answers are off; the smallest file for a scene |
 //! | [`verify`] | re-checking a finished database |
@@ -48,10 +49,14 @@ mod host;
 #[cfg(feature = "charts")]
 pub mod lab;
 pub mod scene;
+pub mod simulation;
 pub mod store;
 pub mod threads;
 pub mod verify;
 
-pub use splitsnow_lookup::{self as lookup, parameter};
+pub use simulation::Simulation;
+pub use splitsnow_lookup::{
+    self as lookup, Database, Lookup, Parameter, Point, Quantity, parameter,
+};
 pub use splitsnow_model::{engine, grain, math, measurement, optics, rng, slab, table, transport};
 pub use splitsnow_spectra::{colour, elementary, spectrum, units};
