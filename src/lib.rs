@@ -24,6 +24,7 @@
 //! | [`store`], [`batch`] | the Zarr store that is checkpoint and result; the job runner |
 //! | [`simulation`] | the spectrum of a sample as one call |
 //! | [`compress`] | SVD and the compact file |
+//! | [`build`](mod@build), [`plan`](mod@plan) | from a grid to its database and compact file; what that will take |
 //! | [`certificate`], [`fit`] | how far its answers are off; the smallest file for a scene |
 //! | [`verify`] | re-checking a finished database |
 //! | `lab` | speed against accuracy of the engines, studies of a sample; charts and tables |
@@ -36,6 +37,7 @@
 mod atomic;
 pub mod batch;
 pub mod budget;
+pub mod build;
 pub mod certificate;
 #[cfg(feature = "cli")]
 pub mod cli;
@@ -48,12 +50,15 @@ pub mod grid;
 mod host;
 #[cfg(feature = "charts")]
 pub mod lab;
+pub mod plan;
 pub mod scene;
 pub mod simulation;
 pub mod store;
 pub mod threads;
 pub mod verify;
 
+pub use build::build;
+pub use plan::plan;
 pub use simulation::Simulation;
 pub use splitsnow_lookup::{
     self as lookup, Database, Lookup, Parameter, Point, Quantity, parameter,
