@@ -5,7 +5,102 @@
 //! batch runner expands a grid of snow parameters into jobs, stores their
 //! spectra, and compresses them into a small file that renderers evaluate.
 //!
-//! Modules, lower ones first; a lower one never uses a higher one:
+//! # Look up
+//!
+//! A compact file answers anywhere in its box; [`lookup`] is a crate of its own,
+//! `splitsnow-lookup`, for programs that need no more.
+//!
+//! ```
+//! use splitsnow::{Database, Lookup, Parameter, Point, Quantity};
+//!
+//! # fn main() -> Result<(), Box<dyn std::error::Error>> {
+//! // or the directory of a build, such as out/quick
+//! let database = Database::open("examples/mitsuba/snow.safetensors")?;
+//! let lookup = Lookup::new(&database, Quantity::Transmittance)?;
+//! let mut spectrum = vec![0.0; lookup.wavelengths()];
+//! let snow = Point::from([
+//!     (Parameter::Facetness, 0.3),
+//!     (Parameter::GrainSize, 300.0),
+//!     (Parameter::Density, 275.0),
+//!     (Parameter::Thickness, 7.5),
+//!     (Parameter::Incidence, 33.0),
+//! ]);
+//! lookup.spectrum(snow, &mut spectrum)?;
+//! assert!(spectrum.iter().all(|share| (0.0..1.0).contains(share)));
+//! # Ok(())
+//! # }
+//! ```
+//!
+//! # Simulate
+//!
+//! [`Simulation`] is the virtual spectrophotometer: reflectance and transmittance of one
+//! sample, with standard errors.
+//!
+//! ```
+//! use splitsnow::{Simulation, config};
+//!
+//! # fn main() -> Result<(), Box<dyn std::error::Error>> {
+//! let sample = config::sample::parse(
+//!     "sample.toml",
+//!     r#"
+//!     version = 1
+//!     [illumination]
+//!     polar_angle_deg = 30
+//!     [wavelengths]
+//!     values_nm = [450, 550, 650]
+//!     [[layer]]
+//!     thickness_cm = 5
+//!     density_kg_m3 = 275
+//!     [[layer.grain]]
+//!     size_um = { min = 300, max = 750 }
+//!     facetness = { min = 0.2, max = 0.4, mean = 0.3, sd = 0.072 }
+//!     "#,
+//! )?;
+//! let spectrum = Simulation::of(&sample).rays(64).run()?;
+//! let (r, t) = (spectrum.reflectance[1], spectrum.transmittance[1]);
+//! assert!(r.value > t.value && r.se > 0.0);
+//! # Ok(())
+//! # }
+//! ```
+//!
+//! # Build
+//!
+//! [`build()`] does what `splitsnow build` does, to the byte, and goes on where an earlier
+//! one stopped; [`plan()`] says what it will take. Both modules have an example that runs.
+//!
+//! ```no_run
+//! use splitsnow::{build, config, plan};
+//!
+//! # fn main() -> Result<(), Box<dyn std::error::Error>> {
+//! let file = config::grid::read("configs/quick.toml".as_ref())?;
+//! let plan = splitsnow::plan(&file.grid, &plan::Options::default())?;
+//! println!("{} jobs, {:.0} s", plan.jobs, plan.wall_seconds);
+//!
+//! let mut options = build::Options::default();
+//! options.viewing = file.viewing;
+//! let report = splitsnow::build(&file.grid, "out/quick", &options)?;
+//! println!("{} of {} jobs run now", report.jobs_run, report.jobs);
+//! # Ok(())
+//! # }
+//! ```
+//!
+//! # Export
+//!
+//! ```
+//! use splitsnow::Database;
+//! use splitsnow::export::{Table, csv};
+//!
+//! # fn main() -> Result<(), Box<dyn std::error::Error>> {
+//! let database = Database::open("examples/mitsuba/snow.safetensors")?;
+//! let text = csv(&Table::of_compact(&database)?);
+//! assert!(text.lines().count() > database.curves());
+//! # Ok(())
+//! # }
+//! ```
+//!
+//! # Modules
+//!
+//! Lower ones first; a lower one never uses a higher one:
 //!
 //! | module | what lives there |
 //! |---|---|
@@ -65,3 +160,8 @@ pub use splitsnow_lookup::{
 };
 pub use splitsnow_model::{engine, grain, math, measurement, optics, rng, slab, table, transport};
 pub use splitsnow_spectra::{colour, elementary, spectrum, units};
+
+/// The examples of the README are compiled as those here are.
+#[cfg(doctest)]
+#[doc = include_str!("../README.md")]
+struct Readme;
