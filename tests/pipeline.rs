@@ -4,6 +4,7 @@
 //! store::` runs one module.
 #![allow(clippy::unwrap_used)]
 mod against;
+mod api;
 mod axes;
 mod c_header;
 mod cli;

@@ -3,7 +3,7 @@ use std::path::PathBuf;
 use std::sync::{Arc, Mutex, PoisonError};
 
 use numpy::{PyArray1, PyReadonlyArray1, PyReadwriteArray2};
-use pyo3::exceptions::{PyOSError, PyValueError};
+use pyo3::exceptions::{PyFileNotFoundError, PyOSError, PyValueError};
 use pyo3::prelude::*;
 use rayon::ThreadPool;
 use rayon::prelude::*;
@@ -11,7 +11,6 @@ use splitsnow::lookup::{self, Lookup, LookupError, Varsa2025};
 use splitsnow::measurement::Quantity;
 use splitsnow::parameter::{Parameter, Point};
 use splitsnow::spectrum::Resampling;
-use splitsnow::store::COMPACT;
 
 use crate::colour::{Eye, Light};
 use crate::points::{Method, Points, refused};
@@ -63,6 +62,9 @@ fn failed(error: LookupError) -> PyErr {
             Some(number) => PyOSError::new_err((number, source.to_string(), path)),
             None => PyOSError::new_err(format!("cannot read {}: {source}", path.display())),
         },
+        other @ LookupError::NoCompactFile { .. } => {
+            PyFileNotFoundError::new_err(other.to_string())
+        }
         other => PyValueError::new_err(other.to_string()),
     }
 }
@@ -78,10 +80,7 @@ fn quantity(name: &str) -> PyResult<Quantity> {
 #[pymethods]
 impl Database {
     #[new]
-    fn open(py: Python, mut path: PathBuf) -> PyResult<Self> {
-        if path.is_dir() {
-            path.push(COMPACT);
-        }
+    fn open(py: Python, path: PathBuf) -> PyResult<Self> {
         let file = py
             .detach(|| lookup::Database::open(&path))
             .map_err(failed)?;

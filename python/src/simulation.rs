@@ -1,5 +1,5 @@
 //! The virtual spectrophotometer.
-use std::sync::atomic::{AtomicBool, AtomicU64, Ordering};
+use std::sync::atomic::{AtomicBool, Ordering};
 use std::sync::mpsc::{self, RecvTimeoutError};
 use std::time::Duration;
 
@@ -9,13 +9,12 @@ use pyo3::prelude::*;
 use pyo3::types::PyDict;
 use rayon::ThreadPool;
 use splitsnow::config::sample;
-use splitsnow::engine::{Cache, Control, Engine, EngineError, MaxError, Request, Resolution};
+use splitsnow::engine::{Engine, EngineError, MaxError};
 use splitsnow::measurement::{Measured, Spectrum};
+use splitsnow::simulation::{RAYS, Simulation};
 
 use crate::pool::pool;
 
-/// Walks where nobody says how many, as in `splitsnow measure`.
-const RAYS: u64 = 131_072;
 /// Between two looks for Ctrl-C.
 const TICK: Duration = Duration::from_millis(50);
 
@@ -84,20 +83,13 @@ pub(crate) fn simulate<'py>(
     if rays == 0 {
         return Err(refuse("rays = 0 must be at least 1"));
     }
-    let request = Request {
-        pack: &sample.pack,
-        thicknesses_m: &[sample.thickness_m],
-        illuminations: &[sample.illumination],
-        resolution: Resolution::of_rays(rays),
-        wavelengths_nm: &sample.wavelengths_nm,
-        model: &sample.model,
-        rays,
-        max_error,
-        seed,
-        cell: 0,
-    };
+    let simulation = Simulation::of(&sample)
+        .engine(engine)
+        .rays(rays)
+        .seed(seed)
+        .max_error(max_error);
     let pool = pool(py)?;
-    let spectrum = py.detach(|| interruptible(&pool, engine, &request))?;
+    let spectrum = py.detach(|| interruptible(&pool, &simulation))?;
 
     let list =
         |of: &[Measured], part: fn(&Measured) -> f64| PyArray1::from_iter(py, of.iter().map(part));
@@ -117,7 +109,7 @@ pub(crate) fn simulate<'py>(
     result.set_item("absorptance", PyArray1::from_iter(py, absorptance))?;
     result.set_item("absorptance_se", PyArray1::from_iter(py, absorptance_se))?;
     result.set_item("lost_share", PyArray1::from_slice(py, &spectrum.lost))?;
-    result.set_item("engine", engine.resolve(&request).name())?;
+    result.set_item("engine", simulation.resolved().name())?;
     result.set_item("rays", rays)?;
     result.set_item("seed", seed)?;
     result.set_item("warnings", sample.warnings.clone())?;
@@ -125,22 +117,17 @@ pub(crate) fn simulate<'py>(
     Ok(result)
 }
 
-/// Runs `request`, and stops it once Python has a signal, such as Ctrl-C, to handle.
-fn interruptible(pool: &ThreadPool, engine: Engine, request: &Request) -> PyResult<Spectrum> {
-    let (cancel, rays_done, cache) = (AtomicBool::new(false), AtomicU64::new(0), Cache::default());
-    let control = Control {
-        parallel: true,
-        cancel: &cancel,
-        rays_done: &rays_done,
-        cache: &cache,
-    };
+/// Runs `simulation`, and stops it once Python has a signal, such as Ctrl-C, to handle.
+fn interruptible(pool: &ThreadPool, simulation: &Simulation) -> PyResult<Spectrum> {
+    let cancel = AtomicBool::new(false);
+    let simulation = simulation.clone().cancel(&cancel);
     let mut signal = Ok(());
     let (done, waiting) = mpsc::channel();
-    let spectra = std::thread::scope(|scope| {
+    let spectrum = std::thread::scope(|scope| {
         scope.spawn(|| {
             // dropped also by a panic, which the scope passes on
             let done = done;
-            let _ = done.send(pool.install(|| engine.run(request, &control)));
+            let _ = done.send(pool.install(|| simulation.run()));
         });
         loop {
             match waiting.recv_timeout(TICK) {
@@ -155,6 +142,5 @@ fn interruptible(pool: &ThreadPool, engine: Engine, request: &Request) -> PyResu
         }
     });
     signal?;
-    // One thickness, one spectrum.
-    Ok(spectra.map_err(refuse)?.pop().unwrap_or_default())
+    spectrum.map_err(refuse)
 }

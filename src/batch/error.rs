@@ -9,6 +9,7 @@ use crate::store::StoreError;
 
 /// Why a run ended before all its jobs were done. What was finished is stored.
 #[derive(Debug, Error)]
+#[non_exhaustive]
 pub enum BatchError {
     /// Someone asked it to stop.
     #[error(

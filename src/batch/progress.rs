@@ -5,6 +5,7 @@ use std::sync::atomic::AtomicU64;
 
 /// Where a run begins.
 #[derive(Debug, Clone)]
+#[non_exhaustive]
 pub struct Begin {
     /// Jobs that are stored already.
     pub done: u64,
@@ -24,4 +25,6 @@ pub trait Progress: Debug + Sync {
     fn job_done(&self);
     /// No more jobs will be run, for whatever reason.
     fn end(&self);
+    /// All jobs are done, and their curves are about to be compressed.
+    fn compressing(&self) {}
 }

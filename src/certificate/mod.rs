@@ -47,6 +47,7 @@ pub const CERTIFICATE: &str = "certificate";
 
 /// Why nothing could be certified.
 #[derive(Debug, Error)]
+#[non_exhaustive]
 pub enum CertificateError {
     /// A point cannot be run.
     #[error(transparent)]

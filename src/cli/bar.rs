@@ -1,9 +1,12 @@
-//! The bar of a build on standard error: jobs, curves, rays per second, time left.
+//! The bar of a build on standard error: jobs, curves, rays per second, time left;
+//! and a sign of life while it compresses.
 use std::sync::atomic::Ordering;
+use std::sync::{Mutex, PoisonError};
 use std::time::Duration;
 
 use indicatif::{HumanDuration, ProgressBar, ProgressDrawTarget, ProgressState, ProgressStyle};
 
+use super::common::Spinner;
 use crate::batch::{Begin, Progress};
 
 /// Between redraws, so that the rates move while long jobs run.
@@ -11,11 +14,11 @@ const TICK: Duration = Duration::from_millis(250);
 
 /// Shown from the beginning of a run, if standard error is a terminal.
 #[derive(Debug)]
-pub(super) struct Bar(ProgressBar);
+pub(super) struct Bar(ProgressBar, Mutex<Option<Spinner>>);
 
 impl Bar {
     pub(super) fn new() -> Self {
-        Self(ProgressBar::hidden())
+        Self(ProgressBar::hidden(), Mutex::default())
     }
 }
 
@@ -67,5 +70,10 @@ impl Progress for Bar {
 
     fn end(&self) {
         self.0.finish_and_clear();
+    }
+
+    fn compressing(&self) {
+        let mut spinner = self.1.lock().unwrap_or_else(PoisonError::into_inner);
+        *spinner = Some(Spinner::new("compressing"));
     }
 }

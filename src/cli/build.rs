@@ -1,21 +1,16 @@
 //! `splitsnow build`: the main job.
-use std::collections::BTreeMap;
 use std::fmt::Write;
 use std::path::{Path, PathBuf};
-use std::sync::atomic::Ordering;
 
-use anyhow::{anyhow, bail};
-use serde::Serialize;
+use anyhow::anyhow;
 use serde_json::json;
 
 use super::bar::Bar;
 use super::common::{self, GridArgs, Interrupted};
-use super::compact::{self, Report};
-use crate::batch::{self, BatchError, Options, Source};
-use crate::config::grid::GridFile;
-use crate::engine::{Control, Request};
+use super::compact::Words;
+use crate::build::{self, BuildError, Options, Report, Share};
 use crate::grid::Shard;
-use crate::store::{self, Access, Store, StoreError};
+use crate::store::StoreError;
 
 /// Build the database of a grid and compress it; goes on where it stopped
 ///
@@ -60,85 +55,52 @@ pub(super) struct Args {
     json: bool,
 }
 
-#[derive(Serialize)]
-struct Summary<'a> {
-    jobs: u64,
-    jobs_run: u64,
-    nodes: u64,
-    nodes_reused: u64,
-    #[serde(flatten)]
-    report: &'a Report,
-}
-
 pub(super) fn run(args: &Args) -> anyhow::Result<()> {
     let file = args.grid.open()?;
-    let grid = &file.grid;
-    let inputs = common::data_hashes(grid)?;
     let dir = args.grid.dir(&file);
-    let threads = args.grid.threads()?;
-    let cancel = common::interrupt_flag()?;
-    let sources = sources(args, &file, &inputs, &dir)?;
-    if args.fresh {
-        store::remove(&dir)?;
-    }
-    let access = args.shard.map_or(Access::Exclusive, Access::Shard);
-    let store = Store::build(&dir, grid, &inputs, access).map_err(|e| growing(e, &dir))?;
     let bar = Bar::new();
     let options = Options {
-        threads,
+        threads: args.grid.threads()?,
         shard: args.shard,
+        from: args.from.clone(),
+        grid_file: args.grid.path().into(),
+        fresh: args.fresh,
+        viewing: file.viewing,
         progress: Some(&bar),
+        cancel: Some(common::interrupt_flag()?),
     };
-    let engine = grid.run.engine;
-    let simulate = |request: &Request<'_>, control: &Control<'_>| engine.run(request, control);
-    let done = match batch::run_from(grid, &store, &sources, simulate, &options, cancel) {
-        Err(BatchError::Interrupted { done, total }) => {
-            return Err(interrupted(&format!("{done} of {total} jobs are done and safe")).into());
-        }
-        done => done?,
-    };
-    if args.shard.is_some() {
-        return report_shard(args, &store, &done);
+    let built = build::build(&file.grid, &dir, &options);
+    drop(bar);
+    let report = built.map_err(|error| explained(error, &dir))?;
+    if let Some(share) = &report.share {
+        return report_share(args, &report, share);
     }
-    if cancel.load(Ordering::Relaxed) {
-        return Err(interrupted("all jobs are done and safe").into());
-    }
-    let asked = compact::Asked::plain(grid.compression, file.viewing.clone());
-    let report = compact::write(&store, &asked)?;
     if args.json {
-        return common::print_json(&Summary {
-            jobs: done.jobs,
-            jobs_run: done.run,
-            nodes: done.nodes,
-            nodes_reused: done.reused,
-            report: &report,
-        });
+        return common::print_json(&report);
     }
-    let mut text = format!("{} jobs, {} of them run now\n", done.jobs, done.run);
-    text += &reused(args, &done);
-    write!(text, "\n{report}")?;
+    let mut text = format!(
+        "{} jobs, {} of them run now\n",
+        report.jobs, report.jobs_run
+    );
+    text += &reused(args, &report);
+    if let Some(compact) = &report.compact {
+        write!(text, "\n{}", Words(compact))?;
+    }
     common::print(&text)
 }
 
-/// The databases to take spectra over from, all of them fit for it.
-fn sources(
-    args: &Args,
-    file: &GridFile,
-    inputs: &BTreeMap<String, String>,
-    dir: &Path,
-) -> anyhow::Result<Vec<Source>> {
-    let place = |path: &Path| std::fs::canonicalize(path).ok();
-    for path in &args.from {
-        let here = place(path) == place(dir) || place(path) == place(&store::database(dir));
-        if args.fresh && here && place(path).is_some() {
-            bail!(
-                "--fresh would delete {}, which --from is to take spectra over from; choose another output directory with --out",
-                path.display()
-            );
+/// How to go on.
+fn explained(error: BuildError, dir: &Path) -> anyhow::Error {
+    match error {
+        BuildError::Interrupted { done, jobs } if done == jobs => {
+            interrupted("all jobs are done and safe").into()
         }
+        BuildError::Interrupted { done, jobs } => {
+            interrupted(&format!("{done} of {jobs} jobs are done and safe")).into()
+        }
+        BuildError::Store(error) => growing(error, dir),
+        error => error.into(),
     }
-    let open = |path: &PathBuf| Source::open(path, &file.grid, inputs, args.grid.path());
-    Ok(args.from.iter().map(open).collect::<Result<_, _>>()?)
 }
 
 /// How to go on with a database whose grid has changed.
@@ -154,11 +116,11 @@ fn growing(error: StoreError, dir: &Path) -> anyhow::Error {
 }
 
 /// How many spectra were taken over, if any were to be.
-fn reused(args: &Args, done: &batch::Summary) -> String {
+fn reused(args: &Args, report: &Report) -> String {
     if args.from.is_empty() {
         return String::new();
     }
-    format!("reused {} of {} nodes\n", done.reused, done.nodes)
+    format!("reused {} of {} nodes\n", report.nodes_reused, report.nodes)
 }
 
 fn interrupted(safe: &str) -> Interrupted {
@@ -168,34 +130,30 @@ fn interrupted(safe: &str) -> Interrupted {
     Interrupted(format!("{safe}; to go on: {}", words.join(" ")))
 }
 
-fn report_shard(args: &Args, store: &Store, done: &batch::Summary) -> anyhow::Result<()> {
-    let left = store.missing(None)?.len();
-    let shard = args.shard.map(|shard| shard.to_string());
+fn report_share(args: &Args, report: &Report, share: &Share) -> anyhow::Result<()> {
+    let (jobs, left, lost) = (report.jobs, share.jobs_left, share.lost_share);
     if args.json {
         return common::print_json(&json!({
-            "shard": shard,
-            "database": store.path(),
-            "jobs": done.jobs,
-            "jobs_run": done.run,
+            "shard": share.shard.to_string(),
+            "database": share.database,
+            "jobs": jobs,
+            "jobs_run": report.jobs_run,
             "jobs_left": left,
-            "nodes_reused": done.reused,
-            "lost_share": { "mean": done.mean_lost_share, "max": done.max_lost_share },
+            "nodes_reused": report.nodes_reused,
+            "lost_share": lost,
         }));
     }
     let mut text = format!(
-        "shard {}: {} jobs, {} of them run now; {left} of {} jobs of the database are left\n",
-        shard.unwrap_or_default(),
-        done.jobs,
-        done.run,
-        store.jobs().count()
+        "shard {}: {jobs} jobs, {} of them run now; {left} of {} jobs of the database are left\n",
+        share.shard, report.jobs_run, share.database_jobs
     );
-    text += &reused(args, done);
-    if done.max_lost_share > 0.0 {
+    text += &reused(args, report);
+    if lost.max > 0.0 {
         writeln!(
             text,
             "lost rays: {:.4} % hit the event limit (worst curve {:.4} %)",
-            100.0 * done.mean_lost_share,
-            100.0 * done.max_lost_share
+            100.0 * lost.mean,
+            100.0 * lost.max
         )?;
     }
     let others = if left == 0 {

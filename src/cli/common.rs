@@ -1,5 +1,4 @@
 //! What the commands share.
-use std::collections::BTreeMap;
 use std::io::{self, Write};
 use std::path::{Path, PathBuf};
 use std::sync::atomic::{AtomicBool, Ordering};
@@ -9,14 +8,11 @@ use anyhow::{Context, bail};
 use clap::builder::{PossibleValue, PossibleValuesParser, TypedValueParser};
 use indicatif::ProgressBar;
 use serde::Serialize;
-use sha2::{Digest, Sha256};
 use thiserror::Error;
 
 use crate::config::grid::{self, GridFile};
 use crate::engine::Engine;
-use crate::grid::Grid;
-use crate::optics::data_files;
-use crate::store::{COMPACT, DIFFUSE};
+use crate::store::DIFFUSE;
 use crate::threads::{self, ThreadsError};
 
 /// The arguments of commands that work from a grid file.
@@ -119,37 +115,6 @@ pub(super) fn positive(text: &str) -> Result<f64, String> {
     }
 }
 
-/// The hashes of the data files that decide the spectra of `grid`, by name:
-/// part of a database's identity.
-pub(super) fn data_hashes(grid: &Grid) -> anyhow::Result<BTreeMap<String, String>> {
-    let model = &grid.fixed.model;
-    let water = grid.is_wet().then_some(&model.water);
-    let files = data_files(model.ice, water)?;
-    let hash = |bytes: &[u8]| -> String {
-        let digest = Sha256::digest(bytes);
-        digest.iter().map(|byte| format!("{byte:02x}")).collect()
-    };
-    Ok(files
-        .into_iter()
-        .map(|file| (format!("data.{}", file.name), hash(&file.bytes)))
-        .collect())
-}
-
-/// A compact file: `path` itself, or the one in the output directory `path`.
-pub(super) fn compact_path(path: &Path) -> anyhow::Result<PathBuf> {
-    if !path.is_dir() {
-        return Ok(path.into());
-    }
-    let file = path.join(COMPACT);
-    if !file.exists() {
-        bail!(
-            "no {COMPACT} in {}; `splitsnow build` makes it once all jobs are done",
-            path.display()
-        );
-    }
-    Ok(file)
-}
-
 /// The compact file of isotropic light in the directory `path`.
 pub(super) fn diffuse_path(path: &Path) -> anyhow::Result<PathBuf> {
     let file = if path.is_file() {
@@ -235,6 +200,7 @@ pub(super) fn message(error: &anyhow::Error) -> String {
 }
 
 /// A sign of life on standard error, if that is a terminal, until dropped.
+#[derive(Debug)]
 pub(super) struct Spinner(ProgressBar);
 
 impl Spinner {

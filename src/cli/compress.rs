@@ -1,13 +1,15 @@
 //! `splitsnow compress`: the compact file anew.
 use std::path::{Path, PathBuf};
 
-use super::{common, compact};
+use super::common::{self, Spinner};
+use super::compact::Words;
+use crate::build;
 use crate::colour::{ColourDifference, Illuminant, IlluminantError, Viewing};
 use crate::compress::{Basis, Choice, DEFAULT_MAX_DELTA_E, Precision, Variant};
 use crate::grid::Compression;
 use crate::lookup::Database;
 use crate::measurement::Quantity;
-use crate::store::{COMPACT, Store};
+use crate::store::COMPACT;
 use crate::verify;
 
 /// Compress a finished database again, with other bounds or in another variant
@@ -85,8 +87,7 @@ pub(super) fn run(args: &Args) -> anyhow::Result<()> {
     });
     let components = |k| Choice::Components(usize::from(k));
     let lights = illuminants(&args.illuminant, &args.dir.join(COMPACT))?;
-    let store = Store::open_exclusive(&args.dir)?;
-    let asked = compact::Asked {
+    let asked = build::Asked {
         choice: args.components.map_or(bounds, components),
         variant: Variant {
             basis: args.basis,
@@ -101,11 +102,13 @@ pub(super) fn run(args: &Args) -> anyhow::Result<()> {
             difference: args.delta_e,
         },
     };
-    let report = compact::write(&store, &asked)?;
+    let spinner = Spinner::new("compressing");
+    let report = build::compress(&args.dir, &asked)?;
+    drop(spinner);
     if args.json {
         return common::print_json(&report);
     }
-    common::print(&report.to_string())
+    common::print(&Words(&report).to_string())
 }
 
 /// The lights asked for. A table whose file is gone is taken from the compact file that

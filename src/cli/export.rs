@@ -199,7 +199,7 @@ impl Args {
     }
 
     fn compact(&self) -> anyhow::Result<Database> {
-        Ok(Database::open(&common::compact_path(&self.file)?)?)
+        Ok(Database::open(&self.file)?)
     }
 
     /// A spectrum or colours.
@@ -257,8 +257,12 @@ impl Args {
             None => self.file.with_extension(extension),
         };
         let real = |path: &Path| path.canonicalize().ok();
-        let source = common::compact_path(&self.file).ok();
-        if real(&out).is_some_and(|out| source.and_then(|source| real(&source)) == Some(out)) {
+        let source = if self.file.is_dir() {
+            self.file.join(COMPACT)
+        } else {
+            self.file.clone()
+        };
+        if real(&out).is_some_and(|out| real(&source) == Some(out)) {
             bail!(
                 "{} is the file to export; choose another --out",
                 out.display()

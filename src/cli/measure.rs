@@ -7,8 +7,9 @@ use serde_json::{Value, json};
 use super::common::{self, Interrupted, ThreadArgs};
 use super::{against, goniometer, simulate};
 use crate::config::sample;
-use crate::engine::{Engine, EngineError, MaxError, Request, Resolution};
+use crate::engine::{Engine, EngineError};
 use crate::measurement::{Measured, Spectrum};
+use crate::simulation::{RAYS, Simulation};
 
 /// Measure reflectance and transmittance of one snow sample, with standard errors
 ///
@@ -32,7 +33,7 @@ pub(super) struct Args {
     engine: Engine,
     /// Walks: per wavelength in `reference`, per node of refractive index in
     /// `spectral` and `tabulated`, and in `doubling` (`auto`) from every direction
-    #[arg(long, default_value_t = 131_072, value_parser = clap::value_parser!(u64).range(1..))]
+    #[arg(long, default_value_t = RAYS, value_parser = clap::value_parser!(u64).range(1..))]
     rays: u64,
     /// Seed of the random numbers
     #[arg(long, default_value_t = 1)]
@@ -54,39 +55,28 @@ pub(super) fn run(args: &Args) -> anyhow::Result<()> {
     common::warn(&sample.warnings);
     common::notes(&sample.notes);
     let target = args.against.target(&sample.wavelengths_nm)?;
-    let request = Request {
-        pack: &sample.pack,
-        thicknesses_m: &[sample.thickness_m],
-        illuminations: &[sample.illumination],
-        resolution: Resolution::of_rays(args.rays),
-        wavelengths_nm: &sample.wavelengths_nm,
-        model: &sample.model,
-        rays: args.rays,
-        max_error: MaxError::usual(&sample.wavelengths_nm),
-        seed: args.seed,
-        cell: 0,
-    };
+    let simulation = Simulation::of(&sample)
+        .engine(args.engine)
+        .rays(args.rays)
+        .seed(args.seed);
     if args.exits.asks() {
         let job = goniometer::Job {
             sample: args.sample.display().to_string(),
             engine: args.engine,
-            request,
+            request: simulation.request(),
             threads: args.threads,
             json: args.json,
         };
         return goniometer::run(&args.exits, &job, cancel);
     }
-    let engine = args.engine.resolve(&request);
-    let walks = args.engine.walks(&request)?;
-    let result = simulate::run(args.threads, Some(walks), cancel, |control| {
-        args.engine.run(&request, control)
+    let engine = simulation.resolved();
+    let result = simulate::run(args.threads, Some(simulation.walks()?), cancel, |control| {
+        simulation.run_with(control)
     })?;
-    let mut spectra = match result {
+    let spectrum = match result {
         Err(EngineError::Cancelled) => return Err(Interrupted("nothing was written".into()).into()),
         result => result?,
     };
-    // One thickness, one spectrum.
-    let spectrum = spectra.pop().unwrap_or_default();
     let compared = target.map(|target| target.compare(&spectrum));
     common::print(&if args.json {
         let mut value = json_value(args, engine, &sample.wavelengths_nm, &spectrum);

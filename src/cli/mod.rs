@@ -13,7 +13,6 @@ mod export;
 mod fit;
 mod goniometer;
 mod measure;
-mod pilot;
 mod plan;
 mod point;
 mod query;

@@ -60,12 +60,11 @@ enum Method {
 }
 
 pub(super) fn run(args: &Args) -> anyhow::Result<()> {
-    let path = if args.diffuse {
-        common::diffuse_path(&args.file)?
+    let database = if args.diffuse {
+        Database::open(common::diffuse_path(&args.file)?)?
     } else {
-        common::compact_path(&args.file)?
+        Database::open(&args.file)?
     };
-    let database = Database::open(&path)?;
     let point = args.point.point(args.diffuse)?;
     let there = database.at(point.optional())?;
     let spectrum = match args.method {

@@ -25,6 +25,7 @@ use crate::parameter::{Axes, Parameter};
 
 /// Why a compact file could not be written.
 #[derive(Debug, Error)]
+#[non_exhaustive]
 pub enum CompactError {
     /// What is to be written does not fit together.
     #[error("the compact file cannot be written: {0}")]

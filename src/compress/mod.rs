@@ -41,6 +41,7 @@ const ROWS: usize = 12;
 
 /// Why curves could not be compressed.
 #[derive(Debug, Clone, PartialEq, Error)]
+#[non_exhaustive]
 pub enum CompressError {
     /// Nothing to compress.
     #[error(

@@ -44,6 +44,7 @@ pub use table::{Layout, Table};
 
 /// Why there is no export.
 #[derive(Debug, Error)]
+#[non_exhaustive]
 pub enum ExportError {
     /// A database that is still being made.
     #[error(

@@ -58,6 +58,7 @@ pub(crate) const FRESH: u64 = 4;
 
 /// Why no database could be fitted.
 #[derive(Debug, Error)]
+#[non_exhaustive]
 pub enum FitError {
     /// A simulation or a certificate failed.
     #[error(transparent)]

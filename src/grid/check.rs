@@ -10,6 +10,7 @@ const SMALLEST_GRAIN_UM: f64 = 10.0;
 
 /// Why a grid cannot be expanded into jobs.
 #[derive(Debug, Clone, PartialEq, Error)]
+#[non_exhaustive]
 pub enum GridError {
     /// An axis, or the wavelength list, has no values.
     #[error("{axis} is empty; give at least one value")]

@@ -8,6 +8,7 @@ use crate::grid::GridError;
 
 /// Why a database could not be made, written, read or removed.
 #[derive(Debug, Error)]
+#[non_exhaustive]
 pub enum StoreError {
     /// The operating system refused.
     #[error("cannot {action} {}: {source}", .path.display())]

@@ -48,6 +48,7 @@ use crate::grid::{GivenSizes, Grid, Jobs};
 use crate::lookup::Substrate;
 use crate::parameter::Axes;
 
+pub use crate::lookup::COMPACT;
 pub use description::FORMAT_VERSION;
 pub use error::StoreError;
 pub(crate) use layout::WAVELENGTH;
@@ -63,9 +64,6 @@ const DATABASE: &str = "database.zarr";
 const SYSTEM: &str = "lost+found";
 /// The file that makes a directory a database.
 const ROOT: &str = "zarr.json";
-/// The compact file in an output directory, made from the database.
-pub const COMPACT: &str = "snow.safetensors";
-
 /// The compact file of its curves under isotropic light, if it has such.
 pub const DIFFUSE: &str = "diffuse.safetensors";
 

@@ -55,6 +55,7 @@ pub struct Options {
 
 /// Why a database could not be verified at all.
 #[derive(Debug, Error)]
+#[non_exhaustive]
 pub enum VerifyError {
     /// It cannot be read.
     #[error(transparent)]

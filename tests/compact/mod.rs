@@ -306,6 +306,15 @@ fn files_are_replaced_whole_and_errors_name_them() {
         "{}"
     );
     assert_eq!(std::fs::read_dir(&directory).unwrap().count(), 1);
+    // a directory is its file, and one without is told of
+    assert_eq!(
+        Database::open(directory.path()).unwrap(),
+        Database::open(&path).unwrap()
+    );
+    std::fs::remove_file(&path).unwrap();
+    let error = Database::open(directory.path()).unwrap_err().to_string();
+    assert!(error.contains("no snow.safetensors in"), "{error}");
+    std::fs::create_dir(&path).unwrap();
     let error = Database::open(directory.path()).unwrap_err().to_string();
     assert!(error.contains("not a regular file"), "{error}");
     assert!(

@@ -8,7 +8,7 @@
 //! use splitsnow_lookup::{Database, Lookup, Parameter, Point, Quantity};
 //!
 //! # fn main() -> Result<(), splitsnow_lookup::LookupError> {
-//! let database = Database::open("snow.safetensors")?;
+//! let database = Database::open("out/quick")?; // or the path of a file
 //! let lookup = Lookup::new(&database, Quantity::Transmittance)?;
 //! let mut spectrum = vec![0.0; lookup.wavelengths()];
 //! let point = Point::from([
@@ -55,8 +55,12 @@ use std::path::{Path, PathBuf};
 use ndarray::{Array2, ArrayView1, ArrayView2};
 use thiserror::Error;
 
+/// The compact file in an output directory.
+pub const COMPACT: &str = "snow.safetensors";
+
 /// Why a look-up gave no spectrum.
 #[derive(Debug, Error)]
+#[non_exhaustive]
 pub enum LookupError {
     /// The system refused to read the file.
     #[error("cannot read {}: {source}", path.display())]
@@ -65,6 +69,12 @@ pub enum LookupError {
         path: PathBuf,
         /// What the system said.
         source: io::Error,
+    },
+    /// A directory without a compact file.
+    #[error("no {COMPACT} in {}; `splitsnow build` makes it once all jobs are done", path.display())]
+    NoCompactFile {
+        /// The directory.
+        path: PathBuf,
     },
     /// The file is not a compact file that this version reads.
     #[error("{} cannot be used as a compact snow database: {source}", path.display())]
@@ -187,12 +197,23 @@ pub struct Database {
 }
 
 impl Database {
-    /// Reads the file at `path`.
+    /// Reads the file at `path`, or [`COMPACT`] in the directory at `path`.
     ///
     /// # Errors
-    /// [`LookupError::Io`] and [`LookupError::Format`].
+    /// [`LookupError::Io`], [`LookupError::NoCompactFile`] and [`LookupError::Format`].
     pub fn open(path: impl AsRef<Path>) -> Result<Self, LookupError> {
         let path = path.as_ref();
+        if !path.is_dir() {
+            return Self::open_file(path);
+        }
+        let file = path.join(COMPACT);
+        if !file.exists() {
+            return Err(LookupError::NoCompactFile { path: path.into() });
+        }
+        Self::open_file(&file)
+    }
+
+    fn open_file(path: &Path) -> Result<Self, LookupError> {
         let io = |source| LookupError::Io {
             path: path.to_owned(),
             source,

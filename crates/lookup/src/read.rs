@@ -22,6 +22,7 @@ const ANOTHER_VARIANT: &str = "this version cannot read that variant";
 
 /// Why bytes are not a compact file that this version reads.
 #[derive(Debug, Clone, PartialEq, Error)]
+#[non_exhaustive]
 pub enum FormatError {
     /// A directory, a device, a pipe.
     #[error("it is not a regular file")]

@@ -125,10 +125,17 @@ pub struct Control<'a> {
 
 /// Why an engine gave no spectrum.
 #[derive(Debug, Clone, PartialEq, Error)]
+#[non_exhaustive]
 pub enum EngineError {
     /// The caller asked it to stop.
     #[error("cancelled")]
     Cancelled,
+    /// Nothing to walk.
+    #[error("rays = 0 must be at least 1")]
+    NoRays,
+    /// The threads could not be started.
+    #[error("cannot start the threads: {0}; ask for fewer")]
+    Threads(String),
     /// Grains do not fit between the slab's planes.
     #[error(
         "the slab of {} cm is too thin for grains up to {} um long: {REJECTION_LIMIT} grains in a row did not fit; use a thickness of at least 10 grain lengths",

@@ -22,10 +22,9 @@ use std::sync::PoisonError;
 use std::sync::atomic::{AtomicBool, AtomicUsize, Ordering};
 use std::thread;
 
-use anyhow::bail;
 use cpu_time::ProcessTime;
 
-use super::common::Spinner;
+use super::{LongestJob, PlanError};
 use crate::budget;
 use crate::engine::{Cache, Engine, Request};
 use crate::grid::{Grid, Job, Jobs};
@@ -74,7 +73,7 @@ pub(super) struct Pilot {
     /// CPU seconds that all this took.
     pub(super) spent: f64,
     /// The job that takes longest.
-    pub(super) longest: Longest,
+    pub(super) longest: LongestJob,
     /// CPU seconds per size, by engine.
     per_size: Vec<(Engine, f64)>,
     /// CPU seconds of all jobs of the grid without tables.
@@ -86,18 +85,6 @@ pub(super) struct Pilot {
     /// Standard errors expected in the database, of both quantities, sorted, each with
     /// what share of the database it stands for.
     standard_errors: Vec<(f64, f64)>,
-}
-
-/// The job that takes longest.
-#[derive(Debug, Clone)]
-pub(super) struct Longest {
-    /// Its parameters.
-    pub(super) job: String,
-    pub(super) engine: Engine,
-    /// Its rays per curve, and with how many it was run; 0 if it was not run itself.
-    pub(super) rays: [u64; 2],
-    /// CPU seconds, its tables included.
-    pub(super) core: f64,
 }
 
 /// Time on one thread, s.
@@ -123,7 +110,7 @@ fn typical(engine: Engine) -> f64 {
 const DEEP_M: f64 = 1.0;
 
 impl Case {
-    fn new(grid: &Grid, wavelengths_nm: &[f64], job: Job) -> anyhow::Result<Self> {
+    fn new(grid: &Grid, wavelengths_nm: &[f64], job: Job) -> Result<Self, PlanError> {
         let request = Request {
             wavelengths_nm,
             ..job.request(grid)
@@ -157,8 +144,7 @@ impl Pilot {
         jobs: &Jobs,
         threads: usize,
         seconds: f64,
-    ) -> anyhow::Result<Self> {
-        let _spinner = Spinner::new("timing a few jobs");
+    ) -> Result<Self, PlanError> {
         let begin = ProcessTime::now();
         let spent = || begin.elapsed().as_secs_f64();
         let wavelengths_nm = probe::few(&grid.wavelengths_nm);
@@ -187,7 +173,7 @@ impl Pilot {
             mut guessed,
         } = measured;
         let (mut core, mut per_size) = (0.0, Vec::new());
-        let mut longest: Option<Longest> = None;
+        let mut longest: Option<LongestJob> = None;
         let mut errors = Vec::new();
         for (stratum, probes) in strata.iter().zip(&probes) {
             let total = stratum.sums.last().map_or(0.0, |(sum, _)| *sum);
@@ -218,13 +204,14 @@ impl Pilot {
                 };
                 if longest
                     .as_ref()
-                    .is_none_or(|longest| longest.core < core + tables)
+                    .is_none_or(|longest| longest.core_seconds < core + tables)
                 {
-                    longest = Some(Longest {
-                        job: case.job.to_string(),
+                    longest = Some(LongestJob {
+                        parameters: case.job.to_string(),
                         engine: case.engine,
-                        rays: [case.rays, rays],
-                        core: core + tables,
+                        rays: case.rays,
+                        rays_run: rays,
+                        core_seconds: core + tables,
                     });
                 }
             }
@@ -262,11 +249,12 @@ impl Pilot {
             wavelengths: probe::few(&grid.wavelengths_nm).len(),
             guessed,
             spent: 0.0,
-            longest: longest.unwrap_or(Longest {
-                job: String::new(),
+            longest: longest.unwrap_or(LongestJob {
+                parameters: String::new(),
                 engine: grid.run.engine,
-                rays: [0, 0],
-                core: 0.0,
+                rays: 0,
+                rays_run: 0,
+                core_seconds: 0.0,
             }),
             per_size,
             core,
@@ -293,7 +281,12 @@ impl Pilot {
     }
 
     /// Time of the jobs listed.
-    pub(super) fn time_of(&self, grid: &Grid, jobs: &Jobs, listed: &[u64]) -> anyhow::Result<Time> {
+    pub(super) fn time_of(
+        &self,
+        grid: &Grid,
+        jobs: &Jobs,
+        listed: &[u64],
+    ) -> Result<Time, PlanError> {
         if listed.is_empty() {
             return Ok(Time::default());
         }
@@ -344,9 +337,9 @@ impl Pilot {
 fn strata(
     grid: &Grid,
     jobs: &Jobs,
-    case: &dyn Fn(Job) -> anyhow::Result<Case>,
+    case: &dyn Fn(Job) -> Result<Case, PlanError>,
     late: impl Fn() -> bool,
-) -> anyhow::Result<Vec<Stratum>> {
+) -> Result<Vec<Stratum>, PlanError> {
     // an odd step meets all values of an axis of even length
     let step = jobs.count().div_ceil(SIZES) | 1;
     let numbers: Vec<u64> = (0..jobs.count()).step_by(step as usize).collect();
@@ -441,7 +434,7 @@ fn corners(jobs: &Jobs) -> BTreeSet<u64> {
 }
 
 /// The jobs of a stratum to run, the largest first and then as drawn.
-fn drawn(grid: &Grid, jobs: &Jobs, stratum: &Stratum) -> anyhow::Result<Vec<Job>> {
+fn drawn(grid: &Grid, jobs: &Jobs, stratum: &Stratum) -> Result<Vec<Job>, PlanError> {
     let sum = stratum.sums.last().map_or(0.0, |(sum, _)| *sum);
     // multiples of the golden ratio fill the unit interval evenly at any count
     let golden = 0.5 * (5.0_f64.sqrt() - 1.0);
@@ -474,11 +467,11 @@ fn measure(
     prober: &Prober,
     jobs: &Jobs,
     strata: &[Stratum],
-    case: &(dyn Fn(Job) -> anyhow::Result<Case> + Sync),
+    case: &(dyn Fn(Job) -> Result<Case, PlanError> + Sync),
     threads: usize,
     seconds: f64,
     spent: &(dyn Fn() -> f64 + Sync),
-) -> anyhow::Result<Measured> {
+) -> Result<Measured, PlanError> {
     let (mut tables, mut guessed) = (0.0, Vec::new());
     if let Some(first) = strata.iter().find(|stratum| stratum.engine.uses_tables()) {
         let (seconds, measured) = prober.tables(&first.largest)?;
@@ -501,7 +494,7 @@ fn measure(
         .collect();
     let next = AtomicUsize::new(0);
     let found = Mutex::new(Vec::new());
-    let work = || -> anyhow::Result<()> {
+    let work = || -> Result<(), PlanError> {
         loop {
             let turn = next.fetch_add(1, Ordering::Relaxed);
             let Some((stratum, job)) = turns.get(turn) else {
@@ -521,9 +514,9 @@ fn measure(
         let workers: Vec<_> = (0..workers).map(|_| scope.spawn(work)).collect();
         for worker in workers {
             let ended = worker.join();
-            ended.unwrap_or_else(|_| bail!("a pilot job failed"))?;
+            ended.unwrap_or(Err(PlanError::Panicked))?;
         }
-        anyhow::Ok(())
+        Ok::<_, PlanError>(())
     })?;
     let mut found = found.into_inner().unwrap_or_else(PoisonError::into_inner);
     found.sort_by_key(|(turn, ..)| *turn);
@@ -545,7 +538,7 @@ mod tests {
     use crate::engine::MaxError;
     use crate::grid::tests::small;
 
-    fn case(grid: &Grid) -> impl Fn(Job) -> anyhow::Result<Case> {
+    fn case(grid: &Grid) -> impl Fn(Job) -> Result<Case, PlanError> {
         |job| Case::new(grid, &grid.wavelengths_nm, job)
     }
 
@@ -592,12 +585,12 @@ mod tests {
         // half as much again for what a run takes to notice
         assert!(pilot.spent < 0.6, "{}", pilot.spent);
         assert_eq!(pilot.longest.engine, Engine::Spectral);
-        let [asked, run] = pilot.longest.rays;
+        let (asked, run) = (pilot.longest.rays, pilot.longest.rays_run);
         assert!(asked > 1_000_000_000 && run < 4096, "{asked} {run}");
         let last = case(&grid)(grid.job(&jobs, jobs.count() - 1).unwrap()).unwrap();
-        let ratio = pilot.longest.core / (typical(last.engine) * last.size);
+        let ratio = pilot.longest.core_seconds / (typical(last.engine) * last.size);
         assert!((0.02..50.0).contains(&ratio), "{ratio}");
-        assert!(pilot.time().core >= pilot.longest.core);
+        assert!(pilot.time().core >= pilot.longest.core_seconds);
         assert!(pilot.max_standard_error().unwrap() < 1e-4);
     }
 
@@ -610,7 +603,7 @@ mod tests {
             (pilot.jobs, &pilot.guessed[..]),
             ([0, 0], &["spectral"][..])
         );
-        assert!(pilot.time().core > 0.0 && pilot.longest.core > 0.0);
+        assert!(pilot.time().core > 0.0 && pilot.longest.core_seconds > 0.0);
         assert_eq!(pilot.median_standard_error(), None);
     }
 }

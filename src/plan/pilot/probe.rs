@@ -4,7 +4,7 @@ use std::time::Instant;
 
 use cpu_time::ThreadTime;
 
-use super::Case;
+use super::{Case, PlanError};
 use crate::engine::{BATCH, Cache, Control, Engine, EngineError, Request, Resolution};
 use crate::grid::Grid;
 
@@ -28,6 +28,9 @@ pub(super) struct Run {
     /// CPU seconds.
     pub(super) core: f64,
 }
+
+/// Standard errors, and CPU and wall clock seconds.
+type Ended = (Vec<f64>, [f64; 2]);
 
 /// What the runs of one job have taught.
 #[derive(Debug, Clone, Default)]
@@ -106,7 +109,7 @@ pub(super) fn whole(runs: &[Run], left: &Left, batches: bool) -> Option<f64> {
 impl Prober<'_> {
     /// Runs the job of `case` with more and more of its rays, for about `seconds` of one
     /// processor, or until it is cancelled.
-    pub(super) fn probe(&self, case: &Case, seconds: f64) -> anyhow::Result<Probe> {
+    pub(super) fn probe(&self, case: &Case, seconds: f64) -> Result<Probe, PlanError> {
         let wavelengths_nm = few(&self.grid.wavelengths_nm);
         let whole_request = case.job.request(self.grid);
         let request = |rays: u64| Request {
@@ -154,10 +157,7 @@ impl Prober<'_> {
             _ => WALKED,
         };
         let mut rays = first.min(most);
-        loop {
-            let Some((errors, spent)) = self.run(case.engine, &request(rays))? else {
-                break;
-            };
+        while let Some((errors, spent)) = self.run(case.engine, &request(rays))? {
             probe.add(spent);
             runs.push(Run {
                 rays: rays as f64,
@@ -191,7 +191,7 @@ impl Prober<'_> {
 
     /// CPU seconds to make the tables of the grains in the job of `case`, at all nodes,
     /// and whether that was measured.
-    pub(super) fn tables(&self, case: &Case) -> anyhow::Result<(f64, bool)> {
+    pub(super) fn tables(&self, case: &Case) -> Result<(f64, bool), PlanError> {
         let whole_request = case.job.request(self.grid);
         let nodes = |wavelengths_nm: &[f64]| {
             Engine::Tabulated.walks(&Request {
@@ -233,12 +233,8 @@ impl Prober<'_> {
         Ok((made * all * nodes, true))
     }
 
-    /// Standard errors, and CPU and wall clock seconds; `None` if it was cancelled.
-    fn run(
-        &self,
-        engine: Engine,
-        request: &Request,
-    ) -> anyhow::Result<Option<(Vec<f64>, [f64; 2])>> {
+    /// What a run gave; `None` if it was cancelled.
+    fn run(&self, engine: Engine, request: &Request) -> Result<Option<Ended>, PlanError> {
         let control = Control {
             parallel: false,
             cancel: self.cancel,

@@ -1,0 +1,237 @@
+//! The last stage of a build and all of a compression: from a finished database to its
+//! compact file, and a report of both.
+use std::collections::BTreeMap;
+use std::fmt::Write;
+use std::path::Path;
+
+use ndarray::Axis;
+use serde_json::{Map, Value, json};
+
+use super::BuildError;
+use super::report::{Compact, Lost, QuantityReport};
+use crate::colour::{Colorimeter, Viewing};
+use crate::compress::{self, Bands, Choice, CompactFile, Compressed, Variant};
+use crate::grid::{Compression, absent_curves, existing, why_absent};
+use crate::lookup::Database;
+use crate::measurement::Quantity;
+use crate::parameter::Parameter;
+use crate::store::{COMPACT, DIFFUSE, Store, Variable, estimated_bytes};
+
+/// What the compact file is to be.
+#[derive(Debug, Clone, PartialEq)]
+#[non_exhaustive]
+pub struct Asked {
+    /// How many components.
+    pub choice: Choice,
+    /// How they are written.
+    pub variant: Variant,
+    /// At least one.
+    pub quantities: Vec<Quantity>,
+    /// How colours are compared.
+    pub viewing: Viewing,
+}
+
+impl Asked {
+    /// What [`build`](super::build()) writes: both quantities, linear, in single precision.
+    #[must_use]
+    pub fn plain(bounds: Compression, viewing: Viewing) -> Self {
+        Self {
+            choice: Choice::Bounds(bounds),
+            variant: Variant::default(),
+            quantities: Quantity::ALL.into(),
+            viewing,
+        }
+    }
+}
+
+/// Compresses the finished database in `dir`, and writes its compact file anew; that of
+/// isotropic light, too, if it has such. The bytes are a function of the database and
+/// `asked` alone.
+///
+/// # Errors
+/// See [`BuildError`]: jobs are missing, another process is working in `dir`, or the bounds
+/// cannot be held.
+pub fn compress(dir: impl AsRef<Path>, asked: &Asked) -> Result<Compact, BuildError> {
+    write(&Store::open_exclusive(dir.as_ref())?, asked)
+}
+
+/// Compresses the finished database in `store`, which nobody else may be writing, and
+/// writes its compact file; that of isotropic light, too, if it has such.
+pub(super) fn write(store: &Store, asked: &Asked) -> Result<Compact, BuildError> {
+    let mut report = write_one(store, asked, false)?;
+    if store.has_diffuse() {
+        report.diffuse = Some(Box::new(write_one(store, asked, true)?));
+    }
+    Ok(report)
+}
+
+/// Compresses the finished database in `store`, which nobody else may be
+/// writing, and writes its compact file.
+///
+/// The file is a function of the database and `asked` alone.
+fn write_one(store: &Store, asked: &Asked, diffuse: bool) -> Result<Compact, BuildError> {
+    let missing = store.missing(None)?.len();
+    let jobs = store.jobs();
+    if missing > 0 {
+        return Err(BuildError::Unfinished {
+            missing,
+            jobs: jobs.count(),
+            path: store.path().into(),
+        });
+    }
+    let colour = Colorimeter::viewing(store.wavelengths_nm(), &asked.viewing)?;
+    let Variant { basis, precision } = asked.variant;
+    let mut axes = store.axes().clone();
+    if diffuse {
+        // look-ups ask for the one angle there is
+        axes.set(Parameter::Incidence, vec![0.0]);
+    }
+    let variable = |of: Variable| if diffuse { of.diffuse() } else { of };
+    let rows = existing(&axes, store.absent());
+    let mut max_standard_errors = [0.0; 2];
+    let mut compressed = |quantity, [values, errors]: [_; 2]| -> Result<_, BuildError> {
+        if !asked.quantities.contains(&quantity) {
+            return Ok(None);
+        }
+        let errors = store.read(variable(errors))?;
+        max_standard_errors[quantity as usize] = errors.iter().copied().fold(0.0, f32::max);
+        // standard errors of curves that do not exist are NaN, which no maximum is
+        let bands = Bands::new(store.wavelengths_nm()).with_noise(errors.view());
+        let bands = match asked.choice {
+            Choice::Bounds(bounds) => bands.bounded(bounds.max_rmse),
+            Choice::Components(_) => bands,
+        };
+        drop(errors);
+        let curves = store.read(variable(values))?.mapv(f64::from);
+        let all = curves.nrows();
+        let curves = if rows.len() < all {
+            curves.select(Axis(0), &rows)
+        } else {
+            curves
+        };
+        let colour = colour.as_ref();
+        let (choice, variant) = (asked.choice, asked.variant);
+        compress::compress(curves.view(), quantity, colour, &bands, choice, variant)
+            .map(|compressed| Some(compressed.spread_over(&rows, all)))
+            .map_err(|source| BuildError::Compress { quantity, source })
+    };
+    let transmittance = compressed(
+        Quantity::Transmittance,
+        [Variable::Transmittance, Variable::TransmittanceSe],
+    )?;
+    let reflectance = compressed(
+        Quantity::Reflectance,
+        [Variable::Reflectance, Variable::ReflectanceSe],
+    )?;
+    let (provenance, mut extra) = metadata(store, asked.choice, &asked.viewing);
+    if diffuse {
+        let light = "diffuse: isotropic radiance; the one angle_deg, 0, stands for all directions";
+        extra.insert("illumination".to_owned(), light.to_owned());
+    }
+    let file = CompactFile {
+        axes: &axes,
+        absent: store.absent(),
+        wavelengths_nm: store.wavelengths_nm(),
+        substrate: store.substrate(),
+        transmittance: transmittance.as_ref(),
+        reflectance: reflectance.as_ref(),
+        provenance: &provenance,
+        extra: &extra,
+    };
+    let compact = store.dir().join(if diffuse { DIFFUSE } else { COMPACT });
+    file.write(&compact)?;
+    let written = Database::open(&compact)?;
+    let report = |quantity, compressed: Option<Compressed>| {
+        let max_standard_error = max_standard_errors[quantity as usize];
+        compressed.map(|one| QuantityReport::new(&written, max_standard_error, one))
+    };
+    let compact_bytes = std::fs::metadata(&compact)
+        .map_err(|source| BuildError::Io {
+            path: compact.clone(),
+            source,
+        })?
+        .len();
+    Ok(Compact {
+        database: store.path().into(),
+        database_bytes: estimated_bytes(jobs, jobs.count()),
+        curves: axes.count(),
+        absent_curves: absent_curves(&axes, store.absent()),
+        why_absent: why_absent(&axes, store.absent()),
+        wavelengths: jobs.wavelengths(),
+        compact_bytes,
+        compact,
+        basis,
+        precision,
+        transmittance: report(Quantity::Transmittance, transmittance),
+        reflectance: report(Quantity::Reflectance, reflectance),
+        lost_share: Lost::of(store)?,
+        next: next(store, asked, diffuse),
+        diffuse: None,
+    })
+}
+
+/// Where the numbers come from, as JSON; and what the spectra are of.
+fn metadata(
+    store: &Store,
+    choice: Choice,
+    viewing: &Viewing,
+) -> (String, BTreeMap<String, String>) {
+    let mut provenance = Map::new();
+    let mut extra = BTreeMap::new();
+    for (key, value) in store.attributes() {
+        match (key.as_str(), value) {
+            ("title" | "source" | "illumination" | "bottom_boundary", Value::String(text)) => {
+                extra.insert(key, text);
+            }
+            ("grain_size_relation", Value::String(text)) => {
+                extra.insert(key, text);
+            }
+            ("optical_radius_um" | "ssa_m2_kg", values) => {
+                extra.insert(key, values.to_string());
+            }
+            // what readers of Zarr need
+            ("coordinates", _) => {}
+            // Those of the database, which the file has its own of.
+            ("units" | "format_version" | "substrate", _) => {}
+            (_, value) => {
+                provenance.insert(key, value);
+            }
+        }
+    }
+    let mut compression = match choice {
+        Choice::Components(components) => json!({ "components": components }),
+        Choice::Bounds(bounds) => {
+            json!({ "max_delta_e": bounds.max_delta_e, "max_rmse": bounds.max_rmse })
+        }
+    };
+    compression["illuminants"] = json!(viewing.illuminants);
+    compression["delta_e"] = json!(viewing.difference);
+    provenance.insert("compression".into(), compression);
+    (Value::Object(provenance).to_string(), extra)
+}
+
+/// A command that uses the compact file: its first curve.
+fn next(store: &Store, asked: &Asked, diffuse: bool) -> String {
+    let mut command = format!("splitsnow query {}", store.dir().display());
+    if diffuse {
+        command.push_str(" --diffuse");
+    }
+    // those that every database has first
+    let (optional, core): (Vec<_>, Vec<_>) =
+        store.axes().iter().partition(|(p, _)| p.is_optional());
+    for (parameter, values) in core.into_iter().chain(optional) {
+        if diffuse && parameter == Parameter::Incidence {
+            continue;
+        }
+        let is_thickness = parameter == Parameter::Thickness;
+        // of the first grain size, the thinnest slab into which its grains fit
+        let thinnest = store.absent().first().filter(|_| is_thickness);
+        let first = values.get(thinnest.copied().unwrap_or_default());
+        let first = first.copied().unwrap_or_default();
+        let _ = write!(command, " --{} {first}", parameter.record().option);
+    }
+    if !asked.quantities.contains(&Quantity::Transmittance) {
+        let _ = write!(command, " --quantity {}", Quantity::Reflectance.name());
+    }
+    command
+}

@@ -1,0 +1,26 @@
+//! What decides a database beside its grid.
+use std::collections::BTreeMap;
+
+use sha2::{Digest, Sha256};
+
+use crate::grid::Grid;
+use crate::optics::{OpticsError, data_files};
+
+/// The hashes of the data files that decide the spectra of `grid`, by name:
+/// part of a database's identity.
+///
+/// # Errors
+/// A user's table cannot be read.
+pub fn data_hashes(grid: &Grid) -> Result<BTreeMap<String, String>, OpticsError> {
+    let model = &grid.fixed.model;
+    let water = grid.is_wet().then_some(&model.water);
+    let files = data_files(model.ice, water)?;
+    let hash = |bytes: &[u8]| -> String {
+        let digest = Sha256::digest(bytes);
+        digest.iter().map(|byte| format!("{byte:02x}")).collect()
+    };
+    Ok(files
+        .into_iter()
+        .map(|file| (format!("data.{}", file.name), hash(&file.bytes)))
+        .collect())
+}

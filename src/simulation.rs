@@ -1,0 +1,210 @@
+//! The virtual spectrophotometer as one call: the spectrum of a sample.
+//!
+//! ```
+//! use splitsnow::{Simulation, config, engine::Engine};
+//!
+//! # fn main() -> Result<(), Box<dyn std::error::Error>> {
+//! let sample = config::sample::read("configs/samples/representative.toml".as_ref())?;
+//! let spectrum = Simulation::of(&sample)
+//!     .engine(Engine::Spectral)
+//!     .rays(16)
+//!     .run()?;
+//! for (nm, reflectance) in sample.wavelengths_nm.iter().zip(&spectrum.reflectance) {
+//!     println!("{nm} nm: {} +- {}", reflectance.value, reflectance.se);
+//! }
+//! # Ok(())
+//! # }
+//! ```
+use std::sync::atomic::{AtomicBool, AtomicU64};
+
+use crate::config::sample::SampleFile;
+use crate::engine::{Cache, Control, Engine, EngineError, MaxError, Request, Resolution};
+use crate::measurement::Spectrum;
+use crate::transport::{Illumination, Model, Pack};
+
+/// Walks where nobody says how many.
+pub const RAYS: u64 = 131_072;
+
+/// Reflectance and transmittance of one snow pack under one light, about to be simulated.
+///
+/// The result is a function of the snow, light, wavelengths, engine, rays, seed and allowed
+/// error: never of the threads.
+#[derive(Debug, Clone)]
+#[must_use = "a simulation does nothing before `run`"]
+pub struct Simulation<'a> {
+    pack: &'a Pack,
+    thickness_m: [f64; 1],
+    illumination: [Illumination; 1],
+    wavelengths_nm: &'a [f64],
+    model: &'a Model,
+    engine: Engine,
+    rays: u64,
+    max_error: MaxError,
+    seed: u64,
+    threads: usize,
+    cancel: Option<&'a AtomicBool>,
+}
+
+impl<'a> Simulation<'a> {
+    /// Of what a sample file says, by `auto`, with [`RAYS`] and the seed 1.
+    pub fn of(sample: &'a SampleFile) -> Self {
+        Self::new(
+            &sample.pack,
+            sample.thickness_m,
+            sample.illumination,
+            &sample.wavelengths_nm,
+            &sample.model,
+        )
+    }
+
+    /// Of a `pack` whose layers are `thickness_m` thick together, at wavelengths in nm,
+    /// strictly increasing; otherwise as [`of`](Self::of).
+    pub fn new(
+        pack: &'a Pack,
+        thickness_m: f64,
+        illumination: Illumination,
+        wavelengths_nm: &'a [f64],
+        model: &'a Model,
+    ) -> Self {
+        Self {
+            pack,
+            thickness_m: [thickness_m],
+            illumination: [illumination],
+            wavelengths_nm,
+            model,
+            engine: Engine::Auto,
+            rays: RAYS,
+            max_error: MaxError::usual(wavelengths_nm),
+            seed: 1,
+            threads: 0,
+            cancel: None,
+        }
+    }
+
+    /// How light is simulated.
+    pub fn engine(self, engine: Engine) -> Self {
+        Self { engine, ..self }
+    }
+
+    /// Walks, at least 1: see [`Request::rays`].
+    pub fn rays(self, rays: u64) -> Self {
+        Self { rays, ..self }
+    }
+
+    /// What `auto` is to hold.
+    pub fn max_error(self, max_error: MaxError) -> Self {
+        Self { max_error, ..self }
+    }
+
+    /// Seed of the random numbers.
+    pub fn seed(self, seed: u64) -> Self {
+        Self { seed, ..self }
+    }
+
+    /// Threads to run on; those of the current rayon pool unless it is above 0.
+    pub fn threads(self, threads: usize) -> Self {
+        Self { threads, ..self }
+    }
+
+    /// A flag that stops the run once it is set.
+    pub fn cancel(self, cancel: &'a AtomicBool) -> Self {
+        Self {
+            cancel: Some(cancel),
+            ..self
+        }
+    }
+
+    /// The same as an engine is asked.
+    #[must_use]
+    pub fn request(&self) -> Request<'_> {
+        Request {
+            pack: self.pack,
+            thicknesses_m: &self.thickness_m,
+            illuminations: &self.illumination,
+            resolution: Resolution::of_rays(self.rays),
+            wavelengths_nm: self.wavelengths_nm,
+            model: self.model,
+            rays: self.rays,
+            max_error: self.max_error,
+            seed: self.seed,
+            cell: 0,
+        }
+    }
+
+    /// The engine that does the work: what `auto` chooses.
+    #[must_use]
+    pub fn resolved(&self) -> Engine {
+        self.engine.resolve(&self.request())
+    }
+
+    /// How many walks [`run`](Self::run) does.
+    ///
+    /// # Errors
+    /// [`EngineError::Optics`].
+    pub fn walks(&self) -> Result<u64, EngineError> {
+        self.engine.walks(&self.request())
+    }
+
+    /// Runs it.
+    ///
+    /// # Errors
+    /// See [`EngineError`].
+    pub fn run(&self) -> Result<Spectrum, EngineError> {
+        let never = AtomicBool::new(false);
+        let control = Control {
+            parallel: true,
+            cancel: self.cancel.unwrap_or(&never),
+            rays_done: &AtomicU64::new(0),
+            cache: &Cache::default(),
+        };
+        if self.threads == 0 {
+            return self.run_with(&control);
+        }
+        let pool = rayon::ThreadPoolBuilder::new()
+            .num_threads(self.threads)
+            .build()
+            .map_err(|error| EngineError::Threads(error.to_string()))?;
+        pool.install(|| self.run_with(&control))
+    }
+
+    /// Runs it on the current rayon pool, under the caller's `control`.
+    ///
+    /// # Errors
+    /// See [`EngineError`].
+    pub fn run_with(&self, control: &Control<'_>) -> Result<Spectrum, EngineError> {
+        if self.rays == 0 {
+            return Err(EngineError::NoRays);
+        }
+        let mut spectra = self.engine.run(&self.request(), control)?;
+        // One thickness and one light, one spectrum.
+        Ok(spectra.pop().unwrap_or_default())
+    }
+}
+
+#[cfg(test)]
+#[allow(clippy::unwrap_used)]
+mod tests {
+    use super::*;
+    use crate::config::sample;
+
+    #[test]
+    fn threads_change_nothing_and_a_flag_stops_it() {
+        let path = concat!(
+            env!("CARGO_MANIFEST_DIR"),
+            "/configs/samples/representative.toml"
+        );
+        let sample = sample::read(path.as_ref()).unwrap();
+        let simulation = Simulation::of(&sample).engine(Engine::Spectral).rays(64);
+        let spectrum = simulation.run().unwrap();
+        assert_eq!(spectrum.reflectance.len(), sample.wavelengths_nm.len());
+        for threads in [1, 3] {
+            let again = simulation.clone().threads(threads).run().unwrap();
+            assert_eq!(spectrum, again);
+        }
+        assert_ne!(spectrum, simulation.clone().seed(2).run().unwrap());
+        let stop = AtomicBool::new(true);
+        let stopped = simulation.clone().cancel(&stop).run();
+        assert_eq!(stopped, Err(EngineError::Cancelled));
+        assert_eq!(simulation.rays(0).run(), Err(EngineError::NoRays));
+    }
+}
