@@ -9,7 +9,7 @@ use splitsnow::grain::{GrainType, Shape, SizeRange, Surface, TruncatedNormal};
 use splitsnow::math::Vec3;
 use splitsnow::optics::{IceTable, Index};
 use splitsnow::rng::{Key, Stream};
-use splitsnow::table::{Table, TablePack, TableWalker, draw};
+use splitsnow::table::{Table, TableSnowpack, TableWalker, draw};
 use splitsnow::transport::{
     Absorption, Coefficients, End, Entry, Illumination, Model, Path, Sink, Snow, Walk, Walker,
 };
@@ -102,7 +102,7 @@ fn grain_event(c: &mut Criterion) {
     );
     let table = Table::new(&outcomes, 1 << 14, &mut stream());
     let walker = TableWalker {
-        pack: TablePack::plain(&snow, [&table; 2]),
+        snowpack: TableSnowpack::plain(&snow, [&table; 2]),
         absorption: absorption(3.0),
     };
     group.throughput(Throughput::Elements(walks(&walker)));
@@ -114,7 +114,7 @@ fn spectrum(c: &mut Criterion) {
     let wavelengths_nm: Vec<f64> = (40..=70).map(|l| f64::from(l) * 10.0).collect();
     let (snow, model) = (representative(), Model::default());
     let request = Request {
-        pack: &snow.clone().into(),
+        snowpack: &snow.clone().into(),
         thicknesses_m: &[0.12],
         illuminations: &[NORMAL],
         resolution: Resolution::default(),
@@ -149,8 +149,8 @@ fn spectrum(c: &mut Criterion) {
             })
         });
     }
-    group.bench_function("doubling, walks kept", |b| {
-        b.iter(|| Engine::Doubling.run(&request, &control).unwrap())
+    group.bench_function("hybrid, walks kept", |b| {
+        b.iter(|| Engine::Hybrid.run(&request, &control).unwrap())
     });
     group.finish();
 }

@@ -37,7 +37,7 @@ fn main() {
     let cache = Cache::default();
     let run = |engine: Engine, wavelengths_nm: &[f64], rays, seed| -> (f64, Spectrum) {
         let request = Request {
-            pack: &snow.clone().into(),
+            snowpack: &snow.clone().into(),
             thicknesses_m: &[thickness_m],
             illuminations: &[Illumination::Collimated {
                 polar_angle_rad: 0.0,

@@ -113,7 +113,7 @@ fn compute(run: &Run, cell: u64) -> Vec<Spectrum> {
     let thicknesses_m: Vec<f64> = run.thicknesses_cm.iter().map(|cm| cm_to_m(*cm)).collect();
     let model = Model::default();
     let request = Request {
-        pack: &snow.clone().into(),
+        snowpack: &snow.clone().into(),
         thicknesses_m: &thicknesses_m,
         illuminations: &[illumination(run.angle_deg)],
         resolution: Resolution::default(),

@@ -29,7 +29,7 @@ fn main() {
         shape: Shape::Spheroid,
         sphericity: TruncatedNormal::new(0.6, 0.95, 0.798, 0.064).unwrap(),
     };
-    let pack = Snow::dry(grain, 275.0, -1.0).into();
+    let snowpack = Snow::dry(grain, 275.0, -1.0).into();
     let sensors = Sensors::new(1000);
     let (cancel, rays_done, cache) = (AtomicBool::new(false), AtomicU64::new(0), Cache::default());
     let control = Control {
@@ -40,7 +40,7 @@ fn main() {
     };
     let run = |engine: Engine, nm: f64, deg: f64, rays: f64| {
         let request = Request {
-            pack: &pack,
+            snowpack: &snowpack,
             thicknesses_m: &[0.12],
             illuminations: &[Illumination::Collimated {
                 polar_angle_rad: deg.to_radians(),

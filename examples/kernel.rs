@@ -24,7 +24,7 @@ const EVENTS: usize = 1 << 19;
 fn main() -> anyhow::Result<()> {
     let path = std::env::args_os().nth(1).context("give a sample file")?;
     let sample = sample::read(&PathBuf::from(path))?;
-    let snow = &sample.pack.surface;
+    let snow = &sample.snowpack.surface;
     if snow.water_saturation > 0.0 || snow.black_carbon.is_some() || snow.brown_carbon.is_some() {
         bail!("this prints the scattering of dry clean snow; set water and carbon to 0");
     }

@@ -59,7 +59,7 @@ fn transmittances(wavelengths_nm: &[f64]) -> Result<Vec<Vec<f64>>> {
         -1.0,
     );
     let request = Request {
-        pack: &snow.clone().into(),
+        snowpack: &snow.clone().into(),
         thicknesses_m: &THICKNESSES_CM.map(cm_to_m),
         illuminations: &[Illumination::Collimated {
             polar_angle_rad: 0.0,

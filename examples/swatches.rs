@@ -8,7 +8,7 @@ use std::path::PathBuf;
 use ndarray::Array2;
 use splitsnow::colour::Colorimeter;
 use splitsnow::compress::{Bands, Choice, Variant, compress};
-use splitsnow::export::{Eyes, LIGHTS, LUMINANCE, Sampling};
+use splitsnow::export::{LIGHTS, LUMINANCE, Observers, Sampling};
 use splitsnow::lab::report::{Swatch, SwatchRows, Swatches};
 use splitsnow::lookup::Database;
 use splitsnow::measurement::Quantity;
@@ -44,12 +44,12 @@ fn main() -> Result<()> {
     let curves = store.read(Variable::Transmittance)?.mapv(f64::from);
     let nm = store.wavelengths_nm();
     let database = Database::from_curves(true, store.axes(), nm, Some(&curves), None);
-    let eyes = Eyes::new(database.wavelengths_nm())?;
-    let comparisons = comparisons(&curves, &database, nm, &eyes)?;
-    let swatches = swatches(&eyes, &comparisons);
+    let observers = Observers::new(database.wavelengths_nm())?;
+    let comparisons = comparisons(&curves, &database, nm, &observers)?;
+    let swatches = swatches(&observers, &comparisons);
     std::fs::write(docs.join("swatches.svg"), swatches.svg()?)?;
     std::fs::write(docs.join("swatches.png"), swatches.png()?)?;
-    std::fs::write(docs.join("swatches.md"), page(&eyes, &comparisons)?)?;
+    std::fs::write(docs.join("swatches.md"), page(&observers, &comparisons)?)?;
     Ok(())
 }
 
@@ -57,7 +57,7 @@ fn comparisons(
     curves: &Array2<f64>,
     database: &Database,
     nm: &[f64],
-    eyes: &Eyes,
+    observers: &Observers,
 ) -> Result<Vec<Comparison>> {
     let spectrum = |point| -> Result<Vec<f64>> {
         let spectrum = database.spectrum(point, Quantity::Transmittance)?;
@@ -97,7 +97,7 @@ fn comparisons(
         (["components", "31 | 2"], [spectrum(base())?, rebuilt(2)?]),
     ];
     let compared = |(name, spectra): ([&'static str; 2], [Vec<f64>; 2])| Comparison {
-        exposure: eyes.exposure(&[&spectra[0], &spectra[1]]),
+        exposure: observers.exposure(&[&spectra[0], &spectra[1]]),
         name,
         spectra,
     };
@@ -106,22 +106,22 @@ fn comparisons(
 
 impl Comparison {
     /// The difference under a light, and that of the two exposed.
-    fn difference(&self, eyes: &Eyes, light: usize, by: Sampling) -> String {
+    fn difference(&self, observers: &Observers, light: usize, by: Sampling) -> String {
         let [first, second] = &self.spectra;
-        let at = |exposure| eyes.difference(light, [(by, first), (by, second)], exposure);
+        let at = |exposure| observers.difference(light, [(by, first), (by, second)], exposure);
         format!("{:.2} ({:.2})", at(1.0), at(self.exposure))
     }
 }
 
-fn swatches(eyes: &Eyes, comparisons: &[Comparison]) -> Swatches {
+fn swatches(observers: &Observers, comparisons: &[Comparison]) -> Swatches {
     let row = |light: usize, by| {
         let swatch = |comparison: &Comparison| Swatch {
             colours: comparison
                 .spectra
                 .iter()
-                .map(|spectrum| eyes.srgb(by, light, spectrum, comparison.exposure))
+                .map(|spectrum| observers.srgb(by, light, spectrum, comparison.exposure))
                 .collect(),
-            words: comparison.difference(eyes, light, by),
+            words: comparison.difference(observers, light, by),
         };
         let swatches = comparisons.iter().map(swatch).collect();
         (LIGHTS[light].name().to_owned(), swatches)
@@ -150,7 +150,7 @@ fn swatches(eyes: &Eyes, comparisons: &[Comparison]) -> Swatches {
     }
 }
 
-fn page(eyes: &Eyes, comparisons: &[Comparison]) -> Result<String> {
+fn page(observers: &Observers, comparisons: &[Comparison]) -> Result<String> {
     let mut page = format!(
         "# Swatches
 
@@ -185,7 +185,7 @@ at most 0.3, as they are.
             let [name, values] = comparison.name;
             write!(page, "| {name}: {} |", values.replace('|', "and"))?;
             for light in 0..LIGHTS.len() {
-                write!(page, " {} |", comparison.difference(eyes, light, by))?;
+                write!(page, " {} |", comparison.difference(observers, light, by))?;
             }
             page.push('\n');
         }

@@ -113,7 +113,7 @@ int splitsnow_has(const splitsnow *database, splitsnow_quantity quantity);
  * reach down to a thickness of 0, else they begin at the first node. */
 int splitsnow_stands_free(const splitsnow *database);
 
-/* A metadata value (`certificate`, `provenance`, ...), NULL if there is none. */
+/* A metadata value (`error_budget`, `provenance`, ...), NULL if there is none. */
 const char *splitsnow_metadata(const splitsnow *database, const char *key);
 
 /* Name of an axis in files. */
@@ -141,17 +141,17 @@ void splitsnow_lookup_free(splitsnow_lookup *lookup);
  * from the normal, is within its axis. Beyond them, and for NaN, the status is
  * SPLITSNOW_ERROR_OUTSIDE. A value within 1e-6 of an end counts as the end. */
 splitsnow_status splitsnow_spectrum(const splitsnow_lookup *lookup, double thickness_cm,
-                                    double angle_deg, float *spectrum, size_t n);
+                                    double incidence_angle_deg, float *spectrum, size_t n);
 
 /* The same of any snow, for a lookup of all. */
 splitsnow_status splitsnow_spectrum_of(const splitsnow_lookup *lookup, const splitsnow_snow *snow,
-                                       double thickness_cm, double angle_deg, float *spectrum,
+                                       double thickness_cm, double incidence_angle_deg, float *spectrum,
                                        size_t n);
 
 /* The same of one snow at any `n` wavelengths: straight lines between those of the
  * file, the end values beyond. Only what these need is computed. */
 splitsnow_status splitsnow_spectrum_at(const splitsnow_lookup *lookup, double thickness_cm,
-                                       double angle_deg, const double *wavelength_nm, size_t n,
+                                       double incidence_angle_deg, const double *wavelength_nm, size_t n,
                                        float *spectrum);
 
 /* The CIE 1931 2-degree observer under an illuminant, seeing the straight lines between
@@ -168,12 +168,12 @@ void splitsnow_colour_free(splitsnow_colour *colour);
 /* Tristimulus values of one snow under the light; those of a spectrum of 1 are the
  * illuminant's, with Y = 1. */
 splitsnow_status splitsnow_xyz(const splitsnow_lookup *lookup, const splitsnow_colour *colour,
-                               double thickness_cm, double angle_deg, double xyz[3]);
+                               double thickness_cm, double incidence_angle_deg, double xyz[3]);
 
 /* Linear sRGB, not clamped; a spectrum of 1 is (1, 1, 1) under any illuminant. */
 splitsnow_status splitsnow_linear_srgb(const splitsnow_lookup *lookup,
                                        const splitsnow_colour *colour, double thickness_cm,
-                                       double angle_deg, double rgb[3]);
+                                       double incidence_angle_deg, double rgb[3]);
 
 /* A table of linear sRGB of one snow for a texture: row-major [n_thickness][n_angle][3],
  * each at least 2. With v = row / (n_thickness - 1), u = column / (n_angle - 1):
@@ -2252,14 +2252,14 @@ static void splitsnow__values(const splitsnow_lookup *lookup, const splitsnow__q
 
 /* The same for a lookup of one snow. */
 static splitsnow_status splitsnow__start_one(const splitsnow_lookup *lookup, double thickness_cm,
-                                             double angle_deg, splitsnow__query *query) {
+                                             double incidence_angle_deg, splitsnow__query *query) {
     double asked[5];
     for (int axis = 0; axis < 3; axis++) {
         if (lookup->n[axis] != 1) return SPLITSNOW_ERROR_ARGUMENT;
         asked[axis] = (double)lookup->axes[axis][0];
     }
     asked[3] = thickness_cm;
-    asked[4] = angle_deg;
+    asked[4] = incidence_angle_deg;
     return splitsnow__start(lookup, asked, query);
 }
 
@@ -2275,19 +2275,19 @@ static void splitsnow__write(const splitsnow_lookup *lookup, const splitsnow__qu
 }
 
 splitsnow_status splitsnow_spectrum(const splitsnow_lookup *lookup, double thickness_cm,
-                                    double angle_deg, float *spectrum, size_t n) {
+                                    double incidence_angle_deg, float *spectrum, size_t n) {
     splitsnow__query query;
     splitsnow_status status;
     if (lookup == NULL || spectrum == NULL || n != lookup->wavelengths) {
         return SPLITSNOW_ERROR_ARGUMENT;
     }
-    status = splitsnow__start_one(lookup, thickness_cm, angle_deg, &query);
+    status = splitsnow__start_one(lookup, thickness_cm, incidence_angle_deg, &query);
     if (status == SPLITSNOW_OK) splitsnow__write(lookup, &query, spectrum);
     return status;
 }
 
 splitsnow_status splitsnow_spectrum_of(const splitsnow_lookup *lookup, const splitsnow_snow *snow,
-                                       double thickness_cm, double angle_deg, float *spectrum,
+                                       double thickness_cm, double incidence_angle_deg, float *spectrum,
                                        size_t n) {
     splitsnow__query query;
     splitsnow_status status;
@@ -2299,7 +2299,7 @@ splitsnow_status splitsnow_spectrum_of(const splitsnow_lookup *lookup, const spl
     asked[1] = snow->grain_size_um;
     asked[2] = snow->density_kg_m3;
     asked[3] = thickness_cm;
-    asked[4] = angle_deg;
+    asked[4] = incidence_angle_deg;
     status = splitsnow__start(lookup, asked, &query);
     if (status == SPLITSNOW_OK) splitsnow__write(lookup, &query, spectrum);
     return status;
@@ -2324,7 +2324,7 @@ static size_t splitsnow__between(const float *wavelength_nm, size_t n, double nm
 }
 
 splitsnow_status splitsnow_spectrum_at(const splitsnow_lookup *lookup, double thickness_cm,
-                                       double angle_deg, const double *wavelength_nm, size_t n,
+                                       double incidence_angle_deg, const double *wavelength_nm, size_t n,
                                        float *spectrum) {
     splitsnow__query query;
     splitsnow_status status;
@@ -2336,7 +2336,7 @@ splitsnow_status splitsnow_spectrum_at(const splitsnow_lookup *lookup, double th
     for (size_t i = 0; i < n; i++) {
         if (wavelength_nm[i] != wavelength_nm[i]) return SPLITSNOW_ERROR_ARGUMENT;
     }
-    status = splitsnow__start_one(lookup, thickness_cm, angle_deg, &query);
+    status = splitsnow__start_one(lookup, thickness_cm, incidence_angle_deg, &query);
     for (size_t i = 0; i < n && status == SPLITSNOW_OK; i++) {
         double share, value[2];
         size_t below = splitsnow__between(lookup->wavelength_nm, lookup->wavelengths,
@@ -2585,13 +2585,13 @@ splitsnow_status splitsnow_colour_new(const splitsnow *database, splitsnow_illum
 /* X, Y, Z as shares of white. */
 static splitsnow_status splitsnow__relative(const splitsnow_lookup *lookup,
                                             const splitsnow_colour *colour, double thickness_cm,
-                                            double angle_deg, double sums[3]) {
+                                            double incidence_angle_deg, double sums[3]) {
     splitsnow__query query;
     splitsnow_status status;
     if (lookup == NULL || colour == NULL || lookup->wavelengths != colour->wavelengths) {
         return SPLITSNOW_ERROR_ARGUMENT;
     }
-    status = splitsnow__start_one(lookup, thickness_cm, angle_deg, &query);
+    status = splitsnow__start_one(lookup, thickness_cm, incidence_angle_deg, &query);
     if (status != SPLITSNOW_OK) return status;
     sums[0] = sums[1] = sums[2] = 0.0;
     for (size_t l = 0; l < lookup->wavelengths; l++) {
@@ -2604,23 +2604,23 @@ static splitsnow_status splitsnow__relative(const splitsnow_lookup *lookup,
 }
 
 splitsnow_status splitsnow_xyz(const splitsnow_lookup *lookup, const splitsnow_colour *colour,
-                               double thickness_cm, double angle_deg, double xyz[3]) {
+                               double thickness_cm, double incidence_angle_deg, double xyz[3]) {
     splitsnow_status status =
-        splitsnow__relative(lookup, colour, thickness_cm, angle_deg, xyz);
+        splitsnow__relative(lookup, colour, thickness_cm, incidence_angle_deg, xyz);
     for (int c = 0; c < 3 && status == SPLITSNOW_OK; c++) xyz[c] *= colour->white[c];
     return status;
 }
 
 splitsnow_status splitsnow_linear_srgb(const splitsnow_lookup *lookup,
                                        const splitsnow_colour *colour, double thickness_cm,
-                                       double angle_deg, double rgb[3]) {
+                                       double incidence_angle_deg, double rgb[3]) {
     static const double d65[3] = {0.95047, 1.0, 1.08883};
     static const double matrix[3][3] = {{3.2404542, -1.5371385, -0.4985314},
                                         {-0.9692660, 1.8760108, 0.0415560},
                                         {0.0556434, -0.2040259, 1.0572252}};
     double sums[3];
     splitsnow_status status =
-        splitsnow__relative(lookup, colour, thickness_cm, angle_deg, sums);
+        splitsnow__relative(lookup, colour, thickness_cm, incidence_angle_deg, sums);
     for (int i = 0; i < 3 && status == SPLITSNOW_OK; i++) {
         rgb[i] = 0.0;
         for (int c = 0; c < 3; c++) rgb[i] += matrix[i][c] * sums[c] * d65[c];
@@ -2651,11 +2651,11 @@ splitsnow_status splitsnow_rgb_table(const splitsnow_lookup *lookup,
                                                      : 0.5 * expm1(v[0] + row * (v[1] - v[0]));
         for (size_t j = 0; j < n_angle; j++) {
             double column = (double)j / (double)(n_angle - 1), colours[3];
-            double angle_deg = j == 0             ? angles[1]
+            double incidence_angle_deg = j == 0             ? angles[1]
                                : j + 1 == n_angle ? angles[0]
                                                   : acos(u[0] + column * (u[1] - u[0])) / degree;
             splitsnow_status status =
-                splitsnow_linear_srgb(lookup, colour, thickness_cm, angle_deg, colours);
+                splitsnow_linear_srgb(lookup, colour, thickness_cm, incidence_angle_deg, colours);
             if (status != SPLITSNOW_OK) return status;
             for (int c = 0; c < 3; c++) *rgb++ = (float)colours[c];
         }

@@ -45,7 +45,7 @@
 //!     r#"
 //!     version = 1
 //!     [illumination]
-//!     polar_angle_deg = 30
+//!     incidence_angle_deg = 30
 //!     [wavelengths]
 //!     values_nm = [450, 550, 650]
 //!     [[layer]]
@@ -113,14 +113,14 @@
 //! | [`table`] | outcomes of grain events drawn once; walks that take them from there |
 //! | [`slab`] | transport between points in homogeneous slabs, solved by discrete ordinates |
 //! | [`measurement`] | directional-hemispherical reflectance and transmittance with standard errors; sensors and radii |
-//! | [`engine`] | schedulers of the same physics: `reference`, `spectral`, `tabulated`, `doubling`, `auto` |
+//! | [`engine`] | schedulers of the same physics: `reference`, `spectral`, `tabulated`, `hybrid`, `auto` |
 //! | [`comparison`] | a simulated spectrum against a measured one |
 //! | [`grid`], [`scene`], [`config`] | the axes of a database; what a renderer asks for; sample, grid, scene and study files |
 //! | [`store`], [`batch`] | the Zarr store that is checkpoint and result; the job runner |
 //! | [`simulation`] | the spectrum of a sample as one call |
 //! | [`compress`] | SVD and the compact file |
 //! | [`build`](mod@build), [`plan`](mod@plan) | from a grid to its database and compact file; what that will take |
-//! | [`certificate`], [`fit`] | how far its answers are off; the smallest file for a scene |
+//! | [`error_budget`], [`tailor`] | how far its answers are off; the smallest file for a scene |
 //! | [`verify`] | re-checking a finished database |
 //! | `lab` | speed against accuracy of the engines, studies of a sample; charts and tables |
 //! | [`export`] | databases, compact files and their colours in the formats of others |
@@ -133,14 +133,13 @@ mod atomic;
 pub mod batch;
 pub mod budget;
 pub mod build;
-pub mod certificate;
 #[cfg(feature = "cli")]
 pub mod cli;
 pub mod comparison;
 pub mod compress;
 pub mod config;
+pub mod error_budget;
 pub mod export;
-pub mod fit;
 pub mod grid;
 mod host;
 #[cfg(feature = "charts")]
@@ -149,6 +148,7 @@ pub mod plan;
 pub mod scene;
 pub mod simulation;
 pub mod store;
+pub mod tailor;
 pub mod threads;
 pub mod verify;
 

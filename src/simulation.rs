@@ -20,19 +20,19 @@ use std::sync::atomic::{AtomicBool, AtomicU64};
 use crate::config::sample::SampleFile;
 use crate::engine::{Cache, Control, Engine, EngineError, MaxError, Request, Resolution};
 use crate::measurement::Spectrum;
-use crate::transport::{Illumination, Model, Pack};
+use crate::transport::{Illumination, Model, Snowpack};
 
 /// Walks where nobody says how many.
 pub const RAYS: u64 = 131_072;
 
-/// Reflectance and transmittance of one snow pack under one light, about to be simulated.
+/// Reflectance and transmittance of one snowpack under one light, about to be simulated.
 ///
 /// The result is a function of the snow, light, wavelengths, engine, rays, seed and allowed
 /// error: never of the threads.
 #[derive(Debug, Clone)]
 #[must_use = "a simulation does nothing before `run`"]
 pub struct Simulation<'a> {
-    pack: &'a Pack,
+    snowpack: &'a Snowpack,
     thickness_m: [f64; 1],
     illumination: [Illumination; 1],
     wavelengths_nm: &'a [f64],
@@ -49,7 +49,7 @@ impl<'a> Simulation<'a> {
     /// Of what a sample file says, by `auto`, with [`RAYS`] and the seed 1.
     pub fn of(sample: &'a SampleFile) -> Self {
         Self::new(
-            &sample.pack,
+            &sample.snowpack,
             sample.thickness_m,
             sample.illumination,
             &sample.wavelengths_nm,
@@ -57,17 +57,17 @@ impl<'a> Simulation<'a> {
         )
     }
 
-    /// Of a `pack` whose layers are `thickness_m` thick together, at wavelengths in nm,
+    /// Of a `snowpack` whose layers are `thickness_m` thick together, at wavelengths in nm,
     /// strictly increasing; otherwise as [`of`](Self::of).
     pub fn new(
-        pack: &'a Pack,
+        snowpack: &'a Snowpack,
         thickness_m: f64,
         illumination: Illumination,
         wavelengths_nm: &'a [f64],
         model: &'a Model,
     ) -> Self {
         Self {
-            pack,
+            snowpack,
             thickness_m: [thickness_m],
             illumination: [illumination],
             wavelengths_nm,
@@ -118,7 +118,7 @@ impl<'a> Simulation<'a> {
     #[must_use]
     pub fn request(&self) -> Request<'_> {
         Request {
-            pack: self.pack,
+            snowpack: self.snowpack,
             thicknesses_m: &self.thickness_m,
             illuminations: &self.illumination,
             resolution: Resolution::of_rays(self.rays),

@@ -1,4 +1,4 @@
-//! `measure --against`: measured spectra as they are read, and a simulation
+//! `simulate --against`: measured spectra as they are read, and a simulation
 //! beside them.
 #![allow(clippy::unwrap_used)]
 use std::path::{Path, PathBuf};
@@ -10,7 +10,7 @@ use splitsnow::comparison::{
     Band, Comparison, Exclusion, Hints, MeasuredError, MeasuredSpectrum, RANGE_NM,
 };
 use splitsnow::measurement::{Measured, Quantity};
-use splitsnow::spectrum::measured::{self, Column, Order, Problem, Scale, Unit, Why};
+use splitsnow::spectrum::measured::{self, Column, MaskReason, Order, Problem, Scale, Unit};
 
 fn of(quantity: Option<Quantity>) -> Hints {
     Hints {
@@ -148,7 +148,7 @@ fn field_files_are_read_and_their_noise_told() {
     let [masked] = spike.report().masked[..] else {
         panic!("{}", spike.report());
     };
-    assert_eq!((masked.line, masked.why), (19, Why::Impossible));
+    assert_eq!((masked.line, masked.why), (19, MaskReason::Impossible));
     assert_eq!(spike.at(&[2256.5, 2258.0, 2260.0]).unwrap().len(), 3);
 
     let hole = file("greenland_empty_cell.csv", &of(None), &[]);
@@ -158,8 +158,8 @@ fn field_files_are_read_and_their_noise_told() {
             .map(|row| row.line)
             .collect()
     };
-    assert_eq!(lines(Why::Missing), [21]);
-    assert_eq!(lines(Why::Impossible), [3, 13, 16, 17, 19, 20]);
+    assert_eq!(lines(MaskReason::Missing), [21]);
+    assert_eq!(lines(MaskReason::Impossible), [3, 13, 16, 17, 19, 20]);
 
     let low_sun = file("hcrf_above_1.2.csv", &of(None), &Exclusion::FIELD);
     assert_eq!(
@@ -466,7 +466,7 @@ impl Bench {
 
     fn run(&self, args: &str) -> Output {
         let mut command = Command::new(PathBuf::from(env!("CARGO_BIN_EXE_splitsnow")));
-        let fixed = "measure basal.toml --engine doubling --rays 500 ";
+        let fixed = "measure basal.toml --engine hybrid --rays 500 ";
         command.args((fixed.to_owned() + args).split_whitespace());
         command.current_dir(self.dir.path()).output().unwrap()
     }
@@ -503,7 +503,7 @@ fn a_simulation_against_itself_and_shifted() {
     let csv = bench.text("--against same.csv --plot same.svg");
     let lines: Vec<&str> = csv.lines().collect();
     for line in [
-        "# engine: doubling",
+        "# engine: hybrid",
         "# against: same.csv, transmittance, 6 rows used, 0 outside 350-2500 nm",
         "# not_compared: 0 wavelengths of the sample without rows near them",
         "# excluded_nm: 1750-2000, 2350-2500",

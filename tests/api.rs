@@ -25,7 +25,7 @@ fn folder(change: impl Fn(String) -> String) -> tempfile::TempDir {
 /// With isotropic light, and colours of another formula.
 fn diffuse(text: String) -> String {
     text.replace("[axes]", "[axes]\ndiffuse = true")
-        .replace("\"spectral\"", "\"doubling\"")
+        .replace("\"spectral\"", "\"hybrid\"")
         + "\n[compression]\nmax_delta_e = 0.5\ndelta_e = \"cie2000\"\n"
 }
 

@@ -22,7 +22,7 @@ facetness = [0.1, 0.5]
 grain_size_um = [300]
 density_kg_m3 = [100, 200]
 thickness_cm = [1, 2]
-angle_deg = [0, 40]
+incidence_angle_deg = [0, 40]
 [wavelengths]
 start_nm = 400
 stop_nm = 700

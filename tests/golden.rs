@@ -52,7 +52,7 @@ fn on_grid(run: &Run, grid: &Grid) -> bool {
             .thicknesses_cm
             .iter()
             .all(|cm| axes.values(Parameter::Thickness).contains(cm))
-        && one.job(&one.jobs().unwrap(), 0).unwrap().pack.surface == run.snow.snow()
+        && one.job(&one.jobs().unwrap(), 0).unwrap().snowpack.surface == run.snow.snow()
 }
 
 #[test]
@@ -200,7 +200,7 @@ fn the_page_says_how_exact_the_data_is() {
 
 fn run(engine: Engine, case: &Case, wavelengths_nm: &[f64], rays: u64, seed: u64) -> Spectrum {
     let request = Request {
-        pack: &case.snow.clone().into(),
+        snowpack: &case.snow.clone().into(),
         thicknesses_m: &[case.thickness_m],
         illuminations: &[case.illumination],
         resolution: Resolution::default(),
@@ -295,7 +295,7 @@ fn comparing_greys_is_comparing_lightness() {
     assert!((error.value - lightness).abs() < 1e-9, "{error:?}");
 }
 
-/// Every case by `doubling` with as many walks as `configs/thesis.toml` asks for:
+/// Every case by `hybrid` with as many walks as `configs/thesis.toml` asks for:
 /// all thicknesses and angles of a snow at once, as in a database.
 #[test]
 #[ignore = "long: every snow of the golden data, some 120 CPU-s"]
@@ -304,10 +304,10 @@ fn doubling_agrees() {
     assert_eq!(count, CASES.len());
     let page = "docs/performance.md";
     for (name, worst) in [
-        "doubling golden T",
-        "doubling golden R visible",
-        "doubling golden R infrared",
-        "doubling golden Delta-E",
+        "hybrid golden T",
+        "hybrid golden R visible",
+        "hybrid golden R infrared",
+        "hybrid golden Delta-E",
     ]
     .into_iter()
     .zip(worst)
@@ -352,7 +352,7 @@ fn doubling_errors(step: usize) -> (usize, [f64; 4]) {
             }
         }
         let request = Request {
-            pack: &cases[0].snow.clone().into(),
+            snowpack: &cases[0].snow.clone().into(),
             thicknesses_m: &thicknesses_m,
             illuminations: &illuminations,
             wavelengths_nm: &wavelengths,
@@ -363,7 +363,7 @@ fn doubling_errors(step: usize) -> (usize, [f64; 4]) {
             seed: 3,
             cell: 0,
         };
-        let spectra = Engine::Doubling.run(&request, &control).unwrap();
+        let spectra = Engine::Hybrid.run(&request, &control).unwrap();
         for case in cases {
             let h = thicknesses_m
                 .iter()
@@ -439,7 +439,7 @@ fn tabulated_comparisons(step: usize) -> (usize, f64) {
         // the two ends of the visible, and a near infrared wavelength
         let at = [0, 30, 33];
         let request = Request {
-            pack: &case.snow.clone().into(),
+            snowpack: &case.snow.clone().into(),
             thicknesses_m: &[case.thickness_m],
             illuminations: &[case.illumination],
             wavelengths_nm: &at.map(|l| case.wavelengths_nm[l]),

@@ -356,13 +356,13 @@ fn a_database_needs_its_illuminant_s_file_no_more() {
     assert!(!run(dir, asked).status.success());
 }
 
-/// A fitted file keeps the table in its scene, by which it is verified.
+/// A tailored file keeps the table in its scene, by which it is verified.
 #[test]
 fn a_fitted_file_needs_its_illuminant_s_file_no_more() {
     let dir = tempfile::tempdir().unwrap();
     let dir = dir.path();
     let scene = "version = 1\n[scene]\nmax_delta_e = 1\nquantities = [\"transmittance\"]\n\
-        illuminants = [\"lamp.csv\", \"D50\"]\nthickness_cm = { min = 5, max = 7 }\nangle_deg = 20\n\
+        illuminants = [\"lamp.csv\", \"D50\"]\nthickness_cm = { min = 5, max = 7 }\nincidence_angle_deg = 20\n\
         [[snow]]\nfacetness = 0.3\ngrain_size_um = 300\ndensity_kg_m3 = 300\n\
         [wavelengths]\nstart_nm = 400\nstop_nm = 700\nstep_nm = 20\n";
     fs::write(dir.join("s.toml"), scene).unwrap();

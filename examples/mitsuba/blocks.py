@@ -4,7 +4,7 @@
 
 writes out/blocks.png and out/blocks.exr. A distant lamp stands behind the blocks, level
 with them; the ground in front is lit by the snow alone.
-snow.safetensors is made by `splitsnow fit configs/scenes/blocks.toml`.
+snow.safetensors is made by `splitsnow tailor configs/scenes/blocks.toml`.
 """
 
 import mitsuba as mi

@@ -5,7 +5,7 @@
 writes out/igloo.png and out/igloo.exr. Blocks are 15 cm thick, the seams between
 them 4 cm, so that more light comes through. All blocks are one mesh: each further shape
 of snow takes its own time to compile.
-dome.safetensors is made by `splitsnow fit configs/scenes/dome.toml`.
+dome.safetensors is made by `splitsnow tailor configs/scenes/dome.toml`.
 """
 
 import mitsuba as mi

@@ -5,7 +5,7 @@
 writes out/sculpture.png and out/sculpture.exr. From left to right: the base, smaller
 and larger grains, lighter and denser snow, light snow of small grains and dense snow of
 large ones. The lamp stands behind them, level; what comes through crosses from none to 77 cm of snow.
-snows.safetensors is made by `splitsnow fit configs/scenes/snows.toml`.
+snows.safetensors is made by `splitsnow tailor configs/scenes/snows.toml`.
 """
 
 import numpy as np

@@ -6,7 +6,7 @@ Mitsuba 3.
 writes out/soot.png and out/soot.exr. One lamp stands behind the blocks, 10 cm thick;
 another, of a 50th of its light, before and above them, where a card leaves their lower
 halves in shadow: there only what comes through is seen, above also what is reflected.
-sooty.safetensors is made by `splitsnow fit configs/scenes/sooty.toml`.
+sooty.safetensors is made by `splitsnow tailor configs/scenes/sooty.toml`.
 """
 
 import math

@@ -1,4 +1,4 @@
-//! Numbers of finished files: databases fitted to scenes, and what is made of the database
+//! Numbers of finished files: databases tailored to scenes, and what is made of the database
 //! of configs/thesis.toml.
 use std::error::Error;
 use std::path::Path;
@@ -40,15 +40,15 @@ pub(crate) fn files(dir: &Path) -> Result<Vec<Quoted>, Box<dyn Error>> {
     for scene in SCENES {
         let path = dir.join("scenes").join(scene).join("snow.safetensors");
         let database = Database::open(&path)?;
-        let certificate: Value = serde_json::from_str(&database.metadata()["certificate"])?;
-        let chains = certificate["quantities"]
+        let error_budget: Value = serde_json::from_str(&database.metadata()["error_budget"])?;
+        let chains = error_budget["quantities"]
             .as_object()
-            .ok_or("no certificate")?;
+            .ok_or("no error budget")?;
         let of = |part: &str, measure: &str, i: usize| {
             let found = chains.values().filter_map(|c| c[part][measure][i].as_f64());
             found.fold(0.0, f64::max)
         };
-        let name = format!("fit {scene}");
+        let name = format!("tailor {scene}");
         let mut say = |value: f64, setting: &str| {
             all.push(Quoted::new(&name, value, 0.0, setting));
         };

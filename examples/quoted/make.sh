@@ -1,6 +1,6 @@
 #!/usr/bin/env bash
 # The files whose sizes and errors docs/quoted.csv has, below a directory, by the program built:
-# databases fitted to scenes, and the compact files and exports of configs/thesis.toml.
+# databases tailored to scenes, and the compact files and exports of configs/thesis.toml.
 set -euo pipefail
 out=$1
 splitsnow=target/release/splitsnow

@@ -6,14 +6,14 @@ use splitsnow::engine::exits::goniometer;
 use splitsnow::engine::{Cache, Control, Engine, MaxError, Request, Resolution};
 use splitsnow::measurement::{Measured, Sensors, Spectrum};
 use splitsnow::optics::{Carbon, CarbonLaw};
-use splitsnow::transport::{Ground, Model, Pack, Snow};
+use splitsnow::transport::{Model, Snow, Snowpack, Substrate};
 
 use super::cases::{
     Case, FACETNESS, Law, SPHERICITY, absorbing, coarse, fresh, light, ordinary, over, snow, wet,
 };
 use super::row::Quoted;
 
-/// Walks of `doubling`.
+/// Walks of `hybrid`.
 const WALKS: u64 = 65_536;
 
 /// Everything is measured with the random numbers of one seed.
@@ -34,7 +34,7 @@ pub(crate) fn measured(seed: u64) -> Vec<Quoted> {
         ("half space", Bench::half_space as fn(&mut Bench)),
         ("carbon", Bench::carbon),
         ("cascade", Bench::cascade),
-        ("packs", Bench::planes),
+        ("snowpacks", Bench::planes),
         ("deep absorbing slabs", Bench::deep),
         ("facetness", Bench::facetness),
         ("goniophotometer", Bench::grazing),
@@ -64,7 +64,7 @@ impl Bench {
         let clear = snow([6000.0; 2], one(0.0), one(1.0), 50.0);
         let mut case = Case::new("half space", clear, 0.0, &[], &[380.0, 390.0, 400.0]);
         case.thicknesses_m = vec![1000.0, 2000.0];
-        let found = self.run(&case, Engine::Doubling, 1024);
+        let found = self.run(&case, Engine::Hybrid, 1024);
         let decays = (0..3).map(|l| {
             let [near, far] = [0, 1].map(|h| found[h].transmittance[l]);
             let rate = (near.value / far.value).ln() / 1000.0;
@@ -88,7 +88,7 @@ impl Bench {
             let mut case = Case::new("carbon", snow, 30.0, &[], &[400.0]);
             case.thicknesses_m = vec![0.05];
             case.model.carbon_law = law;
-            bench.run(&case, Engine::Doubling, WALKS)[0].reflectance[0]
+            bench.run(&case, Engine::Hybrid, WALKS)[0].reflectance[0]
         };
         for (name, law) in [
             ("brown carbon power", CarbonLaw::Power),
@@ -107,15 +107,16 @@ impl Bench {
         self.say("brown carbon none", clean, "R at 400 nm");
     }
 
-    /// How much less a cascade reflects than layers of one pack.
+    /// How much less a cascade reflects than layers of one snowpack.
     fn cascade(&mut self) {
         let fine = snow([60.0, 140.0], [0.4, 0.6, 0.5, 0.072], SPHERICITY, 225.0);
         let basal = snow([900.0, 1000.0], [0.0, 0.2, 0.1, 0.072], SPHERICITY, 375.0);
         let mut found = vec![];
         for surface_m in [0.002, 0.005, 0.01] {
             for degrees in [0.0, 60.0] {
-                let pack = over(fine.clone(), &[(basal.clone(), 10.0)], Ground::Black);
-                let mut case = Case::new("cascade", pack, degrees, &[], &[450.0, 850.0, 1250.0]);
+                let snowpack = over(fine.clone(), &[(basal.clone(), 10.0)], Substrate::Black);
+                let mut case =
+                    Case::new("cascade", snowpack, degrees, &[], &[450.0, 850.0, 1250.0]);
                 case.thicknesses_m = vec![0.1 + surface_m];
                 let plain = self.run(&case, Engine::Tabulated, 200_000).remove(0);
                 let cascade = self.run(&case.cascaded(), Engine::Tabulated, 200_000);
@@ -144,19 +145,19 @@ impl Bench {
 
     /// Light across a plane between fine and coarse grains.
     fn planes(&mut self) {
-        let pack = over(fresh(), &[(coarse(), 3.0)], Ground::Black);
-        let mut case = Case::new("planes", pack, 0.0, &[], &[550.0]);
+        let snowpack = over(fresh(), &[(coarse(), 3.0)], Substrate::Black);
+        let mut case = Case::new("planes", snowpack, 0.0, &[], &[550.0]);
         case.thicknesses_m = vec![0.04];
         for (name, engine, rays) in [
             ("fine on coarse spectral", Engine::Spectral, 200_000),
-            ("fine on coarse doubling", Engine::Doubling, 2 * WALKS),
+            ("fine on coarse hybrid", Engine::Hybrid, 2 * WALKS),
         ] {
             let t = self.run(&case, engine, rays)[0].transmittance[0];
             self.say(name, t, "T of 1 cm on 3 cm, 550 nm");
         }
     }
 
-    /// How far `doubling` is from `spectral` where little light is left.
+    /// How far `hybrid` is from `spectral` where little light is left.
     fn deep(&mut self) {
         let ordinary = ordinary();
         for (name, snow, nm, depths, rays) in [
@@ -198,7 +199,7 @@ impl Bench {
         ] {
             let case = Case::new(name, snow, 0.0, depths, &[nm]);
             let exact = self.run(&case, Engine::Spectral, rays);
-            let found = self.run(&case, Engine::Doubling, 4 * WALKS);
+            let found = self.run(&case, Engine::Hybrid, 4 * WALKS);
             for ((a, b), depth) in found.iter().zip(&exact).zip(depths) {
                 let (a, b) = (a.transmittance[0], b.transmittance[0]);
                 let ratio = a.value / b.value;
@@ -209,15 +210,15 @@ impl Bench {
                 self.say(
                     name,
                     more,
-                    &format!("T of doubling more, %, {depth} free distances"),
+                    &format!("T of hybrid more, %, {depth} free distances"),
                 );
             }
         }
         for k in [1e-3, 0.1] {
             let mut case = absorbing(k, 0.5);
             case.thicknesses_m = vec![case.thicknesses_m[3]];
-            let t = self.run(&case, Engine::Doubling, WALKS)[0].transmittance[0];
-            self.say("black water", t, &format!("T of doubling, k = {k:.0e}"));
+            let t = self.run(&case, Engine::Hybrid, WALKS)[0].transmittance[0];
+            self.say("black water", t, &format!("T of hybrid, k = {k:.0e}"));
         }
     }
 
@@ -236,10 +237,10 @@ impl Bench {
     /// Sensors under more and more grazing light.
     fn grazing(&mut self) {
         let sensors = Sensors::new(1000);
-        let (pack, model): (Pack, Model) = (ordinary().into(), Model::default());
+        let (snowpack, model): (Snowpack, Model) = (ordinary().into(), Model::default());
         for degrees in [60.0, 80.0, 85.0, 89.0, 89.9] {
             let request = Request {
-                pack: &pack,
+                snowpack: &snowpack,
                 thicknesses_m: &[0.12],
                 illuminations: &[light(degrees)],
                 wavelengths_nm: &[600.0],
@@ -281,7 +282,7 @@ impl Bench {
         }
     }
 
-    /// Scatter of `doubling` over seeds.
+    /// Scatter of `hybrid` over seeds.
     fn noise(&mut self) {
         let snow = snow([450.0, 550.0], FACETNESS, SPHERICITY, 200.0);
         let mut case = Case::new("noise", snow, 0.0, &[], &[550.0]);
@@ -291,7 +292,7 @@ impl Bench {
             .map(|i| {
                 let (cache, seed) = (Cache::default(), 100 * self.seed + i);
                 let all = case.run(
-                    Engine::Doubling,
+                    Engine::Hybrid,
                     2 * WALKS,
                     Resolution::default(),
                     &cache,
@@ -306,41 +307,41 @@ impl Bench {
         let scatter = (squares / (n - 1.0)).sqrt();
         let se = scatter / (2.0 * (n - 1.0)).sqrt();
         self.say(
-            "noise of doubling",
+            "noise of hybrid",
             Measured { value: scatter, se },
             "T, scatter over seeds",
         );
         let se = scatter / n.sqrt();
-        self.say("noise of doubling at", Measured { value: mean, se }, "T");
+        self.say("noise of hybrid at", Measured { value: mean, se }, "T");
     }
 
     /// What straight lines of y = -ln T and -ln(1 - R) leave along the axes beyond the
     /// five, between their ends and with a node between them.
     fn axes(&mut self) {
         let sooty = |x: f64| {
-            Pack::from(Snow {
+            Snowpack::from(Snow {
                 black_carbon: Some(Carbon::black(x)),
                 ..base()
             })
         };
-        let water = |x: f64| Pack::from(wet(base(), x));
+        let water = |x: f64| Snowpack::from(wet(base(), x));
         let warm = |x: f64| {
-            Pack::from(Snow {
+            Snowpack::from(Snow {
                 temperature_c: x,
                 ..base()
             })
         };
         let round = |x: f64| {
             let law = [x - 0.15, (x + 0.15).min(1.0), x, 0.064];
-            Pack::from(snow([250.0, 350.0], FACETNESS, law, 275.0))
+            Snowpack::from(snow([250.0, 350.0], FACETNESS, law, 275.0))
         };
-        let ground = |x: f64| over(base(), &[], Ground::Grey(x));
+        let substrate = |x: f64| over(base(), &[], Substrate::Grey(x));
         type Axis<'a> = (
             &'a str,
             [f64; 3],
             fn(f64) -> f64,
             fn(f64) -> f64,
-            &'a dyn Fn(f64) -> Pack,
+            &'a dyn Fn(f64) -> Snowpack,
         );
         let axes: [Axis; 5] = [
             (
@@ -364,16 +365,16 @@ impl Bench {
                 [0.0, 0.5, 0.9],
                 |r| -(1.0 - 0.95 * r).ln(),
                 |u| (1.0 - (-u).exp()) / 0.95,
-                &ground,
+                &substrate,
             ),
         ];
-        for (name, nodes, place, back, pack) in axes {
+        for (name, nodes, place, back, snowpack) in axes {
             let spectra = |bench: &Self, x: f64| {
                 let nm: Vec<f64> = (40..=70).map(|i| 10.0 * f64::from(i)).collect();
                 let at = |degrees| {
-                    let mut case = Case::new(name, pack(x), degrees, &[], &nm);
+                    let mut case = Case::new(name, snowpack(x), degrees, &[], &nm);
                     case.thicknesses_m = vec![0.02, 0.05, 0.1, 0.3];
-                    bench.run(&case, Engine::Doubling, WALKS)
+                    bench.run(&case, Engine::Hybrid, WALKS)
                 };
                 [at(0.0), at(60.0)].concat()
             };

@@ -6,7 +6,7 @@ use splitsnow::grain::{GrainType, Shape, SizeRange, TruncatedNormal};
 use splitsnow::measurement::{Measured, Spectrum};
 use splitsnow::optics::Carbon;
 use splitsnow::transport::{
-    Component, Entry, Ground, Illumination, Joining, Layer, Model, Pack, Snow,
+    Component, Entry, Illumination, Joining, Layer, Model, Snow, Snowpack, Substrate,
 };
 
 /// Minimum, maximum, mean and standard deviation of a shape's law.
@@ -17,11 +17,11 @@ pub(crate) const SPHERICITY: Law = [0.6, 0.95, 0.798, 0.064];
 /// Diffuse light, as an angle.
 pub(crate) const DIFFUSE: f64 = f64::NAN;
 
-/// A pack, its light, its slabs and its wavelengths.
+/// A snowpack, its light, its slabs and its wavelengths.
 #[derive(Debug, Clone)]
 pub(crate) struct Case {
     pub(crate) name: String,
-    pub(crate) pack: Pack,
+    pub(crate) snowpack: Snowpack,
     pub(crate) model: Model,
     pub(crate) light: Illumination,
     pub(crate) thicknesses_m: Vec<f64>,
@@ -65,19 +65,19 @@ pub(crate) fn light(degrees: f64) -> Illumination {
 }
 
 impl Case {
-    /// Packs with surface layers of these thicknesses in mean free distances.
+    /// Snowpacks with surface layers of these thicknesses in mean free distances.
     pub(crate) fn new(
         name: &str,
-        pack: impl Into<Pack>,
+        snowpack: impl Into<Snowpack>,
         degrees: f64,
         depths: &[f64],
         nm: &[f64],
     ) -> Self {
-        let pack = pack.into();
-        let (distance_m, below_m) = (pack.surface.mean_free_distance_m(), pack.below_m());
+        let snowpack = snowpack.into();
+        let (distance_m, below_m) = (snowpack.surface.mean_free_distance_m(), snowpack.below_m());
         Self {
             name: name.into(),
-            pack,
+            snowpack,
             model: Model::default(),
             light: light(degrees),
             thicknesses_m: depths.iter().map(|d| below_m + d * distance_m).collect(),
@@ -87,15 +87,15 @@ impl Case {
 
     /// The same slabs in grains of the largest size instead.
     pub(crate) fn in_grains(mut self, grains: &[f64]) -> Self {
-        let size_m = self.pack.surface.sizes_m()[1];
+        let size_m = self.snowpack.surface.sizes_m()[1];
         self.thicknesses_m = grains.iter().map(|g| g * size_m).collect();
         self
     }
 
-    /// Thickness of the surface layer of a pack `thickness_m` thick, in mean free
+    /// Thickness of the surface layer of a snowpack `thickness_m` thick, in mean free
     /// distances.
     pub(crate) fn depth(&self, thickness_m: f64) -> f64 {
-        (thickness_m - self.pack.below_m()) / self.pack.surface.mean_free_distance_m()
+        (thickness_m - self.snowpack.below_m()) / self.snowpack.surface.mean_free_distance_m()
     }
 
     /// The same with layers that are slabs of their own.
@@ -120,7 +120,7 @@ impl Case {
         seed: u64,
     ) -> Result<Vec<Spectrum>, EngineError> {
         let request = Request {
-            pack: &self.pack,
+            snowpack: &self.snowpack,
             thicknesses_m: &self.thicknesses_m,
             illuminations: &[self.light],
             wavelengths_nm: &self.wavelengths_nm,
@@ -143,7 +143,7 @@ impl Case {
     /// Whether the engine would refuse, and why.
     pub(crate) fn refusal(&self, engine: Engine, resolution: Resolution) -> Option<EngineError> {
         let request = Request {
-            pack: &self.pack,
+            snowpack: &self.snowpack,
             thicknesses_m: &self.thicknesses_m,
             illuminations: &[self.light],
             wavelengths_nm: &self.wavelengths_nm,
@@ -181,15 +181,15 @@ pub(crate) fn coarse() -> Snow {
 }
 
 /// `surface` over `below`, from the surface down, with thicknesses in cm.
-pub(crate) fn over(surface: Snow, below: &[(Snow, f64)], ground: Ground) -> Pack {
+pub(crate) fn over(surface: Snow, below: &[(Snow, f64)], substrate: Substrate) -> Snowpack {
     let layer = |(snow, cm): &(Snow, f64)| Layer {
         snow: snow.clone(),
         thickness_m: cm * 1e-2,
     };
-    Pack {
+    Snowpack {
         surface,
         below: below.iter().map(layer).collect(),
-        ground,
+        substrate,
     }
 }
 
@@ -205,12 +205,12 @@ fn sooty(snow: Snow, concentration_ng_g: f64, sedimentation: f64) -> Snow {
     }
 }
 
-/// Packs of several layers or types of grain, with carbon, on bright ground.
-fn packs() -> Vec<Case> {
+/// Snowpacks of several layers or types of grain, with carbon, on bright substrate.
+fn snowpacks() -> Vec<Case> {
     let nm = &[400.0, 700.0, 1030.0, 1300.0, 2000.0];
     let slabs = &[2.5, 5.0, 12.0, 30.0];
-    let of = |name: &str, pack: Pack| Case::new(name, pack, 0.0, slabs, nm);
-    let black = || Ground::Black;
+    let of = |name: &str, snowpack: Snowpack| Case::new(name, snowpack, 0.0, slabs, nm);
+    let black = || Substrate::Black;
     let mixture = |a: Snow, b: Snow, share: f64| {
         let of = |snow: &Snow, fraction| Component {
             fraction,
@@ -255,8 +255,8 @@ fn packs() -> Vec<Case> {
             "mixture, 1 % fresh",
             mixture(fresh(), coarse(), 0.01).into(),
         ),
-        of("ground 0.5", over(ordinary(), &[], Ground::Grey(0.5))),
-        of("ground 1", over(ordinary(), &[], Ground::Grey(1.0))),
+        of("substrate 0.5", over(ordinary(), &[], Substrate::Grey(0.5))),
+        of("substrate 1", over(ordinary(), &[], Substrate::Grey(1.0))),
         of("1000 ng/g in the ice", sooty(ordinary(), 1e3, 1.0).into()),
         of("1e5 ng/g in the ice", sooty(ordinary(), 1e5, 1.0).into()),
         of("1000 ng/g in the pores", sooty(ordinary(), 1e3, 0.0).into()),
@@ -271,7 +271,7 @@ fn packs() -> Vec<Case> {
 /// Every case of the map.
 pub(crate) fn all() -> Vec<Case> {
     let mut cases = homogeneous();
-    cases.extend(packs());
+    cases.extend(snowpacks());
     cases
 }
 

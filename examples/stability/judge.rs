@@ -1,7 +1,7 @@
 //! What an engine's answer to a case is worth.
 use splitsnow::engine::{Engine, EngineError};
 use splitsnow::measurement::{Measured, Spectrum};
-use splitsnow::transport::Ground;
+use splitsnow::transport::Substrate;
 
 use super::cases::{Case, z};
 
@@ -50,7 +50,7 @@ pub(crate) fn stated(engine: Engine) -> f64 {
     match engine {
         Engine::Reference | Engine::Spectral => 0.0,
         Engine::Tabulated => 0.0025,
-        Engine::Doubling | Engine::Auto => 0.007,
+        Engine::Hybrid | Engine::Auto => 0.007,
     }
 }
 
@@ -72,15 +72,17 @@ pub(crate) fn judge(
         Err(error) => return answer(Verdict::Refused, error.to_string(), None, vec![]),
         Ok(spectra) => spectra,
     };
-    // Snow over brighter snow or ground may take light away. So may a thicker slab
+    // Snow over brighter snow or substrate may take light away. So may a thicker slab
     // whose pores are black: in one of few grains short grains are met the more, since
     // long ones do not fit, and `spectral` has R of .0694 at 2.4 grains, .0660 at 5.
     let black_pores = case
-        .pack
+        .snowpack
         .surface
         .carbon()
         .any(|carbon| carbon.sedimentation < 1.0);
-    let brightens = case.pack.below.is_empty() && case.pack.ground == Ground::Black && !black_pores;
+    let brightens = case.snowpack.below.is_empty()
+        && case.snowpack.substrate == Substrate::Black
+        && !black_pores;
     if let Some(why) = impossible(&spectra, brightens) {
         return answer(Verdict::Impossible, why, None, spectra);
     }

@@ -27,7 +27,7 @@ use splitsnow::math::Vec3;
 use splitsnow::measurement::{Measured, Spectrum};
 use splitsnow::optics::Index;
 use splitsnow::rng::{Key, Stream};
-use splitsnow::table::{Table, TablePack, TableWalker, draw};
+use splitsnow::table::{Table, TableSnowpack, TableWalker, draw};
 use splitsnow::transport::{Absorption, Coefficients, End, Sink, Walk};
 
 type Result<T> = std::result::Result<T, Box<dyn Error>>;
@@ -58,22 +58,22 @@ fn main() -> Result<()> {
     pictures::curves(
         &docs.join("stability_absorption.svg"),
         [
-            "`doubling` minus `spectral`, T, against absorption",
+            "`hybrid` minus `spectral`, T, against absorption",
             "ice absorption per mean free distance",
             "|difference|",
         ],
         &against_absorption(&cases[mapped..], &rows[mapped..]),
-        judge::stated(Engine::Doubling),
+        judge::stated(Engine::Hybrid),
     )?;
     pictures::curves(
         &docs.join("stability_thickness.svg"),
         [
-            "`doubling` minus `spectral` against thickness",
+            "`hybrid` minus `spectral` against thickness",
             "thickness, mean free distances",
             "|difference|",
         ],
         &against_thickness(4 * rays),
-        judge::stated(Engine::Doubling),
+        judge::stated(Engine::Hybrid),
     )?;
     println!("{:6.1} s  thickness", start.elapsed().as_secs_f64());
     let page = std::fs::read_to_string(docs.join("stability.md"))?;
@@ -104,8 +104,8 @@ fn engines(case: &Case, rays: u64) -> Vec<Answer> {
     let run =
         |engine, rays, seed| case.run(engine, rays, Resolution::default(), &Cache::default(), seed);
     // walks grow with the thickness: fewer rays where slabs are very thick
-    let deepest = (case.thicknesses_m.last().unwrap() - case.pack.below_m())
-        / case.pack.surface.mean_free_distance_m();
+    let deepest = (case.thicknesses_m.last().unwrap() - case.snowpack.below_m())
+        / case.snowpack.surface.mean_free_distance_m();
     let rays = (rays as f64 * (30.0 / deepest).min(1.0)) as u64;
     let spectral = run(Engine::Spectral, rays, 1);
     let yardstick = spectral.clone().unwrap_or_default();
@@ -169,9 +169,9 @@ fn against_absorption(cases: &[Case], rows: &[(String, Vec<Answer>)]) -> Vec<Cur
     for (first, what) in [(0, "dry"), (half, "half full of water")] {
         for (h, depth) in [(1, "4.2"), (2, "6"), (3, "12")] {
             let points = (first + 2..first + half).filter_map(|i| {
-                let k: f64 = cases[i].pack.surface.sizes_m()[1] / 750e-6 * 1.32e-5;
+                let k: f64 = cases[i].snowpack.surface.sizes_m()[1] / 750e-6 * 1.32e-5;
                 let per_distance = 4.0 * std::f64::consts::PI * 1.32e-5 / 1300e-9
-                    * cases[i].pack.surface.mean_free_distance_m();
+                    * cases[i].snowpack.surface.mean_free_distance_m();
                 let of = |engine| {
                     rows[i]
                         .1
@@ -180,7 +180,7 @@ fn against_absorption(cases: &[Case], rows: &[(String, Vec<Answer>)]) -> Vec<Cur
                         .spectra
                         .get(h)
                 };
-                let (a, b): (&Spectrum, &Spectrum) = (of(Engine::Doubling)?, of(Engine::Spectral)?);
+                let (a, b): (&Spectrum, &Spectrum) = (of(Engine::Hybrid)?, of(Engine::Spectral)?);
                 (k > 1e-8).then(|| point(per_distance, a.transmittance[0], b.transmittance[0]))
             });
             curves.push(Curve {
@@ -201,7 +201,7 @@ fn against_thickness(rays: u64) -> Vec<Curve> {
         case.run(engine, rays, Resolution::default(), &Cache::default(), 3)
             .unwrap()
     };
-    let (spectral, doubling) = (run(Engine::Spectral), run(Engine::Doubling));
+    let (spectral, hybrid) = (run(Engine::Spectral), run(Engine::Hybrid));
     let mut curves = vec![];
     for (l, nm) in case.wavelengths_nm.iter().enumerate() {
         for (what, of) in [
@@ -211,7 +211,7 @@ fn against_thickness(rays: u64) -> Vec<Curve> {
             ),
             ("T", |s, l| s.transmittance[l]),
         ] {
-            let points = depths.iter().zip(doubling.iter().zip(&spectral));
+            let points = depths.iter().zip(hybrid.iter().zip(&spectral));
             curves.push(Curve {
                 name: format!("{what} at {nm} nm"),
                 points: points
@@ -242,15 +242,15 @@ fn resolution(rays: u64) -> Result<String> {
     };
     let mut trials = vec![];
     for table in [1, 10, 30, 100, 300, 1000, 4096, 1 << 14, 1 << 16] {
-        for engine in [Engine::Tabulated, Engine::Doubling] {
+        for engine in [Engine::Tabulated, Engine::Hybrid] {
             trials.push((engine, rays, Resolution { table, ..usual }));
         }
     }
     for rays in [1, 8, 64, 256, 1024, 4096] {
-        trials.push((Engine::Doubling, rays, usual));
+        trials.push((Engine::Hybrid, rays, usual));
     }
     for streams in [1, 2, 3, 4, 6, 8, 16, 31, 32, 64] {
-        trials.push((Engine::Doubling, rays, Resolution { streams, ..usual }));
+        trials.push((Engine::Hybrid, rays, Resolution { streams, ..usual }));
     }
     let mut out = String::from(
         "| engine | rays | table | streams | R off, rms | mean | stated se | |\n|---|---|---|---|---|---|---|---|\n",
@@ -320,7 +320,7 @@ fn large_table(case: &Case, rays: u64) -> f64 {
     let (ice, air) = (case.model.ice.at(nm).unwrap(), Index { n: 1.0, k: 0.0 });
     let [surface, _] = Surface::in_air_and_water(ice, air, false);
     let outcomes = draw(
-        &case.pack.surface.grains[0].grain,
+        &case.snowpack.surface.grains[0].grain,
         case.model.entry,
         surface,
         ENTRIES,
@@ -328,7 +328,7 @@ fn large_table(case: &Case, rays: u64) -> f64 {
     );
     let table = Table::new(&outcomes, ENTRIES, &mut stream(1));
     let walker = TableWalker {
-        pack: TablePack::plain(&case.pack.surface, [&table; 2]),
+        snowpack: TableSnowpack::plain(&case.snowpack.surface, [&table; 2]),
         absorption: Absorption {
             coefficients: Coefficients {
                 ice_per_m: ice.absorption_per_m(nm),

@@ -10,7 +10,7 @@ fuzz_target!(
             let again =
                 sample::parse("configs/samples/fuzz.toml", file.to_toml()).expect("canonical");
             assert_eq!(again.to_toml(), file.to_toml());
-            assert_eq!(again.pack, file.pack);
+            assert_eq!(again.snowpack, file.snowpack);
         }
         Err(error) => assert!(!error.to_string().is_empty()),
     }

@@ -2,9 +2,10 @@
 
 from __future__ import annotations
 
+import functools
 import json
 import os
-from typing import TYPE_CHECKING, Any, Literal, Mapping, Optional, Union
+from typing import TYPE_CHECKING, Any, Callable, Literal, Mapping, Optional, TypeVar, Union, cast
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -21,6 +22,21 @@ Quantity = Literal["transmittance", "reflectance"]
 # Unit and long name of each axis.
 _DESCRIBED = {name: (unit, what) for name, unit, what in _native.parameters()}
 _DESCRIBED["wavelength_nm"] = ("nm", "wavelength in vacuum")
+
+
+_Function = TypeVar("_Function", bound=Callable[..., Any])
+
+
+def _former_name(function: _Function) -> _Function:
+    """``function``, which also takes ``incidence_angle_deg`` by its name in version 0.1."""
+
+    @functools.wraps(function)
+    def renamed(*args: Any, **kwargs: Any) -> Any:
+        if "angle_deg" in kwargs and "incidence_angle_deg" not in kwargs:
+            kwargs["incidence_angle_deg"] = kwargs.pop("angle_deg")
+        return function(*args, **kwargs)
+
+    return cast(_Function, renamed)
 
 
 class Database:
@@ -58,7 +74,7 @@ class Database:
     def axes(self) -> dict[str, NDArray[np.float64]]:
         """Nodes of the axes by name, each ``(n,)`` and increasing, slowest first:
         optional ones, if any, then facetness, grain_size_um, density_kg_m3,
-        thickness_cm and angle_deg. Units are in the names."""
+        thickness_cm and incidence_angle_deg. Units are in the names."""
         return dict(self._native.axes)
 
     @property
@@ -89,19 +105,23 @@ class Database:
         return self._native.metadata
 
     @property
-    def certificate(self) -> Optional[dict[str, Any]]:
-        """How far answers are from fresh simulations (docs/formats.md), or ``None``
-        for a file that ``splitsnow verify`` or ``fit`` has not certified."""
-        text = self.metadata.get("certificate")
+    def error_budget(self) -> Optional[dict[str, Any]]:
+        """Errors of answers against fresh simulations (docs/formats.md), or ``None``
+        for a file whose errors neither ``splitsnow verify`` nor ``tailor`` has measured."""
+        text = self.metadata.get("error_budget", self.metadata.get("certificate"))
         return None if text is None else dict(json.loads(text))
 
+    #: Former name of :attr:`error_budget`.
+    certificate = error_budget
+
+    @_former_name
     def transmittance(
         self,
         facetness: ArrayLike,
         grain_size_um: ArrayLike,
         density_kg_m3: ArrayLike,
         thickness_cm: ArrayLike,
-        angle_deg: ArrayLike,
+        incidence_angle_deg: ArrayLike,
         *,
         method: Method = "smooth",
         wavelengths_nm: Optional[ArrayLike] = None,
@@ -127,16 +147,17 @@ class Database:
         element, the axis and its range; NaN is never covered.
         """
         asked = self._asked("transmittance", method, conditions, more_conditions)
-        points = (facetness, grain_size_um, density_kg_m3, thickness_cm, angle_deg)
+        points = (facetness, grain_size_um, density_kg_m3, thickness_cm, incidence_angle_deg)
         return self._spectra(asked, points, wavelengths_nm, clamp)
 
+    @_former_name
     def reflectance(
         self,
         facetness: ArrayLike,
         grain_size_um: ArrayLike,
         density_kg_m3: ArrayLike,
         thickness_cm: ArrayLike,
-        angle_deg: ArrayLike,
+        incidence_angle_deg: ArrayLike,
         *,
         method: Method = "smooth",
         wavelengths_nm: Optional[ArrayLike] = None,
@@ -146,16 +167,17 @@ class Database:
     ) -> NDArray[np.float32]:
         """Directional-hemispherical reflectance; as :meth:`transmittance`."""
         asked = self._asked("reflectance", method, conditions, more_conditions)
-        points = (facetness, grain_size_um, density_kg_m3, thickness_cm, angle_deg)
+        points = (facetness, grain_size_um, density_kg_m3, thickness_cm, incidence_angle_deg)
         return self._spectra(asked, points, wavelengths_nm, clamp)
 
+    @_former_name
     def lab(
         self,
         facetness: ArrayLike,
         grain_size_um: ArrayLike,
         density_kg_m3: ArrayLike,
         thickness_cm: ArrayLike,
-        angle_deg: ArrayLike,
+        incidence_angle_deg: ArrayLike,
         *,
         quantity: Quantity = "transmittance",
         illuminant: Illuminant = "E",
@@ -169,16 +191,17 @@ class Database:
         The arguments are those of :meth:`transmittance`; see :func:`splitsnow.lab`.
         """
         asked = self._asked(quantity, method, conditions, more_conditions)
-        points = (facetness, grain_size_um, density_kg_m3, thickness_cm, angle_deg)
+        points = (facetness, grain_size_um, density_kg_m3, thickness_cm, incidence_angle_deg)
         return self._colours(asked, points, ("lab", light(illuminant)))
 
+    @_former_name
     def srgb(
         self,
         facetness: ArrayLike,
         grain_size_um: ArrayLike,
         density_kg_m3: ArrayLike,
         thickness_cm: ArrayLike,
-        angle_deg: ArrayLike,
+        incidence_angle_deg: ArrayLike,
         *,
         quantity: Quantity = "transmittance",
         illuminant: Illuminant = "E",
@@ -194,7 +217,7 @@ class Database:
         The arguments are those of :meth:`transmittance` and of :func:`splitsnow.srgb`.
         """
         asked = self._asked(quantity, method, conditions, more_conditions)
-        points = (facetness, grain_size_um, density_kg_m3, thickness_cm, angle_deg)
+        points = (facetness, grain_size_um, density_kg_m3, thickness_cm, incidence_angle_deg)
         space = "linear_srgb" if linear else "srgb"
         found = self._colours(asked, points, (space, light(illuminant)))
         return np.clip(found, 0.0, 1.0, out=found) if clip else found

@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 
 from . import _native
 
-Engine = Literal["auto", "reference", "spectral", "tabulated", "doubling"]
+Engine = Literal["auto", "reference", "spectral", "tabulated", "hybrid"]
 
 
 @dataclass(frozen=True, eq=False)
@@ -54,13 +54,13 @@ def simulate(
     seed: int = 1,
     max_error: Union[None, float, Mapping[str, float]] = None,
 ) -> Simulation:
-    """Reflectance and transmittance of a snow sample, as ``splitsnow measure`` does.
+    """Reflectance and transmittance of a snow sample, as ``splitsnow simulate`` does.
 
     ``sample`` is the path of a sample file, the TOML text of one (any string of
     several lines), or its keys as a mapping (docs/formats.md; CSV paths in text or
     mapping are relative to the working directory). ``rays`` are walks: per
     wavelength in ``reference``, per node of refractive index in ``spectral`` and
-    ``tabulated``, from every direction in ``doubling``; 131,072 if not given.
+    ``tabulated``, from every direction in ``hybrid``; 131,072 if not given.
     ``max_error``, for ``auto`` alone, is the error it may leave: the RMSE over the
     wavelengths as a number, or a mapping of ``"rmse"`` and ``"delta_e"``; it decides
     the rays if they are not given.

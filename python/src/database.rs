@@ -16,7 +16,7 @@ use crate::colour::{Eye, Light};
 use crate::points::{Method, Points, refused};
 use crate::pool::pool;
 
-/// Prepared look-ups kept, and eyes; a look-up of a `linear` file may take 1 GB.
+/// Prepared look-ups kept, and observers; a look-up of a `linear` file may take 1 GB.
 const KEPT: usize = 8;
 
 /// What is looked up: quantity, method, values of optional axes by name.
@@ -30,7 +30,7 @@ type Key = (Quantity, Vec<(Parameter, u64)>);
 pub(crate) struct Database {
     file: lookup::Database,
     prepared: Kept<Key, Lookup>,
-    eyes: Kept<(String, Light), Eye>,
+    observers: Kept<(String, Light), Eye>,
 }
 
 /// What was made last, by what it is for.
@@ -87,7 +87,7 @@ impl Database {
         Ok(Self {
             file,
             prepared: Kept(Mutex::default()),
-            eyes: Kept(Mutex::default()),
+            observers: Kept(Mutex::default()),
         })
     }
 
@@ -161,7 +161,7 @@ impl Database {
         mut out: PyReadwriteArray2<f64>,
     ) -> PyResult<()> {
         let eye = self
-            .eyes
+            .observers
             .get(seen.clone(), || Eye::new(self.file.wavelengths_nm(), &seen))?;
         self.fill(
             py,
@@ -267,7 +267,7 @@ fn named(values: &[(String, f64)]) -> PyResult<Point> {
     values.iter().map(one).collect()
 }
 
-/// Name, unit and long name of every parameter that an axis may be of.
+/// Name in files, unit and long name of every parameter that an axis may be of.
 #[pyfunction]
 pub(crate) fn parameters() -> Vec<[&'static str; 3]> {
     let about = |parameter: Parameter| {

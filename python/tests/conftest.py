@@ -20,13 +20,13 @@ facetness = [0.3]
 grain_size_um = [200, 400]
 density_kg_m3 = [250]
 thickness_cm = [2, 5, 10]
-angle_deg = [0, 60]
+incidence_angle_deg = [0, 60]
 black_carbon_ng_g = [0, 100]
 water_saturation = [0.05]
 [wavelengths]
 values_nm = [450, 550, 650]
 [run]
-engine = "doubling"
+engine = "hybrid"
 rays = 4000
 """
 
@@ -69,10 +69,10 @@ def sooty(run, tmp_path_factory):
 
 
 @pytest.fixture(scope="session")
-def fitted(run, tmp_path_factory):
-    """A fitted database: few wavelengths, certified, transmittance alone."""
+def tailored(run, tmp_path_factory):
+    """A tailored database: few wavelengths, certified, transmittance alone."""
     folder = tmp_path_factory.mktemp("igloo")
-    run("fit", "configs/scenes/igloo.toml", "--out", folder)
+    run("tailor", "configs/scenes/igloo.toml", "--out", folder)
     return splitsnow.Database.open(folder)
 
 
@@ -81,7 +81,7 @@ def query(run):
     """`splitsnow query` of a database: wavelengths and values."""
 
     def query(database, *point, **options):
-        names = "facetness grain-size-um density-kg-m3 thickness-cm angle-deg".split()
+        names = "facetness grain-size-um density-kg-m3 thickness-cm incidence-angle-deg".split()
         options.update(zip(names, point))
         args = [f"--{name.replace('_', '-')}={value}" for name, value in options.items()]
         lines = run("query", database.path, *args).splitlines()

@@ -40,7 +40,7 @@ def lab(xyz, white):
 
 
 @pytest.mark.parametrize("illuminant", FILES)
-@pytest.mark.parametrize("kind", ["quick", "fitted"])
+@pytest.mark.parametrize("kind", ["quick", "tailored"])
 def test_formulas(request, kind, illuminant):
     database = request.getfixturevalue(kind)
     point = POINT if kind == "quick" else (0.3, 300, 300, np.array([16, 21.5, 39]), 33)

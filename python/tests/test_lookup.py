@@ -32,9 +32,9 @@ def test_equals_query_by_the_published_method(quick, query):
     assert not np.allclose(spectrum, quick.transmittance(*point), rtol=1e-4)
 
 
-def test_equals_query_of_a_fitted_file_and_further_axes(fitted, sooty, query):
+def test_equals_query_of_a_fitted_file_and_further_axes(tailored, sooty, query):
     point = (0.3, 300, 300, 21.5, 33)
-    assert np.array_equal(fitted.transmittance(*point), query(fitted, *point)[1])
+    assert np.array_equal(tailored.transmittance(*point), query(tailored, *point)[1])
     point = (0.3, 300, 250, 4, 33)
     there = {"black_carbon_ng_g": 30}
     expected = query(sooty, *point, **there)[1]
@@ -123,22 +123,22 @@ def test_a_forked_process_looks_up(quick):
     assert np.array_equal(found, expected)
 
 
-def test_wavelengths(fitted):
-    own = fitted.wavelengths_nm
+def test_wavelengths(tailored):
+    own = tailored.wavelengths_nm
     assert len(own) < 31
     point = (0.3, 300, 300, np.array([20, 25]), 33)
-    found = fitted.transmittance(*point)
+    found = tailored.transmittance(*point)
     nm = np.arange(380, 721, 7.5)
-    drawn = fitted.transmittance(*point, wavelengths_nm=nm)
+    drawn = tailored.transmittance(*point, wavelengths_nm=nm)
     assert drawn.shape == (2, len(nm)) and drawn.dtype == np.float32
     for spectrum, values in zip(found, drawn):
         assert np.allclose(values, np.interp(nm, own, spectrum), rtol=1e-6, atol=1e-9)
-    assert np.array_equal(fitted.transmittance(*point, wavelengths_nm=own, clamp=False), found)
+    assert np.array_equal(tailored.transmittance(*point, wavelengths_nm=own, clamp=False), found)
     with pytest.raises(ValueError, match="380 to 717.5 nm; the database covers 400 to 700 nm"):
-        fitted.transmittance(*point, wavelengths_nm=nm, clamp=False)
+        tailored.transmittance(*point, wavelengths_nm=nm, clamp=False)
     for wrong in ([], 500, [[500]], [np.nan]):
         with pytest.raises(ValueError, match="wavelengths_nm"):
-            fitted.transmittance(*point, wavelengths_nm=wrong)
+            tailored.transmittance(*point, wavelengths_nm=wrong)
 
 
 @pytest.mark.parametrize(
@@ -161,7 +161,7 @@ def test_the_first_wrong_element_is_named(quick):
         quick.transmittance(0.3, 250, 300, thickness, 0)
 
 
-def test_wrong_arguments(quick, sooty, fitted):
+def test_wrong_arguments(quick, sooty, tailored):
     for message, call in {
         "axis black_carbon_ng_g, from 0 to 100: say": lambda: sooty.transmittance(0.3, 300, 250, 4, 0),
         "no axis temperature_c": lambda: quick.transmittance(*POINT, temperature_c=-3),
@@ -173,7 +173,7 @@ def test_wrong_arguments(quick, sooty, fitted):
             0.3, 300, 250, 4, 0, black_carbon_ng_g=np.nan
         ),
         "no method is named `best`": lambda: quick.transmittance(*POINT, method="best"),
-        "has no reflectance": lambda: fitted.reflectance(0.3, 300, 300, 21.5, 33),
+        "has no reflectance": lambda: tailored.reflectance(0.3, 300, 300, 21.5, 33),
         "no quantity is named `R`": lambda: quick.lab(*POINT, quantity="R"),
         "no illuminant is named `D60`": lambda: quick.lab(*POINT, illuminant="D60"),
         "facetness = 0.3 lies between": lambda: quick.transmittance(*POINT, method="varsa2025"),
@@ -193,19 +193,20 @@ def test_files_that_cannot_be_read(tmp_path):
         splitsnow.Database.open(str(other))
 
 
-def test_properties(quick, sooty, fitted, out):
+def test_properties(quick, sooty, tailored, out):
     assert list(quick.axes) == ["facetness", "grain_size_um", "density_kg_m3", "thickness_cm", "angle_deg"]
     assert quick.axes["facetness"].tolist() == [0.1, 0.5, 0.9]
     assert list(sooty.axes)[:2] == ["black_carbon_ng_g", "water_saturation"]
     assert sooty.axes["black_carbon_ng_g"].tolist() == [0, 100]
     assert quick.quantities == ("transmittance", "reflectance")
-    assert fitted.quantities == ("transmittance",) == tuple(fitted.components)
+    assert tailored.quantities == ("transmittance",) == tuple(tailored.components)
     assert quick.components == {q: int(quick.metadata[f"{q}.components"]) for q in quick.quantities}
     assert (quick.basis, quick.precision) == ("linear", "f32")
-    assert fitted.basis == fitted.metadata["basis"] == "log"
-    assert fitted.precision == fitted.metadata["precision"]
+    assert tailored.basis == tailored.metadata["basis"] == "log"
+    assert tailored.precision == tailored.metadata["precision"]
     assert quick.path == str(out)
-    assert fitted.certificate["quantities"]["transmittance"]["total"]["delta_e"][2] < 0.5
+    assert tailored.certificate == tailored.error_budget
+    assert tailored.error_budget["quantities"]["transmittance"]["total"]["delta_e"][2] < 0.5
     assert "3 facetness x 3 grain_size_um" in repr(quick) and "31 wavelengths" in repr(quick)
 
 
@@ -228,7 +229,7 @@ def test_nodes_are_those_of_the_zarr(quick, sooty, out):
     for name in nodes.coords:
         assert np.allclose(nodes[name], stored[name], rtol=1e-6)
         assert nodes[name].attrs == stored[name].attrs
-    node = dict(facetness=0.5, grain_size_um=300, density_kg_m3=200, thickness_cm=5, angle_deg=40)
+    node = dict(facetness=0.5, grain_size_um=300, density_kg_m3=200, thickness_cm=5, incidence_angle_deg=40)
     assert np.allclose(nodes.transmittance.sel(node), quick.transmittance(**node), atol=1e-6)
     sooty_nodes = sooty.to_xarray()
     assert sooty_nodes.attrs["format"] == "splitsnow-compact"

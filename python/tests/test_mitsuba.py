@@ -266,10 +266,10 @@ def test_wavelengths_beyond_are_clamped(variant, quick):
     )
 
 
-def test_the_table_is_the_database(quick, fitted):
+def test_the_table_is_the_database(quick, tailored):
     rng = np.random.default_rng(1)
     thickness_cm = 100 * rng.random(20_000) ** np.repeat([1, 4], 10_000)
-    for database, place in ((quick, SNOW), (fitted, (0.3, 300.0, 300.0))):
+    for database, place in ((quick, SNOW), (tailored, (0.3, 300.0, 300.0))):
         material = Material(database, place, {})
         angle_deg = rng.uniform(*database.axes["angle_deg"][[0, -1]], 20_000)
         nm = np.array([380, 433, 567, 701.0])
@@ -354,7 +354,7 @@ def test_snow_lights_what_is_near(quick, turn_deg):
     assert np.allclose(*seen, rtol=0.02)
 
 
-def test_what_faces_the_light_is_dark(fitted):
+def test_what_faces_the_light_is_dark(tailored):
     """However little it does, and as exact as places on large triangles are."""
     use("llvm_ad_rgb")
     turn = mi.ScalarTransform4f().rotate([1, 0, 0], 35).rotate([0, 1, 0], 20)
@@ -364,7 +364,7 @@ def test_what_faces_the_light_is_dark(fitted):
     origins = np.random.default_rng(4).uniform(-5, 5, (50_000, 3)) * [1, 1, 0] - [0, 0, 20]
     for grazing in (1, 0.1, 0.02):
         to_light = along + grazing * down
-        entries = splitsnow.mitsuba.snow(fitted.path, to_light=to_light, reflected=False)
+        entries = splitsnow.mitsuba.snow(tailored.path, to_light=to_light, reflected=False)
         scene = scene_of(slab={"type": "cube", "to_world": place, **entries})
         assert (radiances(scene, origins, [0, 0, 1]) == 0).all(), grazing
 
@@ -395,7 +395,7 @@ def test_what_is_not_attached_says_so(variant, quick):
     assert (radiance(scene) == 0).all()
 
 
-def test_wrong_parameters(quick, sooty, fitted, tmp_path):
+def test_wrong_parameters(quick, sooty, tailored, tmp_path):
     use("llvm_ad_rgb")
     plain = snow(quick)["emitter"]["radiance"]
     for message, change in {
@@ -416,7 +416,7 @@ def test_wrong_parameters(quick, sooty, fitted, tmp_path):
     with pytest.raises(FileNotFoundError):
         splitsnow.mitsuba.snow(tmp_path / "none.safetensors")
     with pytest.raises(ValueError, match="has no reflectance: say"):
-        splitsnow.mitsuba.snow(fitted.path, to_light=[0, 0, 1])
+        splitsnow.mitsuba.snow(tailored.path, to_light=[0, 0, 1])
     with pytest.raises(ValueError, match="grain_size_um is needed: .* covers 200 to 400"):
         splitsnow.mitsuba.snow(sooty.path)
     with pytest.raises(ValueError, match="no shape of the scene is snow"):
@@ -442,7 +442,7 @@ def test_spectra_exported_as_text(run, quick, tmp_path):
     use("scalar_spectral")
     file = tmp_path / "snow.spd"
     point = (0.3, 250, 300, 4.5, 33)
-    names = "facetness grain-size-um density-kg-m3 thickness-cm angle-deg".split()
+    names = "facetness grain-size-um density-kg-m3 thickness-cm incidence-angle-deg".split()
     args = [f"--{name}={value}" for name, value in zip(names, point)]
     run("export", quick.path, "--format", "spd", "--out", file, *args)
     spectrum = mi.load_dict({"type": "spectrum", "filename": str(file)})
@@ -469,7 +469,7 @@ def test_what_is_documented_runs(file, monkeypatch):
 @pytest.mark.parametrize("variant", ["llvm_ad_spectral", "scalar_rgb"])
 def test_example_blocks(variant, monkeypatch, tmp_path):
     """From left to right darker and bluer, the first nearly white, each as its
-    thickness says, and a few per cent that come back from the ground."""
+    thickness says, and a few per cent that come back from the substrate."""
     monkeypatch.syspath_prepend(str(ROOT / "examples/mitsuba"))
     blocks = importlib.import_module("blocks")
     out = tmp_path / "blocks"

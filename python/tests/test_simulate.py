@@ -1,4 +1,4 @@
-"""Simulations are those of `splitsnow measure`, digit by digit."""
+"""Simulations are those of `splitsnow simulate`, digit by digit."""
 
 import json
 import signal
@@ -14,7 +14,7 @@ import splitsnow
 
 SAMPLE = """version = 1
 [illumination]
-polar_angle_deg = 30
+incidence_angle_deg = 30
 [wavelengths]
 values_nm = [450, 600, 1000]
 [[layer]]
@@ -36,9 +36,9 @@ def path(tmp_path):
 
 
 @pytest.mark.parametrize("engine", ["auto", "spectral", "reference"])
-def test_equals_measure(run, path, engine):
+def test_equals_simulate(run, path, engine):
     measured = json.loads(
-        run("measure", path, "--engine", engine, "--rays", 4000, "--seed", 7, "--json")
+        run("simulate", path, "--engine", engine, "--rays", 4000, "--seed", 7, "--json")
     )
     found = splitsnow.simulate(path, engine=engine, rays=4000, seed=7)
     assert found.wavelengths_nm.tolist() == measured["wavelength_nm"]

@@ -190,10 +190,10 @@ where
         .job(store.jobs(), number)
         .map_err(|error| Some(BatchError::Grid(error)))?;
     // What an earlier run finished of it, and where this one's goes.
-    let (shelf, before) = store
-        .shelf(number)
+    let (unit_directory, before) = store
+        .unit_directory(number)
         .map_err(|error| Some(BatchError::Store(error)))?;
-    let units = Units::new(Box::new(shelf.clone()), &before);
+    let units = Units::new(Box::new(unit_directory.clone()), &before);
     let cache = control.cache.with(units);
     let control = Control {
         cache: &cache,
@@ -204,7 +204,7 @@ where
         Err(Failure::Engine(EngineError::Cancelled)) => cache.save_units(),
         _ => Ok(()),
     };
-    if let Some(error) = shelf.failure() {
+    if let Some(error) = unit_directory.failure() {
         return Err(Some(BatchError::Store(error)));
     }
     let found = saved.map_err(Failure::Engine).and(found);

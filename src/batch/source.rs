@@ -22,7 +22,7 @@ use crate::transport::Illumination;
 pub struct Source {
     store: Store,
     grid: Grid,
-    /// Jobs of each snow, by [`identity::of_pack`].
+    /// Jobs of each snow, by [`identity::of_snowpack`].
     jobs: HashMap<u64, Vec<u64>>,
 }
 
@@ -52,7 +52,7 @@ impl Source {
         let mut jobs: HashMap<u64, Vec<u64>> = HashMap::new();
         for number in 0..store.jobs().count() {
             let job = grid.job(store.jobs(), number)?;
-            let snow = identity::of_pack(&job.pack);
+            let snow = identity::of_snowpack(&job.snowpack);
             jobs.entry(snow).or_default().push(number);
         }
         Ok(Self { store, grid, jobs })
@@ -65,7 +65,7 @@ impl Source {
         job: &Job,
         spectra: &mut [Option<Spectrum>],
     ) -> Result<(), BatchError> {
-        let snow = identity::of_pack(&job.pack);
+        let snow = identity::of_snowpack(&job.snowpack);
         let lights = job.illuminations.len();
         let wanted = existing(job);
         for number in self.jobs.get(&snow).into_iter().flatten() {

@@ -16,7 +16,7 @@
 //!     grain_size_um = [400]
 //!     density_kg_m3 = [200]
 //!     thickness_cm = [1, 2]
-//!     angle_deg = [0]
+//!     incidence_angle_deg = [0]
 //!     [wavelengths]
 //!     values_nm = [450, 550, 650]
 //!     [run]

@@ -1,4 +1,4 @@
-//! `measure --against`: the simulation beside a measured spectrum.
+//! `simulate --against`: the simulation beside a measured spectrum.
 use std::fmt::Write;
 use std::path::{Path, PathBuf};
 use std::str::FromStr;

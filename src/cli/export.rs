@@ -29,8 +29,8 @@ Examples:
   splitsnow export out/quick --format netcdf
   splitsnow export out/quick --from database --format csv --out quick.csv
   splitsnow export out/quick --format spd --facetness 0.1 --grain-size-um 300 \\
-      --density-kg-m3 200 --thickness-cm 5 --angle-deg 40 --out snow.spd
-  splitsnow export out/quick --format png --grain-size-um 300 --angle-deg 0"
+      --density-kg-m3 200 --thickness-cm 5 --incidence-angle-deg 40 --out snow.spd
+  splitsnow export out/quick --format png --grain-size-um 300 --incidence-angle-deg 0"
 )]
 pub(super) struct Args {
     /// A compact file, or an output directory

@@ -1,11 +1,11 @@
-//! `measure --goniometer` and `--radial-profile`: where light leaves a sample.
+//! `simulate --goniometer` and `--radial-profile`: where light leaves a sample.
 use std::fmt::Write;
 use std::sync::atomic::AtomicBool;
 
 use serde_json::json;
 
 use super::common::{self, Interrupted, ThreadArgs};
-use super::simulate;
+use super::walking;
 use crate::engine::exits::{self, Exits};
 use crate::engine::{Control, Engine, EngineError, Request};
 use crate::measurement::{MOST_SENSORS, Measured, Radii, Sensors};
@@ -25,7 +25,7 @@ pub(super) struct Args {
     /// to reflectance and transmittance, which lines that start with # give with
     /// their standard errors; all sensors share these. Engines: reference,
     /// spectral and, the fastest, tabulated (auto), whose values are scaled to the
-    /// reflectance and transmittance of doubling where that holds.
+    /// reflectance and transmittance of hybrid where that holds.
     #[arg(long)]
     pub(super) goniometer: bool,
     /// Sensors of each hemisphere
@@ -68,7 +68,7 @@ pub(super) fn run(args: &Args, job: &Job, cancel: &AtomicBool) -> anyhow::Result
     let request = &job.request;
     let walk = |engine, work: &(dyn Fn(&Control) -> Result<Vec<Exits>, EngineError> + Sync)| {
         let walks = exits::walks(engine, request)?;
-        match simulate::run(job.threads, walks, cancel, work)? {
+        match walking::run(job.threads, walks, cancel, work)? {
             Err(EngineError::Cancelled) => Err(Interrupted("nothing was written".into()).into()),
             result => anyhow::Ok(result?),
         }
@@ -76,7 +76,7 @@ pub(super) fn run(args: &Args, job: &Job, cancel: &AtomicBool) -> anyhow::Result
     let text = if let Some(count) = args.radial_profile {
         let radii = Radii::new(
             count as usize,
-            RADII[0] * request.pack.surface.mean_free_distance_m(),
+            RADII[0] * request.snowpack.surface.mean_free_distance_m(),
             RADII[1] * request.thicknesses_m[0],
         );
         let engine = exits::radial_engine(job.engine);
@@ -117,7 +117,7 @@ fn heading(job: &Job, what: &str, engine: Engine, all: &[Exits]) -> String {
         "# splitsnow {version} measure {what}\n# sample: {sample}\n# engine: {engine}\n# rays: {rays}\n# seed: {seed}\n"
     );
     if all.iter().any(|exits| exits.normalised) {
-        out.push_str("# sums: those of doubling, to which values are scaled\n");
+        out.push_str("# sums: those of hybrid, to which values are scaled\n");
     }
     out.push_str(
         "# sum: wavelength_nm,reflectance,reflectance_se,transmittance,transmittance_se\n",
@@ -154,7 +154,7 @@ fn summary(job: &Job, engine: Engine, all: &[Exits]) -> serde_json::Value {
         "reflectance_se": list(&|exits| exits.reflectance.se),
         "transmittance": list(&|exits| exits.transmittance.value),
         "transmittance_se": list(&|exits| exits.transmittance.se),
-        "sums_of": all.iter().any(|exits| exits.normalised).then(|| Engine::Doubling.name()),
+        "sums_of": all.iter().any(|exits| exits.normalised).then(|| Engine::Hybrid.name()),
         "lost_share": list(&|exits| exits.lost),
     })
 }

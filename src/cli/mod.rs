@@ -10,18 +10,18 @@ mod common;
 mod compact;
 mod compress;
 mod export;
-mod fit;
 mod goniometer;
-mod measure;
 mod plan;
 mod point;
 mod query;
 mod simulate;
 #[cfg(feature = "charts")]
 mod study;
+mod tailor;
 #[cfg(feature = "charts")]
 mod tradeoff;
 mod verify;
+mod walking;
 
 use std::ffi::{OsStr, OsString};
 use std::process::ExitCode;
@@ -48,7 +48,7 @@ A typical sequence:
   splitsnow plan configs/quick.toml     what it will take: jobs, time, bytes, errors
   splitsnow build configs/quick.toml    the database, the compact file, the error table
   splitsnow query out/quick --facetness 0.1 --grain-size-um 100 \\
-      --density-kg-m3 200 --thickness-cm 1 --angle-deg 0
+      --density-kg-m3 200 --thickness-cm 1 --incidence-angle-deg 0
                                         one spectrum of it, as CSV
 
 `build` may be interrupted or killed at any time: the same command goes on where
@@ -63,12 +63,12 @@ enum Command {
     Build(build::Args),
     Compress(compress::Args),
     Verify(verify::Args),
-    #[command(alias = "tailor")]
-    Fit(fit::Args),
+    #[command(alias = "fit")]
+    Tailor(tailor::Args),
     Query(query::Args),
     Export(export::Args),
-    #[command(alias = "simulate")]
-    Measure(measure::Args),
+    #[command(alias = "measure")]
+    Simulate(simulate::Args),
     #[cfg(feature = "charts")]
     Tradeoff(tradeoff::Args),
     #[cfg(feature = "charts")]
@@ -76,7 +76,7 @@ enum Command {
 }
 
 /// `words` with every number below zero joined to the option in front of it:
-/// `--angle-deg -1e-16` is `--angle-deg=-1e-16`, and no option of its own.
+/// `--incidence-angle-deg -1e-16` is `--incidence-angle-deg=-1e-16`, and no option of its own.
 fn joined(words: impl Iterator<Item = OsString>) -> Vec<OsString> {
     let mut all: Vec<OsString> = Vec::new();
     for word in words {
@@ -108,10 +108,10 @@ pub fn run() -> ExitCode {
         Command::Build(args) => build::run(&args),
         Command::Compress(args) => compress::run(&args),
         Command::Verify(args) => verify::run(&args),
-        Command::Fit(args) => fit::run(&args),
+        Command::Tailor(args) => tailor::run(&args),
         Command::Query(args) => query::run(&args),
         Command::Export(args) => export::run(&args),
-        Command::Measure(args) => measure::run(&args),
+        Command::Simulate(args) => simulate::run(&args),
         #[cfg(feature = "charts")]
         Command::Tradeoff(args) => tradeoff::run(&args),
         #[cfg(feature = "charts")]
@@ -153,10 +153,19 @@ mod tests {
             words.join(" ")
         };
         for (line, expected) in [
-            ("q --angle-deg -1e-16 --json", "q --angle-deg=-1e-16 --json"),
+            (
+                "q --incidence-angle-deg -1e-16 --json",
+                "q --incidence-angle-deg=-1e-16 --json",
+            ),
             ("q --temperature-c -5", "q --temperature-c=-5"),
-            ("q --angle-deg 1e-16", "q --angle-deg 1e-16"),
-            ("q --angle-deg --quantity r", "q --angle-deg --quantity r"),
+            (
+                "q --incidence-angle-deg 1e-16",
+                "q --incidence-angle-deg 1e-16",
+            ),
+            (
+                "q --incidence-angle-deg --quantity r",
+                "q --incidence-angle-deg --quantity r",
+            ),
             ("q --a=-1 -2", "q --a=-1 -2"),
             ("q -5", "q -5"),
         ] {

@@ -80,10 +80,10 @@ impl fmt::Display for Named {
         for Axis { name, values, .. } in &plan.axes {
             let [first, .., last] = values.as_slice() else {
                 let only = values.first().copied().unwrap_or_default();
-                writeln!(f, "  {name:<14} {only}")?;
+                writeln!(f, "  {name:<20} {only}")?;
                 continue;
             };
-            writeln!(f, "  {name:<14} {} values, {first} to {last}", values.len())?;
+            writeln!(f, "  {name:<20} {} values, {first} to {last}", values.len())?;
         }
         let per_job = plan.curves / plan.jobs.max(1);
         writeln!(

@@ -36,11 +36,16 @@ fn arg(parameter: Parameter) -> Arg {
     if parameter.is_optional() {
         help += "; only where the file has such an axis";
     }
-    Arg::new(record.name)
+    let arg = Arg::new(record.key)
         .long(record.option)
         .value_name(record.symbol)
         .value_parser(number)
-        .help(help)
+        .help(help);
+    match parameter {
+        // the option of version 0.1
+        Parameter::Incidence => arg.alias("angle-deg"),
+        _ => arg,
+    }
 }
 
 impl clap::Args for PointArgs {
@@ -57,7 +62,7 @@ impl clap::Args for PointArgs {
 impl clap::FromArgMatches for PointArgs {
     fn from_arg_matches(matches: &ArgMatches) -> Result<Self, clap::Error> {
         let given = Parameter::ALL.into_iter().filter_map(|parameter| {
-            let value = *matches.get_one::<f64>(parameter.name())?;
+            let value = *matches.get_one::<f64>(parameter.key())?;
             let value = match parameter {
                 // a half space is as thick as files hold it
                 Parameter::Thickness => value.min(HALF_SPACE_CM),

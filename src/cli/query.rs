@@ -5,11 +5,11 @@ use std::path::PathBuf;
 
 use super::common;
 use super::point::{self, PointArgs};
-use crate::certificate::{CERTIFICATE, Certificate};
 use crate::compress::{BAND_ERRORS, BandError};
-use crate::fit::BETWEEN_WAVELENGTHS;
+use crate::error_budget::ErrorBudget;
 use crate::lookup::{Database, Lookup, Varsa2025};
 use crate::measurement::Quantity;
+use crate::tailor::BETWEEN_WAVELENGTHS;
 
 /// Print one spectrum of a compact file as CSV
 ///
@@ -24,9 +24,9 @@ use crate::measurement::Quantity;
     after_long_help = "\
 Examples:
   splitsnow query out/quick --facetness 0.1 --grain-size-um 300 \\
-      --density-kg-m3 200 --thickness-cm 5 --angle-deg 40
+      --density-kg-m3 200 --thickness-cm 5 --incidence-angle-deg 40
   splitsnow query out/quick/snow.safetensors --facetness 0.1 --grain-size-um 300 \\
-      --density-kg-m3 200 --thickness-cm 5 --angle-deg 40 --quantity reflectance"
+      --density-kg-m3 200 --thickness-cm 5 --incidence-angle-deg 40 --quantity reflectance"
 )]
 pub(super) struct Args {
     /// A compact file, or the output directory that holds one
@@ -40,7 +40,7 @@ pub(super) struct Args {
     quantity: Quantity,
     /// Under isotropic light, instead of light from an angle: of an output directory whose
     /// grid has axes.diffuse
-    #[arg(long, conflicts_with = "angle_deg")]
+    #[arg(long, conflicts_with = "incidence_angle_deg")]
     diffuse: bool,
     /// How to interpolate
     #[arg(long, value_enum, default_value = "smooth")]
@@ -89,7 +89,7 @@ pub(super) fn run(args: &Args) -> anyhow::Result<()> {
     common::print(&csv)
 }
 
-/// What the file is, and its certificate.
+/// What the file is, and its error budget.
 fn explanation(database: &Database, quantity: Quantity) -> String {
     let mut text = format!(
         "{} nodes, components: {} of {} spectra, coefficients: {}",
@@ -108,13 +108,11 @@ fn explanation(database: &Database, quantity: Quantity) -> String {
     for band in bands.get(quantity.name()).into_iter().flatten() {
         let _ = write!(text, "\n{}", compression(band));
     }
-    let certificate = database.metadata().get(CERTIFICATE);
-    let certificate = certificate.and_then(|text| serde_json::from_str::<Certificate>(text).ok());
-    let _ = match certificate {
-        Some(certificate) => write!(text, "\n{certificate}"),
+    let _ = match ErrorBudget::of(database.metadata()) {
+        Some(error_budget) => write!(text, "\n{error_budget}"),
         None => write!(
             text,
-            "\nno certificate: `splitsnow verify` measures how far its answers are off"
+            "\nno error budget: `splitsnow verify` measures how far its answers are off"
         ),
     };
     text

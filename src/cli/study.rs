@@ -4,7 +4,7 @@ use std::path::{Path, PathBuf};
 use anyhow::{Context, bail};
 
 use super::common::{self, Interrupted, Spinner, ThreadArgs};
-use super::simulate;
+use super::walking;
 use crate::config::study::{self as file, StudyFile};
 use crate::engine::{Engine, EngineError};
 use crate::lab::report;
@@ -31,7 +31,7 @@ pub(super) struct Args {
     /// How light is simulated
     #[arg(long, default_value = Engine::Auto.name(), value_parser = common::engine_parser())]
     engine: Engine,
-    /// Walks of each variant, as in `measure`; twice as many for a BRDF
+    /// Walks of each variant, as in `simulate`; twice as many for a BRDF
     #[arg(long, value_name = "N", default_value_t = 16_384, value_parser = clap::value_parser!(u64).range(1..))]
     rays: u64,
     /// Seed of the random numbers
@@ -56,7 +56,7 @@ pub(super) fn run(args: &Args) -> anyhow::Result<()> {
     };
     let spinner = Spinner::new("starting");
     // One pool and one cache for all: variants share tables of grain events.
-    simulate::run(args.threads, None, cancel, |control| {
+    walking::run(args.threads, None, cancel, |control| {
         for study in &studies {
             let say = |variant: &file::Variant| {
                 spinner.say(&format!("{}: {}", study.name, variant.label));

@@ -4,13 +4,13 @@ use std::path::PathBuf;
 use serde_json::json;
 
 use super::common::{self, Interrupted, ThreadArgs};
-use super::simulate;
+use super::walking;
 use crate::atomic;
-use crate::certificate::CERTIFICATE;
 use crate::compress::annotated;
-use crate::fit::SCENE;
+use crate::error_budget::{ERROR_BUDGET, FORMER_KEY};
 use crate::lookup::Database;
 use crate::store::{COMPACT, Store};
+use crate::tailor::SCENE;
 use crate::verify::{self, Options, Verification, VerifyError};
 
 /// Check a finished database anew: files, compact file, fresh simulations
@@ -20,17 +20,17 @@ use crate::verify::{self, Options, Verification, VerifyError};
 /// simulations at random nodes agree with what is stored; and how far the compact
 /// file's answers anywhere in its box are from fresh simulations of many more
 /// walks. These errors, split into those of simulation, compression and
-/// interpolation and by axis, are the file's certificate and are kept in it, for
-/// `splitsnow query --explain`. Of a file made by `splitsnow fit` it proves that the
+/// interpolation and by axis, are the file's error budget and are kept in it, for
+/// `splitsnow query --explain`. Of a file made by `splitsnow tailor` it proves that the
 /// scene's bound holds. Exits with 1 if anything fails; a database that is right
 /// fails by chance about once in a million runs. Where the budget of --seconds ends
 /// first, what was simulated until then is judged, the last lines say what was not,
-/// no certificate is kept in the file, and it exits with 1.
+/// no error budget is kept in the file, and it exits with 1.
 #[derive(Debug, clap::Args)]
 pub(super) struct Args {
-    /// Output directory of `build` or `fit`
+    /// Output directory of `build` or `tailor`
     dir: PathBuf,
-    /// Random points of the certificate; 0 leaves it out
+    /// Random points of the error budget; 0 leaves it out
     #[arg(long, value_name = "N", default_value_t = 512, value_parser = clap::value_parser!(u64).range(..=1_000_000))]
     points: u64,
     /// Fresh simulations on the nodes; 0 makes none
@@ -74,32 +74,32 @@ pub(super) fn run(args: &Args) -> anyhow::Result<()> {
     let result = if Store::is_at(&args.dir) || !compact.exists() {
         let verification = Verification::open(&args.dir, options)?;
         let walks = verification.walks()?;
-        simulate::run(args.threads, Some(walks), cancel, |control| {
+        walking::run(args.threads, Some(walks), cancel, |control| {
             verification.run(control)
         })?
     } else {
         let file = Database::open(&compact)?;
         anyhow::ensure!(
             file.metadata().contains_key(SCENE),
-            "{} is no database and its compact file was not made by `splitsnow fit`",
+            "{} is no database and its compact file was not made by `splitsnow tailor`",
             args.dir.display()
         );
-        let walks = verify::fitted_walks(&file, options)?;
-        simulate::run(args.threads, Some(walks), cancel, |control| {
-            verify::fitted(&file, options, control)
+        let walks = verify::tailored_walks(&file, options)?;
+        walking::run(args.threads, Some(walks), cancel, |control| {
+            verify::tailored(&file, options, control)
         })?
     };
-    let (report, certificate) = match result {
+    let (report, error_budget) = match result {
         Err(VerifyError::Cancelled) => return Err(Interrupted("nothing was written".into()).into()),
         result => result?,
     };
-    if let Some(certificate) = certificate {
+    if let Some(error_budget) = error_budget {
         let bytes = std::fs::read(&compact)?;
-        let text = serde_json::to_string(&certificate)?;
-        let bytes = annotated(&bytes, CERTIFICATE, &text)?;
+        let text = serde_json::to_string(&error_budget)?;
+        let bytes = annotated(&bytes, &[(ERROR_BUDGET, Some(&text)), (FORMER_KEY, None)])?;
         if let Err(error) = atomic::write(&compact, &bytes) {
             common::note(&format!(
-                "the certificate is not kept: {}: {error}",
+                "the error budget is not kept: {}: {error}",
                 compact.display()
             ));
         }

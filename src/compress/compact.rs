@@ -13,7 +13,7 @@ use thiserror::Error;
 
 use super::{BandError, Bounds, Coefficients, Compressed, ErrorTable, Integers, Variant};
 use crate::atomic;
-use crate::lookup::Substrate;
+use crate::lookup::SubstrateKind;
 use crate::lookup::format::{
     ABSENT, BAND_ERRORS, BASIS, BOUNDS, ERROR_TABLE, FORMAT, FORMAT_VERSION, MAX_HEADER,
     MAX_NUMBER, PRECISION, PROVENANCE, QUANTITIES, SUBSTRATE, WAVELENGTH, axis_order, basis_name,
@@ -51,7 +51,7 @@ pub struct CompactFile<'a> {
     /// Wavelengths, nm.
     pub wavelengths_nm: &'a [f64],
     /// What lies under the snow of the axes.
-    pub substrate: Substrate,
+    pub substrate: SubstrateKind,
     /// For each grain size, how many of the thinnest thicknesses have no curve, as of
     /// [`crate::grid::Grid::absent`]; empty if all have.
     pub absent: &'a [usize],

@@ -45,7 +45,7 @@ impl SnowKeys {
         let all = Parameter::ALL.into_iter().filter(of_snow);
         let (optional, core): (Vec<_>, Vec<_>) = all.partition(|p| p.is_optional());
         let all = core.into_iter().chain(optional);
-        all.filter_map(|parameter| Some((parameter, *self.0.get(parameter.name())?)))
+        all.filter_map(|parameter| Some((parameter, *self.0.get(parameter.key())?)))
     }
 }
 
@@ -130,7 +130,7 @@ impl JsonSchema for AxesKeys {
             if parameter == Parameter::GrainSize {
                 text += "; required unless one of the next two is given";
             }
-            (record.name.to_owned(), list(text + ".", items))
+            (record.key.to_owned(), list(text + ".", items))
         };
         for parameter in Parameter::CORE {
             properties.extend([axis(parameter)]);
@@ -140,7 +140,7 @@ impl JsonSchema for AxesKeys {
         }
         let diffuse = json!({
             "type": "boolean",
-            "description": "Whether curves under isotropic light are computed beside those of all angles; with the engines doubling and auto.",
+            "description": "Whether curves under isotropic light are computed beside those of all angles; with the engines hybrid and auto.",
             "default": false,
         });
         properties.insert("diffuse".to_owned(), diffuse);
@@ -148,14 +148,14 @@ impl JsonSchema for AxesKeys {
         properties.extend(optional.map(axis));
         let core = Parameter::CORE.into_iter();
         let required = core.filter(|p| *p != Parameter::GrainSize);
-        let sizes = [Parameter::GrainSize.name()].into_iter();
+        let sizes = [Parameter::GrainSize.key()].into_iter();
         let sizes = sizes.chain(SizeMeasure::ALL.map(SizeMeasure::name));
         json_schema!({
             "description": "The axes of the database, each strictly increasing.",
             "type": "object",
             "additionalProperties": false,
             "properties": properties,
-            "required": required.map(Parameter::name).collect::<Vec<_>>(),
+            "required": required.map(Parameter::key).collect::<Vec<_>>(),
             "oneOf": sizes.map(|name| json!({ "required": [name] })).collect::<Vec<_>>(),
         })
     }
@@ -172,7 +172,7 @@ fn measure(measure: SizeMeasure) -> (String, Value) {
     let text = format!(
         "{}{rest}, {unit}, instead of {}: each gives a mean grain size.",
         first.to_uppercase(),
-        Parameter::GrainSize.name()
+        Parameter::GrainSize.key()
     );
     let allowed = Interval {
         min: 0.0,
@@ -204,14 +204,14 @@ impl JsonSchema for SnowKeys {
                 limit(keywords, parameter.record().allowed);
             }
             limit_ends(&mut range);
-            properties.insert(parameter.name().to_owned(), range.to_value());
+            properties.insert(parameter.key().to_owned(), range.to_value());
         }
         json_schema!({
             "description": "One kind of snow, or a box of kinds.",
             "type": "object",
             "properties": properties,
             "additionalProperties": false,
-            "required": core.iter().map(|p| p.name()).collect::<Vec<_>>(),
+            "required": core.iter().map(|p| p.key()).collect::<Vec<_>>(),
         })
     }
 }

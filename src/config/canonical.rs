@@ -6,7 +6,7 @@ use std::path::Path;
 use crate::grain::{SizeLaw, TruncatedNormal};
 use crate::grid::{carbon_lines, list, normal, number, reflectance};
 use crate::optics::WaterTable;
-use crate::transport::{Ground, Layer, Model};
+use crate::transport::{Layer, Model, Substrate};
 use crate::units::HALF_SPACE_CM;
 
 use super::keys::LayerKeys;
@@ -100,8 +100,8 @@ impl Writer {
     }
 
     /// The table `[substrate]`.
-    pub(super) fn ground(&mut self, ground: &Ground) {
-        let Some(reflectance) = reflectance(ground) else {
+    pub(super) fn substrate(&mut self, substrate: &Substrate) {
+        let Some(reflectance) = reflectance(substrate) else {
             return;
         };
         self.header("[substrate]");

@@ -11,6 +11,7 @@ use toml::de::DeTable;
 
 use super::check;
 use super::error::{At, ConfigError, Problem};
+use super::former;
 
 /// Longest config file read, bytes.
 const MAX_BYTES: u64 = 1 << 20;
@@ -70,7 +71,8 @@ impl<'t> Document<'t> {
             text,
             places: BTreeMap::new(),
         };
-        let (root, errors) = DeTable::parse_recoverable(text);
+        let (mut root, errors) = DeTable::parse_recoverable(text);
+        former::rename("", root.get_mut());
         if let Some(error) = errors.first() {
             // Half a document still tells the path of a key given twice.
             let _ = check::table(&mut document, schema, "", root.get_ref());

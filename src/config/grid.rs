@@ -3,7 +3,7 @@ use std::path::Path;
 
 use crate::colour::Viewing;
 use crate::engine::{Engine, MaxError};
-use crate::grain::{Shape, SizeMeasure, Told};
+use crate::grain::{Shape, SizeConversion, SizeMeasure};
 use crate::grid::{Compression, Fixed, GivenSizes, Grid, Run, Spread, why_absent};
 use crate::parameter::{Axes, Parameter};
 
@@ -46,7 +46,7 @@ pub struct GridFile {
 /// below the allowed range. A half width that the file gives is kept.
 fn narrow(document: &Document, axes: &AxesKeys, spread: &mut Spread, warnings: &mut Vec<String>) {
     const KEY: &str = "spread.grain_size_half_width_um";
-    let sizes = axes.values(Parameter::GrainSize.name());
+    let sizes = axes.values(Parameter::GrainSize.key());
     let smallest = sizes.into_iter().fold(f64::INFINITY, f64::min);
     let most = smallest - SIZE_UM.0;
     let default = spread.grain_size_half_width_um;
@@ -104,10 +104,10 @@ pub fn parse(name: &str, text: &str) -> Result<GridFile, ConfigError> {
     let run = run(&document, &keys.run, &wavelengths_nm)?;
     if diffuse && !run.engine.shares_angles() {
         let problem = Problem::Contradiction(format!(
-            "is for the engines doubling and auto, but run.engine is {}",
+            "is for the engines hybrid and auto, but run.engine is {}",
             run.engine.name()
         ));
-        let help = "set run.engine = \"doubling\", or build a second grid";
+        let help = "set run.engine = \"hybrid\", or build a second grid";
         return Err(document.error("axes.diffuse", problem, help));
     }
     fixed.diffuse = diffuse;
@@ -187,7 +187,7 @@ fn axes(
     for parameter in optional.chain(Parameter::CORE) {
         let (key, values) = match parameter {
             Parameter::GrainSize => (size_key, Some(given.clone())),
-            _ => (parameter.name(), keys.take(parameter.name())),
+            _ => (parameter.key(), keys.take(parameter.key())),
         };
         if let Some(values) = values {
             increasing(document, &format!("axes.{key}"), &values)?;
@@ -197,7 +197,7 @@ fn axes(
     let mut given_sizes = None;
     if let Some(measure) = measure {
         let s = &fixed.sphericity;
-        let shape = Told {
+        let shape = SizeConversion {
             half_width_um: spread.grain_size_half_width_um,
             size_law: spread.size_law,
             shape: Shape::default(),
@@ -245,7 +245,7 @@ fn axes(
             .enumerate()
             .filter(|&(i, _)| i == 0 || i == last)
         {
-            let key = format!("axes.{}[{i}]", parameter.name());
+            let key = format!("axes.{}[{i}]", parameter.key());
             remark_axis(document, warnings, parameter, &key, value);
         }
     }
@@ -257,7 +257,7 @@ fn size_axis(
     document: &Document,
     keys: &mut AxesKeys,
 ) -> Result<(&'static str, Vec<f64>, Option<SizeMeasure>), ConfigError> {
-    let size = Parameter::GrainSize.name();
+    let size = Parameter::GrainSize.key();
     if let Some(sizes) = keys.take(size) {
         return Ok((size, sizes, None));
     }
@@ -274,8 +274,8 @@ fn size_axis(
         SizeMeasure::SpecificSurface => &[Parameter::Sphericity, Parameter::Temperature],
     };
     for axis in depends {
-        if document.has(&format!("axes.{}", axis.name())) {
-            let name = axis.name();
+        if document.has(&format!("axes.{}", axis.key())) {
+            let name = axis.key();
             let problem = format!("is of other grain sizes at each value of the axis {name}");
             let help = format!("give grain_size_um, or leave {name} the same everywhere");
             return Err(document.error(&key, Problem::Contradiction(problem), help));

@@ -89,7 +89,7 @@ pub(super) struct SampleKeys {
     pub(super) _version: u32,
     pub(super) illumination: IlluminationKeys,
     pub(super) wavelengths: WavelengthKeys,
-    /// Layers of the pack: the first [[layer]] is the base, the last the surface.
+    /// Layers of the snowpack: the first [[layer]] is the base, the last the surface.
     #[schemars(length(min = 1, max = 100))]
     pub(super) layer: Vec<LayerKeys>,
     pub(super) substrate: Option<SubstrateKeys>,
@@ -97,17 +97,17 @@ pub(super) struct SampleKeys {
     pub(super) model: ModelKeys,
 }
 
-/// The light: polar_angle_deg, or diffuse = true.
+/// The light: incidence_angle_deg, or diffuse = true.
 #[derive(Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 #[schemars(extend("oneOf" = [
-    { "required": ["polar_angle_deg"], "properties": { "diffuse": { "const": false } } },
-    { "required": ["diffuse"], "properties": { "diffuse": { "const": true }, "polar_angle_deg": false } },
+    { "required": ["incidence_angle_deg"], "properties": { "diffuse": { "const": false } } },
+    { "required": ["diffuse"], "properties": { "diffuse": { "const": true }, "incidence_angle_deg": false } },
 ]))]
 pub(super) struct IlluminationKeys {
     /// Angle between parallel rays and the surface normal, degrees, in [0, 90).
     #[schemars(range(min = 0.0), extend("exclusiveMaximum" = 90.0))]
-    pub(super) polar_angle_deg: Option<f64>,
+    pub(super) incidence_angle_deg: Option<f64>,
     /// Isotropic radiance over the whole upper hemisphere.
     #[serde(default)]
     pub(super) diffuse: bool,
@@ -146,7 +146,7 @@ pub(super) struct WavelengthKeys {
     { "required": ["density_kg_m3"] }, { "required": ["wet_density_kg_m3"] },
 ], "not" = { "required": ["water_saturation", "water_fraction"] }))]
 pub(super) struct LayerKeys {
-    /// Thickness, cm; ordinarily 1 to 100. The pack, or in a cascade each layer,
+    /// Thickness, cm; ordinarily 1 to 100. The snowpack, or in a cascade each layer,
     /// holds at least 10 lengths of its biggest grain. `inf` makes the base of a sample a half space.
     #[schemars(with = "f64", transform = or_half_space)]
     #[serde(deserialize_with = "thickness")]
@@ -528,7 +528,7 @@ pub(super) struct RunKeys {
     pub(super) seed: u64,
     /// Walks per curve: at each wavelength in `reference`, at each index node
     /// in `spectral` and `tabulated`, at each index node and angle in
-    /// `doubling`. May be left out in `auto`, which then takes as many as
+    /// `hybrid`. May be left out in `auto`, which then takes as many as
     /// `max_error` needs; other engines need it.
     #[schemars(range(min = 1, max = 1_000_000_000_000_u64))]
     pub(super) rays: Option<u64>,
@@ -640,12 +640,7 @@ fn default_concentration_per() -> String {
 }
 
 fn engine_names() -> Vec<&'static str> {
-    let aliases = Engine::ALIASES.map(|(name, _)| name);
-    Engine::ALL
-        .map(Engine::name)
-        .into_iter()
-        .chain(aliases)
-        .collect()
+    Engine::ALL.map(Engine::name).into()
 }
 
 fn default_engine() -> String {

@@ -1,11 +1,13 @@
 //! Layers of snow, what absorbs in them and what they lie on.
 use std::path::Path;
 
-use crate::grain::{GrainType, Shape, SizeLaw, SizeMeasure, SizeRange, Told, TruncatedNormal};
+use crate::grain::{
+    GrainType, Shape, SizeConversion, SizeLaw, SizeMeasure, SizeRange, TruncatedNormal,
+};
 use crate::optics::{Carbon, ice_density_kg_m3};
 use crate::spectrum::Table;
 use crate::spectrum::measured::{self, Content, Gap, MAX_BRIDGE_NM, Request};
-use crate::transport::{Component, EXPONENTS, Ground, Layer, Snow};
+use crate::transport::{Component, EXPONENTS, Layer, Snow, Substrate};
 use crate::units::{HALF_SPACE_CM, cm_to_m, um_to_m};
 
 use super::document::Document;
@@ -129,26 +131,26 @@ pub(super) fn exponents<'a>(
         return Ok(());
     }
     let problem = Problem::Contradiction(format!(
-        "brings carbon of {} different Angstrom exponents: at most {EXPONENTS} in one pack",
+        "brings carbon of {} different Angstrom exponents: at most {EXPONENTS} in one snowpack",
         found.len()
     ));
     Err(document.error(key, problem, "give alike carbon the same exponent"))
 }
 
-/// What the table `table` says of the ground at `wavelengths_nm`; paths are relative to
+/// What the table `table` says of the substrate at `wavelengths_nm`; paths are relative to
 /// `directory`, and `notes` say what files were read.
-pub(super) fn ground(
+pub(super) fn substrate(
     document: &Document,
     table: &str,
     keys: Option<&SubstrateKeys>,
     (directory, wavelengths_nm): (&Path, &[f64]),
     notes: &mut Vec<String>,
-) -> Result<Ground, ConfigError> {
+) -> Result<Substrate, ConfigError> {
     let key = format!("{table}.reflectance");
     let refuse =
         |problem: String, help: &str| document.error(&key, Problem::Contradiction(problem), help);
     let values = match keys.map(|keys| &keys.reflectance) {
-        None => return Ok(Ground::Black),
+        None => return Ok(Substrate::Black),
         Some(ReflectanceKeys::Number(reflectance)) => vec![*reflectance],
         Some(ReflectanceKeys::List(values)) => {
             let (given, needed) = (values.len(), wavelengths_nm.len());
@@ -181,10 +183,10 @@ pub(super) fn ground(
         }
     };
     Ok(match values[..] {
-        [0.0] => Ground::Black,
-        [reflectance] => Ground::Grey(reflectance),
+        [0.0] => Substrate::Black,
+        [reflectance] => Substrate::Grey(reflectance),
         _ => match Table::of(wavelengths_nm, &values) {
-            Some(table) => Ground::Spectrum { table },
+            Some(table) => Substrate::Spectrum { table },
             None => return Err(refuse("has values that are not finite".to_owned(), "")),
         },
     })
@@ -279,7 +281,7 @@ pub(super) fn sizes_um(
     if let Some(size) = &grain.size_um {
         return [size.min, size.max];
     }
-    let shape = Told {
+    let shape = SizeConversion {
         half_width_um: 0.0,
         size_law,
         shape: Shape::default(),

@@ -17,6 +17,7 @@ mod change;
 mod check;
 mod document;
 mod error;
+mod former;
 pub mod grid;
 mod keys;
 mod layer;

@@ -1,7 +1,7 @@
-//! Sample files: one snow pack, its light and the wavelengths.
+//! Sample files: one snowpack, its light and the wavelengths.
 use std::path::Path;
 
-use crate::transport::{Illumination, Joining, Layer, Model, Pack, Snow};
+use crate::transport::{Illumination, Joining, Layer, Model, Snow, Snowpack};
 use crate::units::{m_to_cm, m_to_um};
 
 use super::canonical::Writer;
@@ -16,7 +16,7 @@ use super::{directory_of, layer, schema};
 #[derive(Debug, Clone, PartialEq)]
 pub struct SampleFile {
     /// The snow.
-    pub pack: Pack,
+    pub snowpack: Snowpack,
     /// Thickness of all its layers together, m.
     pub thickness_m: f64,
     /// The light.
@@ -64,7 +64,7 @@ pub fn parse(name: &str, text: &str) -> Result<SampleFile, ConfigError> {
     let directory = directory_of(name);
     let model = model(&document, &keys.model, directory)?;
     let substrate = keys.substrate.as_ref();
-    let ground = layer::ground(
+    let substrate = layer::substrate(
         &document,
         "substrate",
         substrate,
@@ -75,8 +75,8 @@ pub fn parse(name: &str, text: &str) -> Result<SampleFile, ConfigError> {
 
     let mut out = Writer::new();
     out.header("[illumination]");
-    match keys.illumination.polar_angle_deg {
-        Some(angle) => out.number("polar_angle_deg", angle),
+    match keys.illumination.incidence_angle_deg {
+        Some(angle) => out.number("incidence_angle_deg", angle),
         None => out.raw("diffuse", "true"),
     }
     out.header("[wavelengths]");
@@ -84,19 +84,19 @@ pub fn parse(name: &str, text: &str) -> Result<SampleFile, ConfigError> {
     for (layer, keys) in layers.iter().zip(&keys.layer) {
         out.layer(layer, keys);
     }
-    out.ground(&ground);
+    out.substrate(&substrate);
     out.model(&model, size_law, directory);
 
     // a config begins at the base, light at the surface
     layers.reverse();
-    let Some((pack, thickness_m)) = Pack::of(&layers, ground) else {
+    let Some((snowpack, thickness_m)) = Snowpack::of(&layers, substrate) else {
         return Err(document.error("layer", Problem::Missing, "add a [[layer]]"));
     };
-    let wet = pack.is_wet();
+    let wet = snowpack.is_wet();
     covered(&document, &model, &wavelengths_nm, wet)?;
-    layer::exponents(&document, "layer", pack.snows().flat_map(Snow::carbon))?;
+    layer::exponents(&document, "layer", snowpack.snows().flat_map(Snow::carbon))?;
     Ok(SampleFile {
-        pack,
+        snowpack,
         thickness_m,
         illumination,
         wavelengths_nm,
@@ -108,8 +108,11 @@ pub fn parse(name: &str, text: &str) -> Result<SampleFile, ConfigError> {
 }
 
 fn illumination(document: &Document, keys: &SampleKeys) -> Result<Illumination, ConfigError> {
-    let (angle, diffuse) = ("illumination.polar_angle_deg", "illumination.diffuse");
-    match (keys.illumination.polar_angle_deg, keys.illumination.diffuse) {
+    let (angle, diffuse) = ("illumination.incidence_angle_deg", "illumination.diffuse");
+    match (
+        keys.illumination.incidence_angle_deg,
+        keys.illumination.diffuse,
+    ) {
         (Some(degrees), false) => Ok(Illumination::Collimated {
             polar_angle_rad: degrees.to_radians(),
         }),
@@ -122,7 +125,7 @@ fn illumination(document: &Document, keys: &SampleKeys) -> Result<Illumination, 
     }
 }
 
-/// Grains must fit between the planes that reject them: those of the pack, or
+/// Grains must fit between the planes that reject them: those of the snowpack, or
 /// in a cascade of each layer.
 fn room(document: &Document, layers: &[Layer], joining: Joining) -> Result<(), ConfigError> {
     let slabs: Vec<&[Layer]> = match joining {

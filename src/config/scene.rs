@@ -6,7 +6,7 @@ use crate::colour::Colorimeter;
 use crate::measurement::Quantity;
 use crate::parameter::{Parameter, Region};
 use crate::scene::Scene;
-use crate::transport::Ground;
+use crate::transport::Substrate;
 
 use super::document::{Document, read_text};
 use super::error::{ConfigError, Problem};
@@ -44,7 +44,7 @@ impl SceneFile {
             if let Some(lights) = scene.get_mut("illuminants") {
                 *lights = toml::Value::try_from(&self.scene.viewing.illuminants).ok()?;
             }
-            if let Ground::Spectrum { table } = &self.scene.fixed.ground {
+            if let Substrate::Spectrum { table } = &self.scene.fixed.substrate {
                 let keys = all.get_mut("fixed")?.get_mut("substrate")?.as_table_mut()?;
                 let values = toml::Value::try_from(table.column(0)).ok()?;
                 keys.insert("reflectance".to_owned(), values);
@@ -82,7 +82,7 @@ pub fn parse(name: &str, text: &str) -> Result<SceneFile, ConfigError> {
     for (i, keys) in keys.snow.iter().enumerate() {
         let mut ranges = Vec::new();
         for (parameter, keys) in keys.iter() {
-            let key = format!("snow[{i}].{}", parameter.name());
+            let key = format!("snow[{i}].{}", parameter.key());
             let given = Given::new(&document, key, keys)?;
             ranges.push((parameter, given.range));
             match parameter {
@@ -114,7 +114,11 @@ pub fn parse(name: &str, text: &str) -> Result<SceneFile, ConfigError> {
     for (key, value) in &thickness.ends {
         remark_axis(&document, &mut warnings, Parameter::Thickness, key, *value);
     }
-    let angle = Given::new(&document, "scene.angle_deg".into(), asked.angle_deg)?;
+    let angle = Given::new(
+        &document,
+        "scene.incidence_angle_deg".into(),
+        asked.incidence_angle_deg,
+    )?;
 
     let wavelengths_nm = wavelengths(&document, &keys.wavelengths, &mut warnings)?;
     let viewing = viewing(
@@ -195,7 +199,7 @@ fn same_axes(document: &Document, regions: &[Region]) -> Result<(), ConfigError>
             && regions.iter().any(has)
         {
             let help = "give it for every snow, or for none";
-            let key = format!("snow[{i}].{}", parameter.name());
+            let key = format!("snow[{i}].{}", parameter.key());
             return Err(document.error(&key, Problem::Missing, help));
         }
     }

@@ -66,7 +66,7 @@ pub(super) struct AskedKeys {
     pub(super) thickness_cm: RangeKeys,
     /// Angle between parallel rays and the surface normal, degrees, a number or a range in [0, 90).
     #[schemars(range(min = 0.0), extend("exclusiveMaximum" = 90.0), transform = limit_ends)]
-    pub(super) angle_deg: RangeKeys,
+    pub(super) incidence_angle_deg: RangeKeys,
 }
 
 /// How the scene is computed.

@@ -38,14 +38,12 @@ pub(super) fn fixed_or_axis(
     for table in tables {
         for parameter in Parameter::ALL {
             for fixed in parameter.record().fixed {
-                exclusive(document, &format!("{table}.{}", parameter.name()), fixed)?;
+                exclusive(document, &format!("{table}.{}", parameter.key()), fixed)?;
             }
         }
     }
     let has = |axis: Parameter| {
-        let mut keys = tables
-            .iter()
-            .map(|table| format!("{table}.{}", axis.name()));
+        let mut keys = tables.iter().map(|table| format!("{table}.{}", axis.key()));
         keys.any(|key| document.has(&key))
     };
     for key in ["spread.sphericity_half_width", "spread.sphericity_sd"] {
@@ -112,7 +110,7 @@ pub(super) fn fixed(
         black_carbon: carbon("black_carbon", &keys.black_carbon, Carbon::black(0.0))?,
         brown_carbon: carbon("brown_carbon", &keys.brown_carbon, Carbon::brown(0.0))?,
         below,
-        ground: layer::ground(
+        substrate: layer::substrate(
             document,
             "fixed.substrate",
             keys.substrate.as_ref(),
@@ -246,7 +244,7 @@ pub(super) fn remark_spread(
     }
 }
 
-/// Refuses a pack over the layers of `fixed` that leaves nothing for the surface
+/// Refuses a snowpack over the layers of `fixed` that leaves nothing for the surface
 /// layer, or that the biggest grain does not fit into often enough.
 pub(super) fn thick_enough(
     document: &Document,
@@ -260,7 +258,7 @@ pub(super) fn thick_enough(
         let problem = Problem::OutOfRange(format!(
             "above {below_cm} cm, which the layers of fixed.below take: it is the thickness of all layers"
         ));
-        let help = "take thicker packs or thinner layers below";
+        let help = "take thicker snowpacks or thinner layers below";
         return Err(document.error(key, problem, help));
     }
     match fixed.model.joining {

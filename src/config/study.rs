@@ -10,6 +10,7 @@ use crate::transport::Illumination;
 use super::change;
 use super::document::{Document, read_text};
 use super::error::{ConfigError, Problem};
+use super::former;
 use super::sample::{self, SampleFile};
 use super::study_keys::{
     BRDF, DrawKeys, HEMISPHERE, LOGARITHMIC, StudyKeys, THICKNESS, VariantKeys,
@@ -124,7 +125,7 @@ pub fn parse(name: &str, text: &str) -> Result<StudyFile, ConfigError> {
     })?;
     // what is wrong with the sample as it stands is told at its own lines
     sample::parse(&base_name, &base_text)?;
-    let base: Table = toml::from_str(&base_text).map_err(|error| {
+    let base: Table = former::parsed(&base_text).map_err(|error| {
         let problem = Problem::Syntax(error.message().to_owned());
         document.error("sample", problem, "")
     })?;
@@ -187,7 +188,7 @@ fn changed(
 ) -> Result<SampleFile, ConfigError> {
     for (table, set) in sets {
         for (path, value) in *set {
-            change::set(&mut base, path, value.clone()).map_err(|wrong| {
+            change::set(&mut base, &former::path(path), value.clone()).map_err(|wrong| {
                 let key = format!("{table}.{path:?}");
                 let help = "write it as error messages do, such as layer[0].grain[0].size_um.min";
                 document.error(&key, Problem::Contradiction(wrong), help)
@@ -268,7 +269,7 @@ fn one_beam(document: &Document, variants: &[Variant]) -> Result<(), ConfigError
             let problem = format!(
                 "needs light from one direction, but on the variant {label:?} it is diffuse"
             );
-            let help = "set illumination = { polar_angle_deg = 60 }, or another angle";
+            let help = "set illumination = { incidence_angle_deg = 60 }, or another angle";
             return refuse(problem, help);
         }
     }
@@ -294,5 +295,5 @@ fn visible(document: &Document, variants: &[Variant]) -> Result<(), ConfigError>
 /// What the mean of a study against thickness is taken over, nm.
 pub const VISIBLE_NM: std::ops::RangeInclusive<f64> = 400.0..=700.0;
 
-/// Sensors of the hemisphere where none are given, as in `measure --goniometer`.
+/// Sensors of the hemisphere where none are given, as in `simulate --goniometer`.
 const DEFAULT_SENSORS: usize = 1000;

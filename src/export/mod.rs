@@ -3,17 +3,17 @@
 //! [`Table`] is what a database or a compact file holds, at its nodes; `netcdf`,
 //! [`csv()`] and `npz` are the bytes of a file that holds the same, `crtm` that of
 //! a table of reflectance for satellite codes. [`spd()`] is one
-//! spectrum as renderers read it, [`Eyes`] are what sees spectra as colours, and
+//! spectrum as renderers read it, [`Observers`] are what sees spectra as colours, and
 //! `thicknesses` is a picture of these. Features of the crate decide which there are:
 //! `netcdf` has `netcdf` and `crtm`, `npz` has `npz`, `charts` has `thicknesses`.
 #[cfg(feature = "netcdf")]
 mod crtm;
 mod csv;
-mod eyes;
 #[cfg(feature = "netcdf")]
 mod netcdf;
 #[cfg(feature = "npz")]
 mod npz;
+mod observers;
 mod spd;
 #[cfg(feature = "charts")]
 mod swatches;
@@ -32,11 +32,11 @@ use crate::store::StoreError;
 #[cfg(feature = "netcdf")]
 pub use crtm::crtm;
 pub use csv::csv;
-pub use eyes::{Eyes, LIGHTS, LUMINANCE, Sampling};
 #[cfg(feature = "netcdf")]
 pub use netcdf::netcdf;
 #[cfg(feature = "npz")]
 pub use npz::npz;
+pub use observers::{LIGHTS, LUMINANCE, Observers, Sampling};
 pub use spd::{RANGE_NM, spd};
 #[cfg(feature = "charts")]
 pub use swatches::thicknesses;

@@ -5,7 +5,7 @@ use crate::measurement::Quantity;
 use crate::parameter::{Parameter, Point};
 
 use super::ExportError;
-use super::eyes::{Eyes, LIGHTS, LUMINANCE, Sampling};
+use super::observers::{LIGHTS, LUMINANCE, Observers, Sampling};
 
 /// Most columns of a picture.
 const COLUMNS: usize = 12;
@@ -37,7 +37,7 @@ pub fn thicknesses(
     one: bool,
     snow: String,
 ) -> Result<Swatches, ExportError> {
-    let eyes = Eyes::new(database.wavelengths_nm())?;
+    let observers = Observers::new(database.wavelengths_nm())?;
     let lookup = Lookup::new(database, quantity)?;
     let nodes = database.axes().values(Parameter::Thickness);
     let all = if one {
@@ -54,14 +54,14 @@ pub fn thicknesses(
         let mut spectrum = vec![0.0; lookup.wavelengths()];
         lookup.spectrum(at.with(Parameter::Thickness, thickness_cm), &mut spectrum)?;
         let spectrum: Vec<f64> = spectrum.into_iter().map(f64::from).collect();
-        let exposure = eyes.exposure(&[&spectrum]);
+        let exposure = observers.exposure(&[&spectrum]);
         columns.push([format!("{thickness_cm} cm"), format!("× {exposure}")]);
         for (light, (_, swatches)) in rows.iter_mut().enumerate() {
-            let colour = |by| eyes.srgb(by, light, &spectrum, exposure);
+            let colour = |by| observers.srgb(by, light, &spectrum, exposure);
             let pair = Sampling::ALL.map(|by| (by, spectrum.as_slice()));
             swatches.push(Swatch {
                 colours: Sampling::ALL.map(colour).into(),
-                words: format!("{:.2}", eyes.difference(light, pair, 1.0)),
+                words: format!("{:.2}", observers.difference(light, pair, 1.0)),
             });
         }
     }

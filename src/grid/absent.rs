@@ -14,7 +14,7 @@ use crate::units::cm_to_m;
 pub const MIN_GRAIN_LENGTHS: f64 = 10.0;
 
 impl Fixed {
-    /// Thickness, m, of the thinnest pack, of all layers together, for grains of the
+    /// Thickness, m, of the thinnest snowpack, of all layers together, for grains of the
     /// surface layer up to `longest_m` long.
     #[must_use]
     pub fn thinnest_m(&self, longest_m: f64) -> f64 {

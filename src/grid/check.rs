@@ -67,7 +67,7 @@ pub enum GridError {
         shape: Vec<u64>,
     },
     /// Isotropic light with an engine that has a job for each angle.
-    #[error("diffuse light beside angles needs the engine doubling or auto, not {engine}")]
+    #[error("diffuse light beside angles needs the engine hybrid or auto, not {engine}")]
     Diffuse {
         /// The engine.
         engine: &'static str,
@@ -91,11 +91,11 @@ impl Grid {
     pub fn jobs(&self) -> Result<Jobs, GridError> {
         let missing = Parameter::CORE.into_iter().find(|p| !self.axes.has(*p));
         if let Some(parameter) = missing {
-            let axis = parameter.name();
+            let axis = parameter.key();
             return Err(GridError::Empty { axis });
         }
         for (parameter, values) in self.axes.iter() {
-            check_list(parameter.name(), values, parameter.record().physical)?;
+            check_list(parameter.key(), values, parameter.record().physical)?;
         }
         let wavelengths = Interval {
             min: 0.0,
@@ -173,11 +173,11 @@ mod tests {
         let cases: [Case; 10] = [
             (
                 |g| g.axes.values_mut(Parameter::Incidence).clear(),
-                "angle_deg is empty",
+                "incidence_angle_deg is empty",
             ),
             (
                 |g| g.axes.values_mut(Parameter::Incidence).push(90.0),
-                "angle_deg = 90 must be at least 0 and below 90",
+                "incidence_angle_deg = 90 must be at least 0 and below 90",
             ),
             (
                 |g| g.axes.values_mut(Parameter::Thickness).push(5.0),

@@ -9,7 +9,7 @@ use crate::engine::{Engine, MaxError};
 use crate::grain::{SizeLaw, TruncatedNormal};
 use crate::optics::{Carbon, WaterTable};
 use crate::parameter::Parameter;
-use crate::transport::{Component, Ground, Layer};
+use crate::transport::{Component, Layer, Substrate};
 use crate::units::{m_to_cm, m_to_um};
 
 impl Grid {
@@ -22,7 +22,7 @@ impl Grid {
             Some(given) if parameter == Parameter::GrainSize => {
                 (given.measure.name(), given.values.as_slice())
             }
-            _ => (parameter.name(), axes.values(parameter)),
+            _ => (parameter.key(), axes.values(parameter)),
         };
         // those that every database has come first
         let all = axes.iter().map(|(parameter, _)| parameter);
@@ -64,7 +64,7 @@ impl Grid {
             (Parameter::WaterSaturation, number(fixed.water_saturation)),
         ] {
             if !axes.has(parameter) {
-                add("fixed", parameter.name(), value);
+                add("fixed", parameter.key(), value);
             }
         }
         for (key, carbon) in [
@@ -83,9 +83,9 @@ impl Grid {
             let layers: Vec<_> = fixed.below.iter().rev().map(layer).collect();
             add("fixed", "below", format!("[{}]", layers.join(", ")));
         }
-        let ground = reflectance(&fixed.ground);
+        let substrate = reflectance(&fixed.substrate);
         let free = !axes.has(Parameter::SubstrateReflectance);
-        if let Some(reflectance) = ground.filter(|_| free) {
+        if let Some(reflectance) = substrate.filter(|_| free) {
             add(
                 "fixed",
                 "substrate",
@@ -208,13 +208,13 @@ pub(crate) fn carbon_lines(carbon: &Carbon) -> Vec<String> {
     ]
 }
 
-/// The value of the key `reflectance` of a ground, if it is not black: of a spectrum the
+/// The value of the key `reflectance` of a substrate, if it is not black: of a spectrum the
 /// values that are used, one for each wavelength.
-pub(crate) fn reflectance(ground: &Ground) -> Option<String> {
-    match ground {
-        Ground::Black => None,
-        Ground::Grey(reflectance) => Some(number(*reflectance)),
-        Ground::Spectrum { table } => Some(list(table.column(0))),
+pub(crate) fn reflectance(substrate: &Substrate) -> Option<String> {
+    match substrate {
+        Substrate::Black => None,
+        Substrate::Grey(reflectance) => Some(number(*reflectance)),
+        Substrate::Spectrum { table } => Some(list(table.column(0))),
     }
 }
 

@@ -6,7 +6,7 @@ use crate::engine::{Engine, Request, Resolution, identity};
 use crate::grain::{GrainType, Shape, SizeRange, TruncatedNormal};
 use crate::measurement::{Measured, Spectrum};
 use crate::parameter::{Parameter, Point, Role};
-use crate::transport::{Illumination, Pack, Snow};
+use crate::transport::{Illumination, Snow, Snowpack};
 use crate::units::{HALF_SPACE_M, cm_to_m, m_to_cm, um_to_m};
 
 /// Jobs share the tables of a shape of grain, so these are this many times as fine as the
@@ -22,7 +22,7 @@ pub struct Job {
     /// Its values on all axes but thickness and incidence.
     pub snow: Point,
     /// The snow.
-    pub pack: Pack,
+    pub snowpack: Snowpack,
     /// Slab thicknesses, m, increasing: the job's curves in storage order.
     pub thicknesses_m: Vec<f64>,
     /// Polar angles of incidence, degrees.
@@ -63,7 +63,12 @@ impl Job {
     #[must_use]
     pub fn request<'a>(&'a self, grid: &'a Grid) -> Request<'a> {
         let thicknesses_m = self.thicknesses_m.get(self.absent..).unwrap_or_default();
-        grid.request(&self.pack, thicknesses_m, &self.illuminations, self.cell)
+        grid.request(
+            &self.snowpack,
+            thicknesses_m,
+            &self.illuminations,
+            self.cell,
+        )
     }
 }
 
@@ -99,8 +104,13 @@ impl fmt::Display for Job {
 
 /// What the streams of a job are keyed with: of what it shares out over its
 /// curves, the engine keeps the streams apart.
-fn cell(engine: Engine, pack: &Pack, thicknesses_m: &[f64], lights: &[Illumination]) -> u64 {
-    let mut cell = identity::of_pack(pack);
+fn cell(
+    engine: Engine,
+    snowpack: &Snowpack,
+    thicknesses_m: &[f64],
+    lights: &[Illumination],
+) -> u64 {
+    let mut cell = identity::of_snowpack(snowpack);
     if let ([light], false) = (lights, engine.shares_angles()) {
         cell = identity::with_light(cell, light);
     }
@@ -116,7 +126,7 @@ impl Grid {
     ///
     /// # Errors
     /// A law of one of its values is impossible.
-    pub fn pack(&self, point: &Point) -> Result<Pack, GridError> {
+    pub fn snowpack(&self, point: &Point) -> Result<Snowpack, GridError> {
         let fixed = self.fixed.at(point, &self.spread)?;
         let grain = GrainType {
             size: self.size_law(point[Parameter::GrainSize])?,
@@ -125,7 +135,7 @@ impl Grid {
             sphericity: fixed.sphericity,
         };
         let surface = Snow::dry(grain, point[Parameter::Density], fixed.temperature_c);
-        Ok(Pack {
+        Ok(Snowpack {
             surface: Snow {
                 water_saturation: fixed.water_saturation,
                 black_carbon: fixed.black_carbon,
@@ -133,21 +143,21 @@ impl Grid {
                 ..surface
             },
             below: fixed.below,
-            ground: fixed.ground,
+            substrate: fixed.substrate,
         })
     }
 
-    /// What to ask an engine for of one `pack`.
+    /// What to ask an engine for of one `snowpack`.
     #[must_use]
     pub fn request<'a>(
         &'a self,
-        pack: &'a Pack,
+        snowpack: &'a Snowpack,
         thicknesses_m: &'a [f64],
         illuminations: &'a [Illumination],
         cell: u64,
     ) -> Request<'a> {
         Request {
-            pack,
+            snowpack,
             thicknesses_m,
             illuminations,
             resolution: Resolution::of_rays(self.run.rays.saturating_mul(SHARED)),
@@ -180,7 +190,7 @@ impl Grid {
         .map(of);
         let ((size, _), (thicknesses, all_cm), (angles, all_deg)) = (size?, thicknesses?, angles?);
         let absent = self.absent()?.get(size.start).copied().unwrap_or_default();
-        let pack = self.pack(&snow)?;
+        let snowpack = self.snowpack(&snow)?;
         let missing = || GridError::NoSuchJob {
             job,
             jobs: jobs.count(),
@@ -197,9 +207,9 @@ impl Grid {
         let diffuse = self.fixed.diffuse.then_some(Illumination::Diffuse);
         let illuminations: Vec<_> = angles_deg.iter().map(light).chain(diffuse).collect();
         Ok(Job {
-            cell: cell(self.run.engine, &pack, &thicknesses_m, &illuminations),
+            cell: cell(self.run.engine, &snowpack, &thicknesses_m, &illuminations),
             snow,
-            pack,
+            snowpack,
             thicknesses_m,
             angles_deg: angles_deg.to_vec(),
             absent,
@@ -241,52 +251,55 @@ impl Grid {
 mod tests {
     #![allow(clippy::unwrap_used)]
     use super::*;
-    use crate::engine::identity::{of_pack, with_light, with_thickness};
+    use crate::engine::identity::{of_snowpack, with_light, with_thickness};
     use crate::grid::tests::{small, with_extra};
     use crate::optics::Carbon;
-    use crate::transport::Ground;
+    use crate::transport::Substrate;
 
     /// Every parameter counts, and nothing but parameters. The number is part of
     /// what decides the bytes of databases: it may change with the format only.
     #[test]
     fn bits_are_of_parameters() {
-        let grid = with_extra(small(Engine::Doubling));
+        let grid = with_extra(small(Engine::Hybrid));
         let jobs = grid.jobs().unwrap();
         let mut all: Vec<u64> = (0..jobs.count())
             .map(|job| grid.job(&jobs, job).unwrap().cell)
             .collect();
-        let pack = grid.job(&jobs, 0).unwrap().pack;
-        assert_eq!(all[0], of_pack(&pack));
+        let snowpack = grid.job(&jobs, 0).unwrap().snowpack;
+        assert_eq!(all[0], of_snowpack(&snowpack));
         all.sort_unstable();
         all.dedup();
         assert_eq!(all.len() as u64, jobs.count());
 
-        let clean = Pack {
+        let clean = Snowpack {
             surface: Snow {
                 black_carbon: None,
-                ..pack.surface.clone()
+                ..snowpack.surface.clone()
             },
-            ..pack.clone()
+            ..snowpack.clone()
         };
-        assert_eq!(of_pack(&clean), of_pack(&pack));
+        assert_eq!(of_snowpack(&clean), of_snowpack(&snowpack));
         let sooty = |carbon: Carbon| {
-            let mut pack = pack.clone();
-            pack.surface.black_carbon = Some(carbon);
-            of_pack(&pack)
+            let mut snowpack = snowpack.clone();
+            snowpack.surface.black_carbon = Some(carbon);
+            of_snowpack(&snowpack)
         };
         let carbon = Carbon::black(10.0);
         let wet = Carbon {
             per_wet_mass: !carbon.per_wet_mass,
             ..carbon
         };
-        assert_ne!(sooty(carbon), of_pack(&pack));
+        assert_ne!(sooty(carbon), of_snowpack(&snowpack));
         assert_ne!(sooty(carbon), sooty(wet));
-        let on = |ground| {
-            let pack = pack.clone();
-            of_pack(&Pack { ground, ..pack })
+        let on = |substrate| {
+            let snowpack = snowpack.clone();
+            of_snowpack(&Snowpack {
+                substrate,
+                ..snowpack
+            })
         };
-        assert_ne!(on(Ground::Grey(0.2)), on(Ground::Black));
-        assert_ne!(on(Ground::Grey(0.2)), on(Ground::Grey(0.3)));
+        assert_ne!(on(Substrate::Grey(0.2)), on(Substrate::Black));
+        assert_ne!(on(Substrate::Grey(0.2)), on(Substrate::Grey(0.3)));
         let angle = |polar_angle_rad| Illumination::Collimated { polar_angle_rad };
         assert_ne!(with_light(1, &angle(0.0)), with_light(1, &angle(0.5)));
         assert_ne!(with_light(1, &angle(0.0)), with_light(2, &angle(0.0)));
@@ -309,8 +322,11 @@ mod tests {
         );
         assert_eq!(job(1).thicknesses_m, [0.01]);
         assert_eq!(job(2).thicknesses_m, [0.02]);
-        assert_eq!(job(6).pack.surface.sizes_m()[1], 250.0 * 1e-6);
-        assert_eq!(job(12).pack.surface.grains[0].grain.facetness.mean(), 0.5);
+        assert_eq!(job(6).snowpack.surface.sizes_m()[1], 250.0 * 1e-6);
+        assert_eq!(
+            job(12).snowpack.surface.grains[0].grain.facetness.mean(),
+            0.5
+        );
         let mut cells: Vec<u64> = (0..24).map(|n| job(n).cell).collect();
         cells.sort_unstable();
         cells.dedup();

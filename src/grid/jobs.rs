@@ -36,7 +36,7 @@ impl Jobs {
     pub fn new(engine: Engine, axes: &Axes, wavelengths: u64) -> Result<Self, GridError> {
         let lengths = axes
             .iter()
-            .map(|(p, values)| (p.name(), values.len() as u64));
+            .map(|(p, values)| (p.key(), values.len() as u64));
         let mut lengths = lengths.chain([("wavelength_nm", wavelengths)]);
         if let Some((axis, _)) = lengths.find(|(_, n)| *n == 0) {
             return Err(GridError::Empty { axis });
@@ -259,6 +259,6 @@ mod tests {
         };
         assert_eq!(count(Engine::Spectral), 2250);
         assert_eq!(count(Engine::Reference), 24_750);
-        assert_eq!(count(Engine::Doubling), 225);
+        assert_eq!(count(Engine::Hybrid), 225);
     }
 }

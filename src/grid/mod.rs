@@ -13,7 +13,7 @@ use crate::engine::{Engine, MaxError};
 use crate::grain::{SizeLaw, SizeMeasure, TruncatedNormal};
 use crate::optics::Carbon;
 use crate::parameter::Axes;
-use crate::transport::{Ground, Layer, Model};
+use crate::transport::{Layer, Model, Substrate};
 
 pub use absent::{MIN_GRAIN_LENGTHS, absent_curves, existing, why_absent};
 pub use check::GridError;
@@ -91,7 +91,7 @@ pub struct Fixed {
     /// of all layers together.
     pub below: Vec<Layer>,
     /// What they lie on.
-    pub ground: Ground,
+    pub substrate: Substrate,
     /// Choices within the model.
     pub model: Model,
     /// Whether isotropic light falls on it, too, beside that of the angles; only with
@@ -100,7 +100,7 @@ pub struct Fixed {
 }
 
 impl Fixed {
-    /// Clean, dry snow on black ground.
+    /// Clean, dry snow on black substrate.
     #[must_use]
     pub fn dry(sphericity: TruncatedNormal, temperature_c: f64) -> Self {
         Self {
@@ -110,7 +110,7 @@ impl Fixed {
             black_carbon: None,
             brown_carbon: None,
             below: Vec::new(),
-            ground: Ground::Black,
+            substrate: Substrate::Black,
             model: Model::default(),
             diffuse: false,
         }

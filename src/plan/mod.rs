@@ -185,7 +185,7 @@ pub fn plan(grid: &Grid, options: &Options) -> Result<Plan, PlanError> {
     let (value, wavelength) = COMPRESS_SECONDS;
     let values = 2.0 * (jobs.curves() * jobs.wavelengths()) as f64;
     let compressing = values * (value + wavelength * jobs.wavelengths() as f64);
-    let axes = grid.axes.iter().map(|(axis, values)| (axis.name(), values));
+    let axes = grid.axes.iter().map(|(axis, values)| (axis.key(), values));
     let axes = axes.chain([(WAVELENGTH, grid.wavelengths_nm.as_slice())]);
     Ok(Plan {
         engine: grid.run.engine,

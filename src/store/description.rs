@@ -10,9 +10,9 @@ use sha2::{Digest, Sha256};
 use super::StoreError;
 use super::layout::Contents;
 use crate::engine::Engine;
-use crate::grain::{Shape, SizeLaw, SizeMeasure, Told, TruncatedNormal};
+use crate::grain::{Shape, SizeConversion, SizeLaw, SizeMeasure, TruncatedNormal};
 use crate::grid::{GivenSizes, Grid};
-use crate::lookup::Substrate;
+use crate::lookup::SubstrateKind;
 use crate::parameter::{Axes, Parameter};
 
 /// Version of the layout described in [`crate::store`].
@@ -27,6 +27,30 @@ const ABSENT: &str = "absent";
 
 /// Value of the attribute by which our own databases are recognised.
 const PROGRAM: &str = "splitsnow";
+
+/// Keys and values that have been renamed: the spelling of version 0.1, which stays that
+/// of the identity, and the present one. Commit marks hash the identity, so a new
+/// spelling there would make every finished job a foreign one.
+const KEYS: [[&str; 2]; 1] = [["axes.angle_deg", "axes.incidence_angle_deg"]];
+const ENGINES: [[&str; 2]; 1] = [["\"doubling\"", "\"hybrid\""]];
+
+/// An entry in another spelling; `order` tells the one looked for and its replacement.
+fn spelled(
+    key: &str,
+    value: &str,
+    order: impl Fn([&'static str; 2]) -> (&'static str, &'static str),
+) -> (String, String) {
+    let replaced = |pairs: [[&'static str; 2]; 1], text: &str| {
+        let mut pairs = pairs.into_iter().map(&order);
+        let found = pairs.find(|(from, _)| *from == text);
+        found.map_or_else(|| text.to_owned(), |(_, to)| to.to_owned())
+    };
+    let new_value = match key {
+        "run.engine" => replaced(ENGINES, value),
+        _ => value.to_owned(),
+    };
+    (replaced(KEYS, key), new_value)
+}
 
 /// Everything a database's bytes depend on.
 ///
@@ -92,7 +116,7 @@ impl Description {
             .ok_or_else(|| damaged("identity"))?
             .lines()
             .filter_map(|line| line.split_once(" = "))
-            .map(|(key, value)| (key.into(), value.into()))
+            .map(|(key, value)| spelled(key, value, |[former, present]| (former, present)))
             .collect();
         let config = attribute("config").ok_or_else(|| damaged("config"))?.into();
         Ok(Self { entries, config })
@@ -181,12 +205,12 @@ impl Description {
         }
     }
 
-    /// All entries as lines `key = value`.
+    /// All entries as lines `key = value`, spelled as in version 0.1.
     fn identity(&self) -> String {
-        let lines = self
-            .entries
-            .iter()
-            .map(|(key, value)| format!("{key} = {value}"));
+        let lines = self.entries.iter().map(|(key, value)| {
+            let (key, value) = spelled(key, value, |[former, present]| (present, former));
+            format!("{key} = {value}")
+        });
         lines.collect::<Vec<_>>().join("\n")
     }
 
@@ -229,8 +253,10 @@ impl Description {
                     })?;
                     given.measure.sizes_um(&given.values, &shape)
                 }
-                _ if parameter.is_optional() && get("axes", parameter.name()).is_none() => continue,
-                _ => list("axes", parameter.name())?,
+                _ if parameter.is_optional() && get("axes", parameter.key()).is_none() => continue,
+                // a config of version 0.1 has the name in files as its key
+                _ if get("axes", parameter.key()).is_none() => list("axes", parameter.name())?,
+                _ => list("axes", parameter.key())?,
             };
             axes.set(parameter, values);
         }
@@ -279,19 +305,19 @@ impl Description {
     }
 
     /// What lies under the snow of the axes.
-    pub(super) fn substrate(&self) -> Substrate {
+    pub(super) fn substrate(&self) -> SubstrateKind {
         let axis = self.has_axis(Parameter::SubstrateReflectance);
         if self.get("fixed.below").is_some() {
-            Substrate::Layers
+            SubstrateKind::Layers
         } else if axis || self.get("fixed.substrate").is_some() {
-            Substrate::Reflecting
+            SubstrateKind::Reflecting
         } else {
-            Substrate::Black
+            SubstrateKind::Black
         }
     }
 
     fn has_axis(&self, axis: Parameter) -> bool {
-        self.get(&format!("axes.{}", axis.name())).is_some()
+        self.get(&format!("axes.{}", axis.key())).is_some()
     }
 
     /// Attributes of the database.
@@ -306,23 +332,23 @@ impl Description {
         for axis in Parameter::ALL.into_iter().filter(there) {
             let _ = write!(units, "{}: {}; ", axis.name(), axis.unit());
         }
-        let ground = if self.has_axis(Parameter::SubstrateReflectance) {
+        let substrate = if self.has_axis(Parameter::SubstrateReflectance) {
             Some("of the axis substrate_reflectance")
         } else {
             self.get("fixed.substrate")
         };
-        let ground = match ground {
+        let substrate = match substrate {
             None => "black: light that leaves through the bottom does not come back".to_owned(),
-            Some(ground) if ground.contains('[') => {
-                "Lambertian ground with the spectrum fixed.substrate of config; transmittance is the light that stays in it".to_owned()
+            Some(substrate) if substrate.contains('[') => {
+                "Lambertian substrate with the spectrum fixed.substrate of config; transmittance is the light that stays in it".to_owned()
             }
-            Some(ground) => {
-                format!("Lambertian ground {ground}; transmittance is the light that stays in it")
+            Some(substrate) => {
+                format!("Lambertian substrate {substrate}; transmittance is the light that stays in it")
             }
         };
         let bottom = match self.get("fixed.below") {
-            None => ground,
-            Some(_) => format!("the layers of fixed.below, then {ground}"),
+            None => substrate,
+            Some(_) => format!("the layers of fixed.below, then {substrate}"),
         };
         let illumination = if self.has_diffuse() {
             "collimated; angle_deg is the polar angle of incidence, measured from the surface normal; those named diffuse: isotropic"
@@ -394,7 +420,7 @@ fn short(value: &str) -> String {
 }
 
 /// The grains of a canonical grid file but for their size.
-fn told_shape(config: &toml::Table) -> Option<Told> {
+fn told_shape(config: &toml::Table) -> Option<SizeConversion> {
     let number = |section: &str, key: &str| config.get(section)?.get(key)?.as_float();
     let law = config.get("fixed")?.get("sphericity")?;
     let law = |key: &str| law.get(key)?.as_float();
@@ -404,7 +430,7 @@ fn told_shape(config: &toml::Table) -> Option<Told> {
         Some(name) if name == SizeLaw::Consistent.name() => SizeLaw::Consistent,
         _ => SizeLaw::Varsa2025,
     };
-    Some(Told {
+    Some(SizeConversion {
         half_width_um: number("spread", "grain_size_half_width_um")?,
         size_law,
         shape: Shape::default(),

@@ -31,8 +31,8 @@ mod job;
 mod layout;
 mod lock;
 mod read;
-mod shelf;
 mod space;
+mod unit_directory;
 
 use std::collections::BTreeMap;
 use std::fs;
@@ -45,7 +45,7 @@ use lock::Lock;
 
 use crate::atomic::resolved;
 use crate::grid::{GivenSizes, Grid, Jobs};
-use crate::lookup::Substrate;
+use crate::lookup::SubstrateKind;
 use crate::parameter::Axes;
 
 pub use crate::lookup::COMPACT;
@@ -319,7 +319,7 @@ impl Store {
 
     /// What lies under the snow of the axes.
     #[must_use]
-    pub fn substrate(&self) -> Substrate {
+    pub fn substrate(&self) -> SubstrateKind {
         self.description.substrate()
     }
 
@@ -364,7 +364,7 @@ impl Drop for Store {
         // Another shard may be about to write there.
         if self.writer.as_ref().is_some_and(|writer| writer.is_alone()) {
             // It fails where there are some, which stay.
-            let _ = fs::remove_dir(self.dir.join(shelf::UNITS));
+            let _ = fs::remove_dir(self.dir.join(unit_directory::UNITS));
         }
     }
 }
@@ -388,7 +388,7 @@ pub fn remove(dir: &Path) -> Result<(), StoreError> {
     // out of the way at once: a kill leaves no half of it.
     file::remove_file(&resolved(&dir.join(COMPACT)))?;
     file::remove_file(&resolved(&dir.join(DIFFUSE)))?;
-    file::remove_dir(&dir.join(shelf::UNITS))?;
+    file::remove_dir(&dir.join(unit_directory::UNITS))?;
     let writer = file::Writer::new(dir, Access::Exclusive)?;
     let scratch = writer.scratch();
     if root.is_symlink() {

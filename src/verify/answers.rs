@@ -1,14 +1,14 @@
 //! The compact file's answers anywhere against fresh simulations.
 use super::{Check, Figure, Options, Subject, VerifyError, within};
-use crate::certificate::{self, Certificate, Partial};
 use crate::colour::Colorimeter;
 use crate::config;
 use crate::engine::Control;
-use crate::fit;
+use crate::error_budget::{self, ErrorBudget, Partial};
 use crate::lookup::Database;
 use crate::measurement::Quantity;
 use crate::parameter::Region;
 use crate::scene::Scene;
+use crate::tailor;
 
 /// Walks of a fresh simulation: its noise is a third of that of a database of
 /// configs/thesis.toml.
@@ -22,8 +22,8 @@ fn subject<'a>(
     file: &'a Database,
     exact: &'a Database,
     colour: Option<&'a Colorimeter>,
-) -> certificate::Subject<'a> {
-    certificate::Subject {
+) -> error_budget::Subject<'a> {
+    error_budget::Subject {
         grid: subject.grid,
         regions,
         file,
@@ -40,12 +40,12 @@ pub(super) fn walks(of: &Subject<'_>, file: &Database) -> Result<u64, VerifyErro
     Ok(subject(of, &regions, file, file, None).walks()?)
 }
 
-/// The check, its certificate if it is whole, and what was left out.
-type Answers = (Option<Check>, Option<Certificate>, Option<String>);
+/// The check, its error budget if it is whole, and what was left out.
+type Answers = (Option<Check>, Option<ErrorBudget>, Option<String>);
 
-/// What a certificate comes to.
+/// What an error budget comes to.
 fn answers(partial: Partial) -> Answers {
-    let mut check = partial.certificate.as_ref().map(named);
+    let mut check = partial.error_budget.as_ref().map(named);
     let unanswered = partial.unanswered;
     if let Some(check) = check.as_mut().filter(|_| unanswered > 0) {
         check.notes.push(format!(
@@ -54,14 +54,14 @@ fn answers(partial: Partial) -> Answers {
     }
     let left = match partial.left {
         Some([patches, points]) => Some(format!(
-            "{patches} fresh simulations with {points} random points of the certificate, which is not kept in the file"
+            "{patches} fresh simulations with {points} random points of the error budget, which is not kept in the file"
         )),
-        None if partial.certificate.is_none() => Some(format!(
-            "the certificate: none of {unanswered} random points has an answer in the file"
+        None if partial.error_budget.is_none() => Some(format!(
+            "the error budget: none of {unanswered} random points has an answer in the file"
         )),
         None => None,
     };
-    let whole = partial.certificate.filter(|_| left.is_none());
+    let whole = partial.error_budget.filter(|_| left.is_none());
     (check, whole, left)
 }
 
@@ -75,7 +75,7 @@ pub(super) fn check(
     let [t, _] = of.curves(Quantity::Transmittance, false)?;
     let [r, _] = of.curves(Quantity::Reflectance, false)?;
     let exact = Database::from_curves(
-        file.stands_free(),
+        file.has_black_substrate(),
         of.store.axes(),
         of.store.wavelengths_nm(),
         Some(&t),
@@ -84,8 +84,8 @@ pub(super) fn check(
     .without(of.store.absent());
     let regions = [file.axes().region()];
     let partial = subject(of, &regions, file, &exact, colour).certify_some(control)?;
-    let chains = partial.certificate.clone().map(|found| found.quantities);
-    let (mut check, certificate, left) = answers(partial);
+    let chains = partial.error_budget.clone().map(|found| found.quantities);
+    let (mut check, error_budget, left) = answers(partial);
     for quantity in Quantity::ALL {
         let chain = chains
             .as_ref()
@@ -103,20 +103,23 @@ pub(super) fn check(
                 at: String::new(),
             }));
     }
-    Ok((check, certificate, left))
+    Ok((check, error_budget, left))
 }
 
 /// Does `work` on the file of a scene and the scene itself.
 fn of_scene<T>(
     file: &Database,
     options: Options,
-    work: impl FnOnce(&certificate::Subject, &Scene) -> Result<T, VerifyError>,
+    work: impl FnOnce(&error_budget::Subject, &Scene) -> Result<T, VerifyError>,
 ) -> Result<T, VerifyError> {
-    let text = file.metadata().get(fit::SCENE).map_or("", String::as_str);
+    let text = file
+        .metadata()
+        .get(tailor::SCENE)
+        .map_or("", String::as_str);
     let scene = config::scene::parse("the scene in the file", text)?.scene;
-    let grid = fit::grid(&scene);
+    let grid = tailor::grid(&scene);
     let colour = Colorimeter::viewing(&scene.wavelengths_nm, &scene.viewing)?;
-    let subject = certificate::Subject {
+    let subject = error_budget::Subject {
         grid: &grid,
         regions: &scene.regions,
         file,
@@ -125,36 +128,36 @@ fn of_scene<T>(
         points: options.points,
         rays: options
             .point_rays
-            .unwrap_or(POINT_RAYS.max(fit::FRESH * grid.run.rays)),
+            .unwrap_or(POINT_RAYS.max(tailor::FRESH * grid.run.rays)),
         seed: options.seed.wrapping_add(APART),
     };
     work(&subject, &scene)
 }
 
-/// How many walks [`fitted`] does at most, for a progress bar.
+/// How many walks [`tailored`] does at most, for a progress bar.
 ///
 /// # Errors
 /// As of that.
-pub fn fitted_walks(file: &Database, options: Options) -> Result<u64, VerifyError> {
+pub fn tailored_walks(file: &Database, options: Options) -> Result<u64, VerifyError> {
     of_scene(file, options, |subject, _| Ok(subject.walks()?))
 }
 
 /// Proves the file of a scene anew, at other points: its bound must hold.
 ///
 /// # Errors
-/// It was not fitted to a scene that this version reads, or a simulation fails; see
+/// It was not tailored to a scene that this version reads, or a simulation fails; see
 /// [`super::Verification::run`] of a budget of time.
-pub fn fitted(
+pub fn tailored(
     file: &Database,
     options: Options,
     control: &Control<'_>,
-) -> Result<(super::Report, Option<Certificate>), VerifyError> {
+) -> Result<(super::Report, Option<ErrorBudget>), VerifyError> {
     of_scene(file, options, |subject, scene| {
         let partial = within(options.seconds, control, |control| {
             Ok(subject.certify_some(control)?)
         })?;
-        let chains = partial.certificate.clone().map(|found| found.quantities);
-        let (check, certificate, left) = answers(partial);
+        let chains = partial.error_budget.clone().map(|found| found.quantities);
+        let (check, error_budget, left) = answers(partial);
         let not_checked = left.into_iter().collect();
         let (Some(mut check), Some(chains)) = (check, chains) else {
             let checks = Vec::new();
@@ -187,14 +190,14 @@ pub fn fitted(
                 checks,
                 not_checked,
             },
-            certificate,
+            error_budget,
         ))
     })
 }
 
-fn named(certificate: &Certificate) -> Check {
+fn named(error_budget: &ErrorBudget) -> Check {
     let mut check = Check::new("answers of the compact file against fresh simulations");
-    let lines = certificate.to_string();
+    let lines = error_budget.to_string();
     check.notes.extend(lines.lines().map(str::to_owned));
     check
 }

@@ -9,7 +9,7 @@ use crate::engine::{Control, EngineError, Request};
 use crate::grid::Grid;
 use crate::measurement::Spectrum;
 use crate::parameter::{Parameter, Point};
-use crate::transport::{Illumination, Pack};
+use crate::transport::{Illumination, Snowpack};
 use crate::units::cm_to_m;
 
 /// Points to simulate, each in `parts` independent parts of `rays` rays.
@@ -83,7 +83,7 @@ impl Simulations {
         Request {
             rays: self.rays,
             seed: self.seed,
-            ..grid.request(&cell.pack, &cell.thickness_m, &cell.light, number)
+            ..grid.request(&cell.snowpack, &cell.thickness_m, &cell.light, number)
         }
     }
 }
@@ -92,7 +92,7 @@ impl Simulations {
 struct Cell {
     /// Where, for messages.
     at: String,
-    pack: Pack,
+    snowpack: Snowpack,
     thickness_m: [f64; 1],
     light: [Illumination; 1],
 }
@@ -101,7 +101,7 @@ impl Cell {
     fn new(grid: &Grid, point: Point) -> Result<Self, VerifyError> {
         Ok(Self {
             at: point.to_string(),
-            pack: grid.pack(&point)?,
+            snowpack: grid.snowpack(&point)?,
             thickness_m: [cm_to_m(point[Parameter::Thickness])],
             light: [Illumination::Collimated {
                 polar_angle_rad: point[Parameter::Incidence].to_radians(),

@@ -1,7 +1,7 @@
 //! Checks a finished database anew: its files, its compact file against it,
 //! the curves against fresh simulations on the nodes, and the answers of the
-//! compact file against fresh ones anywhere ([`crate::certificate`]). Of a file
-//! that was fitted to a scene there is only the last.
+//! compact file against fresh ones anywhere ([`crate::error_budget`]). Of a file
+//! that was tailored to a scene there is only the last.
 //!
 //! Every check that compares random numbers states how often it would fail a
 //! good database: [`FALSE_ALARM`] for each kind of fresh simulation.
@@ -18,16 +18,16 @@ use ndarray::Array2;
 use thiserror::Error;
 
 use crate::budget;
-use crate::certificate::{Certificate, CertificateError};
 use crate::colour::{Colorimeter, ColourError};
 use crate::config::{self, ConfigError};
 use crate::engine::{Control, EngineError};
+use crate::error_budget::{ErrorBudget, ErrorBudgetError};
 use crate::grid::{Grid, GridError};
 use crate::lookup::{Database, LookupError};
 use crate::measurement::Quantity;
 use crate::store::{self, Store, StoreError, Variable};
 
-pub use answers::{POINT_RAYS, fitted, fitted_walks};
+pub use answers::{POINT_RAYS, tailored, tailored_walks};
 #[cfg(feature = "cli")]
 pub(crate) use compact::viewing;
 pub use report::{Check, Figure, Report};
@@ -40,7 +40,7 @@ pub const FALSE_ALARM: f64 = 1e-6;
 pub struct Options {
     /// Fresh simulations on nodes; 0 makes none.
     pub samples: usize,
-    /// Random points of the certificate, at least; 0 makes none.
+    /// Random points of the error budget, at least; 0 makes none.
     pub points: usize,
     /// Chooses the points and the streams of the fresh simulations.
     pub seed: u64,
@@ -82,9 +82,9 @@ pub enum VerifyError {
     /// The compact file is not of the database's shape.
     #[error(transparent)]
     Lookup(#[from] LookupError),
-    /// There is no certificate for it.
+    /// There is no error budget for it.
     #[error(transparent)]
-    Certificate(CertificateError),
+    ErrorBudget(ErrorBudgetError),
     /// The caller asked it to stop.
     #[error("cancelled")]
     Cancelled,
@@ -98,11 +98,11 @@ pub struct Verification {
     options: Options,
 }
 
-impl From<CertificateError> for VerifyError {
-    fn from(error: CertificateError) -> Self {
+impl From<ErrorBudgetError> for VerifyError {
+    fn from(error: ErrorBudgetError) -> Self {
         match error {
-            CertificateError::Cancelled => Self::Cancelled,
-            error => Self::Certificate(error),
+            ErrorBudgetError::Cancelled => Self::Cancelled,
+            error => Self::ErrorBudget(error),
         }
     }
 }
@@ -163,22 +163,22 @@ impl Verification {
         Ok(nodes.saturating_add(answers))
     }
 
-    /// Does all checks that can be done, and gives the certificate of the compact
+    /// Does all checks that can be done, and gives the error budget of the compact
     /// file. They are functions of the database and the options alone, unless a budget
     /// of time ends first: then the report says what was left out, and there is no
-    /// certificate but in its notes.
+    /// error budget but in its notes.
     ///
     /// # Errors
     /// A file is there but cannot be read, an engine fails, or
     /// [`VerifyError::Cancelled`]. What is wrong with the database itself is in
     /// the report.
-    pub fn run(&self, control: &Control<'_>) -> Result<(Report, Option<Certificate>), VerifyError> {
+    pub fn run(&self, control: &Control<'_>) -> Result<(Report, Option<ErrorBudget>), VerifyError> {
         within(self.options.seconds, control, |control| {
             self.checks(control)
         })
     }
 
-    fn checks(&self, control: &Control<'_>) -> Result<(Report, Option<Certificate>), VerifyError> {
+    fn checks(&self, control: &Control<'_>) -> Result<(Report, Option<ErrorBudget>), VerifyError> {
         let subject = self.subject();
         let mut not_checked = Vec::new();
         let integrity = self.integrity()?;
@@ -236,20 +236,20 @@ impl Verification {
                 ));
             }
         }
-        let mut certificate = None;
+        let mut error_budget = None;
         if let Some((database, colour)) = database.filter(|_| self.options.points > 0) {
             let colour = colour.as_ref();
             let (check, found, left) = answers::check(&subject, &database, colour, control)?;
             checks.extend(check);
             not_checked.extend(left);
-            certificate = found;
+            error_budget = found;
         }
         Ok((
             Report {
                 checks,
                 not_checked,
             },
-            certificate,
+            error_budget,
         ))
     }
 

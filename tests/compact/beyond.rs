@@ -4,7 +4,7 @@ use std::collections::BTreeMap;
 use ndarray::Array2;
 use splitsnow::compress::{self, Bands, Basis, Choice, CompactFile, Precision, Variant};
 
-use splitsnow::lookup::{Database, FormatError, Lookup, LookupError, Substrate, Varsa2025};
+use splitsnow::lookup::{Database, FormatError, Lookup, LookupError, SubstrateKind, Varsa2025};
 use splitsnow::measurement::Quantity;
 use splitsnow::parameter::{Axes, Parameter, Point};
 
@@ -47,7 +47,7 @@ fn file(basis: Basis) -> Vec<u8> {
         axes: &beyond(),
         absent: &[],
         wavelengths_nm: &wavelengths(),
-        substrate: Substrate::Black,
+        substrate: SubstrateKind::Black,
         transmittance: Some(&made.unwrap()),
         reflectance: None,
         provenance: "{}",

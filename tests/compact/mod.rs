@@ -17,7 +17,7 @@ use splitsnow::compress::{
     self, Bands, Choice, Coefficients, CompactFile, CompressError, Compressed, Variant, errors_of,
 };
 use splitsnow::grid::Compression;
-use splitsnow::lookup::{Database, LookupError, Substrate};
+use splitsnow::lookup::{Database, LookupError, SubstrateKind};
 use splitsnow::measurement::Quantity;
 use splitsnow::parameter::{Axes, Parameter, Point};
 
@@ -96,7 +96,7 @@ fn bytes_of(transmittance: &Compressed, reflectance: &Compressed) -> Vec<u8> {
         axes: &axes(),
         absent: &[],
         wavelengths_nm: &wavelengths(),
-        substrate: Substrate::Black,
+        substrate: SubstrateKind::Black,
         transmittance: Some(transmittance),
         reflectance: Some(reflectance),
         provenance: r#"{"engine":"spectral","seed":1}"#,
@@ -237,7 +237,7 @@ fn the_writer_refuses_what_the_reader_would() {
             axes,
             absent: &[],
             wavelengths_nm,
-            substrate: Substrate::Black,
+            substrate: SubstrateKind::Black,
             transmittance: Some(transmittance),
             reflectance: Some(&good),
             provenance: "{}",
@@ -264,7 +264,7 @@ fn the_writer_refuses_what_the_reader_would() {
         axes: &axes,
         absent: &[],
         wavelengths_nm: &wavelengths,
-        substrate: Substrate::Black,
+        substrate: SubstrateKind::Black,
         transmittance: Some(&good),
         reflectance: Some(&good),
         provenance: "{}",
@@ -287,7 +287,7 @@ fn files_are_replaced_whole_and_errors_name_them() {
         axes: &axes,
         absent: &[],
         wavelengths_nm: &wavelengths,
-        substrate: Substrate::Black,
+        substrate: SubstrateKind::Black,
         transmittance: Some(&compressed),
         reflectance: Some(&compressed),
         provenance: "{}",
@@ -348,7 +348,7 @@ proptest! {
             axes: &axes,
             absent: &[],
             wavelengths_nm: &wavelengths_nm,
-            substrate: Substrate::Black,
+            substrate: SubstrateKind::Black,
             transmittance: Some(&compressed),
             reflectance: Some(&compressed),
             provenance: "{}",

@@ -8,7 +8,7 @@ use splitsnow::compress::{
     Variant, compress, errors_of,
 };
 use splitsnow::grid::Compression;
-use splitsnow::lookup::{Database, LookupError, Substrate};
+use splitsnow::lookup::{Database, LookupError, SubstrateKind};
 use splitsnow::measurement::Quantity;
 
 use super::{BOUNDS, axes, colour, curves, valid, wavelengths};
@@ -48,7 +48,7 @@ fn try_bytes(
         axes: &axes(),
         absent: &[],
         wavelengths_nm: &wavelengths(),
-        substrate: Substrate::Black,
+        substrate: SubstrateKind::Black,
         transmittance,
         reflectance,
         provenance: "{}",

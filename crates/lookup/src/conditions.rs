@@ -35,7 +35,7 @@ impl Database {
             .find(|(parameter, _)| !self.axes.has(*parameter))
         {
             Some((parameter, _)) => Err(LookupError::NoAxis {
-                axis: parameter.name(),
+                axis: parameter.key(),
             }),
             None => Ok(()),
         }
@@ -92,7 +92,7 @@ impl Database {
             precision: self.precision,
             transmittance: self.mixed(Quantity::Transmittance, &corners),
             reflectance: self.mixed(Quantity::Reflectance, &corners),
-            stands_free: self.stands_free,
+            has_black_substrate: self.has_black_substrate,
             metadata: self.metadata.clone(),
         })
     }
@@ -151,7 +151,7 @@ impl Database {
 /// The node below `value` and how far it is from there to the next, in the
 /// coordinate of the parameter.
 fn cell(parameter: Parameter, nodes: &[f64], value: f64) -> Result<(usize, f64), LookupError> {
-    match nodes::find(parameter.name(), nodes, value) {
+    match nodes::find(parameter.key(), nodes, value) {
         Ok(node) => Ok((node, 0.0)),
         Err(LookupError::BetweenNodes { below, above, .. }) => {
             let scale = parameter.record().scale;

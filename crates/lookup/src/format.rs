@@ -32,7 +32,7 @@ pub const FORMAT_VERSION: &str = "2";
 /// The version before: coordinates in f32, the substrate in words
 /// ([`BOTTOM_BOUNDARY`]).
 pub const FORMAT_VERSION_1: &str = "1";
-/// Metadata key of the [`Substrate`]; since version 2.
+/// Metadata key of the [`SubstrateKind`]; since version 2.
 pub const SUBSTRATE: &str = "substrate";
 /// Metadata key of the same for people, which files of version 1 begin with `black`
 /// where nothing sends light back.
@@ -43,7 +43,7 @@ pub const ERROR_TABLE: &str = "error_table";
 /// Metadata key of the bounds that hold on every curve: JSON per quantity.
 pub const BOUNDS: &str = "bounds";
 /// Metadata key of the errors in each band, with the bounds that they keep: JSON of a
-/// list per quantity; absent in older files and those of `fit`.
+/// list per quantity; absent in older files and those of `tailor`.
 pub const BAND_ERRORS: &str = "band_errors";
 /// Metadata key of where the numbers come from: JSON of the attributes of the
 /// database.
@@ -70,7 +70,7 @@ pub fn number(value: f32) -> bool {
 
 /// What lies under the snow of the axes.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub enum Substrate {
+pub enum SubstrateKind {
     /// Nothing that sends light back.
     Black,
     /// A Lambertian reflector.
@@ -79,7 +79,7 @@ pub enum Substrate {
     Layers,
 }
 
-impl Substrate {
+impl SubstrateKind {
     /// All there are.
     pub const ALL: [Self; 3] = [Self::Black, Self::Reflecting, Self::Layers];
 

@@ -38,7 +38,7 @@ mod varsa2025;
 
 use absent::{Gap, absent, gap};
 pub use basis::Basis;
-pub use format::Substrate;
+pub use format::SubstrateKind;
 pub use parameter::{Axes, Interval, Parameter, Point, Region};
 use precision::f16_to_f32;
 pub use precision::{Precision, dequantised};
@@ -192,7 +192,7 @@ pub struct Database {
     precision: Precision,
     transmittance: Factors,
     reflectance: Factors,
-    stands_free: bool,
+    has_black_substrate: bool,
     metadata: BTreeMap<String, String>,
 }
 
@@ -246,11 +246,11 @@ impl Database {
     }
 
     /// A database of these very curves (`[s, l]`, in single precision), for look-ups
-    /// that no compression touches. What is `None` it does not hold; for `stands_free`
-    /// see [`Database::stands_free`].
+    /// that no compression touches. What is `None` it does not hold; for `has_black_substrate`
+    /// see [`Database::has_black_substrate`].
     #[must_use]
     pub fn from_curves(
-        stands_free: bool,
+        has_black_substrate: bool,
         axes: &Axes,
         wavelengths_nm: &[f64],
         transmittance: Option<&Array2<f64>>,
@@ -271,7 +271,7 @@ impl Database {
             precision: Precision::F32,
             transmittance: factors(transmittance),
             reflectance: factors(reflectance),
-            stands_free,
+            has_black_substrate,
             metadata: BTreeMap::new(),
         }
     }
@@ -348,13 +348,13 @@ impl Database {
         self.curves
     }
 
-    /// Whether there is nothing but the snow of the axes, over black ground: without
+    /// Whether there is nothing but the snow of the axes, over black substrate: without
     /// snow, transmittance is then 1 and reflectance 0, and look-ups reach down to a
     /// thickness of 0; otherwise they begin at the first node. The metadata
     /// `substrate` says so.
     #[must_use]
-    pub fn stands_free(&self) -> bool {
-        self.stands_free
+    pub fn has_black_substrate(&self) -> bool {
+        self.has_black_substrate
     }
 
     /// What a row of coefficients times the basis^T is.
@@ -429,7 +429,7 @@ impl Database {
             let node = match point.get(parameter) {
                 None if parameter.is_optional() && nodes.len() == 1 => 0,
                 None if parameter.is_optional() => return Err(untold(parameter, nodes)),
-                _ => nodes::find(parameter.name(), nodes, point[parameter])?,
+                _ => nodes::find(parameter.key(), nodes, point[parameter])?,
             };
             row = row * nodes.len() + node;
         }
@@ -483,7 +483,7 @@ pub fn add_component(sum: &mut [f64], coefficient: f32, vector: ArrayView1<f32>)
 /// The error of a point that does not say where on an axis of several nodes.
 fn untold(parameter: Parameter, nodes: &[f64]) -> LookupError {
     LookupError::Condition {
-        axis: parameter.name(),
+        axis: parameter.key(),
         first: nodes.first().copied().unwrap_or(f64::NAN),
         last: nodes.last().copied().unwrap_or(f64::NAN),
     }

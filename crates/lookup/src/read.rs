@@ -10,9 +10,9 @@ use thiserror::Error;
 
 use crate::format::{
     ABSENT, BASIS, BOTTOM_BOUNDARY, FORMAT, FORMAT_VERSION, FORMAT_VERSION_1, MAX_HEADER,
-    MAX_NUMBER, PRECISION, QUANTITIES, SUBSTRATE, Substrate, WAVELENGTH, axis_order, basis_name,
-    check_axis, check_wavelengths, coefficients_name, components_key, integers_name, number,
-    quantisation_name, quantities,
+    MAX_NUMBER, PRECISION, QUANTITIES, SUBSTRATE, SubstrateKind, WAVELENGTH, axis_order,
+    basis_name, check_axis, check_wavelengths, coefficients_name, components_key, integers_name,
+    number, quantisation_name, quantities,
 };
 use crate::header::{Dtype, Header, Tensor};
 use crate::{Axes, Basis, Database, Factors, Parameter, Precision, dequantised, f16_to_f32};
@@ -210,7 +210,7 @@ impl Tensors<'_> {
             };
         }
         Ok(Database {
-            stands_free: self.stands_free(version)?,
+            has_black_substrate: self.has_black_substrate(version)?,
             kind,
             precision,
             transmittance,
@@ -257,12 +257,12 @@ impl Tensors<'_> {
     }
 
     /// Whether nothing but the snow of the axes sends light back.
-    fn stands_free(&self, version: &str) -> Result<bool, FormatError> {
+    fn has_black_substrate(&self, version: &str) -> Result<bool, FormatError> {
         if version == FORMAT_VERSION_1 {
             let bottom = self.metadata.get(BOTTOM_BOUNDARY);
             return Ok(bottom.is_none_or(|bottom| bottom.starts_with("black")));
         }
-        let known = Substrate::ALL.map(|s| (s.name().to_owned(), s == Substrate::Black));
+        let known = SubstrateKind::ALL.map(|s| (s.name().to_owned(), s == SubstrateKind::Black));
         self.one_of(SUBSTRATE, None, known)
     }
 

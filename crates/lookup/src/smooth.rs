@@ -6,7 +6,7 @@
 //!
 //! - along the thickness y is a monotone cubic (Hermite, slopes by parabolas
 //!   through three nodes, limited to three times the smaller secant beside a
-//!   node after Fritsch and Carlson 1980), from 0 at 0 cm on, or over a ground or
+//!   node after Fritsch and Carlson 1980), from 0 at 0 cm on, or over a substrate or
 //!   other layers from the first node on;
 //! - between the nodes of the other axes it is linear: a mean of columns with
 //!   weights that are not negative.
@@ -104,7 +104,7 @@ impl Lookup {
         for (axis, (places, values)) in places.iter_mut().zip(&values).enumerate() {
             let thin = THIN.map(|part| part * values[0]);
             // a thickness alone needs a second node
-            let downward = database.stands_free() || values.len() == 1;
+            let downward = database.has_black_substrate() || values.len() == 1;
             let thin = thin.into_iter().filter(|_| axis == THICKNESS && downward);
             let place = |value| {
                 let mut point = [0.0, 1.0, 1.0, 0.0, 0.0];
@@ -161,7 +161,7 @@ impl Lookup {
     /// The spectrum at `point`, into `spectrum` (`[l]`).
     ///
     /// Thickness may be anything from 0 on, or from its first node on if the file does
-    /// not stand free ([`Database::stands_free`]), unless the file has one alone; the
+    /// not stand free ([`Database::has_black_substrate`]), unless the file has one alone; the
     /// other coordinates are in the box of the axes, within 1e-6 of its ends.
     ///
     /// # Errors
@@ -276,7 +276,7 @@ impl Lookup {
                 if self.components == 0 {
                     let curve = database.curve(row, self.quantity).unwrap_or_default();
                     // Noise must not make a slab transmit more than a thinner one, nor
-                    // reflect less, though over a ground snow may darken it.
+                    // reflect less, though over a substrate snow may darken it.
                     let least = before.last().filter(|_| h > 0 && thin > 0);
                     for (l, (y, value)) in here[0].iter_mut().zip(curve).enumerate() {
                         *y = self.depth(value).max(least.map_or(0.0, |least| least[l]));
@@ -460,7 +460,7 @@ impl Lookup {
         let [first, last] = self.range(axis);
         let any = last == f32::MAX;
         LookupError::Outside {
-            axis: Parameter::CORE[axis].name(),
+            axis: Parameter::CORE[axis].key(),
             value: asked[axis],
             first: self.end(axis, first),
             last: if any {
@@ -526,7 +526,7 @@ impl Lookup {
     fn sums(&self, corners: &Corners, [lower, upper]: [f32x8; 2], sums: &mut [f32]) {
         let above = self.values[INCIDENCE].len() * self.width;
         if self.width == 1 {
-            // one vector, the usual case of a fitted file, needs no room in memory
+            // one vector, the usual case of a tailored file, needs no room in memory
             let mut sum = [f32x8::ZERO; 2];
             for (at, weight) in corners.iter() {
                 let weight = f32x8::splat(weight);

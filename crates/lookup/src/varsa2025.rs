@@ -66,7 +66,7 @@ impl<'a> Varsa2025<'a> {
             Parameter::Density,
         ] {
             let nodes = axes.values(parameter);
-            let node = nodes::find(parameter.name(), nodes, point[parameter])?;
+            let node = nodes::find(parameter.key(), nodes, point[parameter])?;
             snow = snow * nodes.len() + node;
         }
         let [_, sizes, densities, ..] = axes.core_shape();
@@ -76,13 +76,13 @@ impl<'a> Varsa2025<'a> {
             return Err(absent(Gap::of(size, self.database.absent(), axes), point));
         }
         let outside = |parameter: Parameter, first, last| LookupError::Outside {
-            axis: parameter.name(),
+            axis: parameter.key(),
             value: point[parameter],
             first,
             last,
         };
         let (h, angle) = (point[Parameter::Thickness], point[Parameter::Incidence]);
-        let thinnest = match self.database.stands_free() {
+        let thinnest = match self.database.has_black_substrate() {
             true => 0.0,
             false => axes.values(Parameter::Thickness)[0],
         };

@@ -19,7 +19,7 @@ pub enum Studied<'a> {
     Brdfs(Brdfs<'a>),
 }
 
-/// How a study is run: as `measure` would run each of its variants.
+/// How a study is run: as `simulate` would run each of its variants.
 #[derive(Debug, Clone, Copy)]
 pub struct Settings {
     /// The engine.
@@ -74,7 +74,7 @@ pub fn run<'a>(
     }
 }
 
-/// What `measure` gives for every variant: of one thickness under one light it is a
+/// What `simulate` gives for every variant: of one thickness under one light it is a
 /// list of one.
 fn each<T: Default>(
     study: &StudyFile,
@@ -86,7 +86,7 @@ fn each<T: Default>(
         next(variant);
         let sample = &variant.sample;
         let all = measure(&Request {
-            pack: &sample.pack,
+            snowpack: &sample.snowpack,
             thicknesses_m: &[sample.thickness_m],
             illuminations: &[sample.illumination],
             resolution: Resolution::of_rays(settings.rays),

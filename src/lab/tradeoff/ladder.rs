@@ -46,7 +46,7 @@ pub fn ladder(engine: Engine) -> Vec<Setting> {
         Engine::Reference => over(engine, 2..=6, &default),
         Engine::Spectral => over(engine, 3..=10, &default),
         Engine::Tabulated => over(engine, 3..=10, &[coarse(8), default[0]]),
-        Engine::Doubling => over(engine, 4..=9, &[coarse(4), coarse(8), default[0]]),
+        Engine::Hybrid => over(engine, 4..=9, &[coarse(4), coarse(8), default[0]]),
         Engine::Auto => Vec::new(),
     }
 }

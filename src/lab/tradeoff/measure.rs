@@ -145,7 +145,7 @@ pub(super) fn request<'a>(
     seed: u64,
 ) -> Request<'a> {
     Request {
-        pack: &sample.file.pack,
+        snowpack: &sample.file.snowpack,
         thicknesses_m,
         illuminations: std::slice::from_ref(&sample.file.illumination),
         resolution: setting.resolution,

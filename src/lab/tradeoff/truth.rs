@@ -192,7 +192,7 @@ impl Truths<'_> {
     /// All that decides a truth but its rays, as text.
     fn inputs(&self, sample: &Sample, band: Band) -> Result<String, TradeoffError> {
         let file = &sample.file;
-        let wet = file.pack.is_wet();
+        let wet = file.snowpack.is_wet();
         let data = data_files(file.model.ice, wet.then_some(&file.model.water))
             .map_err(|error| failed(sample, &self.setting(0), error.into()))?;
         let mut inputs = format!(

@@ -2,7 +2,7 @@
 //!
 //! **Time.** A ray meets about 2 H / d grains in a slab of thickness H with the
 //! mean free distance d, so the time of a job by an engine that walks all the way is
-//! nearly proportional to its walks times 1 + 2 H / d; by `doubling`, which walks next
+//! nearly proportional to its walks times 1 + 2 H / d; by `hybrid`, which walks next
 //! to the planes only, to its walks: its *size* here. Jobs of the same engine are drawn
 //! with probabilities in that proportion, evenly spread over the axes; the mean of time
 //! over size of those drawn, times the sum of all sizes, estimates the time of all
@@ -97,11 +97,11 @@ pub(super) struct Time {
 }
 
 /// Typical CPU seconds per size (docs/performance.md): of a grain event, and in
-/// `doubling` of a walk next to a plane.
+/// `hybrid` of a walk next to a plane.
 fn typical(engine: Engine) -> f64 {
     match engine {
         Engine::Tabulated => 1e-8,
-        Engine::Doubling | Engine::Auto => 7e-7,
+        Engine::Hybrid | Engine::Auto => 7e-7,
         Engine::Reference | Engine::Spectral => 9e-8,
     }
 }
@@ -121,9 +121,9 @@ impl Case {
             ..request.clone()
         })? as f64;
         let distances = match engine {
-            Engine::Doubling => 0.0,
+            Engine::Hybrid => 0.0,
             _ => {
-                let distance_m = job.pack.surface.mean_free_distance_m();
+                let distance_m = job.snowpack.surface.mean_free_distance_m();
                 let thickness_m = job.thicknesses_m.last().copied().unwrap_or_default();
                 2.0 * thickness_m.min(DEEP_M) / distance_m
             }
@@ -561,7 +561,7 @@ mod tests {
         assert_eq!(drawn.len(), 1 + 8);
         // Grains of 50-150 um are smaller than those of 150-250 um, so there
         // are more of them in the way: drawn 5 or 6 times of 8, not 4.
-        let fine = |job: &&Job| job.pack.longest_grain_m() < 200e-6;
+        let fine = |job: &&Job| job.snowpack.longest_grain_m() < 200e-6;
         let share = drawn[1..].iter().filter(fine).count() as f64 / 8.0;
         let expected = (sizes[0] + sizes[4]) / (sizes[0] + sizes[2] + sizes[4] + sizes[6]);
         assert!(

@@ -10,7 +10,7 @@ use crate::grid::Grid;
 
 /// Rays of the first run and how many times more each next one takes.
 const WALKED: [u64; 2] = [16, 4];
-/// The same of `doubling`, which walks a part of a part of these from every stream, eight
+/// The same of `hybrid`, which walks a part of a part of these from every stream, eight
 /// side by side, and solves much whatever the rays.
 const SOLVED: [u64; 2] = [256, 16];
 /// Grain events averaged for a table here: the time to make it is nearly proportional.
@@ -137,7 +137,7 @@ impl Prober<'_> {
         let mut probe = Probe::default();
         let mut runs = Vec::new();
         let most = match case.engine {
-            Engine::Doubling => case.rays,
+            Engine::Hybrid => case.rays,
             _ => case.rays.min(BATCH),
         };
         if case.engine.uses_tables() {
@@ -153,7 +153,7 @@ impl Prober<'_> {
             }
         }
         let [first, more] = match case.engine {
-            Engine::Doubling => SOLVED,
+            Engine::Hybrid => SOLVED,
             _ => WALKED,
         };
         let mut rays = first.min(most);
@@ -169,7 +169,7 @@ impl Prober<'_> {
             let next = rays.saturating_mul(more).min(most);
             let expected = match (&runs[..], case.engine) {
                 // mostly what does not depend on the rays
-                ([only], Engine::Doubling) => 1.5 * only.core,
+                ([only], Engine::Hybrid) => 1.5 * only.core,
                 ([only], _) => only.core * next as f64 / only.rays,
                 _ => {
                     let ahead = Left {
@@ -185,7 +185,7 @@ impl Prober<'_> {
             }
             rays = next;
         }
-        probe.core = whole(&runs, &left, case.engine != Engine::Doubling);
+        probe.core = whole(&runs, &left, case.engine != Engine::Hybrid);
         Ok(probe)
     }
 
@@ -215,11 +215,11 @@ impl Prober<'_> {
         for _ in 0..2 {
             let Some((_, [core, _])) = self.run(Engine::Tabulated, &request)? else {
                 let kinds: usize = whole_request
-                    .pack
+                    .snowpack
                     .snows()
                     .map(|snow| snow.grains.len())
                     .sum();
-                let media = if whole_request.pack.is_wet() {
+                let media = if whole_request.snowpack.is_wet() {
                     2.0
                 } else {
                     1.0

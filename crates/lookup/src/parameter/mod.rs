@@ -64,10 +64,12 @@ pub struct Interval {
 /// All there is to know of a parameter as an axis.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Record {
-    /// Name in files, with the unit as suffix.
-    pub name: &'static str,
-    /// The same on the command line.
+    /// Key in config files and argument in Python, with the unit as suffix.
+    pub key: &'static str,
+    /// Option on the command line: the key with hyphens.
     pub option: &'static str,
+    /// Name in databases, compact files and exports.
+    pub name: &'static str,
     /// What people call it.
     pub label: &'static str,
     /// Symbol in formulas.
@@ -142,8 +144,9 @@ impl Parameter {
     pub const fn record(self) -> Record {
         match self {
             Self::BlackCarbon => Record {
-                name: "black_carbon_ng_g",
+                key: "black_carbon_ng_g",
                 option: "black-carbon-ng-g",
+                name: "black_carbon_ng_g",
                 label: "black carbon",
                 symbol: "C",
                 unit: "ng g-1",
@@ -159,8 +162,9 @@ impl Parameter {
                 fixed: &["fixed.black_carbon.concentration_ng_g"],
             },
             Self::WaterSaturation => Record {
-                name: "water_saturation",
+                key: "water_saturation",
                 option: "water-saturation",
+                name: "water_saturation",
                 label: "water saturation",
                 symbol: "S",
                 unit: "1",
@@ -175,8 +179,9 @@ impl Parameter {
                 fixed: &["fixed.water_saturation", "fixed.water_fraction"],
             },
             Self::Temperature => Record {
-                name: "temperature_c",
+                key: "temperature_c",
                 option: "temperature-c",
+                name: "temperature_c",
                 label: "temperature",
                 symbol: "T",
                 unit: "degC",
@@ -191,8 +196,9 @@ impl Parameter {
                 fixed: &["fixed.temperature_c"],
             },
             Self::Sphericity => Record {
-                name: "sphericity",
+                key: "sphericity",
                 option: "sphericity",
+                name: "sphericity",
                 label: "sphericity",
                 symbol: "Psi",
                 unit: "1",
@@ -207,8 +213,9 @@ impl Parameter {
                 fixed: &["fixed.sphericity"],
             },
             Self::SubstrateReflectance => Record {
-                name: "substrate_reflectance",
+                key: "substrate_reflectance",
                 option: "substrate-reflectance",
+                name: "substrate_reflectance",
                 label: "substrate reflectance",
                 symbol: "rho",
                 unit: "1",
@@ -224,8 +231,9 @@ impl Parameter {
                 fixed: &["fixed.substrate"],
             },
             Self::Facetness => Record {
-                name: "facetness",
+                key: "facetness",
                 option: "facetness",
+                name: "facetness",
                 label: "facetness",
                 symbol: "F",
                 unit: "1",
@@ -240,8 +248,9 @@ impl Parameter {
                 fixed: &[],
             },
             Self::GrainSize => Record {
-                name: "grain_size_um",
+                key: "grain_size_um",
                 option: "grain-size-um",
+                name: "grain_size_um",
                 label: "grain size",
                 symbol: "s",
                 unit: "um",
@@ -256,8 +265,9 @@ impl Parameter {
                 fixed: &[],
             },
             Self::Density => Record {
-                name: "density_kg_m3",
+                key: "density_kg_m3",
                 option: "density-kg-m3",
+                name: "density_kg_m3",
                 label: "density",
                 symbol: "D",
                 unit: "kg m-3",
@@ -276,8 +286,9 @@ impl Parameter {
                 fixed: &[],
             },
             Self::Thickness => Record {
-                name: "thickness_cm",
+                key: "thickness_cm",
                 option: "thickness-cm",
+                name: "thickness_cm",
                 label: "thickness",
                 symbol: "h",
                 unit: "cm",
@@ -292,9 +303,10 @@ impl Parameter {
                 fixed: &[],
             },
             Self::Incidence => Record {
+                key: "incidence_angle_deg",
+                option: "incidence-angle-deg",
                 name: "angle_deg",
-                option: "angle-deg",
-                label: "angle",
+                label: "incidence angle",
                 symbol: "theta",
                 unit: "degree",
                 long_name: "polar angle of incidence from the surface normal",
@@ -322,16 +334,23 @@ impl Parameter {
         }
     }
 
-    /// Name in files, with the unit as suffix.
+    /// Key in config files and argument in Python, with the unit as suffix.
+    #[must_use]
+    pub const fn key(self) -> &'static str {
+        self.record().key
+    }
+
+    /// Name in databases, compact files and exports.
     #[must_use]
     pub const fn name(self) -> &'static str {
         self.record().name
     }
 
-    /// The parameter of this name.
+    /// The parameter of this key, or of this name in files.
     #[must_use]
     pub fn named(name: &str) -> Option<Self> {
-        Self::ALL.into_iter().find(|axis| axis.name() == name)
+        let mut all = Self::ALL.into_iter();
+        all.find(|parameter| parameter.key() == name || parameter.name() == name)
     }
 
     /// Unit as UDUNITS spells it; "1" for a pure number.
@@ -386,7 +405,8 @@ mod tests {
             let record = parameter.record();
             assert_eq!(parameter.index(), i);
             assert_eq!(Parameter::named(record.name), Some(parameter));
-            assert_eq!(record.option, record.name.replace('_', "-"));
+            assert_eq!(Parameter::named(record.key), Some(parameter));
+            assert_eq!(record.option, record.key.replace('_', "-"));
             assert_eq!(record.optional, !Parameter::CORE.contains(&parameter));
             assert_eq!(record.optional, !record.fixed.is_empty());
             for (inner, outer) in [

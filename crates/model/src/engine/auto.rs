@@ -25,14 +25,14 @@ pub struct MaxError {
 
 /// From here on, nm, snow absorbs so much that light hardly spreads.
 const NEAR_INFRARED_NM: f64 = 780.0;
-/// Noise of a value from one walk, at most: from one light in `doubling`, whose
+/// Noise of a value from one walk, at most: from one light in `hybrid`, whose
 /// walks follow a lattice, and of a walk that leaves or not in the others.
 const NOISE: [f64; 2] = [0.12, 0.5];
 
 /// The engines that `auto` chooses from, the cheapest first, with their own
 /// errors: Delta-E, RMSE in the visible and in the near infrared.
 const CANDIDATES: [(Engine, [f64; 3]); 3] = [
-    (Engine::Doubling, [0.1, 3.5e-4, 1.5e-3]),
+    (Engine::Hybrid, [0.1, 3.5e-4, 1.5e-3]),
     (Engine::Tabulated, [0.05, 2e-4, 3e-4]),
     (Engine::Spectral, [0.0; 3]),
 ];
@@ -45,16 +45,16 @@ impl Default for MaxError {
 }
 
 /// Grains of so different length, largest over smallest, or so close together,
-/// largest over mean free distance, that `doubling` is off by up to
+/// largest over mean free distance, that `hybrid` is off by up to
 /// [`CROWDED`].
 const CROWDS: [f64; 2] = [4.0, 1.9];
-/// Error of R and T of `doubling` there (docs/stability.md).
+/// Error of R and T of `hybrid` there (docs/stability.md).
 const CROWDED: f64 = 7e-3;
 
 /// Delta-E and RMSE, in the visible and in the near infrared, of an engine by
 /// itself for this snow.
 fn own(engine: Engine, errors: [f64; 3], request: &Request) -> [f64; 3] {
-    let most = |of: &dyn Fn(&Snow) -> f64| request.pack.snows().map(of).fold(0.0, f64::max);
+    let most = |of: &dyn Fn(&Snow) -> f64| request.snowpack.snows().map(of).fold(0.0, f64::max);
     let crowds = [
         most(&|snow| snow.sizes_m()[1] / snow.sizes_m()[0]),
         most(&|snow| snow.sizes_m()[1] / snow.mean_free_distance_m()),
@@ -64,14 +64,14 @@ fn own(engine: Engine, errors: [f64; 3], request: &Request) -> [f64; 3] {
         .zip(CROWDS)
         .any(|(value, limit)| *value > limit);
     match (engine, errors) {
-        (Engine::Doubling, [delta_e, ..]) if crowded => [delta_e, CROWDED, CROWDED],
+        (Engine::Hybrid, [delta_e, ..]) if crowded => [delta_e, CROWDED, CROWDED],
         _ => errors,
     }
 }
 
 impl MaxError {
     /// What is asked for where the user names nothing: 0.3 in Delta-E, which
-    /// nobody sees, and an RMSE that `doubling` holds at these wavelengths.
+    /// nobody sees, and an RMSE that `hybrid` holds at these wavelengths.
     #[must_use]
     pub fn usual(wavelengths_nm: &[f64]) -> Self {
         let infrared_too = wavelengths_nm.iter().any(|nm| *nm > NEAR_INFRARED_NM);
@@ -81,7 +81,7 @@ impl MaxError {
         }
     }
 
-    /// Walks of `doubling` that keep its noise within this error.
+    /// Walks of `hybrid` that keep its noise within this error.
     #[must_use]
     pub fn rays(&self, wavelengths_nm: &[f64]) -> u64 {
         let (_, own) = CANDIDATES[0];
@@ -99,14 +99,14 @@ impl MaxError {
 }
 
 /// The engine for `request` under `light` and how many walks it is to do: as many
-/// as are asked for in `doubling`; in engines that walk all the way as many as the
-/// noise allowed needs, and no more than give the noise that `doubling` would.
+/// as are asked for in `hybrid`; in engines that walk all the way as many as the
+/// noise allowed needs, and no more than give the noise that `hybrid` would.
 pub(super) fn choose(request: &Request, light: &Illumination) -> (Engine, u64) {
     let holds = |(engine, errors): (Engine, [f64; 3])| {
         let own = own(engine, errors, request);
         let room = request.max_error.room(own, request.wavelengths_nm)?;
         let rays = match engine {
-            Engine::Doubling => request.rays,
+            Engine::Hybrid => request.rays,
             _ => {
                 let equal = request.rays as f64 * (NOISE[1] / NOISE[0]).powi(2);
                 (NOISE[1] / room).powi(2).min(equal).ceil() as u64
@@ -135,15 +135,15 @@ struct Part {
     illuminations: Vec<Illumination>,
 }
 
-/// The parts of `request`: all lights of `doubling`, which keeps their streams
+/// The parts of `request`: all lights of `hybrid`, which keeps their streams
 /// apart by itself, and every other by itself.
 fn parts(request: &Request) -> Vec<Part> {
     let mut parts: Vec<Part> = Vec::new();
     for (i, light) in request.illuminations.iter().enumerate() {
         let (engine, rays) = choose(request, light);
-        let together = |part: &&mut Part| part.engine == Engine::Doubling;
+        let together = |part: &&mut Part| part.engine == Engine::Hybrid;
         match parts.iter_mut().find(together) {
-            Some(part) if engine == Engine::Doubling => {
+            Some(part) if engine == Engine::Hybrid => {
                 part.lights.push(i);
                 part.illuminations.push(*light);
             }
@@ -151,7 +151,7 @@ fn parts(request: &Request) -> Vec<Part> {
                 engine,
                 rays,
                 cell: match engine {
-                    Engine::Doubling => request.cell,
+                    Engine::Hybrid => request.cell,
                     _ => identity::with_light(request.cell, light),
                 },
                 lights: vec![i],
@@ -211,13 +211,13 @@ mod tests {
             shape: Shape::Spheroid,
             sphericity: TruncatedNormal::new(0.6, 0.95, 0.798, 0.064).unwrap(),
         };
-        let pack = Snow::dry(grain, 275.0, -1.0).into();
+        let snowpack = Snow::dry(grain, 275.0, -1.0).into();
         let delta_e = 0.3;
         let light = Illumination::Collimated {
             polar_angle_rad: angle_deg.to_radians(),
         };
         let request = Request {
-            pack: &pack,
+            snowpack: &snowpack,
             thicknesses_m: &[0.1],
             illuminations: &[light],
             wavelengths_nm: &[nm],
@@ -234,17 +234,17 @@ mod tests {
     #[test]
     fn the_cheapest_engine_that_holds() {
         let usual = [300.0, 750.0];
-        assert_eq!(chosen(usual, 0.0, 6e-4, 550.0).0, Engine::Doubling);
+        assert_eq!(chosen(usual, 0.0, 6e-4, 550.0).0, Engine::Hybrid);
         // its own error leaves no room
         assert_eq!(chosen(usual, 0.0, 3e-4, 550.0).0, Engine::Tabulated);
         assert_eq!(chosen(usual, 0.0, 1e-4, 550.0).0, Engine::Spectral);
         assert_eq!(chosen(usual, 0.0, 1e-3, 1030.0).0, Engine::Tabulated);
-        assert_eq!(chosen(usual, 0.0, 2e-3, 1030.0).0, Engine::Doubling);
+        assert_eq!(chosen(usual, 0.0, 2e-3, 1030.0).0, Engine::Hybrid);
         // crowded grains
         let (engine, rays) = chosen([50.0, 3000.0], 0.0, 2e-3, 550.0);
         assert_eq!(engine, Engine::Tabulated);
         assert!((0.5 / (rays as f64).sqrt() - 2e-3).abs() < 2e-5, "{rays}");
-        assert_eq!(chosen([50.0, 3000.0], 0.0, 1e-2, 550.0).0, Engine::Doubling);
+        assert_eq!(chosen([50.0, 3000.0], 0.0, 1e-2, 550.0).0, Engine::Hybrid);
         // hardly a grain of a table fits
         assert_eq!(chosen(usual, 89.97, 6e-4, 550.0).0, Engine::Spectral);
     }

@@ -2,7 +2,7 @@
 use std::sync::{Arc, Mutex, PoisonError};
 
 use super::EngineError;
-use super::doubling::{Occasion, Walks};
+use super::hybrid::{CacheKey, Walks};
 use super::tables::{Outcomes, Recipe};
 use super::units::Units;
 
@@ -18,7 +18,7 @@ const WALKS: usize = 256 << 20;
 #[derive(Debug)]
 pub struct Cache {
     pub(super) tables: Arc<Kept<Recipe, Outcomes>>,
-    pub(super) walks: Arc<Kept<Occasion, Walks>>,
+    pub(super) walks: Arc<Kept<CacheKey, Walks>>,
     pub(super) units: Units,
 }
 

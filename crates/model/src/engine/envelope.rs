@@ -34,27 +34,27 @@ impl Engine {
     /// # Errors
     /// [`EngineError::Outside`] for the first limit that is broken.
     pub fn check(self, request: &Request) -> Result<(), EngineError> {
-        let pack = request.pack;
-        let found = pack.exponents().len();
+        let snowpack = request.snowpack;
+        let found = snowpack.exponents().len();
         if found > EXPONENTS {
             return Err(EngineError::Exponents { found });
         }
         let thinnest_m = request.thicknesses_m.iter().copied();
         let thinnest_m = thinnest_m.fold(f64::INFINITY, f64::min);
-        if thinnest_m <= pack.below_m() && !pack.below.is_empty() {
+        if thinnest_m <= snowpack.below_m() && !snowpack.below.is_empty() {
             return Err(EngineError::NoSurface {
                 thickness_m: thinnest_m,
-                below_m: pack.below_m(),
+                below_m: snowpack.below_m(),
             });
         }
-        let slimmest_m = pack.snows().map(slimmest_m).fold(0.0, f64::max);
+        let slimmest_m = snowpack.snows().map(slimmest_m).fold(0.0, f64::max);
         let mut limits = vec![Limit {
             what: "thickness in axes of the slimmest grain",
             value: thinnest_m / slimmest_m,
             lowest: 1.0,
             instead: None,
         }];
-        let flight = pack.surface.mean_free_distance_m() / pack.surface.sizes_m()[1];
+        let flight = snowpack.surface.mean_free_distance_m() / snowpack.surface.sizes_m()[1];
         for light in request.illuminations {
             if let Illumination::Collimated { polar_angle_rad } = light {
                 limits.push(Limit {
@@ -63,7 +63,7 @@ impl Engine {
                     lowest: FIRST_FLIGHT,
                     instead: None,
                 });
-                if matches!(self, Self::Tabulated | Self::Doubling) {
+                if matches!(self, Self::Tabulated | Self::Hybrid) {
                     let table = f64::from(request.resolution.table);
                     limits.push(Limit {
                         what: "number of grain events per table that fit where grazing light first meets grains",
@@ -74,7 +74,7 @@ impl Engine {
                 }
             }
         }
-        if matches!(self, Self::Tabulated | Self::Doubling) {
+        if matches!(self, Self::Tabulated | Self::Hybrid) {
             limits.push(Limit {
                 what: "number of grain events per table",
                 value: f64::from(request.resolution.table),

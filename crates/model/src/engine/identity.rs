@@ -6,7 +6,7 @@
 //!
 //! - the snow of each layer: grains (share, size, facetness, sphericity, shape), density,
 //!   temperature, saturation and the carbon that absorbs; the thicknesses of the
-//!   layers under the surface; the reflectance of the ground;
+//!   layers under the surface; the reflectance of the substrate;
 //! - where an engine computes them one by one, the light and the thickness.
 //!
 //! What a whole database has in common (seed, wavelengths, engine, walks, choices
@@ -15,21 +15,21 @@
 use crate::grain::TruncatedNormal;
 use crate::rng::Fingerprint;
 use crate::table::Source;
-use crate::transport::{Ground, Illumination, Pack, Snow};
+use crate::transport::{Illumination, Snow, Snowpack, Substrate};
 
 use super::tables::Stretch;
 
-/// The bits of a pack, without its thickness.
+/// The bits of a snowpack, without its thickness.
 #[must_use]
-pub fn of_pack(pack: &Pack) -> u64 {
-    let mut digest = with_snow(Fingerprint::of("pack"), &pack.surface);
-    for layer in &pack.below {
+pub fn of_snowpack(snowpack: &Snowpack) -> u64 {
+    let mut digest = with_snow(Fingerprint::of("pack"), &snowpack.surface);
+    for layer in &snowpack.below {
         digest = with_snow(digest.and(&[layer.thickness_m]), &layer.snow);
     }
-    let digest = match &pack.ground {
-        Ground::Black => digest.and_text("black"),
-        Ground::Grey(reflectance) => digest.and_text("grey").and(&[*reflectance]),
-        Ground::Spectrum { table, .. } => digest
+    let digest = match &snowpack.substrate {
+        Substrate::Black => digest.and_text("black"),
+        Substrate::Grey(reflectance) => digest.and_text("grey").and(&[*reflectance]),
+        Substrate::Spectrum { table, .. } => digest
             .and_text("spectrum")
             .and(table.abscissae())
             .and(table.column(0)),

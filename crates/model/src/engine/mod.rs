@@ -2,14 +2,14 @@
 mod auto;
 mod batches;
 mod cache;
-mod doubling;
 pub mod envelope;
 pub mod exits;
-mod ground;
+mod hybrid;
 pub mod identity;
 mod nodes;
 mod reference;
 mod spectral;
+mod substrate;
 mod tables;
 mod units;
 
@@ -20,13 +20,13 @@ use thiserror::Error;
 pub use auto::MaxError;
 pub use batches::BATCH;
 pub use cache::Cache;
-pub use units::{Keep, Units};
+pub use units::{UnitStore, Units};
 
 use crate::measurement::Spectrum;
 use crate::optics::{Index, OpticsError};
 use crate::slab::SlabError;
 use crate::transport::{
-    Coefficients, EXPONENTS, Illumination, Model, Pack, REJECTION_LIMIT, WalkError,
+    Coefficients, EXPONENTS, Illumination, Model, REJECTION_LIMIT, Snowpack, WalkError,
 };
 
 /// Which engine runs a job.
@@ -39,7 +39,7 @@ pub enum Engine {
     /// As `spectral`, with grain events drawn from tables.
     Tabulated,
     /// Deterministic transport in the bulk, walks next to the surfaces.
-    Doubling,
+    Hybrid,
     /// The cheapest of these that holds the error allowed.
     Auto,
 }
@@ -51,7 +51,7 @@ pub struct Resolution {
     pub table: u32,
     /// Grain events averaged for the scattering kernel; the table is chosen from these.
     pub grains: u32,
-    /// Directions per hemisphere in `doubling`, 2 to 31.
+    /// Directions per hemisphere in `hybrid`, 2 to 31.
     pub streams: usize,
 }
 
@@ -69,7 +69,7 @@ impl Resolution {
     /// No finer than what so many walks can tell: a table as large and a kernel
     /// of twice as many grain events, within the limits of the engines and the
     /// default. Of those, eight instead of two changed the error of no wavelength
-    /// of a pack of three layers (docs/performance.md), and took most of the time.
+    /// of a snowpack of three layers (docs/performance.md), and took most of the time.
     #[must_use]
     pub fn of_rays(rays: u64) -> Self {
         let most = Self::default();
@@ -86,8 +86,8 @@ impl Resolution {
 #[derive(Debug, Clone)]
 pub struct Request<'a> {
     /// The snow.
-    pub pack: &'a Pack,
-    /// Thicknesses of the whole pack, m, strictly increasing.
+    pub snowpack: &'a Snowpack,
+    /// Thicknesses of the whole snowpack, m, strictly increasing.
     pub thicknesses_m: &'a [f64],
     /// The light: one or several incidences.
     pub illuminations: &'a [Illumination],
@@ -96,7 +96,7 @@ pub struct Request<'a> {
     /// Choices within the model.
     pub model: &'a Model,
     /// Walks per wavelength and thickness in `reference`; per index node in
-    /// `spectral` and `tabulated`; per light and index node in `doubling` and,
+    /// `spectral` and `tabulated`; per light and index node in `hybrid` and,
     /// should it choose that, `auto`.
     pub rays: u64,
     /// What `auto` is to hold.
@@ -175,19 +175,19 @@ pub enum EngineError {
         /// One that can.
         instead: Engine,
     },
-    /// The carbon in a pack has too many different exponents.
+    /// The carbon in a snowpack has too many different exponents.
     #[error(
-        "the carbon in the pack has {found} different Angstrom exponents; at most {EXPONENTS} are allowed"
+        "the carbon in the snowpack has {found} different Angstrom exponents; at most {EXPONENTS} are allowed"
     )]
     Exponents {
         /// How many there are.
         found: usize,
     },
-    /// The reflectance of the ground is not known at a wavelength.
+    /// The reflectance of the substrate is not known at a wavelength.
     #[error(
-        "the reflectance of the ground is given for {min_nm} to {max_nm} nm, not {wavelength_nm} nm"
+        "the reflectance of the substrate is given for {min_nm} to {max_nm} nm, not {wavelength_nm} nm"
     )]
-    Ground {
+    Substrate {
         /// The wavelength.
         wavelength_nm: f64,
         /// First of its table.
@@ -197,11 +197,11 @@ pub enum EngineError {
     },
     /// The lower layers leave nothing for the surface layer.
     #[error(
-        "a pack of {} cm has no room for a surface layer: the layers under it take {} cm",
+        "a snowpack of {} cm has no room for a surface layer: the layers under it take {} cm",
         thickness_m * 100.0, below_m * 100.0
     )]
     NoSurface {
-        /// Thickness of the pack, m.
+        /// Thickness of the snowpack, m.
         thickness_m: f64,
         /// That of the layers under the surface, m.
         below_m: f64,
@@ -220,7 +220,7 @@ impl Engine {
         Self::Reference,
         Self::Spectral,
         Self::Tabulated,
-        Self::Doubling,
+        Self::Hybrid,
         Self::Auto,
     ];
 
@@ -231,13 +231,13 @@ impl Engine {
             Self::Reference => "reference",
             Self::Spectral => "spectral",
             Self::Tabulated => "tabulated",
-            Self::Doubling => "doubling",
+            Self::Hybrid => "hybrid",
             Self::Auto => "auto",
         }
     }
 
-    /// Other names that are understood.
-    pub const ALIASES: [(&str, Self); 1] = [("hybrid", Self::Doubling)];
+    /// Former names, still understood.
+    pub const ALIASES: [(&str, Self); 1] = [("doubling", Self::Hybrid)];
 
     /// The engine of this name, or of this other name.
     #[must_use]
@@ -257,13 +257,13 @@ impl Engine {
     /// Whether one job of this engine serves all illuminations at once.
     #[must_use]
     pub fn shares_angles(self) -> bool {
-        matches!(self, Self::Doubling | Self::Auto)
+        matches!(self, Self::Hybrid | Self::Auto)
     }
 
     /// Whether this engine makes tables of grain events, once per shape of grain.
     #[must_use]
     pub fn uses_tables(self) -> bool {
-        matches!(self, Self::Tabulated | Self::Doubling | Self::Auto)
+        matches!(self, Self::Tabulated | Self::Hybrid | Self::Auto)
     }
 
     /// The engine that does the work of `request` under the first of its lights:
@@ -289,7 +289,7 @@ impl Engine {
     /// beside its own: not in engines whose walks are resumed from one to the next.
     #[must_use]
     pub fn keeps_thicknesses_apart(self) -> bool {
-        matches!(self, Self::Reference | Self::Doubling)
+        matches!(self, Self::Reference | Self::Hybrid)
     }
 
     /// How many walks [`Engine::run`] does for `request`; a walk that serves
@@ -300,17 +300,17 @@ impl Engine {
     pub fn walks(self, request: &Request) -> Result<u64, EngineError> {
         match self {
             Self::Auto => auto::walks(request),
-            engine => ground::walks(engine, request),
+            engine => substrate::walks(engine, request),
         }
     }
 
-    /// The same of a pack without cascades on black ground.
+    /// The same of a snowpack without cascades on black substrate.
     fn walks_bare(self, request: &Request) -> Result<u64, EngineError> {
         let per_ray = match self {
-            Self::Auto | Self::Doubling => return doubling::walks(request),
+            Self::Auto | Self::Hybrid => return hybrid::walks(request),
             Self::Reference => request.wavelengths_nm.len() * request.thicknesses_m.len(),
             Self::Spectral | Self::Tabulated => {
-                nodes::nodes(&indices(request)?, request.pack.is_wet()).len()
+                nodes::nodes(&indices(request)?, request.snowpack.is_wet()).len()
             }
         };
         let per_ray = per_ray * request.illuminations.len();
@@ -341,7 +341,7 @@ impl Engine {
     ) -> Result<Vec<Spectrum>, EngineError> {
         match self {
             Self::Auto => auto::run(request, control),
-            engine => ground::run(engine, request, control),
+            engine => substrate::run(engine, request, control),
         }
     }
 }
@@ -352,14 +352,14 @@ impl std::str::FromStr for Engine {
     fn from_str(name: &str) -> Result<Self, String> {
         Self::named(name)
             .ok_or_else(|| {
-                format!("no engine is named `{name}`; the engines are reference, spectral, tabulated, doubling and auto")
+                format!("no engine is named `{name}`; the engines are reference, spectral, tabulated, hybrid and auto")
             })
     }
 }
 
 /// Ice and water at each wavelength. Dry snow needs no water: vacuum stands in.
 fn indices(request: &Request) -> Result<Vec<(Index, Index)>, OpticsError> {
-    let water = if request.pack.is_wet() {
+    let water = if request.snowpack.is_wet() {
         Some(request.model.water.load()?)
     } else {
         None
@@ -376,7 +376,7 @@ fn indices(request: &Request) -> Result<Vec<(Index, Index)>, OpticsError> {
 
 /// Absorption of everything in the snow at each wavelength.
 fn coefficients(request: &Request, indices: &[(Index, Index)]) -> Vec<Coefficients> {
-    let exponents = request.pack.exponents();
+    let exponents = request.snowpack.exponents();
     let wavelengths = request.wavelengths_nm.iter().zip(indices);
     wavelengths
         .map(|(nm, indices)| Coefficients::at(*nm, *indices, &exponents))
@@ -388,7 +388,7 @@ fn engine_error(request: &Request, error: WalkError) -> EngineError {
     match error {
         WalkError::TooThin { thickness_m } => EngineError::SlabTooThin {
             thickness_m,
-            size_max_m: request.pack.longest_grain_m(),
+            size_max_m: request.snowpack.longest_grain_m(),
         },
         WalkError::Stopped => EngineError::Cancelled,
     }

@@ -157,8 +157,8 @@ fn run_lit(
     indices: &[(Index, Index)],
     light: usize,
 ) -> Result<Vec<Spectrum>, EngineError> {
-    let nodes = nodes(indices, request.pack.is_wet());
-    let (node_indices, mixes) = mixes(indices, request.pack.is_wet());
+    let nodes = nodes(indices, request.snowpack.is_wet());
+    let (node_indices, mixes) = mixes(indices, request.snowpack.is_wet());
     // the wavelengths a node serves reach from the node before it to the node after it
     let results = batches::map(control, (0..nodes.len()).collect(), |i| {
         let last = nodes[(i + 1).min(nodes.len() - 1)];
@@ -218,7 +218,7 @@ fn walk_node(
     let heights_m = request.thicknesses_m;
     let scores = match grains {
         Grains::Followed => {
-            let walker = Walker::new(request.pack, request.model, node, absorption);
+            let walker = Walker::new(request.snowpack, request.model, node, absorption);
             let purpose = [1, number as u32, 0];
             batches::run(
                 request,
@@ -239,8 +239,11 @@ fn walk_node(
                     let stretches = tables::stretches(request, heights_m[heights - 1]);
                     let walker = |batch: u64| {
                         let part = batch as usize % tables::PARTS;
-                        let pack = tables::pack(request, &outcomes, part, &stretches);
-                        TableWalker { pack, absorption }
+                        let snowpack = tables::snowpack(request, &outcomes, part, &stretches);
+                        TableWalker {
+                            snowpack,
+                            absorption,
+                        }
                     };
                     batches::run(request, control, walker, heights_m, light, purpose, &empty)?
                 }

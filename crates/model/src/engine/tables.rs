@@ -10,7 +10,7 @@ use crate::engine::{Control, EngineError, Request, Resolution, batches};
 use crate::grain::{GrainType, SizeRange, Surface};
 use crate::optics::Index;
 use crate::rng::{Key, Stream};
-use crate::table::{Kernel, Table, TablePack, TableStratum, draw};
+use crate::table::{Kernel, Table, TableLayer, TableSnowpack, draw};
 use crate::transport::{Entry, Layer, Snow};
 
 /// Outcomes drawn with one stream.
@@ -61,17 +61,17 @@ impl Bytes for Outcomes {
     }
 }
 
-/// Outcomes of the grains of each type in each layer of a pack, from the surface
+/// Outcomes of the grains of each type in each layer of a snowpack, from the surface
 /// down, in air and in water; those in air stand for both in dry snow.
-pub(super) type PackOutcomes = Vec<Vec<[Arc<Outcomes>; 2]>>;
+pub(super) type SnowpackOutcomes = Vec<Vec<[Arc<Outcomes>; 2]>>;
 
-/// Those of the pack of `request` at the indices `(ice, water)`.
+/// Those of the snowpack of `request` at the indices `(ice, water)`.
 pub(super) fn outcomes(
     request: &Request,
     control: &Control,
     (ice, water): (Index, Index),
-) -> Result<PackOutcomes, EngineError> {
-    let [air, water] = Surface::in_air_and_water(ice, water, request.pack.is_wet());
+) -> Result<SnowpackOutcomes, EngineError> {
+    let [air, water] = Surface::in_air_and_water(ice, water, request.snowpack.is_wet());
     let one = |grain: &GrainType, surface| {
         let recipe = Recipe {
             grain: GrainType {
@@ -96,10 +96,10 @@ pub(super) fn outcomes(
         });
         kinds.collect()
     };
-    request.pack.snows().map(of).collect()
+    request.snowpack.snows().map(of).collect()
 }
 
-/// A stretch of the `snow`-th layer of a pack, counted from the surface.
+/// A stretch of the `snow`-th layer of a snowpack, counted from the surface.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub(super) struct Stretch {
     pub(super) snow: usize,
@@ -107,21 +107,21 @@ pub(super) struct Stretch {
 }
 
 /// Snow in these `stretches`, from the surface down, with the tables of `part`.
-pub(super) fn pack<'a>(
+pub(super) fn snowpack<'a>(
     request: &Request,
-    outcomes: &'a PackOutcomes,
+    outcomes: &'a SnowpackOutcomes,
     part: usize,
     stretches: &[Stretch],
-) -> TablePack<'a> {
-    let exponents = request.pack.exponents();
-    let snows: Vec<&Snow> = request.pack.snows().collect();
+) -> TableSnowpack<'a> {
+    let exponents = request.snowpack.exponents();
+    let snows: Vec<&Snow> = request.snowpack.snows().collect();
     let stratum = |(i, stretch): (usize, &Stretch)| {
         let tables: Vec<_> = outcomes[stretch.snow]
             .iter()
             .map(|media| media.each_ref().map(|outcomes| &outcomes.tables[part]))
             .collect();
         let below = stretches[i + 1..].iter().map(|stretch| stretch.thickness_m);
-        TableStratum::new(
+        TableLayer::new(
             snows[stretch.snow],
             below.sum(),
             request.model,
@@ -130,12 +130,12 @@ pub(super) fn pack<'a>(
         )
     };
     let strata = stretches.iter().enumerate().map(stratum).collect();
-    TablePack::new(strata, exponents.len())
+    TableSnowpack::new(strata, exponents.len())
 }
 
-/// The layers of the pack of `request` at this thickness, from the surface down.
+/// The layers of the snowpack of `request` at this thickness, from the surface down.
 pub(super) fn stretches(request: &Request, thickness_m: f64) -> Vec<Stretch> {
-    let layers = request.pack.layers(thickness_m).into_iter().enumerate();
+    let layers = request.snowpack.layers(thickness_m).into_iter().enumerate();
     let stretch = |(snow, layer): (usize, Layer)| Stretch {
         snow,
         thickness_m: layer.thickness_m,

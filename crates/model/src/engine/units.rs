@@ -21,7 +21,7 @@ const PAUSE: Duration = Duration::from_secs(1);
 const SHARE: u32 = 20;
 
 /// Where units are kept.
-pub trait Keep: Debug + Send + Sync {
+pub trait UnitStore: Debug + Send + Sync {
     /// Keeps `units` beside those kept before; false if that fails, which ends
     /// the request as if it were cancelled.
     fn keep(&self, units: &[u8]) -> bool;
@@ -31,7 +31,7 @@ pub trait Keep: Debug + Send + Sync {
 #[derive(Debug, Default)]
 pub struct Units {
     pause: Duration,
-    keep: Option<Box<dyn Keep>>,
+    keep: Option<Box<dyn UnitStore>>,
     state: Mutex<State>,
 }
 
@@ -60,7 +60,7 @@ impl Default for State {
 impl Units {
     /// Those that `keep` was given before, the latest last.
     #[must_use]
-    pub fn new(keep: Box<dyn Keep>, before: &[Vec<u8>]) -> Self {
+    pub fn new(keep: Box<dyn UnitStore>, before: &[Vec<u8>]) -> Self {
         let units = before.iter().flat_map(|bytes| {
             let units = postcard::from_bytes::<HashMap<String, Vec<u8>>>(bytes);
             units.unwrap_or_default()
@@ -159,7 +159,7 @@ mod tests {
     #[derive(Debug, Clone, Default)]
     struct Memory(Arc<Mutex<Vec<Vec<u8>>>>);
 
-    impl Keep for Memory {
+    impl UnitStore for Memory {
         fn keep(&self, units: &[u8]) -> bool {
             self.0.lock().unwrap().push(units.to_vec());
             true

@@ -15,7 +15,7 @@ pub use distance::{
 };
 pub use event::{Events, Grain, Grains, Stepped, Surface};
 pub use law::{GrainError, SizeLaw, SizeRange, TruncatedNormal};
-pub use optical::{SizeMeasure, Told};
+pub use optical::{SizeConversion, SizeMeasure};
 pub use shape::{Form, GrainShape, Numbers, Shape};
 pub use spheroid::Spheroid;
 

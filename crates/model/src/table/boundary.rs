@@ -2,9 +2,9 @@
 //! between layers, across which grains carry light.
 //!
 //! Rays enter a region from outside or from the snow beyond it, and leave it
-//! through a plane of the pack or, going away, through an open side, where they
+//! through a plane of the snowpack or, going away, through an open side, where they
 //! are handed over with the Legendre moments of their direction. Grains that would
-//! cross a plane of the pack are rejected as in any walk; an open side is no plane
+//! cross a plane of the snowpack are rejected as in any walk; an open side is no plane
 //! of the snow and rejects none. A slab too thin to have an inside is walked from
 //! plane to plane.
 //!
@@ -18,7 +18,7 @@ use crate::math::legendre;
 use crate::rng::Stream;
 use crate::table::rays::{Ray, Variates};
 use crate::table::step::{Steps, Stuck};
-use crate::table::{Histogram, TablePack, lanes};
+use crate::table::{Histogram, TableSnowpack, lanes};
 use crate::transport::WalkError;
 
 /// Grain events that draw on the lattice.
@@ -29,7 +29,7 @@ const LATTICE_EVENTS: usize = 5;
 pub enum Edge {
     /// Snow goes on.
     Open,
-    /// The pack ends: grains must not cross, and rays leave.
+    /// The snowpack ends: grains must not cross, and rays leave.
     Plane,
 }
 
@@ -50,7 +50,7 @@ pub enum Source {
 #[derive(Debug, Clone)]
 pub struct Region<'a> {
     /// The snow.
-    pub pack: TablePack<'a>,
+    pub snowpack: TableSnowpack<'a>,
     /// Thickness, m.
     pub thickness_m: f64,
     /// How it ends above and below.
@@ -61,7 +61,7 @@ pub struct Region<'a> {
 #[derive(Debug, Clone, Serialize, Deserialize)]
 pub struct Scores {
     /// Rays that left above: P_l(2 mu - 1) for l = 0, 1, ..., with mu the cosine from
-    /// straight up; where the pack ends, l = 0 only.
+    /// straight up; where the snowpack ends, l = 0 only.
     pub out: Histogram,
     /// Rays that left below: the same, with mu the cosine from straight down.
     pub through: Histogram,
@@ -141,27 +141,27 @@ impl Region<'_> {
         mut rng: Stream,
     ) -> Result<Scores, WalkError> {
         let Self {
-            pack,
+            snowpack,
             thickness_m,
             edges,
         } = self;
         let (thickness_m, open) = (*thickness_m, edges.map(|edge| edge == Edge::Open));
         let [open_above, open_below] = open;
         let above = if open_above { moments } else { 1 };
-        let per_event = if pack.wet { 4 } else { 3 };
+        let per_event = if snowpack.wet { 4 } else { 3 };
         let mut lattice = Lattice::new(per_event * LATTICE_EVENTS, &mut rng);
-        let scale_m = pack.longest_m();
+        let scale_m = snowpack.longest_m();
         let mut scores = Scores {
-            out: Histogram::new(scale_m, pack.exponents, above),
-            through: Histogram::new(scale_m, pack.exponents, moments),
+            out: Histogram::new(scale_m, snowpack.exponents, above),
+            through: Histogram::new(scale_m, snowpack.exponents, moments),
             rays,
         };
         let (one, zero) = (f64x8::ONE, f64x8::ZERO);
-        let last = pack.strata.len() - 1;
+        let last = snowpack.strata.len() - 1;
         let flight_m = |stratum: usize, rng: &mut Stream| {
-            pack.strata[stratum].mean_free_distance_m * rng.exponential().as_array()[0]
+            snowpack.strata[stratum].mean_free_distance_m * rng.exponential().as_array()[0]
         };
-        let mut steps = Steps::new(pack, open);
+        let mut steps = Steps::new(snowpack, open);
         let mut queue = [[zero; LATTICE_EVENTS]; 4];
         let mut queued = zero;
         let mut started = 0;
@@ -188,7 +188,7 @@ impl Region<'_> {
                     Source::Above(mu) => (0.0, mu),
                     Source::Diffuse => {
                         let u = (started as f64 + rng.uniform().as_array()[0]) / rays as f64;
-                        (0.0, pack.diffuse_cosine(u))
+                        (0.0, snowpack.diffuse_cosine(u))
                     }
                     Source::Below(mu) => {
                         behind_m = flight_m(last, &mut rng);
@@ -211,7 +211,7 @@ impl Region<'_> {
             if walking == 0 {
                 return Ok(scores);
             }
-            let mut variates = Variates::draw(pack.wet, &mut rng);
+            let mut variates = Variates::draw(snowpack.wet, &mut rng);
             let on_lattice = queued.simd_gt(zero);
             if on_lattice.any() {
                 for (variate, queue) in variates

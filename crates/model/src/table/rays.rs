@@ -1,11 +1,11 @@
 //! Eight rays side by side between grains drawn from tables: their depths and
-//! the cosines of their directions. In a horizontal pack nothing else matters.
+//! the cosines of their directions. In a horizontal snowpack nothing else matters.
 use wide::f64x8;
 
 use crate::grain::Bodies;
 use crate::math::ln;
 use crate::rng::{Stream, azimuth};
-use crate::table::pack::{TablePack, TableStratum};
+use crate::table::snowpack::{TableLayer, TableSnowpack};
 use crate::table::{Table, lanes};
 use crate::transport::{EXPONENTS, Path};
 
@@ -130,7 +130,7 @@ pub(super) struct Flight {
     across: f64x8,
 }
 
-impl TablePack<'_> {
+impl TableSnowpack<'_> {
     /// Flights of the rays, all through the layers they begin in, and the
     /// grains that wait at their ends.
     #[inline(always)]
@@ -264,7 +264,7 @@ impl TablePack<'_> {
         &self,
         rays: &mut Rays,
         length_m: f64x8,
-        of: for<'s> fn(&'s TableStratum) -> &'s [f64; EXPONENTS],
+        of: for<'s> fn(&'s TableLayer) -> &'s [f64; EXPONENTS],
     ) {
         for lane in lanes(0xff) {
             let per_m = of(&self.strata[rays.stratum[lane]]);

@@ -10,7 +10,7 @@ use crate::math::Vec3;
 use crate::rng::Stream;
 use crate::table::rays::{Ray, Variates};
 use crate::table::step::{Stepped, Steps, Stuck};
-use crate::table::{TablePack, lanes};
+use crate::table::{TableSnowpack, lanes};
 use crate::transport::{Absorption, End, Illumination, Sink, Walk, WalkError};
 
 /// Steps after which the sink is asked whether to go on.
@@ -20,7 +20,7 @@ const STEPS_BETWEEN_CHECKS: u64 = 1024;
 #[derive(Debug, Clone)]
 pub struct TableWalker<'a> {
     /// The snow.
-    pub pack: TablePack<'a>,
+    pub snowpack: TableSnowpack<'a>,
     /// How walks end by absorption.
     pub absorption: Absorption,
 }
@@ -79,11 +79,14 @@ impl Walk for TableWalker<'_> {
 
 impl<S: Sink> Walks<'_, S> {
     fn run(&mut self) -> Result<u64, WalkError> {
-        let TableWalker { pack, absorption } = self.walker;
+        let TableWalker {
+            snowpack,
+            absorption,
+        } = self.walker;
         let coefficients = absorption.coefficients;
         let [ice_per_m, water_per_m] =
             [coefficients.ice_per_m, coefficients.water_per_m].map(f64x8::splat);
-        let mut steps = Steps::new(pack, [false; 2]);
+        let mut steps = Steps::new(snowpack, [false; 2]);
         let mut walking = lanes(0xff).fold(0, |walking, lane| {
             walking | u32::from(self.start(&mut steps, lane)) << lane
         });
@@ -95,7 +98,7 @@ impl<S: Sink> Walks<'_, S> {
             if count % STEPS_BETWEEN_CHECKS == 0 && self.sink.stop() {
                 return Err(WalkError::Stopped);
             }
-            let mut variates = Variates::draw(pack.wet, &mut self.rng);
+            let mut variates = Variates::draw(snowpack.wet, &mut self.rng);
             for lane in lanes(self.forced) {
                 if let Some(forced) = self.lanes[lane].forced.take() {
                     variates.set(lane, forced);
@@ -119,7 +122,7 @@ impl<S: Sink> Walks<'_, S> {
                 thickness_m: steps.depth_m.as_array()[lane],
             })?;
             total += u64::from((met & walking).count_ones());
-            if pack.strata.len() > 1 {
+            if snowpack.strata.len() > 1 {
                 // grains may carry rays across the lower plane of the surface layer
                 for lane in lanes(met & walking) {
                     let Lane { slab, touch, .. } = &mut self.lanes[lane];
@@ -131,7 +134,7 @@ impl<S: Sink> Walks<'_, S> {
             }
             let rays = &steps.rays;
             let mut depth = ice_per_m * rays.ice_m + water_per_m * rays.water_m;
-            if pack.sooty {
+            if snowpack.sooty {
                 let impurities = rays.impurities.iter().zip(coefficients.impurities);
                 depth = impurities.fold(depth, |sum, (d, factor)| sum + *d * f64x8::splat(factor));
             }
@@ -162,7 +165,7 @@ impl<S: Sink> Walks<'_, S> {
             Illumination::Collimated { polar_angle_rad } => libm::cos(polar_angle_rad),
             Illumination::Diffuse => self
                 .walker
-                .pack
+                .snowpack
                 .diffuse_cosine(self.rng.uniform().as_array()[0]),
         };
         let ray = Ray {

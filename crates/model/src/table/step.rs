@@ -2,14 +2,14 @@
 use wide::f64x8;
 
 use crate::table::lanes;
-use crate::table::pack::TablePack;
 use crate::table::rays::{Ray, Rays, Variates};
+use crate::table::snowpack::TableSnowpack;
 use crate::transport::{EVENT_LIMIT, REJECTION_LIMIT};
 
-/// Eight rays on their way through a pack.
+/// Eight rays on their way through a snowpack.
 #[derive(Debug)]
 pub(super) struct Steps<'a> {
-    pub(super) pack: &'a TablePack<'a>,
+    pub(super) snowpack: &'a TableSnowpack<'a>,
     /// Whether snow goes on above and below, so that grains may cross the ends.
     open: [bool; 2],
     pub(super) rays: Rays,
@@ -44,9 +44,9 @@ pub(super) struct Stepped {
 pub(super) struct Stuck(pub(super) usize);
 
 impl<'a> Steps<'a> {
-    pub(super) fn new(pack: &'a TablePack<'a>, open: [bool; 2]) -> Self {
+    pub(super) fn new(snowpack: &'a TableSnowpack<'a>, open: [bool; 2]) -> Self {
         Self {
-            pack,
+            snowpack,
             open,
             rays: Rays::default(),
             depth_m: f64x8::ZERO,
@@ -59,7 +59,7 @@ impl<'a> Steps<'a> {
         }
     }
 
-    /// Puts `ray` on `lane`, at the beginning of a flight, in a pack
+    /// Puts `ray` on `lane`, at the beginning of a flight, in a snowpack
     /// `depth_m` deep.
     pub(super) fn start(&mut self, lane: usize, ray: &Ray, depth_m: f64) {
         self.resume(lane, ray, depth_m);
@@ -79,7 +79,7 @@ impl<'a> Steps<'a> {
     /// The layer at the depth of the ray of `lane`.
     fn stratum(&self, lane: usize) -> usize {
         let above_base_m = self.depth_m.as_array()[lane] - self.rays.z_m.as_array()[lane];
-        let strata = &self.pack.strata[..self.pack.strata.len() - 1];
+        let strata = &self.snowpack.strata[..self.snowpack.strata.len() - 1];
         strata.partition_point(|stratum| stratum.base_m > above_base_m)
     }
 
@@ -95,7 +95,7 @@ impl<'a> Steps<'a> {
     /// Depths of the planes of the rays' layers, m.
     #[inline(always)]
     fn planes(&self) -> [f64x8; 2] {
-        let strata = &self.pack.strata;
+        let strata = &self.snowpack.strata;
         let (mut top_m, mut bottom_m) = (f64x8::ZERO, self.depth_m);
         if strata.len() > 1 {
             for (lane, stratum) in self.rays.stratum.iter().enumerate() {
@@ -119,12 +119,12 @@ impl<'a> Steps<'a> {
         mut touch: impl FnMut(&Self, usize, &Variates),
     ) -> Result<Stepped, Stuck> {
         let (one, zero) = (f64x8::ONE, f64x8::ZERO);
-        let layered = self.pack.strata.len() > 1;
+        let layered = self.snowpack.strata.len() > 1;
         if layered {
             // the medium of a flight cut at a plane follows from the same variate
             variates.medium = self.cut.select(self.medium, variates.medium);
         }
-        let mut flight = self.pack.fly(&self.rays, variates);
+        let mut flight = self.snowpack.fly(&self.rays, variates);
         flight.length_m += self.flown_m;
         flight.end_m += self.flown_m * self.rays.mu;
         self.flown_m = zero;
@@ -137,7 +137,7 @@ impl<'a> Steps<'a> {
         let mut touched = down;
         if layered {
             let (mut first, mut last) = (zero, zero);
-            let end = self.pack.strata.len() - 1;
+            let end = self.snowpack.strata.len() - 1;
             let all = f64::from_bits(u64::MAX);
             for (lane, stratum) in self.rays.stratum.iter().enumerate() {
                 first.as_mut_array()[lane] = if *stratum == 0 { all } else { 0.0 };
@@ -162,7 +162,7 @@ impl<'a> Steps<'a> {
             near |= ends & flight.end_m.simd_gt(self.depth_m - flight.size_m);
         }
         if near.to_bitmask() & walking != 0 {
-            let [highest_m, lowest_m] = self.pack.extent_m(&self.rays, &flight);
+            let [highest_m, lowest_m] = self.snowpack.extent_m(&self.rays, &flight);
             if !open_above {
                 rejected = near & highest_m.simd_lt(zero);
             }
@@ -190,13 +190,13 @@ impl<'a> Steps<'a> {
         if layered {
             self.keep_origins(crossed, variates);
         }
-        if self.pack.wet || self.pack.sooty {
+        if self.snowpack.wet || self.snowpack.sooty {
             let plane_m = down.select(bottom_m, top_m);
             let to_plane_m = (plane_m - self.rays.z_m) / self.rays.mu;
             let length_m = met.select(flight.length_m, to_plane_m & (out | crossed));
-            self.pack.pass(&mut self.rays, &flight, length_m);
+            self.snowpack.pass(&mut self.rays, &flight, length_m);
         }
-        self.pack.scatter(&mut self.rays, &flight, met);
+        self.snowpack.scatter(&mut self.rays, &flight, met);
         self.events += one & met;
         if layered {
             self.change_layers([up & crossed, down & crossed], [top_m, bottom_m], met);

@@ -14,7 +14,7 @@ pub struct Coefficients {
     pub ice_per_m: f64,
     /// Of water, 1/m.
     pub water_per_m: f64,
-    /// What impurities of each exponent ([`super::Pack::exponents`]) absorb,
+    /// What impurities of each exponent ([`super::Snowpack::exponents`]) absorb,
     /// relative to [`IMPURITY_NM`].
     pub impurities: [f64; EXPONENTS],
 }
@@ -89,7 +89,7 @@ pub struct Path {
     /// How far it is from where it entered, m: along the surface in the plane of
     /// incidence and across that plane. 0 where walks do not follow it.
     pub offset_m: [f64; 2],
-    /// How often the ground sent it back.
+    /// How often the substrate sent it back.
     pub bounces: u32,
 }
 

@@ -1,7 +1,7 @@
-//! Walks from grain to grain through a pack of layers (docs/methods.md;
+//! Walks from grain to grain through a snowpack of layers (docs/methods.md;
 //! Varsa 2025, section 4.1), eight side by side.
 //!
-//! The pack's outer planes reflect nothing; a grain that would stick out of it
+//! The snowpack's outer planes reflect nothing; a grain that would stick out of it
 //! is rejected and its flight drawn anew. A ray never meets a grain twice.
 //!
 //! **Layers.** A flight that reaches the plane between two layers is cut there
@@ -16,8 +16,8 @@
 //!
 //! **Several thicknesses.** They are those of the surface layer, and act on a
 //! walk only through its lower plane: up to the first flight that ends beyond
-//! it or whose grain would stick out of the pack, and up to the first grain that
-//! carries the ray across it, the walks in all thicker packs are the same. From
+//! it or whose grain would stick out of the snowpack, and up to the first grain that
+//! carries the ray across it, the walks in all thicker snowpacks are the same. From
 //! exactly there on, the walk is resumed for the next thickness. Each thickness
 //! sees walks of the exact law; the errors of different thicknesses are
 //! correlated.
@@ -27,8 +27,8 @@ use crate::optics::Index;
 use crate::rng::Stream;
 use crate::transport::proposal::{Proposal, Proposals, contact};
 use crate::transport::{
-    Absorption, EXPONENTS, End, Entry, Illumination, Model, Pack, Path, Sink, Snow, diffuse_cosine,
-    impurities_per_m,
+    Absorption, EXPONENTS, End, Entry, Illumination, Model, Path, Sink, Snow, Snowpack,
+    diffuse_cosine, impurities_per_m,
 };
 
 /// Grain events after which a ray counts as lost.
@@ -54,9 +54,9 @@ pub enum WalkError {
     Stopped,
 }
 
-/// A way to walk rays through a pack.
+/// A way to walk rays through a snowpack.
 pub trait Walk: Sync {
-    /// Walks `rays` rays to their ends in packs of all `thicknesses_m`
+    /// Walks `rays` rays to their ends in snowpacks of all `thicknesses_m`
     /// (increasing) and gives the number of grain events.
     ///
     /// # Errors
@@ -71,12 +71,12 @@ pub trait Walk: Sync {
     ) -> Result<u64, WalkError>;
 }
 
-/// Chances of a ray that reaches the ground.
+/// Chances of a ray that reaches the substrate.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Bounce {
     /// To come back, in a direction with the weight of its cosine.
     pub reflected: f64,
-    /// To end as transmitted. If it does neither, the ground absorbs it.
+    /// To end as transmitted. If it does neither, the substrate absorbs it.
     pub transmitted: f64,
 }
 
@@ -88,7 +88,7 @@ impl Bounce {
     };
 }
 
-/// A pack made ready for walks at one pair of refractive indices.
+/// A snowpack made ready for walks at one pair of refractive indices.
 #[derive(Debug, Clone)]
 pub struct Walker {
     entry: Entry,
@@ -107,7 +107,7 @@ struct Stratum {
     snow: Snow,
     mean_free_distance_m: f64,
     longest_grain_m: f64,
-    /// Height of its lower plane over the base of the pack, m.
+    /// Height of its lower plane over the base of the snowpack, m.
     base_m: f64,
     /// Impurities of each exponent, 1/m.
     in_ice: [f64; EXPONENTS],
@@ -182,25 +182,25 @@ impl Path {
 }
 
 impl Walker {
-    /// `ice` and `water` at the wavelength (or node) walked. The ground is black.
+    /// `ice` and `water` at the wavelength (or node) walked. The substrate is black.
     #[must_use]
     pub fn new(
-        pack: &Pack,
+        snowpack: &Snowpack,
         model: &Model,
         (ice, water): (Index, Index),
         absorption: Absorption,
     ) -> Self {
-        let exponents = pack.exponents();
-        let mut base_m = pack.below_m();
-        let mut strata = vec![Stratum::new(&pack.surface, base_m, &exponents, model)];
-        for layer in &pack.below {
+        let exponents = snowpack.exponents();
+        let mut base_m = snowpack.below_m();
+        let mut strata = vec![Stratum::new(&snowpack.surface, base_m, &exponents, model)];
+        for layer in &snowpack.below {
             base_m -= layer.thickness_m;
             strata.push(Stratum::new(&layer.snow, base_m, &exponents, model));
         }
         if let Some(last) = strata.last_mut() {
             last.base_m = 0.0;
         }
-        let wet = pack.is_wet();
+        let wet = snowpack.is_wet();
         Self {
             entry: model.entry,
             strata,
@@ -211,7 +211,7 @@ impl Walker {
         }
     }
 
-    /// The same on another ground.
+    /// The same on another substrate.
     #[must_use]
     pub fn over(self, bounce: Bounce) -> Self {
         Self { bounce, ..self }
@@ -433,8 +433,8 @@ impl<S: Sink> Walks<'_, S> {
         self.fly(lane, proposal)
     }
 
-    /// Flies the ray of `lane` to a grain that fits into the pack; false if
-    /// the walk has ended, in this pack and all thicker ones.
+    /// Flies the ray of `lane` to a grain that fits into the snowpack; false if
+    /// the walk has ended, in this snowpack and all thicker ones.
     fn fly(&mut self, lane: usize, mut resumed: Option<Proposal>) -> Result<bool, WalkError> {
         let mut rejections = 0;
         loop {
@@ -446,7 +446,7 @@ impl<S: Sink> Walks<'_, S> {
                 }
             };
             let thickness_m = self.thicknesses_m[self.lanes[lane].slab];
-            // to a grain, or out of the pack
+            // to a grain, or out of the snowpack
             let (first, mut proposal, mut ray) = (proposal, proposal, self.lanes[lane].ray);
             let inside = loop {
                 let stratum = &self.walker.strata[ray.stratum];
@@ -506,7 +506,7 @@ impl<S: Sink> Walks<'_, S> {
                             rejections = 0;
                             continue;
                         }
-                        self.ground()
+                        self.substrate()
                     }
                     (false, false) => End::Reflected,
                 };
@@ -572,7 +572,7 @@ impl<S: Sink> Walks<'_, S> {
         }
     }
 
-    /// Whether the ground sends the ray of `lane` back.
+    /// Whether the substrate sends the ray of `lane` back.
     fn bounce(&mut self, lane: usize) -> bool {
         let reflected = self.walker.bounce.reflected;
         if reflected == 0.0 || self.rng.uniform().as_array()[0] >= reflected {
@@ -589,8 +589,8 @@ impl<S: Sink> Walks<'_, S> {
         true
     }
 
-    /// What becomes of a ray that the ground does not send back.
-    fn ground(&mut self) -> End {
+    /// What becomes of a ray that the substrate does not send back.
+    fn substrate(&mut self) -> End {
         let Bounce {
             reflected,
             transmitted,

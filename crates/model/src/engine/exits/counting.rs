@@ -5,7 +5,9 @@ use std::sync::atomic::{AtomicBool, Ordering};
 use super::parts::{self, Part};
 use super::{Exits, Scene, at_nodes};
 use crate::engine::spectral::DEFERRED;
-use crate::engine::{Engine, EngineError, coefficients, engine_error, ground::Footing, indices};
+use crate::engine::{
+    Engine, EngineError, coefficients, engine_error, indices, substrate::SubstrateCoefficients,
+};
 use crate::math::Vec3;
 use crate::measurement::{Radii, Sensors};
 use crate::optics::Index;
@@ -45,7 +47,7 @@ impl Bins for Radii {
     }
 }
 
-/// Chance to survive the ground and share of light that is transmitted there.
+/// Chance to survive the substrate and share of light that is transmitted there.
 /// Light that comes back in all wavelengths is let go all the same now and then,
 /// and made up for, so that walks between it and snow end.
 const MOST_REFLECTED: f64 = 0.999;
@@ -54,7 +56,7 @@ struct Counts<'a, B> {
     bins: &'a B,
     absorption: Absorption,
     coefficients: &'a [Coefficients],
-    ground: &'a [Footing],
+    substrate: &'a [SubstrateCoefficients],
     bounce: f64,
     part: Part,
     cancel: &'a AtomicBool,
@@ -75,13 +77,13 @@ impl<B: Bins> Sink for Counts<'_, B> {
         let bin = self.bins.bin(path, direction);
         let row = (side * self.bins.len() + bin) * bands;
         let sums = self.part.sums[row..row + bands].iter_mut();
-        for ((sum, coefficients), ground) in sums.zip(self.coefficients).zip(self.ground) {
+        for ((sum, coefficients), substrate) in sums.zip(self.coefficients).zip(self.substrate) {
             let mut weight = self.absorption.weight(path, coefficients);
             for _ in 0..path.bounces {
-                weight *= ground.reflectance.value / self.bounce;
+                weight *= substrate.reflectance.value / self.bounce;
             }
             if end == End::Transmitted {
-                weight *= ground.transmittance.value / (1.0 - self.bounce);
+                weight *= substrate.transmittance.value / (1.0 - self.bounce);
             }
             *sum += weight;
         }
@@ -125,17 +127,17 @@ fn walk(
 ) -> Result<Vec<Exits>, EngineError> {
     let request = scene.request;
     let coefficients = &coefficients(request, &indices(request)?)[span.clone()];
-    let ground = &scene.ground[span];
+    let substrate = &scene.substrate[span];
     let absorption = Absorption {
         coefficients: Coefficients::least(coefficients),
         deferred,
     };
-    let most = ground
+    let most = substrate
         .iter()
         .map(|g| g.reflectance.value)
         .fold(0.0, f64::max);
     let bounce = most.min(MOST_REFLECTED);
-    let walker = Walker::new(scene.pack, request.model, index, absorption).over(Bounce {
+    let walker = Walker::new(scene.snowpack, request.model, index, absorption).over(Bounce {
         reflected: bounce,
         transmitted: 1.0 - bounce,
     });
@@ -145,7 +147,7 @@ fn walk(
             bins,
             absorption,
             coefficients,
-            ground,
+            substrate,
             bounce,
             part: Part::empty(bins, coefficients.len()),
             cancel: scene.control.cancel,

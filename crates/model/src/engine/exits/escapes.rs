@@ -11,7 +11,7 @@ use crate::engine::{Engine, EngineError, Request, coefficients, engine_error, in
 use crate::grain::{GrainType, Surface};
 use crate::math::{Vec3, Vec3x8};
 use crate::measurement::Sensors;
-use crate::table::{Band, Catch, EscapeWalker, Table, draw};
+use crate::table::{Band, EscapeSink, EscapeWalker, Table, draw};
 use crate::transport::{Absorption, Coefficients, Illumination};
 
 /// Outcomes in the table of a part, for each type of grain and medium.
@@ -27,7 +27,8 @@ const PART_OF_FITTING: f64 = 0.125;
 /// # Errors
 /// [`EngineError::Outside`] where grazing light leaves too few of them.
 pub(super) fn check(request: &Request) -> Result<(), EngineError> {
-    let flight = request.pack.surface.mean_free_distance_m() / request.pack.surface.sizes_m()[1];
+    let flight =
+        request.snowpack.surface.mean_free_distance_m() / request.snowpack.surface.sizes_m()[1];
     for light in request.illuminations {
         let Illumination::Collimated { polar_angle_rad } = light else {
             continue;
@@ -53,7 +54,7 @@ struct Sheet<'a> {
     cancel: &'a AtomicBool,
 }
 
-impl Catch for Sheet<'_> {
+impl EscapeSink for Sheet<'_> {
     #[inline(always)]
     fn catch(&mut self, lanes: u32, direction: &Vec3x8, weights: &[f64x8]) {
         let [x, y, z] = [direction.x, direction.y, direction.z].map(f64x8::to_array);
@@ -88,12 +89,12 @@ pub(super) fn run(scene: &Scene, sensors: &Sensors) -> Result<Vec<Exits>, Engine
 fn walk(scene: &Scene, sensors: &Sensors, node: Node) -> Result<Vec<Exits>, EngineError> {
     let request = scene.request;
     let coefficients = &coefficients(request, &indices(request)?)[node.span.clone()];
-    let pairs = coefficients.iter().zip(&scene.ground[node.span.clone()]);
+    let pairs = coefficients.iter().zip(&scene.substrate[node.span.clone()]);
     let bands: Vec<Band> = pairs
-        .map(|(coefficients, ground)| Band {
+        .map(|(coefficients, substrate)| Band {
             coefficients: *coefficients,
-            reflected: ground.reflectance.value,
-            transmitted: ground.transmittance.value,
+            reflected: substrate.reflectance.value,
+            transmitted: substrate.transmittance.value,
         })
         .collect();
     let absorption = Absorption {
@@ -102,7 +103,10 @@ fn walk(scene: &Scene, sensors: &Sensors, node: Node) -> Result<Vec<Exits>, Engi
     };
     let (h, thickness_m) = scene.thickness;
     // exponents and media are those of all layers, as the coefficients are
-    let (exponents, layers) = (request.pack.exponents(), scene.pack.layers(thickness_m));
+    let (exponents, layers) = (
+        request.snowpack.exponents(),
+        scene.snowpack.layers(thickness_m),
+    );
     parts::run(scene, sensors, bands.len(), |part, rays| {
         let tables = tables(scene, &node, part);
         let walker = EscapeWalker::new(
@@ -129,7 +133,7 @@ fn walk(scene: &Scene, sensors: &Sensors, node: Node) -> Result<Vec<Exits>, Engi
 fn tables(scene: &Scene, node: &Node, part: u64) -> Vec<Vec<[Table; 2]>> {
     let request = scene.request;
     let (ice, water) = node.indices;
-    let wet = request.pack.is_wet();
+    let wet = request.snowpack.is_wet();
     let surfaces = Surface::in_air_and_water(ice, water, wet);
     let of = |grain: &GrainType, layer: usize, kind: usize| {
         let purpose = [11, node.number as u32, (layer << 8 | kind) as u32];
@@ -143,7 +147,7 @@ fn tables(scene: &Scene, node: &Node, part: u64) -> Vec<Vec<[Table; 2]>> {
         let water = if wet { table(surfaces[1]) } else { air.clone() };
         [air, water]
     };
-    let snows = scene.pack.snows().enumerate();
+    let snows = scene.snowpack.snows().enumerate();
     snows
         .map(|(layer, snow)| {
             let grains = snow.grains.iter().enumerate();

@@ -1,4 +1,4 @@
-//! Where light leaves a pack: by direction (the goniophotometer) and by
+//! Where light leaves a snowpack: by direction (the goniophotometer) and by
 //! distance from where it entered (the radial profile of the BSSRDF).
 //!
 //! `reference` and `spectral` count walks where they end. `tabulated` scores at
@@ -8,7 +8,7 @@
 //!
 //! What is scored at events adds up to R and T with more noise than a count has, and
 //! all sensors share it: walks that last long score much everywhere. So these
-//! sensors are scaled to the R and T of `doubling` where `auto` would take that
+//! sensors are scaled to the R and T of `hybrid` where `auto` would take that
 //! (`normal`).
 //! Counts stay as they are: they add up as well as so many walks can tell, and
 //! are what the rest is tested against.
@@ -19,20 +19,20 @@ mod parts;
 
 use std::ops::Range;
 
-use super::ground::{self, Footing};
 use super::nodes::{mixes, nodes};
+use super::substrate::{self, SubstrateCoefficients};
 use super::{Control, Engine, EngineError, Request, indices};
 use crate::measurement::{Measured, Radii, Sensors};
 use crate::optics::Index;
-use crate::transport::{Illumination, Pack};
+use crate::transport::{Illumination, Snowpack};
 
-/// Light of one wavelength that leaves a pack under one illumination.
+/// Light of one wavelength that leaves a snowpack under one illumination.
 #[derive(Debug, Clone, PartialEq, Default)]
 pub struct Exits {
     /// Per sensor, 1/sr, or per radial bin, share of the incident power:
     /// through the surface.
     pub reflected: Vec<Measured>,
-    /// Into the ground.
+    /// Into the substrate.
     pub transmitted: Vec<Measured>,
     /// Sum of what is reflected: reflectance. Its error is shared by all that is.
     pub reflectance: Measured,
@@ -40,7 +40,7 @@ pub struct Exits {
     pub transmittance: Measured,
     /// Share of the rays that hit an event limit.
     pub lost: f64,
-    /// Whether values were scaled so that their sums are R and T of `doubling`.
+    /// Whether values were scaled so that their sums are R and T of `hybrid`.
     pub normalised: bool,
 }
 
@@ -89,23 +89,23 @@ pub fn walks(engine: Engine, request: &Request) -> Result<Option<u64>, EngineErr
     let indices = indices(request)?;
     let per_ray = match engine {
         Engine::Reference => indices.len(),
-        _ => mixes(&indices, request.pack.is_wet()).0.len(),
+        _ => mixes(&indices, request.snowpack.is_wet()).0.len(),
     };
     let curves = request.thicknesses_m.len() * request.illuminations.len();
     let mut walks = request.rays.saturating_mul((per_ray * curves) as u64);
     if engine == Engine::Tabulated && normal::holds(request) {
-        walks = walks.saturating_add(Engine::Doubling.walks(&normal::request(request))?);
+        walks = walks.saturating_add(Engine::Hybrid.walks(&normal::request(request))?);
     }
-    Ok((!ground::is_cascade(request)).then_some(walks))
+    Ok((!substrate::is_cascade(request)).then_some(walks))
 }
 
 /// BRDF and BTDF, 1/sr (Varsa 2025, eq. 6.1), on `sensors` on either side of the
-/// pack: per thickness, illumination and wavelength, the last running fastest.
+/// snowpack: per thickness, illumination and wavelength, the last running fastest.
 /// The products of values and projected solid angles add up to reflectance and
-/// transmittance. In `tabulated` these are those of `doubling`, where it holds.
+/// transmittance. In `tabulated` these are those of `hybrid`, where it holds.
 ///
 /// # Errors
-/// See [`EngineError`]; `doubling` knows no azimuths.
+/// See [`EngineError`]; `hybrid` knows no azimuths.
 pub fn goniometer(
     engine: Engine,
     request: &Request,
@@ -180,15 +180,15 @@ pub fn radial_profile(
     })
 }
 
-/// One pack of known thickness under one light.
+/// One snowpack of known thickness under one light.
 struct Scene<'a> {
     engine: Engine,
     /// Whether sums are to be replaced: errors of bins are then those of shares.
     normalised: bool,
     request: &'a Request<'a>,
     control: &'a Control<'a>,
-    pack: &'a Pack,
-    ground: &'a [Footing],
+    snowpack: &'a Snowpack,
+    substrate: &'a [SubstrateCoefficients],
     /// Position in the list of thicknesses, and the thickness in m.
     thickness: (usize, f64),
     /// Position in the list of lights.
@@ -217,16 +217,16 @@ fn each(
     control: &Control,
     run: &dyn Fn(&Scene) -> Result<Vec<Exits>, EngineError>,
 ) -> Result<Vec<Exits>, EngineError> {
-    // the walks themselves compute any pack that `spectral` does
+    // the walks themselves compute any snowpack that `spectral` does
     Engine::Spectral.check(request)?;
     let below = match engine {
         Engine::Reference => Engine::Reference,
         _ => Engine::Spectral,
     };
-    let (ground, top) = ground::standing(below, request, control)?;
-    let (pack, thicknesses_m) = match &top {
-        Some((pack, thicknesses_m)) => (pack, thicknesses_m.as_slice()),
-        None => (request.pack, request.thicknesses_m),
+    let (substrate, top) = substrate::lower_boundary(below, request, control)?;
+    let (snowpack, thicknesses_m) = match &top {
+        Some((snowpack, thicknesses_m)) => (snowpack, thicknesses_m.as_slice()),
+        None => (request.snowpack, request.thicknesses_m),
     };
     let mut all = Vec::new();
     for thickness in thicknesses_m.iter().copied().enumerate() {
@@ -236,8 +236,8 @@ fn each(
                 normalised,
                 request,
                 control,
-                pack,
-                ground: &ground,
+                snowpack,
+                substrate: &substrate,
                 thickness,
                 light,
             };
@@ -253,7 +253,7 @@ fn at_nodes(
     scene: &Scene,
     at: impl Fn(Node) -> Result<Vec<Exits>, EngineError>,
 ) -> Result<Vec<Exits>, EngineError> {
-    let (indices, wet) = (indices(scene.request)?, scene.request.pack.is_wet());
+    let (indices, wet) = (indices(scene.request)?, scene.request.snowpack.is_wet());
     let places = nodes(&indices, wet);
     let (nodes, mixes) = mixes(&indices, wet);
     let mut found = Vec::new();

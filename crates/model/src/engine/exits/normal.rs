@@ -1,14 +1,14 @@
 //! Sums of sensors that are known better than by the sensors.
 //!
 //! A sensor's value is its share of what all sensors of its side scored, times R
-//! or T of `doubling`. Shares and R have independent errors: relative ones add in
+//! or T of `hybrid`. Shares and R have independent errors: relative ones add in
 //! quadrature. The share of S that scored V has the error of V - (V / S) S over
 //! independent parts, V / S held (the ratio estimator, Cochran 1977, chapter 6).
 use super::Exits;
 use crate::engine::{Control, Engine, EngineError, MaxError, Request, Resolution};
 use crate::measurement::{Measured, Spectrum};
 
-/// What `doubling` is asked: no finer tables than so many walks can tell.
+/// What `hybrid` is asked: no finer tables than so many walks can tell.
 pub(super) fn request<'a>(request: &Request<'a>) -> Request<'a> {
     let (own, enough) = (request.resolution, Resolution::of_rays(request.rays));
     Request {
@@ -21,22 +21,22 @@ pub(super) fn request<'a>(request: &Request<'a>) -> Request<'a> {
     }
 }
 
-/// Whether `doubling` holds for it, by itself within what is allowed where nothing
+/// Whether `hybrid` holds for it, by itself within what is allowed where nothing
 /// is said: what `auto` would take.
 pub(super) fn holds(of: &Request) -> bool {
     let usual = Request {
         max_error: MaxError::usual(of.wavelengths_nm),
         ..request(of)
     };
-    Engine::Auto.resolve(&usual) == Engine::Doubling
+    Engine::Auto.resolve(&usual) == Engine::Hybrid
 }
 
-/// Reflectance and transmittance by `doubling`, where it holds.
+/// Reflectance and transmittance by `hybrid`, where it holds.
 pub(super) fn spectra(
     of: &Request,
     control: &Control,
 ) -> Result<Option<Vec<Spectrum>>, EngineError> {
-    let run = || Engine::Doubling.run(&request(of), control);
+    let run = || Engine::Hybrid.run(&request(of), control);
     holds(of).then(run).transpose()
 }
 

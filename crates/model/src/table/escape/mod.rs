@@ -1,4 +1,4 @@
-//! Walks through a pack that score, at every grain event, the light that would
+//! Walks through a snowpack that score, at every grain event, the light that would
 //! leave from there in all directions (the local estimate of neutron transport,
 //! for grains that take up room).
 //!
@@ -6,7 +6,7 @@
 //! one with which the walk goes on, each turned to eight azimuths about the ray
 //! (grain axes are isotropic, so every turn is as likely). From where such a
 //! grain, if it fits between the planes, would send the ray, a flight leaves the
-//! pack with probability exp(-tau): so much is scored in that direction. The sum
+//! snowpack with probability exp(-tau): so much is scored in that direction. The sum
 //! over the flights of a walk has the mean of a count of those that do leave.
 //! Flights drawn anew, because a grain did not fit, are counted by a trial of
 //! them at every score. No outcome is tilted, moved or replaced, so the estimate
@@ -30,7 +30,7 @@ use walk::Walk;
 /// Rays after which the caller is asked whether to go on.
 const RAYS_BETWEEN_CHECKS: u64 = 64;
 /// What escaping light is reported to.
-pub trait Catch {
+pub trait EscapeSink {
     /// Light leaves on the lanes of the mask along unit vectors `direction`
     /// (upward where z < 0), with these weights per wavelength.
     fn catch(&mut self, lanes: u32, direction: &Vec3x8, weights: &[f64x8]);
@@ -47,13 +47,13 @@ pub trait Catch {
 pub struct Band {
     /// Its absorption.
     pub coefficients: Coefficients,
-    /// Share of the light arriving at the ground that comes back.
+    /// Share of the light arriving at the substrate that comes back.
     pub reflected: f64,
     /// Share that counts as transmitted.
     pub transmitted: f64,
 }
 
-/// A pack ready for such walks.
+/// A snowpack ready for such walks.
 #[derive(Debug)]
 pub struct EscapeWalker<'a> {
     /// From the surface down.
@@ -64,7 +64,7 @@ pub struct EscapeWalker<'a> {
     absorption: Absorption,
     bands: &'a [Band],
     entry: Entry,
-    /// Chance to survive the ground.
+    /// Chance to survive the substrate.
     bounce: f64,
 }
 
@@ -110,7 +110,7 @@ impl<'a> EscapeWalker<'a> {
         illumination: Illumination,
         rays: u64,
         rng: Stream,
-        catch: &mut impl Catch,
+        catch: &mut impl EscapeSink,
     ) -> Result<(), WalkError> {
         let zero = f64x8::ZERO;
         let mut walk = Walk {

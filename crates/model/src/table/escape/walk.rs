@@ -8,7 +8,7 @@ use crate::transport::{EVENT_LIMIT, Path, REJECTION_LIMIT, WalkError, diffuse_co
 
 use super::stratum::{Kind, Stratum};
 use super::supply::Supply;
-use super::{Catch, EscapeWalker};
+use super::{EscapeSink, EscapeWalker};
 
 /// Outcomes, of eight azimuths each, drawn beside the walk's own in an event
 /// next to a plane, and exp(-tau) of that at optical depth tau below it: few cost
@@ -75,7 +75,7 @@ struct Meeting<'a> {
     survived: f64,
 }
 
-impl<'w, C: Catch> Walk<'w, C> {
+impl<'w, C: EscapeSink> Walk<'w, C> {
     pub(super) fn diffuse_cosine(&mut self, stratum: usize) -> f64 {
         let stratum = &self.walker.strata[stratum];
         let u = self.random.uniform();
@@ -167,7 +167,7 @@ impl<'w, C: Catch> Walk<'w, C> {
         }
     }
 
-    /// Flies to the next grain; false if the flight leaves the pack.
+    /// Flies to the next grain; false if the flight leaves the snowpack.
     fn fly(&mut self, ray: &mut Ray, medium: f64) -> bool {
         loop {
             let stratum = &self.walker.strata[ray.stratum];
@@ -370,7 +370,7 @@ impl<'w, C: Catch> Walk<'w, C> {
         }
     }
 
-    /// Scores the chance that the flight begun leaves the pack.
+    /// Scores the chance that the flight begun leaves the snowpack.
     fn leave(&mut self, ray: &Ray, medium: f64, survived: f64) {
         self.base(&ray.path, survived, 1.0);
         let weights = self.weights.iter_mut().zip(&self.base);

@@ -2,7 +2,7 @@
 use super::columns::{Columns, columns};
 use super::error::{Problem, quoted};
 use super::layout::{Cell, Layout, skipped};
-use super::report::{By, Encoding, Format, Masked, Order, Report, Why};
+use super::report::{By, Encoding, Format, MaskReason, Masked, Order, Report};
 use super::{Content, Curve, Request, Sample, Scale, Unit};
 
 /// A refusal and its line, from 1.
@@ -94,7 +94,7 @@ pub(super) fn curve(
                         line: row.line,
                         wavelength_nm: at,
                         value,
-                        why: Why::Missing,
+                        why: MaskReason::Missing,
                     });
                 }
                 continue;
@@ -107,7 +107,7 @@ pub(super) fn curve(
                 line: row.line,
                 wavelength_nm: Some(nm),
                 value: Some(value),
-                why: Why::Impossible,
+                why: MaskReason::Impossible,
             });
             continue;
         }
@@ -309,7 +309,9 @@ fn plausible(
     content: Content,
     request: &Request,
 ) -> Result<(), Refusal> {
-    let mut wrong = masked.iter().filter(|row| row.why == Why::Impossible);
+    let mut wrong = masked
+        .iter()
+        .filter(|row| row.why == MaskReason::Impossible);
     let impossible = wrong.clone().count();
     let percent = scale == Some(Scale::Percent);
     let in_file = |share: f64| if percent { 100.0 * share } else { share };

@@ -22,7 +22,7 @@ use serde::Serialize;
 
 pub use between::{Gap, MAX_BRIDGE_NM};
 pub use error::{Problem, SpectrumError};
-pub use report::{By, Encoding, Format, Masked, Order, Report, Why};
+pub use report::{By, Encoding, Format, MaskReason, Masked, Order, Report};
 
 /// Longest file read, bytes: several hundred thousand rows.
 pub const MAX_BYTES: u64 = 1 << 24;

@@ -87,7 +87,7 @@ pub enum Order {
 /// Why a row has no value.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize)]
 #[serde(rename_all = "snake_case")]
-pub enum Why {
+pub enum MaskReason {
     /// Empty, NaN or a fill value such as -999.
     Missing,
     /// Outside what is possible.
@@ -104,7 +104,7 @@ pub struct Masked {
     /// Its value, if it has one.
     pub value: Option<f64>,
     /// Why.
-    pub why: Why,
+    pub why: MaskReason,
 }
 
 /// What was found and done.
@@ -161,7 +161,7 @@ pub struct Report {
 }
 
 impl Report {
-    fn masked(&self, why: Why) -> Vec<&Masked> {
+    fn masked(&self, why: MaskReason) -> Vec<&Masked> {
         self.masked.iter().filter(|row| row.why == why).collect()
     }
 }
@@ -250,8 +250,8 @@ impl fmt::Display for Report {
             )?;
         }
         for (why, text) in [
-            (Why::Missing, "without a value"),
-            (Why::Impossible, "outside what is possible"),
+            (MaskReason::Missing, "without a value"),
+            (MaskReason::Impossible, "outside what is possible"),
         ] {
             let rows = self.masked(why);
             if !rows.is_empty() {

@@ -77,7 +77,7 @@ impl Run<'_> {
         mix: &Mix,
         coefficients: &Coefficients,
     ) -> Result<Vec<[Measured; 2]>, EngineError> {
-        let snows = self.request.pack.snows();
+        let snows = self.request.snowpack.snows();
         let flights: Vec<Flights> = snows
             .map(|snow| Flights::new(self, snow, coefficients))
             .collect();

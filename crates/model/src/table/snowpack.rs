@@ -1,11 +1,11 @@
-//! Snow packs whose grain events are drawn from tables.
+//! Snow snowpacks whose grain events are drawn from tables.
 use crate::table::Table;
 use crate::transport::{EXPONENTS, Entry, Model, Snow, diffuse_cosine, impurities_per_m};
 
-/// A pack, or the part of one next to a plane, from the surface down.
+/// A snowpack, or the part of one next to a plane, from the surface down.
 #[derive(Debug, Clone)]
-pub struct TablePack<'a> {
-    pub(super) strata: Vec<TableStratum<'a>>,
+pub struct TableSnowpack<'a> {
+    pub(super) strata: Vec<TableLayer<'a>>,
     /// Whether there is water in any layer.
     pub(super) wet: bool,
     /// Whether there is carbon in any.
@@ -16,14 +16,14 @@ pub struct TablePack<'a> {
 
 /// A layer.
 #[derive(Debug, Clone)]
-pub struct TableStratum<'a> {
+pub struct TableLayer<'a> {
     /// The types of grain, at least one.
     pub(super) kinds: Vec<Kind<'a>>,
     /// Mean free distance between grains, m.
     pub(super) mean_free_distance_m: f64,
     /// Fraction of the pore space that is water.
     pub(super) water_saturation: f64,
-    /// Height of its lower plane over the lower end of the pack, m.
+    /// Height of its lower plane over the lower end of the snowpack, m.
     pub(super) base_m: f64,
     /// Longest grain, m.
     longest_m: f64,
@@ -44,8 +44,8 @@ pub(super) struct Kind<'a> {
     pub(super) chance: [f64; 2],
 }
 
-impl<'a> TableStratum<'a> {
-    /// `snow` down to `base_m` over the lower end of its pack, whose impurities
+impl<'a> TableLayer<'a> {
+    /// `snow` down to `base_m` over the lower end of its snowpack, whose impurities
     /// have these `exponents`; `tables` has outcomes of the grains of each type
     /// in air and in water.
     #[must_use]
@@ -83,11 +83,11 @@ impl<'a> TableStratum<'a> {
     }
 }
 
-impl<'a> TablePack<'a> {
-    /// A pack of these layers, from the surface down; at least one. Their
+impl<'a> TableSnowpack<'a> {
+    /// A snowpack of these layers, from the surface down; at least one. Their
     /// impurities have so many different exponents.
     #[must_use]
-    pub fn new(strata: Vec<TableStratum<'a>>, exponents: usize) -> Self {
+    pub fn new(strata: Vec<TableLayer<'a>>, exponents: usize) -> Self {
         let clean = [0.0; EXPONENTS];
         Self {
             wet: strata.iter().any(|s| s.water_saturation > 0.0),
@@ -99,12 +99,12 @@ impl<'a> TablePack<'a> {
         }
     }
 
-    /// A pack of one clean snow with one type of grain, whose outcomes in air and
+    /// A snowpack of one clean snow with one type of grain, whose outcomes in air and
     /// in water these tables have.
     #[must_use]
     pub fn plain(snow: &Snow, tables: [&'a Table; 2]) -> Self {
         let model = Model::default();
-        let stratum = TableStratum::new(snow, 0.0, &model, &[], &[tables]);
+        let stratum = TableLayer::new(snow, 0.0, &model, &[], &[tables]);
         Self::new(vec![stratum], 0)
     }
 

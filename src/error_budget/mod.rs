@@ -1,4 +1,4 @@
-//! The error certificate of a compact file: how far its answers are from fresh
+//! The error error budget of a compact file: how far its answers are from fresh
 //! simulations, anywhere in its box (docs/methods.md).
 //!
 //! An answer carries three errors: the simulation's, the compression's and the
@@ -38,17 +38,20 @@ use crate::measurement::{Quantity, Spectrum};
 use crate::parameter::{Point, Region};
 use crate::spectrum::Resampling;
 
-pub use measures::{Chain, Measures, Summary, Worst};
+pub use measures::{Measures, QuantityErrors, Summary, WorstPoint};
 pub use patch::{Patch, Simulation};
 use trial::{Kind, Trial};
 
-/// Metadata key of a certificate in a compact file: its JSON.
-pub const CERTIFICATE: &str = "certificate";
+/// Metadata key of an error budget in a compact file: its JSON.
+pub const ERROR_BUDGET: &str = "error_budget";
+
+/// The same key in files of version 0.1.
+pub const FORMER_KEY: &str = "certificate";
 
 /// Why nothing could be certified.
 #[derive(Debug, Error)]
 #[non_exhaustive]
-pub enum CertificateError {
+pub enum ErrorBudgetError {
     /// A point cannot be run.
     #[error(transparent)]
     Grid(#[from] GridError),
@@ -92,7 +95,7 @@ pub struct Subject<'a> {
 
 /// What was found; the same for the same subject.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
-pub struct Certificate {
+pub struct ErrorBudget {
     /// Random points of the whole chain.
     pub points: usize,
     /// Walks per light and index node of the fresh simulations.
@@ -100,14 +103,25 @@ pub struct Certificate {
     /// Seed of points and simulations.
     pub seed: u64,
     /// The errors by name of the quantity.
-    pub quantities: BTreeMap<String, Chain>,
+    pub quantities: BTreeMap<String, QuantityErrors>,
 }
 
-/// What of a certificate there was time for.
+impl ErrorBudget {
+    /// The error budget in a compact file's metadata, if there is one.
+    #[must_use]
+    pub fn of(metadata: &BTreeMap<String, String>) -> Option<Self> {
+        let text = [ERROR_BUDGET, FORMER_KEY]
+            .iter()
+            .find_map(|key| metadata.get(*key));
+        serde_json::from_str(text?).ok()
+    }
+}
+
+/// What of an error budget there was time for.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Partial {
     /// From what was simulated; `None` without a random point.
-    pub certificate: Option<Certificate>,
+    pub error_budget: Option<ErrorBudget>,
     /// Fresh simulations and random points left out, if any was.
     pub left: Option<[usize; 2]>,
     /// Points that were drawn where the file has no answer, for grains do not fit.
@@ -169,27 +183,27 @@ impl Subject<'_> {
     ///
     /// # Errors
     /// A point cannot be run.
-    pub fn walks(&self) -> Result<u64, CertificateError> {
+    pub fn walks(&self) -> Result<u64, ErrorBudgetError> {
         self.simulation().walks(&self.patches())
     }
 
     /// Simulates and compares.
     ///
     /// # Errors
-    /// See [`CertificateError`].
-    pub fn certify(&self, control: &Control) -> Result<Certificate, CertificateError> {
+    /// See [`ErrorBudgetError`].
+    pub fn certify(&self, control: &Control) -> Result<ErrorBudget, ErrorBudgetError> {
         let Partial {
-            certificate, left, ..
+            error_budget, left, ..
         } = self.certify_some(control)?;
-        let whole = certificate.filter(|_| left.is_none());
-        whole.ok_or(CertificateError::Cancelled)
+        let whole = error_budget.filter(|_| left.is_none());
+        whole.ok_or(ErrorBudgetError::Cancelled)
     }
 
     /// The same from what was simulated when `control` said to stop.
     ///
     /// # Errors
-    /// See [`CertificateError`].
-    pub fn certify_some(&self, control: &Control) -> Result<Partial, CertificateError> {
+    /// See [`ErrorBudgetError`].
+    pub fn certify_some(&self, control: &Control) -> Result<Partial, ErrorBudgetError> {
         let (trials, unanswered) = self.trials();
         let patches: Vec<Patch> = trials.iter().map(|trial| trial.patch.clone()).collect();
         let truth = self
@@ -203,7 +217,7 @@ impl Subject<'_> {
         let left = (trials.len() < patches).then(|| [patches - trials.len(), total - points]);
         if points == 0 {
             return Ok(Partial {
-                certificate: None,
+                error_budget: None,
                 left,
                 unanswered,
             });
@@ -214,14 +228,14 @@ impl Subject<'_> {
             let chain = self.chain(quantity, &trials, &truth)?;
             quantities.insert(quantity.name().to_owned(), chain);
         }
-        let certificate = Some(Certificate {
+        let error_budget = Some(ErrorBudget {
             points,
             rays: self.rays,
             seed: self.seed,
             quantities,
         });
         Ok(Partial {
-            certificate,
+            error_budget,
             left,
             unanswered,
         })
@@ -232,7 +246,7 @@ impl Subject<'_> {
         quantity: Quantity,
         trials: &[Trial],
         truth: &[Vec<Spectrum>],
-    ) -> Result<Chain, CertificateError> {
+    ) -> Result<QuantityErrors, ErrorBudgetError> {
         let lookups = |optional: Point| {
             let mut found = Vec::new();
             for database in [self.file, self.exact] {

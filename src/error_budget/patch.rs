@@ -1,11 +1,11 @@
 //! Fresh simulations of single snows, at some thicknesses and angles each.
-use super::CertificateError;
+use super::ErrorBudgetError;
 use crate::budget;
 use crate::engine::{Control, Engine, EngineError, Request};
 use crate::grid::{Grid, Run};
 use crate::measurement::Spectrum;
 use crate::parameter::{Parameter, Point};
-use crate::transport::{Illumination, Pack};
+use crate::transport::{Illumination, Snowpack};
 use crate::units::cm_to_m;
 
 /// Thicknesses and angles of one snow.
@@ -56,7 +56,7 @@ impl Patch {
 /// A patch as an engine takes it.
 struct Prepared {
     grid: Grid,
-    pack: Pack,
+    snowpack: Snowpack,
     thicknesses_m: Vec<f64>,
     lights: Vec<Illumination>,
 }
@@ -84,26 +84,29 @@ impl Prepared {
         blocks.into_iter().zip(first..).map(move |([h, a], cell)| {
             let slabs = &self.thicknesses_m[h..h + slabs];
             let lights = &self.lights[a..a + angles];
-            ([h, a], self.grid.request(&self.pack, slabs, lights, cell))
+            (
+                [h, a],
+                self.grid.request(&self.snowpack, slabs, lights, cell),
+            )
         })
     }
 }
 
 impl Simulation<'_> {
-    /// One patch, with an engine that holds there: `doubling`, or `spectral` where that
+    /// One patch, with an engine that holds there: `hybrid`, or `spectral` where that
     /// refuses.
-    fn prepared(&self, patch: &Patch) -> Result<Prepared, CertificateError> {
+    fn prepared(&self, patch: &Patch) -> Result<Prepared, ErrorBudgetError> {
         let light = |deg: &f64| Illumination::Collimated {
             polar_angle_rad: deg.to_radians(),
         };
         let run = Run {
-            engine: Engine::Doubling,
+            engine: Engine::Hybrid,
             seed: self.seed,
             rays: self.rays,
             ..self.grid.run
         };
         let mut prepared = Prepared {
-            pack: self.grid.pack(&patch.snow)?,
+            snowpack: self.grid.snowpack(&patch.snow)?,
             thicknesses_m: patch.thickness_cm.iter().map(|cm| cm_to_m(*cm)).collect(),
             lights: patch.angle_deg.iter().map(light).collect(),
             grid: Grid {
@@ -111,7 +114,7 @@ impl Simulation<'_> {
                 ..self.grid.clone()
             },
         };
-        let refused = |(_, request): (_, Request<'_>)| Engine::Doubling.check(&request).is_err();
+        let refused = |(_, request): (_, Request<'_>)| Engine::Hybrid.check(&request).is_err();
         if prepared.requests(0).any(refused) {
             prepared.grid.run.engine = Engine::Spectral;
         }
@@ -126,11 +129,11 @@ impl Simulation<'_> {
         &self,
         patches: &[Patch],
         control: &Control,
-    ) -> Result<Vec<Vec<Spectrum>>, CertificateError> {
+    ) -> Result<Vec<Vec<Spectrum>>, ErrorBudgetError> {
         let order: Vec<usize> = (0..patches.len()).collect();
         let all = self.run_some(patches, &order, control)?;
         let all: Option<Vec<_>> = all.into_iter().collect();
-        all.ok_or(CertificateError::Cancelled)
+        all.ok_or(ErrorBudgetError::Cancelled)
     }
 
     /// The same, begun in this `order` of the patches' numbers; `None` of those that
@@ -143,7 +146,7 @@ impl Simulation<'_> {
         patches: &[Patch],
         order: &[usize],
         control: &Control,
-    ) -> Result<Vec<Option<Vec<Spectrum>>>, CertificateError> {
+    ) -> Result<Vec<Option<Vec<Spectrum>>>, ErrorBudgetError> {
         let one = |number: usize, patch: &Patch| {
             let prepared = self.prepared(patch)?;
             let engine = prepared.grid.run.engine;
@@ -151,7 +154,7 @@ impl Simulation<'_> {
             for ([h, a], request) in prepared.requests(number as u64) {
                 let found = engine.run(&request, control);
                 let found = found.map_err(|source| match source {
-                    EngineError::Cancelled => CertificateError::Cancelled,
+                    EngineError::Cancelled => ErrorBudgetError::Cancelled,
                     source => self.failed(patch, source),
                 })?;
                 let lights = request.illuminations.len();
@@ -165,7 +168,7 @@ impl Simulation<'_> {
         let found = budget::in_order(order.len(), control.cancel, |place| {
             let number = order[place];
             match one(number, &patches[number]) {
-                Err(CertificateError::Cancelled) => Ok::<_, CertificateError>(None),
+                Err(ErrorBudgetError::Cancelled) => Ok::<_, ErrorBudgetError>(None),
                 found => Ok(Some((number, found?))),
             }
         })?;
@@ -180,7 +183,7 @@ impl Simulation<'_> {
     ///
     /// # Errors
     /// A point of a patch cannot be run.
-    pub fn walks(&self, patches: &[Patch]) -> Result<u64, CertificateError> {
+    pub fn walks(&self, patches: &[Patch]) -> Result<u64, ErrorBudgetError> {
         let mut walks: u64 = 0;
         for patch in patches {
             let prepared = self.prepared(patch)?;
@@ -193,8 +196,8 @@ impl Simulation<'_> {
         Ok(walks)
     }
 
-    fn failed(&self, patch: &Patch, source: EngineError) -> CertificateError {
-        CertificateError::Engine {
+    fn failed(&self, patch: &Patch, source: EngineError) -> ErrorBudgetError {
+        ErrorBudgetError::Engine {
             at: patch.snow.to_string(),
             source,
         }

@@ -1,4 +1,4 @@
-//! How packs are cut into boundary layers and what is between, and what is to be
+//! How snowpacks are cut into boundary layers and what is between, and what is to be
 //! walked.
 use super::planes::{Piece, pieces};
 use super::{FROM_BELOW, JOINT, LAYER, THIN};
@@ -11,7 +11,7 @@ use crate::transport::{Illumination, Snow};
 /// Walks of one kind from one source.
 #[derive(Debug, Clone, PartialEq)]
 pub(super) struct Task {
-    /// What of a pack it walks through.
+    /// What of a snowpack it walks through.
     pub(super) kind: Kind,
     /// From the surface that light comes to, inward.
     pub(super) stretches: Vec<Stretch>,
@@ -23,7 +23,7 @@ pub(super) struct Task {
     pub(super) rays: u64,
 }
 
-/// What of a pack is walked through.
+/// What of a snowpack is walked through.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(super) enum Kind {
     /// A boundary layer.
@@ -52,7 +52,7 @@ impl Task {
     }
 }
 
-/// A pack of one thickness.
+/// A snowpack of one thickness.
 #[derive(Debug, Clone)]
 pub(super) enum Slab {
     /// Walked from plane to plane: its first task, one per light.
@@ -61,7 +61,7 @@ pub(super) enum Slab {
     Thick(Cut),
 }
 
-/// A pack cut into two boundary layers and what is between.
+/// A snowpack cut into two boundary layers and what is between.
 #[derive(Debug, Clone)]
 pub(super) struct Cut {
     /// Position of the upper boundary layer in [`Plan::layers`].
@@ -100,11 +100,11 @@ pub(super) struct Plan {
     pub(super) slabs: Vec<Slab>,
 }
 
-/// The stretches of a pack down to where grains do not feel its plane.
-fn boundary(pack: &[Stretch], snows: &[&Snow]) -> Vec<Stretch> {
+/// The stretches of a snowpack down to where grains do not feel its plane.
+fn boundary(snowpack: &[Stretch], snows: &[&Snow]) -> Vec<Stretch> {
     let (distances, grains) = LAYER;
     let (mut depth_m, mut top_m) = (0.0_f64, 0.0);
-    for stretch in pack {
+    for stretch in snowpack {
         let snow = snows[stretch.snow];
         let [_, longest_m] = snow.sizes_m();
         if top_m > 0.0 && top_m >= depth_m && top_m >= longest_m {
@@ -116,7 +116,7 @@ fn boundary(pack: &[Stretch], snows: &[&Snow]) -> Vec<Stretch> {
     }
     let mut left_m = depth_m;
     let mut taken = Vec::new();
-    for stretch in pack {
+    for stretch in snowpack {
         if left_m <= 0.0 {
             break;
         }
@@ -134,10 +134,10 @@ fn depth_m(stretches: &[Stretch]) -> f64 {
     stretches.iter().map(|stretch| stretch.thickness_m).sum()
 }
 
-/// `pack` without `cut` at its upper end.
-fn without(pack: &[Stretch], cut: &[Stretch]) -> Vec<Stretch> {
+/// `snowpack` without `cut` at its upper end.
+fn without(snowpack: &[Stretch], cut: &[Stretch]) -> Vec<Stretch> {
     let whole = cut.len().saturating_sub(1);
-    let mut rest = pack[whole..].to_vec();
+    let mut rest = snowpack[whole..].to_vec();
     if let (Some(first), Some(last)) = (rest.first_mut(), cut.last()) {
         first.thickness_m -= last.thickness_m;
     }
@@ -154,22 +154,22 @@ fn source(light: &Illumination) -> Source {
 
 impl Plan {
     pub(super) fn new(request: &Request, streams: &Streams) -> Self {
-        let snows: Vec<&Snow> = request.pack.snows().collect();
+        let snows: Vec<&Snow> = request.snowpack.snows().collect();
         let mut plan = Self::default();
         let mut thin = Vec::new();
         for (h, thickness_m) in request.thicknesses_m.iter().enumerate() {
-            let pack = stretches(request, *thickness_m);
-            let mut flipped = pack.clone();
+            let snowpack = stretches(request, *thickness_m);
+            let mut flipped = snowpack.clone();
             flipped.reverse();
-            let (upper, lower) = (boundary(&pack, &snows), boundary(&flipped, &snows));
+            let (upper, lower) = (boundary(&snowpack, &snows), boundary(&flipped, &snows));
             let both_m = depth_m(&upper) + depth_m(&lower);
             if *thickness_m <= 0.5 * THIN * both_m {
-                thin.push((h, pack));
+                thin.push((h, snowpack));
                 // its place is known when all boundary layers are
                 plan.slabs.push(Slab::Thin(0));
                 continue;
             }
-            let mut inside = without(&pack, &upper);
+            let mut inside = without(&snowpack, &upper);
             inside.reverse();
             inside = without(&inside, &lower);
             inside.reverse();
@@ -189,11 +189,11 @@ impl Plan {
             }));
         }
         let rays = request.rays.div_ceil(PARTS as u64);
-        for (h, pack) in thin {
+        for (h, snowpack) in thin {
             plan.slabs[h] = Slab::Thin(plan.tasks.len());
             let tasks = request.illuminations.iter().map(|light| Task {
                 kind: Kind::Thin,
-                stretches: pack.clone(),
+                stretches: snowpack.clone(),
                 edges: [Edge::Plane; 2],
                 source: source(light),
                 moments: 1,

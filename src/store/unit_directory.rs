@@ -12,7 +12,7 @@ use std::sync::{Arc, Mutex, PoisonError};
 use sha2::{Digest, Sha256};
 
 use super::{Store, StoreError, file};
-use crate::engine::Keep;
+use crate::engine::UnitStore;
 
 /// Folder of the files, in the output directory.
 pub(super) const UNITS: &str = ".splitsnow-units";
@@ -21,7 +21,7 @@ const DIGEST: usize = 32;
 
 /// Where the finished units of one job are kept.
 #[derive(Debug, Clone)]
-pub(crate) struct Shelf(Arc<Inner>);
+pub(crate) struct UnitDirectory(Arc<Inner>);
 
 #[derive(Debug)]
 struct Inner {
@@ -36,9 +36,12 @@ struct Inner {
 
 impl Store {
     /// What is kept of `job`, oldest first, and where more of it goes.
-    pub(crate) fn shelf(&self, job: u64) -> Result<(Shelf, Vec<Vec<u8>>), StoreError> {
+    pub(crate) fn unit_directory(
+        &self,
+        job: u64,
+    ) -> Result<(UnitDirectory, Vec<Vec<u8>>), StoreError> {
         let files = self.units(job)?;
-        let shelf = Inner {
+        let unit_directory = Inner {
             folder: self.dir.join(UNITS),
             writer: Arc::clone(self.writer()?),
             identity: self.description.digest(),
@@ -50,12 +53,12 @@ impl Store {
         for (_, path) in files {
             let bytes = file::read(&path)?.unwrap_or_default();
             if let Some((digest, units)) = bytes.split_at_checked(DIGEST)
-                && shelf.digest(units) == digest
+                && unit_directory.digest(units) == digest
             {
                 kept.push(units.to_vec());
             }
         }
-        Ok((Shelf(Arc::new(shelf)), kept))
+        Ok((UnitDirectory(Arc::new(unit_directory)), kept))
     }
 
     /// Deletes what is kept of `job`.
@@ -107,7 +110,7 @@ impl Store {
     }
 }
 
-impl Shelf {
+impl UnitDirectory {
     /// Why something could not be kept.
     pub(crate) fn failure(&self) -> Option<StoreError> {
         let failure = self.0.failure.lock();
@@ -134,7 +137,7 @@ impl Inner {
     }
 }
 
-impl Keep for Shelf {
+impl UnitStore for UnitDirectory {
     fn keep(&self, units: &[u8]) -> bool {
         let written = self.0.write(units);
         let kept = written.is_ok();
@@ -167,27 +170,27 @@ mod tests {
     }
 
     fn kept(store: &Store, job: u64) -> Vec<Vec<u8>> {
-        store.shelf(job).unwrap().1
+        store.unit_directory(job).unwrap().1
     }
 
     #[test]
     fn what_is_kept_comes_back_unless_it_is_damaged() {
         let (dir, other) = (tempfile::tempdir().unwrap(), tempfile::tempdir().unwrap());
         let store = open(dir.path(), 1);
-        let (shelf, none) = store.shelf(3).unwrap();
-        assert!(none.is_empty() && shelf.keep(b"one") && shelf.keep(b"two"));
+        let (unit_directory, none) = store.unit_directory(3).unwrap();
+        assert!(none.is_empty() && unit_directory.keep(b"one") && unit_directory.keep(b"two"));
         // after another start
-        let (shelf, before) = store.shelf(3).unwrap();
+        let (unit_directory, before) = store.unit_directory(3).unwrap();
         assert_eq!(before, [b"one", b"two"]);
-        assert!((0..9).all(|_| shelf.keep(b"more")) && kept(&store, 3).len() == 11);
+        assert!((0..9).all(|_| unit_directory.keep(b"more")) && kept(&store, 3).len() == 11);
         assert!(kept(&store, 0).is_empty());
-        drop((shelf, store));
+        drop((unit_directory, store));
         let store = open(dir.path(), 1);
         assert_eq!(kept(&store, 3)[..2], [b"one", b"two"]);
         let file = |name: &str| dir.path().join(UNITS).join(name);
         let whole = fs::read(file("3-1")).unwrap();
         let foreign = open(other.path(), 2);
-        assert!(foreign.shelf(3).unwrap().0.keep(b"two"));
+        assert!(foreign.unit_directory(3).unwrap().0.keep(b"two"));
         let foreign = fs::read(other.path().join(UNITS).join("3-0")).unwrap();
         let mut flipped = whole.clone();
         flipped[34] ^= 1;
@@ -217,7 +220,7 @@ mod tests {
         };
         let spectra = vec![spectrum; store.layout.jobs.curves_per_job() as usize];
         for job in [1, 12] {
-            assert!(store.shelf(job % 8).unwrap().0.keep(b"units"));
+            assert!(store.unit_directory(job % 8).unwrap().0.keep(b"units"));
         }
         let left = fs::read(folder.join("1-0")).unwrap();
         store.commit(1, &spectra).unwrap();

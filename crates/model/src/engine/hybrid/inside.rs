@@ -1,4 +1,4 @@
-//! The inside of packs: mean grain events, where grains act like points, and
+//! The inside of snowpacks: mean grain events, where grains act like points, and
 //! stretches and planes added up.
 use std::sync::Arc;
 
@@ -39,7 +39,7 @@ pub(super) struct Flights {
 
 impl Flights {
     pub(super) fn new(run: &Run, snow: &Snow, coefficients: &Coefficients) -> Self {
-        let exponents = run.request.pack.exponents();
+        let exponents = run.request.snowpack.exponents();
         let absorbed = impurities_per_m(snow, run.request.model, &exponents).map(|per_m| {
             let all = per_m.iter().zip(&coefficients.impurities);
             all.map(|(per_m, factor)| per_m * factor).sum::<f64>()

@@ -1,4 +1,4 @@
-//! `fit`: what it writes holds the scene's bound and is proved by `verify`; what
+//! `tailor`: what it writes holds the scene's bound and is proved by `verify`; what
 //! it cannot do it says, and writes nothing.
 #![cfg(unix)]
 #![allow(clippy::unwrap_used)]
@@ -13,12 +13,12 @@ use std::time::Duration;
 
 use assert_cmd::cargo::cargo_bin;
 use ndarray::Array2;
-use splitsnow::certificate::{CERTIFICATE, Certificate, Measures, Patch, Simulation, Subject};
 use splitsnow::colour::Colorimeter;
 use splitsnow::compress::annotated;
 use splitsnow::config::scene;
 use splitsnow::engine::{Cache, Control};
-use splitsnow::fit::{self, BETWEEN_WAVELENGTHS, SCENE};
+use splitsnow::error_budget::{ERROR_BUDGET, ErrorBudget, Measures, Patch, Simulation, Subject};
+use splitsnow::tailor::{self, BETWEEN_WAVELENGTHS, SCENE};
 
 use splitsnow::lookup::Database;
 use splitsnow::measurement::Quantity;
@@ -30,7 +30,7 @@ const TEXT: &str = "version = 1
 max_delta_e = 1
 quantities = [\"transmittance\"]
 thickness_cm = { min = 5, max = 10 }
-angle_deg = { min = 0, max = 60 }
+incidence_angle_deg = { min = 0, max = 60 }
 [[snow]]
 facetness = 0.3
 grain_size_um = 300
@@ -78,7 +78,7 @@ impl Folder {
         self.path().join("out/s").join(COMPACT)
     }
 
-    /// `fit` must fail, and leave nothing.
+    /// `tailor` must fail, and leave nothing.
     fn refused(&self) -> String {
         let output = self.run("fit s.toml --points 16");
         assert_eq!(output.status.code(), Some(1), "{}", errors(&output));
@@ -91,14 +91,14 @@ fn errors(output: &Output) -> String {
     String::from_utf8(output.stderr.clone()).unwrap()
 }
 
-/// Fitted once, never changed.
-static FITTED: LazyLock<(Vec<u8>, String)> = LazyLock::new(|| {
+/// TailoredFile once, never changed.
+static TAILORED: LazyLock<(Vec<u8>, String)> = LazyLock::new(|| {
     let folder = Folder::new(TEXT);
     let text = folder.fit("--threads 1");
     (fs::read(folder.file()).unwrap(), text)
 });
 
-/// A folder with `bytes` as its fitted file.
+/// A folder with `bytes` as its tailored file.
 fn with_file(bytes: &[u8]) -> Folder {
     let folder = Folder::new(TEXT);
     fs::create_dir_all(folder.file().parent().unwrap()).unwrap();
@@ -108,17 +108,17 @@ fn with_file(bytes: &[u8]) -> Folder {
 
 #[test]
 fn holds_its_bound_and_is_proved_anew() {
-    let (bytes, text) = &*FITTED;
+    let (bytes, text) = &*TAILORED;
     let file = Database::from_bytes(bytes).unwrap();
-    let certificate: Certificate = serde_json::from_str(&file.metadata()[CERTIFICATE]).unwrap();
-    assert!(fit::largest(&certificate) < 1.0, "{certificate}");
-    assert!(certificate.points >= 64 && certificate.quantities.len() == 1);
+    let error_budget: ErrorBudget = serde_json::from_str(&file.metadata()[ERROR_BUDGET]).unwrap();
+    assert!(tailor::largest(&error_budget) < 1.0, "{error_budget}");
+    assert!(error_budget.points >= 64 && error_budget.quantities.len() == 1);
     // fewer wavelengths than the 16 asked for, and what that costs at all of them
     let kept = file.wavelengths_nm();
     assert!((3..14).contains(&kept.len()), "{kept:?}");
     assert_eq!((kept[0], kept[kept.len() - 1]), (400.0, 700.0));
     assert_eq!(file.metadata()[BETWEEN_WAVELENGTHS], "linear");
-    let chain = &certificate.quantities["transmittance"];
+    let chain = &error_budget.quantities["transmittance"];
     let between = chain.wavelengths.unwrap().delta_e.unwrap();
     assert!(between.max > 0.0 && between.max < 0.2, "{between:?}");
     assert!(text.contains("out/s/snow.safetensors: "), "{text}");
@@ -132,11 +132,11 @@ fn holds_its_bound_and_is_proved_anew() {
     let report = String::from_utf8(output.stdout.clone()).unwrap();
     assert!(output.status.success(), "{report}{}", errors(&output));
     assert!(report.ends_with("PASS\n"), "{report}");
-    // at other points and with other walks: this certificate takes its place
+    // at other points and with other walks: this error budget takes its place
     let verified = Database::open(folder.file()).unwrap();
-    let other: Certificate = serde_json::from_str(&verified.metadata()[CERTIFICATE]).unwrap();
-    assert_ne!(other.seed, certificate.seed);
-    assert_ne!(other.quantities, certificate.quantities);
+    let other: ErrorBudget = serde_json::from_str(&verified.metadata()[ERROR_BUDGET]).unwrap();
+    assert_ne!(other.seed, error_budget.seed);
+    assert_ne!(other.quantities, error_budget.quantities);
     assert_eq!(verified.metadata()[SCENE], file.metadata()[SCENE]);
 }
 
@@ -144,7 +144,7 @@ fn holds_its_bound_and_is_proved_anew() {
 #[test]
 fn the_certificate_sees_the_wavelengths_left_out() {
     let scene = scene::parse("s.toml", TEXT).unwrap().scene;
-    let (grid, regions) = (fit::grid(&scene), &scene.regions);
+    let (grid, regions) = (tailor::grid(&scene), &scene.regions);
     let patch = Patch {
         snow: Point::from([
             (Parameter::Facetness, 0.3),
@@ -192,8 +192,8 @@ fn the_certificate_sees_the_wavelengths_left_out() {
             rays: 16_384,
             seed: 1,
         };
-        let certificate = subject.certify(&control).unwrap();
-        certificate.quantities["transmittance"].clone()
+        let error_budget = subject.certify(&control).unwrap();
+        error_budget.quantities["transmittance"].clone()
     };
     let max = |measures: Measures| measures.delta_e.unwrap().max;
     let all = chain(&(0..16).collect::<Vec<_>>());
@@ -216,8 +216,8 @@ fn few_wavelengths_are_all_kept() {
     let text = folder.fit("");
     let file = Database::open(folder.file()).unwrap();
     assert_eq!(file.wavelengths_nm(), [400.0, 500.0, 600.0, 700.0]);
-    let certificate: Certificate = serde_json::from_str(&file.metadata()[CERTIFICATE]).unwrap();
-    assert_eq!(certificate.quantities["transmittance"].wavelengths, None);
+    let error_budget: ErrorBudget = serde_json::from_str(&file.metadata()[ERROR_BUDGET]).unwrap();
+    assert_eq!(error_budget.quantities["transmittance"].wavelengths, None);
     assert!(text.contains("(4 of 4)"), "{text}");
     assert!(!text.contains("wavelengths;"), "{text}");
 }
@@ -226,12 +226,12 @@ fn few_wavelengths_are_all_kept() {
 fn threads_leave_no_trace() {
     let folder = Folder::new(TEXT);
     let text = folder.fit("--threads 2");
-    assert_eq!((fs::read(folder.file()).unwrap(), text), *FITTED);
+    assert_eq!((fs::read(folder.file()).unwrap(), text), *TAILORED);
 }
 
 #[test]
 fn what_a_scene_does_not_ask_for_is_not_there() {
-    let (bytes, text) = &*FITTED;
+    let (bytes, text) = &*TAILORED;
     let file = Database::from_bytes(bytes).unwrap();
     assert!(file.has(Quantity::Transmittance) && !file.has(Quantity::Reflectance));
     assert!(text.contains(" of 16, linear between)"), "{text}");
@@ -239,8 +239,7 @@ fn what_a_scene_does_not_ask_for_is_not_there() {
     let left_out = "reflectance; the axes facetness, grain_size_um, density_kg_m3";
     assert!(text.contains(left_out), "{text}");
     let folder = with_file(bytes);
-    let point =
-        "--facetness 0.3 --grain-size-um 300 --density-kg-m3 300 --thickness-cm 7.3 --angle-deg 33";
+    let point = "--facetness 0.3 --grain-size-um 300 --density-kg-m3 300 --thickness-cm 7.3 --incidence-angle-deg 33";
     let there = folder.run(&format!("query out/s {point} --explain"));
     assert!(there.status.success(), "{}", errors(&there));
     let csv = String::from_utf8(there.stdout).unwrap();
@@ -274,7 +273,7 @@ fn changed(bytes: &[u8], name: &str, change: impl Fn(f32) -> f32) -> Vec<u8> {
 
 #[test]
 fn altered_coefficients_fail() {
-    let altered = changed(&FITTED.0, "transmittance.quantisation", |v| 1.1 * v);
+    let altered = changed(&TAILORED.0, "transmittance.quantisation", |v| 1.1 * v);
     let folder = with_file(&altered);
     let output = folder.run("verify out/s --points 16 --point-rays 65536");
     assert_eq!(output.status.code(), Some(1));
@@ -285,13 +284,13 @@ fn altered_coefficients_fail() {
 
 #[test]
 fn a_bound_that_was_lowered_fails() {
-    let file = Database::from_bytes(&FITTED.0).unwrap();
-    let (text, certificate) = (&file.metadata()[SCENE], &file.metadata()[CERTIFICATE]);
-    let reached = fit::largest(&serde_json::from_str(certificate).unwrap());
+    let file = Database::from_bytes(&TAILORED.0).unwrap();
+    let (text, error_budget) = (&file.metadata()[SCENE], &file.metadata()[ERROR_BUDGET]);
+    let reached = tailor::largest(&serde_json::from_str(error_budget).unwrap());
     let bound = format!("{:.2}", 0.8 * reached);
     let lowered = text.replace("max_delta_e = 1\n", &format!("max_delta_e = {bound}\n"));
     assert_ne!(&lowered, text);
-    let folder = with_file(&annotated(&FITTED.0, SCENE, &lowered).unwrap());
+    let folder = with_file(&annotated(&TAILORED.0, &[(SCENE, Some(&lowered))]).unwrap());
     let output = folder.run("verify out/s --points 16 --point-rays 65536");
     assert_eq!(output.status.code(), Some(1));
     let report = String::from_utf8(output.stdout).unwrap();
@@ -305,11 +304,11 @@ fn a_bound_that_was_lowered_fails() {
 fn a_file_that_is_too_large_is_refused() {
     let text = TEXT.replace("max_delta_e = 1", "max_delta_e = 1\nmax_bytes = 100");
     let error = Folder::new(&text).refused();
-    let bytes = FITTED.0.len();
+    let bytes = TAILORED.0.len();
     let (start, end) = ("takes ", " bytes, more than max_bytes = 100;");
     let needed = error.split_once(start).unwrap().1.split_once(end);
     let needed: usize = needed.unwrap().0.parse().unwrap();
-    // but for the key itself, and the number of points of the certificate
+    // but for the key itself, and the number of points of the error budget
     assert!(needed.abs_diff(bytes) < bytes / 5, "{error} {bytes}");
 }
 

@@ -1,17 +1,17 @@
-//! The ground under a pack, and packs of layers that are slabs of their own.
+//! The substrate under a snowpack, and snowpacks of layers that are slabs of their own.
 //!
-//! A Lambertian ground of reflectance rho sends light back and forth between
-//! itself and the pack: with R0 and T0 of the pack over black ground, and R'
-//! and T' of the same pack lit from below by isotropic radiance,
+//! A Lambertian substrate of reflectance rho sends light back and forth between
+//! itself and the snowpack: with R0 and T0 of the snowpack over black substrate, and R'
+//! and T' of the same snowpack lit from below by isotropic radiance,
 //! R = R0 + T0 rho T' / (1 - rho R') and T = tau T0 / (1 - rho R'), where
-//! tau = 1 - rho is what stays in the ground. `reference` walks it instead.
+//! tau = 1 - rho is what stays in the substrate. `reference` walks it instead.
 //!
-//! In a cascade (Varsa 2025, section 4.4) a layer lies on a ground with the
+//! In a cascade (Varsa 2025, section 4.4) a layer lies on a substrate with the
 //! reflectance and transmittance, at normal incidence, of all below it.
-use super::{Control, Engine, EngineError, Request, doubling, identity, reference, spectral};
+use super::{Control, Engine, EngineError, Request, hybrid, identity, reference, spectral};
 use crate::engine::spectral::Grains;
 use crate::measurement::{Measured, Spectrum};
-use crate::transport::{Ground, Illumination, Joining, Layer, Pack};
+use crate::transport::{Illumination, Joining, Layer, Snowpack, Substrate};
 
 const NORMAL: Illumination = Illumination::Collimated {
     polar_angle_rad: 0.0,
@@ -20,25 +20,28 @@ const NORMAL: Illumination = Illumination::Collimated {
 const FROM_BELOW: u64 = 1 << 62;
 const LOWER_LAYER: u64 = 1 << 54;
 
-/// What becomes of light that arrives at the ground, at one wavelength.
+/// What becomes of light that arrives at the substrate, at one wavelength.
 #[derive(Debug, Clone, Copy)]
-pub(super) struct Footing {
+pub(super) struct SubstrateCoefficients {
     /// Share that comes back.
     pub(super) reflectance: Measured,
     /// Share that counts as transmitted.
     pub(super) transmittance: Measured,
 }
 
-/// Those of the ground of `request`, per wavelength.
-fn footings(request: &Request) -> Result<Vec<Footing>, EngineError> {
+/// Those of the substrate of `request`, per wavelength.
+fn substrate_coefficients(request: &Request) -> Result<Vec<SubstrateCoefficients>, EngineError> {
     let exact = |value| Measured { value, se: 0.0 };
-    let at = |nm: &f64| match (request.pack.ground.reflectance(*nm), &request.pack.ground) {
-        (None, Ground::Spectrum { table, .. }) => Err(EngineError::Ground {
+    let at = |nm: &f64| match (
+        request.snowpack.substrate.reflectance(*nm),
+        &request.snowpack.substrate,
+    ) {
+        (None, Substrate::Spectrum { table, .. }) => Err(EngineError::Substrate {
             wavelength_nm: *nm,
             min_nm: table.range().0,
             max_nm: table.range().1,
         }),
-        (reflectance, _) => Ok(Footing {
+        (reflectance, _) => Ok(SubstrateCoefficients {
             reflectance: exact(reflectance.unwrap_or(0.0)),
             transmittance: exact(1.0 - reflectance.unwrap_or(0.0)),
         }),
@@ -46,9 +49,9 @@ fn footings(request: &Request) -> Result<Vec<Footing>, EngineError> {
     request.wavelengths_nm.iter().map(at).collect()
 }
 
-/// Whether the pack is a cascade of several layers.
+/// Whether the snowpack is a cascade of several layers.
 pub(super) fn is_cascade(request: &Request) -> bool {
-    request.model.joining == Joining::Cascade && !request.pack.below.is_empty()
+    request.model.joining == Joining::Cascade && !request.snowpack.below.is_empty()
 }
 
 /// Runs `engine`, which is not `auto`.
@@ -57,54 +60,59 @@ pub(super) fn run(
     request: &Request,
     control: &Control,
 ) -> Result<Vec<Spectrum>, EngineError> {
-    match standing(engine, request, control)? {
-        (ground, None) => over(engine, request, &ground, control),
-        (ground, Some((pack, thicknesses_m))) => {
+    match lower_boundary(engine, request, control)? {
+        (substrate, None) => over(engine, request, &substrate, control),
+        (substrate, Some((snowpack, thicknesses_m))) => {
             let request = Request {
-                pack: &pack,
+                snowpack: &snowpack,
                 thicknesses_m: &thicknesses_m,
                 ..request.clone()
             };
-            over(engine, &request, &ground, control)
+            over(engine, &request, &substrate, control)
         }
     }
 }
 
-/// The ground that light meets, per wavelength, and in a cascade the pack on it
+/// The substrate that light meets, per wavelength, and in a cascade the snowpack on it
 /// with its thicknesses: the surface layer.
-pub(super) type Standing = (Vec<Footing>, Option<(Pack, Vec<f64>)>);
+pub(super) type LowerBoundary = (Vec<SubstrateCoefficients>, Option<(Snowpack, Vec<f64>)>);
 
 /// What light meets in `request`; `engine` computes the layers below a cascade's.
-pub(super) fn standing(
+pub(super) fn lower_boundary(
     engine: Engine,
     request: &Request,
     control: &Control,
-) -> Result<Standing, EngineError> {
-    let mut ground = footings(request)?;
+) -> Result<LowerBoundary, EngineError> {
+    let mut substrate = substrate_coefficients(request)?;
     if !is_cascade(request) {
-        return Ok((ground, None));
+        return Ok((substrate, None));
     }
-    for (i, layer) in request.pack.below.iter().enumerate().rev() {
-        let pack = layer.snow.clone().into();
-        let request = lower(request, &pack, layer, i);
-        let spectra = over(engine, &request, &ground, control)?;
-        let of = |spectrum: &Spectrum| -> Vec<Footing> {
+    for (i, layer) in request.snowpack.below.iter().enumerate().rev() {
+        let snowpack = layer.snow.clone().into();
+        let request = lower(request, &snowpack, layer, i);
+        let spectra = over(engine, &request, &substrate, control)?;
+        let of = |spectrum: &Spectrum| -> Vec<SubstrateCoefficients> {
             let pairs = spectrum.reflectance.iter().zip(&spectrum.transmittance);
-            let footing = |(r, t): (&Measured, &Measured)| Footing {
+            let coefficients = |(r, t): (&Measured, &Measured)| SubstrateCoefficients {
                 reflectance: *r,
                 transmittance: *t,
             };
-            pairs.map(footing).collect()
+            pairs.map(coefficients).collect()
         };
-        ground = spectra.iter().flat_map(of).collect();
+        substrate = spectra.iter().flat_map(of).collect();
     }
-    Ok((ground, Some(top(request))))
+    Ok((substrate, Some(top(request))))
 }
 
 /// What is asked of the `i`-th layer under the surface in a cascade.
-fn lower<'a>(request: &Request<'a>, pack: &'a Pack, layer: &'a Layer, i: usize) -> Request<'a> {
+fn lower<'a>(
+    request: &Request<'a>,
+    snowpack: &'a Snowpack,
+    layer: &'a Layer,
+    i: usize,
+) -> Request<'a> {
     Request {
-        pack,
+        snowpack,
         thicknesses_m: std::slice::from_ref(&layer.thickness_m),
         illuminations: &[NORMAL],
         cell: request.cell ^ LOWER_LAYER.wrapping_mul(i as u64 + 1),
@@ -113,29 +121,29 @@ fn lower<'a>(request: &Request<'a>, pack: &'a Pack, layer: &'a Layer, i: usize) 
 }
 
 /// The surface layer of a cascade and its thicknesses.
-fn top(request: &Request) -> (Pack, Vec<f64>) {
-    let below_m = request.pack.below_m();
+fn top(request: &Request) -> (Snowpack, Vec<f64>) {
+    let below_m = request.snowpack.below_m();
     let left = request.thicknesses_m.iter().map(|h| h - below_m);
-    (request.pack.surface.clone().into(), left.collect())
+    (request.snowpack.surface.clone().into(), left.collect())
 }
 
-/// Runs `engine` for a pack over this ground.
+/// Runs `engine` for a snowpack over this substrate.
 fn over(
     engine: Engine,
     request: &Request,
-    ground: &[Footing],
+    substrate: &[SubstrateCoefficients],
     control: &Control,
 ) -> Result<Vec<Spectrum>, EngineError> {
     if engine == Engine::Reference {
-        return reference::run(request, ground, control);
+        return reference::run(request, substrate, control);
     }
     let thicknesses = request.thicknesses_m.len();
-    let (mut spectra, from_below) = if ground.iter().all(|g| g.reflectance.value == 0.0) {
+    let (mut spectra, from_below) = if substrate.iter().all(|g| g.reflectance.value == 0.0) {
         (
             bare(engine, request, control)?,
             vec![Spectrum::default(); thicknesses],
         )
-    } else if request.pack.below.is_empty() {
+    } else if request.snowpack.below.is_empty() {
         // a homogeneous slab is the same from below
         let lights = with_diffuse(request);
         let request = Request {
@@ -153,8 +161,8 @@ fn over(
         (spectra, from_below)
     } else {
         let below = |h: usize| {
-            let (pack, thickness_m) = flipped(request, h);
-            let request = from_below(request, &pack, &thickness_m);
+            let (snowpack, thickness_m) = flipped(request, h);
+            let request = from_below(request, &snowpack, &thickness_m);
             Ok(bare(engine, &request, control)?.pop().unwrap_or_default())
         };
         let from_below = (0..thicknesses)
@@ -164,7 +172,7 @@ fn over(
     };
     let lights = request.illuminations.len();
     for (i, spectrum) in spectra.iter_mut().enumerate() {
-        grounded(spectrum, &from_below[i / lights], ground);
+        on_substrate(spectrum, &from_below[i / lights], substrate);
     }
     Ok(spectra)
 }
@@ -175,20 +183,27 @@ fn with_diffuse(request: &Request) -> Vec<Illumination> {
     lights.chain([Illumination::Diffuse]).collect()
 }
 
-/// The pack of the `h`-th thickness upside down.
-fn flipped(request: &Request, h: usize) -> (Pack, f64) {
+/// The snowpack of the `h`-th thickness upside down.
+fn flipped(request: &Request, h: usize) -> (Snowpack, f64) {
     let thickness_m = request.thicknesses_m[h];
-    let mut layers = request.pack.layers(thickness_m);
+    let mut layers = request.snowpack.layers(thickness_m);
     layers.reverse();
-    let pack = Pack::of(&layers, Ground::Black).map(|(pack, _)| pack);
-    // a pack has a layer at least
-    (pack.unwrap_or_else(|| request.pack.clone()), thickness_m)
+    let snowpack = Snowpack::of(&layers, Substrate::Black).map(|(snowpack, _)| snowpack);
+    // a snowpack has a layer at least
+    (
+        snowpack.unwrap_or_else(|| request.snowpack.clone()),
+        thickness_m,
+    )
 }
 
 /// What is asked of it.
-fn from_below<'a>(request: &Request<'a>, pack: &'a Pack, thickness_m: &'a f64) -> Request<'a> {
+fn from_below<'a>(
+    request: &Request<'a>,
+    snowpack: &'a Snowpack,
+    thickness_m: &'a f64,
+) -> Request<'a> {
     Request {
-        pack,
+        snowpack,
         thicknesses_m: std::slice::from_ref(thickness_m),
         illuminations: &[Illumination::Diffuse],
         cell: identity::with_thickness(request.cell, *thickness_m) ^ FROM_BELOW,
@@ -196,7 +211,7 @@ fn from_below<'a>(request: &Request<'a>, pack: &'a Pack, thickness_m: &'a f64) -
     }
 }
 
-/// Runs `engine` for a pack over black ground.
+/// Runs `engine` for a snowpack over black substrate.
 fn bare(
     engine: Engine,
     request: &Request,
@@ -205,16 +220,20 @@ fn bare(
     match engine {
         Engine::Spectral => spectral::run(request, control, Grains::Followed),
         Engine::Tabulated => spectral::run(request, control, Grains::Tabulated),
-        _ => doubling::run(request, control),
+        _ => hybrid::run(request, control),
     }
 }
 
-/// Puts a pack with `spectrum` over black ground, and `from_below` under
-/// isotropic light from there, on this ground. Errors are taken as independent;
+/// Puts a snowpack with `spectrum` over black substrate, and `from_below` under
+/// isotropic light from there, on this substrate. Errors are taken as independent;
 /// those of R0 and T0, if not, lean against each other.
-fn grounded(spectrum: &mut Spectrum, from_below: &Spectrum, ground: &[Footing]) {
-    for (l, footing) in ground.iter().enumerate() {
-        let (rho, tau) = (footing.reflectance, footing.transmittance);
+fn on_substrate(
+    spectrum: &mut Spectrum,
+    from_below: &Spectrum,
+    substrate: &[SubstrateCoefficients],
+) {
+    for (l, coefficients) in substrate.iter().enumerate() {
+        let (rho, tau) = (coefficients.reflectance, coefficients.transmittance);
         let (r, t) = (&mut spectrum.reflectance[l], &mut spectrum.transmittance[l]);
         let none = Measured::default();
         let back = |all: &[Measured]| all.get(l).copied().unwrap_or(none);
@@ -253,22 +272,22 @@ fn grounded(spectrum: &mut Spectrum, from_below: &Spectrum, ground: &[Footing]) 
 
 /// How many walks [`run`] does.
 pub(super) fn walks(engine: Engine, request: &Request) -> Result<u64, EngineError> {
-    let black = footings(request)?
+    let black = substrate_coefficients(request)?
         .iter()
         .all(|g| g.reflectance.value == 0.0);
     if !is_cascade(request) {
         return walks_over(engine, request, black);
     }
     let mut sum = 0_u64;
-    for (i, layer) in request.pack.below.iter().enumerate().rev() {
-        let pack = layer.snow.clone().into();
-        let last = i + 1 == request.pack.below.len();
-        let request = lower(request, &pack, layer, i);
+    for (i, layer) in request.snowpack.below.iter().enumerate().rev() {
+        let snowpack = layer.snow.clone().into();
+        let last = i + 1 == request.snowpack.below.len();
+        let request = lower(request, &snowpack, layer, i);
         sum = sum.saturating_add(walks_over(engine, &request, black && last)?);
     }
-    let (pack, thicknesses_m) = top(request);
+    let (snowpack, thicknesses_m) = top(request);
     let request = Request {
-        pack: &pack,
+        snowpack: &snowpack,
         thicknesses_m: &thicknesses_m,
         ..request.clone()
     };
@@ -279,7 +298,7 @@ fn walks_over(engine: Engine, request: &Request, black: bool) -> Result<u64, Eng
     if black || engine == Engine::Reference {
         return engine.walks_bare(request);
     }
-    if request.pack.below.is_empty() {
+    if request.snowpack.below.is_empty() {
         let lights = with_diffuse(request);
         return engine.walks_bare(&Request {
             illuminations: &lights,
@@ -288,8 +307,8 @@ fn walks_over(engine: Engine, request: &Request, black: bool) -> Result<u64, Eng
     }
     let mut sum = engine.walks_bare(request)?;
     for h in 0..request.thicknesses_m.len() {
-        let (pack, thickness_m) = flipped(request, h);
-        let request = from_below(request, &pack, &thickness_m);
+        let (snowpack, thickness_m) = flipped(request, h);
+        let request = from_below(request, &snowpack, &thickness_m);
         sum = sum.saturating_add(engine.walks_bare(&request)?);
     }
     Ok(sum)

@@ -1,10 +1,10 @@
-//! A snow pack: layers of snow on a ground.
+//! A snowpack: layers of snow on a substrate.
 use super::{Model, Snow};
 #[cfg(doc)]
 use crate::optics::IMPURITY_NM;
 use splitsnow_spectra::spectrum::Table;
 
-/// Different Angstrom exponents that the impurities of one pack may have.
+/// Different Angstrom exponents that the impurities of one snowpack may have.
 pub const EXPONENTS: usize = 4;
 
 /// A layer of known thickness.
@@ -16,9 +16,9 @@ pub struct Layer {
     pub thickness_m: f64,
 }
 
-/// What lies below a pack: a Lambertian reflector.
+/// What lies below a snowpack: a Lambertian reflector.
 #[derive(Debug, Clone, PartialEq, Default)]
-pub enum Ground {
+pub enum Substrate {
     /// Reflects nothing.
     #[default]
     Black,
@@ -31,7 +31,7 @@ pub enum Ground {
     },
 }
 
-impl Ground {
+impl Substrate {
     /// Reflectance; `None` where its table does not reach.
     #[must_use]
     pub fn reflectance(&self, wavelength_nm: f64) -> Option<f64> {
@@ -43,13 +43,13 @@ impl Ground {
     }
 }
 
-/// How the layers of a pack are joined.
+/// How the layers of a snowpack are joined.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
 pub enum Joining {
     /// Walks go on from layer to layer; only the outer planes reject grains.
     #[default]
     Continuous,
-    /// Each layer is a slab of its own over a Lambertian ground that has the
+    /// Each layer is a slab of its own over a Lambertian substrate that has the
     /// reflectance of all below it at normal incidence (Varsa 2025, section 4.4).
     Cascade,
 }
@@ -81,30 +81,30 @@ pub fn impurities_per_m(snow: &Snow, model: &Model, exponents: &[f64]) -> [[f64;
     sums
 }
 
-/// A snow pack but for its thickness, which is that of all layers together: the
+/// A snowpack but for its thickness, which is that of all layers together: the
 /// surface layer is what the others leave.
 #[derive(Debug, Clone, PartialEq)]
-pub struct Pack {
+pub struct Snowpack {
     /// The layer that light falls on.
     pub surface: Snow,
     /// The layers under it, downward.
     pub below: Vec<Layer>,
     /// What they lie on.
-    pub ground: Ground,
+    pub substrate: Substrate,
 }
 
-impl From<Snow> for Pack {
-    /// A single layer on black ground.
+impl From<Snow> for Snowpack {
+    /// A single layer on black substrate.
     fn from(surface: Snow) -> Self {
         Self {
             surface,
             below: Vec::new(),
-            ground: Ground::Black,
+            substrate: Substrate::Black,
         }
     }
 }
 
-impl Pack {
+impl Snowpack {
     /// The snows from the surface down.
     pub fn snows(&self) -> impl Iterator<Item = &Snow> {
         let below = self.below.iter().map(|layer| &layer.snow);
@@ -117,7 +117,7 @@ impl Pack {
         self.below.iter().map(|layer| layer.thickness_m).sum()
     }
 
-    /// The layers from the surface down, of a pack `thickness_m` thick.
+    /// The layers from the surface down, of a snowpack `thickness_m` thick.
     #[must_use]
     pub fn layers(&self, thickness_m: f64) -> Vec<Layer> {
         let surface = Layer {
@@ -129,18 +129,18 @@ impl Pack {
             .collect()
     }
 
-    /// A pack of `layers` (from the surface down, at least one) on `ground`, and
+    /// A snowpack of `layers` (from the surface down, at least one) on `substrate`, and
     /// its thickness in m.
     #[must_use]
-    pub fn of(layers: &[Layer], ground: Ground) -> Option<(Self, f64)> {
+    pub fn of(layers: &[Layer], substrate: Substrate) -> Option<(Self, f64)> {
         let (surface, below) = layers.split_first()?;
         let thickness_m = layers.iter().map(|layer| layer.thickness_m).sum();
-        let pack = Self {
+        let snowpack = Self {
             surface: surface.snow.clone(),
             below: below.to_vec(),
-            ground,
+            substrate,
         };
-        Some((pack, thickness_m))
+        Some((snowpack, thickness_m))
     }
 
     /// Whether there is water in any layer.

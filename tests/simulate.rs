@@ -1,4 +1,4 @@
-//! `measure`: the contract of its output, and that nothing but sample, engine,
+//! `simulate`: the contract of its output, and that nothing but sample, engine,
 //! rays and seed decides it.
 #![allow(clippy::unwrap_used)]
 use std::io::{BufRead, BufReader, Read};
@@ -9,7 +9,7 @@ use std::process::{Child, Command, Output, Stdio};
 const SAMPLE: &str = "\
 version = 1
 [illumination]
-polar_angle_deg = 30
+incidence_angle_deg = 30
 [wavelengths]
 values_nm = [450, 600.5, 1000, 1300]
 [[layer]]
@@ -75,7 +75,7 @@ fn csv_and_json_say_the_same() {
     let csv = bench.text(&["--rays", "2000", "--seed", "7"]);
     for line in [
         "# sample: sample.toml",
-        "# engine: doubling",
+        "# engine: hybrid",
         "# rays: 2000",
         "# seed: 7",
     ] {
@@ -94,7 +94,7 @@ fn csv_and_json_say_the_same() {
     assert!(rows[0][5] < 0.01 && rows[3][5] > 0.1, "{csv}");
     let json = bench.text(&["--rays", "2000", "--seed", "7", "--json"]);
     let json: serde_json::Value = serde_json::from_str(&json).unwrap();
-    assert_eq!(json["engine"], "doubling");
+    assert_eq!(json["engine"], "hybrid");
     for (column, name) in HEADER.split(',').enumerate() {
         let values: Vec<_> = rows.iter().map(|row| row[column]).collect();
         assert_eq!(json[name], serde_json::json!(values), "{name}");

@@ -3,13 +3,13 @@
 use ndarray::{Array2, Axis as Dimension};
 use rayon::prelude::*;
 
-use super::FitError;
+use super::TailorError;
 use super::wavelengths::Wavelengths;
-use crate::certificate::{Patch, Simulation};
 use crate::colour::Colorimeter;
 use crate::engine::Control;
+use crate::error_budget::{Patch, Simulation};
 use crate::grid::Grid;
-use crate::lookup::{Database, Lookup, Substrate};
+use crate::lookup::{Database, Lookup, SubstrateKind};
 use crate::measurement::Quantity;
 use crate::parameter::{Axes, Parameter, Point, Region, Role};
 use crate::scene::Scene;
@@ -30,12 +30,12 @@ pub(super) type Nodes = Vec<Vec<usize>>;
 
 /// Errors of the look-up at the judging points.
 #[derive(Debug, Clone, Copy, PartialEq)]
-pub(super) struct Judgement {
+pub(super) struct Score {
     pub(super) max: f64,
     pub(super) typical: f64,
 }
 
-impl Judgement {
+impl Score {
     pub(super) fn of(errors: impl ExactSizeIterator<Item = f64>) -> Self {
         let (mut max, mut sum, count) = (0.0_f64, 0.0, errors.len() as f64);
         for error in errors {
@@ -60,7 +60,7 @@ pub(super) struct Training<'a> {
     /// Those that databases have.
     pub(super) wavelengths: Wavelengths,
     parameters: Vec<Parameter>,
-    substrate: Substrate,
+    substrate: SubstrateKind,
     /// Values of the candidates, in storage order.
     pub(super) axes: Vec<Vec<f64>>,
     /// `[s, l]` per quantity of the scene, at its wavelengths.
@@ -112,7 +112,7 @@ impl<'a> Training<'a> {
         colour: &'a Colorimeter,
         rays: u64,
         control: &Control,
-    ) -> Result<Self, FitError> {
+    ) -> Result<Self, TailorError> {
         let regions = &scene.regions;
         let of = |parameter: Parameter| -> Vec<f64> {
             let record = parameter.record();
@@ -198,7 +198,7 @@ impl<'a> Training<'a> {
             asked.then(|| self.curves_of(nodes, quantity))
         };
         Database::from_curves(
-            self.substrate == Substrate::Black,
+            self.substrate == SubstrateKind::Black,
             &self.axes_of(nodes),
             &self.wavelengths.nm,
             curves(Quantity::Transmittance).as_ref(),
@@ -207,7 +207,7 @@ impl<'a> Training<'a> {
     }
 
     /// How far the answers of `database` are from the curves at all candidates.
-    pub(super) fn judge(&self, database: &Database) -> Result<Judgement, FitError> {
+    pub(super) fn judge(&self, database: &Database) -> Result<Score, TailorError> {
         let mut errors = Vec::new();
         for (quantity, curves) in &self.curves {
             // judges of the same snow stand together, but for what every database has
@@ -217,7 +217,7 @@ impl<'a> Training<'a> {
                     continue;
                 };
                 let lookup = Lookup::new(&database.at(optional(first))?, *quantity)?;
-                let of_one: Result<Vec<f64>, FitError> = judges
+                let of_one: Result<Vec<f64>, TailorError> = judges
                     .par_iter()
                     .with_min_len(64)
                     .map_init(
@@ -234,7 +234,7 @@ impl<'a> Training<'a> {
                 errors.extend(of_one?);
             }
         }
-        Ok(Judgement::of(errors.into_iter()))
+        Ok(Score::of(errors.into_iter()))
     }
 }
 

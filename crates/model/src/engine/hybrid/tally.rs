@@ -135,7 +135,7 @@ impl Run<'_> {
                 }
             }
         }
-        let snows: Vec<&Snow> = self.request.pack.snows().collect();
+        let snows: Vec<&Snow> = self.request.snowpack.snows().collect();
         for (number, first) in layout.events.iter().enumerate() {
             let Some(first) = first else { continue };
             let event = inside::event(walks, mix, snows[number], &flights[number], part, number);

@@ -1,4 +1,4 @@
-//! Planes between layers inside a pack.
+//! Planes between layers inside a snowpack.
 //!
 //! Grains carry light across them, the larger ones further, so that light does not
 //! cross as it would between points: fine snow under coarse is brighter than the two
@@ -7,7 +7,7 @@
 use crate::engine::tables::Stretch;
 use crate::transport::Snow;
 
-/// A part of the inside of a pack.
+/// A part of the inside of a snowpack.
 #[derive(Debug, Clone, PartialEq)]
 pub(super) enum Piece<W> {
     /// Homogeneous, where grains act like points.

@@ -53,12 +53,12 @@ impl Sampling {
 /// [`Sampling`]: straight lines lead to its wavelengths, and tristimulus values are
 /// the sums of [`crate::colour`] over them, the same for white.
 #[derive(Debug, Clone)]
-pub struct Eyes {
+pub struct Observers {
     /// By sampling: how it gets there, and who looks, by light.
     samplings: [(Resampling, Vec<Colorimeter>); 2],
 }
 
-impl Eyes {
+impl Observers {
     /// Those for spectra at `wavelengths_nm`, nm, strictly increasing.
     ///
     /// # Errors
@@ -74,7 +74,7 @@ impl Eyes {
         if !(first <= 400.0 && last >= 700.0) {
             return Err(none());
         }
-        let eyes = |sampling: Sampling| -> Result<_, ExportError> {
+        let observers = |sampling: Sampling| -> Result<_, ExportError> {
             let nm = sampling.wavelengths_nm();
             let mut lights = Vec::new();
             for light in LIGHTS {
@@ -86,7 +86,7 @@ impl Eyes {
             }
             Ok((Resampling::new(wavelengths_nm, &nm), lights))
         };
-        let [many, three] = Sampling::ALL.map(eyes);
+        let [many, three] = Sampling::ALL.map(observers);
         Ok(Self {
             samplings: [many?, three?],
         })
@@ -158,43 +158,43 @@ fn exposed(spectrum: &[f64], exposure: f64) -> Vec<f64> {
 mod tests {
     use super::*;
 
-    fn eyes() -> (Vec<f64>, Eyes) {
+    fn observers() -> (Vec<f64>, Observers) {
         let nm: Vec<f64> = (0..=80).map(|i| 380.0 + 5.0 * f64::from(i)).collect();
-        let eyes = Eyes::new(&nm).unwrap();
-        (nm, eyes)
+        let observers = Observers::new(&nm).unwrap();
+        (nm, observers)
     }
 
     #[test]
     fn greys_are_the_same_to_all_eyes() {
-        let (nm, eyes) = eyes();
+        let (nm, observers) = observers();
         let grey = vec![0.05; nm.len()];
-        let exposure = eyes.exposure(&[&grey]);
+        let exposure = observers.exposure(&[&grey]);
         assert_eq!(exposure, 6.0);
         for light in 0..LIGHTS.len() {
             for by in Sampling::ALL {
                 // sRGB (IEC 61966-2-1) encodes 0.3 as 0.5838
-                assert_eq!(eyes.srgb(by, light, &grey, exposure), [149; 3]);
+                assert_eq!(observers.srgb(by, light, &grey, exposure), [149; 3]);
             }
             let pair = Sampling::ALL.map(|by| (by, grey.as_slice()));
-            assert!(eyes.difference(light, pair, 1.0) < 1e-9);
+            assert!(observers.difference(light, pair, 1.0) < 1e-9);
         }
     }
 
     #[test]
     fn three_wavelengths_see_nothing_else() {
-        let (nm, eyes) = eyes();
+        let (nm, observers) = observers();
         let dip = |centre: f64| -> Vec<f64> {
             let at = |w: &f64| if (w - centre).abs() < 1.0 { 0.1 } else { 0.5 };
             nm.iter().map(at).collect()
         };
         let flat = vec![0.5; nm.len()];
-        let seen = |by, centre| eyes.difference(2, [(by, &flat), (by, &dip(centre))], 1.0);
+        let seen = |by, centre| observers.difference(2, [(by, &flat), (by, &dip(centre))], 1.0);
         assert!(seen(Sampling::Many, 500.0) > 1.0);
         assert_eq!(seen(Sampling::Three, 500.0), 0.0);
         assert!(seen(Sampling::Three, 455.0) > 1.0);
         // exposure makes both brighter and farther apart
         let apart = |exposure| {
-            eyes.difference(
+            observers.difference(
                 2,
                 [(Sampling::Many, &flat), (Sampling::Many, &dip(500.0))],
                 exposure,
@@ -205,11 +205,11 @@ mod tests {
 
     #[test]
     fn what_is_not_visible_has_no_colour() {
-        let error = Eyes::new(&[410.0, 500.0, 700.0]).unwrap_err();
+        let error = Observers::new(&[410.0, 500.0, 700.0]).unwrap_err();
         assert_eq!(
             error.to_string(),
             "spectra from 410 to 700 nm have no colour here: they must cover 400 to 700 nm"
         );
-        assert!(Eyes::new(&[]).is_err());
+        assert!(Observers::new(&[]).is_err());
     }
 }

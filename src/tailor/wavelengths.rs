@@ -2,7 +2,7 @@
 //! few are missed by the eye.
 use rayon::prelude::*;
 
-use super::training::Judgement;
+use super::training::Score;
 use crate::colour::Colorimeter;
 use crate::spectrum::Resampling;
 
@@ -24,12 +24,12 @@ impl Wavelengths {
     }
 
     /// What becomes of `curves` at all wavelengths.
-    fn judge(&self, all: &Colorimeter, curves: &[Vec<f64>]) -> Judgement {
+    fn judge(&self, all: &Colorimeter, curves: &[Vec<f64>]) -> Score {
         let error = |curve: &Vec<f64>| {
             let sampled: Vec<f64> = self.kept.iter().map(|i| curve[*i]).collect();
             all.difference_across(curve, &self.colour, &sampled)
         };
-        Judgement::of(curves.iter().map(error))
+        Score::of(curves.iter().map(error))
     }
 
     /// The fewest found of `all_nm` that leave the colours of `curves`, seen by
@@ -52,7 +52,7 @@ impl Wavelengths {
         };
         let best = |all: Vec<Vec<usize>>| {
             let all: Vec<_> = all.into_par_iter().map(tried).collect();
-            let typical = |step: &(Self, Judgement)| step.1.typical;
+            let typical = |step: &(Self, Score)| step.1.typical;
             let all = all.into_iter();
             all.min_by(|a, b| typical(a).total_cmp(&typical(b)))
         };

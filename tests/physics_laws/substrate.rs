@@ -1,16 +1,16 @@
-//! Packs on a ground, and cascades, which put layers on one.
+//! Snowpacks on a substrate, and cascades, which put layers on one.
 use splitsnow::engine::Engine;
 use splitsnow::measurement::{Measured, Spectrum};
 use splitsnow::optics::Carbon;
 use splitsnow::transport::Snow;
-use splitsnow::transport::{Bounce, Entry, Ground, Illumination, Pack};
+use splitsnow::transport::{Bounce, Entry, Illumination, Snowpack, Substrate};
 use statrs::distribution::{ChiSquared, ContinuousCDF};
 
 use super::assert_close;
 use super::case::{Case, assert_same, dirty, on, over, spectral_ground};
 use crate::snow::{NORMAL, TRANSPARENT, beam, dry, ends, snow, walker};
 
-/// Nothing is lost between a perfect ground and snow that does not absorb.
+/// Nothing is lost between a perfect substrate and snow that does not absorb.
 #[test]
 fn perfect_ground_sends_everything_back() {
     let bounce = Bounce {
@@ -23,7 +23,7 @@ fn perfect_ground_sends_everything_back() {
     assert!(counts.lost < 20, "{counts:?}");
     // ice absorbs 6e-4 per m at 400 nm, and light goes some 3 cm in it
     for engine in [Engine::Spectral, Engine::Reference] {
-        let mut case = Case::new(over(dry(), Ground::Grey(1.0)), 0.01).of(engine);
+        let mut case = Case::new(over(dry(), Substrate::Grey(1.0)), 0.01).of(engine);
         case.nm = vec![400.0];
         let spectrum = case.run(50_000, 4);
         let (r, t) = (
@@ -46,15 +46,15 @@ fn perfect_ground_sends_everything_back() {
 
 #[test]
 fn spectral_over_a_ground_is_reference_over_it() {
-    let layered = Pack {
-        ground: spectral_ground(),
+    let layered = Snowpack {
+        substrate: spectral_ground(),
         ..on(dirty(), dry(), 0.004)
     };
     let homogeneous = over(dirty(), spectral_ground());
-    for (what, pack) in [("layers", layered), ("one layer", homogeneous)] {
+    for (what, snowpack) in [("layers", layered), ("one layer", homogeneous)] {
         for case in [
-            Case::new(pack.clone(), 0.008),
-            Case::new(pack, 0.008).cascade(),
+            Case::new(snowpack.clone(), 0.008),
+            Case::new(snowpack, 0.008).cascade(),
         ] {
             let a = case.run(60_000, 9);
             let b = case.of(Engine::Reference).run(40_000, 10);
@@ -63,11 +63,11 @@ fn spectral_over_a_ground_is_reference_over_it() {
     }
 }
 
-/// Grazing light from above and from the ground finds grains that fit, also
+/// Grazing light from above and from the substrate finds grains that fit, also
 /// where those met near their tops are rare.
 #[test]
 fn projected_entry_serves_diffuse_light() {
-    let mut case = Case::new(over(dry(), Ground::Grey(0.9)), 0.005);
+    let mut case = Case::new(over(dry(), Substrate::Grey(0.9)), 0.005);
     case.light = Illumination::Diffuse;
     case.model.entry = Entry::Projected;
     let (a, b) = (
@@ -77,7 +77,7 @@ fn projected_entry_serves_diffuse_light() {
     assert_same("projected, diffuse", &a, &b);
 }
 
-/// A cascade puts a layer on a Lambertian ground: that of its lower pack.
+/// A cascade puts a layer on a Lambertian substrate: that of its lower snowpack.
 #[test]
 fn a_cascade_is_a_layer_on_a_ground() {
     let below_m = 0.01;
@@ -89,19 +89,19 @@ fn a_cascade_is_a_layer_on_a_ground() {
     let lower = lower.run(100_000, 11).reflectance[0];
     let mut cascade = Case::new(on(dry(), dirty(), below_m), 0.005 + below_m).cascade();
     cascade.nm = vec![850.0];
-    let grounded = Case {
+    let on_substrate = Case {
         nm: vec![850.0],
-        ..Case::new(over(dry(), Ground::Grey(lower.value)), 0.005)
+        ..Case::new(over(dry(), Substrate::Grey(lower.value)), 0.005)
     };
-    let (a, b) = (cascade.run(60_000, 12), grounded.run(60_000, 13));
+    let (a, b) = (cascade.run(60_000, 12), on_substrate.run(60_000, 13));
     let (a, b) = (a.reflectance[0], b.reflectance[0]);
     // dR / d rho is at most 1
     let se = a.se.hypot(b.se).hypot(lower.se);
-    assert_close("cascade and ground", a.value, se, b.value);
+    assert_close("cascade and substrate", a.value, se, b.value);
 }
 
-/// What the cascade neglects: that light comes out of the lower pack where and
-/// as it went in, and that grains reach across. It vanishes over a lower pack
+/// What the cascade neglects: that light comes out of the lower snowpack where and
+/// as it went in, and that grains reach across. It vanishes over a lower snowpack
 /// that sends back nothing or everything, but for grains at the plane.
 #[test]
 fn how_far_cascades_are_off() {
@@ -121,10 +121,10 @@ fn cascades_are_off(rays: u64, much_m: f64, degs: &[f64], surfaces_m: &[f64]) {
     };
     let fine = |density| snow((60.0, 140.0), 0.5, density, 0.0);
     let basal = snow((900.0, 1000.0), 0.1, 375.0, 0.0);
-    let apart = |what: &str, pack: Pack, thickness_m, deg| {
+    let apart = |what: &str, snowpack: Snowpack, thickness_m, deg| {
         let case = Case {
             light: beam(deg),
-            ..Case::new(pack, thickness_m)
+            ..Case::new(snowpack, thickness_m)
         };
         let (a, b) = (case.run(rays, 14), case.cascade().run(rays, 15));
         let differences = a.reflectance.iter().zip(&b.reflectance);
@@ -151,9 +151,9 @@ fn cascades_are_off(rays: u64, much_m: f64, degs: &[f64], surfaces_m: &[f64]) {
     let mut most = perfect;
     for &deg in degs {
         for &surface_m in surfaces_m {
-            let pack = on(fine(225.0), basal.clone(), 0.1);
+            let snowpack = on(fine(225.0), basal.clone(), 0.1);
             let what = format!("{} mm on basal", surface_m * 1e3);
-            most = most.max(apart(&what, pack, 0.1 + surface_m, deg));
+            most = most.max(apart(&what, snowpack, 0.1 + surface_m, deg));
         }
     }
     println!("cascades are off by {most:.4} at most");
@@ -161,22 +161,22 @@ fn cascades_are_off(rays: u64, much_m: f64, degs: &[f64], surfaces_m: &[f64]) {
 }
 
 /// Scatter over seeds in units of the standard errors: chi-square. The errors
-/// of `spectral` over a ground take R and T of the bare pack for independent,
+/// of `spectral` over a substrate take R and T of the bare snowpack for independent,
 /// although what one gains the other loses: they may be too large.
 #[test]
 fn standard_errors_are_those_of_the_scatter() {
     const SEEDS: u64 = 24;
     let chi = ChiSquared::new((SEEDS - 1) as f64).unwrap();
     let (low, high) = (chi.inverse_cdf(1e-6), chi.inverse_cdf(1.0 - 1e-6));
-    let ground = Case {
+    let substrate = Case {
         nm: vec![850.0],
-        ..Case::new(over(dry(), Ground::Grey(0.5)), 0.005)
+        ..Case::new(over(dry(), Substrate::Grey(0.5)), 0.005)
     };
     let cascade = Case {
         nm: vec![850.0],
         ..Case::new(on(dry(), dirty(), 0.003), 0.008).cascade()
     };
-    for (what, case) in [("ground", ground), ("cascade", cascade)] {
+    for (what, case) in [("substrate", substrate), ("cascade", cascade)] {
         for engine in [Engine::Reference, Engine::Spectral] {
             let spectra: Vec<Spectrum> = (0..SEEDS)
                 .map(|seed| case.of(engine).run(4096, 100 + seed))

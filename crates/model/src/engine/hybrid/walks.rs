@@ -5,7 +5,7 @@ use std::sync::atomic::Ordering;
 use super::Run;
 use super::cut::Task;
 use crate::engine::cache::Bytes;
-use crate::engine::tables::{self, Averages, Outcomes, PARTS, PackOutcomes, Stretch};
+use crate::engine::tables::{self, Averages, Outcomes, PARTS, SnowpackOutcomes, Stretch};
 use crate::engine::{Control, EngineError, Resolution, batches, engine_error};
 use crate::optics::Index;
 use crate::rng::{Fingerprint, Key, Stream};
@@ -16,13 +16,13 @@ use crate::transport::{Layer, Model, Snow};
 #[derive(Debug)]
 pub(in crate::engine) struct Walks {
     /// Of the grains of each type in each layer, in air and in water.
-    averages: PackAverages,
+    averages: SnowpackAverages,
     /// What came of each task in each part.
     parts: Vec<Vec<Scores>>,
 }
 
 /// Of each type in each layer, in air and in water.
-type PackAverages = Vec<Vec<[Arc<Averages>; 2]>>;
+type SnowpackAverages = Vec<Vec<[Arc<Averages>; 2]>>;
 
 /// Walks with one stream, at most: some seconds.
 const BATCH: u64 = 1 << 20;
@@ -40,7 +40,7 @@ pub(super) fn unit(run: &Run, kind: &str) -> String {
 
 /// All that walks follow from.
 #[derive(Debug, Clone, PartialEq)]
-pub(in crate::engine) struct Occasion {
+pub(in crate::engine) struct CacheKey {
     surface: Snow,
     below: Vec<Layer>,
     tasks: Vec<Task>,
@@ -59,9 +59,9 @@ impl Walks {
         node: (Index, Index),
     ) -> Result<Arc<Self>, EngineError> {
         let request = run.request;
-        let occasion = Occasion {
-            surface: request.pack.surface.clone(),
-            below: request.pack.below.clone(),
+        let occasion = CacheKey {
+            surface: request.snowpack.surface.clone(),
+            below: request.snowpack.below.clone(),
             tasks: run.plan.tasks.clone(),
             node,
             model: request.model.clone(),
@@ -96,7 +96,7 @@ impl Walks {
                 .map(move |first| (task, first))
         });
         let batches = batches.collect::<Vec<_>>();
-        let one = |part: usize, task: &Task, first: u64, outcomes: &PackOutcomes| {
+        let one = |part: usize, task: &Task, first: u64, outcomes: &SnowpackOutcomes| {
             if control.cancel.load(Ordering::Relaxed) {
                 return Err(EngineError::Cancelled);
             }
@@ -109,7 +109,7 @@ impl Walks {
             });
             let thickness = |stretch: &Stretch| stretch.thickness_m;
             let region = Region {
-                pack: tables::pack(request, outcomes, part, &task.stretches),
+                snowpack: tables::snowpack(request, outcomes, part, &task.stretches),
                 thickness_m: task.stretches.iter().map(thickness).sum(),
                 edges: task.edges,
             };
@@ -172,7 +172,7 @@ impl Walks {
     }
 }
 
-fn averages(outcomes: PackOutcomes) -> PackAverages {
+fn averages(outcomes: SnowpackOutcomes) -> SnowpackAverages {
     let media = |media: [Arc<Outcomes>; 2]| media.map(|one| Arc::clone(&one.averages));
     let kinds = outcomes.into_iter();
     kinds

@@ -1,4 +1,4 @@
-//! `doubling`: deterministic transport inside the snow, walks only next to its
+//! `hybrid`: deterministic transport inside the snow, walks only next to its
 //! surfaces.
 //!
 //! Far from the planes, grains act like points: light spreads through them as
@@ -22,7 +22,7 @@
 //!    mirror image as the lower one, gives every thickness and illumination at
 //!    once.
 //!
-//! Layers inside a pack are added as the points they scatter like, and what is next
+//! Layers inside a snowpack are added as the points they scatter like, and what is next
 //! to the planes between them, across which grains carry light, is walked too. A
 //! boundary layer may hold several.
 //!
@@ -51,7 +51,7 @@ use crate::slab::Streams;
 use cut::Plan;
 use tally::Layout;
 
-pub(super) use walks::{Occasion, Walks};
+pub(super) use walks::{CacheKey, Walks};
 
 /// Thickness of a boundary layer: the larger of this many mean free distances
 /// and that many of the largest grains.
@@ -81,7 +81,7 @@ impl<'a> Run<'a> {
         let streams = Streams::new(request.resolution.streams)?;
         let plan = Plan::new(request, &streams);
         let n = streams.count();
-        let layout = Layout::new(&plan, request.pack.snows().count(), n);
+        let layout = Layout::new(&plan, request.snowpack.snows().count(), n);
         let into = |(mu, weight): (&f64, &f64)| {
             let mut basis = vec![0.0; n];
             legendre(2.0 * mu - 1.0, &mut basis);
@@ -105,7 +105,7 @@ impl<'a> Run<'a> {
 pub(super) fn run(request: &Request, control: &Control) -> Result<Vec<Spectrum>, EngineError> {
     let run = Run::new(request)?;
     let indices = indices(request)?;
-    let (nodes, mixes) = mixes(&indices, request.pack.is_wet());
+    let (nodes, mixes) = mixes(&indices, request.snowpack.is_wet());
     let walks = nodes.iter().map(|&node| Walks::of(&run, control, node));
     let walks: Vec<_> = walks.collect::<Result<_, _>>()?;
     run.spectra(control, &walks, &indices, &mixes)
@@ -114,7 +114,7 @@ pub(super) fn run(request: &Request, control: &Control) -> Result<Vec<Spectrum>,
 /// How many walks a request takes.
 pub(super) fn walks(request: &Request) -> Result<u64, EngineError> {
     let run = Run::new(request)?;
-    let (nodes, _) = mixes(&indices(request)?, request.pack.is_wet());
+    let (nodes, _) = mixes(&indices(request)?, request.snowpack.is_wet());
     let rays: u64 = run.plan.tasks.iter().map(|task| task.rays).sum();
     Ok(rays.saturating_mul((PARTS * nodes.len()) as u64))
 }

@@ -5,7 +5,7 @@ use splitsnow::grain::mean_free_distance_m;
 use splitsnow::measurement::Spectrum;
 use splitsnow::optics::{Carbon, CarbonLaw, ImpurityMass, ice_density_kg_m3};
 use splitsnow::transport::{
-    Absorption, Coefficients, Component, Ground, Layer, Model, Pack, Snow, Walker,
+    Absorption, Coefficients, Component, Layer, Model, Snow, Snowpack, Substrate, Walker,
 };
 
 use super::assert_close;
@@ -13,13 +13,13 @@ use super::case::{Case, assert_same, dirty, on, over, spectral_ground};
 use crate::snow::{AIR, NORMAL, TRANSPARENT, dry, ends, proportion, snow, spheres};
 
 #[test]
-fn a_pack_cut_into_equal_layers_is_the_pack() {
+fn a_snowpack_cut_into_equal_layers_is_the_snowpack() {
     cut_is_whole(8);
 }
 
 #[test]
 #[ignore = "long: eight times the walks, some 15 CPU-s"]
-fn a_pack_cut_into_equal_layers_is_the_pack_closely() {
+fn a_snowpack_cut_into_equal_layers_is_the_snowpack_closely() {
     cut_is_whole(1);
 }
 
@@ -33,12 +33,12 @@ fn cut_is_whole(fewer: u64) {
         (Engine::Reference, 30_000, 0.01),
         (Engine::Tabulated, 100_000, 0.01),
         // walked from plane to plane, and cut up
-        (Engine::Doubling, 32_768, 0.01),
-        (Engine::Doubling, 32_768, 0.03),
+        (Engine::Hybrid, 32_768, 0.01),
+        (Engine::Hybrid, 32_768, 0.03),
     ] {
-        let whole = Case::new(over(dirty(), Ground::Grey(0.3)), thickness_m).of(engine);
+        let whole = Case::new(over(dirty(), Substrate::Grey(0.3)), thickness_m).of(engine);
         let mut cut = whole.clone();
-        cut.pack.below = vec![layer.clone(); 6];
+        cut.snowpack.below = vec![layer.clone(); 6];
         let [a, b] = [whole.run(rays / fewer, 1), cut.run(rays / fewer, 2)];
         assert_same(&format!("cut, {}", engine.name()), &a, &b);
     }
@@ -58,7 +58,7 @@ fn a_mixture_of_a_type_with_itself_is_the_type() {
     for (engine, thickness_m) in [
         (Engine::Spectral, 0.01),
         (Engine::Tabulated, 0.01),
-        (Engine::Doubling, 0.03),
+        (Engine::Hybrid, 0.03),
     ] {
         let [a, b] = [(&pure, 2), (&mixed, 3)].map(|(snow, seed)| {
             let case = Case::new(snow.clone(), thickness_m).of(engine);
@@ -107,11 +107,11 @@ fn nothing_added_is_nothing_changed() {
         Engine::Spectral,
         Engine::Reference,
         Engine::Tabulated,
-        Engine::Doubling,
+        Engine::Hybrid,
     ] {
         let expected = bare.of(engine).run(2_000, 3);
-        for pack in [over(dry(), Ground::Grey(0.0)), clean.clone().into()] {
-            assert_eq!(Case::new(pack, 0.01).of(engine).run(2_000, 3), expected);
+        for snowpack in [over(dry(), Substrate::Grey(0.0)), clean.clone().into()] {
+            assert_eq!(Case::new(snowpack, 0.01).of(engine).run(2_000, 3), expected);
         }
     }
 }
@@ -163,16 +163,16 @@ fn soot_absorbs_as_by_hand() {
             }),
             ..snow.clone()
         };
-        let pack = sooty.into();
+        let snowpack = sooty.into();
         let model = Model {
             impurity_mass: mass,
             ..Model::default()
         };
         let absorption = Absorption {
-            coefficients: Coefficients::at(nm, (AIR, AIR), &Pack::exponents(&pack)),
+            coefficients: Coefficients::at(nm, (AIR, AIR), &Snowpack::exponents(&snowpack)),
             ..TRANSPARENT
         };
-        let walker = Walker::new(&pack, &model, (AIR, AIR), absorption);
+        let walker = Walker::new(&snowpack, &model, (AIR, AIR), absorption);
         let counts = ends(&walker, h, NORMAL, rays, cell);
         assert_eq!((counts.reflected, counts.lost), (0, 0));
         proportion(counts.transmitted, rays)
@@ -229,7 +229,7 @@ fn the_trend_with_the_exponent_inverts() {
 }
 
 #[test]
-fn thicknesses_at_once_are_those_alone_in_packs() {
+fn thicknesses_at_once_are_those_alone_in_snowpacks() {
     thicknesses_at_once(12_000);
 }
 
@@ -242,7 +242,7 @@ fn thicknesses_at_once_are_those_alone_in_packs_closely() {
 fn thicknesses_at_once(rays: u64) {
     let coarse = snow((1000.0, 2500.0), 0.2, 400.0, 0.0);
     let mut all = Case::new(on(dirty(), coarse, 0.006), 0.0);
-    all.pack.ground = Ground::Grey(0.4);
+    all.snowpack.substrate = Substrate::Grey(0.4);
     all.thicknesses_m = vec![0.0075, 0.009, 0.0091, 0.014];
     let tabulated = all.of(Engine::Tabulated);
     for (joined, what) in [
@@ -268,14 +268,14 @@ fn energy_is_conserved() {
         black_carbon: Some(Carbon::black(1e7)),
         ..dry()
     };
-    for ground in [Ground::Black, Ground::Grey(1.0), spectral_ground()] {
+    for substrate in [Substrate::Black, Substrate::Grey(1.0), spectral_ground()] {
         for (surface, below) in [
             (dirty(), dry()),
             (soot.clone(), dirty()),
             (dry(), soot.clone()),
         ] {
-            let layers = Pack {
-                ground: ground.clone(),
+            let layers = Snowpack {
+                substrate: substrate.clone(),
                 ..on(surface, below, 0.004)
             };
             let case = Case {
@@ -325,7 +325,7 @@ fn tables_on_packs(rays: u64) {
         ],
         ..dirty()
     };
-    let pack = Pack {
+    let snowpack = Snowpack {
         surface: fine,
         below: vec![
             Layer {
@@ -337,21 +337,21 @@ fn tables_on_packs(rays: u64) {
                 thickness_m: 0.015,
             },
         ],
-        ground: Ground::Grey(0.3),
+        substrate: Substrate::Grey(0.3),
     };
-    let case = Case::new(pack, 0.027);
+    let case = Case::new(snowpack, 0.027);
     let expected = case.run(rays, 20);
     let tabulated = case.of(Engine::Tabulated).run(rays, 21);
     assert_same("tabulated", &tabulated, &expected);
-    let doubling = case.of(Engine::Doubling).run(rays, 22);
+    let hybrid = case.of(Engine::Hybrid).run(rays, 22);
     for (a, b) in [
-        (&doubling.reflectance, &expected.reflectance),
-        (&doubling.transmittance, &expected.transmittance),
+        (&hybrid.reflectance, &expected.reflectance),
+        (&hybrid.transmittance, &expected.transmittance),
     ] {
         for (a, b) in a.iter().zip(b) {
             let apart = (a.value - b.value).abs();
             println!(
-                "doubling - spectral: {:.5} +- {:.5}",
+                "hybrid - spectral: {:.5} +- {:.5}",
                 a.value - b.value,
                 a.se.hypot(b.se)
             );
@@ -362,24 +362,24 @@ fn tables_on_packs(rays: u64) {
 
 /// Coarse grains reach far into fine snow, fine ones hardly into coarse: what is below
 /// the plane gets more light, or less, than points would hand it (by 13 % where coarse
-/// snow lies on fine). `doubling` walks there.
+/// snow lies on fine). `hybrid` walks there.
 #[test]
 fn grains_carry_light_across_planes() {
     let fine = || snow((50.0, 100.0), 0.9, 225.0, 0.0);
     let coarse = || snow((900.0, 1000.0), 0.1, 375.0, 0.0);
-    for (what, pack) in [
+    for (what, snowpack) in [
         ("coarse on fine", on(coarse(), fine(), 0.005)),
         ("fine on coarse", on(fine(), coarse(), 0.01)),
     ] {
-        let case = Case::new(pack, 0.015);
+        let case = Case::new(snowpack, 0.015);
         let expected = case.of(Engine::Tabulated).run(200_000, 23);
-        let doubling = case.of(Engine::Doubling).run(131_072, 24);
-        let pairs = doubling.transmittance.iter().zip(&expected.transmittance);
-        let more = doubling.reflectance.iter().zip(&expected.reflectance);
+        let hybrid = case.of(Engine::Hybrid).run(131_072, 24);
+        let pairs = hybrid.transmittance.iter().zip(&expected.transmittance);
+        let more = hybrid.reflectance.iter().zip(&expected.reflectance);
         for (a, b) in pairs.chain(more).take(5) {
             let (apart, se) = (a.value - b.value, a.se.hypot(b.se));
             println!("{what}: {:.5}, {apart:+.5} +- {se:.5}", b.value);
-            // half of what docs/stability.md states for `doubling` in thick slabs
+            // half of what docs/stability.md states for `hybrid` in thick slabs
             assert!(apart.abs() < 0.002 + 5.0 * se, "{what}: {a:?} {b:?}");
         }
     }

@@ -3,13 +3,13 @@
 //! and those that prove needless are dropped.
 use rayon::prelude::*;
 
-use super::FitError;
-use super::training::{Judgement, Nodes, Training};
+use super::TailorError;
+use super::training::{Nodes, Score, Training};
 
 /// A way to change nodes, and what comes of it.
 struct Step {
     nodes: Nodes,
-    judgement: Judgement,
+    judgement: Score,
 }
 
 /// Number of curves.
@@ -22,8 +22,8 @@ fn size(nodes: &Nodes) -> f64 {
 pub(super) fn choose(
     training: &Training,
     bound: f64,
-    go_on: &dyn Fn(&Nodes, Judgement) -> Result<bool, FitError>,
-) -> Result<(Nodes, Judgement), FitError> {
+    go_on: &dyn Fn(&Nodes, Score) -> Result<bool, TailorError>,
+) -> Result<(Nodes, Score), TailorError> {
     let ends = |axis: &Vec<f64>| match axis.len() {
         1 => vec![0],
         n => vec![0, n - 1],
@@ -73,7 +73,7 @@ pub(super) fn choose(
     }
 }
 
-fn tried(training: &Training, all: Vec<Nodes>) -> Result<Vec<Step>, FitError> {
+fn tried(training: &Training, all: Vec<Nodes>) -> Result<Vec<Step>, TailorError> {
     let step = |nodes: Nodes| {
         let judgement = training.judge(&training.exact(&nodes))?;
         Ok(Step { nodes, judgement })

@@ -1,4 +1,4 @@
-//! `fit`: the smallest database that answers what a scene asks within its bound
+//! `tailor`: the smallest database that answers what a scene asks within its bound
 //! on the colour difference of the whole chain (docs/methods.md).
 //!
 //! 1. All nodes that it might have are simulated (`training`), with walks enough
@@ -24,13 +24,13 @@ use std::time::Instant;
 use serde_json::json;
 use thiserror::Error;
 
-use crate::certificate::{CERTIFICATE, Certificate, CertificateError, Subject};
 use crate::colour::{Colorimeter, ColourError};
 use crate::compress::{
     Bands, Basis, Choice, CompactError, CompactFile, CompressError, Compressed, Precision, Variant,
     compress,
 };
 use crate::engine::{Control, Engine, MaxError};
+use crate::error_budget::{ERROR_BUDGET, ErrorBudget, ErrorBudgetError, Subject};
 use crate::grid::{Compression, Grid, Run};
 use crate::lookup::{Database, FormatError, LookupError};
 use crate::measurement::Quantity;
@@ -39,7 +39,7 @@ use crate::scene::Scene;
 use training::{Nodes, Training};
 use wavelengths::Wavelengths;
 
-/// Metadata key of the scene that a file was fitted to, as TOML.
+/// Metadata key of the scene that a file was tailored to, as TOML.
 pub const SCENE: &str = "scene";
 /// Metadata key that says what a spectrum is between the file's wavelengths.
 pub const BETWEEN_WAVELENGTHS: &str = "between_wavelengths";
@@ -48,7 +48,7 @@ const SHARES: [f64; 6] = [0.9, 0.75, 0.6, 0.45, 0.35, 0.25];
 /// Share of the bound for the compression: differences add up like
 /// perpendiculars more than like lengths.
 const COMPRESSION: f64 = 0.45;
-/// Share of the bound that the certificate must keep, so that other random
+/// Share of the bound that the error budget must keep, so that other random
 /// points keep the bound.
 const CERTIFIED: f64 = 0.9;
 /// Walks of a simulation at a bound of 0.5, and the least and most.
@@ -56,13 +56,13 @@ const RAYS: [f64; 3] = [65_536.0, 16_384.0, 1_048_576.0];
 /// Walks of a fresh one, in those.
 pub(crate) const FRESH: u64 = 4;
 
-/// Why no database could be fitted.
+/// Why no database could be made for the scene.
 #[derive(Debug, Error)]
 #[non_exhaustive]
-pub enum FitError {
-    /// A simulation or a certificate failed.
+pub enum TailorError {
+    /// A simulation or an error budget failed.
     #[error(transparent)]
-    Certificate(#[from] CertificateError),
+    ErrorBudget(#[from] ErrorBudgetError),
     /// Its wavelengths have no colour.
     #[error(transparent)]
     Colour(#[from] ColourError),
@@ -111,9 +111,9 @@ pub enum FitError {
     },
 }
 
-/// A fitted database.
+/// A tailored database.
 #[derive(Debug)]
-pub struct Fitted {
+pub struct TailoredFile {
     /// The compact file.
     pub bytes: Vec<u8>,
     /// The same, read.
@@ -125,7 +125,7 @@ pub struct Fitted {
     /// Compressed quantities.
     pub compressed: Vec<(Quantity, Compressed)>,
     /// What it is good for.
-    pub certificate: Certificate,
+    pub error_budget: ErrorBudget,
 }
 
 /// The grid whose laws, wavelengths and model the scene's snow has; its axes have no values.
@@ -139,7 +139,7 @@ pub fn grid(scene: &Scene) -> Grid {
         wavelengths_nm: scene.wavelengths_nm.clone(),
         fixed: scene.fixed.clone(),
         run: Run {
-            engine: Engine::Doubling,
+            engine: Engine::Hybrid,
             seed: scene.seed,
             rays: rays(scene),
             max_error: MaxError::usual(&scene.wavelengths_nm),
@@ -169,17 +169,17 @@ fn compression(scene: &Scene) -> Compression {
 /// runs out: then refinement stops early.
 ///
 /// # Errors
-/// See [`FitError`].
-pub fn fit(
+/// See [`TailorError`].
+pub fn tailor(
     scene: &Scene,
     text: &str,
     points: usize,
     control: &Control,
     say: &dyn Fn(&str),
-) -> Result<Fitted, FitError> {
+) -> Result<TailoredFile, TailorError> {
     let begin = Instant::now();
     let colour = Colorimeter::viewing(&scene.wavelengths_nm, &scene.viewing)?;
-    let colour = colour.ok_or(FitError::NoColour)?;
+    let colour = colour.ok_or(TailorError::NoColour)?;
     let grid = grid(scene);
     say("simulating candidates");
     let rays = rays(scene);
@@ -188,12 +188,12 @@ pub fn fit(
         let most = scene.max_seconds.unwrap_or(f64::INFINITY);
         begin.elapsed().as_secs_f64() < 0.5 * most
     };
-    let mut best: Option<(f64, Fitted)> = None;
+    let mut best: Option<(f64, TailoredFile)> = None;
     for share in SHARES {
         let bound = share * scene.max_delta_e;
         let (nodes, _) = nodes::choose(&training, bound, &|nodes, judgement| {
             if control.cancel.load(std::sync::atomic::Ordering::Relaxed) {
-                return Err(CertificateError::Cancelled.into());
+                return Err(ErrorBudgetError::Cancelled.into());
             }
             let curves: usize = nodes.iter().map(Vec::len).product();
             say(&format!("{curves} nodes, Delta-E {:.3}", judgement.max));
@@ -201,14 +201,14 @@ pub fn fit(
         })?;
         say("compressing");
         let made = Made::new(scene, text, &training, &nodes)?;
-        // not worth a certificate if not even the candidates are answered
+        // not worth an error budget if not even the candidates are answered
         let judgement = training.judge(&made.database)?;
         if judgement.max >= CERTIFIED * scene.max_delta_e && share > SHARES[SHARES.len() - 1] {
             continue;
         }
         say("certifying");
         let exact = training.exact(&nodes);
-        let certificate = Subject {
+        let error_budget = Subject {
             grid: &grid,
             regions: &scene.regions,
             file: &made.database,
@@ -219,28 +219,28 @@ pub fn fit(
             seed: scene.seed,
         }
         .certify(control)?;
-        let reached = largest(&certificate);
-        let fitted = made.certified(scene, text, &training, certificate)?;
+        let reached = largest(&error_budget);
+        let tailored = made.certified(scene, text, &training, error_budget)?;
         if reached < CERTIFIED * scene.max_delta_e {
-            let bytes = fitted.bytes.len();
+            let bytes = tailored.bytes.len();
             return match scene.max_bytes {
-                Some(most) if bytes as u64 > most => Err(FitError::Bytes {
+                Some(most) if bytes as u64 > most => Err(TailorError::Bytes {
                     bound: scene.max_delta_e,
                     bytes,
                     most,
                 }),
-                _ => Ok(fitted),
+                _ => Ok(tailored),
             };
         }
         if best.as_ref().is_none_or(|(least, _)| reached < *least) {
-            best = Some((reached, fitted));
+            best = Some((reached, tailored));
         }
         if !in_time() {
             break;
         }
     }
-    let worst = best.and_then(|(reached, fitted)| {
-        let chains = fitted.certificate.quantities.into_values();
+    let worst = best.and_then(|(reached, tailored)| {
+        let chains = tailored.error_budget.quantities.into_values();
         let worst = chains.filter_map(|chain| chain.worst.into_iter().next());
         let worst = worst.max_by(|a, b| {
             a.delta_e
@@ -250,7 +250,7 @@ pub fn fit(
         worst.map(|worst| (reached, worst.at))
     });
     let (reached, at) = worst.unwrap_or((f64::NAN, String::new()));
-    Err(FitError::Bound {
+    Err(TailorError::Bound {
         bound: scene.max_delta_e,
         reached,
         at,
@@ -258,10 +258,10 @@ pub fn fit(
     })
 }
 
-/// The largest colour difference that a certificate found.
+/// The largest colour difference that an error budget found.
 #[must_use]
-pub fn largest(certificate: &Certificate) -> f64 {
-    let chains = certificate.quantities.values();
+pub fn largest(error_budget: &ErrorBudget) -> f64 {
+    let chains = error_budget.quantities.values();
     let largest = chains.filter_map(|chain| Some(chain.total.delta_e?.max));
     largest.fold(0.0, f64::max)
 }
@@ -279,7 +279,7 @@ impl Made {
         text: &str,
         training: &Training,
         nodes: &Nodes,
-    ) -> Result<Self, FitError> {
+    ) -> Result<Self, TailorError> {
         let Wavelengths { nm, colour, .. } = &training.wavelengths;
         let variant = Variant {
             basis: Basis::Log,
@@ -289,7 +289,7 @@ impl Made {
         for &quantity in &scene.quantities {
             let curves = training.curves_of(nodes, quantity);
             let choice = Choice::Bounds(compression(scene));
-            // What a scene bounds is the colour; the certificate says the rest.
+            // What a scene bounds is the colour; the error budget says the rest.
             let none = Bands::default();
             let mut one = compress(
                 curves.view(),
@@ -319,23 +319,23 @@ impl Made {
         scene: &Scene,
         text: &str,
         training: &Training,
-        certificate: Certificate,
-    ) -> Result<Fitted, FitError> {
+        error_budget: ErrorBudget,
+    ) -> Result<TailoredFile, TailorError> {
         let bytes = bytes(
             scene,
             text,
             &self.axes,
             &training.wavelengths.nm,
             &self.compressed,
-            Some(&certificate),
+            Some(&error_budget),
         )?;
-        Ok(Fitted {
+        Ok(TailoredFile {
             database: Database::from_bytes(&bytes)?,
             bytes,
             axes: self.axes,
             candidates: training.axes.iter().map(Vec::len).collect(),
             compressed: self.compressed,
-            certificate,
+            error_budget,
         })
     }
 }
@@ -347,8 +347,8 @@ fn bytes(
     axes: &Axes,
     wavelengths_nm: &[f64],
     compressed: &[(Quantity, Compressed)],
-    certificate: Option<&Certificate>,
-) -> Result<Vec<u8>, FitError> {
+    error_budget: Option<&ErrorBudget>,
+) -> Result<Vec<u8>, TailorError> {
     let of = |quantity| {
         compressed
             .iter()
@@ -359,13 +359,13 @@ fn bytes(
         (SCENE.to_owned(), text.to_owned()),
         (BETWEEN_WAVELENGTHS.to_owned(), "linear".to_owned()),
     ]);
-    if let Some(certificate) = certificate {
-        let json = serde_json::to_string(certificate).map_err(CompactError::Header)?;
-        extra.insert(CERTIFICATE.to_owned(), json);
+    if let Some(error_budget) = error_budget {
+        let json = serde_json::to_string(error_budget).map_err(CompactError::Header)?;
+        extra.insert(ERROR_BUDGET.to_owned(), json);
     }
     let provenance = json!({
         "software": concat!("splitsnow ", env!("CARGO_PKG_VERSION")),
-        "engine": Engine::Doubling.name(),
+        "engine": Engine::Hybrid.name(),
         "seed": scene.seed,
         "rays": rays(scene),
     });

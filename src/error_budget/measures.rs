@@ -1,10 +1,10 @@
-//! The numbers of a certificate, and how they read.
+//! The numbers of an error budget, and how they read.
 use std::collections::BTreeMap;
 use std::fmt;
 
 use serde::{Deserialize, Serialize};
 
-use super::Certificate;
+use super::ErrorBudget;
 use crate::compress::CurveError;
 
 /// Worst points named.
@@ -45,7 +45,7 @@ pub struct Measures {
 
 /// One of the worst points.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
-pub struct Worst {
+pub struct WorstPoint {
     /// Where.
     pub at: String,
     /// Delta-E there.
@@ -56,7 +56,7 @@ pub struct Worst {
 
 /// The errors of one quantity.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
-pub struct Chain {
+pub struct QuantityErrors {
     /// The file's answers against the truth, anywhere.
     pub total: Measures,
     /// The file's answers against those of its curves.
@@ -74,10 +74,10 @@ pub struct Chain {
     /// The curves' answers off the nodes in one axis alone, by its name.
     pub axes: BTreeMap<String, Measures>,
     /// The points of the largest errors of the whole chain, the worst first.
-    pub worst: Vec<Worst>,
+    pub worst: Vec<WorstPoint>,
 }
 
-/// Errors on their way into a [`Chain`].
+/// Errors on their way into a [`QuantityErrors`].
 #[derive(Default)]
 pub(super) struct Collector {
     pub(super) total: Vec<(String, CurveError)>,
@@ -90,11 +90,11 @@ pub(super) struct Collector {
 }
 
 impl Collector {
-    pub(super) fn finish(mut self) -> Chain {
+    pub(super) fn finish(mut self) -> QuantityErrors {
         // by what the eye sees, where there is a colour
         let size = |e: &CurveError| e.delta_e.unwrap_or(e.rmse);
         self.total.sort_by(|a, b| size(&b.1).total_cmp(&size(&a.1)));
-        let worst = self.total.iter().take(NAMED).map(|(at, error)| Worst {
+        let worst = self.total.iter().take(NAMED).map(|(at, error)| WorstPoint {
             at: at.clone(),
             delta_e: error.delta_e.map(four_digits),
             rmse: four_digits(error.rmse),
@@ -102,7 +102,7 @@ impl Collector {
         let worst = worst.collect();
         let total: Vec<CurveError> = self.total.iter().map(|(_, error)| *error).collect();
         let axes = self.axes.into_iter();
-        Chain {
+        QuantityErrors {
             total: measures(&total),
             compression: measures(&self.compression),
             interpolation: measures(&self.interpolation),
@@ -147,7 +147,7 @@ fn four_digits(value: f64) -> f64 {
     format!("{value:.3e}").parse().unwrap_or(value)
 }
 
-impl fmt::Display for Certificate {
+impl fmt::Display for ErrorBudget {
     fn fmt(&self, f: &mut fmt::Formatter) -> fmt::Result {
         write!(
             f,
@@ -185,7 +185,7 @@ impl fmt::Display for Certificate {
             }
             line("noise of the fresh simulations", &chain.noise)?;
             for worst in &chain.worst {
-                let Worst { at, delta_e, rmse } = worst;
+                let WorstPoint { at, delta_e, rmse } = worst;
                 let colour = delta_e.map_or(String::new(), |e| format!("Delta-E {e:.3}, "));
                 write!(f, "\n  worst: {colour}RMSE {rmse:.6} at {at}")?;
             }
