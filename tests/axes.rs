@@ -109,7 +109,7 @@ fn from_the_grid_file_to_the_answers() {
     let folder = Folder::new(GRID);
     let plan = folder.succeeds("plan g.toml");
     assert!(
-        plan.contains("black_carbon_ng_g 2 values, 0 to 100"),
+        plan.contains("black_carbon_ng_g    2 values, 0 to 100"),
         "{plan}"
     );
     assert!(plan.contains("4 of 6 curves each: 24 curves"), "{plan}");

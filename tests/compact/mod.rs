@@ -224,7 +224,7 @@ fn nodes_are_found_by_their_values_and_others_refused() {
             .spectrum(outside, Quantity::Reflectance)
             .unwrap_err()
             .to_string(),
-        "angle_deg = 89.5 is outside the database, which covers 0 to 89"
+        "incidence_angle_deg = 89.5 is outside the database, which covers 0 to 89"
     );
 }
 
