@@ -52,8 +52,8 @@ fn project(p: [f64; 4], a: [f64; 4], b: [f64; 4]) -> (f64, f64) {
     } else {
         0.0
     };
-    let off: [f64; 4] = std::array::from_fn(|i| ap[i] - t * ab[i]);
-    (t, dot(off, off))
+    let offset: [f64; 4] = std::array::from_fn(|i| ap[i] - t * ab[i]);
+    (t, dot(offset, offset))
 }
 
 /// Positions of the nodes in the wavelength list, increasing. They include the

@@ -18,9 +18,9 @@ use super::EngineError;
 /// Shortest time between two saves. Each save takes some milliseconds.
 const SAVE_INTERVAL: Duration = Duration::from_secs(1);
 /// The time between two saves is also at least the elapsed time divided by this
-/// number. It bounds the disk space of units that are saved repeatedly, such as sums
+/// number. This limits the disk space of units that are saved repeatedly, such as sums
 /// so far.
-const MOST_SAVES: u32 = 20;
+const ELAPSED_PER_INTERVAL: u32 = 20;
 
 /// Storage for the saved units of one request.
 pub trait UnitStore: Debug + Send + Sync {
@@ -144,7 +144,10 @@ impl Units {
     }
 
     fn is_due(&self, state: &State) -> bool {
-        state.last_save.elapsed() >= self.interval.max(state.started.elapsed() / MOST_SAVES)
+        state.last_save.elapsed()
+            >= self
+                .interval
+                .max(state.started.elapsed() / ELAPSED_PER_INTERVAL)
     }
 
     fn state(&self) -> std::sync::MutexGuard<'_, State> {

@@ -83,11 +83,11 @@ impl Run<'_> {
             .collect();
         let parts = (0..PARTS).map(|part| self.means(walks, mix, coefficients, &flights, part));
         let parts: Vec<Means> = parts.collect();
-        let all = Means::mean(&parts);
-        let values = self.curves(&all, &flights)?;
+        let mean = Means::mean(&parts);
+        let values = self.curves(&mean, &flights)?;
         let others = parts
             .iter()
-            .map(|part| self.curves(&all.without(part), &flights));
+            .map(|part| self.curves(&mean.without(part), &flights));
         let others: Vec<Vec<Pair>> = others.collect::<Result<_, _>>()?;
         let curves = values.into_iter().enumerate();
         let measured = curves.map(|(c, pair)| {
