@@ -1,5 +1,5 @@
-//! Cost of the walk per grain event and of one spectrum per engine.
-//! `cargo bench --bench walk`; results are in docs/performance.md.
+//! Time of a walk per grain event, and of one spectrum per engine.
+//! Run with `cargo bench --bench walk`; results are in docs/performance.md.
 #![allow(missing_docs, clippy::unwrap_used)]
 use std::sync::atomic::{AtomicBool, AtomicU64};
 
@@ -14,7 +14,7 @@ use splitsnow::transport::{
     Absorption, Coefficients, End, Entry, Illumination, Model, Path, Sink, Snow, Walk, Walker,
 };
 
-/// Counts what leaves at the top, so that no walk is for nothing.
+/// Counts the walks that leave through the surface, so that no walk is optimised away.
 struct Reflected(u64);
 
 impl Sink for Reflected {
@@ -65,7 +65,7 @@ fn stream() -> Stream {
     })
 }
 
-/// Walks 4096 rays through 12 cm and gives the number of grain events.
+/// Walks 4096 rays through 12 cm of snow and returns the number of grain events.
 fn walks(walker: &impl Walk) -> u64 {
     let stream = stream();
     let mut sink = Reflected(0);
@@ -137,7 +137,7 @@ fn spectrum(c: &mut Criterion) {
     group.sample_size(10);
     let mut cell = 0;
     for engine in Engine::ALL {
-        // another cell has the same tables and walks of its own
+        // each run has a new cell: it reuses the tables but does its own walks
         group.bench_function(engine.name(), |b| {
             b.iter(|| {
                 cell += 1;

@@ -1,6 +1,6 @@
-//! `reference`: the model of docs/methods.md to the letter. Every wavelength and thickness
-//! has walks of its own, and absorption is analog. Nothing is tuned here; it
-//! is the yardstick of the other engines.
+//! `reference`: the model exactly as in docs/methods.md. Every wavelength and
+//! thickness has its own walks, and absorption is analog. There is no optimisation
+//! here: the other engines are tested against this one.
 use std::ops::Range;
 use std::sync::atomic::{AtomicBool, Ordering};
 
@@ -10,13 +10,13 @@ use crate::math::Vec3;
 use crate::measurement::{Estimate, Measured, Spectrum};
 use crate::transport::{Absorption, Bounce, End, Path, Sink, Walker};
 
-/// Ends of walks, counted.
+/// Numbers of walks by how they ended.
 #[derive(Clone, Copy)]
 struct Counts<'a> {
     reflected: u64,
     transmitted: u64,
     lost: u64,
-    /// Bounces off the substrate of those reflected and transmitted.
+    /// Bounces off the substrate of the reflected and of the transmitted walks.
     bounces: [u64; 2],
     cancel: &'a AtomicBool,
 }
@@ -83,7 +83,7 @@ pub(super) fn run(
         bounces: [0; 2],
         cancel: control.cancel,
     };
-    let one = |(h, light, l): (usize, usize, usize)| {
+    let walk_cell = |(h, light, l): (usize, usize, usize)| {
         let absorption = Absorption {
             coefficients: coefficients[l],
             deferred: 0.0,
@@ -115,7 +115,10 @@ pub(super) fn run(
         .map(|(h, light)| {
             let cells = (0..indices.len()).map(|l| (h, light, l)).collect();
             let mut spectrum = Spectrum::default();
-            for (counts, substrate) in batches::map(control, cells, one)?.iter().zip(substrate) {
+            for (counts, substrate) in batches::map(control, cells, walk_cell)?
+                .iter()
+                .zip(substrate)
+            {
                 let (r, t) = counts.measured(request.rays, substrate);
                 spectrum.reflectance.push(r);
                 spectrum.transmittance.push(t);
@@ -127,22 +130,26 @@ pub(super) fn run(
 }
 
 impl Counts<'_> {
-    /// Reflectance and transmittance: with the error of what is known of the
-    /// substrate, which each bounce and each end in it multiplies in.
+    /// Reflectance and transmittance. Their errors include the error of the
+    /// substrate's coefficients, which multiply the score at every bounce and at
+    /// every end in the substrate.
     fn measured(&self, rays: u64, substrate: &SubstrateCoefficients) -> (Measured, Measured) {
         let relative = |m: Measured| if m.value > 0.0 { m.se / m.value } else { 0.0 };
         let per_bounce = relative(substrate.reflectance);
-        let with = |count, bounces: u64, passed: f64| {
+        let with_errors = |count, bounces: u64, transmission_se: f64| {
             let walked = proportion(count, rays);
-            let bounced = per_bounce * bounces as f64 / rays as f64;
-            let se = (walked.se * walked.se + bounced * bounced + passed * passed).sqrt();
+            let bounce_se = per_bounce * bounces as f64 / rays as f64;
+            let se =
+                (walked.se * walked.se + bounce_se * bounce_se + transmission_se * transmission_se)
+                    .sqrt();
             let value = walked.value;
             Measured { value, se }
         };
-        let passed = relative(substrate.transmittance) * self.transmitted as f64 / rays as f64;
+        let transmission_se =
+            relative(substrate.transmittance) * self.transmitted as f64 / rays as f64;
         (
-            with(self.reflected, self.bounces[0], 0.0),
-            with(self.transmitted, self.bounces[1], passed),
+            with_errors(self.reflected, self.bounces[0], 0.0),
+            with_errors(self.transmitted, self.bounces[1], transmission_se),
         )
     }
 }

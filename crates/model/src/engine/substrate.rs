@@ -1,38 +1,41 @@
-//! The substrate under a snowpack, and snowpacks of layers that are slabs of their own.
+//! The substrate under a snowpack, and cascades, in which every layer is a separate
+//! slab.
 //!
-//! A Lambertian substrate of reflectance rho sends light back and forth between
-//! itself and the snowpack: with R0 and T0 of the snowpack over black substrate, and R'
-//! and T' of the same snowpack lit from below by isotropic radiance,
+//! Light is reflected back and forth between a Lambertian substrate of reflectance rho
+//! and the snowpack. With R0 and T0 of the snowpack over a black substrate, and R' and
+//! T' of the same snowpack lit from below by isotropic radiance,
 //! R = R0 + T0 rho T' / (1 - rho R') and T = tau T0 / (1 - rho R'), where
-//! tau = 1 - rho is what stays in the substrate. `reference` walks it instead.
+//! tau = 1 - rho is the share that stays in the substrate. `reference` walks these
+//! reflections instead.
 //!
-//! In a cascade (Varsa 2025, section 4.4) a layer lies on a substrate with the
-//! reflectance and transmittance, at normal incidence, of all below it.
+//! In a cascade (Varsa 2025, section 4.4), each layer lies on a substrate with the
+//! reflectance and transmittance, at normal incidence, of everything below the layer.
 use super::{Control, Engine, EngineError, Request, hybrid, identity, reference, spectral};
-use crate::engine::spectral::Grains;
+use crate::engine::spectral::GrainEvents;
 use crate::measurement::{Measured, Spectrum};
 use crate::transport::{Illumination, Joining, Layer, Snowpack, Substrate};
 
 const NORMAL: Illumination = Illumination::Collimated {
     polar_angle_rad: 0.0,
 };
-/// Keep cells of what is computed beside a request from all others.
+/// Bits that are flipped in a request's cell to get the cells of auxiliary requests,
+/// so that their random streams differ from all others.
 const FROM_BELOW: u64 = 1 << 62;
 const LOWER_LAYER: u64 = 1 << 54;
 
-/// What becomes of light that arrives at the substrate, at one wavelength.
+/// Reflectance and transmittance of the substrate at one wavelength.
 #[derive(Debug, Clone, Copy)]
 pub(super) struct SubstrateCoefficients {
-    /// Share that comes back.
+    /// Share of the light that is reflected.
     pub(super) reflectance: Measured,
-    /// Share that counts as transmitted.
+    /// Share of the light that counts as transmitted.
     pub(super) transmittance: Measured,
 }
 
-/// Those of the substrate of `request`, per wavelength.
+/// Coefficients of the substrate of `request`, per wavelength.
 fn substrate_coefficients(request: &Request) -> Result<Vec<SubstrateCoefficients>, EngineError> {
     let exact = |value| Measured { value, se: 0.0 };
-    let at = |nm: &f64| match (
+    let coefficients_at = |nm: &f64| match (
         request.snowpack.substrate.reflectance(*nm),
         &request.snowpack.substrate,
     ) {
@@ -46,7 +49,7 @@ fn substrate_coefficients(request: &Request) -> Result<Vec<SubstrateCoefficients
             transmittance: exact(1.0 - reflectance.unwrap_or(0.0)),
         }),
     };
-    request.wavelengths_nm.iter().map(at).collect()
+    request.wavelengths_nm.iter().map(coefficients_at).collect()
 }
 
 /// Whether the snowpack is a cascade of several layers.
@@ -73,11 +76,11 @@ pub(super) fn run(
     }
 }
 
-/// The substrate that light meets, per wavelength, and in a cascade the snowpack on it
-/// with its thicknesses: the surface layer.
+/// Coefficients of the substrate per wavelength and, in a cascade, the surface layer
+/// that lies on it, with its thicknesses in m.
 pub(super) type LowerBoundary = (Vec<SubstrateCoefficients>, Option<(Snowpack, Vec<f64>)>);
 
-/// What light meets in `request`; `engine` computes the layers below a cascade's.
+/// The lower boundary of `request`; `engine` computes the lower layers of a cascade.
 pub(super) fn lower_boundary(
     engine: Engine,
     request: &Request,
@@ -89,9 +92,9 @@ pub(super) fn lower_boundary(
     }
     for (i, layer) in request.snowpack.below.iter().enumerate().rev() {
         let snowpack = layer.snow.clone().into();
-        let request = lower(request, &snowpack, layer, i);
+        let request = lower_layer_request(request, &snowpack, layer, i);
         let spectra = over(engine, &request, &substrate, control)?;
-        let of = |spectrum: &Spectrum| -> Vec<SubstrateCoefficients> {
+        let as_substrate = |spectrum: &Spectrum| -> Vec<SubstrateCoefficients> {
             let pairs = spectrum.reflectance.iter().zip(&spectrum.transmittance);
             let coefficients = |(r, t): (&Measured, &Measured)| SubstrateCoefficients {
                 reflectance: *r,
@@ -99,13 +102,13 @@ pub(super) fn lower_boundary(
             };
             pairs.map(coefficients).collect()
         };
-        substrate = spectra.iter().flat_map(of).collect();
+        substrate = spectra.iter().flat_map(as_substrate).collect();
     }
-    Ok((substrate, Some(top(request))))
+    Ok((substrate, Some(surface_layer(request))))
 }
 
-/// What is asked of the `i`-th layer under the surface in a cascade.
-fn lower<'a>(
+/// The request for the `i`-th layer under the surface layer of a cascade.
+fn lower_layer_request<'a>(
     request: &Request<'a>,
     snowpack: &'a Snowpack,
     layer: &'a Layer,
@@ -120,14 +123,15 @@ fn lower<'a>(
     }
 }
 
-/// The surface layer of a cascade and its thicknesses.
-fn top(request: &Request) -> (Snowpack, Vec<f64>) {
+/// The surface layer of a cascade and its thicknesses, m.
+fn surface_layer(request: &Request) -> (Snowpack, Vec<f64>) {
     let below_m = request.snowpack.below_m();
-    let left = request.thicknesses_m.iter().map(|h| h - below_m);
-    (request.snowpack.surface.clone().into(), left.collect())
+    let thicknesses_m = request.thicknesses_m.iter().map(|h| h - below_m);
+    let snowpack = request.snowpack.surface.clone().into();
+    (snowpack, thicknesses_m.collect())
 }
 
-/// Runs `engine` for a snowpack over this substrate.
+/// Runs `engine` for the snowpack of `request` over `substrate`.
 fn over(
     engine: Engine,
     request: &Request,
@@ -144,7 +148,7 @@ fn over(
             vec![Spectrum::default(); thicknesses],
         )
     } else if request.snowpack.below.is_empty() {
-        // a homogeneous slab is the same from below
+        // a homogeneous slab is symmetric: diffuse light from above gives R' and T'
         let lights = with_diffuse(request);
         let request = Request {
             illuminations: &lights,
@@ -160,24 +164,24 @@ fn over(
         });
         (spectra, from_below)
     } else {
-        let below = |h: usize| {
+        let spectrum_from_below = |h: usize| {
             let (snowpack, thickness_m) = flipped(request, h);
-            let request = from_below(request, &snowpack, &thickness_m);
+            let request = from_below_request(request, &snowpack, &thickness_m);
             Ok(bare(engine, &request, control)?.pop().unwrap_or_default())
         };
         let from_below = (0..thicknesses)
-            .map(below)
+            .map(spectrum_from_below)
             .collect::<Result<_, EngineError>>()?;
         (bare(engine, request, control)?, from_below)
     };
     let lights = request.illuminations.len();
     for (i, spectrum) in spectra.iter_mut().enumerate() {
-        on_substrate(spectrum, &from_below[i / lights], substrate);
+        put_on_substrate(spectrum, &from_below[i / lights], substrate);
     }
     Ok(spectra)
 }
 
-/// The lights of `request`, and isotropic radiance.
+/// The illuminations of `request`, followed by diffuse illumination.
 fn with_diffuse(request: &Request) -> Vec<Illumination> {
     let lights = request.illuminations.iter().copied();
     lights.chain([Illumination::Diffuse]).collect()
@@ -189,15 +193,15 @@ fn flipped(request: &Request, h: usize) -> (Snowpack, f64) {
     let mut layers = request.snowpack.layers(thickness_m);
     layers.reverse();
     let snowpack = Snowpack::of(&layers, Substrate::Black).map(|(snowpack, _)| snowpack);
-    // a snowpack has a layer at least
+    // a snowpack has at least one layer
     (
         snowpack.unwrap_or_else(|| request.snowpack.clone()),
         thickness_m,
     )
 }
 
-/// What is asked of it.
-fn from_below<'a>(
+/// The request for the flipped `snowpack` under diffuse illumination.
+fn from_below_request<'a>(
     request: &Request<'a>,
     snowpack: &'a Snowpack,
     thickness_m: &'a f64,
@@ -211,23 +215,24 @@ fn from_below<'a>(
     }
 }
 
-/// Runs `engine` for a snowpack over black substrate.
+/// Runs `engine` for the snowpack of `request` over a black substrate.
 fn bare(
     engine: Engine,
     request: &Request,
     control: &Control,
 ) -> Result<Vec<Spectrum>, EngineError> {
     match engine {
-        Engine::Spectral => spectral::run(request, control, Grains::Followed),
-        Engine::Tabulated => spectral::run(request, control, Grains::Tabulated),
+        Engine::Spectral => spectral::run(request, control, GrainEvents::Traced),
+        Engine::Tabulated => spectral::run(request, control, GrainEvents::Tabulated),
         _ => hybrid::run(request, control),
     }
 }
 
-/// Puts a snowpack with `spectrum` over black substrate, and `from_below` under
-/// isotropic light from there, on this substrate. Errors are taken as independent;
-/// those of R0 and T0, if not, lean against each other.
-fn on_substrate(
+/// Puts a snowpack on `substrate`. On input, `spectrum` is that over a black substrate;
+/// on output, that over `substrate`. `from_below` is the spectrum under isotropic
+/// radiance from below. All errors are taken as independent; if those of R0 and T0
+/// are correlated, the correlation is negative.
+fn put_on_substrate(
     spectrum: &mut Spectrum,
     from_below: &Spectrum,
     substrate: &[SubstrateCoefficients],
@@ -236,10 +241,10 @@ fn on_substrate(
         let (rho, tau) = (coefficients.reflectance, coefficients.transmittance);
         let (r, t) = (&mut spectrum.reflectance[l], &mut spectrum.transmittance[l]);
         let none = Measured::default();
-        let back = |all: &[Measured]| all.get(l).copied().unwrap_or(none);
+        let value_at = |values: &[Measured]| values.get(l).copied().unwrap_or(none);
         let (r1, t1) = (
-            back(&from_below.reflectance),
-            back(&from_below.transmittance),
+            value_at(&from_below.reflectance),
+            value_at(&from_below.transmittance),
         );
         let gain = 1.0 / (1.0 - rho.value * r1.value);
         let arrived = t.value * gain;
@@ -270,22 +275,22 @@ fn on_substrate(
     }
 }
 
-/// How many walks [`run`] does.
+/// Number of walks that [`run`] does.
 pub(super) fn walks(engine: Engine, request: &Request) -> Result<u64, EngineError> {
-    let black = substrate_coefficients(request)?
+    let is_black = substrate_coefficients(request)?
         .iter()
         .all(|g| g.reflectance.value == 0.0);
     if !is_cascade(request) {
-        return walks_over(engine, request, black);
+        return walks_over(engine, request, is_black);
     }
     let mut sum = 0_u64;
     for (i, layer) in request.snowpack.below.iter().enumerate().rev() {
         let snowpack = layer.snow.clone().into();
-        let last = i + 1 == request.snowpack.below.len();
-        let request = lower(request, &snowpack, layer, i);
-        sum = sum.saturating_add(walks_over(engine, &request, black && last)?);
+        let is_last = i + 1 == request.snowpack.below.len();
+        let request = lower_layer_request(request, &snowpack, layer, i);
+        sum = sum.saturating_add(walks_over(engine, &request, is_black && is_last)?);
     }
-    let (snowpack, thicknesses_m) = top(request);
+    let (snowpack, thicknesses_m) = surface_layer(request);
     let request = Request {
         snowpack: &snowpack,
         thicknesses_m: &thicknesses_m,
@@ -294,8 +299,9 @@ pub(super) fn walks(engine: Engine, request: &Request) -> Result<u64, EngineErro
     Ok(sum.saturating_add(walks_over(engine, &request, false)?))
 }
 
-fn walks_over(engine: Engine, request: &Request, black: bool) -> Result<u64, EngineError> {
-    if black || engine == Engine::Reference {
+/// Number of walks for the snowpack of `request` over a substrate that is black or not.
+fn walks_over(engine: Engine, request: &Request, is_black: bool) -> Result<u64, EngineError> {
+    if is_black || engine == Engine::Reference {
         return engine.walks_bare(request);
     }
     if request.snowpack.below.is_empty() {
@@ -308,7 +314,7 @@ fn walks_over(engine: Engine, request: &Request, black: bool) -> Result<u64, Eng
     let mut sum = engine.walks_bare(request)?;
     for h in 0..request.thicknesses_m.len() {
         let (snowpack, thickness_m) = flipped(request, h);
-        let request = from_below(request, &snowpack, &thickness_m);
+        let request = from_below_request(request, &snowpack, &thickness_m);
         sum = sum.saturating_add(engine.walks_bare(&request)?);
     }
     Ok(sum)

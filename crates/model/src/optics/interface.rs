@@ -2,15 +2,15 @@
 //! with complex refractive indices (docs/methods.md; Varsa 2025, eqs. A.1-A.9),
 //! for eight rays at once.
 //!
-//! Unpolarised light. Where neither medium absorbs enough to matter
-//! ([`Interface::DIELECTRIC_K`]) the real-index formulas serve; their
-//! difference from the complex ones is bounded by a test.
+//! Light is unpolarised. If the imaginary indices of both media are at most
+//! [`Interface::DIELECTRIC_K`], the formulas for real indices are accurate enough; a
+//! test bounds their difference from the complex ones.
 use wide::f64x8;
 
 use crate::math::Vec3x8;
 use crate::optics::Index;
 
-/// The interface between the medium a ray comes from and the one it enters.
+/// The interface between the medium that a ray leaves and the medium that it enters.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Interface {
     /// Squared relative real index (n_to / n_from)^2.
@@ -19,16 +19,16 @@ pub struct Interface {
     absorbing: Option<Absorbing>,
 }
 
-/// What the complex formulas need beyond the real relative index.
+/// Quantities that the complex formulas use in addition to the real relative index.
 #[derive(Debug, Clone, Copy, PartialEq)]
 struct Absorbing {
     /// Real and imaginary part of the squared relative complex index.
     squared: (f64, f64),
-    /// K = k / n of the medium entered.
+    /// K = k / n of the medium that the ray enters.
     kappa: f64,
 }
 
-/// The interfaces that eight rays meet; all dielectric or all absorbing.
+/// The interfaces at eight rays, either all dielectric or all absorbing.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Interfaces {
     eta_squared: f64x8,
@@ -37,7 +37,7 @@ pub struct Interfaces {
     absorbing: Option<[f64x8; 3]>,
 }
 
-/// What the formulas say of eight angles of incidence.
+/// Reflectance and refraction of eight rays.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Incidences {
     /// Unpolarised Fresnel reflectances, [0, 1].
@@ -47,7 +47,7 @@ pub struct Incidences {
 }
 
 impl Interface {
-    /// Imaginary index up to which a medium counts as dielectric.
+    /// Largest imaginary index of a medium that is treated as dielectric.
     pub const DIELECTRIC_K: f64 = 1e-6;
 
     /// The interface met by a ray going from `from` into `to`, with both
@@ -62,7 +62,7 @@ impl Interface {
         }
     }
 
-    /// The interface by the complex formulas, whatever the imaginary indices.
+    /// The interface with the complex formulas, for any imaginary indices.
     #[must_use]
     pub fn absorbing(from: Index, to: Index) -> Self {
         // (to.n + i to.k) / (from.n + i from.k), squared
@@ -94,8 +94,8 @@ impl Interface {
     }
 }
 
-/// Square root of the complex number `re + i im` (principal value), `im`
-/// contributing only its magnitude to the sign-free parts.
+/// Principal square root of the complex number `re + i im`. The magnitudes of the two
+/// parts depend on |im| only; the imaginary part has the sign of `im`.
 #[inline(always)]
 fn complex_sqrt(re: f64x8, im: f64x8) -> (f64x8, f64x8) {
     let half = f64x8::splat(0.5);
@@ -106,7 +106,7 @@ fn complex_sqrt(re: f64x8, im: f64x8) -> (f64x8, f64x8) {
 }
 
 impl Interfaces {
-    /// Where `mask` is set `a`, else `b`.
+    /// Selects `a` where `mask` is set, else `b`.
     #[inline(always)]
     #[must_use]
     pub fn select(mask: f64x8, a: &Self, b: &Self) -> Self {
@@ -146,9 +146,9 @@ impl Interfaces {
         }
     }
 
-    /// Cosine of the angle of refraction into an absorbing medium (eqs.
-    /// A.7-A.9 with the misprints of docs/methods.md mended); the half angle
-    /// psi and the fourth root q' come from one complex square root.
+    /// Cosine of the angle of refraction into an absorbing medium (eqs. A.7-A.9, with
+    /// the misprints listed in docs/methods.md corrected). The half angle psi and the
+    /// fourth root q' come from one complex square root.
     #[inline(always)]
     fn absorbing_refraction(&self, kappa: f64x8, sin_squared: f64x8) -> f64x8 {
         let one = f64x8::ONE;
@@ -163,8 +163,9 @@ impl Interfaces {
         m / (sin_squared + m * m).sqrt()
     }
 
-    /// Directions of the rays refracted at unit normals `m` facing them, `d`
-    /// the incident directions, `c = -d.m`. Meaningless in total reflection.
+    /// Directions of refracted rays. `d` are the incident directions, `m` the unit
+    /// normals on their side, and `c = -d.m`. In total reflection the result is
+    /// meaningless.
     #[inline(always)]
     #[must_use]
     pub fn refract(&self, d: Vec3x8, m: Vec3x8, c: f64x8, incidences: &Incidences) -> Vec3x8 {
@@ -177,8 +178,8 @@ impl Interfaces {
         (d * ratio).plus(ratio * c - cos, m)
     }
 
-    /// As [`Interfaces::refract`], but along the surface in total reflection,
-    /// as eq. A.7 has it.
+    /// Like [`Interfaces::refract`], but in total reflection the direction is along the
+    /// surface, as in eq. A.7.
     #[inline(always)]
     #[must_use]
     pub fn refract_or_graze(
@@ -194,14 +195,15 @@ impl Interfaces {
     }
 }
 
-/// sin(theta_t) / sin(theta_i), which is 1 / eta but for absorption and total reflection.
+/// sin(theta_t) / sin(theta_i). It equals 1 / eta without absorption and total
+/// reflection.
 #[inline(always)]
 fn sine_ratio(cos_to: f64x8, cos_from: f64x8) -> f64x8 {
     let sin_squared = |c: f64x8| (f64x8::ONE - c * c).fast_max(f64x8::ZERO);
     (sin_squared(cos_to) / sin_squared(cos_from).fast_max(f64x8::splat(1e-300))).sqrt()
 }
 
-/// Unpolarised reflectance with moduli of the complex amplitudes (A.1-A.2);
+/// Unpolarised reflectance from the moduli of the complex amplitudes (eqs. A.1-A.2);
 /// `re + i im` is the squared relative index.
 #[inline(always)]
 fn absorbing_reflectance(re: f64x8, im: f64x8, c: f64x8, sin_squared: f64x8) -> f64x8 {
@@ -212,7 +214,8 @@ fn absorbing_reflectance(re: f64x8, im: f64x8, c: f64x8, sin_squared: f64x8) -> 
     (f64x8::splat(0.5) * (s + p)).fast_min(f64x8::ONE)
 }
 
-/// Mirror directions of `d` at unit normals `m` facing them, `c = -d.m`.
+/// Directions of reflected rays. `d` are the incident directions, `m` the unit normals
+/// on their side, and `c = -d.m`.
 #[inline(always)]
 #[must_use]
 pub fn reflect(d: Vec3x8, m: Vec3x8, c: f64x8) -> Vec3x8 {
@@ -341,8 +344,8 @@ mod tests {
         }
     }
 
-    /// What neglecting the imaginary index costs, averaged over directions
-    /// (the difference peaks in a narrow band at the critical angle).
+    /// Error from neglecting the imaginary index, averaged over directions (the
+    /// difference peaks in a narrow band at the critical angle).
     #[test]
     fn dielectric_formulas_hold_up_to_their_limit() {
         let ice = Index {

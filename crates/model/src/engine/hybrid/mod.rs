@@ -1,30 +1,32 @@
-//! `hybrid`: deterministic transport inside the snow, walks only next to its
+//! `hybrid`: deterministic transport inside the snowpack, walks only near its
 //! surfaces.
 //!
-//! Far from the planes, grains act like points: light spreads through them as
-//! through points that scatter alike, with the mean free path of
-//! [`crate::table::Event::effective_mean_free_path_m`], and [`crate::slab`]
-//! solves that exactly. Next to a plane they do not, because grains must fit
-//! under it. So a slab is taken as two boundary layers and what is between:
+//! Far from the planes that bound it, grains act like point scatterers with the
+//! same kernel and the mean free path of
+//! [`crate::table::Event::effective_mean_free_path_m`]; [`crate::slab`] solves the
+//! transport between points exactly. Near a plane this does not hold, because
+//! grains must fit under it. A slab is therefore divided into two boundary layers
+//! and the inside between them:
 //!
-//! 1. **Boundary layer**, as thick as [`LAYER`] says: walks with tabulated
-//!    grains ([`crate::table::Region`]), from every light above and every stream
-//!    below, give the shares that leave through the surface and, by Legendre
-//!    moments, into every stream going down. Paths in ice and water are kept in
-//!    a histogram, so that one set of walks serves all wavelengths. A ray from
-//!    below is on a flight that began a free path further down; if its grain
-//!    does not fit under the surface it goes back there.
-//! 2. **Inside**: reflection and transmission of the plane-parallel solver with
-//!    the kernel of the same grains at the same absorption. Its grains are a
-//!    mixture of all types in air and in water, each weakened by the mean
-//!    survival of a flight through what absorbs there, 1/(1 + alpha d).
-//! 3. **Adding** the three, in homogeneous snow with the upper boundary layer's
-//!    mirror image as the lower one, gives every thickness and illumination at
-//!    once.
+//! 1. **Boundary layers**, with the thickness given by [`LAYER`]. Walks with
+//!    tabulated grains ([`crate::table::Region`]) start from every illumination
+//!    above and every stream below. They give the shares of light that leave
+//!    through the surface and, by Legendre moments, the light that goes down into
+//!    every stream. Paths in ice and water are kept in a histogram, so that one set
+//!    of walks serves all wavelengths. A ray from below is on a flight that began a
+//!    free path further down; if its grain does not fit under the surface, the ray
+//!    returns to that point.
+//! 2. **Inside**: reflection and transmission operators from the plane-parallel
+//!    solver, with the kernel of the same grains at the same absorption. The kernel
+//!    is the mixture of all grain types in air and in water, each weakened by the
+//!    mean survival 1/(1 + alpha d) of a flight through the absorbing pores.
+//! 3. **Adding** the three gives every thickness and illumination at once. In
+//!    homogeneous snow the lower boundary layer is the mirror image of the upper
+//!    one.
 //!
-//! Layers inside a snowpack are added as the points they scatter like, and what is next
-//! to the planes between them, across which grains carry light, is walked too. A
-//! boundary layer may hold several.
+//! Layers inside a snowpack are added as point scatterers. Grains carry light
+//! across the planes between layers, so the snow near such a plane is walked too. A
+//! boundary layer may contain several layers of the snowpack.
 //!
 //! Slabs of up to three boundary layers are walked from plane to plane.
 //!
@@ -32,14 +34,14 @@
 //! index nodes, and each wavelength mixes those of its two nodes.
 //!
 //! **Errors.** Tables, kernels and walks come in independent parts. At every
-//! wavelength the scatter of the results with one part left out at a time (the
-//! jackknife) gives the standard errors. They hold nothing of the method's own
-//! error: see docs/stability.md.
-mod cut;
+//! wavelength the standard errors follow from the scatter of the results with one
+//! part left out at a time (the jackknife). They do not include the systematic
+//! error of the method: see docs/stability.md.
 mod inside;
+mod means;
+mod plan;
 mod planes;
 mod solve;
-mod tally;
 mod walks;
 
 use crate::engine::nodes::mixes;
@@ -48,31 +50,34 @@ use crate::engine::{Control, EngineError, Request, indices};
 use crate::math::legendre;
 use crate::measurement::Spectrum;
 use crate::slab::Streams;
-use cut::Plan;
-use tally::Layout;
+use means::Layout;
+use plan::Plan;
 
 pub(super) use walks::{CacheKey, Walks};
 
 /// Thickness of a boundary layer: the larger of this many mean free distances
-/// and that many of the largest grains.
+/// (first) and this many lengths of the largest grain (second).
 const LAYER: (f64, f64) = (2.0, 1.8);
-/// Slabs up to so many boundary layers thick are walked from plane to plane:
-/// less than one such layer between two is too little to forget the grains.
+/// Slabs up to this many boundary layers thick are walked from plane to plane: an
+/// inside thinner than one boundary layer is too thin for grains to act like points.
 const THIN: f64 = 3.0;
-/// Walks from each stream below per walk from each light: all lights share the
-/// streams, and each stream carries but a part of the light.
-const FROM_BELOW: f64 = 0.25;
+/// Number of walks from each stream below a boundary layer, relative to that from
+/// each illumination: all illuminations share the streams, and each stream carries
+/// only part of the light.
+const RAYS_PER_STREAM: f64 = 0.25;
 
-/// Walks from each stream next to a plane between layers, which lies deeper.
-const JOINT: f64 = 0.125;
+/// Number of walks from each stream next to a plane between layers, relative to that
+/// from each illumination: such planes lie deeper.
+const RAYS_PER_INTERFACE_STREAM: f64 = 0.125;
 
-/// What a request comes to.
+/// A request with the plan of its walks.
 struct Run<'a> {
     request: &'a Request<'a>,
     streams: Streams,
     plan: Plan,
     layout: Layout,
-    /// Per stream, what it gets per moment of the light that is spread over streams.
+    /// Per stream, the factors by which the Legendre moments of the light are
+    /// multiplied and summed to give the light in the stream.
     into_streams: Vec<Vec<f64>>,
 }
 
@@ -82,7 +87,7 @@ impl<'a> Run<'a> {
         let plan = Plan::new(request, &streams);
         let n = streams.count();
         let layout = Layout::new(&plan, request.snowpack.snows().count(), n);
-        let into = |(mu, weight): (&f64, &f64)| {
+        let factors = |(mu, weight): (&f64, &f64)| {
             let mut basis = vec![0.0; n];
             legendre(2.0 * mu - 1.0, &mut basis);
             let terms = basis.into_iter().enumerate();
@@ -91,7 +96,7 @@ impl<'a> Run<'a> {
                 .collect()
         };
         let pairs = streams.cosines().iter().zip(streams.weights());
-        let into_streams = pairs.map(into).collect();
+        let into_streams = pairs.map(factors).collect();
         Ok(Self {
             request,
             streams,
@@ -106,12 +111,12 @@ pub(super) fn run(request: &Request, control: &Control) -> Result<Vec<Spectrum>,
     let run = Run::new(request)?;
     let indices = indices(request)?;
     let (nodes, mixes) = mixes(&indices, request.snowpack.is_wet());
-    let walks = nodes.iter().map(|&node| Walks::of(&run, control, node));
+    let walks = nodes.iter().map(|&node| Walks::cached(&run, control, node));
     let walks: Vec<_> = walks.collect::<Result<_, _>>()?;
     run.spectra(control, &walks, &indices, &mixes)
 }
 
-/// How many walks a request takes.
+/// Number of walks that a request takes.
 pub(super) fn walks(request: &Request) -> Result<u64, EngineError> {
     let run = Run::new(request)?;
     let (nodes, _) = mixes(&indices(request)?, request.snowpack.is_wet());

@@ -1,29 +1,30 @@
 //! Planes between layers inside a snowpack.
 //!
-//! Grains carry light across them, the larger ones further, so that light does not
-//! cross as it would between points: fine snow under coarse is brighter than the two
-//! by themselves would be. What is next to such a plane is walked, from every stream
-//! above and below, and added like a stretch.
-use crate::engine::tables::Stretch;
+//! Grains carry light across these planes, larger grains further, so light does not
+//! cross them as it would between points: fine snow under coarse snow is brighter
+//! than adding the two layers predicts. The snow next to such a plane is therefore
+//! walked, from every stream above and below, and added like a bulk segment.
+use crate::engine::tables::Section;
 use crate::transport::Snow;
 
 /// A part of the inside of a snowpack.
 #[derive(Debug, Clone, PartialEq)]
-pub(super) enum Piece<W> {
-    /// Homogeneous, where grains act like points.
-    Points(Stretch),
-    /// Next to one or several planes.
+pub(super) enum Segment<W> {
+    /// A section of one layer in which grains act like points.
+    Bulk(Section),
+    /// The snow next to one or several planes, which is walked.
     Walked(W),
 }
 
-/// Whether grains meet others at the plane between the two.
+/// Whether transport differs on the two sides of the plane between `a` and `b`.
 fn differ(a: &Snow, b: &Snow) -> bool {
-    let of = |snow: &Snow| [snow.density_kg_m3, snow.water_saturation];
-    a.grains != b.grains || of(a) != of(b)
+    let properties = |snow: &Snow| [snow.density_kg_m3, snow.water_saturation];
+    a.grains != b.grains || properties(a) != properties(b)
 }
 
-/// How far the plane to `other` is felt in `snow`, m: half of it gave fluxes within
-/// .0002 of those of four times as much, with standard errors of .0001.
+/// Distance from the plane to `other` within which `snow` is walked, m. Fluxes with
+/// half of this distance were within 0.0002 of those with four times as much, with
+/// standard errors of 0.0001.
 fn depth_m(snow: &Snow, other: &Snow) -> f64 {
     let reaches_m = [snow.sizes_m()[1], other.sizes_m()[1]];
     reaches_m
@@ -31,42 +32,42 @@ fn depth_m(snow: &Snow, other: &Snow) -> f64 {
         .fold(snow.mean_free_distance_m(), f64::max)
 }
 
-/// `inside`, downward, in parts.
-pub(super) fn pieces(inside: &[Stretch], snows: &[&Snow]) -> Vec<Piece<Vec<Stretch>>> {
-    let felt_m = |i: usize, other: Option<&Stretch>| {
-        let (snow, other) = (snows[inside[i].snow], snows[other?.snow]);
+/// Divides `inside`, given downward, into segments.
+pub(super) fn segments(inside: &[Section], snows: &[&Snow]) -> Vec<Segment<Vec<Section>>> {
+    let walked_m = |i: usize, other: Option<&Section>| {
+        let (snow, other) = (snows[inside[i].layer], snows[other?.layer]);
         differ(snow, other).then(|| depth_m(snow, other))
     };
-    let mut pieces = Vec::new();
-    let mut walked: Vec<Stretch> = Vec::new();
-    for (i, stretch) in inside.iter().enumerate() {
-        let part = |thickness_m: f64| Stretch {
+    let mut segments = Vec::new();
+    let mut walked: Vec<Section> = Vec::new();
+    for (i, section) in inside.iter().enumerate() {
+        let part = |thickness_m: f64| Section {
             thickness_m,
-            ..*stretch
+            ..*section
         };
         let above = i.checked_sub(1).and_then(|above| inside.get(above));
-        let [above_m, below_m] = [above, inside.get(i + 1)].map(|other| felt_m(i, other));
+        let [above_m, below_m] = [above, inside.get(i + 1)].map(|other| walked_m(i, other));
         if let (Some(above_m), Some(below_m)) = (above_m, below_m)
-            && above_m + below_m >= stretch.thickness_m
+            && above_m + below_m >= section.thickness_m
         {
-            walked.push(*stretch);
+            walked.push(*section);
             continue;
         }
-        let above_m = above_m.unwrap_or(0.0).min(stretch.thickness_m);
+        let above_m = above_m.unwrap_or(0.0).min(section.thickness_m);
         if above_m > 0.0 {
             walked.push(part(above_m));
-            pieces.push(Piece::Walked(std::mem::take(&mut walked)));
+            segments.push(Segment::Walked(std::mem::take(&mut walked)));
         }
-        let rest_m = stretch.thickness_m - above_m;
+        let rest_m = section.thickness_m - above_m;
         let below_m = below_m.unwrap_or(0.0).min(rest_m);
         if rest_m > below_m {
-            pieces.push(Piece::Points(part(rest_m - below_m)));
+            segments.push(Segment::Bulk(part(rest_m - below_m)));
         }
         if below_m > 0.0 {
             walked.push(part(below_m));
         }
     }
-    pieces
+    segments
 }
 
 #[cfg(test)]
@@ -85,34 +86,33 @@ mod tests {
         Snow::dry(grain, 275.0, -1.0)
     }
 
-    /// What is walked reaches as far as either snow feels the plane; layers thinner
-    /// than that are walked as a whole; between equal snows nothing is.
+    /// Walked segments reach `depth_m` on either side of a plane. Layers thinner than
+    /// that are walked as a whole. Nothing is walked between equal snows.
     #[test]
-    fn planes_are_walked_as_far_as_they_are_felt() {
+    fn snow_near_planes_is_walked() {
         let (fine, coarse) = (snow(100.0), snow(1000.0));
         let snows = [&fine, &coarse, &coarse];
-        let of = |snow: usize, thickness_m: f64| Stretch { snow, thickness_m };
+        let section = |layer: usize, thickness_m: f64| Section { layer, thickness_m };
         let reach_m = depth_m(&coarse, &fine);
         assert!(reach_m >= 1e-3 && depth_m(&fine, &coarse) == 1e-3);
 
-        let whole = [of(0, 0.02), of(1, 0.03), of(2, 0.04)];
-        let found = pieces(&whole, &snows);
+        let whole = [section(0, 0.02), section(1, 0.03), section(2, 0.04)];
         let expected = [
-            Piece::Points(of(0, 0.02 - 1e-3)),
-            Piece::Walked(vec![of(0, 1e-3), of(1, reach_m)]),
-            Piece::Points(of(1, 0.03 - reach_m)),
-            Piece::Points(of(2, 0.04)),
+            Segment::Bulk(section(0, 0.02 - 1e-3)),
+            Segment::Walked(vec![section(0, 1e-3), section(1, reach_m)]),
+            Segment::Bulk(section(1, 0.03 - reach_m)),
+            Segment::Bulk(section(2, 0.04)),
         ];
-        assert_eq!(found, expected);
+        assert_eq!(segments(&whole, &snows), expected);
 
-        let thin = [of(1, 0.03), of(0, 1.5e-3), of(1, 5e-4)];
-        let found = pieces(&thin, &snows);
+        let thin = [section(1, 0.03), section(0, 1.5e-3), section(1, 5e-4)];
+        let walked = vec![section(1, reach_m), section(0, 1.5e-3), section(1, 5e-4)];
         let expected = [
-            Piece::Points(of(1, 0.03 - reach_m)),
-            Piece::Walked(vec![of(1, reach_m), of(0, 1.5e-3), of(1, 5e-4)]),
+            Segment::Bulk(section(1, 0.03 - reach_m)),
+            Segment::Walked(walked),
         ];
-        assert_eq!(found, expected);
-        assert_eq!(pieces(&thin[..1], &snows), [Piece::Points(thin[0])]);
-        assert_eq!(pieces(&[], &snows), []);
+        assert_eq!(segments(&thin, &snows), expected);
+        assert_eq!(segments(&thin[..1], &snows), [Segment::Bulk(thin[0])]);
+        assert_eq!(segments(&[], &snows), []);
     }
 }

@@ -1,11 +1,11 @@
-//! Adds boundary layers and what is between them, at every wavelength.
+//! Adds boundary layers and the inside between them, at every wavelength.
 use std::sync::Arc;
 use std::sync::atomic::Ordering;
 
 use super::Run;
-use super::cut::{BoundaryLayer, Joint, Slab};
-use super::inside::{Flights, Inside, Points, inside};
-use super::tally::Tally;
+use super::inside::{Bulk, Flights, StreamOperators, add_segments};
+use super::means::Means;
+use super::plan::{BoundaryLayer, Interface, Slab};
 use super::walks::{Walks, unit};
 use crate::engine::nodes::Mix;
 use crate::engine::tables::PARTS;
@@ -19,20 +19,20 @@ use crate::transport::Coefficients;
 /// Reflectance and transmittance.
 type Pair = [f64; 2];
 
-/// What a boundary layer does to light: "down" is away from its plane.
+/// Reflection and transmission of a boundary layer. "Down" is away from its plane.
 struct Couplings {
-    /// From streams going up to streams going down: [down, up].
+    /// Reflection of upward streams into downward streams: [down, up].
     inner: Matrix,
-    /// From streams going up out through the surface.
+    /// Share of each upward stream that leaves through the surface.
     escape: Vec<f64>,
-    /// From lights to streams going down: [stream, light].
+    /// Transmission of illuminations into downward streams: [stream, light].
     entry: Matrix,
-    /// From lights out through the surface again.
+    /// Share of each illumination that leaves through the surface.
     reflected: Vec<f64>,
 }
 
 impl Run<'_> {
-    /// Spectra per thickness and light.
+    /// Spectra per thickness and illumination.
     pub(super) fn spectra(
         &self,
         control: &Control,
@@ -45,7 +45,7 @@ impl Run<'_> {
         let units = &control.cache.units;
         let thicknesses = Fingerprint::of("thicknesses").and(request.thicknesses_m);
         let name = format!("{} {:x}", unit(self, "curves"), thicknesses.finish());
-        let one = |l: usize| {
+        let curves_at = |l: usize| {
             let name = format!("{name} {l}");
             if let Some(curves) = units.take(&name) {
                 return Ok(curves);
@@ -59,7 +59,7 @@ impl Run<'_> {
         };
         let count = request.thicknesses_m.len() * request.illuminations.len();
         let mut spectra = vec![Spectrum::default(); count];
-        for curves in batches::map(control, (0..indices.len()).collect(), one)? {
+        for curves in batches::map(control, (0..indices.len()).collect(), curves_at)? {
             for (spectrum, [reflectance, transmittance]) in spectra.iter_mut().zip(curves) {
                 spectrum.reflectance.push(reflectance);
                 spectrum.transmittance.push(transmittance);
@@ -69,8 +69,8 @@ impl Run<'_> {
         Ok(spectra)
     }
 
-    /// Every thickness and light at one wavelength: from all parts of the walks,
-    /// with errors from leaving out one after another.
+    /// Results per thickness and illumination at one wavelength. Values are those of
+    /// all parts of the walks; errors follow from leaving out one part at a time.
     fn measured(
         &self,
         walks: &[Arc<Walks>],
@@ -81,13 +81,13 @@ impl Run<'_> {
         let flights: Vec<Flights> = snows
             .map(|snow| Flights::new(self, snow, coefficients))
             .collect();
-        let parts = (0..PARTS).map(|part| self.tally(walks, mix, coefficients, &flights, part));
-        let parts: Vec<Tally> = parts.collect();
-        let all = Tally::mean(&parts);
-        let values = self.curves(&all, &flights)?;
+        let parts = (0..PARTS).map(|part| self.means(walks, mix, coefficients, &flights, part));
+        let parts: Vec<Means> = parts.collect();
+        let mean = Means::mean(&parts);
+        let values = self.curves(&mean, &flights)?;
         let others = parts
             .iter()
-            .map(|part| self.curves(&all.without(part), &flights));
+            .map(|part| self.curves(&mean.without(part), &flights));
         let others: Vec<Vec<Pair>> = others.collect::<Result<_, _>>()?;
         let curves = values.into_iter().enumerate();
         let measured = curves.map(|(c, pair)| {
@@ -99,49 +99,50 @@ impl Run<'_> {
         Ok(measured.collect())
     }
 
-    /// Every thickness and light at one wavelength.
-    fn curves(&self, tally: &Tally, flights: &[Flights]) -> Result<Vec<Pair>, EngineError> {
+    /// Reflectance and transmittance per thickness and illumination at one
+    /// wavelength.
+    fn curves(&self, means: &Means, flights: &[Flights]) -> Result<Vec<Pair>, EngineError> {
         let lights = self.request.illuminations.len();
-        let couple = |layer: &BoundaryLayer| self.couplings(tally, layer, &flights[layer.snow]);
-        let couplings: Vec<Couplings> = self.plan.layers.iter().map(couple).collect();
-        let join = |joint: &Joint| self.joined(tally, joint, flights);
-        let joints: Vec<Inside> = self.plan.joints.iter().map(join).collect();
-        let points = flights.iter().enumerate().map(|(snow, flights)| {
-            let event = tally.event(&self.layout, snow);
+        let coupling = |layer: &BoundaryLayer| self.couplings(means, layer, &flights[layer.layer]);
+        let couplings: Vec<Couplings> = self.plan.boundary_layers.iter().map(coupling).collect();
+        let operators = |interface: &Interface| self.interface_operators(means, interface, flights);
+        let interfaces: Vec<StreamOperators> = self.plan.interfaces.iter().map(operators).collect();
+        let bulk = flights.iter().enumerate().map(|(layer, flights)| {
+            let event = means.event(&self.layout, layer);
             event
-                .map(|event| Points::new(&self.streams, &event, flights))
+                .map(|event| Bulk::new(&self.streams, &event, flights))
                 .transpose()
         });
-        let points: Vec<Option<Points>> = points.collect::<Result<_, _>>()?;
+        let bulk: Vec<Option<Bulk>> = bulk.collect::<Result<_, _>>()?;
         let n = self.streams.count();
-        let one = Matrix::identity(n);
+        let identity = Matrix::identity(n);
         let mut curves = Vec::new();
         for slab in &self.plan.slabs {
-            let cut = match slab {
+            let slab = match slab {
                 Slab::Thin(first) => {
                     let tasks = *first..first + lights;
                     curves.extend(tasks.map(|task| {
-                        let [out, through] = tally.scores(&self.layout, task);
+                        let [out, through] = means.scores(&self.layout, task);
                         [out[0], through[0]]
                     }));
                     continue;
                 }
-                Slab::Thick(cut) => cut,
+                Slab::Thick(slab) => slab,
             };
-            let (upper, lower) = (&couplings[cut.upper], &couplings[cut.lower]);
-            let Inside {
+            let (upper, lower) = (&couplings[slab.upper], &couplings[slab.lower]);
+            let StreamOperators {
                 from_above: [r, t],
                 from_below: [back, through],
-            } = inside(&cut.inside, &points, &joints, n)?;
-            // downward at the lower layer, and upward at the upper one, per
-            // downward at the upper one
-            let passed = (&one - &(&back * &lower.inner)).solve(t)?;
+            } = add_segments(&slab.inside, &bulk, &interfaces, n)?;
+            // downward light at the lower boundary layer, and upward light at the
+            // upper one, per downward light at the upper one
+            let passed = (&identity - &(&back * &lower.inner)).solve(t)?;
             let returned = &r + &(&(&through * &lower.inner) * &passed);
-            // what the lights send down at the upper layer in the end
-            let down = (&one - &(&upper.inner * &returned)).solve(upper.entry.clone())?;
+            // downward light at the upper boundary layer per illumination
+            let down = (&identity - &(&upper.inner * &returned)).solve(upper.entry.clone())?;
             let escaped = |escape: &[f64], streams: &Matrix, light: usize| -> f64 {
-                let all = escape.iter().enumerate();
-                all.map(|(i, escape)| escape * streams[(i, light)]).sum()
+                let terms = escape.iter().enumerate();
+                terms.map(|(i, escape)| escape * streams[(i, light)]).sum()
             };
             let (up, passed) = (&returned * &down, &passed * &down);
             curves.extend((0..lights).map(|light| {
@@ -152,15 +153,15 @@ impl Run<'_> {
         Ok(curves)
     }
 
-    fn couplings(&self, tally: &Tally, layer: &BoundaryLayer, flights: &Flights) -> Couplings {
+    fn couplings(&self, means: &Means, layer: &BoundaryLayer, flights: &Flights) -> Couplings {
         let n = self.streams.count();
         let lights = if layer.is_lit {
             self.request.illuminations.len()
         } else {
             0
         };
-        let scores = |source: usize| tally.scores(&self.layout, layer.first + source);
-        // light from inside is what survived its flight up to the layer
+        let scores = |source: usize| means.scores(&self.layout, layer.first + source);
+        // light from inside has survived its flight up to the boundary layer
         let per_arriving = 1.0 / flights.moment(1);
         let mut inner = self.streams_from(n, |source| scores(source)[1]);
         (0..n).for_each(|i| inner.row_mut(i).iter_mut().for_each(|x| *x *= per_arriving));
@@ -174,29 +175,36 @@ impl Run<'_> {
         }
     }
 
-    /// What the walks next to a plane between layers come to.
-    fn joined(&self, tally: &Tally, joint: &Joint, flights: &[Flights]) -> Inside {
+    /// Operators from the walks next to a plane between layers.
+    fn interface_operators(
+        &self,
+        means: &Means,
+        interface: &Interface,
+        flights: &[Flights],
+    ) -> StreamOperators {
         let n = self.streams.count();
-        let ends = [joint.stretches.first(), joint.stretches.last()];
-        let per_arriving = ends.map(|end| 1.0 / flights[end.map_or(0, |s| s.snow)].moment(1));
+        let ends = [interface.sections.first(), interface.sections.last()];
+        let per_arriving =
+            ends.map(|end| 1.0 / flights[end.map_or(0, |section| section.layer)].moment(1));
         let matrix = |side: usize, end: usize| {
-            let first = joint.first + end * n;
+            let first = interface.first + end * n;
             let mut matrix =
-                self.streams_from(n, |source| tally.scores(&self.layout, first + source)[side]);
+                self.streams_from(n, |source| means.scores(&self.layout, first + source)[side]);
             for i in 0..n {
                 let row = matrix.row_mut(i).iter_mut();
                 row.for_each(|x| *x *= per_arriving[end]);
             }
             matrix
         };
-        Inside {
+        StreamOperators {
             from_above: [matrix(0, 0), matrix(1, 0)],
             from_below: [matrix(1, 1), matrix(0, 1)],
         }
     }
 
-    /// Light into every stream from each of `sources`: the polynomial with their
-    /// `moments` over P_l(2 mu - 1), at the stream's cosine and with its weight.
+    /// Light into every stream from each source, of `sources` in all: the polynomial
+    /// with the source's `moments` over P_l(2 mu - 1), at the stream's cosine, times
+    /// the stream's weight.
     fn streams_from<'a>(&self, sources: usize, moments: impl Fn(usize) -> &'a [f64]) -> Matrix {
         Matrix::from_fn(self.streams.count(), sources, |stream, source| {
             let terms = self.into_streams[stream].iter().zip(moments(source));
@@ -205,15 +213,15 @@ impl Run<'_> {
     }
 }
 
-/// Standard error of an estimate from independent parts, relative to it: by
-/// `values` of the same estimate with one part left out at a time.
+/// Relative standard error of an estimate from independent parts; `values` are the
+/// estimates with one part left out at a time.
 fn relative_error(values: impl Iterator<Item = f64> + Clone) -> f64 {
     let n = values.clone().count() as f64;
     let mean = values.clone().sum::<f64>() / n;
     if mean == 0.0 {
         return 0.0;
     }
-    // of ratios: the squares of what leaves deep snow may be too small for a number
+    // ratios are squared, because the squares of fluxes out of deep snow may underflow
     let squares: f64 = values.map(|v| (v / mean - 1.0) * (v / mean - 1.0)).sum();
     (squares * (n - 1.0) / n).sqrt()
 }
@@ -222,9 +230,10 @@ fn relative_error(values: impl Iterator<Item = f64> + Clone) -> f64 {
 mod tests {
     use super::*;
 
-    /// Of a mean the jackknife is the usual standard error, however small the values.
+    /// For a mean, the jackknife gives the usual standard error, however small the
+    /// values.
     #[test]
-    fn errors_of_what_hardly_leaves_are_as_large() {
+    fn relative_errors_do_not_underflow() {
         let values = [1.0, 2.0, 6.0];
         // means of the other two
         let others = [4.0, 3.5, 1.5];

@@ -1,34 +1,34 @@
-//! The walks next to the planes, at one pair of refractive indices.
+//! The walks of a request at one pair of refractive indices.
 use std::sync::Arc;
 use std::sync::atomic::Ordering;
 
 use super::Run;
-use super::cut::Task;
-use crate::engine::cache::Bytes;
-use crate::engine::tables::{self, Averages, Outcomes, PARTS, SnowpackOutcomes, Stretch};
+use super::plan::Task;
+use crate::engine::cache::HeapSize;
+use crate::engine::tables::{self, Averages, Outcomes, PARTS, Section, SnowpackOutcomes};
 use crate::engine::{Control, EngineError, Resolution, batches, engine_error};
 use crate::optics::Index;
 use crate::rng::{Fingerprint, Key, Stream};
 use crate::table::{Kernel, Region, Scores};
 use crate::transport::{Layer, Model, Snow};
 
-/// What grain events do on average and what walks with them came to.
+/// Mean grain events and scores of the walks.
 #[derive(Debug)]
 pub(in crate::engine) struct Walks {
-    /// Of the grains of each type in each layer, in air and in water.
     averages: SnowpackAverages,
-    /// What came of each task in each part.
+    /// Scores of each task in each part: `[part][task]`.
     parts: Vec<Vec<Scores>>,
 }
 
-/// Of each type in each layer, in air and in water.
+/// Mean grain events of each grain type in each layer, in air and in water:
+/// `[layer][type][medium]`.
 type SnowpackAverages = Vec<Vec<[Arc<Averages>; 2]>>;
 
-/// Walks with one stream, at most: some seconds.
+/// Most walks with one random stream; they take some seconds.
 const BATCH: u64 = 1 << 20;
 
-/// Name of a unit of `run`: a request, of which a job may take several, walks what
-/// its tasks say.
+/// Name of a unit of `run`. It contains the tasks because a job may run several
+/// requests with the same cell.
 pub(super) fn unit(run: &Run, kind: &str) -> String {
     let tasks = Fingerprint::of("tasks");
     let tasks = run.plan.tasks.iter().fold(tasks, |digest, task| {
@@ -38,7 +38,7 @@ pub(super) fn unit(run: &Run, kind: &str) -> String {
     format!("{kind} {:x} {:x}", run.request.cell, tasks.finish())
 }
 
-/// All that walks follow from.
+/// All inputs that determine the walks.
 #[derive(Debug, Clone, PartialEq)]
 pub(in crate::engine) struct CacheKey {
     surface: Snow,
@@ -52,14 +52,15 @@ pub(in crate::engine) struct CacheKey {
 }
 
 impl Walks {
-    /// Those of `run` at the indices `node` of ice and water.
-    pub(super) fn of(
+    /// The walks of `run` at the indices `node` of ice and water, from the cache if
+    /// they are in it.
+    pub(super) fn cached(
         run: &Run,
         control: &Control,
         node: (Index, Index),
     ) -> Result<Arc<Self>, EngineError> {
         let request = run.request;
-        let occasion = CacheKey {
+        let key = CacheKey {
             surface: request.snowpack.surface.clone(),
             below: request.snowpack.below.clone(),
             tasks: run.plan.tasks.clone(),
@@ -70,18 +71,18 @@ impl Walks {
             cell: request.cell,
         };
         let walks = &control.cache.walks;
-        walks.get(&occasion, || Self::new(run, control, node))
+        walks.get(&key, || Self::new(run, control, node))
     }
 
-    /// What came of task number `task` in `part`.
+    /// Scores of task number `task` in `part`.
     pub(super) fn scores(&self, part: usize, task: usize) -> &Scores {
         &self.parts[part][task]
     }
 
-    /// Averages over the grain events of `part` in the `snow`-th layer, of each
-    /// type in air and in water.
-    pub(super) fn kernels(&self, part: usize, snow: usize) -> impl Iterator<Item = [&Kernel; 2]> {
-        let media = self.averages[snow].iter();
+    /// Kernels from the grain events of `part` in layer number `layer`: per grain
+    /// type, in air and in water.
+    pub(super) fn kernels(&self, part: usize, layer: usize) -> impl Iterator<Item = [&Kernel; 2]> {
+        let media = self.averages[layer].iter();
         media.map(move |[air, water]| [&air.kernels[part], &water.kernels[part]])
     }
 
@@ -96,21 +97,21 @@ impl Walks {
                 .map(move |first| (task, first))
         });
         let batches = batches.collect::<Vec<_>>();
-        let one = |part: usize, task: &Task, first: u64, outcomes: &SnowpackOutcomes| {
+        let walk_batch = |part: usize, task: &Task, first: u64, outcomes: &SnowpackOutcomes| {
             if control.cancel.load(Ordering::Relaxed) {
                 return Err(EngineError::Cancelled);
             }
             let stream = Stream::new(Key {
                 seed: request.seed,
                 cell: request.cell,
-                // the same at all nodes, so that noise does not bury dispersion
+                // the same at all nodes, so that noise does not hide dispersion
                 purpose: task.purpose(),
                 batch: part as u64 + PARTS as u64 * (first / BATCH),
             });
-            let thickness = |stretch: &Stretch| stretch.thickness_m;
+            let thickness = |section: &Section| section.thickness_m;
             let region = Region {
-                snowpack: tables::snowpack(request, outcomes, part, &task.stretches),
-                thickness_m: task.stretches.iter().map(thickness).sum(),
+                snowpack: tables::snowpack(request, outcomes, part, &task.sections),
+                thickness_m: task.sections.iter().map(thickness).sum(),
                 edges: task.edges,
             };
             let rays = BATCH.min(task.rays - first);
@@ -124,10 +125,10 @@ impl Walks {
         let count = PARTS * batches.len();
         let mut scores: Vec<Option<Scores>> = (0..count).map(|i| units.take(&unit(i))).collect();
         let missing: Vec<usize> = (0..count).filter(|i| scores[*i].is_none()).collect();
-        let kept: Option<Vec<Vec<[Averages; 2]>>> = units.take(&name);
-        let averages = match kept.filter(|_| missing.is_empty()) {
-            Some(kept) => {
-                let shared = kept.into_iter().map(|kinds| {
+        let saved: Option<Vec<Vec<[Averages; 2]>>> = units.take(&name);
+        let averages = match saved.filter(|_| missing.is_empty()) {
+            Some(saved) => {
+                let shared = saved.into_iter().map(|kinds| {
                     let kinds = kinds.into_iter();
                     kinds.map(|media| media.map(Arc::new)).collect()
                 });
@@ -137,14 +138,14 @@ impl Walks {
                 let outcomes = tables::outcomes(request, control, node)?;
                 let walked = batches::map(control, missing.clone(), |i| {
                     let (task, first) = batches[i % batches.len()];
-                    let walked = one(i / batches.len(), task, first, &outcomes)?;
+                    let walked = walk_batch(i / batches.len(), task, first, &outcomes)?;
                     units.add(&unit(i), &walked)?;
                     Ok(walked)
                 })?;
                 for (i, walked) in missing.into_iter().zip(walked) {
                     scores[i] = Some(walked);
                 }
-                // the tables themselves are done with
+                // the tables themselves are no longer needed
                 let averages = averages(outcomes);
                 let plain = averages.iter().map(|kinds| {
                     let kinds = kinds.iter();
@@ -173,17 +174,18 @@ impl Walks {
 }
 
 fn averages(outcomes: SnowpackOutcomes) -> SnowpackAverages {
-    let media = |media: [Arc<Outcomes>; 2]| media.map(|one| Arc::clone(&one.averages));
+    let media = |media: [Arc<Outcomes>; 2]| media.map(|outcomes| Arc::clone(&outcomes.averages));
     let kinds = outcomes.into_iter();
     kinds
         .map(|kinds| kinds.into_iter().map(media).collect())
         .collect()
 }
 
-impl Bytes for Walks {
+impl HeapSize for Walks {
     fn bytes(&self) -> usize {
         let scores = self.parts.iter().flatten();
         let averages = self.averages.iter().flatten().flatten();
-        scores.map(Scores::bytes).sum::<usize>() + averages.map(|one| one.bytes()).sum::<usize>()
+        scores.map(Scores::bytes).sum::<usize>()
+            + averages.map(|average| average.bytes()).sum::<usize>()
     }
 }
