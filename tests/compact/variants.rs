@@ -289,7 +289,7 @@ fn a_bound_beyond_a_precision_is_said() {
         );
         let error = error.unwrap_err().to_string();
         let named = format!(
-            "`{}` coefficients hold no more; raise the bound, or take f32",
+            "`{}` coefficients cannot be more accurate; raise the bound, or use f32",
             precision.name()
         );
         assert!(error.contains(&named), "{error}");

@@ -175,7 +175,7 @@ fn coded(
     }
     let mut rows = Vec::new();
     for components in 1..=most {
-        match model.narrowed(components, bounds) {
+        match model.quantised_to_bounds(components, bounds) {
             Ok((stored, row)) => rows.push((stored.bytes(), row)),
             // So few components do not keep the bound in 16 bits.
             Err(CompressError::Unreachable { .. }) => {}
