@@ -8,8 +8,8 @@ use serde_json::{Value, json};
 
 use super::common;
 use crate::comparison::{
-    Band, Comparison, Exclusion, GOOD_RMSE, Hints, Matched, MeasuredSpectrum, Point, Statistics,
-    listed,
+    Band, Comparison, Exclusion, GOOD_RMSE, Hints, Matched, MeasuredSpectrum, ResidualPoint,
+    Statistics, listed,
 };
 #[cfg(feature = "charts")]
 use crate::lab::report;
@@ -227,7 +227,7 @@ impl Compared {
             comparison,
             unmatched,
         } = self;
-        let list = |part: &dyn Fn(&Point) -> Value| -> Value {
+        let list = |part: &dyn Fn(&ResidualPoint) -> Value| -> Value {
             comparison.points.iter().map(part).collect()
         };
         let exclusions = measured.exclusions().iter();

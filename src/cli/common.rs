@@ -206,6 +206,7 @@ pub(super) fn message(error: &anyhow::Error) -> String {
 
 /// A spinner on standard error that shows progress until it is dropped. Hidden if
 /// standard error is not a terminal.
+#[derive(Debug)]
 pub(super) struct Spinner(ProgressBar);
 
 impl Spinner {

@@ -8,7 +8,7 @@ use super::common::{self, Interrupted, Spinner, ThreadArgs};
 use crate::config::grid;
 use crate::engine::Engine;
 use crate::lab::report;
-use crate::lab::tradeoff::{self, Options, Results, Sample, Source, TradeoffError};
+use crate::lab::tradeoff::{self, CompressionSource, Options, Results, Sample, TradeoffError};
 
 /// The grid whose compression is charted if no database is given.
 const GRID: (&str, &str) = (
@@ -104,8 +104,8 @@ fn options(args: &Args) -> anyhow::Result<Options> {
         common::notes(&sample.file.notes);
     }
     let source = match &args.database {
-        Some(dir) => Source::Database(dir.clone()),
-        None => Source::Grid(Box::new(grid::parse(GRID.0, GRID.1)?.grid)),
+        Some(dir) => CompressionSource::Database(dir.clone()),
+        None => CompressionSource::Grid(Box::new(grid::parse(GRID.0, GRID.1)?.grid)),
     };
     if args.engine.contains(&Engine::Auto) {
         bail!("--engine auto only chooses among the other engines; name one of those");

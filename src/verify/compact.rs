@@ -172,9 +172,9 @@ fn band_errors(database: &Database, quantity: Quantity) -> Result<Option<Vec<Ban
     let Some(text) = database.metadata().get(BAND_ERRORS) else {
         return Ok(None);
     };
-    let all: BTreeMap<String, Vec<BandError>> = serde_json::from_str(text)
+    let by_quantity: BTreeMap<String, Vec<BandError>> = serde_json::from_str(text)
         .map_err(|e| format!("its metadata `{BAND_ERRORS}` cannot be read: {e}"))?;
-    Ok(Some(all.get(quantity.name()).cloned().unwrap_or_default()))
+    Ok(Some(by_quantity.get(quantity.name()).cloned().unwrap_or_default()))
 }
 
 /// The differences that show that the file was made from another database.
