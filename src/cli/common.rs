@@ -34,7 +34,8 @@ pub(super) struct GridArgs {
 /// The number of threads to run on.
 #[derive(Debug, Clone, Copy, clap::Args)]
 pub(super) struct ThreadArgs {
-    /// Number of threads [default: SLURM_CPUS_PER_TASK, else RAYON_NUM_THREADS, else the processors available to this process]
+    /// Number of threads [default: SLURM_CPUS_PER_TASK, else RAYON_NUM_THREADS, else the
+    /// processors available to this process]
     #[arg(long, value_name = "N", value_parser = clap::value_parser!(u16).range(1..=i64::from(threads::MOST)))]
     threads: Option<u16>,
 }

@@ -110,7 +110,8 @@ mod tests {
     use ndarray::array;
     use proptest::prelude::*;
 
-    /// Checks that the basis is orthonormal, (M V)^T (M V) has Sigma^2 on its diagonal, and M V V^T = M.
+    /// Checks that the basis is orthonormal, that (M V)^T (M V) has Sigma^2 on its diagonal, and
+    /// that M V V^T = M.
     fn check(curves: &Array2<f64>) {
         let found = Decomposition::new(curves.view()).unwrap();
         let (rows, columns) = curves.dim();

@@ -39,7 +39,6 @@ use crate::parameter::{Point, Region};
 use crate::spectrum::Resampling;
 
 pub use measures::{ErrorSummary, Measures, QuantityErrors, WorstPoint};
-pub use measures::{Measures, QuantityErrors, Summary, WorstPoint};
 pub use patch::{Patch, Simulation};
 use trial::{PointKind, Trial};
 
@@ -84,6 +83,7 @@ pub struct Certification<'a> {
     pub file: &'a Database,
     /// The curves that the file was made from, at its wavelengths; see
     /// [`Database::from_curves`].
+    pub exact: &'a Database,
     /// Colorimeter for the wavelengths of `grid`; `None` if they determine no colour.
     pub colour: Option<&'a Colorimeter>,
     /// Least number of random points.

@@ -36,7 +36,6 @@ pub(super) fn choose(
     while score.max >= bound {
         if !go_on(&nodes, score)? {
             return Ok((nodes, score));
-            return Ok((nodes, here));
         }
         let steps = scored(training, inserted(training, &nodes))?;
         // The improvement of the error per increase in size, both as logarithms of factors.

@@ -26,7 +26,6 @@ fn certification<'a>(
 ) -> Certification<'a> {
     Certification {
         grid: context.grid,
-        grid: subject.grid,
         regions,
         file,
         exact,

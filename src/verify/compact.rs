@@ -4,8 +4,7 @@ use std::collections::BTreeMap;
 use serde::Deserialize;
 use serde_json::Value;
 
-use super::VerifyError;
-use super::{Check, CheckContext, CheckedValue};
+use super::{Check, CheckContext, CheckedValue, VerifyError};
 use crate::colour::{Colorimeter, Viewing};
 use crate::compress::{
     BAND_ERRORS, BOUNDS, BandError, BandErrors, Bounds, ERROR_TABLE, PROVENANCE, errors_of, rmse_in,
@@ -174,7 +173,12 @@ fn band_errors(database: &Database, quantity: Quantity) -> Result<Option<Vec<Ban
     };
     let by_quantity: BTreeMap<String, Vec<BandError>> = serde_json::from_str(text)
         .map_err(|e| format!("its metadata `{BAND_ERRORS}` cannot be read: {e}"))?;
-    Ok(Some(by_quantity.get(quantity.name()).cloned().unwrap_or_default()))
+    Ok(Some(
+        by_quantity
+            .get(quantity.name())
+            .cloned()
+            .unwrap_or_default(),
+    ))
 }
 
 /// The differences that show that the file was made from another database.

@@ -29,7 +29,7 @@ use crate::store::{self, Store, StoreError, Variable};
 pub use answers::{POINT_RAYS, tailored, tailored_walks};
 #[cfg(feature = "cli")]
 pub(crate) use compact::viewing;
-pub use report::{Check, Figure, Report};
+pub use report::{Check, CheckedValue, Report};
 
 /// Probability that the fresh simulations of one kind fail a correct database.
 pub const FALSE_ALARM: f64 = 1e-6;

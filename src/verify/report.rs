@@ -37,7 +37,7 @@ pub struct Check {
     /// Notes on the method and the number of samples.
     pub notes: Vec<String>,
     /// The measured values.
-    pub figures: Vec<Figure>,
+    pub figures: Vec<CheckedValue>,
     /// Problems other than bounds that do not hold.
     pub problems: Vec<String>,
 }

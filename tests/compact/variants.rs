@@ -355,7 +355,7 @@ fn the_writer_refuses_what_is_no_file() {
     };
     let other = compressed(Quantity::Reflectance, BOUNDS, variant);
     let error = try_bytes(Some(&plain), Some(&other)).unwrap_err();
-    assert!(error.contains("two variants"), "{error}");
+    assert!(error.contains("different variants"), "{error}");
     let mut short = plain.clone();
     short.coefficients = Coefficients::Quantised(Vec::new());
     assert!(try_bytes(Some(&short), None).is_err());

@@ -72,7 +72,8 @@ pub struct Candidate {
     pub setting: String,
     /// CPU seconds for one spectrum of the band, mean over the samples.
     pub cpu_seconds: f64,
-    /// The larger of the errors of transmittance and reflectance, on the sample with the largest error.
+    /// The larger of the errors of transmittance and reflectance, on the sample with the largest
+    /// error.
     pub error: f64,
     /// The standard error of the truth in the same measure; smaller errors cannot be resolved.
     pub floor: f64,

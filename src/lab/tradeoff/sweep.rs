@@ -167,6 +167,7 @@ impl<'a> Sweep<'a> {
 
     /// Runs one setting on one sample, band and seed.
     fn run_one(
+        &self,
         setting: &Setting,
         sample: &Sample,
         band: Band,
