@@ -17,7 +17,9 @@ use splitsnow::colour::Colorimeter;
 use splitsnow::compress::annotated;
 use splitsnow::config::scene;
 use splitsnow::engine::{Cache, Control};
-use splitsnow::error_budget::{ERROR_BUDGET, ErrorBudget, Measures, Patch, Simulation, Subject};
+use splitsnow::error_budget::{
+    Certification, ERROR_BUDGET, ErrorBudget, Measures, Patch, Simulation,
+};
 use splitsnow::tailor::{self, BETWEEN_WAVELENGTHS, SCENE};
 
 use splitsnow::lookup::Database;
@@ -182,7 +184,7 @@ fn the_certificate_sees_the_wavelengths_left_out() {
         let value = |(row, w): (usize, usize)| spectra[0][row].transmittance[kept[w]].value;
         let curves = Array2::from_shape_fn((9, kept.len()), value);
         let file = Database::from_curves(true, &axes, &nm, Some(&curves), None);
-        let subject = Subject {
+        let subject = Certification {
             grid: &grid,
             regions,
             file: &file,

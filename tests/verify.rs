@@ -265,7 +265,7 @@ fn a_compact_file_of_another_database_is_refused() {
     assert_fails(
         &report,
         COMPACT_CHECK,
-        "its seed is 8, that of the database 7",
+        "its seed is 8, but that of the database is 7",
     );
     assert!(
         report
@@ -301,7 +301,7 @@ fn changed_coefficients_are_found() {
     let first = f32::from_le_bytes(bytes[at..at + 4].try_into().unwrap());
     bytes[at..at + 4].copy_from_slice(&(first * 1.001).to_le_bytes());
     fs::write(&path, bytes).unwrap();
-    let message = "of transmittance, its coefficients give";
+    let message = "of transmittance, but its coefficients give";
     assert_fails(&verify_files(dir.path()), COMPACT_CHECK, message);
 }
 
@@ -395,7 +395,7 @@ fn changed_errors_of_a_band_fail() {
         ),
         (
             r#"{"transmittance":[]}"#.to_owned(),
-            "say nothing of visible",
+            "have no entry for visible",
         ),
         ("{".to_owned(), "`band_errors` cannot be read"),
     ] {

@@ -1,8 +1,8 @@
-//! The command line: one file per command, with its arguments and its `run`.
+//! The command line: one file per command, with its arguments and its `run` function.
 //!
-//! Results go to standard output, all else to standard error. Exit codes: 0
-//! when everything asked for is done, 1 with one line `error: ...`, 2 for a
-//! wrong command line, 130 when interrupted.
+//! Results go to standard output; warnings, notes and progress go to standard error.
+//! Exit codes: 0 on success, 1 after an error (one line `error: ...`), 2 for a wrong
+//! command line, 130 after an interruption.
 mod against;
 mod bar;
 mod build;
@@ -30,32 +30,32 @@ use clap::{Parser, Subcommand};
 
 use crate::atomic;
 
-/// Generates and compresses spectral databases of snow
+/// Generate and compress spectral databases of snow
 ///
-/// A first-principles Monte Carlo model walks light from grain to grain. A grid
-/// of snow parameters becomes a database of reflectance and transmittance
-/// spectra with their standard errors, and one small file that renderers and
-/// retrievals evaluate.
+/// A first-principles Monte Carlo model traces light from ice grain to ice grain.
+/// SPLITSnow simulates a grid of snow parameters and stores a database of reflectance
+/// and transmittance spectra with their standard errors. It compresses the database to
+/// one small file that renderers and retrievals evaluate.
 #[derive(Debug, Parser)]
-#[command(name = "splitsnow", version, after_help = STORY)]
+#[command(name = "splitsnow", version, after_help = TYPICAL_SEQUENCE)]
 struct Cli {
     #[command(subcommand)]
     command: Command,
 }
 
-const STORY: &str = "\
+const TYPICAL_SEQUENCE: &str = "\
 A typical sequence:
-  splitsnow plan configs/quick.toml     what it will take: jobs, time, bytes, errors
-  splitsnow build configs/quick.toml    the database, the compact file, the error table
+  splitsnow plan configs/quick.toml     estimate the jobs, time, bytes and errors
+  splitsnow build configs/quick.toml    make the database, the compact file, the error table
   splitsnow query out/quick --facetness 0.1 --grain-size-um 100 \\
       --density-kg-m3 200 --thickness-cm 1 --incidence-angle-deg 0
-                                        one spectrum of it, as CSV
+                                        print one spectrum as CSV
 
-`build` may be interrupted or killed at any time: the same command goes on where
-it stopped, and the result is the same to the byte.
+`build` may be interrupted or killed at any time. The same command then resumes, and
+the result is identical to the byte.
 
-`splitsnow help COMMAND` has the details and examples; README.md and the folder
-docs/ explain the model, the config files and the file formats.";
+`splitsnow help COMMAND` gives details and examples. README.md and the folder docs/
+explain the model, the config files and the file formats.";
 
 #[derive(Debug, Subcommand)]
 enum Command {
@@ -75,35 +75,36 @@ enum Command {
     Study(study::Args),
 }
 
-/// `words` with every number below zero joined to the option in front of it:
-/// `--incidence-angle-deg -1e-16` is `--incidence-angle-deg=-1e-16`, and no option of its own.
-fn joined(words: impl Iterator<Item = OsString>) -> Vec<OsString> {
-    let mut all: Vec<OsString> = Vec::new();
+/// Joins every negative number in `words` to the option before it, so that clap does not
+/// read the number as an option: `--incidence-angle-deg -1e-16` becomes
+/// `--incidence-angle-deg=-1e-16`.
+fn join_negative_numbers(words: impl Iterator<Item = OsString>) -> Vec<OsString> {
+    let mut joined: Vec<OsString> = Vec::new();
     for word in words {
         let text = word.to_str().unwrap_or_default();
         let is_number = text.starts_with('-') && text.parse::<f64>().is_ok();
-        match all.last_mut() {
-            Some(option) if is_number && is_open(option) => {
+        match joined.last_mut() {
+            Some(option) if is_number && lacks_value(option) => {
                 option.push("=");
                 option.push(&word);
             }
-            _ => all.push(word),
+            _ => joined.push(word),
         }
     }
-    all
+    joined
 }
 
-/// Whether a word is a long option without its value.
-fn is_open(word: &OsStr) -> bool {
+/// Whether `word` is a long option without `=VALUE`.
+fn lacks_value(word: &OsStr) -> bool {
     let text = word.to_str().unwrap_or_default();
     text.len() > 2 && text.starts_with("--") && !text.contains('=')
 }
 
-/// Runs the command that the arguments of this process ask for.
+/// Parses the arguments of this process and runs the command.
 #[must_use]
 pub fn run() -> ExitCode {
-    let cli = Cli::parse_from(joined(std::env::args_os()));
-    let done = match cli.command {
+    let cli = Cli::parse_from(join_negative_numbers(std::env::args_os()));
+    let result = match cli.command {
         Command::Plan(args) => plan::run(&args),
         Command::Build(args) => build::run(&args),
         Command::Compress(args) => compress::run(&args),
@@ -119,11 +120,11 @@ pub fn run() -> ExitCode {
     };
     if let Some((directory, error)) = atomic::unsynced() {
         common::warn(&[format!(
-            "{} cannot be synced to the disk ({error}); what was written there is in place, but a power loss in the next minute may undo it",
+            "{} cannot be synced to the disk ({error}); the files are in place, but a power loss in the next minute may undo the last writes",
             directory.display()
         )]);
     }
-    match done {
+    match result {
         Ok(()) => ExitCode::SUCCESS,
         Err(error) if error.is::<common::Interrupted>() => {
             common::note(&error.to_string());
@@ -148,7 +149,7 @@ mod tests {
     #[test]
     fn numbers_below_zero_belong_to_the_option_before() {
         let joined = |line: &str| {
-            let words = super::joined(line.split(' ').map(Into::into)).into_iter();
+            let words = super::join_negative_numbers(line.split(' ').map(Into::into)).into_iter();
             let words: Vec<_> = words.filter_map(|word| word.into_string().ok()).collect();
             words.join(" ")
         };

@@ -1,4 +1,4 @@
-//! `simulate`: the virtual spectrophotometer on one snow sample.
+//! `splitsnow simulate`: a virtual spectrophotometer for one snow sample.
 use std::fmt::Write;
 use std::path::PathBuf;
 
@@ -13,26 +13,32 @@ use crate::simulation::{RAYS, Simulation};
 
 /// Measure reflectance and transmittance of one snow sample, with standard errors
 ///
-/// Prints CSV: wavelength_nm, reflectance, reflectance_se, transmittance,
-/// transmittance_se, absorptance. Lines that start with # come first and say
-/// what was measured. The absorptance is 1 - reflectance - transmittance: rays
-/// stopped at the event limit count in it, and their share is told if there
-/// are any. The result depends on the sample, engine, rays and seed alone.
+/// Prints CSV: wavelength_nm, reflectance, reflectance_se, transmittance, transmittance_se,
+/// absorptance. Comment lines that start with # come first and describe the simulation. The
+/// absorptance is 1 - reflectance - transmittance; it includes the rays stopped at the event
+/// limit, whose share is printed if there are any. The result depends only on the sample,
+/// engine, rays and seed.
 ///
-/// With --against, prints instead how far the simulation is from a measured
-/// spectrum: root mean square error and bias, overall and per band, in lines that
-/// start with #, then CSV: wavelength_nm, simulated, simulated_se, measured,
-/// residual (simulated - measured), excluded.
+/// With --against, prints instead how well the simulation agrees with a measured spectrum:
+/// root mean square error and bias, overall and per band, in lines that start with #; then
+/// CSV: wavelength_nm, simulated, simulated_se, measured, residual (simulated - measured),
+/// excluded.
 #[derive(Debug, clap::Args)]
+#[command(after_long_help = "\
+Examples:
+  splitsnow simulate configs/samples/representative.toml
+  splitsnow simulate configs/samples/representative.toml --engine spectral --rays 100000 --json
+  splitsnow simulate configs/samples/representative.toml --goniometer --principal-plane
+  splitsnow simulate mine.toml --against measured.csv --plot residuals.svg")]
 pub(super) struct Args {
     /// Sample file (TOML)
     #[arg(value_name = "SAMPLE.toml")]
     sample: PathBuf,
-    /// How light is simulated
+    /// Engine that simulates the sample
     #[arg(long, default_value = Engine::Auto.name(), value_parser = common::engine_parser())]
     engine: Engine,
-    /// Walks: per wavelength in `reference`, per node of refractive index in
-    /// `spectral` and `tabulated`, and in `hybrid` (`auto`) from every direction
+    /// Rays: per wavelength in `reference`, per node of refractive index in `spectral` and
+    /// `tabulated`, and per direction of incidence in `hybrid` (`auto`)
     #[arg(long, default_value_t = RAYS, value_parser = clap::value_parser!(u64).range(1..))]
     rays: u64,
     /// Seed of the random numbers
@@ -40,7 +46,7 @@ pub(super) struct Args {
     seed: u64,
     #[command(flatten)]
     threads: ThreadArgs,
-    /// Print JSON: one list per column, and the share of lost rays
+    /// Print JSON: one list per column, and the share of lost rays per wavelength
     #[arg(long)]
     json: bool,
     #[command(flatten)]
@@ -59,8 +65,8 @@ pub(super) fn run(args: &Args) -> anyhow::Result<()> {
         .engine(args.engine)
         .rays(args.rays)
         .seed(args.seed);
-    if args.exits.asks() {
-        let job = goniometer::Job {
+    if args.exits.is_requested() {
+        let job = goniometer::SharedOptions {
             sample: args.sample.display().to_string(),
             engine: args.engine,
             request: simulation.request(),
@@ -98,12 +104,12 @@ pub(super) fn run(args: &Args) -> anyhow::Result<()> {
     Ok(())
 }
 
-/// What is neither reflected nor transmitted.
+/// The share of light that is neither reflected nor transmitted.
 fn absorptance(reflectance: &Measured, transmittance: &Measured) -> f64 {
     1.0 - reflectance.value - transmittance.value
 }
 
-/// What was measured, in lines that start with #.
+/// The comment lines that describe the simulation: version, sample, engine, rays, seed.
 fn comments(args: &Args, engine: Engine, spectrum: &Spectrum) -> String {
     let sample = common::one_line(&args.sample);
     let (version, engine) = (env!("CARGO_PKG_VERSION"), engine.name());
@@ -127,7 +133,7 @@ fn csv_rows(wavelengths_nm: &[f64], spectrum: &Spectrum) -> String {
     );
     let measured = spectrum.reflectance.iter().zip(&spectrum.transmittance);
     for (nm, (r, t)) in wavelengths_nm.iter().zip(measured) {
-        // The shortest decimals that read back as the same numbers.
+        // `{:?}` prints the shortest decimals that read back as the same number.
         let absorptance = absorptance(r, t);
         let _ = writeln!(
             out,
@@ -140,8 +146,9 @@ fn csv_rows(wavelengths_nm: &[f64], spectrum: &Spectrum) -> String {
 
 fn json_value(args: &Args, engine: Engine, wavelengths_nm: &[f64], spectrum: &Spectrum) -> Value {
     let (r, t) = (&spectrum.reflectance, &spectrum.transmittance);
-    let list =
-        |of: &[Measured], part: fn(&Measured) -> f64| -> Vec<f64> { of.iter().map(part).collect() };
+    let list = |column: &[Measured], part: fn(&Measured) -> f64| -> Vec<f64> {
+        column.iter().map(part).collect()
+    };
     let absorptance: Vec<f64> = r.iter().zip(t).map(|(r, t)| absorptance(r, t)).collect();
     json!({
         "version": env!("CARGO_PKG_VERSION"),

@@ -1,4 +1,4 @@
-//! `splitsnow tailor`: the smallest database that serves a scene.
+//! `splitsnow tailor`: makes the smallest database for a scene.
 use std::fmt::Write;
 use std::path::{Path, PathBuf};
 
@@ -15,14 +15,15 @@ use crate::scene::Scene;
 use crate::store::COMPACT;
 use crate::tailor::{self, TailorError, TailoredFile};
 
-/// Make the smallest database that serves a scene within its colour bound
+/// Make the smallest compact file that keeps a scene's colour bound
 ///
-/// A scene file names the snow, thicknesses and angles that a renderer will ask
-/// for, the light, and the largest colour difference allowed between what it gets
-/// and a converged simulation. `tailor` simulates candidates, chooses the wavelengths,
-/// nodes, components and bits that hold the bound in the fewest bytes, and certifies
-/// the file at random points with fresh simulations. Between the wavelengths kept,
-/// spectra are linear. The file is `snow.safetensors`; `splitsnow verify` proves it anew.
+/// A scene file gives the snow, thicknesses and incidence angles that a renderer will look
+/// up, the illuminants, and the largest colour difference allowed between a look-up and a
+/// converged simulation. `tailor` simulates candidate nodes, chooses the wavelengths, nodes,
+/// components and bits that keep the bound in the fewest bytes, and certifies the file at
+/// random points with fresh simulations. Spectra are linear between the stored wavelengths.
+/// The file is `snow.safetensors` in the output directory; `splitsnow verify` proves the
+/// bound again.
 #[derive(Debug, clap::Args)]
 #[command(after_long_help = "\
 Examples:
@@ -32,10 +33,10 @@ pub(super) struct Args {
     /// Scene file, such as configs/scenes/block.toml
     #[arg(value_name = "SCENE.toml")]
     scene: PathBuf,
-    /// Output directory [default: out/<name of the scene file>]
+    /// Output directory [default: out/NAME, where NAME is the name of the scene file]
     #[arg(long, value_name = "DIR")]
     out: Option<PathBuf>,
-    /// Random points that certify the file
+    /// Random points at which the file is certified, 16 to 100000
     #[arg(long, value_name = "N", default_value_t = 512, value_parser = clap::value_parser!(u64).range(16..=100_000))]
     points: u64,
     #[command(flatten)]
@@ -55,9 +56,13 @@ pub(super) fn run(args: &Args) -> anyhow::Result<()> {
     let spinner = Spinner::new("reading");
     let text = file.self_contained();
     let tailored = walking::run(args.threads, None, cancel, |control| {
-        tailor::tailor(&file.scene, &text, args.points as usize, control, &|what| {
-            spinner.say(what)
-        })
+        tailor::tailor(
+            &file.scene,
+            &text,
+            args.points as usize,
+            control,
+            &|activity| spinner.say(activity),
+        )
     })?;
     drop(spinner);
     let tailored = match tailored {
@@ -77,9 +82,10 @@ pub(super) fn run(args: &Args) -> anyhow::Result<()> {
     })
 }
 
+/// The report as JSON.
 fn report(scene: &Scene, tailored: &TailoredFile, path: &Path) -> serde_json::Value {
-    let quantities = tailored.compressed.iter().map(|(quantity, one)| {
-        let about = json!({ "components": one.components(), "bits": one.coefficients.bits() });
+    let quantities = tailored.compressed.iter().map(|(quantity, model)| {
+        let about = json!({ "components": model.components(), "bits": model.coefficients.bits() });
         (quantity.name().to_owned(), about)
     });
     let axes = tailored.axes.iter();
@@ -95,6 +101,7 @@ fn report(scene: &Scene, tailored: &TailoredFile, path: &Path) -> serde_json::Va
     })
 }
 
+/// The report as text: axes, wavelengths, components, savings and error budget.
 fn text_report(scene: &Scene, tailored: &TailoredFile, path: &Path) -> String {
     let mut text = String::new();
     let mut nodes = 1;
@@ -104,28 +111,37 @@ fn text_report(scene: &Scene, tailored: &TailoredFile, path: &Path) -> String {
         let list: Vec<String> = values.iter().map(f64::to_string).collect();
         let among = match (values.len(), candidates) {
             (1, _) => "one value: no axis of its own".to_owned(),
-            (n, all) => format!("{n} of {all} candidates"),
+            (count, all) => format!("{count} of {all} candidates"),
         };
         let _ = writeln!(text, "{name:<20} {} ({among})", list.join(", "));
     }
     let wavelengths = tailored.database.wavelengths_nm();
     let list: Vec<String> = wavelengths.iter().map(f64::to_string).collect();
-    let (n, all) = (wavelengths.len(), scene.wavelengths_nm.len());
-    let between = if n < all { ", linear between" } else { "" };
+    let (count, candidates) = (wavelengths.len(), scene.wavelengths_nm.len());
+    let between = if count < candidates {
+        ", linear between"
+    } else {
+        ""
+    };
     let list = list.join(", ");
     let _ = writeln!(
         text,
-        "{:<21}{list} ({n} of {all}{between})",
+        "{:<21}{list} ({count} of {candidates}{between})",
         "wavelength_nm"
     );
-    for (quantity, one) in &tailored.compressed {
-        let bits: Vec<String> = one.coefficients.bits().iter().map(u32::to_string).collect();
+    for (quantity, model) in &tailored.compressed {
+        let bits: Vec<String> = model
+            .coefficients
+            .bits()
+            .iter()
+            .map(u32::to_string)
+            .collect();
         let _ = writeln!(
             text,
             "{:<21}{} components of {}, {} bits",
             quantity.name(),
-            one.components(),
-            if one.kind == Basis::Log {
+            model.components(),
+            if model.kind == Basis::Log {
                 "-ln"
             } else {
                 "the spectra"
@@ -133,7 +149,7 @@ fn text_report(scene: &Scene, tailored: &TailoredFile, path: &Path) -> String {
             bits.join(", ")
         );
     }
-    let _ = writeln!(text, "{}", left_out(scene, tailored, nodes));
+    let _ = writeln!(text, "{}", savings(scene, tailored, nodes));
     let _ = writeln!(text, "\n{}\n", tailored.error_budget);
     let (bytes, bound) = (
         common::bytes(tailored.bytes.len() as u64),
@@ -153,17 +169,17 @@ fn text_report(scene: &Scene, tailored: &TailoredFile, path: &Path) -> String {
     text
 }
 
-/// What the scene did not ask for, and the bytes that it would have taken.
-fn left_out(scene: &Scene, tailored: &TailoredFile, nodes: usize) -> String {
-    let all: usize = tailored.candidates.iter().product();
+/// The candidates that the file leaves out, and the bytes that this saves.
+fn savings(scene: &Scene, tailored: &TailoredFile, nodes: usize) -> String {
+    let candidates: usize = tailored.candidates.iter().product();
     let wavelengths = scene.wavelengths_nm.len();
-    let plain = 2 * all * wavelengths * size_of::<f32>();
-    let mut parts = vec![format!("{} of {all} nodes", all - nodes)];
-    let kept = tailored.database.wavelengths_nm().len();
-    if kept < wavelengths {
+    let plain_bytes = 2 * candidates * wavelengths * size_of::<f32>();
+    let mut parts = vec![format!("{} of {candidates} nodes", candidates - nodes)];
+    let stored = tailored.database.wavelengths_nm().len();
+    if stored < wavelengths {
         parts.push(format!(
             "{} of {wavelengths} wavelengths",
-            wavelengths - kept
+            wavelengths - stored
         ));
     }
     if scene.quantities.len() == 1 {
@@ -177,7 +193,7 @@ fn left_out(scene: &Scene, tailored: &TailoredFile, nodes: usize) -> String {
     if !fixed.is_empty() {
         parts.push(format!("the axes {}", fixed.join(", ")));
     }
-    let saved = (plain as u64).saturating_sub(tailored.bytes.len() as u64);
+    let saved = (plain_bytes as u64).saturating_sub(tailored.bytes.len() as u64);
     format!(
         "left out        {}; {} less than plain spectra at all candidates",
         parts.join("; "),

@@ -1,5 +1,4 @@
-//! What commands that simulate without storing have in common: threads and
-//! a progress bar.
+//! Threads and a progress bar for the commands that simulate without storing.
 use std::io::{self, IsTerminal};
 use std::sync::atomic::{AtomicBool, AtomicU64, Ordering};
 use std::sync::mpsc::{self, Receiver, RecvTimeoutError};
@@ -11,14 +10,17 @@ use indicatif::{ProgressBar, ProgressStyle};
 use super::common::ThreadArgs;
 use crate::engine::{Cache, Control};
 
-/// No bar for what takes less.
+/// A run shorter than this shows no progress bar.
 const PATIENCE: Duration = Duration::from_secs(1);
-/// Between two redraws.
+/// Time between two redraws.
 const TICK: Duration = Duration::from_millis(250);
 
-/// Does `work` of `walks` walks on as many threads as asked for, with a
-/// progress bar on standard error if that is a terminal and they are known;
-/// `cancel` stops it.
+/// Runs `work`, which traces `walks` walks, on the requested number of threads. Shows a
+/// progress bar on standard error if that is a terminal and `walks` is known. `cancel` stops
+/// the work.
+///
+/// # Errors
+/// If the threads cannot be started.
 pub(super) fn run<T: Send>(
     threads: ThreadArgs,
     walks: Option<u64>,
@@ -28,7 +30,7 @@ pub(super) fn run<T: Send>(
     let pool = rayon::ThreadPoolBuilder::new()
         .num_threads(threads.count()?)
         .build()
-        .context("cannot start the threads; ask for fewer with --threads")?;
+        .context("cannot start the threads; give a smaller --threads")?;
     let (rays_done, cache) = (AtomicU64::new(0), Cache::default());
     let control = Control {
         parallel: true,
@@ -37,33 +39,33 @@ pub(super) fn run<T: Send>(
         cache: &cache,
     };
     Ok(std::thread::scope(|scope| {
-        let (working, ended) = mpsc::channel::<()>();
+        let (work_sender, work_ended) = mpsc::channel::<()>();
         if let Some(walks) = walks.filter(|_| io::stderr().is_terminal()) {
             let rays_done = &rays_done;
-            scope.spawn(move || show(ended, rays_done, walks));
+            scope.spawn(move || show(work_ended, rays_done, walks));
         }
         let result = pool.install(|| work(&control));
-        drop(working);
+        drop(work_sender);
         result
     }))
 }
 
-/// Shows a bar until the sender of `ended` is gone.
+/// Shows a progress bar until the sender of `ended` is dropped.
 fn show(ended: Receiver<()>, rays_done: &AtomicU64, walks: u64) {
     let start = Instant::now();
-    let waiting = |time| ended.recv_timeout(time) == Err(RecvTimeoutError::Timeout);
-    if !waiting(PATIENCE) {
+    let still_running = |time| ended.recv_timeout(time) == Err(RecvTimeoutError::Timeout);
+    if !still_running(PATIENCE) {
         return;
     }
     let bar = ProgressBar::new(walks).with_elapsed(start.elapsed());
     let template = "{wide_bar} {percent}%, {per_sec} rays, {eta} left";
-    // A template that does not parse would only cost the looks.
+    // If the template does not parse, the bar keeps its default style.
     if let Ok(style) = ProgressStyle::with_template(template) {
         bar.set_style(style);
     }
     loop {
         bar.set_position(rays_done.load(Ordering::Relaxed));
-        if !waiting(TICK) {
+        if !still_running(TICK) {
             break;
         }
     }

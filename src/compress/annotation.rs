@@ -1,15 +1,16 @@
-//! Changes entries of the metadata of a compact file.
+//! Changes metadata entries of a compact file.
 use std::collections::BTreeMap;
 
 use serde_json::Value;
 
 use super::CompactError;
 
-/// `bytes`, a compact file, with each metadata key in `entries` set to its value, or
-/// removed if that is `None`. All else stays, to the byte.
+/// The compact file `bytes` with each metadata key in `entries` set to its value, or
+/// removed if the value is `None`. Everything else stays the same to the byte.
 ///
 /// # Errors
-/// [`CompactError::Content`] if `bytes` are no such file, [`CompactError::Header`].
+/// [`CompactError::Content`] if `bytes` are not a safetensors file;
+/// [`CompactError::Header`] if their header is not valid JSON.
 pub fn annotated(bytes: &[u8], entries: &[(&str, Option<&str>)]) -> Result<Vec<u8>, CompactError> {
     let broken = || CompactError::Content("it is not a safetensors file".into());
     let (length, rest) = bytes.split_first_chunk::<8>().ok_or_else(broken)?;

@@ -1,4 +1,4 @@
-//! The numbers of an error budget, and how they read.
+//! The numbers of an error budget and their printed form.
 use std::collections::BTreeMap;
 use std::fmt;
 
@@ -7,77 +7,80 @@ use serde::{Deserialize, Serialize};
 use super::ErrorBudget;
 use crate::compress::CurveError;
 
-/// Worst points named.
+/// Number of worst points listed.
 const NAMED: usize = 3;
 
-/// Errors of many spectra; in files mean, 95th percentile and maximum as an array.
+/// Statistics of the errors of many spectra. Files hold mean, 95th percentile and maximum as
+/// an array.
 #[derive(Debug, Clone, Copy, PartialEq, Default, Serialize, Deserialize)]
 #[serde(into = "[f64; 3]", from = "[f64; 3]")]
-pub struct Summary {
+pub struct ErrorSummary {
     /// Mean.
     pub mean: f64,
     /// 95th percentile.
     pub p95: f64,
-    /// Largest.
+    /// Maximum.
     pub max: f64,
 }
 
-impl From<Summary> for [f64; 3] {
-    fn from(Summary { mean, p95, max }: Summary) -> Self {
+impl From<ErrorSummary> for [f64; 3] {
+    fn from(ErrorSummary { mean, p95, max }: ErrorSummary) -> Self {
         [mean, p95, max]
     }
 }
 
-impl From<[f64; 3]> for Summary {
+impl From<[f64; 3]> for ErrorSummary {
     fn from([mean, p95, max]: [f64; 3]) -> Self {
         Self { mean, p95, max }
     }
 }
 
-/// The errors of many spectra in both measures.
+/// The errors of many spectra, as colour difference and as RMSE.
 #[derive(Debug, Clone, Copy, PartialEq, Default, Serialize, Deserialize)]
 pub struct Measures {
-    /// Delta-E; `None` where the wavelengths have no colour.
-    pub delta_e: Option<Summary>,
+    /// Delta-E; `None` if the wavelengths do not determine a colour.
+    pub delta_e: Option<ErrorSummary>,
     /// RMSE over the wavelengths.
-    pub rmse: Summary,
+    pub rmse: ErrorSummary,
 }
 
-/// One of the worst points.
+/// One of the points with the largest errors.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub struct WorstPoint {
-    /// Where.
+    /// The point as text.
     pub at: String,
-    /// Delta-E there.
+    /// Delta-E at the point; `None` if the wavelengths do not determine a colour.
     pub delta_e: Option<f64>,
-    /// RMSE there.
+    /// RMSE at the point.
     pub rmse: f64,
 }
 
 /// The errors of one quantity.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub struct QuantityErrors {
-    /// The file's answers against the truth, anywhere.
+    /// The file against the truth at random points: the whole chain.
     pub total: Measures,
-    /// The file's answers against those of its curves.
+    /// The file against the curves that it was made from.
     pub compression: Measures,
-    /// The curves' answers against the truth at the file's wavelengths: simulation and
-    /// interpolation.
+    /// The interpolated curves against the truth at the file's wavelengths: the errors of
+    /// simulation and interpolation.
     pub interpolation: Measures,
-    /// The curves against the truth on nodes; `None` if none was tried.
+    /// The curves against the truth at nodes; `None` if no node was simulated.
     pub simulation: Option<Measures>,
-    /// The straight lines between the file's wavelengths; `None` where it has all.
+    /// The error of linear interpolation between the file's wavelengths; `None` if the file
+    /// has all wavelengths of the truth.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub wavelengths: Option<Measures>,
-    /// What the truth's own standard error amounts to.
+    /// The difference that one standard error of the truth makes.
     pub noise: Measures,
-    /// The curves' answers off the nodes in one axis alone, by its name.
+    /// The interpolated curves against the truth at points off the nodes in one axis only, by
+    /// the name of the axis.
     pub axes: BTreeMap<String, Measures>,
-    /// The points of the largest errors of the whole chain, the worst first.
+    /// The random points with the largest errors of the whole chain, largest first.
     pub worst: Vec<WorstPoint>,
 }
 
-/// Errors on their way into a [`QuantityErrors`].
+/// Collects errors for [`QuantityErrors`].
 #[derive(Default)]
 pub(super) struct Collector {
     pub(super) total: Vec<(String, CurveError)>,
@@ -90,8 +93,9 @@ pub(super) struct Collector {
 }
 
 impl Collector {
+    /// The summaries of the errors collected.
     pub(super) fn finish(mut self) -> QuantityErrors {
-        // by what the eye sees, where there is a colour
+        // The worst points are those of the largest Delta-E, or RMSE if there is no colour.
         let size = |e: &CurveError| e.delta_e.unwrap_or(e.rmse);
         self.total.sort_by(|a, b| size(&b.1).total_cmp(&size(&a.1)));
         let worst = self.total.iter().take(NAMED).map(|(at, error)| WorstPoint {
@@ -106,8 +110,8 @@ impl Collector {
             total: measures(&total),
             compression: measures(&self.compression),
             interpolation: measures(&self.interpolation),
-            simulation: some(&self.simulation),
-            wavelengths: some(&self.wavelengths),
+            simulation: optional_measures(&self.simulation),
+            wavelengths: optional_measures(&self.wavelengths),
             noise: measures(&self.noise),
             axes: axes
                 .map(|(name, errors)| (name, measures(&errors)))
@@ -117,32 +121,35 @@ impl Collector {
     }
 }
 
-fn some(errors: &[CurveError]) -> Option<Measures> {
+/// The summary of `errors`; `None` if there are none.
+fn optional_measures(errors: &[CurveError]) -> Option<Measures> {
     (!errors.is_empty()).then(|| measures(errors))
 }
 
+/// The summary of `errors`.
 fn measures(errors: &[CurveError]) -> Measures {
     let colours: Option<Vec<f64>> = errors.iter().map(|e| e.delta_e).collect();
     Measures {
-        delta_e: colours.filter(|all| !all.is_empty()).map(summary),
+        delta_e: colours.filter(|list| !list.is_empty()).map(summary),
         rmse: summary(errors.iter().map(|e| e.rmse).collect()),
     }
 }
 
-fn summary(mut values: Vec<f64>) -> Summary {
+/// Mean, 95th percentile and maximum, to four digits.
+fn summary(mut values: Vec<f64>) -> ErrorSummary {
     values.sort_by(f64::total_cmp);
     let n = values.len();
     let Some(&max) = values.last() else {
-        return Summary::default();
+        return ErrorSummary::default();
     };
-    Summary {
+    ErrorSummary {
         mean: four_digits(values.iter().sum::<f64>() / n as f64),
         p95: four_digits(values[(n * 95).div_ceil(100).max(1) - 1]),
         max: four_digits(max),
     }
 }
 
-/// More is not known of any of these.
+/// `value` rounded to four significant digits, which exceeds the precision of any error here.
 fn four_digits(value: f64) -> f64 {
     format!("{value:.3e}").parse().unwrap_or(value)
 }
@@ -163,12 +170,12 @@ impl fmt::Display for ErrorBudget {
             let mut line = |name: &str, measures: &Measures| {
                 write!(f, "\n  {name:<32}")?;
                 match measures.delta_e {
-                    Some(Summary { mean, p95, max }) => {
+                    Some(ErrorSummary { mean, p95, max }) => {
                         write!(f, "{mean:>8.3}{p95:>8.3}{max:>8.3}")?;
                     }
                     None => write!(f, "{:>24}", "-")?,
                 }
-                let Summary { mean, p95, max } = measures.rmse;
+                let ErrorSummary { mean, p95, max } = measures.rmse;
                 write!(f, "{mean:>11.6}{p95:>10.6}{max:>10.6}")
             };
             line("whole chain", &chain.total)?;
@@ -204,6 +211,6 @@ mod tests {
         let found = summary(values);
         assert_eq!((found.mean, found.p95, found.max), (50.5, 95.0, 100.0));
         assert_eq!(summary(vec![3.0]).p95, 3.0);
-        assert_eq!(summary(Vec::new()), Summary::default());
+        assert_eq!(summary(Vec::new()), ErrorSummary::default());
     }
 }

@@ -1,24 +1,24 @@
-//! The error error budget of a compact file: how far its answers are from fresh
-//! simulations, anywhere in its box (docs/methods.md).
+//! The error budget of a compact file: how far its look-ups are from fresh simulations,
+//! anywhere in its box (docs/methods.md).
 //!
-//! An answer carries three errors: the simulation's, the compression's and the
-//! interpolation's. The whole is measured against fresh simulations of many more
-//! walks at random points; the parts by asking the curves the file was made
-//! from as well, through the same look-up:
+//! A look-up carries three errors: of the simulation, the compression and the
+//! interpolation. The total error (the whole chain) is measured against fresh simulations of
+//! many more rays at random points. To separate the parts, the curves that the file was made
+//! from are evaluated as well, by the same interpolation:
 //!
 //! - **compression**: the file against those curves, at the same points;
-//! - **interpolation** (with the simulation's): those curves against the truth;
-//! - **simulation**: the same on nodes, where nothing is interpolated;
-//! - the interpolation along each axis alone;
-//! - and, of a file with fewer wavelengths than the truth, the **wavelengths**: the
-//!   truth with straight lines between those of the file, which interpolation and
-//!   simulation are compared with, against the truth itself.
+//! - **interpolation** (and simulation): those curves against the truth;
+//! - **simulation**: those curves against the truth at nodes, where nothing is interpolated;
+//! - the interpolation error along each axis alone;
+//! - **wavelengths**, for a file with fewer wavelengths than the truth: the truth, linear
+//!   between the wavelengths of the file, against the truth itself. Interpolation and
+//!   simulation are compared with the former.
 //!
-//! Answers are compared at the wavelengths of the truth.
+//! Spectra are compared at the wavelengths of the truth.
 //!
-//! The truth has noise of its own, told beside them: what a standard error at all
-//! wavelengths at once would change. It does not hold what all engines have in
-//! common, nor the method's own error of the engine that made it
+//! The truth has noise of its own. The budget states it as the difference that one standard
+//! error, at all wavelengths at once, would make. The budget does not include errors that all
+//! engines share, nor the method error of the engine that made the truth
 //! (docs/stability.md).
 mod measures;
 mod patch;
@@ -38,76 +38,77 @@ use crate::measurement::{Quantity, Spectrum};
 use crate::parameter::{Point, Region};
 use crate::spectrum::Resampling;
 
-pub use measures::{Measures, QuantityErrors, Summary, WorstPoint};
+pub use measures::{ErrorSummary, Measures, QuantityErrors, WorstPoint};
 pub use patch::{Patch, Simulation};
-use trial::{Kind, Trial};
+use trial::{PointKind, Trial};
 
-/// Metadata key of an error budget in a compact file: its JSON.
+/// Metadata key of the error budget in a compact file; the value is JSON.
 pub const ERROR_BUDGET: &str = "error_budget";
 
-/// The same key in files of version 0.1.
+/// The metadata key of the error budget in files of version 0.1.
 pub const FORMER_KEY: &str = "certificate";
 
-/// Why nothing could be certified.
+/// The reason why no error budget could be measured.
 #[derive(Debug, Error)]
 #[non_exhaustive]
 pub enum ErrorBudgetError {
-    /// A point cannot be run.
+    /// The grid cannot simulate a point.
     #[error(transparent)]
     Grid(#[from] GridError),
     /// A fresh simulation failed.
-    #[error("fresh simulation of {at}: {source}")]
+    #[error("the fresh simulation of {snow} failed: {source}")]
     Engine {
-        /// Where.
-        at: String,
-        /// Why.
+        /// The snow simulated.
+        snow: String,
+        /// Error of the engine.
         source: EngineError,
     },
-    /// A file does not answer there.
+    /// A look-up failed.
     #[error(transparent)]
     Lookup(#[from] LookupError),
-    /// The caller asked it to stop.
+    /// The caller cancelled the run.
     #[error("cancelled")]
     Cancelled,
 }
 
-/// What is to be certified, and how.
+/// A compact file to certify, with the settings of the certification.
 #[derive(Debug, Clone, Copy)]
-pub struct Subject<'a> {
-    /// Laws of the grains, wavelengths and model of the simulations. Answers are
-    /// compared at its wavelengths, with straight lines between those of the databases.
+pub struct Certification<'a> {
+    /// Grain laws, wavelengths and model of the simulations. Spectra are compared at its
+    /// wavelengths; those of the databases are interpolated linearly.
     pub grid: &'a Grid,
-    /// Where points are drawn; at least one.
+    /// Regions in which random points are drawn; at least one.
     pub regions: &'a [Region],
-    /// The file.
+    /// The compact file.
     pub file: &'a Database,
-    /// The curves it was made from, as [`Database::from_curves`]; at its wavelengths.
+    /// The curves that the file was made from, at its wavelengths; see
+    /// [`Database::from_curves`].
     pub exact: &'a Database,
-    /// What colours are seen with; of the wavelengths of `grid`.
+    /// Colorimeter for the wavelengths of `grid`; `None` if they determine no colour.
     pub colour: Option<&'a Colorimeter>,
-    /// Points anywhere, at least.
+    /// Least number of random points.
     pub points: usize,
-    /// Walks of a fresh simulation.
+    /// Rays of a fresh simulation.
     pub rays: u64,
-    /// Chooses points and random numbers.
+    /// Seed that chooses the points and the random numbers.
     pub seed: u64,
 }
 
-/// What was found; the same for the same subject.
+/// The measured errors; the same for the same [`Certification`].
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub struct ErrorBudget {
-    /// Random points of the whole chain.
+    /// Number of random points at which the total error was measured.
     pub points: usize,
-    /// Walks per light and index node of the fresh simulations.
+    /// Rays per incidence angle and index node of the fresh simulations.
     pub rays: u64,
-    /// Seed of points and simulations.
+    /// Seed of the points and simulations.
     pub seed: u64,
-    /// The errors by name of the quantity.
+    /// The errors by the name of the quantity.
     pub quantities: BTreeMap<String, QuantityErrors>,
 }
 
 impl ErrorBudget {
-    /// The error budget in a compact file's metadata, if there is one.
+    /// The error budget in the metadata of a compact file; `None` if there is none.
     #[must_use]
     pub fn of(metadata: &BTreeMap<String, String>) -> Option<Self> {
         let text = [ERROR_BUDGET, FORMER_KEY]
@@ -117,42 +118,44 @@ impl ErrorBudget {
     }
 }
 
-/// What of an error budget there was time for.
+/// An error budget from the simulations that ended before the run was cancelled.
 #[derive(Debug, Clone, PartialEq)]
-pub struct Partial {
-    /// From what was simulated; `None` without a random point.
+pub struct PartialErrorBudget {
+    /// The errors measured; `None` if no simulation at a random point ended.
     pub error_budget: Option<ErrorBudget>,
-    /// Fresh simulations and random points left out, if any was.
-    pub left: Option<[usize; 2]>,
-    /// Points that were drawn where the file has no answer, for grains do not fit.
-    pub unanswered: usize,
+    /// Numbers of fresh simulations and of random points that were skipped; `None` if the
+    /// error budget is complete.
+    pub skipped: Option<[usize; 2]>,
+    /// Number of points drawn where the file has no curve, because grains do not fit.
+    pub uncovered: usize,
 }
 
-/// Random points of the whole chain.
-fn anywhere(trials: &[Trial]) -> usize {
+/// The number of random points in `trials`.
+fn count_anywhere(trials: &[Trial]) -> usize {
     let kinds = trials.iter().flat_map(|trial| &trial.kinds);
-    kinds.filter(|kind| **kind == Kind::Anywhere).count()
+    kinds.filter(|kind| **kind == PointKind::Anywhere).count()
 }
 
-/// Numbers of the trials in an order that has, wherever it ends, the same share of
-/// those anywhere and of those along the axes.
+/// Indices of the trials in an order in which every prefix has about the same shares of
+/// random points and of points along axes.
 fn interleaved(trials: &[Trial]) -> Vec<usize> {
-    let is_anywhere = |trial: &Trial| trial.kinds.iter().all(|kind| *kind == Kind::Anywhere);
+    let is_anywhere = |trial: &Trial| trial.kinds.iter().all(|kind| *kind == PointKind::Anywhere);
     let number = trials.iter().take_while(|trial| is_anywhere(trial)).count();
-    let place = |i: usize| {
-        let (before, of) = if i < number {
+    let position = |i: usize| {
+        let (before, total) = if i < number {
             (i, number)
         } else {
             (i - number, trials.len() - number)
         };
-        (before as f64 + 0.5) / of as f64
+        (before as f64 + 0.5) / total as f64
     };
     let mut order: Vec<usize> = (0..trials.len()).collect();
-    order.sort_by(|a, b| place(*a).total_cmp(&place(*b)));
+    order.sort_by(|a, b| position(*a).total_cmp(&position(*b)));
     order
 }
 
-impl Subject<'_> {
+impl Certification<'_> {
+    /// The fresh simulations.
     fn simulation(&self) -> Simulation<'_> {
         Simulation {
             grid: self.grid,
@@ -161,72 +164,80 @@ impl Subject<'_> {
         }
     }
 
-    /// And how many points drawn the file does not answer.
+    /// The trials, and the number of points drawn that the file does not cover.
     fn trials(&self) -> (Vec<Trial>, usize) {
-        let covered = |size, thickness| self.file.covers(size, thickness);
-        let (mut trials, unanswered) =
-            trial::anywhere(self.regions, self.points, self.seed, &covered);
-        // snow that a scene leaves out would be of no use to it
+        let is_covered = |size, thickness| self.file.covers(size, thickness);
+        let (mut trials, uncovered) =
+            trial::anywhere(self.regions, self.points, self.seed, &is_covered);
+        // With several regions, points along an axis could lie outside all of them.
         if self.regions.len() == 1 {
             let along = trial::along(self.file.axes(), self.seed).into_iter();
-            trials.extend(along.filter_map(|trial| trial.within(&covered)));
+            trials.extend(along.filter_map(|trial| trial.within(&is_covered)));
         }
-        (trials, unanswered)
+        (trials, uncovered)
     }
 
+    /// The patches of all trials.
     fn patches(&self) -> Vec<Patch> {
         let (trials, _) = self.trials();
         trials.into_iter().map(|trial| trial.patch).collect()
     }
 
-    /// How many walks [`Subject::certify`] does.
+    /// The number of walks that [`Certification::certify`] simulates.
     ///
     /// # Errors
-    /// A point cannot be run.
+    /// If the grid cannot simulate a point.
     pub fn walks(&self) -> Result<u64, ErrorBudgetError> {
         self.simulation().walks(&self.patches())
     }
 
-    /// Simulates and compares.
+    /// Simulates all points and compares them with the file.
     ///
     /// # Errors
-    /// See [`ErrorBudgetError`].
+    /// [`ErrorBudgetError`] of any kind.
     pub fn certify(&self, control: &Control) -> Result<ErrorBudget, ErrorBudgetError> {
-        let Partial {
-            error_budget, left, ..
-        } = self.certify_some(control)?;
-        let whole = error_budget.filter(|_| left.is_none());
-        whole.ok_or(ErrorBudgetError::Cancelled)
+        let PartialErrorBudget {
+            error_budget,
+            skipped,
+            ..
+        } = self.certify_until_cancelled(control)?;
+        let complete = error_budget.filter(|_| skipped.is_none());
+        complete.ok_or(ErrorBudgetError::Cancelled)
     }
 
-    /// The same from what was simulated when `control` said to stop.
+    /// Like [`Certification::certify`], but uses the simulations that ended if `control` is
+    /// cancelled.
     ///
     /// # Errors
-    /// See [`ErrorBudgetError`].
-    pub fn certify_some(&self, control: &Control) -> Result<Partial, ErrorBudgetError> {
-        let (trials, unanswered) = self.trials();
+    /// [`ErrorBudgetError::Grid`], [`ErrorBudgetError::Engine`] and
+    /// [`ErrorBudgetError::Lookup`].
+    pub fn certify_until_cancelled(
+        &self,
+        control: &Control,
+    ) -> Result<PartialErrorBudget, ErrorBudgetError> {
+        let (trials, uncovered) = self.trials();
         let patches: Vec<Patch> = trials.iter().map(|trial| trial.patch.clone()).collect();
         let truth = self
             .simulation()
-            .run_some(&patches, &interleaved(&trials), control)?;
-        let (total, patches) = (anywhere(&trials), trials.len());
-        let done = trials.into_iter().zip(truth);
-        let done = done.filter_map(|(trial, truth)| Some((trial, truth?)));
-        let (trials, truth): (Vec<Trial>, Vec<Vec<Spectrum>>) = done.unzip();
-        let points = anywhere(&trials);
-        let left = (trials.len() < patches).then(|| [patches - trials.len(), total - points]);
+            .run_in_order(&patches, &interleaved(&trials), control)?;
+        let (total, patches) = (count_anywhere(&trials), trials.len());
+        let ended = trials.into_iter().zip(truth);
+        let ended = ended.filter_map(|(trial, truth)| Some((trial, truth?)));
+        let (trials, truth): (Vec<Trial>, Vec<Vec<Spectrum>>) = ended.unzip();
+        let points = count_anywhere(&trials);
+        let skipped = (trials.len() < patches).then(|| [patches - trials.len(), total - points]);
         if points == 0 {
-            return Ok(Partial {
+            return Ok(PartialErrorBudget {
                 error_budget: None,
-                left,
-                unanswered,
+                skipped,
+                uncovered,
             });
         }
         let mut quantities = BTreeMap::new();
-        let there = Quantity::ALL.into_iter().filter(|q| self.file.has(*q));
-        for quantity in there {
-            let chain = self.chain(quantity, &trials, &truth)?;
-            quantities.insert(quantity.name().to_owned(), chain);
+        let held = Quantity::ALL.into_iter().filter(|q| self.file.has(*q));
+        for quantity in held {
+            let errors = self.errors(quantity, &trials, &truth)?;
+            quantities.insert(quantity.name().to_owned(), errors);
         }
         let error_budget = Some(ErrorBudget {
             points,
@@ -234,38 +245,39 @@ impl Subject<'_> {
             seed: self.seed,
             quantities,
         });
-        Ok(Partial {
+        Ok(PartialErrorBudget {
             error_budget,
-            left,
-            unanswered,
+            skipped,
+            uncovered,
         })
     }
 
-    fn chain(
+    /// The errors of one quantity at the points of `trials`, whose simulations are `truth`.
+    fn errors(
         &self,
         quantity: Quantity,
         trials: &[Trial],
         truth: &[Vec<Spectrum>],
     ) -> Result<QuantityErrors, ErrorBudgetError> {
         let lookups = |optional: Point| {
-            let mut found = Vec::new();
+            let mut lookups = Vec::new();
             for database in [self.file, self.exact] {
-                found.push(Lookup::new(&database.at(optional)?, quantity)?);
+                lookups.push(Lookup::new(&database.at(optional)?, quantity)?);
             }
-            Ok::<_, LookupError>(found)
+            Ok::<_, LookupError>(lookups)
         };
         let nm = &self.grid.wavelengths_nm;
-        let lines = Resampling::new(self.file.wavelengths_nm(), nm);
-        let fewer = nm != self.file.wavelengths_nm();
-        let there = Resampling::new(nm, self.file.wavelengths_nm());
-        let mut found = vec![0.0; self.file.wavelengths_nm().len()];
-        let mut ask = |lookup: &Lookup, point| -> Result<Vec<f64>, LookupError> {
-            lookup.spectrum(point, &mut found)?;
-            let found: Vec<f64> = found.iter().map(|v| f64::from(*v)).collect();
-            Ok(lines.apply(&found))
+        let to_truth = Resampling::new(self.file.wavelengths_nm(), nm);
+        let has_fewer = nm != self.file.wavelengths_nm();
+        let to_file = Resampling::new(nm, self.file.wavelengths_nm());
+        let mut buffer = vec![0.0; self.file.wavelengths_nm().len()];
+        let mut evaluate = |lookup: &Lookup, point| -> Result<Vec<f64>, LookupError> {
+            lookup.spectrum(point, &mut buffer)?;
+            let values: Vec<f64> = buffer.iter().map(|v| f64::from(*v)).collect();
+            Ok(to_truth.apply(&values))
         };
         let error = |a: &[f64], b: &[f64]| CurveError::between(a, b, self.colour);
-        let mut chain = measures::Collector::default();
+        let mut collector = measures::Collector::default();
         let mut current: Option<(Point, Vec<Lookup>)> = None;
         for (trial, truth) in trials.iter().zip(truth) {
             let optional = trial.patch.snow.optional();
@@ -275,35 +287,36 @@ impl Subject<'_> {
             };
             let points = trial.patch.points().zip(&trial.kinds).zip(truth);
             for ((point, kind), truth) in points {
-                let values = |add: f64| -> Vec<f64> {
-                    let all = truth.of(quantity).iter();
-                    all.map(|m| m.value + add * m.se).collect()
+                let values = |errors: f64| -> Vec<f64> {
+                    let measured = truth.of(quantity).iter();
+                    measured.map(|m| m.value + errors * m.se).collect()
                 };
                 let truth = values(0.0);
-                let (answer, curves) = (ask(&lookups[0], point)?, ask(&lookups[1], point)?);
-                let drawn = lines.apply(&there.apply(&truth));
-                let interpolated = error(&drawn, &curves);
+                let answer = evaluate(&lookups[0], point)?;
+                let curves = evaluate(&lookups[1], point)?;
+                let linear_truth = to_truth.apply(&to_file.apply(&truth));
+                let interpolated = error(&linear_truth, &curves);
                 match kind {
-                    Kind::Anywhere => {
-                        if fewer {
-                            chain.wavelengths.push(error(&truth, &drawn));
+                    PointKind::Anywhere => {
+                        if has_fewer {
+                            collector.wavelengths.push(error(&truth, &linear_truth));
                         }
                         let at = point.to_string();
-                        chain.total.push((at, error(&truth, &answer)));
-                        chain.compression.push(error(&curves, &answer));
-                        chain.interpolation.push(interpolated);
-                        chain.noise.push(error(&truth, &values(1.0)));
+                        collector.total.push((at, error(&truth, &answer)));
+                        collector.compression.push(error(&curves, &answer));
+                        collector.interpolation.push(interpolated);
+                        collector.noise.push(error(&truth, &values(1.0)));
                     }
-                    Kind::Along(parameter) => {
+                    PointKind::Along(parameter) => {
                         let name = parameter.name().to_owned();
-                        chain.axes.entry(name).or_default().push(interpolated);
+                        collector.axes.entry(name).or_default().push(interpolated);
                     }
-                    Kind::Slab => {}
-                    Kind::Nodes => chain.simulation.push(interpolated),
+                    PointKind::Slab => {}
+                    PointKind::Nodes => collector.simulation.push(interpolated),
                 }
             }
         }
-        Ok(chain.finish())
+        Ok(collector.finish())
     }
 }
 
@@ -313,7 +326,7 @@ mod tests {
     use crate::parameter::Parameter;
 
     #[test]
-    fn whatever_there_is_time_for_holds_both_kinds() {
+    fn every_prefix_holds_both_kinds() {
         let trial = |kind| Trial {
             patch: Patch {
                 snow: Point::from([(Parameter::Facetness, 0.3)]),
@@ -322,8 +335,8 @@ mod tests {
             },
             kinds: vec![kind],
         };
-        let mut trials: Vec<Trial> = (0..30).map(|_| trial(Kind::Anywhere)).collect();
-        trials.extend((0..10).map(|_| trial(Kind::Along(Parameter::GrainSize))));
+        let mut trials: Vec<Trial> = (0..30).map(|_| trial(PointKind::Anywhere)).collect();
+        trials.extend((0..10).map(|_| trial(PointKind::Along(Parameter::GrainSize))));
         let order = interleaved(&trials);
         for n in 1..=order.len() {
             let along = order[..n].iter().filter(|i| **i >= 30).count();
@@ -332,9 +345,9 @@ mod tests {
                 "{along} of {n}"
             );
         }
-        let mut all = order;
-        all.sort_unstable();
-        assert!(all.into_iter().eq(0..40));
+        let mut sorted = order;
+        sorted.sort_unstable();
+        assert!(sorted.into_iter().eq(0..40));
         assert_eq!(interleaved(&trials[..3]), [0, 1, 2]);
     }
 }

@@ -1,4 +1,4 @@
-//! Fresh simulations of single snows, at some thicknesses and angles each.
+//! Fresh simulations of snow at some thicknesses and incidence angles.
 use super::ErrorBudgetError;
 use crate::budget;
 use crate::engine::{Control, Engine, EngineError, Request};
@@ -8,30 +8,30 @@ use crate::parameter::{Parameter, Point};
 use crate::transport::{Illumination, Snowpack};
 use crate::units::cm_to_m;
 
-/// Thicknesses and angles of one snow.
+/// One snow at all combinations of some thicknesses and incidence angles.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Patch {
-    /// The snow, on all axes but thickness and incidence.
+    /// The snow: values on all axes but thickness and incidence angle.
     pub snow: Point,
     /// Thicknesses, cm, strictly increasing.
     pub thickness_cm: Vec<f64>,
-    /// Polar angles of incidence, degrees, strictly increasing.
+    /// Incidence angles from the normal, degrees, strictly increasing.
     pub angle_deg: Vec<f64>,
 }
 
-/// How patches are simulated.
+/// The settings with which patches are simulated.
 #[derive(Debug, Clone, Copy)]
 pub struct Simulation<'a> {
-    /// All but the axes and the run: laws of the grains, wavelengths, model.
+    /// Grain laws, wavelengths and model; its axes and run settings are not used.
     pub grid: &'a Grid,
-    /// Walks per light and index node.
+    /// Rays per incidence angle and index node.
     pub rays: u64,
-    /// Seed of its tables and walks.
+    /// Seed of the grain tables and walks.
     pub seed: u64,
 }
 
 impl Patch {
-    /// Its points, angles running fastest.
+    /// The points of the patch; incidence angles vary fastest.
     pub fn points(&self) -> impl Iterator<Item = Point> {
         self.thickness_cm.iter().flat_map(move |&thickness_cm| {
             let slab = self.snow.with(Parameter::Thickness, thickness_cm);
@@ -40,30 +40,30 @@ impl Patch {
         })
     }
 
-    /// How many points it has.
+    /// The number of points.
     #[must_use]
     pub fn len(&self) -> usize {
         self.thickness_cm.len() * self.angle_deg.len()
     }
 
-    /// Whether it has none.
+    /// Whether there are no points.
     #[must_use]
     pub fn is_empty(&self) -> bool {
         self.len() == 0
     }
 }
 
-/// A patch as an engine takes it.
-struct Prepared {
+/// A patch converted to the inputs of an engine.
+struct PreparedPatch {
     grid: Grid,
     snowpack: Snowpack,
     thicknesses_m: Vec<f64>,
     lights: Vec<Illumination>,
 }
 
-impl Prepared {
-    /// What to ask the engine for, one after another, and the position of the first
-    /// thickness and angle of each: all those at once that share their walks.
+impl PreparedPatch {
+    /// The requests to the engine, each with the indices of its first thickness and incidence
+    /// angle. A request includes all thicknesses and angles that share their walks.
     fn requests(&self, number: u64) -> impl Iterator<Item = ([usize; 2], Request<'_>)> {
         let engine = self.grid.run.engine;
         let slabs = match engine.shares_thicknesses() {
@@ -93,9 +93,8 @@ impl Prepared {
 }
 
 impl Simulation<'_> {
-    /// One patch, with an engine that holds there: `hybrid`, or `spectral` where that
-    /// refuses.
-    fn prepared(&self, patch: &Patch) -> Result<Prepared, ErrorBudgetError> {
+    /// Prepares a patch for `hybrid`, or for `spectral` where `hybrid` refuses the patch.
+    fn prepared(&self, patch: &Patch) -> Result<PreparedPatch, ErrorBudgetError> {
         let light = |deg: &f64| Illumination::Collimated {
             polar_angle_rad: deg.to_radians(),
         };
@@ -105,7 +104,7 @@ impl Simulation<'_> {
             rays: self.rays,
             ..self.grid.run
         };
-        let mut prepared = Prepared {
+        let mut prepared = PreparedPatch {
             snowpack: self.grid.snowpack(&patch.snow)?,
             thicknesses_m: patch.thickness_cm.iter().map(|cm| cm_to_m(*cm)).collect(),
             lights: patch.angle_deg.iter().map(light).collect(),
@@ -121,84 +120,85 @@ impl Simulation<'_> {
         Ok(prepared)
     }
 
-    /// Spectra of all points of all patches, in order.
+    /// Simulates all patches. Returns the spectra of the points of each patch, in order.
     ///
     /// # Errors
-    /// A point of a patch cannot be run, or the run was cancelled.
+    /// If a point cannot be simulated, or `control` is cancelled.
     pub fn run(
         &self,
         patches: &[Patch],
         control: &Control,
     ) -> Result<Vec<Vec<Spectrum>>, ErrorBudgetError> {
         let order: Vec<usize> = (0..patches.len()).collect();
-        let all = self.run_some(patches, &order, control)?;
-        let all: Option<Vec<_>> = all.into_iter().collect();
-        all.ok_or(ErrorBudgetError::Cancelled)
+        let spectra = self.run_in_order(patches, &order, control)?;
+        let spectra: Option<Vec<_>> = spectra.into_iter().collect();
+        spectra.ok_or(ErrorBudgetError::Cancelled)
     }
 
-    /// The same, begun in this `order` of the patches' numbers; `None` of those that
-    /// were not done when it was cancelled.
+    /// Simulates the patches with the indices `order`, in that order. Returns `None` for the
+    /// patches that had not ended when `control` was cancelled.
     ///
     /// # Errors
-    /// A point of a patch cannot be run.
-    pub fn run_some(
+    /// If a point cannot be simulated.
+    pub fn run_in_order(
         &self,
         patches: &[Patch],
         order: &[usize],
         control: &Control,
     ) -> Result<Vec<Option<Vec<Spectrum>>>, ErrorBudgetError> {
-        let one = |number: usize, patch: &Patch| {
+        let run_patch = |number: usize, patch: &Patch| {
             let prepared = self.prepared(patch)?;
             let engine = prepared.grid.run.engine;
             let mut spectra = vec![Spectrum::default(); patch.len()];
             for ([h, a], request) in prepared.requests(number as u64) {
-                let found = engine.run(&request, control);
-                let found = found.map_err(|source| match source {
+                let results = engine.run(&request, control);
+                let results = results.map_err(|source| match source {
                     EngineError::Cancelled => ErrorBudgetError::Cancelled,
                     source => self.failed(patch, source),
                 })?;
                 let lights = request.illuminations.len();
-                for (i, spectrum) in found.into_iter().enumerate() {
+                for (i, spectrum) in results.into_iter().enumerate() {
                     let (row, column) = (i / lights, i % lights);
                     spectra[(h + row) * patch.angle_deg.len() + a + column] = spectrum;
                 }
             }
             Ok(spectra)
         };
-        let found = budget::in_order(order.len(), control.cancel, |place| {
+        let results = budget::in_order(order.len(), control.cancel, |place| {
             let number = order[place];
-            match one(number, &patches[number]) {
+            match run_patch(number, &patches[number]) {
                 Err(ErrorBudgetError::Cancelled) => Ok::<_, ErrorBudgetError>(None),
-                found => Ok(Some((number, found?))),
+                result => Ok(Some((number, result?))),
             }
         })?;
         let mut spectra = vec![None; patches.len()];
-        for (number, found) in found.into_iter().flatten() {
-            spectra[number] = Some(found);
+        for (number, result) in results.into_iter().flatten() {
+            spectra[number] = Some(result);
         }
         Ok(spectra)
     }
 
-    /// How many walks [`Simulation::run`] does.
+    /// The number of walks that [`Simulation::run`] simulates.
     ///
     /// # Errors
-    /// A point of a patch cannot be run.
+    /// If a point cannot be simulated.
     pub fn walks(&self, patches: &[Patch]) -> Result<u64, ErrorBudgetError> {
         let mut walks: u64 = 0;
         for patch in patches {
             let prepared = self.prepared(patch)?;
             for (_, request) in prepared.requests(0) {
-                let one = prepared.grid.run.engine.walks(&request);
-                let one = one.map_err(|source| self.failed(patch, source))?;
-                walks = walks.saturating_add(one);
+                let patch_walks = prepared.grid.run.engine.walks(&request);
+                let patch_walks = patch_walks.map_err(|source| self.failed(patch, source))?;
+                walks = walks.saturating_add(patch_walks);
             }
         }
         Ok(walks)
     }
 
+    /// The error of an engine on `patch`.
     fn failed(&self, patch: &Patch, source: EngineError) -> ErrorBudgetError {
         ErrorBudgetError::Engine {
-            at: patch.snow.to_string(),
+            snow: patch.snow.to_string(),
             source,
         }
     }

@@ -1,13 +1,13 @@
-//! Where a database is tried.
+//! The points at which a database is tested.
 //!
-//! - **Anywhere**: random snow of the regions, each at four random thicknesses
-//!   and two random angles. Uniform along each axis, but for the thickness, whose
-//!   logarithm is.
-//! - **Along an axis**: nodes in all axes but one, which is random: the error
-//!   that this axis alone makes.
-//! - **On nodes**: the error of the simulation alone.
+//! - **Anywhere**: random snow of the regions, each at four random thicknesses and two random
+//!   incidence angles. The distribution is uniform along each axis, except for the thickness,
+//!   whose logarithm is uniform.
+//! - **Along an axis**: nodes in all axes but one, where the value is random. This gives the
+//!   error of that axis alone.
+//! - **At nodes**: gives the error of the simulation alone.
 //!
-//! Facetness takes a few values only, since each needs tables of its own.
+//! Only a few values of facetness are drawn, because each value needs its own grain tables.
 use rand::{Rng, SeedableRng};
 use rand_xoshiro::Xoshiro256PlusPlus;
 use sha2::{Digest, Sha256};
@@ -15,34 +15,36 @@ use sha2::{Digest, Sha256};
 use super::Patch;
 use crate::parameter::{Axes, Parameter, Point, Region, Role};
 
-/// Points of a patch anywhere, thicknesses and angles: of snow that varies, and
-/// of snow that does not.
+/// Number of thicknesses and incidence angles of a random patch: in a region whose snow
+/// varies, and in a region with one fixed snow.
 const ANYWHERE: [(usize, usize); 2] = [(4, 2), (16, 8)];
-/// Values of the facetness.
+/// Number of facetness values drawn.
 const FACETS: usize = 16;
-/// Snows per axis tried alone.
+/// Number of snows for each axis that is tested alone.
 const ALONG: usize = 8;
 
-/// What a point of a patch tells about.
+/// The error that a point of a patch measures.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub(super) enum Kind {
+pub(super) enum PointKind {
+    /// A random point: the whole chain.
     Anywhere,
-    /// Off the nodes in this axis alone.
+    /// Off the nodes in this axis only: the interpolation error of the axis.
     Along(Parameter),
-    /// Off the nodes in thickness and angle, of snow on the nodes: only there for
-    /// the walks that it shares.
+    /// Off the nodes in both thickness and incidence angle, with snow at nodes. Not
+    /// evaluated; simulated because it shares the walks of its patch.
     Slab,
+    /// At a node: the error of the simulation.
     Nodes,
 }
 
-/// A patch, and what each of its points tells about.
+/// A patch, and the kind of each of its points.
 #[derive(Debug, Clone)]
 pub(super) struct Trial {
     pub(super) patch: Patch,
-    pub(super) kinds: Vec<Kind>,
+    pub(super) kinds: Vec<PointKind>,
 }
 
-/// Random numbers of `purpose`: by their hash none of those that made a database.
+/// A random stream for `purpose`. Its hash differs from those of the streams that made a database.
 fn random(seed: u64, purpose: &str) -> Xoshiro256PlusPlus {
     let mut hash = Sha256::new();
     hash.update(b"splitsnow certificate 1 ");
@@ -51,24 +53,27 @@ fn random(seed: u64, purpose: &str) -> Xoshiro256PlusPlus {
     Xoshiro256PlusPlus::from_seed(hash.finalize().into())
 }
 
-/// Seed of the simulations.
+/// The seed of the fresh simulations.
 pub(super) fn simulation_seed(seed: u64) -> u64 {
     random(seed, "simulation").next_u64()
 }
 
-struct Draw(Xoshiro256PlusPlus);
+/// Draws random values and nodes.
+struct Sampler(Xoshiro256PlusPlus);
 
-impl Draw {
-    /// Uniform in [0, 1).
+impl Sampler {
+    /// A uniform random number in [0, 1).
     fn unit(&mut self) -> f64 {
         (self.0.next_u64() >> 11) as f64 * f64::EPSILON / 2.0
     }
 
+    /// A uniform random integer from 0 to n - 1.
     fn below(&mut self, n: usize) -> usize {
         ((self.unit() * n as f64) as usize).min(n - 1)
     }
 
-    /// In a range of `parameter`, to five digits.
+    /// A random value of `parameter` in the range, to five digits; thickness is drawn
+    /// uniformly in its logarithm.
     fn within(&mut self, parameter: Parameter, [first, last]: [f64; 2]) -> f64 {
         if parameter.record().role != Role::Thickness || first <= 0.0 {
             return self.evenly([first, last]);
@@ -78,20 +83,21 @@ impl Draw {
         rounded.clamp(first, last)
     }
 
-    /// A node of each of these axes.
+    /// A random node of each axis.
     fn node_of_each<'a>(&mut self, axes: impl Iterator<Item = (Parameter, &'a [f64])>) -> Point {
         axes.map(|(parameter, nodes)| (parameter, nodes[self.below(nodes.len())]))
             .collect()
     }
 
-    /// Uniform between these, to five digits.
+    /// A uniform random value in the range, to five digits.
     fn evenly(&mut self, [first, last]: [f64; 2]) -> f64 {
         let value = first + (last - first) * self.unit();
         let rounded: f64 = format!("{value:.4e}").parse().unwrap_or(value);
         rounded.clamp(first, last)
     }
 
-    /// `n` different values, increasing; one if there is but one.
+    /// `n` random values in increasing order, without duplicates; one value if the range is a
+    /// single value.
     fn several(&mut self, parameter: Parameter, range: [f64; 2], n: usize) -> Vec<f64> {
         let n = if range[0] == range[1] { 1 } else { n };
         let mut values: Vec<f64> = (0..n).map(|_| self.within(parameter, range)).collect();
@@ -100,7 +106,7 @@ impl Draw {
         values
     }
 
-    /// `n` different nodes, increasing.
+    /// `n` random nodes in increasing order, without duplicates.
     fn nodes(&mut self, nodes: &[f64], n: usize) -> Vec<f64> {
         let mut values: Vec<f64> = (0..n).map(|_| nodes[self.below(nodes.len())]).collect();
         values.sort_by(f64::total_cmp);
@@ -109,43 +115,43 @@ impl Draw {
     }
 }
 
-/// Whether a file has an answer for grains of a size, um, in a thickness, cm.
-pub(super) type Covered<'a> = &'a dyn Fn(f64, f64) -> bool;
+/// Whether a file has a curve for a grain size (um) and a thickness (cm).
+pub(super) type IsCovered<'a> = &'a dyn Fn(f64, f64) -> bool;
 
 impl Trial {
-    /// Its points that the file answers, if there are any.
-    pub(super) fn within(mut self, covered: Covered<'_>) -> Option<Self> {
+    /// The trial without the points that the file does not cover; `None` if none remains.
+    pub(super) fn within(mut self, is_covered: IsCovered<'_>) -> Option<Self> {
         let angles = self.patch.angle_deg.len();
         let size = self.patch.snow[Parameter::GrainSize];
-        let there = self.patch.thickness_cm.iter().map(|cm| covered(size, *cm));
-        let there: Vec<bool> = there.collect();
-        let mut points = there
+        let thickness_cm = self.patch.thickness_cm.iter();
+        let covered: Vec<bool> = thickness_cm.map(|cm| is_covered(size, *cm)).collect();
+        let mut points = covered
             .iter()
-            .flat_map(|there| std::iter::repeat_n(*there, angles));
+            .flat_map(|covered| std::iter::repeat_n(*covered, angles));
         self.kinds.retain(|_| points.next().unwrap_or_default());
-        let mut thicknesses = there.iter();
+        let mut thicknesses = covered.iter();
         self.patch
             .thickness_cm
-            .retain(|_| thicknesses.next().is_some_and(|there| *there));
+            .retain(|_| thicknesses.next().is_some_and(|covered| *covered));
         (!self.kinds.is_empty()).then_some(self)
     }
 }
 
-/// Some `points` points anywhere in the `regions` that the file answers, and how many
-/// were drawn that it does not.
+/// About `points` random points in the `regions` that the file covers, and the number of
+/// points drawn that it does not cover.
 pub(super) fn anywhere(
     regions: &[Region],
     points: usize,
     seed: u64,
-    covered: Covered<'_>,
+    is_covered: IsCovered<'_>,
 ) -> (Vec<Trial>, usize) {
-    let mut draw = Draw(random(seed, "anywhere"));
+    let mut sampler = Sampler(random(seed, "anywhere"));
     let facets: Vec<f64> = (0..FACETS)
-        .map(|i| (i as f64 + draw.unit()) / FACETS as f64)
+        .map(|i| (i as f64 + sampler.unit()) / FACETS as f64)
         .collect();
     let mut trials: Vec<Trial> = Vec::new();
-    let (mut count, mut drawn, mut unanswered) = (0, 0, 0);
-    // every region has its turn; a scene of one point is one patch
+    let (mut count, mut drawn, mut uncovered) = (0, 0, 0);
+    // Each region is drawn at least once; a scene of single points has one point per patch.
     while drawn < regions.len() || (count < points && drawn < points) {
         let region = &regions[drawn % regions.len()];
         let ends = |parameter| region.get(parameter).unwrap_or_default();
@@ -155,22 +161,25 @@ pub(super) fn anywhere(
         let fixed = snow.all(|(_, [first, last])| first == last);
         let (thicknesses, angles) = ANYWHERE[usize::from(fixed)];
         let facet = facets[drawn / regions.len() % FACETS];
-        let value = |draw: &mut Draw, (parameter, range): (Parameter, [f64; 2])| {
+        let draw = |sampler: &mut Sampler, (parameter, range): (Parameter, [f64; 2])| {
             let [first, last] = range;
             if parameter != Parameter::Facetness {
-                return (parameter, draw.within(parameter, range));
+                return (parameter, sampler.within(parameter, range));
             }
             let value = first + (last - first) * facet;
             let value: f64 = format!("{value:.4}").parse().unwrap_or(value);
             (parameter, value.clamp(first, last))
         };
-        let core: Point = core.into_iter().map(|of| value(&mut draw, of)).collect();
+        let core: Point = core
+            .into_iter()
+            .map(|axis| draw(&mut sampler, axis))
+            .collect();
         let (h, a) = (Parameter::Thickness, Parameter::Incidence);
-        let thickness_cm = draw.several(h, ends(h), thicknesses);
-        let angle_deg = draw.several(a, ends(a), angles);
+        let thickness_cm = sampler.several(h, ends(h), thicknesses);
+        let angle_deg = sampler.several(a, ends(a), angles);
         let optional: Point = optional
             .into_iter()
-            .map(|of| value(&mut draw, of))
+            .map(|axis| draw(&mut sampler, axis))
             .collect();
         let patch = Patch {
             snow: core.and(optional),
@@ -178,58 +187,58 @@ pub(super) fn anywhere(
             angle_deg,
         };
         drawn += 1;
-        let kinds = vec![Kind::Anywhere; patch.len()];
-        unanswered += patch.len();
-        if let Some(trial) = (Trial { patch, kinds }).within(covered) {
-            unanswered -= trial.patch.len();
+        let kinds = vec![PointKind::Anywhere; patch.len()];
+        uncovered += patch.len();
+        if let Some(trial) = (Trial { patch, kinds }).within(is_covered) {
+            uncovered -= trial.patch.len();
             count += trial.patch.len();
             trials.push(trial);
         }
     }
-    (trials, unanswered)
+    (trials, uncovered)
 }
 
-/// Points on the nodes of `axes` and off them in one axis each.
+/// Points at the nodes of `axes`, and points off the nodes in one axis each.
 pub(super) fn along(axes: &Axes, seed: u64) -> Vec<Trial> {
-    let mut draw = Draw(random(seed, "along"));
+    let mut sampler = Sampler(random(seed, "along"));
     let mut trials = Vec::new();
     let (h, a) = (Parameter::Thickness, Parameter::Incidence);
     let ends = |parameter: Parameter| axes.region().get(parameter).unwrap_or_default();
     let snow = axes.iter().filter(|(p, _)| p.record().role == Role::Snow);
     let core = snow.clone().filter(|(p, _)| !p.is_optional());
     let optional = snow.clone().filter(|(p, _)| p.is_optional());
-    let all = core.clone().chain(optional.clone());
-    for (parameter, _) in all.filter(|(_, nodes)| nodes.len() > 1) {
+    let snow_axes = core.clone().chain(optional.clone());
+    for (parameter, _) in snow_axes.filter(|(_, nodes)| nodes.len() > 1) {
         for _ in 0..ALONG {
-            let mut snow = draw.node_of_each(core.clone());
+            let mut snow = sampler.node_of_each(core.clone());
             if !parameter.is_optional() {
-                snow.set(parameter, draw.within(parameter, ends(parameter)));
+                snow.set(parameter, sampler.within(parameter, ends(parameter)));
             }
-            let thickness_cm = draw.nodes(axes.values(h), 3);
-            let angle_deg = draw.nodes(axes.values(a), 2);
-            snow = snow.and(draw.node_of_each(optional.clone()));
+            let thickness_cm = sampler.nodes(axes.values(h), 3);
+            let angle_deg = sampler.nodes(axes.values(a), 2);
+            snow = snow.and(sampler.node_of_each(optional.clone()));
             if parameter.is_optional() {
-                snow.set(parameter, draw.within(parameter, ends(parameter)));
+                snow.set(parameter, sampler.within(parameter, ends(parameter)));
             }
             let patch = Patch {
                 snow,
                 thickness_cm,
                 angle_deg,
             };
-            let kinds = vec![Kind::Along(parameter); patch.len()];
+            let kinds = vec![PointKind::Along(parameter); patch.len()];
             trials.push(Trial { patch, kinds });
         }
     }
     for _ in 0..ALONG {
-        let snow = draw.node_of_each(core.clone());
-        // nodes and others side by side: they share their walks
+        let snow = sampler.node_of_each(core.clone());
+        // Nodes and random values in one patch share their walks.
         let mut mixed = |parameter: Parameter| -> Vec<(f64, bool)> {
-            let all = axes.values(parameter);
-            let nodes = draw.nodes(all, 3).into_iter().map(|v| (v, true));
+            let axis_nodes = axes.values(parameter);
+            let nodes = sampler.nodes(axis_nodes, 3).into_iter().map(|v| (v, true));
             let mut values: Vec<_> = nodes.collect();
-            if all.len() > 1 {
-                let others = draw.several(parameter, ends(parameter), 3).into_iter();
-                let others = others.filter(|v| !all.contains(v));
+            if axis_nodes.len() > 1 {
+                let others = sampler.several(parameter, ends(parameter), 3).into_iter();
+                let others = others.filter(|v| !axis_nodes.contains(v));
                 values.extend(others.map(|v| (v, false)));
             }
             values.sort_by(|a, b| a.0.total_cmp(&b.0));
@@ -237,16 +246,16 @@ pub(super) fn along(axes: &Axes, seed: u64) -> Vec<Trial> {
         };
         let (thicknesses, angles) = (mixed(h), mixed(a));
         let patch = Patch {
-            snow: snow.and(draw.node_of_each(optional.clone())),
+            snow: snow.and(sampler.node_of_each(optional.clone())),
             thickness_cm: thicknesses.iter().map(|(v, _)| *v).collect(),
             angle_deg: angles.iter().map(|(v, _)| *v).collect(),
         };
         let kinds = thicknesses.iter().flat_map(|(_, on_h)| {
             angles.iter().map(move |(_, on_a)| match (on_h, on_a) {
-                (true, true) => Kind::Nodes,
-                (false, true) => Kind::Along(h),
-                (true, false) => Kind::Along(a),
-                (false, false) => Kind::Slab,
+                (true, true) => PointKind::Nodes,
+                (false, true) => PointKind::Along(h),
+                (true, false) => PointKind::Along(a),
+                (false, false) => PointKind::Slab,
             })
         });
         let kinds = kinds.collect();
@@ -267,8 +276,8 @@ mod tests {
     fn every_region_is_tried_and_points_stay_inside() {
         let snow = |size: f64| region([[0.3; 2], [size; 2], [250.0; 2], [1.0, 80.0], [0.0, 89.0]]);
         let regions: Vec<Region> = (1..=7).map(|i| snow(100.0 * f64::from(i))).collect();
-        let (trials, unanswered) = anywhere(&regions, 512, 1, &|_, _| true);
-        assert_eq!(unanswered, 0);
+        let (trials, uncovered) = anywhere(&regions, 512, 1, &|_, _| true);
+        assert_eq!(uncovered, 0);
         for region in &regions {
             let mine = |trial: &&Trial| trial.patch.points().all(|p| region.contains(&p));
             assert!(trials.iter().filter(mine).count() > 0);
@@ -298,10 +307,10 @@ mod tests {
         let one = region([[0.3; 2], [300.0; 2], [250.0; 2], [15.0; 2], [0.0; 2]]);
         let (trials, _) = anywhere(&[one], 16, 1, &|_, _| true);
         assert!(trials.iter().all(|trial| trial.patch.len() == 1));
-        // what the file does not answer is not tried, and there are as many points
+        // Points that the file does not cover are replaced, so that there are as many points.
         let thick = |size: f64, thickness: f64| thickness >= size / 20.0;
-        let (trials, unanswered) = anywhere(&[wide], 500, 2, &thick);
-        assert!(unanswered > 0);
+        let (trials, uncovered) = anywhere(&[wide], 500, 2, &thick);
+        assert!(uncovered > 0);
         let points = all(&trials);
         assert!(points.len() >= 500 && points.len() < 520);
         let (size, thickness) = (Parameter::GrainSize, Parameter::Thickness);
@@ -325,13 +334,15 @@ mod tests {
                 let off = axes.iter().filter(|(p, nodes)| !nodes.contains(&point[*p]));
                 let off: Vec<Parameter> = off.map(|(p, _)| p).collect();
                 match kind {
-                    Kind::Nodes => assert!(off.is_empty()),
-                    Kind::Along(parameter) => {
+                    PointKind::Nodes => assert!(off.is_empty()),
+                    PointKind::Along(parameter) => {
                         assert_eq!(off, [*parameter]);
                         seen.insert(*parameter);
                     }
-                    Kind::Slab => assert_eq!(off, [Parameter::Thickness, Parameter::Incidence]),
-                    Kind::Anywhere => panic!("{point} is not along an axis"),
+                    PointKind::Slab => {
+                        assert_eq!(off, [Parameter::Thickness, Parameter::Incidence]);
+                    }
+                    PointKind::Anywhere => panic!("{point} is not along an axis"),
                 }
             }
         }

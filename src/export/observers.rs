@@ -1,11 +1,11 @@
-//! What spectra look like under several lights, seen by many wavelengths or by three.
+//! Colours of spectra under several illuminants, computed from 31 or from three wavelengths.
 use crate::colour::{Colorimeter, Illuminant, Viewing};
 use crate::spectrum::Resampling;
 
 use super::ExportError;
 
-/// The lights of Varsa 2025, section 8.6, in the order of its rows; FL3.15 is our
-/// reading of a name that CIE 015 has not.
+/// The illuminants of Varsa 2025, section 8.6, in the order of its rows. FL3.15 is our
+/// interpretation of a name that CIE 015 does not list.
 pub const LIGHTS: [Illuminant; 5] = [
     Illuminant::E,
     Illuminant::D55,
@@ -13,24 +13,25 @@ pub const LIGHTS: [Illuminant; 5] = [
     Illuminant::LedB5,
     Illuminant::Fl3_15,
 ];
-/// Luminance, of white, to which the brightest of a column is exposed. Light that has
-/// come through more than some 20 cm is bluer than sRGB can show at any luminance.
+/// Luminance, relative to white, to which the brightest spectrum of a column is exposed. Light
+/// that has passed through more than about 20 cm of snow is bluer than sRGB can show at any
+/// luminance.
 pub const LUMINANCE: f64 = 0.3;
 
-/// The wavelengths that a spectrum is reduced to before it is seen.
+/// The wavelengths from which a colour is computed.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Sampling {
-    /// 31 wavelengths, 400 to 700 nm by 10.
+    /// 31 wavelengths, 400 to 700 nm in steps of 10 nm.
     Many,
-    /// 455, 551 and 608 nm.
+    /// Three wavelengths: 455, 551 and 608 nm.
     Three,
 }
 
 impl Sampling {
-    /// Both.
+    /// All samplings.
     pub const ALL: [Self; 2] = [Self::Many, Self::Three];
 
-    /// What it is, for people.
+    /// Description for people.
     #[must_use]
     pub const fn name(self) -> &'static str {
         match self {
@@ -49,30 +50,31 @@ impl Sampling {
     }
 }
 
-/// Sees spectra of fixed wavelengths under every one of [`LIGHTS`] by either
-/// [`Sampling`]: straight lines lead to its wavelengths, and tristimulus values are
-/// the sums of [`crate::colour`] over them, the same for white.
+/// Computes the colours of spectra at fixed wavelengths, under each of [`LIGHTS`] and with
+/// each [`Sampling`]. Spectra are interpolated linearly to the wavelengths of the sampling;
+/// the tristimulus values are the sums of [`crate::colour`] over them, normalised so that
+/// white is the same for all.
 #[derive(Debug, Clone)]
 pub struct Observers {
-    /// By sampling: how it gets there, and who looks, by light.
+    /// For each sampling: the resampling to its wavelengths, and the colorimeters by illuminant.
     samplings: [(Resampling, Vec<Colorimeter>); 2],
 }
 
 impl Observers {
-    /// Those for spectra at `wavelengths_nm`, nm, strictly increasing.
+    /// The observers for spectra at `wavelengths_nm`, nm, strictly increasing.
     ///
     /// # Errors
-    /// [`ExportError::NoColour`] unless these cover 400 to 700 nm;
-    /// [`ExportError::Colour`].
+    /// [`ExportError::NoColour`] unless the wavelengths cover 400 to 700 nm;
+    /// [`ExportError::Colour`] if a colorimeter cannot be set up.
     pub fn new(wavelengths_nm: &[f64]) -> Result<Self, ExportError> {
         let ends = (wavelengths_nm.first(), wavelengths_nm.last());
         let (&first, &last) = match ends {
             (Some(first), Some(last)) => (first, last),
             _ => (&f64::NAN, &f64::NAN),
         };
-        let none = || ExportError::NoColour { first, last };
+        let no_colour = || ExportError::NoColour { first, last };
         if !(first <= 400.0 && last >= 700.0) {
-            return Err(none());
+            return Err(no_colour());
         }
         let observers = |sampling: Sampling| -> Result<_, ExportError> {
             let nm = sampling.wavelengths_nm();
@@ -82,7 +84,7 @@ impl Observers {
                     illuminants: vec![light],
                     ..Viewing::default()
                 };
-                lights.push(Colorimeter::viewing(&nm, &viewing)?.ok_or_else(none)?);
+                lights.push(Colorimeter::viewing(&nm, &viewing)?.ok_or_else(no_colour)?);
             }
             Ok((Resampling::new(wavelengths_nm, &nm), lights))
         };
@@ -92,6 +94,7 @@ impl Observers {
         })
     }
 
+    /// The resampling and the colorimeters of a sampling.
     fn of(&self, sampling: Sampling) -> &(Resampling, Vec<Colorimeter>) {
         let [many, three] = &self.samplings;
         match sampling {
@@ -100,55 +103,66 @@ impl Observers {
         }
     }
 
-    /// Gamma-encoded sRGB of `spectrum` under light number `light` of [`LIGHTS`],
-    /// `exposure` times as bright as it is; the light itself is white.
+    /// The gamma-encoded sRGB colour of `spectrum` under illuminant number `light` of
+    /// [`LIGHTS`], brightened by the factor `exposure`. The illuminant itself is white.
     ///
     /// # Panics
-    /// If there is no such light, or the spectrum has not one value per wavelength.
+    /// If `light` is out of range, or the spectrum does not have one value per wavelength.
     #[must_use]
-    pub fn srgb(&self, by: Sampling, light: usize, spectrum: &[f64], exposure: f64) -> [u8; 3] {
-        let (resampling, lights) = self.of(by);
+    pub fn srgb(
+        &self,
+        sampling: Sampling,
+        light: usize,
+        spectrum: &[f64],
+        exposure: f64,
+    ) -> [u8; 3] {
+        let (resampling, lights) = self.of(sampling);
         lights[light].srgb(&exposed(&resampling.apply(spectrum), exposure))
     }
 
-    /// Delta-E*ab (CIE 1976) under light number `light` of two spectra, each seen by
-    /// a sampling of its own, both exposed alike.
+    /// The Delta-E*ab (CIE 1976) between two spectra, each with a sampling of its own, under
+    /// illuminant number `light` of [`LIGHTS`]; both are brightened by the factor `exposure`.
     ///
     /// # Panics
-    /// As [`Self::srgb`].
+    /// Under the conditions of [`Self::srgb`].
     #[must_use]
     pub fn difference(
         &self,
         light: usize,
-        [(by, first), (other, second)]: [(Sampling, &[f64]); 2],
+        [(sampling, first), (other, second)]: [(Sampling, &[f64]); 2],
         exposure: f64,
     ) -> f64 {
-        let seen = |by, spectrum| {
-            let (resampling, lights) = self.of(by);
+        let sampled = |sampling, spectrum| {
+            let (resampling, lights) = self.of(sampling);
             (
                 &lights[light],
                 exposed(&resampling.apply(spectrum), exposure),
             )
         };
-        let ((here, first), (there, second)) = (seen(by, first), seen(other, second));
-        here.difference_across(&first, there, &second)
+        let (first_colorimeter, first) = sampled(sampling, first);
+        let (second_colorimeter, second) = sampled(other, second);
+        first_colorimeter.difference_across(&first, second_colorimeter, &second)
     }
 
-    /// By what the brightest of `spectra` is exposed to [`LUMINANCE`] under light E,
-    /// to two digits; 1 if all are black.
+    /// The factor, to two digits, that brightens the brightest of `spectra` to [`LUMINANCE`]
+    /// under illuminant E; 1 if all spectra are black.
     ///
     /// # Panics
-    /// As [`Self::srgb`].
+    /// Under the conditions of [`Self::srgb`].
     #[must_use]
     pub fn exposure(&self, spectra: &[&[f64]]) -> f64 {
         let (resampling, lights) = self.of(Sampling::Many);
         let luminance = |spectrum: &&[f64]| lights[0].luminance(&resampling.apply(spectrum));
-        let most = spectra.iter().map(luminance).fold(0.0, f64::max);
-        let rounded = format!("{:.1e}", LUMINANCE / most).parse();
-        rounded.ok().filter(|by| f64::is_finite(*by)).unwrap_or(1.0)
+        let largest = spectra.iter().map(luminance).fold(0.0, f64::max);
+        let rounded = format!("{:.1e}", LUMINANCE / largest).parse();
+        rounded
+            .ok()
+            .filter(|factor| f64::is_finite(*factor))
+            .unwrap_or(1.0)
     }
 }
 
+/// `spectrum` brightened by the factor `exposure`.
 fn exposed(spectrum: &[f64], exposure: f64) -> Vec<f64> {
     spectrum.iter().map(|value| value * exposure).collect()
 }
@@ -165,7 +179,7 @@ mod tests {
     }
 
     #[test]
-    fn greys_are_the_same_to_all_eyes() {
+    fn greys_are_the_same_in_all_samplings() {
         let (nm, observers) = observers();
         let grey = vec![0.05; nm.len()];
         let exposure = observers.exposure(&[&grey]);
@@ -181,7 +195,7 @@ mod tests {
     }
 
     #[test]
-    fn three_wavelengths_see_nothing_else() {
+    fn three_wavelengths_ignore_all_others() {
         let (nm, observers) = observers();
         let dip = |centre: f64| -> Vec<f64> {
             let at = |w: &f64| if (w - centre).abs() < 1.0 { 0.1 } else { 0.5 };
@@ -192,7 +206,7 @@ mod tests {
         assert!(seen(Sampling::Many, 500.0) > 1.0);
         assert_eq!(seen(Sampling::Three, 500.0), 0.0);
         assert!(seen(Sampling::Three, 455.0) > 1.0);
-        // exposure makes both brighter and farther apart
+        // A larger exposure increases brightness and difference.
         let apart = |exposure| {
             observers.difference(
                 2,
@@ -204,11 +218,11 @@ mod tests {
     }
 
     #[test]
-    fn what_is_not_visible_has_no_colour() {
+    fn spectra_outside_the_visible_have_no_colour() {
         let error = Observers::new(&[410.0, 500.0, 700.0]).unwrap_err();
         assert_eq!(
             error.to_string(),
-            "spectra from 410 to 700 nm have no colour here: they must cover 400 to 700 nm"
+            "spectra from 410 to 700 nm have no colour: they must cover 400 to 700 nm"
         );
         assert!(Observers::new(&[]).is_err());
     }

@@ -1,19 +1,19 @@
-//! `tailor`: the smallest database that answers what a scene asks within its bound
-//! on the colour difference of the whole chain (docs/methods.md).
+//! `tailor`: makes the smallest compact file that keeps a scene's bound on the colour
+//! difference of the whole chain (docs/methods.md).
 //!
-//! 1. All nodes that it might have are simulated (`training`), with walks enough
-//!    that noise is a small part of the bound.
-//! 2. Of the scene's wavelengths those are chosen (`wavelengths`) between which
-//!    straight lines do for a small share of the bound.
-//! 3. Nodes are chosen (`nodes`) until the look-up gives every other candidate
-//!    within a share of the bound, the rest of which is for the compression.
-//! 4. The curves are compressed: components of y = -ln T, as few, and quantised as
-//!    coarsely, as the rest of the bound allows.
-//! 5. The file is certified: random points, fresh simulations with other random
-//!    numbers and more walks. If it fails, all begins again at 3 with a smaller share.
+//! 1. All candidate nodes are simulated (`training`), with enough rays that noise is a small
+//!    part of the bound.
+//! 2. Wavelengths are chosen from the scene's (`wavelengths`), so that linear interpolation
+//!    between them takes a small share of the bound.
+//! 3. Nodes are chosen (`nodes`) until look-ups at all other candidates are within a share of
+//!    the bound. The remaining share is for the compression.
+//! 4. The curves are compressed: components of y = -ln T, as few and as coarsely quantised as
+//!    the remaining share allows.
+//! 5. The file is certified at random points by fresh simulations with other random numbers
+//!    and more rays. If it fails, the search starts again at step 3 with a smaller share.
 //!
-//! What a scene does not ask for is left out: axes of one value, the other
-//! quantity, angles and thicknesses that do not occur.
+//! The file omits everything that the scene does not use: axes with a single value, the other
+//! quantity, and incidence angles and thicknesses outside the scene.
 mod nodes;
 mod training;
 mod wavelengths;
@@ -30,7 +30,7 @@ use crate::compress::{
     compress,
 };
 use crate::engine::{Control, Engine, MaxError};
-use crate::error_budget::{ERROR_BUDGET, ErrorBudget, ErrorBudgetError, Subject};
+use crate::error_budget::{Certification, ERROR_BUDGET, ErrorBudget, ErrorBudgetError};
 use crate::grid::{Compression, Grid, Run};
 use crate::lookup::{Database, FormatError, LookupError};
 use crate::measurement::Quantity;
@@ -39,96 +39,96 @@ use crate::scene::Scene;
 use training::{Nodes, Training};
 use wavelengths::Wavelengths;
 
-/// Metadata key of the scene that a file was tailored to, as TOML.
+/// Metadata key of the scene for which a file was tailored; the value is TOML.
 pub const SCENE: &str = "scene";
-/// Metadata key that says what a spectrum is between the file's wavelengths.
+/// Metadata key of the interpolation between the file's wavelengths (`linear`).
 pub const BETWEEN_WAVELENGTHS: &str = "between_wavelengths";
-/// Shares of the bound for the interpolation, tried one after another.
+/// Shares of the bound for the interpolation, tried in this order.
 const SHARES: [f64; 6] = [0.9, 0.75, 0.6, 0.45, 0.35, 0.25];
-/// Share of the bound for the compression: differences add up like
-/// perpendiculars more than like lengths.
+/// Share of the bound for the compression. Colour differences add in quadrature rather than
+/// linearly.
 const COMPRESSION: f64 = 0.45;
-/// Share of the bound that the error budget must keep, so that other random
-/// points keep the bound.
+/// Share of the bound that the error budget must keep, so that other random points keep the
+/// bound as well.
 const CERTIFIED: f64 = 0.9;
-/// Walks of a simulation at a bound of 0.5, and the least and most.
+/// Rays of a simulation: at a bound of 0.5, smallest and largest.
 const RAYS: [f64; 3] = [65_536.0, 16_384.0, 1_048_576.0];
-/// Walks of a fresh one, in those.
+/// Rays of a fresh simulation relative to those of the candidates.
 pub(crate) const FRESH: u64 = 4;
 
-/// Why no database could be made for the scene.
+/// The reason why no file could be made for the scene.
 #[derive(Debug, Error)]
 #[non_exhaustive]
 pub enum TailorError {
     /// A simulation or an error budget failed.
     #[error(transparent)]
     ErrorBudget(#[from] ErrorBudgetError),
-    /// Its wavelengths have no colour.
+    /// The wavelengths or illuminants of the scene are invalid for colours.
     #[error(transparent)]
     Colour(#[from] ColourError),
-    /// They have none at all.
+    /// The wavelengths of the scene do not determine a colour.
     #[error(
-        "the scene's wavelengths have no colour, so that no bound on it holds; give some between 400 and 700 nm"
+        "the scene's wavelengths do not determine a colour, so that max_delta_e cannot be checked; give some wavelengths between 400 and 700 nm"
     )]
     NoColour,
     /// The curves cannot be compressed.
     #[error(transparent)]
     Compress(#[from] CompressError),
-    /// The file cannot be made.
+    /// The compact file cannot be written.
     #[error(transparent)]
     Compact(#[from] CompactError),
-    /// The file made cannot be read.
+    /// The compact file cannot be read back.
     #[error(transparent)]
     Format(#[from] FormatError),
-    /// The file made does not answer.
+    /// A look-up in the file failed.
     #[error(transparent)]
     Lookup(#[from] LookupError),
-    /// No database holds the bound.
+    /// No file found keeps the bound.
     #[error(
-        "no database was found that keeps Delta-E {bound} with a tenth to spare: the best reaches {reached:.3} at {at}; {}raise max_delta_e or narrow the scene", if *hurried { "max_seconds ran out; raise it, " } else { "" }
+        "no database found keeps Delta-E {bound} with a margin of a tenth: the best reaches {reached:.3} at {at}; {}raise max_delta_e or narrow the scene", if *hurried { "max_seconds ran out; raise it, " } else { "" }
     )]
     Bound {
-        /// The bound.
+        /// The bound on Delta-E.
         bound: f64,
-        /// The largest difference of the best.
+        /// The largest Delta-E of the best file found.
         reached: f64,
-        /// Where that is.
+        /// The point of that difference.
         at: String,
-        /// Whether the time allowed ran out.
+        /// Whether the time limit `max_seconds` ran out.
         hurried: bool,
     },
-    /// It is too large.
+    /// The smallest file found exceeds `max_bytes`.
     #[error(
         "the smallest database found within Delta-E {bound} takes {bytes} bytes, more than max_bytes = {most}; raise one of the two or narrow the scene"
     )]
     Bytes {
-        /// The bound.
+        /// The bound on Delta-E.
         bound: f64,
-        /// Bytes of the smallest.
+        /// Size of the smallest file found, bytes.
         bytes: usize,
-        /// What is allowed.
+        /// The limit `max_bytes`.
         most: u64,
     },
 }
 
-/// A tailored database.
+/// A compact file made for a scene.
 #[derive(Debug)]
 pub struct TailoredFile {
-    /// The compact file.
+    /// The bytes of the compact file.
     pub bytes: Vec<u8>,
-    /// The same, read.
+    /// The file read back.
     pub database: Database,
-    /// Its nodes.
+    /// The nodes of the file.
     pub axes: Axes,
-    /// Candidates per axis, in storage order.
+    /// Number of candidates of each axis, in storage order.
     pub candidates: Vec<usize>,
-    /// Compressed quantities.
+    /// The compressed quantities.
     pub compressed: Vec<(Quantity, Compressed)>,
-    /// What it is good for.
+    /// The measured errors of the file.
     pub error_budget: ErrorBudget,
 }
 
-/// The grid whose laws, wavelengths and model the scene's snow has; its axes have no values.
+/// The grid with the grain laws, wavelengths and model of the scene; its axes have no values.
 #[must_use]
 pub fn grid(scene: &Scene) -> Grid {
     let parameters = scene.regions.iter().flat_map(|region| region.iter());
@@ -148,13 +148,14 @@ pub fn grid(scene: &Scene) -> Grid {
     }
 }
 
-/// Walks of the scene's simulations: their noise is to be a small part of the bound.
+/// Rays of the scene's simulations, chosen so that noise is a small part of the bound.
 fn rays(scene: &Scene) -> u64 {
     let [usual, least, most] = RAYS;
     let rays = usual * (0.5 / scene.max_delta_e).powi(2);
     (rays.clamp(least, most) as u64).next_power_of_two()
 }
 
+/// The bounds of the compression.
 fn compression(scene: &Scene) -> Compression {
     Compression {
         max_delta_e: COMPRESSION * scene.max_delta_e,
@@ -162,14 +163,14 @@ fn compression(scene: &Scene) -> Compression {
     }
 }
 
-/// Fits a database to `scene`; `text` is the scene as TOML, which the file
-/// keeps. `points` random points certify it; `say` is told what is being done.
+/// Makes the smallest file for `scene`. `text` is the scene as TOML, which the file stores.
+/// `points` random points certify the file. `say` is called with the current activity.
 ///
-/// Depends on the scene and `points` alone, unless the scene has a time budget that
-/// runs out: then refinement stops early.
+/// The result depends on the scene and `points` only, unless the time limit of the scene runs
+/// out; then the refinement stops early.
 ///
 /// # Errors
-/// See [`TailorError`].
+/// [`TailorError`] of any kind.
 pub fn tailor(
     scene: &Scene,
     text: &str,
@@ -191,27 +192,27 @@ pub fn tailor(
     let mut best: Option<(f64, TailoredFile)> = None;
     for share in SHARES {
         let bound = share * scene.max_delta_e;
-        let (nodes, _) = nodes::choose(&training, bound, &|nodes, judgement| {
+        let (nodes, _) = nodes::choose(&training, bound, &|nodes, score| {
             if control.cancel.load(std::sync::atomic::Ordering::Relaxed) {
                 return Err(ErrorBudgetError::Cancelled.into());
             }
             let curves: usize = nodes.iter().map(Vec::len).product();
-            say(&format!("{curves} nodes, Delta-E {:.3}", judgement.max));
+            say(&format!("{curves} nodes, Delta-E {:.3}", score.max));
             Ok(in_time())
         })?;
         say("compressing");
-        let made = Made::new(scene, text, &training, &nodes)?;
-        // not worth an error budget if not even the candidates are answered
-        let judgement = training.judge(&made.database)?;
-        if judgement.max >= CERTIFIED * scene.max_delta_e && share > SHARES[SHARES.len() - 1] {
+        let candidate = UncertifiedFile::new(scene, text, &training, &nodes)?;
+        // If even the candidates exceed the bound, certification would fail.
+        let score = training.score(&candidate.database)?;
+        if score.max >= CERTIFIED * scene.max_delta_e && share > SHARES[SHARES.len() - 1] {
             continue;
         }
         say("certifying");
         let exact = training.exact(&nodes);
-        let error_budget = Subject {
+        let error_budget = Certification {
             grid: &grid,
             regions: &scene.regions,
-            file: &made.database,
+            file: &candidate.database,
             exact: &exact,
             colour: Some(&colour),
             points,
@@ -220,7 +221,7 @@ pub fn tailor(
         }
         .certify(control)?;
         let reached = largest(&error_budget);
-        let tailored = made.certified(scene, text, &training, error_budget)?;
+        let tailored = candidate.certified(scene, text, &training, error_budget)?;
         if reached < CERTIFIED * scene.max_delta_e {
             let bytes = tailored.bytes.len();
             return match scene.max_bytes {
@@ -240,8 +241,8 @@ pub fn tailor(
         }
     }
     let worst = best.and_then(|(reached, tailored)| {
-        let chains = tailored.error_budget.quantities.into_values();
-        let worst = chains.filter_map(|chain| chain.worst.into_iter().next());
+        let quantities = tailored.error_budget.quantities.into_values();
+        let worst = quantities.filter_map(|errors| errors.worst.into_iter().next());
         let worst = worst.max_by(|a, b| {
             a.delta_e
                 .unwrap_or(0.0)
@@ -258,22 +259,23 @@ pub fn tailor(
     })
 }
 
-/// The largest colour difference that an error budget found.
+/// The largest Delta-E of the whole chain in an error budget; 0 if there is none.
 #[must_use]
 pub fn largest(error_budget: &ErrorBudget) -> f64 {
-    let chains = error_budget.quantities.values();
-    let largest = chains.filter_map(|chain| Some(chain.total.delta_e?.max));
+    let quantities = error_budget.quantities.values();
+    let largest = quantities.filter_map(|errors| Some(errors.total.delta_e?.max));
     largest.fold(0.0, f64::max)
 }
 
-/// A database not yet certified.
-struct Made {
+/// A compact file before its certification.
+struct UncertifiedFile {
     axes: Axes,
     compressed: Vec<(Quantity, Compressed)>,
     database: Database,
 }
 
-impl Made {
+impl UncertifiedFile {
+    /// Compresses the curves at `nodes`.
     fn new(
         scene: &Scene,
         text: &str,
@@ -289,9 +291,9 @@ impl Made {
         for &quantity in &scene.quantities {
             let curves = training.curves_of(nodes, quantity);
             let choice = Choice::Bounds(compression(scene));
-            // What a scene bounds is the colour; the error budget says the rest.
+            // The scene bounds the colour only; the error budget states the other errors.
             let none = Bands::default();
-            let mut one = compress(
+            let mut model = compress(
                 curves.view(),
                 quantity,
                 Some(colour),
@@ -299,14 +301,15 @@ impl Made {
                 choice,
                 variant,
             )?;
-            // the errors of other numbers of components are of no use to a scene
-            one.table
+            // Only the chosen row of the error table is stored.
+            model
+                .table
                 .rows
-                .retain(|row| Some(row.components) == one.table.chosen);
-            compressed.push((quantity, one));
+                .retain(|row| Some(row.components) == model.table.chosen);
+            compressed.push((quantity, model));
         }
         let axes = training.axes_of(nodes);
-        let bytes = bytes(scene, text, &axes, nm, &compressed, None)?;
+        let bytes = file_bytes(scene, text, &axes, nm, &compressed, None)?;
         Ok(Self {
             database: Database::from_bytes(&bytes)?,
             axes,
@@ -314,6 +317,7 @@ impl Made {
         })
     }
 
+    /// The file with its error budget.
     fn certified(
         self,
         scene: &Scene,
@@ -321,7 +325,7 @@ impl Made {
         training: &Training,
         error_budget: ErrorBudget,
     ) -> Result<TailoredFile, TailorError> {
-        let bytes = bytes(
+        let bytes = file_bytes(
             scene,
             text,
             &self.axes,
@@ -340,8 +344,8 @@ impl Made {
     }
 }
 
-/// The compact file.
-fn bytes(
+/// The bytes of the compact file.
+fn file_bytes(
     scene: &Scene,
     text: &str,
     axes: &Axes,
@@ -349,7 +353,7 @@ fn bytes(
     compressed: &[(Quantity, Compressed)],
     error_budget: Option<&ErrorBudget>,
 ) -> Result<Vec<u8>, TailorError> {
-    let of = |quantity| {
+    let compressed_of = |quantity| {
         compressed
             .iter()
             .find(|(q, _)| *q == quantity)
@@ -374,8 +378,8 @@ fn bytes(
         absent: &[],
         substrate: grid(scene).substrate(),
         wavelengths_nm,
-        transmittance: of(Quantity::Transmittance),
-        reflectance: of(Quantity::Reflectance),
+        transmittance: compressed_of(Quantity::Transmittance),
+        reflectance: compressed_of(Quantity::Reflectance),
         provenance: &provenance.to_string(),
         extra: &extra,
     };

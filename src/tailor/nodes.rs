@@ -1,24 +1,27 @@
-//! Which of the candidates become nodes: from the ends of every axis on, always
-//! the one that lowers the errors most for the bytes it takes; then some are moved,
-//! and those that prove needless are dropped.
+//! The choice of nodes among the candidates. It starts with the ends of every axis and inserts,
+//! again and again, the node that lowers the errors most for the bytes it takes. Then it moves
+//! some nodes and drops those that are not needed.
 use rayon::prelude::*;
 
 use super::TailorError;
 use super::training::{Nodes, Score, Training};
 
-/// A way to change nodes, and what comes of it.
+/// A changed set of nodes and its score.
 struct Step {
     nodes: Nodes,
-    judgement: Score,
+    score: Score,
 }
 
-/// Number of curves.
+/// The number of curves at `nodes`.
 fn size(nodes: &Nodes) -> f64 {
     nodes.iter().map(|axis| axis.len() as f64).product()
 }
 
-/// The fewest nodes found whose largest error is below `bound`; `go_on` is asked
-/// before every change, and the best nodes so far are given when it says no.
+/// The fewest nodes found whose largest error is below `bound`. `go_on` is called before
+/// every change; if it returns false, the best nodes so far are returned.
+///
+/// # Errors
+/// Those of `go_on` and of look-ups.
 pub(super) fn choose(
     training: &Training,
     bound: f64,
@@ -29,103 +32,109 @@ pub(super) fn choose(
         n => vec![0, n - 1],
     };
     let mut nodes: Nodes = training.axes.iter().map(ends).collect();
-    let mut here = training.judge(&training.exact(&nodes))?;
-    while here.max >= bound {
-        if !go_on(&nodes, here)? {
-            return Ok((nodes, here));
+    let mut score = training.score(&training.exact(&nodes))?;
+    while score.max >= bound {
+        if !go_on(&nodes, score)? {
+            return Ok((nodes, score));
         }
-        let steps = tried(training, inserted(training, &nodes))?;
-        // what a step brings per byte, both as factors
+        let steps = scored(training, inserted(training, &nodes))?;
+        // The improvement of the error per increase in size, both as logarithms of factors.
         let worth = |step: &Step| {
-            (here.typical / step.judgement.typical).ln() / (size(&step.nodes) / size(&nodes)).ln()
+            (score.typical / step.score.typical).ln() / (size(&step.nodes) / size(&nodes)).ln()
         };
         let best = steps
             .into_iter()
             .max_by(|a, b| worth(a).total_cmp(&worth(b)));
-        // all candidates are nodes: their own curves are answered exactly
+        // Without a step left, all candidates are nodes, and look-ups at them are exact.
         let Some(best) = best else { break };
-        (nodes, here) = (best.nodes, best.judgement);
+        (nodes, score) = (best.nodes, best.score);
     }
     loop {
-        if !go_on(&nodes, here)? {
-            return Ok((nodes, here));
+        if !go_on(&nodes, score)? {
+            return Ok((nodes, score));
         }
-        let steps = tried(training, moved(training, &nodes))?;
+        let steps = scored(training, moved(training, &nodes))?;
         let best = steps
             .into_iter()
-            .min_by(|a, b| a.judgement.typical.total_cmp(&b.judgement.typical));
+            .min_by(|a, b| a.score.typical.total_cmp(&b.score.typical));
         if let Some(best) = best
-            && best.judgement.typical < 0.98 * here.typical
-            && best.judgement.max < bound
+            && best.score.typical < 0.98 * score.typical
+            && best.score.max < bound
         {
-            (nodes, here) = (best.nodes, best.judgement);
+            (nodes, score) = (best.nodes, best.score);
             continue;
         }
-        let steps = tried(training, dropped(&nodes))?;
+        let steps = scored(training, dropped(&nodes))?;
         let smallest = steps
             .into_iter()
-            .filter(|step| step.judgement.max < bound)
+            .filter(|step| step.score.max < bound)
             .min_by(|a, b| size(&a.nodes).total_cmp(&size(&b.nodes)));
         let Some(smallest) = smallest else {
-            return Ok((nodes, here));
+            return Ok((nodes, score));
         };
-        (nodes, here) = (smallest.nodes, smallest.judgement);
+        (nodes, score) = (smallest.nodes, smallest.score);
     }
 }
 
-fn tried(training: &Training, all: Vec<Nodes>) -> Result<Vec<Step>, TailorError> {
+/// The candidates for the next step with their scores.
+fn scored(training: &Training, candidates: Vec<Nodes>) -> Result<Vec<Step>, TailorError> {
     let step = |nodes: Nodes| {
-        let judgement = training.judge(&training.exact(&nodes))?;
-        Ok(Step { nodes, judgement })
+        let score = training.score(&training.exact(&nodes))?;
+        Ok(Step { nodes, score })
     };
-    all.into_par_iter().with_max_len(1).map(step).collect()
+    candidates
+        .into_par_iter()
+        .with_max_len(1)
+        .map(step)
+        .collect()
 }
 
+/// `nodes` with the nodes of one axis replaced by `values`.
 fn with(nodes: &Nodes, axis: usize, values: Vec<usize>) -> Nodes {
     let mut changed = nodes.clone();
     changed[axis] = values;
     changed
 }
 
-/// One more node.
+/// All sets with one more node.
 fn inserted(training: &Training, nodes: &Nodes) -> Vec<Nodes> {
-    let mut all = Vec::new();
-    for (axis, there) in nodes.iter().enumerate() {
-        for new in (0..training.axes[axis].len()).filter(|i| !there.contains(i)) {
-            let mut values = [there.as_slice(), &[new]].concat();
+    let mut candidates = Vec::new();
+    for (axis, present) in nodes.iter().enumerate() {
+        for new in (0..training.axes[axis].len()).filter(|i| !present.contains(i)) {
+            let mut values = [present.as_slice(), &[new]].concat();
             values.sort_unstable();
-            all.push(with(nodes, axis, values));
+            candidates.push(with(nodes, axis, values));
         }
     }
-    all
+    candidates
 }
 
-/// One node between the ends by one candidate up or down.
+/// All sets with one inner node moved by one candidate up or down.
 fn moved(training: &Training, nodes: &Nodes) -> Vec<Nodes> {
-    let mut all = Vec::new();
-    for (axis, there) in nodes.iter().enumerate() {
-        for i in 1..there.len().max(1) - 1 {
-            for to in [there[i] - 1, there[i] + 1] {
-                if to < training.axes[axis].len() && !there.contains(&to) {
-                    let mut values = there.clone();
+    let mut candidates = Vec::new();
+    for (axis, present) in nodes.iter().enumerate() {
+        for i in 1..present.len().max(1) - 1 {
+            for to in [present[i] - 1, present[i] + 1] {
+                if to < training.axes[axis].len() && !present.contains(&to) {
+                    let mut values = present.clone();
                     values[i] = to;
-                    all.push(with(nodes, axis, values));
+                    candidates.push(with(nodes, axis, values));
                 }
             }
         }
     }
-    all
+    candidates
 }
 
-/// One node between the ends less.
+/// All sets without one of the inner nodes.
 fn dropped(nodes: &Nodes) -> Vec<Nodes> {
-    let mut all = Vec::new();
-    for (axis, there) in nodes.iter().enumerate() {
-        for i in 1..there.len().max(1) - 1 {
-            let mut values = there.clone();
+    let mut candidates = Vec::new();
+    for (axis, present) in nodes.iter().enumerate() {
+        for i in 1..present.len().max(1) - 1 {
+            let mut values = present.clone();
             values.remove(i);
-            all.push(with(nodes, axis, values));
+            candidates.push(with(nodes, axis, values));
         }
     }
-    all
+    candidates
 }
