@@ -173,7 +173,7 @@ fn what_cannot_be_known_of_another_host_is_explained() {
     let owner = "{\"host\": \"node17\", \"process\": 4242, \"namespace\": null, \"started\": 7}";
     for (name, content, who) in [
         (HELD, owner, "process 4242 on host \"node17\""),
-        (HELD, "", "a process unknown"),
+        (HELD, "", "an unknown process"),
         // waited for, then explained
         (".splitsnow-gate", owner, "process 4242 on host \"node17\""),
     ] {
@@ -309,7 +309,7 @@ fn links_to_nothing_are_explained() {
     let nothing = |name: &str| {
         let text = folder.is_refused(&["build", "g.toml"]);
         let head =
-            format!("error: {name} is a symbolic link to /nowhere/at/all, which is not there;");
+            format!("error: {name} is a symbolic link to /nowhere/at/all, which does not exist;");
         assert!(text.starts_with(&head), "{text}");
     };
     nothing("out");

@@ -87,7 +87,7 @@ pub(super) fn run(args: &Args) -> anyhow::Result<()> {
     });
     let components = |k| Choice::Components(usize::from(k));
     let lights = illuminants(&args.illuminant, &args.dir.join(COMPACT))?;
-    let asked = build::Asked {
+    let asked = build::CompressionRequest {
         choice: args.components.map_or(bounds, components),
         variant: Variant {
             basis: args.basis,

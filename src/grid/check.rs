@@ -61,7 +61,7 @@ pub enum GridError {
         source: GrainError,
     },
     /// The product of the axis lengths does not fit into 64 bits.
-    #[error("a grid of {} values is too large to be counted; shorten the axes", .shape.iter().map(u64::to_string).collect::<Vec<_>>().join(" x "))]
+    #[error("{} values are too many to be counted; shorten the axes", .shape.iter().map(u64::to_string).collect::<Vec<_>>().join(" x "))]
     TooMany {
         /// Lengths of the axes in storage order, then the number of wavelengths.
         shape: Vec<u64>,
