@@ -8,7 +8,7 @@ use std::sync::atomic::{AtomicBool, AtomicU64, Ordering};
 use crate::common::{assert_same, dir_bytes};
 use assert_cmd::cargo::cargo_bin;
 use splitsnow::batch::{Begin, Progress};
-use splitsnow::build::{self, CompressionRequest, BuildError, Options};
+use splitsnow::build::{self, BuildError, CompressionRequest, Options};
 use splitsnow::compress::{Basis, Choice};
 use splitsnow::config::grid::{self, GridFile};
 use splitsnow::grid::Shard;

@@ -662,8 +662,9 @@ fn overpacked_sizes_and_smooth_grains_are_remarked() {
         panic!("no warning");
     };
     assert!(
-        warning.contains("size_um` makes grains of 50 to 3000 um, for which rays cross 7.33 times the ice")
-            && warning.contains("size_law = \"consistent\""),
+        warning.contains(
+            "size_um` makes grains of 50 to 3000 um, for which rays cross 7.33 times the ice"
+        ) && warning.contains("size_law = \"consistent\""),
         "{warning}"
     );
     let consistent = wide.replace("[model]\n", "[model]\nsize_law = \"consistent\"\n");

@@ -157,8 +157,7 @@ fn write_one(
     let written = Database::open(&compact)?;
     let report = |quantity, compressed: Option<Compressed>| {
         let max_standard_error = max_standard_errors[quantity as usize];
-        compressed
-            .map(|compressed| QuantityReport::new(&written, max_standard_error, compressed))
+        compressed.map(|compressed| QuantityReport::new(&written, max_standard_error, compressed))
     };
     let compact_bytes = std::fs::metadata(&compact)
         .map_err(|source| BuildError::Io {

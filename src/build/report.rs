@@ -146,11 +146,7 @@ fn precision_name<S: Serializer>(precision: &Precision, to: S) -> Result<S::Ok, 
 }
 
 impl Report {
-    pub(super) fn new(
-        summary: &Summary,
-        compact: Option<Compact>,
-        share: Option<Share>,
-    ) -> Self {
+    pub(super) fn new(summary: &Summary, compact: Option<Compact>, share: Option<Share>) -> Self {
         Self {
             jobs: summary.jobs,
             jobs_run: summary.run,

@@ -35,7 +35,7 @@ pub(super) struct GridArgs {
 #[derive(Debug, Clone, Copy, clap::Args)]
 pub(super) struct ThreadArgs {
     /// Threads [default: SLURM_CPUS_PER_TASK, else RAYON_NUM_THREADS, else what this process may use]
-    #[arg(long, value_name = "N", value_parser = clap::value_parser!(u16).range(1..=i64::from(threads::MOST)))]
+    #[arg(long, value_name = "N", value_parser = clap::value_parser!(u16).range(1..=i64::from(threads::MAX_THREADS)))]
     threads: Option<u16>,
 }
 

@@ -22,7 +22,8 @@ pub(super) fn set(table: &mut Table, path: &str, value: Value) -> Result<(), Str
         let index = indices.strip_suffix(']').and_then(|i| i.parse().ok());
         let index: usize = index.ok_or("has an invalid index; write [0], [1], ...")?;
         let list = node.as_array_mut();
-        let list = list.ok_or_else(|| format!("has an index after `{name}`, which is not a list"))?;
+        let list =
+            list.ok_or_else(|| format!("has an index after `{name}`, which is not a list"))?;
         if index == list.len() {
             list.push(Value::Table(Table::new()));
         }

@@ -15,7 +15,7 @@ use super::shared::{
     choose, covered, increasing, law, model, one_size, size_law, viewing, wavelengths,
 };
 use super::snow::{
-    longest_grain, fixed, fixed_or_axis, remark_axis, remark_sizes, remark_smooth, remark_spread,
+    fixed, fixed_or_axis, longest_grain, remark_axis, remark_sizes, remark_smooth, remark_spread,
     spread, thick_enough,
 };
 use super::{directory_of, schema};
@@ -46,7 +46,12 @@ pub struct GridFile {
 /// Lowers the default half width of the grain sizes if the smallest size of the axis
 /// would otherwise lead to grains below the allowed range. A half width that the file
 /// gives is kept.
-fn narrow_spread(document: &Document, axes: &AxesKeys, spread: &mut Spread, warnings: &mut Vec<String>) {
+fn narrow_spread(
+    document: &Document,
+    axes: &AxesKeys,
+    spread: &mut Spread,
+    warnings: &mut Vec<String>,
+) {
     const KEY: &str = "spread.grain_size_half_width_um";
     let sizes = axes.values(Parameter::GrainSize.key());
     let smallest = sizes.into_iter().fold(f64::INFINITY, f64::min);
@@ -279,8 +284,7 @@ fn size_axis(
     for axis in dependencies {
         if document.has(&format!("axes.{}", axis.key())) {
             let name = axis.key();
-            let problem =
-                format!("would need other grain sizes at each value of the axis {name}");
+            let problem = format!("would need other grain sizes at each value of the axis {name}");
             let help = format!("give grain_size_um instead, or remove the axis {name}");
             return Err(document.error(&key, Problem::Contradiction(problem), help));
         }

@@ -134,7 +134,11 @@ pub(super) fn exponents<'a>(
         "has carbon with {} different Angstrom exponents; a snowpack may have at most {EXPONENTS}",
         exponents.len()
     ));
-    Err(document.error(key, problem, "give similar types of carbon the same exponent"))
+    Err(document.error(
+        key,
+        problem,
+        "give similar types of carbon the same exponent",
+    ))
 }
 
 /// The substrate described by the table `table`, at `wavelengths_nm`. Paths are relative
@@ -216,7 +220,11 @@ fn check_fractions(document: &Document, table: &str, layer: &LayerKeys) -> Resul
     let problem = Problem::Contradiction(format!(
         "makes the fractions of {table} sum to {sum}, not 1"
     ));
-    Err(document.error(&key, problem, "make the fractions of the ice volume sum to 1"))
+    Err(document.error(
+        &key,
+        problem,
+        "make the fractions of the ice volume sum to 1",
+    ))
 }
 
 fn grain_type(
@@ -290,8 +298,8 @@ pub(super) fn sizes_um(
         sphericity,
         temperature_c,
     };
-    let size = size_measure(grain)
-        .map_or(f64::NAN, |(measure, value)| measure.size_um(value, &shape));
+    let size =
+        size_measure(grain).map_or(f64::NAN, |(measure, value)| measure.size_um(value, &shape));
     [size; 2]
 }
 

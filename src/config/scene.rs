@@ -12,7 +12,7 @@ use super::error::{ConfigError, Problem};
 use super::scene_keys::{RangeKeys, SceneKeys};
 use super::shared::{choose_all, covered, model, ordered, size_law, viewing, wavelengths};
 use super::snow::{
-    longest_grain, fixed, fixed_or_axis, remark_axis, remark_sizes, remark_smooth, remark_spread,
+    fixed, fixed_or_axis, longest_grain, remark_axis, remark_sizes, remark_smooth, remark_spread,
     spread, thick_enough,
 };
 use super::{directory_of, schema};
@@ -45,7 +45,10 @@ impl SceneFile {
                 *illuminants = toml::Value::try_from(&self.scene.viewing.illuminants).ok()?;
             }
             if let Substrate::Spectrum { table } = &self.scene.fixed.substrate {
-                let keys = document.get_mut("fixed")?.get_mut("substrate")?.as_table_mut()?;
+                let keys = document
+                    .get_mut("fixed")?
+                    .get_mut("substrate")?
+                    .as_table_mut()?;
                 let values = toml::Value::try_from(table.column(0)).ok()?;
                 keys.insert("reflectance".to_owned(), values);
             }
@@ -111,7 +114,11 @@ pub fn parse(name: &str, text: &str) -> Result<SceneFile, ConfigError> {
         }
         snow.push(ranges);
     }
-    let thickness = KeyedRange::new(&document, "scene.thickness_cm".into(), requirements.thickness_cm)?;
+    let thickness = KeyedRange::new(
+        &document,
+        "scene.thickness_cm".into(),
+        requirements.thickness_cm,
+    )?;
     for (key, value) in &thickness.ends {
         remark_axis(&document, &mut warnings, Parameter::Thickness, key, *value);
     }
@@ -133,8 +140,7 @@ pub fn parse(name: &str, text: &str) -> Result<SceneFile, ConfigError> {
         let problem =
             "do not cover 400 to 700 nm, so that there is no colour that max_delta_e could bound";
         let problem = Problem::Contradiction(problem.into());
-        let help =
-            "include 400 to 700 nm, for example start_nm = 400, stop_nm = 700, step_nm = 10";
+        let help = "include 400 to 700 nm, for example start_nm = 400, stop_nm = 700, step_nm = 10";
         return Err(document.error("wavelengths", problem, help));
     }
     let tables: Vec<String> = (0..snow.len()).map(|i| format!("snow[{i}]")).collect();

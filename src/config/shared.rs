@@ -229,12 +229,7 @@ pub(super) fn viewing(
     }
     Ok(Viewing {
         illuminants: lights,
-        difference: choose(
-            document,
-            &format!("{table}.delta_e"),
-            &differences,
-            delta_e,
-        )?,
+        difference: choose(document, &format!("{table}.delta_e"), &differences, delta_e)?,
     })
 }
 

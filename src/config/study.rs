@@ -261,7 +261,8 @@ fn one_beam(document: &Document, variants: &[Variant]) -> Result<(), ConfigError
         let count = sample.wavelengths_nm.len();
         if count != 1 {
             let problem = format!("needs one wavelength, but the variant {label:?} has {count}");
-            let help = "set it for all variants or for this one: wavelengths = { values_nm = [600] }";
+            let help =
+                "set it for all variants or for this one: wavelengths = { values_nm = [600] }";
             return refuse(problem, help);
         }
         if sample.illumination == Illumination::Diffuse {

@@ -90,7 +90,10 @@ pub fn why_absent(axes: &Axes, absent: &[usize]) -> String {
     for (&count, size_um) in absent.iter().zip(axes.values(Parameter::GrainSize)) {
         if let Some(last) = count.checked_sub(1) {
             let cm = thicknesses.get(last).copied().unwrap_or_default();
-            let _ = write!(text, "{separator} slabs up to {cm} cm for grain_size_um {size_um}");
+            let _ = write!(
+                text,
+                "{separator} slabs up to {cm} cm for grain_size_um {size_um}"
+            );
             separator = ",";
         }
     }

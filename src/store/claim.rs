@@ -134,7 +134,11 @@ fn close_gate(dir: &Path, content: &[u8]) -> Result<PathBuf, StoreError> {
         }
     }
     let owner = file::read(&path)?.unwrap_or_default();
-    Err(held(dir, serde_json::from_slice(&owner).ok().as_ref(), path))
+    Err(held(
+        dir,
+        serde_json::from_slice(&owner).ok().as_ref(),
+        path,
+    ))
 }
 
 #[cfg(all(test, unix))]

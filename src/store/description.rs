@@ -112,7 +112,9 @@ impl Description {
             serde_json::from_slice(root).map_err(|_| foreign("zarr.json is not JSON"))?;
         let attribute = |key: &str| root.get("attributes")?.get(key)?.as_str();
         if attribute("program") != Some(PROGRAM) {
-            return Err(foreign("its zarr.json does not name splitsnow as the program"));
+            return Err(foreign(
+                "its zarr.json does not name splitsnow as the program",
+            ));
         }
         let damaged = |key: &str| StoreError::Damaged {
             path: path.join("zarr.json"),
@@ -300,9 +302,7 @@ impl Description {
             .filter(|counts| counts.len() == sizes && counts.iter().all(|n| *n <= thicknesses))
             .ok_or_else(|| StoreError::Damaged {
                 path: path.join("zarr.json"),
-                reason: format!(
-                    "its identity has {ABSENT} = {text}, which does not fit the axes"
-                ),
+                reason: format!("its identity has {ABSENT} = {text}, which does not fit the axes"),
             })
     }
 

@@ -207,8 +207,7 @@ impl Store {
         };
         let mut chunks = Vec::new();
         for group in groups {
-            let group: Result<Vec<_>, _> =
-                group.iter().map(|quantity| values(*quantity)).collect();
+            let group: Result<Vec<_>, _> = group.iter().map(|quantity| values(*quantity)).collect();
             chunks.push(group?);
         }
         let lost = self.lost_share(job)?;
