@@ -110,11 +110,11 @@ fn value(
             None => constant(document, schema, path, given),
         },
         DeValue::Array(items) => {
-            let least = schema["minItems"].as_u64().unwrap_or(0);
-            let most = schema["maxItems"].as_u64().unwrap_or(u64::MAX);
+            let min = schema["minItems"].as_u64().unwrap_or(0);
+            let max = schema["maxItems"].as_u64().unwrap_or(u64::MAX);
             let length = items.len() as u64;
-            if !(least..=most).contains(&length) {
-                let problem = Problem::OutOfRange(format!("{least} to {most} entries"));
+            if !(min..=max).contains(&length) {
+                let problem = Problem::OutOfRange(format!("{min} to {max} entries"));
                 let help = format!("{help} The list has {length} entries.");
                 return Err(document.error(path, problem, help));
             }

@@ -122,8 +122,8 @@ impl<'t> Document<'t> {
     }
 
     fn line_at(&self, offset: usize) -> usize {
-        let before = self.text.as_bytes().iter().take(offset);
-        1 + before.filter(|&&b| b == b'\n').count()
+        let preceding = self.text.as_bytes().iter().take(offset);
+        1 + preceding.filter(|&&b| b == b'\n').count()
     }
 
     pub(super) fn file(&self) -> &str {

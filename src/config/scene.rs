@@ -138,7 +138,7 @@ pub fn parse(name: &str, text: &str) -> Result<SceneFile, ConfigError> {
     )?;
     if !matches!(Colorimeter::viewing(&wavelengths_nm, &viewing), Ok(Some(_))) {
         let problem =
-            "do not cover 400 to 700 nm, so that there is no colour that max_delta_e could bound";
+            "cover too little of the visible range to have a colour, which max_delta_e needs";
         let problem = Problem::Contradiction(problem.into());
         let help = "include 400 to 700 nm, for example start_nm = 400, stop_nm = 700, step_nm = 10";
         return Err(document.error("wavelengths", problem, help));

@@ -38,13 +38,13 @@ impl Claim {
         let gate = close_gate(dir, &content)?;
         let path = dir.join(format!("{CLAIM}{}", access.file_name()));
         // The gate file becomes the claim: renaming it also opens the gate.
-        let taken = check(dir, access)
+        let claimed = check(dir, access)
             .and_then(|()| fs::rename(&gate, &path).map_err(StoreError::io("create", &path)));
-        if taken.is_err() {
+        if claimed.is_err() {
             // If the gate cannot be deleted, the next process reports it to the user.
             let _ = fs::remove_file(&gate);
         }
-        taken.map(|()| Self { path, content })
+        claimed.map(|()| Self { path, content })
     }
 }
 

@@ -69,7 +69,7 @@ impl Description {
     /// The description of the database of `grid`. `extra` has further inputs, such as the
     /// hashes of the data tables in use.
     pub(super) fn new(grid: &Grid, extra: &BTreeMap<String, String>) -> Self {
-        let own = [
+        let versions = [
             ("format_version".to_string(), FORMAT_VERSION.to_string()),
             (
                 "program_version".to_string(),
@@ -88,7 +88,7 @@ impl Description {
             .iter()
             .map(|(key, value)| (key.clone(), value.replace('\n', " ")));
         Self {
-            entries: own
+            entries: versions
                 .into_iter()
                 .chain(inputs)
                 .chain(absent)

@@ -350,10 +350,10 @@ fn coordinate(
 
 /// The bytes of the file of a chunk of `array` with these `values`.
 pub(super) fn encode<T: Element>(array: &ZarrArray, values: &[T]) -> Result<Vec<u8>, StoreError> {
-    let what = array.path().as_str();
+    let name = array.path().as_str();
     let chunk = vec![0; array.dimensionality()];
-    let shape = array.chunk_shape(&chunk).map_err(StoreError::zarr(what))?;
-    let bytes = T::to_array_bytes(array.data_type(), values).map_err(StoreError::zarr(what))?;
+    let shape = array.chunk_shape(&chunk).map_err(StoreError::zarr(name))?;
+    let bytes = T::to_array_bytes(array.data_type(), values).map_err(StoreError::zarr(name))?;
     array
         .codecs()
         .encode(
@@ -364,7 +364,7 @@ pub(super) fn encode<T: Element>(array: &ZarrArray, values: &[T]) -> Result<Vec<
             &CodecOptions::default(),
         )
         .map(std::borrow::Cow::into_owned)
-        .map_err(StoreError::zarr(what))
+        .map_err(StoreError::zarr(name))
 }
 
 /// Name of the file of a chunk, in the folder of its array.

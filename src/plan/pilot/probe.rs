@@ -11,7 +11,7 @@ use crate::grid::Grid;
 /// Number of rays of the first run, and factor from each run to the next.
 const RAY_STEPS: [u64; 2] = [16, 4];
 /// As [`RAY_STEPS`], for `hybrid`: it walks only a fraction of a fraction of these rays per
-/// stream, eight at a time, and max_rays of its time does not depend on the rays.
+/// stream, eight at a time, and most of its time does not depend on the rays.
 const HYBRID_RAY_STEPS: [u64; 2] = [256, 16];
 /// Largest number of grain events averaged for a table of a pilot job; the time to make a
 /// table is nearly proportional to it.
