@@ -126,8 +126,8 @@ snow = [
     assert_eq!(
         file.warnings,
         [
-            "s.toml:7: `snow[1].facetness` = 0 is where reflectance jumps: smooth grains and grains of facetness 0.01 are far apart, and what lies between is neither (docs/stability.md)",
-            "s.toml:7: `snow[1].grain_size_um` = 90 makes grains down to 40 um; ordinary are 50 to 3000 um"
+            "s.toml:7: `snow[1].facetness` = 0 is where reflectance is discontinuous: facetness 0 and 0.01 give very different reflectances, and look-ups between the two are not reliable (docs/stability.md)",
+            "s.toml:7: `snow[1].grain_size_um` = 90 makes grains down to 40 um; the ordinary range is 50 to 3000 um"
         ]
     );
     let read = file.scene;
@@ -256,7 +256,7 @@ fn committed_configs_are_accepted_and_name_their_schema() {
         assert_eq!(
             file.warnings
                 .iter()
-                .any(|w| !w.contains("reflectance jumps")),
+                .any(|w| !w.contains("reflectance is discontinuous")),
             remarked.iter().any(|name| path.ends_with(name)),
             "{}",
             path.display()
@@ -268,7 +268,7 @@ fn committed_configs_are_accepted_and_name_their_schema() {
         let smooth = file
             .warnings
             .iter()
-            .all(|w| w.contains("reflectance jumps"));
+            .all(|w| w.contains("reflectance is discontinuous"));
         assert!(smooth, "{:?}", file.warnings);
     }
     for path in &grids {
@@ -287,7 +287,7 @@ fn committed_configs_are_accepted_and_name_their_schema() {
         assert_eq!(
             file.warnings
                 .iter()
-                .any(|w| !w.contains("reflectance jumps")),
+                .any(|w| !w.contains("reflectance is discontinuous")),
             has_fresh_surface || is_wide
         );
     }
@@ -498,7 +498,7 @@ fn values_beyond_the_ordinary_are_remarked_on() {
         (
             "stop_nm = 700",
             "stop_nm = 705",
-            "s.toml:6: `wavelengths.stop_nm` = 705 is no whole number of steps from start_nm; the last wavelength is 700 nm",
+            "s.toml:6: `wavelengths.stop_nm` = 705 is not a whole number of steps from start_nm; the last wavelength is 700 nm",
         ),
     ] {
         let file = sample::parse("s.toml", &SAMPLE.replace(old, new)).unwrap();
@@ -655,15 +655,16 @@ fn overpacked_sizes_and_smooth_grains_are_remarked() {
         let found = file.warnings.into_iter().filter(|w| w.contains(what));
         found.collect()
     };
-    let (packed, jumps) = ("times the ice", "reflectance jumps");
+    let (packed, jumps) = ("times the ice", "reflectance is discontinuous");
     assert!(told(SAMPLE, packed).is_empty() && told(SAMPLE, jumps).is_empty());
     let wide = SAMPLE.replace("min = 300, max = 750", "min = 50, max = 3000");
     let [warning] = &told(&wide, packed)[..] else {
         panic!("no warning");
     };
     assert!(
-        warning.contains("size_um` makes grains of 50 to 3000 um, of which the published size law meets 7.33 times the ice")
-            && warning.contains("size_law = \"consistent\""),
+        warning.contains(
+            "size_um` makes grains of 50 to 3000 um, for which rays cross 7.33 times the ice"
+        ) && warning.contains("size_law = \"consistent\""),
         "{warning}"
     );
     let consistent = wide.replace("[model]\n", "[model]\nsize_law = \"consistent\"\n");

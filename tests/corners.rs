@@ -103,10 +103,9 @@ fn the_spread_is_narrowed_for_the_smallest_sizes() {
     let text = include_str!("data/crtm323_naive.toml");
     let file = config::grid::parse("crtm323.toml", text).unwrap();
     assert_eq!(file.grid.spread.grain_size_half_width_um, 20.0);
-    let told = file
-        .warnings
-        .iter()
-        .any(|w| w.contains("spread.grain_size_half_width_um is 20 here"));
+    let told = file.warnings.iter().any(|w| {
+        w.contains("spread.grain_size_half_width_um is lowered from its default 50 to 20")
+    });
     assert!(told, "{:?}", file.warnings);
     assert_eq!(file.grid.absent().unwrap(), [0, 0, 0, 0, 0, 0, 1]);
     // what is asked for is not changed

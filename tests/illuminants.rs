@@ -246,7 +246,7 @@ fn configs_name_files_beside_them() {
         .unwrap_err()
         .to_string();
     assert!(
-        twice.contains("illuminants[1]` = \"same.csv\" is named before"),
+        twice.contains("illuminants[1]` = \"same.csv\" is a duplicate"),
         "{twice}"
     );
 

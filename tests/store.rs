@@ -251,7 +251,7 @@ fn an_interrupted_run_goes_on() {
     drop(store);
     assert_eq!(
         error.to_string(),
-        "interrupted: 5 of 24 jobs are done and safe; run the same command again to go on"
+        "interrupted: 5 of 24 jobs are done and safe; run the same command again to continue"
     );
     assert_eq!(run(dir.path(), &grid, 2, None).unwrap().run, 19);
     assert_same(&expected, &dir_bytes(dir.path()));

@@ -117,7 +117,7 @@ fn holes_and_impossible_values() {
             500.0,
             520.0,
             "NaN",
-            "has no value that can be used between 490 and 530 nm, where one is needed at 500 nm\n  help: fill the hole",
+            "has no value that can be used between 490 and 530 nm, where one is needed at 500 nm\n  help: fill the gap",
         ),
         (
             500.0,

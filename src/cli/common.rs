@@ -36,7 +36,7 @@ pub(super) struct GridArgs {
 pub(super) struct ThreadArgs {
     /// Number of threads [default: SLURM_CPUS_PER_TASK, else RAYON_NUM_THREADS, else the
     /// processors available to this process]
-    #[arg(long, value_name = "N", value_parser = clap::value_parser!(u16).range(1..=i64::from(threads::MOST)))]
+    #[arg(long, value_name = "N", value_parser = clap::value_parser!(u16).range(1..=i64::from(threads::MAX_THREADS)))]
     threads: Option<u16>,
 }
 

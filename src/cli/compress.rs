@@ -88,7 +88,7 @@ pub(super) fn run(args: &Args) -> anyhow::Result<()> {
     });
     let components = |k| Choice::Components(usize::from(k));
     let illuminants = illuminants(&args.illuminant, &args.dir.join(COMPACT))?;
-    let request = build::Asked {
+    let request = build::CompressionRequest {
         choice: args.components.map_or(bounds, components),
         variant: Variant {
             basis: args.basis,

@@ -5,7 +5,7 @@ use std::path::PathBuf;
 use serde::Serialize;
 
 use super::common::{self, GridArgs, Spinner};
-use crate::plan::{self, Axis, COMPONENTS, LongestJob, Measured, Options, Plan};
+use crate::plan::{self, Axis, COMPONENTS, LongestJob, Options, PilotReport, Plan};
 
 /// Estimate the jobs, time, bytes and errors of a build, without running it
 ///
@@ -146,7 +146,7 @@ impl fmt::Display for NamedPlan {
                 run => format!("extrapolated from {run} of its {rays} rays"),
             }
         )?;
-        let Measured {
+        let PilotReport {
             spent_seconds,
             jobs,
             jobs_whole,

@@ -1,5 +1,5 @@
-//! Keys and values of config files by their names in version 0.1: still read, but
-//! in no schema and no help.
+//! Keys and values that were renamed after version 0.1. The old names are still read,
+//! but neither the schemas nor the help texts mention them.
 use std::borrow::Cow;
 
 use serde::Deserialize;
@@ -8,35 +8,39 @@ use toml::de::{DeTable, DeValue};
 
 use crate::engine::Engine;
 
-/// Table, former key, and key.
+/// Table, old key and new key.
 const KEYS: [[&str; 3]; 3] = [
     ["axes", "angle_deg", "incidence_angle_deg"],
     ["illumination", "polar_angle_deg", "incidence_angle_deg"],
     ["scene", "angle_deg", "incidence_angle_deg"],
 ];
 
-/// The path of a key by its present name.
+/// The path of a key, with the key's new name.
 pub(super) fn path(path: &str) -> Cow<'_, str> {
     let renamed = KEYS.iter().find_map(|[table, former, key]| {
-        let before = path.strip_suffix(former)?;
-        before
+        let parent = path.strip_suffix(former)?;
+        parent
             .ends_with(&format!("{table}."))
-            .then(|| before.to_owned() + key)
+            .then(|| parent.to_owned() + key)
     });
     renamed.map_or(path.into(), Cow::from)
 }
 
-/// The table that `text` holds, if it is TOML.
+/// Parses `text` as TOML and renames its old keys.
+///
+/// # Errors
+/// `text` is not valid TOML.
 pub(super) fn parsed(text: &str) -> Result<toml::Table, toml::de::Error> {
     let mut root = DeTable::parse(text)?;
     rename("", root.get_mut());
     toml::Table::deserialize(toml::Deserializer::from(root))
 }
 
-/// Gives what `table`, which is named `name`, and all tables in it hold their present
-/// names. A key that is there by both names is left for the schema to refuse.
+/// Renames the old keys and values in `table`, which has the key `name`, and in all
+/// tables inside it. If a table has both the old and the new key, the old one is kept,
+/// and the check against the schema refuses it.
 pub(super) fn rename(name: &str, table: &mut DeTable<'_>) {
-    for [_, former, key] in KEYS.iter().filter(|[of, ..]| *of == name) {
+    for [_, former, key] in KEYS.iter().filter(|[table, ..]| *table == name) {
         if table.contains_key(*key) {
             continue;
         }
@@ -59,8 +63,8 @@ pub(super) fn rename(name: &str, table: &mut DeTable<'_>) {
                 }
             }
             DeValue::String(text) if name == "run" && key.get_ref() == "engine" => {
-                let mut all = Engine::ALIASES.into_iter();
-                if let Some((_, engine)) = all.find(|(former, _)| former == text) {
+                let mut aliases = Engine::ALIASES.into_iter();
+                if let Some((_, engine)) = aliases.find(|(former, _)| former == text) {
                     *text = engine.name().into();
                 }
             }

@@ -1,4 +1,4 @@
-//! What the parameters of axes do to the snow.
+//! Applies the values of axes to the fixed properties of the snow.
 use super::{Fixed, Grid, GridError, Spread};
 use crate::grain::TruncatedNormal;
 use crate::lookup::SubstrateKind;
@@ -7,11 +7,11 @@ use crate::parameter::{Axes, Parameter, Point};
 use crate::transport::Substrate;
 
 impl Fixed {
-    /// The same with the values that `point` has; the law of the sphericity is as
-    /// wide as `spread` says.
+    /// A copy with the values of `point`. `spread` gives the width of the sphericity
+    /// distribution.
     ///
     /// # Errors
-    /// That law is no distribution.
+    /// [`GridError::Law`] if the sphericity distribution is invalid.
     pub fn at(&self, point: &Point, spread: &Spread) -> Result<Self, GridError> {
         let mut fixed = self.clone();
         for (parameter, value) in point.iter() {
@@ -30,7 +30,7 @@ impl Fixed {
                     fixed.substrate = Substrate::Black
                 }
                 Parameter::SubstrateReflectance => fixed.substrate = Substrate::Grey(value),
-                // of the grains, the surface layer and the light: not fixed
+                // parameters of the grains, the surface layer and the light are not fixed
                 _ => {}
             }
         }
@@ -39,7 +39,8 @@ impl Fixed {
 }
 
 impl Spread {
-    /// Sphericity around an axis value: cut to mean -+ half width, and to (0, 1].
+    /// Sphericity distribution around an axis value: truncated to mean +- half width, and
+    /// to (0, 1].
     pub(crate) fn sphericity_law(&self, mean: f64) -> Result<TruncatedNormal, GridError> {
         let half_width = self.sphericity_half_width;
         let min = (mean - half_width).max(LEAST_SPHERICITY.min(mean));
@@ -52,12 +53,11 @@ impl Spread {
     }
 }
 
-/// Where laws of the sphericity are cut: no spheroid has 0.
+/// Smallest sphericity of a distribution: no spheroid has sphericity 0.
 const LEAST_SPHERICITY: f64 = 0.01;
 
 impl Grid {
-    /// The same grid at one value of each axis that a database may leave out, without
-    /// those axes.
+    /// The same grid without its optional axes, at the values of `point` on these axes.
     ///
     /// # Errors
     /// As [`Fixed::at`].
@@ -69,14 +69,14 @@ impl Grid {
         Ok(grid)
     }
 
-    /// Whether there is water in any snow of it.
+    /// Whether any snow of the grid contains liquid water.
     #[must_use]
     pub fn is_wet(&self) -> bool {
         let saturations = self.axes.values(Parameter::WaterSaturation);
-        self.fixed.is_wet() || saturations.last().is_some_and(|most| *most > 0.0)
+        self.fixed.is_wet() || saturations.last().is_some_and(|largest| *largest > 0.0)
     }
 
-    /// What lies under the snow of the axes.
+    /// The kind of substrate under the surface layer, including the layers below.
     #[must_use]
     pub fn substrate(&self) -> SubstrateKind {
         let reflects = !matches!(self.fixed.substrate, Substrate::Black);

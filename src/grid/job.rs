@@ -1,4 +1,4 @@
-//! From a job's number to what an engine is asked for.
+//! Expands a job number into the request to an engine.
 use std::fmt;
 
 use super::{Grid, GridError, Jobs};
@@ -9,57 +9,58 @@ use crate::parameter::{Parameter, Point, Role};
 use crate::transport::{Illumination, Snow, Snowpack};
 use crate::units::{HALF_SPACE_M, cm_to_m, m_to_cm, um_to_m};
 
-/// Jobs share the tables of a shape of grain, so these are this many times as fine as the
-/// walks of one job could tell: as fine as they get from 65,536 walks on.
+/// Jobs with the same grain shape share tables, so tables have the resolution for this
+/// many times the walks of one job. From 65,536 walks per job on, they have the finest
+/// resolution.
 const SHARED: u64 = 16;
 
-/// One job: one snow, one or all thicknesses, one or all angles.
+/// One job: one kind of snow, at one or all thicknesses and one or all incidence angles.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Job {
-    /// What its random streams are keyed with: [`identity`] of its own parameters,
-    /// wherever it stands in the grid.
+    /// Key of the random streams: the [`identity`] of the job's own parameters,
+    /// independent of its position in the grid.
     pub cell: u64,
-    /// Its values on all axes but thickness and incidence.
+    /// Values on all axes except thickness and incidence angle.
     pub snow: Point,
-    /// The snow.
+    /// The snowpack.
     pub snowpack: Snowpack,
     /// Slab thicknesses, m, increasing: the job's curves in storage order.
     pub thicknesses_m: Vec<f64>,
-    /// Polar angles of incidence, degrees.
+    /// Incidence angles, degrees.
     pub angles_deg: Vec<f64>,
-    /// The same as illuminations, and isotropic light last if the grid asks for it.
+    /// Illuminations at the incidence angles, followed by diffuse light if the grid has it.
     pub illuminations: Vec<Illumination>,
-    /// How many of the first thicknesses are too thin for the grains: their curves
+    /// Number of the thinnest thicknesses that are too thin for the grains: their curves
     /// do not exist ([`Grid::absent`]).
     pub absent: usize,
 }
 
 impl Job {
-    /// Whether it has curves that exist.
+    /// Whether any curve of the job exists.
     #[must_use]
     pub fn exists(&self) -> bool {
         self.absent < self.thicknesses_m.len()
     }
 
-    /// The `spectra` of the curves that exist, after one of `wavelengths` NaN for each
-    /// that does not: those of all curves.
+    /// The spectra of all curves: a spectrum of NaN at `wavelengths` wavelengths for each
+    /// curve that does not exist, followed by the `spectra` of those that exist.
     #[must_use]
     pub fn completed(&self, spectra: Vec<Spectrum>, wavelengths: usize) -> Vec<Spectrum> {
-        let none = Measured {
+        let nan = Measured {
             value: f64::NAN,
             se: f64::NAN,
         };
-        let none = Spectrum {
-            reflectance: vec![none; wavelengths],
-            transmittance: vec![none; wavelengths],
+        let absent_spectrum = Spectrum {
+            reflectance: vec![nan; wavelengths],
+            transmittance: vec![nan; wavelengths],
             lost: vec![0.0; wavelengths],
         };
-        let mut all = vec![none; self.absent * self.illuminations.len()];
-        all.extend(spectra);
-        all
+        let mut completed = vec![absent_spectrum; self.absent * self.illuminations.len()];
+        completed.extend(spectra);
+        completed
     }
 
-    /// What to ask an engine for: the curves that exist.
+    /// The request to an engine for the curves that exist.
     #[must_use]
     pub fn request<'a>(&'a self, grid: &'a Grid) -> Request<'a> {
         let thicknesses_m = self.thicknesses_m.get(self.absent..).unwrap_or_default();
@@ -72,7 +73,7 @@ impl Job {
     }
 }
 
-/// The parameters that single this job out, for messages.
+/// The parameters of the job, for messages.
 impl fmt::Display for Job {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         let list = |f: &mut fmt::Formatter<'_>, values: &[f64]| {
@@ -102,8 +103,8 @@ impl fmt::Display for Job {
     }
 }
 
-/// What the streams of a job are keyed with: of what it shares out over its
-/// curves, the engine keeps the streams apart.
+/// Key of the random streams of a job. Thickness and illumination are part of the key
+/// only if the job has a single one; otherwise the engine uses separate streams for them.
 fn cell(
     engine: Engine,
     snowpack: &Snowpack,
@@ -121,11 +122,12 @@ fn cell(
 }
 
 impl Grid {
-    /// The snow at a point, whatever the axes; its thickness and incidence are not looked
-    /// at.
+    /// The snowpack at `point`, which need not be a node. Thickness and incidence angle are
+    /// ignored.
     ///
     /// # Errors
-    /// A law of one of its values is impossible.
+    /// [`GridError::SmallGrain`] or [`GridError::Law`] if a distribution around a value of
+    /// `point` is invalid.
     pub fn snowpack(&self, point: &Point) -> Result<Snowpack, GridError> {
         let fixed = self.fixed.at(point, &self.spread)?;
         let grain = GrainType {
@@ -147,7 +149,7 @@ impl Grid {
         })
     }
 
-    /// What to ask an engine for of one `snowpack`.
+    /// The request to an engine for the curves of one `snowpack`.
     #[must_use]
     pub fn request<'a>(
         &'a self,
@@ -170,10 +172,11 @@ impl Grid {
         }
     }
 
-    /// The job of number `job`, of the `jobs` this grid gave.
+    /// The job with number `job`; `jobs` must come from [`Grid::jobs`] of this grid.
     ///
     /// # Errors
-    /// No such job, or a law of its axis values is impossible.
+    /// [`GridError::NoSuchJob`] if `job` is out of range; [`GridError::SmallGrain`] or
+    /// [`GridError::Law`] if a distribution around an axis value is invalid.
     pub fn job(&self, jobs: &Jobs, job: u64) -> Result<Job, GridError> {
         let axes = &self.axes;
         let snow: Point = axes
@@ -181,13 +184,14 @@ impl Grid {
             .iter()
             .filter(|(parameter, _)| parameter.record().role == Role::Snow)
             .collect();
-        let of = |parameter| Ok((jobs.nodes(job, parameter)?, axes.values(parameter)));
+        let nodes_and_values =
+            |parameter| Ok((jobs.nodes(job, parameter)?, axes.values(parameter)));
         let [size, thicknesses, angles] = [
             Parameter::GrainSize,
             Parameter::Thickness,
             Parameter::Incidence,
         ]
-        .map(of);
+        .map(nodes_and_values);
         let ((size, _), (thicknesses, all_cm), (angles, all_deg)) = (size?, thicknesses?, angles?);
         let absent = self.absent()?.get(size.start).copied().unwrap_or_default();
         let snowpack = self.snowpack(&snow)?;
@@ -217,7 +221,8 @@ impl Grid {
         })
     }
 
-    /// Facetness around an axis value: cut to mean -+ half width, and to [0, 1].
+    /// Facetness distribution around an axis value: truncated to mean +- half width, and to
+    /// [0, 1].
     pub(super) fn facetness_law(&self, mean: f64) -> Result<TruncatedNormal, GridError> {
         let half_width = self.spread.facetness_half_width;
         let (min, max) = (mean - half_width, mean + half_width);
@@ -230,7 +235,7 @@ impl Grid {
         )
     }
 
-    /// Grain size around an axis value: uniform in value -+ half width.
+    /// Size distribution around an axis value: uniform in value +- half width.
     pub(super) fn size_law(&self, size_um: f64) -> Result<SizeRange, GridError> {
         self.check_size(size_um)?;
         let half_width_um = self.spread.grain_size_half_width_um;

@@ -1,9 +1,9 @@
-//! The finished units of jobs that are not done, beside the database.
+//! Storage of the finished units of jobs that are not done, in the output directory.
 //!
-//! A file `DIR/.splitsnow-units/JOB-NUMBER` is 32 bytes of SHA-256 over the hash of
-//! the database's identity, the job, and the rest of the file, which is the engine's
-//! ([`crate::engine::Units`]). Torn, flipped and foreign files are passed over. A
-//! job's files are deleted when it is done.
+//! A file `DIR/.splitsnow-units/JOB-NUMBER` begins with 32 bytes: the SHA-256 over the hash
+//! of the database's identity, the job, and the rest of the file, which is written by the
+//! engine ([`crate::engine::Units`]). Truncated, corrupted and foreign files are ignored.
+//! The files of a job are deleted when it is done.
 use std::fs;
 use std::path::PathBuf;
 use std::sync::atomic::{AtomicU64, Ordering};
@@ -19,12 +19,12 @@ pub(super) const UNITS: &str = ".splitsnow-units";
 /// Bytes of a digest.
 const DIGEST: usize = 32;
 
-/// Where the finished units of one job are kept.
+/// Storage of the finished units of one job.
 #[derive(Debug, Clone)]
-pub(crate) struct UnitDirectory(Arc<Inner>);
+pub(crate) struct UnitDirectory(Arc<Shared>);
 
 #[derive(Debug)]
-struct Inner {
+struct Shared {
     folder: PathBuf,
     writer: Arc<file::Writer>,
     identity: [u8; 32],
@@ -35,13 +35,14 @@ struct Inner {
 }
 
 impl Store {
-    /// What is kept of `job`, oldest first, and where more of it goes.
+    /// The storage of the units of `job`, and the units that are stored already, oldest
+    /// first.
     pub(crate) fn unit_directory(
         &self,
         job: u64,
     ) -> Result<(UnitDirectory, Vec<Vec<u8>>), StoreError> {
         let files = self.units(job)?;
-        let unit_directory = Inner {
+        let unit_directory = Shared {
             folder: self.dir.join(UNITS),
             writer: Arc::clone(self.writer()?),
             identity: self.description.digest(),
@@ -49,52 +50,52 @@ impl Store {
             next: AtomicU64::new(files.last().map_or(0, |(number, _)| number + 1)),
             failure: Mutex::default(),
         };
-        let mut kept = Vec::new();
+        let mut stored_units = Vec::new();
         for (_, path) in files {
             let bytes = file::read(&path)?.unwrap_or_default();
             if let Some((digest, units)) = bytes.split_at_checked(DIGEST)
                 && unit_directory.digest(units) == digest
             {
-                kept.push(units.to_vec());
+                stored_units.push(units.to_vec());
             }
         }
-        Ok((UnitDirectory(Arc::new(unit_directory)), kept))
+        Ok((UnitDirectory(Arc::new(unit_directory)), stored_units))
     }
 
-    /// Deletes what is kept of `job`.
-    pub(super) fn forget(&self, job: u64) -> Result<(), StoreError> {
+    /// Deletes the units of `job`.
+    pub(super) fn delete_units(&self, job: u64) -> Result<(), StoreError> {
         let files = self.units(job)?;
         files
             .iter()
             .try_for_each(|(_, path)| file::remove_file(path))
     }
 
-    /// Deletes what is kept of jobs that are done, which a killed process left.
-    pub(super) fn forget_done(&self) -> Result<(), StoreError> {
+    /// Deletes the units of jobs that are done, which a killed process may have left.
+    pub(super) fn delete_finished_units(&self) -> Result<(), StoreError> {
         let mut jobs: Vec<u64> = self.all_units()?.iter().map(|unit| unit.0).collect();
         jobs.dedup();
         for job in jobs {
             if job >= self.layout.jobs.count() || self.is_done(job)? {
-                self.forget(job)?;
+                self.delete_units(job)?;
             }
         }
         Ok(())
     }
 
-    /// Number and path of the files of `job`, by number.
+    /// Number and path of the files of `job`, sorted by number.
     fn units(&self, job: u64) -> Result<Vec<(u64, PathBuf)>, StoreError> {
-        let all = self.all_units()?.into_iter();
-        let of = all.filter(|unit| unit.0 == job);
-        Ok(of.map(|(_, number, path)| (number, path)).collect())
+        let units = self.all_units()?.into_iter();
+        let units = units.filter(|unit| unit.0 == job);
+        Ok(units.map(|(_, number, path)| (number, path)).collect())
     }
 
-    /// Job, number and path of all files, by the first two.
+    /// Job, number and path of all files, sorted by job and number.
     fn all_units(&self) -> Result<Vec<(u64, u64, PathBuf)>, StoreError> {
         let folder = self.dir.join(UNITS);
         if !folder.exists() {
             return Ok(Vec::new());
         }
-        let mut all = Vec::new();
+        let mut units = Vec::new();
         for entry in fs::read_dir(&folder).map_err(StoreError::io("read", &folder))? {
             let entry = entry.map_err(StoreError::io("read", &folder))?;
             let name = entry.file_name();
@@ -102,23 +103,23 @@ impl Store {
             if let Some((job, number)) = numbers
                 && let (Ok(job), Ok(number)) = (job.parse(), number.parse())
             {
-                all.push((job, number, entry.path()));
+                units.push((job, number, entry.path()));
             }
         }
-        all.sort();
-        Ok(all)
+        units.sort();
+        Ok(units)
     }
 }
 
 impl UnitDirectory {
-    /// Why something could not be kept.
+    /// Takes the first error in storing units, if there was one.
     pub(crate) fn failure(&self) -> Option<StoreError> {
         let failure = self.0.failure.lock();
         failure.unwrap_or_else(PoisonError::into_inner).take()
     }
 }
 
-impl Inner {
+impl Shared {
     fn digest(&self, units: &[u8]) -> [u8; DIGEST] {
         Sha256::new()
             .chain_update(self.identity)
@@ -139,15 +140,15 @@ impl Inner {
 
 impl UnitStore for UnitDirectory {
     fn keep(&self, units: &[u8]) -> bool {
-        let written = self.0.write(units);
-        let kept = written.is_ok();
-        if let Err(error) = written {
+        let result = self.0.write(units);
+        let stored = result.is_ok();
+        if let Err(error) = result {
             let failure = self.0.failure.lock();
             failure
                 .unwrap_or_else(PoisonError::into_inner)
                 .get_or_insert(error);
         }
-        kept
+        stored
     }
 }
 
