@@ -81,7 +81,7 @@ pub(super) fn check(
         Some(&t),
         Some(&r),
     )
-    .without(of.store.absent());
+    .with_absent(of.store.absent());
     let regions = [file.axes().region()];
     let partial = subject(of, &regions, file, &exact, colour).certify_some(control)?;
     let chains = partial.error_budget.clone().map(|found| found.quantities);
