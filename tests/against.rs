@@ -122,7 +122,7 @@ fn field_files_are_read_and_their_noise_told() {
     );
     let told = many.report().to_string();
     assert!(
-        told.contains("column 2 `13_7_S1` (the first, 2 more like it"),
+        told.contains("column 2 `13_7_S1` (the first, 2 more match"),
         "{told}"
     );
     for asked in ["13_7_S2", "3", "s2"] {
@@ -197,7 +197,7 @@ fn what_names_say_is_not_taken_for_more() {
 #[test]
 fn no_wavelength_is_rounded_to_nothing() {
     let text = "wavelength_um,power\n0.7e-10,2\n0.351,2\n0.7,3\n";
-    let light = measured::Request::of(Some(measured::Content::Power), (0.0, f64::MAX));
+    let light = measured::Request::new(Some(measured::Content::Power), (0.0, f64::MAX));
     let curve = measured::parse("lamp.csv", text.as_bytes(), &light).unwrap();
     let nm: Vec<f64> = curve.samples.iter().map(|sample| sample.nm).collect();
     assert_eq!(nm, [0.7e-10 * 1e3, 351.0, 700.0]);
@@ -210,7 +210,7 @@ fn absurd_files_are_refused() {
         (
             "wavelength_nm,counts\n400,5000\n410,5100\n420,5200\n",
             Some(2),
-            "5000 at 400 nm is no reflectance: allowed -5 to 150 percent, and 3 of 3",
+            "5000 at 400 nm is not a valid reflectance: allowed -5 to 150 percent, and 3 of 3",
         ),
         (
             "400,0.5\n410,snow\n420,0.5\n",
@@ -220,7 +220,7 @@ fn absurd_files_are_refused() {
         (
             "wavelength_nm,reflectance\n400,0,5\n410,0,6\n",
             Some(2),
-            "3 cells (`400,0,5`) where 2 are expected",
+            "the row `400,0,5` has 3 cells; expected 2",
         ),
         ("400;0,5\n410;0.6\n", Some(2), "another decimal sign"),
         (
@@ -242,15 +242,19 @@ fn absurd_files_are_refused() {
         (
             "wavelength_nm,irradiance\n400,1.1\n410,1.2\n",
             Some(1),
-            "is relative power, asked for is reflectance",
+            "holds relative power, but reflectance is requested",
         ),
         (
             "snow\nand ice\n",
             None,
-            "no row with a wavelength and a value, and it begins with `snow`",
+            "no row with a wavelength and a value; the file begins with `snow`",
         ),
         ("", None, "no row"),
-        ("\u{1}\u{2}", None, "no text: it has the character U+0001"),
+        (
+            "\u{1}\u{2}",
+            None,
+            "not a text file: it contains the character U+0001",
+        ),
     ] {
         let error = parse(text).unwrap_err().to_string();
         let at = line.map_or("snow.csv: ".into(), |line| format!("snow.csv:{line}: "));

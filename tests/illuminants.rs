@@ -111,7 +111,7 @@ fn wrong_tables_are_refused() {
     for (text, message) in [
         (
             at(500.0, "NaN"),
-            "lamp.csv:42: no power at 500 nm: a light needs",
+            "lamp.csv:42: no power at 500 nm: an illuminant needs",
         ),
         (at(780.0, ""), "lamp.csv:98: no power at 780 nm"),
         (at(450.0, "-3"), "lamp.csv:32: a power of -3 at 450 nm"),
@@ -121,7 +121,7 @@ fn wrong_tables_are_refused() {
         ),
         (
             wrong("-1"),
-            "lamp.csv:2: -1 at 300 nm is no relative power: allowed 0 to inf",
+            "lamp.csv:2: -1 at 300 nm is not a valid relative power: allowed 0 to inf",
         ),
         (
             rows(|nm| nm > 650.0),
@@ -130,7 +130,7 @@ fn wrong_tables_are_refused() {
         (rows(|nm| nm == 500.0), "lamp.csv: fewer than two rows"),
         (
             D65.replace("spd", "reflectance"),
-            "lamp.csv:2: the column `reflectance` is reflectance, asked for is relative power",
+            "lamp.csv:2: the column `reflectance` holds reflectance, but relative power is requested",
         ),
         (
             "nothing".into(),

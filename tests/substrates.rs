@@ -60,9 +60,9 @@ fn any_spelling_gives_the_same_ground() {
     for (text, told) in [
         (
             &tabs,
-            "percent (as the file says); wavelengths in column 1, um (as the file says)",
+            "percent (as the file states); wavelengths in column 1, um (as the file states)",
         ),
-        (&turned, "descending: turned round; 71 of 71 rows used"),
+        (&turned, "descending: reversed; 71 of 71 rows used"),
         (
             &bare,
             "2 columns by spaces; reflectance in column 2 (the first), fraction (guessed",
@@ -95,13 +95,13 @@ fn holes_and_impossible_values() {
             500.0,
             510.0,
             "1.2",
-            "2 outside what is possible (lines 17-18)",
+            "2 outside the possible range (lines 17-18)",
         ),
         (
             700.0,
             700.0,
             "-0.02",
-            "1 outside what is possible (line 37)",
+            "1 outside the possible range (line 37)",
         ),
         (1010.0, 1050.0, "-999", "5 without a value (lines 68-72)"),
         (350.0, 390.0, "", "5 without a value (lines 2-6)"),
@@ -117,13 +117,13 @@ fn holes_and_impossible_values() {
             500.0,
             520.0,
             "NaN",
-            "has no value that can be used between 490 and 530 nm, where one is needed at 500 nm\n  help: fill the gap",
+            "has no usable value between 490 and 530 nm, but one is needed at 500 nm\n  help: fill the gap",
         ),
         (
             500.0,
             520.0,
             "-0.1",
-            "has no value that can be used between 490 and 530 nm",
+            "has no usable value between 490 and 530 nm",
         ),
         (
             980.0,

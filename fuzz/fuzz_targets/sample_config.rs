@@ -1,5 +1,5 @@
-//! Any text: a sample file is refused with a message, or read and, written
-//! canonically, read again as the same.
+//! For any text, a sample file is refused with a message, or its canonical form reads back
+//! as the same sample.
 #![no_main]
 use libfuzzer_sys::fuzz_target;
 use splitsnow::config::sample;

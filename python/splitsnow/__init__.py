@@ -1,6 +1,6 @@
 """Spectral databases of snow: look-ups, colours and simulations.
 
-A database is a compact file made by ``splitsnow build`` or ``splitsnow tailor``::
+A database is a compact file written by ``splitsnow build`` or ``splitsnow tailor``::
 
     import splitsnow
 
@@ -8,7 +8,7 @@ A database is a compact file made by ``splitsnow build`` or ``splitsnow tailor``
     spectra = snow.transmittance(0.3, 250, 300, thickness_cm=[2, 5], incidence_angle_deg=20)
     colours = snow.srgb(0.3, 250, 300, thickness_cm=[2, 5], incidence_angle_deg=20)
 
-Wavelengths are in nm, reflectance and transmittance dimensionless in [0, 1].
+Wavelengths are in nm; reflectance and transmittance are dimensionless, in [0, 1].
 """
 
 from ._colour import lab, srgb, swatch, xyz

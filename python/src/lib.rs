@@ -1,4 +1,4 @@
-//! What the Python package `splitsnow` calls; the Python half, with the
+//! The compiled part of the Python package `splitsnow`. The Python part, with the
 //! documentation for users, is in `python/splitsnow`.
 mod colour;
 mod database;
@@ -8,7 +8,7 @@ mod simulation;
 
 use pyo3::prelude::*;
 
-/// The compiled half of `splitsnow`.
+/// The compiled part of `splitsnow`.
 #[pymodule]
 mod _native {
     #[pymodule_export]

@@ -1,7 +1,7 @@
-"""Databases that the compiled `splitsnow` builds.
+"""Fixtures: databases built by the compiled `splitsnow`.
 
-SPLITSNOW_BIN names that program (target/release/splitsnow if not set), SPLITSNOW_OUT
-the output directory of `splitsnow build configs/quick.toml`, built here if not set.
+SPLITSNOW_BIN names the program (default: target/release/splitsnow). SPLITSNOW_OUT names
+the output directory of `splitsnow build configs/quick.toml`, which is built if not set.
 """
 
 import os
@@ -33,14 +33,14 @@ rays = 4000
 
 @pytest.fixture(scope="session")
 def run():
-    """Runs the program; its standard output."""
+    """Runs the program and returns its standard output."""
     program = os.environ.get("SPLITSNOW_BIN", ROOT / "target/release/splitsnow")
 
     def run(*args):
         args = [str(program), *map(str, args)]
-        done = subprocess.run(args, cwd=ROOT, capture_output=True, text=True)
-        assert done.returncode == 0, done.stderr
-        return done.stdout
+        result = subprocess.run(args, cwd=ROOT, capture_output=True, text=True)
+        assert result.returncode == 0, result.stderr
+        return result.stdout
 
     return run
 
@@ -61,7 +61,7 @@ def quick(out):
 
 @pytest.fixture(scope="session")
 def sooty(run, tmp_path_factory):
-    """A database with black carbon as an axis, its directory as `path`."""
+    """A database with black carbon as an axis."""
     folder = tmp_path_factory.mktemp("sooty")
     (folder / "grid.toml").write_text(WITH_CARBON)
     run("build", folder / "grid.toml", "--out", folder / "out")
@@ -70,7 +70,7 @@ def sooty(run, tmp_path_factory):
 
 @pytest.fixture(scope="session")
 def tailored(run, tmp_path_factory):
-    """A tailored database: few wavelengths, certified, transmittance alone."""
+    """A tailored database: few wavelengths, an error budget, transmittance only."""
     folder = tmp_path_factory.mktemp("igloo")
     run("tailor", "configs/scenes/igloo.toml", "--out", folder)
     return splitsnow.Database.open(folder)
@@ -78,7 +78,7 @@ def tailored(run, tmp_path_factory):
 
 @pytest.fixture(scope="session")
 def query(run):
-    """`splitsnow query` of a database: wavelengths and values."""
+    """Runs `splitsnow query` on a database and returns wavelengths and values."""
 
     def query(database, *point, **options):
         names = "facetness grain-size-um density-kg-m3 thickness-cm incidence-angle-deg".split()

@@ -72,7 +72,7 @@ impl Bands {
             .map(|&nm| f64::from(nm as f32))
             .collect();
         let mut parts: Vec<BandColumns> = Vec::new();
-        for (column, band) in nm.iter().map(|&nm| Band::of(nm)).enumerate() {
+        for (column, band) in nm.iter().map(|&nm| Band::containing(nm)).enumerate() {
             match parts.last_mut() {
                 Some(part) if part.band == band => part.columns.end = column + 1,
                 _ => parts.push(BandColumns {

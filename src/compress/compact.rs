@@ -17,8 +17,8 @@ use crate::lookup::SubstrateKind;
 use crate::lookup::format::{
     ABSENT, BAND_ERRORS, BASIS, BOUNDS, ERROR_TABLE, FORMAT, FORMAT_VERSION, MAX_HEADER,
     MAX_NUMBER, PRECISION, PROVENANCE, QUANTITIES, SUBSTRATE, WAVELENGTH, axis_order, basis_name,
-    check_axis, check_wavelengths, coefficients_name, components_key, integers_name, number,
-    quantisation_name, quantities,
+    check_axis, check_wavelengths, coefficients_name, components_key, integers_name,
+    is_valid_number, quantisation_name, quantities,
 };
 use crate::measurement::Quantity;
 use crate::parameter::{Axes, Parameter};
@@ -313,7 +313,7 @@ fn check_matrix(name: &str, matrix: &Array2<f32>, shape: [usize; 2]) -> Result<(
         let problem = format!("{name} has the shape {:?}, not {shape:?}", matrix.shape());
         return Err(CompactError::Content(problem));
     }
-    if let Some(bad) = matrix.iter().find(|v| !number(**v)) {
+    if let Some(bad) = matrix.iter().find(|v| !is_valid_number(**v)) {
         let problem =
             format!("{name} has the value {bad}, which is not finite or above {MAX_NUMBER:e}");
         return Err(CompactError::Content(problem));

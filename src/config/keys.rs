@@ -8,7 +8,7 @@ use schemars::{JsonSchema, json_schema};
 use serde::Deserialize;
 
 use super::axis_keys::AxesKeys;
-use crate::colour::{ColourDifference, Illuminant, Stated, Viewing};
+use crate::colour::{ColourDifference, Illuminant, IlluminantSpec, Viewing};
 use crate::engine::Engine;
 use crate::grain::SizeLaw;
 use crate::grid::Spread;
@@ -591,7 +591,7 @@ pub(super) struct CompressionKeys {
     #[schemars(range(max = 1.0), extend("exclusiveMinimum" = 0.0))]
     pub(super) max_rmse: Option<f64>,
     #[schemars(schema_with = "illuminants")]
-    pub(super) illuminants: Vec<Stated>,
+    pub(super) illuminants: Vec<IlluminantSpec>,
     /// Formula of the colour difference.
     #[schemars(extend("enum" = ColourDifference::ALL.map(ColourDifference::name)))]
     pub(super) delta_e: String,
@@ -640,9 +640,9 @@ fn table_column(description: &str) -> serde_json::Value {
     })
 }
 
-pub(super) fn default_illuminants() -> Vec<Stated> {
+pub(super) fn default_illuminants() -> Vec<IlluminantSpec> {
     let illuminants = Viewing::default().illuminants.into_iter();
-    illuminants.map(Stated::from).collect()
+    illuminants.map(IlluminantSpec::from).collect()
 }
 
 pub(super) fn default_delta_e() -> String {

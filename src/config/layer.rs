@@ -6,7 +6,7 @@ use crate::grain::{
 };
 use crate::optics::{Carbon, ice_density_kg_m3};
 use crate::spectrum::Table;
-use crate::spectrum::measured::{self, Content, Gap, MAX_BRIDGE_NM, Request};
+use crate::spectrum::measured::{self, Content, CoverageGap, MAX_BRIDGE_NM, Request};
 use crate::transport::{Component, EXPONENTS, Layer, Snow, Substrate};
 use crate::units::{HALF_SPACE_CM, cm_to_m, um_to_m};
 
@@ -170,15 +170,15 @@ pub(super) fn substrate(
         Some(ReflectanceKeys::Path(path)) => {
             let path = directory.join(path);
             // a reflectance is between 0 and 1
-            let request = Request::of(Some(Content::Reflectance), (0.0, 1.0));
+            let request = Request::new(Some(Content::Reflectance), (0.0, 1.0));
             let curve = measured::read(&path, &request).map_err(|error| {
                 refuse(format!("cannot be used: {}", error.without_choices()), "")
             })?;
             notes.push(format!("read {}: {}", path.display(), curve.report));
-            curve.at(wavelengths_nm).map_err(|gap| {
+            curve.values_at(wavelengths_nm).map_err(|gap| {
                 let help = match gap {
-                    Gap::Short { .. } => "extend the table or choose other wavelengths".to_owned(),
-                    Gap::Hole { .. } => format!(
+                    CoverageGap::Short { .. } => "extend the table or choose other wavelengths".to_owned(),
+                    CoverageGap::Hole { .. } => format!(
                         "fill the gap or choose other wavelengths; linear interpolation bridges at most {MAX_BRIDGE_NM} nm"
                     ),
                 };
@@ -189,7 +189,7 @@ pub(super) fn substrate(
     Ok(match values[..] {
         [0.0] => Substrate::Black,
         [reflectance] => Substrate::Grey(reflectance),
-        _ => match Table::of(wavelengths_nm, &values) {
+        _ => match Table::from_column(wavelengths_nm, &values) {
             Some(table) => Substrate::Spectrum { table },
             None => return Err(refuse("has non-finite values".to_owned(), "")),
         },

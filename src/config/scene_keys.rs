@@ -3,7 +3,7 @@ use schemars::{JsonSchema, Schema, SchemaGenerator, json_schema};
 use serde::Deserialize;
 use serde_json::Value;
 
-use crate::colour::{ColourDifference, Stated};
+use crate::colour::{ColourDifference, IlluminantSpec};
 use crate::measurement::Quantity;
 
 use super::axis_keys::SnowKeys;
@@ -51,7 +51,7 @@ pub(super) struct RequirementKeys {
     pub(super) quantities: Vec<String>,
     #[schemars(schema_with = "illuminants")]
     #[serde(default = "default_illuminants")]
-    pub(super) illuminants: Vec<Stated>,
+    pub(super) illuminants: Vec<IlluminantSpec>,
     /// Formula of the colour difference.
     #[schemars(extend("enum" = ColourDifference::ALL.map(ColourDifference::name)))]
     #[serde(default = "default_delta_e")]

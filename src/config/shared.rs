@@ -2,7 +2,7 @@
 //! choices, illuminants and model options.
 use std::path::Path;
 
-use crate::colour::{ColourDifference, Illuminant, IlluminantError, Stated, Viewing};
+use crate::colour::{ColourDifference, Illuminant, IlluminantError, IlluminantSpec, Viewing};
 use crate::grain::{SizeLaw, SizeMeasure, TruncatedNormal};
 use crate::optics::WaterTable;
 use crate::transport::Model;
@@ -208,7 +208,7 @@ pub(super) fn model(
 pub(super) fn viewing(
     document: &Document,
     table: &str,
-    (illuminants, delta_e): (&[Stated], &str),
+    (illuminants, delta_e): (&[IlluminantSpec], &str),
     (directory, wavelengths_nm): (&Path, &[f64]),
     notes: &mut Vec<String>,
 ) -> Result<Viewing, ConfigError> {
@@ -237,12 +237,12 @@ pub(super) fn viewing(
 fn illuminant(
     document: &Document,
     key: &str,
-    stated: &Stated,
+    stated: &IlluminantSpec,
     directory: &Path,
     notes: &mut Vec<String>,
 ) -> Result<Illuminant, ConfigError> {
     let refuse = |problem: String| document.error(key, Problem::Contradiction(problem), "");
-    let Stated::Name(name) = stated else {
+    let IlluminantSpec::Name(name) = stated else {
         return Illuminant::try_from(stated.clone()).map_err(refuse);
     };
     match Illuminant::find(name, directory) {

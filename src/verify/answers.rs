@@ -84,7 +84,7 @@ pub(super) fn check(
         Some(&t),
         Some(&r),
     )
-    .without(context.store.absent());
+    .with_absent(context.store.absent());
     let regions = [file.axes().region()];
     let partial =
         certification(context, &regions, file, &exact, colour).certify_until_cancelled(control)?;

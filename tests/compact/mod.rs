@@ -216,7 +216,7 @@ fn nodes_are_found_by_their_values_and_others_refused() {
             .spectrum(between, Quantity::Reflectance)
             .unwrap_err()
             .to_string(),
-        "thickness_cm = 10 lies between the nodes 1.5 and 50 of the database, and this look-up knows nodes only; the method `smooth` interpolates"
+        "thickness_cm = 10 lies between the nodes 1.5 and 50 of the database; this look-up answers at nodes only, use the method `smooth` to interpolate"
     );
     let outside = point.with(Parameter::Incidence, 89.5);
     assert_eq!(

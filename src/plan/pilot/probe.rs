@@ -309,7 +309,7 @@ mod tests {
         let small = Extent {
             rays: 256.0,
             nodes: 1.0,
-            ..left
+            ..extent
         };
         let found = extrapolate(&[run(64.0), run(256.0)], &small, true).unwrap();
         assert!((found / core(256.0) - 1.0).abs() < 1e-9, "{found}");
