@@ -104,7 +104,7 @@
 //!
 //! | module | contents |
 //! |---|---|
-//! | [`math`], [`rng`], [`units`], [`threads`], [`budget`] | vectors, deterministic elementary functions, random streams, unit conversions; number of threads; CPU time limits |
+//! | [`simd`], [`math`], [`rng`], [`units`], [`threads`], [`budget`] | instruction sets; vectors, deterministic elementary functions, random streams, unit conversions; number of threads; CPU time limits |
 //! | `atomic`, `host` | atomic writing of files; identification of processes |
 //! | [`parameter`], [`lookup`] | the axes of a database; reading of compact files and interpolation |
 //! | [`spectrum`], [`optics`], [`colour`] | tabulated functions of wavelength; refractive indices; Fresnel and Snell; CIELAB |
@@ -159,7 +159,7 @@ pub use splitsnow_lookup::{
     self as lookup, Database, Lookup, Parameter, Point, Quantity, parameter,
 };
 pub use splitsnow_model::{engine, grain, math, measurement, optics, rng, slab, table, transport};
-pub use splitsnow_spectra::{colour, elementary, spectrum, units};
+pub use splitsnow_spectra::{colour, elementary, simd, spectrum, units};
 
 /// Compiles and runs the examples of the README as documentation tests.
 #[cfg(doctest)]

@@ -22,6 +22,7 @@ mod layers;
 mod lookup;
 mod optical;
 mod pages;
+mod simd;
 mod simulate;
 mod store;
 mod substrates;

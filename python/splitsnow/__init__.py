@@ -14,6 +14,7 @@ Wavelengths are in nm; reflectance and transmittance are dimensionless, in [0, 1
 from ._colour import lab, srgb, swatch, xyz
 from ._database import Database
 from ._native import VERSION as __version__
+from ._native import simd
 from ._simulation import Simulation, simulate
 
-__all__ = ["Database", "Simulation", "__version__", "lab", "simulate", "srgb", "swatch", "xyz"]
+__all__ = ["Database", "Simulation", "__version__", "lab", "simd", "simulate", "srgb", "swatch", "xyz"]

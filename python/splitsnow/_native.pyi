@@ -5,9 +5,12 @@ from typing import Any, Final, Optional, final
 import numpy as np
 from numpy.typing import NDArray
 
-__all__ = ["Database", "VERSION", "colours", "illuminant", "parameters", "simulate"]
+__all__ = ["Database", "VERSION", "colours", "illuminant", "parameters", "simd", "simulate"]
 
 VERSION: Final[str]
+
+def simd() -> str:
+    """The instruction set in use: ``SPLITSNOW_SIMD`` or the best of this processor."""
 
 def parameters() -> list[tuple[str, str, str]]: ...
 

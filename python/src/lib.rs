@@ -6,7 +6,17 @@ mod points;
 mod pool;
 mod simulation;
 
+use pyo3::exceptions::PyValueError;
 use pyo3::prelude::*;
+
+/// Returns the instruction set in use: that of `SPLITSNOW_SIMD`, or else the best one that
+/// this processor supports.
+#[pyfunction]
+fn simd() -> PyResult<&'static str> {
+    let level = splitsnow::simd::requested();
+    let level = level.map_err(|error| PyValueError::new_err(error.to_string()))?;
+    Ok(level.name())
+}
 
 /// The compiled part of `splitsnow`.
 #[pymodule]
@@ -20,6 +30,9 @@ mod _native {
 
     #[pymodule_export]
     use crate::database::parameters;
+
+    #[pymodule_export]
+    use crate::simd;
 
     #[pymodule_export]
     const VERSION: &str = env!("CARGO_PKG_VERSION");

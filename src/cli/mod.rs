@@ -29,6 +29,7 @@ use std::process::ExitCode;
 use clap::{Parser, Subcommand};
 
 use crate::atomic;
+use crate::simd;
 
 /// Generate and compress spectral databases of snow
 ///
@@ -100,11 +101,54 @@ fn lacks_value(word: &OsStr) -> bool {
     text.len() > 2 && text.starts_with("--") && !text.contains('=')
 }
 
+/// Whether the arguments ask for the long form of the version: `--version -v`, `-V -v`,
+/// `-vV` and the like. The first of `words` is the name of the program.
+fn asks_for_long_version(words: &[OsString]) -> bool {
+    let mut asked = [false; 2];
+    for word in words.iter().skip(1) {
+        let found = match word.to_str() {
+            Some("-V" | "--version") => [true, false],
+            Some("-v" | "--verbose") => [false, true],
+            Some("-vV" | "-Vv") => [true; 2],
+            _ => return false,
+        };
+        asked = [asked[0] || found[0], asked[1] || found[1]];
+    }
+    asked == [true; 2]
+}
+
+/// Prints the version, the target and the instruction sets.
+#[allow(clippy::print_stdout)]
+fn print_long_version(level: simd::Level) {
+    let supported: Vec<_> = simd::Level::supported().map(simd::Level::name).collect();
+    println!("splitsnow {}", env!("CARGO_PKG_VERSION"));
+    println!(
+        "target: {}-{}",
+        std::env::consts::ARCH,
+        std::env::consts::OS
+    );
+    println!("instruction set: {level}");
+    println!("supported here: {}", supported.join(", "));
+}
+
 /// Parses the arguments of this process and runs the command.
 #[must_use]
 pub fn run() -> ExitCode {
-    let cli = Cli::parse_from(join_negative_numbers(std::env::args_os()));
-    let result = match cli.command {
+    let words = join_negative_numbers(std::env::args_os());
+    let is_long_version = asks_for_long_version(&words);
+    let command = (!is_long_version).then(|| Cli::parse_from(words).command);
+    let level = match simd::requested() {
+        Ok(level) => level,
+        Err(error) => {
+            common::note(&format!("error: {error}"));
+            return ExitCode::FAILURE;
+        }
+    };
+    let Some(command) = command else {
+        print_long_version(level);
+        return ExitCode::SUCCESS;
+    };
+    let result = match command {
         Command::Plan(args) => plan::run(&args),
         Command::Build(args) => build::run(&args),
         Command::Compress(args) => compress::run(&args),

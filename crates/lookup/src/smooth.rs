@@ -22,7 +22,7 @@
 use ndarray::ArrayView1;
 use splitsnow_spectra::Quantity;
 use splitsnow_spectra::elementary::exp_neg_single as exp_neg;
-use wide::f32x8;
+use splitsnow_spectra::simd::{F32x8, Kernel, Portable, Simd, dispatch};
 
 use crate::diffusion::Diffusion;
 use crate::monotone::{share, slope};
@@ -66,11 +66,11 @@ pub struct Lookup {
     /// Number of vectors per node.
     width: usize,
     /// `[node][width]`: y and its slope along the thickness.
-    table: Vec<f32x8>,
+    table: Vec<F32x8>,
     /// Number of components of the basis; 0 if the wavelengths are the components.
     components: usize,
     /// Basis vectors, `[l / 8][component]`.
-    basis: Vec<f32x8>,
+    basis: Vec<F32x8>,
     wavelengths: usize,
 }
 
@@ -83,7 +83,7 @@ struct Corners {
 }
 
 impl Corners {
-    #[inline]
+    #[inline(always)]
     fn iter(&self) -> impl Iterator<Item = (usize, f32)> {
         let corners = self.index.iter().zip(&self.weight);
         corners
@@ -118,7 +118,7 @@ impl Lookup {
             let place = |value| {
                 let mut point = [0.0, 1.0, 1.0, 0.0, 0.0];
                 point[axis] = value;
-                core_places(point)[axis]
+                core_places::<Portable>(point)[axis]
             };
             let values = thin.chain(values.iter().copied());
             *places = values.map(place).collect();
@@ -129,7 +129,7 @@ impl Lookup {
         let depth = if logarithmic { components } else { wavelengths };
         let width = depth.div_ceil(LANES);
         let nodes = database.curves() / values[THICKNESS].len() * places[THICKNESS].len();
-        let bytes = (nodes as u128) * (width * size_of::<f32x8>()) as u128;
+        let bytes = (nodes as u128) * (width * size_of::<F32x8>()) as u128;
         if bytes > MOST_BYTES {
             return Err(LookupError::TooLarge { bytes });
         }
@@ -150,7 +150,7 @@ impl Lookup {
             for l in (0..wavelengths).step_by(8) {
                 let chunk = |column: ArrayView1<f32>| {
                     let value = |i: usize| column.get(l + i).copied().unwrap_or_default();
-                    f32x8::new(std::array::from_fn(value))
+                    F32x8::new(std::array::from_fn(value))
                 };
                 lookup
                     .basis
@@ -186,21 +186,31 @@ impl Lookup {
                 found: spectrum.len(),
             });
         }
+        dispatch(SpectrumKernel {
+            lookup: self,
+            point,
+            spectrum,
+        })
+    }
+
+    /// [`Lookup::spectrum`] for a `spectrum` of the right length.
+    #[inline(always)]
+    fn spectrum_on<S: Simd>(&self, point: Point, spectrum: &mut [f32]) -> Result<(), LookupError> {
         let values = self.inside(point).ok_or_else(|| self.outside(point))?;
         if !self.absent.is_empty()
             && let Some(missing) = self.missing_curve(values[1], values[THICKNESS])
         {
             return Err(absent_error(missing, point));
         }
-        let places = core_places(values);
+        let places = core_places::<S>(values);
         let x = &self.places[THICKNESS];
         if places[THICKNESS] <= x[x.len() - 1] {
             let (corners, cell) = self.corners(places);
             let t = fraction(x, cell, places[THICKNESS]);
             let step = x[cell + 1] - x[cell];
-            self.depths(&corners, hermite(t, step), spectrum);
+            self.depths::<S>(&corners, hermite(t, step), spectrum);
         } else {
-            self.depths_beyond(places, point[Parameter::Thickness] as f32, spectrum);
+            self.depths_beyond::<S>(places, point[Parameter::Thickness] as f32, spectrum);
         }
         self.to_quantity(spectrum);
         Ok(())
@@ -217,10 +227,10 @@ impl Lookup {
             .with(Parameter::Thickness, f64::from(self.values[THICKNESS][0]))
             .with(Parameter::Incidence, f64::from(self.values[INCIDENCE][0]));
         let values = self.inside(point).ok_or_else(|| self.outside(point))?;
-        let places = core_places(values);
+        let places = core_places::<Portable>(values);
         let (corners, _) = self.corners(places);
         let column = self.places[THICKNESS].len() * self.values[INCIDENCE].len() * self.width;
-        let mut table = vec![f32x8::ZERO; column];
+        let mut table = vec![F32x8::ZERO; column];
         let mut material = Self {
             axes: self.axes.clone(),
             values: self.values.clone(),
@@ -233,7 +243,7 @@ impl Lookup {
         for (index, weight) in corners.iter() {
             let begin = index / column * column;
             let nodes = table.iter_mut().zip(&self.table[begin..begin + column]);
-            nodes.for_each(|(sum, node)| *sum += *node * f32x8::splat(weight));
+            nodes.for_each(|(sum, node)| *sum += *node * F32x8::splat(weight));
         }
         material.table = table;
         for axis in 0..THICKNESS {
@@ -270,7 +280,7 @@ impl Lookup {
         let [n_f, n_g, n_d, n_h, n_a] = self.values.each_ref().map(Vec::len);
         let thin = self.thin_count();
         let rows = thin + n_h;
-        let mut table = vec![f32x8::ZERO; n_f * n_g * n_d * rows * n_a * self.width];
+        let mut table = vec![F32x8::ZERO; n_f * n_g * n_d * rows * n_a * self.width];
         let mut y = vec![vec![0.0; depth]; rows];
         for (snow, angle) in (0..n_f * n_g * n_d).flat_map(|s| (0..n_a).map(move |a| (s, a))) {
             let absent = self
@@ -399,18 +409,18 @@ impl Lookup {
             return components.to_vec();
         }
         let mut spectrum = vec![0.0; self.wavelengths];
-        self.rebuild(components, &mut spectrum);
+        self.rebuild::<Portable>(components, &mut spectrum);
         spectrum
     }
 
     /// Writes y per wavelength, from coefficients of the basis, to `spectrum`.
     #[inline(always)]
-    fn rebuild(&self, components: &[f32], spectrum: &mut [f32]) {
+    fn rebuild<S: Simd>(&self, components: &[f32], spectrum: &mut [f32]) {
         let chunks = self.basis.chunks_exact(self.components);
         for (to, vectors) in spectrum.chunks_mut(8).zip(chunks) {
-            let mut y = f32x8::ZERO;
+            let mut y = F32x8::<S>::ZERO;
             for (c, vector) in components.iter().zip(vectors) {
-                y += f32x8::splat(*c) * *vector;
+                y += F32x8::splat(*c) * vector.on();
             }
             let lanes = y.as_array();
             match to.first_chunk_mut::<8>() {
@@ -519,32 +529,32 @@ impl Lookup {
     /// Writes y per wavelength to `spectrum`: sums over `corners` of the values and slopes
     /// at the nodes below and above the thickness, with `weights`.
     #[inline(always)]
-    fn depths(&self, corners: &Corners, weights: [f32x8; 2], spectrum: &mut [f32]) {
+    fn depths<S: Simd>(&self, corners: &Corners, weights: [F32x8<S>; 2], spectrum: &mut [f32]) {
         if self.components == 0 {
             // the components are the spectrum
             self.sums(corners, weights, spectrum);
         } else if self.components <= FEW {
             let mut few = [0.0; FEW];
             self.sums(corners, weights, &mut few[..self.components]);
-            self.rebuild(&few[..self.components], spectrum);
+            self.rebuild::<S>(&few[..self.components], spectrum);
         } else {
             let mut many = vec![0.0; self.components];
             self.sums(corners, weights, &mut many);
-            self.rebuild(&many, spectrum);
+            self.rebuild::<S>(&many, spectrum);
         }
     }
 
     /// Writes the same sums per component to `sums`.
     #[inline(always)]
-    fn sums(&self, corners: &Corners, [lower, upper]: [f32x8; 2], sums: &mut [f32]) {
+    fn sums<S: Simd>(&self, corners: &Corners, [lower, upper]: [F32x8<S>; 2], sums: &mut [f32]) {
         let above = self.values[INCIDENCE].len() * self.width;
         if self.width == 1 {
             // the usual case of a tailored file: one vector, kept in registers
-            let mut sum = [f32x8::ZERO; 2];
-            for (index, weight) in corners.iter() {
-                let weight = f32x8::splat(weight);
-                sum[0] += self.table[index] * weight;
-                sum[1] += self.table[index + above] * weight;
+            let mut sum = [F32x8::<S>::ZERO; 2];
+            for (at, weight) in corners.iter() {
+                let weight = F32x8::splat(weight);
+                sum[0] += self.table[at].on() * weight;
+                sum[1] += self.table[at + above].on() * weight;
             }
             let lanes = (sum[0] * lower + sum[1] * upper).to_array();
             for (i, to) in sums.iter_mut().enumerate().take(LANES) {
@@ -554,15 +564,15 @@ impl Lookup {
         }
         for (block, sums) in sums.chunks_mut(BLOCK * LANES).enumerate() {
             let vectors = sums.len().div_ceil(LANES);
-            let mut sum = [[f32x8::ZERO; 2]; BLOCK];
-            for (index, weight) in corners.iter() {
-                let index = index + block * BLOCK;
-                let weight = f32x8::splat(weight);
-                let below = &self.table[index..index + vectors];
-                let above = &self.table[index + above..index + above + vectors];
+            let mut sum = [[F32x8::<S>::ZERO; 2]; BLOCK];
+            for (at, weight) in corners.iter() {
+                let at = at + block * BLOCK;
+                let weight = F32x8::splat(weight);
+                let below = &self.table[at..at + vectors];
+                let above = &self.table[at + above..at + above + vectors];
                 for ((sum, below), above) in sum.iter_mut().zip(below).zip(above) {
-                    sum[0] += *below * weight;
-                    sum[1] += *above * weight;
+                    sum[0] += below.on() * weight;
+                    sum[1] += above.on() * weight;
                 }
             }
             for (sums, [below, above]) in sums.chunks_mut(LANES).zip(sum) {
@@ -575,11 +585,17 @@ impl Lookup {
     }
 
     /// Writes y per wavelength at `thickness_cm`, thicker than the last node, to `spectrum`.
-    fn depths_beyond(&self, mut places: [f32; 5], thickness_cm: f32, spectrum: &mut [f32]) {
+    #[inline(always)]
+    fn depths_beyond<S: Simd>(
+        &self,
+        mut places: [f32; 5],
+        thickness_cm: f32,
+        spectrum: &mut [f32],
+    ) {
         let x = &self.places[THICKNESS];
         places[THICKNESS] = x[x.len() - 1];
         let (corners, _) = self.corners(places);
-        let (zero, value, slope) = (f32x8::ZERO, halves(1.0, 0.0), halves(0.0, 1.0));
+        let (zero, value, slope) = (F32x8::<S>::ZERO, halves(1.0, 0.0), halves(0.0, 1.0));
         self.depths(&corners, [zero, value], spectrum);
         if self.quantity == Quantity::Reflectance {
             return;
@@ -606,23 +622,45 @@ impl Lookup {
     #[inline(always)]
     fn to_quantity(&self, spectrum: &mut [f32]) {
         if self.quantity == Quantity::Reflectance {
-            spectrum.iter_mut().for_each(|y| *y = 1.0 - exp_neg(*y));
+            for y in spectrum {
+                *y = 1.0 - exp_neg(*y);
+            }
         } else {
-            spectrum.iter_mut().for_each(|y| *y = exp_neg(*y));
+            for y in spectrum {
+                *y = exp_neg(*y);
+            }
         }
     }
 }
 
+/// Arguments of [`Lookup::spectrum`].
+struct SpectrumKernel<'a> {
+    lookup: &'a Lookup,
+    point: Point,
+    spectrum: &'a mut [f32],
+}
+
+impl Kernel for SpectrumKernel<'_> {
+    type Output = Result<(), LookupError>;
+
+    #[inline(always)]
+    fn run<S: Simd>(self) -> Self::Output {
+        self.lookup.spectrum_on::<S>(self.point, self.spectrum)
+    }
+}
+
 /// A vector with the weight `value` for values and `slope` for slopes.
-fn halves(value: f32, slope: f32) -> f32x8 {
-    f32x8::new(std::array::from_fn(
+#[inline(always)]
+fn halves<S: Simd>(value: f32, slope: f32) -> F32x8<S> {
+    F32x8::new(std::array::from_fn(
         |i| if i < LANES { value } else { slope },
     ))
 }
 
 /// Weights of the nodes below and above, `t` (0 to 1) of the way from one to the other;
 /// the nodes are `step` apart.
-fn hermite(t: f32, step: f32) -> [f32x8; 2] {
+#[inline(always)]
+fn hermite<S: Simd>(t: f32, step: f32) -> [F32x8<S>; 2] {
     let left = 1.0 - t;
     [
         halves((1.0 + 2.0 * t) * left * left, t * left * left * step),
@@ -632,7 +670,7 @@ fn hermite(t: f32, step: f32) -> [f32x8; 2] {
 
 /// Index of the node below `place`: the largest node not above it, at most the last but
 /// one.
-#[inline]
+#[inline(always)]
 fn below(nodes: &[f32], place: f32) -> usize {
     let inner = nodes.len().max(2) - 1;
     nodes[1..]
@@ -644,7 +682,7 @@ fn below(nodes: &[f32], place: f32) -> usize {
 
 /// Position of `place` between node `cell` and the next, 0 to 1; 0 if there is no next
 /// node or the two are equal in single precision.
-#[inline]
+#[inline(always)]
 fn fraction(nodes: &[f32], cell: usize, place: f32) -> f32 {
     match nodes.get(cell + 1) {
         Some(next) if *next > nodes[cell] => {

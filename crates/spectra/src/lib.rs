@@ -4,6 +4,7 @@
 pub mod colour;
 pub mod elementary;
 mod quantity;
+pub mod simd;
 #[cfg(feature = "colour")]
 pub mod spectrum;
 pub mod units;

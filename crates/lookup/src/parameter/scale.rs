@@ -5,7 +5,7 @@
 //! for each axis. The constants were fitted to configs/thesis.toml; they do not affect
 //! values at nodes.
 use splitsnow_spectra::elementary::{exp_neg, ln};
-use wide::f64x8;
+use splitsnow_spectra::simd::{F64x8, Portable, Simd};
 
 use super::Parameter;
 
@@ -30,7 +30,7 @@ pub enum Scale {
 
 /// Natural logarithm of one number, from the vectorised implementation.
 fn ln_of(x: f64) -> f64 {
-    ln(f64x8::splat(x)).as_array()[0]
+    ln::<Portable>(F64x8::splat(x)).to_array()[0]
 }
 
 impl Scale {
@@ -94,8 +94,8 @@ const GRAZING: [f64; 2] = match Parameter::Incidence.record().scale {
 
 /// Coordinates of [`Parameter::CORE`] in single precision: [`Scale::place`] of each, with
 /// the logarithms computed in one vector.
-#[inline]
-pub(crate) fn core_places(values: [f32; 5]) -> [f32; 5] {
+#[inline(always)]
+pub(crate) fn core_places<S: Simd>(values: [f32; 5]) -> [f32; 5] {
     let [facetness, size, density, thickness, angle] = values.map(f64::from);
     let mu = libm::cos(angle.to_radians());
     let logs = [
@@ -108,7 +108,7 @@ pub(crate) fn core_places(values: [f32; 5]) -> [f32; 5] {
         1.0,
         1.0,
     ];
-    let [size, density, thickness, ..] = ln(f64x8::new(logs)).to_array();
+    let [size, density, thickness, ..] = ln(F64x8::<S>::new(logs)).to_array();
     let [height, decay] = GRAZING;
     [
         -exp_neg(facetness / FACETNESS),
@@ -188,7 +188,7 @@ mod tests {
             [0.0, 11.0, 549.0, 1e6, 89.9],
         ] {
             let values: [f32; 5] = values;
-            let found = core_places(values);
+            let found = core_places::<Portable>(values);
             for ((parameter, value), found) in Parameter::CORE.into_iter().zip(values).zip(found) {
                 let place = parameter.record().scale.place(f64::from(value)) as f32;
                 assert_eq!(found.to_bits(), place.to_bits(), "{parameter:?}");

@@ -16,7 +16,7 @@ pub use distance::{
 pub use event::{Events, Grain, Grains, Stepped, Surface};
 pub use law::{GrainError, SizeLaw, SizeRange, TruncatedNormal};
 pub use optical::{SizeConversion, SizeMeasure};
-pub use shape::{Form, GrainShape, Numbers, Shape};
+pub use shape::{Down, Form, GrainShape, Numbers, Shape, Upright};
 pub use spheroid::Spheroid;
 
 /// One type of grain: how its size, facetness and sphericity are distributed.

@@ -12,7 +12,7 @@
 //! numbers (a Kronecker sequence after Roberts 2018, shifted at random), which
 //! cover the unit cube evenly and so leave less to chance.
 use serde::{Deserialize, Serialize};
-use wide::f64x8;
+use splitsnow_spectra::simd::{F64x8, Kernel, Simd, dispatch};
 
 use crate::math::legendre;
 use crate::rng::Stream;
@@ -109,7 +109,7 @@ struct Lattice {
 }
 
 impl Lattice {
-    fn new(dimensions: usize, rng: &mut Stream) -> Self {
+    fn new<S: Simd>(dimensions: usize, rng: &mut Stream<S>) -> Self {
         let random = |_| (rng.uniform().as_array()[0] * 18_446_744_073_709_551_616.0) as u64;
         Self {
             step: steps(dimensions),
@@ -118,6 +118,7 @@ impl Lattice {
     }
 
     /// The coordinates of the next point, in [0, 1).
+    #[inline(always)]
     fn next(&mut self) -> impl Iterator<Item = f64> {
         let steps = self.point.iter_mut().zip(&self.step);
         steps.map(|(point, step)| {
@@ -138,13 +139,51 @@ impl Region<'_> {
         source: Source,
         rays: u64,
         moments: usize,
-        mut rng: Stream,
+        rng: Stream,
     ) -> Result<Scores, WalkError> {
+        dispatch(Walks {
+            region: self,
+            source,
+            rays,
+            moments,
+            rng,
+        })
+    }
+}
+
+/// Length of a flight in a layer, m.
+#[inline(always)]
+fn flight_m<S: Simd>(snowpack: &TableSnowpack, stratum: usize, rng: &mut Stream<S>) -> f64 {
+    snowpack.strata[stratum].mean_free_distance_m * rng.exponential().as_array()[0]
+}
+
+/// The walks of [`Region::walk`].
+struct Walks<'a> {
+    region: &'a Region<'a>,
+    source: Source,
+    rays: u64,
+    moments: usize,
+    rng: Stream,
+}
+
+impl Kernel for Walks<'_> {
+    type Output = Result<Scores, WalkError>;
+
+    #[inline(always)]
+    fn run<S: Simd>(self) -> Self::Output {
         let Self {
+            region,
+            source,
+            rays,
+            moments,
+            rng,
+        } = self;
+        let mut rng: Stream<S> = rng.on();
+        let Region {
             snowpack,
             thickness_m,
             edges,
-        } = self;
+        } = region;
         let (thickness_m, open) = (*thickness_m, edges.map(|edge| edge == Edge::Open));
         let [open_above, open_below] = open;
         let above = if open_above { moments } else { 1 };
@@ -156,13 +195,10 @@ impl Region<'_> {
             through: Histogram::new(scale_m, snowpack.exponents, moments),
             rays,
         };
-        let (one, zero) = (f64x8::ONE, f64x8::ZERO);
+        let (one, zero) = (F64x8::<S>::ONE, F64x8::ZERO);
         let last = snowpack.strata.len() - 1;
-        let flight_m = |stratum: usize, rng: &mut Stream| {
-            snowpack.strata[stratum].mean_free_distance_m * rng.exponential().as_array()[0]
-        };
         let mut steps = Steps::new(snowpack, open);
-        let mut queue = [[zero; LATTICE_EVENTS]; 4];
+        let mut queue: [[F64x8<S>; LATTICE_EVENTS]; 4] = [[zero; LATTICE_EVENTS]; 4];
         let mut queued = zero;
         let mut started = 0;
         let mut scored = vec![0.0; moments];
@@ -191,11 +227,11 @@ impl Region<'_> {
                         (0.0, snowpack.diffuse_cosine(u))
                     }
                     Source::Below(mu) => {
-                        behind_m = flight_m(last, &mut rng);
+                        behind_m = flight_m(snowpack, last, &mut rng);
                         (thickness_m + mu * behind_m, -mu)
                     }
                     Source::Over(mu) => {
-                        behind_m = flight_m(0, &mut rng);
+                        behind_m = flight_m(snowpack, 0, &mut rng);
                         (-mu * behind_m, mu)
                     }
                 };
@@ -212,7 +248,7 @@ impl Region<'_> {
                 return Ok(scores);
             }
             let mut variates = Variates::draw(snowpack.wet, &mut rng);
-            let on_lattice = queued.simd_gt(zero);
+            let on_lattice = queued.gt(zero);
             if on_lattice.any() {
                 for (variate, queue) in variates
                     .all_mut()
@@ -231,11 +267,11 @@ impl Region<'_> {
             let (mut up, mut down) = (stepped.above, stepped.below);
             let rays = &steps.rays;
             if open_above {
-                let over = rays.z_m.simd_lt(zero) & rays.mu.simd_lt(zero);
+                let over = rays.z_m.lt(zero) & rays.mu.lt(zero);
                 up |= over.to_bitmask() & stepped.met;
             }
             if open_below {
-                let under = rays.z_m.simd_gt(f64x8::splat(thickness_m)) & rays.mu.simd_gt(zero);
+                let under = rays.z_m.gt(F64x8::splat(thickness_m)) & rays.mu.gt(zero);
                 down |= under.to_bitmask() & stepped.met;
             }
             ended = (up | down | stepped.lost) & walking;

@@ -47,7 +47,7 @@ impl Coefficients {
     }
 
     /// Optical depth of a path.
-    #[inline]
+    #[inline(always)]
     #[must_use]
     pub fn depth(&self, path: &Path) -> f64 {
         let clean = self.ice_per_m * path.ice_m + self.water_per_m * path.water_m;
@@ -69,7 +69,7 @@ impl Absorption {
     /// Weight of a ray that has survived the path given, for a wavelength with
     /// `coefficients` none below these: exp(-depth) over the chance to survive.
     /// At most 1, and unbiased.
-    #[inline]
+    #[inline(always)]
     #[must_use]
     pub fn weight(&self, path: &Path, coefficients: &Coefficients) -> f64 {
         let survived = self.coefficients.depth(path) - self.deferred;

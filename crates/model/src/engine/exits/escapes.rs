@@ -1,7 +1,7 @@
 //! Scores on sensors the light that leaves the snowpack from every grain event.
 use std::sync::atomic::{AtomicBool, Ordering};
 
-use wide::f64x8;
+use splitsnow_spectra::simd::{F64x8, Simd};
 
 use super::parts::{self, PartScores};
 use super::{Exits, IndexNode, Scene, at_nodes};
@@ -58,8 +58,8 @@ struct SensorScores<'a> {
 
 impl EscapeSink for SensorScores<'_> {
     #[inline(always)]
-    fn catch(&mut self, lanes: u32, direction: &Vec3x8, weights: &[f64x8]) {
-        let [x, y, z] = [direction.x, direction.y, direction.z].map(f64x8::to_array);
+    fn catch<S: Simd>(&mut self, lanes: u32, direction: &Vec3x8<S>, weights: &[F64x8<S>]) {
+        let [x, y, z] = [direction.x, direction.y, direction.z].map(F64x8::to_array);
         let bands = weights.len();
         for lane in 0..8 {
             if lanes >> lane & 1 == 0 {

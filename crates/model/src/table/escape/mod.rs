@@ -15,7 +15,7 @@ mod stratum;
 mod supply;
 mod walk;
 
-use wide::f64x8;
+use splitsnow_spectra::simd::{F64x8, Kernel, Simd, dispatch};
 
 use crate::math::Vec3x8;
 use crate::rng::Stream;
@@ -33,7 +33,7 @@ const RAYS_BETWEEN_CHECKS: u64 = 64;
 pub trait EscapeSink {
     /// Light leaves on the lanes of the mask along unit vectors `direction`
     /// (upward where z < 0), with these weights per wavelength.
-    fn catch(&mut self, lanes: u32, direction: &Vec3x8, weights: &[f64x8]);
+    fn catch<S: Simd>(&mut self, lanes: u32, direction: &Vec3x8<S>, weights: &[F64x8<S>]);
 
     /// A ray hit an event limit.
     fn lost(&mut self);
@@ -51,6 +51,26 @@ pub struct Band {
     pub reflected: f64,
     /// Share that counts as transmitted.
     pub transmitted: f64,
+}
+
+/// The work of [`EscapeWalker::walk`].
+struct Walking<'a, C> {
+    walker: &'a EscapeWalker<'a>,
+    illumination: Illumination,
+    rays: u64,
+    rng: Stream,
+    catch: &'a mut C,
+}
+
+impl<C: EscapeSink> Kernel for Walking<'_, C> {
+    type Output = Result<(), WalkError>;
+
+    #[inline(always)]
+    fn run<S: Simd>(self) -> Self::Output {
+        let rng = self.rng.on::<S>();
+        self.walker
+            .walk_on(self.illumination, self.rays, rng, self.catch)
+    }
 }
 
 /// A snowpack ready for such walks.
@@ -112,7 +132,24 @@ impl<'a> EscapeWalker<'a> {
         rng: Stream,
         catch: &mut impl EscapeSink,
     ) -> Result<(), WalkError> {
-        let zero = f64x8::ZERO;
+        dispatch(Walking {
+            walker: self,
+            illumination,
+            rays,
+            rng,
+            catch,
+        })
+    }
+
+    #[inline(always)]
+    fn walk_on<S: Simd>(
+        &self,
+        illumination: Illumination,
+        rays: u64,
+        rng: Stream<S>,
+        catch: &mut impl EscapeSink,
+    ) -> Result<(), WalkError> {
+        let zero = F64x8::ZERO;
         let mut walk = Walk {
             walker: self,
             random: Supply::new(rng),
@@ -146,14 +183,19 @@ impl<'a> EscapeWalker<'a> {
     /// and where `down` the lower one, for vertical light and absorption per
     /// length `per_m` in each layer.
     #[inline(always)]
-    fn vertical(&self, z_m: f64x8, down: f64x8, per_m: impl Fn(&Stratum) -> f64) -> f64x8 {
-        let zero = f64x8::ZERO;
+    fn vertical<S: Simd>(
+        &self,
+        z_m: F64x8<S>,
+        down: F64x8<S>,
+        per_m: impl Fn(&Stratum) -> f64,
+    ) -> F64x8<S> {
+        let zero = F64x8::ZERO;
         let mut sum = zero;
         for stratum in &self.strata {
-            let [top, base] = [stratum.top_m, stratum.base_m].map(f64x8::splat);
+            let [top, base] = [stratum.top_m, stratum.base_m].map(F64x8::splat);
             let part = down.select(base - z_m, z_m - top);
-            let part = part.fast_max(zero).fast_min(base - top);
-            sum += part * f64x8::splat(per_m(stratum));
+            let part = part.max(zero).min(base - top);
+            sum += part * F64x8::splat(per_m(stratum));
         }
         sum
     }
