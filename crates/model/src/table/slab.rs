@@ -110,7 +110,7 @@ impl<S: Simd, W: Sink> Task for Start<'_, '_, '_, S, W> {
     type Output = ();
 
     #[inline(always)]
-    fn perform(self) -> () {
+    fn perform(self) {
         self.0.start_next(self.1, self.2);
     }
 }

@@ -82,7 +82,7 @@ impl<S: Simd> Task for Refill<'_, S> {
     type Output = ();
 
     #[inline(always)]
-    fn perform(self) -> () {
+    fn perform(self) {
         self.0.refill(self.1, self.2, self.3);
     }
 }
@@ -132,7 +132,8 @@ impl<S: Simd> Proposals<S> {
     /// The next one. The nearest of candidates of all types, each at a distance
     /// of its own, is of a type drawn with the meeting shares, at a distance
     /// that does not depend on it.
-    #[inline(always)]
+    // It only copies numbers from lanes, so it needs no instruction set of its own.
+    #[inline(never)]
     pub(super) fn next(&mut self, rng: &mut Stream<S>) -> Proposal {
         let last = self.types.len() - 1;
         let kind = if last == 0 {

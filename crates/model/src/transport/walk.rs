@@ -442,7 +442,6 @@ impl<S: Simd, W: Sink> Walks<'_, S, W> {
     }
 
     /// Takes note of the path of the ray of `lane` in its grain.
-    #[inline(always)]
     fn collect_ice(&mut self, lane: usize) {
         let ice_m = self.events[lane / 8].ice_m.as_array()[lane % 8];
         let ray = &mut self.lanes[lane].ray;
@@ -472,7 +471,7 @@ impl<S: Simd, W: Sink> Walks<'_, S, W> {
 
     /// Finds the layer of a ray that has left a grain, which may reach across
     /// planes.
-    #[inline(always)]
+    #[inline]
     fn find_stratum(&mut self, lane: usize) {
         let Lane { ray, slab, .. } = &mut self.lanes[lane];
         let above_base_m = self.thicknesses_m[*slab] - ray.z_m;
@@ -653,7 +652,6 @@ impl<S: Simd, W: Sink> Walks<'_, S, W> {
     /// The lower plane of the surface layer has a say from here on, where the
     /// flight of `proposal` begins if it is drawn: notes where to resume for the
     /// next slab.
-    #[inline(always)]
     fn touch(&mut self, lane: usize, proposal: Option<Proposal>) {
         let Lane {
             ray, slab, touch, ..

@@ -228,7 +228,7 @@ macro_rules! compared {
         fn $name(a: [f64; 8], b: [f64; 8]) -> [f64; 8] {
             // SAFETY: see the module's text
             unsafe {
-                let (a, b): (__m512d, __m512d) = (transmute(a), transmute(b));
+                let [a, b]: [__m512d; 2] = transmute([a, b]);
                 transmute(_mm512_movm_epi64(_mm512_cmp_pd_mask::<$predicate>(a, b)))
             }
         }
@@ -272,7 +272,7 @@ impl Simd for V4 {
         // SAFETY: see the module's text
         unsafe {
             let mask = _mm512_movepi64_mask(transmute::<[f64; 8], __m512i>(mask));
-            let (yes, no): (__m512d, __m512d) = (transmute(yes), transmute(no));
+            let [yes, no]: [__m512d; 2] = transmute([yes, no]);
             transmute(_mm512_mask_blend_pd(mask, no, yes))
         }
     }
