@@ -242,7 +242,7 @@ fn absurd_files_are_refused() {
         (
             "wavelength_nm,irradiance\n400,1.1\n410,1.2\n",
             Some(1),
-            "holds relative power, but reflectance is requested",
+            "holds relative power, but reflectance or transmittance is requested",
         ),
         (
             "snow\nand ice\n",
@@ -606,7 +606,7 @@ fn refusals_come_before_the_simulation() {
         ),
         (
             "--against far.csv --exclude none --exclude 1-2",
-            "--exclude none cannot stand",
+            "--exclude none cannot be combined",
         ),
         ("--against far.csv --exclude 2-1", "the shorter first"),
         (

@@ -183,7 +183,7 @@ fn from_the_grid_file_to_the_answers() {
     let refused = |more: &str| folder.fails(&format!("query out/g {SNOW} --thickness-cm 5 {more}"));
     let missing = refused("--water-saturation 0.02");
     assert!(
-        missing.contains("axis black_carbon_ng_g, from 0 to 100"),
+        missing.contains("axis black_carbon_ng_g: give a value of black_carbon_ng_g from 0 to 100"),
         "{missing}"
     );
     let outside = refused("--black-carbon-ng-g 101 --water-saturation 0");

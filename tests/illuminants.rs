@@ -314,7 +314,7 @@ fn a_database_needs_its_illuminant_s_file_no_more() {
     fs::remove_file(dir.join("lamp.csv")).unwrap();
     let [_, told] = done(dir, asked);
     assert!(
-        told.starts_with("no file lamp.csv: lamp.csv (table "),
+        told.starts_with("no file lamp.csv: the table lamp.csv (table "),
         "{told}"
     );
     assert!(fs::read(&compact).unwrap() == built);

@@ -135,7 +135,7 @@ fn holes_and_impossible_values() {
             350.0,
             1050.0,
             "1.5",
-            ":2: 1.5 at 350 nm is no reflectance: allowed 0 to 1, and 71 of 71 rows",
+            ":2: 1.5 at 350 nm is not a valid reflectance: allowed 0 to 1, and 71 of 71 rows",
         ),
     ] {
         let error = masked(from, to, cell).unwrap_err();

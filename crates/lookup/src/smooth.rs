@@ -570,9 +570,10 @@ impl Lookup {
                 let weight = F32x8::splat(weight);
                 let below = &self.table[at..at + vectors];
                 let above = &self.table[at + above..at + above + vectors];
-                for ((sum, below), above) in sum.iter_mut().zip(below).zip(above) {
-                    sum[0] += below.on() * weight;
-                    sum[1] += above.on() * weight;
+                match (below.first_chunk::<BLOCK>(), above.first_chunk::<BLOCK>()) {
+                    // The compiler knows this length.
+                    (Some(below), Some(above)) => add(&mut sum, below, above, weight),
+                    _ => add(&mut sum[..vectors], below, above, weight),
                 }
             }
             for (sums, [below, above]) in sums.chunks_mut(LANES).zip(sum) {
@@ -666,6 +667,15 @@ fn hermite<S: Simd>(t: f32, step: f32) -> [F32x8<S>; 2] {
         halves((1.0 + 2.0 * t) * left * left, t * left * left * step),
         halves(t * t * (3.0 - 2.0 * t), -t * t * left * step),
     ]
+}
+
+/// Adds `weight` times the vectors of the nodes below and above to their sums.
+#[inline(always)]
+fn add<S: Simd>(sums: &mut [[F32x8<S>; 2]], below: &[F32x8], above: &[F32x8], weight: F32x8<S>) {
+    for ((sum, below), above) in sums.iter_mut().zip(below).zip(above) {
+        sum[0] += below.on() * weight;
+        sum[1] += above.on() * weight;
+    }
 }
 
 /// Index of the node below `place`: the largest node not above it, at most the last but
