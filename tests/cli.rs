@@ -281,7 +281,7 @@ fn a_reader_may_stop_reading() {
     );
 }
 
-/// `simulate`, `tailor` and `hybrid` are understood, though help does not list them.
+/// `measure`, `fit` and `doubling` still work, and help does not list them.
 #[test]
 fn former_names_of_commands_and_engines_work() {
     let run = |args: &[&str]| {

@@ -65,7 +65,7 @@ fn refused_samples_say_why() {
 }
 
 #[test]
-fn refused_packs_say_why() {
+fn refused_snowpacks_say_why() {
     let text = refusals(SNOWPACK, SNOWPACK_ERRORS, |text| {
         sample::parse("s.toml", text)
     });

@@ -299,8 +299,8 @@ fn comparing_greys_is_comparing_lightness() {
 /// all thicknesses and angles of a snow at once, as in a database.
 #[test]
 #[ignore = "long: every snow of the golden data, some 120 CPU-s"]
-fn doubling_agrees() {
-    let (count, worst) = doubling_errors(1);
+fn hybrid_agrees() {
+    let (count, worst) = hybrid_errors(1);
     assert_eq!(count, CASES.len());
     let page = "docs/performance.md";
     for (name, worst) in [
@@ -318,13 +318,13 @@ fn doubling_agrees() {
 
 /// The same of every ninth snow.
 #[test]
-fn doubling_agrees_here_and_there() {
-    assert!(doubling_errors(9).0 >= 6);
+fn hybrid_agrees_here_and_there() {
+    assert!(hybrid_errors(9).0 >= 6);
 }
 
 /// Compares the cases of every `step`-th snow and says how many there are, and the largest
 /// differences of T and R, 400-700 nm, of R, 800-1400 nm, and Delta-E.
-fn doubling_errors(step: usize) -> (usize, [f64; 4]) {
+fn hybrid_errors(step: usize) -> (usize, [f64; 4]) {
     let mut snows: Vec<Vec<&Case>> = Vec::new();
     for case in &*CASES {
         match snows.iter_mut().find(|cases| cases[0].snow == case.snow) {

@@ -266,7 +266,7 @@ fn engines_agree_and_sum(sensors: usize, rays: u64, cases: &[(Joining, &[f64])])
 /// Hardly any snow on a substrate of 0.5: a Lambertian reflector of BRDF 0.5 / pi
 /// under a slab that only a few rays meet.
 #[test]
-fn bare_ground_is_lambertian() {
+fn bare_substrate_is_lambertian() {
     let sensors = Sensors::new(30);
     let grain = snow((100.0, 110.0), 0.3, 1e-4, 0.0);
     let mut setup = Setup::new(grain, 0.002, beam(40.0), &[600.0], 200_000);

@@ -133,7 +133,7 @@ fn snowpacks() -> [(Snowpack, Model); 3] {
 const THICKNESSES_M: [f64; 4] = [0.006, 0.008, 0.03, 0.1];
 
 #[test]
-fn nodes_of_doubling_depend_on_nothing_else() {
+fn nodes_of_hybrid_depend_on_nothing_else() {
     for (snowpack, model) in snowpacks() {
         let asked = Asked {
             engine: Engine::Hybrid,

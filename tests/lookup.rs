@@ -320,7 +320,7 @@ fn nodes_that_fall_together_are_answered() {
 /// Over a bright substrate snow may darken what is under it, and without snow there is
 /// the substrate: nodes stand as they are, and nothing is said below the first.
 #[test]
-fn a_ground_is_not_black_without_snow() {
+fn a_substrate_is_not_black_without_snow() {
     let axes = small();
     let bright = |point: Point, quantity| match quantity {
         Quantity::Transmittance => slab(point, quantity),

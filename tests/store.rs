@@ -311,7 +311,7 @@ fn values_that_are_no_numbers_are_refused() {
 
 /// A substrate counts by its name and what it says, and is told to readers.
 #[test]
-fn a_database_names_its_ground() {
+fn a_database_names_its_substrate() {
     let bottom = |grid: &Grid| {
         let (dir, _) = finished(grid);
         let text = fs::read_to_string(dir.path().join("database.zarr/zarr.json")).unwrap();

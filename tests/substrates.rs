@@ -43,7 +43,7 @@ fn over(text: &str) -> Result<(Substrate, String), String> {
 }
 
 #[test]
-fn any_spelling_gives_the_same_ground() {
+fn any_spelling_gives_the_same_substrate() {
     let (plain, _) = over(&csv(|_| None)).unwrap();
     let (mut tabs, mut turned) = (
         String::from("WL (um)\tRefl. %\n"),
@@ -151,7 +151,7 @@ fn holes_and_impossible_values() {
 }
 
 #[test]
-fn a_ground_counts_by_its_content() {
+fn a_substrate_counts_by_its_content() {
     let dir = tempfile::tempdir().unwrap();
     let name = dir.path().join("g.toml").display().to_string();
     for (file, text) in [
@@ -216,7 +216,7 @@ fn run(dir: &Path, args: &str) -> [String; 2] {
 }
 
 #[test]
-fn a_database_needs_the_file_of_its_ground_no_more() {
+fn a_database_needs_the_file_of_its_substrate_no_more() {
     let dir = tempfile::tempdir().unwrap();
     let dir = dir.path();
     let tiny = |file: &str| format!("{TINY}\n[fixed.substrate]\nreflectance = {file:?}\n");

@@ -93,7 +93,7 @@ fn errors(output: &Output) -> String {
     String::from_utf8(output.stderr.clone()).unwrap()
 }
 
-/// TailoredFile once, never changed.
+/// A tailored file and its text report, made once for all tests.
 static TAILORED: LazyLock<(Vec<u8>, String)> = LazyLock::new(|| {
     let folder = Folder::new(TEXT);
     let text = folder.fit("--threads 1");
@@ -144,7 +144,7 @@ fn holds_its_bound_and_is_proved_anew() {
 
 /// Databases of the same simulations, at some of the scene's wavelengths.
 #[test]
-fn the_certificate_sees_the_wavelengths_left_out() {
+fn the_error_budget_sees_the_wavelengths_left_out() {
     let scene = scene::parse("s.toml", TEXT).unwrap().scene;
     let (grid, regions) = (tailor::grid(&scene), &scene.regions);
     let patch = Patch {

@@ -444,7 +444,7 @@ static CERTIFIED: LazyLock<(Report, Option<ErrorBudget>)> =
     LazyLock::new(|| certified(ONE_SNOW.path(), CERTIFY));
 
 #[test]
-fn a_certificate_is_a_function_of_its_seed() {
+fn an_error_budget_is_a_function_of_its_seed() {
     let (report, error_budget) = &*CERTIFIED;
     assert!(report.passed(), "{report}");
     assert_eq!(report.checks.len(), 3);
@@ -469,7 +469,7 @@ fn a_certificate_is_a_function_of_its_seed() {
 }
 
 #[test]
-fn shifted_curves_show_in_the_certificate() {
+fn shifted_curves_show_in_the_error_budget() {
     let dir = tempfile::tempdir().unwrap();
     let shifted = |request: &Request<'_>, control: &Control<'_>| -> Simulated {
         let mut spectra = hybrid(request, control)?;
@@ -504,7 +504,7 @@ fn shifted_curves_show_in_the_certificate() {
 }
 
 #[test]
-fn coarse_compression_shows_in_the_certificate() {
+fn coarse_compression_shows_in_the_error_budget() {
     let dir = copy_of(&ONE_SNOW);
     let path = dir.path().join(COMPACT);
     let chain = || {
@@ -535,7 +535,7 @@ fn coarse_compression_shows_in_the_certificate() {
 }
 
 #[test]
-fn the_command_keeps_the_certificate_in_the_file() {
+fn the_command_keeps_the_error_budget_in_the_file() {
     let dir = copy_of(&ONE_SNOW);
     let path = dir.path().join(COMPACT);
     let verified = |threads| {

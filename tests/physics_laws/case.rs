@@ -132,7 +132,7 @@ pub(crate) fn on(surface: Snow, below: Snow, below_m: f64) -> Snowpack {
 }
 
 /// A substrate that changes with wavelength.
-pub(crate) fn spectral_ground() -> Substrate {
+pub(crate) fn spectral_substrate() -> Substrate {
     let text = "wavelength_nm,reflectance\n400,0.1\n800,0.9\n1300,0.3\n";
     Substrate::Spectrum {
         table: Table::parse("g", text, &["wavelength_nm", "reflectance"]).unwrap(),

@@ -9,7 +9,7 @@ use splitsnow::transport::{
 };
 
 use super::assert_close;
-use super::case::{Case, assert_same, dirty, on, over, spectral_ground};
+use super::case::{Case, assert_same, dirty, on, over, spectral_substrate};
 use crate::snow::{AIR, NORMAL, TRANSPARENT, dry, ends, proportion, snow, spheres};
 
 #[test]
@@ -235,7 +235,7 @@ fn thicknesses_at_once_are_those_alone_in_snowpacks() {
 
 #[test]
 #[ignore = "long: eight times the walks, some 45 CPU-s"]
-fn thicknesses_at_once_are_those_alone_in_packs_closely() {
+fn thicknesses_at_once_are_those_alone_in_snowpacks_closely() {
     thicknesses_at_once(100_000);
 }
 
@@ -268,7 +268,7 @@ fn energy_is_conserved() {
         black_carbon: Some(Carbon::black(1e7)),
         ..dry()
     };
-    for substrate in [Substrate::Black, Substrate::Grey(1.0), spectral_ground()] {
+    for substrate in [Substrate::Black, Substrate::Grey(1.0), spectral_substrate()] {
         for (surface, below) in [
             (dirty(), dry()),
             (soot.clone(), dirty()),
@@ -300,17 +300,17 @@ fn energy_is_conserved() {
 /// Grains of all types in layers of all kinds, drawn from tables, and taken for
 /// points inside: within the method's own error (docs/stability.md).
 #[test]
-fn engines_with_tables_agree_on_packs() {
-    tables_on_packs(16_384);
+fn engines_with_tables_agree_on_snowpacks() {
+    tables_on_snowpacks(16_384);
 }
 
 #[test]
 #[ignore = "long: four times the walks, some 20 CPU-s"]
-fn engines_with_tables_agree_on_packs_closely() {
-    tables_on_packs(65_536);
+fn engines_with_tables_agree_on_snowpacks_closely() {
+    tables_on_snowpacks(65_536);
 }
 
-fn tables_on_packs(rays: u64) {
+fn tables_on_snowpacks(rays: u64) {
     let fine = snow((60.0, 140.0), 0.5, 225.0, 0.0);
     let mixed = Snow {
         grains: vec![

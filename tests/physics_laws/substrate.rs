@@ -7,12 +7,12 @@ use splitsnow::transport::{Bounce, Entry, Illumination, Snowpack, Substrate};
 use statrs::distribution::{ChiSquared, ContinuousCDF};
 
 use super::assert_close;
-use super::case::{Case, assert_same, dirty, on, over, spectral_ground};
+use super::case::{Case, assert_same, dirty, on, over, spectral_substrate};
 use crate::snow::{NORMAL, TRANSPARENT, beam, dry, ends, snow, walker};
 
 /// Nothing is lost between a perfect substrate and snow that does not absorb.
 #[test]
-fn perfect_ground_sends_everything_back() {
+fn perfect_substrate_sends_everything_back() {
     let bounce = Bounce {
         reflected: 1.0,
         transmitted: 0.0,
@@ -45,12 +45,12 @@ fn perfect_ground_sends_everything_back() {
 }
 
 #[test]
-fn spectral_over_a_ground_is_reference_over_it() {
+fn spectral_over_a_substrate_is_reference_over_it() {
     let layered = Snowpack {
-        substrate: spectral_ground(),
+        substrate: spectral_substrate(),
         ..on(dirty(), dry(), 0.004)
     };
-    let homogeneous = over(dirty(), spectral_ground());
+    let homogeneous = over(dirty(), spectral_substrate());
     for (what, snowpack) in [("layers", layered), ("one layer", homogeneous)] {
         for case in [
             Case::new(snowpack.clone(), 0.008),
@@ -79,7 +79,7 @@ fn projected_entry_serves_diffuse_light() {
 
 /// A cascade puts a layer on a Lambertian substrate: that of its lower snowpack.
 #[test]
-fn a_cascade_is_a_layer_on_a_ground() {
+fn a_cascade_is_a_layer_on_a_substrate() {
     let below_m = 0.01;
     let lower = Case {
         light: NORMAL,
