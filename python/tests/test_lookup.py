@@ -145,7 +145,8 @@ def test_wavelengths(tailored):
     "axis, value", list(enumerate([0.95, 501, 199, -0.1, 80.1]))
 )
 def test_errors_outside_name_the_axis(quick, axis, value):
-    names = list(quick.axes)
+    # messages name the argument
+    names = [name.replace("angle_deg", "incidence_angle_deg") for name in quick.axes]
     for value in (value, np.nan, np.inf, -np.inf):
         point = list(POINT)
         point[axis] = value
@@ -233,7 +234,8 @@ def test_nodes_are_those_of_the_zarr(quick, sooty, out):
     for name in nodes.coords:
         assert np.allclose(nodes[name], stored[name], rtol=1e-6)
         assert nodes[name].attrs == stored[name].attrs
-    node = dict(facetness=0.5, grain_size_um=300, density_kg_m3=200, thickness_cm=5, incidence_angle_deg=40)
+    # a node of the dataset also serves as keywords: `angle_deg` is the dimension's name
+    node = dict(facetness=0.5, grain_size_um=300, density_kg_m3=200, thickness_cm=5, angle_deg=40)
     assert np.allclose(nodes.transmittance.sel(node), quick.transmittance(**node), atol=1e-6)
     sooty_nodes = sooty.to_xarray()
     assert sooty_nodes.attrs["format"] == "splitsnow-compact"

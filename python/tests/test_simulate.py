@@ -74,7 +74,7 @@ def test_wrong_samples_and_arguments(tmp_path):
         splitsnow.simulate(tmp_path / "nothing.toml")
     for message, sample, arguments in [
         ("layer.*density_kg_m3", SAMPLE.replace("250", "-3"), {}),
-        ("polar_angle", {"version": 1}, {}),
+        ("incidence_angle_deg", {"version": 1}, {}),
         ("no engine is named `fast`", SAMPLE, {"engine": "fast"}),
         ("rays = 0", SAMPLE, {"rays": 0}),
         ("rays = -1 must", SAMPLE, {"rays": -1}),
