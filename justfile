@@ -1,28 +1,28 @@
-# Everything a change must pass
+# All checks that every change must pass
 check:
     bash .ci/run
 
-# And what takes too long for every change
+# The same, and checks that take too long for every change
 full:
     bash .ci/full
 
-# Benchmarks; results go to docs/performance.md
+# Benchmarks; copy the results to docs/performance.md
 bench:
     cargo bench --bench walk --bench slab
 
-# Committed schemas, messages and seeds made anew
+# Regenerate the committed schemas, messages and seeds
 golden:
     UPDATE_GOLDEN=1 cargo test --release
 
-# The figures of docs/validation.md, and the numbers in it
+# Regenerate the figures of docs/validation.md and its numbers
 figures:
     cargo run --release -- study configs/studies --out docs/validation
     UPDATE_GOLDEN=1 cargo test --release --test pipeline pages::numbers_of_validation
 
-# The curves, pictures and tables of docs/peers.md
+# Regenerate the curves, pictures and tables of docs/peers.md
 peers:
     for sample in clean soot_in_pores soot_in_ice thin; do \
-        cargo run --release -- measure examples/peers/$sample.toml > examples/peers/data/$sample.csv; \
+        cargo run --release -- simulate examples/peers/$sample.toml > examples/peers/data/$sample.csv; \
     done
     cargo run --release --example kernel -- examples/peers/clean.toml > examples/peers/data/kernel.csv
     python3 -m venv target/peers
@@ -31,18 +31,18 @@ peers:
     target/peers/bin/python examples/peers/disort.py --out docs/peers
     UPDATE_GOLDEN=1 cargo test --release --test pipeline pages::tables_beside
 
-# The picture of the README
+# Regenerate the picture of the README
 picture:
     cargo run --release --example readme_picture
 
-# The numbers of docs/quoted.csv, and where pages quote them
+# Regenerate docs/quoted.csv and the numbers that pages quote from it
 quoted:
     cargo build --release
     bash examples/quoted/make.sh out/quoted
     cargo run --release --example quoted -- out/quoted docs/quoted.csv
     UPDATE_GOLDEN=1 cargo test --release --test pipeline pages::marked
 
-# The swatches of docs/swatches.md
+# Regenerate docs/swatches.md and its pictures
 swatches:
     cargo run --release -- build configs/thesis.toml
     cargo run --release --example swatches -- out/thesis docs

@@ -1,6 +1,6 @@
-//! The cost of a look-up: a spectrum of 31 wavelengths off the nodes, one core,
-//! warm. Give a compact file in SPLITSNOW_FILE, or the database of
-//! configs/quick.toml is built first.
+//! Time of a look-up: a spectrum of 31 wavelengths between the nodes, on one core with
+//! warm caches. SPLITSNOW_FILE is the compact file; the default is
+//! out/quick/snow.safetensors, which is built from configs/quick.toml.
 #![allow(clippy::unwrap_used, missing_docs)]
 use std::path::Path;
 
@@ -20,7 +20,7 @@ fn lookups(c: &mut Criterion) {
         .axes()
         .core()
         .map(|axis| [axis[0], axis[axis.len() - 1]]);
-    // points of a lattice: as scattered as a renderer's
+    // points of a lattice, scattered like those of a renderer
     let mut u = [0.5; 5];
     let points: Vec<Point> = (0..4096)
         .map(|_| {
@@ -28,8 +28,8 @@ fn lookups(c: &mut Criterion) {
             u.iter_mut()
                 .zip(steps)
                 .for_each(|(u, step)| *u = (*u + step) % 1.0);
-            let place = |axis: usize| ends[axis][0] + u[axis] * (ends[axis][1] - ends[axis][0]);
-            Point::of_core(std::array::from_fn(place))
+            let value = |axis: usize| ends[axis][0] + u[axis] * (ends[axis][1] - ends[axis][0]);
+            Point::of_core(std::array::from_fn(value))
         })
         .collect();
     let mut next = (0..).map(|i: usize| points[i % points.len()]);
@@ -43,13 +43,13 @@ fn lookups(c: &mut Criterion) {
     });
     let p = points[0];
     let snow = lookup.material(p).unwrap();
-    let of_snow = |point: Point| {
+    let in_snow = |point: Point| {
         p.with(Parameter::Thickness, point[Parameter::Thickness])
             .with(Parameter::Incidence, point[Parameter::Incidence])
     };
     group.bench_function("of one snow", |b| {
         b.iter(|| {
-            snow.spectrum(of_snow(next.next().unwrap()), &mut spectrum)
+            snow.spectrum(in_snow(next.next().unwrap()), &mut spectrum)
                 .unwrap()
         })
     });

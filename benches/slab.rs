@@ -1,6 +1,6 @@
-//! Cost of the slab solver: the set-up of a medium, each further thickness, and
-//! what couples a slab with other operators.
-//! `cargo bench --bench slab`; results are in docs/performance.md.
+//! Time of the slab solver: the set-up of a medium, each further thickness, and the
+//! coupling of a slab with other operators.
+//! Run with `cargo bench --bench slab`; results are in docs/performance.md.
 #![allow(missing_docs, clippy::unwrap_used)]
 use std::hint::black_box;
 

@@ -1,5 +1,5 @@
-//! Cost of the walk per grain event and of one spectrum per engine.
-//! `cargo bench --bench walk`; results are in docs/performance.md.
+//! Time of a walk per grain event, and of one spectrum per engine.
+//! Run with `cargo bench --bench walk`; results are in docs/performance.md.
 #![allow(missing_docs, clippy::unwrap_used)]
 use std::sync::atomic::{AtomicBool, AtomicU64};
 
@@ -9,12 +9,12 @@ use splitsnow::grain::{GrainType, Shape, SizeRange, Surface, TruncatedNormal};
 use splitsnow::math::Vec3;
 use splitsnow::optics::{IceTable, Index};
 use splitsnow::rng::{Key, Stream};
-use splitsnow::table::{Table, TablePack, TableWalker, draw};
+use splitsnow::table::{Table, TableSnowpack, TableWalker, draw};
 use splitsnow::transport::{
     Absorption, Coefficients, End, Entry, Illumination, Model, Path, Sink, Snow, Walk, Walker,
 };
 
-/// Counts what leaves at the top, so that no walk is for nothing.
+/// Counts the walks that leave through the surface, so that no walk is optimised away.
 struct Reflected(u64);
 
 impl Sink for Reflected {
@@ -65,7 +65,7 @@ fn stream() -> Stream {
     })
 }
 
-/// Walks 4096 rays through 12 cm and gives the number of grain events.
+/// Walks 4096 rays through 12 cm of snow and returns the number of grain events.
 fn walks(walker: &impl Walk) -> u64 {
     let stream = stream();
     let mut sink = Reflected(0);
@@ -102,7 +102,7 @@ fn grain_event(c: &mut Criterion) {
     );
     let table = Table::new(&outcomes, 1 << 14, &mut stream());
     let walker = TableWalker {
-        pack: TablePack::plain(&snow, [&table; 2]),
+        snowpack: TableSnowpack::plain(&snow, [&table; 2]),
         absorption: absorption(3.0),
     };
     group.throughput(Throughput::Elements(walks(&walker)));
@@ -114,7 +114,7 @@ fn spectrum(c: &mut Criterion) {
     let wavelengths_nm: Vec<f64> = (40..=70).map(|l| f64::from(l) * 10.0).collect();
     let (snow, model) = (representative(), Model::default());
     let request = Request {
-        pack: &snow.clone().into(),
+        snowpack: &snow.clone().into(),
         thicknesses_m: &[0.12],
         illuminations: &[NORMAL],
         resolution: Resolution::default(),
@@ -137,7 +137,7 @@ fn spectrum(c: &mut Criterion) {
     group.sample_size(10);
     let mut cell = 0;
     for engine in Engine::ALL {
-        // another cell has the same tables and walks of its own
+        // each run has a new cell: it reuses the tables but does its own walks
         group.bench_function(engine.name(), |b| {
             b.iter(|| {
                 cell += 1;
@@ -149,8 +149,8 @@ fn spectrum(c: &mut Criterion) {
             })
         });
     }
-    group.bench_function("doubling, walks kept", |b| {
-        b.iter(|| Engine::Doubling.run(&request, &control).unwrap())
+    group.bench_function("hybrid, walks kept", |b| {
+        b.iter(|| Engine::Hybrid.run(&request, &control).unwrap())
     });
     group.finish();
 }

@@ -37,7 +37,7 @@ fn main() {
     let cache = Cache::default();
     let run = |engine: Engine, wavelengths_nm: &[f64], rays, seed| -> (f64, Spectrum) {
         let request = Request {
-            pack: &snow.clone().into(),
+            snowpack: &snow.clone().into(),
             thicknesses_m: &[thickness_m],
             illuminations: &[Illumination::Collimated {
                 polar_angle_rad: 0.0,
@@ -60,7 +60,7 @@ fn main() {
         let spectrum = engine.run(&request, &control).unwrap().pop().unwrap();
         (start.elapsed().as_secs_f64(), spectrum)
     };
-    // seconds that a variance of 1 in the mean transmittance would take
+    // seconds times variance of T: the time for a variance of 1
     let cost = |engine, rays| {
         let (seconds, spectrum) = run(engine, &visible, rays, 1);
         let se = |m: &Measured| m.se * m.se;
@@ -75,7 +75,7 @@ fn main() {
     let ratio = cost(Engine::Reference, rays) / cost(Engine::Spectral, 10 * rays);
     println!("reference / spectral CPU time at the same standard error: {ratio:.1}");
     if bias_rays > 0 {
-        // against walks at each wavelength's own index, away from the nodes at the ends
+        // compared with walks at each wavelength's own index, away from the outer nodes
         let mixed = run(Engine::Spectral, &visible, 8 * bias_rays, 2).1;
         let middle: Vec<usize> = (4..=16).collect();
         let (mut bias, mut variance) = (0.0, 0.0);

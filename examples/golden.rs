@@ -1,11 +1,11 @@
-//! Computes `tests/data/golden.csv`: converged reflectance and transmittance,
-//! by the plan of `tests/common/golden/plan.rs`, on one thread (about 50 minutes).
+//! Computes `tests/data/golden.csv`: converged reflectance and transmittance for the runs
+//! of `tests/common/golden/plan.rs`, on one thread (about 50 minutes).
 //!
 //! `cargo run --release --example golden -- DATE`
 //!
-//! The file is written anew after every run of the plan, and runs that it has
-//! are not done again: an interrupted command goes on where it stopped, and
-//! more rays for one run of the plan cost that run alone.
+//! The file is rewritten after every run. Runs that are already in the file are not
+//! repeated: an interrupted command resumes where it stopped, and if the number of rays of
+//! one run changes, only that run is repeated.
 #![allow(clippy::unwrap_used, clippy::print_stdout)]
 #[path = "../tests/common/golden/mod.rs"]
 #[allow(dead_code)]
@@ -32,9 +32,12 @@ fn main() {
         return;
     };
     let runs = runs();
-    let old = fs::read_to_string(FILE).unwrap_or_default();
-    let old = by_key(&old);
-    let mut rows: Vec<Option<String>> = runs.iter().map(|run| kept(&old, run)).collect();
+    let file = fs::read_to_string(FILE).unwrap_or_default();
+    let old_rows = by_key(&file);
+    let mut rows: Vec<Option<String>> = runs
+        .iter()
+        .map(|run| finished_rows(&old_rows, run))
+        .collect();
     write(&date, &rows);
     let start = Instant::now();
     for (number, run) in runs.iter().enumerate() {
@@ -54,12 +57,13 @@ fn main() {
     }
 }
 
-/// Writes the runs that are done, in a way that an interruption cannot tear.
+/// Writes the finished runs. The file is replaced atomically, so that an interruption does
+/// not leave it incomplete.
 fn write(date: &str, rows: &[Option<String>]) {
     let rows: String = rows.iter().flatten().map(String::as_str).collect();
-    let new = format!("{FILE}.new");
-    fs::write(&new, format!("{}{COLUMNS}\n{rows}", header(date))).unwrap();
-    fs::rename(&new, FILE).unwrap();
+    let temporary = format!("{FILE}.new");
+    fs::write(&temporary, format!("{}{COLUMNS}\n{rows}", header(date))).unwrap();
+    fs::rename(&temporary, FILE).unwrap();
 }
 
 fn header(date: &str) -> String {
@@ -95,14 +99,14 @@ fn by_key(file: &str) -> HashMap<&str, &str> {
     keys.collect()
 }
 
-/// The rows of `run`, if all are there.
-fn kept(old: &HashMap<&str, &str>, run: &Run) -> Option<String> {
-    let rows = keys(run).into_iter();
-    rows.map(|key| old.get(key.as_str()).map(|row| format!("{row}\n")))
+/// The rows of `run` from the old file, if all of them are in it.
+fn finished_rows(old_rows: &HashMap<&str, &str>, run: &Run) -> Option<String> {
+    let keys = keys(run).into_iter();
+    keys.map(|key| old_rows.get(key.as_str()).map(|row| format!("{row}\n")))
         .collect()
 }
 
-/// What the rows of `run` begin with.
+/// The keys of the rows of `run`: the columns with which a row begins.
 fn keys(run: &Run) -> Vec<String> {
     let key = |cm| run.wavelengths_nm.iter().map(move |&nm| key(run, cm, nm));
     run.thicknesses_cm.iter().flat_map(|&cm| key(cm)).collect()
@@ -113,7 +117,7 @@ fn compute(run: &Run, cell: u64) -> Vec<Spectrum> {
     let thicknesses_m: Vec<f64> = run.thicknesses_cm.iter().map(|cm| cm_to_m(*cm)).collect();
     let model = Model::default();
     let request = Request {
-        pack: &snow.clone().into(),
+        snowpack: &snow.clone().into(),
         thicknesses_m: &thicknesses_m,
         illuminations: &[illumination(run.angle_deg)],
         resolution: Resolution::default(),
@@ -148,7 +152,7 @@ fn to_rows(run: &Run, spectra: &[Spectrum]) -> String {
     rows
 }
 
-/// `value` to `digits` significant digits, small ones with an exponent.
+/// Formats `value` with `digits` significant digits; small values have an exponent.
 fn digits(value: f64, digits: usize) -> String {
     let scientific = format!("{value:.*e}", digits - 1);
     let rounded: f64 = scientific.parse().unwrap();
@@ -160,13 +164,13 @@ fn digits(value: f64, digits: usize) -> String {
 }
 
 fn worst_errors(spectra: &[Spectrum]) -> String {
-    let worst = |of: fn(&Spectrum) -> &[Measured]| {
-        let each = spectra
+    let worst = |values: fn(&Spectrum) -> &[Measured]| {
+        let largest = spectra
             .iter()
-            .map(|s| of(s).iter().map(|m| m.se).fold(0.0, f64::max));
-        let text: Vec<String> = each.map(|se| format!("{se:.1e}")).collect();
+            .map(|s| values(s).iter().map(|m| m.se).fold(0.0, f64::max));
+        let text: Vec<String> = largest.map(|se| format!("{se:.1e}")).collect();
         text.join(" ")
     };
     let (r, t) = (worst(|s| &s.reflectance), worst(|s| &s.transmittance));
-    format!("errors per thickness up to R {r}, T {t}")
+    format!("largest standard errors per thickness: R {r}, T {t}")
 }

@@ -1,14 +1,15 @@
-//! The goniophotometer's speed against its accuracy: plain counting
-//! (`spectral`) against scoring at every event (`tabulated`), on 1000 sensors.
+//! Speed and accuracy of the goniophotometer on 1000 sensors: counting of walks
+//! (`spectral`) compared with scoring at every event (`tabulated`).
 //!
 //! cargo run --release --example goniometer > docs/goniometer.csv (a number after
-//! `--` multiplies all counts of walks)
+//! `--` multiplies all numbers of walks)
 //!
-//! Columns: sample, light, wavelength; engine, walks, processor seconds (of all
-//! threads), the root mean square relative standard error of the BRDF over the
-//! sensors within 80 degrees of the normal and the largest, and the seconds that
-//! 1 % in that worst sensor would take at this rate. Then against `spectral`
-//! with the most walks: chi-square of the differences per sensor pair, and z of R.
+//! Columns: wavelength and incidence angle; engine, number of walks, CPU seconds of all
+//! threads; the root mean square and the largest relative standard error of the BRDF over
+//! the sensors within 80 degrees of the normal; the CPU seconds that a standard error of
+//! 1 % in the worst sensor would take at this rate. The last columns compare with
+//! `spectral` with the most walks: chi-square of the differences over sensor pairs, its
+//! degrees of freedom, and z of R.
 #![allow(clippy::unwrap_used, clippy::print_stdout)]
 use std::sync::atomic::{AtomicBool, AtomicU64};
 
@@ -29,7 +30,7 @@ fn main() {
         shape: Shape::Spheroid,
         sphericity: TruncatedNormal::new(0.6, 0.95, 0.798, 0.064).unwrap(),
     };
-    let pack = Snow::dry(grain, 275.0, -1.0).into();
+    let snowpack = Snow::dry(grain, 275.0, -1.0).into();
     let sensors = Sensors::new(1000);
     let (cancel, rays_done, cache) = (AtomicBool::new(false), AtomicU64::new(0), Cache::default());
     let control = Control {
@@ -40,7 +41,7 @@ fn main() {
     };
     let run = |engine: Engine, nm: f64, deg: f64, rays: f64| {
         let request = Request {
-            pack: &pack,
+            snowpack: &snowpack,
             thicknesses_m: &[0.12],
             illuminations: &[Illumination::Collimated {
                 polar_angle_rad: deg.to_radians(),
@@ -59,10 +60,11 @@ fn main() {
             .remove(0);
         (exits, start.elapsed().as_secs_f64())
     };
-    let steep = |s: &usize| sensors.centre_rad(*s)[0] < 80_f64.to_radians();
-    let relative = |exits: &Exits| -> Vec<f64> {
-        let all = (0..sensors.len()).filter(steep);
-        all.map(|s| exits.reflected[s].se / exits.reflected[s].value)
+    let is_steep = |s: &usize| sensors.centre_rad(*s)[0] < 80_f64.to_radians();
+    let relative_errors = |exits: &Exits| -> Vec<f64> {
+        let steep = (0..sensors.len()).filter(is_steep);
+        steep
+            .map(|s| exits.reflected[s].se / exits.reflected[s].value)
             .collect()
     };
     println!(
@@ -73,7 +75,7 @@ fn main() {
         let mut runs: Vec<_> = rays
             .map(|rays| (Engine::Spectral, rays, run(Engine::Spectral, nm, deg, rays)))
             .into();
-        let truth = runs[2].2.0.clone();
+        let reference = runs[2].2.0.clone();
         for rays in [2e3, 1e4, 4e4].map(|rays| rays * scale) {
             runs.push((
                 Engine::Tabulated,
@@ -82,24 +84,24 @@ fn main() {
             ));
         }
         for (engine, rays, (exits, cpu_s)) in &runs {
-            let relative = relative(exits);
-            let rms = (relative.iter().map(|e| e * e).sum::<f64>() / relative.len() as f64).sqrt();
-            let most = relative.iter().copied().fold(0.0, f64::max);
-            let pairs = (0..sensors.len()).filter(|s| sensors.mirrored(*s) >= *s && steep(s));
+            let errors = relative_errors(exits);
+            let rms = (errors.iter().map(|e| e * e).sum::<f64>() / errors.len() as f64).sqrt();
+            let largest = errors.iter().copied().fold(0.0, f64::max);
+            let pairs = (0..sensors.len()).filter(|s| sensors.mirrored(*s) >= *s && is_steep(s));
             let (mut chi_square, mut count) = (0.0, 0);
             for s in pairs {
-                let (a, b) = (&exits.reflected[s], &truth.reflected[s]);
+                let (a, b) = (&exits.reflected[s], &reference.reflected[s]);
                 if engine == &Engine::Tabulated {
                     chi_square += (a.value - b.value).powi(2) / (a.se * a.se + b.se * b.se);
                     count += 1;
                 }
             }
-            let (a, b) = (&exits.reflectance, &truth.reflectance);
+            let (a, b) = (&exits.reflectance, &reference.reflectance);
             let z = (a.value - b.value) / (a.se * a.se + b.se * b.se).sqrt();
             println!(
-                "{nm},{deg},{},{rays},{cpu_s:.2},{rms:.4},{most:.4},{:.1},{chi_square:.0},{count},{z:.2}",
+                "{nm},{deg},{},{rays},{cpu_s:.2},{rms:.4},{largest:.4},{:.1},{chi_square:.0},{count},{z:.2}",
                 engine.name(),
-                cpu_s * (most / 0.01).powi(2)
+                cpu_s * (largest / 0.01).powi(2)
             );
         }
     }

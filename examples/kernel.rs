@@ -1,11 +1,12 @@
-//! The scattering of one grain of a sample, for other programs: its single-scattering
-//! albedo and Legendre moments at the sample's wavelengths, as CSV.
+//! Prints the scattering properties of a sample's grains, for use in other programs:
+//! single-scattering albedo and Legendre moments at the sample's wavelengths, as CSV.
 //!
 //! `cargo run --release --example kernel -- SAMPLE.toml > kernel.csv`
 //!
-//! Of the surface layer's first type of grain, without carbon and in dry pores. Lines
-//! that start with # come first: what turns thickness into optical thickness, and what
-//! turns size into specific surface area (Varsa 2025, appendix B).
+//! The grains are those of the surface layer's first grain type, without carbon and in
+//! dry pores. The first lines start with #. They give the mean free distance, which
+//! converts thickness to optical thickness, and the specific surface area (Varsa 2025,
+//! appendix B).
 #![allow(clippy::print_stdout)]
 use std::path::PathBuf;
 
@@ -22,11 +23,13 @@ const MOMENTS: usize = 33;
 const EVENTS: usize = 1 << 19;
 
 fn main() -> anyhow::Result<()> {
-    let path = std::env::args_os().nth(1).context("give a sample file")?;
+    let path = std::env::args_os()
+        .nth(1)
+        .context("usage: kernel SAMPLE.toml")?;
     let sample = sample::read(&PathBuf::from(path))?;
-    let snow = &sample.pack.surface;
+    let snow = &sample.snowpack.surface;
     if snow.water_saturation > 0.0 || snow.black_carbon.is_some() || snow.brown_carbon.is_some() {
-        bail!("this prints the scattering of dry clean snow; set water and carbon to 0");
+        bail!("the sample must be dry snow without carbon; set water and carbon to 0");
     }
     let grain = &snow.grains[0].grain;
     let size_m = [grain.size.min_m(), grain.size.max_m()];
@@ -58,7 +61,7 @@ fn main() -> anyhow::Result<()> {
         let per_m = 4.0e9 * std::f64::consts::PI * ice.k / nm;
         let event = kernel.event(size_m, per_m);
         let clear = kernel.event(size_m, 0.0).moments[0];
-        // What weak absorption takes: 1 % over a grain at most.
+        // the mean path in ice from weak absorption: at most 1 % over the longest grain
         let weak = 0.01 / size_m[1];
         let path_m = (clear - kernel.event(size_m, weak).moments[0]) / weak;
         let effective_m = event.effective_mean_free_path_m([free_m, free_m]);

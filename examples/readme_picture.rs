@@ -1,5 +1,5 @@
-//! The picture of the README, `docs/snow.svg`: light through one snow at five
-//! thicknesses. `cargo run --release --example readme_picture`, under a minute.
+//! Draws the picture of the README, `docs/snow.svg`: light through one snow at five
+//! thicknesses. `cargo run --release --example readme_picture` takes less than a minute.
 use std::error::Error;
 use std::path::Path;
 use std::sync::atomic::{AtomicBool, AtomicU64};
@@ -15,9 +15,9 @@ use splitsnow::units::{cm_to_m, um_to_m};
 
 const THICKNESSES_CM: [f64; 5] = [2.0, 5.0, 10.0, 20.0, 40.0];
 const RAYS: u64 = 100_000;
-/// Shown at half of this: the backend rounds to whole pixels.
+/// Twice the displayed size, because the backend rounds to whole pixels.
 const SIZE_PX: (u32, u32) = (2000, 860);
-/// Okabe and Ito's palette, told apart with any kind of colour vision.
+/// Okabe and Ito's palette, which is safe for colour-blind readers.
 const COLOURS: [RGBColor; 5] = [
     RGBColor(230, 159, 0),
     RGBColor(86, 180, 233),
@@ -27,7 +27,7 @@ const COLOURS: [RGBColor; 5] = [
 ];
 const INK: RGBColor = RGBColor(40, 40, 40);
 const FAINT: RGBColor = RGBColor(225, 225, 225);
-/// Luminance, of white, at which hues are compared.
+/// Luminance, relative to white, at which hues are compared.
 const EQUAL_LUMINANCE: f64 = 0.3;
 
 type Result<T> = std::result::Result<T, Box<dyn Error>>;
@@ -45,8 +45,8 @@ fn main() -> Result<()> {
     Ok(())
 }
 
-/// Transmittance per thickness and wavelength: grains of 350-450 um, facetness
-/// 0.3, 300 kg/m3, dry (the swatches of Varsa 2025, section 8.6), normal incidence.
+/// Transmittance per thickness and wavelength at normal incidence, of dry snow with grains
+/// of 350-450 um, facetness 0.3 and 300 kg/m3 (the swatches of Varsa 2025, section 8.6).
 fn transmittances(wavelengths_nm: &[f64]) -> Result<Vec<Vec<f64>>> {
     let snow = Snow::dry(
         GrainType {
@@ -59,7 +59,7 @@ fn transmittances(wavelengths_nm: &[f64]) -> Result<Vec<Vec<f64>>> {
         -1.0,
     );
     let request = Request {
-        pack: &snow.clone().into(),
+        snowpack: &snow.clone().into(),
         thicknesses_m: &THICKNESSES_CM.map(cm_to_m),
         illuminations: &[Illumination::Collimated {
             polar_angle_rad: 0.0,
@@ -85,7 +85,7 @@ fn transmittances(wavelengths_nm: &[f64]) -> Result<Vec<Vec<f64>>> {
     Ok(spectra.iter().map(values).collect())
 }
 
-/// Curves against wavelength, each labelled at its end.
+/// Draws curves against wavelength, each labelled at its end.
 fn spectra<DB: DrawingBackend>(
     area: &DrawingArea<DB, Shift>,
     wavelengths_nm: &[f64],
@@ -118,20 +118,20 @@ where
         let points = wavelengths_nm.iter().copied().zip(curve.iter().copied());
         chart.draw_series(LineSeries::new(points, colour.stroke_width(6)))?;
         let end = (700.0, curve.last().copied().unwrap_or_default());
-        let at = chart.backend_coord(&end);
+        let label = chart.backend_coord(&end);
         let style = text(30).color(&INK).pos(Pos::new(HPos::Left, VPos::Center));
         let (x, y) = area.get_base_pixel();
         area.draw(&Text::new(
             format!("{cm} cm"),
-            (at.0 - x + 16, at.1 - y),
+            (label.0 - x + 16, label.1 - y),
             style,
         ))?;
     }
     Ok(())
 }
 
-/// What the slabs look like against a white light: as they are, and at one
-/// luminance, so that the hue shows.
+/// Draws the colours of the slabs in front of a white light: as they are, and at equal
+/// luminance, which shows the hue.
 fn swatches<DB: DrawingBackend>(
     area: &DrawingArea<DB, Shift>,
     wavelengths_nm: &[f64],
@@ -141,9 +141,9 @@ where
     DB::ErrorType: 'static,
 {
     let colorimeter = Colorimeter::new(wavelengths_nm)?.ok_or("no visible wavelengths")?;
-    let write = |words: &str, size: i32, at: (i32, i32), across: HPos| {
-        let style = text(size).pos(Pos::new(across, VPos::Center));
-        area.draw(&Text::new(words.to_owned(), at, style))
+    let write = |words: &str, size: i32, position: (i32, i32), align: HPos| {
+        let style = text(size).pos(Pos::new(align, VPos::Center));
+        area.draw(&Text::new(words.to_owned(), position, style))
     };
     let (top, height, left, width, gap) = (164, 118, 152, 300, 16);
     let column = |i: i32| left + i * (width + gap);
@@ -187,14 +187,14 @@ where
 
 /// The spectrum scaled to [`EQUAL_LUMINANCE`].
 fn equal_luminance(colorimeter: &Colorimeter, spectrum: &[f64]) -> Vec<f64> {
-    // With a maximum of 1 the lightness is in the cubic part of its definition.
-    let scale = |by: f64| spectrum.iter().map(|t| t * by).collect::<Vec<_>>();
+    // with a maximum of 1, the lightness is in the cubic part of its definition
+    let scale = |factor: f64| spectrum.iter().map(|t| t * factor).collect::<Vec<_>>();
     let largest = spectrum.iter().copied().fold(0.0, f64::max);
     let lightness = colorimeter.lab(&scale(1.0 / largest)).l;
     scale(EQUAL_LUMINANCE / (largest * ((lightness + 16.0) / 116.0).powi(3)))
 }
 
-/// `1`, `10⁻¹`, `10⁻²`, ...
+/// Formats a power of ten: `1`, `10⁻¹`, `10⁻²`, ...
 fn power_of_ten(value: f64) -> String {
     const SUPERSCRIPTS: [&str; 7] = ["", "¹", "²", "³", "⁴", "⁵", "⁶"];
     let exponent = (-value.log10()).round() as usize;

@@ -1,6 +1,7 @@
-//! The swatches of Varsa 2025, section 8.6, from a database of configs/thesis.toml:
+//! Draws the swatches of Varsa 2025, section 8.6, from a database of configs/thesis.toml.
+//!
 //! `cargo run --release --example swatches -- out/thesis docs` writes swatches.svg,
-//! .png and .md to the folder `docs`, in seconds.
+//! swatches.png and swatches.md to the directory `docs`, in seconds.
 use std::error::Error;
 use std::fmt::Write;
 use std::path::PathBuf;
@@ -8,7 +9,7 @@ use std::path::PathBuf;
 use ndarray::Array2;
 use splitsnow::colour::Colorimeter;
 use splitsnow::compress::{Bands, Choice, Variant, compress};
-use splitsnow::export::{Eyes, LIGHTS, LUMINANCE, Sampling};
+use splitsnow::export::{LIGHTS, LUMINANCE, Observers, Sampling};
 use splitsnow::lab::report::{Swatch, SwatchRows, Swatches};
 use splitsnow::lookup::Database;
 use splitsnow::measurement::Quantity;
@@ -22,10 +23,12 @@ fn base() -> Point {
 }
 const NOTE: &str = "ΔE*ab (CIE 1976) of the two as they are; in brackets, exposed";
 
-/// Two spectra side by side.
+/// Two spectra that are compared.
 struct Comparison {
+    /// Name of the parameter that differs, and its two values.
     name: [&'static str; 2],
     spectra: [Vec<f64>; 2],
+    /// Factor sampling which both are brightened for display.
     exposure: f64,
 }
 
@@ -33,7 +36,7 @@ fn main() -> Result<()> {
     let mut args = std::env::args().skip(1).map(PathBuf::from);
     let (Some(out), Some(docs)) = (args.next(), args.next()) else {
         return Err(
-            "give the directory of a database of configs/thesis.toml and that of the pictures"
+            "give two directories: a database of configs/thesis.toml, and the output directory"
                 .into(),
         );
     };
@@ -44,12 +47,12 @@ fn main() -> Result<()> {
     let curves = store.read(Variable::Transmittance)?.mapv(f64::from);
     let nm = store.wavelengths_nm();
     let database = Database::from_curves(true, store.axes(), nm, Some(&curves), None);
-    let eyes = Eyes::new(database.wavelengths_nm())?;
-    let comparisons = comparisons(&curves, &database, nm, &eyes)?;
-    let swatches = swatches(&eyes, &comparisons);
+    let observers = Observers::new(database.wavelengths_nm())?;
+    let comparisons = comparisons(&curves, &database, nm, &observers)?;
+    let swatches = swatches(&observers, &comparisons);
     std::fs::write(docs.join("swatches.svg"), swatches.svg()?)?;
     std::fs::write(docs.join("swatches.png"), swatches.png()?)?;
-    std::fs::write(docs.join("swatches.md"), page(&eyes, &comparisons)?)?;
+    std::fs::write(docs.join("swatches.md"), page(&observers, &comparisons)?)?;
     Ok(())
 }
 
@@ -57,7 +60,7 @@ fn comparisons(
     curves: &Array2<f64>,
     database: &Database,
     nm: &[f64],
-    eyes: &Eyes,
+    observers: &Observers,
 ) -> Result<Vec<Comparison>> {
     let spectrum = |point| -> Result<Vec<f64>> {
         let spectrum = database.spectrum(point, Quantity::Transmittance)?;
@@ -80,7 +83,7 @@ fn comparisons(
     let size = |grain_size_um| spectrum(base().with(Parameter::GrainSize, grain_size_um));
     let facetness = |facetness| spectrum(base().with(Parameter::Facetness, facetness));
     let density = |density_kg_m3| spectrum(base().with(Parameter::Density, density_kg_m3));
-    let all = [
+    let pairs = [
         (
             ["grain size, µm", "100 | 500"],
             [size(100.0)?, size(500.0)?],
@@ -96,32 +99,34 @@ fn comparisons(
         (["components", "31 | 1"], [spectrum(base())?, rebuilt(1)?]),
         (["components", "31 | 2"], [spectrum(base())?, rebuilt(2)?]),
     ];
-    let compared = |(name, spectra): ([&'static str; 2], [Vec<f64>; 2])| Comparison {
-        exposure: eyes.exposure(&[&spectra[0], &spectra[1]]),
+    let comparison = |(name, spectra): ([&'static str; 2], [Vec<f64>; 2])| Comparison {
+        exposure: observers.exposure(&[&spectra[0], &spectra[1]]),
         name,
         spectra,
     };
-    Ok(all.into_iter().map(compared).collect())
+    Ok(pairs.into_iter().map(comparison).collect())
 }
 
 impl Comparison {
-    /// The difference under a light, and that of the two exposed.
-    fn difference(&self, eyes: &Eyes, light: usize, by: Sampling) -> String {
+    /// Delta-E of the two spectra under a light and, in brackets, after exposure.
+    fn difference(&self, observers: &Observers, light: usize, sampling: Sampling) -> String {
         let [first, second] = &self.spectra;
-        let at = |exposure| eyes.difference(light, [(by, first), (by, second)], exposure);
-        format!("{:.2} ({:.2})", at(1.0), at(self.exposure))
+        let delta_e = |exposure| {
+            observers.difference(light, [(sampling, first), (sampling, second)], exposure)
+        };
+        format!("{:.2} ({:.2})", delta_e(1.0), delta_e(self.exposure))
     }
 }
 
-fn swatches(eyes: &Eyes, comparisons: &[Comparison]) -> Swatches {
-    let row = |light: usize, by| {
+fn swatches(observers: &Observers, comparisons: &[Comparison]) -> Swatches {
+    let row = |light: usize, sampling| {
         let swatch = |comparison: &Comparison| Swatch {
             colours: comparison
                 .spectra
                 .iter()
-                .map(|spectrum| eyes.srgb(by, light, spectrum, comparison.exposure))
+                .map(|spectrum| observers.srgb(sampling, light, spectrum, comparison.exposure))
                 .collect(),
-            words: comparison.difference(eyes, light, by),
+            words: comparison.difference(observers, light, sampling),
         };
         let swatches = comparisons.iter().map(swatch).collect();
         (LIGHTS[light].name().to_owned(), swatches)
@@ -142,31 +147,31 @@ fn swatches(eyes: &Eyes, comparisons: &[Comparison]) -> Swatches {
         ],
         columns: comparisons.iter().map(head).collect(),
         groups: Sampling::ALL
-            .map(|by| SwatchRows {
-                heading: by.name().into(),
-                rows: (0..LIGHTS.len()).map(|light| row(light, by)).collect(),
+            .map(|sampling| SwatchRows {
+                heading: sampling.name().into(),
+                rows: (0..LIGHTS.len()).map(|light| row(light, sampling)).collect(),
             })
             .into(),
     }
 }
 
-fn page(eyes: &Eyes, comparisons: &[Comparison]) -> Result<String> {
+fn page(observers: &Observers, comparisons: &[Comparison]) -> Result<String> {
     let mut page = format!(
         "# Swatches
 
 `just swatches` makes this page and its picture anew, from a database of
 `configs/thesis.toml`, after Varsa 2025, section 8.6: transmittance of snow with
 grains of 400 +- 50 um, facetness 0.3 +- 0.1, 300 kg/m3, 15 cm thick, dry, at normal
-incidence, 400-700 nm by 10, unless a column changes it; and the same spectrum rebuilt
+incidence, 400-700 nm sampling 10, unless a column changes it; and the same spectrum rebuilt
 from one and two of its 31 components, those of all 24,750 curves.
 
-![Pairs of colour patches: five comparisons under five lights, by 31 and by 3 wavelengths](swatches.svg)
+![Pairs of colour patches: five comparisons under five lights, sampling 31 and sampling 3 wavelengths](swatches.svg)
 
 Colours are those of the CIE 1931 2-degree observer in sRGB. A spectrum of 1
-everywhere, lit by the light of the row, is the white of the screen. Light through
-snow is dark beside it: each column is shown brighter by the factor × above it,
+everywhere, lit sampling the light of the row, is the white of the screen. Light through
+snow is dark beside it: each column is shown brighter sampling the factor × above it,
 which lifts the brighter spectrum to a luminance of {LUMINANCE} of white under light E;
-both patches of a pair by the same. With 3 wavelengths, white and patches are sums
+both patches of a pair sampling the same. With 3 wavelengths, white and patches are sums
 over 455, 551 and 608 nm alone. FL3.15 is our reading of the light that the thesis
 calls FL-15.
 
@@ -175,8 +180,8 @@ exposed). 2.3 is a just noticeable difference. One standard error of the simulat
 at most 0.3, as they are.
 "
     );
-    for by in Sampling::ALL {
-        write!(page, "\n| {} |", by.name())?;
+    for sampling in Sampling::ALL {
+        write!(page, "\n| {} |", sampling.name())?;
         for light in LIGHTS {
             write!(page, " {} |", light.name())?;
         }
@@ -185,7 +190,11 @@ at most 0.3, as they are.
             let [name, values] = comparison.name;
             write!(page, "| {name}: {} |", values.replace('|', "and"))?;
             for light in 0..LIGHTS.len() {
-                write!(page, " {} |", comparison.difference(eyes, light, by))?;
+                write!(
+                    page,
+                    " {} |",
+                    comparison.difference(observers, light, sampling)
+                )?;
             }
             page.push('\n');
         }

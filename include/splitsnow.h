@@ -1,15 +1,15 @@
 /* SPLITSnow in C99 and C++17: look-ups in a compact file (`snow.safetensors`).
  *
- * One header, no dependencies but libc and libm. Define SPLITSNOW_IMPLEMENTATION
- * in one source file before including it there; include it plainly elsewhere.
- * docs/c.md has examples, docs/formats.md the file, docs/methods.md the method,
- * which is `smooth`: answers are those of the Rust library to 1e-6.
+ * A single header that depends only on libc and libm. Define SPLITSNOW_IMPLEMENTATION in
+ * one source file before including it there; elsewhere include it without the definition.
+ * docs/c.md has examples, docs/formats.md describes the file, docs/methods.md the method,
+ * which is `smooth`. Results agree with the Rust library to 1e-6.
  *
- * Opened databases, lookups and colours never change: any number of threads may
- * use one at once. No query allocates, there is no global state. Whatever the
- * bytes of a file, it is refused or answered, never trusted.
+ * Databases, lookups and colours are immutable, so any number of threads may share one.
+ * Queries do not allocate, and there is no global state. Files are treated as untrusted
+ * input: invalid bytes are refused.
  *
- * MIT OR Apache-2.0, at your choice. */
+ * Licensed under MIT OR Apache-2.0, at your choice. */
 #ifndef SPLITSNOW_H
 #define SPLITSNOW_H
 
@@ -19,30 +19,30 @@
 extern "C" {
 #endif
 
-/* What a function returns. */
+/* Status returned by a function. */
 typedef enum splitsnow_status {
     SPLITSNOW_OK = 0,
-    SPLITSNOW_ERROR_IO,          /* the system refused to read the file */
-    SPLITSNOW_ERROR_MEMORY,      /* the system has no memory left */
-    SPLITSNOW_ERROR_FORMAT,      /* the file is not one that this version reads */
-    SPLITSNOW_ERROR_ARGUMENT,    /* an argument that is never allowed */
+    SPLITSNOW_ERROR_IO,          /* the file cannot be read */
+    SPLITSNOW_ERROR_MEMORY,      /* out of memory */
+    SPLITSNOW_ERROR_FORMAT,      /* the file is not a compact file that this version can read */
+    SPLITSNOW_ERROR_ARGUMENT,    /* an invalid argument */
     SPLITSNOW_ERROR_NO_QUANTITY, /* the file does not hold the quantity */
-    SPLITSNOW_ERROR_NO_AXIS,     /* a condition on an axis that the file does not have */
-    SPLITSNOW_ERROR_CONDITION,   /* the file has an optional axis: say where on it */
-    SPLITSNOW_ERROR_OUTSIDE,     /* a coordinate outside the database, or not a number */
-    SPLITSNOW_ERROR_TOO_LARGE,   /* a table of more than 1 GB */
+    SPLITSNOW_ERROR_NO_AXIS,     /* a condition on an axis that is not in the file */
+    SPLITSNOW_ERROR_CONDITION,   /* no value is given for an optional axis with several nodes */
+    SPLITSNOW_ERROR_OUTSIDE,     /* a coordinate is outside the database, or NaN */
+    SPLITSNOW_ERROR_TOO_LARGE,   /* the look-up table would exceed 1 GB */
     SPLITSNOW_ERROR_NO_COLOUR,   /* the wavelengths have no colour under the illuminant */
-    SPLITSNOW_ERROR_ABSENT       /* a curve around does not exist: its grains do not fit */
+    SPLITSNOW_ERROR_ABSENT       /* a surrounding curve does not exist: grains do not fit the slab */
 } splitsnow_status;
 
-/* What spectra are of; each value is in [0, 1]. */
+/* Quantity of a spectrum; values are in [0, 1]. */
 typedef enum splitsnow_quantity {
     SPLITSNOW_TRANSMITTANCE = 0,
     SPLITSNOW_REFLECTANCE = 1
 } splitsnow_quantity;
 
-/* Axes. Every file has the first five, few have some of the others. The blocks between
- * marks are made from crates/lookup/src/parameter (tests/c_header/parameters.rs). */
+/* Axes. Every file has the first five; the others are optional. The blocks between marks
+ * are generated from crates/lookup/src/parameter (tests/c_header/parameters.rs). */
 /* <axes> */
 typedef enum splitsnow_axis {
     SPLITSNOW_FACETNESS = 0, /* mean facetness of the grains */
@@ -55,11 +55,11 @@ typedef enum splitsnow_axis {
     SPLITSNOW_TEMPERATURE_C, /* temperature of the snow, degC */
     SPLITSNOW_SPHERICITY, /* mean sphericity of the grains */
     SPLITSNOW_SUBSTRATE_REFLECTANCE, /* Lambertian reflectance of the substrate */
-    SPLITSNOW_AXES /* how many there are */
+    SPLITSNOW_AXES /* number of axes */
 } splitsnow_axis;
 /* </axes> */
 
-/* Lights that colours are seen under. */
+/* Illuminants for colours. */
 typedef enum splitsnow_illuminant {
     SPLITSNOW_D55 = 0,
     SPLITSNOW_D65,
@@ -70,7 +70,7 @@ typedef enum splitsnow_illuminant {
     SPLITSNOW_D50
 } splitsnow_illuminant;
 
-/* One snow. */
+/* The snow of a slab, in the units of the axes. */
 typedef struct splitsnow_snow {
     double facetness;
     double grain_size_um;
@@ -83,102 +83,107 @@ typedef struct splitsnow_condition {
     double value;
 } splitsnow_condition;
 
-typedef struct splitsnow splitsnow;               /* a file in memory, wholly checked */
-typedef struct splitsnow_lookup splitsnow_lookup; /* one quantity, ready for queries */
+typedef struct splitsnow splitsnow;               /* a validated file in memory */
+typedef struct splitsnow_lookup splitsnow_lookup; /* one quantity, prepared for queries */
 typedef struct splitsnow_colour splitsnow_colour; /* an observer under an illuminant */
 
 /* Reads the file at `path`. On an error `*database` is NULL and `message` (of
- * `message_size` bytes; may be NULL) says what is wrong with the file. */
+ * `message_size` bytes; may be NULL) describes the error. */
 splitsnow_status splitsnow_open(const char *path, splitsnow **database, char *message,
                                 size_t message_size);
 
-/* The same for the content of a file, which is not needed afterwards. */
+/* Reads the content of a file from memory; `bytes` may be freed afterwards. */
 splitsnow_status splitsnow_open_memory(const void *bytes, size_t size, splitsnow **database,
                                        char *message, size_t message_size);
 
-/* Frees a database (or NULL); its lookups and colours live on. */
+/* Frees a database (or NULL); its lookups and colours stay valid. */
 void splitsnow_close(splitsnow *database);
 
-/* Nodes of an axis, strictly increasing, and how many; NULL and 0 if the file has
- * no such axis. They live as long as the database. */
+/* Nodes of an axis, strictly increasing, and their number; NULL and 0 if the axis is not
+ * in the file. Valid as long as the database. */
 const float *splitsnow_nodes(const splitsnow *database, splitsnow_axis axis, size_t *count);
 
-/* Wavelengths of a spectrum, nm, strictly increasing, and how many. */
+/* Wavelengths of a spectrum, nm, strictly increasing, and their number. Valid as long as
+ * the database. */
 const float *splitsnow_wavelengths(const splitsnow *database, size_t *count);
 
 /* Whether the file holds the quantity. */
 int splitsnow_has(const splitsnow *database, splitsnow_quantity quantity);
 
-/* Whether there is nothing but the snow of the axes, over black ground: queries then
- * reach down to a thickness of 0, else they begin at the first node. */
+/* Whether the slab lies on a black substrate, with no other layers. Queries then extend
+ * down to thickness 0; otherwise they start at the first node. */
 int splitsnow_stands_free(const splitsnow *database);
 
-/* A metadata value (`certificate`, `provenance`, ...), NULL if there is none. */
+/* A metadata value (`error_budget`, `provenance`, ...); NULL if the key is missing. */
 const char *splitsnow_metadata(const splitsnow *database, const char *key);
 
 /* Name of an axis in files. */
 const char *splitsnow_axis_name(splitsnow_axis axis);
 
-/* What a status means. */
+/* Description of a status. */
 const char *splitsnow_error_string(splitsnow_status status);
 
-/* Prepares one quantity of one `snow`: computes what does not depend on thickness
- * and angle, in about a millisecond. With `snow` NULL it prepares all snow in the box, as
- * long as its table takes at most 1 GB. `conditions` (may be NULL if there are none)
- * say where on optional axes; those of one node may be left out. */
+/* Prepares queries of one quantity of one `snow` at any thickness and angle, in about a
+ * millisecond. If `snow` is NULL it prepares queries of any snow within the axes, as long
+ * as the table takes at most 1 GB. `conditions` (may be NULL if there are none) hold the
+ * values on optional axes; an axis with a single node needs none. */
 splitsnow_status splitsnow_prepare(const splitsnow *database, splitsnow_quantity quantity,
                                    const splitsnow_snow *snow,
                                    const splitsnow_condition *conditions, size_t n_conditions,
                                    splitsnow_lookup **lookup);
 
-/* Frees a lookup, or NULL. */
+/* Frees a lookup (or NULL). */
 void splitsnow_lookup_free(splitsnow_lookup *lookup);
 
-/* The spectrum of a lookup of one snow at the database's `n` wavelengths.
+/* The spectrum of a lookup of one snow at the `n` wavelengths of the database.
  *
- * Thickness is anything from 0 on, or from the first node on if the file does not stand
- * free (splitsnow_stands_free), unless the file has one alone. The angle of incidence,
- * from the normal, is within its axis. Beyond them, and for NaN, the status is
- * SPLITSNOW_ERROR_OUTSIDE. A value within 1e-6 of an end counts as the end. */
+ * The thickness may be any value from 0 if the substrate is black (splitsnow_stands_free),
+ * otherwise any value from its first node; if the file has a single thickness, it must be
+ * that one. The incidence angle must be within its axis. For other values and for NaN the
+ * status is SPLITSNOW_ERROR_OUTSIDE. A value within a relative 1e-6 of an end counts as
+ * the end. */
 splitsnow_status splitsnow_spectrum(const splitsnow_lookup *lookup, double thickness_cm,
-                                    double angle_deg, float *spectrum, size_t n);
+                                    double incidence_angle_deg, float *spectrum, size_t n);
 
-/* The same of any snow, for a lookup of all. */
+/* The spectrum of any snow, from a lookup prepared with `snow` NULL. */
 splitsnow_status splitsnow_spectrum_of(const splitsnow_lookup *lookup, const splitsnow_snow *snow,
-                                       double thickness_cm, double angle_deg, float *spectrum,
+                                       double thickness_cm, double incidence_angle_deg, float *spectrum,
                                        size_t n);
 
-/* The same of one snow at any `n` wavelengths: straight lines between those of the
- * file, the end values beyond. Only what these need is computed. */
+/* The spectrum of a lookup of one snow at any `n` wavelengths, interpolated linearly
+ * between those of the file and constant beyond its ends. Computes only the wavelengths
+ * needed. */
 splitsnow_status splitsnow_spectrum_at(const splitsnow_lookup *lookup, double thickness_cm,
-                                       double angle_deg, const double *wavelength_nm, size_t n,
+                                       double incidence_angle_deg, const double *wavelength_nm, size_t n,
                                        float *spectrum);
 
-/* The CIE 1931 2-degree observer under an illuminant, seeing the straight lines between
- * the database's wavelengths by trapezoid sums over `n` wavelengths (nm, strictly
- * increasing), or, if `wavelength_nm` is NULL, over those of the database and every 5 nm
- * between. */
+/* The CIE 1931 2-degree observer under an illuminant. Spectra are interpolated linearly
+ * between the wavelengths of the database and summed with the trapezoidal rule over `n`
+ * wavelengths (nm, strictly increasing), or, if `wavelength_nm` is NULL, over those of the
+ * database and every 5 nm between. */
 splitsnow_status splitsnow_colour_new(const splitsnow *database, splitsnow_illuminant illuminant,
                                       const double *wavelength_nm, size_t n,
                                       splitsnow_colour **colour);
 
-/* Frees a colour, or NULL. */
+/* Frees a colour (or NULL). */
 void splitsnow_colour_free(splitsnow_colour *colour);
 
-/* Tristimulus values of one snow under the light; those of a spectrum of 1 are the
- * illuminant's, with Y = 1. */
+/* Tristimulus values of one snow under the illuminant, scaled so that a spectrum of 1 has
+ * Y = 1. */
 splitsnow_status splitsnow_xyz(const splitsnow_lookup *lookup, const splitsnow_colour *colour,
-                               double thickness_cm, double angle_deg, double xyz[3]);
+                               double thickness_cm, double incidence_angle_deg, double xyz[3]);
 
 /* Linear sRGB, not clamped; a spectrum of 1 is (1, 1, 1) under any illuminant. */
 splitsnow_status splitsnow_linear_srgb(const splitsnow_lookup *lookup,
                                        const splitsnow_colour *colour, double thickness_cm,
-                                       double angle_deg, double rgb[3]);
+                                       double incidence_angle_deg, double rgb[3]);
 
 /* A table of linear sRGB of one snow for a texture: row-major [n_thickness][n_angle][3],
- * each at least 2. With v = row / (n_thickness - 1), u = column / (n_angle - 1):
+ * with at least 2 rows and columns. With v = row / (n_thickness - 1) and
+ * u = column / (n_angle - 1):
  *   ln(1 + 2 thickness) = ln(1 + 2 first_cm) + v (ln(1 + 2 last_cm) - ln(1 + 2 first_cm)),
- *   cos(angle) = c1 + u (c0 - c1), c0 and c1 those of the first and last node. */
+ *   cos(angle) = c1 + u (c0 - c1), where c0 and c1 are the cosines of the first and last
+ *   node. */
 splitsnow_status splitsnow_rgb_table(const splitsnow_lookup *lookup,
                                      const splitsnow_colour *colour, double first_cm,
                                      double last_cm, size_t n_thickness, size_t n_angle,
@@ -207,14 +212,14 @@ splitsnow_status splitsnow_rgb_table(const splitsnow_lookup *lookup,
 #define SPLITSNOW__MAX_HEADER ((uint64_t)16 << 20)
 #define SPLITSNOW__MAX_NUMBER 1e9f
 #define SPLITSNOW__MAX_TABLE ((size_t)1 << 30)
-#define SPLITSNOW__MAX_DEPTH 127 /* of containers in JSON */
-#define SPLITSNOW__FEW 64        /* components that are summed at once */
-#define SPLITSNOW__THIN 7        /* nodes before the first thickness */
-#define SPLITSNOW__DARKEST 16.0f /* largest y that plain spectra are taken for */
+#define SPLITSNOW__MAX_DEPTH 127 /* nesting depth of JSON containers */
+#define SPLITSNOW__FEW 64        /* components summed at a time */
+#define SPLITSNOW__THIN 7        /* extra nodes below the first thickness */
+#define SPLITSNOW__DARKEST 16.0f /* largest y taken from spectra of a `linear` file */
 
 /* ---- A file in memory ---- */
 
-/* A string, which may hold zero bytes, and ends with one. */
+/* A string that may contain zero bytes and is followed by one. */
 typedef struct splitsnow__text {
     const char *at;
     size_t size;
@@ -227,14 +232,14 @@ typedef struct splitsnow__pair {
 
 struct splitsnow {
     int logarithmic;
-    int stands_free;
+    int has_black_substrate;
     size_t counts[SPLITSNOW_AXES];
     float *axes[SPLITSNOW_AXES];
     size_t wavelengths;
     float *wavelength_nm;
     size_t curves;          /* of one combination of the optional axes */
-    size_t *absent;         /* by grain size: thinnest thicknesses without a curve; or NULL */
-    size_t components[2];   /* 0 for a quantity that is not there */
+    size_t *absent;         /* by grain size: number of thinnest thicknesses without a curve, or NULL */
+    size_t components[2];   /* 0 for a quantity that is not in the file */
     float *coefficients[2]; /* [combination][curve][component] */
     float *basis[2];        /* [wavelength][component] */
     splitsnow__pair *metadata;
@@ -242,7 +247,7 @@ struct splitsnow {
     char *strings;
 };
 
-/* Coordinates that grow with the value x of a parameter. */
+/* Coordinates that increase with the value x of a parameter. */
 typedef enum splitsnow__scale {
     SPLITSNOW__LINEAR,     /* x */
     SPLITSNOW__LOG,        /* ln x */
@@ -250,13 +255,13 @@ typedef enum splitsnow__scale {
     SPLITSNOW__ROOT,       /* sqrt(x + s) */
     SPLITSNOW__COMPLEMENT, /* -ln(1 - s x) */
     SPLITSNOW__SATURATING, /* -exp(-x / s) */
-    SPLITSNOW__GRAZING     /* a exp(-mu / s) - mu, mu the cosine of x degrees */
+    SPLITSNOW__GRAZING     /* a exp(-mu / s) - mu, where mu is the cosine of x degrees */
 } splitsnow__scale;
 
 typedef struct splitsnow__parameter {
     const char *name;
     double min, max;
-    int open_min, open_max; /* whether the ends themselves are not allowed */
+    int open_min, open_max; /* whether the ends themselves are excluded */
     splitsnow__scale scale;
     double s, a;
 } splitsnow__parameter;
@@ -288,16 +293,16 @@ const char *splitsnow_axis_name(splitsnow_axis axis) {
 const char *splitsnow_error_string(splitsnow_status status) {
     switch (status) {
     case SPLITSNOW_OK: return "no error";
-    case SPLITSNOW_ERROR_IO: return "the system refused to read the file";
-    case SPLITSNOW_ERROR_MEMORY: return "the system has no memory left";
-    case SPLITSNOW_ERROR_FORMAT: return "the file is not a compact file that this version reads";
-    case SPLITSNOW_ERROR_ARGUMENT: return "an argument is not allowed";
+    case SPLITSNOW_ERROR_IO: return "the file cannot be read";
+    case SPLITSNOW_ERROR_MEMORY: return "out of memory";
+    case SPLITSNOW_ERROR_FORMAT: return "the file is not a compact file that this version can read";
+    case SPLITSNOW_ERROR_ARGUMENT: return "an argument is invalid";
     case SPLITSNOW_ERROR_NO_QUANTITY: return "the file does not hold this quantity";
-    case SPLITSNOW_ERROR_NO_AXIS: return "the file has no such axis";
-    case SPLITSNOW_ERROR_CONDITION: return "the file has an optional axis: say where on it";
+    case SPLITSNOW_ERROR_NO_AXIS: return "a condition is on an axis that is not in the file";
+    case SPLITSNOW_ERROR_CONDITION: return "the file has an optional axis with several nodes: give a condition for it";
     case SPLITSNOW_ERROR_OUTSIDE: return "a coordinate is outside the database";
     case SPLITSNOW_ERROR_TOO_LARGE: return "the look-up table would take more than 1 GB";
-    case SPLITSNOW_ERROR_ABSENT: return "grains around do not fit into the slab: the file has no curve";
+    case SPLITSNOW_ERROR_ABSENT: return "the file has no curve: grains of a surrounding node do not fit into the slab";
     case SPLITSNOW_ERROR_NO_COLOUR: return "the wavelengths have no colour under the illuminant";
     }
     return "unknown status";
@@ -323,7 +328,7 @@ static int splitsnow__is(splitsnow__text text, const char *other) {
     return text.size == strlen(other) && memcmp(text.at, other, text.size) == 0;
 }
 
-/* To single precision, infinity where it is too large. */
+/* Converts to single precision; values that are too large become infinite. */
 static float splitsnow__single(double value) {
     if (value > 3.4028235677973362e38) return HUGE_VALF;
     if (value < -3.4028235677973362e38) return -HUGE_VALF;
@@ -332,10 +337,10 @@ static float splitsnow__single(double value) {
 
 /* ---- JSON ---- */
 
-/* Accepts what the Rust reader (serde_json) does. */
+/* A parser that accepts the same JSON as the Rust reader (serde_json). */
 typedef struct splitsnow__json {
     const unsigned char *at, *end;
-    char *strings; /* unescaped, each with a zero after it; never longer than the JSON */
+    char *strings; /* unescaped, each followed by a zero; never longer than the JSON */
 } splitsnow__json;
 
 static unsigned splitsnow__peek(const splitsnow__json *json) {
@@ -350,7 +355,7 @@ static unsigned splitsnow__next(splitsnow__json *json) {
     return splitsnow__peek(json);
 }
 
-static int splitsnow__eat(splitsnow__json *json, char expected) {
+static int splitsnow__accept(splitsnow__json *json, char expected) {
     if (splitsnow__next(json) != (unsigned char)expected || json->at == json->end) return 0;
     json->at++;
     return 1;
@@ -397,7 +402,7 @@ static char *splitsnow__utf8(char *to, unsigned c) {
     return to;
 }
 
-/* The length of the UTF-8 sequence at `at`, 0 if it is none. */
+/* The length of the UTF-8 sequence at `at`; 0 if it is invalid. */
 static size_t splitsnow__sequence(const unsigned char *at, const unsigned char *end) {
     unsigned c = at[0];
     size_t size = c < 0x80 ? 1 : c >= 0xc2 && c < 0xe0 ? 2 : c >= 0xe0 && c < 0xf0 ? 3
@@ -434,7 +439,7 @@ static int splitsnow__escape(splitsnow__json *json) {
 }
 
 static int splitsnow__string(splitsnow__json *json, splitsnow__text *text) {
-    if (!splitsnow__eat(json, '"')) return 0;
+    if (!splitsnow__accept(json, '"')) return 0;
     text->at = json->strings;
     while (json->at < json->end) {
         unsigned c = *json->at;
@@ -463,8 +468,8 @@ static int splitsnow__digit(const splitsnow__json *json) {
     return c >= '0' && c <= '9';
 }
 
-/* Whether digits from `at` on, the first of them not 0 and worth 10^308, are more
- * than a double can be. */
+/* Whether the number with digits from `at` exceeds the range of a double. The first digit
+ * is not 0 and stands for 10^308. */
 static int splitsnow__huge(const unsigned char *at, const unsigned char *end) {
     static const char limit[] = "17976931348623158079";
     size_t i = 0;
@@ -477,7 +482,7 @@ static int splitsnow__huge(const unsigned char *at, const unsigned char *end) {
     return limit[i] == 0;
 }
 
-/* A number; `*integer` is set and `*whole` is 1 if it is one of 64 bits, unsigned. */
+/* Parses a number. If it is an unsigned 64-bit integer, `*integer` is set and `*whole` is 1. */
 static int splitsnow__number(splitsnow__json *json, uint64_t *integer, int *whole) {
     const unsigned char *leading = NULL;
     long before = 0, after = 0, exponent = 0; /* digits from the leading one to the point */
@@ -523,7 +528,7 @@ static int splitsnow__number(splitsnow__json *json, uint64_t *integer, int *whol
     return exponent < 308 || (exponent == 308 && !splitsnow__huge(leading, json->at));
 }
 
-/* Passes over any value inside `depth` containers. */
+/* Skips any value nested inside `depth` containers. */
 static int splitsnow__skip(splitsnow__json *json, int depth) {
     unsigned c = splitsnow__next(json);
     char close = c == '{' ? '}' : ']';
@@ -537,21 +542,21 @@ static int splitsnow__skip(splitsnow__json *json, int depth) {
     if (c != '[' && c != '{') return splitsnow__number(json, &integer, &whole);
     json->at++;
     if (depth >= SPLITSNOW__MAX_DEPTH) return 0;
-    if (splitsnow__eat(json, close)) return 1;
+    if (splitsnow__accept(json, close)) return 1;
     do {
-        if (c == '{' && !(splitsnow__string(json, &text) && splitsnow__eat(json, ':'))) return 0;
+        if (c == '{' && !(splitsnow__string(json, &text) && splitsnow__accept(json, ':'))) return 0;
         if (!splitsnow__skip(json, depth + 1)) return 0;
-    } while (splitsnow__eat(json, ','));
-    return splitsnow__eat(json, close);
+    } while (splitsnow__accept(json, ','));
+    return splitsnow__accept(json, close);
 }
 
 /* ---- The safetensors header ---- */
 
 typedef struct splitsnow__tensor {
     splitsnow__text name;
-    size_t order;      /* of two of a name the later counts */
-    int type;          /* in splitsnow__types */
-    size_t dimensions; /* may be more than are kept */
+    size_t order;      /* of two tensors with one name, the later counts */
+    int type;          /* index in splitsnow__types */
+    size_t dimensions; /* may exceed the two that are stored */
     uint64_t shape[2];
     uint64_t elements;
     int overflow;
@@ -581,7 +586,7 @@ typedef struct splitsnow__header {
     int no_memory;
 } splitsnow__header;
 
-/* Where to say what is wrong. */
+/* Buffer for an error message. */
 typedef struct splitsnow__report {
     char *message;
     size_t size;
@@ -602,7 +607,7 @@ static splitsnow_status splitsnow__no_memory(const splitsnow__report *report) {
     return SPLITSNOW_ERROR_MEMORY;
 }
 
-/* A string from a file for a message: its beginning, in plain characters. */
+/* A string from a file for a message: its beginning, in printable ASCII. */
 typedef struct splitsnow__shown {
     char text[64];
 } splitsnow__shown;
@@ -618,7 +623,7 @@ static splitsnow__shown splitsnow__show(splitsnow__text text) {
     return shown;
 }
 
-/* Room for one more entry of `size` bytes in an array of `used`. */
+/* Makes room for one more entry of `size` bytes in an array with `used` entries. */
 static int splitsnow__grow(void **array, size_t used, size_t *room, size_t size) {
     void *longer;
     size_t more = *room > 0 ? *room : 16;
@@ -639,15 +644,15 @@ static int splitsnow__integer(splitsnow__json *json, uint64_t *value) {
 
 static int splitsnow__type(splitsnow__json *json, splitsnow__tensor *tensor) {
     splitsnow__text name;
-    size_t all = sizeof splitsnow__types / sizeof splitsnow__types[0];
-    /* {"F32": null} is an F32, too */
-    int object = splitsnow__eat(json, '{');
+    size_t count = sizeof splitsnow__types / sizeof splitsnow__types[0];
+    /* {"F32": null} is also accepted as F32 */
+    int object = splitsnow__accept(json, '{');
     if (!splitsnow__string(json, &name)) return 0;
     if (object) {
-        if (!splitsnow__eat(json, ':') || splitsnow__next(json) != 'n') return 0;
-        if (!splitsnow__word(json, "null") || !splitsnow__eat(json, '}')) return 0;
+        if (!splitsnow__accept(json, ':') || splitsnow__next(json) != 'n') return 0;
+        if (!splitsnow__word(json, "null") || !splitsnow__accept(json, '}')) return 0;
     }
-    for (size_t i = 0; i < all; i++) {
+    for (size_t i = 0; i < count; i++) {
         tensor->type = (int)i;
         if (splitsnow__is(name, splitsnow__types[i].name)) return 1;
     }
@@ -658,8 +663,8 @@ static int splitsnow__shape(splitsnow__json *json, splitsnow__tensor *tensor) {
     tensor->elements = 1;
     tensor->overflow = 0;
     tensor->dimensions = 0;
-    if (!splitsnow__eat(json, '[')) return 0;
-    if (splitsnow__eat(json, ']')) return 1;
+    if (!splitsnow__accept(json, '[')) return 0;
+    if (splitsnow__accept(json, ']')) return 1;
     do {
         uint64_t n;
         if (!splitsnow__integer(json, &n)) return 0;
@@ -667,14 +672,14 @@ static int splitsnow__shape(splitsnow__json *json, splitsnow__tensor *tensor) {
         tensor->dimensions++;
         if (n != 0 && tensor->elements > UINT64_MAX / n) tensor->overflow = 1;
         tensor->elements *= n;
-    } while (splitsnow__eat(json, ','));
-    return splitsnow__eat(json, ']');
+    } while (splitsnow__accept(json, ','));
+    return splitsnow__accept(json, ']');
 }
 
 static int splitsnow__offsets(splitsnow__json *json, splitsnow__tensor *tensor) {
-    return splitsnow__eat(json, '[') && splitsnow__integer(json, &tensor->begin) &&
-           splitsnow__eat(json, ',') && splitsnow__integer(json, &tensor->end) &&
-           splitsnow__eat(json, ']');
+    return splitsnow__accept(json, '[') && splitsnow__integer(json, &tensor->begin) &&
+           splitsnow__accept(json, ',') && splitsnow__integer(json, &tensor->end) &&
+           splitsnow__accept(json, ']');
 }
 
 static int splitsnow__field(splitsnow__json *json, splitsnow__tensor *tensor, int field) {
@@ -683,35 +688,35 @@ static int splitsnow__field(splitsnow__json *json, splitsnow__tensor *tensor, in
     return splitsnow__offsets(json, tensor);
 }
 
-/* What a header says of one tensor: an object, or a list of its three values. */
-static int splitsnow__info(splitsnow__json *json, splitsnow__tensor *tensor) {
+/* Parses the entry of one tensor: an object, or a list of its three values. */
+static int splitsnow__tensor_entry(splitsnow__json *json, splitsnow__tensor *tensor) {
     static const char *const names[3] = {"dtype", "shape", "data_offsets"};
     int seen[3] = {0, 0, 0};
-    if (splitsnow__eat(json, '[')) {
-        return splitsnow__field(json, tensor, 0) && splitsnow__eat(json, ',') &&
-               splitsnow__field(json, tensor, 1) && splitsnow__eat(json, ',') &&
-               splitsnow__field(json, tensor, 2) && splitsnow__eat(json, ']');
+    if (splitsnow__accept(json, '[')) {
+        return splitsnow__field(json, tensor, 0) && splitsnow__accept(json, ',') &&
+               splitsnow__field(json, tensor, 1) && splitsnow__accept(json, ',') &&
+               splitsnow__field(json, tensor, 2) && splitsnow__accept(json, ']');
     }
-    if (!splitsnow__eat(json, '{')) return 0;
-    if (splitsnow__eat(json, '}')) return 0;
+    if (!splitsnow__accept(json, '{')) return 0;
+    if (splitsnow__accept(json, '}')) return 0;
     do {
         splitsnow__text name;
         int field = 0;
-        if (!splitsnow__string(json, &name) || !splitsnow__eat(json, ':')) return 0;
+        if (!splitsnow__string(json, &name) || !splitsnow__accept(json, ':')) return 0;
         while (field < 3 && !splitsnow__is(name, names[field])) field++;
         if (field == 3) {
             if (!splitsnow__skip(json, 2)) return 0;
         } else if (seen[field]++ || !splitsnow__field(json, tensor, field)) {
             return 0;
         }
-    } while (splitsnow__eat(json, ','));
-    return seen[0] && seen[1] && seen[2] && splitsnow__eat(json, '}');
+    } while (splitsnow__accept(json, ','));
+    return seen[0] && seen[1] && seen[2] && splitsnow__accept(json, '}');
 }
 
 static int splitsnow__pairs(splitsnow__json *json, splitsnow__header *header) {
     if (splitsnow__next(json) == 'n') return splitsnow__word(json, "null");
-    if (!splitsnow__eat(json, '{')) return 0;
-    if (splitsnow__eat(json, '}')) return 1;
+    if (!splitsnow__accept(json, '{')) return 0;
+    if (splitsnow__accept(json, '}')) return 1;
     do {
         splitsnow__pair pair;
         void *array = header->metadata;
@@ -719,22 +724,22 @@ static int splitsnow__pairs(splitsnow__json *json, splitsnow__header *header) {
                                              sizeof(splitsnow__pair));
         header->metadata = (splitsnow__pair *)array;
         if (header->no_memory) return 0;
-        if (!splitsnow__string(json, &pair.key) || !splitsnow__eat(json, ':')) return 0;
+        if (!splitsnow__string(json, &pair.key) || !splitsnow__accept(json, ':')) return 0;
         if (!splitsnow__string(json, &pair.value)) return 0;
         pair.order = header->n_metadata;
         header->metadata[header->n_metadata++] = pair;
-    } while (splitsnow__eat(json, ','));
-    return splitsnow__eat(json, '}');
+    } while (splitsnow__accept(json, ','));
+    return splitsnow__accept(json, '}');
 }
 
 static int splitsnow__entries(splitsnow__json *json, splitsnow__header *header) {
     int metadata = 0;
-    if (!splitsnow__eat(json, '{')) return 0;
-    if (splitsnow__eat(json, '}')) return 1;
+    if (!splitsnow__accept(json, '{')) return 0;
+    if (splitsnow__accept(json, '}')) return 1;
     do {
         splitsnow__tensor tensor;
         memset(&tensor, 0, sizeof tensor);
-        if (!splitsnow__string(json, &tensor.name) || !splitsnow__eat(json, ':')) return 0;
+        if (!splitsnow__string(json, &tensor.name) || !splitsnow__accept(json, ':')) return 0;
         if (splitsnow__is(tensor.name, "__metadata__")) {
             if (metadata++ || !splitsnow__pairs(json, header)) return 0;
         } else {
@@ -742,12 +747,12 @@ static int splitsnow__entries(splitsnow__json *json, splitsnow__header *header) 
             header->no_memory = !splitsnow__grow(&array, header->n_tensors, &header->room_tensors,
                                                  sizeof(splitsnow__tensor));
             header->tensors = (splitsnow__tensor *)array;
-            if (header->no_memory || !splitsnow__info(json, &tensor)) return 0;
+            if (header->no_memory || !splitsnow__tensor_entry(json, &tensor)) return 0;
             tensor.order = header->n_tensors;
             header->tensors[header->n_tensors++] = tensor;
         }
-    } while (splitsnow__eat(json, ','));
-    return splitsnow__eat(json, '}');
+    } while (splitsnow__accept(json, ','));
+    return splitsnow__accept(json, '}');
 }
 
 static int splitsnow__compare(splitsnow__text a, splitsnow__text b) {
@@ -777,35 +782,37 @@ static int splitsnow__by_place(const void *a, const void *b) {
     return (x->end > y->end) - (x->end < y->end);
 }
 
-/* Sorts by name and keeps the last of each. */
+/* Sorts by name and keeps the last entry of each name. */
 static void splitsnow__last_of_each(splitsnow__header *header) {
-    size_t kept = 0;
+    size_t unique = 0;
     if (header->n_tensors > 1) {
         qsort(header->tensors, header->n_tensors, sizeof(splitsnow__tensor), splitsnow__by_name);
     }
     for (size_t i = 0; i < header->n_tensors; i++) {
-        const splitsnow__tensor *all = header->tensors;
-        if (i + 1 < header->n_tensors && splitsnow__compare(all[i].name, all[i + 1].name) == 0) {
+        const splitsnow__tensor *tensors = header->tensors;
+        if (i + 1 < header->n_tensors &&
+            splitsnow__compare(tensors[i].name, tensors[i + 1].name) == 0) {
             continue;
         }
-        header->tensors[kept++] = header->tensors[i];
+        header->tensors[unique++] = header->tensors[i];
     }
-    header->n_tensors = kept;
-    kept = 0;
+    header->n_tensors = unique;
+    unique = 0;
     if (header->n_metadata > 1) {
         qsort(header->metadata, header->n_metadata, sizeof(splitsnow__pair), splitsnow__by_key);
     }
     for (size_t i = 0; i < header->n_metadata; i++) {
-        const splitsnow__pair *all = header->metadata;
-        if (i + 1 < header->n_metadata && splitsnow__compare(all[i].key, all[i + 1].key) == 0) {
+        const splitsnow__pair *pairs = header->metadata;
+        if (i + 1 < header->n_metadata &&
+            splitsnow__compare(pairs[i].key, pairs[i + 1].key) == 0) {
             continue;
         }
-        header->metadata[kept++] = header->metadata[i];
+        header->metadata[unique++] = header->metadata[i];
     }
-    header->n_metadata = kept;
+    header->n_metadata = unique;
 }
 
-/* Checks that tensors tile the data; leaves them sorted by name. */
+/* Checks that the tensors tile the data; leaves them sorted by name. */
 static splitsnow_status splitsnow__tile(splitsnow__header *header, const splitsnow__report *report) {
     uint64_t place = 0;
     splitsnow_status status = SPLITSNOW_OK;
@@ -817,12 +824,12 @@ static splitsnow_status splitsnow__tile(splitsnow__header *header, const splitsn
         unsigned bits = splitsnow__types[tensor->type].bits;
         const char *wrong = NULL;
         if (tensor->begin != place || tensor->end < place) {
-            wrong = "does not begin where the one before it ends";
+            wrong = "does not begin where the previous tensor ends";
         } else if (tensor->overflow || tensor->elements > UINT64_MAX / bits) {
             wrong = "is larger than any file";
         } else if (tensor->elements * bits % 8 != 0 ||
                    tensor->elements * bits / 8 != tensor->end - place) {
-            wrong = "has another size than its type and shape";
+            wrong = "has a size that does not match its type and shape";
         }
         if (wrong != NULL) {
             status = splitsnow__refuse(report, "its safetensors header is damaged: the tensor `%s` %s",
@@ -847,14 +854,14 @@ static splitsnow_status splitsnow__parse(splitsnow__header *header, const unsign
     if (!splitsnow__entries(&json, header) || splitsnow__next(&json) != 0 || json.at != json.end) {
         if (header->no_memory) return splitsnow__no_memory(report);
         return splitsnow__refuse(
-            report, "its safetensors header is damaged: byte %zu of %zu is not what JSON of tensors has there",
+            report, "its safetensors header is damaged: invalid JSON at byte %zu of %zu",
             (size_t)(json.at - text) + 1, size);
     }
     splitsnow__last_of_each(header);
     return splitsnow__tile(header, report);
 }
 
-/* ---- From bytes to a database ---- */
+/* ---- Reading a database from bytes ---- */
 
 typedef struct splitsnow__source {
     splitsnow__header header;
@@ -870,7 +877,7 @@ static const splitsnow__text *splitsnow__value(const splitsnow__pair *pairs, siz
     return NULL;
 }
 
-/* Refuses a metadata value that is not what is `expected`. */
+/* Refuses a file whose metadata `key` does not have the `expected` value. */
 static splitsnow_status splitsnow__unexpected(const splitsnow__source *source, const char *key,
                                               const char *expected) {
     const splitsnow__header *header = &source->header;
@@ -884,7 +891,8 @@ static splitsnow_status splitsnow__unexpected(const splitsnow__source *source, c
                              key, splitsnow__show(*found).text, expected);
 }
 
-/* The number of the choice that metadata `key` names, `absent` without the key, -1 for another. */
+/* The index of the value of metadata `key` in `choices`; `absent` without the key, -1 for
+ * any other value. */
 static int splitsnow__choice(const splitsnow__source *source, const char *key, int absent,
                              const char *const *choices, int n) {
     const splitsnow__header *header = &source->header;
@@ -927,13 +935,13 @@ static float splitsnow__float16(const unsigned char *at) {
 }
 
 static const splitsnow__tensor *splitsnow__find(const splitsnow__source *source, const char *name) {
-    splitsnow__text wanted;
+    splitsnow__text key;
     size_t low = 0, high = source->header.n_tensors;
-    wanted.at = name;
-    wanted.size = strlen(name);
+    key.at = name;
+    key.size = strlen(name);
     while (low < high) {
         size_t middle = low + (high - low) / 2;
-        int order = splitsnow__compare(source->header.tensors[middle].name, wanted);
+        int order = splitsnow__compare(source->header.tensors[middle].name, key);
         if (order == 0) return &source->header.tensors[middle];
         if (order < 0) low = middle + 1;
         else high = middle;
@@ -941,8 +949,9 @@ static const splitsnow__tensor *splitsnow__find(const splitsnow__source *source,
     return NULL;
 }
 
-/* The bytes of a tensor of the `type` (U8 stands for U16, too, and F64 for F32) and shape:
- * [a], or [a, b] if b > 0; a of 0 is any. NULL if there is none, which is told. */
+/* The bytes of a tensor with the given `type` (U8 also accepts U16, F64 also accepts F32)
+ * and shape: [a], or [a, b] if b > 0; a = 0 accepts any length. On a mismatch reports it
+ * and returns NULL. */
 static const unsigned char *splitsnow__bytes(const splitsnow__source *source, const char *name,
                                              int type, size_t a, size_t b,
                                              const splitsnow__tensor **tensor) {
@@ -973,16 +982,18 @@ static const unsigned char *splitsnow__bytes(const splitsnow__source *source, co
     return NULL;
 }
 
-/* Whether a node may have this value; beyond the axes, a wavelength in nm. */
+/* Whether a node of `axis` may have the value `v`; SPLITSNOW_AXES stands for wavelengths
+ * in nm. */
 static int splitsnow__allowed(int axis, double v) {
-    const splitsnow__parameter *of;
+    const splitsnow__parameter *parameter;
     if (axis == SPLITSNOW_AXES) return v > 0.0 && v <= 1e6;
-    of = &splitsnow__parameters[axis];
-    return v >= of->min && v <= of->max && !(of->open_min && v == of->min) &&
-           !(of->open_max && v == of->max);
+    parameter = &splitsnow__parameters[axis];
+    return v >= parameter->min && v <= parameter->max &&
+           !(parameter->open_min && v == parameter->min) &&
+           !(parameter->open_max && v == parameter->max);
 }
 
-/* Coordinates are f64, in files of version 1 f32; look-ups are in single precision. */
+/* Reads coordinates: f64, or f32 in files of version 1. Look-ups use single precision. */
 static splitsnow_status splitsnow__coordinate(const splitsnow__source *source, const char *name,
                                               int axis, float **values, size_t *count) {
     const splitsnow__tensor *tensor;
@@ -1003,14 +1014,14 @@ static splitsnow_status splitsnow__coordinate(const splitsnow__source *source, c
             (i > 0 && !((*values)[i - 1] < (*values)[i]))) {
             return splitsnow__refuse(source->report,
                                      "its tensor %s has the value %g, number %zu, which is outside "
-                                     "what is allowed or not above the one before",
+                                     "the allowed range or not above the value before",
                                      name, value, i + 1);
         }
     }
     return SPLITSNOW_OK;
 }
 
-/* Whether all are finite and none too large. */
+/* Checks that all values are finite and within the allowed magnitude. */
 static splitsnow_status splitsnow__check(const splitsnow__source *source, const char *name,
                                          const float *values, size_t count, size_t stride) {
     for (size_t i = 0; i < count; i++) {
@@ -1040,7 +1051,7 @@ static splitsnow_status splitsnow__matrix(const splitsnow__source *source, const
     return splitsnow__check(source, name, *values, count, 1);
 }
 
-/* Quantised coefficients, decoded. */
+/* Reads quantised coefficients, converted to float. */
 static splitsnow_status splitsnow__integers(const splitsnow__source *source, int quantity,
                                             size_t rows, size_t columns, float **values) {
     char name[80];
@@ -1055,7 +1066,7 @@ static splitsnow_status splitsnow__integers(const splitsnow__source *source, int
         snprintf(name, sizeof name, "%s.coefficients.%zu", splitsnow__quantities[quantity], k);
         bytes = splitsnow__bytes(source, name, SPLITSNOW__U8, rows, 0, &tensor);
         status = bytes == NULL ? SPLITSNOW_ERROR_FORMAT : SPLITSNOW_OK;
-        /* the first tensor tells that there are so many rows */
+        /* allocate only after the first tensor confirms the number of rows */
         if (status == SPLITSNOW_OK && *values == NULL) {
             *values = splitsnow__times(&count, columns) ? splitsnow__floats(count) : NULL;
             if (*values == NULL) status = splitsnow__no_memory(source->report);
@@ -1089,7 +1100,7 @@ static splitsnow_status splitsnow__components(const splitsnow__source *source, s
         char c = found->at[i];
         size_t digit = (size_t)(c - '0');
         if (c < '0' || c > '9') break;
-        if (n <= database->wavelengths) n = n * 10 + digit; /* too large already */
+        if (n <= database->wavelengths) n = n * 10 + digit; /* stop once it is too large */
     }
     if (i < found->size || n < 1 || n > database->wavelengths) {
         return splitsnow__unexpected(source, key, expected);
@@ -1099,11 +1110,11 @@ static splitsnow_status splitsnow__components(const splitsnow__source *source, s
 }
 
 /* Whether the file may have a tensor of this name. */
-static int splitsnow__known(const splitsnow *database, const unsigned char *there, int quantised,
+static int splitsnow__known(const splitsnow *database, const unsigned char *present, int quantised,
                             splitsnow__text name) {
     char other[80];
     for (int axis = 0; axis < SPLITSNOW_AXES; axis++) {
-        if (there[axis] && splitsnow__is(name, splitsnow__parameters[axis].name)) return 1;
+        if (present[axis] && splitsnow__is(name, splitsnow__parameters[axis].name)) return 1;
     }
     if (splitsnow__is(name, "wavelength_nm") || splitsnow__is(name, "absent")) return 1;
     for (int quantity = 0; quantity < 2; quantity++) {
@@ -1126,7 +1137,7 @@ static int splitsnow__known(const splitsnow *database, const unsigned char *ther
     return 0;
 }
 
-/* The curves that do not exist, if there are any. */
+/* Reads the counts of curves that do not exist, if any. */
 static splitsnow_status splitsnow__absent(const splitsnow__source *source, splitsnow *database) {
     const splitsnow__tensor *tensor;
     const unsigned char *bytes;
@@ -1140,24 +1151,24 @@ static splitsnow_status splitsnow__absent(const splitsnow__source *source, split
         database->absent[i] = splitsnow__little(bytes + 2 * i, 2);
         if (database->absent[i] > database->counts[SPLITSNOW_THICKNESS_CM]) {
             return splitsnow__refuse(source->report,
-                                     "its tensor absent has the value %zu; expected at most the %zu "
-                                     "thicknesses there are",
+                                     "its tensor absent has the value %zu; expected at most %zu, the "
+                                     "number of thicknesses",
                                      database->absent[i], database->counts[SPLITSNOW_THICKNESS_CM]);
         }
     }
     return SPLITSNOW_OK;
 }
 
-/* Which axes the metadata say there are. */
+/* Reads from the metadata which axes are in the file. */
 static splitsnow_status splitsnow__axis_order(const splitsnow__source *source,
-                                              unsigned char there[SPLITSNOW_AXES]) {
+                                              unsigned char present[SPLITSNOW_AXES]) {
     const splitsnow__header *header = &source->header;
     const splitsnow__text *found =
         splitsnow__value(header->metadata, header->n_metadata, "axis_order");
     static const char five[] = SPLITSNOW__CORE;
     size_t size = sizeof five - 1, at = 0;
     int least = SPLITSNOW__FIRST_OPTIONAL, ordered = 1;
-    for (int axis = 0; axis < SPLITSNOW_AXES; axis++) there[axis] = axis < least;
+    for (int axis = 0; axis < SPLITSNOW_AXES; axis++) present[axis] = axis < least;
     if (found == NULL || found->size < size ||
         memcmp(found->at + found->size - size, five, size) != 0) {
         return splitsnow__unexpected(source, "axis_order", five);
@@ -1176,15 +1187,15 @@ static splitsnow_status splitsnow__axis_order(const splitsnow__source *source,
         }
         if (axis < least || end == NULL) ordered = 0;
         least = axis + 1;
-        there[axis] = 1;
+        present[axis] = 1;
         at += name.size + 1;
     }
     if (!ordered) return splitsnow__unexpected(source, "axis_order", "the axes in storage order");
     return SPLITSNOW_OK;
 }
 
-/* Everything of a header and data that agree on their sizes. */
-static splitsnow_status splitsnow__fill(splitsnow *database, const splitsnow__source *source) {
+/* Reads the database from a header and data of the declared size. */
+static splitsnow_status splitsnow__read_database(splitsnow *database, const splitsnow__source *source) {
     static const char *const format[] = {"splitsnow-compact"};
     static const char *const versions[] = {"2", "1"};
     static const char *const substrates[] = {"black", "reflecting", "layers"};
@@ -1193,7 +1204,7 @@ static splitsnow_status splitsnow__fill(splitsnow *database, const splitsnow__so
     static const char *const both[] = {"transmittance,reflectance", "transmittance", "reflectance"};
     const splitsnow__header *header = &source->header;
     const splitsnow__text *bottom;
-    unsigned char there[SPLITSNOW_AXES];
+    unsigned char present[SPLITSNOW_AXES];
     int basis, precision, quantities, version;
     size_t rows = 1;
     splitsnow_status status;
@@ -1203,7 +1214,7 @@ static splitsnow_status splitsnow__fill(splitsnow *database, const splitsnow__so
     }
     version = splitsnow__choice(source, "format_version", -1, versions, 2);
     if (version < 0) return splitsnow__unexpected(source, "format_version", "2` or `1");
-    status = splitsnow__axis_order(source, there);
+    status = splitsnow__axis_order(source, present);
     if (status != SPLITSNOW_OK) return status;
     basis = splitsnow__choice(source, "basis", -1, bases, 2);
     if (basis < 0) return splitsnow__unexpected(source, "basis", "linear` or `log");
@@ -1222,10 +1233,10 @@ static splitsnow_status splitsnow__fill(splitsnow *database, const splitsnow__so
         if (substrate < 0) {
             return splitsnow__unexpected(source, "substrate", "black` or `reflecting` or `layers");
         }
-        database->stands_free = substrate == 0;
+        database->has_black_substrate = substrate == 0;
     } else {
         bottom = splitsnow__value(header->metadata, header->n_metadata, "bottom_boundary");
-        database->stands_free =
+        database->has_black_substrate =
             bottom == NULL || (bottom->size >= 5 && memcmp(bottom->at, "black", 5) == 0);
     }
 
@@ -1239,14 +1250,14 @@ static splitsnow_status splitsnow__fill(splitsnow *database, const splitsnow__so
         }
     }
     for (size_t i = 0; i < header->n_tensors; i++) {
-        if (!splitsnow__known(database, there, precision == 2, header->tensors[i].name)) {
+        if (!splitsnow__known(database, present, precision == 2, header->tensors[i].name)) {
             return splitsnow__refuse(source->report,
                                      "it has a tensor `%s`, which this version does not know",
                                      splitsnow__show(header->tensors[i].name).text);
         }
     }
     for (int axis = 0; axis < SPLITSNOW_AXES; axis++) {
-        if (!there[axis]) continue;
+        if (!present[axis]) continue;
         status = splitsnow__coordinate(source, splitsnow__parameters[axis].name, axis,
                                        &database->axes[axis], &database->counts[axis]);
         if (status != SPLITSNOW_OK) return status;
@@ -1291,7 +1302,7 @@ void splitsnow_close(splitsnow *database) {
     free(database);
 }
 
-/* The header's length from the first 8 bytes of a file. */
+/* The length of the header, from the first 8 bytes of a file. */
 static splitsnow_status splitsnow__header_size(const unsigned char *bytes, size_t size,
                                                uint64_t *header, const splitsnow__report *report) {
     *header = 0;
@@ -1319,12 +1330,12 @@ static splitsnow_status splitsnow__open_bytes(const unsigned char *bytes, size_t
     declared = source->header.data_size;
     if (declared != size - 8 - header) {
         return splitsnow__refuse(
-            source->report, "%s: its header declares %llu bytes of data, it has %llu",
+            source->report, "%s: its header declares %llu bytes of data, but it has %llu",
             declared > size - 8 - header ? "it is truncated" : "something was appended to it",
             (unsigned long long)declared, (unsigned long long)(size - 8 - header));
     }
     source->data = bytes + 8 + header;
-    return splitsnow__fill(database, source);
+    return splitsnow__read_database(database, source);
 }
 
 splitsnow_status splitsnow_open_memory(const void *bytes, size_t size, splitsnow **database,
@@ -1332,7 +1343,7 @@ splitsnow_status splitsnow_open_memory(const void *bytes, size_t size, splitsnow
     splitsnow__report report;
     splitsnow__source source;
     splitsnow_status status;
-    splitsnow *made;
+    splitsnow *opened;
     if (database == NULL) return SPLITSNOW_ERROR_ARGUMENT;
     *database = NULL;
     if (bytes == NULL && size > 0) return SPLITSNOW_ERROR_ARGUMENT;
@@ -1341,34 +1352,34 @@ splitsnow_status splitsnow_open_memory(const void *bytes, size_t size, splitsnow
     memset(&source, 0, sizeof source);
     source.report = &report;
     if (message != NULL && message_size > 0) message[0] = 0;
-    made = (splitsnow *)calloc(1, sizeof *made);
-    if (made == NULL) return splitsnow__no_memory(&report);
-    status = splitsnow__open_bytes((const unsigned char *)bytes, size, made, &source);
+    opened = (splitsnow *)calloc(1, sizeof *opened);
+    if (opened == NULL) return splitsnow__no_memory(&report);
+    status = splitsnow__open_bytes((const unsigned char *)bytes, size, opened, &source);
     free(source.header.tensors);
-    made->metadata = source.header.metadata;
-    made->n_metadata = source.header.n_metadata;
-    if (status == SPLITSNOW_OK) *database = made;
-    else splitsnow_close(made);
+    opened->metadata = source.header.metadata;
+    opened->n_metadata = source.header.n_metadata;
+    if (status == SPLITSNOW_OK) *database = opened;
+    else splitsnow_close(opened);
     return status;
 }
 
-/* A whole file; one of another kind is given up at its first bytes. */
-static splitsnow_status splitsnow__read(FILE *file, unsigned char **bytes, size_t *size,
+/* Reads a whole file; a file of another kind is refused by its first bytes. */
+static splitsnow_status splitsnow__read_file(FILE *file, unsigned char **bytes, size_t *size,
                                         const splitsnow__report *report) {
-    size_t room = 0, wanted = 8;
+    size_t room = 0, target = 8;
     for (;;) {
         void *array = *bytes;
         size_t found;
-        if (room < wanted) {
-            array = realloc(array, wanted);
+        if (room < target) {
+            array = realloc(array, target);
             if (array == NULL) return splitsnow__no_memory(report);
             *bytes = (unsigned char *)array;
-            room = wanted;
+            room = target;
         }
         found = fread(*bytes + *size, 1, room - *size, file);
         *size += found;
         if (ferror(file)) {
-            splitsnow__refuse(report, "the system refused to read it");
+            splitsnow__refuse(report, "it cannot be read");
             return SPLITSNOW_ERROR_IO;
         }
         if (*size < room) return SPLITSNOW_OK;
@@ -1376,8 +1387,8 @@ static splitsnow_status splitsnow__read(FILE *file, unsigned char **bytes, size_
             uint64_t header;
             splitsnow_status status = splitsnow__header_size(*bytes, *size, &header, report);
             if (status != SPLITSNOW_OK) return status;
-            wanted = 1 << 16;
-        } else if (!splitsnow__times(&wanted, 2)) {
+            target = 1 << 16;
+        } else if (!splitsnow__times(&target, 2)) {
             return splitsnow__no_memory(report);
         }
     }
@@ -1397,7 +1408,7 @@ splitsnow_status splitsnow_open(const char *path, splitsnow **database, char *me
     report.size = message_size;
 #ifdef S_ISREG
     {
-        /* before opening: to open a pipe is to wait for its writer */
+        /* check before opening: opening a pipe waits for its writer */
         struct stat about;
         if (stat(path, &about) == 0 && !S_ISREG(about.st_mode)) {
             return splitsnow__refuse(&report, "it is not a regular file");
@@ -1406,10 +1417,10 @@ splitsnow_status splitsnow_open(const char *path, splitsnow **database, char *me
 #endif
     file = fopen(path, "rb");
     if (file == NULL) {
-        splitsnow__refuse(&report, "the system refused to open it");
+        splitsnow__refuse(&report, "it cannot be opened");
         return SPLITSNOW_ERROR_IO;
     }
-    status = splitsnow__read(file, &bytes, &size, &report);
+    status = splitsnow__read_file(file, &bytes, &size, &report);
     fclose(file);
     if (status == SPLITSNOW_OK) {
         status = splitsnow_open_memory(bytes, size, database, message, message_size);
@@ -1433,7 +1444,7 @@ int splitsnow_has(const splitsnow *database, splitsnow_quantity quantity) {
     return (unsigned)quantity < 2 && database->components[quantity] > 0;
 }
 
-int splitsnow_stands_free(const splitsnow *database) { return database->stands_free; }
+int splitsnow_stands_free(const splitsnow *database) { return database->has_black_substrate; }
 
 const char *splitsnow_metadata(const splitsnow *database, const char *key) {
     const splitsnow__text *found =
@@ -1444,47 +1455,48 @@ const char *splitsnow_metadata(const splitsnow *database, const char *key) {
 /* ---- Coordinates in which snow is smooth ---- */
 
 static double splitsnow__place_of(int axis, double x) {
-    const splitsnow__parameter *of = &splitsnow__parameters[axis];
+    const splitsnow__parameter *parameter = &splitsnow__parameters[axis];
     double mu;
-    switch (of->scale) {
+    switch (parameter->scale) {
     case SPLITSNOW__LINEAR: return x;
     case SPLITSNOW__LOG: return log(x);
-    case SPLITSNOW__SHIFTED: return log(1.0 + x / of->s);
-    case SPLITSNOW__ROOT: return sqrt(x + of->s);
-    case SPLITSNOW__COMPLEMENT: return -log(1.0 - of->s * x);
-    case SPLITSNOW__SATURATING: return -exp(-x / of->s);
+    case SPLITSNOW__SHIFTED: return log(1.0 + x / parameter->s);
+    case SPLITSNOW__ROOT: return sqrt(x + parameter->s);
+    case SPLITSNOW__COMPLEMENT: return -log(1.0 - parameter->s * x);
+    case SPLITSNOW__SATURATING: return -exp(-x / parameter->s);
     case SPLITSNOW__GRAZING: break;
     }
     mu = cos(x * (3.14159265358979323846 / 180.0));
-    return of->a * exp(-mu / of->s) - mu;
+    return parameter->a * exp(-mu / parameter->s) - mu;
 }
 
 static float splitsnow__place(int axis, float value) {
     return (float)splitsnow__place_of(axis, (double)value);
 }
 
-/* Derivative of the thickness' coordinate, 1/cm. */
+/* Derivative of the coordinate of the thickness, 1/cm. */
 static float splitsnow__slope_at(float thickness_cm) {
     return 1.0f / ((float)splitsnow__parameters[SPLITSNOW_THICKNESS_CM].s + thickness_cm);
 }
 
-/* Whether `value` is the node `node`: axes are in single precision, users type decimals.
- * The shortest decimal of a subnormal number is farther from it than the tolerance. */
-static int splitsnow__on(float node, double value) {
+/* Whether `value` is on `node`: within the tolerance, or equal in single precision. (The
+ * shortest decimal of a subnormal number differs from it by more than the tolerance.) */
+static int splitsnow__is_on(float node, double value) {
     double scale;
     if (fabs(value) <= 3.4e38 && (float)value == node) return 1;
     scale = node == 0.0f ? 1.0 : fabs((double)node);
     return fabs((double)node - value) <= 1e-6 * scale;
 }
 
-/* The last node, but for the very last, that is not above `place`. */
+/* Index of the node below `place`: the largest node not above it, at most the last but
+ * one. */
 static size_t splitsnow__below(const float *nodes, size_t n, float place) {
     size_t below = 0;
     for (size_t i = 1; i + 1 < n; i++) below += nodes[i] <= place;
     return below;
 }
 
-/* How far `place` is from node `cell` to the next. */
+/* Position of `place` between node `cell` and the next, 0 to 1. */
 static float splitsnow__fraction(const float *nodes, size_t n, size_t cell, float place) {
     float t;
     if (cell + 1 >= n || !(nodes[cell + 1] > nodes[cell])) return 0.0f;
@@ -1492,7 +1504,7 @@ static float splitsnow__fraction(const float *nodes, size_t n, size_t cell, floa
     return t < 0.0f ? 0.0f : t > 1.0f ? 1.0f : t;
 }
 
-/* ---- Conditions: parts of the file and their weights ---- */
+/* ---- Conditions: weighted parts of the file ---- */
 
 typedef struct splitsnow__mix {
     size_t part[32];
@@ -1500,19 +1512,19 @@ typedef struct splitsnow__mix {
     size_t count;
 } splitsnow__mix;
 
-/* The node below `value` and how far it is from there to the next. */
-static int splitsnow__cell(int axis, const float *nodes, size_t n, double value, size_t *below,
+/* The node below `value`, and the position of `value` between it and the next, 0 to 1. */
+static int splitsnow__bracket(int axis, const float *nodes, size_t n, double value, size_t *below,
                            double *share) {
     size_t above = 0;
     double from, to;
     *share = 0.0;
-    if (!(value >= (double)nodes[0]) && !splitsnow__on(nodes[0], value)) return 0;
+    if (!(value >= (double)nodes[0]) && !splitsnow__is_on(nodes[0], value)) return 0;
     while (above < n && (double)nodes[above] < value) above++;
     *below = above;
     if (above > 0 && (above == n || value - (double)nodes[above - 1] < (double)nodes[above] - value)) {
         *below = above - 1;
     }
-    if (splitsnow__on(nodes[*below], value)) return 1;
+    if (splitsnow__is_on(nodes[*below], value)) return 1;
     if (above == n) return 0;
     *below = above - 1;
     from = splitsnow__place_of(axis, (double)nodes[*below]);
@@ -1544,7 +1556,7 @@ static splitsnow_status splitsnow__conditions(const splitsnow *database,
         if (nodes == 0) continue;
         while (i < n && conditions[i].axis != (splitsnow_axis)axis) i++;
         if (i < n) {
-            if (!splitsnow__cell(axis, database->axes[axis], nodes, conditions[i].value, &below,
+            if (!splitsnow__bracket(axis, database->axes[axis], nodes, conditions[i].value, &below,
                                  &share)) {
                 return SPLITSNOW_ERROR_OUTSIDE;
             }
@@ -1567,12 +1579,13 @@ static splitsnow_status splitsnow__conditions(const splitsnow *database,
 
 /* ---- Along the thickness ---- */
 
-/* Diffusion through a slab: y and its slope at a node, and y some way before it. */
+/* Diffusion through a slab: y and its slope at a node, and y at `step_cm` before it. */
 typedef struct splitsnow__diffusion {
     double y, slope_per_cm, before, step_cm;
 } splitsnow__diffusion;
 
-/* ln(r/r0) after `h_cm`, growing from the node for positive ones. */
+/* ln(r / r0) at `h_cm` from the node, where r0 is r at the node; positive `h_cm` is
+ * thicker. */
 static double splitsnow__growth(const splitsnow__diffusion *node, double k, double h_cm) {
     double s = node->slope_per_cm, rising, falling, sum;
     if (k * fabs(h_cm) < 1e-6) {
@@ -1587,30 +1600,31 @@ static double splitsnow__growth(const splitsnow__diffusion *node, double k, doub
     return sum <= 0.0 ? -HUGE_VAL : k * fabs(h_cm) + log(sum);
 }
 
-/* k, from y before the node. */
-static double splitsnow__bending(const splitsnow__diffusion *node) {
+/* The decay constant k, 1/cm, from y before the node. */
+static double splitsnow__decay_constant(const splitsnow__diffusion *node) {
     double low = 0.0, high = node->slope_per_cm > 0.0 ? node->slope_per_cm : 0.0;
     for (int i = 0; i < 24; i++) {
         double k = 0.5 * (low + high);
-        /* a larger k bends more, and so begins higher up */
+        /* a larger k curves more and gives a larger y before the node */
         if (node->y + splitsnow__growth(node, k, -node->step_cm) > node->before) high = k;
         else low = k;
     }
     return high;
 }
 
-/* y at `h_cm` past the node. */
+/* y at `h_cm` (0 or more) beyond the node. */
 static double splitsnow__deeper(const splitsnow__diffusion *node, double h_cm) {
-    double growth = splitsnow__growth(node, splitsnow__bending(node), h_cm);
+    double growth = splitsnow__growth(node, splitsnow__decay_constant(node), h_cm);
     return node->y + (growth > 0.0 ? growth : 0.0);
 }
 
 static const float splitsnow__thin[SPLITSNOW__THIN] = {0.0f,   0.015625f, 0.03125f, 0.0625f,
                                                        0.125f, 0.25f,     0.5f};
 
-/* y at the thin nodes, parts of the way from `step_cm` before the node to it. */
+/* y at the thin nodes, which are fractions of the way from `step_cm` before the node to
+ * it. */
 static void splitsnow__thinner(const splitsnow__diffusion *node, double y[SPLITSNOW__THIN]) {
-    double k = splitsnow__bending(node);
+    double k = splitsnow__decay_constant(node);
     double whole = splitsnow__growth(node, k, -node->step_cm);
     for (int i = 0; i < SPLITSNOW__THIN; i++) {
         double part = (double)splitsnow__thin[i];
@@ -1623,7 +1637,7 @@ static void splitsnow__thinner(const splitsnow__diffusion *node, double y[SPLITS
     }
 }
 
-/* A column of values: number `i` of node `h` is values[h * stride + i]. */
+/* A column of values: value `i` of node `h` is values[h * stride + i]. */
 typedef struct splitsnow__column {
     const float *x, *values;
     size_t n, stride;
@@ -1635,7 +1649,7 @@ static float splitsnow__secant(const splitsnow__column *column, size_t h, size_t
     return step > 0.0f ? (value[column->stride] - value[0]) / step : 0.0f;
 }
 
-/* Slope at node `h` of the parabola through it and its neighbours. */
+/* Slope at node `h` of the parabola through the node and its two neighbours. */
 static float splitsnow__slope(const splitsnow__column *column, size_t h, size_t i) {
     size_t last = column->n - 1, middle;
     const float *x = column->x;
@@ -1651,7 +1665,8 @@ static float splitsnow__slope(const splitsnow__column *column, size_t h, size_t 
     return h == last ? 2.0f * right - at_middle : at_middle;
 }
 
-/* Share of the slope at node `h` that keeps its curve from turning (Fritsch and Carlson). */
+/* Fraction of the slope at node `h` that keeps the curve monotone (Fritsch and Carlson
+ * 1980). */
 static float splitsnow__share(const splitsnow__column *column, size_t h, size_t i) {
     size_t last = column->n - 1;
     float left = splitsnow__secant(column, h < 1 ? 0 : h - 1, i);
@@ -1666,25 +1681,25 @@ static float splitsnow__share(const splitsnow__column *column, size_t h, size_t 
 
 struct splitsnow_lookup {
     int quantity;
-    size_t n[5];     /* nodes of the axes */
-    float *axes[5];  /* as in the file */
-    float *places[5]; /* their coordinates; those of the thickness begin with the thin ones */
-    size_t thin;     /* nodes before the first thickness, none if the file does not stand free */
-    size_t rows;     /* of the thickness, thin ones and nodes */
-    size_t width;    /* vectors per node */
+    size_t n[5];      /* number of nodes of each axis */
+    float *axes[5];   /* nodes, as in the file */
+    float *places[5]; /* coordinates of the nodes; those of the thickness begin with the thin nodes */
+    size_t thin;      /* extra nodes below the first thickness; 0 if the substrate is not black */
+    size_t rows;      /* number of thickness nodes, including thin nodes */
+    size_t width;     /* vectors per node */
     /* [node][width][8]: y of four components and their slopes along the thickness */
     float *table;
-    size_t components; /* of a basis; 0 if the wavelengths are the components */
+    size_t components; /* number of components; 0 if the wavelengths are the components */
     float *basis;      /* [wavelength / 8][component][8] */
     size_t wavelengths;
     float *wavelength_nm;
-    float *numbers; /* memory of all these */
-    size_t *absent; /* by grain size: thinnest thicknesses without a curve; or NULL */
+    float *numbers; /* memory that holds all of these arrays */
+    size_t *absent; /* by grain size: number of thinnest thicknesses without a curve, or NULL */
 };
 
-/* Columns around a point: where in the table their first node is, and their weights. */
+/* The columns around a point: table index of the node, and weight. */
 typedef struct splitsnow__corners {
-    size_t at[16];
+    size_t index[16];
     float weight[16];
     int count;
 } splitsnow__corners;
@@ -1693,15 +1708,15 @@ typedef struct splitsnow__corners {
 static void splitsnow__split(splitsnow__corners *corners, float above, size_t stride) {
     int count = corners->count;
     for (int i = 0; i < count; i++) {
-        corners->at[count + i] = corners->at[i] + stride;
+        corners->index[count + i] = corners->index[i] + stride;
         corners->weight[count + i] = corners->weight[i] * above;
         corners->weight[i] *= 1.0f - above;
     }
     corners->count = 2 * count;
 }
 
-/* exp(-x) for x clamped to 0 to 87, 0 for NaN, of eight numbers: a polynomial, so that
- * it vectorises; within 2e-7 times max(1, x) of it. */
+/* exp(-x) of eight numbers, with x clamped to 0 to 87 (NaN counts as 0). A polynomial, so
+ * that it vectorises; its error is below 2e-7 times max(1, x). */
 static void splitsnow__exp_neg(float x[8]) {
     const float round = 12582912.0f; /* adding it rounds to an integer */
     uint32_t shifts[8], bits[8];
@@ -1729,15 +1744,15 @@ static void splitsnow__exp_neg(float x[8]) {
     memcpy(x, bits, sizeof bits);
 }
 
-/* What preparing needs: y and slopes of one column. */
+/* Scratch memory for preparing one column. */
 typedef struct splitsnow__scratch {
     float *y;       /* [row][depth] */
-    float *spectra; /* [row][wavelength]: the same as y without a basis */
+    float *spectra; /* [row][wavelength]; equal to y without a basis */
     float *memory;
     size_t depth;
 } splitsnow__scratch;
 
-/* y per wavelength of a row of components. */
+/* Computes y per wavelength from a row of components. */
 static void splitsnow__rebuild(const splitsnow_lookup *lookup, const float *components,
                                float *spectrum) {
     for (size_t l = 0; l < lookup->wavelengths; l++) {
@@ -1748,7 +1763,7 @@ static void splitsnow__rebuild(const splitsnow_lookup *lookup, const float *comp
     }
 }
 
-/* y of a value of a plain file. */
+/* y of a value of a `linear` file. */
 static float splitsnow__depth(int quantity, double value) {
     float left = splitsnow__single(value);
     const float least = 1.12535175e-7f; /* exp(-16) */
@@ -1756,7 +1771,7 @@ static float splitsnow__depth(int quantity, double value) {
     return -logf(left < least ? least : left > 1.0f ? 1.0f : left);
 }
 
-/* The value at wavelength `l` of curve `row` of a plain file. */
+/* The value at wavelength `l` of curve `row` of a `linear` file. */
 static double splitsnow__curve(const splitsnow *database, int quantity, size_t row, size_t l) {
     size_t components = database->components[quantity];
     const float *coefficients = database->coefficients[quantity] + row * components;
@@ -1766,7 +1781,7 @@ static double splitsnow__curve(const splitsnow *database, int quantity, size_t r
     return (double)splitsnow__single(sum);
 }
 
-/* The same at conditions between nodes, where y is a mean. */
+/* As splitsnow__curve, at conditions between nodes, where y is a weighted mean. */
 static double splitsnow__mixed(const splitsnow *database, int quantity, const splitsnow__mix *mix,
                                size_t row, size_t l) {
     double sum = 0.0;
@@ -1784,8 +1799,8 @@ static double splitsnow__mixed(const splitsnow *database, int quantity, const sp
     return quantity == SPLITSNOW_TRANSMITTANCE ? exp(-sum) : -expm1(-sum);
 }
 
-/* The nodes of a column from the file: `row` is that of its first thickness. The first
- * `absent` thicknesses have no curve. */
+/* Reads the nodes of a column from the file. `row` is the curve of its first thickness; the
+ * first `absent` thicknesses have no curve. */
 static void splitsnow__read_column(const splitsnow_lookup *lookup, const splitsnow *database,
                                    const splitsnow__mix *mix, size_t row, size_t absent,
                                    const splitsnow__scratch *scratch) {
@@ -1801,8 +1816,8 @@ static void splitsnow__read_column(const splitsnow_lookup *lookup, const splitsn
             if (lookup->components == 0) {
                 float here = splitsnow__depth(
                     quantity, splitsnow__mixed(database, quantity, mix, row, i));
-                /* Noise must not make a slab transmit more than a thinner one, nor reflect
-                 * less, though over a ground snow may darken it. */
+                /* Noise must not make a slab transmit more, or reflect less, than a thinner
+                 * slab. Over a substrate, more snow may reflect less. */
                 float least = h > 0 && lookup->thin > 0 ? (y - depth)[i] : 0.0f;
                 y[i] = here > least ? here : least;
                 continue;
@@ -1817,7 +1832,7 @@ static void splitsnow__read_column(const splitsnow_lookup *lookup, const splitsn
     }
 }
 
-/* The nodes before the first thickness of a column. */
+/* Fills the extra nodes below the first thickness of a column. */
 static void splitsnow__fill_thin(const splitsnow_lookup *lookup,
                                  const splitsnow__scratch *scratch) {
     size_t depth = scratch->depth, nodes = lookup->n[3] < 3 ? lookup->n[3] : 3;
@@ -1849,9 +1864,10 @@ static void splitsnow__fill_thin(const splitsnow_lookup *lookup,
     }
 }
 
-/* Adds `weight` times a column to the table, its first node at `at`; but for its first
- * `absent` thicknesses and those before them, which are nobody's neighbours. */
-static void splitsnow__add_column(splitsnow_lookup *lookup, size_t at, float weight,
+/* Adds `weight` times a column to the table, with its first node at index `start`. The
+ * first `absent` thicknesses and the thin nodes before them are left out, also from the
+ * slopes. */
+static void splitsnow__add_column(splitsnow_lookup *lookup, size_t start, float weight,
                                   size_t absent, const splitsnow__scratch *scratch) {
     size_t depth = scratch->depth, begin = absent > 0 ? lookup->thin + absent : 0;
     splitsnow__column y, spectra;
@@ -1862,7 +1878,7 @@ static void splitsnow__add_column(splitsnow_lookup *lookup, size_t at, float wei
     spectra.values = scratch->spectra + begin * lookup->wavelengths;
     spectra.stride = lookup->wavelengths;
     for (size_t h = 0; h < y.n; h++) {
-        float *node = lookup->table + at + (begin + h) * lookup->n[4] * lookup->width * 8;
+        float *node = lookup->table + start + (begin + h) * lookup->n[4] * lookup->width * 8;
         float share = 1.0f;
         for (size_t l = 0; l < lookup->wavelengths && lookup->components > 0 && y.n > 1; l++) {
             float least = splitsnow__share(&spectra, h, l);
@@ -1874,28 +1890,29 @@ static void splitsnow__add_column(splitsnow_lookup *lookup, size_t at, float wei
                 slope = splitsnow__slope(&y, h, i);
                 slope *= lookup->components > 0 ? share : splitsnow__share(&y, h, i);
             }
-            if (!(fabsf(slope) <= FLT_MAX)) slope = 0.0f; /* numbers of a hostile file */
+            if (!(fabsf(slope) <= FLT_MAX)) slope = 0.0f; /* numbers from a malicious file */
             node[i / 4 * 8 + i % 4] += y.values[h * depth + i] * weight;
             node[i / 4 * 8 + 4 + i % 4] += slope * weight;
         }
     }
 }
 
-/* Whether an axis answers `value`; moves it onto the box where it is on its edge. */
-static int splitsnow__inside(const splitsnow_lookup *lookup, int axis, double value, float *moved) {
+/* Whether `value` is within an axis; values beyond an end by at most the tolerance are
+ * clamped. */
+static int splitsnow__inside(const splitsnow_lookup *lookup, int axis, double value, float *clamped_value) {
     float first = lookup->axes[axis][0], last = lookup->axes[axis][lookup->n[axis] - 1];
     if (axis == SPLITSNOW_THICKNESS_CM && lookup->n[axis] > 1) {
         if (lookup->thin > 0) first = 0.0f;
         last = FLT_MAX;
     }
-    *moved = splitsnow__single(value);
-    if (*moved >= first && *moved <= last) return 1;
-    if (!splitsnow__on(first, value) && !splitsnow__on(last, value)) return 0;
-    *moved = *moved < first ? first : last;
+    *clamped_value = splitsnow__single(value);
+    if (*clamped_value >= first && *clamped_value <= last) return 1;
+    if (!splitsnow__is_on(first, value) && !splitsnow__is_on(last, value)) return 0;
+    *clamped_value = *clamped_value < first ? first : last;
     return 1;
 }
 
-/* Fills a table of one snow (`corners` are the columns around it) or of all. */
+/* Fills the table for one snow (`corners` are the columns around it), or for all snow. */
 static void splitsnow__fill_table(splitsnow_lookup *lookup, const splitsnow *database,
                                   const splitsnow__mix *mix, const splitsnow__corners *corners,
                                   const splitsnow__scratch *scratch) {
@@ -1903,7 +1920,7 @@ static void splitsnow__fill_table(splitsnow_lookup *lookup, const splitsnow *dat
     size_t snows = lookup->n[0] * lookup->n[1] * lookup->n[2];
     size_t columns = corners != NULL ? (size_t)corners->count : snows;
     for (size_t column = 0; column < columns; column++) {
-        size_t from = corners != NULL ? corners->at[column] : column;
+        size_t from = corners != NULL ? corners->index[column] : column;
         size_t to = corners != NULL ? 0 : column;
         float weight = corners != NULL ? corners->weight[column] : 1.0f;
         size_t size = from / database->counts[2] % database->counts[1];
@@ -1928,7 +1945,7 @@ static void splitsnow__fill_table(splitsnow_lookup *lookup, const splitsnow *dat
     }
 }
 
-/* Axes, their coordinates, the basis; memory for the table. */
+/* Allocates the table and fills the axes, their coordinates and the basis. */
 static splitsnow_status splitsnow__shape_lookup(splitsnow_lookup *lookup, const splitsnow *database,
                                                 int one, splitsnow__scratch *scratch) {
     size_t chunks = (database->wavelengths + 7) / 8, components = database->components[lookup->quantity];
@@ -1939,8 +1956,8 @@ static splitsnow_status splitsnow__shape_lookup(splitsnow_lookup *lookup, const 
     lookup->components = database->logarithmic ? components : 0;
     scratch->depth = database->logarithmic ? components : database->wavelengths;
     lookup->width = (scratch->depth + 3) / 4;
-    /* a thickness alone needs a second node */
-    lookup->thin = database->stands_free || database->counts[3] == 1 ? SPLITSNOW__THIN : 0;
+    /* a single thickness needs a second node */
+    lookup->thin = database->has_black_substrate || database->counts[3] == 1 ? SPLITSNOW__THIN : 0;
     lookup->rows = lookup->thin + database->counts[3];
     need = SPLITSNOW__THIN + database->wavelengths;
     for (int axis = 0; axis < 5; axis++) {
@@ -1955,7 +1972,7 @@ static splitsnow_status splitsnow__shape_lookup(splitsnow_lookup *lookup, const 
     }
     basis = chunks * 8;
     if (!splitsnow__times(&basis, lookup->components)) return SPLITSNOW_ERROR_MEMORY;
-    need += nodes; /* axes are parts of a file in memory, the table has at most 1 GB */
+    need += nodes; /* cannot overflow: axes are part of a file in memory, the table is at most 1 GB */
     if (basis > SIZE_MAX - need) return SPLITSNOW_ERROR_MEMORY;
     need += basis;
     lookup->numbers = (float *)calloc(need, sizeof(float));
@@ -1993,29 +2010,29 @@ static splitsnow_status splitsnow__shape_lookup(splitsnow_lookup *lookup, const 
     return SPLITSNOW_OK;
 }
 
-/* The columns of the file around one snow. */
-static splitsnow_status splitsnow__around(splitsnow_lookup *lookup, const splitsnow *database,
+/* Finds the columns of the file around one snow. */
+static splitsnow_status splitsnow__find_columns(splitsnow_lookup *lookup, const splitsnow *database,
                                           const splitsnow_snow *snow, splitsnow__corners *corners) {
-    double asked[3];
+    double requested[3];
     size_t stride = 1;
-    asked[0] = snow->facetness;
-    asked[1] = snow->grain_size_um;
-    asked[2] = snow->density_kg_m3;
-    corners->at[0] = 0;
+    requested[0] = snow->facetness;
+    requested[1] = snow->grain_size_um;
+    requested[2] = snow->density_kg_m3;
+    corners->index[0] = 0;
     corners->weight[0] = 1.0f;
     corners->count = 1;
     for (int axis = 2; axis >= 0; axis--) {
         size_t n = database->counts[axis], below;
         float value, here, cell[2];
-        splitsnow_lookup whole; /* whose axis is that of the file */
+        splitsnow_lookup whole; /* a lookup with the axis of the file */
         whole.axes[axis] = database->axes[axis];
         whole.n[axis] = n;
-        if (!splitsnow__inside(&whole, axis, asked[axis], &value)) return SPLITSNOW_ERROR_OUTSIDE;
+        if (!splitsnow__inside(&whole, axis, requested[axis], &value)) return SPLITSNOW_ERROR_OUTSIDE;
         here = splitsnow__place(axis, value);
         for (below = 0; below + 2 < n; below++) {
             if (!(splitsnow__place(axis, database->axes[axis][below + 1]) <= here)) break;
         }
-        for (int i = 0; i < corners->count; i++) corners->at[i] += below * stride;
+        for (int i = 0; i < corners->count; i++) corners->index[i] += below * stride;
         if (n > 1) {
             cell[0] = splitsnow__place(axis, database->axes[axis][below]);
             cell[1] = splitsnow__place(axis, database->axes[axis][below + 1]);
@@ -2035,8 +2052,9 @@ void splitsnow_lookup_free(splitsnow_lookup *lookup) {
     free(lookup);
 }
 
-/* Curves that do not exist, of all grain sizes or of those around one snow. */
-static splitsnow_status splitsnow__lacks(splitsnow_lookup *lookup, const splitsnow *database,
+/* Copies the counts of curves that do not exist, for all grain sizes or for those around
+ * one snow. */
+static splitsnow_status splitsnow__copy_absent(splitsnow_lookup *lookup, const splitsnow *database,
                                          const splitsnow__corners *corners) {
     size_t sizes = database->counts[1];
     if (database->absent == NULL) return SPLITSNOW_OK;
@@ -2048,7 +2066,7 @@ static splitsnow_status splitsnow__lacks(splitsnow_lookup *lookup, const splitsn
     }
     lookup->absent[0] = 0;
     for (int i = 0; i < corners->count; i++) {
-        size_t absent = database->absent[corners->at[i] / database->counts[2] % sizes];
+        size_t absent = database->absent[corners->index[i] / database->counts[2] % sizes];
         if (corners->weight[i] > 0.0f && absent > lookup->absent[0]) lookup->absent[0] = absent;
     }
     return SPLITSNOW_OK;
@@ -2061,7 +2079,7 @@ splitsnow_status splitsnow_prepare(const splitsnow *database, splitsnow_quantity
     splitsnow__mix mix;
     splitsnow__corners corners;
     splitsnow__scratch scratch;
-    splitsnow_lookup *made;
+    splitsnow_lookup *prepared;
     splitsnow_status status;
     if (lookup == NULL) return SPLITSNOW_ERROR_ARGUMENT;
     *lookup = NULL;
@@ -2071,22 +2089,22 @@ splitsnow_status splitsnow_prepare(const splitsnow *database, splitsnow_quantity
     if (!splitsnow_has(database, quantity)) return SPLITSNOW_ERROR_NO_QUANTITY;
     status = splitsnow__conditions(database, conditions, n_conditions, &mix);
     if (status != SPLITSNOW_OK) return status;
-    made = (splitsnow_lookup *)calloc(1, sizeof *made);
-    if (made == NULL) return SPLITSNOW_ERROR_MEMORY;
+    prepared = (splitsnow_lookup *)calloc(1, sizeof *prepared);
+    if (prepared == NULL) return SPLITSNOW_ERROR_MEMORY;
     memset(&scratch, 0, sizeof scratch);
-    made->quantity = (int)quantity;
-    status = splitsnow__shape_lookup(made, database, snow != NULL, &scratch);
+    prepared->quantity = (int)quantity;
+    status = splitsnow__shape_lookup(prepared, database, snow != NULL, &scratch);
     if (status == SPLITSNOW_OK && snow != NULL) {
-        status = splitsnow__around(made, database, snow, &corners);
+        status = splitsnow__find_columns(prepared, database, snow, &corners);
     }
     if (status == SPLITSNOW_OK) {
-        status = splitsnow__lacks(made, database, snow != NULL ? &corners : NULL);
+        status = splitsnow__copy_absent(prepared, database, snow != NULL ? &corners : NULL);
     }
     if (status == SPLITSNOW_OK) {
-        splitsnow__fill_table(made, database, &mix, snow != NULL ? &corners : NULL, &scratch);
-        *lookup = made;
+        splitsnow__fill_table(prepared, database, &mix, snow != NULL ? &corners : NULL, &scratch);
+        *lookup = prepared;
     } else {
-        splitsnow_lookup_free(made);
+        splitsnow_lookup_free(prepared);
     }
     free(scratch.memory);
     return status;
@@ -2094,16 +2112,16 @@ splitsnow_status splitsnow_prepare(const splitsnow *database, splitsnow_quantity
 
 /* ---- Queries ---- */
 
-/* A point of a lookup: which nodes count, and how much. */
+/* A query at one point: the surrounding nodes and their weights. */
 typedef struct splitsnow__query {
     splitsnow__corners corners;
-    int sets;           /* 1, or 3 where y goes on beyond the last node */
-    float weights[3][4]; /* of value and slope at the node below, then at that above */
+    int sets;            /* 1, or 3 if y is extrapolated beyond the last thickness */
+    float weights[3][4]; /* value and slope at the node below, then at the node above */
     float components[3][SPLITSNOW__FEW];
-    float past_cm; /* the last node */
+    float past_cm; /* distance beyond the last thickness node */
 } splitsnow__query;
 
-/* Sums `vectors` vectors of components from number `first` on, into four floats each. */
+/* Sums `vectors` vectors of components, starting with vector `first`, to four floats each. */
 static void splitsnow__sums(const splitsnow_lookup *lookup, const splitsnow__query *query, int set,
                             size_t first, size_t vectors, float *sums) {
     size_t next = lookup->n[4] * lookup->width * 8;
@@ -2111,7 +2129,7 @@ static void splitsnow__sums(const splitsnow_lookup *lookup, const splitsnow__que
     for (size_t v = 0; v < vectors; v++) {
         float below[8] = {0}, above[8] = {0};
         for (int i = 0; i < query->corners.count; i++) {
-            const float *node = lookup->table + query->corners.at[i] + (first + v) * 8;
+            const float *node = lookup->table + query->corners.index[i] + (first + v) * 8;
             float weight = query->corners.weight[i];
             for (int j = 0; j < 8; j++) below[j] += node[j] * weight;
             for (int j = 0; j < 8; j++) above[j] += node[next + (size_t)j] * weight;
@@ -2131,23 +2149,23 @@ static void splitsnow__set(splitsnow__query *query, int set, float below, float 
     query->weights[set][3] = slope_above;
 }
 
-/* Whether a curve does not exist of those that a grain size and a thickness need: the nodes
- * on both sides of the size, at those on both sides of the thickness; a node itself needs
- * no other. */
-static int splitsnow__gap(const splitsnow_lookup *lookup, float size, float cm) {
+/* Whether a curve is missing that a query at this grain size and thickness needs: at the
+ * nodes on both sides of the size and of the thickness, or at the node alone where the
+ * coordinate is on a node. */
+static int splitsnow__curve_missing(const splitsnow_lookup *lookup, float size, float cm) {
     const float *sizes = lookup->axes[1], *nodes = lookup->axes[3];
     size_t n = lookup->n[1], n_h = lookup->n[3], lowest = 0, first = 0, last;
     while (lowest < n_h && nodes[lowest] <= cm) lowest++;
-    /* beyond the last thickness the last two count */
+    /* beyond the last thickness, the last two nodes are needed */
     lowest = lowest == n_h && n_h > 1 ? n_h - 2 : lowest > 0 ? lowest - 1 : 0;
     for (size_t i = n_h; i-- > 0;) {
-        if (splitsnow__on(nodes[i], (double)cm)) lowest = i;
+        if (splitsnow__is_on(nodes[i], (double)cm)) lowest = i;
     }
     while (first < n && sizes[first] <= size) first++;
     last = first < n ? first : n - 1;
     first = first > 0 ? first - 1 : 0;
     for (size_t i = n; i-- > 0;) {
-        if (splitsnow__on(sizes[i], (double)size)) first = last = i;
+        if (splitsnow__is_on(sizes[i], (double)size)) first = last = i;
     }
     for (size_t i = first; i <= last; i++) {
         if (lowest < lookup->absent[i]) return 1;
@@ -2155,13 +2173,13 @@ static int splitsnow__gap(const splitsnow_lookup *lookup, float size, float cm) 
     return 0;
 }
 
-/* Finds a point among the nodes. */
-static splitsnow_status splitsnow__start(const splitsnow_lookup *lookup, const double asked[5],
+/* Starts a query: finds the nodes around the requested point and their weights. */
+static splitsnow_status splitsnow__start_query(const splitsnow_lookup *lookup, const double requested[5],
                                          splitsnow__query *query) {
     size_t stride = lookup->width * 8;
     float values[5];
     splitsnow__corners *corners = &query->corners;
-    corners->at[0] = 0;
+    corners->index[0] = 0;
     corners->weight[0] = 1.0f;
     corners->count = 1;
     query->sets = 1;
@@ -2169,13 +2187,13 @@ static splitsnow_status splitsnow__start(const splitsnow_lookup *lookup, const d
         const float *nodes = lookup->places[axis];
         size_t n = axis == 3 ? lookup->rows : lookup->n[axis], below;
         float place;
-        if (!splitsnow__inside(lookup, axis, asked[axis], &values[axis])) {
+        if (!splitsnow__inside(lookup, axis, requested[axis], &values[axis])) {
             return SPLITSNOW_ERROR_OUTSIDE;
         }
         if (n == 1) continue;
         place = splitsnow__place(axis, values[axis]);
         below = splitsnow__below(nodes, n, place);
-        for (int i = 0; i < corners->count; i++) corners->at[i] += below * stride;
+        for (int i = 0; i < corners->count; i++) corners->index[i] += below * stride;
         if (axis != 3) {
             splitsnow__split(corners, splitsnow__fraction(nodes, n, below, place), stride);
         } else if (place <= nodes[n - 1]) {
@@ -2185,14 +2203,14 @@ static splitsnow_status splitsnow__start(const splitsnow_lookup *lookup, const d
                            t * t * (3.0f - 2.0f * t), -t * t * left * step);
         } else {
             query->sets = lookup->quantity == SPLITSNOW_TRANSMITTANCE ? 3 : 1;
-            query->past_cm = splitsnow__single(asked[3]) - lookup->axes[3][lookup->n[3] - 1];
+            query->past_cm = splitsnow__single(requested[3]) - lookup->axes[3][lookup->n[3] - 1];
             splitsnow__set(query, 0, 0.0f, 0.0f, 1.0f, 0.0f);
             splitsnow__set(query, 1, 1.0f, 0.0f, 0.0f, 0.0f);
             splitsnow__set(query, 2, 0.0f, 0.0f, 0.0f, 1.0f);
         }
         stride *= n;
     }
-    if (lookup->absent != NULL && splitsnow__gap(lookup, values[1], values[3])) {
+    if (lookup->absent != NULL && splitsnow__curve_missing(lookup, values[1], values[3])) {
         return SPLITSNOW_ERROR_ABSENT;
     }
     for (int set = 0; set < query->sets && lookup->width * 4 <= SPLITSNOW__FEW; set++) {
@@ -2202,7 +2220,7 @@ static splitsnow_status splitsnow__start(const splitsnow_lookup *lookup, const d
     return SPLITSNOW_OK;
 }
 
-/* y at the eight wavelengths from number 8 `chunk` on. */
+/* y at the eight wavelengths from index 8 `chunk`. */
 static void splitsnow__depths(const splitsnow_lookup *lookup, const splitsnow__query *query,
                               int set, size_t chunk, float y[8]) {
     const float *basis = lookup->basis + chunk * lookup->components * 8;
@@ -2228,7 +2246,8 @@ static void splitsnow__depths(const splitsnow_lookup *lookup, const splitsnow__q
     }
 }
 
-/* Values at these wavelengths; beyond the last wavelength they mean nothing. */
+/* Values at the eight wavelengths from index 8 `chunk`; entries beyond the last wavelength
+ * are undefined. */
 static void splitsnow__values(const splitsnow_lookup *lookup, const splitsnow__query *query,
                               size_t chunk, float y[8]) {
     splitsnow__depths(lookup, query, 0, chunk, y);
@@ -2250,17 +2269,17 @@ static void splitsnow__values(const splitsnow_lookup *lookup, const splitsnow__q
     for (int i = 0; i < 8 && lookup->quantity == SPLITSNOW_REFLECTANCE; i++) y[i] = 1.0f - y[i];
 }
 
-/* The same for a lookup of one snow. */
-static splitsnow_status splitsnow__start_one(const splitsnow_lookup *lookup, double thickness_cm,
-                                             double angle_deg, splitsnow__query *query) {
-    double asked[5];
+/* Starts a query of a lookup of one snow. */
+static splitsnow_status splitsnow__start_query_of_one(const splitsnow_lookup *lookup, double thickness_cm,
+                                             double incidence_angle_deg, splitsnow__query *query) {
+    double requested[5];
     for (int axis = 0; axis < 3; axis++) {
         if (lookup->n[axis] != 1) return SPLITSNOW_ERROR_ARGUMENT;
-        asked[axis] = (double)lookup->axes[axis][0];
+        requested[axis] = (double)lookup->axes[axis][0];
     }
-    asked[3] = thickness_cm;
-    asked[4] = angle_deg;
-    return splitsnow__start(lookup, asked, query);
+    requested[3] = thickness_cm;
+    requested[4] = incidence_angle_deg;
+    return splitsnow__start_query(lookup, requested, query);
 }
 
 static void splitsnow__write(const splitsnow_lookup *lookup, const splitsnow__query *query,
@@ -2275,42 +2294,42 @@ static void splitsnow__write(const splitsnow_lookup *lookup, const splitsnow__qu
 }
 
 splitsnow_status splitsnow_spectrum(const splitsnow_lookup *lookup, double thickness_cm,
-                                    double angle_deg, float *spectrum, size_t n) {
+                                    double incidence_angle_deg, float *spectrum, size_t n) {
     splitsnow__query query;
     splitsnow_status status;
     if (lookup == NULL || spectrum == NULL || n != lookup->wavelengths) {
         return SPLITSNOW_ERROR_ARGUMENT;
     }
-    status = splitsnow__start_one(lookup, thickness_cm, angle_deg, &query);
+    status = splitsnow__start_query_of_one(lookup, thickness_cm, incidence_angle_deg, &query);
     if (status == SPLITSNOW_OK) splitsnow__write(lookup, &query, spectrum);
     return status;
 }
 
 splitsnow_status splitsnow_spectrum_of(const splitsnow_lookup *lookup, const splitsnow_snow *snow,
-                                       double thickness_cm, double angle_deg, float *spectrum,
+                                       double thickness_cm, double incidence_angle_deg, float *spectrum,
                                        size_t n) {
     splitsnow__query query;
     splitsnow_status status;
-    double asked[5];
+    double requested[5];
     if (lookup == NULL || snow == NULL || spectrum == NULL || n != lookup->wavelengths) {
         return SPLITSNOW_ERROR_ARGUMENT;
     }
-    asked[0] = snow->facetness;
-    asked[1] = snow->grain_size_um;
-    asked[2] = snow->density_kg_m3;
-    asked[3] = thickness_cm;
-    asked[4] = angle_deg;
-    status = splitsnow__start(lookup, asked, &query);
+    requested[0] = snow->facetness;
+    requested[1] = snow->grain_size_um;
+    requested[2] = snow->density_kg_m3;
+    requested[3] = thickness_cm;
+    requested[4] = incidence_angle_deg;
+    status = splitsnow__start_query(lookup, requested, &query);
     if (status == SPLITSNOW_OK) splitsnow__write(lookup, &query, spectrum);
     return status;
 }
 
-/* Where `nm` is among wavelengths: the one below, and the share of the next. */
+/* The index of the wavelength below `nm`, and the weight of the next. */
 static size_t splitsnow__between(const float *wavelength_nm, size_t n, double nm, double *share) {
     float single = splitsnow__single(nm);
     size_t low = 0, high = n;
     *share = 0.0;
-    while (low < high) { /* how many are not above */
+    while (low < high) { /* number of wavelengths not above `nm` */
         size_t middle = low + (high - low) / 2;
         if (wavelength_nm[middle] <= single) low = middle + 1;
         else high = middle;
@@ -2324,11 +2343,11 @@ static size_t splitsnow__between(const float *wavelength_nm, size_t n, double nm
 }
 
 splitsnow_status splitsnow_spectrum_at(const splitsnow_lookup *lookup, double thickness_cm,
-                                       double angle_deg, const double *wavelength_nm, size_t n,
+                                       double incidence_angle_deg, const double *wavelength_nm, size_t n,
                                        float *spectrum) {
     splitsnow__query query;
     splitsnow_status status;
-    float kept[2][8]; /* an even chunk and an odd one */
+    float cache[2][8]; /* the last even chunk and the last odd chunk */
     size_t number[2] = {SIZE_MAX, SIZE_MAX};
     if (lookup == NULL || ((wavelength_nm == NULL || spectrum == NULL) && n > 0)) {
         return SPLITSNOW_ERROR_ARGUMENT;
@@ -2336,7 +2355,7 @@ splitsnow_status splitsnow_spectrum_at(const splitsnow_lookup *lookup, double th
     for (size_t i = 0; i < n; i++) {
         if (wavelength_nm[i] != wavelength_nm[i]) return SPLITSNOW_ERROR_ARGUMENT;
     }
-    status = splitsnow__start_one(lookup, thickness_cm, angle_deg, &query);
+    status = splitsnow__start_query_of_one(lookup, thickness_cm, incidence_angle_deg, &query);
     for (size_t i = 0; i < n && status == SPLITSNOW_OK; i++) {
         double share, value[2];
         size_t below = splitsnow__between(lookup->wavelength_nm, lookup->wavelengths,
@@ -2344,9 +2363,9 @@ splitsnow_status splitsnow_spectrum_at(const splitsnow_lookup *lookup, double th
         value[1] = 0.0;
         for (size_t j = 0; j < (share > 0.0 ? 2u : 1u); j++) {
             size_t chunk = (below + j) / 8, slot = chunk % 2;
-            if (number[slot] != chunk) splitsnow__values(lookup, &query, chunk, kept[slot]);
+            if (number[slot] != chunk) splitsnow__values(lookup, &query, chunk, cache[slot]);
             number[slot] = chunk;
-            value[j] = (double)kept[slot][(below + j) % 8];
+            value[j] = (double)cache[slot][(below + j) % 8];
         }
         spectrum[i] = (float)(share > 0.0 ? value[0] + share * (value[1] - value[0]) : value[0]);
     }
@@ -2355,7 +2374,7 @@ splitsnow_status splitsnow_spectrum_at(const splitsnow_lookup *lookup, double th
 
 /* ---- Colour ---- */
 
-/* The CIE 1931 2-degree observer, 360-830 nm every 5 nm: x, y, z (as data/cie_1931_2deg.csv). */
+/* The CIE 1931 2-degree observer, 360-830 nm every 5 nm: x, y, z (from data/cie_1931_2deg.csv). */
 enum { SPLITSNOW__OBSERVED = 95, SPLITSNOW__LIT = 85 };
 
 static const float splitsnow__observer[3 * SPLITSNOW__OBSERVED] = {
@@ -2391,8 +2410,8 @@ static const float splitsnow__observer[3 * SPLITSNOW__OBSERVED] = {
     2.522525e-06f, 9.1093e-07f, 0.0f, 1.776509e-06f, 6.4153e-07f, 0.0f, 1.251141e-06f, 4.5181e-07f,
     0.0f};
 
-/* Illuminants of CIE 015:2018, every 5 nm up to 780: daylights and A from 360,
- * other lamps from 380 nm. */
+/* Illuminants of CIE 015:2018, every 5 nm up to 780 nm: daylights and A from 360 nm, other
+ * lamps from 380 nm. */
 static const float splitsnow__d55[SPLITSNOW__LIT] = {
     30.621f, 32.464f, 34.308f, 33.446f, 32.584f, 35.335f, 38.087f, 49.518f, 60.949f, 64.751f,
     68.554f, 70.065f, 71.577f, 69.746f, 67.914f, 76.76f, 85.605f, 91.799f, 97.993f, 99.228f,
@@ -2452,10 +2471,10 @@ static const float splitsnow__d50[SPLITSNOW__LIT] = {
     84.872f, 76.854f, 81.683f, 86.511f, 89.546f, 92.58f, 85.405f, 78.23f, 67.961f, 57.692f, 70.307f,
     82.923f, 80.599f, 78.274f};
 
-/* How many steps of 5 nm a light's table has, its first number and values. */
+/* The table of an illuminant: index of its first 5 nm step, number of steps, values. */
 typedef struct splitsnow__light {
     int first, count;
-    const float *power; /* NULL: 100 everywhere */
+    const float *power; /* NULL for 100 everywhere */
 } splitsnow__light;
 
 static splitsnow__light splitsnow__light_of(splitsnow_illuminant illuminant) {
@@ -2477,7 +2496,8 @@ static splitsnow__light splitsnow__light_of(splitsnow_illuminant illuminant) {
 
 static double splitsnow__nm(int step) { return 360.0 + 5.0 * step; }
 
-/* Linear between the steps of a table of `count`, from number `first` on, every `stride`. */
+/* Linear interpolation in a table of `count` 5 nm steps starting with step `first`; values
+ * are `stride` apart. */
 static double splitsnow__linear(const float *table, int stride, int first, int count, double nm) {
     int step = (int)((nm - splitsnow__nm(first)) / 5.0);
     double here, next;
@@ -2488,12 +2508,12 @@ static double splitsnow__linear(const float *table, int stride, int first, int c
 }
 
 struct splitsnow_colour {
-    size_t wavelengths; /* of the spectra seen */
+    size_t wavelengths; /* number of wavelengths of the spectra */
     double white[3];
-    double *weights; /* [wavelength][3]: X, Y, Z as shares of white */
+    double *weights; /* [wavelength][3]: contributions to X, Y, Z relative to white */
 };
 
-/* Weights at `nm`, and those folded back to the file's wavelengths: [n][3]. */
+/* Computes the weights at `nm` and maps them to the wavelengths of the file, [n][3]. */
 static splitsnow_status splitsnow__weigh(splitsnow_colour *colour, const splitsnow *database,
                                          splitsnow_illuminant illuminant, const double *nm,
                                          size_t n) {
@@ -2535,8 +2555,8 @@ void splitsnow_colour_free(splitsnow_colour *colour) {
     free(colour);
 }
 
-/* The wavelengths of the file and every 5 nm between. */
-static double *splitsnow__own(const splitsnow *database, size_t *count) {
+/* The wavelengths of the file, and every 5 nm between. */
+static double *splitsnow__default_wavelengths(const splitsnow *database, size_t *count) {
     const float *file = database->wavelength_nm;
     int step = 0;
     double *nm = (double *)splitsnow__allocate(database->wavelengths + SPLITSNOW__LIT, sizeof *nm);
@@ -2553,7 +2573,7 @@ static double *splitsnow__own(const splitsnow *database, size_t *count) {
 splitsnow_status splitsnow_colour_new(const splitsnow *database, splitsnow_illuminant illuminant,
                                       const double *wavelength_nm, size_t n,
                                       splitsnow_colour **colour) {
-    splitsnow_colour *made;
+    splitsnow_colour *new_colour;
     splitsnow_status status = SPLITSNOW_ERROR_MEMORY;
     double *own = NULL;
     if (colour == NULL) return SPLITSNOW_ERROR_ARGUMENT;
@@ -2565,33 +2585,33 @@ splitsnow_status splitsnow_colour_new(const splitsnow *database, splitsnow_illum
             return SPLITSNOW_ERROR_ARGUMENT;
         }
     }
-    made = (splitsnow_colour *)calloc(1, sizeof *made);
-    if (made == NULL) return SPLITSNOW_ERROR_MEMORY;
-    made->wavelengths = database->wavelengths;
-    made->weights = (double *)calloc(database->wavelengths, 3 * sizeof(double));
+    new_colour = (splitsnow_colour *)calloc(1, sizeof *new_colour);
+    if (new_colour == NULL) return SPLITSNOW_ERROR_MEMORY;
+    new_colour->wavelengths = database->wavelengths;
+    new_colour->weights = (double *)calloc(database->wavelengths, 3 * sizeof(double));
     if (wavelength_nm == NULL) {
-        own = splitsnow__own(database, &n);
+        own = splitsnow__default_wavelengths(database, &n);
         wavelength_nm = own;
     }
-    if (made->weights != NULL && wavelength_nm != NULL) {
-        status = splitsnow__weigh(made, database, illuminant, wavelength_nm, n);
+    if (new_colour->weights != NULL && wavelength_nm != NULL) {
+        status = splitsnow__weigh(new_colour, database, illuminant, wavelength_nm, n);
     }
     free(own);
-    if (status == SPLITSNOW_OK) *colour = made;
-    else splitsnow_colour_free(made);
+    if (status == SPLITSNOW_OK) *colour = new_colour;
+    else splitsnow_colour_free(new_colour);
     return status;
 }
 
-/* X, Y, Z as shares of white. */
+/* X, Y, Z relative to white. */
 static splitsnow_status splitsnow__relative(const splitsnow_lookup *lookup,
                                             const splitsnow_colour *colour, double thickness_cm,
-                                            double angle_deg, double sums[3]) {
+                                            double incidence_angle_deg, double sums[3]) {
     splitsnow__query query;
     splitsnow_status status;
     if (lookup == NULL || colour == NULL || lookup->wavelengths != colour->wavelengths) {
         return SPLITSNOW_ERROR_ARGUMENT;
     }
-    status = splitsnow__start_one(lookup, thickness_cm, angle_deg, &query);
+    status = splitsnow__start_query_of_one(lookup, thickness_cm, incidence_angle_deg, &query);
     if (status != SPLITSNOW_OK) return status;
     sums[0] = sums[1] = sums[2] = 0.0;
     for (size_t l = 0; l < lookup->wavelengths; l++) {
@@ -2604,23 +2624,23 @@ static splitsnow_status splitsnow__relative(const splitsnow_lookup *lookup,
 }
 
 splitsnow_status splitsnow_xyz(const splitsnow_lookup *lookup, const splitsnow_colour *colour,
-                               double thickness_cm, double angle_deg, double xyz[3]) {
+                               double thickness_cm, double incidence_angle_deg, double xyz[3]) {
     splitsnow_status status =
-        splitsnow__relative(lookup, colour, thickness_cm, angle_deg, xyz);
+        splitsnow__relative(lookup, colour, thickness_cm, incidence_angle_deg, xyz);
     for (int c = 0; c < 3 && status == SPLITSNOW_OK; c++) xyz[c] *= colour->white[c];
     return status;
 }
 
 splitsnow_status splitsnow_linear_srgb(const splitsnow_lookup *lookup,
                                        const splitsnow_colour *colour, double thickness_cm,
-                                       double angle_deg, double rgb[3]) {
+                                       double incidence_angle_deg, double rgb[3]) {
     static const double d65[3] = {0.95047, 1.0, 1.08883};
     static const double matrix[3][3] = {{3.2404542, -1.5371385, -0.4985314},
                                         {-0.9692660, 1.8760108, 0.0415560},
                                         {0.0556434, -0.2040259, 1.0572252}};
     double sums[3];
     splitsnow_status status =
-        splitsnow__relative(lookup, colour, thickness_cm, angle_deg, sums);
+        splitsnow__relative(lookup, colour, thickness_cm, incidence_angle_deg, sums);
     for (int i = 0; i < 3 && status == SPLITSNOW_OK; i++) {
         rgb[i] = 0.0;
         for (int c = 0; c < 3; c++) rgb[i] += matrix[i][c] * sums[c] * d65[c];
@@ -2651,11 +2671,11 @@ splitsnow_status splitsnow_rgb_table(const splitsnow_lookup *lookup,
                                                      : 0.5 * expm1(v[0] + row * (v[1] - v[0]));
         for (size_t j = 0; j < n_angle; j++) {
             double column = (double)j / (double)(n_angle - 1), colours[3];
-            double angle_deg = j == 0             ? angles[1]
+            double incidence_angle_deg = j == 0             ? angles[1]
                                : j + 1 == n_angle ? angles[0]
                                                   : acos(u[0] + column * (u[1] - u[0])) / degree;
             splitsnow_status status =
-                splitsnow_linear_srgb(lookup, colour, thickness_cm, angle_deg, colours);
+                splitsnow_linear_srgb(lookup, colour, thickness_cm, incidence_angle_deg, colours);
             if (status != SPLITSNOW_OK) return status;
             for (int c = 0; c < 3; c++) *rgb++ = (float)colours[c];
         }

@@ -1,4 +1,4 @@
-//! Replaces a file as a whole.
+//! Atomic replacement of files.
 use std::fs::{self, File, OpenOptions};
 use std::io::{self, Write};
 use std::path::{Path, PathBuf};
@@ -6,24 +6,28 @@ use std::sync::{Mutex, PoisonError};
 
 use crate::host::is_unsupported;
 
-/// Symbolic links followed, at most, as by the operating system.
-const LINKS: usize = 40;
+/// Largest number of symbolic links followed; the same as that of Linux.
+const MAX_LINKS: usize = 40;
 
-/// Writes `bytes` to `path` so that at any moment, power loss included, the
-/// file is the old one or the new one: a temporary file in the same directory
-/// is synced and renamed over it. A failed write leaves no temporary file, and
-/// its error says what became of the old one.
+/// Replaces the file at `path` by `bytes` such that at any moment, even after a power loss,
+/// it has either the old or the new contents: writes a temporary file in the same directory,
+/// syncs it, and renames it to `path`. A failed write leaves no temporary file, and its
+/// error says whether the old file is unchanged.
 ///
-/// A symbolic link stays one: what it points to is written, in its own
-/// directory. One process at a time writes `path` (a database directory is
-/// locked by whoever changes it), so a temporary file of another one is what a
-/// killed process left: it is removed. Should two write after all, one fails.
+/// A symbolic link is kept, and its target is replaced. Only one process at a time may
+/// write to `path` (processes lock a database directory before they change it). A temporary
+/// file of another process is thus left over from a killed process, and is deleted. If two
+/// processes write nevertheless, one of them fails.
 ///
-/// A device or a pipe is written to, not replaced. Where directories cannot be
-/// synced, the file is in place all the same: see [`unsynced`].
+/// A device or a pipe is written to, not replaced. If the directory cannot be synced, the
+/// file is written all the same: see [`unsynced`].
+///
+/// # Errors
+/// The file cannot be written or renamed, or syncing its directory fails on a file system
+/// that supports it.
 pub(crate) fn write(path: &Path, bytes: &[u8]) -> io::Result<()> {
     match fs::metadata(path) {
-        Ok(there) if !there.is_file() && !there.is_dir() => {
+        Ok(metadata) if !metadata.is_file() && !metadata.is_dir() => {
             return OpenOptions::new().write(true).open(path)?.write_all(bytes);
         }
         Err(error) if error.kind() != io::ErrorKind::NotFound => return Err(error),
@@ -33,19 +37,19 @@ pub(crate) fn write(path: &Path, bytes: &[u8]) -> io::Result<()> {
     let directory = directory(path);
     replace(directory, path, bytes).map_err(|error| {
         let old = if path.is_file() {
-            "; the old file is untouched"
+            "; the old file is unchanged"
         } else {
             ""
         };
         io::Error::new(error.kind(), format!("{error}{old}"))
     })?;
-    // The rename itself must survive a power loss; only Unix can sync a directory.
+    // Syncing the directory makes the rename survive a power loss; only Unix can do it.
     if cfg!(unix)
         && let Err(error) = File::open(directory).and_then(|directory| directory.sync_all())
     {
         if !is_unsupported(&error) && error.kind() != io::ErrorKind::PermissionDenied {
             let text = format!(
-                "the new file is in place, but its directory cannot be synced to the disk ({error}): a power loss may still bring the old one back"
+                "the new file is written, but its directory cannot be synced to the disk ({error}): after a power loss, the old file may reappear"
             );
             return Err(io::Error::new(error.kind(), text));
         }
@@ -55,20 +59,21 @@ pub(crate) fn write(path: &Path, bytes: &[u8]) -> io::Result<()> {
     Ok(())
 }
 
+/// The first directory that could not be synced, with the error.
 static UNSYNCED: Mutex<Option<(PathBuf, io::Error)>> = Mutex::new(None);
 
-/// The first directory, since this was asked last, that cannot be synced where
-/// it lies: for a warning. Files written there are whole and in place.
+/// The first directory, since the last call, whose file system does not support syncing; for
+/// a warning. Files in it have been written completely.
 #[cfg(feature = "cli")]
 pub(crate) fn unsynced() -> Option<(PathBuf, io::Error)> {
     let mut unsynced = UNSYNCED.lock().unwrap_or_else(PoisonError::into_inner);
     unsynced.take()
 }
 
-/// `path`, or where it points as a symbolic link, whether that is there or not.
+/// `path` itself or, if it is a symbolic link, its final target, which need not exist.
 pub(crate) fn resolved(path: &Path) -> PathBuf {
     let mut path = path.to_path_buf();
-    for _ in 0..LINKS {
+    for _ in 0..MAX_LINKS {
         let Ok(target) = fs::read_link(&path) else {
             break;
         };
@@ -96,15 +101,15 @@ fn replace(directory: &Path, path: &Path, bytes: &[u8]) -> io::Result<()> {
         }
     }
     let temporary = directory.join(format!("{prefix}{}", std::process::id()));
-    let written = renamed(&temporary, path, bytes);
-    if written.is_err() {
-        // The first error is the one to tell; there may be no file to remove.
+    let result = write_and_rename(&temporary, path, bytes);
+    if result.is_err() {
+        // An error of the deletion is ignored: the file may not exist.
         let _ = fs::remove_file(&temporary);
     }
-    written
+    result
 }
 
-fn renamed(temporary: &Path, path: &Path, bytes: &[u8]) -> io::Result<()> {
+fn write_and_rename(temporary: &Path, path: &Path, bytes: &[u8]) -> io::Result<()> {
     let mut file = File::create_new(temporary)?;
     file.write_all(bytes)?;
     file.sync_all()?;

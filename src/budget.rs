@@ -1,4 +1,4 @@
-//! Work that ends when a budget of CPU time does.
+//! Work limited by a budget of CPU time.
 use std::sync::atomic::{AtomicBool, AtomicUsize, Ordering};
 use std::sync::{Mutex, PoisonError};
 use std::thread;
@@ -7,31 +7,32 @@ use std::time::Duration;
 use cpu_time::ProcessTime;
 use rayon::prelude::*;
 
-/// Between two looks at the time.
+/// Interval at which the CPU time is checked.
 const TICK: Duration = Duration::from_millis(5);
 
-/// Does `work` with a flag that is set once `cancel` is, or the process has worked for
-/// `seconds` of CPU time from now on, all threads together (`None`: without limit).
+/// Runs `work` with a stop flag. The flag is set when `cancel` is set, or when the process
+/// has used `seconds` of CPU time since the call, summed over all threads (`None`: no limit).
 pub fn within<T>(
     seconds: Option<f64>,
     cancel: &AtomicBool,
     work: impl FnOnce(&AtomicBool) -> T,
 ) -> T {
-    let none = seconds.is_some_and(|most| most <= 0.0);
-    let (stop, ended) = (AtomicBool::new(none), AtomicBool::new(false));
+    let exhausted = seconds.is_some_and(|budget| budget <= 0.0);
+    let (stop, ended) = (AtomicBool::new(exhausted), AtomicBool::new(false));
     let begin = ProcessTime::now();
     thread::scope(|scope| {
         let watcher = scope.spawn(|| {
-            // until the work ends, by panicking too: the scope waits for this thread
+            // `EndWatcher` sets `ended` even if the work panics: the scope waits for this
+            // thread
             while !ended.load(Ordering::Relaxed) {
-                let late = seconds.is_some_and(|most| begin.elapsed().as_secs_f64() > most);
+                let late = seconds.is_some_and(|budget| begin.elapsed().as_secs_f64() > budget);
                 if late || cancel.load(Ordering::Relaxed) {
                     stop.store(true, Ordering::Relaxed);
                 }
                 thread::park_timeout(TICK);
             }
         });
-        let _end = End {
+        let _end = EndWatcher {
             ended: &ended,
             watcher: watcher.thread(),
         };
@@ -39,31 +40,32 @@ pub fn within<T>(
     })
 }
 
-/// Ends the watcher when dropped.
-struct End<'a> {
+/// Ends the watcher thread when dropped.
+struct EndWatcher<'a> {
     ended: &'a AtomicBool,
     watcher: &'a thread::Thread,
 }
 
-impl Drop for End<'_> {
+impl Drop for EndWatcher<'_> {
     fn drop(&mut self) {
         self.ended.store(true, Ordering::Relaxed);
         self.watcher.unpark();
     }
 }
 
-/// `f` of 0, 1, ... below `count`, begun in this order on all threads of the rayon pool,
-/// until `stop` is set; `None` where it was not begun, or gave none.
+/// Calls `f` with 0, 1, ..., `count` - 1, started in this order on all threads of the rayon
+/// pool. No further calls are started once `stop` is set or a call fails. The result of a
+/// call that was not started is `None`.
 ///
 /// # Errors
-/// The first that `f` gave; no more are begun then.
+/// An error that `f` returned.
 pub fn in_order<T: Send, E: Send>(
     count: usize,
     stop: &AtomicBool,
     f: impl Fn(usize) -> Result<Option<T>, E> + Sync,
 ) -> Result<Vec<Option<T>>, E> {
     let next = AtomicUsize::new(0);
-    let found: Mutex<Vec<Option<T>>> = Mutex::new((0..count).map(|_| None).collect());
+    let results: Mutex<Vec<Option<T>>> = Mutex::new((0..count).map(|_| None).collect());
     let threads = rayon::current_num_threads();
     (0..threads)
         .into_par_iter()
@@ -74,11 +76,11 @@ pub fn in_order<T: Send, E: Send>(
                 if number >= count || stop.load(Ordering::Relaxed) {
                     return Ok(());
                 }
-                let one = f(number).inspect_err(|_| next.store(count, Ordering::Relaxed))?;
-                found.lock().unwrap_or_else(PoisonError::into_inner)[number] = one;
+                let result = f(number).inspect_err(|_| next.store(count, Ordering::Relaxed))?;
+                results.lock().unwrap_or_else(PoisonError::into_inner)[number] = result;
             }
         })?;
-    Ok(found.into_inner().unwrap_or_else(PoisonError::into_inner))
+    Ok(results.into_inner().unwrap_or_else(PoisonError::into_inner))
 }
 
 #[cfg(test)]

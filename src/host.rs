@@ -1,11 +1,11 @@
-//! What the operating system says of its file systems, and of processes on
-//! this host and others.
+//! Information from the operating system: unsupported file system operations, and whether a
+//! process on this host still runs.
 use std::io;
 
 use serde::{Deserialize, Serialize};
 
-/// Whether a file system does not do what it was asked for, as network and
-/// user-space ones may, rather than failing at it.
+/// Whether an error means that the file system does not support an operation, as with some
+/// network and user-space file systems, rather than that the operation failed.
 #[cfg(unix)]
 pub(crate) fn is_unsupported(error: &io::Error) -> bool {
     use rustix::io::Errno;
@@ -22,34 +22,36 @@ pub(crate) fn is_unsupported(error: &io::Error) -> bool {
     })
 }
 
-/// The same where all file systems are the system's own.
+/// Whether an error means that the file system does not support an operation.
 #[cfg(not(unix))]
 pub(crate) fn is_unsupported(error: &io::Error) -> bool {
     error.kind() == io::ErrorKind::Unsupported
 }
 
-/// A process among those of all hosts.
+/// Identification of a process across hosts.
 #[derive(Debug, Clone, PartialEq, Eq, Serialize, Deserialize)]
 pub(crate) struct Process {
     pub(crate) host: String,
     pub(crate) process: u32,
-    /// Where its number counts: containers of one host number their own.
+    /// Namespace of the process id: containers on the same host have separate ids.
     namespace: Option<String>,
-    /// When it began, in ticks since the host did: numbers are used again.
+    /// Start time in clock ticks since the host started: process ids are reused.
     started: Option<u64>,
 }
 
-/// What can be told of a process.
+/// State of a process.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(crate) enum State {
+    /// The process runs.
     Running,
+    /// The process has ended.
     Gone,
-    /// On another host or in another container: unknown.
+    /// Unknown: the process is on another host or in another container.
     Elsewhere,
 }
 
 impl Process {
-    /// This one.
+    /// This process.
     pub(crate) fn this() -> Self {
         let process = std::process::id();
         let link = std::fs::read_link("/proc/self/ns/pid");
@@ -61,6 +63,7 @@ impl Process {
         }
     }
 
+    /// Whether the process still runs.
     pub(crate) fn state(&self) -> State {
         let this = Self::this();
         if (&self.host, &self.namespace) != (&this.host, &this.namespace) {
@@ -68,7 +71,7 @@ impl Process {
         }
         match is_running(self.process) {
             Some(false) => State::Gone,
-            // where /proc hides the processes of others, nothing is known of their start
+            // if /proc hides the processes of other users, their start time is unknown
             Some(true) => match (started(self.process), self.started) {
                 (Some(now), Some(then)) if now != then => State::Gone,
                 _ => State::Running,
@@ -78,10 +81,10 @@ impl Process {
     }
 }
 
-/// Field 22 of `/proc/PID/stat`, where there is one.
+/// Start time of a process, field 22 of `/proc/PID/stat`; `None` if there is no such file.
 fn started(process: u32) -> Option<u64> {
     let text = std::fs::read_to_string(format!("/proc/{process}/stat")).ok()?;
-    // the name of the program, field 2, may hold anything
+    // the name of the program, field 2, may contain spaces and parentheses
     let (_, rest) = text.rsplit_once(')')?;
     rest.split_whitespace().nth(19)?.parse().ok()
 }
@@ -97,14 +100,14 @@ fn name() -> String {
     std::env::var("COMPUTERNAME").unwrap_or_default()
 }
 
-/// `None`: there is no way to tell.
+/// Whether a process runs on this host; `None` if this cannot be determined.
 #[cfg(unix)]
 fn is_running(process: u32) -> Option<bool> {
     use rustix::process::{Pid, test_kill_process};
     let process = Pid::from_raw(process.try_into().ok()?)?;
     match test_kill_process(process) {
         Err(rustix::io::Errno::SRCH) => Some(false),
-        // another user's refuses, and so is there
+        // a process of another user refuses the signal, and thus exists
         _ => Some(true),
     }
 }

@@ -1,14 +1,14 @@
 //! SPLITSnow: generates and compresses spectral databases of snow.
 //!
 //! A first-principles Monte Carlo model (Varsa, PhD thesis, University of
-//! Waterloo, 2025) walks light from one stochastic ice grain to the next; a
+//! Waterloo, 2025) traces light from one stochastic ice grain to the next. A
 //! batch runner expands a grid of snow parameters into jobs, stores their
 //! spectra, and compresses them into a small file that renderers evaluate.
 //!
 //! # Look up
 //!
-//! A compact file answers anywhere in its box; [`lookup`] is a crate of its own,
-//! `splitsnow-lookup`, for programs that need no more.
+//! [`Lookup`] interpolates the spectra of a compact file at any point within its axes.
+//! [`lookup`] is a separate crate, `splitsnow-lookup`, for programs that need nothing else.
 //!
 //! ```
 //! use splitsnow::{Database, Lookup, Parameter, Point, Quantity};
@@ -33,8 +33,8 @@
 //!
 //! # Simulate
 //!
-//! [`Simulation`] is the virtual spectrophotometer: reflectance and transmittance of one
-//! sample, with standard errors.
+//! [`Simulation`] is the virtual spectrophotometer: it simulates the reflectance and
+//! transmittance of one sample, with standard errors.
 //!
 //! ```
 //! use splitsnow::{Simulation, config};
@@ -45,7 +45,7 @@
 //!     r#"
 //!     version = 1
 //!     [illumination]
-//!     polar_angle_deg = 30
+//!     incidence_angle_deg = 30
 //!     [wavelengths]
 //!     values_nm = [450, 550, 650]
 //!     [[layer]]
@@ -65,8 +65,8 @@
 //!
 //! # Build
 //!
-//! [`build()`] does what `splitsnow build` does, to the byte, and goes on where an earlier
-//! one stopped; [`plan()`] says what it will take. Both modules have an example that runs.
+//! [`build()`] writes the same bytes as `splitsnow build`, and continues an interrupted build;
+//! [`plan()`] estimates its time, size and errors. Both modules have a complete example.
 //!
 //! ```no_run
 //! use splitsnow::{build, config, plan};
@@ -100,47 +100,46 @@
 //!
 //! # Modules
 //!
-//! Lower ones first; a lower one never uses a higher one:
+//! From the lowest to the highest; a module never uses a higher one:
 //!
-//! | module | what lives there |
+//! | module | contents |
 //! |---|---|
-//! | [`math`], [`rng`], [`units`], [`threads`], [`budget`] | vectors, deterministic elementary functions, random streams, conversions; how many threads, and for how long |
-//! | `atomic`, `host` | files that are written as a whole; which process has a file |
-//! | [`parameter`], [`lookup`] | the axes of a database; reading its compact file and interpolating in it |
+//! | [`simd`], [`math`], [`rng`], [`units`], [`threads`], [`budget`] | instruction sets; vectors, deterministic elementary functions, random streams, unit conversions; number of threads; CPU time limits |
+//! | `atomic`, `host` | atomic writing of files; identification of processes |
+//! | [`parameter`], [`lookup`] | the axes of a database; reading of compact files and interpolation |
 //! | [`spectrum`], [`optics`], [`colour`] | tabulated functions of wavelength; refractive indices; Fresnel and Snell; CIELAB |
-//! | [`grain`] | laws of grain size and shape, the event on one grain, mean free distance |
-//! | [`transport`] | the snow sample and the walk of one ray through it |
-//! | [`table`] | outcomes of grain events drawn once; walks that take them from there |
+//! | [`grain`] | distributions of grain size and shape, interaction of a ray with a grain, mean free distance |
+//! | [`transport`] | the snow sample and the walk of a ray through it |
+//! | [`table`] | tables of sampled grain events; walks that draw events from them |
 //! | [`slab`] | transport between points in homogeneous slabs, solved by discrete ordinates |
 //! | [`measurement`] | directional-hemispherical reflectance and transmittance with standard errors; sensors and radii |
-//! | [`engine`] | schedulers of the same physics: `reference`, `spectral`, `tabulated`, `doubling`, `auto` |
-//! | [`comparison`] | a simulated spectrum against a measured one |
-//! | [`grid`], [`scene`], [`config`] | the axes of a database; what a renderer asks for; sample, grid, scene and study files |
-//! | [`store`], [`batch`] | the Zarr store that is checkpoint and result; the job runner |
-//! | [`simulation`] | the spectrum of a sample as one call |
+//! | [`engine`] | engines for the same physics: `reference`, `spectral`, `tabulated`, `hybrid`, `auto` |
+//! | [`comparison`] | comparison of a simulated spectrum with a measured one |
+//! | [`grid`], [`scene`], [`config`] | the grid of a database; the requirements of a renderer; sample, grid, scene and study files |
+//! | [`store`], [`batch`] | the Zarr store, which is both checkpoint and result; the job runner |
+//! | [`simulation`] | the spectrum of a sample in one call |
 //! | [`compress`] | SVD and the compact file |
-//! | [`build`](mod@build), [`plan`](mod@plan) | from a grid to its database and compact file; what that will take |
-//! | [`certificate`], [`fit`] | how far its answers are off; the smallest file for a scene |
-//! | [`verify`] | re-checking a finished database |
-//! | `lab` | speed against accuracy of the engines, studies of a sample; charts and tables |
-//! | [`export`] | databases, compact files and their colours in the formats of others |
+//! | [`build`](mod@build), [`plan`](mod@plan) | from a grid to its database and compact file; estimates of time, size and errors |
+//! | [`error_budget`], [`tailor`] | the error budget of look-ups; the smallest file for a scene |
+//! | [`verify`] | checks of a finished database |
+//! | `lab` | speed and accuracy of the engines, studies of a sample; charts and tables |
+//! | [`export`] | export of databases, compact files and their colours to other formats |
 //! | `cli` | the command line |
 //!
-//! Features, all of them default: `charts` has `lab`, and exports as pictures; `netcdf` and
-//! `npz` have exports in these formats; `cli` has `cli`, and the program `splitsnow`. A
-//! format or command of a feature that is left out is not offered.
+//! Features, all enabled by default: `charts` provides `lab` and export to images; `netcdf`
+//! and `npz` provide export to these formats; `cli` provides `cli` and the program
+//! `splitsnow`. Formats and commands of a disabled feature are not available.
 mod atomic;
 pub mod batch;
 pub mod budget;
 pub mod build;
-pub mod certificate;
 #[cfg(feature = "cli")]
 pub mod cli;
 pub mod comparison;
 pub mod compress;
 pub mod config;
+pub mod error_budget;
 pub mod export;
-pub mod fit;
 pub mod grid;
 mod host;
 #[cfg(feature = "charts")]
@@ -149,6 +148,7 @@ pub mod plan;
 pub mod scene;
 pub mod simulation;
 pub mod store;
+pub mod tailor;
 pub mod threads;
 pub mod verify;
 
@@ -159,9 +159,9 @@ pub use splitsnow_lookup::{
     self as lookup, Database, Lookup, Parameter, Point, Quantity, parameter,
 };
 pub use splitsnow_model::{engine, grain, math, measurement, optics, rng, slab, table, transport};
-pub use splitsnow_spectra::{colour, elementary, spectrum, units};
+pub use splitsnow_spectra::{colour, elementary, simd, spectrum, units};
 
-/// The examples of the README are compiled as those here are.
+/// Compiles and runs the examples of the README as documentation tests.
 #[cfg(doctest)]
 #[doc = include_str!("../README.md")]
 struct Readme;

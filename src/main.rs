@@ -1,4 +1,4 @@
-//! The `splitsnow` command.
+//! The program `splitsnow`.
 use std::process::ExitCode;
 
 fn main() -> ExitCode {

@@ -1,4 +1,4 @@
-//! The virtual spectrophotometer as one call: the spectrum of a sample.
+//! The virtual spectrophotometer: simulates the spectrum of a sample in one call.
 //!
 //! ```
 //! use splitsnow::{Simulation, config, engine::Engine};
@@ -20,19 +20,19 @@ use std::sync::atomic::{AtomicBool, AtomicU64};
 use crate::config::sample::SampleFile;
 use crate::engine::{Cache, Control, Engine, EngineError, MaxError, Request, Resolution};
 use crate::measurement::Spectrum;
-use crate::transport::{Illumination, Model, Pack};
+use crate::transport::{Illumination, Model, Snowpack};
 
-/// Walks where nobody says how many.
+/// Default number of walks.
 pub const RAYS: u64 = 131_072;
 
-/// Reflectance and transmittance of one snow pack under one light, about to be simulated.
+/// A simulation of the reflectance and transmittance of one snowpack under one illumination.
 ///
-/// The result is a function of the snow, light, wavelengths, engine, rays, seed and allowed
-/// error: never of the threads.
+/// The result depends on the snowpack, illumination, wavelengths, model, engine, number of
+/// walks, seed and largest error alone: never on the threads.
 #[derive(Debug, Clone)]
 #[must_use = "a simulation does nothing before `run`"]
 pub struct Simulation<'a> {
-    pack: &'a Pack,
+    snowpack: &'a Snowpack,
     thickness_m: [f64; 1],
     illumination: [Illumination; 1],
     wavelengths_nm: &'a [f64],
@@ -46,10 +46,11 @@ pub struct Simulation<'a> {
 }
 
 impl<'a> Simulation<'a> {
-    /// Of what a sample file says, by `auto`, with [`RAYS`] and the seed 1.
+    /// A simulation of the sample of a sample file, with the engine `auto`, [`RAYS`] walks and
+    /// the seed 1.
     pub fn of(sample: &'a SampleFile) -> Self {
         Self::new(
-            &sample.pack,
+            &sample.snowpack,
             sample.thickness_m,
             sample.illumination,
             &sample.wavelengths_nm,
@@ -57,17 +58,17 @@ impl<'a> Simulation<'a> {
         )
     }
 
-    /// Of a `pack` whose layers are `thickness_m` thick together, at wavelengths in nm,
-    /// strictly increasing; otherwise as [`of`](Self::of).
+    /// A simulation of a `snowpack` with the total thickness `thickness_m`, m, at
+    /// `wavelengths_nm`, nm, strictly increasing. Defaults are those of [`of`](Self::of).
     pub fn new(
-        pack: &'a Pack,
+        snowpack: &'a Snowpack,
         thickness_m: f64,
         illumination: Illumination,
         wavelengths_nm: &'a [f64],
         model: &'a Model,
     ) -> Self {
         Self {
-            pack,
+            snowpack,
             thickness_m: [thickness_m],
             illumination: [illumination],
             wavelengths_nm,
@@ -81,32 +82,32 @@ impl<'a> Simulation<'a> {
         }
     }
 
-    /// How light is simulated.
+    /// Sets the engine.
     pub fn engine(self, engine: Engine) -> Self {
         Self { engine, ..self }
     }
 
-    /// Walks, at least 1: see [`Request::rays`].
+    /// Sets the number of walks, at least 1: see [`Request::rays`].
     pub fn rays(self, rays: u64) -> Self {
         Self { rays, ..self }
     }
 
-    /// What `auto` is to hold.
+    /// Sets the largest error that the engine `auto` may leave.
     pub fn max_error(self, max_error: MaxError) -> Self {
         Self { max_error, ..self }
     }
 
-    /// Seed of the random numbers.
+    /// Sets the seed of the random streams.
     pub fn seed(self, seed: u64) -> Self {
         Self { seed, ..self }
     }
 
-    /// Threads to run on; those of the current rayon pool unless it is above 0.
+    /// Sets the number of threads; 0 for the current rayon pool.
     pub fn threads(self, threads: usize) -> Self {
         Self { threads, ..self }
     }
 
-    /// A flag that stops the run once it is set.
+    /// Sets a flag that stops the run when it becomes true.
     pub fn cancel(self, cancel: &'a AtomicBool) -> Self {
         Self {
             cancel: Some(cancel),
@@ -114,11 +115,11 @@ impl<'a> Simulation<'a> {
         }
     }
 
-    /// The same as an engine is asked.
+    /// The request to an engine for this simulation.
     #[must_use]
     pub fn request(&self) -> Request<'_> {
         Request {
-            pack: self.pack,
+            snowpack: self.snowpack,
             thicknesses_m: &self.thickness_m,
             illuminations: &self.illumination,
             resolution: Resolution::of_rays(self.rays),
@@ -131,24 +132,25 @@ impl<'a> Simulation<'a> {
         }
     }
 
-    /// The engine that does the work: what `auto` chooses.
+    /// The engine that will run: for `auto`, the one that it selects.
     #[must_use]
     pub fn resolved(&self) -> Engine {
         self.engine.resolve(&self.request())
     }
 
-    /// How many walks [`run`](Self::run) does.
+    /// The number of walks of [`run`](Self::run).
     ///
     /// # Errors
-    /// [`EngineError::Optics`].
+    /// [`EngineError::Optics`] if the optical properties cannot be determined.
     pub fn walks(&self) -> Result<u64, EngineError> {
         self.engine.walks(&self.request())
     }
 
-    /// Runs it.
+    /// Runs the simulation.
     ///
     /// # Errors
-    /// See [`EngineError`].
+    /// [`EngineError`] if there are no rays, the engine refuses the request, the run is
+    /// cancelled, or the threads cannot be started.
     pub fn run(&self) -> Result<Spectrum, EngineError> {
         let never = AtomicBool::new(false);
         let control = Control {
@@ -167,16 +169,17 @@ impl<'a> Simulation<'a> {
         pool.install(|| self.run_with(&control))
     }
 
-    /// Runs it on the current rayon pool, under the caller's `control`.
+    /// Runs the simulation on the current rayon pool with the given `control`.
     ///
     /// # Errors
-    /// See [`EngineError`].
+    /// [`EngineError`] if there are no rays, the engine refuses the request, or the run is
+    /// cancelled.
     pub fn run_with(&self, control: &Control<'_>) -> Result<Spectrum, EngineError> {
         if self.rays == 0 {
             return Err(EngineError::NoRays);
         }
         let mut spectra = self.engine.run(&self.request(), control)?;
-        // One thickness and one light, one spectrum.
+        // One thickness and one illumination give one spectrum.
         Ok(spectra.pop().unwrap_or_default())
     }
 }

@@ -1,5 +1,5 @@
-//! How many threads to run on: what was asked for, the batch system's or the
-//! environment's limit, or what the system lets this process use.
+//! The number of threads: as requested, as limited by the batch system or the environment,
+//! or the number of processors that this process may use.
 use std::env;
 use std::ffi::OsString;
 use std::num::NonZero;
@@ -7,51 +7,52 @@ use std::thread::available_parallelism;
 
 use thiserror::Error;
 
-/// Threads at most.
-pub const MOST: u16 = 1024;
+/// Largest number of threads.
+pub const MAX_THREADS: u16 = 1024;
 
-/// Variables that limit the threads, the most specific first: processors that Slurm
-/// gave each task, and what programs made with rayon are told.
+/// Environment variables that limit the threads, the most specific first: the processors
+/// that Slurm assigned to each task, and the number of threads of programs that use rayon.
 pub const VARIABLES: [&str; 2] = ["SLURM_CPUS_PER_TASK", "RAYON_NUM_THREADS"];
 
-/// A variable that limits the threads says no number of them.
+/// An environment variable that limits the threads has an invalid value.
 #[derive(Debug, Clone, PartialEq, Eq, Error)]
 #[error(
-    "the environment variable {variable} is `{value}`; it must be a number of threads from 1 to {MOST}, or not be set"
+    "the environment variable {variable} is `{value}`; set it to a number of threads from 1 to {MAX_THREADS}, or unset it"
 )]
 pub struct ThreadsError {
-    /// The variable.
+    /// Name of the variable.
     pub variable: &'static str,
-    /// What it says.
+    /// Its value.
     pub value: String,
 }
 
-/// The number of threads: `asked`, or the first of [`VARIABLES`] that is set (an empty
-/// one is not, nor `RAYON_NUM_THREADS=0`), or the processors that this process may use: on Linux those of its
-/// affinity mask, and no more than the quota of its control group.
+/// The number of threads: `requested` if it is given; else the value of the first of
+/// [`VARIABLES`] that is set (an empty value and `RAYON_NUM_THREADS=0` count as not set);
+/// else the number of processors that this process may use, on Linux those of its affinity
+/// mask, limited by the quota of its control group.
 ///
 /// # Errors
-/// A variable that counts is no number from 1 to [`MOST`].
-pub fn threads(asked: Option<u16>) -> Result<usize, ThreadsError> {
-    match asked {
-        Some(asked) => Ok(asked.into()),
+/// [`ThreadsError`] if the variable that applies is not a number from 1 to [`MAX_THREADS`].
+pub fn threads(requested: Option<u16>) -> Result<usize, ThreadsError> {
+    match requested {
+        Some(requested) => Ok(requested.into()),
         None => Ok(limit(|variable| env::var_os(variable))?
             .unwrap_or_else(|| available_parallelism().map_or(1, NonZero::get))),
     }
 }
 
-/// What the variables say.
+/// The limit that the environment variables set; `None` if none of them is set.
 fn limit(variable: impl Fn(&str) -> Option<OsString>) -> Result<Option<usize>, ThreadsError> {
     for name in VARIABLES {
         let Some(value) = variable(name).filter(|value| !value.is_empty()) else {
             continue;
         };
-        // rayon's own word for its default
+        // 0 stands for rayon's default
         if name == VARIABLES[1] && value == "0" {
             continue;
         }
         let number = value.to_str().and_then(|text| text.trim().parse().ok());
-        return match number.filter(|number| (1..=MOST).contains(number)) {
+        return match number.filter(|number| (1..=MAX_THREADS).contains(number)) {
             Some(number) => Ok(Some(number.into())),
             None => Err(ThreadsError {
                 variable: name,

@@ -1,4 +1,4 @@
-//! `measure --against`: measured spectra as they are read, and a simulation
+//! `simulate --against`: measured spectra as they are read, and a simulation
 //! beside them.
 #![allow(clippy::unwrap_used)]
 use std::path::{Path, PathBuf};
@@ -10,7 +10,7 @@ use splitsnow::comparison::{
     Band, Comparison, Exclusion, Hints, MeasuredError, MeasuredSpectrum, RANGE_NM,
 };
 use splitsnow::measurement::{Measured, Quantity};
-use splitsnow::spectrum::measured::{self, Column, Order, Problem, Scale, Unit, Why};
+use splitsnow::spectrum::measured::{self, Column, MaskReason, Order, Problem, Scale, Unit};
 
 fn of(quantity: Option<Quantity>) -> Hints {
     Hints {
@@ -122,7 +122,7 @@ fn field_files_are_read_and_their_noise_told() {
     );
     let told = many.report().to_string();
     assert!(
-        told.contains("column 2 `13_7_S1` (the first, 2 more like it"),
+        told.contains("column 2 `13_7_S1` (the first, 2 more match"),
         "{told}"
     );
     for asked in ["13_7_S2", "3", "s2"] {
@@ -148,7 +148,7 @@ fn field_files_are_read_and_their_noise_told() {
     let [masked] = spike.report().masked[..] else {
         panic!("{}", spike.report());
     };
-    assert_eq!((masked.line, masked.why), (19, Why::Impossible));
+    assert_eq!((masked.line, masked.why), (19, MaskReason::Impossible));
     assert_eq!(spike.at(&[2256.5, 2258.0, 2260.0]).unwrap().len(), 3);
 
     let hole = file("greenland_empty_cell.csv", &of(None), &[]);
@@ -158,8 +158,8 @@ fn field_files_are_read_and_their_noise_told() {
             .map(|row| row.line)
             .collect()
     };
-    assert_eq!(lines(Why::Missing), [21]);
-    assert_eq!(lines(Why::Impossible), [3, 13, 16, 17, 19, 20]);
+    assert_eq!(lines(MaskReason::Missing), [21]);
+    assert_eq!(lines(MaskReason::Impossible), [3, 13, 16, 17, 19, 20]);
 
     let low_sun = file("hcrf_above_1.2.csv", &of(None), &Exclusion::FIELD);
     assert_eq!(
@@ -197,7 +197,7 @@ fn what_names_say_is_not_taken_for_more() {
 #[test]
 fn no_wavelength_is_rounded_to_nothing() {
     let text = "wavelength_um,power\n0.7e-10,2\n0.351,2\n0.7,3\n";
-    let light = measured::Request::of(Some(measured::Content::Power), (0.0, f64::MAX));
+    let light = measured::Request::new(Some(measured::Content::Power), (0.0, f64::MAX));
     let curve = measured::parse("lamp.csv", text.as_bytes(), &light).unwrap();
     let nm: Vec<f64> = curve.samples.iter().map(|sample| sample.nm).collect();
     assert_eq!(nm, [0.7e-10 * 1e3, 351.0, 700.0]);
@@ -210,7 +210,7 @@ fn absurd_files_are_refused() {
         (
             "wavelength_nm,counts\n400,5000\n410,5100\n420,5200\n",
             Some(2),
-            "5000 at 400 nm is no reflectance: allowed -5 to 150 percent, and 3 of 3",
+            "5000 at 400 nm is not a valid reflectance: allowed -5 to 150 percent, and 3 of 3",
         ),
         (
             "400,0.5\n410,snow\n420,0.5\n",
@@ -220,7 +220,7 @@ fn absurd_files_are_refused() {
         (
             "wavelength_nm,reflectance\n400,0,5\n410,0,6\n",
             Some(2),
-            "3 cells (`400,0,5`) where 2 are expected",
+            "the row `400,0,5` has 3 cells; expected 2",
         ),
         ("400;0,5\n410;0.6\n", Some(2), "another decimal sign"),
         (
@@ -242,15 +242,19 @@ fn absurd_files_are_refused() {
         (
             "wavelength_nm,irradiance\n400,1.1\n410,1.2\n",
             Some(1),
-            "is relative power, asked for is reflectance",
+            "holds relative power, but reflectance or transmittance is requested",
         ),
         (
             "snow\nand ice\n",
             None,
-            "no row with a wavelength and a value, and it begins with `snow`",
+            "no row with a wavelength and a value; the file begins with `snow`",
         ),
         ("", None, "no row"),
-        ("\u{1}\u{2}", None, "no text: it has the character U+0001"),
+        (
+            "\u{1}\u{2}",
+            None,
+            "not a text file: it contains the character U+0001",
+        ),
     ] {
         let error = parse(text).unwrap_err().to_string();
         let at = line.map_or("snow.csv: ".into(), |line| format!("snow.csv:{line}: "));
@@ -466,7 +470,7 @@ impl Bench {
 
     fn run(&self, args: &str) -> Output {
         let mut command = Command::new(PathBuf::from(env!("CARGO_BIN_EXE_splitsnow")));
-        let fixed = "measure basal.toml --engine doubling --rays 500 ";
+        let fixed = "measure basal.toml --engine hybrid --rays 500 ";
         command.args((fixed.to_owned() + args).split_whitespace());
         command.current_dir(self.dir.path()).output().unwrap()
     }
@@ -503,7 +507,7 @@ fn a_simulation_against_itself_and_shifted() {
     let csv = bench.text("--against same.csv --plot same.svg");
     let lines: Vec<&str> = csv.lines().collect();
     for line in [
-        "# engine: doubling",
+        "# engine: hybrid",
         "# against: same.csv, transmittance, 6 rows used, 0 outside 350-2500 nm",
         "# not_compared: 0 wavelengths of the sample without rows near them",
         "# excluded_nm: 1750-2000, 2350-2500",
@@ -602,7 +606,7 @@ fn refusals_come_before_the_simulation() {
         ),
         (
             "--against far.csv --exclude none --exclude 1-2",
-            "--exclude none cannot stand",
+            "--exclude none cannot be combined",
         ),
         ("--against far.csv --exclude 2-1", "the shorter first"),
         (

@@ -8,7 +8,7 @@ use std::sync::atomic::{AtomicBool, AtomicU64, Ordering};
 use crate::common::{assert_same, dir_bytes};
 use assert_cmd::cargo::cargo_bin;
 use splitsnow::batch::{Begin, Progress};
-use splitsnow::build::{self, Asked, BuildError, Options};
+use splitsnow::build::{self, BuildError, CompressionRequest, Options};
 use splitsnow::compress::{Basis, Choice};
 use splitsnow::config::grid::{self, GridFile};
 use splitsnow::grid::Shard;
@@ -25,7 +25,7 @@ fn folder(change: impl Fn(String) -> String) -> tempfile::TempDir {
 /// With isotropic light, and colours of another formula.
 fn diffuse(text: String) -> String {
     text.replace("[axes]", "[axes]\ndiffuse = true")
-        .replace("\"spectral\"", "\"doubling\"")
+        .replace("\"spectral\"", "\"hybrid\"")
         + "\n[compression]\nmax_delta_e = 0.5\ndelta_e = \"cie2000\"\n"
 }
 
@@ -84,7 +84,7 @@ fn a_build_writes_the_bytes_of_the_program() {
         );
         let mut bounds = file.grid.compression;
         (bounds.max_delta_e, bounds.max_rmse) = (2.3, Some(0.01));
-        let mut asked = Asked::plain(bounds, Default::default());
+        let mut asked = CompressionRequest::plain(bounds, Default::default());
         asked.variant.basis = Basis::Log;
         asked.quantities = vec![Quantity::Transmittance];
         let compact = build::compress(&out, &asked).unwrap();
@@ -130,7 +130,7 @@ fn shares_sources_and_flags_do_as_in_the_program() {
     let (first, second) = (dir.path().join("first"), dir.path().join("second"));
     let error = build::compress(
         &first,
-        &Asked::plain(file.grid.compression, Default::default()),
+        &CompressionRequest::plain(file.grid.compression, Default::default()),
     );
     assert!(matches!(error, Err(BuildError::Store(_))));
 
@@ -148,7 +148,7 @@ fn shares_sources_and_flags_do_as_in_the_program() {
     assert_eq!((count(&counted.begun), count(&counted.done)), (2, 2));
     assert!(counted.ended.load(Ordering::Relaxed));
     assert!(!counted.compressing.load(Ordering::Relaxed));
-    let asked = Asked::plain(file.grid.compression, Default::default());
+    let asked = CompressionRequest::plain(file.grid.compression, Default::default());
     let error = build::compress(&first, &asked).unwrap_err();
     assert!(
         matches!(error, BuildError::Unfinished { missing: 2, .. }),

@@ -8,9 +8,9 @@ use std::sync::atomic::{AtomicBool, AtomicU64};
 
 use crate::common::{assert_same, dir_bytes};
 use assert_cmd::cargo::cargo_bin;
-use splitsnow::certificate::{CERTIFICATE, Certificate, Patch, Simulation};
 use splitsnow::config;
 use splitsnow::engine::{Cache, Control};
+use splitsnow::error_budget::{ERROR_BUDGET, ErrorBudget, Patch, Simulation};
 
 use splitsnow::lookup::{Database, Lookup};
 use splitsnow::measurement::Quantity;
@@ -24,16 +24,17 @@ facetness = [0.3]
 grain_size_um = [300]
 density_kg_m3 = [250]
 thickness_cm = [2, 5, 10]
-angle_deg = [0, 60]
+incidence_angle_deg = [0, 60]
 black_carbon_ng_g = [0, 100]
 water_saturation = [0, 0.05]
 [wavelengths]
 values_nm = [450, 550, 650]
 [run]
-engine = \"doubling\"
+engine = \"hybrid\"
 rays = 20000
 ";
-const SNOW: &str = "--facetness 0.3 --grain-size-um 300 --density-kg-m3 250 --angle-deg 0";
+const SNOW: &str =
+    "--facetness 0.3 --grain-size-um 300 --density-kg-m3 250 --incidence-angle-deg 0";
 
 struct Folder(tempfile::TempDir);
 
@@ -108,7 +109,7 @@ fn from_the_grid_file_to_the_answers() {
     let folder = Folder::new(GRID);
     let plan = folder.succeeds("plan g.toml");
     assert!(
-        plan.contains("black_carbon_ng_g 2 values, 0 to 100"),
+        plan.contains("black_carbon_ng_g    2 values, 0 to 100"),
         "{plan}"
     );
     assert!(plan.contains("4 of 6 curves each: 24 curves"), "{plan}");
@@ -182,7 +183,7 @@ fn from_the_grid_file_to_the_answers() {
     let refused = |more: &str| folder.fails(&format!("query out/g {SNOW} --thickness-cm 5 {more}"));
     let missing = refused("--water-saturation 0.02");
     assert!(
-        missing.contains("axis black_carbon_ng_g, from 0 to 100"),
+        missing.contains("axis black_carbon_ng_g: give a value of black_carbon_ng_g from 0 to 100"),
         "{missing}"
     );
     let outside = refused("--black-carbon-ng-g 101 --water-saturation 0");
@@ -208,8 +209,8 @@ fn verified(folder: &Folder) {
     );
     let path = folder.out().join("snow.safetensors");
     let file = Database::open(&path).unwrap();
-    let certificate: Certificate = serde_json::from_str(&file.metadata()[CERTIFICATE]).unwrap();
-    let worst = &certificate.quantities["transmittance"].worst[0].at;
+    let error_budget: ErrorBudget = serde_json::from_str(&file.metadata()[ERROR_BUDGET]).unwrap();
+    let worst = &error_budget.quantities["transmittance"].worst[0].at;
     assert!(worst.contains("degrees, black carbon "), "{worst}");
 
     // a chunk of another combination is no substitute
@@ -244,7 +245,7 @@ fn the_canonical_config_is_read_again() {
     assert_eq!(read.axes.optional().count(), 32);
     let jobs = read.jobs().unwrap();
     let job = read.job(&jobs, jobs.count() - 1).unwrap();
-    let surface = &job.pack.surface;
+    let surface = &job.snowpack.surface;
     let carbon = surface.black_carbon.unwrap();
     assert_eq!(
         (carbon.concentration_ng_g, carbon.sedimentation),

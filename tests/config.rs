@@ -8,17 +8,18 @@ use std::fmt::Write;
 use std::path::{Path, PathBuf};
 
 use crate::config_errors::{
-    BRDF_STUDY, BRDF_STUDY_ERRORS, GRID, GRID_ERRORS, PACK, PACK_ERRORS, SAMPLE, SAMPLE_ERRORS,
-    SCENE, SCENE_ERRORS, STUDY, STUDY_ERRORS,
+    BRDF_STUDY, BRDF_STUDY_ERRORS, GRID, GRID_ERRORS, SAMPLE, SAMPLE_ERRORS, SCENE, SCENE_ERRORS,
+    SNOWPACK, SNOWPACK_ERRORS, STUDY, STUDY_ERRORS,
 };
 use proptest::prelude::*;
 use splitsnow::colour::{ColourDifference, Illuminant, Viewing};
 use splitsnow::config::{grid, sample, scene, schema, study};
+use splitsnow::engine::Engine;
 use splitsnow::grain::{SizeLaw, SizeMeasure, specific_surface_m2_kg};
 use splitsnow::measurement::Quantity;
 use splitsnow::optics::{Carbon, CarbonLaw, ImpurityMass, ice_density_kg_m3};
 use splitsnow::parameter::{Parameter, Region};
-use splitsnow::transport::{Ground, Illumination, Joining};
+use splitsnow::transport::{Illumination, Joining, Substrate};
 
 fn root() -> &'static Path {
     Path::new(env!("CARGO_MANIFEST_DIR"))
@@ -64,9 +65,11 @@ fn refused_samples_say_why() {
 }
 
 #[test]
-fn refused_packs_say_why() {
-    let text = refusals(PACK, PACK_ERRORS, |text| sample::parse("s.toml", text));
-    golden("tests/config_errors/pack.txt", &text);
+fn refused_snowpacks_say_why() {
+    let text = refusals(SNOWPACK, SNOWPACK_ERRORS, |text| {
+        sample::parse("s.toml", text)
+    });
+    golden("tests/config_errors/snowpack.txt", &text);
 }
 
 #[test]
@@ -111,7 +114,7 @@ fn scenes_are_read_as_they_are_written() {
 
     let short = "\
 version = 1
-scene = { max_delta_e = 1, thickness_cm = 5, angle_deg = 0.5 }
+scene = { max_delta_e = 1, thickness_cm = 5, incidence_angle_deg = 0.5 }
 wavelengths.values_nm = [450, 550, 650]
 fixed.water_fraction = 0.05
 snow = [
@@ -123,8 +126,8 @@ snow = [
     assert_eq!(
         file.warnings,
         [
-            "s.toml:7: `snow[1].facetness` = 0 is where reflectance jumps: smooth grains and grains of facetness 0.01 are far apart, and what lies between is neither (docs/stability.md)",
-            "s.toml:7: `snow[1].grain_size_um` = 90 makes grains down to 40 um; ordinary are 50 to 3000 um"
+            "s.toml:7: `snow[1].facetness` = 0 is where reflectance is discontinuous: facetness 0 and 0.01 give very different reflectances, and look-ups between the two are not reliable (docs/stability.md)",
+            "s.toml:7: `snow[1].grain_size_um` = 90 makes grains down to 40 um; the ordinary range is 50 to 3000 um"
         ]
     );
     let read = file.scene;
@@ -253,7 +256,7 @@ fn committed_configs_are_accepted_and_name_their_schema() {
         assert_eq!(
             file.warnings
                 .iter()
-                .any(|w| !w.contains("reflectance jumps")),
+                .any(|w| !w.contains("reflectance is discontinuous")),
             remarked.iter().any(|name| path.ends_with(name)),
             "{}",
             path.display()
@@ -265,7 +268,7 @@ fn committed_configs_are_accepted_and_name_their_schema() {
         let smooth = file
             .warnings
             .iter()
-            .all(|w| w.contains("reflectance jumps"));
+            .all(|w| w.contains("reflectance is discontinuous"));
         assert!(smooth, "{:?}", file.warnings);
     }
     for path in &grids {
@@ -284,7 +287,7 @@ fn committed_configs_are_accepted_and_name_their_schema() {
         assert_eq!(
             file.warnings
                 .iter()
-                .any(|w| !w.contains("reflectance jumps")),
+                .any(|w| !w.contains("reflectance is discontinuous")),
             has_fresh_surface || is_wide
         );
     }
@@ -333,11 +336,14 @@ fn studies_change_samples() {
     };
     assert_eq!((first.label.as_str(), first.group.as_str()), ("thin", ""));
     assert_eq!(first.sample.wavelengths_nm, [500.0, 600.0]);
-    assert_eq!(first.sample.pack, base.pack);
+    assert_eq!(first.sample.snowpack, base.snowpack);
     assert_eq!(first.sample.thickness_m, 0.05);
     // a layer more, which is the surface
-    assert_eq!(second.sample.pack.below.len(), base.pack.below.len() + 1);
-    assert_eq!(second.sample.pack.surface.density_kg_m3, 100.0);
+    assert_eq!(
+        second.sample.snowpack.below.len(),
+        base.snowpack.below.len() + 1
+    );
+    assert_eq!(second.sample.snowpack.surface.density_kg_m3, 100.0);
     assert_eq!(file.published[0].range, Some([0.8, 0.95]));
 
     let brdf = |text: &str| study::parse(&name, text).unwrap().draw;
@@ -395,26 +401,29 @@ facetness = { min = 0.2, max = 0.4, mean = 0.3, sd = 0.072 }
 ";
     let file = sample::parse("s.toml", short).unwrap();
     assert_eq!(file.illumination, Illumination::Diffuse);
-    assert_eq!(file.pack.surface.temperature_c, -1.0);
-    assert_eq!(file.pack.surface.water_saturation, 0.0);
-    assert_eq!(file.pack.surface.grains[0].grain.sphericity.mean(), 0.798);
+    assert_eq!(file.snowpack.surface.temperature_c, -1.0);
+    assert_eq!(file.snowpack.surface.water_saturation, 0.0);
+    assert_eq!(
+        file.snowpack.surface.grains[0].grain.sphericity.mean(),
+        0.798
+    );
     assert_eq!(file.thickness_m, 0.25);
     assert_eq!(file.wavelengths_nm, [842.25, 1037.76]);
-    assert_eq!(file.pack.surface.sizes_m()[1], 750.0 * 1e-6);
+    assert_eq!(file.snowpack.surface.sizes_m()[1], 750.0 * 1e-6);
 }
 
-/// A pack begins at its surface, a file at the base.
+/// A snowpack begins at its surface, a file at the base.
 #[test]
-fn packs_are_read_as_they_are_written() {
-    let file = sample::parse("s.toml", PACK).unwrap();
-    let pack = &file.pack;
+fn snowpacks_are_read_as_they_are_written() {
+    let file = sample::parse("s.toml", SNOWPACK).unwrap();
+    let snowpack = &file.snowpack;
     assert!((file.thickness_m - 0.17).abs() < 1e-15);
     assert_eq!(file.model.joining, Joining::Cascade);
     assert_eq!(file.model.impurity_mass, ImpurityMass::Conserved);
     assert_eq!(file.model.carbon_law, CarbonLaw::Power);
-    assert_eq!(pack.ground, Ground::Grey(0.2));
-    let [base] = &pack.below[..] else {
-        panic!("{pack:?}")
+    assert_eq!(snowpack.substrate, Substrate::Grey(0.2));
+    let [base] = &snowpack.below[..] else {
+        panic!("{snowpack:?}")
     };
     assert_eq!(
         (base.thickness_m, base.snow.density_kg_m3),
@@ -422,7 +431,7 @@ fn packs_are_read_as_they_are_written() {
     );
     assert_eq!(base.snow.black_carbon, Some(Carbon::black(6.0)));
     assert_eq!(base.snow.brown_carbon, None);
-    let surface = &pack.surface;
+    let surface = &snowpack.surface;
     // 300 kg/m3 of which 50 are water
     assert_eq!(surface.density_kg_m3, 250.0);
     assert!(
@@ -436,13 +445,13 @@ fn packs_are_read_as_they_are_written() {
         ..Carbon::brown(500.0)
     };
     assert_eq!(surface.brown_carbon, Some(brown));
-    assert_eq!(pack.exponents(), [1.0, 2.0]);
+    assert_eq!(snowpack.exponents(), [1.0, 2.0]);
 }
 
 #[test]
 fn water_may_be_given_in_other_ways() {
     let ice = ice_density_kg_m3(-1.0);
-    let dry = sample::parse("s.toml", SAMPLE).unwrap().pack.surface;
+    let dry = sample::parse("s.toml", SAMPLE).unwrap().snowpack.surface;
     let fraction = 0.05 * (1.0 - 275.0 / ice);
     let wet = 275.0 + 1000.0 * fraction;
     for (density, water) in [
@@ -462,7 +471,7 @@ fn water_may_be_given_in_other_ways() {
         let text = SAMPLE
             .replace("density_kg_m3 = 275", &density)
             .replace("water_saturation = 0.05", &water);
-        let snow = sample::parse("s.toml", &text).unwrap().pack.surface;
+        let snow = sample::parse("s.toml", &text).unwrap().snowpack.surface;
         assert!((snow.density_kg_m3 - dry.density_kg_m3).abs() < 1e-10);
         assert!((snow.water_saturation - dry.water_saturation).abs() < 1e-14);
     }
@@ -489,7 +498,7 @@ fn values_beyond_the_ordinary_are_remarked_on() {
         (
             "stop_nm = 700",
             "stop_nm = 705",
-            "s.toml:6: `wavelengths.stop_nm` = 705 is no whole number of steps from start_nm; the last wavelength is 700 nm",
+            "s.toml:6: `wavelengths.stop_nm` = 705 is not a whole number of steps from start_nm; the last wavelength is 700 nm",
         ),
     ] {
         let file = sample::parse("s.toml", &SAMPLE.replace(old, new)).unwrap();
@@ -515,7 +524,7 @@ fn paths_are_relative_to_the_config() {
         file.to_toml()
             .contains("reflectance = [0.375, 0.3875, 0.4, ")
     );
-    assert_eq!(file.pack.ground.reflectance(500.0), Some(0.5));
+    assert_eq!(file.snowpack.substrate.reflectance(500.0), Some(0.5));
     let [note] = &file.notes[..] else { panic!() };
     assert!(
         note.contains("soil.csv: a table, 2 columns by commas"),
@@ -538,7 +547,7 @@ fn law(low: f64) -> impl Strategy<Value = String> {
 fn light() -> impl Strategy<Value = String> {
     prop_oneof![
         Just("diffuse = true".to_owned()),
-        (0.0..90.0).prop_map(|angle| format!("polar_angle_deg = {angle}")),
+        (0.0..90.0).prop_map(|angle| format!("incidence_angle_deg = {angle}")),
     ]
 }
 
@@ -611,9 +620,9 @@ fn layer(name: &'static str, cm: std::ops::Range<u32>) -> impl Strategy<Value = 
     )
 }
 
-fn ground(name: &'static str) -> impl Strategy<Value = String> {
-    prop::option::of(0.0..=1.0_f64).prop_map(move |ground| {
-        ground.map_or(String::new(), |r| format!("[{name}]\nreflectance = {r}\n"))
+fn substrate(name: &'static str) -> impl Strategy<Value = String> {
+    prop::option::of(0.0..=1.0_f64).prop_map(move |substrate| {
+        substrate.map_or(String::new(), |r| format!("[{name}]\nreflectance = {r}\n"))
     })
 }
 
@@ -646,15 +655,16 @@ fn overpacked_sizes_and_smooth_grains_are_remarked() {
         let found = file.warnings.into_iter().filter(|w| w.contains(what));
         found.collect()
     };
-    let (packed, jumps) = ("times the ice", "reflectance jumps");
+    let (packed, jumps) = ("times the ice", "reflectance is discontinuous");
     assert!(told(SAMPLE, packed).is_empty() && told(SAMPLE, jumps).is_empty());
     let wide = SAMPLE.replace("min = 300, max = 750", "min = 50, max = 3000");
     let [warning] = &told(&wide, packed)[..] else {
         panic!("no warning");
     };
     assert!(
-        warning.contains("size_um` makes grains of 50 to 3000 um, of which the published size law meets 7.33 times the ice")
-            && warning.contains("size_law = \"consistent\""),
+        warning.contains(
+            "size_um` makes grains of 50 to 3000 um, for which rays cross 7.33 times the ice"
+        ) && warning.contains("size_law = \"consistent\""),
         "{warning}"
     );
     let consistent = wide.replace("[model]\n", "[model]\nsize_law = \"consistent\"\n");
@@ -699,10 +709,10 @@ fn grains_told_by_their_surface() {
         let text = SAMPLE.replace("size_um = { min = 300, max = 750 }", told);
         let file = sample::parse("s.toml", &text).unwrap();
         let again = sample::parse("s.toml", file.to_toml()).unwrap();
-        assert_eq!(again.pack, file.pack);
-        let [min, max] = file.pack.surface.sizes_m();
+        assert_eq!(again.snowpack, file.snowpack);
+        let [min, max] = file.snowpack.surface.sizes_m();
         assert_eq!(min, max);
-        let grain = file.pack.surface.grains[0].grain;
+        let grain = file.snowpack.surface.grains[0].grain;
         (
             min * 1e6,
             specific_surface_m2_kg(&grain, -1.0),
@@ -744,7 +754,7 @@ fn grains_told_by_their_surface() {
         let (measure, values) = (given.measure, given.by_size());
         for (i, value) in values.iter().enumerate() {
             let job = file.grid.job(&jobs, (i * 2 * 3) as u64).unwrap();
-            let surface = &job.pack.surface;
+            let surface = &job.snowpack.surface;
             let [min, max] = surface.sizes_m();
             let half_width = if width.is_empty() { 0.0 } else { 10e-6 };
             assert!((max - min - 2.0 * half_width).abs() < 1e-12);
@@ -789,11 +799,11 @@ fn depths_without_end() {
 fn the_size_law_reaches_every_grain() {
     let grains = |text: &str| {
         let file = sample::parse("s.toml", text).unwrap();
-        let all = file.pack.snows().flat_map(|snow| snow.grains.clone());
+        let all = file.snowpack.snows().flat_map(|snow| snow.grains.clone());
         all.map(|c| c.grain.size.law()).collect::<Vec<_>>()
     };
-    assert_eq!(grains(PACK), [SizeLaw::Varsa2025; 3]);
-    let consistent = PACK.replace("[model]\n", "[model]\nsize_law = \"consistent\"\n");
+    assert_eq!(grains(SNOWPACK), [SizeLaw::Varsa2025; 3]);
+    let consistent = SNOWPACK.replace("[model]\n", "[model]\nsize_law = \"consistent\"\n");
     assert_eq!(grains(&consistent), [SizeLaw::Consistent; 3]);
 
     let published = grid::parse("g.toml", GRID).unwrap().grid;
@@ -803,7 +813,7 @@ fn the_size_law_reaches_every_grain() {
     );
     let consistent = grid::parse("g.toml", &text).unwrap().grid;
     let job = consistent.job(&consistent.jobs().unwrap(), 0).unwrap();
-    for snow in job.pack.snows() {
+    for snow in job.snowpack.snows() {
         assert_eq!(snow.grains[0].grain.size.law(), SizeLaw::Consistent);
     }
     assert!(!published.to_config().contains("size_law"));
@@ -821,14 +831,14 @@ proptest! {
     fn samples_survive_being_written(
         (light, wavelengths) in (light(), wavelengths()),
         layers in prop::collection::vec(layer("layer", 300..100_000), 1..4),
-        (ground, choices) in (ground("substrate"), choices()),
+        (substrate, choices) in (substrate("substrate"), choices()),
         joining in prop_oneof![Just("continuous"), Just("cascade")],
         entry in prop_oneof![Just("uniform"), Just("projected")],
         ice in prop_oneof![Just("warren_brandt_2008"), Just("picard_2016")],
     ) {
         let layers = layers.concat();
         let text = format!("version = 1\n[illumination]\n{light}\n[wavelengths]\n{wavelengths}\n\
-            {layers}{ground}[model]\nentry = \"{entry}\"\nice = \"{ice}\"\nlayers = \"{joining}\"\n{choices}");
+            {layers}{substrate}[model]\nentry = \"{entry}\"\nice = \"{ice}\"\nlayers = \"{joining}\"\n{choices}");
         let first = sample::parse("s.toml", &text).map_err(|e| TestCaseError::fail(e.to_string()))?;
         let again = sample::parse("s.toml", first.to_toml()).map_err(|e| TestCaseError::fail(e.to_string()))?;
         prop_assert_eq!(again.to_toml(), first.to_toml());
@@ -847,16 +857,16 @@ proptest! {
         engine in prop_oneof![Just("spectral"), Just("reference")],
         rmse in prop::option::of(1e-9..=1.0),
         below in prop::collection::vec(layer("fixed.below", 1..140), 0..3),
-        (ground, black, choices) in (ground("fixed.substrate"), carbon(), choices()),
+        (substrate, black, choices) in (substrate("fixed.substrate"), carbon(), choices()),
     ) {
         let below = below.concat();
         let rmse = rmse.map_or(String::new(), |rmse| format!("max_rmse = {rmse}\n"));
         let text = format!("version = 1\n[axes]\nfacetness = {facetness}\ngrain_size_um = {sizes}\n\
-            density_kg_m3 = {densities}\nthickness_cm = {thicknesses}\nangle_deg = {angles}\n\
+            density_kg_m3 = {densities}\nthickness_cm = {thicknesses}\nincidence_angle_deg = {angles}\n\
             [spread]\nfacetness_half_width = {half_width}\nfacetness_sd = {sd}\n\
             grain_size_half_width_um = {size_half_width}\n[wavelengths]\n{wavelengths}\n[fixed]\n\
             temperature_c = {temperature}\nwater_saturation = {saturation}\nsphericity = {sphericity}\n\
-            {below}{ground}[fixed.black_carbon]\n{black}[model]\n{choices}\
+            {below}{substrate}[fixed.black_carbon]\n{black}[model]\n{choices}\
             [run]\nengine = \"{engine}\"\nseed = {seed}\nrays = {rays}\n[compression]\n{rmse}");
         let first = grid::parse("g.toml", &text).map_err(|e| TestCaseError::fail(e.to_string()))?;
         let written = first.grid.to_config();
@@ -871,7 +881,7 @@ proptest! {
     #[test]
     fn shuffled_files_never_panic(
         cuts in prop::collection::vec((any::<prop::sample::Index>(), any::<prop::sample::Index>()), 1..12),
-        good in prop::sample::select(vec![GRID, SAMPLE, PACK, SCENE]),
+        good in prop::sample::select(vec![GRID, SAMPLE, SNOWPACK, SCENE]),
     ) {
         const PIECES: [&str; 16] = ["nan", "-inf", "1e999", "-0.0", "[", "]", "{", "}", "=", "\"", "\n",
             "[[layer]]\n", "[axes]\n", "0x7fffffffffffffffffff", "a.b.c = 1\n", "\u{feff}"];
@@ -885,4 +895,40 @@ proptest! {
         let _ = (sample::parse("s.toml", &text), grid::parse("g.toml", &text));
         let _ = scene::parse("s.toml", &text);
     }
+}
+
+#[test]
+fn former_names_of_keys_and_engines_are_read() {
+    let former = |text: &str| {
+        let old = text.replace("incidence_angle_deg", "polar_angle_deg");
+        assert_ne!(old, text);
+        old
+    };
+    let [new, old] = [SAMPLE.to_owned(), former(SAMPLE)].map(|t| sample::parse("s.toml", &t));
+    assert_eq!(new.unwrap(), old.unwrap());
+
+    let hybrid = GRID.replace("\"spectral\"", "\"hybrid\"");
+    let new = grid::parse("g.toml", &hybrid).unwrap().grid;
+    assert_eq!(new.run.engine, Engine::Hybrid);
+    let old = hybrid
+        .replace("incidence_angle_deg", "angle_deg")
+        .replace("\"hybrid\"", "\"doubling\"");
+    assert_eq!(grid::parse("g.toml", &old).unwrap().grid, new);
+
+    let scene = include_str!("../configs/scenes/igloo.toml");
+    let old = scene.replace("incidence_angle_deg", "angle_deg");
+    assert_ne!(old, scene);
+    let [new, old] = [scene, &old].map(|text| scene::parse("x.toml", text).unwrap().scene);
+    assert_eq!(new, old);
+
+    // by both names
+    let both = GRID.replace(
+        "incidence_angle_deg =",
+        "angle_deg = [0]\nincidence_angle_deg =",
+    );
+    let refused = grid::parse("g.toml", &both).unwrap_err().to_string();
+    assert!(
+        refused.contains("`axes.angle_deg` is not a known key"),
+        "{refused}"
+    );
 }

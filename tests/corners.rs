@@ -18,18 +18,18 @@ facetness = [0.3]
 grain_size_um = [140, 559, 1396, 2793]
 density_kg_m3 = [100, 200, 300, 400]
 thickness_cm = [2, 5, 10, 100]
-angle_deg = [0, 30, 60, 75]
+incidence_angle_deg = [0, 30, 60, 75]
 [spread]
 grain_size_half_width_um = 10
 [wavelengths]
 values_nm = [400, 500, 600, 700, 1000, 1600, 2200]
 [run]
-engine = \"doubling\"
+engine = \"hybrid\"
 rays = 2000
 [compression]
 max_delta_e = 5
 ";
-const SNOW: &str = "--facetness 0.3 --density-kg-m3 250 --angle-deg 20";
+const SNOW: &str = "--facetness 0.3 --density-kg-m3 250 --incidence-angle-deg 20";
 
 struct Folder(tempfile::TempDir);
 
@@ -67,7 +67,7 @@ impl Folder {
 #[test]
 fn the_satellite_grid_is_accepted_and_its_corner_counted() {
     let text = include_str!("data/crtm323_converted.toml");
-    let text = format!("{text}[run]\nengine = \"doubling\"\nrays = 10000\n");
+    let text = format!("{text}[run]\nengine = \"hybrid\"\nrays = 10000\n");
     let file = config::grid::parse("crtm323.toml", &text).unwrap();
     let absent = file.grid.absent().unwrap();
     assert_eq!(absent, [0, 0, 0, 0, 0, 1]);
@@ -103,10 +103,9 @@ fn the_spread_is_narrowed_for_the_smallest_sizes() {
     let text = include_str!("data/crtm323_naive.toml");
     let file = config::grid::parse("crtm323.toml", text).unwrap();
     assert_eq!(file.grid.spread.grain_size_half_width_um, 20.0);
-    let told = file
-        .warnings
-        .iter()
-        .any(|w| w.contains("spread.grain_size_half_width_um is 20 here"));
+    let told = file.warnings.iter().any(|w| {
+        w.contains("spread.grain_size_half_width_um is lowered from its default 50 to 20")
+    });
     assert!(told, "{:?}", file.warnings);
     assert_eq!(file.grid.absent().unwrap(), [0, 0, 0, 0, 0, 0, 1]);
     // what is asked for is not changed
@@ -187,7 +186,8 @@ fn corners_are_nan_and_all_else_is_computed() {
     ] {
         folder.succeeds(&ask(size, cm));
     }
-    let published = "--facetness 0.3 --density-kg-m3 200 --angle-deg 0 --method varsa2025";
+    let published =
+        "--facetness 0.3 --density-kg-m3 200 --incidence-angle-deg 0 --method varsa2025";
     let error = folder.fails(&format!(
         "query out/g {published} --grain-size-um 2793 --thickness-cm 10"
     ));
@@ -247,22 +247,22 @@ facetness = [0.3]
 grain_size_um = [300, 1200]
 density_kg_m3 = [250]
 thickness_cm = [1, 3, 9]
-angle_deg = [0, 60]
+incidence_angle_deg = [0, 60]
 diffuse = true
 [wavelengths]
 values_nm = [500, 600, 1030]
 [run]
-engine = \"doubling\"
+engine = \"hybrid\"
 rays = 4000
 [compression]
 max_delta_e = 5
 ";
-    let refused = text.replace("doubling", "spectral");
+    let refused = text.replace("hybrid", "spectral");
     let error = config::grid::parse("g.toml", &refused)
         .unwrap_err()
         .to_string();
     assert!(
-        error.contains("`axes.diffuse`") && error.contains("doubling"),
+        error.contains("`axes.diffuse`") && error.contains("hybrid"),
         "{error}"
     );
 
@@ -304,7 +304,7 @@ facetness = { min = 0.2, max = 0.4, mean = 0.3, sd = 0.072 }
 sphericity = { min = 0.6, max = 0.95, mean = 0.798, sd = 0.064 }
 ";
     fs::write(folder.0.path().join("s.toml"), sample).unwrap();
-    let measured = folder.succeeds("measure s.toml --engine doubling --rays 4000 --seed 99");
+    let measured = folder.succeeds("measure s.toml --engine hybrid --rays 4000 --seed 99");
     let rows = measured
         .lines()
         .filter(|line| line.starts_with(|c: char| c.is_ascii_digit()));

@@ -25,7 +25,7 @@ facetness = [0.1, 0.5, 0.9]
 grain_size_um = [300, 500]
 density_kg_m3 = [100, 200]
 thickness_cm = [1, 1.1, 1.2, 1.3, 1.4, 1.5, 1.6, 1.7, 1.8, 1.9, 2, 2.1]
-angle_deg = [0, 20, 40, 60]
+incidence_angle_deg = [0, 20, 40, 60]
 [wavelengths]
 start_nm = 400
 stop_nm = 700

@@ -14,7 +14,9 @@ use splitsnow::engine::{Cache, Control, Engine, MaxError, Request, Resolution};
 use splitsnow::grain::{GrainType, Shape, SizeRange, TruncatedNormal, mean_free_distance_m};
 use splitsnow::measurement::{Measured, Spectrum};
 use splitsnow::optics::Carbon;
-use splitsnow::transport::{Component, Entry, Ground, Illumination, Layer, Model, Pack, Snow};
+use splitsnow::transport::{
+    Component, Entry, Illumination, Layer, Model, Snow, Snowpack, Substrate,
+};
 
 const Z: f64 = 5.5;
 
@@ -48,7 +50,7 @@ fn angle(degrees: f64) -> Illumination {
 #[derive(Clone)]
 struct Case {
     what: &'static str,
-    pack: Pack,
+    snowpack: Snowpack,
     illumination: Illumination,
     thickness_m: f64,
     entry: Entry,
@@ -56,7 +58,7 @@ struct Case {
 
 /// Wet, sooty surface on a layer thinner than its grains on a dry base with
 /// soot in the pores.
-fn layered(ground: f64) -> Pack {
+fn layered(substrate: f64) -> Snowpack {
     let layer = |snow, thickness_m| Layer { snow, thickness_m };
     let surface = Snow {
         black_carbon: Some(Carbon {
@@ -73,10 +75,10 @@ fn layered(ground: f64) -> Pack {
         ..snow([500.0, 1000.0], F, PSI, 350.0, 0.0)
     };
     let middle = snow([1000.0, 2500.0], [0.0; 4], [1.0; 4], 400.0, 0.3);
-    Pack {
+    Snowpack {
         surface,
         below: vec![layer(middle, 6e-4), layer(base, 5e-3)],
-        ground: Ground::Grey(ground),
+        substrate: Substrate::Grey(substrate),
     }
 }
 
@@ -111,7 +113,7 @@ fn mixture() -> Snow {
 fn cases() -> Vec<Case> {
     let case = |what, snow: &Snow, illumination, thickness_m| Case {
         what,
-        pack: snow.clone().into(),
+        snowpack: snow.clone().into(),
         illumination,
         thickness_m,
         entry: Entry::Uniform,
@@ -128,8 +130,8 @@ fn cases() -> Vec<Case> {
         }),
         ..representative.clone()
     };
-    let over = |snow: &Snow, ground| Pack {
-        ground: Ground::Grey(ground),
+    let over = |snow: &Snow, substrate| Snowpack {
+        substrate: Substrate::Grey(substrate),
         ..snow.clone().into()
     };
     vec![
@@ -196,22 +198,37 @@ fn cases() -> Vec<Case> {
         case("mixture", &mixture(), angle(40.0), 0.01),
         case("sooty", &sooty, angle(0.0), 0.01),
         Case {
-            pack: over(representative, 0.5),
-            ..case("grey ground", representative, Illumination::Diffuse, 0.01)
+            snowpack: over(representative, 0.5),
+            ..case(
+                "grey substrate",
+                representative,
+                Illumination::Diffuse,
+                0.01,
+            )
         },
         Case {
-            pack: layered(0.0),
+            snowpack: layered(0.0),
             ..case("layers", representative, angle(20.0), 0.01)
         },
         Case {
-            pack: layered(0.5),
+            snowpack: layered(0.5),
             entry: Entry::Projected,
-            ..case("layers on grey ground", representative, angle(60.0), 0.01)
+            ..case(
+                "layers on grey substrate",
+                representative,
+                angle(60.0),
+                0.01,
+            )
         },
         Case {
-            pack: over(&mixture(), 0.9),
+            snowpack: over(&mixture(), 0.9),
             entry: Entry::Projected,
-            ..case("mixture on bright ground", representative, angle(0.0), 0.01)
+            ..case(
+                "mixture on bright substrate",
+                representative,
+                angle(0.0),
+                0.01,
+            )
         },
     ]
 }
@@ -242,7 +259,7 @@ fn run_all(
         ..Model::default()
     };
     let request = Request {
-        pack: &case.pack,
+        snowpack: &case.snowpack,
         thicknesses_m,
         illuminations: &[case.illumination],
         resolution: Resolution::of_rays(rays),
@@ -338,7 +355,7 @@ fn reference_against_plain(rays: u64, reference_rays: u64) {
             let index = |i: splitsnow::optics::Index| Complex::new(i.n, i.k);
             let plain = Naive {
                 layers: case
-                    .pack
+                    .snowpack
                     .layers(case.thickness_m)
                     .iter()
                     .map(|l| plain(l, nm))
@@ -351,7 +368,7 @@ fn reference_against_plain(rays: u64, reference_rays: u64) {
                     Illumination::Diffuse => None,
                 },
                 projected: case.entry == Entry::Projected,
-                ground: case.pack.ground.reflectance(nm).unwrap(),
+                substrate: case.snowpack.substrate.reflectance(nm).unwrap(),
             };
             let [reflected, transmitted, lost] = plain.run(rays, i as u64);
             let measured = |count: u64| {
@@ -436,7 +453,8 @@ fn shared_against_alone(rays: u64) {
             agree(&format!("{} {thickness_m} m", case.what), shared, &alone);
         }
         // one set of walks: without errors of their own, T falls and R rises
-        let homogeneous = case.pack.below.is_empty() && case.pack.ground == Ground::Black;
+        let homogeneous =
+            case.snowpack.below.is_empty() && case.snowpack.substrate == Substrate::Black;
         for pair in shared.windows(2).filter(|_| homogeneous) {
             assert!(pair[0].transmittance[0].value > pair[1].transmittance[0].value);
             assert!(pair[0].reflectance[0].value < pair[1].reflectance[0].value);
@@ -450,7 +468,7 @@ fn shared_against_alone(rays: u64) {
 fn ending_hopeless_walks_is_unbiased() {
     let case = Case {
         what: "dark",
-        pack: snow([1000.0, 2000.0], F, PSI, 300.0, 0.0).into(),
+        snowpack: snow([1000.0, 2000.0], F, PSI, 300.0, 0.0).into(),
         illumination: angle(0.0),
         thickness_m: 0.04,
         entry: Entry::Uniform,
@@ -469,7 +487,7 @@ fn ending_hopeless_walks_is_unbiased() {
 fn index_nodes_cost_less_than_their_noise() {
     let case = Case {
         what: "coarse",
-        pack: snow([1000.0, 2000.0], F, PSI, 275.0, 0.0).into(),
+        snowpack: snow([1000.0, 2000.0], F, PSI, 275.0, 0.0).into(),
         illumination: angle(0.0),
         thickness_m: 0.02,
         entry: Entry::Uniform,

@@ -1,4 +1,4 @@
-//! Standard errors that `doubling` states, against the scatter of its seeds.
+//! Standard errors that `hybrid` states, against the scatter of its seeds.
 #![allow(clippy::unwrap_used)]
 
 use std::ops::Range;
@@ -19,7 +19,7 @@ struct Cost {
 /// Spectra of one sample by seed.
 fn spectra(snow: &Snow, light: Illumination, nm: &[f64], cost: &Cost) -> Vec<Spectrum> {
     let (cancel, rays_done) = (AtomicBool::new(false), AtomicU64::new(0));
-    let pack = snow.clone().into();
+    let snowpack = snow.clone().into();
     let run = |seed| {
         let cache = Cache::default();
         let control = Control {
@@ -29,7 +29,7 @@ fn spectra(snow: &Snow, light: Illumination, nm: &[f64], cost: &Cost) -> Vec<Spe
             cache: &cache,
         };
         let request = Request {
-            pack: &pack,
+            snowpack: &snowpack,
             thicknesses_m: &[0.03],
             illuminations: &[light],
             wavelengths_nm: nm,
@@ -40,7 +40,7 @@ fn spectra(snow: &Snow, light: Illumination, nm: &[f64], cost: &Cost) -> Vec<Spe
             seed,
             cell: 0,
         };
-        let spectra = Engine::Doubling.run_unchecked(&request, &control);
+        let spectra = Engine::Hybrid.run_unchecked(&request, &control);
         spectra.unwrap().remove(0)
     };
     cost.seeds.clone().map(run).collect()

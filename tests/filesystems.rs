@@ -22,7 +22,7 @@ facetness = [0.1, 0.5]
 grain_size_um = [300]
 density_kg_m3 = [100, 200]
 thickness_cm = [1, 2]
-angle_deg = [0, 40]
+incidence_angle_deg = [0, 40]
 [wavelengths]
 start_nm = 400
 stop_nm = 700
@@ -173,7 +173,7 @@ fn what_cannot_be_known_of_another_host_is_explained() {
     let owner = "{\"host\": \"node17\", \"process\": 4242, \"namespace\": null, \"started\": 7}";
     for (name, content, who) in [
         (HELD, owner, "process 4242 on host \"node17\""),
-        (HELD, "", "a process unknown"),
+        (HELD, "", "an unknown process"),
         // waited for, then explained
         (".splitsnow-gate", owner, "process 4242 on host \"node17\""),
     ] {
@@ -209,9 +209,9 @@ fn a_directory_that_cannot_be_synced_is_a_warning() {
     // EIO: the disk is broken, and the file is there
     let folder = Folder::lacking("NO_DIRECTORY_SYNC", "5");
     let text = folder.is_refused(&["build", "g.toml"]);
-    let head = "error: cannot write out/g/snow.safetensors: the new file is in place, but ";
+    let head = "error: cannot write out/g/snow.safetensors: the new file is written, but ";
     assert!(
-        text.starts_with(head) && !text.contains("untouched"),
+        text.starts_with(head) && !text.contains("old file is unchanged"),
         "{text}"
     );
     assert_same(expected(), &folder.bytes());
@@ -309,7 +309,7 @@ fn links_to_nothing_are_explained() {
     let nothing = |name: &str| {
         let text = folder.is_refused(&["build", "g.toml"]);
         let head =
-            format!("error: {name} is a symbolic link to /nowhere/at/all, which is not there;");
+            format!("error: {name} is a symbolic link to /nowhere/at/all, which does not exist;");
         assert!(text.starts_with(&head), "{text}");
     };
     nothing("out");

@@ -52,7 +52,7 @@ fn on_grid(run: &Run, grid: &Grid) -> bool {
             .thicknesses_cm
             .iter()
             .all(|cm| axes.values(Parameter::Thickness).contains(cm))
-        && one.job(&one.jobs().unwrap(), 0).unwrap().pack.surface == run.snow.snow()
+        && one.job(&one.jobs().unwrap(), 0).unwrap().snowpack.surface == run.snow.snow()
 }
 
 #[test]
@@ -200,7 +200,7 @@ fn the_page_says_how_exact_the_data_is() {
 
 fn run(engine: Engine, case: &Case, wavelengths_nm: &[f64], rays: u64, seed: u64) -> Spectrum {
     let request = Request {
-        pack: &case.snow.clone().into(),
+        snowpack: &case.snow.clone().into(),
         thicknesses_m: &[case.thickness_m],
         illuminations: &[case.illumination],
         resolution: Resolution::default(),
@@ -295,19 +295,19 @@ fn comparing_greys_is_comparing_lightness() {
     assert!((error.value - lightness).abs() < 1e-9, "{error:?}");
 }
 
-/// Every case by `doubling` with as many walks as `configs/thesis.toml` asks for:
+/// Every case by `hybrid` with as many walks as `configs/thesis.toml` asks for:
 /// all thicknesses and angles of a snow at once, as in a database.
 #[test]
 #[ignore = "long: every snow of the golden data, some 120 CPU-s"]
-fn doubling_agrees() {
-    let (count, worst) = doubling_errors(1);
+fn hybrid_agrees() {
+    let (count, worst) = hybrid_errors(1);
     assert_eq!(count, CASES.len());
     let page = "docs/performance.md";
     for (name, worst) in [
-        "doubling golden T",
-        "doubling golden R visible",
-        "doubling golden R infrared",
-        "doubling golden Delta-E",
+        "hybrid golden T",
+        "hybrid golden R visible",
+        "hybrid golden R infrared",
+        "hybrid golden Delta-E",
     ]
     .into_iter()
     .zip(worst)
@@ -318,13 +318,13 @@ fn doubling_agrees() {
 
 /// The same of every ninth snow.
 #[test]
-fn doubling_agrees_here_and_there() {
-    assert!(doubling_errors(9).0 >= 6);
+fn hybrid_agrees_here_and_there() {
+    assert!(hybrid_errors(9).0 >= 6);
 }
 
 /// Compares the cases of every `step`-th snow and says how many there are, and the largest
 /// differences of T and R, 400-700 nm, of R, 800-1400 nm, and Delta-E.
-fn doubling_errors(step: usize) -> (usize, [f64; 4]) {
+fn hybrid_errors(step: usize) -> (usize, [f64; 4]) {
     let mut snows: Vec<Vec<&Case>> = Vec::new();
     for case in &*CASES {
         match snows.iter_mut().find(|cases| cases[0].snow == case.snow) {
@@ -352,7 +352,7 @@ fn doubling_errors(step: usize) -> (usize, [f64; 4]) {
             }
         }
         let request = Request {
-            pack: &cases[0].snow.clone().into(),
+            snowpack: &cases[0].snow.clone().into(),
             thicknesses_m: &thicknesses_m,
             illuminations: &illuminations,
             wavelengths_nm: &wavelengths,
@@ -363,7 +363,7 @@ fn doubling_errors(step: usize) -> (usize, [f64; 4]) {
             seed: 3,
             cell: 0,
         };
-        let spectra = Engine::Doubling.run(&request, &control).unwrap();
+        let spectra = Engine::Hybrid.run(&request, &control).unwrap();
         for case in cases {
             let h = thicknesses_m
                 .iter()
@@ -439,7 +439,7 @@ fn tabulated_comparisons(step: usize) -> (usize, f64) {
         // the two ends of the visible, and a near infrared wavelength
         let at = [0, 30, 33];
         let request = Request {
-            pack: &case.snow.clone().into(),
+            snowpack: &case.snow.clone().into(),
             thicknesses_m: &[case.thickness_m],
             illuminations: &[case.illumination],
             wavelengths_nm: &at.map(|l| case.wavelengths_nm[l]),

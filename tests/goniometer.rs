@@ -17,14 +17,14 @@ use splitsnow::math::Vec3;
 use splitsnow::measurement::{Measured, Radii, Sensors};
 use splitsnow::optics::Carbon;
 use splitsnow::transport::{
-    Component, Entry, Ground, Illumination, Joining, Layer, Model, Pack, Snow,
+    Component, Entry, Illumination, Joining, Layer, Model, Snow, Snowpack, Substrate,
 };
 
 /// Chance that any one test fails though all is right.
 const ALPHA: f64 = 1e-4;
 
 struct Setup {
-    pack: Pack,
+    snowpack: Snowpack,
     thickness_m: f64,
     light: Illumination,
     wavelengths_nm: Vec<f64>,
@@ -36,7 +36,7 @@ struct Setup {
 impl Setup {
     fn new(snow: Snow, thickness_m: f64, light: Illumination, nm: &[f64], rays: u64) -> Self {
         Self {
-            pack: snow.into(),
+            snowpack: snow.into(),
             thickness_m,
             light,
             wavelengths_nm: nm.to_vec(),
@@ -61,7 +61,7 @@ impl Setup {
 
     fn with<T>(&self, run: impl FnOnce(&Request, &Control) -> T) -> T {
         let request = Request {
-            pack: &self.pack,
+            snowpack: &self.snowpack,
             thicknesses_m: &[self.thickness_m],
             illuminations: &[self.light],
             wavelengths_nm: &self.wavelengths_nm,
@@ -163,7 +163,7 @@ fn sensors_are_met_alike() {
     );
 }
 
-/// The representative snow as the base of a pack with all that snow may hold.
+/// The representative snow as the base of a snowpack with all that snow may hold.
 fn everything(joining: Joining) -> Setup {
     let mut base = snow((200.0, 500.0), 0.3, 300.0, 0.1);
     base.black_carbon = Some(Carbon {
@@ -177,9 +177,9 @@ fn everything(joining: Joining) -> Setup {
         .to_vec();
     let layer = |snow, thickness_m| Layer { snow, thickness_m };
     let layers = [layer(top, 0.004), layer(base, 0.006)];
-    let (pack, thickness_m) = Pack::of(&layers, Ground::Grey(0.6)).unwrap();
+    let (snowpack, thickness_m) = Snowpack::of(&layers, Substrate::Grey(0.6)).unwrap();
     Setup {
-        pack,
+        snowpack,
         thickness_m,
         light: beam(50.0),
         wavelengths_nm: vec![500.0, 900.0, 1300.0],
@@ -192,7 +192,7 @@ fn everything(joining: Joining) -> Setup {
     }
 }
 
-/// BRDF and BTDF of packs of everything by all three engines: they agree with one
+/// BRDF and BTDF of snowpacks of everything by all three engines: they agree with one
 /// another on every sensor, and their sums with the spectrophotometer.
 #[test]
 fn engines_agree_and_sum_to_reflectance_and_transmittance() {
@@ -263,14 +263,14 @@ fn engines_agree_and_sum(sensors: usize, rays: u64, cases: &[(Joining, &[f64])])
     }
 }
 
-/// Hardly any snow on a ground of 0.5: a Lambertian reflector of BRDF 0.5 / pi
+/// Hardly any snow on a substrate of 0.5: a Lambertian reflector of BRDF 0.5 / pi
 /// under a slab that only a few rays meet.
 #[test]
-fn bare_ground_is_lambertian() {
+fn bare_substrate_is_lambertian() {
     let sensors = Sensors::new(30);
     let grain = snow((100.0, 110.0), 0.3, 1e-4, 0.0);
     let mut setup = Setup::new(grain, 0.002, beam(40.0), &[600.0], 200_000);
-    setup.pack.ground = Ground::Grey(0.5);
+    setup.snowpack.substrate = Substrate::Grey(0.5);
     for engine in [Engine::Spectral, Engine::Tabulated] {
         let exits = setup.measure(engine, &sensors).remove(0);
         let lambert = Measured {
@@ -381,9 +381,9 @@ fn errors_are_the_scatter(engines: &[Engine], sensors: usize, rays: u64) {
     }
 }
 
-/// What is scored at events adds up to R and T of `doubling`, to rounding, with its
+/// What is scored at events adds up to R and T of `hybrid`, to rounding, with its
 /// errors; and over seeds, within these, to what counted walks come to. Scored sums
-/// themselves scatter some five times as much. Where `doubling` does not hold they
+/// themselves scatter some five times as much. Where `hybrid` does not hold they
 /// are left.
 #[test]
 fn scored_sensors_add_up_to_reflectance() {
@@ -413,15 +413,15 @@ fn scored_sensors_add_up_to_reflectance() {
     }
     for (l, [r, t]) in means.into_iter().enumerate() {
         for (ours, theirs) in [(r, counted.reflectance[l]), (t, counted.transmittance[l])] {
-            // 28 degrees of freedom; of its own `doubling` is off by up to .002 where
+            // 28 degrees of freedom; of its own `hybrid` is off by up to .002 where
             // `auto` takes it (docs/stability.md), `tabulated` by .0003
             let apart = (ours.value - theirs.value).abs();
             let noise = 1.2 * z_limit(ALPHA, 4) * ours.se.hypot(theirs.se);
             assert!(apart < noise + 0.0023, "{ours:?} {theirs:?}");
         }
     }
-    // of crowded grains `doubling` knows no better
-    setup.pack = snow((50.0, 3000.0), 0.3, 300.0, 0.0).into();
+    // of crowded grains `hybrid` knows no better
+    setup.snowpack = snow((50.0, 3000.0), 0.3, 300.0, 0.0).into();
     setup.rays = 100;
     assert!(!setup.measure(Engine::Auto, &sensors)[0].normalised);
 }
@@ -430,7 +430,7 @@ fn scored_sensors_add_up_to_reflectance() {
 fn threads_leave_no_trace() {
     let sensors = Sensors::new(50);
     let mut setup = Setup::new(dry(), 0.01, beam(50.0), &[900.0], 100);
-    setup.pack.ground = Ground::Grey(0.6);
+    setup.snowpack.substrate = Substrate::Grey(0.6);
     for engine in [Engine::Spectral, Engine::Tabulated, Engine::Reference] {
         let run = |threads| {
             let pool = rayon::ThreadPoolBuilder::new().num_threads(threads);
@@ -451,9 +451,9 @@ fn engines_without_azimuths_or_distances_say_so() {
     };
     setup.with(|request, control| {
         let (sensors, radii) = (Sensors::new(10), Radii::new(5, 1e-3, 1.0));
-        let result = goniometer(Engine::Doubling, request, &sensors, control);
+        let result = goniometer(Engine::Hybrid, request, &sensors, control);
         unable(result, Engine::Tabulated);
-        for engine in [Engine::Doubling, Engine::Tabulated] {
+        for engine in [Engine::Hybrid, Engine::Tabulated] {
             unable(
                 radial_profile(engine, request, &radii, control),
                 Engine::Spectral,
@@ -502,7 +502,7 @@ fn the_command_line_prints_sensors_and_profiles() {
     const SAMPLE: &str = "\
 version = 1
 [illumination]
-polar_angle_deg = 60
+incidence_angle_deg = 60
 [wavelengths]
 values_nm = [600, 1300]
 [[layer]]
@@ -561,7 +561,7 @@ facetness = { min = 0.2, max = 0.4, mean = 0.3, sd = 0.072 }
         lines.skip(1).map(row).collect()
     };
     let in_comments = sums(&csv);
-    assert!(csv.contains("# sums: those of doubling"));
+    assert!(csv.contains("# sums: those of hybrid"));
     // JSON has the same numbers and their sums
     let json = text(&[&sensors[..], &["--json"]].concat());
     let json: serde_json::Value = serde_json::from_str(&json).unwrap();
@@ -582,7 +582,7 @@ facetness = { min = 0.2, max = 0.4, mean = 0.3, sd = 0.072 }
         assert_eq!(*row, names.map(|name| list(&json[name])[l]));
     }
     assert_eq!(in_comments.len(), 2);
-    assert_eq!(json["sums_of"], "doubling");
+    assert_eq!(json["sums_of"], "hybrid");
     assert_eq!(sums(&text(&["--radial-profile", "5"])).len(), 2);
 
     let header =
@@ -597,7 +597,7 @@ facetness = { min = 0.2, max = 0.4, mean = 0.3, sd = 0.072 }
         let area = PI * (angle(row, 3).powi(2) - angle(row, 2).powi(2));
         assert!((angle(row, 4) * area - angle(row, 6)).abs() < 1e-9);
     }
-    let refused = output(&["--goniometer", "--engine", "doubling"]);
+    let refused = output(&["--goniometer", "--engine", "hybrid"]);
     let message = String::from_utf8_lossy(&refused.stderr).into_owned();
     assert!(!refused.status.success() && message.contains("use the engine `tabulated`"));
 }

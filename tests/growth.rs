@@ -13,14 +13,14 @@ use crate::common::{assert_same, dir_bytes, grid, share};
 use assert_cmd::cargo::cargo_bin;
 use rand::{RngExt, SeedableRng};
 use rand_xoshiro::Xoshiro256PlusPlus;
-use splitsnow::batch::{self, BatchError, Options, Source, Summary};
+use splitsnow::batch::{self, BatchError, Options, ReuseSource, Summary};
 use splitsnow::engine::{Cache, Control, Engine, EngineError, MaxError, Request, Resolution};
 use splitsnow::grid::Grid;
 use splitsnow::measurement::{Measured, Spectrum};
 use splitsnow::optics::Carbon;
 use splitsnow::parameter::Parameter;
 use splitsnow::store::{Access, Store};
-use splitsnow::transport::{Ground, Illumination, Joining, Layer, Model, Pack};
+use splitsnow::transport::{Illumination, Joining, Layer, Model, Snowpack, Substrate};
 
 fn inputs() -> BTreeMap<String, String> {
     BTreeMap::from([("data.ice".to_string(), "0123".to_string())])
@@ -29,7 +29,7 @@ fn inputs() -> BTreeMap<String, String> {
 /// Thicknesses and angles of a snow, and what it was asked for in all.
 struct Asked {
     engine: Engine,
-    pack: Pack,
+    snowpack: Snowpack,
     model: Model,
     nm: Vec<f64>,
     max_error: MaxError,
@@ -42,7 +42,7 @@ impl Asked {
         };
         let illuminations: Vec<_> = angles_deg.iter().map(light).collect();
         let request = Request {
-            pack: &self.pack,
+            snowpack: &self.snowpack,
             thicknesses_m,
             illuminations: &illuminations,
             wavelengths_nm: &self.nm,
@@ -98,11 +98,11 @@ impl Asked {
     }
 }
 
-/// Dry snow on black ground; wet and sooty snow on ice-like snow on grey ground.
-fn packs() -> [(Pack, Model); 3] {
-    let grid = grid(Engine::Doubling);
+/// Dry snow on black substrate; wet and sooty snow on ice-like snow on grey substrate.
+fn snowpacks() -> [(Snowpack, Model); 3] {
+    let grid = grid(Engine::Hybrid);
     let job = grid.job(&grid.jobs().unwrap(), 0).unwrap();
-    let plain = job.pack;
+    let plain = job.snowpack;
     let mut surface = plain.surface.clone();
     surface.water_saturation = 0.05;
     surface.black_carbon = Some(Carbon::black(50.0));
@@ -112,11 +112,11 @@ fn packs() -> [(Pack, Model); 3] {
         snow,
         thickness_m: 0.004,
     }];
-    let ground = Ground::Grey(0.3);
-    let layered = Pack {
+    let substrate = Substrate::Grey(0.3);
+    let layered = Snowpack {
         surface,
         below,
-        ground,
+        substrate,
     };
     let cascade = Model {
         joining: Joining::Cascade,
@@ -133,11 +133,11 @@ fn packs() -> [(Pack, Model); 3] {
 const THICKNESSES_M: [f64; 4] = [0.006, 0.008, 0.03, 0.1];
 
 #[test]
-fn nodes_of_doubling_depend_on_nothing_else() {
-    for (pack, model) in packs() {
+fn nodes_of_hybrid_depend_on_nothing_else() {
+    for (snowpack, model) in snowpacks() {
         let asked = Asked {
-            engine: Engine::Doubling,
-            pack,
+            engine: Engine::Hybrid,
+            snowpack,
             model,
             nm: vec![500.0, 900.0],
             max_error: MaxError::default(),
@@ -146,13 +146,13 @@ fn nodes_of_doubling_depend_on_nothing_else() {
     }
 }
 
-/// Between doubling and, at grazing incidence, walks all the way.
+/// Between hybrid and, at grazing incidence, walks all the way.
 #[test]
 fn nodes_of_auto_depend_on_nothing_else() {
-    let (pack, model) = packs()[0].clone();
+    let (snowpack, model) = snowpacks()[0].clone();
     let asked = Asked {
         engine: Engine::Auto,
-        pack,
+        snowpack,
         model,
         nm: vec![500.0],
         max_error: MaxError {
@@ -225,7 +225,7 @@ impl Counted {
 
     fn build(&self, dir: &Path, grid: &Grid, from: &[&Path]) -> Result<Summary, BatchError> {
         let file = Path::new("g.toml");
-        let open = |path: &&Path| Source::open(path, grid, &inputs(), file);
+        let open = |path: &&Path| ReuseSource::open(path, grid, &inputs(), file);
         let sources: Vec<_> = from.iter().map(open).collect::<Result<_, _>>()?;
         let store = Store::build(dir, grid, &inputs(), Access::Exclusive)?;
         let options = Options {
@@ -293,12 +293,12 @@ fn a_grown_database_is_the_one_built_whole() {
             g.axes.set(Parameter::GrainSize, vec![100.0, 150.0]);
         }),
     ];
-    for engine in [Engine::Reference, Engine::Spectral, Engine::Doubling] {
+    for engine in [Engine::Reference, Engine::Spectral, Engine::Hybrid] {
         let small = grid(engine);
         let (before, ..) = built(&small, &[]);
         for (name, change) in changes {
             let most = matches!(name, "thickness" | "angle" | "all");
-            if engine != Engine::Doubling && !most {
+            if engine != Engine::Hybrid && !most {
                 continue;
             }
             let mut grown = small.clone();
@@ -317,9 +317,9 @@ fn a_grown_database_is_the_one_built_whole() {
                 // one walk serves all thicknesses of a snow under a light
                 ("thickness" | "all", Engine::Spectral) => 0,
                 // of two thicknesses, one may have lost rays: of which, is not stored
-                ("thinner", Engine::Doubling) => 0,
+                ("thinner", Engine::Hybrid) => 0,
                 // 2 thicknesses, 2 angles, a size, two facetnesses
-                ("all", Engine::Doubling) => 0,
+                ("all", Engine::Hybrid) => 0,
                 ("all", _) => 2 * 2 * 2,
                 _ => 24,
             };
@@ -343,7 +343,7 @@ fn a_grown_database_is_the_one_built_whole() {
 /// Several sources, and an end at any moment.
 #[test]
 fn growth_goes_on_where_it_stopped() {
-    let small = grid(Engine::Doubling);
+    let small = grid(Engine::Hybrid);
     let mut other = small.clone();
     other.axes.set(Parameter::Facetness, vec![0.2, 0.5]);
     let mut grown = small.clone();
@@ -355,7 +355,7 @@ fn growth_goes_on_where_it_stopped() {
     let dir = tempfile::tempdir().unwrap();
     let mut ends = 0;
     for requests in 0.. {
-        let engine = Counted::new(Engine::Doubling, requests % 3);
+        let engine = Counted::new(Engine::Hybrid, requests % 3);
         match engine.build(dir.path(), &grown, &from) {
             Ok(_) => break,
             Err(BatchError::Interrupted { .. }) => ends += 1,
@@ -368,7 +368,7 @@ fn growth_goes_on_where_it_stopped() {
 
 #[test]
 fn databases_of_other_nodes_are_refused() {
-    let small = grid(Engine::Doubling);
+    let small = grid(Engine::Hybrid);
     let (before, ..) = built(&small, &[]);
     type Change = (&'static str, fn(&mut Grid));
     let changes: [Change; 8] = [
@@ -378,7 +378,9 @@ fn databases_of_other_nodes_are_refused() {
         ("wavelengths.values_nm", |g| g.wavelengths_nm.push(800.0)),
         ("spread.facetness_sd", |g| g.spread.facetness_sd = 0.1),
         ("fixed.temperature_c", |g| g.fixed.temperature_c = -5.0),
-        ("fixed.substrate", |g| g.fixed.ground = Ground::Grey(0.2)),
+        ("fixed.substrate", |g| {
+            g.fixed.substrate = Substrate::Grey(0.2)
+        }),
         ("fixed.black_carbon", |g| {
             g.fixed.black_carbon = Some(Carbon::black(10.0));
         }),
@@ -402,7 +404,7 @@ fn one_more_thickness() {
     let dir = tempfile::tempdir().unwrap();
     let text = |thicknesses: &str| {
         format!(
-            "version = 1\n[axes]\nfacetness = [0.3]\ngrain_size_um = [300]\ndensity_kg_m3 = [300]\nthickness_cm = [{thicknesses}]\nangle_deg = [0]\n[wavelengths]\nstart_nm = 400\nstop_nm = 700\nstep_nm = 50\n[run]\nrays = 1000\n"
+            "version = 1\n[axes]\nfacetness = [0.3]\ngrain_size_um = [300]\ndensity_kg_m3 = [300]\nthickness_cm = [{thicknesses}]\nincidence_angle_deg = [0]\n[wavelengths]\nstart_nm = 400\nstop_nm = 700\nstep_nm = 50\n[run]\nrays = 1000\n"
         )
     };
     fs::write(dir.path().join("odd.toml"), text("2, 5, 10")).unwrap();

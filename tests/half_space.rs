@@ -4,7 +4,7 @@ use std::sync::atomic::{AtomicBool, AtomicU64};
 use splitsnow::engine::{Cache, Control, Engine, MaxError, Request, Resolution};
 use splitsnow::grain::{GrainType, Shape, SizeRange, TruncatedNormal};
 use splitsnow::measurement::Spectrum;
-use splitsnow::transport::{Ground, Illumination, Layer, Model, Pack, Snow};
+use splitsnow::transport::{Illumination, Layer, Model, Snow, Snowpack, Substrate};
 use splitsnow::units::HALF_SPACE_M;
 
 fn snow(size_um: [f64; 2], facetness: f64, sphericity: f64, density_kg_m3: f64) -> Snow {
@@ -18,9 +18,15 @@ fn snow(size_um: [f64; 2], facetness: f64, sphericity: f64, density_kg_m3: f64) 
     Snow::dry(grain, density_kg_m3, -1.0)
 }
 
-fn run(engine: Engine, pack: &Pack, thicknesses_m: &[f64], nm: &[f64], rays: u64) -> Vec<Spectrum> {
+fn run(
+    engine: Engine,
+    snowpack: &Snowpack,
+    thicknesses_m: &[f64],
+    nm: &[f64],
+    rays: u64,
+) -> Vec<Spectrum> {
     let request = Request {
-        pack,
+        snowpack,
         thicknesses_m,
         illuminations: &[Illumination::Collimated {
             polar_angle_rad: 0.5,
@@ -57,7 +63,7 @@ fn the_bulk_is_converged() {
         snow([150.0, 350.0], 0.3, 0.8, 300.0),
     ] {
         let thicknesses = [0.25 * HALF_SPACE_M, HALF_SPACE_M];
-        let found = run(Engine::Doubling, &snow.into(), &thicknesses, &nm, 1024);
+        let found = run(Engine::Hybrid, &snow.into(), &thicknesses, &nm, 1024);
         for (l, nm) in nm.iter().enumerate() {
             let [thick, half_space] = [0, 1].map(|h| found[h].reflectance[l].value);
             assert!(
@@ -79,22 +85,22 @@ fn the_bulk_is_converged() {
 
 /// Walks in a half space, which may come back from any depth, against the solver: a
 /// z-test, and the solver's own error of 1.5e-3 (docs/stability.md). Alone and as the
-/// base of a pack on a ground that nobody sees.
+/// base of a snowpack on a substrate that nobody sees.
 #[test]
 fn walks_agree_with_the_solver() {
     let base = snow([150.0, 350.0], 0.3, 0.8, 300.0);
-    let pack = Pack {
+    let snowpack = Snowpack {
         surface: snow([100.0, 150.0], 0.5, 0.7, 200.0),
         below: vec![Layer {
             snow: base.clone(),
             thickness_m: HALF_SPACE_M,
         }],
-        ground: Ground::Grey(0.5),
+        substrate: Substrate::Grey(0.5),
     };
     let nm = [800.0, 1030.0, 1300.0];
-    for (pack, thickness_m) in [(base.into(), HALF_SPACE_M), (pack, HALF_SPACE_M + 0.01)] {
-        let of = |engine, rays| run(engine, &pack, &[thickness_m], &nm, rays).remove(0);
-        let solved = of(Engine::Doubling, 4096);
+    for (snowpack, thickness_m) in [(base.into(), HALF_SPACE_M), (snowpack, HALF_SPACE_M + 0.01)] {
+        let of = |engine, rays| run(engine, &snowpack, &[thickness_m], &nm, rays).remove(0);
+        let solved = of(Engine::Hybrid, 4096);
         for engine in [Engine::Reference, Engine::Spectral, Engine::Tabulated] {
             let walked = of(engine, 3000);
             for (l, nm) in nm.iter().enumerate() {

@@ -111,7 +111,7 @@ fn wrong_tables_are_refused() {
     for (text, message) in [
         (
             at(500.0, "NaN"),
-            "lamp.csv:42: no power at 500 nm: a light needs",
+            "lamp.csv:42: no power at 500 nm: an illuminant needs",
         ),
         (at(780.0, ""), "lamp.csv:98: no power at 780 nm"),
         (at(450.0, "-3"), "lamp.csv:32: a power of -3 at 450 nm"),
@@ -121,7 +121,7 @@ fn wrong_tables_are_refused() {
         ),
         (
             wrong("-1"),
-            "lamp.csv:2: -1 at 300 nm is no relative power: allowed 0 to inf",
+            "lamp.csv:2: -1 at 300 nm is not a valid relative power: allowed 0 to inf",
         ),
         (
             rows(|nm| nm > 650.0),
@@ -130,7 +130,7 @@ fn wrong_tables_are_refused() {
         (rows(|nm| nm == 500.0), "lamp.csv: fewer than two rows"),
         (
             D65.replace("spd", "reflectance"),
-            "lamp.csv:2: the column `reflectance` is reflectance, asked for is relative power",
+            "lamp.csv:2: the column `reflectance` holds reflectance, but relative power is requested",
         ),
         (
             "nothing".into(),
@@ -246,7 +246,7 @@ fn configs_name_files_beside_them() {
         .unwrap_err()
         .to_string();
     assert!(
-        twice.contains("illuminants[1]` = \"same.csv\" is named before"),
+        twice.contains("illuminants[1]` = \"same.csv\" is a duplicate"),
         "{twice}"
     );
 
@@ -314,7 +314,7 @@ fn a_database_needs_its_illuminant_s_file_no_more() {
     fs::remove_file(dir.join("lamp.csv")).unwrap();
     let [_, told] = done(dir, asked);
     assert!(
-        told.starts_with("no file lamp.csv: lamp.csv (table "),
+        told.starts_with("no file lamp.csv: the table lamp.csv (table "),
         "{told}"
     );
     assert!(fs::read(&compact).unwrap() == built);
@@ -356,13 +356,13 @@ fn a_database_needs_its_illuminant_s_file_no_more() {
     assert!(!run(dir, asked).status.success());
 }
 
-/// A fitted file keeps the table in its scene, by which it is verified.
+/// A tailored file keeps the table in its scene, by which it is verified.
 #[test]
 fn a_fitted_file_needs_its_illuminant_s_file_no_more() {
     let dir = tempfile::tempdir().unwrap();
     let dir = dir.path();
     let scene = "version = 1\n[scene]\nmax_delta_e = 1\nquantities = [\"transmittance\"]\n\
-        illuminants = [\"lamp.csv\", \"D50\"]\nthickness_cm = { min = 5, max = 7 }\nangle_deg = 20\n\
+        illuminants = [\"lamp.csv\", \"D50\"]\nthickness_cm = { min = 5, max = 7 }\nincidence_angle_deg = 20\n\
         [[snow]]\nfacetness = 0.3\ngrain_size_um = 300\ndensity_kg_m3 = 300\n\
         [wavelengths]\nstart_nm = 400\nstop_nm = 700\nstep_nm = 20\n";
     fs::write(dir.join("s.toml"), scene).unwrap();

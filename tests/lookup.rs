@@ -7,7 +7,7 @@ use crate::quoted::assert_says;
 use ndarray::Array2;
 use proptest::prelude::*;
 use splitsnow::compress::{Bands, Choice, CompactFile, Variant, compress};
-use splitsnow::lookup::{Database, Lookup, LookupError, Substrate, Varsa2025};
+use splitsnow::lookup::{Database, Lookup, LookupError, SubstrateKind, Varsa2025};
 use splitsnow::measurement::Quantity;
 use splitsnow::parameter::{Axes, Parameter, Point};
 
@@ -21,12 +21,12 @@ fn points(axes: &Axes) -> Vec<Point> {
 
 /// A file with all components of these curves: exact but for rounding.
 fn database(axes: &Axes, curve: impl Fn(Point, Quantity) -> Vec<f64>) -> Database {
-    database_over(Substrate::Black, axes, curve)
+    database_over(SubstrateKind::Black, axes, curve)
 }
 
 /// The same with this text as its bottom boundary.
 fn database_over(
-    substrate: Substrate,
+    substrate: SubstrateKind,
     axes: &Axes,
     curve: impl Fn(Point, Quantity) -> Vec<f64>,
 ) -> Database {
@@ -317,19 +317,19 @@ fn nodes_that_fall_together_are_answered() {
     }
 }
 
-/// Over a bright ground snow may darken what is under it, and without snow there is
-/// the ground: nodes stand as they are, and nothing is said below the first.
+/// Over a bright substrate snow may darken what is under it, and without snow there is
+/// the substrate: nodes stand as they are, and nothing is said below the first.
 #[test]
-fn a_ground_is_not_black_without_snow() {
+fn a_substrate_is_not_black_without_snow() {
     let axes = small();
     let bright = |point: Point, quantity| match quantity {
         Quantity::Transmittance => slab(point, quantity),
         Quantity::Reflectance => vec![0.5 + 0.4 * (-point[Parameter::Thickness]).exp(); 31],
     };
     let first = axes.values(Parameter::Thickness)[0];
-    for substrate in [Substrate::Reflecting, Substrate::Layers] {
+    for substrate in [SubstrateKind::Reflecting, SubstrateKind::Layers] {
         let file = database_over(substrate, &axes, bright);
-        assert!(!file.stands_free());
+        assert!(!file.has_black_substrate());
         let below = inside(&axes, [0.5; 5]).with(Parameter::Thickness, 0.5 * first);
         for quantity in Quantity::ALL {
             let lookup = Lookup::new(&file, quantity).unwrap();

@@ -13,11 +13,11 @@ facetness = [0.3]
 ssa_m2_kg = [10, 20, 40]
 density_kg_m3 = [300]
 thickness_cm = [2, 10, inf]
-angle_deg = [0]
+incidence_angle_deg = [0]
 [wavelengths]
 values_nm = [500, 1000, 1300]
 [run]
-engine = \"doubling\"
+engine = \"hybrid\"
 rays = 1024
 ";
 
@@ -87,7 +87,7 @@ fn from_surfaces_and_a_half_space_to_the_answers() {
     let ask = |thickness: &str, quantity: &str| -> Vec<f64> {
         let size = sizes[1];
         let args = format!(
-            "query out/g/snow.safetensors --facetness 0.3 --grain-size-um {size} --density-kg-m3 300 --thickness-cm {thickness} --angle-deg 0 --quantity {quantity}"
+            "query out/g/snow.safetensors --facetness 0.3 --grain-size-um {size} --density-kg-m3 300 --thickness-cm {thickness} --incidence-angle-deg 0 --quantity {quantity}"
         );
         let lines = output(dir, &args);
         let values = lines.lines().skip(1);

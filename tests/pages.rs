@@ -628,7 +628,7 @@ fn of_other_files() -> Known {
         values.fold(f64::NAN, f64::max)
     };
     let [rmse, delta_e] = [14, 16];
-    let floor = ["doubling", "65536", "131072", "8", "measured"];
+    let floor = ["hybrid", "65536", "131072", "8", "measured"];
     say("chart, floor", &[worst(floor, rmse), worst(floor, delta_e)]);
     say("chart, truth", &[worst(floor, 17), worst(floor, 19)]);
     let baseline = ["reference", "100000", "131072", "8", "extrapolated"];
@@ -642,7 +642,7 @@ fn of_other_files() -> Known {
         number(&scaling.iter().find(is).unwrap()[6])
     };
     let more = |varied| {
-        let [one, many] = ["1", "16"].map(|n| seconds(varied, n, "doubling"));
+        let [one, many] = ["1", "16"].map(|n| seconds(varied, n, "hybrid"));
         (many / one - 1.0) / 15.0
     };
     say("chart, one more", &[more("thicknesses"), more("angles")]);
@@ -664,7 +664,7 @@ fn of_other_files() -> Known {
     say("times less for spectral", &[ratio]);
 
     let resolution = page("docs/stability.md");
-    let two = "| doubling | 100000 | 131072 | 2 |";
+    let two = "| hybrid | 100000 | 131072 | 2 |";
     let row = resolution.lines().find(|line| line.starts_with(two));
     let mean = row.unwrap().split('|').nth(6).unwrap().trim();
     say("two streams", &[number(mean).abs()]);

@@ -16,17 +16,18 @@ mod crash;
 mod docs;
 #[cfg(target_os = "linux")]
 mod filesystems;
-#[cfg(unix)]
-mod fit;
 mod growth;
 mod illuminants;
 mod layers;
 mod lookup;
-mod measure;
 mod optical;
 mod pages;
+mod simd;
+mod simulate;
 mod store;
 mod substrates;
+#[cfg(unix)]
+mod tailor;
 mod units;
 mod verify;
 

@@ -35,7 +35,7 @@ fn asked(
     resolution: Resolution,
 ) -> Result<Vec<Spectrum>, EngineError> {
     let request = Request {
-        pack: &case.pack,
+        snowpack: &case.snowpack,
         thicknesses_m: &case.thicknesses_m,
         illuminations: &[case.light],
         wavelengths_nm: &case.wavelengths_nm,
@@ -113,7 +113,7 @@ fn corners(walks: u64) {
             ["89.99 degrees", "spheres in slabs of 0.99 grains"].contains(&case.name.as_str());
         assert_eq!(yardstick.is_err(), refused, "{}: {yardstick:?}", case.name);
         let yardstick = yardstick.unwrap_or_default();
-        for engine in [Engine::Reference, Engine::Tabulated, Engine::Doubling] {
+        for engine in [Engine::Reference, Engine::Tabulated, Engine::Hybrid] {
             let rays = if engine == Engine::Reference {
                 walks / 8
             } else {
@@ -143,7 +143,7 @@ fn corners(walks: u64) {
 #[test]
 fn absorption_from_none_to_black() {
     for saturation in [0.0, 0.5] {
-        for engine in [Engine::Spectral, Engine::Tabulated, Engine::Doubling] {
+        for engine in [Engine::Spectral, Engine::Tabulated, Engine::Hybrid] {
             let mut before: Option<Vec<Spectrum>> = None;
             for k in [1e-25, 1e-12, 1e-8, 1e-6, 1e-5, 1e-4, 1e-3, 0.1] {
                 let case = absorbing(k, saturation);
@@ -252,7 +252,7 @@ fn grazing_light_must_reach_under_the_surface() {
         assert!(matches!(error, EngineError::SlabTooThin { .. }), "{error}");
     }
     let fitting = envelope::FITTING / (2.0 * f64::from(COARSE.table));
-    for engine in [Engine::Tabulated, Engine::Doubling] {
+    for engine in [Engine::Tabulated, Engine::Hybrid] {
         holds(1.01 * fitting, engine);
         let error = asked(&at(0.99 * fitting), engine, 1000, COARSE).unwrap_err();
         let instead = Some(Engine::Spectral);
@@ -285,7 +285,7 @@ fn small_tables_are_refused() {
     let case = Case::new("table", ordinary(), 0.0, &[5.0], &[550.0]);
     let best = spectral(&case, 400_000)[0].reflectance[0];
     let with = |table| Resolution { table, ..COARSE };
-    for engine in [Engine::Tabulated, Engine::Doubling] {
+    for engine in [Engine::Tabulated, Engine::Hybrid] {
         let rms = |table: u32| {
             let squares = (0..4).map(|seed| {
                 let spectra = case.run(engine, 40_000, with(table), &Cache::default(), 100 + seed);

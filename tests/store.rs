@@ -14,7 +14,7 @@ use splitsnow::grid::{Grid, Shard};
 use splitsnow::optics::Carbon;
 use splitsnow::parameter::Parameter;
 use splitsnow::store::{self, Access, Store, StoreError, Variable};
-use splitsnow::transport::{Ground, Layer};
+use splitsnow::transport::{Layer, Substrate};
 
 fn extra() -> BTreeMap<String, String> {
     BTreeMap::from([("data.ice".to_string(), "0123".to_string())])
@@ -251,7 +251,7 @@ fn an_interrupted_run_goes_on() {
     drop(store);
     assert_eq!(
         error.to_string(),
-        "interrupted: 5 of 24 jobs are done and safe; run the same command again to go on"
+        "interrupted: 5 of 24 jobs are done and safe; run the same command again to continue"
     );
     assert_eq!(run(dir.path(), &grid, 2, None).unwrap().run, 19);
     assert_same(&expected, &dir_bytes(dir.path()));
@@ -309,9 +309,9 @@ fn values_that_are_no_numbers_are_refused() {
     assert!(error.to_string().ends_with("reflectance is NaN"), "{error}");
 }
 
-/// A ground counts by its name and what it says, and is told to readers.
+/// A substrate counts by its name and what it says, and is told to readers.
 #[test]
-fn a_database_names_its_ground() {
+fn a_database_names_its_substrate() {
     let bottom = |grid: &Grid| {
         let (dir, _) = finished(grid);
         let text = fs::read_to_string(dir.path().join("database.zarr/zarr.json")).unwrap();
@@ -321,12 +321,12 @@ fn a_database_names_its_ground() {
     };
     let mut grid = grid(Engine::Spectral);
     assert!(bottom(&grid).starts_with("black:"));
-    grid.fixed.ground = Ground::Grey(0.25);
+    grid.fixed.substrate = Substrate::Grey(0.25);
     assert_eq!(
         bottom(&grid),
-        "Lambertian ground { reflectance = 0.25 }; transmittance is the light that stays in it"
+        "Lambertian substrate { reflectance = 0.25 }; transmittance is the light that stays in it"
     );
-    let snow = grid.job(&grid.jobs().unwrap(), 0).unwrap().pack.surface;
+    let snow = grid.job(&grid.jobs().unwrap(), 0).unwrap().snowpack.surface;
     grid.axes
         .values_mut(Parameter::Thickness)
         .iter_mut()
@@ -367,7 +367,7 @@ fn another_config_is_refused_by_key() {
             "fixed.water_saturation = 0.0, not 0.1;",
         ),
         (
-            |g| g.fixed.ground = Ground::Grey(0.2),
+            |g| g.fixed.substrate = Substrate::Grey(0.2),
             "fixed.substrate = (none), not { reflectance = 0.2 };",
         ),
         (
@@ -377,7 +377,7 @@ fn another_config_is_refused_by_key() {
         (
             |g| {
                 g.fixed.below.push(Layer {
-                    snow: g.job(&g.jobs().unwrap(), 0).unwrap().pack.surface,
+                    snow: g.job(&g.jobs().unwrap(), 0).unwrap().snowpack.surface,
                     thickness_m: 0.005,
                 });
             },

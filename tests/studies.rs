@@ -87,7 +87,7 @@ fn assert_more(what: &str, more: Measured, less: Measured, by: f64) {
     assert!(gap - limit > by, "{what}: {more:?} {less:?}");
 }
 
-/// 1 cm of fine faceted grains lifts an old pack by more than 0.1 over 800-1300 nm,
+/// 1 cm of fine faceted grains lifts an old snowpack by more than 0.1 over 800-1300 nm,
 /// joined either way, and the visible by less than 0.05.
 #[test]
 fn a_surface_layer_lifts_the_near_infrared() {
@@ -291,7 +291,7 @@ fn a_mixture_is_nearer_to_its_small_grains() {
     let samples = Path::new(env!("CARGO_MANIFEST_DIR")).join("configs/samples");
     let [small, half, large] = ["small", "mixture", "large"].map(|name| {
         let sample = sample::read(&samples.join(format!("{name}.toml"))).unwrap();
-        let is = |variant: &&Variant| variant.sample.pack == sample.pack;
+        let is = |variant: &&Variant| variant.sample.snowpack == sample.snowpack;
         file.variants.iter().find(is).unwrap().label.clone()
     });
     let found = values(&file, 4096);
@@ -578,7 +578,7 @@ fn the_command_draws_what_is_asked() {
     let folder = tempfile::tempdir().unwrap();
     let sample = "\
 version = 1
-illumination.polar_angle_deg = 0
+illumination.incidence_angle_deg = 0
 wavelengths.values_nm = [500, 600, 900]
 layer = [{ thickness_cm = 1, density_kg_m3 = 300, grain = [{ size_um = { min = 900, max = 1000 }, facetness = { min = 0, max = 1, mean = 0.3, sd = 0.1 } }] }]
 ";
@@ -591,7 +591,7 @@ layer = [{ thickness_cm = 1, density_kg_m3 = 300, grain = [{ size_um = { min = 9
         )
     };
     let one =
-        "[set]\nwavelengths = { values_nm = [600] }\nillumination = { polar_angle_deg = 40 }\n";
+        "[set]\nwavelengths = { values_nm = [600] }\nillumination = { incidence_angle_deg = 40 }\n";
     let path = |name: &str| folder.path().join(name);
     std::fs::write(path("s.toml"), sample).unwrap();
     std::fs::create_dir(path("studies")).unwrap();
@@ -642,11 +642,11 @@ layer = [{ thickness_cm = 1, density_kg_m3 = 300, grain = [{ size_um = { min = 9
     // 900 nm is not visible
     let mean = (number(&spectra[0], 3) + number(&spectra[1], 3)) / 2.0;
     assert!((number(&means[0], 3) - mean).abs() < 2e-6);
-    // a BRDF is that of `measure` with twice the walks
+    // a BRDF is that of `simulate` with twice the walks
     let told = String::from_utf8(output.stdout).unwrap();
     assert_eq!(told.matches("forward/nadir").count(), 4, "{told}");
     let alone = sample
-        .replace("polar_angle_deg = 0", "polar_angle_deg = 40")
+        .replace("incidence_angle_deg = 0", "incidence_angle_deg = 40")
         .replace("500, 600, 900", "600");
     std::fs::write(path("alone.toml"), alone).unwrap();
     let measured = Command::new(env!("CARGO_BIN_EXE_splitsnow"))

@@ -1,4 +1,4 @@
-//! Spectra of the ground from files: how they are read, refused and kept.
+//! Spectra of the substrate from files: how they are read, refused and kept.
 use std::fmt::Write;
 use std::fs;
 use std::path::Path;
@@ -6,7 +6,7 @@ use std::process::Command;
 
 use assert_cmd::cargo::cargo_bin;
 use splitsnow::config::{grid, sample, scene};
-use splitsnow::transport::Ground;
+use splitsnow::transport::Substrate;
 
 const SAMPLE: &str = include_str!("../configs/samples/soot_on_grass.toml");
 const QUICK: &str = include_str!("../configs/quick.toml");
@@ -28,8 +28,8 @@ fn csv(change: impl Fn(f64) -> Option<&'static str>) -> String {
     text
 }
 
-/// The ground of a sample over `text`, and what was told; or the message.
-fn over(text: &str) -> Result<(Ground, String), String> {
+/// The substrate of a sample over `text`, and what was told; or the message.
+fn over(text: &str) -> Result<(Substrate, String), String> {
     let dir = tempfile::tempdir().unwrap();
     fs::write(dir.path().join("soil.txt"), text).unwrap();
     let sample_text = SAMPLE.replace("data/grass_made_up.csv", "soil.txt");
@@ -39,11 +39,11 @@ fn over(text: &str) -> Result<(Ground, String), String> {
         panic!("{:?}", file.notes)
     };
     assert!(note.starts_with("read ") && !note.contains('\n'), "{note}");
-    Ok((file.pack.ground, note.clone()))
+    Ok((file.snowpack.substrate, note.clone()))
 }
 
 #[test]
-fn any_spelling_gives_the_same_ground() {
+fn any_spelling_gives_the_same_substrate() {
     let (plain, _) = over(&csv(|_| None)).unwrap();
     let (mut tabs, mut turned) = (
         String::from("WL (um)\tRefl. %\n"),
@@ -60,19 +60,19 @@ fn any_spelling_gives_the_same_ground() {
     for (text, told) in [
         (
             &tabs,
-            "percent (as the file says); wavelengths in column 1, um (as the file says)",
+            "percent (as the file states); wavelengths in column 1, um (as the file states)",
         ),
-        (&turned, "descending: turned round; 71 of 71 rows used"),
+        (&turned, "descending: reversed; 71 of 71 rows used"),
         (
             &bare,
             "2 columns by spaces; reflectance in column 2 (the first), fraction (guessed",
         ),
     ] {
-        let (ground, note) = over(text).unwrap();
+        let (substrate, note) = over(text).unwrap();
         assert!(note.contains(told), "{note}");
         for nm in (400..=1000).step_by(10).map(f64::from) {
             let (a, b) = (
-                ground.reflectance(nm).unwrap(),
+                substrate.reflectance(nm).unwrap(),
                 plain.reflectance(nm).unwrap(),
             );
             assert!((a - b).abs() < 1e-14, "{nm} nm: {a} {b}");
@@ -95,21 +95,21 @@ fn holes_and_impossible_values() {
             500.0,
             510.0,
             "1.2",
-            "2 outside what is possible (lines 17-18)",
+            "2 outside the possible range (lines 17-18)",
         ),
         (
             700.0,
             700.0,
             "-0.02",
-            "1 outside what is possible (line 37)",
+            "1 outside the possible range (line 37)",
         ),
         (1010.0, 1050.0, "-999", "5 without a value (lines 68-72)"),
         (350.0, 390.0, "", "5 without a value (lines 2-6)"),
     ] {
-        let (ground, note) = masked(from, to, cell).unwrap();
+        let (substrate, note) = masked(from, to, cell).unwrap();
         assert!(note.contains(told), "{note}");
         let nm = from.clamp(400.0, 1000.0);
-        let at = ground.reflectance(nm).unwrap();
+        let at = substrate.reflectance(nm).unwrap();
         assert!((at - (0.1 + 4e-4 * (nm - 350.0))).abs() < 1e-14, "{at}");
     }
     for (from, to, cell, message) in [
@@ -117,13 +117,13 @@ fn holes_and_impossible_values() {
             500.0,
             520.0,
             "NaN",
-            "has no value that can be used between 490 and 530 nm, where one is needed at 500 nm\n  help: fill the hole",
+            "has no usable value between 490 and 530 nm, but one is needed at 500 nm\n  help: fill the gap",
         ),
         (
             500.0,
             520.0,
             "-0.1",
-            "has no value that can be used between 490 and 530 nm",
+            "has no usable value between 490 and 530 nm",
         ),
         (
             980.0,
@@ -135,7 +135,7 @@ fn holes_and_impossible_values() {
             350.0,
             1050.0,
             "1.5",
-            ":2: 1.5 at 350 nm is no reflectance: allowed 0 to 1, and 71 of 71 rows",
+            ":2: 1.5 at 350 nm is not a valid reflectance: allowed 0 to 1, and 71 of 71 rows",
         ),
     ] {
         let error = masked(from, to, cell).unwrap_err();
@@ -151,7 +151,7 @@ fn holes_and_impossible_values() {
 }
 
 #[test]
-fn a_ground_counts_by_its_content() {
+fn a_substrate_counts_by_its_content() {
     let dir = tempfile::tempdir().unwrap();
     let name = dir.path().join("g.toml").display().to_string();
     for (file, text) in [
@@ -187,11 +187,11 @@ fn a_ground_counts_by_its_content() {
             "values_nm = [500]",
         );
         let text = format!("{single}\n[fixed.substrate]\nreflectance = {value}\n");
-        grid::parse(&name, &text).unwrap().grid.fixed.ground
+        grid::parse(&name, &text).unwrap().grid.fixed.substrate
     };
     assert_eq!(
         (one("[0.3]"), one("\"c.csv\""), one("[0]")),
-        (Ground::Grey(0.3), Ground::Grey(0.2), Ground::Black)
+        (Substrate::Grey(0.3), Substrate::Grey(0.2), Substrate::Black)
     );
 
     let text = include_str!("../configs/scenes/igloo.toml");
@@ -200,7 +200,7 @@ fn a_ground_counts_by_its_content() {
     assert_eq!(file.notes.len(), 1);
     let kept = scene::parse("elsewhere/s.toml", &file.self_contained()).unwrap();
     assert_eq!(kept.scene, file.scene);
-    assert_eq!(kept.scene.fixed.ground.reflectance(500.0), Some(0.2));
+    assert_eq!(kept.scene.fixed.substrate.reflectance(500.0), Some(0.2));
 }
 
 fn run(dir: &Path, args: &str) -> [String; 2] {
@@ -216,7 +216,7 @@ fn run(dir: &Path, args: &str) -> [String; 2] {
 }
 
 #[test]
-fn a_database_needs_the_file_of_its_ground_no_more() {
+fn a_database_needs_the_file_of_its_substrate_no_more() {
     let dir = tempfile::tempdir().unwrap();
     let dir = dir.path();
     let tiny = |file: &str| format!("{TINY}\n[fixed.substrate]\nreflectance = {file:?}\n");
@@ -227,7 +227,7 @@ fn a_database_needs_the_file_of_its_ground_no_more() {
         told.starts_with("read soil.csv: a table") && told.lines().count() == 1,
         "{told}"
     );
-    // the same numbers in another file are the same ground: nothing is run again
+    // the same numbers in another file are the same substrate: nothing is run again
     fs::rename(dir.join("soil.csv"), dir.join("moved.txt")).unwrap();
     fs::write(dir.join("tiny.toml"), tiny("moved.txt")).unwrap();
     let [report, _] = run(dir, "build tiny.toml");
@@ -239,6 +239,6 @@ fn a_database_needs_the_file_of_its_ground_no_more() {
         "{report}{told}"
     );
     let root = fs::read_to_string(dir.join("out/tiny/database.zarr/zarr.json")).unwrap();
-    assert!(root.contains("Lambertian ground with the spectrum fixed.substrate of config"));
+    assert!(root.contains("Lambertian substrate with the spectrum fixed.substrate of config"));
     assert!(!root.contains("soil.csv"));
 }

@@ -20,7 +20,7 @@ facetness = [0.1, 0.5]
 grain_size_um = [800, 1000]
 density_kg_m3 = [400]
 thickness_cm = [1, 2, 4]
-angle_deg = [0, 60]
+incidence_angle_deg = [0, 60]
 [wavelengths]
 start_nm = 400
 stop_nm = 700

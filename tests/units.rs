@@ -7,10 +7,12 @@ use std::sync::{Arc, Mutex};
 use std::time::Duration;
 
 use crate::common::grid;
-use splitsnow::engine::{Cache, Control, Engine, EngineError, Keep, Request, Resolution, Units};
+use splitsnow::engine::{
+    Cache, Control, Engine, EngineError, Request, Resolution, UnitStore, Units,
+};
 use splitsnow::measurement::Spectrum;
 use splitsnow::parameter::Parameter;
-use splitsnow::transport::Ground;
+use splitsnow::transport::Substrate;
 
 /// Keeps some savings of a life and ends it: what is saved later is lost, as is
 /// what is at work.
@@ -21,7 +23,7 @@ struct Life {
     cancel: &'static AtomicBool,
 }
 
-impl Keep for Life {
+impl UnitStore for Life {
     fn keep(&self, units: &[u8]) -> bool {
         let mut kept = self.kept.lock().unwrap();
         if !self.cancel.load(Ordering::Relaxed) {
@@ -57,17 +59,17 @@ fn a_job_ends_however_short_its_lives_are() {
         Engine::Reference,
         Engine::Spectral,
         Engine::Tabulated,
-        Engine::Doubling,
+        Engine::Hybrid,
     ] {
         let mut grid = grid(engine);
         grid.run.rays = 10_000;
-        grid.fixed.ground = Ground::Grey(0.3);
+        grid.fixed.substrate = Substrate::Grey(0.3);
         // one thin slab, one with an inside
         grid.axes.set(Parameter::GrainSize, vec![400.0]);
         grid.axes.set(Parameter::Thickness, vec![0.5, 2.0]);
         // its units are many: one index node will do
         let nm = [500.0, 900.0];
-        let count = if engine == Engine::Doubling { 1 } else { 2 };
+        let count = if engine == Engine::Hybrid { 1 } else { 2 };
         grid.wavelengths_nm = nm[..count].to_vec();
         let job = grid.job(&grid.jobs().unwrap(), 0).unwrap();
         let request = Request {
@@ -86,8 +88,8 @@ fn a_job_ends_however_short_its_lives_are() {
             let cancel: &'static AtomicBool = Box::leak(Box::default());
             let life = Life {
                 kept: Arc::clone(&kept),
-                // the units of doubling are many
-                savings: if engine == Engine::Doubling { 8 } else { 1 },
+                // the units of hybrid are many
+                savings: if engine == Engine::Hybrid { 8 } else { 1 },
                 cancel,
             };
             let before = kept.lock().unwrap().clone();

@@ -9,15 +9,15 @@ use std::sync::LazyLock;
 use std::sync::atomic::{AtomicBool, AtomicU64};
 
 use splitsnow::batch;
-use splitsnow::certificate::{CERTIFICATE, Certificate};
 use splitsnow::colour::Colorimeter;
 use splitsnow::compress::{
     BAND_ERRORS, BOUNDS, Bands, Choice, CompactFile, Compressed, Variant, annotated, compress,
 };
 use splitsnow::config;
 use splitsnow::engine::{Cache, Control, Engine, EngineError, Request};
+use splitsnow::error_budget::{ERROR_BUDGET, ErrorBudget};
 use splitsnow::grid::Grid;
-use splitsnow::lookup::{Database, Substrate};
+use splitsnow::lookup::{Database, SubstrateKind};
 use splitsnow::measurement::{Quantity, Spectrum};
 use splitsnow::parameter::Parameter;
 use splitsnow::store::{Access, COMPACT, Store, Variable};
@@ -82,7 +82,7 @@ fn write_compact(store: &Store, grid: &Grid, choice: Choice, promise: impl Fn(&m
         axes: &grid.axes,
         absent: &[],
         wavelengths_nm: &grid.wavelengths_nm,
-        substrate: Substrate::Black,
+        substrate: SubstrateKind::Black,
         transmittance: Some(&compressed(
             Quantity::Transmittance,
             Variable::Transmittance,
@@ -126,7 +126,7 @@ fn verify(dir: &Path, options: Options) -> Report {
     certified(dir, options).0
 }
 
-fn certified(dir: &Path, options: Options) -> (Report, Option<Certificate>) {
+fn certified(dir: &Path, options: Options) -> (Report, Option<ErrorBudget>) {
     let (cancel, rays_done) = (AtomicBool::new(false), AtomicU64::new(0));
     let cache = Cache::default();
     let control = Control {
@@ -265,7 +265,7 @@ fn a_compact_file_of_another_database_is_refused() {
     assert_fails(
         &report,
         COMPACT_CHECK,
-        "its seed is 8, that of the database 7",
+        "its seed is 8, but that of the database is 7",
     );
     assert!(
         report
@@ -301,7 +301,7 @@ fn changed_coefficients_are_found() {
     let first = f32::from_le_bytes(bytes[at..at + 4].try_into().unwrap());
     bytes[at..at + 4].copy_from_slice(&(first * 1.001).to_le_bytes());
     fs::write(&path, bytes).unwrap();
-    let message = "of transmittance, its coefficients give";
+    let message = "of transmittance, but its coefficients give";
     assert_fails(&verify_files(dir.path()), COMPACT_CHECK, message);
 }
 
@@ -325,8 +325,8 @@ fn a_spent_budget_says_what_was_not_checked() {
         seconds: Some(0.0),
         ..OPTIONS
     };
-    let (report, certificate) = certified(FRESH.path(), options);
-    assert!(report.passed() && certificate.is_none(), "{report}");
+    let (report, error_budget) = certified(FRESH.path(), options);
+    assert!(report.passed() && error_budget.is_none(), "{report}");
     let names: Vec<_> = report.checks.iter().map(|check| check.name).collect();
     assert_eq!(names, ["files of the database", COMPACT_CHECK]);
     let text = report.to_string();
@@ -337,7 +337,7 @@ fn a_spent_budget_says_what_was_not_checked() {
         "{text}"
     );
     assert!(
-        end[0].contains("random points of the certificate"),
+        end[0].contains("random points of the error budget"),
         "{text}"
     );
 
@@ -395,11 +395,15 @@ fn changed_errors_of_a_band_fail() {
         ),
         (
             r#"{"transmittance":[]}"#.to_owned(),
-            "say nothing of visible",
+            "have no entry for visible",
         ),
         ("{".to_owned(), "`band_errors` cannot be read"),
     ] {
-        fs::write(&path, annotated(&bytes, BAND_ERRORS, &text).unwrap()).unwrap();
+        fs::write(
+            &path,
+            annotated(&bytes, &[(BAND_ERRORS, Some(&text))]).unwrap(),
+        )
+        .unwrap();
         assert_fails(&verify_files(dir.path()), COMPACT_CHECK, message);
     }
 }
@@ -414,18 +418,18 @@ fn one_snow() -> Grid {
     grid.axes
         .set(Parameter::Incidence, vec![0.0, 30.0, 55.0, 75.0]);
     grid.wavelengths_nm = vec![400.0, 500.0, 600.0, 700.0];
-    grid.run.engine = Engine::Doubling;
+    grid.run.engine = Engine::Hybrid;
     grid.run.rays = 20_000;
     grid
 }
 
-fn doubling(request: &Request<'_>, control: &Control<'_>) -> Simulated {
-    Engine::Doubling.run(request, control)
+fn hybrid(request: &Request<'_>, control: &Control<'_>) -> Simulated {
+    Engine::Hybrid.run(request, control)
 }
 
 static ONE_SNOW: LazyLock<tempfile::TempDir> = LazyLock::new(|| {
     let dir = tempfile::tempdir().unwrap();
-    build(dir.path(), &one_snow(), doubling, |_| {});
+    build(dir.path(), &one_snow(), hybrid, |_| {});
     dir
 });
 
@@ -436,39 +440,39 @@ const CERTIFY: Options = Options {
 };
 
 /// What is found of [`ONE_SNOW`].
-static CERTIFIED: LazyLock<(Report, Option<Certificate>)> =
+static CERTIFIED: LazyLock<(Report, Option<ErrorBudget>)> =
     LazyLock::new(|| certified(ONE_SNOW.path(), CERTIFY));
 
 #[test]
-fn a_certificate_is_a_function_of_its_seed() {
-    let (report, certificate) = &*CERTIFIED;
+fn an_error_budget_is_a_function_of_its_seed() {
+    let (report, error_budget) = &*CERTIFIED;
     assert!(report.passed(), "{report}");
     assert_eq!(report.checks.len(), 3);
-    let certificate = certificate.as_ref().unwrap();
-    assert!(certificate.points >= 16);
-    let json = serde_json::to_string(&certificate).unwrap();
-    let again: Certificate = serde_json::from_str(&json).unwrap();
-    assert_eq!(&again, certificate);
-    let chain = &certificate.quantities["transmittance"];
+    let error_budget = error_budget.as_ref().unwrap();
+    assert!(error_budget.points >= 16);
+    let json = serde_json::to_string(&error_budget).unwrap();
+    let again: ErrorBudget = serde_json::from_str(&json).unwrap();
+    assert_eq!(&again, error_budget);
+    let chain = &error_budget.quantities["transmittance"];
     let total = chain.total.delta_e.unwrap();
     assert!(total.mean > 0.0 && total.mean <= total.p95 && total.p95 <= total.max);
     assert_eq!(chain.worst[0].delta_e, Some(total.max));
     let axes: Vec<_> = chain.axes.keys().collect();
     assert_eq!(axes, ["angle_deg", "thickness_cm"]);
     // noise is small, so that the bound of the compression is most of it
-    assert!(total.max < 2.3, "{certificate}");
+    assert!(total.max < 2.3, "{error_budget}");
 
     let other = Options { seed: 2, ..CERTIFY };
     let other = certified(ONE_SNOW.path(), other).1.unwrap();
-    assert_ne!(other.quantities, certificate.quantities);
+    assert_ne!(other.quantities, error_budget.quantities);
     assert_eq!(certified(ONE_SNOW.path(), OPTIONS).1, None);
 }
 
 #[test]
-fn shifted_curves_show_in_the_certificate() {
+fn shifted_curves_show_in_the_error_budget() {
     let dir = tempfile::tempdir().unwrap();
     let shifted = |request: &Request<'_>, control: &Control<'_>| -> Simulated {
-        let mut spectra = doubling(request, control)?;
+        let mut spectra = hybrid(request, control)?;
         for spectrum in &mut spectra {
             let both = [&mut spectrum.transmittance, &mut spectrum.reflectance];
             both.into_iter().flatten().for_each(|m| m.value *= 0.95);
@@ -479,9 +483,9 @@ fn shifted_curves_show_in_the_certificate() {
     let good = CERTIFIED.1.clone().unwrap();
     let shifted = certified(dir.path(), CERTIFY).1.unwrap();
     for quantity in Quantity::ALL {
-        let of = |certificate: &Certificate| certificate.quantities[quantity.name()].clone();
+        let of = |error_budget: &ErrorBudget| error_budget.quantities[quantity.name()].clone();
         let (good, shifted) = (of(&good), of(&shifted));
-        let mean = |m: splitsnow::certificate::Measures| m.rmse.mean;
+        let mean = |m: splitsnow::error_budget::Measures| m.rmse.mean;
         for (good, shifted) in [
             (good.total, shifted.total),
             (good.interpolation, shifted.interpolation),
@@ -500,13 +504,13 @@ fn shifted_curves_show_in_the_certificate() {
 }
 
 #[test]
-fn coarse_compression_shows_in_the_certificate() {
+fn coarse_compression_shows_in_the_error_budget() {
     let dir = copy_of(&ONE_SNOW);
     let path = dir.path().join(COMPACT);
     let chain = || {
-        let (report, certificate) = certified(dir.path(), CERTIFY);
+        let (report, error_budget) = certified(dir.path(), CERTIFY);
         assert!(report.passed(), "{report}");
-        certificate.unwrap().quantities["transmittance"].clone()
+        error_budget.unwrap().quantities["transmittance"].clone()
     };
     let with = |components| {
         let store = Store::open(dir.path()).unwrap();
@@ -514,14 +518,14 @@ fn coarse_compression_shows_in_the_certificate() {
         chain()
     };
     let (fine, coarse) = (with(4), with(1));
-    let max = |m: splitsnow::certificate::Measures| m.delta_e.unwrap().max;
+    let max = |m: splitsnow::error_budget::Measures| m.delta_e.unwrap().max;
     assert!(max(fine.compression) < 1e-2, "{fine:?}");
     assert!(max(coarse.compression) > 0.3, "{coarse:?}");
     assert_eq!(coarse.interpolation, fine.interpolation);
 
     // a bound it states but does not keep
     let bounds = r#"{"transmittance":{"max_delta_e":0.1,"max_rmse":null},"reflectance":{"max_delta_e":null,"max_rmse":null}}"#;
-    let lowered = annotated(&fs::read(&path).unwrap(), BOUNDS, bounds).unwrap();
+    let lowered = annotated(&fs::read(&path).unwrap(), &[(BOUNDS, Some(bounds))]).unwrap();
     fs::write(&path, lowered).unwrap();
     assert_fails(
         &verify_files(dir.path()),
@@ -531,7 +535,7 @@ fn coarse_compression_shows_in_the_certificate() {
 }
 
 #[test]
-fn the_command_keeps_the_certificate_in_the_file() {
+fn the_command_keeps_the_error_budget_in_the_file() {
     let dir = copy_of(&ONE_SNOW);
     let path = dir.path().join(COMPACT);
     let verified = |threads| {
@@ -544,7 +548,7 @@ fn the_command_keeps_the_certificate_in_the_file() {
     let report = String::from_utf8(verified("1")).unwrap();
     assert!(report.contains("off the nodes in angle_deg"), "{report}");
     let file = Database::open(&path).unwrap();
-    let kept: Certificate = serde_json::from_str(&file.metadata()[CERTIFICATE]).unwrap();
+    let kept: ErrorBudget = serde_json::from_str(&file.metadata()[ERROR_BUDGET]).unwrap();
     let kept_points = kept.points;
     assert_eq!(CERTIFIED.1, Some(kept));
     let bytes = fs::read(&path).unwrap();
@@ -553,8 +557,7 @@ fn the_command_keeps_the_certificate_in_the_file() {
 
     let mut query = assert_cmd::Command::cargo_bin("splitsnow").unwrap();
     query.arg("query").arg(dir.path()).arg("--explain");
-    let point =
-        "--facetness 0.5 --grain-size-um 300 --density-kg-m3 300 --thickness-cm 3 --angle-deg 9";
+    let point = "--facetness 0.5 --grain-size-um 300 --density-kg-m3 300 --thickness-cm 3 --incidence-angle-deg 9";
     let output = query.args(point.split(' ')).assert().success();
     let text = String::from_utf8(output.get_output().stdout.clone()).unwrap();
     let points = format!("# {kept_points} random points against");

@@ -2,9 +2,9 @@
 
     python examples/mitsuba/blocks.py --size 800 --spp 256 --out out/blocks
 
-writes out/blocks.png and out/blocks.exr. A distant lamp stands behind the blocks, level
-with them; the ground in front is lit by the snow alone.
-snow.safetensors is made by `splitsnow fit configs/scenes/blocks.toml`.
+writes out/blocks.png and out/blocks.exr. A distant lamp is behind the blocks at their
+height; the ground in front is lit only by light from the snow.
+`splitsnow tailor configs/scenes/blocks.toml` makes snow.safetensors.
 """
 
 import mitsuba as mi
@@ -16,7 +16,8 @@ FILE = stage.HERE / "snow.safetensors"
 THICKNESSES_CM = (5, 10, 15, 30)
 TO_LAMP = (0.0, 1.0, 0.0)
 WIDTH, HEIGHT, BOARD = 0.3, 0.35, 0.02
-"""Metres, as all lengths of the scene."""
+"""In metres, like all lengths in the scene. BOARD is the width of the black boards between
+the blocks."""
 
 
 def scene(size, spp):

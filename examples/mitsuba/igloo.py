@@ -2,10 +2,10 @@
 
     python examples/mitsuba/igloo.py --size 600 --spp 128 --out out/igloo
 
-writes out/igloo.png and out/igloo.exr. Blocks are 15 cm thick, the seams between
-them 4 cm, so that more light comes through. All blocks are one mesh: each further shape
-of snow takes its own time to compile.
-dome.safetensors is made by `splitsnow fit configs/scenes/dome.toml`.
+writes out/igloo.png and out/igloo.exr. The blocks are 15 cm thick. The seams between them
+are 4 cm thick and let more light through. All blocks are one mesh, because every shape of
+snow adds compilation time.
+`splitsnow tailor configs/scenes/dome.toml` makes dome.safetensors.
 """
 
 import mitsuba as mi
@@ -17,17 +17,18 @@ import splitsnow.mitsuba
 FILE = stage.HERE / "dome.safetensors"
 RADIUS, THICKNESS, SEAM = 1.5, 0.15, 0.04
 ROWS, BLOCK = 7, 0.5
-"""Rows of blocks up to the key block, and about how long a block is."""
+"""Number of rows of blocks below the key block, and approximate length of a block."""
 SEAM_WIDTH = 0.03
-"""Metres, as all lengths of the scene."""
+"""In metres, like all lengths in the scene."""
 
 
 def seams(elevation, azimuth):
-    """1 in the middle of a seam, 0 inside blocks."""
-    place = elevation / (np.pi / 2) * (ROWS + 0.5)
-    row = np.minimum(np.floor(place), ROWS)
+    """Depth of the groove, relative to that in the middle of a seam: 1 there, 0 inside
+    blocks."""
+    position = elevation / (np.pi / 2) * (ROWS + 0.5)
+    row = np.minimum(np.floor(position), ROWS)
     row_height = RADIUS * np.pi / 2 / (ROWS + 0.5)
-    to_row = np.abs(place - np.clip(np.round(place), 1, ROWS)) * row_height
+    to_row = np.abs(position - np.clip(np.round(position), 1, ROWS)) * row_height
     girth = 2 * np.pi * RADIUS * np.cos((row + 0.5) / (ROWS + 0.5) * np.pi / 2)
     blocks = np.maximum(np.round(girth / BLOCK), 3)
     turn = azimuth / (2 * np.pi) * blocks + 0.5 * (row % 2)
@@ -37,7 +38,7 @@ def seams(elevation, azimuth):
 
 
 def dome(rings=240, sides=900):
-    """Vertices and faces of a shell with grooves, closed at its foot."""
+    """Vertices and faces of a shell with grooves; inside and outside join at the foot."""
     elevation = np.linspace(0, np.pi / 2, rings + 1)[:-1, None]
     azimuth = np.linspace(0, 2 * np.pi, sides, endpoint=False)
     unit = np.stack(
@@ -49,7 +50,7 @@ def dome(rings=240, sides=900):
     groove = (THICKNESS - SEAM) * seams(elevation, azimuth)[..., None]
     inner = unit * (RADIUS + 0.2 * groove)
     outer = unit * (RADIUS + THICKNESS - 0.8 * groove)
-    # Rows of vertices from the inner top down to the foot and up the outside.
+    # Rows of vertices run from the top down the inside and up the outside.
     rows = np.concatenate([inner[::-1], outer]).reshape(-1, 3)
     vertices = np.concatenate([rows, [[0, 0, RADIUS], [0, 0, RADIUS + THICKNESS]]])
     i = np.arange((2 * rings - 1) * sides)
@@ -62,8 +63,9 @@ def dome(rings=240, sides=900):
 
 
 def scene(size, spp):
-    """The dome stands on z = 0; z is up. What is seen is the light through the wall, and
-    what one reflection adds, in directions of the BSDF: snow is all around."""
+    """The dome stands on z = 0; z is up. The picture shows the light through the wall, plus
+    one reflection. The reflection samples the BSDF only, because there is snow in all
+    directions."""
     snow = splitsnow.mitsuba.snow(FILE, light="sky", up=[0, 0, 1], irradiance=stage.d55())
     floor = mi.ScalarTransform4f().translate([0, 0, 0.01]).scale(RADIUS)
     return {

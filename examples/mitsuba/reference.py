@@ -1,15 +1,17 @@
-"""A backlit block of snow 10 cm thick, beside Mitsuba's own volumetric path tracer.
+"""A backlit block of snow 10 cm thick, compared with Mitsuba's volumetric path tracer.
 
     python examples/mitsuba/reference.py --size 384 --spp 64 --out out/reference
 
-writes out/reference.png and out/reference.exr: on the left the block as
-`splitsnow.mitsuba` has it, in the middle a homogeneous medium in which light is traced
-from event to event, on the right that averaged over tiles. kernel.csv, made by
-`cargo run --release --example kernel -- examples/mitsuba/kernel.toml`, says how a grain
-of the same snow scatters. The medium has its single-scattering albedo, its effective
-free path and its asymmetry parameter, in the phase function of Henyey and Greenstein.
-Colours of the middle of the block are printed, also of a medium 3 m wide, out of whose
-sides hardly any light gets lost.
+writes out/reference.png and out/reference.exr. The left panel shows the block rendered
+with `splitsnow.mitsuba`; the middle panel shows a homogeneous medium in which light is
+traced from event to event; the right panel shows the middle panel averaged over tiles.
+kernel.csv, made by
+`cargo run --release --example kernel -- examples/mitsuba/kernel.toml`, gives the
+scattering properties of a grain of the same snow. The medium has the single-scattering
+albedo, the effective free path and the asymmetry parameter of this grain, with the phase
+function of Henyey and Greenstein. The program also prints the colours of the middle of
+the block, including those of a medium 3 m wide, which loses hardly any light through its
+sides.
 """
 
 import argparse
@@ -28,7 +30,7 @@ import splitsnow.mitsuba
 FILE = stage.HERE / "snow.safetensors"
 TO_LAMP = (0.0, 1.0, 0.0)
 WIDTH, DEPTH, DISTANCE = 0.3, 0.1, 4.0
-"""Metres, as all lengths of the scene. The block is as high as wide."""
+"""In metres, like all lengths in the scene. The height of the block equals its width."""
 TILES = 8
 FROM_XYZ = np.array(
     [[3.2406, -1.5372, -0.4986], [-0.9689, 1.8758, 0.0415], [0.0557, -0.2040, 1.0570]]
@@ -43,8 +45,8 @@ def grains():
 
 
 def medium():
-    """Entries of a shape full of points that scatter. What hardly changes with
-    wavelength, free path and asymmetry, is that of the middle."""
+    """Entries of a shape that contains a homogeneous scattering medium. The free path and the
+    asymmetry parameter hardly depend on wavelength and are those of the middle wavelength."""
     grain = grains()
     middle = len(grain["albedo"]) // 2
     albedo = list(zip(grain["wavelength_nm"].tolist(), grain["albedo"].tolist()))
@@ -61,7 +63,7 @@ def medium():
 
 
 def scene(integrator, entries, width, view, size, spp):
-    """A block seen from y < 0, a square view of it, in metres."""
+    """A block seen from y < 0. ``view`` is the side of the square field of view, in metres."""
     fov = math.degrees(2 * math.atan(view / 2 / DISTANCE))
     lamp = {"type": "d65"}
     return {
@@ -81,13 +83,14 @@ def ours(width, view, size, spp):
 
 
 def volume(width, view, size, spp):
-    """No Russian roulette, which would end ways of thousands of events, nor other ends."""
+    """The scene with a medium. Paths have thousands of events, so neither Russian roulette nor
+    a maximum depth ends them."""
     integrator = {"type": "volpath", "max_depth": -1, "rr_depth": 1_000_000}
     return scene(integrator, medium(), width, view, size, spp)
 
 
 def render(describe, width, view, size, spp):
-    """Linear sRGB, and the seconds it took."""
+    """The image in linear sRGB, and the time of rendering in seconds."""
     loaded = mi.load_dict(describe(width, view, size, spp))
     if describe is ours:
         splitsnow.mitsuba.attach(loaded)
@@ -99,17 +102,17 @@ def render(describe, width, view, size, spp):
     return image, seconds
 
 
-def delta_e(one, other, exposure):
-    """CIE 1976, of linear sRGB beside the lamp's light as white."""
+def delta_e(first, second, exposure):
+    """Delta-E (CIE 1976) of two colours in linear sRGB, relative to the lamp's light as white."""
     to_xyz = np.linalg.inv(FROM_XYZ)
-    ratios = exposure * np.pi * np.stack([one, other]) @ to_xyz.T / to_xyz.sum(1)
+    ratios = exposure * np.pi * np.stack([first, second]) @ to_xyz.T / to_xyz.sum(1)
     f = np.where(ratios > (6 / 29) ** 3, np.cbrt(ratios), ratios * (29 / 6) ** 2 / 3 + 4 / 29)
     lab = np.stack([116 * f[:, 1], 500 * (f[:, 0] - f[:, 1]), 200 * (f[:, 1] - f[:, 2])], -1)
     return float(np.linalg.norm(lab[0] - lab[1]))
 
 
 def compare(size, spp):
-    """Prints the colours of the middle, a third of the block in width and height."""
+    """Prints the colours of the middle third of the block in width and height."""
     print("block\tred\tgreen\tblue\tdelta_e\tdelta_e_exposed\tseconds")
     colour, exposure = None, 1.0
     for name, describe, width in (
@@ -118,17 +121,17 @@ def compare(size, spp):
         ("volpath, 3 m wide", volume, 3.0),
     ):
         image, seconds = render(describe, width, WIDTH / 3, size, spp)
-        found = image.mean((0, 1))
+        mean = image.mean((0, 1))
         if colour is None:
-            colour = found
+            colour = mean
             exposure = 0.5 / (np.pi * colour @ np.linalg.inv(FROM_XYZ)[1])
-        differ = [delta_e(colour, found, by) for by in (1.0, exposure)]
-        numbers = (f"{number:.4g}" for number in (*found, *differ, seconds))
+        differences = [delta_e(colour, mean, factor) for factor in (1.0, exposure)]
+        numbers = (f"{number:.4g}" for number in (*mean, *differences, seconds))
         print(name, *numbers, sep="\t", flush=True)
 
 
 def panels(smooth, traced):
-    """Beside each other, the latter also averaged over tiles, in which its noise is less."""
+    """The two images side by side, and ``traced`` averaged over tiles, which reduces its noise."""
     length = len(traced) // TILES
     tiles = traced.reshape(TILES, length, TILES, length, 3).mean((1, 3))
     tiles = tiles.repeat(length, 0).repeat(length, 1)
@@ -139,15 +142,18 @@ def main():
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
     parser.add_argument("--size", type=int, default=384, help="width of the three panels in pixels")
     parser.add_argument("--spp", type=int, default=64, help="samples per pixel")
-    parser.add_argument("--variant", default="llvm_ad_spectral", help="of Mitsuba")
-    parser.add_argument("--out", type=Path, default=Path("out/reference"), help="without suffix")
+    parser.add_argument("--variant", default="llvm_ad_spectral", help="Mitsuba variant")
+    parser.add_argument(
+        "--out", type=Path, default=Path("out/reference"), help="output file without suffix"
+    )
     options = parser.parse_args()
     mi.set_variant(options.variant)
     splitsnow.mitsuba.register()
     side = options.size // (3 * TILES) * TILES
     compare(side // 2, options.spp)
     smooth, traced = (
-        render(of, WIDTH, 1.12 * WIDTH, side, options.spp)[0] for of in (ours, volume)
+        render(describe, WIDTH, 1.12 * WIDTH, side, options.spp)[0]
+        for describe in (ours, volume)
     )
     stage.write(panels(smooth, traced), options.out, 90)
 

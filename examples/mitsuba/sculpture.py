@@ -1,11 +1,12 @@
-"""A body of snow with twisted fins, backlit, in seven snows, in Mitsuba 3.
+"""A backlit body with twisted fins, made of seven different snows, in Mitsuba 3.
 
     python examples/mitsuba/sculpture.py --size 1400 --spp 64 --out out/sculpture
 
-writes out/sculpture.png and out/sculpture.exr. From left to right: the base, smaller
-and larger grains, lighter and denser snow, light snow of small grains and dense snow of
-large ones. The lamp stands behind them, level; what comes through crosses from none to 77 cm of snow.
-snows.safetensors is made by `splitsnow fit configs/scenes/snows.toml`.
+writes out/sculpture.png and out/sculpture.exr. From left to right: the base snow, smaller
+grains, larger grains, lower density, higher density, small grains at low density, and
+large grains at high density. The lamp is behind the bodies at their height; its light
+crosses 0 to 77 cm of snow.
+`splitsnow tailor configs/scenes/snows.toml` makes snows.safetensors.
 """
 
 import numpy as np
@@ -22,14 +23,14 @@ SNOWS = [
 ]  # fmt: skip
 TO_LAMP = (0.0, 1.0, 0.0)
 HEIGHT, RADIUS, STEP = 2.2, 0.74, 1.56
-"""Metres, as all lengths of the scene."""
+"""In metres, like all lengths in the scene. STEP is the distance between the bodies."""
 
 
 def body(rings=160, sides=240):
-    """Vertices and faces of a closed body on z = 0: three fins that turn with height."""
+    """Vertices and faces of a closed body on z = 0 with three fins that turn with height."""
     up = 0.5 - 0.5 * np.cos(np.linspace(0, np.pi, rings + 2)[1:-1])[:, None]
     around = np.linspace(0, 2 * np.pi, sides, endpoint=False)
-    # Round below, a tip above, and a waist.
+    # The profile is round at the bottom, with a waist and a pointed top.
     profile = RADIUS * up**0.35 * (1 - up) ** 0.6 * (1.15 + 0.35 * np.cos(9 * up + 0.4))
     fins = 0.22 + 0.78 * np.cos(1.5 * (around - 2.2 * up)) ** 4
     radius = profile * fins
@@ -47,13 +48,13 @@ def body(rings=160, sides=240):
 
 
 def scene(size, spp):
-    """Bodies along x; z is up. All that is seen is what comes through: no side that is lit
-    shows, and light from body to body is left out."""
+    """Bodies along x; z is up. The picture shows transmitted light only: no lit side is
+    visible, and light between the bodies is neglected."""
     vertices, faces = body()
     bodies = {}
-    for i, place in enumerate(SNOWS):
+    for i, parameters in enumerate(SNOWS):
         snow = splitsnow.mitsuba.snow(
-            FILE, **place, to_light=TO_LAMP, irradiance={"type": "d65"}, reflected=False
+            FILE, **parameters, to_light=TO_LAMP, irradiance={"type": "d65"}, reflected=False
         )
         moved = vertices + [(i - 3) * STEP, 0, 0]
         bodies[f"body_{i}"] = stage.mesh(moved, faces, True, **snow)

@@ -3,10 +3,11 @@ Mitsuba 3.
 
     python examples/mitsuba/soot.py --size 640 --spp 512 --out out/soot
 
-writes out/soot.png and out/soot.exr. One lamp stands behind the blocks, 10 cm thick;
-another, of a 50th of its light, before and above them, where a card leaves their lower
-halves in shadow: there only what comes through is seen, above also what is reflected.
-sooty.safetensors is made by `splitsnow fit configs/scenes/sooty.toml`.
+writes out/soot.png and out/soot.exr. The blocks are 10 cm thick. One lamp is behind the
+blocks. A second lamp, with 1/50 of the irradiance of the first, is in front of and above
+them. A card shades the lower halves of the blocks from the second lamp: they show
+transmitted light only, the upper halves transmitted and reflected light.
+`splitsnow tailor configs/scenes/sooty.toml` makes sooty.safetensors.
 """
 
 import math
@@ -20,9 +21,11 @@ FILE = stage.HERE / "sooty.safetensors"
 SOOT_NG_G = (0, 20, 100, 400)
 TO_BACK, TO_FRONT = (0.0, 1.0, 0.0), (0.0, -math.sqrt(0.5), math.sqrt(0.5))
 FRONT = 0.02
-"""Irradiance, across the beam, of the lamp in front; that of the lamp behind is 1."""
+"""Irradiance of the lamp in front, perpendicular to the beam, relative to that of the lamp
+behind."""
 WIDTH, HEIGHT, DEPTH, BOARD = 0.3, 0.35, 0.1, 0.02
-"""Metres, as all lengths of the scene."""
+"""In metres, like all lengths in the scene. BOARD is the width of the black boards between
+the blocks."""
 
 
 def lamp(to_lamp, irradiance):
@@ -32,7 +35,7 @@ def lamp(to_lamp, irradiance):
 
 def scene(size, spp):
     """Blocks along x with their fronts at y = 0; z is up."""
-    behind, before = ({"type": "d65", "scale": scale} for scale in (1.0, FRONT))
+    behind, in_front = ({"type": "d65", "scale": scale} for scale in (1.0, FRONT))
     shapes = {}
     step = WIDTH + BOARD
     for i, soot_ng_g in enumerate(SOOT_NG_G):
@@ -43,9 +46,9 @@ def scene(size, spp):
         shapes[f"block_{i}"] = stage.box(middle, [WIDTH, DEPTH, HEIGHT], **snow)
     for i in range(len(SOOT_NG_G) + 1):
         middle = [(i - 2) * step, DEPTH / 2, HEIGHT / 2]
-        size_of = [BOARD, DEPTH + 0.02, HEIGHT]
-        shapes[f"board_{i}"] = stage.box(middle, size_of, bsdf=stage.grey(0.0))
-    # Its upper edge hides the lamp from what is below the middle of the blocks.
+        board_size = [BOARD, DEPTH + 0.02, HEIGHT]
+        shapes[f"board_{i}"] = stage.box(middle, board_size, bsdf=stage.grey(0.0))
+    # The upper edge of the card shades everything below the middle of the blocks.
     card = [0, -1, 1 + HEIGHT / 2 - 0.25]
     shapes["card"] = stage.box(card, [3, 0.001, 0.5], bsdf=stage.grey(0.0))
     return {
@@ -53,7 +56,7 @@ def scene(size, spp):
         "integrator": {"type": "path", "max_depth": 2},
         "sensor": stage.camera([0, -2.4, 0.3], [0, 0, 0.17], 32, size, size * 3 // 8, spp),
         "behind": lamp(TO_BACK, behind),
-        "before": lamp(TO_FRONT, before),
+        "before": lamp(TO_FRONT, in_front),
         **shapes,
     }
 

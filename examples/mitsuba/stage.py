@@ -1,4 +1,4 @@
-"""What the scenes here share: simple shapes, meshes, and the program around them."""
+"""Functions shared by the scenes: simple shapes, meshes, rendering and the command line."""
 
 import argparse
 from pathlib import Path
@@ -12,17 +12,19 @@ HERE = Path(__file__).parent
 
 
 def box(middle, size, **entries):
+    """A box with this centre and these side lengths."""
     half = [length / 2 for length in size]
-    place = mi.ScalarTransform4f().translate(middle).scale(half)
-    return {"type": "cube", "to_world": place, **entries}
+    to_world = mi.ScalarTransform4f().translate(middle).scale(half)
+    return {"type": "cube", "to_world": to_world, **entries}
 
 
 def grey(reflectance):
+    """A diffuse BSDF with the same reflectance at all wavelengths."""
     return {"type": "diffuse", "reflectance": {"type": "spectrum", "value": reflectance}}
 
 
 def d55():
-    """CIE illuminant D55, daylight of a lower sun than D65."""
+    """CIE illuminant D55: daylight with the sun lower than for D65."""
     file = HERE.parents[1] / "data/illuminant_d55.csv"
     rows = [line.split(",") for line in file.read_text().splitlines() if line[:1].isdigit()]
     nm, power = zip(*rows)
@@ -31,21 +33,23 @@ def d55():
 
 
 def mesh(vertices, faces, smooth, bsdf, emitter=None):
-    """``(n, 3)`` places and ``(m, 3)`` indices, anticlockwise seen from outside."""
+    """A mesh from ``(n, 3)`` vertex positions and ``(m, 3)`` vertex indices of the faces, which
+    are anticlockwise seen from outside."""
     entries = mi.Properties()
     entries["bsdf"] = mi.load_dict(bsdf)
     if emitter is not None:
         entries["emitter"] = mi.load_dict(emitter)
     entries["face_normals"] = not smooth
-    made = mi.Mesh("mesh", len(vertices), len(faces), entries, has_vertex_normals=smooth)
-    parameters = mi.traverse(made)
+    shape = mi.Mesh("mesh", len(vertices), len(faces), entries, has_vertex_normals=smooth)
+    parameters = mi.traverse(shape)
     parameters["vertex_positions"] = np.ravel(vertices).astype(np.float32)
     parameters["faces"] = np.ravel(faces).astype(np.uint32)
     parameters.update()
-    return made
+    return shape
 
 
 def camera(origin, target, fov, width, height, spp):
+    """A perspective camera with a horizontal field of view of ``fov`` degrees; z is up."""
     return {
         "type": "perspective",
         "fov": fov,
@@ -56,7 +60,8 @@ def camera(origin, target, fov, width, height, spp):
 
 
 def render(scene, variant, size, spp):
-    """Linear sRGB, ``(height, width, 3)``, of what ``scene(size, spp)`` describes."""
+    """Renders the scene described by ``scene(size, spp)``. Returns linear sRGB,
+    ``(height, width, 3)``."""
     mi.set_variant(variant)
     splitsnow.mitsuba.register()
     loaded = mi.load_dict(scene(size, spp))
@@ -67,19 +72,22 @@ def render(scene, variant, size, spp):
 
 
 def main(name, doc, scene, size, spp, white_percentile=97):
-    """Renders as the command line says."""
+    """Renders and writes a picture with the options of the command line."""
     parser = argparse.ArgumentParser(description=doc.splitlines()[0])
     parser.add_argument("--size", type=int, default=size, help="width in pixels")
     parser.add_argument("--spp", type=int, default=spp, help="samples per pixel")
-    parser.add_argument("--variant", default="llvm_ad_spectral", help="of Mitsuba")
-    parser.add_argument("--out", type=Path, default=Path("out") / name, help="without suffix")
+    parser.add_argument("--variant", default="llvm_ad_spectral", help="Mitsuba variant")
+    parser.add_argument(
+        "--out", type=Path, default=Path("out") / name, help="output file without suffix"
+    )
     options = parser.parse_args()
     image = render(scene, options.variant, options.size, options.spp)
     write(image, options.out, white_percentile)
 
 
 def write(image, out, white_percentile):
-    """As EXR, and as PNG so exposed that the percentile of the values is nearly white."""
+    """Writes the image as EXR, and as PNG exposed so that the percentile ``white_percentile``
+    of the values is 80 % of white."""
     out.parent.mkdir(parents=True, exist_ok=True)
     mi.Bitmap(image).write(str(out.with_suffix(".exr")))
     exposed = 0.8 * image / np.percentile(image, white_percentile)

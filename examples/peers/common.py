@@ -1,4 +1,4 @@
-"""Reading of the CSV files in data/, and the looks of the pictures."""
+"""Reads the CSV files in data/, and sets the style of the pictures."""
 
 import csv
 import pathlib
@@ -9,7 +9,7 @@ matplotlib.use("svg")
 import matplotlib.pyplot as plt  # noqa: E402
 
 HERE = pathlib.Path(__file__).parent
-# Okabe and Ito's colours, told apart with any kind of colour vision.
+# Okabe and Ito's palette, which is safe for colour-blind readers.
 COLOURS = ["#0072B2", "#D55E00", "#009E73", "#CC79A7", "#E69F00", "#56B4E9"]
 plt.rcParams.update(
     {
@@ -25,7 +25,8 @@ plt.rcParams.update(
 
 
 def table(name):
-    """Columns of data/NAME.csv as lists, and the numbers of its lines `# key number`."""
+    """The columns of data/NAME.csv as lists, and a dictionary of the numbers in its lines
+    `# key number`."""
     numbers, rows = {}, []
     with open(HERE / "data" / f"{name}.csv") as file:
         for line in file:

@@ -1,9 +1,10 @@
-"""2 cm of snow against discrete ordinates (PythonicDISORT) fed with our grain events.
+"""Compares 2 cm of snow with discrete ordinates (PythonicDISORT) for the same grain events.
 
-The code solves transport between points: it gets the single-scattering albedo and the
-Legendre moments of one of our grain events, and an optical thickness. Once that is the
-thickness over the mean distance between grains, once over the free path of points that
-spread light as far as the grains do (docs/methods.md).
+PythonicDISORT solves transport between points. Its inputs are the single-scattering
+albedo and the Legendre moments of our mean grain event, and an optical thickness. This is
+the thickness divided by, first, the mean free distance between grains, and, second, the
+effective free path: that of points which spread light as far as the grains do
+(docs/methods.md).
 """
 
 import argparse
@@ -13,15 +14,15 @@ import numpy as np
 from common import COLOURS, plt, save, table, write
 from PythonicDISORT.pydisort import pydisort
 
-# Snow hardly absorbs blue light.
+# The albedo is close to 1 because snow hardly absorbs blue light.
 warnings.filterwarnings("ignore", message="Some delta-scaled single-scattering albedos")
 
 parser = argparse.ArgumentParser(description=__doc__)
-parser.add_argument("--out", default="out/peers", help="folder of the picture")
+parser.add_argument("--out", default="out/peers", help="directory of the picture")
 args = parser.parse_args()
 
 STREAMS = 16
-kernel, of = table("kernel")
+kernel, constants = table("kernel")
 snow, _ = table("thin")
 nm = np.array(kernel["wavelength_nm"])
 assert snow["wavelength_nm"] == list(nm)
@@ -30,10 +31,11 @@ thickness_m = 0.02
 
 
 def fluxes(i, free_path_m):
-    """Reflectance and transmittance under parallel light at 0 degrees."""
+    """Reflectance and transmittance at wavelength number ``i`` for parallel light at normal
+    incidence."""
     legendre = np.array([1.0] + [kernel[name][i] for name in moments])
     depth = thickness_m / free_path_m
-    # An albedo of 1 is singular there.
+    # PythonicDISORT is singular at an albedo of 1.
     albedo = min(kernel["albedo"][i], 1 - 1e-9)
     _, up, down, *_ = pydisort(
         depth, albedo, STREAMS, legendre[None, :STREAMS], 1.0, 1.0, 0.0, only_flux=True
@@ -42,7 +44,7 @@ def fluxes(i, free_path_m):
     return float(up(0.0)), float(diffuse + direct)
 
 
-free = of["mean_free_distance_m"]
+free = constants["mean_free_distance_m"]
 curves = {
     "SPLITSnow": (np.array(snow["reflectance"]), np.array(snow["transmittance"])),
     "points, distance of grains": np.array([fluxes(i, free) for i in range(len(nm))]).T,

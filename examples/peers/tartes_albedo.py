@@ -1,9 +1,10 @@
-"""Deep snow against TARTES 2 (Libois et al. 2013) at the same specific surface area.
+"""Compares deep snow with TARTES 2 (Libois et al. 2013) at the same specific surface area.
 
-TARTES sees snow as grains of a specific surface area (SSA), an asymmetry parameter g and
-an absorption enhancement B. All three follow from our grains: SSA = 4 K1 K2 / D_ice (Varsa
-2025, appendix B); g is the mean cosine of a grain event, and with diffraction, which goes
-straight on, (1 + g) / 2; B = l SSA D_ice / 4 with l the mean path in ice, since
+TARTES describes snow by the specific surface area (SSA) of its grains, their asymmetry
+parameter and their absorption enhancement B. All three follow from our grains:
+SSA = 4 K1 K2 / D_ice (Varsa 2025, appendix B). The asymmetry parameter is (1 + g) / 2,
+where g is the mean cosine of a grain event; this includes diffraction, which does not
+change the direction. B = l SSA D_ice / 4, where l is the mean path in ice, since
 4 / (SSA D_ice) is the mean chord of convex grains.
 """
 
@@ -14,18 +15,18 @@ import tartes
 from common import COLOURS, plt, save, table, write
 
 parser = argparse.ArgumentParser(description=__doc__)
-parser.add_argument("--out", default="out/peers", help="folder of the picture")
+parser.add_argument("--out", default="out/peers", help="directory of the picture")
 args = parser.parse_args()
 
-kernel, of = table("kernel")
+kernel, constants = table("kernel")
 nm = np.array(kernel["wavelength_nm"])
-ssa = of["specific_surface_area_m2_kg"]
+ssa = constants["specific_surface_area_m2_kg"]
 g = (1 + np.array(kernel["p1"])) / 2
-b = np.array(kernel["mean_path_m"]) * ssa * of["ice_density_kg_m3"] / 4
+b = np.array(kernel["mean_path_m"]) * ssa * constants["ice_density_kg_m3"] / 4
 
 
 class Soot(tartes.impurities.Impurities):
-    """Our black carbon: 16.619 m2/g at 880 nm, exponent 1."""
+    """Black carbon as in SPLITSnow: 16.619 m2/g at 880 nm, exponent 1."""
 
     @classmethod
     def MAE(cls, wavelength):
@@ -33,7 +34,8 @@ class Soot(tartes.impurities.Impurities):
 
 
 def albedo(ng_g, shapes=None):
-    """Albedo of 1 m of snow under parallel light at 0 degrees; `shapes` are g and B."""
+    """Albedo of 1 m of snow per wavelength for parallel light at normal incidence; `shapes`
+    are g and B."""
     values = []
     for i, x in enumerate(nm):
         shape = {}
@@ -42,7 +44,7 @@ def albedo(ng_g, shapes=None):
         value = tartes.albedo(
             x * 1e-9,
             ssa,
-            density=of["density_kg_m3"],
+            density=constants["density_kg_m3"],
             thickness=1.0,
             impurities=ng_g * 1e-9,
             impurities_type=Soot,

@@ -1,4 +1,4 @@
-//! Numbers in pages that follow from the model without random numbers.
+//! Numbers quoted in the documentation that are computed without random numbers.
 use std::f64::consts::FRAC_PI_2;
 
 use splitsnow::colour::{Colorimeter, delta_e};
@@ -12,21 +12,21 @@ use statrs::distribution::{ChiSquared, ContinuousCDF};
 use super::cases::{FACETNESS, SPHERICITY, ordinary, snow};
 use super::row::Quoted;
 
-/// All of them, in milliseconds.
+/// Computes all numbers, in milliseconds.
 pub(crate) fn exact() -> Vec<Quoted> {
-    let mut all = vec![];
-    let mut say = |name: &str, value: f64, setting: &str| {
-        all.push(Quoted::new(name, value, 0.0, setting));
+    let mut rows = vec![];
+    let mut add = |name: &str, value: f64, setting: &str| {
+        rows.push(Quoted::new(name, value, 0.0, setting));
     };
     let sizes = |min: f64, max: f64| SizeRange::new(min * 1e-6, max * 1e-6).unwrap();
     let usual = sizes(300.0, 750.0);
     let per_m = size_factor_per_m(&usual);
-    say("K1 varsa2025", per_m, "300-750 um, 1/m");
+    add("K1 varsa2025", per_m, "300-750 um, 1/m");
     let per_m = size_factor_per_m(&usual.with_law(SizeLaw::Consistent));
-    say("K1 consistent", per_m, "300-750 um, 1/m");
+    add("K1 consistent", per_m, "300-750 um, 1/m");
     for (min, max) in [(300.0, 750.0), (150.0, 800.0), (50.0, 3000.0)] {
         let times = overpacking(&sizes(min, max));
-        say(
+        add(
             "ice met",
             times,
             &format!("{min}-{max} um, times the volume fraction"),
@@ -36,52 +36,53 @@ pub(crate) fn exact() -> Vec<Quoted> {
     let psi = TruncatedNormal::new(min, max, mean, sd).unwrap();
     let [published, consistent] = [SizeLaw::Varsa2025, SizeLaw::Consistent]
         .map(|law| shape_factor(Shape::Spheroid, &psi, law));
-    say(
+    add(
         "ice met for shapes",
         100.0 * (published / consistent - 1.0),
         "more, %",
     );
-    say(
+    add(
         "optical radius",
         0.75 / published,
         "of the length of grains of one size",
     );
     let grain = ordinary().grains[0].grain;
     let distance_m = mean_free_distance_m(&grain, 450.0, -1.0);
-    say(
+    add(
         "mean free distance",
         distance_m,
         "representative sample at 450 kg/m3, m",
     );
-    // of ten independent wavelengths the root mean square is above two standard errors
+    // probability that the root mean square over ten independent wavelengths exceeds two
+    // standard errors
     let chi = ChiSquared::new(10.0).unwrap();
-    say(
+    add(
         "noise above two errors",
         1e5 * chi.sf(40.0),
         "of 100,000 curves",
     );
 
-    // forward scattering in one dimension: light decays with v, 1 - v d = w exp(v s)
+    // forward scattering in one dimension: the decay rate v solves 1 - v d = w exp(v s)
     let (d, s) = (1.0, 0.4);
     for w in [0.9, 0.5, 0.1] {
         let (mut low, mut high) = (0.0, 1.0 / d);
         for _ in 0..100 {
             let v = 0.5 * (low + high);
-            let survives = 1.0 - v * d > w * f64::exp(v * s);
-            (low, high) = if survives { (v, high) } else { (low, v) };
+            let is_below = 1.0 - v * d > w * f64::exp(v * s);
+            (low, high) = if is_below { (v, high) } else { (low, v) };
         }
         let setting = format!("{w} survive an event, displacement 0.4 d");
-        say("free path that decays right", (1.0 - w) / low, &setting);
-        say("free path of the rule", d + w * s, &setting);
+        add("free path that decays right", (1.0 - w) / low, &setting);
+        add("free path of the rule", d + w * s, &setting);
     }
     let needles = snow([300.0, 750.0], FACETNESS, [0.05, 0.05, 0.05, 0.0], 275.0);
     for (name, snow) in [("ordinary", ordinary()), ("needles", needles)] {
         let cosine = FIRST_FLIGHT * snow.sizes_m()[1] / snow.mean_free_distance_m();
         let degrees = (FRAC_PI_2 - cosine.asin()).to_degrees();
-        say("most grazing light", degrees, &format!("{name}, degrees"));
+        add("most grazing light", degrees, &format!("{name}, degrees"));
     }
     let cosine = FIRST_FLIGHT * ordinary().sizes_m()[1] / ordinary().mean_free_distance_m();
-    say(
+    add(
         "isotropic light beyond the limit",
         cosine * cosine,
         "of all",
@@ -90,7 +91,7 @@ pub(crate) fn exact() -> Vec<Quoted> {
     let visible: Vec<f64> = (40..=70).map(|i| 10.0 * f64::from(i)).collect();
     let colour = Colorimeter::new(&visible).unwrap().unwrap();
     let dark = |t: f64| delta_e(colour.lab(&[0.0; 31]), colour.lab(&[t; 31]));
-    say("Delta-E near black", dark(1e-3) / 1e-3, "per unit");
-    say("Delta-E of .0025", dark(2.5e-3), "at black");
-    all
+    add("Delta-E near black", dark(1e-3) / 1e-3, "per unit");
+    add("Delta-E of .0025", dark(2.5e-3), "at black");
+    rows
 }

@@ -1,5 +1,5 @@
-//! Numbers of finished files: databases fitted to scenes, and what is made of the database
-//! of configs/thesis.toml.
+//! Sizes and errors of files: databases tailored to scenes, and compact files and exports
+//! of the database of configs/thesis.toml.
 use std::error::Error;
 use std::path::Path;
 
@@ -18,7 +18,7 @@ const SCENES: [&str; 7] = [
     "layered",
     "soot",
 ];
-/// Files of the thesis grid below `files`, as `just quoted` makes them.
+/// Files of the thesis grid below `files`, made by `just quoted`.
 const THESIS: [&str; 12] = [
     "plain.safetensors",
     "plain_loose.safetensors",
@@ -34,28 +34,28 @@ const THESIS: [&str; 12] = [
     "database.npz",
 ];
 
-/// What stands in `dir`: `scenes/NAME/snow.safetensors` and `files/NAME`.
+/// Rows for the files in `dir`: `scenes/NAME/snow.safetensors` and `files/NAME`.
 pub(crate) fn files(dir: &Path) -> Result<Vec<Quoted>, Box<dyn Error>> {
-    let mut all = vec![];
+    let mut rows = vec![];
     for scene in SCENES {
         let path = dir.join("scenes").join(scene).join("snow.safetensors");
         let database = Database::open(&path)?;
-        let certificate: Value = serde_json::from_str(&database.metadata()["certificate"])?;
-        let chains = certificate["quantities"]
+        let error_budget: Value = serde_json::from_str(&database.metadata()["error_budget"])?;
+        let chains = error_budget["quantities"]
             .as_object()
-            .ok_or("no certificate")?;
-        let of = |part: &str, measure: &str, i: usize| {
-            let found = chains.values().filter_map(|c| c[part][measure][i].as_f64());
-            found.fold(0.0, f64::max)
+            .ok_or("no error budget")?;
+        let largest = |part: &str, measure: &str, i: usize| {
+            let errors = chains.values().filter_map(|c| c[part][measure][i].as_f64());
+            errors.fold(0.0, f64::max)
         };
-        let name = format!("fit {scene}");
-        let mut say = |value: f64, setting: &str| {
-            all.push(Quoted::new(&name, value, 0.0, setting));
+        let name = format!("tailor {scene}");
+        let mut add = |value: f64, setting: &str| {
+            rows.push(Quoted::new(&name, value, 0.0, setting));
         };
-        say(of("total", "delta_e", 2), "largest Delta-E certified");
-        say(path.metadata()?.len() as f64, "bytes");
-        say(database.wavelengths_nm().len() as f64, "wavelengths");
-        say(database.curves() as f64, "nodes");
+        add(largest("total", "delta_e", 2), "largest Delta-E certified");
+        add(path.metadata()?.len() as f64, "bytes");
+        add(database.wavelengths_nm().len() as f64, "wavelengths");
+        add(database.curves() as f64, "nodes");
         if scene == "thesis" {
             for (measure, i, setting) in [
                 ("delta_e", 0, "Delta-E, mean"),
@@ -64,9 +64,9 @@ pub(crate) fn files(dir: &Path) -> Result<Vec<Quoted>, Box<dyn Error>> {
                 ("rmse", 2, "RMSE, largest"),
             ] {
                 let name = "lines between wavelengths";
-                all.push(Quoted::new(
+                rows.push(Quoted::new(
                     name,
-                    of("wavelengths", measure, i),
+                    largest("wavelengths", measure, i),
                     0.0,
                     setting,
                 ));
@@ -80,12 +80,12 @@ pub(crate) fn files(dir: &Path) -> Result<Vec<Quoted>, Box<dyn Error>> {
         } else {
             (1e6, "MB")
         };
-        all.push(Quoted::new(
+        rows.push(Quoted::new(
             &format!("file {name}"),
             bytes / scale,
             0.0,
             unit,
         ));
     }
-    Ok(all)
+    Ok(rows)
 }

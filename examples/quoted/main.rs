@@ -1,11 +1,12 @@
-//! Numbers that pages quote and that no other program makes: docs/quoted.csv.
+//! Makes docs/quoted.csv: the numbers that the documentation quotes and that no other
+//! program computes.
 //!
 //!     cargo run --release --example quoted -- out/quoted docs/quoted.csv
 //!
-//! makes it, from the files below `out/quoted` (`just quoted` makes these, too) and from
-//! some minutes of simulations. With `check` behind it nothing is written: other random
-//! numbers must give the same within the standard errors, and files and what has no
-//! standard error must be as they were.
+//! writes the file from the files below `out/quoted` (made by `just quoted`) and from some
+//! minutes of simulations. With `check` as a third argument, nothing is written. Instead,
+//! simulations with other random numbers must agree with the file within the standard
+//! errors, and numbers without a standard error must be unchanged.
 #![allow(
     dead_code,
     clippy::unwrap_used,
@@ -24,10 +25,10 @@ use std::path::Path;
 
 use row::{Quoted, read};
 
-/// How many joint standard errors two runs may differ: a few hundred numbers stray no
-/// further but for one run in a thousand.
+/// Largest difference of two runs, in joint standard errors. Among a few hundred numbers,
+/// it is exceeded by chance in less than one run in a thousand.
 const Z: f64 = 5.0;
-/// Seeds of the file and of what is held against it.
+/// Seeds of the file and of the check.
 const SEEDS: [u64; 2] = [1, 2];
 
 fn main() -> Result<(), Box<dyn Error>> {
@@ -35,47 +36,55 @@ fn main() -> Result<(), Box<dyn Error>> {
     let (files_dir, file, check) = match &args[..] {
         [files_dir, file] => (files_dir, file, false),
         [files_dir, file, word] if word == "check" => (files_dir, file, true),
-        _ => return Err("give a directory that `just quoted` made, and docs/quoted.csv".into()),
+        _ => {
+            return Err(
+                "give the directory made by `just quoted`, docs/quoted.csv and optionally `check`"
+                    .into(),
+            );
+        }
     };
-    let mut all = exact::exact();
-    all.extend(files::files(Path::new(files_dir))?);
-    all.extend(measured::measured(SEEDS[usize::from(check)]));
+    let mut rows = exact::exact();
+    rows.extend(files::files(Path::new(files_dir))?);
+    rows.extend(measured::measured(SEEDS[usize::from(check)]));
     if check {
-        return compare(&read(Path::new(file))?, &all);
+        return compare(&read(Path::new(file))?, &rows);
     }
     let mut out = csv::Writer::from_path(file)?;
     out.write_record(["name", "value", "standard_error", "setting"])?;
-    for one in &all {
-        let [value, se] = [one.value, one.standard_error].map(|x| format!("{x:.6e}"));
-        out.write_record([&one.name, &value, &se, &one.setting])?;
+    for row in &rows {
+        let [value, se] = [row.value, row.standard_error].map(|x| format!("{x:.6e}"));
+        out.write_record([&row.name, &value, &se, &row.setting])?;
     }
     Ok(out.flush()?)
 }
 
-/// Whether two runs say the same.
-fn compare(before: &[Quoted], now: &[Quoted]) -> Result<(), Box<dyn Error>> {
-    let key = |one: &Quoted| (one.name.clone(), one.setting.clone());
-    if before.len() != now.len() {
-        return Err(format!("{} numbers instead of {}", now.len(), before.len()).into());
+/// Prints the differences between the file and a new run.
+///
+/// # Errors
+/// If any number differs.
+fn compare(file: &[Quoted], new: &[Quoted]) -> Result<(), Box<dyn Error>> {
+    let key = |row: &Quoted| (row.name.clone(), row.setting.clone());
+    if file.len() != new.len() {
+        return Err(format!("{} numbers instead of {}", new.len(), file.len()).into());
     }
-    let mut wrong = 0;
-    for (a, b) in before.iter().zip(now) {
+    let mut differing = 0;
+    for (a, b) in file.iter().zip(new) {
         let joint = a.standard_error.hypot(b.standard_error);
-        let most = Z * joint + 1e-5 * a.value.abs();
-        // where the largest of several was at another place, only that is compared
-        let same = a.name == b.name && (key(a) == key(b) || joint > 0.0);
-        let off = (a.value - b.value).abs();
-        if !same || off > most {
-            wrong += 1;
+        let allowed = Z * joint + 1e-5 * a.value.abs();
+        // the setting of the largest of several values may differ between runs
+        let is_same_row = a.name == b.name && (key(a) == key(b) || joint > 0.0);
+        let difference = (a.value - b.value).abs();
+        if !is_same_row || difference > allowed {
+            differing += 1;
             println!(
-                "{}, {}: {} now {}, {most:.1e} apart at most",
+                "{}, {}: {} in the file, {} now; allowed difference {allowed:.1e}",
                 a.name, a.setting, a.value, b.value
             );
         }
     }
-    println!("{} numbers compared, {wrong} differ", now.len());
-    if wrong > 0 {
-        Err("make docs/quoted.csv anew (just quoted)".into())
+    println!("{} numbers compared, {differing} differ", new.len());
+    if differing > 0 {
+        Err("some numbers differ: make docs/quoted.csv anew (just quoted)".into())
     } else {
         Ok(())
     }

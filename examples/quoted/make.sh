@@ -1,6 +1,7 @@
 #!/usr/bin/env bash
-# The files whose sizes and errors docs/quoted.csv has, below a directory, by the program built:
-# databases fitted to scenes, and the compact files and exports of configs/thesis.toml.
+# Makes the files whose sizes and errors are in docs/quoted.csv, below the directory $1, with
+# the release build: databases tailored to scenes, and compact files and exports of
+# configs/thesis.toml.
 set -euo pipefail
 out=$1
 splitsnow=target/release/splitsnow
@@ -9,7 +10,7 @@ for scene in igloo block sculpture thesis wet layered soot; do
     "$splitsnow" fit "configs/scenes/$scene.toml" --out "$out/scenes/$scene"
 done
 "$splitsnow" build configs/thesis.toml --out "$out/thesis"
-# name, and how it is compressed; the last is what `build` writes
+# name and compression options; the last line gives the file that `build` writes
 while read -r name how; do
     # shellcheck disable=SC2086
     "$splitsnow" compress "$out/thesis" $how </dev/null

@@ -2,7 +2,8 @@
 use std::error::Error;
 use std::path::Path;
 
-/// A number of a page; several of one name are a row.
+/// A number quoted in the documentation: one row of the file. A quotation of several
+/// numbers refers to all rows of one name.
 #[derive(Debug, Clone, PartialEq)]
 pub(crate) struct Quoted {
     pub(crate) name: String,
@@ -22,7 +23,7 @@ impl Quoted {
     }
 }
 
-/// The rows of the file.
+/// Reads the rows of the file.
 pub(crate) fn read(path: &Path) -> Result<Vec<Quoted>, Box<dyn Error>> {
     let mut reader = csv::Reader::from_path(path)?;
     let rows = reader.records().map(|row| {

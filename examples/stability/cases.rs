@@ -1,4 +1,4 @@
-//! The corners of the parameter box and beyond, and how an engine is asked.
+//! Test cases at the limits of the parameter space and beyond, and how they are run.
 use std::sync::atomic::{AtomicBool, AtomicU64};
 
 use splitsnow::engine::{Cache, Control, Engine, EngineError, MaxError, Request, Resolution};
@@ -6,29 +6,29 @@ use splitsnow::grain::{GrainType, Shape, SizeRange, TruncatedNormal};
 use splitsnow::measurement::{Measured, Spectrum};
 use splitsnow::optics::Carbon;
 use splitsnow::transport::{
-    Component, Entry, Ground, Illumination, Joining, Layer, Model, Pack, Snow,
+    Component, Entry, Illumination, Joining, Layer, Model, Snow, Snowpack, Substrate,
 };
 
-/// Minimum, maximum, mean and standard deviation of a shape's law.
+/// Minimum, maximum, mean and standard deviation of a truncated normal law.
 pub(crate) type Law = [f64; 4];
 /// Facetness and sphericity of the representative sample (Varsa 2025, chapter 7).
 pub(crate) const FACETNESS: Law = [0.2, 0.4, 0.3, 0.072];
 pub(crate) const SPHERICITY: Law = [0.6, 0.95, 0.798, 0.064];
-/// Diffuse light, as an angle.
+/// Incidence angle that stands for diffuse light.
 pub(crate) const DIFFUSE: f64 = f64::NAN;
 
-/// A pack, its light, its slabs and its wavelengths.
+/// A snowpack with its illumination, thicknesses and wavelengths.
 #[derive(Debug, Clone)]
 pub(crate) struct Case {
     pub(crate) name: String,
-    pub(crate) pack: Pack,
+    pub(crate) snowpack: Snowpack,
     pub(crate) model: Model,
     pub(crate) light: Illumination,
     pub(crate) thicknesses_m: Vec<f64>,
     pub(crate) wavelengths_nm: Vec<f64>,
 }
 
-/// Snow of grains of `size_um`.
+/// Dry snow at -1 C with grains of `size_um`.
 pub(crate) fn snow(size_um: [f64; 2], facetness: Law, sphericity: Law, density_kg_m3: f64) -> Snow {
     let law = |l: Law| TruncatedNormal::new(l[0], l[1], l[2], l[3]).unwrap();
     Snow::dry(
@@ -65,19 +65,19 @@ pub(crate) fn light(degrees: f64) -> Illumination {
 }
 
 impl Case {
-    /// Packs with surface layers of these thicknesses in mean free distances.
+    /// A case with surface layers of the thicknesses `depths`, in mean free distances.
     pub(crate) fn new(
         name: &str,
-        pack: impl Into<Pack>,
+        snowpack: impl Into<Snowpack>,
         degrees: f64,
         depths: &[f64],
         nm: &[f64],
     ) -> Self {
-        let pack = pack.into();
-        let (distance_m, below_m) = (pack.surface.mean_free_distance_m(), pack.below_m());
+        let snowpack = snowpack.into();
+        let (distance_m, below_m) = (snowpack.surface.mean_free_distance_m(), snowpack.below_m());
         Self {
             name: name.into(),
-            pack,
+            snowpack,
             model: Model::default(),
             light: light(degrees),
             thicknesses_m: depths.iter().map(|d| below_m + d * distance_m).collect(),
@@ -85,32 +85,34 @@ impl Case {
         }
     }
 
-    /// The same slabs in grains of the largest size instead.
+    /// The case with the thicknesses `grains`, in lengths of the largest grain.
     pub(crate) fn in_grains(mut self, grains: &[f64]) -> Self {
-        let size_m = self.pack.surface.sizes_m()[1];
+        let size_m = self.snowpack.surface.sizes_m()[1];
         self.thicknesses_m = grains.iter().map(|g| g * size_m).collect();
         self
     }
 
-    /// Thickness of the surface layer of a pack `thickness_m` thick, in mean free
+    /// Thickness of the surface layer of a snowpack `thickness_m` thick, in mean free
     /// distances.
     pub(crate) fn depth(&self, thickness_m: f64) -> f64 {
-        (thickness_m - self.pack.below_m()) / self.pack.surface.mean_free_distance_m()
+        (thickness_m - self.snowpack.below_m()) / self.snowpack.surface.mean_free_distance_m()
     }
 
-    /// The same with layers that are slabs of their own.
+    /// The case with its layers as a cascade of separate slabs.
     pub(crate) fn cascaded(mut self) -> Self {
         self.model.joining = Joining::Cascade;
         self
     }
 
-    /// The same with rays that enter grains as if these lay at random.
+    /// The case with projected entry: rays enter grains as if the grains were placed at
+    /// random.
     pub(crate) fn projected(mut self) -> Self {
         self.model.entry = Entry::Projected;
         self
     }
 
-    /// All spectra, by thickness.
+    /// Runs `engine` without the check of its range of validity: one spectrum per
+    /// thickness.
     pub(crate) fn run(
         &self,
         engine: Engine,
@@ -120,7 +122,7 @@ impl Case {
         seed: u64,
     ) -> Result<Vec<Spectrum>, EngineError> {
         let request = Request {
-            pack: &self.pack,
+            snowpack: &self.snowpack,
             thicknesses_m: &self.thicknesses_m,
             illuminations: &[self.light],
             wavelengths_nm: &self.wavelengths_nm,
@@ -140,10 +142,10 @@ impl Case {
         engine.run_unchecked(&request, &control)
     }
 
-    /// Whether the engine would refuse, and why.
+    /// The error with which the engine refuses the case; `None` if it accepts it.
     pub(crate) fn refusal(&self, engine: Engine, resolution: Resolution) -> Option<EngineError> {
         let request = Request {
-            pack: &self.pack,
+            snowpack: &self.snowpack,
             thicknesses_m: &self.thicknesses_m,
             illuminations: &[self.light],
             wavelengths_nm: &self.wavelengths_nm,
@@ -158,7 +160,7 @@ impl Case {
     }
 }
 
-/// Difference of two independent values in joint standard errors.
+/// Difference of two independent values, in joint standard errors.
 pub(crate) fn z(a: Measured, b: Measured) -> f64 {
     let se = a.se.hypot(b.se);
     if se > 0.0 {
@@ -170,30 +172,31 @@ pub(crate) fn z(a: Measured, b: Measured) -> f64 {
     }
 }
 
-/// Fine faceted grains.
+/// Snow with fine faceted grains.
 pub(crate) fn fresh() -> Snow {
     snow([50.0, 100.0], [0.7, 0.99, 0.9, 0.5], SPHERICITY, 225.0)
 }
 
-/// Coarse round ones.
+/// Snow with coarse rounded grains.
 pub(crate) fn coarse() -> Snow {
     snow([900.0, 1000.0], [0.05, 0.15, 0.1, 0.075], SPHERICITY, 375.0)
 }
 
-/// `surface` over `below`, from the surface down, with thicknesses in cm.
-pub(crate) fn over(surface: Snow, below: &[(Snow, f64)], ground: Ground) -> Pack {
+/// A snowpack with the layer `surface` over the layers `below`, given from the surface
+/// down with their thicknesses in cm.
+pub(crate) fn over(surface: Snow, below: &[(Snow, f64)], substrate: Substrate) -> Snowpack {
     let layer = |(snow, cm): &(Snow, f64)| Layer {
         snow: snow.clone(),
         thickness_m: cm * 1e-2,
     };
-    Pack {
+    Snowpack {
         surface,
         below: below.iter().map(layer).collect(),
-        ground,
+        substrate,
     }
 }
 
-/// `snow` with black carbon, ng/g, and the share of it in the ice.
+/// `snow` with black carbon: its concentration in ng/g and the share of it in the ice.
 fn sooty(snow: Snow, concentration_ng_g: f64, sedimentation: f64) -> Snow {
     let carbon = Carbon {
         sedimentation,
@@ -205,63 +208,63 @@ fn sooty(snow: Snow, concentration_ng_g: f64, sedimentation: f64) -> Snow {
     }
 }
 
-/// Packs of several layers or types of grain, with carbon, on bright ground.
-fn packs() -> Vec<Case> {
+/// Cases with several layers, several grain types, carbon or a bright substrate.
+fn snowpacks() -> Vec<Case> {
     let nm = &[400.0, 700.0, 1030.0, 1300.0, 2000.0];
     let slabs = &[2.5, 5.0, 12.0, 30.0];
-    let of = |name: &str, pack: Pack| Case::new(name, pack, 0.0, slabs, nm);
-    let black = || Ground::Black;
+    let case = |name: &str, snowpack: Snowpack| Case::new(name, snowpack, 0.0, slabs, nm);
+    let black = || Substrate::Black;
     let mixture = |a: Snow, b: Snow, share: f64| {
-        let of = |snow: &Snow, fraction| Component {
+        let component = |snow: &Snow, fraction| Component {
             fraction,
             grain: snow.grains[0].grain,
         };
         Snow {
-            grains: vec![of(&a, share), of(&b, 1.0 - share)],
+            grains: vec![component(&a, share), component(&b, 1.0 - share)],
             ..ordinary()
         }
     };
     vec![
-        of(
+        case(
             "fresh on coarse",
             over(fresh(), &[(coarse(), 1.0)], black()),
         ),
-        of(
+        case(
             "coarse on fresh",
             over(coarse(), &[(fresh(), 1.0)], black()),
         ),
-        of(
+        case(
             "half a grain of coarse in fresh",
             over(fresh(), &[(coarse(), 0.05), (fresh(), 0.2)], black()),
         ),
-        of(
+        case(
             "a hundredth of a grain",
             over(ordinary(), &[(coarse(), 0.001), (ordinary(), 0.5)], black()),
         ),
-        of(
+        case(
             "ten layers of one grain",
             over(fresh(), &vec![(ordinary(), 0.075); 10], black()),
         ),
-        of(
+        case(
             "fresh on coarse, cascade",
             over(fresh(), &[(coarse(), 1.0)], black()),
         )
         .cascaded(),
-        of(
+        case(
             "mixture, fresh and coarse",
             mixture(fresh(), coarse(), 0.5).into(),
         ),
-        of(
+        case(
             "mixture, 1 % fresh",
             mixture(fresh(), coarse(), 0.01).into(),
         ),
-        of("ground 0.5", over(ordinary(), &[], Ground::Grey(0.5))),
-        of("ground 1", over(ordinary(), &[], Ground::Grey(1.0))),
-        of("1000 ng/g in the ice", sooty(ordinary(), 1e3, 1.0).into()),
-        of("1e5 ng/g in the ice", sooty(ordinary(), 1e5, 1.0).into()),
-        of("1000 ng/g in the pores", sooty(ordinary(), 1e3, 0.0).into()),
-        of("1e5 ng/g in the pores", sooty(ordinary(), 1e5, 0.0).into()),
-        of(
+        case("substrate 0.5", over(ordinary(), &[], Substrate::Grey(0.5))),
+        case("substrate 1", over(ordinary(), &[], Substrate::Grey(1.0))),
+        case("1000 ng/g in the ice", sooty(ordinary(), 1e3, 1.0).into()),
+        case("1e5 ng/g in the ice", sooty(ordinary(), 1e5, 1.0).into()),
+        case("1000 ng/g in the pores", sooty(ordinary(), 1e3, 0.0).into()),
+        case("1e5 ng/g in the pores", sooty(ordinary(), 1e5, 0.0).into()),
+        case(
             "1e5 ng/g in pores half full",
             sooty(wet(ordinary(), 0.5), 1e5, 0.5).into(),
         ),
@@ -271,26 +274,32 @@ fn packs() -> Vec<Case> {
 /// Every case of the map.
 pub(crate) fn all() -> Vec<Case> {
     let mut cases = homogeneous();
-    cases.extend(packs());
+    cases.extend(snowpacks());
     cases
 }
 
 fn homogeneous() -> Vec<Case> {
     let visible_to_infrared = &[400.0, 700.0, 1030.0, 1300.0, 2000.0];
     let slabs = &[2.5, 5.0, 12.0, 30.0];
-    let of = |name: &str, snow: Snow, degrees: f64| {
+    let case = |name: &str, snow: Snow, degrees: f64| {
         Case::new(name, snow, degrees, slabs, visible_to_infrared)
     };
     let constant = |x: f64| [x, x, x, 0.0];
-    // lengths scaled by `by` at 390 nm are absorption scaled by it: k = 2e-11 `by`
-    let scaled = |name: &str, by: f64, nm: f64| {
-        let snow = snow([300.0 * by, 750.0 * by], FACETNESS, SPHERICITY, 275.0);
+    // scaling all lengths by `factor` scales the absorption by it: at 390 nm the ice then
+    // absorbs as with k = 2e-11 `factor`
+    let scaled = |name: &str, factor: f64, nm: f64| {
+        let snow = snow(
+            [300.0 * factor, 750.0 * factor],
+            FACETNESS,
+            SPHERICITY,
+            275.0,
+        );
         Case::new(name, snow, 0.0, &[2.5, 5.0, 12.0, 30.0, 100.0], &[nm])
     };
     let shape = |size, facetness, sphericity| snow(size, facetness, sphericity, 275.0);
     let size = [300.0, 750.0];
     vec![
-        of("ordinary", ordinary(), 0.0),
+        case("ordinary", ordinary(), 0.0),
         scaled("no absorption", 1e-9, 390.0),
         scaled("k = 1e-12", 0.05, 390.0),
         scaled("k = 0.1", 0.1 / 1.64e-3, 2000.0),
@@ -311,49 +320,49 @@ fn homogeneous() -> Vec<Case> {
             &[100.0, 300.0, 1000.0],
             &[400.0, 1030.0],
         ),
-        of("60 degrees", ordinary(), 60.0),
-        of("85 degrees", ordinary(), 85.0),
-        of("89 degrees", ordinary(), 89.0),
-        of("89.9 degrees", ordinary(), 89.9),
-        of("89.99 degrees", ordinary(), 89.99),
-        of("diffuse", ordinary(), DIFFUSE),
-        of("projected entry", ordinary(), 50.0).projected(),
-        of(
+        case("60 degrees", ordinary(), 60.0),
+        case("85 degrees", ordinary(), 85.0),
+        case("89 degrees", ordinary(), 89.0),
+        case("89.9 degrees", ordinary(), 89.9),
+        case("89.99 degrees", ordinary(), 89.99),
+        case("diffuse", ordinary(), DIFFUSE),
+        case("projected entry", ordinary(), 50.0).projected(),
+        case(
             "spheres in slabs of 0.99 grains",
             shape([500.0; 2], FACETNESS, constant(1.0)),
             0.0,
         )
         .in_grains(&[0.99]),
-        of("slabs of 1.02 to 8 grains", ordinary(), 0.0)
+        case("slabs of 1.02 to 8 grains", ordinary(), 0.0)
             .in_grains(&[1.02, 1.5, 3.0, 3.5, 3.7, 4.0, 8.0]),
-        of(
+        case(
             "one grain size",
             shape([500.0; 2], FACETNESS, SPHERICITY),
             0.0,
         ),
-        of(
+        case(
             "50-3000 um",
             shape([50.0, 3000.0], FACETNESS, SPHERICITY),
             0.0,
         )
         .in_grains(&[1.5, 3.5, 4.0, 8.0]),
-        of("facetness 0", shape(size, constant(0.0), SPHERICITY), 0.0),
-        of("facetness 1", shape(size, constant(1.0), SPHERICITY), 0.0),
-        of(
+        case("facetness 0", shape(size, constant(0.0), SPHERICITY), 0.0),
+        case("facetness 1", shape(size, constant(1.0), SPHERICITY), 0.0),
+        case(
             "sphericity 0.05",
             shape(size, FACETNESS, constant(0.05)),
             0.0,
         )
         .in_grains(&[1.5, 3.5, 4.0, 8.0]),
-        of("sphericity 0.3", shape(size, FACETNESS, constant(0.3)), 0.0)
+        case("sphericity 0.3", shape(size, FACETNESS, constant(0.3)), 0.0)
             .in_grains(&[1.5, 3.5, 4.0, 8.0]),
-        of("sphericity 1", shape(size, FACETNESS, constant(1.0)), 0.0),
-        of(
+        case("sphericity 1", shape(size, FACETNESS, constant(1.0)), 0.0),
+        case(
             "smooth spheres",
             shape([500.0; 2], constant(0.0), constant(1.0)),
             0.0,
         ),
-        of(
+        case(
             "density 1",
             Snow {
                 density_kg_m3: 1.0,
@@ -361,7 +370,7 @@ fn homogeneous() -> Vec<Case> {
             },
             0.0,
         ),
-        of(
+        case(
             "density 549",
             Snow {
                 density_kg_m3: 549.0,
@@ -369,7 +378,7 @@ fn homogeneous() -> Vec<Case> {
             },
             0.0,
         ),
-        of(
+        case(
             "density 549, 89 degrees",
             Snow {
                 density_kg_m3: 549.0,
@@ -377,17 +386,22 @@ fn homogeneous() -> Vec<Case> {
             },
             89.0,
         ),
-        of("saturation 0.1", wet(ordinary(), 0.1), 0.0),
-        of("saturation 0.5", wet(ordinary(), 0.5), 0.0),
-        of("saturation 1", wet(ordinary(), 1.0), 0.0),
+        case("saturation 0.1", wet(ordinary(), 0.1), 0.0),
+        case("saturation 0.5", wet(ordinary(), 0.5), 0.0),
+        case("saturation 1", wet(ordinary(), 1.0), 0.0),
     ]
 }
 
-/// One snow at one wavelength, all its lengths scaled so that the ice absorbs
-/// as if its k were this: geometry, index and random numbers stay the same.
+/// One snow at one wavelength, with all lengths scaled so that the ice absorbs as if its
+/// imaginary index were `k`. Geometry, refractive index and random numbers stay the same.
 pub(crate) fn absorbing(k: f64, saturation: f64) -> Case {
-    let by = k / 1.32e-5;
-    let scaled = snow([300.0 * by, 750.0 * by], FACETNESS, SPHERICITY, 275.0);
+    let factor = k / 1.32e-5;
+    let scaled = snow(
+        [300.0 * factor, 750.0 * factor],
+        FACETNESS,
+        SPHERICITY,
+        275.0,
+    );
     let depths = [2.0, 4.2, 6.0, 12.0, 30.0];
     let name = format!("k = {k:.0e}, saturation {saturation}");
     Case::new(&name, wet(scaled, saturation), 0.0, &depths, &[1300.0])

@@ -1,25 +1,26 @@
-//! What an engine's answer to a case is worth.
+//! Judges an engine's answer to a case.
 use splitsnow::engine::{Engine, EngineError};
 use splitsnow::measurement::{Measured, Spectrum};
-use splitsnow::transport::Ground;
+use splitsnow::transport::Substrate;
 
 use super::cases::{Case, z};
 
-/// Standard errors taken for chance: one in a million and a half.
+/// Differences of up to this many standard errors are attributed to chance; larger ones
+/// occur by chance once in 1.5 million.
 pub(crate) const Z: f64 = 5.0;
-/// Rounding of sums of fluxes.
+/// Allowance for rounding in sums of fluxes.
 const ROUNDING: f64 = 1e-9;
 
-/// How an engine's answer turned out, best first.
+/// Quality of an engine's answer, best first.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord)]
 pub(crate) enum Verdict {
-    /// Possible, and within the stated error of `spectral`.
+    /// Physically possible, and within the stated error of `spectral`.
     Holds,
-    /// A typed error.
+    /// The engine returned an error.
     Refused,
-    /// Possible but further off than stated.
+    /// Physically possible, but outside the stated error.
     Inexact,
-    /// Not finite, outside [0, 1], more light than came in, or not monotone.
+    /// Not finite, outside [0, 1], more light than the incident light, or not monotone.
     Impossible,
 }
 
@@ -38,27 +39,29 @@ impl Verdict {
 pub(crate) struct Answer {
     pub(crate) engine: Engine,
     pub(crate) verdict: Verdict,
-    /// The error, or what is wrong, or nothing.
+    /// Reason for the verdict: the error message or the worst discrepancy; empty if there
+    /// is none.
     pub(crate) why: String,
-    /// Largest difference from `spectral` in R and in T.
+    /// Largest difference from `spectral` in R or T.
     pub(crate) largest: Option<f64>,
     pub(crate) spectra: Vec<Spectrum>,
 }
 
-/// Error of an engine beyond statistics, in R and in T (docs/stability.md).
+/// Stated systematic error of an engine in R and in T (docs/stability.md).
 pub(crate) fn stated(engine: Engine) -> f64 {
     match engine {
         Engine::Reference | Engine::Spectral => 0.0,
         Engine::Tabulated => 0.0025,
-        Engine::Doubling | Engine::Auto => 0.007,
+        Engine::Hybrid | Engine::Auto => 0.007,
     }
 }
 
-/// Judges what `engine` said of `case` by what `spectral` did.
+/// Judges the `result` of `engine` for `case` by comparison with the spectra of
+/// `spectral`.
 pub(crate) fn judge(
     case: &Case,
     engine: Engine,
-    said: Result<Vec<Spectrum>, EngineError>,
+    result: Result<Vec<Spectrum>, EngineError>,
     spectral: &[Spectrum],
 ) -> Answer {
     let answer = |verdict, why, largest, spectra| Answer {
@@ -68,19 +71,22 @@ pub(crate) fn judge(
         largest,
         spectra,
     };
-    let spectra = match said {
+    let spectra = match result {
         Err(error) => return answer(Verdict::Refused, error.to_string(), None, vec![]),
         Ok(spectra) => spectra,
     };
-    // Snow over brighter snow or ground may take light away. So may a thicker slab
-    // whose pores are black: in one of few grains short grains are met the more, since
-    // long ones do not fit, and `spectral` has R of .0694 at 2.4 grains, .0660 at 5.
+    // R may fall with thickness if snow lies over brighter snow or a brighter substrate. It
+    // may also fall if the pores are black: in a slab a few grains thick, rays meet more
+    // short grains because long ones do not fit; `spectral` gives R = 0.0694 at 2.4 grains
+    // and 0.0660 at 5.
     let black_pores = case
-        .pack
+        .snowpack
         .surface
         .carbon()
         .any(|carbon| carbon.sedimentation < 1.0);
-    let brightens = case.pack.below.is_empty() && case.pack.ground == Ground::Black && !black_pores;
+    let brightens = case.snowpack.below.is_empty()
+        && case.snowpack.substrate == Substrate::Black
+        && !black_pores;
     if let Some(why) = impossible(&spectra, brightens) {
         return answer(Verdict::Impossible, why, None, spectra);
     }
@@ -91,14 +97,14 @@ pub(crate) fn judge(
                 ("R", a.reflectance[l], b.reflectance[l]),
                 ("T", a.transmittance[l], b.transmittance[l]),
             ];
-            for (what, x, y) in pairs {
-                let off = (x.value - y.value).abs();
-                largest = largest.max(off);
-                let beyond = excess(engine, x, y);
-                if beyond > worst {
-                    worst = beyond;
+            for (letter, x, y) in pairs {
+                let difference = (x.value - y.value).abs();
+                largest = largest.max(difference);
+                let excess = excess(engine, x, y);
+                if excess > worst {
+                    worst = excess;
                     why = format!(
-                        "{what} {:.4} not {:.4} ({:+.1} se) at {} nm, {:.3} mean free distances",
+                        "{letter} {:.4} not {:.4} ({:+.1} se) at {} nm, {:.3} mean free distances",
                         x.value,
                         y.value,
                         z(x, y),
@@ -117,13 +123,15 @@ pub(crate) fn judge(
     answer(verdict, why, Some(largest), spectra)
 }
 
-/// By how much two values differ beyond the stated error and chance.
+/// Amount by which the difference of two values exceeds the stated error plus [`Z`]
+/// standard errors; negative if it does not.
 pub(crate) fn excess(engine: Engine, x: Measured, y: Measured) -> f64 {
     (x.value - y.value).abs() - stated(engine) - Z * x.se.hypot(y.se)
 }
 
-/// What is physically impossible about spectra of one snow at rising thickness,
-/// which `brightens` it or may not.
+/// Describes what is physically impossible in spectra of one snowpack at increasing
+/// thickness; `None` if they are possible. `brightens` says that R must not fall with
+/// thickness.
 pub(crate) fn impossible(spectra: &[Spectrum], brightens: bool) -> Option<String> {
     for spectrum in spectra {
         let pairs = spectrum.reflectance.iter().zip(&spectrum.transmittance);
@@ -153,8 +161,10 @@ pub(crate) fn impossible(spectra: &[Spectrum], brightens: bool) -> Option<String
             let rises = z(pair[1].transmittance[l], pair[0].transmittance[l]);
             let falls = z(pair[0].reflectance[l], pair[1].reflectance[l]);
             if rises > Z || (brightens && falls > Z) {
-                let most = rises.max(falls);
-                return Some(format!("T rises or R falls with thickness, {most:.1} se"));
+                let largest = rises.max(falls);
+                return Some(format!(
+                    "T rises or R falls with thickness, {largest:.1} se"
+                ));
             }
         }
     }

@@ -1,10 +1,10 @@
-//! The map of where methods fail: every engine, the plane-parallel solver, the
-//! decomposition and the colour difference, in the corners of the parameter
-//! box and beyond.
+//! Maps where methods fail: tests every engine, the plane-parallel solver, the
+//! decomposition and the colour difference at the limits of the parameter space and
+//! beyond.
 //!
-//! `cargo run --release --example stability -- docs` writes `stability.csv`,
-//! the measured parts of `stability.md` and three pictures into `docs`, in some
-//! five minutes on one core. A second argument scales the numbers of rays.
+//! `cargo run --release --example stability -- docs` writes `stability.csv`, the measured
+//! parts of `stability.md` and three pictures to `docs`, in about five minutes on one
+//! core. A second argument scales the numbers of rays.
 #![allow(clippy::unwrap_used, clippy::print_stdout)]
 mod cases;
 mod judge;
@@ -27,12 +27,13 @@ use splitsnow::math::Vec3;
 use splitsnow::measurement::{Measured, Spectrum};
 use splitsnow::optics::Index;
 use splitsnow::rng::{Key, Stream};
-use splitsnow::table::{Table, TablePack, TableWalker, draw};
+use splitsnow::table::{Table, TableSnowpack, TableWalker, draw};
 use splitsnow::transport::{Absorption, Coefficients, End, Sink, Walk};
 
 type Result<T> = std::result::Result<T, Box<dyn Error>>;
 
-/// Rays of `spectral`, the yardstick; the other engines get a share of them.
+/// Number of rays of `spectral`, with which the other engines are compared; they walk a
+/// fraction of this number.
 const RAYS: f64 = 100_000.0;
 
 fn main() -> Result<()> {
@@ -58,22 +59,22 @@ fn main() -> Result<()> {
     pictures::curves(
         &docs.join("stability_absorption.svg"),
         [
-            "`doubling` minus `spectral`, T, against absorption",
+            "`hybrid` minus `spectral`, T, against absorption",
             "ice absorption per mean free distance",
             "|difference|",
         ],
         &against_absorption(&cases[mapped..], &rows[mapped..]),
-        judge::stated(Engine::Doubling),
+        judge::stated(Engine::Hybrid),
     )?;
     pictures::curves(
         &docs.join("stability_thickness.svg"),
         [
-            "`doubling` minus `spectral` against thickness",
+            "`hybrid` minus `spectral` against thickness",
             "thickness, mean free distances",
             "|difference|",
         ],
         &against_thickness(4 * rays),
-        judge::stated(Engine::Doubling),
+        judge::stated(Engine::Hybrid),
     )?;
     println!("{:6.1} s  thickness", start.elapsed().as_secs_f64());
     let page = std::fs::read_to_string(docs.join("stability.md"))?;
@@ -99,17 +100,17 @@ fn main() -> Result<()> {
     Ok(())
 }
 
-/// All engines on one case; `spectral` first, that the others are judged by it.
+/// Runs all engines on one case and compares them with `spectral`.
 fn engines(case: &Case, rays: u64) -> Vec<Answer> {
     let run =
         |engine, rays, seed| case.run(engine, rays, Resolution::default(), &Cache::default(), seed);
-    // walks grow with the thickness: fewer rays where slabs are very thick
-    let deepest = (case.thicknesses_m.last().unwrap() - case.pack.below_m())
-        / case.pack.surface.mean_free_distance_m();
+    // walks get longer with thickness: fewer rays in very thick slabs
+    let deepest = (case.thicknesses_m.last().unwrap() - case.snowpack.below_m())
+        / case.snowpack.surface.mean_free_distance_m();
     let rays = (rays as f64 * (30.0 / deepest).min(1.0)) as u64;
     let spectral = run(Engine::Spectral, rays, 1);
-    let yardstick = spectral.clone().unwrap_or_default();
-    let share = |engine| match engine {
+    let expected = spectral.clone().unwrap_or_default();
+    let rays_of = |engine| match engine {
         Engine::Reference => rays / 10,
         Engine::Spectral => rays,
         _ => rays / 2,
@@ -117,38 +118,39 @@ fn engines(case: &Case, rays: u64) -> Vec<Answer> {
     Engine::ALL
         .into_iter()
         .map(|engine| {
-            let said = if engine == Engine::Spectral {
+            let result = if engine == Engine::Spectral {
                 spectral.clone()
             } else {
-                run(engine, share(engine).max(4096), 2)
+                run(engine, rays_of(engine).max(4096), 2)
             };
             let refusal = case.refusal(engine, Resolution::default());
-            judge(case, engine, refusal.map_or(said, Err), &yardstick)
+            judge(case, engine, refusal.map_or(result, Err), &expected)
         })
         .collect()
 }
 
-/// The ladder of absorption: everything that leaves must fall along it.
+/// A series of cases with increasing absorption, along which R and T must decrease.
 fn absorption(saturation: f64, rays: u64) -> (Vec<Case>, Vec<(String, Vec<Answer>)>) {
     let ladder = [
         0.0, 1e-12, 1e-9, 1e-7, 1e-6, 3e-6, 1e-5, 3e-5, 1e-4, 3e-4, 1e-3, 1e-2, 0.1,
     ];
-    // no absorption: 1e-25 is below rounding
+    // 1e-25 instead of 0: its absorption is below rounding
     let cases = ladder.map(|k| absorbing(f64::max(k, 1e-25), saturation));
     let mut rows: Vec<(String, Vec<Answer>)> = vec![];
     for case in &cases {
         let mut answers = engines(case, rays);
         for (i, answer) in answers.iter_mut().enumerate() {
-            let Some((_, before)) = rows.last() else {
+            let Some((_, previous)) = rows.last() else {
                 break;
             };
-            let pair = |a: &Spectrum, b: &Spectrum, of: fn(&Spectrum) -> Measured| {
-                cases::z(of(b), of(a)) > judge::Z
+            let rises = |a: &Spectrum, b: &Spectrum, value: fn(&Spectrum) -> Measured| {
+                cases::z(value(b), value(a)) > judge::Z
             };
-            let brighter = before[i].spectra.iter().zip(&answer.spectra).any(|(a, b)| {
-                pair(a, b, |s| s.reflectance[0]) || pair(a, b, |s| s.transmittance[0])
+            let mut pairs = previous[i].spectra.iter().zip(&answer.spectra);
+            let is_brighter = pairs.any(|(a, b)| {
+                rises(a, b, |s| s.reflectance[0]) || rises(a, b, |s| s.transmittance[0])
             });
-            if brighter {
+            if is_brighter {
                 answer.verdict = judge::Verdict::Impossible;
                 answer.why = "R or T rises with absorption".into();
             }
@@ -158,7 +160,7 @@ fn absorption(saturation: f64, rays: u64) -> (Vec<Case>, Vec<(String, Vec<Answer
     (cases.into(), rows)
 }
 
-/// Difference of two measured values with its standard error, at `x`.
+/// `x`, the difference of two values, and the standard error of the difference.
 fn point(x: f64, a: Measured, b: Measured) -> [f64; 3] {
     [x, a.value - b.value, a.se.hypot(b.se)]
 }
@@ -166,13 +168,13 @@ fn point(x: f64, a: Measured, b: Measured) -> [f64; 3] {
 fn against_absorption(cases: &[Case], rows: &[(String, Vec<Answer>)]) -> Vec<Curve> {
     let half = cases.len() / 2;
     let mut curves = vec![];
-    for (first, what) in [(0, "dry"), (half, "half full of water")] {
+    for (first, wetness) in [(0, "dry"), (half, "half full of water")] {
         for (h, depth) in [(1, "4.2"), (2, "6"), (3, "12")] {
             let points = (first + 2..first + half).filter_map(|i| {
-                let k: f64 = cases[i].pack.surface.sizes_m()[1] / 750e-6 * 1.32e-5;
+                let k: f64 = cases[i].snowpack.surface.sizes_m()[1] / 750e-6 * 1.32e-5;
                 let per_distance = 4.0 * std::f64::consts::PI * 1.32e-5 / 1300e-9
-                    * cases[i].pack.surface.mean_free_distance_m();
-                let of = |engine| {
+                    * cases[i].snowpack.surface.mean_free_distance_m();
+                let spectrum = |engine| {
                     rows[i]
                         .1
                         .iter()
@@ -180,11 +182,12 @@ fn against_absorption(cases: &[Case], rows: &[(String, Vec<Answer>)]) -> Vec<Cur
                         .spectra
                         .get(h)
                 };
-                let (a, b): (&Spectrum, &Spectrum) = (of(Engine::Doubling)?, of(Engine::Spectral)?);
+                let (a, b): (&Spectrum, &Spectrum) =
+                    (spectrum(Engine::Hybrid)?, spectrum(Engine::Spectral)?);
                 (k > 1e-8).then(|| point(per_distance, a.transmittance[0], b.transmittance[0]))
             });
             curves.push(Curve {
-                name: format!("{what}, {depth} mean free distances"),
+                name: format!("{wetness}, {depth} mean free distances"),
                 points: points.collect(),
             });
         }
@@ -201,21 +204,21 @@ fn against_thickness(rays: u64) -> Vec<Curve> {
         case.run(engine, rays, Resolution::default(), &Cache::default(), 3)
             .unwrap()
     };
-    let (spectral, doubling) = (run(Engine::Spectral), run(Engine::Doubling));
+    let (spectral, hybrid) = (run(Engine::Spectral), run(Engine::Hybrid));
     let mut curves = vec![];
     for (l, nm) in case.wavelengths_nm.iter().enumerate() {
-        for (what, of) in [
+        for (letter, value) in [
             (
                 "R",
                 (|s: &Spectrum, l| s.reflectance[l]) as fn(&Spectrum, usize) -> Measured,
             ),
             ("T", |s, l| s.transmittance[l]),
         ] {
-            let points = depths.iter().zip(doubling.iter().zip(&spectral));
+            let points = depths.iter().zip(hybrid.iter().zip(&spectral));
             curves.push(Curve {
-                name: format!("{what} at {nm} nm"),
+                name: format!("{letter} at {nm} nm"),
                 points: points
-                    .map(|(x, (a, b))| point(*x, of(a, l), of(b, l)))
+                    .map(|(x, (a, b))| point(*x, value(a, l), value(b, l)))
                     .collect(),
             });
         }
@@ -223,9 +226,9 @@ fn against_thickness(rays: u64) -> Vec<Curve> {
     curves
 }
 
-/// Errors against the size of tables, the number of rays and of directions:
-/// over eight seeds, the root mean square and the mean difference of R from
-/// `spectral` at 550 and 1030 nm, ten mean free distances.
+/// Errors against the size of tables, the number of rays and the number of streams: the
+/// root mean square and the mean difference of R from `spectral`, over eight seeds, at
+/// 550 and 1030 nm and a thickness of ten mean free distances.
 fn resolution(rays: u64) -> Result<String> {
     const SEEDS: u64 = 8;
     let case = Case::new("resolution", ordinary(), 0.0, &[10.0], &[550.0, 1030.0]);
@@ -242,26 +245,26 @@ fn resolution(rays: u64) -> Result<String> {
     };
     let mut trials = vec![];
     for table in [1, 10, 30, 100, 300, 1000, 4096, 1 << 14, 1 << 16] {
-        for engine in [Engine::Tabulated, Engine::Doubling] {
+        for engine in [Engine::Tabulated, Engine::Hybrid] {
             trials.push((engine, rays, Resolution { table, ..usual }));
         }
     }
     for rays in [1, 8, 64, 256, 1024, 4096] {
-        trials.push((Engine::Doubling, rays, usual));
+        trials.push((Engine::Hybrid, rays, usual));
     }
     for streams in [1, 2, 3, 4, 6, 8, 16, 31, 32, 64] {
-        trials.push((Engine::Doubling, rays, Resolution { streams, ..usual }));
+        trials.push((Engine::Hybrid, rays, Resolution { streams, ..usual }));
     }
     let mut out = String::from(
         "| engine | rays | table | streams | R off, rms | mean | stated se | |\n|---|---|---|---|---|---|---|---|\n",
     );
     for (engine, rays, resolution) in trials {
-        let (mut squares, mut sum, mut se, mut wrong) = (0.0, 0.0, 0.0, None);
+        let (mut squares, mut sum, mut se, mut problem) = (0.0, 0.0, 0.0, None);
         for seed in 10..10 + SEEDS {
             match case.run(engine, rays, resolution, &Cache::default(), seed) {
-                Err(error) => wrong = Some(error.to_string()),
+                Err(error) => problem = Some(error.to_string()),
                 Ok(spectra) => {
-                    wrong = wrong.or(impossible(&spectra, true));
+                    problem = problem.or(impossible(&spectra, true));
                     for l in 0..2 {
                         let d = spectra[0].reflectance[l].value - best[0].reflectance[l].value;
                         squares += d * d / (2 * SEEDS) as f64;
@@ -272,22 +275,22 @@ fn resolution(rays: u64) -> Result<String> {
             }
         }
         let Resolution { table, streams, .. } = resolution;
-        let wrong = wrong.unwrap_or_default();
+        let problem = problem.unwrap_or_default();
         writeln!(
             out,
-            "| {} | {rays} | {table} | {streams} | {:.4} | {sum:+.4} | {se:.4} | {wrong} |",
+            "| {} | {rays} | {table} | {streams} | {:.4} | {sum:+.4} | {se:.4} | {problem} |",
             engine.name(),
             f64::sqrt(squares)
         )?;
     }
     let rays = 10 * rays;
     let large = large_table(&case, rays);
-    let off = large - best[0].reflectance[0].value;
+    let difference = large - best[0].reflectance[0].value;
     let se = (large * (1.0 - large) / rays as f64).sqrt();
     writeln!(
         out,
-        "| walks from one table | {rays} | 10000000 | | {:.4} | {off:+.4} | {se:.4} | |",
-        off.abs()
+        "| walks from one table | {rays} | 10000000 | | {:.4} | {difference:+.4} | {se:.4} | |",
+        difference.abs()
     )?;
     writeln!(
         out,
@@ -297,9 +300,9 @@ fn resolution(rays: u64) -> Result<String> {
     Ok(out)
 }
 
-/// R of the case at its first wavelength from a table of ten million grain
-/// events, all that were drawn: an engine would choose them from eight times as
-/// many, which takes 4 GB.
+/// R of the case at its first wavelength, from a table of ten million grain events. The
+/// table contains all events drawn; an engine would choose them from eight times as many,
+/// which takes 4 GB.
 fn large_table(case: &Case, rays: u64) -> f64 {
     struct Reflected(u64);
     impl Sink for Reflected {
@@ -320,7 +323,7 @@ fn large_table(case: &Case, rays: u64) -> f64 {
     let (ice, air) = (case.model.ice.at(nm).unwrap(), Index { n: 1.0, k: 0.0 });
     let [surface, _] = Surface::in_air_and_water(ice, air, false);
     let outcomes = draw(
-        &case.pack.surface.grains[0].grain,
+        &case.snowpack.surface.grains[0].grain,
         case.model.entry,
         surface,
         ENTRIES,
@@ -328,7 +331,7 @@ fn large_table(case: &Case, rays: u64) -> f64 {
     );
     let table = Table::new(&outcomes, ENTRIES, &mut stream(1));
     let walker = TableWalker {
-        pack: TablePack::plain(&case.pack.surface, [&table; 2]),
+        snowpack: TableSnowpack::plain(&case.snowpack.surface, [&table; 2]),
         absorption: Absorption {
             coefficients: Coefficients {
                 ice_per_m: ice.absorption_per_m(nm),

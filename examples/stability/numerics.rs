@@ -1,15 +1,18 @@
-//! The plane-parallel solver, the decomposition and the colour difference at
-//! their corners.
+//! Extreme cases of the plane-parallel solver, the decomposition and the colour
+//! difference.
 use ndarray::Array2;
 use splitsnow::colour::{Colorimeter, delta_e};
 use splitsnow::compress::{Bands, Basis, Decomposition, Model, Precision};
 use splitsnow::measurement::Quantity;
 use splitsnow::slab::{Light, Medium, Streams};
 
-/// What was tried, what came out, and whether that is right.
+/// Result of one check.
 pub(crate) struct Check {
+    /// The case.
     pub(crate) what: String,
+    /// The result, in words and numbers.
     pub(crate) found: String,
+    /// Whether the result is correct.
     pub(crate) holds: bool,
 }
 
@@ -36,14 +39,14 @@ pub(crate) fn solver() -> Vec<Check> {
             let medium = Medium::delta_m(&streams, &chi).unwrap();
             let (mut possible, mut leak, mut least): (bool, f64, f64) = (true, 0.0, 1.0);
             for light in lights {
-                let mut before: Option<(f64, f64)> = None;
+                let mut previous: Option<(f64, f64)> = None;
                 for depth in depths {
                     let f = medium.fluxes(depth, light).unwrap();
                     let (r, t) = (f.reflectance, f.transmittance);
                     possible &= r.is_finite() && t.is_finite();
                     possible &= r > -1e-12 && t > -1e-12 && r + t < 1.0 + 1e-11;
-                    possible &= before.is_none_or(|(r0, t0)| r >= r0 - 1e-11 && t <= t0 + 1e-11);
-                    before = Some((r, t));
+                    possible &= previous.is_none_or(|(r0, t0)| r >= r0 - 1e-11 && t <= t0 + 1e-11);
+                    previous = Some((r, t));
                     if albedo == 1.0 {
                         leak = leak.max((r + t - 1.0).abs());
                     }
@@ -77,7 +80,7 @@ pub(crate) fn solver() -> Vec<Check> {
     checks
 }
 
-/// A name and a matrix of curves by wavelengths.
+/// Matrices of curves by wavelengths, with their names.
 pub(crate) fn matrices() -> Vec<(&'static str, Array2<f64>)> {
     let orthogonal = Array2::from_shape_fn((31, 31), |(i, j)| {
         // a reflection: all singular values are 1
@@ -119,25 +122,27 @@ pub(crate) fn decomposition() -> Vec<Check> {
     matrices()
         .into_iter()
         .map(|(what, m)| {
-            let found = Decomposition::new(m.view()).unwrap();
-            let gram = found.basis.t().dot(&found.basis) - Array2::<f64>::eye(found.rank_limit());
+            let decomposed = Decomposition::new(m.view()).unwrap();
+            let basis = &decomposed.basis;
+            let gram = basis.t().dot(basis) - Array2::<f64>::eye(decomposed.rank_limit());
             let largest = |a: &Array2<f64>| a.iter().fold(0.0_f64, |x, y| x.max(y.abs()));
-            let rebuilt = m.dot(&found.basis).dot(&found.basis.t());
+            let rebuilt = m.dot(basis).dot(&basis.t());
             let colour = (m.ncols() == 31).then_some(&colour);
             let quantity = Quantity::Transmittance;
             let bands = Bands::default();
             let model = Model::new(m.view(), quantity, colour, &bands, Basis::Linear).unwrap();
-            let stored = model.coefficients(found.rank_limit(), Precision::F32);
+            let stored = model.coefficients(decomposed.rank_limit(), Precision::F32);
             let table = model.table(&stored);
             let last = &table.rows[table.rows.len() - 1];
-            let (gram, left) = (largest(&gram), largest(&(&rebuilt - &m)));
-            // rounding of sums of 31 terms; f32 in the table, whose Delta-E is at most 900 per unit
+            let (gram, residual) = (largest(&gram), largest(&(&rebuilt - &m)));
+            // limits: rounding of sums of 31 terms; and f32 in the table, with a Delta-E of at
+            // most 900 per unit
             let holds = gram < 1e-13
-                && left < 1e-13
+                && residual < 1e-13
                 && last.rmse.max < 1e-6
                 && last.delta_e.is_none_or(|e| e.max < 1e-3);
             let found = format!(
-                "basis orthonormal to {gram:.0e}, rebuilt to {left:.0e}, in f32 RMSE {:.0e}",
+                "basis orthonormal to {gram:.0e}, rebuilt to {residual:.0e}, in f32 RMSE {:.0e}",
                 last.rmse.max
             );
             check(what, found, holds)
@@ -148,7 +153,7 @@ pub(crate) fn decomposition() -> Vec<Check> {
 pub(crate) fn colours() -> Vec<Check> {
     let visible: Vec<f64> = (40..=70).map(|i| 10.0 * f64::from(i)).collect();
     let colour = Colorimeter::new(&visible).unwrap().unwrap();
-    let of = |a: f64, b: f64| delta_e(colour.lab(&[a; 31]), colour.lab(&[b; 31]));
+    let delta_e_of = |a: f64, b: f64| delta_e(colour.lab(&[a; 31]), colour.lab(&[b; 31]));
     // L* = 903.3 Y below Y = 0.008856, steeper than anywhere above
     let slope = 24389.0 / 27.0;
     let mut checks: Vec<Check> = [
@@ -161,9 +166,9 @@ pub(crate) fn colours() -> Vec<Check> {
     ]
     .into_iter()
     .map(|(a, b)| {
-        let e = of(a, b);
+        let e = delta_e_of(a, b);
         let expected = slope * (a - b).abs();
-        // rounding: L* is a difference of numbers of the size of 16
+        // rounding: L* is a difference of numbers of about 16
         let holds = e.is_finite() && (e - expected).abs() < 1e-12;
         check(
             format!("greys {a:.0e} and {b:.0e}"),
@@ -172,14 +177,14 @@ pub(crate) fn colours() -> Vec<Check> {
         )
     })
     .collect();
-    let e = of(0.0, -1e-6);
+    let e = delta_e_of(0.0, -1e-6);
     checks.push(check(
         "black and -1e-6",
         format!("Delta-E {e:.3e}"),
         (e - slope * 1e-6).abs() < 1e-12,
     ));
     let below = 216.0 / 24389.0 * (1.0 - 1e-12);
-    let e = of(below, below * (1.0 + 2e-12));
+    let e = delta_e_of(below, below * (1.0 + 2e-12));
     checks.push(check(
         "either side of Y = 0.008856",
         format!("Delta-E {e:.1e}"),

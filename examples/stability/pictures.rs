@@ -1,4 +1,4 @@
-//! The map and the curves, as SVG.
+//! Draws the map and the curves, as SVG.
 use std::error::Error;
 use std::path::Path;
 
@@ -11,7 +11,7 @@ type Result<T> = std::result::Result<T, Box<dyn Error>>;
 
 const INK: RGBColor = RGBColor(40, 40, 40);
 const FAINT: RGBColor = RGBColor(225, 225, 225);
-/// Okabe and Ito's palette, told apart with any kind of colour vision.
+/// Okabe and Ito's palette, which is safe for colour-blind readers.
 pub(crate) const COLOURS: [RGBColor; 6] = [
     RGBColor(0, 114, 178),
     RGBColor(213, 94, 0),
@@ -25,8 +25,8 @@ fn text(size: i32) -> TextStyle<'static> {
     ("sans-serif", size).into_font().color(&INK)
 }
 
-/// Cases down, engines across: colour and word say the verdict, the number the
-/// largest difference from `spectral`.
+/// Draws the map: one row per case and one column per engine. Colour and word give the
+/// verdict, the number gives the largest difference from `spectral`.
 pub(crate) fn map(path: &Path, rows: &[(String, Vec<Answer>)]) -> Result<()> {
     let (left, top, width, height) = (230, 50, 170, 22);
     let columns = rows.first().map_or(0, |(_, answers)| answers.len());
@@ -50,7 +50,7 @@ pub(crate) fn map(path: &Path, rows: &[(String, Vec<Answer>)]) -> Result<()> {
                     text(16).pos(middle),
                 ))?;
             }
-            // pale to dark, so that it reads in grey too
+            // from pale to dark, so that the map can be read in greyscale
             let (fill, ink) = match answer.verdict {
                 Verdict::Holds => (RGBColor(190, 222, 242), INK),
                 Verdict::Refused => (RGBColor(215, 215, 215), INK),
@@ -80,8 +80,8 @@ pub(crate) struct Curve {
     pub(crate) points: Vec<[f64; 3]>,
 }
 
-/// Curves over a logarithmic x, with bars of two standard errors; |y| on a
-/// logarithmic axis from 1e-5 to 0.1. `level` is drawn as a line.
+/// Draws curves of |y| on a logarithmic axis from 1e-5 to 0.1 against x on a logarithmic
+/// axis, with bars of two standard errors. `level` is drawn as a horizontal line.
 pub(crate) fn curves(
     path: &Path,
     [title, across, up]: [&str; 3],
@@ -129,7 +129,7 @@ pub(crate) fn curves(
             .draw_series(LineSeries::new(points(), colour.stroke_width(2)))?
             .label(&curve.name)
             .legend(move |(x, y)| PathElement::new([(x, y), (x + 24, y)], colour.stroke_width(3)));
-        // filled where the engine is above, open where it is below
+        // filled circles where the difference is positive, open ones elsewhere
         chart.draw_series(curve.points.iter().map(|[x, y, _]| {
             let style = if *y > 0.0 {
                 colour.filled()

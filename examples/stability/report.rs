@@ -1,4 +1,4 @@
-//! The table of numbers and the parts of the page that are measured.
+//! Writes `stability.csv` and the measured parts of `stability.md`.
 use std::error::Error;
 use std::fmt::Write;
 use std::path::Path;
@@ -9,7 +9,7 @@ use super::numerics::Check;
 
 type Result<T> = std::result::Result<T, Box<dyn Error>>;
 
-/// Every value of every engine, with its difference from `spectral`.
+/// Writes every value of every engine, with its difference from `spectral`.
 pub(crate) fn csv(path: &Path, cases: &[Case], rows: &[(String, Vec<Answer>)]) -> Result<()> {
     let mut out = csv::Writer::from_path(path)?;
     out.write_record([
@@ -91,7 +91,8 @@ fn six(x: f64) -> String {
     }
 }
 
-/// Cases down, engines across, and below it what is not `holds`.
+/// A table of verdicts with one row per case and one column per engine, followed by the
+/// reasons for all verdicts that have one.
 pub(crate) fn map(rows: &[(String, Vec<Answer>)]) -> String {
     let mut out = String::from("| case |");
     let engines = rows.first().map_or(&[][..], |(_, answers)| answers);
@@ -118,6 +119,7 @@ pub(crate) fn map(rows: &[(String, Vec<Answer>)]) -> String {
     out
 }
 
+/// A table of checks.
 pub(crate) fn checks(head: &str, checks: &[Check]) -> String {
     let mut out = format!("| {head} | found | |\n|---|---|---|\n");
     for check in checks {
@@ -127,7 +129,7 @@ pub(crate) fn checks(head: &str, checks: &[Check]) -> String {
     out
 }
 
-/// Puts `text` between the markers `<!-- name -->` and `<!-- end -->`.
+/// Replaces the text between the markers `<!-- name -->` and `<!-- end -->` by `text`.
 pub(crate) fn replace(page: &str, name: &str, text: &str) -> Result<String> {
     let begin = format!("<!-- {name} -->\n");
     let (head, rest) = page

@@ -1,6 +1,6 @@
-//! Any bytes: the compact file's reader returns an error, or a database of
-//! which every look-up on a node answers with finite numbers, and every one
-//! between them with numbers in [0, 1], unless its table would be too large.
+//! For any bytes, the reader of compact files returns an error, or a database. Look-ups at
+//! its nodes give finite numbers, and interpolated look-ups numbers in [0, 1], unless the
+//! table would be too large.
 #![no_main]
 use libfuzzer_sys::fuzz_target;
 use splitsnow::lookup::{Database, Lookup, LookupError, Varsa2025};
@@ -28,7 +28,7 @@ fuzz_target!(|bytes: &[u8]| {
         database => database.expect("between nodes"),
     };
     for quantity in Quantity::ALL.into_iter().filter(|&q| database.has(q)) {
-        // its spline has no bounds, and knows nodes of the snow only
+        // its spline is unbounded, and it answers at nodes of the snow only
         let published = Varsa2025::new(&database, quantity).expect("a quantity it has");
         published.spectrum(first).ok();
         published.spectrum(middle).ok();
@@ -38,7 +38,7 @@ fuzz_target!(|bytes: &[u8]| {
         };
         let mut spectrum = vec![0.0; lookup.wavelengths()];
         for point in [first, middle] {
-            // axes of any numbers: not all have coordinates
+            // axes may have any numbers; not all are allowed as coordinates
             if lookup.spectrum(point, &mut spectrum).is_ok() {
                 let inside = |value: &f32| (0.0..=1.0).contains(value);
                 assert!(spectrum.iter().all(inside), "{point}: {spectrum:?}");

@@ -1,5 +1,5 @@
-//! Any text: a grid file is refused with a message, or read and, written
-//! canonically, read again as the same.
+//! For any text, a grid file is refused with a message, or its canonical form reads back as
+//! the same grid.
 #![no_main]
 use libfuzzer_sys::fuzz_target;
 use splitsnow::config::grid;
@@ -12,7 +12,7 @@ fuzz_target!(|text: &str| match grid::parse("configs/fuzz.toml", text) {
             .grid;
         assert_eq!(again.to_config(), text);
         again.compression = file.grid.compression;
-        // A user's water table loses its folder.
+        // The path of a user's water table loses its folder.
         again.fixed.model.water = file.grid.fixed.model.water.clone();
         assert_eq!(again, file.grid);
     }

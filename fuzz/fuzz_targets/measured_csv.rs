@@ -1,5 +1,5 @@
-//! Any bytes: a measured spectrum is refused with a message, or read with values
-//! that are possible, at wavelengths that increase.
+//! For any bytes, a measured spectrum is refused with a message, or read with possible
+//! values at increasing wavelengths.
 #![no_main]
 use libfuzzer_sys::fuzz_target;
 use splitsnow::comparison::{Exclusion, Hints, MeasuredSpectrum, VALUES};
@@ -18,8 +18,8 @@ fuzz_target!(|bytes: &[u8]| {
         }
         Err(error) => assert!(!error.to_string().is_empty()),
     }
-    let light = Request::of(Some(Content::Power), (0.0, f64::MAX));
-    if let Ok(curve) = parse("fuzz.csv", bytes, &light) {
+    let request = Request::new(Some(Content::Power), (0.0, f64::MAX));
+    if let Ok(curve) = parse("fuzz.csv", bytes, &request) {
         let mut pairs = curve.samples.windows(2);
         assert!(pairs.all(|pair| pair[0].nm < pair[1].nm));
         assert!(curve.samples.iter().all(|s| s.nm > 0.0 && s.value >= 0.0));

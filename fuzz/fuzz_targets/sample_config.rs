@@ -1,5 +1,5 @@
-//! Any text: a sample file is refused with a message, or read and, written
-//! canonically, read again as the same.
+//! For any text, a sample file is refused with a message, or its canonical form reads back
+//! as the same sample.
 #![no_main]
 use libfuzzer_sys::fuzz_target;
 use splitsnow::config::sample;
@@ -10,7 +10,7 @@ fuzz_target!(
             let again =
                 sample::parse("configs/samples/fuzz.toml", file.to_toml()).expect("canonical");
             assert_eq!(again.to_toml(), file.to_toml());
-            assert_eq!(again.pack, file.pack);
+            assert_eq!(again.snowpack, file.snowpack);
         }
         Err(error) => assert!(!error.to_string().is_empty()),
     }

@@ -1,5 +1,5 @@
-//! Any text: a scene file is refused with a message, or read with ranges whose
-//! ends are in order.
+//! For any text, a scene file is refused with a message, or read with ranges whose ends are
+//! in order.
 #![no_main]
 use libfuzzer_sys::fuzz_target;
 use splitsnow::config::scene;

@@ -1,19 +1,20 @@
 """Spectral databases of snow: look-ups, colours and simulations.
 
-A database is a compact file made by ``splitsnow build`` or ``splitsnow fit``::
+A database is a compact file written by ``splitsnow build`` or ``splitsnow tailor``::
 
     import splitsnow
 
     snow = splitsnow.Database.open("out/quick")
-    spectra = snow.transmittance(0.3, 250, 300, thickness_cm=[2, 5], angle_deg=20)
-    colours = snow.srgb(0.3, 250, 300, thickness_cm=[2, 5], angle_deg=20)
+    spectra = snow.transmittance(0.3, 250, 300, thickness_cm=[2, 5], incidence_angle_deg=20)
+    colours = snow.srgb(0.3, 250, 300, thickness_cm=[2, 5], incidence_angle_deg=20)
 
-Wavelengths are in nm, reflectance and transmittance dimensionless in [0, 1].
+Wavelengths are in nm; reflectance and transmittance are dimensionless, in [0, 1].
 """
 
 from ._colour import lab, srgb, swatch, xyz
 from ._database import Database
 from ._native import VERSION as __version__
+from ._native import simd
 from ._simulation import Simulation, simulate
 
-__all__ = ["Database", "Simulation", "__version__", "lab", "simulate", "srgb", "swatch", "xyz"]
+__all__ = ["Database", "Simulation", "__version__", "lab", "simd", "simulate", "srgb", "swatch", "xyz"]

@@ -1,16 +1,17 @@
-"""A compact file and look-ups in it."""
+"""Look-ups in a compact file."""
 
 from __future__ import annotations
 
+import functools
 import json
 import os
-from typing import TYPE_CHECKING, Any, Literal, Mapping, Optional, Union
+from typing import TYPE_CHECKING, Any, Callable, Literal, Mapping, Optional, TypeVar, Union, cast
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from . import _native
-from ._colour import Illuminant, light
+from ._colour import Illuminant, native_illuminant
 
 if TYPE_CHECKING:
     import xarray
@@ -19,34 +20,50 @@ Method = Literal["smooth", "varsa2025"]
 Quantity = Literal["transmittance", "reflectance"]
 
 # Unit and long name of each axis.
-_DESCRIBED = {name: (unit, what) for name, unit, what in _native.parameters()}
+_DESCRIBED = {name: (unit, long_name) for name, unit, long_name in _native.parameters()}
 _DESCRIBED["wavelength_nm"] = ("nm", "wavelength in vacuum")
 
 
+_Function = TypeVar("_Function", bound=Callable[..., Any])
+
+
+def _former_name(function: _Function) -> _Function:
+    """Makes ``function`` also accept ``angle_deg``, the name of ``incidence_angle_deg`` in
+    version 0.1."""
+
+    @functools.wraps(function)
+    def renamed(*args: Any, **kwargs: Any) -> Any:
+        if "angle_deg" in kwargs and "incidence_angle_deg" not in kwargs:
+            kwargs["incidence_angle_deg"] = kwargs.pop("angle_deg")
+        return function(*args, **kwargs)
+
+    return cast(_Function, renamed)
+
+
 class Database:
-    """A compact file in memory: spectra anywhere in the box of its axes.
+    """A compact file in memory, with look-ups anywhere within its axes.
 
     Look-ups run on all cores with the GIL released, and any number of Python threads
-    may share one database. It pickles as its path.
+    may share one database. A database is pickled as its path.
     """
 
     def __init__(self, path: Union[str, os.PathLike[str]]) -> None:
-        """The same as :meth:`open`."""
+        """Same as :meth:`open`."""
         self._path = os.path.abspath(os.fspath(path))
         self._native = _native.Database(self._path)
 
     @classmethod
     def open(cls, path: Union[str, os.PathLike[str]]) -> Database:
-        """Reads a compact file, or the one in an output directory.
+        """Reads a compact file, given its path or that of an output directory.
 
-        Raises ``OSError`` where it cannot be read and ``ValueError`` where it is
-        no compact file.
+        Raises ``OSError`` if the file cannot be read and ``ValueError`` if it is not a
+        valid compact file.
         """
         return cls(path)
 
     @property
     def path(self) -> str:
-        """Absolute path of the file, or of the directory that holds it."""
+        """Absolute path that was opened: of the file, or of its directory."""
         return self._path
 
     @property
@@ -57,13 +74,13 @@ class Database:
     @property
     def axes(self) -> dict[str, NDArray[np.float64]]:
         """Nodes of the axes by name, each ``(n,)`` and increasing, slowest first:
-        optional ones, if any, then facetness, grain_size_um, density_kg_m3,
-        thickness_cm and angle_deg. Units are in the names."""
+        optional axes, if any, then facetness, grain_size_um, density_kg_m3,
+        thickness_cm and angle_deg. The names include the units."""
         return dict(self._native.axes)
 
     @property
     def quantities(self) -> tuple[str, ...]:
-        """What the file holds: ``"transmittance"``, ``"reflectance"`` or both."""
+        """Quantities in the file: ``"transmittance"``, ``"reflectance"`` or both."""
         return tuple(name for name, _ in self._native.components)
 
     @property
@@ -73,35 +90,39 @@ class Database:
 
     @property
     def basis(self) -> str:
-        """What the components are of: ``"linear"``, the spectra, or ``"log"``, their
-        logarithms."""
+        """Variable that the components represent: ``"linear"``, the spectra, or
+        ``"log"``, their logarithms."""
         return self._native.basis
 
     @property
     def precision(self) -> str:
-        """Numbers in which the file holds its coefficients: ``"f32"``, ``"f16"`` or
+        """Number format of the coefficients in the file: ``"f32"``, ``"f16"`` or
         ``"quantised"``."""
         return self._native.precision
 
     @property
     def metadata(self) -> dict[str, str]:
-        """The file's metadata as docs/formats.md describes them."""
+        """Metadata of the file (docs/formats.md)."""
         return self._native.metadata
 
     @property
-    def certificate(self) -> Optional[dict[str, Any]]:
-        """How far answers are from fresh simulations (docs/formats.md), or ``None``
-        for a file that ``splitsnow verify`` or ``fit`` has not certified."""
-        text = self.metadata.get("certificate")
+    def error_budget(self) -> Optional[dict[str, Any]]:
+        """Error budget: errors of look-ups against new simulations (docs/formats.md).
+        ``None`` if neither ``splitsnow verify`` nor ``tailor`` has measured them."""
+        text = self.metadata.get("error_budget", self.metadata.get("certificate"))
         return None if text is None else dict(json.loads(text))
 
+    #: Former name of :attr:`error_budget`.
+    certificate = error_budget
+
+    @_former_name
     def transmittance(
         self,
         facetness: ArrayLike,
         grain_size_um: ArrayLike,
         density_kg_m3: ArrayLike,
         thickness_cm: ArrayLike,
-        angle_deg: ArrayLike,
+        incidence_angle_deg: ArrayLike,
         *,
         method: Method = "smooth",
         wavelengths_nm: Optional[ArrayLike] = None,
@@ -109,34 +130,35 @@ class Database:
         conditions: Optional[Mapping[str, float]] = None,
         **more_conditions: float,
     ) -> NDArray[np.float32]:
-        """Directional-hemispherical transmittance, the shape to which the arguments
-        broadcast and ``(l,)`` after it.
+        """Directional-hemispherical transmittance. The shape is the broadcast shape of
+        the arguments followed by ``(l,)``.
 
         The arguments are scalars or arrays that broadcast: mean facetness of the
         grains, mean length of their major axis in um, density of the dry snow in
-        kg/m3, thickness in cm (from 0 on), polar angle of incidence from the normal
-        in degrees. Of a database with further axes their values, each one number, are
-        given by name, as in ``black_carbon_ng_g=50``, or in ``conditions``.
+        kg/m3, thickness in cm (0 or more), incidence angle from the normal in degrees.
+        Values on optional axes are single numbers, given by name, as in
+        ``black_carbon_ng_g=50``, or in ``conditions``.
 
-        ``method="varsa2025"`` interpolates as the thesis does, in thickness and angle
-        alone. ``wavelengths_nm``, ``(l,)``, draws straight lines between the
-        wavelengths of the file; beyond its ends a spectrum stays as it is there, or
-        is refused with ``clamp=False``.
+        ``method="varsa2025"`` interpolates as Varsa 2025 does, in thickness and angle
+        only. With ``wavelengths_nm``, ``(l,)``, spectra are interpolated linearly
+        between the wavelengths of the file. Beyond its ends they are constant, or with
+        ``clamp=False`` an error.
 
-        Raises ``ValueError`` for what the file does not cover, naming the first such
-        element, the axis and its range; NaN is never covered.
+        Raises ``ValueError`` if a point is outside the database; the message names the
+        first such element, the axis and its range. NaN counts as outside.
         """
-        asked = self._asked("transmittance", method, conditions, more_conditions)
-        points = (facetness, grain_size_um, density_kg_m3, thickness_cm, angle_deg)
-        return self._spectra(asked, points, wavelengths_nm, clamp)
+        request = self._request("transmittance", method, conditions, more_conditions)
+        points = (facetness, grain_size_um, density_kg_m3, thickness_cm, incidence_angle_deg)
+        return self._spectra(request, points, wavelengths_nm, clamp)
 
+    @_former_name
     def reflectance(
         self,
         facetness: ArrayLike,
         grain_size_um: ArrayLike,
         density_kg_m3: ArrayLike,
         thickness_cm: ArrayLike,
-        angle_deg: ArrayLike,
+        incidence_angle_deg: ArrayLike,
         *,
         method: Method = "smooth",
         wavelengths_nm: Optional[ArrayLike] = None,
@@ -145,17 +167,18 @@ class Database:
         **more_conditions: float,
     ) -> NDArray[np.float32]:
         """Directional-hemispherical reflectance; as :meth:`transmittance`."""
-        asked = self._asked("reflectance", method, conditions, more_conditions)
-        points = (facetness, grain_size_um, density_kg_m3, thickness_cm, angle_deg)
-        return self._spectra(asked, points, wavelengths_nm, clamp)
+        request = self._request("reflectance", method, conditions, more_conditions)
+        points = (facetness, grain_size_um, density_kg_m3, thickness_cm, incidence_angle_deg)
+        return self._spectra(request, points, wavelengths_nm, clamp)
 
+    @_former_name
     def lab(
         self,
         facetness: ArrayLike,
         grain_size_um: ArrayLike,
         density_kg_m3: ArrayLike,
         thickness_cm: ArrayLike,
-        angle_deg: ArrayLike,
+        incidence_angle_deg: ArrayLike,
         *,
         quantity: Quantity = "transmittance",
         illuminant: Illuminant = "E",
@@ -163,22 +186,23 @@ class Database:
         conditions: Optional[Mapping[str, float]] = None,
         **more_conditions: float,
     ) -> NDArray[np.float64]:
-        """CIELAB of the spectra, the broadcast shape and ``(3,)`` after it: L* in
-        [0, 100], a*, b*; white is a spectrum of 1 under the same illuminant.
+        """CIELAB of the spectra: L* in [0, 100], a*, b*. The shape is the broadcast
+        shape followed by ``(3,)``. White is a spectrum of 1 under the same illuminant.
 
         The arguments are those of :meth:`transmittance`; see :func:`splitsnow.lab`.
         """
-        asked = self._asked(quantity, method, conditions, more_conditions)
-        points = (facetness, grain_size_um, density_kg_m3, thickness_cm, angle_deg)
-        return self._colours(asked, points, ("lab", light(illuminant)))
+        request = self._request(quantity, method, conditions, more_conditions)
+        points = (facetness, grain_size_um, density_kg_m3, thickness_cm, incidence_angle_deg)
+        return self._colours(request, points, ("lab", native_illuminant(illuminant)))
 
+    @_former_name
     def srgb(
         self,
         facetness: ArrayLike,
         grain_size_um: ArrayLike,
         density_kg_m3: ArrayLike,
         thickness_cm: ArrayLike,
-        angle_deg: ArrayLike,
+        incidence_angle_deg: ArrayLike,
         *,
         quantity: Quantity = "transmittance",
         illuminant: Illuminant = "E",
@@ -188,24 +212,25 @@ class Database:
         conditions: Optional[Mapping[str, float]] = None,
         **more_conditions: float,
     ) -> NDArray[np.float64]:
-        """sRGB of the spectra, the broadcast shape and ``(3,)`` after it, in [0, 1]; a
-        spectrum of 1 is (1, 1, 1) under any illuminant.
+        """sRGB of the spectra, in [0, 1]. The shape is the broadcast shape followed by
+        ``(3,)``. A spectrum of 1 is (1, 1, 1) under any illuminant.
 
         The arguments are those of :meth:`transmittance` and of :func:`splitsnow.srgb`.
         """
-        asked = self._asked(quantity, method, conditions, more_conditions)
-        points = (facetness, grain_size_um, density_kg_m3, thickness_cm, angle_deg)
+        request = self._request(quantity, method, conditions, more_conditions)
+        points = (facetness, grain_size_um, density_kg_m3, thickness_cm, incidence_angle_deg)
         space = "linear_srgb" if linear else "srgb"
-        found = self._colours(asked, points, (space, light(illuminant)))
-        return np.clip(found, 0.0, 1.0, out=found) if clip else found
+        colours = self._colours(request, points, (space, native_illuminant(illuminant)))
+        return np.clip(colours, 0.0, 1.0, out=colours) if clip else colours
 
     def to_xarray(self) -> xarray.Dataset:
-        """The curves on the nodes as an ``xarray.Dataset``: a variable per quantity
-        over all axes and ``wavelength_nm``, with units; the metadata as attributes."""
+        """The curves at the nodes as an ``xarray.Dataset``: one variable per quantity
+        over all axes and ``wavelength_nm``, with units, and the metadata as
+        attributes."""
         try:
             import xarray
         except ImportError as error:
-            raise ImportError("to_xarray needs xarray: pip install xarray") from error
+            raise ImportError("to_xarray needs the package xarray: pip install xarray") from error
         nodes: dict[str, NDArray[Any]] = {**self.axes, "wavelength_nm": self.wavelengths_nm}
         coords: dict[str, Any] = {}
         for name, values in nodes.items():
@@ -226,69 +251,70 @@ class Database:
     def __repr__(self) -> str:
         axes = " x ".join(f"{len(values)} {name}" for name, values in self.axes.items())
         nm = self.wavelengths_nm
-        held = ", ".join(self.quantities)
+        quantities = ", ".join(self.quantities)
         return (
-            f"<splitsnow.Database {self._path!r}: {held}; {axes}; "
+            f"<splitsnow.Database {self._path!r}: {quantities}; {axes}; "
             f"{len(nm)} wavelengths, {nm[0]:g}-{nm[-1]:g} nm>"
         )
 
     @staticmethod
-    def _asked(
+    def _request(
         quantity: str,
         method: str,
         conditions: Optional[Mapping[str, float]],
         more: Mapping[str, float],
     ) -> tuple[str, str, list[tuple[str, float]]]:
-        there = {**(conditions or {}), **more}
-        return quantity, method, [(name, float(value)) for name, value in there.items()]
+        merged = {**(conditions or {}), **more}
+        return quantity, method, [(name, float(value)) for name, value in merged.items()]
 
     def _spectra(
         self,
-        asked: tuple[str, str, list[tuple[str, float]]],
+        request: tuple[str, str, list[tuple[str, float]]],
         points: tuple[ArrayLike, ...],
         wavelengths_nm: Optional[ArrayLike],
         clamp: bool,
     ) -> NDArray[np.float32]:
         columns, shape = _columns(points)
         own = self.wavelengths_nm
-        wanted = None
+        requested_nm = None
         if wavelengths_nm is not None:
             wavelengths = np.asarray(wavelengths_nm, dtype=np.float64)
             if wavelengths.ndim != 1 or wavelengths.size == 0:
                 raise ValueError(
-                    f"wavelengths_nm must be a list of numbers, not of shape {wavelengths.shape}"
+                    f"wavelengths_nm has shape {wavelengths.shape}; expected a non-empty list of numbers"
                 )
             if not np.isfinite(wavelengths).all():
                 raise ValueError("wavelengths_nm must be finite")
             if not clamp and (wavelengths.min() < own[0] or wavelengths.max() > own[-1]):
                 raise ValueError(
                     f"wavelengths_nm reach from {wavelengths.min():g} to {wavelengths.max():g} nm; the "
-                    f"database covers {own[0]:g} to {own[-1]:g} nm (clamp=True keeps its ends)"
+                    f"database covers {own[0]:g} to {own[-1]:g} nm (clamp=True extends its ends)"
                 )
-            wanted = wavelengths.tolist()
-        l = len(own) if wanted is None else len(wanted)
+            requested_nm = wavelengths.tolist()
+        l = len(own) if requested_nm is None else len(requested_nm)
         out = np.empty(shape + (l,), np.float32)
-        self._native.spectra(asked, columns, shape, wanted, out.reshape(-1, l))
+        self._native.spectra(request, columns, shape, requested_nm, out.reshape(-1, l))
         return out
 
     def _colours(
         self,
-        asked: tuple[str, str, list[tuple[str, float]]],
+        request: tuple[str, str, list[tuple[str, float]]],
         points: tuple[ArrayLike, ...],
-        seen: tuple[str, Any],
+        viewing: tuple[str, Any],
     ) -> NDArray[np.float64]:
         columns, shape = _columns(points)
         out = np.empty(shape + (3,))
-        self._native.colours(asked, columns, shape, seen, out.reshape(-1, 3))
+        self._native.colours(request, columns, shape, viewing, out.reshape(-1, 3))
         return out
 
 
 def _columns(
     points: tuple[ArrayLike, ...],
 ) -> tuple[list[NDArray[np.float64]], tuple[int, ...]]:
-    """Each coordinate flat, of one value or one per point, and the broadcast shape.
+    """Each coordinate as a flat array with one value, or one per point, and the
+    broadcast shape.
 
-    They are copies: nobody can change them while the GIL is released."""
+    The arrays are copies, so that they cannot change while the GIL is released."""
     arrays = [np.asarray(values, dtype=np.float64) for values in points]
     shape = np.broadcast_shapes(*(array.shape for array in arrays))
     columns = [

@@ -1,18 +1,21 @@
-"""The compiled half of ``splitsnow``; use the package itself."""
+"""The compiled part of ``splitsnow``; use the package itself."""
 
 from typing import Any, Final, Optional, final
 
 import numpy as np
 from numpy.typing import NDArray
 
-__all__ = ["Database", "VERSION", "colours", "illuminant", "parameters", "simulate"]
+__all__ = ["Database", "VERSION", "colours", "illuminant", "parameters", "simd", "simulate"]
 
 VERSION: Final[str]
 
+def simd() -> str:
+    """The instruction set in use: ``SPLITSNOW_SIMD`` or the best of this processor."""
+
 def parameters() -> list[tuple[str, str, str]]: ...
 
-_Seen = tuple[str, Any]  # colour space; name of an illuminant, or wavelengths and power
-_Asked = tuple[str, str, list[tuple[str, float]]]
+_Viewing = tuple[str, Any]  # colour space; name of an illuminant, or wavelengths and power
+_Request = tuple[str, str, list[tuple[str, float]]]
 
 @final
 class Database:
@@ -31,7 +34,7 @@ class Database:
     def metadata(self) -> dict[str, str]: ...
     def spectra(
         self,
-        asked: _Asked,
+        request: _Request,
         points: list[NDArray[np.float64]],
         shape: tuple[int, ...],
         wavelengths_nm: Optional[list[float]],
@@ -39,10 +42,10 @@ class Database:
     ) -> None: ...
     def colours(
         self,
-        asked: _Asked,
+        request: _Request,
         points: list[NDArray[np.float64]],
         shape: tuple[int, ...],
-        seen: _Seen,
+        viewing: _Viewing,
         out: NDArray[np.float64],
     ) -> None: ...
     def nodes(self, name: str, out: NDArray[np.float32]) -> None: ...
@@ -50,7 +53,7 @@ class Database:
 def colours(
     spectra: NDArray[np.float64],
     wavelengths_nm: list[float],
-    seen: _Seen,
+    viewing: _Viewing,
     out: NDArray[np.float64],
 ) -> None: ...
 def illuminant(path: str) -> tuple[list[float], list[float], str]: ...

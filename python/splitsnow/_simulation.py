@@ -1,4 +1,4 @@
-"""The virtual spectrophotometer on one snow sample."""
+"""Simulation of one snow sample in a virtual spectrophotometer."""
 
 from __future__ import annotations
 
@@ -15,35 +15,36 @@ from numpy.typing import NDArray
 
 from . import _native
 
-Engine = Literal["auto", "reference", "spectral", "tabulated", "doubling"]
+Engine = Literal["auto", "reference", "spectral", "tabulated", "hybrid"]
 
 
 @dataclass(frozen=True, eq=False)
 class Simulation:
-    """Spectra of a sample with standard errors; all arrays are ``(l,)``."""
+    """Simulated spectra of a sample with standard errors; all arrays are ``(l,)``."""
 
     wavelengths_nm: NDArray[np.float64]
     """Wavelengths, nm."""
     reflectance: NDArray[np.float64]
     """Reflectance, [0, 1]."""
     reflectance_se: NDArray[np.float64]
-    """Its standard error."""
+    """Standard error of the reflectance."""
     transmittance: NDArray[np.float64]
     """Transmittance, [0, 1]."""
     transmittance_se: NDArray[np.float64]
-    """Its standard error."""
+    """Standard error of the transmittance."""
     absorptance: NDArray[np.float64]
     """1 - reflectance - transmittance."""
     absorptance_se: NDArray[np.float64]
-    """Its standard error at most: the sum of the two, which share walks."""
+    """Upper bound of the standard error of the absorptance: the sum of the other two,
+    because they share walks."""
     lost_share: NDArray[np.float64]
-    """Share of the rays stopped at the event limit, counted as absorbed."""
+    """Fraction of the rays stopped at the event limit, counted as absorbed."""
     engine: str
-    """The engine that ran; never ``"auto"``."""
+    """Engine that ran; never ``"auto"``."""
     rays: int
-    """Walks asked for."""
+    """Requested number of walks."""
     seed: int
-    """Seed of the random numbers."""
+    """Seed of the random streams."""
 
 
 def simulate(
@@ -54,19 +55,20 @@ def simulate(
     seed: int = 1,
     max_error: Union[None, float, Mapping[str, float]] = None,
 ) -> Simulation:
-    """Reflectance and transmittance of a snow sample, as ``splitsnow measure`` does.
+    """Simulates reflectance and transmittance of a snow sample, as ``splitsnow simulate``.
 
-    ``sample`` is the path of a sample file, the TOML text of one (any string of
-    several lines), or its keys as a mapping (docs/formats.md; CSV paths in text or
-    mapping are relative to the working directory). ``rays`` are walks: per
+    ``sample`` is the path of a sample file, its TOML text (any string of several
+    lines), or its keys as a mapping (docs/formats.md). CSV paths in a text or mapping
+    are relative to the working directory. ``rays`` is the number of walks: per
     wavelength in ``reference``, per node of refractive index in ``spectral`` and
-    ``tabulated``, from every direction in ``doubling``; 131,072 if not given.
-    ``max_error``, for ``auto`` alone, is the error it may leave: the RMSE over the
-    wavelengths as a number, or a mapping of ``"rmse"`` and ``"delta_e"``; it decides
-    the rays if they are not given.
+    ``tabulated``, from every direction in ``hybrid``; by default 131,072.
+    ``max_error``, for the engine ``auto`` only, is the largest error allowed: the RMSE
+    over the wavelengths as a number, or a mapping with ``"rmse"`` and ``"delta_e"``. It
+    determines the number of rays if ``rays`` is not given.
 
-    The GIL is released, Ctrl-C stops it. Results depend on the sample, engine, rays
-    and seed alone. Raises ``ValueError`` for a sample or argument that is refused.
+    The GIL is released, and Ctrl-C stops the simulation. Results depend only on the
+    sample, engine, rays and seed. Raises ``ValueError`` for an invalid sample or
+    argument.
     """
     if isinstance(sample, Mapping):
         text = json.dumps(sample, default=_plain)
@@ -83,7 +85,9 @@ def simulate(
     if isinstance(max_error, Mapping):
         unknown = set(max_error) - {"delta_e", "rmse"}
         if unknown:
-            raise ValueError(f"max_error has delta_e and rmse, not {', '.join(sorted(unknown))}")
+            raise ValueError(
+                f"max_error may have the keys delta_e and rmse, not {', '.join(sorted(unknown))}"
+            )
         bounds = (max_error.get("delta_e"), max_error.get("rmse"))
     elif max_error is not None:
         bounds = (None, float(max_error))
@@ -96,7 +100,9 @@ def simulate(
 
 
 def _plain(value: Any) -> Any:
-    """Numbers and arrays of numpy as JSON has them."""
+    """Converts NumPy numbers and arrays to plain Python values for JSON."""
     if isinstance(value, (np.generic, np.ndarray)):
         return value.tolist()
-    raise TypeError(f"a sample holds numbers, strings, lists and tables, not {type(value).__name__}")
+    raise TypeError(
+        f"a sample may hold numbers, strings, lists and mappings, not {type(value).__name__}"
+    )

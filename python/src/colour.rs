@@ -15,20 +15,20 @@ enum Space {
     Srgb,
 }
 
-/// An illuminant as Python gives it.
+/// An illuminant as passed from Python.
 #[derive(FromPyObject, Debug, Clone, PartialEq)]
-pub(crate) enum Light {
+pub(crate) enum PyIlluminant {
     Name(String),
-    /// Wavelengths, nm, and the power there.
+    /// Wavelengths, nm, and relative power.
     Table(Vec<f64>, Vec<f64>),
 }
 
-impl Light {
+impl PyIlluminant {
     fn illuminant(&self) -> Result<Illuminant, String> {
         match self {
             Self::Name(name) => name.parse(),
             Self::Table(nm, power) => {
-                let table = PowerTable::new("the illuminant's table", nm, power);
+                let table = PowerTable::new("the illuminant table", nm, power);
                 let table = table.map_err(|error| error.to_string())?;
                 Ok(Illuminant::Table(Arc::new(table)))
             }
@@ -36,7 +36,7 @@ impl Light {
     }
 }
 
-/// Wavelengths and power of the table in a file, and a line that says how it was read.
+/// Wavelengths and power of the table in a file, and a line about how it was read.
 #[pyfunction]
 pub(crate) fn illuminant(path: &str) -> PyResult<(Vec<f64>, Vec<f64>, String)> {
     let found = Illuminant::find(path, Path::new(""));
@@ -47,22 +47,26 @@ pub(crate) fn illuminant(path: &str) -> PyResult<(Vec<f64>, Vec<f64>, String)> {
             report.to_string(),
         )),
         (named, _) => {
-            let message = format!("`{}` is a name, not a file", named.name());
+            let message = format!(
+                "`{}` is the name of an illuminant, not a file",
+                named.name()
+            );
             Err(PyValueError::new_err(message))
         }
     }
 }
 
-/// Sees spectra at fixed wavelengths in one colour space.
-pub(crate) struct Eye {
+/// Converts spectra at fixed wavelengths to one colour space.
+pub(crate) struct ColourConverter {
     colorimeter: Colorimeter,
     space: Space,
 }
 
-impl Eye {
-    /// For spectra at these wavelengths; `seen` are a colour space and an illuminant.
-    pub(crate) fn new(wavelengths_nm: &[f64], seen: &(String, Light)) -> PyResult<Self> {
-        let (space, illuminant) = seen;
+impl ColourConverter {
+    /// A converter for spectra at these wavelengths; `viewing` is a colour space and an
+    /// illuminant.
+    pub(crate) fn new(wavelengths_nm: &[f64], viewing: &(String, PyIlluminant)) -> PyResult<Self> {
+        let (space, illuminant) = viewing;
         let refuse = |message: String| PyValueError::new_err(message);
         let space = match space.as_str() {
             "xyz" => Space::Xyz,
@@ -72,26 +76,26 @@ impl Eye {
             other => return Err(refuse(format!("no colour space is named `{other}`"))),
         };
         let illuminant = illuminant.illuminant().map_err(refuse)?;
-        let viewing = Viewing {
+        let conditions = Viewing {
             illuminants: vec![illuminant],
             ..Viewing::default()
         };
-        let colorimeter = Colorimeter::of_lines(wavelengths_nm, &viewing);
+        let colorimeter = Colorimeter::piecewise_linear(wavelengths_nm, &conditions);
         let colorimeter = colorimeter.map_err(|e| refuse(e.to_string()))?;
-        let without = || {
+        let no_colour = || {
             refuse(
-                "spectra at these wavelengths have no colour: they must span some of 380-650 nm"
+                "spectra at these wavelengths have no colour: they must cover part of 380-650 nm"
                     .to_owned(),
             )
         };
         Ok(Self {
-            colorimeter: colorimeter.ok_or_else(without)?,
+            colorimeter: colorimeter.ok_or_else(no_colour)?,
             space,
         })
     }
 
-    /// The colour of a spectrum, one value per wavelength.
-    pub(crate) fn sees(&self, spectrum: &[f64]) -> [f64; 3] {
+    /// The colour of a spectrum with one value per wavelength.
+    pub(crate) fn colour(&self, spectrum: &[f64]) -> [f64; 3] {
         match self.space {
             Space::Xyz => self.colorimeter.xyz(spectrum),
             Space::Lab => {
@@ -104,23 +108,24 @@ impl Eye {
     }
 }
 
-/// Colours of `spectra`, `[n, l]`, into `out`, `[n, 3]`.
+/// Writes the colours of `spectra`, `[n, l]`, to `out`, `[n, 3]`.
 #[pyfunction]
 pub(crate) fn colours(
     spectra: PyReadonlyArray2<f64>,
     wavelengths_nm: Vec<f64>,
-    seen: (String, Light),
+    viewing: (String, PyIlluminant),
     mut out: PyReadwriteArray2<f64>,
 ) -> PyResult<()> {
-    let eye = Eye::new(&wavelengths_nm, &seen)?;
+    let converter = ColourConverter::new(&wavelengths_nm, &viewing)?;
     let (spectra, mut out) = (spectra.as_array(), out.as_array_mut());
     if spectra.ncols() != wavelengths_nm.len() || out.dim() != (spectra.nrows(), 3) {
         let (found, expected) = (spectra.ncols(), wavelengths_nm.len());
-        let message = format!("a spectrum has {found} values, there are {expected} wavelengths");
+        let message =
+            format!("a spectrum has {found} values; expected {expected}, one per wavelength");
         return Err(PyValueError::new_err(message));
     }
     for (spectrum, mut row) in spectra.rows().into_iter().zip(out.rows_mut()) {
-        let colour = eye.sees(&spectrum.to_vec());
+        let colour = converter.colour(&spectrum.to_vec());
         row.iter_mut().zip(colour).for_each(|(value, c)| *value = c);
     }
     Ok(())

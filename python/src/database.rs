@@ -1,4 +1,4 @@
-//! A compact file and look-ups in it.
+//! Look-ups in a compact file.
 use std::path::PathBuf;
 use std::sync::{Arc, Mutex, PoisonError};
 
@@ -12,53 +12,53 @@ use splitsnow::measurement::Quantity;
 use splitsnow::parameter::{Parameter, Point};
 use splitsnow::spectrum::Resampling;
 
-use crate::colour::{Eye, Light};
-use crate::points::{Method, Points, refused};
+use crate::colour::{ColourConverter, PyIlluminant};
+use crate::points::{Method, Points, failure_exception};
 use crate::pool::pool;
 
-/// Prepared look-ups kept, and eyes; a look-up of a `linear` file may take 1 GB.
-const KEPT: usize = 8;
+/// Capacity of each cache. A prepared look-up of a `linear` file may take 1 GB.
+const CACHE_SIZE: usize = 8;
 
-/// What is looked up: quantity, method, values of optional axes by name.
-type Asked = (String, String, Vec<(String, f64)>);
+/// A look-up request: quantity, method, values of optional axes by name.
+type Request = (String, String, Vec<(String, f64)>);
 
-/// What a look-up is prepared for: its quantity and conditions, as bits.
+/// Cache key of a prepared look-up: quantity, and conditions as bits.
 type Key = (Quantity, Vec<(Parameter, u64)>);
 
-/// A compact file in memory, with the look-ups prepared so far.
+/// A compact file in memory, with caches of prepared look-ups and colour converters.
 #[pyclass(frozen)]
 pub(crate) struct Database {
     file: lookup::Database,
-    prepared: Kept<Key, Lookup>,
-    eyes: Kept<(String, Light), Eye>,
+    lookups: Cache<Key, Lookup>,
+    converters: Cache<(String, PyIlluminant), ColourConverter>,
 }
 
-/// What was made last, by what it is for.
-struct Kept<K, V>(Mutex<Vec<(K, Arc<V>)>>);
+/// A cache of the values made most recently, by key.
+struct Cache<K, V>(Mutex<Vec<(K, Arc<V>)>>);
 
-impl<K: PartialEq, V> Kept<K, V> {
-    /// What is for `key`, made if it must be. The lock is not held while it is: two
-    /// threads may both make the same.
+impl<K: PartialEq, V> Cache<K, V> {
+    /// The value for `key`; calls `make` if it is not cached. The lock is not held during
+    /// `make`, so two threads may make the same value.
     fn get<E>(&self, key: K, make: impl FnOnce() -> Result<V, E>) -> Result<Arc<V>, E> {
         let lock = || self.0.lock().unwrap_or_else(PoisonError::into_inner);
         if let Some((_, value)) = lock().iter().find(|(known, _)| *known == key) {
             return Ok(value.clone());
         }
         let value = Arc::new(make()?);
-        let mut kept = lock();
-        if kept.len() == KEPT {
-            kept.remove(0);
+        let mut entries = lock();
+        if entries.len() == CACHE_SIZE {
+            entries.remove(0);
         }
-        kept.push((key, value.clone()));
+        entries.push((key, value.clone()));
         Ok(value)
     }
 }
 
-/// An error of reading a file or preparing a look-up.
-fn failed(error: LookupError) -> PyErr {
+/// The Python exception for an error in reading a file or preparing a look-up.
+fn to_exception(error: LookupError) -> PyErr {
     match error {
         LookupError::Io { path, source } => match source.raw_os_error() {
-            // with its number it becomes FileNotFoundError and the like
+            // with its number it becomes the matching subclass, e.g. FileNotFoundError
             Some(number) => PyOSError::new_err((number, source.to_string(), path)),
             None => PyOSError::new_err(format!("cannot read {}: {source}", path.display())),
         },
@@ -73,7 +73,7 @@ fn quantity(name: &str) -> PyResult<Quantity> {
     let found = Quantity::ALL.into_iter().find(|q| q.name() == name);
     let names = Quantity::ALL.map(Quantity::name).join(", ");
     let message =
-        || PyValueError::new_err(format!("no quantity is named `{name}`; there are {names}"));
+        || PyValueError::new_err(format!("no quantity is named `{name}`; use one of {names}"));
     found.ok_or_else(message)
 }
 
@@ -83,11 +83,11 @@ impl Database {
     fn open(py: Python, path: PathBuf) -> PyResult<Self> {
         let file = py
             .detach(|| lookup::Database::open(&path))
-            .map_err(failed)?;
+            .map_err(to_exception)?;
         Ok(Self {
             file,
-            prepared: Kept(Mutex::default()),
-            eyes: Kept(Mutex::default()),
+            lookups: Cache(Mutex::default()),
+            converters: Cache(Mutex::default()),
         })
     }
 
@@ -107,8 +107,10 @@ impl Database {
     /// Name and number of components of each quantity.
     #[getter]
     fn components(&self) -> Vec<(&'static str, usize)> {
-        let there = Quantity::ALL.into_iter().filter(|q| self.file.has(*q));
-        there.map(|q| (q.name(), self.file.components(q))).collect()
+        let stored = Quantity::ALL.into_iter().filter(|q| self.file.has(*q));
+        stored
+            .map(|q| (q.name(), self.file.components(q)))
+            .collect()
     }
 
     #[getter]
@@ -126,56 +128,57 @@ impl Database {
         self.file.metadata().clone()
     }
 
-    /// Spectra at points in an answer of `shape`, into `out`, `[points, wavelengths]`.
+    /// Writes the spectra at points of the broadcast `shape` to `out`, `[points,
+    /// wavelengths]`.
     fn spectra(
         &self,
         py: Python,
-        asked: Asked,
+        request: Request,
         points: [PyReadonlyArray1<f64>; 5],
         shape: Vec<usize>,
         wavelengths_nm: Option<Vec<f64>>,
         mut out: PyReadwriteArray2<f32>,
     ) -> PyResult<()> {
-        let by = wavelengths_nm.map(|to| Resampling::new(self.file.wavelengths_nm(), &to));
+        let resampling = wavelengths_nm.map(|to| Resampling::new(self.file.wavelengths_nm(), &to));
         let width = out.as_array().ncols();
         self.fill(
             py,
-            &asked,
+            &request,
             (&points, &shape),
             (out.as_slice_mut()?, width),
-            |spectrum, row| match &by {
-                Some(by) => by.write(spectrum, row),
+            |spectrum, row| match &resampling {
+                Some(resampling) => resampling.write(spectrum, row),
                 None => row.copy_from_slice(spectrum),
             },
         )
     }
 
-    /// The same as colours, `[points, 3]`.
+    /// Writes the colours at points of the broadcast `shape` to `out`, `[points, 3]`.
     fn colours(
         &self,
         py: Python,
-        asked: Asked,
+        request: Request,
         points: [PyReadonlyArray1<f64>; 5],
         shape: Vec<usize>,
-        seen: (String, Light),
+        viewing: (String, PyIlluminant),
         mut out: PyReadwriteArray2<f64>,
     ) -> PyResult<()> {
-        let eye = self
-            .eyes
-            .get(seen.clone(), || Eye::new(self.file.wavelengths_nm(), &seen))?;
+        let converter = self.converters.get(viewing.clone(), || {
+            ColourConverter::new(self.file.wavelengths_nm(), &viewing)
+        })?;
         self.fill(
             py,
-            &asked,
+            &request,
             (&points, &shape),
             (out.as_slice_mut()?, 3),
             |spectrum, row| {
                 let spectrum: Vec<f64> = spectrum.iter().map(|v| f64::from(*v)).collect();
-                row.copy_from_slice(&eye.sees(&spectrum));
+                row.copy_from_slice(&converter.colour(&spectrum));
             },
         )
     }
 
-    /// The curves on the nodes, row-major over the axes, into `out`, `[s, l]`.
+    /// Writes the curves at the nodes, row-major over the axes, to `out`, `[s, l]`.
     fn nodes(&self, py: Python, name: &str, mut out: PyReadwriteArray2<f32>) -> PyResult<()> {
         let (quantity, pool) = (quantity(name)?, pool(py)?);
         let l = self.file.wavelengths_nm().len();
@@ -197,17 +200,17 @@ impl Database {
     fn fill<T: Send>(
         &self,
         py: Python,
-        (name, method, conditions): &Asked,
+        (name, method, conditions): &Request,
         (columns, shape): (&[PyReadonlyArray1<f64>; 5], &[usize]),
         (rows, width): (&mut [T], usize),
         finish: impl Fn(&[f32], &mut [T]) + Sync + Send,
     ) -> PyResult<()> {
         let quantity = quantity(name)?;
-        let optional = named(conditions)?;
+        let optional = optional_point(conditions)?;
         let points = Points::new(columns, shape)?;
         if width.checked_mul(points.count()) != Some(rows.len()) || width == 0 {
             return Err(PyValueError::new_err(
-                "the answer has another shape than the points",
+                "the output array does not have the shape of the points",
             ));
         }
         let pool = pool(py)?;
@@ -216,47 +219,48 @@ impl Database {
             let lookup;
             let method = match method.as_str() {
                 "smooth" => {
-                    lookup = self.prepared(quantity, optional).map_err(failed)?;
+                    lookup = self.lookup(quantity, optional).map_err(to_exception)?;
                     Method::Smooth(&lookup)
                 }
                 "varsa2025" => {
-                    let published = Varsa2025::new(&self.file, quantity).map_err(failed)?;
-                    // refuses axes that the file has not, and values off the only one
-                    self.file.at(optional).map_err(failed)?;
+                    let published = Varsa2025::new(&self.file, quantity).map_err(to_exception)?;
+                    // an error for axes that are not in the file, or values outside its axes
+                    self.file.at(optional).map_err(to_exception)?;
                     Method::Varsa2025(published)
                 }
                 other => {
-                    let message =
-                        format!("no method is named `{other}`; there are smooth, varsa2025");
+                    let message = format!("no method is named `{other}`; use smooth or varsa2025");
                     return Err(PyValueError::new_err(message));
                 }
             };
             let filled = points.fill(pool, &method, l, (rows, width), finish);
-            filled.map_err(|error| refused(error, shape))
+            filled.map_err(|failure| failure_exception(failure, shape))
         };
         py.detach(|| run(&pool))
     }
 
-    /// The look-up of `quantity` there.
-    fn prepared(&self, quantity: Quantity, optional: Point) -> Result<Arc<Lookup>, LookupError> {
+    /// The look-up of `quantity` at these values of the optional axes.
+    fn lookup(&self, quantity: Quantity, optional: Point) -> Result<Arc<Lookup>, LookupError> {
         let bits = optional
             .iter()
             .map(|(parameter, value)| (parameter, value.to_bits()));
-        self.prepared.get((quantity, bits.collect()), || {
+        self.lookups.get((quantity, bits.collect()), || {
             Lookup::new(&self.file.at(optional)?, quantity)
         })
     }
 }
 
-/// Values of optional axes by their names.
-fn named(values: &[(String, f64)]) -> PyResult<Point> {
-    let one = |(name, value): &(String, f64)| {
+/// The point with these values of optional axes, given by name.
+fn optional_point(values: &[(String, f64)]) -> PyResult<Point> {
+    let coordinate = |(name, value): &(String, f64)| {
         let axis = Parameter::named(name).filter(|axis| axis.is_optional());
         let axis = axis.ok_or_else(|| {
             let optional = Parameter::ALL.into_iter().filter(|axis| axis.is_optional());
             let names: Vec<_> = optional.map(Parameter::name).collect();
             let names = names.join(", ");
-            PyValueError::new_err(format!("no axis is named `{name}`; there are {names}"))
+            PyValueError::new_err(format!(
+                "no optional axis is named `{name}`; use one of {names}"
+            ))
         })?;
         if value.is_nan() {
             let message = format!("{name} = NaN is outside the database");
@@ -264,15 +268,15 @@ fn named(values: &[(String, f64)]) -> PyResult<Point> {
         }
         Ok((axis, *value))
     };
-    values.iter().map(one).collect()
+    values.iter().map(coordinate).collect()
 }
 
-/// Name, unit and long name of every parameter that an axis may be of.
+/// Name in files, unit and long name of every parameter that can be an axis.
 #[pyfunction]
 pub(crate) fn parameters() -> Vec<[&'static str; 3]> {
-    let about = |parameter: Parameter| {
+    let description = |parameter: Parameter| {
         let record = parameter.record();
         [record.name, record.unit, record.long_name]
     };
-    Parameter::ALL.map(about).into()
+    Parameter::ALL.map(description).into()
 }

@@ -1,4 +1,4 @@
-//! What the Python package `splitsnow` calls; the Python half, with the
+//! The compiled part of the Python package `splitsnow`. The Python part, with the
 //! documentation for users, is in `python/splitsnow`.
 mod colour;
 mod database;
@@ -6,9 +6,19 @@ mod points;
 mod pool;
 mod simulation;
 
+use pyo3::exceptions::PyValueError;
 use pyo3::prelude::*;
 
-/// The compiled half of `splitsnow`.
+/// Returns the instruction set in use: that of `SPLITSNOW_SIMD`, or else the best one that
+/// this processor supports.
+#[pyfunction]
+fn simd() -> PyResult<&'static str> {
+    let level = splitsnow::simd::requested();
+    let level = level.map_err(|error| PyValueError::new_err(error.to_string()))?;
+    Ok(level.name())
+}
+
+/// The compiled part of `splitsnow`.
 #[pymodule]
 mod _native {
     #[pymodule_export]
@@ -20,6 +30,9 @@ mod _native {
 
     #[pymodule_export]
     use crate::database::parameters;
+
+    #[pymodule_export]
+    use crate::simd;
 
     #[pymodule_export]
     const VERSION: &str = env!("CARGO_PKG_VERSION");

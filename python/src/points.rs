@@ -1,4 +1,4 @@
-//! Many look-ups at once.
+//! Look-ups at many points in parallel.
 use numpy::PyReadonlyArray1;
 use pyo3::exceptions::PyValueError;
 use pyo3::prelude::*;
@@ -7,13 +7,13 @@ use rayon::prelude::*;
 use splitsnow::lookup::{Lookup, LookupError, Varsa2025};
 use splitsnow::parameter::Point;
 
-/// Rows of a task; fewer are not worth waking a thread.
+/// Number of rows per task; fewer are not worth waking a thread.
 const TASK: usize = 1024;
 
-/// Which point has no answer, and why.
+/// Index of the point whose look-up failed, and the error.
 pub(crate) type Failure = (usize, Box<LookupError>);
 
-/// A prepared method of look-up.
+/// A prepared look-up method.
 pub(crate) enum Method<'a> {
     Smooth(&'a Lookup),
     Varsa2025(Varsa2025<'a>),
@@ -31,14 +31,15 @@ impl Method<'_> {
     }
 }
 
-/// Coordinates on the five axes, each one for all points or one per point.
+/// Coordinates on the five core axes; each column has one value for all points or one per
+/// point.
 pub(crate) struct Points<'a> {
     columns: [&'a [f64]; 5],
     count: usize,
 }
 
 impl<'a> Points<'a> {
-    /// The points of an answer of `shape`, in row-major order.
+    /// The points of the broadcast `shape`, in row-major order.
     pub(crate) fn new(columns: &'a [PyReadonlyArray1<f64>; 5], shape: &[usize]) -> PyResult<Self> {
         let count = shape.iter().product();
         let mut slices = [&[][..]; 5];
@@ -46,7 +47,7 @@ impl<'a> Points<'a> {
             *slice = column.as_slice()?;
             if slice.len() != 1 && slice.len() != count {
                 let found = slice.len();
-                let message = format!("a coordinate has {found} values, the answer {count}");
+                let message = format!("a coordinate has {found} values; expected 1 or {count}");
                 return Err(PyValueError::new_err(message));
             }
         }
@@ -58,7 +59,7 @@ impl<'a> Points<'a> {
         self.count
     }
 
-    fn at(&self, index: usize) -> Point {
+    fn point(&self, index: usize) -> Point {
         let value = |axis: usize| match self.columns[axis] {
             [value] => *value,
             values => values[index],
@@ -66,10 +67,11 @@ impl<'a> Points<'a> {
         Point::of_core(std::array::from_fn(value))
     }
 
-    /// Writes what `finish` makes of each point's spectrum of `wavelengths` values into
-    /// its row of `rows`, `[count][width]`.
+    /// Looks up the spectrum of each point (`wavelengths` values) and writes it with
+    /// `finish` to the row of the point in `rows`, `[count][width]`.
     ///
-    /// The error is that of the first point that has one, with its position.
+    /// # Errors
+    /// The failure of the first point that has one.
     pub(crate) fn fill<T: Send>(
         &self,
         pool: &ThreadPool,
@@ -82,8 +84,8 @@ impl<'a> Points<'a> {
             let mut spectrum = vec![0.0; wavelengths];
             for (i, row) in rows.chunks_exact_mut(width).enumerate() {
                 let index = number * TASK + i;
-                let found = method.spectrum(self.at(index), &mut spectrum);
-                found.map_err(|error| (index, Box::new(error)))?;
+                let result = method.spectrum(self.point(index), &mut spectrum);
+                result.map_err(|error| (index, Box::new(error)))?;
                 finish(&spectrum, row);
             }
             Ok(())
@@ -93,15 +95,15 @@ impl<'a> Points<'a> {
         }
         let tasks = || {
             let tasks = rows.par_chunks_mut(TASK * width).enumerate();
-            let failed = tasks.filter_map(|rows| task(rows).err());
-            failed.min_by_key(|(index, _)| *index)
+            let failures = tasks.filter_map(|rows| task(rows).err());
+            failures.min_by_key(|(index, _)| *index)
         };
         pool.install(tasks).map_or(Ok(()), Err)
     }
 }
 
-/// A failed look-up as `ValueError`, with the position in the broadcast arguments.
-pub(crate) fn refused((index, error): Failure, shape: &[usize]) -> PyErr {
+/// The `ValueError` for a failed look-up, with its position in the broadcast arguments.
+pub(crate) fn failure_exception((index, error): Failure, shape: &[usize]) -> PyErr {
     let mut rest = index;
     let mut position: Vec<usize> = Vec::new();
     for length in shape.iter().rev() {

@@ -1,4 +1,4 @@
-//! The virtual spectrophotometer.
+//! Simulation of one snow sample.
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::sync::mpsc::{self, RecvTimeoutError};
 use std::time::Duration;
@@ -15,17 +15,17 @@ use splitsnow::simulation::{RAYS, Simulation};
 
 use crate::pool::pool;
 
-/// Between two looks for Ctrl-C.
-const TICK: Duration = Duration::from_millis(50);
+/// Interval between checks for Ctrl-C.
+const SIGNAL_INTERVAL: Duration = Duration::from_millis(50);
 
 fn refuse(message: impl ToString) -> PyErr {
     PyValueError::new_err(message.to_string())
 }
 
-/// Delta-E and RMSE that `auto` may leave, where they are given.
+/// Largest Delta-E and RMSE allowed for `auto`, if given.
 type Bounds = (Option<f64>, Option<f64>);
 
-/// The error allowed at these wavelengths, and the walks of a run that names none.
+/// The error allowed at these wavelengths, and the default number of walks.
 fn bounds(given: Option<Bounds>, engine: Engine, nm: &[f64]) -> PyResult<(MaxError, u64)> {
     let mut allowed = MaxError::usual(nm);
     let Some((delta_e, rmse)) = given else {
@@ -33,7 +33,7 @@ fn bounds(given: Option<Bounds>, engine: Engine, nm: &[f64]) -> PyResult<(MaxErr
     };
     if engine != Engine::Auto {
         return Err(refuse(
-            "max_error is for the engine `auto`; other engines take rays",
+            "max_error is for the engine `auto` only; give rays for other engines",
         ));
     }
     let bounds = [
@@ -55,8 +55,8 @@ fn bounds(given: Option<Bounds>, engine: Engine, nm: &[f64]) -> PyResult<(MaxErr
     Ok((allowed, rays))
 }
 
-/// Measures the sample in `file`: its path, for messages and for paths in it, its
-/// text, and whether that is not TOML but the same keys as JSON.
+/// Simulates the sample in `file`: its path, for messages and for relative paths in it, its
+/// text, and whether the text is JSON instead of TOML.
 #[pyfunction]
 pub(crate) fn simulate<'py>(
     py: Python<'py>,
@@ -74,14 +74,14 @@ pub(crate) fn simulate<'py>(
         text
     };
     let sample = sample::parse(&name, &text).map_err(refuse)?;
-    let named = Engine::named(engine);
+    let found = Engine::named(engine);
     let names = Engine::ALL.map(Engine::name).join(", ");
-    let unknown = || refuse(format!("no engine is named `{engine}`; there are {names}"));
-    let engine = named.ok_or_else(unknown)?;
-    let (max_error, usual) = bounds(max_error, engine, &sample.wavelengths_nm)?;
-    let rays = rays.unwrap_or(usual);
+    let unknown = || refuse(format!("no engine is named `{engine}`; use one of {names}"));
+    let engine = found.ok_or_else(unknown)?;
+    let (max_error, default_rays) = bounds(max_error, engine, &sample.wavelengths_nm)?;
+    let rays = rays.unwrap_or(default_rays);
     if rays == 0 {
-        return Err(refuse("rays = 0 must be at least 1"));
+        return Err(refuse("rays = 0 is not allowed; it must be at least 1"));
     }
     let simulation = Simulation::of(&sample)
         .engine(engine)
@@ -91,8 +91,9 @@ pub(crate) fn simulate<'py>(
     let pool = pool(py)?;
     let spectrum = py.detach(|| interruptible(&pool, &simulation))?;
 
-    let list =
-        |of: &[Measured], part: fn(&Measured) -> f64| PyArray1::from_iter(py, of.iter().map(part));
+    let list = |values: &[Measured], part: fn(&Measured) -> f64| {
+        PyArray1::from_iter(py, values.iter().map(part))
+    };
     let (r, t) = (&spectrum.reflectance, &spectrum.transmittance);
     let both = || r.iter().zip(t);
     let absorptance = both().map(|(r, t)| 1.0 - r.value - t.value);
@@ -117,20 +118,20 @@ pub(crate) fn simulate<'py>(
     Ok(result)
 }
 
-/// Runs `simulation`, and stops it once Python has a signal, such as Ctrl-C, to handle.
+/// Runs `simulation`, and cancels it when Python receives a signal such as Ctrl-C.
 fn interruptible(pool: &ThreadPool, simulation: &Simulation) -> PyResult<Spectrum> {
     let cancel = AtomicBool::new(false);
     let simulation = simulation.clone().cancel(&cancel);
     let mut signal = Ok(());
-    let (done, waiting) = mpsc::channel();
+    let (sender, receiver) = mpsc::channel();
     let spectrum = std::thread::scope(|scope| {
         scope.spawn(|| {
-            // dropped also by a panic, which the scope passes on
-            let done = done;
-            let _ = done.send(pool.install(|| simulation.run()));
+            // also dropped on a panic, which the scope propagates
+            let sender = sender;
+            let _ = sender.send(pool.install(|| simulation.run()));
         });
         loop {
-            match waiting.recv_timeout(TICK) {
+            match receiver.recv_timeout(SIGNAL_INTERVAL) {
                 Ok(result) => return result,
                 Err(RecvTimeoutError::Disconnected) => return Err(EngineError::Cancelled),
                 Err(RecvTimeoutError::Timeout) if signal.is_ok() => {

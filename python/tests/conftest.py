@@ -1,7 +1,7 @@
-"""Databases that the compiled `splitsnow` builds.
+"""Fixtures: databases built by the compiled `splitsnow`.
 
-SPLITSNOW_BIN names that program (target/release/splitsnow if not set), SPLITSNOW_OUT
-the output directory of `splitsnow build configs/quick.toml`, built here if not set.
+SPLITSNOW_BIN names the program (default: target/release/splitsnow). SPLITSNOW_OUT names
+the output directory of `splitsnow build configs/quick.toml`, which is built if not set.
 """
 
 import os
@@ -20,27 +20,27 @@ facetness = [0.3]
 grain_size_um = [200, 400]
 density_kg_m3 = [250]
 thickness_cm = [2, 5, 10]
-angle_deg = [0, 60]
+incidence_angle_deg = [0, 60]
 black_carbon_ng_g = [0, 100]
 water_saturation = [0.05]
 [wavelengths]
 values_nm = [450, 550, 650]
 [run]
-engine = "doubling"
+engine = "hybrid"
 rays = 4000
 """
 
 
 @pytest.fixture(scope="session")
 def run():
-    """Runs the program; its standard output."""
+    """Runs the program and returns its standard output."""
     program = os.environ.get("SPLITSNOW_BIN", ROOT / "target/release/splitsnow")
 
     def run(*args):
         args = [str(program), *map(str, args)]
-        done = subprocess.run(args, cwd=ROOT, capture_output=True, text=True)
-        assert done.returncode == 0, done.stderr
-        return done.stdout
+        result = subprocess.run(args, cwd=ROOT, capture_output=True, text=True)
+        assert result.returncode == 0, result.stderr
+        return result.stdout
 
     return run
 
@@ -61,7 +61,7 @@ def quick(out):
 
 @pytest.fixture(scope="session")
 def sooty(run, tmp_path_factory):
-    """A database with black carbon as an axis, its directory as `path`."""
+    """A database with black carbon as an axis."""
     folder = tmp_path_factory.mktemp("sooty")
     (folder / "grid.toml").write_text(WITH_CARBON)
     run("build", folder / "grid.toml", "--out", folder / "out")
@@ -69,19 +69,19 @@ def sooty(run, tmp_path_factory):
 
 
 @pytest.fixture(scope="session")
-def fitted(run, tmp_path_factory):
-    """A fitted database: few wavelengths, certified, transmittance alone."""
+def tailored(run, tmp_path_factory):
+    """A tailored database: few wavelengths, an error budget, transmittance only."""
     folder = tmp_path_factory.mktemp("igloo")
-    run("fit", "configs/scenes/igloo.toml", "--out", folder)
+    run("tailor", "configs/scenes/igloo.toml", "--out", folder)
     return splitsnow.Database.open(folder)
 
 
 @pytest.fixture(scope="session")
 def query(run):
-    """`splitsnow query` of a database: wavelengths and values."""
+    """Runs `splitsnow query` on a database and returns wavelengths and values."""
 
     def query(database, *point, **options):
-        names = "facetness grain-size-um density-kg-m3 thickness-cm angle-deg".split()
+        names = "facetness grain-size-um density-kg-m3 thickness-cm incidence-angle-deg".split()
         options.update(zip(names, point))
         args = [f"--{name.replace('_', '-')}={value}" for name, value in options.items()]
         lines = run("query", database.path, *args).splitlines()

@@ -1,4 +1,4 @@
-"""Colours against the formulas of colorimetry, from the tables in data/."""
+"""Colours compared with the formulas of colorimetry and the tables in data/."""
 
 from pathlib import Path
 
@@ -10,7 +10,7 @@ import splitsnow
 DATA = Path(__file__).parents[2] / "data"
 FILES = {"E": "e", "D55": "d55", "D65": "d65", "LED-B5": "led_b5", "FL3.15": "fl3_15", "A": "a", "D50": "d50"}
 POINT = (0.3, 250, 300, np.array([1, 4.5, 10]), 33)
-# IEC 61966-2-1, and its D65
+# matrix and D65 white of IEC 61966-2-1
 TO_SRGB = np.array(
     [[3.2406, -1.5372, -0.4986], [-0.9689, 1.8758, 0.0415], [0.0557, -0.2040, 1.0570]]
 )
@@ -23,7 +23,7 @@ def table(name):
 
 
 def tristimulus(spectrum, nm, illuminant):
-    """XYZ of a spectrum and of white, by sums over 5 nm."""
+    """XYZ of a spectrum and of white, summed every 5 nm."""
     light_nm, power = table(f"illuminant_{FILES[illuminant]}")
     observer_nm, *observer = table("cie_1931_2deg")
     fine = np.arange(nm[0], nm[-1] + 1, 5.0)
@@ -40,17 +40,17 @@ def lab(xyz, white):
 
 
 @pytest.mark.parametrize("illuminant", FILES)
-@pytest.mark.parametrize("kind", ["quick", "fitted"])
+@pytest.mark.parametrize("kind", ["quick", "tailored"])
 def test_formulas(request, kind, illuminant):
     database = request.getfixturevalue(kind)
     point = POINT if kind == "quick" else (0.3, 300, 300, np.array([16, 21.5, 39]), 33)
     nm = database.wavelengths_nm
     spectra = database.transmittance(*point)
-    seen = dict(illuminant=illuminant)
+    options = dict(illuminant=illuminant)
     found = {
-        "lab": database.lab(*point, **seen),
-        "linear": database.srgb(*point, linear=True, clip=False, **seen),
-        "srgb": database.srgb(*point, **seen),
+        "lab": database.lab(*point, **options),
+        "linear": database.srgb(*point, linear=True, clip=False, **options),
+        "srgb": database.srgb(*point, **options),
     }
     assert all(values.shape == (3, 3) for values in found.values())
     for i, spectrum in enumerate(spectra):
@@ -67,17 +67,19 @@ def test_formulas(request, kind, illuminant):
         assert np.allclose(found["srgb"][i], encoded, atol=3e-3)
 
 
-def test_of_a_database_as_of_its_spectra(quick):
+def test_database_colours_equal_those_of_its_spectra(quick):
     nm = quick.wavelengths_nm
     for quantity in quick.quantities:
         spectra = getattr(quick, quantity)(*POINT)
-        of = dict(illuminant="D55")
+        options = dict(illuminant="D55")
         assert np.allclose(
-            quick.lab(*POINT, quantity=quantity, **of), splitsnow.lab(spectra, nm, **of), atol=1e-9
+            quick.lab(*POINT, quantity=quantity, **options),
+            splitsnow.lab(spectra, nm, **options),
+            atol=1e-9,
         )
         assert np.allclose(
-            quick.srgb(*POINT, quantity=quantity, linear=True, **of),
-            splitsnow.srgb(spectra, nm, linear=True, **of),
+            quick.srgb(*POINT, quantity=quantity, linear=True, **options),
+            splitsnow.srgb(spectra, nm, linear=True, **options),
             atol=1e-9,
         )
     assert not np.allclose(quick.lab(*POINT), quick.lab(*POINT, quantity="reflectance"), atol=1)
@@ -93,7 +95,7 @@ def test_shapes_and_clipping():
     assert splitsnow.srgb(blue, nm, clip=False).min() < 0
     assert splitsnow.srgb(blue, nm).min() == 0
     assert np.allclose(splitsnow.srgb(np.ones(31), nm, "FL3.15", clip=False), 1, atol=1e-3)
-    # the default light is of equal power
+    # the default illuminant has equal power at all wavelengths
     assert np.array_equal(splitsnow.xyz(blue, nm), splitsnow.xyz(blue, nm, "E"))
 
 
@@ -156,7 +158,7 @@ def test_illuminants_of_files_and_arrays(quick, tmp_path, caplog):
         "powers": (nm, power[:-1]),
         "strictly increasing": (nm[::-1], power),
         "power of -100 at": (nm, -100 + 0 * power),
-        "nothing is white": (nm, 0 * power),
+        "white is not defined": (nm, 0 * power),
         "3 columns": (nm, power, power),
     }.items():
         with pytest.raises(ValueError, match=message):

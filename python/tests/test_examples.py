@@ -1,4 +1,4 @@
-"""The examples of both READMEs do what they say."""
+"""The examples of both READMEs run and give plausible results."""
 
 import os
 import re

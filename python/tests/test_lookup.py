@@ -1,4 +1,4 @@
-"""Look-ups are those of `splitsnow query`, in the shapes of numpy."""
+"""Look-ups equal those of `splitsnow query`, with the shapes of NumPy broadcasting."""
 
 import json
 import multiprocessing
@@ -32,18 +32,18 @@ def test_equals_query_by_the_published_method(quick, query):
     assert not np.allclose(spectrum, quick.transmittance(*point), rtol=1e-4)
 
 
-def test_equals_query_of_a_fitted_file_and_further_axes(fitted, sooty, query):
+def test_equals_query_for_a_tailored_file_and_optional_axes(tailored, sooty, query):
     point = (0.3, 300, 300, 21.5, 33)
-    assert np.array_equal(fitted.transmittance(*point), query(fitted, *point)[1])
+    assert np.array_equal(tailored.transmittance(*point), query(tailored, *point)[1])
     point = (0.3, 300, 250, 4, 33)
-    there = {"black_carbon_ng_g": 30}
-    expected = query(sooty, *point, **there)[1]
+    conditions = {"black_carbon_ng_g": 30}
+    expected = query(sooty, *point, **conditions)[1]
     assert np.array_equal(sooty.transmittance(*point, black_carbon_ng_g=30), expected)
-    assert np.array_equal(sooty.transmittance(*point, conditions=there), expected)
-    # what was prepared for one value does not answer for another
+    assert np.array_equal(sooty.transmittance(*point, conditions=conditions), expected)
+    # a look-up prepared for one value is not used for another
     assert (sooty.transmittance(*point, black_carbon_ng_g=60) < expected).all()
     assert np.array_equal(sooty.transmittance(*point, black_carbon_ng_g=30), expected)
-    for soot in range(20):  # more than are kept
+    for soot in range(20):  # more than the cache holds
         sooty.transmittance(*point, black_carbon_ng_g=soot)
     assert np.array_equal(sooty.transmittance(*point, black_carbon_ng_g=30), expected)
 
@@ -86,19 +86,19 @@ def test_broadcasting(quick):
 
 
 def scattered(count):
-    """Points all over the box of configs/quick.toml."""
+    """Random points within the axes of configs/quick.toml."""
     u = np.random.default_rng(1).random((5, count))
     low, high = np.array([[0.1, 100, 200, 0, 0], [0.9, 500, 400, 10, 80]])[..., None]
     return low + u * (high - low)
 
 
-def test_many_are_as_one(quick):
-    """More points than one thread takes."""
+def test_many_points_equal_single_points(quick):
+    """With more points than one task has."""
     points = scattered(10_000)
     found = quick.transmittance(*points)
     for i in [0, 1023, 1024, 5000, 9999]:
         assert np.array_equal(found[i], quick.transmittance(*points[:, i]))
-    columns = [p.astype(np.float32)[::2] for p in points]  # strided, of another type
+    columns = [p.astype(np.float32)[::2] for p in points]  # strided, another dtype
     found = quick.transmittance(*columns)
     assert np.array_equal(found[7], quick.transmittance(*[float(c[7]) for c in columns]))
 
@@ -112,40 +112,41 @@ def test_threads_share_a_database(out):
             assert np.array_equal(found, expected)
 
 
-def test_a_forked_process_looks_up(quick):
+def test_a_forked_process_can_look_up(quick):
     points = scattered(3000)
     expected = quick.transmittance(*points)
     with warnings.catch_warnings():
-        # a fork beside threads; this one is safe
+        # a fork while threads run; this one is safe
         warnings.simplefilter("ignore", DeprecationWarning)
         with multiprocessing.get_context("fork").Pool(1) as pool:
             found = pool.apply_async(quick.transmittance, points).get(timeout=60)
     assert np.array_equal(found, expected)
 
 
-def test_wavelengths(fitted):
-    own = fitted.wavelengths_nm
+def test_wavelengths(tailored):
+    own = tailored.wavelengths_nm
     assert len(own) < 31
     point = (0.3, 300, 300, np.array([20, 25]), 33)
-    found = fitted.transmittance(*point)
+    found = tailored.transmittance(*point)
     nm = np.arange(380, 721, 7.5)
-    drawn = fitted.transmittance(*point, wavelengths_nm=nm)
-    assert drawn.shape == (2, len(nm)) and drawn.dtype == np.float32
-    for spectrum, values in zip(found, drawn):
+    resampled = tailored.transmittance(*point, wavelengths_nm=nm)
+    assert resampled.shape == (2, len(nm)) and resampled.dtype == np.float32
+    for spectrum, values in zip(found, resampled):
         assert np.allclose(values, np.interp(nm, own, spectrum), rtol=1e-6, atol=1e-9)
-    assert np.array_equal(fitted.transmittance(*point, wavelengths_nm=own, clamp=False), found)
+    assert np.array_equal(tailored.transmittance(*point, wavelengths_nm=own, clamp=False), found)
     with pytest.raises(ValueError, match="380 to 717.5 nm; the database covers 400 to 700 nm"):
-        fitted.transmittance(*point, wavelengths_nm=nm, clamp=False)
+        tailored.transmittance(*point, wavelengths_nm=nm, clamp=False)
     for wrong in ([], 500, [[500]], [np.nan]):
         with pytest.raises(ValueError, match="wavelengths_nm"):
-            fitted.transmittance(*point, wavelengths_nm=wrong)
+            tailored.transmittance(*point, wavelengths_nm=wrong)
 
 
 @pytest.mark.parametrize(
     "axis, value", list(enumerate([0.95, 501, 199, -0.1, 80.1]))
 )
-def test_outside_is_refused_by_name(quick, axis, value):
-    names = list(quick.axes)
+def test_errors_outside_name_the_axis(quick, axis, value):
+    # messages name the argument
+    names = [name.replace("angle_deg", "incidence_angle_deg") for name in quick.axes]
     for value in (value, np.nan, np.inf, -np.inf):
         point = list(POINT)
         point[axis] = value
@@ -156,24 +157,28 @@ def test_outside_is_refused_by_name(quick, axis, value):
 def test_the_first_wrong_element_is_named(quick):
     thickness = np.full((3, 2000), 2.0)
     thickness[1, 1500] = np.nan
-    thickness[2, 1000] = -1  # of another task
+    thickness[2, 1000] = -1  # in another task
     with pytest.raises(ValueError, match=r"^element \[1, 1500\]: thickness_cm = NaN"):
         quick.transmittance(0.3, 250, 300, thickness, 0)
 
 
-def test_wrong_arguments(quick, sooty, fitted):
+def test_wrong_arguments(quick, sooty, tailored):
     for message, call in {
-        "axis black_carbon_ng_g, from 0 to 100: say": lambda: sooty.transmittance(0.3, 300, 250, 4, 0),
+        "give a value of black_carbon_ng_g from 0 to 100": lambda: sooty.transmittance(
+            0.3, 300, 250, 4, 0
+        ),
         "no axis temperature_c": lambda: quick.transmittance(*POINT, temperature_c=-3),
         "the database has no axis sphericity": lambda: quick.transmittance(
             0.5, 300, 200, 4, 0, method="varsa2025", sphericity=0.8
         ),
-        "no axis is named `soot`; there are black": lambda: quick.transmittance(*POINT, soot=3),
+        "no optional axis is named `soot`; use one of black": lambda: quick.transmittance(
+            *POINT, soot=3
+        ),
         "black_carbon_ng_g = NaN is outside": lambda: sooty.transmittance(
             0.3, 300, 250, 4, 0, black_carbon_ng_g=np.nan
         ),
         "no method is named `best`": lambda: quick.transmittance(*POINT, method="best"),
-        "has no reflectance": lambda: fitted.reflectance(0.3, 300, 300, 21.5, 33),
+        "has no reflectance": lambda: tailored.reflectance(0.3, 300, 300, 21.5, 33),
         "no quantity is named `R`": lambda: quick.lab(*POINT, quantity="R"),
         "no illuminant is named `D60`": lambda: quick.lab(*POINT, illuminant="D60"),
         "facetness = 0.3 lies between": lambda: quick.transmittance(*POINT, method="varsa2025"),
@@ -193,19 +198,20 @@ def test_files_that_cannot_be_read(tmp_path):
         splitsnow.Database.open(str(other))
 
 
-def test_properties(quick, sooty, fitted, out):
+def test_properties(quick, sooty, tailored, out):
     assert list(quick.axes) == ["facetness", "grain_size_um", "density_kg_m3", "thickness_cm", "angle_deg"]
     assert quick.axes["facetness"].tolist() == [0.1, 0.5, 0.9]
     assert list(sooty.axes)[:2] == ["black_carbon_ng_g", "water_saturation"]
     assert sooty.axes["black_carbon_ng_g"].tolist() == [0, 100]
     assert quick.quantities == ("transmittance", "reflectance")
-    assert fitted.quantities == ("transmittance",) == tuple(fitted.components)
+    assert tailored.quantities == ("transmittance",) == tuple(tailored.components)
     assert quick.components == {q: int(quick.metadata[f"{q}.components"]) for q in quick.quantities}
     assert (quick.basis, quick.precision) == ("linear", "f32")
-    assert fitted.basis == fitted.metadata["basis"] == "log"
-    assert fitted.precision == fitted.metadata["precision"]
+    assert tailored.basis == tailored.metadata["basis"] == "log"
+    assert tailored.precision == tailored.metadata["precision"]
     assert quick.path == str(out)
-    assert fitted.certificate["quantities"]["transmittance"]["total"]["delta_e"][2] < 0.5
+    assert tailored.certificate == tailored.error_budget
+    assert tailored.error_budget["quantities"]["transmittance"]["total"]["delta_e"][2] < 0.5
     assert "3 facetness x 3 grain_size_um" in repr(quick) and "31 wavelengths" in repr(quick)
 
 
@@ -220,7 +226,7 @@ def test_nodes_are_those_of_the_zarr(quick, sooty, out):
     for quantity in quick.quantities:
         assert nodes[quantity].dims == stored[quantity].dims
         assert nodes[quantity].dtype == np.float32 and nodes[quantity].attrs["units"] == "1"
-        # what compression leaves out, as the file says
+        # the truncation error of the compression, as stated in the file
         table = json.loads(quick.metadata["error_table"])[quantity]
         bound = table["rows"][table["chosen"] - 1]["rmse"]["max"]
         rmse = ((nodes[quantity] - stored[quantity]) ** 2).mean("wavelength_nm") ** 0.5
@@ -228,6 +234,7 @@ def test_nodes_are_those_of_the_zarr(quick, sooty, out):
     for name in nodes.coords:
         assert np.allclose(nodes[name], stored[name], rtol=1e-6)
         assert nodes[name].attrs == stored[name].attrs
+    # a node of the dataset also serves as keywords: `angle_deg` is the dimension's name
     node = dict(facetness=0.5, grain_size_um=300, density_kg_m3=200, thickness_cm=5, angle_deg=40)
     assert np.allclose(nodes.transmittance.sel(node), quick.transmittance(**node), atol=1e-6)
     sooty_nodes = sooty.to_xarray()

@@ -1,4 +1,4 @@
-"""Snow in real scenes of Mitsuba, beside what the look-ups say."""
+"""Snow in Mitsuba scenes, compared with look-ups."""
 
 import importlib
 import math
@@ -20,7 +20,7 @@ from splitsnow.mitsuba._table import Material, Table
 VARIANTS = ["scalar_spectral", "llvm_ad_spectral", "scalar_rgb", "llvm_ad_rgb"]
 SNOW = (0.4, 260.0, 270.0)
 NAMED = dict(zip(("facetness", "grain_size_um", "density_kg_m3"), SNOW))
-EVEN = {"type": "spectrum", "value": 2.0}
+UNIFORM = {"type": "spectrum", "value": 2.0}
 NM = np.arange(360, 831, 5.0)
 FROM_XYZ = np.array(
     [[3.2406, -1.5372, -0.4986], [-0.9689, 1.8758, 0.0415], [0.0557, -0.2040, 1.0570]]
@@ -35,7 +35,7 @@ def variant(request):
 
 @pytest.fixture(autouse=True)
 def scenes():
-    """Those of one test: others would be compiled with them."""
+    """Detaches the scenes of a test afterwards; the next test would compile them too."""
     yield
     while _scenes:
         variant, scene = _scenes.pop()
@@ -52,14 +52,14 @@ def use(variant):
 
 
 def slab(entries, bottom=0.0, top=0.1, half_width=20.0):
-    """A wide one, between two heights."""
+    """A wide slab between two heights."""
     middle, half = (bottom + top) / 2, (top - bottom) / 2
     place = mi.ScalarTransform4f().translate([0, 0, middle]).scale([half_width, half_width, half])
     return {"type": "cube", "to_world": place, **entries}
 
 
 def scene_of(spp=16, size=2, **shapes):
-    """Seen from below, at the origin."""
+    """A scene with a camera that looks at the origin from below."""
     film = {"type": "hdrfilm", "width": size, "height": size, "rfilter": {"type": "box"}}
     sensor = {
         "type": "perspective",
@@ -80,7 +80,7 @@ def towards(angle_deg):
 
 
 def snow(database, **options):
-    options = {"irradiance": EVEN, "reflected": False, "to_light": [0, 0, 1], **options}
+    options = {"irradiance": UNIFORM, "reflected": False, "to_light": [0, 0, 1], **options}
     return splitsnow.mitsuba.snow(database.path, **{**NAMED, **options})
 
 
@@ -89,7 +89,7 @@ def pixel(scene):
 
 
 def radiances(scene, origins, direction, nm=(450, 520, 600, 680)):
-    """Light towards the origins of rays, ``(rays, wavelengths or colours)``."""
+    """Radiance towards the origins of rays, ``(rays, wavelengths or colours)``."""
     found = []
     for start in [np.transpose(origins)] if "llvm" in mi.variant() else origins:
         ray = mi.Ray3f(mi.Point3f(*start), mi.Vector3f(*direction))
@@ -106,7 +106,8 @@ def radiance(scene, nm=(450, 520, 600, 680)):
 
 
 def expected(database, thickness_cm, angle_deg, nm=(450, 520, 600, 680), **conditions):
-    """By the formula: as :func:`radiance` and, of rgb variants, a pixel, under EVEN."""
+    """The radiance from the formula, under UNIFORM: as :func:`radiance`, and in rgb variants
+    as a pixel."""
     rgb = not mi.is_spectral
     spectrum = database.transmittance(
         *NAMED.values(), thickness_cm, angle_deg, wavelengths_nm=NM if rgb else nm, **conditions
@@ -134,14 +135,14 @@ def test_pixels(variant, quick, angle_deg):
     assert np.allclose(seen, FROM_XYZ @ splitsnow.xyz(by_colour, NM), rtol=0.01)
 
 
-def test_light_is_as_mitsuba_has_it(quick):
-    """A number is D65 and D65 is white; a spectrum given by its values is exact."""
+def test_irradiance_is_as_in_mitsuba(quick):
+    """A number means D65, and D65 is white; a tabulated spectrum is exact."""
     use("llvm_ad_rgb")
     plain = pixel(scene_of(slab=slab(snow(quick, irradiance=2.0))))
     white = pixel(scene_of(slab=slab(snow(quick, irradiance={"type": "d65", "scale": 2.0}))))
     assert np.allclose(plain, white)
     colour = quick.srgb(*SNOW, 10, 0, illuminant="D65", linear=True, clip=False)
-    assert np.allclose(plain, 2 / math.pi * colour, rtol=0.02)  # of 400-700 nm alone
+    assert np.allclose(plain, 2 / math.pi * colour, rtol=0.02)  # of 400-700 nm only
     tinted = pixel(scene_of(slab=slab(snow(quick, irradiance={"type": "rgb", "value": [2, 0, 1]}))))
     assert np.allclose(tinted, plain * [1, 0, 0.5])
     lamp = [(500.0, 1.0), (560.0, 3.0), (600.0, 0.5)]
@@ -153,7 +154,7 @@ def test_light_is_as_mitsuba_has_it(quick):
 
 
 def test_scalar_and_llvm_agree(quick):
-    """On a sphere under slanting light, at the same places."""
+    """On a sphere under oblique light, at the same points."""
     origins = [[x, y, -5] for x in np.linspace(-0.9, 0.9, 9) for y in (-0.35, 0.1, 0.3)]
     for kind in ("rgb", "spectral"):
         found = {}
@@ -162,9 +163,9 @@ def test_scalar_and_llvm_agree(quick):
             entries = snow(quick, to_light=[1, 0.2, 0.5], metres_per_unit=0.05)
             scene = scene_of(ball={"type": "sphere", **entries})
             found[variant] = radiances(scene, origins, [0, 0, 1])
-        one, other = found.values()
-        assert one.shape == (27, len(one[0])) and (one == 0).any() and (one > 0).any()
-        assert np.allclose(one, other, rtol=1e-3, atol=1e-6)
+        scalar, llvm = found.values()
+        assert scalar.shape == (27, len(scalar[0])) and (scalar == 0).any() and (scalar > 0).any()
+        assert np.allclose(scalar, llvm, rtol=1e-3, atol=1e-6)
 
 
 def test_a_sphere_shows_chords(quick):
@@ -172,14 +173,14 @@ def test_a_sphere_shows_chords(quick):
     scene = scene_of(ball={"type": "sphere", **snow(quick, metres_per_unit=0.04)})
     x = np.array([0.0, 0.3, 0.6, 0.9])
     found = radiances(scene, np.stack([x, 0 * x, 0 * x - 5], -1), [0, 0, 1])
-    for at, values in zip(x, found):
-        half = math.sqrt(1 - at**2)
+    for distance, values in zip(x, found):
+        half = math.sqrt(1 - distance**2)
         wanted = expected(quick, 8 * half, math.degrees(math.acos(half)))
         assert np.allclose(values, wanted, rtol=2e-3)
 
 
 def boxes(path, heights):
-    """Boxes above each other as one mesh."""
+    """Writes boxes above each other as one mesh."""
     corners = [(x, y) for x, y in ((-20, -20), (20, -20), (20, 20), (-20, 20))]
     lines, faces = [], []
     for bottom, top in heights:
@@ -193,7 +194,7 @@ def boxes(path, heights):
 
 
 def test_pieces_add_up(variant, quick, tmp_path):
-    """Also as shapes of their own, apart, in touch or overlapping; other snow is opaque."""
+    """Also as separate shapes that are apart, touch or overlap; other snow is opaque."""
     two = boxes(tmp_path / "two.obj", [(0, 0.02), (0.07, 0.1)])
     mesh = {"type": "obj", "filename": two, "face_normals": True}
     entries = snow(quick, to_light=towards(40))
@@ -206,7 +207,7 @@ def test_pieces_add_up(variant, quick, tmp_path):
             assert np.allclose(radiance(scene_of(a=a, b=b)), wanted, rtol=1e-3)
     other = snow(quick, to_light=towards(40), facetness=0.5)
     assert (radiance(scene_of(a=slab(entries, top=0.02), b=slab(other, 0.03, 0.06))) == 0).all()
-    # in front of snow, on what faces the light, falls what the snow above lets through
+    # a lit surface of snow shows the light transmitted by the snow above it
     facing = radiances(scene_of(a=slab(entries, top=0.02), b=slab(entries, 0.5, 0.55)),
                        [[0.01, 0, 0.3]], [0, 0, -1])[0]  # fmt: skip
     assert np.allclose(facing, wanted, rtol=1e-3)
@@ -224,7 +225,7 @@ def test_shadows_and_the_lit_side(variant, quick):
     assert (above == 0).all() and np.allclose(radiance(scene), lit, rtol=1e-3)
 
 
-def test_angles_beyond_give_no_light(variant, quick):
+def test_angles_outside_give_no_light(variant, quick):
     for angle_deg, lit in ((79.5, True), (81, False)):
         scene = scene_of(slab=slab(snow(quick, to_light=towards(angle_deg)), top=0.01))
         assert (radiance(scene) > 0).all() == lit
@@ -241,7 +242,7 @@ def test_thick_snow_is_dark_and_blue(quick):
 def test_conditions(variant, sooty):
     for soot in (0, 60):
         entries = splitsnow.mitsuba.snow(
-            sooty.path, grain_size_um=260, to_light=[0, 0, 1], irradiance=EVEN,
+            sooty.path, grain_size_um=260, to_light=[0, 0, 1], irradiance=UNIFORM,
             reflected=False, black_carbon_ng_g=soot,
         )  # fmt: skip
         scene = scene_of(slab=slab(entries, top=0.05))
@@ -257,7 +258,7 @@ def test_conditions(variant, sooty):
 
 
 @pytest.mark.parametrize("variant", VARIANTS[:2])
-def test_wavelengths_beyond_are_clamped(variant, quick):
+def test_wavelengths_outside_are_clamped(variant, quick):
     use(variant)
     scene = scene_of(slab=slab(snow(quick)))
     ends = quick.wavelengths_nm[[0, 0, -1, -1]]
@@ -266,10 +267,10 @@ def test_wavelengths_beyond_are_clamped(variant, quick):
     )
 
 
-def test_the_table_is_the_database(quick, fitted):
+def test_the_table_reproduces_the_database(quick, tailored):
     rng = np.random.default_rng(1)
     thickness_cm = 100 * rng.random(20_000) ** np.repeat([1, 4], 10_000)
-    for database, place in ((quick, SNOW), (fitted, (0.3, 300.0, 300.0))):
+    for database, place in ((quick, SNOW), (tailored, (0.3, 300.0, 300.0))):
         material = Material(database, place, {})
         angle_deg = rng.uniform(*database.axes["angle_deg"][[0, -1]], 20_000)
         nm = np.array([380, 433, 567, 701.0])
@@ -294,7 +295,7 @@ def test_the_table_is_the_database(quick, fitted):
 
 @pytest.mark.parametrize("variant", ["llvm_ad_spectral", "llvm_ad_rgb"])
 def test_sky(variant, quick):
-    """The mean is the integral over the directions in which the database has light."""
+    """The mean is the integral over the directions that the database covers."""
     use(variant)
     origins = np.random.default_rng(2).uniform(-0.5, 0.5, (40_000, 3)) - [0, 0, 5]
     cosine = np.linspace(math.cos(math.radians(80)), 1, 2001)
@@ -329,9 +330,9 @@ def test_reflection(quick):
 
 
 @pytest.mark.parametrize("turn_deg", [0, 90])
-def test_snow_lights_what_is_near(quick, turn_deg):
-    """Whichever face of the cube is above a white sheet, its light is found by sampling
-    the emitter as it is by sampling directions."""
+def test_snow_lights_its_surroundings(quick, turn_deg):
+    """For each face of the cube above a white sheet, sampling the emitter and sampling
+    directions give the same light."""
     use("llvm_ad_rgb")
     white = {"type": "diffuse", "reflectance": {"type": "rgb", "value": 0.5}}
     place = mi.ScalarTransform4f().translate([0, 0, -0.5])
@@ -354,8 +355,8 @@ def test_snow_lights_what_is_near(quick, turn_deg):
     assert np.allclose(*seen, rtol=0.02)
 
 
-def test_what_faces_the_light_is_dark(fitted):
-    """However little it does, and as exact as places on large triangles are."""
+def test_surfaces_that_face_the_light_are_dark(tailored):
+    """Also at grazing angles, where positions on large triangles are inaccurate."""
     use("llvm_ad_rgb")
     turn = mi.ScalarTransform4f().rotate([1, 0, 0], 35).rotate([0, 1, 0], 20)
     place = turn.scale([20, 20, 0.05])
@@ -364,7 +365,7 @@ def test_what_faces_the_light_is_dark(fitted):
     origins = np.random.default_rng(4).uniform(-5, 5, (50_000, 3)) * [1, 1, 0] - [0, 0, 20]
     for grazing in (1, 0.1, 0.02):
         to_light = along + grazing * down
-        entries = splitsnow.mitsuba.snow(fitted.path, to_light=to_light, reflected=False)
+        entries = splitsnow.mitsuba.snow(tailored.path, to_light=to_light, reflected=False)
         scene = scene_of(slab={"type": "cube", "to_world": place, **entries})
         assert (radiances(scene, origins, [0, 0, 1]) == 0).all(), grazing
 
@@ -385,7 +386,7 @@ def test_parameters_and_names(quick):
     assert (pixel(scene) == 0).all()
 
 
-def test_what_is_not_attached_says_so(variant, quick):
+def test_unattached_snow_is_an_error(variant, quick):
     scene = mi.load_dict({"type": "scene", "slab": slab(snow(quick))})
     with pytest.raises(Exception, match=r"call splitsnow.mitsuba.attach\(scene\)"):
         radiance(scene)
@@ -395,7 +396,7 @@ def test_what_is_not_attached_says_so(variant, quick):
     assert (radiance(scene) == 0).all()
 
 
-def test_wrong_parameters(quick, sooty, fitted, tmp_path):
+def test_wrong_parameters(quick, sooty, tailored, tmp_path):
     use("llvm_ad_rgb")
     plain = snow(quick)["emitter"]["radiance"]
     for message, change in {
@@ -407,7 +408,7 @@ def test_wrong_parameters(quick, sooty, fitted, tmp_path):
         "to_light must be": {"to_light": [0, 0, 0]},
         "directional or sky": {"light": "lamp"},
         "metres_per_unit must be": {"metres_per_unit": -1.0},
-        "no axis is named `colour`": {"colour": 3.0},
+        "no optional axis is named `colour`": {"colour": 3.0},
         "temper must be a number": {"temper": "cold"},
     }.items():
         wrong = {key: value for key, value in {**plain, **change}.items() if value is not None}
@@ -415,8 +416,8 @@ def test_wrong_parameters(quick, sooty, fitted, tmp_path):
             mi.load_dict(wrong)
     with pytest.raises(FileNotFoundError):
         splitsnow.mitsuba.snow(tmp_path / "none.safetensors")
-    with pytest.raises(ValueError, match="has no reflectance: say"):
-        splitsnow.mitsuba.snow(fitted.path, to_light=[0, 0, 1])
+    with pytest.raises(ValueError, match="has no reflectance: set"):
+        splitsnow.mitsuba.snow(tailored.path, to_light=[0, 0, 1])
     with pytest.raises(ValueError, match="grain_size_um is needed: .* covers 200 to 400"):
         splitsnow.mitsuba.snow(sooty.path)
     with pytest.raises(ValueError, match="no shape of the scene is snow"):
@@ -427,7 +428,7 @@ def test_wrong_parameters(quick, sooty, fitted, tmp_path):
             splitsnow.mitsuba.register()
 
 
-def test_what_is_missing_is_named(monkeypatch):
+def test_missing_dependencies_are_named(monkeypatch):
     with monkeypatch.context() as patch:
         patch.setenv("DRJIT_LIBLLVM_PATH", "/no/such/libLLVM.so")
         with pytest.raises(RuntimeError, match="apt install libllvm19"):
@@ -438,11 +439,11 @@ def test_what_is_missing_is_named(monkeypatch):
 
 
 def test_spectra_exported_as_text(run, quick, tmp_path):
-    """What `export --format spd` writes, Mitsuba reads."""
+    """Mitsuba reads what `export --format spd` writes."""
     use("scalar_spectral")
     file = tmp_path / "snow.spd"
     point = (0.3, 250, 300, 4.5, 33)
-    names = "facetness grain-size-um density-kg-m3 thickness-cm angle-deg".split()
+    names = "facetness grain-size-um density-kg-m3 thickness-cm incidence-angle-deg".split()
     args = [f"--{name}={value}" for name, value in zip(names, point)]
     run("export", quick.path, "--format", "spd", "--out", file, *args)
     spectrum = mi.load_dict({"type": "spectrum", "filename": str(file)})
@@ -453,7 +454,7 @@ def test_spectra_exported_as_text(run, quick, tmp_path):
 
 
 @pytest.mark.parametrize("file", ["README.md", "docs/mitsuba.md"])
-def test_what_is_documented_runs(file, monkeypatch):
+def test_documented_examples_run(file, monkeypatch):
     text = (ROOT / file).read_text()
     codes = re.findall(r"```python\n(.*?)```", text, re.DOTALL)
     (code,) = [code for code in codes if "splitsnow.mitsuba" in code]
@@ -468,8 +469,8 @@ def test_what_is_documented_runs(file, monkeypatch):
 
 @pytest.mark.parametrize("variant", ["llvm_ad_spectral", "scalar_rgb"])
 def test_example_blocks(variant, monkeypatch, tmp_path):
-    """From left to right darker and bluer, the first nearly white, each as its
-    thickness says, and a few per cent that come back from the ground."""
+    """From left to right the blocks get darker and bluer, the first is nearly white. Each
+    matches the look-up at its thickness, plus a few per cent reflected by the substrate."""
     monkeypatch.syspath_prepend(str(ROOT / "examples/mitsuba"))
     blocks = importlib.import_module("blocks")
     out = tmp_path / "blocks"

@@ -1,4 +1,4 @@
-"""The scenes of examples/mitsuba, small: brightness, hue and their order."""
+"""The scenes of examples/mitsuba at small size: brightness, hue and their order."""
 
 import importlib
 import sys
@@ -16,14 +16,14 @@ LUMINANCE = [0.2126, 0.7152, 0.0722]
 
 @pytest.fixture
 def example(monkeypatch, tmp_path):
-    """Runs a script of examples/mitsuba: its module, EXR and PNG."""
+    """Runs a script of examples/mitsuba and returns its module, EXR and PNG."""
     monkeypatch.syspath_prepend(str(ROOT / "examples/mitsuba"))
 
     def example(name, size, spp, variant="llvm_ad_spectral"):
         module = importlib.import_module(name)
         out = tmp_path / name
-        words = [name, "--size", size, "--spp", spp, "--variant", variant, "--out", out]
-        monkeypatch.setattr(sys, "argv", list(map(str, words)))
+        arguments = [name, "--size", size, "--spp", spp, "--variant", variant, "--out", out]
+        monkeypatch.setattr(sys, "argv", list(map(str, arguments)))
         module.stage.main(*module.PICTURE)
         image, shown = (np.array(mi.Bitmap(f"{out}{end}")) for end in (".exr", ".png"))
         assert image.shape == shown.shape and image.shape[1] == size
@@ -34,18 +34,18 @@ def example(monkeypatch, tmp_path):
 
 
 def blueness(colour):
-    """Share of blue; what is out of gamut is cut off."""
+    """Fraction of blue; colours out of gamut are clipped."""
     colour = np.maximum(colour, 0)
     return colour[..., 2] / colour.sum(-1)
 
 
 def test_sculpture(example):
-    """Each snow as bright as its grains and density say; thin fins white, cores blue."""
+    """Brightness follows grain size and density; thin fins are white, cores are blue."""
     sculpture, image, shown = example("sculpture", 350, 32)
     vertices, faces = sculpture.body()
     corners = vertices[faces]
     normals = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
-    assert (corners[:, 0] * normals).sum() / 6 > 0.03  # outwards
+    assert (corners[:, 0] * normals).sum() / 6 > 0.03  # normals point outwards
     edges = np.sort(np.concatenate([faces[:, [0, 1]], faces[:, [1, 2]], faces[:, [2, 0]]]), 1)
     assert (np.unique(edges, axis=0, return_counts=True)[1] == 2).all()  # closed
     bodies = [image[:, 50 * i : 50 * (i + 1)] for i in range(7)]
@@ -58,13 +58,13 @@ def test_sculpture(example):
     for body in bodies:
         core, fin = (body[32:36, x : x + 3].mean((0, 1)) for x in (26, 15))
         assert core @ LUMINANCE < 0.3 * (fin @ LUMINANCE)
-        # of small grains even the fins are blue
+        # with small grains even the fins are blue
         assert blueness(core) > max(0.5, blueness(fin) + 0.05)
     assert shown.max() == 255 and (shown[:, :4] == 0).all()
 
 
 def test_igloo(example):
-    """Blue all over, and brighter and whiter where seams are."""
+    """The igloo is blue, and brighter and whiter at the seams."""
     igloo, image, shown = example("igloo", 120, 64)
     sensor = mi.load_dict(igloo.scene(120, 1)["sensor"])
     rows, columns = np.mgrid[:60, :120]  # the wall, not the floor
@@ -80,7 +80,7 @@ def test_igloo(example):
     assert seams @ LUMINANCE > 1.1 * (between @ LUMINANCE) and seams[0] > 1.5 * between[0]
     assert blueness(between) > blueness(seams) + 0.05
     assert between[0] < 0.7 * between[2] and (between > 0).all()
-    # Under a sky of radiance 1 / pi a wall of snow 15 cm thick; reflections add to it.
+    # A wall of snow 15 cm thick under a sky of radiance 1 / pi; reflections add to it.
     nm = np.arange(360, 831, 5)
     database = splitsnow.Database.open(igloo.FILE)
     straight = database.transmittance(0.3, 300, 300, 15, 0, wavelengths_nm=nm)
@@ -90,8 +90,8 @@ def test_igloo(example):
 
 
 def test_soot(example):
-    """Above what is reflected, below what comes through, each as the database says;
-    soot takes blue first of what comes through."""
+    """The upper part shows reflected light, the lower part transmitted light, each as in
+    the database; in transmission soot absorbs blue first."""
     soot, image, shown = example("soot", 120, 256)
     nm = np.arange(360, 831, 5)
     database = splitsnow.Database.open(soot.FILE)
@@ -119,8 +119,8 @@ def test_soot(example):
 
 
 def test_reference(monkeypatch):
-    """Traced from event to event, about as much light of about the same hue leaves the
-    middle of a block, and less towards its sides."""
+    """Compared with a volumetric path tracer: similar brightness and hue in the middle of a
+    block, less light towards its sides."""
     monkeypatch.syspath_prepend(str(ROOT / "examples/mitsuba"))
     reference = importlib.import_module("reference")
     mi.set_variant("llvm_ad_spectral")
@@ -141,6 +141,6 @@ def test_reference(monkeypatch):
     assert abs(blueness(wide) - blueness(straight)) < 0.04
     one, other = np.array([0.2, 0.2, 0.2]), np.array([0.1, 0.1, 0.1])
     assert reference.delta_e(one, one, 1.0) == 0
-    # Greys: lightness alone.
+    # greys differ in lightness only
     lightness = [116 * np.cbrt(np.pi * grey) - 16 for grey in (0.2, 0.1)]
     assert reference.delta_e(one, other, 1.0) == pytest.approx(lightness[0] - lightness[1])

@@ -1,4 +1,4 @@
-"""Simulations are those of `splitsnow measure`, digit by digit."""
+"""Simulations equal those of `splitsnow simulate`, digit by digit."""
 
 import json
 import signal
@@ -14,7 +14,7 @@ import splitsnow
 
 SAMPLE = """version = 1
 [illumination]
-polar_angle_deg = 30
+incidence_angle_deg = 30
 [wavelengths]
 values_nm = [450, 600, 1000]
 [[layer]]
@@ -36,9 +36,9 @@ def path(tmp_path):
 
 
 @pytest.mark.parametrize("engine", ["auto", "spectral", "reference"])
-def test_equals_measure(run, path, engine):
+def test_equals_simulate(run, path, engine):
     measured = json.loads(
-        run("measure", path, "--engine", engine, "--rays", 4000, "--seed", 7, "--json")
+        run("simulate", path, "--engine", engine, "--rays", 4000, "--seed", 7, "--json")
     )
     found = splitsnow.simulate(path, engine=engine, rays=4000, seed=7)
     assert found.wavelengths_nm.tolist() == measured["wavelength_nm"]
@@ -50,19 +50,19 @@ def test_equals_measure(run, path, engine):
     assert found.engine != "auto"
 
 
-def test_path_text_and_mapping_are_one(path):
+def test_path_text_and_mapping_are_equivalent(path):
     keys = tomllib.loads(SAMPLE)
     keys["wavelengths"]["values_nm"] = np.array(keys["wavelengths"]["values_nm"])
     keys["layer"][0]["thickness_cm"] = np.float32(2)
-    ways = [path, str(path), SAMPLE, keys]
-    first, *others = [splitsnow.simulate(way, engine="spectral", rays=500) for way in ways]
+    samples = [path, str(path), SAMPLE, keys]
+    first, *others = [splitsnow.simulate(sample, engine="spectral", rays=500) for sample in samples]
     for other in others:
         assert np.array_equal(first.transmittance, other.transmittance)
     seeded = splitsnow.simulate(path, engine="spectral", rays=500, seed=2)
     assert not np.array_equal(first.transmittance, seeded.transmittance)
 
 
-def test_the_error_allowed_decides_the_rays():
+def test_max_error_determines_the_rays():
     coarse = splitsnow.simulate(SAMPLE, max_error=0.01)
     fine = splitsnow.simulate(SAMPLE, max_error={"rmse": 0.004, "delta_e": 1})
     assert coarse.rays < fine.rays < 131_072
@@ -74,7 +74,7 @@ def test_wrong_samples_and_arguments(tmp_path):
         splitsnow.simulate(tmp_path / "nothing.toml")
     for message, sample, arguments in [
         ("layer.*density_kg_m3", SAMPLE.replace("250", "-3"), {}),
-        ("polar_angle", {"version": 1}, {}),
+        ("incidence_angle_deg", {"version": 1}, {}),
         ("no engine is named `fast`", SAMPLE, {"engine": "fast"}),
         ("rays = 0", SAMPLE, {"rays": 0}),
         ("rays = -1 must", SAMPLE, {"rays": -1}),
@@ -90,13 +90,13 @@ def test_wrong_samples_and_arguments(tmp_path):
         splitsnow.simulate({"version": {1}})
 
 
-def test_warnings_are_told():
+def test_warnings_are_raised():
     dense = SAMPLE.replace("250", "500")
     with pytest.warns(UserWarning, match="density_kg_m3"):
         splitsnow.simulate(dense, engine="spectral", rays=200)
 
 
-def test_ctrl_c_stops_it(path):
+def test_ctrl_c_stops_a_simulation(path):
     code = (
         "import splitsnow, sys; print('ready', flush=True)\n"
         f"splitsnow.simulate({str(path)!r}, engine='reference', rays=10**12)"

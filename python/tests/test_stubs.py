@@ -1,4 +1,4 @@
-"""The types that are declared are those that are there."""
+"""The declared types match the implementation."""
 
 import subprocess
 import sys
@@ -13,16 +13,16 @@ def test_marked_as_typed():
     assert (PACKAGE / "py.typed").exists()
 
 
-def test_stubs_agree_with_the_compiled_half(tmp_path):
+def test_stubs_agree_with_the_compiled_part(tmp_path):
     check(tmp_path, "mypy.stubtest", "splitsnow._native")
 
 
-def test_the_python_half_is_typed(tmp_path):
+def test_the_python_part_is_typed(tmp_path):
     check(tmp_path, "mypy", "--strict", "--python-version", "3.10", "-p", "splitsnow")
 
 
 def check(folder, *command):
-    done = subprocess.run(
+    result = subprocess.run(
         [sys.executable, "-m", *command], cwd=folder, capture_output=True, text=True
     )
-    assert done.returncode == 0, done.stdout + done.stderr
+    assert result.returncode == 0, result.stdout + result.stderr

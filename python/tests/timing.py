@@ -1,6 +1,6 @@
-"""Times look-ups of a million points scattered over the box of a compact file.
+"""Times look-ups of a million random points within the axes of compact files.
 
-python timing.py FILE...
+Usage: python timing.py FILE...
 """
 
 import sys
@@ -14,7 +14,7 @@ COUNT = 1_000_000
 REPEATS = 7
 
 
-def timed(call):
+def median_time(call):
     """Median time of a call, s."""
     times = []
     for _ in range(REPEATS):
@@ -34,9 +34,9 @@ for path in sys.argv[1:]:
     print(snow, snow.basis)
     for quantity in snow.quantities:
         look_up = getattr(snow, quantity)
-        look_up(*first)  # prepares
-        print(f"  {quantity}: {COUNT} spectra {timed(lambda: look_up(*points)):.3f} s")
-    of = {"quantity": snow.quantities[0]}
-    print(f"  srgb: {COUNT} colours {timed(lambda: snow.srgb(*points, **of)):.3f} s")
-    single = timed(lambda: [snow.srgb(*first, **of) for _ in range(1000)])
-    print(f"  srgb: one colour in a call {single * 1e3:.1f} us")
+        look_up(*first)  # prepares the look-up
+        print(f"  {quantity}: {COUNT} spectra {median_time(lambda: look_up(*points)):.3f} s")
+    options = {"quantity": snow.quantities[0]}
+    print(f"  srgb: {COUNT} colours {median_time(lambda: snow.srgb(*points, **options)):.3f} s")
+    single = median_time(lambda: [snow.srgb(*first, **options) for _ in range(1000)])
+    print(f"  srgb: one colour per call {single * 1e3:.1f} us")

@@ -1,4 +1,4 @@
-//! Why a run ended early.
+//! Errors of the job runner.
 use std::path::PathBuf;
 
 use thiserror::Error;
@@ -7,45 +7,45 @@ use crate::engine::EngineError;
 use crate::grid::GridError;
 use crate::store::StoreError;
 
-/// Why a run ended before all its jobs were done. What was finished is stored.
+/// Why a run ended before all its jobs were done. Finished jobs are stored.
 #[derive(Debug, Error)]
 #[non_exhaustive]
 pub enum BatchError {
-    /// Someone asked it to stop.
+    /// The run was cancelled.
     #[error(
-        "interrupted: {done} of {total} jobs are done and safe; run the same command again to go on"
+        "interrupted: {done} of {total} jobs are done and safe; run the same command again to continue"
     )]
     Interrupted {
-        /// Jobs done, now and before.
+        /// Number of jobs done, in this run and before.
         done: u64,
-        /// Jobs of the database, or of the shard.
+        /// Number of jobs of the database or of the shard.
         total: u64,
     },
-    /// An engine could not do a job.
+    /// An engine failed in a job.
     #[error("job {number} ({job}): {source}")]
     Job {
         /// Number of the job.
         number: u64,
-        /// Its parameters.
+        /// Parameters of the job.
         job: String,
-        /// What is wrong.
+        /// The error of the engine.
         source: EngineError,
     },
-    /// A database to take spectra over from cannot be used.
-    #[error("nothing can be taken over from {}: {reason}", .path.display())]
+    /// A database whose spectra should be reused cannot be used.
+    #[error("the spectra of {} cannot be reused: {reason}", .path.display())]
     Source {
-        /// Where it is.
+        /// The database.
         path: PathBuf,
-        /// What is wrong.
+        /// Why it cannot be used.
         reason: String,
     },
     /// The database could not be read or written.
     #[error(transparent)]
     Store(#[from] StoreError),
-    /// The grid and the store do not belong together.
+    /// The grid does not fit the store.
     #[error(transparent)]
     Grid(#[from] GridError),
     /// The threads could not be started.
-    #[error("cannot start the threads: {0}; ask for fewer with --threads")]
+    #[error("cannot start the threads: {0}; use fewer with --threads")]
     Threads(String),
 }

@@ -1,5 +1,5 @@
-//! The job runner: the missing jobs of a database on all cores, each stored
-//! as it ends.
+//! The job runner: runs the missing jobs of a database on all cores, and stores each job
+//! when it is done.
 mod error;
 mod progress;
 mod source;
@@ -15,50 +15,50 @@ use crate::store::Store;
 pub use error::BatchError;
 pub use progress::{Begin, Progress};
 use source::Failure;
-pub use source::Source;
+pub use source::ReuseSource;
 
-/// How to run.
+/// Options of a run.
 #[derive(Debug, Clone, Copy, Default)]
 pub struct Options<'a> {
-    /// Threads; 0 is one per core.
+    /// Number of threads; 0 for one per core.
     pub threads: usize,
-    /// Run this share of the jobs only.
+    /// Run only the jobs of this shard.
     pub shard: Option<Shard>,
-    /// What is told how the run goes on.
+    /// Receives progress reports.
     pub progress: Option<&'a dyn Progress>,
 }
 
-/// What a run did. All jobs it was asked for are done.
+/// Summary of a run whose jobs are all done.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Summary {
-    /// Jobs of the database, or of the shard.
+    /// Number of jobs of the database or of the shard.
     pub jobs: u64,
-    /// Jobs that had to be run now; the others were done before.
+    /// Number of jobs run now; the others were done before.
     pub run: u64,
-    /// Spectra (of curves that exist) of the jobs run now.
+    /// Number of spectra, of curves that exist, in the jobs run now.
     pub nodes: u64,
-    /// Those that were taken over from other databases now.
+    /// Number of these spectra that were reused from other databases.
     pub reused: u64,
-    /// Rays walked now.
+    /// Number of rays walked now.
     pub rays: u64,
-    /// Share of the rays that hit an event limit, whenever they were walked:
-    /// mean over the jobs of each job's largest share over its curves and
+    /// Share of the rays that hit an event limit, 0 to 1, over all jobs, including those
+    /// done before: the mean over the jobs of each job's largest share over its curves and
     /// wavelengths.
     pub mean_lost_share: f64,
-    /// The largest such share.
+    /// The largest such share of any job.
     pub max_lost_share: f64,
 }
 
-/// Runs the jobs of `grid` that are missing in `store`, which must have been
-/// opened for it. `simulate` is an engine: a function of the request alone.
+/// Runs the jobs of `grid` that are missing in `store`, which must have been opened for
+/// this grid. `simulate` is an engine; its result must depend on the request alone.
 ///
-/// Jobs are handed out in order, one to a thread; towards the end, when there
-/// are fewer jobs than threads, one job may use several. Neither shows in the
-/// results. Setting `cancel` stops the jobs that are running; a failure sets it.
+/// Jobs are started in order, one per thread. At the end, when there are fewer jobs than
+/// threads, a job may use several threads. The results do not depend on the threads.
+/// Setting `cancel` stops the running jobs; a failure sets it.
 ///
 /// # Errors
-/// A job fails, a file cannot be written, or the run is cancelled. Jobs
-/// finished until then are stored and will not be run again.
+/// [`BatchError`] if a job fails, a file cannot be read or written, or the run is
+/// cancelled. Jobs finished until then are stored and will not be run again.
 pub fn run<S>(
     grid: &Grid,
     store: &Store,
@@ -72,14 +72,14 @@ where
     run_from(grid, store, &[], simulate, options, cancel)
 }
 
-/// The same, with the spectra that are in `sources` taken over from there.
+/// As [`run`], but reuses the spectra that are in `sources`.
 ///
 /// # Errors
-/// As [`run`]; a source cannot be read.
+/// As [`run`], and if a source cannot be read.
 pub fn run_from<S>(
     grid: &Grid,
     store: &Store,
-    sources: &[Source],
+    sources: &[ReuseSource],
     simulate: S,
     options: &Options<'_>,
     cancel: &AtomicBool,
@@ -89,18 +89,18 @@ where
 {
     let missing = store.missing(options.shard)?;
     store.check_space(missing.len() as u64)?;
-    let mine = |job: &u64| options.shard.is_none_or(|shard| shard.owns(*job));
-    let total = (0..store.jobs().count()).filter(mine).count() as u64;
+    let in_shard = |job: &u64| options.shard.is_none_or(|shard| shard.owns(*job));
+    let total = (0..store.jobs().count()).filter(in_shard).count() as u64;
     let pool = rayon::ThreadPoolBuilder::new()
         .num_threads(options.threads)
         .build()
         .map_err(|error| BatchError::Threads(error.to_string()))?;
     let rays = Arc::new(AtomicU64::new(0));
-    let left = missing.len() as u64;
-    let progress = options.progress.filter(|_| left > 0);
+    let remaining = missing.len() as u64;
+    let progress = options.progress.filter(|_| remaining > 0);
     if let Some(progress) = progress {
         progress.begin(Begin {
-            done: total - left,
+            done: total - remaining,
             jobs: total,
             curves_per_job: store.jobs().curves_per_job(),
             rays: Arc::clone(&rays),
@@ -129,9 +129,9 @@ where
                 cache: &cache,
             };
             match run_job(grid, store, sources, &simulate, job, &control) {
-                Ok([taken, of]) => {
-                    reused.fetch_add(taken, Ordering::Relaxed);
-                    nodes.fetch_add(of, Ordering::Relaxed);
+                Ok([job_reused, job_nodes]) => {
+                    reused.fetch_add(job_reused, Ordering::Relaxed);
+                    nodes.fetch_add(job_nodes, Ordering::Relaxed);
                     finished.fetch_add(1, Ordering::Relaxed);
                     if let Some(progress) = progress {
                         progress.job_done();
@@ -149,15 +149,15 @@ where
         return Err(error);
     }
     let run = finished.into_inner();
-    let left = left - run;
-    if left > 0 {
+    let remaining = remaining - run;
+    if remaining > 0 {
         return Err(BatchError::Interrupted {
-            done: total - left,
+            done: total - remaining,
             total,
         });
     }
     let (mut sum, mut max_lost_share) = (0.0, 0.0_f64);
-    for job in (0..store.jobs().count()).filter(mine) {
+    for job in (0..store.jobs().count()).filter(in_shard) {
         let share = store.lost_share(job)?;
         sum += share;
         max_lost_share = max_lost_share.max(share);
@@ -173,12 +173,12 @@ where
     })
 }
 
-/// Runs and stores one job, and says how many spectra come from `sources`, and of how many;
-/// `Err(None)` if it was cancelled.
+/// Runs and stores one job. Returns the number of its spectra that were reused from
+/// `sources`, and the number of all its spectra; `Err(None)` if it was cancelled.
 fn run_job<S>(
     grid: &Grid,
     store: &Store,
-    sources: &[Source],
+    sources: &[ReuseSource],
     simulate: &S,
     number: u64,
     control: &Control<'_>,
@@ -189,26 +189,26 @@ where
     let job = grid
         .job(store.jobs(), number)
         .map_err(|error| Some(BatchError::Grid(error)))?;
-    // What an earlier run finished of it, and where this one's goes.
-    let (shelf, before) = store
-        .shelf(number)
+    // The units of this job that earlier runs finished, and the storage for further ones.
+    let (unit_directory, stored_units) = store
+        .unit_directory(number)
         .map_err(|error| Some(BatchError::Store(error)))?;
-    let units = Units::new(Box::new(shelf.clone()), &before);
+    let units = Units::new(Box::new(unit_directory.clone()), &stored_units);
     let cache = control.cache.with(units);
     let control = Control {
         cache: &cache,
         ..*control
     };
-    let found = source::spectra(grid, &job, sources, simulate, &control);
-    let saved = match found {
+    let outcome = source::spectra(grid, &job, sources, simulate, &control);
+    let saved = match outcome {
         Err(Failure::Engine(EngineError::Cancelled)) => cache.save_units(),
         _ => Ok(()),
     };
-    if let Some(error) = shelf.failure() {
+    if let Some(error) = unit_directory.failure() {
         return Err(Some(BatchError::Store(error)));
     }
-    let found = saved.map_err(Failure::Engine).and(found);
-    let (spectra, taken) = found.map_err(|failure| match failure {
+    let outcome = saved.map_err(Failure::Engine).and(outcome);
+    let (spectra, reused) = outcome.map_err(|failure| match failure {
         Failure::Engine(EngineError::Cancelled) => None,
         Failure::Engine(source) => Some(BatchError::Job {
             number,
@@ -220,7 +220,7 @@ where
     store
         .commit(number, &job.completed(spectra, grid.wavelengths_nm.len()))
         .map_err(|error| Some(BatchError::Store(error)))?;
-    Ok([taken, source::nodes(&job)])
+    Ok([reused, source::node_count(&job)])
 }
 
 #[cfg(test)]

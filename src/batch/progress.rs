@@ -1,30 +1,30 @@
-//! What is told while a run goes on.
+//! Progress reports of a run.
 use std::fmt::Debug;
 use std::sync::Arc;
 use std::sync::atomic::AtomicU64;
 
-/// Where a run begins.
+/// The state at the start of a run.
 #[derive(Debug, Clone)]
 #[non_exhaustive]
 pub struct Begin {
-    /// Jobs that are stored already.
+    /// Number of jobs that are done already.
     pub done: u64,
-    /// All jobs of the database, or of the shard.
+    /// Number of all jobs of the database or of the shard.
     pub jobs: u64,
-    /// Curves of a job.
+    /// Number of curves per job.
     pub curves_per_job: u64,
-    /// Counts the rays that are walked in this run.
+    /// Number of rays walked in this run so far; updated while it runs.
     pub rays: Arc<AtomicU64>,
 }
 
-/// Is told how a run goes on, such as a bar on a screen.
+/// Receives progress reports of a run, for example to draw a progress bar.
 pub trait Progress: Debug + Sync {
-    /// Jobs will be run; not called if there are none.
+    /// Called before the first job; not called if no jobs are missing.
     fn begin(&self, run: Begin);
-    /// A job has ended and is stored; called by the thread that ran it.
+    /// Called when a job is done and stored, by the thread that ran it.
     fn job_done(&self);
-    /// No more jobs will be run, for whatever reason.
+    /// Called after the last job, also after a failure or cancellation.
     fn end(&self);
-    /// All jobs are done, and their curves are about to be compressed.
+    /// Called when all jobs are done, before their curves are compressed.
     fn compressing(&self) {}
 }

@@ -1,5 +1,5 @@
-//! The last stage of a build and all of a compression: from a finished database to its
-//! compact file, and a report of both.
+//! Compression of a finished database: the last stage of a build, and a command of its own.
+//! Writes the compact file, and reports on database and file.
 use std::collections::BTreeMap;
 use std::fmt::Write;
 use std::path::Path;
@@ -17,22 +17,23 @@ use crate::measurement::Quantity;
 use crate::parameter::Parameter;
 use crate::store::{COMPACT, DIFFUSE, Store, Variable, estimated_bytes};
 
-/// What the compact file is to be.
+/// The requested properties of a compact file.
 #[derive(Debug, Clone, PartialEq)]
 #[non_exhaustive]
-pub struct Asked {
-    /// How many components.
+pub struct CompressionRequest {
+    /// How the number of components is chosen.
     pub choice: Choice,
-    /// How they are written.
+    /// Basis and precision of the components.
     pub variant: Variant,
-    /// At least one.
+    /// Quantities that the file holds; at least one.
     pub quantities: Vec<Quantity>,
     /// How colours are compared.
     pub viewing: Viewing,
 }
 
-impl Asked {
-    /// What [`build`](super::build()) writes: both quantities, linear, in single precision.
+impl CompressionRequest {
+    /// The file that [`build`](super::build()) writes: both quantities, a linear basis,
+    /// single precision.
     #[must_use]
     pub fn plain(bounds: Compression, viewing: Viewing) -> Self {
         Self {
@@ -44,32 +45,39 @@ impl Asked {
     }
 }
 
-/// Compresses the finished database in `dir`, and writes its compact file anew; that of
-/// isotropic light, too, if it has such. The bytes are a function of the database and
-/// `asked` alone.
+/// Compresses the finished database in `dir` and writes its compact file; also that of
+/// diffuse light, if the database has it. Existing files are replaced. The bytes depend on
+/// the database and `request` alone.
 ///
 /// # Errors
-/// See [`BuildError`]: jobs are missing, another process is working in `dir`, or the bounds
-/// cannot be held.
-pub fn compress(dir: impl AsRef<Path>, asked: &Asked) -> Result<Compact, BuildError> {
-    write(&Store::open_exclusive(dir.as_ref())?, asked)
+/// [`BuildError`] if jobs are missing, another process is working in `dir`, or the error
+/// bounds cannot be met.
+pub fn compress(
+    dir: impl AsRef<Path>,
+    request: &CompressionRequest,
+) -> Result<Compact, BuildError> {
+    write(&Store::open_exclusive(dir.as_ref())?, request)
 }
 
-/// Compresses the finished database in `store`, which nobody else may be writing, and
-/// writes its compact file; that of isotropic light, too, if it has such.
-pub(super) fn write(store: &Store, asked: &Asked) -> Result<Compact, BuildError> {
-    let mut report = write_one(store, asked, false)?;
+/// Compresses the finished database in `store` and writes its compact file; also that of
+/// diffuse light, if the database has it. No other process may be writing to the store.
+pub(super) fn write(store: &Store, request: &CompressionRequest) -> Result<Compact, BuildError> {
+    let mut report = write_one(store, request, false)?;
     if store.has_diffuse() {
-        report.diffuse = Some(Box::new(write_one(store, asked, true)?));
+        report.diffuse = Some(Box::new(write_one(store, request, true)?));
     }
     Ok(report)
 }
 
-/// Compresses the finished database in `store`, which nobody else may be
-/// writing, and writes its compact file.
+/// Compresses the curves of `store` under diffuse light or at the incidence angles, and
+/// writes their compact file. No other process may be writing to the store.
 ///
-/// The file is a function of the database and `asked` alone.
-fn write_one(store: &Store, asked: &Asked, diffuse: bool) -> Result<Compact, BuildError> {
+/// The file depends on the database and `request` alone.
+fn write_one(
+    store: &Store,
+    request: &CompressionRequest,
+    diffuse: bool,
+) -> Result<Compact, BuildError> {
     let missing = store.missing(None)?.len();
     let jobs = store.jobs();
     if missing > 0 {
@@ -79,40 +87,46 @@ fn write_one(store: &Store, asked: &Asked, diffuse: bool) -> Result<Compact, Bui
             path: store.path().into(),
         });
     }
-    let colour = Colorimeter::viewing(store.wavelengths_nm(), &asked.viewing)?;
-    let Variant { basis, precision } = asked.variant;
+    let colour = Colorimeter::viewing(store.wavelengths_nm(), &request.viewing)?;
+    let Variant { basis, precision } = request.variant;
     let mut axes = store.axes().clone();
     if diffuse {
-        // look-ups ask for the one angle there is
+        // a single angle, which look-ups of diffuse light use
         axes.set(Parameter::Incidence, vec![0.0]);
     }
-    let variable = |of: Variable| if diffuse { of.diffuse() } else { of };
+    let variable = |collimated: Variable| {
+        if diffuse {
+            collimated.diffuse()
+        } else {
+            collimated
+        }
+    };
     let rows = existing(&axes, store.absent());
     let mut max_standard_errors = [0.0; 2];
     let mut compressed = |quantity, [values, errors]: [_; 2]| -> Result<_, BuildError> {
-        if !asked.quantities.contains(&quantity) {
+        if !request.quantities.contains(&quantity) {
             return Ok(None);
         }
         let errors = store.read(variable(errors))?;
         max_standard_errors[quantity as usize] = errors.iter().copied().fold(0.0, f32::max);
-        // standard errors of curves that do not exist are NaN, which no maximum is
+        // standard errors of curves that do not exist are NaN, which `f32::max` ignores
         let bands = Bands::new(store.wavelengths_nm()).with_noise(errors.view());
-        let bands = match asked.choice {
+        let bands = match request.choice {
             Choice::Bounds(bounds) => bands.bounded(bounds.max_rmse),
             Choice::Components(_) => bands,
         };
         drop(errors);
         let curves = store.read(variable(values))?.mapv(f64::from);
-        let all = curves.nrows();
-        let curves = if rows.len() < all {
+        let row_count = curves.nrows();
+        let curves = if rows.len() < row_count {
             curves.select(Axis(0), &rows)
         } else {
             curves
         };
         let colour = colour.as_ref();
-        let (choice, variant) = (asked.choice, asked.variant);
+        let (choice, variant) = (request.choice, request.variant);
         compress::compress(curves.view(), quantity, colour, &bands, choice, variant)
-            .map(|compressed| Some(compressed.spread_over(&rows, all)))
+            .map(|compressed| Some(compressed.spread_over(&rows, row_count)))
             .map_err(|source| BuildError::Compress { quantity, source })
     };
     let transmittance = compressed(
@@ -123,7 +137,7 @@ fn write_one(store: &Store, asked: &Asked, diffuse: bool) -> Result<Compact, Bui
         Quantity::Reflectance,
         [Variable::Reflectance, Variable::ReflectanceSe],
     )?;
-    let (provenance, mut extra) = metadata(store, asked.choice, &asked.viewing);
+    let (provenance, mut extra) = metadata(store, request.choice, &request.viewing);
     if diffuse {
         let light = "diffuse: isotropic radiance; the one angle_deg, 0, stands for all directions";
         extra.insert("illumination".to_owned(), light.to_owned());
@@ -143,7 +157,7 @@ fn write_one(store: &Store, asked: &Asked, diffuse: bool) -> Result<Compact, Bui
     let written = Database::open(&compact)?;
     let report = |quantity, compressed: Option<Compressed>| {
         let max_standard_error = max_standard_errors[quantity as usize];
-        compressed.map(|one| QuantityReport::new(&written, max_standard_error, one))
+        compressed.map(|compressed| QuantityReport::new(&written, max_standard_error, compressed))
     };
     let compact_bytes = std::fs::metadata(&compact)
         .map_err(|source| BuildError::Io {
@@ -165,12 +179,12 @@ fn write_one(store: &Store, asked: &Asked, diffuse: bool) -> Result<Compact, Bui
         transmittance: report(Quantity::Transmittance, transmittance),
         reflectance: report(Quantity::Reflectance, reflectance),
         lost_share: Lost::of(store)?,
-        next: next(store, asked, diffuse),
+        next: query_command(store, request, diffuse),
         diffuse: None,
     })
 }
 
-/// Where the numbers come from, as JSON; and what the spectra are of.
+/// The provenance of the spectra, as JSON, and further metadata of the compact file.
 fn metadata(
     store: &Store,
     choice: Choice,
@@ -189,9 +203,9 @@ fn metadata(
             ("optical_radius_um" | "ssa_m2_kg", values) => {
                 extra.insert(key, values.to_string());
             }
-            // what readers of Zarr need
+            // only readers of Zarr need it
             ("coordinates", _) => {}
-            // Those of the database, which the file has its own of.
+            // the compact file has its own values
             ("units" | "format_version" | "substrate", _) => {}
             (_, value) => {
                 provenance.insert(key, value);
@@ -210,13 +224,13 @@ fn metadata(
     (Value::Object(provenance).to_string(), extra)
 }
 
-/// A command that uses the compact file: its first curve.
-fn next(store: &Store, asked: &Asked, diffuse: bool) -> String {
+/// A command that looks up the first curve of the compact file.
+fn query_command(store: &Store, request: &CompressionRequest, diffuse: bool) -> String {
     let mut command = format!("splitsnow query {}", store.dir().display());
     if diffuse {
         command.push_str(" --diffuse");
     }
-    // those that every database has first
+    // the axes that every database has come first
     let (optional, core): (Vec<_>, Vec<_>) =
         store.axes().iter().partition(|(p, _)| p.is_optional());
     for (parameter, values) in core.into_iter().chain(optional) {
@@ -224,13 +238,13 @@ fn next(store: &Store, asked: &Asked, diffuse: bool) -> String {
             continue;
         }
         let is_thickness = parameter == Parameter::Thickness;
-        // of the first grain size, the thinnest slab into which its grains fit
-        let thinnest = store.absent().first().filter(|_| is_thickness);
-        let first = values.get(thinnest.copied().unwrap_or_default());
+        // of the first grain size, the thinnest slab that is thick enough for its grains
+        let thin_count = store.absent().first().filter(|_| is_thickness);
+        let first = values.get(thin_count.copied().unwrap_or_default());
         let first = first.copied().unwrap_or_default();
         let _ = write!(command, " --{} {first}", parameter.record().option);
     }
-    if !asked.quantities.contains(&Quantity::Transmittance) {
+    if !request.quantities.contains(&Quantity::Transmittance) {
         let _ = write!(command, " --quantity {}", Quantity::Reflectance.name());
     }
     command

@@ -1,4 +1,4 @@
-//! Why there is no database, or no compact file of it.
+//! Errors of builds and compressions.
 use std::io;
 use std::path::PathBuf;
 
@@ -13,60 +13,59 @@ use crate::optics::OpticsError;
 use crate::store::StoreError;
 use crate::threads::ThreadsError;
 
-/// Why a build or a compression ended early. Jobs that were finished are stored, and will
-/// not be run again.
+/// Why a build or a compression failed. Finished jobs are stored and will not be run again.
 #[derive(Debug, Error)]
 #[non_exhaustive]
 pub enum BuildError {
-    /// The caller asked it to stop.
-    #[error("interrupted: {done} of {jobs} jobs are done and safe; build again to go on")]
+    /// The build was cancelled.
+    #[error("interrupted: {done} of {jobs} jobs are done and safe; build again to continue")]
     Interrupted {
-        /// Jobs done, now and before.
+        /// Number of jobs done, in this run and before.
         done: u64,
-        /// Jobs of the database, or of the shard.
+        /// Number of jobs of the database or of the shard.
         jobs: u64,
     },
-    /// The database to be deleted is one that spectra are to be taken over from.
+    /// The database to be deleted is one whose spectra should be reused.
     #[error(
-        "--fresh would delete {}, which --from is to take spectra over from; choose another output directory with --out", .path.display()
+        "--fresh would delete {}, whose spectra --from should reuse; choose another output directory with --out", .path.display()
     )]
     OwnSource {
-        /// The source.
+        /// The database.
         path: PathBuf,
     },
-    /// A database that is still being made.
+    /// The database is not finished.
     #[error(
         "{missing} of {jobs} jobs of {} are not done; finish it with `splitsnow build`", .path.display()
     )]
     Unfinished {
-        /// Jobs not done.
+        /// Number of jobs that are not done.
         missing: usize,
-        /// All jobs.
+        /// Number of all jobs.
         jobs: u64,
         /// The database.
         path: PathBuf,
     },
-    /// A job failed, or a database to take spectra over from cannot be used.
+    /// A job failed, or a database whose spectra should be reused cannot be used.
     #[error(transparent)]
     Batch(BatchError),
-    /// The database cannot be made, read or written.
+    /// The database cannot be created, read or written.
     #[error(transparent)]
     Store(#[from] StoreError),
     /// A data table cannot be read.
     #[error(transparent)]
     Optics(#[from] OpticsError),
-    /// The environment says no number of threads.
+    /// An environment variable has an invalid number of threads.
     #[error(transparent)]
     Threads(#[from] ThreadsError),
-    /// The observer cannot be set up.
+    /// Colours cannot be computed at these wavelengths.
     #[error(transparent)]
     Colour(#[from] ColourError),
-    /// The curves cannot be compressed as asked.
+    /// The curves cannot be compressed as requested.
     #[error("{}: {source}", quantity.name())]
     Compress {
-        /// Which of them.
+        /// The quantity of the curves.
         quantity: Quantity,
-        /// Why.
+        /// The error of the compression.
         source: CompressError,
     },
     /// The compact file cannot be written.
@@ -75,12 +74,12 @@ pub enum BuildError {
     /// The compact file cannot be read back.
     #[error(transparent)]
     Lookup(#[from] LookupError),
-    /// The system does not say how large the compact file is.
+    /// The size of the compact file cannot be determined.
     #[error("cannot read {}: {source}", .path.display())]
     Io {
         /// The file.
         path: PathBuf,
-        /// What the system said.
+        /// The error of the operating system.
         source: io::Error,
     },
 }

@@ -1,4 +1,4 @@
-//! What decides a database beside its grid.
+//! The inputs of a database in addition to its grid.
 use std::collections::BTreeMap;
 
 use sha2::{Digest, Sha256};
@@ -6,11 +6,11 @@ use sha2::{Digest, Sha256};
 use crate::grid::Grid;
 use crate::optics::{OpticsError, data_files};
 
-/// The hashes of the data files that decide the spectra of `grid`, by name:
-/// part of a database's identity.
+/// The SHA-256 hashes of the data files that the spectra of `grid` depend on, by name. They
+/// are part of the identity of a database.
 ///
 /// # Errors
-/// A user's table cannot be read.
+/// [`OpticsError`] if a table of the user cannot be read.
 pub fn data_hashes(grid: &Grid) -> Result<BTreeMap<String, String>, OpticsError> {
     let model = &grid.fixed.model;
     let water = grid.is_wet().then_some(&model.water);

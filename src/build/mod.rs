@@ -1,5 +1,5 @@
-//! The main job: from a grid to its database and compact file; and from a database to
-//! another compact file.
+//! Building: from a grid to its database and compact file, and from a database to another
+//! compact file.
 //!
 //! ```
 //! use splitsnow::{Database, build, config};
@@ -16,7 +16,7 @@
 //!     grain_size_um = [400]
 //!     density_kg_m3 = [200]
 //!     thickness_cm = [1, 2]
-//!     angle_deg = [0]
+//!     incidence_angle_deg = [0]
 //!     [wavelengths]
 //!     values_nm = [450, 550, 650]
 //!     [run]
@@ -29,7 +29,7 @@
 //! let report = splitsnow::build(&file.grid, &dir, &options)?;
 //! assert_eq!((report.jobs, report.jobs_run), (1, 1));
 //!
-//! // Again: nothing is missing.
+//! // Built again: no job is missing.
 //! let report = splitsnow::build(&file.grid, &dir, &options)?;
 //! assert_eq!(report.jobs_run, 0);
 //! assert_eq!(Database::open(&dir)?.curves(), 2);
@@ -44,50 +44,51 @@ mod report;
 use std::path::{Path, PathBuf};
 use std::sync::atomic::{AtomicBool, Ordering};
 
-pub use compact::{Asked, compress};
+pub use compact::{CompressionRequest, compress};
 pub use error::BuildError;
 pub use inputs::data_hashes;
 pub use report::{Compact, LargestError, Lost, QuantityReport, Report, Share};
 
-use crate::batch::{self, Progress, Source};
+use crate::batch::{self, Progress, ReuseSource};
 use crate::colour::Viewing;
 use crate::engine::{Control, Request};
 use crate::grid::{Grid, Shard};
 use crate::store::{self, Access, Store};
 use crate::threads::threads;
 
-/// How to build.
+/// Options of a build.
 #[derive(Debug, Clone, Default)]
 #[non_exhaustive]
 pub struct Options<'a> {
-    /// Threads; 0 is what [`threads`] says.
+    /// Number of threads; 0 for the default of [`threads`].
     pub threads: usize,
-    /// Run this share of the jobs only, and do not compress.
+    /// Run only the jobs of this shard, and do not compress.
     pub shard: Option<Shard>,
-    /// Databases to take over from what they have of the spectra.
+    /// Databases whose spectra are reused.
     pub from: Vec<PathBuf>,
-    /// The grid file: tables that the grids of `from` name are looked for beside it.
+    /// The grid file: data tables that the databases in `from` name are searched for in its
+    /// directory.
     pub grid_file: PathBuf,
-    /// Delete the database that is there, and start again.
+    /// Delete the existing database and start again.
     pub fresh: bool,
     /// How the compression compares colours.
     pub viewing: Viewing,
-    /// What is told how the build goes on.
+    /// Receives progress reports.
     pub progress: Option<&'a dyn Progress>,
-    /// The build stops soon once this is set. A failure sets it, too.
+    /// Setting this flag stops the build; a failure also sets it.
     pub cancel: Option<&'a AtomicBool>,
 }
 
-/// Builds the database of `grid` in `dir` and compresses it; goes on where it stopped.
+/// Builds the database of `grid` in `dir` and compresses it. Continues an interrupted build.
 ///
-/// Runs the jobs that are missing and stores each as it ends. Once all are done, writes
-/// the compact file, and that of isotropic light, if the grid has such. The files are a
-/// function of `grid`, `options.viewing` and this version alone: never of threads, shards or
+/// Runs the missing jobs, and stores each when it is done. When all are done, writes the
+/// compact file; also that of diffuse light, if the grid has it. The files depend on `grid`,
+/// `options.viewing` and the version of the program alone: never on threads, shards or
 /// interruptions.
 ///
 /// # Errors
-/// See [`BuildError`]: the directory is in use or holds the database of another grid, a
-/// job fails, a file cannot be written, or the build is cancelled.
+/// [`BuildError`] if the directory is in use or has the database of another grid, a job
+/// fails, a file cannot be read or written, or the build is cancelled.
 pub fn build(
     grid: &Grid,
     dir: impl AsRef<Path>,
@@ -97,13 +98,13 @@ pub fn build(
     let inputs = data_hashes(grid)?;
     let threads = match options.threads {
         0 => threads(None)?,
-        asked => asked,
+        given => given,
     };
     if options.fresh {
-        keeps_sources(&options.from, dir)?;
+        check_not_a_source(&options.from, dir)?;
     }
-    let open = |path: &PathBuf| Source::open(path, grid, &inputs, &options.grid_file);
-    let sources: Vec<Source> = options.from.iter().map(open).collect::<Result<_, _>>()?;
+    let open = |path: &PathBuf| ReuseSource::open(path, grid, &inputs, &options.grid_file);
+    let sources: Vec<ReuseSource> = options.from.iter().map(open).collect::<Result<_, _>>()?;
     if options.fresh {
         store::remove(dir)?;
     }
@@ -118,31 +119,32 @@ pub fn build(
     let simulate = |request: &Request<'_>, control: &Control<'_>| engine.run(request, control);
     let never = AtomicBool::new(false);
     let cancel = options.cancel.unwrap_or(&never);
-    let done = batch::run_from(grid, &store, &sources, simulate, &run, cancel)?;
+    let summary = batch::run_from(grid, &store, &sources, simulate, &run, cancel)?;
     if let Some(shard) = options.shard {
-        let share = Share::of(shard, &store, &done)?;
-        return Ok(Report::new(&done, None, Some(share)));
+        let share = Share::of(shard, &store, &summary)?;
+        return Ok(Report::new(&summary, None, Some(share)));
     }
     if cancel.load(Ordering::Relaxed) {
         return Err(BuildError::Interrupted {
-            done: done.jobs,
-            jobs: done.jobs,
+            done: summary.jobs,
+            jobs: summary.jobs,
         });
     }
     if let Some(progress) = options.progress {
         progress.compressing();
     }
-    let asked = Asked::plain(grid.compression, options.viewing.clone());
-    let compact = compact::write(&store, &asked)?;
-    Ok(Report::new(&done, Some(compact), None))
+    let request = CompressionRequest::plain(grid.compression, options.viewing.clone());
+    let compact = compact::write(&store, &request)?;
+    Ok(Report::new(&summary, Some(compact), None))
 }
 
-/// Refuses if the database in `dir`, which is to be deleted, is one of `sources`.
-fn keeps_sources(sources: &[PathBuf], dir: &Path) -> Result<(), BuildError> {
-    let place = |path: &Path| std::fs::canonicalize(path).ok();
-    let here = [place(dir), place(&store::database(dir))];
-    let own = |path: &&PathBuf| place(path).is_some() && here.contains(&place(path));
-    match sources.iter().find(own) {
+/// Refuses to delete the database in `dir` if it is one of `sources`.
+fn check_not_a_source(sources: &[PathBuf], dir: &Path) -> Result<(), BuildError> {
+    let canonical = |path: &Path| std::fs::canonicalize(path).ok();
+    let targets = [canonical(dir), canonical(&store::database(dir))];
+    let is_target =
+        |path: &&PathBuf| canonical(path).is_some() && targets.contains(&canonical(path));
+    match sources.iter().find(is_target) {
         Some(path) => Err(BuildError::OwnSource { path: path.clone() }),
         None => Ok(()),
     }

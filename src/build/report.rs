@@ -1,4 +1,4 @@
-//! What was built, and how good it is.
+//! Reports on a build and on the errors of its compact file.
 use std::path::PathBuf;
 
 use serde::{Serialize, Serializer};
@@ -10,126 +10,126 @@ use crate::grid::Shard;
 use crate::lookup::{Basis, Database, Precision};
 use crate::store::Store;
 
-/// What a build did.
+/// Report on a build.
 #[derive(Debug, Serialize)]
 #[non_exhaustive]
 pub struct Report {
-    /// Jobs of the database, or of the shard.
+    /// Number of jobs of the database or of the shard.
     pub jobs: u64,
-    /// Jobs that had to be run now; the others were done before.
+    /// Number of jobs run now; the others were done before.
     pub jobs_run: u64,
-    /// Spectra (of curves that exist) of the jobs run now.
+    /// Number of spectra, of curves that exist, in the jobs run now.
     pub nodes: u64,
-    /// Those that were taken over from other databases.
+    /// Number of these spectra that were reused from other databases.
     pub nodes_reused: u64,
-    /// Database and compact file; `None` of a shard.
+    /// Report on database and compact file; `None` for a shard.
     #[serde(flatten)]
     pub compact: Option<Compact>,
-    /// What is to be known of a shard.
+    /// Report on the shard; `None` if the build had none.
     #[serde(flatten)]
     pub share: Option<Share>,
 }
 
-/// A share of the jobs is done.
+/// Report on a finished shard.
 #[derive(Debug, Serialize)]
 #[non_exhaustive]
 pub struct Share {
-    /// Which one.
+    /// The shard.
     #[serde(serialize_with = "as_text")]
     pub shard: Shard,
-    /// The database.
+    /// Path of the database.
     pub database: PathBuf,
-    /// Jobs of the whole database.
+    /// Number of jobs of the whole database.
     pub database_jobs: u64,
-    /// Those of them that are not done.
+    /// Number of jobs of the whole database that are not done.
     pub jobs_left: usize,
-    /// Rays of the share that count in no quantity.
+    /// Share of lost rays in the jobs of the shard.
     pub lost_share: Lost,
 }
 
-/// What a database and its compact file hold, and how good they are.
+/// Report on a database and its compact file, with the errors of the compression.
 #[derive(Debug, Serialize)]
 #[non_exhaustive]
 pub struct Compact {
-    /// The database.
+    /// Path of the database.
     pub database: PathBuf,
-    /// Its size.
+    /// Estimated size of the database, bytes.
     pub database_bytes: u64,
-    /// Curves of either quantity.
+    /// Number of curves of each quantity, including those that do not exist.
     pub curves: u64,
-    /// Those of them that do not exist.
+    /// Number of curves that do not exist.
     pub absent_curves: u64,
-    /// Wavelengths of each.
+    /// Number of wavelengths.
     pub wavelengths: u64,
-    /// The compact file.
+    /// Path of the compact file.
     pub compact: PathBuf,
-    /// Its size.
+    /// Size of the compact file, bytes.
     pub compact_bytes: u64,
-    /// What its components are of.
+    /// Basis of the components.
     #[serde(serialize_with = "basis_name")]
     pub basis: Basis,
-    /// Numbers of its coefficients.
+    /// Number format of the coefficients.
     #[serde(serialize_with = "precision_name")]
     pub precision: Precision,
-    /// Transmittance, if the file has it.
+    /// Report on the transmittance, if the file has it.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub transmittance: Option<QuantityReport>,
-    /// Reflectance, if the file has it.
+    /// Report on the reflectance, if the file has it.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub reflectance: Option<QuantityReport>,
-    /// Rays of the database that count in no quantity.
+    /// Share of lost rays in the database.
     pub lost_share: Lost,
     /// A command that looks up the first curve.
     pub next: String,
-    /// The same of the curves under isotropic light.
+    /// Report on the curves under diffuse light and their compact file, if there are any.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub diffuse: Option<Box<Compact>>,
-    /// Why some curves do not exist, in words.
+    /// Message that says why some curves do not exist.
     #[serde(skip)]
     pub why_absent: String,
 }
 
-/// One quantity; errors are the largest over all curves.
+/// Errors of the compression of one quantity.
 #[derive(Debug, Serialize)]
 #[non_exhaustive]
 pub struct QuantityReport {
-    /// Components kept.
+    /// Number of components kept.
     pub components: usize,
-    /// Bits of the coefficients of each.
+    /// Bits per coefficient of each component.
     pub bits: Vec<u32>,
-    /// Root mean square errors over the wavelengths.
+    /// Statistics over the curves of the root-mean-square error over the wavelengths.
     pub rmse: Option<Statistics>,
-    /// Colour differences.
+    /// Statistics over the curves of the colour difference.
     pub delta_e: Option<Statistics>,
-    /// Of the simulation.
+    /// Largest standard error of the simulation.
     pub max_standard_error: f32,
-    /// Errors by band.
+    /// Errors in each wavelength band.
     pub bands: Vec<BandError>,
-    /// The largest of any curve at any wavelength.
+    /// Largest error of any curve at any wavelength.
     pub largest: Option<LargestError>,
     /// Errors with other numbers of components.
     pub error_table: ErrorTable,
 }
 
-/// The largest error of any curve at any wavelength, and the node of the curve.
+/// The largest error of any curve at any wavelength, with the node of the curve.
 #[derive(Debug, Serialize)]
 #[non_exhaustive]
 pub struct LargestError {
-    /// The error.
+    /// The error, with its curve and wavelength.
     #[serde(flatten)]
     pub largest: Largest,
-    /// The node.
+    /// Parameters of the node.
     pub at: String,
 }
 
-/// Share of the rays that hit an event limit and count in no quantity, of the worst
-/// curve and wavelength of each job.
+/// Share of lost rays, 0 to 1: rays that hit an event limit and count neither as reflected
+/// nor as transmitted. Of each job, the curve and wavelength with the largest share counts.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize)]
 #[non_exhaustive]
 pub struct Lost {
     /// Mean over the jobs.
     pub mean: f64,
-    /// The largest.
+    /// Maximum over the jobs.
     pub max: f64,
 }
 
@@ -146,12 +146,12 @@ fn precision_name<S: Serializer>(precision: &Precision, to: S) -> Result<S::Ok, 
 }
 
 impl Report {
-    pub(super) fn new(done: &Summary, compact: Option<Compact>, share: Option<Share>) -> Self {
+    pub(super) fn new(summary: &Summary, compact: Option<Compact>, share: Option<Share>) -> Self {
         Self {
-            jobs: done.jobs,
-            jobs_run: done.run,
-            nodes: done.nodes,
-            nodes_reused: done.reused,
+            jobs: summary.jobs,
+            jobs_run: summary.run,
+            nodes: summary.nodes,
+            nodes_reused: summary.reused,
             compact,
             share,
         }
@@ -159,22 +159,22 @@ impl Report {
 }
 
 impl Share {
-    pub(super) fn of(shard: Shard, store: &Store, done: &Summary) -> Result<Self, BuildError> {
+    pub(super) fn of(shard: Shard, store: &Store, summary: &Summary) -> Result<Self, BuildError> {
         Ok(Self {
             shard,
             database: store.path().into(),
             database_jobs: store.jobs().count(),
             jobs_left: store.missing(None)?.len(),
             lost_share: Lost {
-                mean: done.mean_lost_share,
-                max: done.max_lost_share,
+                mean: summary.mean_lost_share,
+                max: summary.max_lost_share,
             },
         })
     }
 }
 
 impl QuantityReport {
-    /// `database` is the file that it was written to.
+    /// The report on `compressed`; `database` is the compact file that it was written to.
     pub(super) fn new(
         database: &Database,
         max_standard_error: f32,
@@ -184,7 +184,7 @@ impl QuantityReport {
         let bands = compressed.band_errors();
         let larger = |a: Largest, b: Largest| if b.error > a.error { b } else { a };
         let largest = bands.iter().map(|band| band.largest).reduce(larger);
-        let at = |row| {
+        let node = |row| {
             let point = database.point(row);
             point.map_or(String::new(), |point| point.to_string())
         };
@@ -196,7 +196,7 @@ impl QuantityReport {
             max_standard_error,
             bands,
             largest: largest.map(|largest| LargestError {
-                at: at(largest.curve),
+                at: node(largest.curve),
                 largest,
             }),
             error_table: compressed.table,
@@ -205,7 +205,7 @@ impl QuantityReport {
 }
 
 impl Lost {
-    /// Of all jobs of `store`.
+    /// The share of lost rays over all jobs of `store`.
     pub(super) fn of(store: &Store) -> Result<Self, BuildError> {
         let count = store.jobs().count();
         let (mut sum, mut max) = (0.0, 0.0_f64);

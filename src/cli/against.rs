@@ -1,4 +1,4 @@
-//! `measure --against`: the simulation beside a measured spectrum.
+//! `simulate --against`: compares the simulation with a measured spectrum.
 use std::fmt::Write;
 use std::path::{Path, PathBuf};
 use std::str::FromStr;
@@ -8,8 +8,8 @@ use serde_json::{Value, json};
 
 use super::common;
 use crate::comparison::{
-    Band, Comparison, Exclusion, GOOD_RMSE, Hints, Matched, MeasuredSpectrum, Point, Statistics,
-    listed,
+    Band, Comparison, Exclusion, GOOD_RMSE, Hints, Matched, MeasuredSpectrum, ResidualPoint,
+    Statistics, listed,
 };
 #[cfg(feature = "charts")]
 use crate::lab::report;
@@ -19,29 +19,31 @@ use crate::spectrum::measured::{Column, Scale, Unit};
 #[derive(Debug, clap::Args)]
 #[command(next_help_heading = "Comparison with a measured spectrum")]
 pub(super) struct Args {
-    /// Measured spectrum: a table of text (CSV, ECOSTRESS, .sed, .sig), read as
-    /// docs/formats.md says; one line on standard error tells how
+    /// Measured spectrum: a text table (CSV, ECOSTRESS, .sed, .sig) in a format of
+    /// docs/formats.md; a note on standard error says how it was read
     #[arg(long, value_name = "FILE", conflicts_with_all = ["goniometer", "radial_profile"])]
     against: Option<PathBuf>,
-    /// Column of the file that is compared: its name, part of it, or its number from 1
-    /// [default: the first whose name fits, else the first]
+    /// Column of the file to compare: its name, a part of its name, or its number from 1
+    /// [default: the first column whose name fits, else the first]
     #[arg(long, requires = "against", value_name = "NAME|N")]
     column: Option<Column>,
-    /// Unit of the file's wavelengths [default: what the file says, else guessed]
-    #[arg(long, requires = "against", value_parser = common::named(Unit::ALL, Unit::name))]
+    /// Unit of the file's wavelengths [default: the unit that the file states, else guessed]
+    #[arg(long, requires = "against", value_parser = common::name_parser(Unit::ALL, Unit::name))]
     unit: Option<Unit>,
-    /// Scale of the file's values [default: what the file says, else guessed]
-    #[arg(long, requires = "against", value_parser = common::named(Scale::ALL, Scale::name))]
+    /// Scale of the file's values [default: the scale that the file states, else guessed]
+    #[arg(long, requires = "against", value_parser = common::name_parser(Scale::ALL, Scale::name))]
     scale: Option<Scale>,
-    /// What the column holds [default: what its name says, else reflectance]
+    /// Quantity in the column [default: from the name of the column, else reflectance]
     #[arg(long, requires = "against",
-          value_parser = common::named(Quantity::ALL, Quantity::name))]
+          value_parser = common::name_parser(Quantity::ALL, Quantity::name))]
     quantity: Option<Quantity>,
-    /// Band in nm, ends included, that is shown but does not count; once for each, or
-    /// `none` [default: 1750-2000 and 2350-2500, where water vapour takes the light]
+    /// Band in nm, ends included, that is printed but left out of the statistics; may be given
+    /// several times, or once as `none` [default: 1750-2000 and 2350-2500, where water vapour
+    /// absorbs]
     #[arg(long, requires = "against", value_name = "FROM-TO")]
     exclude: Vec<Exclude>,
-    /// Picture of both spectra and the residuals: a file that ends with .svg or .png
+    /// Write a picture of both spectra and the residuals to FILE, which must end with .svg or
+    /// .png
     #[cfg(feature = "charts")]
     #[arg(long, requires = "against", value_name = "FILE", value_parser = picture)]
     plot: Option<PathBuf>,
@@ -65,33 +67,37 @@ impl FromStr for Exclude {
     }
 }
 
-/// The name of a file that can hold a picture.
+/// Parses the path of a picture, which must end with .svg or .png.
 #[cfg(feature = "charts")]
 fn picture(text: &str) -> Result<PathBuf, String> {
     let path = PathBuf::from(text);
     match report::Picture::of(&path) {
         Some(_) => Ok(path),
-        None => Err("it must end with .svg or .png".into()),
+        None => Err("the name of the picture must end with .svg or .png".into()),
     }
 }
 
-/// What to compare with, at the wavelengths of the sample.
+/// The measured spectrum, matched to the wavelengths of the sample.
 pub(super) struct Target {
     measured: MeasuredSpectrum,
     matched: Vec<Matched>,
+    /// Number of wavelengths of the sample.
     wavelengths: usize,
 }
 
-/// A target and what was simulated.
+/// A measured spectrum and its comparison with the simulation.
 pub(super) struct Compared {
     measured: MeasuredSpectrum,
     comparison: Comparison,
-    /// Wavelengths of the sample without a measurement.
+    /// Number of wavelengths of the sample without a measured value.
     unmatched: usize,
 }
 
 impl Args {
-    /// Reads the measured spectrum, if there is one.
+    /// Reads the measured spectrum, if `--against` is given, and notes how it was read.
+    ///
+    /// # Errors
+    /// If the file cannot be read or has no values near the wavelengths of the sample.
     pub(super) fn target(&self, wavelengths_nm: &[f64]) -> anyhow::Result<Option<Target>> {
         let Some(path) = &self.against else {
             return Ok(None);
@@ -112,6 +118,7 @@ impl Args {
         }))
     }
 
+    /// The bands left out of the statistics.
     fn exclusions(&self) -> anyhow::Result<Vec<Exclusion>> {
         match self.exclude[..] {
             [] => return Ok(Exclusion::FIELD.into()),
@@ -120,12 +127,16 @@ impl Args {
         }
         let bands = self.exclude.iter().map(|exclude| match exclude {
             Exclude::Band(band) => Ok(*band),
-            Exclude::None => bail!("--exclude none cannot stand beside another --exclude"),
+            Exclude::None => {
+                bail!(
+                    "--exclude none cannot be combined with another --exclude; remove one of them"
+                )
+            }
         });
         bands.collect()
     }
 
-    /// Writes the picture, if one is asked for.
+    /// Writes the picture, if `--plot` is given.
     #[cfg(feature = "charts")]
     pub(super) fn plot(&self, compared: &Compared) -> anyhow::Result<()> {
         let Some(path) = &self.plot else {
@@ -145,6 +156,7 @@ impl Args {
 }
 
 impl Target {
+    /// Compares the simulated `spectrum` with the measured one.
     pub(super) fn compare(self, spectrum: &Spectrum) -> Compared {
         let simulated = spectrum.of(self.measured.quantity());
         Compared {
@@ -156,7 +168,7 @@ impl Target {
 }
 
 impl Compared {
-    /// Lines that start with #, then a row per wavelength.
+    /// Comment lines that start with #, then one CSV row per wavelength.
     pub(super) fn csv(&self) -> String {
         let Self {
             measured,
@@ -176,12 +188,13 @@ impl Compared {
             listed(measured.exclusions())
         );
         if let Some(overall) = comparison.overall() {
-            let _ = writeln!(out, "# overall: {}", told(&overall));
+            let _ = writeln!(out, "# overall: {}", statistics_text(&overall));
         }
         for band in Band::ALL {
             let ((from, to), name) = (band.range_nm(), band.name());
             let figures = comparison.band(band);
-            let figures = figures.map_or("points 0".to_owned(), |figures| told(&figures));
+            let figures =
+                figures.map_or("points 0".to_owned(), |figures| statistics_text(&figures));
             let _ = writeln!(out, "# {name} {from}-{to} nm: {figures}");
         }
         let good = if self.good() { "yes" } else { "no" };
@@ -207,15 +220,16 @@ impl Compared {
         out
     }
 
-    /// The same content.
+    /// The content of [`Self::csv`] as JSON.
     pub(super) fn json(&self) -> Value {
         let Self {
             measured,
             comparison,
             unmatched,
         } = self;
-        let list =
-            |of: &dyn Fn(&Point) -> Value| -> Value { comparison.points.iter().map(of).collect() };
+        let list = |part: &dyn Fn(&ResidualPoint) -> Value| -> Value {
+            comparison.points.iter().map(part).collect()
+        };
         let exclusions = measured.exclusions().iter();
         let excluded: Vec<_> = exclusions.map(|band| (band.from_nm, band.to_nm)).collect();
         let bands = Band::ALL.map(|band| {
@@ -245,14 +259,15 @@ impl Compared {
         })
     }
 
+    /// Whether the overall RMSE is below [`GOOD_RMSE`].
     fn good(&self) -> bool {
         let overall = self.comparison.overall();
         overall.is_some_and(|figures| figures.rmse < GOOD_RMSE)
     }
 }
 
-/// Figures for people: five decimals, or three digits of what is smaller.
-fn told(figures: &Statistics) -> String {
+/// The statistics as text, with five decimals, or three digits for values below 1e-4.
+fn statistics_text(figures: &Statistics) -> String {
     let digits = |value: f64| match value.abs() {
         size if size >= 1e-4 || size == 0.0 => format!("{value:.5}"),
         _ => format!("{value:.2e}"),
@@ -274,13 +289,14 @@ fn told(figures: &Statistics) -> String {
     text
 }
 
-fn figures(of: Option<Statistics>) -> Value {
+/// The statistics as JSON, with null for those that do not exist.
+fn figures(statistics: Option<Statistics>) -> Value {
     json!({
-        "points": of.map_or(0, |figures| figures.points),
-        "rmse": of.map(|figures| figures.rmse),
-        "bias": of.map(|figures| figures.bias),
-        "mean_simulated_se": of.map(|figures| figures.mean_simulated_se),
-        "mean_uncertainty": of.and_then(|figures| figures.mean_uncertainty),
+        "points": statistics.map_or(0, |figures| figures.points),
+        "rmse": statistics.map(|figures| figures.rmse),
+        "bias": statistics.map(|figures| figures.bias),
+        "mean_simulated_se": statistics.map(|figures| figures.mean_simulated_se),
+        "mean_uncertainty": statistics.and_then(|figures| figures.mean_uncertainty),
     })
 }
 
@@ -298,7 +314,7 @@ mod tests {
             mean_uncertainty: None,
         };
         assert_eq!(
-            told(&figures),
+            statistics_text(&figures),
             "rmse 0.01770, bias -2.50e-7, mean simulated_se 0.00000, points 3"
         );
     }

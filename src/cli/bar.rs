@@ -1,5 +1,5 @@
-//! The bar of a build on standard error: jobs, curves, rays per second, time left;
-//! and a sign of life while it compresses.
+//! The progress bar of a build on standard error: jobs, curves, rays per second and time
+//! left, followed by a spinner while the build compresses.
 use std::sync::atomic::Ordering;
 use std::sync::{Mutex, PoisonError};
 use std::time::Duration;
@@ -9,10 +9,11 @@ use indicatif::{HumanDuration, ProgressBar, ProgressDrawTarget, ProgressState, P
 use super::common::Spinner;
 use crate::batch::{Begin, Progress};
 
-/// Between redraws, so that the rates move while long jobs run.
+/// Time between redraws, short enough to keep the rates current during long jobs.
 const TICK: Duration = Duration::from_millis(250);
 
-/// Shown from the beginning of a run, if standard error is a terminal.
+/// The progress bar, shown from the start of a run if standard error is a terminal, and the
+/// spinner shown during compression.
 #[derive(Debug)]
 pub(super) struct Bar(ProgressBar, Mutex<Option<Spinner>>);
 
@@ -42,8 +43,8 @@ impl Progress for Bar {
             let seconds = state.elapsed().as_secs_f64().max(1e-3);
             let _ = write!(out, "{:.2e}", rays.load(Ordering::Relaxed) as f64 / seconds);
         };
-        let left = move |state: &ProgressState, out: &mut dyn std::fmt::Write| {
-            // Nothing is known before the first job has ended.
+        let time_left = move |state: &ProgressState, out: &mut dyn std::fmt::Write| {
+            // No estimate exists before the first job has ended.
             let _ = if state.pos() == done {
                 write!(out, "?")
             } else {
@@ -51,13 +52,13 @@ impl Progress for Bar {
             };
         };
         let template = "{wide_bar} {pos}/{len} jobs, {curves} curves, {rate} rays/s, {left} left";
-        // A template that does not parse would only cost the looks.
+        // If the template does not parse, the bar keeps its default style.
         if let Ok(style) = ProgressStyle::with_template(template) {
             bar.set_style(
                 style
                     .with_key("curves", curves)
                     .with_key("rate", rate)
-                    .with_key("left", left),
+                    .with_key("left", time_left),
             );
         }
         bar.set_draw_target(ProgressDrawTarget::stderr());

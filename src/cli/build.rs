@@ -1,4 +1,4 @@
-//! `splitsnow build`: the main job.
+//! `splitsnow build`: simulates and compresses the database of a grid.
 use std::fmt::Write;
 use std::path::{Path, PathBuf};
 
@@ -7,47 +7,47 @@ use serde_json::json;
 
 use super::bar::Bar;
 use super::common::{self, GridArgs, Interrupted};
-use super::compact::Words;
+use super::compact::CompactSummary;
 use crate::build::{self, BuildError, Options, Report, Share};
 use crate::grid::Shard;
 use crate::store::StoreError;
 
-/// Build the database of a grid and compress it; goes on where it stopped
+/// Build the database of a grid and compress it; resumes after an interruption
 ///
-/// Runs the jobs that are missing in the output directory, on all cores, and
-/// stores each as it ends. Once all are done, compresses the curves, prints the
-/// errors for each number of components, by band, and the largest error, and writes the
-/// compact file `snow.safetensors` beside `database.zarr`.
+/// Runs the jobs that are missing in the output directory, on all cores, and stores each
+/// job as it ends. When all jobs are done, `build` compresses the curves, prints the errors
+/// for each number of components (overall and by band) and the largest error, and writes
+/// the compact file `snow.safetensors` beside `database.zarr`.
 ///
-/// Ctrl-C, a kill or a full disk lose nothing that was finished: run the same
-/// command again. The result is the same to the byte, whatever the threads,
-/// shards and interruptions. A directory made from another grid, seed, engine
-/// or data table is refused.
+/// Ctrl-C, a kill or a full disk lose no finished job: run the same command again to
+/// resume. The result is identical to the byte, whatever the threads, shards and
+/// interruptions. `build` refuses a directory made from another grid, seed, engine or
+/// data table.
 #[derive(Debug, clap::Args)]
 #[command(after_long_help = "\
 Examples:
   splitsnow build configs/quick.toml
   splitsnow build configs/thesis.toml --out /data/thesis --threads 8
 
-  Three processes side by side, and then one that compresses:
+  Run three processes side by side, then one that compresses:
   splitsnow build configs/thesis.toml --shard 0/3
   splitsnow build configs/thesis.toml --shard 1/3
   splitsnow build configs/thesis.toml --shard 2/3
   splitsnow build configs/thesis.toml
 
-  A table that grows: only what DIR does not have is simulated:
+  Extend a database: simulate only the spectra that out/less does not have:
   splitsnow build more.toml --from out/less")]
 pub(super) struct Args {
     #[command(flatten)]
     grid: GridArgs,
-    /// Run share I of N of the jobs only (I from 0), and do not compress
+    /// Run only share I of N of the jobs (I from 0 to N-1) and do not compress
     #[arg(long, value_name = "I/N")]
     shard: Option<Shard>,
-    /// Take over the spectra that the database in DIR already has, of a grid that
-    /// differs in the values of its axes only; may be given several times
+    /// Reuse the spectra of the database in DIR, whose grid may differ in the values of its
+    /// axes only; may be given several times
     #[arg(long, value_name = "DIR")]
     from: Vec<PathBuf>,
-    /// Delete the database that is there, and start again
+    /// Delete the database in the output directory and start again
     #[arg(long)]
     fresh: bool,
     /// Print the summary as JSON
@@ -84,12 +84,12 @@ pub(super) fn run(args: &Args) -> anyhow::Result<()> {
     );
     text += &reused(args, &report);
     if let Some(compact) = &report.compact {
-        write!(text, "\n{}", Words(compact))?;
+        write!(text, "\n{}", CompactSummary(compact))?;
     }
     common::print(&text)
 }
 
-/// How to go on.
+/// Adds to a build error how to resume.
 fn explained(error: BuildError, dir: &Path) -> anyhow::Error {
     match error {
         BuildError::Interrupted { done, jobs } if done == jobs => {
@@ -98,24 +98,25 @@ fn explained(error: BuildError, dir: &Path) -> anyhow::Error {
         BuildError::Interrupted { done, jobs } => {
             interrupted(&format!("{done} of {jobs} jobs are done and safe")).into()
         }
-        BuildError::Store(error) => growing(error, dir),
+        BuildError::Store(error) => suggest_from(error, dir),
         error => error.into(),
     }
 }
 
-/// How to go on with a database whose grid has changed.
-fn growing(error: StoreError, dir: &Path) -> anyhow::Error {
-    let of_axes = matches!(&error, StoreError::Differs { key, .. } if key.starts_with("axes."));
-    if !of_axes {
+/// Adds to the error of a changed grid how to reuse the spectra of `dir`, if only the axes
+/// changed.
+fn suggest_from(error: StoreError, dir: &Path) -> anyhow::Error {
+    let axes_differ = matches!(&error, StoreError::Differs { key, .. } if key.starts_with("axes."));
+    if !axes_differ {
         return error.into();
     }
     anyhow!(
-        "{error}; to keep the spectra it has, give another --out and --from {}",
+        "{error}; to reuse its spectra, give another --out and --from {}",
         dir.display()
     )
 }
 
-/// How many spectra were taken over, if any were to be.
+/// The line with the number of nodes reused, or nothing without `--from`.
 fn reused(args: &Args, report: &Report) -> String {
     if args.from.is_empty() {
         return String::new();
@@ -123,28 +124,29 @@ fn reused(args: &Args, report: &Report) -> String {
     format!("reused {} of {} nodes\n", report.nodes_reused, report.nodes)
 }
 
+/// The error of an interrupted build: the work that is safe, and the command that resumes it.
 fn interrupted(safe: &str) -> Interrupted {
     let words = std::env::args_os().map(|word| word.to_string_lossy().into_owned());
-    // Which would delete what is safe.
+    // `--fresh` would delete the finished jobs.
     let words: Vec<_> = words.filter(|word| word != "--fresh").collect();
     Interrupted(format!("{safe}; to go on: {}", words.join(" ")))
 }
 
 fn report_share(args: &Args, report: &Report, share: &Share) -> anyhow::Result<()> {
-    let (jobs, left, lost) = (report.jobs, share.jobs_left, share.lost_share);
+    let (jobs, jobs_left, lost) = (report.jobs, share.jobs_left, share.lost_share);
     if args.json {
         return common::print_json(&json!({
             "shard": share.shard.to_string(),
             "database": share.database,
             "jobs": jobs,
             "jobs_run": report.jobs_run,
-            "jobs_left": left,
+            "jobs_left": jobs_left,
             "nodes_reused": report.nodes_reused,
             "lost_share": lost,
         }));
     }
     let mut text = format!(
-        "shard {}: {jobs} jobs, {} of them run now; {left} of {} jobs of the database are left\n",
+        "shard {}: {jobs} jobs, {} of them run now; {jobs_left} of {} jobs of the database are left\n",
         share.shard, report.jobs_run, share.database_jobs
     );
     text += &reused(args, report);
@@ -156,7 +158,7 @@ fn report_share(args: &Args, report: &Report, share: &Share) -> anyhow::Result<(
             100.0 * lost.max
         )?;
     }
-    let others = if left == 0 {
+    let others = if jobs_left == 0 {
         ""
     } else {
         "the other shards, then "

@@ -1,4 +1,4 @@
-//! What the commands share.
+//! Arguments, output and formatting shared by the commands.
 use std::io::{self, Write};
 use std::path::{Path, PathBuf};
 use std::sync::atomic::{AtomicBool, Ordering};
@@ -21,32 +21,34 @@ pub(super) struct GridArgs {
     /// Grid file, such as configs/quick.toml
     #[arg(value_name = "GRID.toml")]
     grid: PathBuf,
-    /// Output directory [default: out/<name of the grid file>]
+    /// Output directory [default: out/NAME, where NAME is the name of the grid file]
     #[arg(long, value_name = "DIR")]
     out: Option<PathBuf>,
-    /// Engine, instead of the grid file's
+    /// Simulate with this engine instead of the grid file's
     #[arg(long, value_parser = engine_parser())]
     engine: Option<Engine>,
     #[command(flatten)]
     threads: ThreadArgs,
 }
 
-/// How many threads to run on.
+/// The number of threads to run on.
 #[derive(Debug, Clone, Copy, clap::Args)]
 pub(super) struct ThreadArgs {
-    /// Threads [default: SLURM_CPUS_PER_TASK, else RAYON_NUM_THREADS, else what this process may use]
-    #[arg(long, value_name = "N", value_parser = clap::value_parser!(u16).range(1..=i64::from(threads::MOST)))]
+    /// Number of threads [default: SLURM_CPUS_PER_TASK, else RAYON_NUM_THREADS, else the
+    /// processors available to this process]
+    #[arg(long, value_name = "N", value_parser = clap::value_parser!(u16).range(1..=i64::from(threads::MAX_THREADS)))]
     threads: Option<u16>,
 }
 
 impl ThreadArgs {
+    /// The number of threads, from the option or the environment.
     pub(super) fn count(self) -> Result<usize, ThreadsError> {
         threads::threads(self.threads)
     }
 }
 
 impl GridArgs {
-    /// Reads the grid file; its warnings go to standard error.
+    /// Reads the grid file and prints its warnings and notes to standard error.
     pub(super) fn open(&self) -> anyhow::Result<GridFile> {
         let mut file = grid::read(&self.grid)?;
         if let Some(engine) = self.engine {
@@ -57,18 +59,18 @@ impl GridArgs {
         Ok(file)
     }
 
-    /// The grid file.
+    /// The path of the grid file.
     pub(super) fn path(&self) -> &Path {
         &self.grid
     }
 
-    /// Where the database of `file` is or will be.
+    /// The output directory of the database of `file`, which need not exist yet.
     pub(super) fn dir(&self, file: &GridFile) -> PathBuf {
         let default = || Path::new("out").join(&file.name);
         self.out.clone().unwrap_or_else(default)
     }
 
-    /// The line that starts `command` with the arguments that name the database.
+    /// The command line that runs `command` on this grid file, output directory and engine.
     pub(super) fn command(&self, command: &str) -> String {
         let mut line = format!("splitsnow {command} {}", self.grid.display());
         if let Some(out) = &self.out {
@@ -80,42 +82,46 @@ impl GridArgs {
         line
     }
 
+    /// The number of threads, from the option or the environment.
     pub(super) fn threads(&self) -> Result<usize, ThreadsError> {
         self.threads.count()
     }
 }
 
-/// Engines by name.
+/// Parses the name of an engine; aliases are accepted but not listed.
 pub(super) fn engine_parser() -> impl TypedValueParser<Value = Engine> {
     let shown = Engine::ALL.map(|engine| PossibleValue::new(engine.name()));
     let hidden = Engine::ALIASES.map(|(name, _)| PossibleValue::new(name).hide(true));
     PossibleValuesParser::new(shown.into_iter().chain(hidden))
-        .try_map(|text| Engine::named(&text).ok_or_else(|| format!("nothing is named {text}")))
+        .try_map(|text| Engine::named(&text).ok_or_else(|| format!("there is no engine {text}")))
 }
 
-/// One of `all` by its name.
-pub(super) fn named<T, const N: usize>(
-    all: [T; N],
+/// Parses one of `values` by its `name`.
+pub(super) fn name_parser<T, const N: usize>(
+    values: [T; N],
     name: fn(T) -> &'static str,
 ) -> impl TypedValueParser<Value = T>
 where
     T: Copy + Send + Sync + 'static,
 {
-    PossibleValuesParser::new(all.map(name)).try_map(move |text| {
-        let found = all.into_iter().find(|&value| name(value) == text);
-        found.ok_or_else(|| format!("nothing is named {text}"))
+    PossibleValuesParser::new(values.map(name)).try_map(move |text| {
+        let matching = values.into_iter().find(|&value| name(value) == text);
+        matching.ok_or_else(|| format!("there is no value {text}"))
     })
 }
 
-/// A finite number above 0.
+/// Parses a finite number above 0.
 pub(super) fn positive(text: &str) -> Result<f64, String> {
     match text.parse::<f64>() {
         Ok(value) if value.is_finite() && value > 0.0 => Ok(value),
-        _ => Err("it must be a number above 0".into()),
+        _ => Err("the value must be a finite number above 0".into()),
     }
 }
 
-/// The compact file of isotropic light in the directory `path`.
+/// The path of the compact file for isotropic light: `path` itself or the file in that directory.
+///
+/// # Errors
+/// If the file does not exist.
 pub(super) fn diffuse_path(path: &Path) -> anyhow::Result<PathBuf> {
     let file = if path.is_file() {
         path.to_path_buf()
@@ -124,21 +130,21 @@ pub(super) fn diffuse_path(path: &Path) -> anyhow::Result<PathBuf> {
     };
     if !file.exists() {
         bail!(
-            "no {DIFFUSE} in {}; `splitsnow build` makes it of a grid with axes.diffuse = true",
+            "no {DIFFUSE} in {}; to make it, run `splitsnow build` on a grid file with axes.diffuse = true",
             path.display()
         );
     }
     Ok(file)
 }
 
-/// A run that was stopped by the user. What is said after "interrupted: ":
-/// what is safe, and how to go on.
+/// A run that the user stopped. Holds the text after "interrupted: ": the work that is
+/// safe, and how to resume.
 #[derive(Debug, Error)]
 #[error("interrupted: {0}")]
 pub(super) struct Interrupted(pub(super) String);
 
-/// A flag that the first Ctrl-C (or SIGTERM) sets; the second one ends the
-/// process at once. To be called once.
+/// The flag that the first Ctrl-C (or SIGTERM) sets. A second Ctrl-C ends the process at
+/// once. Call this function only once per process.
 pub(super) fn interrupt_flag() -> anyhow::Result<&'static AtomicBool> {
     static FLAG: AtomicBool = AtomicBool::new(false);
     ctrlc::set_handler(|| {
@@ -151,13 +157,13 @@ pub(super) fn interrupt_flag() -> anyhow::Result<&'static AtomicBool> {
     Ok(&FLAG)
 }
 
-/// Writes `text` to standard output. A reader that has seen enough, such as
-/// `head`, is no failure.
+/// Writes `text` to standard output. A closed pipe (a reader such as `head` that stopped
+/// reading) is not an error.
 pub(super) fn print(text: &str) -> anyhow::Result<()> {
     let mut out = io::stdout().lock();
     match out.write_all(text.as_bytes()).and_then(|()| out.flush()) {
         Err(error) if error.kind() == io::ErrorKind::BrokenPipe => Ok(()),
-        done => done.context("cannot write to standard output"),
+        result => result.context("cannot write to standard output"),
     }
 }
 
@@ -166,29 +172,29 @@ pub(super) fn print_json(value: &impl Serialize) -> anyhow::Result<()> {
     print(&(serde_json::to_string_pretty(value)? + "\n"))
 }
 
-/// A path in a comment, which is one line whatever the file is called.
+/// `path` as text on one line, for comments and notes.
 pub(super) fn one_line(path: &Path) -> String {
     path.display().to_string().replace(['\n', '\r'], " ")
 }
 
-/// Writes a line to standard error, where nobody may be listening.
+/// Writes a line to standard error; a failure to write is ignored.
 pub(super) fn note(line: &str) {
     let _ = writeln!(io::stderr(), "{line}");
 }
 
-/// Writes lines to standard error.
+/// Writes lines to standard error; see [`note`].
 pub(super) fn notes(lines: &[String]) {
     lines.iter().for_each(|line| note(line));
 }
 
-/// Writes warnings to standard error.
+/// Writes lines to standard error, each with the prefix `warning: `.
 pub(super) fn warn(warnings: &[String]) {
     for warning in warnings {
         note(&format!("warning: {warning}"));
     }
 }
 
-/// The error and those of its causes that it does not already quote.
+/// The text of an error, followed by the causes that the text does not already contain.
 pub(super) fn message(error: &anyhow::Error) -> String {
     let mut text = error.to_string();
     for cause in error.chain().skip(1).map(ToString::to_string) {
@@ -199,22 +205,23 @@ pub(super) fn message(error: &anyhow::Error) -> String {
     text
 }
 
-/// A sign of life on standard error, if that is a terminal, until dropped.
+/// A spinner on standard error that shows progress until it is dropped. Hidden if
+/// standard error is not a terminal.
 #[derive(Debug)]
 pub(super) struct Spinner(ProgressBar);
 
 impl Spinner {
-    pub(super) fn new(what: &'static str) -> Self {
+    pub(super) fn new(activity: &'static str) -> Self {
         // Draws to standard error.
         let bar = ProgressBar::new_spinner();
-        bar.set_message(what);
+        bar.set_message(activity);
         bar.enable_steady_tick(Duration::from_millis(200));
         Self(bar)
     }
 
-    /// Changes what it says.
-    pub(super) fn say(&self, what: &str) {
-        self.0.set_message(what.to_owned());
+    /// Changes the text shown.
+    pub(super) fn say(&self, activity: &str) {
+        self.0.set_message(activity.to_owned());
     }
 }
 
@@ -224,7 +231,7 @@ impl Drop for Spinner {
     }
 }
 
-/// Bytes for people.
+/// A number of bytes, formatted with a unit.
 pub(super) fn bytes(count: u64) -> String {
     let scaled = count as f64;
     match count {
@@ -235,7 +242,7 @@ pub(super) fn bytes(count: u64) -> String {
     }
 }
 
-/// A duration for people.
+/// A duration in seconds, formatted with a unit.
 pub(super) fn duration(seconds: f64) -> String {
     match seconds {
         ..10.0 => format!("{seconds:.1} s"),

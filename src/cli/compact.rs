@@ -1,46 +1,46 @@
-//! What a database and its compact file hold, in words.
+//! The printed summary of a database and its compact file.
 use std::fmt::{self, Write};
 
 use super::common;
 use crate::build::{Compact, LargestError, QuantityReport};
 use crate::measurement::Quantity;
 
-/// The tables and a closing summary.
-pub(super) struct Words<'a>(pub(super) &'a Compact);
+/// Prints the error tables and a closing summary.
+pub(super) struct CompactSummary<'a>(pub(super) &'a Compact);
 
-impl fmt::Display for Words<'_> {
+impl fmt::Display for CompactSummary<'_> {
     fn fmt(&self, f: &mut fmt::Formatter) -> fmt::Result {
-        let Self(of) = self;
-        let both = [
-            (Quantity::Transmittance, &of.transmittance),
-            (Quantity::Reflectance, &of.reflectance),
+        let Self(summary) = self;
+        let quantities = [
+            (Quantity::Transmittance, &summary.transmittance),
+            (Quantity::Reflectance, &summary.reflectance),
         ];
-        let there = both
+        let reports = quantities
             .into_iter()
             .filter_map(|(quantity, report)| Some((quantity, report.as_ref()?)));
-        for (quantity, report) in there.clone() {
+        for (quantity, report) in reports.clone() {
             writeln!(f, "{}\n{}\n", quantity.name(), report.error_table)?;
         }
         writeln!(
             f,
             "database        {}: {} curves of {} wavelengths, {} on disk",
-            of.database.display(),
-            of.curves,
-            of.wavelengths,
-            common::bytes(of.database_bytes),
+            summary.database.display(),
+            summary.curves,
+            summary.wavelengths,
+            common::bytes(summary.database_bytes),
         )?;
-        if of.absent_curves > 0 {
-            writeln!(f, "absent          {}", of.why_absent)?;
+        if summary.absent_curves > 0 {
+            writeln!(f, "absent          {}", summary.why_absent)?;
         }
         writeln!(
             f,
             "compact file    {}: {}, {} basis, {}",
-            of.compact.display(),
-            common::bytes(of.compact_bytes),
-            of.basis.name(),
-            of.precision.name()
+            summary.compact.display(),
+            common::bytes(summary.compact_bytes),
+            summary.basis.name(),
+            summary.precision.name()
         )?;
-        for (quantity, report) in there {
+        for (quantity, report) in reports {
             writeln!(
                 f,
                 "{:<14}  {}, standard errors at most {:.5}",
@@ -48,25 +48,25 @@ impl fmt::Display for Words<'_> {
                 errors(report),
                 report.max_standard_error
             )?;
-            lines(report, f)?;
+            write_errors(report, f)?;
         }
-        if of.lost_share.max > 0.0 {
+        if summary.lost_share.max > 0.0 {
             writeln!(
                 f,
                 "lost rays       {:.4} % hit the event limit and count in no quantity (worst curve {:.4} %)",
-                100.0 * of.lost_share.mean,
-                100.0 * of.lost_share.max
+                100.0 * summary.lost_share.mean,
+                100.0 * summary.lost_share.max
             )?;
         }
-        writeln!(f, "next            {}", of.next)?;
-        match &of.diffuse {
-            Some(diffuse) => write!(f, "\nunder isotropic light: {}", Words(diffuse)),
+        writeln!(f, "next            {}", summary.next)?;
+        match &summary.diffuse {
+            Some(diffuse) => write!(f, "\nunder isotropic light: {}", CompactSummary(diffuse)),
             None => Ok(()),
         }
     }
 }
 
-/// Largest errors with the components chosen.
+/// The number of components, their bits and the largest errors.
 fn errors(report: &QuantityReport) -> String {
     let plural = if report.components == 1 { "" } else { "s" };
     let mut text = format!("{} component{plural}", report.components);
@@ -83,8 +83,8 @@ fn errors(report: &QuantityReport) -> String {
     text
 }
 
-/// Lines of the bands and the largest error, each after 16 columns.
-fn lines(report: &QuantityReport, f: &mut fmt::Formatter) -> fmt::Result {
+/// Writes the errors by band and the largest error, each indented by 16 columns.
+fn write_errors(report: &QuantityReport, f: &mut fmt::Formatter) -> fmt::Result {
     let bands = report.bands.iter().map(|band| {
         let bound = band.max_rmse.map(|bound| format!(" < {bound}"));
         let (name, rmse) = (band.band.name(), band.rmse.max);

@@ -1,4 +1,4 @@
-//! `splitsnow export`: a database or compact file in the formats of others.
+//! `splitsnow export`: converts a database or compact file to other formats.
 use std::path::{Path, PathBuf};
 
 use anyhow::{Context, bail, ensure};
@@ -15,12 +15,12 @@ use crate::store::{COMPACT, DIFFUSE, Store};
 
 /// Export to NetCDF, CSV or NPZ; one spectrum for renderers; patches of colour
 ///
-/// `netcdf` (conventions CF-1.11), `csv` (one row for each node and wavelength) and
-/// `npz` hold all nodes: those of the database, with standard errors, or those of the
-/// compact file. `spd` is one spectrum of the compact file, as pbrt-v4 and Mitsuba 3
-/// read it. `png` and `svg` are patches of the colours of the compact file, all its
-/// thicknesses under five lights, at the middle of the other axes where no option says
-/// otherwise. docs/formats.md describes them all.
+/// `netcdf` (conventions CF-1.11), `csv` (one row for each node and wavelength) and `npz`
+/// hold all nodes of the database, with standard errors, or all nodes of the compact file.
+/// `spd` holds one spectrum of the compact file in the format of pbrt-v4 and Mitsuba 3.
+/// `png` and `svg` are patches of colour from the compact file: all its thicknesses under
+/// five illuminants, at the middle node of each other axis that no option sets.
+/// docs/formats.md describes all formats.
 #[derive(Debug, clap::Args)]
 #[command(
     allow_negative_numbers = true,
@@ -29,38 +29,39 @@ Examples:
   splitsnow export out/quick --format netcdf
   splitsnow export out/quick --from database --format csv --out quick.csv
   splitsnow export out/quick --format spd --facetness 0.1 --grain-size-um 300 \\
-      --density-kg-m3 200 --thickness-cm 5 --angle-deg 40 --out snow.spd
-  splitsnow export out/quick --format png --grain-size-um 300 --angle-deg 0"
+      --density-kg-m3 200 --thickness-cm 5 --incidence-angle-deg 40 --out snow.spd
+  splitsnow export out/quick --format png --grain-size-um 300 --incidence-angle-deg 0"
 )]
 pub(super) struct Args {
-    /// A compact file, or an output directory
+    /// Compact file, or an output directory
     #[arg(value_name = "FILE|DIR")]
     file: PathBuf,
-    /// What to write
+    /// Format to write
     #[arg(long, value_enum)]
     format: Format,
-    /// File to write; one that is there is replaced [default: snow.nc, snow.csv and so
-    /// on in the directory, or beside the file and named like it]
+    /// File to write; an existing file is replaced [default: snow.nc, snow.csv and so on in the
+    /// directory, or the name of the compact file with the format's extension]
     #[arg(long, value_name = "PATH")]
     out: Option<PathBuf>,
-    /// What of a directory [default: the compact file, or the database if there is none]
+    /// Source in an output directory [default: the compact file, or the database if there is
+    /// no compact file]
     #[arg(long, value_enum)]
     from: Option<From>,
-    /// Curves under isotropic light, in netcdf, csv and npz: of an output directory whose
-    /// grid has axes.diffuse
+    /// Export the curves under isotropic light, as netcdf, csv or npz; FILE must be an output
+    /// directory whose grid has axes.diffuse = true
     #[arg(long)]
     diffuse: bool,
-    /// Axes in netcdf and npz: as in the database, or crtm: density, thickness, grain
-    /// size, wavelength, angle after all others, in netcdf under the names and units that
-    /// the loader of CRTM reads [default: database]
-    #[arg(long, value_parser = common::named(Layout::ALL, Layout::name))]
+    /// Order of the axes in netcdf and npz: that of the database, or crtm (density, thickness,
+    /// grain size, wavelength, angle, after all others), in netcdf with the names and units that
+    /// the CRTM loader reads [default: database]
+    #[arg(long, value_parser = common::name_parser(Layout::ALL, Layout::name))]
     layout: Option<Layout>,
-    /// Which spectrum in spd, png and svg [default: transmittance]
-    #[arg(long, value_parser = common::named(Quantity::ALL, Quantity::name))]
+    /// Quantity in spd, png and svg [default: transmittance]
+    #[arg(long, value_parser = common::name_parser(Quantity::ALL, Quantity::name))]
     quantity: Option<Quantity>,
     #[command(
         flatten,
-        next_help_heading = "Where, in spd, png and svg; nodes for --layout crtm"
+        next_help_heading = "Point for spd, png and svg; node for --layout crtm"
     )]
     point: PointArgs,
 }
@@ -70,24 +71,24 @@ enum Format {
     /// NetCDF, classic format, CF-1.11
     #[cfg(feature = "netcdf")]
     Netcdf,
-    /// A long table
+    /// One row for each node and wavelength
     Csv,
     /// Arrays for NumPy
     #[cfg(feature = "npz")]
     Npz,
     /// One spectrum for pbrt-v4 and Mitsuba 3
     Spd,
-    /// Colours, as pixels
+    /// Patches of colour, as pixels
     #[cfg(feature = "charts")]
     Png,
-    /// Colours, as vector graphics
+    /// Patches of colour, as vector graphics
     #[cfg(feature = "charts")]
     Svg,
 }
 
 #[derive(Debug, Clone, Copy, PartialEq, Eq, clap::ValueEnum)]
 enum From {
-    /// The compact file, rebuilt on its nodes
+    /// The compact file, evaluated at its nodes
     Compact,
     /// The database, with standard errors
     Database,
@@ -109,7 +110,7 @@ impl Format {
         }
     }
 
-    /// Whether all nodes are exported.
+    /// Whether the format holds all nodes.
     fn is_table(self) -> bool {
         matches!(self.extension(), "nc" | "csv" | "npz")
     }
@@ -119,9 +120,9 @@ pub(super) fn run(args: &Args) -> anyhow::Result<()> {
     args.check()?;
     let spinner = Spinner::new("exporting");
     let bytes = if args.format.is_table() {
-        args.written(args.table()?)?
+        args.table_bytes(args.table()?)?
     } else {
-        args.seen()?
+        args.lookup_bytes()?
     };
     let out = args.out()?;
     atomic::write(&out, &bytes).with_context(|| format!("cannot write {}", out.display()))?;
@@ -131,13 +132,13 @@ pub(super) fn run(args: &Args) -> anyhow::Result<()> {
 }
 
 impl Args {
-    /// Whether the loader of CRTM is to read it.
+    /// Whether the output is NetCDF for the CRTM loader.
     fn is_crtm(&self) -> bool {
         self.format.extension() == "nc" && self.layout == Some(Layout::Crtm)
     }
 
-    /// All nodes.
-    fn written(&self, table: Table) -> anyhow::Result<Vec<u8>> {
+    /// The table in a format that holds all nodes.
+    fn table_bytes(&self, table: Table) -> anyhow::Result<Vec<u8>> {
         #[cfg(feature = "netcdf")]
         if self.is_crtm() {
             return Ok(export::crtm(self.point.cut(table)?)?);
@@ -152,41 +153,42 @@ impl Args {
         })
     }
 
-    /// Refuses options that the format has no use for.
+    /// Refuses options that do not apply to the format.
     fn check(&self) -> anyhow::Result<()> {
         if self.is_crtm() {
             ensure!(
                 self.point.leaves_tables() && self.quantity.is_none(),
-                "the layout crtm holds the reflectance at all densities, thicknesses, grain sizes and angles; only options of the other axes choose a node of them"
+                "--layout crtm exports the reflectance at all densities, thicknesses, grain sizes and incidence angles; remove their options and --quantity, and choose nodes of the other axes only"
             );
         } else if self.format.is_table() {
             ensure!(
                 self.point.is_empty() && self.quantity.is_none(),
-                "netcdf, csv and npz hold all points and quantities; only spd, png and svg take options that choose among them"
+                "netcdf, csv and npz hold all points and quantities; remove the options of the point and --quantity, which apply to spd, png and svg only"
             );
         } else {
             ensure!(
                 self.from != Some(From::Database),
-                "spd, png and svg are looked up in the compact file; leave out --from database"
+                "spd, png and svg are looked up in the compact file; remove --from database"
             );
         }
         ensure!(
             !self.diffuse || (self.format.is_table() && self.layout.is_none()),
-            "--diffuse is for netcdf, csv and npz in the layout of the database"
+            "--diffuse applies only to netcdf, csv and npz, without --layout"
         );
         ensure!(
             self.layout.is_none() || matches!(self.format.extension(), "nc" | "npz"),
-            "--layout is for netcdf and npz"
+            "--layout applies only to netcdf and npz"
         );
         Ok(())
     }
 
+    /// The nodes of the database or of the compact file.
     fn table(&self) -> anyhow::Result<Table> {
         let dir = self.file.is_dir();
-        let absent = dir && !self.file.join(COMPACT).exists() && Store::is_at(&self.file);
+        let lacks_compact = dir && !self.file.join(COMPACT).exists() && Store::is_at(&self.file);
         let database = match self.from {
             Some(from) => from == From::Database,
-            None => absent,
+            None => lacks_compact,
         };
         Ok(match (database, self.diffuse) {
             (true, diffuse) => Table::of_store(&Store::open(&self.file)?, diffuse)?,
@@ -202,8 +204,8 @@ impl Args {
         Ok(Database::open(&self.file)?)
     }
 
-    /// A spectrum or colours.
-    fn seen(&self) -> anyhow::Result<Vec<u8>> {
+    /// A spectrum or patches of colour, looked up in the compact file.
+    fn lookup_bytes(&self) -> anyhow::Result<Vec<u8>> {
         let quantity = self.quantity.unwrap_or(Quantity::Transmittance);
         match self.format {
             #[cfg(feature = "charts")]
@@ -214,21 +216,23 @@ impl Args {
         }
     }
 
+    /// The colours of the compact file at the given point, for all thicknesses or the given one.
     #[cfg(feature = "charts")]
     fn patches(&self, quantity: Quantity) -> anyhow::Result<Swatches> {
         let file = self.compact()?;
         let point = self.point.or_middle(&file);
-        let there = file.at(point.optional())?;
+        let file_at = file.at(point.optional())?;
         let snow = self.point.described(point);
-        let one = self.point.has_thickness();
-        let swatches = export::thicknesses(&there, quantity, point, one, snow)?;
+        let one_thickness = self.point.has_thickness();
+        let swatches = export::thicknesses(&file_at, quantity, point, one_thickness, snow)?;
         Ok(swatches)
     }
 
+    /// The spectrum at the given point, in the spd format.
     fn spectrum(&self, quantity: Quantity) -> anyhow::Result<Vec<u8>> {
         let point = self.point.point(false)?;
-        let there = self.compact()?.at(point.optional())?;
-        let lookup = Lookup::new(&there, quantity)?;
+        let file_at = self.compact()?.at(point.optional())?;
+        let lookup = Lookup::new(&file_at, quantity)?;
         let mut values = vec![0.0; lookup.wavelengths()];
         lookup.spectrum(point, &mut values)?;
         let comments = [
@@ -243,9 +247,10 @@ impl Args {
                 export::RANGE_NM[1]
             ),
         ];
-        Ok(export::spd(&comments, there.wavelengths_nm(), &values).into_bytes())
+        Ok(export::spd(&comments, file_at.wavelengths_nm(), &values).into_bytes())
     }
 
+    /// The path of the file to write, which must not be the file exported.
     fn out(&self) -> anyhow::Result<PathBuf> {
         let extension = self.format.extension();
         let out = match &self.out {
@@ -264,7 +269,7 @@ impl Args {
         };
         if real(&out).is_some_and(|out| real(&source) == Some(out)) {
             bail!(
-                "{} is the file to export; choose another --out",
+                "{} is the file being exported; give another --out",
                 out.display()
             );
         }

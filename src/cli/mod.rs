@@ -1,8 +1,8 @@
-//! The command line: one file per command, with its arguments and its `run`.
+//! The command line: one file per command, with its arguments and its `run` function.
 //!
-//! Results go to standard output, all else to standard error. Exit codes: 0
-//! when everything asked for is done, 1 with one line `error: ...`, 2 for a
-//! wrong command line, 130 when interrupted.
+//! Results go to standard output; warnings, notes and progress go to standard error.
+//! Exit codes: 0 on success, 1 after an error (one line `error: ...`), 2 for a wrong
+//! command line, 130 after an interruption.
 mod against;
 mod bar;
 mod build;
@@ -10,18 +10,18 @@ mod common;
 mod compact;
 mod compress;
 mod export;
-mod fit;
 mod goniometer;
-mod measure;
 mod plan;
 mod point;
 mod query;
 mod simulate;
 #[cfg(feature = "charts")]
 mod study;
+mod tailor;
 #[cfg(feature = "charts")]
 mod tradeoff;
 mod verify;
+mod walking;
 
 use std::ffi::{OsStr, OsString};
 use std::process::ExitCode;
@@ -29,33 +29,34 @@ use std::process::ExitCode;
 use clap::{Parser, Subcommand};
 
 use crate::atomic;
+use crate::simd;
 
-/// Generates and compresses spectral databases of snow
+/// Generate and compress spectral databases of snow
 ///
-/// A first-principles Monte Carlo model walks light from grain to grain. A grid
-/// of snow parameters becomes a database of reflectance and transmittance
-/// spectra with their standard errors, and one small file that renderers and
-/// retrievals evaluate.
+/// A first-principles Monte Carlo model traces light from ice grain to ice grain.
+/// SPLITSnow simulates a grid of snow parameters and stores a database of reflectance
+/// and transmittance spectra with their standard errors. It compresses the database to
+/// one small file that renderers and retrievals evaluate.
 #[derive(Debug, Parser)]
-#[command(name = "splitsnow", version, after_help = STORY)]
+#[command(name = "splitsnow", version, after_help = TYPICAL_SEQUENCE)]
 struct Cli {
     #[command(subcommand)]
     command: Command,
 }
 
-const STORY: &str = "\
+const TYPICAL_SEQUENCE: &str = "\
 A typical sequence:
-  splitsnow plan configs/quick.toml     what it will take: jobs, time, bytes, errors
-  splitsnow build configs/quick.toml    the database, the compact file, the error table
+  splitsnow plan configs/quick.toml     estimate the jobs, time, bytes and errors
+  splitsnow build configs/quick.toml    make the database, the compact file, the error table
   splitsnow query out/quick --facetness 0.1 --grain-size-um 100 \\
-      --density-kg-m3 200 --thickness-cm 1 --angle-deg 0
-                                        one spectrum of it, as CSV
+      --density-kg-m3 200 --thickness-cm 1 --incidence-angle-deg 0
+                                        print one spectrum as CSV
 
-`build` may be interrupted or killed at any time: the same command goes on where
-it stopped, and the result is the same to the byte.
+`build` may be interrupted or killed at any time. The same command then resumes, and
+the result is identical to the byte.
 
-`splitsnow help COMMAND` has the details and examples; README.md and the folder
-docs/ explain the model, the config files and the file formats.";
+`splitsnow help COMMAND` gives details and examples. README.md and the folder docs/
+explain the model, the config files and the file formats.";
 
 #[derive(Debug, Subcommand)]
 enum Command {
@@ -63,55 +64,99 @@ enum Command {
     Build(build::Args),
     Compress(compress::Args),
     Verify(verify::Args),
-    #[command(alias = "tailor")]
-    Fit(fit::Args),
+    #[command(alias = "fit")]
+    Tailor(tailor::Args),
     Query(query::Args),
     Export(export::Args),
-    #[command(alias = "simulate")]
-    Measure(measure::Args),
+    #[command(alias = "measure")]
+    Simulate(simulate::Args),
     #[cfg(feature = "charts")]
     Tradeoff(tradeoff::Args),
     #[cfg(feature = "charts")]
     Study(study::Args),
 }
 
-/// `words` with every number below zero joined to the option in front of it:
-/// `--angle-deg -1e-16` is `--angle-deg=-1e-16`, and no option of its own.
-fn joined(words: impl Iterator<Item = OsString>) -> Vec<OsString> {
-    let mut all: Vec<OsString> = Vec::new();
+/// Joins every negative number in `words` to the option before it, so that clap does not
+/// read the number as an option: `--incidence-angle-deg -1e-16` becomes
+/// `--incidence-angle-deg=-1e-16`.
+fn join_negative_numbers(words: impl Iterator<Item = OsString>) -> Vec<OsString> {
+    let mut joined: Vec<OsString> = Vec::new();
     for word in words {
         let text = word.to_str().unwrap_or_default();
         let is_number = text.starts_with('-') && text.parse::<f64>().is_ok();
-        match all.last_mut() {
-            Some(option) if is_number && is_open(option) => {
+        match joined.last_mut() {
+            Some(option) if is_number && lacks_value(option) => {
                 option.push("=");
                 option.push(&word);
             }
-            _ => all.push(word),
+            _ => joined.push(word),
         }
     }
-    all
+    joined
 }
 
-/// Whether a word is a long option without its value.
-fn is_open(word: &OsStr) -> bool {
+/// Whether `word` is a long option without `=VALUE`.
+fn lacks_value(word: &OsStr) -> bool {
     let text = word.to_str().unwrap_or_default();
     text.len() > 2 && text.starts_with("--") && !text.contains('=')
 }
 
-/// Runs the command that the arguments of this process ask for.
+/// Whether the arguments ask for the long form of the version: `--version -v`, `-V -v`,
+/// `-vV` and the like. The first of `words` is the name of the program.
+fn asks_for_long_version(words: &[OsString]) -> bool {
+    let mut asked = [false; 2];
+    for word in words.iter().skip(1) {
+        let found = match word.to_str() {
+            Some("-V" | "--version") => [true, false],
+            Some("-v" | "--verbose") => [false, true],
+            Some("-vV" | "-Vv") => [true; 2],
+            _ => return false,
+        };
+        asked = [asked[0] || found[0], asked[1] || found[1]];
+    }
+    asked == [true; 2]
+}
+
+/// Prints the version, the target and the instruction sets.
+#[allow(clippy::print_stdout)]
+fn print_long_version(level: simd::Level) {
+    let supported: Vec<_> = simd::Level::supported().map(simd::Level::name).collect();
+    println!("splitsnow {}", env!("CARGO_PKG_VERSION"));
+    println!(
+        "target: {}-{}",
+        std::env::consts::ARCH,
+        std::env::consts::OS
+    );
+    println!("instruction set: {level}");
+    println!("supported here: {}", supported.join(", "));
+}
+
+/// Parses the arguments of this process and runs the command.
 #[must_use]
 pub fn run() -> ExitCode {
-    let cli = Cli::parse_from(joined(std::env::args_os()));
-    let done = match cli.command {
+    let words = join_negative_numbers(std::env::args_os());
+    let is_long_version = asks_for_long_version(&words);
+    let command = (!is_long_version).then(|| Cli::parse_from(words).command);
+    let level = match simd::requested() {
+        Ok(level) => level,
+        Err(error) => {
+            common::note(&format!("error: {error}"));
+            return ExitCode::FAILURE;
+        }
+    };
+    let Some(command) = command else {
+        print_long_version(level);
+        return ExitCode::SUCCESS;
+    };
+    let result = match command {
         Command::Plan(args) => plan::run(&args),
         Command::Build(args) => build::run(&args),
         Command::Compress(args) => compress::run(&args),
         Command::Verify(args) => verify::run(&args),
-        Command::Fit(args) => fit::run(&args),
+        Command::Tailor(args) => tailor::run(&args),
         Command::Query(args) => query::run(&args),
         Command::Export(args) => export::run(&args),
-        Command::Measure(args) => measure::run(&args),
+        Command::Simulate(args) => simulate::run(&args),
         #[cfg(feature = "charts")]
         Command::Tradeoff(args) => tradeoff::run(&args),
         #[cfg(feature = "charts")]
@@ -119,11 +164,11 @@ pub fn run() -> ExitCode {
     };
     if let Some((directory, error)) = atomic::unsynced() {
         common::warn(&[format!(
-            "{} cannot be synced to the disk ({error}); what was written there is in place, but a power loss in the next minute may undo it",
+            "{} cannot be synced to the disk ({error}); the files are in place, but a power loss in the next minute may undo the last writes",
             directory.display()
         )]);
     }
-    match done {
+    match result {
         Ok(()) => ExitCode::SUCCESS,
         Err(error) if error.is::<common::Interrupted>() => {
             common::note(&error.to_string());
@@ -148,15 +193,24 @@ mod tests {
     #[test]
     fn numbers_below_zero_belong_to_the_option_before() {
         let joined = |line: &str| {
-            let words = super::joined(line.split(' ').map(Into::into)).into_iter();
+            let words = super::join_negative_numbers(line.split(' ').map(Into::into)).into_iter();
             let words: Vec<_> = words.filter_map(|word| word.into_string().ok()).collect();
             words.join(" ")
         };
         for (line, expected) in [
-            ("q --angle-deg -1e-16 --json", "q --angle-deg=-1e-16 --json"),
+            (
+                "q --incidence-angle-deg -1e-16 --json",
+                "q --incidence-angle-deg=-1e-16 --json",
+            ),
             ("q --temperature-c -5", "q --temperature-c=-5"),
-            ("q --angle-deg 1e-16", "q --angle-deg 1e-16"),
-            ("q --angle-deg --quantity r", "q --angle-deg --quantity r"),
+            (
+                "q --incidence-angle-deg 1e-16",
+                "q --incidence-angle-deg 1e-16",
+            ),
+            (
+                "q --incidence-angle-deg --quantity r",
+                "q --incidence-angle-deg --quantity r",
+            ),
             ("q --a=-1 -2", "q --a=-1 -2"),
             ("q -5", "q -5"),
         ] {

@@ -1,19 +1,19 @@
-//! `splitsnow plan`: what a build will take.
+//! `splitsnow plan`: estimates the cost of a build.
 use std::fmt;
 use std::path::PathBuf;
 
 use serde::Serialize;
 
 use super::common::{self, GridArgs, Spinner};
-use crate::plan::{self, Axis, COMPONENTS, LongestJob, Measured, Options, Plan};
+use crate::plan::{self, Axis, COMPONENTS, LongestJob, Options, PilotReport, Plan};
 
-/// Say what a build will take, without running it
+/// Estimate the jobs, time, bytes and errors of a build, without running it
 ///
-/// Prints the axes, the number of jobs and curves, the job that takes longest, and
-/// estimates of time, bytes and standard errors. To find these, a few of the jobs are
-/// run with as many of their rays as the budget of --seconds allows; the rest is
-/// extrapolated. Nothing is written. If the output directory holds part of the
-/// database, the time is that of the jobs left.
+/// Prints the axes, the number of jobs and curves, the longest job, and estimates of time,
+/// bytes and standard errors. For the estimates, `plan` runs a few of the jobs with as many
+/// of their rays as the budget of --seconds allows, and extrapolates. It writes nothing. If
+/// the output directory holds a part of the database, the time is that of the remaining
+/// jobs.
 #[derive(Debug, clap::Args)]
 #[command(after_long_help = "\
 Examples:
@@ -22,7 +22,7 @@ Examples:
 pub(super) struct Args {
     #[command(flatten)]
     grid: GridArgs,
-    /// CPU seconds to measure with, in all threads together
+    /// CPU seconds, in all threads together, to spend on the estimates
     #[arg(long, value_name = "X", default_value = "5", value_parser = common::positive)]
     seconds: f64,
     /// Print the plan as JSON
@@ -30,9 +30,9 @@ pub(super) struct Args {
     json: bool,
 }
 
-/// A plan, and of what.
+/// A plan with the name of its grid file, its output directory and the next command.
 #[derive(Debug, Serialize)]
-struct Named {
+struct NamedPlan {
     name: String,
     out: PathBuf,
     #[serde(flatten)]
@@ -54,7 +54,7 @@ pub(super) fn run(args: &Args) -> anyhow::Result<()> {
     if let Some(refused) = &plan.refused {
         common::warn(&[format!("a build would be refused: {refused}")]);
     }
-    let named = Named {
+    let named = NamedPlan {
         name: file.name,
         out,
         plan,
@@ -66,7 +66,7 @@ pub(super) fn run(args: &Args) -> anyhow::Result<()> {
     common::print(&named.to_string())
 }
 
-impl fmt::Display for Named {
+impl fmt::Display for NamedPlan {
     fn fmt(&self, f: &mut fmt::Formatter) -> fmt::Result {
         let plan = &self.plan;
         writeln!(
@@ -80,10 +80,10 @@ impl fmt::Display for Named {
         for Axis { name, values, .. } in &plan.axes {
             let [first, .., last] = values.as_slice() else {
                 let only = values.first().copied().unwrap_or_default();
-                writeln!(f, "  {name:<14} {only}")?;
+                writeln!(f, "  {name:<20} {only}")?;
                 continue;
             };
-            writeln!(f, "  {name:<14} {} values, {first} to {last}", values.len())?;
+            writeln!(f, "  {name:<20} {} values, {first} to {last}", values.len())?;
         }
         let per_job = plan.curves / plan.jobs.max(1);
         writeln!(
@@ -107,7 +107,7 @@ impl fmt::Display for Named {
         writeln!(
             f,
             "time            about {} core-seconds, {} on {} thread{}",
-            whole(plan.core_seconds),
+            two_digits(plan.core_seconds),
             common::duration(plan.wall_seconds),
             plan.threads,
             if plan.threads == 1 { "" } else { "s" }
@@ -125,7 +125,7 @@ impl fmt::Display for Named {
             )?,
             _ => writeln!(
                 f,
-                "standard error  unknown: no run ended; give more --seconds"
+                "standard error  unknown: no simulation ended; give more --seconds"
             )?,
         }
         let LongestJob {
@@ -139,14 +139,14 @@ impl fmt::Display for Named {
         writeln!(
             f,
             "longest job     about {} core-seconds by {engine}, {}: {parameters}",
-            whole(*core_seconds),
+            two_digits(*core_seconds),
             match rays_run {
                 0 => "from its size".to_owned(),
                 run if run == rays => "measured".to_owned(),
                 run => format!("extrapolated from {run} of its {rays} rays"),
             }
         )?;
-        let Measured {
+        let PilotReport {
             spent_seconds,
             jobs,
             jobs_whole,
@@ -167,9 +167,11 @@ impl fmt::Display for Named {
                 plan.longest_job.rays
             ));
         }
-        let all = plan.axes.last().map_or(0, |axis| axis.values.len());
-        if *wavelengths < all {
-            extrapolated.push(format!("from {wavelengths} wavelengths to {all}"));
+        let all_wavelengths = plan.axes.last().map_or(0, |axis| axis.values.len());
+        if *wavelengths < all_wavelengths {
+            extrapolated.push(format!(
+                "from {wavelengths} wavelengths to {all_wavelengths}"
+            ));
         }
         let others = plan.jobs.saturating_sub(*jobs as u64);
         if others > 0 {
@@ -189,8 +191,8 @@ impl fmt::Display for Named {
     }
 }
 
-/// Seconds with the two digits that can be known.
-fn whole(seconds: f64) -> String {
+/// Seconds rounded to two digits, the precision of the estimate.
+fn two_digits(seconds: f64) -> String {
     if seconds < 10.0 {
         return format!("{seconds:.1}");
     }
@@ -203,8 +205,8 @@ mod tests {
     use super::*;
 
     #[test]
-    fn two_digits_of_seconds() {
-        let texts = [0.04, 9.94, 14.4, 105.0, 146_762.0].map(whole);
+    fn seconds_have_two_digits() {
+        let texts = [0.04, 9.94, 14.4, 105.0, 146_762.0].map(two_digits);
         assert_eq!(texts, ["0.0", "9.9", "14", "110", "150000"]);
     }
 }

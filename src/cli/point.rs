@@ -1,4 +1,4 @@
-//! The options that say where in a compact file, one for each parameter.
+//! The options that give a point in a compact file: one option for each parameter.
 use anyhow::bail;
 use clap::{Arg, ArgMatches, Command};
 
@@ -9,14 +9,14 @@ use crate::lookup::Database;
 use crate::parameter::{Parameter, Point};
 use crate::units::HALF_SPACE_CM;
 
-/// One coordinate for each axis.
+/// The coordinates given on the command line, at most one for each axis.
 #[derive(Debug)]
 pub(super) struct PointArgs(Point);
 
-/// A number: NaN is none.
+/// Parses a number, also `inf`; NaN is refused.
 fn number(text: &str) -> Result<f64, String> {
     let number = text.parse().ok().filter(|number: &f64| !number.is_nan());
-    number.ok_or_else(|| "not a number".to_owned())
+    number.ok_or_else(|| "the value must be a number".to_owned())
 }
 
 /// The option of a parameter.
@@ -31,16 +31,21 @@ fn arg(parameter: Parameter) -> Arg {
         unit => help += &format!(", {unit}"),
     }
     if parameter == Parameter::Thickness {
-        help += "; inf is a half space";
+        help += "; inf for a half space";
     }
     if parameter.is_optional() {
-        help += "; only where the file has such an axis";
+        help += "; only for a file with this axis";
     }
-    Arg::new(record.name)
+    let arg = Arg::new(record.key)
         .long(record.option)
         .value_name(record.symbol)
         .value_parser(number)
-        .help(help)
+        .help(help);
+    match parameter {
+        // the name of this option in version 0.1
+        Parameter::Incidence => arg.alias("angle-deg"),
+        _ => arg,
+    }
 }
 
 impl clap::Args for PointArgs {
@@ -57,9 +62,9 @@ impl clap::Args for PointArgs {
 impl clap::FromArgMatches for PointArgs {
     fn from_arg_matches(matches: &ArgMatches) -> Result<Self, clap::Error> {
         let given = Parameter::ALL.into_iter().filter_map(|parameter| {
-            let value = *matches.get_one::<f64>(parameter.name())?;
+            let value = *matches.get_one::<f64>(parameter.key())?;
             let value = match parameter {
-                // a half space is as thick as files hold it
+                // files store a half space as the finite thickness HALF_SPACE_CM
                 Parameter::Thickness => value.min(HALF_SPACE_CM),
                 _ => value,
             };
@@ -74,7 +79,7 @@ impl clap::FromArgMatches for PointArgs {
     }
 }
 
-/// Makes the options of axes that every file has required ones.
+/// Makes the options of the axes that every file has required.
 pub(super) fn required(arg: Arg) -> Arg {
     match Parameter::named(arg.get_id().as_str()) {
         Some(Parameter::Incidence) => arg.required_unless_present("diffuse"),
@@ -84,19 +89,19 @@ pub(super) fn required(arg: Arg) -> Arg {
 }
 
 impl PointArgs {
-    /// Whether none is given.
+    /// Whether no coordinate is given.
     pub(super) fn is_empty(&self) -> bool {
         self.0.is_empty()
     }
 
-    /// Whether no node is chosen of density, size, thickness and angle.
+    /// Whether no density, grain size, thickness or incidence angle is given.
     pub(super) fn leaves_tables(&self) -> bool {
         let core = Parameter::CORE.into_iter();
         let mut rest = core.filter(|p| *p != Parameter::Facetness);
         rest.all(|parameter| self.0.get(parameter).is_none())
     }
 
-    /// The part of `table` at the nodes that are given.
+    /// The part of `table` at the given nodes.
     #[cfg(feature = "netcdf")]
     pub(super) fn cut(&self, mut table: Table) -> Result<Table, ExportError> {
         for (parameter, value) in self.0.iter() {
@@ -105,8 +110,11 @@ impl PointArgs {
         Ok(table)
     }
 
-    /// The point, at which all parameters that every file has must be given; under
-    /// `diffuse` light the angle is the one of its file.
+    /// The point. Every axis that all files have must be given, except the incidence angle
+    /// under `diffuse` light, which is set to 0.
+    ///
+    /// # Errors
+    /// If a required option is missing.
     pub(super) fn point(&self, diffuse: bool) -> anyhow::Result<Point> {
         let mut point = self.0;
         if diffuse && point.get(Parameter::Incidence).is_none() {
@@ -115,7 +123,7 @@ impl PointArgs {
         let mut core = Parameter::CORE.into_iter();
         match core.find(|parameter| point.get(*parameter).is_none()) {
             Some(parameter) => bail!(
-                "say where: --{} is missing; one spectrum is at one point of all axes",
+                "--{} is missing; a spectrum needs a value for every axis",
                 parameter.record().option
             ),
             None => Ok(point),
@@ -123,7 +131,7 @@ impl PointArgs {
     }
 }
 
-/// For exports as pictures.
+/// Points for exports as pictures.
 #[cfg(feature = "charts")]
 impl PointArgs {
     /// Whether the thickness is given.
@@ -131,7 +139,7 @@ impl PointArgs {
         self.0.get(Parameter::Thickness).is_some()
     }
 
-    /// The point, at the middle nodes of the axes where nothing is given.
+    /// The point, with the middle node of each axis that is not given.
     pub(super) fn or_middle(&self, database: &Database) -> Point {
         let mut point = self.0;
         for (parameter, nodes) in database.axes().iter() {
@@ -145,7 +153,7 @@ impl PointArgs {
         point
     }
 
-    /// The point for people, without the thickness unless it is given.
+    /// The point as text, without the thickness unless it is given.
     pub(super) fn described(&self, point: Point) -> String {
         match self.has_thickness() {
             true => point.to_string(),

@@ -1,22 +1,21 @@
-//! `splitsnow query`: one spectrum from a compact file.
+//! `splitsnow query`: prints one spectrum of a compact file.
 use std::collections::BTreeMap;
 use std::fmt::Write;
 use std::path::PathBuf;
 
 use super::common;
 use super::point::{self, PointArgs};
-use crate::certificate::{CERTIFICATE, Certificate};
 use crate::compress::{BAND_ERRORS, BandError};
-use crate::fit::BETWEEN_WAVELENGTHS;
+use crate::error_budget::ErrorBudget;
 use crate::lookup::{Database, Lookup, Varsa2025};
 use crate::measurement::Quantity;
+use crate::tailor::BETWEEN_WAVELENGTHS;
 
 /// Print one spectrum of a compact file as CSV
 ///
-/// The columns are `wavelength_nm,value`. Any point in the box of the axes is
-/// answered, and any thickness from 0 on. `--method varsa2025` interpolates in
-/// thickness and angle only, as the thesis does, and refuses other snow than that
-/// of the nodes.
+/// The columns are `wavelength_nm,value`. Any point inside the box of the axes is allowed, at
+/// any thickness from 0 to inf (a half space). `--method varsa2025` interpolates in thickness
+/// and incidence angle only, as Varsa's thesis does; it refuses snow that is not at a node.
 #[derive(Debug, clap::Args)]
 #[command(
     allow_negative_numbers = true,
@@ -24,38 +23,39 @@ use crate::measurement::Quantity;
     after_long_help = "\
 Examples:
   splitsnow query out/quick --facetness 0.1 --grain-size-um 300 \\
-      --density-kg-m3 200 --thickness-cm 5 --angle-deg 40
+      --density-kg-m3 200 --thickness-cm 5 --incidence-angle-deg 40
   splitsnow query out/quick/snow.safetensors --facetness 0.1 --grain-size-um 300 \\
-      --density-kg-m3 200 --thickness-cm 5 --angle-deg 40 --quantity reflectance"
+      --density-kg-m3 200 --thickness-cm 5 --incidence-angle-deg 40 \\
+      --quantity reflectance --explain"
 )]
 pub(super) struct Args {
-    /// A compact file, or the output directory that holds one
+    /// Compact file, or the output directory that holds it
     #[arg(value_name = "FILE")]
     file: PathBuf,
     #[command(flatten)]
     point: PointArgs,
-    /// Which spectrum
+    /// Quantity to print
     #[arg(long, default_value = Quantity::Transmittance.name(),
-          value_parser = common::named(Quantity::ALL, Quantity::name))]
+          value_parser = common::name_parser(Quantity::ALL, Quantity::name))]
     quantity: Quantity,
-    /// Under isotropic light, instead of light from an angle: of an output directory whose
-    /// grid has axes.diffuse
-    #[arg(long, conflicts_with = "angle_deg")]
+    /// Print the spectrum under isotropic light; FILE must be an output directory whose grid
+    /// has axes.diffuse = true
+    #[arg(long, conflicts_with = "incidence_angle_deg")]
     diffuse: bool,
-    /// How to interpolate
+    /// Interpolation method
     #[arg(long, value_enum, default_value = "smooth")]
     method: Method,
-    /// Say before the columns, in lines that begin with #, what the file is and how
-    /// far its answers may be off
+    /// Print comment lines (starting with #) before the columns: the contents of the file and
+    /// how large the errors of its values may be
     #[arg(long)]
     explain: bool,
 }
 
 #[derive(Debug, Clone, Copy, clap::ValueEnum)]
 enum Method {
-    /// All five axes, in coordinates in which snow is smooth
+    /// All axes, in coordinates in which spectra vary smoothly
     Smooth,
-    /// Natural spline in thickness, straight line in the angle
+    /// Natural cubic spline in thickness, linear in incidence angle
     Varsa2025,
 }
 
@@ -66,10 +66,10 @@ pub(super) fn run(args: &Args) -> anyhow::Result<()> {
         Database::open(&args.file)?
     };
     let point = args.point.point(args.diffuse)?;
-    let there = database.at(point.optional())?;
+    let database_at = database.at(point.optional())?;
     let spectrum = match args.method {
         Method::Smooth => {
-            let lookup = Lookup::new(&there, args.quantity)?;
+            let lookup = Lookup::new(&database_at, args.quantity)?;
             let mut spectrum = vec![0.0; lookup.wavelengths()];
             lookup.spectrum(point, &mut spectrum)?;
             spectrum
@@ -89,7 +89,7 @@ pub(super) fn run(args: &Args) -> anyhow::Result<()> {
     common::print(&csv)
 }
 
-/// What the file is, and its certificate.
+/// The contents of the file and its error budget.
 fn explanation(database: &Database, quantity: Quantity) -> String {
     let mut text = format!(
         "{} nodes, components: {} of {} spectra, coefficients: {}",
@@ -99,8 +99,8 @@ fn explanation(database: &Database, quantity: Quantity) -> String {
         database.precision().name()
     );
     if let Some(between) = database.metadata().get(BETWEEN_WAVELENGTHS) {
-        let n = database.wavelengths_nm().len();
-        let _ = write!(text, "\n{n} wavelengths, between them {between}");
+        let count = database.wavelengths_nm().len();
+        let _ = write!(text, "\n{count} wavelengths, between them {between}");
     }
     let bands = database.metadata().get(BAND_ERRORS);
     let bands = bands.and_then(|text| serde_json::from_str(text).ok());
@@ -108,19 +108,17 @@ fn explanation(database: &Database, quantity: Quantity) -> String {
     for band in bands.get(quantity.name()).into_iter().flatten() {
         let _ = write!(text, "\n{}", compression(band));
     }
-    let certificate = database.metadata().get(CERTIFICATE);
-    let certificate = certificate.and_then(|text| serde_json::from_str::<Certificate>(text).ok());
-    let _ = match certificate {
-        Some(certificate) => write!(text, "\n{certificate}"),
+    let _ = match ErrorBudget::of(database.metadata()) {
+        Some(error_budget) => write!(text, "\n{error_budget}"),
         None => write!(
             text,
-            "\nno certificate: `splitsnow verify` measures how far its answers are off"
+            "\nno error budget: run `splitsnow verify` to measure the errors of look-ups"
         ),
     };
     text
 }
 
-/// What the compression costs in a band.
+/// The compression errors in a band.
 fn compression(band: &BandError) -> String {
     let BandError { rmse, largest, .. } = band;
     let mut text = format!(

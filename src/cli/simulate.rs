@@ -1,71 +1,167 @@
-//! What commands that simulate without storing have in common: threads and
-//! a progress bar.
-use std::io::{self, IsTerminal};
-use std::sync::atomic::{AtomicBool, AtomicU64, Ordering};
-use std::sync::mpsc::{self, Receiver, RecvTimeoutError};
-use std::time::{Duration, Instant};
+//! `splitsnow simulate`: a virtual spectrophotometer for one snow sample.
+use std::fmt::Write;
+use std::path::PathBuf;
 
-use anyhow::Context;
-use indicatif::{ProgressBar, ProgressStyle};
+use serde_json::{Value, json};
 
-use super::common::ThreadArgs;
-use crate::engine::{Cache, Control};
+use super::common::{self, Interrupted, ThreadArgs};
+use super::{against, goniometer, walking};
+use crate::config::sample;
+use crate::engine::{Engine, EngineError};
+use crate::measurement::{Measured, Spectrum};
+use crate::simulation::{RAYS, Simulation};
 
-/// No bar for what takes less.
-const PATIENCE: Duration = Duration::from_secs(1);
-/// Between two redraws.
-const TICK: Duration = Duration::from_millis(250);
-
-/// Does `work` of `walks` walks on as many threads as asked for, with a
-/// progress bar on standard error if that is a terminal and they are known;
-/// `cancel` stops it.
-pub(super) fn run<T: Send>(
+/// Measure reflectance and transmittance of one snow sample, with standard errors
+///
+/// Prints CSV: wavelength_nm, reflectance, reflectance_se, transmittance, transmittance_se,
+/// absorptance. Comment lines that start with # come first and describe the simulation. The
+/// absorptance is 1 - reflectance - transmittance; it includes the rays stopped at the event
+/// limit, whose share is printed if there are any. The result depends only on the sample,
+/// engine, rays and seed.
+///
+/// With --against, prints instead how well the simulation agrees with a measured spectrum:
+/// root mean square error and bias, overall and per band, in lines that start with #; then
+/// CSV: wavelength_nm, simulated, simulated_se, measured, residual (simulated - measured),
+/// excluded.
+#[derive(Debug, clap::Args)]
+#[command(after_long_help = "\
+Examples:
+  splitsnow simulate configs/samples/representative.toml
+  splitsnow simulate configs/samples/representative.toml --engine spectral --rays 100000 --json
+  splitsnow simulate configs/samples/representative.toml --goniometer --principal-plane
+  splitsnow simulate mine.toml --against measured.csv --plot residuals.svg")]
+pub(super) struct Args {
+    /// Sample file (TOML)
+    #[arg(value_name = "SAMPLE.toml")]
+    sample: PathBuf,
+    /// Engine that simulates the sample
+    #[arg(long, default_value = Engine::Auto.name(), value_parser = common::engine_parser())]
+    engine: Engine,
+    /// Rays: per wavelength in `reference`, per node of refractive index in `spectral` and
+    /// `tabulated`, and per direction of incidence in `hybrid` (`auto`)
+    #[arg(long, default_value_t = RAYS, value_parser = clap::value_parser!(u64).range(1..))]
+    rays: u64,
+    /// Seed of the random numbers
+    #[arg(long, default_value_t = 1)]
+    seed: u64,
+    #[command(flatten)]
     threads: ThreadArgs,
-    walks: Option<u64>,
-    cancel: &AtomicBool,
-    work: impl FnOnce(&Control<'_>) -> T + Send,
-) -> anyhow::Result<T> {
-    let pool = rayon::ThreadPoolBuilder::new()
-        .num_threads(threads.count()?)
-        .build()
-        .context("cannot start the threads; ask for fewer with --threads")?;
-    let (rays_done, cache) = (AtomicU64::new(0), Cache::default());
-    let control = Control {
-        parallel: true,
-        cancel,
-        rays_done: &rays_done,
-        cache: &cache,
-    };
-    Ok(std::thread::scope(|scope| {
-        let (working, ended) = mpsc::channel::<()>();
-        if let Some(walks) = walks.filter(|_| io::stderr().is_terminal()) {
-            let rays_done = &rays_done;
-            scope.spawn(move || show(ended, rays_done, walks));
-        }
-        let result = pool.install(|| work(&control));
-        drop(working);
-        result
-    }))
+    /// Print JSON: one list per column, and the share of lost rays per wavelength
+    #[arg(long)]
+    json: bool,
+    #[command(flatten)]
+    against: against::Args,
+    #[command(flatten)]
+    exits: goniometer::Args,
 }
 
-/// Shows a bar until the sender of `ended` is gone.
-fn show(ended: Receiver<()>, rays_done: &AtomicU64, walks: u64) {
-    let start = Instant::now();
-    let waiting = |time| ended.recv_timeout(time) == Err(RecvTimeoutError::Timeout);
-    if !waiting(PATIENCE) {
-        return;
+pub(super) fn run(args: &Args) -> anyhow::Result<()> {
+    let cancel = common::interrupt_flag()?;
+    let sample = sample::read(&args.sample)?;
+    common::warn(&sample.warnings);
+    common::notes(&sample.notes);
+    let target = args.against.target(&sample.wavelengths_nm)?;
+    let simulation = Simulation::of(&sample)
+        .engine(args.engine)
+        .rays(args.rays)
+        .seed(args.seed);
+    if args.exits.is_requested() {
+        let job = goniometer::SharedOptions {
+            sample: args.sample.display().to_string(),
+            engine: args.engine,
+            request: simulation.request(),
+            threads: args.threads,
+            json: args.json,
+        };
+        return goniometer::run(&args.exits, &job, cancel);
     }
-    let bar = ProgressBar::new(walks).with_elapsed(start.elapsed());
-    let template = "{wide_bar} {percent}%, {per_sec} rays, {eta} left";
-    // A template that does not parse would only cost the looks.
-    if let Ok(style) = ProgressStyle::with_template(template) {
-        bar.set_style(style);
-    }
-    loop {
-        bar.set_position(rays_done.load(Ordering::Relaxed));
-        if !waiting(TICK) {
-            break;
+    let engine = simulation.resolved();
+    let result = walking::run(args.threads, Some(simulation.walks()?), cancel, |control| {
+        simulation.run_with(control)
+    })?;
+    let spectrum = match result {
+        Err(EngineError::Cancelled) => return Err(Interrupted("nothing was written".into()).into()),
+        result => result?,
+    };
+    let compared = target.map(|target| target.compare(&spectrum));
+    common::print(&if args.json {
+        let mut value = json_value(args, engine, &sample.wavelengths_nm, &spectrum);
+        if let Some(compared) = &compared {
+            value["against"] = compared.json();
         }
+        format!("{value:#}\n")
+    } else {
+        let rows = match &compared {
+            Some(compared) => compared.csv(),
+            None => csv_rows(&sample.wavelengths_nm, &spectrum),
+        };
+        comments(args, engine, &spectrum) + &rows
+    })?;
+    #[cfg(feature = "charts")]
+    if let Some(compared) = &compared {
+        args.against.plot(compared)?;
     }
-    bar.finish_and_clear();
+    Ok(())
+}
+
+/// The share of light that is neither reflected nor transmitted.
+fn absorptance(reflectance: &Measured, transmittance: &Measured) -> f64 {
+    1.0 - reflectance.value - transmittance.value
+}
+
+/// The comment lines that describe the simulation: version, sample, engine, rays, seed.
+fn comments(args: &Args, engine: Engine, spectrum: &Spectrum) -> String {
+    let sample = common::one_line(&args.sample);
+    let (version, engine) = (env!("CARGO_PKG_VERSION"), engine.name());
+    let (rays, seed) = (args.rays, args.seed);
+    let mut out = format!(
+        "# splitsnow {version} measure\n# sample: {sample}\n# engine: {engine}\n# rays: {rays}\n# seed: {seed}\n"
+    );
+    let lost = spectrum.lost.iter().copied().fold(0.0, f64::max);
+    if lost > 0.0 {
+        let _ = writeln!(
+            out,
+            "# lost_share: {lost:?} at most; rays stopped at the event limit, counted in absorptance"
+        );
+    }
+    out
+}
+
+fn csv_rows(wavelengths_nm: &[f64], spectrum: &Spectrum) -> String {
+    let mut out = String::from(
+        "wavelength_nm,reflectance,reflectance_se,transmittance,transmittance_se,absorptance\n",
+    );
+    let measured = spectrum.reflectance.iter().zip(&spectrum.transmittance);
+    for (nm, (r, t)) in wavelengths_nm.iter().zip(measured) {
+        // `{:?}` prints the shortest decimals that read back as the same number.
+        let absorptance = absorptance(r, t);
+        let _ = writeln!(
+            out,
+            "{nm},{:?},{:?},{:?},{:?},{absorptance:?}",
+            r.value, r.se, t.value, t.se
+        );
+    }
+    out
+}
+
+fn json_value(args: &Args, engine: Engine, wavelengths_nm: &[f64], spectrum: &Spectrum) -> Value {
+    let (r, t) = (&spectrum.reflectance, &spectrum.transmittance);
+    let list = |column: &[Measured], part: fn(&Measured) -> f64| -> Vec<f64> {
+        column.iter().map(part).collect()
+    };
+    let absorptance: Vec<f64> = r.iter().zip(t).map(|(r, t)| absorptance(r, t)).collect();
+    json!({
+        "version": env!("CARGO_PKG_VERSION"),
+        "sample": args.sample.display().to_string(),
+        "engine": engine.name(),
+        "rays": args.rays,
+        "seed": args.seed,
+        "wavelength_nm": wavelengths_nm,
+        "reflectance": list(r, |m| m.value),
+        "reflectance_se": list(r, |m| m.se),
+        "transmittance": list(t, |m| m.value),
+        "transmittance_se": list(t, |m| m.se),
+        "absorptance": absorptance,
+        "lost_share": spectrum.lost,
+    })
 }

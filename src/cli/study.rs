@@ -1,37 +1,37 @@
-//! `study`: figures of one sample in several variants.
+//! `splitsnow study`: draws figures of one sample in several variants.
 use std::path::{Path, PathBuf};
 
 use anyhow::{Context, bail};
 
 use super::common::{self, Interrupted, Spinner, ThreadArgs};
-use super::simulate;
+use super::walking;
 use crate::config::study::{self as file, StudyFile};
 use crate::engine::{Engine, EngineError};
 use crate::lab::report;
 use crate::lab::study::{self, Settings, Studied};
 
-/// Draw studies: a sample in several variants, their spectra or BRDFs in one picture
+/// Draw studies: the spectra or BRDFs of a sample in several variants in one picture
 ///
-/// A study file names a sample, lists variants with the keys that each changes, and
-/// says what is drawn. Writes for each study a picture (SVG and PNG) and its values with
-/// standard errors (CSV), and prints means over bands, or peaks of the BRDF. Those of configs/studies are
-/// the experiments of docs/validation.md.
+/// A study file names a sample, lists variants with the keys that each changes, and says
+/// what to draw. For each study, writes a picture (SVG and PNG) and its values with standard
+/// errors (CSV), and prints means over bands, or peaks of the BRDF. The studies in
+/// configs/studies are the experiments of docs/validation.md.
 #[derive(Debug, clap::Args)]
 #[command(after_long_help = "\
 Examples:
   splitsnow study
   splitsnow study configs/studies/black_carbon.toml --rays 131072 --out out/mine")]
 pub(super) struct Args {
-    /// Study files (TOML), or folders of them
+    /// Study files (TOML), or folders that hold study files
     #[arg(value_name = "STUDY.toml", default_value = "configs/studies")]
     studies: Vec<PathBuf>,
     /// Output directory
     #[arg(long, value_name = "DIR", default_value = "out/studies")]
     out: PathBuf,
-    /// How light is simulated
+    /// Engine that simulates the samples
     #[arg(long, default_value = Engine::Auto.name(), value_parser = common::engine_parser())]
     engine: Engine,
-    /// Walks of each variant, as in `measure`; twice as many for a BRDF
+    /// Rays of each variant, as in `simulate`; twice as many for a BRDF
     #[arg(long, value_name = "N", default_value_t = 16_384, value_parser = clap::value_parser!(u64).range(1..))]
     rays: u64,
     /// Seed of the random numbers
@@ -43,7 +43,7 @@ pub(super) struct Args {
 
 pub(super) fn run(args: &Args) -> anyhow::Result<()> {
     let cancel = common::interrupt_flag()?;
-    // All are read before the first is run, so that a wrong one costs no time.
+    // Reads all files before the first run, so that a wrong file costs no time.
     let studies = read(&args.studies)?;
     for study in &studies {
         common::warn(&study.warnings);
@@ -55,8 +55,8 @@ pub(super) fn run(args: &Args) -> anyhow::Result<()> {
         seed: args.seed,
     };
     let spinner = Spinner::new("starting");
-    // One pool and one cache for all: variants share tables of grain events.
-    simulate::run(args.threads, None, cancel, |control| {
+    // All studies share one pool and one cache, because variants share tables of grain events.
+    walking::run(args.threads, None, cancel, |control| {
         for study in &studies {
             let say = |variant: &file::Variant| {
                 spinner.say(&format!("{}: {}", study.name, variant.label));
@@ -68,20 +68,24 @@ pub(super) fn run(args: &Args) -> anyhow::Result<()> {
                 }
                 studied => studied.with_context(|| format!("in the study {}", study.name))?,
             };
-            tell(args, &studied)?;
+            write_study(args, &studied)?;
         }
         Ok(())
     })?
 }
 
-fn tell(args: &Args, studied: &Studied) -> anyhow::Result<()> {
+/// Writes the files of a finished study and prints its table.
+fn write_study(args: &Args, studied: &Studied) -> anyhow::Result<()> {
     let files = report::write_study(&args.out, studied)?;
     let files: Vec<_> = files.iter().map(|file| common::one_line(file)).collect();
     let table = report::study_table(studied);
     common::print(&format!("{table}  {}\n\n", files.join(", ")))
 }
 
-/// The studies at `paths`, of different names.
+/// The studies in `paths`.
+///
+/// # Errors
+/// If a file cannot be read, or two studies have the same name.
 fn read(paths: &[PathBuf]) -> anyhow::Result<Vec<StudyFile>> {
     let mut studies: Vec<StudyFile> = Vec::new();
     for path in paths {
@@ -89,7 +93,7 @@ fn read(paths: &[PathBuf]) -> anyhow::Result<Vec<StudyFile>> {
             let study = file::read(&path)?;
             if studies.iter().any(|other| other.name == study.name) {
                 bail!(
-                    "{}: another study is named {} too, and its files would be replaced; rename one",
+                    "{}: another study is also named {}, and would write the same files; rename one",
                     path.display(),
                     study.name
                 );
@@ -100,7 +104,7 @@ fn read(paths: &[PathBuf]) -> anyhow::Result<Vec<StudyFile>> {
     Ok(studies)
 }
 
-/// The file at `path`, or those ending in .toml of the folder there.
+/// The file `path`, or the .toml files in the folder `path`, sorted.
 fn files(path: &Path) -> anyhow::Result<Vec<PathBuf>> {
     if !path.is_dir() {
         return Ok(vec![path.to_owned()]);
@@ -114,7 +118,10 @@ fn files(path: &Path) -> anyhow::Result<Vec<PathBuf>> {
         }
     }
     if files.is_empty() {
-        bail!("{}: no study file (.toml) in this folder", path.display());
+        bail!(
+            "{}: this folder holds no study file (.toml)",
+            path.display()
+        );
     }
     files.sort();
     Ok(files)

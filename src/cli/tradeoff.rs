@@ -1,4 +1,4 @@
-//! `splitsnow tradeoff`: the chart of speed against accuracy.
+//! `splitsnow tradeoff`: charts speed against accuracy.
 use anyhow::bail;
 use std::path::{Path, PathBuf};
 
@@ -8,9 +8,9 @@ use super::common::{self, Interrupted, Spinner, ThreadArgs};
 use crate::config::grid;
 use crate::engine::Engine;
 use crate::lab::report;
-use crate::lab::tradeoff::{self, Options, Results, Sample, Source, TradeoffError};
+use crate::lab::tradeoff::{self, CompressionSource, Options, Results, Sample, TradeoffError};
 
-/// The grid whose compression is charted, unless there is a database.
+/// The grid whose compression is charted if no database is given.
 const GRID: (&str, &str) = (
     "configs/quick.toml",
     include_str!("../../configs/quick.toml"),
@@ -18,15 +18,15 @@ const GRID: (&str, &str) = (
 
 /// Chart speed against accuracy: every engine, error against CPU time
 ///
-/// Runs the engines at a ladder of settings on some samples, at 400-700 nm and
-/// 700-1400 nm, and compares reflectance, transmittance and colour with a
-/// converged truth. Writes charts (SVG and PNG) and CSV files, and prints a
-/// table that ends with the engine to take for each bound on the error. Also
-/// charts what the cost grows with, and the error of compression against its cost.
+/// Runs the engines at a ladder of settings on some samples, at 400-700 nm and 700-1400 nm,
+/// and compares reflectance, transmittance and colour with a converged reference (the
+/// truth). Writes charts (SVG and PNG) and CSV files, and prints a table that ends with the
+/// recommended engine for each bound on the error. Also charts how the cost scales, and the
+/// error of compression against its cost.
 ///
-/// The truth is kept in the folder `truth` of the output directory, so that only
-/// the first run computes it. Errors below its own standard error cannot be
-/// resolved: give it more rays for more.
+/// The truth is stored in the folder `truth` of the output directory and reused by later
+/// runs. Errors below the standard error of the truth cannot be resolved; raise --truth-rays
+/// to resolve smaller errors.
 #[derive(Debug, clap::Args)]
 #[command(
     allow_negative_numbers = true,
@@ -37,28 +37,29 @@ Examples:
   splitsnow tradeoff mine.toml --engine spectral --out out/mine --database out/quick"
 )]
 pub(super) struct Args {
-    /// Sample files, whose wavelengths are not used [default: those in configs/tradeoff]
+    /// Sample files; their wavelengths are ignored [default: the files in configs/tradeoff]
     #[arg(value_name = "SAMPLE.toml")]
     samples: Vec<PathBuf>,
     /// Output directory
     #[arg(long, value_name = "DIR", default_value = "out/tradeoff")]
     out: PathBuf,
-    /// CPU seconds to spend, about; the truth counts only without --truth-rays
+    /// CPU seconds to spend, approximately; includes the truth only without --truth-rays
     #[arg(long, value_name = "SECONDS", default_value_t = 400.0, value_parser = common::positive)]
     budget: f64,
-    /// Engine to chart, once for each [default: all]
+    /// Engine to chart; may be given several times [default: all]
     #[arg(long, value_parser = common::engine_parser())]
     engine: Vec<Engine>,
-    /// Runs of each setting, with random numbers of their own
+    /// Runs of each setting, each with its own random numbers
     #[arg(long, value_name = "N", default_value_t = 4, value_parser = clap::value_parser!(u64).range(1..=32))]
     seeds: u64,
     /// Engine of the truth
     #[arg(long, value_name = "ENGINE", default_value = Engine::Spectral.name(), value_parser = common::engine_parser())]
     truth_engine: Engine,
-    /// Rays of the truth [default: what two fifths of the budget allow]
+    /// Rays of the truth [default: as many as two fifths of --budget allow]
     #[arg(long, value_name = "N", value_parser = clap::value_parser!(u64).range(1..))]
     truth_rays: Option<u64>,
-    /// Finished database whose compression is charted [default: configs/quick.toml, in memory]
+    /// Output directory of a finished build whose compression is charted [default:
+    /// configs/quick.toml, built in memory]
     #[arg(long, value_name = "DIR")]
     database: Option<PathBuf>,
     #[command(flatten)]
@@ -72,12 +73,12 @@ pub(super) fn run(args: &Args) -> anyhow::Result<()> {
     let cancel = common::interrupt_flag()?;
     let options = options(args)?;
     let spinner = Spinner::new("reading");
-    let measured = tradeoff::run(&options, cancel, &|what| spinner.say(what));
+    let measured = tradeoff::run(&options, cancel, &|activity| spinner.say(activity));
     drop(spinner);
     let results = match measured {
         Err(TradeoffError::Cancelled) => {
-            let kept = options.truth_folder.display();
-            let safe = format!("nothing was written but the truths finished in {kept}");
+            let truth_folder = options.truth_folder.display();
+            let safe = format!("nothing was written but the truths finished in {truth_folder}");
             return Err(Interrupted(safe).into());
         }
         measured => measured?,
@@ -103,11 +104,11 @@ fn options(args: &Args) -> anyhow::Result<Options> {
         common::notes(&sample.file.notes);
     }
     let source = match &args.database {
-        Some(dir) => Source::Database(dir.clone()),
-        None => Source::Grid(Box::new(grid::parse(GRID.0, GRID.1)?.grid)),
+        Some(dir) => CompressionSource::Database(dir.clone()),
+        None => CompressionSource::Grid(Box::new(grid::parse(GRID.0, GRID.1)?.grid)),
     };
     if args.engine.contains(&Engine::Auto) {
-        bail!("auto only chooses among the other engines; ask for one of these");
+        bail!("--engine auto only chooses among the other engines; name one of those");
     }
     let engines = Engine::ALL.into_iter().filter(|e| *e != Engine::Auto);
     let chosen = |engine: &Engine| args.engine.is_empty() || args.engine.contains(engine);

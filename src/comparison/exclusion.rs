@@ -1,21 +1,21 @@
-//! Bands that do not count.
+//! Bands that are excluded from the statistics of a comparison.
 use std::fmt;
 use std::str::FromStr;
 
 use super::measured::RANGE_NM;
 
-/// A range of wavelengths, both ends included, in which residuals are shown but
-/// not counted.
+/// A range of wavelengths, both ends included, in which residuals are printed but not counted
+/// in the statistics.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Exclusion {
-    /// Where it begins, nm.
+    /// First wavelength, nm.
     pub from_nm: f64,
-    /// Where it ends, nm.
+    /// Last wavelength, nm.
     pub to_nm: f64,
 }
 
 impl Exclusion {
-    /// Where water vapour leaves too little sunlight for measurements in the field.
+    /// Bands in which water vapour leaves too little sunlight for field measurements.
     pub const FIELD: [Self; 2] = [
         Self {
             from_nm: 1750.0,
@@ -28,7 +28,7 @@ impl Exclusion {
     ];
 }
 
-/// Whether one of `exclusions` holds a wavelength, nm.
+/// Whether one of `exclusions` contains the wavelength `nm`.
 #[must_use]
 pub fn excluded(exclusions: &[Exclusion], nm: f64) -> bool {
     exclusions
@@ -54,9 +54,10 @@ impl FromStr for Exclusion {
             {
                 Ok(Self { from_nm, to_nm })
             }
-            _ => {
-                Err("it must be two wavelengths in nm, the shorter first, such as 1750-2000".into())
-            }
+            _ => Err(
+                "the band must be two wavelengths in nm, the shorter first, such as 1750-2000"
+                    .into(),
+            ),
         }
     }
 }
@@ -66,7 +67,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn both_ends_belong_to_it() {
+    fn both_ends_are_included() {
         let held = |nm| excluded(&Exclusion::FIELD, nm);
         assert!(
             [1750.0, 1900.0, 2000.0, 2350.0, 2500.0]
@@ -78,7 +79,7 @@ mod tests {
     }
 
     #[test]
-    fn is_read_as_it_is_written() {
+    fn text_is_parsed_and_printed_alike() {
         for text in ["1750-2000", "2350.5-2500"] {
             assert_eq!(
                 text.parse().map(|band: Exclusion| band.to_string()),

@@ -1,4 +1,4 @@
-//! A measured spectrum: its file, and its values at other wavelengths.
+//! A measured spectrum from a file, and its values at the wavelengths of a simulation.
 use std::path::Path;
 
 use super::error::MeasuredError;
@@ -8,45 +8,46 @@ use crate::spectrum::measured::{
     self, Column, Content, Curve, Report, Request, Sample, Scale, Unit,
 };
 
-/// Wavelengths that are used, nm, both included: those of the model.
+/// Wavelengths that are used, nm, both ends included: the range of the model.
 pub const RANGE_NM: (f64, f64) = (350.0, 2500.0);
-/// Values taken. Noise takes dark snow below 0; a white reference in other light or at
-/// another angle than the snow takes reflectance factors of bright snow above 1, under
-/// a low sun to 1.4. What is further off is noise, or another quantity.
+/// Smallest and largest value accepted. Noise can make values of dark snow negative.
+/// Reflectance factors of bright snow can exceed 1, up to 1.4 under a low sun, if the white
+/// reference was measured in other light or at another angle than the snow. Values outside this
+/// range are noise or another quantity.
 pub const VALUES: (f64, f64) = (-0.05, 1.5);
-/// Rows further apart than this, nm, have no values between them: absorption bands
-/// of ice are some 100 nm wide.
+/// Largest distance between two rows over which values are interpolated, nm. Absorption bands
+/// of ice are about 100 nm wide.
 pub(super) const MAX_GAP_NM: f64 = 30.0;
 
-/// What the caller knows of a file; what it leaves out is guessed and told.
+/// The caller's knowledge of a file. `None` means that the file states it or it is guessed.
 #[derive(Debug, Clone, Default, PartialEq)]
 pub struct Hints {
-    /// What was measured.
+    /// The measured quantity.
     pub quantity: Option<Quantity>,
-    /// Column of the values.
+    /// The column of the values.
     pub column: Option<Column>,
-    /// Unit of the wavelengths.
+    /// The unit of the wavelengths.
     pub unit: Option<Unit>,
-    /// Scale of the values.
+    /// The scale of the values.
     pub scale: Option<Scale>,
 }
 
 /// A measured value at one of the wavelengths of a simulation.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Matched {
-    /// Number of the wavelength in the list of the simulation.
+    /// Index of the wavelength in the list of the simulation.
     pub index: usize,
     /// The wavelength, nm.
     pub nm: f64,
-    /// Reflectance or transmittance.
+    /// The measured reflectance or transmittance.
     pub value: f64,
-    /// Its standard uncertainty, if the file states it.
+    /// Its standard uncertainty; `None` if the file does not state it.
     pub uncertainty: Option<f64>,
-    /// Whether it does not count.
+    /// Whether the wavelength is excluded from the statistics.
     pub excluded: bool,
 }
 
-/// A measured spectrum and what of it counts.
+/// A measured spectrum with the bands that are excluded from the statistics.
 #[derive(Debug, Clone, PartialEq)]
 pub struct MeasuredSpectrum {
     file: String,
@@ -56,12 +57,11 @@ pub struct MeasuredSpectrum {
 }
 
 impl MeasuredSpectrum {
-    /// Reads a file (docs/formats.md, "Measured spectra: what is read"). In
-    /// `exclusions`, where spectrometers often see nothing but noise, any number is
-    /// taken and none is missed.
+    /// Reads a file (docs/formats.md, "Measured spectra: what is read"). In `exclusions`, where
+    /// spectrometers often record only noise, any number is accepted and values may be missing.
     ///
     /// # Errors
-    /// [`MeasuredError::Spectrum`].
+    /// [`MeasuredError::Spectrum`] if the file cannot be read as a spectrum.
     pub fn read(
         path: &Path,
         hints: &Hints,
@@ -71,10 +71,10 @@ impl MeasuredSpectrum {
         Ok(Self::of(&path.display().to_string(), curve, exclusions))
     }
 
-    /// The same from the content of a file; `file` is its name in messages.
+    /// Reads the content of a file; `file` is its name in messages. See [`Self::read`].
     ///
     /// # Errors
-    /// [`MeasuredError::Spectrum`].
+    /// [`MeasuredError::Spectrum`] if the content cannot be read as a spectrum.
     pub fn parse(
         file: &str,
         bytes: &[u8],
@@ -97,52 +97,52 @@ impl MeasuredSpectrum {
         }
     }
 
-    /// The file as it was named by the caller.
+    /// The path as the caller gave it.
     #[must_use]
     pub fn file(&self) -> &str {
         &self.file
     }
 
-    /// What was measured.
+    /// The measured quantity.
     #[must_use]
     pub fn quantity(&self) -> Quantity {
         self.quantity
     }
 
-    /// The bands that do not count.
+    /// The bands that are excluded from the statistics.
     #[must_use]
     pub fn exclusions(&self) -> &[Exclusion] {
         &self.exclusions
     }
 
-    /// What was found in the file and done with it.
+    /// The report on the file: columns, unit and scale, and how they were read.
     #[must_use]
     pub fn report(&self) -> &Report {
         &self.curve.report
     }
 
-    /// Wavelengths within [`RANGE_NM`] that have a value.
+    /// Number of wavelengths within [`RANGE_NM`] with a value.
     #[must_use]
     pub fn rows(&self) -> usize {
         self.curve.samples.len()
     }
 
-    /// Rows outside it, which are not used.
+    /// Number of rows outside [`RANGE_NM`], which are not used.
     #[must_use]
     pub fn ignored(&self) -> usize {
         self.curve.report.outside
     }
 
-    /// The values at those of `wavelengths_nm` (increasing) that lie on a row, or
-    /// between two rows at most 30 nm apart: linearly interpolated. Where
-    /// wavelengths count, only rows that count are used.
+    /// The values at those of `wavelengths_nm` (increasing) that coincide with a row or lie
+    /// between two rows at most 30 nm apart, linearly interpolated. Outside the excluded bands,
+    /// only rows outside these bands are used.
     ///
     /// # Errors
-    /// [`MeasuredError::Overlap`] if fewer than 2 that count remain.
+    /// [`MeasuredError::Overlap`] if fewer than 2 wavelengths outside the excluded bands remain.
     pub fn at(&self, wavelengths_nm: &[f64]) -> Result<Vec<Matched>, MeasuredError> {
         let rows = &self.curve.samples;
-        let out = |row: &&Sample| !excluded(&self.exclusions, row.nm);
-        let counted: Vec<Sample> = rows.iter().filter(out).copied().collect();
+        let is_counted = |row: &&Sample| !excluded(&self.exclusions, row.nm);
+        let counted: Vec<Sample> = rows.iter().filter(is_counted).copied().collect();
         let matched = |(index, &nm): (usize, &f64)| {
             let excluded = excluded(&self.exclusions, nm);
             let row = interpolated(if excluded { rows } else { &counted }, nm)?;
@@ -154,14 +154,14 @@ impl MeasuredSpectrum {
                 excluded,
             })
         };
-        let all: Vec<Matched> = wavelengths_nm
+        let matches: Vec<Matched> = wavelengths_nm
             .iter()
             .enumerate()
             .filter_map(matched)
             .collect();
-        let common = all.iter().filter(|matched| !matched.excluded).count();
+        let common = matches.iter().filter(|matched| !matched.excluded).count();
         if common >= 2 {
-            return Ok(all);
+            return Ok(matches);
         }
         let ends = |first: Option<f64>, last: Option<f64>| {
             (first.unwrap_or(f64::NAN), last.unwrap_or(f64::NAN))
@@ -206,7 +206,8 @@ fn request(hints: &Hints, exclusions: &[Exclusion]) -> Request {
     }
 }
 
-/// What `rows` say of a wavelength; `None` beyond them and in wide gaps.
+/// The values at `nm`, linearly interpolated; `None` outside `rows` and in gaps wider than
+/// [`MAX_GAP_NM`].
 fn interpolated(rows: &[Sample], nm: f64) -> Option<Sample> {
     let above = rows.partition_point(|row| row.nm < nm);
     let b = rows.get(above)?;
@@ -218,12 +219,12 @@ fn interpolated(rows: &[Sample], nm: f64) -> Option<Sample> {
         return None;
     }
     let t = (nm - a.nm) / (b.nm - a.nm);
-    // Rounding neither overshoots nor overflows.
+    // The clamp removes overshoot by rounding.
     let mix = |a: f64, b: f64| (a * (1.0 - t) + b * t).clamp(a.min(b), a.max(b));
     Some(Sample {
         nm,
         value: mix(a.value, b.value),
-        // Not less than at the rows: neighbours mostly err alike.
+        // Interpolated linearly, because the errors of neighbouring rows are mostly correlated.
         uncertainty: a.uncertainty.zip(b.uncertainty).map(|(a, b)| mix(a, b)),
     })
 }

@@ -1,5 +1,5 @@
-//! A simulated spectrum against a measured one: residuals and their root mean
-//! square, overall and per band (docs/formats.md). Knows no physics.
+//! Comparison of a simulated spectrum with a measured one: residuals and their root mean
+//! square, overall and per band (docs/formats.md). The comparison needs no physics.
 mod error;
 mod exclusion;
 mod measured;
@@ -11,19 +11,19 @@ pub use error::MeasuredError;
 pub use exclusion::{Exclusion, excluded};
 pub use measured::{Hints, Matched, MeasuredSpectrum, RANGE_NM, VALUES, listed};
 
-/// Varsa 2025 calls a root mean square error below this good.
+/// Varsa 2025 calls a root mean square error below this value good.
 pub const GOOD_RMSE: f64 = 0.03;
 
 /// One wavelength of a comparison.
 #[derive(Debug, Clone, Copy, PartialEq)]
-pub struct Point {
-    /// The measurement at this wavelength.
+pub struct ResidualPoint {
+    /// The measured value.
     pub matched: Matched,
-    /// The simulation and its standard error.
+    /// The simulated value with its standard error.
     pub simulated: Measured,
 }
 
-impl Point {
+impl ResidualPoint {
     /// Simulated minus measured.
     #[must_use]
     pub fn residual(&self) -> f64 {
@@ -31,26 +31,26 @@ impl Point {
     }
 }
 
-/// The residuals of some points in a few numbers.
+/// Statistics of the residuals at some points.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Statistics {
-    /// How many points, at least 1.
+    /// Number of points, at least 1.
     pub points: usize,
     /// Root mean square residual.
     pub rmse: f64,
-    /// Mean residual: positive where the simulation is the brighter.
+    /// Mean residual; positive if the simulation is brighter.
     pub bias: f64,
-    /// Mean standard error of the simulation: an RMSE of this size is its noise.
+    /// Mean standard error of the simulation; noise alone gives an RMSE of about this size.
     pub mean_simulated_se: f64,
-    /// Mean standard uncertainty of the measurement, if the file states it.
+    /// Mean standard uncertainty of the measurement; `None` if the file does not state it.
     pub mean_uncertainty: Option<f64>,
 }
 
 impl Statistics {
-    /// Of `points`; `None` if there are none.
-    fn of(points: &[&Point]) -> Option<Self> {
-        let mean = |of: &dyn Fn(&Point) -> Option<f64>| -> Option<f64> {
-            let sum: Option<f64> = points.iter().map(|point| of(point)).sum();
+    /// The statistics of `points`; `None` if there are none.
+    fn of(points: &[&ResidualPoint]) -> Option<Self> {
+        let mean = |part: &dyn Fn(&ResidualPoint) -> Option<f64>| -> Option<f64> {
+            let sum: Option<f64> = points.iter().map(|point| part(point)).sum();
             sum.filter(|_| !points.is_empty())
                 .map(|sum| sum / points.len() as f64)
         };
@@ -64,41 +64,44 @@ impl Statistics {
     }
 }
 
-/// A simulated spectrum beside a measured one.
+/// A simulated spectrum compared with a measured one.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Comparison {
-    /// What both have, by wavelength; excluded wavelengths among them.
-    pub points: Vec<Point>,
+    /// The wavelengths with both values, in order, including the excluded ones.
+    pub points: Vec<ResidualPoint>,
 }
 
 impl Comparison {
-    /// `simulated`, per wavelength of the list that `matched` was made for.
+    /// Compares `matched` with `simulated`, which holds a value for every wavelength of the list
+    /// for which `matched` was made.
     #[must_use]
     pub fn new(matched: &[Matched], simulated: &[Measured]) -> Self {
         let point = |matched: &Matched| {
             let (matched, simulated) = (*matched, *simulated.get(matched.index)?);
-            Some(Point { matched, simulated })
+            Some(ResidualPoint { matched, simulated })
         };
         Self {
             points: matched.iter().filter_map(point).collect(),
         }
     }
 
-    /// Over all wavelengths that count.
+    /// Statistics over all wavelengths that are not excluded; `None` if there are none.
     #[must_use]
     pub fn overall(&self) -> Option<Statistics> {
         self.statistics(|_| true)
     }
 
-    /// Over those of a band.
+    /// Statistics over the wavelengths of a band that are not excluded; `None` if there are none.
     #[must_use]
     pub fn band(&self, band: Band) -> Option<Statistics> {
         self.statistics(|nm| band.holds(nm))
     }
 
-    fn statistics(&self, held: impl Fn(f64) -> bool) -> Option<Statistics> {
-        let counts = |point: &&Point| !point.matched.excluded && held(point.matched.nm);
-        let points: Vec<&Point> = self.points.iter().filter(counts).collect();
+    /// Statistics over the wavelengths that are not excluded and for which `is_in_band` holds.
+    fn statistics(&self, is_in_band: impl Fn(f64) -> bool) -> Option<Statistics> {
+        let is_counted =
+            |point: &&ResidualPoint| !point.matched.excluded && is_in_band(point.matched.nm);
+        let points: Vec<&ResidualPoint> = self.points.iter().filter(is_counted).collect();
         Statistics::of(&points)
     }
 }
@@ -112,7 +115,7 @@ mod tests {
         (a - b).abs() < 1e-12
     }
 
-    /// Residuals .03, .04 | -.02 | excluded 1 | .06 at the last wavelength.
+    /// Residuals 0.03, 0.04 | -0.02 | 1 (excluded) | 0.06 at the last wavelength.
     #[test]
     fn by_hand() {
         let measured = [

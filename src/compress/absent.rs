@@ -1,14 +1,14 @@
 //! Curves that do not exist, in a compact file.
 //!
-//! They are compressed by leaving them out: their rows of coefficients hold zeros, or
-//! integers 0, which readers never show.
+//! Compression leaves these curves out. The file has rows of coefficients for them that hold
+//! zeros (or integers 0), which readers never use.
 use ndarray::{Array2, ArrayView2};
 
 use super::{Coefficients, Compressed, Integers, Quantised};
 
 impl Compressed {
-    /// What was made of the rows `rows`, increasing, of `curves` curves, as of them
-    /// all.
+    /// Expands the result for the existing curves to all `curves` rows of the database.
+    /// `rows` (increasing) are the rows of the existing curves.
     #[must_use]
     pub fn spread_over(mut self, rows: &[usize], curves: usize) -> Self {
         if rows.len() == curves {
@@ -17,46 +17,48 @@ impl Compressed {
         self.coefficients = match self.coefficients {
             Coefficients::F32(values) => Coefficients::F32(spread(values.view(), rows, curves)),
             Coefficients::F16(values) => Coefficients::F16(spread(values.view(), rows, curves)),
-            Coefficients::Quantised(all) => {
-                let wide = |component: Quantised| Quantised {
+            Coefficients::Quantised(components) => {
+                let expand = |component: Quantised| Quantised {
                     integers: match component.integers {
-                        Integers::U8(all) => Integers::U8(placed(&all, rows, curves)),
-                        Integers::U16(all) => Integers::U16(placed(&all, rows, curves)),
+                        Integers::U8(values) => Integers::U8(spread_list(&values, rows, curves)),
+                        Integers::U16(values) => Integers::U16(spread_list(&values, rows, curves)),
                     },
                     ..component
                 };
-                Coefficients::Quantised(all.into_iter().map(wide).collect())
+                Coefficients::Quantised(components.into_iter().map(expand).collect())
             }
         };
-        let row = |curve: &mut usize| *curve = rows.get(*curve).copied().unwrap_or(*curve);
+        let renumber = |curve: &mut usize| *curve = rows.get(*curve).copied().unwrap_or(*curve);
         for errors in &mut self.table.rows {
-            row(&mut errors.rmse.worst_curve);
+            renumber(&mut errors.rmse.worst_curve);
             if let Some(delta_e) = &mut errors.delta_e {
-                row(&mut delta_e.worst_curve);
+                renumber(&mut delta_e.worst_curve);
             }
             for band in errors.bands.iter_mut().flatten() {
-                row(&mut band.rmse.worst_curve);
-                row(&mut band.largest.curve);
+                renumber(&mut band.rmse.worst_curve);
+                renumber(&mut band.largest.curve);
             }
         }
         self
     }
 }
 
+/// A matrix of `curves` rows with row i of `values` at row `rows[i]`, and zeros elsewhere.
 fn spread<T: Copy + Default>(values: ArrayView2<T>, rows: &[usize], curves: usize) -> Array2<T> {
-    let mut all = Array2::from_elem((curves, values.ncols()), T::default());
+    let mut matrix = Array2::from_elem((curves, values.ncols()), T::default());
     for (from, row) in values.rows().into_iter().zip(rows) {
-        all.row_mut(*row).assign(&from);
+        matrix.row_mut(*row).assign(&from);
     }
-    all
+    matrix
 }
 
-fn placed<T: Copy + Default>(values: &[T], rows: &[usize], curves: usize) -> Vec<T> {
-    let mut all = vec![T::default(); curves];
+/// A list of `curves` values with `values[i]` at index `rows[i]`, and zeros elsewhere.
+fn spread_list<T: Copy + Default>(values: &[T], rows: &[usize], curves: usize) -> Vec<T> {
+    let mut list = vec![T::default(); curves];
     for (value, row) in values.iter().zip(rows) {
-        all[*row] = *value;
+        list[*row] = *value;
     }
-    all
+    list
 }
 
 #[cfg(test)]

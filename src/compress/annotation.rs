@@ -1,16 +1,17 @@
-//! Adds an entry to the metadata of a compact file.
+//! Changes metadata entries of a compact file.
 use std::collections::BTreeMap;
 
 use serde_json::Value;
 
 use super::CompactError;
 
-/// `bytes`, a compact file, with the metadata entry `key` set to `value`. All
-/// else stays, to the byte.
+/// The compact file `bytes` with each metadata key in `entries` set to its value, or
+/// removed if the value is `None`. Everything else stays the same to the byte.
 ///
 /// # Errors
-/// [`CompactError::Content`] if `bytes` are no such file, [`CompactError::Header`].
-pub fn annotated(bytes: &[u8], key: &str, value: &str) -> Result<Vec<u8>, CompactError> {
+/// [`CompactError::Content`] if `bytes` are not a safetensors file;
+/// [`CompactError::Header`] if their header is not valid JSON.
+pub fn annotated(bytes: &[u8], entries: &[(&str, Option<&str>)]) -> Result<Vec<u8>, CompactError> {
     let broken = || CompactError::Content("it is not a safetensors file".into());
     let (length, rest) = bytes.split_first_chunk::<8>().ok_or_else(broken)?;
     let length = usize::try_from(u64::from_le_bytes(*length)).map_err(|_| broken())?;
@@ -18,7 +19,12 @@ pub fn annotated(bytes: &[u8], key: &str, value: &str) -> Result<Vec<u8>, Compac
     let mut header: BTreeMap<String, Value> = serde_json::from_slice(header)?;
     let metadata = header.remove("__metadata__").unwrap_or_default();
     let mut metadata: BTreeMap<String, Value> = serde_json::from_value(metadata)?;
-    metadata.insert(key.to_owned(), value.into());
+    for (key, value) in entries {
+        match value {
+            Some(value) => metadata.insert((*key).to_owned(), (*value).into()),
+            None => metadata.remove(*key),
+        };
+    }
     header.insert("__metadata__".to_owned(), serde_json::to_value(metadata)?);
     super::compact::assemble(&header, data)
 }
@@ -35,7 +41,7 @@ mod tests {
         let mut file = (header.len() as u64).to_le_bytes().to_vec();
         file.extend(header);
         file.extend([7, 8, 9]);
-        let once = annotated(&file, "a", "\"new\"").unwrap();
+        let once = annotated(&file, &[("a", Some("\"new\""))]).unwrap();
         let length = u64::from_le_bytes(*once.first_chunk().unwrap()) as usize;
         assert_eq!((length % 8, &once[8 + length..]), (0, &[7, 8, 9][..]));
         let header: serde_json::Value = serde_json::from_slice(&once[8..8 + length]).unwrap();
@@ -43,9 +49,11 @@ mod tests {
         assert_eq!(header["__metadata__"]["b"], "1");
         assert_eq!(header["x"]["dtype"], "U8");
         // again, and back
-        assert_eq!(annotated(&once, "a", "\"new\"").unwrap(), once);
+        assert_eq!(annotated(&once, &[("a", Some("\"new\""))]).unwrap(), once);
+        let without = annotated(&once, &[("a", None)]).unwrap();
+        assert_eq!(without, annotated(&file, &[]).unwrap());
         for broken in [&file[..7], &file[..20], b""] {
-            assert!(annotated(broken, "a", "b").is_err());
+            assert!(annotated(broken, &[("a", Some("b"))]).is_err());
         }
     }
 }

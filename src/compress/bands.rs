@@ -1,8 +1,8 @@
-//! The bands that curves reach over: what the compression may be off by in each
+//! The wavelength bands of curves, each with its own bound on the compression error
 //! (docs/methods.md).
 //!
-//! A bound on the colour, or on the mean over all wavelengths, says little of a band
-//! that no eye sees or that has few of the wavelengths. So each band has its own.
+//! A bound on the colour, or on the RMSE over all wavelengths, hardly constrains a band that
+//! is invisible or has few wavelengths.
 use std::ops::Range;
 
 use ndarray::ArrayView2;
@@ -11,34 +11,36 @@ use serde::{Deserialize, Serialize};
 use super::{DEFAULT_MAX_RMSE, ErrorRow, Largest, Statistics};
 use crate::spectrum::Band;
 
-/// The bound of a band in its largest standard error. Noise that is independent from
-/// wavelength to wavelength, which no small number of components holds, has an RMSE of
-/// one standard error in the mean; over the ten wavelengths of a narrow band it is above
-/// two in 2 of 100,000 curves (chi-square). Below this, components would be spent on noise.
+/// Bound of a band's RMSE in units of the largest standard error in the band. No small
+/// number of components reproduces noise that is independent from wavelength to
+/// wavelength; its RMSE is one standard error on average. Over the ten wavelengths of a
+/// narrow band the RMSE exceeds two standard errors in 2 of 100,000 curves (chi-square). A
+/// smaller factor would spend components on noise.
 pub const NOISE_FACTOR: f64 = 2.0;
 
-/// The bands of some wavelengths.
+/// The bands of a list of wavelengths.
 #[derive(Debug, Clone, PartialEq, Default)]
 pub struct Bands {
     wavelengths_nm: Vec<f64>,
-    parts: Vec<Part>,
+    parts: Vec<BandColumns>,
 }
 
-/// The wavelengths of one band.
+/// The columns (wavelengths) of one band, with their noise and bound.
 #[derive(Debug, Clone, PartialEq)]
-pub struct Part {
+pub struct BandColumns {
     /// The band.
     pub band: Band,
-    /// Which of the wavelengths; at least one.
+    /// Columns of the wavelengths in the band; at least one.
     pub columns: Range<usize>,
-    /// Root mean square standard error over these wavelengths, the largest of all
-    /// curves; `None` where it is not known.
+    /// Root mean square standard error over these wavelengths, the largest of all curves;
+    /// `None` if it is not known.
     pub standard_error: Option<f64>,
-    /// The RMSE of every curve over these wavelengths must be below this.
+    /// Bound: the RMSE of every curve over these wavelengths must be below this. `None` for
+    /// no bound.
     pub max_rmse: Option<f64>,
 }
 
-/// What the compression costs in one band, as a file says it: JSON under
+/// The compression errors in one band, as a file states them: JSON under
 /// [`BAND_ERRORS`](super::BAND_ERRORS).
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 pub struct BandError {
@@ -48,32 +50,32 @@ pub struct BandError {
     pub from_nm: f64,
     /// Its last wavelength in the file, nm.
     pub to_nm: f64,
-    /// How many there are.
+    /// Number of wavelengths in the band.
     pub wavelengths: usize,
-    /// See [`Part::max_rmse`].
+    /// The bound, see [`BandColumns::max_rmse`].
     pub max_rmse: Option<f64>,
-    /// See [`Part::standard_error`].
+    /// The noise, see [`BandColumns::standard_error`].
     pub standard_error: Option<f64>,
-    /// RMSE per curve over its wavelengths.
+    /// Statistics of the RMSE per curve over the band's wavelengths.
     pub rmse: Statistics,
-    /// The largest error of any curve at any of its wavelengths.
+    /// The largest absolute error of any curve at any of these wavelengths.
     pub largest: Largest,
 }
 
 impl Bands {
-    /// Those of `wavelengths_nm`, nm, which increase: without bounds.
+    /// The bands of `wavelengths_nm` (nm, increasing), without bounds.
     #[must_use]
     pub fn new(wavelengths_nm: &[f64]) -> Self {
-        // As files have them, so that a reader finds the same bands.
+        // Rounded as files hold them, so that a reader gets the same bands.
         let nm: Vec<f64> = wavelengths_nm
             .iter()
             .map(|&nm| f64::from(nm as f32))
             .collect();
-        let mut parts: Vec<Part> = Vec::new();
-        for (column, band) in nm.iter().map(|&nm| Band::of(nm)).enumerate() {
+        let mut parts: Vec<BandColumns> = Vec::new();
+        for (column, band) in nm.iter().map(|&nm| Band::containing(nm)).enumerate() {
             match parts.last_mut() {
                 Some(part) if part.band == band => part.columns.end = column + 1,
-                _ => parts.push(Part {
+                _ => parts.push(BandColumns {
                     band,
                     columns: column..column + 1,
                     standard_error: None,
@@ -87,25 +89,24 @@ impl Bands {
         }
     }
 
-    /// The same with the standard errors of the curves, `[s, l]`.
+    /// Sets the standard error of each band from those of the curves, `[s, l]`.
     #[must_use]
     pub fn with_noise(mut self, standard_errors: ArrayView2<f32>) -> Self {
         for part in &mut self.parts {
             let Range { start, end } = part.columns;
-            let of_curve = |row: ndarray::ArrayView1<f32>| {
-                let there = row.iter().skip(start).take(end - start);
-                let squares: f64 = there.map(|&se| f64::from(se).powi(2)).sum();
+            let rms_of_curve = |row: ndarray::ArrayView1<f32>| {
+                let band_errors = row.iter().skip(start).take(end - start);
+                let squares: f64 = band_errors.map(|&se| f64::from(se).powi(2)).sum();
                 (squares / (end - start) as f64).sqrt()
             };
             let rows = standard_errors.rows().into_iter();
-            part.standard_error = Some(rows.map(of_curve).fold(0.0, f64::max));
+            part.standard_error = Some(rows.map(rms_of_curve).fold(0.0, f64::max));
         }
         self
     }
 
-    /// The same with bounds: `max_rmse` in every band, or, where that is `None`, in each
-    /// [`NOISE_FACTOR`] times its standard error, two digits of it, but at least
-    /// [`DEFAULT_MAX_RMSE`].
+    /// Sets the bound of each band: `max_rmse`, or, if that is `None`, [`NOISE_FACTOR`] times
+    /// the band's standard error, rounded to two digits, but at least [`DEFAULT_MAX_RMSE`].
     #[must_use]
     pub fn bounded(mut self, max_rmse: Option<f64>) -> Self {
         for part in &mut self.parts {
@@ -116,13 +117,13 @@ impl Bands {
         self
     }
 
-    /// By wavelength.
+    /// The bands in the order of wavelengths.
     #[must_use]
-    pub fn parts(&self) -> &[Part] {
+    pub fn parts(&self) -> &[BandColumns] {
         &self.parts
     }
 
-    /// Whether all that there are have bounds, and there are some.
+    /// Whether there is at least one band and every band has a bound.
     pub(super) fn are_bounded(&self) -> bool {
         !self.parts.is_empty() && self.parts.iter().all(|part| part.max_rmse.is_some())
     }
@@ -132,10 +133,10 @@ impl Bands {
         self.wavelengths_nm.get(column).copied().unwrap_or(f64::NAN)
     }
 
-    /// What `row` says of each.
+    /// The errors of each band in `row`.
     pub(super) fn errors(&self, row: &ErrorRow) -> Vec<BandError> {
-        let error = |part: &Part| {
-            let found = row.bands[part.band as usize]?;
+        let error = |part: &BandColumns| {
+            let statistics = row.bands[part.band as usize]?;
             Some(BandError {
                 band: part.band,
                 from_nm: self.wavelength_nm(part.columns.start),
@@ -143,15 +144,15 @@ impl Bands {
                 wavelengths: part.columns.len(),
                 max_rmse: part.max_rmse,
                 standard_error: part.standard_error,
-                rmse: found.rmse,
-                largest: found.largest,
+                rmse: statistics.rmse,
+                largest: statistics.largest,
             })
         };
         self.parts.iter().filter_map(error).collect()
     }
 }
 
-/// What the RMSE over a band's wavelengths is called.
+/// The name of the RMSE over a band's wavelengths, for messages.
 pub(crate) fn rmse_in(band: Band) -> &'static str {
     match band {
         Band::UvA => "RMSE in uv_a",
@@ -161,6 +162,7 @@ pub(crate) fn rmse_in(band: Band) -> &'static str {
     }
 }
 
+/// `value` rounded to two significant digits.
 fn two_digits(value: f64) -> f64 {
     format!("{value:.1e}").parse().unwrap_or(value)
 }
@@ -201,16 +203,17 @@ mod tests {
             [5e-4, 0.001, 0.001, 0.0012]
         ];
         let bands = Bands::new(&nm).with_noise(noise.view());
-        let of = |bands: Bands| -> Vec<_> { bands.parts.iter().map(|p| p.max_rmse).collect() };
+        let max_rmse =
+            |bands: Bands| -> Vec<_> { bands.parts.iter().map(|p| p.max_rmse).collect() };
         // sqrt((9 + 16) / 2) = 3.54 in units of 1e-3
         let defaults = [DEFAULT_MAX_RMSE, 0.0071, 0.0024].map(Some);
-        assert_eq!(of(bands.clone().bounded(None)), defaults);
-        assert_eq!(of(bands.clone().bounded(Some(1e-5))), [Some(1e-5); 3]);
+        assert_eq!(max_rmse(bands.clone().bounded(None)), defaults);
+        assert_eq!(max_rmse(bands.clone().bounded(Some(1e-5))), [Some(1e-5); 3]);
         assert_eq!(
-            of(Bands::new(&nm).bounded(None)),
+            max_rmse(Bands::new(&nm).bounded(None)),
             [Some(DEFAULT_MAX_RMSE); 3]
         );
-        assert_eq!(of(bands.clone()), [None; 3]);
+        assert_eq!(max_rmse(bands.clone()), [None; 3]);
         assert!(bands.clone().bounded(None).are_bounded() && !bands.are_bounded());
         assert!(!Bands::default().bounded(None).are_bounded());
     }

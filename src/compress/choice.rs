@@ -1,76 +1,75 @@
-//! Choosing the number of components.
+//! The choice of the number of components.
 use serde::{Deserialize, Serialize};
 
 use super::bands::rmse_in;
 use super::{Bands, CompressError, ErrorRow, ErrorTable, Precision};
 use crate::grid::Compression;
 
-/// Bound on Delta-E where none is given: a just noticeable difference (Varsa
-/// 2025, section 8.2), as in grid files.
+/// Default bound on Delta-E, a just noticeable difference (Varsa 2025, section 8.2); also the
+/// default of grid files.
 pub const DEFAULT_MAX_DELTA_E: f64 = 2.3;
 
-/// Least default bound on the RMSE of every curve in each band ([`Bands::bounded`]),
-/// and over all wavelengths where nothing else decides: about the largest error that
-/// Varsa 2025, section 8.2 accepts with two components.
+/// Smallest default bound on the RMSE of every curve in each band ([`Bands::bounded`]), and
+/// the bound over all wavelengths if nothing else is bounded. It is about the largest error
+/// that Varsa 2025, section 8.2 accepts with two components.
 pub const DEFAULT_MAX_RMSE: f64 = 0.002;
 
-/// How the number of components is found.
+/// How the number of components is chosen.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub enum Choice {
-    /// The smallest that keeps these bounds on every curve.
+    /// The smallest number that keeps these bounds on every curve.
     Bounds(Compression),
-    /// This many.
+    /// This number.
     Components(usize),
 }
 
-/// What holds on every curve of a compressed quantity, as its file states it
-/// (JSON under [`BOUNDS`](super::BOUNDS)); `None` where nothing was asked for.
+/// The bounds that every curve of a compressed quantity keeps, as its file states them (JSON
+/// under [`BOUNDS`](super::BOUNDS)); `None` for no bound.
 #[derive(Debug, Clone, Copy, PartialEq, Default, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Bounds {
-    /// Every Delta-E*ab is below this.
+    /// Every Delta-E*ab is below this value.
     pub max_delta_e: Option<f64>,
-    /// Every RMSE is below this.
+    /// Every RMSE over all wavelengths is below this value.
     pub max_rmse: Option<f64>,
 }
 
 impl Choice {
-    /// The bounds that curves with or without a colour keep over all wavelengths,
-    /// beside those of `bands`.
+    /// The bounds over all wavelengths for curves with or without a colour; the bounds of
+    /// `bands` apply as well.
     #[must_use]
     pub fn bounds(self, coloured: bool, bands: &Bands) -> Bounds {
-        let Self::Bounds(asked) = self else {
+        let Self::Bounds(requested) = self else {
             return Bounds::default();
         };
-        let decided = coloured || bands.are_bounded();
-        let default = (!decided).then_some(DEFAULT_MAX_RMSE);
+        let is_bounded = coloured || bands.are_bounded();
+        let default = (!is_bounded).then_some(DEFAULT_MAX_RMSE);
         Bounds {
-            max_delta_e: coloured.then_some(asked.max_delta_e),
-            max_rmse: asked.max_rmse.or(default),
+            max_delta_e: coloured.then_some(requested.max_delta_e),
+            max_rmse: requested.max_rmse.or(default),
         }
     }
 }
 
-/// The smallest number of components in `table` whose largest Delta-E is below
-/// `bounds.max_delta_e`, whose largest RMSE is below `bounds.max_rmse`, and that in
-/// each of `bands` below its bound, where these are set. `precision` is told in the
-/// error only.
+/// The smallest number of components in `table` that keeps every bound that is set: the
+/// largest Delta-E below `bounds.max_delta_e`, the largest RMSE below `bounds.max_rmse`, and
+/// the largest RMSE in each of `bands` below its bound. `precision` is used in the error only.
 ///
 /// # Errors
 /// [`CompressError::Bound`] for a bound that is not above 0;
-/// [`CompressError::Unreachable`], of the table's last row, if no row keeps them.
+/// [`CompressError::Unreachable`], for the table's last row, if no row keeps the bounds.
 pub fn choose(
     table: &ErrorTable,
     bounds: &Bounds,
     bands: &Bands,
     precision: Precision,
 ) -> Result<usize, CompressError> {
-    let of_bands = bands.parts().iter().map(|part| ("max_rmse", part.max_rmse));
-    let named = [
+    let band_bounds = bands.parts().iter().map(|part| ("max_rmse", part.max_rmse));
+    let overall_bounds = [
         ("max_delta_e", bounds.max_delta_e),
         ("max_rmse", bounds.max_rmse),
     ];
-    for (name, value) in named.into_iter().chain(of_bands) {
+    for (name, value) in overall_bounds.into_iter().chain(band_bounds) {
         match value {
             Some(value) if value.is_nan() || value <= 0.0 => {
                 return Err(CompressError::Bound { name, value });
@@ -78,12 +77,13 @@ pub fn choose(
             _ => {}
         }
     }
-    // What is bounded but not there reaches NaN, which breaks any bound.
+    // An error that is bounded but missing from the table counts as NaN, which breaks any bound.
     let nan = f64::NAN;
-    let broken = |row: &ErrorRow| {
+    let broken_bound = |row: &ErrorRow| {
         let colour = row.delta_e.map_or(nan, |e| e.max);
         let in_bands = bands.parts().iter().map(|part| {
-            let reached = row.bands[part.band as usize].map_or(nan, |found| found.rmse.max);
+            let statistics = row.bands[part.band as usize];
+            let reached = statistics.map_or(nan, |statistics| statistics.rmse.max);
             (rmse_in(part.band), part.max_rmse, reached)
         });
         [
@@ -97,7 +97,7 @@ pub fn choose(
     };
     let mut last = None;
     for row in &table.rows {
-        match broken(row) {
+        match broken_bound(row) {
             None => return Ok(row.components),
             Some(measure) => last = Some((row.components, measure)),
         }
@@ -116,7 +116,7 @@ pub fn choose(
 #[allow(clippy::unwrap_used)]
 mod tests {
     use super::*;
-    use crate::compress::{InBand, Largest, Statistics};
+    use crate::compress::{BandStatistics, Largest, Statistics};
     use crate::spectrum::Band;
 
     fn statistics(max: f64) -> Statistics {
@@ -128,7 +128,7 @@ mod tests {
         }
     }
 
-    /// Largest errors of Varsa 2025, section 8.2 for 1 to 4 components.
+    /// The largest errors that Varsa 2025, section 8.2 gives for 1 to 4 components.
     fn published(coloured: bool) -> ErrorTable {
         let errors = [
             (2.8638, 0.00470),
@@ -158,11 +158,11 @@ mod tests {
         }
     }
 
-    /// Of a table without bands.
-    fn chosen(table: &ErrorTable, asked: Compression) -> Result<usize, CompressError> {
+    /// The number chosen from a table without bands.
+    fn chosen(table: &ErrorTable, requested: Compression) -> Result<usize, CompressError> {
         let none = Bands::default();
         let coloured = table.rows[0].delta_e.is_some();
-        let bounds = Choice::Bounds(asked).bounds(coloured, &none);
+        let bounds = Choice::Bounds(requested).bounds(coloured, &none);
         choose(table, &bounds, &none, Precision::F32)
     }
 
@@ -187,7 +187,7 @@ mod tests {
         assert_eq!(chosen(&table, bounds(2.3, Some(0.005))), Ok(1));
     }
 
-    /// Each band has its own bound, whatever the colour and the mean over all.
+    /// Each band has its own bound, independent of the colour and of the RMSE over all wavelengths.
     #[test]
     fn every_band_keeps_its_bound() {
         let mut table = published(true);
@@ -199,35 +199,35 @@ mod tests {
                     curve: 0,
                 };
                 let rmse = statistics(error);
-                row.bands[band as usize] = Some(InBand { rmse, largest });
+                row.bands[band as usize] = Some(BandStatistics { rmse, largest });
             }
         }
         let nm = [500.0, 900.0];
-        let asked = |asked, bands: &Bands| {
-            let bounds = Choice::Bounds(asked).bounds(true, bands);
+        let chosen_with = |requested, bands: &Bands| {
+            let bounds = Choice::Bounds(requested).bounds(true, bands);
             choose(&table, &bounds, bands, Precision::F32)
         };
         let colour_alone = bounds(2.3, None);
-        assert_eq!(asked(colour_alone, &Bands::new(&nm)), Ok(2));
+        assert_eq!(chosen_with(colour_alone, &Bands::new(&nm)), Ok(2));
         let defaults = Bands::new(&nm).bounded(None);
-        assert_eq!(asked(colour_alone, &defaults), Ok(3));
+        assert_eq!(chosen_with(colour_alone, &defaults), Ok(3));
         let loose = Bands::new(&nm).bounded(Some(0.005));
-        assert_eq!(asked(colour_alone, &loose), Ok(2));
+        assert_eq!(chosen_with(colour_alone, &loose), Ok(2));
         let tight = Bands::new(&nm).bounded(Some(1e-3));
-        let error = asked(colour_alone, &tight).unwrap_err().to_string();
+        let error = chosen_with(colour_alone, &tight).unwrap_err().to_string();
         assert!(
             error.contains("largest RMSE in ir_a is 1.000e-3, not below 1e-3"),
             "{error}"
         );
         // a band that the table lacks
         let more = Bands::new(&[500.0, 2000.0]).bounded(None);
-        assert!(asked(colour_alone, &more).is_err());
+        assert!(chosen_with(colour_alone, &more).is_err());
         let without = Choice::Bounds(colour_alone).bounds(false, &defaults);
         assert_eq!(without, Bounds::default());
     }
 
     #[test]
-    fn what_cannot_be_kept_is_said() {
+    fn the_broken_bound_is_reported() {
         let table = published(true);
         let error = chosen(&table, bounds(0.1, None)).unwrap_err();
         let CompressError::Unreachable {

@@ -1,7 +1,7 @@
 //! The writer of the compact file.
 //!
-//! The header is written here, not by the `safetensors` crate: that one keeps
-//! metadata in a hash map, so that no two files would have the same bytes.
+//! The header is written here instead of by the `safetensors` crate, which keeps metadata in
+//! a hash map, so that the bytes would differ from run to run.
 use std::cmp::Reverse;
 use std::collections::BTreeMap;
 use std::io;
@@ -13,65 +13,64 @@ use thiserror::Error;
 
 use super::{BandError, Bounds, Coefficients, Compressed, ErrorTable, Integers, Variant};
 use crate::atomic;
-use crate::lookup::Substrate;
+use crate::lookup::SubstrateKind;
 use crate::lookup::format::{
     ABSENT, BAND_ERRORS, BASIS, BOUNDS, ERROR_TABLE, FORMAT, FORMAT_VERSION, MAX_HEADER,
     MAX_NUMBER, PRECISION, PROVENANCE, QUANTITIES, SUBSTRATE, WAVELENGTH, axis_order, basis_name,
-    check_axis, check_wavelengths, coefficients_name, components_key, integers_name, number,
-    quantisation_name, quantities,
+    check_axis, check_wavelengths, coefficients_name, components_key, integers_name,
+    is_valid_number, quantisation_name, quantities,
 };
 use crate::measurement::Quantity;
 use crate::parameter::{Axes, Parameter};
 
-/// Why a compact file could not be written.
+/// The reason why a compact file could not be written.
 #[derive(Debug, Error)]
 #[non_exhaustive]
 pub enum CompactError {
-    /// What is to be written does not fit together.
+    /// The contents are inconsistent, too large or not allowed by the format.
     #[error("the compact file cannot be written: {0}")]
     Content(String),
-    /// The header could not be put into JSON.
+    /// The header cannot be converted to or from JSON.
     #[error("the header of the compact file cannot be written: {0}")]
     Header(#[from] serde_json::Error),
-    /// The system refused.
+    /// The file system reported an error.
     #[error("cannot write {}: {source}", path.display())]
     Io {
-        /// The file.
+        /// Path of the file.
         path: PathBuf,
-        /// What the system said.
+        /// Error of the file system.
         source: io::Error,
     },
 }
 
-/// What a compact file is made of. Its bytes are a function of these fields.
+/// The contents of a compact file. The bytes of the file depend on these fields only.
 #[derive(Debug, Clone, Copy)]
 pub struct CompactFile<'a> {
     /// The axes of the database.
     pub axes: &'a Axes,
     /// Wavelengths, nm.
     pub wavelengths_nm: &'a [f64],
-    /// What lies under the snow of the axes.
-    pub substrate: Substrate,
-    /// For each grain size, how many of the thinnest thicknesses have no curve, as of
-    /// [`crate::grid::Grid::absent`]; empty if all have.
+    /// Substrate below the snow of the axes.
+    pub substrate: SubstrateKind,
+    /// For each grain size, how many of the thinnest thicknesses have no curve (see
+    /// [`crate::grid::Grid::absent`]); empty if every thickness has a curve.
     pub absent: &'a [usize],
-    /// Compressed transmittance, one row per cell of the axes; `None`: the file
-    /// has reflectance only.
+    /// Compressed transmittance, one row per node of the axes; `None` if the file holds
+    /// reflectance only.
     pub transmittance: Option<&'a Compressed>,
-    /// Compressed reflectance, likewise and in the same variant.
+    /// Compressed reflectance in the same variant; `None` if the file holds transmittance only.
     pub reflectance: Option<&'a Compressed>,
-    /// Where the numbers come from: the JSON of [`crate::store::Store::attributes`].
+    /// Provenance of the numbers: the JSON of [`crate::store::Store::attributes`].
     pub provenance: &'a str,
-    /// Further metadata (illumination, ...); none of the
-    /// format's own keys.
+    /// Further metadata (illumination, ...), without keys that the format itself defines.
     pub extra: &'a BTreeMap<String, String>,
 }
 
 impl CompactFile<'_> {
-    /// Writes the file, replacing `path` as a whole or not at all.
+    /// Writes the file atomically: `path` is replaced completely or not at all.
     ///
     /// # Errors
-    /// See [`CompactError`].
+    /// [`CompactError`] of any kind.
     pub fn write(&self, path: &Path) -> Result<(), CompactError> {
         atomic::write(path, &self.to_bytes()?).map_err(|source| CompactError::Io {
             path: path.to_owned(),
@@ -87,7 +86,7 @@ impl CompactFile<'_> {
         let wavelengths = self.wavelengths_nm;
         check_wavelengths(wavelengths).map_err(CompactError::Content)?;
         let mut curves: usize = 1;
-        // Sorted by name: the order of the header.
+        // Sorted by name, the order of the header.
         let mut tensors = BTreeMap::new();
         for (parameter, values) in self.axes.iter() {
             check_axis(parameter, values).map_err(CompactError::Content)?;
@@ -99,7 +98,7 @@ impl CompactFile<'_> {
             let name = coefficients_name(quantity);
             let coefficients = &compressed.coefficients;
             check_matrix(&name, &coefficients.decoded(), [curves, components])?;
-            // Logical order is row-major, whatever the layout in memory.
+            // Iteration is row-major, whatever the memory layout.
             match coefficients {
                 Coefficients::F32(values) => {
                     let tensor = Tensor::f32(values.shape(), values.iter().copied());
@@ -109,12 +108,12 @@ impl CompactFile<'_> {
                     let bytes = values.iter().flat_map(|v| v.to_le_bytes());
                     tensors.insert(name, Tensor::new("F16", 2, values.shape(), bytes));
                 }
-                Coefficients::Quantised(all) => {
-                    for (component, quantised) in all.iter().enumerate() {
+                Coefficients::Quantised(quantised) => {
+                    for (component, quantised) in quantised.iter().enumerate() {
                         let tensor = Tensor::integers(&quantised.integers);
                         tensors.insert(integers_name(quantity, component), tensor);
                     }
-                    let scales = all.iter().flat_map(|c| [c.offset, c.step]);
+                    let scales = quantised.iter().flat_map(|c| [c.offset, c.step]);
                     let tensor = Tensor::f32(&[components, 2], scales);
                     tensors.insert(quantisation_name(quantity), tensor);
                 }
@@ -131,7 +130,7 @@ impl CompactFile<'_> {
 
         let mut header = BTreeMap::from([("__metadata__".to_owned(), self.metadata()?)]);
         let mut data = Vec::new();
-        // Largest elements first: each begins at a multiple of its elements' size.
+        // Largest elements first, so that each tensor begins at a multiple of its element size.
         let mut tensors: Vec<_> = tensors.into_iter().collect();
         tensors.sort_by_key(|(_, tensor)| Reverse(tensor.size));
         for (name, mut tensor) in tensors {
@@ -145,21 +144,25 @@ impl CompactFile<'_> {
         assemble(&header, &data)
     }
 
-    /// The counts of absent curves.
+    /// The numbers of absent curves as integers, one for each grain size.
     fn absent(&self) -> Result<Integers, CompactError> {
         let counts = self.absent.iter().map(|n| u16::try_from(*n).ok());
         let counts: Option<Vec<u16>> = counts.collect();
-        let most = self.axes.values(Parameter::Thickness).len();
+        let thicknesses = self.axes.values(Parameter::Thickness).len();
         let sizes = self.axes.values(Parameter::GrainSize).len();
-        let fits =
-            |all: &Vec<u16>| all.len() == sizes && all.iter().all(|n| usize::from(*n) <= most);
+        let fits = |counts: &Vec<u16>| {
+            counts.len() == sizes && counts.iter().all(|n| usize::from(*n) <= thicknesses)
+        };
         counts.filter(fits).map(Integers::U16).ok_or_else(|| {
-            let problem = format!("{:?} are no counts of {sizes} grain sizes", self.absent);
+            let problem = format!(
+                "the counts of absent curves {:?} must be {sizes} numbers, one for each grain size, of at most {thicknesses}",
+                self.absent
+            );
             CompactError::Content(problem)
         })
     }
 
-    /// The quantities there are.
+    /// The quantities in the file.
     fn quantities(&self) -> impl Iterator<Item = (Quantity, &Compressed)> {
         Quantity::ALL.into_iter().filter_map(|quantity| {
             let compressed = match quantity {
@@ -170,7 +173,7 @@ impl CompactFile<'_> {
         })
     }
 
-    /// That of all quantities there are.
+    /// The variant that all quantities share.
     fn variant(&self) -> Result<Variant, CompactError> {
         let mut variants = self
             .quantities()
@@ -180,13 +183,13 @@ impl CompactFile<'_> {
             return Err(CompactError::Content(problem));
         };
         if variants.any(|other| other != variant) {
-            let problem = "transmittance and reflectance are of two variants".to_owned();
+            let problem = "transmittance and reflectance have different variants".to_owned();
             return Err(CompactError::Content(problem));
         }
         Ok(variant)
     }
 
-    /// `__metadata__`: strings by name.
+    /// The entry `__metadata__`: strings by name.
     fn metadata(&self) -> Result<Value, CompactError> {
         let Variant { basis, precision } = self.variant()?;
         let quantities = quantities(self.quantities().map(|(quantity, _)| quantity));
@@ -239,10 +242,10 @@ impl CompactFile<'_> {
     }
 }
 
-/// A tensor as it is written.
+/// A tensor to be written.
 struct Tensor {
     dtype: &'static str,
-    /// Bytes of an element.
+    /// Size of an element, bytes.
     size: usize,
     shape: Vec<usize>,
     bytes: Vec<u8>,
@@ -273,18 +276,18 @@ impl Tensor {
         Self::new("F64", 8, &[values.len()], bytes)
     }
 
-    fn integers(all: &Integers) -> Self {
-        match all {
-            Integers::U8(all) => Self::new("U8", 1, &[all.len()], all.iter().copied()),
-            Integers::U16(all) => {
-                let bytes = all.iter().flat_map(|i| i.to_le_bytes());
-                Self::new("U16", 2, &[all.len()], bytes)
+    fn integers(integers: &Integers) -> Self {
+        match integers {
+            Integers::U8(values) => Self::new("U8", 1, &[values.len()], values.iter().copied()),
+            Integers::U16(values) => {
+                let bytes = values.iter().flat_map(|i| i.to_le_bytes());
+                Self::new("U16", 2, &[values.len()], bytes)
             }
         }
     }
 }
 
-/// A safetensors file of this header and data, which begins at a multiple of 8 bytes.
+/// A safetensors file with this header and data. The data begins at a multiple of 8 bytes.
 pub(super) fn assemble(
     header: &BTreeMap<String, Value>,
     data: &[u8],
@@ -293,7 +296,7 @@ pub(super) fn assemble(
     header.resize(header.len().next_multiple_of(8), b' ');
     if header.len() > MAX_HEADER {
         let problem = format!(
-            "its metadata take {} bytes; at most {MAX_HEADER} are allowed",
+            "its metadata takes {} bytes; at most {MAX_HEADER} are allowed",
             header.len()
         );
         return Err(CompactError::Content(problem));
@@ -304,13 +307,13 @@ pub(super) fn assemble(
     Ok(bytes)
 }
 
-/// Whether a matrix has the shape and the kind of numbers a reader accepts.
+/// Checks that a matrix has the given shape and holds only numbers that readers accept.
 fn check_matrix(name: &str, matrix: &Array2<f32>, shape: [usize; 2]) -> Result<(), CompactError> {
     if matrix.shape() != shape {
         let problem = format!("{name} has the shape {:?}, not {shape:?}", matrix.shape());
         return Err(CompactError::Content(problem));
     }
-    if let Some(bad) = matrix.iter().find(|v| !number(**v)) {
+    if let Some(bad) = matrix.iter().find(|v| !is_valid_number(**v)) {
         let problem =
             format!("{name} has the value {bad}, which is not finite or above {MAX_NUMBER:e}");
         return Err(CompactError::Content(problem));

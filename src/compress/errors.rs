@@ -1,8 +1,8 @@
-//! What compression costs: errors per curve, and their table per number of
-//! components (docs/methods.md).
+//! Compression errors: per curve, and tabulated per number of components
+//! (docs/methods.md).
 //!
-//! Errors are of what a reader gets: coefficients rounded as they are stored, the
-//! basis rounded to f32, the spectrum rounded to f32.
+//! The errors are those that a reader of the file gets: coefficients rounded as they are
+//! stored, the basis rounded to f32, the spectrum rounded to f32.
 use std::fmt;
 use std::ops::Range;
 
@@ -15,12 +15,12 @@ use crate::lookup::add_component;
 use crate::measurement::Quantity;
 use crate::spectrum::Band;
 
-/// The error of one rebuilt spectrum.
+/// The error of one reconstructed spectrum.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct CurveError {
     /// Root mean square difference over the wavelengths (Varsa 2025, eq. 6.4).
     pub rmse: f64,
-    /// Colour difference; `None` where the wavelengths give no colour.
+    /// Colour difference Delta-E; `None` if the wavelengths do not determine a colour.
     pub delta_e: Option<f64>,
 }
 
@@ -28,7 +28,7 @@ impl CurveError {
     /// Compares `rebuilt` with `original`, both `[l]`.
     ///
     /// # Panics
-    /// If a length differs from the other, or from the colorimeter's.
+    /// If the spectra differ in length, or the colorimeter has another number of wavelengths.
     #[must_use]
     pub fn between(original: &[f64], rebuilt: &[f64], colour: Option<&Colorimeter>) -> Self {
         assert_eq!(original.len(), rebuilt.len(), "spectra of one length");
@@ -40,63 +40,67 @@ impl CurveError {
     }
 }
 
-/// The RMSE of `rebuilt` against `original` in some columns, the largest absolute
-/// error in them, and its column.
+/// Compares `rebuilt` with `original` in some columns. Returns the RMSE, the largest
+/// absolute error, and the column of the largest error.
 pub(crate) fn error_in(
     original: &[f64],
     rebuilt: &[f64],
     columns: &Range<usize>,
 ) -> (f64, f64, usize) {
-    let (mut squares, mut largest, mut at) = (0.0, 0.0, columns.start);
+    let (mut squares, mut largest, mut largest_column) = (0.0, 0.0, columns.start);
     let pairs = original.iter().zip(rebuilt).enumerate();
     for (column, (a, b)) in pairs.skip(columns.start).take(columns.len()) {
         let error = (a - b).abs();
         squares += error * error;
         if error > largest {
-            (largest, at) = (error, column);
+            (largest, largest_column) = (error, column);
         }
     }
-    ((squares / columns.len() as f64).sqrt(), largest, at)
+    (
+        (squares / columns.len() as f64).sqrt(),
+        largest,
+        largest_column,
+    )
 }
 
-/// The largest absolute error of all curves at some wavelengths.
+/// The largest absolute error of all curves over some wavelengths.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 pub struct Largest {
-    /// Its size.
+    /// The absolute error.
     #[serde(serialize_with = "six_digits")]
     pub error: f64,
-    /// Where it is, nm.
+    /// Wavelength of the error, nm.
     pub wavelength_nm: f64,
-    /// Row of the (first) curve that has it.
+    /// Row of the first curve with this error.
     pub curve: usize,
 }
 
 /// Errors over all curves in one band.
 #[derive(Debug, Clone, Copy, PartialEq)]
-pub struct InBand {
-    /// RMSE per curve over the band's wavelengths.
+pub struct BandStatistics {
+    /// Statistics of the RMSE per curve over the band's wavelengths.
     pub rmse: Statistics,
-    /// The largest error at any of them.
+    /// The largest absolute error at any of these wavelengths.
     pub largest: Largest,
 }
 
-/// Smallest, mean and largest of one error over all curves.
+/// Smallest, mean and largest value of one error measure over all curves.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 pub struct Statistics {
-    /// Smallest.
+    /// Smallest value.
     #[serde(serialize_with = "six_digits")]
     pub min: f64,
-    /// Mean.
+    /// Mean value.
     #[serde(serialize_with = "six_digits")]
     pub mean: f64,
-    /// Largest.
+    /// Largest value.
     #[serde(serialize_with = "six_digits")]
     pub max: f64,
-    /// Row of the (first) worst curve.
+    /// Row of the first curve with the largest value.
     pub worst_curve: usize,
 }
 
-/// A table in a file's header needs no more digits than it has meaning.
+/// Serialises six significant digits, which keeps headers short.
 fn six_digits<S: Serializer>(value: &f64, serializer: S) -> Result<S::Ok, S::Error> {
     let short = format!("{value:.5e}").parse().unwrap_or(*value);
     serializer.serialize_f64(short)
@@ -104,15 +108,17 @@ fn six_digits<S: Serializer>(value: &f64, serializer: S) -> Result<S::Ok, S::Err
 
 /// Accumulates [`Statistics`].
 #[derive(Debug, Clone, Copy, Default)]
-struct Tally {
+struct StatisticsTally {
     count: usize,
     min: f64,
     sum: f64,
     max: f64,
+    /// Number of the first value that equals `max`.
     worst: usize,
 }
 
-impl Tally {
+impl StatisticsTally {
+    /// Adds the value of the next curve.
     fn add(&mut self, value: f64) {
         if self.count == 0 || value < self.min {
             self.min = value;
@@ -134,10 +140,10 @@ impl Tally {
     }
 }
 
-/// Accumulates [`InBand`].
+/// Accumulates [`BandStatistics`].
 #[derive(Debug, Clone, Copy)]
 pub(crate) struct BandTally {
-    rmse: Tally,
+    rmse: StatisticsTally,
     largest: Largest,
 }
 
@@ -149,12 +155,12 @@ impl BandTally {
             curve: 0,
         };
         Self {
-            rmse: Tally::default(),
+            rmse: StatisticsTally::default(),
             largest,
         }
     }
 
-    /// Adds the errors of a curve, the next.
+    /// Adds the RMSE and the largest error (with its wavelength) of the next curve.
     pub(crate) fn add(&mut self, curve: usize, rmse: f64, error: f64, wavelength_nm: f64) {
         if error > self.largest.error {
             self.largest = Largest {
@@ -166,8 +172,8 @@ impl BandTally {
         self.rmse.add(rmse);
     }
 
-    pub(crate) fn finish(self) -> InBand {
-        InBand {
+    pub(crate) fn finish(self) -> BandStatistics {
+        BandStatistics {
             rmse: self.rmse.finish(),
             largest: self.largest,
         }
@@ -179,52 +185,54 @@ impl BandTally {
 pub struct ErrorRow {
     /// Number of components, l'.
     pub components: usize,
-    /// RMSE per curve.
+    /// Statistics of the RMSE per curve.
     pub rmse: Statistics,
-    /// Colour difference per curve; `None` where the wavelengths give no colour.
+    /// Statistics of the colour difference; `None` if the wavelengths do not determine a colour.
     pub delta_e: Option<Statistics>,
-    /// By band, in the order of [`Band::ALL`]; `None` for those without wavelengths.
+    /// Errors by band, in the order of [`Band::ALL`]; `None` for bands without wavelengths.
     #[serde(serialize_with = "largest_rmse")]
-    pub bands: [Option<InBand>; Band::ALL.len()],
+    pub bands: [Option<BandStatistics>; Band::ALL.len()],
 }
 
-/// The largest RMSE of each band, by its name: the rest is told of the chosen row alone.
+/// Serialises the largest RMSE of each band by the name of the band. Files state the other
+/// band errors only for the chosen row.
 fn largest_rmse<S: Serializer>(
-    bands: &[Option<InBand>; Band::ALL.len()],
+    bands: &[Option<BandStatistics>; Band::ALL.len()],
     serializer: S,
 ) -> Result<S::Ok, S::Error> {
     let named = Band::ALL.into_iter().zip(bands);
-    let named = named.filter_map(|(band, found)| Some((band.name(), found.as_ref()?.rmse.max)));
+    let named =
+        named.filter_map(|(band, statistics)| Some((band.name(), statistics.as_ref()?.rmse.max)));
     let short = |value: f64| format!("{value:.5e}").parse().unwrap_or(value);
     serializer.collect_map(named.map(|(name, max)| (name, short(max))))
 }
 
-/// Errors for 1, 2, ... components, and the number chosen. Prints as the
-/// aligned table users see, serialises as the one files hold.
+/// Errors for 1, 2, ... components, and the number chosen. `Display` prints an aligned
+/// table for users; serialisation gives the table that files hold.
 #[derive(Debug, Clone, PartialEq, Serialize)]
 pub struct ErrorTable {
     /// One row per number of components, from 1.
     pub rows: Vec<ErrorRow>,
-    /// The number of components chosen, once it is.
+    /// The number of components chosen; `None` before the choice.
     pub chosen: Option<usize>,
 }
 
-/// What rebuilds curves, as a file holds it.
-pub(super) struct Rebuilding<'a> {
-    /// What the components are of.
+/// The stored data from which curves are reconstructed.
+pub(super) struct Reconstruction<'a> {
+    /// Quantity that the components decompose.
     pub(super) kind: Basis,
-    /// What the curves are.
+    /// Quantity of the curves.
     pub(super) quantity: Quantity,
-    /// `[s, l']`.
+    /// Coefficients, `[s, l']`.
     pub(super) coefficients: ArrayView2<'a, f32>,
-    /// `[l, l']` or more.
+    /// Basis, `[l, l']` or with more columns.
     pub(super) basis: ArrayView2<'a, f32>,
 }
 
 /// Tabulates the errors of `curves` (`[s, l]`) for `first` to l' components.
 pub(super) fn error_table(
     curves: ArrayView2<f64>,
-    by: &Rebuilding<'_>,
+    stored: &Reconstruction<'_>,
     colour: Option<&Colorimeter>,
     bands: &Bands,
     first: usize,
@@ -232,31 +240,35 @@ pub(super) fn error_table(
     let wavelengths = curves.ncols();
     let unlisted = first - 1;
     let in_bands = vec![BandTally::new(); bands.parts().len()];
-    let of_row = (Tally::default(), Tally::default(), in_bands);
-    let mut tallies = vec![of_row; by.coefficients.ncols() - unlisted];
+    let row_tallies = (
+        StatisticsTally::default(),
+        StatisticsTally::default(),
+        in_bands,
+    );
+    let mut tallies = vec![row_tallies; stored.coefficients.ncols() - unlisted];
     let mut original = vec![0.0; wavelengths];
     let mut sum = vec![0.0; wavelengths];
     let mut rebuilt = vec![0.0; wavelengths];
-    let pairs = curves.rows().into_iter().zip(by.coefficients.rows());
+    let pairs = curves.rows().into_iter().zip(stored.coefficients.rows());
     for (row, (curve, coefficients)) in pairs.enumerate() {
         (original.iter_mut().zip(curve)).for_each(|(to, &from)| *to = from);
         sum.fill(0.0);
         for (column, &coefficient) in coefficients.iter().enumerate() {
-            add_component(&mut sum, coefficient, by.basis.column(column));
+            add_component(&mut sum, coefficient, stored.basis.column(column));
             let Some((rmse, colours, in_bands)) =
                 column.checked_sub(unlisted).map(|i| &mut tallies[i])
             else {
                 continue;
             };
             for (to, &sum) in rebuilt.iter_mut().zip(&sum) {
-                *to = f64::from(by.kind.value(by.quantity, sum) as f32);
+                *to = f64::from(stored.kind.value(stored.quantity, sum) as f32);
             }
             let error = CurveError::between(&original, &rebuilt, colour);
             rmse.add(error.rmse);
             error.delta_e.into_iter().for_each(|e| colours.add(e));
             for (tally, part) in in_bands.iter_mut().zip(bands.parts()) {
-                let (rmse, largest, at) = error_in(&original, &rebuilt, &part.columns);
-                tally.add(row, rmse, largest, bands.wavelength_nm(at));
+                let (rmse, largest, largest_column) = error_in(&original, &rebuilt, &part.columns);
+                tally.add(row, rmse, largest, bands.wavelength_nm(largest_column));
             }
         }
     }
@@ -287,9 +299,9 @@ impl fmt::Display for ErrorTable {
         if self.rows.iter().any(|row| row.delta_e.is_some()) {
             write!(f, "   Delta-E min     mean      max")?;
         }
-        // One band alone is all there is.
-        let there = |band: &Band| self.rows.iter().any(|r| r.bands[*band as usize].is_some());
-        let bands: Vec<Band> = Band::ALL.into_iter().filter(there).collect();
+        // A single band repeats the RMSE over all wavelengths, so it is not printed.
+        let has_errors = |band: &Band| self.rows.iter().any(|r| r.bands[*band as usize].is_some());
+        let bands: Vec<Band> = Band::ALL.into_iter().filter(has_errors).collect();
         let bands = if bands.len() > 1 { bands } else { Vec::new() };
         for band in &bands {
             write!(f, "  {:>11}", format!("{} max", band.name()))?;
@@ -302,7 +314,8 @@ impl fmt::Display for ErrorTable {
                 write!(f, "   {min:>11.4} {mean:>8.4} {max:>8.4}")?;
             }
             for band in &bands {
-                let max = row.bands[*band as usize].map_or(f64::NAN, |found| found.rmse.max);
+                let statistics = row.bands[*band as usize];
+                let max = statistics.map_or(f64::NAN, |statistics| statistics.rmse.max);
                 write!(f, "  {max:>11.6}")?;
             }
             if self.chosen == Some(components) {
@@ -366,7 +379,7 @@ components   RMSE min      mean       max   Delta-E min     mean      max
         };
         for row in &mut by_band.rows {
             let rmse = statistics(0.0, 0.001, 0.002 * row.components as f64);
-            row.bands[1] = Some(InBand { rmse, largest });
+            row.bands[1] = Some(BandStatistics { rmse, largest });
             row.bands[2] = row.bands[1];
         }
         assert_eq!(

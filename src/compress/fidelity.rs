@@ -1,4 +1,4 @@
-//! How well a compact file holds the spectra it was made from.
+//! How closely a compact file reproduces the spectra it was made from.
 use ndarray::ArrayView2;
 
 use super::{BandTally, Bands, CurveError, Largest, error_in};
@@ -7,14 +7,14 @@ use crate::lookup::{Database, LookupError};
 use crate::measurement::Quantity;
 use crate::spectrum::Band;
 
-/// Errors of every curve, in row order; NaN of those that do not exist.
+/// Errors of every curve, in row order; NaN for curves that do not exist.
 #[derive(Debug, Clone, PartialEq)]
 pub struct CurveErrors {
     /// RMSE, `[s]`.
     pub rmse: Vec<f64>,
     /// Colour difference, `[s]`; `None` without a colorimeter.
     pub delta_e: Option<Vec<f64>>,
-    /// By band of the file's wavelengths.
+    /// Errors by band of the file's wavelengths.
     pub bands: Vec<BandErrors>,
 }
 
@@ -23,21 +23,21 @@ pub struct CurveErrors {
 pub struct BandErrors {
     /// The band.
     pub band: Band,
-    /// RMSE over its wavelengths, `[s]`.
+    /// RMSE over the wavelengths of the band, `[s]`.
     pub rmse: Vec<f64>,
-    /// The largest error at any of them.
+    /// The largest absolute error at any of these wavelengths.
     pub largest: Largest,
 }
 
-/// The errors of the compact file against `curves` (`[s, l]`), the matrix of
-/// `quantity`: to the last bit those that its error table was made from.
+/// The errors of the compact file against `curves` (`[s, l]`), the matrix of `quantity`.
+/// They equal those in the file's error table to the last bit.
 ///
 /// # Errors
-/// [`LookupError::NoQuantity`]; [`LookupError::Shape`] if `curves` is of another
-/// shape.
+/// [`LookupError::NoQuantity`] if the file lacks the quantity; [`LookupError::Shape`] if
+/// `curves` has another shape than the file.
 ///
 /// # Panics
-/// If `colour` is of another number of wavelengths.
+/// If `colour` has another number of wavelengths.
 pub fn errors_of(
     database: &Database,
     quantity: Quantity,
@@ -45,8 +45,8 @@ pub fn errors_of(
     colour: Option<&Colorimeter>,
 ) -> Result<CurveErrors, LookupError> {
     database.require(quantity)?;
-    expect("curves", database.curves(), curves.nrows())?;
-    expect(
+    require_count("curves", database.curves(), curves.nrows())?;
+    require_count(
         "wavelengths",
         database.wavelengths_nm().len(),
         curves.ncols(),
@@ -62,26 +62,31 @@ pub fn errors_of(
     for (row, original) in curves.rows().into_iter().enumerate() {
         if !database.exists(row) {
             errors.rmse.push(f64::NAN);
-            errors.delta_e.iter_mut().for_each(|all| all.push(f64::NAN));
-            in_bands.iter_mut().for_each(|(all, _)| all.push(f64::NAN));
+            errors
+                .delta_e
+                .iter_mut()
+                .for_each(|column| column.push(f64::NAN));
+            in_bands
+                .iter_mut()
+                .for_each(|(column, _)| column.push(f64::NAN));
             continue;
         }
         let rebuilt = database.curve(row, quantity).unwrap_or_default();
         let rebuilt: Vec<f64> = rebuilt.into_iter().map(f64::from).collect();
         let original = original.to_vec();
-        for (part, (all, tally)) in bands.parts().iter().zip(&mut in_bands) {
-            let (rmse, largest, at) = error_in(&original, &rebuilt, &part.columns);
-            all.push(rmse);
-            tally.add(row, rmse, largest, nm[at]);
+        for (part, (column, tally)) in bands.parts().iter().zip(&mut in_bands) {
+            let (rmse, largest, largest_column) = error_in(&original, &rebuilt, &part.columns);
+            column.push(rmse);
+            tally.add(row, rmse, largest, nm[largest_column]);
         }
         let error = CurveError::between(&original, &rebuilt, colour);
         errors.rmse.push(error.rmse);
-        if let (Some(all), Some(delta_e)) = (&mut errors.delta_e, error.delta_e) {
-            all.push(delta_e);
+        if let (Some(column), Some(delta_e)) = (&mut errors.delta_e, error.delta_e) {
+            column.push(delta_e);
         }
     }
-    let found = bands.parts().iter().zip(in_bands);
-    errors.bands = found
+    let finished = bands.parts().iter().zip(in_bands);
+    errors.bands = finished
         .map(|(part, (rmse, tally))| BandErrors {
             band: part.band,
             rmse,
@@ -91,7 +96,8 @@ pub fn errors_of(
     Ok(errors)
 }
 
-fn expect(what: &'static str, expected: usize, found: usize) -> Result<(), LookupError> {
+/// Refuses a count that differs from the file's.
+fn require_count(what: &'static str, expected: usize, found: usize) -> Result<(), LookupError> {
     if expected == found {
         return Ok(());
     }

@@ -2,8 +2,8 @@
 //! number of components, and the compact file (docs/methods.md; Varsa 2025,
 //! sections 5.2, 6.5 and 8.2).
 //!
-//! Transmittance and reflectance are compressed apart, each with its own number
-//! of components.
+//! Transmittance and reflectance are compressed separately, each with its own
+//! number of components.
 mod absent;
 mod annotation;
 mod bands;
@@ -18,11 +18,11 @@ mod weight;
 
 pub use annotation::annotated;
 pub(crate) use bands::rmse_in;
-pub use bands::{BandError, Bands, NOISE_FACTOR, Part};
+pub use bands::{BandColumns, BandError, Bands, NOISE_FACTOR};
 pub use choice::{Bounds, Choice, DEFAULT_MAX_DELTA_E, DEFAULT_MAX_RMSE, choose};
 pub use compact::{CompactError, CompactFile};
+pub use errors::{BandStatistics, CurveError, ErrorRow, ErrorTable, Largest, Statistics};
 pub(crate) use errors::{BandTally, error_in};
-pub use errors::{CurveError, ErrorRow, ErrorTable, InBand, Largest, Statistics};
 pub use fidelity::{BandErrors, CurveErrors, errors_of};
 pub use model::Model;
 pub use precision::{Coefficients, Integers, Quantised};
@@ -36,34 +36,34 @@ pub use crate::lookup::format::{BAND_ERRORS, BOUNDS, ERROR_TABLE, PROVENANCE};
 pub use crate::lookup::{Basis, Precision};
 use crate::measurement::Quantity;
 
-/// Rows of the error table that are always there, if there are as many components.
+/// Least number of rows in the error table, if there are as many components.
 const ROWS: usize = 12;
 
-/// Why curves could not be compressed.
+/// The reason why curves could not be compressed.
 #[derive(Debug, Clone, PartialEq, Error)]
 #[non_exhaustive]
 pub enum CompressError {
-    /// Nothing to compress.
+    /// There are no curves or no wavelengths.
     #[error(
         "a matrix of {rows} curves at {columns} wavelengths cannot be compressed: both must be at least 1"
     )]
     Empty {
-        /// Curves.
+        /// Number of curves.
         rows: usize,
-        /// Wavelengths.
+        /// Number of wavelengths.
         columns: usize,
     },
-    /// An entry is NaN, infinite or huge.
+    /// A value is NaN, infinite or above 1e6 in magnitude.
     #[error(
         "curve {row} has the value {value} at wavelength number {column} (both from 0); values must be finite and at most {max:e} in magnitude. NaN marks a curve that is not simulated yet: build the database first",
         max = svd::MAX_MAGNITUDE
     )]
     Value {
-        /// Row of the matrix.
+        /// Row of the matrix, from 0.
         row: usize,
-        /// Column of the matrix.
+        /// Column of the matrix, from 0.
         column: usize,
-        /// The entry.
+        /// The value found.
         value: f64,
     },
     /// The decomposition did not converge.
@@ -71,67 +71,67 @@ pub enum CompressError {
         "the singular value decomposition of the curves did not converge; please report this with the database"
     )]
     NoConvergence,
-    /// More components asked for than exist.
-    #[error("{components} components were asked for; this database has 1 to {limit}")]
+    /// The request names more components than exist.
+    #[error("{components} components were requested; this database has 1 to {limit}")]
     Components {
-        /// What was asked for.
+        /// The number requested.
         components: usize,
-        /// The most there are.
+        /// The largest number possible.
         limit: usize,
     },
-    /// A bound that nothing can be below.
+    /// A bound is not above 0.
     #[error("{name} = {value} is not a bound; it must be a number above 0")]
     Bound {
-        /// Which one.
+        /// Name of the bound.
         name: &'static str,
         /// Its value.
         value: f64,
     },
-    /// Even all components do not keep the bounds.
+    /// Even with all components the errors exceed a bound.
     #[error(
-        "with all {components} components the largest {name} is {reached:.3e}, not below {bound:e}: `{}` coefficients hold no more; raise the bound{}",
+        "with all {components} components the largest {name} is {reached:.3e}, not below {bound:e}: `{}` coefficients cannot be more accurate; raise the bound{}",
         precision.name(),
-        if *precision == Precision::F32 { "" } else { ", or take f32" }
+        if *precision == Precision::F32 { "" } else { ", or use f32" }
     )]
     Unreachable {
-        /// The measure that fails.
+        /// The error measure that exceeds its bound.
         name: &'static str,
         /// Its bound.
         bound: f64,
         /// Its largest value over the curves.
         reached: f64,
-        /// All there are.
+        /// The number of all components.
         components: usize,
         /// The precision of the coefficients.
         precision: Precision,
     },
 }
 
-/// The variant of a compact file: how it holds both quantities.
+/// The variant of a compact file, the same for both quantities.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
 pub struct Variant {
-    /// What the components are of.
+    /// Quantity that the components decompose.
     pub basis: Basis,
-    /// Numbers of the coefficients.
+    /// Number format of the coefficients.
     pub precision: Precision,
 }
 
-/// A compressed matrix: row j of `coefficients` times `basis`^T gives spectrum
-/// `j` as `kind` says.
+/// A compressed matrix: row j of `coefficients` times `basis`^T gives spectrum `j`, in
+/// the quantity that `kind` names.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Compressed {
-    /// What the components are of.
+    /// Quantity that the components decompose.
     pub kind: Basis,
-    /// C', `[s, l']`.
+    /// Coefficients C', `[s, l']`.
     pub coefficients: Coefficients,
-    /// V', `[l, l']`.
+    /// Basis V', `[l, l']`.
     pub basis: Array2<f32>,
-    /// Errors per number of components, with the chosen one marked. If
-    /// coefficients are quantised, they have 16 bits but in the chosen row.
+    /// Errors per number of components, with the chosen number marked. Quantised
+    /// coefficients have 16 bits in all rows but the chosen one.
     pub table: ErrorTable,
-    /// The bounds that chose it, over all wavelengths.
+    /// The bounds over all wavelengths that decided the number of components.
     pub bounds: Bounds,
-    /// The bands, with the bounds that chose it.
+    /// The bands, with the bounds that decided the number of components.
     pub bands: Bands,
 }
 
@@ -149,14 +149,14 @@ impl Compressed {
         rows.find(|row| row.components == self.components())
     }
 
-    /// The same by band, by wavelength.
+    /// The errors of [`Self::errors`] by band, in the order of wavelengths.
     #[must_use]
     pub fn band_errors(&self) -> Vec<BandError> {
         self.errors()
             .map_or(Vec::new(), |row| self.bands.errors(row))
     }
 
-    /// How it is held.
+    /// The basis and precision.
     #[must_use]
     pub fn variant(&self) -> Variant {
         Variant {
@@ -166,17 +166,17 @@ impl Compressed {
     }
 }
 
-/// Compresses `curves`, `[s, l]`, of `quantity`; `colour` and `bands` are of the same l
-/// wavelengths. If a number is chosen by bounds, those that `bands` have are kept, too:
-/// [`Bands::bounded`] has the defaults. Without them (`Bands::default()`) nothing bounds
-/// what no eye sees, as long as there is a colour. Quantised coefficients have 8 bits where the bounds allow it and
-/// 16 where they do not, or where there are no bounds.
+/// Compresses `curves`, `[s, l]`, of `quantity`. `colour` and `bands` have the same l
+/// wavelengths. If `choice` gives bounds, the bounds of `bands` are kept as well;
+/// [`Bands::bounded`] sets their defaults. With `Bands::default()` and a colour, nothing
+/// bounds the errors at invisible wavelengths. Quantised coefficients have 8 bits where
+/// the bounds allow it, and 16 where they do not or where there are no bounds.
 ///
 /// # Errors
 /// See [`CompressError`].
 ///
 /// # Panics
-/// If `colour` is of another number of wavelengths.
+/// If `colour` has another number of wavelengths.
 pub fn compress(
     curves: ArrayView2<f64>,
     quantity: Quantity,
@@ -195,11 +195,11 @@ pub fn compress(
         Choice::Components(components) => components.max(ROWS),
         Choice::Bounds(_) => ROWS,
     };
-    let (all, mut table, components) = loop {
-        let all = model.coefficients(listed, variant.precision);
-        let mut table = model.table(&all);
+    let (coefficients, mut table, components) = loop {
+        let coefficients = model.coefficients(listed, variant.precision);
+        let mut table = model.table(&coefficients);
         if let Choice::Components(components) = choice {
-            break (all, table, components);
+            break (coefficients, table, components);
         }
         match choose(&table, &bounds, bands, variant.precision) {
             Err(CompressError::Unreachable { .. }) if listed < limit => {
@@ -208,14 +208,15 @@ pub fn compress(
             chosen => {
                 let chosen = chosen?;
                 table.rows.truncate(chosen.max(ROWS));
-                break (all, table, chosen);
+                break (coefficients, table, chosen);
             }
         }
     };
     table.chosen = Some(components);
-    let mut coefficients = all.first(components);
+    let mut coefficients = coefficients.first(components);
     if let (Choice::Bounds(_), Precision::Quantised) = (choice, variant.precision) {
-        (coefficients, table.rows[components - 1]) = model.narrowed(components, &bounds)?;
+        (coefficients, table.rows[components - 1]) =
+            model.quantised_to_bounds(components, &bounds)?;
     }
     Ok(Compressed {
         kind: variant.basis,

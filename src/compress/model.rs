@@ -1,9 +1,9 @@
-//! Curves and the basis found for them: what every number of components and
-//! every precision of coefficients costs.
+//! Curves and the basis computed for them: the errors for every number of components
+//! and every precision of the coefficients.
 use ndarray::{Array2, ArrayView2, Axis};
 
-use super::errors::{Rebuilding, error_table};
-use super::precision::narrowed;
+use super::errors::{Reconstruction, error_table};
+use super::precision::narrow_components;
 use super::{
     Bands, Basis, Bounds, Coefficients, CompressError, Decomposition, ErrorRow, ErrorTable,
     Precision, choose, svd, weight,
@@ -11,7 +11,7 @@ use super::{
 use crate::colour::Colorimeter;
 use crate::measurement::Quantity;
 
-/// Curves, `[s, l]`, of one quantity, and their basis.
+/// Curves, `[s, l]`, of one quantity, with their basis.
 #[derive(Debug)]
 pub struct Model<'a> {
     curves: ArrayView2<'a, f64>,
@@ -20,19 +20,19 @@ pub struct Model<'a> {
     bands: &'a Bands,
     kind: Basis,
     decomposition: Decomposition,
-    /// Its basis as files hold it.
+    /// The basis rounded to f32, as files hold it.
     basis: Array2<f32>,
 }
 
 impl<'a> Model<'a> {
-    /// Finds the basis of this kind for `curves`, `[s, l]`, of `quantity`;
-    /// `colour` and `bands` are of the same l wavelengths, or there are none.
+    /// Computes the basis of this kind for `curves`, `[s, l]`, of `quantity`.
+    /// `colour` and `bands` have the same l wavelengths; `bands` may be empty.
     ///
     /// # Errors
-    /// As [`Decomposition::new`].
+    /// Those of [`Decomposition::new`].
     ///
     /// # Panics
-    /// If `colour` is of another number of wavelengths.
+    /// If `colour` has another number of wavelengths.
     pub fn new(
         curves: ArrayView2<'a, f64>,
         quantity: Quantity,
@@ -43,7 +43,7 @@ impl<'a> Model<'a> {
         let decomposition = match kind {
             Basis::Linear => Decomposition::new(curves)?,
             Basis::Log => {
-                // What is not a number has no place in a logarithm's limits.
+                // The logarithm would clamp NaN and infinities, so they are refused first.
                 svd::check_values(curves)?;
                 Decomposition::new(weight::weighted(quantity, curves).view())?
             }
@@ -59,67 +59,67 @@ impl<'a> Model<'a> {
         })
     }
 
-    /// The most components there are: min(s, l).
+    /// The largest number of components, min(s, l).
     #[must_use]
     pub fn rank_limit(&self) -> usize {
         self.decomposition.rank_limit()
     }
 
-    /// The first `components` (at most [`Model::rank_limit`]) of the basis as
-    /// files hold it, `[l, components]`.
+    /// The first `components` (at most [`Model::rank_limit`]) basis vectors as files
+    /// hold them, `[l, components]`.
     #[must_use]
     pub fn basis(&self, components: usize) -> Array2<f32> {
         let components = components.min(self.rank_limit());
         self.basis.view().split_at(Axis(1), components).0.to_owned()
     }
 
-    /// Coefficients of the first `components` (at most [`Model::rank_limit`]) in
-    /// a precision; integers have 16 bits.
+    /// Coefficients of the first `components` (at most [`Model::rank_limit`]) in the
+    /// given precision; integers have 16 bits.
     #[must_use]
     pub fn coefficients(&self, components: usize, precision: Precision) -> Coefficients {
         Coefficients::new(self.exact(components), precision)
     }
 
-    /// The errors of 1 to all of the components of `stored`, which are of this
-    /// model.
+    /// The errors with 1, 2, ... and all components of `stored`, which must be
+    /// coefficients of this model.
     ///
     /// # Panics
-    /// If they are not.
+    /// If `stored` has more components or fewer curves than the model.
     #[must_use]
     pub fn table(&self, stored: &Coefficients) -> ErrorTable {
         self.errors(stored, 1)
     }
 
-    /// A value of a spectrum from the sum of its components.
+    /// The value of a spectrum whose components sum to `sum`.
     #[cfg(feature = "charts")]
     pub(crate) fn value(&self, sum: f64) -> f64 {
         self.kind.value(self.quantity, sum)
     }
 
-    /// The first `components` quantised in as few bits as keep `bounds` and those of
-    /// the bands, and their errors.
+    /// Quantises the first `components` in as few bits as keep `bounds` and the bounds of
+    /// the bands. Returns the coefficients and their errors.
     ///
     /// # Errors
-    /// See [`choose`]: 16 bits do not keep them.
-    pub fn narrowed(
+    /// Those of [`choose`], if even 16 bits do not keep the bounds.
+    pub fn quantised_to_bounds(
         &self,
         components: usize,
         bounds: &Bounds,
     ) -> Result<(Coefficients, ErrorRow), CompressError> {
         let exact = self.exact(components);
-        let row = |tried: &Coefficients| {
-            let table = self.errors(tried, exact.ncols());
+        let error_row = |candidate: &Coefficients| {
+            let table = self.errors(candidate, exact.ncols());
             choose(&table, bounds, self.bands, Precision::Quantised).map(|_| table.rows[0])
         };
         let wide = Coefficients::new(exact.clone(), Precision::Quantised);
-        let mut kept = row(&wide)?;
-        let stored = narrowed(exact.view(), wide, |tried| {
-            row(tried).map(|row| kept = row).is_ok()
+        let mut row = error_row(&wide)?;
+        let stored = narrow_components(exact.view(), wide, |candidate| {
+            error_row(candidate).map(|accepted| row = accepted).is_ok()
         });
-        Ok((stored, kept))
+        Ok((stored, row))
     }
 
-    /// Projections of the curves on the basis, summed in wavelength order.
+    /// Projections of the curves on the basis, `[s, components]`, summed in wavelength order.
     fn exact(&self, components: usize) -> Array2<f32> {
         let components = components.min(self.rank_limit());
         let mut exact = Array2::zeros((self.curves.nrows(), components));
@@ -136,15 +136,15 @@ impl<'a> Model<'a> {
         exact
     }
 
-    /// Errors of `first` to all of the components of `stored`.
+    /// Errors with `first`, ... and all components of `stored`.
     fn errors(&self, stored: &Coefficients, first: usize) -> ErrorTable {
         let coefficients = stored.decoded();
-        let by = Rebuilding {
+        let reconstruction = Reconstruction {
             kind: self.kind,
             quantity: self.quantity,
             coefficients: coefficients.view(),
             basis: self.basis.view(),
         };
-        error_table(self.curves, &by, self.colour, self.bands, first)
+        error_table(self.curves, &reconstruction, self.colour, self.bands, first)
     }
 }

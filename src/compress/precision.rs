@@ -1,4 +1,4 @@
-//! How coefficients are stored.
+//! The number formats in which coefficients are stored.
 use half::f16;
 use ndarray::{Array2, ArrayView1, ArrayView2, Axis, ShapeBuilder};
 
@@ -7,22 +7,22 @@ use crate::lookup::{Precision, dequantised};
 /// Coefficients as a file holds them.
 #[derive(Debug, Clone, PartialEq)]
 pub enum Coefficients {
-    /// `[s, l']`.
+    /// 32-bit floats, `[s, l']`.
     F32(Array2<f32>),
-    /// `[s, l']`.
+    /// 16-bit floats, `[s, l']`.
     F16(Array2<f16>),
-    /// One per component.
+    /// Integers with a scale, one set per component.
     Quantised(Vec<Quantised>),
 }
 
 /// The coefficients of one component, as integers.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Quantised {
-    /// The coefficient of integer 0.
+    /// The coefficient that integer 0 represents.
     pub offset: f32,
-    /// The difference from one integer to the next.
+    /// The difference between the coefficients of consecutive integers.
     pub step: f32,
-    /// One per curve.
+    /// One integer per curve.
     pub integers: Integers,
 }
 
@@ -36,11 +36,12 @@ pub enum Integers {
 }
 
 impl Coefficients {
-    /// `exact` (`[s, l']`) in a precision; integers have 16 bits.
+    /// `exact` (`[s, l']`) in the given precision; integers have 16 bits.
     pub(super) fn new(exact: Array2<f32>, precision: Precision) -> Self {
         match precision {
             Precision::F32 => Self::F32(exact),
-            // Beyond the largest f16 the error is seen, infinity would hide it.
+            // Beyond the largest f16 the value is clamped, so that its error shows; infinity
+            // would hide it.
             Precision::F16 => Self::F16(exact.mapv(|c| {
                 let limit = f16::MAX.to_f32();
                 f16::from_f32(c.clamp(-limit, limit))
@@ -62,7 +63,7 @@ impl Coefficients {
         }
     }
 
-    /// What a reader gets, `[s, l']`.
+    /// The values that a reader gets, `[s, l']`.
     #[must_use]
     pub fn decoded(&self) -> Array2<f32> {
         match self {
@@ -72,23 +73,23 @@ impl Coefficients {
                 let curves = components.first().map_or(0, |c| c.decoded().len());
                 let values: Vec<f32> = components.iter().flat_map(Quantised::decoded).collect();
                 let shape = (curves, components.len());
-                // Components of unequal lengths have no matrix.
+                // Components of unequal lengths give an empty matrix.
                 Array2::from_shape_vec(shape.f(), values).unwrap_or_default()
             }
         }
     }
 
-    /// Bits of a coefficient, by component.
+    /// Bits of a coefficient, one entry per component.
     #[must_use]
     pub fn bits(&self) -> Vec<u32> {
         match self {
             Self::F32(values) => vec![32; values.ncols()],
             Self::F16(values) => vec![16; values.ncols()],
-            Self::Quantised(all) => all.iter().map(|c| c.integers.bits()).collect(),
+            Self::Quantised(components) => components.iter().map(|c| c.integers.bits()).collect(),
         }
     }
 
-    /// Bytes of a file that they take.
+    /// Size of the coefficients in a file, bytes.
     #[must_use]
     pub fn bytes(&self) -> u64 {
         let bytes = match self {
@@ -102,7 +103,7 @@ impl Coefficients {
         bytes as u64
     }
 
-    /// The first `components` of them.
+    /// The coefficients of the first `components`.
     pub(super) fn first(self, components: usize) -> Self {
         let columns = Axis(1);
         match self {
@@ -112,18 +113,18 @@ impl Coefficients {
             Self::F16(values) => {
                 Self::F16(values.view().split_at(columns, components).0.to_owned())
             }
-            Self::Quantised(mut all) => {
-                all.truncate(components);
-                Self::Quantised(all)
+            Self::Quantised(mut quantised) => {
+                quantised.truncate(components);
+                Self::Quantised(quantised)
             }
         }
     }
 }
 
 impl Quantised {
-    /// `exact` in 16 bits.
+    /// `exact` as 16-bit integers.
     fn wide(exact: ArrayView1<f32>) -> Self {
-        let (offset, step, integers) = evenly(exact, u16::MAX);
+        let (offset, step, integers) = quantise(exact, u16::MAX);
         Self {
             offset,
             step,
@@ -131,10 +132,10 @@ impl Quantised {
         }
     }
 
-    /// `exact` in 8 bits.
+    /// `exact` as 8-bit integers.
     pub(super) fn narrow(exact: ArrayView1<f32>) -> Self {
-        let (offset, step, integers) = evenly(exact, u8::MAX.into());
-        // None is above the largest u8.
+        let (offset, step, integers) = quantise(exact, u8::MAX.into());
+        // All integers fit into a u8.
         let integers = integers.into_iter().map(|i| i as u8).collect();
         Self {
             offset,
@@ -143,19 +144,19 @@ impl Quantised {
         }
     }
 
-    /// What a reader gets, `[s]`.
+    /// The values that a reader gets, `[s]`.
     #[must_use]
     pub fn decoded(&self) -> Vec<f32> {
         let value = |integer| dequantised(self.offset, self.step, integer);
         match &self.integers {
-            Integers::U8(all) => all.iter().map(|&i| value(i.into())).collect(),
-            Integers::U16(all) => all.iter().map(|&i| value(i)).collect(),
+            Integers::U8(integers) => integers.iter().map(|&i| value(i.into())).collect(),
+            Integers::U16(integers) => integers.iter().map(|&i| value(i)).collect(),
         }
     }
 }
 
 impl Integers {
-    /// Their width.
+    /// Width of an integer, bits: 8 or 16.
     #[must_use]
     pub fn bits(&self) -> u32 {
         match self {
@@ -164,42 +165,44 @@ impl Integers {
         }
     }
 
+    /// Size of the integers in a file, bytes.
     fn bytes(&self) -> usize {
         match self {
-            Self::U8(all) => all.len(),
-            Self::U16(all) => 2 * all.len(),
+            Self::U8(integers) => integers.len(),
+            Self::U16(integers) => 2 * integers.len(),
         }
     }
 }
 
-/// Offset, step, and the integers from 0 to `largest` that are nearest to `exact`.
-fn evenly(exact: ArrayView1<f32>, largest: u16) -> (f32, f32, Vec<u16>) {
+/// Quantises `exact` evenly between its extremes: offset, step, and the nearest integers
+/// from 0 to `largest`.
+fn quantise(exact: ArrayView1<f32>, largest: u16) -> (f32, f32, Vec<u16>) {
     let least = exact.iter().copied().fold(f32::INFINITY, f32::min);
     let most = exact.iter().copied().fold(f32::NEG_INFINITY, f32::max);
     let largest = f64::from(largest);
     let step = ((f64::from(most) - f64::from(least)) / largest) as f32;
     let integer = |&value: &f32| {
-        // Equal coefficients have no step; a conversion from NaN gives 0.
+        // Equal coefficients give a step of 0 and NaN here, which converts to integer 0.
         let steps = (f64::from(value) - f64::from(least)) / f64::from(step);
         steps.round().clamp(0.0, largest) as u16
     };
     (least, step, exact.iter().map(integer).collect())
 }
 
-/// The quantised `stored` of `exact` (`[s, l']`), component by component in as
-/// few bits as `kept` allows; later components, which tell least, first.
-pub(super) fn narrowed(
+/// The quantised coefficients `stored` of `exact` (`[s, l']`), with each component narrowed
+/// to 8 bits where `accepts` allows it. Later components, which matter least, are tried first.
+pub(super) fn narrow_components(
     exact: ArrayView2<f32>,
     mut stored: Coefficients,
-    mut kept: impl FnMut(&Coefficients) -> bool,
+    mut accepts: impl FnMut(&Coefficients) -> bool,
 ) -> Coefficients {
     for (component, exact) in exact.columns().into_iter().enumerate().rev() {
-        let mut tried = stored.clone();
-        if let Coefficients::Quantised(all) = &mut tried {
-            all[component] = Quantised::narrow(exact);
+        let mut candidate = stored.clone();
+        if let Coefficients::Quantised(components) = &mut candidate {
+            components[component] = Quantised::narrow(exact);
         }
-        if kept(&tried) {
-            stored = tried;
+        if accepts(&candidate) {
+            stored = candidate;
         }
     }
     stored
@@ -259,10 +262,10 @@ mod tests {
     fn later_components_are_narrowed_first() {
         let exact = Array2::from_shape_fn((10, 3), |(i, j)| (i * j) as f32);
         let wide = Coefficients::new(exact.clone(), Precision::Quantised);
-        let least = |bytes| move |tried: &Coefficients| tried.bytes() >= bytes;
-        let found = |bytes| narrowed(exact.view(), wide.clone(), least(bytes)).bits();
-        assert_eq!(found(0), [8, 8, 8]);
-        assert_eq!(found(24 + 50), [16, 16, 8]);
-        assert_eq!(found(24 + 60), [16, 16, 16]);
+        let at_least = |bytes| move |candidate: &Coefficients| candidate.bytes() >= bytes;
+        let bits = |bytes| narrow_components(exact.view(), wide.clone(), at_least(bytes)).bits();
+        assert_eq!(bits(0), [8, 8, 8]);
+        assert_eq!(bits(24 + 50), [16, 16, 8]);
+        assert_eq!(bits(24 + 60), [16, 16, 16]);
     }
 }

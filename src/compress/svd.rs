@@ -1,44 +1,42 @@
 //! Singular value decomposition of a matrix of curves (docs/methods.md;
 //! Varsa 2025, sections 5.2 and 6.5).
 //!
-//! M (`[s, l]`, curves by wavelengths, not centred) = U Sigma V^T. Only V and
-//! Sigma are kept, since C = M V: M is folded block by block into the
-//! triangular factor R of a QR decomposition, M^T M = R^T R, and R, at most
-//! `l x l`, is decomposed. Beside M itself this takes a few hundred kilobytes
-//! whatever the number of curves, and M^T M, which would halve the digits of the
-//! small singular values, is never formed.
+//! M (`[s, l]`, curves by wavelengths, not centred) = U Sigma V^T. Only V and Sigma are
+//! kept, because C = M V. M is folded block by block into the triangular factor R of a QR
+//! decomposition, M^T M = R^T R, and R, at most `l x l`, is decomposed. Besides M itself
+//! this takes a few hundred kilobytes for any number of curves. M^T M is never formed, because
+//! it would halve the number of accurate digits of the small singular values.
 //!
-//! The result is a function of M alone, to the last bit on one platform. Each basis vector, whose sign is
-//! arbitrary, is turned so that its entry of largest magnitude (the first of
-//! equals) is positive.
+//! On one platform the result depends on M alone, to the last bit. The sign of a basis vector
+//! is arbitrary; it is chosen so that the entry of largest magnitude (the first of equals) is
+//! positive.
 use nalgebra::{DMatrix, SVD};
 use ndarray::{Array2, ArrayView2};
 
 use super::CompressError;
 
-/// Rows folded into R at a time.
+/// Number of rows folded into R at a time.
 const BLOCK: usize = 1024;
 
-/// Largest magnitude of an entry of M: far above any reflectance, far below
-/// where f32 overflows.
+/// Largest magnitude allowed for an entry of M: far above any reflectance, far below the
+/// overflow of f32.
 pub(super) const MAX_MAGNITUDE: f64 = 1e6;
 
 /// Basis vectors and singular values of a matrix of curves.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Decomposition {
-    /// `[l, r]`, r = min(s, l): orthonormal columns by falling singular value.
+    /// Orthonormal columns in the order of decreasing singular values, `[l, r]`, r = min(s, l).
     pub basis: Array2<f64>,
-    /// `[r]`: singular values, falling.
+    /// Singular values in decreasing order, `[r]`.
     pub singular_values: Vec<f64>,
 }
 
 impl Decomposition {
-    /// Decomposes `curves`, `[s, l]`: one row per curve, one column per
-    /// wavelength.
+    /// Decomposes `curves`, `[s, l]`, with one row per curve and one column per wavelength.
     ///
     /// # Errors
-    /// [`CompressError::Empty`], [`CompressError::Value`] for an entry that is
-    /// not a number of ordinary size, [`CompressError::NoConvergence`].
+    /// [`CompressError::Empty`] without curves or wavelengths; [`CompressError::Value`] for an
+    /// entry that is not finite or above 1e6 in magnitude; [`CompressError::NoConvergence`].
     pub fn new(curves: ArrayView2<f64>) -> Result<Self, CompressError> {
         let (rows, columns) = curves.dim();
         if rows == 0 || columns == 0 {
@@ -46,19 +44,20 @@ impl Decomposition {
         }
         check_values(curves)?;
         let scale = curves.iter().fold(0.0_f64, |a, b| a.max(b.abs()));
-        // Scaled, no square of an entry that matters can underflow.
+        // Scaling keeps the squares of all significant entries from underflowing.
         let scale = if scale > 0.0 { scale } else { 1.0 };
 
         let mut triangle = DMatrix::zeros(0, columns);
         let mut begin = 0;
         while begin < rows {
             let block = BLOCK.min(rows - begin);
-            let kept = triangle.nrows();
-            let stacked =
-                DMatrix::from_fn(kept + block, columns, |i, j| match i.checked_sub(kept) {
+            let folded = triangle.nrows();
+            let stacked = DMatrix::from_fn(folded + block, columns, |i, j| {
+                match i.checked_sub(folded) {
                     Some(i) => curves[[begin + i, j]] / scale,
                     None => triangle[(i, j)],
-                });
+                }
+            });
             triangle = stacked.qr().unpack_r();
             begin += block;
         }
@@ -74,7 +73,7 @@ impl Decomposition {
                 }
             }
             if largest < 0.0 {
-                // Not `-entry`: it would turn 0 into -0.
+                // `-entry` would turn 0 into -0.
                 vector.mapv_inplace(|entry| 0.0 - entry);
             }
         }
@@ -85,17 +84,20 @@ impl Decomposition {
         })
     }
 
-    /// The most components there are: min(s, l).
+    /// The largest number of components, min(s, l).
     #[must_use]
     pub fn rank_limit(&self) -> usize {
         self.singular_values.len()
     }
 }
 
-/// Refuses entries that are not numbers of ordinary size.
+/// Refuses entries that are NaN, infinite or above [`MAX_MAGNITUDE`] in magnitude.
 pub(super) fn check_values(curves: ArrayView2<f64>) -> Result<(), CompressError> {
-    let ordinary = |value: f64| value.abs() <= MAX_MAGNITUDE;
-    match curves.indexed_iter().find(|(_, value)| !ordinary(**value)) {
+    let is_allowed = |value: f64| value.abs() <= MAX_MAGNITUDE;
+    match curves
+        .indexed_iter()
+        .find(|(_, value)| !is_allowed(**value))
+    {
         Some(((row, column), &value)) => Err(CompressError::Value { row, column, value }),
         None => Ok(()),
     }
@@ -108,7 +110,8 @@ mod tests {
     use ndarray::array;
     use proptest::prelude::*;
 
-    /// Orthonormal basis; Sigma^2 on the diagonal of (M V)^T (M V); and M V V^T = M.
+    /// Checks that the basis is orthonormal, that (M V)^T (M V) has Sigma^2 on its diagonal, and
+    /// that M V V^T = M.
     fn check(curves: &Array2<f64>) {
         let found = Decomposition::new(curves.view()).unwrap();
         let (rows, columns) = curves.dim();
@@ -162,7 +165,7 @@ mod tests {
         }));
     }
 
-    /// The closed form of a 2 x 2 matrix.
+    /// Compares with the closed form for a 2 x 2 matrix.
     #[test]
     fn known_singular_values() {
         let found = Decomposition::new(array![[3.0, 0.0], [4.0, 5.0]].view()).unwrap();
@@ -179,7 +182,7 @@ mod tests {
     }
 
     #[test]
-    fn what_is_not_a_number_is_refused_by_place() {
+    fn invalid_values_are_reported_with_row_and_column() {
         for bad in [f64::NAN, f64::INFINITY, 1e300] {
             let mut curves = Array2::<f64>::ones((4, 3));
             curves[[2, 1]] = bad;

@@ -1,15 +1,16 @@
-//! How much of a change of y is seen (docs/methods.md).
+//! Weights of curves by how visible a change of y is (docs/methods.md).
 use ndarray::{Array2, ArrayView1, ArrayView2};
 
 use crate::lookup::Basis;
 use crate::measurement::Quantity;
 
-/// Relative luminance below which CIELAB grows no more steeply (CIE 15).
+/// Relative luminance below which CIELAB lightness is linear in luminance (CIE 15).
 const DARK: f64 = 216.0 / 24389.0;
 
-/// The y of `curves`, each row weighted by how much of a change dy is seen:
-/// lightness, the cube root of a luminance Y, changes by Y^(-2/3) dY, and dY is
-/// T dy or (1 - R) dy. Its singular vectors are the basis.
+/// The y of `curves`, with each row weighted by how visible a change dy is. Lightness is
+/// the cube root of luminance Y and changes by Y^(-2/3) dY, and dY is T dy for
+/// transmittance or (1 - R) dy for reflectance. The basis of the `log` kind holds the
+/// singular vectors of this matrix.
 pub(super) fn weighted(quantity: Quantity, curves: ArrayView2<f64>) -> Array2<f64> {
     let mut matrix = curves.mapv(|value| Basis::Log.projected(quantity, value));
     for mut row in matrix.rows_mut() {
@@ -19,7 +20,7 @@ pub(super) fn weighted(quantity: Quantity, curves: ArrayView2<f64>) -> Array2<f6
     matrix
 }
 
-/// The weight of a row of y, from its means.
+/// The weight of a row of y, from its mean luminance.
 fn weight(quantity: Quantity, row: ArrayView1<f64>) -> f64 {
     let transparency = row.iter().map(|y| libm::exp(-y)).sum::<f64>() / row.len() as f64;
     let luminance = match quantity {
@@ -34,7 +35,7 @@ mod tests {
     use super::*;
     use ndarray::array;
 
-    /// The weight of a grey row is the change of lightness with y, but for 116 / 3.
+    /// The weight of a grey row is the derivative of lightness in y, up to the factor 116 / 3.
     #[test]
     fn weights_are_changes_of_lightness() {
         let lightness = |y: f64| {
@@ -47,10 +48,10 @@ mod tests {
         for quantity in Quantity::ALL {
             for value in [0.001, 0.1, 0.5, 0.95] {
                 let y = Basis::Log.projected(quantity, value);
-                let of = |y| lightness(Basis::Log.value(quantity, y));
-                let slope = (of(y + 1e-6) - of(y - 1e-6)).abs() / 2e-6;
-                let found = weight(quantity, array![y, y].view()) * 116.0 / 3.0;
-                assert!((found / slope - 1.0).abs() < 0.01, "{found} {slope}");
+                let lightness_at = |y| lightness(Basis::Log.value(quantity, y));
+                let slope = (lightness_at(y + 1e-6) - lightness_at(y - 1e-6)).abs() / 2e-6;
+                let scaled = weight(quantity, array![y, y].view()) * 116.0 / 3.0;
+                assert!((scaled / slope - 1.0).abs() < 0.01, "{scaled} {slope}");
             }
         }
     }

@@ -1,4 +1,4 @@
-//! The keys of axes, made from their records ([`crate::parameter`]).
+//! The keys of axes, generated from the parameter records ([`crate::parameter`]).
 use std::borrow::Cow;
 use std::collections::BTreeMap;
 
@@ -21,35 +21,42 @@ pub(super) struct AxesKeys {
 }
 
 impl AxesKeys {
-    /// Takes the values of an axis by its key.
+    /// Removes and returns the values of the axis `key`.
     pub(super) fn take(&mut self, key: &str) -> Option<Vec<f64>> {
         let values = self.lists.remove(key)?;
         Some(values.into_iter().map(NumberOrInf::number).collect())
     }
 
-    /// The values of an axis by its key.
+    /// The values of the axis `key`; empty if it is not in the grid.
     pub(super) fn values(&self, key: &str) -> Vec<f64> {
         let values = self.lists.get(key).into_iter().flatten();
         values.map(|value| value.clone().number()).collect()
     }
 }
 
-/// One kind of snow, or a box of kinds: numbers or ranges.
+/// One kind of snow, or a box in parameter space: each parameter is a number or a range.
 #[derive(Deserialize)]
 pub(super) struct SnowKeys(BTreeMap<String, RangeKeys>);
 
 impl SnowKeys {
-    /// What it says of each parameter, those that every database has first.
+    /// The parameters that are given, with their ranges; the parameters that every
+    /// database has come first.
     pub(super) fn iter(&self) -> impl Iterator<Item = (Parameter, RangeKeys)> + '_ {
-        let of_snow = |p: &Parameter| p.record().role == Role::Snow;
-        let all = Parameter::ALL.into_iter().filter(of_snow);
-        let (optional, core): (Vec<_>, Vec<_>) = all.partition(|p| p.is_optional());
-        let all = core.into_iter().chain(optional);
-        all.filter_map(|parameter| Some((parameter, *self.0.get(parameter.name())?)))
+        let (optional, core) = snow_parameters();
+        let parameters = core.into_iter().chain(optional);
+        parameters.filter_map(|parameter| Some((parameter, *self.0.get(parameter.key())?)))
     }
 }
 
-/// Adds the keywords of an interval.
+/// The parameters of the snow itself: those that a database may leave out, and those
+/// that every database has.
+fn snow_parameters() -> (Vec<Parameter>, Vec<Parameter>) {
+    let is_snow = |p: &Parameter| p.record().role == Role::Snow;
+    let parameters = Parameter::ALL.into_iter().filter(is_snow);
+    parameters.partition(|p| p.is_optional())
+}
+
+/// Adds the schema keywords that limit a number to `interval`.
 fn limit(schema: &mut Map<String, Value>, interval: Interval) {
     let [open_min, open_max] = interval.open;
     let min = if open_min {
@@ -66,7 +73,7 @@ fn limit(schema: &mut Map<String, Value>, interval: Interval) {
     schema.insert(max.to_owned(), interval.max.into());
 }
 
-/// What a parameter is, with unit and ordinary range.
+/// Description of a parameter, with its unit and ordinary range.
 fn about(parameter: Parameter) -> String {
     let record = parameter.record();
     let mut words = record.long_name.chars();
@@ -83,8 +90,8 @@ fn about(parameter: Parameter) -> String {
     text
 }
 
-/// Where else a parameter that is no axis gets its value from.
-fn instead(parameter: Parameter) -> String {
+/// Names the key that gives the value of a parameter if it is not an axis.
+fn alternative_key(parameter: Parameter) -> String {
     match parameter.record().fixed.first() {
         Some(key) => format!(", instead of {key}"),
         None => String::new(),
@@ -117,20 +124,20 @@ impl JsonSchema for AxesKeys {
         let mut properties = Map::new();
         let axis = |parameter: Parameter| {
             let record = parameter.record();
-            let mut text = about(parameter) + &instead(parameter);
+            let mut text = about(parameter) + &alternative_key(parameter);
             let items = match parameter {
                 Parameter::Thickness => {
                     let mut items = Schema::default();
                     or_half_space(&mut items);
-                    text += ". Curves of grains of which 10 lengths do not fit are NaN. `inf` is a half space";
+                    text += ". Curves for which the slab is thinner than 10 lengths of the longest grain are NaN. `inf` is a half space";
                     items.to_value()
                 }
                 _ => numbers(record.allowed),
             };
             if parameter == Parameter::GrainSize {
-                text += "; required unless one of the next two is given";
+                text += "; required unless optical_radius_um or ssa_m2_kg is given";
             }
-            (record.name.to_owned(), list(text + ".", items))
+            (record.key.to_owned(), list(text + ".", items))
         };
         for parameter in Parameter::CORE {
             properties.extend([axis(parameter)]);
@@ -140,7 +147,7 @@ impl JsonSchema for AxesKeys {
         }
         let diffuse = json!({
             "type": "boolean",
-            "description": "Whether curves under isotropic light are computed beside those of all angles; with the engines doubling and auto.",
+            "description": "Whether to simulate curves under diffuse (isotropic) light in addition to those at the incidence angles; only with the engines hybrid and auto.",
             "default": false,
         });
         properties.insert("diffuse".to_owned(), diffuse);
@@ -148,35 +155,35 @@ impl JsonSchema for AxesKeys {
         properties.extend(optional.map(axis));
         let core = Parameter::CORE.into_iter();
         let required = core.filter(|p| *p != Parameter::GrainSize);
-        let sizes = [Parameter::GrainSize.name()].into_iter();
+        let sizes = [Parameter::GrainSize.key()].into_iter();
         let sizes = sizes.chain(SizeMeasure::ALL.map(SizeMeasure::name));
         json_schema!({
             "description": "The axes of the database, each strictly increasing.",
             "type": "object",
             "additionalProperties": false,
             "properties": properties,
-            "required": required.map(Parameter::name).collect::<Vec<_>>(),
+            "required": required.map(Parameter::key).collect::<Vec<_>>(),
             "oneOf": sizes.map(|name| json!({ "required": [name] })).collect::<Vec<_>>(),
         })
     }
 }
 
-/// The key of a measure that grain sizes may be given by.
+/// Key and schema of an axis that gives the grain size by another measure.
 fn measure(measure: SizeMeasure) -> (String, Value) {
-    let (what, unit) = measure.about();
-    let most = match measure {
+    let (long_name, unit) = measure.about();
+    let largest = match measure {
         SizeMeasure::OpticalRadius => MAX_OPTICAL_RADIUS_UM,
         SizeMeasure::SpecificSurface => MAX_SSA_M2_KG,
     };
-    let (first, rest) = what.split_at(1);
+    let (first, rest) = long_name.split_at(1);
     let text = format!(
-        "{}{rest}, {unit}, instead of {}: each gives a mean grain size.",
+        "{}{rest}, {unit}, instead of {}; each value determines a mean grain size.",
         first.to_uppercase(),
-        Parameter::GrainSize.name()
+        Parameter::GrainSize.key()
     );
     let allowed = Interval {
         min: 0.0,
-        max: most,
+        max: largest,
         open: [true, false],
     };
     (measure.name().to_owned(), list(text, numbers(allowed)))
@@ -188,15 +195,13 @@ impl JsonSchema for SnowKeys {
     }
 
     fn json_schema(generator: &mut SchemaGenerator) -> Schema {
-        let of_snow = |p: &Parameter| p.record().role == Role::Snow;
-        let all = Parameter::ALL.into_iter().filter(of_snow);
-        let (optional, core): (Vec<_>, Vec<_>) = all.partition(|p| p.is_optional());
+        let (optional, core) = snow_parameters();
         let mut properties = Map::new();
         for &parameter in core.iter().chain(&optional) {
             let text = format!(
                 "{}: a number or a range{}.",
                 about(parameter),
-                instead(parameter)
+                alternative_key(parameter)
             );
             let mut range = RangeKeys::json_schema(generator);
             range.insert("description".to_owned(), text.into());
@@ -204,14 +209,14 @@ impl JsonSchema for SnowKeys {
                 limit(keywords, parameter.record().allowed);
             }
             limit_ends(&mut range);
-            properties.insert(parameter.name().to_owned(), range.to_value());
+            properties.insert(parameter.key().to_owned(), range.to_value());
         }
         json_schema!({
-            "description": "One kind of snow, or a box of kinds.",
+            "description": "One kind of snow, or a box in parameter space: each parameter is a number or a range.",
             "type": "object",
             "properties": properties,
             "additionalProperties": false,
-            "required": core.iter().map(|p| p.name()).collect::<Vec<_>>(),
+            "required": core.iter().map(|p| p.key()).collect::<Vec<_>>(),
         })
     }
 }

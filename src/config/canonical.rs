@@ -1,12 +1,13 @@
-//! Writes a sample back as TOML with every value explicit: equal samples give
-//! equal bytes, whatever their comments, order, units of water or defaults.
+//! Writes a sample as canonical TOML in which every value is explicit. Equal samples
+//! give equal bytes, whatever the comments, the order of keys, the way water is given
+//! and the defaults used in the file.
 use std::fmt::Write;
 use std::path::Path;
 
 use crate::grain::{SizeLaw, TruncatedNormal};
 use crate::grid::{carbon_lines, list, normal, number, reflectance};
 use crate::optics::WaterTable;
-use crate::transport::{Ground, Layer, Model};
+use crate::transport::{Layer, Model, Substrate};
 use crate::units::HALF_SPACE_CM;
 
 use super::keys::LayerKeys;
@@ -24,7 +25,7 @@ impl Writer {
         }
     }
 
-    /// A header such as `[axes]`.
+    /// Writes a table header such as `[axes]`.
     pub(super) fn header(&mut self, header: &str) {
         let _ = writeln!(self.text, "\n{header}");
     }
@@ -45,7 +46,7 @@ impl Writer {
         self.raw(key, &normal(law));
     }
 
-    /// The table `[model]`; a CSV path is written relative to `directory`.
+    /// Writes the table `[model]`; a CSV path is written relative to `directory`.
     pub(super) fn model(&mut self, model: &Model, size_law: SizeLaw, directory: &Path) {
         let water = match &model.water {
             WaterTable::Csv(path) => path
@@ -65,7 +66,7 @@ impl Writer {
         self.text("water", &water);
     }
 
-    /// A table `[[layer]]`; `keys` have its lengths as they were given.
+    /// Writes a table `[[layer]]`; lengths are taken from `keys`, in the units of the file.
     pub(super) fn layer(&mut self, layer: &Layer, keys: &LayerKeys) {
         let snow = &layer.snow;
         self.header("[[layer]]");
@@ -99,9 +100,9 @@ impl Writer {
         }
     }
 
-    /// The table `[substrate]`.
-    pub(super) fn ground(&mut self, ground: &Ground) {
-        let Some(reflectance) = reflectance(ground) else {
+    /// Writes the table `[substrate]`; nothing for a black substrate.
+    pub(super) fn substrate(&mut self, substrate: &Substrate) {
+        let Some(reflectance) = reflectance(substrate) else {
             return;
         };
         self.header("[substrate]");

@@ -1,17 +1,17 @@
-//! Changes to a document by the path of a key, as error messages write it:
-//! `layer[0].grain[1].size_um.min`.
+//! Changes a value of a TOML document by the path of its key, written as in error
+//! messages: `layer[0].grain[1].size_um.min`.
 use toml::{Table, Value};
 
-/// Puts `value` at `path`. Tables missing on the way are made, and the index
-/// after the last of a list adds to it.
+/// Sets the key at `path` to `value`. Missing tables are created, and the index after
+/// the last entry of a list appends to the list.
 ///
 /// # Errors
-/// What is wrong with the path.
+/// A message that says why `path` does not name a key of the document.
 pub(super) fn set(table: &mut Table, path: &str, value: Value) -> Result<(), String> {
     let (key, rest) = path.split_once('.').unwrap_or((path, ""));
     let (name, indices) = key.split_once('[').unwrap_or((key, ""));
     if name.is_empty() {
-        return Err("has a name without letters in its path".into());
+        return Err("has an empty key in its path".into());
     }
     let new = match indices {
         "" => Value::Table(Table::new()),
@@ -20,15 +20,16 @@ pub(super) fn set(table: &mut Table, path: &str, value: Value) -> Result<(), Str
     let mut node = table.entry(name).or_insert(new);
     if !indices.is_empty() {
         let index = indices.strip_suffix(']').and_then(|i| i.parse().ok());
-        let index: usize = index.ok_or("has an index that is not [0], [1], ...")?;
+        let index: usize = index.ok_or("has an invalid index; write [0], [1], ...")?;
         let list = node.as_array_mut();
-        let list = list.ok_or_else(|| format!("takes `{name}` for a list, which it is not"))?;
+        let list =
+            list.ok_or_else(|| format!("has an index after `{name}`, which is not a list"))?;
         if index == list.len() {
             list.push(Value::Table(Table::new()));
         }
         let length = list.len();
         node = list.get_mut(index).ok_or_else(|| {
-            format!("is beyond the end of `{name}`, which has {length} in this sample")
+            format!("is beyond the end of `{name}`, which has {length} entries in this sample")
         })?;
     }
     if rest.is_empty() {
@@ -36,7 +37,7 @@ pub(super) fn set(table: &mut Table, path: &str, value: Value) -> Result<(), Str
         return Ok(());
     }
     let inner = node.as_table_mut();
-    let inner = inner.ok_or_else(|| format!("takes `{key}` for a table, which it is not"))?;
+    let inner = inner.ok_or_else(|| format!("has a key below `{key}`, which is not a table"))?;
     set(inner, rest, value)
 }
 

@@ -1,19 +1,19 @@
-//! Checks a TOML document against the JSON Schema of its kind: what an editor
-//! underlines and what the program refuses are the same by construction.
+//! Checks a TOML document against the JSON Schema of its kind, so that an editor and
+//! the program report the same errors.
 //!
-//! Only the keywords that decide by themselves are read: `type`, `enum`, limits
-//! of numbers and lists, `properties`, `required`, and `additionalProperties` where
-//! any are welcome.
-//! What a schema cannot say well is checked in [`super::sample`],
-//! [`super::grid`] and [`super::scene`].
+//! Only these schema keywords are evaluated: `type`, `enum`, limits of numbers and
+//! lists, `properties`, `required`, and `additionalProperties` if it is true. Rules that
+//! a schema cannot express well are checked in [`super::sample`], [`super::grid`] and
+//! [`super::scene`].
 use serde_json::Value;
 use toml::Spanned;
 use toml::de::{DeTable, DeValue};
 
-use super::document::{Document, Place, shorten};
+use super::document::{Document, KeySpan, shorten};
 use super::error::{ConfigError, Problem};
 
-/// The named choice nearest to `given`, if it is near enough to be a typing error.
+/// The choice most similar to `given`, if it is similar enough for `given` to be a
+/// typing error.
 pub(super) fn nearest<'c>(given: &str, choices: impl Iterator<Item = &'c str>) -> Option<String> {
     choices
         .map(|choice| (strsim::levenshtein(&given.to_lowercase(), choice), choice))
@@ -22,7 +22,7 @@ pub(super) fn nearest<'c>(given: &str, choices: impl Iterator<Item = &'c str>) -
         .map(|(_, choice)| choice.to_owned())
 }
 
-/// Checks the keys of a table in the order of the file, then those missing.
+/// Checks the keys of a table in the order of the file, then looks for missing keys.
 pub(super) fn table(
     document: &mut Document<'_>,
     schema: &Value,
@@ -40,15 +40,15 @@ pub(super) fn table(
     for (key, node) in entries {
         let path = join(&bare(key.get_ref()));
         document
-            .places
-            .insert(path.clone(), place(key.span(), node));
+            .spans
+            .insert(path.clone(), key_span(key.span(), node));
         let Some(schema) = known.get(key.get_ref().as_ref()) else {
             if schema["additionalProperties"] == true {
                 continue;
             }
             let suggestion = nearest(key.get_ref(), known.keys().map(String::as_str));
             let keys: Vec<_> = known.keys().map(String::as_str).collect();
-            let help = format!("the keys here are {}", keys.join(", "));
+            let help = format!("the keys allowed here are {}", keys.join(", "));
             return Err(document.error(&path, Problem::UnknownKey(suggestion), help));
         };
         value(document, schema, &path, node)?;
@@ -82,7 +82,7 @@ fn value(
     };
     let types = match &schema["type"] {
         Value::Array(types) => types.iter().filter_map(Value::as_str).collect(),
-        one => one.as_str().into_iter().collect::<Vec<_>>(),
+        single => single.as_str().into_iter().collect::<Vec<_>>(),
     };
     if !fits.iter().any(|fit| types.contains(fit)) {
         let problem = Problem::WrongType {
@@ -110,24 +110,24 @@ fn value(
             None => constant(document, schema, path, given),
         },
         DeValue::Array(items) => {
-            let least = schema["minItems"].as_u64().unwrap_or(0);
-            let most = schema["maxItems"].as_u64().unwrap_or(u64::MAX);
+            let min = schema["minItems"].as_u64().unwrap_or(0);
+            let max = schema["maxItems"].as_u64().unwrap_or(u64::MAX);
             let length = items.len() as u64;
-            if !(least..=most).contains(&length) {
-                let problem = Problem::OutOfRange(format!("{least} to {most} entries"));
-                let help = format!("{help} There are {length} entries.");
+            if !(min..=max).contains(&length) {
+                let problem = Problem::OutOfRange(format!("{min} to {max} entries"));
+                let help = format!("{help} The list has {length} entries.");
                 return Err(document.error(path, problem, help));
             }
-            // Entries without a description of their own are explained by their list's.
-            let mut each = schema["items"].clone();
-            if let Some(each) = each.as_object_mut() {
-                each.entry("description").or_insert_with(|| help.into());
+            // Entries without a description of their own get that of the list.
+            let mut item_schema = schema["items"].clone();
+            if let Some(keywords) = item_schema.as_object_mut() {
+                keywords.entry("description").or_insert_with(|| help.into());
             }
             items.iter().enumerate().try_for_each(|(i, item)| {
                 let path = format!("{path}[{i}]");
-                let place = place(item.span(), item);
-                document.places.insert(path.clone(), place);
-                value(document, &each, &path, item)
+                let span = key_span(item.span(), item);
+                document.spans.insert(path.clone(), span);
+                value(document, &item_schema, &path, item)
             })
         }
         DeValue::Table(entries) => table(document, schema, path, entries),
@@ -135,7 +135,7 @@ fn value(
     }
 }
 
-/// Refuses a string beside numbers that is not the one which is allowed.
+/// Refuses a string other than the only one that the schema allows instead of a number.
 fn constant(
     document: &Document<'_>,
     schema: &Value,
@@ -143,11 +143,12 @@ fn constant(
     given: &str,
 ) -> Result<(), ConfigError> {
     let branches = schema["anyOf"].as_array();
-    let only = branches.and_then(|all| all.iter().find_map(|branch| branch["const"].as_str()));
-    match only {
-        Some(only) if only != given => {
+    let constant =
+        branches.and_then(|list| list.iter().find_map(|branch| branch["const"].as_str()));
+    match constant {
+        Some(constant) if constant != given => {
             let help = schema["description"].as_str().unwrap_or_default();
-            let problem = Problem::OutOfRange(format!("a number, or {only:?}"));
+            let problem = Problem::OutOfRange(format!("a number, or {constant:?}"));
             Err(document.error(path, problem, help))
         }
         _ => Ok(()),
@@ -155,9 +156,9 @@ fn constant(
 }
 
 fn number(document: &Document<'_>, schema: &Value, path: &str, x: f64) -> Result<(), ConfigError> {
-    // a number beyond the range may have a meaning of its own, infinity included
-    let beyond = schema["anyOf"][1]["const"].as_f64();
-    if beyond.is_some_and(|meant| x == meant || x == f64::INFINITY) {
+    // one number above the range, and infinity, may stand for a half space
+    let special = schema["anyOf"][1]["const"].as_f64();
+    if special.is_some_and(|special| x == special || x == f64::INFINITY) {
         return Ok(());
     }
     let limit = |keyword: &str| {
@@ -172,21 +173,21 @@ fn number(document: &Document<'_>, schema: &Value, path: &str, x: f64) -> Result
     if inside {
         return Ok(());
     }
-    let named = |keyword: &str, words: &str| limit(keyword).map(|x| format!("{words} {x}"));
+    let clause = |keyword: &str, words: &str| limit(keyword).map(|x| format!("{words} {x}"));
     let allowed = match (limit("minimum"), limit("maximum")) {
         (Some(min), Some(max)) if min == max => min.to_string(),
         (Some(min), Some(max)) => format!("{min} to {max}"),
         _ => {
             let limits = [
-                named("minimum", "at least"),
-                named("exclusiveMinimum", "above"),
-                named("maximum", "at most"),
-                named("exclusiveMaximum", "below"),
+                clause("minimum", "at least"),
+                clause("exclusiveMinimum", "above"),
+                clause("maximum", "at most"),
+                clause("exclusiveMaximum", "below"),
             ];
             limits.into_iter().flatten().collect::<Vec<_>>().join(", ")
         }
     };
-    let allowed = match beyond {
+    let allowed = match special {
         Some(_) => format!("{allowed}, or inf"),
         None => allowed,
     };
@@ -224,22 +225,22 @@ fn expected(schema: &Value, path: &str, types: &[&str]) -> String {
             format!("a list of tables: write [[{header}]]")
         }
         "array" => "a list in [ ]".to_owned(),
-        // Beside a number only ranges are tables.
+        // A key that takes a number or a table takes a range.
         "object" if types.contains(&"number") => "a range { min, max }".to_owned(),
         _ => "a table".to_owned(),
     };
     types.iter().map(name).collect::<Vec<_>>().join(" or ")
 }
 
-fn place(key: std::ops::Range<usize>, node: &Spanned<DeValue<'_>>) -> Place {
-    Place {
+fn key_span(key: std::ops::Range<usize>, node: &Spanned<DeValue<'_>>) -> KeySpan {
+    KeySpan {
         key,
         value: node.span(),
         quotable: !matches!(node.get_ref(), DeValue::Table(_) | DeValue::Array(_)),
     }
 }
 
-/// A key as it may stand in a dotted path: quoted where TOML wants that.
+/// A key as written in a dotted path: quoted where TOML requires it.
 fn bare(key: &str) -> String {
     let plain = |c: char| c.is_ascii_alphanumeric() || c == '_' || c == '-';
     if !key.is_empty() && key.chars().all(plain) {

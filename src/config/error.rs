@@ -1,18 +1,19 @@
-//! What is wrong with a config file, where, and what to do about it.
+//! Errors in config files: what is wrong, where, and what to do.
 use std::fmt;
 
 use thiserror::Error;
 
-/// One refused key of a config file. `Display` gives one line with file, line,
-/// key, value and what is allowed, and a second with help.
+/// An error in a config file. `Display` writes a line with file, line number, key, value
+/// and allowed range, and, if there is help, a second line with it.
 #[derive(Debug, Clone, PartialEq, Error)]
 pub struct ConfigError {
     // Boxed, so that a `Result` stays small.
-    at: Box<At>,
+    details: Box<Details>,
 }
 
+/// The parts of the message of a [`ConfigError`].
 #[derive(Debug, Clone, PartialEq)]
-pub(super) struct At {
+pub(super) struct Details {
     pub(super) file: String,
     pub(super) line: Option<usize>,
     pub(super) key: String,
@@ -21,7 +22,7 @@ pub(super) struct At {
     pub(super) help: String,
 }
 
-/// The kinds of refusal. Each reads on from the key and its value.
+/// The kinds of error. Each message continues the text "`key` = value".
 #[derive(Debug, Clone, PartialEq, Error)]
 pub enum Problem {
     /// The file cannot be read.
@@ -30,47 +31,49 @@ pub enum Problem {
     /// The text is not TOML.
     #[error("not valid TOML: {0}")]
     Syntax(String),
-    /// The same key twice in one table.
+    /// A table has the same key twice.
     #[error("is given twice")]
     Duplicate,
-    /// No such key; the nearest known one, if any is near.
+    /// The key does not exist; holds a known key of similar spelling, if there is one.
     #[error("is not a known key{}", did_you_mean(.0.as_deref()))]
     UnknownKey(Option<String>),
-    /// Another TOML type is needed.
+    /// The value has the wrong TOML type.
     #[error("is {found}, expected {expected}")]
     WrongType {
         /// Type in the file.
         found: &'static str,
-        /// Type or types wanted.
+        /// Allowed type or types.
         expected: String,
     },
-    /// A number, or the length of a list, outside its limits.
+    /// A number or the length of a list is out of range; holds the allowed range.
     #[error("is out of range: allowed {0}")]
     OutOfRange(String),
-    /// Not one of the named choices.
+    /// The value is not one of the allowed names.
     #[error("is not one of the choices{}: allowed {choices}", did_you_mean(.suggestion.as_deref()))]
     Choice {
-        /// The nearest choice, if any is near.
+        /// An allowed name of similar spelling, if there is one.
         suggestion: Option<String>,
-        /// All choices, separated by commas.
+        /// All allowed names, separated by commas.
         choices: String,
     },
-    /// A required key is absent.
+    /// A required key is missing.
     #[error("is missing")]
     Missing,
-    /// Two keys of which only one may be given.
-    #[error("cannot stand beside `{other}`{}", .line.map_or(String::new(), |l| format!(" (line {l})")))]
+    /// Two keys that exclude each other are both given.
+    #[error("cannot be combined with `{other}`{}", .line.map_or(String::new(), |l| format!(" (line {l})")))]
     Conflict {
         /// The other key.
         other: String,
-        /// Its line.
+        /// Line of the other key.
         line: Option<usize>,
     },
-    /// The value contradicts others of the file, or a table it names.
+    /// The value contradicts other values of the file, or a data file that it names.
+    /// Holds the whole message.
     #[error("{0}")]
     Contradiction(String),
-    /// Part of the file format, but not of what this version can compute.
-    #[error("is not supported by this version, which computes {0}")]
+    /// The file format allows the value, but this version cannot simulate it; holds what
+    /// it can simulate.
+    #[error("is not supported: this version can simulate only {0}")]
     Unsupported(&'static str),
 }
 
@@ -79,62 +82,64 @@ fn did_you_mean(suggestion: Option<&str>) -> String {
 }
 
 impl ConfigError {
-    pub(super) fn new(at: At) -> Self {
-        Self { at: Box::new(at) }
+    pub(super) fn new(details: Details) -> Self {
+        Self {
+            details: Box::new(details),
+        }
     }
 
-    /// The same finding in a document made from another, `file`, which is to blame at
-    /// `line` below its key `within`.
-    pub(super) fn blamed(mut self, file: &str, line: Option<usize>, within: &str) -> Self {
-        let key = std::mem::take(&mut self.at.key);
-        self.at.file = file.to_owned();
-        self.at.line = line;
-        self.at.key = format!("{within}: {key}");
+    /// Attributes an error in a derived document to its source: to `line` of `file`,
+    /// below its key `within`.
+    pub(super) fn attributed_to(mut self, file: &str, line: Option<usize>, within: &str) -> Self {
+        let key = std::mem::take(&mut self.details.key);
+        self.details.file = file.to_owned();
+        self.details.line = line;
+        self.details.key = format!("{within}: {key}");
         self
     }
 
-    /// The file as it was named by the caller.
+    /// The name of the file, as given by the caller.
     #[must_use]
     pub fn file(&self) -> &str {
-        &self.at.file
+        &self.details.file
     }
 
-    /// Line of the key, from 1; `None` where no line is to blame.
+    /// Line of the key, counted from 1; `None` if the error has no line.
     #[must_use]
     pub fn line(&self) -> Option<usize> {
-        self.at.line
+        self.details.line
     }
 
     /// Dotted key such as `layer[0].grain[0].size_um.min`; empty for the whole file.
     #[must_use]
     pub fn key(&self) -> &str {
-        &self.at.key
+        &self.details.key
     }
 
-    /// What is wrong.
+    /// The kind of error.
     #[must_use]
     pub fn problem(&self) -> &Problem {
-        &self.at.problem
+        &self.details.problem
     }
 }
 
 impl fmt::Display for ConfigError {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        let at = &self.at;
-        f.write_str(&at.file)?;
-        if let Some(line) = at.line {
+        let details = &self.details;
+        f.write_str(&details.file)?;
+        if let Some(line) = details.line {
             write!(f, ":{line}")?;
         }
         f.write_str(": ")?;
-        if !at.key.is_empty() {
-            write!(f, "`{}` ", at.key)?;
+        if !details.key.is_empty() {
+            write!(f, "`{}` ", details.key)?;
         }
-        if let Some(value) = &at.value {
+        if let Some(value) = &details.value {
             write!(f, "= {value} ")?;
         }
-        write!(f, "{}", at.problem)?;
-        if !at.help.is_empty() {
-            write!(f, "\n  help: {}", at.help)?;
+        write!(f, "{}", details.problem)?;
+        if !details.help.is_empty() {
+            write!(f, "\n  help: {}", details.help)?;
         }
         Ok(())
     }

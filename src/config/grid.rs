@@ -1,9 +1,9 @@
-//! Grid files: the axes of a spectral database and how it is computed.
+//! Grid files: the axes of a spectral database and how it is simulated.
 use std::path::Path;
 
 use crate::colour::Viewing;
 use crate::engine::{Engine, MaxError};
-use crate::grain::{Shape, SizeMeasure, Told};
+use crate::grain::{Shape, SizeConversion, SizeMeasure};
 use crate::grid::{Compression, Fixed, GivenSizes, Grid, Run, Spread, why_absent};
 use crate::parameter::{Axes, Parameter};
 
@@ -15,45 +15,52 @@ use super::shared::{
     choose, covered, increasing, law, model, one_size, size_law, viewing, wavelengths,
 };
 use super::snow::{
-    biggest_grain, fixed, fixed_or_axis, remark_axis, remark_sizes, remark_smooth, remark_spread,
+    fixed, fixed_or_axis, longest_grain, remark_axis, remark_sizes, remark_smooth, remark_spread,
     spread, thick_enough,
 };
 use super::{directory_of, schema};
 
-/// Most values (curves times wavelengths) of one database: 8 GB per quantity.
+/// Largest number of values (curves times wavelengths) in a database: 8 GB per quantity.
 const MAX_VALUES: u64 = 1_000_000_000;
-/// Most walks of one database, curves times rays.
+/// Largest number of walks in a database (curves times rays).
 const MAX_RAYS: u64 = 1_000_000_000_000_000_000;
 
-/// A grid file, resolved: no defaults or alternatives are left.
+/// A resolved grid file: defaults are filled in, and alternative keys are converted.
 #[derive(Debug, Clone, PartialEq)]
 pub struct GridFile {
-    /// The file's name without directory and extension: names the database.
+    /// Name of the database: the file's name without directory and extension.
     pub name: String,
-    /// The database it describes.
+    /// The database that the file describes.
     pub grid: Grid,
-    /// How the compression compares colours; it changes no spectrum.
+    /// How the compression compares colours; it does not affect the spectra.
     pub viewing: Viewing,
-    /// Values beyond the ordinary ranges of docs/methods.md, for the user to see.
+    /// Warnings for the user, such as values outside the ordinary ranges of
+    /// docs/methods.md.
     pub warnings: Vec<String>,
-    /// What was found in the files it names and done, for the user to see.
+    /// Notes for the user on how the data files that it names were read.
     pub notes: Vec<String>,
-    /// The file as it was read.
+    /// The text of the file.
     pub text: String,
 }
 
-/// Lowers the default half width of the sizes where the smallest size would make grains
-/// below the allowed range. A half width that the file gives is kept.
-fn narrow(document: &Document, axes: &AxesKeys, spread: &mut Spread, warnings: &mut Vec<String>) {
+/// Lowers the default half width of the grain sizes if the smallest size of the axis
+/// would otherwise lead to grains below the allowed range. A half width that the file
+/// gives is kept.
+fn narrow_spread(
+    document: &Document,
+    axes: &AxesKeys,
+    spread: &mut Spread,
+    warnings: &mut Vec<String>,
+) {
     const KEY: &str = "spread.grain_size_half_width_um";
-    let sizes = axes.values(Parameter::GrainSize.name());
+    let sizes = axes.values(Parameter::GrainSize.key());
     let smallest = sizes.into_iter().fold(f64::INFINITY, f64::min);
-    let most = smallest - SIZE_UM.0;
+    let half_width = smallest - SIZE_UM.0;
     let default = spread.grain_size_half_width_um;
-    if !document.has(KEY) && most >= 0.0 && most < default {
-        spread.grain_size_half_width_um = most;
+    if !document.has(KEY) && half_width >= 0.0 && half_width < default {
+        spread.grain_size_half_width_um = half_width;
         let remark = format!(
-            "starts at {smallest} um, and no grain may be below {} um: {KEY} is {most} here, for all sizes, instead of the default {default}; set it to choose another",
+            "starts at {smallest} um, but grains must not be smaller than {} um: {KEY} is lowered from its default {default} to {half_width} for all sizes; set it to choose another value",
             SIZE_UM.0
         );
         warnings.push(document.warning("axes.grain_size_um", remark));
@@ -63,13 +70,13 @@ fn narrow(document: &Document, axes: &AxesKeys, spread: &mut Spread, warnings: &
 /// Reads a grid file.
 ///
 /// # Errors
-/// [`ConfigError`] with file, line, key, value, and what is allowed.
+/// [`ConfigError`] if the file cannot be read or a value is not allowed.
 pub fn read(path: &Path) -> Result<GridFile, ConfigError> {
     parse(&path.display().to_string(), &read_text(path)?)
 }
 
-/// Reads the `text` of a grid file; `name` is its path, for messages, for the
-/// database's name and for the paths in it.
+/// Reads the `text` of a grid file. `name` is its path: it appears in messages, names the
+/// database, and the paths in the file are relative to its directory.
 ///
 /// # Errors
 /// As [`read`].
@@ -81,9 +88,9 @@ pub fn parse(name: &str, text: &str) -> Result<GridFile, ConfigError> {
     if !document.has("axes.grain_size_um") && !document.has("spread.grain_size_half_width_um") {
         spread.grain_size_half_width_um = 0.0;
     }
-    narrow(&document, &keys.axes, &mut spread, &mut warnings);
+    narrow_spread(&document, &keys.axes, &mut spread, &mut warnings);
     let diffuse = keys.axes.diffuse;
-    let (axes, given_sizes, biggest_um) =
+    let (axes, given_sizes, longest_um) =
         axes(&document, keys.axes, &spread, &keys.fixed, &mut warnings)?;
     let wavelengths_nm = wavelengths(&document, &keys.wavelengths, &mut warnings)?;
     let model = model(&document, &keys.model, directory_of(name))?;
@@ -97,21 +104,21 @@ pub fn parse(name: &str, text: &str) -> Result<GridFile, ConfigError> {
         (directory_of(name), &wavelengths_nm),
         (&mut warnings, &mut notes),
     )?;
-    useful(&document, &axes, &biggest_um, &fixed)?;
+    check_fit(&document, &axes, &longest_um, &fixed)?;
     let water = axes.values(Parameter::WaterSaturation).last();
-    let wet = fixed.is_wet() || water.is_some_and(|most| *most > 0.0);
+    let wet = fixed.is_wet() || water.is_some_and(|largest| *largest > 0.0);
     covered(&document, &fixed.model, &wavelengths_nm, wet)?;
     let run = run(&document, &keys.run, &wavelengths_nm)?;
     if diffuse && !run.engine.shares_angles() {
         let problem = Problem::Contradiction(format!(
-            "is for the engines doubling and auto, but run.engine is {}",
+            "requires the engine hybrid or auto, but run.engine is {}",
             run.engine.name()
         ));
-        let help = "set run.engine = \"doubling\", or build a second grid";
+        let help = "set run.engine = \"hybrid\", or build a separate grid for diffuse light";
         return Err(document.error("axes.diffuse", problem, help));
     }
     fixed.diffuse = diffuse;
-    size(&document, &axes, wavelengths_nm.len(), run.rays)?;
+    check_size(&document, &axes, wavelengths_nm.len(), run.rays)?;
     let compression = &keys.compression;
     let viewing = viewing(
         &document,
@@ -133,7 +140,7 @@ pub fn parse(name: &str, text: &str) -> Result<GridFile, ConfigError> {
             max_rmse: compression.max_rmse,
         },
     };
-    // an impossible law is told by `Grid::jobs`
+    // `Grid::jobs` reports impossible distributions
     let absent = grid.absent().unwrap_or_default();
     if !absent.is_empty() {
         warnings.push(document.warning("axes.thickness_cm", why_absent(&grid.axes, &absent)));
@@ -148,15 +155,15 @@ pub fn parse(name: &str, text: &str) -> Result<GridFile, ConfigError> {
     })
 }
 
-/// Refuses a thickness into which the grains of no size fit, and a size that fits into
-/// no thickness; other pairs of the two that do not fit have no curve.
-fn useful(
+/// Refuses a thickness that is too thin for all grain sizes, and a grain size that is
+/// too large for all thicknesses. Any other combination that does not fit has no curve.
+fn check_fit(
     document: &Document,
     axes: &Axes,
-    biggest_um: &[f64],
+    longest_um: &[f64],
     fixed: &Fixed,
 ) -> Result<(), ConfigError> {
-    let smallest = biggest_um.first().copied().unwrap_or_default();
+    let smallest = longest_um.first().copied().unwrap_or_default();
     let thicknesses = axes.values(Parameter::Thickness);
     for (i, &thickness) in thicknesses.iter().enumerate() {
         let key = format!("axes.thickness_cm[{i}]");
@@ -165,13 +172,14 @@ fn useful(
     let last = thicknesses.len().saturating_sub(1);
     let thickest = thicknesses.get(last).copied().unwrap_or_default();
     let key = format!("axes.thickness_cm[{last}]");
-    let all = biggest_um.iter();
-    all.copied()
-        .try_for_each(|biggest| thick_enough(document, &key, thickest, biggest, fixed))
+    longest_um
+        .iter()
+        .copied()
+        .try_for_each(|longest| thick_enough(document, &key, thickest, longest, fixed))
 }
 
-/// The axes, by what the grain sizes were given if not as such, and for each grain size
-/// the biggest grain, um.
+/// The axes; the values of the size axis if it is given by another measure than the
+/// size; and the longest grain of each grain size, um.
 fn axes(
     document: &Document,
     mut keys: AxesKeys,
@@ -182,12 +190,12 @@ fn axes(
     one_size(document, "axes", "grain_size_um")?;
     let (size_key, given, measure) = size_axis(document, &mut keys)?;
     let mut axes = Axes::default();
-    // those that every database has first: their remarks come in this order
+    // the order of the axes determines the order of their errors
     let optional = Parameter::ALL.into_iter().filter(|p| p.is_optional());
     for parameter in optional.chain(Parameter::CORE) {
         let (key, values) = match parameter {
             Parameter::GrainSize => (size_key, Some(given.clone())),
-            _ => (parameter.name(), keys.take(parameter.name())),
+            _ => (parameter.key(), keys.take(parameter.key())),
         };
         if let Some(values) = values {
             increasing(document, &format!("axes.{key}"), &values)?;
@@ -197,7 +205,7 @@ fn axes(
     let mut given_sizes = None;
     if let Some(measure) = measure {
         let s = &fixed.sphericity;
-        let shape = Told {
+        let shape = SizeConversion {
             half_width_um: spread.grain_size_half_width_um,
             size_law: spread.size_law,
             shape: Shape::default(),
@@ -210,54 +218,54 @@ fn axes(
             values: given,
         });
     }
-    if let Some(&least) = axes.values(Parameter::Facetness).first() {
-        remark_smooth(document, warnings, "axes.facetness[0]", least);
+    if let Some(&smallest) = axes.values(Parameter::Facetness).first() {
+        remark_smooth(document, warnings, "axes.facetness[0]", smallest);
     }
     let half_width = spread.grain_size_half_width_um;
-    let mut biggest = Vec::new();
+    let mut longest_um = Vec::new();
     let sizes = axes.values(Parameter::GrainSize);
     let last = sizes.len() - 1;
     let size_key = |i: usize| match measure {
-        // given the other way round
+        // the specific surface area decreases with the grain size
         Some(SizeMeasure::SpecificSurface) => format!("axes.{size_key}[{}]", last - i),
         _ => format!("axes.{size_key}[{i}]"),
     };
     for (i, &mean) in sizes.iter().enumerate() {
-        biggest.push(biggest_grain(document, &size_key(i), mean, half_width)?);
+        longest_um.push(longest_grain(document, &size_key(i), mean, half_width)?);
     }
-    if let (Some(first), Some(most)) = (sizes.first(), sizes.last()) {
+    if let (Some(smallest), Some(largest)) = (sizes.first(), sizes.last()) {
         let keys = [size_key(0), size_key(last)];
-        let ends = [first - half_width, most + half_width];
+        let ends = [smallest - half_width, largest + half_width];
         remark_sizes(
             document,
             warnings,
             keys.each_ref().map(String::as_str),
             ends,
         );
-        remark_spread(document, warnings, &keys[0], *first, spread);
+        remark_spread(document, warnings, &keys[0], *smallest, spread);
     }
     for parameter in [Parameter::Thickness, Parameter::Density] {
         let values = axes.values(parameter);
-        // The ends say it all: a long axis shall not bring as many remarks.
+        // Only the ends are checked, so that a long axis does not give many warnings.
         let last = values.len().saturating_sub(1);
         for (i, &value) in values
             .iter()
             .enumerate()
             .filter(|&(i, _)| i == 0 || i == last)
         {
-            let key = format!("axes.{}[{i}]", parameter.name());
+            let key = format!("axes.{}[{i}]", parameter.key());
             remark_axis(document, warnings, parameter, &key, value);
         }
     }
-    Ok((axes, given_sizes, biggest))
+    Ok((axes, given_sizes, longest_um))
 }
 
-/// The key of the axis of grain sizes, its values, and what they are if not sizes.
+/// The key of the grain size axis, its values, and their measure if they are not sizes.
 fn size_axis(
     document: &Document,
     keys: &mut AxesKeys,
 ) -> Result<(&'static str, Vec<f64>, Option<SizeMeasure>), ConfigError> {
-    let size = Parameter::GrainSize.name();
+    let size = Parameter::GrainSize.key();
     if let Some(sizes) = keys.take(size) {
         return Ok((size, sizes, None));
     }
@@ -269,23 +277,23 @@ fn size_axis(
         }
     };
     let key = format!("axes.{}", measure.name());
-    let depends: &[Parameter] = match measure {
+    let dependencies: &[Parameter] = match measure {
         SizeMeasure::OpticalRadius => &[Parameter::Sphericity],
         SizeMeasure::SpecificSurface => &[Parameter::Sphericity, Parameter::Temperature],
     };
-    for axis in depends {
-        if document.has(&format!("axes.{}", axis.name())) {
-            let name = axis.name();
-            let problem = format!("is of other grain sizes at each value of the axis {name}");
-            let help = format!("give grain_size_um, or leave {name} the same everywhere");
+    for axis in dependencies {
+        if document.has(&format!("axes.{}", axis.key())) {
+            let name = axis.key();
+            let problem = format!("would need other grain sizes at each value of the axis {name}");
+            let help = format!("give grain_size_um instead, or remove the axis {name}");
             return Err(document.error(&key, Problem::Contradiction(problem), help));
         }
     }
     Ok((measure.name(), values, Some(measure)))
 }
 
-/// Refuses databases nobody could compute or store.
-fn size(
+/// Refuses databases that are too large to simulate or store.
+fn check_size(
     document: &Document,
     axes: &Axes,
     wavelengths: usize,
@@ -306,30 +314,30 @@ fn size(
     let walks = curves.and_then(|n| n.checked_mul(rays));
     if walks.is_none_or(|n| n > MAX_RAYS) {
         let problem = Problem::Contradiction(format!(
-            "for each of {shape} curves is more than {:.0e} rays in all",
+            "for each of {shape} curves is more than {:.0e} rays in total",
             MAX_RAYS as f64
         ));
-        return Err(document.error("run.rays", problem, "cast fewer rays"));
+        return Err(document.error("run.rays", problem, "use fewer rays or shorter axes"));
     }
     Ok(())
 }
 
-/// How the curves are computed.
+/// The run settings: engine, seed, rays and largest error.
 fn run(document: &Document, keys: &RunKeys, wavelengths_nm: &[f64]) -> Result<Run, ConfigError> {
     let engines = Engine::ALL.map(|e| (e.name(), e)).into_iter();
     let engines: Vec<_> = engines.chain(Engine::ALIASES).collect();
     let engine = choose(document, "run.engine", &engines, &keys.engine)?;
-    let given = keys.max_error.as_ref();
-    if given.is_some() && engine != Engine::Auto {
+    let max_error = keys.max_error.as_ref();
+    if max_error.is_some() && engine != Engine::Auto {
         let problem = Problem::Contradiction(format!(
-            "is for the engine auto, but run.engine is {}",
+            "requires the engine auto, but run.engine is {}",
             engine.name()
         ));
-        let help = "leave it out, or set run.engine = \"auto\"";
+        let help = "remove it, or set run.engine = \"auto\"";
         return Err(document.error("run.max_error", problem, help));
     }
     let usual = MaxError::usual(wavelengths_nm);
-    let max_error = given.map_or(usual, |keys| MaxError {
+    let max_error = max_error.map_or(usual, |keys| MaxError {
         delta_e: keys.delta_e.unwrap_or(usual.delta_e),
         rmse: keys.rmse.unwrap_or(usual.rmse),
     });
@@ -337,7 +345,7 @@ fn run(document: &Document, keys: &RunKeys, wavelengths_nm: &[f64]) -> Result<Ru
         Some(rays) => rays,
         None if engine == Engine::Auto => max_error.rays(wavelengths_nm),
         None => {
-            let help = "only the engine auto does without; add, for example, rays = 100000";
+            let help = "all engines except auto need it; add, for example, rays = 100000";
             return Err(document.error("run.rays", Problem::Missing, help));
         }
     };

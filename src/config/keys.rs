@@ -1,14 +1,14 @@
-//! The keys of sample and grid files, their types, limits and meanings: the one
-//! place from which the schema, the check and the help texts come. Comments of
-//! the fields are those texts.
+//! The keys of sample and grid files, with their types, limits and descriptions.
+//! The JSON Schemas, the checks and the help texts are all generated from this
+//! module: the doc comment of a field is the description that users read.
 //!
-//! Limits that involve two keys, or depend on tables, are in [`super::sample`],
-//! [`super::grid`], [`super::shared`] and [`super::snow`].
+//! Limits that involve two keys, or that depend on tables, are in
+//! [`super::sample`], [`super::grid`], [`super::shared`] and [`super::snow`].
 use schemars::{JsonSchema, json_schema};
 use serde::Deserialize;
 
 use super::axis_keys::AxesKeys;
-use crate::colour::{ColourDifference, Illuminant, Stated, Viewing};
+use crate::colour::{ColourDifference, Illuminant, IlluminantSpec, Viewing};
 use crate::engine::Engine;
 use crate::grain::SizeLaw;
 use crate::grid::Spread;
@@ -17,32 +17,32 @@ use crate::parameter::Parameter;
 use crate::transport::{Entry, Joining};
 use crate::units::HALF_SPACE_CM;
 
-/// Least and largest value of a parameter in a config.
-const fn ends(parameter: Parameter) -> (f64, f64) {
+/// Smallest and largest value that a config file may give for a parameter.
+const fn limits(parameter: Parameter) -> (f64, f64) {
     let allowed = parameter.record().allowed;
     (allowed.min, allowed.max)
 }
 
-/// Most wavelengths of one config: 350-2500 nm by 1 nm.
+/// Largest number of wavelengths in a config file: 350-2500 nm in steps of 1 nm.
 pub(super) const MAX_WAVELENGTHS: u64 = 2151;
-/// Most lights that colours are compared under.
+/// Largest number of illuminants that colours are compared under.
 const MAX_ILLUMINANTS: u64 = 16;
 /// Limits of the dry density, kg/m3.
-pub(super) const DENSITY_KG_M3: (f64, f64) = ends(Parameter::Density);
+pub(super) const DENSITY_KG_M3: (f64, f64) = limits(Parameter::Density);
 /// Limits of the water saturation of the pore space.
-pub(super) const SATURATION: (f64, f64) = ends(Parameter::WaterSaturation);
-/// Largest whole number of a config: above this a JSON reader that keeps numbers
-/// as doubles would lose digits.
+pub(super) const SATURATION: (f64, f64) = limits(Parameter::WaterSaturation);
+/// Largest integer in a config file, 2^53 - 1. JSON readers that store numbers as
+/// doubles would lose digits of larger ones.
 pub(super) const MAX_INTEGER: u64 = 9_007_199_254_740_991;
-/// Limits of the temperature, Celsius.
-pub(super) const TEMPERATURE_C: (f64, f64) = ends(Parameter::Temperature);
-/// Most carbon, ng/g.
-pub(super) const MAX_CARBON: f64 = ends(Parameter::BlackCarbon).1;
+/// Limits of the temperature, degrees Celsius.
+pub(super) const TEMPERATURE_C: (f64, f64) = limits(Parameter::Temperature);
+/// Largest carbon concentration, ng/g.
+pub(super) const MAX_CARBON: f64 = limits(Parameter::BlackCarbon).1;
 /// Limits of the grain size, um.
-pub(super) const SIZE_UM: (f64, f64) = ends(Parameter::GrainSize);
-/// Largest thickness that is no half space, cm.
-pub(super) const MAX_THICKNESS_CM: f64 = ends(Parameter::Thickness).1;
-/// Largest optical radius, um: of spheres of the largest size.
+pub(super) const SIZE_UM: (f64, f64) = limits(Parameter::GrainSize);
+/// Largest finite thickness, cm; above it only the half space is allowed.
+pub(super) const MAX_THICKNESS_CM: f64 = limits(Parameter::Thickness).1;
+/// Largest optical radius, um: the radius of spheres of the largest grain size.
 pub(super) const MAX_OPTICAL_RADIUS_UM: f64 = 3000.0;
 /// Largest specific surface area, m2/kg.
 pub(super) const MAX_SSA_M2_KG: f64 = 10_000.0;
@@ -78,18 +78,19 @@ fn names<T>(choices: &[(&'static str, T)]) -> Vec<&'static str> {
     choices.iter().map(|(name, _)| *name).collect()
 }
 
-/// A snow sample, its illumination and the wavelengths to measure it at.
+/// A snow sample, its illumination and the wavelengths at which it is simulated.
 #[derive(Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 #[schemars(title = "SPLITSnow sample file")]
 pub(super) struct SampleKeys {
-    /// Version of the file format; this program reads 1.
+    /// Version of the file format; must be 1.
     #[schemars(range(min = 1, max = 1))]
     #[serde(rename = "version")]
     pub(super) _version: u32,
     pub(super) illumination: IlluminationKeys,
     pub(super) wavelengths: WavelengthKeys,
-    /// Layers of the pack: the first [[layer]] is the base, the last the surface.
+    /// Layers of the snowpack, from the base up: the first [[layer]] is the base, the
+    /// last one the surface.
     #[schemars(length(min = 1, max = 100))]
     pub(super) layer: Vec<LayerKeys>,
     pub(super) substrate: Option<SubstrateKeys>,
@@ -97,23 +98,24 @@ pub(super) struct SampleKeys {
     pub(super) model: ModelKeys,
 }
 
-/// The light: polar_angle_deg, or diffuse = true.
+/// The incident light: give either incidence_angle_deg (a collimated beam) or diffuse = true.
 #[derive(Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 #[schemars(extend("oneOf" = [
-    { "required": ["polar_angle_deg"], "properties": { "diffuse": { "const": false } } },
-    { "required": ["diffuse"], "properties": { "diffuse": { "const": true }, "polar_angle_deg": false } },
+    { "required": ["incidence_angle_deg"], "properties": { "diffuse": { "const": false } } },
+    { "required": ["diffuse"], "properties": { "diffuse": { "const": true }, "incidence_angle_deg": false } },
 ]))]
 pub(super) struct IlluminationKeys {
-    /// Angle between parallel rays and the surface normal, degrees, in [0, 90).
+    /// Incidence angle of a collimated beam, measured from the surface normal, degrees,
+    /// in [0, 90).
     #[schemars(range(min = 0.0), extend("exclusiveMaximum" = 90.0))]
-    pub(super) polar_angle_deg: Option<f64>,
-    /// Isotropic radiance over the whole upper hemisphere.
+    pub(super) incidence_angle_deg: Option<f64>,
+    /// True for diffuse light: isotropic radiance over the whole upper hemisphere.
     #[serde(default)]
     pub(super) diffuse: bool,
 }
 
-/// Wavelengths, nm: start_nm, stop_nm and step_nm, or values_nm.
+/// Wavelengths, nm: give either start_nm, stop_nm and step_nm, or values_nm.
 #[derive(Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 #[schemars(extend("oneOf" = [
@@ -124,13 +126,14 @@ pub(super) struct WavelengthKeys {
     /// First wavelength, nm, in [350, 2500].
     #[schemars(range(min = MODEL_RANGE_NM.0, max = MODEL_RANGE_NM.1))]
     pub(super) start_nm: Option<f64>,
-    /// Last wavelength, nm, in [350, 2500]: included if a whole number of steps leads there.
+    /// Last wavelength, nm, in [350, 2500]. It is included if it lies a whole number of
+    /// steps from start_nm.
     #[schemars(range(min = MODEL_RANGE_NM.0, max = MODEL_RANGE_NM.1))]
     pub(super) stop_nm: Option<f64>,
-    /// Distance between wavelengths, nm.
+    /// Step between wavelengths, nm.
     #[schemars(range(max = 2150.0), extend("exclusiveMinimum" = 0.0))]
     pub(super) step_nm: Option<f64>,
-    /// The wavelengths themselves, nm, strictly increasing in [350, 2500].
+    /// List of wavelengths, nm, in [350, 2500], strictly increasing.
     #[schemars(
         length(min = 1, max = MAX_WAVELENGTHS),
         inner(range(min = MODEL_RANGE_NM.0, max = MODEL_RANGE_NM.1)),
@@ -146,51 +149,55 @@ pub(super) struct WavelengthKeys {
     { "required": ["density_kg_m3"] }, { "required": ["wet_density_kg_m3"] },
 ], "not" = { "required": ["water_saturation", "water_fraction"] }))]
 pub(super) struct LayerKeys {
-    /// Thickness, cm; ordinarily 1 to 100. The pack, or in a cascade each layer,
-    /// holds at least 10 lengths of its biggest grain. `inf` makes the base of a sample a half space.
+    /// Thickness, cm; ordinarily 1 to 100. The snowpack (with model.layers = "cascade",
+    /// each layer) must be at least 10 times as thick as its largest grain is long. In
+    /// the base layer of a sample, `inf` is a half space.
     #[schemars(with = "f64", transform = or_half_space)]
     #[serde(deserialize_with = "thickness")]
     pub(super) thickness_cm: f64,
-    /// Density of the dry snow, kg/m3: ordinarily 50 to 450; ice itself has about 917.
+    /// Density of the dry snow, kg/m3; ordinarily 50 to 450, below that of ice (about 917).
     #[schemars(range(min = DENSITY_KG_M3.0, max = DENSITY_KG_M3.1))]
     pub(super) density_kg_m3: Option<f64>,
-    /// Density with the water in the pores, kg/m3, instead of density_kg_m3.
+    /// Density of the snow including the liquid water in its pores, kg/m3, instead of
+    /// density_kg_m3.
     #[schemars(range(min = DENSITY_KG_M3.0, max = 1000.0))]
     pub(super) wet_density_kg_m3: Option<f64>,
-    /// Temperature, Celsius.
+    /// Temperature, degrees Celsius.
     #[schemars(range(min = TEMPERATURE_C.0, max = TEMPERATURE_C.1))]
     #[serde(default = "default_temperature_c")]
     pub(super) temperature_c: f64,
-    /// Share of the pore space that is water; default 0, dry.
+    /// Fraction of the pore space that is filled with liquid water; default 0 (dry snow).
     #[schemars(range(min = SATURATION.0, max = SATURATION.1))]
     pub(super) water_saturation: Option<f64>,
-    /// Share of the whole volume that is water, instead of water_saturation.
+    /// Fraction of the total volume that is liquid water, instead of water_saturation.
     #[schemars(range(min = 0.0, max = 0.5))]
     pub(super) water_fraction: Option<f64>,
-    /// Types of grain.
+    /// Grain types of the layer.
     #[schemars(length(min = 1, max = 100))]
     pub(super) grain: Vec<GrainKeys>,
     pub(super) black_carbon: Option<CarbonKeys>,
     pub(super) brown_carbon: Option<CarbonKeys>,
 }
 
-/// One type of grain.
+/// One grain type: the distributions of its size, facetness and sphericity.
 #[derive(Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 #[schemars(extend("oneOf" = [
     { "required": ["size_um"] }, { "required": ["optical_radius_um"] }, { "required": ["ssa_m2_kg"] },
 ]))]
 pub(super) struct GrainKeys {
-    /// Share of the ice volume; the shares of a layer sum to 1. May be left out for a single type.
+    /// Fraction of the ice volume of the layer; the fractions of a layer must sum to 1.
+    /// Optional if the layer has a single grain type.
     #[schemars(range(min = 0.0, max = 1.0))]
     pub(super) fraction: Option<f64>,
     pub(super) size_um: Option<SizeKeys>,
-    /// Optical radius, um, instead of size_um: grains are of the one size that has it by
-    /// the walk's extinction, 3 / (4 K1 K2).
+    /// Optical radius, um, instead of size_um. All grains have the one size whose optical
+    /// radius, computed from the extinction of the walk as 3 / (4 K1 K2), has this value.
     #[schemars(range(max = MAX_OPTICAL_RADIUS_UM), extend("exclusiveMinimum" = 0.0))]
     pub(super) optical_radius_um: Option<f64>,
-    /// Specific surface area, m2/kg, instead of size_um: grains are of the one size that
-    /// has it by the walk's extinction, 4 K1 K2 / ice density.
+    /// Specific surface area, m2/kg, instead of size_um. All grains have the one size
+    /// whose specific surface area, computed from the extinction of the walk as
+    /// 4 K1 K2 / ice density, has this value.
     #[schemars(range(max = MAX_SSA_M2_KG), extend("exclusiveMinimum" = 0.0))]
     pub(super) ssa_m2_kg: Option<f64>,
     pub(super) facetness: FacetnessKeys,
@@ -202,15 +209,15 @@ pub(super) struct GrainKeys {
 #[derive(Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub(super) struct SizeKeys {
-    /// Smallest grain size, um: ordinarily at least 50, fresh surface snow down to 10.
+    /// Smallest grain size, um; ordinarily at least 50, down to 10 in fresh surface snow.
     #[schemars(range(min = SIZE_UM.0, max = SIZE_UM.1))]
     pub(super) min: f64,
-    /// Largest grain size, um: ordinarily at most 3000.
+    /// Largest grain size, um; ordinarily at most 3000.
     #[schemars(range(min = SIZE_UM.0, max = SIZE_UM.1))]
     pub(super) max: f64,
 }
 
-/// Facetness, 0 (smooth) to 1: normal law cut to [min, max].
+/// Facetness, 0 (smooth) to 1: a normal distribution truncated to [min, max].
 #[derive(Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub(super) struct FacetnessKeys {
@@ -220,15 +227,15 @@ pub(super) struct FacetnessKeys {
     /// Largest facetness.
     #[schemars(range(min = 0.0, max = 1.0))]
     pub(super) max: f64,
-    /// Mean of the law before it is cut, within [min, max].
+    /// Mean of the normal distribution before truncation; must be in [min, max].
     #[schemars(range(min = 0.0, max = 1.0))]
     pub(super) mean: f64,
-    /// Standard deviation of the law before it is cut.
+    /// Standard deviation of the normal distribution before truncation.
     #[schemars(range(min = 0.0, max = 10.0))]
     pub(super) sd: f64,
 }
 
-/// Sphericity, in (0, 1], 1 is a sphere: normal law cut to [min, max].
+/// Sphericity, in (0, 1], where 1 is a sphere: a normal distribution truncated to [min, max].
 #[derive(Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub(super) struct SphericityKeys {
@@ -238,10 +245,10 @@ pub(super) struct SphericityKeys {
     /// Largest sphericity.
     #[schemars(range(max = 1.0), extend("exclusiveMinimum" = 0.0))]
     pub(super) max: f64,
-    /// Mean of the law before it is cut, within [min, max].
+    /// Mean of the normal distribution before truncation; must be in [min, max].
     #[schemars(range(max = 1.0), extend("exclusiveMinimum" = 0.0))]
     pub(super) mean: f64,
-    /// Standard deviation of the law before it is cut.
+    /// Standard deviation of the normal distribution before truncation.
     #[schemars(range(min = 0.0, max = 10.0))]
     pub(super) sd: f64,
 }
@@ -258,7 +265,7 @@ impl Default for SphericityKeys {
     }
 }
 
-/// Light-absorbing carbon.
+/// Light-absorbing carbon in the snow.
 #[derive(Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 #[schemars(extend("required" = ["concentration_ng_g"]))]
@@ -267,37 +274,39 @@ pub(super) struct CarbonKeys {
     #[schemars(range(min = 0.0, max = MAX_CARBON), transform = without_default)]
     #[serde(default)]
     pub(super) concentration_ng_g: f64,
-    /// Share of the carbon that sits in the ice, default 1.
+    /// Fraction of the carbon that is inside the ice; default 1.
     #[schemars(range(min = 0.0, max = 1.0))]
     pub(super) sedimentation: Option<f64>,
-    /// Mass absorption efficiency at the reference wavelength, m2/g, default 16.619.
+    /// Mass absorption efficiency at the reference wavelength, m2/g; default 16.619.
     #[schemars(range(min = 0.0, max = 1000.0))]
     pub(super) mass_absorption_efficiency_m2_g: Option<f64>,
-    /// Reference wavelength, nm, default 880.
+    /// Reference wavelength of the mass absorption efficiency, nm; default 880.
     #[schemars(range(min = 100.0, max = 10_000.0))]
     pub(super) reference_wavelength_nm: Option<f64>,
-    /// Angstrom exponent of the absorption, default 1 (black) or 2 (brown).
+    /// Absorption Angstrom exponent; default 1 for black carbon, 2 for brown carbon.
     #[schemars(range(min = 0.0, max = 20.0))]
     pub(super) angstrom_exponent: Option<f64>,
-    /// Whether the concentration is per mass of the dry snow, or with its water.
+    /// Mass that the concentration refers to: that of the dry snow (`dry_mass`), or that
+    /// of the snow with its liquid water (`wet_mass`).
     #[schemars(extend("enum" = CONCENTRATIONS))]
     #[serde(default = "default_concentration_per")]
     pub(super) concentration_per: String,
 }
 
-/// The schema says where it is required.
+/// Removes the default from a schema whose parent lists the key as required.
 fn without_default(schema: &mut schemars::Schema) {
     schema.remove("default");
 }
 
-/// Of black carbon that is an axis only the kind is fixed.
+/// The schema of carbon without a required concentration: where black carbon is an
+/// axis, the axis gives the concentration and only the other properties are fixed.
 fn carbon_of_any_amount(generator: &mut schemars::SchemaGenerator) -> schemars::Schema {
     let mut schema = CarbonKeys::json_schema(generator);
     schema.remove("required");
     schema
 }
 
-/// What lies below the snow: a Lambertian reflector, black by default.
+/// The substrate under the snow: a Lambertian reflector; black by default.
 #[derive(Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub(super) struct SubstrateKeys {
@@ -310,13 +319,13 @@ pub(super) struct SubstrateKeys {
 pub(super) enum ReflectanceKeys {
     Number(f64),
     Path(String),
-    /// One per wavelength.
+    /// One reflectance per wavelength.
     List(Vec<f64>),
 }
 
 fn reflectance(_: &mut schemars::SchemaGenerator) -> schemars::Schema {
     json_schema!({
-        "description": "Lambertian reflectance: a number from 0 to 1, the path of a file with its spectrum relative to this file, or a list with a number for each wavelength.",
+        "description": "Lambertian reflectance: a number from 0 to 1, a list with one number per wavelength, or the path of a file with a reflectance spectrum, relative to this file.",
         "type": ["number", "string", "array"],
         "minimum": 0.0,
         "maximum": 1.0,
@@ -326,32 +335,37 @@ fn reflectance(_: &mut schemars::SchemaGenerator) -> schemars::Schema {
     })
 }
 
-/// Choices within the model.
+/// Model options.
 #[derive(Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields, default)]
 pub(super) struct ModelKeys {
-    /// Where a ray enters a grain: uniformly over its facing surface, or over its projected area.
+    /// Distribution of the points where rays enter a grain: uniform over the surface
+    /// that faces the ray (`uniform`), or over the projected area (`projected`).
     #[schemars(extend("enum" = names(&ENTRIES)))]
     pub(super) entry: String,
-    /// How often grains of a range of sizes are met: as published, which brings more ice
-    /// than the density holds, or so that the ice met per metre is what it holds.
+    /// How often a ray meets grains of each size in a size range: as published
+    /// (`varsa2025`), where a ray crosses more ice per metre than the density holds, or
+    /// such that the ice per metre agrees with the density (`consistent`).
     #[schemars(extend("enum" = names(&SIZE_LAWS)))]
     pub(super) size_law: String,
-    /// How layers are joined: walks go on from one to the next, or each is a slab
-    /// of its own over the reflectance of all below it.
+    /// How layers are combined: walks continue from one layer into the next
+    /// (`continuous`), or each layer is a separate slab over a substrate that has the
+    /// reflectance of everything below it (`cascade`).
     #[schemars(extend("enum" = names(&JOININGS)))]
     pub(super) layers: String,
-    /// Spectral law of carbon absorption: M (lambda_0 / lambda)^A, or as printed in Varsa 2025.
+    /// Spectral law of carbon absorption: M (lambda_0 / lambda)^A (`power`), or the formula
+    /// as printed in Varsa 2025 (`varsa2025`).
     #[schemars(extend("enum" = names(&CARBON_LAWS)))]
     pub(super) carbon_law: String,
-    /// Whether carbon absorbs in each phase as if it filled the snow, or its mass is conserved.
+    /// How much carbon absorbs in each phase: as if the phase filled the whole snow
+    /// (`varsa2025`), or such that the mass of carbon is conserved (`conserved`).
     #[schemars(extend("enum" = names(&IMPURITY_MASSES)))]
     pub(super) impurity_mass: String,
-    /// Refractive index of ice.
+    /// Table of the refractive index of ice.
     #[schemars(extend("enum" = names(&ICE_TABLES)))]
     pub(super) ice: String,
-    /// Refractive index of water: a table's name, or the path of a CSV file
-    /// wavelength_nm,n,k relative to this file. Read only for wet snow.
+    /// Refractive index of water: the name of a table, or the path of a CSV file with
+    /// the columns wavelength_nm,n,k, relative to this file. Used for wet snow only.
     #[schemars(extend("anyOf" = [{ "enum": WATER_TABLES }, { "pattern": "\\.csv$" }]))]
     pub(super) water: String,
 }
@@ -370,12 +384,12 @@ impl Default for ModelKeys {
     }
 }
 
-/// A spectral database: every combination of the axes is one curve.
+/// A spectral database: every combination of axis values is one curve (spectrum).
 #[derive(Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 #[schemars(title = "SPLITSnow grid file")]
 pub(super) struct GridKeys {
-    /// Version of the file format; this program reads 1.
+    /// Version of the file format; must be 1.
     #[schemars(range(min = 1, max = 1))]
     #[serde(rename = "version")]
     pub(super) _version: u32,
@@ -393,7 +407,7 @@ pub(super) struct GridKeys {
     pub(super) compression: CompressionKeys,
 }
 
-/// Limits of a thickness, cm: a number, or "inf" for a half space.
+/// Adds the limits of a thickness, cm: a number, or "inf" for a half space.
 pub(super) fn or_half_space(schema: &mut schemars::Schema) {
     schema.insert("type".to_owned(), serde_json::json!(["number", "string"]));
     schema.insert("exclusiveMinimum".to_owned(), 0.0.into());
@@ -410,7 +424,7 @@ pub(super) fn or_half_space(schema: &mut schemars::Schema) {
 #[serde(untagged)]
 pub(super) enum NumberOrInf {
     Number(f64),
-    /// The check against the schema lets "inf" pass only.
+    /// Always "inf": the check against the schema refuses any other text.
     Text(#[allow(dead_code)] String),
 }
 
@@ -423,7 +437,7 @@ impl NumberOrInf {
     }
 }
 
-/// A thickness, cm: that of a half space is [`HALF_SPACE_CM`].
+/// Reads a thickness, cm; a half space is [`HALF_SPACE_CM`].
 fn thickness<'de, D: serde::Deserializer<'de>>(from: D) -> Result<f64, D::Error> {
     NumberOrInf::deserialize(from).map(NumberOrInf::number)
 }
@@ -438,25 +452,27 @@ pub(super) fn limit_items(
     }
 }
 
-/// Widths of the laws around an axis value.
+/// Widths of the distributions of facetness, grain size and sphericity around an axis value.
 #[derive(Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields, default)]
 pub(super) struct SpreadKeys {
-    /// Facetness is cut to mean -+ this, and to [0, 1].
+    /// Half width of the facetness distribution: it is truncated to mean +- this value,
+    /// and to [0, 1].
     #[schemars(range(min = 0.0, max = 1.0))]
     pub(super) facetness_half_width: f64,
-    /// Standard deviation of facetness before it is cut.
+    /// Standard deviation of facetness before truncation.
     #[schemars(range(min = 0.0, max = 10.0))]
     pub(super) facetness_sd: f64,
-    /// Grain size is uniform in mean -+ this, um. The default is 0 where the axis is
-    /// optical_radius_um or ssa_m2_kg. In a grid the default is less than 50 where a
-    /// grain would be below 10 um.
+    /// Half width of the grain size distribution, um: sizes are uniform in mean +- this
+    /// value. The default is 0 if the axis is optical_radius_um or ssa_m2_kg. In a grid,
+    /// the default is lower than 50 if grains would otherwise be smaller than 10 um.
     #[schemars(range(min = 0.0, max = SIZE_UM.1))]
     pub(super) grain_size_half_width_um: f64,
-    /// Where sphericity is an axis, it is cut to mean -+ this, and to (0, 1].
+    /// Half width of the sphericity distribution if sphericity is an axis: it is
+    /// truncated to mean +- this value, and to (0, 1].
     #[schemars(range(min = 0.0, max = 1.0))]
     pub(super) sphericity_half_width: f64,
-    /// Standard deviation of sphericity before it is cut, where it is an axis.
+    /// Standard deviation of sphericity before truncation, if sphericity is an axis.
     #[schemars(range(min = 0.0, max = 10.0))]
     pub(super) sphericity_sd: f64,
 }
@@ -474,26 +490,27 @@ impl Default for SpreadKeys {
     }
 }
 
-/// What every curve has in common.
+/// Properties that all curves share.
 #[derive(Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields, default)]
 #[schemars(extend("not" = { "required": ["water_saturation", "water_fraction"] }))]
 pub(super) struct FixedKeys {
     pub(super) sphericity: SphericityKeys,
-    /// Temperature, Celsius.
+    /// Temperature, degrees Celsius.
     #[schemars(range(min = TEMPERATURE_C.0, max = TEMPERATURE_C.1))]
     pub(super) temperature_c: f64,
-    /// Share of the pore space that is water; default 0, dry.
+    /// Fraction of the pore space that is filled with liquid water; default 0 (dry snow).
     #[schemars(range(min = SATURATION.0, max = SATURATION.1))]
     pub(super) water_saturation: Option<f64>,
-    /// Share of the whole volume that is water, instead of water_saturation; with a single density only.
+    /// Fraction of the total volume that is liquid water, instead of water_saturation.
+    /// Only allowed with a single density.
     #[schemars(range(min = 0.0, max = 0.5))]
     pub(super) water_fraction: Option<f64>,
     #[schemars(schema_with = "carbon_of_any_amount")]
     pub(super) black_carbon: Option<CarbonKeys>,
     pub(super) brown_carbon: Option<CarbonKeys>,
-    /// Layers under the snow of the axes: the first is the base. The thickness
-    /// axis is that of all layers together.
+    /// Layers under the surface layer that the axes describe, from the base up. The
+    /// thickness axis is the total thickness of all layers.
     #[schemars(length(max = 100))]
     pub(super) below: Vec<LayerKeys>,
     pub(super) substrate: Option<SubstrateKeys>,
@@ -514,7 +531,7 @@ impl Default for FixedKeys {
     }
 }
 
-/// How the curves are computed.
+/// How the curves are simulated: engine, seed and number of walks.
 #[derive(Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub(super) struct RunKeys {
@@ -526,13 +543,14 @@ pub(super) struct RunKeys {
     #[schemars(range(min = 0, max = MAX_INTEGER))]
     #[serde(default = "default_seed")]
     pub(super) seed: u64,
-    /// Walks per curve: at each wavelength in `reference`, at each index node
-    /// in `spectral` and `tabulated`, at each index node and angle in
-    /// `doubling`. May be left out in `auto`, which then takes as many as
-    /// `max_error` needs; other engines need it.
+    /// Number of walks per curve: per wavelength in `reference`, per index node in
+    /// `spectral` and `tabulated`, per index node and angle in `hybrid`. Optional with
+    /// `auto`, which by default takes as many as `max_error` needs; required with the
+    /// other engines.
     #[schemars(range(min = 1, max = 1_000_000_000_000_u64))]
     pub(super) rays: Option<u64>,
-    /// Largest error of a curve in `auto`, which takes the cheapest engine that holds it.
+    /// Largest error of a curve, for the engine `auto`, which selects the cheapest engine
+    /// that meets it.
     pub(super) max_error: Option<MaxErrorKeys>,
 }
 
@@ -547,33 +565,33 @@ impl Default for RunKeys {
     }
 }
 
-/// Errors that `auto` may leave: of the simulation, before compression.
+/// Largest errors of the simulation, before compression, that the engine `auto` may leave.
 #[derive(Deserialize, JsonSchema, Default)]
 #[serde(deny_unknown_fields, default)]
 pub(super) struct MaxErrorKeys {
-    /// Colour difference Delta-E*ab (CIE 1976), by default 0.3.
+    /// Largest colour difference Delta-E*ab (CIE 1976); default 0.3.
     #[schemars(range(max = 100.0), extend("exclusiveMinimum" = 0.0))]
     pub(super) delta_e: Option<f64>,
-    /// Root-mean-square error over the wavelengths, one standard error; by
-    /// default 0.0006, or 0.002 where there are wavelengths beyond 780 nm.
+    /// Largest root-mean-square error over the wavelengths, as one standard error;
+    /// default 0.0006, or 0.002 if there are wavelengths above 780 nm.
     #[schemars(range(max = 1.0), extend("exclusiveMinimum" = 0.0))]
     pub(super) rmse: Option<f64>,
 }
 
-/// Bounds on the curves rebuilt from the compact file.
+/// Bounds on the errors of the curves that are reconstructed from the compact file.
 #[derive(Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields, default)]
 pub(super) struct CompressionKeys {
     /// Largest colour difference Delta-E of any curve.
     #[schemars(range(max = 100.0), extend("exclusiveMinimum" = 0.0))]
     pub(super) max_delta_e: f64,
-    /// Largest root-mean-square error of any curve, over all its wavelengths and in each
-    /// band of them; by default that of a band is twice its largest standard error, but
-    /// at least 0.002.
+    /// Largest root-mean-square error of any curve, over all its wavelengths and within
+    /// each wavelength band. By default, the bound of a band is twice its largest
+    /// standard error, but at least 0.002.
     #[schemars(range(max = 1.0), extend("exclusiveMinimum" = 0.0))]
     pub(super) max_rmse: Option<f64>,
     #[schemars(schema_with = "illuminants")]
-    pub(super) illuminants: Vec<Stated>,
+    pub(super) illuminants: Vec<IlluminantSpec>,
     /// Formula of the colour difference.
     #[schemars(extend("enum" = ColourDifference::ALL.map(ColourDifference::name)))]
     pub(super) delta_e: String,
@@ -590,10 +608,10 @@ impl Default for CompressionKeys {
     }
 }
 
-/// Names, paths, or the tables themselves, as files keep them.
+/// The schema of illuminants: names, paths, or inline tables as in self-contained files.
 pub(super) fn illuminants(_: &mut schemars::SchemaGenerator) -> schemars::Schema {
     json_schema!({
-        "description": "Lights that colours are compared under; of several the worst case counts. What is no name is the path of a table of relative power, relative to this file.",
+        "description": "Illuminants that colours are compared under; if there are several, the largest difference counts. Each is the name of a standard illuminant, or the path of a table of relative power, relative to this file.",
         "type": "array",
         "minItems": 1,
         "maxItems": MAX_ILLUMINANTS,
@@ -602,9 +620,9 @@ pub(super) fn illuminants(_: &mut schemars::SchemaGenerator) -> schemars::Schema
             "type": ["string", "object"],
             "examples": Illuminant::NAMES,
             "properties": {
-                "name": { "type": "string", "description": "What the table is called." },
+                "name": { "type": "string", "description": "Name of the illuminant." },
                 "wavelength_nm": table_column("Wavelengths of the table, nm, strictly increasing."),
-                "power": table_column("Relative power at each of them, 0 or more."),
+                "power": table_column("Relative power at each wavelength, 0 or more."),
             },
             "required": ["name", "wavelength_nm", "power"],
             "additionalProperties": false,
@@ -622,9 +640,9 @@ fn table_column(description: &str) -> serde_json::Value {
     })
 }
 
-pub(super) fn default_illuminants() -> Vec<Stated> {
-    let all = Viewing::default().illuminants.into_iter();
-    all.map(Stated::from).collect()
+pub(super) fn default_illuminants() -> Vec<IlluminantSpec> {
+    let illuminants = Viewing::default().illuminants.into_iter();
+    illuminants.map(IlluminantSpec::from).collect()
 }
 
 pub(super) fn default_delta_e() -> String {
@@ -640,12 +658,7 @@ fn default_concentration_per() -> String {
 }
 
 fn engine_names() -> Vec<&'static str> {
-    let aliases = Engine::ALIASES.map(|(name, _)| name);
-    Engine::ALL
-        .map(Engine::name)
-        .into_iter()
-        .chain(aliases)
-        .collect()
+    Engine::ALL.map(Engine::name).into()
 }
 
 fn default_engine() -> String {

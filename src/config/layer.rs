@@ -1,11 +1,13 @@
-//! Layers of snow, what absorbs in them and what they lie on.
+//! Snow layers, the carbon in them, and the substrate.
 use std::path::Path;
 
-use crate::grain::{GrainType, Shape, SizeLaw, SizeMeasure, SizeRange, Told, TruncatedNormal};
+use crate::grain::{
+    GrainType, Shape, SizeConversion, SizeLaw, SizeMeasure, SizeRange, TruncatedNormal,
+};
 use crate::optics::{Carbon, ice_density_kg_m3};
 use crate::spectrum::Table;
-use crate::spectrum::measured::{self, Content, Gap, MAX_BRIDGE_NM, Request};
-use crate::transport::{Component, EXPONENTS, Ground, Layer, Snow};
+use crate::spectrum::measured::{self, Content, CoverageGap, MAX_BRIDGE_NM, Request};
+use crate::transport::{Component, EXPONENTS, Layer, Snow, Substrate};
 use crate::units::{HALF_SPACE_CM, cm_to_m, um_to_m};
 
 use super::document::Document;
@@ -15,15 +17,15 @@ use super::keys::{
 };
 use super::shared::{exclusive, law, one_size, ordered};
 use super::snow::{
-    ORDINARY_UM, biggest_grain, remark, remark_overpacked, remark_sizes, remark_smooth,
+    ORDINARY_UM, longest_grain, remark, remark_overpacked, remark_sizes, remark_smooth,
     remark_thickness, saturation_from_fraction,
 };
 use super::{check, water};
 
-/// The layer of a sample that may be a half space.
+/// The only layer of a sample that may be a half space.
 const BASE: &str = "layer[0]";
 
-/// The layers of a list of tables `[[name]]`, the base first.
+/// The layers in the list of tables `[[name]]`, from the base up.
 pub(super) fn layers(
     document: &Document,
     name: &str,
@@ -31,10 +33,10 @@ pub(super) fn layers(
     size_law: SizeLaw,
     warnings: &mut Vec<String>,
 ) -> Result<Vec<Layer>, ConfigError> {
-    let one = |(i, keys): (usize, &LayerKeys)| {
+    let read_layer = |(i, keys): (usize, &LayerKeys)| {
         layer(document, &format!("{name}[{i}]"), keys, size_law, warnings)
     };
-    keys.iter().enumerate().map(one).collect()
+    keys.iter().enumerate().map(read_layer).collect()
 }
 
 fn layer(
@@ -44,7 +46,7 @@ fn layer(
     size_law: SizeLaw,
     warnings: &mut Vec<String>,
 ) -> Result<Layer, ConfigError> {
-    fractions(document, table, keys)?;
+    check_fractions(document, table, keys)?;
     let grain = |(i, grain): (usize, &GrainKeys)| {
         let key = format!("{table}.grain[{i}]");
         Ok(Component {
@@ -64,9 +66,9 @@ fn layer(
     let thickness = format!("{table}.thickness_cm");
     if keys.thickness_cm >= HALF_SPACE_CM && table != BASE {
         let problem =
-            "leaves no base under it: only the first [[layer]] of a sample may be a half space";
+            "must be finite: only the first [[layer]] of a sample, its base, may be a half space";
         let problem = Problem::Contradiction(problem.to_owned());
-        let help = "give a thickness, or put the layers over it after it";
+        let help = "give a finite thickness, or make this layer the first [[layer]]";
         return Err(document.error(&thickness, problem, help));
     }
     remark_thickness(document, warnings, &thickness, keys.thickness_cm);
@@ -90,7 +92,7 @@ fn layer(
     })
 }
 
-/// Carbon in the table `table`, with the `usual` values where nothing is said.
+/// The carbon described by the table `table`; `usual` has the default values.
 pub(super) fn carbon(
     document: &Document,
     table: &str,
@@ -112,43 +114,47 @@ pub(super) fn carbon(
     })
 }
 
-/// Refuses more different exponents of `carbon` than walks keep apart, in the
-/// layers or the snow at `key`.
+/// Refuses carbon with more different Angstrom exponents than a walk can track; `key`
+/// names the layers or the snow in messages.
 pub(super) fn exponents<'a>(
     document: &Document,
     key: &str,
     carbon: impl Iterator<Item = &'a Carbon>,
 ) -> Result<(), ConfigError> {
-    let mut found: Vec<f64> = carbon
+    let mut exponents: Vec<f64> = carbon
         .filter(|carbon| carbon.concentration_ng_g > 0.0)
         .map(|carbon| carbon.angstrom_exponent)
         .collect();
-    found.sort_by(f64::total_cmp);
-    found.dedup();
-    if found.len() <= EXPONENTS {
+    exponents.sort_by(f64::total_cmp);
+    exponents.dedup();
+    if exponents.len() <= EXPONENTS {
         return Ok(());
     }
     let problem = Problem::Contradiction(format!(
-        "brings carbon of {} different Angstrom exponents: at most {EXPONENTS} in one pack",
-        found.len()
+        "has carbon with {} different Angstrom exponents; a snowpack may have at most {EXPONENTS}",
+        exponents.len()
     ));
-    Err(document.error(key, problem, "give alike carbon the same exponent"))
+    Err(document.error(
+        key,
+        problem,
+        "give similar types of carbon the same exponent",
+    ))
 }
 
-/// What the table `table` says of the ground at `wavelengths_nm`; paths are relative to
-/// `directory`, and `notes` say what files were read.
-pub(super) fn ground(
+/// The substrate described by the table `table`, at `wavelengths_nm`. Paths are relative
+/// to `directory`; a note on each file that is read is added to `notes`.
+pub(super) fn substrate(
     document: &Document,
     table: &str,
     keys: Option<&SubstrateKeys>,
     (directory, wavelengths_nm): (&Path, &[f64]),
     notes: &mut Vec<String>,
-) -> Result<Ground, ConfigError> {
+) -> Result<Substrate, ConfigError> {
     let key = format!("{table}.reflectance");
     let refuse =
         |problem: String, help: &str| document.error(&key, Problem::Contradiction(problem), help);
     let values = match keys.map(|keys| &keys.reflectance) {
-        None => return Ok(Ground::Black),
+        None => return Ok(Substrate::Black),
         Some(ReflectanceKeys::Number(reflectance)) => vec![*reflectance],
         Some(ReflectanceKeys::List(values)) => {
             let (given, needed) = (values.len(), wavelengths_nm.len());
@@ -156,24 +162,24 @@ pub(super) fn ground(
                 let problem = format!("has {given} values for {needed} wavelengths");
                 return Err(refuse(
                     problem,
-                    "give one for each wavelength, in their order",
+                    "give one value for each wavelength, in the same order",
                 ));
             }
             values.clone()
         }
         Some(ReflectanceKeys::Path(path)) => {
             let path = directory.join(path);
-            // what comes back is no more than what arrives
-            let request = Request::of(Some(Content::Reflectance), (0.0, 1.0));
+            // a reflectance is between 0 and 1
+            let request = Request::new(Some(Content::Reflectance), (0.0, 1.0));
             let curve = measured::read(&path, &request).map_err(|error| {
-                refuse(format!("cannot serve: {}", error.without_choices()), "")
+                refuse(format!("cannot be used: {}", error.without_choices()), "")
             })?;
             notes.push(format!("read {}: {}", path.display(), curve.report));
-            curve.at(wavelengths_nm).map_err(|gap| {
+            curve.values_at(wavelengths_nm).map_err(|gap| {
                 let help = match gap {
-                    Gap::Short { .. } => "extend the table or choose other wavelengths".to_owned(),
-                    Gap::Hole { .. } => format!(
-                        "fill the hole or choose other wavelengths; a straight line is drawn over {MAX_BRIDGE_NM} nm at most"
+                    CoverageGap::Short { .. } => "extend the table or choose other wavelengths".to_owned(),
+                    CoverageGap::Hole { .. } => format!(
+                        "fill the gap or choose other wavelengths; linear interpolation bridges at most {MAX_BRIDGE_NM} nm"
                     ),
                 };
                 refuse(gap.to_string(), &help)
@@ -181,17 +187,18 @@ pub(super) fn ground(
         }
     };
     Ok(match values[..] {
-        [0.0] => Ground::Black,
-        [reflectance] => Ground::Grey(reflectance),
-        _ => match Table::of(wavelengths_nm, &values) {
-            Some(table) => Ground::Spectrum { table },
-            None => return Err(refuse("has values that are not finite".to_owned(), "")),
+        [0.0] => Substrate::Black,
+        [reflectance] => Substrate::Grey(reflectance),
+        _ => match Table::from_column(wavelengths_nm, &values) {
+            Some(table) => Substrate::Spectrum { table },
+            None => return Err(refuse("has non-finite values".to_owned(), "")),
         },
     })
 }
 
-/// The fractions of several types are all given, and sum to 1.
-fn fractions(document: &Document, table: &str, layer: &LayerKeys) -> Result<(), ConfigError> {
+/// Refuses a layer with several grain types if a fraction is missing, and fractions that
+/// do not sum to 1.
+fn check_fractions(document: &Document, table: &str, layer: &LayerKeys) -> Result<(), ConfigError> {
     let several = layer.grain.len() > 1;
     let mut sum = 0.0;
     for (i, grain) in layer.grain.iter().enumerate() {
@@ -199,7 +206,7 @@ fn fractions(document: &Document, table: &str, layer: &LayerKeys) -> Result<(), 
             Some(fraction) => fraction,
             None if several => {
                 let key = format!("{table}.grain[{i}].fraction");
-                let help = "give every type its share of the ice volume";
+                let help = "give the fraction of the ice volume for every grain type";
                 return Err(document.error(&key, Problem::Missing, help));
             }
             None => 1.0,
@@ -213,7 +220,11 @@ fn fractions(document: &Document, table: &str, layer: &LayerKeys) -> Result<(), 
     let problem = Problem::Contradiction(format!(
         "makes the fractions of {table} sum to {sum}, not 1"
     ));
-    Err(document.error(&key, problem, "the shares of the ice volume sum to 1"))
+    Err(document.error(
+        &key,
+        problem,
+        "make the fractions of the ice volume sum to 1",
+    ))
 }
 
 fn grain_type(
@@ -228,7 +239,7 @@ fn grain_type(
     let sphericity = law(document, &format!("{table}.sphericity"), sphericity)?;
     one_size(document, table, "size_um")?;
     let sizes_um = sizes_um(grain, size_law, sphericity, temperature_c);
-    let key = match told(grain) {
+    let key = match size_measure(grain) {
         None => {
             let key = format!("{table}.size_um");
             ordered(document, &key, sizes_um[0], sizes_um[1])?;
@@ -240,7 +251,7 @@ fn grain_type(
         }
         Some((measure, _)) => {
             let key = format!("{table}.{}", measure.name());
-            biggest_grain(document, &key, sizes_um[0], 0.0)?;
+            longest_grain(document, &key, sizes_um[0], 0.0)?;
             remark_sizes(document, warnings, [&key, &key], sizes_um);
             key
         }
@@ -259,8 +270,8 @@ fn grain_type(
     })
 }
 
-/// What the size of the grains is told by, if not as such.
-fn told(grain: &GrainKeys) -> Option<(SizeMeasure, f64)> {
+/// The measure that gives the grain size, and its value; `None` if `size_um` is given.
+fn size_measure(grain: &GrainKeys) -> Option<(SizeMeasure, f64)> {
     let radius = grain
         .optical_radius_um
         .map(|r| (SizeMeasure::OpticalRadius, r));
@@ -269,7 +280,8 @@ fn told(grain: &GrainKeys) -> Option<(SizeMeasure, f64)> {
         .map(|ssa| (SizeMeasure::SpecificSurface, ssa)))
 }
 
-/// Smallest and largest grain, um: one size where they are told by their surface.
+/// Smallest and largest grain size, um; they are equal if the size is given by another
+/// measure.
 pub(super) fn sizes_um(
     grain: &GrainKeys,
     size_law: SizeLaw,
@@ -279,18 +291,19 @@ pub(super) fn sizes_um(
     if let Some(size) = &grain.size_um {
         return [size.min, size.max];
     }
-    let shape = Told {
+    let shape = SizeConversion {
         half_width_um: 0.0,
         size_law,
         shape: Shape::default(),
         sphericity,
         temperature_c,
     };
-    let one = told(grain).map_or(f64::NAN, |(measure, value)| measure.size_um(value, &shape));
-    [one; 2]
+    let size =
+        size_measure(grain).map_or(f64::NAN, |(measure, value)| measure.size_um(value, &shape));
+    [size; 2]
 }
 
-/// Dry density, kg/m3, and saturation, from whichever keys are given.
+/// Dry density, kg/m3, and water saturation, from the keys that are given.
 fn density_and_water(
     document: &Document,
     table: &str,
@@ -315,17 +328,17 @@ fn density_and_water(
         ),
         (None, Some(density), None) => (wet, water::dry_density_kg_m3(density, saturation, ice)),
         (None, None, _) => {
-            let help = "give density_kg_m3 of the dry snow, or wet_density_kg_m3";
+            let help = "give density_kg_m3 (dry snow) or wet_density_kg_m3";
             return Err(document.error(&dry, Problem::Missing, help));
         }
     };
-    let (least, most) = DENSITY_KG_M3;
-    if !(least <= density && density <= most && density < ice) {
+    let (min, max) = DENSITY_KG_M3;
+    if !(min <= density && density <= max && density < ice) {
         let problem = Problem::Contradiction(format!(
-            "leaves a dry density of {density:.2} kg/m3: allowed {least} to {most}, and below ice ({ice:.2} kg/m3 at {} C)",
+            "gives a dry density of {density:.2} kg/m3: allowed {min} to {max}, and below that of ice ({ice:.2} kg/m3 at {} C)",
             layer.temperature_c
         ));
-        return Err(document.error(&key, problem, "change the density or the water"));
+        return Err(document.error(&key, problem, "change the density or the water content"));
     }
     remark(
         document,

@@ -1,14 +1,13 @@
-//! Config files: strict TOML, refused with file, line, key, value and what is
-//! allowed.
+//! Config files: strict TOML. Errors name file, line, key, value and the allowed range.
 //!
-//! The private modules `keys`, `scene_keys` and `study_keys` list every key with its type, limits and meaning;
-//! the JSON Schemas are generated from it, and each document is checked against
-//! its schema before it is read, so that an editor and the program refuse the
-//! same. Limits that involve several keys follow in [`sample`], [`grid`],
-//! [`scene`] and [`study`].
+//! The private modules `keys`, `axis_keys`, `scene_keys` and `study_keys` list every key
+//! with its type, limits and description. The JSON Schemas are generated from them, and
+//! each document is checked against its schema before it is read, so that an editor and
+//! the program report the same errors. Limits that involve several keys are checked in
+//! [`sample`], [`grid`], [`scene`] and [`study`].
 //!
-//! Parsing never panics, and its time and memory are bounded by the length of
-//! the text (at most 1 MiB).
+//! Parsing never panics, and its time and memory are bounded by the length of the text
+//! (at most 1 MiB).
 use std::path::Path;
 
 mod axis_keys;
@@ -17,6 +16,7 @@ mod change;
 mod check;
 mod document;
 mod error;
+mod former;
 pub mod grid;
 mod keys;
 mod layer;
@@ -32,7 +32,7 @@ pub mod water;
 
 pub use error::{ConfigError, Problem};
 
-/// The directory that paths inside the config file `name` are relative to.
+/// The directory of the config file `name`: paths in the file are relative to it.
 fn directory_of(name: &str) -> &Path {
     Path::new(name).parent().unwrap_or(Path::new(""))
 }

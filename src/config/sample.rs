@@ -1,7 +1,7 @@
-//! Sample files: one snow pack, its light and the wavelengths.
+//! Sample files: one snowpack, its illumination and the wavelengths.
 use std::path::Path;
 
-use crate::transport::{Illumination, Joining, Layer, Model, Pack, Snow};
+use crate::transport::{Illumination, Joining, Layer, Model, Snow, Snowpack};
 use crate::units::{m_to_cm, m_to_um};
 
 use super::canonical::Writer;
@@ -12,29 +12,30 @@ use super::shared::{covered, exclusive, model, size_law, wavelengths};
 use super::snow::holds_grains;
 use super::{directory_of, layer, schema};
 
-/// A sample file, resolved: no defaults or alternatives are left.
+/// A resolved sample file: defaults are filled in, and alternative keys are converted.
 #[derive(Debug, Clone, PartialEq)]
 pub struct SampleFile {
-    /// The snow.
-    pub pack: Pack,
-    /// Thickness of all its layers together, m.
+    /// The snowpack and its substrate.
+    pub snowpack: Snowpack,
+    /// Total thickness of the layers, m.
     pub thickness_m: f64,
-    /// The light.
+    /// The incident light.
     pub illumination: Illumination,
     /// Wavelengths, nm, strictly increasing.
     pub wavelengths_nm: Vec<f64>,
-    /// Choices within the model.
+    /// Model options.
     pub model: Model,
-    /// Values beyond the ordinary ranges of docs/methods.md, for the user to see.
+    /// Warnings for the user, such as values outside the ordinary ranges of
+    /// docs/methods.md.
     pub warnings: Vec<String>,
-    /// What was found in the files it names and done, for the user to see.
+    /// Notes for the user on how the data files that it names were read.
     pub notes: Vec<String>,
     canonical: String,
 }
 
 impl SampleFile {
-    /// The sample as canonical TOML, every value explicit, in the file's units;
-    /// [`parse`] under the same file name gives the same sample.
+    /// The sample as canonical TOML: every value is explicit and in the units of the
+    /// file. [`parse`] with the same file name gives the same sample.
     #[must_use]
     pub fn to_toml(&self) -> &str {
         &self.canonical
@@ -44,13 +45,13 @@ impl SampleFile {
 /// Reads a sample file.
 ///
 /// # Errors
-/// [`ConfigError`] with file, line, key, value, and what is allowed.
+/// [`ConfigError`] if the file cannot be read or a value is not allowed.
 pub fn read(path: &Path) -> Result<SampleFile, ConfigError> {
     parse(&path.display().to_string(), &read_text(path)?)
 }
 
-/// Reads the `text` of a sample file; `name` is its path, for messages and for
-/// the paths in it.
+/// Reads the `text` of a sample file. `name` is its path: it appears in messages, and the
+/// paths in the file are relative to its directory.
 ///
 /// # Errors
 /// As [`read`].
@@ -64,19 +65,19 @@ pub fn parse(name: &str, text: &str) -> Result<SampleFile, ConfigError> {
     let directory = directory_of(name);
     let model = model(&document, &keys.model, directory)?;
     let substrate = keys.substrate.as_ref();
-    let ground = layer::ground(
+    let substrate = layer::substrate(
         &document,
         "substrate",
         substrate,
         (directory, &wavelengths_nm),
         &mut notes,
     )?;
-    room(&document, &layers, model.joining)?;
+    check_fit(&document, &layers, model.joining)?;
 
     let mut out = Writer::new();
     out.header("[illumination]");
-    match keys.illumination.polar_angle_deg {
-        Some(angle) => out.number("polar_angle_deg", angle),
+    match keys.illumination.incidence_angle_deg {
+        Some(angle) => out.number("incidence_angle_deg", angle),
         None => out.raw("diffuse", "true"),
     }
     out.header("[wavelengths]");
@@ -84,19 +85,19 @@ pub fn parse(name: &str, text: &str) -> Result<SampleFile, ConfigError> {
     for (layer, keys) in layers.iter().zip(&keys.layer) {
         out.layer(layer, keys);
     }
-    out.ground(&ground);
+    out.substrate(&substrate);
     out.model(&model, size_law, directory);
 
-    // a config begins at the base, light at the surface
+    // config files list layers from the base up, the model from the surface down
     layers.reverse();
-    let Some((pack, thickness_m)) = Pack::of(&layers, ground) else {
+    let Some((snowpack, thickness_m)) = Snowpack::of(&layers, substrate) else {
         return Err(document.error("layer", Problem::Missing, "add a [[layer]]"));
     };
-    let wet = pack.is_wet();
+    let wet = snowpack.is_wet();
     covered(&document, &model, &wavelengths_nm, wet)?;
-    layer::exponents(&document, "layer", pack.snows().flat_map(Snow::carbon))?;
+    layer::exponents(&document, "layer", snowpack.snows().flat_map(Snow::carbon))?;
     Ok(SampleFile {
-        pack,
+        snowpack,
         thickness_m,
         illumination,
         wavelengths_nm,
@@ -108,31 +109,34 @@ pub fn parse(name: &str, text: &str) -> Result<SampleFile, ConfigError> {
 }
 
 fn illumination(document: &Document, keys: &SampleKeys) -> Result<Illumination, ConfigError> {
-    let (angle, diffuse) = ("illumination.polar_angle_deg", "illumination.diffuse");
-    match (keys.illumination.polar_angle_deg, keys.illumination.diffuse) {
+    let (angle, diffuse) = ("illumination.incidence_angle_deg", "illumination.diffuse");
+    match (
+        keys.illumination.incidence_angle_deg,
+        keys.illumination.diffuse,
+    ) {
         (Some(degrees), false) => Ok(Illumination::Collimated {
             polar_angle_rad: degrees.to_radians(),
         }),
         (None, true) => Ok(Illumination::Diffuse),
         (Some(_), true) => exclusive(document, angle, diffuse).map(|()| Illumination::Diffuse),
         (None, false) => {
-            let help = "give the angle of the rays from the surface normal, or diffuse = true";
+            let help = "give the incidence angle from the surface normal, or diffuse = true";
             Err(document.error(angle, Problem::Missing, help))
         }
     }
 }
 
-/// Grains must fit between the planes that reject them: those of the pack, or
-/// in a cascade of each layer.
-fn room(document: &Document, layers: &[Layer], joining: Joining) -> Result<(), ConfigError> {
+/// Refuses slabs that are too thin for their longest grain. The slab is the whole
+/// snowpack or, in a cascade, each layer.
+fn check_fit(document: &Document, layers: &[Layer], joining: Joining) -> Result<(), ConfigError> {
     let slabs: Vec<&[Layer]> = match joining {
         Joining::Continuous => vec![layers],
         Joining::Cascade => layers.chunks(1).collect(),
     };
     for (i, slab) in slabs.iter().enumerate() {
-        let biggest_m = slab.iter().map(|layer| layer.snow.sizes_m()[1]);
-        let biggest_um = m_to_um(biggest_m.fold(0.0, f64::max));
-        // the base brings what the layers over it do not
+        let longest_m = slab.iter().map(|layer| layer.snow.sizes_m()[1]);
+        let longest_um = m_to_um(longest_m.fold(0.0, f64::max));
+        // an error is attributed to the thickness of the base
         let (base_m, over_m) = slab.split_first().map_or((0.0, 0.0), |(base, over)| {
             (
                 base.thickness_m,
@@ -141,7 +145,7 @@ fn room(document: &Document, layers: &[Layer], joining: Joining) -> Result<(), C
         });
         let key = format!("layer[{i}].thickness_cm");
         let (base_cm, over_cm) = (m_to_cm(base_m), m_to_cm(over_m));
-        holds_grains(document, &key, base_cm, biggest_um, -over_cm)?;
+        holds_grains(document, &key, base_cm, longest_um, -over_cm)?;
     }
     Ok(())
 }

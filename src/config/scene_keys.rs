@@ -1,9 +1,9 @@
-//! The keys of scene files, as [`super::keys`] has those of the other kinds.
+//! The keys of scene files; see [`super::keys`] for those of sample and grid files.
 use schemars::{JsonSchema, Schema, SchemaGenerator, json_schema};
 use serde::Deserialize;
 use serde_json::Value;
 
-use crate::colour::{ColourDifference, Stated};
+use crate::colour::{ColourDifference, IlluminantSpec};
 use crate::measurement::Quantity;
 
 use super::axis_keys::SnowKeys;
@@ -12,17 +12,17 @@ use super::keys::{
     default_illuminants, default_seed, illuminants, limit_items,
 };
 
-/// What a scene asks of snow, and how good the answers must be.
+/// The snow that a renderer needs in a scene, and the accuracy that it needs.
 #[derive(Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 #[schemars(title = "SPLITSnow scene file")]
 pub(super) struct SceneKeys {
-    /// Version of the file format; this program reads 1.
+    /// Version of the file format; must be 1.
     #[schemars(range(min = 1, max = 1))]
     #[serde(rename = "version")]
     pub(super) _version: u32,
-    pub(super) scene: AskedKeys,
-    /// Snows of the scene, each at every thickness and angle.
+    pub(super) scene: RequirementKeys,
+    /// Kinds of snow in the scene; each is needed at every thickness and incidence angle.
     #[schemars(length(min = 1, max = 100))]
     pub(super) snow: Vec<SnowKeys>,
     #[serde(default)]
@@ -36,40 +36,43 @@ pub(super) struct SceneKeys {
     pub(super) run: SceneRunKeys,
 }
 
-/// What is asked for.
+/// What the scene requires: accuracy, quantities, thicknesses and incidence angles.
 #[derive(Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
-pub(super) struct AskedKeys {
-    /// Largest colour difference Delta-E of the whole chain, against a fresh converged simulation.
+pub(super) struct RequirementKeys {
+    /// Largest colour difference Delta-E of the whole pipeline (simulation, compression
+    /// and look-up), compared with an independent converged simulation.
     #[schemars(range(max = 100.0), extend("exclusiveMinimum" = 0.0))]
     pub(super) max_delta_e: f64,
-    /// Quantities asked for.
+    /// Quantities that the renderer needs.
     #[schemars(length(min = 1, max = Quantity::ALL.len()), extend("uniqueItems" = true),
         transform = quantity_names)]
     #[serde(default = "default_quantities")]
     pub(super) quantities: Vec<String>,
     #[schemars(schema_with = "illuminants")]
     #[serde(default = "default_illuminants")]
-    pub(super) illuminants: Vec<Stated>,
+    pub(super) illuminants: Vec<IlluminantSpec>,
     /// Formula of the colour difference.
     #[schemars(extend("enum" = ColourDifference::ALL.map(ColourDifference::name)))]
     #[serde(default = "default_delta_e")]
     pub(super) delta_e: String,
-    /// Largest compact file, bytes; no bound by default.
+    /// Largest size of the compact file, bytes; unlimited by default.
     #[schemars(range(min = 1, max = MAX_INTEGER))]
     pub(super) max_bytes: Option<u64>,
-    /// Longest time to make it, seconds; no bound by default.
+    /// Longest time for making the compact file, seconds; unlimited by default.
     #[schemars(range(max = 1e9), extend("exclusiveMinimum" = 0.0))]
     pub(super) max_seconds: Option<f64>,
-    /// Thickness, cm, a number or a range: at least 10 lengths of the biggest grain; ordinarily 1 to 100.
+    /// Thickness of the snowpack, cm: a number or a range; ordinarily 1 to 100. It must
+    /// be at least 10 times the length of the largest grain.
     #[schemars(range(max = 1000.0), extend("exclusiveMinimum" = 0.0), transform = limit_ends)]
     pub(super) thickness_cm: RangeKeys,
-    /// Angle between parallel rays and the surface normal, degrees, a number or a range in [0, 90).
+    /// Incidence angle of a collimated beam, measured from the surface normal, degrees:
+    /// a number or a range in [0, 90).
     #[schemars(range(min = 0.0), extend("exclusiveMaximum" = 90.0), transform = limit_ends)]
-    pub(super) angle_deg: RangeKeys,
+    pub(super) incidence_angle_deg: RangeKeys,
 }
 
-/// How the scene is computed.
+/// How the spectra of the scene are simulated.
 #[derive(Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub(super) struct SceneRunKeys {
@@ -117,7 +120,7 @@ impl JsonSchema for RangeKeys {
     }
 }
 
-/// The limits and the meaning of a number are those of the ends of a range.
+/// Copies the limits and the description of a number to `min` and `max` of the range.
 pub(super) fn limit_ends(schema: &mut Schema) {
     const SHARED: [&str; 5] = [
         "description",

@@ -1,6 +1,6 @@
-//! JSON Schemas (draft 2020-12) of the four file kinds, generated from
-//! the list of keys and committed under `schema/`, from which editors complete
-//! and check.
+//! JSON Schemas (draft 2020-12) of the four kinds of config file. They are generated
+//! from the lists of keys and committed under `schema/`, where editors use them for
+//! completion and validation.
 use std::sync::LazyLock;
 
 use schemars::transform::RecursiveTransform;
@@ -11,15 +11,15 @@ use super::keys::{GridKeys, SampleKeys};
 use super::scene_keys::SceneKeys;
 use super::study_keys::StudyKeys;
 
-pub(super) static SAMPLE: LazyLock<Value> = LazyLock::new(of::<SampleKeys>);
-pub(super) static GRID: LazyLock<Value> = LazyLock::new(of::<GridKeys>);
-pub(super) static SCENE: LazyLock<Value> = LazyLock::new(of::<SceneKeys>);
-pub(super) static STUDY: LazyLock<Value> = LazyLock::new(of::<StudyKeys>);
+pub(super) static SAMPLE: LazyLock<Value> = LazyLock::new(generate::<SampleKeys>);
+pub(super) static GRID: LazyLock<Value> = LazyLock::new(generate::<GridKeys>);
+pub(super) static SCENE: LazyLock<Value> = LazyLock::new(generate::<SceneKeys>);
+pub(super) static STUDY: LazyLock<Value> = LazyLock::new(generate::<StudyKeys>);
 
 /// The schema of a sample file, as committed in `schema/sample.schema.json`.
 #[must_use]
 pub fn sample() -> String {
-    // Alternate form: indented.
+    // The alternate form `#` indents the JSON.
     format!("{:#}\n", *SAMPLE)
 }
 
@@ -41,8 +41,8 @@ pub fn study() -> String {
     format!("{:#}\n", *STUDY)
 }
 
-/// The schema of a set of keys, without references to follow.
-fn of<Keys: JsonSchema>() -> Value {
+/// The schema of `Keys`, with all subschemas inlined.
+fn generate<Keys: JsonSchema>() -> Value {
     SchemaSettings::draft2020_12()
         .with(|settings| settings.inline_subschemas = true)
         .with_transform(RecursiveTransform(plain))
@@ -51,7 +51,7 @@ fn of<Keys: JsonSchema>() -> Value {
         .to_value()
 }
 
-/// Drops what Rust types bring along but TOML has not: null, and widths of numbers.
+/// Removes what Rust types add to a schema but TOML does not have: null, and number formats.
 fn plain(schema: &mut Schema) {
     let Some(keywords) = schema.as_object_mut() else {
         return;
@@ -59,9 +59,9 @@ fn plain(schema: &mut Schema) {
     keywords.retain(|name, value| name != "format" && !(name == "default" && value.is_null()));
     if let Some(Value::Array(types)) = keywords.get_mut("type") {
         types.retain(|kind| kind != "null");
-        if let [only] = types.as_slice() {
-            let only = only.clone();
-            keywords.insert("type".to_owned(), only);
+        if let [single] = types.as_slice() {
+            let single = single.clone();
+            keywords.insert("type".to_owned(), single);
         }
     }
 }

@@ -1,8 +1,8 @@
-//! What the kinds of file have in common: wavelengths, laws, named choices, and
-//! those within the model.
+//! Reading of keys that several kinds of file share: wavelengths, distributions, named
+//! choices, illuminants and model options.
 use std::path::Path;
 
-use crate::colour::{ColourDifference, Illuminant, IlluminantError, Stated, Viewing};
+use crate::colour::{ColourDifference, Illuminant, IlluminantError, IlluminantSpec, Viewing};
 use crate::grain::{SizeLaw, SizeMeasure, TruncatedNormal};
 use crate::optics::WaterTable;
 use crate::transport::Model;
@@ -15,30 +15,30 @@ use super::keys::{
     SIZE_LAWS, WATER_TABLES, WavelengthKeys,
 };
 
-/// Refuses two keys of which only one may be given.
-pub(super) fn exclusive(document: &Document, one: &str, other: &str) -> Result<(), ConfigError> {
-    if !(document.has(one) && document.has(other)) {
+/// Refuses a file that gives both of two keys that exclude each other.
+pub(super) fn exclusive(document: &Document, key: &str, other: &str) -> Result<(), ConfigError> {
+    if !(document.has(key) && document.has(other)) {
         return Ok(());
     }
-    let (first, second) = if document.line(one) <= document.line(other) {
-        (one, other)
+    let (first, second) = if document.line(key) <= document.line(other) {
+        (key, other)
     } else {
-        (other, one)
+        (other, key)
     };
     let conflict = Problem::Conflict {
         other: first.to_owned(),
         line: document.line(first),
     };
-    Err(document.error(second, conflict, "give one of the two"))
+    Err(document.error(second, conflict, "give only one of the two"))
 }
 
-/// Refuses none or more than one of the sizes of grains in `table`, where `size` is
-/// the name of that as such.
+/// Refuses a `table` that gives the grain size by none or by several of its keys: `size`
+/// and the names of the other measures.
 pub(super) fn one_size(document: &Document, table: &str, size: &str) -> Result<(), ConfigError> {
     let [radius, surface] = SizeMeasure::ALL.map(SizeMeasure::name);
     let key = |name: &str| format!("{table}.{name}");
-    for [one, other] in [[size, radius], [size, surface], [radius, surface]] {
-        exclusive(document, &key(one), &key(other))?;
+    for [name, other] in [[size, radius], [size, surface], [radius, surface]] {
+        exclusive(document, &key(name), &key(other))?;
     }
     if [size, radius, surface]
         .iter()
@@ -46,7 +46,7 @@ pub(super) fn one_size(document: &Document, table: &str, size: &str) -> Result<(
     {
         return Ok(());
     }
-    let help = format!("give the size of the grains: {size}, {radius} or {surface}");
+    let help = format!("give the grain size by one of the keys {size}, {radius} or {surface}");
     Err(document.error(&key(size), Problem::Missing, help))
 }
 
@@ -57,14 +57,15 @@ pub(super) fn increasing(
     values: &[f64],
 ) -> Result<(), ConfigError> {
     for (i, pair) in values.windows(2).enumerate() {
-        let &[before, value] = pair else { continue };
-        if value <= before {
-            let what = if value == before {
+        let &[previous, value] = pair else { continue };
+        if value <= previous {
+            let relation = if value == previous {
                 "repeats"
             } else {
                 "is below"
             };
-            let problem = Problem::Contradiction(format!("{what} the value before it, {before}"));
+            let problem =
+                Problem::Contradiction(format!("{relation} the previous value, {previous}"));
             let key = format!("{key}[{}]", i + 1);
             let help = "give each value once, in increasing order";
             return Err(document.error(&key, problem, help));
@@ -73,8 +74,8 @@ pub(super) fn increasing(
     Ok(())
 }
 
-/// The wavelengths, nm, strictly increasing, and a remark where the last step
-/// does not reach `stop_nm`.
+/// The wavelengths, nm, strictly increasing. Adds a warning if the last step does not
+/// reach `stop_nm`.
 pub(super) fn wavelengths(
     document: &Document,
     keys: &WavelengthKeys,
@@ -98,22 +99,23 @@ pub(super) fn wavelengths(
     let step = keys.step_nm.ok_or_else(|| missing("step_nm"))?;
     if start > stop {
         let problem = Problem::Contradiction(format!("is above stop_nm = {stop}"));
-        return Err(document.error("wavelengths.start_nm", problem, "exchange the two"));
+        return Err(document.error("wavelengths.start_nm", problem, "swap start_nm and stop_nm"));
     }
     let steps = (stop - start) / step;
-    // A step such as 0.1 has no exact double: a whole number of steps may miss by a rounding.
+    // A step such as 0.1 has no exact double, so that a whole number of steps may be off
+    // by a rounding error.
     let whole = (steps - steps.round()).abs() < 1e-9 * steps.max(1.0);
     let count = if whole { steps.round() } else { steps.floor() };
     if count >= MAX_WAVELENGTHS as f64 {
-        // As an integer where it can be read, 3e302 where it cannot.
-        let many = match count + 1.0 {
-            many if many < 1e9 => format!("{many}"),
-            many => format!("{many:.0e}"),
+        // Printed as an integer if it is short, else as 3e302.
+        let total = match count + 1.0 {
+            total if total < 1e9 => format!("{total}"),
+            total => format!("{total:.0e}"),
         };
         let problem = Problem::Contradiction(format!(
-            "makes {many} wavelengths from {start} to {stop} nm, more than {MAX_WAVELENGTHS}"
+            "gives {total} wavelengths from {start} to {stop} nm, more than {MAX_WAVELENGTHS}"
         ));
-        return Err(document.error("wavelengths.step_nm", problem, "use a longer step"));
+        return Err(document.error("wavelengths.step_nm", problem, "use a larger step"));
     }
     let mut values: Vec<f64> = (0..=count as u32)
         .map(|i| start + f64::from(i) * step)
@@ -122,18 +124,18 @@ pub(super) fn wavelengths(
         Some(last) if whole => *last = stop,
         Some(last) => {
             let remark = format!(
-                "is no whole number of steps from start_nm; the last wavelength is {last} nm"
+                "is not a whole number of steps from start_nm; the last wavelength is {last} nm"
             );
             warnings.push(document.warning("wavelengths.stop_nm", remark));
         }
         None => {}
     }
-    // A step below the spacing of doubles does not move.
+    // A step below the spacing of doubles repeats a value.
     increasing(document, "wavelengths.step_nm", &values)?;
     Ok(values)
 }
 
-/// A normal law cut to [min, max], from keys `key.min` and so on.
+/// The truncated normal distribution given by `key.min`, `key.max`, `key.mean` and `key.sd`.
 pub(super) fn law(
     document: &Document,
     key: &str,
@@ -141,14 +143,14 @@ pub(super) fn law(
 ) -> Result<TruncatedNormal, ConfigError> {
     ordered(document, key, min, max)?;
     if !(min <= mean && mean <= max) {
-        let problem = Problem::OutOfRange(format!("{min} to {max}, which are its min and max"));
-        return Err(document.error(&format!("{key}.mean"), problem, "move mean, min or max"));
+        let problem = Problem::OutOfRange(format!("{min} to {max}, its min and max"));
+        return Err(document.error(&format!("{key}.mean"), problem, "change mean, min or max"));
     }
     TruncatedNormal::new(min, max, mean, sd)
         .map_err(|e| document.error(key, Problem::Contradiction(e.to_string()), ""))
 }
 
-/// Refuses `key.min` above `key.max`.
+/// Refuses a `key.min` that is above `key.max`.
 pub(super) fn ordered(
     document: &Document,
     key: &str,
@@ -159,15 +161,16 @@ pub(super) fn ordered(
         return Ok(());
     }
     let problem = Problem::Contradiction(format!("is above max = {max}"));
-    Err(document.error(&format!("{key}.min"), problem, "exchange the two"))
+    Err(document.error(&format!("{key}.min"), problem, "swap min and max"))
 }
 
-/// How often grains of a range of sizes are met.
+/// The size law: how often a ray meets grains of each size in a size range.
 pub(super) fn size_law(document: &Document, keys: &ModelKeys) -> Result<SizeLaw, ConfigError> {
     choose(document, "model.size_law", &SIZE_LAWS, &keys.size_law)
 }
 
-/// The choices within the model but for the size law, which the grains carry; paths are relative to the file's directory.
+/// The model options except the size law, which is part of the grains. Paths are relative
+/// to `directory`.
 pub(super) fn model(
     document: &Document,
     keys: &ModelKeys,
@@ -179,7 +182,7 @@ pub(super) fn model(
         "hale_querry_1973" => WaterTable::HaleQuerry1973,
         path if path.ends_with(".csv") => WaterTable::Csv(directory.join(path)),
         name => {
-            let help = "or the path of a file ending in .csv";
+            let help = "give one of these names, or the path of a file that ends in .csv";
             check::choice(document, "model.water", name, &WATER_TABLES, help)?;
             WaterTable::default()
         }
@@ -200,51 +203,46 @@ pub(super) fn model(
 }
 
 /// How colours at `wavelengths_nm` are compared, from the keys `illuminants` and
-/// `delta_e` of `table`; paths are relative to `directory`, and `notes` say what files
-/// were read.
+/// `delta_e` of `table`. Paths are relative to `directory`; a note on each file that is
+/// read is added to `notes`.
 pub(super) fn viewing(
     document: &Document,
     table: &str,
-    (illuminants, delta_e): (&[Stated], &str),
+    (illuminants, delta_e): (&[IlluminantSpec], &str),
     (directory, wavelengths_nm): (&Path, &[f64]),
     notes: &mut Vec<String>,
 ) -> Result<Viewing, ConfigError> {
-    let differences_named = ColourDifference::ALL.map(|d| (d.name(), d));
+    let differences = ColourDifference::ALL.map(|d| (d.name(), d));
     let mut lights: Vec<Illuminant> = Vec::new();
     for (i, stated) in illuminants.iter().enumerate() {
         let key = format!("{table}.illuminants[{i}]");
         let light = illuminant(document, &key, stated, directory, notes)?;
         light.covers(wavelengths_nm).map_err(|error| {
-            let problem = Problem::Contradiction(format!("cannot serve: {error}"));
+            let problem = Problem::Contradiction(format!("cannot be used: {error}"));
             document.error(&key, problem, "")
         })?;
         if lights.contains(&light) {
-            let problem = Problem::Contradiction("is named before".to_owned());
-            return Err(document.error(&key, problem, "name each once"));
+            let problem = Problem::Contradiction("is a duplicate".to_owned());
+            return Err(document.error(&key, problem, "give each illuminant once"));
         }
         lights.push(light);
     }
     Ok(Viewing {
         illuminants: lights,
-        difference: choose(
-            document,
-            &format!("{table}.delta_e"),
-            &differences_named,
-            delta_e,
-        )?,
+        difference: choose(document, &format!("{table}.delta_e"), &differences, delta_e)?,
     })
 }
 
-/// The illuminant of a name, at a path, or in a table of its own.
+/// The illuminant given by its name, by the path of a file, or as an inline table.
 fn illuminant(
     document: &Document,
     key: &str,
-    stated: &Stated,
+    stated: &IlluminantSpec,
     directory: &Path,
     notes: &mut Vec<String>,
 ) -> Result<Illuminant, ConfigError> {
     let refuse = |problem: String| document.error(key, Problem::Contradiction(problem), "");
-    let Stated::Name(name) = stated else {
+    let IlluminantSpec::Name(name) = stated else {
         return Illuminant::try_from(stated.clone()).map_err(refuse);
     };
     match Illuminant::find(name, directory) {
@@ -258,14 +256,14 @@ fn illuminant(
                 suggestion: check::nearest(name, Illuminant::NAMES.into_iter()),
                 choices: format!("{}, or the path of a file", Illuminant::NAMES.join(", ")),
             };
-            let help = "of a file give the path relative to this one";
+            let help = "the path of a table is relative to the directory of this file";
             Err(document.error(key, problem, help))
         }
-        Err(error) => Err(refuse(format!("cannot serve: {error}"))),
+        Err(error) => Err(refuse(format!("cannot be used: {error}"))),
     }
 }
 
-/// The values that go by the names in a list, each once.
+/// The values of `choices` with the names in `given`; refuses duplicates.
 pub(super) fn choose_all<T: Copy + PartialEq>(
     document: &Document,
     key: &str,
@@ -277,15 +275,15 @@ pub(super) fn choose_all<T: Copy + PartialEq>(
         let key = format!("{key}[{i}]");
         let value = choose(document, &key, choices, name)?;
         if chosen.contains(&value) {
-            let problem = Problem::Contradiction("is named before".to_owned());
-            return Err(document.error(&key, problem, "name each once"));
+            let problem = Problem::Contradiction("is a duplicate".to_owned());
+            return Err(document.error(&key, problem, "give each name once"));
         }
         chosen.push(value);
     }
     Ok(chosen)
 }
 
-/// The value that goes by a name.
+/// The value of `choices` with the name `given`.
 pub(super) fn choose<T: Copy>(
     document: &Document,
     key: &str,
@@ -300,7 +298,7 @@ pub(super) fn choose<T: Copy>(
         .ok_or_else(|| document.error(key, Problem::Missing, ""))
 }
 
-/// Refuses wavelengths that the chosen tables do not cover.
+/// Refuses wavelengths that the chosen tables of refractive index do not cover.
 pub(super) fn covered(
     document: &Document,
     model: &Model,
@@ -323,7 +321,7 @@ pub(super) fn covered(
     within("model.ice", model.ice.range_nm())?;
     if wet {
         let water = model.water.load().map_err(|e| {
-            let problem = Problem::Contradiction(format!("cannot serve: {e}"));
+            let problem = Problem::Contradiction(format!("cannot be used: {e}"));
             document.error("model.water", problem, "")
         })?;
         within("model.water", water.range_nm())?;

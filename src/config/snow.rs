@@ -1,5 +1,5 @@
-//! What the kinds of file have in common about snow: limits of grains and slabs,
-//! and water.
+//! Reading and checking of snow that several kinds of file share: limits of grain sizes
+//! and slab thicknesses, water, and the properties that all curves share.
 use std::path::Path;
 
 use crate::grain::{SizeLaw, SizeRange, overpacking};
@@ -15,7 +15,7 @@ use super::keys::{CarbonKeys, FixedKeys, MAX_THICKNESS_CM, SATURATION, SIZE_UM, 
 use super::shared::{exclusive, law};
 use super::{layer, water};
 
-/// Widths of the laws around the mean of a kind of snow.
+/// Widths of the distributions around the mean of a kind of snow.
 pub(super) fn spread(keys: &SpreadKeys, size_law: SizeLaw) -> Spread {
     Spread {
         facetness_half_width: keys.facetness_half_width,
@@ -27,8 +27,8 @@ pub(super) fn spread(keys: &SpreadKeys, size_law: SizeLaw) -> Spread {
     }
 }
 
-/// Refuses what is an axis in one of the `tables`, and fixed too; and what is said of an
-/// axis that is not in the file.
+/// Refuses a parameter that is both fixed and an axis in one of `tables`, and settings of
+/// an axis that is not in the file.
 pub(super) fn fixed_or_axis(
     document: &Document,
     tables: &[String],
@@ -38,21 +38,19 @@ pub(super) fn fixed_or_axis(
     for table in tables {
         for parameter in Parameter::ALL {
             for fixed in parameter.record().fixed {
-                exclusive(document, &format!("{table}.{}", parameter.name()), fixed)?;
+                exclusive(document, &format!("{table}.{}", parameter.key()), fixed)?;
             }
         }
     }
     let has = |axis: Parameter| {
-        let mut keys = tables
-            .iter()
-            .map(|table| format!("{table}.{}", axis.name()));
+        let mut keys = tables.iter().map(|table| format!("{table}.{}", axis.key()));
         keys.any(|key| document.has(&key))
     };
     for key in ["spread.sphericity_half_width", "spread.sphericity_sd"] {
         if document.has(key) && !has(Parameter::Sphericity) {
-            let problem = "is for an axis sphericity, and there is none";
+            let problem = "requires the axis sphericity, which is not in the file";
             let problem = Problem::Contradiction(problem.to_owned());
-            return Err(document.error(key, problem, "leave it out, or name the axis"));
+            return Err(document.error(key, problem, "remove it, or add the axis sphericity"));
         }
     }
     let needed = keys.black_carbon.is_some() && !has(Parameter::BlackCarbon);
@@ -63,7 +61,8 @@ pub(super) fn fixed_or_axis(
     Ok(())
 }
 
-/// What all snows of the dry `densities_kg_m3` have in common.
+/// The properties that all curves share; `densities_kg_m3` are the dry densities of the
+/// curves.
 pub(super) fn fixed(
     document: &Document,
     keys: &FixedKeys,
@@ -82,7 +81,7 @@ pub(super) fn fixed(
             let ice = ice_density_kg_m3(keys.temperature_c);
             saturation_from_fraction(document, "fixed", fraction, density, ice)?
         }
-        // One fraction of the volume is another saturation at each density.
+        // The same water fraction is a different saturation at each density.
         (Some(_), _) => {
             let problem = Problem::Unsupported("one water saturation for all densities");
             let help = "give water_saturation, or a single density";
@@ -100,8 +99,8 @@ pub(super) fn fixed(
     if model.joining == Joining::Cascade {
         for (i, (layer, keys)) in below.iter().zip(&keys.below).enumerate() {
             let key = format!("fixed.below[{i}].thickness_cm");
-            let biggest_um = m_to_um(layer.snow.sizes_m()[1]);
-            holds_grains(document, &key, keys.thickness_cm, biggest_um, 0.0)?;
+            let longest_um = m_to_um(layer.snow.sizes_m()[1]);
+            holds_grains(document, &key, keys.thickness_cm, longest_um, 0.0)?;
         }
     }
     below.reverse();
@@ -112,7 +111,7 @@ pub(super) fn fixed(
         black_carbon: carbon("black_carbon", &keys.black_carbon, Carbon::black(0.0))?,
         brown_carbon: carbon("brown_carbon", &keys.brown_carbon, Carbon::brown(0.0))?,
         below,
-        ground: layer::ground(
+        substrate: layer::substrate(
             document,
             "fixed.substrate",
             keys.substrate.as_ref(),
@@ -126,7 +125,7 @@ pub(super) fn fixed(
     Ok(fixed)
 }
 
-/// Saturation of the pore space from the key `table.water_fraction`.
+/// Water saturation of the pore space, from the value of the key `table.water_fraction`.
 pub(super) fn saturation_from_fraction(
     document: &Document,
     table: &str,
@@ -138,82 +137,87 @@ pub(super) fn saturation_from_fraction(
     if saturation <= SATURATION.1 {
         return Ok(saturation);
     }
-    let most = water::water_fraction(SATURATION.1, density_kg_m3, ice_density_kg_m3);
+    let largest = water::water_fraction(SATURATION.1, density_kg_m3, ice_density_kg_m3);
     let problem = Problem::OutOfRange(format!(
-        "0 to {most:.4} at {density_kg_m3} kg/m3, where it fills half of the pore space"
+        "0 to {largest:.4} at {density_kg_m3} kg/m3, where water fills half of the pore space"
     ));
-    let help = "lower the water or the density";
+    let help = "lower the water fraction or the density";
     Err(document.error(&format!("{table}.water_fraction"), problem, help))
 }
 
-/// The biggest grain, um, of sizes in `mean_um` -+ `half_width_um`, the value at
-/// `key`; refuses sizes out of range.
-pub(super) fn biggest_grain(
+/// Length of the longest grain, um, for sizes in `mean_um` +- `half_width_um`. `key`
+/// gives the mean. Refuses sizes out of range.
+pub(super) fn longest_grain(
     document: &Document,
     key: &str,
     mean_um: f64,
     half_width_um: f64,
 ) -> Result<f64, ConfigError> {
-    let (least, most) = SIZE_UM;
+    let (allowed_min, allowed_max) = SIZE_UM;
     let (min, max) = (mean_um - half_width_um, mean_um + half_width_um);
-    if !(least <= min && max <= most) {
+    if !(allowed_min <= min && max <= allowed_max) {
         let sizes = match half_width_um {
             0.0 => format!("{mean_um} um"),
             _ => {
                 format!("{min} to {max} um with spread.grain_size_half_width_um = {half_width_um}")
             }
         };
-        let problem = format!("makes grains of {sizes}: allowed {least} to {most}");
+        let problem = format!("makes grains of {sizes}: allowed {allowed_min} to {allowed_max} um");
         let problem = Problem::Contradiction(problem);
-        return Err(document.error(key, problem, "move the size or narrow the spread"));
+        return Err(document.error(key, problem, "change the size or lower the half width"));
     }
     Ok(max)
 }
 
-/// Remarks on sizes, um, from the first to the second, that reach beyond the ordinary.
+/// Warns of grain sizes from `min` to `max`, um, that reach outside the ordinary range;
+/// `first` and `last` are the keys that give them.
 pub(super) fn remark_sizes(
     document: &Document,
     warnings: &mut Vec<String>,
     [first, last]: [&str; 2],
     [min, max]: [f64; 2],
 ) {
-    let (least, most) = ORDINARY_UM;
-    let mut remark = |key: &str, what: String| {
-        let remark = format!("makes grains {what} um; ordinary are {least} to {most} um");
+    let (ordinary_min, ordinary_max) = ORDINARY_UM;
+    let mut remark = |key: &str, extent: String| {
+        let remark = format!(
+            "makes grains {extent} um; the ordinary range is {ordinary_min} to {ordinary_max} um"
+        );
         warnings.push(document.warning(key, remark));
     };
-    if min < least {
+    if min < ordinary_min {
         remark(first, format!("down to {}", min as f32));
     }
-    if max > most {
+    if max > ordinary_max {
         remark(last, format!("up to {}", max as f32));
     }
 }
 
-/// Ordinary grain sizes, um.
+/// Ordinary range of grain sizes, um.
 pub(super) const ORDINARY_UM: (f64, f64) = {
     let ordinary = Parameter::GrainSize.record().ordinary;
     (ordinary.min, ordinary.max)
 };
 
-/// Remarks on a least facetness, given at `key`, from which reflectance jumps.
+/// Warns if `smallest`, the smallest facetness, given at `key`, is 0, where reflectance is
+/// discontinuous.
 pub(super) fn remark_smooth(
     document: &Document,
     warnings: &mut Vec<String>,
     key: &str,
-    least: f64,
+    smallest: f64,
 ) {
-    if least == 0.0 {
-        let remark = "is where reflectance jumps: smooth grains and grains of facetness 0.01 are far apart, and what lies between is neither (docs/stability.md)";
+    if smallest == 0.0 {
+        let remark = "is where reflectance is discontinuous: facetness 0 and 0.01 give very different reflectances, and look-ups between the two are not reliable (docs/stability.md)";
         warnings.push(document.warning(key, remark.to_owned()));
     }
 }
 
-/// Most ice that the spread of sizes may bring, over what the density holds, without a
-/// remark.
+/// Largest ratio of the ice that rays cross under the published size law to the ice that
+/// the density holds, without a warning.
 const OVERPACKED: f64 = 1.3;
 
-/// Remarks on sizes, given at `key`, that the published law meets too often.
+/// Warns of a size range, given at `key`, for which rays cross much more ice under the
+/// published size law than the density holds.
 pub(super) fn remark_overpacked(
     document: &Document,
     warnings: &mut Vec<String>,
@@ -224,13 +228,14 @@ pub(super) fn remark_overpacked(
     if ratio > OVERPACKED {
         let [min, max] = [size.min_m(), size.max_m()].map(|m| m_to_um(m) as f32);
         let remark = format!(
-            "makes grains of {min} to {max} um, of which the published size law meets {ratio:.2} times the ice that the density holds; set model.size_law = \"consistent\" to meet just that"
+            "makes grains of {min} to {max} um, for which rays cross {ratio:.2} times the ice that the density holds under the published size law; set model.size_law = \"consistent\" to avoid this"
         );
         warnings.push(document.warning(key, remark));
     }
 }
 
-/// The same of sizes `spread` around `mean_um`, the value at `key`.
+/// As [`remark_overpacked`], for sizes with the width of `spread` around `mean_um`, which
+/// is given at `key`.
 pub(super) fn remark_spread(
     document: &Document,
     warnings: &mut Vec<String>,
@@ -240,66 +245,67 @@ pub(super) fn remark_spread(
 ) {
     let half_width_um = spread.grain_size_half_width_um;
     let ends = [mean_um - half_width_um, mean_um + half_width_um].map(um_to_m);
-    // what is no range of sizes is refused elsewhere
+    // an invalid size range is refused elsewhere
     if let Ok(size) = SizeRange::new(ends[0], ends[1]) {
         remark_overpacked(document, warnings, key, &size.with_law(spread.size_law));
     }
 }
 
-/// Refuses a pack over the layers of `fixed` that leaves nothing for the surface
-/// layer, or that the biggest grain does not fit into often enough.
+/// Refuses a snowpack that is not thicker than its layers in `fixed`, and a slab that is
+/// too thin for its longest grain.
 pub(super) fn thick_enough(
     document: &Document,
     key: &str,
     thickness_cm: f64,
-    biggest_um: f64,
+    longest_um: f64,
     fixed: &Fixed,
 ) -> Result<(), ConfigError> {
     let below_cm = m_to_cm(fixed.below.iter().map(|layer| layer.thickness_m).sum());
     if !fixed.below.is_empty() && thickness_cm <= below_cm {
         let problem = Problem::OutOfRange(format!(
-            "above {below_cm} cm, which the layers of fixed.below take: it is the thickness of all layers"
+            "above {below_cm} cm, the thickness of the layers of fixed.below: thickness_cm is the total thickness of all layers"
         ));
-        let help = "take thicker packs or thinner layers below";
+        let help = "use thicker snowpacks or thinner layers below";
         return Err(document.error(key, problem, help));
     }
     match fixed.model.joining {
         Joining::Continuous => {
             let below = fixed.below.iter().map(|layer| layer.snow.sizes_m()[1]);
-            let biggest_um = below.map(m_to_um).fold(biggest_um, f64::max);
-            holds_grains(document, key, thickness_cm, biggest_um, 0.0)
+            let longest_um = below.map(m_to_um).fold(longest_um, f64::max);
+            holds_grains(document, key, thickness_cm, longest_um, 0.0)
         }
-        Joining::Cascade => holds_grains(document, key, thickness_cm, biggest_um, below_cm),
+        Joining::Cascade => holds_grains(document, key, thickness_cm, longest_um, below_cm),
     }
 }
 
-/// Refuses a slab that grains up to `biggest_um` do not fit into often enough.
-/// The value at `key` is its thickness and `rest_cm` of other layers; or, if that
-/// is negative, its thickness but for those.
+/// Refuses a slab thinner than [`MIN_GRAIN_LENGTHS`] lengths of grains of `longest_um`.
+/// The value at `key` is `thickness_cm`. If `rest_cm` is positive, this value includes
+/// `rest_cm` of layers that are not part of the slab; if it is negative, the slab has
+/// further layers of `-rest_cm` in total.
 pub(super) fn holds_grains(
     document: &Document,
     key: &str,
     thickness_cm: f64,
-    biggest_um: f64,
+    longest_um: f64,
     rest_cm: f64,
 ) -> Result<(), ConfigError> {
-    let least_cm = rest_cm + MIN_GRAIN_LENGTHS * biggest_um * 1e-4;
-    // sums of thicknesses may miss one by a rounding
-    if thickness_cm >= least_cm * (1.0 - 1e-12) {
+    let min_cm = rest_cm + MIN_GRAIN_LENGTHS * longest_um * 1e-4;
+    // tolerance for rounding errors in sums of thicknesses
+    if thickness_cm >= min_cm * (1.0 - 1e-12) {
         return Ok(());
     }
     let rest = match rest_cm {
         0.0 => String::new(),
-        ..0.0 => format!(" with the {} cm of other layers", -rest_cm),
-        _ => format!(" beside the {rest_cm} cm of other layers"),
+        ..0.0 => format!(" with the {} cm of the other layers", -rest_cm),
+        _ => format!(" in addition to the {rest_cm} cm of the other layers"),
     };
     let problem = Problem::OutOfRange(format!(
-        "{least_cm} to {MAX_THICKNESS_CM} cm with grains up to {biggest_um} um, of which {MIN_GRAIN_LENGTHS} lengths must fit{rest}"
+        "{min_cm} to {MAX_THICKNESS_CM} cm: {MIN_GRAIN_LENGTHS} lengths of the longest grain, {longest_um} um, must fit{rest}"
     ));
-    Err(document.error(key, problem, "take thicker slabs or smaller grains"))
+    Err(document.error(key, problem, "use thicker slabs or smaller grains"))
 }
 
-/// Remarks on a value of an axis beyond the ordinary.
+/// Warns of an axis value outside the ordinary range of its parameter.
 pub(super) fn remark_axis(
     document: &Document,
     warnings: &mut Vec<String>,
@@ -317,7 +323,7 @@ pub(super) fn remark_axis(
     }
 }
 
-/// Remarks on a thickness beyond the ordinary that is no half space.
+/// Warns of a finite thickness, cm, outside the ordinary range.
 pub(super) fn remark_thickness(
     document: &Document,
     warnings: &mut Vec<String>,
@@ -331,8 +337,7 @@ pub(super) fn remark_thickness(
     }
 }
 
-/// Remarks on values that are allowed but beyond the ordinary range of
-/// docs/methods.md.
+/// Warns of a value that is allowed but outside its ordinary range (docs/methods.md).
 pub(super) fn remark(
     document: &Document,
     warnings: &mut Vec<String>,

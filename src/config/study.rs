@@ -1,5 +1,5 @@
-//! Study files: a sample, what is changed in it from curve to curve, and what
-//! is drawn.
+//! Study files: a sample, variants of it that change some of its keys, and the plot to
+//! draw.
 use std::path::Path;
 
 use toml::Table;
@@ -10,107 +10,110 @@ use crate::transport::Illumination;
 use super::change;
 use super::document::{Document, read_text};
 use super::error::{ConfigError, Problem};
+use super::former;
 use super::sample::{self, SampleFile};
 use super::study_keys::{
     BRDF, DrawKeys, HEMISPHERE, LOGARITHMIC, StudyKeys, THICKNESS, VariantKeys,
 };
 use super::{directory_of, schema};
 
-/// A study file, resolved: every variant is a sample of its own.
+/// A resolved study file: every variant is a complete sample.
 #[derive(Debug, Clone, PartialEq)]
 pub struct StudyFile {
     /// The file's name without directory and extension.
     pub name: String,
-    /// What the picture is headed.
+    /// Title of the figure.
     pub title: String,
-    /// What is expected, and who says so.
+    /// Expected result and its source.
     pub expected: String,
-    /// What is drawn.
+    /// The plot to draw.
     pub draw: Draw,
-    /// The curves, or the points of curves.
+    /// Variants of the sample: each is a curve or a point of a curve.
     pub variants: Vec<Variant>,
-    /// Published values to draw beside them.
+    /// Published values to draw with the curves.
     pub published: Vec<Published>,
-    /// Values beyond the ordinary ranges of docs/methods.md, for the user to see.
+    /// Warnings for the user, such as values outside the ordinary ranges of
+    /// docs/methods.md.
     pub warnings: Vec<String>,
-    /// What was found in the files that its samples name and done, for the user to see.
+    /// Notes for the user on how the data files that the samples name were read.
     pub notes: Vec<String>,
 }
 
-/// What a study draws.
+/// The plot that a study draws.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub enum Draw {
     /// Reflectance or transmittance.
     Spectra(DrawSpectra),
-    /// The BRDF. Every variant has one wavelength and light from one direction.
+    /// The BRDF. Every variant has a single wavelength and collimated light.
     Brdf(DrawBrdf),
 }
 
 /// How spectra are drawn.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct DrawSpectra {
-    /// What is drawn.
+    /// Quantity on the vertical axis.
     pub quantity: Quantity,
-    /// What it is drawn against.
+    /// Quantity on the horizontal axis.
     pub against: Against,
-    /// Where the axis of the quantity begins.
+    /// Lower end of the vertical axis.
     pub from: f64,
 }
 
 /// How BRDFs are drawn.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct DrawBrdf {
-    /// Whether in all directions; or those in the plane of incidence.
+    /// Whether all directions are drawn, or only those in the plane of incidence.
     pub hemisphere: bool,
     /// Whether the scale of radius or colour is logarithmic.
     pub logarithmic: bool,
-    /// Sensors of the hemisphere.
+    /// Number of sensors on the hemisphere.
     pub sensors: usize,
 }
 
-/// What a study draws spectra against.
+/// The horizontal axis of a plot of spectra.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Against {
-    /// Wavelength: a curve for each variant.
+    /// Wavelength: one curve per variant.
     Wavelength,
-    /// Thickness, of the mean over 400-700 nm: a point for each variant.
+    /// Thickness: one point per variant, the mean over 400-700 nm.
     Thickness,
 }
 
 /// One variant of the sample.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Variant {
-    /// What it is called.
+    /// Name in the legend.
     pub label: String,
-    /// Variants of one group share a panel, or with thicknesses a line.
+    /// Group of the variant: variants of a group share a panel or, against thickness, a
+    /// line.
     pub group: String,
-    /// The sample, changed.
+    /// The sample with the changes of the variant.
     pub sample: SampleFile,
 }
 
 /// One published value.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Published {
-    /// Whose it is.
+    /// Name of the source in the legend.
     pub label: String,
     /// Wavelength, nm.
     pub wavelength_nm: f64,
-    /// The value.
+    /// Value of the quantity.
     pub value: f64,
-    /// Least and largest, where a range is given.
+    /// Smallest and largest value, if a range is given.
     pub range: Option<[f64; 2]>,
 }
 
 /// Reads a study file and the sample file it names.
 ///
 /// # Errors
-/// [`ConfigError`] with file, line, key, value, and what is allowed.
+/// [`ConfigError`] if a file cannot be read or a value is not allowed.
 pub fn read(path: &Path) -> Result<StudyFile, ConfigError> {
     parse(&path.display().to_string(), &read_text(path)?)
 }
 
-/// Reads the `text` of a study file; `name` is its path, for messages, for the
-/// study's name and for the path of the sample in it.
+/// Reads the `text` of a study file. `name` is its path: it appears in messages, names the
+/// study, and the path of the sample is relative to its directory.
 ///
 /// # Errors
 /// As [`read`].
@@ -122,9 +125,9 @@ pub fn parse(name: &str, text: &str) -> Result<StudyFile, ConfigError> {
         let help = "give the path of a sample file, relative to this file";
         document.error("sample", error.problem().clone(), help)
     })?;
-    // what is wrong with the sample as it stands is told at its own lines
+    // errors in the unchanged sample are reported at their lines in the sample file
     sample::parse(&base_name, &base_text)?;
-    let base: Table = toml::from_str(&base_text).map_err(|error| {
+    let base: Table = former::parsed(&base_text).map_err(|error| {
         let problem = Problem::Syntax(error.message().to_owned());
         document.error("sample", problem, "")
     })?;
@@ -138,7 +141,7 @@ pub fn parse(name: &str, text: &str) -> Result<StudyFile, ConfigError> {
         ];
         let sample = changed(&document, &base_name, base.clone(), &sets)?;
         for warning in &sample.warnings {
-            // Its line is one of the changed text.
+            // The line number is dropped: it refers to the changed text.
             let (_, remark) = warning.split_once(": ").unwrap_or(("", warning));
             let warning = format!("{name}: {}: {remark}", variant.label);
             warnings.push(warning);
@@ -148,7 +151,7 @@ pub fn parse(name: &str, text: &str) -> Result<StudyFile, ConfigError> {
                 notes.push(note.clone());
             }
         }
-        variants.push(named(variant, sample));
+        variants.push(with_sample(variant, sample));
     }
     let draw = draw(&document, &keys.draw, &variants)?;
     let published = keys.published.into_iter().map(|keys| Published {
@@ -170,7 +173,7 @@ pub fn parse(name: &str, text: &str) -> Result<StudyFile, ConfigError> {
     })
 }
 
-fn named(keys: &VariantKeys, sample: SampleFile) -> Variant {
+fn with_sample(keys: &VariantKeys, sample: SampleFile) -> Variant {
     Variant {
         label: keys.label.clone(),
         group: keys.group.clone(),
@@ -178,7 +181,7 @@ fn named(keys: &VariantKeys, sample: SampleFile) -> Variant {
     }
 }
 
-/// The sample `base` with what the tables `sets` of the study change in it.
+/// The sample `base` with the changes in the tables `sets` of the study.
 fn changed(
     document: &Document,
     base_name: &str,
@@ -187,48 +190,45 @@ fn changed(
 ) -> Result<SampleFile, ConfigError> {
     for (table, set) in sets {
         for (path, value) in *set {
-            change::set(&mut base, path, value.clone()).map_err(|wrong| {
+            change::set(&mut base, &former::path(path), value.clone()).map_err(|problem| {
                 let key = format!("{table}.{path:?}");
-                let help = "write it as error messages do, such as layer[0].grain[0].size_um.min";
-                document.error(&key, Problem::Contradiction(wrong), help)
+                let help = "write a path such as layer[0].grain[0].size_um.min";
+                document.error(&key, Problem::Contradiction(problem), help)
             })?;
         }
     }
     let text = base.to_string();
     sample::parse(base_name, &text).map_err(|error| {
-        // The base is right, so a change is to blame: the last that touches the key.
+        // The base is valid, so that the last change of the key caused the error.
         let touches = |path: &str| error.key().starts_with(path) || path.starts_with(error.key());
-        let of = |(table, set): &(String, &Table)| {
+        let changed_key = |(table, set): &(String, &Table)| {
             let path = set.keys().find(|path| touches(path))?;
             Some(format!("{table}.{path:?}"))
         };
-        let key = sets.iter().rev().find_map(of);
+        let key = sets.iter().rev().find_map(changed_key);
         let line = document.line(key.as_deref().unwrap_or(&sets[1].0));
-        error.blamed(document.file(), line, &sets[1].0)
+        error.attributed_to(document.file(), line, &sets[1].0)
     })
 }
 
-/// What is drawn, once the keys suit it and the variants do.
+/// The plot to draw; refuses keys and variants that do not suit the quantity.
 fn draw(document: &Document, keys: &DrawKeys, variants: &[Variant]) -> Result<Draw, ConfigError> {
     let quantity = Quantity::ALL
         .into_iter()
         .find(|quantity| quantity.name() == keys.quantity);
-    let (others, whose): (&[&str], _) = match quantity {
+    let (inapplicable, problem): (&[&str], _) = match quantity {
         Some(_) => (
             &["draw.directions", "draw.scale", "draw.sensors"],
-            format!("is for the quantity {BRDF}"),
+            format!("applies only to the quantity {BRDF}"),
         ),
         None => (
             &["draw.against", "draw.from", "published"],
-            "is for spectra: reflectance and transmittance".to_owned(),
+            "applies only to the quantities reflectance and transmittance".to_owned(),
         ),
     };
-    if let Some(key) = others.iter().find(|key| document.has(key)) {
-        let help = format!(
-            "leave it out, or change draw.quantity = {:?}",
-            keys.quantity
-        );
-        return Err(document.error(key, Problem::Contradiction(whose), help));
+    if let Some(key) = inapplicable.iter().find(|key| document.has(key)) {
+        let help = format!("remove it, or change draw.quantity = {:?}", keys.quantity);
+        return Err(document.error(key, Problem::Contradiction(problem), help));
     }
     let Some(quantity) = quantity else {
         one_beam(document, variants)?;
@@ -252,7 +252,7 @@ fn draw(document: &Document, keys: &DrawKeys, variants: &[Variant]) -> Result<Dr
     }))
 }
 
-/// A BRDF is that of one wavelength and one direction of light.
+/// Refuses variants of a BRDF study that have several wavelengths or diffuse light.
 fn one_beam(document: &Document, variants: &[Variant]) -> Result<(), ConfigError> {
     let refuse = |problem: String, help: &str| {
         Err(document.error("draw.quantity", Problem::Contradiction(problem), help))
@@ -261,38 +261,39 @@ fn one_beam(document: &Document, variants: &[Variant]) -> Result<(), ConfigError
         let count = sample.wavelengths_nm.len();
         if count != 1 {
             let problem = format!("needs one wavelength, but the variant {label:?} has {count}");
-            let help = "set it, for all or for one: wavelengths = { values_nm = [600] }";
+            let help =
+                "set it for all variants or for this one: wavelengths = { values_nm = [600] }";
             return refuse(problem, help);
         }
         if sample.illumination == Illumination::Diffuse {
             let problem = format!(
-                "needs light from one direction, but on the variant {label:?} it is diffuse"
+                "needs light from one direction, but that of the variant {label:?} is diffuse"
             );
-            let help = "set illumination = { polar_angle_deg = 60 }, or another angle";
+            let help = "set illumination = { incidence_angle_deg = 60 }, or another angle";
             return refuse(problem, help);
         }
     }
     Ok(())
 }
 
-/// A mean over the visible range needs wavelengths there.
+/// Refuses variants without wavelengths in [`VISIBLE_NM`], over which the mean is taken.
 fn visible(document: &Document, variants: &[Variant]) -> Result<(), ConfigError> {
-    let seen = |variant: &Variant| {
-        let mut all = variant.sample.wavelengths_nm.iter();
-        all.any(|nm| VISIBLE_NM.contains(nm))
+    let has_visible = |variant: &Variant| {
+        let mut wavelengths_nm = variant.sample.wavelengths_nm.iter();
+        wavelengths_nm.any(|nm| VISIBLE_NM.contains(nm))
     };
-    if variants.iter().all(seen) {
+    if variants.iter().all(has_visible) {
         return Ok(());
     }
     let problem = Problem::Contradiction(
-        "needs wavelengths in 400-700 nm, over which it takes the mean".into(),
+        "needs wavelengths in 400-700 nm, over which the mean is taken".into(),
     );
     let help = "set the sample's wavelengths, for example start_nm = 400, stop_nm = 700";
     Err(document.error("draw.against", problem, help))
 }
 
-/// What the mean of a study against thickness is taken over, nm.
+/// Wavelength range over which a study against thickness takes the mean, nm.
 pub const VISIBLE_NM: std::ops::RangeInclusive<f64> = 400.0..=700.0;
 
-/// Sensors of the hemisphere where none are given, as in `measure --goniometer`.
+/// Default number of sensors on the hemisphere, as in `simulate --goniometer`.
 const DEFAULT_SENSORS: usize = 1000;

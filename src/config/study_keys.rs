@@ -1,4 +1,4 @@
-//! The keys of study files, as [`super::keys`] has those of the other kinds.
+//! The keys of study files; see [`super::keys`] for those of sample and grid files.
 use schemars::{JsonSchema, Schema, SchemaGenerator, json_schema};
 use serde::Deserialize;
 use toml::Table;
@@ -14,60 +14,63 @@ pub(super) const HEMISPHERE: &str = "hemisphere";
 pub(super) const LINEAR: &str = "linear";
 pub(super) const LOGARITHMIC: &str = "logarithmic";
 
-/// One sample, what is changed in it from curve to curve, and what is drawn.
+/// A sample, variants of it that change some of its keys, and the plot to draw.
 #[derive(Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 #[schemars(title = "SPLITSnow study file")]
 pub(super) struct StudyKeys {
-    /// Version of the file format; this program reads 1.
+    /// Version of the file format; must be 1.
     #[schemars(range(min = 1, max = 1))]
     #[serde(rename = "version")]
     pub(super) _version: u32,
-    /// What the picture is headed.
+    /// Title of the figure.
     pub(super) title: String,
-    /// What is expected, and who says so: the line under the heading.
+    /// Expected result and its source; printed under the title.
     pub(super) expected: String,
     /// Path of the sample file that the variants change, relative to this file.
     pub(super) sample: String,
     pub(super) draw: DrawKeys,
-    /// Keys of the sample changed in all variants: a quoted path such as
-    /// "layer[0].density_kg_m3", and its value. The index after a list's last adds to it.
+    /// Keys of the sample to change in all variants: a quoted path such as
+    /// "layer[0].density_kg_m3", and its value. The index after the last entry of a list
+    /// appends to the list.
     #[schemars(schema_with = "changes")]
     #[serde(default)]
     pub(super) set: Table,
-    /// The curves, or the points of curves.
+    /// Variants of the sample: each is a curve or a point of a curve.
     #[schemars(length(min = 1, max = 100))]
     pub(super) variant: Vec<VariantKeys>,
-    /// Published values to draw beside them; with wavelengths only.
+    /// Published values to draw with the curves; only with draw.against = "wavelength".
     #[schemars(length(max = 100))]
     #[serde(default)]
     pub(super) published: Vec<PublishedKeys>,
 }
 
-/// What is drawn.
+/// The plot to draw.
 #[derive(Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub(super) struct DrawKeys {
-    /// The quantity; `brdf` at one wavelength of each variant.
+    /// Quantity to draw; `brdf` requires that every variant has a single wavelength.
     #[schemars(extend("enum" = quantities()))]
     pub(super) quantity: String,
-    /// What a spectrum is drawn against: `wavelength`, a curve for each variant, or
-    /// `thickness`, its mean over 400-700 nm on logarithmic axes, a point for each.
+    /// Horizontal axis of spectra: `wavelength` draws one curve per variant; `thickness`
+    /// draws one point per variant, the mean over 400-700 nm, on logarithmic axes.
     #[schemars(extend("enum" = [WAVELENGTH, THICKNESS]))]
     #[serde(default = "default_against")]
     pub(super) against: String,
-    /// Where the axis of the quantity begins; with wavelengths only.
+    /// Lower end of the vertical axis; only with against = "wavelength".
     #[schemars(range(min = 0.0, max = 0.99))]
     #[serde(default)]
     pub(super) from: f64,
-    /// Directions in which a BRDF is drawn: those in the plane of incidence, a polar
-    /// curve for each variant, or all, a disc for each. Default `principal_plane`.
+    /// Directions in which a BRDF is drawn: those in the plane of incidence, as one polar
+    /// curve per variant (`principal_plane`, the default), or all directions, as one disc
+    /// per variant (`hemisphere`).
     #[schemars(extend("enum" = [PRINCIPAL_PLANE, HEMISPHERE]))]
     pub(super) directions: Option<String>,
-    /// Scale of a BRDF, of radius or of colour. Default `linear`.
+    /// Scale of the BRDF: of the radius of polar curves, or of the colour of discs;
+    /// default `linear`.
     #[schemars(extend("enum" = [LINEAR, LOGARITHMIC]))]
     pub(super) scale: Option<String>,
-    /// Sensors of the hemisphere that a BRDF is measured on. Default 1000.
+    /// Number of sensors on the hemisphere that measures a BRDF; default 1000.
     #[schemars(range(min = 1, max = MOST_SENSORS))]
     pub(super) sensors: Option<usize>,
 }
@@ -76,12 +79,13 @@ pub(super) struct DrawKeys {
 #[derive(Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub(super) struct VariantKeys {
-    /// What it is called in the legend.
+    /// Name in the legend.
     pub(super) label: String,
-    /// Variants of one group share a panel, with thicknesses a line, or with discs a row.
+    /// Group of the variant. Variants of a group share a panel; against thickness they
+    /// share a line, and discs share a row.
     #[serde(default)]
     pub(super) group: String,
-    /// Keys of the sample changed in this variant, as in the `set` of all.
+    /// Keys of the sample to change in this variant, as in the `set` of all variants.
     #[schemars(schema_with = "changes")]
     #[serde(default)]
     pub(super) set: Table,
@@ -91,23 +95,23 @@ pub(super) struct VariantKeys {
 #[derive(Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub(super) struct PublishedKeys {
-    /// Whose it is; values of one label share a look.
+    /// Name of the source in the legend; values with the same label share a marker.
     pub(super) label: String,
     /// Wavelength, nm.
     #[schemars(range(min = MODEL_RANGE_NM.0, max = MODEL_RANGE_NM.1))]
     pub(super) wavelength_nm: f64,
-    /// The value.
+    /// Value of the quantity.
     #[schemars(range(min = 0.0, max = 2.0))]
     pub(super) value: f64,
-    /// Least value, where a range is given.
+    /// Lower end of the published range; optional, with max.
     #[schemars(range(min = 0.0, max = 2.0))]
     pub(super) min: Option<f64>,
-    /// Largest value, where a range is given.
+    /// Upper end of the published range; optional, with min.
     #[schemars(range(min = 0.0, max = 2.0))]
     pub(super) max: Option<f64>,
 }
 
-/// A table of any keys.
+/// The schema of a table with arbitrary keys.
 fn changes(_: &mut SchemaGenerator) -> Schema {
     json_schema!({ "type": "object", "additionalProperties": true })
 }

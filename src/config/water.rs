@@ -1,6 +1,7 @@
-//! The ways to say how wet and how dense snow is (docs/methods.md; Varsa 2025,
-//! eqs. 4.9, C.16, C.17). Densities in kg/m3; saturation S is the share of the
-//! pore space that is water, fraction W the share of the whole volume.
+//! Conversions between measures of water content and density of snow (docs/methods.md;
+//! Varsa 2025, eqs. 4.9, C.16, C.17). Densities are in kg/m3. The saturation S is the
+//! fraction of the pore space that is water, the water fraction W the fraction of the
+//! total volume.
 
 use crate::optics::WATER_DENSITY_KG_M3;
 
@@ -31,7 +32,7 @@ pub fn dry_density_kg_m3(wet_density_kg_m3: f64, saturation: f64, ice_density_kg
     (wet_density_kg_m3 - water) / (1.0 - water / ice_density_kg_m3)
 }
 
-/// Dry density D_wet - D_water W where the water fraction is known instead.
+/// Dry density D_wet - D_water W, from the water fraction.
 #[must_use]
 pub fn dry_density_from_fraction_kg_m3(wet_density_kg_m3: f64, water_fraction: f64) -> f64 {
     wet_density_kg_m3 - WATER_DENSITY_KG_M3 * water_fraction

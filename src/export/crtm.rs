@@ -1,10 +1,10 @@
-//! NetCDF as the Community Radiative Transfer Model loads tables of snow.
+//! NetCDF in the format of the snow tables of the Community Radiative Transfer Model (CRTM).
 //!
 //! Names, types, order of dimensions, units and `long_name` are those of its loader
-//! `VISsnowCoeff_netCDF_IO` (JCSDA/CRTMv3, June 2026; docs/formats.md): reflectance by
-//! density, depth, grain size, frequency and angle, and no emissivity, which it takes
-//! to be 1 less reflectance. Its infrared loader, `IRsnowCoeff`, has tables of
-//! emissivity beyond the wavelengths that we simulate.
+//! `VISsnowCoeff_netCDF_IO` (JCSDA/CRTMv3, June 2026; docs/formats.md). The table holds the
+//! reflectance by density, depth, grain size, frequency and angle, and no emissivity, which
+//! the loader takes as 1 - reflectance. The infrared loader, `IRsnowCoeff`, reads tables of
+//! emissivity at wavelengths longer than those simulated here.
 use ndarray::{ArrayD, Axis};
 use netcdf3::DataSet;
 
@@ -18,9 +18,9 @@ use crate::units::{HALF_SPACE_CM, m_to_um, um_to_m};
 
 /// A coordinate of the loader, in the order of [`Layout::CRTM`].
 struct Dimension {
-    /// Of the dimension.
+    /// Name of the dimension.
     dimension: &'static str,
-    /// Of the variable.
+    /// Name of the variable.
     variable: &'static str,
     long_name: &'static str,
     description: &'static str,
@@ -65,50 +65,53 @@ const DIMENSIONS: [Dimension; 5] = [
     },
 ];
 
-/// What the loader reads before anything else; another release is refused by it.
+/// Release, which the loader reads first; the loader refuses any other.
 const RELEASE: i32 = 1;
-/// Of the data: the loader takes any.
+/// Version of the data; the loader accepts any.
 const VERSION: i32 = 1;
-/// By the file name's first part CRTM chooses the loader: `NPOESS` is that of one
-/// reflectance for each type of snow, `SNICAR` that of this table.
+/// CRTM chooses the loader by the first part of the file name: `NPOESS` for one reflectance per
+/// type of snow, `SNICAR` for this table.
 const CLASSIFICATION: &str = "SNICAR";
-/// Nodes between which CRTM interpolates: two parabolas (`CRTM_Interpolation`).
+/// Number of nodes between which CRTM interpolates, with two parabolas (`CRTM_Interpolation`).
 const NODES: usize = 4;
 
-/// `table` as the bytes of a NetCDF file for the loader of CRTM. Axes of one value
-/// beside its five are dropped. NaN, also the `_FillValue`, are curves that do not
-/// exist: CRTM adds them up to NaN.
+/// `table` as the bytes of a NetCDF file for the CRTM loader. Axes with a single value that
+/// the loader does not have are dropped. Curves that do not exist are NaN, which is also the
+/// `_FillValue`; CRTM propagates NaN in sums.
 ///
 /// # Errors
-/// [`ExportError::Crtm`]: no reflectance, an axis too many, fewer than four nodes, a
-/// radius that is not told; [`ExportError::TooLarge`].
+/// [`ExportError::Crtm`] if the table has no reflectance, an axis too many, an axis of fewer than
+/// four nodes, a half space, or does not state the data for the optical radius;
+/// [`ExportError::TooLarge`].
 pub fn crtm(table: Table) -> Result<Vec<u8>, ExportError> {
-    let table = table.alone()?.laid_out(Layout::Crtm);
+    let table = table.without_fixed_axes()?.laid_out(Layout::Crtm);
     if table.axes.len() != DIMENSIONS.len() {
-        return refused("it needs the axes density, depth, grain size, frequency and angle".into());
+        return refused(
+            "CRTM needs the axes density, depth, grain size, frequency and angle".into(),
+        );
     }
     let mut coordinates = Vec::new();
     for ((name, values), about) in table.axes.iter().zip(&DIMENSIONS) {
         if values.len() < NODES {
             return refused(format!(
-                "it interpolates over {NODES} nodes of every axis, and {name} has {}",
+                "CRTM interpolates over {NODES} nodes of every axis, but {name} has only {}; export a table with more nodes",
                 values.len()
             ));
         }
         let converted: Vec<f64> = match about.variable {
             "Depth" => values.iter().map(|cm| cm / 100.0).collect(),
             "Grain_Size" => table.radii_um(values)?,
-            // it looks for rising frequencies
+            // The loader needs increasing frequencies.
             "Frequency" => values.iter().rev().map(|nm| 1e7 / nm).collect(),
             _ => values.clone(),
         };
         if about.variable == "Depth" && values.iter().any(|cm| *cm >= HALF_SPACE_CM) {
             return refused(format!(
-                "its depths are of finite snow, and {name} has a half space (inf)"
+                "CRTM tables hold finite depths, but {name} has a half space (inf); export a table without it"
             ));
         }
         if let Some(value) = converted.iter().find(|value| !value.is_finite()) {
-            return refused(format!("{name} has the value {value}"));
+            return refused(format!("{name} has the value {value}, which is not finite"));
         }
         coordinates.push((about, converted));
     }
@@ -122,8 +125,8 @@ pub fn crtm(table: Table) -> Result<Vec<u8>, ExportError> {
     ];
     let mut arrays: Vec<(&str, &str, ArrayD<f32>)> = Vec::new();
     for (variable, name, long_name) in quantities {
-        let mut all = table.quantities.iter();
-        if let Some((_, array)) = all.find(|(there, _)| *there == variable) {
+        let mut stored = table.quantities.iter();
+        if let Some((_, array)) = stored.find(|(other, _)| *other == variable) {
             let mut array = array.clone();
             array.invert_axis(Axis(3));
             arrays.push((name, long_name, array));
@@ -147,7 +150,7 @@ pub fn crtm(table: Table) -> Result<Vec<u8>, ExportError> {
             .map_err(failed)?;
         let name = about.variable;
         set.add_var_f64(name, &[about.dimension]).map_err(failed)?;
-        described(
+        add_description(
             &mut set,
             name,
             [about.long_name, about.description, about.units],
@@ -158,7 +161,7 @@ pub fn crtm(table: Table) -> Result<Vec<u8>, ExportError> {
     for (name, long_name, _) in &arrays {
         set.add_var_f64(name, &dimensions).map_err(failed)?;
         let description = "Spectral snow surface reflectance data: directional-hemispherical";
-        described(&mut set, name, [long_name, description, "N/A"]).map_err(failed)?;
+        add_description(&mut set, name, [long_name, description, "N/A"]).map_err(failed)?;
     }
     written(&set, version, |writer| {
         for (about, values) in &coordinates {
@@ -172,11 +175,13 @@ pub fn crtm(table: Table) -> Result<Vec<u8>, ExportError> {
     })
 }
 
+/// An error with this reason.
 fn refused<T>(reason: String) -> Result<T, ExportError> {
     Err(ExportError::Crtm { reason })
 }
 
-fn described(
+/// Adds `long_name`, `description`, `units` and the fill value to a variable.
+fn add_description(
     set: &mut DataSet,
     variable: &str,
     [long_name, description, units]: [&str; 3],
@@ -188,14 +193,14 @@ fn described(
 }
 
 impl Table {
-    /// Without its axes of one value that the loader has no place for.
-    fn alone(mut self) -> Result<Self, ExportError> {
-        let fit = |name: &str| Layout::CRTM.contains(&name);
-        while let Some(axis) = self.axes.iter().position(|(name, _)| !fit(name)) {
+    /// The table without the axes that the loader does not have, which must have a single value.
+    fn without_fixed_axes(mut self) -> Result<Self, ExportError> {
+        let is_known = |name: &str| Layout::CRTM.contains(&name);
+        while let Some(axis) = self.axes.iter().position(|(name, _)| !is_known(name)) {
             let (name, values) = self.axes[axis].clone();
             let [value] = values[..] else {
                 return refused(format!(
-                    "it has density, depth, grain size, frequency and angle only; choose one of the {} values of {name} with --{}",
+                    "CRTM tables have the axes density, depth, grain size, frequency and angle only; choose one of the {} values of {name} with --{}",
                     values.len(),
                     name.replace('_', "-")
                 ));
@@ -205,17 +210,18 @@ impl Table {
         Ok(self)
     }
 
-    /// Optical radii, um, of these grain sizes.
+    /// Optical radii, um, for these grain sizes, um.
     fn radii_um(&self, values: &[f64]) -> Result<Vec<f64>, ExportError> {
-        let untold = |what: &str| {
-            let reason = format!("the file does not say its {what}, which the optical radii need");
+        let missing = |entry: &str| {
+            let reason =
+                format!("the file does not state its {entry}, which the optical radii need");
             ExportError::Crtm { reason }
         };
-        let config = self.config().ok_or_else(|| untold("config"))?;
+        let config = self.config().ok_or_else(|| missing("config"))?;
         let entry = |section: &str, key: &str| config.get(section)?.get(key).cloned();
         let float = |value: Option<toml::Value>| value.and_then(|value| value.as_float());
         let half_width_um = float(entry("spread", "grain_size_half_width_um"))
-            .ok_or_else(|| untold("spread.grain_size_half_width_um"))?;
+            .ok_or_else(|| missing("spread.grain_size_half_width_um"))?;
         let sphericity = || {
             let law = |key| float(entry("fixed", "sphericity")?.get(key).cloned());
             TruncatedNormal::new(law("min")?, law("max")?, law("mean")?, law("sd")?).ok()
@@ -232,7 +238,7 @@ impl Table {
                 spread.sphericity_law(*mean).ok()
             }
         };
-        let sphericity = sphericity.ok_or_else(|| untold("fixed.sphericity"))?;
+        let sphericity = sphericity.ok_or_else(|| missing("fixed.sphericity"))?;
         let law = entry("model", "size_law");
         let consistent =
             law.as_ref().and_then(toml::Value::as_str) == Some(SizeLaw::Consistent.name());
@@ -246,30 +252,30 @@ impl Table {
             let ends = [size_um - half_width_um, size_um + half_width_um].map(um_to_m);
             let size = SizeRange::new(ends[0], ends[1]);
             let size = size
-                .map_err(|_| untold("range of grain sizes"))?
+                .map_err(|_| missing("range of grain sizes"))?
                 .with_law(law);
             Ok(m_to_um(3.0 / (4.0 * size_factor_per_m(&size) * shape)))
         };
         values.iter().map(radius_um).collect()
     }
 
-    /// The canonical grid file of the database, if the file says it.
+    /// The canonical grid file of the database; `None` if the file does not state it.
     fn config(&self) -> Option<toml::Table> {
         let provenance = self.attributes.get("provenance");
         let provenance: Option<serde_json::Value> =
             provenance.and_then(|text| serde_json::from_str(text).ok());
-        let within = provenance
+        let in_provenance = provenance
             .as_ref()
-            .and_then(|all| all.get("config")?.as_str());
+            .and_then(|entries| entries.get("config")?.as_str());
         let text = self
             .attributes
             .get("config")
             .map(String::as_str)
-            .or(within)?;
+            .or(in_provenance)?;
         text.parse().ok()
     }
 
-    /// Global attributes.
+    /// Adds the global attributes.
     fn about(&self, set: &mut DataSet) -> Result<(), netcdf3::error::InvalidDataSet> {
         set.add_global_attr_i32("Release", vec![RELEASE])?;
         set.add_global_attr_i32("Version", vec![VERSION])?;
@@ -304,7 +310,7 @@ mod tests {
 
     use super::*;
 
-    /// Four nodes or more along the five axes; values tell where they are.
+    /// A table with at least four nodes along the five axes, whose values encode their indices.
     fn table() -> Table {
         let axes: Vec<(&'static str, Vec<f64>)> = vec![
             ("facetness", vec![0.1, 0.3]),
@@ -331,12 +337,11 @@ mod tests {
         }
     }
 
-    /// Names, types, dimensions and units that
-    /// `src/Coefficients/EmisCoeff/VIS_Snow/VISsnowCoeff_netCDF_IO.f90` of
-    /// JCSDA/CRTMv3 asks for (its module parameters), and the release of
-    /// `VISsnowCoeff_Define.f90`.
+    /// Names, types, dimensions and units are those that
+    /// `src/Coefficients/EmisCoeff/VIS_Snow/VISsnowCoeff_netCDF_IO.f90` of JCSDA/CRTMv3 reads
+    /// (its module parameters); the release is that of `VISsnowCoeff_Define.f90`.
     #[test]
-    fn what_the_loader_asks_for() {
+    fn the_file_has_what_the_loader_reads() {
         let table = table().at("facetness", 0.3).unwrap();
         let bytes = crtm(table).unwrap();
         let mut file = FileReader::open_seek_read("memory", Box::new(Cursor::new(bytes))).unwrap();
@@ -371,7 +376,7 @@ mod tests {
         }
         let reflectance = set.get_var("Reflectance").unwrap();
         assert_eq!(reflectance.data_type(), DataType::F64);
-        // C order; Fortran has it as I x L x G x T x J of VISsnowCoeff_Define
+        // C order; in Fortran it is I x L x G x T x J of VISsnowCoeff_Define.
         assert_eq!(
             reflectance.dim_names(),
             [
@@ -399,8 +404,8 @@ mod tests {
             file.read_var_f64("Frequency").unwrap(),
             [10_000.0, 12_500.0, 20_000.0, 25_000.0]
         );
-        // spheres: the radius is half the size over the mean of 1/s, here at 100 um
-        // 1 / K1 = 90 110 ln(110 / 90) / 20
+        // For spheres the radius is half the size over the mean of 1/s; here, at 100 um,
+        // 1 / K1 = 90 110 ln(110 / 90) / 20.
         let radii = file.read_var_f64("Grain_Size").unwrap();
         let expected = 0.5 * 90.0 * 110.0 * (110.0_f64 / 90.0).ln() / 20.0;
         assert!((radii[0] - expected).abs() < 1e-9, "{radii:?}");
@@ -413,7 +418,7 @@ mod tests {
     }
 
     #[test]
-    fn what_has_no_place_is_refused() {
+    fn tables_that_do_not_fit_are_refused() {
         let refused = |table: Table| crtm(table).unwrap_err().to_string();
         let message = refused(table());
         assert!(
@@ -421,17 +426,17 @@ mod tests {
             "{message}"
         );
         let error = table().at("facetness", 0.2).unwrap_err().to_string();
-        assert_eq!(error, "facetness = 0.2 is none of the nodes 0.1, 0.3");
+        assert_eq!(error, "facetness = 0.2 is not one of the nodes 0.1, 0.3");
         assert!(table().at("sphericity", 0.2).is_err());
         let one = || table().at("facetness", 0.1).unwrap();
         let thin = one().at("thickness_cm", 2.0).unwrap();
-        assert!(refused(thin).starts_with("no table for CRTM: it needs the axes"));
+        assert!(refused(thin).starts_with("cannot make a table for CRTM: CRTM needs the axes"));
         let mut few = one();
         few.axes[4].1.truncate(3);
         assert!(refused(few).contains("4 nodes"));
-        let mut untold = one();
-        untold.attributes.clear();
-        assert!(refused(untold).contains("does not say its config"));
+        let mut anonymous = one();
+        anonymous.attributes.clear();
+        assert!(refused(anonymous).contains("does not state its config"));
         let mut dark = one();
         dark.quantities[0].0 = Variable::Transmittance;
         assert!(refused(dark).contains("no reflectance"));

@@ -1,11 +1,11 @@
-//! A long table: one row for each node and wavelength.
+//! CSV: a long table with one row for each node and wavelength.
 use std::fmt::Write;
 
 use super::Table;
 
-/// `table` as CSV: a column for each axis, then one for each quantity; rows in the
-/// order of the axes, the last fastest. Numbers are the shortest decimals that read
-/// back as the same float.
+/// `table` as CSV, with a column for each axis and then one for each quantity. The rows have
+/// the order of the axes; the last axis varies fastest. Numbers are the shortest decimals that
+/// read back as the same float.
 #[must_use]
 pub fn csv(table: &Table) -> String {
     let axes = table.axes.iter().map(|(name, _)| *name);
@@ -46,7 +46,7 @@ mod tests {
     use crate::export::table::tests::database;
 
     #[test]
-    fn a_row_is_a_node_and_a_wavelength() {
+    fn each_row_is_a_node_and_a_wavelength() {
         let text = csv(&Table::of_compact(&database()).unwrap());
         let lines: Vec<&str> = text.lines().collect();
         assert_eq!(lines.len(), 1 + 144 * 4);
@@ -55,7 +55,7 @@ mod tests {
             "temperature_c,facetness,grain_size_um,density_kg_m3,thickness_cm,angle_deg,wavelength_nm,transmittance,reflectance"
         );
         assert_eq!(lines[1], "-10,0.1,100,200,1,0,400,0,0.1");
-        // one angle, and one thickness, before the last
+        // Row 142 differs from the last node by one angle, row 140 by one thickness.
         let row = |curve: usize| lines[1 + 4 * curve + 3].to_owned();
         assert!(
             row(142).starts_with("-1,0.9,500,400,5,40,700,"),

@@ -1,19 +1,19 @@
-//! Databases and compact files in the formats of others (docs/formats.md, "Exports").
+//! Exports of databases and compact files to other formats (docs/formats.md, "Exports").
 //!
-//! [`Table`] is what a database or a compact file holds, at its nodes; `netcdf`,
-//! [`csv()`] and `npz` are the bytes of a file that holds the same, `crtm` that of
-//! a table of reflectance for satellite codes. [`spd()`] is one
-//! spectrum as renderers read it, [`Eyes`] are what sees spectra as colours, and
-//! `thicknesses` is a picture of these. Features of the crate decide which there are:
-//! `netcdf` has `netcdf` and `crtm`, `npz` has `npz`, `charts` has `thicknesses`.
+//! [`Table`] holds the spectra of a database or a compact file at its nodes. `netcdf`,
+//! [`csv()`] and `npz` convert a table to the bytes of a file; `crtm` writes a table of
+//! reflectance for the satellite code CRTM. [`spd()`] writes one spectrum in the format of
+//! renderers. [`Observers`] compute the colours of spectra, and `thicknesses` draws them as
+//! patches. Some functions need a feature of the crate: `netcdf` (`netcdf` and `crtm`), `npz`
+//! (`npz`), `charts` (`thicknesses`).
 #[cfg(feature = "netcdf")]
 mod crtm;
 mod csv;
-mod eyes;
 #[cfg(feature = "netcdf")]
 mod netcdf;
 #[cfg(feature = "npz")]
 mod npz;
+mod observers;
 mod spd;
 #[cfg(feature = "charts")]
 mod swatches;
@@ -32,95 +32,95 @@ use crate::store::StoreError;
 #[cfg(feature = "netcdf")]
 pub use crtm::crtm;
 pub use csv::csv;
-pub use eyes::{Eyes, LIGHTS, LUMINANCE, Sampling};
 #[cfg(feature = "netcdf")]
 pub use netcdf::netcdf;
 #[cfg(feature = "npz")]
 pub use npz::npz;
+pub use observers::{LIGHTS, LUMINANCE, Observers, Sampling};
 pub use spd::{RANGE_NM, spd};
 #[cfg(feature = "charts")]
 pub use swatches::thicknesses;
 pub use table::{Layout, Table};
 
-/// Why there is no export.
+/// The reason why an export failed.
 #[derive(Debug, Error)]
 #[non_exhaustive]
 pub enum ExportError {
-    /// A database that is still being made.
+    /// The database is not complete.
     #[error(
         "{missing} of {jobs} jobs of {} are not done; finish it with `splitsnow build`", path.display()
     )]
     Unfinished {
-        /// Jobs not done.
+        /// Number of jobs that are not done.
         missing: usize,
-        /// All jobs.
+        /// Number of all jobs.
         jobs: u64,
-        /// The database.
+        /// Path of the database.
         path: PathBuf,
     },
     /// The database cannot be read.
     #[error(transparent)]
     Store(#[from] StoreError),
-    /// The compact file has no spectrum there.
+    /// The look-up in the compact file failed.
     #[error(transparent)]
     Lookup(#[from] LookupError),
-    /// More than the format holds.
+    /// An array exceeds the limit of the format.
     #[error(
         "the array {name} takes {bytes} bytes, and NetCDF in its classic format holds at most {limit} in one; read the database itself (Zarr), or export to npz"
     )]
     TooLarge {
-        /// The array.
+        /// Name of the array.
         name: String,
-        /// Its size.
+        /// Its size, bytes.
         bytes: u64,
-        /// The most there may be.
+        /// The largest size allowed, bytes.
         limit: u64,
     },
-    /// A table for which the loader of CRTM has no place.
-    #[error("no table for CRTM: {reason}")]
+    /// The table does not fit the CRTM loader.
+    #[error("cannot make a table for CRTM: {reason}")]
     Crtm {
-        /// What does not fit.
+        /// What does not fit, and what to do about it.
         reason: String,
     },
-    /// A value that no node has.
+    /// A value is not a node of its axis.
     #[error(
-        "{axis} = {value} is none of the nodes {}", nodes.iter().map(f64::to_string).collect::<Vec<_>>().join(", ")
+        "{axis} = {value} is not one of the nodes {}", nodes.iter().map(f64::to_string).collect::<Vec<_>>().join(", ")
     )]
     NoNode {
-        /// The axis.
+        /// Name of the axis.
         axis: String,
-        /// The value.
+        /// The value requested.
         value: f64,
-        /// Its nodes; none if there is no such axis.
+        /// Nodes of the axis; empty if the table has no such axis.
         nodes: Vec<f64>,
     },
-    /// Spectra that have no colour.
-    #[error("spectra from {first} to {last} nm have no colour here: they must cover 400 to 700 nm")]
+    /// The wavelengths do not determine a colour.
+    #[error("spectra from {first} to {last} nm have no colour: they must cover 400 to 700 nm")]
     NoColour {
-        /// First wavelength.
+        /// First wavelength, nm.
         first: f64,
-        /// Last wavelength.
+        /// Last wavelength, nm.
         last: f64,
     },
-    /// The observer cannot be set up.
+    /// The colorimeter cannot be set up.
     #[error(transparent)]
     Colour(#[from] ColourError),
     /// The picture cannot be drawn.
     #[cfg(feature = "charts")]
     #[error(transparent)]
     Report(#[from] ReportError),
-    /// A library refused what should be valid.
+    /// A library for the format failed.
     #[error("cannot make the {format} file: {reason}")]
     Encoding {
-        /// The format.
+        /// Name of the format.
         format: &'static str,
-        /// What the library said.
+        /// Error of the library.
         reason: String,
     },
 }
 
 impl ExportError {
-    /// For `map_err` on what a library does for `format`.
+    /// Converts an error of the library for `format`; for use in `map_err`.
     fn encoding<E: std::fmt::Debug>(format: &'static str) -> impl Fn(E) -> Self {
         move |error| Self::Encoding {
             format,

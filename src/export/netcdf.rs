@@ -1,4 +1,4 @@
-//! NetCDF with the conventions of CF-1.11.
+//! NetCDF with the conventions CF-1.11.
 use std::cell::RefCell;
 use std::io::{Cursor, Seek, SeekFrom, Write};
 use std::rc::Rc;
@@ -9,13 +9,13 @@ use netcdf3::{DataSet, FileWriter, Version};
 use super::{ExportError, Table};
 use crate::store::{Variable, WAVELENGTH, coordinate_about};
 
-/// Largest array, bytes: offsets of 64 bits leave sizes signed numbers of 32.
+/// Largest array, bytes: even with 64-bit offsets, sizes are signed 32-bit numbers.
 const LARGEST: u64 = i32::MAX as u64;
-/// Up to so many bytes offsets have 32 bits, which every reader knows; the rest of
-/// 2 GiB is for attributes.
+/// Largest total size for 32-bit offsets, which every reader supports, bytes. The remainder
+/// to 2 GiB is left for attributes.
 const CLASSIC: u64 = 2_000_000_000;
-/// What a file of ours says of itself, which is not true of this one.
-const OTHERS: [&str; 6] = [
+/// Attributes of a database or compact file that do not apply to the export.
+const OMITTED: [&str; 6] = [
     "axis_order",
     "format",
     "format_version",
@@ -23,13 +23,15 @@ const OTHERS: [&str; 6] = [
     "source",
     "units",
 ];
+/// Definition of reflectance and transmittance, as a global attribute.
 const NORMALISATION: &str = "directional-hemispherical: the power that leaves a side of the slab in all directions, as a share of the power that falls onto it";
 
-/// `table` as the bytes of a NetCDF file: classic format, with offsets of 64 bits if
-/// it needs them.
+/// `table` as the bytes of a NetCDF file in the classic format, with 64-bit offsets if it
+/// needs them.
 ///
 /// # Errors
-/// [`ExportError::TooLarge`] for an array of more than 2 GiB.
+/// [`ExportError::TooLarge`] for an array above 2 GiB; [`ExportError::Encoding`] if the library
+/// fails.
 pub fn netcdf(table: &Table) -> Result<Vec<u8>, ExportError> {
     let version = version(table.sizes())?;
     let set = table.definition().map_err(failed)?;
@@ -45,7 +47,7 @@ pub fn netcdf(table: &Table) -> Result<Vec<u8>, ExportError> {
     })
 }
 
-/// The bytes of a file of this definition, whose variables `fill` writes.
+/// The bytes of a file with this definition, whose variables `fill` writes.
 pub(super) fn written(
     set: &DataSet,
     version: Version,
@@ -62,22 +64,22 @@ pub(super) fn written(
     Ok(bytes)
 }
 
-/// Stands for NaN in an attribute [`FILL`]: the library compares variables by their
-/// attributes, and takes one with NaN for another than itself.
+/// Placeholder for NaN in the attribute [`FILL`]. The library compares variables by their
+/// attributes, so a NaN would make a variable differ from itself.
 pub(super) const STAND_IN: f32 = -1.267_650_6e30;
-/// The attribute of values that are missing.
+/// Name of the attribute with the value that marks missing data.
 pub(super) const FILL: &str = "_FillValue";
 
-/// Puts NaN where [`STAND_IN`] stands: after the padded name, the type, and the number
-/// of values, 1.
+/// Replaces [`STAND_IN`] by NaN in every attribute [`FILL`]. The value follows the padded name,
+/// the type, and the number of values, 1.
 fn fill_with_nan(bytes: &mut [u8]) {
     const NAME: &[u8] = b"\0\0\0\x0a_FillValue\0\0";
     let (single, double) = (STAND_IN.to_be_bytes(), f64::from(STAND_IN).to_be_bytes());
-    let found = bytes.windows(NAME.len()).enumerate();
-    let found = found.filter(|(_, window)| *window == NAME);
-    let values: Vec<usize> = found.map(|(at, _)| at + NAME.len() + 8).collect();
-    for at in values {
-        let Some((_, value)) = bytes.split_at_mut_checked(at) else {
+    let matches = bytes.windows(NAME.len()).enumerate();
+    let matches = matches.filter(|(_, window)| *window == NAME);
+    let offsets: Vec<usize> = matches.map(|(start, _)| start + NAME.len() + 8).collect();
+    for offset in offsets {
+        let Some((_, value)) = bytes.split_at_mut_checked(offset) else {
             continue;
         };
         if value.starts_with(&single) {
@@ -88,15 +90,16 @@ fn fill_with_nan(bytes: &mut [u8]) {
     }
 }
 
+/// Converts an error of the library.
 pub(super) fn failed<E: std::fmt::Debug>(error: E) -> ExportError {
     ExportError::encoding("NetCDF")(error)
 }
 
-/// The version that holds arrays of these names and bytes.
+/// The version of the format that holds arrays with these names and sizes (bytes).
 pub(super) fn version<'a>(
     arrays: impl Iterator<Item = (&'a str, u64)>,
 ) -> Result<Version, ExportError> {
-    let mut all = 0_u64;
+    let mut total = 0_u64;
     for (name, bytes) in arrays {
         if bytes > LARGEST {
             return Err(ExportError::TooLarge {
@@ -105,9 +108,9 @@ pub(super) fn version<'a>(
                 limit: LARGEST,
             });
         }
-        all += bytes;
+        total += bytes;
     }
-    Ok(if all > CLASSIC {
+    Ok(if total > CLASSIC {
         Version::Offset64Bit
     } else {
         Version::Classic
@@ -115,6 +118,7 @@ pub(super) fn version<'a>(
 }
 
 impl Table {
+    /// Names and sizes (bytes) of all arrays.
     fn sizes(&self) -> impl Iterator<Item = (&str, u64)> {
         let axes = self.axes.iter();
         let axes = axes.map(|(name, values)| (*name, 8 * values.len() as u64));
@@ -154,24 +158,24 @@ impl Table {
                 Variable::ReflectanceDiffuse => Variable::ReflectanceDiffuseSe,
                 _ => continue,
             };
-            if self.quantities.iter().any(|(there, _)| *there == error) {
+            if self.quantities.iter().any(|(other, _)| *other == error) {
                 set.add_var_attr_string(name, "ancillary_variables", error.name())?;
             }
         }
         Ok(set)
     }
 
-    /// Global attributes: those of CF, the conventions of the numbers, and what the
-    /// file itself says.
+    /// Global attributes: those of CF, the definitions of the numbers, and the other
+    /// attributes of the exported file.
     pub(super) fn global(&self) -> Vec<(String, String)> {
         let version = env!("CARGO_PKG_VERSION");
-        let said = |key: &str, otherwise: &str| {
-            let found = self.attributes.get(key);
-            found.map_or(otherwise, String::as_str).to_owned()
+        let attribute = |key: &str, default: &str| {
+            let text = self.attributes.get(key);
+            text.map_or(default, String::as_str).to_owned()
         };
-        let first = [
+        let own = [
             ("Conventions", "CF-1.11".to_owned()),
-            ("title", said("title", "Spectral database of snow")),
+            ("title", attribute("title", "Spectral database of snow")),
             (
                 "source",
                 "first-principles Monte Carlo model of light in snow, splitsnow".to_owned(),
@@ -184,35 +188,35 @@ impl Table {
             ),
             (
                 "references",
-                said(
+                attribute(
                     "source",
                     "P. M. Varsa, PhD thesis, University of Waterloo, 2025",
                 ),
             ),
             (
                 "illumination",
-                said(
+                attribute(
                     "illumination",
                     "collimated; angle_deg is the polar angle of incidence, measured from the surface normal",
                 ),
             ),
-            ("bottom_boundary", said("bottom_boundary", "black")),
+            ("bottom_boundary", attribute("bottom_boundary", "black")),
             ("normalisation", NORMALISATION.to_owned()),
             ("wavelengths", "in vacuum".to_owned()),
         ];
-        let said = |key: &String| {
-            first.iter().any(|(name, _)| name == key) || OTHERS.contains(&key.as_str())
+        let is_omitted = |key: &String| {
+            own.iter().any(|(name, _)| name == key) || OMITTED.contains(&key.as_str())
         };
-        let rest = self.attributes.iter().filter(|(key, _)| !said(key));
-        let rest: Vec<_> = rest
+        let others = self.attributes.iter().filter(|(key, _)| !is_omitted(key));
+        let others: Vec<_> = others
             .map(|(key, text)| (key.replace('.', "_"), text.clone()))
             .collect();
-        let first = first.into_iter().map(|(key, text)| (key.to_owned(), text));
-        first.chain(rest).collect()
+        let own = own.into_iter().map(|(key, text)| (key.to_owned(), text));
+        own.chain(others).collect()
     }
 }
 
-/// Bytes that the writer of the library owns and we get back.
+/// A shared buffer: the writer of the library owns one handle, and the caller reads the other.
 #[derive(Debug, Clone, Default)]
 struct Buffer(Rc<RefCell<Cursor<Vec<u8>>>>);
 
@@ -281,11 +285,15 @@ mod tests {
 
     #[test]
     fn arrays_larger_than_the_format_are_refused() {
-        let of = |sizes: &[u64]| version(sizes.iter().map(|bytes| ("transmittance", *bytes)));
-        assert_eq!(of(&[1_000_000_000; 2]).unwrap(), Version::Classic);
-        assert_eq!(of(&[1_000_000_001; 2]).unwrap(), Version::Offset64Bit);
-        assert_eq!(of(&[LARGEST; 4]).unwrap(), Version::Offset64Bit);
-        let refused = of(&[8, LARGEST + 1]).unwrap_err();
+        let version_for =
+            |sizes: &[u64]| version(sizes.iter().map(|bytes| ("transmittance", *bytes)));
+        assert_eq!(version_for(&[1_000_000_000; 2]).unwrap(), Version::Classic);
+        assert_eq!(
+            version_for(&[1_000_000_001; 2]).unwrap(),
+            Version::Offset64Bit
+        );
+        assert_eq!(version_for(&[LARGEST; 4]).unwrap(), Version::Offset64Bit);
+        let refused = version_for(&[8, LARGEST + 1]).unwrap_err();
         assert_eq!(
             refused.to_string(),
             "the array transmittance takes 2147483648 bytes, and NetCDF in its classic format holds at most 2147483647 in one; read the database itself (Zarr), or export to npz"

@@ -1,4 +1,4 @@
-//! Arrays for NumPy: a ZIP archive of `.npy` files (NEP 1, version 1.0).
+//! NPZ: arrays for NumPy in a ZIP archive of `.npy` files (NEP 1, version 1.0).
 use std::io::{Cursor, Write};
 
 use zip::write::SimpleFileOptions;
@@ -6,11 +6,11 @@ use zip::{CompressionMethod, DateTime, ZipWriter};
 
 use super::{ExportError, Table};
 
-/// `table` as the bytes of an `.npz` file, uncompressed: float64 axes and float32
-/// quantities by name, in the order of the axes.
+/// `table` as the bytes of an uncompressed `.npz` file. It holds float64 axes and float32
+/// quantities by name; the dimensions have the order of the axes.
 ///
 /// # Errors
-/// [`ExportError::Encoding`] if the archive cannot be made.
+/// [`ExportError::Encoding`] if the archive cannot be written.
 pub fn npz(table: &Table) -> Result<Vec<u8>, ExportError> {
     let mut archive = ZipWriter::new(Cursor::new(Vec::new()));
     for (name, values) in &table.axes {
@@ -22,10 +22,11 @@ pub fn npz(table: &Table) -> Result<Vec<u8>, ExportError> {
         let (name, shape) = (variable.name(), array.shape());
         add(&mut archive, name, "<f4", shape, bytes.collect())?;
     }
-    let done = archive.finish().map_err(ExportError::encoding("npz"))?;
-    Ok(done.into_inner())
+    let buffer = archive.finish().map_err(ExportError::encoding("npz"))?;
+    Ok(buffer.into_inner())
 }
 
+/// Adds an array of the NumPy type `kind` to the archive.
 fn add(
     archive: &mut ZipWriter<Cursor<Vec<u8>>>,
     name: &str,
@@ -44,17 +45,17 @@ fn add(
     written.map_err(ExportError::encoding("npz"))
 }
 
-/// What stands before the numbers: type and shape as a Python dictionary, padded so
-/// that they begin at a multiple of 64 bytes.
+/// The header of a `.npy` file: type and shape as a Python dictionary, padded so that the data
+/// begins at a multiple of 64 bytes.
 fn header(kind: &str, shape: &[usize]) -> Vec<u8> {
     let shape: String = shape.iter().map(|n| format!("{n},")).collect();
     let mut text = format!("{{'descr': '{kind}', 'fortran_order': False, 'shape': ({shape}), }}");
-    // Magic, version, length and the last newline are 11 bytes.
+    // Magic, version, length and the final newline take 11 bytes.
     let length = (text.len() + 11).next_multiple_of(64) - 10;
     text.extend(std::iter::repeat_n(' ', length - 1 - text.len()));
     text.push('\n');
     let mut bytes = b"\x93NUMPY\x01\x00".to_vec();
-    // Seven axes of 20 digits at most: far below 65536.
+    // At most seven axes of 20 digits, so the length is far below 65536.
     bytes.extend((length as u16).to_le_bytes());
     bytes.extend(text.as_bytes());
     bytes

@@ -1,18 +1,18 @@
-//! A spectrum as pbrt-v4 and Mitsuba 3 read it.
+//! SPD: a spectrum in the format of pbrt-v4 and Mitsuba 3.
 use std::fmt::Write;
 
-/// Wavelengths that both renderers sample, nm.
+/// Wavelengths that both renderers sample: first and last, nm.
 pub const RANGE_NM: [f64; 2] = [360.0, 830.0];
 
-/// Lines `wavelength value`, after `comments`, each on a line that begins with #,
-/// which both renderers skip.
+/// A spectrum as lines `wavelength value` after `comments`, each on a line that begins with #;
+/// both renderers skip comment lines.
 ///
-/// pbrt takes numbers of fewer than 32 characters, so those below 1e-4 have a power
-/// of ten, which both read; and a number only counts when something follows it, so
-/// the last line ends as all do.
+/// pbrt reads numbers of fewer than 32 characters, so values below 1e-4 are written with a power
+/// of ten, which both renderers read. pbrt also ignores a number at the end of the file, so the
+/// last line ends with a newline.
 ///
-/// Outside its first and last wavelength a spectrum is zero in both, so the values at its
-/// ends are held to those of [`RANGE_NM`] where they end before.
+/// Both renderers take a spectrum as zero outside its wavelengths. If the wavelengths do not
+/// cover [`RANGE_NM`], the first or last value is therefore repeated at the end of this range.
 #[must_use]
 pub fn spd(comments: &[String], wavelengths_nm: &[f64], values: &[f32]) -> String {
     let mut text = String::new();

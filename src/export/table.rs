@@ -1,4 +1,4 @@
-//! What a database or a compact file holds.
+//! Tables: the spectra of a database or a compact file at its nodes.
 use std::collections::BTreeMap;
 
 use ndarray::{ArrayD, Axis, IxDyn};
@@ -10,32 +10,32 @@ use crate::measurement::Quantity;
 use crate::parameter::Parameter;
 use crate::store::{Store, Variable, WAVELENGTH};
 
-/// Spectra at all nodes of some axes, whatever file they come from.
+/// Spectra at all nodes of some axes, from a database or a compact file.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Table {
-    /// Names and values of the axes, slowest first; `wavelength_nm` is one of them,
-    /// last in a database.
+    /// Names and values of the axes, slowest first. One of them is `wavelength_nm`, the last
+    /// one in a database.
     pub(super) axes: Vec<(&'static str, Vec<f64>)>,
-    /// What there is, with one dimension for each axis.
+    /// The quantities, with one dimension for each axis.
     pub(super) quantities: Vec<(Variable, ArrayD<f32>)>,
-    /// What the file says about itself.
+    /// The metadata of the file.
     pub(super) attributes: BTreeMap<String, String>,
-    /// Values of axes that [`Table::at`] has removed.
+    /// Names and values of the axes that [`Table::at`] has removed.
     pub(super) fixed: BTreeMap<&'static str, f64>,
 }
 
 /// The order of the axes in an export.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Layout {
-    /// As in the database, wavelengths last.
+    /// The order of the database, wavelengths last.
     Database,
-    /// Density, thickness, grain size, wavelength, angle, all others before these: the
-    /// order of the Community Radiative Transfer Model for satellites ([`super::crtm()`]).
+    /// All other axes, then density, thickness, grain size, wavelength, angle: the order of the
+    /// Community Radiative Transfer Model for satellites ([`super::crtm()`]).
     Crtm,
 }
 
 impl Layout {
-    /// Both.
+    /// All layouts.
     pub const ALL: [Self; 2] = [Self::Database, Self::Crtm];
 
     /// The name used on the command line.
@@ -47,7 +47,7 @@ impl Layout {
         }
     }
 
-    /// The axes of the name, slowest first, after all others.
+    /// The last axes of [`Self::Crtm`], slowest first.
     pub(super) const CRTM: [&'static str; 5] = [
         Parameter::Density.name(),
         Parameter::Thickness.name(),
@@ -57,15 +57,16 @@ impl Layout {
     ];
 }
 
-/// Name of the axis of angles.
+/// Name of the axis of incidence angles.
 const ANGLE: &str = Parameter::Incidence.name();
 
 impl Table {
-    /// All of a finished database under collimated or `diffuse` light, standard errors
-    /// among it; without the axis of angles for the latter.
+    /// All spectra of a finished database with their standard errors, under collimated or
+    /// `diffuse` light. A table for diffuse light has no axis of incidence angles.
     ///
     /// # Errors
-    /// [`ExportError::Unfinished`]; [`ExportError::Store`] if it cannot be read.
+    /// [`ExportError::Unfinished`] if jobs are missing; [`ExportError::Store`] if the database
+    /// cannot be read.
     pub fn of_store(store: &Store, diffuse: bool) -> Result<Self, ExportError> {
         let missing = store.missing(None)?.len();
         if missing > 0 {
@@ -94,7 +95,7 @@ impl Table {
             fixed: BTreeMap::new(),
         };
         if diffuse {
-            table.says_diffuse();
+            table.mark_diffuse();
         }
         for variable in Variable::ALL {
             let variable = if diffuse {
@@ -108,10 +109,10 @@ impl Table {
         Ok(table)
     }
 
-    /// All curves of a compact file, rebuilt as they stand on its nodes.
+    /// All curves of a compact file, evaluated at its nodes.
     ///
     /// # Errors
-    /// [`ExportError::Encoding`] for a file larger than memory can address.
+    /// [`ExportError::Encoding`] if the file is larger than memory can address.
     pub fn of_compact(database: &Database) -> Result<Self, ExportError> {
         let axes = database.axes().iter();
         let axes = axes.map(|(parameter, values)| (parameter.name(), values.to_vec()));
@@ -123,11 +124,11 @@ impl Table {
             attributes: database.metadata().clone(),
             fixed: BTreeMap::new(),
         };
-        let both = [
+        let quantities = [
             (Quantity::Transmittance, Variable::Transmittance),
             (Quantity::Reflectance, Variable::Reflectance),
         ];
-        for (quantity, variable) in both {
+        for (quantity, variable) in quantities {
             if database.has(quantity) {
                 let curves = (0..database.curves()).filter_map(|row| database.curve(row, quantity));
                 table.add(variable, curves.flatten().collect())?;
@@ -136,6 +137,7 @@ impl Table {
         Ok(table)
     }
 
+    /// Adds a quantity with one value for each combination of nodes.
     fn add(&mut self, variable: Variable, values: Vec<f32>) -> Result<(), ExportError> {
         let shape: Vec<usize> = self.axes.iter().map(|(_, values)| values.len()).collect();
         let array = ArrayD::from_shape_vec(IxDyn(&shape), values);
@@ -144,61 +146,63 @@ impl Table {
         Ok(())
     }
 
-    /// A table of curves under isotropic light, whose file has one angle for all
-    /// directions, without it.
+    /// Converts a table from a compact file for isotropic light: removes its single angle, which
+    /// stands for all directions.
     ///
     /// # Errors
-    /// [`ExportError::NoNode`] if it has another.
+    /// [`ExportError::NoNode`] if the table has no angle 0.
     pub fn diffuse(self) -> Result<Self, ExportError> {
         let mut table = self.at(ANGLE, 0.0)?;
         table.fixed.remove(ANGLE);
         for (variable, _) in &mut table.quantities {
             *variable = variable.diffuse();
         }
-        table.says_diffuse();
+        table.mark_diffuse();
         Ok(table)
     }
 
-    fn says_diffuse(&mut self) {
+    /// States diffuse light in the attributes.
+    fn mark_diffuse(&mut self) {
         let light = "diffuse: isotropic radiance over the upper hemisphere";
         self.attributes
             .insert("illumination".to_owned(), light.to_owned());
     }
 
-    /// The part at one node of `axis`, without that axis. A value is on a node within
-    /// 1e-6 of it.
+    /// The part of the table at one node of `axis`, without that axis. A value matches a node
+    /// within a relative difference of 1e-6.
     ///
     /// # Errors
-    /// [`ExportError::NoNode`].
+    /// [`ExportError::NoNode`] if the value matches no node or there is no such axis.
     pub fn at(mut self, axis: &str, value: f64) -> Result<Self, ExportError> {
-        let place = self.axes.iter().position(|(name, _)| *name == axis);
-        let nodes = place.map_or(&[][..], |place| &self.axes[place].1);
-        let on = |node: &f64| (node - value).abs() <= 1e-6 * node.abs().max(f64::MIN_POSITIVE);
-        let (Some(place), Some(node)) = (place, nodes.iter().position(on)) else {
+        let position = self.axes.iter().position(|(name, _)| *name == axis);
+        let nodes = position.map_or(&[][..], |position| &self.axes[position].1);
+        let matches = |node: &f64| (node - value).abs() <= 1e-6 * node.abs().max(f64::MIN_POSITIVE);
+        let (Some(position), Some(node)) = (position, nodes.iter().position(matches)) else {
             return Err(ExportError::NoNode {
                 axis: axis.to_owned(),
                 value,
                 nodes: nodes.to_vec(),
             });
         };
-        let (name, nodes) = self.axes.remove(place);
+        let (name, nodes) = self.axes.remove(position);
         self.fixed.insert(name, nodes[node]);
         for (_, array) in &mut self.quantities {
-            *array = array.index_axis(Axis(place), node).to_owned();
+            *array = array.index_axis(Axis(position), node).to_owned();
         }
         Ok(self)
     }
 
-    /// The same with its axes in another order.
+    /// The table with its axes in the order of `layout`.
     #[must_use]
     pub fn laid_out(mut self, layout: Layout) -> Self {
         if layout == Layout::Database {
             return self;
         }
-        // Not among these is before them; a stable sort keeps the order of the others.
+        // Axes outside the list sort first; the sort is stable and keeps their order.
         let rank = |axis: &usize| {
-            let mut fast = Layout::CRTM.iter();
-            fast.position(|name| *name == self.axes[*axis].0)
+            let mut last_axes = Layout::CRTM.iter();
+            last_axes
+                .position(|name| *name == self.axes[*axis].0)
                 .map(|i| i + 1)
         };
         let mut order: Vec<usize> = (0..self.axes.len()).collect();
@@ -220,8 +224,8 @@ pub(super) mod tests {
     use super::*;
     use crate::parameter::Axes;
 
-    /// Two quantities whose values tell where they are: the digits of a value are
-    /// the positions along the axes.
+    /// Two quantities whose values encode their position: the digits of a value are the
+    /// indices along the axes.
     pub(in crate::export) fn database() -> Database {
         let axes = Axes::from([
             (Parameter::Temperature, vec![-10.0, -1.0]),

@@ -1,8 +1,8 @@
-//! Curves of a grid that cannot exist: slabs into which the grains do not fit.
+//! Absent curves of a grid: those whose slab is too thin for the grains.
 //!
-//! A slab must hold [`MIN_GRAIN_LENGTHS`] lengths of its longest grain. What a grid
-//! lacks is told per grain size, by how many of its thinnest thicknesses are too thin;
-//! an empty list says that all curves exist.
+//! A slab must be at least [`MIN_GRAIN_LENGTHS`] times as thick as its longest grain is
+//! long. Absent curves are described by one count per grain size: the number of the
+//! thinnest thicknesses that are too thin. An empty list means that all curves exist.
 use std::fmt::Write;
 
 use super::{Fixed, Grid, GridError};
@@ -10,12 +10,12 @@ use crate::parameter::{Axes, Parameter};
 use crate::transport::Joining;
 use crate::units::cm_to_m;
 
-/// Lengths of the longest grain that a slab must hold (docs/methods.md).
+/// Smallest thickness of a slab, in lengths of its longest grain (docs/methods.md).
 pub const MIN_GRAIN_LENGTHS: f64 = 10.0;
 
 impl Fixed {
-    /// Thickness, m, of the thinnest pack, of all layers together, for grains of the
-    /// surface layer up to `longest_m` long.
+    /// Smallest total thickness of the snowpack, m, if the longest grain of the surface
+    /// layer has the length `longest_m`, m.
     #[must_use]
     pub fn thinnest_m(&self, longest_m: f64) -> f64 {
         match self.model.joining {
@@ -32,17 +32,18 @@ impl Fixed {
 }
 
 impl Grid {
-    /// For each grain size, how many of the thinnest thicknesses have no curve since
-    /// its grains do not fit; empty if all curves exist.
+    /// For each grain size, the number of the thinnest thicknesses that are too thin for
+    /// its grains, so that they have no curve. Empty if all curves exist.
     ///
     /// # Errors
-    /// A law of a grain size is impossible.
+    /// [`GridError::SmallGrain`] or [`GridError::Law`] if the size distribution of a grain
+    /// size is invalid.
     pub fn absent(&self) -> Result<Vec<usize>, GridError> {
         let mut absent = Vec::new();
         for &size_um in self.axes.values(Parameter::GrainSize) {
-            let least_m = self.fixed.thinnest_m(self.size_law(size_um)?.max_m());
-            // sums of thicknesses may miss one by a rounding
-            let thin = |cm: &&f64| cm_to_m(**cm) < least_m * (1.0 - 1e-12);
+            let min_m = self.fixed.thinnest_m(self.size_law(size_um)?.max_m());
+            // tolerance for rounding errors in sums of thicknesses
+            let thin = |cm: &&f64| cm_to_m(**cm) < min_m * (1.0 - 1e-12);
             let thicknesses = self.axes.values(Parameter::Thickness).iter();
             absent.push(thicknesses.take_while(thin).count());
         }
@@ -53,7 +54,7 @@ impl Grid {
     }
 }
 
-/// How many curves of `axes` these counts of thin thicknesses, one per grain size, leave out.
+/// Number of curves of `axes` that do not exist, from the counts of [`Grid::absent`].
 #[must_use]
 pub fn absent_curves(axes: &Axes, absent: &[usize]) -> u64 {
     let pairs = absent.iter().sum::<usize>() as u64;
@@ -75,20 +76,24 @@ pub fn existing(axes: &Axes, absent: &[usize]) -> Vec<usize> {
     (0..axes.count() as usize).filter(exists).collect()
 }
 
-/// Why, for people: which grains do not fit into how much snow.
+/// A message that says how many curves do not exist, and for which grain sizes and
+/// thicknesses.
 #[must_use]
 pub fn why_absent(axes: &Axes, absent: &[usize]) -> String {
     let mut text = format!(
-        "{} of {} curves do not exist and are NaN: {MIN_GRAIN_LENGTHS} lengths of the longest grain must fit into the slab",
+        "{} of {} curves do not exist and are NaN: the slab must be at least {MIN_GRAIN_LENGTHS} lengths of the longest grain thick",
         absent_curves(axes, absent),
         axes.count()
     );
     let thicknesses = axes.values(Parameter::Thickness);
-    let mut separator = "; they do not with";
-    for (&thinnest, size_um) in absent.iter().zip(axes.values(Parameter::GrainSize)) {
-        if let Some(last) = thinnest.checked_sub(1) {
+    let mut separator = "; too thin are";
+    for (&count, size_um) in absent.iter().zip(axes.values(Parameter::GrainSize)) {
+        if let Some(last) = count.checked_sub(1) {
             let cm = thicknesses.get(last).copied().unwrap_or_default();
-            let _ = write!(text, "{separator} grain_size_um {size_um} up to {cm} cm");
+            let _ = write!(
+                text,
+                "{separator} slabs up to {cm} cm for grain_size_um {size_um}"
+            );
             separator = ",";
         }
     }
@@ -116,7 +121,9 @@ mod tests {
         assert_eq!(absent_curves(&grid.axes, &absent), 3 * 4);
         let why = why_absent(&grid.axes, &absent);
         assert!(why.starts_with("12 of 48 curves"), "{why}");
-        assert!(why.ends_with("with grain_size_um 1000 up to 1 cm, grain_size_um 2000 up to 2 cm"));
+        assert!(why.ends_with(
+            "too thin are slabs up to 1 cm for grain_size_um 1000, slabs up to 2 cm for grain_size_um 2000"
+        ));
         // exactly ten lengths are enough
         grid.axes.values_mut(Parameter::GrainSize)[3] = 1950.0;
         assert_eq!(grid.absent().unwrap(), [0, 0, 1, 1]);

@@ -1,11 +1,11 @@
-//! What makes a grid impossible, whoever built it.
+//! Checks that a grid is valid, whether it comes from a file or from code.
 use thiserror::Error;
 
 use super::{Grid, Jobs};
 use crate::grain::GrainError;
 use crate::parameter::{Interval, Parameter};
 
-/// Smallest grain a law may reach, um (docs/methods.md).
+/// Smallest grain that a size distribution may contain, um (docs/methods.md).
 const SMALLEST_GRAIN_UM: f64 = 10.0;
 
 /// Why a grid cannot be expanded into jobs.
@@ -18,16 +18,16 @@ pub enum GridError {
         /// Name of the axis.
         axis: &'static str,
     },
-    /// Values are not strictly increasing.
+    /// The values of an axis are not strictly increasing.
     #[error(
         "{axis}: {next} follows {value}; values must be strictly increasing, without duplicates"
     )]
     Order {
         /// Name of the axis.
         axis: &'static str,
-        /// A value.
+        /// The value before `next`.
         value: f64,
-        /// The one that follows it.
+        /// A value that is not above `value`.
         next: f64,
     },
     /// A value is outside the physical range of its axis, or not finite.
@@ -37,65 +37,65 @@ pub enum GridError {
         axis: &'static str,
         /// The value.
         value: f64,
-        /// The range it must be in.
+        /// The allowed range.
         allowed: Interval,
     },
-    /// A size law reaches below the smallest grain.
+    /// A size distribution contains grains that are too small.
     #[error(
-        "grain_size_um = {size_um} -+ {half_width_um} reaches below the smallest grain, {SMALLEST_GRAIN_UM} um; raise the size or lower spread.grain_size_half_width_um"
+        "grain_size_um = {size_um} +- {half_width_um} includes grains smaller than {SMALLEST_GRAIN_UM} um, the smallest allowed size; raise the size or lower spread.grain_size_half_width_um"
     )]
     SmallGrain {
         /// Axis value, um.
         size_um: f64,
-        /// Half width of the law, um.
+        /// Half width of the size distribution, um.
         half_width_um: f64,
     },
-    /// A law of an axis value is not a distribution.
+    /// The distribution around an axis value is invalid.
     #[error("{axis} = {value}: {source}")]
     Law {
         /// Name of the axis.
         axis: &'static str,
         /// The axis value.
         value: f64,
-        /// What is wrong with its law.
+        /// What is wrong with the distribution.
         source: GrainError,
     },
-    /// The product of the axis lengths does not fit a 64-bit number.
-    #[error("{} curves are more than can be counted; shorten the axes", .shape.iter().map(u64::to_string).collect::<Vec<_>>().join(" x "))]
+    /// The product of the axis lengths does not fit into 64 bits.
+    #[error("{} values are too many to be counted; shorten the axes", .shape.iter().map(u64::to_string).collect::<Vec<_>>().join(" x "))]
     TooMany {
-        /// Axis lengths, storage order, and wavelengths.
+        /// Lengths of the axes in storage order, then the number of wavelengths.
         shape: Vec<u64>,
     },
-    /// Isotropic light with an engine that has a job for each angle.
-    #[error("diffuse light beside angles needs the engine doubling or auto, not {engine}")]
+    /// Diffuse light with an engine that has a separate job for each incidence angle.
+    #[error("axes.diffuse requires the engine hybrid or auto, not {engine}")]
     Diffuse {
-        /// The engine.
+        /// Name of the engine.
         engine: &'static str,
     },
-    /// A job number outside the grid.
+    /// The job number is out of range.
     #[error("job {job} does not exist: the grid has {jobs} jobs, counted from 0")]
     NoSuchJob {
-        /// The number asked for.
+        /// The requested job number.
         job: u64,
-        /// How many there are.
+        /// Number of jobs in the grid.
         jobs: u64,
     },
 }
 
 impl Grid {
-    /// The jobs of this grid, after checking that all of them can be made.
+    /// The jobs of this grid, after checking that all of them are valid.
     ///
     /// # Errors
-    /// Empty, unsorted or unphysical axes, laws that are no distributions, or
-    /// more values than can be counted.
+    /// [`GridError`] if an axis is empty, unsorted or unphysical, a distribution is invalid,
+    /// the engine does not support diffuse light, or the grid has too many values to count.
     pub fn jobs(&self) -> Result<Jobs, GridError> {
         let missing = Parameter::CORE.into_iter().find(|p| !self.axes.has(*p));
         if let Some(parameter) = missing {
-            let axis = parameter.name();
+            let axis = parameter.key();
             return Err(GridError::Empty { axis });
         }
         for (parameter, values) in self.axes.iter() {
-            check_list(parameter.name(), values, parameter.record().physical)?;
+            check_list(parameter.key(), values, parameter.record().physical)?;
         }
         let wavelengths = Interval {
             min: 0.0,
@@ -120,10 +120,10 @@ impl Grid {
         Jobs::new(self.run.engine, &self.axes, wavelengths)
     }
 
-    /// Refuses a size law below the smallest grain.
+    /// Refuses a size distribution with grains smaller than [`SMALLEST_GRAIN_UM`].
     pub(super) fn check_size(&self, size_um: f64) -> Result<(), GridError> {
         let half_width_um = self.spread.grain_size_half_width_um;
-        // A hair below is a rounded difference, not a smaller grain.
+        // The tolerance allows for the rounding error of the difference.
         if size_um - half_width_um < SMALLEST_GRAIN_UM * (1.0 - 1e-12) {
             return Err(GridError::SmallGrain {
                 size_um,
@@ -173,11 +173,11 @@ mod tests {
         let cases: [Case; 10] = [
             (
                 |g| g.axes.values_mut(Parameter::Incidence).clear(),
-                "angle_deg is empty",
+                "incidence_angle_deg is empty",
             ),
             (
                 |g| g.axes.values_mut(Parameter::Incidence).push(90.0),
-                "angle_deg = 90 must be at least 0 and below 90",
+                "incidence_angle_deg = 90 must be at least 0 and below 90",
             ),
             (
                 |g| g.axes.values_mut(Parameter::Thickness).push(5.0),
@@ -193,7 +193,7 @@ mod tests {
             ),
             (
                 |g| g.axes.values_mut(Parameter::GrainSize).insert(0, 59.0),
-                "grain_size_um = 59 -+ 50",
+                "grain_size_um = 59 +- 50",
             ),
             (
                 |g| g.spread.grain_size_half_width_um = -1.0,

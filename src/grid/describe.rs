@@ -1,7 +1,6 @@
-//! A grid in its one canonical spelling: what a database is made of, key by
-//! key, and as the text of a grid file. Comments, order and formatting of the
-//! user's own file leave no trace here, nor do the bounds of the compression,
-//! which change no spectrum.
+//! The canonical description of a grid: key by key, and as the text of a grid file. It
+//! does not depend on the comments, order and formatting of the user's file, nor on the
+//! bounds of the compression, which do not affect the spectra.
 use std::fmt::Write;
 
 use super::Grid;
@@ -9,24 +8,24 @@ use crate::engine::{Engine, MaxError};
 use crate::grain::{SizeLaw, TruncatedNormal};
 use crate::optics::{Carbon, WaterTable};
 use crate::parameter::Parameter;
-use crate::transport::{Component, Ground, Layer};
+use crate::transport::{Component, Layer, Substrate};
 use crate::units::{m_to_cm, m_to_um};
 
 impl Grid {
-    /// Section, key and TOML value of everything that decides the spectra.
+    /// Section, key and TOML value of every setting that affects the spectra.
     #[must_use]
     pub fn describe(&self) -> Vec<(&'static str, &'static str, String)> {
         let axes = &self.axes;
-        // sizes as they were given: they follow from that
+        // the measure by which sizes are given determines the sizes
         let as_given = |parameter: Parameter| match &self.given_sizes {
             Some(given) if parameter == Parameter::GrainSize => {
                 (given.measure.name(), given.values.as_slice())
             }
-            _ => (parameter.name(), axes.values(parameter)),
+            _ => (parameter.key(), axes.values(parameter)),
         };
-        // those that every database has come first
-        let all = axes.iter().map(|(parameter, _)| parameter);
-        let (optional, core): (Vec<_>, Vec<_>) = all.partition(|p| p.is_optional());
+        // the axes that every database has come first
+        let parameters = axes.iter().map(|(parameter, _)| parameter);
+        let (optional, core): (Vec<_>, Vec<_>) = parameters.partition(|p| p.is_optional());
         let mut entries: Vec<_> = core
             .into_iter()
             .chain(optional)
@@ -57,14 +56,14 @@ impl Grid {
             add("spread", "sphericity_sd", number(spread.sphericity_sd));
         }
         add("wavelengths", "values_nm", list(&self.wavelengths_nm));
-        // what is an axis is not fixed
+        // a parameter that is an axis is not fixed
         for (parameter, value) in [
             (Parameter::Sphericity, normal(&fixed.sphericity)),
             (Parameter::Temperature, number(fixed.temperature_c)),
             (Parameter::WaterSaturation, number(fixed.water_saturation)),
         ] {
             if !axes.has(parameter) {
-                add("fixed", parameter.name(), value);
+                add("fixed", parameter.key(), value);
             }
         }
         for (key, carbon) in [
@@ -73,19 +72,19 @@ impl Grid {
         ] {
             if let Some(carbon) = carbon {
                 let axis = key == "black_carbon" && axes.has(Parameter::BlackCarbon);
-                // the concentration comes first
+                // the concentration is the first line; an axis replaces it
                 let lines = &carbon_lines(carbon)[usize::from(axis)..];
                 add("fixed", key, inline(lines));
             }
         }
         if !fixed.below.is_empty() {
-            // a config begins at the base
+            // config files list layers from the base up
             let layers: Vec<_> = fixed.below.iter().rev().map(layer).collect();
             add("fixed", "below", format!("[{}]", layers.join(", ")));
         }
-        let ground = reflectance(&fixed.ground);
-        let free = !axes.has(Parameter::SubstrateReflectance);
-        if let Some(reflectance) = ground.filter(|_| free) {
+        let substrate = reflectance(&fixed.substrate);
+        let is_fixed = !axes.has(Parameter::SubstrateReflectance);
+        if let Some(reflectance) = substrate.filter(|_| is_fixed) {
             add(
                 "fixed",
                 "substrate",
@@ -101,7 +100,7 @@ impl Grid {
             add("run", "max_error", error);
         }
         add("model", "entry", quoted(model.entry.name()));
-        // not said of databases before there was a choice
+        // the default is left out, as in databases from before this key existed
         if spread.size_law != SizeLaw::default() {
             add("model", "size_law", quoted(spread.size_law.name()));
         }
@@ -117,11 +116,11 @@ impl Grid {
         entries
     }
 
-    /// The text of a grid file that builds this database, every value explicit:
-    /// [`crate::config::grid::parse`] gives this grid again, with the default
-    /// bounds of the compression and of choices that change nothing in it. A
-    /// user's tables are named without their folders: they are looked for beside
-    /// the text.
+    /// The text of a grid file that builds this database, with every value explicit.
+    /// [`crate::config::grid::parse`] gives this grid again, except that the bounds of the
+    /// compression, and settings without effect in this grid, have their defaults. A user's
+    /// tables are named without their directory: they are searched for in the directory of
+    /// the file.
     #[must_use]
     pub fn to_config(&self) -> String {
         let mut text = String::from("version = 1\n");
@@ -137,7 +136,7 @@ impl Grid {
     }
 }
 
-/// The shortest decimal that reads back as the same number; -0 is 0.
+/// The shortest decimal that reads back as the same number; -0 becomes 0.
 pub(crate) fn number(value: f64) -> String {
     format!("{:?}", value + 0.0)
 }
@@ -185,7 +184,7 @@ fn layer(layer: &Layer) -> String {
     inline(&lines)
 }
 
-/// The keys of a table of carbon.
+/// The lines `key = value` of a table of carbon.
 pub(crate) fn carbon_lines(carbon: &Carbon) -> Vec<String> {
     let per = if carbon.per_wet_mass {
         "wet_mass"
@@ -208,13 +207,13 @@ pub(crate) fn carbon_lines(carbon: &Carbon) -> Vec<String> {
     ]
 }
 
-/// The value of the key `reflectance` of a ground, if it is not black: of a spectrum the
-/// values that are used, one for each wavelength.
-pub(crate) fn reflectance(ground: &Ground) -> Option<String> {
-    match ground {
-        Ground::Black => None,
-        Ground::Grey(reflectance) => Some(number(*reflectance)),
-        Ground::Spectrum { table } => Some(list(table.column(0))),
+/// The value of the key `reflectance` of a substrate; a spectrum is a list with one value
+/// per wavelength. `None` for a black substrate.
+pub(crate) fn reflectance(substrate: &Substrate) -> Option<String> {
+    match substrate {
+        Substrate::Black => None,
+        Substrate::Grey(reflectance) => Some(number(*reflectance)),
+        Substrate::Spectrum { table } => Some(list(table.column(0))),
     }
 }
 
@@ -223,8 +222,9 @@ fn quoted(text: &str) -> String {
     toml::Value::String(text.into()).to_string()
 }
 
-/// A user's table by its file name alone: the same table gives the same
-/// database from any folder. Its contents are compared by hash.
+/// The name of a table of water. Of a user's table it is the file name alone, so that the
+/// same table gives the same database from any directory; its contents are compared by
+/// hash.
 fn water_name(table: &WaterTable) -> String {
     match table {
         WaterTable::Csv(path) => path

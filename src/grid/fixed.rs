@@ -1,17 +1,17 @@
-//! What the parameters of axes do to the snow.
+//! Applies the values of axes to the fixed properties of the snow.
 use super::{Fixed, Grid, GridError, Spread};
 use crate::grain::TruncatedNormal;
-use crate::lookup::Substrate;
+use crate::lookup::SubstrateKind;
 use crate::optics::Carbon;
 use crate::parameter::{Axes, Parameter, Point};
-use crate::transport::Ground;
+use crate::transport::Substrate;
 
 impl Fixed {
-    /// The same with the values that `point` has; the law of the sphericity is as
-    /// wide as `spread` says.
+    /// A copy with the values of `point`. `spread` gives the width of the sphericity
+    /// distribution.
     ///
     /// # Errors
-    /// That law is no distribution.
+    /// [`GridError::Law`] if the sphericity distribution is invalid.
     pub fn at(&self, point: &Point, spread: &Spread) -> Result<Self, GridError> {
         let mut fixed = self.clone();
         for (parameter, value) in point.iter() {
@@ -26,9 +26,11 @@ impl Fixed {
                 Parameter::WaterSaturation => fixed.water_saturation = value,
                 Parameter::Temperature => fixed.temperature_c = value,
                 Parameter::Sphericity => fixed.sphericity = spread.sphericity_law(value)?,
-                Parameter::SubstrateReflectance if value == 0.0 => fixed.ground = Ground::Black,
-                Parameter::SubstrateReflectance => fixed.ground = Ground::Grey(value),
-                // of the grains, the surface layer and the light: not fixed
+                Parameter::SubstrateReflectance if value == 0.0 => {
+                    fixed.substrate = Substrate::Black
+                }
+                Parameter::SubstrateReflectance => fixed.substrate = Substrate::Grey(value),
+                // parameters of the grains, the surface layer and the light are not fixed
                 _ => {}
             }
         }
@@ -37,7 +39,8 @@ impl Fixed {
 }
 
 impl Spread {
-    /// Sphericity around an axis value: cut to mean -+ half width, and to (0, 1].
+    /// Sphericity distribution around an axis value: truncated to mean +- half width, and
+    /// to (0, 1].
     pub(crate) fn sphericity_law(&self, mean: f64) -> Result<TruncatedNormal, GridError> {
         let half_width = self.sphericity_half_width;
         let min = (mean - half_width).max(LEAST_SPHERICITY.min(mean));
@@ -50,12 +53,11 @@ impl Spread {
     }
 }
 
-/// Where laws of the sphericity are cut: no spheroid has 0.
+/// Smallest sphericity of a distribution: no spheroid has sphericity 0.
 const LEAST_SPHERICITY: f64 = 0.01;
 
 impl Grid {
-    /// The same grid at one value of each axis that a database may leave out, without
-    /// those axes.
+    /// The same grid without its optional axes, at the values of `point` on these axes.
     ///
     /// # Errors
     /// As [`Fixed::at`].
@@ -67,23 +69,23 @@ impl Grid {
         Ok(grid)
     }
 
-    /// Whether there is water in any snow of it.
+    /// Whether any snow of the grid contains liquid water.
     #[must_use]
     pub fn is_wet(&self) -> bool {
         let saturations = self.axes.values(Parameter::WaterSaturation);
-        self.fixed.is_wet() || saturations.last().is_some_and(|most| *most > 0.0)
+        self.fixed.is_wet() || saturations.last().is_some_and(|largest| *largest > 0.0)
     }
 
-    /// What lies under the snow of the axes.
+    /// The kind of substrate under the surface layer, including the layers below.
     #[must_use]
-    pub fn substrate(&self) -> Substrate {
-        let reflects = !matches!(self.fixed.ground, Ground::Black);
+    pub fn substrate(&self) -> SubstrateKind {
+        let reflects = !matches!(self.fixed.substrate, Substrate::Black);
         if !self.fixed.below.is_empty() {
-            Substrate::Layers
+            SubstrateKind::Layers
         } else if reflects || self.axes.has(Parameter::SubstrateReflectance) {
-            Substrate::Reflecting
+            SubstrateKind::Reflecting
         } else {
-            Substrate::Black
+            SubstrateKind::Black
         }
     }
 }
@@ -102,18 +104,21 @@ mod tests {
         assert_eq!((jobs.count(), jobs.curves()), (6 * 8, 6 * 24));
         let job = |n| grid.job(&jobs, n).unwrap();
         for n in 0..8 {
-            let surface = job(n).pack.surface;
+            let surface = job(n).snowpack.surface;
             assert_eq!(surface.black_carbon.unwrap().concentration_ng_g, 0.0);
             assert_eq!(surface.water_saturation, 0.0);
         }
-        assert_eq!(job(8).pack.surface.water_saturation, 0.1);
+        assert_eq!(job(8).snowpack.surface.water_saturation, 0.1);
         assert_eq!(
-            job(8).pack.surface.black_carbon,
-            job(0).pack.surface.black_carbon
+            job(8).snowpack.surface.black_carbon,
+            job(0).snowpack.surface.black_carbon
         );
         let last = job(47);
-        assert_eq!(last.pack.surface.black_carbon, Some(Carbon::black(400.0)));
-        assert_eq!(last.pack.surface.water_saturation, 0.1);
+        assert_eq!(
+            last.snowpack.surface.black_carbon,
+            Some(Carbon::black(400.0))
+        );
+        assert_eq!(last.snowpack.surface.water_saturation, 0.1);
         assert!(
             last.to_string()
                 .contains("black carbon 400 ng g-1, water saturation 0.1, thickness"),
@@ -122,7 +127,7 @@ mod tests {
         // the rest of a job is that of the same job of the first combination
         let first = job(7);
         assert_eq!(last.angles_deg, first.angles_deg);
-        assert_eq!(last.pack.surface.grains, first.pack.surface.grains);
+        assert_eq!(last.snowpack.surface.grains, first.snowpack.surface.grains);
         assert!(grid.job(&jobs, 48).is_err());
     }
 
@@ -135,10 +140,10 @@ mod tests {
         assert_eq!((law.min(), law.max(), law.mean()), (0.75, 1.0, 0.9));
         let law = fixed(Parameter::Sphericity, 0.1).sphericity;
         assert_eq!((law.min(), law.max()), (0.01, 0.25));
-        let ground = |value| fixed(Parameter::SubstrateReflectance, value).ground;
+        let substrate = |value| fixed(Parameter::SubstrateReflectance, value).substrate;
         assert_eq!(
-            (ground(0.0), ground(0.3)),
-            (Ground::Black, Ground::Grey(0.3))
+            (substrate(0.0), substrate(0.3)),
+            (Substrate::Black, Substrate::Grey(0.3))
         );
     }
 }

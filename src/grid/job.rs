@@ -1,4 +1,4 @@
-//! From a job's number to what an engine is asked for.
+//! Expands a job number into the request to an engine.
 use std::fmt;
 
 use super::{Grid, GridError, Jobs};
@@ -6,68 +6,74 @@ use crate::engine::{Engine, Request, Resolution, identity};
 use crate::grain::{GrainType, Shape, SizeRange, TruncatedNormal};
 use crate::measurement::{Measured, Spectrum};
 use crate::parameter::{Parameter, Point, Role};
-use crate::transport::{Illumination, Pack, Snow};
+use crate::transport::{Illumination, Snow, Snowpack};
 use crate::units::{HALF_SPACE_M, cm_to_m, m_to_cm, um_to_m};
 
-/// Jobs share the tables of a shape of grain, so these are this many times as fine as the
-/// walks of one job could tell: as fine as they get from 65,536 walks on.
+/// Jobs with the same grain shape share tables, so tables have the resolution for this
+/// many times the walks of one job. From 65,536 walks per job on, they have the finest
+/// resolution.
 const SHARED: u64 = 16;
 
-/// One job: one snow, one or all thicknesses, one or all angles.
+/// One job: one kind of snow, at one or all thicknesses and one or all incidence angles.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Job {
-    /// What its random streams are keyed with: [`identity`] of its own parameters,
-    /// wherever it stands in the grid.
+    /// Key of the random streams: the [`identity`] of the job's own parameters,
+    /// independent of its position in the grid.
     pub cell: u64,
-    /// Its values on all axes but thickness and incidence.
+    /// Values on all axes except thickness and incidence angle.
     pub snow: Point,
-    /// The snow.
-    pub pack: Pack,
+    /// The snowpack.
+    pub snowpack: Snowpack,
     /// Slab thicknesses, m, increasing: the job's curves in storage order.
     pub thicknesses_m: Vec<f64>,
-    /// Polar angles of incidence, degrees.
+    /// Incidence angles, degrees.
     pub angles_deg: Vec<f64>,
-    /// The same as illuminations, and isotropic light last if the grid asks for it.
+    /// Illuminations at the incidence angles, followed by diffuse light if the grid has it.
     pub illuminations: Vec<Illumination>,
-    /// How many of the first thicknesses are too thin for the grains: their curves
+    /// Number of the thinnest thicknesses that are too thin for the grains: their curves
     /// do not exist ([`Grid::absent`]).
     pub absent: usize,
 }
 
 impl Job {
-    /// Whether it has curves that exist.
+    /// Whether any curve of the job exists.
     #[must_use]
     pub fn exists(&self) -> bool {
         self.absent < self.thicknesses_m.len()
     }
 
-    /// The `spectra` of the curves that exist, after one of `wavelengths` NaN for each
-    /// that does not: those of all curves.
+    /// The spectra of all curves: a spectrum of NaN at `wavelengths` wavelengths for each
+    /// curve that does not exist, followed by the `spectra` of those that exist.
     #[must_use]
     pub fn completed(&self, spectra: Vec<Spectrum>, wavelengths: usize) -> Vec<Spectrum> {
-        let none = Measured {
+        let nan = Measured {
             value: f64::NAN,
             se: f64::NAN,
         };
-        let none = Spectrum {
-            reflectance: vec![none; wavelengths],
-            transmittance: vec![none; wavelengths],
+        let absent_spectrum = Spectrum {
+            reflectance: vec![nan; wavelengths],
+            transmittance: vec![nan; wavelengths],
             lost: vec![0.0; wavelengths],
         };
-        let mut all = vec![none; self.absent * self.illuminations.len()];
-        all.extend(spectra);
-        all
+        let mut completed = vec![absent_spectrum; self.absent * self.illuminations.len()];
+        completed.extend(spectra);
+        completed
     }
 
-    /// What to ask an engine for: the curves that exist.
+    /// The request to an engine for the curves that exist.
     #[must_use]
     pub fn request<'a>(&'a self, grid: &'a Grid) -> Request<'a> {
         let thicknesses_m = self.thicknesses_m.get(self.absent..).unwrap_or_default();
-        grid.request(&self.pack, thicknesses_m, &self.illuminations, self.cell)
+        grid.request(
+            &self.snowpack,
+            thicknesses_m,
+            &self.illuminations,
+            self.cell,
+        )
     }
 }
 
-/// The parameters that single this job out, for messages.
+/// The parameters of the job, for messages.
 impl fmt::Display for Job {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         let list = |f: &mut fmt::Formatter<'_>, values: &[f64]| {
@@ -97,10 +103,15 @@ impl fmt::Display for Job {
     }
 }
 
-/// What the streams of a job are keyed with: of what it shares out over its
-/// curves, the engine keeps the streams apart.
-fn cell(engine: Engine, pack: &Pack, thicknesses_m: &[f64], lights: &[Illumination]) -> u64 {
-    let mut cell = identity::of_pack(pack);
+/// Key of the random streams of a job. Thickness and illumination are part of the key
+/// only if the job has a single one; otherwise the engine uses separate streams for them.
+fn cell(
+    engine: Engine,
+    snowpack: &Snowpack,
+    thicknesses_m: &[f64],
+    lights: &[Illumination],
+) -> u64 {
+    let mut cell = identity::of_snowpack(snowpack);
     if let ([light], false) = (lights, engine.shares_angles()) {
         cell = identity::with_light(cell, light);
     }
@@ -111,12 +122,13 @@ fn cell(engine: Engine, pack: &Pack, thicknesses_m: &[f64], lights: &[Illuminati
 }
 
 impl Grid {
-    /// The snow at a point, whatever the axes; its thickness and incidence are not looked
-    /// at.
+    /// The snowpack at `point`, which need not be a node. Thickness and incidence angle are
+    /// ignored.
     ///
     /// # Errors
-    /// A law of one of its values is impossible.
-    pub fn pack(&self, point: &Point) -> Result<Pack, GridError> {
+    /// [`GridError::SmallGrain`] or [`GridError::Law`] if a distribution around a value of
+    /// `point` is invalid.
+    pub fn snowpack(&self, point: &Point) -> Result<Snowpack, GridError> {
         let fixed = self.fixed.at(point, &self.spread)?;
         let grain = GrainType {
             size: self.size_law(point[Parameter::GrainSize])?,
@@ -125,7 +137,7 @@ impl Grid {
             sphericity: fixed.sphericity,
         };
         let surface = Snow::dry(grain, point[Parameter::Density], fixed.temperature_c);
-        Ok(Pack {
+        Ok(Snowpack {
             surface: Snow {
                 water_saturation: fixed.water_saturation,
                 black_carbon: fixed.black_carbon,
@@ -133,21 +145,21 @@ impl Grid {
                 ..surface
             },
             below: fixed.below,
-            ground: fixed.ground,
+            substrate: fixed.substrate,
         })
     }
 
-    /// What to ask an engine for of one `pack`.
+    /// The request to an engine for the curves of one `snowpack`.
     #[must_use]
     pub fn request<'a>(
         &'a self,
-        pack: &'a Pack,
+        snowpack: &'a Snowpack,
         thicknesses_m: &'a [f64],
         illuminations: &'a [Illumination],
         cell: u64,
     ) -> Request<'a> {
         Request {
-            pack,
+            snowpack,
             thicknesses_m,
             illuminations,
             resolution: Resolution::of_rays(self.run.rays.saturating_mul(SHARED)),
@@ -160,10 +172,11 @@ impl Grid {
         }
     }
 
-    /// The job of number `job`, of the `jobs` this grid gave.
+    /// The job with number `job`; `jobs` must come from [`Grid::jobs`] of this grid.
     ///
     /// # Errors
-    /// No such job, or a law of its axis values is impossible.
+    /// [`GridError::NoSuchJob`] if `job` is out of range; [`GridError::SmallGrain`] or
+    /// [`GridError::Law`] if a distribution around an axis value is invalid.
     pub fn job(&self, jobs: &Jobs, job: u64) -> Result<Job, GridError> {
         let axes = &self.axes;
         let snow: Point = axes
@@ -171,16 +184,17 @@ impl Grid {
             .iter()
             .filter(|(parameter, _)| parameter.record().role == Role::Snow)
             .collect();
-        let of = |parameter| Ok((jobs.nodes(job, parameter)?, axes.values(parameter)));
+        let nodes_and_values =
+            |parameter| Ok((jobs.nodes(job, parameter)?, axes.values(parameter)));
         let [size, thicknesses, angles] = [
             Parameter::GrainSize,
             Parameter::Thickness,
             Parameter::Incidence,
         ]
-        .map(of);
+        .map(nodes_and_values);
         let ((size, _), (thicknesses, all_cm), (angles, all_deg)) = (size?, thicknesses?, angles?);
         let absent = self.absent()?.get(size.start).copied().unwrap_or_default();
-        let pack = self.pack(&snow)?;
+        let snowpack = self.snowpack(&snow)?;
         let missing = || GridError::NoSuchJob {
             job,
             jobs: jobs.count(),
@@ -197,9 +211,9 @@ impl Grid {
         let diffuse = self.fixed.diffuse.then_some(Illumination::Diffuse);
         let illuminations: Vec<_> = angles_deg.iter().map(light).chain(diffuse).collect();
         Ok(Job {
-            cell: cell(self.run.engine, &pack, &thicknesses_m, &illuminations),
+            cell: cell(self.run.engine, &snowpack, &thicknesses_m, &illuminations),
             snow,
-            pack,
+            snowpack,
             thicknesses_m,
             angles_deg: angles_deg.to_vec(),
             absent,
@@ -207,7 +221,8 @@ impl Grid {
         })
     }
 
-    /// Facetness around an axis value: cut to mean -+ half width, and to [0, 1].
+    /// Facetness distribution around an axis value: truncated to mean +- half width, and to
+    /// [0, 1].
     pub(super) fn facetness_law(&self, mean: f64) -> Result<TruncatedNormal, GridError> {
         let half_width = self.spread.facetness_half_width;
         let (min, max) = (mean - half_width, mean + half_width);
@@ -220,7 +235,7 @@ impl Grid {
         )
     }
 
-    /// Grain size around an axis value: uniform in value -+ half width.
+    /// Size distribution around an axis value: uniform in value +- half width.
     pub(super) fn size_law(&self, size_um: f64) -> Result<SizeRange, GridError> {
         self.check_size(size_um)?;
         let half_width_um = self.spread.grain_size_half_width_um;
@@ -241,52 +256,55 @@ impl Grid {
 mod tests {
     #![allow(clippy::unwrap_used)]
     use super::*;
-    use crate::engine::identity::{of_pack, with_light, with_thickness};
+    use crate::engine::identity::{of_snowpack, with_light, with_thickness};
     use crate::grid::tests::{small, with_extra};
     use crate::optics::Carbon;
-    use crate::transport::Ground;
+    use crate::transport::Substrate;
 
     /// Every parameter counts, and nothing but parameters. The number is part of
     /// what decides the bytes of databases: it may change with the format only.
     #[test]
     fn bits_are_of_parameters() {
-        let grid = with_extra(small(Engine::Doubling));
+        let grid = with_extra(small(Engine::Hybrid));
         let jobs = grid.jobs().unwrap();
         let mut all: Vec<u64> = (0..jobs.count())
             .map(|job| grid.job(&jobs, job).unwrap().cell)
             .collect();
-        let pack = grid.job(&jobs, 0).unwrap().pack;
-        assert_eq!(all[0], of_pack(&pack));
+        let snowpack = grid.job(&jobs, 0).unwrap().snowpack;
+        assert_eq!(all[0], of_snowpack(&snowpack));
         all.sort_unstable();
         all.dedup();
         assert_eq!(all.len() as u64, jobs.count());
 
-        let clean = Pack {
+        let clean = Snowpack {
             surface: Snow {
                 black_carbon: None,
-                ..pack.surface.clone()
+                ..snowpack.surface.clone()
             },
-            ..pack.clone()
+            ..snowpack.clone()
         };
-        assert_eq!(of_pack(&clean), of_pack(&pack));
+        assert_eq!(of_snowpack(&clean), of_snowpack(&snowpack));
         let sooty = |carbon: Carbon| {
-            let mut pack = pack.clone();
-            pack.surface.black_carbon = Some(carbon);
-            of_pack(&pack)
+            let mut snowpack = snowpack.clone();
+            snowpack.surface.black_carbon = Some(carbon);
+            of_snowpack(&snowpack)
         };
         let carbon = Carbon::black(10.0);
         let wet = Carbon {
             per_wet_mass: !carbon.per_wet_mass,
             ..carbon
         };
-        assert_ne!(sooty(carbon), of_pack(&pack));
+        assert_ne!(sooty(carbon), of_snowpack(&snowpack));
         assert_ne!(sooty(carbon), sooty(wet));
-        let on = |ground| {
-            let pack = pack.clone();
-            of_pack(&Pack { ground, ..pack })
+        let on = |substrate| {
+            let snowpack = snowpack.clone();
+            of_snowpack(&Snowpack {
+                substrate,
+                ..snowpack
+            })
         };
-        assert_ne!(on(Ground::Grey(0.2)), on(Ground::Black));
-        assert_ne!(on(Ground::Grey(0.2)), on(Ground::Grey(0.3)));
+        assert_ne!(on(Substrate::Grey(0.2)), on(Substrate::Black));
+        assert_ne!(on(Substrate::Grey(0.2)), on(Substrate::Grey(0.3)));
         let angle = |polar_angle_rad| Illumination::Collimated { polar_angle_rad };
         assert_ne!(with_light(1, &angle(0.0)), with_light(1, &angle(0.5)));
         assert_ne!(with_light(1, &angle(0.0)), with_light(2, &angle(0.0)));
@@ -309,8 +327,11 @@ mod tests {
         );
         assert_eq!(job(1).thicknesses_m, [0.01]);
         assert_eq!(job(2).thicknesses_m, [0.02]);
-        assert_eq!(job(6).pack.surface.sizes_m()[1], 250.0 * 1e-6);
-        assert_eq!(job(12).pack.surface.grains[0].grain.facetness.mean(), 0.5);
+        assert_eq!(job(6).snowpack.surface.sizes_m()[1], 250.0 * 1e-6);
+        assert_eq!(
+            job(12).snowpack.surface.grains[0].grain.facetness.mean(),
+            0.5
+        );
         let mut cells: Vec<u64> = (0..24).map(|n| job(n).cell).collect();
         cells.sort_unstable();
         cells.dedup();

@@ -1,5 +1,5 @@
-//! Which curves one job computes. A job is a block of the grid: one chunk of
-//! the store, all wavelengths.
+//! The division of a grid into jobs. A job is a block of the grid at all wavelengths, and
+//! one chunk of the store.
 use std::ops::Range;
 
 use super::GridError;
@@ -12,14 +12,15 @@ pub struct Jobs {
     parameters: Vec<Parameter>,
     /// Lengths of the axes.
     shape: Vec<u64>,
-    /// Curves of one job along each.
+    /// Number of curves of one job along each axis.
     block: Vec<u64>,
-    /// Jobs along each.
+    /// Number of jobs along each axis.
     blocks: Vec<u64>,
     wavelengths: u64,
 }
 
-/// Nodes along an axis of `parameter` that one job of `engine` computes, of `length`.
+/// Number of nodes that one job of `engine` simulates along the axis of `parameter`, which
+/// has `length` nodes.
 fn block(engine: Engine, parameter: Parameter, length: u64) -> u64 {
     let shared = match parameter.record().role {
         Role::Snow => false,
@@ -30,25 +31,27 @@ fn block(engine: Engine, parameter: Parameter, length: u64) -> u64 {
 }
 
 impl Jobs {
+    /// The jobs of a grid with these `axes` and `wavelengths` wavelengths.
+    ///
     /// # Errors
-    /// All lengths must be at least 1, and their product (with 8 bytes per
-    /// value) must fit 64 bits.
+    /// [`GridError::Empty`] if an axis has no values; [`GridError::TooMany`] if the size of
+    /// the grid at 8 bytes per value does not fit into 64 bits.
     pub fn new(engine: Engine, axes: &Axes, wavelengths: u64) -> Result<Self, GridError> {
         let lengths = axes
             .iter()
-            .map(|(p, values)| (p.name(), values.len() as u64));
+            .map(|(p, values)| (p.key(), values.len() as u64));
         let mut lengths = lengths.chain([("wavelength_nm", wavelengths)]);
         if let Some((axis, _)) = lengths.find(|(_, n)| *n == 0) {
             return Err(GridError::Empty { axis });
         }
         let shape = axes.shape();
-        let all = [&shape[..], &[wavelengths]].concat();
-        if all
+        let full_shape = [&shape[..], &[wavelengths]].concat();
+        if full_shape
             .iter()
             .try_fold(8_u64, |n, length| n.checked_mul(*length))
             .is_none()
         {
-            return Err(GridError::TooMany { shape: all });
+            return Err(GridError::TooMany { shape: full_shape });
         }
         let parameters: Vec<_> = axes.iter().map(|(parameter, _)| parameter).collect();
         let block: Vec<u64> = parameters
@@ -93,24 +96,24 @@ impl Jobs {
         &self.shape
     }
 
-    /// Lengths of the axes in blocks.
+    /// Number of jobs along each axis, slowest first.
     #[must_use]
     pub fn blocks(&self) -> &[u64] {
         &self.blocks
     }
 
-    /// Lengths of one job.
+    /// Number of curves of one job along each axis, slowest first.
     #[must_use]
     pub fn block(&self) -> &[u64] {
         &self.block
     }
 
-    /// Nodes of one job along an axis; 1 along one that is not there.
+    /// Number of nodes of one job along an axis; 1 if the axis is not in the grid.
     #[must_use]
     pub fn block_along(&self, parameter: Parameter) -> usize {
         let mut axes = self.parameters.iter().zip(&self.block);
-        let found = axes.find(|(other, _)| **other == parameter);
-        found.map_or(1, |(_, block)| *block as usize)
+        let axis = axes.find(|(other, _)| **other == parameter);
+        axis.map_or(1, |(_, block)| *block as usize)
     }
 
     /// Number of wavelengths.
@@ -119,10 +122,10 @@ impl Jobs {
         self.wavelengths
     }
 
-    /// Position of `job`'s block along each axis, in blocks.
+    /// Index of the block of `job` along each axis, in blocks.
     ///
     /// # Errors
-    /// There is no such job.
+    /// [`GridError::NoSuchJob`] if `job` is out of range.
     pub fn chunk(&self, job: u64) -> Result<Vec<u64>, GridError> {
         multi_index(job, &self.blocks).ok_or(GridError::NoSuchJob {
             job,
@@ -133,7 +136,7 @@ impl Jobs {
     /// Index of the first curve of `job` along each axis.
     ///
     /// # Errors
-    /// There is no such job.
+    /// [`GridError::NoSuchJob`] if `job` is out of range.
     pub fn origin(&self, job: u64) -> Result<Vec<u64>, GridError> {
         let mut origin = self.chunk(job)?;
         for (index, block) in origin.iter_mut().zip(&self.block) {
@@ -142,20 +145,20 @@ impl Jobs {
         Ok(origin)
     }
 
-    /// The nodes of `job` along an axis; the first along one that is not there.
+    /// Indices of the nodes of `job` along an axis; 0..1 if the axis is not in the grid.
     ///
     /// # Errors
-    /// There is no such job.
+    /// [`GridError::NoSuchJob`] if `job` is out of range.
     pub fn nodes(&self, job: u64, parameter: Parameter) -> Result<Range<usize>, GridError> {
         let origin = self.origin(job)?;
         let mut axes = self.parameters.iter().zip(origin);
-        let found = axes.find(|(other, _)| **other == parameter);
-        let first = found.map_or(0, |(_, index)| index as usize);
+        let axis = axes.find(|(other, _)| **other == parameter);
+        let first = axis.map_or(0, |(_, index)| index as usize);
         Ok(first..first + self.block_along(parameter))
     }
 }
 
-/// Index along each axis of flat index `flat`; `None` outside `shape`.
+/// Index along each axis of the flat index `flat`; `None` if it is outside `shape`.
 fn multi_index(mut flat: u64, shape: &[u64]) -> Option<Vec<u64>> {
     let mut index = shape.to_vec();
     for i in index.iter_mut().rev() {
@@ -259,6 +262,6 @@ mod tests {
         };
         assert_eq!(count(Engine::Spectral), 2250);
         assert_eq!(count(Engine::Reference), 24_750);
-        assert_eq!(count(Engine::Doubling), 225);
+        assert_eq!(count(Engine::Hybrid), 225);
     }
 }

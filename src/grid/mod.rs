@@ -1,5 +1,5 @@
-//! The grid of a spectral database: its axes, its cells and its jobs
-//! (docs/methods.md). Curves and jobs are numbered in storage order, slowest axis first
+//! The grid of a spectral database: its axes, nodes and jobs (docs/methods.md). Curves and
+//! jobs are numbered in storage order, slowest axis first
 //! ([`crate::parameter::Parameter`]).
 mod absent;
 mod check;
@@ -13,7 +13,7 @@ use crate::engine::{Engine, MaxError};
 use crate::grain::{SizeLaw, SizeMeasure, TruncatedNormal};
 use crate::optics::Carbon;
 use crate::parameter::Axes;
-use crate::transport::{Ground, Layer, Model};
+use crate::transport::{Layer, Model, Substrate};
 
 pub use absent::{MIN_GRAIN_LENGTHS, absent_curves, existing, why_absent};
 pub use check::GridError;
@@ -22,12 +22,12 @@ pub use job::Job;
 pub use jobs::Jobs;
 pub use shard::{Shard, ShardError};
 
-/// Grain sizes that were given by another measure, with its values, increasing.
+/// The values of a grain size axis that is given by another measure than the size.
 #[derive(Debug, Clone, PartialEq)]
 pub struct GivenSizes {
-    /// By what.
+    /// The measure.
     pub measure: SizeMeasure,
-    /// The values as given.
+    /// Values of the measure, in its unit, increasing.
     pub values: Vec<f64>,
 }
 
@@ -43,20 +43,22 @@ impl GivenSizes {
     }
 }
 
-/// Widths of the laws around an axis value.
+/// Widths of the distributions around an axis value.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Spread {
-    /// Facetness is cut to mean -+ this (and to [0, 1]).
+    /// Half width of the facetness distribution, which is truncated to mean +- this value
+    /// and to [0, 1].
     pub facetness_half_width: f64,
-    /// Standard deviation of facetness.
+    /// Standard deviation of facetness before truncation.
     pub facetness_sd: f64,
-    /// Grain size is uniform in mean -+ this, um.
+    /// Half width of the uniform grain size distribution, um.
     pub grain_size_half_width_um: f64,
-    /// Where sphericity is an axis, it is cut to mean -+ this (and to (0, 1]).
+    /// Half width of the sphericity distribution if sphericity is an axis; it is truncated
+    /// to mean +- this value and to (0, 1].
     pub sphericity_half_width: f64,
-    /// Standard deviation of sphericity there.
+    /// Standard deviation of sphericity before truncation, if sphericity is an axis.
     pub sphericity_sd: f64,
-    /// How often grains of such sizes are met.
+    /// How often a ray meets grains of each size in the size range.
     pub size_law: SizeLaw,
 }
 
@@ -74,33 +76,33 @@ impl Default for Spread {
     }
 }
 
-/// What every cell of the grid has in common.
+/// Properties that all curves of a grid share.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Fixed {
-    /// Sphericity law of the grains.
+    /// Sphericity distribution of the grains.
     pub sphericity: TruncatedNormal,
-    /// Temperature, Celsius.
+    /// Temperature, degrees Celsius.
     pub temperature_c: f64,
-    /// Water saturation of the pore space.
+    /// Water saturation: the fraction of the pore space that is liquid water.
     pub water_saturation: f64,
     /// Black carbon.
     pub black_carbon: Option<Carbon>,
     /// Brown carbon.
     pub brown_carbon: Option<Carbon>,
-    /// Layers under the snow of the axes, downward: the thickness axis is that
-    /// of all layers together.
+    /// Layers under the surface layer, from the top down. The thickness axis is the total
+    /// thickness of all layers.
     pub below: Vec<Layer>,
-    /// What they lie on.
-    pub ground: Ground,
-    /// Choices within the model.
+    /// The substrate.
+    pub substrate: Substrate,
+    /// Model options.
     pub model: Model,
-    /// Whether isotropic light falls on it, too, beside that of the angles; only with
-    /// engines one job of which has all angles.
+    /// Whether there are curves under diffuse light in addition to those at the incidence
+    /// angles; only with engines whose jobs have all angles.
     pub diffuse: bool,
 }
 
 impl Fixed {
-    /// Clean, dry snow on black ground.
+    /// Clean, dry snow on a black substrate.
     #[must_use]
     pub fn dry(sphericity: TruncatedNormal, temperature_c: f64) -> Self {
         Self {
@@ -110,20 +112,20 @@ impl Fixed {
             black_carbon: None,
             brown_carbon: None,
             below: Vec::new(),
-            ground: Ground::Black,
+            substrate: Substrate::Black,
             model: Model::default(),
             diffuse: false,
         }
     }
 
-    /// The carbon in the snow of the axes and in the layers under it.
+    /// The carbon in the surface layer and in the layers below it.
     pub fn carbon(&self) -> impl Iterator<Item = &Carbon> {
         let own = [&self.black_carbon, &self.brown_carbon];
         let below = self.below.iter().flat_map(|layer| layer.snow.carbon());
         own.into_iter().flatten().chain(below)
     }
 
-    /// Whether there is water in any layer.
+    /// Whether any layer contains liquid water.
     #[must_use]
     pub fn is_wet(&self) -> bool {
         let below = self.below.iter();
@@ -131,44 +133,45 @@ impl Fixed {
     }
 }
 
-/// How the jobs are run.
+/// How the jobs are simulated.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Run {
-    /// Which engine.
+    /// The engine.
     pub engine: Engine,
-    /// Seed of the database.
+    /// Seed of the random streams.
     pub seed: u64,
-    /// Walks per curve (see [`crate::engine::Request::rays`]).
+    /// Number of walks per curve (see [`crate::engine::Request::rays`]).
     pub rays: u64,
-    /// What `auto` is to hold.
+    /// Largest error of a curve that the engine `auto` may leave.
     pub max_error: MaxError,
 }
 
-/// Bounds that choose the number of components.
+/// Error bounds that determine the number of components of the compression.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Compression {
-    /// Largest Delta-E*ab allowed on any curve (default 2.3).
+    /// Largest colour difference Delta-E of any curve (default 2.3).
     pub max_delta_e: f64,
-    /// Largest RMSE allowed on any curve.
+    /// Largest root-mean-square error of any curve; `None` for a bound derived from the
+    /// standard errors.
     pub max_rmse: Option<f64>,
 }
 
-/// A whole database, as a config describes it.
+/// A spectral database as described by a grid file.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Grid {
-    /// The axes: those that every database has, and any others.
+    /// The axes: those that every database has, and any optional ones.
     pub axes: Axes,
-    /// By what the grain sizes were given, if not as such.
+    /// Values of the grain size axis if it is given by another measure than the size.
     pub given_sizes: Option<GivenSizes>,
-    /// Widths of the laws around an axis value.
+    /// Widths of the distributions around an axis value.
     pub spread: Spread,
     /// Wavelengths, nm, strictly increasing.
     pub wavelengths_nm: Vec<f64>,
-    /// What all cells share.
+    /// Properties that all curves share.
     pub fixed: Fixed,
-    /// Engine, seed, rays.
+    /// Engine, seed, number of walks and largest error.
     pub run: Run,
-    /// Bounds of the compression.
+    /// Error bounds of the compression.
     pub compression: Compression,
 }
 

@@ -1,18 +1,18 @@
-//! A share of the jobs, so that several processes can work on one database.
+//! Shards: shares of the jobs, so that several processes can work on one database.
 use std::fmt;
 use std::str::FromStr;
 
 use thiserror::Error;
 
-/// Share `index` of `count`: jobs whose number leaves `index` when divided by
-/// `count`. Neighbouring jobs cost alike, so the shares do too.
+/// Shard `index` of `count`: the jobs whose number modulo `count` is `index`. Neighbouring
+/// jobs have similar costs, and so have the shards.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub struct Shard {
     index: u64,
     count: u64,
 }
 
-/// A text that is no share.
+/// An invalid shard.
 #[derive(Debug, Clone, PartialEq, Eq, Error)]
 #[error("shard {given:?} must be I/N with whole numbers 0 <= I < N, such as 0/3")]
 pub struct ShardError {
@@ -20,8 +20,10 @@ pub struct ShardError {
 }
 
 impl Shard {
+    /// Shard `index` of `count`.
+    ///
     /// # Errors
-    /// `index` must be below `count`.
+    /// [`ShardError`] if `index` is not below `count`.
     pub fn new(index: u64, count: u64) -> Result<Self, ShardError> {
         if index < count {
             Ok(Self { index, count })
@@ -32,13 +34,13 @@ impl Shard {
         }
     }
 
-    /// Whether `job` belongs to this share.
+    /// Whether `job` belongs to this shard.
     #[must_use]
     pub fn owns(&self, job: u64) -> bool {
         job % self.count == self.index
     }
 
-    /// The name of this share in file names: `0-of-3`.
+    /// The name of this shard in file names, such as `0-of-3`.
     #[must_use]
     pub fn file_name(&self) -> String {
         format!("{}-of-{}", self.index, self.count)

@@ -1,10 +1,10 @@
-//! Experiments with the model, and their pictures; with the feature `charts`.
+//! Experiments with the model and their pictures; requires the feature `charts`.
 //!
-//! | module | what lives there |
+//! | module | contents |
 //! |---|---|
 //! | [`tradeoff`] | speed against accuracy of the engines |
-//! | [`study`] | the variants of a sample that a study file asks for |
-//! | [`report`] | charts and tables of both, of a comparison with a measured spectrum; patches of colour |
+//! | [`study`] | the variants of a sample that a study file lists |
+//! | [`report`] | charts and tables of both, and of a comparison with a measured spectrum; patches of colour |
 pub mod report;
 pub mod study;
 pub mod tradeoff;

@@ -1,4 +1,4 @@
-//! Why there is no plan.
+//! Errors of planning.
 use thiserror::Error;
 
 use crate::engine::EngineError;
@@ -6,23 +6,23 @@ use crate::grid::GridError;
 use crate::optics::OpticsError;
 use crate::threads::ThreadsError;
 
-/// Why there is no plan.
+/// Why a build could not be planned.
 #[derive(Debug, Error)]
 #[non_exhaustive]
 pub enum PlanError {
-    /// The grid is impossible.
+    /// The grid is invalid.
     #[error(transparent)]
     Grid(#[from] GridError),
-    /// An engine could not run a job.
+    /// An engine failed in a pilot job.
     #[error(transparent)]
     Engine(#[from] EngineError),
     /// A data table cannot be read.
     #[error(transparent)]
     Optics(#[from] OpticsError),
-    /// The environment says no number of threads.
+    /// An environment variable has an invalid number of threads.
     #[error(transparent)]
     Threads(#[from] ThreadsError),
-    /// A thread that measured has panicked.
-    #[error("a pilot job failed")]
+    /// A thread that ran pilot jobs panicked.
+    #[error("a pilot job panicked; this is a bug in splitsnow")]
     Panicked,
 }

@@ -1,4 +1,4 @@
-//! What a build will take, without running it.
+//! Planning: estimates the time, size and errors of a build without running it.
 //!
 //! ```no_run
 //! use splitsnow::{config, plan};
@@ -27,32 +27,32 @@ use crate::store::{Store, StoreError, estimated_bytes};
 use crate::threads::threads;
 use pilot::Pilot;
 
-/// Time to store one job, s: six files flushed to the disk (1 to 7 ms measured
-/// on virtual disks).
+/// Time to store one job, s: six files are flushed to the disk (1 to 7 ms measured on
+/// virtual disks).
 const STORE_SECONDS: f64 = 0.003;
-/// Time to compress one value of one quantity, s, and what each wavelength adds
-/// to that, in the decomposition.
+/// Time to compress one value of one quantity, s, and the time that each wavelength adds
+/// to it in the decomposition, s.
 const COMPRESS_SECONDS: (f64, f64) = (1.5e-7, 2e-10);
-/// Components for which the size of the compact file is given.
+/// Number of components for which the size of the compact file is estimated.
 pub const COMPONENTS: u64 = 3;
-/// Typical bytes of the header of a compact file.
+/// Typical size of the header of a compact file, bytes.
 const HEADER: u64 = 10_000;
 
-/// How to plan.
+/// Options of planning.
 #[derive(Debug, Clone, PartialEq)]
 #[non_exhaustive]
 pub struct Options {
-    /// Threads of the build; 0 is what [`threads`] says.
+    /// Number of threads of the build; 0 for the default of [`threads`].
     pub threads: usize,
-    /// CPU seconds to measure with, in all threads together.
+    /// CPU time for pilot jobs, s, summed over all threads.
     pub seconds: f64,
-    /// Where the database is or will be: of one begun there, the time is that of the jobs
-    /// left.
+    /// Output directory. If it has an unfinished database, the estimated time is that of the
+    /// remaining jobs.
     pub dir: Option<PathBuf>,
 }
 
 impl Default for Options {
-    /// Five CPU seconds; no database begun.
+    /// Five CPU seconds, and no output directory.
     fn default() -> Self {
         Self {
             threads: 0,
@@ -62,49 +62,49 @@ impl Default for Options {
     }
 }
 
-/// What a build will take.
+/// Estimates for a build.
 #[derive(Debug, Serialize)]
 #[non_exhaustive]
 pub struct Plan {
-    /// The engine.
+    /// The engine of the grid.
     #[serde(serialize_with = "engine_name")]
     pub engine: Engine,
-    /// Seed of the database.
+    /// Seed of the random streams.
     pub seed: u64,
-    /// Walks per curve.
+    /// Number of walks per curve.
     pub rays: u64,
-    /// The axes of the database, slowest first, and the wavelengths.
+    /// The axes of the database, slowest first, followed by the wavelengths.
     pub axes: Vec<Axis>,
-    /// Jobs of the database.
+    /// Number of jobs of the database.
     pub jobs: u64,
-    /// Those that are not done.
+    /// Number of jobs that are not done.
     pub jobs_left: u64,
-    /// Curves of either quantity.
+    /// Number of curves of each quantity, including those that do not exist.
     pub curves: u64,
-    /// Those of them that do not exist.
+    /// Number of curves that do not exist.
     pub absent_curves: u64,
-    /// Why not, in words.
+    /// Message that says why some curves do not exist.
     #[serde(skip)]
     pub why_absent: String,
-    /// Threads of the build.
+    /// Number of threads of the build.
     pub threads: usize,
-    /// CPU seconds of the jobs left, and of the compression.
+    /// CPU time of the remaining jobs and of the compression, s.
     pub core_seconds: f64,
-    /// The same by the clock.
+    /// Wall clock time of the remaining jobs and of the compression, s.
     pub wall_seconds: f64,
-    /// Size of the database.
+    /// Size of the database, bytes.
     pub database_bytes: u64,
-    /// Size of the compact file with [`COMPONENTS`] components for each quantity.
+    /// Size of the compact file with [`COMPONENTS`] components per quantity, bytes.
     pub compact_bytes: u64,
-    /// Over curves and wavelengths; `None` where nothing could be run.
+    /// Median standard error over curves and wavelengths; `None` if no pilot job ended.
     pub median_standard_error: Option<f64>,
-    /// The largest.
+    /// Largest standard error over curves and wavelengths; `None` if no pilot job ended.
     pub max_standard_error: Option<f64>,
     /// The job that takes longest on one thread.
     pub longest_job: LongestJob,
-    /// What the estimates rest on.
-    pub pilot: Measured,
-    /// Why a build in [`Options::dir`] would be refused, if it would.
+    /// The pilot jobs that the estimates are based on.
+    pub pilot: PilotReport,
+    /// Why a build in [`Options::dir`] would be refused; `None` if it would not.
     #[serde(skip)]
     pub refused: Option<StoreError>,
 }
@@ -113,36 +113,38 @@ pub struct Plan {
 #[derive(Debug, Clone, Serialize)]
 #[non_exhaustive]
 pub struct LongestJob {
-    /// Its parameters.
+    /// Parameters of the job.
     pub parameters: String,
-    /// Who does it.
+    /// The engine that runs it.
     #[serde(serialize_with = "engine_name")]
     pub engine: Engine,
-    /// Its rays per curve.
+    /// Number of rays per curve.
     pub rays: u64,
-    /// Rays it was run with; 0 if its time is from those of others and its size.
+    /// Number of rays of its pilot run; 0 if its time is estimated from its size and the
+    /// times of other jobs.
     pub rays_run: u64,
-    /// CPU seconds, its tables included.
+    /// CPU time including that of its tables, s.
     pub core_seconds: f64,
 }
 
-/// What the estimates rest on.
+/// Report on the pilot jobs.
 #[derive(Debug, Clone, Serialize)]
 #[non_exhaustive]
-pub struct Measured {
-    /// CPU seconds allowed.
+pub struct PilotReport {
+    /// CPU time allowed, s.
     pub budget_seconds: f64,
-    /// CPU seconds that it took.
+    /// CPU time spent, s.
     pub spent_seconds: f64,
-    /// Jobs run, with all or some of their rays.
+    /// Number of jobs run, with all or some of their rays.
     pub jobs: usize,
-    /// Those of them with all rays.
+    /// Number of jobs run with all their rays.
     pub jobs_whole: usize,
-    /// Fewest and most rays of these.
+    /// Smallest and largest number of rays of a job.
     pub rays: [u64; 2],
-    /// Wavelengths they were run at.
+    /// Number of wavelengths of a pilot job.
     pub wavelengths: usize,
-    /// What no run ended of within the budget: from sizes and typical times.
+    /// Engines and tables without a pilot run that ended within the budget: their times are
+    /// estimated from sizes and typical times.
     pub not_measured: Vec<&'static str>,
 }
 
@@ -150,9 +152,9 @@ pub struct Measured {
 #[derive(Debug, Clone, Serialize)]
 #[non_exhaustive]
 pub struct Axis {
-    /// Its name in files.
+    /// Name of the axis.
     pub name: &'static str,
-    /// Its nodes.
+    /// Values of the nodes.
     pub values: Vec<f64>,
 }
 
@@ -160,32 +162,36 @@ fn engine_name<S: Serializer>(engine: &Engine, to: S) -> Result<S::Ok, S::Error>
     to.serialize_str(engine.name())
 }
 
-/// Says what a build of `grid` will take. Runs a few of its jobs with as many of their rays
-/// as `options.seconds` allow, and extrapolates; nothing is written.
+/// Estimates the time, size and errors of a build of `grid`. Runs a few of its jobs with as
+/// many of their rays as `options.seconds` allow, and extrapolates. Writes no files.
 ///
 /// # Errors
-/// See [`PlanError`]: the grid is impossible, or an engine refuses a job.
+/// [`PlanError`] if the grid is invalid, a data table cannot be read, or an engine refuses a
+/// job.
 pub fn plan(grid: &Grid, options: &Options) -> Result<Plan, PlanError> {
     let jobs = grid.jobs()?;
-    let (left, refused) = match &options.dir {
-        Some(dir) => left(dir, grid)?,
+    let (remaining, refused) = match &options.dir {
+        Some(dir) => remaining_jobs(dir, grid)?,
         None => (None, None),
     };
     let absent = grid.absent()?;
     let threads = match options.threads {
         0 => threads(None)?,
-        asked => asked,
+        given => given,
     };
     let pilot = Pilot::run(grid, &jobs, threads, options.seconds)?;
-    let (jobs_left, walking) = match &left {
+    let (jobs_left, walking) = match &remaining {
         None => (jobs.count(), pilot.time()),
-        Some(left) => (left.len() as u64, pilot.time_of(grid, &jobs, left)?),
+        Some(remaining) => (
+            remaining.len() as u64,
+            pilot.time_of(grid, &jobs, remaining)?,
+        ),
     };
     let storing = jobs_left as f64 * STORE_SECONDS;
     let (value, wavelength) = COMPRESS_SECONDS;
     let values = 2.0 * (jobs.curves() * jobs.wavelengths()) as f64;
     let compressing = values * (value + wavelength * jobs.wavelengths() as f64);
-    let axes = grid.axes.iter().map(|(axis, values)| (axis.name(), values));
+    let axes = grid.axes.iter().map(|(axis, values)| (axis.key(), values));
     let axes = axes.chain([(WAVELENGTH, grid.wavelengths_nm.as_slice())]);
     Ok(Plan {
         engine: grid.run.engine,
@@ -209,30 +215,33 @@ pub fn plan(grid: &Grid, options: &Options) -> Result<Plan, PlanError> {
         compact_bytes: compact_bytes(&jobs),
         median_standard_error: pilot.median_standard_error(),
         max_standard_error: pilot.max_standard_error(),
-        pilot: Measured {
+        pilot: PilotReport {
             budget_seconds: options.seconds,
             spent_seconds: pilot.spent,
             jobs: pilot.jobs[0],
             jobs_whole: pilot.jobs[1],
             rays: pilot.rays,
             wavelengths: pilot.wavelengths,
-            not_measured: pilot.guessed,
+            not_measured: pilot.not_measured,
         },
         longest_job: pilot.longest,
         refused,
     })
 }
 
-/// The jobs that are left of a database begun in `dir`, `None` if there is none, and why a
+/// The remaining jobs of the database in `dir`, `None` if there is no database; and why a
 /// build there would be refused.
-fn left(dir: &Path, grid: &Grid) -> Result<(Option<Vec<u64>>, Option<StoreError>), PlanError> {
+fn remaining_jobs(
+    dir: &Path,
+    grid: &Grid,
+) -> Result<(Option<Vec<u64>>, Option<StoreError>), PlanError> {
     let inputs = data_hashes(grid)?;
-    let begun = Store::open(dir).and_then(|store| {
+    let missing = Store::open(dir).and_then(|store| {
         store.check_same(grid, &inputs)?;
         store.missing(None)
     });
-    Ok(match begun {
-        Ok(left) => (Some(left), None),
+    Ok(match missing {
+        Ok(missing) => (Some(missing), None),
         Err(StoreError::Absent { .. }) => (None, None),
         Err(refused) => (None, Some(refused)),
     })

@@ -1,9 +1,10 @@
-//! Who may write, where the file system has no locks: a file says which process.
+//! Claims: files that replace locks where the file system does not support them. A claim
+//! names the process that may write.
 //!
-//! Nothing takes the file of a killed process away, so it names host and process:
-//! the next one on the same host sees that it is gone and takes over; one on
-//! another host cannot see, and says what to do. Files are looked at and made
-//! behind a gate: a file that only one process can create.
+//! A killed process leaves its claim behind. A later process on the same host sees from
+//! the process id that its owner is gone, and takes over. A process on another host cannot
+//! see this, and tells the user what to do. Claims are checked and created only while
+//! holding the gate, a file that only one process can create.
 use std::fs::{self, File};
 use std::io::{self, Write};
 use std::path::{Path, PathBuf};
@@ -13,14 +14,14 @@ use std::time::Duration;
 use super::{Access, StoreError, file};
 use crate::host::{Process, State};
 
-/// Begins the name of the file of a process; its access ends it.
+/// Prefix of the file name of a claim; [`Access::file_name`] follows.
 const CLAIM: &str = ".splitsnow-held-";
-/// Held for a moment by whoever looks at the others.
+/// Name of the gate, which a process holds while it checks and creates claims.
 const GATE: &str = ".splitsnow-gate";
-/// How long and how often the gate is waited for.
-const PATIENCE: (Duration, u32) = (Duration::from_millis(20), 250);
+/// Pause between attempts to create the gate, and largest number of attempts.
+const GATE_ATTEMPTS: (Duration, u32) = (Duration::from_millis(20), 250);
 
-/// A directory that this process holds, until dropped.
+/// The claim of this process on a directory, until dropped.
 #[derive(Debug)]
 pub(super) struct Claim {
     path: PathBuf,
@@ -28,33 +29,37 @@ pub(super) struct Claim {
 }
 
 impl Claim {
+    /// Claims `dir`.
+    ///
+    /// # Errors
+    /// Another process holds `dir`, or a file cannot be read or written.
     pub(super) fn take(dir: &Path, access: Access) -> Result<Self, StoreError> {
         let content = content()?;
-        let gate = pass(dir, &content)?;
+        let gate = close_gate(dir, &content)?;
         let path = dir.join(format!("{CLAIM}{}", access.file_name()));
-        // The gate opens as its file, which is whole, takes the other name.
-        let taken = check(dir, access)
+        // The gate file becomes the claim: renaming it also opens the gate.
+        let claimed = check(dir, access)
             .and_then(|()| fs::rename(&gate, &path).map_err(StoreError::io("create", &path)));
-        if taken.is_err() {
-            // What cannot be deleted is told to the next process, with what to do.
+        if claimed.is_err() {
+            // If the gate cannot be deleted, the next process reports it to the user.
             let _ = fs::remove_file(&gate);
         }
-        taken.map(|()| Self { path, content })
+        claimed.map(|()| Self { path, content })
     }
 }
 
 impl Drop for Claim {
     fn drop(&mut self) {
-        // Another's, if the user took this one's away; and what cannot be
-        // deleted names a process that is gone.
+        // The file may be the claim of another process, if the user deleted this one. If the
+        // deletion fails, the claim names a process that is gone.
         if fs::read(&self.path).is_ok_and(|content| content == self.content) {
             let _ = fs::remove_file(&self.path);
         }
     }
 }
 
-/// Refuses if a process that stands in the way of `access` holds `dir`; takes
-/// away what those left that are gone.
+/// Refuses `dir` if another process has a claim that excludes `access`, and deletes the
+/// claims of processes that are gone.
 pub(super) fn check(dir: &Path, access: Access) -> Result<(), StoreError> {
     for entry in fs::read_dir(dir).map_err(StoreError::io("read", dir))? {
         let entry = entry.map_err(StoreError::io("read", dir))?;
@@ -79,7 +84,7 @@ pub(super) fn check(dir: &Path, access: Access) -> Result<(), StoreError> {
             State::Gone => file::remove_file(&path)?,
             State::Running => {
                 return Err(StoreError::Busy {
-                    what: format!("as process {} in", owner.process),
+                    role: format!("as process {} in", owner.process),
                     path: dir.into(),
                 });
             }
@@ -91,7 +96,7 @@ pub(super) fn check(dir: &Path, access: Access) -> Result<(), StoreError> {
 
 fn held(dir: &Path, owner: Option<&Process>, file: PathBuf) -> StoreError {
     let owner = owner.map_or_else(
-        || "a process unknown".into(),
+        || "an unknown process".into(),
         |owner| format!("process {} on host {:?}", owner.process, owner.host),
     );
     StoreError::Held {
@@ -108,11 +113,12 @@ fn content() -> Result<Vec<u8>, StoreError> {
     Ok(content)
 }
 
-/// Waits for the gate and closes it: its file, which the caller has to remove.
-fn pass(dir: &Path, content: &[u8]) -> Result<PathBuf, StoreError> {
+/// Waits until the gate is open and closes it. Returns the gate file, which the caller must
+/// delete or rename.
+fn close_gate(dir: &Path, content: &[u8]) -> Result<PathBuf, StoreError> {
     let path = dir.join(GATE);
-    let (pause, times) = PATIENCE;
-    for _ in 0..times {
+    let (pause, attempts) = GATE_ATTEMPTS;
+    for _ in 0..attempts {
         match File::create_new(&path) {
             Ok(mut file) => {
                 return match file.write_all(content) {
@@ -127,8 +133,12 @@ fn pass(dir: &Path, content: &[u8]) -> Result<PathBuf, StoreError> {
             Err(error) => return Err(StoreError::io("create", &path)(error)),
         }
     }
-    let left = file::read(&path)?.unwrap_or_default();
-    Err(held(dir, serde_json::from_slice(&left).ok().as_ref(), path))
+    let owner = file::read(&path)?.unwrap_or_default();
+    Err(held(
+        dir,
+        serde_json::from_slice(&owner).ok().as_ref(),
+        path,
+    ))
 }
 
 #[cfg(all(test, unix))]

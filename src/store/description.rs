@@ -1,5 +1,5 @@
-//! What a database is made of: the identity that decides whether a directory
-//! may be continued, and the text of a grid file that makes the same database.
+//! The description of a database: the identity that determines whether a build may
+//! continue it, and the text of a grid file that makes the same database.
 use std::collections::BTreeMap;
 use std::fmt::Write;
 use std::path::Path;
@@ -10,28 +10,53 @@ use sha2::{Digest, Sha256};
 use super::StoreError;
 use super::layout::Contents;
 use crate::engine::Engine;
-use crate::grain::{Shape, SizeLaw, SizeMeasure, Told, TruncatedNormal};
+use crate::grain::{Shape, SizeConversion, SizeLaw, SizeMeasure, TruncatedNormal};
 use crate::grid::{GivenSizes, Grid};
-use crate::lookup::Substrate;
+use crate::lookup::SubstrateKind;
 use crate::parameter::{Axes, Parameter};
 
 /// Version of the layout described in [`crate::store`].
 pub const FORMAT_VERSION: u32 = 1;
 
-/// Version of how random streams and tables are keyed to nodes. A database of another
-/// version is not continued: it would mix two sets of streams.
+/// Version of the assignment of random streams and tables to nodes. A database of another
+/// version is not continued, because it would mix two sets of streams.
 const STREAMS: u32 = 2;
 
-/// Entry of the thicknesses that are too thin for the grains, per grain size.
+/// Key of the entry with the number of too thin thicknesses per grain size.
 const ABSENT: &str = "absent";
 
-/// Value of the attribute by which our own databases are recognised.
+/// Value of the attribute `program`, which identifies databases of this program.
 const PROGRAM: &str = "splitsnow";
 
-/// Everything a database's bytes depend on.
+/// Renamed keys and values: the spelling of version 0.1, which the identity keeps, and the
+/// current one. Commit marks hash the identity, so that a new spelling there would
+/// invalidate every finished job.
+const KEYS: [[&str; 2]; 1] = [["axes.angle_deg", "axes.incidence_angle_deg"]];
+const ENGINES: [[&str; 2]; 1] = [["\"doubling\"", "\"hybrid\""]];
+
+/// An entry with its key and value respelled; `order` returns the spelling to replace and
+/// its replacement.
+fn respelled(
+    key: &str,
+    value: &str,
+    order: impl Fn([&'static str; 2]) -> (&'static str, &'static str),
+) -> (String, String) {
+    let replaced = |pairs: [[&'static str; 2]; 1], text: &str| {
+        let mut pairs = pairs.into_iter().map(&order);
+        let pair = pairs.find(|(from, _)| *from == text);
+        pair.map_or_else(|| text.to_owned(), |(_, to)| to.to_owned())
+    };
+    let new_value = match key {
+        "run.engine" => replaced(ENGINES, value),
+        _ => value.to_owned(),
+    };
+    (replaced(KEYS, key), new_value)
+}
+
+/// Everything that the bytes of a database depend on.
 ///
-/// Both texts are canonical, so that they depend neither on the formatting of
-/// the user's file nor on the history of the directory.
+/// Both parts are canonical: they depend neither on the formatting of the user's file nor
+/// on the history of the directory.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub(super) struct Description {
     /// Key and value of every input, in a fixed order.
@@ -41,9 +66,10 @@ pub(super) struct Description {
 }
 
 impl Description {
-    /// `extra`: further inputs, such as the hashes of the data tables in use.
+    /// The description of the database of `grid`. `extra` has further inputs, such as the
+    /// hashes of the data tables in use.
     pub(super) fn new(grid: &Grid, extra: &BTreeMap<String, String>) -> Self {
-        let own = [
+        let versions = [
             ("format_version".to_string(), FORMAT_VERSION.to_string()),
             (
                 "program_version".to_string(),
@@ -62,7 +88,7 @@ impl Description {
             .iter()
             .map(|(key, value)| (key.clone(), value.replace('\n', " ")));
         Self {
-            entries: own
+            entries: versions
                 .into_iter()
                 .chain(inputs)
                 .chain(absent)
@@ -72,7 +98,11 @@ impl Description {
         }
     }
 
-    /// From the attributes of the database at `path`.
+    /// Reads the description of the database at `path` from its attributes `root`.
+    ///
+    /// # Errors
+    /// [`StoreError::Foreign`] if the database was not made by this program;
+    /// [`StoreError::Damaged`] if an attribute is missing.
     pub(super) fn read(root: &[u8], path: &Path) -> Result<Self, StoreError> {
         let foreign = |reason: &str| StoreError::Foreign {
             path: path.into(),
@@ -82,7 +112,9 @@ impl Description {
             serde_json::from_slice(root).map_err(|_| foreign("zarr.json is not JSON"))?;
         let attribute = |key: &str| root.get("attributes")?.get(key)?.as_str();
         if attribute("program") != Some(PROGRAM) {
-            return Err(foreign("zarr.json does not name it as the program"));
+            return Err(foreign(
+                "its zarr.json does not name splitsnow as the program",
+            ));
         }
         let damaged = |key: &str| StoreError::Damaged {
             path: path.join("zarr.json"),
@@ -92,13 +124,13 @@ impl Description {
             .ok_or_else(|| damaged("identity"))?
             .lines()
             .filter_map(|line| line.split_once(" = "))
-            .map(|(key, value)| (key.into(), value.into()))
+            .map(|(key, value)| respelled(key, value, |[former, present]| (former, present)))
             .collect();
         let config = attribute("config").ok_or_else(|| damaged("config"))?.into();
         Ok(Self { entries, config })
     }
 
-    /// The value of an entry, if there is one.
+    /// The value of an entry; `None` if it does not exist.
     pub(super) fn get(&self, key: &str) -> Option<&str> {
         let mut entries = self.entries.iter();
         entries
@@ -106,57 +138,63 @@ impl Description {
             .map(|(_, value)| value.as_str())
     }
 
-    /// Refuses the database at `path`, which `self` describes, if it differs
-    /// from what is asked for.
-    pub(super) fn check_same(&self, asked: &Self, path: &Path) -> Result<(), StoreError> {
+    /// Refuses the database at `path`, which `self` describes, if it differs from
+    /// `requested`.
+    ///
+    /// # Errors
+    /// [`StoreError::Differs`] with the first entry that differs.
+    pub(super) fn check_same(&self, requested: &Self, path: &Path) -> Result<(), StoreError> {
         const NONE: &str = "(none)";
-        let all = asked.entries.iter().chain(&self.entries);
-        for (key, _) in all {
-            let (stored, asked) = (self.get(key), asked.get(key));
-            if stored != asked {
+        let entries = requested.entries.iter().chain(&self.entries);
+        for (key, _) in entries {
+            let (stored, wanted) = (self.get(key), requested.get(key));
+            if stored != wanted {
                 return Err(StoreError::Differs {
                     path: path.into(),
                     key: key.clone(),
                     stored: short(stored.unwrap_or(NONE)),
-                    asked: short(asked.unwrap_or(NONE)),
+                    requested: short(wanted.unwrap_or(NONE)),
                 });
             }
         }
         Ok(())
     }
 
-    /// Refuses the database at `path`, which `self` describes, if its nodes are no
-    /// nodes of what is asked for, whatever their values on the axes.
-    pub(super) fn check_nodes(&self, asked: &Self, path: &Path) -> Result<(), StoreError> {
+    /// Refuses the database at `path`, which `self` describes, if it differs from
+    /// `requested` in more than the values of the axes, so that no node can be the same.
+    ///
+    /// # Errors
+    /// [`StoreError::OtherNodes`] with the first entry that differs.
+    pub(super) fn check_nodes(&self, requested: &Self, path: &Path) -> Result<(), StoreError> {
         const NONE: &str = "(none)";
-        let all = asked.entries.iter().chain(&self.entries);
-        for (key, _) in all {
-            let (stored, wanted) = (self.get(key), asked.get(key));
-            if stored != wanted && !self.is_of_axes(asked, key) {
+        let entries = requested.entries.iter().chain(&self.entries);
+        for (key, _) in entries {
+            let (stored, wanted) = (self.get(key), requested.get(key));
+            if stored != wanted && !self.may_come_from_axes(requested, key) {
                 return Err(StoreError::OtherNodes {
                     path: path.into(),
                     key: key.clone(),
                     stored: short(stored.unwrap_or(NONE)),
-                    asked: short(wanted.unwrap_or(NONE)),
+                    requested: short(wanted.unwrap_or(NONE)),
                 });
             }
         }
         Ok(())
     }
 
-    /// Whether a difference in `key` may come from the axes alone. Those beyond the
-    /// five may be there in one description and fixed in the other, and what there
-    /// is none of has neither laws nor tables; the parameters of each node then say
-    /// whether it is the same.
-    fn is_of_axes(&self, asked: &Self, key: &str) -> bool {
-        let moved = |axis| self.has_axis(axis) != asked.has_axis(axis);
-        let in_one = self.get(key).is_some() != asked.get(key).is_some();
+    /// Whether a difference in `key` may come from the axes alone. An optional parameter may
+    /// be an axis in one description and fixed in the other. A substance that is absent has
+    /// neither laws nor tables in the description. In these cases the parameters of each
+    /// node determine whether it is the same.
+    fn may_come_from_axes(&self, requested: &Self, key: &str) -> bool {
+        let moved = |axis| self.has_axis(axis) != requested.has_axis(axis);
+        let in_one = self.get(key).is_some() != requested.get(key).is_some();
         match key {
             "fixed.sphericity" | "spread.sphericity_half_width" | "spread.sphericity_sd" => {
                 in_one && moved(Parameter::Sphericity)
             }
             "model.carbon_law" | "model.impurity_mass" => in_one,
-            // which corners do not exist follows from sizes and thicknesses
+            // the absent curves follow from the grain sizes and thicknesses
             ABSENT => true,
             _ if key.starts_with("axes.") => true,
             _ if key.starts_with("data.") => in_one,
@@ -167,35 +205,35 @@ impl Description {
         }
     }
 
-    /// Refuses a layout this version cannot read.
+    /// Refuses a database whose format this version cannot read.
     pub(super) fn check_format(&self, path: &Path) -> Result<(), StoreError> {
-        let asked = FORMAT_VERSION.to_string();
+        let supported = FORMAT_VERSION.to_string();
         match self.get("format_version") {
-            Some(version) if version == asked => Ok(()),
+            Some(version) if version == supported => Ok(()),
             other => Err(StoreError::Differs {
                 path: path.into(),
                 key: "format_version".into(),
                 stored: other.unwrap_or("(none)").into(),
-                asked,
+                requested: supported,
             }),
         }
     }
 
-    /// All entries as lines `key = value`.
+    /// All entries as lines `key = value`, respelled as in version 0.1.
     fn identity(&self) -> String {
-        let lines = self
-            .entries
-            .iter()
-            .map(|(key, value)| format!("{key} = {value}"));
+        let lines = self.entries.iter().map(|(key, value)| {
+            let (key, value) = respelled(key, value, |[former, present]| (present, former));
+            format!("{key} = {value}")
+        });
         lines.collect::<Vec<_>>().join("\n")
     }
 
-    /// Hash of the identity, which every commit mark contains.
+    /// SHA-256 of the identity, which enters every commit mark.
     pub(super) fn digest(&self) -> [u8; 32] {
         Sha256::digest(self.identity()).into()
     }
 
-    /// What the database holds, from the canonical grid file.
+    /// The contents of the database, from the canonical grid file.
     pub(super) fn contents(&self, path: &Path) -> Result<Contents, StoreError> {
         let damaged = |reason: String| StoreError::Damaged {
             path: path.join("zarr.json"),
@@ -211,9 +249,10 @@ impl Description {
                 .and_then(|values| values.iter().map(toml::Value::as_float).collect())
                 .ok_or_else(|| damaged(format!("attribute \"config\" has no {section}.{key}")))
         };
-        let given = SizeMeasure::ALL.into_iter();
-        let mut given = given.filter(|measure| get("axes", measure.name()).is_some());
-        let given_sizes = match given.next() {
+        let measure = SizeMeasure::ALL
+            .into_iter()
+            .find(|measure| get("axes", measure.name()).is_some());
+        let given_sizes = match measure {
             None => None,
             Some(measure) => Some(GivenSizes {
                 measure,
@@ -224,13 +263,15 @@ impl Description {
         for parameter in Parameter::ALL {
             let values = match &given_sizes {
                 Some(given) if parameter == Parameter::GrainSize => {
-                    let shape = told_shape(&config).ok_or_else(|| {
-                        damaged("attribute \"config\" does not tell the grains".into())
+                    let shape = size_conversion(&config).ok_or_else(|| {
+                        damaged("attribute \"config\" does not describe the grains".into())
                     })?;
                     given.measure.sizes_um(&given.values, &shape)
                 }
-                _ if parameter.is_optional() && get("axes", parameter.name()).is_none() => continue,
-                _ => list("axes", parameter.name())?,
+                _ if parameter.is_optional() && get("axes", parameter.key()).is_none() => continue,
+                // in version 0.1, the key of an axis was its name in files
+                _ if get("axes", parameter.key()).is_none() => list("axes", parameter.name())?,
+                _ => list("axes", parameter.key())?,
             };
             axes.set(parameter, values);
         }
@@ -248,28 +289,29 @@ impl Description {
         })
     }
 
-    /// For each grain size, how many of the thinnest thicknesses have no curve; empty
-    /// if all have.
+    /// For each grain size, the number of the thinnest thicknesses without a curve; empty if
+    /// all curves exist.
     fn absent(&self, axes: &Axes, path: &Path) -> Result<Vec<usize>, StoreError> {
         let Some(text) = self.get(ABSENT) else {
             return Ok(Vec::new());
         };
-        let all: Result<Vec<usize>, _> = text.split(", ").map(str::parse).collect();
+        let counts: Result<Vec<usize>, _> = text.split(", ").map(str::parse).collect();
         let [_, sizes, _, thicknesses, _] = axes.core_shape();
-        all.ok()
-            .filter(|all| all.len() == sizes && all.iter().all(|n| *n <= thicknesses))
+        counts
+            .ok()
+            .filter(|counts| counts.len() == sizes && counts.iter().all(|n| *n <= thicknesses))
             .ok_or_else(|| StoreError::Damaged {
                 path: path.join("zarr.json"),
-                reason: format!("its identity says {ABSENT} = {text}"),
+                reason: format!("its identity has {ABSENT} = {text}, which does not fit the axes"),
             })
     }
 
-    /// Whether there are curves under isotropic light.
+    /// Whether there are curves under diffuse light.
     fn has_diffuse(&self) -> bool {
         self.get("axes.diffuse") == Some("true")
     }
 
-    /// By what the grain sizes were given, if not as such.
+    /// Values of the grain size axis if it is given by another measure than the size.
     fn given_sizes(&self) -> Option<GivenSizes> {
         SizeMeasure::ALL.into_iter().find_map(|measure| {
             let list = self.get(&format!("axes.{}", measure.name()))?;
@@ -278,23 +320,23 @@ impl Description {
         })
     }
 
-    /// What lies under the snow of the axes.
-    pub(super) fn substrate(&self) -> Substrate {
+    /// The kind of substrate under the surface layer, including the layers below.
+    pub(super) fn substrate(&self) -> SubstrateKind {
         let axis = self.has_axis(Parameter::SubstrateReflectance);
         if self.get("fixed.below").is_some() {
-            Substrate::Layers
+            SubstrateKind::Layers
         } else if axis || self.get("fixed.substrate").is_some() {
-            Substrate::Reflecting
+            SubstrateKind::Reflecting
         } else {
-            Substrate::Black
+            SubstrateKind::Black
         }
     }
 
     fn has_axis(&self, axis: Parameter) -> bool {
-        self.get(&format!("axes.{}", axis.name())).is_some()
+        self.get(&format!("axes.{}", axis.key())).is_some()
     }
 
-    /// Attributes of the database.
+    /// Attributes of the Zarr group.
     pub(super) fn attributes(&self) -> Map<String, Value> {
         let text = |key: &str| self.get(key).unwrap_or_default().trim_matches('"').into();
         let number = |key: &str| {
@@ -302,27 +344,27 @@ impl Description {
             Value::from(value.unwrap_or_default())
         };
         let mut units = String::new();
-        let there = |axis: &Parameter| !axis.is_optional() || self.has_axis(*axis);
-        for axis in Parameter::ALL.into_iter().filter(there) {
+        let is_axis = |axis: &Parameter| !axis.is_optional() || self.has_axis(*axis);
+        for axis in Parameter::ALL.into_iter().filter(is_axis) {
             let _ = write!(units, "{}: {}; ", axis.name(), axis.unit());
         }
-        let ground = if self.has_axis(Parameter::SubstrateReflectance) {
+        let substrate = if self.has_axis(Parameter::SubstrateReflectance) {
             Some("of the axis substrate_reflectance")
         } else {
             self.get("fixed.substrate")
         };
-        let ground = match ground {
+        let substrate = match substrate {
             None => "black: light that leaves through the bottom does not come back".to_owned(),
-            Some(ground) if ground.contains('[') => {
-                "Lambertian ground with the spectrum fixed.substrate of config; transmittance is the light that stays in it".to_owned()
+            Some(substrate) if substrate.contains('[') => {
+                "Lambertian substrate with the spectrum fixed.substrate of config; transmittance is the light that stays in it".to_owned()
             }
-            Some(ground) => {
-                format!("Lambertian ground {ground}; transmittance is the light that stays in it")
+            Some(substrate) => {
+                format!("Lambertian substrate {substrate}; transmittance is the light that stays in it")
             }
         };
         let bottom = match self.get("fixed.below") {
-            None => ground,
-            Some(_) => format!("the layers of fixed.below, then {ground}"),
+            None => substrate,
+            Some(_) => format!("the layers of fixed.below, then {substrate}"),
         };
         let illumination = if self.has_diffuse() {
             "collimated; angle_deg is the polar angle of incidence, measured from the surface normal; those named diffuse: isotropic"
@@ -370,31 +412,33 @@ impl Description {
             );
             attributes.insert("grain_size_relation".into(), relation.into());
             attributes.insert(measure.name().into(), given.by_size().into());
-            // by which xarray takes the array of this name for a coordinate
+            // tells xarray that the array of this name is a coordinate
             attributes.insert("coordinates".into(), measure.name().into());
         }
         attributes
     }
 }
 
-fn counts(all: &[usize]) -> String {
-    all.iter()
+fn counts(values: &[usize]) -> String {
+    values
+        .iter()
         .map(usize::to_string)
         .collect::<Vec<_>>()
         .join(", ")
 }
 
-/// A value as a message quotes it: spectra and axes may be long.
+/// A value shortened for messages: lists of spectra and axes may be long.
 fn short(value: &str) -> String {
-    const MOST: usize = 200;
-    match value.char_indices().nth(MOST) {
+    const MAX_CHARACTERS: usize = 200;
+    match value.char_indices().nth(MAX_CHARACTERS) {
         None => value.to_owned(),
         Some((end, _)) => format!("{}...", &value[..end]),
     }
 }
 
-/// The grains of a canonical grid file but for their size.
-fn told_shape(config: &toml::Table) -> Option<Told> {
+/// The properties of the grains, from a canonical grid file, that convert other measures to
+/// grain sizes; `None` if a key is missing.
+fn size_conversion(config: &toml::Table) -> Option<SizeConversion> {
     let number = |section: &str, key: &str| config.get(section)?.get(key)?.as_float();
     let law = config.get("fixed")?.get("sphericity")?;
     let law = |key: &str| law.get(key)?.as_float();
@@ -404,13 +448,13 @@ fn told_shape(config: &toml::Table) -> Option<Told> {
         Some(name) if name == SizeLaw::Consistent.name() => SizeLaw::Consistent,
         _ => SizeLaw::Varsa2025,
     };
-    Some(Told {
+    Some(SizeConversion {
         half_width_um: number("spread", "grain_size_half_width_um")?,
         size_law,
         shape: Shape::default(),
         sphericity: TruncatedNormal::new(law("min")?, law("max")?, law("mean")?, law("sd")?)
             .ok()?,
-        // of no account but for specific surface areas, which stand beside no axis of it
+        // only specific surface areas depend on it, and these exclude an axis of temperature
         temperature_c: number("fixed", "temperature_c").unwrap_or_default(),
     })
 }

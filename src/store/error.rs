@@ -1,4 +1,4 @@
-//! What can go wrong with a database on disk.
+//! Errors of databases on disk.
 use std::io;
 use std::path::{Path, PathBuf};
 
@@ -6,29 +6,29 @@ use thiserror::Error;
 
 use crate::grid::GridError;
 
-/// Why a database could not be made, written, read or removed.
+/// Why a database could not be created, written, read or deleted.
 #[derive(Debug, Error)]
 #[non_exhaustive]
 pub enum StoreError {
-    /// The operating system refused.
+    /// A file operation failed.
     #[error("cannot {action} {}: {source}", .path.display())]
     Io {
-        /// What was tried.
+        /// The operation: a verb such as "read".
         action: &'static str,
-        /// On what.
+        /// The file or directory.
         path: PathBuf,
-        /// The system's answer.
+        /// The error of the operating system.
         source: io::Error,
     },
-    /// No room left while writing.
+    /// The disk became full while writing.
     #[error(
-        "the disk is full: cannot write {}; what was finished is safe: free some space and run the same command again", .path.display()
+        "the disk is full: cannot write {}; finished jobs are safe: free some space and run the same command again", .path.display()
     )]
     DiskFull {
         /// The file that did not fit.
         path: PathBuf,
     },
-    /// The estimated size exceeds the free space.
+    /// The estimated size of the database exceeds the free space.
     #[error(
         "{} needs about {} more, but the disk has {} free; free some space, choose another disk, or shorten the axes",
         .path.display(), megabytes(*.needed), megabytes(*.available)
@@ -36,103 +36,104 @@ pub enum StoreError {
     TooLarge {
         /// Output directory.
         path: PathBuf,
-        /// Estimated bytes still to be written.
+        /// Estimated size of the jobs that are not done, bytes.
         needed: u64,
-        /// Free bytes.
+        /// Free space, bytes.
         available: u64,
     },
-    /// The output path exists and is no directory.
+    /// The output path is not a directory.
     #[error("{} is a file, not a directory; choose another output directory", .path.display())]
     NotADirectory {
         /// The path.
         path: PathBuf,
     },
-    /// Another process holds the directory, or the same shard of it.
+    /// Another process holds the directory or the same shard.
     #[error(
-        "another splitsnow process is working {what} {}; wait until it ends, or choose another output directory", .path.display()
+        "another splitsnow process is working {role} {}; wait until it ends, or choose another output directory", .path.display()
     )]
     Busy {
-        /// Which part of it.
-        what: String,
+        /// How the other process works in the directory, such as "alone in".
+        role: String,
         /// Output directory.
         path: PathBuf,
     },
-    /// A process that cannot be asked holds the directory, where the file system
-    /// has no locks.
+    /// A process whose state is unknown holds the directory, and the file system has no
+    /// locks.
     #[error(
-        "{} is held by {owner}, and its file system has no locks that end with a process; wait until that one ends or, if it is no longer there, delete {} and run the same command again", .path.display(), .file.display()
+        "{} is held by {owner}, and its file system does not support locks; wait until that process ends or, if it no longer runs, delete {} and run the same command again", .path.display(), .file.display()
     )]
     Held {
         /// Output directory.
         path: PathBuf,
-        /// Who holds it.
+        /// The process that holds it.
         owner: String,
-        /// The file that says so.
+        /// The file that claims the directory.
         file: PathBuf,
     },
-    /// A symbolic link to nothing.
+    /// A symbolic link whose target does not exist.
     #[error(
-        "{} is a symbolic link to {}, which is not there; make that directory, mount its disk, or remove the link", .path.display(), .target.display()
+        "{} is a symbolic link to {}, which does not exist; create that directory, mount its disk, or delete the link", .path.display(), .target.display()
     )]
     Dangling {
         /// The link.
         path: PathBuf,
-        /// Where it points.
+        /// The target of the link.
         target: PathBuf,
     },
-    /// There is no database.
+    /// The directory has no database.
     #[error("no database in {}; make one with `splitsnow build`", .path.display())]
     Absent {
-        /// Directory that should hold it.
+        /// The directory.
         path: PathBuf,
     },
-    /// Something of that name exists but was not made by this program.
+    /// A file or directory with the name of the database was not made by this program.
     #[error(
-        "{} was not made by splitsnow ({reason}); it is left alone: move it away or choose another output directory", .path.display()
+        "{} was not made by splitsnow ({reason}) and is not changed; move it away or choose another output directory", .path.display()
     )]
     Foreign {
-        /// What was found.
+        /// The file or directory.
         path: PathBuf,
         /// Why it is not recognised.
         reason: String,
     },
-    /// The database was made from other inputs.
+    /// The database was made from other inputs than those requested.
     #[error(
-        "{} was made with {key} = {stored}, not {asked}; choose another output directory, or --fresh to delete it and start again", .path.display()
+        "{} was made with {key} = {stored}, not {requested}; choose another output directory, or use --fresh to delete it and start again", .path.display()
     )]
     Differs {
         /// The database.
         path: PathBuf,
         /// First key that differs.
         key: String,
-        /// Its value in the database.
+        /// Value in the database.
         stored: String,
-        /// Its value now.
-        asked: String,
+        /// Requested value.
+        requested: String,
     },
-    /// The nodes of the database are not those asked for.
+    /// No spectrum of a database can be reused, because its nodes differ in more than the
+    /// values of the axes.
     #[error(
-        "nothing can be taken over from {}: it was made with {key} = {stored}, not {asked}; only the values of the axes may differ", .path.display()
+        "no spectra of {} can be reused: it was made with {key} = {stored}, not {requested}; only the values of the axes may differ", .path.display()
     )]
     OtherNodes {
         /// The database.
         path: PathBuf,
         /// First key that differs.
         key: String,
-        /// Its value in the database.
+        /// Value in the database.
         stored: String,
-        /// Its value now.
-        asked: String,
+        /// Requested value.
+        requested: String,
     },
-    /// A part of the database other than a job's chunks is damaged.
+    /// An array or a metadata file of the database is damaged.
     #[error("{} is damaged: {reason}", .path.display())]
     Damaged {
-        /// The damaged part.
+        /// The damaged array or file.
         path: PathBuf,
         /// What is wrong.
         reason: String,
     },
-    /// Spectra that do not fit the job.
+    /// The spectra to store do not fit the job.
     #[error("job {job}: {reason}")]
     Spectra {
         /// The job.
@@ -140,13 +141,13 @@ pub enum StoreError {
         /// What is wrong.
         reason: String,
     },
-    /// The grid itself is impossible.
+    /// The grid is invalid.
     #[error(transparent)]
     Grid(#[from] GridError),
-    /// The Zarr library refused what should be valid.
-    #[error("cannot lay out {what}: {reason}")]
+    /// The Zarr library failed.
+    #[error("cannot store {what} as Zarr: {reason}")]
     Zarr {
-        /// Which array.
+        /// The array or file.
         what: String,
         /// The library's message.
         reason: String,
@@ -154,7 +155,7 @@ pub enum StoreError {
 }
 
 impl StoreError {
-    /// For `map_err` on an operation that tried to `action` the file at `path`.
+    /// Converts the error of an operation `action` on the file at `path`, for `map_err`.
     pub(super) fn io(action: &'static str, path: &Path) -> impl FnOnce(io::Error) -> Self {
         let path = path.to_path_buf();
         move |source| match source.kind() {
@@ -167,7 +168,7 @@ impl StoreError {
         }
     }
 
-    /// For `map_err` on an operation of the Zarr library.
+    /// Converts an error of the Zarr library, for `map_err`; `what` names the array or file.
     pub(super) fn zarr<E: ToString>(what: &str) -> impl FnOnce(E) -> Self {
         move |error| Self::Zarr {
             what: what.into(),

@@ -1,5 +1,5 @@
-//! Whole files only: written under another name, flushed to the disk, then
-//! renamed. A process killed at any moment leaves either no file or all of it.
+//! Atomic writing of files: each is written under a temporary name, flushed to the disk
+//! and then renamed. A process killed at any moment leaves either no file or all of it.
 use std::collections::BTreeSet;
 use std::fs::{self, File};
 use std::io::{self, Write};
@@ -10,19 +10,18 @@ use std::sync::{Mutex, PoisonError};
 use super::{Access, StoreError};
 use crate::atomic::resolved;
 
-/// Folder for files being written, beside the database or, where that is on
-/// another file system, in the folder they belong to. Never read: what is
-/// left in it by a killed process is deleted by the next one that has the
-/// directory for itself.
+/// Folder for files that are being written. It is next to the database or, if the database
+/// is on another file system, in the folder of the target. It is never read; the next
+/// process with exclusive access deletes files that a killed process left in it.
 pub(super) const PARTIAL: &str = ".splitsnow-partial";
 
-/// Writes whole files into the database.
+/// Writes files of the database atomically.
 #[derive(Debug)]
 pub(super) struct Writer {
     partial: PathBuf,
-    /// Folders to which nothing can be renamed from there.
-    across: Mutex<BTreeSet<PathBuf>>,
-    /// Unique among live processes, since each holds the lock it names.
+    /// Folders on another file system than `partial`, to which files cannot be renamed.
+    other_device: Mutex<BTreeSet<PathBuf>>,
+    /// Access of this process; unique among live processes, which hold the lock for it.
     owner: Access,
     next: AtomicU64,
     #[cfg(test)]
@@ -35,7 +34,7 @@ impl Writer {
         fs::create_dir_all(&partial).map_err(StoreError::io("create", &partial))?;
         Ok(Self {
             partial,
-            across: Mutex::default(),
+            other_device: Mutex::default(),
             owner,
             next: AtomicU64::new(0),
             #[cfg(test)]
@@ -43,12 +42,12 @@ impl Writer {
         })
     }
 
-    /// Whether no other process writes there.
+    /// Whether this process has exclusive access to the directory.
     pub(super) fn is_alone(&self) -> bool {
         self.owner == Access::Exclusive
     }
 
-    /// A path no other live writer uses.
+    /// A new path in the folder for partial files that no other live writer uses.
     pub(super) fn scratch(&self) -> PathBuf {
         self.scratch_in(&self.partial)
     }
@@ -58,16 +57,19 @@ impl Writer {
         partial.join(format!("{}-{n}", self.owner.file_name()))
     }
 
-    /// Makes `target` hold exactly `bytes`, or leaves it as it was.
+    /// Replaces the contents of `target` by `bytes`; on error, `target` is unchanged.
     pub(super) fn write(&self, target: &Path, bytes: &[u8]) -> Result<(), StoreError> {
         let folder = target.parent().unwrap_or(target);
-        let across = || self.across.lock().unwrap_or_else(PoisonError::into_inner);
-        if !across().contains(folder) {
+        let other_device = || {
+            let folders = self.other_device.lock();
+            folders.unwrap_or_else(PoisonError::into_inner)
+        };
+        if !other_device().contains(folder) {
             match self.write_by(&self.scratch(), target, bytes) {
                 Err(error) if error.kind() == io::ErrorKind::CrossesDevices => {}
                 written => return written.map_err(StoreError::io("write", target)),
             }
-            across().insert(folder.into());
+            other_device().insert(folder.into());
         }
         let partial = folder.join(PARTIAL);
         fs::create_dir_all(&partial).map_err(StoreError::io("create", &partial))?;
@@ -80,7 +82,7 @@ impl Writer {
             .flush(scratch, bytes)
             .and_then(|()| fs::rename(scratch, target));
         if written.is_err() {
-            // Best effort: a leftover is deleted at the next start anyway.
+            // Best effort: the next start deletes leftover files.
             let _ = fs::remove_file(scratch);
         }
         written
@@ -99,26 +101,27 @@ impl Writer {
     }
 }
 
-/// A process that was alone leaves no folder behind; a shard's may be in use.
+/// Deletes the folders for partial files if this process has exclusive access; otherwise
+/// another shard may be using them.
 impl Drop for Writer {
     fn drop(&mut self) {
         if self.is_alone() {
-            let across = self.across.get_mut();
-            let across = across.unwrap_or_else(PoisonError::into_inner);
-            // What a failed deletion leaves is deleted at the next start.
+            let folders = self.other_device.get_mut();
+            let folders = folders.unwrap_or_else(PoisonError::into_inner);
+            // Best effort: the next start deletes leftover folders.
             let _ = fs::remove_dir_all(&self.partial);
-            for folder in across.iter() {
+            for folder in folders.iter() {
                 let _ = fs::remove_dir_all(folder.join(PARTIAL));
             }
         }
     }
 }
 
-/// Refuses `path` if it, or what it lies in, is a symbolic link to nothing: what
-/// the system says of such a path tells nobody what is wrong.
+/// Refuses `path` if it, or a directory that contains it, is a symbolic link whose target
+/// does not exist. The system's own error for such a path does not name the cause.
 pub(super) fn check_links(path: &Path) -> Result<(), StoreError> {
     for part in path.ancestors() {
-        let is_link = fs::symlink_metadata(part).is_ok_and(|there| there.is_symlink());
+        let is_link = fs::symlink_metadata(part).is_ok_and(|metadata| metadata.is_symlink());
         if is_link && !part.exists() {
             return Err(StoreError::Dangling {
                 path: part.into(),
@@ -129,7 +132,7 @@ pub(super) fn check_links(path: &Path) -> Result<(), StoreError> {
     Ok(())
 }
 
-/// The bytes of a file, `None` if there is none.
+/// The bytes of a file; `None` if it does not exist.
 pub(super) fn read(path: &Path) -> Result<Option<Vec<u8>>, StoreError> {
     match fs::read(path) {
         Ok(bytes) => Ok(Some(bytes)),
@@ -138,7 +141,7 @@ pub(super) fn read(path: &Path) -> Result<Option<Vec<u8>>, StoreError> {
     }
 }
 
-/// Deletes a folder and all in it; it may be absent.
+/// Deletes a folder with its contents; it need not exist.
 pub(super) fn remove_dir(path: &Path) -> Result<(), StoreError> {
     match fs::remove_dir_all(path) {
         Err(error) if error.kind() != io::ErrorKind::NotFound => {
@@ -148,7 +151,7 @@ pub(super) fn remove_dir(path: &Path) -> Result<(), StoreError> {
     }
 }
 
-/// Deletes a file; it may be absent.
+/// Deletes a file; it need not exist.
 pub(super) fn remove_file(path: &Path) -> Result<(), StoreError> {
     match fs::remove_file(path) {
         Err(error) if error.kind() != io::ErrorKind::NotFound => {

@@ -1,5 +1,5 @@
-//! One job's files: four chunks of spectra, its lost share, and the commit
-//! mark that is written last and vouches for the other five.
+//! The files of a job: four chunks of spectra, the share of lost rays, and the commit mark,
+//! a hash of the other five files that is written last.
 use sha2::{Digest, Sha256};
 
 use super::layout::{ZarrArray, encode};
@@ -8,19 +8,21 @@ use crate::measurement::{Measured, Spectrum};
 use crate::parameter::Parameter;
 
 impl Store {
-    /// Stores the spectra of `job`, one per curve in storage order; if there is isotropic
-    /// light, its spectrum follows those of the angles of each thickness.
+    /// Stores the spectra of `job`, one per curve in storage order. With diffuse light, its
+    /// spectrum follows those at the incidence angles, for each thickness.
     ///
     /// # Errors
-    /// The store is open for reading only, the spectra do not fit the job or
-    /// hold a value that is no number (or is one, of a curve that does not exist), or a file cannot be written.
+    /// [`StoreError::Io`] if the store is open for reading only;
+    /// [`StoreError::Spectra`] if the spectra do not fit the job, a curve that exists has a
+    /// value that is not finite, or a curve that does not exist has a value other than NaN;
+    /// [`StoreError::Io`] or [`StoreError::DiskFull`] if a file cannot be written.
     pub fn commit(&self, job: u64, spectra: &[Spectrum]) -> Result<(), StoreError> {
         let writer = self.writer()?;
         self.check_spectra(job, spectra)?;
-        let mut seal = self.seal(job);
+        let mut hash = self.commit_hash(job);
         for (quantity, array) in self.layout.quantities() {
             let angles = self.layout.jobs.block_along(Parameter::Incidence);
-            let of_slab = |slab: &'_ [Spectrum]| -> Vec<f32> {
+            let slab_values = |slab: &'_ [Spectrum]| -> Vec<f32> {
                 let (collimated, diffuse) = slab.split_at(angles.min(slab.len()));
                 let spectra = if quantity.is_diffuse() {
                     diffuse
@@ -30,28 +32,27 @@ impl Store {
                 spectra.iter().flat_map(|s| values(s, quantity)).collect()
             };
             let slabs = spectra.chunks(self.layout.lights().max(1));
-            let values: Vec<f32> = slabs.flat_map(of_slab).collect();
+            let values: Vec<f32> = slabs.flat_map(slab_values).collect();
             let bytes = encode(array, &values)?;
-            seal.add(&bytes);
+            hash.add(&bytes);
             let chunk = self.layout.chunk(quantity, job)?;
             writer.write(&self.file(array, &chunk), &bytes)?;
         }
         let lost = &self.layout.lost;
         let shares = spectra.iter().flat_map(|spectrum| &spectrum.lost);
         let bytes = encode(lost, &[shares.copied().fold(0.0, f64::max)])?;
-        seal.add(&bytes);
+        hash.add(&bytes);
         writer.write(&self.file(lost, &[job]), &bytes)?;
         let committed = &self.layout.committed;
-        let mark = encode(committed, &[seal.finish()])?;
+        let mark = encode(committed, &[hash.finish()])?;
         writer.write(&self.file(committed, &[job]), &mark)?;
-        self.forget(job)
+        self.delete_units(job)
     }
 
-    /// Whether `job` is done: its mark is there and agrees with its chunks, to
-    /// the bit.
+    /// Whether `job` is done: its commit mark exists and matches the bytes of its chunks.
     ///
     /// # Errors
-    /// A file is there but cannot be read.
+    /// [`StoreError::Io`] if a file exists but cannot be read.
     pub fn is_done(&self, job: u64) -> Result<bool, StoreError> {
         let committed = &self.layout.committed;
         let Some(mark) = file::read(&self.file(committed, &[job]))? else {
@@ -62,22 +63,22 @@ impl Store {
             paths.push(self.file(array, &self.layout.chunk(quantity, job)?));
         }
         paths.push(self.file(&self.layout.lost, &[job]));
-        let mut seal = self.seal(job);
+        let mut hash = self.commit_hash(job);
         for path in paths {
             let Some(bytes) = file::read(&path)? else {
                 return Ok(false);
             };
-            seal.add(&bytes);
+            hash.add(&bytes);
         }
-        Ok(mark == encode(committed, &[seal.finish()])?)
+        Ok(mark == encode(committed, &[hash.finish()])?)
     }
 
     fn file(&self, array: &ZarrArray, chunk: &[u64]) -> std::path::PathBuf {
         self.root.join(array.chunk_key(chunk).as_str())
     }
 
-    fn seal(&self, job: u64) -> Seal {
-        Seal(
+    fn commit_hash(&self, job: u64) -> CommitHash {
+        CommitHash(
             Sha256::new()
                 .chain_update(self.description.digest())
                 .chain_update(job.to_le_bytes()),
@@ -103,14 +104,14 @@ impl Store {
                 return refuse(format!("{lengths:?} values for {wavelengths} wavelengths"));
             }
             for quantity in Variable::ALL {
-                let wrong = |v: &f32| {
+                let is_invalid = |v: &f32| {
                     if curve / lights < absent {
                         !v.is_nan()
                     } else {
                         !v.is_finite()
                     }
                 };
-                if let Some(value) = values(spectrum, quantity).find(wrong) {
+                if let Some(value) = values(spectrum, quantity).find(is_invalid) {
                     return refuse(format!("{} is {value}", quantity.name()));
                 }
             }
@@ -119,11 +120,11 @@ impl Store {
     }
 }
 
-/// Hash over all that a commit mark vouches for.
-struct Seal(Sha256);
+/// The hash in a commit mark: over the identity of the database, the job and its files.
+struct CommitHash(Sha256);
 
-impl Seal {
-    /// Length first, so that bytes cannot move between files.
+impl CommitHash {
+    /// Adds a file, preceded by its length so that bytes cannot move between files.
     fn add(&mut self, file: &[u8]) {
         self.0.update((file.len() as u64).to_le_bytes());
         self.0.update(file);

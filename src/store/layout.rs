@@ -1,5 +1,5 @@
-//! The Zarr arrays of a database, and every file of it that is not a chunk of
-//! a job. All of them follow from the description alone.
+//! The Zarr arrays of a database, and all its files except the chunks of jobs. They are
+//! determined by the description alone.
 use std::collections::BTreeMap;
 use std::path::Path;
 use std::sync::Arc;
@@ -26,28 +26,28 @@ pub(super) type ZarrArray = Array<FilesystemStore>;
 /// Group of the arrays that have one element per job.
 const JOBS: &str = "jobs";
 
-/// What a database holds.
+/// The axes of a database and which curves it holds.
 #[derive(Debug, Clone)]
 pub(super) struct Contents {
     pub(super) axes: Axes,
-    /// By what the grain sizes were given, if not as such.
+    /// Values of the grain size axis if it is given by another measure than the size.
     pub(super) given_sizes: Option<GivenSizes>,
     pub(super) wavelengths_nm: Vec<f64>,
     pub(super) engine: Engine,
-    /// For each grain size, how many of the thinnest thicknesses have no curve; empty
-    /// if all have.
+    /// For each grain size, the number of the thinnest thicknesses without a curve; empty if
+    /// all curves exist.
     pub(super) absent: Vec<usize>,
-    /// Whether there are curves under isotropic light.
+    /// Whether there are curves under diffuse light.
     pub(super) diffuse: bool,
 }
 
-/// The arrays into which jobs write.
+/// The arrays that jobs write to.
 #[derive(Debug)]
 pub(super) struct Layout {
     pub(super) jobs: Jobs,
     contents: Contents,
     quantities: [ZarrArray; 4],
-    /// Those of isotropic light, without the axis of angles.
+    /// The arrays of diffuse light, which have no axis of incidence angles.
     diffuse: Option<[ZarrArray; 4]>,
     pub(super) lost: ZarrArray,
     pub(super) committed: ZarrArray,
@@ -63,7 +63,7 @@ impl Layout {
         let quantities = arrays(&storage, axes, &jobs, Variable::ALL)?;
         let diffuse = contents.diffuse;
         let diffuse = diffuse.then(|| arrays(&storage, axes, &jobs, Variable::DIFFUSE));
-        let per_job = |name, long_name| Spec {
+        let per_job = |name, long_name| ArraySpec {
             name,
             long_name,
             units: "1",
@@ -107,33 +107,35 @@ impl Layout {
         &self.contents.absent
     }
 
-    /// How many of the first thicknesses of `job` have no curves.
+    /// Number of the thinnest thicknesses of `job` without curves.
     pub(super) fn absent_of(&self, job: u64) -> Result<usize, StoreError> {
         let size = self.jobs.nodes(job, Parameter::GrainSize)?.start;
         let thickness = self.jobs.nodes(job, Parameter::Thickness)?.start;
-        let thinnest = self.absent().get(size).copied().unwrap_or_default();
-        Ok(thinnest.saturating_sub(thickness))
+        let count = self.absent().get(size).copied().unwrap_or_default();
+        Ok(count.saturating_sub(thickness))
     }
 
-    /// Lights that fall on each slab of a job, isotropic light last.
+    /// Number of illuminations of each slab of a job: the incidence angles, then diffuse
+    /// light if there is any.
     pub(super) fn lights(&self) -> usize {
         self.jobs.block_along(Parameter::Incidence) + usize::from(self.has_diffuse())
     }
 
-    /// Which curves do not exist, if there are any: 1 by grain size and thickness.
+    /// The array that marks absent curves, by grain size and thickness, and its values: 1 if
+    /// the curve does not exist. `None` if all curves exist.
     fn status(&self) -> Result<Option<(ZarrArray, Vec<i8>)>, StoreError> {
         let absent = self.absent();
         if absent.is_empty() {
             return Ok(None);
         }
         let n = self.axes().values(Parameter::Thickness).len();
-        let row = |thinnest: &usize| {
-            let thinnest = *thinnest;
-            (0..n).map(move |h| i8::from(h < thinnest))
+        let row = |count: &usize| {
+            let count = *count;
+            (0..n).map(move |h| i8::from(h < count))
         };
         let values: Vec<i8> = absent.iter().flat_map(row).collect();
         let shape = vec![absent.len() as u64, n as u64];
-        let spec = Spec {
+        let spec = ArraySpec {
             name: STATUS,
             long_name: "whether curves exist: a slab must hold ten lengths of its longest grain",
             units: "1",
@@ -150,7 +152,7 @@ impl Layout {
     pub(super) fn chunk(&self, quantity: Variable, job: u64) -> Result<Vec<u64>, StoreError> {
         let mut chunk = self.jobs.chunk(job)?;
         if quantity.is_diffuse() {
-            // isotropic light has no angle, the last axis
+            // diffuse light has no incidence angle, the last axis
             chunk.pop();
         }
         chunk.push(0);
@@ -161,7 +163,8 @@ impl Layout {
         &self.contents.wavelengths_nm
     }
 
-    /// In the order of [`Variable::ALL`], then [`Variable::DIFFUSE`] if there are any.
+    /// The arrays of spectra in the order of [`Variable::ALL`], followed by those of
+    /// [`Variable::DIFFUSE`] if there is diffuse light.
     pub(super) fn quantities(&self) -> impl Iterator<Item = (Variable, &ZarrArray)> {
         let diffuse = self.diffuse.iter().flatten();
         let diffuse = Variable::DIFFUSE.into_iter().zip(diffuse);
@@ -172,18 +175,18 @@ impl Layout {
     }
 
     pub(super) fn quantity(&self, quantity: Variable) -> Result<&ZarrArray, StoreError> {
-        let mut all = self.quantities();
-        let found = all.find(|(there, _)| *there == quantity);
-        found
+        let mut arrays = self.quantities();
+        arrays
+            .find(|(other, _)| *other == quantity)
             .map(|(_, array)| array)
             .ok_or_else(|| StoreError::Zarr {
                 what: quantity.name().into(),
-                reason: "this database has no isotropic light".into(),
+                reason: "this database has no curves under diffuse light".into(),
             })
     }
 
-    /// Path below the database and bytes of every file that is there from the
-    /// start: metadata and coordinates.
+    /// Path in the database and bytes of every file that exists from the start: metadata
+    /// and coordinates.
     pub(super) fn static_files(
         &self,
         description: &Description,
@@ -195,7 +198,7 @@ impl Layout {
             let array = coordinate(&self.storage, name, name, values.len() as u64)?;
             let key = format!("{name}/{}", chunk_name(&array, &[0])?);
             let infinite = |value: &f64| {
-                // what stands for a half space within the program
+                // files store the thickness of a half space as infinity
                 let is_thickness = name == Parameter::Thickness.name();
                 if is_thickness && *value >= HALF_SPACE_CM {
                     f64::INFINITY
@@ -227,12 +230,12 @@ impl Layout {
         for (name, array) in [("lost_share", &self.lost), ("committed", &self.committed)] {
             job_nodes.insert(name.into(), metadata(array)?);
         }
-        let about_jobs = json!({
+        let job_attributes = json!({
             "description": "one element per job of the program that made this database",
         });
-        // xarray looks for the metadata of all nodes inline in the group it opens.
-        let job_group = group(about_jobs.clone(), job_nodes.clone());
-        nodes.insert(JOBS.into(), group(about_jobs, Map::new()));
+        // xarray expects the metadata of all nodes inline in the group that it opens.
+        let job_group = group(job_attributes.clone(), job_nodes.clone());
+        nodes.insert(JOBS.into(), group(job_attributes, Map::new()));
         for (name, node) in job_nodes {
             nodes.insert(format!("{JOBS}/{name}"), node);
         }
@@ -254,14 +257,14 @@ fn arrays(
     quantities: [Variable; 4],
 ) -> Result<[ZarrArray; 4], StoreError> {
     let array = |quantity: Variable| {
-        // isotropic light has no angle, the last axis
+        // diffuse light has no incidence angle, the last axis
         let n = axes.len() - usize::from(quantity.is_diffuse());
         let l = [jobs.wavelengths()];
         let shape = [&jobs.shape()[..n], &l].concat();
         let chunk = [&jobs.block()[..n], &l].concat();
         let names = axes.iter().map(|(parameter, _)| parameter.name());
         let names: Vec<_> = names.take(n).chain([WAVELENGTH]).collect();
-        let spec = Spec {
+        let spec = ArraySpec {
             name: quantity.name(),
             long_name: quantity.long_name(),
             units: "1",
@@ -275,18 +278,18 @@ fn arrays(
 
 pub(crate) use crate::lookup::format::WAVELENGTH;
 
-/// Name of the array that says which curves exist.
+/// Name of the array that marks absent curves.
 const STATUS: &str = "curve_status";
 
-/// How an array is named and explained.
-struct Spec<'a> {
+/// Name, description and dimensions of an array.
+struct ArraySpec<'a> {
     name: &'a str,
     long_name: &'a str,
     units: &'a str,
     dimensions: &'a [&'a str],
 }
 
-impl Spec<'_> {
+impl ArraySpec<'_> {
     fn array(
         &self,
         storage: &Arc<FilesystemStore>,
@@ -298,8 +301,8 @@ impl Spec<'_> {
         let attributes = json!({ "long_name": self.long_name, "units": self.units });
         let mut builder = ArrayBuilder::new(shape, chunk, data_type, fill_value.into());
         builder
-            // All chunks of an array in one folder: a chunk is small, and a
-            // folder per index would cost more than the data.
+            // All chunks of an array are in one folder: chunks are small, and a folder per
+            // index would need more space than the data.
             .chunk_key_encoding(DefaultChunkKeyEncoding::new_dot())
             .bytes_to_bytes_codecs(vec![Arc::new(Crc32cCodec::new())])
             .dimension_names(Some(self.dimensions.iter().copied()));
@@ -312,7 +315,7 @@ impl Spec<'_> {
     }
 }
 
-/// What a coordinate is, for people, and its unit.
+/// Description and unit of a coordinate.
 pub(crate) fn coordinate_about(name: &str) -> (&'static str, &'static str) {
     if let Some(parameter) = Parameter::named(name) {
         return (parameter.record().long_name, parameter.unit());
@@ -330,7 +333,7 @@ fn coordinate(
     length: u64,
 ) -> Result<ZarrArray, StoreError> {
     let (long_name, units) = coordinate_about(name);
-    let spec = Spec {
+    let spec = ArraySpec {
         name,
         long_name,
         units,
@@ -345,12 +348,12 @@ fn coordinate(
     )
 }
 
-/// One whole chunk of `array` as its file holds it.
+/// The bytes of the file of a chunk of `array` with these `values`.
 pub(super) fn encode<T: Element>(array: &ZarrArray, values: &[T]) -> Result<Vec<u8>, StoreError> {
-    let what = array.path().as_str();
+    let name = array.path().as_str();
     let chunk = vec![0; array.dimensionality()];
-    let shape = array.chunk_shape(&chunk).map_err(StoreError::zarr(what))?;
-    let bytes = T::to_array_bytes(array.data_type(), values).map_err(StoreError::zarr(what))?;
+    let shape = array.chunk_shape(&chunk).map_err(StoreError::zarr(name))?;
+    let bytes = T::to_array_bytes(array.data_type(), values).map_err(StoreError::zarr(name))?;
     array
         .codecs()
         .encode(
@@ -361,10 +364,10 @@ pub(super) fn encode<T: Element>(array: &ZarrArray, values: &[T]) -> Result<Vec<
             &CodecOptions::default(),
         )
         .map(std::borrow::Cow::into_owned)
-        .map_err(StoreError::zarr(what))
+        .map_err(StoreError::zarr(name))
 }
 
-/// Name of a chunk's file in its array's folder.
+/// Name of the file of a chunk, in the folder of its array.
 fn chunk_name(array: &ZarrArray, chunk: &[u64]) -> Result<String, StoreError> {
     let key = array.chunk_key(chunk);
     let name = key.as_str().rsplit('/').next().unwrap_or_default();

@@ -1,6 +1,6 @@
-//! Who may write: one process alone, or several that hold different shards.
-//! The operating system drops the locks of a process that ends in any way;
-//! where the file system has none, files stand in for them ([`claim`]).
+//! Locks: either one process may write to an output directory, or several that hold
+//! different shards. The operating system releases the locks of a process that ends in any
+//! way. If the file system does not support locks, files replace them ([`claim`]).
 use std::fs::{self, File, TryLockError};
 use std::path::Path;
 
@@ -11,16 +11,16 @@ use crate::host::is_unsupported;
 const LOCK: &str = ".splitsnow-lock";
 const SHARD_LOCK: &str = ".splitsnow-lock-shard-";
 
-/// What a process does in an output directory.
+/// Access of a process to an output directory.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Access {
-    /// Works alone.
+    /// No other process may write.
     Exclusive,
-    /// Runs one share of the jobs, beside others.
+    /// The process runs one shard of the jobs; others may run other shards.
     Shard(Shard),
 }
 
-/// Held as long as this lives.
+/// The locks on an output directory; released on drop.
 #[derive(Debug)]
 pub(super) struct Lock {
     _files: Vec<File>,
@@ -28,16 +28,19 @@ pub(super) struct Lock {
 }
 
 impl Lock {
-    /// Creates `dir` if need be and takes it.
+    /// Locks `dir`; creates it if it does not exist.
+    ///
+    /// # Errors
+    /// Another process holds `dir`, it is not a directory, or it cannot be created or locked.
     pub(super) fn take(dir: &Path, access: Access) -> Result<Self, StoreError> {
         if dir.exists() && !dir.is_dir() {
             return Err(StoreError::NotADirectory { path: dir.into() });
         }
         file::check_links(dir)?;
         fs::create_dir_all(dir).map_err(StoreError::io("create", dir))?;
-        let files = system(dir, access)?;
+        let files = system_locks(dir, access)?;
         let claim = match files {
-            // others, or a host from before, may be without locks
+            // a host on which this file system has no locks may have left a claim
             Some(_) => claim::check(dir, access).map(|()| None)?,
             None => Some(claim::Claim::take(dir, access)?),
         };
@@ -52,7 +55,7 @@ impl Lock {
 }
 
 impl Access {
-    /// Distinguishes the files of processes that may run at the same time.
+    /// Part of file names that distinguishes processes that may run at the same time.
     pub(super) fn file_name(self) -> String {
         match self {
             Self::Exclusive => "alone".into(),
@@ -61,21 +64,21 @@ impl Access {
     }
 }
 
-/// The operating system's locks; `None` where the file system of `dir` has none.
-fn system(dir: &Path, access: Access) -> Result<Option<Vec<File>>, StoreError> {
+/// The operating system's locks; `None` if the file system of `dir` does not support them.
+fn system_locks(dir: &Path, access: Access) -> Result<Option<Vec<File>>, StoreError> {
     let whole = open(&dir.join(LOCK))?;
     match access {
         Access::Exclusive => {
-            let taken = check(whole.try_lock(), dir, "in")?;
-            Ok(taken.then(|| vec![whole]))
+            let locked = check(whole.try_lock(), dir, "in")?;
+            Ok(locked.then(|| vec![whole]))
         }
         Access::Shard(shard) => {
             if !check(whole.try_lock_shared(), dir, "alone in")? {
                 return Ok(None);
             }
             let part = open(&dir.join(format!("{SHARD_LOCK}{}", shard.file_name())))?;
-            let taken = check(part.try_lock(), dir, &format!("on shard {shard} of"))?;
-            Ok(taken.then(|| vec![whole, part]))
+            let locked = check(part.try_lock(), dir, &format!("on shard {shard} of"))?;
+            Ok(locked.then(|| vec![whole, part]))
         }
     }
 }
@@ -86,12 +89,13 @@ fn open(path: &Path) -> Result<File, StoreError> {
     options.open(path).map_err(StoreError::io("open", path))
 }
 
-/// Whether a lock was taken; false where there are none.
-fn check(outcome: Result<(), TryLockError>, dir: &Path, what: &str) -> Result<bool, StoreError> {
+/// Whether a lock was taken; false if the file system does not support locks. `role` is
+/// the role of the other process in the error message ([`StoreError::Busy`]).
+fn check(outcome: Result<(), TryLockError>, dir: &Path, role: &str) -> Result<bool, StoreError> {
     match outcome {
         Ok(()) => Ok(true),
         Err(TryLockError::WouldBlock) => Err(StoreError::Busy {
-            what: what.into(),
+            role: role.into(),
             path: dir.into(),
         }),
         Err(TryLockError::Error(error)) if is_unsupported(&error) => Ok(false),
@@ -99,14 +103,14 @@ fn check(outcome: Result<(), TryLockError>, dir: &Path, what: &str) -> Result<bo
     }
 }
 
-/// Deletes what shards and killed processes left. Safe only for a process
-/// that is alone: shards hold the directory while they hold their lock files.
+/// Deletes the partial files and lock files that shards and killed processes left. Safe
+/// only with exclusive access: a shard that holds its lock file also holds the directory.
 fn clean(dir: &Path) -> Result<(), StoreError> {
     let root = dir.join(super::DATABASE);
     file::remove_dir(&dir.join(file::PARTIAL))?;
     for folder in [root.join("jobs"), root] {
         file::remove_dir(&folder.join(file::PARTIAL))?;
-        // None, if there is no database yet.
+        // The folder does not exist if there is no database yet.
         for entry in fs::read_dir(&folder).into_iter().flatten() {
             let array = entry.map_err(StoreError::io("read", &folder))?.path();
             if array.is_dir() {

@@ -1,4 +1,4 @@
-//! The database on disk: a Zarr v3 store that is checkpoint and result in one.
+//! The database on disk: a Zarr v3 store that is both checkpoint and result.
 //!
 //! ```text
 //! DIR/database.zarr/
@@ -9,20 +9,19 @@
 //!                                axes before these
 //!   transmittance_diffuse/ ...   the same without angle_deg, if the grid has `diffuse`
 //!   facetness/ ... wavelength_nm/   float64 coordinates
-//!   curve_status/              int8 [grain_size_um, thickness_cm], if there are curves
-//!                                that do not exist: 1, and NaN in all quantities
+//!   curve_status/              int8 [grain_size_um, thickness_cm], only if some curves do
+//!                                not exist: these have 1, and NaN in all quantities
 //!   jobs/lost_share/ jobs/committed/   float64 and uint64 [job]
-//! DIR/.splitsnow-lock          empty; who holds its lock may write
-//! DIR/.splitsnow-units/        what is finished of jobs that are not done
-//! DIR/.splitsnow-held-...      instead, where the file system has no locks
+//! DIR/.splitsnow-lock          empty; the process that holds its lock may write
+//! DIR/.splitsnow-held-...      replaces the lock if the file system has no locks
+//! DIR/.splitsnow-units/        finished units of jobs that are not done
 //! ```
 //!
-//! One chunk is one job (see [`crate::grid::Jobs`]); every chunk ends in
-//! its CRC-32C. A chunk that is not there reads as NaN. A job is done when its
-//! mark in `jobs/committed` agrees with the bytes of its five chunks: torn,
-//! flipped, missing or foreign ones are found, and the job is run again.
-//! Every byte follows from the grid and the program alone: never from time,
-//! host, threads, shards, or what interrupted the work.
+//! One chunk is one job (see [`crate::grid::Jobs`]); every chunk ends with its CRC-32C. A
+//! missing chunk reads as NaN. A job is done if its commit mark in `jobs/committed` matches
+//! the bytes of its five chunks. A truncated, corrupted, missing or foreign chunk is thus
+//! detected, and the job is run again. Every byte is determined by the grid and the program
+//! alone: it never depends on time, host, threads, shards or interruptions.
 mod claim;
 mod description;
 mod error;
@@ -31,8 +30,8 @@ mod job;
 mod layout;
 mod lock;
 mod read;
-mod shelf;
 mod space;
+mod unit_directory;
 
 use std::collections::BTreeMap;
 use std::fs;
@@ -45,7 +44,7 @@ use lock::Lock;
 
 use crate::atomic::resolved;
 use crate::grid::{GivenSizes, Grid, Jobs};
-use crate::lookup::Substrate;
+use crate::lookup::SubstrateKind;
 use crate::parameter::Axes;
 
 pub use crate::lookup::COMPACT;
@@ -58,13 +57,13 @@ pub use lock::Access;
 pub use read::Variable;
 pub use space::estimated_bytes;
 
-/// The database in an output directory.
+/// Name of the database in an output directory.
 const DATABASE: &str = "database.zarr";
-/// What a disk may have in its uppermost directory.
+/// Directory that file systems have in their root; ignored in an otherwise empty directory.
 const SYSTEM: &str = "lost+found";
-/// The file that makes a directory a database.
+/// Name of the file that identifies a directory as a database.
 const ROOT: &str = "zarr.json";
-/// The compact file of its curves under isotropic light, if it has such.
+/// Name of the compact file of the curves under diffuse light.
 pub const DIFFUSE: &str = "diffuse.safetensors";
 
 /// An open database.
@@ -75,18 +74,18 @@ pub struct Store {
     description: Description,
     layout: Layout,
     writer: Option<Arc<file::Writer>>,
-    // Dropped last: nothing is written without it.
+    // Declared last, so that it is dropped last: all writes happen under the lock.
     _lock: Option<Lock>,
 }
 
 impl Store {
-    /// Opens the database of `grid` in `dir` for writing; makes both if need
-    /// be. `extra` are further inputs that decide its values, such as the
-    /// hashes of the data tables, by name.
+    /// Opens the database of `grid` in `dir` for writing; creates directory and database if
+    /// they do not exist. `extra` has further inputs that affect the spectra, by name, such
+    /// as the hashes of the data tables.
     ///
     /// # Errors
-    /// The grid is impossible or larger than the disk; the directory is in
-    /// use, cannot be written, or holds a database made from other inputs.
+    /// The grid is invalid or too large for the disk; or the directory is in use, cannot be
+    /// written, or holds a database made from other inputs.
     pub fn build(
         dir: &Path,
         grid: &Grid,
@@ -97,10 +96,10 @@ impl Store {
         let lock = Lock::take(dir, access)?;
         let root = dir.join(DATABASE);
         file::check_links(&root)?;
-        let asked = Description::new(grid, extra);
-        let stored = stored(&root)?;
+        let requested = Description::new(grid, extra);
+        let stored = read_description(&root)?;
         if let Some(stored) = &stored {
-            stored.check_same(&asked, &root)?;
+            stored.check_same(&requested, &root)?;
         } else {
             space::check(dir, &jobs, jobs.count())?;
         }
@@ -117,7 +116,7 @@ impl Store {
         let store = Self {
             dir: dir.into(),
             root,
-            description: asked,
+            description: requested,
             layout,
             writer: Some(Arc::new(writer)),
             _lock: Some(lock),
@@ -125,34 +124,35 @@ impl Store {
         if stored.is_none() {
             store.create()?;
         }
-        store.mend()?;
+        store.repair()?;
         if access == Access::Exclusive {
-            store.forget_done()?;
+            store.delete_finished_units()?;
         }
         Ok(store)
     }
 
-    /// Whether there is a database in `dir`, whatever its state.
+    /// Whether `dir` has a database, in whatever state.
     #[must_use]
     pub fn is_at(dir: &Path) -> bool {
         dir.join(DATABASE).exists()
     }
 
-    /// Opens the database in `dir` for reading, whatever grid made it.
+    /// Opens the database in `dir` for reading, whatever its grid.
     ///
     /// # Errors
-    /// There is none, it is not ours, of another format, or its metadata are
-    /// damaged.
+    /// The database does not exist, was not made by this program, has another format
+    /// version, or has damaged metadata.
     pub fn open(dir: &Path) -> Result<Self, StoreError> {
         Self::open_with(dir, None)
     }
 
-    /// Opens the database in `path`, or that is `path`, to take spectra over into
-    /// one of `grid` and `extra` (see [`build`](Self::build)).
+    /// Opens a database for reading, to reuse its spectra in the database of `grid` and
+    /// `extra` (see [`build`](Self::build)). `path` is the database or its output directory.
     ///
     /// # Errors
-    /// As [`open`](Self::open); it differs in more than the values of axes.
-    pub fn open_source(
+    /// As [`open`](Self::open); [`StoreError::OtherNodes`] if it differs in more than the
+    /// values of the axes.
+    pub fn open_for_reuse(
         path: &Path,
         grid: &Grid,
         extra: &BTreeMap<String, String>,
@@ -162,29 +162,29 @@ impl Store {
         } else {
             Self::open(path)?
         };
-        let asked = Description::new(grid, extra);
-        store.description.check_nodes(&asked, &store.root)?;
+        let requested = Description::new(grid, extra);
+        store.description.check_nodes(&requested, &store.root)?;
         Ok(store)
     }
 
-    /// Refuses if [`build`](Self::build) would refuse to go on with this
-    /// database for `grid` and `extra`.
+    /// Checks that [`build`](Self::build) would continue this database for `grid` and
+    /// `extra`.
     ///
     /// # Errors
-    /// It was made from other inputs.
+    /// [`StoreError::Differs`] if it was made from other inputs.
     pub fn check_same(
         &self,
         grid: &Grid,
         extra: &BTreeMap<String, String>,
     ) -> Result<(), StoreError> {
-        let asked = Description::new(grid, extra);
-        self.description.check_same(&asked, &self.root)
+        let requested = Description::new(grid, extra);
+        self.description.check_same(&requested, &self.root)
     }
 
-    /// Like [`open`](Self::open), and keeps all other processes from writing.
+    /// Like [`open`](Self::open), and prevents all other processes from writing.
     ///
     /// # Errors
-    /// As `open`; the directory is in use or cannot be written.
+    /// As [`open`](Self::open), and if the directory is in use or cannot be written.
     pub fn open_exclusive(dir: &Path) -> Result<Self, StoreError> {
         if !Self::is_at(dir) {
             return Err(StoreError::Absent { path: dir.into() });
@@ -195,7 +195,8 @@ impl Store {
 
     fn open_with(dir: &Path, lock: Option<Lock>) -> Result<Self, StoreError> {
         let root = dir.join(DATABASE);
-        let description = stored(&root)?.ok_or_else(|| StoreError::Absent { path: dir.into() })?;
+        let description =
+            read_description(&root)?.ok_or_else(|| StoreError::Absent { path: dir.into() })?;
         description.check_format(&root)?;
         Ok(Self {
             dir: dir.into(),
@@ -207,9 +208,9 @@ impl Store {
         })
     }
 
-    /// Makes the empty database: complete under another name, then renamed; or,
-    /// in a directory that is there, such as the target of a link, its root, to
-    /// which `build` adds the rest.
+    /// Creates the empty database: completely under a temporary name, then renamed. If its
+    /// directory exists already, such as the target of a link, only its root file is written,
+    /// and `build` adds the rest.
     fn create(&self) -> Result<(), StoreError> {
         let writer = self.writer()?;
         if self.root.exists() {
@@ -227,7 +228,7 @@ impl Store {
             writer.write(&path, &bytes)?;
         }
         match fs::rename(&scratch, &self.root) {
-            // Another shard was first; `build` goes on with what it made.
+            // Another shard was first; `build` continues with its database.
             Err(_) if self.root.exists() => {
                 file::remove_dir(&scratch)?;
                 self.check_stored()
@@ -236,17 +237,17 @@ impl Store {
         }
     }
 
-    /// Refuses if another process made another database.
+    /// Refuses the database if another process created it from other inputs.
     fn check_stored(&self) -> Result<(), StoreError> {
         let absent = || StoreError::Absent {
             path: self.dir.clone(),
         };
-        let stored = stored(&self.root)?.ok_or_else(absent)?;
+        let stored = read_description(&self.root)?.ok_or_else(absent)?;
         stored.check_same(&self.description, &self.root)
     }
 
-    /// Writes metadata and coordinates anew where they are not what they must be.
-    fn mend(&self) -> Result<(), StoreError> {
+    /// Rewrites metadata and coordinates that are missing or damaged.
+    fn repair(&self) -> Result<(), StoreError> {
         let writer = self.writer()?;
         for (path, bytes) in self.layout.static_files(&self.description)? {
             let path = self.root.join(path);
@@ -260,10 +261,11 @@ impl Store {
         Ok(())
     }
 
-    /// Refuses to go on if the disk cannot hold `count` more jobs.
+    /// Checks that the disk has space for `count` more jobs.
     ///
     /// # Errors
-    /// It cannot, or its free space cannot be measured.
+    /// [`StoreError::TooLarge`] if it has not; [`StoreError::Io`] if the free space cannot be
+    /// determined.
     pub fn check_space(&self, count: u64) -> Result<(), StoreError> {
         space::check(&self.dir, &self.layout.jobs, count)
     }
@@ -274,7 +276,7 @@ impl Store {
         &self.dir
     }
 
-    /// The Zarr store in it.
+    /// The path of the Zarr store.
     #[must_use]
     pub fn path(&self) -> &Path {
         &self.root
@@ -286,14 +288,14 @@ impl Store {
         self.layout.axes()
     }
 
-    /// For each grain size, how many of the thinnest thicknesses have no curve
-    /// ([`Grid::absent`]): they are NaN. Empty if all have.
+    /// For each grain size, the number of the thinnest thicknesses without a curve
+    /// ([`Grid::absent`]), whose values are NaN. Empty if all curves exist.
     #[must_use]
     pub fn absent(&self) -> &[usize] {
         self.layout.absent()
     }
 
-    /// Whether it holds curves under isotropic light ([`Variable::DIFFUSE`]), too.
+    /// Whether it has curves under diffuse light ([`Variable::DIFFUSE`]).
     #[must_use]
     pub fn has_diffuse(&self) -> bool {
         self.layout.has_diffuse()
@@ -305,21 +307,21 @@ impl Store {
         self.layout.wavelengths_nm()
     }
 
-    /// The jobs it is made of.
+    /// The jobs of the database.
     #[must_use]
     pub fn jobs(&self) -> &Jobs {
         &self.layout.jobs
     }
 
-    /// By what the grain sizes were given, if not as such.
+    /// Values of the grain size axis if it is given by another measure than the size.
     #[must_use]
     pub fn given_sizes(&self) -> Option<&GivenSizes> {
         self.layout.given_sizes()
     }
 
-    /// What lies under the snow of the axes.
+    /// The kind of substrate under the surface layer, including the layers below.
     #[must_use]
-    pub fn substrate(&self) -> Substrate {
+    pub fn substrate(&self) -> SubstrateKind {
         self.description.substrate()
     }
 
@@ -329,13 +331,13 @@ impl Store {
         &self.description.config
     }
 
-    /// Attributes of the database: what it is, and from what it was made.
+    /// Attributes of the database: its description and its inputs.
     #[must_use]
     pub fn attributes(&self) -> serde_json::Map<String, serde_json::Value> {
         self.description.attributes()
     }
 
-    /// Lets the disk fill up after `writes` more files.
+    /// Simulates a disk that becomes full after `writes` more files.
     #[cfg(test)]
     pub(crate) fn fill_disk_after(&self, writes: u64) {
         if let Some(writer) = &self.writer {
@@ -347,61 +349,62 @@ impl Store {
     fn writer(&self) -> Result<&Arc<file::Writer>, StoreError> {
         self.writer.as_ref().ok_or_else(|| {
             let reason = std::io::ErrorKind::PermissionDenied.into();
-            StoreError::io("write, it is open for reading only:", &self.root)(reason)
+            StoreError::io("write to the read-only database", &self.root)(reason)
         })
     }
 }
 
-/// The database in the output directory `dir`, if there is one.
+/// The path of the database in the output directory `dir`; it need not exist.
 #[must_use]
 pub fn database(dir: &Path) -> PathBuf {
     dir.join(DATABASE)
 }
 
-/// Once no job is half done, there is no folder for their units.
+/// Deletes the folder of units if it is empty.
 impl Drop for Store {
     fn drop(&mut self) {
-        // Another shard may be about to write there.
+        // With shards, another process may be about to write there.
         if self.writer.as_ref().is_some_and(|writer| writer.is_alone()) {
-            // It fails where there are some, which stay.
-            let _ = fs::remove_dir(self.dir.join(shelf::UNITS));
+            // Fails if the folder still has units, which are kept.
+            let _ = fs::remove_dir(self.dir.join(unit_directory::UNITS));
         }
     }
 }
 
-/// Deletes the database in `dir` and the compact file made from it, for a
-/// fresh start. Nothing else is touched. It is no error if there is none.
+/// Deletes the database in `dir` and its compact files, for a fresh start. Other files are
+/// kept. Does nothing if there is no database.
 ///
 /// # Errors
-/// Another process is at work there, what is there was not made by this
-/// program, or it cannot be deleted.
+/// Another process is working in `dir`, the database was not made by this program, or a
+/// file cannot be deleted.
 pub fn remove(dir: &Path) -> Result<(), StoreError> {
     if !dir.exists() {
         return file::check_links(dir);
     }
     let _lock = Lock::take(dir, Access::Exclusive)?;
     let root = dir.join(DATABASE);
-    if stored(&root)?.is_none() {
+    if read_description(&root)?.is_none() {
         return Ok(());
     }
-    // The file made from the database never outlives it, and the database is
-    // out of the way at once: a kill leaves no half of it.
+    // The compact files are deleted first, so that they never outlive the database. The
+    // database is renamed before it is deleted, so that a killed process leaves no part of
+    // it under its name.
     file::remove_file(&resolved(&dir.join(COMPACT)))?;
     file::remove_file(&resolved(&dir.join(DIFFUSE)))?;
-    file::remove_dir(&dir.join(shelf::UNITS))?;
+    file::remove_dir(&dir.join(unit_directory::UNITS))?;
     let writer = file::Writer::new(dir, Access::Exclusive)?;
     let scratch = writer.scratch();
     if root.is_symlink() {
-        return empty(&root);
+        return clear(&root);
     }
     fs::rename(&root, &scratch).map_err(StoreError::io("delete", &root))?;
     file::remove_dir(&scratch)
 }
 
-/// Deletes what is in the database at `root`, a link, which stays. Its root goes
-/// last: before that, a kill leaves a database that
+/// Deletes the contents of the database at `root`, which is a link, and keeps the link. The
+/// root file is deleted last: a process killed before that leaves a valid database that
 /// lacks some jobs.
-fn empty(root: &Path) -> Result<(), StoreError> {
+fn clear(root: &Path) -> Result<(), StoreError> {
     for entry in fs::read_dir(root).map_err(StoreError::io("read", root))? {
         let path = entry.map_err(StoreError::io("read", root))?.path();
         match path.is_dir() {
@@ -413,8 +416,8 @@ fn empty(root: &Path) -> Result<(), StoreError> {
     file::remove_file(&root.join(ROOT))
 }
 
-/// Whether the directory `root` holds nothing but what the system put there, or
-/// a process that was killed before it wrote the database's root.
+/// Whether the directory `root` is empty except for files of the system and partial files
+/// of a process that was killed before it wrote the root file of the database.
 fn is_vacant(root: &Path) -> Result<bool, StoreError> {
     for entry in fs::read_dir(root).map_err(StoreError::io("read", root))? {
         let name = entry.map_err(StoreError::io("read", root))?.file_name();
@@ -425,14 +428,17 @@ fn is_vacant(root: &Path) -> Result<bool, StoreError> {
     Ok(true)
 }
 
-/// What the database at `root` was made from; `None` if there is none.
-fn stored(root: &Path) -> Result<Option<Description>, StoreError> {
+/// Reads the description of the database at `root`; `None` if there is no database.
+///
+/// # Errors
+/// [`StoreError::Foreign`] if `root` was not made by this program; or it cannot be read.
+fn read_description(root: &Path) -> Result<Option<Description>, StoreError> {
     if !root.exists() {
         return Ok(None);
     }
     match file::read(&root.join(ROOT))? {
         Some(bytes) => Description::read(&bytes, root).map(Some),
-        // A link is where the user wants it.
+        // The target of a link may be an empty directory that the user provides.
         None if root.is_symlink() && is_vacant(root)? => Ok(None),
         None => Err(StoreError::Foreign {
             path: root.into(),

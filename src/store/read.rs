@@ -1,4 +1,4 @@
-//! Reading a database back.
+//! Reading and checking of a database.
 use ndarray::Array2;
 use zarrs::array::ArrayError;
 
@@ -19,18 +19,19 @@ pub enum Variable {
     TransmittanceSe,
     /// Standard error of the reflectance.
     ReflectanceSe,
-    /// Transmittance of isotropic light.
+    /// Bi-hemispherical transmittance, under diffuse (isotropic) light.
     TransmittanceDiffuse,
-    /// Reflectance of isotropic light.
+    /// Bi-hemispherical reflectance, under diffuse (isotropic) light.
     ReflectanceDiffuse,
-    /// Standard error of the transmittance of isotropic light.
+    /// Standard error of the bi-hemispherical transmittance.
     TransmittanceDiffuseSe,
-    /// Standard error of the reflectance of isotropic light.
+    /// Standard error of the bi-hemispherical reflectance.
     ReflectanceDiffuseSe,
 }
 
 impl Variable {
-    /// All under collimated light, in the order in which a job's chunks are written.
+    /// The variables under collimated light, in the order in which the chunks of a job are
+    /// written.
     pub const ALL: [Self; 4] = [
         Self::Transmittance,
         Self::Reflectance,
@@ -38,7 +39,8 @@ impl Variable {
         Self::ReflectanceSe,
     ];
 
-    /// All under isotropic light, likewise; their arrays have no axis of angles.
+    /// The variables under diffuse light, in the same order; their arrays have no axis of
+    /// incidence angles.
     pub const DIFFUSE: [Self; 4] = [
         Self::TransmittanceDiffuse,
         Self::ReflectanceDiffuse,
@@ -46,15 +48,15 @@ impl Variable {
         Self::ReflectanceDiffuseSe,
     ];
 
-    /// The same under isotropic light.
+    /// The corresponding variable under diffuse light.
     #[must_use]
     pub fn diffuse(self) -> Self {
-        let both = Self::ALL.into_iter().zip(Self::DIFFUSE);
-        let mut same = both.filter_map(|(one, other)| (one == self).then_some(other));
-        same.next().unwrap_or(self)
+        let mut pairs = Self::ALL.into_iter().zip(Self::DIFFUSE);
+        let pair = pairs.find(|(collimated, _)| *collimated == self);
+        pair.map_or(self, |(_, diffuse)| diffuse)
     }
 
-    /// Whether it is of isotropic light.
+    /// Whether the variable belongs to diffuse light.
     #[must_use]
     pub fn is_diffuse(self) -> bool {
         Self::DIFFUSE.contains(&self)
@@ -75,7 +77,7 @@ impl Variable {
         }
     }
 
-    /// What it is, for people.
+    /// Description of the variable, as stored in the attribute `long_name`.
     #[must_use]
     pub fn long_name(self) -> &'static str {
         match self {
@@ -93,19 +95,19 @@ impl Variable {
     }
 }
 
-/// What a check of the database found.
+/// Result of a check of all files of a database.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub struct Integrity {
-    /// Jobs there are.
+    /// Number of jobs of the database.
     pub jobs: u64,
-    /// Jobs that were never done, or whose files are damaged.
+    /// Numbers of the jobs that are not done or whose files are damaged.
     pub missing: Vec<u64>,
-    /// Metadata and coordinate files that are damaged, below the database.
+    /// Damaged metadata and coordinate files: paths within the database.
     pub damaged: Vec<String>,
 }
 
 impl Integrity {
-    /// Whether everything is there and whole.
+    /// Whether no file is missing or damaged.
     #[must_use]
     pub fn is_whole(&self) -> bool {
         self.missing.is_empty() && self.damaged.is_empty()
@@ -113,10 +115,10 @@ impl Integrity {
 }
 
 impl Store {
-    /// Jobs still to be run, of all or of one shard, in order.
+    /// Numbers of the jobs that are not done, of the database or of one shard, increasing.
     ///
     /// # Errors
-    /// A file is there but cannot be read.
+    /// [`StoreError::Io`] if a file exists but cannot be read.
     pub fn missing(&self, shard: Option<Shard>) -> Result<Vec<u64>, StoreError> {
         let mut missing = Vec::new();
         for job in 0..self.layout.jobs.count() {
@@ -130,7 +132,7 @@ impl Store {
     /// Checks every file of the database.
     ///
     /// # Errors
-    /// A file is there but cannot be read.
+    /// [`StoreError::Io`] if a file exists but cannot be read.
     pub fn verify(&self) -> Result<Integrity, StoreError> {
         let mut damaged = Vec::new();
         for (path, bytes) in self.layout.static_files(&self.description)? {
@@ -145,12 +147,12 @@ impl Store {
         })
     }
 
-    /// All curves of a quantity, [curves, wavelengths], curves in storage
-    /// order, those of isotropic light without the axis of angles; NaN where a job has written nothing. Ask [`missing`](Self::missing)
-    /// first whether all jobs are done.
+    /// All curves of a variable as an array [curves, wavelengths], with curves in storage
+    /// order; those under diffuse light have no axis of incidence angles. Jobs that are not
+    /// done have NaN: check with [`missing`](Self::missing) first.
     ///
     /// # Errors
-    /// A chunk is torn, or cannot be read.
+    /// [`StoreError::Damaged`] if a chunk is damaged or cannot be read.
     pub fn read(&self, quantity: Variable) -> Result<Array2<f32>, StoreError> {
         let array = self.layout.quantity(quantity)?;
         let values: Vec<f32> = array
@@ -168,11 +170,11 @@ impl Store {
         Array2::from_shape_vec(shape, values).map_err(StoreError::zarr(quantity.name()))
     }
 
-    /// Largest share of lost rays over the curves and wavelengths of `job`;
-    /// NaN if it is not done.
+    /// Largest share of lost rays over the curves and wavelengths of `job`, 0 to 1; NaN if
+    /// the job is not done.
     ///
     /// # Errors
-    /// The chunk is torn, or cannot be read.
+    /// [`StoreError::Damaged`] if the chunk is damaged or cannot be read.
     pub fn lost_share(&self, job: u64) -> Result<f64, StoreError> {
         let array = &self.layout.lost;
         let share: Vec<f64> = array
@@ -181,11 +183,11 @@ impl Store {
         Ok(share.first().copied().unwrap_or(f64::NAN))
     }
 
-    /// The spectra of `job`, one per curve in storage order, each with the largest
-    /// lost share of the job; `None` if it is not done.
+    /// The spectra of `job`, one per curve in storage order; each has the largest share of
+    /// lost rays of the job. `None` if the job is not done.
     ///
     /// # Errors
-    /// A chunk cannot be read.
+    /// [`StoreError::Io`] or [`StoreError::Damaged`] if a chunk cannot be read.
     pub fn spectra(&self, job: u64) -> Result<Option<Vec<Spectrum>>, StoreError> {
         if !self.is_done(job)? {
             return Ok(None);
@@ -199,14 +201,14 @@ impl Store {
             let values: Result<Vec<f32>, _> = array.retrieve_chunk(&chunk);
             values.map_err(|error| self.damaged(array, &error))
         };
-        let kinds: &[[Variable; 4]] = match self.has_diffuse() {
+        let groups: &[[Variable; 4]] = match self.has_diffuse() {
             true => &[Variable::ALL, Variable::DIFFUSE],
             false => &[Variable::ALL],
         };
-        let mut read = Vec::new();
-        for kind in kinds {
-            let four: Result<Vec<_>, _> = kind.iter().map(|quantity| values(*quantity)).collect();
-            read.push(four?);
+        let mut chunks = Vec::new();
+        for group in groups {
+            let group: Result<Vec<_>, _> = group.iter().map(|quantity| values(*quantity)).collect();
+            chunks.push(group?);
         }
         let lost = self.lost_share(job)?;
         let measured = |values: &[f32], errors: &[f32], row: usize| {
@@ -219,12 +221,12 @@ impl Store {
         };
         let spectrum = |curve: usize| {
             let (slab, light) = (curve / lights, curve % lights);
-            // those of isotropic light follow those of the angles of each thickness
-            let (kind, row) = match light.checked_sub(angles) {
+            // for each thickness, diffuse light follows the incidence angles
+            let (group, row) = match light.checked_sub(angles) {
                 None => (0, slab * angles + light),
                 Some(_) => (1, slab),
             };
-            let [t, r, t_se, r_se] = [0, 1, 2, 3].map(|i| read[kind][i].as_slice());
+            let [t, r, t_se, r_se] = [0, 1, 2, 3].map(|i| chunks[group][i].as_slice());
             Spectrum {
                 reflectance: measured(r, r_se, row),
                 transmittance: measured(t, t_se, row),

@@ -1,101 +1,106 @@
-//! The compact file's answers anywhere against fresh simulations.
-use super::{Check, Figure, Options, Subject, VerifyError, within};
-use crate::certificate::{self, Certificate, Partial};
+//! Look-ups anywhere in the compact file against fresh simulations.
+use super::{Check, CheckContext, CheckedValue, Options, VerifyError, within};
 use crate::colour::Colorimeter;
 use crate::config;
 use crate::engine::Control;
-use crate::fit;
+use crate::error_budget::{Certification, ErrorBudget, PartialErrorBudget};
 use crate::lookup::Database;
 use crate::measurement::Quantity;
 use crate::parameter::Region;
 use crate::scene::Scene;
+use crate::tailor;
 
-/// Walks of a fresh simulation: its noise is a third of that of a database of
+/// Rays of a fresh simulation. Its noise is a third of that of a database of
 /// configs/thesis.toml.
 pub const POINT_RAYS: u64 = 1 << 19;
-/// Away from the seeds of those who made the file.
-const APART: u64 = 1 << 32;
+/// Added to the seed, to keep it apart from the seeds with which files are made.
+const SEED_OFFSET: u64 = 1 << 32;
 
-fn subject<'a>(
-    subject: &'a Subject<'_>,
+/// The certification of a database's compact file.
+fn certification<'a>(
+    context: &'a CheckContext<'_>,
     regions: &'a [Region],
     file: &'a Database,
     exact: &'a Database,
     colour: Option<&'a Colorimeter>,
-) -> certificate::Subject<'a> {
-    certificate::Subject {
-        grid: subject.grid,
+) -> Certification<'a> {
+    Certification {
+        grid: context.grid,
         regions,
         file,
         exact,
         colour,
-        points: subject.options.points,
-        rays: subject.options.point_rays.unwrap_or(POINT_RAYS),
-        seed: subject.options.seed.wrapping_add(APART),
+        points: context.options.points,
+        rays: context.options.point_rays.unwrap_or(POINT_RAYS),
+        seed: context.options.seed.wrapping_add(SEED_OFFSET),
     }
 }
 
-pub(super) fn walks(of: &Subject<'_>, file: &Database) -> Result<u64, VerifyError> {
+/// The number of walks of [`check`].
+pub(super) fn walks(context: &CheckContext<'_>, file: &Database) -> Result<u64, VerifyError> {
     let regions = [file.axes().region()];
-    Ok(subject(of, &regions, file, file, None).walks()?)
+    Ok(certification(context, &regions, file, file, None).walks()?)
 }
 
-/// The check, its certificate if it is whole, and what was left out.
-type Answers = (Option<Check>, Option<Certificate>, Option<String>);
+/// The check, the error budget if it is complete, and a note on what was skipped.
+type Answers = (Option<Check>, Option<ErrorBudget>, Option<String>);
 
-/// What a certificate comes to.
-fn answers(partial: Partial) -> Answers {
-    let mut check = partial.certificate.as_ref().map(named);
-    let unanswered = partial.unanswered;
-    if let Some(check) = check.as_mut().filter(|_| unanswered > 0) {
+/// The outcome of a certification.
+fn answers(partial: PartialErrorBudget) -> Answers {
+    let mut check = partial.error_budget.as_ref().map(error_budget_check);
+    let uncovered = partial.uncovered;
+    if let Some(check) = check.as_mut().filter(|_| uncovered > 0) {
         check.notes.push(format!(
-            "{unanswered} drawn points have no answer in the file: grains do not fit there"
+            "{uncovered} of the points drawn have no curve in the file, because grains do not fit there"
         ));
     }
-    let left = match partial.left {
+    let skipped = match partial.skipped {
         Some([patches, points]) => Some(format!(
-            "{patches} fresh simulations with {points} random points of the certificate, which is not kept in the file"
+            "{patches} fresh simulations with {points} random points of the error budget, which is not stored in the file"
         )),
-        None if partial.certificate.is_none() => Some(format!(
-            "the certificate: none of {unanswered} random points has an answer in the file"
+        None if partial.error_budget.is_none() => Some(format!(
+            "the error budget: none of {uncovered} random points has a curve in the file"
         )),
         None => None,
     };
-    let whole = partial.certificate.filter(|_| left.is_none());
-    (check, whole, left)
+    let complete = partial.error_budget.filter(|_| skipped.is_none());
+    (check, complete, skipped)
 }
 
-/// Certifies the file of a database, which states no bound off its nodes.
+/// Certifies the compact file of a database. The file states no bound off its nodes, so no
+/// value is compared with a bound.
 pub(super) fn check(
-    of: &Subject<'_>,
+    context: &CheckContext<'_>,
     file: &Database,
     colour: Option<&Colorimeter>,
     control: &Control<'_>,
 ) -> Result<Answers, VerifyError> {
-    let [t, _] = of.curves(Quantity::Transmittance, false)?;
-    let [r, _] = of.curves(Quantity::Reflectance, false)?;
+    let [t, _] = context.curves(Quantity::Transmittance, false)?;
+    let [r, _] = context.curves(Quantity::Reflectance, false)?;
     let exact = Database::from_curves(
-        file.stands_free(),
-        of.store.axes(),
-        of.store.wavelengths_nm(),
+        file.has_black_substrate(),
+        context.store.axes(),
+        context.store.wavelengths_nm(),
         Some(&t),
         Some(&r),
     )
-    .without(of.store.absent());
+    .with_absent(context.store.absent());
     let regions = [file.axes().region()];
-    let partial = subject(of, &regions, file, &exact, colour).certify_some(control)?;
-    let chains = partial.certificate.clone().map(|found| found.quantities);
-    let (mut check, certificate, left) = answers(partial);
+    let partial =
+        certification(context, &regions, file, &exact, colour).certify_until_cancelled(control)?;
+    let quantities = partial.error_budget.clone();
+    let quantities = quantities.map(|error_budget| error_budget.quantities);
+    let (mut check, error_budget, skipped) = answers(partial);
     for quantity in Quantity::ALL {
-        let chain = chains
+        let errors = quantities
             .as_ref()
-            .and_then(|chains| chains.get(quantity.name()));
-        let (Some(chain), Some(check)) = (chain, &mut check) else {
+            .and_then(|quantities| quantities.get(quantity.name()));
+        let (Some(errors), Some(check)) = (errors, &mut check) else {
             continue;
         };
         check
             .figures
-            .extend(chain.total.delta_e.map(|total| Figure {
+            .extend(errors.total.delta_e.map(|total| CheckedValue {
                 quantity,
                 measure: "Delta-E",
                 value: total.max,
@@ -103,20 +108,23 @@ pub(super) fn check(
                 at: String::new(),
             }));
     }
-    Ok((check, certificate, left))
+    Ok((check, error_budget, skipped))
 }
 
-/// Does `work` on the file of a scene and the scene itself.
-fn of_scene<T>(
+/// Runs `work` on the certification of a tailored file and its scene.
+fn with_scene<T>(
     file: &Database,
     options: Options,
-    work: impl FnOnce(&certificate::Subject, &Scene) -> Result<T, VerifyError>,
+    work: impl FnOnce(&Certification, &Scene) -> Result<T, VerifyError>,
 ) -> Result<T, VerifyError> {
-    let text = file.metadata().get(fit::SCENE).map_or("", String::as_str);
+    let text = file
+        .metadata()
+        .get(tailor::SCENE)
+        .map_or("", String::as_str);
     let scene = config::scene::parse("the scene in the file", text)?.scene;
-    let grid = fit::grid(&scene);
+    let grid = tailor::grid(&scene);
     let colour = Colorimeter::viewing(&scene.wavelengths_nm, &scene.viewing)?;
-    let subject = certificate::Subject {
+    let certification = Certification {
         grid: &grid,
         regions: &scene.regions,
         file,
@@ -125,38 +133,40 @@ fn of_scene<T>(
         points: options.points,
         rays: options
             .point_rays
-            .unwrap_or(POINT_RAYS.max(fit::FRESH * grid.run.rays)),
-        seed: options.seed.wrapping_add(APART),
+            .unwrap_or(POINT_RAYS.max(tailor::FRESH * grid.run.rays)),
+        seed: options.seed.wrapping_add(SEED_OFFSET),
     };
-    work(&subject, &scene)
+    work(&certification, &scene)
 }
 
-/// How many walks [`fitted`] does at most, for a progress bar.
+/// The largest number of walks of [`tailored`], for a progress bar.
 ///
 /// # Errors
-/// As of that.
-pub fn fitted_walks(file: &Database, options: Options) -> Result<u64, VerifyError> {
-    of_scene(file, options, |subject, _| Ok(subject.walks()?))
+/// If the scene of the file cannot be read, or a point cannot be simulated.
+pub fn tailored_walks(file: &Database, options: Options) -> Result<u64, VerifyError> {
+    with_scene(file, options, |certification, _| Ok(certification.walks()?))
 }
 
-/// Proves the file of a scene anew, at other points: its bound must hold.
+/// Certifies a tailored file again, at other points. The check passes if the bound of its
+/// scene holds. See [`super::Verification::run`] for the time limit.
 ///
 /// # Errors
-/// It was not fitted to a scene that this version reads, or a simulation fails; see
-/// [`super::Verification::run`] of a budget of time.
-pub fn fitted(
+/// If the file was not tailored to a scene that this version reads, a simulation fails, or the
+/// run is cancelled.
+pub fn tailored(
     file: &Database,
     options: Options,
     control: &Control<'_>,
-) -> Result<(super::Report, Option<Certificate>), VerifyError> {
-    of_scene(file, options, |subject, scene| {
+) -> Result<(super::Report, Option<ErrorBudget>), VerifyError> {
+    with_scene(file, options, |certification, scene| {
         let partial = within(options.seconds, control, |control| {
-            Ok(subject.certify_some(control)?)
+            Ok(certification.certify_until_cancelled(control)?)
         })?;
-        let chains = partial.certificate.clone().map(|found| found.quantities);
-        let (check, certificate, left) = answers(partial);
-        let not_checked = left.into_iter().collect();
-        let (Some(mut check), Some(chains)) = (check, chains) else {
+        let quantities = partial.error_budget.clone();
+        let quantities = quantities.map(|error_budget| error_budget.quantities);
+        let (check, error_budget, skipped) = answers(partial);
+        let not_checked = skipped.into_iter().collect();
+        let (Some(mut check), Some(quantities)) = (check, quantities) else {
             let checks = Vec::new();
             return Ok((
                 super::Report {
@@ -167,13 +177,13 @@ pub fn fitted(
             ));
         };
         for &quantity in &scene.quantities {
-            let chain = chains.get(quantity.name());
-            let Some(total) = chain.and_then(|chain| chain.total.delta_e) else {
-                let problem = format!("it holds no {}, which its scene asks for", quantity.name());
+            let errors = quantities.get(quantity.name());
+            let Some(total) = errors.and_then(|errors| errors.total.delta_e) else {
+                let problem = format!("it holds no {}, which its scene requires", quantity.name());
                 check.problems.push(problem);
                 continue;
             };
-            check.figures.push(Figure {
+            check.figures.push(CheckedValue {
                 quantity,
                 measure: "Delta-E",
                 value: total.max,
@@ -187,14 +197,15 @@ pub fn fitted(
                 checks,
                 not_checked,
             },
-            certificate,
+            error_budget,
         ))
     })
 }
 
-fn named(certificate: &Certificate) -> Check {
+/// A check with the lines of an error budget as notes.
+fn error_budget_check(error_budget: &ErrorBudget) -> Check {
     let mut check = Check::new("answers of the compact file against fresh simulations");
-    let lines = certificate.to_string();
+    let lines = error_budget.to_string();
     check.notes.extend(lines.lines().map(str::to_owned));
     check
 }

@@ -1,10 +1,10 @@
-//! The compact file against the database it must have been made from.
+//! The check of a compact file against the database from which it must have been made.
 use std::collections::BTreeMap;
 
 use serde::Deserialize;
 use serde_json::Value;
 
-use super::{Check, Figure, Subject, VerifyError};
+use super::{Check, CheckContext, CheckedValue, VerifyError};
 use crate::colour::{Colorimeter, Viewing};
 use crate::compress::{
     BAND_ERRORS, BOUNDS, BandError, BandErrors, Bounds, ERROR_TABLE, PROVENANCE, errors_of, rmse_in,
@@ -13,16 +13,19 @@ use crate::lookup::Database;
 use crate::measurement::Quantity;
 use crate::parameter::{Axes, Parameter};
 
+/// Name of the check of the compact file.
 pub(super) const NAME: &str = "compact file against the database";
+/// Name of the check of the compact file for isotropic light.
 pub(super) const DIFFUSE_NAME: &str = "compact file of isotropic light against the database";
-/// Attributes without which a provenance says nothing.
+/// Attributes that every provenance must have.
 const IDENTITY: [&str; 3] = ["config_sha256", "engine", "seed"];
-/// The error table has six digits: the most that one of its numbers may differ
-/// from the errors found anew, relative to itself.
+/// Largest relative difference allowed between a number of the error table, which has six
+/// digits, and the error computed again.
 const ROUNDING: f64 = 1e-5;
 
+/// Checks the origin of the compact file, its bounds, and the errors that it states.
 pub(super) fn check(
-    subject: &Subject<'_>,
+    context: &CheckContext<'_>,
     database: &Database,
     colour: Option<&Colorimeter>,
     diffuse: bool,
@@ -31,7 +34,7 @@ pub(super) fn check(
         false => NAME,
         true => DIFFUSE_NAME,
     });
-    check.problems.extend(origin(subject, database, diffuse));
+    check.problems.extend(origin(context, database, diffuse));
     if !check.problems.is_empty() {
         return Ok(check);
     }
@@ -41,11 +44,14 @@ pub(super) fn check(
     };
     let table: Value = serde_json::from_str(metadata(ERROR_TABLE)).unwrap_or_default();
     for quantity in Quantity::ALL.into_iter().filter(|&q| database.has(q)) {
-        let [curves, _] = subject.curves(quantity, diffuse)?;
+        let [curves, _] = context.curves(quantity, diffuse)?;
         let errors = errors_of(database, quantity, curves.view(), colour)?;
         let row = &table[quantity.name()]["rows"][database.components(quantity) - 1];
         let Some(bounds) = stated(database, quantity) else {
-            let problem = format!("its metadata `{BOUNDS}` state none for {}", quantity.name());
+            let problem = format!(
+                "its metadata `{BOUNDS}` state no bounds for {}",
+                quantity.name()
+            );
             check.problems.push(problem);
             continue;
         };
@@ -67,7 +73,7 @@ pub(super) fn check(
             let Some((mean, max, worst)) = errors.as_deref().and_then(summary) else {
                 continue;
             };
-            let figure = |measure, value, bound, at| Figure {
+            let figure = |measure, value, bound, at| CheckedValue {
                 quantity,
                 measure,
                 value,
@@ -77,7 +83,7 @@ pub(super) fn check(
             check
                 .figures
                 .push(figure(mean_name, mean, None, String::new()));
-            let worst = at(database, worst);
+            let worst = point_text(database, worst);
             check.figures.push(figure(max_name, max, bound, worst));
             for (name, found, stated) in [
                 (mean_name, mean, &row[key]["mean"]),
@@ -88,18 +94,18 @@ pub(super) fn check(
                     .is_some_and(|s| (s - found).abs() <= ROUNDING * found);
                 if !same {
                     check.problems.push(format!(
-                        "its error table states {stated} as the {name} of {}, its coefficients give {found:.5e}: one of them was changed",
+                        "its error table states {stated} as the {name} of {}, but its coefficients give {found:.5e}: the table or the coefficients were changed",
                         quantity.name()
                     ));
                 }
             }
         }
         match band_errors(database, quantity) {
-            // Files from before bands were told.
+            // Files of older versions state no band errors.
             Ok(None) => {}
             Ok(Some(stated)) => {
-                for found in &errors.bands {
-                    in_band(&mut check, database, quantity, found, &stated);
+                for band in &errors.bands {
+                    check_band(&mut check, database, quantity, band, &stated);
                 }
             }
             Err(problem) => check.problems.push(problem),
@@ -108,127 +114,141 @@ pub(super) fn check(
     Ok(check)
 }
 
-/// The RMSE of one band against its bound, and what the file says of it against what
-/// was `found`.
-fn in_band(
+/// Checks the RMSE of one band against its bound, and the errors that the file states for the
+/// band against the `computed` errors.
+fn check_band(
     check: &mut Check,
     database: &Database,
     quantity: Quantity,
-    found: &BandErrors,
+    computed: &BandErrors,
     stated: &[BandError],
 ) {
-    let name = found.band.name();
-    let Some((_, max, worst)) = summary(&found.rmse) else {
+    let name = computed.band.name();
+    let Some((_, max, worst)) = summary(&computed.rmse) else {
         return;
     };
-    let stated = stated.iter().find(|stated| stated.band == found.band);
-    check.figures.push(Figure {
+    let stated = stated.iter().find(|stated| stated.band == computed.band);
+    check.figures.push(CheckedValue {
         quantity,
-        measure: rmse_in(found.band),
+        measure: rmse_in(computed.band),
         value: max,
         bound: stated.and_then(|stated| stated.max_rmse),
-        at: at(database, worst),
+        at: point_text(database, worst),
     });
     let Some(stated) = stated else {
         let problem = format!(
-            "its metadata `{BAND_ERRORS}` say nothing of {name} of {}",
+            "its metadata `{BAND_ERRORS}` have no entry for {name} of {}",
             quantity.name()
         );
         check.problems.push(problem);
         return;
     };
-    let largest = found.largest.error;
-    for (what, found, stated) in [
+    let largest = computed.largest.error;
+    for (measure, computed, stated) in [
         ("largest RMSE", max, stated.rmse.max),
         ("largest error", largest, stated.largest.error),
     ] {
-        if (stated - found).abs() > ROUNDING * found || stated.is_nan() {
+        if (stated - computed).abs() > ROUNDING * computed || stated.is_nan() {
             check.problems.push(format!(
-                "its metadata `{BAND_ERRORS}` state {stated} as the {what} of {} in {name}, its coefficients give {found:.5e}: one of them was changed",
+                "its metadata `{BAND_ERRORS}` state {stated} as the {measure} of {} in {name}, but its coefficients give {computed:.5e}: the metadata or the coefficients were changed",
                 quantity.name()
             ));
         }
     }
 }
 
-/// The node of a curve.
-fn at(database: &Database, row: usize) -> String {
+/// The node of a curve, as text.
+fn point_text(database: &Database, row: usize) -> String {
     let point = database.point(row);
     point.map_or(String::new(), |point| point.to_string())
 }
 
-/// What the file states of each band of `quantity`; `None` if it states no bands at all.
-/// An error says that it cannot be read.
+/// The band errors that the file states for `quantity`; `None` if it states none at all.
+///
+/// # Errors
+/// A message if the metadata cannot be read.
 fn band_errors(database: &Database, quantity: Quantity) -> Result<Option<Vec<BandError>>, String> {
     let Some(text) = database.metadata().get(BAND_ERRORS) else {
         return Ok(None);
     };
-    let all: BTreeMap<String, Vec<BandError>> = serde_json::from_str(text)
+    let by_quantity: BTreeMap<String, Vec<BandError>> = serde_json::from_str(text)
         .map_err(|e| format!("its metadata `{BAND_ERRORS}` cannot be read: {e}"))?;
-    Ok(Some(all.get(quantity.name()).cloned().unwrap_or_default()))
+    Ok(Some(
+        by_quantity
+            .get(quantity.name())
+            .cloned()
+            .unwrap_or_default(),
+    ))
 }
 
-/// What tells that the file was made from another database.
-fn origin(subject: &Subject<'_>, database: &Database, diffuse: bool) -> Vec<String> {
+/// The differences that show that the file was made from another database.
+fn origin(context: &CheckContext<'_>, database: &Database, diffuse: bool) -> Vec<String> {
     let provenance = provenance(database);
     let mut problems = Vec::new();
-    let mut compare = |key: &str, stored: &Value| match provenance.get(key) {
+    let mut compare = |key: &str, stored: &Value| {
+        match provenance.get(key) {
         Some(value) if value == stored => {}
-        // What differs in it is told line by line.
+        // The identity shows the differences of the config line by line.
         Some(_) if key == "config" => {}
         Some(value) if key == "identity" => problems.extend(differing_lines(value, stored)),
         Some(value) => problems.push(format!(
-            "it was made from another database: its {key} is {value}, that of the database {stored}"
+            "it was made from another database: its {key} is {value}, but that of the database is {stored}"
         )),
         None if IDENTITY.contains(&key) => {
-            problems.push(format!("its metadata `{PROVENANCE}` do not tell its {key}"));
+            problems.push(format!("its metadata `{PROVENANCE}` lack {key}"));
         }
         None => {}
+    }
     };
-    let attributes = subject.store.attributes();
+    let attributes = context.store.attributes();
     for (key, stored) in &attributes {
         compare(key, stored);
     }
-    if database.absent() != subject.store.absent() {
-        problems.push("the curves that it lacks are not those of the database".to_owned());
+    if database.absent() != context.store.absent() {
+        problems
+            .push("the curves absent from it are not those absent from the database".to_owned());
     }
     let names = |axes: &Axes| {
         let names: Vec<_> = axes.iter().map(|(parameter, _)| parameter.name()).collect();
         names.join(", ")
     };
-    let [stored, found] = [subject.store.axes(), database.axes()];
+    let [stored, found] = [context.store.axes(), database.axes()];
     if names(stored) != names(found) {
         problems.push(format!(
-            "its axes are {}, those of the database {}",
+            "its axes are {}, but those of the database are {}",
             names(found),
             names(stored)
         ));
         return problems;
     }
-    // files of version 1 hold single precision
+    // Files of version 1 hold single precision.
     let same = |a: &[f64], b: &[f64]| a.iter().map(|v| *v as f32).eq(b.iter().map(|v| *v as f32));
     for (parameter, values) in stored.iter() {
-        // isotropic light has one angle, which stands for all
-        let all = diffuse && parameter == Parameter::Incidence;
-        if !all && !same(values, found.values(parameter)) {
+        // A file for isotropic light has one angle, which stands for all.
+        let is_averaged = diffuse && parameter == Parameter::Incidence;
+        if !is_averaged && !same(values, found.values(parameter)) {
             let name = parameter.name();
-            problems.push(format!("its {name} are not those of the database"));
+            problems.push(format!("its {name} differs from that of the database"));
         }
     }
-    if !same(subject.store.wavelengths_nm(), database.wavelengths_nm()) {
-        problems.push("its wavelength_nm are not those of the database".to_owned());
+    if !same(context.store.wavelengths_nm(), database.wavelengths_nm()) {
+        problems.push("its wavelength_nm differs from that of the database".to_owned());
     }
     problems
 }
 
+/// The provenance in the file; null if there is none.
 fn provenance(database: &Database) -> Value {
     let text = database.metadata().get(PROVENANCE);
     text.and_then(|text| serde_json::from_str(text).ok())
         .unwrap_or_default()
 }
 
-/// How the file says its colours were compared; the default where it says
-/// nothing. An error says what is unknown.
+/// The illuminants and formula with which the colours of the file were compared; the default if
+/// the file does not state them.
+///
+/// # Errors
+/// A message if an illuminant or formula is unknown.
 pub(crate) fn viewing(database: &Database) -> Result<Viewing, String> {
     match provenance(database).get("compression") {
         Some(stated) => Viewing::deserialize(stated).map_err(|e| e.to_string()),
@@ -236,7 +256,7 @@ pub(crate) fn viewing(database: &Database) -> Result<Viewing, String> {
     }
 }
 
-/// Lines of the identity in which file and database differ.
+/// Lines of the identity that are in the file or the database only.
 fn differing_lines(file: &Value, stored: &Value) -> Vec<String> {
     let lines = |value: &Value| -> Vec<String> {
         let text = value.as_str().unwrap_or_default();
@@ -261,11 +281,11 @@ pub(super) fn stated(database: &Database, quantity: Quantity) -> Option<Bounds> 
     bounds.get(quantity.name()).copied()
 }
 
-/// Mean, largest and position of the (first) largest, of curves that exist; `None` of
-/// nothing.
+/// Mean, maximum, and index of the first maximum of the errors of existing curves; `None` if
+/// there are none.
 pub(super) fn summary(errors: &[f64]) -> Option<(f64, f64, usize)> {
-    let there = errors.iter().enumerate().filter(|(_, e)| !e.is_nan());
-    let mean = there.clone().map(|(_, e)| e).sum::<f64>() / there.clone().count() as f64;
-    let (worst, max) = there.reduce(|a, b| if b.1 > a.1 { b } else { a })?;
+    let existing = errors.iter().enumerate().filter(|(_, e)| !e.is_nan());
+    let mean = existing.clone().map(|(_, e)| e).sum::<f64>() / existing.clone().count() as f64;
+    let (worst, max) = existing.reduce(|a, b| if b.1 > a.1 { b } else { a })?;
     Some((mean, *max, worst))
 }

@@ -1,18 +1,18 @@
-//! Fresh simulations of single points, with streams of their own.
+//! Fresh simulations of single points, with random streams of their own.
 use rand::SeedableRng;
 use rand_xoshiro::Xoshiro256PlusPlus;
 use sha2::{Digest, Sha256};
 
-use super::{Subject, VerifyError};
+use super::{CheckContext, VerifyError};
 use crate::budget;
 use crate::engine::{Control, EngineError, Request};
 use crate::grid::Grid;
 use crate::measurement::Spectrum;
 use crate::parameter::{Parameter, Point};
-use crate::transport::{Illumination, Pack};
+use crate::transport::{Illumination, Snowpack};
 use crate::units::cm_to_m;
 
-/// Points to simulate, each in `parts` independent parts of `rays` rays.
+/// Points to simulate, each with `parts` independent simulations of `rays` rays.
 pub(super) struct Simulations {
     pub(super) points: Vec<Point>,
     pub(super) parts: u64,
@@ -20,58 +20,64 @@ pub(super) struct Simulations {
     pub(super) seed: u64,
 }
 
-/// Random numbers of the verification: a function of the seed and of what
-/// they are for, and by their hash none of those that made the database.
-pub(super) fn random(subject: &Subject<'_>, purpose: &str) -> Xoshiro256PlusPlus {
+/// A random stream of the verification, which depends on the seed and the purpose. Its hash
+/// differs from those of the streams that made the database.
+pub(super) fn random(context: &CheckContext<'_>, purpose: &str) -> Xoshiro256PlusPlus {
     let mut hash = Sha256::new();
     hash.update(b"splitsnow verify 1 ");
     hash.update(purpose);
-    hash.update(subject.options.seed.to_le_bytes());
+    hash.update(context.options.seed.to_le_bytes());
     Xoshiro256PlusPlus::from_seed(hash.finalize().into())
 }
 
 impl Simulations {
-    /// Walks of all of them.
+    /// The number of walks of all simulations.
     pub(super) fn walks(&self, grid: &Grid) -> Result<u64, VerifyError> {
         let mut walks: u64 = 0;
         for point in &self.points {
-            let cell = Cell::new(grid, *point)?;
-            let one = grid.run.engine.walks(&self.request(grid, &cell, 0));
-            let one = one.map_err(|source| cell.error(source))?;
-            walks = walks.saturating_add(one.saturating_mul(self.parts));
+            let prepared = PreparedPoint::new(grid, *point)?;
+            let walks_of_part = grid.run.engine.walks(&self.request(grid, &prepared, 0));
+            let walks_of_part = walks_of_part.map_err(|source| prepared.error(source))?;
+            walks = walks.saturating_add(walks_of_part.saturating_mul(self.parts));
         }
         Ok(walks)
     }
 
-    /// Their spectra, [point][part]; of the points that were done when it was cancelled.
+    /// The spectra, `[point][part]`; `None` for points that had not ended when `control` was
+    /// cancelled.
     pub(super) fn run(
         &self,
         grid: &Grid,
         control: &Control<'_>,
     ) -> Result<Vec<Option<Vec<Spectrum>>>, VerifyError> {
-        let cells: Result<Vec<_>, _> = self
+        let prepared: Result<Vec<_>, _> = self
             .points
             .iter()
-            .map(|point| Cell::new(grid, *point))
+            .map(|point| PreparedPoint::new(grid, *point))
             .collect();
-        let cells = cells?;
+        let prepared = prepared?;
         let requests: Vec<_> = (0_u64..)
-            .zip(cells.iter().flat_map(|c| (0..self.parts).map(move |_| c)))
+            .zip(
+                prepared
+                    .iter()
+                    .flat_map(|p| (0..self.parts).map(move |_| p)),
+            )
             .collect();
-        let one = |(number, cell): (u64, &Cell)| {
+        let simulate = |(number, point): (u64, &PreparedPoint)| {
             let spectra = grid
                 .run
                 .engine
-                .run(&self.request(grid, cell, number), control);
-            let mut spectra = spectra.map_err(|source| cell.error(source))?;
-            // One thickness, one spectrum.
+                .run(&self.request(grid, point, number), control);
+            let mut spectra = spectra.map_err(|source| point.error(source))?;
+            // One thickness gives one spectrum.
             Ok(spectra.pop().unwrap_or_default())
         };
-        let spectra =
-            budget::in_order(requests.len(), control.cancel, |i| match one(requests[i]) {
+        let spectra = budget::in_order(requests.len(), control.cancel, |i| {
+            match simulate(requests[i]) {
                 Err(VerifyError::Cancelled) => Ok(None),
-                found => found.map(Some),
-            })?;
+                result => result.map(Some),
+            }
+        })?;
         let parts = self.parts.max(1) as usize;
         let points = spectra.chunks(parts);
         Ok(points
@@ -79,29 +85,30 @@ impl Simulations {
             .collect())
     }
 
-    fn request<'a>(&self, grid: &'a Grid, cell: &'a Cell, number: u64) -> Request<'a> {
+    /// The request to the engine for simulation `number`.
+    fn request<'a>(&self, grid: &'a Grid, point: &'a PreparedPoint, number: u64) -> Request<'a> {
         Request {
             rays: self.rays,
             seed: self.seed,
-            ..grid.request(&cell.pack, &cell.thickness_m, &cell.light, number)
+            ..grid.request(&point.snowpack, &point.thickness_m, &point.light, number)
         }
     }
 }
 
-/// One point to simulate.
-struct Cell {
-    /// Where, for messages.
+/// A point converted to the inputs of an engine.
+struct PreparedPoint {
+    /// The point as text, for messages.
     at: String,
-    pack: Pack,
+    snowpack: Snowpack,
     thickness_m: [f64; 1],
     light: [Illumination; 1],
 }
 
-impl Cell {
+impl PreparedPoint {
     fn new(grid: &Grid, point: Point) -> Result<Self, VerifyError> {
         Ok(Self {
             at: point.to_string(),
-            pack: grid.pack(&point)?,
+            snowpack: grid.snowpack(&point)?,
             thickness_m: [cm_to_m(point[Parameter::Thickness])],
             light: [Illumination::Collimated {
                 polar_angle_rad: point[Parameter::Incidence].to_radians(),

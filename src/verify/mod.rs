@@ -1,10 +1,9 @@
-//! Checks a finished database anew: its files, its compact file against it,
-//! the curves against fresh simulations on the nodes, and the answers of the
-//! compact file against fresh ones anywhere ([`crate::certificate`]). Of a file
-//! that was fitted to a scene there is only the last.
+//! Checks a finished database: its files, its compact file against the database, stored spectra
+//! against fresh simulations at nodes, and look-ups in the compact file against fresh
+//! simulations anywhere ([`crate::error_budget`]). A tailored file is checked by the last only.
 //!
-//! Every check that compares random numbers states how often it would fail a
-//! good database: [`FALSE_ALARM`] for each kind of fresh simulation.
+//! The checks that compare random numbers fail a correct database with a known probability:
+//! [`FALSE_ALARM`] for each kind of fresh simulation.
 mod answers;
 mod compact;
 mod fresh;
@@ -18,79 +17,79 @@ use ndarray::Array2;
 use thiserror::Error;
 
 use crate::budget;
-use crate::certificate::{Certificate, CertificateError};
 use crate::colour::{Colorimeter, ColourError};
 use crate::config::{self, ConfigError};
 use crate::engine::{Control, EngineError};
+use crate::error_budget::{ErrorBudget, ErrorBudgetError};
 use crate::grid::{Grid, GridError};
 use crate::lookup::{Database, LookupError};
 use crate::measurement::Quantity;
 use crate::store::{self, Store, StoreError, Variable};
 
-pub use answers::{POINT_RAYS, fitted, fitted_walks};
+pub use answers::{POINT_RAYS, tailored, tailored_walks};
 #[cfg(feature = "cli")]
 pub(crate) use compact::viewing;
-pub use report::{Check, Figure, Report};
+pub use report::{Check, CheckedValue, Report};
 
-/// Probability that fresh simulations fail a database that is right.
+/// Probability that the fresh simulations of one kind fail a correct database.
 pub const FALSE_ALARM: f64 = 1e-6;
 
-/// What to verify.
+/// The settings of a verification.
 #[derive(Debug, Clone, Copy)]
 pub struct Options {
-    /// Fresh simulations on nodes; 0 makes none.
+    /// Number of fresh simulations at nodes; 0 skips this check.
     pub samples: usize,
-    /// Random points of the certificate, at least; 0 makes none.
+    /// Least number of random points of the error budget; 0 skips the error budget.
     pub points: usize,
-    /// Chooses the points and the streams of the fresh simulations.
+    /// Seed that chooses the points and the random streams of the fresh simulations.
     pub seed: u64,
-    /// Rays of a fresh simulation on a node; as many as the database's if `None`.
+    /// Rays of a fresh simulation at a node; `None` for the database's number of rays.
     pub rays: Option<u64>,
-    /// Rays of a fresh simulation at a random point; [`POINT_RAYS`] if `None`.
+    /// Rays of a fresh simulation at a random point; `None` for [`POINT_RAYS`].
     pub point_rays: Option<u64>,
-    /// CPU seconds after which no more is simulated; half of them at most are for the
-    /// nodes. `None`: without limit.
+    /// CPU seconds after which no further simulation starts; at most half of them are used for
+    /// the nodes. `None` for no limit.
     pub seconds: Option<f64>,
 }
 
-/// Why a database could not be verified at all.
+/// The reason why a verification could not run.
 #[derive(Debug, Error)]
 #[non_exhaustive]
 pub enum VerifyError {
-    /// It cannot be read.
+    /// The database cannot be read.
     #[error(transparent)]
     Store(#[from] StoreError),
-    /// Its description is no grid this version can run.
+    /// The configuration of the database is not a grid that this version can simulate.
     #[error(
-        "the grid in the database's attributes cannot be run (a water table of its own is looked for beside the database): {0}"
+        "the grid stored in the database cannot be simulated (a water table that it names must lie beside the database): {0}"
     )]
     Config(#[from] ConfigError),
-    /// A point of it cannot be run.
+    /// The grid cannot simulate a point.
     #[error(transparent)]
     Grid(#[from] GridError),
     /// A fresh simulation failed.
-    #[error("fresh simulation at {point}: {source}")]
+    #[error("the fresh simulation at {point} failed: {source}")]
     Engine {
-        /// Where.
+        /// The point simulated.
         point: String,
-        /// Why.
+        /// Error of the engine.
         source: EngineError,
     },
-    /// Its wavelengths have no colour because of an error in them.
+    /// The wavelengths or illuminants are invalid for colours.
     #[error(transparent)]
     Colour(#[from] ColourError),
-    /// The compact file is not of the database's shape.
+    /// The shape of the compact file differs from that of the database.
     #[error(transparent)]
     Lookup(#[from] LookupError),
-    /// There is no certificate for it.
+    /// The error budget could not be measured.
     #[error(transparent)]
-    Certificate(CertificateError),
-    /// The caller asked it to stop.
+    ErrorBudget(ErrorBudgetError),
+    /// The caller cancelled the run.
     #[error("cancelled")]
     Cancelled,
 }
 
-/// A database about to be verified.
+/// An opened database with the settings of its verification.
 #[derive(Debug)]
 pub struct Verification {
     store: Store,
@@ -98,33 +97,36 @@ pub struct Verification {
     options: Options,
 }
 
-impl From<CertificateError> for VerifyError {
-    fn from(error: CertificateError) -> Self {
+impl From<ErrorBudgetError> for VerifyError {
+    fn from(error: ErrorBudgetError) -> Self {
         match error {
-            CertificateError::Cancelled => Self::Cancelled,
-            error => Self::Certificate(error),
+            ErrorBudgetError::Cancelled => Self::Cancelled,
+            error => Self::ErrorBudget(error),
         }
     }
 }
 
-/// Does `work` until it is done or `seconds` of CPU time are spent, which `work` is told
-/// of as if it were cancelled.
+/// Runs `work` until it ends or `seconds` of CPU time are spent. `work` sees the end of the time
+/// as a cancellation.
+///
+/// # Errors
+/// Those of `work`; [`VerifyError::Cancelled`] if `control` was cancelled.
 fn within<T>(
     seconds: Option<f64>,
     control: &Control,
     work: impl FnOnce(&Control) -> Result<T, VerifyError>,
 ) -> Result<T, VerifyError> {
-    let done = budget::within(seconds, control.cancel, |cancel| {
+    let result = budget::within(seconds, control.cancel, |cancel| {
         work(&Control { cancel, ..*control })
     })?;
     if control.cancel.load(Ordering::Relaxed) {
         return Err(VerifyError::Cancelled);
     }
-    Ok(done)
+    Ok(result)
 }
 
-/// The parts of the checks that have a database in common.
-struct Subject<'a> {
+/// The inputs that all checks of a database share.
+struct CheckContext<'a> {
     store: &'a Store,
     grid: &'a Grid,
     options: Options,
@@ -134,10 +136,11 @@ impl Verification {
     /// Opens the database in `dir`.
     ///
     /// # Errors
-    /// There is none, its metadata are damaged, or this version cannot run it.
+    /// If there is no database, its metadata is damaged, or this version cannot simulate its
+    /// grid.
     pub fn open(dir: &Path, options: Options) -> Result<Self, VerifyError> {
         let store = Store::open(dir)?;
-        // Tables it names without a folder are looked for beside it.
+        // Tables that the grid names without a folder are looked up beside the database.
         let name = store.path().display().to_string();
         let grid = config::grid::parse(&name, store.config())?.grid;
         Ok(Self {
@@ -147,39 +150,39 @@ impl Verification {
         })
     }
 
-    /// How many walks [`run`](Self::run) does at most, for a progress bar.
+    /// The largest number of walks of [`run`](Self::run), for a progress bar.
     ///
     /// # Errors
-    /// A point cannot be run.
+    /// If a point cannot be simulated.
     pub fn walks(&self) -> Result<u64, VerifyError> {
-        let subject = self.subject();
-        let nodes = nodes::simulations(&subject).walks(&self.grid)?;
+        let context = self.context();
+        let nodes = nodes::simulations(&context).walks(&self.grid)?;
         let path = self.store.dir().join(store::COMPACT);
-        // one that cannot be read is told of by the check itself
+        // A file that cannot be read is reported by its check.
         let answers = match Database::open(&path) {
-            Ok(database) if self.options.points > 0 => answers::walks(&subject, &database)?,
+            Ok(database) if self.options.points > 0 => answers::walks(&context, &database)?,
             _ => 0,
         };
         Ok(nodes.saturating_add(answers))
     }
 
-    /// Does all checks that can be done, and gives the certificate of the compact
-    /// file. They are functions of the database and the options alone, unless a budget
-    /// of time ends first: then the report says what was left out, and there is no
-    /// certificate but in its notes.
+    /// Runs all checks that can be done. Returns the report and the error budget of the compact
+    /// file. Both depend on the database and the options only, unless the time limit ends
+    /// first. Then the report lists what was not checked, and the error budget appears in its
+    /// notes only.
     ///
     /// # Errors
-    /// A file is there but cannot be read, an engine fails, or
-    /// [`VerifyError::Cancelled`]. What is wrong with the database itself is in
-    /// the report.
-    pub fn run(&self, control: &Control<'_>) -> Result<(Report, Option<Certificate>), VerifyError> {
+    /// If an existing file cannot be read, an engine fails, or the run is cancelled. Problems of
+    /// the database itself are in the report.
+    pub fn run(&self, control: &Control<'_>) -> Result<(Report, Option<ErrorBudget>), VerifyError> {
         within(self.options.seconds, control, |control| {
             self.checks(control)
         })
     }
 
-    fn checks(&self, control: &Control<'_>) -> Result<(Report, Option<Certificate>), VerifyError> {
-        let subject = self.subject();
+    /// See [`run`](Self::run).
+    fn checks(&self, control: &Control<'_>) -> Result<(Report, Option<ErrorBudget>), VerifyError> {
+        let context = self.context();
         let mut not_checked = Vec::new();
         let integrity = self.integrity()?;
         if !integrity.passed() {
@@ -199,13 +202,13 @@ impl Verification {
         let database = match opened {
             Ok((viewing, database)) => {
                 let colour = Colorimeter::viewing(self.store.wavelengths_nm(), &viewing)?;
-                let mut check = compact::check(&subject, &database, colour.as_ref(), false)?;
+                let mut check = compact::check(&context, &database, colour.as_ref(), false)?;
                 if colour.is_some() {
                     check.notes.push(format!("Delta-E: {viewing}"));
                 }
                 let passed = check.passed();
                 checks.push(check);
-                if let Some(check) = self.diffuse(&subject, colour.as_ref())? {
+                if let Some(check) = self.diffuse(&context, colour.as_ref())? {
                     checks.push(check);
                 }
                 passed.then_some((database, colour))
@@ -213,7 +216,7 @@ impl Verification {
             Err(error) => {
                 let mut check = Check::new(compact::NAME);
                 check.problems.push(format!(
-                    "{error}; make the file anew with `splitsnow compress`"
+                    "{error}; make the file again with `splitsnow compress`"
                 ));
                 checks.push(check);
                 None
@@ -221,50 +224,51 @@ impl Verification {
         };
         if self.options.samples > 0 {
             let half = self.options.seconds.map(|seconds| 0.5 * seconds);
-            let (check, [left, of]) = budget::within(half, control.cancel, |cancel| {
-                nodes::check(&subject, &Control { cancel, ..*control })
+            let (check, [skipped, total]) = budget::within(half, control.cancel, |cancel| {
+                nodes::check(&context, &Control { cancel, ..*control })
             })?;
-            if left < of {
+            if skipped < total {
                 checks.push(check);
             }
-            if of == 0 {
-                not_checked.push("nodes of the grid, for none exists".into());
+            if total == 0 {
+                not_checked.push("nodes of the grid: no node has a curve".into());
             }
-            if left > 0 {
+            if skipped > 0 {
                 not_checked.push(format!(
-                    "{left} of {of} fresh simulations at nodes of the grid"
+                    "{skipped} of {total} fresh simulations at nodes of the grid"
                 ));
             }
         }
-        let mut certificate = None;
+        let mut error_budget = None;
         if let Some((database, colour)) = database.filter(|_| self.options.points > 0) {
             let colour = colour.as_ref();
-            let (check, found, left) = answers::check(&subject, &database, colour, control)?;
+            let (check, measured, skipped) = answers::check(&context, &database, colour, control)?;
             checks.extend(check);
-            not_checked.extend(left);
-            certificate = found;
+            not_checked.extend(skipped);
+            error_budget = measured;
         }
         Ok((
             Report {
                 checks,
                 not_checked,
             },
-            certificate,
+            error_budget,
         ))
     }
 
-    fn subject(&self) -> Subject<'_> {
-        Subject {
+    /// The inputs of the checks.
+    fn context(&self) -> CheckContext<'_> {
+        CheckContext {
             store: &self.store,
             grid: &self.grid,
             options: self.options,
         }
     }
 
-    /// The compact file of isotropic light, where there is one.
+    /// The check of the compact file for isotropic light; `None` if the database has none.
     fn diffuse(
         &self,
-        subject: &Subject<'_>,
+        context: &CheckContext<'_>,
         colour: Option<&Colorimeter>,
     ) -> Result<Option<Check>, VerifyError> {
         if !self.store.has_diffuse() {
@@ -272,18 +276,18 @@ impl Verification {
         }
         let path = self.store.dir().join(store::DIFFUSE);
         Ok(Some(match Database::open(&path) {
-            Ok(file) => compact::check(subject, &file, colour, true)?,
+            Ok(file) => compact::check(context, &file, colour, true)?,
             Err(error) => {
                 let mut check = Check::new(compact::DIFFUSE_NAME);
                 check.problems.push(format!(
-                    "{error}; make the file anew with `splitsnow compress`"
+                    "{error}; make the file again with `splitsnow compress`"
                 ));
                 check
             }
         }))
     }
 
-    /// Every job's files and mark.
+    /// The check of the files of every job.
     fn integrity(&self) -> Result<Check, VerifyError> {
         let mut check = Check::new("files of the database");
         let integrity = self.store.verify()?;
@@ -305,16 +309,15 @@ impl Verification {
                 .push(format!("{more} more jobs are missing or damaged"));
         }
         if !check.problems.is_empty() {
-            let help =
-                "`splitsnow build` with the same grid file mends it; nothing else was checked";
+            let help = "run `splitsnow build` with the same grid file to repair it; nothing else was checked";
             check.notes.push(help.into());
         }
         Ok(check)
     }
 }
 
-impl Subject<'_> {
-    /// The stored curves of a quantity and their standard errors, `[s, l]`.
+impl CheckContext<'_> {
+    /// The stored curves of a quantity, and their standard errors, both `[s, l]`.
     fn curves(&self, quantity: Quantity, diffuse: bool) -> Result<[Array2<f64>; 2], StoreError> {
         let [value, se] = match quantity {
             Quantity::Transmittance => [Variable::Transmittance, Variable::TransmittanceSe],

@@ -1,21 +1,21 @@
-//! Fresh simulations at nodes of the grid against what is stored there.
+//! Fresh simulations at nodes of the grid, compared with the stored spectra.
 //!
-//! z is the difference in combined standard errors. Two results of the same
-//! snow from as many rays differ by a sum of exchangeable scores, and such a
-//! sum over its own root sum of squares has Gaussian tails or lighter ones
-//! whatever the law of the scores (Efron 1969): P(|z| >= x) <= 2 exp(-x^2/2).
-//! So few or skewed scores raise no false alarm. Nothing is assumed about how
-//! wavelengths go together (in `spectral` they share their walks): the largest
-//! |z| is corrected for their number (Bonferroni), and means over them are
-//! bounded as one of them would be. Nodes are of different jobs, which are
-//! independent. For z_c, the mean of z over the wavelengths of curve c of N,
+//! z is the difference in combined standard errors. The difference between two results for the
+//! same snow from equal numbers of rays is a sum of exchangeable scores. Such a sum, divided by
+//! its own root sum of squares, has Gaussian or lighter tails, whatever the distribution of the
+//! scores (Efron 1969): P(|z| >= x) <= 2 exp(-x^2/2). Few or skewed scores therefore raise no
+//! false alarm. Correlations between wavelengths (which share their walks in `spectral`) may be
+//! arbitrary: the largest |z| is corrected for the number of wavelengths (Bonferroni), and
+//! means over wavelengths are bounded as a single wavelength would be. The nodes are from
+//! different jobs, which are independent. With z_c, the mean of z over the wavelengths of curve
+//! c of N,
 //!
-//! - P(|sum z_c| / sqrt(N) >= x) <= 2 exp(-x^2/2) (a shift common to all),
+//! - P(|sum z_c| / sqrt(N) >= x) <= 2 exp(-x^2/2) (a shift common to all curves),
 //! - P(mean z^2 >= x) <= exp(-N (x - 1 - ln x) / 2) for x > 1 (chi-square).
 //!
-//! The three tests of both quantities share the false alarms equally.
+//! The three tests of both quantities share the probability of false alarms equally.
 use super::fresh::{Simulations, random};
-use super::{Check, FALSE_ALARM, Figure, Subject, VerifyError};
+use super::{Check, CheckContext, CheckedValue, FALSE_ALARM, VerifyError};
 use crate::engine::Control;
 use crate::grid::Grid;
 use crate::measurement::{Measured, Quantity, Spectrum};
@@ -23,6 +23,7 @@ use crate::parameter::{Parameter, Point};
 use rand::Rng;
 use rand::seq::index;
 
+/// Number of tests that share the false alarms: three for each quantity.
 const TESTS: f64 = 6.0;
 
 /// A node and the row of its curve.
@@ -31,41 +32,43 @@ struct Node {
     row: usize,
 }
 
-pub(super) fn simulations(subject: &Subject<'_>) -> Simulations {
-    let (nodes, seed) = choose(subject);
+/// The fresh simulations at the chosen nodes.
+pub(super) fn simulations(context: &CheckContext<'_>) -> Simulations {
+    let (nodes, seed) = choose(context);
     Simulations {
         points: nodes.into_iter().map(|node| node.point).collect(),
         parts: 1,
-        rays: subject.options.rays.unwrap_or(subject.grid.run.rays),
+        rays: context.options.rays.unwrap_or(context.grid.run.rays),
         seed,
     }
 }
 
-/// The check, and how many nodes of how many there was no time for.
+/// Runs the check. Returns it with the number of nodes skipped for lack of time and the number
+/// of all nodes.
 pub(super) fn check(
-    subject: &Subject<'_>,
+    context: &CheckContext<'_>,
     control: &Control<'_>,
 ) -> Result<(Check, [usize; 2]), VerifyError> {
-    let (nodes, _) = choose(subject);
+    let (nodes, _) = choose(context);
     let total = nodes.len();
-    let simulations = simulations(subject);
-    let fresh = simulations.run(subject.grid, control)?;
-    let done = nodes.into_iter().zip(fresh);
-    let done = done.filter_map(|(node, fresh)| Some((node, fresh?)));
-    let (nodes, fresh): (Vec<Node>, Vec<Vec<Spectrum>>) = done.unzip();
+    let simulations = simulations(context);
+    let fresh = simulations.run(context.grid, control)?;
+    let ended = nodes.into_iter().zip(fresh);
+    let ended = ended.filter_map(|(node, fresh)| Some((node, fresh?)));
+    let (nodes, fresh): (Vec<Node>, Vec<Vec<Spectrum>>) = ended.unzip();
     let mut check = Check::new("fresh simulations at nodes of the grid");
     check.notes.push(format!(
         "{} nodes of different jobs, {} rays; z is the difference in standard errors; false alarms: {FALSE_ALARM:e}",
         nodes.len(),
         simulations.rays,
     ));
-    let left = [total - nodes.len(), total];
+    let skipped = [total - nodes.len(), total];
     if nodes.is_empty() {
-        return Ok((check, left));
+        return Ok((check, skipped));
     }
     for quantity in Quantity::ALL {
-        let [values, errors] = subject.curves(quantity, false)?;
-        let mut tally = Tally::default();
+        let [values, errors] = context.curves(quantity, false)?;
+        let mut scores = ZScores::default();
         for (node, spectrum) in nodes.iter().zip(&fresh) {
             let measured = spectrum.iter().flat_map(|part| part.of(quantity));
             let stored = values.row(node.row);
@@ -73,27 +76,27 @@ pub(super) fn check(
             let z = measured
                 .zip(stored)
                 .map(|(&fresh, (&value, &se))| z(fresh, Measured { value, se }));
-            tally.add(node, &z.collect::<Vec<f64>>(), &subject.grid.wavelengths_nm);
+            scores.add(node, &z.collect::<Vec<f64>>(), &context.grid.wavelengths_nm);
         }
-        check.figures.extend(tally.figures(quantity, subject.grid));
+        check.figures.extend(scores.figures(quantity, context.grid));
     }
-    Ok((check, left))
+    Ok((check, skipped))
 }
 
-/// Nodes of different jobs, and the seed of their simulations.
-fn choose(subject: &Subject<'_>) -> (Vec<Node>, u64) {
-    let mut random = random(subject, "nodes");
+/// Random nodes of different jobs, and the seed of their simulations.
+fn choose(context: &CheckContext<'_>) -> (Vec<Node>, u64) {
+    let mut random = random(context, "nodes");
     let seed = random.next_u64();
-    let jobs = subject.store.jobs();
-    let axes = subject.store.axes();
+    let jobs = context.store.jobs();
+    let axes = context.store.axes();
     let count = jobs.count() as usize;
-    let all = index::sample(&mut random, count, count);
-    let along = |parameter| axes.iter().position(|(other, _)| other == parameter);
-    let [size, thickness] = [Parameter::GrainSize, Parameter::Thickness].map(along);
-    // every database has both
+    let shuffled_jobs = index::sample(&mut random, count, count);
+    let position = |parameter| axes.iter().position(|(other, _)| other == parameter);
+    let [size, thickness] = [Parameter::GrainSize, Parameter::Thickness].map(position);
+    // Every database has both axes.
     let (size, thickness) = (size.unwrap_or_default(), thickness.unwrap_or_default());
-    // some jobs have no node that exists
-    let nodes = all.into_iter().filter_map(|job| {
+    // Some jobs have no node with a curve.
+    let nodes = shuffled_jobs.into_iter().filter_map(|job| {
         let mut node = jobs.origin(job as u64).ok()?;
         for ((index, length), (parameter, _)) in node.iter_mut().zip(jobs.block()).zip(axes.iter())
         {
@@ -101,8 +104,8 @@ fn choose(subject: &Subject<'_>) -> (Vec<Node>, u64) {
                 *index += random.next_u64() % length;
             }
         }
-        // where grains do not fit, the thinnest slab of the job that holds them
-        let absent = subject.store.absent().get(node[size] as usize).copied();
+        // Where grains do not fit, take the thinnest slab of the job in which they do.
+        let absent = context.store.absent().get(node[size] as usize).copied();
         node[thickness] = node[thickness].max(absent.unwrap_or_default() as u64);
         let slabs = jobs.nodes(job as u64, Parameter::Thickness).ok()?;
         if !slabs.contains(&(node[thickness] as usize)) {
@@ -114,13 +117,13 @@ fn choose(subject: &Subject<'_>) -> (Vec<Node>, u64) {
             row: row as usize,
         })
     });
-    (nodes.take(subject.options.samples).collect(), seed)
+    (nodes.take(context.options.samples).collect(), seed)
 }
 
-/// The difference in combined standard errors; the store's rounding to f32 is
-/// the least error there is.
+/// The difference in combined standard errors. The variance includes the rounding of stored
+/// values to f32.
 fn z(fresh: Measured, stored: Measured) -> f64 {
-    // what is below the least f32 is stored as 0
+    // Values below the smallest f32 are stored as 0.
     let rounding = f64::from(f32::EPSILON * stored.value.abs() as f32 + f32::MIN_POSITIVE);
     let variance = fresh.se.powi(2) + stored.se.powi(2) + rounding.powi(2);
     if variance == 0.0 && fresh.value == stored.value {
@@ -129,33 +132,40 @@ fn z(fresh: Measured, stored: Measured) -> f64 {
     (fresh.value - stored.value) / variance.sqrt()
 }
 
-/// Sums over the curves of one quantity.
+/// Sums of z over the curves of one quantity.
 #[derive(Default)]
-struct Tally {
+struct ZScores {
+    /// Number of curves.
     curves: f64,
+    /// Sum over the curves of their mean z.
     sum: f64,
+    /// Sum over the curves of their mean z^2.
     sum_sq: f64,
+    /// The largest |z|.
     max: f64,
+    /// Wavelength and point of the largest |z|.
     at: String,
 }
 
-impl Tally {
+impl ZScores {
+    /// Adds the z of a curve at all wavelengths.
     fn add(&mut self, node: &Node, z: &[f64], wavelengths_nm: &[f64]) {
         self.curves += 1.0;
         self.sum += z.iter().sum::<f64>() / z.len() as f64;
         self.sum_sq += z.iter().map(|z| z * z).sum::<f64>() / z.len() as f64;
         for (z, nm) in z.iter().zip(wavelengths_nm) {
-            // Not a number is worse than any number.
+            // NaN counts as larger than any number.
             if self.at.is_empty() || z.abs().total_cmp(&self.max).is_gt() {
                 (self.max, self.at) = (z.abs(), format!("{nm} nm, {}", node.point));
             }
         }
     }
 
-    fn figures(self, quantity: Quantity, grid: &Grid) -> [Figure; 3] {
+    /// The three tests with their bounds.
+    fn figures(self, quantity: Quantity, grid: &Grid) -> [CheckedValue; 3] {
         let allowed = FALSE_ALARM / TESTS;
         let gaussian = |comparisons: f64| (2.0 * (2.0 * comparisons / allowed).ln()).sqrt();
-        let figure = |measure, value, bound, at| Figure {
+        let figure = |measure, value, bound, at| CheckedValue {
             quantity,
             measure,
             value,
@@ -182,7 +192,7 @@ impl Tally {
 /// The x above 1 with exp(-n (x - 1 - ln x) / 2) = `allowed`.
 fn chi_square_bound(n: f64, allowed: f64) -> f64 {
     let target = -2.0 * allowed.ln() / n;
-    // x = 1 + ln x + target contracts, for its slope 1/x is below 1.
+    // The iteration x = 1 + ln x + target converges, because its slope 1/x is below 1.
     (0..200).fold(2.0 + target, |x: f64, _| 1.0 + x.ln() + target)
 }
 

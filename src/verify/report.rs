@@ -1,4 +1,4 @@
-//! What a verification found, for people and as JSON.
+//! The results of a verification, as text and as JSON.
 use std::fmt;
 
 use serde::Serialize;
@@ -6,23 +6,23 @@ use serde::ser::SerializeStruct;
 
 use crate::measurement::Quantity;
 
-/// One number a check came to, and the bound it must stay below.
+/// A value that a check measured, with the bound that it must stay below.
 #[derive(Debug, Clone, PartialEq)]
-pub struct Figure {
-    /// Of which quantity.
+pub struct CheckedValue {
+    /// The quantity that was checked.
     pub quantity: Quantity,
-    /// What was measured.
+    /// Name of the measure, such as `RMSE max`.
     pub measure: &'static str,
-    /// The number.
+    /// The measured value.
     pub value: f64,
-    /// It must be below this.
+    /// The value must be below this bound; `None` for no bound.
     pub bound: Option<f64>,
-    /// The point of the grid it is from; empty for a mean.
+    /// The point of the grid with this value; empty for a mean.
     pub at: String,
 }
 
-impl Figure {
-    /// Whether it stays below its bound; without one, always.
+impl CheckedValue {
+    /// Whether the value is below its bound, or has no bound.
     #[must_use]
     pub fn holds(&self) -> bool {
         self.bound.is_none_or(|bound| self.value < bound)
@@ -32,13 +32,13 @@ impl Figure {
 /// One of the checks.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Check {
-    /// What was checked.
+    /// Name of the check.
     pub name: &'static str,
-    /// How, and on how much.
+    /// Notes on the method and the number of samples.
     pub notes: Vec<String>,
-    /// What was measured.
-    pub figures: Vec<Figure>,
-    /// What is wrong, apart from bounds that are broken.
+    /// The measured values.
+    pub figures: Vec<CheckedValue>,
+    /// Problems other than bounds that do not hold.
     pub problems: Vec<String>,
 }
 
@@ -52,20 +52,20 @@ impl Check {
         }
     }
 
-    /// Whether nothing is wrong.
+    /// Whether there is no problem and every bound holds.
     #[must_use]
     pub fn passed(&self) -> bool {
-        self.problems.is_empty() && self.figures.iter().all(Figure::holds)
+        self.problems.is_empty() && self.figures.iter().all(CheckedValue::holds)
     }
 }
 
-/// All checks that were done.
+/// The results of all checks.
 #[derive(Debug, Clone, PartialEq, Serialize)]
 pub struct Report {
-    /// In the order in which they were done; what depends on a check that
-    /// failed is left out.
+    /// The checks in the order in which they ran, without those that depend on a failed
+    /// check.
     pub checks: Vec<Check>,
-    /// What there was no time for.
+    /// Checks that the time limit did not allow.
     pub not_checked: Vec<String>,
 }
 
@@ -84,7 +84,7 @@ impl Report {
     }
 }
 
-/// Four digits, as a decimal where that is short.
+/// `value` with four digits, as a decimal if that is short.
 fn short(value: f64) -> String {
     if value == 0.0 || (1e-3..1e4).contains(&value.abs()) {
         format!("{value:.4}")
@@ -93,6 +93,7 @@ fn short(value: f64) -> String {
     }
 }
 
+/// The verdict as printed.
 fn verdict(passed: bool) -> &'static str {
     if passed { "PASS" } else { "FAIL" }
 }
@@ -116,17 +117,17 @@ impl fmt::Display for Report {
         }
         write!(
             f,
-            "{}  of what was checked; not checked, for the budget of --seconds is spent:",
+            "{}  of what was checked; not checked, because the CPU time of --seconds ran out:",
             verdict(self.passed())
         )?;
-        for left in &self.not_checked {
-            write!(f, "\n      {left}")?;
+        for skipped in &self.not_checked {
+            write!(f, "\n      {skipped}")?;
         }
         Ok(())
     }
 }
 
-impl fmt::Display for Figure {
+impl fmt::Display for CheckedValue {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         let (quantity, measure) = (self.quantity.name(), self.measure);
         write!(f, "{quantity:<13}  {measure:<24}  {:>9}", short(self.value))?;
@@ -141,7 +142,7 @@ impl fmt::Display for Figure {
     }
 }
 
-impl Serialize for Figure {
+impl Serialize for CheckedValue {
     fn serialize<S: serde::Serializer>(&self, serializer: S) -> Result<S::Ok, S::Error> {
         let mut out = serializer.serialize_struct("Figure", 6)?;
         out.serialize_field("quantity", self.quantity.name())?;

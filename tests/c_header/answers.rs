@@ -50,7 +50,7 @@ fn colorimeters(database: &Database) -> Vec<Option<Colorimeter>> {
         illuminants: vec![illuminant],
         ..Viewing::default()
     };
-    let lines = |light| Colorimeter::of_lines(&nm, &viewing(light)).unwrap();
+    let lines = |light| Colorimeter::piecewise_linear(&nm, &viewing(light)).unwrap();
     let mut all: Vec<_> = Illuminant::ALL.map(lines).into();
     all.push(Colorimeter::viewing(&nm, &viewing(Illuminant::D55)).unwrap());
     all

@@ -6,7 +6,7 @@ use std::path::Path;
 use ndarray::Array2;
 use splitsnow::compress::{Bands, Basis, Choice, CompactFile, Precision, Variant, compress};
 use splitsnow::grid::Compression;
-use splitsnow::lookup::Substrate;
+use splitsnow::lookup::SubstrateKind;
 use splitsnow::measurement::Quantity;
 use splitsnow::parameter::{Axes, Parameter};
 
@@ -37,7 +37,7 @@ pub(crate) struct Made {
     choice: Choice,
     there: Vec<Quantity>,
     absent: Vec<usize>,
-    substrate: Substrate,
+    substrate: SubstrateKind,
     extra: BTreeMap<String, String>,
 }
 
@@ -56,7 +56,7 @@ impl Default for Made {
             choice: Choice::Components(5),
             there: Quantity::ALL.into(),
             absent: Vec::new(),
-            substrate: Substrate::Black,
+            substrate: SubstrateKind::Black,
             extra: BTreeMap::new(),
         }
     }
@@ -73,7 +73,7 @@ impl Made {
             rows = rows.into_iter().flat_map(longer).collect();
         }
         let [t, r] = Quantity::ALL.map(|quantity| {
-            let over = self.substrate != Substrate::Black;
+            let over = self.substrate != SubstrateKind::Black;
             let values = rows.iter().flat_map(|row| {
                 let mut curve = curve(row, &self.nm, quantity);
                 if over && quantity == Quantity::Reflectance {
@@ -157,19 +157,19 @@ pub(crate) fn variants() -> Vec<(String, Vec<u8>)> {
         };
         all.push((name.to_owned(), made.bytes()));
     }
-    // 8 bits; few wavelengths with straight lines between, as `fit` writes
+    // 8 bits; few wavelengths with straight lines between, as `tailor` writes
     let loose = Choice::Bounds(Compression {
         max_delta_e: 2.3,
         max_rmse: Some(0.02),
     });
-    let fitted = Made {
+    let tailored = Made {
         nm: vec![400.0, 431.5, 480.0, 550.0, 611.0, 655.0, 690.0, 760.25],
         variant: log(Precision::Quantised),
         choice: loose,
         extra: [("between_wavelengths".into(), "linear".into())].into(),
         ..Made::default()
     };
-    all.push(("fitted".into(), fitted.bytes()));
+    all.push(("tailored".into(), tailored.bytes()));
     // over a ground, where snow darkens what is under it
     for (name, basis) in [("ground_linear", Basis::Linear), ("ground_log", Basis::Log)] {
         let made = Made {
@@ -177,7 +177,7 @@ pub(crate) fn variants() -> Vec<(String, Vec<u8>)> {
                 basis,
                 ..Variant::default()
             },
-            substrate: Substrate::Reflecting,
+            substrate: SubstrateKind::Reflecting,
             ..Made::default()
         };
         all.push((name.to_owned(), made.bytes()));

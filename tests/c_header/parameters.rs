@@ -1,10 +1,10 @@
-//! The blocks of the C header that are made from the records of the parameters.
+//! The blocks of the C header that are generated from the records of the parameters.
 //! `UPDATE_GOLDEN=1 cargo test --release --test pipeline c_header::parameters` writes them.
 use std::fmt::Write;
 
 use splitsnow::parameter::{Parameter, Scale};
 
-/// Those that every file has first: the order of `splitsnow_axis`.
+/// All parameters, core parameters first: the order of `splitsnow_axis`.
 fn ordered() -> impl Iterator<Item = Parameter> {
     let optional = Parameter::ALL.into_iter().filter(|p| p.is_optional());
     Parameter::CORE.into_iter().chain(optional)
@@ -30,7 +30,7 @@ fn axes() -> String {
             record.long_name
         );
     }
-    text + "    SPLITSNOW_AXES /* how many there are */\n} splitsnow_axis;\n"
+    text + "    SPLITSNOW_AXES /* number of axes */\n} splitsnow_axis;\n"
 }
 
 fn parameters() -> String {

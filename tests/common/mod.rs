@@ -80,7 +80,7 @@ pub(crate) fn simulate(request: &Request, control: &Control) -> Result<Vec<Spect
     if control.cancel.load(Ordering::Relaxed) {
         return Err(EngineError::Cancelled);
     }
-    let grain = request.pack.longest_grain_m() / request.thicknesses_m[0];
+    let grain = request.snowpack.longest_grain_m() / request.thicknesses_m[0];
     let lights = request.illuminations.iter();
     let curves = request
         .thicknesses_m

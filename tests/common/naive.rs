@@ -42,8 +42,8 @@ pub(crate) struct Naive {
     pub(crate) angle: Option<f64>,
     /// Entry points uniform over the projected area.
     pub(crate) projected: bool,
-    /// Lambertian reflectance of the ground.
-    pub(crate) ground: f64,
+    /// Lambertian reflectance of the substrate.
+    pub(crate) substrate: f64,
 }
 
 /// Reflected, transmitted and lost rays.
@@ -178,7 +178,7 @@ impl Naive {
             };
             match flight {
                 Flight::Absorbed => return None,
-                Flight::Down if rng.random::<f64>() < self.ground => {
+                Flight::Down if rng.random::<f64>() < self.substrate => {
                     let cos = rng.random::<f64>().sqrt();
                     let azimuth = rng.random_range(0.0..std::f64::consts::TAU);
                     let sin = (1.0 - cos * cos).sqrt();

@@ -155,7 +155,7 @@ pub(crate) fn spectra(
     rays: u64,
 ) -> Vec<Spectrum> {
     let request = Request {
-        pack: &snow.clone().into(),
+        snowpack: &snow.clone().into(),
         thicknesses_m,
         illuminations: &[illumination],
         resolution: Resolution::of_rays(rays),

@@ -109,7 +109,7 @@ fn assert_kept_in_every_variant(dir: &Path) {
 /// Reflectance and transmittance as of snow with the absorption of ice, by the shapes
 /// that diffusion has; standard errors are larger beyond 1400 nm.
 fn like_snow(request: &Request, _: &Control) -> Result<Vec<Spectrum>, EngineError> {
-    let size_m = request.pack.longest_grain_m();
+    let size_m = request.snowpack.longest_grain_m();
     let of = |nm: f64, thickness_m: f64, cosine: f64| {
         let ice = IceTable::WarrenBrandt2008.at(nm).unwrap();
         let path = (ice.absorption_per_m(nm) * size_m).sqrt();

@@ -4,7 +4,7 @@ use std::collections::BTreeMap;
 use ndarray::Array2;
 use splitsnow::compress::{self, Bands, Basis, Choice, CompactFile, Precision, Variant};
 
-use splitsnow::lookup::{Database, FormatError, Lookup, LookupError, Substrate, Varsa2025};
+use splitsnow::lookup::{Database, FormatError, Lookup, LookupError, SubstrateKind, Varsa2025};
 use splitsnow::measurement::Quantity;
 use splitsnow::parameter::{Axes, Parameter, Point};
 
@@ -47,7 +47,7 @@ fn file(basis: Basis) -> Vec<u8> {
         axes: &beyond(),
         absent: &[],
         wavelengths_nm: &wavelengths(),
-        substrate: Substrate::Black,
+        substrate: SubstrateKind::Black,
         transmittance: Some(&made.unwrap()),
         reflectance: None,
         provenance: "{}",
@@ -122,17 +122,17 @@ fn what_is_not_told_or_not_there_is_refused_by_name() {
     };
     assert_eq!(
         at(&[(COLD, -5.0)]),
-        "the database has an axis black_carbon_ng_g, from 0 to 100: say where on it"
+        "the database has an axis black_carbon_ng_g: give a value of black_carbon_ng_g from 0 to 100"
     );
-    assert!(at(&[(CARBON, 5.0)]).contains("axis temperature_c, from -20 to 0"));
+    assert!(at(&[(CARBON, 5.0)]).contains("give a value of temperature_c from -20 to 0"));
     assert_eq!(
         at(&[(CARBON, 100.1), (COLD, 0.0)]),
         "black_carbon_ng_g = 100.1 is outside the database, which covers 0 to 100"
     );
-    assert!(at(&[(CARBON, f64::NAN), (COLD, 0.0)]).contains("say where on it"));
+    assert!(at(&[(CARBON, f64::NAN), (COLD, 0.0)]).contains("give a value of black_carbon_ng_g"));
     assert!(at(&[(Parameter::Sphericity, 0.8)]).contains("no axis sphericity"));
     let point = Point::of_core(database.point(0).unwrap().core());
-    let untold = |error: LookupError| matches!(error, LookupError::Condition { .. });
+    let untold = |error: LookupError| matches!(error, LookupError::MissingCondition { .. });
     assert!(untold(database.spectrum(point, quantity).unwrap_err()));
     assert!(untold(Lookup::new(&database, quantity).unwrap_err()));
     assert!(untold(Varsa2025::new(&database, quantity).unwrap_err()));

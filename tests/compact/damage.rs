@@ -7,7 +7,7 @@ use proptest::prelude::*;
 use safetensors::{Dtype, SafeTensors};
 use splitsnow::compress::{Bands, Basis, Choice, CompactFile, Precision, Variant, compress};
 use splitsnow::grid::Compression;
-use splitsnow::lookup::{Database, FormatError, Lookup, Substrate};
+use splitsnow::lookup::{Database, FormatError, Lookup, SubstrateKind};
 use splitsnow::measurement::Quantity;
 use splitsnow::parameter::{Axes, Parameter};
 
@@ -274,7 +274,7 @@ fn fuzz_seeds_are_what_they_say() {
                 axes: &small,
                 absent: &[],
                 wavelengths_nm: &[500.0, 550.0, 600.0],
-                substrate: Substrate::Black,
+                substrate: SubstrateKind::Black,
                 transmittance: t.as_ref(),
                 reflectance: r.as_ref(),
                 provenance: "{}",
@@ -319,7 +319,7 @@ fn fuzz_seeds_are_what_they_say() {
             axes: &beyond,
             absent: &[],
             wavelengths_nm: &[500.0, 550.0, 600.0],
-            substrate: Substrate::Black,
+            substrate: SubstrateKind::Black,
             transmittance: Some(&made.unwrap()),
             reflectance: None,
             provenance: "{}",

@@ -8,7 +8,7 @@ use safetensors::SafeTensors;
 use serde_json::Value;
 use splitsnow::compress::{Bands, Choice, CompactFile, annotated, compress};
 use splitsnow::grid::Compression;
-use splitsnow::lookup::{Database, Substrate};
+use splitsnow::lookup::{Database, SubstrateKind};
 use splitsnow::measurement::Quantity;
 use splitsnow::parameter::{Axes, Parameter};
 
@@ -69,7 +69,7 @@ fn every_tensor_of_every_variant_is_aligned() {
                     axes: &axes,
                     absent: &[],
                     wavelengths_nm: &wavelengths(),
-                    substrate: Substrate::Black,
+                    substrate: SubstrateKind::Black,
                     transmittance: t,
                     reflectance: r,
                     provenance: "{}",
@@ -78,7 +78,7 @@ fn every_tensor_of_every_variant_is_aligned() {
                 .to_bytes()
                 .unwrap();
                 assert_laid_out(&bytes, &format!("{variant:?} {choice:?}"));
-                let noted = annotated(&bytes, "certificate", "{}").unwrap();
+                let noted = annotated(&bytes, &[("error_budget", Some("{}"))]).unwrap();
                 assert_laid_out(&noted, &format!("{variant:?} {choice:?}, certified"));
             }
         }

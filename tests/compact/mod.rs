@@ -17,7 +17,7 @@ use splitsnow::compress::{
     self, Bands, Choice, Coefficients, CompactFile, CompressError, Compressed, Variant, errors_of,
 };
 use splitsnow::grid::Compression;
-use splitsnow::lookup::{Database, LookupError, Substrate};
+use splitsnow::lookup::{Database, LookupError, SubstrateKind};
 use splitsnow::measurement::Quantity;
 use splitsnow::parameter::{Axes, Parameter, Point};
 
@@ -96,7 +96,7 @@ fn bytes_of(transmittance: &Compressed, reflectance: &Compressed) -> Vec<u8> {
         axes: &axes(),
         absent: &[],
         wavelengths_nm: &wavelengths(),
-        substrate: Substrate::Black,
+        substrate: SubstrateKind::Black,
         transmittance: Some(transmittance),
         reflectance: Some(reflectance),
         provenance: r#"{"engine":"spectral","seed":1}"#,
@@ -216,7 +216,7 @@ fn nodes_are_found_by_their_values_and_others_refused() {
             .spectrum(between, Quantity::Reflectance)
             .unwrap_err()
             .to_string(),
-        "thickness_cm = 10 lies between the nodes 1.5 and 50 of the database, and this look-up knows nodes only; the method `smooth` interpolates"
+        "thickness_cm = 10 lies between the nodes 1.5 and 50 of the database; this look-up answers at nodes only, use the method `smooth` to interpolate"
     );
     let outside = point.with(Parameter::Incidence, 89.5);
     assert_eq!(
@@ -224,7 +224,7 @@ fn nodes_are_found_by_their_values_and_others_refused() {
             .spectrum(outside, Quantity::Reflectance)
             .unwrap_err()
             .to_string(),
-        "angle_deg = 89.5 is outside the database, which covers 0 to 89"
+        "incidence_angle_deg = 89.5 is outside the database, which covers 0 to 89"
     );
 }
 
@@ -237,7 +237,7 @@ fn the_writer_refuses_what_the_reader_would() {
             axes,
             absent: &[],
             wavelengths_nm,
-            substrate: Substrate::Black,
+            substrate: SubstrateKind::Black,
             transmittance: Some(transmittance),
             reflectance: Some(&good),
             provenance: "{}",
@@ -264,7 +264,7 @@ fn the_writer_refuses_what_the_reader_would() {
         axes: &axes,
         absent: &[],
         wavelengths_nm: &wavelengths,
-        substrate: Substrate::Black,
+        substrate: SubstrateKind::Black,
         transmittance: Some(&good),
         reflectance: Some(&good),
         provenance: "{}",
@@ -287,7 +287,7 @@ fn files_are_replaced_whole_and_errors_name_them() {
         axes: &axes,
         absent: &[],
         wavelengths_nm: &wavelengths,
-        substrate: Substrate::Black,
+        substrate: SubstrateKind::Black,
         transmittance: Some(&compressed),
         reflectance: Some(&compressed),
         provenance: "{}",
@@ -348,7 +348,7 @@ proptest! {
             axes: &axes,
             absent: &[],
             wavelengths_nm: &wavelengths_nm,
-            substrate: Substrate::Black,
+            substrate: SubstrateKind::Black,
             transmittance: Some(&compressed),
             reflectance: Some(&compressed),
             provenance: "{}",

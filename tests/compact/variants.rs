@@ -8,7 +8,7 @@ use splitsnow::compress::{
     Variant, compress, errors_of,
 };
 use splitsnow::grid::Compression;
-use splitsnow::lookup::{Database, LookupError, Substrate};
+use splitsnow::lookup::{Database, LookupError, SubstrateKind};
 use splitsnow::measurement::Quantity;
 
 use super::{BOUNDS, axes, colour, curves, valid, wavelengths};
@@ -48,7 +48,7 @@ fn try_bytes(
         axes: &axes(),
         absent: &[],
         wavelengths_nm: &wavelengths(),
-        substrate: Substrate::Black,
+        substrate: SubstrateKind::Black,
         transmittance,
         reflectance,
         provenance: "{}",
@@ -289,7 +289,7 @@ fn a_bound_beyond_a_precision_is_said() {
         );
         let error = error.unwrap_err().to_string();
         let named = format!(
-            "`{}` coefficients hold no more; raise the bound, or take f32",
+            "`{}` coefficients cannot be more accurate; raise the bound, or use f32",
             precision.name()
         );
         assert!(error.contains(&named), "{error}");
@@ -355,7 +355,7 @@ fn the_writer_refuses_what_is_no_file() {
     };
     let other = compressed(Quantity::Reflectance, BOUNDS, variant);
     let error = try_bytes(Some(&plain), Some(&other)).unwrap_err();
-    assert!(error.contains("two variants"), "{error}");
+    assert!(error.contains("different variants"), "{error}");
     let mut short = plain.clone();
     short.coefficients = Coefficients::Quantised(Vec::new());
     assert!(try_bytes(Some(&short), None).is_err());

@@ -5,7 +5,7 @@
 pub(crate) const SAMPLE: &str = "\
 version = 1
 [illumination]
-polar_angle_deg = 62.3
+incidence_angle_deg = 62.3
 [wavelengths]
 start_nm = 400
 stop_nm = 700
@@ -41,7 +41,7 @@ facetness = [0.1, 0.5, 0.9]
 grain_size_um = [100, 300, 500]
 density_kg_m3 = [200, 400]
 thickness_cm = [1, 2, 5]
-angle_deg = [0, 40, 80]
+incidence_angle_deg = [0, 40, 80]
 [spread]
 facetness_half_width = 0.1
 facetness_sd = 0.072
@@ -73,7 +73,7 @@ delta_e = \"cie1976\"
 max_bytes = 10000
 max_seconds = 20
 thickness_cm = { min = 1, max = 50 }
-angle_deg = { min = 0, max = 89 }
+incidence_angle_deg = { min = 0, max = 89 }
 [[snow]]
 facetness = { min = 0.1, max = 0.9 }
 grain_size_um = 300
@@ -90,8 +90,8 @@ water_saturation = 0
 seed = 1
 ";
 
-/// A sample file with layers of a cascade, a mixture, carbon and a ground.
-pub(crate) const PACK: &str = "\
+/// A sample file with layers of a cascade, a mixture, carbon and a substrate.
+pub(crate) const SNOWPACK: &str = "\
 version = 1
 [illumination]
 diffuse = true
@@ -127,9 +127,9 @@ layers = \"cascade\"
 impurity_mass = \"conserved\"
 ";
 
-/// What is replaced in [`PACK`], and by what.
+/// What is replaced in [`SNOWPACK`], and by what.
 #[rustfmt::skip]
-pub(crate) const PACK_ERRORS: &[(&str, &str)] = &[
+pub(crate) const SNOWPACK_ERRORS: &[(&str, &str)] = &[
     ("thickness_cm = 15\n", ""),
     ("thickness_cm = 2\n", ""),
     ("thickness_cm = 15", "thickness_cm = 0.9"),
@@ -206,8 +206,8 @@ pub(crate) const SAMPLE_ERRORS: &[(&str, &str)] = &[
     ("temperature_c = -1", "temperature_c = 0.5"),
     ("temperature_c = -1", "temperature_c = -40.5"),
     ("water_saturation = 0.05", "water_saturation = 0.51"),
-    ("polar_angle_deg = 62.3", "polar_angle_deg = 90"),
-    ("polar_angle_deg = 62.3", "polar_angle_deg = -0.1"),
+    ("incidence_angle_deg = 62.3", "incidence_angle_deg = 90"),
+    ("incidence_angle_deg = 62.3", "incidence_angle_deg = -0.1"),
     ("min = 300", "min = 0"),
     ("min = 300", "min = -300"),
     ("min = 300", "min = 9.9"),
@@ -227,8 +227,8 @@ pub(crate) const SAMPLE_ERRORS: &[(&str, &str)] = &[
     ("thickness_cm = 25", "thickness_cm = 0.7"),
     ("fraction = 1.0", "fraction = 0.5"),
     // One of two keys.
-    ("polar_angle_deg = 62.3", "polar_angle_deg = 62.3\ndiffuse = true"),
-    ("polar_angle_deg = 62.3", "diffuse = false"),
+    ("incidence_angle_deg = 62.3", "incidence_angle_deg = 62.3\ndiffuse = true"),
+    ("incidence_angle_deg = 62.3", "diffuse = false"),
     ("density_kg_m3 = 275", "density_kg_m3 = 275\nwet_density_kg_m3 = 300"),
     ("density_kg_m3 = 275\n", ""),
     ("density_kg_m3 = 275", "wet_density_kg_m3 = 80"),
@@ -258,7 +258,7 @@ pub(crate) const SAMPLE_ERRORS: &[(&str, &str)] = &[
     ("\"segelstein_1981\"", "\"segelstien_1981\""),
     ("\"segelstein_1981\"", "\"rowe_2020\""),
     ("\"segelstein_1981\"", "\"none/such.csv\""),
-    // Layers, types of grain, carbon, ground.
+    // Layers, types of grain, carbon, substrate.
     ("[[layer]]", "[[layer]]\ndensity_kg_m3 = 375\ngrain = [{ size_um = { min = 900, max = 1000 }, facetness = { min = 0, max = 1, mean = 0.5, sd = 1 } }]\n[[layer]]"),
     ("[[layer]]", "[[layer]]\nthickness_cm = 5\ndensity_kg_m3 = 375\n[[layer]]"),
     ("[[layer]]", "[[layer]]\nthickness_cm = 5\ndensity_kg_m3 = 375\ngrain = []\n[[layer]]"),
@@ -297,11 +297,11 @@ pub(crate) const GRID_ERRORS: &[(&str, &str)] = &[
     ("facetness = [0.1, 0.5, 0.9]", "facetness = []"),
     ("facetness = [0.1, 0.5, 0.9]", "facetness = 0.1"),
     ("facetness = [0.1, 0.5, 0.9]", "facetness = [0.1, 0.5, 1.9]"),
-    ("angle_deg = [0, 40, 80]", "angle_deg = [0, 40, 90]"),
-    ("angle_deg = [0, 40, 80]", "angles_deg = [0, 40, 80]"),
-    ("angle_deg = [0, 40, 80]", "angle_deg = [0, 40, 40]"),
-    ("angle_deg = [0, 40, 80]", "angle_deg = [0, 80, 40]"),
-    ("angle_deg = [0, 40, 80]", "angle_deg = [0, nan]"),
+    ("incidence_angle_deg = [0, 40, 80]", "incidence_angle_deg = [0, 40, 90]"),
+    ("incidence_angle_deg = [0, 40, 80]", "incidence_angles_deg = [0, 40, 80]"),
+    ("incidence_angle_deg = [0, 40, 80]", "incidence_angle_deg = [0, 40, 40]"),
+    ("incidence_angle_deg = [0, 40, 80]", "incidence_angle_deg = [0, 80, 40]"),
+    ("incidence_angle_deg = [0, 40, 80]", "incidence_angle_deg = [0, nan]"),
     ("density_kg_m3 = [200, 400]", "density_kg_m3 = [200, 920]"),
     ("thickness_cm = [1, 2, 5]", "thickness_cm = [0, 2, 5]"),
     ("thickness_cm = [1, 2, 5]", "thickness_cm = [0.1, 2, 5]"),
@@ -321,15 +321,15 @@ pub(crate) const GRID_ERRORS: &[(&str, &str)] = &[
     ("thickness_cm = [1, 2, 5]", "thickness_cm = [1, inf, inf]"),
     ("grain_size_um = [100, 300, 500]", "grain_size_um = [5, 300]"),
     // Optional axes.
-    ("angle_deg = [0, 40, 80]", "angle_deg = [0, 40, 80]\nwater_saturation = [0, 0.1]"),
-    ("angle_deg = [0, 40, 80]", "angle_deg = [0, 40, 80]\ntemperature_c = [-5]"),
-    ("angle_deg = [0, 40, 80]", "angle_deg = [0, 40, 80]\nsphericity = [0.7, 0.8]"),
-    ("angle_deg = [0, 40, 80]", "angle_deg = [0, 40, 80]\nsphericity = [0, 0.8]"),
-    ("angle_deg = [0, 40, 80]", "angle_deg = [0, 40, 80]\nblack_carbon_ng_g = [100, 0]"),
-    ("angle_deg = [0, 40, 80]", "angle_deg = [0, 40, 80]\nsubstrate_reflectance = [0, 1.1]"),
-    ("angle_deg = [0, 40, 80]", "angle_deg = [0, 40, 80]\nblack_carbon_ng_g = []"),
-    ("angle_deg = [0, 40, 80]", "angle_deg = [0, 40, 80]\nsubstrate_reflectance = [0, 0.5]\n[fixed.substrate]\nreflectance = 0.3"),
-    ("angle_deg = [0, 40, 80]", "angle_deg = [0, 40, 80]\nblack_carbon_ng_g = [0, 5]\n[fixed.black_carbon]\nconcentration_ng_g = 5"),
+    ("incidence_angle_deg = [0, 40, 80]", "incidence_angle_deg = [0, 40, 80]\nwater_saturation = [0, 0.1]"),
+    ("incidence_angle_deg = [0, 40, 80]", "incidence_angle_deg = [0, 40, 80]\ntemperature_c = [-5]"),
+    ("incidence_angle_deg = [0, 40, 80]", "incidence_angle_deg = [0, 40, 80]\nsphericity = [0.7, 0.8]"),
+    ("incidence_angle_deg = [0, 40, 80]", "incidence_angle_deg = [0, 40, 80]\nsphericity = [0, 0.8]"),
+    ("incidence_angle_deg = [0, 40, 80]", "incidence_angle_deg = [0, 40, 80]\nblack_carbon_ng_g = [100, 0]"),
+    ("incidence_angle_deg = [0, 40, 80]", "incidence_angle_deg = [0, 40, 80]\nsubstrate_reflectance = [0, 1.1]"),
+    ("incidence_angle_deg = [0, 40, 80]", "incidence_angle_deg = [0, 40, 80]\nblack_carbon_ng_g = []"),
+    ("incidence_angle_deg = [0, 40, 80]", "incidence_angle_deg = [0, 40, 80]\nsubstrate_reflectance = [0, 0.5]\n[fixed.substrate]\nreflectance = 0.3"),
+    ("incidence_angle_deg = [0, 40, 80]", "incidence_angle_deg = [0, 40, 80]\nblack_carbon_ng_g = [0, 5]\n[fixed.black_carbon]\nconcentration_ng_g = 5"),
     ("water_saturation = 0", "black_carbon = { sedimentation = 0.5 }"),
     ("facetness_half_width = 0.1", "sphericity_half_width = 1.1"),
     ("facetness_half_width = 0.1", "sphericity_half_width = 0.1"),
@@ -478,16 +478,16 @@ wavelengths = { values_nm = [600] }
 label = \"0 degrees\"
 [[variant]]
 label = \"60 degrees\"
-set.illumination = { polar_angle_deg = 60 }
+set.illumination = { incidence_angle_deg = 60 }
 ";
 
 pub(crate) const BRDF_STUDY_ERRORS: &[(&str, &str)] = &[
     ("[600]", "[600, 700]"),
     (
-        "{ polar_angle_deg = 60 }",
-        "{ polar_angle_deg = 60 }\n[[published]]\nlabel = \"a\"\nwavelength_nm = 600\nvalue = 1",
+        "{ incidence_angle_deg = 60 }",
+        "{ incidence_angle_deg = 60 }\n[[published]]\nlabel = \"a\"\nwavelength_nm = 600\nvalue = 1",
     ),
-    ("{ polar_angle_deg = 60 }", "{ diffuse = true }"),
+    ("{ incidence_angle_deg = 60 }", "{ diffuse = true }"),
     ("\"logarithmic\"", "\"log\""),
 ];
 

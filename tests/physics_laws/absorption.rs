@@ -3,8 +3,8 @@ use splitsnow::grain::mean_free_distance_m;
 use splitsnow::measurement::Measured;
 use splitsnow::optics::{Index, Interface};
 use splitsnow::rng::Stream;
+use splitsnow::simd::F64x8;
 use splitsnow::transport::{Absorption, Coefficients, Entry, Model, Snow, Walker};
-use wide::f64x8;
 
 use super::{ALPHA, COMPARISONS, assert_close, mean};
 use crate::snow::{
@@ -150,7 +150,7 @@ fn both_fresnel_formulas_meet_at_their_limit() {
     let [real, complex] = [Interface::dielectric, Interface::absorbing]
         .map(|interface| interface(Index { n: 1.3, k }, AIR).splat());
     for _ in 0..10_000 {
-        let c = rng.uniform().fast_max(f64x8::splat(1e-6));
+        let c = rng.uniform().max(F64x8::splat(1e-6));
         let (a, b) = (real.at(c), complex.at(c));
         let apart = (a.reflectance - b.reflectance).abs().to_array();
         // |dR| grows as the square root of k at the critical angle, where it is largest

@@ -1,11 +1,11 @@
-//! What the tests of packs measure, and the snow they measure.
+//! What the tests of snowpacks measure, and the snow they measure.
 use std::sync::atomic::{AtomicBool, AtomicU64};
 
 use splitsnow::engine::{Cache, Control, Engine, MaxError, Request, Resolution};
 use splitsnow::measurement::Spectrum;
 use splitsnow::optics::Carbon;
 use splitsnow::spectrum::Table;
-use splitsnow::transport::{Ground, Illumination, Joining, Layer, Model, Pack, Snow};
+use splitsnow::transport::{Illumination, Joining, Layer, Model, Snow, Snowpack, Substrate};
 
 use super::assert_close;
 use crate::snow::{beam, snow};
@@ -16,7 +16,7 @@ pub(crate) const NM: [f64; 3] = [450.0, 850.0, 1250.0];
 #[derive(Clone)]
 pub(crate) struct Case {
     pub(crate) engine: Engine,
-    pub(crate) pack: Pack,
+    pub(crate) snowpack: Snowpack,
     pub(crate) model: Model,
     pub(crate) thicknesses_m: Vec<f64>,
     pub(crate) light: Illumination,
@@ -24,10 +24,10 @@ pub(crate) struct Case {
 }
 
 impl Case {
-    pub(crate) fn new(pack: impl Into<Pack>, thickness_m: f64) -> Self {
+    pub(crate) fn new(snowpack: impl Into<Snowpack>, thickness_m: f64) -> Self {
         Self {
             engine: Engine::Spectral,
-            pack: pack.into(),
+            snowpack: snowpack.into(),
             model: Model::default(),
             thicknesses_m: vec![thickness_m],
             light: beam(30.0),
@@ -50,7 +50,7 @@ impl Case {
 
     pub(crate) fn run_all(&self, rays: u64, seed: u64) -> Vec<Spectrum> {
         let request = Request {
-            pack: &self.pack,
+            snowpack: &self.snowpack,
             thicknesses_m: &self.thicknesses_m,
             illuminations: &[self.light],
             resolution: Resolution::of_rays(rays),
@@ -112,29 +112,29 @@ pub(crate) fn dirty() -> Snow {
     }
 }
 
-pub(crate) fn over(snow: Snow, ground: Ground) -> Pack {
-    Pack {
-        ground,
+pub(crate) fn over(snow: Snow, substrate: Substrate) -> Snowpack {
+    Snowpack {
+        substrate,
         ..snow.into()
     }
 }
 
 /// Snow on another, `below_m` thick.
-pub(crate) fn on(surface: Snow, below: Snow, below_m: f64) -> Pack {
-    Pack {
+pub(crate) fn on(surface: Snow, below: Snow, below_m: f64) -> Snowpack {
+    Snowpack {
         surface,
         below: vec![Layer {
             snow: below,
             thickness_m: below_m,
         }],
-        ground: Ground::Black,
+        substrate: Substrate::Black,
     }
 }
 
-/// A ground that changes with wavelength.
-pub(crate) fn spectral_ground() -> Ground {
+/// A substrate that changes with wavelength.
+pub(crate) fn spectral_substrate() -> Substrate {
     let text = "wavelength_nm,reflectance\n400,0.1\n800,0.9\n1300,0.3\n";
-    Ground::Spectrum {
+    Substrate::Spectrum {
         table: Table::parse("g", text, &["wavelength_nm", "reflectance"]).unwrap(),
     }
 }

@@ -9,9 +9,9 @@ mod absorption;
 mod case;
 mod exchange;
 mod grain;
-mod ground;
-mod pack;
 mod slab;
+mod snowpack;
+mod substrate;
 
 /// Chance that any comparison of this tier fails although all is well.
 const ALPHA: f64 = 1e-6;

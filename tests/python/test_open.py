@@ -83,8 +83,8 @@ def test_attributes(path):
         assert attrs[name]
     assert attrs["illumination"].startswith("collimated")
     assert "normal" in attrs["illumination"]
-    ground = "Lambertian" if "substrate_reflectance" in axes_beyond(path) else "black"
-    assert attrs["bottom_boundary"].startswith(ground)
+    substrate = "Lambertian" if "substrate_reflectance" in axes_beyond(path) else "black"
+    assert attrs["bottom_boundary"].startswith(substrate)
     assert isinstance(attrs["seed"], int) and isinstance(attrs["rays"], int)
     assert hashlib.sha256(attrs["config"].encode()).hexdigest() == attrs["config_sha256"]
 

@@ -1,12 +1,12 @@
-//! Curves that do not exist: which answers would need them.
+//! Curves that do not exist, and the look-ups that would need them.
 use crate::{Axes, LookupError, Parameter, Point, nodes};
 
-/// Where a curve is missing.
+/// A curve that a look-up needs and that does not exist.
 #[derive(Debug, Clone, Copy, PartialEq)]
-pub(super) struct Gap {
-    /// Value of the grain size, um.
+pub(super) struct MissingCurve {
+    /// Grain-size node without the curve, um.
     node_um: f64,
-    /// The thinnest thickness that it has, cm.
+    /// The thinnest thickness with a curve at that grain size, cm; `None` if there is none.
     least_cm: Option<f64>,
 }
 
@@ -14,9 +14,9 @@ fn sizes_and_thicknesses(axes: &Axes) -> [&[f64]; 2] {
     [Parameter::GrainSize, Parameter::Thickness].map(|parameter| axes.values(parameter))
 }
 
-impl Gap {
-    /// That of the grain size of this index.
-    pub(super) fn of(size: usize, absent: &[usize], axes: &Axes) -> Self {
+impl MissingCurve {
+    /// The missing curve at the grain size with index `size`.
+    pub(super) fn at_size(size: usize, absent: &[usize], axes: &Axes) -> Self {
         let [sizes, thicknesses] = sizes_and_thicknesses(axes);
         let first = absent.get(size).copied().unwrap_or_default();
         Self {
@@ -26,25 +26,25 @@ impl Gap {
     }
 }
 
-/// The first curve that does not exist of those that an answer of the method `smooth`
-/// for these takes: the nodes on both sides of the size, at those on both sides of the
-/// thickness; a node itself needs no other. Below the first thickness the answer leans
-/// on it, beyond the last on the last two.
-pub(super) fn gap(
+/// The first curve that the method `smooth` needs at this grain size and thickness and
+/// that does not exist. The method needs the nodes on both sides of the grain size and of
+/// the thickness, or the node alone where the coordinate is on a node. Thinner than the
+/// first thickness node it needs that node; thicker than the last, the last two.
+pub(super) fn missing_curve(
     absent: &[usize],
     axes: &Axes,
     grain_size_um: f64,
     thickness_cm: f64,
-) -> Option<Gap> {
+) -> Option<MissingCurve> {
     if absent.is_empty() {
         return None;
     }
     let [sizes, thicknesses] = sizes_and_thicknesses(axes);
-    // the thinnest node with a weight
+    // the thinnest node with a non-zero weight
     let above = thicknesses.partition_point(|node| *node <= thickness_cm);
     let lowest = match thicknesses
         .iter()
-        .position(|node| nodes::on(*node, thickness_cm))
+        .position(|node| nodes::is_on(*node, thickness_cm))
     {
         Some(node) => node,
         None if above == thicknesses.len() => above.saturating_sub(2),
@@ -53,7 +53,7 @@ pub(super) fn gap(
     let above = sizes.partition_point(|node| *node <= grain_size_um);
     let (first, last) = match sizes
         .iter()
-        .position(|node| nodes::on(*node, grain_size_um))
+        .position(|node| nodes::is_on(*node, grain_size_um))
     {
         Some(node) => (node, node),
         None => (
@@ -63,17 +63,17 @@ pub(super) fn gap(
     };
     let missing = |size: &usize| absent.get(*size).is_some_and(|thinnest| lowest < *thinnest);
     let size = (first..=last).find(missing)?;
-    Some(Gap::of(size, absent, axes))
+    Some(MissingCurve::at_size(size, absent, axes))
 }
 
-/// The error of a gap at `point`.
+/// The error of a missing curve for a look-up at `point`.
 #[cold]
-pub(super) fn absent(gap: Gap, point: Point) -> LookupError {
+pub(super) fn absent_error(missing: MissingCurve, point: Point) -> LookupError {
     LookupError::Absent {
         grain_size_um: point[Parameter::GrainSize],
         thickness_cm: point[Parameter::Thickness],
-        node_um: gap.node_um,
-        least_cm: gap.least_cm,
+        node_um: missing.node_um,
+        least_cm: missing.least_cm,
     }
 }
 
@@ -94,8 +94,8 @@ mod tests {
         ])
     }
 
-    /// Something smooth in [0, 1] at two wavelengths; NaN where there is no curve.
-    fn file(thickness_cm: &[f64], absent: &[usize], free: bool) -> Database {
+    /// Smooth values in [0, 1] at two wavelengths; NaN where there is no curve.
+    fn file(thickness_cm: &[f64], absent: &[usize], black_substrate: bool) -> Database {
         let (n, axes) = (thickness_cm.len(), axes(thickness_cm));
         let curves = Array2::from_shape_fn((2 * 2 * n * 2, 2), |(row, l)| {
             let [size, density, h, angle] =
@@ -106,7 +106,8 @@ mod tests {
             let scale = [2.0, 9.0][size] * [1.0, 0.7][density] * [1.0, 0.8][angle];
             (-thickness_cm[h] / scale).exp() * [1.0, 0.9][l] + 1e-4
         });
-        Database::from_curves(free, &axes, &[500.0, 600.0], Some(&curves), None).without(absent)
+        Database::from_curves(black_substrate, &axes, &[500.0, 600.0], Some(&curves), None)
+            .with_absent(absent)
     }
 
     fn at(grain_size_um: f64, thickness_cm: f64) -> Point {
@@ -125,9 +126,9 @@ mod tests {
         Ok(spectrum)
     }
 
-    /// The nodes that exist answer as if those that do not had never been asked for.
+    /// Existing nodes give the same spectra as in a file without the missing nodes.
     #[test]
-    fn the_rest_of_a_column_does_not_feel_the_gap() {
+    fn missing_curves_do_not_change_the_rest_of_a_column() {
         let all = [1.0, 2.0, 4.0, 8.0, 16.0];
         let whole = file(&all, &[0, 2], true);
         let rest = file(&all[2..], &[], false);
@@ -154,7 +155,7 @@ mod tests {
     }
 
     #[test]
-    fn answers_that_lean_on_a_gap_are_refused() {
+    fn look_ups_that_need_a_missing_curve_are_refused() {
         let all = [1.0, 2.0, 4.0];
         let cases: [(&[usize], f64, f64, bool); 12] = [
             (&[0, 1], 100.0, 0.5, true),
@@ -166,7 +167,7 @@ mod tests {
             (&[0, 1], 300.0, 2.5, true),
             (&[0, 2], 300.0, 3.9, false),
             (&[0, 2], 300.0, 4.0, true),
-            // deeper than the last, the last two tell how it goes on
+            // thicker than the last node: the last two nodes are needed
             (&[0, 2], 300.0, 4.1, false),
             (&[0, 1], 300.0, 4.1, true),
             (&[0, 3], 1000.0, 4.0, false),
@@ -192,7 +193,7 @@ mod tests {
         let error = ask(&file(&all, &[0, 1], true), at(500.0, 1.5)).unwrap_err();
         assert_eq!(
             error.to_string(),
-            "the file has no answer for grains of 500 um in 1.5 cm: grains of the node 1000 um do not fit into a slab thinner than 2 cm; ask for thicker snow or smaller grains"
+            "the file has no spectrum for grains of 500 um in 1.5 cm of snow: grains of the node 1000 um do not fit into a slab thinner than 2 cm; use thicker snow or smaller grains"
         );
     }
 }

@@ -1,24 +1,25 @@
-//! What the components are components of (docs/methods.md).
+//! The variable that the components reconstruct: the spectrum or its logarithm
+//! (docs/methods.md).
 use splitsnow_spectra::Quantity;
 
-/// Least transmittance whose logarithm is taken: far below what is ever seen.
+/// Smallest transmittance whose logarithm is taken, far below any visible value.
 const LEAST_TRANSMITTANCE: f64 = 1e-30;
-/// Most reflectance whose logarithm is taken, as its distance from 1.
+/// Smallest 1 - reflectance whose logarithm is taken.
 const LEAST_FROM_ONE: f64 = 1e-9;
 
-/// What a row of coefficients times the basis^T is.
+/// What a row of coefficients times basis^T represents.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
 pub enum Basis {
     /// The spectrum itself.
     #[default]
     Linear,
-    /// y, where transmittance is exp(-y) and reflectance 1 - exp(-y). Where the
-    /// sum is below 0, y is 0: spectra are within 0 to 1.
+    /// y, where transmittance is exp(-y) and reflectance 1 - exp(-y). A sum below 0
+    /// counts as y = 0, so spectra stay within 0 to 1.
     Log,
 }
 
 impl Basis {
-    /// All there are.
+    /// All variants.
     pub const ALL: [Self; 2] = [Self::Linear, Self::Log];
 
     /// The name used on the command line and in files.
@@ -30,8 +31,9 @@ impl Basis {
         }
     }
 
-    /// What is projected on the basis for a spectrum's `value`: y, limited to
-    /// 0 to 69 (transmittance) or 21 (reflectance), or the value.
+    /// The number projected onto the basis for the `value` of a spectrum: the value itself
+    /// for [`Basis::Linear`], y for [`Basis::Log`], limited to 0 to 69 (transmittance) or
+    /// 0 to 21 (reflectance).
     #[must_use]
     pub fn projected(self, quantity: Quantity, value: f64) -> f64 {
         match (self, quantity) {
@@ -61,7 +63,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn values_come_back() {
+    fn values_round_trip() {
         for basis in Basis::ALL {
             for quantity in Quantity::ALL {
                 for value in [0.0, 1e-20, 1e-5, 0.3, 0.999_999, 1.0] {
@@ -77,7 +79,7 @@ mod tests {
     }
 
     #[test]
-    fn what_has_no_logarithm_is_limited() {
+    fn values_without_a_logarithm_are_limited() {
         let y = |quantity, value| Basis::Log.projected(quantity, value);
         for quantity in Quantity::ALL {
             for value in [-1.0, 0.0, 1.0, 2.0] {

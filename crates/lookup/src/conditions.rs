@@ -1,59 +1,59 @@
-//! Between the nodes of axes that a database may leave out.
+//! Interpolation between the nodes of the optional axes.
 //!
-//! What is interpolated is y = -ln T, and -ln(1 - R) for reflectance, as along the other
-//! axes: linear in the coordinate of each axis. Where the file's basis is one of y, that is
-//! a mean of its coefficients.
+//! As along the other axes, the interpolated variable is y = -ln T, or -ln(1 - R) for
+//! reflectance, and it is linear in the coordinate of each axis. If the basis of the file
+//! is one of y (`log`), the interpolation is a weighted mean of the coefficients.
 use ndarray::{Array2, Axis, Slice};
 use splitsnow_spectra::Quantity;
 
-use crate::{Basis, Database, Factors, LookupError, Parameter, Point, nodes, untold};
+use crate::{Basis, Database, Factors, LookupError, Parameter, Point, missing_value, nodes};
 
 /// Largest y, as in [`super::smooth`].
 const DARKEST: f64 = 16.0;
-/// Most bytes of spectra made of a `linear` file.
+/// Largest size of the spectra interpolated from a `linear` file, bytes.
 const MOST_BYTES: u128 = 1 << 30;
 
 impl Database {
-    /// Number of curves of one combination of the axes that a database may leave out.
-    fn curves_each(&self) -> usize {
+    /// Number of curves of one block: one combination of nodes of the optional axes.
+    fn curves_per_block(&self) -> usize {
         self.axes.core_shape().iter().product()
     }
 
-    /// [`LookupError::Condition`] if there is more than one such combination.
-    pub(super) fn single(&self) -> Result<(), LookupError> {
+    /// [`LookupError::MissingCondition`] if there is more than one block.
+    pub(super) fn require_single_block(&self) -> Result<(), LookupError> {
         let mut optional = self.axes.iter().filter(|(p, _)| p.is_optional());
         match optional.find(|(_, nodes)| nodes.len() > 1) {
             None => Ok(()),
-            Some((parameter, nodes)) => Err(untold(parameter, nodes)),
+            Some((parameter, nodes)) => Err(missing_value(parameter, nodes)),
         }
     }
 
-    /// [`LookupError::NoAxis`] if `point` has a value on an axis that the file has not.
-    pub(super) fn has_axes_of(&self, point: &Point) -> Result<(), LookupError> {
+    /// [`LookupError::NoAxis`] if `point` has a value on an axis that is not in the file.
+    pub(super) fn require_axes_of(&self, point: &Point) -> Result<(), LookupError> {
         match point
             .iter()
             .find(|(parameter, _)| !self.axes.has(*parameter))
         {
             Some((parameter, _)) => Err(LookupError::NoAxis {
-                axis: parameter.name(),
+                axis: parameter.key(),
             }),
             None => Ok(()),
         }
     }
 
-    /// The database at the values that `point` has on axes that a database may leave out,
-    /// without those axes; values on axes of a single node need not be told.
+    /// The database at the values of `point` on the optional axes, without those axes. An
+    /// optional axis with a single node needs no value.
     ///
-    /// On a node it is that part of the file as it stands, between nodes a mean of
-    /// the parts around.
+    /// On a node the result is that part of the file unchanged; between nodes it is a
+    /// weighted mean of the neighbouring parts.
     ///
     /// # Errors
-    /// [`LookupError::Condition`] for a value that is missing,
-    /// [`LookupError::NoAxis`] for one of an axis that the file has not,
-    /// [`LookupError::Outside`]; [`LookupError::TooLarge`] for a `linear` file whose
-    /// spectra would not fit 1 GB.
+    /// [`LookupError::MissingCondition`] if a value is missing, [`LookupError::NoAxis`] if a value
+    /// belongs to an axis that is not in the file, [`LookupError::Outside`] if a value is
+    /// outside its axis, [`LookupError::TooLarge`] if the spectra of a `linear` file would
+    /// exceed 1 GB.
     pub fn at(&self, point: Point) -> Result<Self, LookupError> {
-        self.has_axes_of(&point)?;
+        self.require_axes_of(&point)?;
         let optional = self.axes.optional();
         if optional.is_empty() {
             return Ok(self.clone());
@@ -61,21 +61,21 @@ impl Database {
         let mut corners = vec![(0, 1.0)];
         for (parameter, nodes) in optional.iter() {
             let (below, share) = match point.get(parameter) {
-                Some(value) => cell(parameter, nodes, value)?,
+                Some(value) => bracket(parameter, nodes, value)?,
                 None if nodes.len() == 1 => (0, 0.0),
-                None => return Err(untold(parameter, nodes)),
+                None => return Err(missing_value(parameter, nodes)),
             };
             let both = [(below, 1.0 - share), (below + 1, share)];
-            let there = both.into_iter().filter(|(_, weight)| *weight > 0.0);
-            let there: Vec<_> = there.collect();
+            let neighbours = both.into_iter().filter(|(_, weight)| *weight > 0.0);
+            let neighbours: Vec<_> = neighbours.collect();
             let split = |(block, weight): (usize, f64)| {
-                let all = there.iter();
-                all.map(move |(i, share)| (block * nodes.len() + i, weight * share))
+                let neighbours = neighbours.iter();
+                neighbours.map(move |(i, share)| (block * nodes.len() + i, weight * share))
             };
             corners = corners.into_iter().flat_map(split).collect();
         }
         if corners.len() > 1 && self.kind == Basis::Linear {
-            let values = self.curves_each() as u128 * self.wavelengths_nm.len() as u128;
+            let values = self.curves_per_block() as u128 * self.wavelengths_nm.len() as u128;
             let bytes = values * size_of::<f32>() as u128;
             if bytes > MOST_BYTES {
                 return Err(LookupError::TooLarge { bytes });
@@ -87,41 +87,41 @@ impl Database {
                 .into(),
             absent: self.absent.clone(),
             wavelengths_nm: self.wavelengths_nm.clone(),
-            curves: self.curves_each(),
+            curves: self.curves_per_block(),
             kind: self.kind,
             precision: self.precision,
             transmittance: self.mixed(Quantity::Transmittance, &corners),
             reflectance: self.mixed(Quantity::Reflectance, &corners),
-            stands_free: self.stands_free,
+            has_black_substrate: self.has_black_substrate,
             metadata: self.metadata.clone(),
         })
     }
 
-    /// Means of the parts numbered and weighted in `corners`.
+    /// Weighted mean of blocks of the file; `corners` holds the number and weight of each.
     fn mixed(&self, quantity: Quantity, corners: &[(usize, f64)]) -> Factors {
-        let all = self.factors(quantity);
-        let (n, l) = (self.curves_each(), self.wavelengths_nm.len());
+        let factors = self.factors(quantity);
+        let (n, l) = (self.curves_per_block(), self.wavelengths_nm.len());
         if !self.has(quantity) {
             return Factors::default();
         }
         let part = |block: usize| {
             let rows = Slice::from(block * n..(block + 1) * n);
-            all.coefficients.slice_axis(Axis(0), rows)
+            factors.coefficients.slice_axis(Axis(0), rows)
         };
         if let [(block, _)] = corners {
             return Factors {
                 coefficients: part(*block).to_owned(),
-                basis: all.basis.clone(),
+                basis: factors.basis.clone(),
             };
         }
         if self.kind == Basis::Log {
-            let mut coefficients = Array2::zeros((n, all.coefficients.ncols()));
+            let mut coefficients = Array2::zeros((n, factors.coefficients.ncols()));
             for (block, weight) in corners {
                 coefficients.scaled_add(*weight as f32, &part(*block));
             }
             return Factors {
                 coefficients,
-                basis: all.basis.clone(),
+                basis: factors.basis.clone(),
             };
         }
         let mut curves = Array2::zeros((n, l));
@@ -148,10 +148,10 @@ impl Database {
     }
 }
 
-/// The node below `value` and how far it is from there to the next, in the
-/// coordinate of the parameter.
-fn cell(parameter: Parameter, nodes: &[f64], value: f64) -> Result<(usize, f64), LookupError> {
-    match nodes::find(parameter.name(), nodes, value) {
+/// The node below `value`, and the position of `value` between it and the next node (0 to
+/// 1) in the coordinate of the parameter.
+fn bracket(parameter: Parameter, nodes: &[f64], value: f64) -> Result<(usize, f64), LookupError> {
+    match nodes::find(parameter.key(), nodes, value) {
         Ok(node) => Ok((node, 0.0)),
         Err(LookupError::BetweenNodes { below, above, .. }) => {
             let scale = parameter.record().scale;

@@ -1,31 +1,37 @@
-//! Curves outside the nodes of the thickness.
+//! Extrapolation beyond the first and last thickness node.
 //!
-//! In snow light diffuses: 1/T, call it r, solves r'' = k^2 r along the
-//! thickness, so that r grows like sinh(k (h + z)), a straight line without
-//! absorption (k = 0) and an exponential with much of it. From a node on, y = ln r
-//! goes with the value and slope it has there; k is the one that leads to
-//! another node before, within 0 and the slope, between which all snow lies.
+//! Light in snow diffuses: r = 1/T solves r'' = k^2 r along the thickness. Hence r grows
+//! like sinh(k (h + z)): linearly without absorption (k = 0), exponentially with strong
+//! absorption. The extrapolation of y = ln r matches the value and slope at a node. The
+//! decay constant k lies between 0 and the slope, as for all snow, and is chosen so that
+//! the curve passes through a second, thinner node.
 //!
-//! - **Deeper** than the last node: on from there, with the node before it.
-//! - **Thinner** than the first: back from there to y = 0 at 0 cm, stretched where
-//!   no k leads there. The same for -ln(1 - R), which is y without absorption.
-//!   Transport begins otherwise, within a few grains; but snow so thin is not
-//!   what the model is of.
+//! - **Thicker** than the last node: extrapolated from there, with k from the node before
+//!   it.
+//! - **Thinner** than the first node: extrapolated down to y = 0 at 0 cm, and stretched
+//!   linearly in y where no k leads there. The same formula serves -ln(1 - R), which
+//!   equals y without absorption. Within a few grains of the surface transport is not
+//!   diffusive, but the model does not cover snow that thin.
 
-/// Halvings of the range of k.
+/// Number of bisection steps for k.
 const HALVINGS: u32 = 24;
 
-/// y and its slope at a node, and y some way before.
+/// y and its slope at a node, and y at a thinner node.
 #[derive(Debug, Clone, Copy)]
 pub(super) struct Diffusion {
+    /// y at the node.
     pub(super) y: f64,
+    /// Derivative of y with respect to the thickness, 1/cm.
     pub(super) slope_per_cm: f64,
+    /// y at `step_cm` before the node.
     pub(super) before: f64,
+    /// Distance to the thinner node, cm.
     pub(super) step_cm: f64,
 }
 
 impl Diffusion {
-    /// ln(r/r0) after `h_cm`, growing from the end for positive ones.
+    /// ln(r / r0) at `h_cm` from the node, where r0 is r at the node; positive `h_cm` is
+    /// thicker.
     fn growth(&self, k: f64, h_cm: f64) -> f64 {
         let s = self.slope_per_cm;
         if k * h_cm.abs() < 1e-6 {
@@ -43,26 +49,26 @@ impl Diffusion {
         k * h_cm.abs() + libm::log(sum)
     }
 
-    /// k, from y before the node.
-    fn bending(&self) -> f64 {
+    /// The decay constant k, 1/cm, from y at the thinner node.
+    fn decay_constant(&self) -> f64 {
         let mut range = [0.0, self.slope_per_cm.max(0.0)];
         for _ in 0..HALVINGS {
             let k = 0.5 * (range[0] + range[1]);
-            // a larger k bends more, and so begins higher up
+            // a larger k curves more and gives a larger y at the thinner node
             let too_large = self.y + self.growth(k, -self.step_cm) > self.before;
             range[usize::from(too_large)] = k;
         }
         range[1]
     }
 
-    /// y at `h_cm` past the node.
+    /// y at `h_cm` (0 or more) beyond the node.
     pub(super) fn deeper(&self, h_cm: f64) -> f64 {
-        self.y + self.growth(self.bending(), h_cm).max(0.0)
+        self.y + self.growth(self.decay_constant(), h_cm).max(0.0)
     }
 
-    /// y at these `parts` of the way from `step_cm` before the node to it.
+    /// y at `parts` (0 to 1) of the way from the thinner node to the node.
     pub(super) fn thinner<const N: usize>(&self, parts: [f64; N]) -> [f64; N] {
-        let k = self.bending();
+        let k = self.decay_constant();
         let whole = self.growth(k, -self.step_cm);
         if whole >= 0.0 {
             return parts.map(|part| self.before + (self.y - self.before) * part);
@@ -96,7 +102,7 @@ mod tests {
     }
 
     #[test]
-    fn diffusion_goes_on() {
+    fn extrapolation_follows_diffusion() {
         for k in [0.0, 0.01, 0.1, 0.5] {
             let (end, y) = end(k, 0.7);
             let near = |found: f64, h: f64| {
@@ -109,7 +115,7 @@ mod tests {
             for h in [0.0, 1.0, 20.0, 100.0] {
                 near(end.deeper(h), 30.0 + h);
             }
-            // a node tells little of what is before many decay lengths
+            // a node says little about values many decay lengths before it
             if k <= 0.1 {
                 let before = 0.0;
                 let whole = Diffusion {
@@ -126,7 +132,7 @@ mod tests {
     }
 
     #[test]
-    fn grows_whatever_the_nodes_say() {
+    fn y_grows_for_any_node_values() {
         for slope_per_cm in [0.0, 1e-9, 0.3, 50.0] {
             for before in [-1e9, 0.0, 4.999, 5.0, 6.0] {
                 let end = Diffusion {

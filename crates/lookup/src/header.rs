@@ -1,13 +1,14 @@
-//! The header of a safetensors file: where its tensors are.
+//! The header of a safetensors file, which locates its tensors.
 //!
 //! The format: <https://github.com/huggingface/safetensors>. Tensors must tile the data
-//! without gap or overlap, and their shapes match their sizes. (The crate `safetensors`
-//! checks the same; it would be a third of what a renderer compiles.)
+//! without gaps or overlaps, and their shapes must match their sizes. (The crate
+//! `safetensors` checks the same, but would be a third of the code that a renderer
+//! compiles.)
 use std::collections::BTreeMap;
 
 use serde::Deserialize;
 
-/// Types of the elements of tensors that have whole bytes.
+/// Element types of tensors; those smaller than a byte are not supported.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Deserialize)]
 #[allow(clippy::upper_case_acronyms)]
 pub(crate) enum Dtype {
@@ -27,7 +28,7 @@ pub(crate) enum Dtype {
 }
 
 impl Dtype {
-    /// Bytes of an element.
+    /// Size of an element, bytes.
     const fn size(self) -> usize {
         match self {
             Self::BOOL | Self::U8 | Self::I8 => 1,
@@ -54,13 +55,13 @@ pub(crate) struct Header {
     pub(crate) metadata: Option<BTreeMap<String, String>>,
     #[serde(flatten)]
     pub(crate) tensors: BTreeMap<String, Tensor>,
-    /// Bytes of all tensors.
+    /// Total size of all tensors, bytes.
     #[serde(skip)]
     pub(crate) data_len: usize,
 }
 
 impl Header {
-    /// Reads and checks the JSON of a header; the error says what is wrong with it.
+    /// Reads and checks the JSON of a header; the error describes the defect.
     pub(crate) fn read(json: &[u8]) -> Result<Self, String> {
         let mut header: Self = serde_json::from_slice(json).map_err(|error| error.to_string())?;
         let mut tensors: Vec<_> = header.tensors.iter().collect();
@@ -69,7 +70,7 @@ impl Header {
             let (begin, end) = tensor.data_offsets;
             if begin != header.data_len {
                 return Err(format!(
-                    "tensor `{name}` begins at {begin}; the data before it end at {}",
+                    "tensor `{name}` begins at byte {begin}, but the data before it end at byte {}",
                     header.data_len
                 ));
             }
@@ -77,7 +78,7 @@ impl Header {
             let size = lengths.try_fold(tensor.dtype.size(), |n, length| n.checked_mul(*length));
             if size.is_none() || size != end.checked_sub(begin) {
                 return Err(format!(
-                    "tensor `{name}` is {:?} {:?}, but its data go from {begin} to {end}",
+                    "tensor `{name}` is {:?} {:?}, which does not match its data from byte {begin} to {end}",
                     tensor.dtype, tensor.shape
                 ));
             }
@@ -117,6 +118,6 @@ mod tests {
             );
         }
         let twice = [tensor("a", "[2]", "[0,8]"), tensor("b", "[2]", "[0,8]")];
-        assert!(read(&twice).unwrap_err().contains("begins at 0"));
+        assert!(read(&twice).unwrap_err().contains("begins at byte 0"));
     }
 }

@@ -1,8 +1,9 @@
 //! Look-ups in compact snow databases: what a renderer needs.
 //!
 //! A compact file (`snow.safetensors`) holds spectra of transmittance and reflectance on a
-//! lattice of snow parameters. [`Database`] reads it and answers on its nodes, [`Lookup`]
-//! anywhere in its box by our method, [`Varsa2025`] by the published one (docs/methods.md).
+//! grid of snow parameters. [`Database`] reads the file and returns spectra at its nodes.
+//! [`Lookup`] interpolates anywhere within the axes (method `smooth`). [`Varsa2025`]
+//! interpolates with the method published in Varsa 2025 (docs/methods.md).
 //!
 //! ```no_run
 //! use splitsnow_lookup::{Database, Lookup, Parameter, Point, Quantity};
@@ -36,9 +37,9 @@ mod read;
 mod smooth;
 mod varsa2025;
 
-use absent::{Gap, absent, gap};
+use absent::{MissingCurve, absent_error, missing_curve};
 pub use basis::Basis;
-pub use format::Substrate;
+pub use format::SubstrateKind;
 pub use parameter::{Axes, Interval, Parameter, Point, Region};
 use precision::f16_to_f32;
 pub use precision::{Precision, dequantised};
@@ -55,41 +56,41 @@ use std::path::{Path, PathBuf};
 use ndarray::{Array2, ArrayView1, ArrayView2};
 use thiserror::Error;
 
-/// The compact file in an output directory.
+/// File name of the compact file in an output directory.
 pub const COMPACT: &str = "snow.safetensors";
 
-/// Why a look-up gave no spectrum.
+/// An error of a look-up, or of reading the database.
 #[derive(Debug, Error)]
 #[non_exhaustive]
 pub enum LookupError {
-    /// The system refused to read the file.
+    /// The file could not be read.
     #[error("cannot read {}: {source}", path.display())]
     Io {
         /// The file.
         path: PathBuf,
-        /// What the system said.
+        /// The error of the operating system.
         source: io::Error,
     },
-    /// A directory without a compact file.
-    #[error("no {COMPACT} in {}; `splitsnow build` makes it once all jobs are done", path.display())]
+    /// The directory has no compact file.
+    #[error("no {COMPACT} in {}; `splitsnow build` writes it once all jobs are done", path.display())]
     NoCompactFile {
         /// The directory.
         path: PathBuf,
     },
-    /// The file is not a compact file that this version reads.
+    /// The file is not a compact file that this version can read.
     #[error("{} cannot be used as a compact snow database: {source}", path.display())]
     Format {
         /// The file.
         path: PathBuf,
-        /// What is wrong with it.
+        /// The defect of the file.
         source: FormatError,
     },
-    /// A coordinate outside the database.
+    /// A coordinate outside the range of its axis.
     #[error("{axis} = {value} is outside the database, which covers {first} to {last}")]
     Outside {
         /// Name of the axis.
         axis: &'static str,
-        /// What was asked for.
+        /// The requested value.
         value: f64,
         /// First node.
         first: f64,
@@ -98,21 +99,21 @@ pub enum LookupError {
     },
     /// A coordinate between two nodes.
     #[error(
-        "{axis} = {value} lies between the nodes {below} and {above} of the database, and this look-up knows nodes only; the method `smooth` interpolates"
+        "{axis} = {value} lies between the nodes {below} and {above} of the database; this look-up answers at nodes only, use the method `smooth` to interpolate"
     )]
     BetweenNodes {
         /// Name of the axis.
         axis: &'static str,
-        /// What was asked for.
+        /// The requested value.
         value: f64,
         /// The node below.
         below: f64,
         /// The node above.
         above: f64,
     },
-    /// A value that must be told, on an axis that a database may leave out.
-    #[error("the database has an axis {axis}, from {first} to {last}: say where on it")]
-    Condition {
+    /// No value is given for an optional axis with several nodes.
+    #[error("the database has an axis {axis}: give a value of {axis} from {first} to {last}")]
+    MissingCondition {
         /// Name of the axis.
         axis: &'static str,
         /// First node.
@@ -120,57 +121,59 @@ pub enum LookupError {
         /// Last node.
         last: f64,
     },
-    /// A value on an axis that the file does not have.
-    #[error("the database has no axis {axis}: its snow is as it was built; leave it out")]
+    /// A value is given for an axis that is not in the database.
+    #[error(
+        "the database has no axis {axis}: its value was fixed when the database was built; leave {axis} out"
+    )]
     NoAxis {
         /// Name of the axis.
         axis: &'static str,
     },
-    /// A table that does not fit into memory.
+    /// The look-up table would exceed 1 GiB.
     #[error(
-        "the look-up table of this file would take {bytes} bytes, more than 1 GB; give fewer wavelengths or nodes, or compress the database with --basis log"
+        "the look-up table of this file would take {bytes} bytes, more than 1 GB; use fewer wavelengths or nodes, or compress the database with --basis log"
     )]
     TooLarge {
-        /// Its size.
+        /// Size of the table, bytes.
         bytes: u128,
     },
-    /// A curve that does not exist would be needed.
+    /// The look-up needs a curve that does not exist.
     #[error(
-        "the file has no answer for grains of {grain_size_um} um in {thickness_cm} cm: grains of the node {node_um} um do not fit into a slab thinner than {}; ask for thicker snow or smaller grains",
-        least_cm.map_or_else(|| "all of the file".to_owned(), |cm| format!("{cm} cm"))
+        "the file has no spectrum for grains of {grain_size_um} um in {thickness_cm} cm of snow: grains of the node {node_um} um do not fit into {}; use thicker snow or smaller grains",
+        least_cm.map_or_else(|| "any slab of the file".to_owned(), |cm| format!("a slab thinner than {cm} cm"))
     )]
     Absent {
-        /// What was asked for.
+        /// The requested grain size, um.
         grain_size_um: f64,
-        /// What was asked for.
+        /// The requested thickness, cm.
         thickness_cm: f64,
-        /// Node of the grain size that lacks it.
+        /// Grain-size node without the curve, um.
         node_um: f64,
-        /// The thinnest node that it has.
+        /// The thinnest thickness node with a curve at that grain size, cm; `None` if there is none.
         least_cm: Option<f64>,
     },
-    /// A quantity that the file does not hold.
-    #[error("the compact file has no {}, it has {} only", missing.name(), there.name())]
+    /// The file does not hold the requested quantity.
+    #[error("the compact file has no {}, it has {} only", missing.name(), stored.name())]
     NoQuantity {
-        /// What was asked for.
+        /// The requested quantity.
         missing: Quantity,
-        /// What there is.
-        there: Quantity,
+        /// The quantity that the file holds.
+        stored: Quantity,
     },
-    /// A matrix or spectrum of another shape than the database.
+    /// A matrix or spectrum whose shape does not match the database.
     #[error("expected {expected} {what} as in the compact file, found {found}")]
     Shape {
-        /// Curves or wavelengths.
+        /// The dimension: curves or wavelengths.
         what: &'static str,
-        /// How many the file has.
+        /// Number of them in the file.
         expected: usize,
-        /// How many were given.
+        /// Number of them given.
         found: usize,
     },
 }
 
 /// One quantity: a row of `coefficients` times `basis`^T gives a spectrum. Empty
-/// if the file does not hold it.
+/// if the file does not hold the quantity.
 #[derive(Debug, Clone, PartialEq, Default)]
 struct Factors {
     /// `[s, l']`.
@@ -179,12 +182,12 @@ struct Factors {
     basis: Array2<f32>,
 }
 
-/// A compact file in memory, wholly checked.
+/// A compact file in memory, fully validated.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Database {
     axes: Axes,
-    /// For each grain size, how many of the thinnest thicknesses have no curve; empty if
-    /// all have.
+    /// For each grain size, the number of thinnest thicknesses without a curve; empty if
+    /// every curve exists.
     absent: Vec<usize>,
     wavelengths_nm: Vec<f64>,
     curves: usize,
@@ -192,7 +195,7 @@ pub struct Database {
     precision: Precision,
     transmittance: Factors,
     reflectance: Factors,
-    stands_free: bool,
+    has_black_substrate: bool,
     metadata: BTreeMap<String, String>,
 }
 
@@ -200,7 +203,8 @@ impl Database {
     /// Reads the file at `path`, or [`COMPACT`] in the directory at `path`.
     ///
     /// # Errors
-    /// [`LookupError::Io`], [`LookupError::NoCompactFile`] and [`LookupError::Format`].
+    /// [`LookupError::Io`] if the file cannot be read, [`LookupError::NoCompactFile`] if the
+    /// directory has none, [`LookupError::Format`] if the file is not a valid compact file.
     pub fn open(path: impl AsRef<Path>) -> Result<Self, LookupError> {
         let path = path.as_ref();
         if !path.is_dir() {
@@ -222,13 +226,13 @@ impl Database {
             path: path.to_owned(),
             source,
         };
-        // Before opening: to open a pipe is to wait for its writer.
+        // Check the type before opening: opening a pipe waits for its writer.
         let status = std::fs::metadata(path).map_err(io)?;
         if !status.is_file() {
             return Err(format(FormatError::NotAFile));
         }
         let mut file = File::open(path).map_err(io)?;
-        // A large file of another kind is refused by its first bytes.
+        // Reject a large file of another kind by its first bytes.
         let mut bytes = Vec::new();
         (&mut file).take(8).read_to_end(&mut bytes).map_err(io)?;
         read::header_length(&bytes, status.len()).map_err(format)?;
@@ -236,21 +240,21 @@ impl Database {
         Self::from_bytes(&bytes).map_err(format)
     }
 
-    /// Reads the content of a file. Never panics, and never allocates more than
-    /// a small multiple of `bytes`, whatever they are.
+    /// Reads the content of a file. For any input it does not panic, and allocates at most
+    /// a small multiple of the length of `bytes`.
     ///
     /// # Errors
-    /// See [`FormatError`].
+    /// A [`FormatError`] if the bytes are not a valid compact file.
     pub fn from_bytes(bytes: &[u8]) -> Result<Self, FormatError> {
         read::read(bytes)
     }
 
-    /// A database of these very curves (`[s, l]`, in single precision), for look-ups
-    /// that no compression touches. What is `None` it does not hold; for `stands_free`
-    /// see [`Database::stands_free`].
+    /// A database of uncompressed curves (`[s, l]`, stored in single precision). A quantity
+    /// given as `None` is not in the database; for `has_black_substrate` see
+    /// [`Database::has_black_substrate`].
     #[must_use]
     pub fn from_curves(
-        stands_free: bool,
+        has_black_substrate: bool,
         axes: &Axes,
         wavelengths_nm: &[f64],
         transmittance: Option<&Array2<f64>>,
@@ -271,23 +275,23 @@ impl Database {
             precision: Precision::F32,
             transmittance: factors(transmittance),
             reflectance: factors(reflectance),
-            stands_free,
+            has_black_substrate,
             metadata: BTreeMap::new(),
         }
     }
 
-    /// The same of which the curves that `absent` counts do not exist, whatever they
-    /// hold: for each grain size, how many of the thinnest thicknesses.
+    /// This database with some curves marked as absent. `absent` holds, for each grain size,
+    /// the number of thinnest thicknesses without a curve; the values of these are ignored.
     #[must_use]
-    pub fn without(self, absent: &[usize]) -> Self {
+    pub fn with_absent(self, absent: &[usize]) -> Self {
         Self {
             absent: absent.to_vec(),
             ..self
         }
     }
 
-    /// For each grain size, how many of the thinnest thicknesses have no curve, since
-    /// the grains do not fit into the slab; empty if all have.
+    /// For each grain size, the number of thinnest thicknesses without a curve because
+    /// the grains do not fit into the slab; empty if every curve exists.
     #[must_use]
     pub fn absent(&self) -> &[usize] {
         &self.absent
@@ -307,23 +311,24 @@ impl Database {
         row / (angles * thicknesses * densities) % sizes
     }
 
-    /// Whether all curves exist that the look-up `smooth` needs for these.
+    /// Whether all curves exist that the method `smooth` needs for this grain size and
+    /// thickness.
     #[must_use]
     pub fn covers(&self, grain_size_um: f64, thickness_cm: f64) -> bool {
-        gap(&self.absent, &self.axes, grain_size_um, thickness_cm).is_none()
+        missing_curve(&self.absent, &self.axes, grain_size_um, thickness_cm).is_none()
     }
 
-    /// Refuses a quantity that the file does not hold.
+    /// Checks that the file holds `quantity`.
     ///
     /// # Errors
-    /// [`LookupError::NoQuantity`].
+    /// [`LookupError::NoQuantity`] if it does not.
     pub fn require(&self, quantity: Quantity) -> Result<(), LookupError> {
         if self.has(quantity) {
             return Ok(());
         }
         Err(LookupError::NoQuantity {
             missing: quantity,
-            there: match quantity {
+            stored: match quantity {
                 Quantity::Transmittance => Quantity::Reflectance,
                 Quantity::Reflectance => Quantity::Transmittance,
             },
@@ -336,7 +341,7 @@ impl Database {
         &self.wavelengths_nm
     }
 
-    /// The axes with their nodes.
+    /// The axes and their nodes.
     #[must_use]
     pub fn axes(&self) -> &Axes {
         &self.axes
@@ -348,28 +353,28 @@ impl Database {
         self.curves
     }
 
-    /// Whether there is nothing but the snow of the axes, over black ground: without
-    /// snow, transmittance is then 1 and reflectance 0, and look-ups reach down to a
-    /// thickness of 0; otherwise they begin at the first node. The metadata
-    /// `substrate` says so.
+    /// Whether the slab lies on a black substrate, with no other layers. At thickness 0
+    /// the transmittance is then 1 and the reflectance 0, so look-ups extend down to
+    /// thickness 0; otherwise they start at the first node. Read from the metadata
+    /// `substrate`.
     #[must_use]
-    pub fn stands_free(&self) -> bool {
-        self.stands_free
+    pub fn has_black_substrate(&self) -> bool {
+        self.has_black_substrate
     }
 
-    /// What a row of coefficients times the basis^T is.
+    /// What a row of coefficients times basis^T represents.
     #[must_use]
     pub fn basis_kind(&self) -> Basis {
         self.kind
     }
 
-    /// Numbers in which the file holds its coefficients.
+    /// Number format of the coefficients in the file.
     #[must_use]
     pub fn precision(&self) -> Precision {
         self.precision
     }
 
-    /// Whether the file holds `quantity`; it holds at least one.
+    /// Whether the file holds `quantity`. Every file holds at least one.
     #[must_use]
     pub fn has(&self, quantity: Quantity) -> bool {
         self.components(quantity) > 0
@@ -381,14 +386,14 @@ impl Database {
         self.basis(quantity).ncols()
     }
 
-    /// Coefficients of `quantity`, `[s, l']`, whatever their precision in the
-    /// file; `[0, 0]` if it does not hold it.
+    /// Coefficients of `quantity`, `[s, l']`, converted to f32; `[0, 0]` if the file does
+    /// not hold the quantity.
     #[must_use]
     pub fn coefficients(&self, quantity: Quantity) -> ArrayView2<'_, f32> {
         self.factors(quantity).coefficients.view()
     }
 
-    /// Basis of `quantity`, `[l, l']`; `[0, 0]` if the file does not hold it.
+    /// Basis of `quantity`, `[l, l']`; `[0, 0]` if the file does not hold the quantity.
     #[must_use]
     pub fn basis(&self, quantity: Quantity) -> ArrayView2<'_, f32> {
         self.factors(quantity).basis.view()
@@ -400,51 +405,53 @@ impl Database {
         &self.metadata
     }
 
-    /// The spectrum of `quantity` at a node of the axes, `[l]`. A coordinate is
-    /// on a node within 1e-6 of the node's value.
+    /// The spectrum of `quantity` at a node of the axes, `[l]`. Each coordinate must match
+    /// a node to within 1e-6 of the node's value.
     ///
     /// # Errors
-    /// [`LookupError::NoQuantity`], [`LookupError::Absent`], and those of
+    /// [`LookupError::NoQuantity`] if the file does not hold `quantity`,
+    /// [`LookupError::Absent`] if the curve does not exist, and the errors of
     /// [`Database::row`].
     pub fn spectrum(&self, point: Point, quantity: Quantity) -> Result<Vec<f32>, LookupError> {
         self.require(quantity)?;
         let row = self.row(point)?;
         if !self.exists(row) {
-            let gap = Gap::of(self.size_of(row), &self.absent, &self.axes);
-            return Err(absent(gap, point));
+            let missing = MissingCurve::at_size(self.size_of(row), &self.absent, &self.axes);
+            return Err(absent_error(missing, point));
         }
         Ok(self.curve(row, quantity).unwrap_or_default())
     }
 
-    /// The row of the curve at a node: [`Database::point`] inverted. An axis of one node
-    /// that a database may leave out need not be told.
+    /// The row of the curve at a node: the inverse of [`Database::point`]. An optional axis
+    /// with a single node needs no value.
     ///
     /// # Errors
-    /// [`LookupError::Outside`] and [`LookupError::BetweenNodes`];
-    /// [`LookupError::Condition`] and [`LookupError::NoAxis`] as in [`Database::at`].
+    /// [`LookupError::Outside`] and [`LookupError::BetweenNodes`] for a coordinate that is
+    /// not on a node; [`LookupError::MissingCondition`] and [`LookupError::NoAxis`] as in
+    /// [`Database::at`].
     pub fn row(&self, point: Point) -> Result<usize, LookupError> {
-        self.has_axes_of(&point)?;
+        self.require_axes_of(&point)?;
         let mut row = 0;
         for (parameter, nodes) in self.axes.iter() {
             let node = match point.get(parameter) {
                 None if parameter.is_optional() && nodes.len() == 1 => 0,
-                None if parameter.is_optional() => return Err(untold(parameter, nodes)),
-                _ => nodes::find(parameter.name(), nodes, point[parameter])?,
+                None if parameter.is_optional() => return Err(missing_value(parameter, nodes)),
+                _ => nodes::find(parameter.key(), nodes, point[parameter])?,
             };
             row = row * nodes.len() + node;
         }
         Ok(row)
     }
 
-    /// The node of curve `row`; `None` beyond the last one.
+    /// The coordinates of curve `row`; `None` if there is no such row.
     #[must_use]
     pub fn point(&self, row: usize) -> Option<Point> {
         (row < self.curves).then(|| self.axes.point(row as u64))
     }
 
-    /// The spectrum of curve `row`, `[l]`, in the arithmetic in which the error table
-    /// was made; `None` beyond the last one, and if the file does not hold `quantity`.
-    /// NaN if the curve does not exist ([`Database::exists`]).
+    /// The spectrum of curve `row`, `[l]`, computed with the same arithmetic as the error
+    /// table. `None` if there is no such row or the file does not hold `quantity`; all NaN
+    /// if the curve does not exist ([`Database::exists`]).
     #[must_use]
     pub fn curve(&self, row: usize, quantity: Quantity) -> Option<Vec<f32>> {
         let Factors {
@@ -471,19 +478,19 @@ impl Database {
     }
 }
 
-/// Adds one component to a spectrum being rebuilt. Products of two f32 are exact
-/// in f64; components are added in order, so that the errors of a table and of a
-/// reader agree to the last bit.
+/// Adds one component to the reconstruction of a spectrum. The product of two f32 is
+/// exact in f64, and components are added in order, so the reconstruction is
+/// bit-identical to the one behind the error table.
 pub fn add_component(sum: &mut [f64], coefficient: f32, vector: ArrayView1<f32>) {
     for (sum, &v) in sum.iter_mut().zip(vector) {
         *sum += f64::from(coefficient) * f64::from(v);
     }
 }
 
-/// The error of a point that does not say where on an axis of several nodes.
-fn untold(parameter: Parameter, nodes: &[f64]) -> LookupError {
-    LookupError::Condition {
-        axis: parameter.name(),
+/// The error of a point without a value on an axis with several nodes.
+fn missing_value(parameter: Parameter, nodes: &[f64]) -> LookupError {
+    LookupError::MissingCondition {
+        axis: parameter.key(),
         first: nodes.first().copied().unwrap_or(f64::NAN),
         last: nodes.last().copied().unwrap_or(f64::NAN),
     }

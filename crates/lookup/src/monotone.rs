@@ -1,13 +1,14 @@
-//! Slopes of a column of nodes along the thickness, limited so that a cubic
-//! (Hermite) through them does not turn where the nodes do not (Fritsch and
-//! Carlson 1980). `x` are the places of the nodes, `values` theirs, `[h][i]`, of
-//! which component or wavelength `i` is meant. Where nodes themselves fall, the
-//! slope is 0 and the curve falls with them.
+//! Slopes at the nodes along the thickness, limited so that the cubic Hermite curve
+//! through the nodes is monotone where the nodes are (Fritsch and Carlson 1980).
+//!
+//! `x` holds the coordinates of the nodes and `values` their values `[h][i]`, for
+//! component or wavelength `i`. Where the node values decrease, the slope is 0 and the
+//! curve decreases with them.
 
-/// Most by which a slope may exceed the smaller secant beside it.
+/// Largest ratio of a slope to the smaller of the two neighbouring secants.
 const LIMIT: f32 = 3.0;
 
-/// Slope of the line between nodes `h` and `h + 1`; 0 where they fall together.
+/// Slope of the line between nodes `h` and `h + 1`; 0 if they coincide.
 fn secant(x: &[f32], values: &[Vec<f32>], h: usize, i: usize) -> f32 {
     let step = x[h + 1] - x[h];
     if step > 0.0 {
@@ -17,7 +18,7 @@ fn secant(x: &[f32], values: &[Vec<f32>], h: usize, i: usize) -> f32 {
     }
 }
 
-/// Slope at node `h` of the parabola through it and its neighbours.
+/// Slope at node `h` of the parabola through the node and its two neighbours.
 pub(super) fn slope(x: &[f32], values: &[Vec<f32>], h: usize, i: usize) -> f32 {
     let last = x.len() - 1;
     if last == 1 {
@@ -37,7 +38,7 @@ pub(super) fn slope(x: &[f32], values: &[Vec<f32>], h: usize, i: usize) -> f32 {
     }
 }
 
-/// Share of the slope at node `h` that keeps its curve from turning.
+/// Fraction (0 to 1) of the slope at node `h` that keeps the curve monotone.
 pub(super) fn share(x: &[f32], values: &[Vec<f32>], h: usize, i: usize) -> f32 {
     let last = x.len() - 1;
     let beside = [h.max(1) - 1, h.min(last - 1)].map(|h| secant(x, values, h, i));
@@ -53,9 +54,9 @@ pub(super) fn share(x: &[f32], values: &[Vec<f32>], h: usize, i: usize) -> f32 {
 mod tests {
     use super::*;
 
-    /// Steps beside level stretches: unlimited slopes would overshoot.
+    /// Steps next to plateaus, where unlimited slopes would overshoot.
     #[test]
-    fn a_cubic_through_a_step_does_not_turn() {
+    fn a_cubic_through_a_step_is_monotone() {
         let x = [0.0, 1.0, 1.5, 3.0, 4.0, 4.2];
         let values: Vec<Vec<f32>> = [0.0, 0.1, 5.0, 5.1, 5.1, 9.0].map(|y| vec![y]).into();
         let slopes: Vec<f32> = (0..6)

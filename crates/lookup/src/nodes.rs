@@ -1,13 +1,13 @@
-//! The nodes of axes.
+//! Search for the node of an axis.
 use crate::LookupError;
 
-/// How far from a node a coordinate may be and still be that node, as a share
-/// of the node's value (as such for a node at 0): look-ups are in single precision.
+/// Largest distance of a coordinate from a node that still counts as the node, relative
+/// to the value of the node (absolute for a node at 0). Look-ups use single precision.
 const TOLERANCE: f64 = 1e-6;
 
-/// Whether `value` is the node `node`: near it, or the same in single precision. The
-/// shortest decimal of a subnormal f32 is farther from it than the tolerance.
-pub(super) fn on(node: f64, value: f64) -> bool {
+/// Whether `value` is on `node`: within the tolerance, or equal in single precision.
+/// (The shortest decimal of a subnormal f32 differs from it by more than the tolerance.)
+pub(super) fn is_on(node: f64, value: f64) -> bool {
     if value as f32 == node as f32 {
         return true;
     }
@@ -15,24 +15,24 @@ pub(super) fn on(node: f64, value: f64) -> bool {
     (node - value).abs() <= TOLERANCE * scale
 }
 
-/// Index of the node of `nodes` (strictly increasing, not empty) that `value` is on.
+/// Index of the node that `value` is on; `nodes` are strictly increasing and not empty.
 pub(super) fn find(axis: &'static str, nodes: &[f64], value: f64) -> Result<usize, LookupError> {
     let above = nodes.partition_point(|&node| node < value);
     let below = above.checked_sub(1);
     let distance = |index: usize| nodes.get(index).map(|node| (node - value).abs());
-    let on = |index: &usize| nodes.get(*index).is_some_and(|node| on(*node, value));
-    // Two nodes may both be within the tolerance: the nearer is meant.
+    let is_on = |index: &usize| nodes.get(*index).is_some_and(|node| is_on(*node, value));
+    // Two nodes may both be within the tolerance: take the nearer one.
     let nearer = match below {
         Some(below) if distance(above).is_none_or(|d| distance(below).is_some_and(|b| b < d)) => {
             below
         }
         _ => above,
     };
-    if let Some(index) = Some(nearer).filter(on) {
+    if let Some(index) = Some(nearer).filter(is_on) {
         return Ok(index);
     }
     match (below.and_then(|b| nodes.get(b)), nodes.get(above)) {
-        // NaN is below no node and above none: it compares false with all.
+        // NaN is neither above nor below any node: all comparisons are false.
         (Some(&below), Some(&above)) => Err(LookupError::BetweenNodes {
             axis,
             value,
@@ -77,7 +77,7 @@ mod tests {
         let error = find("facetness", &NODES, 0.2).unwrap_err();
         assert_eq!(
             error.to_string(),
-            "facetness = 0.2 lies between the nodes 0.1 and 0.3 of the database, and this look-up knows nodes only; the method `smooth` interpolates"
+            "facetness = 0.2 lies between the nodes 0.1 and 0.3 of the database; this look-up answers at nodes only, use the method `smooth` to interpolate"
         );
         for outside in [-0.1, 0.6, f64::INFINITY, f64::NEG_INFINITY, f64::NAN] {
             let error = find("facetness", &NODES, outside).unwrap_err();

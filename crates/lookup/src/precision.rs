@@ -1,6 +1,6 @@
-//! In which numbers a file holds its coefficients.
+//! Number formats of the coefficients in a compact file.
 
-/// Numbers in which a file holds coefficients. Bases are f32 in all.
+/// Number format of the coefficients in a file. Bases are always f32.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
 pub enum Precision {
     /// 32-bit floating point.
@@ -8,13 +8,13 @@ pub enum Precision {
     F32,
     /// 16-bit floating point.
     F16,
-    /// Integers of 8 or 16 bits, evenly from a component's least coefficient to
-    /// its largest.
+    /// 8- or 16-bit integers, evenly spaced from the smallest to the largest coefficient
+    /// of a component.
     Quantised,
 }
 
 impl Precision {
-    /// All there are.
+    /// All variants.
     pub const ALL: [Self; 3] = [Self::F32, Self::F16, Self::Quantised];
 
     /// The name used on the command line and in files.
@@ -28,7 +28,7 @@ impl Precision {
     }
 }
 
-/// The coefficient that an integer stands for: summed in f64, rounded to f32.
+/// The coefficient `offset + step * integer`, computed in f64 and rounded to f32.
 #[must_use]
 pub fn dequantised(offset: f32, step: f32, integer: u16) -> f32 {
     (f64::from(offset) + f64::from(step) * f64::from(integer)) as f32
@@ -41,7 +41,7 @@ pub(crate) fn f16_to_f32(bits: u16) -> f32 {
     sign * match (exponent, bits & 0x3ff) {
         (0x1f, 0) => f32::INFINITY,
         (0x1f, _) => f32::NAN,
-        // 2^-24, the smallest of all
+        // subnormals are multiples of 2^-24
         (0, _) => fraction / 16_777_216.0,
         _ => (1.0 + fraction / 1024.0) * f32::from_bits(((exponent + 112) as u32) << 23),
     }
@@ -52,7 +52,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn sixteen_bits_are_those_of_the_library() {
+    fn f16_matches_the_crate_half() {
         for bits in 0..=u16::MAX {
             let (ours, theirs) = (f16_to_f32(bits), half::f16::from_bits(bits).to_f32());
             assert!(

@@ -1,7 +1,7 @@
-//! From bytes to a [`Database`], believing nothing.
+//! Reads a [`Database`] from untrusted bytes.
 //!
-//! [`Header`] proves that the tensors tile the data; what follows the header is measured
-//! here, with checked sums, against the bytes there are.
+//! [`Header`] checks that the tensors tile the data. This module compares the declared
+//! size with the number of bytes, in checked arithmetic.
 use std::collections::{BTreeMap, BTreeSet};
 
 use ndarray::{Array2, ShapeBuilder};
@@ -10,63 +10,63 @@ use thiserror::Error;
 
 use crate::format::{
     ABSENT, BASIS, BOTTOM_BOUNDARY, FORMAT, FORMAT_VERSION, FORMAT_VERSION_1, MAX_HEADER,
-    MAX_NUMBER, PRECISION, QUANTITIES, SUBSTRATE, Substrate, WAVELENGTH, axis_order, basis_name,
-    check_axis, check_wavelengths, coefficients_name, components_key, integers_name, number,
-    quantisation_name, quantities,
+    MAX_NUMBER, PRECISION, QUANTITIES, SUBSTRATE, SubstrateKind, WAVELENGTH, axis_order,
+    basis_name, check_axis, check_wavelengths, coefficients_name, components_key, integers_name,
+    is_valid_number, quantisation_name, quantities,
 };
 use crate::header::{Dtype, Header, Tensor};
 use crate::{Axes, Basis, Database, Factors, Parameter, Precision, dequantised, f16_to_f32};
 
-/// What an unknown value of a variant's key means.
-const ANOTHER_VARIANT: &str = "this version cannot read that variant";
+/// Explanation for an unknown metadata value.
+const UNKNOWN_VARIANT: &str = "this version cannot read that variant";
 
-/// Why bytes are not a compact file that this version reads.
+/// A defect that makes a file unreadable as a compact file.
 #[derive(Debug, Clone, PartialEq, Error)]
 #[non_exhaustive]
 pub enum FormatError {
-    /// A directory, a device, a pipe.
+    /// A directory, a device or a pipe.
     #[error("it is not a regular file")]
     NotAFile,
     /// Not the beginning of a safetensors file.
     #[error(
-        "it is not a safetensors file: its first 8 bytes must be a header length of 2 to {MAX_HEADER}, they are {found}"
+        "it is not a safetensors file: its first 8 bytes must be a header length of 2 to {MAX_HEADER}, found {found}"
     )]
     NotSafetensors {
-        /// The length they would be, or that there are fewer.
+        /// The header length read, or the number of bytes if fewer than 8.
         found: String,
     },
     /// Fewer bytes than declared.
     #[error("it is truncated: it has {found} bytes, its header declares {declared}")]
     Truncated {
-        /// Bytes there are.
+        /// Size of the file, bytes.
         found: u64,
-        /// Bytes declared so far.
+        /// Size declared by the part of the file that was read, bytes.
         declared: u64,
     },
     /// More bytes than declared.
     #[error("it has {found} bytes, its header declares {declared}: something was appended to it")]
     Trailing {
-        /// Bytes there are.
+        /// Size of the file, bytes.
         found: u64,
-        /// Bytes declared.
+        /// Size declared, bytes.
         declared: u64,
     },
-    /// The header is no safetensors header, or contradicts itself.
+    /// The header is not a valid safetensors header.
     #[error("its safetensors header is damaged: {0}")]
     Header(String),
-    /// Not a compact file, or not one of this version.
+    /// Not a compact file, or one that this version cannot read.
     #[error("its metadata `{key}` is {found}, expected `{expected}`: {meaning}")]
     Metadata {
         /// The key.
         key: String,
-        /// What it says.
+        /// Its value in the file, quoted, or `missing`.
         found: String,
-        /// What this version reads.
+        /// The value or values that this version accepts.
         expected: String,
-        /// What follows from it.
+        /// The consequence.
         meaning: &'static str,
     },
-    /// A tensor is not there.
+    /// A tensor is missing.
     #[error("it has no tensor `{0}`")]
     Missing(String),
     /// A tensor that this version does not know.
@@ -75,22 +75,22 @@ pub enum FormatError {
     /// An axis that this version does not know.
     #[error("it has an axis `{0}`, which this version does not know")]
     UnknownAxis(String),
-    /// A tensor of another type or shape.
+    /// A tensor of the wrong type or shape.
     #[error("its tensor `{name}` is {found}, expected {expected}")]
     Tensor {
         /// The tensor.
         name: String,
-        /// Its type and shape.
+        /// Its type and shape in the file.
         found: String,
-        /// What they must be.
+        /// The type and shape required.
         expected: String,
     },
-    /// A value that cannot be.
+    /// A tensor with a value outside its allowed range.
     #[error("its tensor {0}")]
     Value(String),
 }
 
-/// The header's length from the `first` bytes of a file of `size` bytes.
+/// The length of the header, from the `first` bytes of a file of `size` bytes.
 pub(super) fn header_length(first: &[u8], size: u64) -> Result<usize, FormatError> {
     let Some(&length) = first.first_chunk::<8>() else {
         let found = format!("only {} bytes", first.len());
@@ -108,11 +108,11 @@ pub(super) fn header_length(first: &[u8], size: u64) -> Result<usize, FormatErro
             declared,
         });
     }
-    // At most MAX_HEADER, so it fits.
+    // At most MAX_HEADER, so it fits a usize.
     Ok(length as usize)
 }
 
-/// Reads and checks a whole file.
+/// Reads and validates a whole file.
 pub(super) fn read(bytes: &[u8]) -> Result<Database, FormatError> {
     let found = bytes.len() as u64;
     let length = header_length(bytes, found)?;
@@ -139,7 +139,7 @@ pub(super) fn read(bytes: &[u8]) -> Result<Database, FormatError> {
     .database()
 }
 
-/// A header and data that agree on their sizes.
+/// A header, and data of the declared size.
 struct Tensors<'a> {
     tensors: BTreeMap<String, Tensor>,
     data: &'a [u8],
@@ -148,22 +148,23 @@ struct Tensors<'a> {
 
 impl Tensors<'_> {
     fn database(self) -> Result<Database, FormatError> {
-        self.says("format", FORMAT, "it is another kind of file")?;
+        self.expect_metadata("format", FORMAT, "it is another kind of file")?;
         let versions = [FORMAT_VERSION, FORMAT_VERSION_1].map(|v| (v.to_owned(), v));
         let version = self.version(versions)?;
         let parameters = self.parameters()?;
-        let kind = self.one_of(BASIS, None, Basis::ALL.map(|b| (b.name().to_owned(), b)))?;
-        let all = Precision::ALL.map(|p| (p.name().to_owned(), p));
-        let precision = self.one_of(PRECISION, Some(Precision::F32), all)?;
+        let bases = Basis::ALL.map(|b| (b.name().to_owned(), b));
+        let kind = self.variant(BASIS, None, bases)?;
+        let precisions = Precision::ALL.map(|p| (p.name().to_owned(), p));
+        let precision = self.variant(PRECISION, Some(Precision::F32), precisions)?;
         let [first, second] = Quantity::ALL;
-        let all = [vec![first, second], vec![first], vec![second]];
-        let all = all.map(|there| (quantities(there.iter().copied()), there));
-        let there = self.one_of(QUANTITIES, Some(Quantity::ALL.into()), all)?;
+        let subsets = [vec![first, second], vec![first], vec![second]];
+        let subsets = subsets.map(|subset| (quantities(subset.iter().copied()), subset));
+        let stored = self.variant(QUANTITIES, Some(Quantity::ALL.into()), subsets)?;
 
         let wavelengths_nm = self.coordinate(WAVELENGTH)?;
         check_wavelengths(&wavelengths_nm).map_err(FormatError::Value)?;
         let mut components = Vec::new();
-        for quantity in there {
+        for quantity in stored {
             components.push((quantity, self.components(quantity, wavelengths_nm.len())?));
         }
         for name in self.tensors.keys() {
@@ -178,7 +179,7 @@ impl Tensors<'_> {
             }
         }
 
-        // More curves than fit in a usize match no tensor: checked below.
+        // A saturated number of curves matches no tensor; the shapes are checked below.
         let mut curves: usize = 1;
         let mut axes = Axes::default();
         for parameter in parameters {
@@ -210,7 +211,7 @@ impl Tensors<'_> {
             };
         }
         Ok(Database {
-            stands_free: self.stands_free(version)?,
+            has_black_substrate: self.has_black_substrate(version)?,
             kind,
             precision,
             transmittance,
@@ -223,7 +224,7 @@ impl Tensors<'_> {
         })
     }
 
-    /// The axes: those that every file has, after those that it may have.
+    /// The parameters of the axes in storage order: optional ones, then the core ones.
     fn parameters(&self) -> Result<Vec<Parameter>, FormatError> {
         let found = self.metadata.get("axis_order");
         let mut parameters: BTreeSet<_> = Parameter::CORE.into();
@@ -232,14 +233,14 @@ impl Tensors<'_> {
             parameters.insert(Parameter::named(name).ok_or_else(unknown)?);
         }
         let expected = axis_order(parameters.iter().copied());
-        self.says("axis_order", &expected, ANOTHER_VARIANT)?;
+        self.expect_metadata("axis_order", &expected, UNKNOWN_VARIANT)?;
         Ok(parameters.into_iter().collect())
     }
 
-    /// The version of the format, of those that are read.
+    /// The version of the format, one of `known`.
     fn version(&self, known: [(String, &'static str); 2]) -> Result<&'static str, FormatError> {
         let meaning = "another version of the program wrote it";
-        self.one_of("format_version", None, known)
+        self.variant("format_version", None, known)
             .map_err(|error| match error {
                 FormatError::Metadata {
                     key,
@@ -256,45 +257,51 @@ impl Tensors<'_> {
             })
     }
 
-    /// Whether nothing but the snow of the axes sends light back.
-    fn stands_free(&self, version: &str) -> Result<bool, FormatError> {
+    /// Whether the slab lies on a black substrate, with no other layers.
+    fn has_black_substrate(&self, version: &str) -> Result<bool, FormatError> {
         if version == FORMAT_VERSION_1 {
             let bottom = self.metadata.get(BOTTOM_BOUNDARY);
             return Ok(bottom.is_none_or(|bottom| bottom.starts_with("black")));
         }
-        let known = Substrate::ALL.map(|s| (s.name().to_owned(), s == Substrate::Black));
-        self.one_of(SUBSTRATE, None, known)
+        let known = SubstrateKind::ALL.map(|s| (s.name().to_owned(), s == SubstrateKind::Black));
+        self.variant(SUBSTRATE, None, known)
     }
 
-    /// The value of which metadata `key` has the name; `absent` without the key.
-    fn one_of<T, const N: usize>(
+    /// The variant whose name is the value of metadata `key`; `default`, if any, without
+    /// the key.
+    fn variant<T, const N: usize>(
         &self,
         key: &str,
-        absent: Option<T>,
-        named: [(String, T); N],
+        default: Option<T>,
+        variants: [(String, T); N],
     ) -> Result<T, FormatError> {
         let found = self.metadata.get(key);
-        if let (None, Some(absent)) = (found, absent) {
-            return Ok(absent);
+        if let (None, Some(default)) = (found, default) {
+            return Ok(default);
         }
-        let expected = named
+        let expected = variants
             .each_ref()
             .map(|(name, _)| name.as_str())
             .join("` or `");
-        let mut named = named.into_iter();
-        let value = named.find(|(name, _)| found == Some(name));
+        let mut variants = variants.into_iter();
+        let value = variants.find(|(name, _)| found == Some(name));
         value
             .map(|(_, value)| value)
             .ok_or_else(|| FormatError::Metadata {
                 key: key.to_owned(),
                 found: quoted(found),
                 expected,
-                meaning: ANOTHER_VARIANT,
+                meaning: UNKNOWN_VARIANT,
             })
     }
 
-    /// Refuses a file whose metadata `key` is not `expected`.
-    fn says(&self, key: &str, expected: &str, meaning: &'static str) -> Result<(), FormatError> {
+    /// An error unless the value of metadata `key` is `expected`.
+    fn expect_metadata(
+        &self,
+        key: &str,
+        expected: &str,
+        meaning: &'static str,
+    ) -> Result<(), FormatError> {
         let found = self.metadata.get(key);
         if found.is_some_and(|found| found == expected) {
             return Ok(());
@@ -307,8 +314,8 @@ impl Tensors<'_> {
         })
     }
 
-    /// Values of an axis or the wavelengths. Those of version 1 are in single precision and
-    /// mean the shortest decimals that round to them.
+    /// Values of an axis or the wavelengths. Files of version 1 store them in single
+    /// precision; each stands for the shortest decimal that rounds to it.
     fn coordinate(&self, name: &str) -> Result<Vec<f64>, FormatError> {
         let types = [Dtype::F64, Dtype::F32];
         let (dtype, data) = self.data(name, &types, "[n]", |shape| shape.len() == 1)?;
@@ -321,7 +328,7 @@ impl Tensors<'_> {
         Ok(numbers.map(decimal).collect())
     }
 
-    /// The number of components of `quantity`, of `l` wavelengths.
+    /// The number of components of `quantity`; `l` is the number of wavelengths.
     fn components(&self, quantity: Quantity, l: usize) -> Result<usize, FormatError> {
         let key = components_key(quantity);
         let found = self.metadata.get(&key);
@@ -336,8 +343,8 @@ impl Tensors<'_> {
             })
     }
 
-    /// For each of `sizes` grain sizes, how many of the thinnest `thicknesses` have no
-    /// curve; empty if all have.
+    /// For each of `sizes` grain sizes, the number of thinnest thicknesses without a
+    /// curve, at most `thicknesses`; empty if every curve exists.
     fn absent(&self, sizes: usize, thicknesses: usize) -> Result<Vec<usize>, FormatError> {
         if !self.tensors.contains_key(ABSENT) {
             return Ok(Vec::new());
@@ -348,13 +355,13 @@ impl Tensors<'_> {
         let counts: Vec<usize> = counts.map(|&n| u16::from_le_bytes(n).into()).collect();
         match counts.iter().find(|n| **n > thicknesses) {
             Some(bad) => Err(FormatError::Value(format!(
-                "{ABSENT} has the value {bad}; expected at most the {thicknesses} thicknesses there are"
+                "{ABSENT} has the value {bad}; expected at most {thicknesses}, the number of thicknesses"
             ))),
             None => Ok(counts),
         }
     }
 
-    /// Quantised coefficients, `[s, l']`, decoded.
+    /// Quantised coefficients, `[s, l']`, converted to f32.
     fn integers(
         &self,
         quantity: Quantity,
@@ -406,7 +413,7 @@ impl Tensors<'_> {
         Array2::from_shape_vec(shape, values).map_err(|e| FormatError::Header(e.to_string()))
     }
 
-    /// The numbers of one tensor, if it is f32 of a shape that `fits`.
+    /// The numbers of a tensor of type f32 whose shape satisfies `fits`.
     fn values(
         &self,
         name: &str,
@@ -418,8 +425,8 @@ impl Tensors<'_> {
         Ok(numbers.map(|&bytes| f32::from_le_bytes(bytes)).collect())
     }
 
-    /// The type and bytes of one tensor, if it is of one of `types` and of a
-    /// shape that `fits`.
+    /// The type and bytes of a tensor whose type is one of `types` and whose shape
+    /// satisfies `fits`.
     fn data(
         &self,
         name: &str,
@@ -428,18 +435,18 @@ impl Tensors<'_> {
         fits: impl Fn(&[usize]) -> bool,
     ) -> Result<(Dtype, &[u8]), FormatError> {
         let missing = || FormatError::Missing(name.to_owned());
-        let info = self.tensors.get(name).ok_or_else(missing)?;
-        if !types.contains(&info.dtype) || !fits(&info.shape) {
+        let tensor = self.tensors.get(name).ok_or_else(missing)?;
+        if !types.contains(&tensor.dtype) || !fits(&tensor.shape) {
             let types: Vec<_> = types.iter().map(|dtype| format!("{dtype:?}")).collect();
             return Err(FormatError::Tensor {
                 name: name.to_owned(),
-                found: format!("{:?} {:?}", info.dtype, info.shape),
+                found: format!("{:?} {:?}", tensor.dtype, tensor.shape),
                 expected: format!("{} {expected}", types.join(" or ")),
             });
         }
-        let (begin, end) = info.data_offsets;
+        let (begin, end) = tensor.data_offsets;
         let data = self.data.get(begin..end).ok_or_else(missing)?;
-        Ok((info.dtype, data))
+        Ok((tensor.dtype, data))
     }
 }
 
@@ -448,12 +455,12 @@ fn decimal(value: f32) -> f64 {
     value.to_string().parse().unwrap_or(f64::from(value))
 }
 
-/// A metadata value in a message.
+/// A metadata value as quoted in a message.
 fn quoted(found: Option<&String>) -> String {
     found.map_or("missing".to_owned(), |found| format!("{found:?}"))
 }
 
-/// Whether `name` is of a tensor of `quantity`.
+/// Whether `name` is the name of a tensor of `quantity`.
 fn belongs(name: &str, quantity: Quantity, components: usize, precision: Precision) -> bool {
     if name == basis_name(quantity) {
         return true;
@@ -467,7 +474,7 @@ fn belongs(name: &str, quantity: Quantity, components: usize, precision: Precisi
 }
 
 fn check_numbers(name: &str, values: &[f32]) -> Result<(), FormatError> {
-    match values.iter().find(|value| !number(**value)) {
+    match values.iter().find(|value| !is_valid_number(**value)) {
         Some(bad) => Err(FormatError::Value(format!(
             "{name} has the value {bad}; expected finite numbers up to {MAX_NUMBER:e} in magnitude"
         ))),

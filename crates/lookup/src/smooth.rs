@@ -1,101 +1,108 @@
-//! Look-up anywhere in the box of the axes, in variables in which snow is smooth.
+//! The method `smooth`: look-up anywhere within the axes, by interpolation in variables in
+//! which the spectra of snow are smooth.
 //!
-//! What is interpolated is y = -ln T, and -ln(1 - R) for reflectance: both 0 at
-//! thickness 0 and growing with it. In the coordinates of
-//! [`crate::parameter`],
+//! The interpolated variable is y = -ln T, or -ln(1 - R) for reflectance. Both are 0 at
+//! thickness 0 and increase with thickness. In the coordinates of [`crate::parameter`],
 //!
-//! - along the thickness y is a monotone cubic (Hermite, slopes by parabolas
-//!   through three nodes, limited to three times the smaller secant beside a
-//!   node after Fritsch and Carlson 1980), from 0 at 0 cm on, or over a ground or
-//!   other layers from the first node on;
-//! - between the nodes of the other axes it is linear: a mean of columns with
-//!   weights that are not negative.
+//! - along the thickness y is a monotone cubic Hermite curve. Slopes come from parabolas
+//!   through three nodes and are limited to three times the smaller neighbouring secant
+//!   (Fritsch and Carlson 1980). The curve starts from 0 at 0 cm, or, over a substrate
+//!   that reflects or other layers, from the first node;
+//! - along the other axes y is linear between nodes: a mean of columns with non-negative
+//!   weights.
 //!
-//! So an answer lies within those of the nodes around it, is in [0, 1], grows
-//! (R) or falls (T) with thickness as those do, and is continuous. Outside the
-//! nodes of the thickness it goes on as [`super::diffusion`] says.
+//! The result therefore lies between the values at the surrounding nodes, is in [0, 1],
+//! increases (R) or decreases (T) with thickness as the nodes do, and is continuous.
+//! Outside the thickness nodes it is extrapolated by [`super::diffusion`].
 //!
-//! Values and slopes are kept as coefficients of the file's basis where that is
-//! one of y (`log`): then all wavelengths share the limiter, and a spectrum costs
-//! as many multiplications as a few components need. Of a file with plain
-//! spectra (`linear`) they are kept per wavelength.
+//! If the basis of the file is one of y (`log`), the table holds values and slopes as
+//! coefficients of that basis: all wavelengths share one limiter, and the cost of a
+//! spectrum is that of a few components. For a file with plain spectra (`linear`), the
+//! table holds values and slopes per wavelength.
 use ndarray::ArrayView1;
 use splitsnow_spectra::Quantity;
 use splitsnow_spectra::elementary::exp_neg_single as exp_neg;
-use wide::f32x8;
+use splitsnow_spectra::simd::{F32x8, Kernel, Portable, Simd, dispatch};
 
 use crate::diffusion::Diffusion;
 use crate::monotone::{share, slope};
 use crate::parameter::{core_places, thickness_slope};
-use crate::{Axes, Basis, Database, LookupError, Parameter, Point, absent, gap, nodes};
+use crate::{
+    Axes, Basis, Database, LookupError, MissingCurve, Parameter, Point, absent_error,
+    missing_curve, nodes,
+};
 
 /// Position of the thickness among [`Parameter::CORE`].
 const THICKNESS: usize = 3;
-/// Position of the incidence.
+/// Position of the incidence angle among [`Parameter::CORE`].
 const INCIDENCE: usize = 4;
-/// Nodes before the first thickness, in parts of it, of a file that stands free.
+/// Extra nodes below the first thickness, as fractions of it, for a black substrate.
 const THIN: [f32; 7] = [0.0, 0.015625, 0.03125, 0.0625, 0.125, 0.25, 0.5];
-/// Largest y that spectra of a `linear` file are taken for: what is darker is
-/// noise of its truncation.
+/// Largest y taken from spectra of a `linear` file: darker values are noise from the
+/// truncation of the basis.
 const DARKEST: f32 = 16.0;
-/// Components per vector: their values, then their slopes.
+/// Components per vector: the values of four components, then their slopes.
 const LANES: usize = 4;
-/// Components that need no memory of their own.
+/// Largest number of components that are summed on the stack.
 const FEW: usize = 64;
-/// Largest table, bytes.
+/// Largest size of the table, bytes.
 const MOST_BYTES: u128 = 1 << 30;
-/// Vectors summed at a time.
+/// Number of vectors summed at a time.
 const BLOCK: usize = 8;
 
-/// One quantity of a database, ready for look-ups anywhere in its box.
+/// One quantity of a database, prepared for look-ups anywhere within its axes.
 #[derive(Debug, Clone)]
 pub struct Lookup {
     quantity: Quantity,
-    /// Those of [`Parameter::CORE`], as in the file.
+    /// Axes of [`Parameter::CORE`], as in the file.
     axes: Axes,
-    /// Their values in single precision.
+    /// Node values of these axes, in single precision.
     values: [Vec<f32>; 5],
-    /// Their coordinates; those of the thickness begin with [`THIN`], if it stands free.
+    /// Node coordinates of these axes. The thickness begins with the [`THIN`] nodes if
+    /// the substrate is black.
     places: [Vec<f32>; 5],
-    /// Curves that do not exist, as [`Database::absent`].
+    /// Counts of curves that do not exist, as [`Database::absent`].
     absent: Vec<usize>,
-    /// Vectors per node.
+    /// Number of vectors per node.
     width: usize,
     /// `[node][width]`: y and its slope along the thickness.
-    table: Vec<f32x8>,
-    /// Components of a basis; 0 if the wavelengths are the components.
+    table: Vec<F32x8>,
+    /// Number of components of the basis; 0 if the wavelengths are the components.
     components: usize,
-    /// `[l / 8][component]`.
-    basis: Vec<f32x8>,
+    /// Basis vectors, `[l / 8][component]`.
+    basis: Vec<F32x8>,
     wavelengths: usize,
 }
 
-/// Columns around a point: where in the table their node below it is, and
-/// their weights.
+/// The columns around a point: the table index of the node below the thickness in each
+/// column, and the weight of the column.
 struct Corners {
-    at: [usize; 16],
+    index: [usize; 16],
     weight: [f32; 16],
     count: usize,
 }
 
 impl Corners {
-    #[inline]
+    #[inline(always)]
     fn iter(&self) -> impl Iterator<Item = (usize, f32)> {
-        let all = self.at.iter().zip(&self.weight);
-        all.take(self.count).map(|(at, weight)| (*at, *weight))
+        let corners = self.index.iter().zip(&self.weight);
+        corners
+            .take(self.count)
+            .map(|(index, weight)| (*index, *weight))
     }
 }
 
 impl Lookup {
-    /// Prepares `quantity` of `database`: some ten milliseconds for 25,000 curves.
+    /// Prepares `quantity` of `database`. Takes about 10 ms for 25,000 curves.
     ///
     /// # Errors
-    /// [`LookupError::NoQuantity`]; [`LookupError::Condition`] for a file that
-    /// [`Database::at`] must cut first; [`LookupError::TooLarge`] for a `linear` file
-    /// of so many curves and wavelengths that its table would not fit 1 GB.
+    /// [`LookupError::NoQuantity`] if the file does not hold `quantity`;
+    /// [`LookupError::MissingCondition`] if an optional axis has several nodes and
+    /// [`Database::at`] must be called first; [`LookupError::TooLarge`] if the table would
+    /// exceed 1 GB, which happens with many curves and wavelengths of a `linear` file.
     pub fn new(database: &Database, quantity: Quantity) -> Result<Self, LookupError> {
         database.require(quantity)?;
-        database.single()?;
+        database.require_single_block()?;
         let axes = database.axes().clone();
         let values = Parameter::CORE
             .map(|parameter| axes.values(parameter).iter().map(|v| *v as f32).collect());
@@ -103,13 +110,15 @@ impl Lookup {
         let mut places: [Vec<f32>; 5] = Default::default();
         for (axis, (places, values)) in places.iter_mut().zip(&values).enumerate() {
             let thin = THIN.map(|part| part * values[0]);
-            // a thickness alone needs a second node
-            let downward = database.stands_free() || values.len() == 1;
-            let thin = thin.into_iter().filter(|_| axis == THICKNESS && downward);
+            // a single thickness needs a second node
+            let has_thin_nodes = database.has_black_substrate() || values.len() == 1;
+            let thin = thin
+                .into_iter()
+                .filter(|_| axis == THICKNESS && has_thin_nodes);
             let place = |value| {
                 let mut point = [0.0, 1.0, 1.0, 0.0, 0.0];
                 point[axis] = value;
-                core_places(point)[axis]
+                core_places::<Portable>(point)[axis]
             };
             let values = thin.chain(values.iter().copied());
             *places = values.map(place).collect();
@@ -120,7 +129,7 @@ impl Lookup {
         let depth = if logarithmic { components } else { wavelengths };
         let width = depth.div_ceil(LANES);
         let nodes = database.curves() / values[THICKNESS].len() * places[THICKNESS].len();
-        let bytes = (nodes as u128) * (width * size_of::<f32x8>()) as u128;
+        let bytes = (nodes as u128) * (width * size_of::<F32x8>()) as u128;
         if bytes > MOST_BYTES {
             return Err(LookupError::TooLarge { bytes });
         }
@@ -141,7 +150,7 @@ impl Lookup {
             for l in (0..wavelengths).step_by(8) {
                 let chunk = |column: ArrayView1<f32>| {
                     let value = |i: usize| column.get(l + i).copied().unwrap_or_default();
-                    f32x8::new(std::array::from_fn(value))
+                    F32x8::new(std::array::from_fn(value))
                 };
                 lookup
                     .basis
@@ -158,15 +167,17 @@ impl Lookup {
         self.wavelengths
     }
 
-    /// The spectrum at `point`, into `spectrum` (`[l]`).
+    /// Writes the spectrum at `point` to `spectrum` (`[l]`).
     ///
-    /// Thickness may be anything from 0 on, or from its first node on if the file does
-    /// not stand free ([`Database::stands_free`]), unless the file has one alone; the
-    /// other coordinates are in the box of the axes, within 1e-6 of its ends.
+    /// The thickness may be any value from 0 if the substrate is black
+    /// ([`Database::has_black_substrate`]), otherwise any value from its first node; if the
+    /// file has a single thickness, it must be that one. The other coordinates must be
+    /// within their axes, with a relative tolerance of 1e-6 at the ends.
     ///
     /// # Errors
-    /// [`LookupError::Outside`], [`LookupError::Absent`] where a curve around does not
-    /// exist, and [`LookupError::Shape`] for a `spectrum` of another length.
+    /// [`LookupError::Outside`] if a coordinate is outside its axis,
+    /// [`LookupError::Absent`] if a surrounding curve does not exist, and
+    /// [`LookupError::Shape`] if `spectrum` has the wrong length.
     pub fn spectrum(&self, point: Point, spectrum: &mut [f32]) -> Result<(), LookupError> {
         if spectrum.len() != self.wavelengths {
             return Err(LookupError::Shape {
@@ -175,40 +186,51 @@ impl Lookup {
                 found: spectrum.len(),
             });
         }
+        dispatch(SpectrumKernel {
+            lookup: self,
+            point,
+            spectrum,
+        })
+    }
+
+    /// [`Lookup::spectrum`] for a `spectrum` of the right length.
+    #[inline(always)]
+    fn spectrum_on<S: Simd>(&self, point: Point, spectrum: &mut [f32]) -> Result<(), LookupError> {
         let values = self.inside(point).ok_or_else(|| self.outside(point))?;
         if !self.absent.is_empty()
-            && let Some(gap) = self.gap(values[1], values[THICKNESS])
+            && let Some(missing) = self.missing_curve(values[1], values[THICKNESS])
         {
-            return Err(absent(gap, point));
+            return Err(absent_error(missing, point));
         }
-        let places = core_places(values);
+        let places = core_places::<S>(values);
         let x = &self.places[THICKNESS];
         if places[THICKNESS] <= x[x.len() - 1] {
             let (corners, cell) = self.corners(places);
             let t = fraction(x, cell, places[THICKNESS]);
             let step = x[cell + 1] - x[cell];
-            self.depths(&corners, hermite(t, step), spectrum);
+            self.depths::<S>(&corners, hermite(t, step), spectrum);
         } else {
-            self.depths_beyond(places, point[Parameter::Thickness] as f32, spectrum);
+            self.depths_beyond::<S>(places, point[Parameter::Thickness] as f32, spectrum);
         }
-        self.leave(spectrum);
+        self.to_quantity(spectrum);
         Ok(())
     }
 
-    /// The same for one `snow` (its thickness and angle, if any, are not looked at): its
-    /// curves at all thicknesses and angles, of which a renderer asks many. Answers are the same to rounding, and quicker.
+    /// A look-up restricted to one `snow`: all thicknesses and angles at its other
+    /// coordinates. Its own thickness and angle, if any, are ignored. Renderers that look up
+    /// many points of one snow get the same spectra, to rounding, in less time.
     ///
     /// # Errors
-    /// [`LookupError::Outside`].
+    /// [`LookupError::Outside`] if a coordinate is outside its axis.
     pub fn material(&self, snow: Point) -> Result<Self, LookupError> {
         let point = snow
             .with(Parameter::Thickness, f64::from(self.values[THICKNESS][0]))
             .with(Parameter::Incidence, f64::from(self.values[INCIDENCE][0]));
         let values = self.inside(point).ok_or_else(|| self.outside(point))?;
-        let places = core_places(values);
+        let places = core_places::<Portable>(values);
         let (corners, _) = self.corners(places);
         let column = self.places[THICKNESS].len() * self.values[INCIDENCE].len() * self.width;
-        let mut table = vec![f32x8::ZERO; column];
+        let mut table = vec![F32x8::ZERO; column];
         let mut material = Self {
             axes: self.axes.clone(),
             values: self.values.clone(),
@@ -218,10 +240,10 @@ impl Lookup {
             absent: self.absent_between(values[1]),
             ..*self
         };
-        for (at, weight) in corners.iter() {
-            let begin = at / column * column;
+        for (index, weight) in corners.iter() {
+            let begin = index / column * column;
             let nodes = table.iter_mut().zip(&self.table[begin..begin + column]);
-            nodes.for_each(|(sum, node)| *sum += *node * f32x8::splat(weight));
+            nodes.for_each(|(sum, node)| *sum += *node * F32x8::splat(weight));
         }
         material.table = table;
         for axis in 0..THICKNESS {
@@ -233,8 +255,8 @@ impl Lookup {
         Ok(material)
     }
 
-    fn gap(&self, grain_size_um: f32, thickness_cm: f32) -> Option<crate::Gap> {
-        gap(
+    fn missing_curve(&self, grain_size_um: f32, thickness_cm: f32) -> Option<MissingCurve> {
+        missing_curve(
             &self.absent,
             &self.axes,
             f64::from(grain_size_um),
@@ -242,9 +264,9 @@ impl Lookup {
         )
     }
 
-    /// [`Lookup::absent`] of a grain size alone: that of the nodes around it.
+    /// `absent` for a single grain size, from the nodes around it.
     fn absent_between(&self, grain_size_um: f32) -> Vec<usize> {
-        let missing = |cm: &&f32| self.gap(grain_size_um, **cm).is_some();
+        let missing = |cm: &&f32| self.missing_curve(grain_size_um, **cm).is_some();
         let thinnest = self.values[THICKNESS].iter().take_while(missing).count();
         if thinnest > 0 {
             vec![thinnest]
@@ -256,9 +278,9 @@ impl Lookup {
     /// Fills the table, column by column, with `depth` components.
     fn fill(&mut self, database: &Database, depth: usize) {
         let [n_f, n_g, n_d, n_h, n_a] = self.values.each_ref().map(Vec::len);
-        let thin = self.thin();
+        let thin = self.thin_count();
         let rows = thin + n_h;
-        let mut table = vec![f32x8::ZERO; n_f * n_g * n_d * rows * n_a * self.width];
+        let mut table = vec![F32x8::ZERO; n_f * n_g * n_d * rows * n_a * self.width];
         let mut y = vec![vec![0.0; depth]; rows];
         for (snow, angle) in (0..n_f * n_g * n_d).flat_map(|s| (0..n_a).map(move |a| (s, a))) {
             let absent = self
@@ -275,8 +297,8 @@ impl Lookup {
                 }
                 if self.components == 0 {
                     let curve = database.curve(row, self.quantity).unwrap_or_default();
-                    // Noise must not make a slab transmit more than a thinner one, nor
-                    // reflect less, though over a ground snow may darken it.
+                    // Noise must not make a slab transmit more, or reflect less, than a
+                    // thinner slab. Over a substrate, more snow may reflect less.
                     let least = before.last().filter(|_| h > 0 && thin > 0);
                     for (l, (y, value)) in here[0].iter_mut().zip(curve).enumerate() {
                         *y = self.depth(value).max(least.map_or(0.0, |least| least[l]));
@@ -287,7 +309,7 @@ impl Lookup {
                     pairs.for_each(|(y, c)| *y = *c);
                 }
             }
-            // what does not exist is nobody's neighbour
+            // slopes use existing nodes only
             let begin = if absent > 0 { thin + absent } else { 0 };
             y[..begin].iter_mut().for_each(|y| y.fill(0.0));
             if thin > 0 && begin == 0 {
@@ -300,7 +322,7 @@ impl Lookup {
                 for (i, (y, slope)) in y[h].iter().zip(&slopes[h]).enumerate() {
                     let lanes = table[node + i / LANES].as_mut_array();
                     lanes[i % LANES] = *y;
-                    // numbers of a hostile file may overflow
+                    // numbers from a malicious file may overflow
                     lanes[LANES + i % LANES] = if slope.is_finite() { *slope } else { 0.0 };
                 }
             }
@@ -308,12 +330,12 @@ impl Lookup {
         self.table = table;
     }
 
-    /// Number of nodes before the first thickness.
-    fn thin(&self) -> usize {
+    /// Number of extra nodes below the first thickness.
+    fn thin_count(&self) -> usize {
         self.places[THICKNESS].len() - self.values[THICKNESS].len()
     }
 
-    /// The nodes before the first thickness of a column.
+    /// Fills the extra nodes below the first thickness of a column.
     fn fill_thin(&self, y: &mut [Vec<f32>]) {
         let first_cm = self.values[THICKNESS][0];
         let (thin, nodes) = y.split_at_mut(THIN.len());
@@ -346,17 +368,17 @@ impl Lookup {
 
     /// y of a transmittance or reflectance.
     fn depth(&self, value: f32) -> f32 {
-        let left = match self.quantity {
+        let linear = match self.quantity {
             Quantity::Transmittance => value,
             Quantity::Reflectance => 1.0 - value,
         };
-        -libm::logf(left.clamp(libm::expf(-DARKEST), 1.0))
+        -libm::logf(linear.clamp(libm::expf(-DARKEST), 1.0))
     }
 
-    /// Limited slopes of a column, or of its last nodes, `[h][component]`.
+    /// Limited slopes of a column or of its last nodes, `[h][component]`.
     fn slopes(&self, y: &[Vec<f32>]) -> Vec<Vec<f32>> {
-        let all = &self.places[THICKNESS];
-        let x = &all[all.len() - y.len()..];
+        let places = &self.places[THICKNESS];
+        let x = &places[places.len() - y.len()..];
         if x.len() < 2 {
             return y.iter().map(|y| vec![0.0; y.len()]).collect();
         }
@@ -381,61 +403,62 @@ impl Lookup {
             .collect()
     }
 
-    /// y per wavelength of these components.
+    /// y per wavelength from components.
     fn spectral(&self, components: &[f32]) -> Vec<f32> {
         if self.components == 0 {
             return components.to_vec();
         }
         let mut spectrum = vec![0.0; self.wavelengths];
-        self.rebuild(components, &mut spectrum);
+        self.rebuild::<Portable>(components, &mut spectrum);
         spectrum
     }
 
-    /// y per wavelength of coefficients of the basis, into `spectrum`.
+    /// Writes y per wavelength, from coefficients of the basis, to `spectrum`.
     #[inline(always)]
-    fn rebuild(&self, components: &[f32], spectrum: &mut [f32]) {
+    fn rebuild<S: Simd>(&self, components: &[f32], spectrum: &mut [f32]) {
         let chunks = self.basis.chunks_exact(self.components);
         for (to, vectors) in spectrum.chunks_mut(8).zip(chunks) {
-            let mut y = f32x8::ZERO;
+            let mut y = F32x8::<S>::ZERO;
             for (c, vector) in components.iter().zip(vectors) {
-                y += f32x8::splat(*c) * *vector;
+                y += F32x8::splat(*c) * vector.on();
             }
             let lanes = y.as_array();
             match to.first_chunk_mut::<8>() {
-                Some(all) => *all = *lanes,
+                Some(whole) => *whole = *lanes,
                 None => to.copy_from_slice(&lanes[..to.len()]),
             }
         }
     }
 
-    /// The values that axis `axis` answers.
+    /// Smallest and largest value allowed on axis `axis`.
     fn range(&self, axis: usize) -> [f32; 2] {
         let nodes = &self.values[axis];
         match (axis, nodes.len()) {
-            (THICKNESS, 2..) if self.thin() == 0 => [nodes[0], f32::MAX],
+            (THICKNESS, 2..) if self.thin_count() == 0 => [nodes[0], f32::MAX],
             (THICKNESS, 2..) => [0.0, f32::MAX],
             (_, n) => [nodes[0], nodes[n - 1]],
         }
     }
 
-    /// An end of an axis as the file has it.
+    /// An end of an axis in double precision, as in the file.
     fn end(&self, axis: usize, value: f32) -> f64 {
         let nodes = self.axes.values(Parameter::CORE[axis]).iter();
         let mut same = nodes.filter(|node| **node as f32 == value);
         same.next().copied().unwrap_or(f64::from(value))
     }
 
-    /// The coordinates of `point`, moved onto the box where they are on its edge.
+    /// The core values of `point`, clamped to the axes where they exceed an end within the
+    /// tolerance; `None` if one is outside.
     #[inline(always)]
     fn inside(&self, point: Point) -> Option<[f32; 5]> {
-        let asked = point.core();
-        let mut values = asked.map(|v| v as f32);
+        let requested = point.core();
+        let mut values = requested.map(|v| v as f32);
         for (axis, value) in values.iter_mut().enumerate() {
             let [first, last] = self.range(axis);
             if !(first..=last).contains(value) {
                 if ![first, last]
                     .iter()
-                    .any(|end| nodes::on(f64::from(*end), asked[axis]))
+                    .any(|end| nodes::is_on(f64::from(*end), requested[axis]))
                 {
                     return None;
                 }
@@ -445,25 +468,25 @@ impl Lookup {
         Some(values)
     }
 
-    /// What is wrong with a point that is not inside.
+    /// The error of a point that is not inside.
     #[cold]
     fn outside(&self, point: Point) -> LookupError {
-        let asked = point.core();
+        let requested = point.core();
         let wrong = |axis: &usize| {
             let [first, last] = self.range(*axis);
-            let value = asked[*axis];
+            let value = requested[*axis];
             !((first..=last).contains(&(value as f32))
-                || nodes::on(f64::from(first), value)
-                || nodes::on(f64::from(last), value))
+                || nodes::is_on(f64::from(first), value)
+                || nodes::is_on(f64::from(last), value))
         };
         let axis = (0..5).find(wrong).unwrap_or_default();
         let [first, last] = self.range(axis);
-        let any = last == f32::MAX;
+        let unlimited = last == f32::MAX;
         LookupError::Outside {
-            axis: Parameter::CORE[axis].name(),
-            value: asked[axis],
+            axis: Parameter::CORE[axis].key(),
+            value: requested[axis],
             first: self.end(axis, first),
-            last: if any {
+            last: if unlimited {
                 f64::INFINITY
             } else {
                 self.end(axis, last)
@@ -471,12 +494,12 @@ impl Lookup {
         }
     }
 
-    /// The columns around a point at `places`, at the node below its thickness,
-    /// and the number of that node.
+    /// The columns around the point with coordinates `places`, at the node below its
+    /// thickness, and the index of that node.
     #[inline(always)]
     fn corners(&self, places: [f32; 5]) -> (Corners, usize) {
         let mut corners = Corners {
-            at: [0; 16],
+            index: [0; 16],
             weight: [1.0; 16],
             count: 1,
         };
@@ -491,7 +514,7 @@ impl Lookup {
                 let above = fraction(nodes, below, places[axis]);
                 let count = corners.count;
                 for i in 0..count {
-                    corners.at[count + i] = corners.at[i] + stride;
+                    corners.index[count + i] = corners.index[i] + stride;
                     corners.weight[count + i] = corners.weight[i] * above;
                     corners.weight[i] *= 1.0 - above;
                 }
@@ -499,39 +522,39 @@ impl Lookup {
             }
             stride *= nodes.len();
         }
-        corners.at.iter_mut().for_each(|at| *at += begin);
+        corners.index.iter_mut().for_each(|index| *index += begin);
         (corners, cell)
     }
 
-    /// y per wavelength: sums over `corners` of the values and slopes at the
-    /// nodes below and above the thickness, with `weights`.
+    /// Writes y per wavelength to `spectrum`: sums over `corners` of the values and slopes
+    /// at the nodes below and above the thickness, with `weights`.
     #[inline(always)]
-    fn depths(&self, corners: &Corners, weights: [f32x8; 2], spectrum: &mut [f32]) {
+    fn depths<S: Simd>(&self, corners: &Corners, weights: [F32x8<S>; 2], spectrum: &mut [f32]) {
         if self.components == 0 {
             // the components are the spectrum
             self.sums(corners, weights, spectrum);
         } else if self.components <= FEW {
             let mut few = [0.0; FEW];
             self.sums(corners, weights, &mut few[..self.components]);
-            self.rebuild(&few[..self.components], spectrum);
+            self.rebuild::<S>(&few[..self.components], spectrum);
         } else {
             let mut many = vec![0.0; self.components];
             self.sums(corners, weights, &mut many);
-            self.rebuild(&many, spectrum);
+            self.rebuild::<S>(&many, spectrum);
         }
     }
 
-    /// The same per component.
+    /// Writes the same sums per component to `sums`.
     #[inline(always)]
-    fn sums(&self, corners: &Corners, [lower, upper]: [f32x8; 2], sums: &mut [f32]) {
+    fn sums<S: Simd>(&self, corners: &Corners, [lower, upper]: [F32x8<S>; 2], sums: &mut [f32]) {
         let above = self.values[INCIDENCE].len() * self.width;
         if self.width == 1 {
-            // one vector, the usual case of a fitted file, needs no room in memory
-            let mut sum = [f32x8::ZERO; 2];
+            // the usual case of a tailored file: one vector, kept in registers
+            let mut sum = [F32x8::<S>::ZERO; 2];
             for (at, weight) in corners.iter() {
-                let weight = f32x8::splat(weight);
-                sum[0] += self.table[at] * weight;
-                sum[1] += self.table[at + above] * weight;
+                let weight = F32x8::splat(weight);
+                sum[0] += self.table[at].on() * weight;
+                sum[1] += self.table[at + above].on() * weight;
             }
             let lanes = (sum[0] * lower + sum[1] * upper).to_array();
             for (i, to) in sums.iter_mut().enumerate().take(LANES) {
@@ -541,15 +564,16 @@ impl Lookup {
         }
         for (block, sums) in sums.chunks_mut(BLOCK * LANES).enumerate() {
             let vectors = sums.len().div_ceil(LANES);
-            let mut sum = [[f32x8::ZERO; 2]; BLOCK];
+            let mut sum = [[F32x8::<S>::ZERO; 2]; BLOCK];
             for (at, weight) in corners.iter() {
                 let at = at + block * BLOCK;
-                let weight = f32x8::splat(weight);
+                let weight = F32x8::splat(weight);
                 let below = &self.table[at..at + vectors];
                 let above = &self.table[at + above..at + above + vectors];
-                for ((sum, below), above) in sum.iter_mut().zip(below).zip(above) {
-                    sum[0] += *below * weight;
-                    sum[1] += *above * weight;
+                match (below.first_chunk::<BLOCK>(), above.first_chunk::<BLOCK>()) {
+                    // The compiler knows this length.
+                    (Some(below), Some(above)) => add(&mut sum, below, above, weight),
+                    _ => add(&mut sum[..vectors], below, above, weight),
                 }
             }
             for (sums, [below, above]) in sums.chunks_mut(LANES).zip(sum) {
@@ -561,12 +585,18 @@ impl Lookup {
         }
     }
 
-    /// y per wavelength at `thickness_cm`, beyond the last node.
-    fn depths_beyond(&self, mut places: [f32; 5], thickness_cm: f32, spectrum: &mut [f32]) {
+    /// Writes y per wavelength at `thickness_cm`, thicker than the last node, to `spectrum`.
+    #[inline(always)]
+    fn depths_beyond<S: Simd>(
+        &self,
+        mut places: [f32; 5],
+        thickness_cm: f32,
+        spectrum: &mut [f32],
+    ) {
         let x = &self.places[THICKNESS];
         places[THICKNESS] = x[x.len() - 1];
         let (corners, _) = self.corners(places);
-        let (zero, value, slope) = (f32x8::ZERO, halves(1.0, 0.0), halves(0.0, 1.0));
+        let (zero, value, slope) = (F32x8::<S>::ZERO, halves(1.0, 0.0), halves(0.0, 1.0));
         self.depths(&corners, [zero, value], spectrum);
         if self.quantity == Quantity::Reflectance {
             return;
@@ -589,27 +619,49 @@ impl Lookup {
         }
     }
 
-    /// From y to the quantity.
+    /// Converts y to transmittance or reflectance, in place.
     #[inline(always)]
-    fn leave(&self, spectrum: &mut [f32]) {
+    fn to_quantity(&self, spectrum: &mut [f32]) {
         if self.quantity == Quantity::Reflectance {
-            spectrum.iter_mut().for_each(|y| *y = 1.0 - exp_neg(*y));
+            for y in spectrum {
+                *y = 1.0 - exp_neg(*y);
+            }
         } else {
-            spectrum.iter_mut().for_each(|y| *y = exp_neg(*y));
+            for y in spectrum {
+                *y = exp_neg(*y);
+            }
         }
     }
 }
 
-/// The weights `value` for values and `slope` for slopes.
-fn halves(value: f32, slope: f32) -> f32x8 {
-    f32x8::new(std::array::from_fn(
+/// Arguments of [`Lookup::spectrum`].
+struct SpectrumKernel<'a> {
+    lookup: &'a Lookup,
+    point: Point,
+    spectrum: &'a mut [f32],
+}
+
+impl Kernel for SpectrumKernel<'_> {
+    type Output = Result<(), LookupError>;
+
+    #[inline(always)]
+    fn run<S: Simd>(self) -> Self::Output {
+        self.lookup.spectrum_on::<S>(self.point, self.spectrum)
+    }
+}
+
+/// A vector with the weight `value` for values and `slope` for slopes.
+#[inline(always)]
+fn halves<S: Simd>(value: f32, slope: f32) -> F32x8<S> {
+    F32x8::new(std::array::from_fn(
         |i| if i < LANES { value } else { slope },
     ))
 }
 
-/// Weights of the node below and of that above, `t` of the way from one to the
-/// other, which are `step` apart.
-fn hermite(t: f32, step: f32) -> [f32x8; 2] {
+/// Weights of the nodes below and above, `t` (0 to 1) of the way from one to the other;
+/// the nodes are `step` apart.
+#[inline(always)]
+fn hermite<S: Simd>(t: f32, step: f32) -> [F32x8<S>; 2] {
     let left = 1.0 - t;
     [
         halves((1.0 + 2.0 * t) * left * left, t * left * left * step),
@@ -617,8 +669,18 @@ fn hermite(t: f32, step: f32) -> [f32x8; 2] {
     ]
 }
 
-/// The last node, but for the very last, that is not above `place`.
-#[inline]
+/// Adds `weight` times the vectors of the nodes below and above to their sums.
+#[inline(always)]
+fn add<S: Simd>(sums: &mut [[F32x8<S>; 2]], below: &[F32x8], above: &[F32x8], weight: F32x8<S>) {
+    for ((sum, below), above) in sums.iter_mut().zip(below).zip(above) {
+        sum[0] += below.on() * weight;
+        sum[1] += above.on() * weight;
+    }
+}
+
+/// Index of the node below `place`: the largest node not above it, at most the last but
+/// one.
+#[inline(always)]
 fn below(nodes: &[f32], place: f32) -> usize {
     let inner = nodes.len().max(2) - 1;
     nodes[1..]
@@ -628,9 +690,9 @@ fn below(nodes: &[f32], place: f32) -> usize {
         .count()
 }
 
-/// How far `place` is from node `cell` to the next; 0 if there is none, and if
-/// single precision does not tell them apart.
-#[inline]
+/// Position of `place` between node `cell` and the next, 0 to 1; 0 if there is no next
+/// node or the two are equal in single precision.
+#[inline(always)]
 fn fraction(nodes: &[f32], cell: usize, place: f32) -> f32 {
     match nodes.get(cell + 1) {
         Some(next) if *next > nodes[cell] => {

@@ -1,62 +1,64 @@
-//! The look-up of Varsa 2025, section 5.3, to the letter: nodes only in
-//! facetness, grain size and density, a natural cubic spline in thickness, a
-//! straight line in the angle between two nodes.
+//! The look-up method of Varsa 2025, section 5.3, reproduced exactly: nodes only in
+//! facetness, grain size and density, a natural cubic spline in thickness, linear
+//! interpolation in the angle between two nodes.
 //!
-//! The spline's knots are the thicknesses of the database and two more:
-//! transmittance is 1 at 0 cm and 0 at 100 cm, and 0 beyond. (Where the database
-//! itself reaches 100 cm its last node is the last knot.) Angles beyond the last
-//! node give no light. For reflectance, of which the thesis says only that the
-//! thickness may be dropped, it is 0 at 0 cm and stays beyond the last node.
+//! The knots of the spline are the thicknesses of the database and two more:
+//! transmittance is 1 at 0 cm and 0 at 100 cm, and 0 beyond. (If the database reaches
+//! 100 cm, its last node is the last knot.) At angles beyond the last node the result is
+//! 0. For reflectance the thesis says only that the thickness may be dropped; here it is
+//! 0 at 0 cm and constant beyond the last node.
 //!
-//! The spline rings between its knots and can leave [0, 1]: nothing is mended.
+//! The spline oscillates between its knots and can leave [0, 1]; this is not corrected.
 use ndarray::Array2;
 use splitsnow_spectra::Quantity;
 
-use crate::{Database, Gap, LookupError, Parameter, Point, absent, nodes};
+use crate::{Database, LookupError, MissingCurve, Parameter, Point, absent_error, nodes};
 
-/// Where nothing is transmitted any more, cm.
+/// Thickness at which transmittance is set to 0, cm.
 const BLACK_CM: f64 = 100.0;
 
-/// One quantity of a database, ready for look-ups.
+/// One quantity of a database, prepared for look-ups.
 #[derive(Debug, Clone)]
 pub struct Varsa2025<'a> {
     database: &'a Database,
     quantity: Quantity,
     /// Thicknesses of the knots, cm; the first is 0.
     knots_cm: Vec<f64>,
-    /// Second derivatives at the knots per value at the knots.
-    bending: Array2<f64>,
+    /// Matrix from the values at the knots to the second derivatives there.
+    curvature: Array2<f64>,
 }
 
 impl<'a> Varsa2025<'a> {
     /// Prepares `quantity` of `database`.
     ///
     /// # Errors
-    /// [`LookupError::NoQuantity`]; [`LookupError::Condition`] for a file that
-    /// [`Database::at`] must cut first.
+    /// [`LookupError::NoQuantity`] if the file does not hold `quantity`;
+    /// [`LookupError::MissingCondition`] if an optional axis has several nodes and
+    /// [`Database::at`] must be called first.
     pub fn new(database: &'a Database, quantity: Quantity) -> Result<Self, LookupError> {
         database.require(quantity)?;
-        database.single()?;
+        database.require_single_block()?;
         let mut knots_cm = vec![0.0];
         knots_cm.extend(database.axes().values(Parameter::Thickness));
         let thickest = knots_cm[knots_cm.len() - 1];
         if quantity == Quantity::Transmittance && thickest < BLACK_CM {
             knots_cm.push(BLACK_CM);
         }
-        let bending = bending(&knots_cm);
+        let curvature = curvature(&knots_cm);
         Ok(Self {
             database,
             quantity,
             knots_cm,
-            bending,
+            curvature,
         })
     }
 
     /// The spectrum at `point`, `[l]`.
     ///
     /// # Errors
-    /// [`LookupError::BetweenNodes`] for snow that is no node, [`LookupError::Outside`],
-    /// and [`LookupError::Absent`] for snow of which a thickness does not exist.
+    /// [`LookupError::BetweenNodes`] if facetness, grain size or density is not on a node,
+    /// [`LookupError::Outside`] if a coordinate is outside its axis, and
+    /// [`LookupError::Absent`] if the snow has no curve at some thickness.
     pub fn spectrum(&self, point: Point) -> Result<Vec<f32>, LookupError> {
         let axes = self.database.axes();
         let mut snow = 0;
@@ -66,23 +68,24 @@ impl<'a> Varsa2025<'a> {
             Parameter::Density,
         ] {
             let nodes = axes.values(parameter);
-            let node = nodes::find(parameter.name(), nodes, point[parameter])?;
+            let node = nodes::find(parameter.key(), nodes, point[parameter])?;
             snow = snow * nodes.len() + node;
         }
         let [_, sizes, densities, ..] = axes.core_shape();
         let size = snow / densities % sizes;
-        // the spline passes through all thicknesses
+        // the spline needs all thicknesses
         if self.database.absent().get(size).is_some_and(|n| *n > 0) {
-            return Err(absent(Gap::of(size, self.database.absent(), axes), point));
+            let missing = MissingCurve::at_size(size, self.database.absent(), axes);
+            return Err(absent_error(missing, point));
         }
         let outside = |parameter: Parameter, first, last| LookupError::Outside {
-            axis: parameter.name(),
+            axis: parameter.key(),
             value: point[parameter],
             first,
             last,
         };
         let (h, angle) = (point[Parameter::Thickness], point[Parameter::Incidence]);
-        let thinnest = match self.database.stands_free() {
+        let thinnest = match self.database.has_black_substrate() {
             true => 0.0,
             false => axes.values(Parameter::Thickness)[0],
         };
@@ -97,8 +100,8 @@ impl<'a> Varsa2025<'a> {
         let last = self.knots_cm[self.knots_cm.len() - 1];
         let dark = h >= last && self.quantity == Quantity::Transmittance;
         let above = angles.partition_point(|node| *node <= angle);
-        let ends = angles[angles.len() - 1];
-        if dark || angle > ends {
+        let last_angle = angles[angles.len() - 1];
+        if dark || angle > last_angle {
             return Ok(vec![0.0; spectrum.len()]);
         }
         let weights = self.weights(h.min(last));
@@ -127,15 +130,15 @@ impl<'a> Varsa2025<'a> {
             Quantity::Transmittance => 1.0,
             Quantity::Reflectance => 0.0,
         };
-        let all = |value| vec![value; self.database.wavelengths_nm().len()];
+        let constant = |value| vec![value; self.database.wavelengths_nm().len()];
         match knot {
-            0 => all(edge),
-            knot if knot > n_h => all(0.0),
+            0 => constant(edge),
+            knot if knot > n_h => constant(0.0),
             _ => self.database.curve(row, self.quantity).unwrap_or_default(),
         }
     }
 
-    /// Weights of the knots at a thickness of `h` cm, within them.
+    /// Weights of the knots at thickness `h`, cm, which must be between the first and last.
     fn weights(&self, h: f64) -> Vec<f64> {
         let x = &self.knots_cm;
         let cell = x.partition_point(|knot| *knot <= h).clamp(1, x.len() - 1) - 1;
@@ -144,17 +147,18 @@ impl<'a> Varsa2025<'a> {
         let bend = |t: f64| (t * t * t - t) * step * step / 6.0;
         let weight = |knot: usize| {
             let line = a * f64::from(knot == cell) + b * f64::from(knot == cell + 1);
-            line + bend(a) * self.bending[[cell, knot]] + bend(b) * self.bending[[cell + 1, knot]]
+            line + bend(a) * self.curvature[[cell, knot]]
+                + bend(b) * self.curvature[[cell + 1, knot]]
         };
         (0..x.len()).map(weight).collect()
     }
 }
 
-/// Second derivatives of the natural spline through knots at `x`: a matrix that
-/// takes the values at the knots to them.
-fn bending(x: &[f64]) -> Array2<f64> {
+/// Matrix from the values at knots `x` to the second derivatives of the natural spline
+/// through them.
+fn curvature(x: &[f64]) -> Array2<f64> {
     let n = x.len();
-    // rows of a tridiagonal system, which is diagonally dominant, eliminated downward
+    // forward elimination of a tridiagonal, diagonally dominant system
     let (mut over, mut right) = (vec![0.0; n], Array2::zeros((n, n)));
     for i in 1..n - 1 {
         let (before, after) = (x[i] - x[i - 1], x[i + 1] - x[i]);
@@ -184,15 +188,15 @@ mod tests {
     #[test]
     fn natural_spline_by_hand() {
         // Knots 0, 1, 2 with values 0, 1, 0: second derivatives 0, -3, 0.
-        let second = bending(&[0.0, 1.0, 2.0]).dot(&Array1::from(vec![0.0, 1.0, 0.0]));
+        let second = curvature(&[0.0, 1.0, 2.0]).dot(&Array1::from(vec![0.0, 1.0, 0.0]));
         assert!((second[1] + 3.0).abs() < 1e-12 && second[0] == 0.0 && second[2] == 0.0);
-        // A straight line does not bend.
+        // A straight line has no curvature.
         let x = [0.0, 1.0, 1.5, 7.0, 100.0];
-        let line = bending(&x).dot(&Array1::from_iter(x.iter().map(|x| 2.0 - x)));
+        let line = curvature(&x).dot(&Array1::from_iter(x.iter().map(|x| 2.0 - x)));
         assert!(line.iter().all(|bend| bend.abs() < 1e-12), "{line}");
         // The equations of the spline hold at the inner knots.
         let y = Array1::from(vec![0.3, -1.0, 2.0, 0.5, 4.0]);
-        let m = bending(&x).dot(&y);
+        let m = curvature(&x).dot(&y);
         for i in 1..4 {
             let (before, after) = (x[i] - x[i - 1], x[i + 1] - x[i]);
             let left =

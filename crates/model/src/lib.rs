@@ -1,7 +1,7 @@
 //! SPLITSnow's model of light in snow: a ray walks from one stochastic ice grain to the
 //! next (Varsa, PhD thesis, University of Waterloo, 2025).
 //!
-//! Modules, lower ones first; a lower one never uses a higher one:
+//! Modules, lower ones first. A lower module never uses a higher one.
 //!
 //! | module | contents |
 //! |---|---|
@@ -10,9 +10,9 @@
 //! | [`grain`] | laws of grain size and shape, the event on one grain, mean free distance |
 //! | [`transport`] | the snow sample and the walk of one ray through it |
 //! | [`table`] | precomputed outcomes of grain events, and walks that use them |
-//! | [`slab`] | transport between points in homogeneous slabs by discrete ordinates |
+//! | [`slab`] | radiative transfer in homogeneous slabs of point scatterers by discrete ordinates |
 //! | [`measurement`] | reflectance and transmittance with standard errors; sensors and radii |
-//! | [`engine`] | schedulers of the same physics |
+//! | [`engine`] | engines: different ways of computing the same physics |
 pub mod engine;
 pub mod grain;
 pub mod math;

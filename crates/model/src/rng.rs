@@ -4,8 +4,7 @@
 use rand::{Rng, SeedableRng};
 use rand_xoshiro::Xoshiro256PlusPlus;
 use sha2::{Digest, Sha256};
-use wide::bytemuck::cast;
-use wide::{f64x8, u64x8};
+use splitsnow_spectra::simd::{F64x8, Portable, Simd, U64x8};
 
 use crate::math::{Vec3x8, ln, sincos_eighth};
 
@@ -73,10 +72,10 @@ impl Fingerprint {
 
 /// Eight xoshiro256++ generators (Blackman and Vigna 2021) side by side.
 #[derive(Debug, Clone)]
-pub struct Stream {
-    state: [u64x8; 4],
+pub struct Stream<S: Simd = Portable> {
+    state: [U64x8<S>; 4],
     /// The second of a pair of normal variates, if not used yet.
-    spare: Option<f64x8>,
+    spare: Option<F64x8<S>>,
 }
 
 /// The state of a single generator for `key`: its SHA-256.
@@ -92,29 +91,40 @@ fn generator(key: Key) -> Xoshiro256PlusPlus {
     Xoshiro256PlusPlus::from_seed(hash.finalize().into())
 }
 
+#[inline(always)]
+fn rotate<S: Simd>(x: U64x8<S>, k: u32) -> U64x8<S> {
+    (x << k) | (x >> (64 - k))
+}
+
+/// `v` with the other sign where the `bit` is set.
+#[inline(always)]
+fn flip<S: Simd>(v: F64x8<S>, bits: U64x8<S>, bit: u32) -> F64x8<S> {
+    v ^ F64x8::from_bits((bits >> bit) << 63)
+}
+
 /// 52 random bits as a uniform variate in [0, 1).
 #[inline(always)]
-fn unit_interval(bits: u64x8) -> f64x8 {
-    let one_to_two: f64x8 = cast((bits >> 12) | u64x8::splat(0x3ff0_0000_0000_0000));
-    one_to_two - f64x8::ONE
+fn unit_interval<S: Simd>(bits: U64x8<S>) -> F64x8<S> {
+    let one_to_two = F64x8::from_bits((bits >> 12) | U64x8::splat(0x3ff0_0000_0000_0000));
+    one_to_two - F64x8::ONE
 }
 
 /// (sin, cos) of 2 pi `u` - pi / 4, for `u` in [0, 1); absolute error below 3e-14.
 #[inline(always)]
 #[must_use]
-pub fn azimuth(u: f64x8) -> (f64x8, f64x8) {
+pub fn azimuth<S: Simd>(u: F64x8<S>) -> (F64x8<S>, F64x8<S>) {
     // the angle is `quarter` right angles and `t` eighths of a turn around its middle
-    let four = u * f64x8::splat(4.0);
-    let mut quarter = f64x8::ZERO;
+    let four = u * F64x8::splat(4.0);
+    let mut quarter = F64x8::ZERO;
     for k in [1.0, 2.0, 3.0] {
-        quarter += f64x8::ONE & four.simd_ge(f64x8::splat(k));
+        quarter += F64x8::ONE & four.ge(F64x8::splat(k));
     }
     let t = four - quarter;
-    let (s, c) = sincos_eighth(t + t - f64x8::ONE);
-    let half = quarter.simd_ge(f64x8::splat(2.0));
-    let odd = (quarter - (f64x8::splat(2.0) & half)).simd_gt(f64x8::splat(0.5));
+    let (s, c) = sincos_eighth(t + t - F64x8::ONE);
+    let half = quarter.ge(F64x8::splat(2.0));
+    let odd = (quarter - (F64x8::splat(2.0) & half)).gt(F64x8::splat(0.5));
     let (s, c) = (odd.select(c, s), odd.select(-s, c));
-    let sign = f64x8::splat(-0.0) & half;
+    let sign = F64x8::splat(-0.0) & half;
     (s ^ sign, c ^ sign)
 }
 
@@ -123,14 +133,25 @@ impl Stream {
     #[must_use]
     pub fn new(key: Key) -> Self {
         let mut seeds = generator(key);
-        let state = std::array::from_fn(|_| u64x8::new(std::array::from_fn(|_| seeds.next_u64())));
+        let state = std::array::from_fn(|_| U64x8::new(std::array::from_fn(|_| seeds.next_u64())));
         Self { state, spare: None }
+    }
+}
+
+impl<S: Simd> Stream<S> {
+    /// The same stream, drawn from with another instruction set.
+    #[inline(always)]
+    #[must_use]
+    pub fn on<T: Simd>(self) -> Stream<T> {
+        Stream {
+            state: self.state.map(U64x8::on),
+            spare: self.spare.map(F64x8::on),
+        }
     }
 
     /// Eight times 64 random bits.
     #[inline(always)]
-    fn bits(&mut self) -> u64x8 {
-        let rotate = |x: u64x8, k: u32| (x << k) | (x >> (64 - k));
+    fn bits(&mut self) -> U64x8<S> {
         let [s0, s1, s2, s3] = &mut self.state;
         let result = rotate(*s0 + *s3, 23) + *s0;
         let t = *s1 << 17;
@@ -145,23 +166,23 @@ impl Stream {
 
     /// Uniform in [0, 1), multiples of 2^-52.
     #[inline(always)]
-    pub fn uniform(&mut self) -> f64x8 {
+    pub fn uniform(&mut self) -> F64x8<S> {
         unit_interval(self.bits())
     }
 
     /// Exponential with mean 1 (cut at 36, of probability 2e-16).
     #[inline(always)]
-    pub fn exponential(&mut self) -> f64x8 {
-        -ln(f64x8::ONE - self.uniform())
+    pub fn exponential(&mut self) -> F64x8<S> {
+        -ln(F64x8::ONE - self.uniform())
     }
 
     /// Normal with mean 0 and standard deviation 1 (Box and Muller 1958).
     #[inline(always)]
-    pub fn normal(&mut self) -> f64x8 {
+    pub fn normal(&mut self) -> F64x8<S> {
         if let Some(spare) = self.spare.take() {
             return spare;
         }
-        let r = (self.exponential() * f64x8::splat(2.0)).sqrt();
+        let r = (self.exponential() * F64x8::splat(2.0)).sqrt();
         let (s, c) = self.azimuth();
         self.spare = Some(r * s);
         r * c
@@ -169,26 +190,22 @@ impl Stream {
 
     /// (sin, cos) of an angle uniform on the circle.
     #[inline(always)]
-    pub fn azimuth(&mut self) -> (f64x8, f64x8) {
+    pub fn azimuth(&mut self) -> (F64x8<S>, F64x8<S>) {
         let bits = self.bits();
         // 52 bits choose a point of one quarter, three others which quarter
         let t = unit_interval(bits);
-        let (s, c) = sincos_eighth(t + t - f64x8::ONE);
-        let swap: f64x8 = cast(u64x8::ZERO - (bits & u64x8::ONE));
+        let (s, c) = sincos_eighth(t + t - F64x8::ONE);
+        let swap = F64x8::from_bits(U64x8::ZERO - (bits & U64x8::ONE));
         let (s, c) = (swap.select(c, s), swap.select(s, c));
-        let flip = |v: f64x8, bit: u32| {
-            let sign: f64x8 = cast((bits >> bit) << 63);
-            v ^ sign
-        };
-        (flip(s, 1), flip(c, 2))
+        (flip(s, bits, 1), flip(c, bits, 2))
     }
 
     /// Directions uniform on the unit sphere.
     #[inline(always)]
-    pub fn direction(&mut self) -> Vec3x8 {
+    pub fn direction(&mut self) -> Vec3x8<S> {
         let u = self.uniform();
-        let z = u + u - f64x8::ONE;
-        let r = (f64x8::ONE - z * z).sqrt();
+        let z = u + u - F64x8::ONE;
+        let r = (F64x8::ONE - z * z).sqrt();
         let (s, c) = self.azimuth();
         Vec3x8::new(r * c, r * s, z)
     }
@@ -253,7 +270,7 @@ mod tests {
     #[test]
     fn every_lane_is_the_published_generator() {
         let mut stream = Stream::new(KEY);
-        let states = stream.state.map(u64x8::to_array);
+        let states = stream.state.map(U64x8::to_array);
         for lane in 0..8 {
             let mut seed = [0; 32];
             for (bytes, word) in seed.chunks_mut(8).zip(states) {

@@ -2,12 +2,11 @@
 //! differ in the last bit, which would change a database's bytes; these also vectorise.
 use std::f64::consts::{LN_2, LOG2_E, SQRT_2};
 
-use wide::bytemuck::cast;
-use wide::{f64x8, u64x8};
+use crate::simd::{F64x8, Simd, U64x8};
 
 /// exp(-x) for x >= 0; 0 beyond 700 and for an infinite x. Relative error
 /// below 4e-16 times max(1, x).
-#[inline]
+#[inline(always)]
 #[must_use]
 pub fn exp_neg(x: f64) -> f64 {
     // exp(-x) = 2^-k exp(-r), |r| <= ln 2 / 2; adding 1.5 * 2^52 rounds to an integer.
@@ -40,7 +39,7 @@ pub fn exp_neg(x: f64) -> f64 {
 /// number; relative error below
 /// 2e-7 times max(1, x). A loop over it vectorises.
 #[allow(clippy::manual_clamp)] // `clamp` keeps NaN
-#[inline]
+#[inline(always)]
 #[must_use]
 pub fn exp_neg_single(x: f32) -> f32 {
     // as above: adding 1.5 * 2^23 rounds to an integer
@@ -64,30 +63,32 @@ pub fn exp_neg_single(x: f32) -> f32 {
 /// Natural logarithm of normal positive numbers; relative error below 1e-14.
 #[inline(always)]
 #[must_use]
-pub fn ln(x: f64x8) -> f64x8 {
-    let bits: u64x8 = cast(x);
+pub fn ln<S: Simd>(x: F64x8<S>) -> F64x8<S> {
+    let bits = x.to_bits();
     // exponent as a float: put it in the low bits of 2^52 and subtract that
-    let biased: f64x8 = cast((bits >> 52) | u64x8::splat(0x4330_0000_0000_0000));
-    let exponent = biased - f64x8::splat(4_503_599_627_370_496.0 + 1023.0);
-    let mantissa: f64x8 =
-        cast((bits & u64x8::splat(0x000f_ffff_ffff_ffff)) | u64x8::splat(0x3ff0_0000_0000_0000));
-    let high = mantissa.simd_gt(f64x8::splat(SQRT_2));
-    let mantissa = high.select(mantissa * f64x8::splat(0.5), mantissa);
-    let exponent = high.select(exponent + f64x8::ONE, exponent);
+    let biased = F64x8::from_bits((bits >> 52) | U64x8::splat(0x4330_0000_0000_0000));
+    let exponent = biased - F64x8::splat(4_503_599_627_370_496.0 + 1023.0);
+    let mantissa = F64x8::from_bits(
+        (bits & U64x8::splat(0x000f_ffff_ffff_ffff)) | U64x8::splat(0x3ff0_0000_0000_0000),
+    );
+    let high = mantissa.gt(F64x8::splat(SQRT_2));
+    let mantissa = high.select(mantissa * F64x8::splat(0.5), mantissa);
+    let exponent = high.select(exponent + F64x8::ONE, exponent);
     // ln m = 2 artanh(s), s = (m - 1)/(m + 1), |s| <= 0.172
-    let s = (mantissa - f64x8::ONE) / (mantissa + f64x8::ONE);
+    let s = (mantissa - F64x8::ONE) / (mantissa + F64x8::ONE);
     let y = s * s;
-    let mut p = f64x8::splat(1.0 / 17.0);
+    let mut p = F64x8::splat(1.0 / 17.0);
     for denominator in [15.0, 13.0, 11.0, 9.0, 7.0, 5.0, 3.0] {
-        p = p * y + f64x8::splat(1.0 / denominator);
+        p = p * y + F64x8::splat(1.0 / denominator);
     }
     let twice = s + s;
-    exponent * f64x8::splat(LN_2) + (twice + twice * y * p)
+    exponent * F64x8::splat(LN_2) + (twice + twice * y * p)
 }
 
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::simd::Portable;
 
     #[test]
     fn exp_neg_is_exp() {
@@ -126,13 +127,13 @@ mod tests {
         for i in 1..100_000 {
             let x = f64::from(i) * 1.7e-5;
             for x in [x, x * 1e-9, x * 1e12, 1.0 - x * 1e-6] {
-                let (ours, exact) = (ln(f64x8::splat(x)).to_array()[3], libm::log(x));
+                let (ours, exact) = (ln::<Portable>(F64x8::splat(x)).to_array()[3], libm::log(x));
                 assert!(
                     (ours - exact).abs() <= 1e-14 * exact.abs() + 1e-300,
                     "{x}: {ours} {exact}"
                 );
             }
         }
-        assert_eq!(ln(f64x8::ONE).to_array()[0], 0.0);
+        assert_eq!(ln::<Portable>(F64x8::ONE).to_array()[0], 0.0);
     }
 }

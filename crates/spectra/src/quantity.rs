@@ -1,4 +1,4 @@
-/// A stored quantity of a slab: what leaves it at the bottom, or at the top.
+/// A stored quantity of a slab: the fraction of light that leaves it at the bottom or top.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
 pub enum Quantity {
     /// Directional-hemispherical transmittance (Varsa 2025, eq. 6.3).
@@ -8,7 +8,7 @@ pub enum Quantity {
 }
 
 impl Quantity {
-    /// Both, in the order files hold them.
+    /// All variants, in the order of files.
     pub const ALL: [Self; 2] = [Self::Transmittance, Self::Reflectance];
 
     /// The name used on the command line and in files.

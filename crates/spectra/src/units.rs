@@ -1,6 +1,6 @@
-//! Unit conversions. Configs and output speak in um, cm, nm and degrees;
-//! everything inside the library is in SI units and radians, except that
-//! wavelengths are in nm throughout (names say so: `_nm`).
+//! Unit conversions. Configs and output use um, cm, nm and degrees. The library uses SI
+//! units and radians internally, except that wavelengths are in nm throughout (names end in
+//! `_nm`).
 
 /// Micrometres to metres.
 #[must_use]
@@ -14,11 +14,11 @@ pub fn cm_to_m(cm: f64) -> f64 {
     cm * 1e-2
 }
 
-/// Thickness, m, that stands for a half space: more than 100 times the depth in which
-/// light in the clearest snow falls to 1/e, so that nothing comes out below.
+/// Thickness that represents a half-space, m: more than 100 times the depth in which light
+/// in the clearest snow falls to 1/e, so that no light reaches the bottom.
 pub const HALF_SPACE_M: f64 = 1e4;
 
-/// The same in centimetres, as files hold it.
+/// [`HALF_SPACE_M`] in centimetres, the unit of files.
 pub const HALF_SPACE_CM: f64 = 1e6;
 
 /// Nanometres to metres.
@@ -27,7 +27,7 @@ pub fn nm_to_m(nm: f64) -> f64 {
     nm * 1e-9
 }
 
-/// Metres to centimetres: the round number that [`cm_to_m`] gives `m` of, if
+/// Metres to centimetres: the round number that [`cm_to_m`] converts to exactly `m`, if
 /// there is one.
 #[must_use]
 pub fn m_to_cm(m: f64) -> f64 {
@@ -50,7 +50,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn lengths_come_back_as_they_were_given() {
+    fn lengths_round_trip() {
         for cm in [0.1, 0.3, 1.1, 7.0, 15.0, 29.3, 80.0] {
             assert_eq!(m_to_cm(cm_to_m(cm)), cm);
         }

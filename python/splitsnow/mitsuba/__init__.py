@@ -1,4 +1,4 @@
-"""Snow that lets light through, in Mitsuba 3 (the method PCASnow, Varsa 2025).
+"""Translucent snow in Mitsuba 3 (the method PCASnow, Varsa 2025).
 
 ::
 
@@ -13,19 +13,21 @@
     image = mi.render(scene)
 
 :func:`register` adds the texture ``pcasnow``, the radiance of an ``area`` emitter on
-the shapes that are snow. Where a surface is seen, a straight ray goes on through the
-snow towards the light: ``d`` is the length in snow, all pieces added up, ``theta`` the
-angle between the ray and the normal where it leaves the snow. The radiance there is
-``E cos(theta) T(d, theta) / pi`` with the light's irradiance ``E`` on a plane across
-the beam and the database's transmittance ``T``. Under ``light="sky"`` each evaluation
-takes one direction, uniform over the inner hemisphere, of a uniform sky.
+shapes of snow. From a visible surface point, a straight ray continues through the snow
+towards the light. ``d`` is its total length in snow, and ``theta`` is the angle between
+the ray and the normal where it leaves the snow. The radiance is
+``E cos(theta) T(d, theta) / pi``, with the irradiance ``E`` of the light on a plane
+perpendicular to the beam and the transmittance ``T`` of the database. With
+``light="sky"``, each evaluation samples one direction of a uniform sky, uniformly over
+the inner hemisphere.
 
-Neglected are: every way of light but the straight one, as which the snow is as thick as
-the ray is long; light that spreads sideways; directions in which light leaves (all
-alike, Lambertian); refraction at the surface; light that leaves snow and enters it again.
+Neglected are: all light paths but the straight one, whose length is taken as the
+thickness of the snow; lateral spreading of light; the angular distribution of the light
+that leaves the snow (taken as Lambertian); refraction at the surface; light that leaves
+the snow and enters it again.
 
-Shapes must be closed with their normals outwards; snow of one material (file and
-place in it) is one body, other shapes are opaque.
+Shapes must be closed, with outward normals. All shapes of one material (same file and
+same snow) form one body; other shapes are opaque.
 """
 
 from __future__ import annotations

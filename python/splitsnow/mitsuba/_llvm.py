@@ -1,4 +1,4 @@
-"""Whether the LLVM that Mitsuba finds can be used."""
+"""Check of the LLVM library that Mitsuba uses."""
 
 from __future__ import annotations
 
@@ -19,25 +19,26 @@ assert mitsuba.render(mitsuba.load_dict(scene), spp=1).array[0] > 0
 
 @functools.lru_cache(maxsize=None)
 def check_llvm() -> None:
-    """Raises ``RuntimeError`` where the LLVM variants of Mitsuba cannot run.
+    """Raises ``RuntimeError`` if the LLVM variants of Mitsuba cannot run.
 
-    Some versions of LLVM (15 and 16 among them) end the process at the first rendering,
-    so that a process of its own tries one, once; it takes about a second.
+    Some versions of LLVM (15 and 16 among them) terminate the process at the first
+    rendering. The check therefore renders in a separate process, once; it takes about
+    a second.
     """
     probe = [sys.executable, "-c", _PROBE]
     try:
-        done = subprocess.run(probe, capture_output=True, text=True, timeout=120)
+        result = subprocess.run(probe, capture_output=True, text=True, timeout=120)
     except subprocess.TimeoutExpired as error:
-        raise _unusable("no image was ready in two minutes") from error
-    if done.returncode != 0:
-        said = [line for line in done.stderr.splitlines() if "error" in line.lower()]
-        code = f"rendering ends the process (code {done.returncode})"
-        raise _unusable(said[-1].strip() if said else code)
+        raise _unusable("a test rendering took more than two minutes") from error
+    if result.returncode != 0:
+        errors = [line for line in result.stderr.splitlines() if "error" in line.lower()]
+        code = f"a test rendering terminated with code {result.returncode}"
+        raise _unusable(errors[-1].strip() if errors else code)
 
 
-def _unusable(why: str) -> RuntimeError:
+def _unusable(reason: str) -> RuntimeError:
     return RuntimeError(
-        f"the LLVM that Mitsuba finds cannot be used: {why}. Install version 19, on Debian and "
-        "Ubuntu with `apt install libllvm19`; where there are several, set DRJIT_LIBLLVM_PATH "
-        "to the library. Or use a scalar variant, which is much slower"
+        f"the LLVM library that Mitsuba finds cannot be used: {reason}. Install version 19, on "
+        "Debian and Ubuntu with `apt install libllvm19`; if several versions are installed, set "
+        "DRJIT_LIBLLVM_PATH to the library. Or use a scalar variant, which is much slower"
     )

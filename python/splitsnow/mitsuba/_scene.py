@@ -1,4 +1,4 @@
-"""Registering the plugin and telling it its scene."""
+"""Registration of the plugin, and attaching it to a scene."""
 
 from __future__ import annotations
 
@@ -11,22 +11,24 @@ from ._path import Body
 from ._texture import texture
 
 _classes: dict[str, type] = {}
-"""By variant."""
+"""Texture class by variant."""
 
 
 def register() -> None:
-    """Adds the texture ``pcasnow`` to the variant of Mitsuba that is set.
+    """Adds the texture ``pcasnow`` to the current variant of Mitsuba.
 
-    After ``mitsuba.set_variant``, again for each variant. Raises ``ImportError`` where
-    Mitsuba is missing and ``RuntimeError`` where no variant is set, it is a
-    polarised one, or its LLVM cannot be used (:func:`check_llvm`).
+    Call it after ``mitsuba.set_variant``, once for each variant. Raises ``ImportError``
+    if Mitsuba is not installed, and ``RuntimeError`` if no variant is set, the variant
+    is polarised, or its LLVM cannot be used (:func:`check_llvm`).
     """
     mi, dr = _modules()
     variant = mi.variant()
     if variant is None:
         raise RuntimeError('set a variant first: mitsuba.set_variant("llvm_ad_spectral")')
     if mi.is_polarized:
-        raise RuntimeError(f"pcasnow has no polarisation, as {variant} asks for")
+        raise RuntimeError(
+            f"pcasnow does not support polarisation; set a variant other than {variant}"
+        )
     if variant in _classes:
         return
     if variant.startswith("llvm"):
@@ -36,48 +38,48 @@ def register() -> None:
 
 
 def attach(scene: Any) -> int:
-    """Tells all ``pcasnow`` of a loaded scene what surrounds them; the number of shapes
-    that are snow. The scene stays in memory until :func:`detach`. Raises
-    ``ValueError`` if none is.
+    """Connects every ``pcasnow`` of a loaded scene to the scene, and returns the number
+    of shapes of snow. The scene stays in memory until :func:`detach`. Raises
+    ``ValueError`` if no shape is snow.
     """
     mi, dr = _modules()
     bodies = defaultdict(list)
-    for shape, found in _snow(mi, scene):
-        bodies[found.key].append((shape, found))
+    for shape, snow in _snow(mi, scene):
+        bodies[snow.key].append((shape, snow))
     for members in bodies.values():
         body = Body(mi, dr, scene, [shape for shape, _ in members])
-        for _, found in members:
-            found.body, found.detached = body, False
+        for _, snow in members:
+            snow.body, snow.detached = body, False
     if not bodies:
-        raise ValueError("no shape of the scene is snow: none has an emitter with pcasnow")
+        raise ValueError("no shape of the scene is snow: no shape has an emitter with pcasnow")
     return sum(len(members) for members in bodies.values())
 
 
 def detach(scene: Any) -> None:
-    """Undoes :func:`attach`, so that the scene can be freed; its snow is dark."""
+    """Reverses :func:`attach`, so that the scene can be freed. Its snow becomes dark."""
     mi, _ = _modules()
-    for _, found in _snow(mi, scene):
-        found.body, found.detached = None, True
+    for _, snow in _snow(mi, scene):
+        snow.body, snow.detached = None, True
 
 
 def _snow(mi: Any, scene: Any) -> list[tuple[Any, Any]]:
-    """Shapes and what is ``pcasnow`` in their emitters."""
+    """Shapes of snow, each with the ``pcasnow`` of its emitter."""
     if mi.variant() not in _classes:
         raise RuntimeError("call splitsnow.mitsuba.register() after mitsuba.set_variant")
     kind = _classes[mi.variant()]
-    found: list[tuple[Any, Any]] = []
+    pairs: list[tuple[Any, Any]] = []
 
-    class Seek(mi.TraversalCallback):  # type: ignore[misc]
+    class FindSnow(mi.TraversalCallback):  # type: ignore[misc]
         def put(self, name: str, value: Any, *_: Any) -> None:
             if isinstance(value, kind):
-                found.append((shape, value))
+                pairs.append((shape, value))
 
         put_value = put_object = put
 
     for shape in scene.shapes():
         if shape.is_emitter():
-            shape.emitter().traverse(Seek())
-    return found
+            shape.emitter().traverse(FindSnow())
+    return pairs
 
 
 def _modules() -> tuple[Any, Any]:

@@ -1,4 +1,4 @@
-"""What makes a shape snow."""
+"""Scene entries for shapes of snow."""
 
 from __future__ import annotations
 
@@ -30,23 +30,24 @@ def snow(
 ) -> dict[str, Any]:
     """Entries that make a shape snow: ``{"type": "cube", **snow(...)}``.
 
-    ``filename`` is a compact file, or a directory with one; facetness, grain size and
-    density say where in it the snow is, and may be left out where it has one value
-    alone; ``conditions``, such as ``black_carbon_ng_g=50``, do so on further axes.
+    ``filename`` is a compact file, or a directory with one. Facetness, grain size and
+    density select the snow, and may be omitted if the database has a single value.
+    ``conditions``, such as ``black_carbon_ng_g=50``, set the values on optional axes.
 
-    ``to_light`` is the direction to a distant light, ``irradiance`` that of a plane
-    across its beam, as Mitsuba's emitters have it: a number (D65), or any spectrum. Set
-    a ``directional`` emitter beside it: this is what passes through snow alone. With
-    ``light="sky"`` a uniform sky gives ``irradiance`` to a plane that sees all of a
-    hemisphere of it; ``up``, if given, leaves of the sky what is above the horizon.
-    Outside the database's angles there is no light.
+    ``to_light`` is the direction to a distant light. ``irradiance`` is its irradiance on
+    a plane perpendicular to the beam, as for emitters of Mitsuba: a number (D65), or any
+    spectrum. It gives only the light transmitted by snow; add a ``directional`` emitter
+    for other light. With ``light="sky"`` a uniform sky has ``irradiance`` on a plane
+    under a full hemisphere; ``up``, if given, restricts the sky to directions above the
+    horizon. At angles outside the database the transmitted light is 0.
 
-    ``metres_per_unit`` is the length of the scene's unit. ``shadows=False`` ignores what
-    stands between snow and light. ``transmitted`` and ``reflected`` are what the snow
-    does; ``reflectance`` is used instead of the database's, which is that of
-    its thickest slab at ``reflectance_angle_deg``, the same in all directions.
+    ``metres_per_unit`` is the length of the scene unit. ``shadows=False`` ignores
+    objects between snow and light. ``transmitted`` and ``reflected`` switch the two
+    kinds of light on and off. ``reflectance`` replaces the reflectance of the database,
+    which is that of its thickest slab at ``reflectance_angle_deg``, taken as the same in
+    all directions.
     """
-    material = Material.of(
+    material = Material.from_file(
         os.fspath(filename), facetness, grain_size_um, density_kg_m3, conditions
     )
     if not reflected:
@@ -80,18 +81,18 @@ def _reflectance(material: Material, angle_deg: float) -> dict[str, Any]:
     database = material.database
     if "reflectance" not in database.quantities:
         raise ValueError(
-            f"{database.path} has no reflectance: say reflectance=0.9, or reflected=False, or make "
-            'it with quantities = ["transmittance", "reflectance"]'
+            f"{database.path} has no reflectance: set reflectance=0.9 or reflected=False, or "
+            'tailor it with quantities = ["transmittance", "reflectance"]'
         )
     angles = database.axes["angle_deg"]
     low, high = VISIBLE_NM
     nm = np.unique([low, *material.wavelengths_nm(), high])
-    found = database.reflectance(
+    spectrum = database.reflectance(
         *material.snow,
         database.axes["thickness_cm"][-1],
         np.clip(angle_deg, angles[0], angles[-1]),
         wavelengths_nm=nm,
         conditions=material.conditions,
     )
-    pairs = [(float(at), float(value)) for at, value in zip(nm, found)]
+    pairs = [(float(wavelength), float(value)) for wavelength, value in zip(nm, spectrum)]
     return {"type": "spectrum", "value": pairs}

@@ -1,8 +1,9 @@
-"""A database at one material, as a table that a renderer interpolates.
+"""Tables of one material of a database, which the renderer interpolates.
 
-Nodes are even in ln(1 + thickness / 0.5 cm), in which -ln T bends little. The angles
-are those of the database, between which its -ln T is linear in a function of the cosine
-(docs/methods.md); so are the wavelengths, between which T is linear.
+Thickness nodes are evenly spaced in ln(1 + thickness / 0.5 cm), in which -ln T is nearly
+linear. The angles are those of the database, between which -ln T is linear in a function
+of the cosine (docs/methods.md). The wavelengths are those of the database, between which
+T is linear.
 """
 
 from __future__ import annotations
@@ -17,11 +18,12 @@ import splitsnow
 
 THICKNESSES = 1024
 COLOUR_ANGLES = 16
-"""Least number of steps in the angle, in a table of colours."""
+"""Smallest number of angle steps in a table of colours."""
 BEND_CM = 0.5
-"""Below it thickness nodes are nearly even, beyond it their ratios are."""
+"""Thickness below which nodes are nearly evenly spaced; above it their ratios are nearly
+constant."""
 VISIBLE_NM = (360, 830)
-"""What Mitsuba samples."""
+"""Range of wavelengths that Mitsuba samples."""
 
 _DARK = 1e-7
 _DEEPEST_CM = 1e4
@@ -36,7 +38,7 @@ _XYZ_TO_LINEAR_SRGB = np.array(
 
 @dataclass(frozen=True)
 class Material:
-    """A snow of a database."""
+    """One kind of snow in a database."""
 
     database: splitsnow.Database
     snow: tuple[float, float, float]
@@ -44,7 +46,7 @@ class Material:
     conditions: Mapping[str, float]
 
     @classmethod
-    def of(
+    def from_file(
         cls,
         filename: str,
         facetness: Optional[float],
@@ -52,13 +54,13 @@ class Material:
         density_kg_m3: Optional[float],
         conditions: Mapping[str, float],
     ) -> Material:
-        """What is ``None`` is that of the database, if it has one alone."""
+        """A value of ``None`` is taken from the database, if its axis has a single node."""
         database = splitsnow.Database.open(filename)
-        asked = dict(
+        given = dict(
             facetness=facetness, grain_size_um=grain_size_um, density_kg_m3=density_kg_m3
         )
         snow = []
-        for name, value in asked.items():
+        for name, value in given.items():
             nodes = database.axes[name]
             if value is None and len(nodes) > 1:
                 raise ValueError(
@@ -69,11 +71,11 @@ class Material:
 
     @property
     def key(self) -> tuple[object, ...]:
-        """Equal for equal materials."""
+        """A key that is equal for equal materials."""
         return self.database.path, self.snow, tuple(sorted(self.conditions.items()))
 
     def wavelengths_nm(self) -> NDArray[np.float64]:
-        """Those of the database that are visible, or the nearest one."""
+        """The visible wavelengths of the database, or the nearest one if there are none."""
         own = self.database.wavelengths_nm.astype(np.float64)
         low, high = VISIBLE_NM
         inner = own[(own > low) & (own < high)]
@@ -86,7 +88,7 @@ class Material:
         angle_deg: NDArray[np.float64],
         wavelengths_nm: NDArray[np.float64],
     ) -> NDArray[np.float64]:
-        """``(thicknesses, angles, wavelengths)``."""
+        """Transmittance, ``(thicknesses, angles, wavelengths)``."""
         return self.database.transmittance(
             *self.snow,
             thickness_cm[:, None],
@@ -98,18 +100,18 @@ class Material:
 
 @dataclass(frozen=True)
 class Table:
-    """Numbers on the nodes of thickness and angle."""
+    """Values at the nodes of thickness and angle."""
 
     values: NDArray[np.float32]
-    """``(thicknesses, angles, k)``: -ln T at k wavelengths; or for colours -ln Y,
-    then red, green and blue divided by Y."""
+    """``(thicknesses, angles, k)``: -ln T at k wavelengths, or for colours -ln Y followed
+    by red, green and blue divided by Y."""
     deepest_cm: float
     angles_deg: NDArray[np.float64]
     wavelengths_nm: NDArray[np.float64]
 
     @classmethod
     def spectral(cls, material: Material) -> Table:
-        """Of spectra."""
+        """A table of spectra."""
         nm = material.wavelengths_nm()
         angles_deg = material.database.axes["angle_deg"]
         transmittance, deepest_cm = _nodes(material, angles_deg, nm)
@@ -117,11 +119,11 @@ class Table:
 
     @classmethod
     def colour(cls, material: Material, light: Optional[NDArray[np.float64]]) -> Table:
-        """Of linear sRGB under a light, ``(n, 2)`` of nm and value; beyond its ends
-        it is dark. With ``None`` under D65, T = 1 being (1, 1, 1)."""
+        """A table of linear sRGB under a light, ``(n, 2)`` with wavelength in nm and value;
+        the light is 0 beyond its ends. ``None`` is D65, with T = 1 as (1, 1, 1)."""
         nm = np.arange(VISIBLE_NM[0], VISIBLE_NM[1] + 1, 5.0)
         own = material.database.axes["angle_deg"]
-        # The logarithm of a luminance is not as linear as those of its parts.
+        # The logarithm of a luminance is less linear than that of a single wavelength.
         parts = -(-COLOUR_ANGLES // (len(own) - 1)) if len(own) > 1 else 1
         steps = np.arange((len(own) - 1) * parts + 1) / parts
         angles_deg = np.interp(steps, np.arange(len(own)), own)
@@ -141,13 +143,13 @@ class Table:
 def _nodes(
     material: Material, angles_deg: NDArray[np.float64], nm: NDArray[np.float64]
 ) -> tuple[NDArray[np.float64], float]:
-    """Transmittance on the nodes, and the deepest thickness."""
+    """Transmittance at the nodes, and the largest thickness, cm."""
     thicknesses = material.database.axes["thickness_cm"]
     for name, nodes in (("thickness", thicknesses), ("angle", angles_deg)):
         if len(nodes) < 2:
             raise ValueError(
-                f"{material.database.path} has a single {name}, {nodes[0]:g}: make one that covers "
-                "a range"
+                f"{material.database.path} has a single {name}, {nodes[0]:g}: use a database that "
+                "covers a range"
             )
     deepest_cm = float(thicknesses[-1])
     while deepest_cm < _DEEPEST_CM:
@@ -156,8 +158,7 @@ def _nodes(
         deepest_cm *= 1.25
     stretched = np.linspace(0, np.log1p(deepest_cm / BEND_CM), THICKNESSES)
     thickness_cm = BEND_CM * np.expm1(stretched)
-    found = material.transmittance(thickness_cm, angles_deg, nm)
-    return found, deepest_cm
+    return material.transmittance(thickness_cm, angles_deg, nm), deepest_cm
 
 
 def _logarithm(values: NDArray[np.float64]) -> NDArray[np.float32]:

@@ -16,10 +16,10 @@ LIGHTS = ("directional", "sky")
 
 
 def texture(mi: Any, dr: Any) -> type:
-    """The class for Mitsuba's variant at hand."""
+    """The texture class for the current variant of Mitsuba."""
 
     class PcaSnow(mi.Texture):  # type: ignore[misc]
-        """Light that snow lets through; see :func:`splitsnow.mitsuba.snow`."""
+        """Light transmitted by snow; see :func:`splitsnow.mitsuba.snow`."""
 
         def __init__(self, props: Any) -> None:
             mi.Texture.__init__(self, props)
@@ -28,7 +28,7 @@ def texture(mi: Any, dr: Any) -> type:
                 for name in ("facetness", "grain_size_um", "density_kg_m3")
             )
             if "filename" not in props:
-                raise ValueError("pcasnow: filename is needed, a compact file of splitsnow")
+                raise ValueError("pcasnow: filename is needed, the path of a compact file")
             filename = mi.file_resolver().resolve(props["filename"])
             metres_per_unit = float(props.get("metres_per_unit", 1.0))
             if not (math.isfinite(metres_per_unit) and metres_per_unit > 0):
@@ -36,19 +36,19 @@ def texture(mi: Any, dr: Any) -> type:
             self.shadows = bool(props.get("shadows", True))
             self.kind = props.get("light", "directional")
             if self.kind not in LIGHTS:
-                raise ValueError(f"pcasnow: light is directional or sky, not {self.kind}")
+                raise ValueError(f"pcasnow: light must be directional or sky, not {self.kind}")
             self.to_light = self._direction(props, "to_light", self.kind == "directional")
             self.up = self._direction(props, "up", False)
             curve = self._curve(props)
             self.irradiance = None
             if curve is None or mi.is_spectral:
                 self.irradiance = props.get_emissive_texture("irradiance", 1.0)
-            # All else says where in the database the snow is.
+            # All other properties are values on optional axes.
             conditions = {name: props[name] for name in props.unqueried()}
             for name, value in conditions.items():
                 if not isinstance(value, (int, float)):
                     raise ValueError(f"pcasnow: {name} must be a number, not {value!r}")
-            material = Material.of(
+            material = Material.from_file(
                 str(filename), facetness, grain_size_um, density_kg_m3, conditions
             )
             self.key = material.key
@@ -61,12 +61,12 @@ def texture(mi: Any, dr: Any) -> type:
             self.detached = False
 
         def eval(self, si: Any, active: Any = True) -> Any:
-            if self.detached:  # LLVM variants compile all that is in memory
+            if self.detached:  # LLVM variants compile all textures in memory
                 return mi.UnpolarizedSpectrum(0)
             if self.body is None:
                 raise RuntimeError(
-                    "a pcasnow in memory does not know its scene: call "
-                    "splitsnow.mitsuba.attach(scene) for each scene once it is loaded"
+                    "a pcasnow in memory is not attached to its scene: call "
+                    "splitsnow.mitsuba.attach(scene) for each scene after loading it"
                 )
             if self.kind == "sky":
                 direction, weight = self._towards_sky(si)
@@ -77,13 +77,13 @@ def texture(mi: Any, dr: Any) -> type:
                 lit = path.free & self._covered(path.cosine)
                 cm = path.thickness * self.cm_per_unit
                 if mi.is_spectral:
-                    found = self.look_up.spectrum(cm, path.cosine, si.wavelengths, lit)
+                    radiance = self.look_up.spectrum(cm, path.cosine, si.wavelengths, lit)
                 else:
-                    found = self.look_up.colour(cm, path.cosine, lit)
-                found = dr.select(lit, found * (path.cosine * weight), 0)
+                    radiance = self.look_up.colour(cm, path.cosine, lit)
+                radiance = dr.select(lit, radiance * (path.cosine * weight), 0)
             if self.irradiance is not None:
-                found = found * self.irradiance.eval(si, active)
-            return found
+                radiance = radiance * self.irradiance.eval(si, active)
+            return radiance
 
         def eval_1(self, si: Any, active: Any = True) -> Any:
             """The mean over the wavelengths, or colours, of :meth:`eval`."""
@@ -91,7 +91,7 @@ def texture(mi: Any, dr: Any) -> type:
 
         def eval_3(self, si: Any, active: Any = True) -> Any:
             if mi.is_spectral:
-                raise RuntimeError("pcasnow has no colours in spectral variants")
+                raise RuntimeError("pcasnow gives no colours in spectral variants; evaluate spectra")
             return mi.Color3f(self.eval(si, active))
 
         def sample_spectrum(self, si: Any, sample: Any, active: Any = True) -> Any:
@@ -102,12 +102,12 @@ def texture(mi: Any, dr: Any) -> type:
             return wavelengths, self.eval(si, active) * weight
 
         def is_spatially_varying(self) -> bool:
-            """It says no, so that emitters sample their surface evenly, not by UV
-            coordinates, which on many shapes are not unique."""
+            """False, so that emitters sample their surface uniformly instead of by UV
+            coordinates, which are not unique on many shapes."""
             return False
 
         def mean(self) -> Any:
-            """That of snow without thickness, across the beam."""
+            """Mean radiance of snow of thickness 0 at normal incidence."""
             return (1.0 if self.irradiance is None else self.irradiance.mean()) / math.pi
 
         def max(self) -> Any:
@@ -127,13 +127,14 @@ def texture(mi: Any, dr: Any) -> type:
         __repr__ = to_string
 
         def _covered(self, cosine: Any) -> Any:
-            """With a margin for rounding."""
-            return (cosine > self.look_up.least - 1e-6) & (cosine < self.look_up.greatest + 1e-6)
+            """Whether the database covers the angle, with a margin for rounding."""
+            look_up = self.look_up
+            return (cosine > look_up.min_cosine - 1e-6) & (cosine < look_up.max_cosine + 1e-6)
 
         def _towards_sky(self, si: Any) -> tuple[Any, Any]:
-            """A direction, uniform over the inner hemisphere, and the weight that makes
-            the mean that of a uniform sky. The place decides it: textures have no
-            random numbers of their own."""
+            """A direction, uniform over the inner hemisphere, and the weight that gives the
+            mean over a uniform sky. The direction is derived from the position, because
+            textures have no random numbers."""
             first, second = mi.sample_tea_32(_bits(si.p.x), _bits(si.p.y))
             first, second = mi.sample_tea_32(first ^ _bits(si.p.z), second)
             u, v = mi.Float(first) * 2.0**-32, mi.Float(second) * 2.0**-32
@@ -152,13 +153,13 @@ def texture(mi: Any, dr: Any) -> type:
             vector = np.array(props[name], float).ravel()
             length = float(np.linalg.norm(vector))
             if vector.size != 3 or not (math.isfinite(length) and length > 0):
-                raise ValueError(f"pcasnow: {name} must be a vector of three numbers, not zero")
+                raise ValueError(f"pcasnow: {name} must be a non-zero vector of three numbers")
             unit = mi.Vector3f(*(vector / length).tolist())
-            dr.make_opaque(unit)  # as LookUp.number
+            dr.make_opaque(unit)  # see LookUp.number
             return unit
 
         def _curve(self, props: Any) -> Any:
-            """The light where it is given wavelength by wavelength, ``(n, 2)``."""
+            """The light if it is given as a tabulated spectrum, ``(n, 2)``; else ``None``."""
             if "irradiance" not in props or props.type("irradiance") != mi.Properties.Type.Spectrum:
                 return None
             given = props["irradiance"]

@@ -1,14 +1,14 @@
-//! Which figures there are, and what is on them.
+//! The figures of `tradeoff` and their contents.
 use super::figure::{Figure, Symbol};
 use super::panel::{Panel, Series};
 use super::style::Style;
 use crate::engine::Engine;
 use crate::lab::tradeoff::{
-    Band, Coding, Components, Growth, Measure, Point, Results, front, points,
+    Band, ChartPoint, Coding, Components, Growth, Measure, Results, front, points,
 };
 use crate::measurement::Quantity;
 
-/// A figure and the name of its files.
+/// A figure with the name of its files.
 pub(super) struct Chart {
     pub(super) name: &'static str,
     pub(super) figure: Figure,
@@ -29,25 +29,25 @@ pub(super) fn all(results: &Results) -> Vec<Chart> {
 /// Error against CPU time, over all samples.
 fn tradeoff(results: &Results) -> Figure {
     let points = points(&results.rows, results.samples.len());
-    let of = |quantity, band, measure| {
+    let errors_of = |quantity, band, measure| {
         points
             .iter()
-            .filter(|p: &&Point| (p.quantity, p.band) == (quantity, band))
+            .filter(|p: &&ChartPoint| (p.quantity, p.band) == (quantity, band))
             .filter_map(|p| Some((p, measure_of(measure, p)?)))
             .collect()
     };
-    let visible = of(Quantity::Transmittance, Band::Visible, Measure::Rmse);
-    let infrared = of(Quantity::Reflectance, Band::NearInfrared, Measure::Rmse);
+    let visible = errors_of(Quantity::Transmittance, Band::Visible, Measure::Rmse);
+    let infrared = errors_of(Quantity::Reflectance, Band::NearInfrared, Measure::Rmse);
     let colour = larger(
-        of(Quantity::Transmittance, Band::Visible, Measure::DeltaE),
-        &of(Quantity::Reflectance, Band::Visible, Measure::DeltaE),
+        errors_of(Quantity::Transmittance, Band::Visible, Measure::DeltaE),
+        &errors_of(Quantity::Reflectance, Band::Visible, Measure::DeltaE),
     );
     let seeds = results.rows.iter().map(|row| row.seeds).max().unwrap_or(0);
     let mut legend = engines(points.iter().map(|p| p.setting.engine));
     if points.iter().any(|p| !p.measured) {
-        let words =
+        let text =
             "baseline of Varsa 2025: reference, 1e5 rays (binomial error, extrapolated cost)";
-        legend.push((Symbol::Series(Style::BASELINE), words.into()));
+        legend.push((Symbol::Series(Style::BASELINE), text.into()));
     }
     let remarks = [
         (
@@ -87,38 +87,41 @@ fn tradeoff(results: &Results) -> Figure {
 }
 
 /// A point with its error and the standard error of its truth.
-type Measured<'a> = (&'a Point, (f64, f64));
+type PointError<'a> = (&'a ChartPoint, (f64, f64));
 
-fn measure_of(measure: Measure, point: &Point) -> Option<(f64, f64)> {
+/// The error of a point and the standard error of its truth in one measure.
+fn measure_of(measure: Measure, point: &ChartPoint) -> Option<(f64, f64)> {
     Some((measure.of(&point.error)?, measure.of(&point.floor)?))
 }
 
-/// The points of `all` with the larger of their errors there and in `other`.
-fn larger<'a>(all: Vec<Measured<'a>>, other: &[Measured]) -> Vec<Measured<'a>> {
-    all.into_iter()
+/// The points in both lists, each with the larger of its two errors.
+fn larger<'a>(first: Vec<PointError<'a>>, second: &[PointError]) -> Vec<PointError<'a>> {
+    first
+        .into_iter()
         .filter_map(|(point, (error, floor))| {
-            let same = |(other, _): &&Measured| {
+            let same = |(other, _): &&PointError| {
                 (other.setting, other.measured) == (point.setting, point.measured)
             };
-            let (_, there) = other.iter().find(same)?;
-            Some((point, (error.max(there.0), floor.max(there.1))))
+            let (_, other) = second.iter().find(same)?;
+            Some((point, (error.max(other.0), floor.max(other.1))))
         })
         .collect()
 }
 
-fn errors(title: &str, y: &str, all: Vec<Measured>) -> Panel {
-    let at = |(point, (error, _)): &Measured| (point.cpu_seconds, *error);
-    let measured: Vec<&Measured> = all.iter().filter(|(point, _)| point.measured).collect();
-    let coordinates: Vec<_> = measured.iter().map(|point| at(point)).collect();
+/// The panel of errors against CPU time.
+fn errors(title: &str, y: &str, points: Vec<PointError>) -> Panel {
+    let coordinate = |(point, (error, _)): &PointError| (point.cpu_seconds, *error);
+    let measured: Vec<&PointError> = points.iter().filter(|(point, _)| point.measured).collect();
+    let coordinates: Vec<_> = measured.iter().map(|point| coordinate(point)).collect();
     let front: Vec<usize> = front(&coordinates);
     let rays = |i: &usize| (coordinates[*i], measured[*i].0.setting.accuracy());
-    let with = |style: fn(&Point) -> Style, wanted: bool| {
-        let points = all
+    let series = |style: fn(&ChartPoint) -> Style, is_measured: bool| {
+        let selected = points
             .iter()
-            .filter(move |(point, _)| point.measured == wanted);
-        points.map(move |point| Series {
+            .filter(move |(point, _)| point.measured == is_measured);
+        selected.map(move |point| Series {
             style: style(point.0),
-            points: vec![at(point)],
+            points: vec![coordinate(point)],
             joined: false,
         })
     };
@@ -126,25 +129,25 @@ fn errors(title: &str, y: &str, all: Vec<Measured>) -> Panel {
         title: title.into(),
         x: "CPU seconds per spectrum".into(),
         y: y.into(),
-        series: with(|point| Style::of(point.setting.engine), true)
-            .chain(with(|_| Style::BASELINE, false))
+        series: series(|point| Style::of(point.setting.engine), true)
+            .chain(series(|_| Style::BASELINE, false))
             .collect(),
         labels: front.iter().map(rays).collect(),
         front: front.iter().map(|&i| coordinates[i]).collect(),
-        floor: all.iter().map(|(_, (_, floor))| *floor).reduce(f64::max),
+        floor: points.iter().map(|(_, (_, floor))| *floor).reduce(f64::max),
     }
 }
 
-/// A line of the legend for each of the engines that is there.
-fn engines(there: impl Iterator<Item = Engine> + Clone) -> Vec<(Symbol, String)> {
+/// A line of the legend for each of the `engines`.
+fn engines(engines: impl Iterator<Item = Engine> + Clone) -> Vec<(Symbol, String)> {
     Engine::ALL
         .into_iter()
-        .filter(|engine| there.clone().any(|other| other == *engine))
+        .filter(|engine| engines.clone().any(|other| other == *engine))
         .map(|engine| (Symbol::Series(Style::of(engine)), engine.name().into()))
         .collect()
 }
 
-/// Cost against what a run is asked for.
+/// Cost against the size of the request.
 fn scaling(results: &Results) -> Figure {
     let panel = |growth: Growth| {
         let (title, x) = match growth {
@@ -153,29 +156,29 @@ fn scaling(results: &Results) -> Figure {
             Growth::Thicknesses => ("More slabs at once, the thickest 12 cm", "thicknesses"),
             Growth::Angles => ("More angles of incidence", "angles"),
         };
-        let of = |engine: &Engine| {
+        let series_of = |engine: &Engine| {
             let costs = results.costs.iter();
-            let mine = costs.filter(|c| c.growth == growth && c.setting.engine == *engine);
+            let selected = costs.filter(|c| c.growth == growth && c.setting.engine == *engine);
             Series {
                 style: Style::of(*engine),
-                points: mine.map(|c| (c.value, c.cpu_seconds)).collect(),
+                points: selected.map(|c| (c.value, c.cpu_seconds)).collect(),
                 joined: true,
             }
         };
-        let all = Engine::ALL.iter().map(of);
+        let series = Engine::ALL.iter().map(series_of);
         Panel {
             title: title.into(),
             x: x.into(),
             y: "CPU seconds".into(),
-            series: all.filter(|series| !series.points.is_empty()).collect(),
+            series: series.filter(|series| !series.points.is_empty()).collect(),
             ..Panel::default()
         }
     };
     let mut legend: Vec<(Symbol, String)> = Vec::new();
     for cost in &results.costs {
-        let words = format!("{} (rays)", cost.setting);
-        if legend.iter().all(|(_, other)| *other != words) {
-            legend.push((Symbol::Series(Style::of(cost.setting.engine)), words));
+        let text = format!("{} (rays)", cost.setting);
+        if legend.iter().all(|(_, other)| *other != text) {
+            legend.push((Symbol::Series(Style::of(cost.setting.engine)), text));
         }
     }
     let sample = results.samples.first().map_or("", String::as_str);
@@ -189,31 +192,35 @@ fn scaling(results: &Results) -> Figure {
     }
 }
 
-/// Errors of compression against its costs, in each variant of the file.
-fn components(all: &[Components]) -> Figure {
-    type Of = fn(&Components) -> Option<f64>;
-    let bytes: Of = |row| Some(row.bytes as f64);
-    // Coefficients are decoded when a file is read: one precision tells of all.
-    let time: Of = |row| {
+/// Errors of compression against its costs, for each variant of the file.
+fn components(rows: &[Components]) -> Figure {
+    type RowValue = fn(&Components) -> Option<f64>;
+    let bytes: RowValue = |row| Some(row.bytes as f64);
+    // Coefficients are decoded when a file is read, so the time is the same for all precisions.
+    let time: RowValue = |row| {
         let decoded = matches!(row.coding, Coding::Linear | Coding::Log);
         decoded.then_some(row.cpu_seconds)
     };
-    let colour: Of = |row| row.delta_e.map(|e| e[1]);
-    let rmse: Of = |row| Some(row.rmse[1]);
-    let panel = |title: &str, of: Quantity, (x, cost): (&str, Of), (y, error): (&str, Of)| {
-        let at = |row: &Components| Some((cost(row)?, error(row)?));
+    let colour: RowValue = |row| row.delta_e.map(|e| e[1]);
+    let rmse: RowValue = |row| Some(row.rmse[1]);
+    let panel = |title: &str,
+                 quantity: Quantity,
+                 (x, cost): (&str, RowValue),
+                 (y, error): (&str, RowValue)| {
+        let coordinate = |row: &Components| Some((cost(row)?, error(row)?));
         let series = |(i, coding): (usize, Coding)| {
-            let mine = all.iter();
-            let mine = mine.filter(|row| row.quantity == of && row.coding == coding);
+            let selected = rows.iter();
+            let selected = selected.filter(|row| row.quantity == quantity && row.coding == coding);
             Series {
                 style: Style::numbered(i),
-                points: mine.filter_map(at).collect(),
-                // No line: its errors follow the bound, not the bytes.
+                points: selected.filter_map(coordinate).collect(),
+                // No line, because the errors of this variant follow the bound, not the bytes.
                 joined: coding != Coding::LogNarrow,
             }
         };
-        let rows = all.iter().filter(|row| row.quantity == of);
-        let labels = rows.filter_map(|row| Some((at(row)?, row.components.to_string())));
+        let labelled = rows.iter().filter(|row| row.quantity == quantity);
+        let labels =
+            labelled.filter_map(|row| Some((coordinate(row)?, row.components.to_string())));
         Panel {
             title: title.into(),
             x: x.into(),
@@ -236,15 +243,15 @@ fn components(all: &[Components]) -> Figure {
                 Coding::LogNarrow => "quantised to 8 bits where ΔE*ab stays below 2.3",
                 other => other.precision(),
             };
-            let words = format!("{} basis, {precision}", coding.basis().name());
-            (Symbol::Series(Style::numbered(i)), words)
+            let text = format!("{} basis, {precision}", coding.basis().name());
+            (Symbol::Series(Style::numbered(i)), text)
         })
         .collect();
     let remarks = [
         "numbers are components; errors are those of the worst curve",
         "linear, f32: the compression of Varsa 2025",
     ];
-    legend.extend(remarks.map(|words| (Symbol::None, words.into())));
+    legend.extend(remarks.map(|text| (Symbol::None, text.into())));
     Figure {
         panels: vec![
             panel("Transmittance: colour and size", first, size, colour),

@@ -1,11 +1,11 @@
-//! Results as CSV (docs/formats.md).
+//! Results of `tradeoff` as CSV (docs/formats.md).
 use csv::Writer;
 
 use super::ReportError;
 use crate::engine::Resolution;
 use crate::lab::tradeoff::{Metrics, Results, Setting};
 
-/// All CSV files of `results`, by name.
+/// All CSV files of `results`: names and contents.
 pub(super) fn files(results: &Results) -> Result<Vec<(String, Vec<u8>)>, ReportError> {
     Ok(vec![
         ("tradeoff.csv".into(), errors(results)?),
@@ -14,11 +14,12 @@ pub(super) fn files(results: &Results) -> Result<Vec<(String, Vec<u8>)>, ReportE
     ])
 }
 
-/// Six digits: more than is known of any of these.
+/// `value` with six digits, which exceeds the precision of all results.
 fn digits(value: f64) -> String {
     format!("{value:.5e}")
 }
 
+/// The columns of a setting: engine, rays, table, streams.
 fn setting(setting: &Setting) -> [String; 4] {
     let Resolution { table, streams, .. } = setting.resolution;
     [
@@ -29,6 +30,7 @@ fn setting(setting: &Setting) -> [String; 4] {
     ]
 }
 
+/// The columns of the errors: RMSE, largest absolute error, Delta-E.
 fn metrics(metrics: &Metrics) -> [String; 3] {
     [
         digits(metrics.rmse),
@@ -37,11 +39,13 @@ fn metrics(metrics: &Metrics) -> [String; 3] {
     ]
 }
 
+/// The bytes of a finished table.
 fn finish(writer: Writer<Vec<u8>>) -> Result<Vec<u8>, ReportError> {
     let bytes = writer.into_inner().map_err(|error| error.into_error());
     Ok(bytes.map_err(csv::Error::from)?)
 }
 
+/// The file `tradeoff.csv`.
 fn errors(results: &Results) -> Result<Vec<u8>, ReportError> {
     let mut out = Writer::from_writer(Vec::new());
     out.write_record([
@@ -93,6 +97,7 @@ fn errors(results: &Results) -> Result<Vec<u8>, ReportError> {
     finish(out)
 }
 
+/// The file `scaling.csv`.
 fn costs(results: &Results) -> Result<Vec<u8>, ReportError> {
     let mut out = Writer::from_writer(Vec::new());
     out.write_record([
@@ -113,6 +118,7 @@ fn costs(results: &Results) -> Result<Vec<u8>, ReportError> {
     finish(out)
 }
 
+/// The file `components.csv`.
 fn components(results: &Results) -> Result<Vec<u8>, ReportError> {
     let mut out = Writer::from_writer(Vec::new());
     out.write_record([

@@ -1,10 +1,10 @@
-//! Charts and tables of what [`crate::lab::tradeoff`] measured, of a comparison with
-//! a measured spectrum, and of studies; patches of colour.
+//! Charts and tables of the results of [`crate::lab::tradeoff`], of a comparison with a measured
+//! spectrum, and of studies; patches of colour.
 //!
-//! A chart is drawn once, as SVG; its PNG is that SVG rasterised with the font
-//! DejaVu Sans, which is part of the program, so that it looks the same on every
-//! machine, with fonts or without. Colours are Okabe and Ito's, told apart with
-//! any kind of colour vision, and every series has a marker of its own as well.
+//! A chart is drawn once, as SVG. Its PNG is this SVG, rasterised with the font DejaVu Sans,
+//! which is part of the program, so that charts look the same on every machine. The colours are
+//! those of Okabe and Ito, which remain distinguishable with any kind of colour vision; every
+//! series also has its own marker.
 mod charts;
 mod csv;
 mod figure;
@@ -28,35 +28,35 @@ pub use studies::{study_table, write_study};
 pub use swatches::{Swatch, SwatchRows, Swatches};
 pub use text::{json, table};
 
-/// Why there are no charts.
+/// The reason why a report failed.
 #[derive(Debug, Error)]
 pub enum ReportError {
     /// A chart could not be drawn.
     #[error("cannot draw {chart}: {reason}")]
     Drawing {
-        /// Which.
+        /// Name of the chart.
         chart: &'static str,
-        /// Why.
+        /// Error of the drawing library.
         reason: String,
     },
-    /// A table could not be put into CSV.
+    /// A table could not be written as CSV.
     #[error("cannot make a table: {0}")]
     Table(#[from] ::csv::Error),
-    /// The system refused.
+    /// The file system reported an error.
     #[error("cannot write {}: {source}", path.display())]
     Io {
-        /// The file.
+        /// Path of the file.
         path: PathBuf,
-        /// What the system said.
+        /// Error of the file system.
         source: io::Error,
     },
 }
 
-/// Writes all charts (SVG and PNG) and their CSV files to the folder `dir`, which
-/// is made if need be; each file as a whole or not at all. Gives their paths.
+/// Writes all charts (SVG and PNG) and their CSV files to the folder `dir`, which is created if
+/// it does not exist. Each file is written atomically. Returns the paths.
 ///
 /// # Errors
-/// See [`ReportError`].
+/// [`ReportError`] if a chart cannot be drawn or a file cannot be written.
 pub fn write(dir: &Path, results: &Results) -> Result<Vec<PathBuf>, ReportError> {
     let mut files: Vec<(String, Vec<u8>)> = csv::files(results)?;
     for chart in charts::all(results) {
@@ -72,7 +72,7 @@ pub fn write(dir: &Path, results: &Results) -> Result<Vec<PathBuf>, ReportError>
     save(dir, files)
 }
 
-/// Writes files to the folder `dir`, which is made if need be. Gives their paths.
+/// Writes files to the folder `dir`, which is created if it does not exist. Returns the paths.
 fn save(dir: &Path, files: Vec<(String, Vec<u8>)>) -> Result<Vec<PathBuf>, ReportError> {
     let io = |path: &Path| {
         let path = path.to_owned();

@@ -1,42 +1,47 @@
-//! One chart with two logarithmic axes.
+//! A chart with two logarithmic axes.
 use plotters::element::DashedPathElement;
 use plotters::prelude::*;
 use plotters::style::text_anchor::HPos;
 
-use super::style::{Area, Drawn, GREY, GRID, INK, SCALE, SHADE, Style, font, number, write};
+use super::style::{Area, DrawResult, GREY, GRID, INK, SCALE, SHADE, Style, font, number, write};
 
-/// Points of one look.
+/// Points that share a style.
 #[derive(Debug, Clone)]
 pub(super) struct Series {
     pub(super) style: Style,
-    /// All coordinates above 0; others are left out.
+    /// Coordinates (x, y); points that are not finite and above 0 are left out.
     pub(super) points: Vec<(f64, f64)>,
-    /// Whether a line joins the points in their order.
+    /// Whether a line joins the points in this order.
     pub(super) joined: bool,
 }
 
-/// What is drawn between two axes.
+/// The contents of a chart.
 #[derive(Debug, Clone, Default)]
 pub(super) struct Panel {
+    /// Title above the chart.
     pub(super) title: String,
+    /// Label of the horizontal axis.
     pub(super) x: String,
+    /// Label of the vertical axis.
     pub(super) y: String,
     pub(super) series: Vec<Series>,
-    /// Joined by a dashed line.
+    /// Points of the Pareto front, joined by a dashed line.
     pub(super) front: Vec<(f64, f64)>,
-    /// Errors below this are shaded.
+    /// Errors below this value are shaded.
     pub(super) floor: Option<f64>,
-    /// Words at points; those without room are left out.
+    /// Texts at points; a text that does not fit is left out.
     pub(super) labels: Vec<((f64, f64), String)>,
 }
 
-type Pixels = (i32, i32);
+/// Coordinates of a pixel.
+type Pixel = (i32, i32);
 
+/// Whether a point can be drawn on logarithmic axes.
 fn drawable(&(x, y): &(f64, f64)) -> bool {
     x > 0.0 && y > 0.0 && x.is_finite() && y.is_finite()
 }
 
-/// A range around `values` with room on both sides, and at least a decade.
+/// A range around `values` with a margin on both sides, of at least a decade.
 fn range(values: impl Iterator<Item = f64> + Clone) -> std::ops::Range<f64> {
     let low = values.clone().fold(f64::INFINITY, f64::min);
     let high = values.fold(0.0, f64::max);
@@ -48,8 +53,8 @@ fn range(values: impl Iterator<Item = f64> + Clone) -> std::ops::Range<f64> {
     low / missing / room..high * missing * room
 }
 
-/// Where an axis over `range` has labels: 1, 2, 5 of each decade if there are
-/// few decades, else powers of ten, about eight.
+/// Positions of the labels on an axis over `range`: 1, 2, 5 of each decade for fewer than three
+/// decades, else powers of ten, about eight in all.
 fn ticks(range: &std::ops::Range<f64>) -> Vec<f64> {
     let (first, last) = (range.start.log10().floor(), range.end.log10().ceil());
     let decades = (range.end / range.start).log10();
@@ -68,16 +73,16 @@ fn ticks(range: &std::ops::Range<f64>) -> Vec<f64> {
 }
 
 impl Panel {
-    /// Draws it on the whole of `area`.
-    pub(super) fn draw(&self, area: &Area) -> Drawn {
-        let all = || {
+    /// Draws the chart on the whole of `area`.
+    pub(super) fn draw(&self, area: &Area) -> DrawResult {
+        let drawn_points = || {
             let points = self.series.iter().flat_map(|series| &series.points);
             points.copied().filter(drawable)
         };
         let floor = self.floor.filter(|floor| *floor > 0.0);
         let (xs, ys) = (
-            range(all().map(|(x, _)| x)),
-            range(all().map(|(_, y)| y).chain(floor)),
+            range(drawn_points().map(|(x, _)| x)),
+            range(drawn_points().map(|(_, y)| y).chain(floor)),
         );
         let mut chart = ChartBuilder::on(area)
             .caption(&self.title, font(15, &INK))
@@ -89,9 +94,9 @@ impl Panel {
                 xs.clone().log_scale().with_key_points(ticks(&xs)),
                 ys.clone().log_scale().with_key_points(ticks(&ys)),
             )?;
-        // Pixels of `area`.
+        // Converts the library's coordinates to pixels of `area`.
         let base = area.get_base_pixel();
-        let relative = |(x, y): Pixels| (x - base.0, y - base.1);
+        let relative = |(x, y): Pixel| (x - base.0, y - base.1);
         let corner = relative(chart.backend_coord(&(xs.start, ys.start)));
         let end = relative(chart.backend_coord(&(xs.end, ys.end)));
         if let Some(floor) = floor {
@@ -110,23 +115,28 @@ impl Panel {
             .y_desc(&self.y)
             .axis_desc_style(font(13, &INK))
             .draw()?;
-        let at = |point: &(f64, f64)| relative(chart.backend_coord(point));
-        let mut taken: Vec<(Pixels, Pixels)> = Vec::new();
+        let pixel = |point: &(f64, f64)| relative(chart.backend_coord(point));
+        let mut taken: Vec<(Pixel, Pixel)> = Vec::new();
         if let Some(floor) = floor {
-            let (left, right) = (at(&(xs.start, floor)), at(&(xs.end, floor)));
+            let (left, right) = (pixel(&(xs.start, floor)), pixel(&(xs.end, floor)));
             area.draw(&PathElement::new(
                 [left, right],
                 GREY.stroke_width(SCALE as u32),
             ))?;
         }
         if self.front.len() > 1 {
-            let path: Vec<_> = self.front.iter().filter(|p| drawable(p)).map(at).collect();
+            let path: Vec<_> = self
+                .front
+                .iter()
+                .filter(|p| drawable(p))
+                .map(pixel)
+                .collect();
             let style = INK.stroke_width(SCALE as u32);
             area.draw(&DashedPathElement::new(path, 6 * SCALE, 4 * SCALE, style))?;
         }
         for series in &self.series {
             let points = series.points.iter().filter(|point| drawable(point));
-            let points: Vec<Pixels> = points.map(at).collect();
+            let points: Vec<Pixel> = points.map(pixel).collect();
             if series.joined {
                 let stroke = series.style.colour.stroke_width(2 * SCALE as u32);
                 area.draw(&PathElement::new(points.clone(), stroke))?;
@@ -136,32 +146,34 @@ impl Panel {
                 taken.push(around(point, 6 * SCALE, 6 * SCALE));
             }
         }
-        for (point, words) in self.labels.iter().filter(|(point, _)| drawable(point)) {
-            let point = at(point);
-            if let Some((place, across, covers)) = place(point, words, (corner, end), &taken) {
-                write(area, words, place, font(11, &INK), across)?;
-                taken.push(covers);
+        for (point, text) in self.labels.iter().filter(|(point, _)| drawable(point)) {
+            let point = pixel(point);
+            if let Some((start, align, box_)) = place(point, text, (corner, end), &taken) {
+                write(area, text, start, font(11, &INK), align)?;
+                taken.push(box_);
             }
         }
         Ok(())
     }
 }
 
-fn around((x, y): Pixels, dx: i32, dy: i32) -> (Pixels, Pixels) {
+/// The box that extends by `dx` and `dy` from a pixel.
+fn around((x, y): Pixel, dx: i32, dy: i32) -> (Pixel, Pixel) {
     ((x - dx, y - dy), (x + dx, y + dy))
 }
 
-/// Where `words` fit beside `point`: right, left, above or below it, within the
-/// axes from `corner` to `end` and off what is `taken`.
+/// The position of `text` beside `point`: right, left, above or below it, inside the axes from
+/// `corner` to `end`, without overlap with the boxes in `taken`. Returns the pixel, the
+/// alignment and the box of the text; `None` if the text does not fit.
 fn place(
-    point: Pixels,
-    words: &str,
-    (corner, end): (Pixels, Pixels),
-    taken: &[(Pixels, Pixels)],
-) -> Option<(Pixels, HPos, (Pixels, Pixels))> {
+    point: Pixel,
+    text: &str,
+    (corner, end): (Pixel, Pixel),
+    taken: &[(Pixel, Pixel)],
+) -> Option<(Pixel, HPos, (Pixel, Pixel))> {
     let (half, gap) = (7 * SCALE, 10 * SCALE);
-    // Digits of DejaVu Sans are 0.64 of their size wide.
-    let width = words.chars().count() as i32 * 7 * SCALE;
+    // Digits of DejaVu Sans are 0.64 of the font size wide.
+    let width = text.chars().count() as i32 * 7 * SCALE;
     let (x, y) = point;
     let candidates = [
         ((x + gap, y), HPos::Left, x + gap),
@@ -171,13 +183,13 @@ fn place(
         ((x + gap, y - gap), HPos::Left, x + gap),
         ((x - gap, y + gap), HPos::Right, x - gap - width),
     ];
-    candidates.into_iter().find_map(|(at, across, left)| {
-        let (low, high) = ((left, at.1 - half), (left + width, at.1 + half));
+    candidates.into_iter().find_map(|(pixel, align, left)| {
+        let (low, high) = ((left, pixel.1 - half), (left + width, pixel.1 + half));
         let inside = low.0 > corner.0 && high.0 < end.0 && low.1 > end.1 && high.1 < corner.1;
         let free = taken
             .iter()
             .all(|(a, b)| high.0 < a.0 || low.0 > b.0 || high.1 < a.1 || low.1 > b.1);
-        (inside && free).then_some((at, across, (low, high)))
+        (inside && free).then_some((pixel, align, (low, high)))
     })
 }
 
@@ -186,7 +198,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn ranges_hold_what_they_are_of() {
+    fn ranges_contain_their_values() {
         let holds = |values: &[f64]| {
             let found = range(values.iter().copied());
             assert!(found.end / found.start >= 10.0, "{found:?}");

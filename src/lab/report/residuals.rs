@@ -1,4 +1,4 @@
-//! A simulated and a measured spectrum, and their difference below.
+//! Chart of a simulated and a measured spectrum with their difference.
 use std::ops::Range;
 use std::path::Path;
 
@@ -8,29 +8,32 @@ use plotters::style::text_anchor::HPos;
 
 use super::ReportError;
 use super::figure::{self, png};
-use super::style::{Area, Drawn, GREY, GRID, INK, SCALE, SHADE, Style, font, write};
+use super::style::{Area, DrawResult, GREY, GRID, INK, SCALE, SHADE, Style, font, write};
 use crate::atomic;
-use crate::comparison::{Comparison, GOOD_RMSE, MeasuredSpectrum, Point, listed};
+use crate::comparison::{Comparison, GOOD_RMSE, MeasuredSpectrum, ResidualPoint, listed};
 
-/// Size as shown, pixels: the title with the legend, and the two panels.
+/// Width as shown, pixels.
 const WIDTH: i32 = 900;
+/// Height of the title with the legend.
 const HEAD: i32 = 78;
+/// Height of the upper panel, with both spectra.
 const UPPER: i32 = 380;
+/// Height of the lower panel, with the difference.
 const LOWER: i32 = 230;
-/// So few points are marked one by one.
+/// Largest number of points that are marked individually.
 const FEW: usize = 60;
 
-/// A kind of picture file.
+/// The format of a picture.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Picture {
     /// Scalable vector graphics.
     Svg,
-    /// Pixels.
+    /// PNG, pixels.
     Png,
 }
 
 impl Picture {
-    /// The kind that the end of a file's name says.
+    /// The format for the extension of `path`; `None` for an unknown extension.
     #[must_use]
     pub fn of(path: &Path) -> Option<Self> {
         let extension = path.extension()?;
@@ -42,24 +45,23 @@ impl Picture {
     }
 }
 
-/// The picture of a comparison.
+/// The chart of a comparison.
 #[derive(Debug, Clone, Copy)]
 pub struct Residuals<'a> {
-    /// What was compared with.
+    /// The measured spectrum.
     pub measured: &'a MeasuredSpectrum,
-    /// What came out.
+    /// The comparison with the simulation.
     pub comparison: &'a Comparison,
 }
 
-/// What a panel draws of a point.
-type Of<'f> = &'f dyn Fn(&Point) -> f64;
+/// The value of a point that a panel draws.
+type PointValue<'f> = &'f dyn Fn(&ResidualPoint) -> f64;
 
 impl Residuals<'_> {
-    /// Writes it, as a whole or not at all: as PNG if the name of the file says so,
-    /// else as SVG.
+    /// Writes the chart atomically: as PNG if `path` ends with .png, else as SVG.
     ///
     /// # Errors
-    /// See [`ReportError`].
+    /// [`ReportError`] if the chart cannot be drawn or the file cannot be written.
     pub fn write(&self, path: &Path) -> Result<(), ReportError> {
         let failed = |reason| ReportError::Drawing {
             chart: "the comparison",
@@ -77,40 +79,41 @@ impl Residuals<'_> {
         })
     }
 
-    fn draw(&self, area: &Area) -> Drawn {
+    /// Draws the title, the legend and both panels.
+    fn draw(&self, area: &Area) -> DrawResult {
         let (head, rest) = area.split_vertically(HEAD * SCALE);
         let (upper, lower) = rest.split_vertically(UPPER * SCALE);
         let (simulated, measured) = (Style::numbered(0), Style::numbered(1));
         self.head(&head, simulated, measured)?;
-        let value: Of = &|point| point.matched.value;
+        let value: PointValue = &|point| point.matched.value;
         let counted = || {
             self.comparison
                 .points
                 .iter()
                 .filter(|p| !p.matched.excluded)
         };
-        let all = counted().flat_map(|p| [p.matched.value, p.simulated.value]);
-        let ys = all.clone().fold(0.0, f64::min)..above(all.fold(0.0, f64::max));
+        let values = counted().flat_map(|p| [p.matched.value, p.simulated.value]);
+        let ys = values.clone().fold(0.0, f64::min)..axis_end(values.fold(0.0, f64::max));
         let curves = [
             (measured, value),
-            (simulated, &|p: &Point| p.simulated.value),
+            (simulated, &|p: &ResidualPoint| p.simulated.value),
         ];
         self.panel(&upper, self.measured.quantity().name(), ys, &curves, &[])?;
         let largest = counted().fold(GOOD_RMSE, |most, p| most.max(p.residual().abs()));
         let ys = -1.1 * largest..1.1 * largest;
         let limits = [-GOOD_RMSE, GOOD_RMSE];
-        let residual: Of = &Point::residual;
-        let words = "simulated - measured";
-        self.panel(&lower, words, ys, &[(simulated, residual)], &limits)
+        let residual: PointValue = &ResidualPoint::residual;
+        let label = "simulated - measured";
+        self.panel(&lower, label, ys, &[(simulated, residual)], &limits)
     }
 
-    /// Title and legend.
-    fn head(&self, area: &Area, simulated: Style, measured: Style) -> Drawn {
+    /// Draws the title and the legend.
+    fn head(&self, area: &Area, simulated: Style, measured: Style) -> DrawResult {
         let quantity = self.measured.quantity().name();
         let title = match self.comparison.overall() {
-            Some(all) => format!(
+            Some(overall) => format!(
                 "Simulated and measured {quantity}: RMSE {:.4}, mean difference {:+.4}, {} wavelengths",
-                all.rmse, all.bias, all.points
+                overall.rmse, overall.bias, overall.points
             ),
             None => format!("Simulated and measured {quantity}"),
         };
@@ -124,10 +127,10 @@ impl Residuals<'_> {
         )?;
         let y = 56 * SCALE;
         let entry = |x: i32| ((x * SCALE, y), ((x + 30) * SCALE, y));
-        let words = |x: i32, words: &str| {
+        let write_text = |x: i32, text: &str| {
             write(
                 area,
-                words,
+                text,
                 ((x + 38) * SCALE, y),
                 font(12, &INK),
                 HPos::Left,
@@ -139,11 +142,11 @@ impl Residuals<'_> {
                 [from, to],
                 style.colour.stroke_width(2 * SCALE as u32),
             ))?;
-            words(x, name)?;
+            write_text(x, name)?;
         }
         let (from, to) = entry(314);
         dashed(area, [from, to])?;
-        words(314, &format!("± {GOOD_RMSE}"))?;
+        write_text(314, &format!("± {GOOD_RMSE}"))?;
         let exclusions = self.measured.exclusions();
         if !exclusions.is_empty() {
             let ((left, _), (right, _)) = entry(424);
@@ -153,22 +156,22 @@ impl Residuals<'_> {
             if bands.chars().count() > 40 {
                 bands = format!("{} bands", exclusions.len());
             }
-            words(424, &format!("not counted: {bands} nm"))?;
+            write_text(424, &format!("not counted: {bands} nm"))?;
         }
         Ok(())
     }
 
-    /// Curves over wavelength within `ys`, and dashed lines at `limits`.
+    /// Draws curves over wavelength in the range `ys`, and dashed lines at `limits`.
     fn panel(
         &self,
         area: &Area,
-        words: &str,
+        label: &str,
         ys: Range<f64>,
-        curves: &[(Style, Of)],
+        curves: &[(Style, PointValue)],
         limits: &[f64],
-    ) -> Drawn {
+    ) -> DrawResult {
         let points = &self.comparison.points;
-        let nm = |point: Option<&Point>| point.map_or(0.0, |point| point.matched.nm);
+        let nm = |point: Option<&ResidualPoint>| point.map_or(0.0, |point| point.matched.nm);
         let xs = nm(points.first())..nm(points.last());
         let mut chart = ChartBuilder::on(area)
             .margin(4 * SCALE)
@@ -191,28 +194,28 @@ impl Residuals<'_> {
             .x_label_formatter(&|nm| format!("{}", (nm * 1e3).round() / 1e3))
             .label_style(font(12, &INK))
             .x_desc("wavelength, nm")
-            .y_desc(words)
+            .y_desc(label)
             .axis_desc_style(font(13, &INK))
             .draw()?;
-        // Pixels of `area`. What is beyond the axis is noise that does not count.
+        // Pixels of `area`. Values beyond the axis are noise in excluded bands and are clamped.
         let base = area.get_base_pixel();
-        let at = |(nm, y): (f64, f64)| {
+        let pixel = |(nm, y): (f64, f64)| {
             let (x, y) = chart.backend_coord(&(nm, y.clamp(ys.start, ys.end)));
             (x - base.0, y - base.1)
         };
         for &y in limits {
-            dashed(area, [at((xs.start, y)), at((xs.end, y))])?;
+            dashed(area, [pixel((xs.start, y)), pixel((xs.end, y))])?;
         }
-        for &(style, of) in curves {
-            let path = |points: &[Point]| -> Vec<_> {
-                let pairs = points.iter().map(|point| (point.matched.nm, of(point)));
-                pairs.map(at).collect()
+        for &(style, value) in curves {
+            let path = |points: &[ResidualPoint]| -> Vec<_> {
+                let pairs = points.iter().map(|point| (point.matched.nm, value(point)));
+                pairs.map(pixel).collect()
             };
-            let line = |points: &[Point], width: i32| {
+            let line = |points: &[ResidualPoint], width: i32| {
                 let stroke = style.colour.stroke_width((width * SCALE) as u32);
                 area.draw(&PathElement::new(path(points), stroke))
             };
-            // No line where wavelengths between have no measurement.
+            // Lines are interrupted at wavelengths without a measured value.
             for joined in points.chunk_by(|a, b| b.matched.index == a.matched.index + 1) {
                 line(joined, 1)?;
                 for part in joined.chunk_by(|a, b| a.matched.excluded == b.matched.excluded) {
@@ -221,8 +224,8 @@ impl Residuals<'_> {
                     }
                 }
                 if points.len() <= FEW || joined.len() == 1 {
-                    for pixel in path(joined) {
-                        style.mark(area, pixel)?;
+                    for marker in path(joined) {
+                        style.mark(area, marker)?;
                     }
                 }
             }
@@ -231,14 +234,15 @@ impl Residuals<'_> {
     }
 }
 
-fn dashed(area: &Area, ends: [(i32, i32); 2]) -> Drawn {
+/// Draws a dashed line.
+fn dashed(area: &Area, ends: [(i32, i32); 2]) -> DrawResult {
     let (dash, gap, style) = (6 * SCALE, 4 * SCALE, GREY.stroke_width(SCALE as u32));
     area.draw(&DashedPathElement::new(ends, dash, gap, style))
 }
 
-/// Where an axis from 0 ends above `value`: 1, or 2, 5 or 10 of a smaller decade;
-/// 1.2 if it must.
-pub(super) fn above(value: f64) -> f64 {
+/// The end of an axis that starts at 0 and contains `value`: 1, 2, 5 or 10 times a power of
+/// ten, at most 1; 1.2 for values above 1.
+pub(super) fn axis_end(value: f64) -> f64 {
     if value > 1.0 {
         return 1.2;
     }
@@ -262,12 +266,12 @@ mod tests {
             (0.0, 1e-12),
         ];
         for (value, end) in cases {
-            assert!((above(value) / end - 1.0).abs() < 1e-9, "{value}");
+            assert!((axis_end(value) / end - 1.0).abs() < 1e-9, "{value}");
         }
     }
 
     #[test]
-    fn kinds_by_name() {
+    fn formats_by_extension() {
         let kind = |name: &str| Picture::of(Path::new(name));
         assert_eq!(kind("a/b.svg"), Some(Picture::Svg));
         assert_eq!(kind("b.PNG"), Some(Picture::Png));

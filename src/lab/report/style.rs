@@ -1,20 +1,23 @@
-//! Colours, markers, text.
+//! Colours, markers and text.
 use plotters::coord::Shift;
 use plotters::prelude::*;
 use plotters::style::text_anchor::{HPos, Pos, VPos};
 
 use crate::engine::Engine;
 
-/// Drawings are made this many times larger than they are shown, since the
-/// library rounds to whole pixels.
+/// Factor by which drawings are larger than their size as shown, because the library rounds to
+/// whole pixels.
 pub(super) const SCALE: i32 = 2;
+/// Colour of text, axes and dark lines.
 pub(super) const INK: RGBColor = RGBColor(40, 40, 40);
+/// Colour of secondary text and lines.
 pub(super) const GREY: RGBColor = RGBColor(120, 120, 120);
+/// Colour of grid lines.
 pub(super) const GRID: RGBColor = RGBColor(228, 228, 228);
-/// What cannot be resolved.
+/// Colour of ranges that cannot be resolved or are not counted.
 pub(super) const SHADE: RGBColor = RGBColor(240, 238, 228);
 
-/// Okabe and Ito's palette without black and yellow.
+/// Colours of the series: Okabe and Ito's palette without black and yellow.
 const COLOURS: [RGBColor; 6] = [
     RGBColor(0, 114, 178),
     RGBColor(213, 94, 0),
@@ -23,22 +26,24 @@ const COLOURS: [RGBColor; 6] = [
     RGBColor(230, 159, 0),
     RGBColor(86, 180, 233),
 ];
-const SHAPES: [Shape; 6] = [
-    Shape::Circle,
-    Shape::Square,
-    Shape::Triangle,
-    Shape::Diamond,
-    Shape::Plus,
-    Shape::Inverted,
+/// Markers of the series.
+const MARKERS: [Marker; 6] = [
+    Marker::Circle,
+    Marker::Square,
+    Marker::Triangle,
+    Marker::Diamond,
+    Marker::Plus,
+    Marker::Inverted,
 ];
 
 /// The area of an SVG drawing.
 pub(super) type Area<'a> = DrawingArea<SVGBackend<'a>, Shift>;
-/// What the library says when it fails.
-pub(super) type Drawn = Result<(), DrawingAreaErrorKind<std::io::Error>>;
+/// The result of drawing with the library.
+pub(super) type DrawResult = Result<(), DrawingAreaErrorKind<std::io::Error>>;
 
+/// The shape of a marker.
 #[derive(Debug, Clone, Copy, PartialEq)]
-enum Shape {
+enum Marker {
     Circle,
     Square,
     Triangle,
@@ -48,54 +53,54 @@ enum Shape {
     Star,
 }
 
-/// How a series looks.
+/// The look of a series: colour and marker.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub(super) struct Style {
     pub(super) colour: RGBColor,
-    shape: Shape,
+    marker: Marker,
 }
 
 impl Style {
-    /// That of series number `i`.
+    /// The style of series number `i`.
     pub(super) fn numbered(i: usize) -> Self {
         Self {
             colour: COLOURS[i % COLOURS.len()],
-            shape: SHAPES[i % SHAPES.len()],
+            marker: MARKERS[i % MARKERS.len()],
         }
     }
 
-    /// That of an engine, the same in all charts.
+    /// The style of an engine, the same in all charts.
     pub(super) fn of(engine: Engine) -> Self {
-        let all = Engine::ALL.into_iter();
-        Self::numbered(all.take_while(|other| *other != engine).count())
+        let engines = Engine::ALL.into_iter();
+        Self::numbered(engines.take_while(|other| *other != engine).count())
     }
 
-    /// That of the baseline.
+    /// The style of the baseline.
     pub(super) const BASELINE: Self = Self {
         colour: RGBColor(0, 0, 0),
-        shape: Shape::Star,
+        marker: Marker::Star,
     };
 
     /// Draws the marker at a pixel of `area`.
-    pub(super) fn mark(self, area: &Area, (x, y): (i32, i32)) -> Drawn {
+    pub(super) fn mark(self, area: &Area, (x, y): (i32, i32)) -> DrawResult {
         let r = 5 * SCALE;
         let fill = self.colour.filled();
         let polygon = |corners: &[(i32, i32)]| {
             let corners: Vec<_> = corners.iter().map(|(i, j)| (x + i, y + j)).collect();
             area.draw(&Polygon::new(corners, fill))
         };
-        match self.shape {
-            Shape::Circle => area.draw(&Circle::new((x, y), r, fill)),
-            Shape::Square => polygon(&[(-r, -r), (r, -r), (r, r), (-r, r)]),
-            Shape::Triangle => polygon(&[(0, -r - 2), (r + 2, r), (-r - 2, r)]),
-            Shape::Inverted => polygon(&[(0, r + 2), (r + 2, -r), (-r - 2, -r)]),
-            Shape::Diamond => polygon(&[(0, -r - 4), (r + 4, 0), (0, r + 4), (-r - 4, 0)]),
-            Shape::Plus => {
+        match self.marker {
+            Marker::Circle => area.draw(&Circle::new((x, y), r, fill)),
+            Marker::Square => polygon(&[(-r, -r), (r, -r), (r, r), (-r, r)]),
+            Marker::Triangle => polygon(&[(0, -r - 2), (r + 2, r), (-r - 2, r)]),
+            Marker::Inverted => polygon(&[(0, r + 2), (r + 2, -r), (-r - 2, -r)]),
+            Marker::Diamond => polygon(&[(0, -r - 4), (r + 4, 0), (0, r + 4), (-r - 4, 0)]),
+            Marker::Plus => {
                 let (a, b) = (r + 2, r / 2 - 1);
                 polygon(&[(-a, -b), (a, -b), (a, b), (-a, b)])?;
                 polygon(&[(-b, -a), (b, -a), (b, a), (-b, a)])
             }
-            Shape::Star => {
+            Marker::Star => {
                 let corner = |i: i32| {
                     let length = f64::from(if i % 2 == 0 { 2 * r } else { r * 4 / 5 });
                     let angle = f64::from(i) * std::f64::consts::PI / 5.0;
@@ -108,24 +113,24 @@ impl Style {
     }
 }
 
-/// Text of `size` shown pixels.
+/// The font for text of `size` pixels as shown.
 pub(super) fn font(size: i32, colour: &RGBColor) -> TextStyle<'static> {
     ("sans-serif", size * SCALE).into_font().color(colour)
 }
 
-/// Writes at a pixel of `area`, which is the middle of the text's height.
+/// Writes `text` at a pixel of `area`, vertically centred and horizontally aligned by `align`.
 pub(super) fn write(
     area: &Area,
-    words: &str,
-    at: (i32, i32),
+    text: &str,
+    pixel: (i32, i32),
     style: TextStyle,
-    across: HPos,
-) -> Drawn {
-    let style = style.pos(Pos::new(across, VPos::Center));
-    area.draw(&Text::new(words.to_owned(), at, style))
+    align: HPos,
+) -> DrawResult {
+    let style = style.pos(Pos::new(align, VPos::Center));
+    area.draw(&Text::new(text.to_owned(), pixel, style))
 }
 
-/// A number as labels show it: 0.001 to 9999 as they are, others with powers of ten.
+/// A number as text for labels: 0.001 to 9999 as a decimal, others with a power of ten.
 pub(super) fn number(value: f64) -> String {
     if (1e-3..1e4).contains(&value) {
         return format!("{}", (value * 1e6).round() / 1e6);
@@ -173,7 +178,7 @@ mod tests {
     }
 
     #[test]
-    fn engines_are_told_apart() {
+    fn engines_have_different_styles() {
         let styles = Engine::ALL.map(Style::of);
         for (i, style) in styles.iter().enumerate() {
             assert!(!styles[..i].contains(style) && *style != Style::BASELINE);

@@ -4,52 +4,59 @@ use plotters::style::text_anchor::HPos;
 
 use super::ReportError;
 use super::figure::{self, png};
-use super::style::{Area, Drawn, GREY, INK, SCALE, font, write};
+use super::style::{Area, DrawResult, GREY, INK, SCALE, font, write};
 
-/// Sizes as shown, pixels: what is left of the patches, a patch with the gap after
-/// it, and the heights of a patch and of the words below.
+/// Width left of the patches, as shown, pixels.
 const LEFT: i32 = 84;
+/// Width of a patch.
 const PATCH: i32 = 96;
+/// Width of the gap after a patch.
 const GAP: i32 = 10;
+/// Height of a patch.
 const HEIGHT: i32 = 46;
+/// Height of the text below a patch.
 const WORDS: i32 = 22;
-/// Heights of the title, of a remark, of the heads of the columns and of a group.
+/// Height of the title.
 const TITLE: i32 = 42;
+/// Height of a remark.
 const REMARK: i32 = 18;
+/// Height of the headings of the columns.
 const COLUMNS: i32 = 44;
+/// Height of the heading of a group.
 const GROUP: i32 = 30;
-/// Width of a letter of a remark, and of the title.
+/// Width of a letter of a remark.
 const LETTER: f64 = 6.6;
+/// Width of a letter of the title.
 const CAPITAL: f64 = 8.8;
 
-/// A table of patches. Remarks stand below it.
+/// A table of colour patches with remarks below.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Swatches {
-    /// What is shown.
+    /// The title above the table.
     pub title: String,
-    /// How it is shown.
+    /// Remarks below the table, one line each.
     pub remarks: Vec<String>,
-    /// The two lines above each column.
+    /// The two lines of text above each column.
     pub columns: Vec<[String; 2]>,
-    /// The rows.
+    /// The rows in groups.
     pub groups: Vec<SwatchRows>,
 }
 
-/// Rows of patches with a heading, which may be empty.
+/// A group of rows with a heading, which may be empty.
 #[derive(Debug, Clone, PartialEq)]
 pub struct SwatchRows {
-    /// What they have in common.
+    /// The heading.
     pub heading: String,
-    /// Name and patches of each, one patch per column.
+    /// Name and patches of each row, one patch per column.
     pub rows: Vec<(String, Vec<Swatch>)>,
 }
 
-/// A patch: colours side by side without a gap, and words below.
+/// A patch: colours side by side without gaps, with a text below.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub struct Swatch {
     /// Gamma-encoded sRGB, from left to right.
     pub colours: Vec<[u8; 3]>,
-    /// Words below it.
+    /// Text below the patch.
     pub words: String,
 }
 
@@ -57,57 +64,60 @@ impl Swatches {
     /// The table as the text of an SVG file.
     ///
     /// # Errors
-    /// [`ReportError::Drawing`].
+    /// [`ReportError::Drawing`] if the table cannot be drawn.
     pub fn svg(&self) -> Result<String, ReportError> {
         figure::svg((self.width(), self.height()), |area| self.draw(area)).map_err(failed)
     }
 
-    /// The same as a PNG file.
+    /// The table as a PNG file.
     ///
     /// # Errors
-    /// [`ReportError::Drawing`].
+    /// [`ReportError::Drawing`] if the table cannot be drawn.
     pub fn png(&self) -> Result<Vec<u8>, ReportError> {
         png(&self.svg()?).map_err(failed)
     }
 
+    /// Width of the picture as shown, pixels.
     fn width(&self) -> i32 {
         let letters = |text: &String, width: f64| (text.chars().count() as f64 * width) as i32;
         let remarks = self.remarks.iter().map(|text| letters(text, LETTER));
-        let words = remarks.fold(letters(&self.title, CAPITAL), i32::max);
+        let text = remarks.fold(letters(&self.title, CAPITAL), i32::max);
         let table = LEFT + self.columns.len() as i32 * (PATCH + GAP);
-        table.max(words + GAP) + GAP
+        table.max(text + GAP) + GAP
     }
 
+    /// Height of the picture as shown, pixels.
     fn height(&self) -> i32 {
         let rows = |group: &SwatchRows| head(group) + group.rows.len() as i32 * (HEIGHT + WORDS);
         let groups: i32 = self.groups.iter().map(rows).sum();
         TITLE + COLUMNS + groups + self.remarks.len() as i32 * REMARK + GAP
     }
 
-    fn draw(&self, area: &Area) -> Drawn {
-        let at = |x: i32, y: i32| (x * SCALE, y * SCALE);
+    /// Draws the table.
+    fn draw(&self, area: &Area) -> DrawResult {
+        let pixel = |x: i32, y: i32| (x * SCALE, y * SCALE);
         write(
             area,
             &self.title,
-            at(GAP, TITLE / 2),
+            pixel(GAP, TITLE / 2),
             font(16, &INK),
             HPos::Left,
         )?;
         for (lines, i) in self.columns.iter().zip(0..) {
             let x = left(i) + PATCH / 2;
-            for (words, line) in lines.iter().zip([10, 28]) {
+            for (text, line) in lines.iter().zip([10, 28]) {
                 let look = font(12, if line == 10 { &INK } else { &GREY });
-                write(area, words, at(x, TITLE + line), look, HPos::Center)?;
+                write(area, text, pixel(x, TITLE + line), look, HPos::Center)?;
             }
         }
         let mut y = TITLE + COLUMNS;
         for group in &self.groups {
-            let from = at(GAP, y + GROUP / 2 - 2);
-            write(area, &group.heading, from, font(13, &INK), HPos::Left)?;
+            let start = pixel(GAP, y + GROUP / 2 - 2);
+            write(area, &group.heading, start, font(13, &INK), HPos::Left)?;
             y += head(group);
             for (name, swatches) in &group.rows {
-                let side = at(LEFT - GAP, y + HEIGHT / 2);
-                write(area, name, side, font(13, &INK), HPos::Right)?;
+                let end = pixel(LEFT - GAP, y + HEIGHT / 2);
+                write(area, name, end, font(13, &INK), HPos::Right)?;
                 for (swatch, i) in swatches.iter().zip(0..) {
                     swatch.draw(area, (left(i), y))?;
                 }
@@ -119,7 +129,7 @@ impl Swatches {
             write(
                 area,
                 remark,
-                at(GAP, y - REMARK / 2),
+                pixel(GAP, y - REMARK / 2),
                 font(12, &GREY),
                 HPos::Left,
             )?;
@@ -128,6 +138,7 @@ impl Swatches {
     }
 }
 
+/// A drawing error with this reason.
 fn failed(reason: String) -> ReportError {
     ReportError::Drawing {
         chart: "the swatches",
@@ -146,7 +157,8 @@ fn head(group: &SwatchRows) -> i32 {
 }
 
 impl Swatch {
-    fn draw(&self, area: &Area, (x, y): (i32, i32)) -> Drawn {
+    /// Draws the patch with its upper left corner at `(x, y)`, pixels as shown.
+    fn draw(&self, area: &Area, (x, y): (i32, i32)) -> DrawResult {
         let n = self.colours.len().max(1) as i32;
         for (&[r, g, b], i) in self.colours.iter().zip(0..) {
             let edge = |i: i32| (x + PATCH * i / n) * SCALE;
@@ -166,7 +178,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn pixels_have_the_colours_asked_for() {
+    fn pixels_have_the_requested_colours() {
         let colours = |i: u8| vec![[10 * i, 100 + i, 255], [i, 7, 80 - i]];
         let swatch = |i: u8| Swatch {
             colours: colours(i),

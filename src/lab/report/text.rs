@@ -1,43 +1,47 @@
-//! Results as text for people, and as JSON.
+//! Results of `tradeoff` as text and as JSON.
 use std::fmt::Write;
 
 use serde_json::{Value, json};
 
 use crate::engine::Engine;
 use crate::lab::tradeoff::{
-    Band, Bound, Candidate, Metrics, Point, Recommendation, Results, Row, front, points, recommend,
+    Band, Bound, Candidate, ChartPoint, Metrics, Recommendation, Results, Row, front, points,
+    recommend,
 };
 use crate::measurement::Quantity;
 
-/// What there is on a line of the table: both quantities of one setting.
-struct Line<'a> {
-    transmitted: &'a Point,
-    reflected: &'a Point,
+/// A line of the table: both quantities of one setting.
+struct TableLine<'a> {
+    transmitted: &'a ChartPoint,
+    reflected: &'a ChartPoint,
 }
 
-fn lines(points: &[Point], band: Band) -> Vec<Line<'_>> {
-    let of = |quantity| {
-        let mine = move |p: &&Point| (p.band, p.quantity) == (band, quantity);
-        points.iter().filter(mine)
+/// The lines of the table for one band.
+fn lines(points: &[ChartPoint], band: Band) -> Vec<TableLine<'_>> {
+    let points_of = |quantity| {
+        let matches = move |p: &&ChartPoint| (p.band, p.quantity) == (band, quantity);
+        points.iter().filter(matches)
     };
-    of(Quantity::Transmittance)
+    points_of(Quantity::Transmittance)
         .filter_map(|transmitted| {
-            let same =
-                |p: &&Point| (p.setting, p.measured) == (transmitted.setting, transmitted.measured);
-            Some(Line {
+            let same = |p: &&ChartPoint| {
+                (p.setting, p.measured) == (transmitted.setting, transmitted.measured)
+            };
+            Some(TableLine {
                 transmitted,
-                reflected: of(Quantity::Reflectance).find(same)?,
+                reflected: points_of(Quantity::Reflectance).find(same)?,
             })
         })
         .collect()
 }
 
-fn recommendations(points: &[Point]) -> Vec<Recommendation> {
+/// The recommendations for all bounds.
+fn recommendations(points: &[ChartPoint]) -> Vec<Recommendation> {
     let bounds = Bound::all().into_iter();
     bounds.map(|bound| recommend(bound, points)).collect()
 }
 
-/// The table of all settings, and the engine to take for each bound.
+/// The table of all settings, and the recommended engine for each bound.
 #[must_use]
 pub fn table(results: &Results) -> String {
     let points = points(&results.rows, results.samples.len());
@@ -52,17 +56,17 @@ pub fn table(results: &Results) -> String {
         .into_iter()
         .filter(|engine| engine.uses_tables())
     {
-        let mine = |row: &&Row| row.setting.engine == engine;
-        let most = results
+        let is_engine = |row: &&Row| row.setting.engine == engine;
+        let table_seconds = results
             .rows
             .iter()
-            .filter(mine)
+            .filter(is_engine)
             .map(|row| row.table_seconds);
-        if let Some(seconds) = most.reduce(f64::max) {
+        if let Some(seconds) = table_seconds.reduce(f64::max) {
             let (name, seconds) = (engine.name(), short(seconds));
             let _ = writeln!(
                 out,
-                "{name}: tables, made before and once per shape of grain, took up to {seconds} CPU s."
+                "{name}: the grain tables, computed beforehand once per grain shape, took up to {seconds} CPU s."
             );
         }
     }
@@ -71,29 +75,29 @@ pub fn table(results: &Results) -> String {
     }
     if points.iter().any(|point| !point.measured) {
         out.push_str(
-            "\n+ The operating point of Varsa 2025, not run: its error is binomial, its cost that of one\n  batch of rays times the number of batches.\n",
+            "\n+ The operating point of Varsa 2025, not run: the error is binomial, and the cost is that of one\n  batch of rays times the number of batches.\n",
         );
     }
     if !results.refusals.is_empty() {
-        out.push_str("Settings refused by an engine on some sample are left out:\n");
+        out.push_str("Settings that an engine refused on some sample are left out:\n");
         for refusal in &results.refusals {
             let (setting, sample) = (&refusal.setting, &refusal.sample);
             let _ = writeln!(out, "  {setting} on {sample}: {}", refusal.reason);
         }
     }
     out.push_str(
-        "\nThe cheapest measured setting within a bound on both quantities, on all samples\n\n",
+        "\nThe cheapest measured setting that keeps the bound for both quantities on all samples\n\n",
     );
-    let header = ["bound", "take", "CPU s", "error"];
-    let [bound, take, cpu, error] = header;
-    let _ = writeln!(out, "{bound:<32}{take:<28}{cpu:>9}  {error:>9}");
+    let header = ["bound", "setting", "CPU s", "error"];
+    let [bound, setting, cpu, error] = header;
+    let _ = writeln!(out, "{bound:<32}{setting:<28}{cpu:>9}  {error:>9}");
     for recommendation in recommendations(&points) {
-        let _ = writeln!(out, "{}", recommended(&recommendation));
+        let _ = writeln!(out, "{}", recommendation_line(&recommendation));
     }
     out
 }
 
-/// Three digits, or two with a power of ten.
+/// `value` with three digits, or with two digits and a power of ten.
 fn short(value: f64) -> String {
     match value {
         0.001..1e5 => {
@@ -104,13 +108,15 @@ fn short(value: f64) -> String {
     }
 }
 
+/// The cells of a line: RMSE, largest error, Delta-E.
 fn cells(metrics: &Metrics) -> String {
     let colour = metrics.delta_e.map_or(String::new(), short);
     let (rmse, max) = (short(metrics.rmse), short(metrics.max_abs));
     format!("{rmse:>9}{max:>9}{colour:>9}")
 }
 
-fn band_table(out: &mut String, lines: &[Line], band: Band, truth_rays: u64) {
+/// Writes the table of one band.
+fn band_table(out: &mut String, lines: &[TableLine], band: Band, truth_rays: u64) {
     let nm = band.wavelengths_nm();
     let (first, last) = (nm.first().copied(), nm.last().copied());
     let colour = if band == Band::Visible { "Delta-E" } else { "" };
@@ -126,8 +132,8 @@ fn band_table(out: &mut String, lines: &[Line], band: Band, truth_rays: u64) {
     let columns = format!("{:>9}{:>9}{colour:>9}", "RMSE", "max");
     let header = format!("{:<28}{:>9}{columns}{columns}", "setting", "CPU s");
     let _ = writeln!(out, "{}", header.trim_end());
-    // Marked: those that no other beats in the RMSE of both.
-    let worse = |line: &Line| line.transmitted.error.rmse.max(line.reflected.error.rmse);
+    // The Pareto front in CPU time and the larger RMSE of both quantities is marked.
+    let worse = |line: &TableLine| line.transmitted.error.rmse.max(line.reflected.error.rmse);
     let coordinates: Vec<_> = lines
         .iter()
         .map(|line| {
@@ -152,19 +158,20 @@ fn band_table(out: &mut String, lines: &[Line], band: Band, truth_rays: u64) {
         );
         let _ = writeln!(out, "{}", row.trim_end());
     }
-    let floor = |of: fn(&Line) -> Metrics| lines.iter().map(of).reduce(Metrics::max);
+    let floor = |part: fn(&TableLine) -> Metrics| lines.iter().map(part).reduce(Metrics::max);
     if let (Some(t), Some(r)) = (
         floor(|line| line.transmitted.floor),
         floor(|line| line.reflected.floor),
     ) {
-        let words = format!("truth's own error, {truth_rays} rays");
-        let row = format!("{words:<37}{}{}", cells(&t), cells(&r));
+        let label = format!("standard error of the truth, {truth_rays} rays");
+        let row = format!("{label:<37}{}{}", cells(&t), cells(&r));
         let _ = writeln!(out, "{}", row.trim_end());
     }
-    out.push_str("* beaten by no other in CPU time and RMSE\n");
+    out.push_str("* no other setting is better in both CPU time and RMSE\n");
 }
 
-fn recommended(recommendation: &Recommendation) -> String {
+/// The line of the table for one bound.
+fn recommendation_line(recommendation: &Recommendation) -> String {
     let Bound {
         measure,
         band,
@@ -172,9 +179,9 @@ fn recommended(recommendation: &Recommendation) -> String {
     } = recommendation.bound;
     let band = band.name().replace('_', " ");
     let bound = format!("{} {value}, {band}", measure.name());
-    let row = |c: &Candidate, take: &str| {
+    let row = |c: &Candidate, setting: &str| {
         let (seconds, error) = (short(c.cpu_seconds), short(c.error));
-        format!("{bound:<32}{take:<28}{seconds:>9}  {error:>9}")
+        format!("{bound:<32}{setting:<28}{seconds:>9}  {error:>9}")
     };
     match (&recommendation.best, &recommendation.nearest) {
         (Some(best), _) => row(best, &best.setting),
@@ -183,21 +190,21 @@ fn recommended(recommendation: &Recommendation) -> String {
             if nearest.floor > value / 2.0 {
                 let _ = write!(
                     text,
-                    "  (the truth's own error is {})",
+                    "  (the standard error of the truth is {})",
                     short(nearest.floor)
                 );
             }
             text
         }
-        (None, None) => format!("{bound:<32}nothing was measured"),
+        (None, None) => format!("{bound:<32}no setting was measured"),
     }
 }
 
-/// The same as JSON.
+/// The results as JSON.
 #[must_use]
 pub fn json(results: &Results) -> Value {
     let points = points(&results.rows, results.samples.len());
-    let setting = |point: &Point| {
+    let setting = |point: &ChartPoint| {
         json!({
             "engine": point.setting.engine.name(),
             "rays": point.setting.rays,

@@ -7,37 +7,38 @@ use crate::transport::Illumination;
 /// A study with the BRDF of each of its variants.
 #[derive(Debug, Clone)]
 pub struct Brdfs<'a> {
-    /// What was asked.
+    /// The study file.
     pub study: &'a StudyFile,
-    /// How it is drawn.
+    /// How the BRDFs are drawn.
     pub draw: DrawBrdf,
-    /// Where the BRDFs are measured.
+    /// The sensors that measure the BRDFs.
     pub sensors: Sensors,
-    /// What came out, in the order of the variants.
+    /// The measured exits, in the order of the variants.
     pub exits: Vec<Exits>,
 }
 
-/// What stands out of a BRDF in the plane of incidence, 1/sr. Angles are in degrees from
-/// the normal: positive forward, the way the light travels, negative back toward it.
+/// Features of a BRDF in the plane of incidence, 1/sr. Angles are in degrees from the normal:
+/// positive forward (the direction in which the light travels), negative back toward the
+/// source.
 #[derive(Debug, Clone, Copy, PartialEq, Default)]
 pub struct Features {
-    /// Angle and value of the largest forward.
+    /// Angle and value of the forward maximum.
     pub forward: (f64, Measured),
-    /// Angle and value of the largest backward.
+    /// Angle and value of the backward maximum.
     pub backward: (f64, Measured),
-    /// Along the normal.
+    /// Value along the normal.
     pub nadir: Measured,
 }
 
 impl Features {
-    /// The forward peak over the nadir.
+    /// The ratio of the forward maximum to the nadir value.
     #[must_use]
     pub fn contrast(&self) -> Measured {
         ratio(self.forward.1, self.nadir)
     }
 }
 
-/// One over another that errs on its own.
+/// The ratio of two values with independent errors.
 fn ratio(a: Measured, b: Measured) -> Measured {
     let value = a.value / b.value;
     Measured {
@@ -47,12 +48,12 @@ fn ratio(a: Measured, b: Measured) -> Measured {
 }
 
 impl Brdfs<'_> {
-    /// Every variant with what left it, the values of its sensors in 1/sr.
+    /// The variants with their exits; sensor values are in 1/sr.
     pub fn variants(&self) -> impl Iterator<Item = (&Variant, &Exits)> {
         self.study.variants.iter().zip(&self.exits)
     }
 
-    /// `exits` in the plane of incidence: angle as of [`Features`], and BRDF.
+    /// The BRDF of `exits` in the plane of incidence: angle as in [`Features`], and value.
     #[must_use]
     pub fn plane(&self, exits: &Exits) -> Vec<(f64, Measured)> {
         let cut = self.sensors.principal_plane().into_iter();
@@ -64,13 +65,15 @@ impl Brdfs<'_> {
         values.collect()
     }
 
-    /// What stands out of `exits`.
+    /// The features of `exits`.
     #[must_use]
     pub fn features(&self, exits: &Exits) -> Features {
         let plane = self.plane(exits);
         let largest = |side: fn(f64) -> bool| {
-            let of = plane.iter().filter(|(degrees, _)| side(*degrees));
-            of.max_by(|a, b| a.1.value.total_cmp(&b.1.value)).copied()
+            let points = plane.iter().filter(|(degrees, _)| side(*degrees));
+            points
+                .max_by(|a, b| a.1.value.total_cmp(&b.1.value))
+                .copied()
         };
         Features {
             forward: largest(|degrees| degrees > 0.0).unwrap_or_default(),
@@ -80,7 +83,7 @@ impl Brdfs<'_> {
     }
 }
 
-/// The angle of the light on a variant from the normal, degrees.
+/// The incidence angle of a variant, degrees from the normal; `None` for diffuse light.
 #[must_use]
 pub fn incidence_deg(variant: &Variant) -> Option<f64> {
     match variant.sample.illumination {

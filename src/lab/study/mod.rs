@@ -1,4 +1,4 @@
-//! Runs study files: one sample, a spectrum or a BRDF for each of its variants.
+//! Runs study files: a spectrum or a BRDF for each variant of one sample.
 mod brdf;
 mod spectra;
 
@@ -10,34 +10,34 @@ use crate::measurement::Sensors;
 pub use brdf::{Brdfs, Features, incidence_deg};
 pub use spectra::{Spectra, mean};
 
-/// A study with what came out for each of its variants.
+/// A study with the results of its variants.
 #[derive(Debug, Clone)]
 pub enum Studied<'a> {
-    /// Of a study that draws spectra.
+    /// Results of a study that draws spectra.
     Spectra(Spectra<'a>),
-    /// Of a study that draws the BRDF.
+    /// Results of a study that draws BRDFs.
     Brdfs(Brdfs<'a>),
 }
 
-/// How a study is run: as `measure` would run each of its variants.
+/// The settings of a study. Each variant runs as in `simulate`.
 #[derive(Debug, Clone, Copy)]
 pub struct Settings {
-    /// The engine.
+    /// The engine that simulates the variants.
     pub engine: Engine,
-    /// Walks, see [`Request::rays`]; for a BRDF [`BRDF_WALKS`] times as many.
+    /// Rays, see [`Request::rays`]; a BRDF takes [`BRDF_WALKS`] times as many.
     pub rays: u64,
     /// Seed of the random numbers.
     pub seed: u64,
 }
 
-/// How many times as many walks a BRDF takes as a spectrum: few leave in any one
+/// Number of walks of a BRDF relative to a spectrum; higher because few rays leave in any one
 /// direction.
 pub const BRDF_WALKS: u64 = 2;
 
-/// Runs all variants of `study`, calling `next` before each of them.
+/// Runs all variants of `study` and calls `next` before each of them.
 ///
 /// # Errors
-/// See [`EngineError`].
+/// [`EngineError`] if the engine refuses a variant, fails, or is cancelled.
 pub fn run<'a>(
     study: &'a StudyFile,
     settings: Settings,
@@ -74,19 +74,19 @@ pub fn run<'a>(
     }
 }
 
-/// What `measure` gives for every variant: of one thickness under one light it is a
-/// list of one.
+/// The result of `measure` for every variant. A variant has one thickness and one
+/// illumination, so `measure` returns a list with one element.
 fn each<T: Default>(
     study: &StudyFile,
     settings: Settings,
     next: impl Fn(&Variant),
     measure: &dyn Fn(&Request) -> Result<Vec<T>, EngineError>,
 ) -> Result<Vec<T>, EngineError> {
-    let one = |variant: &Variant| {
+    let measure_variant = |variant: &Variant| {
         next(variant);
         let sample = &variant.sample;
-        let all = measure(&Request {
-            pack: &sample.pack,
+        let results = measure(&Request {
+            snowpack: &sample.snowpack,
             thicknesses_m: &[sample.thickness_m],
             illuminations: &[sample.illumination],
             resolution: Resolution::of_rays(settings.rays),
@@ -97,7 +97,7 @@ fn each<T: Default>(
             seed: settings.seed,
             cell: 0,
         })?;
-        Ok(all.into_iter().next().unwrap_or_default())
+        Ok(results.into_iter().next().unwrap_or_default())
     };
-    study.variants.iter().map(one).collect()
+    study.variants.iter().map(measure_variant).collect()
 }

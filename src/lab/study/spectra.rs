@@ -5,16 +5,16 @@ use crate::measurement::{Measured, Spectrum};
 /// A study with the spectrum of each of its variants.
 #[derive(Debug, Clone)]
 pub struct Spectra<'a> {
-    /// What was asked.
+    /// The study file.
     pub study: &'a StudyFile,
-    /// How it is drawn.
+    /// How the spectra are drawn.
     pub draw: DrawSpectra,
-    /// What came out, in the order of the variants.
+    /// The simulated spectra, in the order of the variants.
     pub spectra: Vec<Spectrum>,
 }
 
 impl Spectra<'_> {
-    /// Every variant, its wavelengths, nm, and its values.
+    /// The variants with their wavelengths (nm) and values.
     pub fn curves(&self) -> impl Iterator<Item = (&Variant, &[f64], &[Measured])> {
         let variants = self.study.variants.iter().zip(&self.spectra);
         variants.map(|(variant, spectrum)| {
@@ -23,15 +23,15 @@ impl Spectra<'_> {
         })
     }
 
-    /// The values of variant `index` at `nm`, if it is there.
+    /// The value of variant number `index` at `nm`; `None` if that wavelength is not simulated.
     #[must_use]
     pub fn at(&self, index: usize, nm: f64) -> Option<Measured> {
         let (_, wavelengths_nm, values) = self.curves().nth(index)?;
-        let place = wavelengths_nm.iter().position(|other| *other == nm)?;
-        values.get(place).copied()
+        let position = wavelengths_nm.iter().position(|other| *other == nm)?;
+        values.get(position).copied()
     }
 
-    /// What a study against thickness draws: every variant, its thickness, m, and its
+    /// The points of a study against thickness: each variant with its thickness (m) and its
     /// mean over 400-700 nm.
     #[must_use]
     pub fn against_thickness(&self) -> Vec<(&Variant, f64, Measured)> {
@@ -43,25 +43,26 @@ impl Spectra<'_> {
         visible.collect()
     }
 
-    /// Whether it draws spectra.
+    /// Whether the study draws spectra, rather than means against thickness.
     #[must_use]
     pub fn is_spectral(&self) -> bool {
         self.draw.against == Against::Wavelength
     }
 }
 
-/// The mean over the wavelengths that `of` holds, if there are any. They share their
-/// walks, so the standard error is that of values that err together: an upper bound.
+/// The mean over the wavelengths for which `is_included` holds; `None` if there are none. The
+/// wavelengths share their walks, so the standard error assumes fully correlated errors and is
+/// an upper bound.
 #[must_use]
 pub fn mean(
     wavelengths_nm: &[f64],
     values: &[Measured],
-    of: impl Fn(f64) -> bool,
+    is_included: impl Fn(f64) -> bool,
 ) -> Option<Measured> {
     let mut sum = Measured::default();
     let mut count = 0.0;
     for (nm, value) in wavelengths_nm.iter().zip(values) {
-        if of(*nm) {
+        if is_included(*nm) {
             sum.value += value.value;
             sum.se += value.se;
             count += 1.0;

@@ -1,17 +1,17 @@
-//! The two ranges of wavelengths in which errors are told.
+//! The two bands of wavelengths for which errors are stated.
 use crate::colour::{Colorimeter, ColourError};
 
-/// A range of wavelengths with its own runs, costs and errors.
+/// A band of wavelengths with its own runs, costs and errors.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord)]
 pub enum Band {
-    /// 400-700 nm every 10 nm: 31 wavelengths, with a colour.
+    /// 400-700 nm in steps of 10 nm: 31 wavelengths, with a colour.
     Visible,
-    /// 700-1400 nm every 50 nm: 15 wavelengths, without one.
+    /// 700-1400 nm in steps of 50 nm: 15 wavelengths, without a colour.
     NearInfrared,
 }
 
 impl Band {
-    /// Both.
+    /// All bands.
     pub const ALL: [Self; 2] = [Self::Visible, Self::NearInfrared];
 
     /// The name used in files.
@@ -23,7 +23,7 @@ impl Band {
         }
     }
 
-    /// Its wavelengths, nm, increasing.
+    /// The wavelengths of the band, nm, increasing.
     #[must_use]
     pub fn wavelengths_nm(self) -> Vec<f64> {
         let (first, step, count) = match self {
@@ -33,10 +33,10 @@ impl Band {
         (0..count).map(|i| first + step * f64::from(i)).collect()
     }
 
-    /// What turns its spectra into colours, where they have one.
+    /// The colorimeter for the band; `None` if its spectra have no colour.
     ///
     /// # Errors
-    /// As [`Colorimeter::new`].
+    /// Those of [`Colorimeter::new`].
     pub fn colorimeter(self) -> Result<Option<Colorimeter>, ColourError> {
         match self {
             Self::Visible => Colorimeter::new(&self.wavelengths_nm()),

@@ -1,46 +1,44 @@
-//! The operating point of the thesis: analog walks, 1e5 rays per wavelength
-//! (Varsa 2025), which is `reference` at that many rays.
+//! The operating point of the thesis: analog walks with 1e5 rays per wavelength (Varsa 2025),
+//! which is `reference` with that many rays.
 //!
-//! It would take long to run, and need not be: every wavelength has rays of its
-//! own that are reflected, transmitted or neither, so the error is binomial; and
-//! the cost is linear in batches of rays, of which one is measured, at every
-//! wavelength in the near infrared and at every fifth in visible light, where the
-//! cost changes little.
+//! The baseline is extrapolated, because a run would take long. The error is binomial: every
+//! wavelength has its own rays, each of which is reflected, transmitted or neither. The cost is
+//! linear in the number of batches of rays. One batch is measured, at every wavelength in the
+//! near infrared and at every fifth in visible light, where the cost varies little.
 use super::measure::{Bench, Tables, failed, request};
 use super::truth::Truth;
-use super::{Band, Kind, Metrics, Row, Sample, Setting, TradeoffError};
+use super::{Band, Metrics, Row, RowKind, Sample, Setting, TradeoffError};
 use crate::colour::Colorimeter;
 use crate::engine::{BATCH, Engine, Resolution};
 use crate::measurement::Quantity;
 
-/// Rays per wavelength.
+/// Rays per wavelength of the baseline.
 pub const BASELINE_RAYS: u64 = 100_000;
-/// Step of the derivatives of a colour: its cube roots curve little over it.
+/// Step of the numerical derivatives of a colour; the colour is nearly linear over it.
 const STEP: f64 = 1e-6;
-/// Steps of the integral for the largest error, over 8 standard errors.
+/// Number of steps of the integral for the largest error, over 8 standard errors.
 const STEPS: usize = 800;
 
-/// The rows of the baseline; none if `reference` was not `measured`, or if
-/// measuring the cost would take the whole budget again. `truths` is
-/// `[sample][band]`.
+/// The rows of the baseline. There are none if `reference` was not `measured`, or if measuring
+/// the cost would exceed the whole budget. `truths` is `[sample][band]`.
 pub(super) fn rows(
     bench: &Bench,
     measured: &[Row],
     samples: &[Sample],
     truths: &[Vec<Truth>],
 ) -> Result<Vec<Row>, TradeoffError> {
-    let reference = |row: &&Row| row.setting.engine == Engine::Reference;
-    let most = measured
+    let is_reference = |row: &&Row| row.setting.engine == Engine::Reference;
+    let most_rays = measured
         .iter()
-        .filter(reference)
+        .filter(is_reference)
         .map(|r| r.setting.rays)
         .max();
-    let Some(rays) = most else {
+    let Some(rays) = most_rays else {
         return Ok(Vec::new());
     };
     let known: Vec<&Row> = measured
         .iter()
-        .filter(reference)
+        .filter(is_reference)
         .filter(|row| row.setting.rays == rays && row.quantity == Quantity::Transmittance)
         .collect();
     let batches = BATCH as f64 / rays as f64;
@@ -57,11 +55,11 @@ pub(super) fn rows(
             let Some(known) = known.iter().find(same) else {
                 continue;
             };
-            let seconds = BASELINE_RAYS as f64 / BATCH as f64 * batch(bench, sample, band)?;
+            let seconds = BASELINE_RAYS as f64 / BATCH as f64 * batch_seconds(bench, sample, band)?;
             let colour = band.colorimeter()?;
             rows.extend(Quantity::ALL.map(|quantity| Row {
                 setting: setting(BASELINE_RAYS),
-                kind: Kind::Extrapolated,
+                kind: RowKind::Extrapolated,
                 seeds: 0,
                 quantity,
                 cpu_seconds: [seconds; 3],
@@ -74,6 +72,7 @@ pub(super) fn rows(
     Ok(rows)
 }
 
+/// The setting of `reference` with `rays` rays.
 fn setting(rays: u64) -> Setting {
     Setting {
         engine: Engine::Reference,
@@ -82,7 +81,7 @@ fn setting(rays: u64) -> Setting {
     }
 }
 
-/// Of how many wavelengths one is timed.
+/// One of this many wavelengths is timed.
 fn stride(band: Band) -> usize {
     match band {
         Band::Visible => 5,
@@ -90,11 +89,15 @@ fn stride(band: Band) -> usize {
     }
 }
 
-/// CPU seconds of one batch of rays for each wavelength of `band`.
-fn batch(bench: &Bench, sample: &Sample, band: Band) -> Result<f64, TradeoffError> {
+/// CPU seconds of one batch of rays at each wavelength of `band`.
+fn batch_seconds(bench: &Bench, sample: &Sample, band: Band) -> Result<f64, TradeoffError> {
     let (setting, thickness) = (setting(BATCH), [sample.file.thickness_m]);
-    let all = band.wavelengths_nm();
-    let timed: Vec<f64> = all.iter().copied().step_by(stride(band)).collect();
+    let wavelengths_nm = band.wavelengths_nm();
+    let timed: Vec<f64> = wavelengths_nm
+        .iter()
+        .copied()
+        .step_by(stride(band))
+        .collect();
     let seconds = bench.map(&timed, |&nm| {
         let nm = [nm];
         let request = request(&setting, sample, &thickness, &nm, 1);
@@ -102,12 +105,12 @@ fn batch(bench: &Bench, sample: &Sample, band: Band) -> Result<f64, TradeoffErro
         let run = run.map_err(|error| failed(sample, &setting, error))?;
         Ok(run.cpu_seconds)
     })?;
-    Ok(seconds.iter().sum::<f64>() * all.len() as f64 / timed.len() as f64)
+    Ok(seconds.iter().sum::<f64>() * wavelengths_nm.len() as f64 / timed.len() as f64)
 }
 
-/// Root mean square of each measure for a spectrum of shares of `rays` rays,
-/// each wavelength with rays of its own. Exact for the RMSE; for the Delta-E to
-/// first order; for the largest error as of normal variates.
+/// Root mean square of each error measure for a spectrum of binomial shares of `rays` rays, with
+/// independent rays at each wavelength. The RMSE is exact, the Delta-E is of first order, and the
+/// largest error is that of normal variates.
 fn binomial(truth: &[f64], rays: u64, colour: Option<&Colorimeter>) -> Metrics {
     let variances: Vec<f64> = truth
         .iter()
@@ -125,8 +128,7 @@ fn binomial(truth: &[f64], rays: u64, colour: Option<&Colorimeter>) -> Metrics {
     }
 }
 
-/// Square of the colour difference that a unit change at each wavelength makes,
-/// to first order.
+/// Square of the colour difference per unit change at each wavelength, to first order.
 fn slopes_sq(spectrum: &[f64], colour: &Colorimeter) -> Vec<f64> {
     let changed = |l: usize, step: f64| {
         let mut changed = spectrum.to_vec();
@@ -137,18 +139,18 @@ fn slopes_sq(spectrum: &[f64], colour: &Colorimeter) -> Vec<f64> {
     (0..spectrum.len()).map(|l| slope(l).powi(2)).collect()
 }
 
-/// Root mean square of the largest magnitude among independent normal variates
-/// of these variances: the integral of 2 x P(some magnitude is above x).
+/// Root mean square of the largest magnitude among independent normal variates with these
+/// variances: the integral of 2 x P(some magnitude is above x).
 fn largest_of_normal(variances: &[f64]) -> f64 {
-    let most = variances.iter().copied().fold(0.0, f64::max).sqrt();
-    let step = 8.0 * most / STEPS as f64;
+    let largest_sd = variances.iter().copied().fold(0.0, f64::max).sqrt();
+    let step = 8.0 * largest_sd / STEPS as f64;
     let above = |x: f64| {
         let within = |v: &f64| libm::erf(x / (2.0 * v).sqrt());
         let positive = variances.iter().filter(|v| **v > 0.0);
         1.0 - positive.map(within).product::<f64>()
     };
-    let middle = |i: usize| step * (i as f64 + 0.5);
-    let sum: f64 = (0..STEPS).map(middle).map(|x| 2.0 * x * above(x)).sum();
+    let midpoint = |i: usize| step * (i as f64 + 0.5);
+    let sum: f64 = (0..STEPS).map(midpoint).map(|x| 2.0 * x * above(x)).sum();
     (sum * step).sqrt()
 }
 

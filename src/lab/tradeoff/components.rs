@@ -1,5 +1,5 @@
-//! Errors of compression against what a compact file costs: components, bytes,
-//! and the time to rebuild a spectrum, in each of the file's variants.
+//! Errors of compression against the cost of a compact file: number of components, bytes, and
+//! time to evaluate a spectrum, for each variant of the file.
 use std::hint::black_box;
 use std::path::PathBuf;
 
@@ -19,42 +19,42 @@ use crate::lookup::add_component;
 use crate::measurement::Quantity;
 use crate::store::{Store, Variable};
 
-/// Components of the last row, if there are as many.
+/// Largest number of components measured.
 const MOST: usize = 8;
-/// Rays per curve, of a grid in memory, for each CPU second of the budget: at
-/// most its own number.
+/// Rays per curve of a grid in memory, for each CPU second of the budget; at most the grid's own
+/// number.
 const RAYS_PER_SECOND: f64 = 4.0;
-/// Rebuilding is timed in so many passes, of which the fastest counts...
+/// Number of passes in which the evaluation is timed; the fastest pass counts.
 const PASSES: u32 = 9;
-/// ... each of at least so many CPU seconds.
+/// Least CPU seconds of a pass.
 const PASS: f64 = 0.002;
 
-/// The curves to compress.
+/// The source of the curves to compress.
 #[derive(Debug)]
-pub enum Source {
-    /// A finished database, by its output directory.
+pub enum CompressionSource {
+    /// The output directory of a finished build.
     Database(PathBuf),
-    /// A grid, simulated now.
+    /// A grid that is simulated in memory.
     Grid(Box<Grid>),
 }
 
 /// A variant of the compact file.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub enum Coding {
-    /// Components of the spectra, f32: that of Varsa 2025.
+    /// Components of the spectra, f32: the compression of Varsa 2025.
     Linear,
     /// Components of the logarithm, f32.
     Log,
-    /// Likewise, f16.
+    /// Components of the logarithm, f16.
     LogHalf,
-    /// Likewise, integers of 16 bits.
+    /// Components of the logarithm, 16-bit integers.
     LogIntegers,
-    /// Likewise, integers of 8 bits where Delta-E stays below the usual bound.
+    /// Components of the logarithm, 8-bit integers where Delta-E stays below the default bound.
     LogNarrow,
 }
 
 impl Coding {
-    /// All there are.
+    /// All variants.
     pub const ALL: [Self; 5] = [
         Self::Linear,
         Self::Log,
@@ -63,7 +63,7 @@ impl Coding {
         Self::LogNarrow,
     ];
 
-    /// What the components are of.
+    /// Quantity that the components decompose.
     #[must_use]
     pub fn basis(self) -> Basis {
         match self {
@@ -72,7 +72,7 @@ impl Coding {
         }
     }
 
-    /// The precision's name in files of results.
+    /// The name of the precision in result files.
     #[must_use]
     pub fn precision(self) -> &'static str {
         match self {
@@ -81,6 +81,7 @@ impl Coding {
         }
     }
 
+    /// The precision of the stored coefficients.
     fn stored(self) -> Precision {
         match self {
             Self::Linear | Self::Log => Precision::F32,
@@ -90,41 +91,41 @@ impl Coding {
     }
 }
 
-/// Errors and costs with one number of components of one quantity.
+/// Errors and costs for one quantity, variant and number of components.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Components {
     /// The quantity.
     pub quantity: Quantity,
     /// The variant.
     pub coding: Coding,
-    /// Their number.
+    /// Number of components.
     pub components: usize,
     /// Bytes of the quantity's coefficients and basis, as a compact file holds them.
     pub bytes: u64,
-    /// CPU seconds to rebuild one spectrum.
+    /// CPU seconds to evaluate one spectrum.
     pub cpu_seconds: f64,
     /// Mean and largest RMSE over the curves.
     pub rmse: [f64; 2],
-    /// Mean and largest Delta-E; `None` without visible wavelengths.
+    /// Mean and largest Delta-E over the curves; `None` without visible wavelengths.
     pub delta_e: Option<[f64; 2]>,
 }
 
-/// Curves per quantity, `[curve, wavelength]`, and their wavelengths.
+/// Curves per quantity, `[curve, wavelength]`, with their wavelengths, nm.
 struct Curves {
     nm: Vec<f64>,
-    of: Vec<(Quantity, Array2<f64>)>,
+    quantities: Vec<(Quantity, Array2<f64>)>,
 }
 
-/// Rows per quantity for 1, 2, ... components.
+/// The errors and costs for 1, 2, ... components of each quantity and variant.
 pub(super) fn measure(
     bench: &Bench,
-    source: &Source,
+    source: &CompressionSource,
     say: &dyn Fn(&str),
 ) -> Result<Vec<Components>, TradeoffError> {
     say("curves to compress");
     let curves = match source {
-        Source::Database(folder) => stored(&Store::open(folder)?)?,
-        Source::Grid(grid) => simulated(bench, grid)?,
+        CompressionSource::Database(folder) => stored(&Store::open(folder)?)?,
+        CompressionSource::Grid(grid) => simulated(bench, grid)?,
     };
     let colour = Colorimeter::new(&curves.nm)?;
     let usual = Choice::Bounds(Compression {
@@ -134,11 +135,11 @@ pub(super) fn measure(
     let bands = Bands::default();
     let bounds = usual.bounds(colour.is_some(), &bands);
     let mut rows = Vec::new();
-    for (quantity, matrix) in &curves.of {
+    for (quantity, matrix) in &curves.quantities {
         for basis in Basis::ALL {
             let model = Model::new(matrix.view(), *quantity, colour.as_ref(), &bands, basis)?;
             let most = MOST.min(model.rank_limit());
-            let cpu_seconds: Vec<_> = (1..=most).map(|n| rebuilding(&model, n)).collect();
+            let cpu_seconds: Vec<_> = (1..=most).map(|n| evaluation_seconds(&model, n)).collect();
             for coding in Coding::ALL.into_iter().filter(|c| c.basis() == basis) {
                 for (bytes, row) in coded(&model, &bounds, coding, most)? {
                     let numbers = matrix.ncols() * row.components;
@@ -158,7 +159,7 @@ pub(super) fn measure(
     Ok(rows)
 }
 
-/// Bytes of the coefficients and errors for 1 to `most` components.
+/// Bytes of the coefficients, and errors, for 1 to `most` components.
 fn coded(
     model: &Model,
     bounds: &Bounds,
@@ -175,9 +176,9 @@ fn coded(
     }
     let mut rows = Vec::new();
     for components in 1..=most {
-        match model.narrowed(components, bounds) {
+        match model.quantised_to_bounds(components, bounds) {
             Ok((stored, row)) => rows.push((stored.bytes(), row)),
-            // So few components do not keep the bound in 16 bits.
+            // Even 16 bits do not keep the bound with so few components.
             Err(CompressError::Unreachable { .. }) => {}
             Err(error) => return Err(error),
         }
@@ -185,13 +186,14 @@ fn coded(
     Ok(rows)
 }
 
+/// The curves of a finished database.
 fn stored(store: &Store) -> Result<Curves, TradeoffError> {
     let missing = store.missing(None)?.len();
     if missing > 0 {
         let path = store.path().into();
         return Err(TradeoffError::Unfinished { missing, path });
     }
-    // those of grains that do not fit in their slab are not there
+    // Curves of grains that do not fit into the slab do not exist.
     let existing = existing(store.axes(), store.absent());
     let read = |quantity| {
         let variable = match quantity {
@@ -201,13 +203,14 @@ fn stored(store: &Store) -> Result<Curves, TradeoffError> {
         let curves = store.read(variable)?.mapv(f64::from);
         Ok((quantity, curves.select(Axis(0), &existing)))
     };
-    let of: Result<_, TradeoffError> = Quantity::ALL.into_iter().map(read).collect();
+    let quantities: Result<_, TradeoffError> = Quantity::ALL.into_iter().map(read).collect();
     Ok(Curves {
         nm: store.wavelengths_nm().to_vec(),
-        of: of?,
+        quantities: quantities?,
     })
 }
 
+/// The curves of a grid, simulated with as many rays as the budget allows.
 fn simulated(bench: &Bench, grid: &Grid) -> Result<Curves, TradeoffError> {
     let affordable = (RAYS_PER_SECOND * bench.budget()).max(1.0) as u64;
     let setting = Setting {
@@ -220,7 +223,7 @@ fn simulated(bench: &Bench, grid: &Grid) -> Result<Curves, TradeoffError> {
     let spectra = bench.map(&numbers, |&number| {
         let job = grid.job(&jobs, number)?;
         let mut request = job.request(grid);
-        // isotropic light is another file's
+        // Curves under isotropic light belong to another file.
         request.illuminations = &job.illuminations[..job.angles_deg.len()];
         request.rays = setting.rays;
         let run = bench.run(&setting, &request, &Tables::default());
@@ -235,19 +238,20 @@ fn simulated(bench: &Bench, grid: &Grid) -> Result<Curves, TradeoffError> {
         Ok(run.spectra)
     })?;
     let spectra: Vec<_> = spectra.into_iter().flatten().collect();
-    let of = |quantity| {
+    let matrix_of = |quantity| {
         let rows: Vec<_> = spectra.iter().map(|s| values(s, quantity)).collect();
         let shape = (rows.len(), grid.wavelengths_nm.len());
         (quantity, Array2::from_shape_fn(shape, |(i, j)| rows[i][j]))
     };
     Ok(Curves {
         nm: grid.wavelengths_nm.clone(),
-        of: Quantity::ALL.map(of).into(),
+        quantities: Quantity::ALL.map(matrix_of).into(),
     })
 }
 
-/// CPU seconds to rebuild one spectrum as readers of compact files do, undisturbed.
-fn rebuilding(model: &Model, components: usize) -> f64 {
+/// CPU seconds to evaluate one spectrum in the way readers of compact files do; the fastest of
+/// several passes.
+fn evaluation_seconds(model: &Model, components: usize) -> f64 {
     let basis = model.basis(components);
     let coefficients = model.coefficients(components, Precision::F32).decoded();
     let mut sum = vec![0.0; basis.nrows()];

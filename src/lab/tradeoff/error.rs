@@ -1,4 +1,4 @@
-//! Why there is no chart.
+//! Errors of the measurements.
 use std::io;
 use std::path::PathBuf;
 
@@ -11,48 +11,48 @@ use crate::engine::EngineError;
 use crate::grid::GridError;
 use crate::store::StoreError;
 
-/// Why nothing was measured.
+/// The reason why a run failed.
 #[derive(Debug, Error)]
 pub enum TradeoffError {
-    /// The caller asked to stop.
+    /// The caller cancelled the run.
     #[error("cancelled")]
     Cancelled,
-    /// A sample file is wrong.
+    /// A sample file or grid file is invalid.
     #[error(transparent)]
     Config(#[from] ConfigError),
-    /// Two samples could not be told apart.
+    /// Two samples have the same name.
     #[error(
-        "two sample files are named {name}; a sample is known by the name of its file, so rename one"
+        "two sample files are named {name}; samples are identified by their file names, so rename one"
     )]
     SameName {
-        /// The name.
+        /// The common name.
         name: String,
     },
-    /// A run that has to succeed did not.
+    /// An engine failed in a run that is required.
     #[error("{sample}, {setting}: {source}")]
     Engine {
         /// Name of the sample.
         sample: String,
         /// Name of the setting.
         setting: String,
-        /// What is wrong.
+        /// Error of the engine.
         source: EngineError,
     },
-    /// A truth could not be kept.
+    /// A truth could not be stored.
     #[error("cannot write {}: {source}", path.display())]
     Io {
-        /// The file.
+        /// Path of the file or folder.
         path: PathBuf,
-        /// What the system said.
+        /// Error of the file system.
         source: io::Error,
     },
     /// The threads could not be started.
-    #[error("cannot start the threads: {0}; ask for fewer with --threads")]
+    #[error("cannot start the threads: {0}; give a smaller --threads")]
     Threads(String),
-    /// Colours could not be measured.
+    /// A colorimeter cannot be set up.
     #[error(transparent)]
     Colour(#[from] ColourError),
-    /// The grid of the curves to compress is impossible.
+    /// The grid of the curves to compress is invalid.
     #[error(transparent)]
     Grid(#[from] GridError),
     /// The database of the curves to compress cannot be read.
@@ -61,12 +61,12 @@ pub enum TradeoffError {
     /// The database of the curves to compress is not finished.
     #[error("{missing} jobs of {} are not done; finish it with `splitsnow build`", path.display())]
     Unfinished {
-        /// Jobs not done.
+        /// Number of jobs that are not done.
         missing: usize,
-        /// The database.
+        /// Path of the database.
         path: PathBuf,
     },
-    /// Curves could not be compressed.
+    /// The curves could not be compressed.
     #[error(transparent)]
     Compress(#[from] CompressError),
 }

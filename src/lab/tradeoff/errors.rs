@@ -1,16 +1,16 @@
-//! How far a spectrum is from the truth.
+//! Error measures of a spectrum against the truth.
 use serde::Serialize;
 
 use crate::colour::Colorimeter;
 
-/// Distances of one spectrum from another, or statistics of such distances.
+/// Differences between two spectra, or statistics of such differences.
 #[derive(Debug, Clone, Copy, PartialEq, Default, Serialize)]
 pub struct Metrics {
     /// Root mean square difference over the wavelengths.
     pub rmse: f64,
     /// Largest absolute difference at a wavelength.
     pub max_abs: f64,
-    /// Delta-E*ab (D65, CIE 1931 2 degrees); `None` for spectra without a colour.
+    /// Delta-E*ab (D65, CIE 1931 2 degrees); `None` if the spectra have no colour.
     pub delta_e: Option<f64>,
 }
 
@@ -18,7 +18,7 @@ impl Metrics {
     /// Compares `values` with `truth`, both `[l]`.
     ///
     /// # Panics
-    /// If `colour` is of another number of wavelengths.
+    /// If `colour` has another number of wavelengths.
     #[must_use]
     pub fn between(values: &[f64], truth: &[f64], colour: Option<&Colorimeter>) -> Self {
         let differences = values.iter().zip(truth).map(|(a, b)| (a - b).abs());
@@ -30,14 +30,14 @@ impl Metrics {
         }
     }
 
-    /// The root mean square of each measure over `all`.
+    /// The root mean square of each measure over `samples`.
     #[must_use]
-    pub fn rms(all: &[Self]) -> Self {
-        let rms = |of: fn(&Self) -> f64| {
-            let squares: f64 = all.iter().map(|metrics| of(metrics).powi(2)).sum();
-            (squares / all.len() as f64).sqrt()
+    pub fn rms(samples: &[Self]) -> Self {
+        let rms = |part: fn(&Self) -> f64| {
+            let squares: f64 = samples.iter().map(|metrics| part(metrics).powi(2)).sum();
+            (squares / samples.len() as f64).sqrt()
         };
-        let coloured = all.iter().all(|metrics| metrics.delta_e.is_some());
+        let coloured = samples.iter().all(|metrics| metrics.delta_e.is_some());
         Self {
             rmse: rms(|m| m.rmse),
             max_abs: rms(|m| m.max_abs),
@@ -45,7 +45,7 @@ impl Metrics {
         }
     }
 
-    /// The larger one of each measure.
+    /// The larger value of each measure.
     #[must_use]
     pub fn max(self, other: Self) -> Self {
         Self {
@@ -55,7 +55,7 @@ impl Metrics {
         }
     }
 
-    /// Each measure times `factor`.
+    /// Each measure multiplied by `factor`.
     #[must_use]
     pub fn scaled(self, factor: f64) -> Self {
         Self {
@@ -96,7 +96,7 @@ mod tests {
         assert_eq!(Metrics::rms(&[pair[0], metrics(1.0, None)]).delta_e, None);
     }
 
-    /// L* is 116 Y^(1/3) - 16, and a grey stays one.
+    /// L* is 116 Y^(1/3) - 16, and a grey has a* = b* = 0.
     #[test]
     fn delta_e_of_two_greys() {
         let nm: Vec<f64> = (40..=70).map(|i| f64::from(i) * 10.0).collect();

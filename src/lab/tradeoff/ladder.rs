@@ -1,44 +1,44 @@
-//! The settings an engine is tried at, cheapest first.
+//! The settings at which an engine runs, cheapest first.
 use std::fmt;
 use std::ops::RangeInclusive;
 
 use crate::engine::{Engine, Resolution};
 
-/// An engine with all that trades its speed against its accuracy.
+/// An engine with the settings that trade speed against accuracy.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Setting {
     /// The engine.
     pub engine: Engine,
-    /// Its walks, as [`crate::engine::Request::rays`] counts them.
+    /// Number of rays, as defined by [`crate::engine::Request::rays`].
     pub rays: u64,
-    /// Its tables and directions; nothing to engines without.
+    /// Table sizes and number of streams; ignored by engines that have none.
     pub resolution: Resolution,
 }
 
 impl Setting {
-    /// Its rays, and what differs from the default resolution.
+    /// The number of rays, and the resolution where it differs from the default.
     #[must_use]
     pub fn accuracy(&self) -> String {
         let mut text = self.rays.to_string();
-        let (here, default) = (self.resolution, Resolution::default());
-        if here.table != default.table {
-            text += &format!(", table {}", here.table);
+        let (resolution, default) = (self.resolution, Resolution::default());
+        if resolution.table != default.table {
+            text += &format!(", table {}", resolution.table);
         }
-        if here.streams != default.streams {
-            text += &format!(", {} streams", here.streams);
+        if resolution.streams != default.streams {
+            text += &format!(", {} streams", resolution.streams);
         }
         text
     }
 }
 
 impl fmt::Display for Setting {
-    /// The engine and its [`accuracy`](Setting::accuracy).
+    /// Writes the engine and its [`accuracy`](Setting::accuracy).
     fn fmt(&self, f: &mut fmt::Formatter) -> fmt::Result {
         write!(f, "{} {}", self.engine.name(), self.accuracy())
     }
 }
 
-/// The settings of `engine` on the chart, cheapest first.
+/// The settings of `engine` on the chart, cheapest first; empty for `auto`.
 #[must_use]
 pub fn ladder(engine: Engine) -> Vec<Setting> {
     let default = [Resolution::default()];
@@ -46,12 +46,12 @@ pub fn ladder(engine: Engine) -> Vec<Setting> {
         Engine::Reference => over(engine, 2..=6, &default),
         Engine::Spectral => over(engine, 3..=10, &default),
         Engine::Tabulated => over(engine, 3..=10, &[coarse(8), default[0]]),
-        Engine::Doubling => over(engine, 4..=9, &[coarse(4), coarse(8), default[0]]),
+        Engine::Hybrid => over(engine, 4..=9, &[coarse(4), coarse(8), default[0]]),
         Engine::Auto => Vec::new(),
     }
 }
 
-/// Small tables.
+/// A resolution with small tables.
 fn coarse(streams: usize) -> Resolution {
     Resolution {
         table: 1 << 13,
@@ -60,26 +60,30 @@ fn coarse(streams: usize) -> Resolution {
     }
 }
 
-/// One setting of `engine` for what is not about accuracy: a third up its ladder.
+/// A setting of `engine` a third up its ladder, for measurements that do not depend on accuracy.
 #[must_use]
 pub(super) fn typical(engine: Engine) -> Option<Setting> {
     let ladder = ladder(engine);
     ladder.get(ladder.len().saturating_sub(1) / 3).copied()
 }
 
-/// Every resolution with 4^exponent rays for each exponent.
+/// The settings with 4^exponent rays for every exponent and resolution.
 fn over(
     engine: Engine,
     exponents: RangeInclusive<u32>,
     resolutions: &[Resolution],
 ) -> Vec<Setting> {
-    let at = |exponent: u32, &resolution: &Resolution| Setting {
+    let setting = |exponent: u32, &resolution: &Resolution| Setting {
         engine,
         rays: 4_u64.pow(exponent),
         resolution,
     };
     exponents
-        .flat_map(|exponent| resolutions.iter().map(move |of| at(exponent, of)))
+        .flat_map(|exponent| {
+            resolutions
+                .iter()
+                .map(move |resolution| setting(exponent, resolution))
+        })
         .collect()
 }
 
@@ -102,7 +106,7 @@ mod tests {
     }
 
     #[test]
-    fn names_tell_what_is_not_the_default() {
+    fn names_state_what_differs_from_the_default() {
         let mut setting = Setting {
             engine: Engine::Spectral,
             rays: 64,

@@ -1,12 +1,12 @@
-//! Runs engines and takes their time.
+//! Runs engines and measures their CPU time.
 //!
-//! Time is CPU time of the thread that does the run, as the system counts it
-//! (`CLOCK_THREAD_CPUTIME_ID` on Linux, by the crate `cpu-time`): other
-//! processes and other runs at the same time do not count in it. So every run
-//! keeps to one thread, and several runs go side by side.
+//! The time is the CPU time of the thread of a run as the system counts it
+//! (`CLOCK_THREAD_CPUTIME_ID` on Linux, by the crate `cpu-time`). It does not include other
+//! processes and simultaneous runs. Each run therefore uses one thread, and several runs go in
+//! parallel.
 //!
-//! Tables of grain events, which depend on the shape of the grains alone and
-//! serve all the snow made of them, are made beforehand and timed apart.
+//! Tables of grain events depend only on the shape of the grains and are shared by all snow of
+//! these grains. They are made before a run and timed separately.
 use std::sync::atomic::{AtomicBool, AtomicU64};
 use std::sync::{Mutex, PoisonError};
 
@@ -17,33 +17,33 @@ use super::{Sample, Setting, TradeoffError};
 use crate::engine::{Cache, Control, EngineError, MaxError, Request, Resolution};
 use crate::measurement::Spectrum;
 
-/// One run: spectra per thickness, and the CPU seconds they took.
-pub(super) struct Timed {
+/// The result of one run: spectra per thickness, and the CPU seconds of the run.
+pub(super) struct TimedRun {
     pub(super) spectra: Vec<Spectrum>,
     pub(super) cpu_seconds: f64,
-    /// CPU seconds that the tables took before; 0 for engines without.
+    /// CPU seconds of making the tables beforehand; 0 for engines without tables.
     pub(super) table_seconds: f64,
 }
 
-/// Tables of one sample and seed, and the CPU seconds they took by resolution.
+/// The tables of one sample and seed, with the CPU seconds of making them for each resolution.
 #[derive(Default)]
 pub(super) struct Tables {
     cache: Cache,
-    made: Mutex<Vec<(Resolution, f64)>>,
+    seconds: Mutex<Vec<(Resolution, f64)>>,
 }
 
-/// Threads, what may be spent on them, and a way to stop.
+/// A thread pool with a budget of CPU time.
 pub(super) struct Bench<'a> {
     pool: rayon::ThreadPool,
     cancel: &'a AtomicBool,
     begin: ProcessTime,
     budget: f64,
-    /// CPU seconds that do not count.
+    /// CPU seconds that do not count against the budget.
     excused: f64,
 }
 
 impl<'a> Bench<'a> {
-    /// `threads` threads (0: one per core) and `budget` CPU seconds from now on.
+    /// A bench with `threads` threads (0: one per core) and `budget` CPU seconds from now on.
     pub(super) fn new(
         threads: usize,
         budget: f64,
@@ -62,27 +62,27 @@ impl<'a> Bench<'a> {
         })
     }
 
-    /// CPU seconds that may be spent in all.
+    /// The budget, CPU seconds.
     pub(super) fn budget(&self) -> f64 {
         self.budget
     }
 
-    /// CPU seconds until `share` of the budget is spent; not below 0.
+    /// CPU seconds that remain until `share` of the budget is spent; at least 0.
     pub(super) fn left_of(&self, share: f64) -> f64 {
         (share * self.budget - self.spent()).max(0.0)
     }
 
-    /// CPU seconds spent so far.
+    /// CPU seconds spent so far that count against the budget.
     pub(super) fn spent(&self) -> f64 {
         self.begin.elapsed().as_secs_f64() - self.excused
     }
 
-    /// Takes `seconds` that were spent as if they had not been.
+    /// Removes `seconds` from the time that counts against the budget.
     pub(super) fn excuse(&mut self, seconds: f64) {
         self.excused += seconds;
     }
 
-    /// `f` of every item, in order, on all threads.
+    /// The results of `f` for all items, in order, computed on all threads.
     pub(super) fn map<I: Sync, T: Send>(
         &self,
         items: &[I],
@@ -92,14 +92,14 @@ impl<'a> Bench<'a> {
             .install(|| items.par_iter().with_max_len(1).map(f).collect())
     }
 
-    /// Runs the engine of `setting` on one thread, with `tables` that were made
-    /// for the same sample, wavelengths and seed.
+    /// Runs the engine of `setting` on one thread. `tables` belong to the same sample,
+    /// wavelengths and seed.
     pub(super) fn run(
         &self,
         setting: &Setting,
         request: &Request,
         tables: &Tables,
-    ) -> Result<Timed, EngineError> {
+    ) -> Result<TimedRun, EngineError> {
         let control = Control {
             parallel: false,
             cancel: self.cancel,
@@ -113,12 +113,17 @@ impl<'a> Bench<'a> {
         };
         let mut table_seconds = 0.0;
         if setting.engine.uses_tables() {
-            let mut made = tables.made.lock().unwrap_or_else(PoisonError::into_inner);
-            let known = made.iter().find(|(of, _)| *of == setting.resolution);
+            let mut made = tables
+                .seconds
+                .lock()
+                .unwrap_or_else(PoisonError::into_inner);
+            let known = made
+                .iter()
+                .find(|(resolution, _)| *resolution == setting.resolution);
             table_seconds = match known {
                 Some((_, seconds)) => *seconds,
                 None => {
-                    // as few walks as there can be leave the tables in the cache
+                    // A run with a single ray leaves the tables in the cache.
                     let mut few = request.clone();
                     few.rays = 1;
                     let (_, seconds) = timed(&few)?;
@@ -128,7 +133,7 @@ impl<'a> Bench<'a> {
             };
         }
         let (spectra, cpu_seconds) = timed(request)?;
-        Ok(Timed {
+        Ok(TimedRun {
             spectra,
             cpu_seconds,
             table_seconds,
@@ -136,7 +141,7 @@ impl<'a> Bench<'a> {
     }
 }
 
-/// What to ask the engine of `setting` for.
+/// The request to the engine of `setting`.
 pub(super) fn request<'a>(
     setting: &Setting,
     sample: &'a Sample,
@@ -145,7 +150,7 @@ pub(super) fn request<'a>(
     seed: u64,
 ) -> Request<'a> {
     Request {
-        pack: &sample.file.pack,
+        snowpack: &sample.file.snowpack,
         thicknesses_m,
         illuminations: std::slice::from_ref(&sample.file.illumination),
         resolution: setting.resolution,
@@ -158,7 +163,7 @@ pub(super) fn request<'a>(
     }
 }
 
-/// An engine's error, as one of this program.
+/// Converts an error of an engine.
 pub(super) fn failed(sample: &Sample, setting: &Setting, source: EngineError) -> TradeoffError {
     match source {
         EngineError::Cancelled => TradeoffError::Cancelled,
@@ -170,7 +175,7 @@ pub(super) fn failed(sample: &Sample, setting: &Setting, source: EngineError) ->
     }
 }
 
-/// The mean of `values`; NaN of none.
+/// The mean of `values`; NaN if there are none.
 pub(super) fn mean(values: &[f64]) -> f64 {
     values.iter().sum::<f64>() / values.len() as f64
 }

@@ -1,11 +1,11 @@
-//! Speed against accuracy: every engine at a ladder of settings on some samples,
-//! its CPU time and its distance from a converged truth.
+//! Speed against accuracy: the CPU time of every engine, at a ladder of settings on some
+//! samples, and its error against a converged reference (the truth).
 //!
-//! Errors are root mean squares over runs with seeds of their own, one measure
-//! at a time, against a truth of many more rays whose standard error is told
-//! beside them: it adds to every error in quadrature, so what is below it cannot
-//! be seen. Values follow from samples, settings and seeds alone; CPU times, and
-//! with them how far up its ladder an engine gets within the budget, do not.
+//! Errors are root mean squares over runs with different seeds, for each measure. The truth has
+//! many more rays; its standard error is stated as well. It adds in quadrature to every error,
+//! so errors below it cannot be resolved. Values depend on samples, settings and seeds only. CPU
+//! times, and with them how many settings of an engine fit into the budget, vary from run to
+//! run.
 mod band;
 mod baseline;
 mod components;
@@ -27,81 +27,81 @@ use std::sync::atomic::AtomicBool;
 
 pub use band::Band;
 pub use baseline::BASELINE_RAYS;
-pub use components::{Coding, Components, Source};
+pub use components::{Coding, Components, CompressionSource};
 pub use error::TradeoffError;
 pub use errors::Metrics;
 pub use ladder::{Setting, ladder};
 pub use pareto::front;
-pub use point::{Point, points};
+pub use point::{ChartPoint, points};
 pub use recommend::{Bound, Candidate, Measure, Recommendation, recommend};
 pub use sample::Sample;
 pub use scaling::{Cost, Growth};
-pub use sweep::{Kind, Refusal, Row};
+pub use sweep::{Refusal, Row, RowKind};
 
 use crate::engine::Engine;
 use measure::Bench;
 use truth::Truths;
 
-/// What to chart.
+/// The settings of a run.
 #[derive(Debug)]
 pub struct Options {
-    /// The snow; at least one, of different names.
+    /// The samples; at least one, with different names.
     pub samples: Vec<Sample>,
-    /// The engines.
+    /// The engines to chart.
     pub engines: Vec<Engine>,
-    /// Runs of each setting, with seeds 1, 2, ...; at least 1.
+    /// Number of runs of each setting, with seeds 1, 2, ...; at least 1.
     pub seeds: u64,
-    /// CPU seconds to spend, more or less: the first setting of every ladder is
-    /// always run, and what would not fit is left out. A truth of given rays
-    /// does not count.
+    /// CPU seconds to spend, approximately. The first setting of every ladder always runs;
+    /// settings that exceed the budget are left out. The truth does not count if its rays are
+    /// given.
     pub budget: f64,
-    /// Threads; 0 is one per core.
+    /// Number of threads; 0 for one per core.
     pub threads: usize,
-    /// The engine of the truth.
+    /// The engine that computes the truth.
     pub truth_engine: Engine,
-    /// Rays of the truth; `None` for what two fifths of the budget allow.
+    /// Rays of the truth; `None` for as many as two fifths of the budget allow.
     pub truth_rays: Option<u64>,
-    /// Where truths are kept.
+    /// Folder in which truths are stored.
     pub truth_folder: PathBuf,
     /// The curves whose compression is charted.
-    pub source: Source,
+    pub source: CompressionSource,
 }
 
-/// All that was measured.
+/// All results of a run.
 #[derive(Debug)]
 pub struct Results {
     /// Names of the samples.
     pub samples: Vec<String>,
-    /// Errors and costs: by setting, sample, band, quantity.
+    /// Errors and costs, ordered by setting, sample, band and quantity.
     pub rows: Vec<Row>,
-    /// Settings that an engine refused for a sample.
+    /// Settings that an engine refused on a sample.
     pub refusals: Vec<Refusal>,
-    /// Rays of the least converged truth.
+    /// Rays of the truth with the fewest rays.
     pub truth_rays: u64,
-    /// What the cost of a run grows with.
+    /// The costs of runs against the size of the request.
     pub costs: Vec<Cost>,
-    /// Errors of compression.
+    /// Errors and costs of compression.
     pub components: Vec<Components>,
 }
 
-/// Measures everything; `say` is told what is being done.
+/// Runs all measurements. `say` is called with the current activity.
 ///
 /// # Errors
-/// See [`TradeoffError`]; setting `cancel` makes it stop soon.
+/// [`TradeoffError`] of any kind; [`TradeoffError::Cancelled`] soon after `cancel` is set.
 pub fn run(
     options: &Options,
     cancel: &AtomicBool,
     say: &dyn Fn(&str),
 ) -> Result<Results, TradeoffError> {
     let mut bench = Bench::new(options.threads, options.budget, cancel)?;
-    // First, so that what cannot be written or read is told at once.
+    // Before all measurements, so that a folder that cannot be written is reported at once.
     let folder = options.truth_folder.clone();
     fs::create_dir_all(&folder).map_err(|source| TradeoffError::Io {
         path: folder.clone(),
         source,
     })?;
     let components = components::measure(&bench, &options.source, say)?;
-    say("what a ray costs");
+    say("cost of a ray");
     let truths = Truths {
         bench: &bench,
         engine: options.truth_engine,

@@ -1,8 +1,9 @@
-//! What no other point beats.
+//! The Pareto front of cost and error.
 
-/// Positions of the points (cost, error) that no other point beats in one
-/// without losing in the other: by rising cost and strictly falling error. Of
-/// equal points the first counts; a point that is not finite never does.
+/// Indices of the points (cost, error) on the Pareto front: no other point is better in one
+/// coordinate without being worse in the other. The front has increasing cost and strictly
+/// decreasing error. Of equal points only the first is on the front; points that are not finite
+/// are left out.
 #[must_use]
 pub fn front(points: &[(f64, f64)]) -> Vec<usize> {
     let mut order: Vec<usize> = (0..points.len())

@@ -1,64 +1,64 @@
-//! A setting over all samples: one point of the chart.
+//! Points of the chart: each combines the results of one setting on all samples.
 use std::collections::BTreeSet;
 
-use super::{Band, Kind, Metrics, Row, Setting};
+use super::{Band, Metrics, Row, RowKind, Setting};
 use crate::measurement::Quantity;
 
-/// One setting, quantity and band over all samples.
+/// The results of one setting, quantity and band on all samples.
 #[derive(Debug, Clone, PartialEq)]
-pub struct Point {
+pub struct ChartPoint {
     /// The setting.
     pub setting: Setting,
-    /// Whether it was run, rather than extrapolated.
+    /// Whether the setting was run, rather than extrapolated.
     pub measured: bool,
-    /// Wavelengths.
+    /// Band of wavelengths.
     pub band: Band,
     /// Quantity that was compared.
     pub quantity: Quantity,
-    /// CPU seconds of one run of the band: mean over the samples.
+    /// CPU seconds of one run of the band, mean over the samples.
     pub cpu_seconds: f64,
-    /// Errors: the largest over the samples.
+    /// Errors, the largest over the samples.
     pub error: Metrics,
-    /// Standard errors of the truths: the largest over the samples.
+    /// Standard errors of the truths, the largest over the samples.
     pub floor: Metrics,
 }
 
-/// The points of `rows`, in their order. A setting without a row for each of
-/// `samples` samples has none: its error could not be compared with the others'.
+/// The points of `rows`, in their order. A setting that does not have a row for each of
+/// `samples` samples is left out, because its error cannot be compared with the others.
 #[must_use]
-pub fn points(rows: &[Row], samples: usize) -> Vec<Point> {
-    let mut points: Vec<Point> = Vec::new();
+pub fn points(rows: &[Row], samples: usize) -> Vec<ChartPoint> {
+    let mut points: Vec<ChartPoint> = Vec::new();
     for row in rows {
         let same = |other: &&Row| {
             (other.setting, other.kind) == (row.setting, row.kind)
                 && (other.band, other.quantity) == (row.band, row.quantity)
         };
-        let measured = row.kind == Kind::Measured;
-        let known = |point: &Point| {
+        let measured = row.kind == RowKind::Measured;
+        let is_known = |point: &ChartPoint| {
             (point.setting, point.measured) == (row.setting, measured)
                 && (point.band, point.quantity) == (row.band, row.quantity)
         };
-        if points.iter().any(known) {
+        if points.iter().any(is_known) {
             continue;
         }
-        let all: Vec<&Row> = rows.iter().filter(same).collect();
-        let names: BTreeSet<&str> = all.iter().map(|row| row.sample.as_str()).collect();
+        let group: Vec<&Row> = rows.iter().filter(same).collect();
+        let names: BTreeSet<&str> = group.iter().map(|row| row.sample.as_str()).collect();
         if names.len() < samples {
             continue;
         }
-        let larger = |of: fn(&Row) -> Metrics| {
-            let all = all.iter().map(|row| of(row));
-            all.reduce(Metrics::max).unwrap_or_default()
+        let largest = |part: fn(&Row) -> Metrics| {
+            let metrics = group.iter().map(|row| part(row));
+            metrics.reduce(Metrics::max).unwrap_or_default()
         };
-        let seconds: f64 = all.iter().map(|row| row.cpu_seconds[0]).sum();
-        points.push(Point {
+        let seconds: f64 = group.iter().map(|row| row.cpu_seconds[0]).sum();
+        points.push(ChartPoint {
             setting: row.setting,
             measured,
             band: row.band,
             quantity: row.quantity,
-            cpu_seconds: seconds / all.len() as f64,
-            error: larger(|row| row.error),
-            floor: larger(|row| row.floor),
+            cpu_seconds: seconds / group.len() as f64,
+            error: largest(|row| row.error),
+            floor: largest(|row| row.floor),
         });
     }
     points
@@ -83,7 +83,7 @@ mod tests {
                 rays,
                 resolution: Resolution::default(),
             },
-            kind: Kind::Measured,
+            kind: RowKind::Measured,
             seeds: 1,
             band: Band::NearInfrared,
             quantity,

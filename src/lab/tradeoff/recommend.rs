@@ -1,10 +1,10 @@
-//! Which setting to take for a bound.
+//! The recommended setting for each bound on the error.
 use serde::Serialize;
 
-use super::{Band, Metrics, Point};
+use super::{Band, ChartPoint, Metrics};
 use crate::measurement::Quantity;
 
-/// A measure of [`Metrics`] that bounds are set on.
+/// An error measure of [`Metrics`] for which bounds are set.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize)]
 #[serde(rename_all = "snake_case")]
 pub enum Measure {
@@ -24,7 +24,7 @@ impl Measure {
         }
     }
 
-    /// Its value; `None` for the Delta-E of what has no colour.
+    /// The value of the measure; `None` for Delta-E if the spectra have no colour.
     #[must_use]
     pub fn of(self, metrics: &Metrics) -> Option<f64> {
         match self {
@@ -37,16 +37,16 @@ impl Measure {
 /// A bound on the error of both transmittance and reflectance, over all samples.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Bound {
-    /// Of what.
+    /// The measure that is bounded.
     pub measure: Measure,
-    /// Where.
+    /// The band in which it is bounded.
     pub band: Band,
     /// The largest error allowed.
     pub value: f64,
 }
 
 impl Bound {
-    /// The bounds that a recommendation is given for.
+    /// All bounds for which a recommendation is given.
     #[must_use]
     pub fn all() -> Vec<Self> {
         let bound = |measure, band| {
@@ -63,36 +63,37 @@ impl Bound {
     }
 }
 
-/// A setting with what it costs and how wrong it is, as a bound sees it.
+/// A setting with its cost and its error in the measure of a bound.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Candidate {
     /// Name of the engine.
     pub engine: &'static str,
     /// Name of the setting.
     pub setting: String,
-    /// CPU seconds of one spectrum of the band, mean over the samples.
+    /// CPU seconds for one spectrum of the band, mean over the samples.
     pub cpu_seconds: f64,
-    /// The larger of the errors of transmittance and reflectance, on the worst sample.
+    /// The larger of the errors of transmittance and reflectance, on the sample with the largest
+    /// error.
     pub error: f64,
-    /// What the truth's own error leaves of such an error at best.
+    /// The standard error of the truth in the same measure; smaller errors cannot be resolved.
     pub floor: f64,
 }
 
-/// What to take for a bound.
+/// The recommendation for a bound.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Recommendation {
     /// The bound.
     pub bound: Bound,
-    /// The cheapest measured setting within it, if one is.
+    /// The cheapest measured setting that keeps the bound; `None` if no setting does.
     pub best: Option<Candidate>,
-    /// The measured setting of least error, if any was measured.
+    /// The measured setting with the smallest error; `None` if nothing was measured.
     pub nearest: Option<Candidate>,
 }
 
-/// The cheapest measured setting within `bound`, of `points`. Settings that were
-/// extrapolated, or not measured on every sample, are no candidates.
+/// The recommendation for `bound` from `points`. Settings that were extrapolated, or not
+/// measured on every sample, are not considered.
 #[must_use]
-pub fn recommend(bound: Bound, points: &[Point]) -> Recommendation {
+pub fn recommend(bound: Bound, points: &[ChartPoint]) -> Recommendation {
     let candidates: Vec<Candidate> = points
         .iter()
         .filter(|point| point.band == bound.band && point.quantity == Quantity::Transmittance)
@@ -108,16 +109,16 @@ pub fn recommend(bound: Bound, points: &[Point]) -> Recommendation {
     }
 }
 
-/// The setting of `transmitted` with its errors in both quantities.
-fn candidate(bound: Bound, transmitted: &Point, points: &[Point]) -> Option<Candidate> {
-    let same = |point: &&Point| {
+/// The setting of `transmitted` with the larger of its errors in both quantities.
+fn candidate(bound: Bound, transmitted: &ChartPoint, points: &[ChartPoint]) -> Option<Candidate> {
+    let same = |point: &&ChartPoint| {
         (point.quantity, point.band) == (Quantity::Reflectance, bound.band)
             && (point.setting, point.measured) == (transmitted.setting, true)
     };
     let reflected = points.iter().find(same).filter(|_| transmitted.measured)?;
-    let larger = |of: fn(&Point) -> &Metrics| {
-        let of = |point| bound.measure.of(of(point));
-        Some(of(transmitted)?.max(of(reflected)?))
+    let larger = |part: fn(&ChartPoint) -> &Metrics| {
+        let value = |point| bound.measure.of(part(point));
+        Some(value(transmitted)?.max(value(reflected)?))
     };
     Some(Candidate {
         engine: transmitted.setting.engine.name(),
@@ -137,15 +138,15 @@ mod tests {
     use crate::engine::{Engine, Resolution};
     use crate::lab::tradeoff::Setting;
 
-    /// A setting of `rays` measured (or not) with `errors` of T and R: RMSE, and
-    /// 100 times that as Delta-E.
-    fn points(rays: u64, cpu_seconds: f64, errors: [f64; 2], measured: bool) -> [Point; 2] {
+    /// A setting with `rays` rays, measured or not, with these RMSE of T and R; Delta-E is 100
+    /// times the RMSE.
+    fn points(rays: u64, cpu_seconds: f64, errors: [f64; 2], measured: bool) -> [ChartPoint; 2] {
         let metrics = |rmse| Metrics {
             rmse,
             max_abs: rmse,
             delta_e: Some(100.0 * rmse),
         };
-        let point = |(quantity, error)| Point {
+        let point = |(quantity, error)| ChartPoint {
             setting: Setting {
                 engine: Engine::Spectral,
                 rays,
@@ -185,7 +186,7 @@ mod tests {
             found.best.map(|best| best.setting)
         };
         assert_eq!(rays(rmse(1e-1)).as_deref(), Some("spectral 1"));
-        // A bound that is just reached is kept.
+        // An error equal to the bound keeps it.
         assert_eq!(rays(rmse(1e-2)).as_deref(), Some("spectral 3"));
         assert_eq!(rays(rmse(9e-3)).as_deref(), Some("spectral 2"));
         assert_eq!(rays(rmse(1e-3)).as_deref(), Some("spectral 4"));
@@ -212,13 +213,13 @@ mod tests {
     }
 
     proptest! {
-        /// A tighter bound never costs less, and what is recommended keeps it.
+        /// A tighter bound never costs less, and the recommended setting keeps the bound.
         #[test]
         fn tighter_costs_more(
             errors in proptest::collection::vec((0.0_f64..1.0, 0.0_f64..1.0, 0.1_f64..9.0), 1..20),
             bounds in (0.0_f64..1.0, 0.0_f64..1.0),
         ) {
-            let all: Vec<Point> = (0..).zip(&errors)
+            let all: Vec<ChartPoint> = (0..).zip(&errors)
                 .flat_map(|(rays, &(t, r, cost))| points(rays, cost, [t, r], true))
                 .collect();
             let (tight, loose) = (bounds.0.min(bounds.1), bounds.0.max(bounds.1));

@@ -1,4 +1,4 @@
-//! The snow on the chart.
+//! The snow samples on the chart.
 use std::path::Path;
 
 use crate::config::ConfigError;
@@ -6,7 +6,7 @@ use crate::config::sample::{self, SampleFile};
 
 use super::TradeoffError;
 
-/// The samples of `configs/tradeoff`: name and file.
+/// The samples of `configs/tradeoff`: names and contents of the files.
 const DEFAULTS: [(&str, &str); 5] = [
     (
         "dry_12cm",
@@ -30,12 +30,12 @@ const DEFAULTS: [(&str, &str); 5] = [
     ),
 ];
 
-/// A slab of snow under a light, by name.
+/// A named sample: a slab of snow and its illumination.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Sample {
-    /// The name of its file without directory and extension.
+    /// The file name without directory and extension.
     pub name: String,
-    /// Snow, thickness, light and model; its wavelengths are not used.
+    /// Snow, thickness, illumination and model; the wavelengths are not used.
     pub file: SampleFile,
 }
 
@@ -43,7 +43,7 @@ impl Sample {
     /// The samples of `configs/tradeoff`: thick, thin, fine, coarse and oblique, wet.
     ///
     /// # Errors
-    /// [`ConfigError`]: none, unless those files are wrong.
+    /// [`ConfigError`] only if these built-in files are invalid.
     pub fn defaults() -> Result<Vec<Self>, ConfigError> {
         let parse = |(name, text): (&str, &str)| {
             let file = sample::parse(&format!("configs/tradeoff/{name}.toml"), text)?;
@@ -58,7 +58,7 @@ impl Sample {
     /// The samples in the files at `paths`.
     ///
     /// # Errors
-    /// A file cannot be read or is wrong; two files have one name.
+    /// If a file cannot be read or is invalid, or two files have the same name.
     pub fn read(paths: &[impl AsRef<Path>]) -> Result<Vec<Self>, TradeoffError> {
         let mut samples: Vec<Self> = Vec::new();
         for path in paths {

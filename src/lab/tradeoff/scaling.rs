@@ -1,32 +1,32 @@
-//! What the cost of a run grows with.
+//! How the cost of a run scales with the size of the request.
 use super::ladder::typical;
 use super::measure::{Bench, Tables, failed, mean, request};
 use super::{Sample, Setting, TradeoffError};
 use crate::engine::Engine;
 use crate::transport::Illumination;
 
-/// Share of the budget until which costs are measured.
+/// Share of the budget that may be spent when the costs have been measured.
 const SHARE: f64 = 1.0;
-/// Runs whose mean is taken, with seeds 1, 2, ...
+/// Number of runs that are averaged, with seeds 1, 2, ...
 const RUNS: u64 = 3;
-/// Thickness where it is not the question, and the largest of several, m.
+/// Thickness of the slab unless it is varied, and the largest of several thicknesses, m.
 const THICKNESS_M: f64 = 0.12;
 
-/// What is made more of.
+/// The part of a request that is increased.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Growth {
     /// Thickness of one slab, cm.
     Thickness,
     /// Wavelengths, between 400 and 700 nm.
     Wavelengths,
-    /// Thicknesses asked for at once, up to 12 cm.
+    /// Number of thicknesses in one request, up to 12 cm.
     Thicknesses,
-    /// Polar angles, 0 to 80 degrees: as many requests.
+    /// Number of incidence angles, from 0 to 80 degrees, as separate illuminations.
     Angles,
 }
 
 impl Growth {
-    /// All.
+    /// All variants.
     pub const ALL: [Self; 4] = [
         Self::Thickness,
         Self::Wavelengths,
@@ -45,7 +45,7 @@ impl Growth {
         }
     }
 
-    /// Where it is measured, increasing.
+    /// The values at which the cost is measured, increasing.
     fn values(self) -> &'static [f64] {
         match self {
             Self::Thickness => &[1.0, 2.0, 5.0, 10.0, 20.0, 50.0],
@@ -55,22 +55,22 @@ impl Growth {
     }
 }
 
-/// The cost of one engine at one point.
+/// The cost of one engine at one value.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Cost {
-    /// What is varied.
+    /// The part that is varied.
     pub growth: Growth,
     /// Its value.
     pub value: f64,
     /// The setting, the same for all costs of an engine.
     pub setting: Setting,
-    /// CPU seconds, the mean of a few runs.
+    /// CPU seconds, mean over a few runs.
     pub cpu_seconds: f64,
 }
 
-/// Costs of `engines` with the grains of `sample`, each up to where its part of
-/// the budget ends. Where not varied: 12 cm, 31 wavelengths of 400-700 nm, the
-/// light of the sample. Settings that an engine refuses have no cost.
+/// The costs of `engines` for the snow of `sample`. Each series ends where its share of the
+/// budget ends. Parts that are not varied have 12 cm, 31 wavelengths in 400-700 nm and the
+/// illumination of the sample. Settings that an engine refuses have no cost.
 pub(super) fn costs(
     bench: &Bench,
     sample: &Sample,
@@ -86,7 +86,7 @@ pub(super) fn costs(
             series -= 1;
             let mut last: Option<(f64, f64)> = None;
             for &value in growth.values() {
-                let expected = last.map_or(0.0, |(cost, at)| cost * value / at);
+                let expected = last.map_or(0.0, |(cost, previous)| cost * value / previous);
                 if expected > allowance {
                     break;
                 }
@@ -108,7 +108,7 @@ pub(super) fn costs(
     Ok(costs)
 }
 
-/// The cost at one point; `None` if the engine refuses.
+/// The cost at one value; `None` if the engine refuses the request.
 fn cost(
     bench: &Bench,
     sample: &Sample,
@@ -116,11 +116,11 @@ fn cost(
     growth: Growth,
     value: f64,
 ) -> Result<Option<f64>, TradeoffError> {
-    let count = |of: Growth, otherwise: u32| {
-        if growth == of {
+    let count = |varied: Growth, default: u32| {
+        if growth == varied {
             value as u32
         } else {
-            otherwise
+            default
         }
     };
     let thickness_m = if growth == Growth::Thickness {
@@ -132,7 +132,7 @@ fn cost(
     let thicknesses_m: Vec<f64> = (1..=n)
         .map(|i| thickness_m * f64::from(i) / f64::from(n))
         .collect();
-    // A single one is in the middle.
+    // A single wavelength is in the middle of the band.
     let nm = match count(Growth::Wavelengths, 31) {
         1 => vec![550.0],
         n => (0..n)

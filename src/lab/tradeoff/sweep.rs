@@ -1,24 +1,24 @@
-//! Every setting on every sample.
-use super::measure::{Bench, Tables, Timed, failed, mean, request};
+//! Runs every setting on every sample.
+use super::measure::{Bench, Tables, TimedRun, failed, mean, request};
 use super::truth::{Truth, values};
 use super::{Band, Metrics, Sample, Setting, TradeoffError, ladder};
 use crate::colour::Colorimeter;
 use crate::engine::Engine;
 use crate::measurement::Quantity;
 
-/// Share of the budget until which settings are tried.
+/// Share of the budget that may be spent when all settings have run.
 const SHARE: f64 = 0.8;
 
-/// Where a row comes from.
+/// The origin of a row.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub enum Kind {
-    /// Run as it stands.
+pub enum RowKind {
+    /// Measured in runs of this setting.
     Measured,
-    /// Known from a run with fewer rays and from the truth.
+    /// Extrapolated from a run with fewer rays and the truth.
     Extrapolated,
 }
 
-impl Kind {
+impl RowKind {
     /// The name used in files.
     #[must_use]
     pub fn name(self) -> &'static str {
@@ -29,51 +29,51 @@ impl Kind {
     }
 }
 
-/// One setting on one sample: one quantity in one band.
+/// The result of one setting on one sample, for one quantity in one band.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Row {
     /// Name of the sample.
     pub sample: String,
     /// The setting.
     pub setting: Setting,
-    /// Where it comes from.
-    pub kind: Kind,
-    /// Runs, with a seed each; 0 if extrapolated.
+    /// The origin of the row.
+    pub kind: RowKind,
+    /// Number of runs, each with its own seed; 0 if extrapolated.
     pub seeds: u64,
-    /// Wavelengths.
+    /// Band of wavelengths.
     pub band: Band,
     /// Quantity that was compared.
     pub quantity: Quantity,
-    /// CPU seconds of one run, which gives both quantities of the band: the
-    /// mean, the least and the most over the seeds.
+    /// CPU seconds of one run, which gives both quantities of the band: mean, minimum and
+    /// maximum over the seeds.
     pub cpu_seconds: [f64; 3],
-    /// CPU seconds of the tables of grain events, which were there before: the mean.
+    /// CPU seconds of making the tables of grain events before the run, mean over the seeds.
     pub table_seconds: f64,
-    /// Root mean square over the seeds of each distance from the truth.
+    /// Root mean square over the seeds of each error measure.
     pub error: Metrics,
-    /// Standard error of that truth, in the same measures.
+    /// Standard error of the truth in the same measures.
     pub floor: Metrics,
-    /// Rays of that truth.
+    /// Rays of the truth.
     pub truth_rays: u64,
 }
 
-/// A setting that an engine would not run on a sample.
+/// A setting that an engine refused on a sample.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Refusal {
     /// Name of the sample.
     pub sample: String,
     /// The setting.
     pub setting: Setting,
-    /// Where.
+    /// Band of wavelengths.
     pub band: Band,
-    /// What the engine said.
+    /// The engine's reason.
     pub reason: String,
 }
 
-/// One run, or why there is none.
-type Outcome = Result<Timed, String>;
+/// One run, or the engine's reason for refusing it.
+type Outcome = Result<TimedRun, String>;
 
-/// Climbs the ladders of engines.
+/// Runs the ladders of settings and collects the results.
 pub(super) struct Sweep<'a> {
     bench: &'a Bench<'a>,
     samples: &'a [Sample],
@@ -87,7 +87,7 @@ pub(super) struct Sweep<'a> {
 }
 
 impl<'a> Sweep<'a> {
-    /// `truths` is `[sample][band]`.
+    /// A sweep over `samples`, whose truths are `truths`, `[sample][band]`.
     pub(super) fn new(
         bench: &'a Bench<'a>,
         samples: &'a [Sample],
@@ -109,8 +109,8 @@ impl<'a> Sweep<'a> {
         })
     }
 
-    /// Runs the settings of `engine`, the next of `engines_left`, that its part
-    /// of the budget allows, and the first one in any case.
+    /// Runs the settings of `engine` that fit into its share of the budget, and the first setting
+    /// in any case. `engines_left` engines, including this one, share the remaining budget.
     pub(super) fn climb(
         &mut self,
         engine: Engine,
@@ -118,7 +118,7 @@ impl<'a> Sweep<'a> {
         say: &dyn Fn(&str),
     ) -> Result<(), TradeoffError> {
         let mut allowance = self.bench.left_of(SHARE) / engines_left.max(1) as f64;
-        // Cost of the last setting, and its rays.
+        // Cost and rays of the last setting.
         let mut last: Option<(f64, u64)> = None;
         for setting in ladder(engine) {
             let expected =
@@ -134,7 +134,7 @@ impl<'a> Sweep<'a> {
         Ok(())
     }
 
-    /// Runs one setting on everything; gives the CPU seconds it took.
+    /// Runs one setting on all samples, bands and seeds; returns the CPU seconds spent.
     fn run(&mut self, setting: &Setting) -> Result<f64, TradeoffError> {
         let mut items = Vec::new();
         for sample in self.samples {
@@ -144,7 +144,7 @@ impl<'a> Sweep<'a> {
         }
         let items: Vec<_> = items.into_iter().zip(&self.tables).collect();
         let outcomes = self.bench.map(&items, |&((sample, band, seed), tables)| {
-            self.one(setting, sample, band, seed, tables)
+            self.run_one(setting, sample, band, seed, tables)
         })?;
         let cost = outcomes.iter().flatten().map(|run| run.cpu_seconds).sum();
         let mut outcomes = outcomes.into_iter();
@@ -165,7 +165,8 @@ impl<'a> Sweep<'a> {
         Ok(cost)
     }
 
-    fn one(
+    /// Runs one setting on one sample, band and seed.
+    fn run_one(
         &self,
         setting: &Setting,
         sample: &Sample,
@@ -185,16 +186,17 @@ impl<'a> Sweep<'a> {
         }
     }
 
+    /// Adds the rows that compare `runs` with the truth.
     fn compare(
         &mut self,
         setting: &Setting,
         sample: &Sample,
         band: Band,
         truth: &Truth,
-        runs: &[Timed],
+        runs: &[TimedRun],
     ) {
         let seconds: Vec<f64> = runs.iter().map(|run| run.cpu_seconds).collect();
-        let of_tables: Vec<f64> = runs.iter().map(|run| run.table_seconds).collect();
+        let table_seconds: Vec<f64> = runs.iter().map(|run| run.table_seconds).collect();
         let least = seconds.iter().copied().fold(f64::INFINITY, f64::min);
         let most = seconds.iter().copied().fold(0.0, f64::max);
         let colour = self.colours[band as usize].as_ref();
@@ -207,12 +209,12 @@ impl<'a> Sweep<'a> {
             self.rows.push(Row {
                 sample: sample.name.clone(),
                 setting: *setting,
-                kind: Kind::Measured,
+                kind: RowKind::Measured,
                 seeds: self.seeds,
                 band,
                 quantity,
                 cpu_seconds: [mean(&seconds), least, most],
-                table_seconds: mean(&of_tables),
+                table_seconds: mean(&table_seconds),
                 error: Metrics::rms(&distances),
                 floor: truth.standard_error(quantity, colour),
                 truth_rays: truth.rays,
@@ -220,7 +222,7 @@ impl<'a> Sweep<'a> {
         }
     }
 
-    /// What was measured, and what was refused.
+    /// The measured rows and the refused settings.
     pub(super) fn finish(self) -> (Vec<Row>, Vec<Refusal>) {
         (self.rows, self.refusals)
     }

@@ -1,4 +1,4 @@
-//! Converged spectra that errors are measured against, kept in files.
+//! Converged spectra (truths) against which errors are measured, stored in files.
 use std::fmt::Write;
 use std::fs;
 use std::io;
@@ -15,30 +15,32 @@ use crate::engine::{Engine, Resolution};
 use crate::measurement::{Quantity, Spectrum};
 use crate::optics::data_files;
 
-/// Independent runs that make up one truth, of equally many rays: their scatter
-/// is its standard error in every measure, correlations between wavelengths
-/// included.
+/// Number of independent runs that make up one truth, with equal numbers of rays. Their scatter
+/// gives the standard error of the truth in every measure, including correlations between
+/// wavelengths.
 const PARTS: u64 = 8;
-/// Seed of the truth; measured runs have 1, 2, ...
+/// Seed of the truth; measured runs have the seeds 1, 2, ...
 const SEED: u64 = 1 << 32;
-/// Rays of the run that finds out what a ray costs.
+/// Rays of the run that measures the cost of a ray.
 const PILOT_RAYS: u64 = 256;
-/// Least and most rays that are chosen unasked.
+/// Smallest and largest number of rays chosen automatically.
 const RAYS: (u64, u64) = (1 << 10, 1 << 26);
 
 /// The truth of one sample in one band.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub(super) struct Truth {
-    /// All that decides it but the rays.
+    /// All inputs that determine the truth, except the number of rays.
     inputs: String,
-    /// Rays of all parts.
+    /// Rays of all parts together.
     pub(super) rays: u64,
-    /// `[part][wavelength]`
+    /// Reflectance, `[part][wavelength]`.
     reflectance: Vec<Vec<f64>>,
+    /// Transmittance, `[part][wavelength]`.
     transmittance: Vec<Vec<f64>>,
 }
 
 impl Truth {
+    /// The spectra of the parts, `[part][wavelength]`.
     fn parts(&self, quantity: Quantity) -> &[Vec<f64>] {
         match quantity {
             Quantity::Transmittance => &self.transmittance,
@@ -46,7 +48,7 @@ impl Truth {
         }
     }
 
-    /// The spectrum: the mean of the parts.
+    /// The spectrum, the mean of the parts.
     pub(super) fn of(&self, quantity: Quantity) -> Vec<f64> {
         let parts = self.parts(quantity);
         let wavelengths = parts.first().map_or(0, Vec::len);
@@ -54,9 +56,8 @@ impl Truth {
         (0..wavelengths).map(mean).collect()
     }
 
-    /// Root mean square of each measure between this estimate and what it
-    /// estimates, from the scatter of the parts: no error below it can be seen.
-    /// Exact for the RMSE, to first order for the others.
+    /// Standard error of the spectrum in each measure, from the scatter of the parts; smaller
+    /// errors cannot be resolved. Exact for the RMSE, of first order for the others.
     pub(super) fn standard_error(
         &self,
         quantity: Quantity,
@@ -67,23 +68,23 @@ impl Truth {
             .iter()
             .map(|part| Metrics::between(part, &mean, colour))
             .collect();
-        // The mean square distance of n values from their mean is n - 1 times
-        // the variance of that mean.
+        // The mean square distance of n values from their mean is n - 1 times the variance of
+        // that mean.
         Metrics::rms(&distances).scaled((parts.len() as f64 - 1.0).powf(-0.5))
     }
 }
 
-/// How truths are made, and where they are kept.
+/// The settings of truths and the folder that stores them.
 pub(super) struct Truths<'a> {
     pub(super) bench: &'a Bench<'a>,
     pub(super) engine: Engine,
-    /// Rays asked for; `None` for what [`Truths::SHARE`] of the budget allows.
+    /// Rays requested; `None` for as many as [`Truths::SHARE`] of the budget allows.
     pub(super) rays: Option<u64>,
     pub(super) folder: PathBuf,
 }
 
 impl Truths<'_> {
-    /// Share of the budget until which rays are chosen.
+    /// Share of the budget that may be spent when the truths have been computed.
     pub(super) const SHARE: f64 = 0.45;
 
     /// The truth of every sample in each band: `[sample][band]`.
@@ -92,22 +93,23 @@ impl Truths<'_> {
         samples: &[Sample],
         say: &dyn Fn(&str),
     ) -> Result<Vec<Vec<Truth>>, TradeoffError> {
-        let (rays, least) = match self.rays {
+        let (rays, required) = match self.rays {
             Some(rays) => (rays, rays),
             None => {
                 let rays = self.affordable(samples)?;
-                // Half as many do as well; another run may have found a ray cheaper.
+                // A stored truth with half as many rays is accepted, because the measured cost of a
+                // ray varies from run to run.
                 (rays, rays / 2)
             }
         };
-        let of = |sample| {
-            let one = |band| self.one(sample, band, rays, least, say);
-            Band::ALL.into_iter().map(one).collect()
+        let truths_of = |sample| {
+            let truth = |band| self.truth(sample, band, rays, required, say);
+            Band::ALL.into_iter().map(truth).collect()
         };
-        samples.iter().map(of).collect()
+        samples.iter().map(truths_of).collect()
     }
 
-    /// The power of two of rays, the same for all, that the share of the budget pays for.
+    /// The largest power of two of rays, the same for all truths, within the share of the budget.
     fn affordable(&self, samples: &[Sample]) -> Result<u64, TradeoffError> {
         let cases: Vec<_> = samples
             .iter()
@@ -123,13 +125,14 @@ impl Truths<'_> {
         Ok((exponent.exp2() as u64).clamp(RAYS.0, RAYS.1))
     }
 
-    /// The truth on file if it has `least` rays, else one of `rays`, which is then kept.
-    fn one(
+    /// The stored truth if it has at least `required` rays, else a new one with `rays` rays, which
+    /// is then stored.
+    fn truth(
         &self,
         sample: &Sample,
         band: Band,
         rays: u64,
-        least: u64,
+        required: u64,
         say: &dyn Fn(&str),
     ) -> Result<Truth, TradeoffError> {
         let inputs = self.inputs(sample, band)?;
@@ -138,8 +141,8 @@ impl Truths<'_> {
             let _ = write!(name, "{byte:02x}");
         }
         let path = self.folder.join(name + ".json");
-        if let Some(kept) = kept(&path, &inputs, least) {
-            return Ok(kept);
+        if let Some(truth) = stored_truth(&path, &inputs, required) {
+            return Ok(truth);
         }
         say(&format!("truth of {}, {}", sample.name, band.name()));
         let per_part = rays.div_ceil(PARTS);
@@ -147,12 +150,12 @@ impl Truths<'_> {
         let spectra = self.bench.map(&parts, |&part| {
             Ok(self.part(sample, band, per_part, part)?.0)
         })?;
-        let of = |quantity| spectra.iter().map(|s| values(s, quantity)).collect();
+        let parts_of = |quantity| spectra.iter().map(|s| values(s, quantity)).collect();
         let truth = Truth {
             inputs,
             rays: per_part * PARTS,
-            reflectance: of(Quantity::Reflectance),
-            transmittance: of(Quantity::Transmittance),
+            reflectance: parts_of(Quantity::Reflectance),
+            transmittance: parts_of(Quantity::Transmittance),
         };
         let written = serde_json::to_vec(&truth)
             .map_err(io::Error::from)
@@ -161,7 +164,7 @@ impl Truths<'_> {
         Ok(truth)
     }
 
-    /// One run with streams of its own: its spectrum and CPU seconds.
+    /// One run with its own random streams; returns the spectrum and the CPU seconds.
     fn part(
         &self,
         sample: &Sample,
@@ -172,7 +175,7 @@ impl Truths<'_> {
         let setting = self.setting(rays);
         let nm = band.wavelengths_nm();
         let thickness = [sample.file.thickness_m];
-        // seeds of their own: tables belong to a seed, whatever the cell
+        // Every part has its own seed, because tables depend on the seed but not on the cell.
         let request = request(&setting, sample, &thickness, &nm, SEED + part);
         let mut run = self
             .bench
@@ -181,6 +184,7 @@ impl Truths<'_> {
         Ok((run.spectra.pop().unwrap_or_default(), run.cpu_seconds))
     }
 
+    /// The setting of the truth's engine with `rays` rays.
     fn setting(&self, rays: u64) -> Setting {
         Setting {
             engine: self.engine,
@@ -189,10 +193,10 @@ impl Truths<'_> {
         }
     }
 
-    /// All that decides a truth but its rays, as text.
+    /// All inputs that determine a truth, except the number of rays, as text.
     fn inputs(&self, sample: &Sample, band: Band) -> Result<String, TradeoffError> {
         let file = &sample.file;
-        let wet = file.pack.is_wet();
+        let wet = file.snowpack.is_wet();
         let data = data_files(file.model.ice, wet.then_some(&file.model.water))
             .map_err(|error| failed(sample, &self.setting(0), error.into()))?;
         let mut inputs = format!(
@@ -210,21 +214,23 @@ impl Truths<'_> {
     }
 }
 
-/// The values of `quantity`, without their standard errors.
+/// The values of `quantity` without their standard errors.
 pub(super) fn values(spectrum: &Spectrum, quantity: Quantity) -> Vec<f64> {
     spectrum.of(quantity).iter().map(|m| m.value).collect()
 }
 
-/// The truth of `inputs` in the file at `path`, if it is whole and of at least `rays`.
-fn kept(path: &Path, inputs: &str, rays: u64) -> Option<Truth> {
+/// The truth of `inputs` in the file at `path`; `None` if the file is missing, incomplete, of
+/// other inputs, or has fewer than `rays` rays.
+fn stored_truth(path: &Path, inputs: &str, rays: u64) -> Option<Truth> {
     let truth: Truth = serde_json::from_slice(&fs::read(path).ok()?).ok()?;
     let wavelengths = truth.transmittance.first()?.len();
-    let whole = |parts: &[Vec<f64>]| {
+    let is_complete = |parts: &[Vec<f64>]| {
         parts.len() as u64 == PARTS && parts.iter().all(|part| part.len() == wavelengths)
     };
-    let right = truth.inputs == inputs && truth.rays >= rays;
-    let whole = wavelengths > 0 && whole(&truth.transmittance) && whole(&truth.reflectance);
-    (right && whole).then_some(truth)
+    let matches = truth.inputs == inputs && truth.rays >= rays;
+    let complete =
+        wavelengths > 0 && is_complete(&truth.transmittance) && is_complete(&truth.reflectance);
+    (matches && complete).then_some(truth)
 }
 
 #[cfg(test)]
@@ -259,24 +265,24 @@ mod tests {
     }
 
     #[test]
-    fn a_file_is_used_only_if_it_is_right_and_whole() {
+    fn a_file_is_used_only_if_it_matches_and_is_complete() {
         let folder = tempfile::tempdir().unwrap();
         let path = folder.path().join("truth.json");
-        assert_eq!(kept(&path, "these", 1), None);
+        assert_eq!(stored_truth(&path, "these", 1), None);
         let write = |truth: &Truth| fs::write(&path, serde_json::to_vec(truth).unwrap()).unwrap();
         write(&truth());
-        assert_eq!(kept(&path, "these", 800), Some(truth()));
-        assert_eq!(kept(&path, "these", 801), None);
-        assert_eq!(kept(&path, "those", 1), None);
+        assert_eq!(stored_truth(&path, "these", 800), Some(truth()));
+        assert_eq!(stored_truth(&path, "these", 801), None);
+        assert_eq!(stored_truth(&path, "those", 1), None);
         let mut torn = truth();
         torn.reflectance.pop();
         write(&torn);
-        assert_eq!(kept(&path, "these", 1), None);
+        assert_eq!(stored_truth(&path, "these", 1), None);
         let mut ragged = truth();
         ragged.transmittance[3].pop();
         write(&ragged);
-        assert_eq!(kept(&path, "these", 1), None);
+        assert_eq!(stored_truth(&path, "these", 1), None);
         fs::write(&path, "{").unwrap();
-        assert_eq!(kept(&path, "these", 1), None);
+        assert_eq!(stored_truth(&path, "these", 1), None);
     }
 }

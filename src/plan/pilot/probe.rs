@@ -1,117 +1,119 @@
-//! The time of one job, from running it with as many of its rays as a budget allows.
+//! Estimates the time of one job by running it with as many of its rays as a budget allows.
 use std::sync::atomic::{AtomicBool, AtomicU64};
 use std::time::Instant;
 
 use cpu_time::ThreadTime;
 
-use super::{Case, PlanError};
+use super::{PlanError, SizedJob};
 use crate::engine::{BATCH, Cache, Control, Engine, EngineError, Request, Resolution};
 use crate::grid::Grid;
 
-/// Rays of the first run and how many times more each next one takes.
-const WALKED: [u64; 2] = [16, 4];
-/// The same of `doubling`, which walks a part of a part of these from every stream, eight
-/// side by side, and solves much whatever the rays.
-const SOLVED: [u64; 2] = [256, 16];
-/// Grain events averaged for a table here: the time to make it is nearly proportional.
+/// Number of rays of the first run, and factor from each run to the next.
+const RAY_STEPS: [u64; 2] = [16, 4];
+/// As [`RAY_STEPS`], for `hybrid`: it walks only a fraction of a fraction of these rays per
+/// stream, eight at a time, and most of its time does not depend on the rays.
+const HYBRID_RAY_STEPS: [u64; 2] = [256, 16];
+/// Largest number of grain events averaged for a table of a pilot job; the time to make a
+/// table is nearly proportional to it.
 const GRAINS: u32 = 1 << 18;
-/// Typical CPU seconds of a table (docs/performance.md).
-const TABLE: f64 = 0.3;
-/// Wavelengths of a run.
+/// Typical CPU time to make a table, s (docs/performance.md).
+const TABLE_SECONDS: f64 = 0.3;
+/// Number of wavelengths of a run.
 const WAVELENGTHS: usize = 5;
 
 /// One run of a job.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub(super) struct Run {
-    /// Rays of each curve.
+    /// Number of rays of each curve.
     pub(super) rays: f64,
-    /// CPU seconds.
+    /// CPU time, s.
     pub(super) core: f64,
 }
 
-/// Standard errors, and CPU and wall clock seconds.
-type Ended = (Vec<f64>, [f64; 2]);
+/// Result of a run: standard errors; CPU and wall clock time, s.
+type RunResult = (Vec<f64>, [f64; 2]);
 
-/// What the runs of one job have taught.
+/// Results of the runs of one job.
 #[derive(Debug, Clone, Default)]
 pub(super) struct Probe {
-    /// CPU seconds of the whole job without its tables; `None` if no run ended.
+    /// CPU time of the whole job without its tables, s; `None` if no run ended.
     pub(super) core: Option<f64>,
-    /// Rays of the longest run.
+    /// Number of rays of the longest run.
     pub(super) rays: u64,
-    /// CPU and wall clock seconds of all runs.
+    /// CPU and wall clock time of all runs, s.
     pub(super) spent: [f64; 2],
-    /// Standard errors as for all rays.
+    /// Standard errors, extrapolated to all rays of the job.
     pub(super) standard_errors: Vec<f64>,
 }
 
-/// Parts of a job that its runs leave out.
+/// The extent of a whole job, relative to its runs.
 #[derive(Debug, Clone, Copy, PartialEq)]
-pub(super) struct Left {
-    /// Rays of the whole job.
+pub(super) struct Extent {
+    /// Number of rays of the whole job.
     pub(super) rays: f64,
-    /// Walks per ray of the whole job, over those of a run.
+    /// Walks per ray of the whole job divided by those of a run.
     pub(super) nodes: f64,
-    /// Wavelengths of the whole job, over those of a run.
+    /// Number of wavelengths of the whole job divided by that of a run.
     pub(super) wavelengths: f64,
 }
 
-/// Who measures.
+/// Runs and times jobs of a grid.
 pub(super) struct Prober<'a> {
     pub(super) grid: &'a Grid,
     pub(super) cancel: &'a AtomicBool,
     pub(super) cache: Cache,
 }
 
-/// Some `most` of `all`, evenly spread.
-fn thinned(all: &[f64], most: usize) -> Vec<f64> {
-    if all.len() <= most {
-        return all.to_vec();
+/// At most `count` of the `values`, evenly spread.
+fn thinned(values: &[f64], count: usize) -> Vec<f64> {
+    if values.len() <= count {
+        return values.to_vec();
     }
-    let middle = |i: usize| (2 * i + 1) * all.len() / (2 * most);
-    (0..most)
-        .filter_map(|i| all.get(middle(i)).copied())
+    let middle = |i: usize| (2 * i + 1) * values.len() / (2 * count);
+    (0..count)
+        .filter_map(|i| values.get(middle(i)).copied())
         .collect()
 }
 
-/// The wavelengths of a run of a grid with `all` of these.
-pub(super) fn few(all: &[f64]) -> Vec<f64> {
-    thinned(all, WAVELENGTHS)
+/// The wavelengths of a run, from those of the grid.
+pub(super) fn few(wavelengths_nm: &[f64]) -> Vec<f64> {
+    thinned(wavelengths_nm, WAVELENGTHS)
 }
 
-/// CPU seconds of a whole job from those of its runs, each of more rays than the one
-/// before.
+/// Extrapolates the CPU time of a whole job, s, from its `runs`, which have increasing
+/// numbers of rays.
 ///
-/// The slope between the last two is what a ray more costs: what every run costs, and
-/// the few long walks at its end that leave lanes idle, is in both of them. That of
-/// `batches`, which each have such an end, is extrapolated to one batch and counted.
-pub(super) fn whole(runs: &[Run], left: &Left, batches: bool) -> Option<f64> {
+/// The slope between the last two runs is the time of an additional ray. Both runs include
+/// the fixed costs, and the few long walks at their end that leave lanes idle. If the job is
+/// run in `batches`, each of which has these costs, the time of one batch is extrapolated
+/// and multiplied by the number of batches.
+pub(super) fn extrapolate(runs: &[Run], extent: &Extent, batches: bool) -> Option<f64> {
     let last = runs.last()?;
     let slope = match runs {
-        [.., before, _] => (last.core - before.core) / (last.rays - before.rays),
+        [.., previous, _] => (last.core - previous.core) / (last.rays - previous.rays),
         _ => last.core / last.rays,
     };
-    // of noise in runs too short to be measured, the mean is the better guess
+    // if the runs are too short for the slope to be measured, the mean is used
     let slope = if slope > 0.0 {
         slope
     } else {
         last.core / last.rays
     };
     if batches {
-        let batch = left.rays.min(BATCH as f64).max(last.rays);
+        let batch = extent.rays.min(BATCH as f64).max(last.rays);
         let core = last.core + slope * (batch - last.rays);
-        return Some(core * left.rays / batch * left.nodes);
+        return Some(core * extent.rays / batch * extent.nodes);
     }
     let fixed = (last.core - slope * last.rays).max(0.0);
-    Some(fixed * left.wavelengths + slope * left.rays * left.nodes)
+    Some(fixed * extent.wavelengths + slope * extent.rays * extent.nodes)
 }
 
 impl Prober<'_> {
-    /// Runs the job of `case` with more and more of its rays, for about `seconds` of one
-    /// processor, or until it is cancelled.
-    pub(super) fn probe(&self, case: &Case, seconds: f64) -> Result<Probe, PlanError> {
+    /// Runs `sized_job` with increasing numbers of rays, for about `seconds` of CPU time or
+    /// until it is cancelled.
+    pub(super) fn probe(&self, sized_job: &SizedJob, seconds: f64) -> Result<Probe, PlanError> {
         let wavelengths_nm = few(&self.grid.wavelengths_nm);
-        let whole_request = case.job.request(self.grid);
+        let whole_request = sized_job.job.request(self.grid);
         let request = |rays: u64| Request {
             wavelengths_nm: &wavelengths_nm,
             rays,
@@ -119,29 +121,31 @@ impl Prober<'_> {
             ..whole_request.clone()
         };
         let walks = |wavelengths_nm: &[f64]| {
-            case.engine.walks(&Request {
+            sized_job.engine.walks(&Request {
                 wavelengths_nm,
-                ..request(case.rays)
+                ..request(sized_job.rays)
             })
         };
-        let ratio = |all: f64, some: f64| all / some.max(1.0);
-        let (all, some) = (self.grid.wavelengths_nm.len(), wavelengths_nm.len());
-        let left = Left {
-            rays: case.rays as f64,
+        let ratio = |whole: f64, run: f64| whole / run.max(1.0);
+        let extent = Extent {
+            rays: sized_job.rays as f64,
             nodes: ratio(
                 walks(&self.grid.wavelengths_nm)? as f64,
                 walks(&wavelengths_nm)? as f64,
             ),
-            wavelengths: ratio(all as f64, some as f64),
+            wavelengths: ratio(
+                self.grid.wavelengths_nm.len() as f64,
+                wavelengths_nm.len() as f64,
+            ),
         };
         let mut probe = Probe::default();
         let mut runs = Vec::new();
-        let most = match case.engine {
-            Engine::Doubling => case.rays,
-            _ => case.rays.min(BATCH),
+        let max_rays = match sized_job.engine {
+            Engine::Hybrid => sized_job.rays,
+            _ => sized_job.rays.min(BATCH),
         };
-        if case.engine.uses_tables() {
-            // a single walk leaves the tables in the cache
+        if sized_job.engine.uses_tables() {
+            // a single walk puts the tables into the cache
             let walk = Request {
                 thicknesses_m: &whole_request.thicknesses_m[..1],
                 illuminations: &whole_request.illuminations[..1],
@@ -152,47 +156,47 @@ impl Prober<'_> {
                 Some((_, spent)) => probe.add(spent),
             }
         }
-        let [first, more] = match case.engine {
-            Engine::Doubling => SOLVED,
-            _ => WALKED,
+        let [first, factor] = match sized_job.engine {
+            Engine::Hybrid => HYBRID_RAY_STEPS,
+            _ => RAY_STEPS,
         };
-        let mut rays = first.min(most);
-        while let Some((errors, spent)) = self.run(case.engine, &request(rays))? {
+        let mut rays = first.min(max_rays);
+        while let Some((errors, spent)) = self.run(sized_job.engine, &request(rays))? {
             probe.add(spent);
             runs.push(Run {
                 rays: rays as f64,
                 core: spent[0],
             });
             probe.rays = rays;
-            let noise = (rays as f64 / case.rays as f64).sqrt();
+            let noise = (rays as f64 / sized_job.rays as f64).sqrt();
             probe.standard_errors = errors.into_iter().map(|se| se * noise).collect();
-            let next = rays.saturating_mul(more).min(most);
-            let expected = match (&runs[..], case.engine) {
-                // mostly what does not depend on the rays
-                ([only], Engine::Doubling) => 1.5 * only.core,
+            let next = rays.saturating_mul(factor).min(max_rays);
+            let expected = match (&runs[..], sized_job.engine) {
+                // most of the time of `hybrid` does not depend on the rays
+                ([only], Engine::Hybrid) => 1.5 * only.core,
                 ([only], _) => only.core * next as f64 / only.rays,
                 _ => {
-                    let ahead = Left {
+                    let next_extent = Extent {
                         rays: next as f64,
                         nodes: 1.0,
                         wavelengths: 1.0,
                     };
-                    whole(&runs, &ahead, false).unwrap_or_default()
+                    extrapolate(&runs, &next_extent, false).unwrap_or_default()
                 }
             };
-            if rays == most || probe.spent[0] + expected > seconds {
+            if rays == max_rays || probe.spent[0] + expected > seconds {
                 break;
             }
             rays = next;
         }
-        probe.core = whole(&runs, &left, case.engine != Engine::Doubling);
+        probe.core = extrapolate(&runs, &extent, sized_job.engine != Engine::Hybrid);
         Ok(probe)
     }
 
-    /// CPU seconds to make the tables of the grains in the job of `case`, at all nodes,
-    /// and whether that was measured.
-    pub(super) fn tables(&self, case: &Case) -> Result<(f64, bool), PlanError> {
-        let whole_request = case.job.request(self.grid);
+    /// CPU time to make the tables of the grains of `sized_job` at all index nodes, s, and
+    /// whether it was measured or is a typical time.
+    pub(super) fn tables(&self, sized_job: &SizedJob) -> Result<(f64, bool), PlanError> {
+        let whole_request = sized_job.job.request(self.grid);
         let nodes = |wavelengths_nm: &[f64]| {
             Engine::Tabulated.walks(&Request {
                 wavelengths_nm,
@@ -200,57 +204,56 @@ impl Prober<'_> {
                 ..whole_request.clone()
             })
         };
-        // at a single node
-        let one = thinned(&self.grid.wavelengths_nm, 1);
+        // a single wavelength has a single index node
+        let wavelength_nm = thinned(&self.grid.wavelengths_nm, 1);
         let request = Request {
-            wavelengths_nm: &one,
+            wavelengths_nm: &wavelength_nm,
             thicknesses_m: &whole_request.thicknesses_m[..1],
             illuminations: &whole_request.illuminations[..1],
             rays: 1,
             resolution: resolution(&whole_request),
             ..whole_request.clone()
         };
-        let nodes = nodes(&self.grid.wavelengths_nm)? as f64 / nodes(&one)?.max(1) as f64;
+        let nodes = nodes(&self.grid.wavelengths_nm)? as f64 / nodes(&wavelength_nm)?.max(1) as f64;
+        // the second run finds the tables in the cache
         let mut times = Vec::new();
         for _ in 0..2 {
             let Some((_, [core, _])) = self.run(Engine::Tabulated, &request)? else {
-                let kinds: usize = whole_request
-                    .pack
+                let grain_types: usize = whole_request
+                    .snowpack
                     .snows()
                     .map(|snow| snow.grains.len())
                     .sum();
-                let media = if whole_request.pack.is_wet() {
+                let media = if whole_request.snowpack.is_wet() {
                     2.0
                 } else {
                     1.0
                 };
-                return Ok((TABLE * kinds as f64 * media * nodes, false));
+                return Ok((TABLE_SECONDS * grain_types as f64 * media * nodes, false));
             };
             times.push(core);
         }
-        let made = (times[0] - times[1]).max(0.0);
-        let all = f64::from(whole_request.resolution.grains) / f64::from(request.resolution.grains);
-        Ok((made * all * nodes, true))
+        let seconds = (times[0] - times[1]).max(0.0);
+        let grains =
+            f64::from(whole_request.resolution.grains) / f64::from(request.resolution.grains);
+        Ok((seconds * grains * nodes, true))
     }
 
-    /// What a run gave; `None` if it was cancelled.
-    fn run(&self, engine: Engine, request: &Request) -> Result<Option<Ended>, PlanError> {
+    /// Runs and times a request; `None` if it was cancelled.
+    fn run(&self, engine: Engine, request: &Request) -> Result<Option<RunResult>, PlanError> {
         let control = Control {
             parallel: false,
             cancel: self.cancel,
             rays_done: &AtomicU64::new(0),
             cache: &self.cache,
         };
-        let (begin, worked) = (Instant::now(), ThreadTime::now());
-        // held already; so few rays would be refused
+        let (wall, cpu) = (Instant::now(), ThreadTime::now());
+        // unchecked, because the check would refuse so few rays
         let spectra = match engine.run_unchecked(request, &control) {
             Err(EngineError::Cancelled) => return Ok(None),
             spectra => spectra?,
         };
-        let spent = [
-            worked.elapsed().as_secs_f64(),
-            begin.elapsed().as_secs_f64(),
-        ];
+        let spent = [cpu.elapsed().as_secs_f64(), wall.elapsed().as_secs_f64()];
         let errors = spectra
             .iter()
             .flat_map(|spectrum| spectrum.transmittance.iter().chain(&spectrum.reflectance))
@@ -267,6 +270,7 @@ impl Probe {
     }
 }
 
+/// The resolution of tables in pilot runs of `request`.
 fn resolution(request: &Request) -> Resolution {
     Resolution {
         grains: request.resolution.grains.min(GRAINS),
@@ -281,7 +285,7 @@ mod tests {
 
     #[test]
     fn a_straight_line_goes_on() {
-        let left = Left {
+        let extent = Extent {
             rays: 65536.0,
             nodes: 10.0,
             wavelengths: 100.0,
@@ -293,23 +297,23 @@ mod tests {
             core: core(rays),
         };
         let expected = 2e-3 * 100.0 + 3e-6 * 65536.0 * 10.0;
-        let found = whole(&[run(64.0), run(256.0)], &left, false).unwrap();
+        let found = extrapolate(&[run(64.0), run(256.0)], &extent, false).unwrap();
         assert!((found / expected - 1.0).abs() < 1e-9, "{found}");
         // batches each pay what a run costs
         let expected = core(4096.0) * 16.0 * 10.0;
         for runs in [[64.0, 256.0], [1024.0, 4096.0]] {
-            let found = whole(&runs.map(run), &left, true).unwrap();
+            let found = extrapolate(&runs.map(run), &extent, true).unwrap();
             assert!((found / expected - 1.0).abs() < 1e-9, "{found}");
         }
-        // a job of fewer rays than a batch, run whole
-        let small = Left {
+        // a job of fewer rays than a batch, run completely
+        let small = Extent {
             rays: 256.0,
             nodes: 1.0,
-            ..left
+            ..extent
         };
-        let found = whole(&[run(64.0), run(256.0)], &small, true).unwrap();
+        let found = extrapolate(&[run(64.0), run(256.0)], &small, true).unwrap();
         assert!((found / core(256.0) - 1.0).abs() < 1e-9, "{found}");
-        assert_eq!(whole(&[], &left, true), None);
+        assert_eq!(extrapolate(&[], &extent, true), None);
     }
 
     #[test]

@@ -1,38 +1,38 @@
-//! Boxes and lattices in parameter space.
+//! Grids and boxes in parameter space.
 use std::collections::BTreeMap;
 
 use super::{Parameter, Point};
 
-/// The nodes of a database: strictly increasing values of some parameters. Its curves are
-/// numbered in storage order, the last parameter fastest.
+/// The nodes of a database: strictly increasing values of some parameters. Combinations
+/// of nodes are numbered in storage order, the last parameter fastest.
 #[derive(Debug, Clone, PartialEq, Default)]
 pub struct Axes(BTreeMap<Parameter, Vec<f64>>);
 
 impl Axes {
-    /// Values of an axis; none of one that is not there.
+    /// Values of an axis; empty if the axis does not exist.
     #[must_use]
     pub fn values(&self, parameter: Parameter) -> &[f64] {
         self.0.get(&parameter).map_or(&[], Vec::as_slice)
     }
 
-    /// The same, to change; an axis that is not there begins without values.
+    /// Mutable values of an axis; creates an empty axis if it does not exist.
     pub fn values_mut(&mut self, parameter: Parameter) -> &mut Vec<f64> {
         self.0.entry(parameter).or_default()
     }
 
-    /// Gives an axis these values, and the axes it had before.
+    /// Sets the values of an axis and returns its previous values, if it existed.
     pub fn set(&mut self, parameter: Parameter, values: Vec<f64>) -> Option<Vec<f64>> {
         self.0.insert(parameter, values)
     }
 
-    /// The same with an axis of these values.
+    /// These axes with the values of one axis set.
     #[must_use]
     pub fn with(mut self, parameter: Parameter, values: Vec<f64>) -> Self {
         self.set(parameter, values);
         self
     }
 
-    /// Whether there is such an axis.
+    /// Whether the axis exists.
     #[must_use]
     pub fn has(&self, parameter: Parameter) -> bool {
         self.0.contains_key(&parameter)
@@ -45,19 +45,19 @@ impl Axes {
             .map(|(parameter, values)| (*parameter, values.as_slice()))
     }
 
-    /// How many axes there are.
+    /// Number of axes.
     #[must_use]
     pub fn len(&self) -> usize {
         self.0.len()
     }
 
-    /// Whether there are none.
+    /// Whether there are no axes.
     #[must_use]
     pub fn is_empty(&self) -> bool {
         self.0.is_empty()
     }
 
-    /// Those that a database may leave out.
+    /// The optional axes only.
     #[must_use]
     pub fn optional(&self) -> Self {
         let optional = self
@@ -67,13 +67,13 @@ impl Axes {
         Self(optional.map(|(p, values)| (*p, values.clone())).collect())
     }
 
-    /// Values of [`Parameter::CORE`].
+    /// Values of the axes of [`Parameter::CORE`].
     #[must_use]
     pub fn core(&self) -> [&[f64]; 5] {
         Parameter::CORE.map(|parameter| self.values(parameter))
     }
 
-    /// Lengths of [`Parameter::CORE`].
+    /// Lengths of the axes of [`Parameter::CORE`].
     #[must_use]
     pub fn core_shape(&self) -> [usize; 5] {
         Parameter::CORE.map(|parameter| self.values(parameter).len())
@@ -85,7 +85,7 @@ impl Axes {
         self.0.values().map(|values| values.len() as u64).collect()
     }
 
-    /// How many combinations of values there are, at most `u64::MAX`; 1 without axes.
+    /// Number of combinations of values, at most `u64::MAX`; 1 without axes.
     #[must_use]
     pub fn count(&self) -> u64 {
         self.shape().into_iter().fold(1, u64::saturating_mul)
@@ -122,7 +122,7 @@ impl Axes {
             .fold(0, |number, (length, i)| number * length + i)
     }
 
-    /// From the first to the last node of each axis.
+    /// The box from the first to the last node of each axis.
     #[must_use]
     pub fn region(&self) -> Region {
         let ends = |values: &[f64]| Some([*values.first()?, *values.last()?]);
@@ -144,23 +144,23 @@ impl FromIterator<(Parameter, Vec<f64>)> for Axes {
     }
 }
 
-/// A box: least and largest value of some parameters.
+/// A box in parameter space: smallest and largest value of some parameters.
 #[derive(Debug, Clone, PartialEq, Default)]
 pub struct Region(BTreeMap<Parameter, [f64; 2]>);
 
 impl Region {
-    /// Least and largest value of a parameter, if it has any.
+    /// Smallest and largest value of a parameter; `None` if the box does not limit it.
     #[must_use]
     pub fn get(&self, parameter: Parameter) -> Option<[f64; 2]> {
         self.0.get(&parameter).copied()
     }
 
-    /// The parameters that have values, in storage order.
+    /// The limited parameters and their smallest and largest values, in storage order.
     pub fn iter(&self) -> impl DoubleEndedIterator<Item = (Parameter, [f64; 2])> {
         self.0.iter().map(|(parameter, ends)| (*parameter, *ends))
     }
 
-    /// Whether `point` is inside, ends included, in all of its parameters.
+    /// Whether `point` is inside the box, ends included, in every limited parameter.
     #[must_use]
     pub fn contains(&self, point: &Point) -> bool {
         let mut ends = self.0.iter();

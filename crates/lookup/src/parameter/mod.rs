@@ -1,9 +1,9 @@
-//! What the axes of a database are: one record for each parameter.
+//! The parameters that can be axes of a database, with one record for each.
 //!
-//! Everything that knows an axis takes it from here: the keys of configs and their limits,
-//! the attributes of Zarr and NetCDF files, the tensors of the compact file, the options
-//! of the command line, the coordinates of look-ups. A new axis is one variant with its
-//! record, and what it does to the snow (`Fixed::at` of the root crate).
+//! The records are the single source for config keys and their limits, attributes of Zarr
+//! and NetCDF files, tensors of the compact file, command-line options and coordinates of
+//! look-ups. A new axis needs one variant with its record, and its effect on the snow
+//! (`Fixed::at` of the root crate).
 mod axes;
 mod point;
 mod scale;
@@ -13,13 +13,13 @@ pub use point::Point;
 pub use scale::Scale;
 pub(crate) use scale::{core_places, thickness_slope};
 
-/// What an axis is of. In storage order, slowest first.
+/// A parameter that can be an axis. Variants are in storage order, slowest first.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Hash)]
 #[non_exhaustive]
 pub enum Parameter {
     /// Mass of black carbon per mass of snow.
     BlackCarbon,
-    /// Share of the pore space that is water.
+    /// Fraction of the pore space that is water.
     WaterSaturation,
     /// Temperature of the snow.
     Temperature,
@@ -39,58 +39,60 @@ pub enum Parameter {
     Incidence,
 }
 
-/// What a parameter does in a simulation.
+/// The role of a parameter in a simulation.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Role {
-    /// It says what the snow is, or lies on.
+    /// It describes the snow or the substrate.
     Snow,
-    /// The thickness of the slab: most engines compute all of them at once.
+    /// The thickness of the slab: most engines compute all thicknesses at once.
     Thickness,
-    /// The direction of light: some engines compute all of them at once.
+    /// The incidence angle: some engines compute all angles at once.
     Incidence,
 }
 
-/// The values from `min` to `max`; an end that is `open` is not one of them.
+/// The values from `min` to `max`, without the ends that are `open`.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Interval {
-    /// Least value.
+    /// Smallest value.
     pub min: f64,
     /// Largest value.
     pub max: f64,
-    /// Whether the ends themselves are left out.
+    /// Whether `min` and `max` themselves are excluded.
     pub open: [bool; 2],
 }
 
-/// All there is to know of a parameter as an axis.
+/// The properties of a parameter as an axis.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Record {
-    /// Name in files, with the unit as suffix.
-    pub name: &'static str,
-    /// The same on the command line.
+    /// Key in config files and argument in Python, with the unit as suffix.
+    pub key: &'static str,
+    /// Option on the command line: the key with hyphens.
     pub option: &'static str,
-    /// What people call it.
+    /// Name in databases, compact files and exports.
+    pub name: &'static str,
+    /// Name in text for people.
     pub label: &'static str,
     /// Symbol in formulas.
     pub symbol: &'static str,
     /// Unit as UDUNITS spells it; "1" for a pure number.
     pub unit: &'static str,
-    /// What it is, in a few words.
+    /// Short description.
     pub long_name: &'static str,
-    /// Values that a database may have.
+    /// Range that a database may have.
     pub physical: Interval,
-    /// Values that a config may have.
+    /// Range that a config may have.
     pub allowed: Interval,
-    /// Values that a config has without a warning.
+    /// Range that a config may have without a warning.
     pub ordinary: Interval,
-    /// Coordinate in which -ln T is nearly straight.
+    /// Coordinate in which -ln T is nearly linear.
     pub scale: Scale,
-    /// Most nodes that are tried when a database is tailored to a scene.
+    /// Largest number of nodes tried by `tailor`.
     pub candidates: usize,
-    /// What it does in a simulation.
+    /// Role in a simulation.
     pub role: Role,
-    /// Whether a database may leave it out.
+    /// Whether a database may lack this axis.
     pub optional: bool,
-    /// Keys of a config that give its value where it is no axis.
+    /// Config keys that set the value if the parameter is not an axis.
     pub fixed: &'static [&'static str],
 }
 
@@ -111,10 +113,10 @@ const fn above(min: f64, max: f64) -> Interval {
 }
 
 impl Parameter {
-    /// How many there are.
+    /// Number of parameters.
     pub const COUNT: usize = 10;
 
-    /// All, in storage order.
+    /// All parameters, in storage order.
     pub const ALL: [Self; Self::COUNT] = [
         Self::BlackCarbon,
         Self::WaterSaturation,
@@ -128,7 +130,7 @@ impl Parameter {
         Self::Incidence,
     ];
 
-    /// Those that every database has, in storage order.
+    /// The parameters that are axes of every database, in storage order.
     pub const CORE: [Self; 5] = [
         Self::Facetness,
         Self::GrainSize,
@@ -137,13 +139,15 @@ impl Parameter {
         Self::Incidence,
     ];
 
-    /// Its record. Ordinary and allowed ranges are those of docs/methods.md.
+    /// The record of this parameter. Ordinary and allowed ranges are those of
+    /// docs/methods.md.
     #[must_use]
     pub const fn record(self) -> Record {
         match self {
             Self::BlackCarbon => Record {
-                name: "black_carbon_ng_g",
+                key: "black_carbon_ng_g",
                 option: "black-carbon-ng-g",
+                name: "black_carbon_ng_g",
                 label: "black carbon",
                 symbol: "C",
                 unit: "ng g-1",
@@ -151,7 +155,7 @@ impl Parameter {
                 physical: closed(0.0, 1e9),
                 allowed: closed(0.0, 1e9),
                 ordinary: closed(0.0, 1e9),
-                // 20 ng/g absorb in the visible about as much as clean ice
+                // 20 ng/g absorb about as much visible light as clean ice
                 scale: Scale::Root(20.0),
                 candidates: 6,
                 role: Role::Snow,
@@ -159,8 +163,9 @@ impl Parameter {
                 fixed: &["fixed.black_carbon.concentration_ng_g"],
             },
             Self::WaterSaturation => Record {
-                name: "water_saturation",
+                key: "water_saturation",
                 option: "water-saturation",
+                name: "water_saturation",
                 label: "water saturation",
                 symbol: "S",
                 unit: "1",
@@ -175,8 +180,9 @@ impl Parameter {
                 fixed: &["fixed.water_saturation", "fixed.water_fraction"],
             },
             Self::Temperature => Record {
-                name: "temperature_c",
+                key: "temperature_c",
                 option: "temperature-c",
+                name: "temperature_c",
                 label: "temperature",
                 symbol: "T",
                 unit: "degC",
@@ -191,8 +197,9 @@ impl Parameter {
                 fixed: &["fixed.temperature_c"],
             },
             Self::Sphericity => Record {
-                name: "sphericity",
+                key: "sphericity",
                 option: "sphericity",
+                name: "sphericity",
                 label: "sphericity",
                 symbol: "Psi",
                 unit: "1",
@@ -207,8 +214,9 @@ impl Parameter {
                 fixed: &["fixed.sphericity"],
             },
             Self::SubstrateReflectance => Record {
-                name: "substrate_reflectance",
+                key: "substrate_reflectance",
                 option: "substrate-reflectance",
+                name: "substrate_reflectance",
                 label: "substrate reflectance",
                 symbol: "rho",
                 unit: "1",
@@ -216,7 +224,7 @@ impl Parameter {
                 physical: closed(0.0, 1.0),
                 allowed: closed(0.0, 1.0),
                 ordinary: closed(0.0, 1.0),
-                // .95: the reflectance of the snow above, for light back and forth
+                // 0.95: reflectance of the snow above, for multiple reflections
                 scale: Scale::Complement(0.95),
                 candidates: 6,
                 role: Role::Snow,
@@ -224,8 +232,9 @@ impl Parameter {
                 fixed: &["fixed.substrate"],
             },
             Self::Facetness => Record {
-                name: "facetness",
+                key: "facetness",
                 option: "facetness",
+                name: "facetness",
                 label: "facetness",
                 symbol: "F",
                 unit: "1",
@@ -240,8 +249,9 @@ impl Parameter {
                 fixed: &[],
             },
             Self::GrainSize => Record {
-                name: "grain_size_um",
+                key: "grain_size_um",
                 option: "grain-size-um",
+                name: "grain_size_um",
                 label: "grain size",
                 symbol: "s",
                 unit: "um",
@@ -256,8 +266,9 @@ impl Parameter {
                 fixed: &[],
             },
             Self::Density => Record {
-                name: "density_kg_m3",
+                key: "density_kg_m3",
                 option: "density-kg-m3",
+                name: "density_kg_m3",
                 label: "density",
                 symbol: "D",
                 unit: "kg m-3",
@@ -276,8 +287,9 @@ impl Parameter {
                 fixed: &[],
             },
             Self::Thickness => Record {
-                name: "thickness_cm",
+                key: "thickness_cm",
                 option: "thickness-cm",
+                name: "thickness_cm",
                 label: "thickness",
                 symbol: "h",
                 unit: "cm",
@@ -292,9 +304,10 @@ impl Parameter {
                 fixed: &[],
             },
             Self::Incidence => Record {
+                key: "incidence_angle_deg",
+                option: "incidence-angle-deg",
                 name: "angle_deg",
-                option: "angle-deg",
-                label: "angle",
+                label: "incidence angle",
                 symbol: "theta",
                 unit: "degree",
                 long_name: "polar angle of incidence from the surface normal",
@@ -322,16 +335,23 @@ impl Parameter {
         }
     }
 
-    /// Name in files, with the unit as suffix.
+    /// Key in config files and argument in Python, with the unit as suffix.
+    #[must_use]
+    pub const fn key(self) -> &'static str {
+        self.record().key
+    }
+
+    /// Name in databases, compact files and exports.
     #[must_use]
     pub const fn name(self) -> &'static str {
         self.record().name
     }
 
-    /// The parameter of this name.
+    /// The parameter with this key, or with this name in files.
     #[must_use]
     pub fn named(name: &str) -> Option<Self> {
-        Self::ALL.into_iter().find(|axis| axis.name() == name)
+        let mut parameters = Self::ALL.into_iter();
+        parameters.find(|parameter| parameter.key() == name || parameter.name() == name)
     }
 
     /// Unit as UDUNITS spells it; "1" for a pure number.
@@ -340,20 +360,20 @@ impl Parameter {
         self.record().unit
     }
 
-    /// Whether a database may leave it out.
+    /// Whether a database may lack this axis.
     #[must_use]
     pub const fn is_optional(self) -> bool {
         self.record().optional
     }
 
-    /// Position among [`Parameter::ALL`].
+    /// Position in [`Parameter::ALL`].
     const fn index(self) -> usize {
         self as usize
     }
 }
 
 impl Interval {
-    /// Whether `value` is one of them.
+    /// Whether `value` is in the interval.
     #[must_use]
     pub fn contains(&self, value: f64) -> bool {
         let [open_min, open_max] = self.open;
@@ -363,7 +383,7 @@ impl Interval {
     }
 }
 
-/// In words, for messages.
+/// The range in words, for messages.
 impl std::fmt::Display for Interval {
     fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
         let Self { min, max, open } = self;
@@ -381,12 +401,13 @@ mod tests {
     use super::*;
 
     #[test]
-    fn records_hold_together() {
+    fn records_are_consistent() {
         for (i, parameter) in Parameter::ALL.into_iter().enumerate() {
             let record = parameter.record();
             assert_eq!(parameter.index(), i);
             assert_eq!(Parameter::named(record.name), Some(parameter));
-            assert_eq!(record.option, record.name.replace('_', "-"));
+            assert_eq!(Parameter::named(record.key), Some(parameter));
+            assert_eq!(record.option, record.key.replace('_', "-"));
             assert_eq!(record.optional, !Parameter::CORE.contains(&parameter));
             assert_eq!(record.optional, !record.fixed.is_empty());
             for (inner, outer) in [

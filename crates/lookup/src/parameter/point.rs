@@ -1,10 +1,10 @@
-//! A place in parameter space.
+//! A point in parameter space.
 use std::fmt;
 use std::ops::Index;
 
 use super::Parameter;
 
-/// A value of some parameters, in their units. A parameter that has no value reads as NaN.
+/// Values of some parameters, in their units. A parameter without a value reads as NaN.
 ///
 /// ```
 /// use splitsnow_lookup::{Parameter, Point};
@@ -18,7 +18,7 @@ use super::Parameter;
 pub struct Point([f64; Parameter::COUNT]);
 
 impl Point {
-    /// Of the values of [`Parameter::CORE`].
+    /// A point with these values of [`Parameter::CORE`].
     #[must_use]
     pub fn of_core(values: [f64; 5]) -> Self {
         Parameter::CORE.into_iter().zip(values).collect()
@@ -30,19 +30,19 @@ impl Point {
         Some(self[parameter]).filter(|value| !value.is_nan())
     }
 
-    /// Gives `parameter` a value; NaN takes it away.
+    /// Sets the value of `parameter`; NaN removes it.
     pub fn set(&mut self, parameter: Parameter, value: f64) {
         self.0[parameter.index()] = value;
     }
 
-    /// The same with a value of `parameter`.
+    /// This point with the value of `parameter` set.
     #[must_use]
     pub fn with(mut self, parameter: Parameter, value: f64) -> Self {
         self.set(parameter, value);
         self
     }
 
-    /// The same with the values that `other` has.
+    /// This point with the values of `other` added; they take precedence.
     #[must_use]
     pub fn and(mut self, other: Self) -> Self {
         for (parameter, value) in other.iter() {
@@ -51,7 +51,7 @@ impl Point {
         self
     }
 
-    /// The parameters that have a value, in storage order.
+    /// The parameters that have a value, and the values, in storage order.
     pub fn iter(&self) -> impl Iterator<Item = (Parameter, f64)> + '_ {
         Parameter::ALL
             .into_iter()
@@ -64,7 +64,7 @@ impl Point {
         self.0.iter().all(|value| value.is_nan())
     }
 
-    /// Those of parameters that a database may leave out.
+    /// The values of the optional parameters only.
     #[must_use]
     pub fn optional(&self) -> Self {
         self.iter()
@@ -72,7 +72,7 @@ impl Point {
             .collect()
     }
 
-    /// The values of [`Parameter::CORE`]; NaN where there is none.
+    /// The values of [`Parameter::CORE`]; NaN for a missing value.
     #[must_use]
     #[inline]
     pub fn core(&self) -> [f64; 5] {
@@ -86,7 +86,7 @@ impl Default for Point {
     }
 }
 
-/// Equal if the same parameters have the same values.
+/// Two points are equal if the same parameters have the same values.
 impl PartialEq for Point {
     fn eq(&self, other: &Self) -> bool {
         self.iter().eq(other.iter())
@@ -118,7 +118,7 @@ impl FromIterator<(Parameter, f64)> for Point {
     }
 }
 
-/// The order of the parameters that every database has, then the others.
+/// Lists the core parameters first, then the optional ones.
 impl fmt::Display for Point {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         let optional = Parameter::ALL.into_iter().filter(|p| p.is_optional());
@@ -128,7 +128,7 @@ impl fmt::Display for Point {
                 continue;
             };
             let record = parameter.record();
-            // to the digits that single precision tells apart
+            // to the digits of single precision
             write!(f, "{separator}{} {}", record.label, value as f32)?;
             match record.unit {
                 "1" => {}

@@ -1,15 +1,15 @@
 //! Coordinates of the axes in which curves are smooth.
 //!
-//! With y = -ln T (and -ln(1 - R)), y against each of these is close to a straight line, so
-//! that a few nodes are enough and a linear step between them is right. docs/methods.md says
-//! for each axis why. The constants are measured on configs/thesis.toml; they move no value
-//! on a node.
+//! y = -ln T (and -ln(1 - R)) is nearly linear in each of these coordinates, so that a few
+//! nodes and linear interpolation between them are enough. docs/methods.md gives the reason
+//! for each axis. The constants were fitted to configs/thesis.toml; they do not affect
+//! values at nodes.
 use splitsnow_spectra::elementary::{exp_neg, ln};
-use wide::f64x8;
+use splitsnow_spectra::simd::{F64x8, Portable, Simd};
 
 use super::Parameter;
 
-/// A coordinate that grows with the value x of a parameter.
+/// A coordinate that increases with the value x of a parameter.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub enum Scale {
     /// x.
@@ -24,13 +24,13 @@ pub enum Scale {
     Complement(f64),
     /// -exp(-x / s).
     Saturating(f64),
-    /// a exp(-mu / s) - mu, mu the cosine of x degrees.
+    /// a exp(-mu / s) - mu, where mu is the cosine of x degrees.
     Grazing([f64; 2]),
 }
 
-/// Our logarithm of one number.
+/// Natural logarithm of one number, from the vectorised implementation.
 fn ln_of(x: f64) -> f64 {
-    ln(f64x8::splat(x)).as_array()[0]
+    ln::<Portable>(F64x8::splat(x)).to_array()[0]
 }
 
 impl Scale {
@@ -51,8 +51,8 @@ impl Scale {
         }
     }
 
-    /// `n` values from `first` to `last`, evenly spaced in the coordinate, to four digits
-    /// but for the ends.
+    /// `n` values from `first` to `last`, evenly spaced in the coordinate and rounded to
+    /// four digits; the ends are exact.
     #[must_use]
     pub fn spread(self, [first, last]: [f64; 2], n: usize) -> Vec<f64> {
         let (begin, end) = (self.place(first), self.place(last));
@@ -78,7 +78,7 @@ impl Scale {
     }
 }
 
-/// The constants of the records.
+/// Scale constants, taken from the records.
 const FACETNESS: f64 = match Parameter::Facetness.record().scale {
     Scale::Saturating(decay) => decay,
     _ => f64::NAN,
@@ -93,9 +93,9 @@ const GRAZING: [f64; 2] = match Parameter::Incidence.record().scale {
 };
 
 /// Coordinates of [`Parameter::CORE`] in single precision: [`Scale::place`] of each, with
-/// the logarithms taken side by side.
-#[inline]
-pub(crate) fn core_places(values: [f32; 5]) -> [f32; 5] {
+/// the logarithms computed in one vector.
+#[inline(always)]
+pub(crate) fn core_places<S: Simd>(values: [f32; 5]) -> [f32; 5] {
     let [facetness, size, density, thickness, angle] = values.map(f64::from);
     let mu = libm::cos(angle.to_radians());
     let logs = [
@@ -108,7 +108,7 @@ pub(crate) fn core_places(values: [f32; 5]) -> [f32; 5] {
         1.0,
         1.0,
     ];
-    let [size, density, thickness, ..] = ln(f64x8::new(logs)).to_array();
+    let [size, density, thickness, ..] = ln(F64x8::<S>::new(logs)).to_array();
     let [height, decay] = GRAZING;
     [
         -exp_neg(facetness / FACETNESS),
@@ -120,7 +120,7 @@ pub(crate) fn core_places(values: [f32; 5]) -> [f32; 5] {
     .map(|place| place as f32)
 }
 
-/// Derivative of the thickness' coordinate, 1/cm.
+/// Derivative of the coordinate of the thickness, 1/cm.
 pub(crate) fn thickness_slope(thickness_cm: f32) -> f32 {
     1.0 / (THICKNESS_CM as f32 + thickness_cm)
 }
@@ -182,13 +182,13 @@ mod tests {
     }
 
     #[test]
-    fn side_by_side_they_are_the_same() {
+    fn vectorised_coordinates_are_identical() {
         for values in [
             [0.3, 250.0, 300.0, 4.0, 60.0],
             [0.0, 11.0, 549.0, 1e6, 89.9],
         ] {
             let values: [f32; 5] = values;
-            let found = core_places(values);
+            let found = core_places::<Portable>(values);
             for ((parameter, value), found) in Parameter::CORE.into_iter().zip(values).zip(found) {
                 let place = parameter.record().scale.place(f64::from(value)) as f32;
                 assert_eq!(found.to_bits(), place.to_bits(), "{parameter:?}");

@@ -1,19 +1,20 @@
 //! `auto`: the cheapest engine whose error is within what the user allows.
 //!
-//! An engine's error has two parts. Its method's own, from comparison with
-//! converged walks (docs/stability.md), does not depend on the number of
-//! walks; its noise falls with their square root. `auto` takes the cheapest
-//! engine that accepts the request and whose own error leaves room for noise,
-//! with as many walks as keep the noise within that room.
+//! An engine's error has two parts. The systematic error of its method, found by
+//! comparison with converged walks (docs/stability.md), does not depend on the
+//! number of walks. The noise falls with the square root of that number. `auto`
+//! takes the cheapest engine that accepts the request and whose systematic error
+//! is below the error allowed. It then does enough walks to keep the noise within
+//! the rest of the error allowed.
 //!
-//! It chooses for each light by itself, from the snow, the wavelengths and the
-//! error allowed: what else is asked for, be it other lights or thicknesses, has
-//! no say, and a database that grows keeps the spectra it has.
+//! The choice is made for each illumination separately, from the snow, the
+//! wavelengths and the error allowed. Other illuminations and thicknesses in the
+//! request do not affect it, so a database that grows keeps its spectra.
 use super::{Control, Engine, EngineError, Request, identity};
 use crate::measurement::Spectrum;
 use crate::transport::{Illumination, Snow};
 
-/// What error of a spectrum is allowed.
+/// Error allowed in a spectrum.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct MaxError {
     /// Delta-E*ab (CIE 1976) from the true spectrum, D65, 2 degree observer.
@@ -23,135 +24,149 @@ pub struct MaxError {
     pub rmse: f64,
 }
 
-/// From here on, nm, snow absorbs so much that light hardly spreads.
+/// Start of the near infrared, nm. Beyond it snow absorbs so much that light
+/// hardly spreads.
 const NEAR_INFRARED_NM: f64 = 780.0;
-/// Noise of a value from one walk, at most: from one light in `doubling`, whose
-/// walks follow a lattice, and of a walk that leaves or not in the others.
+/// Upper bound of the standard deviation per walk: in `hybrid`, for one
+/// illumination, whose walks follow a lattice; and in the other engines, whose
+/// walks score at most 1.
 const NOISE: [f64; 2] = [0.12, 0.5];
 
-/// The engines that `auto` chooses from, the cheapest first, with their own
-/// errors: Delta-E, RMSE in the visible and in the near infrared.
+/// The engines that `auto` chooses from, the cheapest first, with their systematic
+/// errors: Delta-E, RMSE in the visible, RMSE in the near infrared.
 const CANDIDATES: [(Engine, [f64; 3]); 3] = [
-    (Engine::Doubling, [0.1, 3.5e-4, 1.5e-3]),
+    (Engine::Hybrid, [0.1, 3.5e-4, 1.5e-3]),
     (Engine::Tabulated, [0.05, 2e-4, 3e-4]),
     (Engine::Spectral, [0.0; 3]),
 ];
 
-/// [`MaxError::usual`] in the visible.
+/// [`MaxError::usual`] for visible wavelengths.
 impl Default for MaxError {
     fn default() -> Self {
         Self::usual(&[])
     }
 }
 
-/// Grains of so different length, largest over smallest, or so close together,
-/// largest over mean free distance, that `doubling` is off by up to
-/// [`CROWDED`].
-const CROWDS: [f64; 2] = [4.0, 1.9];
-/// Error of R and T of `doubling` there (docs/stability.md).
-const CROWDED: f64 = 7e-3;
+/// Ratios above which the error of `hybrid` is up to [`CROWDED_ERROR`]: largest to
+/// smallest grain length, and largest grain length to mean free distance.
+const CROWDING_LIMITS: [f64; 2] = [4.0, 1.9];
+/// Error of R and T of `hybrid` above [`CROWDING_LIMITS`] (docs/stability.md).
+const CROWDED_ERROR: f64 = 7e-3;
 
-/// Delta-E and RMSE, in the visible and in the near infrared, of an engine by
-/// itself for this snow.
-fn own(engine: Engine, errors: [f64; 3], request: &Request) -> [f64; 3] {
-    let most = |of: &dyn Fn(&Snow) -> f64| request.pack.snows().map(of).fold(0.0, f64::max);
-    let crowds = [
-        most(&|snow| snow.sizes_m()[1] / snow.sizes_m()[0]),
-        most(&|snow| snow.sizes_m()[1] / snow.mean_free_distance_m()),
+/// Systematic error of an engine for the snow of `request`: Delta-E, RMSE in the
+/// visible, RMSE in the near infrared. `errors` are those from [`CANDIDATES`].
+fn systematic_error(engine: Engine, errors: [f64; 3], request: &Request) -> [f64; 3] {
+    let largest =
+        |ratio: &dyn Fn(&Snow) -> f64| request.snowpack.snows().map(ratio).fold(0.0, f64::max);
+    let ratios = [
+        largest(&|snow| snow.sizes_m()[1] / snow.sizes_m()[0]),
+        largest(&|snow| snow.sizes_m()[1] / snow.mean_free_distance_m()),
     ];
-    let crowded = crowds
+    let is_crowded = ratios
         .iter()
-        .zip(CROWDS)
+        .zip(CROWDING_LIMITS)
         .any(|(value, limit)| *value > limit);
     match (engine, errors) {
-        (Engine::Doubling, [delta_e, ..]) if crowded => [delta_e, CROWDED, CROWDED],
+        (Engine::Hybrid, [delta_e, ..]) if is_crowded => [delta_e, CROWDED_ERROR, CROWDED_ERROR],
         _ => errors,
     }
 }
 
 impl MaxError {
-    /// What is asked for where the user names nothing: 0.3 in Delta-E, which
-    /// nobody sees, and an RMSE that `doubling` holds at these wavelengths.
+    /// Default error allowed: a Delta-E of 0.3, which is not visible, and an RMSE
+    /// that `hybrid` meets at these wavelengths.
     #[must_use]
     pub fn usual(wavelengths_nm: &[f64]) -> Self {
-        let infrared_too = wavelengths_nm.iter().any(|nm| *nm > NEAR_INFRARED_NM);
+        let has_infrared = wavelengths_nm.iter().any(|nm| *nm > NEAR_INFRARED_NM);
         Self {
             delta_e: 0.3,
-            rmse: if infrared_too { 2e-3 } else { 6e-4 },
+            rmse: if has_infrared { 2e-3 } else { 6e-4 },
         }
     }
 
-    /// Walks of `doubling` that keep its noise within this error.
+    /// Number of walks with which the total error of `hybrid` is within this one.
     #[must_use]
     pub fn rays(&self, wavelengths_nm: &[f64]) -> u64 {
-        let (_, own) = CANDIDATES[0];
-        let room = self.room(own, wavelengths_nm).unwrap_or(self.rmse);
-        ((NOISE[0] / room).powi(2).ceil() as u64).next_power_of_two()
+        let (_, errors) = CANDIDATES[0];
+        let noise = self
+            .allowed_noise(errors, wavelengths_nm)
+            .unwrap_or(self.rmse);
+        ((NOISE[0] / noise).powi(2).ceil() as u64).next_power_of_two()
     }
 
-    /// Noise allowed beside the own error of an engine, if it leaves any.
-    fn room(&self, [delta_e, visible, infrared]: [f64; 3], wavelengths_nm: &[f64]) -> Option<f64> {
-        let infrared_too = wavelengths_nm.iter().any(|nm| *nm > NEAR_INFRARED_NM);
-        let own = if infrared_too { infrared } else { visible };
-        let room = (self.rmse * self.rmse - own * own).max(0.0).sqrt();
-        (delta_e <= self.delta_e && own < self.rmse).then_some(room)
+    /// Noise (RMSE) allowed in addition to the systematic error of an engine;
+    /// `None` if the systematic error alone is too large.
+    fn allowed_noise(
+        &self,
+        [delta_e, visible, infrared]: [f64; 3],
+        wavelengths_nm: &[f64],
+    ) -> Option<f64> {
+        let has_infrared = wavelengths_nm.iter().any(|nm| *nm > NEAR_INFRARED_NM);
+        let systematic = if has_infrared { infrared } else { visible };
+        let noise = (self.rmse * self.rmse - systematic * systematic)
+            .max(0.0)
+            .sqrt();
+        (delta_e <= self.delta_e && systematic < self.rmse).then_some(noise)
     }
 }
 
-/// The engine for `request` under `light` and how many walks it is to do: as many
-/// as are asked for in `doubling`; in engines that walk all the way as many as the
-/// noise allowed needs, and no more than give the noise that `doubling` would.
+/// The engine for `request` under `light` and its number of walks. `hybrid` does
+/// the number in the request. The other engines do as many walks as the noise
+/// allowed requires, but no more than would give the noise of `hybrid`.
 pub(super) fn choose(request: &Request, light: &Illumination) -> (Engine, u64) {
-    let holds = |(engine, errors): (Engine, [f64; 3])| {
-        let own = own(engine, errors, request);
-        let room = request.max_error.room(own, request.wavelengths_nm)?;
+    let accepted = |(engine, errors): (Engine, [f64; 3])| {
+        let systematic = systematic_error(engine, errors, request);
+        let noise = request
+            .max_error
+            .allowed_noise(systematic, request.wavelengths_nm)?;
         let rays = match engine {
-            Engine::Doubling => request.rays,
+            Engine::Hybrid => request.rays,
             _ => {
-                let equal = request.rays as f64 * (NOISE[1] / NOISE[0]).powi(2);
-                (NOISE[1] / room).powi(2).min(equal).ceil() as u64
+                let as_hybrid = request.rays as f64 * (NOISE[1] / NOISE[0]).powi(2);
+                (NOISE[1] / noise).powi(2).min(as_hybrid).ceil() as u64
             }
         };
-        let asked = Request {
+        let request = Request {
             rays,
-            // limits of thickness are those of all engines
+            // the limits on thickness are the same in all engines
             thicknesses_m: &[],
             illuminations: std::slice::from_ref(light),
             ..request.clone()
         };
-        engine.check(&asked).is_ok().then_some((engine, rays))
+        engine.check(&request).is_ok().then_some((engine, rays))
     };
-    let found = CANDIDATES.into_iter().find_map(holds);
-    found.unwrap_or((Engine::Spectral, request.rays))
+    let choice = CANDIDATES.into_iter().find_map(accepted);
+    choice.unwrap_or((Engine::Spectral, request.rays))
 }
 
-/// What one engine does of a request.
-struct Part {
+/// The illuminations of a request that one engine computes.
+struct EngineShare {
     engine: Engine,
     rays: u64,
     cell: u64,
-    /// Positions in the list of lights, and those.
+    /// Positions in the request's list of illuminations.
     lights: Vec<usize>,
     illuminations: Vec<Illumination>,
 }
 
-/// The parts of `request`: all lights of `doubling`, which keeps their streams
-/// apart by itself, and every other by itself.
-fn parts(request: &Request) -> Vec<Part> {
-    let mut parts: Vec<Part> = Vec::new();
+/// Splits `request` by engine. All illuminations that `hybrid` computes form one
+/// share, because `hybrid` gives them separate random streams; every other
+/// illumination is a share of its own.
+fn shares(request: &Request) -> Vec<EngineShare> {
+    let mut shares: Vec<EngineShare> = Vec::new();
     for (i, light) in request.illuminations.iter().enumerate() {
         let (engine, rays) = choose(request, light);
-        let together = |part: &&mut Part| part.engine == Engine::Doubling;
-        match parts.iter_mut().find(together) {
-            Some(part) if engine == Engine::Doubling => {
-                part.lights.push(i);
-                part.illuminations.push(*light);
+        let is_hybrid = |share: &&mut EngineShare| share.engine == Engine::Hybrid;
+        match shares.iter_mut().find(is_hybrid) {
+            Some(share) if engine == Engine::Hybrid => {
+                share.lights.push(i);
+                share.illuminations.push(*light);
             }
-            _ => parts.push(Part {
+            _ => shares.push(EngineShare {
                 engine,
                 rays,
                 cell: match engine {
-                    Engine::Doubling => request.cell,
+                    Engine::Hybrid => request.cell,
                     _ => identity::with_light(request.cell, light),
                 },
                 lights: vec![i],
@@ -159,11 +174,12 @@ fn parts(request: &Request) -> Vec<Part> {
             }),
         }
     }
-    parts
+    shares
 }
 
-impl Part {
-    fn of<'a>(&'a self, request: &Request<'a>) -> Request<'a> {
+impl EngineShare {
+    /// The request for this share of `request`.
+    fn request<'a>(&'a self, request: &Request<'a>) -> Request<'a> {
         Request {
             rays: self.rays,
             cell: self.cell,
@@ -173,25 +189,27 @@ impl Part {
     }
 }
 
-/// As [`Engine::run_unchecked`].
+/// Implements [`Engine::run_unchecked`].
 pub(super) fn run(request: &Request, control: &Control) -> Result<Vec<Spectrum>, EngineError> {
     let lights = request.illuminations.len();
     let mut spectra = vec![Spectrum::default(); request.thicknesses_m.len() * lights];
-    for part in parts(request) {
-        let found = part.engine.run_unchecked(&part.of(request), control)?;
-        for (i, spectrum) in found.into_iter().enumerate() {
-            let (h, light) = (i / part.lights.len(), i % part.lights.len());
-            spectra[h * lights + part.lights[light]] = spectrum;
+    for share in shares(request) {
+        let computed = share
+            .engine
+            .run_unchecked(&share.request(request), control)?;
+        for (i, spectrum) in computed.into_iter().enumerate() {
+            let (h, light) = (i / share.lights.len(), i % share.lights.len());
+            spectra[h * lights + share.lights[light]] = spectrum;
         }
     }
     Ok(spectra)
 }
 
-/// As [`Engine::walks`].
+/// Implements [`Engine::walks`].
 pub(super) fn walks(request: &Request) -> Result<u64, EngineError> {
     let mut walks = 0_u64;
-    for part in parts(request) {
-        walks = walks.saturating_add(part.engine.walks(&part.of(request))?);
+    for share in shares(request) {
+        walks = walks.saturating_add(share.engine.walks(&share.request(request))?);
     }
     Ok(walks)
 }
@@ -211,13 +229,13 @@ mod tests {
             shape: Shape::Spheroid,
             sphericity: TruncatedNormal::new(0.6, 0.95, 0.798, 0.064).unwrap(),
         };
-        let pack = Snow::dry(grain, 275.0, -1.0).into();
+        let snowpack = Snow::dry(grain, 275.0, -1.0).into();
         let delta_e = 0.3;
         let light = Illumination::Collimated {
             polar_angle_rad: angle_deg.to_radians(),
         };
         let request = Request {
-            pack: &pack,
+            snowpack: &snowpack,
             thicknesses_m: &[0.1],
             illuminations: &[light],
             wavelengths_nm: &[nm],
@@ -232,20 +250,20 @@ mod tests {
     }
 
     #[test]
-    fn the_cheapest_engine_that_holds() {
+    fn the_cheapest_valid_engine_is_chosen() {
         let usual = [300.0, 750.0];
-        assert_eq!(chosen(usual, 0.0, 6e-4, 550.0).0, Engine::Doubling);
-        // its own error leaves no room
+        assert_eq!(chosen(usual, 0.0, 6e-4, 550.0).0, Engine::Hybrid);
+        // the systematic error leaves no room for noise
         assert_eq!(chosen(usual, 0.0, 3e-4, 550.0).0, Engine::Tabulated);
         assert_eq!(chosen(usual, 0.0, 1e-4, 550.0).0, Engine::Spectral);
         assert_eq!(chosen(usual, 0.0, 1e-3, 1030.0).0, Engine::Tabulated);
-        assert_eq!(chosen(usual, 0.0, 2e-3, 1030.0).0, Engine::Doubling);
+        assert_eq!(chosen(usual, 0.0, 2e-3, 1030.0).0, Engine::Hybrid);
         // crowded grains
         let (engine, rays) = chosen([50.0, 3000.0], 0.0, 2e-3, 550.0);
         assert_eq!(engine, Engine::Tabulated);
         assert!((0.5 / (rays as f64).sqrt() - 2e-3).abs() < 2e-5, "{rays}");
-        assert_eq!(chosen([50.0, 3000.0], 0.0, 1e-2, 550.0).0, Engine::Doubling);
-        // hardly a grain of a table fits
+        assert_eq!(chosen([50.0, 3000.0], 0.0, 1e-2, 550.0).0, Engine::Hybrid);
+        // hardly any grain of the table fits under the surface
         assert_eq!(chosen(usual, 89.97, 6e-4, 550.0).0, Engine::Spectral);
     }
 }

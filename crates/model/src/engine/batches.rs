@@ -1,6 +1,6 @@
-//! Splits the rays of one estimate into batches with streams of their own and
-//! merges their scores in order, so that floating-point sums do not depend on
-//! how many threads did the work.
+//! Splits the rays of one estimate into batches, each with its own random stream,
+//! and merges their scores in order, so that floating-point sums do not depend on
+//! the number of threads.
 use std::sync::atomic::Ordering;
 
 use rayon::prelude::*;
@@ -11,31 +11,31 @@ use crate::engine::{Control, EngineError, Request, engine_error};
 use crate::rng::{Key, Stream};
 use crate::transport::{Sink, Walk};
 
-/// Rays of one batch: enough for the eight lanes of a walk to stay busy
-/// although rays differ in length. Changing it changes every random number.
+/// Rays of one batch: enough to keep the eight SIMD lanes busy although rays
+/// differ in length. Changing it changes every random number.
 pub const BATCH: u64 = 4096;
-/// Batches in flight at once on several threads: bounds the memory of very long runs.
+/// Batches computed at once on several threads: bounds the memory of very long runs.
 const IN_FLIGHT: u64 = 16;
 
-/// A sink whose scores can be added up.
+/// A sink whose scores can be added up and saved.
 pub(super) trait Scores: Sink + Clone + Send + Sync {
-    /// All that the scores of batches change.
+    /// The state that scoring changes.
     type Sums: Serialize + DeserializeOwned;
     /// Adds the scores of another batch.
     fn merge(&mut self, other: &Self);
     /// The sums so far.
     fn sums(&self) -> Self::Sums;
-    /// These with other `sums`; `None` if they are of something else.
+    /// A copy of this sink with these `sums`; `None` if their shape does not match.
     fn with(&self, sums: Self::Sums) -> Option<Self>;
 }
 
-/// Name of the unit of these walks.
+/// Name of the unit ([`crate::engine::Units`]) of these walks.
 fn unit(request: &Request, illumination: usize, [engine, i, j]: [u32; 3]) -> String {
     let cell = request.cell;
     format!("batches {cell:x} {engine} {illumination} {i} {j}")
 }
 
-/// The scores of [`run`], if an earlier one did all of it.
+/// The scores of [`run`], if an earlier run of the same request finished them.
 pub(super) fn finished<S: Scores>(
     request: &Request,
     control: &Control,
@@ -48,8 +48,9 @@ pub(super) fn finished<S: Scores>(
     sums.and_then(|sums| empty.with(sums))
 }
 
-/// Walks `request.rays` rays, each batch with the `walker` of its number, in slabs of all `thicknesses_m` and gives their
-/// scores, starting from `empty`, under the `illumination`-th of its lights.
+/// Walks `request.rays` rays under illumination number `illumination` in slabs of
+/// all `thicknesses_m`. `walker` gives the walker of each batch by its number.
+/// Returns the scores, starting from `empty`.
 pub(super) fn run<S: Scores, W: Walk>(
     request: &Request,
     control: &Control,
@@ -65,8 +66,8 @@ pub(super) fn run<S: Scores, W: Walk>(
         return Ok(scores);
     }
     let batches = request.rays.div_ceil(BATCH);
-    let one = |batch: u64| {
-        // not all walkers ask in between
+    let walk_batch = |batch: u64| {
+        // not all walkers check during the walk
         if control.cancel.load(Ordering::Relaxed) {
             return Err(EngineError::Cancelled);
         }
@@ -91,22 +92,22 @@ pub(super) fn run<S: Scores, W: Walk>(
         Ok(scores)
     };
     let name = unit(request, illumination, purpose);
-    let before = units.take(&name).and_then(|(next, sums)| {
+    let saved = units.take(&name).and_then(|(next, sums)| {
         let scores = empty.with(sums)?;
         (next <= batches).then_some((next, scores))
     });
-    let (mut next, mut total) = before.unwrap_or_else(|| (0, empty.clone()));
+    let (mut next, mut total) = saved.unwrap_or_else(|| (0, empty.clone()));
     let in_flight = if control.parallel { IN_FLIGHT } else { 1 };
     while next < batches {
         let group = next..batches.min(next + in_flight);
-        let scores = match map(control, group.clone().collect(), one) {
+        let scores = match map(control, group.clone().collect(), walk_batch) {
             Err(EngineError::Cancelled) if next > 0 => {
                 units.add(&name, &(next, total.sums()))?;
                 return Err(EngineError::Cancelled);
             }
             scores => scores?,
         };
-        scores.iter().for_each(|part| total.merge(part));
+        scores.iter().for_each(|batch| total.merge(batch));
         next = group.end;
         units.add_if_due(&name, || (next, total.sums()))?;
     }
@@ -114,7 +115,8 @@ pub(super) fn run<S: Scores, W: Walk>(
     Ok(total)
 }
 
-/// `f` of every item, in order; on all threads if `control` allows it.
+/// Applies `f` to every item and returns the results in order; uses all threads
+/// if `control.parallel` is set.
 pub(super) fn map<I: Send, T: Send>(
     control: &Control,
     items: Vec<I>,

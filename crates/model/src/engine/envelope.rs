@@ -1,27 +1,31 @@
-//! Where engines hold, and their refusal elsewhere. Every limit is where
-//! `examples/stability` saw an engine fail; docs/stability.md says how and why,
-//! tests/stability.rs tries both sides.
+//! The ranges in which engines are valid. Engines refuse requests outside them. Every
+//! limit is where an engine failed in `examples/stability`; docs/stability.md says how
+//! and why, and tests/stability.rs tests both sides of the limits.
 use crate::engine::{Engine, EngineError, Request};
 pub use crate::transport::FIRST_FLIGHT;
 use crate::transport::{EXPONENTS, Illumination, Snow};
 
-/// Fewest entries of a table of grain events: with N of them R and T are off
-/// by some 0.1 / sqrt(N).
+/// Smallest number of entries of a table of grain events. With N entries, the error of
+/// R and T is about 0.1 / sqrt(N).
 pub const TABLE: u32 = 4096;
-/// Fewest entries of a table whose grains fit where grazing light first meets
-/// them: the others are never drawn there, and what so few have in common is
-/// taken for a law of nature.
+/// Smallest number of table entries whose grains fit under the surface where grazing
+/// light first meets grains. The other entries are never drawn there, and results from
+/// fewer entries depend on the particular grains in the table.
 pub const FITTING: f64 = 200.0;
 
-/// A range an engine takes.
+/// A lower limit of a quantity.
 struct Limit {
+    /// Name of the quantity, for the message.
     what: &'static str,
+    /// Value in the request.
     value: f64,
+    /// Smallest value that the engine accepts.
     lowest: f64,
+    /// Engine to use below the limit.
     instead: Option<Engine>,
 }
 
-/// Shortest axis of any grain, m.
+/// Shortest axis of any grain in `snow`, m.
 fn slimmest_m(snow: &Snow) -> f64 {
     let grains = snow.grains.iter().map(|component| component.grain);
     let axes = grains.map(|grain| grain.size.min_m() * grain.sphericity.min().powi(2));
@@ -29,32 +33,34 @@ fn slimmest_m(snow: &Snow) -> f64 {
 }
 
 impl Engine {
-    /// Whether the engine holds, within its stated error, for `request`.
+    /// Checks that the engine is valid for `request`, within its stated error.
     ///
     /// # Errors
-    /// [`EngineError::Outside`] for the first limit that is broken.
+    /// [`EngineError::Outside`] for the first limit that is violated;
+    /// [`EngineError::Exponents`] if the carbon has too many Angstrom exponents;
+    /// [`EngineError::NoSurface`] if there is no room for the surface layer.
     pub fn check(self, request: &Request) -> Result<(), EngineError> {
-        let pack = request.pack;
-        let found = pack.exponents().len();
-        if found > EXPONENTS {
-            return Err(EngineError::Exponents { found });
+        let snowpack = request.snowpack;
+        let exponents = snowpack.exponents().len();
+        if exponents > EXPONENTS {
+            return Err(EngineError::Exponents { found: exponents });
         }
         let thinnest_m = request.thicknesses_m.iter().copied();
         let thinnest_m = thinnest_m.fold(f64::INFINITY, f64::min);
-        if thinnest_m <= pack.below_m() && !pack.below.is_empty() {
+        if thinnest_m <= snowpack.below_m() && !snowpack.below.is_empty() {
             return Err(EngineError::NoSurface {
                 thickness_m: thinnest_m,
-                below_m: pack.below_m(),
+                below_m: snowpack.below_m(),
             });
         }
-        let slimmest_m = pack.snows().map(slimmest_m).fold(0.0, f64::max);
+        let slimmest_m = snowpack.snows().map(slimmest_m).fold(0.0, f64::max);
         let mut limits = vec![Limit {
             what: "thickness in axes of the slimmest grain",
             value: thinnest_m / slimmest_m,
             lowest: 1.0,
             instead: None,
         }];
-        let flight = pack.surface.mean_free_distance_m() / pack.surface.sizes_m()[1];
+        let flight = snowpack.surface.mean_free_distance_m() / snowpack.surface.sizes_m()[1];
         for light in request.illuminations {
             if let Illumination::Collimated { polar_angle_rad } = light {
                 limits.push(Limit {
@@ -63,10 +69,10 @@ impl Engine {
                     lowest: FIRST_FLIGHT,
                     instead: None,
                 });
-                if matches!(self, Self::Tabulated | Self::Doubling) {
+                if matches!(self, Self::Tabulated | Self::Hybrid) {
                     let table = f64::from(request.resolution.table);
                     limits.push(Limit {
-                        what: "number of grain events per table that fit where grazing light first meets grains",
+                        what: "number of table entries whose grains fit under the surface at grazing incidence",
                         value: 2.0 * libm::cos(*polar_angle_rad) * flight * table,
                         lowest: FITTING,
                         instead: Some(Self::Spectral),
@@ -74,16 +80,16 @@ impl Engine {
                 }
             }
         }
-        if matches!(self, Self::Tabulated | Self::Doubling) {
+        if matches!(self, Self::Tabulated | Self::Hybrid) {
             limits.push(Limit {
-                what: "number of grain events per table",
+                what: "number of entries per table of grain events",
                 value: f64::from(request.resolution.table),
                 lowest: f64::from(TABLE),
                 instead: Some(Self::Spectral),
             });
         }
-        let broken = |limit: &Limit| limit.value.is_nan() || limit.value < limit.lowest;
-        match limits.into_iter().find(broken) {
+        let is_violated = |limit: &Limit| limit.value.is_nan() || limit.value < limit.lowest;
+        match limits.into_iter().find(is_violated) {
             None => Ok(()),
             Some(limit) => Err(EngineError::Outside {
                 engine: self,

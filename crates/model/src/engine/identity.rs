@@ -1,35 +1,35 @@
-//! What a node of a database is: 64 bits that follow from its own parameters
-//! alone, with which the random streams of its walks are keyed ([`crate::rng`]).
+//! Identity of a database node: 64 bits computed from the node's own parameters
+//! alone. They key the random streams of its walks ([`crate::rng`]).
 //!
-//! A node gets the same streams wherever it stands in whatever grid, so that a
-//! grid that grows keeps the spectra it has. The bits are the [`Fingerprint`] of
+//! A node gets the same random streams in every grid and at every position in it, so
+//! a grid that grows keeps its spectra. The bits are the [`Fingerprint`] of
 //!
 //! - the snow of each layer: grains (share, size, facetness, sphericity, shape), density,
 //!   temperature, saturation and the carbon that absorbs; the thicknesses of the
-//!   layers under the surface; the reflectance of the ground;
-//! - where an engine computes them one by one, the light and the thickness.
+//!   layers under the surface; the reflectance of the substrate;
+//! - the illumination and the thickness, if the engine computes them one by one.
 //!
-//! What a whole database has in common (seed, wavelengths, engine, walks, choices
-//! within the model, optical tables) is not in them: the seed is part of every
-//! key, and databases that differ in the rest share no nodes.
+//! They do not include what a whole database has in common (seed, wavelengths, engine,
+//! walks, model options, optical tables): the seed is part of every key of a random
+//! stream, and databases that differ in the rest share no nodes.
 use crate::grain::TruncatedNormal;
 use crate::rng::Fingerprint;
 use crate::table::Source;
-use crate::transport::{Ground, Illumination, Pack, Snow};
+use crate::transport::{Illumination, Snow, Snowpack, Substrate};
 
-use super::tables::Stretch;
+use super::tables::Section;
 
-/// The bits of a pack, without its thickness.
+/// Identity of a snowpack, without its thickness.
 #[must_use]
-pub fn of_pack(pack: &Pack) -> u64 {
-    let mut digest = with_snow(Fingerprint::of("pack"), &pack.surface);
-    for layer in &pack.below {
+pub fn of_snowpack(snowpack: &Snowpack) -> u64 {
+    let mut digest = with_snow(Fingerprint::of("pack"), &snowpack.surface);
+    for layer in &snowpack.below {
         digest = with_snow(digest.and(&[layer.thickness_m]), &layer.snow);
     }
-    let digest = match &pack.ground {
-        Ground::Black => digest.and_text("black"),
-        Ground::Grey(reflectance) => digest.and_text("grey").and(&[*reflectance]),
-        Ground::Spectrum { table, .. } => digest
+    let digest = match &snowpack.substrate {
+        Substrate::Black => digest.and_text("black"),
+        Substrate::Grey(reflectance) => digest.and_text("grey").and(&[*reflectance]),
+        Substrate::Spectrum { table, .. } => digest
             .and_text("spectrum")
             .and(table.abscissae())
             .and(table.column(0)),
@@ -54,7 +54,7 @@ fn with_snow(digest: Fingerprint, snow: &Snow) -> Fingerprint {
         digest = grain.shape.identify(digest);
     }
     for (name, carbon) in [("black", &snow.black_carbon), ("brown", &snow.brown_carbon)] {
-        // snow with none of it is the same whatever it would be
+        // carbon of concentration 0 does not affect the identity
         if let Some(carbon) = carbon.filter(|carbon| carbon.concentration_ng_g > 0.0) {
             digest = digest.and_text(name).and(&[
                 carbon.concentration_ng_g,
@@ -69,7 +69,7 @@ fn with_snow(digest: Fingerprint, snow: &Snow) -> Fingerprint {
     digest
 }
 
-/// Those of a node under one light, of `cell`.
+/// Identity of the node `cell` under one illumination.
 #[must_use]
 pub fn with_light(cell: u64, light: &Illumination) -> u64 {
     let digest = Fingerprint::of("light").and_bits(cell);
@@ -80,19 +80,18 @@ pub fn with_light(cell: u64, light: &Illumination) -> u64 {
     digest.finish()
 }
 
-/// Those of a node of one thickness, of `cell`.
+/// Identity of the node `cell` at one thickness.
 #[must_use]
 pub fn with_thickness(cell: u64, thickness_m: f64) -> u64 {
     let digest = Fingerprint::of("thickness").and_bits(cell);
     digest.and(&[thickness_m]).finish()
 }
 
-/// Those of what is walked within a node, of a kind: from `source` through
-/// `stretches`.
-pub(super) fn of_walks(kind: &str, stretches: &[Stretch], source: &Source) -> u64 {
+/// Identity of walks within a node, of one `kind`: from `source` through `sections`.
+pub(super) fn of_walks(kind: &str, sections: &[Section], source: &Source) -> u64 {
     let mut digest = Fingerprint::of(kind);
-    for Stretch { snow, thickness_m } in stretches {
-        digest = digest.and_bits(*snow as u64).and(&[*thickness_m]);
+    for Section { layer, thickness_m } in sections {
+        digest = digest.and_bits(*layer as u64).and(&[*thickness_m]);
     }
     let digest = match source {
         Source::Above(cosine) => digest.and_text("above").and(&[*cosine]),

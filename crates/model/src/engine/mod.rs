@@ -1,15 +1,16 @@
-//! Engines: one physics, several schedulers, all tested against `reference`.
+//! Engines: different ways of computing the same physical model. All are tested
+//! against `reference`.
 mod auto;
 mod batches;
 mod cache;
-mod doubling;
 pub mod envelope;
 pub mod exits;
-mod ground;
+mod hybrid;
 pub mod identity;
 mod nodes;
 mod reference;
 mod spectral;
+mod substrate;
 mod tables;
 mod units;
 
@@ -20,38 +21,39 @@ use thiserror::Error;
 pub use auto::MaxError;
 pub use batches::BATCH;
 pub use cache::Cache;
-pub use units::{Keep, Units};
+pub use units::{UnitStore, Units};
 
 use crate::measurement::Spectrum;
 use crate::optics::{Index, OpticsError};
 use crate::slab::SlabError;
 use crate::transport::{
-    Coefficients, EXPONENTS, Illumination, Model, Pack, REJECTION_LIMIT, WalkError,
+    Coefficients, EXPONENTS, Illumination, Model, REJECTION_LIMIT, Snowpack, WalkError,
 };
 
-/// Which engine runs a job.
+/// The engine that runs a job.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
 pub enum Engine {
-    /// The model of docs/methods.md to the letter: one wavelength at a time, analog absorption.
+    /// The model exactly as in docs/methods.md: one wavelength at a time, analog absorption.
     Reference,
-    /// One walk serves all wavelengths and thicknesses.
+    /// Each walk is scored at all wavelengths and thicknesses.
     Spectral,
     /// As `spectral`, with grain events drawn from tables.
     Tabulated,
-    /// Deterministic transport in the bulk, walks next to the surfaces.
-    Doubling,
-    /// The cheapest of these that holds the error allowed.
+    /// Deterministic transport in the bulk; walks near the surfaces.
+    Hybrid,
+    /// The cheapest of these engines that meets the error allowed.
     Auto,
 }
 
-/// How finely the engines that use tables of grain events resolve them.
+/// Resolution of the engines that use tables of grain events.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub struct Resolution {
-    /// Grain events to draw from, at least 8.
+    /// Entries of the table of grain events, at least 8.
     pub table: u32,
-    /// Grain events averaged for the scattering kernel; the table is chosen from these.
+    /// Grain events averaged for the scattering kernel. The table entries are a
+    /// subset of these.
     pub grains: u32,
-    /// Directions per hemisphere in `doubling`, 2 to 31.
+    /// Discrete directions (streams) per hemisphere in `hybrid`, 2 to 31.
     pub streams: usize,
 }
 
@@ -66,71 +68,75 @@ impl Default for Resolution {
 }
 
 impl Resolution {
-    /// No finer than what so many walks can tell: a table as large and a kernel
-    /// of twice as many grain events, within the limits of the engines and the
-    /// default. Of those, eight instead of two changed the error of no wavelength
-    /// of a pack of three layers (docs/performance.md), and took most of the time.
+    /// The resolution that suits `rays` walks: about `rays` table entries and
+    /// 2 `rays` kernel events, between the engines' minima and the defaults. With
+    /// 8 `rays` kernel events, the errors in a three-layer snowpack did not change
+    /// at any wavelength (docs/performance.md), and most of the time went there.
     #[must_use]
     pub fn of_rays(rays: u64) -> Self {
-        let most = Self::default();
-        let at_most = |n: u64, most: u32| n.next_power_of_two().min(u64::from(most)) as u32;
+        let default = Self::default();
+        let power_of_two =
+            |n: u64, largest: u32| n.next_power_of_two().min(u64::from(largest)) as u32;
         Self {
-            table: at_most(rays.clamp(1 << 14, 1 << 32), most.table),
-            grains: at_most(rays.saturating_mul(2).clamp(1 << 17, 1 << 32), most.grains),
-            ..most
+            table: power_of_two(rays.clamp(1 << 14, 1 << 32), default.table),
+            grains: power_of_two(
+                rays.saturating_mul(2).clamp(1 << 17, 1 << 32),
+                default.grains,
+            ),
+            ..default
         }
     }
 }
 
-/// What an engine is asked for: all thicknesses of one snow under all lights.
+/// Input of an engine: one snowpack at all thicknesses under all illuminations.
 #[derive(Debug, Clone)]
 pub struct Request<'a> {
-    /// The snow.
-    pub pack: &'a Pack,
-    /// Thicknesses of the whole pack, m, strictly increasing.
+    /// The snowpack: layers and substrate.
+    pub snowpack: &'a Snowpack,
+    /// Thicknesses of the whole snowpack, m, strictly increasing.
     pub thicknesses_m: &'a [f64],
-    /// The light: one or several incidences.
+    /// Illuminations, one or more.
     pub illuminations: &'a [Illumination],
     /// Wavelengths, nm, strictly increasing.
     pub wavelengths_nm: &'a [f64],
-    /// Choices within the model.
+    /// Model options.
     pub model: &'a Model,
-    /// Walks per wavelength and thickness in `reference`; per index node in
-    /// `spectral` and `tabulated`; per light and index node in `doubling` and,
-    /// should it choose that, `auto`.
+    /// Number of walks: per wavelength and thickness in `reference`; per index
+    /// node in `spectral` and `tabulated`; per illumination and index node in
+    /// `hybrid`, also where `auto` chooses `hybrid`.
     pub rays: u64,
-    /// What `auto` is to hold.
+    /// Error allowed, from which `auto` chooses the engine.
     pub max_error: MaxError,
     /// Resolution of the engines that use tables.
     pub resolution: Resolution,
     /// Seed of the whole database or measurement.
     pub seed: u64,
-    /// What node or nodes of a database these are ([`identity`]); 0 for a single
+    /// Identity of the database node or nodes ([`identity`]); 0 for a single
     /// measurement.
     pub cell: u64,
 }
 
-/// How a running engine talks to its caller.
+/// Execution controls of a running engine; none changes a result.
 #[derive(Debug, Clone, Copy)]
 pub struct Control<'a> {
     /// Use all threads of the current rayon pool for this one request.
     pub parallel: bool,
-    /// Stop soon with [`EngineError::Cancelled`] once this is set.
+    /// When set, the engine soon stops with [`EngineError::Cancelled`].
     pub cancel: &'a AtomicBool,
-    /// Incremented by the walks finished (see [`Engine::walks`]).
+    /// Progress: incremented by the number of walks finished (see [`Engine::walks`]).
     pub rays_done: &'a AtomicU64,
-    /// What was made for earlier requests.
+    /// Tables and walks kept from earlier requests.
     pub cache: &'a Cache,
 }
 
-/// Why an engine gave no spectrum.
+/// Reason for which an engine returned no spectrum.
 #[derive(Debug, Clone, PartialEq, Error)]
 #[non_exhaustive]
 pub enum EngineError {
-    /// The caller asked it to stop.
+    /// The caller cancelled the run.
     #[error("cancelled")]
     Cancelled,
-    /// Nothing to walk.
+    /// The number of rays is 0.
     #[error("rays = 0 must be at least 1")]
     NoRays,
     /// The threads could not be started.
@@ -147,63 +153,63 @@ pub enum EngineError {
         /// Longest grain, m.
         size_max_m: f64,
     },
-    /// The engine does not hold there (docs/stability.md).
+    /// The request is outside the engine's range of validity (docs/stability.md).
     #[error(
-        "`{}` does not hold where the {what} is {value:.3e}: it must be {lowest} or more; {}",
+        "the engine `{}` is not valid here: the {what} is {value:.3e} and must be at least {lowest}; {}",
         engine.name(),
-        instead.map_or("no engine holds there".to_owned(), |other| format!("use the engine `{}`", other.name()))
+        instead.map_or("no engine is valid here".to_owned(), |other| format!("use the engine `{}`", other.name()))
     )]
     Outside {
-        /// The engine that refuses.
+        /// The engine that refuses the request.
         engine: Engine,
-        /// What is out of its range.
+        /// Name of the quantity that is out of range.
         what: &'static str,
-        /// Its value.
+        /// Value of the quantity.
         value: f64,
-        /// The least the engine takes.
+        /// Smallest value that the engine accepts.
         lowest: f64,
-        /// An engine that holds there, if there is one.
+        /// An engine that accepts the request, if there is one.
         instead: Option<Engine>,
     },
-    /// The engine does not compute what is asked.
-    #[error("`{}` does not compute {what}; use the engine `{}`", engine.name(), instead.name())]
+    /// The engine does not compute the requested quantity.
+    #[error("the engine `{}` does not compute {what}; use the engine `{}`", engine.name(), instead.name())]
     Unable {
-        /// The engine that refuses.
+        /// The engine that refuses the request.
         engine: Engine,
-        /// What it cannot do.
+        /// Name of the quantity.
         what: &'static str,
-        /// One that can.
+        /// An engine that computes the quantity.
         instead: Engine,
     },
-    /// The carbon in a pack has too many different exponents.
+    /// The carbon in a snowpack has too many different exponents.
     #[error(
-        "the carbon in the pack has {found} different Angstrom exponents; at most {EXPONENTS} are allowed"
+        "the carbon in the snowpack has {found} different Angstrom exponents; at most {EXPONENTS} are allowed"
     )]
     Exponents {
-        /// How many there are.
+        /// Number of different exponents.
         found: usize,
     },
-    /// The reflectance of the ground is not known at a wavelength.
+    /// The reflectance of the substrate is not known at a wavelength.
     #[error(
-        "the reflectance of the ground is given for {min_nm} to {max_nm} nm, not {wavelength_nm} nm"
+        "the reflectance of the substrate is given for {min_nm} to {max_nm} nm, not {wavelength_nm} nm"
     )]
-    Ground {
-        /// The wavelength.
+    Substrate {
+        /// The wavelength, nm.
         wavelength_nm: f64,
-        /// First of its table.
+        /// First wavelength of the substrate's table, nm.
         min_nm: f64,
-        /// Last of its table.
+        /// Last wavelength of the substrate's table, nm.
         max_nm: f64,
     },
-    /// The lower layers leave nothing for the surface layer.
+    /// The layers under the surface layer are as thick as the whole snowpack.
     #[error(
-        "a pack of {} cm has no room for a surface layer: the layers under it take {} cm",
+        "a snowpack of {} cm has no room for a surface layer: the layers under it take {} cm; make the snowpack thicker",
         thickness_m * 100.0, below_m * 100.0
     )]
     NoSurface {
-        /// Thickness of the pack, m.
+        /// Thickness of the snowpack, m.
         thickness_m: f64,
-        /// That of the layers under the surface, m.
+        /// Thickness of the layers under the surface layer, m.
         below_m: f64,
     },
     /// The transport equation could not be solved.
@@ -220,7 +226,7 @@ impl Engine {
         Self::Reference,
         Self::Spectral,
         Self::Tabulated,
-        Self::Doubling,
+        Self::Hybrid,
         Self::Auto,
     ];
 
@@ -231,43 +237,43 @@ impl Engine {
             Self::Reference => "reference",
             Self::Spectral => "spectral",
             Self::Tabulated => "tabulated",
-            Self::Doubling => "doubling",
+            Self::Hybrid => "hybrid",
             Self::Auto => "auto",
         }
     }
 
-    /// Other names that are understood.
-    pub const ALIASES: [(&str, Self); 1] = [("hybrid", Self::Doubling)];
+    /// Former names, which are still accepted.
+    pub const ALIASES: [(&str, Self); 1] = [("doubling", Self::Hybrid)];
 
-    /// The engine of this name, or of this other name.
+    /// The engine with this name or alias.
     #[must_use]
     pub fn named(name: &str) -> Option<Self> {
-        let mut all = Self::ALL.into_iter().map(|engine| (engine.name(), engine));
-        let found = all.find(|(own, _)| *own == name);
-        let alias = || Self::ALIASES.into_iter().find(|(other, _)| *other == name);
-        Some(found.or_else(alias)?.1)
+        let mut names = Self::ALL.into_iter().map(|engine| (engine.name(), engine));
+        let by_name = names.find(|(current, _)| *current == name);
+        let by_alias = || Self::ALIASES.into_iter().find(|(alias, _)| *alias == name);
+        Some(by_name.or_else(by_alias)?.1)
     }
 
-    /// Whether one job of this engine serves all thicknesses at once.
+    /// Whether one job of this engine computes all thicknesses at once.
     #[must_use]
     pub fn shares_thicknesses(self) -> bool {
         self != Self::Reference
     }
 
-    /// Whether one job of this engine serves all illuminations at once.
+    /// Whether one job of this engine computes all illuminations at once.
     #[must_use]
     pub fn shares_angles(self) -> bool {
-        matches!(self, Self::Doubling | Self::Auto)
+        matches!(self, Self::Hybrid | Self::Auto)
     }
 
-    /// Whether this engine makes tables of grain events, once per shape of grain.
+    /// Whether this engine builds tables of grain events, once per grain shape.
     #[must_use]
     pub fn uses_tables(self) -> bool {
-        matches!(self, Self::Tabulated | Self::Doubling | Self::Auto)
+        matches!(self, Self::Tabulated | Self::Hybrid | Self::Auto)
     }
 
-    /// The engine that does the work of `request` under the first of its lights:
-    /// itself, or what `auto` chooses.
+    /// The engine that computes `request` under its first illumination: this
+    /// engine, or the one that `auto` chooses.
     #[must_use]
     pub fn resolve(self, request: &Request) -> Self {
         match (self, request.illuminations.first()) {
@@ -276,7 +282,8 @@ impl Engine {
         }
     }
 
-    /// The same with the rays that it does, as in [`Request::rays`].
+    /// Like [`Engine::resolve`], with the number of rays that the engine walks (as
+    /// in [`Request::rays`]).
     #[must_use]
     pub fn resolve_rays(self, request: &Request) -> (Self, u64) {
         match (self, request.illuminations.first()) {
@@ -285,52 +292,55 @@ impl Engine {
         }
     }
 
-    /// Whether a spectrum does not depend on what other thicknesses are asked for
-    /// beside its own: not in engines whose walks are resumed from one to the next.
+    /// Whether a spectrum is independent of the other thicknesses in its request.
+    /// False for engines that resume their walks from one thickness to the next.
     #[must_use]
     pub fn keeps_thicknesses_apart(self) -> bool {
-        matches!(self, Self::Reference | Self::Doubling)
+        matches!(self, Self::Reference | Self::Hybrid)
     }
 
-    /// How many walks [`Engine::run`] does for `request`; a walk that serves
-    /// several thicknesses counts once.
+    /// Number of walks that [`Engine::run`] does for `request`. A walk that is
+    /// scored at several thicknesses counts once.
     ///
     /// # Errors
-    /// [`EngineError::Optics`].
+    /// [`EngineError::Optics`] if an optical table cannot be read or does not cover
+    /// a wavelength; [`EngineError::Substrate`] likewise for the substrate.
     pub fn walks(self, request: &Request) -> Result<u64, EngineError> {
         match self {
             Self::Auto => auto::walks(request),
-            engine => ground::walks(engine, request),
+            engine => substrate::walks(engine, request),
         }
     }
 
-    /// The same of a pack without cascades on black ground.
+    /// Like [`Engine::walks`], for a snowpack without cascades on a black substrate.
     fn walks_bare(self, request: &Request) -> Result<u64, EngineError> {
         let per_ray = match self {
-            Self::Auto | Self::Doubling => return doubling::walks(request),
+            Self::Auto | Self::Hybrid => return hybrid::walks(request),
             Self::Reference => request.wavelengths_nm.len() * request.thicknesses_m.len(),
             Self::Spectral | Self::Tabulated => {
-                nodes::nodes(&indices(request)?, request.pack.is_wet()).len()
+                nodes::nodes(&indices(request)?, request.snowpack.is_wet()).len()
             }
         };
         let per_ray = per_ray * request.illuminations.len();
         Ok(request.rays.saturating_mul(per_ray as u64))
     }
 
-    /// Reflectance and transmittance per thickness and illumination of
-    /// `request`, the latter running fastest.
+    /// Computes reflectance and transmittance per thickness and illumination of
+    /// `request`, the illumination running fastest.
     ///
-    /// The result is a function of the request alone: never of threads,
-    /// schedule or `control`.
+    /// The result depends on the request alone, not on threads, schedule or
+    /// `control`.
     ///
     /// # Errors
-    /// See [`EngineError`]; [`EngineError::Outside`] where this engine does not hold.
+    /// [`EngineError::Outside`] if the request is outside this engine's range of
+    /// validity; see [`EngineError`] for all others.
     pub fn run(self, request: &Request, control: &Control) -> Result<Vec<Spectrum>, EngineError> {
         self.check(request)?;
         self.run_unchecked(request, control)
     }
 
-    /// The same where the engine may not hold: for finding out how far it does.
+    /// Like [`Engine::run`], without the check of the range of validity. Used to
+    /// find the limits of that range.
     ///
     /// # Errors
     /// See [`EngineError`].
@@ -341,7 +351,7 @@ impl Engine {
     ) -> Result<Vec<Spectrum>, EngineError> {
         match self {
             Self::Auto => auto::run(request, control),
-            engine => ground::run(engine, request, control),
+            engine => substrate::run(engine, request, control),
         }
     }
 }
@@ -352,14 +362,15 @@ impl std::str::FromStr for Engine {
     fn from_str(name: &str) -> Result<Self, String> {
         Self::named(name)
             .ok_or_else(|| {
-                format!("no engine is named `{name}`; the engines are reference, spectral, tabulated, doubling and auto")
+                format!("no engine is named `{name}`; the engines are reference, spectral, tabulated, hybrid and auto")
             })
     }
 }
 
-/// Ice and water at each wavelength. Dry snow needs no water: vacuum stands in.
+/// Refractive indices of ice and water at each wavelength. In dry snow the index
+/// of water is replaced by that of vacuum.
 fn indices(request: &Request) -> Result<Vec<(Index, Index)>, OpticsError> {
-    let water = if request.pack.is_wet() {
+    let water = if request.snowpack.is_wet() {
         Some(request.model.water.load()?)
     } else {
         None
@@ -374,21 +385,21 @@ fn indices(request: &Request) -> Result<Vec<(Index, Index)>, OpticsError> {
     request.wavelengths_nm.iter().map(index).collect()
 }
 
-/// Absorption of everything in the snow at each wavelength.
+/// Absorption coefficients of ice, water and impurities at each wavelength.
 fn coefficients(request: &Request, indices: &[(Index, Index)]) -> Vec<Coefficients> {
-    let exponents = request.pack.exponents();
+    let exponents = request.snowpack.exponents();
     let wavelengths = request.wavelengths_nm.iter().zip(indices);
     wavelengths
         .map(|(nm, indices)| Coefficients::at(*nm, *indices, &exponents))
         .collect()
 }
 
-/// A walk's error as the engine's.
+/// Converts a walk's error into an engine error.
 fn engine_error(request: &Request, error: WalkError) -> EngineError {
     match error {
         WalkError::TooThin { thickness_m } => EngineError::SlabTooThin {
             thickness_m,
-            size_max_m: request.pack.longest_grain_m(),
+            size_max_m: request.snowpack.longest_grain_m(),
         },
         WalkError::Stopped => EngineError::Cancelled,
     }

@@ -1,26 +1,29 @@
 //! Index nodes: the few refractive indices at which walks are done.
 //!
 //! Paths depend on the refractive indices, so walks are done at a few *index
-//! nodes*, at (or, outermost, somewhat beyond) some of the wavelengths asked
-//! for, chosen so that every other one lies close to the straight line between
-//! its two nodes in the plane of (n, k) of ice (and of water, in wet snow).
-//! Each wavelength's result is the linear mix of what its two nodes give it
-//! with its own absorption. What remains is the curvature of R and T over one
-//! interval of at most [`SPACING`] in index: below 0.1 % of transmittance, as
-//! `tests/engines.rs` measures against walks at every wavelength's own index.
+//! nodes*. These are the indices at some of the requested wavelengths (the
+//! outermost ones are moved somewhat outward), chosen so that every other
+//! wavelength lies close to the straight line between its two nodes in the plane
+//! of (n, k) of ice (and of water, in wet snow). Each wavelength has its own
+//! absorption; its result is interpolated linearly between those of its two
+//! nodes. The remaining error is due to the curvature of R and T over one interval
+//! of at most [`SPACING`] in index. It is below 0.1 % of transmittance, as
+//! `tests/engines.rs` verifies with walks at every wavelength's own index.
 use crate::optics::Index;
 
 /// Largest distance of two neighbouring nodes in refractive index.
 pub(super) const SPACING: f64 = 0.0135;
-/// How far the outermost nodes lie outside, in parts of the way to the next.
-const STRETCH: f64 = 0.2;
+/// Distance by which the outermost nodes are moved outward, as a fraction of the
+/// distance to the neighbouring node.
+const OUTWARD_SHIFT: f64 = 0.2;
 /// Largest distance of a wavelength's indices from the line between its nodes.
 const DEVIATION: f64 = 5e-4;
-/// Weight of k against n in those distances: k changes the mean internal
+/// Weight of k relative to n in these distances: k changes the mean internal
 /// reflectance of ice by about 3.7 per unit, n by about 1.
 const K_WEIGHT: f64 = 4.0;
 
-/// Coordinates in which nodes are placed; vacuum stands for absent water.
+/// Coordinates of a pair of indices in the space where distances are measured; the
+/// water coordinates are 0 in dry snow.
 fn coordinates(&(ice, water): &(Index, Index), wet: bool) -> [f64; 4] {
     let wet = if wet { 1.0 } else { 0.0 };
     [
@@ -39,7 +42,8 @@ fn minus(a: [f64; 4], b: [f64; 4]) -> [f64; 4] {
     std::array::from_fn(|i| a[i] - b[i])
 }
 
-/// Where `p` lies between `a` and `b`: fraction of the way, squared distance from the line.
+/// Projects `p` on the line from `a` to `b`: fraction of the way from `a`, [0, 1],
+/// and squared distance from the line.
 fn project(p: [f64; 4], a: [f64; 4], b: [f64; 4]) -> (f64, f64) {
     let (ab, ap) = (minus(b, a), minus(p, a));
     let length_sq = dot(ab, ab);
@@ -48,27 +52,27 @@ fn project(p: [f64; 4], a: [f64; 4], b: [f64; 4]) -> (f64, f64) {
     } else {
         0.0
     };
-    let off: [f64; 4] = std::array::from_fn(|i| ap[i] - t * ab[i]);
-    (t, dot(off, off))
+    let offset: [f64; 4] = std::array::from_fn(|i| ap[i] - t * ab[i]);
+    (t, dot(offset, offset))
 }
 
-/// Positions in the wavelength list at which walks are done, increasing; the
-/// first and last wavelength are always among them.
+/// Positions of the nodes in the wavelength list, increasing. They include the
+/// first and the last wavelength.
 pub(super) fn nodes(indices: &[(Index, Index)], wet: bool) -> Vec<usize> {
     let points: Vec<_> = indices.iter().map(|i| coordinates(i, wet)).collect();
     let mut nodes = vec![0];
     let mut from = 0;
     while from + 1 < points.len() {
-        let holds = |to: &usize| {
+        let is_close = |to: &usize| {
             let ab = minus(points[*to], points[from]);
             dot(ab, ab) <= SPACING * SPACING
                 && points[from..=*to]
                     .iter()
                     .all(|p| project(*p, points[from], points[*to]).1 <= DEVIATION * DEVIATION)
         };
-        // neighbours are always a valid pair: both are nodes and nothing lies between
+        // neighbouring wavelengths are always a valid pair: nothing lies between them
         let to = (from + 2..points.len())
-            .take_while(|to| holds(to))
+            .take_while(|to| is_close(to))
             .last()
             .unwrap_or(from + 1);
         nodes.push(to);
@@ -77,14 +81,14 @@ pub(super) fn nodes(indices: &[(Index, Index)], wet: bool) -> Vec<usize> {
     nodes
 }
 
-/// Refractive indices at the nodes: those of their wavelengths, but the first
-/// and last are moved outward by [`STRETCH`] of the way to their neighbour if
-/// there are wavelengths in between. Two independent values weigh least in the
-/// variance of their mix halfway between them, so this saves walks.
+/// Refractive indices at the nodes: those of their wavelengths. If there are
+/// wavelengths between the first node and the second, the first is moved outward
+/// by [`OUTWARD_SHIFT`] of their distance; likewise the last. The variance of a mix
+/// of two independent values is smallest halfway between them, so this saves walks.
 fn node_indices(nodes: &[usize], indices: &[(Index, Index)]) -> Vec<(Index, Index)> {
     let beyond = |a: Index, b: Index| Index {
-        n: a.n + STRETCH * (a.n - b.n),
-        k: (a.k + STRETCH * (a.k - b.k)).max(0.0),
+        n: a.n + OUTWARD_SHIFT * (a.n - b.n),
+        k: (a.k + OUTWARD_SHIFT * (a.k - b.k)).max(0.0),
     };
     let moved = |node: usize, neighbour: usize| {
         let (a, b) = (indices[node], indices[neighbour]);
@@ -94,35 +98,36 @@ fn node_indices(nodes: &[usize], indices: &[(Index, Index)]) -> Vec<(Index, Inde
             a
         }
     };
-    let mut at: Vec<_> = nodes.iter().map(|&node| indices[node]).collect();
+    let mut node_indices: Vec<_> = nodes.iter().map(|&node| indices[node]).collect();
     if let [first, second, ..] = nodes {
-        at[0] = moved(*first, *second);
+        node_indices[0] = moved(*first, *second);
     }
     if let [.., before, last] = nodes {
-        at[nodes.len() - 1] = moved(*last, *before);
+        node_indices[nodes.len() - 1] = moved(*last, *before);
     }
-    at
+    node_indices
 }
 
-/// Which nodes a wavelength lies between.
+/// The two nodes between which a wavelength is interpolated, and their weights.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub(super) struct Mix {
     /// Positions in the list of nodes; the same twice for a single node.
     pub(super) nodes: [usize; 2],
-    /// Share of the second.
+    /// Weight of the second node, [0, 1].
     pub(super) share: f64,
 }
 
 impl Mix {
-    /// Its nodes among `all` and their shares; a node without one is left out.
-    pub(super) fn of<T>(self, all: &[T]) -> impl Iterator<Item = (&T, f64)> {
+    /// Selects the items of this mix's nodes from `items`, one item per node, with
+    /// their weights. A node of weight 0 is skipped.
+    pub(super) fn select<T>(self, items: &[T]) -> impl Iterator<Item = (&T, f64)> {
         let shares = self.nodes.into_iter().zip([1.0 - self.share, self.share]);
         let shares = shares.filter(|(_, share)| *share > 0.0);
-        shares.map(|(node, share)| (&all[node], share))
+        shares.map(|(node, share)| (&items[node], share))
     }
 }
 
-/// Refractive indices of the nodes, and what nodes each wavelength mixes.
+/// Refractive indices of the nodes, and the mix of nodes for each wavelength.
 pub(super) fn mixes(indices: &[(Index, Index)], wet: bool) -> (Vec<(Index, Index)>, Vec<Mix>) {
     let nodes = nodes(indices, wet);
     let node_indices = node_indices(&nodes, indices);
@@ -137,7 +142,7 @@ fn mix_of_nodes(
     wet: bool,
 ) -> Vec<Mix> {
     let mix = |(l, index): (usize, &(Index, Index))| {
-        // between nodes i - 1 and i; a single node stands alone
+        // between nodes i - 1 and i, or twice the same if there is only one node
         let i = nodes
             .partition_point(|&node| node < l)
             .max(1)

@@ -1,22 +1,22 @@
-//! `reference`: the model of docs/methods.md to the letter. Every wavelength and thickness
-//! has walks of its own, and absorption is analog. Nothing is tuned here; it
-//! is the yardstick of the other engines.
+//! `reference`: the model exactly as in docs/methods.md. Every wavelength and
+//! thickness has its own walks, and absorption is analog. There is no optimisation
+//! here: the other engines are tested against this one.
 use std::ops::Range;
 use std::sync::atomic::{AtomicBool, Ordering};
 
-use crate::engine::ground::Footing;
+use crate::engine::substrate::SubstrateCoefficients;
 use crate::engine::{Control, EngineError, Request, batches, coefficients, indices};
 use crate::math::Vec3;
 use crate::measurement::{Estimate, Measured, Spectrum};
 use crate::transport::{Absorption, Bounce, End, Path, Sink, Walker};
 
-/// Ends of walks, counted.
+/// Numbers of walks by how they ended.
 #[derive(Clone, Copy)]
 struct Counts<'a> {
     reflected: u64,
     transmitted: u64,
     lost: u64,
-    /// Bounces off the ground of those reflected and transmitted.
+    /// Bounces off the substrate of the reflected and of the transmitted walks.
     bounces: [u64; 2],
     cancel: &'a AtomicBool,
 }
@@ -71,7 +71,7 @@ impl batches::Scores for Counts<'_> {
 
 pub(super) fn run(
     request: &Request,
-    ground: &[Footing],
+    substrate: &[SubstrateCoefficients],
     control: &Control,
 ) -> Result<Vec<Spectrum>, EngineError> {
     let indices = indices(request)?;
@@ -83,16 +83,16 @@ pub(super) fn run(
         bounces: [0; 2],
         cancel: control.cancel,
     };
-    let one = |(h, light, l): (usize, usize, usize)| {
+    let walk_cell = |(h, light, l): (usize, usize, usize)| {
         let absorption = Absorption {
             coefficients: coefficients[l],
             deferred: 0.0,
         };
-        let Footing {
+        let SubstrateCoefficients {
             reflectance,
             transmittance,
-        } = ground[l];
-        let walker = Walker::new(request.pack, request.model, indices[l], absorption);
+        } = substrate[l];
+        let walker = Walker::new(request.snowpack, request.model, indices[l], absorption);
         let walker = walker.over(Bounce {
             reflected: reflectance.value,
             transmitted: transmittance.value,
@@ -115,8 +115,11 @@ pub(super) fn run(
         .map(|(h, light)| {
             let cells = (0..indices.len()).map(|l| (h, light, l)).collect();
             let mut spectrum = Spectrum::default();
-            for (counts, ground) in batches::map(control, cells, one)?.iter().zip(ground) {
-                let (r, t) = counts.measured(request.rays, ground);
+            for (counts, substrate) in batches::map(control, cells, walk_cell)?
+                .iter()
+                .zip(substrate)
+            {
+                let (r, t) = counts.measured(request.rays, substrate);
                 spectrum.reflectance.push(r);
                 spectrum.transmittance.push(t);
                 spectrum.lost.push(counts.lost as f64 / request.rays as f64);
@@ -127,22 +130,26 @@ pub(super) fn run(
 }
 
 impl Counts<'_> {
-    /// Reflectance and transmittance: with the error of what is known of the
-    /// ground, which each bounce and each end in it multiplies in.
-    fn measured(&self, rays: u64, ground: &Footing) -> (Measured, Measured) {
+    /// Reflectance and transmittance. Their errors include the error of the
+    /// substrate's coefficients, which multiply the score at every bounce and at
+    /// every end in the substrate.
+    fn measured(&self, rays: u64, substrate: &SubstrateCoefficients) -> (Measured, Measured) {
         let relative = |m: Measured| if m.value > 0.0 { m.se / m.value } else { 0.0 };
-        let per_bounce = relative(ground.reflectance);
-        let with = |count, bounces: u64, passed: f64| {
+        let per_bounce = relative(substrate.reflectance);
+        let with_errors = |count, bounces: u64, transmission_se: f64| {
             let walked = proportion(count, rays);
-            let bounced = per_bounce * bounces as f64 / rays as f64;
-            let se = (walked.se * walked.se + bounced * bounced + passed * passed).sqrt();
+            let bounce_se = per_bounce * bounces as f64 / rays as f64;
+            let se =
+                (walked.se * walked.se + bounce_se * bounce_se + transmission_se * transmission_se)
+                    .sqrt();
             let value = walked.value;
             Measured { value, se }
         };
-        let passed = relative(ground.transmittance) * self.transmitted as f64 / rays as f64;
+        let transmission_se =
+            relative(substrate.transmittance) * self.transmitted as f64 / rays as f64;
         (
-            with(self.reflected, self.bounces[0], 0.0),
-            with(self.transmitted, self.bounces[1], passed),
+            with_errors(self.reflected, self.bounces[0], 0.0),
+            with_errors(self.transmitted, self.bounces[1], transmission_se),
         )
     }
 }

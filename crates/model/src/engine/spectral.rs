@@ -1,17 +1,17 @@
-//! `spectral`: one walk serves all wavelengths and all thicknesses.
+//! `spectral`: each walk is scored at all wavelengths and all thicknesses.
 //!
 //! **Absorption** is an expected weight: the walk records its paths in ice and
-//! water and every wavelength scores exp(-alpha L). Beyond [`DEFERRED`] optical
-//! depths of the least absorbed wavelength a walk is absorbed as an analog walk
-//! of that wavelength would be, and the weights of those that survive make up
-//! for it, so no walk goes on for nothing and every estimate is unbiased.
+//! water, and every wavelength scores exp(-alpha L). Beyond an optical depth of
+//! [`DEFERRED`] at the least absorbed wavelength, a walk is absorbed like an analog
+//! walk of that wavelength, and the weights of the surviving walks compensate for
+//! this. Walks of negligible weight thus end, and every estimate is unbiased.
 //!
 //! **Dispersion.** Walks are done at the index nodes of [`super::nodes`].
 //!
-//! **Thicknesses.** One walk serves them all, exactly (see
-//! [`crate::transport::Walker`]): it is resumed for the next thickness where
-//! the lower plane first had a say. All thicknesses cost about as much as the
-//! largest alone, and curves against thickness come out smooth because their
+//! **Thicknesses.** One walk gives the exact result for all of them (see
+//! [`crate::transport::Walker`]): for the next thickness it is resumed at the point
+//! where the lower plane first affected it. All thicknesses together cost about as
+//! much as the largest alone. Curves against thickness are smooth because their
 //! errors are correlated.
 use std::ops::Range;
 use std::sync::atomic::{AtomicBool, Ordering};
@@ -24,14 +24,15 @@ use crate::optics::Index;
 use crate::table::TableWalker;
 use crate::transport::{Absorption, Coefficients, End, Path, Sink, Walker};
 
-/// Optical depth of the least absorbed wavelength that every walk survives.
+/// Absorption optical depth, at the least absorbed wavelength, up to which every walk
+/// survives.
 pub(super) const DEFERRED: f64 = 3.0;
-/// So many rays know as much as one entry of a table, at least: the scatter of
-/// results from tables of 2^14 entries each was that of 100,000 (89 degrees) to
-/// 500,000 rays (normal incidence).
+/// Number of rays that carry as much information as one entry of a table, at least.
+/// The scatter of results from tables of 2^14 entries each was that of 100,000 rays
+/// (at 89 degrees) to 500,000 rays (at normal incidence).
 const RAYS_PER_ENTRY: f64 = 6.0;
 
-/// Estimates of one node: [thickness][wavelength of its span].
+/// Estimates at one index node: [thickness][wavelength of the node's span].
 #[derive(Clone)]
 struct NodeScores<'a> {
     reflected: Vec<Estimate>,
@@ -112,7 +113,8 @@ impl batches::Scores for NodeScores<'_> {
     }
 }
 
-/// What the walks of one node give the wavelengths from `first` on.
+/// Results of the walks at one index node, for `width` wavelengths from position
+/// `first` on.
 struct NodeResult {
     first: usize,
     /// [thickness][wavelength]
@@ -123,11 +125,11 @@ struct NodeResult {
     width: usize,
 }
 
-/// Where grain events come from.
+/// How grain events are computed.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub(super) enum Grains {
-    /// Rays are followed through every grain.
-    Followed,
+pub(super) enum GrainEvents {
+    /// Rays are traced through every grain.
+    Traced,
     /// Outcomes are drawn from tables.
     Tabulated,
 }
@@ -135,7 +137,7 @@ pub(super) enum Grains {
 pub(super) fn run(
     request: &Request,
     control: &Control,
-    grains: Grains,
+    grains: GrainEvents,
 ) -> Result<Vec<Spectrum>, EngineError> {
     let indices = indices(request)?;
     let lights = request.illuminations.len();
@@ -149,17 +151,17 @@ pub(super) fn run(
     Ok(spectra)
 }
 
-/// Spectra per thickness under one light.
+/// Spectra per thickness under one illumination.
 fn run_lit(
     request: &Request,
     control: &Control,
-    grains: Grains,
+    grains: GrainEvents,
     indices: &[(Index, Index)],
     light: usize,
 ) -> Result<Vec<Spectrum>, EngineError> {
-    let nodes = nodes(indices, request.pack.is_wet());
-    let (node_indices, mixes) = mixes(indices, request.pack.is_wet());
-    // the wavelengths a node serves reach from the node before it to the node after it
+    let nodes = nodes(indices, request.snowpack.is_wet());
+    let (node_indices, mixes) = mixes(indices, request.snowpack.is_wet());
+    // the span of a node reaches from the node before it to the node after it
     let results = batches::map(control, (0..nodes.len()).collect(), |i| {
         let last = nodes[(i + 1).min(nodes.len() - 1)];
         let span = nodes[i.saturating_sub(1)]..last + 1;
@@ -195,7 +197,7 @@ fn run_lit(
 fn walk_node(
     request: &Request,
     control: &Control,
-    (grains, light): (Grains, usize),
+    (grains, light): (GrainEvents, usize),
     indices: &[(Index, Index)],
     (number, node): (usize, (Index, Index)),
     span: Range<usize>,
@@ -205,63 +207,75 @@ fn walk_node(
         coefficients: Coefficients::least(coefficients),
         deferred: DEFERRED,
     };
-    let (heights, width) = (request.thicknesses_m.len(), span.len());
+    let thicknesses_m = request.thicknesses_m;
+    let (thicknesses, width) = (thicknesses_m.len(), span.len());
     let empty = NodeScores {
-        reflected: vec![Estimate::default(); heights * width],
-        transmitted: vec![Estimate::default(); heights * width],
-        lost: vec![0; heights],
+        reflected: vec![Estimate::default(); thicknesses * width],
+        transmitted: vec![Estimate::default(); thicknesses * width],
+        lost: vec![0; thicknesses],
         absorption,
         coefficients,
         weights: vec![0.0; width],
         cancel: control.cancel,
     };
-    let heights_m = request.thicknesses_m;
     let scores = match grains {
-        Grains::Followed => {
-            let walker = Walker::new(request.pack, request.model, node, absorption);
+        GrainEvents::Traced => {
+            let walker = Walker::new(request.snowpack, request.model, node, absorption);
             let purpose = [1, number as u32, 0];
             batches::run(
                 request,
                 control,
                 |_| &walker,
-                heights_m,
+                thicknesses_m,
                 light,
                 purpose,
                 &empty,
             )?
         }
-        Grains::Tabulated => {
+        GrainEvents::Tabulated => {
             let purpose = [3, number as u32, 0];
             match batches::finished(request, control, light, purpose, &empty) {
                 Some(scores) => scores,
                 None => {
                     let outcomes = tables::outcomes(request, control, node)?;
-                    let stretches = tables::stretches(request, heights_m[heights - 1]);
+                    let sections = tables::sections(request, thicknesses_m[thicknesses - 1]);
                     let walker = |batch: u64| {
                         let part = batch as usize % tables::PARTS;
-                        let pack = tables::pack(request, &outcomes, part, &stretches);
-                        TableWalker { pack, absorption }
+                        let snowpack = tables::snowpack(request, &outcomes, part, &sections);
+                        TableWalker {
+                            snowpack,
+                            absorption,
+                        }
                     };
-                    batches::run(request, control, walker, heights_m, light, purpose, &empty)?
+                    batches::run(
+                        request,
+                        control,
+                        walker,
+                        thicknesses_m,
+                        light,
+                        purpose,
+                        &empty,
+                    )?
                 }
             }
         }
     };
-    // the table's share in the error does not fall with the number of rays
+    // the part of the error that is due to the table does not fall with the number of
+    // rays
     let table = f64::from(request.resolution.table);
-    let with_table = match grains {
-        Grains::Followed => 1.0,
-        Grains::Tabulated => (1.0 + request.rays as f64 / (RAYS_PER_ENTRY * table)).sqrt(),
+    let table_factor = match grains {
+        GrainEvents::Traced => 1.0,
+        GrainEvents::Tabulated => (1.0 + request.rays as f64 / (RAYS_PER_ENTRY * table)).sqrt(),
     };
     let measured = |estimates: &[Estimate]| {
         let measured = estimates
             .iter()
             .map(|estimate| estimate.measured(request.rays));
-        let widened = measured.map(|Measured { value, se }| Measured {
+        let with_table_error = measured.map(|Measured { value, se }| Measured {
             value,
-            se: se * with_table,
+            se: se * table_factor,
         });
-        widened.collect()
+        with_table_error.collect()
     };
     Ok(NodeResult {
         first: span.start,

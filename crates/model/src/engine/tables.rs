@@ -1,28 +1,29 @@
-//! Outcome tables for engines, made once per shape of grain and pair of
+//! Tables of grain events for the engines, built once per grain shape and pair of
 //! refractive indices.
 use std::sync::Arc;
 use std::sync::atomic::Ordering;
 
 use serde::{Deserialize, Serialize};
 
-use crate::engine::cache::Bytes;
+use crate::engine::cache::HeapSize;
 use crate::engine::{Control, EngineError, Request, Resolution, batches};
 use crate::grain::{GrainType, SizeRange, Surface};
 use crate::optics::Index;
 use crate::rng::{Key, Stream};
-use crate::table::{Kernel, Table, TablePack, TableStratum, draw};
+use crate::table::{Kernel, Table, TableLayer, TableSnowpack, draw};
 use crate::transport::{Entry, Layer, Snow};
 
-/// Outcomes drawn with one stream.
+/// Outcomes drawn with one random stream.
 const BATCH: usize = 1 << 14;
-/// Independent parts whose scatter gives standard errors.
+/// Number of independent parts, whose scatter gives the standard errors.
 pub(super) const PARTS: usize = 8;
-/// Outcomes that one in the table is chosen from, if so many are drawn.
+/// Number of drawn outcomes from which each table entry is chosen, if that many are
+/// drawn.
 const OVERSAMPLING: usize = 8;
 
-/// What tables are made from.
+/// All inputs that determine the tables of one grain shape.
 #[derive(Debug, Clone, Copy, PartialEq)]
-pub(super) struct Recipe {
+pub(super) struct TableKey {
     grain: GrainType,
     entry: Entry,
     surface: Surface,
@@ -30,50 +31,50 @@ pub(super) struct Recipe {
     resolution: Resolution,
 }
 
-/// Grain events of one shape of grain between one pair of indices, in
-/// independent parts: their scatter is the error of whatever comes from them,
-/// and each part's table fits into a processor's cache.
+/// Grain events of one grain shape at one pair of indices, in independent parts. The
+/// scatter between the parts gives the error of every result computed from them. The
+/// table of one part fits into a processor's cache.
 #[derive(Debug)]
 pub(super) struct Outcomes {
-    /// To draw from, per part.
+    /// Tables from which walks draw outcomes, per part.
     pub(super) tables: Vec<Table>,
-    /// What they are on average.
+    /// Averages over all outcomes.
     pub(super) averages: Arc<Averages>,
 }
 
-/// What grain events do on average.
+/// Averages over grain events.
 #[derive(Debug, Serialize, Deserialize)]
 pub(super) struct Averages {
-    /// Per part.
+    /// Mean scattering kernel, per part.
     pub(super) kernels: Vec<Kernel>,
 }
 
-impl Bytes for Averages {
+impl HeapSize for Averages {
     fn bytes(&self) -> usize {
         self.kernels.iter().map(Kernel::bytes).sum()
     }
 }
 
-impl Bytes for Outcomes {
+impl HeapSize for Outcomes {
     fn bytes(&self) -> usize {
         let tables = self.tables.iter().map(Table::bytes);
         self.averages.bytes() + tables.sum::<usize>()
     }
 }
 
-/// Outcomes of the grains of each type in each layer of a pack, from the surface
-/// down, in air and in water; those in air stand for both in dry snow.
-pub(super) type PackOutcomes = Vec<Vec<[Arc<Outcomes>; 2]>>;
+/// Outcomes of each grain type in each layer of a snowpack, from the surface down, in
+/// air and in water: `[layer][type][medium]`. In dry snow both media are air.
+pub(super) type SnowpackOutcomes = Vec<Vec<[Arc<Outcomes>; 2]>>;
 
-/// Those of the pack of `request` at the indices `(ice, water)`.
+/// Outcomes for the snowpack of `request` at the indices `(ice, water)`.
 pub(super) fn outcomes(
     request: &Request,
     control: &Control,
     (ice, water): (Index, Index),
-) -> Result<PackOutcomes, EngineError> {
-    let [air, water] = Surface::in_air_and_water(ice, water, request.pack.is_wet());
-    let one = |grain: &GrainType, surface| {
-        let recipe = Recipe {
+) -> Result<SnowpackOutcomes, EngineError> {
+    let [air, water] = Surface::in_air_and_water(ice, water, request.snowpack.is_wet());
+    let outcomes_of = |grain: &GrainType, surface| {
+        let key = TableKey {
             grain: GrainType {
                 size: SizeRange::UNIT,
                 ..*grain
@@ -83,68 +84,69 @@ pub(super) fn outcomes(
             seed: request.seed,
             resolution: request.resolution,
         };
-        control.cache.tables.get(&recipe, || recipe.make(control))
+        control.cache.tables.get(&key, || key.build(control))
     };
-    let of = |snow: &Snow| {
+    let layer_outcomes = |snow: &Snow| {
         let kinds = snow.grains.iter().map(|component| {
-            let in_air = one(&component.grain, air)?;
+            let in_air = outcomes_of(&component.grain, air)?;
             let in_water = match snow.water_saturation {
                 0.0 => Arc::clone(&in_air),
-                _ => one(&component.grain, water)?,
+                _ => outcomes_of(&component.grain, water)?,
             };
             Ok([in_air, in_water])
         });
         kinds.collect()
     };
-    request.pack.snows().map(of).collect()
+    request.snowpack.snows().map(layer_outcomes).collect()
 }
 
-/// A stretch of the `snow`-th layer of a pack, counted from the surface.
+/// A vertical section of one layer of a snowpack.
 #[derive(Debug, Clone, Copy, PartialEq)]
-pub(super) struct Stretch {
-    pub(super) snow: usize,
+pub(super) struct Section {
+    /// Number of the layer, from 0 at the surface.
+    pub(super) layer: usize,
     pub(super) thickness_m: f64,
 }
 
-/// Snow in these `stretches`, from the surface down, with the tables of `part`.
-pub(super) fn pack<'a>(
+/// The snow of `sections`, given from the surface down, with the tables of `part`.
+pub(super) fn snowpack<'a>(
     request: &Request,
-    outcomes: &'a PackOutcomes,
+    outcomes: &'a SnowpackOutcomes,
     part: usize,
-    stretches: &[Stretch],
-) -> TablePack<'a> {
-    let exponents = request.pack.exponents();
-    let snows: Vec<&Snow> = request.pack.snows().collect();
-    let stratum = |(i, stretch): (usize, &Stretch)| {
-        let tables: Vec<_> = outcomes[stretch.snow]
+    sections: &[Section],
+) -> TableSnowpack<'a> {
+    let exponents = request.snowpack.exponents();
+    let snows: Vec<&Snow> = request.snowpack.snows().collect();
+    let table_layer = |(i, section): (usize, &Section)| {
+        let tables: Vec<_> = outcomes[section.layer]
             .iter()
             .map(|media| media.each_ref().map(|outcomes| &outcomes.tables[part]))
             .collect();
-        let below = stretches[i + 1..].iter().map(|stretch| stretch.thickness_m);
-        TableStratum::new(
-            snows[stretch.snow],
+        let below = sections[i + 1..].iter().map(|section| section.thickness_m);
+        TableLayer::new(
+            snows[section.layer],
             below.sum(),
             request.model,
             &exponents,
             &tables,
         )
     };
-    let strata = stretches.iter().enumerate().map(stratum).collect();
-    TablePack::new(strata, exponents.len())
+    let layers = sections.iter().enumerate().map(table_layer).collect();
+    TableSnowpack::new(layers, exponents.len())
 }
 
-/// The layers of the pack of `request` at this thickness, from the surface down.
-pub(super) fn stretches(request: &Request, thickness_m: f64) -> Vec<Stretch> {
-    let layers = request.pack.layers(thickness_m).into_iter().enumerate();
-    let stretch = |(snow, layer): (usize, Layer)| Stretch {
-        snow,
+/// All layers of the snowpack of `request` at this thickness, from the surface down.
+pub(super) fn sections(request: &Request, thickness_m: f64) -> Vec<Section> {
+    let layers = request.snowpack.layers(thickness_m).into_iter().enumerate();
+    let section = |(number, layer): (usize, Layer)| Section {
+        layer: number,
         thickness_m: layer.thickness_m,
     };
-    layers.map(stretch).collect()
+    layers.map(section).collect()
 }
 
-impl Recipe {
-    fn make(&self, control: &Control) -> Result<Outcomes, EngineError> {
+impl TableKey {
+    fn build(&self, control: &Control) -> Result<Outcomes, EngineError> {
         let Resolution {
             table,
             grains,
@@ -152,13 +154,14 @@ impl Recipe {
         } = self.resolution;
         let size = (table as usize).div_ceil(PARTS);
         let outcomes = (grains as usize).div_ceil(PARTS).max(size);
-        // what goes into a table is chosen from the first of a part
+        // the table entries are chosen from the first outcomes of a part
         let candidates = (OVERSAMPLING * size).min(outcomes);
         let batch = |part: usize, first: usize| {
             if control.cancel.load(Ordering::Relaxed) {
                 return Err(EngineError::Cancelled);
             }
-            // the same streams whatever the surface: what differs between indices is optics
+            // the same random streams for all surfaces, so that results at different
+            // indices differ only by the optics
             let rng = self.stream(part, first / BATCH);
             let count = BATCH.min(outcomes - first);
             let mut drawn = draw(&self.grain, self.entry, self.surface, count, rng);
@@ -167,7 +170,8 @@ impl Recipe {
             drawn.shrink_to_fit();
             Ok((kernel, drawn))
         };
-        // a part at a time, whose outcomes become a table: all would take 110 MB
+        // one part at a time is drawn and reduced to its table: the outcomes of all
+        // parts would take 110 MB
         let part = |part: usize| {
             let firsts = (0..outcomes).step_by(BATCH).collect();
             let drawn = batches::map(control, firsts, |first| batch(part, first))?;

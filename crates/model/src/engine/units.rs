@@ -1,9 +1,10 @@
-//! What is finished of a request, kept while the rest is at work, so that what ends
-//! the process costs seconds of a long job, not all of it.
+//! Checkpoints: the finished units of a request are saved while the rest is computed,
+//! so that a process that is killed loses only seconds of a long job.
 //!
-//! A unit is a share of a request that is a function of the request alone: batches
-//! of walks so far, walks of one task, spectra at one wavelength. Sums are kept to
-//! the bit and added in the same order, so results are those of one go.
+//! A unit is a partial result that depends on the request alone: the sums over the
+//! batches of walks so far, the walks of one task, the results at one wavelength. Sums
+//! are saved bit for bit and added in the same order, so a resumed run gives the same
+//! results as an uninterrupted one.
 use std::collections::HashMap;
 use std::fmt::Debug;
 use std::sync::{Mutex, PoisonError};
@@ -14,98 +15,100 @@ use serde::de::DeserializeOwned;
 
 use super::EngineError;
 
-/// Least time between two savings. Each takes some milliseconds.
-const PAUSE: Duration = Duration::from_secs(1);
-/// That time, at least, as a share of the time at work: what is saved again and
-/// again, such as sums so far, takes room once in so many parts.
-const SHARE: u32 = 20;
+/// Shortest time between two saves. Each save takes some milliseconds.
+const SAVE_INTERVAL: Duration = Duration::from_secs(1);
+/// The time between two saves is also at least the elapsed time divided by this
+/// number. This limits the disk space of units that are saved repeatedly, such as sums
+/// so far.
+const ELAPSED_PER_INTERVAL: u32 = 20;
 
-/// Where units are kept.
-pub trait Keep: Debug + Send + Sync {
-    /// Keeps `units` beside those kept before; false if that fails, which ends
-    /// the request as if it were cancelled.
+/// Storage for the saved units of one request.
+pub trait UnitStore: Debug + Send + Sync {
+    /// Adds `units` to those stored before. Returns false if that fails; the request
+    /// then ends as if it were cancelled.
     fn keep(&self, units: &[u8]) -> bool;
 }
 
-/// The finished units of one request. The default keeps none.
+/// The finished units of one request. The default does not save any.
 #[derive(Debug, Default)]
 pub struct Units {
-    pause: Duration,
-    keep: Option<Box<dyn Keep>>,
+    interval: Duration,
+    store: Option<Box<dyn UnitStore>>,
     state: Mutex<State>,
 }
 
 #[derive(Debug)]
 struct State {
-    /// From before, by name.
-    found: HashMap<String, Vec<u8>>,
-    /// Finished, and not kept yet.
-    new: HashMap<String, Vec<u8>>,
-    begun: Instant,
-    kept: Instant,
+    /// Units of an earlier run, by name.
+    earlier: HashMap<String, Vec<u8>>,
+    /// Units finished in this run and not saved yet, by name.
+    unsaved: HashMap<String, Vec<u8>>,
+    started: Instant,
+    last_save: Instant,
 }
 
 impl Default for State {
     fn default() -> Self {
         let now = Instant::now();
         Self {
-            found: HashMap::new(),
-            new: HashMap::new(),
-            begun: now,
-            kept: now,
+            earlier: HashMap::new(),
+            unsaved: HashMap::new(),
+            started: now,
+            last_save: now,
         }
     }
 }
 
 impl Units {
-    /// Those that `keep` was given before, the latest last.
+    /// Units to be saved in `store`. `earlier` are the byte strings that an earlier run
+    /// passed to [`UnitStore::keep`], oldest first.
     #[must_use]
-    pub fn new(keep: Box<dyn Keep>, before: &[Vec<u8>]) -> Self {
-        let units = before.iter().flat_map(|bytes| {
+    pub fn new(store: Box<dyn UnitStore>, earlier: &[Vec<u8>]) -> Self {
+        let units = earlier.iter().flat_map(|bytes| {
             let units = postcard::from_bytes::<HashMap<String, Vec<u8>>>(bytes);
             units.unwrap_or_default()
         });
         let state = State {
-            found: units.collect(),
+            earlier: units.collect(),
             ..State::default()
         };
         Self {
-            pause: PAUSE,
-            keep: Some(keep),
+            interval: SAVE_INTERVAL,
+            store: Some(store),
             state: Mutex::new(state),
         }
     }
 
-    /// The same with another least time between two savings.
+    /// Sets the shortest time between two saves.
     #[must_use]
-    pub fn saved_every(self, pause: Duration) -> Self {
-        Self { pause, ..self }
+    pub fn saved_every(self, interval: Duration) -> Self {
+        Self { interval, ..self }
     }
 
-    /// The unit `name` of an earlier run. It is given once.
+    /// Removes and returns the unit `name` of an earlier run.
     pub(super) fn take<T: DeserializeOwned>(&self, name: &str) -> Option<T> {
-        let bytes = self.state().found.remove(name)?;
+        let bytes = self.state().earlier.remove(name)?;
         postcard::from_bytes(&bytes).ok()
     }
 
-    /// Adds a unit that is finished, and saves those that are new if it is time.
+    /// Adds a finished unit, and saves all unsaved units if a save is due.
     pub(super) fn add<T: Serialize>(&self, name: &str, unit: &T) -> Result<(), EngineError> {
         self.enter(name, unit, |state| self.is_due(state))
     }
 
-    /// The same, if it is time: for a unit of which more is to come.
+    /// Adds a unit that is not complete yet, and saves it, if a save is due.
     pub(super) fn add_if_due<T: Serialize>(
         &self,
         name: &str,
         unit: impl FnOnce() -> T,
     ) -> Result<(), EngineError> {
-        if self.keep.is_some() && self.is_due(&self.state()) {
+        if self.store.is_some() && self.is_due(&self.state()) {
             self.enter(name, &unit(), |_| true)?;
         }
         Ok(())
     }
 
-    /// Saves what is new.
+    /// Saves all unsaved units.
     pub(super) fn save(&self) -> Result<(), EngineError> {
         self.write(&mut self.state())
     }
@@ -114,15 +117,15 @@ impl Units {
         &self,
         name: &str,
         unit: &T,
-        now: impl Fn(&State) -> bool,
+        saves_now: impl Fn(&State) -> bool,
     ) -> Result<(), EngineError> {
-        // what cannot be put into bytes is computed again
-        if self.keep.is_some()
+        // a unit that cannot be serialised will be computed again
+        if self.store.is_some()
             && let Ok(bytes) = postcard::to_allocvec(unit)
         {
             let mut state = self.state();
-            state.new.insert(name.to_owned(), bytes);
-            if now(&state) {
+            state.unsaved.insert(name.to_owned(), bytes);
+            if saves_now(&state) {
                 return self.write(&mut state);
             }
         }
@@ -130,18 +133,21 @@ impl Units {
     }
 
     fn write(&self, state: &mut State) -> Result<(), EngineError> {
-        let Some(keep) = self.keep.as_ref().filter(|_| !state.new.is_empty()) else {
+        let Some(store) = self.store.as_ref().filter(|_| !state.unsaved.is_empty()) else {
             return Ok(());
         };
-        let bytes = postcard::to_allocvec(&state.new).unwrap_or_default();
-        state.new.clear();
-        let kept = keep.keep(&bytes);
-        state.kept = Instant::now();
-        kept.then_some(()).ok_or(EngineError::Cancelled)
+        let bytes = postcard::to_allocvec(&state.unsaved).unwrap_or_default();
+        state.unsaved.clear();
+        let is_saved = store.keep(&bytes);
+        state.last_save = Instant::now();
+        is_saved.then_some(()).ok_or(EngineError::Cancelled)
     }
 
     fn is_due(&self, state: &State) -> bool {
-        state.kept.elapsed() >= self.pause.max(state.begun.elapsed() / SHARE)
+        state.last_save.elapsed()
+            >= self
+                .interval
+                .max(state.started.elapsed() / ELAPSED_PER_INTERVAL)
     }
 
     fn state(&self) -> std::sync::MutexGuard<'_, State> {
@@ -159,7 +165,7 @@ mod tests {
     #[derive(Debug, Clone, Default)]
     struct Memory(Arc<Mutex<Vec<Vec<u8>>>>);
 
-    impl Keep for Memory {
+    impl UnitStore for Memory {
         fn keep(&self, units: &[u8]) -> bool {
             self.0.lock().unwrap().push(units.to_vec());
             true
@@ -167,7 +173,7 @@ mod tests {
     }
 
     #[test]
-    fn units_come_back_once_and_the_latest_counts() {
+    fn the_latest_unit_of_a_name_is_given_once() {
         let memory = Memory::default();
         let open = || Units::new(Box::new(memory.clone()), &memory.0.lock().unwrap().clone());
         let units = open();
@@ -176,7 +182,7 @@ mod tests {
             units.save().unwrap();
         }
         units.add("other", &7_u8).unwrap();
-        assert_eq!(memory.0.lock().unwrap().len(), 2, "it is not time yet");
+        assert_eq!(memory.0.lock().unwrap().len(), 2, "no save is due yet");
         let units = open();
         let (count, sum) = units.take::<(u64, Vec<f64>)>("sum").unwrap();
         assert_eq!((count, sum[0].to_bits()), (3, 0x3fb9_9999_9999_999b));
@@ -185,7 +191,7 @@ mod tests {
     }
 
     #[test]
-    fn nothing_is_kept_where_there_is_no_place() {
+    fn nothing_is_saved_without_a_store() {
         let units = Units::default();
         units.add("a", &1_u8).unwrap();
         units.add_if_due("b", || -> u8 { unreachable!() }).unwrap();

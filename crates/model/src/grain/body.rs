@@ -1,7 +1,7 @@
 //! Bodies of any shape: one, and eight side by side.
-use wide::f64x8;
+use splitsnow_spectra::simd::{F64x8, Portable, Simd};
 
-use crate::grain::shape::{Form, Numbers};
+use crate::grain::shape::{Down, Form, Numbers};
 use crate::math::{Real, Vec3, Vec3x8};
 use crate::rng::Stream;
 
@@ -18,7 +18,7 @@ impl<R: Real> Body<R> {
     /// See [`super::GrainShape::half_height`].
     #[inline(always)]
     #[must_use]
-    pub fn half_height(&self, down: impl Fn([R; 3]) -> R) -> R {
+    pub fn half_height(&self, down: &impl Down<R>) -> R {
         self.form.half_height(&self.numbers, down)
     }
 }
@@ -64,16 +64,40 @@ impl From<Body<f32>> for Body<f64> {
 
 /// Eight bodies side by side, which may differ in form.
 #[derive(Debug, Clone, Copy, PartialEq, Default)]
-pub struct Bodies {
+pub struct Bodies<S: Simd = Portable> {
     forms: [Form; 8],
-    pub(super) numbers: Numbers<f64x8>,
+    pub(super) numbers: Numbers<F64x8<S>>,
 }
 
-impl Bodies {
+/// The vectors that `$of` gives for the `$form` of each lane. A macro, as a closure may be
+/// compiled without the instruction set.
+macro_rules! by_form {
+    ($bodies:expr, $form:ident => $of:expr) => {{
+        let forms = &$bodies.forms;
+        let $form = forms[0];
+        let mut found = $of;
+        if $bodies.form().is_none() {
+            for lane in 1..8 {
+                let $form = forms[lane];
+                if forms[..lane].contains(&$form) {
+                    continue;
+                }
+                for (all, values) in found.iter_mut().zip($of) {
+                    for lane in (lane..8).filter(|lane| forms[*lane] == $form) {
+                        all.as_mut_array()[lane] = values.as_array()[lane];
+                    }
+                }
+            }
+        }
+        found
+    }};
+}
+
+impl<S: Simd> Bodies<S> {
     /// Of these forms and numbers.
     #[inline(always)]
     #[must_use]
-    pub fn new(forms: [Form; 8], numbers: Numbers<f64x8>) -> Self {
+    pub fn new(forms: [Form; 8], numbers: Numbers<F64x8<S>>) -> Self {
         Self { forms, numbers }
     }
 
@@ -81,7 +105,7 @@ impl Bodies {
     #[inline(always)]
     #[must_use]
     pub fn splat(body: &Body<f64>) -> Self {
-        Self::new([body.form; 8], body.numbers.map(f64x8::splat))
+        Self::new([body.form; 8], body.numbers.map(F64x8::splat))
     }
 
     /// Reads one lane.
@@ -112,37 +136,17 @@ impl Bodies {
         (all == u64::from_le_bytes([first as u8; 8])).then_some(first)
     }
 
-    /// What `of` gives for the form of each lane.
-    #[inline(always)]
-    fn by_form<const N: usize>(&self, of: impl Fn(Form) -> [f64x8; N]) -> [f64x8; N] {
-        let mut found = of(self.forms[0]);
-        if self.form().is_none() {
-            for lane in 1..8 {
-                let form = self.forms[lane];
-                if self.forms[..lane].contains(&form) {
-                    continue;
-                }
-                for (all, values) in found.iter_mut().zip(of(form)) {
-                    for lane in (lane..8).filter(|lane| self.forms[*lane] == form) {
-                        all.as_mut_array()[lane] = values.as_array()[lane];
-                    }
-                }
-            }
-        }
-        found
-    }
-
     /// See [`super::GrainShape::sample`]; for bodies of one form.
     #[inline(always)]
-    pub fn sample(&self, rng: &mut Stream) -> (Vec3x8, f64x8) {
+    pub fn sample(&self, rng: &mut Stream<S>) -> (Vec3x8<S>, F64x8<S>) {
         self.forms[0].sample(&self.numbers, rng)
     }
 
     /// See [`super::GrainShape::normal`].
     #[inline(always)]
     #[must_use]
-    pub fn normal(&self, at: Vec3x8) -> Vec3x8 {
-        let [x, y, z] = self.by_form(|form| {
+    pub fn normal(&self, at: Vec3x8<S>) -> Vec3x8<S> {
+        let [x, y, z] = by_form!(self, form => {
             let Vec3x8 { x, y, z } = form.normal(&self.numbers, at);
             [x, y, z]
         });
@@ -152,16 +156,16 @@ impl Bodies {
     /// See [`super::GrainShape::chord`].
     #[inline(always)]
     #[must_use]
-    pub fn chord(&self, at: Vec3x8, d: Vec3x8) -> f64x8 {
-        let [chord] = self.by_form(|form| [form.chord(&self.numbers, at, d)]);
+    pub fn chord(&self, at: Vec3x8<S>, d: Vec3x8<S>) -> F64x8<S> {
+        let [chord] = by_form!(self, form => [form.chord(&self.numbers, at, d)]);
         chord
     }
 
     /// See [`super::GrainShape::half_height`].
     #[inline(always)]
     #[must_use]
-    pub fn half_height(&self, down: impl Fn([f64x8; 3]) -> f64x8) -> f64x8 {
-        let [half] = self.by_form(|form| [form.half_height(&self.numbers, &down)]);
+    pub fn half_height(&self, down: &impl Down<F64x8<S>>) -> F64x8<S> {
+        let [half] = by_form!(self, form => [form.half_height(&self.numbers, down)]);
         half
     }
 }

@@ -5,8 +5,9 @@
 //!
 //! Every [`Events::step`] tries one facet on each lane: the entry of a new
 //! grain on one, the fifth internal hit on another. Lanes are independent.
-use wide::bytemuck::cast;
-use wide::{f64x8, u64x8};
+use std::marker::PhantomData;
+
+use splitsnow_spectra::simd::{F64x8, Portable, Simd, Task};
 
 use crate::grain::shape::{GrainShape, Numbers, with_form, with_law};
 use crate::grain::{Bodies, Body, GrainType};
@@ -65,43 +66,43 @@ pub struct Grain {
 
 /// Eight grains drawn at once and which of them are kept.
 #[derive(Debug, Clone, Default)]
-pub struct Grains {
-    size_m: f64x8,
-    facetness: f64x8,
-    bodies: Bodies,
-    point: Vec3x8,
-    normal: Vec3x8,
+pub struct Grains<S: Simd = Portable> {
+    size_m: F64x8<S>,
+    facetness: F64x8<S>,
+    bodies: Bodies<S>,
+    point: Vec3x8<S>,
+    normal: Vec3x8<S>,
 }
 
-impl Grains {
+impl<S: Simd> Grains<S> {
     /// Draws eight grains; the mask has a bit for each to be kept.
     #[inline(always)]
-    pub fn draw(law: &GrainType, rng: &mut Stream) -> (Self, u32) {
+    pub fn draw(law: &GrainType, rng: &mut Stream<S>) -> (Self, u32) {
         with_law!(&law.shape, shape => Self::draw_of(shape, law, rng))
     }
 
     /// The same, of this shape.
     #[inline(always)]
-    fn draw_of<S: GrainShape>(shape: &S, law: &GrainType, rng: &mut Stream) -> (Self, u32) {
+    fn draw_of<G: GrainShape>(shape: &G, law: &GrainType, rng: &mut Stream<S>) -> (Self, u32) {
         let (psi, keep_psi) = law.sphericity.propose(rng);
         let (facetness, keep_facetness) = law.facetness.propose(rng);
         let body = shape.draw(psi, rng);
         let kept = keep_psi & keep_facetness;
         // a point not kept is drawn again for the same grain: dropping the
         // grain with it would favour round ones, which keep more points
-        let (mut point, mut placed) = S::sample(&body, rng);
+        let (mut point, mut placed) = G::sample(&body, rng);
         while (kept & !placed).any() {
-            let (another, keep) = S::sample(&body, rng);
+            let (another, keep) = G::sample(&body, rng);
             point = point.or_where_not(placed, another);
             placed |= keep;
         }
-        let normal = S::normal(&body, point).unit();
+        let normal = G::normal(&body, point).unit();
         let size_m = law.size.sample(rng);
         (
             Self {
                 size_m,
                 facetness,
-                bodies: Bodies::new([S::FORM; 8], body),
+                bodies: Bodies::new([G::FORM; 8], body),
                 point,
                 normal,
             },
@@ -125,34 +126,34 @@ impl Grains {
 
 /// Eight grain events under way.
 #[derive(Debug, Clone)]
-pub struct Events {
+pub struct Events<S: Simd = Portable> {
     /// Directions, unit: before a step of the ray that comes, after the event
     /// has ended of the ray that leaves.
-    pub direction: Vec3x8,
+    pub direction: Vec3x8<S>,
     /// Paths in ice since the ray entered the snow, m.
-    pub ice_m: f64x8,
+    pub ice_m: F64x8<S>,
     /// Path in ice at which the ray is absorbed, m.
-    pub ice_limit_m: f64x8,
-    bodies: Bodies,
-    facetness: f64x8,
+    pub ice_limit_m: F64x8<S>,
+    bodies: Bodies<S>,
+    facetness: F64x8<S>,
     /// Half the sizes, m.
-    scale_m: f64x8,
+    scale_m: F64x8<S>,
     /// Where the ray is, in units of that, from the centre.
-    at: Vec3x8,
+    at: Vec3x8<S>,
     /// Unit normal there, facing the ray.
-    normal: Vec3x8,
+    normal: Vec3x8<S>,
     /// All ones where the ray is in ice.
-    inside: f64x8,
+    inside: F64x8<S>,
     /// All ones where the grain sits in water.
-    wet: f64x8,
-    facet_tries: f64x8,
-    internal_hits: f64x8,
-    surfaces: [[Interfaces; 2]; 2],
+    wet: F64x8<S>,
+    facet_tries: F64x8<S>,
+    internal_hits: F64x8<S>,
+    surfaces: [[Interfaces<S>; 2]; 2],
     any_water: bool,
 }
 
 /// Which lanes a step changed, a bit each.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
 pub struct Stepped {
     /// Outside their grain again.
     pub left: u32,
@@ -162,18 +163,63 @@ pub struct Stepped {
     pub lost: u32,
 }
 
-fn mask(set: bool) -> f64 {
-    f64::from_bits(if set { u64::MAX } else { 0 })
+/// Normals and chords of eight bodies.
+trait Solids<S: Simd> {
+    /// See [`GrainShape::normal`].
+    fn normal(&self, body: &Numbers<F64x8<S>>, at: Vec3x8<S>) -> Vec3x8<S>;
+
+    /// See [`GrainShape::chord`].
+    fn chord(&self, body: &Numbers<F64x8<S>>, at: Vec3x8<S>, d: Vec3x8<S>) -> F64x8<S>;
 }
 
-impl Events {
+/// Bodies of one form.
+struct OfForm<G>(PhantomData<G>);
+
+impl<S: Simd, G: GrainShape> Solids<S> for OfForm<G> {
+    #[inline(always)]
+    fn normal(&self, body: &Numbers<F64x8<S>>, at: Vec3x8<S>) -> Vec3x8<S> {
+        G::normal(body, at)
+    }
+
+    #[inline(always)]
+    fn chord(&self, body: &Numbers<F64x8<S>>, at: Vec3x8<S>, d: Vec3x8<S>) -> F64x8<S> {
+        G::chord(body, at, d)
+    }
+}
+
+impl<S: Simd> Solids<S> for Bodies<S> {
+    #[inline(always)]
+    fn normal(&self, _: &Numbers<F64x8<S>>, at: Vec3x8<S>) -> Vec3x8<S> {
+        self.normal(at)
+    }
+
+    #[inline(always)]
+    fn chord(&self, _: &Numbers<F64x8<S>>, at: Vec3x8<S>, d: Vec3x8<S>) -> F64x8<S> {
+        self.chord(at, d)
+    }
+}
+
+/// The call of [`Events::step`] on bodies of some form.
+struct StepOn<'a, S: Simd, B>(&'a mut Events<S>, B, &'a mut Stream<S>);
+
+impl<S: Simd, B: Solids<S>> Task for StepOn<'_, S, B> {
+    type Output = Stepped;
+
+    #[inline(always)]
+    fn perform(self) -> Stepped {
+        self.0.step_here(&self.1, self.2)
+    }
+}
+
+impl<S: Simd> Events<S> {
     /// Idle lanes among grains with the surfaces given, in air and in water.
     #[must_use]
+    #[inline(always)]
     pub fn new(surfaces: &[Surface; 2], any_water: bool) -> Self {
-        let zero = f64x8::ZERO;
-        let unit = Vec3x8::new(zero, zero, f64x8::ONE);
+        let zero = F64x8::ZERO;
+        let unit = Vec3x8::new(zero, zero, F64x8::ONE);
         Self {
-            direction: unit * -f64x8::ONE,
+            direction: unit * -F64x8::ONE,
             ice_m: zero,
             ice_limit_m: zero,
             bodies: Bodies::default(),
@@ -199,8 +245,8 @@ impl Events {
         self.scale_m.as_mut_array()[lane] = 0.5 * grain.size_m;
         self.at.set(lane, point);
         self.normal.set(lane, normal);
-        self.inside.as_mut_array()[lane] = mask(false);
-        self.wet.as_mut_array()[lane] = mask(in_water);
+        self.inside.as_mut_array()[lane] = F64x8::<S>::mask(false);
+        self.wet.as_mut_array()[lane] = F64x8::<S>::mask(in_water);
         self.facet_tries.as_mut_array()[lane] = 0.0;
         self.internal_hits.as_mut_array()[lane] = 0.0;
     }
@@ -214,51 +260,46 @@ impl Events {
 
     /// Tries one facet on every lane.
     #[inline(always)]
-    pub fn step(&mut self, rng: &mut Stream) -> Stepped {
+    pub fn step(&mut self, rng: &mut Stream<S>) -> Stepped {
+        // A function of its own for each form, so that one more makes no other slower.
         match self.bodies.form() {
-            Some(form) => with_form!(form, S => self.step_on(rng, S::normal, S::chord)),
+            Some(form) => with_form!(form, G => {
+                let solids = OfForm::<G>(PhantomData);
+                S::outlined(StepOn(self, solids, rng))
+            }),
             None => {
                 let mixed = self.bodies;
-                self.step_on(rng, |_, at| mixed.normal(at), |_, at, d| mixed.chord(at, d))
+                S::outlined(StepOn(self, mixed, rng))
             }
         }
     }
 
-    /// The same on bodies with these normals and chords. A function of its own for
-    /// each form, so that one more makes no other slower.
-    #[inline(never)]
-    fn step_on(
-        &mut self,
-        rng: &mut Stream,
-        normal: impl Fn(&Numbers<f64x8>, Vec3x8) -> Vec3x8,
-        chord: impl Fn(&Numbers<f64x8>, Vec3x8, Vec3x8) -> f64x8,
-    ) -> Stepped {
+    /// The same on `solids`, which know the forms.
+    #[inline(always)]
+    fn step_here(&mut self, solids: &impl Solids<S>, rng: &mut Stream<S>) -> Stepped {
         let body = &self.bodies.numbers;
-        let (d, n, one) = (self.direction, self.normal, f64x8::ONE);
-        let all: f64x8 = cast(u64x8::MAX);
+        let (d, n, one) = (self.direction, self.normal, F64x8::ONE);
 
         // a facet about the normal (eqs. 4.3-4.4)
-        let tilt = (f64x8::splat(0.5) * self.facetness * rng.normal()).abs();
+        let tilt = (F64x8::splat(0.5) * self.facetness * rng.normal()).abs();
         let (sin, cos) = rng.azimuth();
-        let slope = (tilt * (f64x8::splat(2.0) - tilt))
-            .fast_max(f64x8::ZERO)
-            .sqrt();
+        let slope = (tilt * (F64x8::splat(2.0) - tilt)).max(F64x8::ZERO).sqrt();
         let (t1, t2) = n.frame();
         let mut m = (n * (one - tilt))
             .plus(slope * cos, t1)
             .plus(slope * sin, t2);
         let mut c = -m.dot(d);
-        let mut ok = c.simd_gt(f64x8::ZERO) & tilt.simd_lt(one);
+        let mut ok = c.gt(F64x8::ZERO) & tilt.lt(one);
         self.facet_tries += one;
-        let given_up = !ok & self.facet_tries.simd_ge(f64x8::splat(FACET_TRIES));
-        let untilted = (-n.dot(d)).fast_max(f64x8::splat(1e-12));
+        let given_up = !ok & self.facet_tries.ge(F64x8::splat(FACET_TRIES));
+        let untilted = (-n.dot(d)).max(F64x8::splat(1e-12));
         if given_up.any() {
             m = n.or_where_not(given_up, m);
             c = given_up.select(untilted, c);
             ok |= given_up;
         }
-        let c = c.fast_min(one);
-        self.facet_tries = ok.select(f64x8::ZERO, self.facet_tries);
+        let c = c.min(one);
+        self.facet_tries = ok.select(F64x8::ZERO, self.facet_tries);
 
         // reflect or refract
         let inside = self.inside;
@@ -269,41 +310,41 @@ impl Events {
             interfaces = Interfaces::select(self.wet, &in_water, &interfaces);
         }
         let incidences = interfaces.at(c);
-        let reflected = rng.uniform().simd_lt(incidences.reflectance);
-        let refracted = all ^ reflected;
+        let reflected = rng.uniform().lt(incidences.reflectance);
+        let refracted = !reflected;
         let mut next =
             reflect(d, m, c).or_where_not(reflected, interfaces.refract(d, m, c, &incidences));
         let goes_inside = inside ^ refracted;
 
         // a tilted facet may send an inner ray out of the grain: take the untilted normal
         let outward = next.dot(n) * refracted.select(-one, one);
-        let astray = ok & goes_inside & outward.simd_le(f64x8::ZERO);
+        let astray = ok & goes_inside & outward.le(F64x8::ZERO);
         next = reflect(d, n, untilted).or_where_not(astray & reflected, next);
         if (astray & refracted).any() {
-            let c = untilted.fast_min(one);
+            let c = untilted.min(one);
             let refraction = interfaces.refract_or_graze(d, n, c, &interfaces.at(c));
             next = refraction.or_where_not(astray & refracted, next);
         }
         // one Newton step towards unit length keeps rounding errors from adding up
-        next = next * (f64x8::splat(1.5) - f64x8::splat(0.5) * next.dot(next));
+        next = next * (F64x8::splat(1.5) - F64x8::splat(0.5) * next.dot(next));
         self.direction = next.or_where_not(ok, d);
         self.inside = ok.select(goes_inside, inside);
 
         // on through the ice to the far surface
         let moves = ok & goes_inside;
-        let chord = chord(body, self.at, next);
-        let chord = chord.fast_max(f64x8::ZERO) & moves;
+        let chord = solids.chord(body, self.at, next);
+        let chord = chord.max(F64x8::ZERO) & moves;
         self.at = self.at.plus(chord, next);
         self.ice_m += chord * self.scale_m;
-        let inward = normal(body, self.at).unit() * -one;
+        let inward = solids.normal(body, self.at).unit() * -one;
         self.normal = inward.or_where_not(moves, n);
         self.internal_hits += one & moves;
         Stepped {
-            left: (ok & (all ^ goes_inside)).to_bitmask(),
-            absorbed: (moves & self.ice_m.simd_ge(self.ice_limit_m)).to_bitmask(),
+            left: (ok & !goes_inside).to_bitmask(),
+            absorbed: (moves & self.ice_m.ge(self.ice_limit_m)).to_bitmask(),
             lost: self
                 .internal_hits
-                .simd_gt(f64x8::splat(INTERNAL_HITS))
+                .gt(F64x8::splat(INTERNAL_HITS))
                 .to_bitmask(),
         }
     }

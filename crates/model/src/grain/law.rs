@@ -1,7 +1,7 @@
 //! Distributions of grain properties (Varsa 2025, table 4.1): uniform size,
 //! truncated normal facetness and sphericity.
+use splitsnow_spectra::simd::{F64x8, Simd};
 use thiserror::Error;
-use wide::f64x8;
 
 use crate::rng::Stream;
 
@@ -123,8 +123,8 @@ impl SizeRange {
 
     /// Draws eight sizes, m.
     #[inline(always)]
-    pub fn sample(&self, rng: &mut Stream) -> f64x8 {
-        rng.uniform() * f64x8::splat(self.max_m - self.min_m) + f64x8::splat(self.min_m)
+    pub fn sample<S: Simd>(&self, rng: &mut Stream<S>) -> F64x8<S> {
+        rng.uniform() * F64x8::splat(self.max_m - self.min_m) + F64x8::splat(self.min_m)
     }
 }
 
@@ -187,24 +187,21 @@ impl TruncatedNormal {
     /// normal or from the uniform distribution over [min, max], whichever is
     /// kept more often.
     #[inline(always)]
-    pub fn propose(&self, rng: &mut Stream) -> (f64x8, f64x8) {
-        let (min, max) = (f64x8::splat(self.min), f64x8::splat(self.max));
-        let (mean, width) = (f64x8::splat(self.mean), self.max - self.min);
+    pub fn propose<S: Simd>(&self, rng: &mut Stream<S>) -> (F64x8<S>, F64x8<S>) {
+        let (min, max) = (F64x8::splat(self.min), F64x8::splat(self.max));
+        let (mean, width) = (F64x8::splat(self.mean), self.max - self.min);
         if self.sd == 0.0 || width == 0.0 {
-            return (mean, mean.simd_eq(mean));
+            return (mean, mean.equals(mean));
         }
-        let sd = f64x8::splat(self.sd);
+        let sd = F64x8::splat(self.sd);
         // kept shares: P(min < X < max), and the same times sqrt(2 pi) sd / width
         if width > 2.506_628_274_631 * self.sd {
             let value = mean + sd * rng.normal();
-            (value, value.simd_ge(min) & value.simd_le(max))
+            (value, value.ge(min) & value.le(max))
         } else {
-            let value = min + f64x8::splat(width) * rng.uniform();
+            let value = min + F64x8::splat(width) * rng.uniform();
             let z = (value - mean) / sd;
-            (
-                value,
-                (z * z).simd_lt(f64x8::splat(2.0) * rng.exponential()),
-            )
+            (value, (z * z).lt(F64x8::splat(2.0) * rng.exponential()))
         }
     }
 }

@@ -15,8 +15,8 @@ pub use distance::{
 };
 pub use event::{Events, Grain, Grains, Stepped, Surface};
 pub use law::{GrainError, SizeLaw, SizeRange, TruncatedNormal};
-pub use optical::{SizeMeasure, Told};
-pub use shape::{Form, GrainShape, Numbers, Shape};
+pub use optical::{SizeConversion, SizeMeasure};
+pub use shape::{Down, Form, GrainShape, Numbers, Shape, Upright};
 pub use spheroid::Spheroid;
 
 /// One type of grain: how its size, facetness and sphericity are distributed.

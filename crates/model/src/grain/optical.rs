@@ -19,7 +19,7 @@ pub enum SizeMeasure {
 
 /// The shape, spread and temperature of grains whose size is told by a measure.
 #[derive(Debug, Clone, Copy, PartialEq)]
-pub struct Told {
+pub struct SizeConversion {
     /// Sizes are uniform in mean -+ this, um.
     pub half_width_um: f64,
     /// How often they are met.
@@ -62,7 +62,7 @@ impl SizeMeasure {
 
     /// Mean size, um, of grains of this measure `value`, which is above 0.
     #[must_use]
-    pub fn size_um(self, value: f64, told: &Told) -> f64 {
+    pub fn size_um(self, value: f64, told: &SizeConversion) -> f64 {
         let shape = shape_factor(told.shape, &told.sphericity, told.size_law);
         let k1_per_m = match self {
             Self::OpticalRadius => 3.0 / (4.0 * shape * um_to_m(value)),
@@ -89,7 +89,7 @@ impl SizeMeasure {
     /// Mean sizes, um, of grains of these measures, which increase; the sizes do too,
     /// so that those of specific surface areas run the other way round.
     #[must_use]
-    pub fn sizes_um(self, values: &[f64], told: &Told) -> Vec<f64> {
+    pub fn sizes_um(self, values: &[f64], told: &SizeConversion) -> Vec<f64> {
         let sizes = values.iter().map(|value| self.size_um(*value, told));
         let mut sizes: Vec<f64> = sizes.collect();
         if self == Self::SpecificSurface {
@@ -117,7 +117,7 @@ mod tests {
             (sphere, SizeLaw::Varsa2025),
         ] {
             for half_width_um in [0.0, 10.0, 50.0] {
-                let told = Told {
+                let told = SizeConversion {
                     half_width_um,
                     size_law,
                     shape: Shape::Spheroid,
@@ -145,7 +145,7 @@ mod tests {
                 }
             }
         }
-        let told = Told {
+        let told = SizeConversion {
             half_width_um: 0.0,
             size_law: SizeLaw::Varsa2025,
             shape: Shape::Spheroid,
@@ -153,7 +153,7 @@ mod tests {
             temperature_c: -1.0,
         };
         // a sphere is as long as it is wide; the usual grains are 1 / .351 radii long
-        let sphere = Told {
+        let sphere = SizeConversion {
             sphericity: sphere,
             ..told
         };

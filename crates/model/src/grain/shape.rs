@@ -6,7 +6,7 @@
 //! (docs/methods.md, The sample: for a spheroid the major semi-axis b = s/2). Of
 //! sphericity Psi, the largest sphere that fits in it has the radius Psi^2
 //! (Varsa 2025, eq. 4.2: Psi = sqrt(c/b)).
-use wide::f64x8;
+use splitsnow_spectra::simd::{F64x8, Simd};
 
 use crate::grain::body::Bodies;
 #[cfg(doc)]
@@ -18,6 +18,24 @@ use crate::rng::{Fingerprint, Stream};
 /// reads: three for the attitude and two for the proportions are enough for an
 /// ellipsoid or a prism, and fill a row of a table.
 pub type Numbers<R> = [R; 5];
+
+/// The downward component of a vector, for one number or for eight. A trait and not a closure,
+/// so that it is always inlined.
+pub trait Down<R> {
+    /// Of a vector in the frame of a body's numbers.
+    fn down(&self, vector: [R; 3]) -> R;
+}
+
+/// Where the third axis of the frame points down.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Upright;
+
+impl<R> Down<R> for Upright {
+    #[inline(always)]
+    fn down(&self, [_, _, z]: [R; 3]) -> R {
+        z
+    }
+}
 
 /// A shape, with the parameters that all grains of a type have in common. What
 /// takes no `self` follows from the numbers of a body alone.
@@ -35,23 +53,23 @@ pub trait GrainShape {
 
     /// Eight bodies of these sphericities in attitudes uniform over all
     /// (docs/methods.md, The grain event).
-    fn draw(&self, psi: f64x8, rng: &mut Stream) -> Numbers<f64x8>;
+    fn draw<S: Simd>(&self, psi: F64x8<S>, rng: &mut Stream<S>) -> Numbers<F64x8<S>>;
 
     /// Points proposed uniformly over the whole surface, and a mask of those to
     /// keep (docs/methods.md, The grain event).
-    fn sample(body: &Numbers<f64x8>, rng: &mut Stream) -> (Vec3x8, f64x8);
+    fn sample<S: Simd>(body: &Numbers<F64x8<S>>, rng: &mut Stream<S>) -> (Vec3x8<S>, F64x8<S>);
 
     /// Outward normals at points of the surface, of any length.
-    fn normal(body: &Numbers<f64x8>, at: Vec3x8) -> Vec3x8;
+    fn normal<S: Simd>(body: &Numbers<F64x8<S>>, at: Vec3x8<S>) -> Vec3x8<S>;
 
     /// Distances from points of the surface along unit directions `d` to the far
     /// surface; not above 0 where `d` points outward (docs/methods.md, The grain event).
-    fn chord(body: &Numbers<f64x8>, at: Vec3x8, d: Vec3x8) -> f64x8;
+    fn chord<S: Simd>(body: &Numbers<F64x8<S>>, at: Vec3x8<S>, d: Vec3x8<S>) -> F64x8<S>;
 
     /// Half of the vertical extent; `down` gives the downward component of a
     /// vector in the frame of the body's numbers. Decides whether a grain fits
     /// between the planes of a slab (docs/methods.md, The walk).
-    fn half_height<R: Real>(body: &Numbers<R>, down: impl Fn([R; 3]) -> R) -> R;
+    fn half_height<R: Real>(body: &Numbers<R>, down: &impl Down<R>) -> R;
 
     /// A point of the half that faces a ray of direction `d`, uniform over the
     /// area projected along `d`, and the outward normal there, of any length;
@@ -92,12 +110,12 @@ macro_rules! with_law {
 }
 pub(super) use with_law;
 
-/// `$work` with the shape of bodies of `$form` as the type `$S`.
+/// `$work` with the shape of bodies of `$form` as the type `$G`.
 macro_rules! with_form {
-    ($form:expr, $S:ident => $work:expr) => {
+    ($form:expr, $G:ident => $work:expr) => {
         match $form {
             $crate::grain::Form::Spheroid => {
-                type $S = $crate::grain::Spheroid;
+                type $G = $crate::grain::Spheroid;
                 $work
             }
         }
@@ -120,9 +138,9 @@ impl Shape {
 
     /// See [`GrainShape::draw`].
     #[inline(always)]
-    pub fn draw(&self, psi: f64x8, rng: &mut Stream) -> Bodies {
-        fn form<S: GrainShape>(_: &S) -> Form {
-            S::FORM
+    pub fn draw<S: Simd>(&self, psi: F64x8<S>, rng: &mut Stream<S>) -> Bodies<S> {
+        fn form<G: GrainShape>(_: &G) -> Form {
+            G::FORM
         }
         with_law!(self, law => Bodies::new([form(law); 8], law.draw(psi, rng)))
     }
@@ -131,23 +149,32 @@ impl Shape {
 // Calls by form. The step of a grain event chooses once for all that is in it.
 impl Form {
     #[inline(always)]
-    pub(super) fn sample(self, body: &Numbers<f64x8>, rng: &mut Stream) -> (Vec3x8, f64x8) {
-        with_form!(self, S => S::sample(body, rng))
+    pub(super) fn sample<S: Simd>(
+        self,
+        body: &Numbers<F64x8<S>>,
+        rng: &mut Stream<S>,
+    ) -> (Vec3x8<S>, F64x8<S>) {
+        with_form!(self, G => G::sample(body, rng))
     }
 
     #[inline(always)]
-    pub(super) fn normal(self, body: &Numbers<f64x8>, at: Vec3x8) -> Vec3x8 {
-        with_form!(self, S => S::normal(body, at))
+    pub(super) fn normal<S: Simd>(self, body: &Numbers<F64x8<S>>, at: Vec3x8<S>) -> Vec3x8<S> {
+        with_form!(self, G => G::normal(body, at))
     }
 
     #[inline(always)]
-    pub(super) fn chord(self, body: &Numbers<f64x8>, at: Vec3x8, d: Vec3x8) -> f64x8 {
-        with_form!(self, S => S::chord(body, at, d))
+    pub(super) fn chord<S: Simd>(
+        self,
+        body: &Numbers<F64x8<S>>,
+        at: Vec3x8<S>,
+        d: Vec3x8<S>,
+    ) -> F64x8<S> {
+        with_form!(self, G => G::chord(body, at, d))
     }
 
     #[inline(always)]
-    pub(super) fn half_height<R: Real>(self, body: &Numbers<R>, down: impl Fn([R; 3]) -> R) -> R {
-        with_form!(self, S => S::half_height(body, down))
+    pub(super) fn half_height<R: Real>(self, body: &Numbers<R>, down: &impl Down<R>) -> R {
+        with_form!(self, G => G::half_height(body, down))
     }
 
     #[inline(always)]
@@ -158,11 +185,11 @@ impl Form {
         u: f64,
         azimuth: (f64, f64),
     ) -> (Vec3, Vec3) {
-        with_form!(self, S => S::projected_point(body, d, u, azimuth))
+        with_form!(self, G => G::projected_point(body, d, u, azimuth))
     }
 
     #[inline(always)]
     pub(super) fn turned(self, body: &Numbers<f64>, cos: f64, sin: f64) -> Numbers<f64> {
-        with_form!(self, S => S::turned(body, cos, sin))
+        with_form!(self, G => G::turned(body, cos, sin))
     }
 }

@@ -4,10 +4,10 @@
 //! axis, the surface is |x|^2 + K (x.a)^2 = c^2 and the normal at x is along
 //! x + K (x.a) a. The numbers of a body are a, K and c. A sphere's K is 0,
 //! whatever a and c say.
-use wide::f64x8;
+use splitsnow_spectra::simd::{F64x8, Simd};
 
 use crate::grain::body::Body;
-use crate::grain::shape::{Form, GrainShape, Numbers};
+use crate::grain::shape::{Down, Form, GrainShape, Numbers};
 use crate::math::{Real, Vec3, Vec3x8};
 use crate::rng::{Fingerprint, Stream};
 
@@ -36,7 +36,7 @@ impl Spheroid {
 
 /// The same of eight.
 #[inline(always)]
-fn parts([x, y, z, flattening, _]: &Numbers<f64x8>) -> (Vec3x8, f64x8) {
+fn parts<S: Simd>([x, y, z, flattening, _]: &Numbers<F64x8<S>>) -> (Vec3x8<S>, F64x8<S>) {
     (Vec3x8::new(*x, *y, *z), *flattening)
 }
 
@@ -60,44 +60,41 @@ impl GrainShape for Spheroid {
     }
 
     #[inline(always)]
-    fn draw(&self, psi: f64x8, rng: &mut Stream) -> Numbers<f64x8> {
+    fn draw<S: Simd>(&self, psi: F64x8<S>, rng: &mut Stream<S>) -> Numbers<F64x8<S>> {
         let minor = psi * psi;
         let Vec3x8 { x, y, z } = rng.direction();
-        [x, y, z, minor * minor - f64x8::ONE, minor]
+        [x, y, z, minor * minor - F64x8::ONE, minor]
     }
 
     #[inline(always)]
-    fn sample(body: &Numbers<f64x8>, rng: &mut Stream) -> (Vec3x8, f64x8) {
+    fn sample<S: Simd>(body: &Numbers<F64x8<S>>, rng: &mut Stream<S>) -> (Vec3x8<S>, F64x8<S>) {
         // A point of the unit sphere, stretched; the area it stands for grows
         // by sqrt(1 + K u^2), at most 1, with u its component along the axis.
         let ((axis, flattening), minor) = (parts(body), body[4]);
         let p = rng.direction();
         let u = p.dot(axis);
         let r = rng.uniform();
-        let kept = (r * r).simd_lt(f64x8::ONE + flattening * u * u);
-        ((p * minor).plus((f64x8::ONE - minor) * u, axis), kept)
+        let kept = (r * r).lt(F64x8::ONE + flattening * u * u);
+        ((p * minor).plus((F64x8::ONE - minor) * u, axis), kept)
     }
 
     #[inline(always)]
-    fn normal(body: &Numbers<f64x8>, at: Vec3x8) -> Vec3x8 {
+    fn normal<S: Simd>(body: &Numbers<F64x8<S>>, at: Vec3x8<S>) -> Vec3x8<S> {
         let (axis, flattening) = parts(body);
         at.plus(flattening * at.dot(axis), axis)
     }
 
     #[inline(always)]
-    fn chord(body: &Numbers<f64x8>, at: Vec3x8, d: Vec3x8) -> f64x8 {
+    fn chord<S: Simd>(body: &Numbers<F64x8<S>>, at: Vec3x8<S>, d: Vec3x8<S>) -> F64x8<S> {
         let (axis, flattening) = parts(body);
         let u = d.dot(axis);
-        f64x8::splat(-2.0) * Self::normal(body, at).dot(d) / (f64x8::ONE + flattening * u * u)
+        F64x8::splat(-2.0) * Self::normal(body, at).dot(d) / (F64x8::ONE + flattening * u * u)
     }
 
     /// sqrt(c^2 (1 - a_z^2) + a_z^2).
     #[inline(always)]
-    fn half_height<R: Real>(
-        [x, y, z, flattening, _]: &Numbers<R>,
-        down: impl Fn([R; 3]) -> R,
-    ) -> R {
-        let axis = down([*x, *y, *z]);
+    fn half_height<R: Real>([x, y, z, flattening, _]: &Numbers<R>, down: &impl Down<R>) -> R {
+        let axis = down.down([*x, *y, *z]);
         let square = R::ONE + *flattening * (R::ONE - axis * axis);
         square.max(R::ZERO).sqrt()
     }
@@ -129,7 +126,7 @@ impl GrainShape for Spheroid {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::grain::{Bodies, Shape};
+    use crate::grain::{Bodies, Shape, Upright};
     use crate::rng::Key;
 
     fn rng() -> Stream {
@@ -152,7 +149,7 @@ mod tests {
         let mut rng = rng();
         for psi in [0.05f64, 0.3, 0.8, 1.0] {
             for _ in 0..2000 {
-                let s = Shape::Spheroid.draw(f64x8::splat(psi), &mut rng);
+                let s = Shape::Spheroid.draw(F64x8::splat(psi), &mut rng);
                 let d = rng.direction();
                 let (x, _) = s.sample(&mut rng);
                 let far = x.plus(s.chord(x, d), d);
@@ -163,7 +160,7 @@ mod tests {
                     let rounding = 3e-13 / psi.powi(4);
                     assert!(off_surface(k, axis, x.get(lane)) < rounding);
                     assert!(off_surface(k, axis, far.get(lane)) < rounding);
-                    assert!(x.get(lane).z.abs() <= body.half_height(|[_, _, z]| z) + 1e-12);
+                    assert!(x.get(lane).z.abs() <= body.half_height(&Upright) + 1e-12);
                     let azimuth = (0.6, 0.8);
                     let (p, normal) = body.projected_point(d.get(lane), 0.3, azimuth);
                     assert!(off_surface(k, axis, p) < rounding);
@@ -178,8 +175,8 @@ mod tests {
         let mut rng = rng();
         let body = Spheroid::body(0.36, Vec3::new(0.48, 0.6, 0.64));
         let s = Bodies::splat(&body);
-        let top = body.half_height(|[_, _, z]| z);
-        assert_eq!(s.half_height(|[_, _, z]| z).to_array(), [top; 8]);
+        let top = body.half_height(&Upright);
+        assert_eq!(s.half_height(&Upright).to_array(), [top; 8]);
         let mut highest = 0f64;
         for _ in 0..50_000 {
             highest = highest.max(s.sample(&mut rng).0.get(0).z);

@@ -4,38 +4,38 @@
 use std::f64::consts::FRAC_PI_4;
 use std::ops::{Add, Mul};
 
-use wide::f64x8;
+use splitsnow_spectra::simd::{F64x8, Portable, Simd};
 
 /// Eight vectors.
 #[derive(Debug, Clone, Copy, PartialEq, Default)]
-pub struct Vec3x8 {
+pub struct Vec3x8<S: Simd = Portable> {
     /// First horizontal components.
-    pub x: f64x8,
+    pub x: F64x8<S>,
     /// Second horizontal components.
-    pub y: f64x8,
+    pub y: F64x8<S>,
     /// Depth components.
-    pub z: f64x8,
+    pub z: F64x8<S>,
 }
 
-impl Vec3x8 {
+impl<S: Simd> Vec3x8<S> {
     /// The vectors (x, y, z).
     #[inline(always)]
     #[must_use]
-    pub fn new(x: f64x8, y: f64x8, z: f64x8) -> Self {
+    pub fn new(x: F64x8<S>, y: F64x8<S>, z: F64x8<S>) -> Self {
         Self { x, y, z }
     }
 
     /// Scalar products.
     #[inline(always)]
     #[must_use]
-    pub fn dot(self, o: Self) -> f64x8 {
+    pub fn dot(self, o: Self) -> F64x8<S> {
         self.x * o.x + self.y * o.y + self.z * o.z
     }
 
     /// `self + s * o`.
     #[inline(always)]
     #[must_use]
-    pub fn plus(self, s: f64x8, o: Self) -> Self {
+    pub fn plus(self, s: F64x8<S>, o: Self) -> Self {
         Self::new(self.x + s * o.x, self.y + s * o.y, self.z + s * o.z)
     }
 
@@ -43,13 +43,13 @@ impl Vec3x8 {
     #[inline(always)]
     #[must_use]
     pub fn unit(self) -> Self {
-        self * (f64x8::ONE / self.dot(self).sqrt())
+        self * (F64x8::ONE / self.dot(self).sqrt())
     }
 
     /// Where `mask` is set `self`, else `o`.
     #[inline(always)]
     #[must_use]
-    pub fn or_where_not(self, mask: f64x8, o: Self) -> Self {
+    pub fn or_where_not(self, mask: F64x8<S>, o: Self) -> Self {
         Self::new(
             mask.select(self.x, o.x),
             mask.select(self.y, o.y),
@@ -62,12 +62,12 @@ impl Vec3x8 {
     #[inline(always)]
     #[must_use]
     pub fn frame(self) -> (Self, Self) {
-        let sign = f64x8::ONE | (self.z & f64x8::splat(-0.0));
-        let a = -f64x8::ONE / (sign + self.z);
+        let sign = F64x8::ONE | (self.z & F64x8::splat(-0.0));
+        let a = -F64x8::ONE / (sign + self.z);
         let b = self.x * self.y * a;
         (
             Self::new(
-                f64x8::ONE + sign * self.x * self.x * a,
+                F64x8::ONE + sign * self.x * self.x * a,
                 sign * b,
                 -sign * self.x,
             ),
@@ -95,7 +95,7 @@ impl Vec3x8 {
     }
 }
 
-impl Add for Vec3x8 {
+impl<S: Simd> Add for Vec3x8<S> {
     type Output = Self;
     #[inline(always)]
     fn add(self, o: Self) -> Self {
@@ -103,10 +103,10 @@ impl Add for Vec3x8 {
     }
 }
 
-impl Mul<f64x8> for Vec3x8 {
+impl<S: Simd> Mul<F64x8<S>> for Vec3x8<S> {
     type Output = Self;
     #[inline(always)]
-    fn mul(self, s: f64x8) -> Self {
+    fn mul(self, s: F64x8<S>) -> Self {
         Self::new(self.x * s, self.y * s, self.z * s)
     }
 }
@@ -114,10 +114,10 @@ impl Mul<f64x8> for Vec3x8 {
 /// (sin, cos) of `t * pi / 4` for t in [-1, 1]; absolute error below 3e-14.
 #[inline(always)]
 #[must_use]
-pub fn sincos_eighth(t: f64x8) -> (f64x8, f64x8) {
-    let x = t * f64x8::splat(FRAC_PI_4);
+pub fn sincos_eighth<S: Simd>(t: F64x8<S>) -> (F64x8<S>, F64x8<S>) {
+    let x = t * F64x8::splat(FRAC_PI_4);
     let y = x * x;
-    let mut s = f64x8::splat(1.0 / 6_227_020_800.0);
+    let mut s = F64x8::splat(1.0 / 6_227_020_800.0);
     for c in [
         -1.0 / 39_916_800.0,
         1.0 / 362_880.0,
@@ -125,9 +125,9 @@ pub fn sincos_eighth(t: f64x8) -> (f64x8, f64x8) {
         1.0 / 120.0,
         -1.0 / 6.0,
     ] {
-        s = s * y + f64x8::splat(c);
+        s = s * y + F64x8::splat(c);
     }
-    let mut c = f64x8::splat(-1.0 / 87_178_291_200.0);
+    let mut c = F64x8::splat(-1.0 / 87_178_291_200.0);
     for k in [
         1.0 / 479_001_600.0,
         -1.0 / 3_628_800.0,
@@ -136,9 +136,9 @@ pub fn sincos_eighth(t: f64x8) -> (f64x8, f64x8) {
         1.0 / 24.0,
         -0.5,
     ] {
-        c = c * y + f64x8::splat(k);
+        c = c * y + F64x8::splat(k);
     }
-    (x + x * y * s, f64x8::ONE + y * c)
+    (x + x * y * s, F64x8::ONE + y * c)
 }
 
 #[cfg(test)]
@@ -149,7 +149,7 @@ mod tests {
     fn sincos_eighth_is_sincos() {
         for i in -1000..=1000 {
             let t = f64::from(i) / 1000.0;
-            let (s, c) = sincos_eighth(f64x8::splat(t));
+            let (s, c) = sincos_eighth::<Portable>(F64x8::splat(t));
             assert!((s.to_array()[0] - libm::sin(t * FRAC_PI_4)).abs() < 3e-14);
             assert!((c.to_array()[0] - libm::cos(t * FRAC_PI_4)).abs() < 3e-14);
         }
@@ -163,7 +163,8 @@ mod tests {
             (1.0, 0.0, 0.0),
             (0.3, -0.5, -0.2),
         ] {
-            let n = Vec3x8::new(f64x8::splat(v.0), f64x8::splat(v.1), f64x8::splat(v.2)).unit();
+            let n: Vec3x8 =
+                Vec3x8::new(F64x8::splat(v.0), F64x8::splat(v.1), F64x8::splat(v.2)).unit();
             let (t, b) = n.frame();
             for (p, q, e) in [
                 (n, t, 0.0),

@@ -17,7 +17,7 @@ const STEPS: [[f64; 2]; DEGREES + 1] = {
 
 /// P_l(x) for l = 0, 1, ... below the length of `values`, at most [`DEGREES`];
 /// the values beyond that are left as they are.
-#[inline]
+#[inline(always)]
 pub fn legendre(x: f64, values: &mut [f64]) {
     let (mut p, mut next) = (1.0, x);
     for (value, [a, b]) in values.iter_mut().zip(&STEPS[1..]) {

@@ -1,7 +1,7 @@
 //! Formulas that stand once for a number and for eight side by side.
 use std::ops::{Add, Div, Mul, Sub};
 
-use wide::f64x8;
+use splitsnow_spectra::simd::{F64x8, Simd};
 
 /// An f64, or eight.
 pub trait Real:
@@ -34,7 +34,7 @@ impl Real for f64 {
     }
 }
 
-impl Real for f64x8 {
+impl<S: Simd> Real for F64x8<S> {
     const ZERO: Self = Self::ZERO;
     const ONE: Self = Self::ONE;
 
@@ -45,6 +45,6 @@ impl Real for f64x8 {
 
     #[inline(always)]
     fn max(self, other: Self) -> Self {
-        self.fast_max(other)
+        F64x8::max(self, other)
     }
 }

@@ -3,11 +3,11 @@ use serde::{Deserialize, Serialize};
 
 use crate::measurement::Measured;
 
-/// Equal scores that tell enough about a distribution to estimate its variance.
-const FEW: f64 = 10.0;
+/// Smallest effective number of scores from which the variance is estimated.
+const FEWEST_SCORES: f64 = 10.0;
 
-/// Sum and sum of squares of the scores of rays; those that scored nothing
-/// count in the number of rays given to [`Estimate::measured`].
+/// Sum and sum of squares of the scores of rays. Rays that scored nothing are counted
+/// by the number of rays passed to [`Estimate::measured`].
 #[derive(Debug, Clone, Copy, PartialEq, Default, Serialize, Deserialize)]
 pub struct Estimate {
     sum: f64,
@@ -28,19 +28,20 @@ impl Estimate {
         self.sum_sq += count as f64;
     }
 
-    /// Adds another's sums.
+    /// Adds the sums of another estimate.
     #[inline]
     pub fn merge(&mut self, other: &Self) {
         self.sum += other.sum;
         self.sum_sq += other.sum_sq;
     }
 
-    /// Mean over `rays` and its standard error. Where every ray scored 0 or
-    /// every ray 1, the sample variance is 0 and says nothing: the error given
-    /// is then 1/rays, the size of what may have been missed. It is not less
-    /// where most of the sum comes from fewer than ten rays: of scores of
-    /// very different size the largest are too rare to have been met, and the
-    /// sample knows nothing of them.
+    /// Mean over `rays` rays and its standard error.
+    ///
+    /// If every ray scored 0 or every ray scored 1, the sample variance is 0 and carries
+    /// no information. The standard error is then 1/rays, the size of a contribution
+    /// that may have been missed. It is also at least 1/rays if most of the sum comes
+    /// from fewer than ten rays: if scores differ greatly in size, the largest may be too
+    /// rare to be in the sample.
     #[must_use]
     pub fn measured(&self, rays: u64) -> Measured {
         let n = rays as f64;
@@ -50,9 +51,9 @@ impl Estimate {
         }
         let variance = (self.sum_sq / n - value * value).max(0.0);
         let se = (variance / (n - 1.0).max(1.0)).sqrt();
-        // as many equal scores would have these sums
+        // effective number of scores: that many equal scores would have these sums
         let scores = self.sum * self.sum / self.sum_sq;
-        let missed = if scores < FEW { 1.0 / n } else { 0.0 };
+        let missed = if scores < FEWEST_SCORES { 1.0 / n } else { 0.0 };
         Measured {
             value,
             se: se.max(missed),
@@ -81,8 +82,8 @@ mod tests {
         assert!((m.se - (variance / 32.0).sqrt()).abs() < 1e-15);
     }
 
-    /// A thousand rays with scores from 1 to exp(-30) have met the largest; those
-    /// that met five of 1e-20 know nothing of a 1 in ten thousand.
+    /// A thousand scores from 1 to exp(-30) include the largest possible ones. Five
+    /// scores of 1e-20 do not exclude a score of 1 in ten thousand rays.
     #[test]
     fn few_large_scores_are_not_trusted() {
         let mut broad = Estimate::default();
@@ -95,7 +96,7 @@ mod tests {
     }
 
     #[test]
-    fn nothing_seen_is_not_certainty() {
+    fn equal_scores_have_an_error_of_one_ray() {
         assert_eq!(
             Estimate::default().measured(1000),
             Measured {

@@ -1,6 +1,6 @@
 //! Virtual spectrophotometer and goniophotometer (docs/methods.md):
-//! directional-hemispherical reflectance and transmittance with standard
-//! errors, and where light leaves, by direction and by distance.
+//! directional-hemispherical reflectance and transmittance with standard errors, and
+//! the bins for light that leaves by direction (sensors) and by distance (radii).
 mod estimate;
 mod radii;
 mod sensors;
@@ -17,12 +17,13 @@ pub use splitsnow_spectra::Quantity;
 pub struct Measured {
     /// Estimate of the quantity, dimensionless.
     pub value: f64,
-    /// Its standard error.
+    /// Standard error of the estimate.
     pub se: f64,
 }
 
 impl Measured {
-    /// The point `t` of the way from `self` to an independent `other`.
+    /// Linear interpolation, with weights `1 - t` and `t`, between `self` and an
+    /// independent `other`.
     #[must_use]
     pub fn mix(self, other: Self, t: f64) -> Self {
         let (a, b) = (1.0 - t, t);
@@ -41,12 +42,12 @@ pub struct Spectrum {
     pub reflectance: Vec<Measured>,
     /// Directional-hemispherical (or bi-hemispherical) transmittance, [0, 1].
     pub transmittance: Vec<Measured>,
-    /// Share of the rays that hit an event limit: in neither R nor T.
+    /// Share of the rays that hit an event limit; they count in neither R nor T.
     pub lost: Vec<f64>,
 }
 
 impl Spectrum {
-    /// One of its quantities, per wavelength.
+    /// The values of one quantity, per wavelength.
     #[must_use]
     pub fn of(&self, quantity: Quantity) -> &[Measured] {
         match quantity {

@@ -1,17 +1,17 @@
-//! Rings about the point where light enters, for the radial profile of what
+//! Rings about the point where light enters, for radial profiles of the light that
 //! leaves.
 use std::f64::consts::PI;
 
-/// A disc and rings about it whose radii grow by equal factors.
+/// A disc and rings about it, whose radii grow by a constant factor.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Radii {
-    /// Outer radii, m, increasing; beyond the last is one more bin.
+    /// Outer radii, m, increasing. One more bin contains everything beyond the last.
     edges_m: Vec<f64>,
 }
 
 impl Radii {
-    /// A disc of radius `first_m` and `count` - 1 rings (`count` at least 1) out
-    /// to `last_m`, which is more than that; and all that is beyond.
+    /// A disc of radius `first_m` and `count` - 1 rings (`count` at least 1) out to
+    /// `last_m`, which must be larger than `first_m`; and one bin for everything beyond.
     #[must_use]
     pub fn new(count: usize, first_m: f64, last_m: f64) -> Self {
         let steps = (count.max(2) - 1) as f64;
@@ -21,26 +21,26 @@ impl Radii {
         }
     }
 
-    /// Number of bins, that beyond the last radius included.
+    /// Number of bins, including the one beyond the last radius.
     #[must_use]
     pub fn len(&self) -> usize {
         self.edges_m.len() + 1
     }
 
-    /// Never.
+    /// Always false: there are at least two bins.
     #[must_use]
     pub fn is_empty(&self) -> bool {
         false
     }
 
-    /// The bin of a point `offset_m` from where the light entered.
+    /// The bin of a point at the offset `[x, y]`, m, from where the light entered.
     #[must_use]
     pub fn index(&self, [x, y]: [f64; 2]) -> usize {
         let radius_m = (x * x + y * y).sqrt();
         self.edges_m.partition_point(|edge| *edge <= radius_m)
     }
 
-    /// Inner and outer radius of a bin, m.
+    /// Inner and outer radius of a bin, m; the outer radius of the last is infinite.
     #[must_use]
     pub fn bounds_m(&self, bin: usize) -> [f64; 2] {
         let edge = |i: usize| self.edges_m.get(i).copied().unwrap_or(f64::INFINITY);

@@ -1,22 +1,24 @@
 //! Sensors of equal solid angle on a hemisphere.
 //!
-//! A cap about the normal and rings around it, each cut into cells of equal
-//! azimuth that are about as wide as high. Every ring but the last has an even
-//! number of cells, with one centred on the plane of incidence on either side
-//! of the normal; the last takes what is left of the number asked for, and with
-//! an odd number two of its cells meet in that plane, away from azimuth 0. The
+//! The layout is a cap about the normal and rings around it. Each ring is divided into
+//! sensors of equal azimuth that are about as wide as high. Every ring but the last has
+//! an even number of sensors; on either side of the normal, one of them is centred on
+//! the plane of incidence. The last ring takes the rest of the requested number. If
+//! that is odd, two of its sensors meet in the plane of incidence at azimuth pi. The
 //! layout is its own mirror image in the plane of incidence.
 use std::f64::consts::{FRAC_PI_2, FRAC_PI_4, PI, TAU};
 
 use crate::math::Vec3;
 
-/// Most sensors of a hemisphere.
+/// Largest number of sensors per hemisphere.
 pub const MOST_SENSORS: usize = 100_000;
 
 /// Sensors at the same angle from the normal.
 #[derive(Debug, Clone, Copy, PartialEq)]
 struct Ring {
+    /// Number of the first sensor.
     first: usize,
+    /// Number of sensors.
     count: usize,
 }
 
@@ -24,7 +26,7 @@ struct Ring {
 #[derive(Debug, Clone, PartialEq)]
 pub struct Sensors {
     rings: Vec<Ring>,
-    /// Ring of each sensor.
+    /// Number of the ring of each sensor.
     ring_of: Vec<u32>,
 }
 
@@ -55,7 +57,7 @@ fn half_turn(x: f64, y: f64) -> f64 {
 }
 
 impl Sensors {
-    /// `count` sensors, within [1, [`MOST_SENSORS`]].
+    /// A layout of `count` sensors; `count` is clamped to [1, [`MOST_SENSORS`]].
     #[must_use]
     pub fn new(count: usize) -> Self {
         let count = count.clamp(1, MOST_SENSORS);
@@ -66,18 +68,23 @@ impl Sensors {
         let mut first = 1;
         for ring in 1..=heights as u32 {
             let lower = cap + (FRAC_PI_2 - cap) * f64::from(ring) / heights;
-            let left = count - first;
+            let remaining = count - first;
             let ideal = n * (1.0 - libm::cos(lower)) - first as f64;
             let even = 2 * (0.5 * ideal).round().max(1.0) as usize;
-            let last = ring == heights as u32;
-            let count = if last { left } else { even.min(left) };
+            let is_last = ring == heights as u32;
+            let count = if is_last {
+                remaining
+            } else {
+                even.min(remaining)
+            };
             if count > 0 {
                 rings.push(Ring { first, count });
             }
             first += count;
         }
-        let of = |(number, ring): (usize, &Ring)| std::iter::repeat_n(number as u32, ring.count);
-        let ring_of = rings.iter().enumerate().flat_map(of).collect();
+        let repeated =
+            |(number, ring): (usize, &Ring)| std::iter::repeat_n(number as u32, ring.count);
+        let ring_of = rings.iter().enumerate().flat_map(repeated).collect();
         Self { rings, ring_of }
     }
 
@@ -87,7 +94,7 @@ impl Sensors {
         self.ring_of.len()
     }
 
-    /// Never: there is one at least.
+    /// Always false: there is at least one sensor.
     #[must_use]
     pub fn is_empty(&self) -> bool {
         self.ring_of.is_empty()
@@ -109,13 +116,14 @@ impl Sensors {
         self.rings[self.ring_of[sensor] as usize]
     }
 
-    /// Mean cosine from the normal over a ring, which halves its solid angle.
+    /// Mean cosine of the angle from the normal over a ring. The angle with this cosine
+    /// divides the ring into halves of equal solid angle.
     fn mean_cosine(&self, ring: Ring) -> f64 {
         1.0 - (ring.first as f64 + 0.5 * ring.count as f64) / self.len() as f64
     }
 
-    /// The sensor that light leaving along the unit vector `direction` meets,
-    /// above the surface or below, whichever side it leaves on: azimuth 0 along x.
+    /// The sensor hit by light that leaves along the unit vector `direction`, above or
+    /// below the surface. Azimuth 0 is along x.
     #[must_use]
     pub fn index(&self, direction: Vec3) -> usize {
         let sensor = self.folded(direction);
@@ -126,19 +134,19 @@ impl Sensors {
         }
     }
 
-    /// The same of the direction or its mirror image in the plane of incidence,
-    /// whichever has y >= 0.
+    /// Like [`Sensors::index`], for the direction or its mirror image in the plane of
+    /// incidence, whichever has y >= 0.
     #[inline(always)]
     pub(crate) fn folded(&self, direction: Vec3) -> usize {
-        let place = (1.0 - direction.z.abs()) * self.len() as f64;
-        let ring = self.ring_of[(place as usize).min(self.len() - 1)];
+        let position = (1.0 - direction.z.abs()) * self.len() as f64;
+        let ring = self.ring_of[(position as usize).min(self.len() - 1)];
         let Ring { first, count } = self.rings[ring as usize];
         let turns = half_turn(direction.x, direction.y) * (1.0 / TAU);
         let cell = (turns * count as f64 + 0.5) as usize;
         first + cell.min(count / 2)
     }
 
-    /// Its mirror image in the plane of incidence.
+    /// The mirror image of `sensor` in the plane of incidence.
     #[must_use]
     pub fn mirrored(&self, sensor: usize) -> usize {
         let Ring { first, count } = self.ring(sensor);
@@ -156,8 +164,8 @@ impl Sensors {
         [libm::acos(self.mean_cosine(ring)), azimuth]
     }
 
-    /// The cell of a sensor: least and largest angle from the normal, and least and
-    /// largest azimuth about that of its centre, rad.
+    /// The bounds of a sensor, rad: smallest and largest angle from the normal, and
+    /// smallest and largest azimuth, which lie on either side of that of its centre.
     #[must_use]
     pub fn cell_rad(&self, sensor: usize) -> [[f64; 2]; 2] {
         let ring = self.ring(sensor);
@@ -168,10 +176,10 @@ impl Sensors {
         [polar, [azimuth - half, azimuth + half]]
     }
 
-    /// The sensors that the plane of incidence cuts, from the horizon on the
-    /// side of the light (azimuth pi) over the normal to the other horizon, with
-    /// their angles from the normal and azimuths 0 or pi. Of two that meet in the
-    /// plane the one at azimuth below pi is given.
+    /// The sensors cut by the plane of incidence, from the horizon on the side of the
+    /// light (azimuth pi) over the normal to the other horizon, with their angles from
+    /// the normal and azimuths 0 or pi, rad. Of two sensors that meet in the plane, the
+    /// one with azimuth below pi is returned.
     #[must_use]
     pub fn principal_plane(&self) -> Vec<(usize, [f64; 2])> {
         let rings = || self.rings[1..].iter();
@@ -183,23 +191,23 @@ impl Sensors {
         back.chain([(0, [0.0; 2])]).chain(forward).collect()
     }
 
-    /// Gives every sensor the mean of `sums` (rows of `width`, one per sensor)
-    /// over those that a symmetry of the light makes equal: the mirror image, or
-    /// with light symmetric about the normal the ring.
+    /// Averages `sums` (rows of `width`, one per sensor) over the sensors that are
+    /// equivalent by symmetry: a sensor and its mirror image, or, if the light is
+    /// symmetric about the normal (`axial`), all sensors of a ring.
     pub(crate) fn symmetrise(&self, axial: bool, sums: &mut [f64], width: usize) {
         for ring in &self.rings {
             let rows = &mut sums[ring.first * width..(ring.first + ring.count) * width];
             for column in 0..width {
-                let at = |cell: usize| cell * width + column;
+                let index = |cell: usize| cell * width + column;
                 if axial {
-                    let sum: f64 = (0..ring.count).map(|cell| rows[at(cell)]).sum();
-                    (0..ring.count).for_each(|cell| rows[at(cell)] = sum / ring.count as f64);
+                    let sum: f64 = (0..ring.count).map(|cell| rows[index(cell)]).sum();
+                    (0..ring.count).for_each(|cell| rows[index(cell)] = sum / ring.count as f64);
                     continue;
                 }
                 for cell in 1..ring.count.div_ceil(2) {
                     let image = ring.count - cell;
-                    let mean = 0.5 * (rows[at(cell)] + rows[at(image)]);
-                    (rows[at(cell)], rows[at(image)]) = (mean, mean);
+                    let mean = 0.5 * (rows[index(cell)] + rows[index(image)]);
+                    (rows[index(cell)], rows[index(image)]) = (mean, mean);
                 }
             }
         }

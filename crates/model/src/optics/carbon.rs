@@ -13,7 +13,7 @@ pub const IMPURITY_NM: f64 = 550.0;
 pub struct Carbon {
     /// Mass of carbon per mass of snow C, ng/g.
     pub concentration_ng_g: f64,
-    /// Share X of it that sits in the ice, [0, 1]; the rest is in the pores.
+    /// Share X of the carbon that is in the ice, [0, 1]; the rest is in the pores.
     pub sedimentation: f64,
     /// Mass absorption efficiency M at the reference wavelength, m2/g.
     pub mass_absorption_efficiency_m2_g: f64,
@@ -21,7 +21,7 @@ pub struct Carbon {
     pub reference_wavelength_nm: f64,
     /// Angstrom exponent A.
     pub angstrom_exponent: f64,
-    /// Whether C is per mass of the snow with its water.
+    /// Whether C is per mass of wet snow (with its liquid water) instead of dry snow.
     pub per_wet_mass: bool,
 }
 
@@ -46,14 +46,14 @@ impl CarbonLaw {
     }
 }
 
-/// How the mass of carbon is spread over the phases of the snow.
+/// How the mass of carbon is distributed over the phases of the snow.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
 pub enum ImpurityMass {
     /// Each phase absorbs as if it filled the snow (Varsa 2025).
     #[default]
     Varsa2025,
-    /// The mass in a volume of snow is what the concentration says, in
-    /// whatever phase it sits.
+    /// The mass of carbon per volume of snow is that given by the concentration,
+    /// whichever phase it is in.
     Conserved,
 }
 
@@ -68,31 +68,32 @@ impl ImpurityMass {
     }
 }
 
-/// Densities that carbon needs to know of snow, kg/m3.
+/// Densities of snow that determine the absorption by carbon, kg/m3.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Densities {
-    /// Of the dry snow.
+    /// Density of the dry snow.
     pub dry_kg_m3: f64,
-    /// With its water.
+    /// Density of the snow with its liquid water.
     pub wet_kg_m3: f64,
-    /// Of ice.
+    /// Density of ice.
     pub ice_kg_m3: f64,
 }
 
-/// An absorber in the ice and the pores of snow: alpha times
-/// ([`IMPURITY_NM`] / lambda)^exponent.
+/// An absorber in the ice and the pores of snow. Its absorption coefficients are those
+/// at [`IMPURITY_NM`] times ([`IMPURITY_NM`] / lambda)^exponent.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Impurity {
     /// Absorption coefficient added to that of ice at [`IMPURITY_NM`], 1/m.
     pub ice_per_m: f64,
-    /// The same of the pore space, water or air.
+    /// Absorption coefficient added to that of the pore space, water or air, at
+    /// [`IMPURITY_NM`], 1/m.
     pub pores_per_m: f64,
     /// Angstrom exponent.
     pub angstrom_exponent: f64,
 }
 
 impl Impurity {
-    /// What its coefficients are multiplied by at a wavelength.
+    /// Factor by which the absorption coefficients are multiplied at a wavelength.
     #[must_use]
     pub fn factor(angstrom_exponent: f64, wavelength_nm: f64) -> f64 {
         libm::pow(IMPURITY_NM / wavelength_nm, angstrom_exponent)
@@ -100,7 +101,8 @@ impl Impurity {
 }
 
 impl Carbon {
-    /// Black carbon with the defaults of Varsa 2025: M 16.619 m2/g at 880 nm, exponent 1.
+    /// Black carbon with the defaults of Varsa 2025: M = 16.619 m2/g at 880 nm and
+    /// exponent 1, all in the ice.
     #[must_use]
     pub fn black(concentration_ng_g: f64) -> Self {
         Self {
@@ -113,7 +115,7 @@ impl Carbon {
         }
     }
 
-    /// Brown carbon: the same with exponent 2.
+    /// Brown carbon: like [`Carbon::black`], with exponent 2.
     #[must_use]
     pub fn brown(concentration_ng_g: f64) -> Self {
         Self {
@@ -122,7 +124,8 @@ impl Carbon {
         }
     }
 
-    /// Absorption coefficient of all of it in snow of `density_kg_m3`, 1/m (eq. 4.12).
+    /// Absorption coefficient of all the carbon in snow of `density_kg_m3`, 1/m
+    /// (eq. 4.12).
     #[must_use]
     pub fn absorption_per_m(&self, law: CarbonLaw, density_kg_m3: f64, wavelength_nm: f64) -> f64 {
         let (reference, exponent) = (self.reference_wavelength_nm, self.angstrom_exponent);
@@ -135,7 +138,7 @@ impl Carbon {
         self.mass_absorption_efficiency_m2_g * spectral * mass_g_m3
     }
 
-    /// What it adds to the absorption of ice and pores (eqs. 4.10, 4.11).
+    /// Absorption that the carbon adds to ice and pores (eqs. 4.10, 4.11).
     #[must_use]
     pub fn impurity(&self, law: CarbonLaw, mass: ImpurityMass, densities: &Densities) -> Impurity {
         let Densities {
@@ -148,15 +151,15 @@ impl Carbon {
         } else {
             dry_kg_m3
         };
-        let all = self.absorption_per_m(law, density_kg_m3, IMPURITY_NM);
+        let total_per_m = self.absorption_per_m(law, density_kg_m3, IMPURITY_NM);
         let ice_share = dry_kg_m3 / ice_kg_m3;
         let (ice, pores) = match mass {
             ImpurityMass::Varsa2025 => (1.0, 1.0),
             ImpurityMass::Conserved => (1.0 / ice_share, 1.0 / (1.0 - ice_share)),
         };
         Impurity {
-            ice_per_m: self.sedimentation * all * ice,
-            pores_per_m: (1.0 - self.sedimentation) * all * pores,
+            ice_per_m: self.sedimentation * total_per_m * ice,
+            pores_per_m: (1.0 - self.sedimentation) * total_per_m * pores,
             angstrom_exponent: self.angstrom_exponent,
         }
     }
@@ -202,9 +205,9 @@ mod tests {
         }
     }
 
-    /// Volume shares of the phases times their coefficients give the whole.
+    /// Volume shares of the phases times their coefficients give the total.
     #[test]
-    fn mass_is_conserved_where_it_is_asked_for() {
+    fn mass_is_conserved_on_request() {
         let carbon = Carbon {
             sedimentation: 0.3,
             per_wet_mass: true,

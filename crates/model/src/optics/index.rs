@@ -14,36 +14,36 @@ pub const MODEL_RANGE_NM: (f64, f64) = (350.0, 2500.0);
 
 const NK: [&str; 3] = ["wavelength_nm", "n", "k"];
 
-/// An optical table that cannot serve.
+/// Error of an optical table.
 #[derive(Debug, Clone, PartialEq, Error)]
 pub enum OpticsError {
     /// A user's table cannot be read.
     #[error(transparent)]
     Table(#[from] TableError),
-    /// A user's table has values that are no refractive index.
+    /// A user's table has values that are not a refractive index.
     #[error(
         "water table {name}: at {wavelength_nm} nm n = {n} and k = {k}, but n must lie in [1, 2] and k in [0, 1]"
     )]
     Values {
-        /// File.
+        /// Path of the file.
         name: String,
-        /// Row.
+        /// Wavelength of the row, nm.
         wavelength_nm: f64,
-        /// Its n.
+        /// Value of n in the row.
         n: f64,
-        /// Its k.
+        /// Value of k in the row.
         k: f64,
     },
-    /// The table does not reach a wavelength.
-    #[error("{table} covers {min_nm}-{max_nm} nm, not {wavelength_nm} nm")]
+    /// The table does not cover a wavelength.
+    #[error("the optical table {table} covers {min_nm}-{max_nm} nm, not {wavelength_nm} nm")]
     Outside {
         /// Name of the table.
         table: String,
-        /// The wavelength asked for.
+        /// The requested wavelength, nm.
         wavelength_nm: f64,
-        /// Its first wavelength.
+        /// First wavelength of the table, nm.
         min_nm: f64,
-        /// Its last.
+        /// Last wavelength of the table, nm.
         max_nm: f64,
     },
 }
@@ -71,7 +71,7 @@ pub enum IceTable {
     /// S. G. Warren and R. E. Brandt 2008.
     #[default]
     WarrenBrandt2008,
-    /// G. Picard et al. 2016 for k at 320-600 nm, Warren and Brandt 2008 for all else.
+    /// G. Picard et al. 2016 for k at 320-600 nm; otherwise Warren and Brandt 2008.
     Picard2016,
 }
 
@@ -83,13 +83,14 @@ pub enum WaterTable {
     Segelstein1981,
     /// P. M. Rowe et al. 2020 at 0 C, from 667 nm.
     Rowe2020,
-    /// G. M. Hale and M. R. Querry 1973, up to 1000 nm (its grid is too coarse for k beyond).
+    /// G. M. Hale and M. R. Querry 1973, up to 1000 nm; beyond, its grid is too coarse
+    /// for k.
     HaleQuerry1973,
-    /// A CSV file `wavelength_nm,n,k` of the user's.
+    /// A user's CSV file with the columns `wavelength_nm,n,k`.
     Csv(PathBuf),
 }
 
-/// A table compiled in.
+/// A table that is compiled into the program.
 struct Shipped {
     file: &'static str,
     text: &'static str,
@@ -119,7 +120,7 @@ macro_rules! shipped {
             file: $file,
             text: include_str!(concat!("../../../../data/", $file)),
             table: LazyLock::new(|| {
-                #[allow(clippy::expect_used)] // compiled in; a test parses each
+                #[allow(clippy::expect_used)] // compiled in; the tests parse every table
                 Table::parse($file, $name.text, $header).expect("shipped table")
             }),
         };
@@ -136,17 +137,17 @@ shipped!(
     &["temperature_c", "density_kg_m3"]
 );
 
-/// A file of data that results depend on.
+/// A data file on which results depend.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub struct DataFile {
-    /// Name of the file; `water` for a table of the user's, so that a result
-    /// does not depend on where the table lies.
+    /// Name of the file; `water` for a user's table, so that a result does not depend
+    /// on the path of that table.
     pub name: String,
-    /// Its content.
+    /// Content of the file.
     pub bytes: Cow<'static, [u8]>,
 }
 
-/// The data files behind the tables in use; `water` is `None` in dry snow.
+/// The data files of the tables in use; `water` is `None` in dry snow.
 ///
 /// # Errors
 /// [`OpticsError::Table`] if a user's table cannot be read.
@@ -159,8 +160,8 @@ pub fn data_files(ice: IceTable, water: Option<&WaterTable>) -> Result<Vec<DataF
     Ok(files)
 }
 
-/// Density of ice Ih, kg/m3 (IAPWS R10-06), linear in the temperature in
-/// Celsius, which is clamped to the table's [-40, 0].
+/// Density of ice Ih, kg/m3 (IAPWS R10-06), interpolated linearly in temperature (in
+/// degrees Celsius). Temperatures are clamped to the table's range [-40, 0].
 #[must_use]
 pub fn ice_density_kg_m3(temperature_c: f64) -> f64 {
     let (min, max) = ICE_DENSITY.range();
@@ -179,7 +180,7 @@ impl IceTable {
         }
     }
 
-    /// Wavelengths covered, nm.
+    /// First and last wavelength of the table, nm.
     #[must_use]
     pub fn range_nm(self) -> (f64, f64) {
         match self {
@@ -191,7 +192,7 @@ impl IceTable {
     /// Refractive index at a wavelength.
     ///
     /// # Errors
-    /// [`OpticsError::Outside`] the table.
+    /// [`OpticsError::Outside`] if the table does not cover the wavelength.
     pub fn at(self, wavelength_nm: f64) -> Result<Index, OpticsError> {
         let outside = || {
             let (min_nm, max_nm) = self.range_nm();
@@ -245,10 +246,11 @@ impl WaterTable {
         }
     }
 
-    /// Loads the table, from disk if it is the user's.
+    /// Loads the table; a user's table is read from disk.
     ///
     /// # Errors
-    /// [`OpticsError::Table`] and [`OpticsError::Values`] for a bad user table.
+    /// [`OpticsError::Table`] if a user's table cannot be read, and
+    /// [`OpticsError::Values`] if it has values that are not a refractive index.
     pub fn load(&self) -> Result<Water, OpticsError> {
         let (table, max_nm) = match self {
             Self::Segelstein1981 => (SEGELSTEIN_1981.table.clone(), f64::INFINITY),
@@ -289,7 +291,7 @@ pub struct Water {
 }
 
 impl Water {
-    /// Wavelengths covered, nm.
+    /// First and last wavelength of the table, nm.
     #[must_use]
     pub fn range_nm(&self) -> (f64, f64) {
         self.range_nm
@@ -298,7 +300,7 @@ impl Water {
     /// Refractive index at a wavelength.
     ///
     /// # Errors
-    /// [`OpticsError::Outside`] the table.
+    /// [`OpticsError::Outside`] if the table does not cover the wavelength.
     pub fn at(&self, wavelength_nm: f64) -> Result<Index, OpticsError> {
         let (min_nm, max_nm) = self.range_nm;
         let outside = || OpticsError::Outside {
@@ -357,7 +359,7 @@ mod tests {
         assert!(water.at(1000.0).is_ok());
         let error = water.at(1001.0).unwrap_err().to_string();
         assert!(
-            error.contains("hale_querry_1973 covers 300-1000 nm"),
+            error.contains("table hale_querry_1973 covers 300-1000 nm"),
             "{error}"
         );
         assert!(IceTable::Picard2016.at(319.0).is_err());

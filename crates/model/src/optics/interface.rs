@@ -2,15 +2,15 @@
 //! with complex refractive indices (docs/methods.md; Varsa 2025, eqs. A.1-A.9),
 //! for eight rays at once.
 //!
-//! Unpolarised light. Where neither medium absorbs enough to matter
-//! ([`Interface::DIELECTRIC_K`]) the real-index formulas serve; their
-//! difference from the complex ones is bounded by a test.
-use wide::f64x8;
+//! Light is unpolarised. If the imaginary indices of both media are at most
+//! [`Interface::DIELECTRIC_K`], the formulas for real indices are accurate enough; a
+//! test bounds their difference from the complex ones.
+use splitsnow_spectra::simd::{F64x8, Portable, Simd};
 
 use crate::math::Vec3x8;
 use crate::optics::Index;
 
-/// The interface between the medium a ray comes from and the one it enters.
+/// The interface between the medium that a ray leaves and the medium that it enters.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Interface {
     /// Squared relative real index (n_to / n_from)^2.
@@ -19,35 +19,35 @@ pub struct Interface {
     absorbing: Option<Absorbing>,
 }
 
-/// What the complex formulas need beyond the real relative index.
+/// Quantities that the complex formulas use in addition to the real relative index.
 #[derive(Debug, Clone, Copy, PartialEq)]
 struct Absorbing {
     /// Real and imaginary part of the squared relative complex index.
     squared: (f64, f64),
-    /// K = k / n of the medium entered.
+    /// K = k / n of the medium that the ray enters.
     kappa: f64,
 }
 
-/// The interfaces that eight rays meet; all dielectric or all absorbing.
+/// The interfaces at eight rays, either all dielectric or all absorbing.
 #[derive(Debug, Clone, Copy, PartialEq)]
-pub struct Interfaces {
-    eta_squared: f64x8,
-    inverse_eta: f64x8,
+pub struct Interfaces<S: Simd = Portable> {
+    eta_squared: F64x8<S>,
+    inverse_eta: F64x8<S>,
     /// Squared relative complex index (real, imaginary) and K.
-    absorbing: Option<[f64x8; 3]>,
+    absorbing: Option<[F64x8<S>; 3]>,
 }
 
-/// What the formulas say of eight angles of incidence.
+/// Reflectance and refraction of eight rays.
 #[derive(Debug, Clone, Copy, PartialEq)]
-pub struct Incidences {
+pub struct Incidences<S: Simd = Portable> {
     /// Unpolarised Fresnel reflectances, [0, 1].
-    pub reflectance: f64x8,
+    pub reflectance: F64x8<S>,
     /// Cosines of the angles of refraction, >= 0; 0 in total reflection.
-    pub cos_refracted: f64x8,
+    pub cos_refracted: F64x8<S>,
 }
 
 impl Interface {
-    /// Imaginary index up to which a medium counts as dielectric.
+    /// Largest imaginary index of a medium that is treated as dielectric.
     pub const DIELECTRIC_K: f64 = 1e-6;
 
     /// The interface met by a ray going from `from` into `to`, with both
@@ -62,7 +62,7 @@ impl Interface {
         }
     }
 
-    /// The interface by the complex formulas, whatever the imaginary indices.
+    /// The interface with the complex formulas, for any imaginary indices.
     #[must_use]
     pub fn absorbing(from: Index, to: Index) -> Self {
         // (to.n + i to.k) / (from.n + i from.k), squared
@@ -83,38 +83,61 @@ impl Interface {
     /// The same interface for eight rays.
     #[inline(always)]
     #[must_use]
-    pub fn splat(&self) -> Interfaces {
+    pub fn splat<S: Simd>(&self) -> Interfaces<S> {
         Interfaces {
-            eta_squared: f64x8::splat(self.eta_squared),
-            inverse_eta: f64x8::splat(self.inverse_eta),
+            eta_squared: F64x8::splat(self.eta_squared),
+            inverse_eta: F64x8::splat(self.inverse_eta),
             absorbing: self
                 .absorbing
-                .map(|a| [a.squared.0, a.squared.1, a.kappa].map(f64x8::splat)),
+                .map(|a| [a.squared.0, a.squared.1, a.kappa].map(F64x8::splat)),
         }
     }
 }
 
-/// Square root of the complex number `re + i im` (principal value), `im`
-/// contributing only its magnitude to the sign-free parts.
+/// sqrt(x / 2), or 0 for negative `x`.
 #[inline(always)]
-fn complex_sqrt(re: f64x8, im: f64x8) -> (f64x8, f64x8) {
-    let half = f64x8::splat(0.5);
-    let modulus = (re * re + im * im).sqrt();
-    let root = |x: f64x8| (half * x).fast_max(f64x8::ZERO).sqrt();
-    let sign = im & f64x8::splat(-0.0);
-    (root(modulus + re), root(modulus - re) | sign)
+fn root_of_half<S: Simd>(x: F64x8<S>) -> F64x8<S> {
+    (F64x8::splat(0.5) * x).max(F64x8::ZERO).sqrt()
 }
 
-impl Interfaces {
-    /// Where `mask` is set `a`, else `b`.
+/// 1 - c^2, or 0 if that is negative.
+#[inline(always)]
+fn sin_squared<S: Simd>(c: F64x8<S>) -> F64x8<S> {
+    (F64x8::ONE - c * c).max(F64x8::ZERO)
+}
+
+/// Squared modulus of the complex number `re + i im`.
+#[inline(always)]
+fn square<S: Simd>(re: F64x8<S>, im: F64x8<S>) -> F64x8<S> {
+    re * re + im * im
+}
+
+/// Principal square root of the complex number `re + i im`. The magnitudes of the two
+/// parts depend on |im| only; the imaginary part has the sign of `im`.
+#[inline(always)]
+fn complex_sqrt<S: Simd>(re: F64x8<S>, im: F64x8<S>) -> (F64x8<S>, F64x8<S>) {
+    let modulus = (re * re + im * im).sqrt();
+    let sign = im & F64x8::splat(-0.0);
+    (
+        root_of_half(modulus + re),
+        root_of_half(modulus - re) | sign,
+    )
+}
+
+impl<S: Simd> Interfaces<S> {
+    /// Selects `a` where `mask` is set, else `b`.
     #[inline(always)]
     #[must_use]
-    pub fn select(mask: f64x8, a: &Self, b: &Self) -> Self {
+    pub fn select(mask: F64x8<S>, a: &Self, b: &Self) -> Self {
         Self {
             eta_squared: mask.select(a.eta_squared, b.eta_squared),
             inverse_eta: mask.select(a.inverse_eta, b.inverse_eta),
             absorbing: match (&a.absorbing, &b.absorbing) {
-                (Some(a), Some(b)) => Some(std::array::from_fn(|i| mask.select(a[i], b[i]))),
+                (Some(a), Some(b)) => Some([
+                    mask.select(a[0], b[0]),
+                    mask.select(a[1], b[1]),
+                    mask.select(a[2], b[2]),
+                ]),
                 _ => None,
             },
         }
@@ -123,8 +146,8 @@ impl Interfaces {
     /// Reflectance and refraction at angles of incidence with cosines `c` in (0, 1].
     #[inline(always)]
     #[must_use]
-    pub fn at(&self, c: f64x8) -> Incidences {
-        let sin_squared = f64x8::ONE - c * c;
+    pub fn at(&self, c: F64x8<S>) -> Incidences<S> {
+        let sin_squared = F64x8::ONE - c * c;
         if let Some([re, im, kappa]) = self.absorbing {
             return Incidences {
                 reflectance: absorbing_reflectance(re, im, c, sin_squared),
@@ -132,42 +155,49 @@ impl Interfaces {
             };
         }
         let q_squared = self.eta_squared - sin_squared;
-        let q = q_squared.fast_max(f64x8::ZERO).sqrt();
+        let q = q_squared.max(F64x8::ZERO).sqrt();
         let e = self.eta_squared * c;
         // r_s = (c - q)/(c + q), r_p = (e - q)/(e + q) over one denominator
         let (s, p) = (c + q, e + q);
-        let r = f64x8::ONE / (s * p);
+        let r = F64x8::ONE / (s * p);
         let (rs, rp) = ((c - q) * p * r, (e - q) * s * r);
-        let reflectance = f64x8::splat(0.5) * (rs * rs + rp * rp);
-        let total = q_squared.simd_le(f64x8::ZERO);
+        let reflectance = F64x8::splat(0.5) * (rs * rs + rp * rp);
+        let total = q_squared.le(F64x8::ZERO);
         Incidences {
-            reflectance: total.select(f64x8::ONE, reflectance),
+            reflectance: total.select(F64x8::ONE, reflectance),
             cos_refracted: q * self.inverse_eta,
         }
     }
 
-    /// Cosine of the angle of refraction into an absorbing medium (eqs.
-    /// A.7-A.9 with the misprints of docs/methods.md mended); the half angle
-    /// psi and the fourth root q' come from one complex square root.
+    /// Cosine of the angle of refraction into an absorbing medium (eqs. A.7-A.9, with
+    /// the misprints listed in docs/methods.md corrected). The half angle psi and the
+    /// fourth root q' come from one complex square root.
     #[inline(always)]
-    fn absorbing_refraction(&self, kappa: f64x8, sin_squared: f64x8) -> f64x8 {
-        let one = f64x8::ONE;
+    fn absorbing_refraction(&self, kappa: F64x8<S>, sin_squared: F64x8<S>) -> F64x8<S> {
+        let one = F64x8::ONE;
         let k2 = kappa * kappa;
         let scale = self.eta_squared * (one + k2) * (one + k2);
         // n (1 + K^2) q' times cos(psi) and sin(psi)
         let (q_cos, q_sin) = complex_sqrt(
             scale - (one - k2) * sin_squared,
-            f64x8::splat(2.0) * kappa * sin_squared,
+            F64x8::splat(2.0) * kappa * sin_squared,
         );
-        let m = (q_cos - kappa * q_sin).fast_max(f64x8::ZERO) / (one + k2);
+        let m = (q_cos - kappa * q_sin).max(F64x8::ZERO) / (one + k2);
         m / (sin_squared + m * m).sqrt()
     }
 
-    /// Directions of the rays refracted at unit normals `m` facing them, `d`
-    /// the incident directions, `c = -d.m`. Meaningless in total reflection.
+    /// Directions of refracted rays. `d` are the incident directions, `m` the unit
+    /// normals on their side, and `c = -d.m`. In total reflection the result is
+    /// meaningless.
     #[inline(always)]
     #[must_use]
-    pub fn refract(&self, d: Vec3x8, m: Vec3x8, c: f64x8, incidences: &Incidences) -> Vec3x8 {
+    pub fn refract(
+        &self,
+        d: Vec3x8<S>,
+        m: Vec3x8<S>,
+        c: F64x8<S>,
+        incidences: &Incidences<S>,
+    ) -> Vec3x8<S> {
         let cos = incidences.cos_refracted;
         let ratio = if self.absorbing.is_some() {
             sine_ratio(cos, c)
@@ -177,45 +207,50 @@ impl Interfaces {
         (d * ratio).plus(ratio * c - cos, m)
     }
 
-    /// As [`Interfaces::refract`], but along the surface in total reflection,
-    /// as eq. A.7 has it.
+    /// Like [`Interfaces::refract`], but in total reflection the direction is along the
+    /// surface, as in eq. A.7.
     #[inline(always)]
     #[must_use]
     pub fn refract_or_graze(
         &self,
-        d: Vec3x8,
-        m: Vec3x8,
-        c: f64x8,
-        incidences: &Incidences,
-    ) -> Vec3x8 {
+        d: Vec3x8<S>,
+        m: Vec3x8<S>,
+        c: F64x8<S>,
+        incidences: &Incidences<S>,
+    ) -> Vec3x8<S> {
         let cos = incidences.cos_refracted;
         let ratio = sine_ratio(cos, c);
         (d * ratio).plus(ratio * c - cos, m)
     }
 }
 
-/// sin(theta_t) / sin(theta_i), which is 1 / eta but for absorption and total reflection.
+/// sin(theta_t) / sin(theta_i). It equals 1 / eta without absorption and total
+/// reflection.
 #[inline(always)]
-fn sine_ratio(cos_to: f64x8, cos_from: f64x8) -> f64x8 {
-    let sin_squared = |c: f64x8| (f64x8::ONE - c * c).fast_max(f64x8::ZERO);
-    (sin_squared(cos_to) / sin_squared(cos_from).fast_max(f64x8::splat(1e-300))).sqrt()
+fn sine_ratio<S: Simd>(cos_to: F64x8<S>, cos_from: F64x8<S>) -> F64x8<S> {
+    (sin_squared(cos_to) / sin_squared(cos_from).max(F64x8::splat(1e-300))).sqrt()
 }
 
-/// Unpolarised reflectance with moduli of the complex amplitudes (A.1-A.2);
+/// Unpolarised reflectance from the moduli of the complex amplitudes (eqs. A.1-A.2);
 /// `re + i im` is the squared relative index.
 #[inline(always)]
-fn absorbing_reflectance(re: f64x8, im: f64x8, c: f64x8, sin_squared: f64x8) -> f64x8 {
+fn absorbing_reflectance<S: Simd>(
+    re: F64x8<S>,
+    im: F64x8<S>,
+    c: F64x8<S>,
+    sin_squared: F64x8<S>,
+) -> F64x8<S> {
     let (qr, qi) = complex_sqrt(re - sin_squared, im);
-    let square = |re: f64x8, im: f64x8| re * re + im * im;
     let s = square(c - qr, qi) / square(c + qr, qi);
     let p = square(re * c - qr, im * c - qi) / square(re * c + qr, im * c + qi);
-    (f64x8::splat(0.5) * (s + p)).fast_min(f64x8::ONE)
+    (F64x8::splat(0.5) * (s + p)).min(F64x8::ONE)
 }
 
-/// Mirror directions of `d` at unit normals `m` facing them, `c = -d.m`.
+/// Directions of reflected rays. `d` are the incident directions, `m` the unit normals
+/// on their side, and `c = -d.m`.
 #[inline(always)]
 #[must_use]
-pub fn reflect(d: Vec3x8, m: Vec3x8, c: f64x8) -> Vec3x8 {
+pub fn reflect<S: Simd>(d: Vec3x8<S>, m: Vec3x8<S>, c: F64x8<S>) -> Vec3x8<S> {
     d.plus(c + c, m)
 }
 
@@ -229,7 +264,7 @@ mod tests {
     impl Interface {
         /// Reflectance and cosine of refraction of one ray.
         fn one(&self, c: f64) -> (f64, f64) {
-            let at = self.splat().at(f64x8::splat(c));
+            let at = self.splat().at(F64x8::<Portable>::splat(c));
             (at.reflectance.to_array()[0], at.cos_refracted.to_array()[0])
         }
     }
@@ -304,7 +339,7 @@ mod tests {
 
     #[test]
     fn directions_stay_unit_and_in_the_plane_of_incidence() {
-        let splat = f64x8::splat;
+        let splat = F64x8::splat;
         let m = Vec3x8::new(splat(0.2), splat(-0.3), splat(0.9)).unit();
         let water = Index { n: 1.3, k: 1e-3 };
         for (from, to) in [
@@ -321,7 +356,7 @@ mod tests {
                 let interface = interface.splat();
                 for cos in cosines() {
                     let c = splat(cos);
-                    let zero = |x: f64x8| {
+                    let zero = |x: F64x8| {
                         assert!(x.to_array()[0].abs() < 1e-7, "{from:?} {to:?} {cos}");
                     };
                     let d = (m.frame().0 * splat((1.0 - cos * cos).sqrt())).plus(-c, m);
@@ -329,20 +364,20 @@ mod tests {
                     let refracted = interface.refract_or_graze(d, m, c, &at);
                     if cos > 0.9 {
                         let plain = interface.refract(d, m, c, &at);
-                        zero((plain + refracted * -f64x8::ONE).dot(m.frame().0));
+                        zero((plain + refracted * -F64x8::ONE).dot(m.frame().0));
                     }
-                    zero(refracted.dot(refracted) - f64x8::ONE);
+                    zero(refracted.dot(refracted) - F64x8::ONE);
                     zero(refracted.dot(m) + at.cos_refracted);
                     let mirrored = reflect(d, m, c);
                     zero(mirrored.dot(m) - c);
-                    zero(mirrored.dot(mirrored) - f64x8::ONE);
+                    zero(mirrored.dot(mirrored) - F64x8::ONE);
                 }
             }
         }
     }
 
-    /// What neglecting the imaginary index costs, averaged over directions
-    /// (the difference peaks in a narrow band at the critical angle).
+    /// Error from neglecting the imaginary index, averaged over directions (the
+    /// difference peaks in a narrow band at the critical angle).
     #[test]
     fn dielectric_formulas_hold_up_to_their_limit() {
         let ice = Index {

@@ -1,5 +1,5 @@
-//! Optical properties of ice, water and carbon, and what happens at their surfaces
-//! (docs/methods.md; Varsa 2025, appendix A).
+//! Optical properties of ice, water and carbon, and reflection and refraction at
+//! interfaces (docs/methods.md; Varsa 2025, appendix A).
 mod carbon;
 mod index;
 mod interface;

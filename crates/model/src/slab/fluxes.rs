@@ -4,6 +4,8 @@ use super::medium::{Shapes, sech_square, tanh};
 use super::modes::Modes;
 use super::streams::legendre;
 use super::{Matrix, Medium, SlabError};
+use splitsnow_spectra::simd::Portable;
+
 use crate::math::exp_neg;
 
 /// The light that falls on a slab, from above.
@@ -158,7 +160,8 @@ impl Medium<'_> {
         for (l, (chi, p)) in self.chi.iter().zip(terms).enumerate() {
             let term = chi * (2.0 * l as f64 + 1.0) * p;
             let source = if l % 2 == 0 { &mut even } else { &mut odd };
-            super::matrix::add_scaled(source.wide_row_mut(0), term, streams.legendre.wide_row(l));
+            let (row, moment) = (source.wide_row_mut(0), streams.legendre.wide_row(l));
+            super::matrix::add_scaled::<Portable>(row, term, moment);
         }
         for (i, (w, mu)) in streams.weights.iter().zip(&streams.cosines).enumerate() {
             let factor = (w / mu).sqrt() / cosine;

@@ -5,11 +5,13 @@
 //! same to the bit on every machine.
 use std::ops::{Add, Index, IndexMut, Mul, Sub};
 
-use wide::bytemuck::{cast_slice, cast_slice_mut};
-use wide::f64x4;
+use splitsnow_spectra::simd::{F64x4, Kernel, Simd, dispatch};
 
 /// Entries per block.
 pub(super) const LANES: usize = 4;
+
+/// Entries of a row that lie side by side.
+pub(super) type Block = [f64; LANES];
 
 /// A dense matrix of f64, rows by columns.
 #[derive(Debug, Clone, PartialEq)]
@@ -18,7 +20,7 @@ pub struct Matrix {
     columns: usize,
     /// Blocks per row.
     blocks: usize,
-    data: Vec<f64x4>,
+    data: Vec<Block>,
 }
 
 impl Matrix {
@@ -30,7 +32,7 @@ impl Matrix {
             rows,
             columns,
             blocks,
-            data: vec![f64x4::ZERO; rows * blocks],
+            data: vec![[0.0; LANES]; rows * blocks],
         }
     }
 
@@ -77,15 +79,17 @@ impl Matrix {
     }
 
     /// One row, as long as there are columns.
+    #[inline]
     #[must_use]
     pub fn row(&self, i: usize) -> &[f64] {
-        &cast_slice(self.wide_row(i))[..self.columns]
+        &self.wide_row(i).as_flattened()[..self.columns]
     }
 
     /// One row, to be changed.
+    #[inline]
     pub fn row_mut(&mut self, i: usize) -> &mut [f64] {
         let columns = self.columns;
-        &mut cast_slice_mut(self.wide_row_mut(i))[..columns]
+        &mut self.wide_row_mut(i).as_flattened_mut()[..columns]
     }
 
     /// Rows become columns.
@@ -94,14 +98,16 @@ impl Matrix {
         Self::from_fn(self.columns, self.rows, |i, j| self[(j, i)])
     }
 
-    fn entrywise(&self, other: &Self, f: impl Fn(f64x4, f64x4) -> f64x4) -> Self {
+    fn entrywise(&self, other: &Self, f: impl Fn(f64, f64) -> f64) -> Self {
         assert!(
             (self.rows, self.columns) == (other.rows, other.columns),
             "matrices of different shape"
         );
         let data = self.data.iter().zip(&other.data);
         Self {
-            data: data.map(|(&a, &b)| f(a, b)).collect(),
+            data: data
+                .map(|(a, b)| std::array::from_fn(|lane| f(a[lane], b[lane])))
+                .collect(),
             ..*self
         }
     }
@@ -123,24 +129,25 @@ impl Matrix {
 
     /// Each entry times that of `other`.
     pub(super) fn scale_entries(&mut self, other: &Self) {
-        for (a, &b) in self.data.iter_mut().zip(&other.data) {
+        let entries = self.data.as_flattened_mut().iter_mut();
+        for (a, b) in entries.zip(other.data.as_flattened()) {
             *a *= b;
         }
     }
 
     #[inline(always)]
-    pub(super) fn wide_row(&self, i: usize) -> &[f64x4] {
+    pub(super) fn wide_row(&self, i: usize) -> &[Block] {
         &self.data[i * self.blocks..(i + 1) * self.blocks]
     }
 
     #[inline(always)]
-    pub(super) fn wide_row_mut(&mut self, i: usize) -> &mut [f64x4] {
+    pub(super) fn wide_row_mut(&mut self, i: usize) -> &mut [Block] {
         &mut self.data[i * self.blocks..(i + 1) * self.blocks]
     }
 
     /// Rows i < j, to be changed together.
     #[inline(always)]
-    pub(super) fn wide_rows_mut(&mut self, i: usize, j: usize) -> (&mut [f64x4], &mut [f64x4]) {
+    pub(super) fn wide_rows_mut(&mut self, i: usize, j: usize) -> (&mut [Block], &mut [Block]) {
         let (upper, lower) = self.data.split_at_mut(j * self.blocks);
         (
             &mut upper[i * self.blocks..(i + 1) * self.blocks],
@@ -151,19 +158,28 @@ impl Matrix {
 
 /// `row += factor * other`.
 #[inline(always)]
-pub(super) fn add_scaled(row: &mut [f64x4], factor: f64, other: &[f64x4]) {
-    let factor = f64x4::splat(factor);
+pub(super) fn add_scaled<S: Simd>(row: &mut [Block], factor: f64, other: &[Block]) {
+    let factor = F64x4::<S>::splat(factor);
     for (a, &b) in row.iter_mut().zip(other) {
-        *a += factor * b;
+        *a = (F64x4::new(*a) + factor * F64x4::new(b)).to_array();
+    }
+}
+
+/// `row *= factor`.
+#[inline(always)]
+pub(super) fn scale<S: Simd>(row: &mut [Block], factor: f64) {
+    let factor = F64x4::<S>::splat(factor);
+    for block in row {
+        *block = (F64x4::new(*block) * factor).to_array();
     }
 }
 
 /// Scalar product.
 #[inline(always)]
-pub(super) fn dot(a: &[f64x4], b: &[f64x4]) -> f64 {
-    let mut sum = f64x4::ZERO;
+pub(super) fn dot<S: Simd>(a: &[Block], b: &[Block]) -> f64 {
+    let mut sum = F64x4::<S>::ZERO;
     for (&a, &b) in a.iter().zip(b) {
-        sum += a * b;
+        sum += F64x4::new(a) * F64x4::new(b);
     }
     let [a, b, c, d] = sum.to_array();
     (a + b) + (c + d)
@@ -171,15 +187,54 @@ pub(super) fn dot(a: &[f64x4], b: &[f64x4]) -> f64 {
 
 /// A^T diag(d) B; A and B have as many rows as d has entries.
 pub(super) fn weighted_product(a: &Matrix, d: &[f64], b: &Matrix) -> Matrix {
-    let mut product = Matrix::zeros(a.columns, b.columns);
-    for (m, &weight) in d.iter().enumerate() {
-        if weight != 0.0 {
-            for (i, entry) in a.row(m).iter().enumerate() {
-                add_scaled(product.wide_row_mut(i), entry * weight, b.wide_row(m));
+    dispatch(WeightedProduct { a, d, b })
+}
+
+struct WeightedProduct<'a> {
+    a: &'a Matrix,
+    d: &'a [f64],
+    b: &'a Matrix,
+}
+
+impl Kernel for WeightedProduct<'_> {
+    type Output = Matrix;
+
+    #[inline(always)]
+    fn run<S: Simd>(self) -> Matrix {
+        let Self { a, d, b } = self;
+        let mut product = Matrix::zeros(a.columns, b.columns);
+        for (m, &weight) in d.iter().enumerate() {
+            if weight != 0.0 {
+                for (i, entry) in a.row(m).iter().enumerate() {
+                    add_scaled::<S>(product.wide_row_mut(i), entry * weight, b.wide_row(m));
+                }
             }
         }
+        product
     }
-    product
+}
+
+/// The work of a product.
+struct Product<'a> {
+    left: &'a Matrix,
+    right: &'a Matrix,
+}
+
+impl Kernel for Product<'_> {
+    type Output = Matrix;
+
+    #[inline(always)]
+    fn run<S: Simd>(self) -> Matrix {
+        let Self { left, right } = self;
+        let mut product = Matrix::zeros(left.rows, right.columns);
+        for i in 0..left.rows {
+            let row = product.wide_row_mut(i);
+            for (k, &entry) in left.row(i).iter().enumerate() {
+                add_scaled::<S>(row, entry, right.wide_row(k));
+            }
+        }
+        product
+    }
 }
 
 impl Index<(usize, usize)> for Matrix {
@@ -210,14 +265,7 @@ impl Mul for &Matrix {
             self.columns,
             right.rows
         );
-        let mut product = Matrix::zeros(self.rows, right.columns);
-        for i in 0..self.rows {
-            let row = product.wide_row_mut(i);
-            for (k, &entry) in self.row(i).iter().enumerate() {
-                add_scaled(row, entry, right.wide_row(k));
-            }
-        }
-        product
+        dispatch(Product { left: self, right })
     }
 }
 
@@ -243,6 +291,8 @@ impl Sub for &Matrix {
 
 #[cfg(test)]
 mod tests {
+    use splitsnow_spectra::simd::Portable;
+
     use super::*;
 
     #[test]
@@ -257,6 +307,6 @@ mod tests {
         assert_eq!(weighted.row(2), &[0.0, 4.0, 8.0]);
         assert_eq!((&a - &a), Matrix::zeros(2, 3));
         assert_eq!((a.rows(), a.columns()), (2, 3));
-        assert_eq!(dot(a.wide_row(0), a.wide_row(1)), 14.0);
+        assert_eq!(dot::<Portable>(a.wide_row(0), a.wide_row(1)), 14.0);
     }
 }

@@ -1,7 +1,7 @@
 //! The decaying modes of a medium: the eigenproblem of the module's text.
-use wide::f64x4;
+use splitsnow_spectra::simd::{F64x4, Kernel, Simd, dispatch};
 
-use super::matrix::{add_scaled, dot, weighted_product};
+use super::matrix::{add_scaled, dot, scale, weighted_product};
 use super::solve::back_substitute;
 use super::{Matrix, SlabError, Streams};
 
@@ -32,25 +32,34 @@ impl Modes {
     /// # Errors
     /// [`SlabError::Peaked`].
     pub(super) fn new(streams: &Streams, chi: &[f64], absorption: f64) -> Result<Self, SlabError> {
+        dispatch(Medium {
+            streams,
+            chi,
+            absorption,
+        })
+    }
+
+    #[inline(always)]
+    fn of<S: Simd>(streams: &Streams, chi: &[f64], absorption: f64) -> Result<Self, SlabError> {
         let n = streams.count();
         let moment = |l: usize| -chi.get(l).copied().unwrap_or(0.0);
         let even: Vec<f64> = (1..n).map(|l| moment(2 * l)).collect();
         let odd: Vec<f64> = (0..n).map(|l| moment(2 * l + 1)).collect();
-        let even = cholesky(one_plus(&streams.even, &even))?;
-        let odd = cholesky(one_plus(&streams.odd, &odd))?;
+        let even = cholesky::<S>(one_plus(&streams.even, &even))?;
+        let odd = cholesky::<S>(one_plus(&streams.odd, &odd))?;
 
         // N^T L; its first row has the factor sqrt(1 - chi_0)
         let basis = &streams.basis_over_cosine * &odd.transposed();
         let mut product = Matrix::zeros(n, n);
         let first = absorption.max(LEAST_ABSORPTION).sqrt();
-        add_scaled(product.wide_row_mut(0), first, basis.wide_row(0));
+        add_scaled::<S>(product.wide_row_mut(0), first, basis.wide_row(0));
         for i in 1..n {
             for j in i..n {
                 let row = product.wide_row_mut(i);
-                add_scaled(row, even[(i - 1, j - 1)], basis.wide_row(j));
+                add_scaled::<S>(row, even[(i - 1, j - 1)], basis.wide_row(j));
             }
         }
-        let rates = orthogonalise(&mut product);
+        let rates = orthogonalise::<S>(&mut product);
         let directions = product;
 
         let mut z = &directions * &odd;
@@ -59,7 +68,7 @@ impl Modes {
                 *entry /= mu.sqrt();
             }
         }
-        let mut y = back_substitute(&odd, directions.transposed());
+        let mut y = back_substitute::<S>(&odd, directions.transposed());
         for (i, mu) in streams.cosines.iter().enumerate() {
             let root = mu.sqrt();
             y.row_mut(i).iter_mut().for_each(|entry| *entry *= root);
@@ -76,6 +85,22 @@ impl Modes {
     }
 }
 
+/// What [`Modes::new`] is given.
+struct Medium<'a> {
+    streams: &'a Streams,
+    chi: &'a [f64],
+    absorption: f64,
+}
+
+impl Kernel for Medium<'_> {
+    type Output = Result<Modes, SlabError>;
+
+    #[inline(always)]
+    fn run<S: Simd>(self) -> Self::Output {
+        Modes::of::<S>(self.streams, self.chi, self.absorption)
+    }
+}
+
 /// 1 + V^T diag(d) V.
 fn one_plus(vectors: &Matrix, d: &[f64]) -> Matrix {
     let mut sum = weighted_product(vectors, d, vectors);
@@ -84,7 +109,8 @@ fn one_plus(vectors: &Matrix, d: &[f64]) -> Matrix {
 }
 
 /// U, upper triangular, with U^T U = `a`.
-fn cholesky(mut a: Matrix) -> Result<Matrix, SlabError> {
+#[inline(always)]
+fn cholesky<S: Simd>(mut a: Matrix) -> Result<Matrix, SlabError> {
     let n = a.rows();
     for k in 0..n {
         let pivot = a[(k, k)];
@@ -98,7 +124,7 @@ fn cholesky(mut a: Matrix) -> Result<Matrix, SlabError> {
         for i in k + 1..n {
             let factor = -a[(k, i)];
             let (upper, lower) = a.wide_rows_mut(k, i);
-            add_scaled(lower, factor, upper);
+            add_scaled::<S>(lower, factor, upper);
         }
     }
     Ok(a)
@@ -107,14 +133,18 @@ fn cholesky(mut a: Matrix) -> Result<Matrix, SlabError> {
 /// Turns the rows of A = U diag(k) V^T into those of V^T and gives k: one-sided
 /// Jacobi rotations, which find every singular value to a relative accuracy
 /// that does not suffer from the sizes of the rows (Demmel and Veselic 1992).
-fn orthogonalise(a: &mut Matrix) -> Vec<f64> {
+#[inline(always)]
+fn orthogonalise<S: Simd>(a: &mut Matrix) -> Vec<f64> {
     let n = a.rows();
     // Rotations converge quadratically: after a sweep that met no cosine above
     // this the rows are orthogonal to rounding.
     const DONE: f64 = 1e-18;
     const ROUNDING: f64 = 1e-32;
     for _ in 0..40 {
-        let mut squares: Vec<f64> = (0..n).map(|i| dot(a.wide_row(i), a.wide_row(i))).collect();
+        let mut squares = vec![0.0; n];
+        for (i, square) in squares.iter_mut().enumerate() {
+            *square = dot::<S>(a.wide_row(i), a.wide_row(i));
+        }
         let mut largest: f64 = 0.0;
         // Pairs of equal sum share no row, so their rotations overlap in time.
         for sum in 0..n {
@@ -124,7 +154,7 @@ fn orthogonalise(a: &mut Matrix) -> Vec<f64> {
                     continue;
                 }
                 let (upper, lower) = a.wide_rows_mut(i, j);
-                let product = dot(upper, lower);
+                let product = dot::<S>(upper, lower);
                 let cosine = product * product / (squares[i] * squares[j]);
                 if cosine <= ROUNDING {
                     continue;
@@ -135,9 +165,11 @@ fn orthogonalise(a: &mut Matrix) -> Vec<f64> {
                 let c = 1.0 / (1.0 + tangent * tangent).sqrt();
                 squares[i] -= tangent * product;
                 squares[j] += tangent * product;
-                let (c, s) = (f64x4::splat(c), f64x4::splat(c * tangent));
+                let (c, s) = (F64x4::<S>::splat(c), F64x4::splat(c * tangent));
                 for (x, y) in upper.iter_mut().zip(lower) {
-                    (*x, *y) = (c * *x - s * *y, s * *x + c * *y);
+                    let (a, b) = (F64x4::new(*x), F64x4::new(*y));
+                    *x = (c * a - s * b).to_array();
+                    *y = (s * a + c * b).to_array();
                 }
             }
         }
@@ -145,13 +177,12 @@ fn orthogonalise(a: &mut Matrix) -> Vec<f64> {
             break;
         }
     }
-    (0..n)
-        .map(|i| {
-            let row = a.wide_row_mut(i);
-            let norm = dot(row, row).sqrt();
-            let inverse = 1.0 / norm;
-            row.iter_mut().for_each(|block| *block *= inverse);
-            norm
-        })
-        .collect()
+    let mut rates = vec![0.0; n];
+    for (i, rate) in rates.iter_mut().enumerate() {
+        let row = a.wide_row_mut(i);
+        let norm = dot::<S>(row, row).sqrt();
+        scale::<S>(row, 1.0 / norm);
+        *rate = norm;
+    }
+    rates
 }

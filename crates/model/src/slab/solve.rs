@@ -1,6 +1,20 @@
 //! Linear equations with many right-hand sides, solved row by row.
-use super::matrix::{LANES, add_scaled};
+use splitsnow_spectra::simd::{Kernel, Simd, dispatch};
+
+use super::matrix::{LANES, add_scaled, scale};
 use super::{Matrix, SlabError};
+
+/// The matrix and the right-hand sides of [`Matrix::solve`].
+struct Elimination<const PIVOT: bool>(Matrix, Matrix);
+
+impl<const PIVOT: bool> Kernel for Elimination<PIVOT> {
+    type Output = Result<Matrix, SlabError>;
+
+    #[inline(always)]
+    fn run<S: Simd>(self) -> Self::Output {
+        self.0.eliminate::<S, PIVOT>(self.1)
+    }
+}
 
 impl Matrix {
     /// X of `self` X = `right`: Gaussian elimination with row pivoting.
@@ -11,16 +25,17 @@ impl Matrix {
     /// # Panics
     /// If `self` is not square or `right` has another number of rows.
     pub fn solve(self, right: Self) -> Result<Self, SlabError> {
-        self.eliminate::<true>(right)
+        dispatch(Elimination::<true>(self, right))
     }
 
     /// The same for a symmetric positive definite matrix: without pivoting,
     /// which keeps the accuracy of rows of very different size.
     pub(super) fn solve_definite(self, right: Self) -> Result<Self, SlabError> {
-        self.eliminate::<false>(right)
+        dispatch(Elimination::<false>(self, right))
     }
 
-    fn eliminate<const PIVOT: bool>(mut self, mut right: Self) -> Result<Self, SlabError> {
+    #[inline(always)]
+    fn eliminate<S: Simd, const PIVOT: bool>(mut self, mut right: Self) -> Result<Self, SlabError> {
         let n = self.rows();
         assert!(
             self.columns() == n && right.rows() == n,
@@ -42,12 +57,12 @@ impl Matrix {
             for i in k + 1..n {
                 let factor = -self[(i, k)] * inverse;
                 let (upper, lower) = self.wide_rows_mut(k, i);
-                add_scaled(&mut lower[k / LANES..], factor, &upper[k / LANES..]);
+                add_scaled::<S>(&mut lower[k / LANES..], factor, &upper[k / LANES..]);
                 let (upper, lower) = right.wide_rows_mut(k, i);
-                add_scaled(lower, factor, upper);
+                add_scaled::<S>(lower, factor, upper);
             }
         }
-        Ok(back_substitute(&self, right))
+        Ok(back_substitute::<S>(&self, right))
     }
 
     /// The row from `k` on with the largest entry in column `k`.
@@ -63,16 +78,15 @@ impl Matrix {
 }
 
 /// X of U X = `right`, where U is `upper` from the diagonal on.
-pub(super) fn back_substitute(upper: &Matrix, mut right: Matrix) -> Matrix {
+#[inline(always)]
+pub(super) fn back_substitute<S: Simd>(upper: &Matrix, mut right: Matrix) -> Matrix {
     for i in (0..right.rows()).rev() {
         for j in i + 1..right.rows() {
             let (row, solved) = right.wide_rows_mut(i, j);
-            add_scaled(row, -upper[(i, j)], solved);
+            add_scaled::<S>(row, -upper[(i, j)], solved);
         }
         let inverse = 1.0 / upper[(i, i)];
-        for block in right.wide_row_mut(i) {
-            *block *= inverse;
-        }
+        scale::<S>(right.wide_row_mut(i), inverse);
     }
     right
 }

@@ -2,9 +2,9 @@
 //! between layers, across which grains carry light.
 //!
 //! Rays enter a region from outside or from the snow beyond it, and leave it
-//! through a plane of the pack or, going away, through an open side, where they
+//! through a plane of the snowpack or, going away, through an open side, where they
 //! are handed over with the Legendre moments of their direction. Grains that would
-//! cross a plane of the pack are rejected as in any walk; an open side is no plane
+//! cross a plane of the snowpack are rejected as in any walk; an open side is no plane
 //! of the snow and rejects none. A slab too thin to have an inside is walked from
 //! plane to plane.
 //!
@@ -12,13 +12,13 @@
 //! numbers (a Kronecker sequence after Roberts 2018, shifted at random), which
 //! cover the unit cube evenly and so leave less to chance.
 use serde::{Deserialize, Serialize};
-use wide::f64x8;
+use splitsnow_spectra::simd::{F64x8, Kernel, Simd, dispatch};
 
 use crate::math::legendre;
 use crate::rng::Stream;
 use crate::table::rays::{Ray, Variates};
 use crate::table::step::{Steps, Stuck};
-use crate::table::{Histogram, TablePack, lanes};
+use crate::table::{Histogram, TableSnowpack, lanes};
 use crate::transport::WalkError;
 
 /// Grain events that draw on the lattice.
@@ -29,7 +29,7 @@ const LATTICE_EVENTS: usize = 5;
 pub enum Edge {
     /// Snow goes on.
     Open,
-    /// The pack ends: grains must not cross, and rays leave.
+    /// The snowpack ends: grains must not cross, and rays leave.
     Plane,
 }
 
@@ -50,7 +50,7 @@ pub enum Source {
 #[derive(Debug, Clone)]
 pub struct Region<'a> {
     /// The snow.
-    pub pack: TablePack<'a>,
+    pub snowpack: TableSnowpack<'a>,
     /// Thickness, m.
     pub thickness_m: f64,
     /// How it ends above and below.
@@ -61,7 +61,7 @@ pub struct Region<'a> {
 #[derive(Debug, Clone, Serialize, Deserialize)]
 pub struct Scores {
     /// Rays that left above: P_l(2 mu - 1) for l = 0, 1, ..., with mu the cosine from
-    /// straight up; where the pack ends, l = 0 only.
+    /// straight up; where the snowpack ends, l = 0 only.
     pub out: Histogram,
     /// Rays that left below: the same, with mu the cosine from straight down.
     pub through: Histogram,
@@ -109,7 +109,7 @@ struct Lattice {
 }
 
 impl Lattice {
-    fn new(dimensions: usize, rng: &mut Stream) -> Self {
+    fn new<S: Simd>(dimensions: usize, rng: &mut Stream<S>) -> Self {
         let random = |_| (rng.uniform().as_array()[0] * 18_446_744_073_709_551_616.0) as u64;
         Self {
             step: steps(dimensions),
@@ -118,6 +118,7 @@ impl Lattice {
     }
 
     /// The coordinates of the next point, in [0, 1).
+    #[inline(always)]
     fn next(&mut self) -> impl Iterator<Item = f64> {
         let steps = self.point.iter_mut().zip(&self.step);
         steps.map(|(point, step)| {
@@ -138,31 +139,66 @@ impl Region<'_> {
         source: Source,
         rays: u64,
         moments: usize,
-        mut rng: Stream,
+        rng: Stream,
     ) -> Result<Scores, WalkError> {
+        dispatch(Walks {
+            region: self,
+            source,
+            rays,
+            moments,
+            rng,
+        })
+    }
+}
+
+/// Length of a flight in a layer, m.
+#[inline(always)]
+fn flight_m<S: Simd>(snowpack: &TableSnowpack, stratum: usize, rng: &mut Stream<S>) -> f64 {
+    snowpack.strata[stratum].mean_free_distance_m * rng.exponential().as_array()[0]
+}
+
+/// The walks of [`Region::walk`].
+struct Walks<'a> {
+    region: &'a Region<'a>,
+    source: Source,
+    rays: u64,
+    moments: usize,
+    rng: Stream,
+}
+
+impl Kernel for Walks<'_> {
+    type Output = Result<Scores, WalkError>;
+
+    #[inline(always)]
+    fn run<S: Simd>(self) -> Self::Output {
         let Self {
-            pack,
+            region,
+            source,
+            rays,
+            moments,
+            rng,
+        } = self;
+        let mut rng: Stream<S> = rng.on();
+        let Region {
+            snowpack,
             thickness_m,
             edges,
-        } = self;
+        } = region;
         let (thickness_m, open) = (*thickness_m, edges.map(|edge| edge == Edge::Open));
         let [open_above, open_below] = open;
         let above = if open_above { moments } else { 1 };
-        let per_event = if pack.wet { 4 } else { 3 };
+        let per_event = if snowpack.wet { 4 } else { 3 };
         let mut lattice = Lattice::new(per_event * LATTICE_EVENTS, &mut rng);
-        let scale_m = pack.longest_m();
+        let scale_m = snowpack.longest_m();
         let mut scores = Scores {
-            out: Histogram::new(scale_m, pack.exponents, above),
-            through: Histogram::new(scale_m, pack.exponents, moments),
+            out: Histogram::new(scale_m, snowpack.exponents, above),
+            through: Histogram::new(scale_m, snowpack.exponents, moments),
             rays,
         };
-        let (one, zero) = (f64x8::ONE, f64x8::ZERO);
-        let last = pack.strata.len() - 1;
-        let flight_m = |stratum: usize, rng: &mut Stream| {
-            pack.strata[stratum].mean_free_distance_m * rng.exponential().as_array()[0]
-        };
-        let mut steps = Steps::new(pack, open);
-        let mut queue = [[zero; LATTICE_EVENTS]; 4];
+        let (one, zero) = (F64x8::<S>::ONE, F64x8::ZERO);
+        let last = snowpack.strata.len() - 1;
+        let mut steps = Steps::new(snowpack, open);
+        let mut queue: [[F64x8<S>; LATTICE_EVENTS]; 4] = [[zero; LATTICE_EVENTS]; 4];
         let mut queued = zero;
         let mut started = 0;
         let mut scored = vec![0.0; moments];
@@ -188,14 +224,14 @@ impl Region<'_> {
                     Source::Above(mu) => (0.0, mu),
                     Source::Diffuse => {
                         let u = (started as f64 + rng.uniform().as_array()[0]) / rays as f64;
-                        (0.0, pack.diffuse_cosine(u))
+                        (0.0, snowpack.diffuse_cosine(u))
                     }
                     Source::Below(mu) => {
-                        behind_m = flight_m(last, &mut rng);
+                        behind_m = flight_m(snowpack, last, &mut rng);
                         (thickness_m + mu * behind_m, -mu)
                     }
                     Source::Over(mu) => {
-                        behind_m = flight_m(0, &mut rng);
+                        behind_m = flight_m(snowpack, 0, &mut rng);
                         (-mu * behind_m, mu)
                     }
                 };
@@ -211,8 +247,8 @@ impl Region<'_> {
             if walking == 0 {
                 return Ok(scores);
             }
-            let mut variates = Variates::draw(pack.wet, &mut rng);
-            let on_lattice = queued.simd_gt(zero);
+            let mut variates = Variates::draw(snowpack.wet, &mut rng);
+            let on_lattice = queued.gt(zero);
             if on_lattice.any() {
                 for (variate, queue) in variates
                     .all_mut()
@@ -231,11 +267,11 @@ impl Region<'_> {
             let (mut up, mut down) = (stepped.above, stepped.below);
             let rays = &steps.rays;
             if open_above {
-                let over = rays.z_m.simd_lt(zero) & rays.mu.simd_lt(zero);
+                let over = rays.z_m.lt(zero) & rays.mu.lt(zero);
                 up |= over.to_bitmask() & stepped.met;
             }
             if open_below {
-                let under = rays.z_m.simd_gt(f64x8::splat(thickness_m)) & rays.mu.simd_gt(zero);
+                let under = rays.z_m.gt(F64x8::splat(thickness_m)) & rays.mu.gt(zero);
                 down |= under.to_bitmask() & stepped.met;
             }
             ended = (up | down | stepped.lost) & walking;

@@ -86,7 +86,7 @@ impl Histogram {
     }
 
     /// Adds a ray's scores.
-    #[inline]
+    #[inline(always)]
     pub fn add(&mut self, path: &Path, scores: &[f64]) {
         let mut all = [0.0; MOST];
         (all[0], all[1]) = (path.ice_m * self.per_m, path.water_m * self.per_m);

@@ -6,20 +6,20 @@ mod escape;
 mod histogram;
 mod kernel;
 mod outcome;
-mod pack;
 mod packed;
 mod rays;
 mod slab;
+mod snowpack;
 mod step;
 
 pub use boundary::{Edge, Region, Scores, Source};
-pub use escape::{Band, Catch, EscapeWalker};
+pub use escape::{Band, EscapeSink, EscapeWalker};
 pub use histogram::Histogram;
 pub use kernel::{Event, Kernel};
 pub use outcome::{Outcome, draw};
-pub use pack::{TablePack, TableStratum};
 pub use packed::Table;
 pub use slab::TableWalker;
+pub use snowpack::{TableLayer, TableSnowpack};
 
 /// The lanes set in a mask.
 fn lanes(mut mask: u32) -> impl Iterator<Item = usize> {

@@ -4,7 +4,9 @@
 //! goes (grain axes are isotropic), and lengths scale with the grain. So one
 //! list of outcomes of grains of unit length, in the frame of the incoming
 //! ray, serves every depth, direction, grain size and density.
-use crate::grain::{Body, Events, GrainType, Grains, SizeRange, Surface};
+use splitsnow_spectra::simd::{Kernel, Simd, dispatch};
+
+use crate::grain::{Body, Events, GrainType, Grains, SizeRange, Stepped, Surface};
 use crate::math::Vec3;
 use crate::rng::Stream;
 use crate::transport::{Entry, contact};
@@ -39,13 +41,55 @@ pub fn draw(
     entry: Entry,
     surface: Surface,
     count: usize,
-    mut rng: Stream,
+    rng: Stream,
 ) -> Vec<Outcome> {
     let law = GrainType {
         size: SizeRange::UNIT,
         ..*law
     };
-    let mut events: [Events; GROUPS] = std::array::from_fn(|_| Events::new(&[surface; 2], false));
+    dispatch(Draw {
+        law,
+        entry,
+        surface,
+        count,
+        rng,
+    })
+}
+
+/// The work of [`draw`].
+struct Draw {
+    law: GrainType,
+    entry: Entry,
+    surface: Surface,
+    count: usize,
+    rng: Stream,
+}
+
+impl Kernel for Draw {
+    type Output = Vec<Outcome>;
+
+    #[inline(always)]
+    fn run<S: Simd>(self) -> Vec<Outcome> {
+        events_of(
+            self.law,
+            self.entry,
+            self.surface,
+            self.count,
+            self.rng.on::<S>(),
+        )
+    }
+}
+
+#[inline(always)]
+fn events_of<S: Simd>(
+    law: GrainType,
+    entry: Entry,
+    surface: Surface,
+    count: usize,
+    mut rng: Stream<S>,
+) -> Vec<Outcome> {
+    let mut events: [Events<S>; GROUPS] =
+        std::array::from_fn(|_| Events::new(&[surface; 2], false));
     let mut contacts = [Outcome::default(); 8 * GROUPS];
     let mut queue = Vec::with_capacity(8);
     let mut outcomes = Vec::with_capacity(count);
@@ -91,7 +135,10 @@ pub fn draw(
         if busy == [0; GROUPS] {
             return outcomes;
         }
-        let steps = events.each_mut().map(|events| events.step(&mut rng));
+        let mut steps = [Stepped::default(); GROUPS];
+        for (step, events) in steps.iter_mut().zip(&mut events) {
+            *step = events.step(&mut rng);
+        }
         for (group, step) in steps.iter().enumerate() {
             let mut ended = (step.left | step.lost) & busy[group];
             busy[group] &= !ended;

@@ -1,27 +1,27 @@
 //! Eight rays side by side between grains drawn from tables: their depths and
-//! the cosines of their directions. In a horizontal pack nothing else matters.
-use wide::f64x8;
+//! the cosines of their directions. In a horizontal snowpack nothing else matters.
+use splitsnow_spectra::simd::{F64x8, Simd};
 
-use crate::grain::Bodies;
+use crate::grain::{Bodies, Down};
 use crate::math::ln;
 use crate::rng::{Stream, azimuth};
-use crate::table::pack::{TablePack, TableStratum};
+use crate::table::snowpack::{TableLayer, TableSnowpack};
 use crate::table::{Table, lanes};
 use crate::transport::{EXPONENTS, Path};
 
 /// Eight rays between two grains.
 #[derive(Debug, Clone, Copy, Default)]
-pub(super) struct Rays {
+pub(super) struct Rays<S: Simd> {
     /// Depth, m.
-    pub(super) z_m: f64x8,
+    pub(super) z_m: F64x8<S>,
     /// Cosine of the angle from straight down.
-    pub(super) mu: f64x8,
+    pub(super) mu: F64x8<S>,
     /// Paths in ice, m.
-    pub(super) ice_m: f64x8,
+    pub(super) ice_m: F64x8<S>,
     /// Paths in water, m.
-    pub(super) water_m: f64x8,
+    pub(super) water_m: F64x8<S>,
     /// See [`Path::impurities`].
-    pub(super) impurities: [f64x8; EXPONENTS],
+    pub(super) impurities: [F64x8<S>; EXPONENTS],
     /// Layers, counted from the surface.
     pub(super) stratum: [usize; 8],
 }
@@ -35,10 +35,11 @@ pub(super) struct Ray {
     pub(super) stratum: usize,
 }
 
-impl Rays {
+impl<S: Simd> Rays<S> {
     /// The ray of `lane`.
+    #[inline(always)]
     pub(super) fn get(&self, lane: usize) -> Ray {
-        let of = |v: &f64x8| v.as_array()[lane];
+        let of = |v: &F64x8<S>| v.as_array()[lane];
         Ray {
             z_m: of(&self.z_m),
             mu: of(&self.mu),
@@ -53,6 +54,7 @@ impl Rays {
     }
 
     /// Puts `ray` on `lane`.
+    #[inline(always)]
     pub(super) fn set(&mut self, lane: usize, ray: &Ray) {
         self.z_m.as_mut_array()[lane] = ray.z_m;
         self.mu.as_mut_array()[lane] = ray.mu;
@@ -67,29 +69,29 @@ impl Rays {
 
 /// Uniform variates of a flight and the grain at its end.
 #[derive(Debug, Clone, Copy, Default)]
-pub(super) struct Variates {
-    pub(super) flight: f64x8,
+pub(super) struct Variates<S: Simd> {
+    pub(super) flight: F64x8<S>,
     /// Chooses the type of grain, with what remains the outcome, and with what
     /// remains of that the size.
-    pub(super) outcome: f64x8,
-    pub(super) azimuth: f64x8,
-    pub(super) medium: f64x8,
+    pub(super) outcome: F64x8<S>,
+    pub(super) azimuth: F64x8<S>,
+    pub(super) medium: F64x8<S>,
 }
 
-impl Variates {
+impl<S: Simd> Variates<S> {
     #[inline(always)]
-    pub(super) fn draw(wet: bool, rng: &mut Stream) -> Self {
+    pub(super) fn draw(wet: bool, rng: &mut Stream<S>) -> Self {
         Self {
             flight: rng.uniform(),
             outcome: rng.uniform(),
             azimuth: rng.uniform(),
-            medium: if wet { rng.uniform() } else { f64x8::ONE },
+            medium: if wet { rng.uniform() } else { F64x8::ONE },
         }
     }
 
     /// Its vectors, in the order of [`Variates::get`].
     #[inline(always)]
-    pub(super) fn all_mut(&mut self) -> [&mut f64x8; 4] {
+    pub(super) fn all_mut(&mut self) -> [&mut F64x8<S>; 4] {
         [
             &mut self.flight,
             &mut self.outcome,
@@ -99,11 +101,13 @@ impl Variates {
     }
 
     /// The variates of one ray.
+    #[inline(always)]
     pub(super) fn get(&self, lane: usize) -> [f64; 4] {
         [self.flight, self.outcome, self.azimuth, self.medium].map(|v| v.as_array()[lane])
     }
 
     /// Sets these.
+    #[inline(always)]
     pub(super) fn set(&mut self, lane: usize, [flight, outcome, azimuth, medium]: [f64; 4]) {
         self.flight.as_mut_array()[lane] = flight;
         self.outcome.as_mut_array()[lane] = outcome;
@@ -114,33 +118,33 @@ impl Variates {
 
 /// A flight, not yet ended by a grain.
 #[derive(Debug, Clone, Copy)]
-pub(super) struct Flight {
-    pub(super) length_m: f64x8,
+pub(super) struct Flight<S: Simd> {
+    pub(super) length_m: F64x8<S>,
     /// Depth of its end, m.
-    pub(super) end_m: f64x8,
+    pub(super) end_m: F64x8<S>,
     /// All ones where it passes through water.
-    pub(super) wet: f64x8,
+    pub(super) wet: F64x8<S>,
     /// Positions of the types of grain in their layers.
     kinds: [usize; 8],
     outcomes: [u32; 8],
-    pub(super) size_m: f64x8,
-    sin: f64x8,
-    cos: f64x8,
+    pub(super) size_m: F64x8<S>,
+    sin: F64x8<S>,
+    cos: F64x8<S>,
     /// Sine of the ray's angle from the vertical.
-    across: f64x8,
+    across: F64x8<S>,
 }
 
-impl TablePack<'_> {
+impl TableSnowpack<'_> {
     /// Flights of the rays, all through the layers they begin in, and the
     /// grains that wait at their ends.
     #[inline(always)]
-    pub(super) fn fly(&self, rays: &Rays, variates: &Variates) -> Flight {
+    pub(super) fn fly<S: Simd>(&self, rays: &Rays<S>, variates: &Variates<S>) -> Flight<S> {
         let first = &self.strata[0];
         let [mut distance_m, mut saturation] =
-            [first.mean_free_distance_m, first.water_saturation].map(f64x8::splat);
+            [first.mean_free_distance_m, first.water_saturation].map(F64x8::splat);
         let [min, max] = first.kinds[0].size_m;
-        let (mut smallest_m, mut range_m) = (f64x8::splat(min), f64x8::splat(max - min));
-        let mut entries = f64x8::splat(first.kinds[0].tables[0].len() as f64);
+        let (mut smallest_m, mut range_m) = (F64x8::splat(min), F64x8::splat(max - min));
+        let mut entries = F64x8::splat(first.kinds[0].tables[0].len() as f64);
         let mut kinds = [0; 8];
         let mut choice = variates.outcome;
         if !self.is_plain() {
@@ -162,8 +166,8 @@ impl TablePack<'_> {
                 entries.as_mut_array()[lane] = kind.tables[0].len() as f64;
             }
         }
-        let length_m = -ln(f64x8::ONE - variates.flight) * distance_m;
-        let wet = variates.medium.simd_lt(saturation);
+        let length_m = -ln(F64x8::ONE - variates.flight) * distance_m;
+        let wet = variates.medium.lt(saturation);
         let mut outcomes = [0; 8];
         let mut rest = [0.0; 8];
         let scaled = choice * entries;
@@ -178,23 +182,21 @@ impl TablePack<'_> {
             wet,
             kinds,
             outcomes,
-            size_m: f64x8::new(rest) * range_m + smallest_m,
+            size_m: F64x8::new(rest) * range_m + smallest_m,
             sin,
             cos,
-            across: (f64x8::ONE - rays.mu * rays.mu)
-                .fast_max(f64x8::ZERO)
-                .sqrt(),
+            across: (F64x8::ONE - rays.mu * rays.mu).max(F64x8::ZERO).sqrt(),
         }
     }
 
     /// The first `N` columns of the outcomes waiting, of `rows` in air and in water.
     #[inline(always)]
-    fn gather<const N: usize>(
+    fn gather<S: Simd, const N: usize>(
         &self,
-        rays: &Rays,
-        flight: &Flight,
+        rays: &Rays<S>,
+        flight: &Flight<S>,
         rows: impl Fn(&Table) -> &[[f32; 8]],
-    ) -> [f64x8; N] {
+    ) -> [F64x8<S>; N] {
         let mut columns = [[0.0; 8]; N];
         let plain = self.is_plain();
         let first = &self.strata[0].kinds[0].tables;
@@ -213,13 +215,13 @@ impl TablePack<'_> {
                 column[lane] = f64::from(*value);
             }
         }
-        columns.map(f64x8::new)
+        columns.map(F64x8::new)
     }
 
     /// Depths of the highest and lowest points of the grains waiting, m.
     #[inline(always)]
-    pub(super) fn extent_m(&self, rays: &Rays, flight: &Flight) -> [f64x8; 2] {
-        let [x, y, along, numbers @ ..] = self.gather::<8>(rays, flight, |table| &table.bodies);
+    pub(super) fn extent_m<S: Simd>(&self, rays: &Rays<S>, flight: &Flight<S>) -> [F64x8<S>; 2] {
+        let [x, y, along, numbers @ ..] = self.gather::<S, 8>(rays, flight, |table| &table.bodies);
         let mut forms = [self.strata[0].kinds[0].tables[0].form; 8];
         if !self.is_plain() {
             for (lane, form) in forms.iter_mut().enumerate() {
@@ -227,20 +229,23 @@ impl TablePack<'_> {
                 *form = stratum.kinds[flight.kinds[lane]].tables[0].form;
             }
         }
-        let down = |[x, y, along]: [f64x8; 3]| flight.vertical(rays.mu, along, x, y);
-        let centre = down([x, y, along]);
-        let half = f64x8::splat(0.5) * Bodies::new(forms, numbers).half_height(down);
+        let down = Turned {
+            flight,
+            mu: rays.mu,
+        };
+        let centre = down.down([x, y, along]);
+        let half = F64x8::splat(0.5) * Bodies::new(forms, numbers).half_height(&down);
         [centre - half, centre + half].map(|v| flight.end_m + flight.size_m * v)
     }
 
     /// The grain events of the lanes set in `met`.
     #[inline(always)]
-    pub(super) fn scatter(&self, rays: &mut Rays, flight: &Flight, met: f64x8) {
+    pub(super) fn scatter<S: Simd>(&self, rays: &mut Rays<S>, flight: &Flight<S>, met: F64x8<S>) {
         let [c, s, along, x, y, ice] = self.gather(rays, flight, |table| &table.motions);
         let moved = flight.vertical(rays.mu, along, x, y);
-        let turned = flight.vertical(rays.mu, c, s, f64x8::ZERO);
+        let turned = flight.vertical(rays.mu, c, s, F64x8::ZERO);
         rays.z_m = met.select(flight.end_m + flight.size_m * moved, rays.z_m);
-        rays.mu = met.select(turned.fast_max(-f64x8::ONE).fast_min(f64x8::ONE), rays.mu);
+        rays.mu = met.select(turned.max(-F64x8::ONE).min(F64x8::ONE), rays.mu);
         let ice_m = (flight.size_m * ice) & met;
         rays.ice_m += ice_m;
         if self.sooty {
@@ -250,7 +255,7 @@ impl TablePack<'_> {
 
     /// Goes `length_m` on through the pores, where that is not 0.
     #[inline(always)]
-    pub(super) fn pass(&self, rays: &mut Rays, flight: &Flight, length_m: f64x8) {
+    pub(super) fn pass<S: Simd>(&self, rays: &mut Rays<S>, flight: &Flight<S>, length_m: F64x8<S>) {
         if self.wet {
             rays.water_m += length_m & flight.wet;
         }
@@ -260,11 +265,11 @@ impl TablePack<'_> {
     }
 
     #[inline(always)]
-    fn collect(
+    fn collect<S: Simd>(
         &self,
-        rays: &mut Rays,
-        length_m: f64x8,
-        of: for<'s> fn(&'s TableStratum) -> &'s [f64; EXPONENTS],
+        rays: &mut Rays<S>,
+        length_m: F64x8<S>,
+        of: for<'s> fn(&'s TableLayer) -> &'s [f64; EXPONENTS],
     ) {
         for lane in lanes(0xff) {
             let per_m = of(&self.strata[rays.stratum[lane]]);
@@ -279,10 +284,23 @@ impl TablePack<'_> {
     }
 }
 
-impl Flight {
+/// The frame of outcomes, seen along a ray.
+struct Turned<'a, S: Simd> {
+    flight: &'a Flight<S>,
+    mu: F64x8<S>,
+}
+
+impl<S: Simd> Down<F64x8<S>> for Turned<'_, S> {
+    #[inline(always)]
+    fn down(&self, [x, y, along]: [F64x8<S>; 3]) -> F64x8<S> {
+        self.flight.vertical(self.mu, along, x, y)
+    }
+}
+
+impl<S: Simd> Flight<S> {
     /// Downward component of a vector given along the ray and across it.
     #[inline(always)]
-    fn vertical(&self, mu: f64x8, along: f64x8, x: f64x8, y: f64x8) -> f64x8 {
+    fn vertical(&self, mu: F64x8<S>, along: F64x8<S>, x: F64x8<S>, y: F64x8<S>) -> F64x8<S> {
         mu * along + self.across * (self.cos * x + self.sin * y)
     }
 }

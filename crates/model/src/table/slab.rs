@@ -4,13 +4,13 @@
 //! and all, but for where outcomes of grain events come from, and that the
 //! azimuth of a ray is not followed. One walk serves several thicknesses in
 //! the same way.
-use wide::f64x8;
+use splitsnow_spectra::simd::{F64x8, Kernel, Simd, Task, dispatch};
 
 use crate::math::Vec3;
 use crate::rng::Stream;
 use crate::table::rays::{Ray, Variates};
 use crate::table::step::{Stepped, Steps, Stuck};
-use crate::table::{TablePack, lanes};
+use crate::table::{TableSnowpack, lanes};
 use crate::transport::{Absorption, End, Illumination, Sink, Walk, WalkError};
 
 /// Steps after which the sink is asked whether to go on.
@@ -20,7 +20,7 @@ const STEPS_BETWEEN_CHECKS: u64 = 1024;
 #[derive(Debug, Clone)]
 pub struct TableWalker<'a> {
     /// The snow.
-    pub pack: TablePack<'a>,
+    pub snowpack: TableSnowpack<'a>,
     /// How walks end by absorption.
     pub absorption: Absorption,
 }
@@ -38,19 +38,19 @@ struct Lane {
 }
 
 /// Walks under way on eight lanes.
-struct Walks<'a, S> {
+struct Walks<'a, S: Simd, W> {
     walker: &'a TableWalker<'a>,
     thicknesses_m: &'a [f64],
     illumination: Illumination,
-    rng: Stream,
+    rng: Stream<S>,
     /// Optical depths at which the rays are absorbed.
-    budget: f64x8,
+    budget: F64x8<S>,
     lanes: [Lane; 8],
     /// Lanes with a flight forced on them.
     forced: u32,
     /// Rays not started yet.
     waiting: u64,
-    sink: &'a mut S,
+    sink: &'a mut W,
 }
 
 impl Walk for TableWalker<'_> {
@@ -62,28 +62,70 @@ impl Walk for TableWalker<'_> {
         rng: Stream,
         sink: &mut impl Sink,
     ) -> Result<u64, WalkError> {
-        Walks {
+        dispatch(Walking {
             walker: self,
             thicknesses_m,
             illumination,
+            rays,
             rng,
-            budget: f64x8::ZERO,
+            sink,
+        })
+    }
+}
+
+/// The work of [`TableWalker`].
+struct Walking<'a, W> {
+    walker: &'a TableWalker<'a>,
+    thicknesses_m: &'a [f64],
+    illumination: Illumination,
+    rays: u64,
+    rng: Stream,
+    sink: &'a mut W,
+}
+
+impl<W: Sink> Kernel for Walking<'_, W> {
+    type Output = Result<u64, WalkError>;
+
+    #[inline(always)]
+    fn run<S: Simd>(self) -> Self::Output {
+        Walks::<S, W> {
+            walker: self.walker,
+            thicknesses_m: self.thicknesses_m,
+            illumination: self.illumination,
+            rng: self.rng.on(),
+            budget: F64x8::ZERO,
             lanes: [Lane::default(); 8],
             forced: 0,
-            waiting: rays,
-            sink,
+            waiting: self.rays,
+            sink: self.sink,
         }
         .run()
     }
 }
 
-impl<S: Sink> Walks<'_, S> {
+/// The call of [`Walks::start`].
+struct Start<'w, 'a, 'p, S: Simd, W>(&'w mut Walks<'a, S, W>, &'w mut Steps<'p, S>, usize);
+
+impl<S: Simd, W: Sink> Task for Start<'_, '_, '_, S, W> {
+    type Output = ();
+
+    #[inline(always)]
+    fn perform(self) {
+        self.0.start_next(self.1, self.2);
+    }
+}
+
+impl<S: Simd, W: Sink> Walks<'_, S, W> {
+    #[inline(always)]
     fn run(&mut self) -> Result<u64, WalkError> {
-        let TableWalker { pack, absorption } = self.walker;
+        let TableWalker {
+            snowpack,
+            absorption,
+        } = self.walker;
         let coefficients = absorption.coefficients;
         let [ice_per_m, water_per_m] =
-            [coefficients.ice_per_m, coefficients.water_per_m].map(f64x8::splat);
-        let mut steps = Steps::new(pack, [false; 2]);
+            [coefficients.ice_per_m, coefficients.water_per_m].map(F64x8::splat);
+        let mut steps = Steps::new(snowpack, [false; 2]);
         let mut walking = lanes(0xff).fold(0, |walking, lane| {
             walking | u32::from(self.start(&mut steps, lane)) << lane
         });
@@ -95,7 +137,7 @@ impl<S: Sink> Walks<'_, S> {
             if count % STEPS_BETWEEN_CHECKS == 0 && self.sink.stop() {
                 return Err(WalkError::Stopped);
             }
-            let mut variates = Variates::draw(pack.wet, &mut self.rng);
+            let mut variates = Variates::draw(snowpack.wet, &mut self.rng);
             for lane in lanes(self.forced) {
                 if let Some(forced) = self.lanes[lane].forced.take() {
                     variates.set(lane, forced);
@@ -103,7 +145,7 @@ impl<S: Sink> Walks<'_, S> {
             }
             self.forced = 0;
             let slabs = self.thicknesses_m.len();
-            let touch = |steps: &Steps, lane: usize, variates: &Variates| {
+            let touch = |steps: &Steps<S>, lane: usize, variates: &Variates<S>| {
                 let Lane { slab, touch, .. } = &mut self.lanes[lane];
                 if touch.is_none() && *slab + 1 < slabs {
                     *touch = Some((steps.origin(lane), Some(variates.get(lane))));
@@ -119,7 +161,7 @@ impl<S: Sink> Walks<'_, S> {
                 thickness_m: steps.depth_m.as_array()[lane],
             })?;
             total += u64::from((met & walking).count_ones());
-            if pack.strata.len() > 1 {
+            if snowpack.strata.len() > 1 {
                 // grains may carry rays across the lower plane of the surface layer
                 for lane in lanes(met & walking) {
                     let Lane { slab, touch, .. } = &mut self.lanes[lane];
@@ -131,12 +173,14 @@ impl<S: Sink> Walks<'_, S> {
             }
             let rays = &steps.rays;
             let mut depth = ice_per_m * rays.ice_m + water_per_m * rays.water_m;
-            if pack.sooty {
+            if snowpack.sooty {
                 let impurities = rays.impurities.iter().zip(coefficients.impurities);
-                depth = impurities.fold(depth, |sum, (d, factor)| sum + *d * f64x8::splat(factor));
+                for (d, factor) in impurities {
+                    depth += *d * F64x8::splat(factor);
+                }
             }
             let out = above | below;
-            let absorbed = depth.simd_ge(self.budget).to_bitmask() & (met | out);
+            let absorbed = depth.ge(self.budget).to_bitmask() & (met | out);
             for lane in lanes((lost | absorbed | out) & walking) {
                 let end = match [lost, absorbed, below].map(|mask| mask >> lane & 1 == 1) {
                     [true, ..] => End::Lost,
@@ -153,16 +197,23 @@ impl<S: Sink> Walks<'_, S> {
     }
 
     /// Starts the next ray on `lane`; false if there is none left.
-    fn start(&mut self, steps: &mut Steps, lane: usize) -> bool {
+    #[inline(always)]
+    fn start(&mut self, steps: &mut Steps<S>, lane: usize) -> bool {
         if self.waiting == 0 {
             return false;
         }
+        S::outlined(Start(self, steps, lane));
+        true
+    }
+
+    #[inline(always)]
+    fn start_next(&mut self, steps: &mut Steps<S>, lane: usize) {
         self.waiting -= 1;
         let mu = match self.illumination {
             Illumination::Collimated { polar_angle_rad } => libm::cos(polar_angle_rad),
             Illumination::Diffuse => self
                 .walker
-                .pack
+                .snowpack
                 .diffuse_cosine(self.rng.uniform().as_array()[0]),
         };
         let ray = Ray {
@@ -173,12 +224,12 @@ impl<S: Sink> Walks<'_, S> {
         let budget = self.walker.absorption.deferred + self.rng.exponential().as_array()[0];
         self.budget.as_mut_array()[lane] = budget;
         self.lanes[lane] = Lane::default();
-        true
     }
 
     /// Reports the end of the walk of `lane` and resumes it in the next slab;
     /// false if it has ended in all.
-    fn end(&mut self, steps: &mut Steps, lane: usize, end: End) -> bool {
+    #[inline(always)]
+    fn end(&mut self, steps: &mut Steps<S>, lane: usize, end: End) -> bool {
         let Ray { mu, path, .. } = steps.rays.get(lane);
         let across = (1.0 - mu * mu).max(0.0).sqrt();
         let direction = Vec3::new(across, 0.0, mu);

@@ -1,29 +1,29 @@
 //! One step of eight rays: a flight, and the grain event or the plane at its end.
-use wide::f64x8;
+use splitsnow_spectra::simd::{F64x8, Simd};
 
 use crate::table::lanes;
-use crate::table::pack::TablePack;
 use crate::table::rays::{Ray, Rays, Variates};
+use crate::table::snowpack::TableSnowpack;
 use crate::transport::{EVENT_LIMIT, REJECTION_LIMIT};
 
-/// Eight rays on their way through a pack.
+/// Eight rays on their way through a snowpack.
 #[derive(Debug)]
-pub(super) struct Steps<'a> {
-    pub(super) pack: &'a TablePack<'a>,
+pub(super) struct Steps<'a, S: Simd> {
+    pub(super) snowpack: &'a TableSnowpack<'a>,
     /// Whether snow goes on above and below, so that grains may cross the ends.
     open: [bool; 2],
-    pub(super) rays: Rays,
+    pub(super) rays: Rays<S>,
     /// Depth of the lower end, m.
-    pub(super) depth_m: f64x8,
+    pub(super) depth_m: F64x8<S>,
     /// Length by which the next flight is longer than drawn, m.
-    pub(super) flown_m: f64x8,
-    events: f64x8,
-    rejections: f64x8,
+    pub(super) flown_m: F64x8<S>,
+    events: F64x8<S>,
+    rejections: F64x8<S>,
     /// Where flights began that have crossed planes between layers, and their
     /// first variate of the medium, for the lanes set in `cut`.
-    origin: Rays,
-    medium: f64x8,
-    cut: f64x8,
+    origin: Rays<S>,
+    medium: F64x8<S>,
+    cut: F64x8<S>,
 }
 
 /// Lanes to which something happened, a bit each.
@@ -43,24 +43,25 @@ pub(super) struct Stepped {
 #[derive(Debug, Clone, Copy)]
 pub(super) struct Stuck(pub(super) usize);
 
-impl<'a> Steps<'a> {
-    pub(super) fn new(pack: &'a TablePack<'a>, open: [bool; 2]) -> Self {
+impl<'a, S: Simd> Steps<'a, S> {
+    pub(super) fn new(snowpack: &'a TableSnowpack<'a>, open: [bool; 2]) -> Self {
         Self {
-            pack,
+            snowpack,
             open,
             rays: Rays::default(),
-            depth_m: f64x8::ZERO,
-            flown_m: f64x8::ZERO,
-            events: f64x8::ZERO,
-            rejections: f64x8::ZERO,
+            depth_m: F64x8::ZERO,
+            flown_m: F64x8::ZERO,
+            events: F64x8::ZERO,
+            rejections: F64x8::ZERO,
             origin: Rays::default(),
-            medium: f64x8::ZERO,
-            cut: f64x8::ZERO,
+            medium: F64x8::ZERO,
+            cut: F64x8::ZERO,
         }
     }
 
-    /// Puts `ray` on `lane`, at the beginning of a flight, in a pack
+    /// Puts `ray` on `lane`, at the beginning of a flight, in a snowpack
     /// `depth_m` deep.
+    #[inline(always)]
     pub(super) fn start(&mut self, lane: usize, ray: &Ray, depth_m: f64) {
         self.resume(lane, ray, depth_m);
         self.events.as_mut_array()[lane] = 0.0;
@@ -68,6 +69,7 @@ impl<'a> Steps<'a> {
 
     /// The same for a ray that has events behind it. Its layer is found by its
     /// depth.
+    #[inline(always)]
     pub(super) fn resume(&mut self, lane: usize, ray: &Ray, depth_m: f64) {
         self.rays.set(lane, ray);
         self.depth_m.as_mut_array()[lane] = depth_m;
@@ -77,13 +79,15 @@ impl<'a> Steps<'a> {
     }
 
     /// The layer at the depth of the ray of `lane`.
+    #[inline(always)]
     fn stratum(&self, lane: usize) -> usize {
         let above_base_m = self.depth_m.as_array()[lane] - self.rays.z_m.as_array()[lane];
-        let strata = &self.pack.strata[..self.pack.strata.len() - 1];
+        let strata = &self.snowpack.strata[..self.snowpack.strata.len() - 1];
         strata.partition_point(|stratum| stratum.base_m > above_base_m)
     }
 
     /// Where the flight of `lane` began.
+    #[inline(always)]
     pub(super) fn origin(&self, lane: usize) -> Ray {
         if self.cut.to_bitmask() >> lane & 1 == 1 {
             self.origin.get(lane)
@@ -94,9 +98,9 @@ impl<'a> Steps<'a> {
 
     /// Depths of the planes of the rays' layers, m.
     #[inline(always)]
-    fn planes(&self) -> [f64x8; 2] {
-        let strata = &self.pack.strata;
-        let (mut top_m, mut bottom_m) = (f64x8::ZERO, self.depth_m);
+    fn planes(&self) -> [F64x8<S>; 2] {
+        let strata = &self.snowpack.strata;
+        let (mut top_m, mut bottom_m) = (F64x8::ZERO, self.depth_m);
         if strata.len() > 1 {
             for (lane, stratum) in self.rays.stratum.iter().enumerate() {
                 let depth_m = self.depth_m.as_array()[lane];
@@ -114,30 +118,30 @@ impl<'a> Steps<'a> {
     #[inline(always)]
     pub(super) fn step(
         &mut self,
-        variates: &mut Variates,
+        variates: &mut Variates<S>,
         walking: u32,
-        mut touch: impl FnMut(&Self, usize, &Variates),
+        mut touch: impl FnMut(&Self, usize, &Variates<S>),
     ) -> Result<Stepped, Stuck> {
-        let (one, zero) = (f64x8::ONE, f64x8::ZERO);
-        let layered = self.pack.strata.len() > 1;
+        let (one, zero) = (F64x8::ONE, F64x8::ZERO);
+        let layered = self.snowpack.strata.len() > 1;
         if layered {
             // the medium of a flight cut at a plane follows from the same variate
             variates.medium = self.cut.select(self.medium, variates.medium);
         }
-        let mut flight = self.pack.fly(&self.rays, variates);
+        let mut flight = self.snowpack.fly(&self.rays, variates);
         flight.length_m += self.flown_m;
         flight.end_m += self.flown_m * self.rays.mu;
         self.flown_m = zero;
 
         // planes
         let [top_m, bottom_m] = self.planes();
-        let up = flight.end_m.simd_lt(top_m) & self.rays.mu.simd_lt(zero);
-        let down = flight.end_m.simd_gt(bottom_m) & self.rays.mu.simd_gt(zero);
+        let up = flight.end_m.lt(top_m) & self.rays.mu.lt(zero);
+        let down = flight.end_m.gt(bottom_m) & self.rays.mu.gt(zero);
         let (mut above, mut below, mut crossed) = (up, down, zero);
         let mut touched = down;
         if layered {
             let (mut first, mut last) = (zero, zero);
-            let end = self.pack.strata.len() - 1;
+            let end = self.snowpack.strata.len() - 1;
             let all = f64::from_bits(u64::MAX);
             for (lane, stratum) in self.rays.stratum.iter().enumerate() {
                 first.as_mut_array()[lane] = if *stratum == 0 { all } else { 0.0 };
@@ -156,25 +160,25 @@ impl<'a> Steps<'a> {
         let [open_above, open_below] = self.open;
         let mut near = zero;
         if !open_above {
-            near |= ends & flight.end_m.simd_lt(flight.size_m);
+            near |= ends & flight.end_m.lt(flight.size_m);
         }
         if !open_below {
-            near |= ends & flight.end_m.simd_gt(self.depth_m - flight.size_m);
+            near |= ends & flight.end_m.gt(self.depth_m - flight.size_m);
         }
         if near.to_bitmask() & walking != 0 {
-            let [highest_m, lowest_m] = self.pack.extent_m(&self.rays, &flight);
+            let [highest_m, lowest_m] = self.snowpack.extent_m(&self.rays, &flight);
             if !open_above {
-                rejected = near & highest_m.simd_lt(zero);
+                rejected = near & highest_m.lt(zero);
             }
             if !open_below {
-                let under = near & lowest_m.simd_gt(self.depth_m);
+                let under = near & lowest_m.gt(self.depth_m);
                 touched |= under;
                 rejected |= under;
             }
             let counts = rejected | crossed;
             self.rejections = counts.select(self.rejections + (one & rejected), zero);
-            let limit = f64x8::splat(f64::from(REJECTION_LIMIT));
-            let stuck = self.rejections.simd_ge(limit).to_bitmask() & walking;
+            let limit = F64x8::splat(f64::from(REJECTION_LIMIT));
+            let stuck = self.rejections.ge(limit).to_bitmask() & walking;
             if let Some(lane) = lanes(stuck).next() {
                 return Err(Stuck(lane));
             }
@@ -190,13 +194,13 @@ impl<'a> Steps<'a> {
         if layered {
             self.keep_origins(crossed, variates);
         }
-        if self.pack.wet || self.pack.sooty {
+        if self.snowpack.wet || self.snowpack.sooty {
             let plane_m = down.select(bottom_m, top_m);
             let to_plane_m = (plane_m - self.rays.z_m) / self.rays.mu;
             let length_m = met.select(flight.length_m, to_plane_m & (out | crossed));
-            self.pack.pass(&mut self.rays, &flight, length_m);
+            self.snowpack.pass(&mut self.rays, &flight, length_m);
         }
-        self.pack.scatter(&mut self.rays, &flight, met);
+        self.snowpack.scatter(&mut self.rays, &flight, met);
         self.events += one & met;
         if layered {
             self.change_layers([up & crossed, down & crossed], [top_m, bottom_m], met);
@@ -206,8 +210,8 @@ impl<'a> Steps<'a> {
             }
             self.cut = crossed;
         }
-        let lost = self.rays.ice_m.simd_eq(f64x8::splat(f64::INFINITY))
-            | self.events.simd_ge(f64x8::splat(EVENT_LIMIT as f64));
+        let lost = self.rays.ice_m.equals(F64x8::splat(f64::INFINITY))
+            | self.events.ge(F64x8::splat(EVENT_LIMIT as f64));
         Ok(Stepped {
             met: met.to_bitmask(),
             above: above.to_bitmask(),
@@ -217,7 +221,8 @@ impl<'a> Steps<'a> {
     }
 
     /// Takes note of where flights that are cut for the first time began.
-    fn keep_origins(&mut self, crossed: f64x8, variates: &Variates) {
+    #[inline(always)]
+    fn keep_origins(&mut self, crossed: F64x8<S>, variates: &Variates<S>) {
         for lane in lanes((crossed & !self.cut).to_bitmask()) {
             let ray = self.rays.get(lane);
             self.origin.set(lane, &ray);
@@ -227,9 +232,15 @@ impl<'a> Steps<'a> {
 
     /// Puts rays that crossed planes `up` and `down` onto them, and those that
     /// grains carried elsewhere into their layers.
-    fn change_layers(&mut self, [up, down]: [f64x8; 2], [top_m, bottom_m]: [f64x8; 2], met: f64x8) {
+    #[inline(always)]
+    fn change_layers(
+        &mut self,
+        [up, down]: [F64x8<S>; 2],
+        [top_m, bottom_m]: [F64x8<S>; 2],
+        met: F64x8<S>,
+    ) {
         self.rays.z_m = up.select(top_m, down.select(bottom_m, self.rays.z_m));
-        let [up, down, met] = [up, down, met].map(f64x8::to_bitmask);
+        let [up, down, met] = [up, down, met].map(F64x8::to_bitmask);
         lanes(up).for_each(|lane| self.rays.stratum[lane] -= 1);
         lanes(down).for_each(|lane| self.rays.stratum[lane] += 1);
         lanes(met).for_each(|lane| self.rays.stratum[lane] = self.stratum(lane));

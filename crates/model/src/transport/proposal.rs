@@ -1,6 +1,6 @@
 //! Candidates for the next flight of a walk and the grain at its end, drawn
 //! eight at a time and handed out one by one.
-use wide::f64x8;
+use splitsnow_spectra::simd::{F64x8, Simd, Task};
 
 use crate::grain::{Grain, GrainType, Grains};
 use crate::math::Vec3;
@@ -48,38 +48,68 @@ pub fn contact(
 }
 
 /// Proposals of one type of grain, drawn eight at a time.
-struct Supply {
+struct Supply<S: Simd> {
     grain: GrainType,
-    flights: f64x8,
-    media: f64x8,
-    grains: Grains,
-    projected: [f64x8; 3],
+    flights: F64x8<S>,
+    media: F64x8<S>,
+    grains: Grains<S>,
+    projected: [F64x8<S>; 3],
     kept: u32,
 }
 
+impl<S: Simd> Supply<S> {
+    /// Draws until at least one grain is kept.
+    #[inline(always)]
+    fn refill(&mut self, entry: Entry, wet: bool, rng: &mut Stream<S>) {
+        while self.kept == 0 {
+            self.flights = rng.exponential();
+            if wet {
+                self.media = rng.uniform();
+            }
+            if entry == Entry::Projected {
+                let (sin, cos) = rng.azimuth();
+                self.projected = [rng.uniform(), sin, cos];
+            }
+            (self.grains, self.kept) = Grains::draw(&self.grain, rng);
+        }
+    }
+}
+
+/// The call of [`Supply::refill`].
+struct Refill<'a, S: Simd>(&'a mut Supply<S>, Entry, bool, &'a mut Stream<S>);
+
+impl<S: Simd> Task for Refill<'_, S> {
+    type Output = ();
+
+    #[inline(always)]
+    fn perform(self) {
+        self.0.refill(self.1, self.2, self.3);
+    }
+}
+
 /// Proposals in one layer.
-pub(super) struct Proposals {
+pub(super) struct Proposals<S: Simd> {
     entry: Entry,
     mean_free_distance_m: f64,
     /// Whether the medium of a flight is drawn.
     wet: bool,
     /// Probabilities that a grain met is of one of the types up to each.
     types: Vec<f64>,
-    supplies: Vec<Supply>,
+    supplies: Vec<Supply<S>>,
     /// Which types come next, as uniform variates.
-    choices: f64x8,
+    choices: F64x8<S>,
     chosen: usize,
 }
 
-impl Proposals {
+impl<S: Simd> Proposals<S> {
     /// None drawn yet; `wet` if any layer is.
     pub(super) fn new(snow: &Snow, entry: Entry, wet: bool) -> Self {
         let supply = |component: &Component| Supply {
             grain: component.grain,
-            flights: f64x8::ZERO,
-            media: f64x8::ONE,
+            flights: F64x8::ZERO,
+            media: F64x8::ONE,
             grains: Grains::default(),
-            projected: [f64x8::ZERO; 3],
+            projected: [F64x8::ZERO; 3],
             kept: 0,
         };
         let mut sum = 0.0;
@@ -94,7 +124,7 @@ impl Proposals {
             wet,
             types: types.collect(),
             supplies: snow.grains.iter().map(supply).collect(),
-            choices: f64x8::ZERO,
+            choices: F64x8::ZERO,
             chosen: 8,
         }
     }
@@ -102,7 +132,9 @@ impl Proposals {
     /// The next one. The nearest of candidates of all types, each at a distance
     /// of its own, is of a type drawn with the meeting shares, at a distance
     /// that does not depend on it.
-    pub(super) fn next(&mut self, rng: &mut Stream) -> Proposal {
+    // It only copies numbers from lanes, so it needs no instruction set of its own.
+    #[inline(never)]
+    pub(super) fn next(&mut self, rng: &mut Stream<S>) -> Proposal {
         let last = self.types.len() - 1;
         let kind = if last == 0 {
             0
@@ -115,16 +147,8 @@ impl Proposals {
             self.types[..last].partition_point(|up_to| *up_to <= u)
         };
         let supply = &mut self.supplies[kind];
-        while supply.kept == 0 {
-            supply.flights = rng.exponential();
-            if self.wet {
-                supply.media = rng.uniform();
-            }
-            if self.entry == Entry::Projected {
-                let (sin, cos) = rng.azimuth();
-                supply.projected = [rng.uniform(), sin, cos];
-            }
-            (supply.grains, supply.kept) = Grains::draw(&supply.grain, rng);
+        if supply.kept == 0 {
+            S::outlined(Refill(&mut *supply, self.entry, self.wet, rng));
         }
         let lane = supply.kept.trailing_zeros() as usize;
         supply.kept &= supply.kept - 1;

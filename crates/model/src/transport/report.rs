@@ -14,7 +14,7 @@ pub struct Coefficients {
     pub ice_per_m: f64,
     /// Of water, 1/m.
     pub water_per_m: f64,
-    /// What impurities of each exponent ([`super::Pack::exponents`]) absorb,
+    /// What impurities of each exponent ([`super::Snowpack::exponents`]) absorb,
     /// relative to [`IMPURITY_NM`].
     pub impurities: [f64; EXPONENTS],
 }
@@ -47,7 +47,7 @@ impl Coefficients {
     }
 
     /// Optical depth of a path.
-    #[inline]
+    #[inline(always)]
     #[must_use]
     pub fn depth(&self, path: &Path) -> f64 {
         let clean = self.ice_per_m * path.ice_m + self.water_per_m * path.water_m;
@@ -69,7 +69,7 @@ impl Absorption {
     /// Weight of a ray that has survived the path given, for a wavelength with
     /// `coefficients` none below these: exp(-depth) over the chance to survive.
     /// At most 1, and unbiased.
-    #[inline]
+    #[inline(always)]
     #[must_use]
     pub fn weight(&self, path: &Path, coefficients: &Coefficients) -> f64 {
         let survived = self.coefficients.depth(path) - self.deferred;
@@ -89,7 +89,7 @@ pub struct Path {
     /// How far it is from where it entered, m: along the surface in the plane of
     /// incidence and across that plane. 0 where walks do not follow it.
     pub offset_m: [f64; 2],
-    /// How often the ground sent it back.
+    /// How often the substrate sent it back.
     pub bounces: u32,
 }
 

@@ -1,7 +1,7 @@
-//! Walks from grain to grain through a pack of layers (docs/methods.md;
+//! Walks from grain to grain through a snowpack of layers (docs/methods.md;
 //! Varsa 2025, section 4.1), eight side by side.
 //!
-//! The pack's outer planes reflect nothing; a grain that would stick out of it
+//! The snowpack's outer planes reflect nothing; a grain that would stick out of it
 //! is rejected and its flight drawn anew. A ray never meets a grain twice.
 //!
 //! **Layers.** A flight that reaches the plane between two layers is cut there
@@ -16,19 +16,21 @@
 //!
 //! **Several thicknesses.** They are those of the surface layer, and act on a
 //! walk only through its lower plane: up to the first flight that ends beyond
-//! it or whose grain would stick out of the pack, and up to the first grain that
-//! carries the ray across it, the walks in all thicker packs are the same. From
+//! it or whose grain would stick out of the snowpack, and up to the first grain that
+//! carries the ray across it, the walks in all thicker snowpacks are the same. From
 //! exactly there on, the walk is resumed for the next thickness. Each thickness
 //! sees walks of the exact law; the errors of different thicknesses are
 //! correlated.
-use crate::grain::{Events, Surface};
+use splitsnow_spectra::simd::{Kernel, Simd, Task, dispatch};
+
+use crate::grain::{Events, Stepped, Surface, Upright};
 use crate::math::Vec3;
 use crate::optics::Index;
 use crate::rng::Stream;
 use crate::transport::proposal::{Proposal, Proposals, contact};
 use crate::transport::{
-    Absorption, EXPONENTS, End, Entry, Illumination, Model, Pack, Path, Sink, Snow, diffuse_cosine,
-    impurities_per_m,
+    Absorption, EXPONENTS, End, Entry, Illumination, Model, Path, Sink, Snow, Snowpack,
+    diffuse_cosine, impurities_per_m,
 };
 
 /// Grain events after which a ray counts as lost.
@@ -54,9 +56,9 @@ pub enum WalkError {
     Stopped,
 }
 
-/// A way to walk rays through a pack.
+/// A way to walk rays through a snowpack.
 pub trait Walk: Sync {
-    /// Walks `rays` rays to their ends in packs of all `thicknesses_m`
+    /// Walks `rays` rays to their ends in snowpacks of all `thicknesses_m`
     /// (increasing) and gives the number of grain events.
     ///
     /// # Errors
@@ -71,12 +73,12 @@ pub trait Walk: Sync {
     ) -> Result<u64, WalkError>;
 }
 
-/// Chances of a ray that reaches the ground.
+/// Chances of a ray that reaches the substrate.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Bounce {
     /// To come back, in a direction with the weight of its cosine.
     pub reflected: f64,
-    /// To end as transmitted. If it does neither, the ground absorbs it.
+    /// To end as transmitted. If it does neither, the substrate absorbs it.
     pub transmitted: f64,
 }
 
@@ -88,7 +90,7 @@ impl Bounce {
     };
 }
 
-/// A pack made ready for walks at one pair of refractive indices.
+/// A snowpack made ready for walks at one pair of refractive indices.
 #[derive(Debug, Clone)]
 pub struct Walker {
     entry: Entry,
@@ -107,7 +109,7 @@ struct Stratum {
     snow: Snow,
     mean_free_distance_m: f64,
     longest_grain_m: f64,
-    /// Height of its lower plane over the base of the pack, m.
+    /// Height of its lower plane over the base of the snowpack, m.
     base_m: f64,
     /// Impurities of each exponent, 1/m.
     in_ice: [f64; EXPONENTS],
@@ -143,18 +145,18 @@ struct Lane {
 }
 
 /// Walks under way: what the driver and its helpers share.
-struct Walks<'a, S> {
+struct Walks<'a, S: Simd, W> {
     walker: &'a Walker,
     thicknesses_m: &'a [f64],
     illumination: Illumination,
-    rng: Stream,
+    rng: Stream<S>,
     /// Per layer.
-    proposals: Vec<Proposals>,
-    events: [Events; GROUPS],
+    proposals: Vec<Proposals<S>>,
+    events: [Events<S>; GROUPS],
     lanes: [Lane; LANES],
     /// Rays not started yet.
     waiting: u64,
-    sink: &'a mut S,
+    sink: &'a mut W,
 }
 
 impl Stratum {
@@ -182,25 +184,25 @@ impl Path {
 }
 
 impl Walker {
-    /// `ice` and `water` at the wavelength (or node) walked. The ground is black.
+    /// `ice` and `water` at the wavelength (or node) walked. The substrate is black.
     #[must_use]
     pub fn new(
-        pack: &Pack,
+        snowpack: &Snowpack,
         model: &Model,
         (ice, water): (Index, Index),
         absorption: Absorption,
     ) -> Self {
-        let exponents = pack.exponents();
-        let mut base_m = pack.below_m();
-        let mut strata = vec![Stratum::new(&pack.surface, base_m, &exponents, model)];
-        for layer in &pack.below {
+        let exponents = snowpack.exponents();
+        let mut base_m = snowpack.below_m();
+        let mut strata = vec![Stratum::new(&snowpack.surface, base_m, &exponents, model)];
+        for layer in &snowpack.below {
             base_m -= layer.thickness_m;
             strata.push(Stratum::new(&layer.snow, base_m, &exponents, model));
         }
         if let Some(last) = strata.last_mut() {
             last.base_m = 0.0;
         }
-        let wet = pack.is_wet();
+        let wet = snowpack.is_wet();
         Self {
             entry: model.entry,
             strata,
@@ -211,7 +213,7 @@ impl Walker {
         }
     }
 
-    /// The same on another ground.
+    /// The same on another substrate.
     #[must_use]
     pub fn over(self, bounce: Bounce) -> Self {
         Self { bounce, ..self }
@@ -240,6 +242,33 @@ impl Walk for Walker {
         rng: Stream,
         sink: &mut impl Sink,
     ) -> Result<u64, WalkError> {
+        dispatch(Walking {
+            walker: self,
+            thicknesses_m,
+            illumination,
+            rays,
+            rng,
+            sink,
+        })
+    }
+}
+
+/// The work of [`Walker`].
+struct Walking<'a, W> {
+    walker: &'a Walker,
+    thicknesses_m: &'a [f64],
+    illumination: Illumination,
+    rays: u64,
+    rng: Stream,
+    sink: &'a mut W,
+}
+
+impl<W: Sink> Kernel for Walking<'_, W> {
+    type Output = Result<u64, WalkError>;
+
+    #[inline(always)]
+    fn run<S: Simd>(self) -> Self::Output {
+        let walker = self.walker;
         let ray = Ray {
             z_m: 0.0,
             direction: Vec3::default(),
@@ -254,19 +283,19 @@ impl Walk for Walker {
             touch: None,
             centre_m: Vec3::default(),
         };
-        let strata = self.strata.iter();
-        let mut walks = Walks {
-            walker: self,
-            thicknesses_m,
-            illumination,
-            rng,
-            proposals: strata
-                .map(|stratum| Proposals::new(&stratum.snow, self.entry, self.wet))
-                .collect(),
-            events: std::array::from_fn(|_| Events::new(&self.surfaces, self.wet)),
+        let proposals = walker.strata.iter();
+        let proposals =
+            proposals.map(|stratum| Proposals::new(&stratum.snow, walker.entry, walker.wet));
+        let mut walks = Walks::<S, W> {
+            walker,
+            thicknesses_m: self.thicknesses_m,
+            illumination: self.illumination,
+            rng: self.rng.on(),
+            proposals: proposals.collect(),
+            events: std::array::from_fn(|_| Events::new(&walker.surfaces, walker.wet)),
             lanes: [lane; LANES],
-            waiting: rays,
-            sink,
+            waiting: self.rays,
+            sink: self.sink,
         };
         walks.run()
     }
@@ -281,7 +310,44 @@ fn bits(mut mask: u32) -> impl Iterator<Item = usize> {
     })
 }
 
-impl<S: Sink> Walks<'_, S> {
+/// The call of [`Walks::start`].
+struct Start<'w, 'a, S: Simd, W>(&'w mut Walks<'a, S, W>, usize);
+
+impl<S: Simd, W: Sink> Task for Start<'_, '_, S, W> {
+    type Output = Result<bool, WalkError>;
+
+    #[inline(always)]
+    fn perform(self) -> Result<bool, WalkError> {
+        self.0.start_inlined(self.1)
+    }
+}
+
+/// The call of [`Walks::fly`].
+struct Fly<'w, 'a, S: Simd, W>(&'w mut Walks<'a, S, W>, usize, Option<Proposal>);
+
+impl<S: Simd, W: Sink> Task for Fly<'_, '_, S, W> {
+    type Output = Result<bool, WalkError>;
+
+    #[inline(always)]
+    fn perform(self) -> Result<bool, WalkError> {
+        self.0.fly_inlined(self.1, self.2)
+    }
+}
+
+/// The call of [`Walks::bounce`].
+struct Bounced<'w, 'a, S: Simd, W>(&'w mut Walks<'a, S, W>, usize, f64);
+
+impl<S: Simd, W: Sink> Task for Bounced<'_, '_, S, W> {
+    type Output = bool;
+
+    #[inline(always)]
+    fn perform(self) -> bool {
+        self.0.bounce_by_chance(self.1, self.2)
+    }
+}
+
+impl<S: Simd, W: Sink> Walks<'_, S, W> {
+    #[inline(always)]
     fn run(&mut self) -> Result<u64, WalkError> {
         let mut total = 0;
         let mut walking = 0;
@@ -297,8 +363,10 @@ impl<S: Sink> Walks<'_, S> {
             if steps % STEPS_BETWEEN_CHECKS == 0 && self.sink.stop() {
                 return Err(WalkError::Stopped);
             }
-            let rng = &mut self.rng;
-            let steps = self.events.each_mut().map(|events| events.step(rng));
+            let mut steps = [Stepped::default(); GROUPS];
+            for (step, events) in steps.iter_mut().zip(&mut self.events) {
+                *step = events.step(&mut self.rng);
+            }
             for (group, step) in steps.iter().enumerate() {
                 // a lane without a ray idles in its last grain
                 let ours = walking >> (8 * group) & 0xff;
@@ -323,7 +391,13 @@ impl<S: Sink> Walks<'_, S> {
     }
 
     /// Starts the next ray on `lane`; false if there is none left.
+    #[inline(always)]
     fn start(&mut self, lane: usize) -> Result<bool, WalkError> {
+        S::outlined(Start(self, lane))
+    }
+
+    #[inline(always)]
+    fn start_inlined(&mut self, lane: usize) -> Result<bool, WalkError> {
         while self.waiting > 0 {
             self.waiting -= 1;
             // cheap next to a walk, so the other seven variates go unused
@@ -355,6 +429,7 @@ impl<S: Sink> Walks<'_, S> {
     }
 
     /// Cosine from the normal of diffuse light on the plane of a layer.
+    #[inline(always)]
     fn diffuse_cosine(&mut self, stratum: usize) -> f64 {
         let Stratum {
             mean_free_distance_m,
@@ -377,6 +452,7 @@ impl<S: Sink> Walks<'_, S> {
     }
 
     /// Takes the ray of `lane` out of its grain and on to the next.
+    #[inline(always)]
     fn leave_grain(&mut self, lane: usize) -> Result<bool, WalkError> {
         self.collect_ice(lane);
         let (events, bit) = (&self.events[lane / 8], lane % 8);
@@ -395,6 +471,7 @@ impl<S: Sink> Walks<'_, S> {
 
     /// Finds the layer of a ray that has left a grain, which may reach across
     /// planes.
+    #[inline]
     fn find_stratum(&mut self, lane: usize) {
         let Lane { ray, slab, .. } = &mut self.lanes[lane];
         let above_base_m = self.thicknesses_m[*slab] - ray.z_m;
@@ -407,12 +484,14 @@ impl<S: Sink> Walks<'_, S> {
 
     /// Ends the walk of `lane`, resumes it in the next slab or starts another
     /// ray; false if there is none left.
+    #[inline(always)]
     fn end(&mut self, lane: usize, end: End) -> Result<bool, WalkError> {
         Ok(self.end_and_resume(lane, end)? || self.start(lane)?)
     }
 
     /// Reports the end of the walk of `lane` and resumes it in the next slab;
     /// false if it has ended in all.
+    #[inline(always)]
     fn end_and_resume(&mut self, lane: usize, end: End) -> Result<bool, WalkError> {
         let Lane {
             slab, touch, ray, ..
@@ -433,9 +512,19 @@ impl<S: Sink> Walks<'_, S> {
         self.fly(lane, proposal)
     }
 
-    /// Flies the ray of `lane` to a grain that fits into the pack; false if
-    /// the walk has ended, in this pack and all thicker ones.
-    fn fly(&mut self, lane: usize, mut resumed: Option<Proposal>) -> Result<bool, WalkError> {
+    /// Flies the ray of `lane` to a grain that fits into the snowpack; false if
+    /// the walk has ended, in this snowpack and all thicker ones.
+    #[inline(always)]
+    fn fly(&mut self, lane: usize, resumed: Option<Proposal>) -> Result<bool, WalkError> {
+        S::outlined(Fly(self, lane, resumed))
+    }
+
+    #[inline(always)]
+    fn fly_inlined(
+        &mut self,
+        lane: usize,
+        mut resumed: Option<Proposal>,
+    ) -> Result<bool, WalkError> {
         let mut rejections = 0;
         loop {
             let proposal = match resumed.take() {
@@ -446,7 +535,7 @@ impl<S: Sink> Walks<'_, S> {
                 }
             };
             let thickness_m = self.thicknesses_m[self.lanes[lane].slab];
-            // to a grain, or out of the pack
+            // to a grain, or out of the snowpack
             let (first, mut proposal, mut ray) = (proposal, proposal, self.lanes[lane].ray);
             let inside = loop {
                 let stratum = &self.walker.strata[ray.stratum];
@@ -506,7 +595,7 @@ impl<S: Sink> Walks<'_, S> {
                             rejections = 0;
                             continue;
                         }
-                        self.ground()
+                        self.substrate()
                     }
                     (false, false) => End::Reflected,
                 };
@@ -520,7 +609,7 @@ impl<S: Sink> Walks<'_, S> {
             let centre_m = Vec3::new(x_m, y_m, ray.z_m) + point * -scale_m;
             // the contact lies on the grain, so only near a plane can it stick out
             if ray.z_m < grain.size_m || ray.z_m > thickness_m - grain.size_m {
-                let half_m = grain.body.half_height(|[_, _, z]| z) * scale_m;
+                let half_m = grain.body.half_height(&Upright) * scale_m;
                 let sticks_out_below = centre_m.z + half_m > thickness_m;
                 if sticks_out_below {
                     self.touch(lane, Some(first));
@@ -572,10 +661,16 @@ impl<S: Sink> Walks<'_, S> {
         }
     }
 
-    /// Whether the ground sends the ray of `lane` back.
+    /// Whether the substrate sends the ray of `lane` back.
+    #[inline(always)]
     fn bounce(&mut self, lane: usize) -> bool {
         let reflected = self.walker.bounce.reflected;
-        if reflected == 0.0 || self.rng.uniform().as_array()[0] >= reflected {
+        reflected != 0.0 && S::outlined(Bounced(self, lane, reflected))
+    }
+
+    #[inline(always)]
+    fn bounce_by_chance(&mut self, lane: usize, reflected: f64) -> bool {
+        if self.rng.uniform().as_array()[0] >= reflected {
             return false;
         }
         let last = self.walker.strata.len() - 1;
@@ -589,8 +684,9 @@ impl<S: Sink> Walks<'_, S> {
         true
     }
 
-    /// What becomes of a ray that the ground does not send back.
-    fn ground(&mut self) -> End {
+    /// What becomes of a ray that the substrate does not send back.
+    #[inline(always)]
+    fn substrate(&mut self) -> End {
         let Bounce {
             reflected,
             transmitted,

@@ -1,16 +1,15 @@
-//! Colour of a spectrum: CIELAB, the difference of two colours, sRGB.
+//! Colour of a spectrum: CIELAB, colour differences, sRGB.
 //!
-//! A reflectance or transmittance, sampled at a database's wavelengths, is seen
-//! under one or several illuminants by the CIE 1931 2-degree observer.
-//! Tristimulus values are trapezoid sums over the spectrum's own wavelengths,
-//! with both tables interpolated linearly to them; white is a spectrum of 1
-//! everywhere, seen through the same sums. By default the illuminant is D65 and
-//! the difference Delta-E*ab of CIE 1976, the measure of Varsa 2025, section 6.5
-//! (the observer is our reading: the thesis names none).
+//! A reflectance or transmittance spectrum is seen under one or several illuminants by the
+//! CIE 1931 2-degree observer. Tristimulus values are trapezoidal sums over the wavelengths
+//! of the spectrum, to which the tables of observer and illuminant are interpolated
+//! linearly. White is a spectrum of 1 everywhere, computed with the same sums. By default
+//! the illuminant is D65 and the difference is Delta-E*ab of CIE 1976, the measure of Varsa
+//! 2025, section 6.5 (the observer is our assumption; the thesis names none).
 //!
-//! Neglected: wavelengths outside 360-780 nm (380-780 nm for FL3.15 and LED-B5; for a
-//! user's table those that it has), where the two tables overlap. The observer's values
-//! beyond are below 5e-5, their share of white under D65 below 1e-5.
+//! Neglected: wavelengths outside 360-780 nm, where the two tables overlap (380-780 nm for
+//! FL3.15 and LED-B5; the range of the table for a user's illuminant). Beyond, the values of
+//! the observer are below 5e-5, and their share of white under D65 is below 1e-5.
 mod observer;
 mod power;
 mod viewing;
@@ -24,9 +23,9 @@ use thiserror::Error;
 use crate::spectrum::{Resampling, TableError};
 
 pub use power::{IlluminantError, PowerTable};
-pub use viewing::{ColourDifference, Illuminant, Stated, Viewing};
+pub use viewing::{ColourDifference, Illuminant, IlluminantSpec, Viewing};
 
-/// White of the sums below: they are divided by white already.
+/// White point of tristimulus values relative to white: (1, 1, 1).
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct UnitWhite;
 
@@ -36,26 +35,26 @@ impl WhitePoint<f64> for UnitWhite {
     }
 }
 
-/// A CIELAB colour: `l` in [0, 100] for spectra in [0, 1], `a`, `b`.
+/// A CIELAB colour `l`, `a`, `b`; `l` is in [0, 100] for spectra in [0, 1].
 pub type Lab = palette::Lab<UnitWhite, f64>;
 
-/// Why no colorimeter could be built.
+/// An error in building a colorimeter.
 #[derive(Debug, Clone, PartialEq, Error)]
 pub enum ColourError {
-    /// Wavelengths that are not a list of increasing numbers.
+    /// A wavelength that is not finite or not above the one before.
     #[error(
         "wavelength number {number} is {value} nm; wavelengths must be finite and strictly increasing"
     )]
     Wavelengths {
         /// Position in the list, from 1.
         number: usize,
-        /// The value there, nm.
+        /// The wavelength, nm.
         value: f64,
     },
-    /// Nothing to see by.
+    /// The list of illuminants is empty.
     #[error("no illuminant is given; name at least one")]
     NoIlluminant,
-    /// A user's illuminant that does not reach as far as the wavelengths.
+    /// A user's illuminant that does not cover the wavelengths.
     #[error(transparent)]
     Illuminant(#[from] IlluminantError),
     /// A built-in table cannot be read.
@@ -63,26 +62,26 @@ pub enum ColourError {
     Table(#[from] TableError),
 }
 
-/// Turns spectra at fixed wavelengths into colours: one weighted sum per
-/// tristimulus value and illuminant.
+/// Converts spectra at fixed wavelengths to colours: one weighted sum per tristimulus
+/// value and illuminant.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Colorimeter {
-    /// One per illuminant, at least one.
-    lights: Vec<Light>,
+    /// Weights per illuminant; at least one illuminant.
+    lights: Vec<IlluminantWeights>,
     difference: ColourDifference,
 }
 
-/// Weights under one illuminant.
+/// Weights of the tristimulus sums under one illuminant.
 #[derive(Debug, Clone, PartialEq)]
-struct Light {
-    /// `[3][l]`: X, Y, Z of a unit spectrum at one wavelength, as shares of white.
+struct IlluminantWeights {
+    /// `[3][l]`: contribution of each wavelength to X, Y and Z, relative to white.
     weights: [Vec<f64>; 3],
     /// Tristimulus values of white, Y = 1.
     white: [f64; 3],
 }
 
-impl Light {
-    /// `None` where the spectra have no colour.
+impl IlluminantWeights {
+    /// `None` if spectra at these wavelengths have no colour.
     fn new(wavelengths_nm: &[f64], illuminant: &Illuminant) -> Result<Option<Self>, TableError> {
         let mut weights = observer::weights(wavelengths_nm, illuminant.table()?.as_ref())?;
         let white = [0, 1, 2].map(|c: usize| weights[c].iter().sum::<f64>());
@@ -97,12 +96,12 @@ impl Light {
         Ok(Some(Self { weights, white }))
     }
 
-    /// X/Xn, Y/Yn, Z/Zn of `spectrum`.
+    /// X/Xn, Y/Yn and Z/Zn of `spectrum`.
     fn relative(&self, spectrum: &[f64]) -> [f64; 3] {
         assert_eq!(
             spectrum.len(),
             self.weights[1].len(),
-            "a spectrum has one value per wavelength of its colorimeter"
+            "the spectrum must have one value per wavelength of the colorimeter"
         );
         let sum = |weights: &[f64]| weights.iter().zip(spectrum).map(|(w, s)| w * s).sum();
         let [x, y, z] = &self.weights;
@@ -116,31 +115,32 @@ impl Light {
 }
 
 impl Colorimeter {
-    /// A colorimeter of the default [`Viewing`]: see [`Colorimeter::viewing`].
+    /// A colorimeter for the default [`Viewing`]: see [`Colorimeter::viewing`].
     ///
     /// # Errors
-    /// [`ColourError::Wavelengths`] for a list that is not finite and increasing.
+    /// [`ColourError::Wavelengths`] if the list is not finite and strictly increasing.
     pub fn new(wavelengths_nm: &[f64]) -> Result<Option<Self>, ColourError> {
         Self::viewing(wavelengths_nm, &Viewing::default())
     }
 
-    /// A colorimeter for spectra sampled at `wavelengths_nm` (nm, strictly
-    /// increasing), or `None` where these spectra have no colour under one of the
-    /// illuminants: fewer than 3 wavelengths that observer and illuminant are
-    /// tabulated at, or none at which the observer sees blue.
+    /// A colorimeter for spectra sampled at `wavelengths_nm` (nm, strictly increasing).
+    /// `None` if such spectra have no colour under one of the illuminants: fewer than 3
+    /// wavelengths are in the tables of observer and illuminant, or the observer sees blue
+    /// at none of them.
     ///
     /// # Errors
-    /// [`ColourError::Wavelengths`] for a list that is not finite and increasing,
-    /// [`ColourError::NoIlluminant`], [`ColourError::Illuminant`].
+    /// [`ColourError::Wavelengths`] if the list is not finite and strictly increasing,
+    /// [`ColourError::NoIlluminant`] if there is no illuminant, [`ColourError::Illuminant`]
+    /// if a user's table does not cover the wavelengths.
     pub fn viewing(wavelengths_nm: &[f64], viewing: &Viewing) -> Result<Option<Self>, ColourError> {
-        increasing(wavelengths_nm)?;
+        check_increasing(wavelengths_nm)?;
         if viewing.illuminants.is_empty() {
             return Err(ColourError::NoIlluminant);
         }
         let mut lights = Vec::new();
         for illuminant in &viewing.illuminants {
             illuminant.covers(wavelengths_nm)?;
-            let Some(light) = Light::new(wavelengths_nm, illuminant)? else {
+            let Some(light) = IlluminantWeights::new(wavelengths_nm, illuminant)? else {
                 return Ok(None);
             };
             lights.push(light);
@@ -151,17 +151,17 @@ impl Colorimeter {
         }))
     }
 
-    /// As [`Colorimeter::viewing`], for spectra that are straight lines between
-    /// `wavelengths_nm`, however few: those lines are seen every 5 nm, as the observer
-    /// is tabulated.
+    /// As [`Colorimeter::viewing`], for spectra that are piecewise linear between
+    /// `wavelengths_nm`, of which there may be few: the spectra are resampled every 5 nm,
+    /// the spacing of the table of the observer.
     ///
     /// # Errors
     /// As [`Colorimeter::viewing`].
-    pub fn of_lines(
+    pub fn piecewise_linear(
         wavelengths_nm: &[f64],
         viewing: &Viewing,
     ) -> Result<Option<Self>, ColourError> {
-        increasing(wavelengths_nm)?;
+        check_increasing(wavelengths_nm)?;
         let (Some(&first), Some(&last)) = (wavelengths_nm.first(), wavelengths_nm.last()) else {
             return Ok(None);
         };
@@ -170,22 +170,23 @@ impl Colorimeter {
         fine.extend(wavelengths_nm);
         fine.sort_by(f64::total_cmp);
         fine.dedup();
-        let by = Resampling::new(wavelengths_nm, &fine);
-        Ok(Self::viewing(&fine, viewing)?.map(|seen| seen.resampled(&by)))
+        let resampling = Resampling::new(wavelengths_nm, &fine);
+        let colorimeter = Self::viewing(&fine, viewing)?;
+        Ok(colorimeter.map(|colorimeter| colorimeter.resampled(&resampling)))
     }
 
-    /// Tristimulus values X, Y, Z of white (the first illuminant as these
-    /// wavelengths sample it), with Y = 1.
+    /// Tristimulus values X, Y, Z of white under the first illuminant, sampled at these
+    /// wavelengths and scaled to Y = 1.
     #[must_use]
     pub fn white(&self) -> [f64; 3] {
         self.lights[0].white
     }
 
     /// Tristimulus values X, Y, Z of `spectrum` (`[l]`, dimensionless) under the first
-    /// illuminant; those of a spectrum of 1 are [`Colorimeter::white`].
+    /// illuminant, on the scale of [`Colorimeter::white`].
     ///
     /// # Panics
-    /// If `spectrum` has not one value per wavelength.
+    /// If `spectrum` does not have one value per wavelength.
     #[must_use]
     pub fn xyz(&self, spectrum: &[f64]) -> [f64; 3] {
         let ([x, y, z], white) = (self.lights[0].relative(spectrum), self.white());
@@ -195,31 +196,33 @@ impl Colorimeter {
     /// CIELAB of `spectrum` (`[l]`, dimensionless) under the first illuminant.
     ///
     /// # Panics
-    /// If `spectrum` has not one value per wavelength.
+    /// If `spectrum` does not have one value per wavelength.
     #[must_use]
     pub fn lab(&self, spectrum: &[f64]) -> Lab {
         self.lights[0].lab(spectrum)
     }
 
-    /// Luminance of `spectrum` (`[l]`) under the first illuminant, as a share of
-    /// white's.
+    /// Luminance of `spectrum` (`[l]`) under the first illuminant, relative to white.
     ///
     /// # Panics
-    /// If `spectrum` has not one value per wavelength.
+    /// If `spectrum` does not have one value per wavelength.
     #[must_use]
     pub fn luminance(&self, spectrum: &[f64]) -> f64 {
         self.lights[0].relative(spectrum)[1]
     }
 
-    /// A colorimeter for spectra that `by` takes to the wavelengths of this: it sees
-    /// them as what they become there.
+    /// A colorimeter for spectra at the input wavelengths of `resampling`. It gives the
+    /// colours that this colorimeter gives for the resampled spectra.
     ///
     /// # Panics
-    /// If `by` leads to another number of wavelengths.
+    /// If the number of output wavelengths of `resampling` is not that of this colorimeter.
     #[must_use]
-    pub fn resampled(&self, by: &Resampling) -> Self {
-        let lights = self.lights.iter().map(|light| Light {
-            weights: light.weights.each_ref().map(|weights| by.folded(weights)),
+    pub fn resampled(&self, resampling: &Resampling) -> Self {
+        let lights = self.lights.iter().map(|light| IlluminantWeights {
+            weights: light
+                .weights
+                .each_ref()
+                .map(|weights| resampling.folded(weights)),
             white: light.white,
         });
         Self {
@@ -228,7 +231,7 @@ impl Colorimeter {
         }
     }
 
-    /// Whether any colour depends on the value at this wavelength, by its position.
+    /// Whether any colour depends on the value at the wavelength with this index.
     #[must_use]
     pub fn sees(&self, wavelength: usize) -> bool {
         let weights = self.lights.iter().flat_map(|light| &light.weights);
@@ -236,26 +239,26 @@ impl Colorimeter {
         here.any(|weight| *weight != 0.0)
     }
 
-    /// The colour difference of two spectra (`[l]`): the largest over the
-    /// illuminants, NaN if one of them gives NaN.
+    /// The colour difference of two spectra (`[l]`): the largest over the illuminants, or
+    /// NaN if any of them gives NaN.
     ///
     /// # Panics
-    /// If one has not one value per wavelength.
+    /// If one of the spectra does not have one value per wavelength.
     #[must_use]
     pub fn difference(&self, first: &[f64], second: &[f64]) -> f64 {
         self.difference_across(first, self, second)
     }
 
-    /// The same of `first`, seen by this, and `second`, seen by `other`, one that
-    /// was [resampled](Self::resampled) from this.
+    /// The colour difference of `first`, seen by this colorimeter, and `second`, seen by
+    /// `other`, which was [resampled](Self::resampled) from this one.
     ///
     /// # Panics
-    /// If one has not one value per wavelength of what sees it.
+    /// If one of the spectra does not have one value per wavelength of its colorimeter.
     #[must_use]
     pub fn difference_across(&self, first: &[f64], other: &Self, second: &[f64]) -> f64 {
         let lights = self.lights.iter().zip(&other.lights);
         let differences =
-            lights.map(|(here, there)| self.difference.between(here.lab(first), there.lab(second)));
+            lights.map(|(own, other)| self.difference.between(own.lab(first), other.lab(second)));
         differences.fold(0.0, |worst, e| {
             if e <= worst || worst.is_nan() {
                 worst
@@ -265,12 +268,11 @@ impl Colorimeter {
         })
     }
 
-    /// Gamma-encoded sRGB of `spectrum` (`[l]`) under the first illuminant, with
-    /// a spectrum of 1 as the white (255, 255, 255); colours out of gamut are
-    /// clipped in linear sRGB.
+    /// Gamma-encoded sRGB of `spectrum` (`[l]`) under the first illuminant. A spectrum of
+    /// 1 is white (255, 255, 255). Colours out of gamut are clipped in linear sRGB.
     ///
     /// # Panics
-    /// If `spectrum` has not one value per wavelength.
+    /// If `spectrum` does not have one value per wavelength.
     #[must_use]
     pub fn srgb(&self, spectrum: &[f64]) -> [u8; 3] {
         let linear = LinSrgb::from(self.linear_srgb(spectrum)).clamp();
@@ -278,11 +280,11 @@ impl Colorimeter {
     }
 
     /// Linear sRGB of `spectrum` (`[l]`) under the first illuminant, not clipped. A
-    /// spectrum of 1 is (1, 1, 1) under any illuminant: X, Y and Z are scaled from its
-    /// white to D65, the white of sRGB.
+    /// spectrum of 1 is (1, 1, 1) under any illuminant: X, Y and Z are scaled from the
+    /// white of the illuminant to D65, the white of sRGB.
     ///
     /// # Panics
-    /// If `spectrum` has not one value per wavelength.
+    /// If `spectrum` does not have one value per wavelength.
     #[must_use]
     pub fn linear_srgb(&self, spectrum: &[f64]) -> [f64; 3] {
         let [x, y, z] = self.lights[0].relative(spectrum);
@@ -292,14 +294,14 @@ impl Colorimeter {
     }
 }
 
-/// Linear sRGB in the encoding of IEC 61966-2-1, [0, 1] to [0, 1].
+/// Gamma-encoded sRGB (IEC 61966-2-1) from linear sRGB; both in [0, 1].
 #[must_use]
 pub fn encoded_srgb(linear: [f64; 3]) -> [f64; 3] {
     Srgb::<f64>::from_linear(LinSrgb::from(linear)).into()
 }
 
-/// [`ColourError::Wavelengths`] for a list that is not finite and increasing.
-fn increasing(wavelengths_nm: &[f64]) -> Result<(), ColourError> {
+/// [`ColourError::Wavelengths`] if the list is not finite and strictly increasing.
+fn check_increasing(wavelengths_nm: &[f64]) -> Result<(), ColourError> {
     let mut before = f64::NEG_INFINITY;
     for (index, &value) in wavelengths_nm.iter().enumerate() {
         if !(value.is_finite() && value > before) {
@@ -311,8 +313,8 @@ fn increasing(wavelengths_nm: &[f64]) -> Result<(), ColourError> {
     Ok(())
 }
 
-/// Delta-E*ab (CIE 1976): the Euclidean distance of two CIELAB colours. 2.3 is
-/// a just noticeable difference.
+/// Delta-E*ab (CIE 1976): the Euclidean distance of two CIELAB colours. About 2.3 is
+/// just noticeable.
 #[must_use]
 pub fn delta_e(first: Lab, second: Lab) -> f64 {
     first.delta_e(second)
@@ -402,7 +404,7 @@ mod tests {
 
     #[test]
     fn the_worst_illuminant_counts() {
-        // A bump where the LED is strong, and one where daylight has more.
+        // One bump where the LED is strong, one where daylight is stronger.
         let bump = |centre: f64| -> Vec<f64> {
             let at = |w: &f64| 0.5 + 0.1 * (-((w - centre) / 15.0).powi(2)).exp();
             visible().iter().map(at).collect()
@@ -486,7 +488,7 @@ mod tests {
     }
 
     #[test]
-    fn resampled_it_sees_the_lines_between() {
+    fn a_resampled_colorimeter_sees_the_lines_between() {
         let sparse = [400.0, 430.0, 480.0, 550.0, 610.0, 700.0];
         let by = Resampling::new(&sparse, &visible());
         let values = [0.31, 0.5, 0.2, 0.7, 0.4, 0.05];
@@ -499,7 +501,7 @@ mod tests {
             let few = all.resampled(&by);
             assert!(delta_e(all.lab(&lines), few.lab(&values)) < 1e-12);
             assert!(all.difference_across(&lines, &few, &values) < 1e-12);
-            // and not as if there were nothing between
+            // unlike the spectrum sampled at these wavelengths only
             let bare: Vec<f64> = sparse.map(f64::from).to_vec();
             let bare = seen(&bare, lights, ColourDifference::Cie1976);
             assert!(delta_e(all.lab(&lines), bare.lab(&values)) > 1.0);
@@ -512,25 +514,27 @@ mod tests {
 
     #[test]
     fn few_wavelengths_are_seen_as_lines() {
-        // one of them on no multiple of 5 nm
+        // one of them is not a multiple of 5 nm
         let sparse = [400.0, 431.5, 480.0, 550.0, 610.0, 700.0];
         let values = [0.31, 0.5, 0.2, 0.7, 0.4, 0.05];
         let mut fine: Vec<f64> = (80..=140).map(|i| f64::from(i) * 5.0).collect();
         fine.insert(7, 431.5);
         let lines = Resampling::new(&sparse, &fine).apply(&values);
         let daylight = Viewing::default();
-        let few = Colorimeter::of_lines(&sparse, &daylight).unwrap().unwrap();
+        let few = Colorimeter::piecewise_linear(&sparse, &daylight)
+            .unwrap()
+            .unwrap();
         let all = Colorimeter::new(&fine).unwrap().unwrap();
         assert!(delta_e(few.lab(&values), all.lab(&lines)) < 1e-9);
-        // no line is drawn beyond the ends, and two wavelengths are enough for one
-        let two = Colorimeter::of_lines(&[400.0, 700.0], &daylight)
+        // no extrapolation beyond the ends; two wavelengths are enough
+        let two = Colorimeter::piecewise_linear(&[400.0, 700.0], &daylight)
             .unwrap()
             .unwrap();
         assert!(two.lab(&[0.5, 0.5]).a.abs() < 1e-12);
         for none in [&[][..], &[500.0], &[900.0, 1000.0]] {
-            assert_eq!(Colorimeter::of_lines(none, &daylight), Ok(None));
+            assert_eq!(Colorimeter::piecewise_linear(none, &daylight), Ok(None));
         }
-        assert!(Colorimeter::of_lines(&[500.0, 400.0], &daylight).is_err());
+        assert!(Colorimeter::piecewise_linear(&[500.0, 400.0], &daylight).is_err());
     }
 
     #[test]
@@ -562,7 +566,7 @@ mod tests {
     }
 
     #[test]
-    fn only_what_the_eye_sees_counts() {
+    fn only_visible_wavelengths_count() {
         let nm = [350.0, 400.0, 500.0, 600.0, 780.0, 790.0];
         let colorimeter = Colorimeter::new(&nm).unwrap().unwrap();
         let seen: Vec<bool> = (0..7).map(|i| colorimeter.sees(i)).collect();

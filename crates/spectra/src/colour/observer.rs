@@ -1,10 +1,10 @@
-//! The observer under an illuminant, as weights per wavelength.
+//! The CIE 1931 observer under an illuminant, as weights per wavelength.
 use crate::spectrum::{Table, TableError};
 
-/// First and last wavelength of the observer's table, nm.
+/// First and last wavelength of the table of the observer, nm.
 pub(super) const RANGE_NM: (f64, f64) = (360.0, 830.0);
 
-/// The wavelengths that the observer is tabulated at, nm, as far as lights are.
+/// Wavelengths of the table of the observer, nm, up to the end of the illuminants (780 nm).
 pub(super) fn every_5_nm() -> Vec<f64> {
     (72..=156).map(|i| f64::from(i) * 5.0).collect()
 }
@@ -43,10 +43,10 @@ pub(super) fn weights(
     Ok(weights)
 }
 
-/// Whether a table of power has X, Y and Z above 0, which are then finite, too.
+/// Whether X, Y and Z of white under an illuminant are finite and above 0.
 pub(super) fn sees_white(illuminant: &Table) -> bool {
     let mut nm = every_5_nm();
-    // lines of a lamp may stand between
+    // include the emission lines of lamps between these wavelengths
     nm.extend(illuminant.abscissae());
     nm.sort_by(f64::total_cmp);
     nm.dedup();

@@ -1,9 +1,9 @@
-//! A user's illuminant: a table of its relative power.
+//! A user's illuminant: a table of relative spectral power.
 //!
-//! The table is a file, read as measured spectra are (docs/formats.md, "Illuminants
-//! from files"), or its numbers. Two tables are the same light if their numbers are the
-//! same where the observer sees, whatever their names. A table serves wavelengths if it
-//! reaches over those of them within 380-780 nm, where all built-in tables have values.
+//! The table comes from a file in any format of measured spectra (docs/formats.md,
+//! "Illuminants from files"), or from numbers. Two tables are equal if their numbers in the
+//! range of the observer are equal; names do not count. A table can be used for spectra if
+//! it covers their wavelengths within 380-780 nm, where all built-in tables have values.
 use std::path::Path;
 use std::sync::Arc;
 
@@ -14,44 +14,44 @@ use super::{Illuminant, observer};
 use crate::spectrum::Table;
 use crate::spectrum::measured::{self, Content, Curve, Report, Request, SpectrumError};
 
-/// Wavelengths that a table must reach over where spectra have them, nm.
+/// Range within which a table must cover the wavelengths of the spectra, nm.
 const NEEDED_NM: (f64, f64) = (380.0, 780.0);
-/// Rows of a file that are looked at, nm: the observer's wavelengths and neighbours.
+/// Range of the rows read from a file, nm: the range of the observer with a margin.
 const READ_NM: (f64, f64) = (200.0, 1000.0);
 
-/// Relative power over wavelength.
+/// Relative spectral power over wavelength.
 #[derive(Debug, Clone)]
 pub struct PowerTable {
     name: String,
     table: Table,
 }
 
-/// By content: the name does not count.
+/// Compares the content; the name does not count.
 impl PartialEq for PowerTable {
     fn eq(&self, other: &Self) -> bool {
         self.table == other.table
     }
 }
 
-/// Why a table cannot be an illuminant.
+/// An error in reading a table as an illuminant.
 #[derive(Debug, Clone, PartialEq, Error)]
 pub enum IlluminantError {
-    /// Neither a name nor a file.
+    /// Neither the name of a built-in illuminant nor a readable file.
     #[error(
         "no illuminant is named `{name}` and no such file can be read ({reason})\n  help: give one of {names}, or the path of a table of relative power", names = Illuminant::NAMES.join(", ")
     )]
     Unknown {
-        /// What was given.
+        /// The name or path given.
         name: String,
-        /// What the system said.
+        /// The error of the operating system.
         reason: String,
     },
-    /// The file holds no spectrum of power.
+    /// The file does not hold a readable spectrum.
     #[error("{}", .0.without_choices())]
     Spectrum(#[from] SpectrumError),
-    /// A row that has none or less than none, within 380-780 nm.
+    /// A row within 380-780 nm without a power, or with a negative one.
     #[error(
-        "{file}:{line}: {} at {nm} nm: a light needs a power of 0 or more in every row within 380-780 nm\n  help: mend the row, or leave it out", .value.map_or("no power".to_owned(), |value| format!("a power of {value}"))
+    "{file}:{line}: {} at {nm} nm: an illuminant needs a power of 0 or more in every row within 380-780 nm\n  help: correct the row, or remove it", .value.map_or("no power".to_owned(), |value| format!("a power of {value}"))
     )]
     Power {
         /// The file.
@@ -60,46 +60,47 @@ pub enum IlluminantError {
         line: usize,
         /// Wavelength, nm.
         nm: f64,
-        /// What it has.
+        /// Its power; `None` if the row has none.
         value: Option<f64>,
     },
-    /// Numbers that are no table.
+    /// Numbers that do not form a valid table.
     #[error(
         "{name}: {what}\n  help: give at least two wavelengths in nm, finite and strictly increasing, and for each a power of 0 or more"
     )]
     Numbers {
         /// Name of the table.
         name: String,
-        /// What is wrong with them.
+        /// The defect.
         what: String,
     },
-    /// No white.
+    /// X, Y or Z of white is 0.
     #[error(
-        "{name}: it has no power where the observer sees red, green and blue, so that nothing is white under it\n  help: give a light with some power between 380 and 650 nm"
+        "{name}: it has no power where the observer sees red, green and blue, so white is not defined\n  help: give an illuminant with some power between 380 and 650 nm"
     )]
     Dark {
         /// Name of the table.
         name: String,
     },
-    /// It does not reach as far as the wavelengths.
+    /// The table does not cover the wavelengths of the spectra.
     #[error(
-        "{name} covers {} to {} nm, but the wavelengths need {} to {} nm of it\n  help: extend the table, or choose other wavelengths; beyond 380-780 nm none is needed", .covered.0, .covered.1, .needed.0, .needed.1
+        "{name} covers {} to {} nm, but the wavelengths need {} to {} nm\n  help: extend the table, or choose other wavelengths; none is needed outside 380-780 nm", .covered.0, .covered.1, .needed.0, .needed.1
     )]
     Short {
         /// Name of the table.
         name: String,
-        /// First and last wavelength that it has, nm.
+        /// First and last wavelength of the table, nm.
         covered: (f64, f64),
-        /// First and last wavelength that is needed, nm.
+        /// First and last wavelength needed, nm.
         needed: (f64, f64),
     },
 }
 
 impl PowerTable {
-    /// The table of `power`, in any unit, at `wavelengths_nm`, nm.
+    /// A table of `power`, in any unit, at `wavelengths_nm`, nm.
     ///
     /// # Errors
-    /// [`IlluminantError::Numbers`], [`IlluminantError::Dark`].
+    /// [`IlluminantError::Numbers`] if the numbers do not form a valid table,
+    /// [`IlluminantError::Dark`] if white is not defined under it.
     pub fn new(name: &str, wavelengths_nm: &[f64], power: &[f64]) -> Result<Self, IlluminantError> {
         let refuse = |what: String| IlluminantError::Numbers {
             name: name.to_owned(),
@@ -117,18 +118,18 @@ impl PowerTable {
             }
             before = *nm;
         }
-        // What the observer does not see is no part of the light.
+        // Drop rows outside the range of the observer, except one neighbour at each end.
         let (low, high) = observer::RANGE_NM;
         let begin = wavelengths_nm.partition_point(|nm| *nm <= low);
         let begin = begin.saturating_sub(1);
         let end = wavelengths_nm.partition_point(|nm| *nm < high);
-        let kept = begin..(end + 1).min(rows).max(begin);
-        let (nm, power) = (&wavelengths_nm[kept.clone()], &power[kept]);
+        let visible = begin..(end + 1).min(rows).max(begin);
+        let (nm, power) = (&wavelengths_nm[visible.clone()], &power[visible]);
         let mut pairs = nm.iter().zip(power);
         if let Some((nm, value)) = pairs.find(|(_, power)| !(power.is_finite() && **power >= 0.0)) {
             return Err(refuse(format!("a power of {value} at {nm} nm")));
         }
-        let table = Table::of(nm, power).ok_or_else(|| {
+        let table = Table::from_column(nm, power).ok_or_else(|| {
             let (low, high) = observer::RANGE_NM;
             refuse(format!("fewer than two rows within {low}-{high} nm"))
         })?;
@@ -142,20 +143,20 @@ impl PowerTable {
         })
     }
 
-    /// Its name: that of its file, without the folder.
+    /// The name: the file name without the folder.
     #[must_use]
     pub fn name(&self) -> &str {
         &self.name
     }
 
-    /// Wavelengths, nm, strictly increasing: those that the observer sees, and at
-    /// either end one beyond.
+    /// Wavelengths, nm, strictly increasing: those in the range of the observer, and one
+    /// beyond each end.
     #[must_use]
     pub fn wavelengths_nm(&self) -> &[f64] {
         self.table.abscissae()
     }
 
-    /// Relative power at each of them.
+    /// Relative power at each wavelength.
     #[must_use]
     pub fn power(&self) -> &[f64] {
         self.table.column(0)
@@ -165,7 +166,7 @@ impl PowerTable {
         &self.table
     }
 
-    /// Eight hexadecimal digits of its content.
+    /// Eight hexadecimal digits of a hash of the content.
     #[must_use]
     pub fn fingerprint(&self) -> String {
         let mut digest = Sha256::new();
@@ -176,13 +177,15 @@ impl PowerTable {
         digest[..4].iter().map(|b| format!("{b:02x}")).collect()
     }
 
+    /// Checks that the table covers those of `wavelengths_nm` within 380-780 nm.
+    ///
     /// # Errors
-    /// [`IlluminantError::Short`].
+    /// [`IlluminantError::Short`] if it does not.
     pub(super) fn covers(&self, wavelengths_nm: &[f64]) -> Result<(), IlluminantError> {
         let (low, high) = NEEDED_NM;
-        let needed = |nm: &&f64| (low..=high).contains(*nm);
-        let mut wanted = wavelengths_nm.iter().filter(needed);
-        let (Some(&first), last) = (wanted.next(), wanted.next_back()) else {
+        let in_range = |nm: &&f64| (low..=high).contains(*nm);
+        let mut needed = wavelengths_nm.iter().filter(in_range);
+        let (Some(&first), last) = (needed.next(), needed.next_back()) else {
             return Ok(());
         };
         let last = last.copied().unwrap_or(first);
@@ -199,11 +202,11 @@ impl PowerTable {
 }
 
 impl Illuminant {
-    /// The illuminant of a name; else the table at that path, relative to `directory`,
-    /// and what was found in it and done.
+    /// The built-in illuminant of this name; otherwise the table at this path, relative to
+    /// `directory`, with the report of reading it.
     ///
     /// # Errors
-    /// See [`IlluminantError`].
+    /// An [`IlluminantError`] if it is neither, or the table cannot be used.
     pub fn find(
         name_or_path: &str,
         directory: &Path,
@@ -222,21 +225,21 @@ impl Illuminant {
         Ok((table, Some(report)))
     }
 
-    /// The table of relative power in a file (docs/formats.md, "Illuminants from
-    /// files"), and what was found in it and done.
+    /// The table of relative power in a file (docs/formats.md, "Illuminants from files"),
+    /// and the report of reading it.
     ///
     /// # Errors
-    /// See [`IlluminantError`].
+    /// An [`IlluminantError`] if the file cannot be read or used as an illuminant.
     pub fn read(path: &Path) -> Result<(Self, Report), IlluminantError> {
         let curve = measured::read(path, &request())?;
         Self::of_curve(&path.display().to_string(), curve)
     }
 
-    /// The same from the content of a file; `file` is its path in messages, and its
-    /// name.
+    /// As [`Illuminant::read`], from the content of a file. `file` is the path used in
+    /// messages; its last component is the name of the table.
     ///
     /// # Errors
-    /// See [`IlluminantError`].
+    /// An [`IlluminantError`] if the content cannot be used as an illuminant.
     pub fn parse(file: &str, bytes: &[u8]) -> Result<(Self, Report), IlluminantError> {
         let curve = measured::parse(file, bytes, &request())?;
         Self::of_curve(file, curve)
@@ -266,6 +269,6 @@ impl Illuminant {
 fn request() -> Request {
     Request {
         range_nm: READ_NM,
-        ..Request::of(Some(Content::Power), (0.0, f64::INFINITY))
+        ..Request::new(Some(Content::Power), (0.0, f64::INFINITY))
     }
 }

@@ -1,4 +1,4 @@
-//! How two colours are seen and compared: illuminants and difference formula.
+//! Viewing conditions for comparing colours: illuminants and difference formula.
 use std::borrow::Cow;
 use std::fmt;
 use std::str::FromStr;
@@ -10,9 +10,9 @@ use serde::{Deserialize, Serialize};
 use super::{IlluminantError, Lab, PowerTable, delta_e};
 use crate::spectrum::{Table, TableError};
 
-/// A light that colours are seen under: one that CIE 015:2018 tabulates, or a table.
+/// An illuminant: one tabulated in CIE 015:2018, or a user's table.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
-#[serde(into = "Stated", try_from = "Stated")]
+#[serde(into = "IlluminantSpec", try_from = "IlluminantSpec")]
 pub enum Illuminant {
     /// Mid-morning daylight, 5503 K.
     D55,
@@ -26,31 +26,31 @@ pub enum Illuminant {
     LedB5,
     /// Incandescent lamp, 2856 K.
     A,
-    /// Daylight of a low sun, 5003 K.
+    /// Daylight at low sun, 5003 K.
     D50,
-    /// A user's.
+    /// A user's table.
     Table(Arc<PowerTable>),
 }
 
-/// An illuminant as it is written: a name, or a table with its numbers.
+/// The serialised form of an illuminant: a name, or a table with its numbers.
 #[derive(Debug, Clone, Serialize, Deserialize)]
 #[serde(untagged)]
-pub enum Stated {
-    /// One of [`Illuminant::ALL`].
+pub enum IlluminantSpec {
+    /// Name of one of [`Illuminant::ALL`].
     Name(String),
-    /// A table of its own.
+    /// A user's table.
     Table {
-        /// Its name.
+        /// Name of the table.
         name: String,
         /// Wavelengths, nm.
         wavelength_nm: Vec<f64>,
-        /// Relative power at each of them.
+        /// Relative power at each wavelength.
         power: Vec<f64>,
     },
 }
 
 impl Illuminant {
-    /// All that have a name of their own.
+    /// The built-in illuminants.
     pub const ALL: [Self; 7] = [
         Self::D55,
         Self::D65,
@@ -60,10 +60,10 @@ impl Illuminant {
         Self::A,
         Self::D50,
     ];
-    /// Their names.
+    /// Names of the built-in illuminants.
     pub const NAMES: [&'static str; 7] = ["D55", "D65", "E", "FL3.15", "LED-B5", "A", "D50"];
 
-    /// Its name in files and on the command line; of a table, that of its file.
+    /// Name in files and on the command line; for a user's table, its file name.
     #[must_use]
     pub fn name(&self) -> &str {
         match self {
@@ -78,7 +78,7 @@ impl Illuminant {
         }
     }
 
-    /// Its relative power over wavelength.
+    /// Relative spectral power over wavelength.
     pub(super) fn table(&self) -> Result<Cow<'_, Table>, TableError> {
         let csv = match self {
             Self::D55 => include_str!("../../../../data/illuminant_d55.csv"),
@@ -94,11 +94,11 @@ impl Illuminant {
         Ok(Cow::Owned(table))
     }
 
-    /// Whether it can be used for spectra at `wavelengths_nm`, nm, increasing: a table
-    /// must reach over those of them within 380-780 nm.
+    /// Checks that the illuminant can be used for spectra at `wavelengths_nm` (nm,
+    /// increasing): a user's table must cover those within 380-780 nm.
     ///
     /// # Errors
-    /// [`IlluminantError::Short`].
+    /// [`IlluminantError::Short`] if it does not.
     pub fn covers(&self, wavelengths_nm: &[f64]) -> Result<(), IlluminantError> {
         match self {
             Self::Table(table) => table.covers(wavelengths_nm),
@@ -107,7 +107,7 @@ impl Illuminant {
     }
 }
 
-/// `D65`, or `lamp.csv (table 1f0c2d3e)`, with a fingerprint of its content.
+/// `D65`, or `lamp.csv (table 1f0c2d3e)` with the fingerprint of the content.
 impl fmt::Display for Illuminant {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         f.write_str(self.name())?;
@@ -125,12 +125,12 @@ impl FromStr for Illuminant {
         let found = Self::ALL.into_iter().find(|value| value.name() == name);
         found.ok_or_else(|| {
             let names = Self::NAMES.join(", ");
-            format!("no illuminant is named `{name}`; there are {names}")
+            format!("no illuminant is named `{name}`; use one of {names}")
         })
     }
 }
 
-impl From<Illuminant> for Stated {
+impl From<Illuminant> for IlluminantSpec {
     fn from(illuminant: Illuminant) -> Self {
         match illuminant {
             Illuminant::Table(table) => Self::Table {
@@ -143,13 +143,13 @@ impl From<Illuminant> for Stated {
     }
 }
 
-impl TryFrom<Stated> for Illuminant {
+impl TryFrom<IlluminantSpec> for Illuminant {
     type Error = String;
 
-    fn try_from(stated: Stated) -> Result<Self, String> {
+    fn try_from(stated: IlluminantSpec) -> Result<Self, String> {
         match stated {
-            Stated::Name(name) => name.parse(),
-            Stated::Table {
+            IlluminantSpec::Name(name) => name.parse(),
+            IlluminantSpec::Table {
                 name,
                 wavelength_nm,
                 power,
@@ -173,10 +173,10 @@ pub enum ColourDifference {
 }
 
 impl ColourDifference {
-    /// Both.
+    /// All variants.
     pub const ALL: [Self; 2] = [Self::Cie1976, Self::Cie2000];
 
-    /// Its name in files and on the command line.
+    /// The name used in files and on the command line.
     #[must_use]
     pub const fn name(self) -> &'static str {
         match self {
@@ -195,14 +195,15 @@ impl ColourDifference {
     }
 }
 
-/// The light or lights two spectra are compared under, and how. Under several
-/// the worst case counts. By default D65 and CIE 1976, as in Varsa 2025.
+/// The illuminants and the formula used to compare the colours of two spectra. With several
+/// illuminants the largest difference counts. The default is D65 and CIE 1976, as in Varsa
+/// 2025.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[serde(default)]
 pub struct Viewing {
     /// Illuminants, at least one.
     pub illuminants: Vec<Illuminant>,
-    /// Formula of the difference.
+    /// Formula of the colour difference.
     #[serde(rename = "delta_e")]
     pub difference: ColourDifference,
 }
@@ -216,7 +217,7 @@ impl Default for Viewing {
     }
 }
 
-/// Such as `cie2000, the worst of D65, E`.
+/// For example `cie2000, the worst of D65, E`.
 impl fmt::Display for Viewing {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         let names: Vec<_> = self.illuminants.iter().map(Illuminant::to_string).collect();
@@ -246,7 +247,7 @@ impl FromStr for ColourDifference {
         let found = Self::ALL.into_iter().find(|value| value.name() == name);
         found.ok_or_else(|| {
             let names = Self::ALL.map(Self::name).join(", ");
-            format!("no colour difference is named `{name}`; there are {names}")
+            format!("no colour difference is named `{name}`; use one of {names}")
         })
     }
 }
@@ -299,7 +300,7 @@ mod tests {
         }
         assert_eq!(
             "D60".parse::<Illuminant>().unwrap_err(),
-            "no illuminant is named `D60`; there are D55, D65, E, FL3.15, LED-B5, A, D50"
+            "no illuminant is named `D60`; use one of D55, D65, E, FL3.15, LED-B5, A, D50"
         );
         let viewing = Viewing {
             illuminants: vec![Illuminant::E, Illuminant::LedB5],

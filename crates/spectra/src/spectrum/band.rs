@@ -1,7 +1,7 @@
-//! The ranges of wavelengths in which errors are told and bounded.
+//! The wavelength bands for which errors are reported and bounded.
 use serde::{Deserialize, Serialize};
 
-/// A range of wavelengths.
+/// A wavelength band.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Serialize, Deserialize)]
 #[serde(rename_all = "snake_case")]
 pub enum Band {
@@ -11,12 +11,12 @@ pub enum Band {
     Visible,
     /// 780-1400 nm.
     IrA,
-    /// 1400-2500 nm, what is used of IR-B.
+    /// 1400-2500 nm, the part of IR-B in use.
     IrB,
 }
 
 impl Band {
-    /// All, by wavelength.
+    /// All bands, by increasing wavelength.
     pub const ALL: [Self; 4] = [Self::UvA, Self::Visible, Self::IrA, Self::IrB];
 
     /// The name used in output and in files.
@@ -30,7 +30,7 @@ impl Band {
         }
     }
 
-    /// Where it begins and ends, nm.
+    /// First and last wavelength, nm.
     #[must_use]
     pub fn range_nm(self) -> (f64, f64) {
         match self {
@@ -41,17 +41,17 @@ impl Band {
         }
     }
 
-    /// Whether it holds a wavelength, nm: its begin is its own, its end is the next
-    /// band's; 2500 nm is the last one's.
+    /// Whether the band contains a wavelength, nm. The start is included; the end belongs
+    /// to the next band, except 2500 nm, which belongs to the last.
     #[must_use]
     pub fn holds(self, nm: f64) -> bool {
         let (from, to) = self.range_nm();
         from <= nm && (nm < to || (self == Self::IrB && nm == to))
     }
 
-    /// The band that holds a wavelength, nm, or that is nearest to one beyond all.
+    /// The band that contains a wavelength, nm; outside all bands, the nearest.
     #[must_use]
-    pub fn of(nm: f64) -> Self {
+    pub fn containing(nm: f64) -> Self {
         let shorter = |band: &Self| nm < band.range_nm().1;
         Self::ALL.into_iter().find(shorter).unwrap_or(Self::IrB)
     }
@@ -65,15 +65,18 @@ mod tests {
     fn every_wavelength_has_one_band() {
         for nm in [350.0, 399.9, 400.0, 779.0, 780.0, 1400.0, 2499.0, 2500.0] {
             let held = Band::ALL.into_iter().filter(|band| band.holds(nm));
-            assert_eq!(held.collect::<Vec<_>>(), [Band::of(nm)], "{nm}");
+            assert_eq!(held.collect::<Vec<_>>(), [Band::containing(nm)], "{nm}");
         }
         assert!(Band::ALL.iter().all(|band| !band.holds(349.9)));
         assert!(Band::Visible.holds(400.0) && Band::IrA.holds(780.0) && Band::IrB.holds(1400.0));
-        assert_eq!([100.0, 3000.0].map(Band::of), [Band::UvA, Band::IrB]);
+        assert_eq!(
+            [100.0, 3000.0].map(Band::containing),
+            [Band::UvA, Band::IrB]
+        );
     }
 
     #[test]
-    fn files_have_its_name() {
+    fn the_serialised_name_is_the_name() {
         for band in Band::ALL {
             let json = serde_json::to_value(band).unwrap_or_default();
             assert_eq!(json, band.name());

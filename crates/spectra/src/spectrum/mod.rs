@@ -1,6 +1,5 @@
-//! Tabulated functions of one variable: strict CSV reading and interpolation;
-//! spectra at other wavelengths than their own; measured spectra as others write them;
-//! bands.
+//! Tabulated functions of one variable (strict CSV reading and interpolation), resampling of
+//! spectra, measured spectra in foreign formats, and wavelength bands.
 mod band;
 pub mod measured;
 mod resampling;

@@ -1,24 +1,28 @@
-//! Spectra at some wavelengths from spectra at others.
+//! Resampling of spectra to other wavelengths.
 
-/// Straight lines between the wavelengths of a spectrum, as renderers draw them;
-/// beyond its ends it stays.
+/// Linear interpolation between the wavelengths of a spectrum, as in renderers; constant
+/// beyond its ends.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Resampling {
-    /// How many wavelengths a spectrum has before.
+    /// Number of input wavelengths.
     from: usize,
-    /// For each wavelength after: the position below it, and the share of the next.
+    /// For each output wavelength: the index of the input wavelength below it, and the weight
+    /// of the next.
     places: Vec<(usize, f64)>,
 }
 
 impl Resampling {
-    /// From spectra at `from_nm`, strictly increasing, to spectra at `to_nm`, both in
-    /// nm. A wavelength of both lists keeps its value to the bit.
+    /// Resampling from `from_nm`, strictly increasing, to `to_nm`, both in nm. The value at
+    /// a wavelength in both lists is kept bit for bit.
     ///
     /// # Panics
     /// If `from_nm` is empty.
     #[must_use]
     pub fn new(from_nm: &[f64], to_nm: &[f64]) -> Self {
-        assert!(!from_nm.is_empty(), "a spectrum has a wavelength");
+        assert!(
+            !from_nm.is_empty(),
+            "a spectrum has at least one wavelength"
+        );
         let place = |nm: &f64| {
             let above = from_nm.partition_point(|from| from <= nm);
             match (above.checked_sub(1), from_nm.get(above)) {
@@ -36,10 +40,10 @@ impl Resampling {
         }
     }
 
-    /// `spectrum` at the new wavelengths.
+    /// `spectrum` at the output wavelengths.
     ///
     /// # Panics
-    /// If it has not one value per old wavelength.
+    /// If `spectrum` does not have one value per input wavelength.
     #[must_use]
     pub fn apply(&self, spectrum: &[f64]) -> Vec<f64> {
         assert_eq!(spectrum.len(), self.from, "one value per wavelength");
@@ -50,10 +54,11 @@ impl Resampling {
         self.places.iter().map(value).collect()
     }
 
-    /// The same in single precision, into `resampled`, one value per new wavelength.
+    /// Writes `spectrum` at the output wavelengths to `resampled`, in single precision.
     ///
     /// # Panics
-    /// If one of the two has another length.
+    /// If `spectrum` does not have one value per input wavelength, or `resampled` one per
+    /// output wavelength.
     pub fn write(&self, spectrum: &[f32], resampled: &mut [f32]) {
         assert_eq!(spectrum.len(), self.from, "one value per wavelength");
         assert_eq!(
@@ -69,11 +74,11 @@ impl Resampling {
         }
     }
 
-    /// Weights of an old spectrum whose weighted sum is that of the new one with
-    /// `weights`.
+    /// Weights at the input wavelengths that give the same weighted sum as `weights` at the
+    /// output wavelengths: the transpose of the resampling.
     ///
     /// # Panics
-    /// If there is not one weight per new wavelength.
+    /// If there is not one weight per output wavelength.
     #[must_use]
     pub fn folded(&self, weights: &[f64]) -> Vec<f64> {
         assert_eq!(
@@ -97,7 +102,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn lines_between_and_nothing_new_beyond() {
+    fn linear_between_and_constant_beyond() {
         let by = Resampling::new(
             &[400.0, 500.0, 700.0],
             &[390.0, 400.0, 425.0, 500.0, 650.0, 700.0, 800.0],
@@ -114,7 +119,7 @@ mod tests {
     }
 
     #[test]
-    fn equal_lists_change_no_bit() {
+    fn equal_lists_keep_every_bit() {
         let nm = [400.1, 533.3, 700.7];
         let by = Resampling::new(&nm, &nm);
         let spectrum = [0.1, f64::NAN, 1e-30];

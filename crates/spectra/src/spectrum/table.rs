@@ -1,5 +1,5 @@
-//! A CSV table with one abscissa (wavelength in nm, or temperature) and one or
-//! more columns, linear or log-log between its rows.
+//! A CSV table with one abscissa (wavelength in nm, or temperature) and one or more columns,
+//! with linear or log-log interpolation between its rows.
 use std::path::Path;
 
 use thiserror::Error;
@@ -12,17 +12,17 @@ pub enum TableError {
     Read {
         /// File or table name.
         name: String,
-        /// What the system said.
+        /// The error of the operating system.
         reason: String,
     },
-    /// The content is not the table expected.
+    /// The content is not a valid table.
     #[error(
         "table {name}: {reason}; expected CSV with the header `{header}` and rows of finite numbers, the first column strictly increasing (lines starting with # are comments)"
     )]
     Malformed {
         /// File or table name.
         name: String,
-        /// What is wrong, with the row.
+        /// The defect, with the row.
         reason: String,
         /// Header expected.
         header: String,
@@ -37,11 +37,11 @@ pub struct Table {
 }
 
 impl Table {
-    /// Parses `text`; `name` appears in errors, `header` must match.
+    /// Parses `text`, whose header must be `header`; `name` appears in errors.
     ///
     /// # Errors
-    /// [`TableError::Malformed`] for a wrong header, a row of another length,
-    /// a number that is not finite, an unsorted abscissa, fewer than two rows.
+    /// [`TableError::Malformed`] for a wrong header, a row of the wrong length, a number
+    /// that is not finite, an abscissa that does not increase, or fewer than two rows.
     pub fn parse(name: &str, text: &str, header: &[&str]) -> Result<Self, TableError> {
         let malformed = |reason: String| TableError::Malformed {
             name: name.to_owned(),
@@ -86,10 +86,10 @@ impl Table {
         Ok(Self { x, columns })
     }
 
-    /// A table of one column; `None` unless both lists have the same length, of 2 or
-    /// more, all numbers are finite and the abscissae strictly increasing.
+    /// A table of one column. `None` unless both lists have the same length of at least 2,
+    /// all numbers are finite and the abscissae increase strictly.
     #[must_use]
-    pub fn of(abscissae: &[f64], column: &[f64]) -> Option<Self> {
+    pub fn from_column(abscissae: &[f64], column: &[f64]) -> Option<Self> {
         let mut numbers = abscissae.iter().chain(column);
         let sorted = abscissae.windows(2).all(|pair| pair[0] < pair[1]);
         let fits = abscissae.len() >= 2 && abscissae.len() == column.len();
@@ -130,7 +130,7 @@ impl Table {
         &self.columns[column]
     }
 
-    /// The bracketing row and the fraction of the way to the next; `None` outside.
+    /// The row below `x` and the fraction (0 to 1) of the way to the next; `None` outside.
     fn bracket(&self, x: f64) -> Option<(usize, f64)> {
         let (first, last) = self.range();
         if !(first <= x && x <= last) {
@@ -152,8 +152,8 @@ impl Table {
         Some(y[i] + t * (y[i + 1] - y[i]))
     }
 
-    /// Interpolation linear in log x and log y (both positive), or linear
-    /// where a value is not positive; `None` outside the table.
+    /// Log-log interpolation in column `column`, or linear where a value is not positive;
+    /// `None` outside the table.
     #[must_use]
     pub fn log_log(&self, column: usize, x: f64) -> Option<f64> {
         let (i, t) = self.bracket(x)?;
@@ -189,7 +189,7 @@ mod tests {
     }
 
     #[test]
-    fn refuses_what_is_not_a_table() {
+    fn invalid_tables_are_refused() {
         for (text, part) in [
             ("wavelength_nm,n\n1,1\n2,1\n", "header"),
             ("wavelength_nm,k\n1,1\n1,1\n", "row 2"),

@@ -1,22 +1,22 @@
-//! The scale of a BRDF, as radius or as colour.
+//! The scale of a BRDF, drawn as radius or as colour.
 
-/// From the centre of a plot to its rim, or from one end of a colour scale to the other.
+/// The scale from the centre of a plot to its rim, or from one end of a colour bar to the other.
 #[derive(Debug, Clone, PartialEq)]
 pub(super) struct Axis {
-    /// Values that are labelled; the first and the last are its ends.
+    /// The labelled values, increasing; the first and the last are the ends of the scale.
     pub(super) ticks: Vec<f64>,
     logarithmic: bool,
 }
 
-/// Most steps between ticks of a linear axis.
+/// Largest number of steps between the ticks of a linear axis.
 const STEPS: f64 = 5.0;
 
 impl Axis {
-    /// One that holds `values`, which are positive, and with `zero` begins there.
+    /// A linear axis that contains `values` (positive) and starts at 0 if `zero`.
     pub(super) fn linear(values: impl Iterator<Item = f64>, zero: bool) -> Self {
         let (low, high) = ends(values);
         let low = if zero { 0.0 } else { low };
-        // nearly equal values need no microscope
+        // The axis spans at least a tenth of the largest value.
         let span = (high - low).max(0.1 * high);
         let decade = 10_f64.powf((span / STEPS).log10().floor());
         let steps = [1.0, 2.0, 2.5, 5.0, 10.0].map(|digit| digit * decade);
@@ -29,8 +29,8 @@ impl Axis {
         }
     }
 
-    /// One that holds `values`, which are positive, between powers of ten and 2 or 5
-    /// times these; the first is a step below them all.
+    /// A logarithmic axis that contains `values` (positive). Its ticks are 1, 2 and 5 times
+    /// powers of ten; the first tick is below all values.
     pub(super) fn logarithmic(values: impl Iterator<Item = f64>) -> Self {
         let (low, high) = ends(values);
         let decades = low.log10().floor() as i32 - 1..=high.log10().ceil() as i32;
@@ -44,7 +44,7 @@ impl Axis {
         }
     }
 
-    /// Where `value` lies between the ends, which are 0 and 1.
+    /// The position of `value` on the axis, from 0 (first tick) to 1 (last tick).
     pub(super) fn share(&self, value: f64) -> f64 {
         let [Some(first), Some(last)] = [self.ticks.first(), self.ticks.last()] else {
             return 0.0;
@@ -58,14 +58,14 @@ impl Axis {
     }
 }
 
-/// Least and largest of `values` that are positive.
+/// Smallest and largest of the positive `values`.
 fn ends(values: impl Iterator<Item = f64>) -> (f64, f64) {
     let positive = values.filter(|value| *value > 0.0);
     let ends = positive.fold(None, |ends: Option<(f64, f64)>, value| {
         let (low, high) = ends.unwrap_or((value, value));
         Some((low.min(value), high.max(value)))
     });
-    // snow that sends nothing back
+    // Snow that reflects nothing has no positive value.
     ends.unwrap_or((1e-6, 1e-6))
 }
 
@@ -80,7 +80,7 @@ mod tests {
     }
 
     #[test]
-    fn axes_hold_their_values_between_round_ends() {
+    fn axes_contain_their_values_and_end_at_round_numbers() {
         let values = || [0.27, 0.31, 0.48].into_iter();
         let from_zero = Axis::linear(values(), true);
         assert!(

@@ -1,11 +1,11 @@
-//! Tables of BRDFs.
+//! Tables of BRDFs, as CSV and as text.
 use std::fmt::Write;
 
 use super::super::ReportError;
 use crate::lab::study::Brdfs;
 use crate::measurement::Measured;
 
-/// The values that are drawn, as CSV (docs/formats.md).
+/// The drawn values as CSV (docs/formats.md).
 pub(super) fn csv(studied: &Brdfs<'_>) -> Result<Vec<u8>, ReportError> {
     let sensors = &studied.sensors;
     let drawn = if studied.draw.hemisphere {
@@ -42,7 +42,7 @@ pub(super) fn csv(studied: &Brdfs<'_>) -> Result<Vec<u8>, ReportError> {
     Ok(bytes.map_err(::csv::Error::from)?)
 }
 
-/// Peaks in the plane of incidence and the nadir of every variant, for people.
+/// Maxima in the plane of incidence and the nadir value of every variant, as text.
 pub(super) fn table(studied: &Brdfs<'_>) -> String {
     let title = &studied.study.title;
     let mut out = format!("{title}: BRDF in the plane of incidence, 1/sr\n");

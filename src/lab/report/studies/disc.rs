@@ -1,32 +1,35 @@
-//! BRDFs over the hemisphere, as discs seen from above.
+//! BRDFs over the hemisphere, drawn as discs seen from above.
 use std::f64::consts::FRAC_PI_2;
 
 use plotters::prelude::*;
 use plotters::style::colors::colormaps::ViridisRGB;
 use plotters::style::text_anchor::HPos;
 
-use super::super::style::{Area, Drawn, GREY, INK, SCALE, font, write};
+use super::super::style::{Area, DrawResult, GREY, INK, SCALE, font, write};
 use super::axis::Axis;
-use super::{grouped, sheet, tick};
+use super::{grouped, tick, titled_svg};
 use crate::config::study::Variant;
 use crate::engine::exits::Exits;
 use crate::lab::study::{Brdfs, incidence_deg};
 
-/// Radius of a disc as shown, pixels, and what is left and right of it.
+/// Radius of a disc as shown, pixels.
 const RADIUS: i32 = 160;
+/// Width left and right of a disc.
 const MARGIN: i32 = 26;
-/// Heights above and below a disc.
+/// Height above a disc.
 const ABOVE: i32 = 58;
+/// Height below a disc.
 const BELOW: i32 = 52;
-/// Width of a colour bar with its labels, and of the bar.
+/// Width of a colour bar with its labels.
 const SCALES: i32 = 110;
+/// Width of a colour bar.
 const BAR: i32 = 20;
-/// Height of the remark below all.
+/// Height of the remark at the bottom.
 const REMARK: i32 = 30;
-/// Steps of colour of the bar.
+/// Number of colour steps of the bar.
 const SHADES: i32 = 160;
 
-/// Discs, a row for each group, with a colour scale of its own.
+/// The picture, with a row of discs and a colour scale for each group.
 pub(super) fn svg(studied: &Brdfs<'_>) -> Result<String, String> {
     let variants = studied.variants();
     let groups =
@@ -35,7 +38,7 @@ pub(super) fn svg(studied: &Brdfs<'_>) -> Result<String, String> {
     let (cell, row) = (2 * (RADIUS + MARGIN), ABOVE + 2 * RADIUS + BELOW);
     let width = most.unwrap_or(0) as i32 * cell + SCALES;
     let below = groups.len() as i32 * row;
-    sheet(studied.study, (width, below + REMARK), |area| {
+    titled_svg(studied.study, (width, below + REMARK), |area| {
         for ((group, discs), i) in groups.iter().zip(0..) {
             let values = discs.iter().flat_map(|(_, exits)| &exits.reflected);
             let values = values.map(|brdf| brdf.value);
@@ -46,8 +49,8 @@ pub(super) fn svg(studied: &Brdfs<'_>) -> Result<String, String> {
             };
             let top = i * row;
             let middle = discs.len() as i32 * cell / 2;
-            let at = (middle * SCALE, (top + 14) * SCALE);
-            write(area, group, at, font(14, &INK), HPos::Center)?;
+            let heading = (middle * SCALE, (top + 14) * SCALE);
+            write(area, group, heading, font(14, &INK), HPos::Center)?;
             for ((variant, exits), j) in discs.iter().zip(0..) {
                 let disc = Disc {
                     area,
@@ -60,40 +63,40 @@ pub(super) fn svg(studied: &Brdfs<'_>) -> Result<String, String> {
                 disc.draw(studied, variant, exits)?;
             }
             let left = discs.len() as i32 * cell + 6;
-            scale(area, (left * SCALE, (top + ABOVE) * SCALE), &axis)?;
+            color_bar(area, (left * SCALE, (top + ABOVE) * SCALE), &axis)?;
         }
         let remark =
             "○ where light comes from; the angle from the normal grows from the middle to the rim";
-        let at = (width * SCALE / 2, (below + REMARK / 2) * SCALE);
-        write(area, remark, at, font(12, &GREY), HPos::Center)
+        let bottom = (width * SCALE / 2, (below + REMARK / 2) * SCALE);
+        write(area, remark, bottom, font(12, &GREY), HPos::Center)
     })
 }
 
-/// The colour of a share of the scale.
+/// The colour at a position on the scale, from 0 to 1.
 fn colour(share: f64) -> ShapeStyle {
     ViridisRGB::get_color(share).filled()
 }
 
-/// The bar of colours whose upper left corner is at `(x, y)`.
-fn scale(area: &Area, (x, y): (i32, i32), axis: &Axis) -> Drawn {
+/// Draws the colour bar with its upper left corner at `(x, y)`.
+fn color_bar(area: &Area, (x, y): (i32, i32), axis: &Axis) -> DrawResult {
     let height = 2 * RADIUS * SCALE;
-    let at = |share: f64| y + height - (share * f64::from(height)).round() as i32;
+    let row = |share: f64| y + height - (share * f64::from(height)).round() as i32;
     for shade in 0..SHADES {
         let share = |shade: i32| f64::from(shade) / f64::from(SHADES);
         let corners = [
-            (x, at(share(shade + 1))),
-            (x + BAR * SCALE, at(share(shade))),
+            (x, row(share(shade + 1))),
+            (x + BAR * SCALE, row(share(shade))),
         ];
         let middle = 0.5 * (share(shade) + share(shade + 1));
         area.draw(&Rectangle::new(corners, colour(middle)))?;
     }
     for value in &axis.ticks {
-        let y = at(axis.share(*value));
+        let y = row(axis.share(*value));
         let (from, to) = (x + BAR * SCALE, x + (BAR + 5) * SCALE);
         let stroke = INK.stroke_width(SCALE as u32);
         area.draw(&PathElement::new([(from, y), (to, y)], stroke))?;
-        let words = (to + 4 * SCALE, y);
-        write(area, &tick(*value), words, font(12, &INK), HPos::Left)?;
+        let label = (to + 4 * SCALE, y);
+        write(area, &tick(*value), label, font(12, &INK), HPos::Left)?;
     }
     write(
         area,
@@ -104,8 +107,8 @@ fn scale(area: &Area, (x, y): (i32, i32), axis: &Axis) -> Drawn {
     )
 }
 
-/// The hemisphere from above: the angle from the normal is the distance from the centre,
-/// azimuth 0, the way the light travels, on the right.
+/// A hemisphere seen from above. The distance from the centre is the angle from the normal;
+/// azimuth 0, the direction in which the light travels, is on the right.
 struct Disc<'a, 'b> {
     area: &'a Area<'b>,
     centre: (i32, i32),
@@ -113,17 +116,19 @@ struct Disc<'a, 'b> {
 }
 
 impl Disc<'_, '_> {
+    /// The pixel of a direction.
     fn pixel(&self, polar_rad: f64, azimuth_rad: f64) -> (i32, i32) {
         let length = f64::from(RADIUS * SCALE) * polar_rad / FRAC_PI_2;
         let (sin, cos) = azimuth_rad.sin_cos();
-        let place = |at: i32, by: f64| (f64::from(at) + by).round() as i32;
+        let offset = |start: i32, by: f64| (f64::from(start) + by).round() as i32;
         (
-            place(self.centre.0, length * cos),
-            place(self.centre.1, -length * sin),
+            offset(self.centre.0, length * cos),
+            offset(self.centre.1, -length * sin),
         )
     }
 
-    fn draw(&self, studied: &Brdfs<'_>, variant: &Variant, exits: &Exits) -> Drawn {
+    /// Draws the disc with its title, axes and the direction of the light.
+    fn draw(&self, studied: &Brdfs<'_>, variant: &Variant, exits: &Exits) -> DrawResult {
         let (x, y) = self.centre;
         let radius = RADIUS * SCALE;
         let title = (x, y - radius - 16 * SCALE);
@@ -134,8 +139,8 @@ impl Disc<'_, '_> {
             font(13, &INK),
             HPos::Center,
         )?;
-        // From the rim inward, each a slice down to the centre that later ones paint over,
-        // so that no seams are left between them.
+        // Cells are drawn from the rim inward, each as a sector to the centre that inner cells
+        // paint over, so that no gaps remain between them.
         for (sensor, brdf) in exits.reflected.iter().enumerate().rev() {
             let [[_, polar], [from, to]] = studied.sensors.cell_rad(sensor);
             let from = from - 0.01;
@@ -144,9 +149,9 @@ impl Disc<'_, '_> {
                 let azimuth = from + (to - from) * f64::from(step) / steps;
                 self.pixel(polar, azimuth)
             });
-            let slice: Vec<_> = [self.centre].into_iter().chain(arc).collect();
+            let sector: Vec<_> = [self.centre].into_iter().chain(arc).collect();
             let colour = colour(self.axis.share(brdf.value));
-            self.area.draw(&Polygon::new(slice, colour))?;
+            self.area.draw(&Polygon::new(sector, colour))?;
         }
         let thin = INK.stroke_width(SCALE as u32);
         for degrees in [0, 30, 60, 90] {
@@ -164,28 +169,28 @@ impl Disc<'_, '_> {
                 (x + reach, y + radius + 9 * SCALE),
             ];
             self.area.draw(&PathElement::new(tick, thin))?;
-            let at = (x + reach, y + radius + 18 * SCALE);
+            let label = (x + reach, y + radius + 18 * SCALE);
             write(
                 self.area,
                 &format!("{degrees}°"),
-                at,
+                label,
                 font(11, &INK),
                 HPos::Center,
             )?;
         }
         let axis = [x, x + radius].map(|x| (x, y + radius + 5 * SCALE));
         self.area.draw(&PathElement::new(axis, thin))?;
-        for (words, x, across) in [
+        for (text, x, align) in [
             ("← backward", x - radius, HPos::Left),
             ("forward →", x + radius, HPos::Right),
         ] {
-            let at = (x, y + radius + 36 * SCALE);
-            write(self.area, words, at, font(12, &GREY), across)?;
+            let label = (x, y + radius + 36 * SCALE);
+            write(self.area, text, label, font(12, &GREY), align)?;
         }
         let light = incidence_deg(variant).unwrap_or(0.0).to_radians();
-        let at = self.pixel(light, std::f64::consts::PI);
+        let source = self.pixel(light, std::f64::consts::PI);
         self.area
-            .draw(&Circle::new(at, 6 * SCALE, WHITE.filled()))?;
-        self.area.draw(&Circle::new(at, 6 * SCALE, thin))
+            .draw(&Circle::new(source, 6 * SCALE, WHITE.filled()))?;
+        self.area.draw(&Circle::new(source, 6 * SCALE, thin))
     }
 }

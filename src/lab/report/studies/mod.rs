@@ -11,40 +11,41 @@ use plotters::prelude::*;
 use plotters::style::text_anchor::HPos;
 
 use super::figure::{self, png};
-use super::style::{Area, Drawn, GREY, INK, SCALE, Style, font, number, write};
+use super::style::{Area, DrawResult, GREY, INK, SCALE, Style, font, number, write};
 use super::{ReportError, save};
 use crate::config::study::StudyFile;
 use crate::lab::study::Studied;
 
 /// Height of the heading of a picture as shown, pixels.
 const HEAD: i32 = 66;
-/// Height of a line of a legend, and of another of the same entry.
+/// Height of the first line of a legend entry.
 const LINE: i32 = 22;
+/// Height of each further line of the entry.
 const NEXT: i32 = 16;
-/// Letters of a line of a legend beside a panel.
+/// Largest number of letters in a line of a legend beside a panel.
 const LETTERS: usize = 19;
-/// Markers on a curve.
+/// Approximate number of markers on a curve.
 const MARKERS: usize = 9;
 
 /// Writes picture (SVG and PNG) and table (CSV) of a study to the folder `dir`, which is
-/// made if need be; each file as a whole or not at all. Gives their paths.
+/// created if it does not exist. Each file is written atomically. Returns the paths.
 ///
 /// # Errors
-/// See [`ReportError`].
+/// [`ReportError`] if the picture cannot be drawn or a file cannot be written.
 pub fn write_study(dir: &Path, studied: &Studied<'_>) -> Result<Vec<PathBuf>, ReportError> {
     let failed = |reason| ReportError::Drawing {
         chart: "the study",
         reason,
     };
     let (study, svg, csv) = match studied {
-        Studied::Spectra(of) => (of.study, spectra::svg(of), spectra::csv(of)?),
-        Studied::Brdfs(of) => {
-            let svg = if of.draw.hemisphere {
-                disc::svg(of)
+        Studied::Spectra(spectra) => (spectra.study, spectra::svg(spectra), spectra::csv(spectra)?),
+        Studied::Brdfs(brdfs) => {
+            let svg = if brdfs.draw.hemisphere {
+                disc::svg(brdfs)
             } else {
-                polar::svg(of)
+                polar::svg(brdfs)
             };
-            (of.study, svg, brdf::csv(of)?)
+            (brdfs.study, svg, brdf::csv(brdfs)?)
         }
     };
     let svg = svg.map_err(failed)?;
@@ -59,16 +60,16 @@ pub fn write_study(dir: &Path, studied: &Studied<'_>) -> Result<Vec<PathBuf>, Re
     )
 }
 
-/// What stands out of every variant, for people.
+/// The main results of every variant, as text.
 #[must_use]
 pub fn study_table(studied: &Studied<'_>) -> String {
     match studied {
-        Studied::Spectra(of) => spectra::table(of),
-        Studied::Brdfs(of) => brdf::table(of),
+        Studied::Spectra(spectra) => spectra::table(spectra),
+        Studied::Brdfs(brdfs) => brdf::table(brdfs),
     }
 }
 
-/// The groups of a study in the order they begin, each with its items.
+/// The items by group, with the groups in the order in which they first occur.
 fn grouped<'a, T>(items: impl Iterator<Item = (&'a str, T)>) -> Vec<(&'a str, Vec<T>)> {
     let mut groups: Vec<(&str, Vec<T>)> = Vec::new();
     for (name, item) in items {
@@ -80,58 +81,59 @@ fn grouped<'a, T>(items: impl Iterator<Item = (&'a str, T)>) -> Vec<(&'a str, Ve
     groups
 }
 
-/// A picture `width` wide: title and expectation of `study`, below them what `draw` draws
-/// in `height`; all in pixels as shown.
-fn sheet(
+/// A picture with the title and the expected result of `study`, above a drawing of this width
+/// and height (pixels as shown).
+fn titled_svg(
     study: &StudyFile,
     (width, height): (i32, i32),
-    draw: impl FnOnce(&Area) -> Drawn,
+    draw: impl FnOnce(&Area) -> DrawResult,
 ) -> Result<String, String> {
     let lines: Vec<String> = wrapped(&study.expected, width as usize / 7).collect();
     let head = HEAD + NEXT * (lines.len() as i32 - 1);
     figure::svg((width, head + height), |area| {
         let (above, below) = area.split_vertically(head * SCALE);
         let middle = width * SCALE / 2;
-        let at = (middle, 22 * SCALE);
-        write(&above, &study.title, at, font(16, &INK), HPos::Center)?;
+        let title = (middle, 22 * SCALE);
+        write(&above, &study.title, title, font(16, &INK), HPos::Center)?;
         for (line, i) in lines.iter().zip(0..) {
-            let at = (middle, (46 + NEXT * i) * SCALE);
-            write(&above, line, at, font(12, &GREY), HPos::Center)?;
+            let start = (middle, (46 + NEXT * i) * SCALE);
+            write(&above, line, start, font(12, &GREY), HPos::Center)?;
         }
         draw(&below)
     })
 }
 
-/// A legend's entry at `(x, y)` with the marker of `style`, on a line if it is of a curve.
-/// Gives where the next begins.
-fn entry(
+/// Draws a legend entry at `(x, y)`: the marker of `style`, on a line if the entry is for a
+/// curve, and `text` in lines of at most `letters`. Returns the `y` of the next entry.
+fn draw_entry(
     area: &Area,
     (x, mut y): (i32, i32),
-    (style, curve): (Style, bool),
-    words: &str,
+    (style, is_curve): (Style, bool),
+    text: &str,
     letters: usize,
 ) -> Result<i32, DrawingAreaErrorKind<std::io::Error>> {
     let (from, to) = (x + 6 * SCALE, x + 34 * SCALE);
-    if curve {
+    if is_curve {
         let stroke = style.colour.stroke_width(2 * SCALE as u32);
         area.draw(&PathElement::new([(from, y), (to, y)], stroke))?;
     }
     style.mark(area, ((from + to) / 2, y))?;
-    for line in wrapped(words, letters) {
+    for line in wrapped(text, letters) {
         write(area, &line, (to + 8 * SCALE, y), font(12, &INK), HPos::Left)?;
         y += NEXT * SCALE;
     }
     Ok(y + (LINE - NEXT) * SCALE)
 }
 
-/// Places on a curve of `points` points where markers go: those of curve `i` of `curves`,
-/// so that curves on each other still show all their markers.
-fn markers(points: usize, i: usize, curves: usize) -> impl Iterator<Item = usize> {
+/// Indices of the points with markers on curve number `i` of `curves`, which has `points`
+/// points. The markers of different curves are offset, so that they remain visible on curves
+/// that coincide.
+fn marker_positions(points: usize, i: usize, curves: usize) -> impl Iterator<Item = usize> {
     let apart = points.div_ceil(MARKERS).max(1);
     (apart * (2 * i + 1) / (2 * curves)..points).step_by(apart)
 }
 
-/// What a labelled value of an axis is called.
+/// The label of a value on an axis.
 fn tick(value: f64) -> String {
     if value == 0.0 {
         return "0".to_owned();
@@ -139,7 +141,7 @@ fn tick(value: f64) -> String {
     number(value)
 }
 
-/// Words in lines of at most `letters`, where a word is no longer.
+/// `text` in lines of at most `letters`, except for longer words.
 fn wrapped(text: &str, letters: usize) -> impl Iterator<Item = String> {
     let mut lines = vec![String::new()];
     for word in text.split_whitespace() {

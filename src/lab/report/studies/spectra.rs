@@ -1,4 +1,4 @@
-//! Spectra over wavelength or thickness.
+//! Spectra over wavelength, and means over thickness.
 use std::fmt::Write;
 use std::ops::Range;
 
@@ -7,22 +7,23 @@ use plotters::prelude::*;
 use super::super::ReportError;
 use super::super::figure::{Figure, Symbol};
 use super::super::panel::{Panel, Series};
-use super::super::residuals::above;
-use super::super::style::{Area, Drawn, GRID, INK, SCALE, Style, font};
-use super::{LETTERS, entry, grouped, markers, sheet, wrapped};
+use super::super::residuals::axis_end;
+use super::super::style::{Area, DrawResult, GRID, INK, SCALE, Style, font};
+use super::{LETTERS, draw_entry, grouped, marker_positions, titled_svg, wrapped};
 use crate::comparison::Band;
 use crate::config::study::Published;
 use crate::lab::study::{Spectra, mean};
 use crate::measurement::Measured;
 
-/// Size of a picture as shown, pixels: a row of panels, the legend beside each.
+/// Width of a picture as shown, pixels.
 const WIDTH: i32 = 900;
+/// Height of a row of panels; each panel has its legend beside it.
 const ROW: i32 = 330;
 
-/// The name of a curve, and its points.
+/// The label of a curve, and its points.
 type Curve<'a> = (&'a str, Vec<(f64, f64)>);
 
-/// The picture.
+/// The picture of a study.
 pub(super) fn svg(studied: &Spectra<'_>) -> Result<String, String> {
     if studied.is_spectral() {
         curves(studied)
@@ -61,7 +62,7 @@ fn thicknesses(studied: &Spectra<'_>) -> Figure {
     }
 }
 
-/// Spectra, a panel for each group.
+/// Spectra, with a panel for each group.
 fn curves(studied: &Spectra<'_>) -> Result<String, String> {
     let curves = studied.curves().map(|(variant, nm, values)| {
         let points = nm.iter().zip(values).map(|(nm, m)| (*nm, m.value));
@@ -74,7 +75,7 @@ fn curves(studied: &Spectra<'_>) -> Result<String, String> {
     let row = if across == 1 { ROW + 70 } else { ROW };
     // Two panels beside each other need room for two legends.
     let width = if across == 1 { WIDTH } else { WIDTH * 5 / 4 };
-    sheet(studied.study, (width, down * row), |area| {
+    titled_svg(studied.study, (width, down * row), |area| {
         let cells = area.split_evenly((down as usize, across as usize));
         for ((group, curves), cell) in groups.iter().zip(&cells) {
             panel(cell, studied, group, curves)?;
@@ -83,15 +84,15 @@ fn curves(studied: &Spectra<'_>) -> Result<String, String> {
     })
 }
 
-/// Curves over wavelength, and their legend.
-fn panel(area: &Area, studied: &Spectra<'_>, title: &str, curves: &[Curve<'_>]) -> Drawn {
+/// Draws curves over wavelength and their legend.
+fn panel(area: &Area, studied: &Spectra<'_>, title: &str, curves: &[Curve<'_>]) -> DrawResult {
     let (study, draw) = (studied.study, studied.draw);
     let points = || curves.iter().flat_map(|(_, points)| points.iter().copied());
     let marks = published(&study.published);
     let marked = study.published.iter();
     let top = marked.flat_map(|p| [p.value, p.range.map_or(p.value, |[_, max]| max)]);
     let highest = points().map(|(_, y)| y).chain(top).fold(0.0, f64::max);
-    let ys = draw.from..above(highest).max(draw.from + 0.01);
+    let ys = draw.from..axis_end(highest).max(draw.from + 0.01);
     let xs = points().fold(f64::INFINITY..f64::NEG_INFINITY, |range, (x, _)| Range {
         start: range.start.min(x),
         end: range.end.max(x),
@@ -123,47 +124,47 @@ fn panel(area: &Area, studied: &Spectra<'_>, title: &str, curves: &[Curve<'_>]) 
         .axis_desc_style(font(13, &INK))
         .draw()?;
     let base = plot.get_base_pixel();
-    let at = |(nm, y): (f64, f64)| {
+    let pixel = |(nm, y): (f64, f64)| {
         let (x, y) = chart.backend_coord(&(nm, y.clamp(ys.start, ys.end)));
         (x - base.0, y - base.1)
     };
     for (i, (_, points)) in curves.iter().enumerate() {
         let style = Style::numbered(i);
-        let path: Vec<_> = points.iter().copied().map(at).collect();
+        let path: Vec<_> = points.iter().copied().map(pixel).collect();
         let stroke = style.colour.stroke_width(2 * SCALE as u32);
         plot.draw(&PathElement::new(path.clone(), stroke))?;
-        for place in markers(path.len(), i, curves.len()) {
-            style.mark(&plot, path[place])?;
+        for position in marker_positions(path.len(), i, curves.len()) {
+            style.mark(&plot, path[position])?;
         }
     }
-    for (style, of) in &marks {
-        for p in of {
+    for (style, values) in &marks {
+        for p in values {
             if let Some(ends) = p.range {
-                let bar = ends.map(|y| at((p.wavelength_nm, y)));
+                let bar = ends.map(|y| pixel((p.wavelength_nm, y)));
                 plot.draw(&PathElement::new(
                     bar.to_vec(),
                     style.colour.stroke_width(2),
                 ))?;
             }
-            style.mark(&plot, at((p.wavelength_nm, p.value)))?;
+            style.mark(&plot, pixel((p.wavelength_nm, p.value)))?;
         }
     }
     let names = curves.iter().enumerate();
     let names = names.map(|(i, (label, _))| (Style::numbered(i), *label));
-    let named = marks
+    let published_names = marks
         .iter()
-        .filter_map(|(style, of)| Some((*style, of.first()?.label.as_str())));
+        .filter_map(|(style, values)| Some((*style, values.first()?.label.as_str())));
     let mut y = if title.is_empty() { 16 } else { 40 } * SCALE;
-    for (i, (style, words)) in names.chain(named).enumerate() {
-        y = entry(&legend, (0, y), (style, i < curves.len()), words, LETTERS)?;
+    for (i, (style, name)) in names.chain(published_names).enumerate() {
+        y = draw_entry(&legend, (0, y), (style, i < curves.len()), name, LETTERS)?;
     }
     Ok(())
 }
 
-/// Published values by label, each with its look.
+/// Published values by label, each label with its style.
 fn published(values: &[Published]) -> Vec<(Style, Vec<&Published>)> {
-    let all = values.iter().map(|value| (value.label.as_str(), value));
-    let groups = grouped(all).into_iter().enumerate();
+    let labelled = values.iter().map(|value| (value.label.as_str(), value));
+    let groups = grouped(labelled).into_iter().enumerate();
     let looks = groups.map(|(i, (_, group))| {
         let style = match i {
             0 => Style::BASELINE,
@@ -174,7 +175,7 @@ fn published(values: &[Published]) -> Vec<(Style, Vec<&Published>)> {
     looks.collect()
 }
 
-/// What is drawn as CSV (docs/formats.md).
+/// The drawn values as CSV (docs/formats.md).
 pub(super) fn csv(studied: &Spectra<'_>) -> Result<Vec<u8>, ReportError> {
     let quantity = studied.draw.quantity.name();
     let axis = if studied.is_spectral() {
@@ -214,7 +215,7 @@ pub(super) fn csv(studied: &Spectra<'_>) -> Result<Vec<u8>, ReportError> {
     Ok(bytes.map_err(::csv::Error::from)?)
 }
 
-/// Means over bands of every variant, for people.
+/// Means over bands for every variant, as text.
 pub(super) fn table(studied: &Spectra<'_>) -> String {
     let study = studied.study;
     let mut out = format!("{}: mean {}\n", study.title, studied.draw.quantity.name());

@@ -1,20 +1,24 @@
-//! Walks counted where they end, weighted by what each wavelength leaves of them.
+//! Scores walks where they end, with a weight for the absorption at each wavelength.
 use std::ops::Range;
 use std::sync::atomic::{AtomicBool, Ordering};
 
-use super::parts::{self, Part};
+use super::parts::{self, PartScores};
 use super::{Exits, Scene, at_nodes};
 use crate::engine::spectral::DEFERRED;
-use crate::engine::{Engine, EngineError, coefficients, engine_error, ground::Footing, indices};
+use crate::engine::{
+    Engine, EngineError, coefficients, engine_error, indices, substrate::SubstrateCoefficients,
+};
 use crate::math::Vec3;
 use crate::measurement::{Radii, Sensors};
 use crate::optics::Index;
 use crate::transport::{Absorption, Bounce, Coefficients, End, Path, Sink, Walk, Walker};
 
-/// What exits are sorted into.
+/// Bins into which exits are sorted.
 pub(super) trait Bins: Sync {
+    /// Number of bins per side.
     fn len(&self) -> usize;
 
+    /// The bin of a walk that ends with this path and direction.
     fn bin(&self, path: &Path, direction: Vec3) -> usize;
 
     /// See [`Sensors::symmetrise`].
@@ -45,18 +49,19 @@ impl Bins for Radii {
     }
 }
 
-/// Chance to survive the ground and share of light that is transmitted there.
-/// Light that comes back in all wavelengths is let go all the same now and then,
-/// and made up for, so that walks between it and snow end.
+/// Largest probability that a walk is reflected by the substrate. Even if the
+/// substrate reflects all light at all wavelengths, some walks end in it, so that no
+/// walk goes on for ever; the weights compensate for this.
 const MOST_REFLECTED: f64 = 0.999;
 
 struct Counts<'a, B> {
     bins: &'a B,
     absorption: Absorption,
     coefficients: &'a [Coefficients],
-    ground: &'a [Footing],
+    substrate: &'a [SubstrateCoefficients],
+    /// Probability that a walk is reflected by the substrate.
     bounce: f64,
-    part: Part,
+    part: PartScores,
     cancel: &'a AtomicBool,
 }
 
@@ -75,13 +80,13 @@ impl<B: Bins> Sink for Counts<'_, B> {
         let bin = self.bins.bin(path, direction);
         let row = (side * self.bins.len() + bin) * bands;
         let sums = self.part.sums[row..row + bands].iter_mut();
-        for ((sum, coefficients), ground) in sums.zip(self.coefficients).zip(self.ground) {
+        for ((sum, coefficients), substrate) in sums.zip(self.coefficients).zip(self.substrate) {
             let mut weight = self.absorption.weight(path, coefficients);
             for _ in 0..path.bounces {
-                weight *= ground.reflectance.value / self.bounce;
+                weight *= substrate.reflectance.value / self.bounce;
             }
             if end == End::Transmitted {
-                weight *= ground.transmittance.value / (1.0 - self.bounce);
+                weight *= substrate.transmittance.value / (1.0 - self.bounce);
             }
             *sum += weight;
         }
@@ -92,15 +97,15 @@ impl<B: Bins> Sink for Counts<'_, B> {
     }
 }
 
-/// Counts the walks of `scene`: in `reference` of every wavelength on its own,
-/// with analog absorption.
+/// Walks and scores `scene`. `reference` walks every wavelength on its own, with
+/// analog absorption.
 pub(super) fn run(scene: &Scene, bins: &impl Bins) -> Result<Vec<Exits>, EngineError> {
     if scene.engine == Engine::Reference {
         let indices = indices(scene.request)?;
-        let one =
+        let walk_wavelength =
             |(l, index): (usize, &(Index, Index))| walk(scene, bins, (8, l), *index, l..l + 1, 0.0);
-        let all = indices.iter().enumerate().map(one);
-        return Ok(all.collect::<Result<Vec<_>, _>>()?.concat());
+        let exits = indices.iter().enumerate().map(walk_wavelength);
+        return Ok(exits.collect::<Result<Vec<_>, _>>()?.concat());
     }
     at_nodes(scene, |node| {
         walk(
@@ -114,7 +119,7 @@ pub(super) fn run(scene: &Scene, bins: &impl Bins) -> Result<Vec<Exits>, EngineE
     })
 }
 
-/// Walks at one pair of indices for the wavelengths of `span`.
+/// Walks at one pair of indices, scored at the wavelengths of `span`.
 fn walk(
     scene: &Scene,
     bins: &impl Bins,
@@ -125,17 +130,17 @@ fn walk(
 ) -> Result<Vec<Exits>, EngineError> {
     let request = scene.request;
     let coefficients = &coefficients(request, &indices(request)?)[span.clone()];
-    let ground = &scene.ground[span];
+    let substrate = &scene.substrate[span];
     let absorption = Absorption {
         coefficients: Coefficients::least(coefficients),
         deferred,
     };
-    let most = ground
+    let largest = substrate
         .iter()
         .map(|g| g.reflectance.value)
         .fold(0.0, f64::max);
-    let bounce = most.min(MOST_REFLECTED);
-    let walker = Walker::new(scene.pack, request.model, index, absorption).over(Bounce {
+    let bounce = largest.min(MOST_REFLECTED);
+    let walker = Walker::new(scene.snowpack, request.model, index, absorption).over(Bounce {
         reflected: bounce,
         transmitted: 1.0 - bounce,
     });
@@ -145,9 +150,9 @@ fn walk(
             bins,
             absorption,
             coefficients,
-            ground,
+            substrate,
             bounce,
-            part: Part::empty(bins, coefficients.len()),
+            part: PartScores::empty(bins, coefficients.len()),
             cancel: scene.control.cancel,
         };
         let rng = parts::stream(scene, [purpose, h as u32, number as u32], part);

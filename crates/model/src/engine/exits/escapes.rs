@@ -1,33 +1,35 @@
-//! Light that leaves from every grain event, scored on sensors.
+//! Scores on sensors the light that leaves the snowpack from every grain event.
 use std::sync::atomic::{AtomicBool, Ordering};
 
-use wide::f64x8;
+use splitsnow_spectra::simd::{F64x8, Simd};
 
-use super::parts::{self, Part};
-use super::{Exits, Node, Scene, at_nodes};
+use super::parts::{self, PartScores};
+use super::{Exits, IndexNode, Scene, at_nodes};
 use crate::engine::envelope::FITTING;
 use crate::engine::spectral::DEFERRED;
 use crate::engine::{Engine, EngineError, Request, coefficients, engine_error, indices};
 use crate::grain::{GrainType, Surface};
 use crate::math::{Vec3, Vec3x8};
 use crate::measurement::Sensors;
-use crate::table::{Band, Catch, EscapeWalker, Table, draw};
+use crate::table::{Band, EscapeSink, EscapeWalker, Table, draw};
 use crate::transport::{Absorption, Coefficients, Illumination};
 
-/// Outcomes in the table of a part, for each type of grain and medium.
+/// Entries in the table of a part, for each grain type and medium.
 const TABLE: usize = 1 << 13;
-/// Outcomes drawn for every one in the table.
+/// Outcomes drawn for every entry of the table.
 const OVERSAMPLING: usize = 8;
-/// Least share of [`FITTING`] that suits a part's table: the errors of tables
-/// differ from part to part and show in the scatter.
+/// Share of [`FITTING`] that is enough for the table of one part: the errors of
+/// tables differ from part to part and thus show in the scatter.
 const PART_OF_FITTING: f64 = 0.125;
 
-/// Whether tables hold under the lights of `request`.
+/// Checks that tables are valid under the illuminations of `request`.
 ///
 /// # Errors
-/// [`EngineError::Outside`] where grazing light leaves too few of them.
+/// [`EngineError::Outside`] if too few table entries fit under the surface at grazing
+/// incidence.
 pub(super) fn check(request: &Request) -> Result<(), EngineError> {
-    let flight = request.pack.surface.mean_free_distance_m() / request.pack.surface.sizes_m()[1];
+    let flight =
+        request.snowpack.surface.mean_free_distance_m() / request.snowpack.surface.sizes_m()[1];
     for light in request.illuminations {
         let Illumination::Collimated { polar_angle_rad } = light else {
             continue;
@@ -37,7 +39,7 @@ pub(super) fn check(request: &Request) -> Result<(), EngineError> {
         if value < lowest {
             return Err(EngineError::Outside {
                 engine: Engine::Tabulated,
-                what: "number of grain events per table that fit where grazing light first meets grains",
+                what: "number of table entries whose grains fit under the surface at grazing incidence",
                 value,
                 lowest,
                 instead: Some(Engine::Spectral),
@@ -47,16 +49,17 @@ pub(super) fn check(request: &Request) -> Result<(), EngineError> {
     Ok(())
 }
 
-struct Sheet<'a> {
+/// Scores of one part on sensors.
+struct SensorScores<'a> {
     sensors: &'a Sensors,
-    part: Part,
+    part: PartScores,
     cancel: &'a AtomicBool,
 }
 
-impl Catch for Sheet<'_> {
+impl EscapeSink for SensorScores<'_> {
     #[inline(always)]
-    fn catch(&mut self, lanes: u32, direction: &Vec3x8, weights: &[f64x8]) {
-        let [x, y, z] = [direction.x, direction.y, direction.z].map(f64x8::to_array);
+    fn catch<S: Simd>(&mut self, lanes: u32, direction: &Vec3x8<S>, weights: &[F64x8<S>]) {
+        let [x, y, z] = [direction.x, direction.y, direction.z].map(F64x8::to_array);
         let bands = weights.len();
         for lane in 0..8 {
             if lanes >> lane & 1 == 0 {
@@ -85,15 +88,15 @@ pub(super) fn run(scene: &Scene, sensors: &Sensors) -> Result<Vec<Exits>, Engine
     at_nodes(scene, |node| walk(scene, sensors, node))
 }
 
-fn walk(scene: &Scene, sensors: &Sensors, node: Node) -> Result<Vec<Exits>, EngineError> {
+fn walk(scene: &Scene, sensors: &Sensors, node: IndexNode) -> Result<Vec<Exits>, EngineError> {
     let request = scene.request;
     let coefficients = &coefficients(request, &indices(request)?)[node.span.clone()];
-    let pairs = coefficients.iter().zip(&scene.ground[node.span.clone()]);
+    let pairs = coefficients.iter().zip(&scene.substrate[node.span.clone()]);
     let bands: Vec<Band> = pairs
-        .map(|(coefficients, ground)| Band {
+        .map(|(coefficients, substrate)| Band {
             coefficients: *coefficients,
-            reflected: ground.reflectance.value,
-            transmitted: ground.transmittance.value,
+            reflected: substrate.reflectance.value,
+            transmitted: substrate.transmittance.value,
         })
         .collect();
     let absorption = Absorption {
@@ -101,8 +104,11 @@ fn walk(scene: &Scene, sensors: &Sensors, node: Node) -> Result<Vec<Exits>, Engi
         deferred: DEFERRED,
     };
     let (h, thickness_m) = scene.thickness;
-    // exponents and media are those of all layers, as the coefficients are
-    let (exponents, layers) = (request.pack.exponents(), scene.pack.layers(thickness_m));
+    // exponents are those of all layers, in the same order as in the coefficients
+    let (exponents, layers) = (
+        request.snowpack.exponents(),
+        scene.snowpack.layers(thickness_m),
+    );
     parts::run(scene, sensors, bands.len(), |part, rays| {
         let tables = tables(scene, &node, part);
         let walker = EscapeWalker::new(
@@ -112,26 +118,27 @@ fn walk(scene: &Scene, sensors: &Sensors, node: Node) -> Result<Vec<Exits>, Engi
             &bands,
             absorption,
         );
-        let mut sheet = Sheet {
+        let mut scores = SensorScores {
             sensors,
-            part: Part::empty(sensors, bands.len()),
+            part: PartScores::empty(sensors, bands.len()),
             cancel: scene.control.cancel,
         };
         let rng = parts::stream(scene, [10, h as u32, node.number as u32], part);
         walker
-            .walk(scene.illumination(), rays, rng, &mut sheet)
+            .walk(scene.illumination(), rays, rng, &mut scores)
             .map_err(|error| engine_error(request, error))?;
-        Ok(sheet.part)
+        Ok(scores.part)
     })
 }
 
-/// Outcomes in air and in water of every type of grain in every layer.
-fn tables(scene: &Scene, node: &Node, part: u64) -> Vec<Vec<[Table; 2]>> {
+/// Tables of part number `part` for every grain type in every layer, in air and in
+/// water: `[layer][type][medium]`.
+fn tables(scene: &Scene, node: &IndexNode, part: u64) -> Vec<Vec<[Table; 2]>> {
     let request = scene.request;
     let (ice, water) = node.indices;
-    let wet = request.pack.is_wet();
+    let wet = request.snowpack.is_wet();
     let surfaces = Surface::in_air_and_water(ice, water, wet);
-    let of = |grain: &GrainType, layer: usize, kind: usize| {
+    let media = |grain: &GrainType, layer: usize, kind: usize| {
         let purpose = [11, node.number as u32, (layer << 8 | kind) as u32];
         let table = |surface| {
             let mut rng = parts::stream(scene, purpose, part);
@@ -143,12 +150,12 @@ fn tables(scene: &Scene, node: &Node, part: u64) -> Vec<Vec<[Table; 2]>> {
         let water = if wet { table(surfaces[1]) } else { air.clone() };
         [air, water]
     };
-    let snows = scene.pack.snows().enumerate();
+    let snows = scene.snowpack.snows().enumerate();
     snows
         .map(|(layer, snow)| {
             let grains = snow.grains.iter().enumerate();
             grains
-                .map(|(kind, component)| of(&component.grain, layer, kind))
+                .map(|(kind, component)| media(&component.grain, layer, kind))
                 .collect()
         })
         .collect()

@@ -1,17 +1,17 @@
-//! Where light leaves a pack: by direction (the goniophotometer) and by
-//! distance from where it entered (the radial profile of the BSSRDF).
+//! Light that leaves a snowpack by direction (the goniophotometer) and by distance
+//! from the point where it entered (the radial profile of the BSSRDF).
 //!
-//! `reference` and `spectral` count walks where they end. `tabulated` scores at
+//! `reference` and `spectral` score walks where they end. `tabulated` scores at
 //! every grain event the light that would leave from there in all directions
-//! ([`crate::table::EscapeWalker`]): for sensors it is much the cheapest.
-//! Standard errors are those of independent parts, with tables of their own.
+//! ([`crate::table::EscapeWalker`]), which is by far the cheapest for sensors.
+//! Standard errors come from the scatter of independent parts, each with its own
+//! tables.
 //!
-//! What is scored at events adds up to R and T with more noise than a count has, and
-//! all sensors share it: walks that last long score much everywhere. So these
-//! sensors are scaled to the R and T of `doubling` where `auto` would take that
-//! (`normal`).
-//! Counts stay as they are: they add up as well as so many walks can tell, and
-//! are what the rest is tested against.
+//! Scores at events add up to R and T with more noise than counted walks do. All
+//! sensors share this noise, because long walks score much on every sensor. These
+//! sensors are therefore scaled to R and T of `hybrid` wherever `auto` would choose
+//! `hybrid` (module `normal`). Counted walks are not scaled: their sums have only the
+//! noise of the number of walks, and the scaled sensors are tested against them.
 mod counting;
 mod escapes;
 mod normal;
@@ -19,33 +19,35 @@ mod parts;
 
 use std::ops::Range;
 
-use super::ground::{self, Footing};
 use super::nodes::{mixes, nodes};
+use super::substrate::{self, SubstrateCoefficients};
 use super::{Control, Engine, EngineError, Request, indices};
 use crate::measurement::{Measured, Radii, Sensors};
 use crate::optics::Index;
-use crate::transport::{Illumination, Pack};
+use crate::transport::{Illumination, Snowpack};
 
-/// Light of one wavelength that leaves a pack under one illumination.
+/// Light of one wavelength that leaves a snowpack under one illumination.
 #[derive(Debug, Clone, PartialEq, Default)]
 pub struct Exits {
-    /// Per sensor, 1/sr, or per radial bin, share of the incident power:
-    /// through the surface.
+    /// Light that leaves through the surface: per sensor, BRDF in 1/sr; or per radial
+    /// bin, share of the incident power.
     pub reflected: Vec<Measured>,
-    /// Into the ground.
+    /// Light that leaves into the substrate, in the same units.
     pub transmitted: Vec<Measured>,
-    /// Sum of what is reflected: reflectance. Its error is shared by all that is.
+    /// Reflectance: the sum of the reflected light. Its error is common to all bins.
     pub reflectance: Measured,
-    /// Sum of what is transmitted: transmittance, with an error shared in the same way.
+    /// Transmittance: the sum of the transmitted light. Its error is common to all
+    /// bins.
     pub transmittance: Measured,
     /// Share of the rays that hit an event limit.
     pub lost: f64,
-    /// Whether values were scaled so that their sums are R and T of `doubling`.
+    /// Whether the values were scaled so that their sums are R and T of `hybrid`.
     pub normalised: bool,
 }
 
 impl Exits {
-    /// `1 - t` of this and `t` of an independent other.
+    /// Interpolates between `self` (weight `1 - t`) and an independent `other` (weight
+    /// `t`).
     fn mix(&self, other: &Self, t: f64) -> Self {
         let mix = |a: &[Measured], b: &[Measured]| {
             let pairs = a.iter().zip(b);
@@ -62,7 +64,8 @@ impl Exits {
     }
 }
 
-/// The engine that scores sensors for `request`: itself, or what `auto` chooses.
+/// The engine that scores sensors for `request`: `engine`, or the one that `auto`
+/// chooses.
 #[must_use]
 pub fn goniometer_engine(engine: Engine, request: &Request) -> Engine {
     match engine {
@@ -72,7 +75,7 @@ pub fn goniometer_engine(engine: Engine, request: &Request) -> Engine {
     }
 }
 
-/// The engine that follows distances: itself, or what `auto` chooses.
+/// The engine that computes radial profiles: `engine`, or the one that `auto` chooses.
 #[must_use]
 pub fn radial_engine(engine: Engine) -> Engine {
     match engine {
@@ -81,31 +84,35 @@ pub fn radial_engine(engine: Engine) -> Engine {
     }
 }
 
-/// How many walks an engine does, if that is known beforehand.
+/// Number of walks of an engine; `None` for a cascade, where it is not known
+/// beforehand.
 ///
 /// # Errors
-/// [`EngineError::Optics`].
+/// [`EngineError::Optics`] if an optical table cannot be read or does not cover a
+/// wavelength.
 pub fn walks(engine: Engine, request: &Request) -> Result<Option<u64>, EngineError> {
     let indices = indices(request)?;
     let per_ray = match engine {
         Engine::Reference => indices.len(),
-        _ => mixes(&indices, request.pack.is_wet()).0.len(),
+        _ => mixes(&indices, request.snowpack.is_wet()).0.len(),
     };
     let curves = request.thicknesses_m.len() * request.illuminations.len();
     let mut walks = request.rays.saturating_mul((per_ray * curves) as u64);
-    if engine == Engine::Tabulated && normal::holds(request) {
-        walks = walks.saturating_add(Engine::Doubling.walks(&normal::request(request))?);
+    if engine == Engine::Tabulated && normal::is_valid(request) {
+        walks = walks.saturating_add(Engine::Hybrid.walks(&normal::hybrid_request(request))?);
     }
-    Ok((!ground::is_cascade(request)).then_some(walks))
+    Ok((!substrate::is_cascade(request)).then_some(walks))
 }
 
 /// BRDF and BTDF, 1/sr (Varsa 2025, eq. 6.1), on `sensors` on either side of the
-/// pack: per thickness, illumination and wavelength, the last running fastest.
+/// snowpack: per thickness, illumination and wavelength, the last running fastest.
 /// The products of values and projected solid angles add up to reflectance and
-/// transmittance. In `tabulated` these are those of `doubling`, where it holds.
+/// transmittance. With `tabulated`, these are R and T of `hybrid` where `hybrid` is
+/// valid.
 ///
 /// # Errors
-/// See [`EngineError`]; `doubling` knows no azimuths.
+/// [`EngineError::Unable`] for `hybrid`, which does not compute azimuths; see
+/// [`EngineError`] for all others.
 pub fn goniometer(
     engine: Engine,
     request: &Request,
@@ -113,24 +120,24 @@ pub fn goniometer(
     control: &Control,
 ) -> Result<Vec<Exits>, EngineError> {
     let engine = goniometer_engine(engine, request);
-    let mut all = match engine {
+    let mut curves = match engine {
         Engine::Tabulated => {
             escapes::check(request)?;
-            let normals = normal::spectra(request, control)?;
-            let normalised = normals.is_some();
-            let mut all = each(engine, normalised, request, control, &|scene| {
+            let spectra = normal::spectra(request, control)?;
+            let normalised = spectra.is_some();
+            let mut curves = each(engine, normalised, request, control, &|scene| {
                 escapes::run(scene, sensors)
             })?;
-            if let Some(normals) = normals {
-                let mut all = all.iter_mut();
-                for normal in &normals {
-                    let pairs = normal.reflectance.iter().zip(&normal.transmittance);
-                    for ((r, t), exits) in pairs.zip(&mut all) {
+            if let Some(spectra) = spectra {
+                let mut remaining = curves.iter_mut();
+                for spectrum in &spectra {
+                    let pairs = spectrum.reflectance.iter().zip(&spectrum.transmittance);
+                    for ((r, t), exits) in pairs.zip(&mut remaining) {
                         exits.normalise(*r, *t);
                     }
                 }
             }
-            all
+            curves
         }
         Engine::Reference | Engine::Spectral => each(engine, false, request, control, &|scene| {
             counting::run(scene, sensors)
@@ -143,7 +150,7 @@ pub fn goniometer(
             });
         }
     };
-    for exits in &mut all {
+    for exits in &mut curves {
         for side in [&mut exits.reflected, &mut exits.transmitted] {
             for (sensor, measured) in side.iter_mut().enumerate() {
                 let projected_sr = sensors.projected_sr(sensor);
@@ -152,15 +159,16 @@ pub fn goniometer(
             }
         }
     }
-    Ok(all)
+    Ok(curves)
 }
 
-/// Shares of the incident power that leave within the bins of `radii` about the
-/// point where it entered: per thickness, illumination and wavelength, the last
-/// running fastest. `auto` is `spectral`.
+/// Share of the incident power that leaves within each bin of `radii` about the
+/// point where the light entered: per thickness, illumination and wavelength, the last
+/// running fastest. `auto` uses `spectral`.
 ///
 /// # Errors
-/// See [`EngineError`]; engines that use tables do not follow distances.
+/// [`EngineError::Unable`] for engines that use tables, which do not follow distances;
+/// see [`EngineError`] for all others.
 pub fn radial_profile(
     engine: Engine,
     request: &Request,
@@ -180,18 +188,19 @@ pub fn radial_profile(
     })
 }
 
-/// One pack of known thickness under one light.
+/// One snowpack of known thickness under one light.
 struct Scene<'a> {
     engine: Engine,
-    /// Whether sums are to be replaced: errors of bins are then those of shares.
+    /// Whether the sums will be replaced by R and T of `hybrid`. The errors of the bins
+    /// are then those of their shares.
     normalised: bool,
     request: &'a Request<'a>,
     control: &'a Control<'a>,
-    pack: &'a Pack,
-    ground: &'a [Footing],
+    snowpack: &'a Snowpack,
+    substrate: &'a [SubstrateCoefficients],
     /// Position in the list of thicknesses, and the thickness in m.
     thickness: (usize, f64),
-    /// Position in the list of lights.
+    /// Position in the list of illuminations.
     light: usize,
 }
 
@@ -200,7 +209,7 @@ impl Scene<'_> {
         self.request.illuminations[self.light]
     }
 
-    /// Whether it looks the same from all azimuths.
+    /// Whether the illumination is symmetric about the normal.
     fn is_axial(&self) -> bool {
         match self.illumination() {
             Illumination::Collimated { polar_angle_rad } => polar_angle_rad == 0.0,
@@ -209,7 +218,7 @@ impl Scene<'_> {
     }
 }
 
-/// `run` of all thicknesses and lights.
+/// Calls `run` for all thicknesses and illuminations, and concatenates the results.
 fn each(
     engine: Engine,
     normalised: bool,
@@ -217,18 +226,18 @@ fn each(
     control: &Control,
     run: &dyn Fn(&Scene) -> Result<Vec<Exits>, EngineError>,
 ) -> Result<Vec<Exits>, EngineError> {
-    // the walks themselves compute any pack that `spectral` does
+    // the walks are valid for any snowpack for which `spectral` is valid
     Engine::Spectral.check(request)?;
-    let below = match engine {
+    let engine_below = match engine {
         Engine::Reference => Engine::Reference,
         _ => Engine::Spectral,
     };
-    let (ground, top) = ground::standing(below, request, control)?;
-    let (pack, thicknesses_m) = match &top {
-        Some((pack, thicknesses_m)) => (pack, thicknesses_m.as_slice()),
-        None => (request.pack, request.thicknesses_m),
+    let (substrate, top) = substrate::lower_boundary(engine_below, request, control)?;
+    let (snowpack, thicknesses_m) = match &top {
+        Some((snowpack, thicknesses_m)) => (snowpack, thicknesses_m.as_slice()),
+        None => (request.snowpack, request.thicknesses_m),
     };
-    let mut all = Vec::new();
+    let mut curves = Vec::new();
     for thickness in thicknesses_m.iter().copied().enumerate() {
         for light in 0..request.illuminations.len() {
             let scene = Scene {
@@ -236,42 +245,44 @@ fn each(
                 normalised,
                 request,
                 control,
-                pack,
-                ground: &ground,
+                snowpack,
+                substrate: &substrate,
                 thickness,
                 light,
             };
-            all.extend(run(&scene)?);
+            curves.extend(run(&scene)?);
         }
     }
-    Ok(all)
+    Ok(curves)
 }
 
-/// Exits at every wavelength from what `at` gives for walks at an index node,
-/// scored at the wavelengths of a span.
+/// Exits at every wavelength, interpolated between index nodes. `walk` does the walks
+/// at one index node and scores them at the wavelengths of the node's span.
 fn at_nodes(
     scene: &Scene,
-    at: impl Fn(Node) -> Result<Vec<Exits>, EngineError>,
+    walk: impl Fn(IndexNode) -> Result<Vec<Exits>, EngineError>,
 ) -> Result<Vec<Exits>, EngineError> {
-    let (indices, wet) = (indices(scene.request)?, scene.request.pack.is_wet());
-    let places = nodes(&indices, wet);
+    let (indices, wet) = (indices(scene.request)?, scene.request.snowpack.is_wet());
+    let positions = nodes(&indices, wet);
     let (nodes, mixes) = mixes(&indices, wet);
-    let mut found = Vec::new();
-    for (number, node) in nodes.into_iter().enumerate() {
-        // the wavelengths a node serves reach from the node before it to the node after it
-        let last = places[(number + 1).min(places.len() - 1)];
-        let span = places[number.saturating_sub(1)]..last + 1;
+    let mut node_exits = Vec::new();
+    for (number, indices) in nodes.into_iter().enumerate() {
+        // the span of a node reaches from the node before it to the node after it
+        let last = positions[(number + 1).min(positions.len() - 1)];
+        let span = positions[number.saturating_sub(1)]..last + 1;
         let first = span.start;
-        let indices = node;
-        let exits = at(Node {
+        let exits = walk(IndexNode {
             number,
             indices,
             span,
         })?;
-        found.push((first, exits));
+        node_exits.push((first, exits));
     }
     let mixed = mixes.iter().enumerate().map(|(l, mix)| {
-        let [a, b] = mix.nodes.map(|node| &found[node].1[l - found[node].0]);
+        let [a, b] = mix.nodes.map(|node| {
+            let (first, exits) = &node_exits[node];
+            &exits[l - first]
+        });
         if mix.nodes[0] == mix.nodes[1] {
             a.clone()
         } else {
@@ -281,11 +292,11 @@ fn at_nodes(
     Ok(mixed.collect())
 }
 
-/// A pair of refractive indices at which rays are walked.
-struct Node {
+/// An index node: a pair of refractive indices at which rays are walked.
+struct IndexNode {
     number: usize,
-    /// Of ice and water.
+    /// Refractive indices of ice and water.
     indices: (Index, Index),
-    /// Positions of the wavelengths it serves.
+    /// Positions of the wavelengths that use this node.
     span: Range<usize>,
 }

@@ -1,48 +1,51 @@
-//! Sums of sensors that are known better than by the sensors.
+//! Normalises sensors to R and T of `hybrid`, which are more precise than the sums of
+//! the sensors.
 //!
-//! A sensor's value is its share of what all sensors of its side scored, times R
-//! or T of `doubling`. Shares and R have independent errors: relative ones add in
-//! quadrature. The share of S that scored V has the error of V - (V / S) S over
-//! independent parts, V / S held (the ratio estimator, Cochran 1977, chapter 6).
+//! A sensor's value is its share of the total score of all sensors on its side, times
+//! R or T of `hybrid`. The errors of the share and of R or T are independent, so their
+//! relative errors add in quadrature. For a sensor with score V and a total S, the
+//! error of the share follows from the scatter of V - (V / S) S over independent parts
+//! with V / S held constant (the ratio estimator, Cochran 1977, chapter 6).
 use super::Exits;
 use crate::engine::{Control, Engine, EngineError, MaxError, Request, Resolution};
 use crate::measurement::{Measured, Spectrum};
 
-/// What `doubling` is asked: no finer tables than so many walks can tell.
-pub(super) fn request<'a>(request: &Request<'a>) -> Request<'a> {
-    let (own, enough) = (request.resolution, Resolution::of_rays(request.rays));
+/// The request to `hybrid`: `request` with a resolution no finer than its number of
+/// walks needs.
+pub(super) fn hybrid_request<'a>(request: &Request<'a>) -> Request<'a> {
+    let (resolution, enough) = (request.resolution, Resolution::of_rays(request.rays));
     Request {
         resolution: Resolution {
-            table: own.table.min(enough.table),
-            grains: own.grains.min(enough.grains),
-            ..own
+            table: resolution.table.min(enough.table),
+            grains: resolution.grains.min(enough.grains),
+            ..resolution
         },
         ..request.clone()
     }
 }
 
-/// Whether `doubling` holds for it, by itself within what is allowed where nothing
-/// is said: what `auto` would take.
-pub(super) fn holds(of: &Request) -> bool {
-    let usual = Request {
-        max_error: MaxError::usual(of.wavelengths_nm),
-        ..request(of)
+/// Whether `hybrid` is valid for `request` with the default error allowed, that is,
+/// whether `auto` would choose it.
+pub(super) fn is_valid(request: &Request) -> bool {
+    let default = Request {
+        max_error: MaxError::usual(request.wavelengths_nm),
+        ..hybrid_request(request)
     };
-    Engine::Auto.resolve(&usual) == Engine::Doubling
+    Engine::Auto.resolve(&default) == Engine::Hybrid
 }
 
-/// Reflectance and transmittance by `doubling`, where it holds.
+/// Reflectance and transmittance by `hybrid`; `None` if `hybrid` is not valid.
 pub(super) fn spectra(
-    of: &Request,
+    request: &Request,
     control: &Control,
 ) -> Result<Option<Vec<Spectrum>>, EngineError> {
-    let run = || Engine::Doubling.run(&request(of), control);
-    holds(of).then(run).transpose()
+    let run = || Engine::Hybrid.run(&hybrid_request(request), control);
+    is_valid(request).then(run).transpose()
 }
 
 impl Exits {
-    /// Scales bins, whose errors are those of their shares, to these sums. A side
-    /// that nothing met stays as it is.
+    /// Scales the bins, whose errors are those of their shares, so that they add up to
+    /// `reflectance` and `transmittance`. A side without scores is not changed.
     pub(super) fn normalise(&mut self, reflectance: Measured, transmittance: Measured) {
         let sides = [
             (&mut self.reflected, &mut self.reflectance, reflectance),
@@ -52,20 +55,20 @@ impl Exits {
                 transmittance,
             ),
         ];
-        for (bins, sum, known) in sides {
+        for (bins, sum, target) in sides {
             if sum.value <= 0.0 {
                 continue;
             }
-            let scale = known.value / sum.value;
+            let scale = target.value / sum.value;
             for bin in bins {
                 let share = bin.value / sum.value;
-                let (own, shared) = (scale * bin.se, share * known.se);
+                let (share_se, sum_se) = (scale * bin.se, share * target.se);
                 *bin = Measured {
-                    value: share * known.value,
-                    se: (own * own + shared * shared).sqrt(),
+                    value: share * target.value,
+                    se: (share_se * share_se + sum_se * sum_se).sqrt(),
                 };
             }
-            *sum = known;
+            *sum = target;
         }
         self.normalised = true;
     }
@@ -94,7 +97,7 @@ mod tests {
             assert!((ours.se - by_hand.se).abs() < 1e-15, "{ours:?}");
         }
         assert_eq!(exits.reflectance, measured(0.4, 0.04));
-        // nothing met the other side
+        // nothing scored on the other side
         assert_eq!(exits.transmitted, [measured(0.0, 0.01)]);
     }
 }

@@ -1,4 +1,4 @@
-//! Walks through a pack that score, at every grain event, the light that would
+//! Walks through a snowpack that score, at every grain event, the light that would
 //! leave from there in all directions (the local estimate of neutron transport,
 //! for grains that take up room).
 //!
@@ -6,7 +6,7 @@
 //! one with which the walk goes on, each turned to eight azimuths about the ray
 //! (grain axes are isotropic, so every turn is as likely). From where such a
 //! grain, if it fits between the planes, would send the ray, a flight leaves the
-//! pack with probability exp(-tau): so much is scored in that direction. The sum
+//! snowpack with probability exp(-tau): so much is scored in that direction. The sum
 //! over the flights of a walk has the mean of a count of those that do leave.
 //! Flights drawn anew, because a grain did not fit, are counted by a trial of
 //! them at every score. No outcome is tilted, moved or replaced, so the estimate
@@ -15,7 +15,7 @@ mod stratum;
 mod supply;
 mod walk;
 
-use wide::f64x8;
+use splitsnow_spectra::simd::{F64x8, Kernel, Simd, dispatch};
 
 use crate::math::Vec3x8;
 use crate::rng::Stream;
@@ -30,10 +30,10 @@ use walk::Walk;
 /// Rays after which the caller is asked whether to go on.
 const RAYS_BETWEEN_CHECKS: u64 = 64;
 /// What escaping light is reported to.
-pub trait Catch {
+pub trait EscapeSink {
     /// Light leaves on the lanes of the mask along unit vectors `direction`
     /// (upward where z < 0), with these weights per wavelength.
-    fn catch(&mut self, lanes: u32, direction: &Vec3x8, weights: &[f64x8]);
+    fn catch<S: Simd>(&mut self, lanes: u32, direction: &Vec3x8<S>, weights: &[F64x8<S>]);
 
     /// A ray hit an event limit.
     fn lost(&mut self);
@@ -47,13 +47,33 @@ pub trait Catch {
 pub struct Band {
     /// Its absorption.
     pub coefficients: Coefficients,
-    /// Share of the light arriving at the ground that comes back.
+    /// Share of the light arriving at the substrate that comes back.
     pub reflected: f64,
     /// Share that counts as transmitted.
     pub transmitted: f64,
 }
 
-/// A pack ready for such walks.
+/// The work of [`EscapeWalker::walk`].
+struct Walking<'a, C> {
+    walker: &'a EscapeWalker<'a>,
+    illumination: Illumination,
+    rays: u64,
+    rng: Stream,
+    catch: &'a mut C,
+}
+
+impl<C: EscapeSink> Kernel for Walking<'_, C> {
+    type Output = Result<(), WalkError>;
+
+    #[inline(always)]
+    fn run<S: Simd>(self) -> Self::Output {
+        let rng = self.rng.on::<S>();
+        self.walker
+            .walk_on(self.illumination, self.rays, rng, self.catch)
+    }
+}
+
+/// A snowpack ready for such walks.
 #[derive(Debug)]
 pub struct EscapeWalker<'a> {
     /// From the surface down.
@@ -64,7 +84,7 @@ pub struct EscapeWalker<'a> {
     absorption: Absorption,
     bands: &'a [Band],
     entry: Entry,
-    /// Chance to survive the ground.
+    /// Chance to survive the substrate.
     bounce: f64,
 }
 
@@ -110,9 +130,26 @@ impl<'a> EscapeWalker<'a> {
         illumination: Illumination,
         rays: u64,
         rng: Stream,
-        catch: &mut impl Catch,
+        catch: &mut impl EscapeSink,
     ) -> Result<(), WalkError> {
-        let zero = f64x8::ZERO;
+        dispatch(Walking {
+            walker: self,
+            illumination,
+            rays,
+            rng,
+            catch,
+        })
+    }
+
+    #[inline(always)]
+    fn walk_on<S: Simd>(
+        &self,
+        illumination: Illumination,
+        rays: u64,
+        rng: Stream<S>,
+        catch: &mut impl EscapeSink,
+    ) -> Result<(), WalkError> {
+        let zero = F64x8::ZERO;
         let mut walk = Walk {
             walker: self,
             random: Supply::new(rng),
@@ -146,14 +183,19 @@ impl<'a> EscapeWalker<'a> {
     /// and where `down` the lower one, for vertical light and absorption per
     /// length `per_m` in each layer.
     #[inline(always)]
-    fn vertical(&self, z_m: f64x8, down: f64x8, per_m: impl Fn(&Stratum) -> f64) -> f64x8 {
-        let zero = f64x8::ZERO;
+    fn vertical<S: Simd>(
+        &self,
+        z_m: F64x8<S>,
+        down: F64x8<S>,
+        per_m: impl Fn(&Stratum) -> f64,
+    ) -> F64x8<S> {
+        let zero = F64x8::ZERO;
         let mut sum = zero;
         for stratum in &self.strata {
-            let [top, base] = [stratum.top_m, stratum.base_m].map(f64x8::splat);
+            let [top, base] = [stratum.top_m, stratum.base_m].map(F64x8::splat);
             let part = down.select(base - z_m, z_m - top);
-            let part = part.fast_max(zero).fast_min(base - top);
-            sum += part * f64x8::splat(per_m(stratum));
+            let part = part.max(zero).min(base - top);
+            sum += part * F64x8::splat(per_m(stratum));
         }
         sum
     }

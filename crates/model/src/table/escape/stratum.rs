@@ -1,4 +1,4 @@
-//! A layer of a pack with outcomes of its grains.
+//! A layer of a snowpack with outcomes of its grains.
 use crate::table::Table;
 use crate::transport::{EXPONENTS, Layer, Model, impurities_per_m};
 

@@ -1,20 +1,20 @@
 //! Random numbers one at a time, though drawn eight at a time.
-use wide::f64x8;
+use splitsnow_spectra::simd::{F64x8, Simd};
 
 use crate::math::ln;
 use crate::rng::Stream;
 
 /// Random numbers one at a time.
-pub(super) struct Supply {
-    rng: Stream,
+pub(super) struct Supply<S: Simd> {
+    rng: Stream<S>,
     uniforms: [f64; 8],
     exponentials: [f64; 8],
     azimuths: [[f64; 8]; 2],
     left: [usize; 3],
 }
 
-impl Supply {
-    pub(super) fn new(rng: Stream) -> Self {
+impl<S: Simd> Supply<S> {
+    pub(super) fn new(rng: Stream<S>) -> Self {
         Self {
             rng,
             uniforms: [0.0; 8],
@@ -37,7 +37,7 @@ impl Supply {
     pub(super) fn exponential(&mut self) -> f64 {
         if self.left[1] == 0 {
             let u = self.rng.uniform();
-            (self.exponentials, self.left[1]) = ((-ln(f64x8::ONE - u)).to_array(), 8);
+            (self.exponentials, self.left[1]) = ((-ln(F64x8::ONE - u)).to_array(), 8);
         }
         self.left[1] -= 1;
         self.exponentials[self.left[1]]

@@ -1,14 +1,14 @@
 //! One such walk after another.
-use wide::f64x8;
+use splitsnow_spectra::simd::{F64x8, Simd, Task};
 
-use crate::grain::Bodies;
-use crate::math::{Vec3x8, exp_neg};
+use crate::grain::{Bodies, Down};
+use crate::math::{Real, Vec3x8, exp_neg};
 use crate::table::{Table, lanes as each_of};
 use crate::transport::{EVENT_LIMIT, Path, REJECTION_LIMIT, WalkError, diffuse_cosine};
 
 use super::stratum::{Kind, Stratum};
 use super::supply::Supply;
-use super::{Catch, EscapeWalker};
+use super::{EscapeSink, EscapeWalker};
 
 /// Outcomes, of eight azimuths each, drawn beside the walk's own in an event
 /// next to a plane, and exp(-tau) of that at optical depth tau below it: few cost
@@ -40,12 +40,12 @@ struct Ray {
 }
 
 /// One walk after another.
-pub(super) struct Walk<'w, C> {
+pub(super) struct Walk<'w, S: Simd, C> {
     pub(super) walker: &'w EscapeWalker<'w>,
-    pub(super) random: Supply,
+    pub(super) random: Supply<S>,
     /// Weight of the ray in each band on its last grain.
     pub(super) base: Vec<f64>,
-    pub(super) weights: Vec<f64x8>,
+    pub(super) weights: Vec<F64x8<S>>,
     pub(super) catch: &'w mut C,
 }
 
@@ -65,6 +65,32 @@ impl Waiting {
     }
 }
 
+/// The frame of outcomes, turned about a ray: what a unit along it and one across it
+/// have of the vertical, and the turn.
+struct Turned<R> {
+    along: R,
+    across: R,
+    cos: R,
+    sin: R,
+}
+
+impl<R: Real> Down<R> for Turned<R> {
+    #[inline(always)]
+    fn down(&self, [x, y, along]: [R; 3]) -> R {
+        self.along * along + self.across * (self.cos * x + self.sin * y)
+    }
+}
+
+/// exp(-x) for x >= 0.
+#[inline(always)]
+fn exp<S: Simd>(x: F64x8<S>) -> F64x8<S> {
+    let mut values = x.to_array();
+    for value in &mut values {
+        *value = exp_neg(*value);
+    }
+    F64x8::new(values)
+}
+
 /// The end of a flight, where grains wait.
 struct Meeting<'a> {
     ray: Ray,
@@ -75,7 +101,32 @@ struct Meeting<'a> {
     survived: f64,
 }
 
-impl<'w, C: Catch> Walk<'w, C> {
+/// The call of [`Walk::fly`].
+struct Fly<'a, 'w, S: Simd, C>(&'a mut Walk<'w, S, C>, &'a mut Ray, f64);
+
+impl<S: Simd, C: EscapeSink> Task for Fly<'_, '_, S, C> {
+    type Output = bool;
+
+    #[inline(always)]
+    fn perform(self) -> bool {
+        self.0.fly_here(self.1, self.2)
+    }
+}
+
+/// The call of [`Walk::rejections`].
+struct Rejections<'a, 'w, S: Simd, C>(&'a mut Walk<'w, S, C>, &'a Ray);
+
+impl<S: Simd, C: EscapeSink> Task for Rejections<'_, '_, S, C> {
+    type Output = f64;
+
+    #[inline(always)]
+    fn perform(self) -> f64 {
+        self.0.rejections_here(self.1)
+    }
+}
+
+impl<'w, S: Simd, C: EscapeSink> Walk<'w, S, C> {
+    #[inline(always)]
     pub(super) fn diffuse_cosine(&mut self, stratum: usize) -> f64 {
         let stratum = &self.walker.strata[stratum];
         let u = self.random.uniform();
@@ -84,11 +135,13 @@ impl<'w, C: Catch> Walk<'w, C> {
     }
 
     /// Least optical depth so far.
+    #[inline(always)]
     fn depth(&self, path: &Path) -> f64 {
         self.walker.absorption.coefficients.depth(path)
     }
 
     /// Walks a ray that enters at cosine `mu` to its end.
+    #[inline(always)]
     pub(super) fn ray(&mut self, mu: f64) -> Result<(), WalkError> {
         let walker = self.walker;
         let thickness_m = walker.thickness_m;
@@ -167,8 +220,14 @@ impl<'w, C: Catch> Walk<'w, C> {
         }
     }
 
-    /// Flies to the next grain; false if the flight leaves the pack.
+    /// Flies to the next grain; false if the flight leaves the snowpack.
+    #[inline(always)]
     fn fly(&mut self, ray: &mut Ray, medium: f64) -> bool {
+        S::outlined(Fly(self, ray, medium))
+    }
+
+    #[inline(always)]
+    fn fly_here(&mut self, ray: &mut Ray, medium: f64) -> bool {
         loop {
             let stratum = &self.walker.strata[ray.stratum];
             let flight_m = stratum.mean_free_distance_m * self.random.exponential();
@@ -224,8 +283,13 @@ impl<'w, C: Catch> Walk<'w, C> {
         };
         if ray.z_m < size_m || ray.z_m > thickness_m - size_m {
             let (centre, body) = table.grain(row);
-            let down = |[x, y, along]: [f64; 3]| grain.vertical(ray, along, x, y);
-            let (centre, half) = (down(centre), 0.5 * body.half_height(down));
+            let down = Turned {
+                along: ray.mu,
+                across: ray.across,
+                cos: grain.cos,
+                sin: grain.sin,
+            };
+            let (centre, half) = (down.down(centre), 0.5 * body.half_height(&down));
             let top_m = ray.z_m + size_m * (centre - half);
             let base_m = ray.z_m + size_m * (centre + half);
             if top_m < 0.0 || base_m > thickness_m {
@@ -237,7 +301,13 @@ impl<'w, C: Catch> Walk<'w, C> {
 
     /// How many flights in a row, begun as `start`, are drawn anew because their
     /// grains do not fit.
+    #[inline(always)]
     fn rejections(&mut self, start: &Ray) -> f64 {
+        S::outlined(Rejections(self, start))
+    }
+
+    #[inline(always)]
+    fn rejections_here(&mut self, start: &Ray) -> f64 {
         for rejections in 0..REJECTION_LIMIT {
             let mut ray = *start;
             if !self.fly(&mut ray, 1.0) {
@@ -265,6 +335,7 @@ impl<'w, C: Catch> Walk<'w, C> {
     }
 
     /// The ray's own grain event; false if the grain does not fit.
+    #[inline(always)]
     fn scatter(&mut self, meeting: &Meeting, ray: &mut Ray) -> bool {
         let Meeting { table, stratum, .. } = *meeting;
         let Some(grain) = self.grain(ray, table, meeting.size_m) else {
@@ -295,6 +366,7 @@ impl<'w, C: Catch> Walk<'w, C> {
     }
 
     /// Scores the light that the grains waiting would let leave.
+    #[inline(always)]
     fn spread(&mut self, meeting: &Meeting) {
         let Meeting {
             ray,
@@ -303,9 +375,9 @@ impl<'w, C: Catch> Walk<'w, C> {
             table,
             survived,
         } = meeting;
-        let (walker, zero, one) = (self.walker, f64x8::ZERO, f64x8::ONE);
-        let down = f64x8::new([0.0, 1.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0]).simd_gt(zero);
-        let tau = walker.vertical(f64x8::splat(ray.z_m), down, |s| {
+        let (walker, zero, one) = (self.walker, F64x8::<S>::ZERO, F64x8::ONE);
+        let down = F64x8::new([0.0, 1.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0]).gt(zero);
+        let tau = walker.vertical(F64x8::splat(ray.z_m), down, |s| {
             1.0 / s.mean_free_distance_m
         });
         let [up, down, ..] = tau.to_array();
@@ -319,34 +391,38 @@ impl<'w, C: Catch> Walk<'w, C> {
         };
         self.base(&ray.path, *survived, share);
         let first = self.random.uniform();
-        let [mu, across] = [ray.mu, ray.across].map(f64x8::splat);
-        let [hx, hy] = ray.heading.map(f64x8::splat);
-        let thickness = f64x8::splat(walker.thickness_m);
+        let [mu, across] = [ray.mu, ray.across].map(F64x8::splat);
+        let [hx, hy] = ray.heading.map(F64x8::splat);
+        let thickness = F64x8::splat(walker.thickness_m);
         for i in 0..count as u32 {
             let row = ((f64::from(i) + first) / count * table.len() as f64) as usize;
             let row = row.min(table.len() - 1);
             let size_m = min + (max - min) * self.random.uniform();
-            let size = f64x8::splat(size_m);
+            let size = F64x8::splat(size_m);
             let (sin, cos) = self.random.azimuth();
-            let [sin, cos] = [sin, cos].map(f64x8::splat);
-            let [s, c] = TURNS.map(f64x8::new);
+            let [sin, cos] = [sin, cos].map(F64x8::splat);
+            let [s, c]: [F64x8<S>; 2] = TURNS.map(F64x8::new);
             let (sin, cos) = (sin * c + cos * s, cos * c - sin * s);
-            let down = |[x, y, along]: [f64x8; 3]| mu * along + across * (cos * x + sin * y);
-            let vertical = |along: f64, x: f64, y: f64| down([x, y, along].map(f64x8::splat));
-            let mut fits = one.simd_gt(zero);
+            let down = Turned {
+                along: mu,
+                across,
+                cos,
+                sin,
+            };
+            let mut fits = one.gt(zero);
             if ray.z_m < size_m || ray.z_m > walker.thickness_m - size_m {
                 let (centre, body) = table.grain(row);
-                let half = f64x8::splat(0.5) * Bodies::splat(&body).half_height(down);
-                let [centre, z] = [down(centre.map(f64x8::splat)), f64x8::splat(ray.z_m)];
-                fits = (z + size * (centre - half)).simd_ge(zero)
-                    & (z + size * (centre + half)).simd_le(thickness);
+                let half = F64x8::splat(0.5) * Bodies::<S>::splat(&body).half_height(&down);
+                let [centre, z] = [down.down(centre.map(F64x8::splat)), F64x8::splat(ray.z_m)];
+                fits = (z + size * (centre - half)).ge(zero)
+                    & (z + size * (centre + half)).le(thickness);
             }
             let [c, s, along, x, y, ice, ..] = table.motions[row].map(f64::from);
             if ice == f64::INFINITY || fits.to_bitmask() == 0 {
                 continue;
             }
-            let z_m = f64x8::splat(ray.z_m) + size * vertical(along, x, y);
-            let [c, s] = [c, s].map(f64x8::splat);
+            let z_m = F64x8::splat(ray.z_m) + size * down.down([x, y, along].map(F64x8::splat));
+            let [c, s] = [c, s].map(F64x8::splat);
             let (p, q) = (c * across - s * mu * cos, s * sin);
             let direction = Vec3x8 {
                 x: p * hx - q * hy,
@@ -364,29 +440,31 @@ impl<'w, C: Catch> Walk<'w, C> {
                 .iter_mut()
                 .zip(self.base.iter().zip(&stratum.ice_per_m))
             {
-                *weight = f64x8::splat(base * exp_neg(per_m * ice_m));
+                *weight = F64x8::splat(base * exp_neg(per_m * ice_m));
             }
             self.escape(fits, z_m, &direction, medium, true);
         }
     }
 
-    /// Scores the chance that the flight begun leaves the pack.
+    /// Scores the chance that the flight begun leaves the snowpack.
+    #[inline(always)]
     fn leave(&mut self, ray: &Ray, medium: f64, survived: f64) {
         self.base(&ray.path, survived, 1.0);
         let weights = self.weights.iter_mut().zip(&self.base);
-        weights.for_each(|(weight, base)| *weight = f64x8::splat(*base));
-        let one = f64x8::new([1.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0]).simd_gt(f64x8::ZERO);
+        weights.for_each(|(weight, base)| *weight = F64x8::splat(*base));
+        let one = F64x8::new([1.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0]).gt(F64x8::ZERO);
         let [hx, hy] = ray.heading;
         let direction = Vec3x8 {
-            x: f64x8::splat(ray.across * hx),
-            y: f64x8::splat(ray.across * hy),
-            z: f64x8::splat(ray.mu),
+            x: F64x8::splat(ray.across * hx),
+            y: F64x8::splat(ray.across * hy),
+            z: F64x8::splat(ray.mu),
         };
-        self.escape(one, f64x8::splat(ray.z_m), &direction, medium, false);
+        self.escape(one, F64x8::splat(ray.z_m), &direction, medium, false);
     }
 
     /// Weights, times `share`, of a ray that met its grain after `path`; it was
     /// not absorbed up to the least optical depth `survived`.
+    #[inline(always)]
     fn base(&mut self, path: &Path, survived: f64, share: f64) {
         let walker = self.walker;
         let made_up_for = (survived - walker.absorption.deferred).max(0.0);
@@ -402,14 +480,20 @@ impl<'w, C: Catch> Walk<'w, C> {
     /// `direction`, on the lanes given: that of the next flight or, if `in_all`,
     /// of this and those drawn in its place.
     #[inline(always)]
-    fn escape(&mut self, lanes: f64x8, z_m: f64x8, direction: &Vec3x8, medium: f64, in_all: bool) {
+    fn escape(
+        &mut self,
+        lanes: F64x8<S>,
+        z_m: F64x8<S>,
+        direction: &Vec3x8<S>,
+        medium: f64,
+        in_all: bool,
+    ) {
         let walker = self.walker;
-        let down = direction.z.simd_gt(f64x8::ZERO);
-        let secant = f64x8::ONE / direction.z.abs().fast_max(f64x8::splat(1e-12));
+        let down = direction.z.gt(F64x8::ZERO);
+        let secant = F64x8::ONE / direction.z.abs().max(F64x8::splat(1e-12));
         let tau = secant * walker.vertical(z_m, down, |s| 1.0 / s.mean_free_distance_m);
-        let exp = |x: f64x8| f64x8::new(x.to_array().map(exp_neg));
         let mut chance = exp(tau);
-        let lanes = (lanes & chance.simd_gt(f64x8::ZERO)).to_bitmask();
+        let lanes = (lanes & chance.gt(F64x8::ZERO)).to_bitmask();
         if in_all {
             for lane in each_of(lanes) {
                 // rarely where little leaves, and made up for
@@ -430,7 +514,7 @@ impl<'w, C: Catch> Walk<'w, C> {
             }
         }
         for (l, (weight, band)) in self.weights.iter_mut().zip(walker.bands).enumerate() {
-            *weight *= chance * down.select(f64x8::splat(band.transmitted), f64x8::ONE);
+            *weight *= chance * down.select(F64x8::splat(band.transmitted), F64x8::ONE);
             if walker.absorbing_pores {
                 let per_m =
                     |s: &Stratum| s.pores_per_m[usize::from(medium < s.water_saturation)][l];

@@ -1,26 +1,32 @@
-//! Rows of a table as a spectrum.
+//! Conversion of the rows of a table to a spectrum.
 use super::columns::{Columns, columns};
 use super::error::{Problem, quoted};
-use super::layout::{Cell, Layout, skipped};
-use super::report::{By, Encoding, Format, Masked, Order, Report, Why};
+use super::layout::{CellValue, Layout, skipped};
+use super::report::{Encoding, Format, KnownFrom, MaskReason, Masked, Order, Report};
 use super::{Content, Curve, Request, Sample, Scale, Unit};
 
-/// A refusal and its line, from 1.
+/// A problem and its line, from 1; no line if the problem is the whole file.
 type Refusal = (Option<usize>, Problem);
 
-/// Wavelengths whose median is below are in um: no snow is seen beyond.
+/// Median wavelength below which wavelengths are taken as um: no spectrum of snow extends to
+/// 100 um.
 const UM_BELOW: f64 = 100.0;
-/// Values of which one in ten is above are percent: noise is rarer, and dark snow, for
-/// which they may be mistaken, is then refused for what else it has.
+/// Values are taken as percent if one in ten is above this. Noise exceeds it more rarely, and
+/// dark snow mistaken for percent is refused because of its other values.
 const PERCENT_ABOVE: f64 = 3.0;
-/// Three detectors meet two by two; one wavelength more often is another table.
+/// Most rows of one wavelength. The overlaps of three detectors give fewer; more rows mean
+/// that several tables follow one another.
 const MOST_TIMES: usize = 4;
 
 /// A row in the units of the file.
 struct Row {
+    /// Line in the file, from 1.
     line: usize,
+    /// Wavelength.
     x: Option<f64>,
+    /// Value.
     y: Option<f64>,
+    /// Standard uncertainty of the value.
     u: Option<f64>,
 }
 
@@ -32,7 +38,7 @@ struct Rows {
     footer_lines: usize,
 }
 
-/// The spectrum in a table of `lines`.
+/// Reads the spectrum from the table in `lines`.
 pub(super) fn curve(
     lines: &[&str],
     layout: &Layout,
@@ -45,15 +51,15 @@ pub(super) fn curve(
     let header_line = layout.header.as_ref().map(|(line, _)| *line);
     let columns = columns(&names, layout, format, preamble, request)
         .map_err(|problem| (header_line, problem))?;
-    let found = rows(body, layout, names.len(), &columns)?;
-    let rows = &found.rows;
+    let table = rows(body, layout, names.len(), &columns)?;
+    let rows = &table.rows;
 
     let (unit, unit_by) = columns
         .unit
-        .unwrap_or_else(|| (guessed_unit(rows), By::Values));
+        .unwrap_or_else(|| (guessed_unit(rows), KnownFrom::Values));
     let nm = |x: f64| match unit {
         Unit::Nm => x,
-        // 0.351 um is 351 nm, not 350.99999999999994; a tiny wavelength must not become 0
+        // rounded: 0.351 um is 351 nm, not 350.99999999999994; but not to 0
         Unit::Um => Some((x * 1e9).round() / 1e6)
             .filter(|nm| *nm > 0.0)
             .unwrap_or(x * 1e3),
@@ -62,10 +68,10 @@ pub(super) fn curve(
     let inside = |row: &&Row| row.x.is_some_and(|x| (low..=high).contains(&nm(x)));
     let judged = |row: &&Row| row.x.is_some_and(|x| !request.excluded(nm(x)));
     let power = columns.content.0 == Content::Power;
-    let (scale, scale_by) = match (columns.scale, found.percent_signs) {
-        _ if power => (None, By::Default),
+    let (scale, scale_by) = match (columns.scale, table.percent_signs) {
+        _ if power => (None, KnownFrom::Default),
         (Some((scale, by)), _) => (Some(scale), by),
-        (None, true) => (Some(Scale::Percent), By::Name),
+        (None, true) => (Some(Scale::Percent), KnownFrom::Name),
         (None, false) => {
             let judged: Vec<f64> = rows
                 .iter()
@@ -73,7 +79,7 @@ pub(super) fn curve(
                 .filter(judged)
                 .filter_map(|row| row.y)
                 .collect();
-            (Some(guessed_scale(judged)), By::Values)
+            (Some(guessed_scale(judged)), KnownFrom::Values)
         }
     };
     let share = |y: f64| match scale {
@@ -84,43 +90,43 @@ pub(super) fn curve(
     let (mut samples, mut masked, mut bad_uncertainties) = (Vec::new(), Vec::new(), 0);
     let mut seen = 0;
     for row in rows.iter().filter(|row| row.x.is_none() || inside(row)) {
-        let at = row.x.map(nm);
-        let free = at.is_some_and(|nm| request.excluded(nm));
-        let (nm, value) = match (at, row.y.map(share)) {
+        let wavelength_nm = row.x.map(nm);
+        let excluded = wavelength_nm.is_some_and(|nm| request.excluded(nm));
+        let (nm, value) = match (wavelength_nm, row.y.map(share)) {
             (Some(nm), Some(value)) => (nm, value),
             (_, value) => {
-                if !free {
+                if !excluded {
                     masked.push(Masked {
                         line: row.line,
-                        wavelength_nm: at,
+                        wavelength_nm,
                         value,
-                        why: Why::Missing,
+                        why: MaskReason::Missing,
                     });
                 }
                 continue;
             }
         };
-        seen += usize::from(!free);
+        seen += usize::from(!excluded);
         let (least, most) = request.possible;
-        if !free && !(least..=most).contains(&value) {
+        if !excluded && !(least..=most).contains(&value) {
             masked.push(Masked {
                 line: row.line,
                 wavelength_nm: Some(nm),
                 value: Some(value),
-                why: Why::Impossible,
+                why: MaskReason::Impossible,
             });
             continue;
         }
         let uncertainty = row.u.map(share).filter(|u| *u >= 0.0);
         bad_uncertainties +=
-            usize::from(columns.uncertainty.is_some() && !free && uncertainty.is_none());
+            usize::from(columns.uncertainty.is_some() && !excluded && uncertainty.is_none());
         samples.push(Sample {
             nm,
             value,
             uncertainty,
         });
     }
-    plausible(&masked, seen, scale, columns.content.0, request)?;
+    check_plausible(&masked, seen, scale, columns.content.0, request)?;
     let order = order(&samples);
     let before = samples.len();
     let samples = merged(samples).map_err(|problem| (None, problem))?;
@@ -165,12 +171,12 @@ pub(super) fn curve(
         merged: before - samples.len(),
         masked,
         bad_uncertainties,
-        footer_lines: found.footer_lines,
+        footer_lines: table.footer_lines,
     };
     Ok(Curve { samples, report })
 }
 
-/// The kind of a file that begins with these lines.
+/// The format of a file, from the lines before the table.
 fn format(preamble: &[&str]) -> Format {
     let begins = |line: &str, with: &str| {
         let start = line.trim_start().get(..with.len());
@@ -185,15 +191,15 @@ fn format(preamble: &[&str]) -> Format {
     }
 }
 
-/// Names of the columns: those of the header, or those that the format has.
+/// Names of the columns, from the header or from the format.
 fn names(layout: &Layout, format: Format) -> Vec<String> {
     let width = layout.numeric.len();
     let fixed: &[&str] = match (&layout.header, format) {
         (Some((_, names)), _) => {
-            let kept = names.iter().rposition(|name| !name.is_empty());
-            return names[..kept.map_or(0, |last| last + 1)].to_vec();
+            let last = names.iter().rposition(|name| !name.is_empty());
+            return names[..last.map_or(0, |last| last + 1)].to_vec();
         }
-        // Reference and target are radiances or counts; the fourth is their ratio.
+        // Reference and target are radiances or counts; the fourth column is their ratio.
         (None, Format::Svc) if width >= 4 => {
             &["wavelength nm", "reference", "target", "reflectance %"]
         }
@@ -202,9 +208,10 @@ fn names(layout: &Layout, format: Format) -> Vec<String> {
     fixed.iter().map(|name| (*name).to_owned()).collect()
 }
 
-/// The rows of `body`, the lines of a text from the first row on.
+/// Reads the rows from `body`, the lines of the file from the first row on. `named` is the
+/// number of named columns.
 fn rows(body: &[&str], layout: &Layout, named: usize, columns: &Columns) -> Result<Rows, Refusal> {
-    let mut found = Rows {
+    let mut table = Rows {
         rows: Vec::new(),
         percent_signs: false,
         footer_lines: 0,
@@ -212,11 +219,12 @@ fn rows(body: &[&str], layout: &Layout, named: usize, columns: &Columns) -> Resu
     let (mut decimal, mut expected) = (None, named);
     let is_row = |line: &&str| {
         let cells = layout.separator.cells(line);
-        cells.len() >= 2 && Cell::of(cells[columns.wavelength.min(cells.len() - 1)]) != Cell::Text
+        cells.len() >= 2
+            && CellValue::parse(cells[columns.wavelength.min(cells.len() - 1)]) != CellValue::Text
     };
     let last = body.iter().rposition(|line| !skipped(line) && is_row(line));
     let end = last.map_or(0, |last| last + 1);
-    found.footer_lines = body[end..].iter().filter(|line| !skipped(line)).count();
+    table.footer_lines = body[end..].iter().filter(|line| !skipped(line)).count();
     for (i, line) in body[..end].iter().enumerate() {
         if skipped(line) {
             continue;
@@ -238,15 +246,15 @@ fn rows(body: &[&str], layout: &Layout, named: usize, columns: &Columns) -> Resu
             }));
         }
         let mut take = |column: usize, what: &'static str| -> Result<_, Refusal> {
-            // A row that ends early has no measurement there.
+            // A short row has no measurement in the missing columns.
             let text = cells.get(column).copied().unwrap_or_default();
-            match Cell::of(text) {
-                Cell::Missing => Ok((None, false)),
-                Cell::Text => {
+            match CellValue::parse(text) {
+                CellValue::Missing => Ok((None, false)),
+                CellValue::Text => {
                     let text = quoted(text);
                     Err(refuse(Problem::Number { text, what }))
                 }
-                Cell::Number {
+                CellValue::Number {
                     value,
                     decimal: sign,
                     percent,
@@ -269,18 +277,18 @@ fn rows(body: &[&str], layout: &Layout, named: usize, columns: &Columns) -> Resu
             Some(column) => take(column, "the uncertainty")?.0,
             None => None,
         };
-        found.percent_signs |= percent;
-        found.rows.push(Row {
+        table.percent_signs |= percent;
+        table.rows.push(Row {
             line: number,
             x,
             y,
             u,
         });
     }
-    Ok(found)
+    Ok(table)
 }
 
-/// The unit in which most wavelengths are those of light.
+/// The unit of the wavelengths, guessed from their median.
 fn guessed_unit(rows: &[Row]) -> Unit {
     let mut x: Vec<f64> = rows.iter().filter_map(|row| row.x).collect();
     x.sort_by(f64::total_cmp);
@@ -290,9 +298,9 @@ fn guessed_unit(rows: &[Row]) -> Unit {
     }
 }
 
+/// The scale of the values, guessed from their 90th percentile: the largest may be noise.
 fn guessed_scale(mut values: Vec<f64>) -> Scale {
     values.sort_by(f64::total_cmp);
-    // Of few values the largest may be noise.
     let place = 9 * values.len().saturating_sub(1) / 10;
     match values.get(place) {
         Some(high) if *high > PERCENT_ABOVE => Scale::Percent,
@@ -300,16 +308,18 @@ fn guessed_scale(mut values: Vec<f64>) -> Scale {
     }
 }
 
-/// Refuses a spectrum of which the greater part cannot be: it is another quantity, or
-/// in another scale.
-fn plausible(
+/// Refuses a spectrum if at least half of its values are impossible: it is another quantity,
+/// or on another scale.
+fn check_plausible(
     masked: &[Masked],
     seen: usize,
     scale: Option<Scale>,
     content: Content,
     request: &Request,
 ) -> Result<(), Refusal> {
-    let mut wrong = masked.iter().filter(|row| row.why == Why::Impossible);
+    let mut wrong = masked
+        .iter()
+        .filter(|row| row.why == MaskReason::Impossible);
     let impossible = wrong.clone().count();
     let percent = scale == Some(Scale::Percent);
     let in_file = |share: f64| if percent { 100.0 * share } else { share };
@@ -338,24 +348,24 @@ fn plausible(
 }
 
 fn order(samples: &[Sample]) -> Order {
-    let all = |holds: fn(f64, f64) -> bool| {
+    let all_pairs = |holds: fn(f64, f64) -> bool| {
         samples.windows(2).all(|pair| match pair {
             [a, b] => holds(a.nm, b.nm),
             _ => true,
         })
     };
     match () {
-        () if all(|a, b| a <= b) => Order::Ascending,
-        () if all(|a, b| a >= b) => Order::Descending,
+        () if all_pairs(|a, b| a <= b) => Order::Ascending,
+        () if all_pairs(|a, b| a >= b) => Order::Descending,
         () => Order::Mixed,
     }
 }
 
-/// By wavelength, each once: the mean where there are several.
+/// Sorts samples by wavelength and replaces those of equal wavelength by their mean.
 fn merged(mut samples: Vec<Sample>) -> Result<Vec<Sample>, Problem> {
     samples.sort_by(|a, b| a.nm.total_cmp(&b.nm));
     let same = samples.chunk_by(|a, b| a.nm == b.nm);
-    let one = |group: &[Sample]| {
+    let mean = |group: &[Sample]| {
         let (nm, times) = (group[0].nm, group.len());
         if times > MOST_TIMES {
             return Err(Problem::Stacked { nm, times });
@@ -365,9 +375,9 @@ fn merged(mut samples: Vec<Sample>) -> Result<Vec<Sample>, Problem> {
         Ok(Sample {
             nm,
             value: group.iter().map(|sample| sample.value).sum::<f64>() / count,
-            // Not less than of one: neighbours mostly err alike.
+            // The mean, not reduced by averaging: errors of such rows are mostly correlated.
             uncertainty: uncertain.map(|sum| sum / count),
         })
     };
-    same.map(one).collect()
+    same.map(mean).collect()
 }

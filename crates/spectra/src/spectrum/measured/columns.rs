@@ -1,10 +1,10 @@
-//! What the columns of a table are: by their names, else by where they stand.
+//! Identifies the columns of a table by their names, else by their position.
 use super::error::{Problem, quoted};
 use super::layout::Layout;
-use super::report::{By, Format};
+use super::report::{Format, KnownFrom};
 use super::{Column, Content, Request, Scale, Unit};
 
-/// Words of a name, in small letters.
+/// Words of a name, in lower case.
 fn words(name: &str) -> Vec<String> {
     let name = name.to_lowercase();
     let words = name.split(|c: char| !c.is_alphanumeric());
@@ -26,7 +26,7 @@ fn has_part(name: &str, any: &[&str]) -> bool {
 pub(super) fn is_wavelength(name: &str) -> bool {
     has_part(name, &["wavel", "lambda"])
         || has_word(name, &["wvl", "wl", "wave", "waves", "\u{3bb}"])
-        || matches!(words(name).as_slice(), [one] if ["nm", "um", "\u{b5}m", "\u{3bc}m", "x"].contains(&one.as_str()))
+        || matches!(words(name).as_slice(), [word] if ["nm", "um", "\u{b5}m", "\u{3bc}m", "x"].contains(&word.as_str()))
 }
 
 fn is_wavenumber(name: &str) -> bool {
@@ -39,18 +39,18 @@ fn is_uncertainty(name: &str) -> bool {
         || has_word(name, &["se", "sd", "sigma", "u"])
 }
 
-/// What a name says that the column is of.
+/// The content of a column according to its name.
 fn content(name: &str) -> Option<Content> {
-    let of = |parts: &[&str]| has_part(name, parts);
+    let has = |parts: &[&str]| has_part(name, parts);
     match () {
-        () if of(&["refl", "albedo", "hdrf", "hcrf", "brf"]) => Some(Content::Reflectance),
-        () if of(&["transm"]) => Some(Content::Transmittance),
-        () if of(&["spd", "power", "radiance", "intensity"]) => Some(Content::Power),
+        () if has(&["refl", "albedo", "hdrf", "hcrf", "brf"]) => Some(Content::Reflectance),
+        () if has(&["transm"]) => Some(Content::Transmittance),
+        () if has(&["spd", "power", "radiance", "intensity"]) => Some(Content::Power),
         () => None,
     }
 }
 
-/// The unit that a name or a line such as `X Units: Wavelength (micrometers)` states.
+/// The unit stated by a name or by a line such as `X Units: Wavelength (micrometers)`.
 pub(super) fn unit(text: &str) -> Option<Unit> {
     match () {
         () if has_part(text, &["nanom"]) || has_word(text, &["nm"]) => Some(Unit::Nm),
@@ -63,7 +63,7 @@ pub(super) fn unit(text: &str) -> Option<Unit> {
     }
 }
 
-/// The scale that a name or a line such as `Y Units: Reflectance (percent)` states.
+/// The scale stated by a name or by a line such as `Y Units: Reflectance (percent)`.
 pub(super) fn scale(text: &str) -> Option<Scale> {
     match () {
         () if has_part(text, &["%", "percent", "0-100", "0 - 100"]) || has_word(text, &["pct"]) => {
@@ -74,25 +74,28 @@ pub(super) fn scale(text: &str) -> Option<Scale> {
     }
 }
 
-/// What is known of a table before its numbers are looked at.
+/// The columns of a table, their content and units, as known before the numbers are read.
+/// Columns are indices from 0.
 #[derive(Debug)]
 pub(super) struct Columns {
     pub(super) wavelength: usize,
     pub(super) value: usize,
     pub(super) uncertainty: Option<usize>,
-    pub(super) content: (Content, By),
-    pub(super) unit: Option<(Unit, By)>,
-    pub(super) scale: Option<(Scale, By)>,
-    pub(super) value_by: By,
-    /// Further columns that the value could have come from.
+    pub(super) content: (Content, KnownFrom),
+    pub(super) unit: Option<(Unit, KnownFrom)>,
+    pub(super) scale: Option<(Scale, KnownFrom)>,
+    pub(super) value_by: KnownFrom,
+    /// Number of further columns that could be the value.
     pub(super) others: usize,
 }
 
-/// `names` are those of the columns, empty where they have none; `lines` those before
-/// the first row.
+/// Identifies the columns. `names` are the names of the columns, empty where they have none;
+/// `preamble` is the lines before the first row.
 ///
 /// # Errors
-/// [`Problem::NoColumn`], [`Problem::OtherContent`], [`Problem::Wavenumber`].
+/// [`Problem::NoColumn`] if the requested column does not exist, [`Problem::OtherContent`] if
+/// the column has another quantity than requested, [`Problem::Wavenumber`] if the table has
+/// wavenumbers instead of wavelengths.
 pub(super) fn columns(
     names: &[String],
     layout: &Layout,
@@ -125,9 +128,9 @@ pub(super) fn columns(
         line.copied().filter(|_| format == Format::Ecostress)
     };
     let (x_units, y_units) = (metadata("X Units:"), metadata("Y Units:"));
-    let of = |column: usize| content(name(column)).or_else(|| y_units.and_then(content));
-    let fits = |column: &usize| match (of(*column), request.content) {
-        (Some(found), Some(asked)) => found == asked,
+    let content_of = |column: usize| content(name(column)).or_else(|| y_units.and_then(content));
+    let fits = |column: &usize| match (content_of(*column), request.content) {
+        (Some(found), Some(requested)) => found == requested,
         (Some(found), None) => found != Content::Power,
         (None, _) => false,
     };
@@ -137,52 +140,52 @@ pub(super) fn columns(
         .filter(|column| !is_uncertainty(name(*column)))
         .collect();
     let (value, value_by, others) = match &request.column {
-        Some(asked) => (named(asked, names, width)?, By::Asked, 0),
+        Some(requested) => (find_column(requested, names, width)?, KnownFrom::Asked, 0),
         None => {
             let fitting: Vec<usize> = values.iter().copied().filter(fits).collect();
             let unknown: Vec<usize> = values
                 .iter()
                 .copied()
-                .filter(|c| of(*c).is_none())
+                .filter(|c| content_of(*c).is_none())
                 .collect();
-            let (from, by) = match fitting.is_empty() {
-                false => (fitting, By::Name),
-                true => (unknown, By::Place),
+            let (candidates, by) = match fitting.is_empty() {
+                false => (fitting, KnownFrom::Name),
+                true => (unknown, KnownFrom::Place),
             };
-            match (from.first(), values.first()) {
-                (Some(first), _) => (*first, by, from.len() - 1),
-                // Each is something else, which is said below; or all are uncertainties.
+            match (candidates.first(), values.first()) {
+                (Some(first), _) => (*first, by, candidates.len() - 1),
+                // Every column is another quantity (an error below), or an uncertainty.
                 (None, Some(first)) => (*first, by, 0),
                 (None, None) => {
                     let column = rest.first().copied();
-                    (column.unwrap_or(wavelength + 1), By::Place, 0)
+                    (column.unwrap_or(wavelength + 1), KnownFrom::Place, 0)
                 }
             }
         }
     };
-    let content = match (of(value), request.content) {
-        (Some(found), Some(asked)) if found != asked && request.column.is_none() => {
+    let content = match (content_of(value), request.content) {
+        (Some(found), Some(requested)) if found != requested && request.column.is_none() => {
             return Err(Problem::OtherContent {
                 column: quoted(name(value)),
                 found: found.name(),
-                asked: asked.name(),
+                requested: requested.name(),
             });
         }
-        (_, Some(asked)) => (asked, By::Asked),
+        (_, Some(requested)) => (requested, KnownFrom::Asked),
         (Some(Content::Power), None) if request.column.is_none() => {
             return Err(Problem::OtherContent {
                 column: quoted(name(value)),
                 found: Content::Power.name(),
-                asked: "reflectance or transmittance",
+                requested: "reflectance or transmittance",
             });
         }
-        (Some(Content::Power) | None, None) => (Content::Reflectance, By::Default),
-        (Some(found), None) => (found, By::Name),
+        (Some(Content::Power) | None, None) => (Content::Reflectance, KnownFrom::Default),
+        (Some(found), None) => (found, KnownFrom::Name),
     };
-    let first_known = |asked: Option<Unit>, stated: Option<Unit>| {
-        asked
-            .map(|unit| (unit, By::Asked))
-            .or(stated.map(|unit| (unit, By::Name)))
+    let first_known = |requested: Option<Unit>, stated: Option<Unit>| {
+        requested
+            .map(|unit| (unit, KnownFrom::Asked))
+            .or(stated.map(|unit| (unit, KnownFrom::Name)))
     };
     let scale_of = || scale(name(value)).or_else(|| y_units.and_then(scale));
     let uncertain: Vec<usize> = rest
@@ -205,18 +208,18 @@ pub(super) fn columns(
             unit(name(wavelength)).or_else(|| x_units.and_then(unit)),
         ),
         scale: match request.scale {
-            Some(asked) => Some((asked, By::Asked)),
-            None => scale_of().map(|scale| (scale, By::Name)),
+            Some(requested) => Some((requested, KnownFrom::Asked)),
+            None => scale_of().map(|scale| (scale, KnownFrom::Name)),
         },
         value_by,
         others,
     })
 }
 
-/// The column that is asked for: its name, whatever the case, or part of one name
-/// alone, or its number from 1.
-fn named(asked: &Column, names: &[String], width: usize) -> Result<usize, Problem> {
-    let text = asked.0.trim().to_lowercase();
+/// The index of the requested column, given by its name (in any case), by a part of exactly
+/// one name, or by its number from 1.
+fn find_column(requested: &Column, names: &[String], width: usize) -> Result<usize, Problem> {
+    let text = requested.0.trim().to_lowercase();
     let lower: Vec<String> = names.iter().map(|name| name.to_lowercase()).collect();
     if let Some(column) = lower.iter().position(|name| *name == text) {
         return Ok(column);
@@ -231,13 +234,13 @@ fn named(asked: &Column, names: &[String], width: usize) -> Result<usize, Proble
     match parts[..] {
         [column] => Ok(column),
         _ => Err(Problem::NoColumn {
-            asked: quoted(&asked.0),
+            requested: quoted(&requested.0),
             names: listed(names, width),
         }),
     }
 }
 
-/// `1 Wavelength, 2 S1, 3 S2`, and how many more there are.
+/// `1 Wavelength, 2 S1, 3 S2`, and the number of further columns.
 fn listed(names: &[String], width: usize) -> String {
     const SHOWN: usize = 12;
     let name = |column: usize| match names.get(column) {

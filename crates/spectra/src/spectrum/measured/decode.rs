@@ -1,15 +1,15 @@
-//! Bytes of a file as text.
+//! Decodes the bytes of a file to text.
 use std::borrow::Cow;
 
 use super::error::Problem;
 use super::report::Encoding;
 
-/// `bytes` as text, without a byte order mark. UTF-16 is known by its mark, or by the
-/// zero in every other byte of an ASCII line; what is neither that nor UTF-8 is taken
-/// as Latin-1, in which instruments write a micro sign.
+/// Decodes `bytes` and removes a byte order mark. UTF-16 is recognised by its mark, or by a
+/// zero in every other byte of an ASCII line. Bytes that are neither UTF-16 nor UTF-8 are
+/// taken as Latin-1, in which some instruments write the micro sign.
 ///
 /// # Errors
-/// [`Problem::NoText`] for what no encoding makes text of.
+/// [`Problem::NoText`] if the text has control characters, as binary files do.
 pub(super) fn decode(bytes: &[u8]) -> Result<(Cow<'_, str>, Encoding), Problem> {
     let (text, encoding) = match bytes {
         [0xef, 0xbb, 0xbf, rest @ ..] => utf8_or_latin1(rest),
@@ -23,9 +23,10 @@ pub(super) fn decode(bytes: &[u8]) -> Result<(Cow<'_, str>, Encoding), Problem> 
         }
         _ => utf8_or_latin1(bytes),
     };
-    // Binary files have control characters in their first lines; text has not.
-    let odd = |c: &char| c.is_control() && !matches!(c, '\t' | '\n' | '\r' | '\u{c}' | '\u{1a}');
-    match text.chars().find(odd) {
+    // Binary files have control characters in their first lines; text does not.
+    let is_binary =
+        |c: &char| c.is_control() && !matches!(c, '\t' | '\n' | '\r' | '\u{c}' | '\u{1a}');
+    match text.chars().find(is_binary) {
         Some(c) => Err(Problem::NoText(u32::from(c))),
         None => Ok((text, encoding)),
     }
@@ -41,14 +42,14 @@ fn utf8_or_latin1(bytes: &[u8]) -> (Cow<'_, str>, Encoding) {
     }
 }
 
-fn utf16<'a>(bytes: &[u8], of: fn([u8; 2]) -> u16) -> Cow<'a, str> {
+fn utf16<'a>(bytes: &[u8], unit: fn([u8; 2]) -> u16) -> Cow<'a, str> {
     let (pairs, _) = bytes.as_chunks::<2>();
-    let units = pairs.iter().map(|pair| of(*pair));
+    let units = pairs.iter().map(|pair| unit(*pair));
     let characters = char::decode_utf16(units).map(|c| c.unwrap_or(char::REPLACEMENT_CHARACTER));
     characters.collect::<String>().into()
 }
 
-/// The lines of `text`, whether they end in LF, CR LF or CR.
+/// The lines of `text`; a line may end in LF, CR LF or CR.
 pub(super) fn lines(text: &str) -> Vec<&str> {
     let mut lines = Vec::new();
     let mut rest = text;
@@ -71,15 +72,17 @@ mod tests {
     use super::*;
 
     #[test]
-    fn encodings_are_told_apart() {
+    fn encodings_are_recognised() {
         let text = "Wavelength (\u{b5}m)\r\n0.4,1";
-        let wide = |of: fn(u16) -> [u8; 2]| text.encode_utf16().flat_map(of).collect::<Vec<u8>>();
+        let wide = |to_bytes: fn(u16) -> [u8; 2]| {
+            text.encode_utf16().flat_map(to_bytes).collect::<Vec<u8>>()
+        };
         let mut cases = vec![
             (text.as_bytes().to_vec(), Encoding::Utf8),
             ([b"\xef\xbb\xbf", text.as_bytes()].concat(), Encoding::Utf8),
             (text.chars().map(|c| c as u8).collect(), Encoding::Latin1),
         ];
-        for (of, mark, encoding) in [
+        for (to_bytes, mark, encoding) in [
             (
                 u16::to_le_bytes as fn(u16) -> [u8; 2],
                 b"\xff\xfe",
@@ -87,12 +90,12 @@ mod tests {
             ),
             (u16::to_be_bytes, b"\xfe\xff", Encoding::Utf16Be),
         ] {
-            cases.push((wide(of), encoding));
-            cases.push(([&mark[..], &wide(of)].concat(), encoding));
+            cases.push((wide(to_bytes), encoding));
+            cases.push(([&mark[..], &wide(to_bytes)].concat(), encoding));
         }
         for (bytes, encoding) in cases {
-            let (found, of) = decode(&bytes).unwrap();
-            assert_eq!((found.as_ref(), of), (text, encoding));
+            let (decoded, detected) = decode(&bytes).unwrap();
+            assert_eq!((decoded.as_ref(), detected), (text, encoding));
         }
         assert_eq!(decode(b"PK\x03\x04").unwrap_err(), Problem::NoText(3));
     }

@@ -1,22 +1,22 @@
-//! Why a spectrum is refused.
+//! Errors in reading a measured spectrum.
 use thiserror::Error;
 
 use super::MAX_BYTES;
 
-/// A spectrum that cannot be read, and what to do about it.
+/// A spectrum that cannot be read. The message includes help.
 #[derive(Debug, Clone, PartialEq, Error)]
 #[error("{file}{}: {problem}", .line.map_or(String::new(), |line| format!(":{line}")))]
 pub struct SpectrumError {
-    /// The file as it was named by the caller.
+    /// The file, as named by the caller.
     pub file: String,
-    /// Line to blame, from 1; `None` where none is.
+    /// Line of the problem, from 1; `None` if it is not in one line.
     pub line: Option<usize>,
-    /// What is wrong.
+    /// The problem.
     pub problem: Box<Problem>,
 }
 
 impl SpectrumError {
-    /// The message, with help for who cannot say which column to read and in what it is.
+    /// The message, with help for callers that cannot choose the column, scale or unit.
     #[must_use]
     pub fn without_choices(&self) -> String {
         let text = self.to_string();
@@ -25,40 +25,40 @@ impl SpectrumError {
                 Problem::OtherContent { .. } | Problem::Impossible { .. } | Problem::Empty { .. },
                 Some((message, _)),
             ) => format!(
-                "{message}\n  help: mend the file, or give one in which the first fitting columns are wavelength and value"
+                "{message}\n  help: correct the file, or give one whose first matching columns are wavelength and value"
             ),
             _ => text,
         }
     }
 }
 
-/// The kinds of refusal. Text of the file is quoted short.
+/// The kinds of problem. Text of the file is quoted in shortened form.
 #[derive(Debug, Clone, PartialEq, Error)]
 pub enum Problem {
     /// The file cannot be read.
     #[error("cannot be read: {0}\n  help: give the path of a text file with a spectrum")]
     Read(String),
-    /// Too much to be a spectrum.
-    #[error("longer than {MAX_BYTES} bytes\n  help: this is no table of one spectrum")]
+    /// The file is longer than [`MAX_BYTES`].
+    #[error("longer than {MAX_BYTES} bytes\n  help: give a text file with one spectrum")]
     Length,
-    /// Not text.
+    /// The file is not text; holds the offending character.
     #[error(
-        "no text: it has the character U+{0:04X}\n  help: export the spectrum as text (CSV, .sed, .sig), from binary files (.asd, .xlsx) with the program that wrote them"
+        "not a text file: it contains the character U+{0:04X}\n  help: export the spectrum as text (CSV, .sed, .sig); for binary files (.asd, .xlsx) use the program that wrote them"
     )]
     NoText(u32),
-    /// No row of numbers.
+    /// The file has no row of numbers; holds its first line.
     #[error(
-        "no row with a wavelength and a value, and it begins with `{0}`\n  help: give rows of at least two numbers, the wavelength and the value, separated by tabs, semicolons, commas, bars or spaces"
+        "no row with a wavelength and a value; the file begins with `{0}`\n  help: give rows of at least two numbers, the wavelength and the value, separated by tabs, semicolons, commas, bars or spaces"
     )]
     NoTable(String),
-    /// A row of another length than the header, or than most rows.
+    /// A row with more cells than the header or the first row.
     #[error(
-        "{found} cells (`{row}`) where {expected} are expected, as in the header or the rows before\n  help: if commas are decimal signs, separate the columns by semicolons or tabs"
+        "the row `{row}` has {found} cells; expected {expected}, as in the header or the rows before\n  help: if commas are decimal signs, separate the columns by semicolons or tabs"
     )]
     Cells {
-        /// Cells of the row.
+        /// Number of cells of the row.
         found: usize,
-        /// Those of the header, or of the first row.
+        /// Number of cells of the header, or of the first row.
         expected: usize,
         /// The row.
         row: String,
@@ -70,100 +70,100 @@ pub enum Problem {
     Number {
         /// The text.
         text: String,
-        /// Whether it is the wavelength or the value.
+        /// The wavelength, the value or the uncertainty.
         what: &'static str,
     },
-    /// Decimal points and commas.
+    /// Mixed decimal points and commas; holds the number.
     #[error(
-        "`{0}` has another decimal sign than the rows before\n  help: write all numbers with points, or all with commas, and none with separators of thousands"
+        "`{0}` has another decimal sign than the rows before\n  help: write all numbers with decimal points, or all with commas, and none with thousands separators"
     )]
     Decimal(String),
-    /// No wavelength.
+    /// A wavelength that is 0 or negative.
     #[error(
-        "wavelength {0} is not above 0\n  help: the wavelength comes first in a row, in nm or um"
+        "wavelength {0} is not above 0\n  help: give the wavelength as the first number of a row, in nm or um"
     )]
     Wavelength(f64),
-    /// Numbers of waves per length.
+    /// Wavenumbers instead of wavelengths; holds the name of the column.
     #[error(
-        "the column `{0}` has wavenumbers, expected are wavelengths in nm or um\n  help: convert them: wavelength in um = 10000 / wavenumber in 1/cm"
+        "the column `{0}` has wavenumbers; expected wavelengths in nm or um\n  help: convert them: wavelength in um = 10000 / wavenumber in 1/cm"
     )]
     Wavenumber(String),
-    /// No column of the name or number that was asked for.
+    /// No column has the requested name or number.
     #[error(
-        "no column `{asked}`; there are {names}\n  help: name one of these, or give its number"
+        "no column `{requested}`; the columns are {names}\n  help: name one of these, or give its number"
     )]
     NoColumn {
-        /// What was asked for.
-        asked: String,
-        /// Numbers and names of those there are.
+        /// The requested column.
+        requested: String,
+        /// Numbers and names of the columns in the file.
         names: String,
     },
-    /// The file holds another quantity than the one asked for.
+    /// The column holds another quantity than requested.
     #[error(
-        "the column `{column}` is {found}, asked for is {asked}\n  help: ask for {found}, or name another column"
+        "the column `{column}` holds {found}, but {requested} is requested\n  help: request {found}, or name another column"
     )]
     OtherContent {
-        /// The column.
+        /// Name of the column.
         column: String,
-        /// What it says that it is.
+        /// The quantity according to its name.
         found: &'static str,
-        /// What was asked for.
-        asked: &'static str,
+        /// The requested quantity.
+        requested: &'static str,
     },
-    /// Too many values that cannot be.
+    /// Too many impossible values.
     #[error(
-        "{value} at {nm} nm is no {what}: allowed {low} to {high}{}, and {impossible} of {rows} rows are such\n  help: choose another column, or say in what the values are (fraction or percent){}", if *percent { " percent" } else { "" }, if excludable.is_empty() { "" } else { "; rows in excluded bands are not judged" }
+    "{value} at {nm} nm is not a valid {what}: allowed {low} to {high}{}, and {impossible} of {rows} rows are outside\n  help: choose another column, or give the scale of the values (fraction or percent){}", if *percent { " percent" } else { "" }, if excludable.is_empty() { "" } else { "; rows in excluded bands are not checked" }
     )]
     Impossible {
-        /// The first of them, as the file has it.
+        /// The first impossible value, in the scale of the file.
         value: f64,
-        /// Where, nm.
+        /// Its wavelength, nm.
         nm: f64,
-        /// What it should be.
+        /// The expected quantity.
         what: &'static str,
-        /// Least value allowed, in the scale of the file.
+        /// Smallest value allowed, in the scale of the file.
         low: f64,
         /// Largest value allowed, in the scale of the file.
         high: f64,
         /// Whether the file is taken to hold percent.
         percent: bool,
-        /// How many there are.
+        /// Number of impossible values.
         impossible: usize,
-        /// Of how many rows with a value.
+        /// Number of rows with a value.
         rows: usize,
-        /// Not empty where the caller has bands to exclude.
+        /// Not empty if the caller excludes bands.
         excludable: &'static str,
     },
-    /// One wavelength again and again.
+    /// Too many rows with the same wavelength.
     #[error(
-        "wavelength {nm} nm has {times} rows: several spectra one below the other?\n  help: give one spectrum, or one column for each"
+        "wavelength {nm} nm has {times} rows; the file seems to hold several spectra one below the other\n  help: give one spectrum, or one column per spectrum"
     )]
     Stacked {
         /// The wavelength, nm.
         nm: f64,
-        /// How often it is there.
+        /// Number of rows with this wavelength.
         times: usize,
     },
-    /// No row that is used.
+    /// No usable row.
     #[error(
-        "none of its {rows} rows has a value within {low} to {high} nm (wavelengths are taken as {unit})\n  help: say in what the wavelengths are (nm or um), or choose another column"
+        "none of its {rows} rows has a value within {low} to {high} nm (wavelengths are taken as {unit})\n  help: give the unit of the wavelengths (nm or um), or choose another column"
     )]
     Empty {
-        /// How many rows there are.
+        /// Number of rows.
         rows: usize,
-        /// First wavelength that is used, nm.
+        /// Smallest wavelength used, nm.
         low: f64,
-        /// Last wavelength that is used, nm.
+        /// Largest wavelength used, nm.
         high: f64,
-        /// Unit of the wavelengths.
+        /// Assumed unit of the wavelengths.
         unit: &'static str,
     },
 }
 
-/// Longest text of the file quoted in a message, characters.
+/// Longest quotation of the file in a message, characters.
 const MAX_QUOTED: usize = 60;
 
-/// `text` short, without control characters.
+/// `text` shortened for a message, with control characters escaped.
 pub(super) fn quoted(text: &str) -> String {
     let text = text.trim();
     let characters = text.chars().take(MAX_QUOTED);

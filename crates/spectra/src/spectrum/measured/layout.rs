@@ -1,8 +1,8 @@
-//! Where the table of a text is: its separator, its header, its rows.
+//! Finds the table in a text: its separator, header and rows.
 use super::error::{Problem, quoted};
 
-/// What stands between the cells of a row. Decimal points and commas are told apart
-/// cell by cell.
+/// The separator between the cells of a row. Whether a comma is a decimal sign is decided
+/// per cell.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(super) enum Separator {
     Tab,
@@ -12,12 +12,12 @@ pub(super) enum Separator {
     Spaces,
 }
 
-/// What a cell holds.
+/// The content of a cell.
 #[derive(Debug, Clone, Copy, PartialEq)]
-pub(super) enum Cell {
+pub(super) enum CellValue {
     Number {
         value: f64,
-        /// The decimal sign, where it has one.
+        /// The decimal sign, if there is one.
         decimal: Option<char>,
         /// Whether a percent sign follows.
         percent: bool,
@@ -27,17 +27,19 @@ pub(super) enum Cell {
     Text,
 }
 
-/// Written by libraries and programs where there is no measurement.
+/// Texts that libraries and programs write for a missing measurement.
 const MISSING: [&str; 16] = [
     "", "nan", "na", "n/a", "#n/a", "null", "none", "missing", "-", "--", ".", "*", "#div/0!",
     "#value!", "#num!", "-1.#ind",
 ];
-/// The same as numbers; USGS libraries write -1.23e34.
+/// Numbers that stand for a missing measurement.
 const FILLS: [f64; 5] = [-99.0, -999.0, -9999.0, -99_999.0, -32_768.0];
+/// Magnitude from which a number stands for a missing measurement; USGS libraries write
+/// -1.23e34.
 const HUGE: f64 = 1e30;
 
-impl Cell {
-    pub(super) fn of(text: &str) -> Self {
+impl CellValue {
+    pub(super) fn parse(text: &str) -> Self {
         let (number, percent) = match text.strip_suffix('%') {
             Some(number) => (number.trim_end(), true),
             None => (text, false),
@@ -72,7 +74,7 @@ impl Cell {
 }
 
 impl Separator {
-    /// All, the surer ones first.
+    /// All separators, the less ambiguous ones first.
     const ALL: [Self; 5] = [
         Self::Tab,
         Self::Semicolon,
@@ -91,9 +93,9 @@ impl Separator {
         }
     }
 
-    /// The cells of a line, without the quotes that some programs put around them.
+    /// The cells of a line, without surrounding quotes.
     pub(super) fn cells(self, line: &str) -> Vec<&str> {
-        let by = match self {
+        let separator = match self {
             Self::Tab => '\t',
             Self::Semicolon => ';',
             Self::Comma => ',',
@@ -103,10 +105,10 @@ impl Separator {
                 return cells.map(|cell| cell.trim_matches('"')).collect();
             }
         };
-        let mut within = false;
+        let mut in_quotes = false;
         let cells = line.split(|c| {
-            within ^= c == '"';
-            c == by && !within
+            in_quotes ^= c == '"';
+            c == separator && !in_quotes
         });
         cells
             .map(|cell| cell.trim().trim_matches('"').trim())
@@ -114,19 +116,19 @@ impl Separator {
     }
 }
 
-/// The table of a text.
+/// The layout of the table in a text.
 #[derive(Debug)]
 pub(super) struct Layout {
     pub(super) separator: Separator,
-    /// Number of the line of the header, from 1, and its names.
+    /// Line number of the header, from 1, and its names.
     pub(super) header: Option<(usize, Vec<String>)>,
     /// Index of the line of the first row.
     pub(super) first: usize,
-    /// Share of the rows with a number or nothing there, by column.
+    /// For each column, the fraction of the rows whose cell is a number or missing.
     pub(super) numeric: Vec<f64>,
 }
 
-/// Whether a line counts for nothing.
+/// Whether a line is ignored: blank, a comment or an end-of-file mark.
 pub(super) fn skipped(line: &str) -> bool {
     line.trim().is_empty() || line.starts_with('#') || line == "\u{1a}"
 }
@@ -134,41 +136,47 @@ pub(super) fn skipped(line: &str) -> bool {
 /// Finds the table in `lines`.
 ///
 /// # Errors
-/// [`Problem::NoTable`].
+/// [`Problem::NoTable`] if no line has a wavelength and a value.
 pub(super) fn layout(lines: &[&str]) -> Result<Layout, Problem> {
     let separator = separator(lines).ok_or_else(|| {
         let first = lines.iter().find(|line| !line.trim().is_empty());
         Problem::NoTable(quoted(first.copied().unwrap_or_default()))
     })?;
-    let rows = |lines: &[&str]| -> Vec<Vec<Cell>> {
+    let rows = |lines: &[&str]| -> Vec<Vec<CellValue>> {
         let lines = lines.iter().filter(|line| !skipped(line));
         lines
-            .map(|line| separator.cells(line).into_iter().map(Cell::of).collect())
-            .filter(|cells: &Vec<Cell>| numbers(cells) >= 1 && cells.len() >= 2)
+            .map(|line| {
+                separator
+                    .cells(line)
+                    .into_iter()
+                    .map(CellValue::parse)
+                    .collect()
+            })
+            .filter(|cells: &Vec<CellValue>| numbers(cells) >= 1 && cells.len() >= 2)
             .collect()
     };
-    // Text before the first column of numbers names samples.
-    let all = rows(lines);
-    let lead = (0..width(&all)).find(|c| share(&all, *c, Cell::is_number) > 0.5);
+    // Text columns before the first column of numbers hold sample names.
+    let all_rows = rows(lines);
+    let lead = (0..width(&all_rows)).find(|c| share(&all_rows, *c, CellValue::is_number) > 0.5);
     let lead = lead.unwrap_or_default();
     let is_row = |line: &str| {
         let cells = separator.cells(line);
         cells.len() >= 2
             && cells
                 .get(lead)
-                .is_some_and(|cell| Cell::of(cell).is_number())
+                .is_some_and(|cell| CellValue::parse(cell).is_number())
     };
-    let told: Vec<usize> = (0..lines.len()).filter(|i| !skipped(lines[*i])).collect();
+    let relevant: Vec<usize> = (0..lines.len()).filter(|i| !skipped(lines[*i])).collect();
     let starts = |n: usize| {
-        is_row(lines[told[n]]) && told.get(n + 1).is_none_or(|next| is_row(lines[*next]))
+        is_row(lines[relevant[n]]) && relevant.get(n + 1).is_none_or(|next| is_row(lines[*next]))
     };
-    let start = (0..told.len()).find(|n| starts(*n));
-    // A lone row among text.
-    let start = start.or_else(|| (0..told.len()).find(|n| is_row(lines[told[*n]])));
-    let first = start.map(|n| told[n]).unwrap_or_default();
-    let plain = start.and_then(|n| n.checked_sub(1)).map(|n| told[n]);
+    let start = (0..relevant.len()).find(|n| starts(*n));
+    // Otherwise a single row among text.
+    let start = start.or_else(|| (0..relevant.len()).find(|n| is_row(lines[relevant[*n]])));
+    let first = start.map(|n| relevant[n]).unwrap_or_default();
+    let plain = start.and_then(|n| n.checked_sub(1)).map(|n| relevant[n]);
     let body = rows(&lines[first..]);
-    let numeric = (0..width(&body)).map(|c| share(&body, c, |cell| cell != Cell::Text));
+    let numeric = (0..width(&body)).map(|c| share(&body, c, |cell| cell != CellValue::Text));
     Ok(Layout {
         separator,
         header: header(lines, separator, first, plain),
@@ -177,30 +185,35 @@ pub(super) fn layout(lines: &[&str]) -> Result<Layout, Problem> {
     })
 }
 
-fn width(rows: &[Vec<Cell>]) -> usize {
+fn width(rows: &[Vec<CellValue>]) -> usize {
     rows.iter().map(Vec::len).max().unwrap_or_default()
 }
 
-/// Share of the rows whose cell in a column is such.
-fn share(rows: &[Vec<Cell>], column: usize, held: fn(Cell) -> bool) -> f64 {
+/// Fraction of the rows whose cell in `column` satisfies `condition`.
+fn share(rows: &[Vec<CellValue>], column: usize, condition: fn(CellValue) -> bool) -> f64 {
     let cells = rows.iter().filter_map(|row| row.get(column));
-    cells.filter(|cell| held(**cell)).count() as f64 / rows.len() as f64
+    cells.filter(|cell| condition(**cell)).count() as f64 / rows.len() as f64
 }
 
-fn numbers(cells: &[Cell]) -> usize {
+fn numbers(cells: &[CellValue]) -> usize {
     cells.iter().filter(|cell| cell.is_number()).count()
 }
 
-/// The separator that makes most lines rows: those of numbers alone count most.
+/// The separator that splits most lines into rows of numbers. Rows of numbers only count
+/// more than rows that also have text.
 fn separator(lines: &[&str]) -> Option<Separator> {
     let mut best = (0, None);
     for separator in Separator::ALL {
         let score = lines.iter().filter(|line| !skipped(line)).map(|line| {
-            let cells: Vec<Cell> = separator.cells(line).into_iter().map(Cell::of).collect();
+            let cells: Vec<CellValue> = separator
+                .cells(line)
+                .into_iter()
+                .map(CellValue::parse)
+                .collect();
             match numbers(&cells) {
                 0 => 0,
                 _ if cells.len() < 2 => 0,
-                _ if !cells.contains(&Cell::Text) => 3,
+                _ if !cells.contains(&CellValue::Text) => 3,
                 1 => 0,
                 _ => 1,
             }
@@ -213,7 +226,7 @@ fn separator(lines: &[&str]) -> Option<Separator> {
     best.1
 }
 
-/// The names above the row `first`: of the line `plain`, or in a comment.
+/// The column names above the row `first`: from line `plain`, else from a comment.
 fn header(
     lines: &[&str],
     separator: Separator,
@@ -231,7 +244,7 @@ fn header(
             Separator::Spaces => lines[i],
             _ => cells.first().map_or("", String::as_str),
         };
-        // `Owner: somebody` and `factors= 1, 1` are no names of columns.
+        // `Owner: somebody` and `factors= 1, 1` are not column names.
         if cells.len() < 2 || key.contains([':', '=']) {
             return None;
         }
@@ -246,8 +259,8 @@ fn header(
     (cells.len() == width && has_wavelength).then_some((i + 1, cells))
 }
 
-/// Names that spaces separate, one for each of `width` columns: `(nm)` belongs to the
-/// word before it, and rows of R begin with a name or number that the header has not.
+/// Names separated by spaces, one for each of `width` columns. A word such as `(nm)` belongs
+/// to the word before it. Tables written by R may lack the name of the first column.
 fn aligned(words: Vec<String>, width: usize) -> Option<Vec<String>> {
     let mut names: Vec<String> = Vec::new();
     for word in words {
@@ -267,9 +280,9 @@ mod tests {
     use super::*;
 
     #[test]
-    fn cells_are_numbers_in_many_ways() {
-        let number = |text: &str| match Cell::of(text) {
-            Cell::Number { value, .. } => Some(value),
+    fn cells_are_parsed() {
+        let number = |text: &str| match CellValue::parse(text) {
+            CellValue::Number { value, .. } => Some(value),
             _ => None,
         };
         for (text, value) in [
@@ -283,10 +296,10 @@ mod tests {
             assert_eq!(number(text), Some(value), "{text}");
         }
         for text in ["", "NaN", "-999", "-1.23e34", "N/A", "inf", "#DIV/0!"] {
-            assert_eq!(Cell::of(text), Cell::Missing, "{text}");
+            assert_eq!(CellValue::parse(text), CellValue::Missing, "{text}");
         }
         for text in ["1,2,3", "350,", "1.0,5", "snow", "0x1"] {
-            assert_eq!(Cell::of(text), Cell::Text, "{text}");
+            assert_eq!(CellValue::parse(text), CellValue::Text, "{text}");
         }
     }
 

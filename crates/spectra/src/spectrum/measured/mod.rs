@@ -1,10 +1,11 @@
-//! A liberal reader of spectra as instruments, libraries and spreadsheets write them
-//! (docs/formats.md, "Measured spectra: what is read"): bytes become text
-//! (`decode`), a table is found in it (`layout`), its columns are told apart
-//! (`columns`), its rows are cleaned (`clean`), and a [`Report`] says what was done.
+//! A tolerant reader of measured spectra in the formats of instruments, spectral libraries
+//! and spreadsheets (docs/formats.md, "Measured spectra: what is read"). `decode` converts
+//! bytes to text, `layout` finds the table, `columns` identifies its columns, `clean`
+//! converts its rows, and a [`Report`] describes what was done.
 //!
-//! Nothing is made up: a row without a usable value is left out and counted, and what
-//! cannot be a spectrum is refused. Guesses are told, and the caller can overrule each.
+//! No values are invented: a row without a usable value is masked and counted, and a file
+//! that cannot be a spectrum is refused. The report states every guess, and the caller can
+//! override each.
 mod between;
 mod clean;
 mod columns;
@@ -20,27 +21,27 @@ use std::str::FromStr;
 
 use serde::Serialize;
 
-pub use between::{Gap, MAX_BRIDGE_NM};
+pub use between::{CoverageGap, MAX_BRIDGE_NM};
 pub use error::{Problem, SpectrumError};
-pub use report::{By, Encoding, Format, Masked, Order, Report, Why};
+pub use report::{Encoding, Format, KnownFrom, MaskReason, Masked, Order, Report};
 
 /// Longest file read, bytes: several hundred thousand rows.
 pub const MAX_BYTES: u64 = 1 << 24;
 
-/// What a column holds.
+/// The quantity in a column.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize)]
 #[serde(rename_all = "snake_case")]
 pub enum Content {
-    /// Share of the light that comes back, or a reflectance factor.
+    /// Reflectance, or a reflectance factor.
     Reflectance,
-    /// Share of the light that goes through.
+    /// Transmittance.
     Transmittance,
-    /// Relative spectral power of a light.
+    /// Relative spectral power of an illuminant.
     Power,
 }
 
 impl Content {
-    /// Its name, for people.
+    /// Name in messages.
     #[must_use]
     pub const fn name(self) -> &'static str {
         match self {
@@ -51,7 +52,7 @@ impl Content {
     }
 }
 
-/// Unit of wavelengths in a file.
+/// Unit of the wavelengths in a file.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize)]
 #[serde(rename_all = "snake_case")]
 pub enum Unit {
@@ -62,10 +63,10 @@ pub enum Unit {
 }
 
 impl Unit {
-    /// Both.
+    /// All variants.
     pub const ALL: [Self; 2] = [Self::Nm, Self::Um];
 
-    /// Its name on the command line.
+    /// Name on the command line.
     #[must_use]
     pub const fn name(self) -> &'static str {
         match self {
@@ -86,10 +87,10 @@ pub enum Scale {
 }
 
 impl Scale {
-    /// Both.
+    /// All variants.
     pub const ALL: [Self; 2] = [Self::Fraction, Self::Percent];
 
-    /// Its name on the command line.
+    /// Name on the command line.
     #[must_use]
     pub const fn name(self) -> &'static str {
         match self {
@@ -99,7 +100,7 @@ impl Scale {
     }
 }
 
-/// A column by its name, by part of its name, or by its number from 1.
+/// A column, given by its name, a part of its name, or its number from 1.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub struct Column(pub String);
 
@@ -108,38 +109,36 @@ impl FromStr for Column {
 
     fn from_str(text: &str) -> Result<Self, String> {
         match text.trim() {
-            "" => Err("it must be the name or the number of a column".into()),
+            "" => Err("give the name or the number of a column".into()),
             text => Ok(Self(text.to_owned())),
         }
     }
 }
 
-/// What is asked of a file.
+/// What to read from a file, and how.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Request {
-    /// What the values are; where it is not said, what their name says, else
-    /// reflectance.
+    /// Quantity of the values; by default taken from the column name, else reflectance.
     pub content: Option<Content>,
-    /// Which column; where it is not said, the first that fits by its name, else the
-    /// first.
+    /// Column of the values; by default the first with a matching name, else the first.
     pub column: Option<Column>,
-    /// Unit of the wavelengths, whatever the file says.
+    /// Unit of the wavelengths; overrides the file.
     pub unit: Option<Unit>,
-    /// Scale of the values, whatever the file says.
+    /// Scale of the values; overrides the file.
     pub scale: Option<Scale>,
-    /// Wavelengths that are used, nm, both included.
+    /// Range of wavelengths used, nm, ends included.
     pub range_nm: (f64, f64),
-    /// Values that are possible, as shares, both included; others are masked.
+    /// Range of possible values, as fractions, ends included; others are masked.
     pub possible: (f64, f64),
-    /// Bands in nm, both ends included, in which any number is taken and nothing is
-    /// missed.
+    /// Bands, nm, ends included, in which any value is accepted and missing values are not
+    /// reported.
     pub excluded_nm: Vec<(f64, f64)>,
 }
 
 impl Request {
-    /// Any positive wavelength and any value from `possible`.
+    /// A request for any positive wavelength and values within `possible`.
     #[must_use]
-    pub fn of(content: Option<Content>, possible: (f64, f64)) -> Self {
+    pub fn new(content: Option<Content>, possible: (f64, f64)) -> Self {
         Self {
             content,
             column: None,
@@ -157,30 +156,30 @@ impl Request {
     }
 }
 
-/// A value at a wavelength.
+/// The value at a wavelength.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Sample {
     /// Wavelength, nm.
     pub nm: f64,
-    /// Share of the light, or relative power.
+    /// Reflectance or transmittance as a fraction, or relative power.
     pub value: f64,
-    /// Its standard uncertainty, if the file states it.
+    /// Standard uncertainty of the value, if the file states it.
     pub uncertainty: Option<f64>,
 }
 
-/// A spectrum as read.
+/// A spectrum read from a file.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Curve {
-    /// By wavelength, strictly increasing; at least one.
+    /// Samples by strictly increasing wavelength; at least one.
     pub samples: Vec<Sample>,
-    /// What was found and done.
+    /// How the file was read.
     pub report: Report,
 }
 
 /// Reads the file at `path`.
 ///
 /// # Errors
-/// See [`Problem`].
+/// A [`SpectrumError`] with the [`Problem`] if the file cannot be read.
 pub fn read(path: &Path, request: &Request) -> Result<Curve, SpectrumError> {
     let name = path.display().to_string();
     let mut bytes = Vec::new();
@@ -194,19 +193,19 @@ pub fn read(path: &Path, request: &Request) -> Result<Curve, SpectrumError> {
     parse(&name, &bytes, request)
 }
 
-/// The same from the `bytes` of a file; `file` is its name in messages.
+/// As [`read`], from the `bytes` of a file; `file` is its name in messages.
 ///
 /// # Errors
-/// See [`Problem`].
+/// A [`SpectrumError`] with the [`Problem`] if the bytes cannot be read as a spectrum.
 pub fn parse(file: &str, bytes: &[u8], request: &Request) -> Result<Curve, SpectrumError> {
     let read = || {
         if bytes.len() as u64 > MAX_BYTES {
             return Err((None, Problem::Length));
         }
-        let whole = |problem| (None, problem);
-        let (text, encoding) = decode::decode(bytes).map_err(whole)?;
+        let no_line = |problem| (None, problem);
+        let (text, encoding) = decode::decode(bytes).map_err(no_line)?;
         let lines = decode::lines(&text);
-        let layout = layout::layout(&lines).map_err(whole)?;
+        let layout = layout::layout(&lines).map_err(no_line)?;
         clean::curve(&lines, &layout, encoding, request)
     };
     read().map_err(|(line, problem)| SpectrumError {

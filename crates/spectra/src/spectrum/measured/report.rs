@@ -1,35 +1,35 @@
-//! What was found in a file and done with it, in one line.
+//! The report of how a file was read, which prints as one line.
 use std::fmt::{self, Write};
 
 use serde::Serialize;
 
 use super::{Content, Scale, Unit};
 
-/// How the bytes were taken for text.
+/// Text encoding of a file.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize)]
 #[serde(rename_all = "snake_case")]
 pub enum Encoding {
     /// UTF-8, with or without a byte order mark.
     Utf8,
-    /// UTF-16, the low byte first.
+    /// UTF-16, little-endian.
     Utf16Le,
-    /// UTF-16, the high byte first.
+    /// UTF-16, big-endian.
     Utf16Be,
-    /// ISO 8859-1, where it is none of the others.
+    /// ISO 8859-1, if it is none of the others.
     Latin1,
 }
 
-/// A kind of file that is known by name.
+/// Format of a file.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize)]
 #[serde(rename_all = "snake_case")]
 pub enum Format {
     /// Any table.
     Table,
-    /// Text of the ASTER and ECOSTRESS spectral libraries.
+    /// Text format of the ASTER and ECOSTRESS spectral libraries.
     Ecostress,
-    /// Spectra Vista, `.sig`.
+    /// Spectra Vista `.sig`.
     Svc,
-    /// Spectral Evolution, `.sed`.
+    /// Spectral Evolution `.sed`.
     SpectralEvolution,
 }
 
@@ -44,27 +44,27 @@ impl Format {
     }
 }
 
-/// How something is known.
+/// How a property of the file was determined.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize)]
 #[serde(rename_all = "snake_case")]
-pub enum By {
-    /// The caller said so.
+pub enum KnownFrom {
+    /// Given by the caller.
     Asked,
-    /// A name or a line of the file says so.
+    /// Stated by a name or a line of the file.
     Name,
-    /// Guessed from where it stands.
+    /// Guessed from the position.
     Place,
     /// Guessed from the numbers.
     Values,
-    /// Nothing says anything else.
+    /// Assumed by default.
     Default,
 }
 
-impl By {
+impl KnownFrom {
     fn name(self) -> &'static str {
         match self {
-            Self::Asked => "as asked",
-            Self::Name => "as the file says",
+            Self::Asked => "as requested",
+            Self::Name => "as the file states",
             Self::Place => "the first",
             Self::Values => "guessed from the values",
             Self::Default => "assumed",
@@ -72,126 +72,126 @@ impl By {
     }
 }
 
-/// The order of the wavelengths in the file.
+/// Order of the wavelengths in the file.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize)]
 #[serde(rename_all = "snake_case")]
 pub enum Order {
-    /// Each above the one before, or equal to it.
+    /// Each wavelength is above or equal to the one before.
     Ascending,
-    /// Each below the one before, or equal to it.
+    /// Each wavelength is below or equal to the one before.
     Descending,
-    /// Neither, as where detectors overlap.
+    /// Neither, for example where detectors overlap.
     Mixed,
 }
 
-/// Why a row has no value.
+/// Why a row is masked.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize)]
 #[serde(rename_all = "snake_case")]
-pub enum Why {
+pub enum MaskReason {
     /// Empty, NaN or a fill value such as -999.
     Missing,
-    /// Outside what is possible.
+    /// Outside the possible range.
     Impossible,
 }
 
-/// A row that is not used.
+/// A row without a usable value.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize)]
 pub struct Masked {
-    /// Its line in the file, from 1.
+    /// Line in the file, from 1.
     pub line: usize,
-    /// Its wavelength, nm, if it has one.
+    /// Wavelength, nm, if the row has one.
     pub wavelength_nm: Option<f64>,
-    /// Its value, if it has one.
+    /// Value, if the row has one.
     pub value: Option<f64>,
-    /// Why.
-    pub why: Why,
+    /// Reason.
+    pub why: MaskReason,
 }
 
-/// What was found and done.
+/// How a file was read.
 #[derive(Debug, Clone, PartialEq, Serialize)]
 pub struct Report {
-    /// How the bytes were taken for text.
+    /// Text encoding.
     pub encoding: Encoding,
-    /// The kind of file.
+    /// Format of the file.
     pub format: Format,
-    /// What separates its columns: `tabs`, `semicolons`, `commas`, `bars` or `spaces`.
+    /// Separator of the columns: `tabs`, `semicolons`, `commas`, `bars` or `spaces`.
     pub separated_by: &'static str,
-    /// How many columns it has.
+    /// Number of columns.
     pub columns: usize,
     /// Number of the column of wavelengths, from 1.
     pub wavelength_column: usize,
     /// Number of the column of values, from 1.
     pub column: usize,
-    /// Its name, empty where it has none.
+    /// Name of the column of values; empty if it has none.
     pub name: String,
-    /// How it was chosen.
-    pub column_by: By,
-    /// Further columns that could have been chosen.
+    /// How the column of values was chosen.
+    pub column_by: KnownFrom,
+    /// Number of further columns that could have been chosen.
     pub other_columns: usize,
     /// Number of the column of standard uncertainties, from 1, if there is one.
     pub uncertainty_column: Option<usize>,
-    /// What is measured.
+    /// Quantity measured.
     pub content: Content,
-    /// How that is known.
-    pub content_by: By,
+    /// How the quantity was determined.
+    pub content_by: KnownFrom,
     /// Unit of the wavelengths in the file.
     pub unit: Unit,
-    /// How that is known.
-    pub unit_by: By,
-    /// Scale of the values in the file; none for power.
+    /// How the unit was determined.
+    pub unit_by: KnownFrom,
+    /// Scale of the values in the file; `None` for power.
     pub scale: Option<Scale>,
-    /// How that is known.
-    pub scale_by: By,
+    /// How the scale was determined.
+    pub scale_by: KnownFrom,
     /// Order of the wavelengths in the file.
     pub order: Order,
-    /// Rows of the table.
+    /// Number of rows of the table.
     pub rows: usize,
-    /// Wavelengths with a value that is used.
+    /// Number of wavelengths with a used value.
     pub used: usize,
-    /// Rows outside the range of wavelengths that is used.
+    /// Number of rows outside the range of wavelengths used.
     pub outside: usize,
-    /// Rows that were averaged into another one of the same wavelength.
+    /// Number of rows averaged with others of the same wavelength.
     pub merged: usize,
-    /// Rows without a value that could be used, by line.
+    /// Rows without a usable value, by line.
     pub masked: Vec<Masked>,
-    /// Uncertainties that are none: empty or negative.
+    /// Number of uncertainties that are missing or negative.
     pub bad_uncertainties: usize,
-    /// Lines after the table.
+    /// Number of lines after the table.
     pub footer_lines: usize,
 }
 
 impl Report {
-    fn masked(&self, why: Why) -> Vec<&Masked> {
+    fn masked(&self, why: MaskReason) -> Vec<&Masked> {
         self.masked.iter().filter(|row| row.why == why).collect()
     }
 }
 
-/// Most stretches of lines named.
-const STRETCHES: usize = 8;
+/// Largest number of line ranges printed.
+const MAX_RANGES: usize = 8;
 
-/// `lines 4-9 and 12`, and how many more.
+/// `lines 4-9, 12`, followed by `...` if there are more ranges.
 fn lines(rows: &[&Masked]) -> String {
-    let mut stretches: Vec<(usize, usize)> = Vec::new();
+    let mut ranges: Vec<(usize, usize)> = Vec::new();
     for row in rows {
-        match stretches.last_mut() {
+        match ranges.last_mut() {
             Some((_, last)) if *last + 1 == row.line => *last = row.line,
-            _ => stretches.push((row.line, row.line)),
+            _ => ranges.push((row.line, row.line)),
         }
     }
     let text = |(from, to): &(usize, usize)| match from == to {
         true => from.to_string(),
         false => format!("{from}-{to}"),
     };
-    let shown: Vec<_> = stretches.iter().take(STRETCHES).map(text).collect();
+    let shown: Vec<_> = ranges.iter().take(MAX_RANGES).map(text).collect();
     let plural = if rows.len() == 1 { "" } else { "s" };
     let mut out = format!("line{plural} {}", shown.join(", "));
-    if stretches.len() > STRETCHES {
+    if ranges.len() > MAX_RANGES {
         out += ", ...";
     }
     out
 }
 
-/// One line.
+/// Prints one line.
 impl fmt::Display for Report {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         let mut out = self.format.name().to_owned();
@@ -214,9 +214,9 @@ impl fmt::Display for Report {
             self.column_by.name(),
         )?;
         if self.other_columns > 0 {
-            write!(out, ", {} more like it", self.other_columns)?;
+            write!(out, ", {} more match", self.other_columns)?;
         }
-        if self.content_by == By::Default {
+        if self.content_by == KnownFrom::Default {
             write!(out, "; {} is assumed", self.content.name())?;
         }
         out += ")";
@@ -235,7 +235,7 @@ impl fmt::Display for Report {
         )?;
         match self.order {
             Order::Ascending => {}
-            Order::Descending => out += ", descending: turned round",
+            Order::Descending => out += ", descending: reversed",
             Order::Mixed => out += ", out of order: sorted",
         }
         write!(out, "; {} of {} rows used", self.used, self.rows)?;
@@ -250,8 +250,8 @@ impl fmt::Display for Report {
             )?;
         }
         for (why, text) in [
-            (Why::Missing, "without a value"),
-            (Why::Impossible, "outside what is possible"),
+            (MaskReason::Missing, "without a value"),
+            (MaskReason::Impossible, "outside the possible range"),
         ] {
             let rows = self.masked(why);
             if !rows.is_empty() {

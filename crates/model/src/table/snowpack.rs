@@ -1,0 +1,131 @@
+//! Snow snowpacks whose grain events are drawn from tables.
+use crate::table::Table;
+use crate::transport::{EXPONENTS, Entry, Model, Snow, diffuse_cosine, impurities_per_m};
+
+/// A snowpack, or the part of one next to a plane, from the surface down.
+#[derive(Debug, Clone)]
+pub struct TableSnowpack<'a> {
+    pub(super) strata: Vec<TableLayer<'a>>,
+    /// Whether there is water in any layer.
+    pub(super) wet: bool,
+    /// Whether there is carbon in any.
+    pub(super) sooty: bool,
+    /// Different exponents of its impurities.
+    pub(super) exponents: usize,
+}
+
+/// A layer.
+#[derive(Debug, Clone)]
+pub struct TableLayer<'a> {
+    /// The types of grain, at least one.
+    pub(super) kinds: Vec<Kind<'a>>,
+    /// Mean free distance between grains, m.
+    pub(super) mean_free_distance_m: f64,
+    /// Fraction of the pore space that is water.
+    pub(super) water_saturation: f64,
+    /// Height of its lower plane over the lower end of the snowpack, m.
+    pub(super) base_m: f64,
+    /// Longest grain, m.
+    longest_m: f64,
+    entry: Entry,
+    /// Impurities of each exponent in ice and pores, 1/m.
+    pub(super) in_ice: [f64; EXPONENTS],
+    pub(super) in_pores: [f64; EXPONENTS],
+}
+
+/// A type of grain.
+#[derive(Debug, Clone, Copy)]
+pub(super) struct Kind<'a> {
+    /// Outcomes in air and (in wet snow) in water.
+    pub(super) tables: [&'a Table; 2],
+    /// Smallest and largest grain, m.
+    pub(super) size_m: [f64; 2],
+    /// Probabilities that a grain met is of a type before this one, and of this.
+    pub(super) chance: [f64; 2],
+}
+
+impl<'a> TableLayer<'a> {
+    /// `snow` down to `base_m` over the lower end of its snowpack, whose impurities
+    /// have these `exponents`; `tables` has outcomes of the grains of each type
+    /// in air and in water.
+    #[must_use]
+    pub fn new(
+        snow: &Snow,
+        base_m: f64,
+        model: &Model,
+        exponents: &[f64],
+        tables: &[[&'a Table; 2]],
+    ) -> Self {
+        let mut before = 0.0;
+        let shares = snow.meeting_shares();
+        let kinds = snow.grains.iter().zip(tables).zip(shares);
+        let kinds = kinds.map(|((component, tables), share)| {
+            let size = &component.grain.size;
+            let kind = Kind {
+                tables: *tables,
+                size_m: [size.min_m(), size.max_m()],
+                chance: [before, share],
+            };
+            before += share;
+            kind
+        });
+        let [in_ice, in_pores] = impurities_per_m(snow, model, exponents);
+        Self {
+            kinds: kinds.collect(),
+            mean_free_distance_m: snow.mean_free_distance_m(),
+            water_saturation: snow.water_saturation,
+            base_m,
+            longest_m: snow.sizes_m()[1],
+            entry: model.entry,
+            in_ice,
+            in_pores,
+        }
+    }
+}
+
+impl<'a> TableSnowpack<'a> {
+    /// A snowpack of these layers, from the surface down; at least one. Their
+    /// impurities have so many different exponents.
+    #[must_use]
+    pub fn new(strata: Vec<TableLayer<'a>>, exponents: usize) -> Self {
+        let clean = [0.0; EXPONENTS];
+        Self {
+            wet: strata.iter().any(|s| s.water_saturation > 0.0),
+            sooty: strata
+                .iter()
+                .any(|s| s.in_ice != clean || s.in_pores != clean),
+            exponents,
+            strata,
+        }
+    }
+
+    /// A snowpack of one clean snow with one type of grain, whose outcomes in air and
+    /// in water these tables have.
+    #[must_use]
+    pub fn plain(snow: &Snow, tables: [&'a Table; 2]) -> Self {
+        let model = Model::default();
+        let stratum = TableLayer::new(snow, 0.0, &model, &[], &[tables]);
+        Self::new(vec![stratum], 0)
+    }
+
+    /// Whether all grains are of one type in one layer.
+    pub(super) fn is_plain(&self) -> bool {
+        self.strata.len() == 1 && self.strata[0].kinds.len() == 1
+    }
+
+    /// Longest grain, m.
+    pub(super) fn longest_m(&self) -> f64 {
+        self.strata.iter().map(|s| s.longest_m).fold(0.0, f64::max)
+    }
+
+    /// See [`diffuse_cosine`].
+    pub(super) fn diffuse_cosine(&self, u: f64) -> f64 {
+        let surface = &self.strata[0];
+        diffuse_cosine(
+            u,
+            surface.entry,
+            surface.mean_free_distance_m,
+            surface.longest_m,
+        )
+    }
+}
