@@ -18,6 +18,7 @@ mod docs;
 mod filesystems;
 mod growth;
 mod illuminants;
+mod install;
 mod layers;
 mod lookup;
 mod optical;

@@ -26,7 +26,6 @@ use crate::store::StoreError;
 #[derive(Debug, clap::Args)]
 #[command(after_long_help = "\
 Examples:
-  splitsnow build configs/quick.toml
   splitsnow build configs/thesis.toml --out /data/thesis --threads 8
 
   Run three processes side by side, then one that compresses:
@@ -36,7 +35,10 @@ Examples:
   splitsnow build configs/thesis.toml
 
   Extend a database: simulate only the spectra that out/less does not have:
-  splitsnow build more.toml --from out/less")]
+  splitsnow build more.toml --from out/less
+
+  A small database to try things out:
+  splitsnow build configs/quick.toml")]
 pub(super) struct Args {
     #[command(flatten)]
     grid: GridArgs,

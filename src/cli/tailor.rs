@@ -27,8 +27,8 @@ use crate::tailor::{self, TailorError, TailoredFile};
 #[derive(Debug, clap::Args)]
 #[command(after_long_help = "\
 Examples:
-  splitsnow tailor configs/scenes/igloo.toml
-  splitsnow tailor mine.toml --out out/mine --points 2000")]
+  splitsnow tailor mine.toml --out out/mine --points 2000
+  splitsnow tailor configs/scenes/block.toml")]
 pub(super) struct Args {
     /// Scene file, such as configs/scenes/block.toml
     #[arg(value_name = "SCENE.toml")]
