@@ -106,7 +106,7 @@ fn text(output: &Output) -> String {
 
 /// Kills builds at random moments and continues them, until there are enough kills. A
 /// third of the kills come while the database is created or opened, the others later.
-/// Four more per build may hit the compression of a finished database.
+/// Each finished build is run and killed up to four more times, while it is compressed again.
 #[test]
 fn killed_builds_continue_at_any_moment() {
     let (expected, duration) = Folder::expected();

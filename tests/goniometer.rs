@@ -298,8 +298,8 @@ fn an_almost_bare_substrate_is_lambertian() {
 }
 
 /// At normal incidence the BRDF does not depend on the azimuth. The goniometer averages over
-/// the azimuth only at exactly normal incidence. The reference for this test is almost normal
-/// incidence, which is not averaged.
+/// the azimuth at exactly normal incidence, but not at almost normal incidence. Both results
+/// agree at every sensor.
 #[test]
 fn the_brdf_at_normal_incidence_does_not_depend_on_the_azimuth() {
     let sensors = Sensors::new(60);

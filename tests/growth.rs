@@ -133,7 +133,7 @@ fn snowpacks() -> [(Snowpack, Model); 3] {
     ]
 }
 
-/// The thin slabs are walked from surface to bottom, the thick ones are not (see hybrid).
+/// `hybrid` traces whole walks through the thin slabs, but not through the thick ones.
 const THICKNESSES_M: [f64; 4] = [0.006, 0.008, 0.03, 0.1];
 
 #[test]
