@@ -70,11 +70,12 @@ impl Folder {
 }
 
 /// The second column of a table.
-fn csv_values(text: &str) -> Vec<f64> {
+fn csv_values(text: &str) -> [f64; 3] {
     let lines = text.lines().skip(1);
-    lines
+    let values: Vec<f64> = lines
         .map(|line| line.split_once(',').unwrap().1.parse().unwrap())
-        .collect()
+        .collect();
+    values.try_into().unwrap()
 }
 
 /// An independent simulation at normal incidence: transmittances and standard errors.

@@ -312,6 +312,7 @@ sphericity = { min = 0.6, max = 0.95, mean = 0.798, sd = 0.064 }
     let rows = measured
         .lines()
         .filter(|line| line.starts_with(|c: char| c.is_ascii_digit()));
+    assert_eq!(rows.clone().count(), 3, "{measured}");
     for (l, row) in rows.enumerate() {
         let cells: Vec<f32> = row.split(',').map(|cell| cell.parse().unwrap()).collect();
         // six combined standard errors; there are three comparisons
@@ -329,6 +330,7 @@ sphericity = { min = 0.6, max = 0.95, mean = 0.798, sd = 0.064 }
     let answer = folder.succeeds(&format!(
         "query out/g --diffuse --quantity reflectance {snow}"
     ));
+    assert_eq!(answer.lines().count(), 1 + 3, "{answer}");
     for (l, row) in answer.lines().skip(1).enumerate() {
         let value: f32 = row.split_once(',').unwrap().1.parse().unwrap();
         assert!((value - diffuse[[1, l]]).abs() < 0.01, "{row}");
