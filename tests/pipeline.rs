@@ -25,6 +25,9 @@ mod optical;
 mod pages;
 mod simd;
 mod simulate;
+mod site;
+#[cfg(unix)]
+mod start;
 mod store;
 mod substrates;
 #[cfg(unix)]

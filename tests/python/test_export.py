@@ -1,7 +1,7 @@
 """What `splitsnow export` writes opens in the readers of others, with the values of
 the database and of the compact file.
 
-SPLITSNOW_OUT names the output directory of a finished `splitsnow build`, in which .ci/run
+SPLITSNOW_OUT names the output directory of a finished `splitsnow build`, in which .ci/check
 has exported the compact file as snow.nc, .csv, .npz and crtm.npz, and the database as
 database.nc, .csv, .npz.
 """
