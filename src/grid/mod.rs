@@ -7,7 +7,9 @@ mod describe;
 mod fixed;
 mod job;
 mod jobs;
+mod settings;
 mod shard;
+mod toml_text;
 
 use crate::engine::{Engine, MaxError};
 use crate::grain::{SizeLaw, SizeMeasure, TruncatedNormal};
@@ -17,10 +19,12 @@ use crate::transport::{Layer, Model, Substrate};
 
 pub use absent::{MIN_GRAIN_LENGTHS, absent_curves, existing, why_absent};
 pub use check::GridError;
-pub(crate) use describe::{carbon_lines, list, normal, number, reflectance};
 pub use job::Job;
 pub use jobs::Jobs;
+pub use settings::Settings;
+pub(crate) use settings::{CarbonSettings, LawSettings, Reflectance, SizeSettings};
 pub use shard::{Shard, ShardError};
+pub(crate) use toml_text::{toml_entries, toml_text};
 
 /// The values of a grain size axis that is given by another measure than the size.
 #[derive(Debug, Clone, PartialEq)]

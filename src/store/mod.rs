@@ -38,7 +38,7 @@ use std::fs;
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
-use description::Description;
+use description::{Description, Stored};
 use layout::{Contents, Layout};
 use lock::Lock;
 
@@ -97,9 +97,9 @@ impl Store {
         let root = dir.join(DATABASE);
         file::check_links(&root)?;
         let requested = Description::new(grid, extra);
-        let stored = read_description(&root)?;
+        let stored = read_stored(&root)?;
         if let Some(stored) = &stored {
-            stored.check_same(&requested, &root)?;
+            stored.identity.check_same(&requested.identity, &root)?;
         } else {
             space::check(dir, &jobs, jobs.count())?;
         }
@@ -163,7 +163,8 @@ impl Store {
             Self::open(path)?
         };
         let requested = Description::new(grid, extra);
-        store.description.check_nodes(&requested, &store.root)?;
+        let identity = &store.description.identity;
+        identity.check_nodes(&requested.identity, &store.root)?;
         Ok(store)
     }
 
@@ -178,7 +179,8 @@ impl Store {
         extra: &BTreeMap<String, String>,
     ) -> Result<(), StoreError> {
         let requested = Description::new(grid, extra);
-        self.description.check_same(&requested, &self.root)
+        let identity = &self.description.identity;
+        identity.check_same(&requested.identity, &self.root)
     }
 
     /// Like [`open`](Self::open), and prevents all other processes from writing.
@@ -195,9 +197,9 @@ impl Store {
 
     fn open_with(dir: &Path, lock: Option<Lock>) -> Result<Self, StoreError> {
         let root = dir.join(DATABASE);
-        let description =
-            read_description(&root)?.ok_or_else(|| StoreError::Absent { path: dir.into() })?;
-        description.check_format(&root)?;
+        let stored = read_stored(&root)?.ok_or_else(|| StoreError::Absent { path: dir.into() })?;
+        stored.identity.check_format(&root)?;
+        let description = stored.describe(&root)?;
         Ok(Self {
             dir: dir.into(),
             layout: Layout::new(&root, description.contents(&root)?)?,
@@ -242,8 +244,9 @@ impl Store {
         let absent = || StoreError::Absent {
             path: self.dir.clone(),
         };
-        let stored = read_description(&self.root)?.ok_or_else(absent)?;
-        stored.check_same(&self.description, &self.root)
+        let stored = read_stored(&self.root)?.ok_or_else(absent)?;
+        let requested = &self.description.identity;
+        stored.identity.check_same(requested, &self.root)
     }
 
     /// Rewrites metadata and coordinates that are missing or damaged.
@@ -383,7 +386,7 @@ pub fn remove(dir: &Path) -> Result<(), StoreError> {
     }
     let _lock = Lock::take(dir, Access::Exclusive)?;
     let root = dir.join(DATABASE);
-    if read_description(&root)?.is_none() {
+    if read_stored(&root)?.is_none() {
         return Ok(());
     }
     // The compact files are deleted first, so that they never outlive the database. The
@@ -428,16 +431,16 @@ fn is_vacant(root: &Path) -> Result<bool, StoreError> {
     Ok(true)
 }
 
-/// Reads the description of the database at `root`; `None` if there is no database.
+/// Reads what the database at `root` was made from; `None` if there is no database.
 ///
 /// # Errors
 /// [`StoreError::Foreign`] if `root` was not made by this program; or it cannot be read.
-fn read_description(root: &Path) -> Result<Option<Description>, StoreError> {
+fn read_stored(root: &Path) -> Result<Option<Stored>, StoreError> {
     if !root.exists() {
         return Ok(None);
     }
     match file::read(&root.join(ROOT))? {
-        Some(bytes) => Description::read(&bytes, root).map(Some),
+        Some(bytes) => Stored::read(&bytes, root).map(Some),
         // The target of a link may be an empty directory that the user provides.
         None if root.is_symlink() && is_vacant(root)? => Ok(None),
         None => Err(StoreError::Foreign {

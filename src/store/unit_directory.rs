@@ -45,7 +45,7 @@ impl Store {
         let unit_directory = Shared {
             folder: self.dir.join(UNITS),
             writer: Arc::clone(self.writer()?),
-            identity: self.description.digest(),
+            identity: self.description.identity.digest(),
             job,
             next: AtomicU64::new(files.last().map_or(0, |(number, _)| number + 1)),
             failure: Mutex::default(),
