@@ -22,7 +22,7 @@ pub use check::GridError;
 pub use job::Job;
 pub use jobs::Jobs;
 pub use settings::Settings;
-pub(crate) use settings::{CarbonSettings, LawSettings, Reflectance, SizeSettings};
+pub(crate) use settings::{CarbonSettings, LawSettings, Reflectance, SizeSettings, config_text};
 pub use shard::{Shard, ShardError};
 pub(crate) use toml_text::{toml_entries, toml_text};
 

@@ -9,7 +9,7 @@ use sha2::{Digest, Sha256};
 
 use super::StoreError;
 use super::layout::Contents;
-use crate::grid::{Grid, Reflectance, Settings, toml_text};
+use crate::grid::{Grid, Reflectance, Settings, config_text, toml_text};
 use crate::lookup::SubstrateKind;
 use crate::parameter::{Axes, Parameter};
 
@@ -32,23 +32,33 @@ const PROGRAM: &str = "splitsnow";
 const KEYS: [[&str; 2]; 1] = [["axes.angle_deg", "axes.incidence_angle_deg"]];
 const ENGINES: [[&str; 2]; 1] = [["\"doubling\"", "\"hybrid\""]];
 
-/// An entry with its key and value respelled; `order` returns the spelling to replace and
-/// its replacement.
-fn respelled(
-    key: &str,
-    value: &str,
-    order: impl Fn([&'static str; 2]) -> (&'static str, &'static str),
-) -> (String, String) {
-    let replaced = |pairs: [[&'static str; 2]; 1], text: &str| {
-        let mut pairs = pairs.into_iter().map(&order);
+/// How keys and values are spelled.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+enum Spelling {
+    /// As in version 0.1.
+    Former,
+    Present,
+}
+
+impl Spelling {
+    /// An entry in this spelling.
+    fn entry(self, key: &str, value: &str) -> (String, String) {
+        let value = match key {
+            "run.engine" => self.respell(ENGINES, value),
+            _ => value,
+        };
+        (self.respell(KEYS, key).to_owned(), value.to_owned())
+    }
+
+    fn respell<'a>(self, pairs: [[&'static str; 2]; 1], text: &'a str) -> &'a str {
+        let order = |[former, present]: [&'static str; 2]| match self {
+            Self::Former => (present, former),
+            Self::Present => (former, present),
+        };
+        let mut pairs = pairs.into_iter().map(order);
         let pair = pairs.find(|(from, _)| *from == text);
-        pair.map_or_else(|| text.to_owned(), |(_, to)| to.to_owned())
-    };
-    let new_value = match key {
-        "run.engine" => replaced(ENGINES, value),
-        _ => value.to_owned(),
-    };
-    (replaced(KEYS, key), new_value)
+        pair.map_or(text, |(_, to)| to)
+    }
 }
 
 /// The attributes of a database that state what it was made from, as stored.
@@ -148,7 +158,7 @@ impl Identity {
         let lines = text.lines().filter_map(|line| line.split_once(" = "));
         Self {
             entries: lines
-                .map(|(key, value)| respelled(key, value, |[former, present]| (former, present)))
+                .map(|(key, value)| Spelling::Present.entry(key, value))
                 .collect(),
         }
     }
@@ -156,7 +166,7 @@ impl Identity {
     /// All entries as lines `key = value`, respelled as in version 0.1.
     fn text(&self) -> String {
         let lines = self.entries.iter().map(|(key, value)| {
-            let (key, value) = respelled(key, value, |[former, present]| (present, former));
+            let (key, value) = Spelling::Former.entry(key, value);
             format!("{key} = {value}")
         });
         lines.collect::<Vec<_>>().join("\n")
@@ -335,11 +345,22 @@ impl Description {
         self.settings.axes.has(axis)
     }
 
+    /// Whether the identity has all settings of the canonical grid file.
+    pub(super) fn agrees(&self) -> bool {
+        let entries = self.settings.entries();
+        let mut entries = entries.iter();
+        entries.all(|(key, value)| self.identity.get(key) == Some(value))
+    }
+
     /// What lies under the surface layer, in words.
-    fn bottom_boundary(&self) -> String {
+    fn bottom_boundary(&self, spelling: Spelling) -> String {
         let fixed = &self.settings.fixed;
+        let noun = match spelling {
+            Spelling::Former => "ground",
+            Spelling::Present => "substrate",
+        };
         let lambertian = |which: &str| {
-            format!("Lambertian substrate {which}; transmittance is the light that stays in it")
+            format!("Lambertian {noun} {which}; transmittance is the light that stays in it")
         };
         let substrate = match &fixed.substrate {
             _ if self.is_axis(Parameter::SubstrateReflectance) => {
@@ -361,9 +382,22 @@ impl Description {
 
     /// Attributes of the Zarr group.
     pub(super) fn attributes(&self) -> Map<String, Value> {
+        self.attributes_in(Spelling::Present, &self.config)
+    }
+
+    /// Attributes of the Zarr group as version 0.1 wrote them.
+    pub(super) fn former_attributes(&self) -> Map<String, Value> {
+        let entries = self.settings.entries().into_iter();
+        let entries = entries.map(|(key, value)| Spelling::Former.entry(&key, &value));
+        let config = config_text(&entries.collect::<Vec<_>>());
+        self.attributes_in(Spelling::Former, &config)
+    }
+
+    fn attributes_in(&self, spelling: Spelling, config: &str) -> Map<String, Value> {
         let Settings { run, model, .. } = &self.settings;
         // a file name may need other quotes in TOML, which the attribute keeps
         let water = toml_text(&model.water);
+        let (_, engine) = spelling.entry("run.engine", &toml_text(run.engine.name()));
         let identity = &self.identity;
         let version = identity.get("program_version").unwrap_or_default();
         let format = identity.get("format_version");
@@ -397,15 +431,15 @@ impl Description {
                 "illumination",
                 illumination.into(),
             ),
-            ("bottom_boundary", self.bottom_boundary().into()),
+            ("bottom_boundary", self.bottom_boundary(spelling).into()),
             ("substrate", self.substrate().name().into()),
             ("ice_table", model.ice.as_str().into()),
             ("water_table", water.trim_matches('"').into()),
-            ("engine", run.engine.name().into()),
+            ("engine", engine.trim_matches('"').into()),
             ("seed", run.seed.into()),
             ("rays", run.rays.into()),
-            ("config", self.config.as_str().into()),
-            ("config_sha256", hex(&Sha256::digest(&self.config)).into()),
+            ("config", config.into()),
+            ("config_sha256", hex(&Sha256::digest(config)).into()),
             ("identity", self.identity.text().into()),
         ];
         let mut attributes: Map<String, Value> = entries
@@ -545,11 +579,14 @@ mod tests {
                 let text = text.replace("incidence_angle_deg", "angle_deg");
                 text.replace("\"hybrid\"", "\"doubling\"")
             };
-            let mut attributes = written.attributes();
-            attributes.insert("config".into(), former(&written.config).into());
-            let again = read(attributes);
+            let attributes = written.former_attributes();
+            assert_eq!(attributes["config"], former(&written.config));
+            assert_ne!(attributes["engine"], "hybrid");
+            let again = read(attributes.clone());
             assert_eq!(again.identity, written.identity);
             assert_eq!(again.settings, written.settings);
+            assert_eq!(again.former_attributes(), attributes);
+            assert!(again.agrees());
         }
     }
 

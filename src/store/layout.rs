@@ -13,8 +13,7 @@ use zarrs::array::{
 use zarrs::array::{Element, data_type};
 use zarrs::filesystem::FilesystemStore;
 
-use super::description::Description;
-use super::{StoreError, Variable};
+use super::{ROOT, StoreError, Variable};
 use crate::engine::Engine;
 use crate::grain::SizeMeasure;
 use crate::grid::{GivenSizes, Jobs};
@@ -186,10 +185,10 @@ impl Layout {
     }
 
     /// Path in the database and bytes of every file that exists from the start: metadata
-    /// and coordinates.
+    /// and coordinates. `attributes` are those of the database.
     pub(super) fn static_files(
         &self,
-        description: &Description,
+        attributes: Map<String, Value>,
     ) -> Result<BTreeMap<String, Vec<u8>>, StoreError> {
         let mut files = BTreeMap::new();
         let mut nodes = Map::new();
@@ -243,8 +242,8 @@ impl Layout {
             let node = if name == JOBS { &job_group } else { node };
             files.insert(format!("{name}/zarr.json"), pretty(node)?);
         }
-        let root = group(Value::Object(description.attributes()), nodes);
-        files.insert("zarr.json".into(), pretty(&root)?);
+        let root = group(Value::Object(attributes), nodes);
+        files.insert(ROOT.into(), pretty(&root)?);
         Ok(files)
     }
 }

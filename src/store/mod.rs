@@ -216,14 +216,14 @@ impl Store {
     fn create(&self) -> Result<(), StoreError> {
         let writer = self.writer()?;
         if self.root.exists() {
-            let mut files = self.layout.static_files(&self.description)?;
+            let mut files = self.static_files()?;
             let root = files.remove(ROOT).unwrap_or_default();
             writer.write(&self.root.join(ROOT), &root)?;
             return self.check_stored();
         }
         let scratch = writer.scratch();
         file::remove_dir(&scratch)?;
-        for (path, bytes) in self.layout.static_files(&self.description)? {
+        for (path, bytes) in self.static_files()? {
             let path = scratch.join(path);
             let folder = path.parent().unwrap_or(&scratch);
             fs::create_dir_all(folder).map_err(StoreError::io("create", folder))?;
@@ -252,7 +252,7 @@ impl Store {
     /// Rewrites metadata and coordinates that are missing or damaged.
     fn repair(&self) -> Result<(), StoreError> {
         let writer = self.writer()?;
-        for (path, bytes) in self.layout.static_files(&self.description)? {
+        for (path, bytes) in self.static_files()? {
             let path = self.root.join(path);
             if file::read(&path)?.as_deref() != Some(&bytes) {
                 if let Some(folder) = path.parent() {
@@ -262,6 +262,11 @@ impl Store {
             }
         }
         Ok(())
+    }
+
+    /// Path in the database and bytes of the metadata and coordinates.
+    fn static_files(&self) -> Result<BTreeMap<String, Vec<u8>>, StoreError> {
+        self.layout.static_files(self.description.attributes())
     }
 
     /// Checks that the disk has space for `count` more jobs.
@@ -338,6 +343,11 @@ impl Store {
     #[must_use]
     pub fn attributes(&self) -> serde_json::Map<String, serde_json::Value> {
         self.description.attributes()
+    }
+
+    /// The attributes as version 0.1 wrote them.
+    pub(crate) fn former_attributes(&self) -> serde_json::Map<String, serde_json::Value> {
+        self.description.former_attributes()
     }
 
     /// Simulates a disk that becomes full after `writes` more files.

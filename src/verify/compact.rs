@@ -184,10 +184,12 @@ fn band_errors(database: &Database, quantity: Quantity) -> Result<Option<Vec<Ban
 /// The differences that show that the file was made from another database.
 fn origin(context: &CheckContext<'_>, database: &Database, diffuse: bool) -> Vec<String> {
     let provenance = provenance(database);
+    // Files of version 0.1 have the attributes in its spelling.
+    let former = context.store.former_attributes();
     let mut problems = Vec::new();
     let mut compare = |key: &str, stored: &Value| {
         match provenance.get(key) {
-        Some(value) if value == stored => {}
+        Some(value) if value == stored || former.get(key) == Some(value) => {}
         // The identity shows the differences of the config line by line.
         Some(_) if key == "config" => {}
         Some(value) if key == "identity" => problems.extend(differing_lines(value, stored)),

@@ -296,6 +296,11 @@ impl Verification {
         for file in &integrity.damaged {
             check.problems.push(format!("{file} is damaged"));
         }
+        for file in &integrity.outdated {
+            check.notes.push(format!(
+                "{file} was written by an earlier version: run `splitsnow build` with the same grid file to renew it"
+            ));
+        }
         const NAMED: usize = 10;
         for &number in integrity.missing.iter().take(NAMED) {
             let job = self.grid.job(jobs, number)?;
