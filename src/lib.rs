@@ -106,6 +106,7 @@
 //! |---|---|
 //! | [`simd`], [`math`], [`rng`], [`units`], [`threads`], [`budget`] | instruction sets; vectors, deterministic elementary functions, random streams, unit conversions; number of threads; CPU time limits |
 //! | `atomic`, `host` | atomic writing of files; identification of processes |
+//! | `accuracy`, `sampling` | root mean squares and summaries of errors; random streams of checks |
 //! | [`parameter`], [`lookup`] | the axes of a database; reading of compact files and interpolation |
 //! | [`spectrum`], [`optics`], [`colour`] | tabulated functions of wavelength; refractive indices; Fresnel and Snell; CIELAB |
 //! | [`grain`] | distributions of grain size and shape, interaction of a ray with a grain, mean free distance |
@@ -129,6 +130,7 @@
 //! Features, all enabled by default: `charts` provides `lab` and export to images; `netcdf`
 //! and `npz` provide export to these formats; `cli` provides `cli` and the program
 //! `splitsnow`. Formats and commands of a disabled feature are not available.
+mod accuracy;
 mod atomic;
 pub mod batch;
 pub mod budget;
@@ -145,6 +147,7 @@ mod host;
 #[cfg(feature = "charts")]
 pub mod lab;
 pub mod plan;
+mod sampling;
 pub mod scene;
 pub mod simulation;
 pub mod store;

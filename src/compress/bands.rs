@@ -9,6 +9,7 @@ use ndarray::ArrayView2;
 use serde::{Deserialize, Serialize};
 
 use super::{DEFAULT_MAX_RMSE, ErrorRow, Largest, Statistics};
+use crate::accuracy::rms;
 use crate::spectrum::Band;
 
 /// Bound of a band's RMSE in units of the largest standard error in the band. No small
@@ -96,8 +97,7 @@ impl Bands {
             let Range { start, end } = part.columns;
             let rms_of_curve = |row: ndarray::ArrayView1<f32>| {
                 let band_errors = row.iter().skip(start).take(end - start);
-                let squares: f64 = band_errors.map(|&se| f64::from(se).powi(2)).sum();
-                (squares / (end - start) as f64).sqrt()
+                rms(band_errors.map(|&se| f64::from(se)))
             };
             let rows = standard_errors.rows().into_iter();
             part.standard_error = Some(rows.map(rms_of_curve).fold(0.0, f64::max));

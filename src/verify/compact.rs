@@ -5,6 +5,7 @@ use serde::Deserialize;
 use serde_json::Value;
 
 use super::{Check, CheckContext, CheckedValue, VerifyError};
+use crate::accuracy::Summary;
 use crate::colour::{Colorimeter, Viewing};
 use crate::compress::{
     BAND_ERRORS, BOUNDS, BandError, BandErrors, Bounds, ERROR_TABLE, PROVENANCE, errors_of, rmse_in,
@@ -70,9 +71,10 @@ pub(super) fn check(
             ),
         ];
         for ([mean_name, max_name], key, errors, bound) in measures {
-            let Some((mean, max, worst)) = errors.as_deref().and_then(summary) else {
+            let Some(summary) = errors.as_deref().and_then(summary) else {
                 continue;
             };
+            let (mean, max) = (summary.mean(), summary.max);
             let figure = |measure, value, bound, at| CheckedValue {
                 quantity,
                 measure,
@@ -83,7 +85,7 @@ pub(super) fn check(
             check
                 .figures
                 .push(figure(mean_name, mean, None, String::new()));
-            let worst = point_text(database, worst);
+            let worst = point_text(database, summary.worst);
             check.figures.push(figure(max_name, max, bound, worst));
             for (name, found, stated) in [
                 (mean_name, mean, &row[key]["mean"]),
@@ -124,7 +126,7 @@ fn check_band(
     stated: &[BandError],
 ) {
     let name = computed.band.name();
-    let Some((_, max, worst)) = summary(&computed.rmse) else {
+    let Some(Summary { max, worst, .. }) = summary(&computed.rmse) else {
         return;
     };
     let stated = stated.iter().find(|stated| stated.band == computed.band);
@@ -283,11 +285,10 @@ pub(super) fn stated(database: &Database, quantity: Quantity) -> Option<Bounds> 
     bounds.get(quantity.name()).copied()
 }
 
-/// Mean, maximum, and index of the first maximum of the errors of existing curves; `None` if
-/// there are none.
-pub(super) fn summary(errors: &[f64]) -> Option<(f64, f64, usize)> {
+/// Summary of the errors of existing curves, by row; `None` if there are none.
+fn summary(errors: &[f64]) -> Option<Summary> {
+    let mut summary = Summary::default();
     let existing = errors.iter().enumerate().filter(|(_, e)| !e.is_nan());
-    let mean = existing.clone().map(|(_, e)| e).sum::<f64>() / existing.clone().count() as f64;
-    let (worst, max) = existing.reduce(|a, b| if b.1 > a.1 { b } else { a })?;
-    Some((mean, *max, worst))
+    existing.for_each(|(row, error)| summary.add(row, *error));
+    Some(summary).filter(|summary| !summary.is_empty())
 }

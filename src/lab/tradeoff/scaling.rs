@@ -1,7 +1,8 @@
 //! How the cost of a run scales with the size of the request.
 use super::ladder::typical;
-use super::measure::{Bench, Tables, failed, mean, request};
+use super::measure::{Bench, Tables, failed, request};
 use super::{Sample, Setting, TradeoffError};
+use crate::accuracy::mean;
 use crate::engine::Engine;
 use crate::transport::Illumination;
 
