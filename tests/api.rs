@@ -7,7 +7,7 @@ use std::sync::atomic::{AtomicBool, AtomicU64, Ordering};
 
 use crate::common::{assert_same, dir_bytes};
 use assert_cmd::cargo::cargo_bin;
-use splitsnow::batch::{Begin, Progress};
+use splitsnow::batch::{Progress, RunInfo};
 use splitsnow::build::{self, BuildError, CompressionRequest, Options};
 use splitsnow::compress::{Basis, Choice};
 use splitsnow::config::grid::{self, GridFile};
@@ -106,7 +106,7 @@ struct Counted {
 }
 
 impl Progress for Counted {
-    fn begin(&self, run: Begin) {
+    fn begin(&self, run: RunInfo) {
         self.begun.store(run.jobs - run.done, Ordering::Relaxed);
     }
 
@@ -187,7 +187,10 @@ fn shares_sources_and_flags_do_as_in_the_program() {
     assert!(counted.compressing.load(Ordering::Relaxed));
     taking.fresh = true;
     let error = splitsnow::build(&file.grid, &first, &taking).unwrap_err();
-    assert!(matches!(error, BuildError::OwnSource { .. }), "{error}");
+    assert!(
+        matches!(error, BuildError::FreshDeletesSource { .. }),
+        "{error}"
+    );
     assert!(first.join("database.zarr").exists());
     let report = splitsnow::build(&file.grid, &second, &taking).unwrap();
     assert_eq!(report.jobs_run, 4);

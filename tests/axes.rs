@@ -172,7 +172,7 @@ fn from_the_grid_file_to_the_answers() {
     let there = database.at(between.into()).unwrap();
     let lookup = Lookup::new(&there, Quantity::Transmittance).unwrap();
     let mut spectrum = [0.0; 3];
-    let point = Point::of_core([0.3, 300.0, 250.0, 4.0, 0.0]);
+    let point = Point::from_core([0.3, 300.0, 250.0, 4.0, 0.0]);
     lookup.spectrum(point, &mut spectrum).unwrap();
     let same = spectrum
         .iter()

@@ -750,7 +750,7 @@ fn grains_told_by_their_surface() {
         assert_eq!(again.grid, file.grid);
         assert!(file.grid.to_config().contains(&told[..10]));
         let jobs = file.grid.jobs().unwrap();
-        let given = file.grid.given_sizes.as_ref().unwrap();
+        let given = file.grid.size_axis.as_ref().unwrap();
         let (measure, values) = (given.measure, given.by_size());
         for (i, value) in values.iter().enumerate() {
             let job = file.grid.job(&jobs, (i * 2 * 3) as u64).unwrap();

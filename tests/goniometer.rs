@@ -48,7 +48,7 @@ impl Setup {
 
     /// Of a handful of walks nothing is told but that they are the same.
     fn resolution(&self) -> Resolution {
-        let of_rays = Resolution::of_rays(self.rays);
+        let of_rays = Resolution::for_rays(self.rays);
         match self.rays {
             0..=100 => Resolution {
                 table: 1 << 10,

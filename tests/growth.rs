@@ -187,7 +187,7 @@ impl Counted {
         if self.requests.fetch_add(1, Ordering::Relaxed) >= self.most {
             return Err(EngineError::Cancelled);
         }
-        let together: f64 = match self.engine.keeps_thicknesses_apart() {
+        let together: f64 = match self.engine.has_independent_thicknesses() {
             true => 0.0,
             false => request.thicknesses_m.iter().sum(),
         };

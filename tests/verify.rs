@@ -12,7 +12,7 @@ use sha2::{Digest, Sha256};
 use splitsnow::batch;
 use splitsnow::colour::Colorimeter;
 use splitsnow::compress::{
-    BAND_ERRORS, BOUNDS, Bands, Choice, CompactFile, Compressed, Variant, annotated, compress,
+    BAND_ERRORS, BOUNDS, Bands, Choice, CompactFile, Compressed, Variant, compress, with_metadata,
 };
 use splitsnow::config;
 use splitsnow::engine::{Cache, Control, Engine, EngineError, Request};
@@ -403,7 +403,7 @@ fn changed_errors_of_a_band_fail() {
     ] {
         fs::write(
             &path,
-            annotated(&bytes, &[(BAND_ERRORS, Some(&text))]).unwrap(),
+            with_metadata(&bytes, &[(BAND_ERRORS, Some(&text))]).unwrap(),
         )
         .unwrap();
         assert_fails(&verify_files(dir.path()), COMPACT_CHECK, message);
@@ -527,7 +527,7 @@ fn coarse_compression_shows_in_the_error_budget() {
 
     // a bound it states but does not keep
     let bounds = r#"{"transmittance":{"max_delta_e":0.1,"max_rmse":null},"reflectance":{"max_delta_e":null,"max_rmse":null}}"#;
-    let lowered = annotated(&fs::read(&path).unwrap(), &[(BOUNDS, Some(bounds))]).unwrap();
+    let lowered = with_metadata(&fs::read(&path).unwrap(), &[(BOUNDS, Some(bounds))]).unwrap();
     fs::write(&path, lowered).unwrap();
     assert_fails(
         &verify_files(dir.path()),
@@ -667,7 +667,7 @@ fn rewrite_as_version_0_1(dir: &Path) {
     let mut provenance = serde_json::from_str(&file.metadata()["provenance"]).unwrap();
     respell(&mut provenance);
     let entries = [("provenance", Some(&*provenance.to_string()))];
-    let bytes = annotated(&fs::read(&compact).unwrap(), &entries).unwrap();
+    let bytes = with_metadata(&fs::read(&compact).unwrap(), &entries).unwrap();
     fs::write(&compact, bytes).unwrap();
 }
 

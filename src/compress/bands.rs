@@ -8,7 +8,7 @@ use std::ops::Range;
 use ndarray::ArrayView2;
 use serde::{Deserialize, Serialize};
 
-use super::{DEFAULT_MAX_RMSE, ErrorRow, Largest, Statistics};
+use super::{DEFAULT_MAX_RMSE, ErrorRow, MaxAbsError, Statistics};
 use crate::accuracy::rms;
 use crate::spectrum::Band;
 
@@ -60,7 +60,7 @@ pub struct BandError {
     /// Statistics of the RMSE per curve over the band's wavelengths.
     pub rmse: Statistics,
     /// The largest absolute error of any curve at any of these wavelengths.
-    pub largest: Largest,
+    pub largest: MaxAbsError,
 }
 
 impl Bands {

@@ -62,7 +62,7 @@ pub(crate) fn error_in(
 
 /// The largest absolute error of all curves over some wavelengths.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
-pub struct Largest {
+pub struct MaxAbsError {
     /// The absolute error.
     #[serde(serialize_with = "six_digits")]
     pub error: f64,
@@ -78,7 +78,7 @@ pub struct BandStatistics {
     /// Statistics of the RMSE per curve over the band's wavelengths.
     pub rmse: Statistics,
     /// The largest absolute error at any of these wavelengths.
-    pub largest: Largest,
+    pub largest: MaxAbsError,
 }
 
 /// Smallest, mean and largest value of one error measure over all curves.
@@ -118,12 +118,12 @@ impl From<Summary> for Statistics {
 #[derive(Debug, Clone, Copy)]
 pub(crate) struct BandTally {
     rmse: Summary,
-    largest: Largest,
+    largest: MaxAbsError,
 }
 
 impl BandTally {
     pub(crate) fn new() -> Self {
-        let largest = Largest {
+        let largest = MaxAbsError {
             error: -1.0,
             wavelength_nm: f64::NAN,
             curve: 0,
@@ -137,7 +137,7 @@ impl BandTally {
     /// Adds the RMSE and the largest error (with its wavelength) of the next curve.
     pub(crate) fn add(&mut self, curve: usize, rmse: f64, error: f64, wavelength_nm: f64) {
         if error > self.largest.error {
-            self.largest = Largest {
+            self.largest = MaxAbsError {
                 error,
                 wavelength_nm,
                 curve,
@@ -342,7 +342,7 @@ components   RMSE min      mean       max   Delta-E min     mean      max
          2   0.000000  0.123457 10.000000        0.0000   1.0000 100.0000  <- chosen"
         );
         let mut by_band = table([None, None]);
-        let largest = Largest {
+        let largest = MaxAbsError {
             error: 0.01,
             wavelength_nm: 1170.0,
             curve: 3,

@@ -84,7 +84,7 @@ const NODES: usize = 4;
 /// four nodes, a half space, or does not state the data for the optical radius;
 /// [`ExportError::TooLarge`].
 pub fn crtm(table: Table) -> Result<Vec<u8>, ExportError> {
-    let table = table.without_fixed_axes()?.laid_out(Layout::Crtm);
+    let table = table.without_fixed_axes()?.with_layout(Layout::Crtm);
     if table.axes.len() != DIMENSIONS.len() {
         return refused(
             "CRTM needs the axes density, depth, grain size, frequency and angle".into(),
@@ -205,7 +205,7 @@ impl Table {
                     name.replace('_', "-")
                 ));
             };
-            self = self.at(name, value)?;
+            self = self.select(name, value)?;
         }
         Ok(self)
     }
@@ -336,7 +336,7 @@ mod tests {
     /// (its module parameters); the release is that of `VISsnowCoeff_Define.f90`.
     #[test]
     fn the_file_has_what_the_loader_reads() {
-        let table = table().at("facetness", 0.3).unwrap();
+        let table = table().select("facetness", 0.3).unwrap();
         let bytes = crtm(table).unwrap();
         let mut file = FileReader::open_seek_read("memory", Box::new(Cursor::new(bytes))).unwrap();
         let set = file.data_set();
@@ -419,11 +419,11 @@ mod tests {
             message.ends_with("choose one of the 2 values of facetness with --facetness"),
             "{message}"
         );
-        let error = table().at("facetness", 0.2).unwrap_err().to_string();
+        let error = table().select("facetness", 0.2).unwrap_err().to_string();
         assert_eq!(error, "facetness = 0.2 is not one of the nodes 0.1, 0.3");
-        assert!(table().at("sphericity", 0.2).is_err());
-        let one = || table().at("facetness", 0.1).unwrap();
-        let thin = one().at("thickness_cm", 2.0).unwrap();
+        assert!(table().select("sphericity", 0.2).is_err());
+        let one = || table().select("facetness", 0.1).unwrap();
+        let thin = one().select("thickness_cm", 2.0).unwrap();
         assert!(refused(thin).starts_with("cannot make a table for CRTM: CRTM needs the axes"));
         let mut few = one();
         few.axes[4].1.truncate(3);

@@ -20,7 +20,7 @@ impl Grid {
         let spread = &self.spread;
         let sphericity_is_axis = axes.has(Parameter::Sphericity);
         Settings {
-            axes: AxisSettings::new(axes, self.given_sizes.as_ref(), self.fixed.diffuse),
+            axes: AxisSettings::new(axes, self.size_axis.as_ref(), self.fixed.diffuse),
             spread: SpreadSettings {
                 facetness_half_width: spread.facetness_half_width,
                 facetness_sd: spread.facetness_sd,

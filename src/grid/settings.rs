@@ -9,7 +9,7 @@ use serde::de::Error;
 use serde::ser::SerializeMap;
 use serde::{Deserialize, Deserializer, Serialize, Serializer};
 
-use super::GivenSizes;
+use super::SizeAxis;
 use super::toml_text::toml_entries;
 use crate::engine::Engine;
 use crate::grain::{Shape, SizeConversion, SizeLaw, SizeMeasure, TruncatedNormal};
@@ -67,7 +67,7 @@ impl Settings {
                 axes.set(parameter, values.clone());
             }
         }
-        if let Some(given) = self.given_sizes() {
+        if let Some(given) = self.size_axis() {
             let sizes = given
                 .measure
                 .sizes_um(&given.values, &self.size_conversion()?);
@@ -77,11 +77,11 @@ impl Settings {
     }
 
     /// Values of the grain size axis if it is given by another measure than the size.
-    pub(crate) fn given_sizes(&self) -> Option<GivenSizes> {
+    pub(crate) fn size_axis(&self) -> Option<SizeAxis> {
         let mut lists = self.axes.lists.iter();
         lists.find_map(|(name, values)| {
             let mut measures = SizeMeasure::ALL.into_iter();
-            Some(GivenSizes {
+            Some(SizeAxis {
                 measure: measures.find(|measure| measure.name() == *name)?,
                 values: values.clone(),
             })
@@ -149,7 +149,7 @@ struct UnorderedAxes {
 }
 
 impl AxisSettings {
-    pub(super) fn new(axes: &Axes, given: Option<&GivenSizes>, diffuse: bool) -> Self {
+    pub(super) fn new(axes: &Axes, given: Option<&SizeAxis>, diffuse: bool) -> Self {
         let list = |parameter: Parameter| match given {
             // the measure by which sizes are given determines the sizes
             Some(given) if parameter == Parameter::GrainSize => {

@@ -322,7 +322,7 @@ impl Description {
         Ok(Contents {
             absent: self.identity.absent(&axes, path)?,
             axes,
-            given_sizes: settings.given_sizes(),
+            size_axis: settings.size_axis(),
             wavelengths_nm: settings.wavelengths.values_nm.clone(),
             engine: settings.run.engine,
             diffuse: settings.axes.diffuse,
@@ -446,7 +446,7 @@ impl Description {
             .into_iter()
             .map(|(key, value)| (key.to_string(), value))
             .collect();
-        if let Some(given) = self.settings.given_sizes() {
+        if let Some(given) = self.settings.size_axis() {
             let measure = given.measure;
             let relation = format!(
                 "{}: {}. The values here are those of the grain sizes in their order; spread.grain_size_half_width_um is that of the sizes.",
@@ -492,7 +492,7 @@ mod tests {
     use crate::engine::Engine;
     use crate::grain::{SizeLaw, SizeMeasure};
     use crate::grid::tests::{small, with_extra};
-    use crate::grid::{Fixed, GivenSizes};
+    use crate::grid::{Fixed, SizeAxis};
     use crate::optics::Carbon;
     use crate::transport::{Layer, Substrate};
 
@@ -518,7 +518,7 @@ mod tests {
         for measure in SizeMeasure::ALL {
             let mut grid = grid();
             let values = vec![30.0, 40.0];
-            grid.given_sizes = Some(GivenSizes { measure, values });
+            grid.size_axis = Some(SizeAxis { measure, values });
             grids.push(grid);
         }
         grids.push(fixed(|fixed| fixed.diffuse = true));
@@ -562,8 +562,8 @@ mod tests {
             assert_eq!(again.attributes(), written.attributes());
             let contents = again.contents(Path::new("")).unwrap();
             assert_eq!(contents.engine, grid.run.engine);
-            assert_eq!(contents.given_sizes, grid.given_sizes);
-            if grid.given_sizes.is_none() {
+            assert_eq!(contents.size_axis, grid.size_axis);
+            if grid.size_axis.is_none() {
                 assert_eq!(contents.axes, grid.axes);
             }
         }

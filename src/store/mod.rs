@@ -43,7 +43,7 @@ use layout::{Contents, Layout};
 use lock::Lock;
 
 use crate::atomic::resolved;
-use crate::grid::{GivenSizes, Grid, Jobs};
+use crate::grid::{Grid, Jobs, SizeAxis};
 use crate::lookup::SubstrateKind;
 use crate::parameter::Axes;
 
@@ -106,7 +106,7 @@ impl Store {
         let writer = file::Writer::new(dir, access)?;
         let contents = Contents {
             axes: grid.axes.clone(),
-            given_sizes: grid.given_sizes.clone(),
+            size_axis: grid.size_axis.clone(),
             wavelengths_nm: grid.wavelengths_nm.clone(),
             engine: grid.run.engine,
             absent: grid.absent()?,
@@ -323,8 +323,8 @@ impl Store {
 
     /// Values of the grain size axis if it is given by another measure than the size.
     #[must_use]
-    pub fn given_sizes(&self) -> Option<&GivenSizes> {
-        self.layout.given_sizes()
+    pub fn size_axis(&self) -> Option<&SizeAxis> {
+        self.layout.size_axis()
     }
 
     /// The kind of substrate under the surface layer, including the layers below.

@@ -8,7 +8,8 @@ use super::{Check, CheckContext, CheckedValue, VerifyError};
 use crate::accuracy::Summary;
 use crate::colour::{Colorimeter, Viewing};
 use crate::compress::{
-    BAND_ERRORS, BOUNDS, BandError, BandErrors, Bounds, ERROR_TABLE, PROVENANCE, errors_of, rmse_in,
+    BAND_ERRORS, BOUNDS, BandError, BandErrors, Bounds, ERROR_TABLE, PROVENANCE, curve_errors,
+    rmse_in,
 };
 use crate::lookup::Database;
 use crate::measurement::Quantity;
@@ -46,7 +47,7 @@ pub(super) fn check(
     let table: Value = serde_json::from_str(metadata(ERROR_TABLE)).unwrap_or_default();
     for quantity in Quantity::ALL.into_iter().filter(|&q| database.has(q)) {
         let [curves, _] = context.curves(quantity, diffuse)?;
-        let errors = errors_of(database, quantity, curves.view(), colour)?;
+        let errors = curve_errors(database, quantity, curves.view(), colour)?;
         let row = &table[quantity.name()]["rows"][database.components(quantity) - 1];
         let Some(bounds) = stated(database, quantity) else {
             let problem = format!(

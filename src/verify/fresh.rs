@@ -58,12 +58,13 @@ impl Simulations {
             // One thickness gives one spectrum.
             Ok(spectra.pop().unwrap_or_default())
         };
-        let spectra = budget::in_order(requests.len(), control.cancel, |i| {
-            match simulate(requests[i]) {
-                Err(VerifyError::Cancelled) => Ok(None),
-                result => result.map(Some),
-            }
-        })?;
+        let spectra =
+            budget::par_map_in_order(requests.len(), control.cancel, |i| {
+                match simulate(requests[i]) {
+                    Err(VerifyError::Cancelled) => Ok(None),
+                    result => result.map(Some),
+                }
+            })?;
         let parts = self.parts.max(1) as usize;
         let points = spectra.chunks(parts);
         Ok(points

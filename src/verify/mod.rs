@@ -116,7 +116,7 @@ fn within<T>(
     control: &Control,
     work: impl FnOnce(&Control) -> Result<T, VerifyError>,
 ) -> Result<T, VerifyError> {
-    let result = budget::within(seconds, control.cancel, |cancel| {
+    let result = budget::with_cpu_limit(seconds, control.cancel, |cancel| {
         work(&Control { cancel, ..*control })
     })?;
     if control.cancel.load(Ordering::Relaxed) {
@@ -224,9 +224,10 @@ impl Verification {
         };
         if self.options.samples > 0 {
             let half = self.options.seconds.map(|seconds| 0.5 * seconds);
-            let (check, [skipped, total]) = budget::within(half, control.cancel, |cancel| {
-                nodes::check(&context, &Control { cancel, ..*control })
-            })?;
+            let (check, [skipped, total]) =
+                budget::with_cpu_limit(half, control.cancel, |cancel| {
+                    nodes::check(&context, &Control { cancel, ..*control })
+                })?;
             if skipped < total {
                 checks.push(check);
             }

@@ -130,7 +130,7 @@ fn answers_are_those_of_rust() {
                 assert_eq!(found.len(), each * all.len());
                 for (point, found) in all.iter().zip(found.chunks(each)) {
                     let mut spectrum = vec![0.0; lookup.wavelengths()];
-                    let at = Point::of_core(*point);
+                    let at = Point::from_core(*point);
                     if let Err(error) = lookup.spectrum(at, &mut spectrum) {
                         // minus SPLITSNOW_ERROR_ABSENT or _OUTSIDE, or as below
                         let status = match error {

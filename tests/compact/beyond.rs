@@ -78,7 +78,7 @@ fn rows_run_slower_along_them_and_come_back() {
         assert_eq!(database.row(point).unwrap(), row);
         let there = database.at(point.optional()).unwrap();
         assert!(there.axes().optional().is_empty());
-        let core = Point::of_core(point.core());
+        let core = Point::from_core(point.core());
         assert_eq!(there.row(core).unwrap(), row % 108);
         let all = database.curve(row, quantity).unwrap();
         assert_eq!(all, there.spectrum(core, quantity).unwrap());
@@ -131,7 +131,7 @@ fn what_is_not_told_or_not_there_is_refused_by_name() {
     );
     assert!(at(&[(CARBON, f64::NAN), (COLD, 0.0)]).contains("give a value of black_carbon_ng_g"));
     assert!(at(&[(Parameter::Sphericity, 0.8)]).contains("no axis sphericity"));
-    let point = Point::of_core(database.point(0).unwrap().core());
+    let point = Point::from_core(database.point(0).unwrap().core());
     let untold = |error: LookupError| matches!(error, LookupError::MissingCondition { .. });
     assert!(untold(database.spectrum(point, quantity).unwrap_err()));
     assert!(untold(Lookup::new(&database, quantity).unwrap_err()));

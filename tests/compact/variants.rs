@@ -5,7 +5,7 @@ use ndarray::Array2;
 use safetensors::{Dtype, SafeTensors};
 use splitsnow::compress::{
     Bands, Basis, Bounds, Choice, Coefficients, CompactFile, CompressError, Compressed, Precision,
-    Variant, compress, errors_of,
+    Variant, compress, curve_errors,
 };
 use splitsnow::grid::Compression;
 use splitsnow::lookup::{Database, LookupError, SubstrateKind};
@@ -83,7 +83,7 @@ fn every_variant_is_read_as_the_table_says() {
                 assert_eq!(database.coefficients(quantity), coefficients);
                 assert_eq!(database.basis(quantity), compressed.basis);
                 let curves = curves_of(quantity);
-                let errors = errors_of(&database, quantity, curves.view(), Some(&colour()));
+                let errors = curve_errors(&database, quantity, curves.view(), Some(&colour()));
                 let errors = errors.unwrap();
                 let row = compressed.table.rows[compressed.components() - 1];
                 assert_eq!(row.components, compressed.components());
@@ -324,7 +324,7 @@ fn one_quantity_alone() {
         assert!(matches!(error, LookupError::NoQuantity { .. }));
         let words = format!("has no {}, it has {} only", missing.name(), there.name());
         assert!(error.to_string().contains(&words), "{error}");
-        assert!(errors_of(&database, missing, curves().view(), None).is_err());
+        assert!(curve_errors(&database, missing, curves().view(), None).is_err());
     }
 }
 
