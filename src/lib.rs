@@ -106,6 +106,7 @@
 //! |---|---|
 //! | [`simd`], [`math`], [`rng`], [`units`], [`threads`], [`budget`] | instruction sets; vectors, deterministic elementary functions, random streams, unit conversions; number of threads; CPU time limits |
 //! | `atomic`, `host` | atomic writing of files; identification of processes |
+//! | `accuracy`, `sampling` | root mean squares and summaries of errors; random streams of checks |
 //! | [`parameter`], [`lookup`] | the axes of a database; reading of compact files and interpolation |
 //! | [`spectrum`], [`optics`], [`colour`] | tabulated functions of wavelength; refractive indices; Fresnel and Snell; CIELAB |
 //! | [`grain`] | distributions of grain size and shape, interaction of a ray with a grain, mean free distance |
@@ -131,6 +132,8 @@
 //! and `npz` provide export to these formats; `cli` provides `cli` and the program
 //! `splitsnow`. Formats and commands of a disabled feature are not available.
 #[cfg(feature = "database")]
+mod accuracy;
+#[cfg(feature = "database")]
 mod atomic;
 #[cfg(feature = "database")]
 pub mod batch;
@@ -155,6 +158,8 @@ mod host;
 pub mod lab;
 #[cfg(feature = "database")]
 pub mod plan;
+#[cfg(feature = "database")]
+mod sampling;
 pub mod scene;
 pub mod simulation;
 #[cfg(feature = "database")]

@@ -7,7 +7,7 @@ use std::sync::atomic::{AtomicBool, AtomicU64, Ordering};
 
 use crate::common::{assert_same, dir_bytes};
 use assert_cmd::cargo::cargo_bin;
-use splitsnow::batch::{Begin, Progress};
+use splitsnow::batch::{Progress, RunInfo};
 use splitsnow::build::{self, BuildError, CompressionRequest, Options};
 use splitsnow::compress::{Basis, Choice};
 use splitsnow::config::grid::{self, GridFile};
@@ -107,7 +107,7 @@ struct ProgressCounter {
 }
 
 impl Progress for ProgressCounter {
-    fn begin(&self, run: Begin) {
+    fn begin(&self, run: RunInfo) {
         self.begun.store(run.jobs - run.done, Ordering::Relaxed);
     }
 
@@ -188,7 +188,7 @@ fn shards_sources_and_cancelling_work_as_in_the_program() {
     assert!(counter.compressing.load(Ordering::Relaxed));
     reusing.fresh = true;
     let error = splitsnow::build(&file.grid, &first, &reusing).unwrap_err();
-    assert!(matches!(error, BuildError::OwnSource { .. }), "{error}");
+    assert!(matches!(error, BuildError::FreshDeletesSource { .. }), "{error}");
     assert!(first.join("database.zarr").exists());
     let report = splitsnow::build(&file.grid, &second, &reusing).unwrap();
     assert_eq!(report.jobs_run, 4);

@@ -179,7 +179,7 @@ fn databases_with_optional_axes_are_built_and_queried() {
     let at_optional = database.at(between.into()).unwrap();
     let lookup = Lookup::new(&at_optional, Quantity::Transmittance).unwrap();
     let mut spectrum = [0.0; 3];
-    let point = Point::of_core([0.3, 300.0, 250.0, 4.0, 0.0]);
+    let point = Point::from_core([0.3, 300.0, 250.0, 4.0, 0.0]);
     lookup.spectrum(point, &mut spectrum).unwrap();
     let same = spectrum
         .iter()

@@ -769,7 +769,7 @@ fn grain_size_may_be_given_by_optical_radius_or_ssa() {
         assert_eq!(again.grid, file.grid);
         assert!(file.grid.to_config().contains(&sizes[..10]));
         let jobs = file.grid.jobs().unwrap();
-        let given = file.grid.given_sizes.as_ref().unwrap();
+        let given = file.grid.size_axis.as_ref().unwrap();
         let (measure, values) = (given.measure, given.by_size());
         for (i, value) in values.iter().enumerate() {
             let job = file.grid.job(&jobs, (i * 2 * 3) as u64).unwrap();

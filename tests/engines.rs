@@ -263,7 +263,7 @@ fn run_all(
         snowpack: &case.snowpack,
         thicknesses_m,
         illuminations: &[case.illumination],
-        resolution: Resolution::of_rays(rays),
+        resolution: Resolution::for_rays(rays),
         max_error: MaxError::default(),
         wavelengths_nm,
         model: &model,

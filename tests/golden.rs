@@ -452,7 +452,7 @@ fn tabulated_comparisons(step: usize) -> (usize, f64) {
             model: &Model::default(),
             rays: 20_000,
             max_error: MaxError::default(),
-            resolution: Resolution::of_rays(20_000),
+            resolution: Resolution::for_rays(20_000),
             seed: 4,
             cell: 0,
         };

@@ -49,7 +49,7 @@ impl Setup {
 
     /// Small tables for runs of few walks, which are only tested for equality.
     fn resolution(&self) -> Resolution {
-        let of_rays = Resolution::of_rays(self.rays);
+        let of_rays = Resolution::for_rays(self.rays);
         match self.rays {
             0..=100 => Resolution {
                 table: 1 << 10,

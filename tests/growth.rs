@@ -193,7 +193,7 @@ impl FakeEngine {
             return Err(EngineError::Cancelled);
         }
         // engines whose walks serve all thicknesses depend on the list of thicknesses
-        let thickness_sum: f64 = match self.engine.keeps_thicknesses_apart() {
+        let thickness_sum: f64 = match self.engine.has_independent_thicknesses() {
             true => 0.0,
             false => request.thicknesses_m.iter().sum(),
         };

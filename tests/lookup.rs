@@ -452,7 +452,7 @@ proptest! {
             let node = axes.core()[axis][1];
             let mut on = |value| {
                 coordinates[axis] = value;
-                spectrum(&lookup, Point::of_core(coordinates))
+                spectrum(&lookup, Point::from_core(coordinates))
             };
             for (a, b) in on(node * (1.0 - 1e-6)).iter().zip(on(node * (1.0 + 1e-6))) {
                 prop_assert!((a - b).abs() < 1e-4, "{axis}: {a} {b}");

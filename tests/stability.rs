@@ -251,7 +251,7 @@ fn grazing_light_must_reach_under_the_surface() {
             .unwrap_err();
         assert!(matches!(error, EngineError::SlabTooThin { .. }), "{error}");
     }
-    let fitting = envelope::FITTING / (2.0 * f64::from(COARSE.table));
+    let fitting = envelope::MIN_FITTING_ENTRIES / (2.0 * f64::from(COARSE.table));
     for engine in [Engine::Tabulated, Engine::Hybrid] {
         holds(1.01 * fitting, engine);
         let error = asked(&at(0.99 * fitting), engine, 1000, COARSE).unwrap_err();
@@ -294,13 +294,13 @@ fn small_tables_are_refused() {
             (squares.sum::<f64>() / 4.0).sqrt()
         };
         // rms of four: below 2.5 standard deviations but for one in 10^4; 0.0023 of 40,000 rays
-        let inside = 0.1 / f64::from(envelope::TABLE).sqrt();
+        let inside = 0.1 / f64::from(envelope::MIN_TABLE_ENTRIES).sqrt();
         let noise = inside.hypot(0.0023).hypot(best.se);
-        let (good, bad) = (rms(envelope::TABLE), rms(10));
+        let (good, bad) = (rms(envelope::MIN_TABLE_ENTRIES), rms(10));
         assert!(good < 2.5 * noise, "{}: {good} {noise}", engine.name());
         assert!(bad > 2.5 * noise, "{}: {bad}", engine.name());
-        assert!(asked(&case, engine, 1000, with(envelope::TABLE)).is_ok());
-        let error = asked(&case, engine, 1000, with(envelope::TABLE - 1)).unwrap_err();
+        assert!(asked(&case, engine, 1000, with(envelope::MIN_TABLE_ENTRIES)).is_ok());
+        let error = asked(&case, engine, 1000, with(envelope::MIN_TABLE_ENTRIES - 1)).unwrap_err();
         assert!(
             matches!(
                 error,

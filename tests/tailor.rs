@@ -14,7 +14,7 @@ use std::time::Duration;
 use assert_cmd::cargo::cargo_bin;
 use ndarray::Array2;
 use splitsnow::colour::Colorimeter;
-use splitsnow::compress::annotated;
+use splitsnow::compress::with_metadata;
 use splitsnow::config::scene;
 use splitsnow::engine::{Cache, Control};
 use splitsnow::error_budget::{
@@ -113,7 +113,7 @@ fn holds_its_bound_and_is_proved_anew() {
     let (bytes, text) = &*TAILORED;
     let file = Database::from_bytes(bytes).unwrap();
     let error_budget: ErrorBudget = serde_json::from_str(&file.metadata()[ERROR_BUDGET]).unwrap();
-    assert!(tailor::largest(&error_budget) < 1.0, "{error_budget}");
+    assert!(tailor::max_delta_e(&error_budget) < 1.0, "{error_budget}");
     assert!(error_budget.points >= 64 && error_budget.quantities.len() == 1);
     // fewer wavelengths than the 16 asked for, and what that costs at all of them
     let kept = file.wavelengths_nm();
@@ -288,11 +288,11 @@ fn altered_coefficients_fail() {
 fn a_bound_that_was_lowered_fails() {
     let file = Database::from_bytes(&TAILORED.0).unwrap();
     let (text, error_budget) = (&file.metadata()[SCENE], &file.metadata()[ERROR_BUDGET]);
-    let reached = tailor::largest(&serde_json::from_str(error_budget).unwrap());
+    let reached = tailor::max_delta_e(&serde_json::from_str(error_budget).unwrap());
     let bound = format!("{:.2}", 0.8 * reached);
     let lowered = text.replace("max_delta_e = 1\n", &format!("max_delta_e = {bound}\n"));
     assert_ne!(&lowered, text);
-    let folder = with_file(&annotated(&TAILORED.0, &[(SCENE, Some(&lowered))]).unwrap());
+    let folder = with_file(&with_metadata(&TAILORED.0, &[(SCENE, Some(&lowered))]).unwrap());
     let output = folder.run("verify out/s --points 16 --point-rays 65536");
     assert_eq!(output.status.code(), Some(1));
     let report = String::from_utf8(output.stdout).unwrap();

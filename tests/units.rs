@@ -24,7 +24,7 @@ struct Life {
 }
 
 impl UnitStore for Life {
-    fn keep(&self, units: &[u8]) -> bool {
+    fn append(&self, units: &[u8]) -> bool {
         let mut kept = self.kept.lock().unwrap();
         if !self.cancel.load(Ordering::Relaxed) {
             kept.push(units.to_vec());
@@ -93,7 +93,7 @@ fn a_job_ends_however_short_its_lives_are() {
                 cancel,
             };
             let before = kept.lock().unwrap().clone();
-            let units = Units::new(Box::new(life), &before).saved_every(Duration::ZERO);
+            let units = Units::new(Box::new(life), &before).with_save_interval(Duration::ZERO);
             // nothing else survives
             let cache = Cache::default().with(units);
             let (result, walked) = run(engine, &request, &cache, cancel);

@@ -8,10 +8,11 @@ use std::path::Path;
 use std::sync::LazyLock;
 use std::sync::atomic::{AtomicBool, AtomicU64};
 
+use sha2::{Digest, Sha256};
 use splitsnow::batch;
 use splitsnow::colour::Colorimeter;
 use splitsnow::compress::{
-    BAND_ERRORS, BOUNDS, Bands, Choice, CompactFile, Compressed, Variant, annotated, compress,
+    BAND_ERRORS, BOUNDS, Bands, Choice, CompactFile, Compressed, Variant, compress, with_metadata,
 };
 use splitsnow::config;
 use splitsnow::engine::{Cache, Control, Engine, EngineError, Request};
@@ -21,6 +22,7 @@ use splitsnow::lookup::{Database, SubstrateKind};
 use splitsnow::measurement::{Quantity, Spectrum};
 use splitsnow::parameter::Parameter;
 use splitsnow::store::{Access, COMPACT, Store, Variable};
+use splitsnow::transport::Substrate;
 use splitsnow::verify::{Options, Report, Verification, VerifyError};
 
 const NODES: &str = "fresh simulations at nodes of the grid";
@@ -401,7 +403,7 @@ fn changed_errors_of_a_band_fail() {
     ] {
         fs::write(
             &path,
-            annotated(&bytes, &[(BAND_ERRORS, Some(&text))]).unwrap(),
+            with_metadata(&bytes, &[(BAND_ERRORS, Some(&text))]).unwrap(),
         )
         .unwrap();
         assert_fails(&verify_files(dir.path()), COMPACT_CHECK, message);
@@ -525,7 +527,7 @@ fn coarse_compression_shows_in_the_error_budget() {
 
     // a bound it states but does not keep
     let bounds = r#"{"transmittance":{"max_delta_e":0.1,"max_rmse":null},"reflectance":{"max_delta_e":null,"max_rmse":null}}"#;
-    let lowered = annotated(&fs::read(&path).unwrap(), &[(BOUNDS, Some(bounds))]).unwrap();
+    let lowered = with_metadata(&fs::read(&path).unwrap(), &[(BOUNDS, Some(bounds))]).unwrap();
     fs::write(&path, lowered).unwrap();
     assert_fails(
         &verify_files(dir.path()),
@@ -632,5 +634,83 @@ fn the_grid_of_a_database_is_in_it() {
         );
         again.compression = grid.compression;
         assert_eq!(again, grid);
+    }
+}
+
+/// `text` of a description in the spelling of version 0.1.
+fn former(text: &str) -> String {
+    text.replace("incidence_angle_deg = ", "angle_deg = ")
+        .replace("\"hybrid\"", "\"doubling\"")
+}
+
+/// Rewrites the attributes of the database in `dir` and of its compact file as version 0.1
+/// wrote them.
+fn rewrite_as_version_0_1(dir: &Path) {
+    let respell = |attributes: &mut serde_json::Value| {
+        let config = former(attributes["config"].as_str().unwrap());
+        let digest = Sha256::digest(&config);
+        let digest: String = digest.iter().map(|byte| format!("{byte:02x}")).collect();
+        attributes["config"] = config.into();
+        attributes["config_sha256"] = digest.into();
+        if attributes["engine"] == "hybrid" {
+            attributes["engine"] = "doubling".into();
+        }
+        let bottom = attributes["bottom_boundary"].as_str().unwrap();
+        attributes["bottom_boundary"] = bottom.replace("an substrate", "an ground").into();
+    };
+    let root = dir.join("database.zarr/zarr.json");
+    let mut json: serde_json::Value = serde_json::from_slice(&fs::read(&root).unwrap()).unwrap();
+    respell(&mut json["attributes"]);
+    fs::write(&root, serde_json::to_string_pretty(&json).unwrap() + "\n").unwrap();
+    let compact = dir.join(COMPACT);
+    let file = Database::open(&compact).unwrap();
+    let mut provenance = serde_json::from_str(&file.metadata()["provenance"]).unwrap();
+    respell(&mut provenance);
+    let entries = [("provenance", Some(&*provenance.to_string()))];
+    let bytes = with_metadata(&fs::read(&compact).unwrap(), &entries).unwrap();
+    fs::write(&compact, bytes).unwrap();
+}
+
+/// What an earlier version wrote is renewed by a build, but not damaged.
+#[test]
+fn a_database_of_an_earlier_version_is_intact() {
+    const EARLIER: &str = "zarr.json was written by an earlier version: run `splitsnow build`";
+    let on_grey = tempfile::tempdir().unwrap();
+    let mut grey_grid = one_snow();
+    grey_grid.run.rays = 2000;
+    grey_grid.fixed.substrate = Substrate::Grey(0.3);
+    build(on_grey.path(), &grey_grid, hybrid, |_| {});
+    for (built, grid) in [(&*FRESH, grid()), (&on_grey, grey_grid)] {
+        assert!(!verify_files(built.path()).to_string().contains(EARLIER));
+        let dir = copy_of(built);
+        rewrite_as_version_0_1(dir.path());
+        let report = verify_files(dir.path());
+        assert!(report.passed(), "{report}");
+        assert!(report.to_string().contains(EARLIER), "{report}");
+        let mut command = assert_cmd::Command::cargo_bin("splitsnow").unwrap();
+        let files_only = ["--samples", "0", "--points", "0"];
+        command.arg("verify").arg(dir.path()).args(files_only);
+        command.assert().success();
+
+        // a change of such metadata is still damage
+        let root = dir.path().join("database.zarr/zarr.json");
+        let whole = fs::read_to_string(&root).unwrap();
+        for (text, changed) in [("\"seed\": 7", "\"seed\": 8"), ("of snow", "of snaw")] {
+            let damaged = whole.replacen(text, changed, 1);
+            assert_ne!(damaged, whole);
+            fs::write(&root, damaged).unwrap();
+            let report = verify_files(dir.path());
+            assert_fails(&report, "files of the database", "zarr.json is damaged");
+        }
+        fs::write(&root, whole).unwrap();
+
+        let store = Store::build(dir.path(), &grid, &BTreeMap::new(), Access::Exclusive).unwrap();
+        assert!(store.missing(None).unwrap().is_empty());
+        drop(store);
+        let database = |dir: &Path| crate::common::dir_bytes(&dir.join("database.zarr"));
+        crate::common::assert_same(&database(built.path()), &database(dir.path()));
+        let report = verify_files(dir.path());
+        assert!(report.passed(), "{report}");
+        assert!(!report.to_string().contains(EARLIER), "{report}");
     }
 }

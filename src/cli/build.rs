@@ -8,7 +8,7 @@ use serde_json::json;
 use super::bar::Bar;
 use super::common::{self, GridArgs, Interrupted};
 use super::compact::CompactSummary;
-use crate::build::{self, BuildError, Options, Report, Share};
+use crate::build::{self, BuildError, Options, Report, ShardReport};
 use crate::grid::Shard;
 use crate::store::StoreError;
 
@@ -134,7 +134,7 @@ fn interrupted(safe: &str) -> Interrupted {
     Interrupted(format!("{safe}; to go on: {}", words.join(" ")))
 }
 
-fn report_share(args: &Args, report: &Report, share: &Share) -> anyhow::Result<()> {
+fn report_share(args: &Args, report: &Report, share: &ShardReport) -> anyhow::Result<()> {
     let (jobs, jobs_left, lost) = (report.jobs, share.jobs_left, share.lost_share);
     if args.json {
         return common::print_json(&json!({

@@ -134,7 +134,7 @@ fn answers_agree_with_rust() {
                 assert_eq!(found.len(), per_point * queries.len());
                 for (point, found) in queries.iter().zip(found.chunks(per_point)) {
                     let mut spectrum = vec![0.0; lookup.wavelengths()];
-                    let core = Point::of_core(*point);
+                    let core = Point::from_core(*point);
                     if let Err(error) = lookup.spectrum(core, &mut spectrum) {
                         // minus SPLITSNOW_ERROR_ABSENT or _OUTSIDE
                         let status = match error {

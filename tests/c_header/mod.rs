@@ -150,7 +150,7 @@ fn the_documented_examples_work() {
     let database = Database::from_bytes(&bytes).unwrap();
     let lookup = Lookup::new(&database, Quantity::Transmittance).unwrap();
     let mut spectrum = [0.0; 31];
-    let point = Point::of_core([0.4, 260.0, 270.0, 7.5, 33.0]);
+    let point = Point::from_core([0.4, 260.0, 270.0, 7.5, 33.0]);
     lookup.spectrum(point, &mut spectrum).unwrap();
     let values: Vec<f64> = found
         .lines()

@@ -158,7 +158,7 @@ pub(crate) fn spectra(
         snowpack: &snow.clone().into(),
         thicknesses_m,
         illuminations: &[illumination],
-        resolution: Resolution::of_rays(rays),
+        resolution: Resolution::for_rays(rays),
         max_error: MaxError::default(),
         wavelengths_nm,
         model: &Model::default(),

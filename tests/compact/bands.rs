@@ -9,7 +9,7 @@ use splitsnow::batch;
 use splitsnow::colour::Colorimeter;
 use splitsnow::compress::{
     BAND_ERRORS, BandError, Bands, Choice, DEFAULT_MAX_RMSE, NOISE_FACTOR, Variant, compress,
-    errors_of,
+    curve_errors,
 };
 use splitsnow::engine::{Control, Engine, EngineError, Request};
 use splitsnow::lookup::Database;
@@ -57,7 +57,7 @@ fn assert_bounds_kept(dir: &Path, bound: impl Fn(f64) -> f64) {
         let rebuilt = (0..database.curves()).flat_map(|row| database.curve(row, quantity).unwrap());
         let residuals =
             ndarray::Array2::from_shape_vec(curves.dim(), rebuilt.collect()).unwrap() - &curves;
-        let found = errors_of(&database, quantity, curves.mapv(f64::from).view(), None).unwrap();
+        let found = curve_errors(&database, quantity, curves.mapv(f64::from).view(), None).unwrap();
         let stated = &stated[quantity.name()];
         for (i, (band, found)) in Band::ALL.into_iter().zip(&found.bands).enumerate() {
             let rmse = largest_rms(&residuals, nm, band);

@@ -78,7 +78,7 @@ fn rows_and_points_of_optional_axes_correspond() {
         assert_eq!(database.row(point).unwrap(), row);
         let at_optional = database.at(point.optional()).unwrap();
         assert!(at_optional.axes().optional().is_empty());
-        let core = Point::of_core(point.core());
+        let core = Point::from_core(point.core());
         assert_eq!(at_optional.row(core).unwrap(), row % 108);
         let curve = database.curve(row, quantity).unwrap();
         assert_eq!(curve, at_optional.spectrum(core, quantity).unwrap());
@@ -134,7 +134,7 @@ fn missing_unknown_and_outside_conditions_are_refused_by_name() {
             .contains("give a value of black_carbon_ng_g")
     );
     assert!(error(&[(Parameter::Sphericity, 0.8)]).contains("no axis sphericity"));
-    let point = Point::of_core(database.point(0).unwrap().core());
+    let point = Point::from_core(database.point(0).unwrap().core());
     let is_missing = |error: LookupError| matches!(error, LookupError::MissingCondition { .. });
     assert!(is_missing(database.spectrum(point, quantity).unwrap_err()));
     assert!(is_missing(Lookup::new(&database, quantity).unwrap_err()));

@@ -6,7 +6,7 @@ use std::path::{Path, PathBuf};
 use ndarray::{Array2, Axis};
 use safetensors::SafeTensors;
 use serde_json::Value;
-use splitsnow::compress::{Bands, Choice, CompactFile, annotated, compress};
+use splitsnow::compress::{Bands, Choice, CompactFile, compress, with_metadata};
 use splitsnow::grid::Compression;
 use splitsnow::lookup::{Database, SubstrateKind};
 use splitsnow::measurement::Quantity;
@@ -79,7 +79,7 @@ fn every_tensor_of_every_variant_is_aligned() {
                 .to_bytes()
                 .unwrap();
                 assert_aligned(&bytes, &format!("{variant:?} {choice:?}"));
-                let with_note = annotated(&bytes, &[("error_budget", Some("{}"))]).unwrap();
+                let with_note = with_metadata(&bytes, &[("error_budget", Some("{}"))]).unwrap();
                 assert_aligned(&with_note, &format!("{variant:?} {choice:?}, annotated"));
             }
         }

@@ -14,7 +14,8 @@ use proptest::prelude::*;
 use safetensors::SafeTensors;
 use splitsnow::colour::Colorimeter;
 use splitsnow::compress::{
-    self, Bands, Choice, Coefficients, CompactFile, CompressError, Compressed, Variant, errors_of,
+    self, Bands, Choice, Coefficients, CompactFile, CompressError, Compressed, Variant,
+    curve_errors,
 };
 use splitsnow::grid::Compression;
 use splitsnow::lookup::{Database, LookupError, SubstrateKind};
@@ -166,7 +167,7 @@ fn written_spectra_have_the_errors_of_the_table() {
         (Quantity::Reflectance, &reflectance),
     ] {
         assert_eq!(database.components(quantity), compressed.components());
-        let errors = errors_of(&database, quantity, curves().view(), Some(&colour())).unwrap();
+        let errors = curve_errors(&database, quantity, curves().view(), Some(&colour())).unwrap();
         let row = compressed.table.rows[compressed.components() - 1];
         let largest = |errors: &[f64]| errors.iter().copied().fold(0.0, f64::max);
         let mean = |errors: &[f64]| errors.iter().sum::<f64>() / errors.len() as f64;
@@ -199,7 +200,7 @@ fn all_components_reproduce_the_curves() {
 #[test]
 fn nodes_are_found_and_other_points_are_refused() {
     let database = Database::from_bytes(&valid()).unwrap();
-    let point = Point::of_core([0.3, 250.0, 200.0, 1.5, 89.0]);
+    let point = Point::from_core([0.3, 250.0, 200.0, 1.5, 89.0]);
     let row = ((((3 + 1) * 2) * 3) + 1) * 3 + 2;
     assert_eq!(database.row(point).unwrap(), row);
     let spectrum = database.spectrum(point, Quantity::Reflectance).unwrap();
@@ -363,7 +364,7 @@ proptest! {
         prop_assert_eq!(&database.metadata()["note"], &extra["note"]);
         prop_assert_eq!(database.axes(), &axes);
         prop_assert_eq!(database.wavelengths_nm(), &wavelengths_nm[..]);
-        let errors = errors_of(&database, Quantity::Transmittance, curves.view(), None).unwrap();
+        let errors = curve_errors(&database, Quantity::Transmittance, curves.view(), None).unwrap();
         let largest = errors.rmse.iter().copied().fold(0.0, f64::max);
         prop_assert_eq!(largest, compressed.table.rows[components - 1].rmse.max);
     }

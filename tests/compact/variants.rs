@@ -5,7 +5,7 @@ use ndarray::Array2;
 use safetensors::{Dtype, SafeTensors};
 use splitsnow::compress::{
     Bands, Basis, Bounds, Choice, Coefficients, CompactFile, CompressError, Compressed, Precision,
-    Variant, compress, errors_of,
+    Variant, compress, curve_errors,
 };
 use splitsnow::grid::Compression;
 use splitsnow::lookup::{Database, LookupError, SubstrateKind};
@@ -84,7 +84,7 @@ fn every_variant_has_the_errors_of_its_table() {
                 assert_eq!(database.coefficients(quantity), coefficients);
                 assert_eq!(database.basis(quantity), compressed.basis);
                 let curves = curves_of(quantity);
-                let errors = errors_of(&database, quantity, curves.view(), Some(&colour()));
+                let errors = curve_errors(&database, quantity, curves.view(), Some(&colour()));
                 let errors = errors.unwrap();
                 let row = compressed.table.rows[compressed.components() - 1];
                 assert_eq!(row.components, compressed.components());
@@ -329,7 +329,7 @@ fn files_may_have_a_single_quantity() {
         assert!(matches!(error, LookupError::NoQuantity { .. }));
         let message = format!("has no {}, it has {} only", missing.name(), present.name());
         assert!(error.to_string().contains(&message), "{error}");
-        assert!(errors_of(&database, missing, curves().view(), None).is_err());
+        assert!(curve_errors(&database, missing, curves().view(), None).is_err());
     }
 }
 

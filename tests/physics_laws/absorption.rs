@@ -151,7 +151,7 @@ fn both_fresnel_formulas_meet_at_their_limit() {
         .map(|interface| interface(Index { n: 1.3, k }, AIR).splat());
     for _ in 0..10_000 {
         let c = rng.uniform().max(F64x8::splat(1e-6));
-        let (a, b) = (real.at(c), complex.at(c));
+        let (a, b) = (real.incidences(c), complex.incidences(c));
         let apart = (a.reflectance - b.reflectance).abs().to_array();
         // |dR| grows as the square root of k at the critical angle, where it is largest
         assert!(apart.iter().all(|x| *x < 10.0 * k.sqrt()), "{apart:?}");

@@ -53,7 +53,7 @@ impl Case {
             snowpack: &self.snowpack,
             thicknesses_m: &self.thicknesses_m,
             illuminations: &[self.light],
-            resolution: Resolution::of_rays(rays),
+            resolution: Resolution::for_rays(rays),
             max_error: MaxError::default(),
             wavelengths_nm: &self.nm,
             model: &self.model,

@@ -309,7 +309,7 @@ impl<S: Simd> Events<S> {
             let in_water = Interfaces::select(inside, &water[1], &water[0]);
             interfaces = Interfaces::select(self.wet, &in_water, &interfaces);
         }
-        let incidences = interfaces.at(c);
+        let incidences = interfaces.incidences(c);
         let reflected = rng.uniform().lt(incidences.reflectance);
         let refracted = !reflected;
         let mut next =
@@ -322,7 +322,7 @@ impl<S: Simd> Events<S> {
         next = reflect(d, n, untilted).or_where_not(astray & reflected, next);
         if (astray & refracted).any() {
             let c = untilted.min(one);
-            let refraction = interfaces.refract_or_graze(d, n, c, &interfaces.at(c));
+            let refraction = interfaces.refract_or_graze(d, n, c, &interfaces.incidences(c));
             next = refraction.or_where_not(astray & refracted, next);
         }
         // one Newton step towards unit length keeps rounding errors from adding up

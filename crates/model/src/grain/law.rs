@@ -9,10 +9,10 @@ use crate::rng::Stream;
 #[derive(Debug, Clone, PartialEq, Error)]
 pub enum GrainError {
     /// A bound is not finite, or the pair is out of order.
-    #[error("{what}: min {min} and max {max} must be finite with {lowest} <= min <= max")]
+    #[error("{quantity}: min {min} and max {max} must be finite with {lowest} <= min <= max")]
     Range {
         /// Which law.
-        what: &'static str,
+        quantity: &'static str,
         /// Given minimum.
         min: f64,
         /// Given maximum.
@@ -89,7 +89,7 @@ impl SizeRange {
             })
         } else {
             Err(GrainError::Range {
-                what: "grain size (m)",
+                quantity: "grain size (m)",
                 min: min_m,
                 max: max_m,
                 lowest: 0.0,
@@ -144,7 +144,7 @@ impl TruncatedNormal {
     pub fn new(min: f64, max: f64, mean: f64, sd: f64) -> Result<Self, GrainError> {
         if !(min.is_finite() && max.is_finite() && min <= max) {
             return Err(GrainError::Range {
-                what: "truncated normal",
+                quantity: "truncated normal",
                 min,
                 max,
                 lowest: f64::NEG_INFINITY,
