@@ -237,19 +237,26 @@ fn limits_are_exact_and_points_outside_are_rejected() {
     let t = Lookup::new(&database, Quantity::Transmittance).unwrap();
     let r = Lookup::new(&database, Quantity::Reflectance).unwrap();
     let node = points(&axes)[0];
-    let at = |thickness_cm| node.with(Parameter::Thickness, thickness_cm);
-    assert!(spectrum(&t, at(0.0)).iter().all(|t| *t == 1.0));
-    assert!(spectrum(&r, at(0.0)).iter().all(|r| *r == 0.0));
+    let at_thickness = |thickness_cm| node.with(Parameter::Thickness, thickness_cm);
+    assert!(spectrum(&t, at_thickness(0.0)).iter().all(|t| *t == 1.0));
+    assert!(spectrum(&r, at_thickness(0.0)).iter().all(|r| *r == 0.0));
     // deep snow: diffusion continues, and the reflectance does not decrease
-    let truth = slab(at(60.0), Quantity::Transmittance);
-    for (l, (found, truth)) in spectrum(&t, at(60.0)).iter().zip(truth).enumerate() {
+    let truth = slab(at_thickness(60.0), Quantity::Transmittance);
+    for (l, (found, truth)) in spectrum(&t, at_thickness(60.0))
+        .iter()
+        .zip(truth)
+        .enumerate()
+    {
         assert!(
             (f64::from(*found) / truth).ln().abs() < 0.05 * (1.0 - truth.ln()),
             "{l}: {found} {truth}"
         );
     }
-    assert!(spectrum(&t, at(1e30)).iter().all(|t| *t < 1e-20));
-    assert_eq!(spectrum(&r, at(1e30)), spectrum(&r, at(30.0)));
+    assert!(spectrum(&t, at_thickness(1e30)).iter().all(|t| *t < 1e-20));
+    assert_eq!(
+        spectrum(&r, at_thickness(1e30)),
+        spectrum(&r, at_thickness(30.0))
+    );
     // values that single precision rounds across the boundary count as on the boundary
     assert_eq!(
         spectrum(&t, node.with(Parameter::Facetness, 0.1 - 5e-9)),
@@ -440,17 +447,17 @@ proptest! {
         for i in 0..=400 {
             let mut point = inside(&axes, u);
             point.set(Parameter::Thickness, 40.0 * f64::from(i) / 400.0);
-            let here = spectrum(&lookup, point);
-            prop_assert!(here.iter().all(|v| (0.0..=1.0).contains(v)));
+            let current = spectrum(&lookup, point);
+            prop_assert!(current.iter().all(|v| (0.0..=1.0).contains(v)));
             let from_material = spectrum(&material_at(point), point);
-            for (a, b) in here.iter().zip(&from_material) {
+            for (a, b) in current.iter().zip(&from_material) {
                 prop_assert!((a - b).abs() < 2e-6, "{a} {b}");
             }
-            for (l, (now, then)) in here.iter().zip(before.iter().flatten()).enumerate() {
+            for (l, (now, then)) in current.iter().zip(before.iter().flatten()).enumerate() {
                 let change = if quantity == Quantity::Transmittance { then - now } else { now - then };
                 prop_assert!(change > -1e-6, "{l} {point}: {then} {now}");
             }
-            before = Some(here);
+            before = Some(current);
         }
         // continuity across a node of each axis
         for axis in [0, 1, 3, 4] {

@@ -727,16 +727,16 @@ fn values_of_other_files() -> NamedValues {
 
 /// The source text of all tests.
 fn sources(dir: &Path) -> String {
-    let mut all = String::new();
+    let mut text = String::new();
     for entry in std::fs::read_dir(dir).unwrap() {
         let path = entry.unwrap().path();
         if path.is_dir() {
-            all += &sources(&path);
+            text += &sources(&path);
         } else if path.extension().is_some_and(|end| end == "rs") {
-            all += &std::fs::read_to_string(&path).unwrap();
+            text += &std::fs::read_to_string(&path).unwrap();
         }
     }
-    all
+    text
 }
 
 /// Every marked number matches a file or is checked by a test. Every number of

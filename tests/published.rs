@@ -187,8 +187,8 @@ fn temperature_hardly_changes_reflectance_and_transmittance() {
 
 const VISIBLE_NM: [f64; 4] = [400.0, 500.0, 600.0, 700.0];
 
-/// Transmittance decreases with thickness. Its mean over the visible about halves
-/// (0.4-0.6) when the thickness doubles. At 700 nm, where ice absorbs, it decreases to 0.29 from 5 to
+/// Transmittance decreases with thickness. Its mean over the visible about halves (0.4-0.6)
+/// when the thickness doubles. At 700 nm, where ice absorbs, it decreases to 0.29 from 5 to
 /// 10 cm.
 #[test]
 fn transmittance_decreases_with_thickness() {

@@ -292,11 +292,17 @@ fn too_grazing_light_is_rejected() {
 fn too_small_tables_are_rejected() {
     let case = Case::new("table", ordinary(), 0.0, &[5.0], &[550.0]);
     let best = spectral(&case, 400_000)[0].reflectance[0];
-    let with = |table| Resolution { table, ..COARSE };
+    let with_table = |table| Resolution { table, ..COARSE };
     for engine in [Engine::Tabulated, Engine::Hybrid] {
         let rms = |table: u32| {
             let squares = (0..4).map(|seed| {
-                let spectra = case.run(engine, 40_000, with(table), &Cache::default(), 100 + seed);
+                let spectra = case.run(
+                    engine,
+                    40_000,
+                    with_table(table),
+                    &Cache::default(),
+                    100 + seed,
+                );
                 (spectra.unwrap()[0].reflectance[0].value - best.value).powi(2)
             });
             (squares.sum::<f64>() / 4.0).sqrt()
@@ -307,8 +313,8 @@ fn too_small_tables_are_rejected() {
         let (good, bad) = (rms(envelope::TABLE), rms(10));
         assert!(good < 2.5 * noise, "{}: {good} {noise}", engine.name());
         assert!(bad > 2.5 * noise, "{}: {bad}", engine.name());
-        assert!(run_checked(&case, engine, 1000, with(envelope::TABLE)).is_ok());
-        let error = run_checked(&case, engine, 1000, with(envelope::TABLE - 1)).unwrap_err();
+        assert!(run_checked(&case, engine, 1000, with_table(envelope::TABLE)).is_ok());
+        let error = run_checked(&case, engine, 1000, with_table(envelope::TABLE - 1)).unwrap_err();
         assert!(
             matches!(
                 error,

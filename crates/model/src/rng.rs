@@ -224,7 +224,7 @@ mod tests {
 
     #[test]
     fn every_part_of_the_key_changes_the_stream() {
-        let all = [
+        let keys = [
             KEY,
             Key { seed: 2, ..KEY },
             Key { cell: 3, ..KEY },
@@ -238,13 +238,13 @@ mod tests {
             },
             Key { batch: 7, ..KEY },
         ];
-        let mut first: Vec<u64> = all
+        let mut first: Vec<u64> = keys
             .iter()
             .flat_map(|k| Stream::new(*k).bits().to_array())
             .collect();
         first.sort_unstable();
         first.dedup();
-        assert_eq!(first.len(), 8 * all.len());
+        assert_eq!(first.len(), 8 * keys.len());
     }
 
     /// The digest is part of the format: it determines the bytes of databases.
@@ -252,7 +252,7 @@ mod tests {
     fn digests_depend_on_kind_values_and_boundaries() {
         let digest = |kind: &str, values: &[f64]| Fingerprint::of(kind).and(values).finish();
         assert_eq!(digest("snow", &[0.0]), digest("snow", &[-0.0]));
-        let all = [
+        let digests = [
             digest("snow", &[]),
             digest("snow", &[0.0]),
             digest("snow", &[1.0]),
@@ -262,8 +262,8 @@ mod tests {
             Fingerprint::of("snow").and_text("").and(&[1.0]).finish(),
             Fingerprint::of("snow").and_bits(1).finish(),
         ];
-        for (i, digest) in all.iter().enumerate() {
-            assert!(!all[..i].contains(digest), "{i}");
+        for (i, digest) in digests.iter().enumerate() {
+            assert!(!digests[..i].contains(digest), "{i}");
         }
     }
 

@@ -101,14 +101,14 @@ mod tests {
 
     #[test]
     fn size_factor_of_a_single_size_is_its_inverse() {
-        let one = SizeRange::new(4e-4, 4e-4).unwrap();
-        assert_eq!(size_factor_per_m(&one), 2500.0);
+        let single = SizeRange::new(4e-4, 4e-4).unwrap();
+        assert_eq!(size_factor_per_m(&single), 2500.0);
         let narrow = SizeRange::new(4e-4, 4e-4 * (1.0 + 1e-7)).unwrap();
         assert!((size_factor_per_m(&narrow) / 2500.0 - 1.0).abs() < 1e-6);
     }
 
     #[test]
-    fn size_factor_is_the_published_integral() {
+    fn size_factor_matches_the_published_integral() {
         // (max - min) / (min max ln(max / min)), 300-750 um
         let size = SizeRange::new(300e-6, 750e-6).unwrap();
         let expected = 450e-6 / (300e-6 * 750e-6 * 2.5f64.ln());
@@ -142,10 +142,10 @@ mod tests {
             (published / consistent - 1.016_357).abs() < 2e-6,
             "{published} {consistent}"
         );
-        let one = TruncatedNormal::new(0.8, 0.8, 0.8, 0.0).unwrap();
+        let constant = TruncatedNormal::new(0.8, 0.8, 0.8, 0.0).unwrap();
         assert_eq!(
-            shape_factor(Shape::Spheroid, &one, SizeLaw::Varsa2025),
-            shape_factor(Shape::Spheroid, &one, SizeLaw::Consistent)
+            shape_factor(Shape::Spheroid, &constant, SizeLaw::Varsa2025),
+            shape_factor(Shape::Spheroid, &constant, SizeLaw::Consistent)
         );
     }
 }

@@ -55,8 +55,8 @@ impl Streams {
         });
         let odd = Matrix::from_fn(n, n, |l, i| term(2 * l + 1, i));
         let basis_over_cosine = Matrix::from_fn(n, n, |i, j| {
-            let one = f64::from(u8::from(i == j));
-            (one - v[i] * v[j] / half_square) / cosines[j]
+            let identity = f64::from(u8::from(i == j));
+            (identity - v[i] * v[j] / half_square) / cosines[j]
         });
         let flux: Vec<f64> = (0..n).map(|i| (weights[i] * cosines[i]).sqrt()).collect();
         let flux_ratio = Matrix::from_fn(n, n, |i, j| flux[i] / flux[j]);

@@ -448,14 +448,14 @@ impl<'w, S: Simd, C: EscapeSink> Walk<'w, S, C> {
         self.base(&ray.path, survived, 1.0);
         let weights = self.weights.iter_mut().zip(&self.base);
         weights.for_each(|(weight, base)| *weight = F64x8::splat(*base));
-        let one = F64x8::new([1.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0]).gt(F64x8::ZERO);
+        let first_lane = F64x8::new([1.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0]).gt(F64x8::ZERO);
         let [hx, hy] = ray.heading;
         let direction = Vec3x8 {
             x: F64x8::splat(ray.across * hx),
             y: F64x8::splat(ray.across * hy),
             z: F64x8::splat(ray.mu),
         };
-        self.escape(one, F64x8::splat(ray.z_m), &direction, medium, false);
+        self.escape(first_lane, F64x8::splat(ray.z_m), &direction, medium, false);
     }
 
     /// Weights, times `share`, of a ray that met its grain after `path` and was not absorbed
