@@ -28,8 +28,8 @@ use supply::Supply;
 use walk::Walk;
 
 /// Rays between calls of [`EscapeSink::stop`].
-
 const RAYS_BETWEEN_CHECKS: u64 = 64;
+
 /// Receives the escaping light.
 pub trait EscapeSink {
     /// Light leaves on the lanes of the mask along the unit vectors `direction` (upward
