@@ -188,7 +188,10 @@ fn shards_sources_and_cancelling_work_as_in_the_program() {
     assert!(counter.compressing.load(Ordering::Relaxed));
     reusing.fresh = true;
     let error = splitsnow::build(&file.grid, &first, &reusing).unwrap_err();
-    assert!(matches!(error, BuildError::FreshDeletesSource { .. }), "{error}");
+    assert!(
+        matches!(error, BuildError::FreshDeletesSource { .. }),
+        "{error}"
+    );
     assert!(first.join("database.zarr").exists());
     let report = splitsnow::build(&file.grid, &second, &reusing).unwrap();
     assert_eq!(report.jobs_run, 4);

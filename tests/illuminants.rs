@@ -11,7 +11,7 @@ use splitsnow::colour::{
 };
 use splitsnow::config::{grid, scene};
 
-const D65: &str = include_str!("../data/illuminant_d65.csv");
+const D65: &str = include_str!("../crates/spectra/data/illuminant_d65.csv");
 const IGLOO: &str = include_str!("../configs/scenes/igloo.toml");
 
 /// The wavelengths, nm, and powers of D65.

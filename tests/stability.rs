@@ -314,7 +314,13 @@ fn too_small_tables_are_rejected() {
         assert!(good < 2.5 * noise, "{}: {good} {noise}", engine.name());
         assert!(bad > 2.5 * noise, "{}: {bad}", engine.name());
         assert!(run_checked(&case, engine, 1000, with_table(envelope::MIN_TABLE_ENTRIES)).is_ok());
-        let error = run_checked(&case, engine, 1000, with_table(envelope::MIN_TABLE_ENTRIES - 1)).unwrap_err();
+        let error = run_checked(
+            &case,
+            engine,
+            1000,
+            with_table(envelope::MIN_TABLE_ENTRIES - 1),
+        )
+        .unwrap_err();
         assert!(
             matches!(
                 error,
