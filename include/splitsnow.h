@@ -2387,7 +2387,7 @@ splitsnow_status splitsnow_spectrum_at(const splitsnow_lookup *lookup, double th
 
 /* ---- Colour ---- */
 
-/* The CIE 1931 2-degree observer, 360-830 nm every 5 nm: x, y, z (from data/cie_1931_2deg.csv). */
+/* The CIE 1931 2-degree observer, 360-830 nm every 5 nm: x, y, z (from crates/spectra/data/cie_1931_2deg.csv). */
 enum { SPLITSNOW__OBSERVED = 95, SPLITSNOW__LIT = 85 };
 
 static const float splitsnow__observer[3 * SPLITSNOW__OBSERVED] = {

@@ -7,7 +7,7 @@ import pytest
 
 import splitsnow
 
-DATA = Path(__file__).parents[2] / "data"
+DATA = Path(__file__).parents[2] / "crates/spectra/data"
 FILES = {"E": "e", "D55": "d55", "D65": "d65", "LED-B5": "led_b5", "FL3.15": "fl3_15", "A": "a", "D50": "d50"}
 POINT = (0.3, 250, 300, np.array([1, 4.5, 10]), 33)
 # matrix and D65 white of IEC 61966-2-1
