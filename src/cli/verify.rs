@@ -32,7 +32,7 @@ use crate::verify::{self, Options, Verification, VerifyError};
 Examples:
   splitsnow verify out/quick
   splitsnow verify out/quick --samples 100 --points 2000 --seconds 3600
-  splitsnow verify out/quick --points 0 --seconds 5 --json")]
+  splitsnow verify out/quick --samples 4 --points 0 --json")]
 pub(super) struct Args {
     /// Output directory of `build` or `tailor`
     #[arg(value_name = "DIR")]
