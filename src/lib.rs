@@ -143,6 +143,7 @@ pub mod budget;
 pub mod build;
 #[cfg(feature = "cli")]
 pub mod cli;
+#[cfg(feature = "database")]
 pub mod comparison;
 #[cfg(feature = "database")]
 pub mod compress;
