@@ -9,6 +9,8 @@ mod job;
 mod jobs;
 mod settings;
 mod shard;
+#[cfg(feature = "database")]
+mod stored;
 mod toml_text;
 
 use crate::engine::{Engine, MaxError};
@@ -22,7 +24,9 @@ pub use check::GridError;
 pub use job::Job;
 pub use jobs::Jobs;
 pub use settings::Settings;
-pub(crate) use settings::{CarbonSettings, LawSettings, Reflectance, SizeSettings, config_text};
+#[cfg(feature = "database")]
+pub(crate) use settings::config_text;
+pub(crate) use settings::{CarbonSettings, LawSettings, Reflectance, SizeSettings};
 pub use shard::{Shard, ShardError};
 pub(crate) use toml_text::{toml_entries, toml_text};
 
