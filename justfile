@@ -1,10 +1,14 @@
-# All checks that every change must pass
+# All checks that every change must pass; installs nothing outside target/
 check:
-    bash .ci/run
+    bash .ci/check
 
 # The same, and checks that take too long for every change
 full:
     bash .ci/full
+
+# The documentation as a site, in target/book; needs mdbook
+book:
+    mdbook build
 
 # Benchmarks; copy the results to docs/performance.md
 bench:

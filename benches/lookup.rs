@@ -29,7 +29,7 @@ fn lookups(c: &mut Criterion) {
                 .zip(steps)
                 .for_each(|(u, step)| *u = (*u + step) % 1.0);
             let value = |axis: usize| ends[axis][0] + u[axis] * (ends[axis][1] - ends[axis][0]);
-            Point::of_core(std::array::from_fn(value))
+            Point::from_core(std::array::from_fn(value))
         })
         .collect();
     let mut next = (0..).map(|i: usize| points[i % points.len()]);

@@ -6,6 +6,7 @@ use std::sync::atomic::{AtomicBool, AtomicU64};
 
 use plotters::coord::Shift;
 use plotters::prelude::*;
+use plotters::style::register_font;
 use plotters::style::text_anchor::{HPos, Pos, VPos};
 use splitsnow::colour::Colorimeter;
 use splitsnow::engine::{Cache, Control, Engine, MaxError, Request, Resolution};
@@ -36,6 +37,8 @@ fn main() -> Result<()> {
     let wavelengths_nm: Vec<f64> = (0..31).map(|i| 400.0 + 10.0 * f64::from(i)).collect();
     let curves = transmittances(&wavelengths_nm)?;
     let path = Path::new(env!("CARGO_MANIFEST_DIR")).join("docs/snow.svg");
+    let font = dejavu::sans::regular();
+    register_font("sans-serif", FontStyle::Normal, font).map_err(|_| "unreadable font")?;
     let root = SVGBackend::new(&path, SIZE_PX).into_drawing_area();
     root.fill(&WHITE)?;
     let (left, right) = root.split_horizontally(1120);

@@ -19,7 +19,7 @@ use splitsnow::store::{Store, Variable};
 type Result<T> = std::result::Result<T, Box<dyn Error>>;
 
 fn base() -> Point {
-    Point::of_core([0.3, 400.0, 300.0, 15.0, 0.0])
+    Point::from_core([0.3, 400.0, 300.0, 15.0, 0.0])
 }
 const NOTE: &str = "ΔE*ab (CIE 1976) of the two as they are; in brackets, exposed";
 

@@ -112,7 +112,20 @@ int splitsnow_has(const splitsnow *database, splitsnow_quantity quantity);
 
 /* Whether the slab lies on a black substrate, with no other layers. Queries then extend
  * down to thickness 0; otherwise they start at the first node. */
-int splitsnow_stands_free(const splitsnow *database);
+int splitsnow_has_black_substrate(const splitsnow *database);
+
+#if defined(__GNUC__)
+#define SPLITSNOW_DEPRECATED __attribute__((deprecated))
+#elif defined(_MSC_VER)
+#define SPLITSNOW_DEPRECATED __declspec(deprecated)
+#else
+#define SPLITSNOW_DEPRECATED
+#endif
+
+/* Deprecated: the former name of splitsnow_has_black_substrate. */
+SPLITSNOW_DEPRECATED static inline int splitsnow_stands_free(const splitsnow *database) {
+    return splitsnow_has_black_substrate(database);
+}
 
 /* A metadata value (`error_budget`, `provenance`, ...); NULL if the key is missing. */
 const char *splitsnow_metadata(const splitsnow *database, const char *key);
@@ -137,9 +150,9 @@ void splitsnow_lookup_free(splitsnow_lookup *lookup);
 
 /* The spectrum of a lookup of one snow at the `n` wavelengths of the database.
  *
- * The thickness may be any value from 0 if the substrate is black (splitsnow_stands_free),
- * otherwise any value from its first node; if the file has a single thickness, it must be
- * that one. The incidence angle must be within its axis. For other values and for NaN the
+ * The thickness may be any value from 0 if the substrate is black
+ * (splitsnow_has_black_substrate), otherwise any value from its first node; if the file has a
+ * single thickness, it must be that one. The incidence angle must be within its axis. For other values and for NaN the
  * status is SPLITSNOW_ERROR_OUTSIDE. A value within a relative 1e-6 of an end counts as
  * the end. */
 splitsnow_status splitsnow_spectrum(const splitsnow_lookup *lookup, double thickness_cm,
@@ -1444,7 +1457,7 @@ int splitsnow_has(const splitsnow *database, splitsnow_quantity quantity) {
     return (unsigned)quantity < 2 && database->components[quantity] > 0;
 }
 
-int splitsnow_stands_free(const splitsnow *database) { return database->has_black_substrate; }
+int splitsnow_has_black_substrate(const splitsnow *database) { return database->has_black_substrate; }
 
 const char *splitsnow_metadata(const splitsnow *database, const char *key) {
     const splitsnow__text *found =
@@ -2374,7 +2387,7 @@ splitsnow_status splitsnow_spectrum_at(const splitsnow_lookup *lookup, double th
 
 /* ---- Colour ---- */
 
-/* The CIE 1931 2-degree observer, 360-830 nm every 5 nm: x, y, z (from data/cie_1931_2deg.csv). */
+/* The CIE 1931 2-degree observer, 360-830 nm every 5 nm: x, y, z (from crates/spectra/data/cie_1931_2deg.csv). */
 enum { SPLITSNOW__OBSERVED = 95, SPLITSNOW__LIT = 85 };
 
 static const float splitsnow__observer[3 * SPLITSNOW__OBSERVED] = {

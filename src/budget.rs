@@ -12,7 +12,7 @@ const TICK: Duration = Duration::from_millis(5);
 
 /// Runs `work` with a stop flag. The flag is set when `cancel` is set, or when the process
 /// has used `seconds` of CPU time since the call, summed over all threads (`None`: no limit).
-pub fn within<T>(
+pub fn with_cpu_limit<T>(
     seconds: Option<f64>,
     cancel: &AtomicBool,
     work: impl FnOnce(&AtomicBool) -> T,
@@ -59,7 +59,7 @@ impl Drop for EndWatcher<'_> {
 ///
 /// # Errors
 /// An error that `f` returned.
-pub fn in_order<T: Send, E: Send>(
+pub fn par_map_in_order<T: Send, E: Send>(
     count: usize,
     stop: &AtomicBool,
     f: impl Fn(usize) -> Result<Option<T>, E> + Sync,
@@ -92,17 +92,17 @@ mod tests {
         let spin = |stop: &AtomicBool| while !stop.load(Ordering::Relaxed) {};
         let cancel = AtomicBool::new(false);
         let begin = ProcessTime::now();
-        within(Some(0.1), &cancel, spin);
+        with_cpu_limit(Some(0.1), &cancel, spin);
         // other tests of this process work too: only the lower bound is sure
         assert!(begin.elapsed().as_secs_f64() > 0.1);
         cancel.store(true, Ordering::Relaxed);
-        within(None, &cancel, spin);
+        with_cpu_limit(None, &cancel, spin);
     }
 
     #[test]
     fn work_that_panics_ends() {
         let never = AtomicBool::new(false);
-        let work = || within(None, &never, |_| panic!("as meant"));
+        let work = || with_cpu_limit(None, &never, |_| panic!("as meant"));
         let ended = std::panic::catch_unwind(std::panic::AssertUnwindSafe(work));
         assert!(ended.is_err());
     }
@@ -110,7 +110,7 @@ mod tests {
     #[test]
     fn what_was_done_is_kept() {
         let stop = AtomicBool::new(false);
-        let some = in_order(100, &stop, |number| {
+        let some = par_map_in_order(100, &stop, |number| {
             if number == 20 {
                 stop.store(true, Ordering::Relaxed);
             }
@@ -123,7 +123,7 @@ mod tests {
             (100, Some(2), None, None)
         );
         assert!(done.contains(&20) && done.len() >= 20, "{done:?}");
-        let failed = in_order(5, &AtomicBool::new(false), |n| {
+        let failed = par_map_in_order(5, &AtomicBool::new(false), |n| {
             if n == 1 { Err(n) } else { Ok(Some(n)) }
         });
         assert_eq!(failed, Err(1));

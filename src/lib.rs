@@ -106,6 +106,7 @@
 //! |---|---|
 //! | [`simd`], [`math`], [`rng`], [`units`], [`threads`], [`budget`] | instruction sets; vectors, deterministic elementary functions, random streams, unit conversions; number of threads; CPU time limits |
 //! | `atomic`, `host` | atomic writing of files; identification of processes |
+//! | `accuracy`, `sampling` | root mean squares and summaries of errors; random streams of checks |
 //! | [`parameter`], [`lookup`] | the axes of a database; reading of compact files and interpolation |
 //! | [`spectrum`], [`optics`], [`colour`] | tabulated functions of wavelength; refractive indices; Fresnel and Snell; CIELAB |
 //! | [`grain`] | distributions of grain size and shape, interaction of a ray with a grain, mean free distance |
@@ -126,33 +127,53 @@
 //! | [`export`] | export of databases, compact files and their colours to other formats |
 //! | `cli` | the command line |
 //!
-//! Features, all enabled by default: `charts` provides `lab` and export to images; `netcdf`
+//! Features, all enabled by default: `database` provides the modules from [`store`] to
+//! [`export`], except [`simulation`]; `charts` provides `lab` and export to images; `netcdf`
 //! and `npz` provide export to these formats; `cli` provides `cli` and the program
 //! `splitsnow`. Formats and commands of a disabled feature are not available.
+#[cfg(feature = "database")]
+mod accuracy;
+#[cfg(feature = "database")]
 mod atomic;
+#[cfg(feature = "database")]
 pub mod batch;
+#[cfg(feature = "database")]
 pub mod budget;
+#[cfg(feature = "database")]
 pub mod build;
 #[cfg(feature = "cli")]
 pub mod cli;
+#[cfg(feature = "database")]
 pub mod comparison;
+#[cfg(feature = "database")]
 pub mod compress;
 pub mod config;
+#[cfg(feature = "database")]
 pub mod error_budget;
+#[cfg(feature = "database")]
 pub mod export;
 pub mod grid;
+#[cfg(feature = "database")]
 mod host;
 #[cfg(feature = "charts")]
 pub mod lab;
+#[cfg(feature = "database")]
 pub mod plan;
+#[cfg(feature = "database")]
+mod sampling;
 pub mod scene;
 pub mod simulation;
+#[cfg(feature = "database")]
 pub mod store;
+#[cfg(feature = "database")]
 pub mod tailor;
 pub mod threads;
+#[cfg(feature = "database")]
 pub mod verify;
 
+#[cfg(feature = "database")]
 pub use build::build;
+#[cfg(feature = "database")]
 pub use plan::plan;
 pub use simulation::Simulation;
 pub use splitsnow_lookup::{

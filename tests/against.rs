@@ -1,5 +1,5 @@
-//! `simulate --against`: measured spectra as they are read, and a simulation
-//! beside them.
+//! `simulate --against`: reading of measured spectra, and their comparison with a
+//! simulation.
 #![allow(clippy::unwrap_used)]
 use std::path::{Path, PathBuf};
 use std::process::{Command, Output};
@@ -12,7 +12,7 @@ use splitsnow::comparison::{
 use splitsnow::measurement::{Measured, Quantity};
 use splitsnow::spectrum::measured::{self, Column, MaskReason, Order, Problem, Scale, Unit};
 
-fn of(quantity: Option<Quantity>) -> Hints {
+fn hints(quantity: Option<Quantity>) -> Hints {
     Hints {
         quantity,
         ..Hints::default()
@@ -20,14 +20,14 @@ fn of(quantity: Option<Quantity>) -> Hints {
 }
 
 fn reflectance() -> Hints {
-    of(Some(Quantity::Reflectance))
+    hints(Some(Quantity::Reflectance))
 }
 
 fn parse(text: &str) -> Result<MeasuredSpectrum, MeasuredError> {
-    MeasuredSpectrum::parse("snow.csv", text.as_bytes(), &of(None), &Exclusion::FIELD)
+    MeasuredSpectrum::parse("snow.csv", text.as_bytes(), &hints(None), &Exclusion::FIELD)
 }
 
-/// The line and kind of a refusal to read.
+/// The line and the problem of a file that is refused.
 fn refusal(read: Result<MeasuredSpectrum, MeasuredError>) -> (Option<usize>, Problem) {
     match read.unwrap_err() {
         MeasuredError::Spectrum(error) => (error.line, *error.problem),
@@ -35,7 +35,7 @@ fn refusal(read: Result<MeasuredSpectrum, MeasuredError>) -> (Option<usize>, Pro
     }
 }
 
-/// A file of tests/data/measured, its bands excluded or not.
+/// Reads a file of tests/data/measured.
 fn file(name: &str, hints: &Hints, exclusions: &[Exclusion]) -> MeasuredSpectrum {
     let path = Path::new(env!("CARGO_MANIFEST_DIR"))
         .join("tests/data/measured")
@@ -43,17 +43,18 @@ fn file(name: &str, hints: &Hints, exclusions: &[Exclusion]) -> MeasuredSpectrum
     MeasuredSpectrum::read(&path, hints, exclusions).unwrap_or_else(|error| panic!("{error}"))
 }
 
-/// One spectrum as programs, libraries and instruments write it is one spectrum.
+/// The same spectrum in the formats of various programs, libraries and instruments.
 #[test]
-fn one_spectrum_in_many_ways() {
+fn one_spectrum_is_read_from_many_formats() {
     let nm: Vec<f64> = (7..=50).map(|i| 50.0 * f64::from(i)).collect();
     let plain = file(
         "ecostress_medium_converted.csv",
-        &of(None),
+        &hints(None),
         &Exclusion::FIELD,
     );
     let expected = plain.at(&nm).unwrap();
-    // every 50 nm from 350 to 1700, one in the converted table's gap, and 2000 to 2500
+    // every 50 nm from 350 to 1700 nm, except for one in a gap of the converted table, and
+    // from 2000 to 2500 nm
     assert!(expected.iter().filter(|m| !m.excluded).count() > 30);
     for name in [
         "v_bom_crlf.csv",
@@ -70,13 +71,13 @@ fn one_spectrum_in_many_ways() {
         "utf16_le.csv",
         "utf16_be.csv",
     ] {
-        let read = file(name, &of(None), &Exclusion::FIELD);
+        let read = file(name, &hints(None), &Exclusion::FIELD);
         assert_eq!(read.quantity(), Quantity::Reflectance, "{name}");
         let found = read.at(&nm).unwrap();
         for point in expected.iter().filter(|point| !point.excluded) {
             let same = found.iter().find(|other| other.nm == point.nm);
             let value = same.map_or(f64::NAN, |other| other.value);
-            // a percent is divided by 100, and instruments write three decimals of it
+            // percentages are divided by 100; instruments write them with three decimals
             assert!(
                 (value - point.value).abs() < 1e-12,
                 "{name} at {} nm: {value}",
@@ -85,8 +86,9 @@ fn one_spectrum_in_many_ways() {
         }
         assert!(!read.report().to_string().contains('\n'));
     }
-    let report =
-        |name: &str, exclusions: &[Exclusion]| file(name, &of(None), exclusions).report().clone();
+    let report = |name: &str, exclusions: &[Exclusion]| {
+        file(name, &hints(None), exclusions).report().clone()
+    };
     let nan = report("v_nan.csv", &[]);
     let lines: Vec<usize> = nan.masked.iter().map(|row| row.line).collect();
     assert_eq!(lines, (97..=104).collect::<Vec<_>>());
@@ -102,56 +104,56 @@ fn one_spectrum_in_many_ways() {
         (sig.column, sig.order, sig.scale),
         (4, Order::Mixed, Some(Scale::Percent))
     );
-    // 1000, 1880 and 1900 nm are of two detectors
+    // two detectors overlap at 1000, 1880 and 1900 nm
     assert_eq!((sig.columns, sig.merged), (4, 3), "{sig}");
     let library = report("ecostress.txt", &[]);
     assert_eq!((library.unit, library.order), (Unit::Um, Order::Descending));
 }
 
-/// Files as they come from the field.
+/// Unedited files from the field.
 #[test]
-fn field_files_are_read_and_their_noise_told() {
-    let sed = file("psr_cut.sed", &of(None), &Exclusion::FIELD);
+fn field_files_are_read_and_their_noise_is_reported() {
+    let sed = file("psr_cut.sed", &hints(None), &Exclusion::FIELD);
     assert_eq!((sed.report().column, sed.rows()), (4, 13));
     assert_eq!(sed.at(&[350.0, 362.0]).unwrap()[0].value, 0.233_105);
 
-    let many = file("multicolumn_cut.csv", &of(None), &Exclusion::FIELD);
+    let many = file("multicolumn_cut.csv", &hints(None), &Exclusion::FIELD);
     assert_eq!(
         (many.report().name.as_str(), many.report().other_columns),
         ("13_7_S1", 2)
     );
-    let told = many.report().to_string();
+    let report = many.report().to_string();
     assert!(
-        told.contains("column 2 `13_7_S1` (the first, 2 more match"),
-        "{told}"
+        report.contains("column 2 `13_7_S1` (the first, 2 more match"),
+        "{report}"
     );
-    for asked in ["13_7_S2", "3", "s2"] {
+    for column in ["13_7_S2", "3", "s2"] {
         let hints = Hints {
-            column: Some(Column(asked.into())),
+            column: Some(Column(column.into())),
             ..Hints::default()
         };
         let second = file("multicolumn_cut.csv", &hints, &Exclusion::FIELD);
         assert_eq!(second.at(&[350.0, 360.0]).unwrap()[0].value, 0.360_307_349);
     }
 
-    let quiet = file("excluded_nan.csv", &of(None), &Exclusion::FIELD);
+    let quiet = file("excluded_nan.csv", &hints(None), &Exclusion::FIELD);
     assert!(quiet.report().masked.is_empty() && quiet.at(&[400.0, 430.0, 1800.0]).is_ok());
     assert_eq!(
-        file("excluded_nan.csv", &of(None), &[])
+        file("excluded_nan.csv", &hints(None), &[])
             .report()
             .masked
             .len(),
         3
     );
 
-    let spike = file("greenland_spike.csv", &of(None), &Exclusion::FIELD);
+    let spike = file("greenland_spike.csv", &hints(None), &Exclusion::FIELD);
     let [masked] = spike.report().masked[..] else {
         panic!("{}", spike.report());
     };
     assert_eq!((masked.line, masked.why), (19, MaskReason::Impossible));
     assert_eq!(spike.at(&[2256.5, 2258.0, 2260.0]).unwrap().len(), 3);
 
-    let hole = file("greenland_empty_cell.csv", &of(None), &[]);
+    let hole = file("greenland_empty_cell.csv", &hints(None), &[]);
     let lines = |why| -> Vec<usize> {
         let rows = hole.report().masked.iter();
         rows.filter(|row| row.why == why)
@@ -161,16 +163,17 @@ fn field_files_are_read_and_their_noise_told() {
     assert_eq!(lines(MaskReason::Missing), [21]);
     assert_eq!(lines(MaskReason::Impossible), [3, 13, 16, 17, 19, 20]);
 
-    let low_sun = file("hcrf_above_1.2.csv", &of(None), &Exclusion::FIELD);
+    let low_sun = file("hcrf_above_1.2.csv", &hints(None), &Exclusion::FIELD);
     assert_eq!(
         low_sun.at(&[350.0, 352.0]).unwrap()[0].value,
         1.247_717_183_7
     );
 }
 
-/// A scale of 0-100 is not one of 0-1, and wavenumbers beside wavelengths are let be.
+/// Header names decide between the scales 0-100 and 0-1. A column of wavenumbers beside one
+/// of wavelengths is ignored.
 #[test]
-fn what_names_say_is_not_taken_for_more() {
+fn column_names_are_not_overinterpreted() {
     for (text, expected) in [
         (
             "wavelength_nm,Reflectance (0-100)\n1500,0.9\n1510,0.8\n",
@@ -193,9 +196,9 @@ fn what_names_say_is_not_taken_for_more() {
     }
 }
 
-/// Wavelengths stay above 0, however small.
+/// Very small wavelengths stay above 0.
 #[test]
-fn no_wavelength_is_rounded_to_nothing() {
+fn no_wavelength_is_rounded_to_zero() {
     let text = "wavelength_um,power\n0.7e-10,2\n0.351,2\n0.7,3\n";
     let light = measured::Request::new(Some(measured::Content::Power), (0.0, f64::MAX));
     let curve = measured::parse("lamp.csv", text.as_bytes(), &light).unwrap();
@@ -203,7 +206,7 @@ fn no_wavelength_is_rounded_to_nothing() {
     assert_eq!(nm, [0.7e-10 * 1e3, 351.0, 700.0]);
 }
 
-/// What cannot be a spectrum is refused, and guesses can be overruled.
+/// Files that cannot be spectra are refused. Options override guesses of unit and scale.
 #[test]
 fn absurd_files_are_refused() {
     for (text, line, part) in [
@@ -257,9 +260,9 @@ fn absurd_files_are_refused() {
         ),
     ] {
         let error = parse(text).unwrap_err().to_string();
-        let at = line.map_or("snow.csv: ".into(), |line| format!("snow.csv:{line}: "));
+        let place = line.map_or("snow.csv: ".into(), |line| format!("snow.csv:{line}: "));
         assert!(
-            error.starts_with(&at) && error.contains(part),
+            error.starts_with(&place) && error.contains(part),
             "{text:?}: {error}"
         );
         assert!(error.contains("\n  help: ") && error.len() < 400, "{error}");
@@ -276,14 +279,14 @@ fn absurd_files_are_refused() {
     assert_eq!(values, [0.005, 0.005]);
 }
 
-/// Wavelength, value and whether it is excluded, of all that is matched.
+/// Wavelength, value and exclusion of all matched wavelengths.
 fn matched(text: &str, wavelengths_nm: &[f64]) -> Vec<(f64, f64, bool)> {
-    let all = parse(text).unwrap().at(wavelengths_nm).unwrap();
-    all.iter().map(|m| (m.nm, m.value, m.excluded)).collect()
+    let points = parse(text).unwrap().at(wavelengths_nm).unwrap();
+    points.iter().map(|m| (m.nm, m.value, m.excluded)).collect()
 }
 
 #[test]
-fn files_as_programs_write_them_are_read() {
+fn variants_of_csv_are_read() {
     let texts = [
         "wavelength_nm,reflectance\n400,0.5\n410,0.7\n",
         "\u{feff}# made\r\n\r\n\"wavelength_nm\" , \"reflectance\"\r\n400, .5\r\n# why\r\n410, 7e-1",
@@ -307,15 +310,15 @@ fn files_as_programs_write_them_are_read() {
 }
 
 #[test]
-fn no_value_is_made_up() {
+fn values_are_not_extrapolated() {
     let text = "wavelength_nm,transmittance\n349,9\n400,0.1\n430,0.4\n461,0.7\n500,1\n2501,-3\n";
     assert_eq!(parse(text).unwrap().ignored(), 2);
     assert_eq!(parse(text).unwrap().rows(), 4);
-    // Not beyond the rows, not in gaps of 31 and 39 nm.
-    let asked = [
+    // No values outside the rows or in the gaps of 31 and 39 nm.
+    let wavelengths_nm = [
         350.0, 399.9, 400.0, 410.0, 430.0, 440.0, 461.0, 480.0, 500.0, 501.0,
     ];
-    let found = matched(text, &asked);
+    let found = matched(text, &wavelengths_nm);
     let expected = [
         (400.0, 0.1),
         (410.0, 0.2),
@@ -333,7 +336,7 @@ fn no_value_is_made_up() {
 }
 
 #[test]
-fn noise_in_excluded_bands_does_not_reach_what_counts() {
+fn noise_in_excluded_bands_does_not_affect_other_bands() {
     let text =
         "wavelength_nm,reflectance\n1730,0.1\n1740,0.2\n1750,1e29\n1760,-7\n2010,0.4\n2020,0.5\n";
     let found = matched(
@@ -353,9 +356,15 @@ fn noise_in_excluded_bands_does_not_reach_what_counts() {
     ];
     assert_eq!(nm, expected);
     assert!(found.iter().all(|(_, value, _)| value.is_finite()));
-    // The same file counted throughout: the noise is masked.
-    let all = MeasuredSpectrum::parse("snow.csv", text.as_bytes(), &of(None), &[]).unwrap();
-    let masked: Vec<usize> = all.report().masked.iter().map(|row| row.line).collect();
+    // Without exclusions, the noise is masked.
+    let unfiltered =
+        MeasuredSpectrum::parse("snow.csv", text.as_bytes(), &hints(None), &[]).unwrap();
+    let masked: Vec<usize> = unfiltered
+        .report()
+        .masked
+        .iter()
+        .map(|row| row.line)
+        .collect();
     assert_eq!(masked, [4, 5]);
 }
 
@@ -365,12 +374,12 @@ fn other_quantities_and_endless_files_are_refused() {
     let read = MeasuredSpectrum::parse("x", text.as_bytes(), &reflectance(), &[]);
     let (line, problem) = refusal(read);
     assert!(line == Some(1) && matches!(problem, Problem::OtherContent { .. }));
-    let endless = MeasuredSpectrum::read(Path::new("/dev/zero"), &of(None), &[]);
+    let endless = MeasuredSpectrum::read(Path::new("/dev/zero"), &hints(None), &[]);
     assert!(!cfg!(unix) || refusal(endless).1 == Problem::Length);
 }
 
 #[test]
-fn two_wavelengths_that_count_are_needed() {
+fn at_least_two_comparable_wavelengths_are_required() {
     let text = "wavelength_nm,reflectance\n900,0.5\n910,0.5\n1800,0.1\n1810,0.1\n";
     let error = parse(text).unwrap().at(&[400.0, 905.0, 1805.0, 1900.0]);
     assert!(error.unwrap_err().to_string().starts_with(
@@ -403,10 +412,10 @@ proptest! {
         }
     }
 
-    /// A straight line is met between its rows, and a shift of the simulation is
-    /// its RMSE and bias in every band.
+    /// Interpolation of a straight line is exact. A simulation that is shifted by a constant
+    /// has this constant as RMSE and bias in every band.
     #[test]
-    fn shifts_are_found(rows in rows(), shift in -0.5..0.5_f64) {
+    fn a_constant_shift_is_the_rmse_and_bias(rows in rows(), shift in -0.5..0.5_f64) {
         let line = |nm: f64| 0.2 + 2e-4 * nm;
         let mut text = "wavelength_nm,reflectance\n".to_owned();
         let mut nm = RANGE_NM.0;
@@ -415,21 +424,22 @@ proptest! {
             nm += step;
         }
         let wavelengths: Vec<f64> = (35..=250).map(|i| 10.0 * f64::from(i)).collect();
-        if let Ok(matched) = parse(&text).unwrap().at(&wavelengths) {
-            let simulated = wavelengths.iter().map(|&nm| Measured { value: line(nm) + shift, se: 0.0 });
-            let comparison = Comparison::new(&matched, &simulated.collect::<Vec<_>>());
-            let bands = Band::ALL.map(|band| comparison.band(band));
-            let counted: usize = bands.iter().flatten().map(|figures| figures.points).sum();
-            let all = comparison.overall();
-            prop_assert_eq!(all.map(|figures| figures.points), Some(counted));
-            for figures in bands.into_iter().flatten().chain(all) {
-                prop_assert!((figures.rmse - shift.abs()).abs() < 1e-12);
-                prop_assert!((figures.bias - shift).abs() < 1e-12);
-            }
+        // proptest fails if it must reject too many cases
+        let matched = parse(&text).unwrap().at(&wavelengths);
+        let matched = matched.map_err(|error| TestCaseError::reject(error.to_string()))?;
+        let simulated = wavelengths.iter().map(|&nm| Measured { value: line(nm) + shift, se: 0.0 });
+        let comparison = Comparison::new(&matched, &simulated.collect::<Vec<_>>());
+        let bands = Band::ALL.map(|band| comparison.band(band));
+        let counted: usize = bands.iter().flatten().map(|figures| figures.points).sum();
+        let overall = comparison.overall();
+        prop_assert_eq!(overall.map(|figures| figures.points), Some(counted));
+        for figures in bands.into_iter().flatten().chain(overall) {
+            prop_assert!((figures.rmse - shift.abs()).abs() < 1e-12);
+            prop_assert!((figures.bias - shift).abs() < 1e-12);
         }
     }
 
-    /// Interpolated values lie between those of the rows, to the last bit.
+    /// Interpolated values never leave the range of the rows, not even by rounding.
     #[test]
     fn interpolation_does_not_overshoot(rows in rows()) {
         let mut nm = RANGE_NM.0;
@@ -447,12 +457,12 @@ proptest! {
     }
 }
 
-struct Bench {
+struct Folder {
     dir: tempfile::TempDir,
 }
 
-impl Bench {
-    /// The folder of a sample of the thesis at few wavelengths.
+impl Folder {
+    /// A folder with a sample of the thesis at a few wavelengths.
     fn new() -> Self {
         let path = Path::new(env!("CARGO_MANIFEST_DIR")).join("configs/samples/basal.toml");
         let text = std::fs::read_to_string(path).unwrap();
@@ -470,8 +480,8 @@ impl Bench {
 
     fn run(&self, args: &str) -> Output {
         let mut command = Command::new(PathBuf::from(env!("CARGO_BIN_EXE_splitsnow")));
-        let fixed = "measure basal.toml --engine hybrid --rays 500 ";
-        command.args((fixed.to_owned() + args).split_whitespace());
+        let options = "measure basal.toml --engine hybrid --rays 500 ";
+        command.args((options.to_owned() + args).split_whitespace());
         command.current_dir(self.dir.path()).output().unwrap()
     }
 
@@ -491,9 +501,9 @@ impl Bench {
 }
 
 #[test]
-fn a_simulation_against_itself_and_shifted() {
-    let bench = Bench::new();
-    let own = bench.json("");
+fn a_simulation_is_compared_with_itself_and_with_a_shifted_copy() {
+    let folder = Folder::new();
+    let own = folder.json("");
     let column = |name: &str| -> Vec<f64> { serde_json::from_value(own[name].clone()).unwrap() };
     let (nm, t) = (column("wavelength_nm"), column("transmittance"));
     for (file, shift) in [("same.csv", 0.0), ("shifted.csv", 0.04)] {
@@ -501,10 +511,10 @@ fn a_simulation_against_itself_and_shifted() {
         for (nm, t) in nm.iter().zip(&t) {
             text += &format!("{nm},{:?}\n", t + shift);
         }
-        std::fs::write(bench.path(file), text).unwrap();
+        std::fs::write(folder.path(file), text).unwrap();
     }
 
-    let csv = bench.text("--against same.csv --plot same.svg");
+    let csv = folder.text("--against same.csv --plot same.svg");
     let lines: Vec<&str> = csv.lines().collect();
     for line in [
         "# engine: hybrid",
@@ -543,7 +553,7 @@ fn a_simulation_against_itself_and_shifted() {
         rows[5].starts_with("1800,") && rows[5].ends_with(",0.0,true"),
         "{csv}"
     );
-    let svg = std::fs::read_to_string(bench.path("same.svg")).unwrap();
+    let svg = std::fs::read_to_string(folder.path("same.svg")).unwrap();
     for words in [
         "Simulated and measured transmittance: RMSE 0.0000",
         "1750-2000",
@@ -551,20 +561,20 @@ fn a_simulation_against_itself_and_shifted() {
         assert!(svg.contains(words));
     }
 
-    let json = bench.json("--against shifted.csv --exclude none --plot shifted.png");
+    let json = folder.json("--against shifted.csv --exclude none --plot shifted.png");
     let against = &json["against"];
-    let close = |value: &Value, to: f64| (value.as_f64().unwrap() - to).abs() < 1e-12;
+    let close = |value: &Value, expected: f64| (value.as_f64().unwrap() - expected).abs() < 1e-12;
     assert!(close(&against["overall"]["rmse"], 0.04), "{against}");
     assert!(close(&against["overall"]["bias"], -0.04), "{against}");
     assert_eq!(against["overall"]["points"], 6);
     let read = &against["read"];
     assert_eq!((&read["column"], &read["unit"]), (&2.into(), &"nm".into()));
-    let told = bench
+    let stderr = folder
         .run("--against shifted.csv --column 2 --exclude none")
         .stderr;
-    let told = String::from_utf8(told).unwrap();
-    assert!(told.starts_with("read shifted.csv: a table, 2 columns by commas; transmittance"));
-    assert_eq!(told.lines().count(), 1, "{told}");
+    let stderr = String::from_utf8(stderr).unwrap();
+    assert!(stderr.starts_with("read shifted.csv: a table, 2 columns by commas; transmittance"));
+    assert_eq!(stderr.lines().count(), 1, "{stderr}");
     assert_eq!(against["bands"][3]["points"], 2);
     assert_eq!(against["bands"][1]["name"], "visible");
     assert_eq!(
@@ -573,10 +583,10 @@ fn a_simulation_against_itself_and_shifted() {
     );
     assert_eq!(against["simulated"], own["transmittance"]);
     assert_eq!(against["simulated_se"], own["transmittance_se"]);
-    let png = std::fs::read(bench.path("shifted.png")).unwrap();
+    let png = std::fs::read(folder.path("shifted.png")).unwrap();
     assert!(png.starts_with(b"\x89PNG\r\n\x1a\n"));
 
-    let json = bench.json("--against shifted.csv --exclude 350-450 --exclude 1500-1900");
+    let json = folder.json("--against shifted.csv --exclude 350-450 --exclude 1500-1900");
     let bands = json["against"]["bands"].as_array().unwrap();
     let points: Vec<_> = bands
         .iter()
@@ -587,10 +597,10 @@ fn a_simulation_against_itself_and_shifted() {
 }
 
 #[test]
-fn refusals_come_before_the_simulation() {
-    let bench = Bench::new();
+fn errors_come_before_the_simulation() {
+    let folder = Folder::new();
     std::fs::write(
-        bench.path("far.csv"),
+        folder.path("far.csv"),
         "wavelength_nm,value\n2000,0\n2010,0\n",
     )
     .unwrap();
@@ -615,7 +625,7 @@ fn refusals_come_before_the_simulation() {
         ),
         ("--plot far.png", "--against"),
     ] {
-        let output = bench.run(args);
+        let output = folder.run(args);
         let errors = String::from_utf8(output.stderr).unwrap();
         assert!(
             !output.status.success() && errors.contains(message),

@@ -1,4 +1,4 @@
-//! What the program does, through the library: the same files, to the byte.
+//! The library writes the same files as the program, to the byte.
 #![allow(clippy::unwrap_used)]
 
 use std::path::Path;
@@ -7,14 +7,14 @@ use std::sync::atomic::{AtomicBool, AtomicU64, Ordering};
 
 use crate::common::{assert_same, dir_bytes};
 use assert_cmd::cargo::cargo_bin;
-use splitsnow::batch::{Begin, Progress};
+use splitsnow::batch::{Progress, RunInfo};
 use splitsnow::build::{self, BuildError, CompressionRequest, Options};
 use splitsnow::compress::{Basis, Choice};
 use splitsnow::config::grid::{self, GridFile};
 use splitsnow::grid::Shard;
 use splitsnow::{Database, Quantity, plan};
 
-/// A folder with the grid file `tiny.toml`, `change`d.
+/// A folder with the grid file `tiny.toml`, modified by `change`.
 fn folder(change: impl Fn(String) -> String) -> tempfile::TempDir {
     let dir = tempfile::tempdir().unwrap();
     let text = include_str!("cli/build.in/tiny.toml").to_string();
@@ -22,7 +22,7 @@ fn folder(change: impl Fn(String) -> String) -> tempfile::TempDir {
     dir
 }
 
-/// With isotropic light, and colours of another formula.
+/// Adds isotropic light and another colour difference formula.
 fn diffuse(text: String) -> String {
     text.replace("[axes]", "[axes]\ndiffuse = true")
         .replace("\"spectral\"", "\"hybrid\"")
@@ -47,7 +47,7 @@ fn options(file: &GridFile) -> Options<'static> {
 }
 
 #[test]
-fn a_build_writes_the_bytes_of_the_program() {
+fn the_library_writes_the_bytes_of_the_program() {
     for change in [|text| text, diffuse] {
         let dir = folder(change);
         program(dir.path(), &["build", "tiny.toml"]);
@@ -55,7 +55,7 @@ fn a_build_writes_the_bytes_of_the_program() {
         assert!(expected.contains_key("snow.safetensors"));
 
         let file = file(dir.path());
-        let out = dir.path().join("whole");
+        let out = dir.path().join("library");
         let report = splitsnow::build(&file.grid, &out, &options(&file)).unwrap();
         assert_eq!(report.jobs_run, report.jobs);
         assert!(report.share.is_none());
@@ -69,8 +69,8 @@ fn a_build_writes_the_bytes_of_the_program() {
             Database::open(&compact.compact).unwrap()
         );
 
-        // another compact file, by either
-        let words = [
+        // both compress the database again, with other options
+        let compress_options = [
             "--max-rmse",
             "0.01",
             "--basis",
@@ -80,33 +80,34 @@ fn a_build_writes_the_bytes_of_the_program() {
         ];
         program(
             dir.path(),
-            &[&["compress", "out/tiny"][..], &words[..]].concat(),
+            &[&["compress", "out/tiny"][..], &compress_options[..]].concat(),
         );
         let mut bounds = file.grid.compression;
         (bounds.max_delta_e, bounds.max_rmse) = (2.3, Some(0.01));
-        let mut asked = CompressionRequest::plain(bounds, Default::default());
-        asked.variant.basis = Basis::Log;
-        asked.quantities = vec![Quantity::Transmittance];
-        let compact = build::compress(&out, &asked).unwrap();
+        let mut request = CompressionRequest::plain(bounds, Default::default());
+        request.variant.basis = Basis::Log;
+        request.quantities = vec![Quantity::Transmittance];
+        let compact = build::compress(&out, &request).unwrap();
         assert!(compact.reflectance.is_none());
         let expected = dir_bytes(&dir.path().join("out/tiny"));
         assert_same(&expected, &dir_bytes(&out));
-        asked.choice = Choice::Components(99);
-        let error = build::compress(&out, &asked).unwrap_err();
+        request.choice = Choice::Components(99);
+        let error = build::compress(&out, &request).unwrap_err();
         assert!(matches!(error, BuildError::Compress { .. }), "{error}");
     }
 }
 
+/// Counts the calls of the progress interface.
 #[derive(Debug, Default)]
-struct Counted {
+struct ProgressCounter {
     begun: AtomicU64,
     done: AtomicU64,
     ended: AtomicBool,
     compressing: AtomicBool,
 }
 
-impl Progress for Counted {
-    fn begin(&self, run: Begin) {
+impl Progress for ProgressCounter {
+    fn begin(&self, run: RunInfo) {
         self.begun.store(run.jobs - run.done, Ordering::Relaxed);
     }
 
@@ -124,7 +125,7 @@ impl Progress for Counted {
 }
 
 #[test]
-fn shares_sources_and_flags_do_as_in_the_program() {
+fn shards_sources_and_cancelling_work_as_in_the_program() {
     let dir = folder(|text| text);
     let file = file(dir.path());
     let (first, second) = (dir.path().join("first"), dir.path().join("second"));
@@ -134,41 +135,41 @@ fn shares_sources_and_flags_do_as_in_the_program() {
     );
     assert!(matches!(error, Err(BuildError::Store(_))));
 
-    // one share, and what is told of it
-    let counted = Counted::default();
+    // build one shard; the report and the progress describe this shard
+    let counter = ProgressCounter::default();
     let mut shared = options(&file);
     shared.shard = Some(Shard::new(0, 2).unwrap());
-    shared.progress = Some(&counted);
+    shared.progress = Some(&counter);
     let report = splitsnow::build(&file.grid, &first, &shared).unwrap();
     let share = report.share.unwrap();
     assert_eq!((report.jobs, share.database_jobs), (2, 4));
     assert_eq!(share.jobs_left, 2);
     assert!(report.compact.is_none());
-    let count = |of: &AtomicU64| of.load(Ordering::Relaxed);
-    assert_eq!((count(&counted.begun), count(&counted.done)), (2, 2));
-    assert!(counted.ended.load(Ordering::Relaxed));
-    assert!(!counted.compressing.load(Ordering::Relaxed));
-    let asked = CompressionRequest::plain(file.grid.compression, Default::default());
-    let error = build::compress(&first, &asked).unwrap_err();
+    let count = |counter: &AtomicU64| counter.load(Ordering::Relaxed);
+    assert_eq!((count(&counter.begun), count(&counter.done)), (2, 2));
+    assert!(counter.ended.load(Ordering::Relaxed));
+    assert!(!counter.compressing.load(Ordering::Relaxed));
+    let request = CompressionRequest::plain(file.grid.compression, Default::default());
+    let error = build::compress(&first, &request).unwrap_err();
     assert!(
         matches!(error, BuildError::Unfinished { missing: 2, .. }),
         "{error}"
     );
 
-    // what is left is planned
-    let mut planned = plan::Options::default();
-    (planned.seconds, planned.threads) = (1e-9, 2);
-    planned.dir = Some(first.clone());
-    let plan = splitsnow::plan(&file.grid, &planned).unwrap();
+    // the plan counts the jobs that are left
+    let mut plan_options = plan::Options::default();
+    (plan_options.seconds, plan_options.threads) = (1e-9, 2);
+    plan_options.dir = Some(first.clone());
+    let plan = splitsnow::plan(&file.grid, &plan_options).unwrap();
     assert_eq!((plan.jobs, plan.jobs_left, plan.threads), (4, 2, 2));
     assert!(plan.refused.is_none());
     let mut other = file.grid.clone();
     other.run.seed += 1;
-    let plan = splitsnow::plan(&other, &planned).unwrap();
+    let plan = splitsnow::plan(&other, &plan_options).unwrap();
     assert_eq!(plan.jobs_left, 4);
     assert!(plan.refused.unwrap().to_string().contains("seed"));
 
-    // a flag stops it, and all is safe
+    // the cancel flag stops the build; finished jobs are kept
     let stop = AtomicBool::new(true);
     let mut stopped = options(&file);
     stopped.cancel = Some(&stop);
@@ -178,18 +179,21 @@ fn shares_sources_and_flags_do_as_in_the_program() {
         "{error}"
     );
 
-    // another database takes over what there is
-    let mut taking = options(&file);
-    taking.from = vec![first.clone()];
-    taking.progress = Some(&counted);
-    let report = splitsnow::build(&file.grid, &second, &taking).unwrap();
+    // another database reuses the finished nodes
+    let mut reusing = options(&file);
+    reusing.from = vec![first.clone()];
+    reusing.progress = Some(&counter);
+    let report = splitsnow::build(&file.grid, &second, &reusing).unwrap();
     assert_eq!((report.nodes, report.nodes_reused), (8, 4));
-    assert!(counted.compressing.load(Ordering::Relaxed));
-    taking.fresh = true;
-    let error = splitsnow::build(&file.grid, &first, &taking).unwrap_err();
-    assert!(matches!(error, BuildError::OwnSource { .. }), "{error}");
+    assert!(counter.compressing.load(Ordering::Relaxed));
+    reusing.fresh = true;
+    let error = splitsnow::build(&file.grid, &first, &reusing).unwrap_err();
+    assert!(
+        matches!(error, BuildError::FreshDeletesSource { .. }),
+        "{error}"
+    );
     assert!(first.join("database.zarr").exists());
-    let report = splitsnow::build(&file.grid, &second, &taking).unwrap();
+    let report = splitsnow::build(&file.grid, &second, &reusing).unwrap();
     assert_eq!(report.jobs_run, 4);
     program(dir.path(), &["build", "tiny.toml"]);
     let expected = dir_bytes(&dir.path().join("out/tiny"));

@@ -1,4 +1,4 @@
-//! A database with optional axes, from the grid file to the answers.
+//! A database with optional axes, from the grid file to the answers of `query`.
 #![allow(clippy::unwrap_used)]
 
 use std::fs;
@@ -17,7 +17,7 @@ use splitsnow::measurement::Quantity;
 use splitsnow::parameter::{Parameter, Point};
 use splitsnow::store::{Store, Variable};
 
-/// 2 x 2 combinations of 3 x 2 curves.
+/// 2 x 2 values of the optional axes, each with 3 x 2 curves.
 const GRID: &str = "version = 1
 [axes]
 facetness = [0.3]
@@ -69,15 +69,17 @@ impl Folder {
     }
 }
 
-fn csv(text: &str) -> Vec<f64> {
+/// The second column of a table.
+fn csv_values(text: &str) -> [f64; 3] {
     let lines = text.lines().skip(1);
-    lines
+    let values: Vec<f64> = lines
         .map(|line| line.split_once(',').unwrap().1.parse().unwrap())
-        .collect()
+        .collect();
+    values.try_into().unwrap()
 }
 
-/// A converged simulation at `thickness_cm` under normal light: values and errors.
-fn fresh(thickness_cm: f64, optional: Point) -> Vec<[f64; 2]> {
+/// An independent simulation at normal incidence: transmittances and standard errors.
+fn simulate(thickness_cm: f64, optional: Point) -> Vec<[f64; 2]> {
     let grid = config::grid::parse("g.toml", GRID).unwrap().grid;
     let patch = Patch {
         snow: optional
@@ -100,12 +102,12 @@ fn fresh(thickness_cm: f64, optional: Point) -> Vec<[f64; 2]> {
         seed: 77,
     };
     let spectra = simulation.run(&[patch], &control).unwrap();
-    let all = spectra[0][0].of(Quantity::Transmittance).iter();
-    all.map(|m| [m.value, m.se]).collect()
+    let transmittance = spectra[0][0].of(Quantity::Transmittance).iter();
+    transmittance.map(|m| [m.value, m.se]).collect()
 }
 
 #[test]
-fn from_the_grid_file_to_the_answers() {
+fn databases_with_optional_axes_are_built_and_queried() {
     let folder = Folder::new(GRID);
     let plan = folder.succeeds("plan g.toml");
     assert!(
@@ -125,7 +127,7 @@ fn from_the_grid_file_to_the_answers() {
     assert_eq!(metadata["dimension_names"][0], "black_carbon_ng_g");
     assert_eq!(metadata["dimension_names"][2], "facetness");
 
-    // what is lost is made anew, to the byte
+    // lost chunks are restored, to the byte
     for chunk in ["transmittance/c.1.0.0.0.0.0.0.0", "black_carbon_ng_g/c.0"] {
         fs::remove_file(folder.out().join("database.zarr").join(chunk)).unwrap();
     }
@@ -138,49 +140,55 @@ fn from_the_grid_file_to_the_answers() {
     let grid = config::grid::parse("g.toml", store.config()).unwrap().grid;
     assert_eq!(grid.axes, *store.axes());
     let stored = curves.row(3 * 6 + 2).to_vec();
-    let both = [
+    let sooty_and_wet = [
         (Parameter::BlackCarbon, 100.0),
         (Parameter::WaterSaturation, 0.05),
     ];
-    let again = fresh(5.0, both.into());
-    for (stored, [value, se]) in stored.iter().zip(&again) {
+    let simulated = simulate(5.0, sooty_and_wet.into());
+    for (stored, [value, se]) in stored.iter().zip(&simulated) {
         assert!((f64::from(*stored) - value).abs() < 8.0 * se + 2e-3);
     }
 
-    // answers on and off the nodes
-    let query = |more: &str| csv(&folder.succeeds(&format!("query out/g {SNOW} {more}")));
+    // queries at a node and between nodes
+    let query =
+        |options: &str| csv_values(&folder.succeeds(&format!("query out/g {SNOW} {options}")));
     let on_node = query("--thickness-cm 5 --black-carbon-ng-g 100 --water-saturation 0.05");
     for (found, stored) in on_node.iter().zip(&stored) {
         assert!((found - f64::from(*stored)).abs() < 5e-3, "{on_node:?}");
     }
-    let off = query("--thickness-cm 4 --black-carbon-ng-g 40 --water-saturation 0.02");
+    let off_node = query("--thickness-cm 4 --black-carbon-ng-g 40 --water-saturation 0.02");
     let between = [
         (Parameter::BlackCarbon, 40.0),
         (Parameter::WaterSaturation, 0.02),
     ];
     let clean = query("--thickness-cm 4 --black-carbon-ng-g 0 --water-saturation 0.02");
-    for ((found, [value, se]), clean) in off.iter().zip(fresh(4.0, between.into())).zip(clean) {
+    for ((found, [value, se]), clean) in off_node
+        .iter()
+        .zip(simulate(4.0, between.into()))
+        .zip(clean)
+    {
         assert!(
             (found - value).abs() < 8.0 * se + 0.04 * value,
             "{found} {value} {se}"
         );
-        // what the test could not see otherwise: carbon matters here, more than the 4 %
-        // above (it takes 7.9 %, too near the 8 % that stood here)
+        // carbon lowers the transmittance by 7.9 %, more than the tolerance of 4 % above;
+        // otherwise the test could not detect its effect
         assert!(*found < 0.95 * clean, "{found} {clean}");
     }
     let database = Database::open(folder.out().join("snow.safetensors")).unwrap();
-    let there = database.at(between.into()).unwrap();
-    let lookup = Lookup::new(&there, Quantity::Transmittance).unwrap();
+    let at_optional = database.at(between.into()).unwrap();
+    let lookup = Lookup::new(&at_optional, Quantity::Transmittance).unwrap();
     let mut spectrum = [0.0; 3];
-    let point = Point::of_core([0.3, 300.0, 250.0, 4.0, 0.0]);
+    let point = Point::from_core([0.3, 300.0, 250.0, 4.0, 0.0]);
     lookup.spectrum(point, &mut spectrum).unwrap();
     let same = spectrum
         .iter()
-        .zip(&off)
+        .zip(&off_node)
         .all(|(a, b)| (f64::from(*a) - b).abs() < 1e-6);
-    assert!(same, "{spectrum:?} {off:?}");
+    assert!(same, "{spectrum:?} {off_node:?}");
 
-    let refused = |more: &str| folder.fails(&format!("query out/g {SNOW} --thickness-cm 5 {more}"));
+    let refused =
+        |options: &str| folder.fails(&format!("query out/g {SNOW} --thickness-cm 5 {options}"));
     let missing = refused("--water-saturation 0.02");
     assert!(
         missing.contains("axis black_carbon_ng_g: give a value of black_carbon_ng_g from 0 to 100"),
@@ -193,10 +201,11 @@ fn from_the_grid_file_to_the_answers() {
     let published = refused("--black-carbon-ng-g 0 --water-saturation 0 --method varsa2025");
     assert!(published.contains("axis black_carbon_ng_g"), "{published}");
 
-    verified(&folder);
+    assert_verified(&folder);
 }
 
-fn verified(folder: &Folder) {
+/// `verify` accepts the database, and refuses it after a chunk is replaced.
+fn assert_verified(folder: &Folder) {
     let report = folder.succeeds("verify out/g --samples 4 --points 16 --point-rays 16384");
     assert!(report.ends_with("PASS\n"), "{report}");
     assert!(
@@ -213,10 +222,10 @@ fn verified(folder: &Folder) {
     let worst = &error_budget.quantities["transmittance"].worst[0].at;
     assert!(worst.contains("degrees, black carbon "), "{worst}");
 
-    // a chunk of another combination is no substitute
+    // a chunk of other values of the optional axes is detected
     let array = folder.out().join("database.zarr/transmittance");
-    let [one, other] = ["c.0.1.0.0.0.0.0.0", "c.1.0.0.0.0.0.0.0"].map(|c| array.join(c));
-    fs::copy(one, other).unwrap();
+    let [source, target] = ["c.0.1.0.0.0.0.0.0", "c.1.0.0.0.0.0.0.0"].map(|c| array.join(c));
+    fs::copy(source, target).unwrap();
     let report = folder.run("verify out/g --samples 4 --points 0");
     assert!(!report.status.success());
     let report = String::from_utf8(report.stdout).unwrap();
@@ -227,21 +236,22 @@ fn verified(folder: &Folder) {
     );
 }
 
-/// Naming an axis changes nothing in a description that has none.
+/// The canonical config of a grid describes the same grid. Without optional axes it does not
+/// mention them.
 #[test]
-fn the_canonical_config_is_read_again() {
+fn the_canonical_config_describes_the_same_grid() {
     let grid = |text: &str| config::grid::parse(Path::new("g.toml").to_str().unwrap(), text);
-    let all = GRID.replace(
+    let all_axes = GRID.replace(
         "water_saturation = [0, 0.05]",
         "water_saturation = [0, 0.05]\ntemperature_c = [-10, -1]\nsphericity = [0.7, 0.9]\nsubstrate_reflectance = [0, 0.5]",
     ) + "[fixed]\nblack_carbon = { sedimentation = 0.5 }\n";
-    for text in [GRID, &all] {
+    for text in [GRID, &all_axes] {
         let read = grid(text).unwrap().grid;
         let again = grid(&read.to_config()).unwrap().grid;
         assert_eq!(read.describe(), again.describe());
         assert_eq!(read.axes, again.axes);
     }
-    let read = grid(&all).unwrap().grid;
+    let read = grid(&all_axes).unwrap().grid;
     assert_eq!(read.axes.optional().count(), 32);
     let jobs = read.jobs().unwrap();
     let job = read.job(&jobs, jobs.count() - 1).unwrap();
@@ -256,10 +266,12 @@ fn the_canonical_config_is_read_again() {
         (-1.0, 0.05)
     );
     assert_eq!(surface.grains[0].grain.sphericity.mean(), 0.9);
-    let before = grid(&GRID.replace(
+    let core_axes = grid(&GRID.replace(
         "black_carbon_ng_g = [0, 100]\nwater_saturation = [0, 0.05]\n",
         "",
     ));
-    let before = before.unwrap().grid;
-    assert!(!before.to_config().contains("carbon") && !before.to_config().contains("sphericity_"));
+    let core_axes = core_axes.unwrap().grid;
+    assert!(
+        !core_axes.to_config().contains("carbon") && !core_axes.to_config().contains("sphericity_")
+    );
 }

@@ -1,6 +1,7 @@
-//! The command line as users meet it: what it prints (`tests/cli/*.trycmd`; run
-//! with TRYCMD=overwrite to bring those up to date), and that neither threads
-//! nor shards leave a trace in the bytes it writes.
+//! The command line: its output, and the independence of the written files from
+//! threads and shards.
+//!
+//! The expected output is in `tests/cli/*.trycmd`. TRYCMD=overwrite updates it.
 #![allow(clippy::unwrap_used)]
 
 use std::collections::BTreeMap;
@@ -13,8 +14,8 @@ use std::time::Duration;
 use crate::common::{assert_same, dir_bytes};
 use assert_cmd::cargo::cargo_bin;
 
-/// Seconds after which a process is not waited for any more.
-const PATIENCE: Duration = Duration::from_secs(60);
+/// How long to wait for a process.
+const TIMEOUT: Duration = Duration::from_secs(60);
 const SAMPLE: &str = concat!(
     env!("CARGO_MANIFEST_DIR"),
     "/configs/samples/representative.toml"
@@ -28,12 +29,13 @@ fn splitsnow(dir: &Path, args: &str) -> Command {
     command
 }
 
-/// Standard output of a command that must end well.
+/// Runs a command, which must succeed, and returns its standard output.
 fn run(dir: &Path, args: &str) -> String {
-    ended(splitsnow(dir, args).spawn().unwrap())
+    output_of(splitsnow(dir, args).spawn().unwrap())
 }
 
-fn ended(child: Child) -> String {
+/// Waits for a process, which must succeed, and returns its standard output.
+fn output_of(child: Child) -> String {
     let output = child.wait_with_output().unwrap();
     let errors = String::from_utf8(output.stderr).unwrap();
     assert!(output.status.success(), "{errors}");
@@ -41,7 +43,7 @@ fn ended(child: Child) -> String {
     String::from_utf8(output.stdout).unwrap()
 }
 
-/// A folder with the grid file `tiny.toml`, `change`d.
+/// A folder with the grid file `tiny.toml`, modified by `change`.
 fn folder(change: impl Fn(String) -> String) -> tempfile::TempDir {
     let dir = tempfile::tempdir().unwrap();
     let text = include_str!("cli/build.in/tiny.toml").to_string();
@@ -49,52 +51,53 @@ fn folder(change: impl Fn(String) -> String) -> tempfile::TempDir {
     dir
 }
 
-fn out(dir: &Path) -> BTreeMap<String, Vec<u8>> {
+/// All files of the output directory.
+fn output_files(dir: &Path) -> BTreeMap<String, Vec<u8>> {
     dir_bytes(&dir.join("out/tiny"))
 }
 
 #[test]
-fn snapshots() {
+fn output_equals_the_snapshots() {
     let cases = trycmd::TestCases::new();
     cases.env("COLUMNS", "100").case("tests/cli/*.trycmd");
 }
 
 #[test]
-fn threads_and_shards_leave_no_trace() {
+fn files_do_not_depend_on_threads_and_shards() {
     for engine in ["spectral", "reference", "tabulated", "auto"] {
         let build = format!("build tiny.toml --engine {engine}");
-        let one = folder(|text| text);
-        run(one.path(), &format!("{build} --threads 1"));
-        let expected = out(one.path());
+        let one_thread = folder(|text| text);
+        run(one_thread.path(), &format!("{build} --threads 1"));
+        let expected = output_files(one_thread.path());
         assert!(expected.contains_key("snow.safetensors"));
 
-        let two = folder(|text| text);
-        run(two.path(), &format!("{build} --threads 2"));
-        assert_same(&expected, &out(two.path()));
-        assert!(run(two.path(), &build).contains("jobs, 0 of them run now"));
-        assert_same(&expected, &out(two.path()));
+        let two_threads = folder(|text| text);
+        run(two_threads.path(), &format!("{build} --threads 2"));
+        assert_same(&expected, &output_files(two_threads.path()));
+        assert!(run(two_threads.path(), &build).contains("jobs, 0 of them run now"));
+        assert_same(&expected, &output_files(two_threads.path()));
 
         for count in 1..=3 {
             let dir = folder(|text| text);
             let shard = |i| splitsnow(dir.path(), &format!("{build} --shard {i}/{count}"));
             let shards: Vec<Child> = (0..count).map(|i| shard(i).spawn().unwrap()).collect();
             for child in shards {
-                let text = ended(child);
+                let text = output_of(child);
                 assert!(text.contains(&format!("/{count}: ")), "{text}");
             }
-            assert!(!out(dir.path()).contains_key("snow.safetensors"));
+            assert!(!output_files(dir.path()).contains_key("snow.safetensors"));
             assert!(run(dir.path(), &build).contains("jobs, 0 of them run now"));
-            assert_same(&expected, &out(dir.path()));
+            assert_same(&expected, &output_files(dir.path()));
         }
     }
 }
 
-/// The most specific of what limits the threads counts, and what is no number of them
-/// is refused by its name before anything is written.
+/// `--threads` overrides SLURM_CPUS_PER_TASK, which overrides RAYON_NUM_THREADS. An invalid
+/// value is refused before anything is written, and the message names its variable.
 #[test]
 fn the_environment_limits_the_threads() {
     let dir = folder(|text| text);
-    let with = |args: &str, [slurm, rayon]: [&str; 2]| {
+    let run_with = |args: &str, [slurm, rayon]: [&str; 2]| {
         let mut command = splitsnow(dir.path(), args);
         command.env("SLURM_CPUS_PER_TASK", slurm);
         command.env("RAYON_NUM_THREADS", rayon);
@@ -105,7 +108,7 @@ fn the_environment_limits_the_threads() {
         ("", ["", "5"], 5),
         (" --threads 2", ["3", "5"], 2),
     ] {
-        let output = with(&format!("plan tiny.toml --json{option}"), limits);
+        let output = run_with(&format!("plan tiny.toml --json{option}"), limits);
         let plan: serde_json::Value = serde_json::from_slice(&output.stdout).unwrap();
         assert_eq!(plan["threads"], expected);
     }
@@ -119,7 +122,7 @@ fn the_environment_limits_the_threads() {
         "fit scene.toml",
     ] {
         for limits in [["0", "2"], ["", "two"]] {
-            let output = with(command, limits);
+            let output = run_with(command, limits);
             let text = String::from_utf8(output.stderr).unwrap();
             let variable = ["SLURM_CPUS_PER_TASK is `0`", "RAYON_NUM_THREADS is `two`"];
             let variable = variable[usize::from(limits[0].is_empty())];
@@ -136,27 +139,27 @@ fn the_environment_limits_the_threads() {
 fn a_plain_build_keeps_the_bounds_of_its_grid_file() {
     let dir = folder(|text| text + "\n[compression]\nmax_delta_e = 0.05\n");
     run(dir.path(), "build tiny.toml");
-    let expected = out(dir.path());
+    let expected = output_files(dir.path());
     run(dir.path(), "compress out/tiny --components 1");
-    assert!(expected != out(dir.path()));
+    assert!(expected != output_files(dir.path()));
     run(dir.path(), "compress out/tiny --max-delta-e 0.05");
-    assert_same(&expected, &out(dir.path()));
+    assert_same(&expected, &output_files(dir.path()));
     run(dir.path(), "compress out/tiny");
     run(dir.path(), "build tiny.toml");
-    assert_same(&expected, &out(dir.path()));
+    assert_same(&expected, &output_files(dir.path()));
 }
 
 #[test]
-fn colours_are_compared_as_asked_and_verified_so() {
+fn the_given_colour_difference_is_used_and_verified() {
     let viewing = "illuminants = [\"E\", \"LED-B5\"]\ndelta_e = \"cie2000\"\n";
     let dir = folder(|text| format!("{text}\n[compression]\nmax_delta_e = 0.5\n{viewing}"));
     run(dir.path(), "build tiny.toml");
-    let expected = out(dir.path());
+    let expected = output_files(dir.path());
     run(dir.path(), "compress out/tiny --max-delta-e 0.5");
-    assert!(expected != out(dir.path()));
-    let asked = "--max-delta-e 0.5 --illuminant E --illuminant LED-B5 --delta-e cie2000";
-    run(dir.path(), &format!("compress out/tiny {asked}"));
-    assert_same(&expected, &out(dir.path()));
+    assert!(expected != output_files(dir.path()));
+    let options = "--max-delta-e 0.5 --illuminant E --illuminant LED-B5 --delta-e cie2000";
+    run(dir.path(), &format!("compress out/tiny {options}"));
+    assert_same(&expected, &output_files(dir.path()));
     let report = run(
         dir.path(),
         "verify out/tiny --samples 2 --rays 100 --points 0",
@@ -166,19 +169,19 @@ fn colours_are_compared_as_asked_and_verified_so() {
         "{report}"
     );
 
-    // The file states another formula than the one it was made with, or none.
+    // The file states a formula other than the one it was made with, or an unknown one.
     let path = dir.path().join("out/tiny/snow.safetensors");
-    let header = std::fs::read(&path).unwrap();
+    let original = std::fs::read(&path).unwrap();
     for (other, problem) in [
         ("cie1976", "its error table states"),
         ("cie1994", "no colour difference is named `cie1994`"),
     ] {
-        let mut changed = header.clone();
-        let at = changed
+        let mut changed = original.clone();
+        let offset = changed
             .windows(7)
             .position(|bytes| bytes == b"cie2000")
             .unwrap();
-        changed[at..at + 7].copy_from_slice(other.as_bytes());
+        changed[offset..offset + 7].copy_from_slice(other.as_bytes());
         std::fs::write(&path, changed).unwrap();
         let verify = splitsnow(dir.path(), "verify out/tiny --samples 0 --points 0");
         let output = { verify }.output().unwrap();
@@ -189,21 +192,21 @@ fn colours_are_compared_as_asked_and_verified_so() {
 }
 
 #[test]
-fn a_fresh_build_starts_again() {
+fn a_fresh_build_starts_from_scratch() {
     let dir = folder(|text| text);
     run(dir.path(), "build tiny.toml");
-    let expected = out(dir.path());
+    let expected = output_files(dir.path());
     std::fs::write(dir.path().join("out/tiny/mine.txt"), "stays").unwrap();
     run(dir.path(), "build tiny.toml --engine reference --fresh");
     assert!(run(dir.path(), "build tiny.toml --fresh").contains("4 jobs, 4 of them run now"));
-    let mut found = out(dir.path());
+    let mut found = output_files(dir.path());
     assert_eq!(found.remove("mine.txt").unwrap(), b"stays");
     assert_same(&expected, &found);
 }
 
-/// A table of the user's counts by its content, not by its path.
+/// A database records the content of a user's data table, not its path.
 #[test]
-fn another_data_table_is_refused() {
+fn a_changed_data_table_is_refused() {
     let wet =
         |text: String| text + "[fixed]\nwater_saturation = 0.1\n[model]\nwater = \"water.csv\"\n";
     let dir = folder(wet);
@@ -247,15 +250,19 @@ fn two_processes_do_not_share_a_directory() {
 fn wait_for(path: &Path) {
     let begin = std::time::Instant::now();
     while !path.exists() {
-        assert!(begin.elapsed() < PATIENCE, "no {}", path.display());
+        assert!(
+            begin.elapsed() < TIMEOUT,
+            "{} did not appear",
+            path.display()
+        );
         sleep(Duration::from_millis(5));
     }
 }
 
-/// A reader that closes the pipe is no failure; a full device is one.
+/// A reader that closes the pipe early is not an error, but a full device is.
 #[test]
 #[cfg(target_os = "linux")]
-fn a_reader_may_stop_reading() {
+fn a_closed_pipe_is_not_an_error() {
     let dir = folder(|text| text);
     run(dir.path(), "build tiny.toml");
     let (reader, writer) = std::io::pipe().unwrap();

@@ -1,7 +1,7 @@
-//! Config files: what is read, what is refused and with which words.
+//! Config files: reading, error messages and warnings.
 //!
-//! `UPDATE_GOLDEN=1` rewrites the schemas and the messages; read the difference
-//! before it is committed.
+//! `UPDATE_GOLDEN=1` rewrites the schemas and the error messages. Review the diff before
+//! you commit it.
 #![allow(clippy::unwrap_used)]
 
 use std::fmt::Write;
@@ -25,7 +25,7 @@ fn root() -> &'static Path {
     Path::new(env!("CARGO_MANIFEST_DIR"))
 }
 
-/// Compares `text` with a committed file, or rewrites that.
+/// Compares `text` with a committed file, or rewrites the file.
 fn golden(path: &str, text: &str) {
     let path = root().join(path);
     if std::env::var_os("UPDATE_GOLDEN").is_some() {
@@ -33,10 +33,15 @@ fn golden(path: &str, text: &str) {
     }
     let committed = std::fs::read_to_string(&path).unwrap_or_default();
     let path = path.display();
-    assert_eq!(committed, text, "{path}: see the head of this test file");
+    assert_eq!(
+        committed, text,
+        "{path} is out of date: see the top of this test file"
+    );
 }
 
-fn refusals<T>(
+/// Applies each edit of `cases`, an old and a new text, to the valid file `good`. Every
+/// result must be refused. Returns the edits with the error messages.
+fn error_messages<T>(
     good: &str,
     cases: &[(&str, &str)],
     parse: impl Fn(&str) -> Result<T, splitsnow::config::ConfigError>,
@@ -44,7 +49,11 @@ fn refusals<T>(
     assert!(parse(good).is_ok());
     let mut text = String::new();
     for (old, new) in cases {
-        assert_eq!(good.matches(old).count(), 1, "`{old}` is no single place");
+        assert_eq!(
+            good.matches(old).count(),
+            1,
+            "`{old}` must occur exactly once"
+        );
         let Err(error) = parse(&good.replace(old, new)) else {
             panic!("accepted: {new}");
         };
@@ -59,33 +68,33 @@ fn refusals<T>(
 }
 
 #[test]
-fn refused_samples_say_why() {
-    let text = refusals(SAMPLE, SAMPLE_ERRORS, |text| sample::parse("s.toml", text));
+fn error_messages_of_samples_are_current() {
+    let text = error_messages(SAMPLE, SAMPLE_ERRORS, |text| sample::parse("s.toml", text));
     golden("tests/config_errors/sample.txt", &text);
 }
 
 #[test]
-fn refused_snowpacks_say_why() {
-    let text = refusals(SNOWPACK, SNOWPACK_ERRORS, |text| {
+fn error_messages_of_snowpacks_are_current() {
+    let text = error_messages(SNOWPACK, SNOWPACK_ERRORS, |text| {
         sample::parse("s.toml", text)
     });
     golden("tests/config_errors/snowpack.txt", &text);
 }
 
 #[test]
-fn refused_grids_say_why() {
-    let text = refusals(GRID, GRID_ERRORS, |text| grid::parse("g.toml", text));
+fn error_messages_of_grids_are_current() {
+    let text = error_messages(GRID, GRID_ERRORS, |text| grid::parse("g.toml", text));
     golden("tests/config_errors/grid.txt", &text);
 }
 
 #[test]
-fn refused_scenes_say_why() {
-    let text = refusals(SCENE, SCENE_ERRORS, |text| scene::parse("s.toml", text));
+fn error_messages_of_scenes_are_current() {
+    let text = error_messages(SCENE, SCENE_ERRORS, |text| scene::parse("s.toml", text));
     golden("tests/config_errors/scene.txt", &text);
 }
 
 #[test]
-fn scenes_are_read_as_they_are_written() {
+fn scenes_are_read() {
     let file = scene::parse("scenes/mine.toml", SCENE).unwrap();
     assert_eq!((file.name.as_str(), file.text.as_str()), ("mine", SCENE));
     assert_eq!(file.warnings, Vec::<String>::new());
@@ -108,7 +117,7 @@ fn scenes_are_read_as_they_are_written() {
         (read.wavelengths_nm.len(), read.wavelengths_nm[30]),
         (31, 700.0)
     );
-    // What a grid file with the same keys has.
+    // A grid file with the same keys has the same values.
     let grid = grid::parse("g.toml", GRID).unwrap().grid;
     assert_eq!((read.spread, read.fixed), (grid.spread, grid.fixed));
 
@@ -142,8 +151,8 @@ snow = [
         (None, None, 2)
     );
     assert!(read.fixed.water_saturation > 0.05);
-    let lights = "illuminants = [\"LED-B5\", \"E\"], delta_e = \"cie2000\", max_delta_e";
-    let read = scene::parse("s.toml", &short.replace("max_delta_e", lights));
+    let viewing_keys = "illuminants = [\"LED-B5\", \"E\"], delta_e = \"cie2000\", max_delta_e";
+    let read = scene::parse("s.toml", &short.replace("max_delta_e", viewing_keys));
     assert_eq!(
         read.unwrap().scene.viewing,
         Viewing {
@@ -154,7 +163,7 @@ snow = [
 }
 
 #[test]
-fn databases_beyond_reason_are_refused() {
+fn oversized_databases_are_refused() {
     let list = |n: u32, last: f64| {
         let values: Vec<_> = (1..=n)
             .map(|i| format!("{}", last * f64::from(i) / f64::from(n)))
@@ -179,10 +188,10 @@ fn databases_beyond_reason_are_refused() {
         error.contains("`axes.facetness` is out of range: allowed 1 to 1000 entries"),
         "{error}"
     );
-    let many = long
+    let many_rays = long
         .replace("step_nm = 1", "step_nm = 300")
         .replace("rays = 1000", "rays = 1000000000000");
-    let error = grid::parse("g.toml", &many).unwrap_err();
+    let error = grid::parse("g.toml", &many_rays).unwrap_err();
     assert_eq!(error.key(), "run.rays");
 }
 
@@ -245,9 +254,9 @@ fn committed_configs_are_accepted_and_name_their_schema() {
     for path in &studies {
         names_schema(path);
         let file = study::read(path).unwrap_or_else(|e| panic!("{e}"));
-        // those whose grains are smooth in part are told so; others have tiny grains or a
-        // wide range
-        let remarked = [
+        // smooth grains cause a warning, which is allowed; only these files have others, due to
+        // tiny grains or a wide range of sizes
+        let with_other_warnings = [
             "brdf_grain_size.toml",
             "brdf_hemisphere_grain_size.toml",
             "sample_sispec_195.toml",
@@ -257,7 +266,7 @@ fn committed_configs_are_accepted_and_name_their_schema() {
             file.warnings
                 .iter()
                 .any(|w| !w.contains("reflectance is discontinuous")),
-            remarked.iter().any(|name| path.ends_with(name)),
+            with_other_warnings.iter().any(|name| path.ends_with(name)),
             "{}",
             path.display()
         );
@@ -293,8 +302,9 @@ fn committed_configs_are_accepted_and_name_their_schema() {
     }
 }
 
-/// The study `good` beside the sample file `base.toml`, and how it is refused with `edit`.
-fn refused_study(good: &str, edit: (&str, &str)) -> String {
+/// The error message for the study `good` with the change `edit`. The sample file `base.toml`
+/// is in the same folder.
+fn study_error(good: &str, edit: (&str, &str)) -> String {
     let folder = tempfile::tempdir().unwrap();
     std::fs::write(folder.path().join("base.toml"), SAMPLE).unwrap();
     let name = folder.path().join("study.toml").display().to_string();
@@ -306,19 +316,19 @@ fn refused_study(good: &str, edit: (&str, &str)) -> String {
 }
 
 #[test]
-fn refused_studies_say_why() {
+fn error_messages_of_studies_are_current() {
     let mut text = String::new();
     for (good, errors) in [(STUDY, STUDY_ERRORS), (BRDF_STUDY, BRDF_STUDY_ERRORS)] {
         for (old, new) in errors {
-            let refusal = refused_study(good, (old, new));
-            writeln!(text, "- {old}\n+ {new}\n{refusal}\n").unwrap();
+            let message = study_error(good, (old, new));
+            writeln!(text, "- {old}\n+ {new}\n{message}\n").unwrap();
         }
     }
     golden("tests/config_errors/study.txt", &text);
 }
 
 #[test]
-fn studies_change_samples() {
+fn studies_vary_samples() {
     let folder = tempfile::tempdir().unwrap();
     std::fs::write(folder.path().join("base.toml"), SAMPLE).unwrap();
     let name = folder.path().join("study.toml").display().to_string();
@@ -338,7 +348,7 @@ fn studies_change_samples() {
     assert_eq!(first.sample.wavelengths_nm, [500.0, 600.0]);
     assert_eq!(first.sample.snowpack, base.snowpack);
     assert_eq!(first.sample.thickness_m, 0.05);
-    // a layer more, which is the surface
+    // one more layer, which is the new surface
     assert_eq!(
         second.sample.snowpack.below.len(),
         base.snowpack.below.len() + 1
@@ -360,7 +370,7 @@ fn studies_change_samples() {
 }
 
 #[test]
-fn the_thesis_database_is_that_of_the_thesis() {
+fn the_thesis_grid_has_the_size_of_the_published_database() {
     let file = grid::read(&root().join("configs/thesis.toml")).unwrap();
     let axes = &file.grid.axes;
     let curves = axes.values(Parameter::Facetness).len()
@@ -373,9 +383,8 @@ fn the_thesis_database_is_that_of_the_thesis() {
     assert_eq!(file.name, "thesis");
 }
 
-/// The scene of that name asks for the box of the thesis.
 #[test]
-fn the_thesis_scene_is_the_box_of_the_thesis_database() {
+fn the_thesis_scene_covers_the_thesis_grid() {
     let axes = grid::read(&root().join("configs/thesis.toml"))
         .unwrap()
         .grid
@@ -387,7 +396,7 @@ fn the_thesis_scene_is_the_box_of_the_thesis_database() {
 }
 
 #[test]
-fn defaults_are_those_of_the_format() {
+fn samples_have_the_documented_defaults() {
     let short = "\
 version = 1
 illumination.diffuse = true
@@ -412,9 +421,9 @@ facetness = { min = 0.2, max = 0.4, mean = 0.3, sd = 0.072 }
     assert_eq!(file.snowpack.surface.sizes_m()[1], 750.0 * 1e-6);
 }
 
-/// A snowpack begins at its surface, a file at the base.
+/// A `Snowpack` lists its layers from the surface down, a file from the base up.
 #[test]
-fn snowpacks_are_read_as_they_are_written() {
+fn snowpacks_are_read() {
     let file = sample::parse("s.toml", SNOWPACK).unwrap();
     let snowpack = &file.snowpack;
     assert!((file.thickness_m - 0.17).abs() < 1e-15);
@@ -432,7 +441,7 @@ fn snowpacks_are_read_as_they_are_written() {
     assert_eq!(base.snow.black_carbon, Some(Carbon::black(6.0)));
     assert_eq!(base.snow.brown_carbon, None);
     let surface = &snowpack.surface;
-    // 300 kg/m3 of which 50 are water
+    // 300 kg/m3, including 50 kg/m3 of water
     assert_eq!(surface.density_kg_m3, 250.0);
     assert!(
         (surface.water_saturation * (1.0 - 250.0 / ice_density_kg_m3(-1.0)) - 0.05).abs() < 1e-15
@@ -449,7 +458,7 @@ fn snowpacks_are_read_as_they_are_written() {
 }
 
 #[test]
-fn water_may_be_given_in_other_ways() {
+fn all_ways_to_give_water_are_equivalent() {
     let ice = ice_density_kg_m3(-1.0);
     let dry = sample::parse("s.toml", SAMPLE).unwrap().snowpack.surface;
     let fraction = 0.05 * (1.0 - 275.0 / ice);
@@ -478,8 +487,8 @@ fn water_may_be_given_in_other_ways() {
 }
 
 #[test]
-fn values_beyond_the_ordinary_are_remarked_on() {
-    for (old, new, remark) in [
+fn values_outside_the_ordinary_range_cause_warnings() {
+    for (old, new, warning) in [
         (
             "min = 300, max = 750",
             "min = 40, max = 75",
@@ -502,7 +511,7 @@ fn values_beyond_the_ordinary_are_remarked_on() {
         ),
     ] {
         let file = sample::parse("s.toml", &SAMPLE.replace(old, new)).unwrap();
-        assert_eq!(file.warnings, [remark]);
+        assert_eq!(file.warnings, [warning]);
     }
 }
 
@@ -535,13 +544,15 @@ fn paths_are_relative_to_the_config() {
     assert_eq!(again, file);
 }
 
-/// An inline table of a law with bounds in [low, 1] and a mean within them.
-fn law(low: f64) -> impl Strategy<Value = String> {
-    (low..=1.0, low..=1.0, 0.0..=1.0, 0.0..=2.0).prop_map(|(a, b, at, sd): (f64, f64, f64, f64)| {
-        let (min, max) = (a.min(b), a.max(b));
-        let mean = (min + at * (max - min)).clamp(min, max);
-        format!("{{ min = {min}, max = {max}, mean = {mean}, sd = {sd} }}")
-    })
+/// An inline table of a truncated normal distribution with bounds in [low, 1].
+fn distribution(low: f64) -> impl Strategy<Value = String> {
+    (low..=1.0, low..=1.0, 0.0..=1.0, 0.0..=2.0).prop_map(
+        |(a, b, position, sd): (f64, f64, f64, f64)| {
+            let (min, max) = (a.min(b), a.max(b));
+            let mean = (min + position * (max - min)).clamp(min, max);
+            format!("{{ min = {min}, max = {max}, mean = {mean}, sd = {sd} }}")
+        },
+    )
 }
 
 fn light() -> impl Strategy<Value = String> {
@@ -587,25 +598,32 @@ fn carbon() -> impl Strategy<Value = String> {
     })
 }
 
-/// A layer `[[name]]`, hundredths of `cm` thick, of one or two types of grain.
+/// A layer `[[name]]` of one or two types of grain. `cm` is the range of its thickness in
+/// hundredths of a centimetre.
 fn layer(name: &'static str, cm: std::ops::Range<u32>) -> impl Strategy<Value = String> {
-    let grain = || ((10_u32..3000, 10_u32..3000), law(0.0), law(0.01));
-    let share = prop::option::of(0.0..=1.0_f64);
-    let grains = (share, [grain(), grain()]);
+    let grain = || {
+        (
+            (10_u32..3000, 10_u32..3000),
+            distribution(0.0),
+            distribution(0.01),
+        )
+    };
+    let fraction = prop::option::of(0.0..=1.0_f64);
+    let grains = (fraction, [grain(), grain()]);
     let soot = (prop::option::of(carbon()), prop::option::of(carbon()));
     (cm, 50.0..=550.0, -40.0..=0.0, water(), grains, soot).prop_map(
-        move |(cm, density, temperature, water, (share, grains), (black, brown))| {
+        move |(cm, density, temperature, water, (fraction, grains), (black, brown))| {
             let thickness = f64::from(cm) / 100.0;
             let mut text = format!(
                 "[[{name}]]\nthickness_cm = {thickness}\ndensity_kg_m3 = {density}\n\
                  temperature_c = {temperature}\n{water}\n"
             );
-            let shares = share.map_or(vec![1.0], |share| vec![share, 1.0 - share]);
-            for (share, ((a, b), facetness, sphericity)) in shares.iter().zip(&grains) {
+            let fractions = fraction.map_or(vec![1.0], |fraction| vec![fraction, 1.0 - fraction]);
+            for (fraction, ((a, b), facetness, sphericity)) in fractions.iter().zip(&grains) {
                 let (min, max) = (a.min(b), a.max(b));
                 write!(
                     text,
-                    "[[{name}.grain]]\nfraction = {share}\nsize_um = {{ min = {min}, max = {max} }}\n\
+                    "[[{name}.grain]]\nfraction = {fraction}\nsize_um = {{ min = {min}, max = {max} }}\n\
                      facetness = {facetness}\nsphericity = {sphericity}\n"
                 )
                 .unwrap();
@@ -621,12 +639,12 @@ fn layer(name: &'static str, cm: std::ops::Range<u32>) -> impl Strategy<Value = 
 }
 
 fn substrate(name: &'static str) -> impl Strategy<Value = String> {
-    prop::option::of(0.0..=1.0_f64).prop_map(move |substrate| {
-        substrate.map_or(String::new(), |r| format!("[{name}]\nreflectance = {r}\n"))
+    prop::option::of(0.0..=1.0_f64).prop_map(move |reflectance| {
+        reflectance.map_or(String::new(), |r| format!("[{name}]\nreflectance = {r}\n"))
     })
 }
 
-fn choices() -> impl Strategy<Value = String> {
+fn model_choices() -> impl Strategy<Value = String> {
     let law = prop_oneof![Just("power"), Just("varsa2025")];
     let mass = prop_oneof![Just("varsa2025"), Just("conserved")];
     let size = prop_oneof![Just("varsa2025"), Just("consistent")];
@@ -646,20 +664,20 @@ fn axis(low: u32, high: u32, unit: f64) -> impl Strategy<Value = String> {
     })
 }
 
-/// A wide range of sizes is told, with what mends it, and the smooth end of facetness;
-/// neither where there is nothing to tell.
+/// A wide range of sizes causes a warning, which names the remedy. So does facetness 0.
+/// Ordinary samples cause neither.
 #[test]
-fn overpacked_sizes_and_smooth_grains_are_remarked() {
-    let told = |text: &str, what: &str| -> Vec<String> {
+fn wide_size_ranges_and_smooth_grains_cause_warnings() {
+    let warnings = |text: &str, part: &str| -> Vec<String> {
         let file = sample::parse("s.toml", text).unwrap();
-        let found = file.warnings.into_iter().filter(|w| w.contains(what));
+        let found = file.warnings.into_iter().filter(|w| w.contains(part));
         found.collect()
     };
-    let (packed, jumps) = ("times the ice", "reflectance is discontinuous");
-    assert!(told(SAMPLE, packed).is_empty() && told(SAMPLE, jumps).is_empty());
+    let (overpacked, discontinuous) = ("times the ice", "reflectance is discontinuous");
+    assert!(warnings(SAMPLE, overpacked).is_empty() && warnings(SAMPLE, discontinuous).is_empty());
     let wide = SAMPLE.replace("min = 300, max = 750", "min = 50, max = 3000");
-    let [warning] = &told(&wide, packed)[..] else {
-        panic!("no warning");
+    let [warning] = &warnings(&wide, overpacked)[..] else {
+        panic!("expected one warning");
     };
     assert!(
         warning.contains(
@@ -668,27 +686,27 @@ fn overpacked_sizes_and_smooth_grains_are_remarked() {
         "{warning}"
     );
     let consistent = wide.replace("[model]\n", "[model]\nsize_law = \"consistent\"\n");
-    assert!(told(&consistent, packed).is_empty());
-    for (min, warned) in [("0", 1), ("0.001", 0)] {
+    assert!(warnings(&consistent, overpacked).is_empty());
+    for (min, count) in [("0", 1), ("0.001", 0)] {
         let smooth = SAMPLE.replace(
             "facetness = { min = 0.2",
             &format!("facetness = {{ min = {min}"),
         );
-        assert_eq!(told(&smooth, jumps).len(), warned);
+        assert_eq!(warnings(&smooth, discontinuous).len(), count);
     }
 
-    let told = |text: &str, what: &str| -> Vec<String> {
+    let warnings = |text: &str, part: &str| -> Vec<String> {
         let file = grid::parse("g.toml", text).unwrap();
-        let found = file.warnings.into_iter().filter(|w| w.contains(what));
+        let found = file.warnings.into_iter().filter(|w| w.contains(part));
         found.collect()
     };
-    assert!(told(GRID, packed).is_empty() && told(GRID, jumps).is_empty());
+    assert!(warnings(GRID, overpacked).is_empty() && warnings(GRID, discontinuous).is_empty());
     let wide = GRID.replace(
         "grain_size_um = [100, 300, 500]",
         "grain_size_um = [65, 100, 300]",
     );
-    let [warning] = &told(&wide, packed)[..] else {
-        panic!("no warning");
+    let [warning] = &warnings(&wide, overpacked)[..] else {
+        panic!("expected one warning");
     };
     assert!(
         warning.contains("`axes.grain_size_um[0]` = 65 makes grains of 15 to 115 um")
@@ -696,17 +714,17 @@ fn overpacked_sizes_and_smooth_grains_are_remarked() {
         "{warning}"
     );
     let consistent = format!("{wide}[model]\nsize_law = \"consistent\"\n");
-    assert!(told(&consistent, packed).is_empty());
+    assert!(warnings(&consistent, overpacked).is_empty());
     let smooth = GRID.replace("facetness = [0.1,", "facetness = [0, 0.1,");
-    assert!(told(&smooth, jumps)[0].contains("`axes.facetness[0]` = 0"));
+    assert!(warnings(&smooth, discontinuous)[0].contains("`axes.facetness[0]` = 0"));
 }
 
-/// Sizes told by the optical radius or the specific surface area are one size that has
-/// it; in a grid, with the half width that is asked for.
+/// The grain size may be given by the optical radius or the specific surface area. All
+/// grains then have the size with this value. In a grid, the sizes keep their half width.
 #[test]
-fn grains_told_by_their_surface() {
-    let size = |told: &str| {
-        let text = SAMPLE.replace("size_um = { min = 300, max = 750 }", told);
+fn grain_size_may_be_given_by_optical_radius_or_ssa() {
+    let read = |size: &str| {
+        let text = SAMPLE.replace("size_um = { min = 300, max = 750 }", size);
         let file = sample::parse("s.toml", &text).unwrap();
         let again = sample::parse("s.toml", file.to_toml()).unwrap();
         assert_eq!(again.snowpack, file.snowpack);
@@ -719,21 +737,22 @@ fn grains_told_by_their_surface() {
             file.warnings,
         )
     };
-    let (s, ssa, warnings) = size("optical_radius_um = 82");
-    // 3 / (SSA D_ice); with the usual sphericity a grain is 1 / .351 radii long
+    let (s, ssa, warnings) = read("optical_radius_um = 82");
+    // the optical radius is 3 / (SSA D_ice); with the default sphericity, a grain is 1 / .351
+    // optical radii long
     assert!((3e6 / (ssa * ice_density_kg_m3(-1.0)) - 82.0).abs() < 1e-9);
     assert!((82.0 / s - 0.351).abs() < 5e-4, "{s}");
     assert_eq!(warnings, Vec::<String>::new());
-    let (_, ssa, _) = size("ssa_m2_kg = 20.5");
+    let (_, ssa, _) = read("ssa_m2_kg = 20.5");
     assert!((ssa - 20.5).abs() < 1e-10);
-    let (s, _, warnings) = size("optical_radius_um = 2000");
+    let (s, _, warnings) = read("optical_radius_um = 2000");
     assert!(
         s > 5500.0 && warnings[0].contains("makes grains up to 569"),
         "{s} {warnings:?}"
     );
 
     let axis = "grain_size_um = [100, 300, 500]";
-    for (told, width) in [
+    for (sizes, width) in [
         ("optical_radius_um = [30, 500, 1000]", ""),
         (
             "ssa_m2_kg = [5, 20, 30.5]",
@@ -741,16 +760,16 @@ fn grains_told_by_their_surface() {
         ),
     ] {
         let text = GRID
-            .replace(axis, told)
+            .replace(axis, sizes)
             .replace("thickness_cm = [1,", "thickness_cm = [4,")
             .replace("2, 5]", "5, inf]")
             .replace("grain_size_half_width_um = 50\n", width);
         let file = grid::parse("g.toml", &text).unwrap();
         let again = grid::parse("g.toml", &file.grid.to_config()).unwrap();
         assert_eq!(again.grid, file.grid);
-        assert!(file.grid.to_config().contains(&told[..10]));
+        assert!(file.grid.to_config().contains(&sizes[..10]));
         let jobs = file.grid.jobs().unwrap();
-        let given = file.grid.given_sizes.as_ref().unwrap();
+        let given = file.grid.size_axis.as_ref().unwrap();
         let (measure, values) = (given.measure, given.by_size());
         for (i, value) in values.iter().enumerate() {
             let job = file.grid.job(&jobs, (i * 2 * 3) as u64).unwrap();
@@ -769,9 +788,9 @@ fn grains_told_by_their_surface() {
     }
 }
 
-/// A half space, and what is nearly one.
+/// Infinite thicknesses, and 10000 cm, which is still a slab.
 #[test]
-fn depths_without_end() {
+fn thicknesses_may_be_infinite() {
     for (given, metres) in [
         ("inf", 1e4),
         ("+inf", 1e4),
@@ -793,14 +812,14 @@ fn depths_without_end() {
     assert_eq!(again.grid, file.grid);
 }
 
-/// The size law reaches every grain: of samples, of all layers, of grids and scenes;
-/// it is another database, and one as published is named as before there was a choice.
+/// The size law applies to all grains of samples, layers, grids and scenes. The canonical
+/// config of a grid mentions it only if it is not the published law.
 #[test]
-fn the_size_law_reaches_every_grain() {
+fn the_size_law_applies_to_all_grains() {
     let grains = |text: &str| {
         let file = sample::parse("s.toml", text).unwrap();
-        let all = file.snowpack.snows().flat_map(|snow| snow.grains.clone());
-        all.map(|c| c.grain.size.law()).collect::<Vec<_>>()
+        let components = file.snowpack.snows().flat_map(|snow| snow.grains.clone());
+        components.map(|c| c.grain.size.law()).collect::<Vec<_>>()
     };
     assert_eq!(grains(SNOWPACK), [SizeLaw::Varsa2025; 3]);
     let consistent = SNOWPACK.replace("[model]\n", "[model]\nsize_law = \"consistent\"\n");
@@ -828,10 +847,10 @@ fn the_size_law_reaches_every_grain() {
 
 proptest! {
     #[test]
-    fn samples_survive_being_written(
+    fn samples_are_unchanged_by_writing_and_reading(
         (light, wavelengths) in (light(), wavelengths()),
         layers in prop::collection::vec(layer("layer", 300..100_000), 1..4),
-        (substrate, choices) in (substrate("substrate"), choices()),
+        (substrate, choices) in (substrate("substrate"), model_choices()),
         joining in prop_oneof![Just("continuous"), Just("cascade")],
         entry in prop_oneof![Just("uniform"), Just("projected")],
         ice in prop_oneof![Just("warren_brandt_2008"), Just("picard_2016")],
@@ -842,22 +861,22 @@ proptest! {
         let first = sample::parse("s.toml", &text).map_err(|e| TestCaseError::fail(e.to_string()))?;
         let again = sample::parse("s.toml", first.to_toml()).map_err(|e| TestCaseError::fail(e.to_string()))?;
         prop_assert_eq!(again.to_toml(), first.to_toml());
-        let bare = |mut file: sample::SampleFile| { file.warnings.clear(); file };
-        prop_assert_eq!(bare(again), bare(first));
+        let without_warnings = |mut file: sample::SampleFile| { file.warnings.clear(); file };
+        prop_assert_eq!(without_warnings(again), without_warnings(first));
     }
 
     #[test]
-    fn grids_survive_being_written(
+    fn grids_are_unchanged_by_writing_and_reading(
         wavelengths in wavelengths(),
         (facetness, sizes, densities) in (axis(0, 100, 0.01), axis(60, 2900, 1.0), axis(500, 5500, 0.1)),
         (thicknesses, angles) in (axis(30, 1000, 0.1), axis(0, 8999, 0.01)),
         (half_width, sd, size_half_width) in (0.0..=1.0, 0.0..=10.0, 0.0..=50.0),
-        (saturation, temperature, sphericity) in (0.0..=0.5, -40.0..=0.0, law(0.01)),
+        (saturation, temperature, sphericity) in (0.0..=0.5, -40.0..=0.0, distribution(0.01)),
         (seed, rays) in (0..=9_007_199_254_740_991_u64, 1..=1_000_000_000_000_u64),
         engine in prop_oneof![Just("spectral"), Just("reference")],
         rmse in prop::option::of(1e-9..=1.0),
         below in prop::collection::vec(layer("fixed.below", 1..140), 0..3),
-        (substrate, black, choices) in (substrate("fixed.substrate"), carbon(), choices()),
+        (substrate, black, choices) in (substrate("fixed.substrate"), carbon(), model_choices()),
     ) {
         let below = below.concat();
         let rmse = rmse.map_or(String::new(), |rmse| format!("max_rmse = {rmse}\n"));
@@ -872,24 +891,24 @@ proptest! {
         let written = first.grid.to_config();
         let mut again = grid::parse("g.toml", &written).map_err(|e| TestCaseError::fail(e.to_string()))?.grid;
         prop_assert_eq!(again.to_config(), written);
-        // The bounds of the compression change no spectrum and are not written.
+        // The compression bounds do not affect the spectra and are not written.
         again.compression = first.grid.compression;
         prop_assert_eq!(again, first.grid);
     }
 
-    /// Pieces of a good file put where they do not belong: refused or read, never a panic.
+    /// Valid files with text inserted at random places are read or refused, without a panic.
     #[test]
-    fn shuffled_files_never_panic(
-        cuts in prop::collection::vec((any::<prop::sample::Index>(), any::<prop::sample::Index>()), 1..12),
+    fn corrupted_files_never_panic(
+        insertions in prop::collection::vec((any::<prop::sample::Index>(), any::<prop::sample::Index>()), 1..12),
         good in prop::sample::select(vec![GRID, SAMPLE, SNOWPACK, SCENE]),
     ) {
         const PIECES: [&str; 16] = ["nan", "-inf", "1e999", "-0.0", "[", "]", "{", "}", "=", "\"", "\n",
             "[[layer]]\n", "[axes]\n", "0x7fffffffffffffffffff", "a.b.c = 1\n", "\u{feff}"];
         let mut text = good.to_owned();
-        for (piece, at) in cuts {
-            let at = at.index(text.len() + 1);
-            if text.is_char_boundary(at) {
-                text.insert_str(at, piece.get::<&str>(&PIECES));
+        for (piece, position) in insertions {
+            let position = position.index(text.len() + 1);
+            if text.is_char_boundary(position) {
+                text.insert_str(position, piece.get::<&str>(&PIECES));
             }
         }
         let _ = (sample::parse("s.toml", &text), grid::parse("g.toml", &text));
@@ -921,7 +940,7 @@ fn former_names_of_keys_and_engines_are_read() {
     let [new, old] = [scene, &old].map(|text| scene::parse("x.toml", text).unwrap().scene);
     assert_eq!(new, old);
 
-    // by both names
+    // the present and a former name together
     let both = GRID.replace(
         "incidence_angle_deg =",
         "angle_deg = [0]\nincidence_angle_deg =",

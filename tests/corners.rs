@@ -1,4 +1,6 @@
-//! A grid with curves that cannot exist, from the grid file to the answers.
+//! A grid with absent curves, from the grid file to the answers of `query`.
+//!
+//! A curve is absent if the largest grains of its node do not fit into the slab.
 use std::fs;
 use std::path::PathBuf;
 use std::process::{Command, Output};
@@ -10,8 +12,8 @@ use splitsnow::lookup::Database;
 use splitsnow::measurement::Quantity;
 use splitsnow::store::{Store, Variable};
 
-/// The grid that a satellite team wanted, with fewer nodes: grains of 2793 um do not
-/// fit into 2 cm.
+/// A grid as used for satellite data assimilation, with fewer nodes. Grains of 2793 um do
+/// not fit into a slab of 2 cm.
 const GRID: &str = "version = 1
 [axes]
 facetness = [0.3]
@@ -65,20 +67,21 @@ impl Folder {
 }
 
 #[test]
-fn the_satellite_grid_is_accepted_and_its_corner_counted() {
+fn absent_curves_of_the_satellite_grid_are_counted() {
     let text = include_str!("data/crtm323_converted.toml");
     let text = format!("{text}[run]\nengine = \"hybrid\"\nrays = 10000\n");
     let file = config::grid::parse("crtm323.toml", &text).unwrap();
     let absent = file.grid.absent().unwrap();
     assert_eq!(absent, [0, 0, 0, 0, 0, 1]);
-    // five densities, ten angles
+    // five densities times ten incidence angles
     assert_eq!(absent_curves(&file.grid.axes, &absent), 50);
-    let told = file
+    let warned = file
         .warnings
         .iter()
         .any(|w| w.contains("50 of 2400 curves do not exist"));
-    assert!(told, "{:?}", file.warnings);
-    // a thickness or a size that is of no use at all is an error, as ever
+    assert!(warned, "{:?}", file.warnings);
+    // a thickness too thin for all sizes is an error, and so is a size too large for all
+    // thicknesses
     let refused = |from: &str, to: &str| {
         let text = text.replace(from, to);
         config::grid::parse("crtm323.toml", &text)
@@ -97,32 +100,32 @@ fn the_satellite_grid_is_accepted_and_its_corner_counted() {
     );
 }
 
-/// As first written down: sizes so small that the usual spread would not fit.
+/// The default half width of the sizes would make grains smaller than 0.
 #[test]
-fn the_spread_is_narrowed_for_the_smallest_sizes() {
+fn the_default_spread_is_narrowed_for_small_sizes() {
     let text = include_str!("data/crtm323_naive.toml");
     let file = config::grid::parse("crtm323.toml", text).unwrap();
     assert_eq!(file.grid.spread.grain_size_half_width_um, 20.0);
-    let told = file.warnings.iter().any(|w| {
+    let warned = file.warnings.iter().any(|w| {
         w.contains("spread.grain_size_half_width_um is lowered from its default 50 to 20")
     });
-    assert!(told, "{:?}", file.warnings);
+    assert!(warned, "{:?}", file.warnings);
     assert_eq!(file.grid.absent().unwrap(), [0, 0, 0, 0, 0, 0, 1]);
-    // what is asked for is not changed
-    let asked = format!("{text}[spread]\ngrain_size_half_width_um = 50\n");
-    let error = config::grid::parse("crtm323.toml", &asked).unwrap_err();
+    // a spread given in the file is not changed
+    let with_spread = format!("{text}[spread]\ngrain_size_half_width_um = 50\n");
+    let error = config::grid::parse("crtm323.toml", &with_spread).unwrap_err();
     assert!(
         error.to_string().contains("makes grains of -20 to 80 um"),
         "{error}"
     );
-    // and what fits is left
-    let fits = text.replace("[30, 50, 100,", "[60, 100,");
-    let file = config::grid::parse("crtm323.toml", &fits).unwrap();
+    // the default spread is kept if it fits
+    let larger_sizes = text.replace("[30, 50, 100,", "[60, 100,");
+    let file = config::grid::parse("crtm323.toml", &larger_sizes).unwrap();
     assert_eq!(file.grid.spread.grain_size_half_width_um, 50.0);
 }
 
 #[test]
-fn corners_are_nan_and_all_else_is_computed() {
+fn absent_curves_are_nan_and_all_others_are_computed() {
     let folder = Folder::new(GRID);
     let plan: serde_json::Value =
         serde_json::from_str(&folder.succeeds("plan g.toml --json")).unwrap();
@@ -143,9 +146,9 @@ fn corners_are_nan_and_all_else_is_computed() {
     for variable in Variable::ALL {
         let values = store.read(variable).unwrap();
         for (row, curve) in values.rows().into_iter().enumerate() {
-            // size, density, thickness, angle
-            let corner = row / 64 == 3 && row / 4 % 4 == 0;
-            assert!(curve.iter().all(|value| value.is_nan() == corner), "{row}");
+            // axes after facetness: size, density, thickness, incidence angle
+            let absent = row / 64 == 3 && row / 4 % 4 == 0;
+            assert!(curve.iter().all(|value| value.is_nan() == absent), "{row}");
         }
     }
     let status = fs::read(folder.out().join("database.zarr/curve_status/c.0.0")).unwrap();
@@ -166,12 +169,12 @@ fn corners_are_nan_and_all_else_is_computed() {
         }
     }
 
-    // answers that would need the corner are refused by name, all others given
-    let ask = |size: f64, cm: f64| {
+    // queries that need an absent curve are refused and name the node; others are answered
+    let query = |size: f64, cm: f64| {
         format!("query out/g {SNOW} --grain-size-um {size} --thickness-cm {cm}")
     };
     for (size, cm) in [(2793.0, 2.0), (2793.0, 4.9), (2000.0, 3.0), (1397.0, 1.0)] {
-        let error = folder.fails(&ask(size, cm));
+        let error = folder.fails(&query(size, cm));
         assert!(
             error.contains("grains of the node 2793 um do not fit into a slab thinner than 5 cm"),
             "{error}"
@@ -184,7 +187,7 @@ fn corners_are_nan_and_all_else_is_computed() {
         (2000.0, 5.5),
         (2793.0, 300.0),
     ] {
-        folder.succeeds(&ask(size, cm));
+        folder.succeeds(&query(size, cm));
     }
     let published =
         "--facetness 0.3 --density-kg-m3 200 --incidence-angle-deg 0 --method varsa2025";
@@ -193,15 +196,15 @@ fn corners_are_nan_and_all_else_is_computed() {
     ));
     assert!(error.contains("2793"), "{error}");
 
-    // exports
+    // exports have NaN for the absent curves
     folder.succeeds("export out/g --format netcdf --layout crtm --out SNICAR.nc");
     let file = netcdf3::FileReader::open(folder.0.path().join("SNICAR.nc"));
     let mut file = file.unwrap();
     let values = file.read_var_f64("Reflectance").unwrap();
-    // n_Densities, n_Depths, n_Grain_Sizes, n_Frequencies, n_Angles
-    for (place, value) in values.iter().enumerate() {
-        let corner = place / (4 * 7) % 4 == 3 && place / (4 * 7 * 4) % 4 == 0;
-        assert_eq!(value.is_nan(), corner, "{place}");
+    // dimensions: n_Densities, n_Depths, n_Grain_Sizes, n_Frequencies, n_Angles
+    for (index, value) in values.iter().enumerate() {
+        let absent = index / (4 * 7) % 4 == 3 && index / (4 * 7 * 4) % 4 == 0;
+        assert_eq!(value.is_nan(), absent, "{index}");
     }
     let csv = folder.succeeds("export out/g --format csv --from database --out all.csv");
     assert!(csv.starts_with("all.csv"));
@@ -212,14 +215,14 @@ fn corners_are_nan_and_all_else_is_computed() {
     );
     folder.succeeds("export out/g --format svg --grain-size-um 2793 --out patches.svg");
 
-    // files and bounds, of the curves that exist
+    // `verify` checks the files and the bounds for the curves that exist
     let report = folder.succeeds("verify out/g --points 0 --samples 0 --json");
     let report: serde_json::Value = serde_json::from_str(&report).unwrap();
     assert_eq!(report["passed"], true);
-    // nodes are those that exist
+    // `verify` draws its nodes from those that exist
     let report = folder.succeeds("verify out/g --points 0 --samples 3 --rays 200");
     assert!(report.contains("3 nodes of different jobs"), "{report}");
-    // and the errors of their compression are charted
+    // `tradeoff` plots the compression errors of the curves that exist
     fs::write(
         folder.0.path().join("slab.toml"),
         include_str!("data/slab.toml"),
@@ -227,20 +230,21 @@ fn corners_are_nan_and_all_else_is_computed() {
     .unwrap();
     folder.succeeds("tradeoff slab.toml --engine reference --database out/g --budget 0.1 --truth-rays 64 --seeds 2 --out out");
 
-    // nothing is left to do, and quantised files keep the corner too
+    // absent curves are not missing jobs; quantised files have the same absent curves
     assert!(
         folder
             .succeeds("build g.toml")
             .starts_with("16 jobs, 0 of them run now")
     );
     folder.succeeds("compress out/g --basis log --precision quantised --max-delta-e 5");
-    folder.fails(&ask(2793.0, 2.0));
-    folder.succeeds(&ask(2793.0, 5.0));
+    folder.fails(&query(2793.0, 2.0));
+    folder.succeeds(&query(2793.0, 5.0));
 }
 
-/// Isotropic light beside angles: stored apart, and looked up.
+/// A grid may have isotropic light in addition to incidence angles. Its results are stored
+/// in separate arrays and a separate compact file.
 #[test]
-fn isotropic_light_is_a_light_of_the_same_grid() {
+fn isotropic_light_is_stored_and_looked_up() {
     let text = "version = 1
 [axes]
 facetness = [0.3]
@@ -257,8 +261,8 @@ rays = 4000
 [compression]
 max_delta_e = 5
 ";
-    let refused = text.replace("hybrid", "spectral");
-    let error = config::grid::parse("g.toml", &refused)
+    let spectral = text.replace("hybrid", "spectral");
+    let error = config::grid::parse("g.toml", &spectral)
         .unwrap_err()
         .to_string();
     assert!(
@@ -279,17 +283,17 @@ max_delta_e = 5
         for l in 0..3 {
             let [normal, oblique] = [0, 1].map(|angle| direct[[2 * slab + angle, l]]);
             let (value, se) = (diffuse[[slab, l]], se[[slab, l]]);
-            // grains up to 1250 um do not fit into 1 cm
+            // grains of up to 1250 um do not fit into 1 cm
             if slab == 3 {
                 assert!(value.is_nan() && se.is_nan() && normal.is_nan());
                 continue;
             }
-            // a mean over directions, of which half the light is within 45 degrees
+            // a mean over directions; half of the light is incident within 45 degrees
             assert!(normal < value && value < oblique + 5.0 * se, "{slab} {l}");
         }
     }
 
-    // a simulation of its own, of other random numbers, gives the same
+    // an independent simulation with other random numbers agrees
     let sample = "version = 1
 [illumination]
 diffuse = true
@@ -308,13 +312,14 @@ sphericity = { min = 0.6, max = 0.95, mean = 0.798, sd = 0.064 }
     let rows = measured
         .lines()
         .filter(|line| line.starts_with(|c: char| c.is_ascii_digit()));
+    assert_eq!(rows.clone().count(), 3, "{measured}");
     for (l, row) in rows.enumerate() {
         let cells: Vec<f32> = row.split(',').map(|cell| cell.parse().unwrap()).collect();
-        // both standard errors; six of them, for three comparisons
+        // six combined standard errors; there are three comparisons
         let allowed = 6.0 * (cells[2].powi(2) + se[[1, l]].powi(2)).sqrt();
-        let apart = (cells[1] - diffuse[[1, l]]).abs();
+        let difference = (cells[1] - diffuse[[1, l]]).abs();
         assert!(
-            apart < allowed,
+            difference < allowed,
             "{row}: {} +- {}",
             diffuse[[1, l]],
             se[[1, l]]
@@ -325,6 +330,7 @@ sphericity = { min = 0.6, max = 0.95, mean = 0.798, sd = 0.064 }
     let answer = folder.succeeds(&format!(
         "query out/g --diffuse --quantity reflectance {snow}"
     ));
+    assert_eq!(answer.lines().count(), 1 + 3, "{answer}");
     for (l, row) in answer.lines().skip(1).enumerate() {
         let value: f32 = row.split_once(',').unwrap().1.parse().unwrap();
         assert!((value - diffuse[[1, l]]).abs() < 0.01, "{row}");
@@ -350,7 +356,7 @@ sphericity = { min = 0.6, max = 0.95, mean = 0.798, sd = 0.064 }
             .starts_with("2 jobs, 0 of them run now")
     );
     folder.succeeds("verify out/g --points 0 --samples 2 --threads 1");
-    // the file itself may be named, and is checked
+    // `query` accepts the path of the file of isotropic light; `verify` checks the file
     let point = "--facetness 0.3 --grain-size-um 300 --density-kg-m3 250 --thickness-cm 3";
     folder.succeeds(&format!(
         "query out/g/diffuse.safetensors --diffuse {point}"
@@ -365,7 +371,7 @@ sphericity = { min = 0.6, max = 0.95, mean = 0.798, sd = 0.064 }
         text.contains("FAIL  compact file of isotropic light"),
         "{text}"
     );
-    // that of angles is no substitute
+    // the file of collimated light is not accepted in its place
     fs::copy(folder.out().join("snow.safetensors"), &path).unwrap();
     folder.fails("verify out/g --points 0 --samples 0");
 }

@@ -1,6 +1,5 @@
-//! Whatever ends a build, at whatever moment: nothing is lost, nothing broken
-//! is trusted, and the finished directory is, to the byte, that of an
-//! uninterrupted build on one thread.
+//! Interrupted builds. Finished work is kept, damaged files are detected, and the
+//! finished directory equals that of an uninterrupted build on one thread, to the byte.
 #![cfg(unix)]
 #![allow(clippy::unwrap_used)]
 
@@ -17,8 +16,8 @@ use assert_cmd::cargo::cargo_bin;
 use rand::{RngExt, SeedableRng};
 use rand_xoshiro::Xoshiro256PlusPlus;
 
-/// 3 x 2 x 2 x 12 x 4 = 576 curves in 48 jobs; 12 thicknesses at 31
-/// wavelengths, so that a chunk is larger than a block of the disk's.
+/// 3 x 2 x 2 x 12 x 4 = 576 curves in 48 jobs. A chunk has 12 thicknesses at 31
+/// wavelengths, which is larger than a disk block.
 const GRID: &str = "version = 1
 [axes]
 facetness = [0.1, 0.5, 0.9]
@@ -59,10 +58,10 @@ impl Folder {
         self.command(cargo_bin!("splitsnow").to_str().unwrap(), args)
     }
 
-    /// A build that must end well.
-    fn build(&self, more: &[&str]) -> String {
+    /// Runs a build, which must succeed, and returns its output.
+    fn build(&self, options: &[&str]) -> String {
         let output = self
-            .splitsnow(&[&["build", "g.toml"], more].concat())
+            .splitsnow(&[&["build", "g.toml"], options].concat())
             .output()
             .unwrap();
         let text = text(&output);
@@ -70,10 +69,10 @@ impl Folder {
         text
     }
 
-    /// Kills a build; false if it had ended well before.
-    fn kill_after(&self, moment: Duration) -> bool {
+    /// Kills a build after a delay. Returns false if the build finished before that.
+    fn kill_after(&self, delay: Duration) -> bool {
         let mut child = self.splitsnow(&["build", "g.toml"]).spawn().unwrap();
-        sleep(moment);
+        sleep(delay);
         child.kill().unwrap();
         let output = child.wait_with_output().unwrap();
         let killed = output.status.signal() == Some(9);
@@ -81,18 +80,18 @@ impl Folder {
         killed
     }
 
-    /// The output directory. No file is left out: the lock files are empty,
-    /// and only the one that a finished build has stays.
-    fn bytes(&self) -> BTreeMap<String, Vec<u8>> {
+    /// All files of the output directory, including lock files. Lock files are empty, and
+    /// a finished build leaves exactly one.
+    fn output_files(&self) -> BTreeMap<String, Vec<u8>> {
         dir_bytes(&self.path().join("out/g"))
     }
 
-    /// What an uninterrupted build on one thread gives, and its time.
+    /// The files of an uninterrupted build on one thread, and its duration.
     fn expected() -> (BTreeMap<String, Vec<u8>>, Duration) {
         let folder = Self::new();
         let begin = Instant::now();
         folder.build(&["--threads", "1"]);
-        (folder.bytes(), begin.elapsed())
+        (folder.output_files(), begin.elapsed())
     }
 
     fn file(&self, name: &str) -> std::path::PathBuf {
@@ -105,43 +104,43 @@ fn text(output: &Output) -> String {
     String::from_utf8(both).unwrap()
 }
 
-/// Kills until there were enough, of builds begun anew and gone on with. One in
-/// three comes while the database is created or opened, the others anywhere;
-/// finished databases are killed while they are compressed again.
+/// Kills builds at random moments and continues them, until there are enough kills. A
+/// third of the kills come while the database is created or opened, the others later.
+/// Each finished build is run and killed up to four more times, while it is compressed again.
 #[test]
-fn kills_at_any_moment() {
-    let (expected, whole) = Folder::expected();
+fn killed_builds_continue_at_any_moment() {
+    let (expected, duration) = Folder::expected();
     let mut rng = Xoshiro256PlusPlus::seed_from_u64(5);
-    let mut moment = |most: Duration| most.mul_f64(rng.random());
+    let mut random_delay = |max: Duration| max.mul_f64(rng.random());
     let start = Duration::from_millis(30);
     let (mut kills, mut builds) = (0, 0);
     while kills < 30 || builds < 3 {
         let folder = Folder::new();
-        for most in [start, whole / 4, whole / 2].into_iter().cycle() {
-            if !folder.kill_after(moment(most)) {
+        for max_delay in [start, duration / 4, duration / 2].into_iter().cycle() {
+            if !folder.kill_after(random_delay(max_delay)) {
                 break;
             }
             kills += 1;
         }
         for _ in 0..4 {
-            kills += u32::from(folder.kill_after(moment(start)));
+            kills += u32::from(folder.kill_after(random_delay(start)));
         }
         folder.build(&[]);
-        assert_same(&expected, &folder.bytes());
+        assert_same(&expected, &folder.output_files());
         builds += 1;
     }
 }
 
 #[test]
-fn ctrl_c_stops_cleanly_and_says_how_to_go_on() {
-    let (expected, whole) = Folder::expected();
+fn signals_stop_a_build_cleanly_and_the_message_names_the_next_command() {
+    let (expected, duration) = Folder::expected();
     for signal in ["-INT", "-TERM"] {
         let folder = Folder::new();
         let child = folder
             .splitsnow(&["build", "g.toml", "--fresh"])
             .spawn()
             .unwrap();
-        sleep(whole / 5);
+        sleep(duration / 5);
         let id = child.id().to_string();
         assert!(
             Command::new("kill")
@@ -160,7 +159,7 @@ fn ctrl_c_stops_cleanly_and_says_how_to_go_on() {
         assert!(text.ends_with("splitsnow build g.toml\n"), "{text}");
         let jobs = folder.build(&[]);
         assert!(!jobs.contains("48 of them run now"), "{jobs}");
-        assert_same(&expected, &folder.bytes());
+        assert_same(&expected, &folder.output_files());
     }
 }
 
@@ -170,9 +169,9 @@ fn damage_between_runs_is_found_and_repaired() {
     let folder = Folder::new();
     folder.build(&[]);
     let chunk = |array: &str| folder.file(&format!("database.zarr/{array}"));
-    let flip = |name: &str, at: usize| {
+    let flip_bit = |name: &str, offset: usize| {
         let mut bytes = fs::read(chunk(name)).unwrap();
-        bytes[at] ^= 0x10;
+        bytes[offset] ^= 0x10;
         fs::write(chunk(name), bytes).unwrap();
     };
     let truncate = |name: &str, length: u64| {
@@ -184,31 +183,31 @@ fn damage_between_runs_is_found_and_repaired() {
     };
     truncate("transmittance/c.0.0.0.0.0.0", 100);
     truncate("reflectance_se/c.0.1.0.0.1.0", 0);
-    flip("reflectance/c.1.0.1.0.2.0", 77);
+    flip_bit("reflectance/c.1.0.1.0.2.0", 77);
     fs::remove_file(chunk("jobs/committed/c.40")).unwrap();
     fs::remove_file(chunk("jobs/lost_share/c.41")).unwrap();
     fs::copy(chunk("jobs/committed/c.3"), chunk("jobs/committed/c.4")).unwrap();
-    flip("zarr.json", 0);
+    flip_bit("zarr.json", 0);
     let output = folder.splitsnow(&["build", "g.toml"]).output().unwrap();
     assert!(
         text(&output).contains("zarr.json is not JSON"),
         "{}",
         text(&output)
     );
-    flip("zarr.json", 0);
+    flip_bit("zarr.json", 0);
     truncate("../snow.safetensors", 1000);
     assert!(folder.build(&[]).starts_with("48 jobs, 6 of them run now"));
-    assert_same(&expected, &folder.bytes());
+    assert_same(&expected, &folder.output_files());
 }
 
-/// Under a limit of one block no file of any size can be written: first the
-/// metadata, then the chunks, then the compact file fail as on a full disk.
+/// Writes fail as on a full disk, because files are limited to one block. Metadata, chunks
+/// and the compact file fail in turn.
 #[test]
 fn failed_writes_lose_nothing() {
     let (expected, _) = Folder::expected();
     let folder = Folder::new();
-    let fails = |what: &str| {
-        // Without the trap the signal ends the process before it can tell.
+    let assert_write_fails = |file: &str| {
+        // Without the trap, the signal kills the process before it can report the error.
         let script = "trap '' XFSZ; ulimit -f 1; exec \"$0\" build g.toml";
         let program = cargo_bin!("splitsnow").to_str().unwrap();
         let output = folder
@@ -219,24 +218,25 @@ fn failed_writes_lose_nothing() {
         assert_eq!(output.status.code(), Some(1), "{text}");
         assert!(text.starts_with("error: cannot write out/g/"), "{text}");
         assert!(
-            text.contains(what) && text.contains("File too large"),
+            text.contains(file) && text.contains("File too large"),
             "{text}"
         );
         assert_eq!(text.lines().count(), 1, "{text}");
     };
-    fails("zarr.json");
+    assert_write_fails("zarr.json");
     folder.build(&["--shard", "0/2"]);
-    fails("database.zarr/transmittance/c.");
+    assert_write_fails("database.zarr/transmittance/c.");
     folder.build(&["--shard", "1/2"]);
-    fails("snow.safetensors");
+    assert_write_fails("snow.safetensors");
     assert!(folder.build(&[]).starts_with("48 jobs, 0 of them run now"));
-    assert_same(&expected, &folder.bytes());
+    assert_same(&expected, &folder.output_files());
 }
 
-/// One job of some seconds, killed each time it has kept something of itself.
+/// A job of several seconds stores parts of its result. The build is killed each time a new
+/// part is stored.
 #[test]
-fn a_job_that_is_killed_again_and_again_ends() {
-    let long = GRID
+fn a_job_that_is_killed_repeatedly_finishes() {
+    let one_long_job = GRID
         .replace("[0.1, 0.5, 0.9]", "[0.1]")
         .replace("[300, 500]", "[300]")
         .replace("[100, 200]", "[100]")
@@ -244,7 +244,7 @@ fn a_job_that_is_killed_again_and_again_ends() {
         .replace("rays = 2000", "rays = 120000");
     let folder = || {
         let folder = Folder::new();
-        fs::write(folder.path().join("g.toml"), &long).unwrap();
+        fs::write(folder.path().join("g.toml"), &one_long_job).unwrap();
         folder
     };
     let expected = folder();
@@ -254,21 +254,21 @@ fn a_job_that_is_killed_again_and_again_ends() {
             .starts_with("1 jobs, 1 of them")
     );
     let folder = folder();
-    let units = folder.file(".splitsnow-units");
-    let state = || {
-        let entries = fs::read_dir(&units).into_iter().flatten();
+    let parts = folder.file(".splitsnow-units");
+    let stored_parts = || {
+        let entries = fs::read_dir(&parts).into_iter().flatten();
         let mut names: Vec<_> = entries.map(|entry| entry.unwrap().file_name()).collect();
         names.sort();
         names
     };
-    let (mut kills, mut torn) = (0, false);
+    let (mut kills, mut truncated) = (0, false);
     loop {
-        let before = state();
+        let before = stored_parts();
         let mut child = folder
             .splitsnow(&["build", "g.toml", "--threads", "1"])
             .spawn()
             .unwrap();
-        while state() == before && child.try_wait().unwrap().is_none() {
+        while stored_parts() == before && child.try_wait().unwrap().is_none() {
             sleep(Duration::from_millis(20));
         }
         child.kill().unwrap();
@@ -277,15 +277,15 @@ fn a_job_that_is_killed_again_and_again_ends() {
             assert!(output.status.success(), "{}", text(&output));
             break;
         }
-        // Torn, as by a power cut: passed over. A kill may also find the job done and its
-        // files deleted.
-        if !torn && let Ok(bytes) = fs::read(units.join("0-0")) {
-            fs::write(units.join("0-0"), &bytes[..bytes.len() / 2]).unwrap();
-            torn = true;
+        // Truncate a part, as after a power failure: it must be ignored. The file does not
+        // exist if the job was already finished.
+        if !truncated && let Ok(bytes) = fs::read(parts.join("0-0")) {
+            fs::write(parts.join("0-0"), &bytes[..bytes.len() / 2]).unwrap();
+            truncated = true;
         }
         kills += 1;
         assert!(kills < 60);
     }
-    assert!(torn, "the job is too short for this test");
-    assert_same(&expected.bytes(), &folder.bytes());
+    assert!(truncated, "the job is too short for this test");
+    assert_same(&expected.output_files(), &folder.output_files());
 }

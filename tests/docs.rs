@@ -1,5 +1,5 @@
-//! The tables of keys in `docs/formats.md` are those of the schemas, and so of
-//! the program. `UPDATE_GOLDEN=1 cargo test --release --test pipeline docs` rewrites them.
+//! The tables of keys in `docs/formats.md` agree with the schemas, and therefore with the
+//! program. `UPDATE_GOLDEN=1 cargo test --release --test pipeline docs::` rewrites them.
 #![allow(clippy::unwrap_used)]
 use std::fmt::Write;
 use std::path::Path;
@@ -8,8 +8,8 @@ use serde_json::{Map, Value};
 use splitsnow::config::schema;
 use splitsnow::parameter::{Parameter, Scale};
 
-/// Rows of all keys below `node`.
-fn rows(out: &mut String, node: &Value, path: &str) {
+/// Writes a row for each key below `node`.
+fn write_rows(out: &mut String, node: &Value, path: &str) {
     let empty = Map::new();
     let keys = node["properties"].as_object().unwrap_or(&empty);
     let required = node["required"].as_array().cloned().unwrap_or_default();
@@ -34,15 +34,15 @@ fn rows(out: &mut String, node: &Value, path: &str) {
         let meaning = meaning.replace('\n', " ");
         let allowed = allowed(node);
         writeln!(out, "| `{name}` | {allowed} | {default} | {meaning} |").unwrap();
-        rows(out, inner, &path);
+        write_rows(out, inner, &path);
     }
 }
 
-/// What a value may be.
+/// The values that a key may have.
 fn allowed(node: &Value) -> String {
-    if let Some(most) = node["anyOf"][0]["maximum"].as_f64() {
-        let least = node["exclusiveMinimum"].as_f64().unwrap();
-        return format!("({}, {}], or inf", number(least), number(most));
+    if let Some(max) = node["anyOf"][0]["maximum"].as_f64() {
+        let min = node["exclusiveMinimum"].as_f64().unwrap();
+        return format!("({}, {}], or inf", number(min), number(max));
     }
     let choices = match &node["enum"] {
         Value::Null => &node["anyOf"][0]["enum"],
@@ -60,8 +60,8 @@ fn allowed(node: &Value) -> String {
         return format!("{}, or a path", names.join(", "));
     }
     if node["type"] == "array" {
-        let least = node["minItems"].as_u64().unwrap_or(0);
-        let count = format!("{least} to {}", node["maxItems"]);
+        let min = node["minItems"].as_u64().unwrap_or(0);
+        let count = format!("{min} to {}", node["maxItems"]);
         return match node["items"]["type"].as_str() {
             Some("object") => format!("{count} of them"),
             _ => format!("list of {count}, each {}", allowed(&node["items"])),
@@ -116,7 +116,7 @@ fn number(value: f64) -> String {
     }
 }
 
-/// The page below `docs` is this text, or becomes it.
+/// Asserts that a page in `docs` equals `text`, or writes it if `UPDATE_GOLDEN` is set.
 pub(crate) fn keep(name: &str, text: &str) {
     let path = Path::new(env!("CARGO_MANIFEST_DIR"))
         .join("docs")
@@ -131,7 +131,7 @@ pub(crate) fn keep(name: &str, text: &str) {
         .find(|(old, new)| old != new);
     assert!(
         before == text,
-        "docs/{name}: run with UPDATE_GOLDEN=1 and read the difference; first {differs:?}"
+        "docs/{name} is out of date: run with UPDATE_GOLDEN=1 and review the diff; first difference: {differs:?}"
     );
 }
 
@@ -147,7 +147,7 @@ fn tables_of_keys_are_current() {
     ] {
         let schema: Value = serde_json::from_str(&schema).unwrap();
         let mut table = "| key | allowed | default | meaning |\n|---|---|---|---|\n".to_owned();
-        rows(&mut table, &schema, "");
+        write_rows(&mut table, &schema, "");
         let (begin, end) = (format!("<!-- keys of {name} -->\n"), "<!-- end -->");
         let (head, rest) = after.split_once(&begin).unwrap();
         let (_, tail) = rest.split_once(end).unwrap();
@@ -156,26 +156,26 @@ fn tables_of_keys_are_current() {
     keep("formats.md", &after);
 }
 
-/// `rust-version` is as new as the newest that any dependency asks for.
+/// No dependency requires a newer compiler than `rust-version`.
 #[test]
-fn the_compiler_that_is_asked_for_can_compile_it() {
+fn the_minimum_rust_version_suffices_for_all_dependencies() {
     let output = std::process::Command::new(env!("CARGO"))
         .args(["metadata", "--format-version", "1", "--locked"])
         .current_dir(env!("CARGO_MANIFEST_DIR"))
         .output()
         .unwrap();
     let metadata: Value = serde_json::from_slice(&output.stdout).unwrap();
-    let needed = metadata["packages"].as_array().unwrap().iter();
+    let packages = metadata["packages"].as_array().unwrap().iter();
     let version = |text: &str| -> Vec<u32> {
         text.split('.')
             .map(|number| number.parse().unwrap())
             .collect()
     };
-    let asked = version(env!("CARGO_PKG_RUST_VERSION"));
-    for package in needed {
+    let minimum = version(env!("CARGO_PKG_RUST_VERSION"));
+    for package in packages {
         if let Some(text) = package["rust_version"].as_str() {
             assert!(
-                version(text)[..2] <= asked[..2],
+                version(text)[..2] <= minimum[..2],
                 "{} needs {text}",
                 package["name"]
             );
@@ -221,8 +221,8 @@ fn the_table_of_parameters_is_current() {
         .unwrap();
     }
     let (begin, end) = ("<!-- parameters -->\n", "<!-- end -->");
-    let from = page.find(begin).unwrap() + begin.len();
-    let to = from + page[from..].find(end).unwrap();
-    let made = format!("{}{table}{}", &page[..from], &page[to..]);
-    keep("formats.md", &made);
+    let table_start = page.find(begin).unwrap() + begin.len();
+    let table_end = table_start + page[table_start..].find(end).unwrap();
+    let expected = format!("{}{table}{}", &page[..table_start], &page[table_end..]);
+    keep("formats.md", &expected);
 }

@@ -1,9 +1,10 @@
-//! All engines against `reference`, and `reference` against a plain
+//! Comparison of `spectral` with `reference`, and of `reference` with a naive
 //! implementation of the model that shares no physics code with the library.
 //!
 //! Every comparison is a z-test with the standard errors of both sides. The
-//! level of the whole file is 1e-4, shared over fewer than 2000 comparisons
-//! (Bonferroni), so |z| < 5.5. Seeds are fixed: a failure is a change.
+//! significance level of the whole file is 1e-4. With fewer than 2000 comparisons
+//! (Bonferroni), this requires |z| < 5.5. Seeds are fixed, so a failure is due to a
+//! change of the code.
 #![allow(missing_docs, clippy::unwrap_used)]
 
 use std::sync::atomic::{AtomicBool, AtomicU64};
@@ -18,9 +19,9 @@ use splitsnow::transport::{
     Component, Entry, Illumination, Layer, Model, Snow, Snowpack, Substrate,
 };
 
-const Z: f64 = 5.5;
+const Z_LIMIT: f64 = 5.5;
 
-/// Size in um, facetness, sphericity, density, saturation.
+/// Snow of given sizes in um, facetness, sphericity, density in kg/m3 and water saturation.
 fn snow(size: [f64; 2], f: naive::Law, psi: naive::Law, density: f64, saturation: f64) -> Snow {
     let law = |l: naive::Law| TruncatedNormal::new(l[0], l[1], l[2], l[3]).unwrap();
     Snow {
@@ -38,8 +39,8 @@ fn snow(size: [f64; 2], f: naive::Law, psi: naive::Law, density: f64, saturation
     }
 }
 
-const F: naive::Law = [0.2, 0.4, 0.3, 0.072];
-const PSI: naive::Law = [0.6, 0.95, 0.798, 0.064];
+const FACETNESS: naive::Law = [0.2, 0.4, 0.3, 0.072];
+const SPHERICITY: naive::Law = [0.6, 0.95, 0.798, 0.064];
 
 fn angle(degrees: f64) -> Illumination {
     Illumination::Collimated {
@@ -49,14 +50,14 @@ fn angle(degrees: f64) -> Illumination {
 
 #[derive(Clone)]
 struct Case {
-    what: &'static str,
+    name: &'static str,
     snowpack: Snowpack,
     illumination: Illumination,
     thickness_m: f64,
     entry: Entry,
 }
 
-/// Wet, sooty surface on a layer thinner than its grains on a dry base with
+/// Three layers: a wet, sooty surface, a layer thinner than its grains, and a dry base with
 /// soot in the pores.
 fn layered(substrate: f64) -> Snowpack {
     let layer = |snow, thickness_m| Layer { snow, thickness_m };
@@ -65,14 +66,14 @@ fn layered(substrate: f64) -> Snowpack {
             sedimentation: 0.3,
             ..Carbon::black(3000.0)
         }),
-        ..snow([300.0, 750.0], F, PSI, 275.0, 0.1)
+        ..snow([300.0, 750.0], FACETNESS, SPHERICITY, 275.0, 0.1)
     };
     let base = Snow {
         brown_carbon: Some(Carbon {
             sedimentation: 0.0,
             ..Carbon::brown(2000.0)
         }),
-        ..snow([500.0, 1000.0], F, PSI, 350.0, 0.0)
+        ..snow([500.0, 1000.0], FACETNESS, SPHERICITY, 350.0, 0.0)
     };
     let middle = snow([1000.0, 2500.0], [0.0; 4], [1.0; 4], 400.0, 0.3);
     Snowpack {
@@ -82,9 +83,9 @@ fn layered(substrate: f64) -> Snowpack {
     }
 }
 
-/// Large, round and smooth beside small, long and faceted.
+/// Large, round, smooth grains mixed with small, long, faceted ones.
 fn mixture() -> Snow {
-    let part = |fraction, snow: Snow| Component {
+    let component = |fraction, snow: Snow| Component {
         fraction,
         ..snow.grains[0]
     };
@@ -103,22 +104,22 @@ fn mixture() -> Snow {
         0.05,
     );
     Snow {
-        grains: vec![part(0.7, large), part(0.3, small.clone())],
+        grains: vec![component(0.7, large), component(0.3, small.clone())],
         ..small
     }
 }
 
-/// Coarse grains in thin slabs keep the walks short; the corners of the
-/// parameter box are all there.
+/// The cases to compare. They include the corners of the parameter space. Coarse grains
+/// in thin slabs keep the walks short.
 fn cases() -> Vec<Case> {
-    let case = |what, snow: &Snow, illumination, thickness_m| Case {
-        what,
+    let case = |name, snow: &Snow, illumination, thickness_m| Case {
+        name,
         snowpack: snow.clone().into(),
         illumination,
         thickness_m,
         entry: Entry::Uniform,
     };
-    let representative = &snow([300.0, 750.0], F, PSI, 275.0, 0.0);
+    let representative = &snow([300.0, 750.0], FACETNESS, SPHERICITY, 275.0, 0.0);
     let sooty = Snow {
         black_carbon: Some(Carbon {
             sedimentation: 0.0,
@@ -130,7 +131,7 @@ fn cases() -> Vec<Case> {
         }),
         ..representative.clone()
     };
-    let over = |snow: &Snow, substrate| Snowpack {
+    let on_substrate = |snow: &Snow, substrate| Snowpack {
         substrate: Substrate::Grey(substrate),
         ..snow.clone().into()
     };
@@ -145,13 +146,13 @@ fn cases() -> Vec<Case> {
         ),
         case(
             "wet",
-            &snow([300.0, 750.0], F, PSI, 275.0, 0.3),
+            &snow([300.0, 750.0], FACETNESS, SPHERICITY, 275.0, 0.3),
             angle(30.0),
             0.01,
         ),
         case(
             "soaked",
-            &snow([800.0, 1600.0], F, PSI, 450.0, 0.5),
+            &snow([800.0, 1600.0], FACETNESS, SPHERICITY, 450.0, 0.5),
             angle(0.0),
             0.02,
         ),
@@ -187,7 +188,7 @@ fn cases() -> Vec<Case> {
         ),
         case(
             "barely thicker than its grains",
-            &snow([1000.0, 2500.0], F, PSI, 400.0, 0.1),
+            &snow([1000.0, 2500.0], FACETNESS, SPHERICITY, 400.0, 0.1),
             angle(20.0),
             0.003,
         ),
@@ -198,7 +199,7 @@ fn cases() -> Vec<Case> {
         case("mixture", &mixture(), angle(40.0), 0.01),
         case("sooty", &sooty, angle(0.0), 0.01),
         Case {
-            snowpack: over(representative, 0.5),
+            snowpack: on_substrate(representative, 0.5),
             ..case(
                 "grey substrate",
                 representative,
@@ -221,7 +222,7 @@ fn cases() -> Vec<Case> {
             )
         },
         Case {
-            snowpack: over(&mixture(), 0.9),
+            snowpack: on_substrate(&mixture(), 0.9),
             entry: Entry::Projected,
             ..case(
                 "mixture on bright substrate",
@@ -262,7 +263,7 @@ fn run_all(
         snowpack: &case.snowpack,
         thicknesses_m,
         illuminations: &[case.illumination],
-        resolution: Resolution::of_rays(rays),
+        resolution: Resolution::for_rays(rays),
         max_error: MaxError::default(),
         wavelengths_nm,
         model: &model,
@@ -289,7 +290,7 @@ fn z(a: Measured, b: Measured) -> f64 {
     (a.value - b.value) / (a.se * a.se + b.se * b.se).sqrt()
 }
 
-fn agree(what: &str, a: &Spectrum, b: &Spectrum) {
+fn assert_agree(name: &str, a: &Spectrum, b: &Spectrum) {
     let pairs = |x: &[Measured], y: &[Measured]| -> Vec<f64> {
         x.iter().zip(y).map(|(x, y)| z(*x, *y)).collect()
     };
@@ -298,14 +299,14 @@ fn agree(what: &str, a: &Spectrum, b: &Spectrum) {
         ("transmittance", pairs(&a.transmittance, &b.transmittance)),
     ] {
         assert!(
-            zs.iter().all(|z| z.abs() < Z),
-            "{what}, {quantity}: z = {zs:.2?}"
+            zs.iter().all(|z| z.abs() < Z_LIMIT),
+            "{name}, {quantity}: z = {zs:.2?}"
         );
     }
 }
 
-/// A layer as the plain program wants it.
-fn plain(layer: &Layer, nm: f64) -> naive::Layer {
+/// Converts a layer for the naive implementation.
+fn naive_layer(layer: &Layer, nm: f64) -> naive::Layer {
     let Snow {
         density_kg_m3,
         black_carbon,
@@ -322,11 +323,11 @@ fn plain(layer: &Layer, nm: f64) -> naive::Layer {
     let mut soot_per_m = [0.0; 2];
     for (carbon, exponent) in [(black_carbon, 1), (brown_carbon, 2)] {
         if let Some(carbon) = carbon {
-            // 16.619 m2/g at 880 nm; 1e3 g/m3, 1e-9
+            // the mass absorption efficiency is 16.619 m2/g at 880 nm
             let grams_per_m3 = density_kg_m3 * 1e3 * carbon.concentration_ng_g * 1e-9;
-            let all = 16.619 * (880.0 / nm).powi(exponent) * grams_per_m3;
-            soot_per_m[0] += carbon.sedimentation * all;
-            soot_per_m[1] += (1.0 - carbon.sedimentation) * all;
+            let absorption_per_m = 16.619 * (880.0 / nm).powi(exponent) * grams_per_m3;
+            soot_per_m[0] += carbon.sedimentation * absorption_per_m;
+            soot_per_m[1] += (1.0 - carbon.sedimentation) * absorption_per_m;
         }
     }
     naive::Layer {
@@ -338,27 +339,27 @@ fn plain(layer: &Layer, nm: f64) -> naive::Layer {
 }
 
 #[test]
-fn reference_is_the_plain_model() {
-    reference_against_plain(4_000, 10_000);
+fn reference_agrees_with_the_naive_model() {
+    compare_reference_with_naive(4_000, 10_000);
 }
 
 #[test]
-#[ignore = "long: five times the walks, some 30 CPU-s"]
-fn reference_is_the_plain_model_closely() {
-    reference_against_plain(20_000, 50_000);
+#[ignore = "long: five times as many walks, about 30 CPU-s"]
+fn reference_agrees_with_the_naive_model_closely() {
+    compare_reference_with_naive(20_000, 50_000);
 }
 
-fn reference_against_plain(rays: u64, reference_rays: u64) {
+fn compare_reference_with_naive(rays: u64, reference_rays: u64) {
     for case in cases() {
         for (i, nm) in [450.0, 1030.0, 2000.0].into_iter().enumerate() {
             let model = Model::default();
             let index = |i: splitsnow::optics::Index| Complex::new(i.n, i.k);
-            let plain = Naive {
+            let naive = Naive {
                 layers: case
                     .snowpack
                     .layers(case.thickness_m)
                     .iter()
-                    .map(|l| plain(l, nm))
+                    .map(|l| naive_layer(l, nm))
                     .collect(),
                 ice: index(model.ice.at(nm).unwrap()),
                 water: index(model.water.load().unwrap().at(nm).unwrap()),
@@ -370,37 +371,37 @@ fn reference_against_plain(rays: u64, reference_rays: u64) {
                 projected: case.entry == Entry::Projected,
                 substrate: case.snowpack.substrate.reflectance(nm).unwrap(),
             };
-            let [reflected, transmitted, lost] = plain.run(rays, i as u64);
+            let [reflected, transmitted, lost] = naive.run(rays, i as u64);
             let measured = |count: u64| {
                 let p = count as f64 / rays as f64;
-                // the smallest error a count can have, where none or all were seen
+                // the lower limit applies if none or all of the rays were counted
                 let se = (p * (1.0 - p) / rays as f64).sqrt().max(1.0 / rays as f64);
                 vec![Measured { value: p, se }]
             };
-            let plain = Spectrum {
+            let naive = Spectrum {
                 reflectance: measured(reflected),
                 transmittance: measured(transmitted),
                 lost: vec![lost as f64 / rays as f64],
             };
             let reference = run(Engine::Reference, &case, &[nm], reference_rays, 3);
-            agree(&format!("{} at {nm} nm", case.what), &reference, &plain);
+            assert_agree(&format!("{} at {nm} nm", case.name), &reference, &naive);
         }
     }
 }
 
 #[test]
-fn spectral_is_reference_up_to_2500_nm() {
-    spectral_against_reference(3_000, 2_000);
+fn spectral_agrees_with_reference_up_to_2500_nm() {
+    compare_spectral_with_reference(3_000, 2_000);
 }
 
 #[test]
-#[ignore = "long: some 15 times the walks, some 60 CPU-s"]
-fn spectral_is_reference_up_to_2500_nm_closely() {
-    spectral_against_reference(40_000, 30_000);
+#[ignore = "long: about 15 times as many walks, about 60 CPU-s"]
+fn spectral_agrees_with_reference_up_to_2500_nm_closely() {
+    compare_spectral_with_reference(40_000, 30_000);
 }
 
-fn spectral_against_reference(spectral_rays: u64, reference_rays: u64) {
-    // between the nodes that a full list has, and at its ends
+fn compare_spectral_with_reference(spectral_rays: u64, reference_rays: u64) {
+    // wavelengths between the index nodes of the full list, and at its ends
     let wavelengths: Vec<f64> = (0..=86).map(|i| 350.0 + 25.0 * f64::from(i)).collect();
     let checked = [0, 4, 10, 18, 27, 38, 44, 48, 57, 63, 66, 74, 86];
     for case in cases() {
@@ -418,22 +419,22 @@ fn spectral_against_reference(spectral_rays: u64, reference_rays: u64) {
             reference_rays,
             6,
         );
-        agree(case.what, &spectral, &reference);
+        assert_agree(case.name, &spectral, &reference);
     }
 }
 
 #[test]
-fn sharing_thicknesses_changes_no_law() {
-    shared_against_alone(3_000);
+fn thicknesses_that_share_walks_agree_with_separate_runs() {
+    compare_shared_with_separate_walks(3_000);
 }
 
 #[test]
-#[ignore = "long: some 15 times the walks, some 60 CPU-s"]
-fn sharing_thicknesses_changes_no_law_closely() {
-    shared_against_alone(50_000);
+#[ignore = "long: about 15 times as many walks, about 60 CPU-s"]
+fn thicknesses_that_share_walks_agree_with_separate_runs_closely() {
+    compare_shared_with_separate_walks(50_000);
 }
 
-fn shared_against_alone(rays: u64) {
+fn compare_shared_with_separate_walks(rays: u64) {
     let thicknesses = [0.008, 0.012, 0.013, 0.03];
     for case in cases().into_iter().filter(|c| c.thickness_m == 0.01) {
         let shared = run_all(
@@ -449,10 +450,10 @@ fn shared_against_alone(rays: u64) {
                 thickness_m,
                 ..case.clone()
             };
-            let alone = run(Engine::Spectral, &case, &[450.0, 1030.0], rays, 8);
-            agree(&format!("{} {thickness_m} m", case.what), shared, &alone);
+            let separate = run(Engine::Spectral, &case, &[450.0, 1030.0], rays, 8);
+            assert_agree(&format!("{} {thickness_m} m", case.name), shared, &separate);
         }
-        // one set of walks: without errors of their own, T falls and R rises
+        // with common walks, T decreases and R increases with thickness without noise
         let homogeneous =
             case.snowpack.below.is_empty() && case.snowpack.substrate == Substrate::Black;
         for pair in shared.windows(2).filter(|_| homogeneous) {
@@ -462,55 +463,57 @@ fn shared_against_alone(rays: u64) {
     }
 }
 
-/// Light that has crossed many optical depths of ice: most walks that would
-/// carry it end by chance before, and the weights of the others make up for it.
+/// Transmission through a large optical depth of ice. Walks of low weight are terminated at
+/// random (Russian roulette), and the weights of the others compensate for this.
 #[test]
-fn ending_hopeless_walks_is_unbiased() {
+fn random_termination_of_walks_is_unbiased() {
     let case = Case {
-        what: "dark",
-        snowpack: snow([1000.0, 2000.0], F, PSI, 300.0, 0.0).into(),
+        name: "dark",
+        snowpack: snow([1000.0, 2000.0], FACETNESS, SPHERICITY, 300.0, 0.0).into(),
         illumination: angle(0.0),
         thickness_m: 0.04,
         entry: Entry::Uniform,
     };
     let spectral = run(Engine::Spectral, &case, &[1270.0], 1_000_000, 21);
     let reference = run(Engine::Reference, &case, &[1270.0], 1_000_000, 22);
-    agree(case.what, &spectral, &reference);
+    assert_agree(case.name, &spectral, &reference);
     let t = reference.transmittance[0];
     assert!(t.value > 10.0 * t.se, "the test has no power: {t:?}");
 }
 
-/// Bias from mixing two index nodes instead of walking at each wavelength's
-/// own index, on coarse grains where walks are short.
+/// The bias of interpolation between two index nodes, relative to walks with the refractive
+/// index of each wavelength. Grains are coarse, so that walks are short.
 #[test]
-#[ignore = "long: only so many walks can see the bias, 20 CPU-s"]
-fn index_nodes_cost_less_than_their_noise() {
+#[ignore = "long: fewer walks cannot detect the bias, 20 CPU-s"]
+fn bias_of_index_nodes_is_below_the_noise() {
     let case = Case {
-        what: "coarse",
-        snowpack: snow([1000.0, 2000.0], F, PSI, 275.0, 0.0).into(),
+        name: "coarse",
+        snowpack: snow([1000.0, 2000.0], FACETNESS, SPHERICITY, 275.0, 0.0).into(),
         illumination: angle(0.0),
         thickness_m: 0.02,
         entry: Entry::Uniform,
     };
     let visible: Vec<f64> = (40..=70).map(|l| f64::from(l) * 10.0).collect();
-    let mixed = run(Engine::Spectral, &case, &visible, 1_500_000, 11);
+    let interpolated = run(Engine::Spectral, &case, &visible, 1_500_000, 11);
     let (mut bias, mut variance) = (0.0, 0.0);
-    // where the distance to the nodes at 400 and 700 nm is largest
+    // wavelengths far from the index nodes at 400 and 700 nm
     let middle = [6, 8, 10, 12];
     for l in middle {
-        let own = run(
+        let exact = run(
             Engine::Spectral,
             &case,
             &[visible[l]],
             400_000,
             12 + l as u64,
         );
-        let (a, b) = (mixed.transmittance[l], own.transmittance[0]);
+        let (a, b) = (interpolated.transmittance[l], exact.transmittance[0]);
         bias += (a.value / b.value - 1.0) / middle.len() as f64;
         variance += (b.se / b.value / middle.len() as f64).powi(2);
     }
-    // the mixed values share their walks, so their errors do not average out
-    let se = (variance + (mixed.transmittance[9].se / mixed.transmittance[9].value).powi(2)).sqrt();
+    // the interpolated values share their walks, so their errors do not average out
+    let se = (variance
+        + (interpolated.transmittance[9].se / interpolated.transmittance[9].value).powi(2))
+    .sqrt();
     assert!(
         bias.abs() < 0.002 + 4.0 * se,
         "relative bias {bias:.5} +- {se:.5}"
@@ -522,12 +525,12 @@ fn index_nodes_cost_less_than_their_noise() {
 fn results_do_not_depend_on_threads() {
     let case = &cases()[3];
     let wavelengths = [500.0, 900.0, 1500.0];
-    let on = |threads| {
+    let results = |threads| {
         let pool = rayon::ThreadPoolBuilder::new()
             .num_threads(threads)
             .build()
             .unwrap();
         Engine::ALL.map(|engine| pool.install(|| run(engine, case, &wavelengths, 9000, 1)))
     };
-    assert_eq!(on(1), on(3));
+    assert_eq!(results(1), results(3));
 }

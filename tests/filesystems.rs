@@ -1,6 +1,9 @@
-//! File systems that lack locks, that cannot sync a directory, and that are
-//! reached by symbolic links: the program as it is, in front of a C library
-//! that says what such file systems say.
+//! File systems without locks, file systems that cannot sync a directory, and
+//! output behind symbolic links to another file system.
+//!
+//! A preloaded library (tests/filesystems/shim.c) replaces `flock()`, `fsync()`
+//! and `rename()`. They fail with the errors of such file systems. The program
+//! itself is unchanged.
 #![allow(clippy::unwrap_used)]
 
 use std::collections::BTreeMap;
@@ -32,10 +35,12 @@ engine = \"spectral\"
 rays = 1000
 ";
 
-/// `flock()` where there is none: ENOLCK, ENOSYS, EOPNOTSUPP.
+/// Errors of `flock()` on file systems without locks: ENOLCK, ENOSYS, EOPNOTSUPP.
 const NO_LOCKS: [&str; 3] = ["37", "38", "95"];
-const HELD: &str = ".splitsnow-held-alone";
+/// Where locks do not work, this file names the process that holds the directory exclusively.
+const OWNER_FILE: &str = ".splitsnow-held-alone";
 
+/// Compiles the preloaded library once and returns its path.
 fn shim() -> &'static Path {
     static SHIM: OnceLock<PathBuf> = OnceLock::new();
     SHIM.get_or_init(|| {
@@ -48,26 +53,27 @@ fn shim() -> &'static Path {
     })
 }
 
-/// A folder in which builds run, as if its file systems lacked what `lacks` says.
+/// A folder in which the program runs with simulated file system errors.
 struct Folder {
     dir: tempfile::TempDir,
-    lacks: Vec<(&'static str, String)>,
+    /// Environment variables for the shim: each makes one function fail.
+    failures: Vec<(&'static str, String)>,
 }
 
 impl Folder {
     fn new() -> Self {
         let dir = tempfile::tempdir().unwrap();
         fs::write(dir.path().join("g.toml"), GRID).unwrap();
-        // as long as it is waited for: 50 times as many walks
+        // 50 times as many walks: long enough to be interrupted
         let long = GRID.replace("rays = 1000", "rays = 50000");
         fs::write(dir.path().join("long.toml"), long).unwrap();
-        let lacks = Vec::new();
-        Self { dir, lacks }
+        let failures = Vec::new();
+        Self { dir, failures }
     }
 
-    fn lacking(name: &'static str, value: &str) -> Self {
+    fn failing(name: &'static str, value: &str) -> Self {
         let mut folder = Self::new();
-        folder.lacks.push((name, value.into()));
+        folder.failures.push((name, value.into()));
         folder
     }
 
@@ -80,7 +86,7 @@ impl Folder {
         command.current_dir(&self.dir).args(args);
         command.stdout(Stdio::piped()).stderr(Stdio::piped());
         command.env("LD_PRELOAD", shim());
-        command.envs(self.lacks.iter().map(|(name, value)| (name, value)));
+        command.envs(self.failures.iter().map(|(name, value)| (name, value)));
         command.spawn().unwrap()
     }
 
@@ -88,16 +94,16 @@ impl Folder {
         self.spawn(args).wait_with_output().unwrap()
     }
 
-    /// What it says on standard error.
-    fn ends_well(&self, args: &[&str]) -> String {
+    /// Runs the program, which must succeed, and returns its standard error.
+    fn succeeds(&self, args: &[&str]) -> String {
         let output = self.run(args);
         let text = String::from_utf8(output.stderr).unwrap();
         assert!(output.status.success(), "{args:?}: {text}");
         text
     }
 
-    /// The one line of a refusal.
-    fn is_refused(&self, args: &[&str]) -> String {
+    /// Runs the program, which must fail, and returns its error message of one line.
+    fn fails(&self, args: &[&str]) -> String {
         let output = self.run(args);
         let text = String::from_utf8(output.stderr).unwrap();
         assert_eq!(output.status.code(), Some(1), "{args:?}: {text}");
@@ -105,44 +111,45 @@ impl Folder {
         text
     }
 
-    fn bytes(&self) -> BTreeMap<String, Vec<u8>> {
+    /// All files of the output directory `out/g`.
+    fn output_files(&self) -> BTreeMap<String, Vec<u8>> {
         dir_bytes(&self.path("out/g"))
     }
 }
 
-/// What `g.toml` gives on an ordinary disk.
+/// The output files of `g.toml` on an ordinary disk.
 fn expected() -> &'static BTreeMap<String, Vec<u8>> {
     static EXPECTED: OnceLock<BTreeMap<String, Vec<u8>>> = OnceLock::new();
     EXPECTED.get_or_init(|| {
         let folder = Folder::new();
-        folder.ends_well(&["build", "g.toml"]);
-        folder.bytes()
+        folder.succeeds(&["build", "g.toml"]);
+        folder.output_files()
     })
 }
 
 #[test]
-fn without_locks_all_is_as_with_them() {
-    for number in NO_LOCKS {
-        let folder = Folder::lacking("NO_FLOCK", number);
-        for part in ["0/2", "1/2"] {
-            folder.ends_well(&["build", "g.toml", "--shard", part]);
+fn without_locks_the_output_is_the_same() {
+    for errno in NO_LOCKS {
+        let folder = Folder::failing("NO_FLOCK", errno);
+        for shard in ["0/2", "1/2"] {
+            folder.succeeds(&["build", "g.toml", "--shard", shard]);
         }
-        assert_eq!(folder.ends_well(&["build", "g.toml"]), "");
-        assert_same(expected(), &folder.bytes());
-        folder.ends_well(&["compress", "out/g"]);
-        folder.ends_well(&["build", "g.toml", "--fresh"]);
-        assert_same(expected(), &folder.bytes());
+        assert_eq!(folder.succeeds(&["build", "g.toml"]), "");
+        assert_same(expected(), &folder.output_files());
+        folder.succeeds(&["compress", "out/g"]);
+        folder.succeeds(&["build", "g.toml", "--fresh"]);
+        assert_same(expected(), &folder.output_files());
     }
 }
 
 #[test]
-fn without_locks_one_process_excludes_another_and_a_killed_one_none() {
-    let mut folder = Folder::lacking("NO_FLOCK", NO_LOCKS[0]);
+fn without_locks_a_running_process_excludes_others_and_a_killed_one_does_not() {
+    let mut folder = Folder::failing("NO_FLOCK", NO_LOCKS[0]);
     let build = ["build", "long.toml", "--out", "out/g"];
-    let held = folder.path("out/g").join(HELD);
+    let owner_file = folder.path("out/g").join(OWNER_FILE);
     let mut first = folder.spawn(&build);
-    let root = folder.path("out/g/database.zarr/zarr.json");
-    while !held.exists() || !root.exists() {
+    let database_root = folder.path("out/g/database.zarr/zarr.json");
+    while !owner_file.exists() || !database_root.exists() {
         assert!(first.try_wait().unwrap().is_none());
         sleep(Duration::from_millis(1));
     }
@@ -151,92 +158,102 @@ fn without_locks_one_process_excludes_another_and_a_killed_one_none() {
         first.id()
     );
     let shard = [&build[..], &["--shard", "0/2"]].concat();
-    let others = [&build[..], &["compress", "out/g"], &shard];
-    for other in others {
-        let text = folder.is_refused(other);
+    let commands = [&build[..], &["compress", "out/g"], &shard];
+    for command in commands {
+        let text = folder.fails(command);
         assert!(text.starts_with(&busy), "{text}");
     }
-    // where locks work, or do again
-    let lacks = std::mem::take(&mut folder.lacks);
-    assert!(folder.is_refused(&build).starts_with(&busy));
-    folder.lacks = lacks;
+    // a process for which locks work is excluded, too
+    let failures = std::mem::take(&mut folder.failures);
+    assert!(folder.fails(&build).starts_with(&busy));
+    folder.failures = failures;
     first.kill().unwrap();
-    assert_eq!(first.wait().unwrap().signal(), Some(9), "ended too early");
-    assert!(held.exists());
-    folder.ends_well(&["build", "g.toml", "--out", "out/g", "--fresh"]);
-    assert_same(expected(), &folder.bytes());
+    assert_eq!(
+        first.wait().unwrap().signal(),
+        Some(9),
+        "the build ended before it was killed"
+    );
+    assert!(owner_file.exists());
+    folder.succeeds(&["build", "g.toml", "--out", "out/g", "--fresh"]);
+    assert_same(expected(), &folder.output_files());
 }
 
 #[test]
-fn what_cannot_be_known_of_another_host_is_explained() {
-    let folder = Folder::lacking("NO_FLOCK", NO_LOCKS[0]);
+fn owners_that_cannot_be_checked_are_explained() {
+    let folder = Folder::failing("NO_FLOCK", NO_LOCKS[0]);
     let owner = "{\"host\": \"node17\", \"process\": 4242, \"namespace\": null, \"started\": 7}";
     for (name, content, who) in [
-        (HELD, owner, "process 4242 on host \"node17\""),
-        (HELD, "", "an unknown process"),
-        // waited for, then explained
+        (OWNER_FILE, owner, "process 4242 on host \"node17\""),
+        (OWNER_FILE, "", "an unknown process"),
+        // the program waits for this file before it gives up
         (".splitsnow-gate", owner, "process 4242 on host \"node17\""),
     ] {
         let file = Path::new("out/g").join(name);
         fs::create_dir_all(folder.path("out/g")).unwrap();
         fs::write(folder.path("out/g").join(name), content).unwrap();
-        let text = folder.is_refused(&["build", "g.toml"]);
+        let text = folder.fails(&["build", "g.toml"]);
         let head = format!("error: out/g is held by {who}, ");
         assert!(text.starts_with(&head), "{text}");
         let advice = format!("delete {} and run the same command again", file.display());
         assert!(text.contains(&advice), "{text}");
         fs::remove_file(folder.path("out/g").join(name)).unwrap();
-        folder.ends_well(&["build", "g.toml"]);
-        assert_same(expected(), &folder.bytes());
+        folder.succeeds(&["build", "g.toml"]);
+        assert_same(expected(), &folder.output_files());
     }
 }
 
 #[test]
-fn a_directory_that_cannot_be_synced_is_a_warning() {
+fn a_directory_that_cannot_be_synced_causes_a_warning() {
     // EINVAL, EOPNOTSUPP
-    for number in ["22", "95"] {
-        let folder = Folder::lacking("NO_DIRECTORY_SYNC", number);
-        let text = folder.ends_well(&["build", "g.toml"]);
+    for errno in ["22", "95"] {
+        let folder = Folder::failing("NO_DIRECTORY_SYNC", errno);
+        let text = folder.succeeds(&["build", "g.toml"]);
         let head = "warning: out/g cannot be synced to the disk (";
         assert!(
             text.starts_with(head) && text.lines().count() == 1,
             "{text}"
         );
-        assert_same(expected(), &folder.bytes());
-        let text = folder.ends_well(&["export", "out/g", "--format", "csv", "--out", "g.csv"]);
+        assert_same(expected(), &folder.output_files());
+        let text = folder.succeeds(&["export", "out/g", "--format", "csv", "--out", "g.csv"]);
         assert!(text.starts_with("warning: . cannot be synced"), "{text}");
     }
-    // EIO: the disk is broken, and the file is there
-    let folder = Folder::lacking("NO_DIRECTORY_SYNC", "5");
-    let text = folder.is_refused(&["build", "g.toml"]);
+    // EIO: the disk is broken; the program fails, but the new file is in place
+    let folder = Folder::failing("NO_DIRECTORY_SYNC", "5");
+    let text = folder.fails(&["build", "g.toml"]);
     let head = "error: cannot write out/g/snow.safetensors: the new file is written, but ";
     assert!(
         text.starts_with(head) && !text.contains("old file is unchanged"),
         "{text}"
     );
-    assert_same(expected(), &folder.bytes());
+    assert_same(expected(), &folder.output_files());
 }
 
-/// A directory on another file system than `folder`'s: shared memory, or one
-/// that `rename()` is made to take for another.
+/// A directory on another file system than `folder`. It is in shared memory if
+/// possible; otherwise [`simulated_other_disk`] provides it.
 fn other_disk(folder: &mut Folder) -> tempfile::TempDir {
-    let device = |path: &Path| fs::metadata(path).map(|about| about.dev()).ok();
-    let memory = Path::new("/dev/shm");
-    if device(memory).is_some_and(|other| Some(other) != device(folder.dir.path()))
-        && let Ok(dir) = tempfile::tempdir_in(memory)
+    let device = |path: &Path| fs::metadata(path).map(|metadata| metadata.dev()).ok();
+    let shared_memory = Path::new("/dev/shm");
+    if device(shared_memory).is_some_and(|other| Some(other) != device(folder.dir.path()))
+        && let Ok(dir) = tempfile::tempdir_in(shared_memory)
     {
         return dir;
     }
+    simulated_other_disk(folder)
+}
+
+/// A directory on the same file system, for which `rename()` fails as if it were
+/// on another one.
+fn simulated_other_disk(folder: &mut Folder) -> tempfile::TempDir {
     let dir = tempfile::tempdir().unwrap();
-    let real = dir.path().canonicalize().unwrap();
+    let real_path = dir.path().canonicalize().unwrap();
     folder
-        .lacks
-        .push(("OTHER_DEVICE", real.to_str().unwrap().into()));
+        .failures
+        .push(("OTHER_DEVICE", real_path.to_str().unwrap().into()));
     dir
 }
 
 #[test]
-fn links_to_another_disk_are_written_through() {
+fn builds_write_through_links_to_another_disk() {
     let database: BTreeMap<_, _> = expected()
         .iter()
         .filter_map(|(name, bytes)| {
@@ -247,49 +264,43 @@ fn links_to_another_disk_are_written_through() {
         })
         .collect();
     let compact = &expected()["snow.safetensors"];
-    for really in [true, false] {
+    for make_disk in [other_disk, simulated_other_disk] {
         let mut folder = Folder::new();
-        let disk = if really {
-            other_disk(&mut folder)
-        } else {
-            let dir = tempfile::tempdir().unwrap();
-            let real = dir.path().canonicalize().unwrap();
-            folder
-                .lacks
-                .push(("OTHER_DEVICE", real.to_str().unwrap().into()));
-            dir
-        };
-        let (there, file) = (disk.path().join("db"), disk.path().join("snow"));
-        fs::create_dir(&there).unwrap();
+        let disk = make_disk(&mut folder);
+        let (database_dir, file) = (disk.path().join("db"), disk.path().join("snow"));
+        fs::create_dir(&database_dir).unwrap();
         fs::create_dir_all(folder.path("out/g")).unwrap();
-        let links = [(&there, "database.zarr"), (&file, "snow.safetensors")];
+        let links = [
+            (&database_dir, "database.zarr"),
+            (&file, "snow.safetensors"),
+        ];
         for (target, name) in links {
             symlink(target, folder.path("out/g").join(name)).unwrap();
         }
-        // in parts, whole, again from the start
-        folder.ends_well(&["build", "g.toml", "--shard", "0/2"]);
-        for more in [&[][..], &["--fresh"], &[]] {
-            folder.ends_well(&[&["build", "g.toml"], more].concat());
-            assert_same(&database, &dir_bytes(&there));
+        // build one shard, complete it, rebuild everything, then rebuild nothing
+        folder.succeeds(&["build", "g.toml", "--shard", "0/2"]);
+        for options in [&[][..], &["--fresh"], &[]] {
+            folder.succeeds(&[&["build", "g.toml"], options].concat());
+            assert_same(&database, &dir_bytes(&database_dir));
             assert_eq!(&fs::read(&file).unwrap(), compact);
             for (target, name) in links {
                 let link = fs::read_link(folder.path("out/g").join(name));
                 assert_eq!(&link.unwrap(), target);
             }
-            assert_same(expected(), &folder.bytes());
+            assert_same(expected(), &folder.output_files());
         }
         assert_eq!(fs::read_dir(disk.path()).unwrap().count(), 2);
     }
 }
 
 #[test]
-fn output_directories_behind_links_and_moved_arrays_work() {
+fn builds_work_with_a_linked_output_directory_and_a_linked_array() {
     let mut folder = Folder::new();
     let disk = other_disk(&mut folder);
     symlink(disk.path(), folder.path("out")).unwrap();
-    folder.ends_well(&["build", "g.toml"]);
-    assert_same(expected(), &folder.bytes());
-    // one array moved to the first disk, and some of it lost
+    folder.succeeds(&["build", "g.toml"]);
+    assert_same(expected(), &folder.output_files());
+    // move one array back to the first disk, lose a chunk, and leave an unfinished write
     let array = folder.path("out/g/database.zarr/transmittance");
     let moved = folder.path("moved");
     let copied = Command::new("cp").arg("-r").args([&array, &moved]).status();
@@ -298,23 +309,23 @@ fn output_directories_behind_links_and_moved_arrays_work() {
     symlink(&moved, &array).unwrap();
     fs::remove_file(moved.join("c.0.0.0.0.0.0")).unwrap();
     fs::create_dir(moved.join(".splitsnow-partial")).unwrap();
-    folder.ends_well(&["build", "g.toml"]);
-    assert_same(expected(), &folder.bytes());
+    folder.succeeds(&["build", "g.toml"]);
+    assert_same(expected(), &folder.output_files());
 }
 
 #[test]
 fn links_to_nothing_are_explained() {
     let folder = Folder::new();
     symlink("/nowhere/at/all", folder.path("out")).unwrap();
-    let nothing = |name: &str| {
-        let text = folder.is_refused(&["build", "g.toml"]);
+    let assert_explained = |name: &str| {
+        let text = folder.fails(&["build", "g.toml"]);
         let head =
             format!("error: {name} is a symbolic link to /nowhere/at/all, which does not exist;");
         assert!(text.starts_with(&head), "{text}");
     };
-    nothing("out");
+    assert_explained("out");
     fs::remove_file(folder.path("out")).unwrap();
     fs::create_dir_all(folder.path("out/g")).unwrap();
     symlink("/nowhere/at/all", folder.path("out/g/database.zarr")).unwrap();
-    nothing("out/g/database.zarr");
+    assert_explained("out/g/database.zarr");
 }

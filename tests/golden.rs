@@ -1,4 +1,5 @@
-//! The golden data is whole, as exact as it says, and what `reference` gives.
+//! The golden data: completeness, precision, plausibility, and agreement of the engines with
+//! it.
 #![allow(clippy::unwrap_used, clippy::print_stdout)]
 #[path = "common/golden/mod.rs"]
 #[allow(dead_code)]
@@ -28,8 +29,7 @@ fn thesis() -> Grid {
     grid::read(&path).unwrap().grid
 }
 
-/// The axis values of `run` if it lies on the grid, with its snow as the grid
-/// makes it.
+/// Whether `run` is a node of the grid, and the grid gives this node the same snow.
 fn on_grid(run: &Run, grid: &Grid) -> bool {
     let [min_um, max_um] = run.snow.size_um;
     let Some(angle_deg) = run.angle_deg else {
@@ -39,11 +39,11 @@ fn on_grid(run: &Run, grid: &Grid) -> bool {
     let size_um = 0.5 * (min_um + max_um);
     let facetness = run.snow.facetness[0];
     let density_kg_m3 = run.snow.density_kg_m3;
-    let mut one = grid.clone();
-    one.axes.set(Parameter::Facetness, vec![facetness]);
-    one.axes.set(Parameter::GrainSize, vec![size_um]);
-    one.axes.set(Parameter::Density, vec![density_kg_m3]);
-    one.axes.set(Parameter::Incidence, vec![angle_deg]);
+    let mut node_grid = grid.clone();
+    node_grid.axes.set(Parameter::Facetness, vec![facetness]);
+    node_grid.axes.set(Parameter::GrainSize, vec![size_um]);
+    node_grid.axes.set(Parameter::Density, vec![density_kg_m3]);
+    node_grid.axes.set(Parameter::Incidence, vec![angle_deg]);
     axes.values(Parameter::Facetness).contains(&facetness)
         && axes.values(Parameter::GrainSize).contains(&size_um)
         && axes.values(Parameter::Density).contains(&density_kg_m3)
@@ -52,19 +52,24 @@ fn on_grid(run: &Run, grid: &Grid) -> bool {
             .thicknesses_cm
             .iter()
             .all(|cm| axes.values(Parameter::Thickness).contains(cm))
-        && one.job(&one.jobs().unwrap(), 0).unwrap().snowpack.surface == run.snow.snow()
+        && node_grid
+            .job(&node_grid.jobs().unwrap(), 0)
+            .unwrap()
+            .snowpack
+            .surface
+            == run.snow.snow()
 }
 
 #[test]
 fn every_case_has_every_wavelength() {
-    let all: Vec<f64> = BANDS.concat();
+    let wavelengths_nm: Vec<f64> = BANDS.concat();
     for case in &*CASES {
-        assert_eq!(case.wavelengths_nm, all, "{}", case.name);
+        assert_eq!(case.wavelengths_nm, wavelengths_nm, "{}", case.name);
     }
 }
 
 #[test]
-fn sixty_nodes_of_the_grid_and_all_its_corners() {
+fn the_data_covers_sixty_nodes_and_all_corners_of_the_grid() {
     let grid = thesis();
     let runs: Vec<Run> = runs()
         .into_iter()
@@ -72,11 +77,11 @@ fn sixty_nodes_of_the_grid_and_all_its_corners() {
         .collect();
     let nodes: usize = runs.iter().map(|run| run.thicknesses_cm.len()).sum();
     assert!(nodes >= 60, "{nodes}");
-    let ends = |values: &[f64]| [values[0], values[values.len() - 1]];
+    let first_and_last = |values: &[f64]| [values[0], values[values.len() - 1]];
     let axes = &grid.axes;
-    for facetness in ends(axes.values(Parameter::Facetness)) {
-        for size_um in ends(axes.values(Parameter::GrainSize)) {
-            for density in ends(axes.values(Parameter::Density)) {
+    for facetness in first_and_last(axes.values(Parameter::Facetness)) {
+        for size_um in first_and_last(axes.values(Parameter::GrainSize)) {
+            for density in first_and_last(axes.values(Parameter::Density)) {
                 let mut thicknesses = Vec::new();
                 for run in &runs {
                     let [min, max] = run.snow.size_um;
@@ -89,7 +94,7 @@ fn sixty_nodes_of_the_grid_and_all_its_corners() {
                         thicknesses.extend(&run.thicknesses_cm);
                     }
                 }
-                let [thinnest, thickest] = ends(axes.values(Parameter::Thickness));
+                let [thinnest, thickest] = first_and_last(axes.values(Parameter::Thickness));
                 assert!(
                     thicknesses.contains(&thinnest) && thicknesses.contains(&thickest),
                     "{facetness} {size_um} {density}: {thicknesses:?}"
@@ -102,17 +107,18 @@ fn sixty_nodes_of_the_grid_and_all_its_corners() {
     }
 }
 
+/// Wavelength, reflectance and transmittance of a case, per wavelength.
 fn values<'a>(case: &'a Case) -> impl Iterator<Item = (f64, Measured, Measured)> + 'a {
     let wavelengths = case.wavelengths_nm.iter().copied();
     let measured = case.reflectance.iter().zip(&case.transmittance);
     wavelengths.zip(measured).map(|(nm, (r, t))| (nm, *r, *t))
 }
 
-/// The standard errors that ray counts were chosen for, from a pilot that knew
-/// variances to about a tenth. Thick slabs have larger ones in reflectance, the
-/// thickest the largest: opaque, they reflect what the one before reflects.
+/// The numbers of rays were chosen for these target standard errors. A pilot run gave the
+/// variances to about 10 %. The targets for reflectance are larger for thick slabs: they are
+/// nearly opaque, so their reflectance depends little on their thickness.
 #[test]
-fn errors_are_as_small_as_they_should_be() {
+fn standard_errors_meet_their_targets() {
     for case in &*CASES {
         let r_target = match case.thickness_m {
             ..0.0501 => 3e-4,
@@ -135,8 +141,8 @@ fn errors_are_as_small_as_they_should_be() {
     }
 }
 
-/// A ray scores in one of the two at most, so the sums hold exactly but for
-/// rounding to six digits.
+/// A ray is reflected, transmitted, lost or absorbed. The fractions of the first three
+/// therefore sum to at most 1, except for rounding to six digits.
 #[test]
 fn values_conserve_energy() {
     for case in &*CASES {
@@ -151,8 +157,8 @@ fn values_conserve_energy() {
     }
 }
 
-/// Of one snow under one light the thicker slab transmits less and reflects no
-/// less (beyond 5 joint standard errors, and the rays it loses).
+/// For the same snow and illumination, a thicker slab transmits less and does not reflect
+/// less, within 5 combined standard errors and the fraction of lost rays.
 #[test]
 fn thicker_slabs_transmit_less() {
     for pair in CASES.windows(2) {
@@ -176,11 +182,11 @@ fn thicker_slabs_transmit_less() {
     }
 }
 
-/// What docs/methods.md says of the file: how well Delta-E is known, median and worst of all
-/// slabs, and how many rays were given up.
+/// docs/methods.md quotes the standard error of Delta-E, as the median and the largest over
+/// all slabs, and the largest fraction of lost rays.
 #[test]
-fn the_page_says_how_exact_the_data_is() {
-    let known = |case: &Case| {
+fn the_precision_of_the_data_is_documented() {
+    let delta_e_se = |case: &Case| {
         let spectrum = Spectrum {
             reflectance: case.reflectance.clone(),
             transmittance: case.transmittance.clone(),
@@ -188,11 +194,11 @@ fn the_page_says_how_exact_the_data_is() {
         };
         compare(case, &spectrum).delta_e.se
     };
-    let mut all: Vec<f64> = CASES.iter().map(known).collect();
-    all.sort_by(f64::total_cmp);
+    let mut errors: Vec<f64> = CASES.iter().map(delta_e_se).collect();
+    errors.sort_by(f64::total_cmp);
     let page = "docs/methods.md";
-    assert_says(page, "golden Delta-E, median", [all[all.len() / 2]]);
-    assert_says(page, "golden Delta-E, worst", [all[all.len() - 1]]);
+    assert_says(page, "golden Delta-E, median", [errors[errors.len() / 2]]);
+    assert_says(page, "golden Delta-E, worst", [errors[errors.len() - 1]]);
     let lost = CASES.iter().flat_map(|case| &case.lost);
     let lost = lost.copied().fold(0.0, f64::max);
     assert_says(page, "golden rays lost", [lost]);
@@ -221,9 +227,9 @@ fn run(engine: Engine, case: &Case, wavelengths_nm: &[f64], rays: u64, seed: u64
     engine.run(&request, &control).unwrap().pop().unwrap()
 }
 
-/// Short walks only: thin slabs, or near infrared light in a thick one.
+/// Only cases with short walks: thin slabs, or the near infrared in a thick one.
 #[test]
-#[ignore = "long: a million and a half walks, some 40 CPU-s"]
+#[ignore = "long: 1.5 million walks, about 40 CPU-s"]
 fn reference_agrees() {
     let checks = [
         ("50,150,0.9,0.1,200,0,60,1", 550.0, 60_000),
@@ -238,7 +244,9 @@ fn reference_agrees() {
     for (seed, (name, nm, rays)) in checks.into_iter().enumerate() {
         let case = CASES.iter().find(|case| case.name == name).unwrap();
         let reference = run(Engine::Reference, case, &[nm], rays, seed as u64);
-        let (_, r, t) = values(case).find(|(at, ..)| *at == nm).unwrap();
+        let (_, r, t) = values(case)
+            .find(|(wavelength, ..)| *wavelength == nm)
+            .unwrap();
         for (golden, reference) in [
             (r, reference.reflectance[0]),
             (t, reference.transmittance[0]),
@@ -253,7 +261,7 @@ fn reference_agrees() {
 }
 
 #[test]
-fn comparing_finds_the_largest_errors() {
+fn compare_finds_the_largest_errors() {
     let case = &CASES[0];
     let mut spectrum = Spectrum {
         reflectance: case.reflectance.clone(),
@@ -279,9 +287,9 @@ fn comparing_finds_the_largest_errors() {
     assert!(errors.delta_e.value > 0.0);
 }
 
-/// Greys differ by 116 (Y1^(1/3) - Y2^(1/3)) in CIE 1976 lightness.
+/// Two greys differ only in CIE 1976 lightness, by 116 (Y1^(1/3) - Y2^(1/3)).
 #[test]
-fn comparing_greys_is_comparing_lightness() {
+fn delta_e_of_greys_is_their_difference_in_lightness() {
     let mut case = CASES[0].clone();
     let grey = |value, se| Measured { value, se };
     case.transmittance.fill(grey(0.2, 1e-4));
@@ -295,10 +303,10 @@ fn comparing_greys_is_comparing_lightness() {
     assert!((error.value - lightness).abs() < 1e-9, "{error:?}");
 }
 
-/// Every case by `hybrid` with as many walks as `configs/thesis.toml` asks for:
-/// all thicknesses and angles of a snow at once, as in a database.
+/// `hybrid` simulates every case with the number of walks of `configs/thesis.toml`. All
+/// thicknesses and angles of a snow are simulated together, as in a database.
 #[test]
-#[ignore = "long: every snow of the golden data, some 120 CPU-s"]
+#[ignore = "long: every snow of the golden data, about 120 CPU-s"]
 fn hybrid_agrees() {
     let (count, worst) = hybrid_errors(1);
     assert_eq!(count, CASES.len());
@@ -316,14 +324,13 @@ fn hybrid_agrees() {
     }
 }
 
-/// The same of every ninth snow.
 #[test]
-fn hybrid_agrees_here_and_there() {
+fn hybrid_agrees_on_every_ninth_snow() {
     assert!(hybrid_errors(9).0 >= 6);
 }
 
-/// Compares the cases of every `step`-th snow and says how many there are, and the largest
-/// differences of T and R, 400-700 nm, of R, 800-1400 nm, and Delta-E.
+/// Compares the cases of every `step`-th snow. Returns the number of cases and the largest
+/// errors of T at 400-700 nm, R at 400-700 nm, R at 800-1400 nm, and Delta-E.
 fn hybrid_errors(step: usize) -> (usize, [f64; 4]) {
     let mut snows: Vec<Vec<&Case>> = Vec::new();
     for case in &*CASES {
@@ -375,41 +382,41 @@ fn hybrid_errors(step: usize) -> (usize, [f64; 4]) {
                 .unwrap();
             let spectrum = &spectra[h * illuminations.len() + light];
             let errors = compare(case, spectrum);
-            // what docs/stability.md promises of the method itself, beyond the noise of the
-            // golden data and of these walks: that is up to 5e-4 in T where T is .24, so that
-            // a bare 1e-3, as once here, is two standard errors and holds for some seeds only
-            let beyond = |error: Measured, run: &[Measured]| {
+            // docs/stability.md states bounds for the error of the method itself. The noise of
+            // the golden data and of these walks is up to 5e-4 at T = .24, so 1e-3 alone is only
+            // two standard errors. Three standard errors are therefore subtracted.
+            let beyond_noise = |error: Measured, run: &[Measured]| {
                 let run_se = run.iter().map(|m| m.se).fold(0.0, f64::max);
                 error.value - 3.0 * error.se.hypot(run_se)
             };
-            let visible_t = beyond(errors.visible_t, &spectrum.transmittance[..VISIBLE]);
-            let infrared_r = beyond(errors.infrared_r, &spectrum.reflectance[VISIBLE..]);
+            let visible_t = beyond_noise(errors.visible_t, &spectrum.transmittance[..VISIBLE]);
+            let infrared_r = beyond_noise(errors.infrared_r, &spectrum.reflectance[VISIBLE..]);
             let delta_e = errors.delta_e.value - 3.0 * errors.delta_e.se;
             assert!(visible_t <= 1e-3, "{}: {errors:?}", case.name);
             assert!(infrared_r <= 5e-3, "{}: {errors:?}", case.name);
             assert!(delta_e <= 0.3, "{}: {errors:?}", case.name);
-            let of = [
+            let case_errors = [
                 errors.visible_t,
                 errors.visible_r,
                 errors.infrared_r,
                 errors.delta_e,
             ];
-            for (worst, error) in worst.iter_mut().zip(of) {
+            for (worst, error) in worst.iter_mut().zip(case_errors) {
                 *worst = worst.max(error.value);
             }
             count += 1;
         }
     }
     println!(
-        "{count} cases; largest error of T and R, 400-700 nm, of R, 800-1400 nm, and Delta-E: {worst:?}"
+        "{count} cases; largest errors of T and R at 400-700 nm, R at 800-1400 nm, and Delta-E: {worst:?}"
     );
     (count, worst)
 }
 
-/// Every slab of up to 3 cm by `tabulated`, whose standard errors hold the
-/// error of its tables.
+/// `tabulated` simulates every slab of up to 3 cm. Its standard errors include the error of
+/// its tables.
 #[test]
-#[ignore = "long: every thin slab of the golden data, some 60 CPU-s"]
+#[ignore = "long: every thin slab of the golden data, about 60 CPU-s"]
 fn tabulated_agrees() {
     let (count, worst) = tabulated_comparisons(1);
     assert!(count > 150);
@@ -417,14 +424,13 @@ fn tabulated_agrees() {
     assert_says(page, "tabulated golden", [count as f64, worst]);
 }
 
-/// The same of every ninth slab.
 #[test]
-fn tabulated_agrees_here_and_there() {
+fn tabulated_agrees_on_every_ninth_slab() {
     assert!(tabulated_comparisons(9).0 > 15);
 }
 
-/// Compares every `step`-th of these slabs and says how many values that were, and the
-/// largest difference in joint standard errors.
+/// Compares every `step`-th of the thin slabs. Returns the number of compared values and the
+/// largest |z|.
 fn tabulated_comparisons(step: usize) -> (usize, f64) {
     let (cancel, rays_done, cache) = (AtomicBool::new(false), AtomicU64::new(0), Cache::default());
     let control = Control {
@@ -433,40 +439,40 @@ fn tabulated_comparisons(step: usize) -> (usize, f64) {
         rays_done: &rays_done,
         cache: &cache,
     };
-    let mut scores = Vec::new();
+    let mut z_scores = Vec::new();
     let thin = CASES.iter().filter(|case| case.thickness_m <= 0.03);
     for case in thin.step_by(step) {
-        // the two ends of the visible, and a near infrared wavelength
-        let at = [0, 30, 33];
+        // both ends of the visible range, and one near infrared wavelength
+        let indices = [0, 30, 33];
         let request = Request {
             snowpack: &case.snow.clone().into(),
             thicknesses_m: &[case.thickness_m],
             illuminations: &[case.illumination],
-            wavelengths_nm: &at.map(|l| case.wavelengths_nm[l]),
+            wavelengths_nm: &indices.map(|l| case.wavelengths_nm[l]),
             model: &Model::default(),
             rays: 20_000,
             max_error: MaxError::default(),
-            resolution: Resolution::of_rays(20_000),
+            resolution: Resolution::for_rays(20_000),
             seed: 4,
             cell: 0,
         };
         let spectrum = Engine::Tabulated.run(&request, &control).unwrap().remove(0);
-        for (i, l) in at.into_iter().enumerate() {
+        for (i, l) in indices.into_iter().enumerate() {
             let pairs = [
                 (spectrum.reflectance[i], case.reflectance[l]),
                 (spectrum.transmittance[i], case.transmittance[l]),
             ];
             for (a, b) in pairs {
-                scores.push(((a.value - b.value) / a.se.hypot(b.se), &case.name));
+                z_scores.push(((a.value - b.value) / a.se.hypot(b.se), &case.name));
             }
         }
     }
-    // Bonferroni at a thousandth for some 200 comparisons
-    let (worst, name) = scores
+    // significance level 1e-3 with Bonferroni correction for about 200 comparisons
+    let (worst, name) = z_scores
         .iter()
         .max_by(|a, b| a.0.abs().total_cmp(&b.0.abs()))
         .unwrap();
-    println!("{} comparisons, worst z {worst:.2}: {name}", scores.len());
+    println!("{} comparisons, worst z {worst:.2}: {name}", z_scores.len());
     assert!(worst.abs() < 4.8, "{worst}: {name}");
-    (scores.len(), worst.abs())
+    (z_scores.len(), worst.abs())
 }

@@ -1,9 +1,10 @@
-//! The goniophotometer: sensors, sums, symmetries, limits, reciprocity, errors,
-//! the fast way against counting. The published trends are in tests/studies.rs.
+//! The goniophotometer: sensors, sums over sensors, symmetries, limiting cases,
+//! reciprocity, standard errors, and agreement of the engines. tests/studies.rs checks the
+//! published trends.
 //!
-//! Where runs are compared over many sensors, standard errors come from 32 parts
-//! (31 degrees of freedom): a squared difference in units of its variance then has
-//! mean 31/29 and, for the difference of two such runs, about the variance of F.
+//! The standard errors come from 32 parts (31 degrees of freedom). A difference divided by
+//! its standard error therefore follows Student's t distribution, whose square has mean
+//! 31/29. For the difference of two such runs this is approximate.
 #![allow(clippy::unwrap_used)]
 
 use std::f64::consts::{PI, TAU};
@@ -20,7 +21,7 @@ use splitsnow::transport::{
     Component, Entry, Illumination, Joining, Layer, Model, Snow, Snowpack, Substrate,
 };
 
-/// Chance that any one test fails though all is right.
+/// Probability that a test fails although the code is correct.
 const ALPHA: f64 = 1e-4;
 
 struct Setup {
@@ -46,9 +47,9 @@ impl Setup {
         }
     }
 
-    /// Of a handful of walks nothing is told but that they are the same.
+    /// Small tables for runs of few walks, which are only tested for equality.
     fn resolution(&self) -> Resolution {
-        let of_rays = Resolution::of_rays(self.rays);
+        let of_rays = Resolution::for_rays(self.rays);
         match self.rays {
             0..=100 => Resolution {
                 table: 1 << 10,
@@ -59,6 +60,7 @@ impl Setup {
         }
     }
 
+    /// Calls `run` with the request and the control of this setup.
     fn with<T>(&self, run: impl FnOnce(&Request, &Control) -> T) -> T {
         let request = Request {
             snowpack: &self.snowpack,
@@ -94,20 +96,26 @@ fn z(a: Measured, b: Measured) -> f64 {
     (a.value - b.value) / (a.se * a.se + b.se * b.se).sqrt()
 }
 
-/// Asserts that `z` are standardised differences with errors from 32 parts each.
-fn assert_alike(z: &[f64], what: &str) {
+/// Asserts that z-scores with standard errors from 32 parts are consistent with equality.
+fn assert_consistent(z: &[f64], name: &str) {
     let n = z.len() as f64;
     let sum: f64 = z.iter().map(|z| z * z).sum();
-    // variance of t^2 with 31 degrees of freedom: 2.47
+    // t^2 has variance 2.47 for 31 degrees of freedom
     let limit = 31.0 / 29.0 * n + z_limit(ALPHA, 1) * (2.5 * n).sqrt();
-    assert!(sum < limit + 6.0, "{what}: {sum} over {n}");
-    // t with 31 degrees of freedom, far out: half as far again as normal
-    let most = z.iter().fold(0.0_f64, |most, z| most.max(z.abs()));
-    assert!(most < 1.5 * z_limit(ALPHA, z.len()), "{what}: {most}");
+    assert!(
+        sum < limit + 6.0,
+        "{name}: sum of squares {sum}, {n} values"
+    );
+    // the tails of t with 31 degrees of freedom reach about 1.5 times as far as normal ones
+    let largest = z.iter().fold(0.0_f64, |largest, z| largest.max(z.abs()));
+    assert!(
+        largest < 1.5 * z_limit(ALPHA, z.len()),
+        "{name}: largest |z| {largest}"
+    );
 }
 
-/// One of every pair of mirror images.
-fn halves(sensors: &Sensors) -> impl Iterator<Item = usize> {
+/// One sensor of each pair that is symmetric about the plane of incidence.
+fn half_of_sensors(sensors: &Sensors) -> impl Iterator<Item = usize> {
     (0..sensors.len()).filter(|s| sensors.mirrored(*s) >= *s)
 }
 
@@ -130,7 +138,7 @@ proptest! {
             let image = sensors.centre_rad(sensors.mirrored(sensor));
             prop_assert!((direction(image).y + direction(centre).y).abs() < 1e-9);
         }
-        // the sensor of any direction is one of those there are, on both sides
+        // every direction of both hemispheres has a sensor
         let r = (1.0 - u * u).sqrt();
         let up = Vec3::new(r * turn.cos(), r * turn.sin(), u);
         let sensor = sensors.index(up);
@@ -140,10 +148,10 @@ proptest! {
     }
 }
 
-/// Directions uniform on the sphere fall on all sensors alike: they are of equal
-/// solid angle as met, not only as said.
+/// Uniformly distributed directions hit all sensors equally often. The sensors thus have the
+/// equal solid angles that they claim to have.
 #[test]
-fn sensors_are_met_alike() {
+fn sensors_have_equal_solid_angles() {
     let (sensors, points) = (Sensors::new(777), 2_000_000);
     let mut counts = vec![0.0; sensors.len()];
     for i in 0..points {
@@ -155,16 +163,16 @@ fn sensors_are_met_alike() {
         );
         counts[sensors.index(Vec3::new(r * turn.cos(), r * turn.sin(), z))] += 1.0;
     }
-    let each = f64::from(points) / sensors.len() as f64;
-    // a lattice errs by a share of the points along a cell's edge
+    let expected = f64::from(points) / sensors.len() as f64;
+    // the error of a lattice comes from the points near the edges of a sensor
     assert!(
-        counts.iter().all(|c| (c / each - 1.0).abs() < 0.03),
+        counts.iter().all(|c| (c / expected - 1.0).abs() < 0.03),
         "{counts:?}"
     );
 }
 
-/// The representative snow as the base of a snowpack with all that snow may hold.
-fn everything(joining: Joining) -> Setup {
+/// Two layers with all features: water, black carbon, a mixture of grains, a substrate.
+fn full_snowpack(joining: Joining) -> Setup {
     let mut base = snow((200.0, 500.0), 0.3, 300.0, 0.1);
     base.black_carbon = Some(Carbon {
         sedimentation: 0.5,
@@ -192,8 +200,8 @@ fn everything(joining: Joining) -> Setup {
     }
 }
 
-/// BRDF and BTDF of snowpacks of everything by all three engines: they agree with one
-/// another on every sensor, and their sums with the spectrophotometer.
+/// The three engines agree in BRDF and BTDF at every sensor. The sums over the sensors agree
+/// with the reflectance and transmittance of the spectrophotometer.
 #[test]
 fn engines_agree_and_sum_to_reflectance_and_transmittance() {
     engines_agree_and_sum(
@@ -207,7 +215,7 @@ fn engines_agree_and_sum_to_reflectance_and_transmittance() {
 }
 
 #[test]
-#[ignore = "long: six times the walks, some 35 CPU-s"]
+#[ignore = "long: six times as many walks, about 35 CPU-s"]
 fn engines_agree_and_sum_to_reflectance_and_transmittance_closely() {
     let nm = [500.0, 900.0, 1300.0];
     engines_agree_and_sum(
@@ -223,28 +231,30 @@ fn engines_agree_and_sum(sensors: usize, rays: u64, cases: &[(Joining, &[f64])])
         let setup = Setup {
             rays,
             wavelengths_nm: nm.to_vec(),
-            ..everything(joining)
+            ..full_snowpack(joining)
         };
         let spectral = setup.measure(Engine::Spectral, &sensors);
-        let fast = setup.measure(Engine::Tabulated, &sensors);
+        let tabulated = setup.measure(Engine::Tabulated, &sensors);
         let reference = setup.measure(Engine::Reference, &sensors);
-        let whole = setup.with(|request, control| Engine::Spectral.run(request, control));
-        let whole = whole.unwrap().remove(0);
-        for (engine, all) in [("fast", &fast), ("reference", &reference)] {
+        let total = setup.with(|request, control| Engine::Spectral.run(request, control));
+        let total = total.unwrap().remove(0);
+        for (engine, spectra) in [("tabulated", &tabulated), ("reference", &reference)] {
             let mut zs = [Vec::new(), Vec::new()];
-            for (a, b) in all.iter().zip(&spectral) {
-                zs[0].extend(halves(&sensors).map(|s| z(a.reflected[s], b.reflected[s])));
-                zs[1].extend(halves(&sensors).map(|s| z(a.transmitted[s], b.transmitted[s])));
+            for (a, b) in spectra.iter().zip(&spectral) {
+                zs[0].extend(half_of_sensors(&sensors).map(|s| z(a.reflected[s], b.reflected[s])));
+                zs[1].extend(
+                    half_of_sensors(&sensors).map(|s| z(a.transmitted[s], b.transmitted[s])),
+                );
             }
-            // wavelengths share walks: those of one are independent
+            // wavelengths share walks, so only the sensors of one wavelength are independent
             for (side, zs) in ["BRDF", "BTDF"].iter().zip(&zs) {
-                for alone in zs.chunks(zs.len() / nm.len()) {
-                    assert_alike(alone, &format!("{engine} {side} {joining:?}"));
+                for one_wavelength in zs.chunks(zs.len() / nm.len()) {
+                    assert_consistent(one_wavelength, &format!("{engine} {side} {joining:?}"));
                 }
             }
         }
-        for all in [&spectral, &fast, &reference] {
-            for (l, exits) in all.iter().enumerate() {
+        for spectra in [&spectral, &tabulated, &reference] {
+            for (l, exits) in spectra.iter().enumerate() {
                 let sum = |side: &[Measured]| -> f64 {
                     let terms = side.iter().enumerate();
                     terms.map(|(s, f)| f.value * sensors.projected_sr(s)).sum()
@@ -252,10 +262,10 @@ fn engines_agree_and_sum(sensors: usize, rays: u64, cases: &[(Joining, &[f64])])
                 let (r, t) = (exits.reflectance, exits.transmittance);
                 assert!((sum(&exits.reflected) / r.value - 1.0).abs() < 1e-9);
                 assert!((sum(&exits.transmitted) / t.value - 1.0).abs() < 1e-9);
-                for (ours, theirs) in [(r, whole.reflectance[l]), (t, whole.transmittance[l])] {
+                for (found, expected) in [(r, total.reflectance[l]), (t, total.transmittance[l])] {
                     assert!(
-                        z(ours, theirs).abs() < 1.5 * z_limit(ALPHA, 36),
-                        "{ours:?} {theirs:?}"
+                        z(found, expected).abs() < 1.5 * z_limit(ALPHA, 36),
+                        "{found:?} {expected:?}"
                     );
                 }
             }
@@ -263,10 +273,10 @@ fn engines_agree_and_sum(sensors: usize, rays: u64, cases: &[(Joining, &[f64])])
     }
 }
 
-/// Hardly any snow on a substrate of 0.5: a Lambertian reflector of BRDF 0.5 / pi
-/// under a slab that only a few rays meet.
+/// Extremely thin snow over a Lambertian substrate of reflectance 0.5. The BRDF is 0.5 / pi,
+/// because almost no ray hits a grain.
 #[test]
-fn bare_substrate_is_lambertian() {
+fn an_almost_bare_substrate_is_lambertian() {
     let sensors = Sensors::new(30);
     let grain = snow((100.0, 110.0), 0.3, 1e-4, 0.0);
     let mut setup = Setup::new(grain, 0.002, beam(40.0), &[600.0], 200_000);
@@ -278,34 +288,34 @@ fn bare_substrate_is_lambertian() {
             se: 0.0,
         };
         let zs: Vec<f64> = exits.reflected.iter().map(|f| z(*f, lambert)).collect();
-        let halved: Vec<f64> = halves(&sensors).map(|s| zs[s]).collect();
-        assert_alike(&halved, engine.name());
-        // the beam goes straight through to the one sensor behind it
-        let behind = sensors.index(direction([40_f64.to_radians(), 0.0]));
-        let share = exits.transmitted[behind].value * sensors.projected_sr(behind);
-        assert!((share - 0.5).abs() < 1e-3 && (exits.transmittance.value - 0.5).abs() < 4e-3);
+        let independent: Vec<f64> = half_of_sensors(&sensors).map(|s| zs[s]).collect();
+        assert_consistent(&independent, engine.name());
+        // the beam is transmitted unscattered to a single sensor
+        let straight = sensors.index(direction([40_f64.to_radians(), 0.0]));
+        let fraction = exits.transmitted[straight].value * sensors.projected_sr(straight);
+        assert!((fraction - 0.5).abs() < 1e-3 && (exits.transmittance.value - 0.5).abs() < 4e-3);
     }
 }
 
-/// Mirror images are equal by construction. Walks know no such rule: counted over
-/// half circles on their own, left and right agree; and all azimuths do at (all
-/// but) normal incidence, where nothing is made symmetric.
+/// At normal incidence the BRDF does not depend on the azimuth. The goniometer averages over
+/// the azimuth at exactly normal incidence, but not at almost normal incidence. Both results
+/// agree at every sensor.
 #[test]
-fn azimuths_are_alike_where_they_must_be() {
+fn the_brdf_at_normal_incidence_does_not_depend_on_the_azimuth() {
     let sensors = Sensors::new(60);
     for engine in [Engine::Spectral, Engine::Tabulated] {
-        let nearly = Illumination::Collimated {
+        let nearly_normal = Illumination::Collimated {
             polar_angle_rad: 1e-9,
         };
         let run = |light| {
             let setup = Setup::new(dry(), 0.01, light, &[700.0], 20_000);
             setup.measure(engine, &sensors).remove(0)
         };
-        let (exits, axial) = (run(nearly), run(NORMAL));
-        let zs: Vec<f64> = halves(&sensors)
+        let (exits, axial) = (run(nearly_normal), run(NORMAL));
+        let zs: Vec<f64> = half_of_sensors(&sensors)
             .filter(|s| sensors.mirrored(*s) > *s)
             .map(|s| {
-                // mean of the ring at the same angle, from the same walks
+                // the mean over the ring at the same polar angle, from the same walks
                 z(
                     exits.reflected[s],
                     Measured {
@@ -315,45 +325,44 @@ fn azimuths_are_alike_where_they_must_be() {
                 )
             })
             .collect();
-        assert_alike(&zs, engine.name());
+        assert_consistent(&zs, engine.name());
     }
 }
 
-/// Uniform entry in dilute snow: BRDF from a to b is that from b to a.
+/// In dilute snow with uniform entry, light and sensor can be exchanged.
 #[test]
-fn exchange_of_light_and_sensor_in_dilute_snow() {
+fn the_brdf_of_dilute_snow_is_reciprocal() {
     let sensors = Sensors::new(150);
-    let at = |deg: f64| sensors.index(direction([deg.to_radians(), 0.0]));
-    let (a, b) = (at(30.0), at(65.0));
+    let sensor_at = |deg: f64| sensors.index(direction([deg.to_radians(), 0.0]));
+    let (a, b) = (sensor_at(30.0), sensor_at(65.0));
     let light = |sensor| Illumination::Collimated {
         polar_angle_rad: sensors.centre_rad(sensor)[0],
     };
-    let f = |from, to| {
+    let brdf = |from, to| {
         let dilute = snow((100.0, 200.0), 0.3, 10.0, 0.0);
         let mut setup = Setup::new(dilute, 0.3, light(from), &[1000.0], 20_000);
         setup.model.entry = Entry::Uniform;
         setup.measure(Engine::Tabulated, &sensors)[0].reflected[to]
     };
-    let (there, back) = (f(a, b), f(b, a));
-    // the finite sensors and the grains' size leave some percent
-    let apart = (there.value / back.value - 1.0).abs();
-    let noise = z_limit(ALPHA, 1) * (there.se + back.se) / there.value;
-    assert!(apart < 0.03 + noise, "{there:?} {back:?}");
-}
-
-/// Standard errors are the scatter over seeds.
-#[test]
-fn standard_errors_are_the_scatter_over_seeds() {
-    errors_are_the_scatter(&[Engine::Spectral], 20, 1_000);
+    let (forward, backward) = (brdf(a, b), brdf(b, a));
+    // finite sensors and finite grains cause deviations of a few per cent
+    let difference = (forward.value / backward.value - 1.0).abs();
+    let noise = z_limit(ALPHA, 1) * (forward.se + backward.se) / forward.value;
+    assert!(difference < 0.03 + noise, "{forward:?} {backward:?}");
 }
 
 #[test]
-#[ignore = "long: four times the walks, and tables, some 20 CPU-s"]
-fn standard_errors_are_the_scatter_over_seeds_closely() {
-    errors_are_the_scatter(&[Engine::Spectral, Engine::Tabulated], 40, 4_000);
+fn standard_errors_match_the_scatter_over_seeds() {
+    compare_errors_with_scatter(&[Engine::Spectral], 20, 1_000);
 }
 
-fn errors_are_the_scatter(engines: &[Engine], sensors: usize, rays: u64) {
+#[test]
+#[ignore = "long: four times as many walks, and tables, about 20 CPU-s"]
+fn standard_errors_match_the_scatter_over_seeds_closely() {
+    compare_errors_with_scatter(&[Engine::Spectral, Engine::Tabulated], 40, 4_000);
+}
+
+fn compare_errors_with_scatter(engines: &[Engine], sensors: usize, rays: u64) {
     let (sensors, seeds) = (Sensors::new(sensors), 24);
     for &engine in engines {
         let runs: Vec<Exits> = (0..seeds)
@@ -365,28 +374,28 @@ fn errors_are_the_scatter(engines: &[Engine], sensors: usize, rays: u64) {
             .collect();
         let n = seeds as f64;
         let mut ratio = 0.0;
-        let all: Vec<usize> = halves(&sensors).collect();
-        for s in &all {
+        let chosen: Vec<usize> = half_of_sensors(&sensors).collect();
+        for s in &chosen {
             let mean = runs.iter().map(|r| r.reflected[*s].value).sum::<f64>() / n;
             let scatter = runs
                 .iter()
                 .map(|r| (r.reflected[*s].value - mean).powi(2))
                 .sum::<f64>();
-            let said = runs.iter().map(|r| r.reflected[*s].se.powi(2)).sum::<f64>();
-            ratio += scatter / (n - 1.0) / (said / n) / all.len() as f64;
+            let squared_errors = runs.iter().map(|r| r.reflected[*s].se.powi(2)).sum::<f64>();
+            ratio += scatter / (n - 1.0) / (squared_errors / n) / chosen.len() as f64;
         }
-        // variances of 24 runs are good to sqrt(2/23), means over sensors that are
-        // not quite independent to a fifth of that, with room
+        // a variance of 24 runs is known to sqrt(2/23); the mean over the correlated sensors is
+        // known to about a fifth of that
         assert!((ratio - 1.0).abs() < 0.3, "{}: {ratio}", engine.name());
     }
 }
 
-/// What is scored at events adds up to R and T of `hybrid`, to rounding, with its
-/// errors; and over seeds, within these, to what counted walks come to. Scored sums
-/// themselves scatter some five times as much. Where `hybrid` does not hold they
-/// are left.
+/// Sensors whose light is estimated at every scattering event are normalised to R and T of
+/// `hybrid`, because their own sums have about five times its standard error. The normalised
+/// sums have the standard errors of `hybrid` and agree with R and T of counted walks. Where
+/// `hybrid` is not valid, the sums are not normalised.
 #[test]
-fn scored_sensors_add_up_to_reflectance() {
+fn estimated_sensors_are_normalised_to_hybrid() {
     let (sensors, seeds) = (Sensors::new(20), 4);
     let mut setup = Setup::new(dry(), 0.01, beam(60.0), &[800.0, 1300.0], 100_000);
     let counted = setup.with(|request, control| Engine::Tabulated.run(request, control));
@@ -395,8 +404,8 @@ fn scored_sensors_add_up_to_reflectance() {
     let mut means = [[Measured::default(); 2]; 2];
     for seed in 100..100 + seeds {
         setup.seed = seed;
-        let all = setup.measure(Engine::Auto, &sensors);
-        for (exits, means) in all.iter().zip(&mut means) {
+        let spectra = setup.measure(Engine::Auto, &sensors);
+        for (exits, means) in spectra.iter().zip(&mut means) {
             assert!(exits.normalised);
             let sides = [
                 (&exits.reflected, exits.reflectance),
@@ -412,22 +421,22 @@ fn scored_sensors_add_up_to_reflectance() {
         }
     }
     for (l, [r, t]) in means.into_iter().enumerate() {
-        for (ours, theirs) in [(r, counted.reflectance[l]), (t, counted.transmittance[l])] {
-            // 28 degrees of freedom; of its own `hybrid` is off by up to .002 where
-            // `auto` takes it (docs/stability.md), `tabulated` by .0003
-            let apart = (ours.value - theirs.value).abs();
-            let noise = 1.2 * z_limit(ALPHA, 4) * ours.se.hypot(theirs.se);
-            assert!(apart < noise + 0.0023, "{ours:?} {theirs:?}");
+        for (found, expected) in [(r, counted.reflectance[l]), (t, counted.transmittance[l])] {
+            // 28 degrees of freedom; where `auto` uses `hybrid`, its error is up to .002
+            // (docs/stability.md), that of `tabulated` up to .0003
+            let difference = (found.value - expected.value).abs();
+            let noise = 1.2 * z_limit(ALPHA, 4) * found.se.hypot(expected.se);
+            assert!(difference < noise + 0.0023, "{found:?} {expected:?}");
         }
     }
-    // of crowded grains `hybrid` knows no better
+    // `hybrid` is not valid for this wide range of sizes
     setup.snowpack = snow((50.0, 3000.0), 0.3, 300.0, 0.0).into();
     setup.rays = 100;
     assert!(!setup.measure(Engine::Auto, &sensors)[0].normalised);
 }
 
 #[test]
-fn threads_leave_no_trace() {
+fn results_do_not_depend_on_threads() {
     let sensors = Sensors::new(50);
     let mut setup = Setup::new(dry(), 0.01, beam(50.0), &[900.0], 100);
     setup.snowpack.substrate = Substrate::Grey(0.6);
@@ -443,18 +452,18 @@ fn threads_leave_no_trace() {
 }
 
 #[test]
-fn engines_without_azimuths_or_distances_say_so() {
+fn unsuitable_engines_name_an_alternative() {
     let setup = Setup::new(dry(), 0.01, NORMAL, &[600.0], 10);
-    let unable = |result: Result<Vec<Exits>, EngineError>, other| match result {
-        Err(EngineError::Unable { instead, .. }) => assert_eq!(instead, other),
+    let assert_unable = |result: Result<Vec<Exits>, EngineError>, alternative| match result {
+        Err(EngineError::Unable { instead, .. }) => assert_eq!(instead, alternative),
         result => panic!("{result:?}"),
     };
     setup.with(|request, control| {
         let (sensors, radii) = (Sensors::new(10), Radii::new(5, 1e-3, 1.0));
         let result = goniometer(Engine::Hybrid, request, &sensors, control);
-        unable(result, Engine::Tabulated);
+        assert_unable(result, Engine::Tabulated);
         for engine in [Engine::Hybrid, Engine::Tabulated] {
-            unable(
+            assert_unable(
                 radial_profile(engine, request, &radii, control),
                 Engine::Spectral,
             );
@@ -462,8 +471,8 @@ fn engines_without_azimuths_or_distances_say_so() {
     });
 }
 
-/// The radial profile adds up to R and T, is the same in two engines, and light
-/// that went deeper left farther out.
+/// Radial profiles sum to R and T and agree between two engines. Light that penetrates deeper
+/// leaves farther from its entry point.
 #[test]
 fn radial_profiles_add_up_and_widen_with_depth() {
     let radii = Radii::new(8, 1e-4, 0.1);
@@ -472,31 +481,31 @@ fn radial_profiles_add_up_and_widen_with_depth() {
         setup.with(|request, control| radial_profile(engine, request, &radii, control).unwrap())
     };
     let (spectral, reference) = (run(Engine::Auto), run(Engine::Reference));
-    let whole = setup.with(|request, control| Engine::Spectral.run(request, control));
-    let whole = whole.unwrap().remove(0);
+    let total = setup.with(|request, control| Engine::Spectral.run(request, control));
+    let total = total.unwrap().remove(0);
     for (l, (a, b)) in spectral.iter().zip(&reference).enumerate() {
         let sum: f64 = a.reflected.iter().map(|m| m.value).sum();
         assert!((sum / a.reflectance.value - 1.0).abs() < 1e-9);
-        assert!(z(a.reflectance, whole.reflectance[l]).abs() < 1.5 * z_limit(ALPHA, 4));
-        assert!(z(a.transmittance, whole.transmittance[l]).abs() < 1.5 * z_limit(ALPHA, 4));
-        let met = |m: &(&Measured, &Measured)| m.0.value > 1e-3 && m.1.value > 1e-3;
-        let pairs = a.reflected.iter().zip(&b.reflected).filter(met);
-        assert_alike(
+        assert!(z(a.reflectance, total.reflectance[l]).abs() < 1.5 * z_limit(ALPHA, 4));
+        assert!(z(a.transmittance, total.transmittance[l]).abs() < 1.5 * z_limit(ALPHA, 4));
+        let well_sampled = |m: &(&Measured, &Measured)| m.0.value > 1e-3 && m.1.value > 1e-3;
+        let pairs = a.reflected.iter().zip(&b.reflected).filter(well_sampled);
+        assert_consistent(
             &pairs.map(|(a, b)| z(*a, *b)).collect::<Vec<_>>(),
             "profile",
         );
     }
-    // the share beyond 5 mm, of what leaves
-    let far = |side: &[Measured], all: Measured| {
-        side[6..].iter().map(|m| m.value).sum::<f64>() / all.value
+    // the fraction of the outgoing light that leaves farther out than 5 mm
+    let far = |side: &[Measured], total: Measured| {
+        side[6..].iter().map(|m| m.value).sum::<f64>() / total.value
     };
     let [visible, infrared] = [&spectral[0], &spectral[1]];
-    let beyond = far(&visible.reflected, visible.reflectance);
-    assert!(beyond > 1.5 * far(&infrared.reflected, infrared.reflectance));
-    assert!(far(&visible.transmitted, visible.transmittance) > beyond);
+    let visible_far = far(&visible.reflected, visible.reflectance);
+    assert!(visible_far > 1.5 * far(&infrared.reflected, infrared.reflectance));
+    assert!(far(&visible.transmitted, visible.transmittance) > visible_far);
 }
 
-/// The command line prints what the library measures, whatever the threads.
+/// The command line prints goniometer and profile results, independent of the threads.
 #[test]
 fn the_command_line_prints_sensors_and_profiles() {
     const SAMPLE: &str = "\
@@ -536,25 +545,27 @@ facetness = { min = 0.2, max = 0.4, mean = 0.3, sd = 0.072 }
     let csv = text(&[&sensors[..], &["--threads", "1"]].concat());
     assert_eq!(csv, text(&[&sensors[..], &["--threads", "3"]].concat()));
     assert!(csv.contains("# engine: tabulated\n") && csv.contains("# sensors: 90\n"));
-    let all = rows(&csv, header);
-    assert_eq!(all.len(), 2 * 2 * 90);
-    // the plane of incidence: the same values, from horizon to horizon
+    let hemisphere = rows(&csv, header);
+    assert_eq!(hemisphere.len(), 2 * 2 * 90);
+    // the principal plane has the same values, from horizon to horizon
     let plane = rows(
         &text(&[&sensors[..], &["--principal-plane"]].concat()),
         header,
     );
-    let angle = |row: &[String], i: usize| row[i].parse::<f64>().unwrap();
+    let number = |row: &[String], i: usize| row[i].parse::<f64>().unwrap();
     let side = &plane[..plane.len() / 4];
     for row in side {
         assert!(
-            all.iter()
+            hemisphere
+                .iter()
                 .any(|other| other[..3] == row[..3] && other[4..] == row[4..]),
             "{row:?}"
         );
     }
-    let signed = |row: &Vec<String>| angle(row, 2) * if row[3] == "0.0000" { 1.0 } else { -1.0 };
-    assert!(side.is_sorted_by(|a, b| signed(a) < signed(b)));
-    // the comments have the sums and their errors that JSON has
+    let signed_angle =
+        |row: &Vec<String>| number(row, 2) * if row[3] == "0.0000" { 1.0 } else { -1.0 };
+    assert!(side.is_sorted_by(|a, b| signed_angle(a) < signed_angle(b)));
+    // the comments have the same sums and standard errors as the JSON output
     let sums = |csv: &str| -> Vec<Vec<f64>> {
         let lines = csv.lines().filter_map(|line| line.strip_prefix("# sum: "));
         let row = |line: &str| line.split(',').map(|x| x.parse().unwrap()).collect();
@@ -562,7 +573,7 @@ facetness = { min = 0.2, max = 0.4, mean = 0.3, sd = 0.072 }
     };
     let in_comments = sums(&csv);
     assert!(csv.contains("# sums: those of hybrid"));
-    // JSON has the same numbers and their sums
+    // the JSON output has the same values, and their sums
     let json = text(&[&sensors[..], &["--json"]].concat());
     let json: serde_json::Value = serde_json::from_str(&json).unwrap();
     let list = |v: &serde_json::Value| -> Vec<f64> { serde_json::from_value(v.clone()).unwrap() };
@@ -570,7 +581,7 @@ facetness = { min = 0.2, max = 0.4, mean = 0.3, sd = 0.072 }
     let terms = values.iter().zip(list(&json["projected_sr"]));
     let sum: f64 = terms.map(|(f, projected)| f * projected).sum();
     assert!((sum / json["reflectance"][0].as_f64().unwrap() - 1.0).abs() < 1e-9);
-    assert_eq!(values[7], angle(&all[7], 4));
+    assert_eq!(values[7], number(&hemisphere[7], 4));
     let names = [
         "wavelength_nm",
         "reflectance",
@@ -594,8 +605,8 @@ facetness = { min = 0.2, max = 0.4, mean = 0.3, sd = 0.072 }
         ("0.0", "inf")
     );
     for row in profile.iter().filter(|row| row[3] != "inf") {
-        let area = PI * (angle(row, 3).powi(2) - angle(row, 2).powi(2));
-        assert!((angle(row, 4) * area - angle(row, 6)).abs() < 1e-9);
+        let area = PI * (number(row, 3).powi(2) - number(row, 2).powi(2));
+        assert!((number(row, 4) * area - number(row, 6)).abs() < 1e-9);
     }
     let refused = output(&["--goniometer", "--engine", "hybrid"]);
     let message = String::from_utf8_lossy(&refused.stderr).into_owned();

@@ -1,5 +1,6 @@
-//! A database that grows: nodes depend on nothing but themselves, and what another
-//! database has is taken over from there, to the byte of a database built whole.
+//! Growth of a database: a build that reuses nodes of other databases writes the same
+//! bytes as a build from scratch. This requires that the result of a node does not depend
+//! on the other nodes of the grid.
 #![allow(clippy::unwrap_used)]
 
 use std::collections::BTreeMap;
@@ -26,8 +27,8 @@ fn inputs() -> BTreeMap<String, String> {
     BTreeMap::from([("data.ice".to_string(), "0123".to_string())])
 }
 
-/// Thicknesses and angles of a snow, and what it was asked for in all.
-struct Asked {
+/// A simulation of one snowpack, of which thicknesses and incidence angles can be chosen.
+struct Setup {
     engine: Engine,
     snowpack: Snowpack,
     model: Model,
@@ -35,7 +36,7 @@ struct Asked {
     max_error: MaxError,
 }
 
-impl Asked {
+impl Setup {
     fn run(&self, thicknesses_m: &[f64], angles_deg: &[f64]) -> Vec<Spectrum> {
         let light = |deg: &f64| Illumination::Collimated {
             polar_angle_rad: deg.to_radians(),
@@ -66,47 +67,50 @@ impl Asked {
         self.engine.run(&request, &control).unwrap()
     }
 
-    /// Random parts of the lists give the same spectra, to the bit.
-    fn check(&self, thicknesses_m: &[f64], angles_deg: &[f64], all_slabs: bool) {
+    /// Asserts that random subsets of the thicknesses and angles give the same spectra as
+    /// the full lists, to the bit. With `all_slabs`, only the angles are subsets.
+    fn assert_independent_nodes(&self, thicknesses_m: &[f64], angles_deg: &[f64], all_slabs: bool) {
         let whole = self.run(thicknesses_m, angles_deg);
         let mut rng = Xoshiro256PlusPlus::seed_from_u64(8);
         for _ in 0..5 {
-            let mut some = |n: usize| -> Vec<usize> {
+            let mut random_subset = |n: usize| -> Vec<usize> {
                 let mut chosen: Vec<usize> = (0..n).filter(|_| rng.random::<f64>() < 0.5).collect();
                 if chosen.is_empty() {
                     chosen.push(n - 1);
                 }
                 chosen
             };
-            let mut slabs = some(thicknesses_m.len());
-            let lights = some(angles_deg.len());
+            let mut slab_indices = random_subset(thicknesses_m.len());
+            let angle_indices = random_subset(angles_deg.len());
             if all_slabs {
-                slabs = (0..thicknesses_m.len()).collect();
+                slab_indices = (0..thicknesses_m.len()).collect();
             }
-            let h: Vec<f64> = slabs.iter().map(|i| thicknesses_m[*i]).collect();
-            let a: Vec<f64> = lights.iter().map(|i| angles_deg[*i]).collect();
-            let found = self.run(&h, &a);
+            let some_thicknesses: Vec<f64> =
+                slab_indices.iter().map(|i| thicknesses_m[*i]).collect();
+            let some_angles: Vec<f64> = angle_indices.iter().map(|i| angles_deg[*i]).collect();
+            let found = self.run(&some_thicknesses, &some_angles);
             let mut found = found.iter();
-            for slab in &slabs {
-                for light in &lights {
-                    let expected = &whole[slab * angles_deg.len() + light];
-                    let at = (thicknesses_m[*slab], angles_deg[*light]);
-                    assert!(found.next() == Some(expected), "{:?} {at:?}", self.engine);
+            for slab in &slab_indices {
+                for angle in &angle_indices {
+                    let expected = &whole[slab * angles_deg.len() + angle];
+                    let node = (thicknesses_m[*slab], angles_deg[*angle]);
+                    assert!(found.next() == Some(expected), "{:?} {node:?}", self.engine);
                 }
             }
         }
     }
 }
 
-/// Dry snow on black substrate; wet and sooty snow on ice-like snow on grey substrate.
+/// Dry snow on a black substrate; a layer of wet, sooty snow over dense snow on a grey
+/// substrate, with both models of layering.
 fn snowpacks() -> [(Snowpack, Model); 3] {
     let grid = grid(Engine::Hybrid);
     let job = grid.job(&grid.jobs().unwrap(), 0).unwrap();
-    let plain = job.snowpack;
-    let mut surface = plain.surface.clone();
+    let dry = job.snowpack;
+    let mut surface = dry.surface.clone();
     surface.water_saturation = 0.05;
     surface.black_carbon = Some(Carbon::black(50.0));
-    let mut snow = plain.surface.clone();
+    let mut snow = dry.surface.clone();
     snow.density_kg_m3 = 400.0;
     let below = vec![Layer {
         snow,
@@ -123,34 +127,34 @@ fn snowpacks() -> [(Snowpack, Model); 3] {
         ..Model::default()
     };
     [
-        (plain, Model::default()),
+        (dry, Model::default()),
         (layered.clone(), Model::default()),
         (layered, cascade),
     ]
 }
 
-/// Between them are slabs that are walked from plane to plane.
+/// `hybrid` traces whole walks through the thin slabs, but not through the thick ones.
 const THICKNESSES_M: [f64; 4] = [0.006, 0.008, 0.03, 0.1];
 
 #[test]
-fn nodes_of_hybrid_depend_on_nothing_else() {
+fn nodes_of_hybrid_are_independent() {
     for (snowpack, model) in snowpacks() {
-        let asked = Asked {
+        let setup = Setup {
             engine: Engine::Hybrid,
             snowpack,
             model,
             nm: vec![500.0, 900.0],
             max_error: MaxError::default(),
         };
-        asked.check(&THICKNESSES_M, &[0.0, 40.0, 75.0], false);
+        setup.assert_independent_nodes(&THICKNESSES_M, &[0.0, 40.0, 75.0], false);
     }
 }
 
-/// Between hybrid and, at grazing incidence, walks all the way.
+/// `auto` uses hybrid for most nodes, and walks alone at grazing incidence.
 #[test]
-fn nodes_of_auto_depend_on_nothing_else() {
+fn nodes_of_auto_are_independent() {
     let (snowpack, model) = snowpacks()[0].clone();
-    let asked = Asked {
+    let setup = Setup {
         engine: Engine::Auto,
         snowpack,
         model,
@@ -160,34 +164,36 @@ fn nodes_of_auto_depend_on_nothing_else() {
             rmse: 0.2,
         },
     };
-    asked.check(&THICKNESSES_M, &[0.0, 75.0], false);
-    asked.check(&[0.006, 0.02], &[0.0, 75.0, 89.7], true);
+    setup.assert_independent_nodes(&THICKNESSES_M, &[0.0, 75.0], false);
+    setup.assert_independent_nodes(&[0.006, 0.02], &[0.0, 75.0, 89.7], true);
 }
 
-/// What stands in for an engine says of each node who it is, and counts it.
-struct Counted {
+/// A fake engine. Its results identify the node. It counts the nodes that it simulates.
+struct FakeEngine {
     engine: Engine,
+    /// Number of nodes simulated.
     nodes: Mutex<u64>,
-    /// After so many requests it is interrupted.
-    most: u64,
+    /// Number of requests after which the engine reports an interruption.
+    max_requests: u64,
     requests: AtomicU64,
 }
 
-impl Counted {
-    fn new(engine: Engine, most: u64) -> Self {
+impl FakeEngine {
+    fn new(engine: Engine, max_requests: u64) -> Self {
         Self {
             engine,
             nodes: Mutex::new(0),
-            most,
+            max_requests,
             requests: AtomicU64::new(0),
         }
     }
 
     fn simulate(&self, request: &Request<'_>) -> Result<Vec<Spectrum>, EngineError> {
-        if self.requests.fetch_add(1, Ordering::Relaxed) >= self.most {
+        if self.requests.fetch_add(1, Ordering::Relaxed) >= self.max_requests {
             return Err(EngineError::Cancelled);
         }
-        let together: f64 = match self.engine.keeps_thicknesses_apart() {
+        // engines whose walks serve all thicknesses depend on the list of thicknesses
+        let thickness_sum: f64 = match self.engine.has_independent_thicknesses() {
             true => 0.0,
             false => request.thicknesses_m.iter().sum(),
         };
@@ -198,7 +204,7 @@ impl Counted {
                     Illumination::Collimated { polar_angle_rad } => *polar_angle_rad,
                     Illumination::Diffuse => 2.0,
                 };
-                let base = share(request.cell) + thickness_m + light + together;
+                let base = share(request.cell) + thickness_m + light + thickness_sum;
                 let value = |nm: &f64| Measured {
                     value: (base * nm).sin().abs(),
                     se: (base / nm).cos().abs(),
@@ -244,18 +250,19 @@ impl Counted {
     }
 }
 
-/// The grid, its directory, and what was simulated for it.
-fn built(grid: &Grid, from: &[&Path]) -> (tempfile::TempDir, u64, u64) {
+/// Builds a grid, with `from` as sources. Returns its directory and the numbers of nodes
+/// simulated and reused.
+fn build(grid: &Grid, from: &[&Path]) -> (tempfile::TempDir, u64, u64) {
     let dir = tempfile::tempdir().unwrap();
-    let engine = Counted::new(grid.run.engine, u64::MAX);
+    let engine = FakeEngine::new(grid.run.engine, u64::MAX);
     let summary = engine.build(dir.path(), grid, from).unwrap();
     let nodes = *engine.nodes.lock().unwrap();
     (dir, nodes, summary.reused)
 }
 
-/// Any axis may grow, alone or with others, and an optional axis may begin.
+/// Values may be added to any axis or to several axes, and optional axes may be added.
 #[test]
-fn a_grown_database_is_the_one_built_whole() {
+fn a_grown_database_equals_one_built_from_scratch() {
     type Change = (&'static str, fn(&mut Grid));
     let changes: [Change; 11] = [
         ("nothing", |_| ()),
@@ -265,8 +272,8 @@ fn a_grown_database_is_the_one_built_whole() {
         ("thinner", |g| {
             g.axes.set(Parameter::Thickness, vec![2.0]);
         }),
-        // 2 mm are too thin for the larger grains
-        ("corner", |g| {
+        // the larger grains do not fit into 2 mm
+        ("absent curves", |g| {
             g.axes.values_mut(Parameter::Thickness).insert(0, 0.2)
         }),
         ("diffuse", |g| g.fixed.diffuse = true),
@@ -287,7 +294,7 @@ fn a_grown_database_is_the_one_built_whole() {
             let values = vec![0.0, 0.1];
             g.axes.set(Parameter::WaterSaturation, values);
         }),
-        ("all", |g| {
+        ("several axes", |g| {
             g.axes.set(Parameter::Thickness, vec![0.7, 1.0, 5.0, 9.0]);
             g.axes.set(Parameter::Incidence, vec![0.0, 30.0, 60.0]);
             g.axes.set(Parameter::GrainSize, vec![100.0, 150.0]);
@@ -295,81 +302,82 @@ fn a_grown_database_is_the_one_built_whole() {
     ];
     for engine in [Engine::Reference, Engine::Spectral, Engine::Hybrid] {
         let small = grid(engine);
-        let (before, ..) = built(&small, &[]);
+        let (source, ..) = build(&small, &[]);
         for (name, change) in changes {
-            let most = matches!(name, "thickness" | "angle" | "all");
-            if engine != Engine::Hybrid && !most {
+            let for_every_engine = matches!(name, "thickness" | "angle" | "several axes");
+            if engine != Engine::Hybrid && !for_every_engine {
                 continue;
             }
             let mut grown = small.clone();
             change(&mut grown);
-            let (whole, ..) = built(&grown, &[]);
-            let (dir, simulated, reused) = built(&grown, &[before.path()]);
-            let at = format!("{name}, {}", engine.name());
-            assert_same(&dir_bytes(whole.path()), &dir_bytes(dir.path()));
+            let (scratch, ..) = build(&grown, &[]);
+            let (dir, simulated, reused) = build(&grown, &[source.path()]);
+            let case = format!("{name}, {}", engine.name());
+            assert_same(&dir_bytes(scratch.path()), &dir_bytes(dir.path()));
             let nodes = match name {
-                "corner" => 24 + 4,
+                "absent curves" => 24 + 4,
                 "diffuse" => 24 + 12,
                 _ => grown.jobs().unwrap().curves(),
             };
-            assert_eq!(simulated + reused, nodes, "{at}");
+            assert_eq!(simulated + reused, nodes, "{case}");
             let expected = match (name, engine) {
-                // one walk serves all thicknesses of a snow under a light
-                ("thickness" | "all", Engine::Spectral) => 0,
-                // of two thicknesses, one may have lost rays: of which, is not stored
+                // all thicknesses share their walks, so a new thickness changes all nodes
+                ("thickness" | "several axes", Engine::Spectral) => 0,
+                // lost rays are counted per job: if a job has lost rays, its nodes can only be
+                // reused together
                 ("thinner", Engine::Hybrid) => 0,
-                // 2 thicknesses, 2 angles, a size, two facetnesses
-                ("all", Engine::Hybrid) => 0,
-                ("all", _) => 2 * 2 * 2,
+                ("several axes", Engine::Hybrid) => 0,
+                // the new grid keeps 2 thicknesses, 2 angles, 1 size and 2 facetnesses
+                ("several axes", _) => 2 * 2 * 2,
                 _ => 24,
             };
-            assert_eq!(reused, expected, "{at}");
+            assert_eq!(reused, expected, "{case}");
         }
-        // a job of a source that is torn is simulated again
-        let chunk = before
+        // a damaged job of the source is simulated again
+        let chunk = source
             .path()
             .join("database.zarr/reflectance/c.0.0.0.0.0.0");
         let mut bytes = fs::read(&chunk).unwrap();
         bytes[5] ^= 1;
         fs::write(&chunk, bytes).unwrap();
-        let (whole, ..) = built(&small, &[]);
-        let database = before.path().join("database.zarr");
-        let (dir, simulated, _) = built(&small, &[&database]);
-        assert_same(&dir_bytes(whole.path()), &dir_bytes(dir.path()));
+        let (scratch, ..) = build(&small, &[]);
+        let database = source.path().join("database.zarr");
+        let (dir, simulated, _) = build(&small, &[&database]);
+        assert_same(&dir_bytes(scratch.path()), &dir_bytes(dir.path()));
         assert_eq!(simulated, small.jobs().unwrap().curves_per_job());
     }
 }
 
-/// Several sources, and an end at any moment.
+/// A build with two sources is interrupted again and again.
 #[test]
-fn growth_goes_on_where_it_stopped() {
+fn interrupted_growth_continues() {
     let small = grid(Engine::Hybrid);
     let mut other = small.clone();
     other.axes.set(Parameter::Facetness, vec![0.2, 0.5]);
     let mut grown = small.clone();
     grown.axes.set(Parameter::Facetness, vec![0.05, 0.2, 0.5]);
     grown.axes.values_mut(Parameter::Incidence).push(75.0);
-    let ((a, ..), (b, ..), (whole, ..)) =
-        (built(&small, &[]), built(&other, &[]), built(&grown, &[]));
-    let from = [a.path(), b.path()];
+    let ((first, ..), (second, ..), (scratch, ..)) =
+        (build(&small, &[]), build(&other, &[]), build(&grown, &[]));
+    let sources = [first.path(), second.path()];
     let dir = tempfile::tempdir().unwrap();
-    let mut ends = 0;
+    let mut interruptions = 0;
     for requests in 0.. {
-        let engine = Counted::new(Engine::Hybrid, requests % 3);
-        match engine.build(dir.path(), &grown, &from) {
+        let engine = FakeEngine::new(Engine::Hybrid, requests % 3);
+        match engine.build(dir.path(), &grown, &sources) {
             Ok(_) => break,
-            Err(BatchError::Interrupted { .. }) => ends += 1,
+            Err(BatchError::Interrupted { .. }) => interruptions += 1,
             Err(other) => panic!("{other}"),
         }
     }
-    assert!(ends > 3, "{ends}");
-    assert_same(&dir_bytes(whole.path()), &dir_bytes(dir.path()));
+    assert!(interruptions > 3, "{interruptions}");
+    assert_same(&dir_bytes(scratch.path()), &dir_bytes(dir.path()));
 }
 
 #[test]
-fn databases_of_other_nodes_are_refused() {
+fn sources_with_other_settings_are_refused() {
     let small = grid(Engine::Hybrid);
-    let (before, ..) = built(&small, &[]);
+    let (source, ..) = build(&small, &[]);
     type Change = (&'static str, fn(&mut Grid));
     let changes: [Change; 8] = [
         ("run.seed", |g| g.run.seed += 1),
@@ -389,26 +397,26 @@ fn databases_of_other_nodes_are_refused() {
         let mut other = small.clone();
         change(&mut other);
         let dir = tempfile::tempdir().unwrap();
-        let engine = Counted::new(other.run.engine, 0);
-        let error = engine.build(dir.path(), &other, &[before.path()]);
+        let engine = FakeEngine::new(other.run.engine, 0);
+        let error = engine.build(dir.path(), &other, &[source.path()]);
         let error = error.unwrap_err().to_string();
         assert!(error.contains(&format!("with {key} = ")), "{key}: {error}");
         assert!(fs::read_dir(dir.path()).unwrap().next().is_none());
     }
 }
 
-/// A finished table, then one more thickness, with the program: only the new node
-/// is walked, and the files are those of a table built whole.
+/// The program adds one thickness to a finished database. It simulates only the new node.
+/// The files equal those of a build from scratch.
 #[test]
-fn one_more_thickness() {
+fn the_program_adds_a_thickness() {
     let dir = tempfile::tempdir().unwrap();
     let text = |thicknesses: &str| {
         format!(
             "version = 1\n[axes]\nfacetness = [0.3]\ngrain_size_um = [300]\ndensity_kg_m3 = [300]\nthickness_cm = [{thicknesses}]\nincidence_angle_deg = [0]\n[wavelengths]\nstart_nm = 400\nstop_nm = 700\nstep_nm = 50\n[run]\nrays = 1000\n"
         )
     };
-    fs::write(dir.path().join("odd.toml"), text("2, 5, 10")).unwrap();
-    fs::write(dir.path().join("more.toml"), text("2, 5, 10, 20")).unwrap();
+    fs::write(dir.path().join("small.toml"), text("2, 5, 10")).unwrap();
+    fs::write(dir.path().join("grown.toml"), text("2, 5, 10, 20")).unwrap();
     let run = |args: &str| {
         let mut command = Command::new(cargo_bin!("splitsnow"));
         command.current_dir(dir.path());
@@ -416,22 +424,22 @@ fn one_more_thickness() {
         let text = [output.stdout.as_slice(), &output.stderr].concat();
         (output.status.success(), String::from_utf8(text).unwrap())
     };
-    let built = |args: &str| {
-        let (well, text) = run(args);
-        assert!(well, "{text}");
+    let build = |args: &str| {
+        let (success, text) = run(args);
+        assert!(success, "{text}");
         text
     };
-    built("build odd.toml");
-    let (well, text) = run("build more.toml --out out/odd");
-    assert!(!well && text.contains("--from out/odd"), "{text}");
-    let (well, text) = run("build odd.toml --fresh --from out/odd");
+    build("build small.toml");
+    let (success, text) = run("build grown.toml --out out/small");
+    assert!(!success && text.contains("--from out/small"), "{text}");
+    let (success, text) = run("build small.toml --fresh --from out/small");
     assert!(
-        !well && text.contains("--fresh would delete out/odd"),
+        !success && text.contains("--fresh would delete out/small"),
         "{text}"
     );
-    let text = built("build more.toml --from out/odd");
+    let text = build("build grown.toml --from out/small");
     assert!(text.contains("reused 3 of 4 nodes"), "{text}");
-    built("build more.toml --out out/whole");
+    build("build grown.toml --out out/scratch");
     let bytes = |name: &str| dir_bytes(&dir.path().join(name));
-    assert_same(&bytes("out/whole"), &bytes("out/more"));
+    assert_same(&bytes("out/scratch"), &bytes("out/grown"));
 }

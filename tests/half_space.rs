@@ -1,4 +1,4 @@
-//! A half space: what a slab becomes when it is made thicker, in every engine.
+//! A half-space: the limit of a slab of growing thickness, in every engine.
 use std::sync::atomic::{AtomicBool, AtomicU64};
 
 use splitsnow::engine::{Cache, Control, Engine, MaxError, Request, Resolution};
@@ -8,12 +8,12 @@ use splitsnow::transport::{Illumination, Layer, Model, Snow, Snowpack, Substrate
 use splitsnow::units::HALF_SPACE_M;
 
 fn snow(size_um: [f64; 2], facetness: f64, sphericity: f64, density_kg_m3: f64) -> Snow {
-    let one = |value| TruncatedNormal::new(value, value, value, 0.0).unwrap();
+    let constant = |value| TruncatedNormal::new(value, value, value, 0.0).unwrap();
     let grain = GrainType {
         size: SizeRange::new(size_um[0] * 1e-6, size_um[1] * 1e-6).unwrap(),
-        facetness: one(facetness),
+        facetness: constant(facetness),
         shape: Shape::Spheroid,
-        sphericity: one(sphericity),
+        sphericity: constant(sphericity),
     };
     Snow::dry(grain, density_kg_m3, -1.0)
 }
@@ -52,11 +52,12 @@ fn run(
     engine.run(&request, &control).unwrap()
 }
 
-/// The clearest snow that a config allows, of large smooth spheres at the least density,
-/// where ice absorbs least: a quarter of the thickness taken for a half space reflects
-/// the same to all digits, and no light comes through the whole.
+/// [`HALF_SPACE_M`] is thick enough. A slab of a quarter of this thickness has the same
+/// reflectance, and the half-space transmits no light. This holds even for the most
+/// transparent snow that a config file allows: large smooth spheres at the lowest density,
+/// at the wavelengths where ice absorbs least.
 #[test]
-fn the_bulk_is_converged() {
+fn a_half_space_is_thick_enough() {
     let nm = [350.0, 400.0, 700.0, 1030.0, 2000.0];
     for snow in [
         snow([6000.0, 6000.0], 0.0, 1.0, 50.0),
@@ -65,27 +66,27 @@ fn the_bulk_is_converged() {
         let thicknesses = [0.25 * HALF_SPACE_M, HALF_SPACE_M];
         let found = run(Engine::Hybrid, &snow.into(), &thicknesses, &nm, 1024);
         for (l, nm) in nm.iter().enumerate() {
-            let [thick, half_space] = [0, 1].map(|h| found[h].reflectance[l].value);
+            let [quarter, half_space] = [0, 1].map(|h| found[h].reflectance[l].value);
             assert!(
-                (thick - half_space).abs() < 1e-12,
-                "{nm} nm: {thick} {half_space}"
+                (quarter - half_space).abs() < 1e-12,
+                "{nm} nm: {quarter} {half_space}"
             );
             assert!(
                 half_space > 0.0 && half_space < 1.0,
                 "{nm} nm: {half_space}"
             );
-            let below = found[1].transmittance[l];
+            let transmittance = found[1].transmittance[l];
             assert!(
-                below.value < 1e-50 && below.se < 1e-50,
-                "{nm} nm: {below:?}"
+                transmittance.value < 1e-50 && transmittance.se < 1e-50,
+                "{nm} nm: {transmittance:?}"
             );
         }
     }
 }
 
-/// Walks in a half space, which may come back from any depth, against the solver: a
-/// z-test, and the solver's own error of 1.5e-3 (docs/stability.md). Alone and as the
-/// base of a snowpack on a substrate that nobody sees.
+/// Walks in a half-space agree with the solver. The z-test allows for the solver's own error
+/// of 1.5e-3 (docs/stability.md). The half-space is alone, and then the base of a snowpack
+/// on a substrate that no light reaches.
 #[test]
 fn walks_agree_with_the_solver() {
     let base = snow([150.0, 350.0], 0.3, 0.8, 300.0);
@@ -99,10 +100,10 @@ fn walks_agree_with_the_solver() {
     };
     let nm = [800.0, 1030.0, 1300.0];
     for (snowpack, thickness_m) in [(base.into(), HALF_SPACE_M), (snowpack, HALF_SPACE_M + 0.01)] {
-        let of = |engine, rays| run(engine, &snowpack, &[thickness_m], &nm, rays).remove(0);
-        let solved = of(Engine::Hybrid, 4096);
+        let simulate = |engine, rays| run(engine, &snowpack, &[thickness_m], &nm, rays).remove(0);
+        let solved = simulate(Engine::Hybrid, 4096);
         for engine in [Engine::Reference, Engine::Spectral, Engine::Tabulated] {
-            let walked = of(engine, 3000);
+            let walked = simulate(engine, 3000);
             for (l, nm) in nm.iter().enumerate() {
                 let (a, b) = (solved.reflectance[l], walked.reflectance[l]);
                 let error = (a.se * a.se + b.se * b.se + 1.5e-3 * 1.5e-3_f64).sqrt();

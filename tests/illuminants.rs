@@ -1,5 +1,5 @@
-//! Illuminants from files: how they are read, refused, kept, and used again without
-//! the file.
+//! Illuminants from files: reading, errors, storage in databases, and use without the
+//! original file.
 use std::fmt::Write;
 use std::fs;
 use std::path::Path;
@@ -11,10 +11,10 @@ use splitsnow::colour::{
 };
 use splitsnow::config::{grid, scene};
 
-const D65: &str = include_str!("../data/illuminant_d65.csv");
+const D65: &str = include_str!("../crates/spectra/data/illuminant_d65.csv");
 const IGLOO: &str = include_str!("../configs/scenes/igloo.toml");
 
-/// Wavelengths, nm, and power of D65.
+/// The wavelengths, nm, and powers of D65.
 fn d65() -> Vec<(f64, f64)> {
     let rows = D65
         .lines()
@@ -26,8 +26,8 @@ fn d65() -> Vec<(f64, f64)> {
     .collect()
 }
 
-/// D65 with a row changed, or none.
-fn d65_but(change: impl Fn(f64, f64) -> Option<String>) -> String {
+/// A table of D65 in which `change` replaces the power of some rows.
+fn d65_with(change: impl Fn(f64, f64) -> Option<String>) -> String {
     let mut text = "wavelength_nm,power\n".to_owned();
     for (nm, power) in d65() {
         let cell = change(nm, power).unwrap_or(power.to_string());
@@ -51,9 +51,9 @@ fn visible() -> Vec<f64> {
     (38..=78).map(|i| f64::from(i) * 10.0).collect()
 }
 
-/// Whatever the scale, the units and the order, to 1e-9 of Delta-E.
+/// Independent of scale, units and order of the rows, to a Delta-E of 1e-9.
 #[test]
-fn the_numbers_of_d65_are_d65() {
+fn a_table_of_d65_gives_the_colours_of_d65() {
     let nm = visible();
     let spectra: Vec<Vec<f64>> = (0..8)
         .map(|i| {
@@ -62,7 +62,7 @@ fn the_numbers_of_d65_are_d65() {
                 .collect()
         })
         .collect();
-    let named = Colorimeter::viewing(&nm, &viewing(Illuminant::D65))
+    let reference = Colorimeter::viewing(&nm, &viewing(Illuminant::D65))
         .unwrap()
         .unwrap();
     let mut descending = String::from("um\tpower [W/m2/nm]\n");
@@ -80,54 +80,58 @@ fn the_numbers_of_d65_are_d65() {
         )
         .unwrap();
     }
-    for text in [D65, &descending, &bare, &semicolons, &d65_but(|_, _| None)] {
+    for text in [D65, &descending, &bare, &semicolons, &d65_with(|_, _| None)] {
         let (light, report) = Illuminant::parse("lamp.txt", text.as_bytes()).unwrap();
         assert!(!report.to_string().contains('\n'));
         assert!(
             report.to_string().contains("relative power in column 2"),
             "{report}"
         );
-        let seen = Colorimeter::viewing(&nm, &viewing(light)).unwrap().unwrap();
+        let colorimeter = Colorimeter::viewing(&nm, &viewing(light)).unwrap().unwrap();
         for spectrum in &spectra {
-            let difference = delta_e(seen.lab(spectrum), named.lab(spectrum));
+            let difference = delta_e(colorimeter.lab(spectrum), reference.lab(spectrum));
             assert!(difference < 1e-9, "{difference} with {}", &text[..40]);
         }
     }
 }
 
-/// The first line of what is said of a wrong file.
+/// Checks the first line of each error message.
 #[test]
-fn wrong_tables_are_refused() {
-    let at =
-        |at: f64, cell: &'static str| d65_but(move |nm, _| (nm == at).then(|| cell.to_owned()));
-    let wrong = |cell: &'static str| d65_but(move |_, _| Some(cell.to_owned()));
-    let rows = |keep: fn(f64) -> bool| -> String {
-        let text = d65_but(|_, _| None);
-        let kept = |line: &&str| line.split(',').next().unwrap().parse().map_or(true, keep);
+fn invalid_tables_are_rejected() {
+    let with_cell = |row_nm: f64, cell: &'static str| {
+        d65_with(move |nm, _| (nm == row_nm).then(|| cell.to_owned()))
+    };
+    let with_all_cells = |cell: &'static str| d65_with(move |_, _| Some(cell.to_owned()));
+    let with_rows = |keep: fn(f64) -> bool| -> String {
+        let text = d65_with(|_, _| None);
+        let keeps = |line: &&str| line.split(',').next().unwrap().parse().map_or(true, keep);
         text.lines()
-            .filter(kept)
+            .filter(keeps)
             .fold(String::new(), |text, line| text + line + "\n")
     };
     for (text, message) in [
         (
-            at(500.0, "NaN"),
+            with_cell(500.0, "NaN"),
             "lamp.csv:42: no power at 500 nm: an illuminant needs",
         ),
-        (at(780.0, ""), "lamp.csv:98: no power at 780 nm"),
-        (at(450.0, "-3"), "lamp.csv:32: a power of -3 at 450 nm"),
+        (with_cell(780.0, ""), "lamp.csv:98: no power at 780 nm"),
         (
-            wrong("0"),
+            with_cell(450.0, "-3"),
+            "lamp.csv:32: a power of -3 at 450 nm",
+        ),
+        (
+            with_all_cells("0"),
             "lamp.csv: it has no power where the observer sees",
         ),
         (
-            wrong("-1"),
+            with_all_cells("-1"),
             "lamp.csv:2: -1 at 300 nm is not a valid relative power: allowed 0 to inf",
         ),
         (
-            rows(|nm| nm > 650.0),
+            with_rows(|nm| nm > 650.0),
             "lamp.csv: it has no power where the observer sees",
         ),
-        (rows(|nm| nm == 500.0), "lamp.csv: fewer than two rows"),
+        (with_rows(|nm| nm == 500.0), "lamp.csv: fewer than two rows"),
         (
             D65.replace("spd", "reflectance"),
             "lamp.csv:2: the column `reflectance` holds reflectance, but relative power is requested",
@@ -141,14 +145,14 @@ fn wrong_tables_are_refused() {
         assert!(error.starts_with(message), "{error}");
         assert!(error.contains("\n  help: "), "{error}");
     }
-    // where the observer sees nothing, a hole is no harm
-    assert!(read(&at(370.0, "NaN")).is_ok() && read(&at(300.0, "-1")).is_ok());
+    // gaps outside the sensitivity of the observer are allowed
+    assert!(read(&with_cell(370.0, "NaN")).is_ok() && read(&with_cell(300.0, "-1")).is_ok());
 }
 
-/// A table must reach over the wavelengths of the spectra within 380-780 nm.
+/// A table must cover the wavelengths of the spectra within 380-780 nm.
 #[test]
-fn a_table_covers_what_it_is_used_for() {
-    let text = d65_but(|nm, _| (!(400.0..=700.0).contains(&nm)).then(String::new));
+fn a_table_must_cover_the_spectra() {
+    let text = d65_with(|nm, _| (!(400.0..=700.0).contains(&nm)).then(String::new));
     let light = read(
         &text
             .lines()
@@ -162,7 +166,7 @@ fn a_table_covers_what_it_is_used_for() {
             .unwrap()
             .is_some()
     );
-    // none of these is seen
+    // the observer sees none of these
     assert_eq!(light.covers(&[350.0, 375.0, 790.0, 2500.0]), Ok(()));
     for (nm, needed) in [
         (visible(), (380.0, 780.0)),
@@ -185,10 +189,10 @@ fn a_table_covers_what_it_is_used_for() {
 }
 
 #[test]
-fn tables_are_told_apart_by_content() {
+fn tables_are_compared_by_visible_content() {
     let (light, other) = (
         read(D65).unwrap(),
-        read(&d65_but(|nm, p| {
+        read(&d65_with(|nm, p| {
             (nm == 500.0).then(|| (p + 1e-3).to_string())
         })),
     );
@@ -196,12 +200,12 @@ fn tables_are_told_apart_by_content() {
     assert_eq!(light.name(), other.name());
     assert_ne!(light, other);
     assert_ne!(light.to_string(), other.to_string());
-    // neither a name nor what nobody sees make another light
+    // neither the name nor invisible wavelengths distinguish two illuminants
     let (renamed, _) = Illuminant::parse("folder/b.txt", D65.as_bytes()).unwrap();
     assert_eq!(renamed, light);
     assert_eq!(renamed.name(), "b.txt");
     assert_eq!(
-        read(&d65_but(|nm, _| (nm < 350.0).then(|| "9".into()))).unwrap(),
+        read(&d65_with(|nm, _| (nm < 350.0).then(|| "9".into()))).unwrap(),
         light
     );
 
@@ -221,45 +225,45 @@ fn tables_are_told_apart_by_content() {
 }
 
 #[test]
-fn configs_name_files_beside_them() {
+fn configs_refer_to_files_next_to_them() {
     let dir = tempfile::tempdir().unwrap();
     fs::create_dir(dir.path().join("lights")).unwrap();
     fs::write(dir.path().join("lights/lamp.csv"), D65).unwrap();
     fs::write(dir.path().join("same.csv"), D65).unwrap();
     let name = dir.path().join("g.toml").display().to_string();
     let quick = include_str!("../configs/quick.toml");
-    let with = |lights: &str| {
+    let parse_with = |lights: &str| {
         let text = format!("{quick}\n[compression]\nilluminants = [{lights}]\n");
         grid::parse(&name, &text)
     };
-    let read = with("\"D50\", \"lights/lamp.csv\", \"A\"").unwrap();
-    let lamp = self::read(D65).unwrap();
+    let parsed = parse_with("\"D50\", \"lights/lamp.csv\", \"A\"").unwrap();
+    let lamp = read(D65).unwrap();
     assert_eq!(
-        read.viewing.illuminants,
+        parsed.viewing.illuminants,
         [Illuminant::D50, lamp, Illuminant::A]
     );
-    let [note] = &read.notes[..] else {
-        panic!("{:?}", read.notes)
+    let [note] = &parsed.notes[..] else {
+        panic!("{:?}", parsed.notes)
     };
     assert!(note.starts_with("read ") && note.contains("lights/lamp.csv: a table, 2 columns"));
-    let twice = with("\"lights/lamp.csv\", \"same.csv\"")
+    let duplicate = parse_with("\"lights/lamp.csv\", \"same.csv\"")
         .unwrap_err()
         .to_string();
     assert!(
-        twice.contains("illuminants[1]` = \"same.csv\" is a duplicate"),
-        "{twice}"
+        duplicate.contains("illuminants[1]` = \"same.csv\" is a duplicate"),
+        "{duplicate}"
     );
 
-    // a scene keeps the table, and needs the file no more
+    // a scene contains the table and no longer needs the file
     let path = dir.path().join("s.toml");
     let text = IGLOO.replace("\"D55\"", "\"lights/lamp.csv\", \"D50\"");
     fs::write(&path, text).unwrap();
     let file = scene::read(&path).unwrap();
-    let kept = scene::parse("elsewhere/s.toml", &file.self_contained()).unwrap();
-    assert_eq!(kept.scene, file.scene);
-    assert_eq!(kept.scene.viewing.illuminants.len(), 2);
-    assert!(kept.notes.is_empty() && file.notes.len() == 1);
-    assert_eq!(kept.self_contained(), file.self_contained());
+    let stored = scene::parse("elsewhere/s.toml", &file.self_contained()).unwrap();
+    assert_eq!(stored.scene, file.scene);
+    assert_eq!(stored.scene.viewing.illuminants.len(), 2);
+    assert!(stored.notes.is_empty() && file.notes.len() == 1);
+    assert_eq!(stored.self_contained(), file.self_contained());
 }
 
 fn run(dir: &Path, args: &str) -> Output {
@@ -268,15 +272,15 @@ fn run(dir: &Path, args: &str) -> Output {
     command.output().unwrap()
 }
 
-/// Standard output and standard error of a command that must end well.
-fn done(dir: &Path, args: &str) -> [String; 2] {
+/// Standard output and standard error of a command that must succeed.
+fn run_successfully(dir: &Path, args: &str) -> [String; 2] {
     let output = run(dir, args);
     let texts = [output.stdout, output.stderr].map(|bytes| String::from_utf8(bytes).unwrap());
     assert!(output.status.success(), "{texts:?}");
     texts
 }
 
-/// More power in the blue than D65 has: under it errors of compression look unlike those under D65.
+/// A lamp with more blue than D65, so that compression errors differ from those under D65.
 fn lamp() -> String {
     let mut text = "nm;power\n".to_owned();
     for nm in (380..=780).step_by(5) {
@@ -291,48 +295,48 @@ fn lamp() -> String {
 }
 
 #[test]
-fn a_database_needs_its_illuminant_s_file_no_more() {
+fn a_database_does_not_need_the_file_of_its_illuminant() {
     let dir = tempfile::tempdir().unwrap();
     let dir = dir.path();
     let tiny = include_str!("cli/build.in/tiny.toml");
     let viewing = "[compression]\nmax_delta_e = 0.5\nilluminants = [\"lamp.csv\", \"A\"]\n";
     fs::write(dir.join("tiny.toml"), format!("{tiny}\n{viewing}")).unwrap();
     fs::write(dir.join("lamp.csv"), lamp()).unwrap();
-    let [_, told] = done(dir, "build tiny.toml");
-    assert_eq!(told.lines().count(), 1, "{told}");
+    let [_, stderr] = run_successfully(dir, "build tiny.toml");
+    assert_eq!(stderr.lines().count(), 1, "{stderr}");
     assert!(
-        told.starts_with("read lamp.csv: a table, 2 columns by semicolons"),
-        "{told}"
+        stderr.starts_with("read lamp.csv: a table, 2 columns by semicolons"),
+        "{stderr}"
     );
     let compact = dir.join("out/tiny/snow.safetensors");
     let built = fs::read(&compact).unwrap();
 
-    let asked = "compress out/tiny --max-delta-e 0.5 --illuminant lamp.csv --illuminant A";
-    let [_, told] = done(dir, asked);
-    assert!(told.starts_with("read lamp.csv: "), "{told}");
+    let arguments = "compress out/tiny --max-delta-e 0.5 --illuminant lamp.csv --illuminant A";
+    let [_, stderr] = run_successfully(dir, arguments);
+    assert!(stderr.starts_with("read lamp.csv: "), "{stderr}");
     assert!(fs::read(&compact).unwrap() == built);
     fs::remove_file(dir.join("lamp.csv")).unwrap();
-    let [_, told] = done(dir, asked);
+    let [_, stderr] = run_successfully(dir, arguments);
     assert!(
-        told.starts_with("no file lamp.csv: the table lamp.csv (table "),
-        "{told}"
+        stderr.starts_with("no file lamp.csv: the table lamp.csv (table "),
+        "{stderr}"
     );
     assert!(fs::read(&compact).unwrap() == built);
-    let [report, _] = done(dir, "verify out/tiny --samples 2 --rays 100 --points 0");
+    let [report, _] = run_successfully(dir, "verify out/tiny --samples 2 --rays 100 --points 0");
     assert!(
         report.contains("Delta-E: cie1976, the worst of lamp.csv (table "),
         "{report}"
     );
     assert!(report.ends_with("PASS\n"), "{report}");
 
-    // the errors stated are those under this lamp and no other
+    // the stated errors are those under this lamp only
     let start = br#"\"power\":["#;
-    let at = built
+    let offset = built
         .windows(start.len())
         .position(|bytes| bytes == start)
         .unwrap();
     let mut other = built.clone();
-    for power in other[at + start.len()..].chunks_exact_mut(4).take(20) {
+    for power in other[offset + start.len()..].chunks_exact_mut(4).take(20) {
         assert_eq!(power, b"5.0,");
         power[0] = b'9';
     }
@@ -342,7 +346,7 @@ fn a_database_needs_its_illuminant_s_file_no_more() {
     assert!(report.contains("its error table states"), "{report}");
     fs::write(&compact, &built).unwrap();
 
-    // a name that is neither
+    // neither a standard illuminant nor a file
     let output = run(dir, "compress out/tiny --illuminant D60");
     let error = String::from_utf8(output.stderr).unwrap();
     assert!(!output.status.success());
@@ -351,14 +355,14 @@ fn a_database_needs_its_illuminant_s_file_no_more() {
             && error.contains("give one of D55, D65, E, FL3.15, LED-B5, A, D50, or the path"),
         "{error}"
     );
-    // once other lights took its place, the table is gone
-    done(dir, "compress out/tiny");
-    assert!(!run(dir, asked).status.success());
+    // after compression under other illuminants, the table is gone
+    run_successfully(dir, "compress out/tiny");
+    assert!(!run(dir, arguments).status.success());
 }
 
-/// A tailored file keeps the table in its scene, by which it is verified.
+/// A fitted file stores the table in its scene, and `verify` uses it.
 #[test]
-fn a_fitted_file_needs_its_illuminant_s_file_no_more() {
+fn a_fitted_file_does_not_need_the_file_of_its_illuminant() {
     let dir = tempfile::tempdir().unwrap();
     let dir = dir.path();
     let scene = "version = 1\n[scene]\nmax_delta_e = 1\nquantities = [\"transmittance\"]\n\
@@ -367,21 +371,21 @@ fn a_fitted_file_needs_its_illuminant_s_file_no_more() {
         [wavelengths]\nstart_nm = 400\nstop_nm = 700\nstep_nm = 20\n";
     fs::write(dir.join("s.toml"), scene).unwrap();
     fs::write(dir.join("lamp.csv"), lamp()).unwrap();
-    let [_, told] = done(dir, "fit s.toml --points 16");
+    let [_, stderr] = run_successfully(dir, "fit s.toml --points 16");
     assert!(
-        told.starts_with("read lamp.csv: ") && told.lines().count() == 1,
-        "{told}"
+        stderr.starts_with("read lamp.csv: ") && stderr.lines().count() == 1,
+        "{stderr}"
     );
     fs::remove_file(dir.join("lamp.csv")).unwrap();
-    let [report, told] = done(dir, "verify out/s --points 16 --point-rays 131072");
+    let [report, stderr] = run_successfully(dir, "verify out/s --points 16 --point-rays 131072");
     assert!(
-        report.ends_with("PASS\n") && told.is_empty(),
-        "{report}{told}"
+        report.ends_with("PASS\n") && stderr.is_empty(),
+        "{report}{stderr}"
     );
-    // the scene in the file is one to fit to again
+    // the scene stored in the file can be parsed again
     let database = splitsnow::lookup::Database::open(dir.join("out/s/snow.safetensors")).unwrap();
-    let kept = scene::parse("elsewhere/s.toml", &database.metadata()["scene"]).unwrap();
-    let names: Vec<_> = kept
+    let stored = scene::parse("elsewhere/s.toml", &database.metadata()["scene"]).unwrap();
+    let names: Vec<_> = stored
         .scene
         .viewing
         .illuminants

@@ -1,19 +1,19 @@
-//! What may use what: the crates, the modules of `src` in the order of the table in
-//! `src/lib.rs`, and how little a renderer compiles that adds `splitsnow-lookup`.
+//! Allowed dependencies: between the crates, between the modules of `src` (in the order of
+//! the table in `src/lib.rs`), and the number of crates that `splitsnow-lookup` pulls in.
 use std::collections::{BTreeMap, BTreeSet};
 use std::path::{Path, PathBuf};
 use std::process::Command;
 
 use serde_json::Value;
 
-/// Most crates of others that a user of `splitsnow-lookup` compiles.
-const CRATES: usize = 25;
+/// Maximum number of third-party crates that a user of `splitsnow-lookup` compiles.
+const MAX_CRATES: usize = 25;
 
 fn root() -> PathBuf {
     PathBuf::from(env!("CARGO_MANIFEST_DIR"))
 }
 
-/// Standard output of cargo.
+/// The standard output of a cargo command.
 fn cargo(arguments: &str) -> String {
     let mut command = Command::new(env!("CARGO"));
     command.current_dir(root()).args(["--locked", "--offline"]);
@@ -23,9 +23,9 @@ fn cargo(arguments: &str) -> String {
     String::from_utf8(output.stdout).unwrap()
 }
 
-/// Crates of ours that a crate asks for, to build or to test.
+/// Dependencies of each crate on other crates of the workspace, including those of tests.
 #[test]
-fn crates_use_lower_ones_only() {
+fn crates_depend_on_lower_crates_only() {
     let metadata = cargo("metadata --no-deps --format-version 1");
     let metadata: Value = serde_json::from_str(&metadata).unwrap();
     let name = |value: &Value| value["name"].as_str().unwrap().to_owned();
@@ -34,8 +34,10 @@ fn crates_use_lower_ones_only() {
         .unwrap()
         .iter()
         .map(|package| {
-            let all = package["dependencies"].as_array().unwrap().iter();
-            let ours = all.map(name).filter(|name| name.starts_with("splitsnow"));
+            let dependencies = package["dependencies"].as_array().unwrap().iter();
+            let ours = dependencies
+                .map(name)
+                .filter(|name| name.starts_with("splitsnow"));
             (name(package), ours.collect())
         })
         .collect();
@@ -48,25 +50,25 @@ fn crates_use_lower_ones_only() {
     ] {
         let mut used = uses[user].iter();
         let other = used.find(|used| !allowed.contains(used));
-        assert_eq!(other, None, "{user} must not use it");
+        assert_eq!(other, None, "{user} must not depend on it");
     }
 }
 
 #[test]
-fn a_renderer_compiles_few_crates() {
+fn the_lookup_crate_has_few_dependencies() {
     let tree = cargo("tree --package splitsnow-lookup --edges normal --prefix none");
     let crates = tree.lines().map(|line| line.trim_end_matches(" (*)"));
     let mut others: BTreeSet<&str> = crates.filter(|line| !line.is_empty()).collect();
     assert!(others.iter().any(|line| line.starts_with("ndarray v")));
     others.retain(|line| !line.starts_with("splitsnow-"));
     assert!(
-        others.len() <= CRATES,
-        "{} of {CRATES}: {others:#?}",
+        others.len() <= MAX_CRATES,
+        "{} of {MAX_CRATES}: {others:#?}",
         others.len()
     );
 }
 
-/// The Rust files under `path`, without the lines that are comments.
+/// The Rust files under `path`, without comment lines.
 fn sources(path: &Path) -> Vec<(PathBuf, String)> {
     let mut found = Vec::new();
     for entry in std::fs::read_dir(path).unwrap() {
@@ -82,18 +84,19 @@ fn sources(path: &Path) -> Vec<(PathBuf, String)> {
     found
 }
 
-/// The word that `text` begins with.
+/// The word at the start of `text`.
 fn word(text: &str) -> &str {
     let end = text.find(|c: char| !c.is_alphanumeric() && c != '_');
     &text[..end.unwrap_or(text.len())]
 }
 
-/// What follows `before` in `code`, wherever it stands.
+/// The words that follow each occurrence of `before` in `code`.
 fn words_after<'a>(code: &'a str, before: &str) -> Vec<&'a str> {
     code.split(before).skip(1).map(word).collect()
 }
 
-/// The rows of the table in `src/lib.rs`: where each module stands, from 0 for the lowest.
+/// The rows of the table in `src/lib.rs`: the row of each module, starting at 0 for the
+/// lowest.
 fn rows(library: &str) -> BTreeMap<&str, usize> {
     let table = library
         .lines()
@@ -107,7 +110,7 @@ fn rows(library: &str) -> BTreeMap<&str, usize> {
 }
 
 #[test]
-fn modules_use_lower_ones_only() {
+fn modules_use_lower_modules_only() {
     let src = root().join("src");
     let library = std::fs::read_to_string(src.join("lib.rs")).unwrap();
     let rows = rows(&library);
@@ -131,11 +134,17 @@ fn modules_use_lower_ones_only() {
             checked += 1;
         }
         if module != "cli" {
-            let all = ["crate::", "super::", "splitsnow::"];
-            let mut used = all.iter().flat_map(|before| words_after(&code, before));
+            let prefixes = ["crate::", "super::", "splitsnow::"];
+            let mut used = prefixes
+                .iter()
+                .flat_map(|before| words_after(&code, before));
             assert!(!used.any(|word| word == "cli"), "{}", path.display());
-            let bars = code.contains("indicatif");
-            assert!(!bars, "{}: bars belong to `cli`", path.display());
+            let has_progress_bars = code.contains("indicatif");
+            assert!(
+                !has_progress_bars,
+                "{}: progress bars belong in `cli`",
+                path.display()
+            );
         }
     }
     assert!(checked > 300, "{checked}");

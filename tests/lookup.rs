@@ -1,5 +1,5 @@
-//! Look-ups off the nodes: properties that hold for any file, and accuracy on
-//! slabs whose answer is known.
+//! Queries between the nodes: properties that hold for any file, and accuracy for slabs
+//! with an analytic solution.
 #![allow(clippy::unwrap_used)]
 use std::collections::BTreeMap;
 
@@ -19,12 +19,12 @@ fn points(axes: &Axes) -> Vec<Point> {
     (0..axes.count()).map(|number| axes.point(number)).collect()
 }
 
-/// A file with all components of these curves: exact but for rounding.
+/// A file with all components of these curves, exact except for rounding.
 fn database(axes: &Axes, curve: impl Fn(Point, Quantity) -> Vec<f64>) -> Database {
     database_over(SubstrateKind::Black, axes, curve)
 }
 
-/// The same with this text as its bottom boundary.
+/// The same over a given kind of substrate.
 fn database_over(
     substrate: SubstrateKind,
     axes: &Axes,
@@ -62,7 +62,7 @@ fn database_over(
 }
 
 /// Diffusion through a slab: 1/T = sinh(k (h + z)) / sinh(k z), with the similarity
-/// laws of snow; R as of the same light without absorption.
+/// relations of snow. R is that of the same slab without absorption.
 fn slab(point: Point, quantity: Quantity) -> Vec<f64> {
     let [facetness, size_um, density, thickness_cm, angle] = point.core();
     let mu = angle.to_radians().cos();
@@ -116,7 +116,7 @@ fn spectrum(lookup: &Lookup, point: Point) -> Vec<f32> {
     spectrum
 }
 
-/// The point at `u` of the box, each in [0, 1]; the thickness from 0 on.
+/// The point of the box at relative position `u`, each in [0, 1]. Thicknesses start at 0.
 fn inside(axes: &Axes, u: [f64; 5]) -> Point {
     let value = |((parameter, values), u): ((Parameter, &[f64]), f64)| {
         let first = match parameter {
@@ -129,7 +129,7 @@ fn inside(axes: &Axes, u: [f64; 5]) -> Point {
 }
 
 #[test]
-fn nodes_are_what_the_file_says() {
+fn nodes_reproduce_the_file() {
     let axes = small();
     let database = database(&axes, slab);
     for quantity in Quantity::ALL {
@@ -144,9 +144,9 @@ fn nodes_are_what_the_file_says() {
 }
 
 #[test]
-fn smooth_is_near_the_truth_where_the_spline_rings() {
+fn smooth_interpolation_is_accurate_where_the_spline_oscillates() {
     let axes = thesis();
-    // one snow of the nodes, as the published method needs
+    // a single snow, as the published method requires
     let database = database(
         &axes
             .with(Parameter::Facetness, vec![0.3])
@@ -193,12 +193,12 @@ fn smooth_is_near_the_truth_where_the_spline_rings() {
     let through = slab(first.with(Parameter::Thickness, 1.0), quantity)[0];
     let percent = [100.0 * thinner, 100.0 * through];
     assert_says("docs/stability.md", "thinner than the first node", percent);
-    // what the published method is known for, and why ours is another
+    // the known errors of the published method, the reason for another one
     assert!(theirs > 0.5 && rises > 10, "{theirs} {rises}");
 }
 
 #[test]
-fn off_the_nodes_of_the_thesis_grid() {
+fn interpolation_on_the_thesis_grid_is_accurate() {
     let axes = thesis()
         .with(Parameter::GrainSize, vec![100.0, 150.0, 200.0, 250.0])
         .with(Parameter::Incidence, vec![0.0, 20.0, 40.0, 60.0, 80.0]);
@@ -206,7 +206,7 @@ fn off_the_nodes_of_the_thesis_grid() {
     let lookup = Lookup::new(&database, Quantity::Transmittance).unwrap();
     let mut u = [0.5; 5];
     for i in 0..2000 {
-        // a lattice over the box
+        // a lattice in the box
         u.iter_mut()
             .zip([0.8567, 0.7339, 0.6287, 0.5386, 0.4614])
             .for_each(|(u, step)| *u = (*u + step) % 1.0);
@@ -215,39 +215,49 @@ fn off_the_nodes_of_the_thesis_grid() {
         let found = spectrum(&lookup, point);
         for (l, (a, b)) in found.iter().zip(truth).enumerate() {
             let error = f64::from(*a) - b;
-            // 1 % of what is seen: in this slab facets act a little otherwise than in
-            // snow; and 3.5 % of snow thinner than the first node
-            let most = if point[Parameter::Thickness] < 1.0 {
+            // 1 % of cbrt(T), because facetness acts differently in this slab than in snow;
+            // 3.5 % for snow thinner than the first node
+            let tolerance = if point[Parameter::Thickness] < 1.0 {
                 0.035
             } else {
                 0.012
             };
-            assert!(error.abs() < most * b.cbrt(), "{i} {point} {l}: {a} {b}");
+            assert!(
+                error.abs() < tolerance * b.cbrt(),
+                "{i} {point} {l}: {a} {b}"
+            );
         }
     }
 }
 
 #[test]
-fn edges_limits_and_refusals() {
+fn limits_are_exact_and_points_outside_are_rejected() {
     let axes = small();
     let database = database(&axes, slab);
     let t = Lookup::new(&database, Quantity::Transmittance).unwrap();
     let r = Lookup::new(&database, Quantity::Reflectance).unwrap();
     let node = points(&axes)[0];
-    let at = |thickness_cm| node.with(Parameter::Thickness, thickness_cm);
-    assert!(spectrum(&t, at(0.0)).iter().all(|t| *t == 1.0));
-    assert!(spectrum(&r, at(0.0)).iter().all(|r| *r == 0.0));
-    // deep snow: diffusion goes on, and reflects no less
-    let truth = slab(at(60.0), Quantity::Transmittance);
-    for (l, (found, truth)) in spectrum(&t, at(60.0)).iter().zip(truth).enumerate() {
+    let at_thickness = |thickness_cm| node.with(Parameter::Thickness, thickness_cm);
+    assert!(spectrum(&t, at_thickness(0.0)).iter().all(|t| *t == 1.0));
+    assert!(spectrum(&r, at_thickness(0.0)).iter().all(|r| *r == 0.0));
+    // deep snow: diffusion continues, and the reflectance does not decrease
+    let truth = slab(at_thickness(60.0), Quantity::Transmittance);
+    for (l, (found, truth)) in spectrum(&t, at_thickness(60.0))
+        .iter()
+        .zip(truth)
+        .enumerate()
+    {
         assert!(
             (f64::from(*found) / truth).ln().abs() < 0.05 * (1.0 - truth.ln()),
             "{l}: {found} {truth}"
         );
     }
-    assert!(spectrum(&t, at(1e30)).iter().all(|t| *t < 1e-20));
-    assert_eq!(spectrum(&r, at(1e30)), spectrum(&r, at(30.0)));
-    // decimals that single precision cannot hold are on the edge
+    assert!(spectrum(&t, at_thickness(1e30)).iter().all(|t| *t < 1e-20));
+    assert_eq!(
+        spectrum(&r, at_thickness(1e30)),
+        spectrum(&r, at_thickness(30.0))
+    );
+    // values that single precision rounds across the boundary count as on the boundary
     assert_eq!(
         spectrum(&t, node.with(Parameter::Facetness, 0.1 - 5e-9)),
         spectrum(&t, node)
@@ -279,48 +289,51 @@ fn edges_limits_and_refusals() {
     );
 }
 
-/// Their cosines and logarithms are the same in single precision.
+/// Nodes whose cosines or logarithms coincide in single precision.
 #[test]
-fn nodes_that_fall_together_are_answered() {
+fn coincident_nodes_can_be_queried() {
     let axes = small()
         .with(Parameter::Thickness, vec![5.0, 5.0000005, 10.0])
         .with(Parameter::Incidence, vec![0.0, 0.01]);
     let plain = small()
         .with(Parameter::Thickness, vec![5.0, 10.0])
         .with(Parameter::Incidence, vec![0.0]);
-    let there = points(&axes)[0];
+    let first_point = points(&axes)[0];
     let [doubled, plain] = [axes, plain].map(|axes| database(&axes, slab));
     for quantity in Quantity::ALL {
         let [doubled, plain] = [&doubled, &plain].map(|d| Lookup::new(d, quantity).unwrap());
-        let at = |lookup: &Lookup, thickness_cm, angle_deg| {
-            let point = there
+        let query = |lookup: &Lookup, thickness_cm, angle_deg| {
+            let point = first_point
                 .with(Parameter::Thickness, thickness_cm)
                 .with(Parameter::Incidence, angle_deg);
             spectrum(lookup, point)
         };
-        let all = [0.0, 3.0, 5.0, 7.0, 10.0, 20.0].map(|h| at(&doubled, h, 0.005));
-        for (found, thickness_cm) in [(&all[2], 5.0), (&all[4], 10.0)] {
-            for (found, expected) in found.iter().zip(at(&plain, thickness_cm, 0.0)) {
+        let spectra = [0.0, 3.0, 5.0, 7.0, 10.0, 20.0].map(|h| query(&doubled, h, 0.005));
+        for (found, thickness_cm) in [(&spectra[2], 5.0), (&spectra[4], 10.0)] {
+            for (found, expected) in found.iter().zip(query(&plain, thickness_cm, 0.0)) {
                 assert!((found - expected).abs() < 1e-5, "{found} {expected}");
             }
         }
-        for pair in all.windows(2) {
-            let falls = pair[0]
+        for pair in spectra.windows(2) {
+            let changes = pair[0]
                 .iter()
                 .zip(&pair[1])
                 .map(|(thin, thick)| match quantity {
                     Quantity::Transmittance => thin - thick,
                     Quantity::Reflectance => thick - thin,
                 });
-            assert!(falls.into_iter().all(|by| by >= -1e-6), "{pair:?}");
+            assert!(
+                changes.into_iter().all(|change| change >= -1e-6),
+                "{pair:?}"
+            );
         }
     }
 }
 
-/// Over a bright substrate snow may darken what is under it, and without snow there is
-/// the substrate: nodes stand as they are, and nothing is said below the first.
+/// Snow may darken a bright substrate, and without snow only the substrate is visible. So
+/// nodes are reproduced as they are, and points below the first thickness are rejected.
 #[test]
-fn a_substrate_is_not_black_without_snow() {
+fn files_over_a_bright_substrate_do_not_extrapolate_to_zero_thickness() {
     let axes = small();
     let bright = |point: Point, quantity| match quantity {
         Quantity::Transmittance => slab(point, quantity),
@@ -340,8 +353,8 @@ fn a_substrate_is_not_black_without_snow() {
                 }
             }
             let refused = lookup.spectrum(below, &mut [0.0; 31]).unwrap_err();
-            let says = format!("thickness_cm = {} is outside", below[Parameter::Thickness]);
-            assert!(refused.to_string().starts_with(&says), "{refused}");
+            let message = format!("thickness_cm = {} is outside", below[Parameter::Thickness]);
+            assert!(refused.to_string().starts_with(&message), "{refused}");
             let published = Varsa2025::new(&file, quantity).unwrap();
             let at_node = points(&axes)[0];
             let thin = at_node.with(Parameter::Thickness, 0.5 * first);
@@ -353,7 +366,7 @@ fn a_substrate_is_not_black_without_snow() {
 }
 
 #[test]
-fn one_thickness_is_no_curve() {
+fn a_single_thickness_is_not_interpolated() {
     let axes = small()
         .with(Parameter::Thickness, vec![15.0])
         .with(Parameter::Incidence, vec![30.0]);
@@ -371,7 +384,7 @@ fn one_thickness_is_no_curve() {
 }
 
 #[test]
-fn the_published_method_knows_nodes_only() {
+fn the_published_method_works_on_nodes_only() {
     let axes = small();
     let database = database(&axes, slab);
     let published = Varsa2025::new(&database, Quantity::Transmittance).unwrap();
@@ -382,26 +395,26 @@ fn the_published_method_knows_nodes_only() {
         }
     }
     let node = points(&axes)[0];
-    let at = |point| published.spectrum(point).unwrap();
+    let query = |point| published.spectrum(point).unwrap();
     assert!(
-        at(node.with(Parameter::Thickness, 0.0))
+        query(node.with(Parameter::Thickness, 0.0))
             .iter()
             .all(|t| *t == 1.0)
     );
     assert!(
-        at(node.with(Parameter::Thickness, 100.0))
+        query(node.with(Parameter::Thickness, 100.0))
             .iter()
             .all(|t| *t == 0.0)
     );
     assert!(
-        at(node.with(Parameter::Incidence, 89.5))
+        query(node.with(Parameter::Incidence, 89.5))
             .iter()
             .all(|t| *t == 0.0)
     );
-    // half way between two angles is their mean
-    let between = at(node.with(Parameter::Incidence, 25.0));
+    // midway between two angles, the result is their mean
+    let between = query(node.with(Parameter::Incidence, 25.0));
     for (l, value) in between.iter().enumerate() {
-        let mean = 0.5 * (at(node)[l] + at(node.with(Parameter::Incidence, 50.0))[l]);
+        let mean = 0.5 * (query(node)[l] + query(node.with(Parameter::Incidence, 50.0))[l]);
         assert!((value - mean).abs() < 1e-6);
     }
     let error = published
@@ -417,44 +430,44 @@ fn the_published_method_knows_nodes_only() {
 proptest! {
     #![proptest_config(ProptestConfig::with_cases(32))]
     #[test]
-    fn any_file_is_bounded_monotone_and_continuous(
+    fn answers_for_any_file_are_bounded_monotone_and_continuous(
         noise in proptest::collection::vec(-1e-3..1e-3, 90),
         u in prop::array::uniform5(0.0..1.0),
         quantity in prop::sample::select(Quantity::ALL.to_vec()),
     ) {
         let axes = small();
-        let all = points(&axes);
+        let nodes = points(&axes);
         let database = database(&axes, |point, quantity| {
-            let row = all.iter().position(|p| *p == point).unwrap();
+            let row = nodes.iter().position(|p| *p == point).unwrap();
             slab(point, quantity).iter().map(|v| v + noise[row]).collect()
         });
         let lookup = Lookup::new(&database, quantity).unwrap();
-        let material = |p: Point| lookup.material(p).unwrap();
+        let material_at = |p: Point| lookup.material(p).unwrap();
         let mut before: Option<Vec<f32>> = None;
         for i in 0..=400 {
             let mut point = inside(&axes, u);
             point.set(Parameter::Thickness, 40.0 * f64::from(i) / 400.0);
-            let here = spectrum(&lookup, point);
-            prop_assert!(here.iter().all(|v| (0.0..=1.0).contains(v)));
-            let near = spectrum(&material(point), point);
-            for (a, b) in here.iter().zip(&near) {
+            let current = spectrum(&lookup, point);
+            prop_assert!(current.iter().all(|v| (0.0..=1.0).contains(v)));
+            let from_material = spectrum(&material_at(point), point);
+            for (a, b) in current.iter().zip(&from_material) {
                 prop_assert!((a - b).abs() < 2e-6, "{a} {b}");
             }
-            for (l, (now, then)) in here.iter().zip(before.iter().flatten()).enumerate() {
-                let falls = if quantity == Quantity::Transmittance { then - now } else { now - then };
-                prop_assert!(falls > -1e-6, "{l} {point}: {then} {now}");
+            for (l, (now, then)) in current.iter().zip(before.iter().flatten()).enumerate() {
+                let change = if quantity == Quantity::Transmittance { then - now } else { now - then };
+                prop_assert!(change > -1e-6, "{l} {point}: {then} {now}");
             }
-            before = Some(here);
+            before = Some(current);
         }
-        // across a node of every axis
+        // continuity across a node of each axis
         for axis in [0, 1, 3, 4] {
             let mut coordinates = inside(&axes, u).core();
             let node = axes.core()[axis][1];
-            let mut on = |value| {
+            let mut at_value = |value| {
                 coordinates[axis] = value;
-                spectrum(&lookup, Point::of_core(coordinates))
+                spectrum(&lookup, Point::from_core(coordinates))
             };
-            for (a, b) in on(node * (1.0 - 1e-6)).iter().zip(on(node * (1.0 + 1e-6))) {
+            for (a, b) in at_value(node * (1.0 - 1e-6)).iter().zip(at_value(node * (1.0 + 1e-6))) {
                 prop_assert!((a - b).abs() < 1e-4, "{axis}: {a} {b}");
             }
         }

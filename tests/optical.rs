@@ -1,4 +1,4 @@
-//! A grid of optical radii down to a half space, from the file to the answers.
+//! A grid of specific surface areas up to a half-space, from the build to the query.
 use std::fs;
 use std::process::Command;
 
@@ -21,7 +21,7 @@ engine = \"hybrid\"
 rays = 1024
 ";
 
-/// Runs the program in a folder that holds the grid.
+/// Runs the program in the folder that holds the grid.
 fn output(dir: &std::path::Path, args: &str) -> String {
     let mut command = Command::new(cargo_bin!("splitsnow"));
     let output = command
@@ -34,7 +34,7 @@ fn output(dir: &std::path::Path, args: &str) -> String {
     String::from_utf8(output.stdout).unwrap()
 }
 
-/// The numbers of a coordinate as its chunk holds them, before the checksum.
+/// The values of a coordinate in its only chunk; the chunk ends with a checksum.
 fn coordinate(dir: &std::path::Path, name: &str) -> Vec<f64> {
     let bytes = fs::read(dir.join("out/g/database.zarr").join(name).join("c.0")).unwrap();
     let numbers = bytes[..bytes.len() - 4].as_chunks::<8>().0.iter();
@@ -42,14 +42,14 @@ fn coordinate(dir: &std::path::Path, name: &str) -> Vec<f64> {
 }
 
 #[test]
-fn from_surfaces_and_a_half_space_to_the_answers() {
+fn surface_areas_and_a_half_space_are_built_stored_and_queried() {
     let dir = tempfile::tempdir().unwrap();
     let dir = dir.path();
     fs::write(dir.join("g.toml"), GRID).unwrap();
     output(dir, "build g.toml --threads 1");
 
-    // the store: sizes that increase, what they were told by beside them, and a depth
-    // without end
+    // the store: increasing sizes, the given surface areas next to them, and an infinite
+    // thickness
     let sizes = coordinate(dir, "grain_size_um");
     assert!(
         sizes.is_sorted() && (sizes[1] / sizes[0] - 2.0).abs() < 1e-12,
@@ -74,17 +74,17 @@ fn from_surfaces_and_a_half_space_to_the_answers() {
     assert_eq!(store.axes().values(Parameter::GrainSize), sizes);
     assert!(store.verify().unwrap().is_whole());
     drop(store);
-    // it goes on where it was
+    // building again reuses the store
     output(dir, "build g.toml --threads 1");
 
-    // the compact file, and what it answers
+    // the compact file and its answers
     let file = fs::read(dir.join("out/g/snow.safetensors")).unwrap();
     let length = u64::from_le_bytes(*file.first_chunk().unwrap()) as usize;
     let header: Value = serde_json::from_slice(&file[8..8 + length]).unwrap();
     let about = &header["__metadata__"];
     assert_eq!(about["ssa_m2_kg"], "[40.0,20.0,10.0]");
     assert_eq!(about["grain_size_relation"], relation);
-    let ask = |thickness: &str, quantity: &str| -> Vec<f64> {
+    let query = |thickness: &str, quantity: &str| -> Vec<f64> {
         let size = sizes[1];
         let args = format!(
             "query out/g/snow.safetensors --facetness 0.3 --grain-size-um {size} --density-kg-m3 300 --thickness-cm {thickness} --incidence-angle-deg 0 --quantity {quantity}"
@@ -96,8 +96,8 @@ fn from_surfaces_and_a_half_space_to_the_answers() {
             .collect()
     };
     let depths = ["10", "30", "1000", "inf"];
-    let reflectances = depths.map(|depth| ask(depth, "reflectance"));
-    let transmittances = depths.map(|depth| ask(depth, "transmittance"));
+    let reflectances = depths.map(|depth| query(depth, "reflectance"));
+    let transmittances = depths.map(|depth| query(depth, "transmittance"));
     for pair in reflectances.windows(2) {
         assert!(
             (0..3).all(|l| pair[0][l] <= pair[1][l] + 1e-6),
@@ -110,7 +110,7 @@ fn from_surfaces_and_a_half_space_to_the_answers() {
             "{transmittances:?}"
         );
     }
-    // clear light comes back from everywhere; the file keeps what its bound allows
+    // clean snow reflects nearly all visible light; the tolerance is that of the file
     assert!(
         reflectances[3][0] > 0.97 && reflectances[3][0] > reflectances[0][0] + 0.01,
         "{reflectances:?}"

@@ -1,25 +1,26 @@
-//! Numbers quoted in the docs are those of the files that the programs wrote.
+//! Numbers quoted in the docs match the files that the programs wrote.
 //!
-//! `docs/validation.md` is made from `docs/validation.md.in`, in which `{...}` stands for a
-//! number of the study whose picture comes next:
+//! `docs/validation.md` is generated from `docs/validation.md.in`, in which `{...}` stands
+//! for a number of the study whose figure comes next:
 //!
 //! | | |
 //! |---|---|
-//! | `{KEY @ 500}` | of a curve, at a wavelength; the BRDF forward, at whole degrees |
-//! | `{KEY @ 67 180}` | the BRDF, at an azimuth or next to it |
+//! | `{KEY @ 500}` | value of a curve at a wavelength; of the BRDF in the forward plane at whole degrees |
+//! | `{KEY @ 67 180}` | value of the BRDF at the azimuth nearest to the given one |
 //! | `{KEY @ 400-700}` | mean over wavelengths |
-//! | `{A / B}`, `{A - B}` | of two of these |
-//! | `{rmse KEY \| KEY}`, `noise`, `largest`, `percent` | two curves: difference (root mean square), its standard error, largest and mean relative difference |
-//! | `{peak KEY}` | the wavelength of the largest value |
-//! | `{slope KEY @ 1.25-10}`, `miss`, `left` | the line of least squares of logarithms: slope, largest miss and variance left, % |
+//! | `{A / B}`, `{A - B}` | ratio or difference of two of these |
+//! | `{rmse KEY \| KEY}`, `noise`, `largest`, `percent` | comparison of two curves: root-mean-square difference, its standard error, largest difference, mean relative difference |
+//! | `{peak KEY}` | wavelength of the maximum |
+//! | `{slope KEY @ 1.25-10}`, `miss`, `left` | least-squares line through the logarithms: slope, largest residual in %, unexplained variance in % |
 //!
-//! KEY is a variant, `group, variant`, or a group. `; 3` asks for decimals, without it the
-//! standard error of the last digits follows in brackets. In other pages rows of tables are
-//! compared. `UPDATE_GOLDEN=1 cargo test --release --test pipeline pages` rewrites all.
+//! KEY is a variant, `group, variant`, or a group. `; 3` sets the number of decimals;
+//! without it the standard error of the last digits follows in parentheses. In other pages,
+//! rows of tables are compared. `UPDATE_GOLDEN=1 cargo test --release --test pipeline pages`
+//! rewrites all pages.
 //!
 //! In the other pages `<!-- = NAME -->` follows the numbers that NAME stands for
-//! (tests/common/quoted.rs): rows of `docs/quoted.csv`, numbers of other files
-//! ([`of_other_files`]), or what a test finds, whose source then has "NAME".
+//! (tests/common/quoted.rs). NAME is a row of `docs/quoted.csv`, a number of another file
+//! ([`values_of_other_files`]), or a result of a test whose source contains "NAME".
 use std::collections::{BTreeMap, BTreeSet};
 use std::path::{Path, PathBuf};
 
@@ -38,7 +39,7 @@ fn docs() -> PathBuf {
     PathBuf::from(env!("CARGO_MANIFEST_DIR")).join("docs")
 }
 
-/// The rows of a CSV file below the repository, without comments.
+/// The rows of a CSV file, by its path in the repository, without comments.
 fn rows(path: &str) -> Vec<csv::StringRecord> {
     let path = PathBuf::from(env!("CARGO_MANIFEST_DIR")).join(path);
     let reader = csv::ReaderBuilder::new()
@@ -54,30 +55,31 @@ struct Value {
     se: f64,
 }
 
-/// A row of a study: wavelength, thickness, or polar angle and azimuth.
+/// A row of a study.
 struct Point {
-    at: Vec<f64>,
-    of: Value,
+    /// Wavelength, thickness, or polar angle and azimuth.
+    coordinates: Vec<f64>,
+    value: Value,
 }
 
-/// The rows of one variant, or of all variants of a group.
+/// The rows of a variant, or of all variants of a group.
 fn curve(study: &str, key: &str) -> Vec<Point> {
     let rows = rows(&format!("docs/validation/{study}.csv"));
-    let is = |row: &&csv::StringRecord| {
+    let matches = |row: &&csv::StringRecord| {
         let (group, variant) = (&row[0], &row[1]);
         [group, variant, &format!("{group}, {variant}")].contains(&key)
     };
     let points: Vec<_> = rows
         .iter()
-        .filter(is)
+        .filter(matches)
         .map(|row| {
             let numbers: Vec<_> = row.iter().skip(2).map(number).collect();
-            let (at, of) = numbers.split_at(numbers.len() - 2);
+            let (coordinates, value) = numbers.split_at(numbers.len() - 2);
             Point {
-                at: at.to_vec(),
-                of: Value {
-                    value: of[0],
-                    se: of[1],
+                coordinates: coordinates.to_vec(),
+                value: Value {
+                    value: value[0],
+                    se: value[1],
                 },
             }
         })
@@ -86,18 +88,18 @@ fn curve(study: &str, key: &str) -> Vec<Point> {
     points
 }
 
-/// `LO-HI` of a range.
-fn range(place: &str) -> Option<(f64, f64)> {
-    let (low, high) = place.split_once('-')?;
+/// Parses a range `LO-HI`.
+fn range(text: &str) -> Option<(f64, f64)> {
+    let (low, high) = text.split_once('-')?;
     Some((number(low), number(high)))
 }
 
 fn within(points: Vec<Point>, (low, high): (f64, f64)) -> Vec<Point> {
-    let inside = |point: &Point| (low..=high).contains(&point.at[0]);
+    let inside = |point: &Point| (low..=high).contains(&point.coordinates[0]);
     points.into_iter().filter(inside).collect()
 }
 
-/// `KEY @ PLACE`, or two of them and what is between.
+/// Evaluates `KEY @ PLACE`, or the ratio or difference of two of these.
 fn value(study: &str, text: &str) -> Value {
     if let Some((a, b)) = text.split_once(" / ") {
         let (a, b) = (value(study, a), value(study, b));
@@ -116,12 +118,12 @@ fn value(study: &str, text: &str) -> Value {
     }
     let (key, place) = text
         .rsplit_once(" @ ")
-        .unwrap_or_else(|| panic!("{text}: no place"));
+        .unwrap_or_else(|| panic!("{text}: no wavelength or angle"));
     let points = curve(study, key);
     if let Some(range) = range(place) {
         let points = within(points, range);
-        let sum: f64 = points.iter().map(|point| point.of.value).sum();
-        // errors of wavelengths are not independent, and not known together
+        let sum: f64 = points.iter().map(|point| point.value.value).sum();
+        // errors of different wavelengths are correlated, and the correlation is unknown
         return Value {
             value: sum / points.len() as f64,
             se: f64::NAN,
@@ -129,43 +131,52 @@ fn value(study: &str, text: &str) -> Value {
     }
     let (x, azimuth) = place.split_once(' ').unwrap_or((place, "0"));
     let (x, azimuth) = (number(x), number(azimuth));
-    let is_brdf = points[0].at.len() == 2;
+    let is_brdf = points[0].coordinates.len() == 2;
     let found = points.iter().filter(|point| {
-        let at = if is_brdf {
-            point.at[0].round()
+        let coordinate = if is_brdf {
+            point.coordinates[0].round()
         } else {
-            point.at[0]
+            point.coordinates[0]
         };
-        (at - x).abs() < 1e-6
+        (coordinate - x).abs() < 1e-6
     });
-    let away = |point: &&Point| point.at.get(1).map_or(0.0, |other| (other - azimuth).abs());
+    let distance = |point: &&Point| {
+        point
+            .coordinates
+            .get(1)
+            .map_or(0.0, |other| (other - azimuth).abs())
+    };
     let found: Vec<_> = found.collect();
     assert!(
         is_brdf || found.len() == 1,
         "{study}: {text}: {} rows",
         found.len()
     );
-    let nearest = found.into_iter().min_by(|a, b| away(a).total_cmp(&away(b)));
+    let nearest = found
+        .into_iter()
+        .min_by(|a, b| distance(a).total_cmp(&distance(b)));
     let nearest = nearest.unwrap_or_else(|| panic!("{study}: {text}: no row"));
-    // nadir has no azimuth; else no further than a sensor is wide
+    // nadir has no azimuth; elsewhere the azimuth may differ by the width of a sensor
     assert!(
-        x == 0.0 || away(&nearest) < 5.0,
+        x == 0.0 || distance(&nearest) < 5.0,
         "{study}: {text}: no such azimuth"
     );
-    nearest.of
+    nearest.value
 }
 
-/// Two curves, row by row.
+/// The values of two curves, row by row.
 fn pairs(study: &str, keys: &str) -> Vec<(Value, Value)> {
     let (a, b) = keys
         .split_once(" | ")
         .unwrap_or_else(|| panic!("{keys}: one curve"));
     let (a, b) = (curve(study, a), curve(study, b));
     assert!(
-        a.iter().map(|p| &p.at).eq(b.iter().map(|p| &p.at)),
+        a.iter()
+            .map(|p| &p.coordinates)
+            .eq(b.iter().map(|p| &p.coordinates)),
         "{keys}"
     );
-    a.iter().zip(&b).map(|(a, b)| (a.of, b.of)).collect()
+    a.iter().zip(&b).map(|(a, b)| (a.value, b.value)).collect()
 }
 
 fn mean(values: impl Iterator<Item = f64>) -> f64 {
@@ -173,27 +184,31 @@ fn mean(values: impl Iterator<Item = f64>) -> f64 {
     values.iter().sum::<f64>() / values.len() as f64
 }
 
-/// The line of least squares through logarithms: its slope, by how many % it misses a
-/// value at most, and the % of the variance that it leaves.
-fn line(study: &str, text: &str) -> [f64; 3] {
+/// The least-squares line through the logarithms: its slope, its largest relative residual
+/// in % and the unexplained variance in %.
+fn least_squares_line(study: &str, text: &str) -> [f64; 3] {
     let (key, place) = text.split_once(" @ ").unwrap();
     let points = within(curve(study, key), range(place).unwrap());
     let logs: Vec<_> = points
         .iter()
-        .map(|p| [p.at[0].ln(), p.of.value.ln()])
+        .map(|p| [p.coordinates[0].ln(), p.value.value.ln()])
         .collect();
     let means = [0, 1].map(|i| mean(logs.iter().map(|p| p[i])));
     let product =
         |i: usize, j: usize| mean(logs.iter().map(|p| (p[i] - means[i]) * (p[j] - means[j])));
     let slope = product(0, 1) / product(0, 0);
-    let misses = logs
+    let residuals = logs
         .iter()
         .map(|p| (p[1] - means[1] - slope * (p[0] - means[0])).exp_m1().abs());
-    let left = 1.0 - slope * product(0, 1) / product(1, 1);
-    [slope, 100.0 * misses.fold(0.0, f64::max), 100.0 * left]
+    let unexplained = 1.0 - slope * product(0, 1) / product(1, 1);
+    [
+        slope,
+        100.0 * residuals.fold(0.0, f64::max),
+        100.0 * unexplained,
+    ]
 }
 
-/// What a reference stands for.
+/// The text that replaces a reference.
 fn quoted(study: &str, reference: &str) -> String {
     let (text, decimals) = match reference.rsplit_once("; ") {
         Some((text, decimals)) => (text, Some(number(decimals) as usize)),
@@ -222,12 +237,17 @@ fn quoted(study: &str, reference: &str) -> String {
                 )
         }
         "peak" => {
-            let larger = |a: &Point, b: &Point| a.of.value.total_cmp(&b.of.value);
-            return curve(study, rest).into_iter().max_by(larger).unwrap().at[0].to_string();
+            let larger = |a: &Point, b: &Point| a.value.value.total_cmp(&b.value.value);
+            return curve(study, rest)
+                .into_iter()
+                .max_by(larger)
+                .unwrap()
+                .coordinates[0]
+                .to_string();
         }
-        "slope" => line(study, rest)[0],
-        "miss" => line(study, rest)[1],
-        "left" => line(study, rest)[2],
+        "slope" => least_squares_line(study, rest)[0],
+        "miss" => least_squares_line(study, rest)[1],
+        "left" => least_squares_line(study, rest)[2],
         _ => {
             let value = value(study, text);
             return match decimals {
@@ -238,12 +258,12 @@ fn quoted(study: &str, reference: &str) -> String {
     };
     fixed(
         plain,
-        decimals.unwrap_or_else(|| panic!("{reference}: how many decimals?")),
+        decimals.unwrap_or_else(|| panic!("{reference}: number of decimals is missing")),
     )
 }
 
 #[test]
-fn numbers_of_validation_are_those_of_the_studies() {
+fn numbers_of_validation_match_the_studies() {
     let template = std::fs::read_to_string(docs().join("validation.md.in")).unwrap();
     let (mut page, mut rest) = (String::new(), template.as_str());
     while let Some((before, after)) = rest.split_once('{') {
@@ -257,7 +277,7 @@ fn numbers_of_validation_are_those_of_the_studies() {
     keep("validation.md", &(page + rest));
 }
 
-/// A page whose rows of tables are put in order one by one.
+/// A page whose table rows are replaced one by one.
 struct Page {
     name: &'static str,
     text: String,
@@ -269,7 +289,7 @@ impl Page {
         Self { name, text }
     }
 
-    /// The first line after `heading` that begins with `head` goes on with these cells.
+    /// Replaces the cells of the first line after `heading` that begins with `head`.
     fn row(&mut self, heading: &str, head: &str, cells: &[String]) {
         let missing = || panic!("{}: no row {head} after {heading}", self.name);
         let from = self.text.find(heading).unwrap_or_else(missing);
@@ -288,8 +308,8 @@ impl Page {
     }
 }
 
-/// Two decimals, or two digits of what is below 1.
-fn two(x: f64) -> String {
+/// Two decimals, or two significant digits below 1.
+fn two_digits(x: f64) -> String {
     let decimals = if x < 1.0 {
         1.0 - x.log10().floor()
     } else {
@@ -299,7 +319,7 @@ fn two(x: f64) -> String {
 }
 
 #[test]
-fn tables_of_the_compression_are_those_of_its_run() {
+fn tables_of_the_compression_match_its_data() {
     let rows = rows("docs/components.csv");
     let mut page = Page::open("performance.md");
     for count in 1..=8 {
@@ -311,7 +331,7 @@ fn tables_of_the_compression_are_those_of_its_run() {
         let cell = |(basis, precision)| match find(basis, precision) {
             Some(row) => {
                 let kilobytes = number(&row[4]) / 1000.0;
-                format!("{kilobytes:.0} kB, {}", two(number(&row[9])))
+                format!("{kilobytes:.0} kB, {}", two_digits(number(&row[9])))
             }
             None => "above 2.3".to_owned(),
         };
@@ -343,7 +363,7 @@ fn tables_of_the_compression_are_those_of_its_run() {
 }
 
 #[test]
-fn the_table_of_the_goniophotometer_is_that_of_its_run() {
+fn the_table_of_the_goniophotometer_matches_its_data() {
     let rows = rows("docs/goniometer.csv");
     let mut page = Page::open("performance.md");
     for nm in ["600", "1300", "1800"] {
@@ -353,19 +373,19 @@ fn the_table_of_the_goniophotometer_is_that_of_its_run() {
             ("tabulated", "40000", "40,000", "| |"),
         ] {
             let key = [nm, "60", engine, walks];
-            let is = |row: &&csv::StringRecord| row.iter().zip(key).all(|(a, b)| a == b);
-            let row = rows.iter().find(is).unwrap();
+            let matches = |row: &&csv::StringRecord| row.iter().zip(key).all(|(a, b)| a == b);
+            let row = rows.iter().find(matches).unwrap();
             let [cpu_s, rms, largest] = [4, 5, 6].map(|i| number(&row[i]));
             let to_one_percent = cpu_s * (100.0 * rms).powi(2);
             let decimals = usize::from(to_one_percent < 10.0);
             let cells = [
                 shown.to_owned(),
-                two(cpu_s),
+                two_digits(cpu_s),
                 format!("{:.1} %", 100.0 * rms),
                 format!("{:.1} %", 100.0 * largest),
                 format!("{to_one_percent:.decimals$}"),
             ];
-            // the first row of a light is looked for from the head of the table on
+            // the row of the first engine follows the heading, the second follows the first
             let from = if engine == "spectral" {
                 "| light | engine"
             } else {
@@ -377,61 +397,67 @@ fn the_table_of_the_goniophotometer_is_that_of_its_run() {
     page.keep();
 }
 
-/// The rows of a model's curve; the columns are wavelengths.
-fn beside(page: &mut Page, heading: &str, head: &str, curve: &[csv::StringRecord], column: usize) {
+/// Writes a table row: a column of a model's curve at the wavelengths of the table.
+fn curve_row(
+    page: &mut Page,
+    heading: &str,
+    head: &str,
+    curve: &[csv::StringRecord],
+    column: usize,
+) {
     let shown = ["400", "600", "800", "900", "1040", "1240", "1400"];
     let cells = shown.map(|nm| {
-        let is = |row: &&csv::StringRecord| number(&row[0]) == number(nm);
-        fixed(number(&curve.iter().find(is).unwrap()[column]), 4)
+        let matches = |row: &&csv::StringRecord| number(&row[0]) == number(nm);
+        fixed(number(&curve.iter().find(matches).unwrap()[column]), 4)
     });
     page.row(heading, &format!("| {head} |"), &cells);
 }
 
 #[test]
-fn tables_beside_other_models_are_those_of_their_runs() {
+fn tables_beside_other_models_match_their_data() {
     let mut page = Page::open("peers.md");
     let [tartes, disort] = ["tartes", "disort"].map(|name| rows(&format!("docs/peers/{name}.csv")));
     let [clean, pores, ice, thin] = ["clean", "soot_in_pores", "soot_in_ice", "thin"]
         .map(|name| rows(&format!("examples/peers/data/{name}.csv")));
     let albedo = "| albedo of 1 m |";
-    beside(
+    curve_row(
         &mut page,
         albedo,
         "clean: TARTES, its own g and B",
         &tartes,
         1,
     );
-    beside(&mut page, albedo, "TARTES, our g and B", &tartes, 2);
-    beside(&mut page, albedo, "SPLITSnow", &clean, 1);
+    curve_row(&mut page, albedo, "TARTES, our g and B", &tartes, 2);
+    curve_row(&mut page, albedo, "SPLITSnow", &clean, 1);
     let sooty = "100 ng/g: TARTES, its own g and B";
-    beside(&mut page, albedo, sooty, &tartes, 3);
-    beside(
+    curve_row(&mut page, albedo, sooty, &tartes, 3);
+    curve_row(
         &mut page,
         &format!("| {sooty}"),
         "TARTES, our g and B",
         &tartes,
         4,
     );
-    beside(
+    curve_row(
         &mut page,
         albedo,
         "SPLITSnow, carbon in the pores",
         &pores,
         1,
     );
-    beside(&mut page, albedo, "SPLITSnow, carbon in the ice", &ice, 1);
+    curve_row(&mut page, albedo, "SPLITSnow, carbon in the ice", &ice, 1);
     for (i, quantity) in ["R", "T"].iter().enumerate() {
         let ours = format!("{quantity}: SPLITSnow");
-        beside(&mut page, "## Discrete ordinates", &ours, &thin, 1 + 2 * i);
+        curve_row(&mut page, "## Discrete ordinates", &ours, &thin, 1 + 2 * i);
         let ours = format!("| {ours} |");
-        beside(
+        curve_row(
             &mut page,
             &ours,
             "points, distance of grains",
             &disort,
             1 + 2 * i,
         );
-        beside(
+        curve_row(
             &mut page,
             &ours,
             "points, effective free path",
@@ -439,9 +465,9 @@ fn tables_beside_other_models_are_those_of_their_runs() {
             2 + 2 * i,
         );
     }
-    // one grain event: the heads of kernel.csv, and its columns at two wavelengths
+    // one grain event: the header values of kernel.csv and its columns at two wavelengths
     let text = include_str!("../examples/peers/data/kernel.csv");
-    let head = |key: &str| {
+    let header_value = |key: &str| {
         let line = text.lines().find(|line| line.contains(key)).unwrap();
         number(line.rsplit(' ').next().unwrap())
     };
@@ -452,14 +478,17 @@ fn tables_beside_other_models_are_those_of_their_runs() {
         .split(',')
         .collect();
     let kernel = rows("examples/peers/data/kernel.csv");
-    let at = |nm: &str, name: &str| {
+    let kernel_value = |nm: &str, name: &str| {
         let column = names.iter().position(|other| *other == name).unwrap();
         number(&kernel.iter().find(|row| &row[0] == nm).unwrap()[column])
     };
-    let [g, far] = ["400", "1040"].map(|nm| at(nm, "p1"));
-    let (surface, path) = (head("specific_surface_area"), at("400", "mean_path_m"));
-    let distance = head("mean_free_distance");
-    let enhancement = path * surface * head("ice_density") / 4.0;
+    let [g, far] = ["400", "1040"].map(|nm| kernel_value(nm, "p1"));
+    let (surface, path) = (
+        header_value("specific_surface_area"),
+        kernel_value("400", "mean_path_m"),
+    );
+    let distance = header_value("mean_free_distance");
+    let enhancement = path * surface * header_value("ice_density") / 4.0;
     for (row, quoted) in [
         ("specific surface area", format!("{surface:.2} m2/kg")),
         (
@@ -481,15 +510,15 @@ fn tables_beside_other_models_are_those_of_their_runs() {
         ("absorption enhancement B", format!("{enhancement:.2}")),
     ] {
         let line = format!("| {row} | {quoted} |");
-        assert!(page.text.contains(&line), "docs/peers.md has not {line}");
+        assert!(page.text.contains(&line), "docs/peers.md lacks {line}");
     }
     page.keep();
 }
 
-/// `examples/stability` writes page and file; what the page says of a case is the largest
-/// difference that the file has of it.
+/// `examples/stability` writes the page and the file. The page states, for each case, the
+/// largest difference in the file.
 #[test]
-fn the_map_of_stability_is_that_of_its_run() {
+fn the_stability_map_matches_its_data() {
     let text = std::fs::read_to_string(docs().join("stability.md")).unwrap();
     let (_, map) = text.split_once("<!-- map -->\n| case |").unwrap();
     let mut lines = map.lines();
@@ -504,25 +533,25 @@ fn the_map_of_stability_is_that_of_its_run() {
             .filter(|(e, _)| !e.is_empty())
         {
             let (verdict, largest) = cell.split_once(' ').unwrap_or((cell, ""));
-            let of: Vec<_> = rows
+            let of_case: Vec<_> = rows
                 .iter()
                 .filter(|row| [&row[0], &row[1]] == [cells[1], engine])
                 .collect();
-            let off = |row: &&csv::StringRecord| {
+            let difference = |row: &&csv::StringRecord| {
                 [11, 13]
                     .map(|i| number(&row[i]).abs())
                     .into_iter()
                     .fold(0.0, f64::max)
             };
             assert!(
-                of.iter().all(|row| &row[2] == verdict) && !of.is_empty(),
+                of_case.iter().all(|row| &row[2] == verdict) && !of_case.is_empty(),
                 "{line}"
             );
             if !largest.is_empty() {
-                let found = of.iter().map(off).fold(0.0, f64::max);
-                // four decimals of what the file has to six digits
-                let off = (found - number(largest)).abs();
-                assert!(off < 5.1e-5, "{line}: {engine}: {found}");
+                let found = of_case.iter().map(difference).fold(0.0, f64::max);
+                // the page has four decimals, the file six digits
+                let rounding = (found - number(largest)).abs();
+                assert!(rounding < 5.1e-5, "{line}: {engine}: {found}");
                 compared += 1;
             }
         }
@@ -530,7 +559,7 @@ fn the_map_of_stability_is_that_of_its_run() {
     assert!(compared > 300, "{compared}");
 }
 
-/// Pages with marked numbers, below `docs`.
+/// Pages with marked numbers, relative to `docs`.
 const MARKED: [&str; 5] = [
     "methods.md",
     "performance.md",
@@ -540,12 +569,12 @@ const MARKED: [&str; 5] = [
 ];
 
 /// Values by name.
-type Known = BTreeMap<String, Vec<Value>>;
+type NamedValues = BTreeMap<String, Vec<Value>>;
 
-/// What pages quote of files that are committed for other reasons.
-fn of_other_files() -> Known {
-    let mut known = Known::new();
-    let mut say = |name: &str, values: &[f64]| {
+/// Values that pages quote from files that are committed for other reasons.
+fn values_of_other_files() -> NamedValues {
+    let mut known = NamedValues::new();
+    let mut add = |name: &str, values: &[f64]| {
         let values = values.iter().map(|&value| Value {
             value,
             se: f64::NAN,
@@ -554,156 +583,167 @@ fn of_other_files() -> Known {
     };
 
     let components = rows("docs/components.csv");
-    let of = |key: [&str; 4], column: usize| {
-        let is = |row: &&csv::StringRecord| key.iter().zip(row.iter()).all(|(a, b)| *a == b);
-        number(&components.iter().find(is).unwrap()[column])
+    let component = |key: [&str; 4], column: usize| {
+        let matches = |row: &&csv::StringRecord| key.iter().zip(row.iter()).all(|(a, b)| *a == b);
+        number(&components.iter().find(matches).unwrap()[column])
     };
     let [bytes, rmse, delta_e] = [4, 7, 9];
-    let largest = |precision, column| {
+    let log_values = |precision, column| {
         let rows = components.iter().filter(|row| &row[0] == "transmittance");
         let rows = rows.filter(move |row| [&row[1], &row[2]] == ["log", precision]);
         rows.map(move |row| number(&row[column]))
     };
     let [eight, plain] = [("log", "quantised", "2"), ("linear", "f32", "3")];
-    let kilobytes =
-        |(basis, precision, count)| of(["transmittance", basis, precision, count], bytes) / 1e3;
-    say(
+    let kilobytes = |(basis, precision, count)| {
+        component(["transmittance", basis, precision, count], bytes) / 1e3
+    };
+    add(
         "bytes of transmittance",
         &[kilobytes(eight), kilobytes(plain)],
     );
     let own = kilobytes(("linear", "f32", "2"));
-    say("bytes of the thesis own file", &[own]);
-    let reflectance = |basis, count, column| of(["reflectance", basis, "f32", count], column);
-    let one = ["linear", "log"].map(|basis| reflectance(basis, "1", delta_e));
-    say("reflectance of one component", &one);
-    let both = ["1", "2"].map(|count| reflectance("linear", count, rmse));
-    say("RMSE of one component of reflectance", &both[..1]);
-    say("RMSE of two components of reflectance", &both[1..]);
-    let eight_bits = largest("quantised", rmse).fold(0.0, f64::max);
-    say("RMSE of 8 bits", &[eight_bits]);
-    // what f16 leaves, however many components
-    let limit = |precision| largest(precision, delta_e).fold(f64::INFINITY, f64::min);
-    say("Delta-E of f16", &[limit("f16")]);
-    say("Delta-E of 16 bits", &[limit("quantised_16")]);
-    // mean and largest Delta-E of Varsa 2025, section 8.2
+    add("bytes of the thesis own file", &[own]);
+    let reflectance =
+        |basis, count, column| component(["reflectance", basis, "f32", count], column);
+    let single = ["linear", "log"].map(|basis| reflectance(basis, "1", delta_e));
+    add("reflectance of one component", &single);
+    let linear = ["1", "2"].map(|count| reflectance("linear", count, rmse));
+    add("RMSE of one component of reflectance", &linear[..1]);
+    add("RMSE of two components of reflectance", &linear[1..]);
+    let eight_bits = log_values("quantised", rmse).fold(0.0, f64::max);
+    add("RMSE of 8 bits", &[eight_bits]);
+    // the error of f16 that remains with any number of components
+    let limit = |precision| log_values(precision, delta_e).fold(f64::INFINITY, f64::min);
+    add("Delta-E of f16", &[limit("f16")]);
+    add("Delta-E of 16 bits", &[limit("quantised_16")]);
+    // mean and largest Delta-E in Varsa 2025, section 8.2
     let thesis = [[0.7612, 2.8638], [0.2720, 1.3955], [0.1074, 0.5203]];
     let ratios = thesis
         .iter()
         .zip(["1", "2", "3"])
         .flat_map(|(published, count)| {
-            let ours = [8, 9].map(|column| of(["transmittance", "linear", "f32", count], column));
+            let ours =
+                [8, 9].map(|column| component(["transmittance", "linear", "f32", count], column));
             [ours[0] / published[0], ours[1] / published[1]]
         });
     let ratios: Vec<f64> = ratios.collect();
     let least = ratios.iter().copied().fold(f64::INFINITY, f64::min);
     let most = ratios.iter().copied().fold(0.0, f64::max);
-    say("Delta-E beside the thesis", &[least, most]);
+    add("Delta-E beside the thesis", &[least, most]);
 
     let goniometer = rows("docs/goniometer.csv");
-    let of = |nm: &str, engine: &str, walks: &str, column: usize| {
+    let sensor_value = |nm: &str, engine: &str, walks: &str, column: usize| {
         let key = [nm, "60", engine, walks];
-        let is = |row: &&csv::StringRecord| row.iter().zip(key).all(|(a, b)| a == b);
-        number(&goniometer.iter().find(is).unwrap()[column])
+        let matches = |row: &&csv::StringRecord| row.iter().zip(key).all(|(a, b)| a == b);
+        number(&goniometer.iter().find(matches).unwrap()[column])
     };
-    let scored = |column| ["600", "1300", "1800"].map(|nm| of(nm, "tabulated", "40000", column));
-    say("goniometer, chi-square", &scored(8));
-    say("goniometer, sensors", &[scored(9)[0]]);
+    let scored =
+        |column| ["600", "1300", "1800"].map(|nm| sensor_value(nm, "tabulated", "40000", column));
+    add("goniometer, chi-square", &scored(8));
+    add("goniometer, sensors", &[scored(9)[0]]);
     let [visible, _, infrared] = scored(7);
-    say("goniometer, worst sensor at 600 nm", &[visible]);
-    say("goniometer, worst sensor at 1800 nm", &[infrared]);
-    // seconds to 1 % of the root mean square, in seconds and squares
-    let seconds = |nm, engine, walks| of(nm, engine, walks, 4) * of(nm, engine, walks, 5).powi(2);
+    add("goniometer, worst sensor at 600 nm", &[visible]);
+    add("goniometer, worst sensor at 1800 nm", &[infrared]);
+    // cost to reach a given error: seconds times the squared rms error
+    let cost = |nm, engine, walks| {
+        sensor_value(nm, engine, walks, 4) * sensor_value(nm, engine, walks, 5).powi(2)
+    };
     let times = ["600", "1300", "1800"]
-        .map(|nm| seconds(nm, "spectral", "200000") / seconds(nm, "tabulated", "40000"));
-    say("goniometer, times less", &times);
+        .map(|nm| cost(nm, "spectral", "200000") / cost(nm, "tabulated", "40000"));
+    add("goniometer, times less", &times);
 
     let chart = rows("docs/tradeoff.csv");
-    // of transmittance, on the worst of the samples
+    // transmittance, worst of the samples
     let worst = |key: [&str; 5], column: usize| {
-        let is = |row: &&csv::StringRecord| {
+        let matches = |row: &&csv::StringRecord| {
             [&row[1], &row[2], &row[3], &row[4], &row[5]] == key
                 && [&row[6], &row[7]] == ["visible", "transmittance"]
         };
-        let values = chart.iter().filter(is).map(|row| number(&row[column]));
+        let values = chart.iter().filter(matches).map(|row| number(&row[column]));
         values.fold(f64::NAN, f64::max)
     };
     let [rmse, delta_e] = [14, 16];
     let floor = ["hybrid", "65536", "131072", "8", "measured"];
-    say("chart, floor", &[worst(floor, rmse), worst(floor, delta_e)]);
-    say("chart, truth", &[worst(floor, 17), worst(floor, 19)]);
+    add("chart, floor", &[worst(floor, rmse), worst(floor, delta_e)]);
+    add("chart, truth", &[worst(floor, 17), worst(floor, 19)]);
     let baseline = ["reference", "100000", "131072", "8", "extrapolated"];
-    say("chart, operating point", &[worst(baseline, rmse)]);
+    add("chart, operating point", &[worst(baseline, rmse)]);
     let first = ["tabulated", "64", "131072", "8", "measured"];
-    say("chart, first look", &[worst(first, rmse)]);
+    add("chart, first look", &[worst(first, rmse)]);
     let scaling = rows("docs/scaling.csv");
     let seconds = |varied: &str, value: &str, engine: &str| {
         let key = [varied, value, engine];
-        let is = |row: &&csv::StringRecord| row.iter().zip(key).all(|(a, b)| a == b);
-        number(&scaling.iter().find(is).unwrap()[6])
+        let matches = |row: &&csv::StringRecord| row.iter().zip(key).all(|(a, b)| a == b);
+        number(&scaling.iter().find(matches).unwrap()[6])
     };
-    let more = |varied| {
+    let cost_of_another = |varied| {
         let [one, many] = ["1", "16"].map(|n| seconds(varied, n, "hybrid"));
         (many / one - 1.0) / 15.0
     };
-    say("chart, one more", &[more("thicknesses"), more("angles")]);
+    add(
+        "chart, one more",
+        &[cost_of_another("thicknesses"), cost_of_another("angles")],
+    );
     let thick = ["reference", "spectral", "tabulated"]
         .map(|engine| seconds("thickness_cm", "50", engine) / seconds("thickness_cm", "1", engine));
-    say("chart, 50 cm", &thick);
+    add("chart, 50 cm", &thick);
 
     let kernel = rows("examples/mitsuba/kernel.csv");
     let middle = &kernel[kernel.len() / 2];
-    say("free path of mitsuba", &[1e3 * number(&middle[4])]);
-    say("asymmetry of mitsuba", &[number(&middle[6])]);
+    add("free path of mitsuba", &[1e3 * number(&middle[4])]);
+    add("asymmetry of mitsuba", &[number(&middle[6])]);
     let [points, ours] = ["docs/peers/disort.csv", "examples/peers/data/thin.csv"].map(rows);
-    let at = |rows: &[csv::StringRecord], column: usize| {
+    let at_400_nm = |rows: &[csv::StringRecord], column: usize| {
         number(&rows.iter().find(|row| &row[0] == "400").unwrap()[column])
     };
-    let less = 100.0 * (1.0 - at(&points, 4) / at(&ours, 3));
-    say("less through 2 cm by points", &[less]);
+    let less = 100.0 * (1.0 - at_400_nm(&points, 4) / at_400_nm(&ours, 3));
+    add("less through 2 cm by points", &[less]);
     let [ratio] = crate::quoted::numbers("docs/performance.md", "times less for spectral");
-    say("times less for spectral", &[ratio]);
+    add("times less for spectral", &[ratio]);
 
     let resolution = page("docs/stability.md");
-    let two = "| hybrid | 100000 | 131072 | 2 |";
-    let row = resolution.lines().find(|line| line.starts_with(two));
+    let two_streams = "| hybrid | 100000 | 131072 | 2 |";
+    let row = resolution
+        .lines()
+        .find(|line| line.starts_with(two_streams));
     let mean = row.unwrap().split('|').nth(6).unwrap().trim();
-    say("two streams", &[number(mean).abs()]);
+    add("two streams", &[number(mean).abs()]);
 
     let stability = rows("docs/stability.csv");
     for (name, thickness) in [
         ("black pores 2.4", "2.50000e0"),
         ("black pores 4.8", "5.00000e0"),
     ] {
-        let is = |row: &&csv::StringRecord| {
+        let matches = |row: &&csv::StringRecord| {
             [&row[0], &row[1]] == ["1e5 ng/g in the pores", "spectral"]
                 && [&row[4], &row[5]] == [thickness, "4.00000e2"]
         };
-        let row = stability.iter().find(is).unwrap();
+        let row = stability.iter().find(matches).unwrap();
         let [value, se] = [6, 7].map(|column| number(&row[column]));
         known.insert(name.to_owned(), vec![Value { value, se }]);
     }
     known
 }
 
-/// The text of all tests.
+/// The source text of all tests.
 fn sources(dir: &Path) -> String {
-    let mut all = String::new();
+    let mut text = String::new();
     for entry in std::fs::read_dir(dir).unwrap() {
         let path = entry.unwrap().path();
         if path.is_dir() {
-            all += &sources(&path);
+            text += &sources(&path);
         } else if path.extension().is_some_and(|end| end == "rs") {
-            all += &std::fs::read_to_string(&path).unwrap();
+            text += &std::fs::read_to_string(&path).unwrap();
         }
     }
-    all
+    text
 }
 
-/// Every marked number is that of a file, or of a test; every number of `docs/quoted.csv` is
-/// quoted.
+/// Every marked number matches a file or is checked by a test. Every number of
+/// `docs/quoted.csv` is quoted.
 #[test]
-fn marked_numbers_are_those_of_their_files() {
-    let mut known = of_other_files();
+fn marked_numbers_match_their_sources() {
+    let mut known = values_of_other_files();
     for row in row::read(&docs().join("quoted.csv")).unwrap() {
         let se = row.standard_error;
         let value = Value {
@@ -720,7 +760,8 @@ fn marked_numbers_are_those_of_their_files() {
             marked += 1;
             unused.remove(&mark.name);
             let Some(values) = known.get(&mark.name) else {
-                // `assert_says` and `numbers` are given names, some of them put together
+                // the name must occur in a test, in a call of `assert_says` or `numbers`; some
+                // names are put together with `format!`
                 let parts = [mark.name.as_str(), mark.name.split(' ').next().unwrap()];
                 let parts = [parts[0], parts[1].trim_end_matches(',')];
                 let found = tests.contains(&format!("\"{}\"", parts[0]))
@@ -739,8 +780,8 @@ fn marked_numbers_are_those_of_their_files() {
                 let Some(value) = next else { break };
                 let range = mark.numbers[i].clone();
                 let error = errors[i];
-                let of = if error { value.se } else { value.value };
-                let written = like(&text[range.clone()], of, value.se);
+                let source = if error { value.se } else { value.value };
+                let written = like(&text[range.clone()], source, value.se);
                 text.replace_range(range, &written);
                 if !error {
                     next = wanted.next();
@@ -758,18 +799,18 @@ fn marked_numbers_are_those_of_their_files() {
     assert!(marked > 120, "{marked}");
 }
 
-/// What follows from the model without random numbers is in the file as it is.
+/// Numbers of the model that need no random numbers match the file.
 #[test]
-fn exact_numbers_are_in_the_file() {
+fn exact_numbers_match_the_file() {
     let file = row::read(&docs().join("quoted.csv")).unwrap();
-    for one in exact::exact() {
-        let same = file.iter().find(|row| {
-            [&row.name, &row.setting] == [&one.name, &one.setting]
-                && (row.value - one.value).abs() <= 1e-6 * one.value.abs()
+    for expected in exact::exact() {
+        let found = file.iter().find(|row| {
+            [&row.name, &row.setting] == [&expected.name, &expected.setting]
+                && (row.value - expected.value).abs() <= 1e-6 * expected.value.abs()
         });
         assert!(
-            same.is_some(),
-            "docs/quoted.csv has not {one:?}: run `just quoted`"
+            found.is_some(),
+            "docs/quoted.csv lacks {expected:?}: run `just quoted`"
         );
     }
 }

@@ -1,7 +1,7 @@
-//! Tests of what is computed: the model, its engines, and the published results.
+//! Tests of the physical model, its engines, and the published results.
 //!
-//! One binary, so that the library is linked once. `cargo test --release --test physics
-//! engines::` runs one module.
+//! All tests are in one binary, so that the library is linked only once. `cargo test --release
+//! --test physics engines::` runs one module.
 #![allow(clippy::unwrap_used, clippy::print_stdout)]
 mod engines;
 mod errors;

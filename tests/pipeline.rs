@@ -1,7 +1,7 @@
-//! Tests of what users hold: the program, its files, and the readers of them.
+//! Tests of the program, its files, and the readers of these files.
 //!
-//! One binary, so that the library is linked once. `cargo test --release --test pipeline
-//! store::` runs one module.
+//! All tests are in one binary, so that the library is linked only once. `cargo test --release
+//! --test pipeline store::` runs one module.
 #![allow(clippy::unwrap_used)]
 mod against;
 mod api;
@@ -18,12 +18,16 @@ mod docs;
 mod filesystems;
 mod growth;
 mod illuminants;
+mod install;
 mod layers;
 mod lookup;
 mod optical;
 mod pages;
 mod simd;
 mod simulate;
+mod site;
+#[cfg(unix)]
+mod start;
 mod store;
 mod substrates;
 #[cfg(unix)]

@@ -1,10 +1,9 @@
-//! Outcomes that Varsa (PhD thesis, University of Waterloo, 2025) prints, for
-//! one dry or wet layer.
+//! Results of Varsa (PhD thesis, University of Waterloo, 2025) for a single dry or wet layer.
 //!
-//! A trend must show at least as clearly as the standard errors allow: by as
-//! many of them as all comparisons of this tier together exceed by chance with
-//! probability [`ALPHA`] (Bonferroni over [`COMPARISONS`]). Where a change is
-//! too small to show, the opposite one must not. Seeds are fixed.
+//! A trend must be significant. Differences are compared with a multiple of their standard
+//! errors, chosen so that all comparisons together fail by chance with probability [`ALPHA`]
+//! (Bonferroni correction for [`COMPARISONS`]). If a change is too small to be significant,
+//! only a significant change in the opposite direction fails. Seeds are fixed.
 #![allow(clippy::unwrap_used, clippy::print_stdout)]
 
 use crate::snow::{NORMAL, beam, dry, snow, spectra, z_limit};
@@ -12,7 +11,7 @@ use splitsnow::grain::mean_free_distance_m;
 use splitsnow::measurement::{Measured, Spectrum};
 use splitsnow::transport::Snow;
 
-/// Chance that any comparison fails although the trend is there.
+/// Probability that any comparison fails although the trend is real.
 const ALPHA: f64 = 1e-6;
 /// Upper bound of the number of comparisons.
 const COMPARISONS: usize = 300;
@@ -23,7 +22,7 @@ fn sized(size_um: f64, density_kg_m3: f64) -> Snow {
     snow(size, 0.3, density_kg_m3, 0.0)
 }
 
-/// One spectrum at normal incidence.
+/// The spectrum at normal incidence.
 fn spectrum(snow: &Snow, thickness_m: f64, wavelengths_nm: &[f64], rays: u64) -> Spectrum {
     spectra(snow, &[thickness_m], NORMAL, wavelengths_nm, rays).remove(0)
 }
@@ -36,20 +35,20 @@ fn show(name: &str, values: &[Measured]) {
     println!();
 }
 
-/// Whether `more` exceeds `less` beyond chance (`clear`), or at least is not
-/// below it beyond chance.
-fn exceeds(more: Measured, less: Measured, clear: bool) -> bool {
+/// Whether `more` significantly exceeds `less` (if `significant`), or is at least not
+/// significantly below it.
+fn exceeds(more: Measured, less: Measured, significant: bool) -> bool {
     let limit = z_limit(ALPHA, COMPARISONS) * more.se.hypot(less.se);
-    more.value - less.value > if clear { limit } else { -limit }
+    more.value - less.value > if significant { limit } else { -limit }
 }
 
-/// Asserts that no curve lies below the one before, and the last clearly above
-/// the first at the wavelengths that `clear` names.
-fn assert_rising(
+/// Asserts that no curve is significantly below the previous one, and that the last is
+/// significantly above the first at the wavelengths selected by `significant`.
+fn assert_increasing(
     name: &str,
     curves: &[Vec<Measured>],
     wavelengths_nm: &[f64],
-    clear: impl Fn(f64) -> bool,
+    significant: impl Fn(f64) -> bool,
 ) {
     curves.iter().for_each(|curve| show(name, curve));
     for (l, nm) in wavelengths_nm.iter().enumerate() {
@@ -62,32 +61,31 @@ fn assert_rising(
         }
         let (least, most) = (curves[0][l], curves[curves.len() - 1][l]);
         assert!(
-            !clear(*nm) || exceeds(most, least, true),
+            !significant(*nm) || exceeds(most, least, true),
             "{name} at {nm} nm: {least:?} {most:?}"
         );
     }
 }
 
-/// The wavelength at which two curves differ most.
-fn widest(curves: &[Vec<Measured>], wavelengths_nm: &[f64]) -> f64 {
+/// The wavelength of the largest difference between the first and the last curve.
+fn wavelength_of_largest_difference(curves: &[Vec<Measured>], wavelengths_nm: &[f64]) -> f64 {
     let gap = |l: usize| (curves[curves.len() - 1][l].value - curves[0][l].value).abs();
-    let all = 0..wavelengths_nm.len();
-    wavelengths_nm[all.max_by(|a, b| gap(*a).total_cmp(&gap(*b))).unwrap()]
+    let indices = 0..wavelengths_nm.len();
+    wavelengths_nm[indices.max_by(|a, b| gap(*a).total_cmp(&gap(*b))).unwrap()]
 }
 
-/// Appendix B: "roughly 4.3e-4 m"; 4.37e-4 with its misprints mended, to the
-/// digits given.
+/// Appendix B: "roughly 4.3e-4 m". With its misprints corrected the formula gives 4.37e-4 m.
 #[test]
-fn mean_free_distance() {
+fn mean_free_distance_matches_appendix_b() {
     let d = mean_free_distance_m(&dry().grains[0].grain, 450.0, -1.0);
     println!("mean free distance: {d:e} m");
     assert!((d - 4.37e-4).abs() < 0.005e-4);
 }
 
-/// Section 7.1: 25 cm of the representative sample at 62.3 degrees. Within
-/// 0.03 of the printed simulation, as far as readings of the model lie apart.
+/// Section 7.1: 25 cm of the representative sample at 62.3 degrees. The tolerance of 0.03
+/// covers the differences between interpretations of the model.
 #[test]
-fn reflectance_at_three_wavelengths() {
+fn reflectance_at_three_wavelengths_matches_the_thesis() {
     let sample = snow((300.0, 750.0), 0.3, 275.0, 0.05);
     let wavelengths_nm = [842.25, 1037.76, 1237.93];
     let ours = &spectra(&sample, &[0.25], beam(62.3), &wavelengths_nm, 40_000)[0].reflectance;
@@ -100,36 +98,36 @@ fn reflectance_at_three_wavelengths() {
 
 const BROAD_NM: [f64; 8] = [450.0, 600.0, 800.0, 900.0, 1030.0, 1250.0, 1600.0, 2200.0];
 
-/// Reflectance falls with the size of grains, most at 700-1300 nm.
+/// Reflectance decreases with grain size, most at 700-1300 nm.
 #[test]
-fn reflectance_falls_with_grain_size() {
+fn reflectance_decreases_with_grain_size() {
     let curves = [500.0, 300.0, 200.0, 100.0]
         .map(|size| spectrum(&sized(size, 275.0), 0.12, &BROAD_NM, 10_000).reflectance);
-    assert_rising("R, 500 to 100 um", &curves, &BROAD_NM, |nm| nm > 700.0);
-    assert!((700.0..=1300.0).contains(&widest(&curves, &BROAD_NM)));
+    assert_increasing("R, 500 to 100 um", &curves, &BROAD_NM, |nm| nm > 700.0);
+    assert!((700.0..=1300.0).contains(&wavelength_of_largest_difference(&curves, &BROAD_NM)));
 }
 
-/// Reflectance rises with facetness, most at 700-1300 nm. Beyond 0.5 it has
-/// reached its height: it changes by less than 0.01.
+/// Reflectance increases with facetness, most at 700-1300 nm. Above 0.5 it changes by less
+/// than 0.01.
 #[test]
-fn reflectance_rises_with_facetness() {
-    let at = |facetness| {
+fn reflectance_increases_with_facetness() {
+    let reflectance = |facetness| {
         let sample = snow((300.0, 750.0), facetness, 275.0, 0.0);
         spectrum(&sample, 0.12, &BROAD_NM, 20_000).reflectance
     };
-    let curves = [0.1, 0.3, 0.5].map(at);
-    assert_rising("R, F 0.1 to 0.5", &curves, &BROAD_NM, |nm| nm > 700.0);
-    assert!((700.0..=1300.0).contains(&widest(&curves, &BROAD_NM)));
-    let most = at(0.9);
-    show("R, F 0.9", &most);
-    for (a, b) in curves[2].iter().zip(&most) {
+    let curves = [0.1, 0.3, 0.5].map(reflectance);
+    assert_increasing("R, F 0.1 to 0.5", &curves, &BROAD_NM, |nm| nm > 700.0);
+    assert!((700.0..=1300.0).contains(&wavelength_of_largest_difference(&curves, &BROAD_NM)));
+    let most_faceted = reflectance(0.9);
+    show("R, F 0.9", &most_faceted);
+    for (a, b) in curves[2].iter().zip(&most_faceted) {
         let limit = 0.01 + z_limit(ALPHA, COMPARISONS) * a.se.hypot(b.se);
         assert!((a.value - b.value).abs() < limit, "{a:?} {b:?}");
     }
 }
 
-/// Density hardly changes the reflectance of 12 cm: RMSE below 0.007 between
-/// 300 and 450 kg/m3. Noise only adds to what is measured here.
+/// Density hardly changes the reflectance of 12 cm: the RMSE between 300 and 450 kg/m3 is
+/// below 0.007. Noise can only increase the measured RMSE.
 #[test]
 fn density_hardly_changes_reflectance() {
     let wavelengths_nm: Vec<f64> = (0..15).map(|i| 400.0 + 150.0 * f64::from(i)).collect();
@@ -162,10 +160,10 @@ fn density_hardly_changes_reflectance() {
     assert!(rmse < 0.007);
 }
 
-/// Temperature changes the density of ice by 0.6 % and nothing else in the
-/// model: R and T change by less than 0.005 between -40 and 0 C.
+/// In the model, temperature only changes the density of ice, by 0.6 %. Between -40 and 0 C,
+/// R and T change by less than 0.005.
 #[test]
-fn temperature_hardly_matters() {
+fn temperature_hardly_changes_reflectance_and_transmittance() {
     let wavelengths_nm = [450.0, 700.0, 1030.0, 1600.0];
     let [cold, warm] = [-40.0, 0.0].map(|temperature_c| {
         let sample = Snow {
@@ -189,11 +187,11 @@ fn temperature_hardly_matters() {
 
 const VISIBLE_NM: [f64; 4] = [400.0, 500.0, 600.0, 700.0];
 
-/// Transmittance falls with thickness: over the visible it about halves when
-/// the thickness doubles (0.4-0.6). At 700 nm, where ice absorbs, it falls to
-/// 0.29 from 5 to 10 cm.
+/// Transmittance decreases with thickness. Its mean over the visible about halves (0.4-0.6)
+/// when the thickness doubles. At 700 nm, where ice absorbs, it decreases to 0.29 from 5 to
+/// 10 cm.
 #[test]
-fn transmittance_falls_with_thickness() {
+fn transmittance_decreases_with_thickness() {
     let thicknesses_m = [0.0125, 0.025, 0.05, 0.1];
     let slabs = spectra(&dry(), &thicknesses_m, NORMAL, &VISIBLE_NM, 40_000);
     slabs
@@ -210,26 +208,26 @@ fn transmittance_falls_with_thickness() {
     }
 }
 
-/// Transmittance rises with the size of grains.
+/// Transmittance increases with grain size.
 #[test]
-fn transmittance_rises_with_grain_size() {
+fn transmittance_increases_with_grain_size() {
     let curves = [100.0, 200.0, 300.0, 500.0]
         .map(|size| spectrum(&sized(size, 275.0), 0.02, &VISIBLE_NM, 15_000).transmittance);
-    assert_rising("T, 100 to 500 um", &curves, &VISIBLE_NM, |_| true);
+    assert_increasing("T, 100 to 500 um", &curves, &VISIBLE_NM, |_| true);
 }
 
-/// Transmittance falls with density at one size of grains, and rises where
-/// the grains grow with the density.
+/// Transmittance decreases with density at constant grain size, but increases if the grains
+/// grow with the density.
 #[test]
-fn transmittance_against_density() {
+fn transmittance_depends_on_density_and_grain_size() {
     let curves = [400.0, 300.0, 200.0].map(|density| {
         let sample = snow((300.0, 750.0), 0.3, density, 0.0);
         spectrum(&sample, 0.02, &VISIBLE_NM, 30_000).transmittance
     });
-    assert_rising("T, 400 to 200 kg/m3", &curves, &VISIBLE_NM, |_| true);
+    assert_increasing("T, 400 to 200 kg/m3", &curves, &VISIBLE_NM, |_| true);
     let curves = [sized(100.0, 200.0), sized(500.0, 400.0)]
         .map(|sample| spectrum(&sample, 0.02, &VISIBLE_NM, 15_000).transmittance);
-    assert_rising(
+    assert_increasing(
         "T, (100 um, 200) to (500 um, 400)",
         &curves,
         &VISIBLE_NM,
@@ -237,38 +235,38 @@ fn transmittance_against_density() {
     );
 }
 
-/// Water between the grains raises visible transmittance, as it takes away
-/// contrast, and lowers it in its absorption bands at 980 and 1200 nm (2 cm).
-/// The thesis has it lowered over 800-1450 nm; here, with Segelstein's
-/// absorption, the lost contrast outweighs it between the bands.
+/// Water between the grains reduces the contrast of the refractive index, which increases
+/// the visible transmittance of 2 cm. In the absorption bands at 980 and 1200 nm water
+/// decreases it. The thesis reports a decrease over 800-1450 nm; with the absorption of
+/// Segelstein, used here, the reduced contrast dominates between the bands.
 #[test]
-fn water_raises_transmittance_outside_its_bands() {
+fn water_increases_transmittance_outside_its_absorption_bands() {
     let wavelengths_nm = [
         400.0, 500.0, 600.0, 800.0, 900.0, 980.0, 1030.0, 1100.0, 1200.0,
     ];
-    let bands = |nm: f64| nm == 980.0 || nm == 1200.0;
+    let in_band = |nm: f64| nm == 980.0 || nm == 1200.0;
     let mut curves = [0.0, 0.15, 0.3].map(|wet| {
         let sample = snow((300.0, 750.0), 0.3, 275.0, wet);
         spectrum(&sample, 0.02, &wavelengths_nm, 30_000).transmittance
     });
     let pick = |curves: &[Vec<Measured>; 3], inside: bool| {
-        let all = || wavelengths_nm.into_iter().enumerate();
-        let kept = || all().filter(move |(_, nm)| bands(*nm) == inside);
-        let of = |curve: &Vec<Measured>| kept().map(|(l, _)| curve[l]).collect();
-        let nm: Vec<f64> = kept().map(|(_, nm)| nm).collect();
-        (curves.each_ref().map(of), nm)
+        let indices = || wavelengths_nm.into_iter().enumerate();
+        let selected = || indices().filter(move |(_, nm)| in_band(*nm) == inside);
+        let values = |curve: &Vec<Measured>| selected().map(|(l, _)| curve[l]).collect();
+        let nm: Vec<f64> = selected().map(|(_, nm)| nm).collect();
+        (curves.each_ref().map(values), nm)
     };
     let (outside, nm) = pick(&curves, false);
-    assert_rising("T outside the bands, S 0 to 0.3", &outside, &nm, |_| true);
+    assert_increasing("T outside the bands, S 0 to 0.3", &outside, &nm, |_| true);
     curves.reverse();
     let (inside, nm) = pick(&curves, true);
-    assert_rising("T in the bands, S 0.3 to 0", &inside, &nm, |_| true);
+    assert_increasing("T in the bands, S 0.3 to 0", &inside, &nm, |_| true);
 }
 
-/// Of all light blue goes deepest: at 10 cm transmittance is largest at
-/// 400-500 nm and falls from there to the infrared.
+/// Blue light penetrates deepest: at 10 cm the transmittance is largest at 400-500 nm and
+/// decreases from there to the infrared.
 #[test]
-fn blue_goes_deepest() {
+fn blue_light_penetrates_deepest() {
     let wavelengths_nm = [
         400.0, 450.0, 500.0, 550.0, 600.0, 650.0, 700.0, 800.0, 900.0,
     ];

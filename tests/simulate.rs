@@ -1,11 +1,11 @@
-//! `simulate`: the contract of its output, and that nothing but sample, engine,
-//! rays and seed decides it.
+//! `simulate`: the format of its output, and that it depends only on sample, engine, number
+//! of rays and seed.
 #![allow(clippy::unwrap_used)]
 use std::io::{BufRead, BufReader, Read};
 use std::path::PathBuf;
 use std::process::{Child, Command, Output, Stdio};
 
-/// A thin slab at few wavelengths. Its density is beyond the ordinary: one warning.
+/// A thin slab at a few wavelengths. Its unusual density gives one warning.
 const SAMPLE: &str = "\
 version = 1
 [illumination]
@@ -70,7 +70,7 @@ fn rows(text: &str) -> Vec<[f64; 6]> {
 }
 
 #[test]
-fn csv_and_json_say_the_same() {
+fn csv_and_json_contain_the_same_numbers() {
     let bench = Bench::new(SAMPLE);
     let csv = bench.text(&["--rays", "2000", "--seed", "7"]);
     for line in [
@@ -90,7 +90,7 @@ fn csv_and_json_say_the_same() {
         assert_eq!(*a, 1.0 - r - t);
         assert!(r_se > &0.0 && t_se > &0.0 && r_se < &0.05);
     }
-    // Ice absorbs little at 450 nm and much at 1300 nm.
+    // ice absorbs little at 450 nm and much at 1300 nm
     assert!(rows[0][5] < 0.01 && rows[3][5] > 0.1, "{csv}");
     let json = bench.text(&["--rays", "2000", "--seed", "7", "--json"]);
     let json: serde_json::Value = serde_json::from_str(&json).unwrap();
@@ -103,7 +103,7 @@ fn csv_and_json_say_the_same() {
 }
 
 #[test]
-fn threads_leave_no_trace_and_seeds_do() {
+fn the_seed_changes_results_and_the_number_of_threads_does_not() {
     let bench = Bench::new(SAMPLE);
     for engine in ["reference", "spectral"] {
         let run = |threads, seed| {
@@ -119,18 +119,18 @@ fn threads_leave_no_trace_and_seeds_do() {
             ];
             bench.text(&args)
         };
-        let one = run("1", "1");
-        assert_eq!(one, run("2", "1"));
-        assert_ne!(rows(&one), rows(&run("2", "2")));
+        let single_threaded = run("1", "1");
+        assert_eq!(single_threaded, run("2", "1"));
+        assert_ne!(rows(&single_threaded), rows(&run("2", "2")));
     }
 }
 
 #[test]
-fn engines_agree() {
+fn reference_and_spectral_agree() {
     let bench = Bench::new(SAMPLE);
     let measured = |engine| rows(&bench.text(&["--rays", "40000", "--engine", engine]));
-    // 16 comparisons at 4.5 standard errors: a false alarm in 1e4. The bias of
-    // spectral, 0.1 % at most, is a fraction of a standard error here.
+    // 16 comparisons at 4.5 standard errors: a false alarm in 1e4 runs. The bias of spectral,
+    // at most 0.1 %, is a fraction of a standard error here.
     for (a, b) in measured("reference").iter().zip(measured("spectral")) {
         for column in [1, 3] {
             let se = a[column + 1].hypot(b[column + 1]);
@@ -141,7 +141,7 @@ fn engines_agree() {
 }
 
 #[test]
-fn refusals_leave_standard_output_empty() {
+fn errors_leave_standard_output_empty() {
     let broken = SAMPLE.replace("500 }", "50 }");
     let cases: [(&str, &[&str], &str); 4] = [
         (
@@ -165,7 +165,7 @@ fn refusals_leave_standard_output_empty() {
 }
 
 #[test]
-fn a_reader_that_leaves_is_no_error() {
+fn a_closed_pipe_is_not_an_error() {
     let bench = Bench::new(SAMPLE);
     let mut child = bench.start(&["--rays", "100"]);
     drop(child.stdout.take());
@@ -186,7 +186,7 @@ fn an_interrupted_measurement_prints_nothing() {
     let bench = Bench::new(SAMPLE);
     let mut child = bench.start(&["--rays", "1000000000000"]);
     let mut errors = BufReader::new(child.stderr.take().unwrap());
-    // Once the warning is out, Ctrl-C is listened for.
+    // once the warning is printed, the handler of Ctrl-C is installed
     let mut warning = String::new();
     errors.read_line(&mut warning).unwrap();
     assert!(
@@ -212,9 +212,9 @@ fn an_interrupted_measurement_prints_nothing() {
     );
 }
 
-/// Every sample of configs/samples is measured and keeps its energy.
+/// Every sample in configs/samples can be measured and conserves energy.
 #[test]
-fn samples_that_come_along_can_be_measured() {
+fn committed_samples_can_be_measured() {
     let folder = PathBuf::from(env!("CARGO_MANIFEST_DIR")).join("configs/samples");
     let mut measured = 0;
     for entry in std::fs::read_dir(folder).unwrap() {
@@ -233,8 +233,8 @@ fn samples_that_come_along_can_be_measured() {
         let errors = String::from_utf8_lossy(&output.stderr);
         assert!(output.status.success(), "{}: {errors}", path.display());
         for [nm, r, _, t, _, a] in rows(&String::from_utf8(output.stdout).unwrap()) {
-            let kept = r >= 0.0 && t >= 0.0 && a >= -1e-12;
-            assert!(kept, "{} at {nm} nm: {r} {t} {a}", path.display());
+            let valid = r >= 0.0 && t >= 0.0 && a >= -1e-12;
+            assert!(valid, "{} at {nm} nm: {r} {t} {a}", path.display());
         }
         measured += 1;
     }

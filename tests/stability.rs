@@ -1,8 +1,8 @@
-//! Corners of the parameter box and beyond, and both sides of every limit that
-//! an engine enforces. `examples/stability` is the whole map (docs/stability.md).
+//! Corners of the parameter box and beyond, and both sides of every limit that an engine
+//! enforces. `examples/stability` computes the complete map (docs/stability.md).
 //!
-//! Differences from `spectral` are judged with the joint standard error (five of
-//! them, `judge::Z`) beside the engine's stated error. Seeds are fixed.
+//! Differences from `spectral` are compared with five joint standard errors (`judge::Z`) plus
+//! the stated error of the engine. Seeds are fixed.
 #![allow(missing_docs, dead_code, clippy::unwrap_used)]
 #[path = "../examples/stability/cases.rs"]
 mod cases;
@@ -20,15 +20,15 @@ use splitsnow::engine::{
 };
 use splitsnow::measurement::Spectrum;
 
-/// Enough grain events for the numbers of rays here.
+/// Enough grain events for the numbers of rays used here.
 const COARSE: Resolution = Resolution {
     table: 1 << 14,
     grains: 1 << 17,
     streams: 8,
 };
 
-/// The case as a user asks for it: with the engine's own refusals.
-fn asked(
+/// Runs a case with the engine's limits enforced, as for a user.
+fn run_checked(
     case: &Case,
     engine: Engine,
     rays: u64,
@@ -60,28 +60,29 @@ fn spectral(case: &Case, rays: u64) -> Vec<Spectrum> {
         .unwrap()
 }
 
-fn all_hold(checks: Vec<numerics::Check>) {
+fn assert_all_hold(checks: Vec<numerics::Check>) {
     for check in checks {
         assert!(check.holds, "{}: {}", check.what, check.found);
     }
 }
 
 #[test]
-fn slabs_from_thin_to_thick_and_from_white_to_black() {
-    all_hold(numerics::solver());
+fn the_slab_solver_handles_all_thicknesses_and_albedos() {
+    assert_all_hold(numerics::solver());
 }
 
 #[test]
-fn degenerate_matrices() {
-    all_hold(numerics::decomposition());
+fn degenerate_matrices_are_decomposed() {
+    assert_all_hold(numerics::decomposition());
 }
 
 #[test]
-fn colours_near_black() {
-    all_hold(numerics::colours());
+fn colours_near_black_are_accurate() {
+    assert_all_hold(numerics::colours());
 }
 
-/// Every engine in every cheap corner: it holds, or refuses where the map says so.
+/// Every engine in every inexpensive corner: the result is correct, or rejected where the
+/// map says so.
 #[test]
 #[ignore = "long: every corner, some 100 CPU-s"]
 fn corners_of_the_box() {
@@ -95,7 +96,7 @@ fn corners_of_the_box_roughly() {
 }
 
 fn corners(walks: u64) {
-    let dear = [
+    let expensive = [
         "depth 100 to 1000",
         "50-3000 um",
         "sphericity 0.05",
@@ -103,51 +104,50 @@ fn corners(walks: u64) {
         "89.9 degrees",
     ];
     for mut case in cases::all() {
-        if dear.contains(&case.name.as_str()) {
+        if expensive.contains(&case.name.as_str()) {
             continue;
         }
         case.wavelengths_nm
             .retain(|nm| ![700.0, 1300.0].contains(nm));
-        let yardstick = asked(&case, Engine::Spectral, walks, COARSE);
+        let reference = run_checked(&case, Engine::Spectral, walks, COARSE);
         let refused =
             ["89.99 degrees", "spheres in slabs of 0.99 grains"].contains(&case.name.as_str());
-        assert_eq!(yardstick.is_err(), refused, "{}: {yardstick:?}", case.name);
-        let yardstick = yardstick.unwrap_or_default();
+        assert_eq!(reference.is_err(), refused, "{}: {reference:?}", case.name);
+        let reference = reference.unwrap_or_default();
         for engine in [Engine::Reference, Engine::Tabulated, Engine::Hybrid] {
             let rays = if engine == Engine::Reference {
                 walks / 8
             } else {
                 walks / 2
             };
-            let said = asked(&case, engine, rays, COARSE);
-            let answer = judge(&case, engine, said, &yardstick);
+            let result = run_checked(&case, engine, rays, COARSE);
+            let judgement = judge(&case, engine, result, &reference);
             let expected = if refused {
                 Verdict::Refused
             } else {
                 Verdict::Holds
             };
             assert_eq!(
-                answer.verdict,
+                judgement.verdict,
                 expected,
                 "{}, {}: {}",
                 case.name,
                 engine.name(),
-                answer.why
+                judgement.why
             );
         }
     }
 }
 
-/// With everything else the same, what leaves falls with absorption, and at
-/// none everything leaves.
+/// Reflectance and transmittance decrease with absorption. Without absorption they sum to 1.
 #[test]
-fn absorption_from_none_to_black() {
+fn fluxes_decrease_with_absorption_and_sum_to_one_without() {
     for saturation in [0.0, 0.5] {
         for engine in [Engine::Spectral, Engine::Tabulated, Engine::Hybrid] {
             let mut before: Option<Vec<Spectrum>> = None;
             for k in [1e-25, 1e-12, 1e-8, 1e-6, 1e-5, 1e-4, 1e-3, 0.1] {
                 let case = absorbing(k, saturation);
-                let spectra = asked(&case, engine, 4096, COARSE).unwrap();
+                let spectra = run_checked(&case, engine, 4096, COARSE).unwrap();
                 assert_eq!(judge::impossible(&spectra, true), None, "{}", case.name);
                 for (h, spectrum) in spectra.iter().enumerate() {
                     let (r, t) = (spectrum.reflectance[0], spectrum.transmittance[0]);
@@ -156,13 +156,16 @@ fn absorption_from_none_to_black() {
                         assert!((sum - 1.0).abs() < 1e-9, "{}: {sum}", engine.name());
                     }
                     if let Some(before) = &before {
-                        let what = format!("{} {} {h}", engine.name(), case.name);
+                        let label = format!("{} {} {h}", engine.name(), case.name);
                         for (now, then) in [
                             (r, before[h].reflectance[0]),
                             (t, before[h].transmittance[0]),
                         ] {
-                            let rises = now.value > then.value;
-                            assert!(!rises || judge::excess(engine, now, then) < 0.0, "{what}");
+                            let increases = now.value > then.value;
+                            assert!(
+                                !increases || judge::excess(engine, now, then) < 0.0,
+                                "{label}"
+                            );
                         }
                     }
                 }
@@ -172,10 +175,10 @@ fn absorption_from_none_to_black() {
     }
 }
 
-/// A slab thinner than its slimmest grain holds none and lets all light
-/// through; one a little thicker holds some, and the engines agree on it.
+/// A slab thinner than its thinnest grain is empty and transmits all light. A slightly
+/// thicker one contains grains, and the engines agree on it.
 #[test]
-fn slabs_must_hold_a_grain() {
+fn slabs_too_thin_for_a_grain_are_rejected() {
     let spheres = cases::snow(
         [500.0; 2],
         [0.3, 0.3, 0.3, 0.0],
@@ -187,7 +190,7 @@ fn slabs_must_hold_a_grain() {
     for engine in Engine::ALL {
         let empty = slab(0.999).run(engine, 1000, COARSE, &Cache::default(), 1);
         assert_eq!(empty.unwrap()[0].transmittance[0].value, 1.0);
-        let error = asked(&slab(0.999), engine, 1000, COARSE).unwrap_err();
+        let error = run_checked(&slab(0.999), engine, 1000, COARSE).unwrap_err();
         assert!(
             matches!(
                 error,
@@ -200,24 +203,24 @@ fn slabs_must_hold_a_grain() {
             "{error}"
         );
         let case = slab(1.1);
-        let yardstick = spectral(&case, 40_000);
-        assert!(yardstick[0].reflectance[0].value > 1e-3, "{yardstick:?}");
-        let answer = judge(
+        let reference = spectral(&case, 40_000);
+        assert!(reference[0].reflectance[0].value > 1e-3, "{reference:?}");
+        let judgement = judge(
             &case,
             engine,
-            asked(&case, engine, 20_000, COARSE),
-            &yardstick,
+            run_checked(&case, engine, 20_000, COARSE),
+            &reference,
         );
-        assert_eq!(answer.verdict, Verdict::Holds, "{}", answer.why);
+        assert_eq!(judgement.verdict, Verdict::Holds, "{}", judgement.why);
     }
 }
 
-/// Inside the limit on grazing light the engines agree; far outside, grains do
-/// not fit under the surface, and just outside engines refuse.
+/// Grazing light: inside the limit the engines agree; just outside they reject the request;
+/// far outside no grain fits under the surface.
 #[test]
-fn grazing_light_must_reach_under_the_surface() {
+fn too_grazing_light_is_rejected() {
     let snow = ordinary();
-    let at = |first_flight: f64| {
+    let case_at = |first_flight: f64| {
         let cosine = first_flight * snow.sizes_m()[1] / snow.mean_free_distance_m();
         Case::new(
             "grazing",
@@ -227,80 +230,97 @@ fn grazing_light_must_reach_under_the_surface() {
             &[2000.0],
         )
     };
-    let holds = |first_flight: f64, engine: Engine| {
-        let case = at(first_flight);
-        let yardstick = spectral(&case, 4000);
-        let answer = judge(
+    let assert_holds = |first_flight: f64, engine: Engine| {
+        let case = case_at(first_flight);
+        let reference = spectral(&case, 4000);
+        let judgement = judge(
             &case,
             engine,
-            asked(&case, engine, 2000, COARSE),
-            &yardstick,
+            run_checked(&case, engine, 2000, COARSE),
+            &reference,
         );
-        assert_eq!(answer.verdict, Verdict::Holds, "{}", answer.why);
+        assert_eq!(judgement.verdict, Verdict::Holds, "{}", judgement.why);
     };
     for engine in [Engine::Reference, Engine::Spectral] {
-        holds(1.01 * envelope::FIRST_FLIGHT, engine);
-        let error = asked(&at(0.99 * envelope::FIRST_FLIGHT), engine, 1000, COARSE).unwrap_err();
+        assert_holds(1.01 * envelope::FIRST_FLIGHT, engine);
+        let error = run_checked(
+            &case_at(0.99 * envelope::FIRST_FLIGHT),
+            engine,
+            1000,
+            COARSE,
+        )
+        .unwrap_err();
         assert!(
             matches!(error, EngineError::Outside { instead: None, .. }),
             "{error}"
         );
-        let far = at(0.15 * envelope::FIRST_FLIGHT);
-        let error = far
+        let far_outside = case_at(0.15 * envelope::FIRST_FLIGHT);
+        let error = far_outside
             .run(engine, 1000, COARSE, &Cache::default(), 1)
             .unwrap_err();
         assert!(matches!(error, EngineError::SlabTooThin { .. }), "{error}");
     }
-    let fitting = envelope::FITTING / (2.0 * f64::from(COARSE.table));
+    let fitting = envelope::MIN_FITTING_ENTRIES / (2.0 * f64::from(COARSE.table));
     for engine in [Engine::Tabulated, Engine::Hybrid] {
-        holds(1.01 * fitting, engine);
-        let error = asked(&at(0.99 * fitting), engine, 1000, COARSE).unwrap_err();
+        assert_holds(1.01 * fitting, engine);
+        let error = run_checked(&case_at(0.99 * fitting), engine, 1000, COARSE).unwrap_err();
         let instead = Some(Engine::Spectral);
         assert!(
             matches!(error, EngineError::Outside { instead: i, .. } if i == instead),
             "{error}"
         );
     }
-    // what the limit guards against: a few grains stand for all, and whether they do
-    // so well is chance, which one seed does not tell
-    let case = at(1.01 * envelope::FIRST_FLIGHT);
-    let yardstick = spectral(&case, 40_000);
+    // the reason for the limit: a few grains represent all, and whether they do so well
+    // depends on the seed
+    let case = case_at(1.01 * envelope::FIRST_FLIGHT);
+    let reference = spectral(&case, 40_000);
     let few = Resolution {
         table: 4096,
         ..COARSE
     };
     let wrong = |seed: &u64| {
-        let said = case.run(Engine::Tabulated, 20_000, few, &Cache::default(), *seed);
-        judge(&case, Engine::Tabulated, said, &yardstick).verdict != Verdict::Holds
+        let result = case.run(Engine::Tabulated, 20_000, few, &Cache::default(), *seed);
+        judge(&case, Engine::Tabulated, result, &reference).verdict != Verdict::Holds
     };
     let wrong = (2..10).filter(wrong).count();
     assert!(wrong >= 1, "wrong with {wrong} of 8 seeds");
 }
 
-/// At the smallest table allowed the engines' error over seeds is below what
-/// 0.1 / sqrt(N) and their rays make probable; with ten entries it is ten times
-/// more than the statistics they state.
+/// With the smallest table allowed, the rms error over seeds is at most what 0.1 / sqrt(N)
+/// and the number of rays make likely. With ten entries it is larger.
 #[test]
-fn small_tables_are_refused() {
+fn too_small_tables_are_rejected() {
     let case = Case::new("table", ordinary(), 0.0, &[5.0], &[550.0]);
     let best = spectral(&case, 400_000)[0].reflectance[0];
-    let with = |table| Resolution { table, ..COARSE };
+    let with_table = |table| Resolution { table, ..COARSE };
     for engine in [Engine::Tabulated, Engine::Hybrid] {
         let rms = |table: u32| {
             let squares = (0..4).map(|seed| {
-                let spectra = case.run(engine, 40_000, with(table), &Cache::default(), 100 + seed);
+                let spectra = case.run(
+                    engine,
+                    40_000,
+                    with_table(table),
+                    &Cache::default(),
+                    100 + seed,
+                );
                 (spectra.unwrap()[0].reflectance[0].value - best.value).powi(2)
             });
             (squares.sum::<f64>() / 4.0).sqrt()
         };
-        // rms of four: below 2.5 standard deviations but for one in 10^4; 0.0023 of 40,000 rays
-        let inside = 0.1 / f64::from(envelope::TABLE).sqrt();
+        // rms of four: above 2.5 standard deviations once in 10^4; 0.0023 is the error of 40,000 rays
+        let inside = 0.1 / f64::from(envelope::MIN_TABLE_ENTRIES).sqrt();
         let noise = inside.hypot(0.0023).hypot(best.se);
-        let (good, bad) = (rms(envelope::TABLE), rms(10));
+        let (good, bad) = (rms(envelope::MIN_TABLE_ENTRIES), rms(10));
         assert!(good < 2.5 * noise, "{}: {good} {noise}", engine.name());
         assert!(bad > 2.5 * noise, "{}: {bad}", engine.name());
-        assert!(asked(&case, engine, 1000, with(envelope::TABLE)).is_ok());
-        let error = asked(&case, engine, 1000, with(envelope::TABLE - 1)).unwrap_err();
+        assert!(run_checked(&case, engine, 1000, with_table(envelope::MIN_TABLE_ENTRIES)).is_ok());
+        let error = run_checked(
+            &case,
+            engine,
+            1000,
+            with_table(envelope::MIN_TABLE_ENTRIES - 1),
+        )
+        .unwrap_err();
         assert!(
             matches!(
                 error,

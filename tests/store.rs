@@ -1,5 +1,5 @@
-//! The database on disk: same bytes whatever the threads, shards and
-//! accidents; nothing damaged is trusted; nothing foreign is touched.
+//! The database on disk: identical bytes for any number of threads, shards and
+//! interruptions. Damage is detected, and foreign files are not touched.
 #![allow(clippy::unwrap_used)]
 
 use std::collections::BTreeMap;
@@ -53,8 +53,8 @@ fn chunk(dir: &Path, array: &str, chunk: &str) -> PathBuf {
 }
 
 #[test]
-fn a_finished_database_reads_back() {
-    // Left for the Python reading test.
+fn a_finished_database_can_be_read() {
+    // kept for the Python tests, which read it too
     let dir = Path::new(env!("CARGO_TARGET_TMPDIR")).join("finished");
     let _ = fs::remove_dir_all(&dir);
     let grid = grid(Engine::Spectral);
@@ -72,7 +72,7 @@ fn a_finished_database_reads_back() {
     assert!(store.verify().unwrap().is_whole());
     let transmittance = store.read(Variable::Transmittance).unwrap();
     assert_eq!(transmittance.dim(), (24, 4));
-    // Curve 9: facetness 0, size 1, density 0, thickness 1, angle 1, of job 3.
+    // curve 9: facetness 0, size 1, density 0, thickness 1, angle 1; part of job 3
     let job = grid.job(&jobs, 3).unwrap();
     let cancel = AtomicBool::new(false);
     let rays_done = AtomicU64::new(0);
@@ -84,8 +84,8 @@ fn a_finished_database_reads_back() {
     };
     let expected = simulate(&job.request(&grid), &control).unwrap();
     let row: Vec<f64> = transmittance.row(9).iter().map(|v| f64::from(*v)).collect();
-    for (got, want) in row.iter().zip(&expected[1].transmittance) {
-        assert!((got - want.value).abs() < 1e-7, "{row:?}");
+    for (found, want) in row.iter().zip(&expected[1].transmittance) {
+        assert!((found - want.value).abs() < 1e-7, "{row:?}");
     }
     assert_eq!(
         store.read(Variable::ReflectanceSe).unwrap()[[9, 0]],
@@ -95,7 +95,7 @@ fn a_finished_database_reads_back() {
 }
 
 #[test]
-fn threads_and_shards_leave_no_trace() {
+fn threads_and_shards_do_not_change_the_bytes() {
     for engine in Engine::ALL {
         let grid = grid(engine);
         let (_dir, expected) = finished(&grid);
@@ -118,7 +118,7 @@ fn threads_and_shards_leave_no_trace() {
 }
 
 #[test]
-fn damage_is_found_and_repaired() {
+fn damage_is_detected_and_repaired() {
     let grid = grid(Engine::Spectral);
     let (_dir, expected) = finished(&grid);
     let other = {
@@ -194,7 +194,7 @@ fn damage_is_found_and_repaired() {
 }
 
 #[test]
-fn jobs_cannot_change_places() {
+fn jobs_in_the_wrong_place_are_detected() {
     let grid = grid(Engine::Spectral);
     let (dir, _) = finished(&grid);
     let move_file = |array: &str, from: &str, to: &str| {
@@ -209,7 +209,7 @@ fn jobs_cannot_change_places() {
 }
 
 #[test]
-fn damaged_coordinates_and_leftovers_are_mended() {
+fn coordinates_are_repaired_and_leftovers_removed() {
     let grid = grid(Engine::Spectral);
     let (dir, expected) = finished(&grid);
     let path = dir.path();
@@ -225,7 +225,7 @@ fn damaged_coordinates_and_leftovers_are_mended() {
 }
 
 #[test]
-fn an_interrupted_run_goes_on() {
+fn an_interrupted_run_can_be_continued() {
     let grid = grid(Engine::Reference);
     let (_dir, expected) = finished(&grid);
     let dir = tempfile::tempdir().unwrap();
@@ -258,7 +258,7 @@ fn an_interrupted_run_goes_on() {
 }
 
 #[test]
-fn a_failing_job_is_named_and_the_others_kept() {
+fn a_failing_job_is_named_and_the_others_are_kept() {
     let grid = grid(Engine::Spectral);
     let dir = tempfile::tempdir().unwrap();
     let store = open(dir.path(), &grid).unwrap();
@@ -290,7 +290,7 @@ fn a_failing_job_is_named_and_the_others_kept() {
 }
 
 #[test]
-fn values_that_are_no_numbers_are_refused() {
+fn nan_values_are_rejected() {
     let grid = grid(Engine::Spectral);
     let dir = tempfile::tempdir().unwrap();
     let store = open(dir.path(), &grid).unwrap();
@@ -309,9 +309,9 @@ fn values_that_are_no_numbers_are_refused() {
     assert!(error.to_string().ends_with("reflectance is NaN"), "{error}");
 }
 
-/// A substrate counts by its name and what it says, and is told to readers.
+/// The attributes of a database describe its substrate.
 #[test]
-fn a_database_names_its_substrate() {
+fn a_database_describes_its_substrate() {
     let bottom = |grid: &Grid| {
         let (dir, _) = finished(grid);
         let text = fs::read_to_string(dir.path().join("database.zarr/zarr.json")).unwrap();
@@ -339,7 +339,7 @@ fn a_database_names_its_substrate() {
 }
 
 #[test]
-fn another_config_is_refused_by_key() {
+fn a_different_config_is_rejected_by_key() {
     let grid = grid(Engine::Spectral);
     let (dir, before) = finished(&grid);
     type Change = (fn(&mut Grid), &'static str);
@@ -413,7 +413,7 @@ fn another_config_is_refused_by_key() {
 }
 
 #[test]
-fn another_format_is_refused() {
+fn a_different_format_is_rejected() {
     let grid = grid(Engine::Spectral);
     let (dir, _) = finished(&grid);
     let root = chunk(dir.path(), "", "zarr.json");
@@ -430,32 +430,32 @@ fn another_format_is_refused() {
 }
 
 #[test]
-fn two_processes_do_not_share_a_directory() {
+fn a_directory_is_locked_against_other_processes() {
     let grid = grid(Engine::Spectral);
     let dir = tempfile::tempdir().unwrap();
     let shard = |i, n| Access::Shard(Shard::new(i, n).unwrap());
     let build = |access| Store::build(dir.path(), &grid, &extra(), access);
-    let busy = |outcome: Result<Store, StoreError>| {
+    let assert_busy = |outcome: Result<Store, StoreError>| {
         let error = outcome.unwrap_err();
         assert!(matches!(error, StoreError::Busy { .. }), "{error}");
     };
     let first = build(Access::Exclusive).unwrap();
-    busy(build(Access::Exclusive));
-    busy(build(shard(0, 2)));
-    busy(Store::open_exclusive(dir.path()));
+    assert_busy(build(Access::Exclusive));
+    assert_busy(build(shard(0, 2)));
+    assert_busy(Store::open_exclusive(dir.path()));
     assert!(store::remove(dir.path()).is_err());
     assert!(Store::open(dir.path()).is_ok(), "reading needs no lock");
     drop(first);
     let first = build(shard(0, 2)).unwrap();
     let second = build(shard(1, 2)).unwrap();
-    busy(build(shard(0, 2)));
-    busy(build(Access::Exclusive));
+    assert_busy(build(shard(0, 2)));
+    assert_busy(build(Access::Exclusive));
     drop((first, second));
     assert!(Store::open_exclusive(dir.path()).is_ok());
 }
 
 #[test]
-fn fresh_removes_only_what_is_ours() {
+fn removal_leaves_foreign_files() {
     let first = grid(Engine::Spectral);
     let (dir, _) = finished(&first);
     fs::write(dir.path().join(store::COMPACT), "old").unwrap();
@@ -493,7 +493,7 @@ fn fresh_removes_only_what_is_ours() {
 }
 
 #[test]
-fn impossible_outputs_are_refused() {
+fn impossible_output_directories_are_rejected() {
     let mut grid = grid(Engine::Spectral);
     let dir = tempfile::tempdir().unwrap();
     let file = dir.path().join("file");

@@ -1,8 +1,8 @@
-//! The trends of the committed studies (configs/studies) that tests/published.rs does
-//! not hold for homogeneous clean snow: the samples, layers, carbon, depth, and the BRDF.
+//! Trends in the committed studies (configs/studies) other than those of homogeneous clean
+//! snow in tests/published.rs: samples, layers, carbon, depth, and the BRDF.
 //!
-//! Each runs its study file, at fewer wavelengths or on fewer sensors. A difference counts if it exceeds
-//! what chance allows over all comparisons here (see tests/published.rs).
+//! Each test runs its study file, with fewer wavelengths or sensors. A difference must be
+//! significant over all comparisons here (see tests/published.rs).
 #![allow(clippy::unwrap_used, clippy::print_stdout)]
 
 use std::collections::BTreeMap;
@@ -20,7 +20,8 @@ use splitsnow::lab::study::{Settings, Spectra, Studied, run};
 use splitsnow::math::Vec3;
 use splitsnow::measurement::{Measured, Sensors};
 
-/// Chance that any comparison fails although the trend is there, and how many there are.
+/// Probability that any comparison fails although the trend is real, and an upper bound of
+/// the number of comparisons.
 const ALPHA: f64 = 1e-6;
 const COMPARISONS: usize = 200;
 
@@ -65,32 +66,32 @@ fn spectra(study: &StudyFile, rays: u64) -> Spectra<'_> {
 
 fn values(study: &StudyFile, rays: u64) -> Values {
     let studied = spectra(study, rays);
-    let of = |(variant, _, values): (&Variant, _, &[Measured])| {
+    let values_of = |(variant, _, values): (&Variant, _, &[Measured])| {
         let key = (variant.group.clone(), variant.label.clone());
         (key, values.to_vec())
     };
-    studied.curves().map(of).collect()
+    studied.curves().map(values_of).collect()
 }
 
 fn key(group: &str, label: &str) -> (String, String) {
     (group.to_owned(), label.to_owned())
 }
 
-/// How far `more` exceeds `less`, and by how much chance may move that.
+/// The amount by which `more` exceeds `less`, and the limit of chance differences.
 fn gap(more: Measured, less: Measured) -> (f64, f64) {
     let limit = z_limit(ALPHA, COMPARISONS) * more.se.hypot(less.se);
     (more.value - less.value, limit)
 }
 
-fn assert_more(what: &str, more: Measured, less: Measured, by: f64) {
+fn assert_more(label: &str, more: Measured, less: Measured, by: f64) {
     let (gap, limit) = gap(more, less);
-    assert!(gap - limit > by, "{what}: {more:?} {less:?}");
+    assert!(gap - limit > by, "{label}: {more:?} {less:?}");
 }
 
-/// 1 cm of fine faceted grains lifts an old snowpack by more than 0.1 over 800-1300 nm,
-/// joined either way, and the visible by less than 0.05.
+/// 1 cm of fine faceted grains increases the reflectance of an old snowpack by more than 0.1
+/// over 800-1300 nm, with either way of joining layers, and by less than 0.05 in the visible.
 #[test]
-fn a_surface_layer_lifts_the_near_infrared() {
+fn a_surface_layer_brightens_the_near_infrared() {
     let wavelengths_nm = [500.0, 900.0, 1100.0, 1300.0];
     let found = values(&study("surface_layer", &wavelengths_nm), 2048);
     let old = &found[&key("", "basal layer, 15 cm")];
@@ -104,21 +105,21 @@ fn a_surface_layer_lifts_the_near_infrared() {
     }
 }
 
-/// Every step of black carbon takes reflectance at 450 and 550 nm; 1000 ng/g take three
-/// times as much there as at 1030 nm, and less than 0.02 at 1300 nm.
+/// Every step of black carbon lowers the reflectance at 450 and 550 nm. There, 1000 ng/g
+/// lower it three times as much as at 1030 nm; at 1300 nm by less than 0.02.
 #[test]
 fn black_carbon_darkens_mostly_the_visible() {
     let wavelengths_nm = [450.0, 550.0, 1030.0, 1300.0];
     let found = values(&study("black_carbon", &wavelengths_nm), 8192);
-    let of = |ng_g: u32| &found[&key("", &format!("{ng_g} ng/g"))];
+    let values_of = |ng_g: u32| &found[&key("", &format!("{ng_g} ng/g"))];
     for (less, more) in [(0, 20), (20, 100), (100, 500), (500, 1000)] {
-        for (less, more) in of(less).iter().zip(of(more)).take(2) {
+        for (less, more) in values_of(less).iter().zip(values_of(more)).take(2) {
             assert_more("clean above sooty", *less, *more, 0.0);
         }
     }
-    let lost: Vec<_> = of(0)
+    let lost: Vec<_> = values_of(0)
         .iter()
-        .zip(of(1000))
+        .zip(values_of(1000))
         .map(|(a, b)| gap(*a, *b))
         .collect();
     for visible in &lost[..2] {
@@ -130,18 +131,18 @@ fn black_carbon_darkens_mostly_the_visible() {
     assert!(lost[3].0 < 0.02 + lost[3].1, "{lost:?}");
 }
 
-/// Below its reference wavelength of 880 nm brown carbon absorbs the more, the larger
-/// its exponent, as the corrected law has it; as printed, with nm, the trend is inverted,
-/// and at exponent 2 nothing is left of it.
+/// Below its reference wavelength of 880 nm, brown carbon absorbs more with a larger exponent
+/// in the corrected law. In the law as printed, with nm, the trend is inverted, and at
+/// exponent 2 nothing remains of the absorption.
 #[test]
-fn the_exponent_of_brown_carbon_acts_as_its_law_says() {
+fn the_exponent_of_brown_carbon_acts_according_to_its_law() {
     let wavelengths_nm = [400.0, 500.0, 600.0];
     let found = values(&study("brown_carbon", &wavelengths_nm), 16_384);
-    let of = |law: &str, label: &str| &found[&key(&format!("carbon_law = {law}"), label)];
+    let values_of = |law: &str, label: &str| &found[&key(&format!("carbon_law = {law}"), label)];
     let exponents = ["exponent 1", "exponent 1.5", "exponent 2"];
     for pair in exponents.windows(2) {
         let [power, printed] =
-            ["power", "varsa2025"].map(|law| (of(law, pair[0]), of(law, pair[1])));
+            ["power", "varsa2025"].map(|law| (values_of(law, pair[0]), values_of(law, pair[1])));
         for l in 0..wavelengths_nm.len() {
             assert_more(pair[1], power.0[l], power.1[l], 0.0);
             let (gap, limit) = gap(printed.1[l], printed.0[l]);
@@ -149,50 +150,55 @@ fn the_exponent_of_brown_carbon_acts_as_its_law_says() {
         }
     }
     for l in 0..wavelengths_nm.len() {
-        let printed = of("varsa2025", "exponent 2")[l];
-        assert_more("printed", printed, of("varsa2025", "exponent 1")[l], 0.0);
-        let (gap, limit) = gap(of("varsa2025", "clean")[l], printed);
+        let printed = values_of("varsa2025", "exponent 2")[l];
+        assert_more(
+            "printed",
+            printed,
+            values_of("varsa2025", "exponent 1")[l],
+            0.0,
+        );
+        let (gap, limit) = gap(values_of("varsa2025", "clean")[l], printed);
         assert!(gap.abs() < 0.005 + limit, "{gap}");
-        // with exponent 1 both laws are one
+        // with exponent 1 the two laws are identical
         let (gap, limit) = self::gap(
-            of("power", "exponent 1")[l],
-            of("varsa2025", "exponent 1")[l],
+            values_of("power", "exponent 1")[l],
+            values_of("varsa2025", "exponent 1")[l],
         );
         assert!(gap.abs() <= limit, "{gap}");
     }
 }
 
-/// In every snow of the depth study blue light (400-500 nm) goes deepest: at 10 cm it
-/// clearly exceeds 700 nm, and that 800 nm. At lesser depths of coarse snow, where ice
-/// takes hardly anything, the visible is level: blue is not below 600 nm by more than
-/// 0.001. Beyond 600 nm light fades to the infrared.
+/// In every snow of the depth study, blue light (400-500 nm) penetrates deepest. At 10 cm it
+/// clearly exceeds 700 nm, which exceeds 800 nm. At smaller depths of coarse snow, where ice
+/// absorbs little, the visible is flat: blue is at most 0.001 below 600 nm. Beyond 600 nm,
+/// transmittance decreases towards the infrared.
 #[test]
-fn blue_goes_deepest_in_all_snows() {
+fn blue_light_penetrates_deepest_in_all_snows() {
     let wavelengths_nm = [400.0, 450.0, 500.0, 600.0, 700.0, 800.0, 1000.0];
     let found = values(&study("depth", &wavelengths_nm), 4096);
     assert_eq!(found.len(), 16);
     for ((group, label), t) in found {
-        let what = format!("{group}, {label}");
+        let label = format!("{group}, {label}");
         let larger = |a: Measured, b: &Measured| if b.value > a.value { *b } else { a };
         let blue = t[..3].iter().fold(Measured::default(), larger);
         let (above, limit) = gap(blue, t[3]);
-        assert!(above > -0.001 - limit, "{what}: {blue:?} {:?}", t[3]);
+        assert!(above > -0.001 - limit, "{label}: {blue:?} {:?}", t[3]);
         for pair in t[3..].windows(2) {
             let (gap, limit) = gap(pair[0], pair[1]);
-            assert!(gap > -limit, "{what}: {pair:?}");
+            assert!(gap > -limit, "{label}: {pair:?}");
         }
         if label == "10 cm" {
-            assert!(above > -limit, "{what}: {blue:?} {:?}", t[3]);
-            assert_more(&what, blue, t[4], 0.0);
-            assert_more(&what, t[4], t[5], 0.0);
+            assert!(above > -limit, "{label}: {blue:?} {:?}", t[3]);
+            assert_more(&label, blue, t[4], 0.0);
+            assert_more(&label, t[4], t[5], 0.0);
         }
     }
 }
 
-/// From 1.25 to 10 cm total visible transmittance is nearly straight on logarithmic axes:
-/// the line of least squares leaves less than 2 % of the variance of the logarithms, of
-/// which standard errors (2 % of a value at most) are no part that counts. Its slope is that of a power of -1 or
-/// steeper, more so in fine snow, where light takes longer paths.
+/// From 1.25 to 10 cm, total visible transmittance is nearly a straight line on logarithmic
+/// axes: less than 2 % of the variance of the logarithms is unexplained. Standard errors (at
+/// most 2 % of a value) do not contribute noticeably. The slope is that of a power of -1 or
+/// steeper, and steeper in fine snow, where light takes longer paths.
 #[test]
 fn visible_transmittance_is_nearly_a_power_of_thickness() {
     let file = study("visible_thickness", &[450.0, 550.0, 650.0]);
@@ -208,7 +214,7 @@ fn visible_transmittance_is_nearly_a_power_of_thickness() {
     assert_eq!(lines.len(), 3);
     for (group, line) in lines {
         let n = line.len() as f64;
-        let mean = |of: &dyn Fn(&[f64; 2]) -> f64| line.iter().map(of).sum::<f64>() / n;
+        let mean = |value: &dyn Fn(&[f64; 2]) -> f64| line.iter().map(value).sum::<f64>() / n;
         let (x, y) = (mean(&|p| p[0]), mean(&|p| p[1]));
         let product = |i: usize, j: usize| mean(&|p| (p[i] - [x, y][i]) * (p[j] - [x, y][j]));
         let slope = product(0, 1) / product(0, 0);
@@ -219,28 +225,28 @@ fn visible_transmittance_is_nearly_a_power_of_thickness() {
     }
 }
 
-/// In the visible the representative sample is bright; in the infrared it is dark where ice
-/// absorbs, and brighter on either side of each band.
+/// The representative sample is bright in the visible. In the infrared it is dark in the
+/// absorption bands of ice and brighter on either side of each band.
 #[test]
-fn the_representative_sample_has_the_bands_of_ice() {
+fn the_representative_sample_shows_the_bands_of_ice() {
     let wavelengths_nm = [500.0, 1030.0, 1100.0, 1500.0, 1830.0, 2000.0, 2250.0];
     let found = values(&study("sample_representative", &wavelengths_nm), 4096);
     let r = &found[&key("", "representative sample")];
     assert_more("visible", r[0], Measured::default(), 0.95);
     for (bright, dark) in [(0, 1), (2, 1), (2, 3), (4, 3), (4, 5), (6, 5)] {
-        let what = format!("{} nm", wavelengths_nm[bright]);
-        assert_more(&what, r[bright], r[dark], 0.0);
+        let label = format!("{} nm", wavelengths_nm[bright]);
+        assert_more(&label, r[bright], r[dark], 0.0);
     }
 }
 
-/// SISpec-195, whose ice the published law of sizes counts 1.5 times: without that more
-/// blue light is lost below, and elsewhere reflectance changes by less than 0.02.
+/// SISpec-195, for which the published size law meets 1.5 times the ice. The consistent law
+/// reflects less blue light; elsewhere the reflectance changes by less than 0.02.
 #[test]
-fn the_law_of_sizes_matters_little_to_a_wide_range() {
+fn the_size_law_matters_little_for_a_wide_size_range() {
     let wavelengths_nm = [400.0, 500.0, 700.0, 1030.0, 1250.0, 1830.0];
     let found = values(&study("sample_sispec_195", &wavelengths_nm), 16_384);
-    let of = |law: &str| &found[&key("", &format!("size_law = {law}"))];
-    let (published, consistent) = (of("varsa2025"), of("consistent"));
+    let values_of = |law: &str| &found[&key("", &format!("size_law = {law}"))];
+    let (published, consistent) = (values_of("varsa2025"), values_of("consistent"));
     assert_more("400 nm", published[0], consistent[0], 0.0);
     for (a, b) in published.iter().zip(consistent) {
         let (gap, limit) = gap(*a, *b);
@@ -248,10 +254,10 @@ fn the_law_of_sizes_matters_little_to_a_wide_range() {
     }
 }
 
-/// The 6 ng/g in SISpec-197 take reflectance at 400 and 500 nm, by less than 0.02; at
-/// 1030 and 1300 nm less than 0.001, walks being the same.
+/// The 6 ng/g in SISpec-197 lower the reflectance at 400 and 500 nm, by less than 0.02. At 1030
+/// and 1300 nm the change is below 0.001, with the same walks.
 #[test]
-fn a_little_black_carbon_is_seen_in_the_visible_alone() {
+fn a_little_black_carbon_darkens_only_the_visible() {
     let wavelengths_nm = [400.0, 500.0, 1030.0, 1300.0];
     let found = values(&study("sample_sispec_197", &wavelengths_nm), 16_384);
     let (sooty, clean) = (
@@ -267,37 +273,44 @@ fn a_little_black_carbon_is_seen_in_the_visible_alone() {
     }
 }
 
-/// The water in P18 lets more visible light through, and less at 740 nm, in one of its
-/// bands; the carbon takes blue light.
+/// Water in P18 increases visible transmittance, but decreases it at 740 nm, in one of its
+/// absorption bands. Carbon absorbs blue light.
 #[test]
-fn water_and_carbon_act_on_p18_each_in_its_band() {
+fn water_and_carbon_change_p18_in_their_own_bands() {
     let wavelengths_nm = [450.0, 600.0, 740.0, 800.0];
     let found = values(&study("sample_p18", &wavelengths_nm), 32_768);
-    let of = |label: &str| &found[&key("", label)];
-    let (wet, dry) = (of("saturation 0.18, 5 ng/g"), of("dry, 5 ng/g"));
+    let values_of = |label: &str| &found[&key("", label)];
+    let (wet, dry) = (
+        values_of("saturation 0.18, 5 ng/g"),
+        values_of("dry, 5 ng/g"),
+    );
     for l in [0, 1, 3] {
         assert_more("wet above dry", wet[l], dry[l], 0.0);
     }
     assert_more("in the band", dry[2], wet[2], 0.0);
-    assert_more("clean", of("saturation 0.18, clean")[0], wet[0], 0.0);
+    assert_more("clean", values_of("saturation 0.18, clean")[0], wet[0], 0.0);
 }
 
-/// A mixture by half lies between its grains, and above the mean of both. They are those
-/// of the sample files.
+/// A half-and-half mixture lies between its components, and above their mean. The variants
+/// are the same as in the sample files.
 #[test]
-fn a_mixture_is_nearer_to_its_small_grains() {
+fn a_mixture_is_closer_to_its_small_grains() {
     let wavelengths_nm = [900.0, 1030.0];
     let file = study("mixture", &wavelengths_nm);
     let samples = Path::new(env!("CARGO_MANIFEST_DIR")).join("configs/samples");
     let [small, half, large] = ["small", "mixture", "large"].map(|name| {
         let sample = sample::read(&samples.join(format!("{name}.toml"))).unwrap();
-        let is = |variant: &&Variant| variant.sample.snowpack == sample.snowpack;
-        file.variants.iter().find(is).unwrap().label.clone()
+        let is_sample = |variant: &&Variant| variant.sample.snowpack == sample.snowpack;
+        file.variants.iter().find(is_sample).unwrap().label.clone()
     });
     let found = values(&file, 4096);
-    let of = |label: &str| &found[&key("", label)];
+    let values_of = |label: &str| &found[&key("", label)];
     for l in 0..wavelengths_nm.len() {
-        let (small, half, large) = (of(&small)[l], of(&half)[l], of(&large)[l]);
+        let (small, half, large) = (
+            values_of(&small)[l],
+            values_of(&half)[l],
+            values_of(&large)[l],
+        );
         let mean = Measured {
             value: (small.value + large.value) / 2.0,
             se: small.se.hypot(large.se) / 2.0,
@@ -307,10 +320,10 @@ fn a_mixture_is_nearer_to_its_small_grains() {
     }
 }
 
-/// At every depth of the depth study coarse light snow lets most light through, fine
-/// dense snow least, and of the others the coarse one more, although it is the denser.
+/// At every depth of the depth study, coarse light snow transmits most and fine dense snow
+/// least. Of the other two, the coarse snow transmits more although it is denser.
 #[test]
-fn grain_size_counts_for_more_than_density_at_every_depth() {
+fn grain_size_matters_more_than_density_at_every_depth() {
     let found = values(&study("depth_snows", &[450.0, 600.0]), 8192);
     let snows = [
         "500 ± 50 µm, 100",
@@ -319,19 +332,19 @@ fn grain_size_counts_for_more_than_density_at_every_depth() {
         "100 ± 50 µm, 400",
     ];
     for depth in ["2.5 cm", "5 cm", "7.5 cm", "10 cm"] {
-        let of = |snow: &str| &found[&key(depth, &format!("{snow} kg/m3"))];
+        let values_of = |snow: &str| &found[&key(depth, &format!("{snow} kg/m3"))];
         for pair in snows.windows(2) {
-            for (more, less) in of(pair[0]).iter().zip(of(pair[1])) {
+            for (more, less) in values_of(pair[0]).iter().zip(values_of(pair[1])) {
                 assert_more(depth, *more, *less, 0.0);
             }
         }
     }
 }
 
-/// Visible light falls with depth in each of these snows, by more than in proportion to 1
-/// over depth in fine dense snow and by less in coarse light snow.
+/// Visible light decreases with depth in each of these snows: faster than 1 / depth in fine
+/// dense snow, more slowly in coarse light snow.
 #[test]
-fn visible_light_fades_faster_in_fine_dense_snow() {
+fn visible_light_decreases_faster_in_fine_dense_snow() {
     let file = study("depth_visible", &[450.0, 550.0, 650.0]);
     let studied = spectra(&file, 8192);
     let mut found: BTreeMap<&str, Vec<Measured>> = BTreeMap::new();
@@ -344,7 +357,7 @@ fn visible_light_fades_faster_in_fine_dense_snow() {
             assert_more(group, pair[0], pair[1], 0.0);
         }
     }
-    // four times as deep
+    // the last depth is four times the first
     let quarter = |group: &str| (scaled(found[group][0], 0.25), found[group][3]);
     let (least, last) = quarter("500 ± 50 µm, 100 kg/m3");
     assert_more("coarse and light", last, least, 0.0);
@@ -352,10 +365,10 @@ fn visible_light_fades_faster_in_fine_dense_snow() {
     assert_more("fine and dense", least, last, 0.0);
 }
 
-/// BRDFs on few sensors, some 20 degrees wide, by group and label.
+/// BRDFs by group and label, on few sensors about 20 degrees wide.
 struct Brdfs {
     sensors: Sensors,
-    of: BTreeMap<(String, String), Exits>,
+    exits: BTreeMap<(String, String), Exits>,
 }
 
 fn brdfs(name: &str, rays: u64) -> Brdfs {
@@ -364,23 +377,23 @@ fn brdfs(name: &str, rays: u64) -> Brdfs {
         panic!("{name} draws spectra")
     };
     draw.sensors = 60;
-    let Studied::Brdfs(all) = studied(&study, rays) else {
+    let Studied::Brdfs(brdfs) = studied(&study, rays) else {
         panic!("{name} gives spectra")
     };
-    let named = all.variants().map(|(variant, exits)| {
+    let named = brdfs.variants().map(|(variant, exits)| {
         let key = (variant.group.clone(), variant.label.clone());
         (key, exits.clone())
     });
     Brdfs {
-        of: named.collect(),
-        sensors: all.sensors.clone(),
+        exits: named.collect(),
+        sensors: brdfs.sensors.clone(),
     }
 }
 
 impl Brdfs {
-    /// The BRDF in units of that of a Lambertian reflector as bright.
-    fn at(&self, group: &str, label: &str, degrees: f64, azimuth: f64) -> Measured {
-        let exits = &self.of[&key(group, label)];
+    /// The BRDF relative to that of a Lambertian reflector with the same reflectance.
+    fn relative(&self, group: &str, label: &str, degrees: f64, azimuth: f64) -> Measured {
+        let exits = &self.exits[&key(group, label)];
         let (sin, cos) = degrees.to_radians().sin_cos();
         let direction = Vec3::new(sin * azimuth.cos(), sin * azimuth.sin(), -cos);
         let brdf = exits.reflected[self.sensors.index(direction)];
@@ -388,14 +401,14 @@ impl Brdfs {
     }
 
     fn nadir(&self, group: &str, label: &str) -> Measured {
-        self.at(group, label, 0.0, 0.0)
+        self.relative(group, label, 0.0, 0.0)
     }
 
     fn forward(&self, group: &str, label: &str) -> Measured {
-        self.at(group, label, 80.0, 0.0)
+        self.relative(group, label, 80.0, 0.0)
     }
 
-    /// The forward peak over the nadir.
+    /// The ratio of the forward peak to the nadir.
     fn contrast(&self, group: &str, label: &str) -> Measured {
         let (peak, nadir) = (self.forward(group, label), self.nadir(group, label));
         let value = peak.value / nadir.value;
@@ -411,25 +424,25 @@ fn scaled(m: Measured, by: f64) -> Measured {
     }
 }
 
-/// At normal incidence and 600 nm the BRDF is that of a Lambertian reflector within a
-/// fifth, up to 60 degrees. At 60 degrees there is more light forward and less at nadir,
-/// of both the more at 1800 nm.
+/// At normal incidence and 600 nm the BRDF is within a fifth of that of a Lambertian
+/// reflector, up to 60 degrees. At 60 degrees incidence there is more light forward and less
+/// at nadir, and both effects are stronger at 1800 nm.
 #[test]
 #[ignore = "long: tables of grain events for every part, some 15 CPU-s"]
-fn slanting_light_goes_forward() {
+fn oblique_light_is_scattered_forward() {
     let found = brdfs("brdf_incidence", 16_384);
-    let [normal, slight, slant] = ["0", "30", "60"].map(|angle| format!("light at {angle}°"));
+    let [normal, slight, oblique] = ["0", "30", "60"].map(|angle| format!("light at {angle}°"));
     for degrees in [0.0, 20.0, 40.0, 60.0] {
-        let f = found.at("600 nm", &normal, degrees, 0.0);
+        let f = found.relative("600 nm", &normal, degrees, 0.0);
         let limit = z_limit(ALPHA, COMPARISONS) * f.se;
         assert!((f.value - 1.0).abs() < 0.2 + limit, "{degrees}: {f:?}");
     }
     for nm in ["600 nm", "1800 nm"] {
-        let peak = found.forward(nm, &slant);
+        let peak = found.forward(nm, &oblique);
         for less in [&normal, &slight] {
             assert_more("forward at 60 degrees", peak, found.forward(nm, less), 0.0);
         }
-        let nadirs = [&normal, &slight, &slant].map(|label| found.nadir(nm, label));
+        let nadirs = [&normal, &slight, &oblique].map(|label| found.nadir(nm, label));
         assert_more("nadir at 0 degrees", nadirs[0], nadirs[2], 0.0);
         for pair in nadirs.windows(2) {
             let (gap, limit) = gap(pair[0], pair[1]);
@@ -437,17 +450,17 @@ fn slanting_light_goes_forward() {
         }
     }
     let [near, far] = ["600 nm", "1800 nm"];
-    let peaks = [near, far].map(|nm| found.forward(nm, &slant));
+    let peaks = [near, far].map(|nm| found.forward(nm, &oblique));
     assert_more("forward at 1800 nm", peaks[1], peaks[0], 0.0);
-    let nadirs = [near, far].map(|nm| found.nadir(nm, &slant));
+    let nadirs = [near, far].map(|nm| found.nadir(nm, &oblique));
     assert_more("nadir at 600 nm", nadirs[0], nadirs[1], 0.0);
 }
 
-/// From 52.8 to 84.8 degrees the forward peak grows and the nadir darkens; from 69.3 the
-/// peak is above all else, at 84.8 degrees five times as high as Lambertian. At 1800 nm
-/// both are stronger than at 600 nm.
+/// From 52.8 to 84.8 degrees incidence the forward peak increases and the nadir darkens. From
+/// 69.3 degrees the peak is above everything else; at 84.8 degrees it is five times the
+/// Lambertian value. At 1800 nm both effects are stronger than at 600 nm.
 #[test]
-fn grazing_light_goes_forward_the_more() {
+fn more_grazing_light_is_scattered_more_forward() {
     let found = brdfs("brdf_incidence_published", 8_192);
     let labels = ["52.8", "69.3", "84.8"].map(|angle| format!("light at {angle}°"));
     let peaks = labels
@@ -466,14 +479,20 @@ fn grazing_light_goes_forward_the_more() {
         Measured::default(),
         5.0,
     );
-    let backward = found.at("600 nm", &labels[1], 60.0, PI);
+    let backward = found.relative("600 nm", &labels[1], 60.0, PI);
     assert_more("forward above backward", peaks[1], backward, 0.0);
-    let far = |of: fn(&Brdfs, &str, &str) -> Measured| of(&found, "1800 nm", &labels[1]);
-    assert_more("forward at 1800 nm", far(Brdfs::forward), peaks[1], 0.0);
-    assert_more("nadir at 600 nm", nadirs[1], far(Brdfs::nadir), 0.0);
+    let at_1800_nm =
+        |value: fn(&Brdfs, &str, &str) -> Measured| value(&found, "1800 nm", &labels[1]);
+    assert_more(
+        "forward at 1800 nm",
+        at_1800_nm(Brdfs::forward),
+        peaks[1],
+        0.0,
+    );
+    assert_more("nadir at 600 nm", nadirs[1], at_1800_nm(Brdfs::nadir), 0.0);
 }
 
-/// At 600 nm fine grains have the lower forward peak over the nadir.
+/// At 600 nm fine grains have the lower ratio of forward peak to nadir.
 #[test]
 #[ignore = "long: the difference is small, some 45 CPU-s"]
 fn the_forward_peak_of_fine_grains_is_low_in_the_visible() {
@@ -487,8 +506,8 @@ fn the_forward_peak_of_fine_grains_is_low_in_the_visible() {
     );
 }
 
-/// At 1450 nm fine grains have the higher forward peak in 1/sr, though over a nadir that
-/// is brighter still.
+/// At 1450 nm fine grains have the higher forward peak in 1/sr. Their nadir is brighter by an
+/// even larger factor.
 #[test]
 #[ignore = "long: tables of grain events for every part, some 10 CPU-s"]
 fn the_forward_peak_of_fine_grains_is_high_in_the_infrared() {
@@ -502,7 +521,7 @@ fn the_forward_peak_of_fine_grains_is_high_in_the_infrared() {
         10.0,
     );
     let per_sr = |label: &str| {
-        let exits = &found.of[&key("1450 nm", label)];
+        let exits = &found.exits[&key("1450 nm", label)];
         scaled(
             found.forward("1450 nm", label),
             exits.reflectance.value / PI,
@@ -511,8 +530,8 @@ fn the_forward_peak_of_fine_grains_is_high_in_the_infrared() {
     assert_more("1450 nm, 1/sr", per_sr(fine), per_sr(coarse), 0.0);
 }
 
-/// Grains of either size send most light forward, more than to the sides and back at
-/// the same angle. At 1450 nm fine grains are the brighter ones in all these directions.
+/// Grains of both sizes scatter most light forward, more than to the sides and back at the
+/// same angle. At 1450 nm fine grains are brighter in all these directions.
 #[test]
 fn the_peak_of_all_grain_sizes_is_forward() {
     let found = brdfs("brdf_hemisphere_grain_size", 2048);
@@ -520,25 +539,25 @@ fn the_peak_of_all_grain_sizes_is_forward() {
     let azimuths = [0.0, FRAC_PI_2, PI];
     for nm in ["600 nm", "1450 nm"] {
         for label in grains {
-            let [forward, side, back] = azimuths.map(|a| found.at(nm, label, 80.0, a));
+            let [forward, side, back] = azimuths.map(|a| found.relative(nm, label, 80.0, a));
             assert_more(label, forward, side, 0.0);
             assert_more(label, forward, back, 0.0);
         }
     }
     for azimuth in azimuths {
         let [fine, coarse] = grains.map(|label| {
-            let r = found.of[&key("1450 nm", label)].reflectance.value;
-            scaled(found.at("1450 nm", label, 80.0, azimuth), r / PI)
+            let r = found.exits[&key("1450 nm", label)].reflectance.value;
+            scaled(found.relative("1450 nm", label, 80.0, azimuth), r / PI)
         });
         assert_more("fine above coarse", fine, coarse, 0.0);
     }
 }
 
-/// The forward peak falls with facetness; from 0.3 to 0.9 only little, so that it must
-/// not rise.
+/// The forward peak decreases with facetness. From 0.3 to 0.9 the decrease is small, so the
+/// test only requires that it does not increase.
 #[test]
 #[ignore = "long: tables of grain events for every part, some 10 CPU-s"]
-fn facets_take_the_forward_peak() {
+fn facets_lower_the_forward_peak() {
     let found = brdfs("brdf_facetness", 8_192);
     let [smooth, middle, faceted] =
         ["0-0.2", "0.2-0.4", "0.8-1"].map(|f| found.forward("", &format!("facetness {f}")));
@@ -548,9 +567,9 @@ fn facets_take_the_forward_peak() {
     assert!(gap > -limit, "{middle:?} {faceted:?}");
 }
 
-/// At 1800 nm faceted snow has peaks forward and backward, above the nadir and above the
-/// sides at the same angle; smooth snow has the higher forward peak. At 600 nm faceted
-/// snow has none forward.
+/// At 1800 nm faceted snow has forward and backward peaks above the nadir and above the sides
+/// at the same angle; smooth snow has the higher forward peak. At 600 nm faceted snow has no
+/// forward peak.
 #[test]
 #[ignore = "long: tables of grain events for every part, some 10 CPU-s"]
 fn faceted_snow_has_two_peaks_in_the_infrared() {
@@ -558,10 +577,10 @@ fn faceted_snow_has_two_peaks_in_the_infrared() {
     let [smooth, faceted] = ["facetness 0.1", "facetness 0.9"];
     let nm = "1800 nm";
     let forward = found.forward(nm, faceted);
-    let backward = found.at(nm, faceted, 60.0, PI);
+    let backward = found.relative(nm, faceted, 60.0, PI);
     for (peak, degrees) in [(forward, 80.0), (backward, 60.0)] {
         assert_more("above nadir", peak, found.nadir(nm, faceted), 0.0);
-        let side = found.at(nm, faceted, degrees, FRAC_PI_2);
+        let side = found.relative(nm, faceted, degrees, FRAC_PI_2);
         assert_more("above the sides", peak, side, 0.0);
     }
     assert_more("smooth forward", found.forward(nm, smooth), forward, 0.0);
@@ -572,9 +591,9 @@ fn faceted_snow_has_two_peaks_in_the_infrared() {
     assert!(gap > -limit, "{gap}");
 }
 
-/// The command writes a picture and a table that hold what was asked.
+/// The command writes a figure and a table for each study.
 #[test]
-fn the_command_draws_what_is_asked() {
+fn the_command_draws_the_requested_studies() {
     let folder = tempfile::tempdir().unwrap();
     let sample = "\
 version = 1
@@ -582,7 +601,7 @@ illumination.incidence_angle_deg = 0
 wavelengths.values_nm = [500, 600, 900]
 layer = [{ thickness_cm = 1, density_kg_m3 = 300, grain = [{ size_um = { min = 900, max = 1000 }, facetness = { min = 0, max = 1, mean = 0.3, sd = 0.1 } }] }]
 ";
-    let of = |draw: &str| {
+    let study_text = |draw: &str| {
         format!(
             "version = 1\ntitle = \"Slabs\"\nexpected = \"more is darker\"\nsample = \"../s.toml\"\n\
              draw = {{ {draw} }}\n\
@@ -590,20 +609,20 @@ layer = [{ thickness_cm = 1, density_kg_m3 = 300, grain = [{ size_um = { min = 9
              set.\"layer[0].thickness_cm\" = 2\n"
         )
     };
-    let one =
+    let single_light =
         "[set]\nwavelengths = { values_nm = [600] }\nillumination = { incidence_angle_deg = 40 }\n";
     let path = |name: &str| folder.path().join(name);
     std::fs::write(path("s.toml"), sample).unwrap();
     std::fs::create_dir(path("studies")).unwrap();
     for against in ["wavelength", "thickness"] {
         let draw = format!("quantity = \"transmittance\", against = \"{against}\"");
-        std::fs::write(path(&format!("studies/{against}.toml")), of(&draw)).unwrap();
+        std::fs::write(path(&format!("studies/{against}.toml")), study_text(&draw)).unwrap();
     }
     for (directions, scale) in [("principal_plane", "logarithmic"), ("hemisphere", "linear")] {
         let draw = format!(
             "quantity = \"brdf\", sensors = 70, directions = \"{directions}\", scale = \"{scale}\""
         );
-        let text = format!("{}{one}", of(&draw));
+        let text = format!("{}{single_light}", study_text(&draw));
         std::fs::write(path(&format!("studies/{directions}.toml")), text).unwrap();
     }
     let output = Command::new(env!("CARGO_BIN_EXE_splitsnow"))
@@ -642,9 +661,9 @@ layer = [{ thickness_cm = 1, density_kg_m3 = 300, grain = [{ size_um = { min = 9
     // 900 nm is not visible
     let mean = (number(&spectra[0], 3) + number(&spectra[1], 3)) / 2.0;
     assert!((number(&means[0], 3) - mean).abs() < 2e-6);
-    // a BRDF is that of `simulate` with twice the walks
-    let told = String::from_utf8(output.stdout).unwrap();
-    assert_eq!(told.matches("forward/nadir").count(), 4, "{told}");
+    // a BRDF equals that of `simulate` with twice the number of walks
+    let stdout = String::from_utf8(output.stdout).unwrap();
+    assert_eq!(stdout.matches("forward/nadir").count(), 4, "{stdout}");
     let alone = sample
         .replace("incidence_angle_deg = 0", "incidence_angle_deg = 40")
         .replace("500, 600, 900", "600");
@@ -667,7 +686,7 @@ layer = [{ thickness_cm = 1, density_kg_m3 = 300, grain = [{ size_um = { min = 9
     for (row, value) in brdf.iter().zip(measured) {
         assert!((number(row, 4) - value).abs() < 1e-6, "{row:?} {value}");
     }
-    // of them the plane of incidence holds those at azimuths 0 and 180
+    // the plane of incidence contains those at azimuths 0 and 180
     let (_, plane) = rows("out/principal_plane.csv");
     let cut: Vec<_> = brdf
         .iter()

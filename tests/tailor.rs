@@ -1,5 +1,5 @@
-//! `tailor`: what it writes holds the scene's bound and is proved by `verify`; what
-//! it cannot do it says, and writes nothing.
+//! `tailor`: the files it writes meet the bound of the scene, which `verify` confirms. If it
+//! fails, it says why and writes nothing.
 #![cfg(unix)]
 #![allow(clippy::unwrap_used)]
 
@@ -14,7 +14,7 @@ use std::time::Duration;
 use assert_cmd::cargo::cargo_bin;
 use ndarray::Array2;
 use splitsnow::colour::Colorimeter;
-use splitsnow::compress::annotated;
+use splitsnow::compress::with_metadata;
 use splitsnow::config::scene;
 use splitsnow::engine::{Cache, Control};
 use splitsnow::error_budget::{
@@ -46,7 +46,7 @@ step_nm = 20
 struct Folder(tempfile::TempDir);
 
 impl Folder {
-    /// With the scene file `s.toml`.
+    /// A folder with the scene file `s.toml`.
     fn new(text: &str) -> Self {
         let dir = tempfile::tempdir().unwrap();
         fs::write(dir.path().join("s.toml"), text).unwrap();
@@ -80,8 +80,8 @@ impl Folder {
         self.path().join("out/s").join(COMPACT)
     }
 
-    /// `tailor` must fail, and leave nothing.
-    fn refused(&self) -> String {
+    /// Runs a `tailor` that must fail and write nothing; returns the error.
+    fn error_of_failed_fit(&self) -> String {
         let output = self.run("fit s.toml --points 16");
         assert_eq!(output.status.code(), Some(1), "{}", errors(&output));
         assert!(!self.path().join("out").exists());
@@ -100,7 +100,7 @@ static TAILORED: LazyLock<(Vec<u8>, String)> = LazyLock::new(|| {
     (fs::read(folder.file()).unwrap(), text)
 });
 
-/// A folder with `bytes` as its tailored file.
+/// A folder that contains `bytes` as its tailored file.
 fn with_file(bytes: &[u8]) -> Folder {
     let folder = Folder::new(TEXT);
     fs::create_dir_all(folder.file().parent().unwrap()).unwrap();
@@ -109,13 +109,13 @@ fn with_file(bytes: &[u8]) -> Folder {
 }
 
 #[test]
-fn holds_its_bound_and_is_proved_anew() {
+fn a_tailored_file_meets_its_bound_and_passes_verification() {
     let (bytes, text) = &*TAILORED;
     let file = Database::from_bytes(bytes).unwrap();
     let error_budget: ErrorBudget = serde_json::from_str(&file.metadata()[ERROR_BUDGET]).unwrap();
-    assert!(tailor::largest(&error_budget) < 1.0, "{error_budget}");
+    assert!(tailor::max_delta_e(&error_budget) < 1.0, "{error_budget}");
     assert!(error_budget.points >= 64 && error_budget.quantities.len() == 1);
-    // fewer wavelengths than the 16 asked for, and what that costs at all of them
+    // fewer than the 16 wavelengths requested, and the cost of that
     let kept = file.wavelengths_nm();
     assert!((3..14).contains(&kept.len()), "{kept:?}");
     assert_eq!((kept[0], kept[kept.len() - 1]), (400.0, 700.0));
@@ -134,7 +134,7 @@ fn holds_its_bound_and_is_proved_anew() {
     let report = String::from_utf8(output.stdout.clone()).unwrap();
     assert!(output.status.success(), "{report}{}", errors(&output));
     assert!(report.ends_with("PASS\n"), "{report}");
-    // at other points and with other walks: this error budget takes its place
+    // the new error budget, from other points and walks, replaces the old one
     let verified = Database::open(folder.file()).unwrap();
     let other: ErrorBudget = serde_json::from_str(&verified.metadata()[ERROR_BUDGET]).unwrap();
     assert_ne!(other.seed, error_budget.seed);
@@ -142,9 +142,9 @@ fn holds_its_bound_and_is_proved_anew() {
     assert_eq!(verified.metadata()[SCENE], file.metadata()[SCENE]);
 }
 
-/// Databases of the same simulations, at some of the scene's wavelengths.
+/// Uses databases of the same simulations, at some of the wavelengths of the scene.
 #[test]
-fn the_error_budget_sees_the_wavelengths_left_out() {
+fn the_error_budget_includes_omitted_wavelengths() {
     let scene = scene::parse("s.toml", TEXT).unwrap().scene;
     let (grid, regions) = (tailor::grid(&scene), &scene.regions);
     let patch = Patch {
@@ -198,21 +198,24 @@ fn the_error_budget_sees_the_wavelengths_left_out() {
         error_budget.quantities["transmittance"].clone()
     };
     let max = |measures: Measures| measures.delta_e.unwrap().max;
-    let all = chain(&(0..16).collect::<Vec<_>>());
-    let two = chain(&[0, 15]);
-    assert_eq!(all.wavelengths, None);
-    assert_eq!(all.total, all.interpolation);
-    assert!(max(all.total) < 0.3, "{all:?}");
-    assert!(max(two.wavelengths.unwrap()) > 2.5, "{two:?}");
-    assert!(max(two.total) > 2.5, "{two:?}");
-    assert!(two.total.rmse.max > 3.0 * all.total.rmse.max, "{two:?}");
-    // the other parts are told apart from it
-    assert!(max(two.interpolation) < 0.3, "{two:?}");
-    assert!(max(two.simulation.unwrap()) < 0.3, "{two:?}");
+    let every_wavelength = chain(&(0..16).collect::<Vec<_>>());
+    let ends_only = chain(&[0, 15]);
+    assert_eq!(every_wavelength.wavelengths, None);
+    assert_eq!(every_wavelength.total, every_wavelength.interpolation);
+    assert!(max(every_wavelength.total) < 0.3, "{every_wavelength:?}");
+    assert!(max(ends_only.wavelengths.unwrap()) > 2.5, "{ends_only:?}");
+    assert!(max(ends_only.total) > 2.5, "{ends_only:?}");
+    assert!(
+        ends_only.total.rmse.max > 3.0 * every_wavelength.total.rmse.max,
+        "{ends_only:?}"
+    );
+    // the other terms of the budget do not change
+    assert!(max(ends_only.interpolation) < 0.3, "{ends_only:?}");
+    assert!(max(ends_only.simulation.unwrap()) < 0.3, "{ends_only:?}");
 }
 
 #[test]
-fn few_wavelengths_are_all_kept() {
+fn few_wavelengths_are_not_thinned_out() {
     let text = TEXT.replace("step_nm = 20", "step_nm = 100");
     let folder = Folder::new(&text);
     let text = folder.fit("");
@@ -225,14 +228,14 @@ fn few_wavelengths_are_all_kept() {
 }
 
 #[test]
-fn threads_leave_no_trace() {
+fn the_number_of_threads_does_not_change_the_file() {
     let folder = Folder::new(TEXT);
     let text = folder.fit("--threads 2");
     assert_eq!((fs::read(folder.file()).unwrap(), text), *TAILORED);
 }
 
 #[test]
-fn what_a_scene_does_not_ask_for_is_not_there() {
+fn quantities_not_requested_are_omitted() {
     let (bytes, text) = &*TAILORED;
     let file = Database::from_bytes(bytes).unwrap();
     assert!(file.has(Quantity::Transmittance) && !file.has(Quantity::Reflectance));
@@ -242,12 +245,12 @@ fn what_a_scene_does_not_ask_for_is_not_there() {
     assert!(text.contains(left_out), "{text}");
     let folder = with_file(bytes);
     let point = "--facetness 0.3 --grain-size-um 300 --density-kg-m3 300 --thickness-cm 7.3 --incidence-angle-deg 33";
-    let there = folder.run(&format!("query out/s {point} --explain"));
-    assert!(there.status.success(), "{}", errors(&there));
-    let csv = String::from_utf8(there.stdout).unwrap();
+    let query = folder.run(&format!("query out/s {point} --explain"));
+    assert!(query.status.success(), "{}", errors(&query));
+    let csv = String::from_utf8(query.stdout).unwrap();
     let n = file.wavelengths_nm().len();
-    let said = format!("# {n} wavelengths, between them linear\n");
-    assert!(csv.contains(&said), "{csv}");
+    let comment = format!("# {n} wavelengths, between them linear\n");
+    assert!(csv.contains(&comment), "{csv}");
     assert_eq!(
         csv.lines().filter(|line| !line.starts_with('#')).count(),
         1 + n
@@ -260,8 +263,8 @@ fn what_a_scene_does_not_ask_for_is_not_there() {
     );
 }
 
-/// Numbers of the float32 tensor `name`, changed.
-fn changed(bytes: &[u8], name: &str, change: impl Fn(f32) -> f32) -> Vec<u8> {
+/// The file with `change` applied to the numbers of the float32 tensor `name`.
+fn with_changed_tensor(bytes: &[u8], name: &str, change: impl Fn(f32) -> f32) -> Vec<u8> {
     let header = 8 + u64::from_le_bytes(*bytes.first_chunk().unwrap()) as usize;
     let json: serde_json::Value = serde_json::from_slice(&bytes[8..header]).unwrap();
     let ends: [usize; 2] = serde_json::from_value(json[name]["data_offsets"].clone()).unwrap();
@@ -274,8 +277,8 @@ fn changed(bytes: &[u8], name: &str, change: impl Fn(f32) -> f32) -> Vec<u8> {
 }
 
 #[test]
-fn altered_coefficients_fail() {
-    let altered = changed(&TAILORED.0, "transmittance.quantisation", |v| 1.1 * v);
+fn altered_coefficients_fail_verification() {
+    let altered = with_changed_tensor(&TAILORED.0, "transmittance.quantisation", |v| 1.1 * v);
     let folder = with_file(&altered);
     let output = folder.run("verify out/s --points 16 --point-rays 65536");
     assert_eq!(output.status.code(), Some(1));
@@ -285,14 +288,14 @@ fn altered_coefficients_fail() {
 }
 
 #[test]
-fn a_bound_that_was_lowered_fails() {
+fn a_lowered_bound_fails_verification() {
     let file = Database::from_bytes(&TAILORED.0).unwrap();
     let (text, error_budget) = (&file.metadata()[SCENE], &file.metadata()[ERROR_BUDGET]);
-    let reached = tailor::largest(&serde_json::from_str(error_budget).unwrap());
+    let reached = tailor::max_delta_e(&serde_json::from_str(error_budget).unwrap());
     let bound = format!("{:.2}", 0.8 * reached);
     let lowered = text.replace("max_delta_e = 1\n", &format!("max_delta_e = {bound}\n"));
     assert_ne!(&lowered, text);
-    let folder = with_file(&annotated(&TAILORED.0, &[(SCENE, Some(&lowered))]).unwrap());
+    let folder = with_file(&with_metadata(&TAILORED.0, &[(SCENE, Some(&lowered))]).unwrap());
     let output = folder.run("verify out/s --points 16 --point-rays 65536");
     assert_eq!(output.status.code(), Some(1));
     let report = String::from_utf8(output.stdout).unwrap();
@@ -303,24 +306,24 @@ fn a_bound_that_was_lowered_fails() {
 }
 
 #[test]
-fn a_file_that_is_too_large_is_refused() {
+fn a_file_above_the_size_limit_is_rejected() {
     let text = TEXT.replace("max_delta_e = 1", "max_delta_e = 1\nmax_bytes = 100");
-    let error = Folder::new(&text).refused();
+    let error = Folder::new(&text).error_of_failed_fit();
     let bytes = TAILORED.0.len();
     let (start, end) = ("takes ", " bytes, more than max_bytes = 100;");
     let needed = error.split_once(start).unwrap().1.split_once(end);
     let needed: usize = needed.unwrap().0.parse().unwrap();
-    // but for the key itself, and the number of points of the error budget
+    // up to the size of the key itself and the number of points of the error budget
     assert!(needed.abs_diff(bytes) < bytes / 5, "{error} {bytes}");
 }
 
 #[test]
-fn a_bound_out_of_reach_is_refused() {
-    // no time to choose nodes: those at the ends are all
+fn an_unreachable_bound_is_rejected() {
+    // no time to choose nodes, so only the end nodes are used
     let text = TEXT
         .replace("max_delta_e = 1", "max_delta_e = 1\nmax_seconds = 0.001")
         .replace("min = 5, max = 10", "min = 2, max = 40");
-    let error = Folder::new(&text).refused();
+    let error = Folder::new(&text).error_of_failed_fit();
     let (_, best) = error.split_once("the best reaches ").unwrap();
     let reached: f64 = best.split_whitespace().next().unwrap().parse().unwrap();
     assert!(reached > 1.0, "{error}");
@@ -331,8 +334,8 @@ fn a_bound_out_of_reach_is_refused() {
 }
 
 #[test]
-fn ctrl_c_leaves_nothing() {
-    // a bound that takes many walks
+fn ctrl_c_leaves_no_files() {
+    // a bound that needs many walks
     let folder = Folder::new(&TEXT.replace("max_delta_e = 1", "max_delta_e = 0.05"));
     let child = folder.command("fit s.toml").spawn().unwrap();
     sleep(Duration::from_millis(500));
@@ -341,10 +344,10 @@ fn ctrl_c_leaves_nothing() {
     assert!(kill.success());
     let output = child.wait_with_output().unwrap();
     assert_eq!(output.status.code(), Some(130), "{}", errors(&output));
-    let said = errors(&output);
+    let message = errors(&output);
     assert!(
-        said.ends_with("interrupted: nothing was written\n"),
-        "{said}"
+        message.ends_with("interrupted: nothing was written\n"),
+        "{message}"
     );
     assert_eq!(crate::common::dir_bytes(folder.path()).len(), 1);
 }

@@ -1,4 +1,4 @@
-//! `tradeoff`: its files and its table, on a slab that takes no time.
+//! `tradeoff`: its files and its table, for a slab that takes little time.
 #![allow(clippy::unwrap_used)]
 use std::collections::BTreeMap;
 use std::fs;
@@ -8,11 +8,11 @@ use std::process::{Command, Output, Stdio};
 
 use serde_json::Value;
 
-/// Few grains, and a density beyond the ordinary: one warning.
+/// Few grains and an unusual density, which gives one warning.
 const SLAB: &str = include_str!("data/slab.toml");
 const CHARTS: [&str; 3] = ["tradeoff", "scaling", "components"];
 
-/// What is compressed: 24 curves of rough noise.
+/// The database to compress: 24 noisy curves.
 const GRID: &str = "\
 version = 1
 [axes]
@@ -37,7 +37,7 @@ fn folder() -> tempfile::TempDir {
     dir
 }
 
-/// The same with the database of the grid in `out/grid`.
+/// The same folder with the database of the grid in `out/grid`.
 fn built() -> tempfile::TempDir {
     let dir = folder();
     let mut build = Command::new(env!("CARGO_BIN_EXE_splitsnow"));
@@ -73,7 +73,7 @@ fn number(row: &BTreeMap<String, String>, column: &str) -> f64 {
 }
 
 #[test]
-fn all_files_are_there_and_parse() {
+fn all_files_are_written_and_parse() {
     let dir = built();
     let args = "slab.toml --out out --database out/grid --engine reference --engine spectral --budget 2 --truth-rays 4096 --seeds 2";
     let table = text(&command(dir.path(), args).output().unwrap());
@@ -90,7 +90,7 @@ fn all_files_are_there_and_parse() {
         let svg = fs::read_to_string(out.join(format!("{name}.svg"))).unwrap();
         assert!(svg.starts_with("<svg width=\"1200\"") && svg.ends_with("</svg>\n"));
         let png = fs::read(out.join(format!("{name}.png"))).unwrap();
-        // Signature, length and name of the first chunk, and the width in it.
+        // signature, length and type of the first chunk, and the width stored in it
         assert_eq!(&png[..8], b"\x89PNG\r\n\x1a\n");
         assert_eq!(png[16..20], 1200_u32.to_be_bytes());
     }
@@ -114,7 +114,7 @@ fn all_files_are_there_and_parse() {
         );
         *cells.entry(cell).or_insert(0) += 1;
     }
-    // Both quantities in both bands of each setting.
+    // both quantities in both bands for each setting
     assert!(cells.values().all(|count| *count == 4), "{cells:?}");
     let baseline = ("reference", "100000", "extrapolated");
     assert!(cells.contains_key(&(baseline.0.into(), baseline.1.into(), baseline.2.into())));
@@ -122,47 +122,47 @@ fn all_files_are_there_and_parse() {
     let costs = rows(&out.join("scaling.csv"));
     for varied in ["thickness_cm", "wavelengths", "thicknesses", "angles"] {
         for engine in ["reference", "spectral"] {
-            let mine = costs
+            let matching = costs
                 .iter()
                 .filter(|r| r["varied"] == varied && r["engine"] == engine);
-            assert!(mine.clone().count() >= 1, "{varied} {engine}");
-            assert!(mine.map(|row| number(row, "cpu_seconds")).sum::<f64>() > 0.0);
+            assert!(matching.clone().count() >= 1, "{varied} {engine}");
+            assert!(matching.map(|row| number(row, "cpu_seconds")).sum::<f64>() > 0.0);
         }
     }
     let components = rows(&out.join("components.csv"));
-    let of = |quantity: &str, basis: &str, precision: &str| -> Vec<_> {
-        let mine = components.iter().filter(|row| {
+    let variant_rows = |quantity: &str, basis: &str, precision: &str| -> Vec<_> {
+        let matching = components.iter().filter(|row| {
             (&*row["quantity"], &*row["basis"], &*row["precision"]) == (quantity, basis, precision)
         });
-        mine.cloned().collect()
+        matching.cloned().collect()
     };
     for quantity in ["transmittance", "reflectance"] {
-        let linear = of(quantity, "linear", "f32");
-        let full = of(quantity, "log", "f32");
+        let linear = variant_rows(quantity, "linear", "f32");
+        let full = variant_rows(quantity, "log", "f32");
         for rows in [&linear, &full] {
             assert_eq!(rows.len(), 8);
-            // Until the last digits of f32 are reached.
+            // up to the precision of f32
             for pair in rows[..4].windows(2) {
                 assert!(number(&pair[0], "rmse_mean") > number(&pair[1], "rmse_mean"));
                 assert!(number(&pair[0], "bytes") < number(&pair[1], "bytes"));
             }
         }
         for precision in ["f16", "quantised_16"] {
-            let half = of(quantity, "log", precision);
+            let half = variant_rows(quantity, "log", precision);
             assert_eq!(half.len(), 8);
             let smaller = |(a, b)| number(a, "bytes") < number(b, "bytes");
             assert!(half.iter().zip(&full).all(smaller), "{precision}");
         }
-        let narrow = of(quantity, "log", "quantised");
+        let narrow = variant_rows(quantity, "log", "quantised");
         assert!(!narrow.is_empty());
         assert!(narrow.iter().all(|row| number(row, "delta_e_max") < 2.3));
     }
 }
 
-/// The values of a setting depend on neither time nor threads, nor on whether
-/// the truth was on file.
+/// The values of a setting do not depend on the time budget, on the number of threads, or on
+/// whether the truth was read from a file.
 #[test]
-fn values_are_reproducible_and_the_truth_is_kept() {
+fn values_are_reproducible_and_the_truth_is_reused() {
     let dir = built();
     let args =
         "slab.toml --database out/grid --engine spectral --truth-rays 512 --seeds 2 --json --out";
@@ -182,9 +182,9 @@ fn values_are_reproducible_and_the_truth_is_kept() {
         assert_eq!(first.len(), 4);
         first
     };
-    let one = values(&format!("--budget 0.2 --threads 1 {args}"), "one");
+    let first_values = values(&format!("--budget 0.2 --threads 1 {args}"), "one");
     assert_eq!(
-        one,
+        first_values,
         values(&format!("--budget 0.4 --threads 2 {args}"), "two")
     );
     let truths = |out: &str| -> Vec<_> {
@@ -192,7 +192,7 @@ fn values_are_reproducible_and_the_truth_is_kept() {
         entries.map(|entry| entry.unwrap().path()).collect()
     };
     assert_eq!(truths("one").len(), 2);
-    // What is on file is used: a wrong one shows.
+    // the truth file is used: changing it changes the result
     for path in truths("one") {
         let text = fs::read_to_string(&path).unwrap();
         let mut truth: Value = serde_json::from_str(&text).unwrap();
@@ -201,18 +201,18 @@ fn values_are_reproducible_and_the_truth_is_kept() {
         }
         fs::write(path, truth.to_string()).unwrap();
     }
-    assert_ne!(one, values(&format!("--budget 0.2 {args}"), "one"));
+    assert_ne!(first_values, values(&format!("--budget 0.2 {args}"), "one"));
 }
 
 #[cfg(unix)]
 #[test]
-fn an_interrupted_run_says_what_is_kept() {
+fn an_interrupted_run_names_the_files_it_keeps() {
     let dir = folder();
     let mut child = command(dir.path(), "slab.toml --truth-rays 1000000000000 --out out")
         .spawn()
         .unwrap();
     let mut errors = BufReader::new(child.stderr.take().unwrap());
-    // Once the warning is out, Ctrl-C is listened for.
+    // once the warning is printed, the handler of Ctrl-C is installed
     let mut warning = String::new();
     errors.read_line(&mut warning).unwrap();
     assert!(warning.starts_with("warning: slab.toml:8:"), "{warning}");

@@ -1,5 +1,5 @@
-//! Jobs that are longer than what they are given: what is finished of them is kept,
-//! and they go on from there, to the bit.
+//! Jobs that are interrupted again and again: finished units of work are kept, and the job
+//! resumes with bitwise identical results.
 #![allow(clippy::unwrap_used)]
 
 use std::sync::atomic::{AtomicBool, AtomicU64, Ordering};
@@ -14,22 +14,22 @@ use splitsnow::measurement::Spectrum;
 use splitsnow::parameter::Parameter;
 use splitsnow::transport::Substrate;
 
-/// Keeps some savings of a life and ends it: what is saved later is lost, as is
-/// what is at work.
+/// Keeps the units of one run of a job and cancels the run after every `savings` units.
+/// Units saved later, and unfinished ones, are lost.
 #[derive(Debug, Clone)]
-struct Life {
+struct InterruptedRun {
     kept: Arc<Mutex<Vec<Vec<u8>>>>,
     savings: usize,
     cancel: &'static AtomicBool,
 }
 
-impl UnitStore for Life {
-    fn keep(&self, units: &[u8]) -> bool {
+impl UnitStore for InterruptedRun {
+    fn append(&self, units: &[u8]) -> bool {
         let mut kept = self.kept.lock().unwrap();
         if !self.cancel.load(Ordering::Relaxed) {
             kept.push(units.to_vec());
-            let over = kept.len().is_multiple_of(self.savings);
-            self.cancel.store(over, Ordering::Relaxed);
+            let interrupt = kept.len().is_multiple_of(self.savings);
+            self.cancel.store(interrupt, Ordering::Relaxed);
         }
         true
     }
@@ -48,13 +48,13 @@ fn run(
         rays_done: &rays_done,
         cache,
     };
-    // beyond where each holds, too
+    // without checking the limits of the engine
     let result = engine.run_unchecked(request, &control);
     (result, rays_done.into_inner())
 }
 
 #[test]
-fn a_job_ends_however_short_its_lives_are() {
+fn interrupted_jobs_finish_with_identical_results() {
     for engine in [
         Engine::Reference,
         Engine::Spectral,
@@ -64,10 +64,10 @@ fn a_job_ends_however_short_its_lives_are() {
         let mut grid = grid(engine);
         grid.run.rays = 10_000;
         grid.fixed.substrate = Substrate::Grey(0.3);
-        // one thin slab, one with an inside
+        // a thin slab and one with an interior
         grid.axes.set(Parameter::GrainSize, vec![400.0]);
         grid.axes.set(Parameter::Thickness, vec![0.5, 2.0]);
-        // its units are many: one index node will do
+        // one index node is enough for hybrid, which has many units
         let nm = [500.0, 900.0];
         let count = if engine == Engine::Hybrid { 1 } else { 2 };
         grid.wavelengths_nm = nm[..count].to_vec();
@@ -83,30 +83,33 @@ fn a_job_ends_however_short_its_lives_are() {
         let (expected, walked) = run(engine, &request, &Cache::default(), &AtomicBool::new(false));
         assert!(expected.is_ok(), "{engine:?}: {expected:?}");
         let kept = Arc::default();
-        let (mut lives, mut walked_in_all) = (0, 0);
+        let (mut runs, mut walked_in_all_runs) = (0, 0);
         let result = loop {
             let cancel: &'static AtomicBool = Box::leak(Box::default());
-            let life = Life {
+            let store = InterruptedRun {
                 kept: Arc::clone(&kept),
-                // the units of hybrid are many
+                // hybrid has many units
                 savings: if engine == Engine::Hybrid { 8 } else { 1 },
                 cancel,
             };
             let before = kept.lock().unwrap().clone();
-            let units = Units::new(Box::new(life), &before).saved_every(Duration::ZERO);
-            // nothing else survives
+            let units = Units::new(Box::new(store), &before).with_save_interval(Duration::ZERO);
+            // a new cache: only the units survive
             let cache = Cache::default().with(units);
             let (result, walked) = run(engine, &request, &cache, cancel);
-            lives += 1;
-            walked_in_all += walked;
-            assert!(lives < 10_000);
+            runs += 1;
+            walked_in_all_runs += walked;
+            assert!(runs < 10_000);
             match result {
                 Err(EngineError::Cancelled) => {}
                 result => break result,
             }
         };
         assert_eq!(result, expected, "{engine:?}");
-        assert!(lives > 4, "{engine:?}: {lives} lives");
-        assert_eq!(walked_in_all, walked, "{engine:?}: walked twice");
+        assert!(runs > 4, "{engine:?}: {runs} runs");
+        assert_eq!(
+            walked_in_all_runs, walked,
+            "{engine:?}: some rays were walked twice"
+        );
     }
 }

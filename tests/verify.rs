@@ -1,5 +1,5 @@
-//! `verify` passes on a database that was just built, and says what is wrong
-//! with one that was damaged, exchanged, changed or promises too much.
+//! `verify` passes on a newly built database. It reports the error in a database that was
+//! damaged, exchanged or changed, or whose stated bounds are not met.
 #![allow(clippy::unwrap_used)]
 
 use std::collections::BTreeMap;
@@ -8,10 +8,11 @@ use std::path::Path;
 use std::sync::LazyLock;
 use std::sync::atomic::{AtomicBool, AtomicU64};
 
+use sha2::{Digest, Sha256};
 use splitsnow::batch;
 use splitsnow::colour::Colorimeter;
 use splitsnow::compress::{
-    BAND_ERRORS, BOUNDS, Bands, Choice, CompactFile, Compressed, Variant, annotated, compress,
+    BAND_ERRORS, BOUNDS, Bands, Choice, CompactFile, Compressed, Variant, compress, with_metadata,
 };
 use splitsnow::config;
 use splitsnow::engine::{Cache, Control, Engine, EngineError, Request};
@@ -21,6 +22,7 @@ use splitsnow::lookup::{Database, SubstrateKind};
 use splitsnow::measurement::{Quantity, Spectrum};
 use splitsnow::parameter::Parameter;
 use splitsnow::store::{Access, COMPACT, Store, Variable};
+use splitsnow::transport::Substrate;
 use splitsnow::verify::{Options, Report, Verification, VerifyError};
 
 const NODES: &str = "fresh simulations at nodes of the grid";
@@ -43,21 +45,21 @@ fn grid() -> Grid {
     grid
 }
 
-type Simulated = Result<Vec<Spectrum>, EngineError>;
+type SimulationResult = Result<Vec<Spectrum>, EngineError>;
 
 fn build(
     dir: &Path,
     grid: &Grid,
-    simulate: impl Fn(&Request<'_>, &Control<'_>) -> Simulated + Sync,
-    promise: impl Fn(&mut Compressed),
+    simulate: impl Fn(&Request<'_>, &Control<'_>) -> SimulationResult + Sync,
+    adjust: impl Fn(&mut Compressed),
 ) {
     let store = Store::build(dir, grid, &BTreeMap::new(), Access::Exclusive).unwrap();
     let options = batch::Options::default();
     batch::run(grid, &store, simulate, &options, &AtomicBool::new(false)).unwrap();
-    write_compact(&store, grid, Choice::Bounds(grid.compression), promise);
+    write_compact(&store, grid, Choice::Bounds(grid.compression), adjust);
 }
 
-fn write_compact(store: &Store, grid: &Grid, choice: Choice, promise: impl Fn(&mut Compressed)) {
+fn write_compact(store: &Store, grid: &Grid, choice: Choice, adjust: impl Fn(&mut Compressed)) {
     let colour = Colorimeter::new(&grid.wavelengths_nm).unwrap();
     let bands = Bands::new(&grid.wavelengths_nm);
     let bands = match choice {
@@ -75,7 +77,7 @@ fn write_compact(store: &Store, grid: &Grid, choice: Choice, promise: impl Fn(&m
             Variant::default(),
         )
         .unwrap();
-        promise(&mut compressed);
+        adjust(&mut compressed);
         compressed
     };
     CompactFile {
@@ -95,19 +97,19 @@ fn write_compact(store: &Store, grid: &Grid, choice: Choice, promise: impl Fn(&m
     .unwrap();
 }
 
-/// The engine itself.
-fn honest(request: &Request<'_>, control: &Control<'_>) -> Simulated {
+/// Simulates without modification.
+fn unmodified(request: &Request<'_>, control: &Control<'_>) -> SimulationResult {
     Engine::Spectral.run(request, control)
 }
 
-/// Built once, never changed.
+/// Built once and never changed.
 static FRESH: LazyLock<tempfile::TempDir> = LazyLock::new(|| {
     let dir = tempfile::tempdir().unwrap();
-    build(dir.path(), &grid(), honest, |_| {});
+    build(dir.path(), &grid(), unmodified, |_| {});
     dir
 });
 
-/// A copy to be damaged.
+/// A copy of [`FRESH`] for modification.
 fn copy() -> tempfile::TempDir {
     copy_of(&FRESH)
 }
@@ -123,10 +125,10 @@ fn copy_of(built: &tempfile::TempDir) -> tempfile::TempDir {
 }
 
 fn verify(dir: &Path, options: Options) -> Report {
-    certified(dir, options).0
+    verify_with_budget(dir, options).0
 }
 
-fn certified(dir: &Path, options: Options) -> (Report, Option<ErrorBudget>) {
+fn verify_with_budget(dir: &Path, options: Options) -> (Report, Option<ErrorBudget>) {
     let (cancel, rays_done) = (AtomicBool::new(false), AtomicU64::new(0));
     let cache = Cache::default();
     let control = Control {
@@ -142,7 +144,7 @@ fn certified(dir: &Path, options: Options) -> (Report, Option<ErrorBudget>) {
     found
 }
 
-/// Files only.
+/// Verifies the files only, without simulations.
 fn verify_files(dir: &Path) -> Report {
     let options = Options {
         samples: 0,
@@ -165,16 +167,16 @@ fn a_fresh_build_passes() {
     assert_eq!(
         report,
         verify(FRESH.path(), OPTIONS),
-        "a function of its options"
+        "the report depends only on its options"
     );
     let other = Options { seed: 2, ..OPTIONS };
     assert_ne!(report, verify(FRESH.path(), other));
-    let more_than_there_are = Options {
+    let more_samples_than_jobs = Options {
         samples: 100,
         rays: Some(50),
         ..OPTIONS
     };
-    let report = verify(FRESH.path(), more_than_there_are);
+    let report = verify(FRESH.path(), more_samples_than_jobs);
     assert!(report.passed(), "{report}");
     assert!(
         report
@@ -186,28 +188,28 @@ fn a_fresh_build_passes() {
 
 #[test]
 fn the_command_prints_the_report() {
-    let command = |dir: &Path, args: &[&str]| {
+    let run_verify = |dir: &Path, args: &[&str]| {
         let mut command = assert_cmd::Command::cargo_bin("splitsnow").unwrap();
         command.arg("verify").arg(dir).args(args).output().unwrap()
     };
     let args = ["--samples", "2", "--rays", "100", "--points", "0"];
     let args = [&args[..], &["--threads"]].concat();
-    let one = command(FRESH.path(), &[&args[..], &["1"]].concat());
-    assert!(one.status.success(), "{one:?}");
-    let text = String::from_utf8(one.stdout.clone()).unwrap();
+    let single_threaded = run_verify(FRESH.path(), &[&args[..], &["1"]].concat());
+    assert!(single_threaded.status.success(), "{single_threaded:?}");
+    let text = String::from_utf8(single_threaded.stdout.clone()).unwrap();
     assert!(
         text.ends_with("\nPASS\n") && text.contains("Delta-E max"),
         "{text}"
     );
     assert_eq!(
-        one.stdout,
-        command(FRESH.path(), &[&args[..], &["2"]].concat()).stdout
+        single_threaded.stdout,
+        run_verify(FRESH.path(), &[&args[..], &["2"]].concat()).stdout
     );
 
     let dir = copy();
     fs::remove_file(dir.path().join(COMPACT)).unwrap();
     let files_only = ["--samples", "0", "--points", "0", "--json"];
-    let failed = command(dir.path(), &files_only);
+    let failed = run_verify(dir.path(), &files_only);
     assert_eq!(failed.status.code(), Some(1));
     let json: serde_json::Value = serde_json::from_slice(&failed.stdout).unwrap();
     assert_eq!(json["passed"], false);
@@ -216,8 +218,8 @@ fn the_command_prints_the_report() {
     let errors = String::from_utf8(failed.stderr).unwrap();
     assert!(errors.contains(COMPACT_CHECK), "{errors}");
 
-    // what there was no time for is not done
-    let late = command(FRESH.path(), &["--seconds", "1e-9"]);
+    // checks for which there was no time are omitted
+    let late = run_verify(FRESH.path(), &["--seconds", "1e-9"]);
     assert_eq!(late.status.code(), Some(1), "{late:?}");
     let errors = String::from_utf8(late.stderr).unwrap();
     assert!(
@@ -226,7 +228,7 @@ fn the_command_prints_the_report() {
     );
 
     let empty = tempfile::tempdir().unwrap();
-    let none = command(empty.path(), &[]);
+    let none = run_verify(empty.path(), &[]);
     assert_eq!(none.status.code(), Some(1));
     assert!(
         String::from_utf8(none.stderr)
@@ -253,7 +255,7 @@ fn a_damaged_job_is_named() {
 }
 
 #[test]
-fn a_compact_file_of_another_database_is_refused() {
+fn a_compact_file_of_another_database_is_rejected() {
     let mut grid = grid();
     grid.run.seed = 8;
     grid.run.rays = 20;
@@ -288,7 +290,7 @@ fn a_compact_file_of_another_database_is_refused() {
 }
 
 #[test]
-fn changed_coefficients_are_found() {
+fn changed_coefficients_are_detected() {
     let dir = copy();
     let path = dir.path().join(COMPACT);
     let mut bytes = fs::read(&path).unwrap();
@@ -297,16 +299,16 @@ fn changed_coefficients_are_found() {
     let begin = json["transmittance.coefficients"]["data_offsets"][0]
         .as_u64()
         .unwrap();
-    let at = header + begin as usize;
-    let first = f32::from_le_bytes(bytes[at..at + 4].try_into().unwrap());
-    bytes[at..at + 4].copy_from_slice(&(first * 1.001).to_le_bytes());
+    let offset = header + begin as usize;
+    let first = f32::from_le_bytes(bytes[offset..offset + 4].try_into().unwrap());
+    bytes[offset..offset + 4].copy_from_slice(&(first * 1.001).to_le_bytes());
     fs::write(&path, bytes).unwrap();
     let message = "of transmittance, but its coefficients give";
     assert_fails(&verify_files(dir.path()), COMPACT_CHECK, message);
 }
 
 #[test]
-fn a_bound_that_is_not_kept_fails() {
+fn an_unmet_bound_fails() {
     let dir = tempfile::tempdir().unwrap();
     let tight = |compressed: &mut Compressed| compressed.bounds.max_rmse = Some(1e-9);
     build(dir.path(), &grid(), crate::common::simulate, tight);
@@ -317,15 +319,15 @@ fn a_bound_that_is_not_kept_fails() {
     );
 }
 
-/// What there is no time for is named at the end, and a bound that is broken still fails.
+/// The report ends with the checks that there was no time for. An unmet bound still fails.
 #[test]
-fn a_spent_budget_says_what_was_not_checked() {
+fn an_exhausted_time_budget_lists_the_missing_checks() {
     let options = Options {
         points: 16,
         seconds: Some(0.0),
         ..OPTIONS
     };
-    let (report, error_budget) = certified(FRESH.path(), options);
+    let (report, error_budget) = verify_with_budget(FRESH.path(), options);
     assert!(report.passed() && error_budget.is_none(), "{report}");
     let names: Vec<_> = report.checks.iter().map(|check| check.name).collect();
     assert_eq!(names, ["files of the database", COMPACT_CHECK]);
@@ -346,7 +348,7 @@ fn a_spent_budget_says_what_was_not_checked() {
     build(dir.path(), &grid(), crate::common::simulate, tight);
     let report = verify(dir.path(), options);
     assert_fails(&report, COMPACT_CHECK, "FAIL  of what was checked");
-    // enough for all
+    // enough time for all checks
     let options = Options {
         seconds: Some(1e9),
         ..OPTIONS
@@ -355,7 +357,7 @@ fn a_spent_budget_says_what_was_not_checked() {
 }
 
 #[test]
-fn a_bound_of_a_band_that_is_not_kept_fails() {
+fn an_unmet_bound_of_a_band_fails() {
     let dir = tempfile::tempdir().unwrap();
     let nm = grid().wavelengths_nm;
     let tight = |compressed: &mut Compressed| {
@@ -369,7 +371,7 @@ fn a_bound_of_a_band_that_is_not_kept_fails() {
         report.to_string().contains("is not below 1.000e-9"),
         "{report}"
     );
-    // files from before bands were told
+    // files without band errors, as written by earlier versions
     let none = |compressed: &mut Compressed| compressed.bands = Bands::default();
     let dir = tempfile::tempdir().unwrap();
     build(dir.path(), &grid(), crate::common::simulate, none);
@@ -401,14 +403,14 @@ fn changed_errors_of_a_band_fail() {
     ] {
         fs::write(
             &path,
-            annotated(&bytes, &[(BAND_ERRORS, Some(&text))]).unwrap(),
+            with_metadata(&bytes, &[(BAND_ERRORS, Some(&text))]).unwrap(),
         )
         .unwrap();
         assert_fails(&verify_files(dir.path()), COMPACT_CHECK, message);
     }
 }
 
-/// One snow at 5 thicknesses and 4 angles, with little noise.
+/// One snow at 5 thicknesses and 4 angles, with low noise.
 fn one_snow() -> Grid {
     let mut grid = grid();
     grid.axes.set(Parameter::Facetness, vec![0.5]);
@@ -423,7 +425,7 @@ fn one_snow() -> Grid {
     grid
 }
 
-fn hybrid(request: &Request<'_>, control: &Control<'_>) -> Simulated {
+fn hybrid(request: &Request<'_>, control: &Control<'_>) -> SimulationResult {
     Engine::Hybrid.run(request, control)
 }
 
@@ -439,12 +441,12 @@ const CERTIFY: Options = Options {
     ..OPTIONS
 };
 
-/// What is found of [`ONE_SNOW`].
+/// The report and error budget of [`ONE_SNOW`].
 static CERTIFIED: LazyLock<(Report, Option<ErrorBudget>)> =
-    LazyLock::new(|| certified(ONE_SNOW.path(), CERTIFY));
+    LazyLock::new(|| verify_with_budget(ONE_SNOW.path(), CERTIFY));
 
 #[test]
-fn an_error_budget_is_a_function_of_its_seed() {
+fn the_error_budget_depends_only_on_its_seed() {
     let (report, error_budget) = &*CERTIFIED;
     assert!(report.passed(), "{report}");
     assert_eq!(report.checks.len(), 3);
@@ -459,19 +461,19 @@ fn an_error_budget_is_a_function_of_its_seed() {
     assert_eq!(chain.worst[0].delta_e, Some(total.max));
     let axes: Vec<_> = chain.axes.keys().collect();
     assert_eq!(axes, ["angle_deg", "thickness_cm"]);
-    // noise is small, so that the bound of the compression is most of it
+    // noise is low, so most of the error is the bound of the compression
     assert!(total.max < 2.3, "{error_budget}");
 
     let other = Options { seed: 2, ..CERTIFY };
-    let other = certified(ONE_SNOW.path(), other).1.unwrap();
+    let other = verify_with_budget(ONE_SNOW.path(), other).1.unwrap();
     assert_ne!(other.quantities, error_budget.quantities);
-    assert_eq!(certified(ONE_SNOW.path(), OPTIONS).1, None);
+    assert_eq!(verify_with_budget(ONE_SNOW.path(), OPTIONS).1, None);
 }
 
 #[test]
-fn shifted_curves_show_in_the_error_budget() {
+fn biased_curves_increase_the_error_budget() {
     let dir = tempfile::tempdir().unwrap();
-    let shifted = |request: &Request<'_>, control: &Control<'_>| -> Simulated {
+    let shifted = |request: &Request<'_>, control: &Control<'_>| -> SimulationResult {
         let mut spectra = hybrid(request, control)?;
         for spectrum in &mut spectra {
             let both = [&mut spectrum.transmittance, &mut spectrum.reflectance];
@@ -481,10 +483,10 @@ fn shifted_curves_show_in_the_error_budget() {
     };
     build(dir.path(), &one_snow(), shifted, |_| {});
     let good = CERTIFIED.1.clone().unwrap();
-    let shifted = certified(dir.path(), CERTIFY).1.unwrap();
+    let shifted = verify_with_budget(dir.path(), CERTIFY).1.unwrap();
     for quantity in Quantity::ALL {
-        let of = |error_budget: &ErrorBudget| error_budget.quantities[quantity.name()].clone();
-        let (good, shifted) = (of(&good), of(&shifted));
+        let chain = |error_budget: &ErrorBudget| error_budget.quantities[quantity.name()].clone();
+        let (good, shifted) = (chain(&good), chain(&shifted));
         let mean = |m: splitsnow::error_budget::Measures| m.rmse.mean;
         for (good, shifted) in [
             (good.total, shifted.total),
@@ -493,8 +495,8 @@ fn shifted_curves_show_in_the_error_budget() {
         ] {
             assert!(mean(shifted) > 3.0 * mean(good), "{good:?} {shifted:?}");
         }
-        // both files are as true to their curves as was asked, though the one may need
-        // a component less
+        // compression meets the requested bound in both files, although one may need fewer
+        // components
         let bound = one_snow().compression.max_delta_e;
         for compression in [good.compression, shifted.compression] {
             assert!(compression.delta_e.unwrap().max < bound, "{compression:?}");
@@ -504,28 +506,28 @@ fn shifted_curves_show_in_the_error_budget() {
 }
 
 #[test]
-fn coarse_compression_shows_in_the_error_budget() {
+fn coarse_compression_increases_the_error_budget() {
     let dir = copy_of(&ONE_SNOW);
     let path = dir.path().join(COMPACT);
     let chain = || {
-        let (report, error_budget) = certified(dir.path(), CERTIFY);
+        let (report, error_budget) = verify_with_budget(dir.path(), CERTIFY);
         assert!(report.passed(), "{report}");
         error_budget.unwrap().quantities["transmittance"].clone()
     };
-    let with = |components| {
+    let chain_with = |components| {
         let store = Store::open(dir.path()).unwrap();
         write_compact(&store, &one_snow(), Choice::Components(components), |_| {});
         chain()
     };
-    let (fine, coarse) = (with(4), with(1));
+    let (fine, coarse) = (chain_with(4), chain_with(1));
     let max = |m: splitsnow::error_budget::Measures| m.delta_e.unwrap().max;
     assert!(max(fine.compression) < 1e-2, "{fine:?}");
     assert!(max(coarse.compression) > 0.3, "{coarse:?}");
     assert_eq!(coarse.interpolation, fine.interpolation);
 
-    // a bound it states but does not keep
+    // a stated bound that the file does not meet
     let bounds = r#"{"transmittance":{"max_delta_e":0.1,"max_rmse":null},"reflectance":{"max_delta_e":null,"max_rmse":null}}"#;
-    let lowered = annotated(&fs::read(&path).unwrap(), &[(BOUNDS, Some(bounds))]).unwrap();
+    let lowered = with_metadata(&fs::read(&path).unwrap(), &[(BOUNDS, Some(bounds))]).unwrap();
     fs::write(&path, lowered).unwrap();
     assert_fails(
         &verify_files(dir.path()),
@@ -535,24 +537,24 @@ fn coarse_compression_shows_in_the_error_budget() {
 }
 
 #[test]
-fn the_command_keeps_the_error_budget_in_the_file() {
+fn the_command_stores_the_error_budget_in_the_file() {
     let dir = copy_of(&ONE_SNOW);
     let path = dir.path().join(COMPACT);
-    let verified = |threads| {
+    let run_verify = |threads| {
         let mut command = assert_cmd::Command::cargo_bin("splitsnow").unwrap();
         command.arg("verify").arg(dir.path());
         command.args(["--samples", "0", "--points", "16", "--point-rays", "32768"]);
         command.args(["--threads", threads]);
         command.assert().success().get_output().stdout.clone()
     };
-    let report = String::from_utf8(verified("1")).unwrap();
+    let report = String::from_utf8(run_verify("1")).unwrap();
     assert!(report.contains("off the nodes in angle_deg"), "{report}");
     let file = Database::open(&path).unwrap();
-    let kept: ErrorBudget = serde_json::from_str(&file.metadata()[ERROR_BUDGET]).unwrap();
-    let kept_points = kept.points;
-    assert_eq!(CERTIFIED.1, Some(kept));
+    let stored: ErrorBudget = serde_json::from_str(&file.metadata()[ERROR_BUDGET]).unwrap();
+    let stored_points = stored.points;
+    assert_eq!(CERTIFIED.1, Some(stored));
     let bytes = fs::read(&path).unwrap();
-    assert_eq!(String::from_utf8(verified("2")).unwrap(), report);
+    assert_eq!(String::from_utf8(run_verify("2")).unwrap(), report);
     assert_eq!(fs::read(&path).unwrap(), bytes);
 
     let mut query = assert_cmd::Command::cargo_bin("splitsnow").unwrap();
@@ -560,7 +562,7 @@ fn the_command_keeps_the_error_budget_in_the_file() {
     let point = "--facetness 0.5 --grain-size-um 300 --density-kg-m3 300 --thickness-cm 3 --incidence-angle-deg 9";
     let output = query.args(point.split(' ')).assert().success();
     let text = String::from_utf8(output.get_output().stdout.clone()).unwrap();
-    let points = format!("# {kept_points} random points against");
+    let points = format!("# {stored_points} random points against");
     assert!(
         text.contains(&points) && text.contains("\n#   whole chain "),
         "{text}"
@@ -568,10 +570,10 @@ fn the_command_keeps_the_error_budget_in_the_file() {
 }
 
 #[test]
-fn a_small_bias_of_all_nodes_is_found() {
+fn a_small_bias_of_all_nodes_is_detected() {
     let dir = tempfile::tempdir().unwrap();
-    let biased = |request: &Request<'_>, control: &Control<'_>| -> Simulated {
-        let mut spectra = honest(request, control)?;
+    let biased = |request: &Request<'_>, control: &Control<'_>| -> SimulationResult {
+        let mut spectra = unmodified(request, control)?;
         for measured in spectra.iter_mut().flat_map(|s| &mut s.reflectance) {
             measured.value += 5.0 * measured.se;
         }
@@ -597,7 +599,7 @@ fn a_small_bias_of_all_nodes_is_found() {
 }
 
 #[test]
-fn cancelling_stops_it() {
+fn cancellation_stops_verification() {
     let verification = Verification::open(FRESH.path(), OPTIONS).unwrap();
     let (cancel, rays_done) = (AtomicBool::new(true), AtomicU64::new(0));
     let cache = Cache::default();
@@ -612,7 +614,7 @@ fn cancelling_stops_it() {
 }
 
 #[test]
-fn the_grid_of_a_database_is_in_it() {
+fn a_database_contains_its_grid() {
     for engine in Engine::ALL {
         let mut grid = crate::common::grid(engine);
         grid.run.rays = 12_345;
@@ -628,9 +630,87 @@ fn the_grid_of_a_database_is_in_it() {
             .grid;
         assert_ne!(
             again, grid,
-            "the bounds of the compression are no part of a database"
+            "the database does not contain the bounds of the compression"
         );
         again.compression = grid.compression;
         assert_eq!(again, grid);
+    }
+}
+
+/// `text` of a description in the spelling of version 0.1.
+fn former(text: &str) -> String {
+    text.replace("incidence_angle_deg = ", "angle_deg = ")
+        .replace("\"hybrid\"", "\"doubling\"")
+}
+
+/// Rewrites the attributes of the database in `dir` and of its compact file as version 0.1
+/// wrote them.
+fn rewrite_as_version_0_1(dir: &Path) {
+    let respell = |attributes: &mut serde_json::Value| {
+        let config = former(attributes["config"].as_str().unwrap());
+        let digest = Sha256::digest(&config);
+        let digest: String = digest.iter().map(|byte| format!("{byte:02x}")).collect();
+        attributes["config"] = config.into();
+        attributes["config_sha256"] = digest.into();
+        if attributes["engine"] == "hybrid" {
+            attributes["engine"] = "doubling".into();
+        }
+        let bottom = attributes["bottom_boundary"].as_str().unwrap();
+        attributes["bottom_boundary"] = bottom.replace("an substrate", "an ground").into();
+    };
+    let root = dir.join("database.zarr/zarr.json");
+    let mut json: serde_json::Value = serde_json::from_slice(&fs::read(&root).unwrap()).unwrap();
+    respell(&mut json["attributes"]);
+    fs::write(&root, serde_json::to_string_pretty(&json).unwrap() + "\n").unwrap();
+    let compact = dir.join(COMPACT);
+    let file = Database::open(&compact).unwrap();
+    let mut provenance = serde_json::from_str(&file.metadata()["provenance"]).unwrap();
+    respell(&mut provenance);
+    let entries = [("provenance", Some(&*provenance.to_string()))];
+    let bytes = with_metadata(&fs::read(&compact).unwrap(), &entries).unwrap();
+    fs::write(&compact, bytes).unwrap();
+}
+
+/// What an earlier version wrote is renewed by a build, but not damaged.
+#[test]
+fn a_database_of_an_earlier_version_is_intact() {
+    const EARLIER: &str = "zarr.json was written by an earlier version: run `splitsnow build`";
+    let on_grey = tempfile::tempdir().unwrap();
+    let mut grey_grid = one_snow();
+    grey_grid.run.rays = 2000;
+    grey_grid.fixed.substrate = Substrate::Grey(0.3);
+    build(on_grey.path(), &grey_grid, hybrid, |_| {});
+    for (built, grid) in [(&*FRESH, grid()), (&on_grey, grey_grid)] {
+        assert!(!verify_files(built.path()).to_string().contains(EARLIER));
+        let dir = copy_of(built);
+        rewrite_as_version_0_1(dir.path());
+        let report = verify_files(dir.path());
+        assert!(report.passed(), "{report}");
+        assert!(report.to_string().contains(EARLIER), "{report}");
+        let mut command = assert_cmd::Command::cargo_bin("splitsnow").unwrap();
+        let files_only = ["--samples", "0", "--points", "0"];
+        command.arg("verify").arg(dir.path()).args(files_only);
+        command.assert().success();
+
+        // a change of such metadata is still damage
+        let root = dir.path().join("database.zarr/zarr.json");
+        let whole = fs::read_to_string(&root).unwrap();
+        for (text, changed) in [("\"seed\": 7", "\"seed\": 8"), ("of snow", "of snaw")] {
+            let damaged = whole.replacen(text, changed, 1);
+            assert_ne!(damaged, whole);
+            fs::write(&root, damaged).unwrap();
+            let report = verify_files(dir.path());
+            assert_fails(&report, "files of the database", "zarr.json is damaged");
+        }
+        fs::write(&root, whole).unwrap();
+
+        let store = Store::build(dir.path(), &grid, &BTreeMap::new(), Access::Exclusive).unwrap();
+        assert!(store.missing(None).unwrap().is_empty());
+        drop(store);
+        let database = |dir: &Path| crate::common::dir_bytes(&dir.join("database.zarr"));
+        crate::common::assert_same(&database(built.path()), &database(dir.path()));
+        let report = verify_files(dir.path());
+        assert!(report.passed(), "{report}");
+        assert!(!report.to_string().contains(EARLIER), "{report}");
     }
 }

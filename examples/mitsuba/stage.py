@@ -25,7 +25,7 @@ def grey(reflectance):
 
 def d55():
     """CIE illuminant D55: daylight with the sun lower than for D65."""
-    file = HERE.parents[1] / "data/illuminant_d55.csv"
+    file = HERE.parents[1] / "crates/spectra/data/illuminant_d55.csv"
     rows = [line.split(",") for line in file.read_text().splitlines() if line[:1].isdigit()]
     nm, power = zip(*rows)
     values = [str(float(value) / 100) for value in power]

@@ -37,6 +37,9 @@ type Result<T> = std::result::Result<T, Box<dyn Error>>;
 const RAYS: f64 = 100_000.0;
 
 fn main() -> Result<()> {
+    let font = dejavu::sans::regular();
+    plotters::style::register_font("sans-serif", plotters::style::FontStyle::Normal, font)
+        .map_err(|_| "unreadable font")?;
     let arguments: Vec<String> = std::env::args().collect();
     let docs = Path::new(arguments.get(1).map_or("docs", String::as_str));
     let scale: f64 = arguments.get(2).map_or(Ok(1.0), |text| text.parse())?;

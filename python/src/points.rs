@@ -64,7 +64,7 @@ impl<'a> Points<'a> {
             [value] => *value,
             values => values[index],
         };
-        Point::of_core(std::array::from_fn(value))
+        Point::from_core(std::array::from_fn(value))
     }
 
     /// Looks up the spectrum of each point (`wavelengths` values) and writes it with

@@ -27,7 +27,7 @@ type Bounds = (Option<f64>, Option<f64>);
 
 /// The error allowed at these wavelengths, and the default number of walks.
 fn bounds(given: Option<Bounds>, engine: Engine, nm: &[f64]) -> PyResult<(MaxError, u64)> {
-    let mut allowed = MaxError::usual(nm);
+    let mut allowed = MaxError::default_for(nm);
     let Some((delta_e, rmse)) = given else {
         return Ok((allowed, RAYS));
     };

@@ -1,4 +1,4 @@
-"""Colours compared with the formulas of colorimetry and the tables in data/."""
+"""Colours are compared with the formulas of colorimetry and the tables in data/."""
 
 from pathlib import Path
 
@@ -7,7 +7,7 @@ import pytest
 
 import splitsnow
 
-DATA = Path(__file__).parents[2] / "data"
+DATA = Path(__file__).parents[2] / "crates/spectra/data"
 FILES = {"E": "e", "D55": "d55", "D65": "d65", "LED-B5": "led_b5", "FL3.15": "fl3_15", "A": "a", "D50": "d50"}
 POINT = (0.3, 250, 300, np.array([1, 4.5, 10]), 33)
 # matrix and D65 white of IEC 61966-2-1
@@ -23,7 +23,7 @@ def table(name):
 
 
 def tristimulus(spectrum, nm, illuminant):
-    """XYZ of a spectrum and of white, summed every 5 nm."""
+    """XYZ of a spectrum and of white, summed in steps of 5 nm."""
     light_nm, power = table(f"illuminant_{FILES[illuminant]}")
     observer_nm, *observer = table("cie_1931_2deg")
     fine = np.arange(nm[0], nm[-1] + 1, 5.0)
@@ -41,7 +41,7 @@ def lab(xyz, white):
 
 @pytest.mark.parametrize("illuminant", FILES)
 @pytest.mark.parametrize("kind", ["quick", "tailored"])
-def test_formulas(request, kind, illuminant):
+def test_colours_match_the_formulas(request, kind, illuminant):
     database = request.getfixturevalue(kind)
     point = POINT if kind == "quick" else (0.3, 300, 300, np.array([16, 21.5, 39]), 33)
     nm = database.wavelengths_nm
@@ -99,7 +99,7 @@ def test_shapes_and_clipping():
     assert np.array_equal(splitsnow.xyz(blue, nm), splitsnow.xyz(blue, nm, "E"))
 
 
-def test_wrong_arguments():
+def test_invalid_arguments_are_rejected():
     nm = np.arange(400, 701, 10)
     for message, call in {
         "31 values": lambda: splitsnow.lab(np.ones(30), nm),
@@ -111,7 +111,7 @@ def test_wrong_arguments():
             call()
 
 
-def test_swatch():
+def test_swatch_shows_the_colours():
     nm = np.arange(400, 701, 10)
     spectra = np.array([np.full(31, 0.2), np.linspace(0.1, 0.02, 31)])
     image = splitsnow.swatch(spectra, nm, ("E", "D65", "LED-B5"), exposure=4, patch=3)
@@ -129,13 +129,13 @@ def test_swatch():
         splitsnow.swatch(spectra[None, None], nm)
 
 
-def test_a_swatch_of_three_wavelengths():
+def test_a_swatch_of_three_wavelengths_is_white():
     nm = np.array([455, 551, 608])
     image = splitsnow.swatch(np.ones(3), nm, patch=1)
     assert (image == 255).all()
 
 
-def test_illuminants_of_files_and_arrays(quick, tmp_path, caplog):
+def test_illuminants_from_files_and_arrays(quick, tmp_path, caplog):
     nm, power = table("illuminant_d65")
     named = quick.lab(*POINT, illuminant="D65")
     arrays = quick.lab(*POINT, illuminant=(nm, 0.01 * power))

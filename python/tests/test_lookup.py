@@ -1,4 +1,4 @@
-"""Look-ups equal those of `splitsnow query`, with the shapes of NumPy broadcasting."""
+"""Look-ups equal those of `splitsnow query` and follow the broadcasting rules of NumPy."""
 
 import json
 import multiprocessing
@@ -40,7 +40,7 @@ def test_equals_query_for_a_tailored_file_and_optional_axes(tailored, sooty, que
     expected = query(sooty, *point, **conditions)[1]
     assert np.array_equal(sooty.transmittance(*point, black_carbon_ng_g=30), expected)
     assert np.array_equal(sooty.transmittance(*point, conditions=conditions), expected)
-    # a look-up prepared for one value is not used for another
+    # a look-up prepared for one value is not reused for another
     assert (sooty.transmittance(*point, black_carbon_ng_g=60) < expected).all()
     assert np.array_equal(sooty.transmittance(*point, black_carbon_ng_g=30), expected)
     for soot in range(20):  # more than the cache holds
@@ -48,7 +48,7 @@ def test_equals_query_for_a_tailored_file_and_optional_axes(tailored, sooty, que
     assert np.array_equal(sooty.transmittance(*point, black_carbon_ng_g=30), expected)
 
 
-def test_files_from_before_tensors_were_aligned():
+def test_files_with_unaligned_tensors_can_be_read():
     path = ROOT / "tests/data/compact_tensors_by_name.safetensors"
     older = splitsnow.Database.open(path)
     data = path.read_bytes()
@@ -56,10 +56,10 @@ def test_files_from_before_tensors_were_aligned():
     header = json.loads(data[8:begin])
 
     def tensor(name):
-        place = header[name]
-        dtype = {"F32": "<f4", "U8": "u1"}[place["dtype"]]
-        first, last = (begin + offset for offset in place["data_offsets"])
-        return np.frombuffer(data[first:last], dtype).reshape(place["shape"])
+        entry = header[name]
+        dtype = {"F32": "<f4", "U8": "u1"}[entry["dtype"]]
+        first, last = (begin + offset for offset in entry["data_offsets"])
+        return np.frombuffer(data[first:last], dtype).reshape(entry["shape"])
 
     scales = tensor("transmittance.quantisation").astype(float)
     y = np.zeros((9, 7))
@@ -85,7 +85,7 @@ def test_broadcasting(quick):
         quick.reflectance([0.3, 0.4], 250, 300, [1, 2, 3], 0)
 
 
-def scattered(count):
+def random_points(count):
     """Random points within the axes of configs/quick.toml."""
     u = np.random.default_rng(1).random((5, count))
     low, high = np.array([[0.1, 100, 200, 0, 0], [0.9, 500, 400, 10, 80]])[..., None]
@@ -93,8 +93,8 @@ def scattered(count):
 
 
 def test_many_points_equal_single_points(quick):
-    """With more points than one task has."""
-    points = scattered(10_000)
+    """Uses more points than one task processes."""
+    points = random_points(10_000)
     found = quick.transmittance(*points)
     for i in [0, 1023, 1024, 5000, 9999]:
         assert np.array_equal(found[i], quick.transmittance(*points[:, i]))
@@ -105,25 +105,25 @@ def test_many_points_equal_single_points(quick):
 
 def test_threads_share_a_database(out):
     fresh = splitsnow.Database.open(out)
-    points = scattered(3000)
+    points = random_points(3000)
     expected = splitsnow.Database.open(out).transmittance(*points)
     with ThreadPoolExecutor(8) as threads:
         for found in threads.map(lambda _: fresh.transmittance(*points), range(32)):
             assert np.array_equal(found, expected)
 
 
-def test_a_forked_process_can_look_up(quick):
-    points = scattered(3000)
+def test_look_ups_work_in_a_forked_process(quick):
+    points = random_points(3000)
     expected = quick.transmittance(*points)
     with warnings.catch_warnings():
-        # a fork while threads run; this one is safe
+        # forking while threads run causes a warning, but is safe here
         warnings.simplefilter("ignore", DeprecationWarning)
         with multiprocessing.get_context("fork").Pool(1) as pool:
             found = pool.apply_async(quick.transmittance, points).get(timeout=60)
     assert np.array_equal(found, expected)
 
 
-def test_wavelengths(tailored):
+def test_spectra_are_interpolated_between_wavelengths(tailored):
     own = tailored.wavelengths_nm
     assert len(own) < 31
     point = (0.3, 300, 300, np.array([20, 25]), 33)
@@ -144,8 +144,8 @@ def test_wavelengths(tailored):
 @pytest.mark.parametrize(
     "axis, value", list(enumerate([0.95, 501, 199, -0.1, 80.1]))
 )
-def test_errors_outside_name_the_axis(quick, axis, value):
-    # messages name the argument
+def test_errors_name_the_axis_that_is_out_of_range(quick, axis, value):
+    # messages use the name of the argument
     names = [name.replace("angle_deg", "incidence_angle_deg") for name in quick.axes]
     for value in (value, np.nan, np.inf, -np.inf):
         point = list(POINT)
@@ -154,7 +154,7 @@ def test_errors_outside_name_the_axis(quick, axis, value):
             quick.transmittance(*point)
 
 
-def test_the_first_wrong_element_is_named(quick):
+def test_the_first_invalid_element_is_named(quick):
     thickness = np.full((3, 2000), 2.0)
     thickness[1, 1500] = np.nan
     thickness[2, 1000] = -1  # in another task
@@ -162,7 +162,7 @@ def test_the_first_wrong_element_is_named(quick):
         quick.transmittance(0.3, 250, 300, thickness, 0)
 
 
-def test_wrong_arguments(quick, sooty, tailored):
+def test_invalid_arguments_are_rejected(quick, sooty, tailored):
     for message, call in {
         "give a value of black_carbon_ng_g from 0 to 100": lambda: sooty.transmittance(
             0.3, 300, 250, 4, 0
@@ -187,7 +187,7 @@ def test_wrong_arguments(quick, sooty, tailored):
             call()
 
 
-def test_files_that_cannot_be_read(tmp_path):
+def test_unreadable_files_are_errors(tmp_path):
     with pytest.raises(FileNotFoundError, match="nothing.safetensors"):
         splitsnow.Database.open(tmp_path / "nothing.safetensors")
     with pytest.raises(FileNotFoundError, match="snow.safetensors"):
@@ -215,12 +215,12 @@ def test_properties(quick, sooty, tailored, out):
     assert "3 facetness x 3 grain_size_um" in repr(quick) and "31 wavelengths" in repr(quick)
 
 
-def test_pickles(quick):
+def test_databases_can_be_pickled(quick):
     copy = pickle.loads(pickle.dumps(quick))
     assert np.array_equal(copy.transmittance(*POINT), quick.transmittance(*POINT))
 
 
-def test_nodes_are_those_of_the_zarr(quick, sooty, out):
+def test_nodes_equal_those_of_the_zarr_store(quick, sooty, out):
     nodes = quick.to_xarray()
     stored = xarray.open_zarr(out / "database.zarr").load()
     for quantity in quick.quantities:
@@ -234,7 +234,7 @@ def test_nodes_are_those_of_the_zarr(quick, sooty, out):
     for name in nodes.coords:
         assert np.allclose(nodes[name], stored[name], rtol=1e-6)
         assert nodes[name].attrs == stored[name].attrs
-    # a node of the dataset also serves as keywords: `angle_deg` is the dimension's name
+    # nodes can be selected by keywords: `angle_deg` is the name of the dimension
     node = dict(facetness=0.5, grain_size_um=300, density_kg_m3=200, thickness_cm=5, angle_deg=40)
     assert np.allclose(nodes.transmittance.sel(node), quick.transmittance(**node), atol=1e-6)
     sooty_nodes = sooty.to_xarray()

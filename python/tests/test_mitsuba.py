@@ -1,4 +1,4 @@
-"""Snow in Mitsuba scenes, compared with look-ups."""
+"""Snow in Mitsuba scenes is compared with look-ups."""
 
 import importlib
 import math
@@ -35,7 +35,7 @@ def variant(request):
 
 @pytest.fixture(autouse=True)
 def scenes():
-    """Detaches the scenes of a test afterwards; the next test would compile them too."""
+    """Detaches the scenes of a test afterwards; otherwise the next test would compile them."""
     yield
     while _scenes:
         variant, scene = _scenes.pop()
@@ -54,8 +54,8 @@ def use(variant):
 def slab(entries, bottom=0.0, top=0.1, half_width=20.0):
     """A wide slab between two heights."""
     middle, half = (bottom + top) / 2, (top - bottom) / 2
-    place = mi.ScalarTransform4f().translate([0, 0, middle]).scale([half_width, half_width, half])
-    return {"type": "cube", "to_world": place, **entries}
+    pose = mi.ScalarTransform4f().translate([0, 0, middle]).scale([half_width, half_width, half])
+    return {"type": "cube", "to_world": pose, **entries}
 
 
 def scene_of(spp=16, size=2, **shapes):
@@ -89,7 +89,7 @@ def pixel(scene):
 
 
 def radiances(scene, origins, direction, nm=(450, 520, 600, 680)):
-    """Radiance towards the origins of rays, ``(rays, wavelengths or colours)``."""
+    """Radiance along rays from `origins`, ``(rays, wavelengths or colours)``."""
     found = []
     for start in [np.transpose(origins)] if "llvm" in mi.variant() else origins:
         ray = mi.Ray3f(mi.Point3f(*start), mi.Vector3f(*direction))
@@ -106,8 +106,8 @@ def radiance(scene, nm=(450, 520, 600, 680)):
 
 
 def expected(database, thickness_cm, angle_deg, nm=(450, 520, 600, 680), **conditions):
-    """The radiance from the formula, under UNIFORM: as :func:`radiance`, and in rgb variants
-    as a pixel."""
+    """The radiance from the formula under UNIFORM, in the format of :func:`radiance`; in rgb
+    variants as a pixel."""
     rgb = not mi.is_spectral
     spectrum = database.transmittance(
         *NAMED.values(), thickness_cm, angle_deg, wavelengths_nm=NM if rgb else nm, **conditions
@@ -125,24 +125,24 @@ def test_backlit_slab(variant, quick, thickness_cm, angle_deg):
 
 
 @pytest.mark.parametrize("angle_deg", [0, 50])
-def test_pixels(variant, quick, angle_deg):
+def test_pixels_match_the_look_up(variant, quick, angle_deg):
     scene = scene_of(4096, slab=slab(snow(quick, to_light=towards(angle_deg)), top=0.04))
-    seen = pixel(scene)
-    by_colour = quick.transmittance(
+    rendered = pixel(scene)
+    spectrum = quick.transmittance(
         *SNOW, 4 / math.cos(math.radians(angle_deg)), angle_deg, wavelengths_nm=NM
     )
-    by_colour = 2 * math.cos(math.radians(angle_deg)) * by_colour / math.pi
-    assert np.allclose(seen, FROM_XYZ @ splitsnow.xyz(by_colour, NM), rtol=0.01)
+    spectrum = 2 * math.cos(math.radians(angle_deg)) * spectrum / math.pi
+    assert np.allclose(rendered, FROM_XYZ @ splitsnow.xyz(spectrum, NM), rtol=0.01)
 
 
-def test_irradiance_is_as_in_mitsuba(quick):
-    """A number means D65, and D65 is white; a tabulated spectrum is exact."""
+def test_irradiance_follows_mitsuba(quick):
+    """A number means D65, and D65 is white. A tabulated spectrum is used exactly."""
     use("llvm_ad_rgb")
     plain = pixel(scene_of(slab=slab(snow(quick, irradiance=2.0))))
     white = pixel(scene_of(slab=slab(snow(quick, irradiance={"type": "d65", "scale": 2.0}))))
     assert np.allclose(plain, white)
     colour = quick.srgb(*SNOW, 10, 0, illuminant="D65", linear=True, clip=False)
-    assert np.allclose(plain, 2 / math.pi * colour, rtol=0.02)  # of 400-700 nm only
+    assert np.allclose(plain, 2 / math.pi * colour, rtol=0.02)  # from 400-700 nm only
     tinted = pixel(scene_of(slab=slab(snow(quick, irradiance={"type": "rgb", "value": [2, 0, 1]}))))
     assert np.allclose(tinted, plain * [1, 0, 0.5])
     lamp = [(500.0, 1.0), (560.0, 3.0), (600.0, 0.5)]
@@ -168,7 +168,7 @@ def test_scalar_and_llvm_agree(quick):
         assert np.allclose(scalar, llvm, rtol=1e-3, atol=1e-6)
 
 
-def test_a_sphere_shows_chords(quick):
+def test_a_sphere_transmits_along_its_chords(quick):
     use("llvm_ad_spectral")
     scene = scene_of(ball={"type": "sphere", **snow(quick, metres_per_unit=0.04)})
     x = np.array([0.0, 0.3, 0.6, 0.9])
@@ -180,7 +180,7 @@ def test_a_sphere_shows_chords(quick):
 
 
 def boxes(path, heights):
-    """Writes boxes above each other as one mesh."""
+    """Writes a mesh of boxes, one above another."""
     corners = [(x, y) for x, y in ((-20, -20), (20, -20), (20, 20), (-20, 20))]
     lines, faces = [], []
     for bottom, top in heights:
@@ -193,8 +193,8 @@ def boxes(path, heights):
     return str(path)
 
 
-def test_pieces_add_up(variant, quick, tmp_path):
-    """Also as separate shapes that are apart, touch or overlap; other snow is opaque."""
+def test_thicknesses_of_pieces_add(variant, quick, tmp_path):
+    """Also for separate shapes that are apart, touch or overlap. Different snow is opaque."""
     two = boxes(tmp_path / "two.obj", [(0, 0.02), (0.07, 0.1)])
     mesh = {"type": "obj", "filename": two, "face_normals": True}
     entries = snow(quick, to_light=towards(40))
@@ -213,9 +213,9 @@ def test_pieces_add_up(variant, quick, tmp_path):
     assert np.allclose(facing, wanted, rtol=1e-3)
 
 
-def test_shadows_and_the_lit_side(variant, quick):
-    place = mi.ScalarTransform4f().translate([0, 0, 3])
-    card = {"type": "rectangle", "to_world": place}
+def test_shadows_and_the_illuminated_side(variant, quick):
+    to_world = mi.ScalarTransform4f().translate([0, 0, 3])
+    card = {"type": "rectangle", "to_world": to_world}
     lit = expected(quick, 10, 0)
     assert (radiance(scene_of(slab=slab(snow(quick)), card=card)) == 0).all()
     ignored = snow(quick, shadows=False)
@@ -225,7 +225,7 @@ def test_shadows_and_the_lit_side(variant, quick):
     assert (above == 0).all() and np.allclose(radiance(scene), lit, rtol=1e-3)
 
 
-def test_angles_outside_give_no_light(variant, quick):
+def test_incidence_angles_outside_the_database_give_no_light(variant, quick):
     for angle_deg, lit in ((79.5, True), (81, False)):
         scene = scene_of(slab=slab(snow(quick, to_light=towards(angle_deg)), top=0.01))
         assert (radiance(scene) > 0).all() == lit
@@ -270,24 +270,24 @@ def test_wavelengths_outside_are_clamped(variant, quick):
 def test_the_table_reproduces_the_database(quick, tailored):
     rng = np.random.default_rng(1)
     thickness_cm = 100 * rng.random(20_000) ** np.repeat([1, 4], 10_000)
-    for database, place in ((quick, SNOW), (tailored, (0.3, 300.0, 300.0))):
-        material = Material(database, place, {})
+    for database, parameters in ((quick, SNOW), (tailored, (0.3, 300.0, 300.0))):
+        material = Material(database, parameters, {})
         angle_deg = rng.uniform(*database.axes["angle_deg"][[0, -1]], 20_000)
         nm = np.array([380, 433, 567, 701.0])
         use("llvm_ad_spectral")
         look_up = LookUp(mi, dr, Table.spectral(material))
         waves = mi.UnpolarizedSpectrum(*map(float, nm))
-        at = (mi.Float(thickness_cm), mi.Float(np.cos(np.radians(angle_deg))))
-        found = np.array(look_up.spectrum(*at, waves, True)).T
-        wanted = database.transmittance(*place, thickness_cm, angle_deg, wavelengths_nm=nm)
-        counted = wanted > 1e-4
-        assert counted.mean() > 0.3
-        assert np.abs(found / wanted - 1)[counted].max() < 2e-4
+        arguments = (mi.Float(thickness_cm), mi.Float(np.cos(np.radians(angle_deg))))
+        found = np.array(look_up.spectrum(*arguments, waves, True)).T
+        wanted = database.transmittance(*parameters, thickness_cm, angle_deg, wavelengths_nm=nm)
+        significant = wanted > 1e-4
+        assert significant.mean() > 0.3
+        assert np.abs(found / wanted - 1)[significant].max() < 2e-4
         use("llvm_ad_rgb")
         look_up = LookUp(mi, dr, Table.colour(material, None))
-        at = (mi.Float(thickness_cm), mi.Float(np.cos(np.radians(angle_deg))))
-        found = np.array(look_up.colour(*at, True)).T
-        spectra = database.transmittance(*place, thickness_cm, angle_deg, wavelengths_nm=NM)
+        arguments = (mi.Float(thickness_cm), mi.Float(np.cos(np.radians(angle_deg))))
+        found = np.array(look_up.colour(*arguments, True)).T
+        spectra = database.transmittance(*parameters, thickness_cm, angle_deg, wavelengths_nm=NM)
         wanted = np.maximum(splitsnow.srgb(spectra, NM, "D65", linear=True, clip=False), 0)
         brightest = wanted.max(-1, keepdims=True)
         assert (np.abs(found - wanted) / brightest)[brightest[:, 0] > 1e-4].max() < 3e-4
@@ -295,7 +295,7 @@ def test_the_table_reproduces_the_database(quick, tailored):
 
 @pytest.mark.parametrize("variant", ["llvm_ad_spectral", "llvm_ad_rgb"])
 def test_sky(variant, quick):
-    """The mean is the integral over the directions that the database covers."""
+    """The mean equals the integral over the directions that the database covers."""
     use(variant)
     origins = np.random.default_rng(2).uniform(-0.5, 0.5, (40_000, 3)) - [0, 0, 5]
     cosine = np.linspace(math.cos(math.radians(80)), 1, 2001)
@@ -330,13 +330,13 @@ def test_reflection(quick):
 
 
 @pytest.mark.parametrize("turn_deg", [0, 90])
-def test_snow_lights_its_surroundings(quick, turn_deg):
-    """For each face of the cube above a white sheet, sampling the emitter and sampling
-    directions give the same light."""
+def test_snow_illuminates_its_surroundings(quick, turn_deg):
+    """For each face of the cube above a white sheet, emitter sampling and BSDF sampling give the
+    same light."""
     use("llvm_ad_rgb")
     white = {"type": "diffuse", "reflectance": {"type": "rgb", "value": 0.5}}
-    place = mi.ScalarTransform4f().translate([0, 0, -0.5])
-    sheet = {"type": "rectangle", "bsdf": white, "to_world": place}
+    to_world = mi.ScalarTransform4f().translate([0, 0, -0.5])
+    sheet = {"type": "rectangle", "bsdf": white, "to_world": to_world}
     turned = mi.ScalarTransform4f().translate([0, 0, 3]).rotate([1, 0, 0], turn_deg).scale(3)
     entries = snow(quick, metres_per_unit=0.01)
     scene = scene_of(slab={"type": "cube", "to_world": turned, **entries}, sheet=sheet)
@@ -355,22 +355,22 @@ def test_snow_lights_its_surroundings(quick, turn_deg):
     assert np.allclose(*seen, rtol=0.02)
 
 
-def test_surfaces_that_face_the_light_are_dark(tailored):
+def test_surfaces_facing_the_light_are_dark(tailored):
     """Also at grazing angles, where positions on large triangles are inaccurate."""
     use("llvm_ad_rgb")
     turn = mi.ScalarTransform4f().rotate([1, 0, 0], 35).rotate([0, 1, 0], 20)
-    place = turn.scale([20, 20, 0.05])
+    to_world = turn.scale([20, 20, 0.05])
     down = np.array(turn @ mi.ScalarVector3f(0, 0, -1)).ravel()
     along = np.array(turn @ mi.ScalarVector3f(1, 0, 0)).ravel()
     origins = np.random.default_rng(4).uniform(-5, 5, (50_000, 3)) * [1, 1, 0] - [0, 0, 20]
     for grazing in (1, 0.1, 0.02):
         to_light = along + grazing * down
         entries = splitsnow.mitsuba.snow(tailored.path, to_light=to_light, reflected=False)
-        scene = scene_of(slab={"type": "cube", "to_world": place, **entries})
+        scene = scene_of(slab={"type": "cube", "to_world": to_world, **entries})
         assert (radiances(scene, origins, [0, 0, 1]) == 0).all(), grazing
 
 
-def test_parameters_and_names(quick):
+def test_parameters_can_be_changed(quick):
     use("llvm_ad_rgb")
     scene = scene_of(slab=slab(snow(quick, irradiance={"type": "rgb", "value": 1.0})))
     before = pixel(scene)
@@ -396,7 +396,7 @@ def test_unattached_snow_is_an_error(variant, quick):
     assert (radiance(scene) == 0).all()
 
 
-def test_wrong_parameters(quick, sooty, tailored, tmp_path):
+def test_invalid_parameters_are_rejected(quick, sooty, tailored, tmp_path):
     use("llvm_ad_rgb")
     plain = snow(quick)["emitter"]["radiance"]
     for message, change in {
@@ -438,8 +438,8 @@ def test_missing_dependencies_are_named(monkeypatch):
         splitsnow.mitsuba.register()
 
 
-def test_spectra_exported_as_text(run, quick, tmp_path):
-    """Mitsuba reads what `export --format spd` writes."""
+def test_mitsuba_reads_exported_spectra(run, quick, tmp_path):
+    """Mitsuba reads the output of `export --format spd`."""
     use("scalar_spectral")
     file = tmp_path / "snow.spd"
     point = (0.3, 250, 300, 4.5, 33)
@@ -469,7 +469,7 @@ def test_documented_examples_run(file, monkeypatch):
 
 @pytest.mark.parametrize("variant", ["llvm_ad_spectral", "scalar_rgb"])
 def test_example_blocks(variant, monkeypatch, tmp_path):
-    """From left to right the blocks get darker and bluer, the first is nearly white. Each
+    """From left to right the blocks become darker and bluer; the first is nearly white. Each
     matches the look-up at its thickness, plus a few per cent reflected by the substrate."""
     monkeypatch.syspath_prepend(str(ROOT / "examples/mitsuba"))
     blocks = importlib.import_module("blocks")

@@ -1,4 +1,4 @@
-"""The scenes of examples/mitsuba at small size: brightness, hue and their order."""
+"""The scenes of examples/mitsuba at small size: brightness and hue."""
 
 import importlib
 import sys
@@ -64,23 +64,23 @@ def test_sculpture(example):
 
 
 def test_igloo(example):
-    """The igloo is blue, and brighter and whiter at the seams."""
+    """The igloo is blue; at the seams it is brighter and whiter."""
     igloo, image, shown = example("igloo", 120, 64)
     sensor = mi.load_dict(igloo.scene(120, 1)["sensor"])
     rows, columns = np.mgrid[:60, :120]  # the wall, not the floor
-    places = (np.stack([columns, rows]).reshape(2, -1) + 0.5) / np.array([[120], [90]])
-    ray, _ = sensor.sample_ray(0, 0.5, mi.Point2f(places), mi.Point2f(0.5))
-    origin, towards = np.array(ray.o), np.array(ray.d)
-    along = (origin * towards).sum(0)
-    reach = -along + np.sqrt(along**2 + igloo.RADIUS**2 - (origin**2).sum(0))
-    x, y, z = origin + reach * towards
+    positions = (np.stack([columns, rows]).reshape(2, -1) + 0.5) / np.array([[120], [90]])
+    ray, _ = sensor.sample_ray(0, 0.5, mi.Point2f(positions), mi.Point2f(0.5))
+    origin, direction = np.array(ray.o), np.array(ray.d)
+    along = (origin * direction).sum(0)
+    distance = -along + np.sqrt(along**2 + igloo.RADIUS**2 - (origin**2).sum(0))
+    x, y, z = origin + distance * direction
     seam = igloo.seams(np.arctan2(z, np.hypot(x, y)), np.arctan2(y, x))
     wall = image[:60].reshape(-1, 3)
     between, seams = wall[seam < 0.1].mean(0), wall[seam > 0.8].mean(0)
     assert seams @ LUMINANCE > 1.1 * (between @ LUMINANCE) and seams[0] > 1.5 * between[0]
     assert blueness(between) > blueness(seams) + 0.05
     assert between[0] < 0.7 * between[2] and (between > 0).all()
-    # A wall of snow 15 cm thick under a sky of radiance 1 / pi; reflections add to it.
+    # a wall of snow 15 cm thick under a sky of radiance 1 / pi; reflections add to it
     nm = np.arange(360, 831, 5)
     database = splitsnow.Database.open(igloo.FILE)
     straight = database.transmittance(0.3, 300, 300, 15, 0, wavelengths_nm=nm)
@@ -134,9 +134,9 @@ def test_reference(monkeypatch):
     assert rim < 0.6 * inner and whole < 0.9 * inner
     nm = np.arange(360, 831, 5)
     database = splitsnow.Database.open(reference.FILE)
-    wanted = database.transmittance(0.3, 300, 275, 10, 0, wavelengths_nm=nm)
-    wanted = splitsnow.srgb(wanted, nm, "D65", linear=True, clip=False) / np.pi
-    assert np.allclose(straight, wanted, rtol=0.03)
+    expected = database.transmittance(0.3, 300, 275, 10, 0, wavelengths_nm=nm)
+    expected = splitsnow.srgb(expected, nm, "D65", linear=True, clip=False) / np.pi
+    assert np.allclose(straight, expected, rtol=0.03)
     assert 0.85 < (wide @ LUMINANCE) / (straight @ LUMINANCE) < 1.4
     assert abs(blueness(wide) - blueness(straight)) < 0.04
     one, other = np.array([0.2, 0.2, 0.2]), np.array([0.1, 0.1, 0.1])

@@ -1,4 +1,4 @@
-"""Simulations equal those of `splitsnow simulate`, digit by digit."""
+"""Simulations equal those of `splitsnow simulate` exactly."""
 
 import json
 import signal
@@ -62,14 +62,14 @@ def test_path_text_and_mapping_are_equivalent(path):
     assert not np.array_equal(first.transmittance, seeded.transmittance)
 
 
-def test_max_error_determines_the_rays():
+def test_max_error_determines_the_number_of_rays():
     coarse = splitsnow.simulate(SAMPLE, max_error=0.01)
     fine = splitsnow.simulate(SAMPLE, max_error={"rmse": 0.004, "delta_e": 1})
     assert coarse.rays < fine.rays < 131_072
     assert (fine.reflectance_se < coarse.reflectance_se).all()
 
 
-def test_wrong_samples_and_arguments(tmp_path):
+def test_invalid_samples_and_arguments_are_rejected(tmp_path):
     with pytest.raises(FileNotFoundError):
         splitsnow.simulate(tmp_path / "nothing.toml")
     for message, sample, arguments in [

@@ -9,7 +9,7 @@ import splitsnow
 PACKAGE = Path(splitsnow.__file__).parent
 
 
-def test_marked_as_typed():
+def test_the_package_is_marked_as_typed():
     assert (PACKAGE / "py.typed").exists()
 
 

@@ -33,7 +33,7 @@ pub enum BatchError {
     },
     /// A database whose spectra should be reused cannot be used.
     #[error("the spectra of {} cannot be reused: {reason}", .path.display())]
-    Source {
+    Reuse {
         /// The database.
         path: PathBuf,
         /// Why it cannot be used.

@@ -13,7 +13,7 @@ use crate::measurement::Spectrum;
 use crate::store::Store;
 
 pub use error::BatchError;
-pub use progress::{Begin, Progress};
+pub use progress::{Progress, RunInfo};
 use source::Failure;
 pub use source::ReuseSource;
 
@@ -99,14 +99,14 @@ where
     let remaining = missing.len() as u64;
     let progress = options.progress.filter(|_| remaining > 0);
     if let Some(progress) = progress {
-        progress.begin(Begin {
+        progress.begin(RunInfo {
             done: total - remaining,
             jobs: total,
             curves_per_job: store.jobs().curves_per_job(),
             rays: Arc::clone(&rays),
         });
     }
-    let cache = Cache::of_cells();
+    let cache = Cache::tables_only();
     let next = AtomicUsize::new(0);
     let (finished, nodes) = (AtomicU64::new(0), AtomicU64::new(0));
     let reused = AtomicU64::new(0);

@@ -6,7 +6,7 @@ use std::sync::atomic::AtomicU64;
 /// The state at the start of a run.
 #[derive(Debug, Clone)]
 #[non_exhaustive]
-pub struct Begin {
+pub struct RunInfo {
     /// Number of jobs that are done already.
     pub done: u64,
     /// Number of all jobs of the database or of the shard.
@@ -20,7 +20,7 @@ pub struct Begin {
 /// Receives progress reports of a run, for example to draw a progress bar.
 pub trait Progress: Debug + Sync {
     /// Called before the first job; not called if no jobs are missing.
-    fn begin(&self, run: Begin);
+    fn begin(&self, run: RunInfo);
     /// Called when a job is done and stored, by the thread that ran it.
     fn job_done(&self);
     /// Called after the last job, also after a failure or cancellation.

@@ -44,7 +44,7 @@ impl ReuseSource {
         let name = file.display().to_string();
         let parsed = config::grid::parse(&name, store.config());
         let grid = parsed
-            .map_err(|error| BatchError::Source {
+            .map_err(|error| BatchError::Reuse {
                 path: path.into(),
                 reason: error.to_string(),
             })?
@@ -77,7 +77,7 @@ impl ReuseSource {
                 let Some(to) = illuminations.position(|other| other == light) else {
                     continue;
                 };
-                if !same_slabs && !keeps_thicknesses_apart(grid, job, to) {
+                if !same_slabs && !has_independent_thicknesses(grid, job, to) {
                     continue;
                 }
                 for (h, thickness_m) in existing(&source_job).iter().enumerate() {
@@ -118,13 +118,16 @@ pub(super) fn node_count(job: &Job) -> u64 {
 
 /// Whether the spectrum of `job` at one thickness under its illumination `light` is
 /// independent of its other thicknesses.
-fn keeps_thicknesses_apart(grid: &Grid, job: &Job, light: usize) -> bool {
+fn has_independent_thicknesses(grid: &Grid, job: &Job, light: usize) -> bool {
     let lights: &[Illumination] = &job.illuminations[light..=light];
     let request = Request {
         illuminations: lights,
         ..job.request(grid)
     };
-    grid.run.engine.resolve(&request).keeps_thicknesses_apart()
+    grid.run
+        .engine
+        .resolve(&request)
+        .has_independent_thicknesses()
 }
 
 /// The spectra of `job` in `grid` that exist, per thickness and illumination, and the number

@@ -8,10 +8,10 @@ use ndarray::Axis;
 use serde_json::{Map, Value, json};
 
 use super::BuildError;
-use super::report::{Compact, Lost, QuantityReport};
+use super::report::{CompactReport, LostShare, QuantityReport};
 use crate::colour::{Colorimeter, Viewing};
 use crate::compress::{self, Bands, Choice, CompactFile, Compressed, Variant};
-use crate::grid::{Compression, absent_curves, existing, why_absent};
+use crate::grid::{Compression, absent_curves, existing_rows, why_absent};
 use crate::lookup::Database;
 use crate::measurement::Quantity;
 use crate::parameter::Parameter;
@@ -55,13 +55,16 @@ impl CompressionRequest {
 pub fn compress(
     dir: impl AsRef<Path>,
     request: &CompressionRequest,
-) -> Result<Compact, BuildError> {
+) -> Result<CompactReport, BuildError> {
     write(&Store::open_exclusive(dir.as_ref())?, request)
 }
 
 /// Compresses the finished database in `store` and writes its compact file; also that of
 /// diffuse light, if the database has it. No other process may be writing to the store.
-pub(super) fn write(store: &Store, request: &CompressionRequest) -> Result<Compact, BuildError> {
+pub(super) fn write(
+    store: &Store,
+    request: &CompressionRequest,
+) -> Result<CompactReport, BuildError> {
     let mut report = write_one(store, request, false)?;
     if store.has_diffuse() {
         report.diffuse = Some(Box::new(write_one(store, request, true)?));
@@ -77,7 +80,7 @@ fn write_one(
     store: &Store,
     request: &CompressionRequest,
     diffuse: bool,
-) -> Result<Compact, BuildError> {
+) -> Result<CompactReport, BuildError> {
     let missing = store.missing(None)?.len();
     let jobs = store.jobs();
     if missing > 0 {
@@ -101,7 +104,7 @@ fn write_one(
             collimated
         }
     };
-    let rows = existing(&axes, store.absent());
+    let rows = existing_rows(&axes, store.absent());
     let mut max_standard_errors = [0.0; 2];
     let mut compressed = |quantity, [values, errors]: [_; 2]| -> Result<_, BuildError> {
         if !request.quantities.contains(&quantity) {
@@ -165,7 +168,7 @@ fn write_one(
             source,
         })?
         .len();
-    Ok(Compact {
+    Ok(CompactReport {
         database: store.path().into(),
         database_bytes: estimated_bytes(jobs, jobs.count()),
         curves: axes.count(),
@@ -178,7 +181,7 @@ fn write_one(
         precision,
         transmittance: report(Quantity::Transmittance, transmittance),
         reflectance: report(Quantity::Reflectance, reflectance),
-        lost_share: Lost::of(store)?,
+        lost_share: LostShare::of(store)?,
         next: query_command(store, request, diffuse),
         diffuse: None,
     })

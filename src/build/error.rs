@@ -29,7 +29,7 @@ pub enum BuildError {
     #[error(
         "--fresh would delete {}, whose spectra --from should reuse; choose another output directory with --out", .path.display()
     )]
-    OwnSource {
+    FreshDeletesSource {
         /// The database.
         path: PathBuf,
     },

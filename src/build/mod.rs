@@ -47,7 +47,7 @@ use std::sync::atomic::{AtomicBool, Ordering};
 pub use compact::{CompressionRequest, compress};
 pub use error::BuildError;
 pub use inputs::data_hashes;
-pub use report::{Compact, LargestError, Lost, QuantityReport, Report, Share};
+pub use report::{CompactReport, LargestError, LostShare, QuantityReport, Report, ShardReport};
 
 use crate::batch::{self, Progress, ReuseSource};
 use crate::colour::Viewing;
@@ -121,7 +121,7 @@ pub fn build(
     let cancel = options.cancel.unwrap_or(&never);
     let summary = batch::run_from(grid, &store, &sources, simulate, &run, cancel)?;
     if let Some(shard) = options.shard {
-        let share = Share::of(shard, &store, &summary)?;
+        let share = ShardReport::of(shard, &store, &summary)?;
         return Ok(Report::new(&summary, None, Some(share)));
     }
     if cancel.load(Ordering::Relaxed) {
@@ -145,7 +145,7 @@ fn check_not_a_source(sources: &[PathBuf], dir: &Path) -> Result<(), BuildError>
     let is_target =
         |path: &&PathBuf| canonical(path).is_some() && targets.contains(&canonical(path));
     match sources.iter().find(is_target) {
-        Some(path) => Err(BuildError::OwnSource { path: path.clone() }),
+        Some(path) => Err(BuildError::FreshDeletesSource { path: path.clone() }),
         None => Ok(()),
     }
 }

@@ -5,7 +5,7 @@ use serde::{Serialize, Serializer};
 
 use super::BuildError;
 use crate::batch::Summary;
-use crate::compress::{BandError, Compressed, ErrorTable, Largest, Statistics};
+use crate::compress::{BandError, Compressed, ErrorTable, MaxAbsError, Statistics};
 use crate::grid::Shard;
 use crate::lookup::{Basis, Database, Precision};
 use crate::store::Store;
@@ -24,16 +24,16 @@ pub struct Report {
     pub nodes_reused: u64,
     /// Report on database and compact file; `None` for a shard.
     #[serde(flatten)]
-    pub compact: Option<Compact>,
+    pub compact: Option<CompactReport>,
     /// Report on the shard; `None` if the build had none.
     #[serde(flatten)]
-    pub share: Option<Share>,
+    pub share: Option<ShardReport>,
 }
 
 /// Report on a finished shard.
 #[derive(Debug, Serialize)]
 #[non_exhaustive]
-pub struct Share {
+pub struct ShardReport {
     /// The shard.
     #[serde(serialize_with = "as_text")]
     pub shard: Shard,
@@ -44,13 +44,13 @@ pub struct Share {
     /// Number of jobs of the whole database that are not done.
     pub jobs_left: usize,
     /// Share of lost rays in the jobs of the shard.
-    pub lost_share: Lost,
+    pub lost_share: LostShare,
 }
 
 /// Report on a database and its compact file, with the errors of the compression.
 #[derive(Debug, Serialize)]
 #[non_exhaustive]
-pub struct Compact {
+pub struct CompactReport {
     /// Path of the database.
     pub database: PathBuf,
     /// Estimated size of the database, bytes.
@@ -78,12 +78,12 @@ pub struct Compact {
     #[serde(skip_serializing_if = "Option::is_none")]
     pub reflectance: Option<QuantityReport>,
     /// Share of lost rays in the database.
-    pub lost_share: Lost,
+    pub lost_share: LostShare,
     /// A command that looks up the first curve.
     pub next: String,
     /// Report on the curves under diffuse light and their compact file, if there are any.
     #[serde(skip_serializing_if = "Option::is_none")]
-    pub diffuse: Option<Box<Compact>>,
+    pub diffuse: Option<Box<CompactReport>>,
     /// Message that says why some curves do not exist.
     #[serde(skip)]
     pub why_absent: String,
@@ -117,7 +117,7 @@ pub struct QuantityReport {
 pub struct LargestError {
     /// The error, with its curve and wavelength.
     #[serde(flatten)]
-    pub largest: Largest,
+    pub largest: MaxAbsError,
     /// Parameters of the node.
     pub at: String,
 }
@@ -126,7 +126,7 @@ pub struct LargestError {
 /// nor as transmitted. Of each job, the curve and wavelength with the largest share counts.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize)]
 #[non_exhaustive]
-pub struct Lost {
+pub struct LostShare {
     /// Mean over the jobs.
     pub mean: f64,
     /// Maximum over the jobs.
@@ -146,7 +146,11 @@ fn precision_name<S: Serializer>(precision: &Precision, to: S) -> Result<S::Ok, 
 }
 
 impl Report {
-    pub(super) fn new(summary: &Summary, compact: Option<Compact>, share: Option<Share>) -> Self {
+    pub(super) fn new(
+        summary: &Summary,
+        compact: Option<CompactReport>,
+        share: Option<ShardReport>,
+    ) -> Self {
         Self {
             jobs: summary.jobs,
             jobs_run: summary.run,
@@ -158,14 +162,14 @@ impl Report {
     }
 }
 
-impl Share {
+impl ShardReport {
     pub(super) fn of(shard: Shard, store: &Store, summary: &Summary) -> Result<Self, BuildError> {
         Ok(Self {
             shard,
             database: store.path().into(),
             database_jobs: store.jobs().count(),
             jobs_left: store.missing(None)?.len(),
-            lost_share: Lost {
+            lost_share: LostShare {
                 mean: summary.mean_lost_share,
                 max: summary.max_lost_share,
             },
@@ -182,7 +186,7 @@ impl QuantityReport {
     ) -> Self {
         let row = compressed.errors().copied();
         let bands = compressed.band_errors();
-        let larger = |a: Largest, b: Largest| if b.error > a.error { b } else { a };
+        let larger = |a: MaxAbsError, b: MaxAbsError| if b.error > a.error { b } else { a };
         let largest = bands.iter().map(|band| band.largest).reduce(larger);
         let node = |row| {
             let point = database.point(row);
@@ -204,7 +208,7 @@ impl QuantityReport {
     }
 }
 
-impl Lost {
+impl LostShare {
     /// The share of lost rays over all jobs of `store`.
     pub(super) fn of(store: &Store) -> Result<Self, BuildError> {
         let count = store.jobs().count();

@@ -7,7 +7,7 @@ use std::time::Duration;
 use indicatif::{HumanDuration, ProgressBar, ProgressDrawTarget, ProgressState, ProgressStyle};
 
 use super::common::Spinner;
-use crate::batch::{Begin, Progress};
+use crate::batch::{Progress, RunInfo};
 
 /// Time between redraws, short enough to keep the rates current during long jobs.
 const TICK: Duration = Duration::from_millis(250);
@@ -24,8 +24,8 @@ impl Bar {
 }
 
 impl Progress for Bar {
-    fn begin(&self, run: Begin) {
-        let Begin {
+    fn begin(&self, run: RunInfo) {
+        let RunInfo {
             done,
             jobs,
             curves_per_job,

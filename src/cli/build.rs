@@ -8,7 +8,7 @@ use serde_json::json;
 use super::bar::Bar;
 use super::common::{self, GridArgs, Interrupted};
 use super::compact::CompactSummary;
-use crate::build::{self, BuildError, Options, Report, Share};
+use crate::build::{self, BuildError, Options, Report, ShardReport};
 use crate::grid::Shard;
 use crate::store::StoreError;
 
@@ -26,7 +26,6 @@ use crate::store::StoreError;
 #[derive(Debug, clap::Args)]
 #[command(after_long_help = "\
 Examples:
-  splitsnow build configs/quick.toml
   splitsnow build configs/thesis.toml --out /data/thesis --threads 8
 
   Run three processes side by side, then one that compresses:
@@ -36,7 +35,10 @@ Examples:
   splitsnow build configs/thesis.toml
 
   Extend a database: simulate only the spectra that out/less does not have:
-  splitsnow build more.toml --from out/less")]
+  splitsnow build more.toml --from out/less
+
+  A small database to try things out:
+  splitsnow build configs/quick.toml")]
 pub(super) struct Args {
     #[command(flatten)]
     grid: GridArgs,
@@ -132,7 +134,7 @@ fn interrupted(safe: &str) -> Interrupted {
     Interrupted(format!("{safe}; to go on: {}", words.join(" ")))
 }
 
-fn report_share(args: &Args, report: &Report, share: &Share) -> anyhow::Result<()> {
+fn report_share(args: &Args, report: &Report, share: &ShardReport) -> anyhow::Result<()> {
     let (jobs, jobs_left, lost) = (report.jobs, share.jobs_left, share.lost_share);
     if args.json {
         return common::print_json(&json!({

@@ -2,11 +2,11 @@
 use std::fmt::{self, Write};
 
 use super::common;
-use crate::build::{Compact, LargestError, QuantityReport};
+use crate::build::{CompactReport, LargestError, QuantityReport};
 use crate::measurement::Quantity;
 
 /// Prints the error tables and a closing summary.
-pub(super) struct CompactSummary<'a>(pub(super) &'a Compact);
+pub(super) struct CompactSummary<'a>(pub(super) &'a CompactReport);
 
 impl fmt::Display for CompactSummary<'_> {
     fn fmt(&self, f: &mut fmt::Formatter) -> fmt::Result {

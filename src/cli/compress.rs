@@ -35,7 +35,6 @@ use crate::verify;
     allow_negative_numbers = true,
     after_long_help = "\
 Examples:
-  splitsnow compress out/quick
   splitsnow compress out/quick --max-delta-e 0.5 --max-rmse 0.002
   splitsnow compress out/quick --components 4
   splitsnow compress out/quick --basis log --precision quantised --quantity transmittance

@@ -143,7 +143,7 @@ impl Args {
         if self.is_crtm() {
             return Ok(export::crtm(self.point.cut(table)?)?);
         }
-        let table = &table.laid_out(self.layout.unwrap_or(Layout::Database));
+        let table = &table.with_layout(self.layout.unwrap_or(Layout::Database));
         Ok(match self.format {
             #[cfg(feature = "netcdf")]
             Format::Netcdf => export::netcdf(table)?,

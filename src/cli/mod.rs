@@ -8,9 +8,13 @@ mod bar;
 mod build;
 mod common;
 mod compact;
+mod completions;
 mod compress;
+mod doctor;
 mod export;
 mod goniometer;
+mod init;
+mod man;
 mod plan;
 mod point;
 mod query;
@@ -26,7 +30,7 @@ mod walking;
 use std::ffi::{OsStr, OsString};
 use std::process::ExitCode;
 
-use clap::{Parser, Subcommand};
+use clap::{CommandFactory, Parser, Subcommand};
 
 use crate::atomic;
 use crate::simd;
@@ -41,11 +45,31 @@ use crate::simd;
 #[command(name = "splitsnow", version, after_help = TYPICAL_SEQUENCE)]
 struct Cli {
     #[command(subcommand)]
-    command: Command,
+    command: Option<Command>,
 }
+
+/// What `splitsnow` prints without arguments.
+const STORY: &str = concat!(
+    "splitsnow ",
+    env!("CARGO_PKG_VERSION"),
+    ": spectral databases of snow
+
+A grid file lists snows: facetness, grain size, density, thickness, incidence angle.
+`build` traces light from ice grain to ice grain through each of them, and stores the
+spectra that come back and that come through. It then compresses all spectra to one
+file of a few kilobytes, which renderers evaluate anywhere between the grid's values.
+
+Try it; this takes less than a minute:
+  splitsnow init                        write example configs to ./configs
+  splitsnow build configs/quick.toml    simulate and compress 216 spectra
+
+`splitsnow --help` lists all commands.
+"
+);
 
 const TYPICAL_SEQUENCE: &str = "\
 A typical sequence:
+  splitsnow init                        write example configs to ./configs
   splitsnow plan configs/quick.toml     estimate the jobs, time, bytes and errors
   splitsnow build configs/quick.toml    make the database, the compact file, the error table
   splitsnow query out/quick --facetness 0.1 --grain-size-um 100 \\
@@ -60,6 +84,7 @@ explain the model, the config files and the file formats.";
 
 #[derive(Debug, Subcommand)]
 enum Command {
+    Init(init::Args),
     Plan(plan::Args),
     Build(build::Args),
     Compress(compress::Args),
@@ -74,6 +99,9 @@ enum Command {
     Tradeoff(tradeoff::Args),
     #[cfg(feature = "charts")]
     Study(study::Args),
+    Doctor(doctor::Args),
+    Completions(completions::Args),
+    Man(man::Args),
 }
 
 /// Joins every negative number in `words` to the option before it, so that clap does not
@@ -117,18 +145,16 @@ fn asks_for_long_version(words: &[OsString]) -> bool {
     asked == [true; 2]
 }
 
-/// Prints the version, the target and the instruction sets.
-#[allow(clippy::print_stdout)]
-fn print_long_version(level: simd::Level) {
+/// The version, the target and the instruction sets.
+fn long_version(level: simd::Level) -> String {
     let supported: Vec<_> = simd::Level::supported().map(simd::Level::name).collect();
-    println!("splitsnow {}", env!("CARGO_PKG_VERSION"));
-    println!(
-        "target: {}-{}",
+    format!(
+        "splitsnow {}\ntarget: {}-{}\ninstruction set: {level}\nsupported here: {}\n",
+        env!("CARGO_PKG_VERSION"),
         std::env::consts::ARCH,
-        std::env::consts::OS
-    );
-    println!("instruction set: {level}");
-    println!("supported here: {}", supported.join(", "));
+        std::env::consts::OS,
+        supported.join(", ")
+    )
 }
 
 /// Parses the arguments of this process and runs the command.
@@ -136,7 +162,11 @@ fn print_long_version(level: simd::Level) {
 pub fn run() -> ExitCode {
     let words = join_negative_numbers(std::env::args_os());
     let is_long_version = asks_for_long_version(&words);
-    let command = (!is_long_version).then(|| Cli::parse_from(words).command);
+    let command = if is_long_version {
+        None
+    } else {
+        Cli::parse_from(words).command
+    };
     let level = match simd::requested() {
         Ok(level) => level,
         Err(error) => {
@@ -144,23 +174,10 @@ pub fn run() -> ExitCode {
             return ExitCode::FAILURE;
         }
     };
-    let Some(command) = command else {
-        print_long_version(level);
-        return ExitCode::SUCCESS;
-    };
     let result = match command {
-        Command::Plan(args) => plan::run(&args),
-        Command::Build(args) => build::run(&args),
-        Command::Compress(args) => compress::run(&args),
-        Command::Verify(args) => verify::run(&args),
-        Command::Tailor(args) => tailor::run(&args),
-        Command::Query(args) => query::run(&args),
-        Command::Export(args) => export::run(&args),
-        Command::Simulate(args) => simulate::run(&args),
-        #[cfg(feature = "charts")]
-        Command::Tradeoff(args) => tradeoff::run(&args),
-        #[cfg(feature = "charts")]
-        Command::Study(args) => study::run(&args),
+        None if is_long_version => common::print(&long_version(level)),
+        None => common::print(STORY),
+        Some(command) => run_command(command, level),
     };
     if let Some((directory, error)) = atomic::unsynced() {
         common::warn(&[format!(
@@ -181,9 +198,30 @@ pub fn run() -> ExitCode {
     }
 }
 
+fn run_command(command: Command, level: simd::Level) -> anyhow::Result<()> {
+    match command {
+        Command::Init(args) => init::run(&args),
+        Command::Plan(args) => plan::run(&args),
+        Command::Build(args) => build::run(&args),
+        Command::Compress(args) => compress::run(&args),
+        Command::Verify(args) => verify::run(&args),
+        Command::Tailor(args) => tailor::run(&args),
+        Command::Query(args) => query::run(&args),
+        Command::Export(args) => export::run(&args),
+        Command::Simulate(args) => simulate::run(&args),
+        #[cfg(feature = "charts")]
+        Command::Tradeoff(args) => tradeoff::run(&args),
+        #[cfg(feature = "charts")]
+        Command::Study(args) => study::run(&args),
+        Command::Doctor(args) => doctor::run(&args, level),
+        Command::Completions(args) => completions::run(&args, Cli::command()),
+        Command::Man(args) => man::run(&args, Cli::command()),
+    }
+}
+
 #[cfg(test)]
 mod tests {
-    use clap::CommandFactory;
+    use super::CommandFactory;
 
     #[test]
     fn the_arguments_are_consistent() {

@@ -17,8 +17,8 @@ use crate::plan::{self, Axis, COMPONENTS, LongestJob, Options, PilotReport, Plan
 #[derive(Debug, clap::Args)]
 #[command(after_long_help = "\
 Examples:
-  splitsnow plan configs/quick.toml
-  splitsnow plan configs/thesis.toml --threads 16 --json")]
+  splitsnow plan configs/thesis.toml --threads 16 --json
+  splitsnow plan configs/quick.toml")]
 pub(super) struct Args {
     #[command(flatten)]
     grid: GridArgs,

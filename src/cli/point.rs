@@ -105,7 +105,7 @@ impl PointArgs {
     #[cfg(feature = "netcdf")]
     pub(super) fn cut(&self, mut table: Table) -> Result<Table, ExportError> {
         for (parameter, value) in self.0.iter() {
-            table = table.at(parameter.name(), value)?;
+            table = table.select(parameter.name(), value)?;
         }
         Ok(table)
     }

@@ -26,10 +26,10 @@ use crate::simulation::{RAYS, Simulation};
 #[derive(Debug, clap::Args)]
 #[command(after_long_help = "\
 Examples:
-  splitsnow simulate configs/samples/representative.toml
   splitsnow simulate configs/samples/representative.toml --engine spectral --rays 100000 --json
   splitsnow simulate configs/samples/representative.toml --goniometer --principal-plane
-  splitsnow simulate mine.toml --against measured.csv --plot residuals.svg")]
+  splitsnow simulate mine.toml --against measured.csv --plot residuals.svg
+  splitsnow simulate configs/samples/representative.toml")]
 pub(super) struct Args {
     /// Sample file (TOML)
     #[arg(value_name = "SAMPLE.toml")]

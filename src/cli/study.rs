@@ -20,7 +20,8 @@ use crate::lab::study::{self, Settings, Studied};
 #[command(after_long_help = "\
 Examples:
   splitsnow study
-  splitsnow study configs/studies/black_carbon.toml --rays 131072 --out out/mine")]
+  splitsnow study configs/studies --rays 131072 --out out/fine
+  splitsnow study configs/studies/black_carbon.toml --rays 4096")]
 pub(super) struct Args {
     /// Study files (TOML), or folders that hold study files
     #[arg(value_name = "STUDY.toml", default_value = "configs/studies")]

@@ -27,8 +27,8 @@ use crate::tailor::{self, TailorError, TailoredFile};
 #[derive(Debug, clap::Args)]
 #[command(after_long_help = "\
 Examples:
-  splitsnow tailor configs/scenes/igloo.toml
-  splitsnow tailor mine.toml --out out/mine --points 2000")]
+  splitsnow tailor mine.toml --out out/mine --points 2000
+  splitsnow tailor configs/scenes/block.toml")]
 pub(super) struct Args {
     /// Scene file, such as configs/scenes/block.toml
     #[arg(value_name = "SCENE.toml")]
@@ -93,7 +93,7 @@ fn report(scene: &Scene, tailored: &TailoredFile, path: &Path) -> serde_json::Va
         "file": path,
         "bytes": tailored.bytes.len(),
         "max_delta_e": scene.max_delta_e,
-        "reached_delta_e": tailor::largest(&tailored.error_budget),
+        "reached_delta_e": tailor::max_delta_e(&tailored.error_budget),
         "wavelength_nm": tailored.database.wavelengths_nm(),
         "nodes": axes.map(|(axis, values)| (axis.key().to_owned(), json!(values))).collect::<serde_json::Map<_, _>>(),
         "quantities": quantities.collect::<serde_json::Map<_, _>>(),
@@ -155,7 +155,7 @@ fn text_report(scene: &Scene, tailored: &TailoredFile, path: &Path) -> String {
         common::bytes(tailored.bytes.len() as u64),
         scene.max_delta_e,
     );
-    let reached = tailor::largest(&tailored.error_budget);
+    let reached = tailor::max_delta_e(&tailored.error_budget);
     let _ = writeln!(
         text,
         "{}: {bytes}, Delta-E at most {reached:.3} of {bound} allowed",

@@ -34,7 +34,10 @@ const GRID: (&str, &str) = (
 Examples:
   splitsnow tradeoff
   splitsnow tradeoff --budget 3600 --truth-rays 2000000 --seeds 16
-  splitsnow tradeoff mine.toml --engine spectral --out out/mine --database out/quick"
+
+  A quick look at one engine and one sample:
+  splitsnow tradeoff configs/samples/small.toml --engine hybrid --budget 2 --seeds 2 \\
+      --truth-rays 2000 --truth-engine hybrid --database out/quick --out out/look"
 )]
 pub(super) struct Args {
     /// Sample files; their wavelengths are ignored [default: the files in configs/tradeoff]

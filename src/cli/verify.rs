@@ -6,7 +6,7 @@ use serde_json::json;
 use super::common::{self, Interrupted, ThreadArgs};
 use super::walking;
 use crate::atomic;
-use crate::compress::annotated;
+use crate::compress::with_metadata;
 use crate::error_budget::{ERROR_BUDGET, FORMER_KEY};
 use crate::lookup::Database;
 use crate::store::{COMPACT, Store};
@@ -32,7 +32,7 @@ use crate::verify::{self, Options, Verification, VerifyError};
 Examples:
   splitsnow verify out/quick
   splitsnow verify out/quick --samples 100 --points 2000 --seconds 3600
-  splitsnow verify out/quick --points 0 --json")]
+  splitsnow verify out/quick --samples 4 --points 0 --json")]
 pub(super) struct Args {
     /// Output directory of `build` or `tailor`
     #[arg(value_name = "DIR")]
@@ -103,7 +103,7 @@ pub(super) fn run(args: &Args) -> anyhow::Result<()> {
     if let Some(error_budget) = error_budget {
         let bytes = std::fs::read(&compact)?;
         let text = serde_json::to_string(&error_budget)?;
-        let bytes = annotated(&bytes, &[(ERROR_BUDGET, Some(&text)), (FORMER_KEY, None)])?;
+        let bytes = with_metadata(&bytes, &[(ERROR_BUDGET, Some(&text)), (FORMER_KEY, None)])?;
         if let Err(error) = atomic::write(&compact, &bytes) {
             common::note(&format!(
                 "the error budget cannot be stored in {}: {error}",

@@ -4,6 +4,7 @@ mod error;
 mod exclusion;
 mod measured;
 
+use crate::accuracy::rms;
 use crate::measurement::Measured;
 pub use crate::spectrum::Band;
 
@@ -56,7 +57,7 @@ impl Statistics {
         };
         Some(Self {
             points: points.len(),
-            rmse: mean(&|point| Some(point.residual() * point.residual()))?.sqrt(),
+            rmse: rms(points.iter().map(|point| point.residual())),
             bias: mean(&|point| Some(point.residual()))?,
             mean_simulated_se: mean(&|point| Some(point.simulated.se))?,
             mean_uncertainty: mean(&|point| point.matched.uncertainty),

@@ -11,7 +11,10 @@ use super::CompactError;
 /// # Errors
 /// [`CompactError::Content`] if `bytes` are not a safetensors file;
 /// [`CompactError::Header`] if their header is not valid JSON.
-pub fn annotated(bytes: &[u8], entries: &[(&str, Option<&str>)]) -> Result<Vec<u8>, CompactError> {
+pub fn with_metadata(
+    bytes: &[u8],
+    entries: &[(&str, Option<&str>)],
+) -> Result<Vec<u8>, CompactError> {
     let broken = || CompactError::Content("it is not a safetensors file".into());
     let (length, rest) = bytes.split_first_chunk::<8>().ok_or_else(broken)?;
     let length = usize::try_from(u64::from_le_bytes(*length)).map_err(|_| broken())?;
@@ -32,7 +35,7 @@ pub fn annotated(bytes: &[u8], entries: &[(&str, Option<&str>)]) -> Result<Vec<u
 #[cfg(test)]
 #[allow(clippy::unwrap_used)]
 mod tests {
-    use super::annotated;
+    use super::with_metadata;
 
     #[test]
     fn nothing_else_changes() {
@@ -41,7 +44,7 @@ mod tests {
         let mut file = (header.len() as u64).to_le_bytes().to_vec();
         file.extend(header);
         file.extend([7, 8, 9]);
-        let once = annotated(&file, &[("a", Some("\"new\""))]).unwrap();
+        let once = with_metadata(&file, &[("a", Some("\"new\""))]).unwrap();
         let length = u64::from_le_bytes(*once.first_chunk().unwrap()) as usize;
         assert_eq!((length % 8, &once[8 + length..]), (0, &[7, 8, 9][..]));
         let header: serde_json::Value = serde_json::from_slice(&once[8..8 + length]).unwrap();
@@ -49,11 +52,14 @@ mod tests {
         assert_eq!(header["__metadata__"]["b"], "1");
         assert_eq!(header["x"]["dtype"], "U8");
         // again, and back
-        assert_eq!(annotated(&once, &[("a", Some("\"new\""))]).unwrap(), once);
-        let without = annotated(&once, &[("a", None)]).unwrap();
-        assert_eq!(without, annotated(&file, &[]).unwrap());
+        assert_eq!(
+            with_metadata(&once, &[("a", Some("\"new\""))]).unwrap(),
+            once
+        );
+        let without = with_metadata(&once, &[("a", None)]).unwrap();
+        assert_eq!(without, with_metadata(&file, &[]).unwrap());
         for broken in [&file[..7], &file[..20], b""] {
-            assert!(annotated(broken, &[("a", Some("b"))]).is_err());
+            assert!(with_metadata(broken, &[("a", Some("b"))]).is_err());
         }
     }
 }

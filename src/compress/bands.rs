@@ -8,7 +8,8 @@ use std::ops::Range;
 use ndarray::ArrayView2;
 use serde::{Deserialize, Serialize};
 
-use super::{DEFAULT_MAX_RMSE, ErrorRow, Largest, Statistics};
+use super::{DEFAULT_MAX_RMSE, ErrorRow, MaxAbsError, Statistics};
+use crate::accuracy::rms;
 use crate::spectrum::Band;
 
 /// Bound of a band's RMSE in units of the largest standard error in the band. No small
@@ -59,7 +60,7 @@ pub struct BandError {
     /// Statistics of the RMSE per curve over the band's wavelengths.
     pub rmse: Statistics,
     /// The largest absolute error of any curve at any of these wavelengths.
-    pub largest: Largest,
+    pub largest: MaxAbsError,
 }
 
 impl Bands {
@@ -96,8 +97,7 @@ impl Bands {
             let Range { start, end } = part.columns;
             let rms_of_curve = |row: ndarray::ArrayView1<f32>| {
                 let band_errors = row.iter().skip(start).take(end - start);
-                let squares: f64 = band_errors.map(|&se| f64::from(se).powi(2)).sum();
-                (squares / (end - start) as f64).sqrt()
+                rms(band_errors.map(|&se| f64::from(se)))
             };
             let rows = standard_errors.rows().into_iter();
             part.standard_error = Some(rows.map(rms_of_curve).fold(0.0, f64::max));

@@ -116,7 +116,7 @@ pub fn choose(
 #[allow(clippy::unwrap_used)]
 mod tests {
     use super::*;
-    use crate::compress::{BandStatistics, Largest, Statistics};
+    use crate::compress::{BandStatistics, MaxAbsError, Statistics};
     use crate::spectrum::Band;
 
     fn statistics(max: f64) -> Statistics {
@@ -193,7 +193,7 @@ mod tests {
         let mut table = published(true);
         for (row, error) in table.rows.iter_mut().zip([0.03, 0.004, 0.0019, 0.001]) {
             for (band, error) in [(Band::Visible, error / 10.0), (Band::IrA, error)] {
-                let largest = Largest {
+                let largest = MaxAbsError {
                     error,
                     wavelength_nm: 900.0,
                     curve: 0,

@@ -10,6 +10,7 @@ use ndarray::ArrayView2;
 use serde::{Deserialize, Serialize, Serializer};
 
 use super::{Bands, Basis};
+use crate::accuracy::{RootMeanSquare, Summary, rmse};
 use crate::colour::Colorimeter;
 use crate::lookup::add_component;
 use crate::measurement::Quantity;
@@ -32,9 +33,8 @@ impl CurveError {
     #[must_use]
     pub fn between(original: &[f64], rebuilt: &[f64], colour: Option<&Colorimeter>) -> Self {
         assert_eq!(original.len(), rebuilt.len(), "spectra of one length");
-        let squares: f64 = (original.iter().zip(rebuilt).map(|(a, b)| (a - b).powi(2))).sum();
         Self {
-            rmse: (squares / original.len() as f64).sqrt(),
+            rmse: rmse(original, rebuilt),
             delta_e: colour.map(|c| c.difference(original, rebuilt)),
         }
     }
@@ -47,25 +47,22 @@ pub(crate) fn error_in(
     rebuilt: &[f64],
     columns: &Range<usize>,
 ) -> (f64, f64, usize) {
-    let (mut squares, mut largest, mut largest_column) = (0.0, 0.0, columns.start);
+    let mut rmse = RootMeanSquare::default();
+    let (mut largest, mut largest_column) = (0.0, columns.start);
     let pairs = original.iter().zip(rebuilt).enumerate();
     for (column, (a, b)) in pairs.skip(columns.start).take(columns.len()) {
         let error = (a - b).abs();
-        squares += error * error;
+        rmse.add(error);
         if error > largest {
             (largest, largest_column) = (error, column);
         }
     }
-    (
-        (squares / columns.len() as f64).sqrt(),
-        largest,
-        largest_column,
-    )
+    (rmse.value(), largest, largest_column)
 }
 
 /// The largest absolute error of all curves over some wavelengths.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
-pub struct Largest {
+pub struct MaxAbsError {
     /// The absolute error.
     #[serde(serialize_with = "six_digits")]
     pub error: f64,
@@ -81,7 +78,7 @@ pub struct BandStatistics {
     /// Statistics of the RMSE per curve over the band's wavelengths.
     pub rmse: Statistics,
     /// The largest absolute error at any of these wavelengths.
-    pub largest: Largest,
+    pub largest: MaxAbsError,
 }
 
 /// Smallest, mean and largest value of one error measure over all curves.
@@ -106,36 +103,13 @@ fn six_digits<S: Serializer>(value: &f64, serializer: S) -> Result<S::Ok, S::Err
     serializer.serialize_f64(short)
 }
 
-/// Accumulates [`Statistics`].
-#[derive(Debug, Clone, Copy, Default)]
-struct StatisticsTally {
-    count: usize,
-    min: f64,
-    sum: f64,
-    max: f64,
-    /// Number of the first value that equals `max`.
-    worst: usize,
-}
-
-impl StatisticsTally {
-    /// Adds the value of the next curve.
-    fn add(&mut self, value: f64) {
-        if self.count == 0 || value < self.min {
-            self.min = value;
-        }
-        if self.count == 0 || value > self.max {
-            (self.max, self.worst) = (value, self.count);
-        }
-        self.sum += value;
-        self.count += 1;
-    }
-
-    fn finish(self) -> Statistics {
-        Statistics {
-            min: self.min,
-            mean: self.sum / self.count as f64,
-            max: self.max,
-            worst_curve: self.worst,
+impl From<Summary> for Statistics {
+    fn from(summary: Summary) -> Self {
+        Self {
+            min: summary.min,
+            mean: summary.mean(),
+            max: summary.max,
+            worst_curve: summary.worst,
         }
     }
 }
@@ -143,19 +117,19 @@ impl StatisticsTally {
 /// Accumulates [`BandStatistics`].
 #[derive(Debug, Clone, Copy)]
 pub(crate) struct BandTally {
-    rmse: StatisticsTally,
-    largest: Largest,
+    rmse: Summary,
+    largest: MaxAbsError,
 }
 
 impl BandTally {
     pub(crate) fn new() -> Self {
-        let largest = Largest {
+        let largest = MaxAbsError {
             error: -1.0,
             wavelength_nm: f64::NAN,
             curve: 0,
         };
         Self {
-            rmse: StatisticsTally::default(),
+            rmse: Summary::default(),
             largest,
         }
     }
@@ -163,18 +137,18 @@ impl BandTally {
     /// Adds the RMSE and the largest error (with its wavelength) of the next curve.
     pub(crate) fn add(&mut self, curve: usize, rmse: f64, error: f64, wavelength_nm: f64) {
         if error > self.largest.error {
-            self.largest = Largest {
+            self.largest = MaxAbsError {
                 error,
                 wavelength_nm,
                 curve,
             };
         }
-        self.rmse.add(rmse);
+        self.rmse.add(curve, rmse);
     }
 
     pub(crate) fn finish(self) -> BandStatistics {
         BandStatistics {
-            rmse: self.rmse.finish(),
+            rmse: self.rmse.into(),
             largest: self.largest,
         }
     }
@@ -240,11 +214,7 @@ pub(super) fn error_table(
     let wavelengths = curves.ncols();
     let unlisted = first - 1;
     let in_bands = vec![BandTally::new(); bands.parts().len()];
-    let row_tallies = (
-        StatisticsTally::default(),
-        StatisticsTally::default(),
-        in_bands,
-    );
+    let row_tallies = (Summary::default(), Summary::default(), in_bands);
     let mut tallies = vec![row_tallies; stored.coefficients.ncols() - unlisted];
     let mut original = vec![0.0; wavelengths];
     let mut sum = vec![0.0; wavelengths];
@@ -264,8 +234,8 @@ pub(super) fn error_table(
                 *to = f64::from(stored.kind.value(stored.quantity, sum) as f32);
             }
             let error = CurveError::between(&original, &rebuilt, colour);
-            rmse.add(error.rmse);
-            error.delta_e.into_iter().for_each(|e| colours.add(e));
+            rmse.add(row, error.rmse);
+            (error.delta_e.into_iter()).for_each(|e| colours.add(row, e));
             for (tally, part) in in_bands.iter_mut().zip(bands.parts()) {
                 let (rmse, largest, largest_column) = error_in(&original, &rebuilt, &part.columns);
                 tally.add(row, rmse, largest, bands.wavelength_nm(largest_column));
@@ -278,8 +248,8 @@ pub(super) fn error_table(
         .map(|(i, (rmse, colours, in_bands))| {
             let mut row = ErrorRow {
                 components: first + i,
-                rmse: rmse.finish(),
-                delta_e: colour.map(|_| colours.finish()),
+                rmse: rmse.into(),
+                delta_e: colour.map(|_| colours.into()),
                 bands: [None; Band::ALL.len()],
             };
             for (part, tally) in bands.parts().iter().zip(in_bands) {
@@ -372,7 +342,7 @@ components   RMSE min      mean       max   Delta-E min     mean      max
          2   0.000000  0.123457 10.000000        0.0000   1.0000 100.0000  <- chosen"
         );
         let mut by_band = table([None, None]);
-        let largest = Largest {
+        let largest = MaxAbsError {
             error: 0.01,
             wavelength_nm: 1170.0,
             curve: 3,

@@ -1,7 +1,7 @@
 //! How closely a compact file reproduces the spectra it was made from.
 use ndarray::ArrayView2;
 
-use super::{BandTally, Bands, CurveError, Largest, error_in};
+use super::{BandTally, Bands, CurveError, MaxAbsError, error_in};
 use crate::colour::Colorimeter;
 use crate::lookup::{Database, LookupError};
 use crate::measurement::Quantity;
@@ -26,7 +26,7 @@ pub struct BandErrors {
     /// RMSE over the wavelengths of the band, `[s]`.
     pub rmse: Vec<f64>,
     /// The largest absolute error at any of these wavelengths.
-    pub largest: Largest,
+    pub largest: MaxAbsError,
 }
 
 /// The errors of the compact file against `curves` (`[s, l]`), the matrix of `quantity`.
@@ -38,7 +38,7 @@ pub struct BandErrors {
 ///
 /// # Panics
 /// If `colour` has another number of wavelengths.
-pub fn errors_of(
+pub fn curve_errors(
     database: &Database,
     quantity: Quantity,
     curves: ArrayView2<f64>,
@@ -97,12 +97,16 @@ pub fn errors_of(
 }
 
 /// Refuses a count that differs from the file's.
-fn require_count(what: &'static str, expected: usize, found: usize) -> Result<(), LookupError> {
+fn require_count(
+    dimension: &'static str,
+    expected: usize,
+    found: usize,
+) -> Result<(), LookupError> {
     if expected == found {
         return Ok(());
     }
     Err(LookupError::Shape {
-        what,
+        dimension,
         expected,
         found,
     })

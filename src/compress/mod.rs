@@ -16,14 +16,14 @@ mod precision;
 mod svd;
 mod weight;
 
-pub use annotation::annotated;
+pub use annotation::with_metadata;
 pub(crate) use bands::rmse_in;
 pub use bands::{BandColumns, BandError, Bands, NOISE_FACTOR};
 pub use choice::{Bounds, Choice, DEFAULT_MAX_DELTA_E, DEFAULT_MAX_RMSE, choose};
 pub use compact::{CompactError, CompactFile};
-pub use errors::{BandStatistics, CurveError, ErrorRow, ErrorTable, Largest, Statistics};
+pub use errors::{BandStatistics, CurveError, ErrorRow, ErrorTable, MaxAbsError, Statistics};
 pub(crate) use errors::{BandTally, error_in};
-pub use fidelity::{BandErrors, CurveErrors, errors_of};
+pub use fidelity::{BandErrors, CurveErrors, curve_errors};
 pub use model::Model;
 pub use precision::{Coefficients, Integers, Quantised};
 pub use svd::Decomposition;

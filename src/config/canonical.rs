@@ -4,8 +4,12 @@
 use std::fmt::Write;
 use std::path::Path;
 
+use serde::Serialize;
+
 use crate::grain::{SizeLaw, TruncatedNormal};
-use crate::grid::{carbon_lines, list, normal, number, reflectance};
+use crate::grid::{
+    CarbonSettings, LawSettings, Reflectance, SizeSettings, toml_entries, toml_text,
+};
 use crate::optics::WaterTable;
 use crate::transport::{Layer, Model, Substrate};
 use crate::units::HALF_SPACE_CM;
@@ -34,16 +38,20 @@ impl Writer {
         let _ = writeln!(self.text, "{key} = {value}");
     }
 
+    fn value<T: Serialize + ?Sized>(&mut self, key: &str, value: &T) {
+        self.raw(key, &toml_text(value));
+    }
+
     pub(super) fn number(&mut self, key: &str, value: f64) {
-        self.raw(key, &number(value));
+        self.value(key, &value);
     }
 
     pub(super) fn numbers(&mut self, key: &str, values: &[f64]) {
-        self.raw(key, &list(values));
+        self.value(key, values);
     }
 
     pub(super) fn law(&mut self, key: &str, law: &TruncatedNormal) {
-        self.raw(key, &normal(law));
+        self.value(key, &LawSettings::from(law));
     }
 
     /// Writes the table `[model]`; a CSV path is written relative to `directory`.
@@ -83,8 +91,8 @@ impl Writer {
             self.number("fraction", component.fraction);
             let law = grain.size.law();
             let sizes = sizes_um(keys, law, grain.sphericity, snow.temperature_c);
-            let [min, max] = sizes.map(number);
-            self.raw("size_um", &format!("{{ min = {min}, max = {max} }}"));
+            let [min, max] = sizes;
+            self.value("size_um", &SizeSettings { min, max });
             self.law("facetness", &grain.facetness);
             self.law("sphericity", &grain.sphericity);
         }
@@ -94,23 +102,24 @@ impl Writer {
         ] {
             if let Some(carbon) = carbon {
                 self.header(&format!("[layer.{name}]"));
-                self.text.push_str(&carbon_lines(carbon).join("\n"));
-                self.text.push('\n');
+                for (key, value) in toml_entries(&CarbonSettings::from(carbon)) {
+                    self.raw(&key, &value);
+                }
             }
         }
     }
 
     /// Writes the table `[substrate]`; nothing for a black substrate.
     pub(super) fn substrate(&mut self, substrate: &Substrate) {
-        let Some(reflectance) = reflectance(substrate) else {
+        let Some(reflectance) = Reflectance::of(substrate) else {
             return;
         };
         self.header("[substrate]");
-        self.raw("reflectance", &reflectance);
+        self.value("reflectance", &reflectance);
     }
 
     pub(super) fn text(&mut self, key: &str, value: &str) {
-        self.raw(key, &toml::Value::from(value).to_string());
+        self.value(key, value);
     }
 
     pub(super) fn finish(self) -> String {

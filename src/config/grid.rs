@@ -4,7 +4,7 @@ use std::path::Path;
 use crate::colour::Viewing;
 use crate::engine::{Engine, MaxError};
 use crate::grain::{Shape, SizeConversion, SizeMeasure};
-use crate::grid::{Compression, Fixed, GivenSizes, Grid, Run, Spread, why_absent};
+use crate::grid::{Compression, Fixed, Grid, Run, SizeAxis, Spread, why_absent};
 use crate::parameter::{Axes, Parameter};
 
 use super::axis_keys::AxesKeys;
@@ -90,7 +90,7 @@ pub fn parse(name: &str, text: &str) -> Result<GridFile, ConfigError> {
     }
     narrow_spread(&document, &keys.axes, &mut spread, &mut warnings);
     let diffuse = keys.axes.diffuse;
-    let (axes, given_sizes, longest_um) =
+    let (axes, size_axis, longest_um) =
         axes(&document, keys.axes, &spread, &keys.fixed, &mut warnings)?;
     let wavelengths_nm = wavelengths(&document, &keys.wavelengths, &mut warnings)?;
     let model = model(&document, &keys.model, directory_of(name))?;
@@ -130,7 +130,7 @@ pub fn parse(name: &str, text: &str) -> Result<GridFile, ConfigError> {
     let stem = Path::new(name).file_stem();
     let grid = Grid {
         axes,
-        given_sizes,
+        size_axis,
         spread,
         wavelengths_nm,
         fixed,
@@ -186,7 +186,7 @@ fn axes(
     spread: &Spread,
     fixed: &FixedKeys,
     warnings: &mut Vec<String>,
-) -> Result<(Axes, Option<GivenSizes>, Vec<f64>), ConfigError> {
+) -> Result<(Axes, Option<SizeAxis>, Vec<f64>), ConfigError> {
     one_size(document, "axes", "grain_size_um")?;
     let (size_key, given, measure) = size_axis(document, &mut keys)?;
     let mut axes = Axes::default();
@@ -202,7 +202,7 @@ fn axes(
             axes.set(parameter, values);
         }
     }
-    let mut given_sizes = None;
+    let mut size_axis = None;
     if let Some(measure) = measure {
         let s = &fixed.sphericity;
         let shape = SizeConversion {
@@ -213,7 +213,7 @@ fn axes(
             temperature_c: fixed.temperature_c,
         };
         axes.set(Parameter::GrainSize, measure.sizes_um(&given, &shape));
-        given_sizes = Some(GivenSizes {
+        size_axis = Some(SizeAxis {
             measure,
             values: given,
         });
@@ -257,7 +257,7 @@ fn axes(
             remark_axis(document, warnings, parameter, &key, value);
         }
     }
-    Ok((axes, given_sizes, longest_um))
+    Ok((axes, size_axis, longest_um))
 }
 
 /// The key of the grain size axis, its values, and their measure if they are not sizes.
@@ -336,7 +336,7 @@ fn run(document: &Document, keys: &RunKeys, wavelengths_nm: &[f64]) -> Result<Ru
         let help = "remove it, or set run.engine = \"auto\"";
         return Err(document.error("run.max_error", problem, help));
     }
-    let usual = MaxError::usual(wavelengths_nm);
+    let usual = MaxError::default_for(wavelengths_nm);
     let max_error = max_error.map_or(usual, |keys| MaxError {
         delta_e: keys.delta_e.unwrap_or(usual.delta_e),
         rmse: keys.rmse.unwrap_or(usual.rmse),

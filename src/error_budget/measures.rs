@@ -5,6 +5,7 @@ use std::fmt;
 use serde::{Deserialize, Serialize};
 
 use super::ErrorBudget;
+use crate::accuracy::{mean, percentile};
 use crate::compress::CurveError;
 
 /// Number of worst points listed.
@@ -138,14 +139,13 @@ fn measures(errors: &[CurveError]) -> Measures {
 /// Mean, 95th percentile and maximum, to four digits.
 fn summary(mut values: Vec<f64>) -> ErrorSummary {
     values.sort_by(f64::total_cmp);
-    let n = values.len();
-    let Some(&max) = values.last() else {
+    let Some(p95) = percentile(&values, 95) else {
         return ErrorSummary::default();
     };
     ErrorSummary {
-        mean: four_digits(values.iter().sum::<f64>() / n as f64),
-        p95: four_digits(values[(n * 95).div_ceil(100).max(1) - 1]),
-        max: four_digits(max),
+        mean: four_digits(mean(&values)),
+        p95: four_digits(p95),
+        max: values.last().copied().map_or(p95, four_digits),
     }
 }
 

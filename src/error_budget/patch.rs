@@ -164,7 +164,7 @@ impl Simulation<'_> {
             }
             Ok(spectra)
         };
-        let results = budget::in_order(order.len(), control.cancel, |place| {
+        let results = budget::par_map_in_order(order.len(), control.cancel, |place| {
             let number = order[place];
             match run_patch(number, &patches[number]) {
                 Err(ErrorBudgetError::Cancelled) => Ok::<_, ErrorBudgetError>(None),

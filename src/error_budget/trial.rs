@@ -8,12 +8,12 @@
 //! - **At nodes**: gives the error of the simulation alone.
 //!
 //! Only a few values of facetness are drawn, because each value needs its own grain tables.
-use rand::{Rng, SeedableRng};
+use rand::Rng;
 use rand_xoshiro::Xoshiro256PlusPlus;
-use sha2::{Digest, Sha256};
 
 use super::Patch;
 use crate::parameter::{Axes, Parameter, Point, Region, Role};
+use crate::sampling::Check;
 
 /// Number of thicknesses and incidence angles of a random patch: in a region whose snow
 /// varies, and in a region with one fixed snow.
@@ -44,18 +44,9 @@ pub(super) struct Trial {
     pub(super) kinds: Vec<PointKind>,
 }
 
-/// A random stream for `purpose`. Its hash differs from those of the streams that made a database.
-fn random(seed: u64, purpose: &str) -> Xoshiro256PlusPlus {
-    let mut hash = Sha256::new();
-    hash.update(b"splitsnow certificate 1 ");
-    hash.update(purpose);
-    hash.update(seed.to_le_bytes());
-    Xoshiro256PlusPlus::from_seed(hash.finalize().into())
-}
-
 /// The seed of the fresh simulations.
 pub(super) fn simulation_seed(seed: u64) -> u64 {
-    random(seed, "simulation").next_u64()
+    Check::ErrorBudget.stream("simulation", seed).next_u64()
 }
 
 /// Draws random values and nodes.
@@ -145,7 +136,7 @@ pub(super) fn anywhere(
     seed: u64,
     is_covered: IsCovered<'_>,
 ) -> (Vec<Trial>, usize) {
-    let mut sampler = Sampler(random(seed, "anywhere"));
+    let mut sampler = Sampler(Check::ErrorBudget.stream("anywhere", seed));
     let facets: Vec<f64> = (0..FACETS)
         .map(|i| (i as f64 + sampler.unit()) / FACETS as f64)
         .collect();
@@ -200,7 +191,7 @@ pub(super) fn anywhere(
 
 /// Points at the nodes of `axes`, and points off the nodes in one axis each.
 pub(super) fn along(axes: &Axes, seed: u64) -> Vec<Trial> {
-    let mut sampler = Sampler(random(seed, "along"));
+    let mut sampler = Sampler(Check::ErrorBudget.stream("along", seed));
     let mut trials = Vec::new();
     let (h, a) = (Parameter::Thickness, Parameter::Incidence);
     let ends = |parameter: Parameter| axes.region().get(parameter).unwrap_or_default();

@@ -10,8 +10,8 @@ use netcdf3::DataSet;
 
 use super::netcdf::{FILL, STAND_IN, failed, version, written};
 use super::{ExportError, Layout, Table};
-use crate::grain::{Shape, SizeLaw, SizeRange, TruncatedNormal, shape_factor, size_factor_per_m};
-use crate::grid::Spread;
+use crate::grain::{Shape, SizeRange, shape_factor, size_factor_per_m};
+use crate::grid::{Settings, Spread};
 use crate::parameter::Parameter;
 use crate::store::Variable;
 use crate::units::{HALF_SPACE_CM, m_to_um, um_to_m};
@@ -84,7 +84,7 @@ const NODES: usize = 4;
 /// four nodes, a half space, or does not state the data for the optical radius;
 /// [`ExportError::TooLarge`].
 pub fn crtm(table: Table) -> Result<Vec<u8>, ExportError> {
-    let table = table.without_fixed_axes()?.laid_out(Layout::Crtm);
+    let table = table.without_fixed_axes()?.with_layout(Layout::Crtm);
     if table.axes.len() != DIMENSIONS.len() {
         return refused(
             "CRTM needs the axes density, depth, grain size, frequency and angle".into(),
@@ -205,7 +205,7 @@ impl Table {
                     name.replace('_', "-")
                 ));
             };
-            self = self.at(name, value)?;
+            self = self.select(name, value)?;
         }
         Ok(self)
     }
@@ -217,36 +217,24 @@ impl Table {
                 format!("the file does not state its {entry}, which the optical radii need");
             ExportError::Crtm { reason }
         };
-        let config = self.config().ok_or_else(|| missing("config"))?;
-        let entry = |section: &str, key: &str| config.get(section)?.get(key).cloned();
-        let float = |value: Option<toml::Value>| value.and_then(|value| value.as_float());
-        let half_width_um = float(entry("spread", "grain_size_half_width_um"))
-            .ok_or_else(|| missing("spread.grain_size_half_width_um"))?;
-        let sphericity = || {
-            let law = |key| float(entry("fixed", "sphericity")?.get(key).cloned());
-            TruncatedNormal::new(law("min")?, law("max")?, law("mean")?, law("sd")?).ok()
-        };
+        let settings = self.settings().ok_or_else(|| missing("config"))?;
+        let half_width_um = settings.spread.grain_size_half_width_um;
         let sphericity = match self.fixed.get(Parameter::Sphericity.name()) {
-            None => sphericity(),
+            None => settings.sphericity(),
             Some(mean) => {
-                let width = |key| float(entry("spread", key)).unwrap_or(f64::NAN);
                 let spread = Spread {
-                    sphericity_half_width: width("sphericity_half_width"),
-                    sphericity_sd: width("sphericity_sd"),
+                    sphericity_half_width: settings
+                        .spread
+                        .sphericity_half_width
+                        .unwrap_or(f64::NAN),
+                    sphericity_sd: settings.spread.sphericity_sd.unwrap_or(f64::NAN),
                     ..Spread::default()
                 };
                 spread.sphericity_law(*mean).ok()
             }
         };
         let sphericity = sphericity.ok_or_else(|| missing("fixed.sphericity"))?;
-        let law = entry("model", "size_law");
-        let consistent =
-            law.as_ref().and_then(toml::Value::as_str) == Some(SizeLaw::Consistent.name());
-        let law = if consistent {
-            SizeLaw::Consistent
-        } else {
-            SizeLaw::Varsa2025
-        };
+        let law = settings.size_law();
         let shape = shape_factor(Shape::default(), &sphericity, law);
         let radius_um = |size_um: &f64| {
             let ends = [size_um - half_width_um, size_um + half_width_um].map(um_to_m);
@@ -259,8 +247,8 @@ impl Table {
         values.iter().map(radius_um).collect()
     }
 
-    /// The canonical grid file of the database; `None` if the file does not state it.
-    fn config(&self) -> Option<toml::Table> {
+    /// The settings of the database's grid; `None` if the file does not state them.
+    fn settings(&self) -> Option<Settings> {
         let provenance = self.attributes.get("provenance");
         let provenance: Option<serde_json::Value> =
             provenance.and_then(|text| serde_json::from_str(text).ok());
@@ -272,7 +260,7 @@ impl Table {
             .get("config")
             .map(String::as_str)
             .or(in_provenance)?;
-        text.parse().ok()
+        Settings::parse(text).ok()
     }
 
     /// Adds the global attributes.
@@ -309,6 +297,9 @@ mod tests {
     use netcdf3::{DataType, FileReader};
 
     use super::*;
+    use crate::engine::Engine;
+    use crate::grain::TruncatedNormal;
+    use crate::grid::tests::small;
 
     /// A table with at least four nodes along the five axes, whose values encode their indices.
     fn table() -> Table {
@@ -328,11 +319,14 @@ mod tests {
                 .fold(0.0_f32, |sum, i| 8.0 * sum + *i as f32);
             digits * 2.0_f32.powi(-18)
         };
-        let config = "[spread]\ngrain_size_half_width_um = 10.0\n[fixed]\nsphericity = { min = 1.0, max = 1.0, mean = 1.0, sd = 0.0 }";
+        let mut grid = small(Engine::Spectral);
+        grid.spread.grain_size_half_width_um = 10.0;
+        grid.fixed.sphericity = TruncatedNormal::new(1.0, 1.0, 1.0, 0.0).unwrap();
+        let config = grid.to_config();
         Table {
             axes,
             quantities: vec![(Variable::Reflectance, ArrayD::from_shape_fn(shape, value))],
-            attributes: [("config".to_owned(), config.to_owned())].into(),
+            attributes: [("config".to_owned(), config)].into(),
             fixed: Default::default(),
         }
     }
@@ -342,7 +336,7 @@ mod tests {
     /// (its module parameters); the release is that of `VISsnowCoeff_Define.f90`.
     #[test]
     fn the_file_has_what_the_loader_reads() {
-        let table = table().at("facetness", 0.3).unwrap();
+        let table = table().select("facetness", 0.3).unwrap();
         let bytes = crtm(table).unwrap();
         let mut file = FileReader::open_seek_read("memory", Box::new(Cursor::new(bytes))).unwrap();
         let set = file.data_set();
@@ -425,11 +419,11 @@ mod tests {
             message.ends_with("choose one of the 2 values of facetness with --facetness"),
             "{message}"
         );
-        let error = table().at("facetness", 0.2).unwrap_err().to_string();
+        let error = table().select("facetness", 0.2).unwrap_err().to_string();
         assert_eq!(error, "facetness = 0.2 is not one of the nodes 0.1, 0.3");
-        assert!(table().at("sphericity", 0.2).is_err());
-        let one = || table().at("facetness", 0.1).unwrap();
-        let thin = one().at("thickness_cm", 2.0).unwrap();
+        assert!(table().select("sphericity", 0.2).is_err());
+        let one = || table().select("facetness", 0.1).unwrap();
+        let thin = one().select("thickness_cm", 2.0).unwrap();
         assert!(refused(thin).starts_with("cannot make a table for CRTM: CRTM needs the axes"));
         let mut few = one();
         few.axes[4].1.truncate(3);

@@ -247,7 +247,7 @@ mod tests {
     fn read_back_by_the_library() {
         let table = Table::of_compact(&database())
             .unwrap()
-            .laid_out(Layout::Crtm);
+            .with_layout(Layout::Crtm);
         let bytes = netcdf(&table).unwrap();
         let file = Box::new(Cursor::new(bytes));
         let mut reader = netcdf3::FileReader::open_seek_read("memory", file).unwrap();

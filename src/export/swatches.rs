@@ -110,7 +110,7 @@ mod tests {
         let database = crate::export::table::tests::database();
         let conditions = Point::from([(Parameter::Temperature, -1.0)]);
         let database_at = database.at(conditions).unwrap();
-        let point = Point::of_core([0.9, 300.0, 400.0, 5.0, 40.0]);
+        let point = Point::from_core([0.9, 300.0, 400.0, 5.0, 40.0]);
         let quantity = Quantity::Reflectance;
         let picture = |one| thicknesses(&database_at, quantity, point, one, "snow".into()).unwrap();
         let all = picture(false);

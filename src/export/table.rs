@@ -152,7 +152,7 @@ impl Table {
     /// # Errors
     /// [`ExportError::NoNode`] if the table has no angle 0.
     pub fn diffuse(self) -> Result<Self, ExportError> {
-        let mut table = self.at(ANGLE, 0.0)?;
+        let mut table = self.select(ANGLE, 0.0)?;
         table.fixed.remove(ANGLE);
         for (variable, _) in &mut table.quantities {
             *variable = variable.diffuse();
@@ -173,7 +173,7 @@ impl Table {
     ///
     /// # Errors
     /// [`ExportError::NoNode`] if the value matches no node or there is no such axis.
-    pub fn at(mut self, axis: &str, value: f64) -> Result<Self, ExportError> {
+    pub fn select(mut self, axis: &str, value: f64) -> Result<Self, ExportError> {
         let position = self.axes.iter().position(|(name, _)| *name == axis);
         let nodes = position.map_or(&[][..], |position| &self.axes[position].1);
         let matches = |node: &f64| (node - value).abs() <= 1e-6 * node.abs().max(f64::MIN_POSITIVE);
@@ -194,7 +194,7 @@ impl Table {
 
     /// The table with its axes in the order of `layout`.
     #[must_use]
-    pub fn laid_out(mut self, layout: Layout) -> Self {
+    pub fn with_layout(mut self, layout: Layout) -> Self {
         if layout == Layout::Database {
             return self;
         }
@@ -262,7 +262,7 @@ pub(super) mod tests {
             ["temperature_c", "facetness", "grain_size_um"]
         );
         assert_eq!(table.axes[1].1, [0.1, 0.9]);
-        let crtm = table.clone().laid_out(Layout::Crtm);
+        let crtm = table.clone().with_layout(Layout::Crtm);
         assert_eq!(
             names(&crtm),
             [

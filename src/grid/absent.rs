@@ -66,7 +66,7 @@ pub fn absent_curves(axes: &Axes, absent: &[usize]) -> u64 {
 
 /// Rows, in storage order, of the curves that exist.
 #[must_use]
-pub fn existing(axes: &Axes, absent: &[usize]) -> Vec<usize> {
+pub fn existing_rows(axes: &Axes, absent: &[usize]) -> Vec<usize> {
     let [_, sizes, densities, thicknesses, angles] = axes.core_shape();
     let exists = |row: &usize| {
         let thickness = row / angles % thicknesses;

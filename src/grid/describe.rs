@@ -1,10 +1,11 @@
-//! The canonical description of a grid: key by key, and as the text of a grid file. It
-//! does not depend on the comments, order and formatting of the user's file, nor on the
-//! bounds of the compression, which do not affect the spectra.
-use std::fmt::Write;
-
-use super::Grid;
-use crate::engine::{Engine, MaxError};
+//! The settings of a grid, taken from the grid and written as the text of a grid file.
+use super::settings::{
+    AxisSettings, BelowSettings, CarbonSettings, ErrorSettings, FixedSettings, GrainSettings,
+    LawSettings, ModelSettings, Reflectance, RunSettings, Settings, SizeSettings, SpreadSettings,
+    SubstrateSettings, WavelengthSettings,
+};
+use super::{Fixed, Grid};
+use crate::engine::Engine;
 use crate::grain::{SizeLaw, TruncatedNormal};
 use crate::optics::{Carbon, WaterTable};
 use crate::parameter::Parameter;
@@ -12,108 +13,88 @@ use crate::transport::{Component, Layer, Substrate};
 use crate::units::{m_to_cm, m_to_um};
 
 impl Grid {
-    /// Section, key and TOML value of every setting that affects the spectra.
+    /// Every setting that affects the spectra.
     #[must_use]
-    pub fn describe(&self) -> Vec<(&'static str, &'static str, String)> {
+    pub fn describe(&self) -> Settings {
         let axes = &self.axes;
-        // the measure by which sizes are given determines the sizes
-        let as_given = |parameter: Parameter| match &self.given_sizes {
-            Some(given) if parameter == Parameter::GrainSize => {
-                (given.measure.name(), given.values.as_slice())
-            }
-            _ => (parameter.key(), axes.values(parameter)),
-        };
-        // the axes that every database has come first
-        let parameters = axes.iter().map(|(parameter, _)| parameter);
-        let (optional, core): (Vec<_>, Vec<_>) = parameters.partition(|p| p.is_optional());
-        let mut entries: Vec<_> = core
-            .into_iter()
-            .chain(optional)
-            .map(as_given)
-            .map(|(name, values)| ("axes", name, list(values)))
-            .collect();
         let spread = &self.spread;
-        let fixed = &self.fixed;
-        let model = &fixed.model;
-        let mut add = |section, key, value| entries.push((section, key, value));
-        if fixed.diffuse {
-            add("axes", "diffuse", "true".to_owned());
+        let sphericity_is_axis = axes.has(Parameter::Sphericity);
+        Settings {
+            axes: AxisSettings::new(axes, self.size_axis.as_ref(), self.fixed.diffuse),
+            spread: SpreadSettings {
+                facetness_half_width: spread.facetness_half_width,
+                facetness_sd: spread.facetness_sd,
+                grain_size_half_width_um: spread.grain_size_half_width_um,
+                sphericity_half_width: sphericity_is_axis.then_some(spread.sphericity_half_width),
+                sphericity_sd: sphericity_is_axis.then_some(spread.sphericity_sd),
+            },
+            wavelengths: WavelengthSettings {
+                values_nm: self.wavelengths_nm.clone(),
+            },
+            fixed: self.fixed_settings(),
+            run: RunSettings {
+                engine: self.run.engine,
+                seed: self.run.seed,
+                rays: self.run.rays,
+                max_error: (self.run.engine == Engine::Auto).then_some(ErrorSettings {
+                    delta_e: self.run.max_error.delta_e,
+                    rmse: self.run.max_error.rmse,
+                }),
+            },
+            model: self.model_settings(),
         }
-        add(
-            "spread",
-            "facetness_half_width",
-            number(spread.facetness_half_width),
-        );
-        add("spread", "facetness_sd", number(spread.facetness_sd));
-        add(
-            "spread",
-            "grain_size_half_width_um",
-            number(spread.grain_size_half_width_um),
-        );
-        if axes.has(Parameter::Sphericity) {
-            let half_width = number(spread.sphericity_half_width);
-            add("spread", "sphericity_half_width", half_width);
-            add("spread", "sphericity_sd", number(spread.sphericity_sd));
-        }
-        add("wavelengths", "values_nm", list(&self.wavelengths_nm));
-        // a parameter that is an axis is not fixed
-        for (parameter, value) in [
-            (Parameter::Sphericity, normal(&fixed.sphericity)),
-            (Parameter::Temperature, number(fixed.temperature_c)),
-            (Parameter::WaterSaturation, number(fixed.water_saturation)),
-        ] {
-            if !axes.has(parameter) {
-                add("fixed", parameter.key(), value);
-            }
-        }
-        for (key, carbon) in [
-            ("black_carbon", &fixed.black_carbon),
-            ("brown_carbon", &fixed.brown_carbon),
-        ] {
-            if let Some(carbon) = carbon {
-                let axis = key == "black_carbon" && axes.has(Parameter::BlackCarbon);
-                // the concentration is the first line; an axis replaces it
-                let lines = &carbon_lines(carbon)[usize::from(axis)..];
-                add("fixed", key, inline(lines));
-            }
-        }
-        if !fixed.below.is_empty() {
+    }
+
+    /// The properties that all curves share; a parameter that is an axis is not fixed.
+    fn fixed_settings(&self) -> FixedSettings {
+        let is_fixed = |parameter| !self.axes.has(parameter);
+        let Fixed {
+            sphericity,
+            temperature_c,
+            water_saturation,
+            black_carbon,
+            brown_carbon,
+            below,
+            substrate,
+            ..
+        } = &self.fixed;
+        let black_carbon = black_carbon.as_ref().map(|carbon| CarbonSettings {
+            // an axis replaces the concentration, but no other property
+            concentration_ng_g: is_fixed(Parameter::BlackCarbon)
+                .then_some(carbon.concentration_ng_g),
+            ..carbon.into()
+        });
+        let substrate = Reflectance::of(substrate);
+        FixedSettings {
+            sphericity: is_fixed(Parameter::Sphericity).then(|| sphericity.into()),
+            temperature_c: is_fixed(Parameter::Temperature).then_some(*temperature_c),
+            water_saturation: is_fixed(Parameter::WaterSaturation).then_some(*water_saturation),
+            black_carbon,
+            brown_carbon: brown_carbon.as_ref().map(CarbonSettings::from),
             // config files list layers from the base up
-            let layers: Vec<_> = fixed.below.iter().rev().map(layer).collect();
-            add("fixed", "below", format!("[{}]", layers.join(", ")));
+            below: below.iter().rev().map(BelowSettings::from).collect(),
+            substrate: substrate
+                .filter(|_| is_fixed(Parameter::SubstrateReflectance))
+                .map(|reflectance| SubstrateSettings { reflectance }),
         }
-        let substrate = reflectance(&fixed.substrate);
-        let is_fixed = !axes.has(Parameter::SubstrateReflectance);
-        if let Some(reflectance) = substrate.filter(|_| is_fixed) {
-            add(
-                "fixed",
-                "substrate",
-                inline(&[format!("reflectance = {reflectance}")]),
-            );
+    }
+
+    /// The model options; those without effect in this grid are left out.
+    fn model_settings(&self) -> ModelSettings {
+        let (fixed, size_law) = (&self.fixed, self.spread.size_law);
+        let model = &fixed.model;
+        let carbon = fixed.carbon().next().is_some() || self.axes.has(Parameter::BlackCarbon);
+        let is_layered = !fixed.below.is_empty();
+        ModelSettings {
+            entry: model.entry.name().into(),
+            // the default is left out, as in databases from before this key existed
+            size_law: (size_law != SizeLaw::default()).then(|| size_law.name().into()),
+            layers: is_layered.then(|| model.joining.name().into()),
+            carbon_law: carbon.then(|| model.carbon_law.name().into()),
+            impurity_mass: carbon.then(|| model.impurity_mass.name().into()),
+            ice: model.ice.name().into(),
+            water: water_name(&model.water),
         }
-        add("run", "engine", quoted(self.run.engine.name()));
-        add("run", "seed", self.run.seed.to_string());
-        add("run", "rays", self.run.rays.to_string());
-        if self.run.engine == Engine::Auto {
-            let MaxError { delta_e, rmse } = self.run.max_error;
-            let error = format!("{{ delta_e = {delta_e:?}, rmse = {rmse:?} }}");
-            add("run", "max_error", error);
-        }
-        add("model", "entry", quoted(model.entry.name()));
-        // the default is left out, as in databases from before this key existed
-        if spread.size_law != SizeLaw::default() {
-            add("model", "size_law", quoted(spread.size_law.name()));
-        }
-        if !fixed.below.is_empty() {
-            add("model", "layers", quoted(model.joining.name()));
-        }
-        if fixed.carbon().next().is_some() || axes.has(Parameter::BlackCarbon) {
-            add("model", "carbon_law", quoted(model.carbon_law.name()));
-            add("model", "impurity_mass", quoted(model.impurity_mass.name()));
-        }
-        add("model", "ice", quoted(model.ice.name()));
-        add("model", "water", quoted(&water_name(&model.water)));
-        entries
     }
 
     /// The text of a grid file that builds this database, with every value explicit.
@@ -123,103 +104,78 @@ impl Grid {
     /// the file.
     #[must_use]
     pub fn to_config(&self) -> String {
-        let mut text = String::from("version = 1\n");
-        let mut current = "";
-        for (section, key, value) in self.describe() {
-            if section != current {
-                let _ = writeln!(text, "\n[{section}]");
-                current = section;
-            }
-            let _ = writeln!(text, "{key} = {value}");
+        self.describe().to_config()
+    }
+}
+
+impl From<&TruncatedNormal> for LawSettings {
+    fn from(law: &TruncatedNormal) -> Self {
+        Self {
+            min: law.min(),
+            max: law.max(),
+            mean: law.mean(),
+            sd: law.sd(),
         }
-        text
     }
 }
 
-/// The shortest decimal that reads back as the same number; -0 becomes 0.
-pub(crate) fn number(value: f64) -> String {
-    format!("{:?}", value + 0.0)
-}
-
-pub(crate) fn list(values: &[f64]) -> String {
-    let values: Vec<_> = values.iter().copied().map(number).collect();
-    format!("[{}]", values.join(", "))
-}
-
-pub(crate) fn normal(law: &TruncatedNormal) -> String {
-    let [min, max, mean, sd] = [law.min(), law.max(), law.mean(), law.sd()].map(number);
-    format!("{{ min = {min}, max = {max}, mean = {mean}, sd = {sd} }}")
-}
-
-fn inline(lines: &[String]) -> String {
-    format!("{{ {} }}", lines.join(", "))
-}
-
-/// A layer as an inline table.
-fn layer(layer: &Layer) -> String {
-    let snow = &layer.snow;
-    let grain = |Component { fraction, grain }: &Component| {
-        let size = [grain.size.min_m(), grain.size.max_m()].map(|m| number(m_to_um(m)));
-        inline(&[
-            format!("fraction = {}", number(*fraction)),
-            format!("size_um = {{ min = {}, max = {} }}", size[0], size[1]),
-            format!("facetness = {}", normal(&grain.facetness)),
-            format!("sphericity = {}", normal(&grain.sphericity)),
-        ])
-    };
-    let grains: Vec<_> = snow.grains.iter().map(grain).collect();
-    let mut lines = vec![
-        format!("thickness_cm = {}", number(m_to_cm(layer.thickness_m))),
-        format!("density_kg_m3 = {}", number(snow.density_kg_m3)),
-        format!("temperature_c = {}", number(snow.temperature_c)),
-        format!("water_saturation = {}", number(snow.water_saturation)),
-        format!("grain = [{}]", grains.join(", ")),
-    ];
-    for (name, carbon) in [
-        ("black_carbon", &snow.black_carbon),
-        ("brown_carbon", &snow.brown_carbon),
-    ] {
-        lines.extend(carbon.map(|carbon| format!("{name} = {}", inline(&carbon_lines(&carbon)))));
-    }
-    inline(&lines)
-}
-
-/// The lines `key = value` of a table of carbon.
-pub(crate) fn carbon_lines(carbon: &Carbon) -> Vec<String> {
-    let per = if carbon.per_wet_mass {
-        "wet_mass"
-    } else {
-        "dry_mass"
-    };
-    vec![
-        format!("concentration_ng_g = {}", number(carbon.concentration_ng_g)),
-        format!("sedimentation = {}", number(carbon.sedimentation)),
-        format!(
-            "mass_absorption_efficiency_m2_g = {}",
-            number(carbon.mass_absorption_efficiency_m2_g)
-        ),
-        format!(
-            "reference_wavelength_nm = {}",
-            number(carbon.reference_wavelength_nm)
-        ),
-        format!("angstrom_exponent = {}", number(carbon.angstrom_exponent)),
-        format!("concentration_per = {}", quoted(per)),
-    ]
-}
-
-/// The value of the key `reflectance` of a substrate; a spectrum is a list with one value
-/// per wavelength. `None` for a black substrate.
-pub(crate) fn reflectance(substrate: &Substrate) -> Option<String> {
-    match substrate {
-        Substrate::Black => None,
-        Substrate::Grey(reflectance) => Some(number(*reflectance)),
-        Substrate::Spectrum { table } => Some(list(table.column(0))),
+impl From<&Carbon> for CarbonSettings {
+    fn from(carbon: &Carbon) -> Self {
+        let per = if carbon.per_wet_mass {
+            "wet_mass"
+        } else {
+            "dry_mass"
+        };
+        Self {
+            concentration_ng_g: Some(carbon.concentration_ng_g),
+            sedimentation: carbon.sedimentation,
+            mass_absorption_efficiency_m2_g: carbon.mass_absorption_efficiency_m2_g,
+            reference_wavelength_nm: carbon.reference_wavelength_nm,
+            angstrom_exponent: carbon.angstrom_exponent,
+            concentration_per: per.into(),
+        }
     }
 }
 
-/// A TOML basic string.
-fn quoted(text: &str) -> String {
-    toml::Value::String(text.into()).to_string()
+impl From<&Layer> for BelowSettings {
+    fn from(layer: &Layer) -> Self {
+        let snow = &layer.snow;
+        Self {
+            thickness_cm: m_to_cm(layer.thickness_m),
+            density_kg_m3: snow.density_kg_m3,
+            temperature_c: snow.temperature_c,
+            water_saturation: snow.water_saturation,
+            grain: snow.grains.iter().map(GrainSettings::from).collect(),
+            black_carbon: snow.black_carbon.as_ref().map(CarbonSettings::from),
+            brown_carbon: snow.brown_carbon.as_ref().map(CarbonSettings::from),
+        }
+    }
+}
+
+impl From<&Component> for GrainSettings {
+    fn from(Component { fraction, grain }: &Component) -> Self {
+        Self {
+            fraction: *fraction,
+            size_um: SizeSettings {
+                min: m_to_um(grain.size.min_m()),
+                max: m_to_um(grain.size.max_m()),
+            },
+            facetness: (&grain.facetness).into(),
+            sphericity: (&grain.sphericity).into(),
+        }
+    }
+}
+
+impl Reflectance {
+    /// The value of the key `reflectance` of a substrate; a spectrum is a list with one value
+    /// per wavelength. `None` for a black substrate.
+    pub(crate) fn of(substrate: &Substrate) -> Option<Self> {
+        match substrate {
+            Substrate::Black => None,
+            Substrate::Grey(reflectance) => Some(Self::Grey(*reflectance)),
+            Substrate::Spectrum { table } => Some(Self::Spectrum(table.column(0).to_vec())),
+        }
+    }
 }
 
 /// The name of a table of water. Of a user's table it is the file name alone, so that the

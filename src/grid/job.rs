@@ -162,7 +162,7 @@ impl Grid {
             snowpack,
             thicknesses_m,
             illuminations,
-            resolution: Resolution::of_rays(self.run.rays.saturating_mul(SHARED)),
+            resolution: Resolution::for_rays(self.run.rays.saturating_mul(SHARED)),
             wavelengths_nm: &self.wavelengths_nm,
             model: &self.fixed.model,
             rays: self.run.rays,

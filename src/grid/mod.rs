@@ -7,7 +7,11 @@ mod describe;
 mod fixed;
 mod job;
 mod jobs;
+mod settings;
 mod shard;
+#[cfg(feature = "database")]
+mod stored;
+mod toml_text;
 
 use crate::engine::{Engine, MaxError};
 use crate::grain::{SizeLaw, SizeMeasure, TruncatedNormal};
@@ -15,23 +19,27 @@ use crate::optics::Carbon;
 use crate::parameter::Axes;
 use crate::transport::{Layer, Model, Substrate};
 
-pub use absent::{MIN_GRAIN_LENGTHS, absent_curves, existing, why_absent};
+pub use absent::{MIN_GRAIN_LENGTHS, absent_curves, existing_rows, why_absent};
 pub use check::GridError;
-pub(crate) use describe::{carbon_lines, list, normal, number, reflectance};
 pub use job::Job;
 pub use jobs::Jobs;
+pub use settings::Settings;
+#[cfg(feature = "database")]
+pub(crate) use settings::config_text;
+pub(crate) use settings::{CarbonSettings, LawSettings, Reflectance, SizeSettings};
 pub use shard::{Shard, ShardError};
+pub(crate) use toml_text::{toml_entries, toml_text};
 
 /// The values of a grain size axis that is given by another measure than the size.
 #[derive(Debug, Clone, PartialEq)]
-pub struct GivenSizes {
+pub struct SizeAxis {
     /// The measure.
     pub measure: SizeMeasure,
     /// Values of the measure, in its unit, increasing.
     pub values: Vec<f64>,
 }
 
-impl GivenSizes {
+impl SizeAxis {
     /// The values in the order of the grain sizes.
     #[must_use]
     pub fn by_size(&self) -> Vec<f64> {
@@ -162,7 +170,7 @@ pub struct Grid {
     /// The axes: those that every database has, and any optional ones.
     pub axes: Axes,
     /// Values of the grain size axis if it is given by another measure than the size.
-    pub given_sizes: Option<GivenSizes>,
+    pub size_axis: Option<SizeAxis>,
     /// Widths of the distributions around an axis value.
     pub spread: Spread,
     /// Wavelengths, nm, strictly increasing.
@@ -191,7 +199,7 @@ pub(crate) mod tests {
                 (Parameter::Thickness, vec![1.0, 2.0, 5.0]),
                 (Parameter::Incidence, vec![0.0, 60.0]),
             ]),
-            given_sizes: None,
+            size_axis: None,
             spread: Spread::default(),
             wavelengths_nm: vec![400.0, 500.0, 600.0, 700.0],
             fixed: Fixed::dry(TruncatedNormal::new(0.6, 0.95, 0.798, 0.064).unwrap(), -1.0),

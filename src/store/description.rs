@@ -1,5 +1,5 @@
-//! The description of a database: the identity that determines whether a build may
-//! continue it, and the text of a grid file that makes the same database.
+//! The description of a database: its identity, which determines whether a build may
+//! continue it, and the settings of its grid.
 use std::collections::BTreeMap;
 use std::fmt::Write;
 use std::path::Path;
@@ -9,9 +9,7 @@ use sha2::{Digest, Sha256};
 
 use super::StoreError;
 use super::layout::Contents;
-use crate::engine::Engine;
-use crate::grain::{Shape, SizeConversion, SizeLaw, SizeMeasure, TruncatedNormal};
-use crate::grid::{GivenSizes, Grid};
+use crate::grid::{Grid, Reflectance, Settings, config_text, toml_text};
 use crate::lookup::SubstrateKind;
 use crate::parameter::{Axes, Parameter};
 
@@ -34,71 +32,48 @@ const PROGRAM: &str = "splitsnow";
 const KEYS: [[&str; 2]; 1] = [["axes.angle_deg", "axes.incidence_angle_deg"]];
 const ENGINES: [[&str; 2]; 1] = [["\"doubling\"", "\"hybrid\""]];
 
-/// An entry with its key and value respelled; `order` returns the spelling to replace and
-/// its replacement.
-fn respelled(
-    key: &str,
-    value: &str,
-    order: impl Fn([&'static str; 2]) -> (&'static str, &'static str),
-) -> (String, String) {
-    let replaced = |pairs: [[&'static str; 2]; 1], text: &str| {
-        let mut pairs = pairs.into_iter().map(&order);
-        let pair = pairs.find(|(from, _)| *from == text);
-        pair.map_or_else(|| text.to_owned(), |(_, to)| to.to_owned())
-    };
-    let new_value = match key {
-        "run.engine" => replaced(ENGINES, value),
-        _ => value.to_owned(),
-    };
-    (replaced(KEYS, key), new_value)
+/// How keys and values are spelled.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+enum Spelling {
+    /// As in version 0.1.
+    Former,
+    Present,
 }
 
-/// Everything that the bytes of a database depend on.
-///
-/// Both parts are canonical: they depend neither on the formatting of the user's file nor
-/// on the history of the directory.
-#[derive(Debug, Clone, PartialEq, Eq)]
-pub(super) struct Description {
-    /// Key and value of every input, in a fixed order.
-    entries: Vec<(String, String)>,
-    /// The canonical grid file.
-    pub(super) config: String,
-}
-
-impl Description {
-    /// The description of the database of `grid`. `extra` has further inputs, such as the
-    /// hashes of the data tables in use.
-    pub(super) fn new(grid: &Grid, extra: &BTreeMap<String, String>) -> Self {
-        let versions = [
-            ("format_version".to_string(), FORMAT_VERSION.to_string()),
-            (
-                "program_version".to_string(),
-                env!("CARGO_PKG_VERSION").to_string(),
-            ),
-            ("streams".to_string(), STREAMS.to_string()),
-        ];
-        let inputs = grid
-            .describe()
-            .into_iter()
-            .map(|(section, key, value)| (format!("{section}.{key}"), value));
-        let absent = grid.absent().unwrap_or_default();
-        let absent = (!absent.is_empty()).then(|| (ABSENT.to_string(), counts(&absent)));
-        // Each entry is one line of the attribute.
-        let extra = extra
-            .iter()
-            .map(|(key, value)| (key.clone(), value.replace('\n', " ")));
-        Self {
-            entries: versions
-                .into_iter()
-                .chain(inputs)
-                .chain(absent)
-                .chain(extra)
-                .collect(),
-            config: grid.to_config(),
-        }
+impl Spelling {
+    /// An entry in this spelling.
+    fn entry(self, key: &str, value: &str) -> (String, String) {
+        let value = match key {
+            "run.engine" => self.respell(ENGINES, value),
+            _ => value,
+        };
+        (self.respell(KEYS, key).to_owned(), value.to_owned())
     }
 
-    /// Reads the description of the database at `path` from its attributes `root`.
+    fn respell<'a>(self, pairs: [[&'static str; 2]; 1], text: &'a str) -> &'a str {
+        let order = |[former, present]: [&'static str; 2]| match self {
+            Self::Former => (present, former),
+            Self::Present => (former, present),
+        };
+        let mut pairs = pairs.into_iter().map(order);
+        let pair = pairs.find(|(from, _)| *from == text);
+        pair.map_or(text, |(_, to)| to)
+    }
+}
+
+/// The attributes of a database that state what it was made from, as stored.
+///
+/// Both are canonical: they depend neither on the formatting of the user's file nor on the
+/// history of the directory.
+#[derive(Debug, Clone)]
+pub(super) struct Stored {
+    pub(super) identity: Identity,
+    /// The canonical grid file.
+    config: String,
+}
+
+impl Stored {
+    /// Reads the attributes of the database at `path` from its file `root`.
     ///
     /// # Errors
     /// [`StoreError::Foreign`] if the database was not made by this program;
@@ -120,14 +95,86 @@ impl Description {
             path: path.join("zarr.json"),
             reason: format!("attribute {key:?} is missing or unreadable"),
         };
-        let entries = attribute("identity")
-            .ok_or_else(|| damaged("identity"))?
-            .lines()
-            .filter_map(|line| line.split_once(" = "))
-            .map(|(key, value)| respelled(key, value, |[former, present]| (former, present)))
-            .collect();
-        let config = attribute("config").ok_or_else(|| damaged("config"))?.into();
-        Ok(Self { entries, config })
+        Ok(Self {
+            identity: Identity::read(attribute("identity").ok_or_else(|| damaged("identity"))?),
+            config: attribute("config").ok_or_else(|| damaged("config"))?.into(),
+        })
+    }
+
+    /// The description of the database at `path`.
+    ///
+    /// # Errors
+    /// [`StoreError::Damaged`] if this version cannot read the canonical grid file.
+    pub(super) fn describe(self, path: &Path) -> Result<Description, StoreError> {
+        let settings = Settings::parse(&self.config).map_err(|reason| StoreError::Damaged {
+            path: path.join("zarr.json"),
+            reason: format!("attribute \"config\": {reason}"),
+        })?;
+        Ok(Description {
+            identity: self.identity,
+            settings,
+            config: self.config,
+        })
+    }
+}
+
+/// Everything that the bytes of a database depend on: key and value of every input, in a
+/// fixed order.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub(super) struct Identity {
+    entries: Vec<(String, String)>,
+}
+
+impl Identity {
+    /// The identity of the database of `grid`, which has these `settings`. `extra` has
+    /// further inputs, such as the hashes of the data tables in use.
+    fn new(grid: &Grid, settings: &Settings, extra: &BTreeMap<String, String>) -> Self {
+        let versions = [
+            ("format_version".to_string(), FORMAT_VERSION.to_string()),
+            (
+                "program_version".to_string(),
+                env!("CARGO_PKG_VERSION").to_string(),
+            ),
+            ("streams".to_string(), STREAMS.to_string()),
+        ];
+        let absent = grid.absent().unwrap_or_default();
+        let absent = (!absent.is_empty()).then(|| (ABSENT.to_string(), counts(&absent)));
+        // Each entry is one line of the attribute.
+        let extra = extra
+            .iter()
+            .map(|(key, value)| (key.clone(), value.replace('\n', " ")));
+        Self {
+            entries: versions
+                .into_iter()
+                .chain(settings.entries())
+                .chain(absent)
+                .chain(extra)
+                .collect(),
+        }
+    }
+
+    /// Reads the text of an identity.
+    fn read(text: &str) -> Self {
+        let lines = text.lines().filter_map(|line| line.split_once(" = "));
+        Self {
+            entries: lines
+                .map(|(key, value)| Spelling::Present.entry(key, value))
+                .collect(),
+        }
+    }
+
+    /// All entries as lines `key = value`, respelled as in version 0.1.
+    fn text(&self) -> String {
+        let lines = self.entries.iter().map(|(key, value)| {
+            let (key, value) = Spelling::Former.entry(key, value);
+            format!("{key} = {value}")
+        });
+        lines.collect::<Vec<_>>().join("\n")
+    }
+
+    /// SHA-256 of the text, which enters every commit mark.
+    pub(super) fn digest(&self) -> [u8; 32] {
+        Sha256::digest(self.text()).into()
     }
 
     /// The value of an entry; `None` if it does not exist.
@@ -219,76 +266,6 @@ impl Description {
         }
     }
 
-    /// All entries as lines `key = value`, respelled as in version 0.1.
-    fn identity(&self) -> String {
-        let lines = self.entries.iter().map(|(key, value)| {
-            let (key, value) = respelled(key, value, |[former, present]| (present, former));
-            format!("{key} = {value}")
-        });
-        lines.collect::<Vec<_>>().join("\n")
-    }
-
-    /// SHA-256 of the identity, which enters every commit mark.
-    pub(super) fn digest(&self) -> [u8; 32] {
-        Sha256::digest(self.identity()).into()
-    }
-
-    /// The contents of the database, from the canonical grid file.
-    pub(super) fn contents(&self, path: &Path) -> Result<Contents, StoreError> {
-        let damaged = |reason: String| StoreError::Damaged {
-            path: path.join("zarr.json"),
-            reason,
-        };
-        let config: toml::Table = self.config.parse().map_err(|error: toml::de::Error| {
-            damaged(format!("attribute \"config\": {}", error.message()))
-        })?;
-        let get = |section: &str, key: &str| config.get(section)?.get(key);
-        let list = |section: &str, key: &str| -> Result<Vec<f64>, StoreError> {
-            get(section, key)
-                .and_then(|values| values.as_array())
-                .and_then(|values| values.iter().map(toml::Value::as_float).collect())
-                .ok_or_else(|| damaged(format!("attribute \"config\" has no {section}.{key}")))
-        };
-        let measure = SizeMeasure::ALL
-            .into_iter()
-            .find(|measure| get("axes", measure.name()).is_some());
-        let given_sizes = match measure {
-            None => None,
-            Some(measure) => Some(GivenSizes {
-                measure,
-                values: list("axes", measure.name())?,
-            }),
-        };
-        let mut axes = Axes::default();
-        for parameter in Parameter::ALL {
-            let values = match &given_sizes {
-                Some(given) if parameter == Parameter::GrainSize => {
-                    let shape = size_conversion(&config).ok_or_else(|| {
-                        damaged("attribute \"config\" does not describe the grains".into())
-                    })?;
-                    given.measure.sizes_um(&given.values, &shape)
-                }
-                _ if parameter.is_optional() && get("axes", parameter.key()).is_none() => continue,
-                // in version 0.1, the key of an axis was its name in files
-                _ if get("axes", parameter.key()).is_none() => list("axes", parameter.name())?,
-                _ => list("axes", parameter.key())?,
-            };
-            axes.set(parameter, values);
-        }
-        let name = get("run", "engine").and_then(|name| name.as_str());
-        let engine = name
-            .and_then(Engine::named)
-            .ok_or_else(|| damaged(format!("unknown engine {name:?}")))?;
-        Ok(Contents {
-            absent: self.absent(&axes, path)?,
-            axes,
-            given_sizes,
-            wavelengths_nm: list("wavelengths", "values_nm")?,
-            engine,
-            diffuse: self.has_diffuse(),
-        })
-    }
-
     /// For each grain size, the number of the thinnest thicknesses without a curve; empty if
     /// all curves exist.
     fn absent(&self, axes: &Axes, path: &Path) -> Result<Vec<usize>, StoreError> {
@@ -306,67 +283,133 @@ impl Description {
             })
     }
 
-    /// Whether there are curves under diffuse light.
-    fn has_diffuse(&self) -> bool {
-        self.get("axes.diffuse") == Some("true")
+    fn has_axis(&self, axis: Parameter) -> bool {
+        self.get(&format!("axes.{}", axis.key())).is_some()
+    }
+}
+
+/// The identity of a database and the settings of its grid.
+#[derive(Debug, Clone)]
+pub(super) struct Description {
+    pub(super) identity: Identity,
+    settings: Settings,
+    /// The canonical grid file.
+    pub(super) config: String,
+}
+
+impl Description {
+    /// The description of the database of `grid`. `extra` has further inputs, such as the
+    /// hashes of the data tables in use.
+    pub(super) fn new(grid: &Grid, extra: &BTreeMap<String, String>) -> Self {
+        let settings = grid.describe();
+        Self {
+            identity: Identity::new(grid, &settings, extra),
+            config: settings.to_config(),
+            settings,
+        }
     }
 
-    /// Values of the grain size axis if it is given by another measure than the size.
-    fn given_sizes(&self) -> Option<GivenSizes> {
-        SizeMeasure::ALL.into_iter().find_map(|measure| {
-            let list = self.get(&format!("axes.{}", measure.name()))?;
-            let values = serde_json::from_str(list).ok()?;
-            Some(GivenSizes { measure, values })
+    /// The contents of the database at `path`.
+    ///
+    /// # Errors
+    /// [`StoreError::Damaged`] if they contradict each other.
+    pub(super) fn contents(&self, path: &Path) -> Result<Contents, StoreError> {
+        let settings = &self.settings;
+        let axes = settings.axes().ok_or_else(|| StoreError::Damaged {
+            path: path.join("zarr.json"),
+            reason: "attribute \"config\" does not describe the grains".into(),
+        })?;
+        Ok(Contents {
+            absent: self.identity.absent(&axes, path)?,
+            axes,
+            size_axis: settings.size_axis(),
+            wavelengths_nm: settings.wavelengths.values_nm.clone(),
+            engine: settings.run.engine,
+            diffuse: settings.axes.diffuse,
         })
     }
 
     /// The kind of substrate under the surface layer, including the layers below.
     pub(super) fn substrate(&self) -> SubstrateKind {
-        let axis = self.has_axis(Parameter::SubstrateReflectance);
-        if self.get("fixed.below").is_some() {
+        let fixed = &self.settings.fixed;
+        if !fixed.below.is_empty() {
             SubstrateKind::Layers
-        } else if axis || self.get("fixed.substrate").is_some() {
+        } else if self.is_axis(Parameter::SubstrateReflectance) || fixed.substrate.is_some() {
             SubstrateKind::Reflecting
         } else {
             SubstrateKind::Black
         }
     }
 
-    fn has_axis(&self, axis: Parameter) -> bool {
-        self.get(&format!("axes.{}", axis.key())).is_some()
+    fn is_axis(&self, axis: Parameter) -> bool {
+        self.settings.axes.has(axis)
+    }
+
+    /// Whether the identity has all settings of the canonical grid file.
+    pub(super) fn agrees(&self) -> bool {
+        let entries = self.settings.entries();
+        let mut entries = entries.iter();
+        entries.all(|(key, value)| self.identity.get(key) == Some(value))
+    }
+
+    /// What lies under the surface layer, in words.
+    fn bottom_boundary(&self, spelling: Spelling) -> String {
+        let fixed = &self.settings.fixed;
+        let noun = match spelling {
+            Spelling::Former => "ground",
+            Spelling::Present => "substrate",
+        };
+        let lambertian = |which: &str| {
+            format!("Lambertian {noun} {which}; transmittance is the light that stays in it")
+        };
+        let substrate = match &fixed.substrate {
+            _ if self.is_axis(Parameter::SubstrateReflectance) => {
+                lambertian("of the axis substrate_reflectance")
+            }
+            None => "black: light that leaves through the bottom does not come back".to_owned(),
+            Some(substrate) => match substrate.reflectance {
+                Reflectance::Spectrum(_) => {
+                    lambertian("with the spectrum fixed.substrate of config")
+                }
+                Reflectance::Grey(_) => lambertian(&toml_text(substrate)),
+            },
+        };
+        match fixed.below.is_empty() {
+            true => substrate,
+            false => format!("the layers of fixed.below, then {substrate}"),
+        }
     }
 
     /// Attributes of the Zarr group.
     pub(super) fn attributes(&self) -> Map<String, Value> {
-        let text = |key: &str| self.get(key).unwrap_or_default().trim_matches('"').into();
-        let number = |key: &str| {
-            let value = self.get(key).and_then(|value| value.parse::<u64>().ok());
-            Value::from(value.unwrap_or_default())
-        };
+        self.attributes_in(Spelling::Present, &self.config)
+    }
+
+    /// Attributes of the Zarr group as version 0.1 wrote them.
+    pub(super) fn former_attributes(&self) -> Map<String, Value> {
+        let entries = self.settings.entries().into_iter();
+        let entries = entries.map(|(key, value)| Spelling::Former.entry(&key, &value));
+        let config = config_text(&entries.collect::<Vec<_>>());
+        self.attributes_in(Spelling::Former, &config)
+    }
+
+    fn attributes_in(&self, spelling: Spelling, config: &str) -> Map<String, Value> {
+        let Settings { run, model, .. } = &self.settings;
+        // a file name may need other quotes in TOML, which the attribute keeps
+        let water = toml_text(&model.water);
+        let (_, engine) = spelling.entry("run.engine", &toml_text(run.engine.name()));
+        let identity = &self.identity;
+        let version = identity.get("program_version").unwrap_or_default();
+        let format = identity.get("format_version");
+        let format: u64 = format
+            .and_then(|text| text.parse().ok())
+            .unwrap_or_default();
         let mut units = String::new();
-        let is_axis = |axis: &Parameter| !axis.is_optional() || self.has_axis(*axis);
+        let is_axis = |axis: &Parameter| !axis.is_optional() || self.is_axis(*axis);
         for axis in Parameter::ALL.into_iter().filter(is_axis) {
             let _ = write!(units, "{}: {}; ", axis.name(), axis.unit());
         }
-        let substrate = if self.has_axis(Parameter::SubstrateReflectance) {
-            Some("of the axis substrate_reflectance")
-        } else {
-            self.get("fixed.substrate")
-        };
-        let substrate = match substrate {
-            None => "black: light that leaves through the bottom does not come back".to_owned(),
-            Some(substrate) if substrate.contains('[') => {
-                "Lambertian substrate with the spectrum fixed.substrate of config; transmittance is the light that stays in it".to_owned()
-            }
-            Some(substrate) => {
-                format!("Lambertian substrate {substrate}; transmittance is the light that stays in it")
-            }
-        };
-        let bottom = match self.get("fixed.below") {
-            None => substrate,
-            Some(_) => format!("the layers of fixed.below, then {substrate}"),
-        };
-        let illumination = if self.has_diffuse() {
+        let illumination = if self.settings.axes.diffuse {
             "collimated; angle_deg is the polar angle of incidence, measured from the surface normal; those named diffuse: isotropic"
         } else {
             "collimated; angle_deg is the polar angle of incidence, measured from the surface normal"
@@ -374,8 +417,8 @@ impl Description {
         let entries: [(&str, Value); 17] = [
             ("title", "Spectral database of snow".into()),
             ("program", PROGRAM.into()),
-            ("program_version", text("program_version")),
-            ("format_version", number("format_version")),
+            ("program_version", version.into()),
+            ("format_version", format.into()),
             (
                 "source",
                 "P. M. Varsa, A First-Principles Framework for Simulating Light and Snow Interactions, PhD thesis, University of Waterloo, 2025".into(),
@@ -388,22 +431,22 @@ impl Description {
                 "illumination",
                 illumination.into(),
             ),
-            ("bottom_boundary", bottom.into()),
+            ("bottom_boundary", self.bottom_boundary(spelling).into()),
             ("substrate", self.substrate().name().into()),
-            ("ice_table", text("model.ice")),
-            ("water_table", text("model.water")),
-            ("engine", text("run.engine")),
-            ("seed", number("run.seed")),
-            ("rays", number("run.rays")),
-            ("config", self.config.as_str().into()),
-            ("config_sha256", hex(&Sha256::digest(&self.config)).into()),
-            ("identity", self.identity().into()),
+            ("ice_table", model.ice.as_str().into()),
+            ("water_table", water.trim_matches('"').into()),
+            ("engine", engine.trim_matches('"').into()),
+            ("seed", run.seed.into()),
+            ("rays", run.rays.into()),
+            ("config", config.into()),
+            ("config_sha256", hex(&Sha256::digest(config)).into()),
+            ("identity", self.identity.text().into()),
         ];
         let mut attributes: Map<String, Value> = entries
             .into_iter()
             .map(|(key, value)| (key.to_string(), value))
             .collect();
-        if let Some(given) = self.given_sizes() {
+        if let Some(given) = self.settings.size_axis() {
             let measure = given.measure;
             let relation = format!(
                 "{}: {}. The values here are those of the grain sizes in their order; spread.grain_size_half_width_um is that of the sizes.",
@@ -436,29 +479,131 @@ fn short(value: &str) -> String {
     }
 }
 
-/// The properties of the grains, from a canonical grid file, that convert other measures to
-/// grain sizes; `None` if a key is missing.
-fn size_conversion(config: &toml::Table) -> Option<SizeConversion> {
-    let number = |section: &str, key: &str| config.get(section)?.get(key)?.as_float();
-    let law = config.get("fixed")?.get("sphericity")?;
-    let law = |key: &str| law.get(key)?.as_float();
-    let model = config.get("model");
-    let size_law = model.and_then(|model| model.get("size_law")?.as_str());
-    let size_law = match size_law {
-        Some(name) if name == SizeLaw::Consistent.name() => SizeLaw::Consistent,
-        _ => SizeLaw::Varsa2025,
-    };
-    Some(SizeConversion {
-        half_width_um: number("spread", "grain_size_half_width_um")?,
-        size_law,
-        shape: Shape::default(),
-        sphericity: TruncatedNormal::new(law("min")?, law("max")?, law("mean")?, law("sd")?)
-            .ok()?,
-        // only specific surface areas depend on it, and these exclude an axis of temperature
-        temperature_c: number("fixed", "temperature_c").unwrap_or_default(),
-    })
-}
-
 fn hex(bytes: &[u8]) -> String {
     bytes.iter().map(|byte| format!("{byte:02x}")).collect()
+}
+
+#[cfg(test)]
+#[allow(clippy::unwrap_used)]
+mod tests {
+    use serde_json::json;
+
+    use super::*;
+    use crate::engine::Engine;
+    use crate::grain::{SizeLaw, SizeMeasure};
+    use crate::grid::tests::{small, with_extra};
+    use crate::grid::{Fixed, SizeAxis};
+    use crate::optics::Carbon;
+    use crate::transport::{Layer, Substrate};
+
+    /// Grids of every engine and axis, and of every setting that not all grids have.
+    fn grids() -> Vec<Grid> {
+        let grid = || small(Engine::Hybrid);
+        let fixed = |change: fn(&mut Fixed)| {
+            let mut grid = grid();
+            change(&mut grid.fixed);
+            grid
+        };
+        let mut grids: Vec<_> = Engine::ALL.into_iter().map(small).collect();
+        for axis in Parameter::ALL.into_iter().filter(|axis| axis.is_optional()) {
+            let mut grid = grid();
+            grid.axes.set(axis, vec![0.25, 0.5]);
+            grids.push(grid);
+        }
+        let mut all_axes = grid();
+        for axis in Parameter::ALL.into_iter().filter(|axis| axis.is_optional()) {
+            all_axes.axes.set(axis, vec![0.25, 0.5]);
+        }
+        grids.push(all_axes);
+        for measure in SizeMeasure::ALL {
+            let mut grid = grid();
+            let values = vec![30.0, 40.0];
+            grid.size_axis = Some(SizeAxis { measure, values });
+            grids.push(grid);
+        }
+        grids.push(fixed(|fixed| fixed.diffuse = true));
+        grids.push(fixed(|fixed| fixed.substrate = Substrate::Grey(0.3)));
+        grids.push(fixed(|fixed| {
+            fixed.black_carbon = Some(Carbon::black(20.0))
+        }));
+        grids.push(fixed(|fixed| {
+            fixed.black_carbon = Some(Carbon::black(1e-7))
+        }));
+        grids.push(with_extra(fixed(|fixed| {
+            fixed.brown_carbon = Some(Carbon::black(1e17));
+            fixed.black_carbon = Some(Carbon::black(0.0));
+        })));
+        let mut layered = grid();
+        let jobs = layered.jobs().unwrap();
+        let snow = layered.job(&jobs, 0).unwrap().snowpack.surface;
+        let thickness_m = 0.05;
+        layered.fixed.below = vec![Layer { thickness_m, snow }; 2];
+        layered.spread.size_law = SizeLaw::Consistent;
+        grids.push(layered);
+        grids
+    }
+
+    fn read(attributes: Map<String, Value>) -> Description {
+        let path = Path::new("database.zarr");
+        let root = json!({ "attributes": attributes }).to_string();
+        let stored = Stored::read(root.as_bytes(), path).unwrap();
+        stored.describe(path).unwrap()
+    }
+
+    #[test]
+    fn a_description_reads_back() {
+        for grid in grids() {
+            let extra = [("data.ice.csv".to_owned(), "0a".to_owned())].into();
+            let written = Description::new(&grid, &extra);
+            let again = read(written.attributes());
+            assert_eq!(again.identity, written.identity);
+            assert_eq!(again.settings, written.settings);
+            assert_eq!(again.settings.to_config(), again.config);
+            assert_eq!(again.attributes(), written.attributes());
+            let contents = again.contents(Path::new("")).unwrap();
+            assert_eq!(contents.engine, grid.run.engine);
+            assert_eq!(contents.size_axis, grid.size_axis);
+            if grid.size_axis.is_none() {
+                assert_eq!(contents.axes, grid.axes);
+            }
+        }
+    }
+
+    #[test]
+    fn the_spelling_of_version_0_1_is_the_same_description() {
+        for grid in grids() {
+            let written = Description::new(&grid, &BTreeMap::new());
+            let identity = written.identity.text();
+            assert!(identity.contains("axes.angle_deg = ") && !identity.contains("hybrid"));
+            let former = |text: &str| {
+                let text = text.replace("incidence_angle_deg", "angle_deg");
+                text.replace("\"hybrid\"", "\"doubling\"")
+            };
+            let attributes = written.former_attributes();
+            assert_eq!(attributes["config"], former(&written.config));
+            assert_ne!(attributes["engine"], "hybrid");
+            let again = read(attributes.clone());
+            assert_eq!(again.identity, written.identity);
+            assert_eq!(again.settings, written.settings);
+            assert_eq!(again.former_attributes(), attributes);
+            assert!(again.agrees());
+        }
+    }
+
+    #[test]
+    fn a_config_that_cannot_be_read_is_named() {
+        let written = Description::new(&small(Engine::Hybrid), &BTreeMap::new());
+        for (old, new, reason) in [
+            ("\"hybrid\"", "\"other\"", "unknown engine \"other\""),
+            ("values_nm", "values", "missing field `values_nm`"),
+            ("density_kg_m3", "density", "missing field `density_kg_m3`"),
+        ] {
+            let mut attributes = written.attributes();
+            attributes.insert("config".into(), written.config.replace(old, new).into());
+            let root = json!({ "attributes": attributes }).to_string();
+            let stored = Stored::read(root.as_bytes(), Path::new("d")).unwrap();
+            let error = stored.describe(Path::new("d")).unwrap_err().to_string();
+            assert!(error.contains(reason), "{error}");
+        }
+    }
 }

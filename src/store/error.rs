@@ -145,10 +145,10 @@ pub enum StoreError {
     #[error(transparent)]
     Grid(#[from] GridError),
     /// The Zarr library failed.
-    #[error("cannot store {what} as Zarr: {reason}")]
+    #[error("cannot store {name} as Zarr: {reason}")]
     Zarr {
         /// The array or file.
-        what: String,
+        name: String,
         /// The library's message.
         reason: String,
     },
@@ -168,10 +168,10 @@ impl StoreError {
         }
     }
 
-    /// Converts an error of the Zarr library, for `map_err`; `what` names the array or file.
-    pub(super) fn zarr<E: ToString>(what: &str) -> impl FnOnce(E) -> Self {
+    /// Converts an error of the Zarr library, for `map_err`; `name` is that of the array or file.
+    pub(super) fn zarr<E: ToString>(name: &str) -> impl FnOnce(E) -> Self {
         move |error| Self::Zarr {
-            what: what.into(),
+            name: name.into(),
             reason: error.to_string(),
         }
     }

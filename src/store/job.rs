@@ -80,7 +80,7 @@ impl Store {
     fn commit_hash(&self, job: u64) -> CommitHash {
         CommitHash(
             Sha256::new()
-                .chain_update(self.description.digest())
+                .chain_update(self.description.identity.digest())
                 .chain_update(job.to_le_bytes()),
         )
     }

@@ -13,11 +13,10 @@ use zarrs::array::{
 use zarrs::array::{Element, data_type};
 use zarrs::filesystem::FilesystemStore;
 
-use super::description::Description;
-use super::{StoreError, Variable};
+use super::{ROOT, StoreError, Variable};
 use crate::engine::Engine;
 use crate::grain::SizeMeasure;
-use crate::grid::{GivenSizes, Jobs};
+use crate::grid::{Jobs, SizeAxis};
 use crate::parameter::{Axes, Parameter};
 use crate::units::HALF_SPACE_CM;
 
@@ -31,7 +30,7 @@ const JOBS: &str = "jobs";
 pub(super) struct Contents {
     pub(super) axes: Axes,
     /// Values of the grain size axis if it is given by another measure than the size.
-    pub(super) given_sizes: Option<GivenSizes>,
+    pub(super) size_axis: Option<SizeAxis>,
     pub(super) wavelengths_nm: Vec<f64>,
     pub(super) engine: Engine,
     /// For each grain size, the number of the thinnest thicknesses without a curve; empty if
@@ -99,8 +98,8 @@ impl Layout {
         &self.contents.axes
     }
 
-    pub(super) fn given_sizes(&self) -> Option<&GivenSizes> {
-        self.contents.given_sizes.as_ref()
+    pub(super) fn size_axis(&self) -> Option<&SizeAxis> {
+        self.contents.size_axis.as_ref()
     }
 
     pub(super) fn absent(&self) -> &[usize] {
@@ -180,16 +179,16 @@ impl Layout {
             .find(|(other, _)| *other == quantity)
             .map(|(_, array)| array)
             .ok_or_else(|| StoreError::Zarr {
-                what: quantity.name().into(),
+                name: quantity.name().into(),
                 reason: "this database has no curves under diffuse light".into(),
             })
     }
 
     /// Path in the database and bytes of every file that exists from the start: metadata
-    /// and coordinates.
+    /// and coordinates. `attributes` are those of the database.
     pub(super) fn static_files(
         &self,
-        description: &Description,
+        attributes: Map<String, Value>,
     ) -> Result<BTreeMap<String, Vec<u8>>, StoreError> {
         let mut files = BTreeMap::new();
         let mut nodes = Map::new();
@@ -210,7 +209,7 @@ impl Layout {
             files.insert(key, encode(&array, &values)?);
             nodes.insert(name.into(), metadata(&array)?);
         }
-        if let Some(given) = self.given_sizes() {
+        if let Some(given) = self.size_axis() {
             let (name, values) = (given.measure.name(), given.by_size());
             let dimension = Parameter::GrainSize.name();
             let array = coordinate(&self.storage, name, dimension, values.len() as u64)?;
@@ -243,8 +242,8 @@ impl Layout {
             let node = if name == JOBS { &job_group } else { node };
             files.insert(format!("{name}/zarr.json"), pretty(node)?);
         }
-        let root = group(Value::Object(description.attributes()), nodes);
-        files.insert("zarr.json".into(), pretty(&root)?);
+        let root = group(Value::Object(attributes), nodes);
+        files.insert(ROOT.into(), pretty(&root)?);
         Ok(files)
     }
 }

@@ -38,12 +38,12 @@ use std::fs;
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
-use description::Description;
+use description::{Description, Stored};
 use layout::{Contents, Layout};
 use lock::Lock;
 
 use crate::atomic::resolved;
-use crate::grid::{GivenSizes, Grid, Jobs};
+use crate::grid::{Grid, Jobs, SizeAxis};
 use crate::lookup::SubstrateKind;
 use crate::parameter::Axes;
 
@@ -97,16 +97,16 @@ impl Store {
         let root = dir.join(DATABASE);
         file::check_links(&root)?;
         let requested = Description::new(grid, extra);
-        let stored = read_description(&root)?;
+        let stored = read_stored(&root)?;
         if let Some(stored) = &stored {
-            stored.check_same(&requested, &root)?;
+            stored.identity.check_same(&requested.identity, &root)?;
         } else {
             space::check(dir, &jobs, jobs.count())?;
         }
         let writer = file::Writer::new(dir, access)?;
         let contents = Contents {
             axes: grid.axes.clone(),
-            given_sizes: grid.given_sizes.clone(),
+            size_axis: grid.size_axis.clone(),
             wavelengths_nm: grid.wavelengths_nm.clone(),
             engine: grid.run.engine,
             absent: grid.absent()?,
@@ -163,7 +163,8 @@ impl Store {
             Self::open(path)?
         };
         let requested = Description::new(grid, extra);
-        store.description.check_nodes(&requested, &store.root)?;
+        let identity = &store.description.identity;
+        identity.check_nodes(&requested.identity, &store.root)?;
         Ok(store)
     }
 
@@ -178,7 +179,8 @@ impl Store {
         extra: &BTreeMap<String, String>,
     ) -> Result<(), StoreError> {
         let requested = Description::new(grid, extra);
-        self.description.check_same(&requested, &self.root)
+        let identity = &self.description.identity;
+        identity.check_same(&requested.identity, &self.root)
     }
 
     /// Like [`open`](Self::open), and prevents all other processes from writing.
@@ -195,9 +197,9 @@ impl Store {
 
     fn open_with(dir: &Path, lock: Option<Lock>) -> Result<Self, StoreError> {
         let root = dir.join(DATABASE);
-        let description =
-            read_description(&root)?.ok_or_else(|| StoreError::Absent { path: dir.into() })?;
-        description.check_format(&root)?;
+        let stored = read_stored(&root)?.ok_or_else(|| StoreError::Absent { path: dir.into() })?;
+        stored.identity.check_format(&root)?;
+        let description = stored.describe(&root)?;
         Ok(Self {
             dir: dir.into(),
             layout: Layout::new(&root, description.contents(&root)?)?,
@@ -214,14 +216,14 @@ impl Store {
     fn create(&self) -> Result<(), StoreError> {
         let writer = self.writer()?;
         if self.root.exists() {
-            let mut files = self.layout.static_files(&self.description)?;
+            let mut files = self.static_files()?;
             let root = files.remove(ROOT).unwrap_or_default();
             writer.write(&self.root.join(ROOT), &root)?;
             return self.check_stored();
         }
         let scratch = writer.scratch();
         file::remove_dir(&scratch)?;
-        for (path, bytes) in self.layout.static_files(&self.description)? {
+        for (path, bytes) in self.static_files()? {
             let path = scratch.join(path);
             let folder = path.parent().unwrap_or(&scratch);
             fs::create_dir_all(folder).map_err(StoreError::io("create", folder))?;
@@ -242,14 +244,15 @@ impl Store {
         let absent = || StoreError::Absent {
             path: self.dir.clone(),
         };
-        let stored = read_description(&self.root)?.ok_or_else(absent)?;
-        stored.check_same(&self.description, &self.root)
+        let stored = read_stored(&self.root)?.ok_or_else(absent)?;
+        let requested = &self.description.identity;
+        stored.identity.check_same(requested, &self.root)
     }
 
     /// Rewrites metadata and coordinates that are missing or damaged.
     fn repair(&self) -> Result<(), StoreError> {
         let writer = self.writer()?;
-        for (path, bytes) in self.layout.static_files(&self.description)? {
+        for (path, bytes) in self.static_files()? {
             let path = self.root.join(path);
             if file::read(&path)?.as_deref() != Some(&bytes) {
                 if let Some(folder) = path.parent() {
@@ -259,6 +262,11 @@ impl Store {
             }
         }
         Ok(())
+    }
+
+    /// Path in the database and bytes of the metadata and coordinates.
+    fn static_files(&self) -> Result<BTreeMap<String, Vec<u8>>, StoreError> {
+        self.layout.static_files(self.description.attributes())
     }
 
     /// Checks that the disk has space for `count` more jobs.
@@ -315,8 +323,8 @@ impl Store {
 
     /// Values of the grain size axis if it is given by another measure than the size.
     #[must_use]
-    pub fn given_sizes(&self) -> Option<&GivenSizes> {
-        self.layout.given_sizes()
+    pub fn size_axis(&self) -> Option<&SizeAxis> {
+        self.layout.size_axis()
     }
 
     /// The kind of substrate under the surface layer, including the layers below.
@@ -335,6 +343,11 @@ impl Store {
     #[must_use]
     pub fn attributes(&self) -> serde_json::Map<String, serde_json::Value> {
         self.description.attributes()
+    }
+
+    /// The attributes as version 0.1 wrote them.
+    pub(crate) fn former_attributes(&self) -> serde_json::Map<String, serde_json::Value> {
+        self.description.former_attributes()
     }
 
     /// Simulates a disk that becomes full after `writes` more files.
@@ -383,7 +396,7 @@ pub fn remove(dir: &Path) -> Result<(), StoreError> {
     }
     let _lock = Lock::take(dir, Access::Exclusive)?;
     let root = dir.join(DATABASE);
-    if read_description(&root)?.is_none() {
+    if read_stored(&root)?.is_none() {
         return Ok(());
     }
     // The compact files are deleted first, so that they never outlive the database. The
@@ -428,16 +441,16 @@ fn is_vacant(root: &Path) -> Result<bool, StoreError> {
     Ok(true)
 }
 
-/// Reads the description of the database at `root`; `None` if there is no database.
+/// Reads what the database at `root` was made from; `None` if there is no database.
 ///
 /// # Errors
 /// [`StoreError::Foreign`] if `root` was not made by this program; or it cannot be read.
-fn read_description(root: &Path) -> Result<Option<Description>, StoreError> {
+fn read_stored(root: &Path) -> Result<Option<Stored>, StoreError> {
     if !root.exists() {
         return Ok(None);
     }
     match file::read(&root.join(ROOT))? {
-        Some(bytes) => Description::read(&bytes, root).map(Some),
+        Some(bytes) => Stored::read(&bytes, root).map(Some),
         // The target of a link may be an empty directory that the user provides.
         None if root.is_symlink() && is_vacant(root)? => Ok(None),
         None => Err(StoreError::Foreign {

@@ -3,7 +3,7 @@ use ndarray::Array2;
 use zarrs::array::ArrayError;
 
 use super::layout::ZarrArray;
-use super::{Store, StoreError, file};
+use super::{ROOT, Store, StoreError, file};
 use crate::grid::Shard;
 use crate::measurement::{Measured, Spectrum};
 use crate::parameter::Parameter;
@@ -104,6 +104,9 @@ pub struct Integrity {
     pub missing: Vec<u64>,
     /// Damaged metadata and coordinate files: paths within the database.
     pub damaged: Vec<String>,
+    /// Intact metadata files in the spelling of an earlier version, which
+    /// [`Store::build`] renews: paths within the database.
+    pub outdated: Vec<String>,
 }
 
 impl Integrity {
@@ -134,9 +137,14 @@ impl Store {
     /// # Errors
     /// [`StoreError::Io`] if a file exists but cannot be read.
     pub fn verify(&self) -> Result<Integrity, StoreError> {
-        let mut damaged = Vec::new();
-        for (path, bytes) in self.layout.static_files(&self.description)? {
-            if file::read(&self.root.join(&path))?.as_deref() != Some(&bytes) {
+        let mut former = self.layout.static_files(self.former_attributes())?;
+        let former = former.remove(ROOT).filter(|_| self.description.agrees());
+        let (mut damaged, mut outdated) = (Vec::new(), Vec::new());
+        for (path, bytes) in self.static_files()? {
+            let stored = file::read(&self.root.join(&path))?;
+            if path == ROOT && stored.is_some() && stored == former {
+                outdated.push(path);
+            } else if stored.as_deref() != Some(&bytes) {
                 damaged.push(path);
             }
         }
@@ -144,6 +152,7 @@ impl Store {
             jobs: self.layout.jobs.count(),
             missing: self.missing(None)?,
             damaged,
+            outdated,
         })
     }
 

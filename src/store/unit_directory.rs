@@ -45,7 +45,7 @@ impl Store {
         let unit_directory = Shared {
             folder: self.dir.join(UNITS),
             writer: Arc::clone(self.writer()?),
-            identity: self.description.digest(),
+            identity: self.description.identity.digest(),
             job,
             next: AtomicU64::new(files.last().map_or(0, |(number, _)| number + 1)),
             failure: Mutex::default(),
@@ -139,7 +139,7 @@ impl Shared {
 }
 
 impl UnitStore for UnitDirectory {
-    fn keep(&self, units: &[u8]) -> bool {
+    fn append(&self, units: &[u8]) -> bool {
         let result = self.0.write(units);
         let stored = result.is_ok();
         if let Err(error) = result {
@@ -179,11 +179,11 @@ mod tests {
         let (dir, other) = (tempfile::tempdir().unwrap(), tempfile::tempdir().unwrap());
         let store = open(dir.path(), 1);
         let (unit_directory, none) = store.unit_directory(3).unwrap();
-        assert!(none.is_empty() && unit_directory.keep(b"one") && unit_directory.keep(b"two"));
+        assert!(none.is_empty() && unit_directory.append(b"one") && unit_directory.append(b"two"));
         // after another start
         let (unit_directory, before) = store.unit_directory(3).unwrap();
         assert_eq!(before, [b"one", b"two"]);
-        assert!((0..9).all(|_| unit_directory.keep(b"more")) && kept(&store, 3).len() == 11);
+        assert!((0..9).all(|_| unit_directory.append(b"more")) && kept(&store, 3).len() == 11);
         assert!(kept(&store, 0).is_empty());
         drop((unit_directory, store));
         let store = open(dir.path(), 1);
@@ -191,7 +191,7 @@ mod tests {
         let file = |name: &str| dir.path().join(UNITS).join(name);
         let whole = fs::read(file("3-1")).unwrap();
         let foreign = open(other.path(), 2);
-        assert!(foreign.unit_directory(3).unwrap().0.keep(b"two"));
+        assert!(foreign.unit_directory(3).unwrap().0.append(b"two"));
         let foreign = fs::read(other.path().join(UNITS).join("3-0")).unwrap();
         let mut flipped = whole.clone();
         flipped[34] ^= 1;
@@ -221,7 +221,7 @@ mod tests {
         };
         let spectra = vec![spectrum; store.layout.jobs.curves_per_job() as usize];
         for job in [1, 12] {
-            assert!(store.unit_directory(job % 8).unwrap().0.keep(b"units"));
+            assert!(store.unit_directory(job % 8).unwrap().0.append(b"units"));
         }
         let left = fs::read(folder.join("1-0")).unwrap();
         store.commit(1, &spectra).unwrap();

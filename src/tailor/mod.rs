@@ -134,7 +134,7 @@ pub fn grid(scene: &Scene) -> Grid {
     let parameters = scene.regions.iter().flat_map(|region| region.iter());
     Grid {
         axes: parameters.map(|(p, _)| (p, Vec::new())).collect(),
-        given_sizes: None,
+        size_axis: None,
         spread: scene.spread,
         wavelengths_nm: scene.wavelengths_nm.clone(),
         fixed: scene.fixed.clone(),
@@ -142,7 +142,7 @@ pub fn grid(scene: &Scene) -> Grid {
             engine: Engine::Hybrid,
             seed: scene.seed,
             rays: rays(scene),
-            max_error: MaxError::usual(&scene.wavelengths_nm),
+            max_error: MaxError::default_for(&scene.wavelengths_nm),
         },
         compression: compression(scene),
     }
@@ -220,7 +220,7 @@ pub fn tailor(
             seed: scene.seed,
         }
         .certify(control)?;
-        let reached = largest(&error_budget);
+        let reached = max_delta_e(&error_budget);
         let tailored = candidate.certified(scene, text, &training, error_budget)?;
         if reached < CERTIFIED * scene.max_delta_e {
             let bytes = tailored.bytes.len();
@@ -261,7 +261,7 @@ pub fn tailor(
 
 /// The largest Delta-E of the whole chain in an error budget; 0 if there is none.
 #[must_use]
-pub fn largest(error_budget: &ErrorBudget) -> f64 {
+pub fn max_delta_e(error_budget: &ErrorBudget) -> f64 {
     let quantities = error_budget.quantities.values();
     let largest = quantities.filter_map(|errors| Some(errors.total.delta_e?.max));
     largest.fold(0.0, f64::max)

@@ -5,9 +5,11 @@ use serde::Deserialize;
 use serde_json::Value;
 
 use super::{Check, CheckContext, CheckedValue, VerifyError};
+use crate::accuracy::Summary;
 use crate::colour::{Colorimeter, Viewing};
 use crate::compress::{
-    BAND_ERRORS, BOUNDS, BandError, BandErrors, Bounds, ERROR_TABLE, PROVENANCE, errors_of, rmse_in,
+    BAND_ERRORS, BOUNDS, BandError, BandErrors, Bounds, ERROR_TABLE, PROVENANCE, curve_errors,
+    rmse_in,
 };
 use crate::lookup::Database;
 use crate::measurement::Quantity;
@@ -45,7 +47,7 @@ pub(super) fn check(
     let table: Value = serde_json::from_str(metadata(ERROR_TABLE)).unwrap_or_default();
     for quantity in Quantity::ALL.into_iter().filter(|&q| database.has(q)) {
         let [curves, _] = context.curves(quantity, diffuse)?;
-        let errors = errors_of(database, quantity, curves.view(), colour)?;
+        let errors = curve_errors(database, quantity, curves.view(), colour)?;
         let row = &table[quantity.name()]["rows"][database.components(quantity) - 1];
         let Some(bounds) = stated(database, quantity) else {
             let problem = format!(
@@ -70,9 +72,10 @@ pub(super) fn check(
             ),
         ];
         for ([mean_name, max_name], key, errors, bound) in measures {
-            let Some((mean, max, worst)) = errors.as_deref().and_then(summary) else {
+            let Some(summary) = errors.as_deref().and_then(summary) else {
                 continue;
             };
+            let (mean, max) = (summary.mean(), summary.max);
             let figure = |measure, value, bound, at| CheckedValue {
                 quantity,
                 measure,
@@ -83,7 +86,7 @@ pub(super) fn check(
             check
                 .figures
                 .push(figure(mean_name, mean, None, String::new()));
-            let worst = point_text(database, worst);
+            let worst = point_text(database, summary.worst);
             check.figures.push(figure(max_name, max, bound, worst));
             for (name, found, stated) in [
                 (mean_name, mean, &row[key]["mean"]),
@@ -124,7 +127,7 @@ fn check_band(
     stated: &[BandError],
 ) {
     let name = computed.band.name();
-    let Some((_, max, worst)) = summary(&computed.rmse) else {
+    let Some(Summary { max, worst, .. }) = summary(&computed.rmse) else {
         return;
     };
     let stated = stated.iter().find(|stated| stated.band == computed.band);
@@ -184,10 +187,12 @@ fn band_errors(database: &Database, quantity: Quantity) -> Result<Option<Vec<Ban
 /// The differences that show that the file was made from another database.
 fn origin(context: &CheckContext<'_>, database: &Database, diffuse: bool) -> Vec<String> {
     let provenance = provenance(database);
+    // Files of version 0.1 have the attributes in its spelling.
+    let former = context.store.former_attributes();
     let mut problems = Vec::new();
     let mut compare = |key: &str, stored: &Value| {
         match provenance.get(key) {
-        Some(value) if value == stored => {}
+        Some(value) if value == stored || former.get(key) == Some(value) => {}
         // The identity shows the differences of the config line by line.
         Some(_) if key == "config" => {}
         Some(value) if key == "identity" => problems.extend(differing_lines(value, stored)),
@@ -281,11 +286,10 @@ pub(super) fn stated(database: &Database, quantity: Quantity) -> Option<Bounds> 
     bounds.get(quantity.name()).copied()
 }
 
-/// Mean, maximum, and index of the first maximum of the errors of existing curves; `None` if
-/// there are none.
-pub(super) fn summary(errors: &[f64]) -> Option<(f64, f64, usize)> {
+/// Summary of the errors of existing curves, by row; `None` if there are none.
+fn summary(errors: &[f64]) -> Option<Summary> {
+    let mut summary = Summary::default();
     let existing = errors.iter().enumerate().filter(|(_, e)| !e.is_nan());
-    let mean = existing.clone().map(|(_, e)| e).sum::<f64>() / existing.clone().count() as f64;
-    let (worst, max) = existing.reduce(|a, b| if b.1 > a.1 { b } else { a })?;
-    Some((mean, *max, worst))
+    existing.for_each(|(row, error)| summary.add(row, *error));
+    Some(summary).filter(|summary| !summary.is_empty())
 }

@@ -1,9 +1,5 @@
 //! Fresh simulations of single points, with random streams of their own.
-use rand::SeedableRng;
-use rand_xoshiro::Xoshiro256PlusPlus;
-use sha2::{Digest, Sha256};
-
-use super::{CheckContext, VerifyError};
+use super::VerifyError;
 use crate::budget;
 use crate::engine::{Control, EngineError, Request};
 use crate::grid::Grid;
@@ -18,16 +14,6 @@ pub(super) struct Simulations {
     pub(super) parts: u64,
     pub(super) rays: u64,
     pub(super) seed: u64,
-}
-
-/// A random stream of the verification, which depends on the seed and the purpose. Its hash
-/// differs from those of the streams that made the database.
-pub(super) fn random(context: &CheckContext<'_>, purpose: &str) -> Xoshiro256PlusPlus {
-    let mut hash = Sha256::new();
-    hash.update(b"splitsnow verify 1 ");
-    hash.update(purpose);
-    hash.update(context.options.seed.to_le_bytes());
-    Xoshiro256PlusPlus::from_seed(hash.finalize().into())
 }
 
 impl Simulations {
@@ -72,12 +58,13 @@ impl Simulations {
             // One thickness gives one spectrum.
             Ok(spectra.pop().unwrap_or_default())
         };
-        let spectra = budget::in_order(requests.len(), control.cancel, |i| {
-            match simulate(requests[i]) {
-                Err(VerifyError::Cancelled) => Ok(None),
-                result => result.map(Some),
-            }
-        })?;
+        let spectra =
+            budget::par_map_in_order(requests.len(), control.cancel, |i| {
+                match simulate(requests[i]) {
+                    Err(VerifyError::Cancelled) => Ok(None),
+                    result => result.map(Some),
+                }
+            })?;
         let parts = self.parts.max(1) as usize;
         let points = spectra.chunks(parts);
         Ok(points

@@ -116,7 +116,7 @@ fn within<T>(
     control: &Control,
     work: impl FnOnce(&Control) -> Result<T, VerifyError>,
 ) -> Result<T, VerifyError> {
-    let result = budget::within(seconds, control.cancel, |cancel| {
+    let result = budget::with_cpu_limit(seconds, control.cancel, |cancel| {
         work(&Control { cancel, ..*control })
     })?;
     if control.cancel.load(Ordering::Relaxed) {
@@ -224,9 +224,10 @@ impl Verification {
         };
         if self.options.samples > 0 {
             let half = self.options.seconds.map(|seconds| 0.5 * seconds);
-            let (check, [skipped, total]) = budget::within(half, control.cancel, |cancel| {
-                nodes::check(&context, &Control { cancel, ..*control })
-            })?;
+            let (check, [skipped, total]) =
+                budget::with_cpu_limit(half, control.cancel, |cancel| {
+                    nodes::check(&context, &Control { cancel, ..*control })
+                })?;
             if skipped < total {
                 checks.push(check);
             }
@@ -295,6 +296,11 @@ impl Verification {
         check.notes.push(format!("{} jobs", integrity.jobs));
         for file in &integrity.damaged {
             check.problems.push(format!("{file} is damaged"));
+        }
+        for file in &integrity.outdated {
+            check.notes.push(format!(
+                "{file} was written by an earlier version: run `splitsnow build` with the same grid file to renew it"
+            ));
         }
         const NAMED: usize = 10;
         for &number in integrity.missing.iter().take(NAMED) {

@@ -14,12 +14,13 @@
 //! - P(mean z^2 >= x) <= exp(-N (x - 1 - ln x) / 2) for x > 1 (chi-square).
 //!
 //! The three tests of both quantities share the probability of false alarms equally.
-use super::fresh::{Simulations, random};
+use super::fresh::Simulations;
 use super::{Check, CheckContext, CheckedValue, FALSE_ALARM, VerifyError};
 use crate::engine::Control;
 use crate::grid::Grid;
 use crate::measurement::{Measured, Quantity, Spectrum};
 use crate::parameter::{Parameter, Point};
+use crate::sampling;
 use rand::Rng;
 use rand::seq::index;
 
@@ -85,7 +86,7 @@ pub(super) fn check(
 
 /// Random nodes of different jobs, and the seed of their simulations.
 fn choose(context: &CheckContext<'_>) -> (Vec<Node>, u64) {
-    let mut random = random(context, "nodes");
+    let mut random = sampling::Check::Verify.stream("nodes", context.options.seed);
     let seed = random.next_u64();
     let jobs = context.store.jobs();
     let axes = context.store.axes();

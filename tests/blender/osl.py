@@ -1,6 +1,7 @@
-"""The OSL shader of docs/c.md compiles in Blender: its parameters become sockets.
+"""Checks that the OSL shader of docs/c.md compiles in Blender.
 
-Run by .ci/full with the package bpy, which is Blender.
+After compilation, the parameters of the shader are sockets of the shader node. `.ci/full`
+runs this script with the package bpy, which contains Blender.
 """
 
 import pathlib
@@ -21,13 +22,13 @@ def main():
     node = material.node_tree.nodes.new("ShaderNodeScript")
     text = bpy.data.texts.new("snow.osl")
     text.write(shader)
-    # compiles it
+    # the assignment compiles the shader
     node.script = text
     inputs = [socket.name for socket in node.inputs]
     outputs = [socket.name for socket in node.outputs]
     assert {"table", "light", "thickness_cm", "first_row_below"} <= set(inputs), inputs
     assert outputs == ["result"], outputs
-    print(f"Blender {bpy.app.version_string} compiles it: {', '.join(inputs)}")
+    print(f"Blender {bpy.app.version_string} compiles the shader: {', '.join(inputs)}")
 
 
 main()

@@ -1,4 +1,4 @@
-//! Answers at points, and their colours.
+//! Spectra and colours at random points.
 use std::fs;
 use std::path::Path;
 use std::process::Command;
@@ -11,29 +11,29 @@ use splitsnow::parameter::{Parameter, Point};
 use splitsnow::spectrum::Resampling;
 
 use super::files::variants;
-use super::{ANSWERS, Numbers, folder, run};
+use super::{ANSWERS, Random, folder, run};
 
-/// Wavelengths that tests/c/answers.c asks spectra at.
-const AT: [f64; 6] = [100.0, 433.3, 433.4, 555.0, 700.0, 3000.0];
+/// The wavelengths at which tests/c/answers.c resamples spectra.
+const RESAMPLED_NM: [f64; 6] = [100.0, 433.3, 433.4, 555.0, 700.0, 3000.0];
 
-/// A point of the box, on its edges more often than chance, and a little outside.
-fn point(database: &Database, numbers: &mut Numbers) -> [f64; 5] {
+/// A random point of the core axes. Nodes, edges and points slightly outside are frequent.
+fn random_point(database: &Database, random: &mut Random) -> [f64; 5] {
     let mut point = [0.0; 5];
-    for (axis, (to, nodes)) in point.iter_mut().zip(database.axes().core()).enumerate() {
+    for (axis, (coordinate, nodes)) in point.iter_mut().zip(database.axes().core()).enumerate() {
         let [first, last] = [nodes[0], nodes[nodes.len() - 1]];
-        *to = match numbers.below(24) {
-            0 => nodes[numbers.below(nodes.len())],
+        *coordinate = match random.below(24) {
+            0 => nodes[random.below(nodes.len())],
             1 => last * (1.0 + 5e-7),
-            2 if axis == 3 => first * numbers.next(),
-            3 if axis == 3 => last * (1.0 + 3.0 * numbers.next()),
+            2 if axis == 3 => first * random.next(),
+            3 if axis == 3 => last * (1.0 + 3.0 * random.next()),
             4 if axis == 3 => 0.0,
-            _ => first + (last - first) * numbers.next(),
+            _ => first + (last - first) * random.next(),
         };
     }
-    match numbers.below(200) {
-        0 => point[numbers.below(5)] = f64::NAN,
-        1 => point[numbers.below(5)] = -1.0,
-        2 => point[numbers.below(5)] = 1e300,
+    match random.below(200) {
+        0 => point[random.below(5)] = f64::NAN,
+        1 => point[random.below(5)] = -1.0,
+        2 => point[random.below(5)] = 1e300,
         3 => point[4] = 89.5,
         4 => point[3] = 1e30,
         _ => {}
@@ -41,8 +41,8 @@ fn point(database: &Database, numbers: &mut Numbers) -> [f64; 5] {
     point
 }
 
-/// How spectra of the file are seen: under each illuminant as lines, and under the first
-/// at the wavelengths of the file alone.
+/// Colorimeters for the spectra of the file: one per illuminant for linearly interpolated
+/// spectra, and one for the wavelengths of the file alone.
 fn colorimeters(database: &Database) -> Vec<Option<Colorimeter>> {
     let nm = database.wavelengths_nm().iter();
     let nm: Vec<f64> = nm.copied().collect();
@@ -50,27 +50,28 @@ fn colorimeters(database: &Database) -> Vec<Option<Colorimeter>> {
         illuminants: vec![illuminant],
         ..Viewing::default()
     };
-    let lines = |light| Colorimeter::piecewise_linear(&nm, &viewing(light)).unwrap();
-    let mut all: Vec<_> = Illuminant::ALL.map(lines).into();
-    all.push(Colorimeter::viewing(&nm, &viewing(Illuminant::D55)).unwrap());
-    all
+    let interpolated =
+        |illuminant| Colorimeter::piecewise_linear(&nm, &viewing(illuminant)).unwrap();
+    let mut colorimeters: Vec<_> = Illuminant::ALL.map(interpolated).into();
+    colorimeters.push(Colorimeter::viewing(&nm, &viewing(Illuminant::D55)).unwrap());
+    colorimeters
 }
 
-/// What tests/c/answers.c writes of a point that Rust answers with `spectrum`.
+/// The numbers that tests/c/answers.c must write for a point with this spectrum.
 fn expected(database: &Database, colours: &[Option<Colorimeter>], spectrum: &[f32]) -> Vec<f64> {
     let nm = database.wavelengths_nm();
     let spectrum: Vec<f64> = spectrum.iter().map(|v| f64::from(*v)).collect();
-    let mut all = [spectrum.as_slice(), &spectrum].concat();
-    all.extend(Resampling::new(nm, &AT).apply(&spectrum));
+    let mut values = [spectrum.as_slice(), &spectrum].concat();
+    values.extend(Resampling::new(nm, &RESAMPLED_NM).apply(&spectrum));
     for (i, colour) in colours.iter().enumerate() {
-        all.extend(match colour {
+        values.extend(match colour {
             // minus SPLITSNOW_ERROR_ARGUMENT
             None => [-4.0; 3],
             Some(colour) if i == 7 => colour.linear_srgb(&spectrum),
             Some(colour) => colour.xyz(&spectrum),
         });
     }
-    all
+    values
 }
 
 fn write_numbers(path: &Path, numbers: &[f64]) {
@@ -78,43 +79,46 @@ fn write_numbers(path: &Path, numbers: &[f64]) {
     fs::write(path, bytes).unwrap();
 }
 
-/// 10,000 points of all variants: answers differ by 1e-6 at most, and refusals agree.
+/// 10,000 random points of all variants. Answers differ by at most 1e-6, and the same points
+/// are refused.
 #[test]
-fn answers_are_those_of_rust() {
+fn answers_agree_with_rust() {
     let folder = folder("points");
     let [file, points, out] = ["snow.safetensors", "points", "out"].map(|n| folder.join(n));
-    let mut numbers = Numbers(1);
-    let (mut worst, mut asked, mut refused) = (0.0_f64, 0, 0);
+    let mut random = Random(1);
+    let (mut worst, mut answered, mut refused) = (0.0_f64, 0, 0);
     for (name, bytes) in variants() {
         fs::write(&file, &bytes).unwrap();
         let database = Database::from_bytes(&bytes).unwrap();
         let colours = colorimeters(&database);
         for quantity in Quantity::ALL.into_iter().filter(|q| database.has(*q)) {
-            // with optional axes, at several places on them
+            // several values of the optional axes, if there are any
             let optional = database.axes().optional().region();
             for _ in 0..if optional.iter().count() == 0 { 1 } else { 4 } {
-                let place = optional.iter().map(|(parameter, [first, last])| {
-                    let u = [0.0, 1.0, numbers.next(), numbers.next()][numbers.below(4)];
+                let values = optional.iter().map(|(parameter, [first, last])| {
+                    let u = [0.0, 1.0, random.next(), random.next()][random.below(4)];
                     (parameter, first + u * (last - first))
                 });
-                let conditions: Point = place.collect();
-                let there = database.at(conditions).unwrap();
-                let lookup = Lookup::new(&there, quantity).unwrap();
-                let number = |axis| 5 + Parameter::ALL.iter().position(|a| *a == axis).unwrap();
-                let mut given = vec![conditions.iter().count() as f64];
-                given.extend(conditions.iter().flat_map(|(a, v)| [number(a) as f64, v]));
+                let conditions: Point = values.collect();
+                let at_conditions = database.at(conditions).unwrap();
+                let lookup = Lookup::new(&at_conditions, quantity).unwrap();
+                let index = |axis| 5 + Parameter::ALL.iter().position(|a| *a == axis).unwrap();
+                let mut input = vec![conditions.iter().count() as f64];
+                input.extend(conditions.iter().flat_map(|(a, v)| [index(a) as f64, v]));
                 let count = if conditions.is_empty() { 500 } else { 125 };
-                let mut all: Vec<_> = (0..count).map(|_| point(&there, &mut numbers)).collect();
-                // several of each snow, which is prepared once
-                for same in all.chunks_mut(5) {
-                    let [facetness, size, density, ..] = same[0];
+                let mut queries: Vec<_> = (0..count)
+                    .map(|_| random_point(&at_conditions, &mut random))
+                    .collect();
+                // several points share a snow, which is prepared once
+                for group in queries.chunks_mut(5) {
+                    let [facetness, size, density, ..] = group[0];
                     let snow = [facetness, size, density];
-                    same[1..4]
+                    group[1..4]
                         .iter_mut()
                         .for_each(|p| p[..3].copy_from_slice(&snow));
                 }
-                given.extend(all.iter().flatten());
-                write_numbers(&points, &given);
+                input.extend(queries.iter().flatten());
+                write_numbers(&points, &input);
                 let mut command = Command::new(&*ANSWERS);
                 command.arg("points").arg(&file).arg(quantity.name());
                 run(command.args([&points, &out]));
@@ -126,21 +130,21 @@ fn answers_are_those_of_rust() {
                     .iter()
                     .map(|bytes| f64::from_ne_bytes(*bytes))
                     .collect();
-                let each = 2 * lookup.wavelengths() + AT.len() + 24;
-                assert_eq!(found.len(), each * all.len());
-                for (point, found) in all.iter().zip(found.chunks(each)) {
+                let per_point = 2 * lookup.wavelengths() + RESAMPLED_NM.len() + 24;
+                assert_eq!(found.len(), per_point * queries.len());
+                for (point, found) in queries.iter().zip(found.chunks(per_point)) {
                     let mut spectrum = vec![0.0; lookup.wavelengths()];
-                    let at = Point::of_core(*point);
-                    if let Err(error) = lookup.spectrum(at, &mut spectrum) {
-                        // minus SPLITSNOW_ERROR_ABSENT or _OUTSIDE, or as below
+                    let core = Point::from_core(*point);
+                    if let Err(error) = lookup.spectrum(core, &mut spectrum) {
+                        // minus SPLITSNOW_ERROR_ABSENT or _OUTSIDE
                         let status = match error {
                             LookupError::Absent { .. } => -11.0,
                             _ => -8.0,
                         };
-                        let (spectra, seen) = found.split_at(each - 24);
+                        let (spectra, colours) = found.split_at(per_point - 24);
                         assert!(
                             spectra.iter().all(|v| *v == status)
-                                && seen.iter().all(|v| *v == status || *v == -4.0),
+                                && colours.iter().all(|v| *v == status || *v == -4.0),
                             "{name} {point:?} {found:?}"
                         );
                         refused += 1;
@@ -152,11 +156,11 @@ fn answers_are_those_of_rust() {
                         assert!(error <= 1e-6, "{name} {point:?} {i}: {found} {expected}");
                         worst = worst.max(error);
                     }
-                    asked += 1;
+                    answered += 1;
                 }
             }
         }
     }
-    eprintln!("{asked} points, {refused} refused, at most {worst:e} off");
-    assert!(asked > 9_500 && refused > 100, "{asked} {refused}");
+    eprintln!("{answered} points answered, {refused} refused, largest difference {worst:e}");
+    assert!(answered > 9_500 && refused > 100, "{answered} {refused}");
 }

@@ -10,12 +10,12 @@ use splitsnow::lookup::SubstrateKind;
 use splitsnow::measurement::Quantity;
 use splitsnow::parameter::{Axes, Parameter};
 
-/// Something like snow, with all that decides it.
+/// A curve similar to that of snow. It depends on all axes.
 fn curve(row: &[f64], nm: &[f64], quantity: Quantity) -> Vec<f64> {
-    let [beyond @ .., facetness, size, density, thickness, angle] = row else {
-        panic!("five axes")
+    let [optional @ .., facetness, size, density, thickness, angle] = row else {
+        panic!("a row must have at least five values")
     };
-    let dirt = 1.0 + beyond.iter().map(|v| v.abs().sqrt()).sum::<f64>() / 20.0;
+    let dirt = 1.0 + optional.iter().map(|v| v.abs().sqrt()).sum::<f64>() / 20.0;
     let scatter = 6.0 * density / size * (1.0 - 0.4 * (-facetness / 0.2).exp());
     let z = (0.7 + 0.5 * angle.to_radians().cos()) / scatter;
     let value = |nm: &f64| {
@@ -29,19 +29,19 @@ fn curve(row: &[f64], nm: &[f64], quantity: Quantity) -> Vec<f64> {
     nm.iter().map(value).collect()
 }
 
-/// A compact file: what is in it, and how.
-pub(crate) struct Made {
+/// Contents and variant of a compact file.
+pub(crate) struct Contents {
     axes: Axes,
     nm: Vec<f64>,
     variant: Variant,
     choice: Choice,
-    there: Vec<Quantity>,
+    quantities: Vec<Quantity>,
     absent: Vec<usize>,
     substrate: SubstrateKind,
     extra: BTreeMap<String, String>,
 }
 
-impl Default for Made {
+impl Default for Contents {
     fn default() -> Self {
         Self {
             axes: Axes::from([
@@ -54,7 +54,7 @@ impl Default for Made {
             nm: (40..=70).map(|i| f64::from(i) * 10.0).collect(),
             variant: Variant::default(),
             choice: Choice::Components(5),
-            there: Quantity::ALL.into(),
+            quantities: Quantity::ALL.into(),
             absent: Vec::new(),
             substrate: SubstrateKind::Black,
             extra: BTreeMap::new(),
@@ -62,29 +62,31 @@ impl Default for Made {
     }
 }
 
-impl Made {
+impl Contents {
     pub(crate) fn bytes(&self) -> Vec<u8> {
         let mut rows = vec![Vec::new()];
         for (_, values) in self.axes.iter() {
-            let longer = |head: Vec<f64>| {
-                let with = move |value: &f64| [head.as_slice(), &[*value]].concat();
-                values.iter().map(with).collect::<Vec<_>>()
+            let extend = |row: Vec<f64>| {
+                let append = move |value: &f64| [row.as_slice(), &[*value]].concat();
+                values.iter().map(append).collect::<Vec<_>>()
             };
-            rows = rows.into_iter().flat_map(longer).collect();
+            rows = rows.into_iter().flat_map(extend).collect();
         }
         let [t, r] = Quantity::ALL.map(|quantity| {
-            let over = self.substrate != SubstrateKind::Black;
+            let has_substrate = self.substrate != SubstrateKind::Black;
             let values = rows.iter().flat_map(|row| {
                 let mut curve = curve(row, &self.nm, quantity);
-                if over && quantity == Quantity::Reflectance {
-                    let ground = 0.35 * (-row[row.len() - 2]).exp();
-                    curve.iter_mut().for_each(|r| *r = 0.6 * *r + ground);
+                if has_substrate && quantity == Quantity::Reflectance {
+                    let from_substrate = 0.35 * (-row[row.len() - 2]).exp();
+                    curve
+                        .iter_mut()
+                        .for_each(|r| *r = 0.6 * *r + from_substrate);
                 }
                 curve
             });
             let curves = Array2::from_shape_vec((rows.len(), self.nm.len()), values.collect());
             let curves = curves.unwrap();
-            let made = compress(
+            let compressed = compress(
                 curves.view(),
                 quantity,
                 None,
@@ -92,7 +94,9 @@ impl Made {
                 self.choice,
                 self.variant,
             );
-            self.there.contains(&quantity).then(|| made.unwrap())
+            self.quantities
+                .contains(&quantity)
+                .then(|| compressed.unwrap())
         });
         CompactFile {
             axes: &self.axes,
@@ -111,23 +115,23 @@ impl Made {
 
 /// Files of every variant, by name.
 pub(crate) fn variants() -> Vec<(String, Vec<u8>)> {
-    let mut all = Vec::new();
+    let mut files = Vec::new();
     for basis in Basis::ALL {
         for precision in Precision::ALL {
             let variant = Variant { basis, precision };
-            let made = Made {
+            let contents = Contents {
                 variant,
-                ..Made::default()
+                ..Contents::default()
             };
             let name = format!("{}_{}", basis.name(), precision.name());
-            all.push((name, made.bytes()));
+            files.push((name, contents.bytes()));
         }
     }
     let log = |precision| Variant {
         basis: Basis::Log,
         precision,
     };
-    let beyond = |n: usize| {
+    let axes_with_optional = |n: usize| {
         let axes = [
             (Parameter::BlackCarbon, vec![0.0, 50.0, 200.0]),
             (Parameter::WaterSaturation, vec![0.0, 0.1]),
@@ -143,86 +147,91 @@ pub(crate) fn variants() -> Vec<(String, Vec<u8>)> {
             (Parameter::Incidence, vec![0.0, 70.0]),
         ]);
         let optional = axes.into_iter().skip(5 - n);
-        optional.fold(core, |all, (parameter, values)| all.with(parameter, values))
+        optional.fold(core, |axes, (parameter, values)| {
+            axes.with(parameter, values)
+        })
     };
     for (name, variant, n) in [
-        ("beyond_log", log(Precision::F32), 5),
-        ("beyond_quantised", log(Precision::Quantised), 3),
-        ("beyond_linear", Variant::default(), 4),
+        ("optional_axes_log", log(Precision::F32), 5),
+        ("optional_axes_quantised", log(Precision::Quantised), 3),
+        ("optional_axes_linear", Variant::default(), 4),
     ] {
-        let made = Made {
-            axes: beyond(n),
+        let contents = Contents {
+            axes: axes_with_optional(n),
             variant,
-            ..Made::default()
+            ..Contents::default()
         };
-        all.push((name.to_owned(), made.bytes()));
+        files.push((name.to_owned(), contents.bytes()));
     }
-    // 8 bits; few wavelengths with straight lines between, as `tailor` writes
+    // 8 bits, and a few wavelengths with linear interpolation, as written by `tailor`
     let loose = Choice::Bounds(Compression {
         max_delta_e: 2.3,
         max_rmse: Some(0.02),
     });
-    let tailored = Made {
+    let tailored = Contents {
         nm: vec![400.0, 431.5, 480.0, 550.0, 611.0, 655.0, 690.0, 760.25],
         variant: log(Precision::Quantised),
         choice: loose,
         extra: [("between_wavelengths".into(), "linear".into())].into(),
-        ..Made::default()
+        ..Contents::default()
     };
-    all.push(("tailored".into(), tailored.bytes()));
-    // over a ground, where snow darkens what is under it
-    for (name, basis) in [("ground_linear", Basis::Linear), ("ground_log", Basis::Log)] {
-        let made = Made {
+    files.push(("tailored".into(), tailored.bytes()));
+    // a reflecting substrate, for which reflectance may decrease with thickness
+    for (name, basis) in [
+        ("substrate_linear", Basis::Linear),
+        ("substrate_log", Basis::Log),
+    ] {
+        let contents = Contents {
             variant: Variant {
                 basis,
                 ..Variant::default()
             },
             substrate: SubstrateKind::Reflecting,
-            ..Made::default()
+            ..Contents::default()
         };
-        all.push((name.to_owned(), made.bytes()));
+        files.push((name.to_owned(), contents.bytes()));
     }
-    // curves that do not exist; of the last size only one thickness has any
+    // absent curves; the last size has curves for few thicknesses only
     for (name, variant, absent) in [
         ("absent_linear", Variant::default(), [0, 2, 5]),
         ("absent_quantised", log(Precision::Quantised), [0, 0, 3]),
     ] {
-        let made = Made {
+        let contents = Contents {
             variant,
             absent: absent.into(),
-            ..Made::default()
+            ..Contents::default()
         };
-        all.push((name.to_owned(), made.bytes()));
+        files.push((name.to_owned(), contents.bytes()));
     }
-    // more components than are summed at once, and one quantity
-    let many = Made {
+    // more components than are summed in one block, and a single quantity
+    let many = Contents {
         nm: (0..90).map(|i| 380.0 + 5.0 * f64::from(i)).collect(),
         variant: log(Precision::F32),
         choice: Choice::Components(90),
-        there: vec![Quantity::Reflectance],
-        ..Made::default()
+        quantities: vec![Quantity::Reflectance],
+        ..Contents::default()
     };
-    all.push(("many".into(), many.bytes()));
+    files.push(("many".into(), many.bytes()));
     for (name, thickness_cm) in [("thick", vec![15.0]), ("two_thick", vec![5.0, 15.0])] {
-        let axes = Made::default()
+        let axes = Contents::default()
             .axes
             .with(Parameter::Thickness, thickness_cm)
             .with(Parameter::Incidence, vec![30.0]);
-        let made = Made {
+        let contents = Contents {
             axes,
             nm: vec![900.0],
             choice: Choice::Components(1),
-            there: vec![Quantity::Transmittance],
-            ..Made::default()
+            quantities: vec![Quantity::Transmittance],
+            ..Contents::default()
         };
-        all.push((name.to_owned(), made.bytes()));
+        files.push((name.to_owned(), contents.bytes()));
     }
-    // from before tensors were aligned
+    // a file written before tensors were aligned
     let older = Path::new(env!("CARGO_MANIFEST_DIR"))
         .join("tests/data/compact_tensors_by_name.safetensors");
-    all.push(("by_name".to_owned(), fs::read(older).unwrap()));
+    files.push(("by_name".to_owned(), fs::read(older).unwrap()));
     if let Some(path) = std::env::var_os("SPLITSNOW_FILE") {
-        all.push(("given".into(), fs::read(path).unwrap()));
+        files.push(("given".into(), fs::read(path).unwrap()));
     }
-    all
+    files
 }

@@ -1,13 +1,13 @@
-//! Files that are cut, changed or odd.
+//! Truncated, modified and malformed files.
 use std::fs;
 use std::path::Path;
 use std::process::Command;
 
 use splitsnow::lookup::Database;
 
-use super::{ANSWERS, Numbers, folder, run};
+use super::{ANSWERS, Random, folder, run};
 
-/// A file with its header text changed and its length kept true.
+/// A file with its header modified by `change`. The stated header length stays correct.
 fn with_header(bytes: &[u8], change: impl FnOnce(Vec<u8>) -> Vec<u8>) -> Vec<u8> {
     let (length, rest) = bytes.split_first_chunk::<8>().unwrap();
     let (header, data) = rest.split_at(u64::from_le_bytes(*length) as usize);
@@ -15,11 +15,11 @@ fn with_header(bytes: &[u8], change: impl FnOnce(Vec<u8>) -> Vec<u8>) -> Vec<u8>
     [&(header.len() as u64).to_le_bytes(), &header[..], data].concat()
 }
 
-/// Headers that are odd, some of which mean what they meant before.
-fn odd_headers(bytes: &[u8]) -> Vec<Vec<u8>> {
+/// Files with unusual headers. Most are invalid; some are valid and equivalent to `bytes`.
+fn unusual_headers(bytes: &[u8]) -> Vec<Vec<u8>> {
     let angle = r#""angle_deg":{"dtype":"F64","shape":[2],"data_offsets":[0,16]}"#;
     let nested = |n: usize| format!(r#""a":{}{}, "dtype":"F32""#, "[".repeat(n), "]".repeat(n));
-    let mut swaps: Vec<(&str, String)> = Vec::new();
+    let mut replacements: Vec<(&str, String)> = Vec::new();
     for other in [
         r#""angle_deg":{"dtype":{"F64":null},"shape":[2],"data_offsets":[0,16]}"#,
         r#""angle_deg":{"dtype":{"F64":{}},"shape":[2],"data_offsets":[0,16]}"#,
@@ -53,7 +53,7 @@ fn odd_headers(bytes: &[u8]) -> Vec<Vec<u8>> {
         r#""nothing":{"dtype":"F32","shape":[0],"data_offsets":[0,0]},"angle_deg":{"dtype":"F64","shape":[2],"data_offsets":[0,16]}"#,
         r#"  "angle_deg" : 	{"dtype":"F64" , "shape":[ 2 ],"data_offsets":[0 ,16] } "#,
     ] {
-        swaps.push((angle, other.to_owned()));
+        replacements.push((angle, other.to_owned()));
     }
     for value in [
         "1e308",
@@ -101,9 +101,9 @@ fn odd_headers(bytes: &[u8]) -> Vec<Vec<u8>> {
         "\"",
         "",
     ] {
-        swaps.push((r#""dtype":"F32""#, format!(r#""a":{value},"dtype":"F32""#)));
+        replacements.push((r#""dtype":"F32""#, format!(r#""a":{value},"dtype":"F32""#)));
     }
-    swaps.extend([124, 125, 126, 127, 128, 5000].map(|n| (r#""dtype":"F32""#, nested(n))));
+    replacements.extend([124, 125, 126, 127, 128, 5000].map(|n| (r#""dtype":"F32""#, nested(n))));
     for (from, to) in [
         (r#""format":"#, r#""format":"other","format":"#),
         (
@@ -157,80 +157,87 @@ fn odd_headers(bytes: &[u8]) -> Vec<Vec<u8>> {
             "\"__metadata__\":{\"\u{e9}\u{10ffff}\":\"\",\"",
         ),
     ] {
-        swaps.push((from, to.to_owned()));
+        replacements.push((from, to.to_owned()));
     }
-    let mut all = Vec::new();
-    for (from, to) in &swaps {
-        all.push(with_header(bytes, |header| {
+    let mut files = Vec::new();
+    for (from, to) in &replacements {
+        files.push(with_header(bytes, |header| {
             let header = String::from_utf8(header).unwrap();
             assert!(header.contains(from), "{from} {header}");
             header.replacen(from, to, 1).into_bytes()
         }));
     }
-    // what is no text, behind and before the header
-    for odd in [
+    // invalid UTF-8 within the header
+    for invalid in [
         &b"\xff"[..],
         b"\xed\xa0\x80",
         b"\xc0\x80",
         b"\xf4\x90\x80\x80",
         b"\xe2\x82",
     ] {
-        all.push(with_header(bytes, |header| {
-            [b"{\"__metadata__\":{\"x\":\"", odd, b"\",", &header[17..]].concat()
+        files.push(with_header(bytes, |header| {
+            [
+                b"{\"__metadata__\":{\"x\":\"",
+                invalid,
+                b"\",",
+                &header[17..],
+            ]
+            .concat()
         }));
     }
-    for tail in [&b"\0"[..], b"  \n\t\r", b"x", b"{}", b"\x0b"] {
-        all.push(with_header(bytes, |header| [&header, tail].concat()));
-        all.push(with_header(bytes, |header| [tail, &header].concat()));
+    // additional bytes after and before the header
+    for addition in [&b"\0"[..], b"  \n\t\r", b"x", b"{}", b"\x0b"] {
+        files.push(with_header(bytes, |header| [&header, addition].concat()));
+        files.push(with_header(bytes, |header| [addition, &header].concat()));
     }
     for header in ["{}", "[]", "{", "\"\"", "1 ", "{\"__metadata__\":null}"] {
-        all.push(with_header(bytes, |_| header.into()));
-        all.push([&(header.len() as u64).to_le_bytes(), header.as_bytes()].concat());
+        files.push(with_header(bytes, |_| header.into()));
+        files.push([&(header.len() as u64).to_le_bytes(), header.as_bytes()].concat());
     }
     for length in [0, 1, 2, 16 << 20, (16 << 20) + 1, u64::MAX, u64::MAX - 7] {
-        all.push([&u64::to_le_bytes(length), &bytes[8..]].concat());
+        files.push([&u64::to_le_bytes(length), &bytes[8..]].concat());
     }
-    all
+    files
 }
 
-/// The header refuses what the Rust reader refuses, and nothing else.
+/// The C header refuses exactly the files that the Rust reader refuses.
 #[test]
-fn hostile_files_are_refused_as_by_rust() {
+fn the_same_files_are_refused_as_by_rust() {
     let seeds = Path::new(env!("CARGO_MANIFEST_DIR")).join("fuzz/seeds/compact");
-    let mut all = Vec::new();
+    let mut files = Vec::new();
     for entry in fs::read_dir(&seeds).unwrap() {
-        all.push(fs::read(entry.unwrap().path()).unwrap());
+        files.push(fs::read(entry.unwrap().path()).unwrap());
     }
-    let originals = all.clone();
+    let originals = files.clone();
     let valid = fs::read(seeds.join("valid.safetensors")).unwrap();
-    all.extend((0..valid.len()).map(|end| valid[..end].to_vec()));
-    all.push([valid.as_slice(), &[0]].concat());
-    all.extend(odd_headers(&valid));
-    let mut numbers = Numbers(2);
+    files.extend((0..valid.len()).map(|end| valid[..end].to_vec()));
+    files.push([valid.as_slice(), &[0]].concat());
+    files.extend(unusual_headers(&valid));
+    let mut random = Random(2);
     for i in 0..8000 {
         let mut bytes = originals[i % originals.len()].clone();
-        for _ in 0..1 + numbers.below(3) {
-            // bytes of JSON as often as any
-            let any = [
-                numbers.below(256) as u8,
-                b"0123456789{}[],:\"\\eE.-+ nF"[numbers.below(26)],
+        for _ in 0..1 + random.below(3) {
+            // half of the new bytes are characters of JSON
+            let new_bytes = [
+                random.below(256) as u8,
+                b"0123456789{}[],:\"\\eE.-+ nF"[random.below(26)],
             ];
-            let at = numbers.below(bytes.len());
-            match numbers.below(4) {
-                0 => bytes[at] ^= 1 << numbers.below(8),
-                1 => bytes[at] = any[0],
-                2 => bytes[at] = any[1],
+            let offset = random.below(bytes.len());
+            match random.below(4) {
+                0 => bytes[offset] ^= 1 << random.below(8),
+                1 => bytes[offset] = new_bytes[0],
+                2 => bytes[offset] = new_bytes[1],
                 _ => {
-                    let range = 8 + numbers.below(bytes.len() - 8);
-                    bytes[range] = any[1];
+                    let position = 8 + random.below(bytes.len() - 8);
+                    bytes[position] = new_bytes[1];
                 }
             }
         }
-        all.push(bytes);
+        files.push(bytes);
     }
     let folder = folder("files");
     let [pack, out] = ["pack", "out"].map(|name| folder.join(name));
-    let packed = all.iter().flat_map(|bytes| {
+    let packed = files.iter().flat_map(|bytes| {
         let length = (bytes.len() as u64).to_le_bytes();
         [&length, bytes.as_slice()].concat()
     });
@@ -238,9 +245,9 @@ fn hostile_files_are_refused_as_by_rust() {
     run(Command::new(&*ANSWERS).arg("files").args([&pack, &out]));
     let found = fs::read_to_string(&out).unwrap();
     let found: Vec<&str> = found.lines().collect();
-    assert_eq!(found.len(), all.len());
+    assert_eq!(found.len(), files.len());
     let mut accepted = 0;
-    for (i, (bytes, found)) in all.iter().zip(found).enumerate() {
+    for (i, (bytes, found)) in files.iter().zip(found).enumerate() {
         let rust = Database::from_bytes(bytes);
         let header = String::from_utf8_lossy(bytes.get(8..).unwrap_or_default());
         assert_eq!(
@@ -251,6 +258,9 @@ fn hostile_files_are_refused_as_by_rust() {
         );
         accepted += usize::from(rust.is_ok());
     }
-    eprintln!("{} files, {accepted} accepted", all.len());
-    assert!(accepted > 800 && all.len() - accepted > 5000, "{accepted}");
+    eprintln!("{} files, {accepted} accepted", files.len());
+    assert!(
+        accepted > 800 && files.len() - accepted > 5000,
+        "{accepted}"
+    );
 }

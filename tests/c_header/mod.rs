@@ -1,7 +1,7 @@
-//! `include/splitsnow.h`, compiled with warnings as errors and sanitizers: it answers
-//! as the Rust library does, and refuses the files that it refuses.
+//! `include/splitsnow.h`, compiled with strict warnings and sanitizers. It gives the same
+//! answers as the Rust library and refuses the same files.
 //!
-//! With SPLITSNOW_FILE a compact file of one's own is compared, too.
+//! SPLITSNOW_FILE may name a further compact file for the comparison.
 #![allow(clippy::unwrap_used)]
 mod answers;
 mod files;
@@ -18,9 +18,9 @@ use splitsnow::lookup::{Database, Lookup};
 use splitsnow::measurement::Quantity;
 use splitsnow::parameter::Point;
 
-use self::files::{Made, variants};
+use self::files::{Contents, variants};
 
-const STRICT: [&str; 6] = [
+const WARNINGS: [&str; 6] = [
     "-Wall",
     "-Wextra",
     "-Wpedantic",
@@ -28,15 +28,16 @@ const STRICT: [&str; 6] = [
     "-Wshadow",
     "-Werror",
 ];
-const CHECKED: &str = "-fsanitize=address,undefined";
+const SANITIZERS: &str = "-fsanitize=address,undefined";
 
-/// A folder of this test's own.
+/// A folder for the files of one test.
 pub(crate) fn folder(name: &str) -> PathBuf {
     let folder = Path::new(env!("CARGO_TARGET_TMPDIR")).join("c").join(name);
     fs::create_dir_all(&folder).unwrap();
     folder
 }
 
+/// Runs a command, which must succeed, and returns its standard output.
 pub(crate) fn run(command: &mut Command) -> String {
     let output = command.output();
     let output =
@@ -46,8 +47,8 @@ pub(crate) fn run(command: &mut Command) -> String {
     String::from_utf8_lossy(&output.stdout).into_owned()
 }
 
-/// A program from one source file, strictly.
-pub(crate) fn compiled(source: &Path, sanitizer: &str) -> PathBuf {
+/// Compiles one source file with warnings as errors, and returns the program.
+pub(crate) fn compile(source: &Path, sanitizer: &str) -> PathBuf {
     let root = Path::new(env!("CARGO_MANIFEST_DIR"));
     let program = folder("bin").join(source.file_stem().unwrap());
     let (compiler, standard) = match source.extension().unwrap().to_str() {
@@ -56,7 +57,7 @@ pub(crate) fn compiled(source: &Path, sanitizer: &str) -> PathBuf {
     };
     let mut command = Command::new(compiler);
     command
-        .args(STRICT)
+        .args(WARNINGS)
         .args([standard, "-O1", "-g", sanitizer]);
     command.arg("-fno-sanitize-recover=all");
     command.arg("-I").arg(root.join("include"));
@@ -66,48 +67,50 @@ pub(crate) fn compiled(source: &Path, sanitizer: &str) -> PathBuf {
 }
 
 pub(crate) static ANSWERS: LazyLock<PathBuf> =
-    LazyLock::new(|| compiled(Path::new("tests/c/answers.c"), CHECKED));
+    LazyLock::new(|| compile(Path::new("tests/c/answers.c"), SANITIZERS));
 
-/// Numbers without a pattern, in [0, 1).
-pub(crate) struct Numbers(pub(crate) u64);
+/// A generator of pseudorandom numbers.
+pub(crate) struct Random(pub(crate) u64);
 
-impl Numbers {
+impl Random {
+    /// A number in [0, 1).
     pub(crate) fn next(&mut self) -> f64 {
         self.0 = self.0.wrapping_mul(6_364_136_223_846_793_005);
         self.0 = self.0.wrapping_add(1_442_695_040_888_963_407);
         (self.0 >> 11) as f64 / (1_u64 << 53) as f64
     }
 
+    /// An integer in [0, n).
     pub(crate) fn below(&mut self, n: usize) -> usize {
         (self.next() * n as f64) as usize
     }
 }
 
-/// What the functions refuse of their arguments, getters, and the table for textures.
+/// Invalid arguments, the getters, and the table for textures.
 #[test]
 fn arguments_are_checked() {
-    let program = compiled(Path::new("tests/c/arguments.c"), CHECKED);
+    let program = compile(Path::new("tests/c/arguments.c"), SANITIZERS);
     let folder = folder("arguments");
-    let all: BTreeMap<_, _> = variants().into_iter().collect();
+    let files: BTreeMap<_, _> = variants().into_iter().collect();
     let mut command = Command::new(program);
-    for name in ["linear_f32", "beyond_log", "thick"] {
+    for name in ["linear_f32", "optional_axes_log", "thick"] {
         let file = folder.join(name);
-        fs::write(&file, &all[name]).unwrap();
+        fs::write(&file, &files[name]).unwrap();
         command.arg(file);
     }
     run(command.arg(&folder));
 }
 
-/// The compiler's checks of threads find no race, and all threads the same answers.
+/// The thread sanitizer finds no race, and all threads get the same answers.
 #[test]
-fn threads_share_a_database() {
-    let program = compiled(Path::new("tests/c/threads.cpp"), "-fsanitize=thread");
+fn threads_can_share_a_database() {
+    let program = compile(Path::new("tests/c/threads.cpp"), "-fsanitize=thread");
     let file = folder("threads").join("snow.safetensors");
-    fs::write(&file, Made::default().bytes()).unwrap();
+    fs::write(&file, Contents::default().bytes()).unwrap();
     run(Command::new(program).arg(&file));
 }
 
-/// The examples of docs/c.md are compiled as they stand, and answer.
+/// The examples of docs/c.md compile and give the expected answers.
 #[test]
 fn the_documented_examples_work() {
     let text = fs::read_to_string(Path::new(env!("CARGO_MANIFEST_DIR")).join("docs/c.md"));
@@ -123,13 +126,13 @@ fn the_documented_examples_work() {
     let [program, table] = blocks("c").try_into().unwrap();
     let [renderer] = blocks("cpp").try_into().unwrap();
     let c = folder.join("example.c");
-    // the second example goes on where the first asks
-    let asks = "    /* per sample";
-    assert!(program.contains(asks));
+    // the second example is inserted before the queries of the first
+    let queries = "    /* per sample";
+    assert!(program.contains(queries));
     let table: String = table.lines().map(|line| format!("    {line}\n")).collect();
     fs::write(
         &c,
-        program.replace(asks, &format!("{table}    free(table);\n{asks}")),
+        program.replace(queries, &format!("{table}    free(table);\n{queries}")),
     )
     .unwrap();
     let cpp = folder.join("renderer.cpp");
@@ -138,24 +141,24 @@ fn the_documented_examples_work() {
         format!("#define SPLITSNOW_IMPLEMENTATION\n{renderer}int main() {{}}\n"),
     )
     .unwrap();
-    compiled(&cpp, CHECKED);
+    compile(&cpp, SANITIZERS);
 
-    let made = Made::default().bytes();
+    let bytes = Contents::default().bytes();
     let file = folder.join("snow.safetensors");
-    fs::write(&file, &made).unwrap();
-    let found = run(Command::new(compiled(&c, CHECKED)).arg(&file));
-    let database = Database::from_bytes(&made).unwrap();
+    fs::write(&file, &bytes).unwrap();
+    let found = run(Command::new(compile(&c, SANITIZERS)).arg(&file));
+    let database = Database::from_bytes(&bytes).unwrap();
     let lookup = Lookup::new(&database, Quantity::Transmittance).unwrap();
     let mut spectrum = [0.0; 31];
-    let point = Point::of_core([0.4, 260.0, 270.0, 7.5, 33.0]);
+    let point = Point::from_core([0.4, 260.0, 270.0, 7.5, 33.0]);
     lookup.spectrum(point, &mut spectrum).unwrap();
     let values: Vec<f64> = found
         .lines()
         .take(4)
         .map(|line| line.split_once(',').unwrap().1.parse().unwrap())
         .collect();
-    for (value, at) in values.iter().zip([5, 12, 20, 28]) {
-        assert!((value - f64::from(spectrum[at])).abs() < 2e-6, "{found}");
+    for (value, index) in values.iter().zip([5, 12, 20, 28]) {
+        assert!((value - f64::from(spectrum[index])).abs() < 2e-6, "{found}");
     }
     assert_eq!(found.lines().count(), 5);
 }

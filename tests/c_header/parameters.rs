@@ -1,10 +1,10 @@
-//! The blocks of the C header that are generated from the records of the parameters.
-//! `UPDATE_GOLDEN=1 cargo test --release --test pipeline c_header::parameters` writes them.
+//! The blocks of the C header that are generated from the parameter records.
+//! `UPDATE_GOLDEN=1 cargo test --release --test pipeline c_header::parameters` updates them.
 use std::fmt::Write;
 
 use splitsnow::parameter::{Parameter, Scale};
 
-/// All parameters, core parameters first: the order of `splitsnow_axis`.
+/// All parameters in the order of `splitsnow_axis`: core parameters first.
 fn ordered() -> impl Iterator<Item = Parameter> {
     let optional = Parameter::ALL.into_iter().filter(|p| p.is_optional());
     Parameter::CORE.into_iter().chain(optional)
@@ -64,19 +64,22 @@ fn parameters() -> String {
 }
 
 #[test]
-fn its_tables_are_those_of_the_records() {
+fn the_generated_blocks_are_current() {
     let path = concat!(env!("CARGO_MANIFEST_DIR"), "/include/splitsnow.h");
     let header = std::fs::read_to_string(path).unwrap();
-    let mut made = header.clone();
+    let mut expected = header.clone();
     for (mark, text) in [("axes", axes()), ("parameters", parameters())] {
         let [begin, end] = [format!("/* <{mark}> */\n"), format!("/* </{mark}> */\n")];
-        let from = made.find(&begin).unwrap() + begin.len();
-        let to = made.find(&end).unwrap();
-        made.replace_range(from..to, &text);
+        let start = expected.find(&begin).unwrap() + begin.len();
+        let stop = expected.find(&end).unwrap();
+        expected.replace_range(start..stop, &text);
     }
     if std::env::var_os("UPDATE_GOLDEN").is_some() {
-        std::fs::write(path, made).unwrap();
+        std::fs::write(path, expected).unwrap();
     } else {
-        assert!(made == header, "include/splitsnow.h is stale");
+        assert!(
+            expected == header,
+            "include/splitsnow.h is out of date: see the top of this test file"
+        );
     }
 }

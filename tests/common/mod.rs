@@ -1,4 +1,4 @@
-//! Helpers shared by the tests.
+//! Helpers for the tests of the program and its files.
 #![allow(dead_code, clippy::unwrap_used)]
 use std::collections::BTreeMap;
 use std::fs;
@@ -12,7 +12,7 @@ use splitsnow::measurement::{Measured, Spectrum};
 use splitsnow::parameter::{Axes, Parameter};
 use splitsnow::transport::Illumination;
 
-/// Every file below `path`, by its path relative to it, with its bytes.
+/// The contents of all files below `path`. The keys are paths relative to `path`, with `/`.
 pub(crate) fn dir_bytes(path: &Path) -> BTreeMap<String, Vec<u8>> {
     let mut files = BTreeMap::new();
     let mut folders = vec![path.to_path_buf()];
@@ -30,7 +30,8 @@ pub(crate) fn dir_bytes(path: &Path) -> BTreeMap<String, Vec<u8>> {
     files
 }
 
-/// Panics with the names of the files that differ.
+/// Asserts that two directories, as read by [`dir_bytes`], are equal. The message names the
+/// files that differ.
 pub(crate) fn assert_same(left: &BTreeMap<String, Vec<u8>>, right: &BTreeMap<String, Vec<u8>>) {
     let names = left.keys().chain(right.keys());
     let mut differ: Vec<_> = names.filter(|n| left.get(*n) != right.get(*n)).collect();
@@ -48,7 +49,7 @@ pub(crate) fn grid(engine: Engine) -> Grid {
             (Parameter::Thickness, vec![1.0, 2.0, 5.0]),
             (Parameter::Incidence, vec![0.0, 60.0]),
         ]),
-        given_sizes: None,
+        size_axis: None,
         spread: Spread {
             facetness_half_width: 0.1,
             facetness_sd: 0.072,
@@ -70,24 +71,25 @@ pub(crate) fn grid(engine: Engine) -> Grid {
     }
 }
 
-/// A number in [0, 1) that tells nodes apart.
+/// Maps a cell number to a number in [0, 1), so that results of different nodes differ.
 pub(crate) fn share(cell: u64) -> f64 {
     (cell >> 11) as f64 / (1_u64 << 53) as f64
 }
 
-/// Stands in for an engine: fast, and a function of the request alone.
+/// A fake engine. It is fast, and its results depend only on the request.
 pub(crate) fn simulate(request: &Request, control: &Control) -> Result<Vec<Spectrum>, EngineError> {
     if control.cancel.load(Ordering::Relaxed) {
         return Err(EngineError::Cancelled);
     }
     let grain = request.snowpack.longest_grain_m() / request.thicknesses_m[0];
-    let lights = request.illuminations.iter();
-    let curves = request
-        .thicknesses_m
-        .iter()
-        .flat_map(|h| lights.clone().map(move |light| (h, light)));
-    let spectra = curves.map(|(thickness_m, light)| {
-        let Illumination::Collimated { polar_angle_rad } = light else {
+    let illuminations = request.illuminations.iter();
+    let curves = request.thicknesses_m.iter().flat_map(|h| {
+        illuminations
+            .clone()
+            .map(move |illumination| (h, illumination))
+    });
+    let spectra = curves.map(|(thickness_m, illumination)| {
+        let Illumination::Collimated { polar_angle_rad } = illumination else {
             return Err(EngineError::Cancelled);
         };
         let measured = |nm: &f64, scale: f64| Measured {

@@ -1,51 +1,58 @@
-//! Numbers that pages quote. In a page `<!-- = NAME -->` follows the number, or the numbers,
-//! that NAME stands for: it is not seen where the page is read, and tells a test which
-//! number is which.
+//! Numbers quoted in pages.
 //!
-//! A number is compared as it is written: with its decimals, with or without the 0 before
-//! the point, with an exponent, with the standard error of the last digits in brackets, or
-//! with one after `+-`.
+//! A page marks a quoted number with an HTML comment: `<!-- = NAME -->` follows the number
+//! or numbers called NAME. Readers of the page do not see the comment. Tests find the
+//! numbers by it.
+//!
+//! A test rounds its value to the format of the quoted number before it compares the two.
+//! The format is the number of decimals, the presence of a 0 before the decimal point, the
+//! exponent, and the standard error of the last digits in brackets. A standard error may
+//! also follow `+-`, as a number of its own.
 use std::ops::Range;
 use std::path::PathBuf;
 
-/// The text of a page, by its path below the repository.
+/// Reads a page. `path` is relative to the root of the repository.
 pub(crate) fn page(path: &str) -> String {
     std::fs::read_to_string(PathBuf::from(env!("CARGO_MANIFEST_DIR")).join(path)).unwrap()
 }
 
-/// A name, and where in the page the numbers of its paragraph before it are.
+/// A mark `<!-- = NAME -->` in a page.
 pub(crate) struct Mark {
     pub(crate) name: String,
+    /// Byte ranges of the numbers before the mark, back to the start of the paragraph or to
+    /// the previous mark.
     pub(crate) numbers: Vec<Range<usize>>,
 }
 
-/// All marks of a page.
+/// All marks of a page, in order.
 pub(crate) fn marks(text: &str) -> Vec<Mark> {
     const BEGIN: &str = "<!-- = ";
     const END: &str = " -->";
-    let (mut marks, mut from) = (vec![], 0);
-    while let Some(at) = text[from..].find(BEGIN) {
-        let at = from + at;
-        let end = at + text[at..].find(END).unwrap();
-        let paragraph = text[..at].rfind("\n\n").unwrap_or(0);
+    let (mut marks, mut search_start) = (vec![], 0);
+    while let Some(offset) = text[search_start..].find(BEGIN) {
+        let begin = search_start + offset;
+        let end = begin + text[begin..].find(END).unwrap();
+        let paragraph = text[..begin].rfind("\n\n").unwrap_or(0);
         marks.push(Mark {
-            name: text[at + BEGIN.len()..end].to_owned(),
-            numbers: numbers_in(text, paragraph.max(from)..at),
+            name: text[begin + BEGIN.len()..end].to_owned(),
+            numbers: numbers_in(text, paragraph.max(search_start)..begin),
         });
-        from = end + END.len();
+        search_start = end + END.len();
     }
     marks
 }
 
-/// Where numbers stand in a range of a text, with their sign, exponent and bracket.
+/// Byte ranges of the numbers in a range of `text`, each with its sign, exponent and
+/// bracketed standard error. Digits that belong to a word, such as `p95` or `10^7`, are not
+/// numbers.
 fn numbers_in(text: &str, range: Range<usize>) -> Vec<Range<usize>> {
     let bytes = text.as_bytes();
     let digit = |i: usize| i < range.end && bytes[i].is_ascii_digit();
     let (mut found, mut i) = (vec![], range.start);
     while i < range.end {
         let before = i.checked_sub(1).map_or(b' ', |i| bytes[i]);
-        let joined = before.is_ascii_alphanumeric() || b"._^".contains(&before);
-        if joined || !(digit(i) || bytes[i] == b'.' && digit(i + 1)) {
+        let in_word = before.is_ascii_alphanumeric() || b"._^".contains(&before);
+        if in_word || !(digit(i) || bytes[i] == b'.' && digit(i + 1)) {
             i += 1;
             continue;
         }
@@ -71,29 +78,30 @@ fn numbers_in(text: &str, range: Range<usize>) -> Vec<Range<usize>> {
     found
 }
 
-/// The last `N` numbers before a name in a page.
+/// The last `N` numbers before the mark `name` in a page.
 pub(crate) fn numbers<const N: usize>(path: &str, name: &str) -> [f64; N] {
     let text = page(path);
     let mark = marks(&text).into_iter().find(|mark| mark.name == name);
     let mark = mark.unwrap_or_else(|| panic!("{path} has no <!-- = {name} -->"));
     let first = mark.numbers.len().checked_sub(N);
-    let first = first.unwrap_or_else(|| panic!("{path}: less than {N} numbers before {name}"));
+    let first = first.unwrap_or_else(|| panic!("{path}: fewer than {N} numbers before {name}"));
     std::array::from_fn(|i| number(&text[mark.numbers[first + i].clone()]))
 }
 
-/// What a number as written is, without its bracket.
+/// Parses a quoted number and ignores its bracketed standard error.
 pub(crate) fn number(text: &str) -> f64 {
     let plain = text.split('(').next().unwrap();
     plain
         .parse()
-        .unwrap_or_else(|_| panic!("no number: {text}"))
+        .unwrap_or_else(|_| panic!("not a number: {text}"))
 }
 
-/// A value as a page writes it: like `written`.
+/// Formats `value` as `written` is formatted. `se` is used only if `written` has a standard
+/// error in brackets.
 pub(crate) fn like(written: &str, value: f64, se: f64) -> String {
     assert!(
         !written.contains(','),
-        "{written}: thousands are not compared"
+        "{written}: numbers with thousands separators cannot be compared"
     );
     if written.ends_with(')') {
         return bracketed(value, se);
@@ -111,10 +119,11 @@ pub(crate) fn like(written: &str, value: f64, se: f64) -> String {
     format!("{value:.decimals$}")
 }
 
-/// Asserts that the page's numbers are those found, rounded as it rounds.
+/// Asserts that the last numbers before the mark `name` equal `found`, after rounding to the
+/// decimals that the page shows.
 pub(crate) fn assert_says<const N: usize>(path: &str, name: &str, found: [f64; N]) {
     let text = page(path);
-    let said = numbers::<N>(path, name);
+    let quoted = numbers::<N>(path, name);
     let mark = marks(&text)
         .into_iter()
         .find(|mark| mark.name == name)
@@ -125,12 +134,12 @@ pub(crate) fn assert_says<const N: usize>(path: &str, name: &str, found: [f64; N
         let expected = like(written, found[i], f64::NAN);
         assert_eq!(
             written, expected,
-            "{path}, {name}: {said:?}, found {found:?}"
+            "{path}, {name}: the page quotes {quoted:?}, but the test found {found:?}"
         );
     }
 }
 
-/// So many decimals, no 0 before the point.
+/// Formats `x` with a fixed number of decimals and without a 0 before the decimal point.
 pub(crate) fn fixed(x: f64, decimals: usize) -> String {
     let text = format!("{x:.decimals$}");
     match text.split_once('.') {
@@ -140,29 +149,33 @@ pub(crate) fn fixed(x: f64, decimals: usize) -> String {
     }
 }
 
-/// The standard error of the last digits in brackets: two if it begins with 1, else one.
+/// Formats a value with the standard error of its last digits in brackets. The standard
+/// error has two digits if the first is 1, otherwise one.
 pub(crate) fn bracketed(value: f64, se: f64) -> String {
-    assert!(se > 0.0 && se < 1e3, "a standard error of {se}");
-    let first = se.log10().floor();
-    let digits = if se / 10_f64.powf(first) < 2.0 {
+    assert!(
+        se > 0.0 && se < 1e3,
+        "cannot format a standard error of {se}"
+    );
+    let exponent = se.log10().floor();
+    let extra_digits = if se / 10_f64.powf(exponent) < 2.0 {
         1.0
     } else {
         0.0
     };
-    let decimals = (digits - first).max(0.0);
+    let decimals = (extra_digits - exponent).max(0.0);
     let error = (se * 10_f64.powf(decimals)).round();
     format!("{}({error})", fixed(value, decimals as usize))
 }
 
 #[test]
-fn numbers_are_found_and_written_as_they_were() {
+fn numbers_are_found_and_formatted_like_the_quoted_ones() {
     let text = "300-750 um, p95 of 10^7: -2.5 % and .0401(5)<!-- = a --> (.078 +- .003<!-- = b -->";
     let marks = marks(text);
     let found: Vec<_> = marks[0].numbers.iter().map(|r| &text[r.clone()]).collect();
     assert_eq!(found, ["300", "750", "10", "-2.5", ".0401(5)"]);
     let found: Vec<_> = marks[1].numbers.iter().map(|r| &text[r.clone()]).collect();
     assert_eq!((marks[1].name.as_str(), found), ("b", vec![".078", ".003"]));
-    for (written, value, se, like_it) in [
+    for (written, value, se, expected) in [
         ("1.15", 1.146, 0.0, "1.15"),
         (".30", 0.25, 0.0, ".25"),
         ("0.3", 0.25, 0.0, "0.2"),
@@ -171,6 +184,6 @@ fn numbers_are_found_and_written_as_they_were() {
         (".04(1)", 0.040_12, 5.2e-4, ".0401(5)"),
         ("7", 8.4, 0.0, "8"),
     ] {
-        assert_eq!(like(written, value, se), like_it);
+        assert_eq!(like(written, value, se), expected);
     }
 }

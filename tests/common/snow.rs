@@ -1,4 +1,4 @@
-//! Snow, walks and limits for the tests of the physics.
+//! Snow samples, walks and statistical limits for the physics tests.
 use std::ops::Range;
 use std::sync::atomic::{AtomicBool, AtomicU64};
 
@@ -34,7 +34,7 @@ pub(crate) fn beam(deg: f64) -> Illumination {
     }
 }
 
-/// The stream of test number `cell`.
+/// The random number stream of the test with number `cell`.
 pub(crate) fn stream(cell: u64) -> Stream {
     Stream::new(Key {
         seed: 2025,
@@ -44,8 +44,8 @@ pub(crate) fn stream(cell: u64) -> Stream {
     })
 }
 
-/// The representative sample (Varsa 2025, chapter 7) with its size range, mean
-/// facetness (range 0.1 either way), density and water saturation changed.
+/// The representative sample (Varsa 2025, chapter 7) with another size range, mean
+/// facetness (half width 0.1), density and water saturation.
 pub(crate) fn snow(size_um: (f64, f64), facetness: f64, density_kg_m3: f64, wet: f64) -> Snow {
     Snow {
         water_saturation: wet,
@@ -63,12 +63,12 @@ pub(crate) fn snow(size_um: (f64, f64), facetness: f64, density_kg_m3: f64, wet:
     }
 }
 
-/// The representative sample without its water.
+/// The representative sample without liquid water.
 pub(crate) fn dry() -> Snow {
     snow((300.0, 750.0), 0.3, 275.0, 0.0)
 }
 
-/// Snow of equal smooth spheres.
+/// Snow of smooth spheres of one size.
 pub(crate) fn spheres(size_um: f64, density_kg_m3: f64) -> Snow {
     let constant = |value| TruncatedNormal::new(value, value, value, 0.0).unwrap();
     let grain = GrainType {
@@ -80,7 +80,7 @@ pub(crate) fn spheres(size_um: f64, density_kg_m3: f64) -> Snow {
     Snow::dry(grain, density_kg_m3, -1.0)
 }
 
-/// A walker with real refractive indices `n` of ice in air.
+/// A walker through grains of real refractive index `n` in air.
 pub(crate) fn walker(snow: &Snow, entry: Entry, n: f64, absorption: Absorption) -> Walker {
     Walker::new(
         &snow.clone().into(),
@@ -93,7 +93,7 @@ pub(crate) fn walker(snow: &Snow, entry: Entry, n: f64, absorption: Absorption) 
     )
 }
 
-/// Ends of walks in one slab, counted.
+/// Counts of how walks in one slab end.
 #[derive(Debug, Clone, Copy, Default, PartialEq, Eq)]
 pub(crate) struct Ends {
     pub(crate) reflected: u64,
@@ -113,7 +113,7 @@ impl Ends {
     }
 }
 
-/// A sink that calls a function for every end in a single slab.
+/// A sink for a single slab that calls a function at the end of every walk.
 pub(crate) struct Each<F>(pub(crate) F);
 
 impl<F: FnMut(End, &Path, Vec3)> Sink for Each<F> {
@@ -122,7 +122,7 @@ impl<F: FnMut(End, &Path, Vec3)> Sink for Each<F> {
     }
 }
 
-/// Walks `rays` rays through one slab and counts their ends.
+/// Walks `rays` rays through one slab and counts how they end.
 pub(crate) fn ends(
     walker: &Walker,
     thickness_m: f64,
@@ -138,15 +138,15 @@ pub(crate) fn ends(
     counts
 }
 
-/// `count` of `rays` as a proportion with its binomial standard error.
+/// The fraction `count / rays` with its binomial standard error.
 pub(crate) fn proportion(count: u64, rays: u64) -> Measured {
     let (n, value) = (rays as f64, count as f64 / rays as f64);
     let se = (value * (1.0 - value) / n).sqrt().max(1.0 / n);
     Measured { value, se }
 }
 
-/// Spectra of `snow` per thickness, dry or wet, by `tabulated`: a tenth of the cost of
-/// `spectral`, with which tests/engines.rs and tests/golden.rs compare it.
+/// Spectra of dry or wet `snow`, one per thickness, by the engine `tabulated`. It costs a
+/// tenth of `spectral`. tests/engines.rs and tests/golden.rs compare the two.
 pub(crate) fn spectra(
     snow: &Snow,
     thicknesses_m: &[f64],
@@ -158,7 +158,7 @@ pub(crate) fn spectra(
         snowpack: &snow.clone().into(),
         thicknesses_m,
         illuminations: &[illumination],
-        resolution: Resolution::of_rays(rays),
+        resolution: Resolution::for_rays(rays),
         max_error: MaxError::default(),
         wavelengths_nm,
         model: &Model::default(),
@@ -177,8 +177,8 @@ pub(crate) fn spectra(
     Engine::Tabulated.run(&request, &control).unwrap()
 }
 
-/// How many standard errors a normal variate may stray so that none of
-/// `comparisons` strays further with probability 1 - `alpha` (two-sided, Bonferroni).
+/// The limit on |z| for `comparisons` z-tests at total significance level `alpha`
+/// (two-sided, Bonferroni). All stay below it with probability 1 - `alpha` or more.
 pub(crate) fn z_limit(alpha: f64, comparisons: usize) -> f64 {
     std::f64::consts::SQRT_2 * erfc_inv(alpha / comparisons as f64)
 }

@@ -1,4 +1,4 @@
-//! Files with optional axes.
+//! Compact files with optional axes.
 use std::collections::BTreeMap;
 
 use ndarray::Array2;
@@ -12,19 +12,19 @@ use super::damage::with_header;
 use super::{axes, curves, wavelengths};
 
 const CARBON: Parameter = Parameter::BlackCarbon;
-const COLD: Parameter = Parameter::Temperature;
+const TEMPERATURE: Parameter = Parameter::Temperature;
 
-/// Two concentrations, slower, and three temperatures.
-fn beyond() -> Axes {
+/// Two concentrations of carbon, which vary slowest, and three temperatures.
+fn axes_with_optional() -> Axes {
     axes()
         .with(CARBON, vec![0.0, 100.0])
-        .with(COLD, vec![-20.0, -10.0, 0.0])
+        .with(TEMPERATURE, vec![-20.0, -10.0, 0.0])
 }
 
-/// The curves of [`axes`] to the power of 1 to 6: y grows in even steps.
+/// The curves of [`axes`] to the powers 1 to 6. Their logarithms are equidistant.
 fn powers() -> Array2<f64> {
-    let one = curves();
-    let blocks: Vec<_> = (1..=6).map(|power| one.mapv(|v| v.powi(power))).collect();
+    let base = curves();
+    let blocks: Vec<_> = (1..=6).map(|power| base.mapv(|v| v.powi(power))).collect();
     let blocks: Vec<_> = blocks.iter().map(|block| block.view()).collect();
     ndarray::concatenate(ndarray::Axis(0), &blocks).unwrap()
 }
@@ -35,7 +35,7 @@ fn file(basis: Basis) -> Vec<u8> {
         precision: Precision::F32,
     };
     let quantity = Quantity::Transmittance;
-    let made = compress::compress(
+    let compressed = compress::compress(
         powers().view(),
         quantity,
         None,
@@ -44,11 +44,11 @@ fn file(basis: Basis) -> Vec<u8> {
         variant,
     );
     CompactFile {
-        axes: &beyond(),
+        axes: &axes_with_optional(),
         absent: &[],
         wavelengths_nm: &wavelengths(),
         substrate: SubstrateKind::Black,
-        transmittance: Some(&made.unwrap()),
+        transmittance: Some(&compressed.unwrap()),
         reflectance: None,
         provenance: "{}",
         extra: &BTreeMap::new(),
@@ -58,13 +58,13 @@ fn file(basis: Basis) -> Vec<u8> {
 }
 
 #[test]
-fn rows_run_slower_along_them_and_come_back() {
+fn rows_and_points_of_optional_axes_correspond() {
     let quantity = Quantity::Transmittance;
     let database = Database::from_bytes(&file(Basis::Log)).unwrap();
     assert_eq!(database.curves(), 6 * 108);
     let nodes: Vec<_> = database.axes().iter().collect();
     assert_eq!(nodes[0], (CARBON, &[0.0, 100.0][..]));
-    assert_eq!(nodes[1], (COLD, &[-20.0, -10.0, 0.0][..]));
+    assert_eq!(nodes[1], (TEMPERATURE, &[-20.0, -10.0, 0.0][..]));
     assert_eq!(
         database.metadata()["axis_order"],
         "black_carbon_ng_g,temperature_c,facetness,grain_size_um,density_kg_m3,thickness_cm,angle_deg"
@@ -72,74 +72,77 @@ fn rows_run_slower_along_them_and_come_back() {
     assert!(database.metadata()["units"].contains(r#""black_carbon_ng_g":"ng g-1""#));
     for row in [0, 107, 108, 4 * 108 + 5, 6 * 108 - 1] {
         let point = database.point(row).unwrap();
-        let number = row / 108;
-        assert_eq!(point[CARBON], [0.0, 100.0][number / 3]);
-        assert_eq!(point[COLD], [-20.0, -10.0, 0.0][number % 3]);
+        let combination = row / 108;
+        assert_eq!(point[CARBON], [0.0, 100.0][combination / 3]);
+        assert_eq!(point[TEMPERATURE], [-20.0, -10.0, 0.0][combination % 3]);
         assert_eq!(database.row(point).unwrap(), row);
-        let there = database.at(point.optional()).unwrap();
-        assert!(there.axes().optional().is_empty());
-        let core = Point::of_core(point.core());
-        assert_eq!(there.row(core).unwrap(), row % 108);
-        let all = database.curve(row, quantity).unwrap();
-        assert_eq!(all, there.spectrum(core, quantity).unwrap());
-        assert_eq!(all, database.spectrum(point, quantity).unwrap());
+        let at_optional = database.at(point.optional()).unwrap();
+        assert!(at_optional.axes().optional().is_empty());
+        let core = Point::from_core(point.core());
+        assert_eq!(at_optional.row(core).unwrap(), row % 108);
+        let curve = database.curve(row, quantity).unwrap();
+        assert_eq!(curve, at_optional.spectrum(core, quantity).unwrap());
+        assert_eq!(curve, database.spectrum(point, quantity).unwrap());
     }
     assert_eq!(database.point(6 * 108), None);
 }
 
 #[test]
-fn between_their_nodes_y_is_linear() {
+fn interpolation_along_optional_axes_is_linear_in_their_coordinates() {
     let quantity = Quantity::Transmittance;
     for basis in Basis::ALL {
         let database = Database::from_bytes(&file(basis)).unwrap();
         // halfway in the coordinate sqrt(c + 20)
         let halfway = (0.5 * (20_f64.sqrt() + 120_f64.sqrt())).powi(2) - 20.0;
-        let there = database.at([(CARBON, halfway), (COLD, -8.0)].into());
-        let there = there.unwrap();
-        // temperature -8 is power 2.2 without carbon, and 5.2 with all
+        let between = database.at([(CARBON, halfway), (TEMPERATURE, -8.0)].into());
+        let between = between.unwrap();
+        // at -8 degrees the power is 2.2 without carbon, and 5.2 at the highest concentration
         let power = 0.5 * (2.2 + 5.2);
         for row in [0, 3, 50, 100] {
-            let found = there.curve(row, quantity).unwrap();
-            for (found, one) in found.iter().zip(curves().row(row)) {
-                let expected = one.powf(power);
+            let found = between.curve(row, quantity).unwrap();
+            for (found, base) in found.iter().zip(curves().row(row)) {
+                let expected = base.powf(power);
                 assert!(
                     (f64::from(*found) - expected).abs() < 2e-3,
                     "{basis:?} {row} {found} {expected}"
                 );
             }
         }
-        assert!(Lookup::new(&there, quantity).is_ok());
+        assert!(Lookup::new(&between, quantity).is_ok());
     }
 }
 
 #[test]
-fn what_is_not_told_or_not_there_is_refused_by_name() {
+fn missing_unknown_and_outside_conditions_are_refused_by_name() {
     let quantity = Quantity::Transmittance;
     let database = Database::from_bytes(&file(Basis::Log)).unwrap();
-    let at = |conditions: &[(Parameter, f64)]| {
-        let error = database.at(conditions.iter().copied().collect());
-        error.unwrap_err().to_string()
+    let error = |conditions: &[(Parameter, f64)]| {
+        let result = database.at(conditions.iter().copied().collect());
+        result.unwrap_err().to_string()
     };
     assert_eq!(
-        at(&[(COLD, -5.0)]),
+        error(&[(TEMPERATURE, -5.0)]),
         "the database has an axis black_carbon_ng_g: give a value of black_carbon_ng_g from 0 to 100"
     );
-    assert!(at(&[(CARBON, 5.0)]).contains("give a value of temperature_c from -20 to 0"));
+    assert!(error(&[(CARBON, 5.0)]).contains("give a value of temperature_c from -20 to 0"));
     assert_eq!(
-        at(&[(CARBON, 100.1), (COLD, 0.0)]),
+        error(&[(CARBON, 100.1), (TEMPERATURE, 0.0)]),
         "black_carbon_ng_g = 100.1 is outside the database, which covers 0 to 100"
     );
-    assert!(at(&[(CARBON, f64::NAN), (COLD, 0.0)]).contains("give a value of black_carbon_ng_g"));
-    assert!(at(&[(Parameter::Sphericity, 0.8)]).contains("no axis sphericity"));
-    let point = Point::of_core(database.point(0).unwrap().core());
-    let untold = |error: LookupError| matches!(error, LookupError::MissingCondition { .. });
-    assert!(untold(database.spectrum(point, quantity).unwrap_err()));
-    assert!(untold(Lookup::new(&database, quantity).unwrap_err()));
-    assert!(untold(Varsa2025::new(&database, quantity).unwrap_err()));
+    assert!(
+        error(&[(CARBON, f64::NAN), (TEMPERATURE, 0.0)])
+            .contains("give a value of black_carbon_ng_g")
+    );
+    assert!(error(&[(Parameter::Sphericity, 0.8)]).contains("no axis sphericity"));
+    let point = Point::from_core(database.point(0).unwrap().core());
+    let is_missing = |error: LookupError| matches!(error, LookupError::MissingCondition { .. });
+    assert!(is_missing(database.spectrum(point, quantity).unwrap_err()));
+    assert!(is_missing(Lookup::new(&database, quantity).unwrap_err()));
+    assert!(is_missing(Varsa2025::new(&database, quantity).unwrap_err()));
 }
 
 #[test]
-fn damage_to_them_is_found() {
+fn damaged_optional_axes_are_refused() {
     let refused = |from: &str, to: &str| {
         let bytes = with_header(&file(Basis::Log), |header| {
             assert!(header.contains(from), "{header}");
@@ -157,19 +160,19 @@ fn damage_to_them_is_found() {
         let error = refused(order, other).to_string();
         assert!(error.contains("`axis_order`"), "{error}");
     }
-    // an axis in the order without its tensor, and a tensor without its axis
+    // an axis without a tensor, and a tensor without an axis
     let longer = "\"axis_order\":\"black_carbon_ng_g,temperature_c,sphericity,";
     let missing = refused(order, longer);
     assert_eq!(missing, FormatError::Missing("sphericity".into()));
-    let more = refused(order, "\"axis_order\":\"temperature_c,");
-    assert_eq!(more, FormatError::Unknown("black_carbon_ng_g".into()));
-    // another length, the header still whole
+    let unlisted = refused(order, "\"axis_order\":\"temperature_c,");
+    assert_eq!(unlisted, FormatError::Unknown("black_carbon_ng_g".into()));
+    // other lengths in a well-formed header
     let shape = "\"shape\":[3]";
     let length = refused(shape, "\"shape\":[2]").to_string();
     assert!(length.contains("header is damaged"), "{length}");
     let rows = refused("\"shape\":[648,5]", "\"shape\":[540,6]").to_string();
     assert!(rows.contains("expected F32 [648, 5]"), "{rows}");
-    // a value that cannot be
+    // an impossible value
     let mut bytes = file(Basis::Log);
     let (length, header) = safetensors::SafeTensors::read_metadata(&bytes).unwrap();
     let (begin, _) = header.info("temperature_c").unwrap().data_offsets;

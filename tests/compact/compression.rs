@@ -1,4 +1,4 @@
-//! Choice of components and errors, from curves alone.
+//! Choice of the number of components, and compression errors.
 use ndarray::Array2;
 use splitsnow::compress::{Choice, CompressError, CurveError};
 use splitsnow::grid::Compression;
@@ -6,7 +6,7 @@ use splitsnow::grid::Compression;
 use super::{BOUNDS, colour, compress, compressed, curves};
 
 #[test]
-fn errors_fall_with_components_and_match_a_plain_sum() {
+fn errors_decrease_with_components_and_match_a_direct_sum() {
     let compressed = compressed(Choice::Components(3));
     let rms = |row: usize| compressed.table.rows[row].rmse.mean;
     assert!(
@@ -39,13 +39,18 @@ fn degenerate_matrices_compress() {
         assert_eq!(compressed.components(), components);
         assert!(compressed.table.rows[0].rmse.max < 1e-6);
     }
-    let one = Array2::from_shape_fn((9, 1), |(i, _)| i as f64 / 9.0);
-    assert_eq!(compress(one.view(), None, BOUNDS).unwrap().components(), 1);
+    let one_wavelength = Array2::from_shape_fn((9, 1), |(i, _)| i as f64 / 9.0);
+    assert_eq!(
+        compress(one_wavelength.view(), None, BOUNDS)
+            .unwrap()
+            .components(),
+        1
+    );
 }
 
 #[test]
 fn a_tight_bound_extends_the_table() {
-    // Noise: no component is better than another, so all are needed.
+    // All components of noise are equally important, so all are needed.
     let mut state = 1_u64;
     let noise = Array2::from_shape_fn((200, 31), |_| {
         state = state

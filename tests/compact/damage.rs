@@ -1,4 +1,4 @@
-//! Files that are damaged, foreign or malicious.
+//! Damaged, foreign and malicious files.
 use std::collections::BTreeMap;
 use std::sync::LazyLock;
 
@@ -14,7 +14,7 @@ use splitsnow::parameter::{Axes, Parameter};
 use super::valid;
 use super::variants::{file, variants};
 
-/// A file with its header text changed and its length kept true.
+/// A file with its header modified by `change`. The stated header length stays correct.
 pub(crate) fn with_header(bytes: &[u8], change: impl FnOnce(String) -> String) -> Vec<u8> {
     let (length, rest) = bytes.split_first_chunk::<8>().unwrap();
     let (header, data) = rest.split_at(u64::from_le_bytes(*length) as usize);
@@ -25,11 +25,13 @@ pub(crate) fn with_header(bytes: &[u8], change: impl FnOnce(String) -> String) -
     changed
 }
 
-fn swapped(from: &str, to: &str) -> String {
-    swapped_in(&valid(), from, to)
+/// The error of the valid file with `from` replaced by `to` in its header.
+fn replacement_error(from: &str, to: &str) -> String {
+    replacement_error_in(&valid(), from, to)
 }
 
-fn swapped_in(bytes: &[u8], from: &str, to: &str) -> String {
+/// The error of a file with `from` replaced by `to` in its header.
+fn replacement_error_in(bytes: &[u8], from: &str, to: &str) -> String {
     let bytes = with_header(bytes, |header| {
         assert!(header.contains(from), "{header}");
         header.replacen(from, to, 1)
@@ -38,7 +40,7 @@ fn swapped_in(bytes: &[u8], from: &str, to: &str) -> String {
 }
 
 #[test]
-fn damaged_and_foreign_files_are_refused_with_the_reason() {
+fn damaged_and_foreign_files_are_refused_with_a_reason() {
     let refused = |bytes: &[u8]| Database::from_bytes(bytes).unwrap_err();
     let bytes = valid();
     assert!(matches!(refused(b""), FormatError::NotSafetensors { .. }));
@@ -65,44 +67,44 @@ fn damaged_and_foreign_files_are_refused_with_the_reason() {
         FormatError::Header(_)
     ));
 
-    let version = swapped(r#""format_version":"2""#, r#""format_version":"3""#);
+    let version = replacement_error(r#""format_version":"2""#, r#""format_version":"3""#);
     assert!(
         version.contains("`format_version` is \"3\", expected `2` or `1`"),
         "{version}"
     );
-    let substrate = swapped(r#""substrate":"black""#, r#""substrate":"blue""#);
-    let all = "`substrate` is \"blue\", expected `black` or `reflecting` or `layers`";
-    assert!(substrate.contains(all), "{substrate}");
-    let basis = swapped(r#""basis":"linear""#, r#""basis":"cubic""#);
+    let substrate = replacement_error(r#""substrate":"black""#, r#""substrate":"blue""#);
+    let message = "`substrate` is \"blue\", expected `black` or `reflecting` or `layers`";
+    assert!(substrate.contains(message), "{substrate}");
+    let basis = replacement_error(r#""basis":"linear""#, r#""basis":"cubic""#);
     assert!(
         basis.contains("`basis` is \"cubic\", expected `linear` or `log`"),
         "{basis}"
     );
-    let none = swapped(r#""basis":"linear","#, "");
+    let none = replacement_error(r#""basis":"linear","#, "");
     assert!(none.contains("`basis` is missing"), "{none}");
-    let precision = swapped(r#""precision":"f32""#, r#""precision":"f64""#);
+    let precision = replacement_error(r#""precision":"f32""#, r#""precision":"f64""#);
     assert!(precision.contains("`precision` is \"f64\""), "{precision}");
-    let precision = swapped(r#""precision":"f32""#, r#""precision":"f16""#);
+    let precision = replacement_error(r#""precision":"f32""#, r#""precision":"f16""#);
     let other = "is F32 [108, 2], expected F16 [108, 2]";
     assert!(precision.contains(other), "{precision}");
     let both = r#""quantities":"transmittance,reflectance""#;
-    let quantities = swapped(both, r#""quantities":"absorptance""#);
+    let quantities = replacement_error(both, r#""quantities":"absorptance""#);
     assert!(quantities.contains("`quantities` is"), "{quantities}");
-    let quantities = swapped(both, r#""quantities":"reflectance""#);
+    let quantities = replacement_error(both, r#""quantities":"reflectance""#);
     assert!(
         quantities.contains("tensor `transmittance."),
         "{quantities}"
     );
-    let other = swapped(r#""format":"splitsnow-compact","#, "");
+    let other = replacement_error(r#""format":"splitsnow-compact","#, "");
     assert!(other.contains("`format` is missing"), "{other}");
-    let order = swapped("facetness,grain_size_um,", "grain_size_um,facetness,");
+    let order = replacement_error("facetness,grain_size_um,", "grain_size_um,facetness,");
     assert!(order.contains("axis_order"), "{order}");
-    let components = swapped(
+    let components = replacement_error(
         r#"reflectance.components":"5""#,
         r#"reflectance.components":"32""#,
     );
     assert!(components.contains("expected `1 to 31`"), "{components}");
-    let components = swapped(
+    let components = replacement_error(
         r#"reflectance.components":"5""#,
         r#"reflectance.components":"4""#,
     );
@@ -112,10 +114,10 @@ fn damaged_and_foreign_files_are_refused_with_the_reason() {
     );
 
     assert_eq!(
-        swapped(r#""angle_deg":{"#, r#""angle":{"#),
+        replacement_error(r#""angle_deg":{"#, r#""angle":{"#),
         "it has a tensor `angle`, which this version does not know"
     );
-    let dtype = swapped(
+    let dtype = replacement_error(
         r#""dtype":"F64","shape":[31]"#,
         r#""dtype":"I64","shape":[31]"#,
     );
@@ -123,63 +125,63 @@ fn damaged_and_foreign_files_are_refused_with_the_reason() {
         dtype.contains("`wavelength_nm` is I64 [31], expected F64 or F32 [n]"),
         "{dtype}"
     );
-    let shape = swapped(r#""shape":[31]"#, r#""shape":[1,31]"#);
+    let shape = replacement_error(r#""shape":[31]"#, r#""shape":[1,31]"#);
     assert!(shape.contains("expected F64 or F32 [n]"), "{shape}");
-    let shape = swapped(r#""shape":[108,5]"#, r#""shape":[54,10]"#);
+    let shape = replacement_error(r#""shape":[108,5]"#, r#""shape":[54,10]"#);
     assert!(shape.contains("expected F32 [108, 5]"), "{shape}");
-    for lie in [
+    for shape in [
         "[107,5]",
         "[4611686018427387904,5]",
         "[18446744073709551615,5]",
         "[-1,5]",
         "[1e3,5]",
     ] {
-        let shape = swapped(r#""shape":[108,5]"#, &format!(r#""shape":{lie}"#));
+        let shape = replacement_error(r#""shape":[108,5]"#, &format!(r#""shape":{shape}"#));
         assert!(shape.contains("header is damaged"), "{shape}");
     }
-    for lie in ["[0,16]", "[8,24]", "[24,0]", "[0,18446744073709551615]"] {
-        let offsets = swapped(
+    for offsets in ["[0,16]", "[8,24]", "[24,0]", "[0,18446744073709551615]"] {
+        let offsets = replacement_error(
             r#""data_offsets":[0,24]"#,
-            &format!(r#""data_offsets":{lie}"#),
+            &format!(r#""data_offsets":{offsets}"#),
         );
         assert!(offsets.contains("header is damaged"), "{offsets}");
     }
 }
 
 #[test]
-fn damaged_integers_are_refused_with_the_reason() {
+fn damaged_quantised_files_are_refused_with_a_reason() {
     let variant = Variant {
         basis: Basis::Log,
         precision: Precision::Quantised,
     };
     let bytes = file(Choice::Components(3), variant);
-    let swapped = |from: &str, to: &str| swapped_in(&bytes, from, to);
-    let unknown = swapped("reflectance.coefficients.2", "reflectance.coefficients.3");
+    let replacement_error = |from: &str, to: &str| replacement_error_in(&bytes, from, to);
+    let unknown = replacement_error("reflectance.coefficients.2", "reflectance.coefficients.3");
     assert!(
         unknown.contains("`reflectance.coefficients.3`, which"),
         "{unknown}"
     );
-    let unknown = swapped("reflectance.coefficients.2", "reflectance.coefficients.02");
+    let unknown = replacement_error("reflectance.coefficients.2", "reflectance.coefficients.02");
     assert!(
         unknown.contains("which this version does not know"),
         "{unknown}"
     );
-    let dtype = swapped(r#""U16","shape":[108]"#, r#""I16","shape":[108]"#);
+    let dtype = replacement_error(r#""U16","shape":[108]"#, r#""I16","shape":[108]"#);
     assert!(
         dtype.contains("I16 [108], expected U8 or U16 [108]"),
         "{dtype}"
     );
-    let shape = swapped(r#""U16","shape":[108]"#, r#""U16","shape":[2,54]"#);
+    let shape = replacement_error(r#""U16","shape":[108]"#, r#""U16","shape":[2,54]"#);
     assert!(shape.contains("expected U8 or U16 [108]"), "{shape}");
-    let shape = swapped(r#""shape":[3,2]"#, r#""shape":[2,3]"#);
+    let shape = replacement_error(r#""shape":[3,2]"#, r#""shape":[2,3]"#);
     assert!(shape.contains("expected F32 [3, 2]"), "{shape}");
     let components = r#"reflectance.components":"3""#;
-    let fewer = swapped(components, &components.replace('3', "2"));
+    let fewer = replacement_error(components, &components.replace('3', "2"));
     assert!(
         fewer.contains("which this version does not know"),
         "{fewer}"
     );
-    let more = swapped(components, &components.replace('3', "4"));
+    let more = replacement_error(components, &components.replace('3', "4"));
     assert!(more.contains("expected F32 [4, 2]"), "{more}");
 
     let (length, header) = SafeTensors::read_metadata(&bytes).unwrap();
@@ -194,10 +196,9 @@ fn damaged_integers_are_refused_with_the_reason() {
     );
 }
 
-/// Tensors whose declared sizes add up to more than a file can have must not
-/// make the sum of sizes wrap around.
+/// The sum of the declared tensor sizes must not wrap around, even if it exceeds 64 bits.
 #[test]
-fn absurd_sizes_do_not_wrap() {
+fn the_sum_of_huge_sizes_does_not_wrap() {
     let size = 1_u64 << 60;
     let tensors: Vec<String> = (0..16)
         .map(|i: u64| {
@@ -243,10 +244,10 @@ fn impossible_values_are_refused_by_name() {
     assert!(refused("reflectance.basis", 0, 1e30).contains("reflectance.basis"));
 }
 
-/// Seeds of the fuzz target `compact`: files named `valid*` open, the others
-/// are refused. `UPDATE_GOLDEN=1 cargo test --release --test pipeline compact` rewrites them.
+/// Seeds of the fuzz target `compact`. Files named `valid*` can be opened, the others are
+/// refused. `UPDATE_GOLDEN=1 cargo test --release --test pipeline compact::` rewrites them.
 #[test]
-fn fuzz_seeds_are_what_they_say() {
+fn fuzz_seeds_are_valid_or_refused_as_named() {
     let directory = std::path::Path::new(env!("CARGO_MANIFEST_DIR")).join("fuzz/seeds/compact");
     if std::env::var_os("UPDATE_GOLDEN").is_some() {
         let curves = Array2::from_shape_fn((4, 3), |(i, j)| (1 + i * j) as f64 / 8.0);
@@ -257,9 +258,9 @@ fn fuzz_seeds_are_what_they_say() {
             (Parameter::Thickness, vec![5.0]),
             (Parameter::Incidence, vec![0.0, 60.0]),
         ]);
-        let bytes = |variant, choice, there: &[Quantity]| {
+        let bytes = |variant, choice, quantities: &[Quantity]| {
             let [t, r] = Quantity::ALL.map(|quantity| {
-                let made = compress(
+                let compressed = compress(
                     curves.view(),
                     quantity,
                     None,
@@ -268,7 +269,7 @@ fn fuzz_seeds_are_what_they_say() {
                     variant,
                 )
                 .unwrap();
-                there.contains(&quantity).then_some(made)
+                quantities.contains(&quantity).then_some(compressed)
             });
             CompactFile {
                 axes: &small,
@@ -289,25 +290,25 @@ fn fuzz_seeds_are_what_they_say() {
             basis: Basis::Log,
             precision,
         };
-        // Of 8 bits where components are chosen by bounds, else of 16.
+        // Integers have 8 bits if the components are chosen by loose bounds, otherwise 16.
         let loose = Choice::Bounds(Compression {
             max_delta_e: 2.3,
             max_rmse: Some(0.01),
         });
-        for (name, precision, choice, there) in [
+        for (name, precision, choice, quantities) in [
             ("valid_log", Precision::F32, two, &Quantity::ALL[..]),
             ("valid_f16", Precision::F16, two, &Quantity::ALL),
             ("valid_u8", Precision::Quantised, loose, &Quantity::ALL),
             ("valid_u16", Precision::Quantised, two, &Quantity::ALL[1..]),
         ] {
             let path = directory.join(format!("{name}.safetensors"));
-            std::fs::write(path, bytes(log(precision), choice, there)).unwrap();
+            std::fs::write(path, bytes(log(precision), choice, quantities)).unwrap();
         }
-        let beyond = small
+        let with_carbon = small
             .clone()
             .with(Parameter::Incidence, vec![0.0])
             .with(Parameter::BlackCarbon, vec![0.0, 100.0]);
-        let made = compress(
+        let compressed = compress(
             curves.view(),
             Quantity::ALL[0],
             None,
@@ -316,20 +317,20 @@ fn fuzz_seeds_are_what_they_say() {
             Variant::default(),
         );
         let file = CompactFile {
-            axes: &beyond,
+            axes: &with_carbon,
             absent: &[],
             wavelengths_nm: &[500.0, 550.0, 600.0],
             substrate: SubstrateKind::Black,
-            transmittance: Some(&made.unwrap()),
+            transmittance: Some(&compressed.unwrap()),
             reflectance: None,
             provenance: "{}",
             extra: &BTreeMap::new(),
         };
         let path = directory.join("valid_axes.safetensors");
         std::fs::write(path, file.to_bytes().unwrap()).unwrap();
-        let text = String::from_utf8_lossy(&valid[8..]).find("F32").unwrap() + 8;
+        let offset = String::from_utf8_lossy(&valid[8..]).find("F32").unwrap() + 8;
         let mut other_type = valid.clone();
-        other_type[text..text + 3].copy_from_slice(b"I32");
+        other_type[offset..offset + 3].copy_from_slice(b"I32");
         std::fs::write(directory.join("valid.safetensors"), &valid).unwrap();
         std::fs::write(
             directory.join("truncated.safetensors"),
@@ -338,7 +339,7 @@ fn fuzz_seeds_are_what_they_say() {
         .unwrap();
         std::fs::write(directory.join("other_type.safetensors"), other_type).unwrap();
     }
-    let mut seen = 0;
+    let mut count = 0;
     for entry in std::fs::read_dir(directory).unwrap() {
         let path = entry.unwrap().path();
         let valid = path
@@ -348,16 +349,16 @@ fn fuzz_seeds_are_what_they_say() {
             .starts_with("valid");
         let opened = Database::open(&path);
         assert_eq!(opened.is_ok(), valid, "{}", path.display());
-        seen += 1;
-        // one of them has numbers that overflow
+        count += 1;
+        // values stay in [0, 1], even in the file whose numbers overflow
         let Ok(database) = opened else { continue };
         for quantity in Quantity::ALL.into_iter().filter(|q| database.has(*q)) {
             let mut spectrum = vec![0.0; database.wavelengths_nm().len()];
             for row in 0..database.curves() {
-                let there = database
+                let at_optional = database
                     .at(database.point(row).unwrap().optional())
                     .unwrap();
-                let lookup = Lookup::new(&there, quantity).unwrap();
+                let lookup = Lookup::new(&at_optional, quantity).unwrap();
                 let point = database.point(row).unwrap();
                 lookup.spectrum(point, &mut spectrum).unwrap();
                 let bounded = spectrum.iter().all(|v| (0.0..=1.0).contains(v));
@@ -365,13 +366,13 @@ fn fuzz_seeds_are_what_they_say() {
             }
         }
     }
-    assert_eq!(seen, 11);
+    assert_eq!(count, 11);
 }
 
 proptest! {
     #![proptest_config(ProptestConfig::with_cases(2000))]
 
-    /// Flipped bytes and cut ends: an error, or a database that answers.
+    /// A file with changed bytes or a missing end is refused, or gives finite answers.
     #[test]
     fn damage_never_panics(
         flips in proptest::collection::vec((any::<prop::sample::Index>(), 1_u8..), 0..4),

@@ -1,4 +1,4 @@
-//! The compact file from curves to bytes and back.
+//! The compact file: compression, writing and reading.
 #![allow(clippy::unwrap_used)]
 mod bands;
 mod beyond;
@@ -14,7 +14,8 @@ use proptest::prelude::*;
 use safetensors::SafeTensors;
 use splitsnow::colour::Colorimeter;
 use splitsnow::compress::{
-    self, Bands, Choice, Coefficients, CompactFile, CompressError, Compressed, Variant, errors_of,
+    self, Bands, Choice, Coefficients, CompactFile, CompressError, Compressed, Variant,
+    curve_errors,
 };
 use splitsnow::grid::Compression;
 use splitsnow::lookup::{Database, LookupError, SubstrateKind};
@@ -44,7 +45,7 @@ fn colour() -> Colorimeter {
     Colorimeter::new(&wavelengths()).unwrap().unwrap()
 }
 
-/// Curves with the look of transmittance: exponentials of a smooth absorption.
+/// Curves similar to transmittances: exponentials of a smooth absorption.
 fn curves() -> Array2<f64> {
     let axes = axes();
     let mut rows = Vec::new();
@@ -69,7 +70,7 @@ fn curves() -> Array2<f64> {
     Array2::from_shape_vec((rows.len() / 31, 31), rows).unwrap()
 }
 
-/// In the plain variant, of transmittance.
+/// Compresses transmittances in the default variant.
 fn compress(
     curves: ArrayView2<f64>,
     colour: Option<&Colorimeter>,
@@ -106,12 +107,13 @@ fn bytes_of(transmittance: &Compressed, reflectance: &Compressed) -> Vec<u8> {
     .unwrap()
 }
 
+/// A valid compact file.
 fn valid() -> Vec<u8> {
     bytes_of(&compressed(BOUNDS), &compressed(Choice::Components(5)))
 }
 
 #[test]
-fn the_safetensors_crate_reads_it_and_the_bytes_are_the_same_twice() {
+fn files_are_valid_safetensors_and_reproducible() {
     let bytes = valid();
     assert_eq!(bytes, valid());
     assert_eq!(
@@ -155,7 +157,7 @@ fn the_safetensors_crate_reads_it_and_the_bytes_are_the_same_twice() {
 }
 
 #[test]
-fn written_spectra_are_the_curves_within_the_table() {
+fn written_spectra_have_the_errors_of_the_table() {
     let transmittance = compressed(BOUNDS);
     let reflectance = compressed(Choice::Components(5));
     let database = Database::from_bytes(&bytes_of(&transmittance, &reflectance)).unwrap();
@@ -165,11 +167,11 @@ fn written_spectra_are_the_curves_within_the_table() {
         (Quantity::Reflectance, &reflectance),
     ] {
         assert_eq!(database.components(quantity), compressed.components());
-        let errors = errors_of(&database, quantity, curves().view(), Some(&colour())).unwrap();
+        let errors = curve_errors(&database, quantity, curves().view(), Some(&colour())).unwrap();
         let row = compressed.table.rows[compressed.components() - 1];
-        let largest = |all: &[f64]| all.iter().copied().fold(0.0, f64::max);
-        let mean = |all: &[f64]| all.iter().sum::<f64>() / all.len() as f64;
-        // The table's numbers are the reader's, to the last bit.
+        let largest = |errors: &[f64]| errors.iter().copied().fold(0.0, f64::max);
+        let mean = |errors: &[f64]| errors.iter().sum::<f64>() / errors.len() as f64;
+        // The errors of the table equal those of the reader, to the last bit.
         let colours = errors.delta_e.unwrap();
         let delta_e = row.delta_e.unwrap();
         assert_eq!(largest(&errors.rmse), row.rmse.max);
@@ -182,13 +184,13 @@ fn written_spectra_are_the_curves_within_the_table() {
 }
 
 #[test]
-fn every_component_gives_the_curves_back() {
-    let all = compressed(Choice::Components(31));
-    let database = Database::from_bytes(&bytes_of(&all, &all)).unwrap();
+fn all_components_reproduce_the_curves() {
+    let complete = compressed(Choice::Components(31));
+    let database = Database::from_bytes(&bytes_of(&complete, &complete)).unwrap();
     for (row, curve) in curves().rows().into_iter().enumerate() {
         let rebuilt = database.curve(row, Quantity::Transmittance).unwrap();
         for (rebuilt, original) in rebuilt.iter().zip(curve) {
-            // f32 coefficients and basis: a few units of 6e-8.
+            // Coefficients and basis are f32: rounding errors are a few times 6e-8.
             assert!((f64::from(*rebuilt) - original).abs() < 1e-6);
         }
     }
@@ -196,9 +198,9 @@ fn every_component_gives_the_curves_back() {
 }
 
 #[test]
-fn nodes_are_found_by_their_values_and_others_refused() {
+fn nodes_are_found_and_other_points_are_refused() {
     let database = Database::from_bytes(&valid()).unwrap();
-    let point = Point::of_core([0.3, 250.0, 200.0, 1.5, 89.0]);
+    let point = Point::from_core([0.3, 250.0, 200.0, 1.5, 89.0]);
     let row = ((((3 + 1) * 2) * 3) + 1) * 3 + 2;
     assert_eq!(database.row(point).unwrap(), row);
     let spectrum = database.spectrum(point, Quantity::Reflectance).unwrap();
@@ -229,10 +231,10 @@ fn nodes_are_found_by_their_values_and_others_refused() {
 }
 
 #[test]
-fn the_writer_refuses_what_the_reader_would() {
+fn the_writer_refuses_files_that_the_reader_would_refuse() {
     let good = compressed(Choice::Components(2));
     let extra = BTreeMap::new();
-    let refused = |axes: &Axes, wavelengths_nm: &[f64], transmittance: &Compressed| {
+    let error = |axes: &Axes, wavelengths_nm: &[f64], transmittance: &Compressed| {
         let file = CompactFile {
             axes,
             absent: &[],
@@ -245,20 +247,22 @@ fn the_writer_refuses_what_the_reader_would() {
         };
         file.to_bytes().unwrap_err().to_string()
     };
-    let mut close = axes();
-    close.set(Parameter::Facetness, vec![0.3, 0.3 + 1e-9]);
-    assert!(refused(&close, &wavelengths(), &good).contains("facetness has 0.300000001 after 0.3"));
-    close.set(Parameter::Facetness, vec![0.3]);
-    assert!(refused(&close, &wavelengths(), &good).contains("not [54, 2]"));
-    close.set(Parameter::Incidence, vec![90.0]);
-    assert!(refused(&close, &wavelengths(), &good).contains("angle_deg has the value 90"));
-    assert!(refused(&axes(), &wavelengths()[1..], &good).contains("transmittance.basis"));
+    let mut bad_axes = axes();
+    bad_axes.set(Parameter::Facetness, vec![0.3, 0.3 + 1e-9]);
+    assert!(
+        error(&bad_axes, &wavelengths(), &good).contains("facetness has 0.300000001 after 0.3")
+    );
+    bad_axes.set(Parameter::Facetness, vec![0.3]);
+    assert!(error(&bad_axes, &wavelengths(), &good).contains("not [54, 2]"));
+    bad_axes.set(Parameter::Incidence, vec![90.0]);
+    assert!(error(&bad_axes, &wavelengths(), &good).contains("angle_deg has the value 90"));
+    assert!(error(&axes(), &wavelengths()[1..], &good).contains("transmittance.basis"));
     let mut bad = good.clone();
     let mut coefficients = bad.coefficients.decoded();
     coefficients[[7, 1]] = f32::NAN;
     bad.coefficients = Coefficients::F32(coefficients);
-    assert!(refused(&axes(), &wavelengths(), &bad).contains("NaN"));
-    let own = BTreeMap::from([("basis".to_owned(), "log".to_owned())]);
+    assert!(error(&axes(), &wavelengths(), &bad).contains("NaN"));
+    let reserved_key = BTreeMap::from([("basis".to_owned(), "log".to_owned())]);
     let (axes, wavelengths) = (axes(), wavelengths());
     let file = CompactFile {
         axes: &axes,
@@ -268,13 +272,13 @@ fn the_writer_refuses_what_the_reader_would() {
         transmittance: Some(&good),
         reflectance: Some(&good),
         provenance: "{}",
-        extra: &own,
+        extra: &reserved_key,
     };
     assert!(file.to_bytes().unwrap_err().to_string().contains("`basis`"));
 }
 
 #[test]
-fn files_are_replaced_whole_and_errors_name_them() {
+fn files_are_replaced_atomically_and_errors_name_them() {
     let directory = tempfile::tempdir().unwrap();
     let path = directory.path().join("snow.safetensors");
     let error = Database::open(&path).unwrap_err();
@@ -306,7 +310,7 @@ fn files_are_replaced_whole_and_errors_name_them() {
         "{}"
     );
     assert_eq!(std::fs::read_dir(&directory).unwrap().count(), 1);
-    // a directory is its file, and one without is told of
+    // a directory stands for its compact file, and must have one
     assert_eq!(
         Database::open(directory.path()).unwrap(),
         Database::open(&path).unwrap()
@@ -326,9 +330,9 @@ fn files_are_replaced_whole_and_errors_name_them() {
 proptest! {
     #![proptest_config(ProptestConfig::with_cases(48))]
 
-    /// Any values, any axis lengths: what is written is what is read.
+    /// A file of any values and axis lengths is read as it was written.
     #[test]
-    fn round_trip(
+    fn files_are_read_as_written(
         lengths in proptest::array::uniform5(1_usize..4),
         bands in 1_usize..8,
         numbers in proptest::collection::vec(-1.0_f64..1.0, 64),
@@ -360,7 +364,7 @@ proptest! {
         prop_assert_eq!(&database.metadata()["note"], &extra["note"]);
         prop_assert_eq!(database.axes(), &axes);
         prop_assert_eq!(database.wavelengths_nm(), &wavelengths_nm[..]);
-        let errors = errors_of(&database, Quantity::Transmittance, curves.view(), None).unwrap();
+        let errors = curve_errors(&database, Quantity::Transmittance, curves.view(), None).unwrap();
         let largest = errors.rmse.iter().copied().fold(0.0, f64::max);
         prop_assert_eq!(largest, compressed.table.rows[components - 1].rmse.max);
     }

@@ -1,11 +1,11 @@
-//! The variants of the file: bases, precisions, one quantity.
+//! Variants of the compact file: basis, precision, and quantities.
 use std::collections::BTreeMap;
 
 use ndarray::Array2;
 use safetensors::{Dtype, SafeTensors};
 use splitsnow::compress::{
     Bands, Basis, Bounds, Choice, Coefficients, CompactFile, CompressError, Compressed, Precision,
-    Variant, compress, errors_of,
+    Variant, compress, curve_errors,
 };
 use splitsnow::grid::Compression;
 use splitsnow::lookup::{Database, LookupError, SubstrateKind};
@@ -19,7 +19,7 @@ pub(crate) fn variants() -> impl Iterator<Item = Variant> {
         .flat_map(|basis| Precision::ALL.map(|precision| Variant { basis, precision }))
 }
 
-/// Curves of a quantity: what is not transmitted, and a little less, is reflected.
+/// Curves of a quantity. Reflectance is slightly less than 1 minus transmittance.
 fn curves_of(quantity: Quantity) -> Array2<f64> {
     match quantity {
         Quantity::Transmittance => curves(),
@@ -58,19 +58,20 @@ fn try_bytes(
     .map_err(|error| error.to_string())
 }
 
+/// The bytes of a file with both quantities.
 pub(crate) fn file(choice: Choice, variant: Variant) -> Vec<u8> {
     let [t, r] = Quantity::ALL.map(|quantity| compressed(quantity, choice, variant));
     try_bytes(Some(&t), Some(&r)).unwrap()
 }
 
-fn largest(all: &[f64]) -> f64 {
-    all.iter().copied().fold(0.0, f64::max)
+fn largest(errors: &[f64]) -> f64 {
+    errors.iter().copied().fold(0.0, f64::max)
 }
 
-/// What is written is what is read, the table's errors are the reader's to the
-/// last bit, and the bounds hold.
+/// Every variant is read as it was written. The errors of the table equal those of the
+/// reader, to the last bit, and the bounds hold.
 #[test]
-fn every_variant_is_read_as_the_table_says() {
+fn every_variant_has_the_errors_of_its_table() {
     for variant in variants() {
         for choice in [BOUNDS, Choice::Components(5)] {
             let [t, r] = Quantity::ALL.map(|quantity| compressed(quantity, choice, variant));
@@ -83,7 +84,7 @@ fn every_variant_is_read_as_the_table_says() {
                 assert_eq!(database.coefficients(quantity), coefficients);
                 assert_eq!(database.basis(quantity), compressed.basis);
                 let curves = curves_of(quantity);
-                let errors = errors_of(&database, quantity, curves.view(), Some(&colour()));
+                let errors = curve_errors(&database, quantity, curves.view(), Some(&colour()));
                 let errors = errors.unwrap();
                 let row = compressed.table.rows[compressed.components() - 1];
                 assert_eq!(row.components, compressed.components());
@@ -99,7 +100,7 @@ fn every_variant_is_read_as_the_table_says() {
 }
 
 #[test]
-fn the_logarithm_is_undone() {
+fn the_reader_inverts_the_logarithm() {
     let variant = Variant {
         basis: Basis::Log,
         ..Variant::default()
@@ -111,24 +112,25 @@ fn the_logarithm_is_undone() {
         for (row, curve) in curves_of(quantity).rows().into_iter().enumerate() {
             let found = database.curve(row, quantity).unwrap();
             for ((found, original), y) in found.iter().zip(curve).zip(y.row(row)) {
-                let by_hand = match quantity {
+                let expected = match quantity {
                     Quantity::Transmittance => (-y).exp(),
                     Quantity::Reflectance => 1.0 - (-y).exp(),
                 };
-                assert!((f64::from(*found) - by_hand).abs() < 1e-6);
+                assert!((f64::from(*found) - expected).abs() < 1e-6);
                 assert!((f64::from(*found) - original).abs() < 1e-5);
             }
         }
     }
 }
 
-/// Beer's law in as many components as it has spectra of absorption.
+/// Curves that follow Beer's law with a single absorption spectrum need one component in the
+/// log basis.
 #[test]
-fn exponentials_take_one_component() {
+fn exponentials_need_one_component() {
     let curves = Array2::from_shape_fn((200, 31), |(i, j)| {
         (-0.02 * i as f64 * (0.1 + (j as f64 / 31.0).powi(3))).exp()
     });
-    let chosen = |quantity, curves: &Array2<f64>, basis| {
+    let components = |quantity, curves: &Array2<f64>, basis| {
         let variant = Variant {
             basis,
             ..Variant::default()
@@ -147,14 +149,17 @@ fn exponentials_take_one_component() {
         );
         found.unwrap().components()
     };
-    assert_eq!(chosen(Quantity::Transmittance, &curves, Basis::Log), 1);
-    assert!(chosen(Quantity::Transmittance, &curves, Basis::Linear) > 2);
-    let rest = curves.mapv(|t| 1.0 - t);
-    assert_eq!(chosen(Quantity::Reflectance, &rest, Basis::Log), 1);
+    assert_eq!(components(Quantity::Transmittance, &curves, Basis::Log), 1);
+    assert!(components(Quantity::Transmittance, &curves, Basis::Linear) > 2);
+    let complement = curves.mapv(|t| 1.0 - t);
+    assert_eq!(
+        components(Quantity::Reflectance, &complement, Basis::Log),
+        1
+    );
 }
 
 #[test]
-fn values_without_a_logarithm_are_compressed() {
+fn values_with_undefined_logarithm_are_compressed() {
     let mut curves = curves();
     curves.row_mut(3).fill(0.0);
     curves.row_mut(4).fill(1.0);
@@ -198,7 +203,7 @@ fn values_without_a_logarithm_are_compressed() {
     );
 }
 
-/// As docs/formats.md tells readers: one tensor of integers per component.
+/// docs/formats.md documents one tensor of integers per component.
 #[test]
 fn integers_have_the_documented_layout() {
     let variant = Variant {
@@ -241,9 +246,9 @@ fn integers_have_the_documented_layout() {
     assert!(tensors.tensor("transmittance.coefficients").is_err());
 }
 
-/// Widths: 16 bits without bounds or under tight ones, 8 under loose ones.
+/// Integers have 16 bits without bounds or with tight bounds, and 8 bits with loose bounds.
 #[test]
-fn bits_are_as_few_as_the_bounds_allow() {
+fn integers_are_as_narrow_as_the_bounds_allow() {
     let bits = |choice| {
         let variant = Variant {
             basis: Basis::Log,
@@ -267,7 +272,7 @@ fn bits_are_as_few_as_the_bounds_allow() {
 }
 
 #[test]
-fn a_bound_beyond_a_precision_is_said() {
+fn a_bound_below_the_precision_is_refused() {
     for (precision, rmse) in [(Precision::F16, 1e-6), (Precision::Quantised, 1e-7)] {
         let bounds = Choice::Bounds(Compression {
             max_delta_e: 2.3,
@@ -288,49 +293,50 @@ fn a_bound_beyond_a_precision_is_said() {
             variant,
         );
         let error = error.unwrap_err().to_string();
-        let named = format!(
+        let message = format!(
             "`{}` coefficients cannot be more accurate; raise the bound, or use f32",
             precision.name()
         );
-        assert!(error.contains(&named), "{error}");
+        assert!(error.contains(&message), "{error}");
     }
 }
 
 #[test]
-fn one_quantity_alone() {
-    for (there, missing) in [
+fn files_may_have_a_single_quantity() {
+    for (present, missing) in [
         (Quantity::Transmittance, Quantity::Reflectance),
         (Quantity::Reflectance, Quantity::Transmittance),
     ] {
-        let only = compressed(there, BOUNDS, Variant::default());
-        let bytes = match there {
+        let only = compressed(present, BOUNDS, Variant::default());
+        let bytes = match present {
             Quantity::Transmittance => try_bytes(Some(&only), None),
             Quantity::Reflectance => try_bytes(None, Some(&only)),
         };
         let bytes = bytes.unwrap();
         assert_eq!(SafeTensors::deserialize(&bytes).unwrap().len(), 8);
         let database = Database::from_bytes(&bytes).unwrap();
-        assert_eq!(database.metadata()["quantities"], there.name());
-        assert!(database.has(there) && !database.has(missing));
+        assert_eq!(database.metadata()["quantities"], present.name());
+        assert!(database.has(present) && !database.has(missing));
         assert_eq!(database.curves(), 108);
         assert_eq!(database.coefficients(missing).dim(), (0, 0));
         assert_eq!(database.basis(missing).dim(), (0, 0));
         assert_eq!(database.components(missing), 0);
         assert_eq!(database.curve(0, missing), None);
-        assert!(database.curve(0, there).is_some());
+        assert!(database.curve(0, present).is_some());
         let point = database.point(0).unwrap();
-        assert!(database.spectrum(point, there).is_ok());
+        assert!(database.spectrum(point, present).is_ok());
         let error = database.spectrum(point, missing).unwrap_err();
         assert!(matches!(error, LookupError::NoQuantity { .. }));
-        let words = format!("has no {}, it has {} only", missing.name(), there.name());
-        assert!(error.to_string().contains(&words), "{error}");
-        assert!(errors_of(&database, missing, curves().view(), None).is_err());
+        let message = format!("has no {}, it has {} only", missing.name(), present.name());
+        assert!(error.to_string().contains(&message), "{error}");
+        assert!(curve_errors(&database, missing, curves().view(), None).is_err());
     }
 }
 
-/// Files written before there were variants.
+/// Old files lack the keys `precision` and `quantities`. They are f32 and have both
+/// quantities.
 #[test]
-fn older_files_are_linear_f32_and_hold_both() {
+fn old_files_without_variant_keys_are_read() {
     let bytes = super::damage::with_header(&valid(), |header| {
         let header = header.replacen(r#""precision":"f32","#, "", 1);
         let older = header.replacen(r#""quantities":"transmittance,reflectance","#, "", 1);
@@ -345,7 +351,7 @@ fn older_files_are_linear_f32_and_hold_both() {
 }
 
 #[test]
-fn the_writer_refuses_what_is_no_file() {
+fn the_writer_refuses_inconsistent_contents() {
     let plain = compressed(Quantity::Transmittance, BOUNDS, Variant::default());
     let error = try_bytes(None, None).unwrap_err();
     assert!(error.contains("neither"), "{error}");

@@ -1,7 +1,7 @@
-//! Config files that are accepted, and the edits that spoil them; the messages
-//! are in the text files beside.
+//! Valid config files, and edits that make them invalid. The text files in this folder have
+//! the error messages.
 
-/// A sample file that is accepted; each case below spoils it.
+/// A valid sample file.
 pub(crate) const SAMPLE: &str = "\
 version = 1
 [illumination]
@@ -33,7 +33,7 @@ ice = \"warren_brandt_2008\"
 water = \"segelstein_1981\"
 ";
 
-/// A grid file that is accepted.
+/// A valid grid file.
 pub(crate) const GRID: &str = "\
 version = 1
 [axes]
@@ -62,7 +62,7 @@ rays = 1000
 max_delta_e = 2.3
 ";
 
-/// A scene file that is accepted.
+/// A valid scene file.
 pub(crate) const SCENE: &str = "\
 version = 1
 [scene]
@@ -90,7 +90,8 @@ water_saturation = 0
 seed = 1
 ";
 
-/// A sample file with layers of a cascade, a mixture, carbon and a substrate.
+/// A valid sample file with two layers joined by a cascade, a mixture of grains, carbon and a
+/// substrate.
 pub(crate) const SNOWPACK: &str = "\
 version = 1
 [illumination]
@@ -127,7 +128,7 @@ layers = \"cascade\"
 impurity_mass = \"conserved\"
 ";
 
-/// What is replaced in [`SNOWPACK`], and by what.
+/// Edits of [`SNOWPACK`]: the text to replace, and its replacement.
 #[rustfmt::skip]
 pub(crate) const SNOWPACK_ERRORS: &[(&str, &str)] = &[
     ("thickness_cm = 15\n", ""),
@@ -160,10 +161,10 @@ black_carbon = { concentration_ng_g = 1, angstrom_exponent = 1.1 }
 thickness_cm = 2"),
 ];
 
-/// What is replaced in [`SAMPLE`], and by what.
+/// Edits of [`SAMPLE`]: the text to replace, and its replacement.
 #[rustfmt::skip]
 pub(crate) const SAMPLE_ERRORS: &[(&str, &str)] = &[
-    // Not TOML, or not these keys.
+    // Invalid TOML or unknown keys.
     ("version = 1", "version = "),
     ("version = 1\n", ""),
     ("version = 1", "version = 2"),
@@ -185,7 +186,7 @@ pub(crate) const SAMPLE_ERRORS: &[(&str, &str)] = &[
     ("thickness_cm = 25", "thickness_cm = true"),
     ("thickness_cm = 25", "thickness_cm = 2025-01-01"),
     ("[[layer]]", "[other]"),
-    // One number.
+    // A single invalid number.
     ("thickness_cm = 25", "thickness_cm = nan"),
     ("thickness_cm = 25", "thickness_cm = \"infinite\""),
     ("[[layer]]", "[[layer]]\nthickness_cm = 5\ndensity_kg_m3 = 375\ngrain = [{ size_um = { min = 300, max = 400 }, facetness = { min = 0.1, max = 1, mean = 0.5, sd = 1 } }]\n[[layer]]\nthickness_cm = inf\ndensity_kg_m3 = 375\ngrain = [{ size_um = { min = 300, max = 400 }, facetness = { min = 0.1, max = 1, mean = 0.5, sd = 1 } }]\n[[layer]]"),
@@ -219,14 +220,14 @@ pub(crate) const SAMPLE_ERRORS: &[(&str, &str)] = &[
     ("max = 0.95", "max = 1.05"),
     ("concentration_ng_g = 0", "concentration_ng_g = -6"),
     ("reflectance = 0", "reflectance = 1.5"),
-    // Two numbers that contradict each other.
+    // Two numbers that are inconsistent.
     ("min = 300", "min = 800"),
     ("facetness = { min = 0.2", "facetness = { min = 0.5"),
     ("mean = 0.3", "mean = 0.41"),
     ("mean = 0.798", "mean = 0.5"),
     ("thickness_cm = 25", "thickness_cm = 0.7"),
     ("fraction = 1.0", "fraction = 0.5"),
-    // One of two keys.
+    // Keys that exclude each other.
     ("incidence_angle_deg = 62.3", "incidence_angle_deg = 62.3\ndiffuse = true"),
     ("incidence_angle_deg = 62.3", "diffuse = false"),
     ("density_kg_m3 = 275", "density_kg_m3 = 275\nwet_density_kg_m3 = 300"),
@@ -250,7 +251,7 @@ pub(crate) const SAMPLE_ERRORS: &[(&str, &str)] = &[
     ("start_nm = 400\nstop_nm = 700\nstep_nm = 10", "values_nm = [400, 400]"),
     ("start_nm = 400\nstop_nm = 700\nstep_nm = 10", "values_nm = [400, nan]"),
     ("start_nm = 400\nstop_nm = 700\nstep_nm = 10", "values_nm = [400, \"500\"]"),
-    // Choices and tables.
+    // Named choices and data tables.
     ("\"uniform\"", "\"unifrm\""),
     ("\"uniform\"", "\"Projected\""),
     ("\"uniform\"", "1"),
@@ -288,7 +289,7 @@ pub(crate) const SAMPLE_ERRORS: &[(&str, &str)] = &[
     ("carbon_law = ", "carbon_low = "),
 ];
 
-/// What is replaced in [`GRID`], and by what.
+/// Edits of [`GRID`]: the text to replace, and its replacement.
 #[rustfmt::skip]
 pub(crate) const GRID_ERRORS: &[(&str, &str)] = &[
     ("version = 1", "version = 3"),
@@ -374,7 +375,7 @@ pub(crate) const GRID_ERRORS: &[(&str, &str)] = &[
     ("max_delta_e = 2.3", "delta_e = \"cie94\""),
 ];
 
-/// What is replaced in [`SCENE`], and by what.
+/// Edits of [`SCENE`]: the text to replace, and its replacement.
 #[rustfmt::skip]
 pub(crate) const SCENE_ERRORS: &[(&str, &str)] = &[
     ("version = 1", "version = 2"),
@@ -407,7 +408,7 @@ pub(crate) const SCENE_ERRORS: &[(&str, &str)] = &[
     ("{ min = 0.1, max = 0.9 }", "1.1"),
     ("grain_size_um = 300", "grain_size_um = 5"),
     ("{ min = 200, max = 400 }", "{ min = 200, max = 900 }"),
-    // Numbers that contradict each other.
+    // Numbers that are inconsistent.
     ("grain_size_um = 300", "grain_size_um = { min = 55, max = 300 }"),
     ("grain_size_um = 300", "grain_size_um = { min = 300, max = 2990 }"),
     ("grain_size_um = 300", "grain_size_um = { min = 300, max = 1000 }"),
@@ -437,7 +438,7 @@ pub(crate) const SCENE_ERRORS: &[(&str, &str)] = &[
     ("seed = 1", "rays = 1000"),
 ];
 
-/// A study file that is accepted beside `base.toml`, which is [`SAMPLE`].
+/// A valid study file. It requires [`SAMPLE`] as `base.toml` in the same folder.
 pub(crate) const STUDY: &str = "\
 version = 1
 title = \"Two samples\"
@@ -463,7 +464,7 @@ min = 0.8
 max = 0.95
 ";
 
-/// The same of a BRDF.
+/// A valid study file of a BRDF.
 pub(crate) const BRDF_STUDY: &str = "\
 version = 1
 title = \"Two directions of light\"
@@ -481,6 +482,7 @@ label = \"60 degrees\"
 set.illumination = { incidence_angle_deg = 60 }
 ";
 
+/// Edits of [`BRDF_STUDY`]: the text to replace, and its replacement.
 pub(crate) const BRDF_STUDY_ERRORS: &[(&str, &str)] = &[
     ("[600]", "[600, 700]"),
     (
@@ -491,6 +493,7 @@ pub(crate) const BRDF_STUDY_ERRORS: &[(&str, &str)] = &[
     ("\"logarithmic\"", "\"log\""),
 ];
 
+/// Edits of [`STUDY`]: the text to replace, and its replacement.
 pub(crate) const STUDY_ERRORS: &[(&str, &str)] = &[
     ("title =", "titel ="),
     ("\"base.toml\"", "\"none.toml\""),

@@ -1,7 +1,8 @@
-/* Loaded before the C library: file systems that lack what the tests say.
-   NO_FLOCK=ERRNO        flock() fails
-   NO_DIRECTORY_SYNC=ERRNO   fsync() of a directory fails
-   OTHER_DEVICE=PATH     rename() into or out of PATH fails, as across disks */
+/* Preloaded library that simulates file systems with missing features. Environment
+   variables select the failures:
+   NO_FLOCK=ERRNO           flock() fails with ERRNO
+   NO_DIRECTORY_SYNC=ERRNO  fsync() of a directory fails with ERRNO
+   OTHER_DEVICE=PATH        rename() into or out of PATH fails with EXDEV */
 #define _GNU_SOURCE
 #include <errno.h>
 #include <libgen.h>
@@ -13,19 +14,19 @@
 #include <unistd.h>
 
 int flock(int fd, int operation) {
-    const char *number = getenv("NO_FLOCK");
-    if (!number)
+    const char *error = getenv("NO_FLOCK");
+    if (!error)
         return (int)syscall(SYS_flock, fd, operation);
-    errno = atoi(number);
+    errno = atoi(error);
     return -1;
 }
 
 int fsync(int fd) {
-    const char *number = getenv("NO_DIRECTORY_SYNC");
-    struct stat about;
-    if (!number || fstat(fd, &about) != 0 || !S_ISDIR(about.st_mode))
+    const char *error = getenv("NO_DIRECTORY_SYNC");
+    struct stat status;
+    if (!error || fstat(fd, &status) != 0 || !S_ISDIR(status.st_mode))
         return (int)syscall(SYS_fsync, fd);
-    errno = atoi(number);
+    errno = atoi(error);
     return -1;
 }
 

@@ -1,4 +1,4 @@
-//! Absorption in ice: Beer-Lambert, monotony and the limits of much of it.
+//! Absorption in ice: Beer-Lambert, monotony and limits of strong absorption.
 use splitsnow::grain::mean_free_distance_m;
 use splitsnow::measurement::Measured;
 use splitsnow::optics::{Index, Interface};
@@ -29,12 +29,11 @@ fn absorbing(snow: &Snow, k: f64) -> Walker {
     )
 }
 
-/// Invisible spheres (n = 1) of diameter s that absorb: the ray alternates
-/// between flights of mean d and chords uniform on (0, s), so deep inside
-/// T falls as exp(-g h) where g solves the renewal equation
-/// (exp((g - alpha) s) - 1) / ((g - alpha) s) = 1 - g d.
+/// Invisible spheres (n = 1) of diameter s that absorb. The ray alternates between flights of
+/// mean d and chords uniform on (0, s), so deep inside T decreases as exp(-g h), where g
+/// solves the renewal equation (exp((g - alpha) s) - 1) / ((g - alpha) s) = 1 - g d.
 #[test]
-fn beer_lambert_in_ice() {
+fn attenuation_in_ice_solves_the_renewal_equation() {
     let (rays, s, alpha) = (500_000, 500e-6, 200.0);
     let snow = spheres(500.0, 300.0);
     let d = mean_free_distance_m(&snow.grains[0].grain, 300.0, -1.0);
@@ -71,9 +70,9 @@ fn beer_lambert_in_ice() {
     assert_close("attenuation in ice, 1/m", decay, se, low);
 }
 
-/// R falls and A rises with k, over both Fresnel formulas.
+/// R decreases and A increases with k, for both Fresnel formulas.
 #[test]
-fn more_absorption_reflects_less() {
+fn stronger_absorption_lowers_reflectance() {
     let rays = 40_000;
     let z = z_limit(ALPHA, COMPARISONS);
     let mut before: Option<[Measured; 2]> = None;
@@ -98,9 +97,9 @@ fn more_absorption_reflects_less() {
     }
 }
 
-/// A slab much thicker than light reaches reflects as any thicker one.
+/// A slab much thicker than the penetration depth reflects as any thicker one.
 #[test]
-fn thick_absorbing_slabs_look_alike() {
+fn reflectance_of_thick_absorbing_slabs_does_not_depend_on_thickness() {
     let rays = 300_000;
     let walker = absorbing(&dry(), 3e-5);
     let [thin, thick] =
@@ -110,11 +109,11 @@ fn thick_absorbing_slabs_look_alike() {
     assert_close("R of 2 cm and 8 cm", a.value, a.se.hypot(b.se), b.value);
 }
 
-/// Ice that lets nothing out leaves the reflections at entry. Thin snow of
-/// equal spheres, of which the boundary rule rejects next to none: rays
-/// reflected once give R1 = integral over c of F(c) (2c^2 - 1) / 2c^2 from
-/// c = sqrt(1/2), because a ray met at the cosine c leaves at 2c^2 - 1; those
-/// reflected more often are at most the square of mean F.
+/// If no light leaves the ice, only the reflections at entry remain. The snow is thin and of
+/// equal spheres, so the boundary rule rejects almost nothing. Rays reflected once give
+/// R1 = integral over c of F(c) (2c^2 - 1) / 2c^2 from c = sqrt(1/2), because a ray that meets
+/// a sphere at the cosine c leaves at 2c^2 - 1. Rays reflected more often contribute at most
+/// the square of the mean F.
 #[test]
 fn opaque_ice_reflects_only_at_entry() {
     let rays = 2_000_000;
@@ -142,18 +141,21 @@ fn opaque_ice_reflects_only_at_entry() {
     assert_eq!(counts.transmitted, 0);
 }
 
-/// The complex formulas serve ice from the stated k on, at the level of R.
+/// At the k from which on the complex formulas are used, both formulas give nearly the same R.
 #[test]
-fn both_fresnel_formulas_meet_at_their_limit() {
+fn both_fresnel_formulas_agree_at_their_boundary() {
     let k = Interface::DIELECTRIC_K;
     let mut rng: Stream = crate::snow::stream(80);
     let [real, complex] = [Interface::dielectric, Interface::absorbing]
         .map(|interface| interface(Index { n: 1.3, k }, AIR).splat());
     for _ in 0..10_000 {
         let c = rng.uniform().max(F64x8::splat(1e-6));
-        let (a, b) = (real.at(c), complex.at(c));
-        let apart = (a.reflectance - b.reflectance).abs().to_array();
+        let (a, b) = (real.incidences(c), complex.incidences(c));
+        let difference = (a.reflectance - b.reflectance).abs().to_array();
         // |dR| grows as the square root of k at the critical angle, where it is largest
-        assert!(apart.iter().all(|x| *x < 10.0 * k.sqrt()), "{apart:?}");
+        assert!(
+            difference.iter().all(|x| *x < 10.0 * k.sqrt()),
+            "{difference:?}"
+        );
     }
 }

@@ -1,4 +1,4 @@
-//! What the tests of snowpacks measure, and the snow they measure.
+//! Measurements for the tests of snowpacks, and the snow that they use.
 use std::sync::atomic::{AtomicBool, AtomicU64};
 
 use splitsnow::engine::{Cache, Control, Engine, MaxError, Request, Resolution};
@@ -12,7 +12,7 @@ use crate::snow::{beam, snow};
 
 pub(crate) const NM: [f64; 3] = [450.0, 850.0, 1250.0];
 
-/// What is asked for, but for rays and seed.
+/// A measurement without the number of rays and the seed.
 #[derive(Clone)]
 pub(crate) struct Case {
     pub(crate) engine: Engine,
@@ -35,7 +35,7 @@ impl Case {
         }
     }
 
-    pub(crate) fn of(&self, engine: Engine) -> Self {
+    pub(crate) fn with_engine(&self, engine: Engine) -> Self {
         Self {
             engine,
             ..self.clone()
@@ -53,7 +53,7 @@ impl Case {
             snowpack: &self.snowpack,
             thicknesses_m: &self.thicknesses_m,
             illuminations: &[self.light],
-            resolution: Resolution::of_rays(rays),
+            resolution: Resolution::for_rays(rays),
             max_error: MaxError::default(),
             wavelengths_nm: &self.nm,
             model: &self.model,
@@ -73,7 +73,7 @@ impl Case {
         assert_eq!(
             rays_done.into_inner(),
             self.engine.walks(&request).unwrap(),
-            "walks are not as many as told"
+            "the number of walks differs from the prediction"
         );
         spectra
     }
@@ -83,16 +83,16 @@ impl Case {
     }
 }
 
-/// Asserts that two spectra agree within the errors of both.
-pub(crate) fn assert_same(what: &str, a: &Spectrum, b: &Spectrum) {
+/// Asserts that two spectra agree within their joint standard errors.
+pub(crate) fn assert_same(label: &str, a: &Spectrum, b: &Spectrum) {
     let both = [
         ("R", &a.reflectance, &b.reflectance),
         ("T", &a.transmittance, &b.transmittance),
     ];
     for (quantity, a, b) in both {
         for (i, (a, b)) in a.iter().zip(b).enumerate() {
-            let what = format!("{what}, {quantity} {i}");
-            assert_close(&what, a.value, a.se.hypot(b.se), b.value);
+            let label = format!("{label}, {quantity} {i}");
+            assert_close(&label, a.value, a.se.hypot(b.se), b.value);
         }
     }
 }
@@ -112,15 +112,15 @@ pub(crate) fn dirty() -> Snow {
     }
 }
 
-pub(crate) fn over(snow: Snow, substrate: Substrate) -> Snowpack {
+pub(crate) fn on_substrate(snow: Snow, substrate: Substrate) -> Snowpack {
     Snowpack {
         substrate,
         ..snow.into()
     }
 }
 
-/// Snow on another, `below_m` thick.
-pub(crate) fn on(surface: Snow, below: Snow, below_m: f64) -> Snowpack {
+/// Snow on another layer, `below_m` thick.
+pub(crate) fn two_layers(surface: Snow, below: Snow, below_m: f64) -> Snowpack {
     Snowpack {
         surface,
         below: vec![Layer {
@@ -131,7 +131,7 @@ pub(crate) fn on(surface: Snow, below: Snow, below_m: f64) -> Snowpack {
     }
 }
 
-/// A substrate that changes with wavelength.
+/// A substrate whose reflectance depends on wavelength.
 pub(crate) fn spectral_substrate() -> Substrate {
     let text = "wavelength_nm,reflectance\n400,0.1\n800,0.9\n1300,0.3\n";
     Substrate::Spectrum {

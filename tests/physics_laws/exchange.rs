@@ -1,11 +1,10 @@
-//! Furnace and reciprocity: where light that comes in goes out.
+//! White furnace and reciprocity: the directions in which incident light leaves.
 //!
-//! Light is sent in from ten bands of equal projected solid angle (equal steps
-//! of mu^2, mu the cosine from the normal), as uniform diffuse light is
-//! distributed, and counted in the same bands as it leaves. In a medium that
-//! obeys reciprocity the counts are symmetric, and under diffuse light from
-//! both sides without absorption every band gets out what it put in: the
-//! radiance in a white furnace is uniform.
+//! Light enters from ten bands of equal projected solid angle (equal steps of mu^2, where mu is
+//! the cosine from the normal), distributed as isotropic light. The light that leaves is
+//! counted in the same bands. In a reciprocal medium the counts are symmetric. Without
+//! absorption and under isotropic light from both sides, the same flux leaves through every
+//! band as entered it: the radiance in a white furnace is uniform.
 use splitsnow::grain::mean_free_distance_m;
 use splitsnow::math::Vec3;
 use splitsnow::measurement::Measured;
@@ -17,9 +16,9 @@ use crate::quoted::numbers;
 use crate::snow::{Each, TRANSPARENT, snow, spheres, stream, walker};
 
 const BANDS: usize = 10;
-/// Angles of incidence per band, so that its rays come from all over it.
+/// Incidence angles per band, which cover the band.
 const BEAMS: usize = 4;
-/// Rays per beam, and in the long tests.
+/// Rays per beam in the short tests and in the long ones.
 const FEW: u64 = 5_000;
 const MANY: u64 = 25_000;
 
@@ -60,9 +59,9 @@ impl Exchange {
         counts
     }
 
-    /// Radiance that leaves each band over that of the furnace, grazing first.
-    /// The slab is its own mirror image, so what light from below sends up is
-    /// what light from above sends down.
+    /// Radiance that leaves each band relative to that of the furnace, grazing band first. The
+    /// slab is symmetric, so light from below that leaves upward equals light from above that
+    /// leaves downward.
     fn furnace(&self) -> [Measured; BANDS] {
         std::array::from_fn(|out| {
             let both = self.reflected.iter().chain(&self.transmitted);
@@ -75,27 +74,27 @@ impl Exchange {
         })
     }
 
-    /// Asymmetry (there - back) / (there + back) between grazing (mu^2 < 0.3) and
-    /// steep (mu^2 > 0.7) directions: there is from grazing to steep.
+    /// Asymmetry (forth - back) / (forth + back) between grazing (mu^2 < 0.3) and steep
+    /// (mu^2 > 0.7) directions, where forth is from grazing to steep.
     fn asymmetry(counts: &[[u64; BANDS]; BANDS]) -> Measured {
         let sum = |from: std::ops::Range<usize>, to: std::ops::Range<usize>| -> f64 {
             let rows = counts[from].iter();
             rows.map(|row| row[to.clone()].iter().sum::<u64>() as f64)
                 .sum()
         };
-        let (there, back) = (sum(0..3, 7..10), sum(7..10, 0..3));
+        let (forth, back) = (sum(0..3, 7..10), sum(7..10, 0..3));
         Measured {
-            value: (there - back) / (there + back),
-            se: 1.0 / (there + back).sqrt(),
+            value: (forth - back) / (forth + back),
+            se: 1.0 / (forth + back).sqrt(),
         }
     }
 
     /// p-value of symmetry: chi-square over all pairs of bands.
-    fn symmetry(counts: &[[u64; BANDS]; BANDS]) -> f64 {
+    fn symmetry_p_value(counts: &[[u64; BANDS]; BANDS]) -> f64 {
         let (mut chi, mut pairs) = (0.0, 0);
         for (i, row) in counts.iter().enumerate() {
-            for (there, back) in row[..i].iter().zip(counts.iter().map(|row| row[i])) {
-                let (a, b) = (*there as f64, back as f64);
+            for (forth, back) in row[..i].iter().zip(counts.iter().map(|row| row[i])) {
+                let (a, b) = (*forth as f64, back as f64);
                 if a + b > 0.0 {
                     chi += (a - b).powi(2) / (a + b);
                     pairs += 1;
@@ -106,10 +105,10 @@ impl Exchange {
     }
 }
 
-/// Optical thickness of every slab, mean free distances.
+/// Optical thickness of every slab, in mean free distances.
 const FLIGHTS: f64 = 12.0;
-/// Density at which grains are small against the mean free distance (1:350),
-/// so that the boundary rule and their own size hardly matter.
+/// Density at which grains are small compared with the mean free distance (1:350), so that
+/// the boundary rule and the size of the grains hardly matter.
 const THIN: f64 = 1.0;
 const DENSE: f64 = 275.0;
 
@@ -136,9 +135,9 @@ fn report(name: &str, exchange: &Exchange) {
     println!("{name}: asymmetry of T {:.4} +- {:.4}", t.value, t.se);
 }
 
-/// Where grains are small against the mean free distance the model is
-/// reciprocal and a white furnace stays uniform, whatever the law of the entry
-/// point: a grain's law of deflection depends on the angle alone.
+/// If grains are small compared with the mean free distance, the model is reciprocal and a
+/// white furnace stays uniform for any distribution of the entry point, because the
+/// deflection by a grain depends on the angle alone.
 #[test]
 fn thin_snow_is_reciprocal() {
     thin_snow(FEW);
@@ -174,38 +173,37 @@ fn thin_snow(rays_per_beam: u64) {
         }
         for counts in [&exchange.reflected, &exchange.transmitted] {
             assert!(
-                Exchange::symmetry(counts) > ALPHA / COMPARISONS as f64,
+                Exchange::symmetry_p_value(counts) > ALPHA / COMPARISONS as f64,
                 "{name}"
             );
         }
     }
 }
 
-/// The page that quotes what is measured here, by band of mu^2 (0-0.1 first): radiance that
+/// The page that quotes these measurements by band of mu^2 (0-0.1 first): the radiance that
 /// leaves a white furnace, and the asymmetries of R and T with their standard errors.
 const PAGE: &str = "docs/methods.md";
 /// Standard error of the radiances in the page.
 const RADIANCE_SE: f64 = 0.003;
 
-/// Snow as dense as in nature: the mean free distance is 0.7 mm and the grains
-/// are 0.3-0.75 mm long. The boundary rule draws a flight anew where its grain
-/// would stick out of the slab, which favours the flights left in a way that
-/// depends on where they start and not on where they end, so it is not
-/// reciprocal. The radiance that leaves within 18 degrees of the horizon is a
-/// fifth below that of the furnace, and up to 5 % above it elsewhere; more
-/// light goes from grazing to steep directions than back. The law of the entry
-/// point matters little. The totals are exact.
+/// Snow of natural density: the mean free distance is 0.7 mm and the grains are 0.3-0.75 mm
+/// long. The boundary rule draws a flight again if its grain would protrude from the slab. The
+/// rule favours some of the remaining flights, depending on where they start but not on where
+/// they end, so it is not reciprocal. Within 18 degrees of the horizon the radiance that
+/// leaves is a fifth below that of the furnace, elsewhere up to 5 % above it. More light goes
+/// from grazing to steep directions than back. The distribution of the entry point matters
+/// little. The totals are exact.
 ///
-/// The tolerance is for the difference of two independent measurements, this one and that
-/// in the page, so that this fails where the behaviour changes or the page is wrong.
+/// The tolerance applies to the difference of two independent measurements, this one and the
+/// one in the page. The test fails if the behaviour changes or if the page is wrong.
 #[test]
-fn dense_snow_bends_the_furnace_as_measured() {
+fn dense_snow_deviates_from_reciprocity_as_measured() {
     dense_snow(FEW);
 }
 
 #[test]
 #[ignore = "long: five times the walks, some 15 CPU-s"]
-fn dense_snow_bends_the_furnace_as_measured_closely() {
+fn dense_snow_deviates_from_reciprocity_as_measured_closely() {
     dense_snow(MANY);
 }
 

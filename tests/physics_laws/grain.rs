@@ -1,5 +1,5 @@
-//! One ray and one grain: closed forms of the sphere, and the numbers that
-//! separate prototypes gave for the representative sample.
+//! One ray and one grain: closed forms of the sphere, and values of independent prototypes for
+//! the representative sample.
 use std::f64::consts::PI;
 
 use splitsnow::grain::{Events, GrainType, Grains, Surface};
@@ -11,25 +11,25 @@ use splitsnow::transport::Entry;
 use super::{assert_close, mean};
 use crate::snow::{AIR, dry, spheres, stream};
 
-/// Unpolarised reflectance of a dielectric of relative index `n`.
+/// Unpolarised reflectance of a dielectric of relative index `n` at the cosine `c`.
 pub(crate) fn fresnel(c: f64, n: f64) -> f64 {
     let q = (n * n - 1.0 + c * c).sqrt();
     let (rs, rp) = ((c - q) / (c + q), (n * n * c - q) / (n * n * c + q));
     0.5 * (rs * rs + rp * rp)
 }
 
-/// What one event did.
+/// Result of one grain event.
 struct Outcome {
     /// Cosine of the deflection.
     cos: f64,
     /// Path in ice, m.
     ice_m: f64,
-    /// Steps before the ray was outside again: 1 is a reflection at entry.
+    /// Number of steps until the ray was outside again: 1 is a reflection at entry.
     steps: u32,
 }
 
-/// Lets `count` rays meet a grain each; those trapped in it (smooth spheroids
-/// trap a few) report nothing.
+/// Lets `count` rays meet one grain each. Rays trapped in a grain (a few in smooth spheroids)
+/// are not reported.
 fn events(
     law: &GrainType,
     entry: Entry,
@@ -96,7 +96,7 @@ fn events(
     }
 }
 
-/// Mean and standard error of running sums.
+/// Running sums for a mean and its standard error.
 struct Mean {
     n: f64,
     sum: f64,
@@ -127,18 +127,18 @@ impl Mean {
     }
 }
 
-/// A smooth sphere of unit diameter has closed forms. With c the cosine of
-/// incidence, c' that inside and F the reflectance, the same at every hit:
-/// - entry reflects with probability F;
+/// Closed forms of a smooth sphere of unit diameter. Let c be the cosine of the incidence
+/// angle, c' the cosine inside and F the reflectance, which is the same at every hit:
+/// - at entry the ray is reflected with probability F;
 /// - the expected path is (1 - F) c' / (1 - F) = c';
 /// - rays leave after p chords with probability (1-F)^2 F^(p-1), deflected by
-///   2 (i - r) + (p - 1)(pi - 2 r); the cosine summed over p is the real part
-///   of (1-F)^2 exp(2j(i-r)) / (1 - F exp(j(pi - 2r))), minus F cos 2i for entry.
+///   2 (i - r) + (p - 1)(pi - 2 r). The cosine summed over p is the real part of
+///   (1-F)^2 exp(2j(i-r)) / (1 - F exp(j(pi - 2r))), minus F cos 2i for entry.
 ///
-/// c is uniform on (0, 1) for entry uniform over the surface, c^2 for entry
-/// uniform over the projected area.
+/// For entry uniform over the surface, c is uniform on (0, 1); for entry uniform over the
+/// projected area, c^2 is.
 #[test]
-fn smooth_spheres_have_closed_forms() {
+fn smooth_spheres_match_closed_forms() {
     let count = 1_000_000;
     let cases = [
         (Entry::Uniform, (|_| 1.0) as fn(f64) -> f64),
@@ -171,18 +171,22 @@ fn smooth_spheres_have_closed_forms() {
                 let leaves = (turn.cos() * re + turn.sin() * im) / (re * re + im * im);
                 (1.0 - f).powi(2) * leaves - f * (2.0 * i).cos()
             };
-            let over = |f: &dyn Fn(f64) -> f64| mean(|c| weight(c) * f(c));
-            // rays that leave at the first inner hit: (1 - F)^2 of all
+            let weighted_mean = |f: &dyn Fn(f64) -> f64| mean(|c| weight(c) * f(c));
+            // rays that leave at the first internal hit: (1 - F)^2 of all rays
             let direct = |c: f64| (1.0 - fresnel(c, n)).powi(2);
             let expected = [
-                ("entering", &entered, over(&|c| 1.0 - fresnel(c, n))),
-                ("path", &path, over(&inside)),
+                (
+                    "entering",
+                    &entered,
+                    weighted_mean(&|c| 1.0 - fresnel(c, n)),
+                ),
+                ("path", &path, weighted_mean(&inside)),
                 (
                     "first chord",
                     &first,
-                    over(&|c| direct(c) * inside(c)) / over(&direct),
+                    weighted_mean(&|c| direct(c) * inside(c)) / weighted_mean(&direct),
                 ),
-                ("g", &cosine, over(&deflection)),
+                ("g", &cosine, weighted_mean(&deflection)),
             ];
             for (name, found, expected) in expected {
                 let m = found.measured();
@@ -192,10 +196,9 @@ fn smooth_spheres_have_closed_forms() {
     }
 }
 
-/// docs/methods.md: g = 0.422 and 0.430, mean path in ice 0.475 and 0.465 mm
-/// at n = 1.3194 and 1.3069. Tolerance: half a unit of the last digit printed
-/// there and 4 standard errors. It fails where grains are drawn with a mean
-/// sphericity 0.002 too high.
+/// docs/methods.md: g = 0.422 and 0.430, mean path in ice 0.475 and 0.465 mm, at n = 1.3194
+/// and 1.3069. The tolerance is half a unit of the last printed digit plus 4 standard errors.
+/// A mean sphericity 0.002 too high would fail.
 #[test]
 fn representative_grains_scatter_as_published() {
     for (cell, n, g, path_mm) in [(110, 1.3194, 0.422, 0.475), (111, 1.3069, 0.430, 0.465)] {
@@ -214,8 +217,8 @@ fn representative_grains_scatter_as_published() {
         for (name, found, published) in [("g", cosine, g), ("path, mm", path, path_mm)] {
             let m = found.measured();
             println!("n = {n}: {name} {:.5} +- {:.5}", m.value, m.se);
-            let apart = (m.value - published).abs();
-            assert!(apart < 5e-4 + 4.0 * m.se, "{name} {m:?}");
+            let difference = (m.value - published).abs();
+            assert!(difference < 5e-4 + 4.0 * m.se, "{name} {m:?}");
         }
     }
 }

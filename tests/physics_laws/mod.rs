@@ -1,9 +1,9 @@
-//! Laws that hold whatever the snow: conservation, limits with closed forms,
-//! monotony, and how far the model keeps reciprocity.
+//! Laws that hold for any snow: conservation, limits with closed forms, monotony, and the
+//! deviations of the model from reciprocity.
 //!
-//! Seeds are fixed. Where a tolerance is a number of standard errors, it is
-//! the one that all comparisons of this tier exceed with a probability of
-//! [`ALPHA`] (Bonferroni over [`COMPARISONS`]).
+//! Seeds are fixed. Tolerances in standard errors are chosen so that all comparisons of this
+//! tier together exceed them with probability [`ALPHA`] (Bonferroni correction for
+//! [`COMPARISONS`]).
 #![allow(clippy::unwrap_used, clippy::print_stdout)]
 mod absorption;
 mod case;
@@ -13,19 +13,19 @@ mod slab;
 mod snowpack;
 mod substrate;
 
-/// Chance that any comparison of this tier fails although all is well.
+/// Probability that any comparison of this tier fails although the model is correct.
 const ALPHA: f64 = 1e-6;
 /// Upper bound of the number of comparisons with a standard error.
 const COMPARISONS: usize = 400;
 
 /// Asserts that `value` is `expected` within its standard error (and rounding).
-fn assert_close(what: &str, value: f64, se: f64, expected: f64) {
+fn assert_close(label: &str, value: f64, se: f64, expected: f64) {
     let z = (value - expected) / se;
-    println!("{what}: {value:.6} +- {se:.6}, expected {expected:.6}, z = {z:.2}");
+    println!("{label}: {value:.6} +- {se:.6}, expected {expected:.6}, z = {z:.2}");
     let limit = crate::snow::z_limit(ALPHA, COMPARISONS) * se + 1e-12;
     assert!(
         (value - expected).abs() <= limit,
-        "{what}: {value} is not {expected} (z = {z:.1})"
+        "{label}: {value} is not {expected} (z = {z:.1})"
     );
 }
 

@@ -1,4 +1,4 @@
-//! Slabs without absorption in ice: conservation and closed forms.
+//! Slabs of transparent ice: conservation and closed forms.
 use splitsnow::math::Vec3;
 use splitsnow::optics::Index;
 use splitsnow::transport::{
@@ -12,9 +12,9 @@ use crate::snow::{
     walker,
 };
 
-/// Nothing is lost or made without absorption: every ray is counted once.
+/// Without absorption every ray is reflected or transmitted.
 #[test]
-fn every_ray_is_accounted_for() {
+fn every_ray_is_reflected_or_transmitted() {
     let rays = 20_000;
     let snows = [
         dry(),
@@ -48,11 +48,10 @@ fn every_ray_is_accounted_for() {
     }
 }
 
-/// Without grains a dry slab is empty space, and a wet one is water with the
-/// probability S: T = (1 - S) + S exp(-alpha h / cos), R = 0 (docs/methods.md,
-/// steps 1 and 3).
+/// Without grains, a dry slab is empty space and a wet one is water with probability S:
+/// T = (1 - S) + S exp(-alpha h / cos), R = 0 (docs/methods.md, steps 1 and 3).
 #[test]
-fn without_grains_a_slab_is_free() {
+fn a_slab_without_grains_follows_beers_law() {
     let (rays, alpha, h) = (400_000, 50.0, 0.02);
     let water = Absorption {
         coefficients: Coefficients {
@@ -92,17 +91,17 @@ fn without_grains_a_slab_is_free() {
     }
 }
 
-/// Ice with the index of what surrounds it neither reflects nor bends.
+/// Ice with the refractive index of the surrounding medium neither reflects nor refracts.
 #[test]
 fn grains_of_matching_index_are_invisible() {
     let rays = 50_000;
-    let all = Ends {
+    let all_transmitted = Ends {
         transmitted: rays,
         ..Ends::default()
     };
     let ice = Index { n: 1.31, k: 0.0 };
-    // a saturation of 1 lies outside the model's range, but puts all grains in water
-    let drowned = snow((300.0, 750.0), 0.8, 275.0, 1.0);
+    // a saturation of 1 is outside the range of the model, but puts all grains in water
+    let saturated = snow((300.0, 750.0), 0.8, 275.0, 1.0);
     for light in [NORMAL, beam(45.0)] {
         for entry in [Entry::Uniform, Entry::Projected] {
             let air = walker(
@@ -111,9 +110,9 @@ fn grains_of_matching_index_are_invisible() {
                 1.0,
                 TRANSPARENT,
             );
-            assert_eq!(ends(&air, 0.01, light, rays, 20), all);
+            assert_eq!(ends(&air, 0.01, light, rays, 20), all_transmitted);
             let water = Walker::new(
-                &drowned.clone().into(),
+                &saturated.clone().into(),
                 &Model {
                     entry,
                     ..Model::default()
@@ -121,26 +120,25 @@ fn grains_of_matching_index_are_invisible() {
                 (ice, ice),
                 TRANSPARENT,
             );
-            assert_eq!(ends(&water, 0.01, light, rays, 21), all);
+            assert_eq!(ends(&water, 0.01, light, rays, 21), all_transmitted);
         }
     }
-    // and it takes no more than another index to make it visible
-    let seen = Walker::new(
-        &drowned.clone().into(),
+    // another index makes the grains visible
+    let visible = Walker::new(
+        &saturated.clone().into(),
         &Model::default(),
         (ice, AIR),
         TRANSPARENT,
     );
-    assert!(ends(&seen, 0.01, NORMAL, rays, 22).reflected > 0);
+    assert!(ends(&visible, 0.01, NORMAL, rays, 22).reflected > 0);
 }
 
-/// The share of rays that meet no grain, at normal incidence on equal spheres
-/// of diameter s. A flight leaves with probability exp(-h/d); it ends on a
-/// grain that fits with probability
-/// A = mean over u of exp(-s (1-u) / 2d) - exp(-(h - s (1+u) / 2) / d),
-/// u = cosine of incidence; all else is drawn anew. So the share is
-/// exp(-h/d) / (exp(-h/d) + A): more than Beer's law, because grains near the
-/// planes are rejected.
+/// The fraction of rays that meet no grain, at normal incidence on equal spheres of diameter
+/// s. A flight leaves the slab with probability exp(-h/d). It ends on a grain that fits with
+/// probability A = mean over u of exp(-s (1-u) / 2d) - exp(-(h - s (1+u) / 2) / d), where u is
+/// the cosine of incidence on the sphere. All other flights are drawn again. So the fraction
+/// is exp(-h/d) / (exp(-h/d) + A). This exceeds Beer's law, because grains near the planes are
+/// rejected.
 #[test]
 fn unscattered_light_follows_the_boundary_rule() {
     let (rays, s, h) = (1_000_000, 500e-6, 2e-3);

@@ -1,5 +1,4 @@
-//! Layers, mixtures and carbon against what is known without the library:
-//! identities, limits and closed forms.
+//! Layers, mixtures and carbon compared with identities, limits and closed forms.
 use splitsnow::engine::Engine;
 use splitsnow::grain::mean_free_distance_m;
 use splitsnow::measurement::Spectrum;
@@ -9,21 +8,21 @@ use splitsnow::transport::{
 };
 
 use super::assert_close;
-use super::case::{Case, assert_same, dirty, on, over, spectral_substrate};
+use super::case::{Case, assert_same, dirty, on_substrate, spectral_substrate, two_layers};
 use crate::snow::{AIR, NORMAL, TRANSPARENT, dry, ends, proportion, snow, spheres};
 
 #[test]
-fn a_snowpack_cut_into_equal_layers_is_the_snowpack() {
-    cut_is_whole(8);
+fn cutting_a_snowpack_into_equal_layers_changes_nothing() {
+    check_cut_layers(8);
 }
 
 #[test]
 #[ignore = "long: eight times the walks, some 15 CPU-s"]
-fn a_snowpack_cut_into_equal_layers_is_the_snowpack_closely() {
-    cut_is_whole(1);
+fn cutting_a_snowpack_into_equal_layers_changes_nothing_closely() {
+    check_cut_layers(1);
 }
 
-fn cut_is_whole(fewer: u64) {
+fn check_cut_layers(reduction: u64) {
     let layer = Layer {
         snow: dirty(),
         thickness_m: 0.0013,
@@ -32,20 +31,21 @@ fn cut_is_whole(fewer: u64) {
         (Engine::Spectral, 100_000, 0.01),
         (Engine::Reference, 30_000, 0.01),
         (Engine::Tabulated, 100_000, 0.01),
-        // walked from plane to plane, and cut up
+        // walked from plane to plane, and with an interior
         (Engine::Hybrid, 32_768, 0.01),
         (Engine::Hybrid, 32_768, 0.03),
     ] {
-        let whole = Case::new(over(dirty(), Substrate::Grey(0.3)), thickness_m).of(engine);
+        let whole =
+            Case::new(on_substrate(dirty(), Substrate::Grey(0.3)), thickness_m).with_engine(engine);
         let mut cut = whole.clone();
         cut.snowpack.below = vec![layer.clone(); 6];
-        let [a, b] = [whole.run(rays / fewer, 1), cut.run(rays / fewer, 2)];
+        let [a, b] = [whole.run(rays / reduction, 1), cut.run(rays / reduction, 2)];
         assert_same(&format!("cut, {}", engine.name()), &a, &b);
     }
 }
 
 #[test]
-fn a_mixture_of_a_type_with_itself_is_the_type() {
+fn a_mixture_of_identical_types_equals_the_type() {
     let pure = dirty();
     let part = |fraction| Component {
         fraction,
@@ -61,15 +61,15 @@ fn a_mixture_of_a_type_with_itself_is_the_type() {
         (Engine::Hybrid, 0.03),
     ] {
         let [a, b] = [(&pure, 2), (&mixed, 3)].map(|(snow, seed)| {
-            let case = Case::new(snow.clone(), thickness_m).of(engine);
+            let case = Case::new(snow.clone(), thickness_m).with_engine(engine);
             case.run(20_000, seed)
         });
         assert_same(&format!("mixed with itself, {}", engine.name()), &a, &b);
     }
 }
 
-/// The parts of a mixture are met in proportion to their surface, and the mean
-/// free distance follows from the sum of their rates.
+/// The components of a mixture are met in proportion to their surface area. The inverse mean
+/// free distances add.
 #[test]
 fn rates_of_a_mixture_add_up() {
     let [a, b] = [spheres(200.0, 300.0), spheres(1000.0, 300.0)];
@@ -89,14 +89,14 @@ fn rates_of_a_mixture_add_up() {
     let [rate_a, rate_b] = [&a, &b].map(|snow| 1.0 / snow.mean_free_distance_m());
     let rate = 0.25 * rate_a + 0.75 * rate_b;
     assert!((mixed.mean_free_distance_m() * rate - 1.0).abs() < 1e-14);
-    // five times as many surfaces per volume: 0.25 * 5 against 0.75
+    // the small spheres have five times the surface per volume: 0.25 * 5 against 0.75
     let shares = mixed.meeting_shares();
     assert!((shares[0] - 1.25 / 2.0).abs() < 1e-12, "{shares:?}");
     assert!((shares[0] + shares[1] - 1.0).abs() < 1e-14);
 }
 
 #[test]
-fn nothing_added_is_nothing_changed() {
+fn zero_carbon_and_zero_reflectance_change_nothing() {
     let bare = Case::new(dry(), 0.01);
     let clean = Snow {
         black_carbon: Some(Carbon::black(0.0)),
@@ -109,15 +109,21 @@ fn nothing_added_is_nothing_changed() {
         Engine::Tabulated,
         Engine::Hybrid,
     ] {
-        let expected = bare.of(engine).run(2_000, 3);
-        for snowpack in [over(dry(), Substrate::Grey(0.0)), clean.clone().into()] {
-            assert_eq!(Case::new(snowpack, 0.01).of(engine).run(2_000, 3), expected);
+        let expected = bare.with_engine(engine).run(2_000, 3);
+        for snowpack in [
+            on_substrate(dry(), Substrate::Grey(0.0)),
+            clean.clone().into(),
+        ] {
+            assert_eq!(
+                Case::new(snowpack, 0.01).with_engine(engine).run(2_000, 3),
+                expected
+            );
         }
     }
 }
 
 #[test]
-fn little_carbon_has_half_the_effect_of_twice_as_little() {
+fn the_effect_of_little_carbon_is_linear() {
     let case = |ng_g| {
         let sooty = Snow {
             black_carbon: Some(Carbon {
@@ -129,26 +135,25 @@ fn little_carbon_has_half_the_effect_of_twice_as_little() {
         Case::new(sooty, 0.02).run(8_000, 5)
     };
     let (clean, once, twice) = (case(0.0), case(0.5), case(1.0));
-    // beyond the visible other walks end early, and the two do not share their errors
-    let of = |s: &Spectrum| [s.reflectance[0].value, s.transmittance[0].value];
-    for (i, what) in ["R", "T"].iter().enumerate() {
-        let [zero, one, two] = [&clean, &once, &twice].map(|s| of(s)[i]);
+    // at longer wavelengths, different walks end early and the errors are not shared
+    let visible = |s: &Spectrum| [s.reflectance[0].value, s.transmittance[0].value];
+    for (i, label) in ["R", "T"].iter().enumerate() {
+        let [zero, one, two] = [&clean, &once, &twice].map(|s| visible(s)[i]);
         let ratio = (zero - two) / (zero - one);
         println!(
-            "{what}: {:.3e} and {:.3e}, ratio {ratio:.5}",
+            "{label}: {:.3e} and {:.3e}, ratio {ratio:.5}",
             zero - one,
             zero - two
         );
-        assert!(zero > one && (ratio - 2.0).abs() < 0.01, "{what}: {ratio}");
+        assert!(zero > one && (ratio - 2.0).abs() < 0.01, "{label}: {ratio}");
     }
 }
 
-/// Invisible spheres (n = 1) far apart: light goes straight, meets h / d grains
-/// on average, and a chord s c in each with c uniform. So soot in the ice leaves
-/// exp(-(h / d) (1 - (1 - exp(-alpha s)) / (alpha s))), and soot in the pores
-/// exp(-alpha h).
+/// Invisible spheres (n = 1) far apart: light goes straight and meets h / d grains on average,
+/// with a chord s c in each, where c is uniform. So soot in the ice transmits
+/// exp(-(h / d) (1 - (1 - exp(-alpha s)) / (alpha s))), and soot in the pores exp(-alpha h).
 #[test]
-fn soot_absorbs_as_by_hand() {
+fn absorption_by_soot_matches_closed_forms() {
     let (rays, h, density, nm) = (200_000, 0.1, 0.1, 440.0);
     let snow = spheres(100.0, density);
     let d = mean_free_distance_m(&snow.grains[0].grain, density, -1.0);
@@ -181,7 +186,7 @@ fn soot_absorbs_as_by_hand() {
         let x = alpha * 1e-4;
         (-(h / d) * (1.0 + (-x).exp_m1() / x)).exp()
     };
-    // 2e4 per m in the ice, by a mass that fills the snow or one squeezed into it
+    // 2e4 per m in the ice, from a mass that fills the snow or one confined to the ice
     let c = 2e4 / per_concentration;
     let t = transmitted(1.0, c * 1e9, ImpurityMass::Varsa2025, 310);
     assert_close("soot in ice", t.value, t.se, in_grains(2e4));
@@ -198,10 +203,10 @@ fn soot_absorbs_as_by_hand() {
     }
 }
 
-/// The printed law makes brown carbon vanish; the corrected one darkens the blue
-/// the more, the larger the exponent.
+/// In the printed law brown carbon has no effect at exponent 2. In the corrected law it darkens
+/// the blue more with a larger exponent.
 #[test]
-fn the_trend_with_the_exponent_inverts() {
+fn the_printed_law_inverts_the_trend_with_the_exponent() {
     let blue = |exponent, law| {
         let brown = Snow {
             brown_carbon: Some(Carbon {
@@ -229,25 +234,25 @@ fn the_trend_with_the_exponent_inverts() {
 }
 
 #[test]
-fn thicknesses_at_once_are_those_alone_in_snowpacks() {
+fn shared_thicknesses_match_single_ones_in_snowpacks() {
     thicknesses_at_once(12_000);
 }
 
 #[test]
 #[ignore = "long: eight times the walks, some 45 CPU-s"]
-fn thicknesses_at_once_are_those_alone_in_snowpacks_closely() {
+fn shared_thicknesses_match_single_ones_in_snowpacks_closely() {
     thicknesses_at_once(100_000);
 }
 
 fn thicknesses_at_once(rays: u64) {
     let coarse = snow((1000.0, 2500.0), 0.2, 400.0, 0.0);
-    let mut all = Case::new(on(dirty(), coarse, 0.006), 0.0);
-    all.snowpack.substrate = Substrate::Grey(0.4);
-    all.thicknesses_m = vec![0.0075, 0.009, 0.0091, 0.014];
-    let tabulated = all.of(Engine::Tabulated);
-    for (joined, what) in [
-        (all.clone(), "continuous"),
-        (all.cascade(), "cascade"),
+    let mut continuous = Case::new(two_layers(dirty(), coarse, 0.006), 0.0);
+    continuous.snowpack.substrate = Substrate::Grey(0.4);
+    continuous.thicknesses_m = vec![0.0075, 0.009, 0.0091, 0.014];
+    let tabulated = continuous.with_engine(Engine::Tabulated);
+    for (joined, label) in [
+        (continuous.clone(), "continuous"),
+        (continuous.cascade(), "cascade"),
         (tabulated, "tabulated"),
     ] {
         let together = joined.run_all(rays, 7);
@@ -257,7 +262,7 @@ fn thicknesses_at_once(rays: u64) {
                 ..joined.clone()
             };
             let alone = alone.run(rays, 8);
-            assert_same(&format!("{what}, {h} m"), shared, &alone);
+            assert_same(&format!("{label}, {h} m"), shared, &alone);
         }
     }
 }
@@ -276,13 +281,13 @@ fn energy_is_conserved() {
         ] {
             let layers = Snowpack {
                 substrate: substrate.clone(),
-                ..on(surface, below, 0.004)
+                ..two_layers(surface, below, 0.004)
             };
             let case = Case {
                 thicknesses_m: vec![0.006, 0.012],
                 ..Case::new(layers, 0.0)
             };
-            for case in [case.cascade(), case.of(Engine::Reference), case] {
+            for case in [case.cascade(), case.with_engine(Engine::Reference), case] {
                 for spectrum in case.run_all(256, 16) {
                     let both = spectrum.reflectance.iter().zip(&spectrum.transmittance);
                     for (r, t) in both {
@@ -297,8 +302,9 @@ fn energy_is_conserved() {
     }
 }
 
-/// Grains of all types in layers of all kinds, drawn from tables, and taken for
-/// points inside: within the method's own error (docs/stability.md).
+/// All grain types in several kinds of layers, with grains drawn from tables or treated as
+/// points in the interior: the engines agree within the error of the method
+/// (docs/stability.md).
 #[test]
 fn engines_with_tables_agree_on_snowpacks() {
     tables_on_snowpacks(16_384);
@@ -341,46 +347,46 @@ fn tables_on_snowpacks(rays: u64) {
     };
     let case = Case::new(snowpack, 0.027);
     let expected = case.run(rays, 20);
-    let tabulated = case.of(Engine::Tabulated).run(rays, 21);
+    let tabulated = case.with_engine(Engine::Tabulated).run(rays, 21);
     assert_same("tabulated", &tabulated, &expected);
-    let hybrid = case.of(Engine::Hybrid).run(rays, 22);
+    let hybrid = case.with_engine(Engine::Hybrid).run(rays, 22);
     for (a, b) in [
         (&hybrid.reflectance, &expected.reflectance),
         (&hybrid.transmittance, &expected.transmittance),
     ] {
         for (a, b) in a.iter().zip(b) {
-            let apart = (a.value - b.value).abs();
+            let difference = (a.value - b.value).abs();
             println!(
                 "hybrid - spectral: {:.5} +- {:.5}",
                 a.value - b.value,
                 a.se.hypot(b.se)
             );
-            assert!(apart < 0.004 + 5.0 * a.se.hypot(b.se), "{a:?} {b:?}");
+            assert!(difference < 0.004 + 5.0 * a.se.hypot(b.se), "{a:?} {b:?}");
         }
     }
 }
 
-/// Coarse grains reach far into fine snow, fine ones hardly into coarse: what is below
-/// the plane gets more light, or less, than points would hand it (by 13 % where coarse
-/// snow lies on fine). `hybrid` walks there.
+/// Coarse grains extend far into fine snow, but fine grains hardly into coarse snow. So the snow
+/// below the plane receives more or less light than from point scatterers (13 % where coarse
+/// snow lies on fine). `hybrid` walks near the plane.
 #[test]
 fn grains_carry_light_across_planes() {
     let fine = || snow((50.0, 100.0), 0.9, 225.0, 0.0);
     let coarse = || snow((900.0, 1000.0), 0.1, 375.0, 0.0);
-    for (what, snowpack) in [
-        ("coarse on fine", on(coarse(), fine(), 0.005)),
-        ("fine on coarse", on(fine(), coarse(), 0.01)),
+    for (label, snowpack) in [
+        ("coarse on fine", two_layers(coarse(), fine(), 0.005)),
+        ("fine on coarse", two_layers(fine(), coarse(), 0.01)),
     ] {
         let case = Case::new(snowpack, 0.015);
-        let expected = case.of(Engine::Tabulated).run(200_000, 23);
-        let hybrid = case.of(Engine::Hybrid).run(131_072, 24);
+        let expected = case.with_engine(Engine::Tabulated).run(200_000, 23);
+        let hybrid = case.with_engine(Engine::Hybrid).run(131_072, 24);
         let pairs = hybrid.transmittance.iter().zip(&expected.transmittance);
         let more = hybrid.reflectance.iter().zip(&expected.reflectance);
         for (a, b) in pairs.chain(more).take(5) {
-            let (apart, se) = (a.value - b.value, a.se.hypot(b.se));
-            println!("{what}: {:.5}, {apart:+.5} +- {se:.5}", b.value);
-            // half of what docs/stability.md states for `hybrid` in thick slabs
-            assert!(apart.abs() < 0.002 + 5.0 * se, "{what}: {a:?} {b:?}");
+            let (difference, se) = (a.value - b.value, a.se.hypot(b.se));
+            println!("{label}: {:.5}, {difference:+.5} +- {se:.5}", b.value);
+            // half of the error that docs/stability.md states for `hybrid` in thick slabs
+            assert!(difference.abs() < 0.002 + 5.0 * se, "{label}: {a:?} {b:?}");
         }
     }
 }

@@ -1,4 +1,4 @@
-"""A finished database opens in xarray, without a warning, as documented.
+"""A finished database opens in xarray without warnings, as documented.
 
 SPLITSNOW_OUT names the output directory of a finished `splitsnow build`, with or
 without optional axes.
@@ -15,14 +15,14 @@ import numpy as np
 import pytest
 import xarray
 
-BEYOND = (
+OPTIONAL_AXES = (
     "black_carbon_ng_g",
     "water_saturation",
     "temperature_c",
     "sphericity",
     "substrate_reflectance",
 )
-FIVE = (
+CORE_DIMS = (
     "facetness",
     "grain_size_um",
     "density_kg_m3",
@@ -39,10 +39,10 @@ def open_strictly(path, **kwargs):
         return xarray.open_zarr(path, **kwargs).load()
 
 
-def axes_beyond(path):
-    """The optional axes that the grid names, in their order."""
+def optional_axes(path):
+    """The optional axes in the grid, in order."""
     config = tomllib.loads(open_strictly(path).attrs["config"])
-    return tuple(name for name in BEYOND if name in config["axes"])
+    return tuple(name for name in OPTIONAL_AXES if name in config["axes"])
 
 
 @pytest.fixture
@@ -52,7 +52,7 @@ def path():
 
 def test_arrays_and_coordinates(path):
     data = open_strictly(path)
-    dims = axes_beyond(path) + FIVE
+    dims = optional_axes(path) + CORE_DIMS
     assert set(data.data_vars) == set(QUANTITIES)
     for name in QUANTITIES:
         assert data[name].dims == dims
@@ -83,7 +83,7 @@ def test_attributes(path):
         assert attrs[name]
     assert attrs["illumination"].startswith("collimated")
     assert "normal" in attrs["illumination"]
-    substrate = "Lambertian" if "substrate_reflectance" in axes_beyond(path) else "black"
+    substrate = "Lambertian" if "substrate_reflectance" in optional_axes(path) else "black"
     assert attrs["bottom_boundary"].startswith(substrate)
     assert isinstance(attrs["seed"], int) and isinstance(attrs["rays"], int)
     assert hashlib.sha256(attrs["config"].encode()).hexdigest() == attrs["config_sha256"]
@@ -97,23 +97,23 @@ def test_jobs(path):
 
 
 def first_chunk(path):
-    return "c" + ".0" * (len(axes_beyond(path)) + 6)
+    return "c" + ".0" * (len(optional_axes(path)) + 6)
 
 
 def test_a_missing_chunk_reads_as_nan(path, tmp_path):
     copy = tmp_path / "database.zarr"
     shutil.copytree(path, copy)
-    snow = axes_beyond(path) + FIVE[:3]
+    snow = optional_axes(path) + CORE_DIMS[:3]
     (copy / "transmittance" / first_chunk(path)).unlink()
     data = open_strictly(copy)
-    # a chunk is one snow: all its thicknesses and angles
+    # a chunk contains one snow: all its thicknesses and angles
     first = data.transmittance[(0,) * len(snow)]
     assert np.isnan(first).all()
     assert np.isnan(data.transmittance).sum() == first.size
     assert np.isfinite(data.reflectance).all()
 
 
-def test_a_torn_chunk_is_refused(path, tmp_path):
+def test_a_corrupt_chunk_is_rejected(path, tmp_path):
     copy = tmp_path / "database.zarr"
     shutil.copytree(path, copy)
     chunk = copy / "transmittance" / first_chunk(path)

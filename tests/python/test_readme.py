@@ -1,4 +1,4 @@
-"""The README's example of reading a database without a package of ours does what it says."""
+"""The README's example of reading a database without the package `splitsnow` works."""
 
 import json
 import os
@@ -11,10 +11,10 @@ from safetensors import safe_open
 README = Path(__file__).parents[2] / "README.md"
 
 
-def test_example():
+def test_example_without_the_package():
     out = os.environ["SPLITSNOW_OUT"]
     codes = re.findall(r"```python\n(.*?)```", README.read_text(), re.DOTALL)
-    # the other is of the package splitsnow: python/tests
+    # the other example uses the package; see python/tests
     (code,) = [code for code in codes if "open_zarr" in code]
     assert "out/quick" in code
     names = {}

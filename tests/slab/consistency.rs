@@ -1,4 +1,4 @@
-//! The solver against itself.
+//! The solver compared with itself.
 use splitsnow::slab::{Light, Matrix, Medium, Streams};
 
 use super::{
@@ -6,11 +6,11 @@ use super::{
 };
 use crate::quoted::assert_says;
 
-/// Columns of R + T sum to 1 to rounding, which grows with 1/mu of the most
-/// slanting stream.
+/// Columns of R + T sum to 1 within rounding, which increases with 1/mu of the most oblique
+/// stream.
 #[test]
 fn energy_is_conserved() {
-    let mut eight = 0.0_f64;
+    let mut error_of_8_streams = 0.0_f64;
     for (n, tolerance) in [
         (2, 1e-14),
         (8, 2e-14),
@@ -40,7 +40,7 @@ fn energy_is_conserved() {
                 for j in 0..n {
                     let total: f64 = (0..n).map(|i| sum[(i, j)]).sum();
                     if n == 8 {
-                        eight = eight.max((total - 1.0).abs());
+                        error_of_8_streams = error_of_8_streams.max((total - 1.0).abs());
                     }
                     assert!(
                         (total - 1.0).abs() < tolerance,
@@ -58,24 +58,24 @@ fn energy_is_conserved() {
             }
         }
     }
-    assert_rounding_says("energy of the solver", [eight]);
+    assert_rounding_says("energy of the solver", [error_of_8_streams]);
 }
 
 #[test]
-fn no_slab_changes_nothing() {
+fn a_slab_of_zero_thickness_changes_nothing() {
     let streams = Streams::new(8).unwrap();
     let medium = Medium::new(&streams, &henyey_greenstein(0.9, 0.7, 16)).unwrap();
     let none = medium.operators(0.0).unwrap();
     assert_eq!(none.transmission, Matrix::identity(8));
     assert_eq!(none.reflection, Matrix::zeros(8, 8));
     let thin = medium.operators(1e-12).unwrap();
-    let slant = 1e-12 / streams.cosines()[0];
-    assert!(largest_difference(&thin.transmission, &none.transmission) < slant);
-    assert!(largest_difference(&thin.reflection, &none.reflection) < slant);
+    let slant_thickness = 1e-12 / streams.cosines()[0];
+    assert!(largest_difference(&thin.transmission, &none.transmission) < slant_thickness);
+    assert!(largest_difference(&thin.reflection, &none.reflection) < slant_thickness);
 }
 
 #[test]
-fn slabs_add_up() {
+fn stacked_slabs_equal_a_thicker_slab() {
     let (mut least, mut most) = (1.0_f64, [0.0_f64; 2]);
     for n in [8, 12] {
         let streams = Streams::new(n).unwrap();
@@ -98,7 +98,7 @@ fn slabs_add_up() {
                     let parts = [a, b].map(|thickness| medium.operators(thickness).unwrap());
                     let sum = stacked(&parts[0], &parts[1]);
                     worst[0] = worst[0].max(largest_difference(&sum.reflection, &whole.reflection));
-                    // relative where all entries are alike, which they are when thick
+                    // relative errors if the slab is thick, so that all entries are of similar size
                     let thick = a > 5.0;
                     for (x, y) in entries(&sum.transmission).zip(entries(&whole.transmission)) {
                         if y > 1e-290 && thick {
@@ -118,9 +118,9 @@ fn slabs_add_up() {
     assert!(least < 1e-240, "{least:e}");
 }
 
-/// A beam along a stream is spread as the stream's own light.
+/// A beam along a stream gives the same fluxes as the stream.
 #[test]
-fn beams_are_streams() {
+fn beams_along_streams_match_the_streams() {
     for n in [3, 8, 16] {
         let streams = Streams::new(n).unwrap();
         for (albedo, g) in [(1.0, 0.8), (0.97, 0.5), (0.2, -0.4)] {
@@ -144,7 +144,7 @@ fn beams_are_streams() {
 }
 
 #[test]
-fn nothing_is_negative() {
+fn no_entry_is_negative() {
     let streams = Streams::new(8).unwrap();
     for albedo in [1e-3, 0.1, 0.9, 1.0] {
         for g in [0.0, 0.5] {
@@ -162,7 +162,7 @@ fn nothing_is_negative() {
 }
 
 #[test]
-fn more_streams_converge() {
+fn fluxes_converge_with_the_number_of_streams() {
     let mut quoted = [0.0; 4];
     for (albedo, g) in [(1.0, 0.85), (0.98, 0.75), (0.6, 0.0)] {
         let lights = [
@@ -194,6 +194,6 @@ fn more_streams_converge() {
             }
         }
     }
-    let [normal, aslant, grazing, _] = quoted;
-    assert_says(PAGE, "8 against 64 streams", [normal, aslant, grazing]);
+    let [normal, oblique, grazing, _] = quoted;
+    assert_says(PAGE, "8 against 64 streams", [normal, oblique, grazing]);
 }

@@ -1,11 +1,11 @@
-//! What the solver takes and what it refuses.
+//! Phase functions and arguments that the solver accepts or rejects.
 use splitsnow::slab::{Light, Medium, SlabError, Streams};
 
 use super::{collimated, henyey_greenstein};
 
-/// All light that is scattered is deflected by one angle: the narrowest peak.
+/// All scattered light is deflected by the same angle, the narrowest possible peak.
 #[test]
-fn peaks_are_left_to_delta_m() {
+fn delta_m_handles_narrow_peaks() {
     let legendre = |x: f64| {
         let mut p = vec![1.0, x];
         for l in 2..25 {
@@ -35,7 +35,7 @@ fn peaks_are_left_to_delta_m() {
             assert_eq!(plain.err(), Some(SlabError::Peaked));
         }
     }
-    // straight on is no scattering at all
+    // forward scattering does not change the light
     for (albedo, through) in [(1.0, 1.0), (0.75, (-0.5_f64).exp())] {
         let medium = Medium::delta_m(&streams, &[albedo; 25]).unwrap();
         let fluxes = medium.fluxes(2.0, collimated(1.0)).unwrap();
@@ -45,7 +45,7 @@ fn peaks_are_left_to_delta_m() {
 }
 
 #[test]
-fn nonsense_is_refused() {
+fn invalid_arguments_are_rejected() {
     let streams = Streams::new(4).unwrap();
     for (chi, degree) in [
         (vec![1.1], 0),

@@ -1,5 +1,4 @@
-//! The solver of homogeneous slabs against another code, against theory and
-//! against itself.
+//! The solver of homogeneous slabs compared with another code, with theory and with itself.
 #![allow(clippy::unwrap_used)]
 mod another_code;
 mod consistency;
@@ -10,18 +9,18 @@ use splitsnow::slab::{Light, Matrix, Operators};
 
 use crate::quoted;
 
-/// The page that quotes what the checks find.
+/// The page that quotes the results of these checks.
 const PAGE: &str = "docs/methods.md";
 
-/// Asserts that rounding errors are as large as the page says, or somewhat smaller: another
-/// compiler may add in another order.
+/// Asserts that rounding errors are those in the page or somewhat smaller; another compiler may
+/// sum in another order.
 fn assert_rounding_says<const N: usize>(name: &str, found: [f64; N]) {
-    let said = quoted::numbers::<N>(PAGE, name);
-    for (found, said) in found.iter().zip(said) {
-        let share = found / said;
+    let quoted = quoted::numbers::<N>(PAGE, name);
+    for (found, quoted) in found.iter().zip(quoted) {
+        let ratio = found / quoted;
         assert!(
-            (0.2..1.5).contains(&share),
-            "{name}: {found:e} is not {said:e}"
+            (0.2..1.5).contains(&ratio),
+            "{name}: {found:e} is not {quoted:e}"
         );
     }
 }
@@ -35,10 +34,10 @@ fn collimated(cosine: f64) -> Light {
     Light::Collimated { cosine }
 }
 
-/// Two slabs of one medium, one on the other.
+/// The operators of two slabs of a medium, one on the other.
 fn stacked(upper: &Operators, lower: &Operators) -> Operators {
-    let one = Matrix::identity(upper.reflection.rows());
-    let between = &one - &(&upper.reflection * &lower.reflection);
+    let identity = Matrix::identity(upper.reflection.rows());
+    let between = &identity - &(&upper.reflection * &lower.reflection);
     let down = between.solve(upper.transmission.clone()).unwrap();
     let up = &lower.reflection * &down;
     Operators {

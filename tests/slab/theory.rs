@@ -1,14 +1,14 @@
-//! The solver against what is known in closed form.
+//! The solver compared with closed forms.
 use splitsnow::slab::{Light, Medium, Streams};
 
 use super::{PAGE, collimated, largest_difference};
 use crate::quoted::assert_says;
 
 #[test]
-fn without_scattering_light_is_only_absorbed() {
+fn a_medium_without_scattering_only_absorbs() {
     let streams = Streams::new(8).unwrap();
     let black = Medium::new(&streams, &[0.0, 0.0]).unwrap();
-    let nearly = Medium::new(&streams, &[1e-9, 0.8e-9, 0.5e-9]).unwrap();
+    let weakly_scattering = Medium::new(&streams, &[1e-9, 0.8e-9, 0.5e-9]).unwrap();
     for thickness in [1e-12, 0.5, 20.0] {
         let operators = black.operators(thickness).unwrap();
         for (i, mu) in streams.cosines().iter().enumerate() {
@@ -21,8 +21,8 @@ fn without_scattering_light_is_only_absorbed() {
                 assert_eq!(operators.reflection[(i, j)], 0.0);
             }
         }
-        let other = nearly.operators(thickness).unwrap();
-        // at most the light that is scattered at all
+        let other = weakly_scattering.operators(thickness).unwrap();
+        // at most the scattered light
         let scattered = 1e-9 * thickness.min(1.0) / streams.cosines()[0];
         for (a, b) in [
             (&operators.transmission, &other.transmission),
@@ -33,10 +33,10 @@ fn without_scattering_light_is_only_absorbed() {
     }
 }
 
-/// A thin layer that scatters isotropically returns half of what it scatters,
-/// albedo tau / mu0; the rest is of the order of tau / mu of the streams.
+/// A thin layer that scatters isotropically reflects half of the light that it scatters,
+/// albedo tau / mu0. The error is of the order of tau / mu of the streams.
 #[test]
-fn thin_slabs_scatter_once() {
+fn thin_slabs_match_single_scattering() {
     let streams = Streams::new(16).unwrap();
     let medium = Medium::new(&streams, &[0.6]).unwrap();
     for cosine in [1.0, 0.37] {
@@ -56,12 +56,12 @@ fn thin_slabs_scatter_once() {
 /// Albedo of an isotropically scattering half-space, 1 - H(mu) sqrt(1 - albedo)
 /// (Chandrasekhar 1960, section 33), with H from its integral equation.
 #[test]
-fn half_space_is_chandrasekhars() {
-    // quadrature over mu = x^3, which smooths H's logarithm at 0
+fn half_spaces_match_chandrasekhars_h_function() {
+    // quadrature over mu = x^3, which removes the logarithmic singularity of H at 0
     let fine = Streams::new(64).unwrap();
     let nodes = fine.cosines().iter().zip(fine.weights());
     let nodes: Vec<(f64, f64)> = nodes.map(|(x, w)| (x.powi(3), 3.0 * x * x * w)).collect();
-    let at = |albedo: f64, h: &[f64], mu: f64| {
+    let h_function = |albedo: f64, h: &[f64], mu: f64| {
         let pairs = nodes.iter().zip(h);
         let sum: f64 = pairs.map(|((m, w), h)| w * m * h / (mu + m)).sum();
         1.0 / ((1.0 - albedo).sqrt() + 0.5 * albedo * sum)
@@ -69,19 +69,18 @@ fn half_space_is_chandrasekhars() {
     let solution = |albedo: f64| {
         let mut h = vec![1.0_f64; 64];
         for _ in 0..2000 {
-            let next = nodes.iter().map(|(mu, _)| at(albedo, &h, *mu));
+            let next = nodes.iter().map(|(mu, _)| h_function(albedo, &h, *mu));
             h = h.iter().zip(next).map(|(a, b)| 0.5 * (a + b)).collect();
         }
         h
     };
     // Chandrasekhar 1960, table XI: H(1) to its five digits
-    // to the digits of his table XI
-    assert!((at(1.0, &solution(1.0), 1.0) - 2.9078).abs() < 5e-5);
+    assert!((h_function(1.0, &solution(1.0), 1.0) - 2.9078).abs() < 5e-5);
     let mut worst = [0.0_f64; 2];
     for albedo in [0.3, 0.8, 0.95, 0.999] {
         let h = solution(albedo);
         for cosine in [0.1, 0.5, 1.0] {
-            let exact = 1.0 - at(albedo, &h, cosine) * (1.0 - albedo).sqrt();
+            let exact = 1.0 - h_function(albedo, &h, cosine) * (1.0 - albedo).sqrt();
             let [few, many] = [8, 32].map(|n| {
                 let streams = Streams::new(n).unwrap();
                 let medium = Medium::new(&streams, &[albedo]).unwrap();
@@ -90,7 +89,7 @@ fn half_space_is_chandrasekhars() {
                 assert_eq!(fluxes.transmittance, 0.0);
                 (fluxes.reflectance - exact).abs()
             });
-            // errors fall at least as n^-4: 256 from 8 to 32 streams
+            // the error decreases at least as n^-4: by 256 from 8 to 32 streams
             assert!(
                 many < 1e-9 && few < 2e-6,
                 "{albedo} {cosine}: {few:e} {many:e}"
@@ -102,11 +101,11 @@ fn half_space_is_chandrasekhars() {
     assert_says(PAGE, "Chandrasekhar's H", worst);
 }
 
-/// Isotropic conservative slabs: T of isotropic light is (4/3) / (tau + 2 q),
-/// q = 0.7104460896 of Milne's problem (e.g. Case and Zweifel 1967), up to terms
-/// that fall as exp(-tau).
+/// Isotropic conservative slabs: T of isotropic light is (4/3) / (tau + 2 q) with
+/// q = 0.7104460896 from the Milne problem (e.g. Case and Zweifel 1967), up to terms that
+/// decrease as exp(-tau).
 #[test]
-fn milnes_extrapolation_length() {
+fn conservative_slabs_match_milnes_extrapolation_length() {
     let q = |n: usize, thickness: f64| {
         let streams = Streams::new(n).unwrap();
         let medium = Medium::new(&streams, &[1.0]).unwrap();
@@ -116,7 +115,7 @@ fn milnes_extrapolation_length() {
     let mut worst = [0.0_f64; 5];
     for thickness in [100.0, 1e4] {
         let errors = [4, 8, 16, 32, 64].map(|n| (q(n, thickness) - 0.710_446_089_6).abs());
-        // as n^-5 at least, down to the digits of the constant
+        // at least as n^-5, down to the digits of the constant
         for pair in errors.windows(2) {
             assert!(pair[1] < 1e-10 || pair[1] < pair[0] / 32.0, "{errors:?}");
         }
@@ -127,11 +126,11 @@ fn milnes_extrapolation_length() {
     println!("Milne: {worst:?}");
 }
 
-/// Deep in the medium light decays with the root of
-/// (albedo / 2k) ln((1 + k) / (1 - k)) = 1. The streams have Gauss's quadrature
-/// of that logarithm, which converges geometrically while k is not close to 1.
+/// Deep in the medium light decays at the rate k that solves
+/// (albedo / 2k) ln((1 + k) / (1 - k)) = 1. The streams integrate this logarithm by Gauss
+/// quadrature, which converges geometrically unless k is close to 1.
 #[test]
-fn deep_light_decays_with_the_known_rate() {
+fn the_decay_rate_matches_the_characteristic_equation() {
     let streams = Streams::new(16).unwrap();
     for albedo in [0.8, 0.9, 0.999] {
         let (mut low, mut high) = (1e-9, 1.0 - 1e-12);
@@ -148,7 +147,7 @@ fn deep_light_decays_with_the_known_rate() {
                 .transmittance
         };
         let rate = (t(600.0) / t(601.0)).ln();
-        // faster modes are down by exp(-600 (1 - k)), below 1e-70
+        // faster modes have decayed by exp(-600 (1 - k)), below 1e-70
         assert!((rate - low).abs() < 1e-10, "{albedo}: {rate} {low}");
     }
 }

@@ -1,4 +1,4 @@
-//! Samplers of grains: laws of size and shape, points on spheroids, facets.
+//! Samplers of grains: distributions of size and shape, points on spheroids, facets.
 use splitsnow::grain::{
     Body, Events, Grain, GrainType, Grains, Shape, SizeRange, Spheroid, Surface, TruncatedNormal,
 };
@@ -16,7 +16,7 @@ fn law(min: f64, max: f64, mean: f64, sd: f64) -> TruncatedNormal {
     TruncatedNormal::new(min, max, mean, sd).unwrap()
 }
 
-/// Calls `each` with `count` grains of a law.
+/// Calls `each` with `count` random grains.
 pub(super) fn draw(law: &GrainType, count: u32, number: u64, mut each: impl FnMut(&Grain)) {
     let mut rng = stream(number);
     let mut left = count;
@@ -30,20 +30,20 @@ pub(super) fn draw(law: &GrainType, count: u32, number: u64, mut each: impl FnMu
     }
 }
 
-/// Distribution function of a truncated normal on the scale of [min, max] = [0, 1].
-fn truncated(law: &TruncatedNormal) -> impl Fn(f64) -> f64 {
+/// Cumulative distribution of a truncated normal, with [min, max] scaled to [0, 1].
+fn truncated_cdf(law: &TruncatedNormal) -> impl Fn(f64) -> f64 {
     let (min, max, mean, sd) = (law.min(), law.max(), law.mean(), law.sd());
     let phi = move |x: f64| erf((x - mean) / (sd * SQRT_2));
     move |t| (phi(min + t * (max - min)) - phi(min)) / (phi(max) - phi(min))
 }
 
-/// Truncated normals as grains get them, wide (proposed from the normal law)
-/// and narrow (from the uniform law; bounds nearer than 2.5 standard
-/// deviations), with the mean in the middle, aside and at a bound; sizes; and
-/// the independence of the three. Sphericities reach far down, so that a
-/// sampler of points that preferred round grains would show.
+/// Truncated normals as used for grains. Some are wide (proposed from the normal distribution),
+/// some narrow (proposed from the uniform one; bounds closer than 2.5 standard deviations). The
+/// mean is in the middle, off-centre or at a bound. The test also covers sizes and the
+/// independence of the three properties. Some sphericities are low, so that a sampler of points
+/// that favours round grains would fail.
 #[test]
-fn sizes_and_shapes_follow_their_laws() {
+fn sizes_and_shapes_follow_their_distributions() {
     let samples = [
         // representative
         (law(0.6, 0.95, 0.798, 0.064), law(0.2, 0.4, 0.3, 0.072)),
@@ -60,7 +60,7 @@ fn sizes_and_shapes_follow_their_laws() {
             sphericity,
         };
         let scale = |law: &TruncatedNormal, x: f64| (x - law.min()) / (law.max() - law.min());
-        let (psi_cdf, facet_cdf) = (truncated(&sphericity), truncated(&facetness));
+        let (psi_cdf, facet_cdf) = (truncated_cdf(&sphericity), truncated_cdf(&facetness));
         let [mut psi, mut facet, mut size] = [const { [0u64; 20] }; 3];
         let mut joint = [0u64; 8 * 8 * 8];
         draw(&law, 400_000, 20 + number as u64, |grain| {
@@ -82,8 +82,8 @@ fn sizes_and_shapes_follow_their_laws() {
     }
 }
 
-/// A grain of one shape.
-fn shaped(psi: f64) -> GrainType {
+/// Grains of a single shape.
+fn with_sphericity(psi: f64) -> GrainType {
     GrainType {
         size: SizeRange::new(1e-3, 1e-3).unwrap(),
         facetness: law(0.0, 0.0, 0.0, 0.0),
@@ -92,9 +92,8 @@ fn shaped(psi: f64) -> GrainType {
     }
 }
 
-/// Points are uniform over the area of a spheroid. With e its eccentricity the
-/// area between heights along the axis is proportional to
-/// e u sqrt(1 - e^2 u^2) + asin(e u).
+/// Points are uniform over the surface of a spheroid. With eccentricity e, the area below a
+/// height u along the axis varies as e u sqrt(1 - e^2 u^2) + asin(e u).
 #[test]
 fn points_are_uniform_over_the_surface() {
     for (number, psi) in [1.0, 0.9, 0.6, 0.3].into_iter().enumerate() {
@@ -105,15 +104,20 @@ fn points_are_uniform_over_the_surface() {
         };
         let mut counts = [0u64; 20 * 8];
         let mut axes = [0u64; 20 * 8];
-        draw(&shaped(psi), 400_000, 30 + number as u64, |grain| {
-            let (axis, _) = Spheroid::parts(&grain.body.numbers);
-            let (t1, t2) = axis.frame();
-            let u = grain.point.dot(axis);
-            let around = turn(grain.point.dot(t1), grain.point.dot(t2));
-            counts[8 * cell(0.5 + 0.5 * u, 20) + cell(around, 8)] += 1;
-            let around = turn(axis.x, axis.y);
-            axes[8 * cell(0.5 + 0.5 * axis.z, 20) + cell(around, 8)] += 1;
-        });
+        draw(
+            &with_sphericity(psi),
+            400_000,
+            30 + number as u64,
+            |grain| {
+                let (axis, _) = Spheroid::parts(&grain.body.numbers);
+                let (t1, t2) = axis.frame();
+                let u = grain.point.dot(axis);
+                let around = turn(grain.point.dot(t1), grain.point.dot(t2));
+                counts[8 * cell(0.5 + 0.5 * u, 20) + cell(around, 8)] += 1;
+                let around = turn(axis.x, axis.y);
+                axes[8 * cell(0.5 + 0.5 * axis.z, 20) + cell(around, 8)] += 1;
+            },
+        );
         let bands = steps(20, |t| area(2.0 * t - 1.0) / (2.0 * area(1.0)));
         let expected: Vec<f64> = bands.iter().flat_map(|p| [p / 8.0; 8]).collect();
         assert_distributed(&format!("points, psi = {psi}"), &counts, &expected);
@@ -123,16 +127,16 @@ fn points_are_uniform_over_the_surface() {
     }
 }
 
-/// Projected points fill the ellipse that the ray sees, and only its near
-/// side: semi-axes c across the spheroid's axis, and along it its half extent.
+/// Projected points uniformly fill the ellipse that the ray sees, on its near side only. The
+/// semi-axes are c across the axis of the spheroid and, along it, the projected half extent.
 #[test]
-fn projected_points_are_uniform_over_the_shadow() {
+fn projected_points_are_uniform_over_the_projected_area() {
     let d = Vec3::new(0.48, 0.6, 0.64);
     let mut rng = stream(40);
     for psi in [1.0f64, 0.8, 0.4] {
         for tilt in [0.3, 1.2] {
             if psi == 1.0 && tilt > 1.0 {
-                continue; // a sphere has no attitude
+                continue; // the orientation of a sphere does not matter
             }
             // the axis at an angle of `tilt` to the ray
             let (across, along) = d.frame();
@@ -155,8 +159,8 @@ fn projected_points_are_uniform_over_the_shadow() {
     }
 }
 
-/// Facet normals: a mirror grain (index next to 0: total reflection from
-/// outside) tells the normal m of its facet by d' - d, which is along m.
+/// Samples facet normals. On a mirror grain (index near 0: total external reflection) the facet
+/// normal m follows from d' - d, which is parallel to m.
 fn facets(facetness: f64, incidence_deg: f64, count: u32, rng: &mut Stream) -> Vec<(f64, f64)> {
     let mirror = Interface::dielectric(AIR, Index { n: 1e-6, k: 0.0 });
     let surface = Surface {
@@ -191,14 +195,13 @@ fn facets(facetness: f64, incidence_deg: f64, count: u32, rng: &mut Stream) -> V
     found
 }
 
-/// Facets are tilted by cos = 1 - |xi|, xi normal with standard deviation F/2,
-/// at a uniform azimuth, both drawn again until the cosine is positive and the
-/// facet faces the ray (docs/methods.md). Cells of the tilt have equal
-/// probability at normal incidence; at others the share of a cell that faces
-/// the ray is integrated: m faces it if
+/// Facets are tilted by cos = 1 - |xi|, where xi is normal with standard deviation F/2, at a
+/// uniform azimuth. Both are drawn again until the cosine is positive and the facet faces the
+/// ray (docs/methods.md). Cells of the tilt have equal probability at normal incidence. At other
+/// angles the part of a cell that faces the ray is integrated: m faces the ray if
 /// cos(i) cos(tilt) > -sin(i) sin(tilt) cos(azimuth).
 #[test]
-fn facets_follow_their_law() {
+fn facets_follow_their_distribution() {
     let mut rng = stream(50);
     for (facetness, deg) in [
         (0.1, 0.0),
@@ -218,7 +221,7 @@ fn facets_follow_their_law() {
             counts[16 * cell(rank(cos_tilt), 16) + cell(azimuth, 16)] += 1;
         }
         let (sin, cos) = f64::to_radians(deg).sin_cos();
-        // midpoints of 2000 ranks, from a table of the rank's inverse
+        // midpoints of 2000 ranks, found by inverting the rank
         let fine = 2000;
         let mut shares = vec![0.0; 16 * 16];
         let mut t = 0.0;
@@ -244,7 +247,7 @@ fn facets_follow_their_law() {
             }
         }
         let total: f64 = shares.iter().sum();
-        // cells that hardly ever face the ray are counted together
+        // cells that rarely face the ray are pooled
         let least = 100.0 / 400_000.0;
         let (mut pooled_count, mut pooled_share) = (Vec::new(), Vec::new());
         let (mut rest, mut rest_share) = (0, 0.0);

@@ -13,12 +13,12 @@ fn normal_cdf(x: f64) -> f64 {
     0.5 * (1.0 + erf(x / SQRT_2))
 }
 
-/// Angle of (sin, cos) as a fraction of the circle.
+/// The angle with this sin and cos, as a fraction of a turn.
 pub(crate) fn turn(sin: f64, cos: f64) -> f64 {
     (sin.atan2(cos) / (2.0 * PI)).rem_euclid(1.0)
 }
 
-/// Counts `DRAWS` times eight values in [0, 1).
+/// Histogram of `DRAWS` times eight values in [0, 1).
 fn histogram(number: u64, cells: usize, mut draw: impl FnMut(&mut Stream) -> [f64; 8]) -> Vec<u64> {
     let mut rng = stream(number);
     let mut counts = vec![0; cells];
@@ -31,7 +31,7 @@ fn histogram(number: u64, cells: usize, mut draw: impl FnMut(&mut Stream) -> [f6
 }
 
 #[test]
-fn variates_follow_their_laws() {
+fn variates_follow_their_distributions() {
     let uniform = histogram(1, 256, |r| r.uniform().to_array());
     assert_uniform("uniform", &uniform);
     let low_bits = histogram(2, 256, |r| {
@@ -42,7 +42,7 @@ fn variates_follow_their_laws() {
     assert_uniform("exponential", &exponential);
     let normal = histogram(4, 200, |r| r.normal().to_array().map(normal_cdf));
     assert_uniform("normal", &normal);
-    // tails: beyond 3 and 3.5 standard deviations
+    // tails: the outermost cells begin at 3.1 standard deviations
     let tails = histogram(5, 1000, |r| r.normal().to_array().map(normal_cdf));
     assert_uniform("normal, tails", &tails);
     let azimuth = histogram(6, 360, |r| {
@@ -66,10 +66,10 @@ fn variates_follow_their_laws() {
     }
 }
 
-/// Pairs of neighbouring draws fill the square, also the pairs of normal
-/// variates that share their radius.
+/// Pairs of consecutive draws fill the unit square uniformly, including pairs of normal variates
+/// that share their radius.
 #[test]
-fn neighbouring_draws_are_independent() {
+fn consecutive_draws_are_independent() {
     let pair = |a: [f64; 8], b: [f64; 8]| -> [f64; 8] {
         std::array::from_fn(|i| (cell(a[i], 16) as f64 + b[i]) / 16.0)
     };
@@ -85,9 +85,9 @@ fn neighbouring_draws_are_independent() {
     assert_uniform("pairs of normals", &normal);
 }
 
-/// No correlation between lanes (28 pairs), from one draw to the next within
-/// each lane (8), or between streams that differ in one part of the key (8):
-/// with N pairs of uniforms, 12 sqrt(N) times the covariance is standard normal.
+/// No correlation between lanes (28 pairs), between consecutive draws of a lane (8), or between
+/// streams that differ in one part of the key (8). For N pairs of uniforms, 12 sqrt(N) times the
+/// covariance is standard normal.
 #[test]
 fn lanes_and_streams_are_uncorrelated() {
     let limit = z_limit(ALPHA, COMPARISONS);
@@ -111,11 +111,11 @@ fn lanes_and_streams_are_uncorrelated() {
         purpose: [0, 0, 0],
         batch: 0,
     };
-    let mut one = Stream::new(key);
-    let mut other = Stream::new(Key { batch: 1, ..key });
+    let mut first = Stream::new(key);
+    let mut second = Stream::new(Key { batch: 1, ..key });
     let mut between = [0f64; 8];
     for _ in 0..DRAWS {
-        let (a, b) = (centred(&mut one), centred(&mut other));
+        let (a, b) = (centred(&mut first), centred(&mut second));
         for lane in 0..8 {
             between[lane] += a[lane] * b[lane];
         }

@@ -1,4 +1,4 @@
-//! Draws inside a walk, seen from outside.
+//! Random draws in a walk, inferred from its results.
 use std::f64::consts::PI;
 
 use splitsnow::grain::{
@@ -16,12 +16,11 @@ use super::{assert_distributed, assert_uniform, cell};
 use crate::quoted::assert_says;
 use crate::snow::{AIR, Each, NORMAL, TRANSPARENT, spheres, stream, walker};
 
-/// So thin that the boundary rule, which acts within a grain of the planes,
-/// touches 1 ray in 10^5.
+/// So low that the boundary rule, which acts within a grain of the planes, affects 1 ray in 10^5.
 const DENSITY: f64 = 0.01;
 
-/// Lets rays fly to their first grain, which absorbs them: of index 1, so that
-/// all enter it. Calls `each` with the paths.
+/// Lets rays fly to their first grain, which absorbs them. Grains have index 1, so that all rays
+/// enter. Calls `each` with the paths.
 fn first_grains(snow: &Snow, entry: Entry, number: u64, mut each: impl FnMut(&Path)) {
     let absorption = Absorption {
         coefficients: Coefficients {
@@ -50,23 +49,22 @@ fn first_grains(snow: &Snow, entry: Entry, number: u64, mut each: impl FnMut(&Pa
     .unwrap();
 }
 
-/// Flights are exponential with the mean free distance, and a share S of them
-/// lies in water.
+/// Flights are exponential with the mean free distance, and a fraction S of them is in water.
 #[test]
-fn flights_and_media() {
-    let drowned = Snow {
-        water_saturation: 1.0, // outside the model's range, but shows every flight
+fn flights_are_exponential_and_media_follow_the_saturation() {
+    let saturated = Snow {
+        water_saturation: 1.0, // outside the range of the model, but shows every flight
         ..spheres(100.0, DENSITY)
     };
-    let d = mean_free_distance_m(&drowned.grains[0].grain, DENSITY, -1.0);
+    let d = mean_free_distance_m(&saturated.grains[0].grain, DENSITY, -1.0);
     let mut flights = [0u64; 100];
-    first_grains(&drowned, Entry::Uniform, 60, |path| {
+    first_grains(&saturated, Entry::Uniform, 60, |path| {
         flights[cell((-path.water_m / d).exp(), 100)] += 1;
     });
     assert_uniform("flight lengths", &flights);
     let wet = Snow {
         water_saturation: 0.3,
-        ..drowned
+        ..saturated
     };
     let (mut media, mut flights) = ([0u64; 2], [0u64; 100]);
     first_grains(&wet, Entry::Uniform, 61, |path| {
@@ -79,11 +77,10 @@ fn flights_and_media() {
     assert_uniform("flight lengths in water", &flights);
 }
 
-/// The chord of a sphere of index 1 is its diameter times the cosine of
-/// incidence c: c is uniform for entry uniform over the surface, c^2 for entry
-/// uniform over the projected area.
+/// The chord of a sphere of index 1 is its diameter times the cosine of incidence c. For entry
+/// uniform over the surface, c is uniform; for entry uniform over the projected area, c^2 is.
 #[test]
-fn entry_points() {
+fn entry_points_follow_their_distributions() {
     let snow = spheres(100.0, DENSITY);
     for (entry, power) in [(Entry::Uniform, 1), (Entry::Projected, 2)] {
         let mut counts = [0u64; 100];
@@ -94,9 +91,9 @@ fn entry_points() {
     }
 }
 
-/// Diffuse light carries the weight of its cosine: cos^2 is uniform.
+/// Isotropic radiance is weighted by the cosine, so cos^2 is uniform.
 #[test]
-fn diffuse_light() {
+fn diffuse_light_is_weighted_by_its_cosine() {
     let mut counts = [0u64; 100];
     let empty = spheres(100.0, 0.0);
     let mut sink = Each(|_, _: &Path, direction: Vec3| {
@@ -115,12 +112,12 @@ fn diffuse_light() {
     assert_uniform("diffuse illumination", &counts);
 }
 
-/// Ice met per metre of flight, counted: the flights of walks, and the mean chord 4 volume /
-/// surface of the grains that they draw. Under the consistent law it is what the density
-/// holds, under the published one more by what the spreads of size and shape bring (that of
-/// shape by midpoint sums written apart).
+/// Path in ice per metre of flight, from the flights of walks and the mean chord 4 volume /
+/// surface of the grains that they draw. Under the consistent law it agrees with the density.
+/// Under the published law it is larger by the effects of the spreads of size and shape (the
+/// latter from independent midpoint sums).
 #[test]
-fn ice_met_per_metre() {
+fn ice_met_per_metre_matches_the_size_law() {
     let law = |min, max, mean, sd| TruncatedNormal::new(min, max, mean, sd).unwrap();
     let usual = law(0.6, 0.95, 0.798, 0.064);
     let round = law(0.9, 0.97, 0.935, 0.05);
@@ -176,7 +173,7 @@ fn ice_met_per_metre() {
     assert_says("docs/methods.md", "ice met, error of the count", [error]);
 }
 
-/// Sums of values and of their squares.
+/// Running sums for a mean and its relative error.
 #[derive(Clone, Copy, Default)]
 struct Mean {
     n: f64,

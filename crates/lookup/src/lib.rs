@@ -161,10 +161,10 @@ pub enum LookupError {
         stored: Quantity,
     },
     /// A matrix or spectrum whose shape does not match the database.
-    #[error("expected {expected} {what} as in the compact file, found {found}")]
+    #[error("expected {expected} {dimension} as in the compact file, found {found}")]
     Shape {
         /// The dimension: curves or wavelengths.
-        what: &'static str,
+        dimension: &'static str,
         /// Number of them in the file.
         expected: usize,
         /// Number of them given.

@@ -181,7 +181,7 @@ impl Lookup {
     pub fn spectrum(&self, point: Point, spectrum: &mut [f32]) -> Result<(), LookupError> {
         if spectrum.len() != self.wavelengths {
             return Err(LookupError::Shape {
-                what: "wavelengths",
+                dimension: "wavelengths",
                 expected: self.wavelengths,
                 found: spectrum.len(),
             });

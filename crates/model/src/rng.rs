@@ -1,6 +1,6 @@
-//! Random streams. A stream is a function of what it is for (seed, cell,
-//! purpose, batch), never of thread or schedule, so any split of the work
-//! over threads, shards and interrupted runs draws the same numbers.
+//! Random streams. A stream depends only on its key (seed, cell, purpose, batch), never on
+//! thread or schedule. So any distribution of the work over threads, shards and interrupted
+//! runs draws the same numbers.
 use rand::{Rng, SeedableRng};
 use rand_xoshiro::Xoshiro256PlusPlus;
 use sha2::{Digest, Sha256};
@@ -8,43 +8,43 @@ use splitsnow_spectra::simd::{F64x8, Portable, Simd, U64x8};
 
 use crate::math::{Vec3x8, ln, sincos_eighth};
 
-/// What a stream is for. Two different keys give independent streams.
+/// Identifies a stream. Different keys give independent streams.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
 pub struct Key {
     /// Seed of the whole run.
     pub seed: u64,
     /// Cell of the database, 0 for a single measurement.
     pub cell: u64,
-    /// What within the cell: engine, wavelength or node, thickness.
+    /// Purpose within the cell: engine, wavelength or node, thickness.
     pub purpose: [u32; 3],
     /// Batch of rays.
     pub batch: u64,
 }
 
-/// 64 bits that follow from numbers alone: the first 8 bytes (little-endian) of
-/// the SHA-256 over what they are of and their binary64 bits. What is computed
-/// from parameters gets its random numbers from these bits, so that they do not
-/// depend on where in a list the parameters stand, or on what else is in it.
+/// 64 bits computed from numbers alone: the first 8 bytes (little-endian) of the SHA-256 of
+/// a kind and the binary64 bits of the numbers. Quantities computed from parameters take
+/// their random numbers from these bits, so the random numbers do not depend on the position
+/// of the parameters in a list or on the other entries.
 #[derive(Debug, Clone)]
 pub struct Fingerprint(Sha256);
 
 impl Fingerprint {
-    /// Of a thing of this kind; kinds with the same numbers differ.
+    /// Starts the fingerprint of an item of this kind. Kinds with the same numbers differ.
     #[must_use]
     pub fn of(kind: &str) -> Self {
         Self(Sha256::new()).and_text(kind)
     }
 
-    /// And of a text.
+    /// Adds a text.
     #[must_use]
     pub fn and_text(mut self, text: &str) -> Self {
-        // length first, so that bytes cannot move between what is added
+        // the length first, so that the boundaries between items are unambiguous
         self.0.update((text.len() as u64).to_le_bytes());
         self.0.update(text);
         self
     }
 
-    /// And of these numbers, with their count; -0 is 0.
+    /// Adds these numbers and their count; -0 counts as 0.
     #[must_use]
     pub fn and(mut self, values: &[f64]) -> Self {
         self.0.update((values.len() as u64).to_le_bytes());
@@ -54,7 +54,7 @@ impl Fingerprint {
         self
     }
 
-    /// And of a whole number.
+    /// Adds an integer.
     #[must_use]
     pub fn and_bits(mut self, bits: u64) -> Self {
         self.0.update(bits.to_le_bytes());
@@ -74,11 +74,11 @@ impl Fingerprint {
 #[derive(Debug, Clone)]
 pub struct Stream<S: Simd = Portable> {
     state: [U64x8<S>; 4],
-    /// The second of a pair of normal variates, if not used yet.
+    /// The second of a pair of normal variates, if not yet used.
     spare: Option<F64x8<S>>,
 }
 
-/// The state of a single generator for `key`: its SHA-256.
+/// A single generator for `key`, seeded with its SHA-256.
 fn generator(key: Key) -> Xoshiro256PlusPlus {
     let mut hash = Sha256::new();
     hash.update(b"splitsnow stream 1");
@@ -96,7 +96,7 @@ fn rotate<S: Simd>(x: U64x8<S>, k: u32) -> U64x8<S> {
     (x << k) | (x >> (64 - k))
 }
 
-/// `v` with the other sign where the `bit` is set.
+/// `v` with its sign flipped where the `bit` is set.
 #[inline(always)]
 fn flip<S: Simd>(v: F64x8<S>, bits: U64x8<S>, bit: u32) -> F64x8<S> {
     v ^ F64x8::from_bits((bits >> bit) << 63)
@@ -109,11 +109,11 @@ fn unit_interval<S: Simd>(bits: U64x8<S>) -> F64x8<S> {
     one_to_two - F64x8::ONE
 }
 
-/// (sin, cos) of 2 pi `u` - pi / 4, for `u` in [0, 1); absolute error below 3e-14.
+/// (sin, cos) of 2 pi `u` - pi / 4, for `u` in [0, 1), with an absolute error below 3e-14.
 #[inline(always)]
 #[must_use]
 pub fn azimuth<S: Simd>(u: F64x8<S>) -> (F64x8<S>, F64x8<S>) {
-    // the angle is `quarter` right angles and `t` eighths of a turn around its middle
+    // the angle is `quarter` right angles plus an offset within a quarter, -45 to 45 degrees
     let four = u * F64x8::splat(4.0);
     let mut quarter = F64x8::ZERO;
     for k in [1.0, 2.0, 3.0] {
@@ -139,7 +139,7 @@ impl Stream {
 }
 
 impl<S: Simd> Stream<S> {
-    /// The same stream, drawn from with another instruction set.
+    /// The same stream for another instruction set.
     #[inline(always)]
     #[must_use]
     pub fn on<T: Simd>(self) -> Stream<T> {
@@ -149,7 +149,7 @@ impl<S: Simd> Stream<S> {
         }
     }
 
-    /// Eight times 64 random bits.
+    /// 64 random bits per lane.
     #[inline(always)]
     fn bits(&mut self) -> U64x8<S> {
         let [s0, s1, s2, s3] = &mut self.state;
@@ -164,13 +164,13 @@ impl<S: Simd> Stream<S> {
         result
     }
 
-    /// Uniform in [0, 1), multiples of 2^-52.
+    /// Uniform in [0, 1), a multiple of 2^-52.
     #[inline(always)]
     pub fn uniform(&mut self) -> F64x8<S> {
         unit_interval(self.bits())
     }
 
-    /// Exponential with mean 1 (cut at 36, of probability 2e-16).
+    /// Exponential with mean 1 (truncated at 36, beyond which the probability is 2e-16).
     #[inline(always)]
     pub fn exponential(&mut self) -> F64x8<S> {
         -ln(F64x8::ONE - self.uniform())
@@ -192,7 +192,7 @@ impl<S: Simd> Stream<S> {
     #[inline(always)]
     pub fn azimuth(&mut self) -> (F64x8<S>, F64x8<S>) {
         let bits = self.bits();
-        // 52 bits choose a point of one quarter, three others which quarter
+        // 52 bits choose an angle within 45 degrees of the x axis, three others swap and flip
         let t = unit_interval(bits);
         let (s, c) = sincos_eighth(t + t - F64x8::ONE);
         let swap = F64x8::from_bits(U64x8::ZERO - (bits & U64x8::ONE));
@@ -223,8 +223,8 @@ mod tests {
     };
 
     #[test]
-    fn streams_differ_in_every_part_of_the_key() {
-        let all = [
+    fn every_part_of_the_key_changes_the_stream() {
+        let keys = [
             KEY,
             Key { seed: 2, ..KEY },
             Key { cell: 3, ..KEY },
@@ -238,21 +238,21 @@ mod tests {
             },
             Key { batch: 7, ..KEY },
         ];
-        let mut first: Vec<u64> = all
+        let mut first: Vec<u64> = keys
             .iter()
             .flat_map(|k| Stream::new(*k).bits().to_array())
             .collect();
         first.sort_unstable();
         first.dedup();
-        assert_eq!(first.len(), 8 * all.len());
+        assert_eq!(first.len(), 8 * keys.len());
     }
 
-    /// Part of the format: the digest decides the bytes of databases.
+    /// The digest is part of the format: it determines the bytes of databases.
     #[test]
-    fn digests_are_of_all_that_they_are_given() {
+    fn digests_depend_on_kind_values_and_boundaries() {
         let digest = |kind: &str, values: &[f64]| Fingerprint::of(kind).and(values).finish();
         assert_eq!(digest("snow", &[0.0]), digest("snow", &[-0.0]));
-        let all = [
+        let digests = [
             digest("snow", &[]),
             digest("snow", &[0.0]),
             digest("snow", &[1.0]),
@@ -262,13 +262,13 @@ mod tests {
             Fingerprint::of("snow").and_text("").and(&[1.0]).finish(),
             Fingerprint::of("snow").and_bits(1).finish(),
         ];
-        for (i, one) in all.iter().enumerate() {
-            assert!(!all[..i].contains(one), "{i}");
+        for (i, digest) in digests.iter().enumerate() {
+            assert!(!digests[..i].contains(digest), "{i}");
         }
     }
 
     #[test]
-    fn every_lane_is_the_published_generator() {
+    fn every_lane_matches_the_published_generator() {
         let mut stream = Stream::new(KEY);
         let states = stream.state.map(U64x8::to_array);
         for lane in 0..8 {

@@ -4,7 +4,7 @@ use super::panel::{Panel, Series};
 use super::style::Style;
 use crate::engine::Engine;
 use crate::lab::tradeoff::{
-    Band, ChartPoint, Coding, Components, Growth, Measure, Results, front, points,
+    Band, ChartPoint, Coding, Components, Measure, Results, ScalingVariable, front, points,
 };
 use crate::measurement::Quantity;
 
@@ -149,16 +149,18 @@ fn engines(engines: impl Iterator<Item = Engine> + Clone) -> Vec<(Symbol, String
 
 /// Cost against the size of the request.
 fn scaling(results: &Results) -> Figure {
-    let panel = |growth: Growth| {
-        let (title, x) = match growth {
-            Growth::Thickness => ("One slab, ever thicker", "thickness, cm"),
-            Growth::Wavelengths => ("More wavelengths in 400-700 nm", "wavelengths"),
-            Growth::Thicknesses => ("More slabs at once, the thickest 12 cm", "thicknesses"),
-            Growth::Angles => ("More angles of incidence", "angles"),
+    let panel = |variable: ScalingVariable| {
+        let (title, x) = match variable {
+            ScalingVariable::Thickness => ("One slab, ever thicker", "thickness, cm"),
+            ScalingVariable::Wavelengths => ("More wavelengths in 400-700 nm", "wavelengths"),
+            ScalingVariable::Thicknesses => {
+                ("More slabs at once, the thickest 12 cm", "thicknesses")
+            }
+            ScalingVariable::Angles => ("More angles of incidence", "angles"),
         };
         let series_of = |engine: &Engine| {
             let costs = results.costs.iter();
-            let selected = costs.filter(|c| c.growth == growth && c.setting.engine == *engine);
+            let selected = costs.filter(|c| c.variable == variable && c.setting.engine == *engine);
             Series {
                 style: Style::of(*engine),
                 points: selected.map(|c| (c.value, c.cpu_seconds)).collect(),
@@ -187,7 +189,7 @@ fn scaling(results: &Results) -> Figure {
         format!("grains of {sample}; otherwise one slab of 12 cm, 31 wavelengths, one angle"),
     ));
     Figure {
-        panels: Growth::ALL.map(panel).into(),
+        panels: ScalingVariable::ALL.map(panel).into(),
         legend,
     }
 }

@@ -110,7 +110,7 @@ fn costs(results: &Results) -> Result<Vec<u8>, ReportError> {
         "cpu_seconds",
     ])?;
     for cost in &results.costs {
-        let mut record = vec![cost.growth.name().to_owned(), cost.value.to_string()];
+        let mut record = vec![cost.variable.name().to_owned(), cost.value.to_string()];
         record.extend(setting(&cost.setting));
         record.push(digits(cost.cpu_seconds));
         out.write_record(record)?;

@@ -1,12 +1,11 @@
-//! Figures: panels side by side with one legend, as SVG and PNG.
+//! Figures: panels side by side with one legend.
 use plotters::element::DashedPathElement;
 use plotters::prelude::*;
 use plotters::style::text_anchor::HPos;
-use resvg::tiny_skia::{Pixmap, Transform};
-use resvg::usvg::{Options, Tree, fontdb};
 
+use super::canvas::{Area, DrawResult, Drawing};
 use super::panel::Panel;
-use super::style::{Area, DrawResult, GREY, INK, SCALE, SHADE, Style, font, write};
+use super::style::{GREY, INK, SCALE, SHADE, Style, font, write};
 
 /// Width of a figure as shown, pixels.
 const WIDTH: i32 = 1200;
@@ -37,8 +36,8 @@ pub(super) struct Figure {
 }
 
 impl Figure {
-    /// The figure as the text of an SVG file.
-    pub(super) fn svg(&self) -> Result<String, String> {
+    /// The drawing of the figure.
+    pub(super) fn drawing(&self) -> Result<Drawing, String> {
         let rows = self.panels.len().div_ceil(2) as i32;
         let has_free_cell = self.panels.len() % 2 == 1;
         let legend_height = if has_free_cell {
@@ -46,7 +45,7 @@ impl Figure {
         } else {
             LINE * (self.legend.len() as i32 + 1)
         };
-        svg((WIDTH, rows * ROW + legend_height), |area| {
+        Drawing::new((WIDTH, rows * ROW + legend_height), |area| {
             self.draw(area, rows)
         })
     }
@@ -88,41 +87,4 @@ impl Figure {
         }
         Ok(())
     }
-}
-
-/// The drawing of `draw` on a white background, as the text of an SVG file of this size (width
-/// and height as shown, pixels).
-pub(super) fn svg(
-    (width, height): (i32, i32),
-    draw: impl FnOnce(&Area) -> DrawResult,
-) -> Result<String, String> {
-    // Drawn larger by SCALE; the header states the size as shown.
-    let header = |scale| {
-        let (width, height) = (width * scale, height * scale);
-        format!("<svg width=\"{width}\" height=\"{height}\"")
-    };
-    let size = ((width * SCALE) as u32, (height * SCALE) as u32);
-    let mut svg = String::new();
-    let area = SVGBackend::with_string(&mut svg, size).into_drawing_area();
-    let drawn = area.fill(&WHITE).and_then(|()| draw(&area));
-    let drawn = drawn.and_then(|()| area.present());
-    drop(area);
-    drawn.map_err(|error| error.to_string())?;
-    Ok(svg.replacen(&header(SCALE), &header(1), 1))
-}
-
-/// The picture of an SVG file as a PNG file of the same size.
-pub(super) fn png(svg: &str) -> Result<Vec<u8>, String> {
-    let mut fonts = fontdb::Database::new();
-    fonts.load_font_data(dejavu::sans::regular().to_vec());
-    fonts.set_sans_serif_family("DejaVu Sans");
-    let options = Options {
-        fontdb: fonts.into(),
-        ..Options::default()
-    };
-    let tree = Tree::from_str(svg, &options).map_err(|error| error.to_string())?;
-    let size = tree.size().to_int_size();
-    let mut pixels = Pixmap::new(size.width(), size.height()).ok_or("the picture has no size")?;
-    resvg::render(&tree, Transform::identity(), &mut pixels.as_mut());
-    pixels.encode_png().map_err(|error| error.to_string())
 }

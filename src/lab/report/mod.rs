@@ -1,10 +1,11 @@
 //! Charts and tables of the results of [`crate::lab::tradeoff`], of a comparison with a measured
 //! spectrum, and of studies; patches of colour.
 //!
-//! A chart is drawn once, as SVG. Its PNG is this SVG, rasterised with the font DejaVu Sans,
-//! which is part of the program, so that charts look the same on every machine. The colours are
+//! A chart is drawn as SVG and as PNG. The font of the PNG is DejaVu Sans, which is part of the
+//! program, so that charts look the same on every machine. The colours are
 //! those of Okabe and Ito, which remain distinguishable with any kind of colour vision; every
 //! series also has its own marker.
+mod canvas;
 mod charts;
 mod csv;
 mod figure;
@@ -64,10 +65,9 @@ pub fn write(dir: &Path, results: &Results) -> Result<Vec<PathBuf>, ReportError>
             chart: chart.name,
             reason,
         };
-        let svg = chart.figure.svg().map_err(failed)?;
-        let png = figure::png(&svg).map_err(failed)?;
-        files.push((format!("{}.svg", chart.name), svg.into_bytes()));
-        files.push((format!("{}.png", chart.name), png));
+        let drawing = chart.figure.drawing().map_err(failed)?;
+        files.push((format!("{}.svg", chart.name), drawing.svg.into_bytes()));
+        files.push((format!("{}.png", chart.name), drawing.png));
     }
     save(dir, files)
 }

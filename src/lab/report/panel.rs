@@ -3,7 +3,8 @@ use plotters::element::DashedPathElement;
 use plotters::prelude::*;
 use plotters::style::text_anchor::HPos;
 
-use super::style::{Area, DrawResult, GREY, GRID, INK, SCALE, SHADE, Style, font, number, write};
+use super::canvas::{Area, DrawResult};
+use super::style::{GREY, GRID, INK, SCALE, SHADE, Style, font, number, write};
 
 /// Points that share a style.
 #[derive(Debug, Clone)]
@@ -111,6 +112,7 @@ impl Panel {
             .x_label_formatter(&|x| number(*x))
             .y_label_formatter(&|y| number(*y))
             .label_style(font(12, &INK))
+            .set_all_tick_mark_size(4 * SCALE)
             .x_desc(&self.x)
             .y_desc(&self.y)
             .axis_desc_style(font(13, &INK))

@@ -7,8 +7,8 @@ use plotters::prelude::*;
 use plotters::style::text_anchor::HPos;
 
 use super::ReportError;
-use super::figure::{self, png};
-use super::style::{Area, DrawResult, GREY, GRID, INK, SCALE, SHADE, Style, font, write};
+use super::canvas::{Area, DrawResult, Drawing};
+use super::style::{GREY, GRID, INK, SCALE, SHADE, Style, font, write};
 use crate::atomic;
 use crate::comparison::{Comparison, GOOD_RMSE, MeasuredSpectrum, ResidualPoint, listed};
 
@@ -68,10 +68,10 @@ impl Residuals<'_> {
             reason,
         };
         let size = (WIDTH, HEAD + UPPER + LOWER);
-        let svg = figure::svg(size, |area| self.draw(area)).map_err(failed)?;
+        let drawing = Drawing::new(size, |area| self.draw(area)).map_err(failed)?;
         let bytes = match Picture::of(path) {
-            Some(Picture::Png) => png(&svg).map_err(failed)?,
-            _ => svg.into_bytes(),
+            Some(Picture::Png) => drawing.png,
+            _ => drawing.svg.into_bytes(),
         };
         atomic::write(path, &bytes).map_err(|source| ReportError::Io {
             path: path.to_owned(),
@@ -193,6 +193,7 @@ impl Residuals<'_> {
             .axis_style(INK.stroke_width(SCALE as u32))
             .x_label_formatter(&|nm| format!("{}", (nm * 1e3).round() / 1e3))
             .label_style(font(12, &INK))
+            .set_all_tick_mark_size(4 * SCALE)
             .x_desc("wavelength, nm")
             .y_desc(label)
             .axis_desc_style(font(13, &INK))

@@ -1,13 +1,13 @@
 //! Colours, markers and text.
-use plotters::coord::Shift;
 use plotters::prelude::*;
 use plotters::style::text_anchor::{HPos, Pos, VPos};
 
+use super::canvas::{Area, DrawResult};
 use crate::engine::Engine;
 
 /// Factor by which drawings are larger than their size as shown, because the library rounds to
-/// whole pixels.
-pub(super) const SCALE: i32 = 2;
+/// whole pixels, and so that edges in PNG files are smooth.
+pub(super) const SCALE: i32 = 4;
 /// Colour of text, axes and dark lines.
 pub(super) const INK: RGBColor = RGBColor(40, 40, 40);
 /// Colour of secondary text and lines.
@@ -35,11 +35,6 @@ const MARKERS: [Marker; 6] = [
     Marker::Plus,
     Marker::Inverted,
 ];
-
-/// The area of an SVG drawing.
-pub(super) type Area<'a> = DrawingArea<SVGBackend<'a>, Shift>;
-/// The result of drawing with the library.
-pub(super) type DrawResult = Result<(), DrawingAreaErrorKind<std::io::Error>>;
 
 /// The shape of a marker.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -83,7 +78,8 @@ impl Style {
 
     /// Draws the marker at a pixel of `area`.
     pub(super) fn mark(self, area: &Area, (x, y): (i32, i32)) -> DrawResult {
-        let r = 5 * SCALE;
+        // radius, and what corners reach beyond it
+        let (r, e) = (5 * SCALE, SCALE);
         let fill = self.colour.filled();
         let polygon = |corners: &[(i32, i32)]| {
             let corners: Vec<_> = corners.iter().map(|(i, j)| (x + i, y + j)).collect();
@@ -92,11 +88,16 @@ impl Style {
         match self.marker {
             Marker::Circle => area.draw(&Circle::new((x, y), r, fill)),
             Marker::Square => polygon(&[(-r, -r), (r, -r), (r, r), (-r, r)]),
-            Marker::Triangle => polygon(&[(0, -r - 2), (r + 2, r), (-r - 2, r)]),
-            Marker::Inverted => polygon(&[(0, r + 2), (r + 2, -r), (-r - 2, -r)]),
-            Marker::Diamond => polygon(&[(0, -r - 4), (r + 4, 0), (0, r + 4), (-r - 4, 0)]),
+            Marker::Triangle => polygon(&[(0, -r - e), (r + e, r), (-r - e, r)]),
+            Marker::Inverted => polygon(&[(0, r + e), (r + e, -r), (-r - e, -r)]),
+            Marker::Diamond => polygon(&[
+                (0, -r - 2 * e),
+                (r + 2 * e, 0),
+                (0, r + 2 * e),
+                (-r - 2 * e, 0),
+            ]),
             Marker::Plus => {
-                let (a, b) = (r + 2, r / 2 - 1);
+                let (a, b) = (r + e, (r - e) / 2);
                 polygon(&[(-a, -b), (a, -b), (a, b), (-a, b)])?;
                 polygon(&[(-b, -a), (b, -a), (b, a), (-b, a)])
             }

@@ -3,8 +3,8 @@ use plotters::prelude::*;
 use plotters::style::text_anchor::HPos;
 
 use super::ReportError;
-use super::figure::{self, png};
-use super::style::{Area, DrawResult, GREY, INK, SCALE, font, write};
+use super::canvas::{Area, DrawResult, Drawing};
+use super::style::{GREY, INK, SCALE, font, write};
 
 /// Width left of the patches, as shown, pixels.
 const LEFT: i32 = 84;
@@ -66,7 +66,7 @@ impl Swatches {
     /// # Errors
     /// [`ReportError::Drawing`] if the table cannot be drawn.
     pub fn svg(&self) -> Result<String, ReportError> {
-        figure::svg((self.width(), self.height()), |area| self.draw(area)).map_err(failed)
+        Ok(self.drawing()?.svg)
     }
 
     /// The table as a PNG file.
@@ -74,7 +74,11 @@ impl Swatches {
     /// # Errors
     /// [`ReportError::Drawing`] if the table cannot be drawn.
     pub fn png(&self) -> Result<Vec<u8>, ReportError> {
-        png(&self.svg()?).map_err(failed)
+        Ok(self.drawing()?.png)
+    }
+
+    fn drawing(&self) -> Result<Drawing, ReportError> {
+        Drawing::new((self.width(), self.height()), |area| self.draw(area)).map_err(failed)
     }
 
     /// Width of the picture as shown, pixels.
@@ -173,8 +177,6 @@ impl Swatch {
 #[cfg(test)]
 #[allow(clippy::unwrap_used)]
 mod tests {
-    use resvg::tiny_skia::Pixmap;
-
     use super::*;
 
     #[test]
@@ -204,12 +206,14 @@ mod tests {
         };
         let png = swatches.png().unwrap();
         assert!(png.starts_with(b"\x89PNG\r\n\x1a\n"));
-        let pixels = Pixmap::decode_png(&png).unwrap();
+        let mut reader = png::Decoder::new(std::io::Cursor::new(png))
+            .read_info()
+            .unwrap();
+        let mut pixels = vec![0; reader.output_buffer_size().unwrap()];
+        let info = reader.next_frame(&mut pixels).unwrap();
         let (width, height) = (swatches.width(), swatches.height());
-        assert_eq!(
-            (pixels.width(), pixels.height()),
-            (width as u32, height as u32)
-        );
+        assert_eq!((info.width, info.height), (width as u32, height as u32));
+        let pixel = |x: i32, y: i32| &pixels[3 * (y * width + x) as usize..][..3];
         for number in 0..12_i32 {
             let row = number / 3;
             let y = TITLE + COLUMNS + row * (HEIGHT + WORDS) + if row > 1 { GROUP } else { 0 };
@@ -218,14 +222,9 @@ mod tests {
                 .zip(colours(number as u8))
             {
                 let x = left(number % 3) + side;
-                let found = pixels.pixel(x as u32, (y + HEIGHT / 2) as u32).unwrap();
-                assert_eq!(
-                    [found.red(), found.green(), found.blue()],
-                    expected,
-                    "{number}"
-                );
+                assert_eq!(pixel(x, y + HEIGHT / 2), expected, "{number}");
             }
         }
-        assert_eq!(pixels.pixel(2, 2).unwrap().red(), 255);
+        assert_eq!(pixel(2, 2), [255; 3]);
     }
 }

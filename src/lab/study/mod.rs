@@ -89,11 +89,11 @@ fn each<T: Default>(
             snowpack: &sample.snowpack,
             thicknesses_m: &[sample.thickness_m],
             illuminations: &[sample.illumination],
-            resolution: Resolution::of_rays(settings.rays),
+            resolution: Resolution::for_rays(settings.rays),
             wavelengths_nm: &sample.wavelengths_nm,
             model: &sample.model,
             rays: settings.rays,
-            max_error: MaxError::usual(&sample.wavelengths_nm),
+            max_error: MaxError::default_for(&sample.wavelengths_nm),
             seed: settings.seed,
             cell: 0,
         })?;

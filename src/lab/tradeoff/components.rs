@@ -14,7 +14,7 @@ use crate::compress::{
     Bands, Basis, Bounds, Choice, CompressError, DEFAULT_MAX_DELTA_E, ErrorRow, Model, Precision,
 };
 use crate::engine::{EngineError, Resolution};
-use crate::grid::{Compression, Grid, existing};
+use crate::grid::{Compression, Grid, existing_rows};
 use crate::lookup::add_component;
 use crate::measurement::Quantity;
 use crate::store::{Store, Variable};
@@ -194,7 +194,7 @@ fn stored(store: &Store) -> Result<Curves, TradeoffError> {
         return Err(TradeoffError::Unfinished { missing, path });
     }
     // Curves of grains that do not fit into the slab do not exist.
-    let existing = existing(store.axes(), store.absent());
+    let existing = existing_rows(store.axes(), store.absent());
     let read = |quantity| {
         let variable = match quantity {
             Quantity::Transmittance => Variable::Transmittance,

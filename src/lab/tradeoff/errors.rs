@@ -1,6 +1,7 @@
 //! Error measures of a spectrum against the truth.
 use serde::Serialize;
 
+use crate::accuracy::{rms, rmse};
 use crate::colour::Colorimeter;
 
 /// Differences between two spectra, or statistics of such differences.
@@ -22,9 +23,8 @@ impl Metrics {
     #[must_use]
     pub fn between(values: &[f64], truth: &[f64], colour: Option<&Colorimeter>) -> Self {
         let differences = values.iter().zip(truth).map(|(a, b)| (a - b).abs());
-        let squares: f64 = differences.clone().map(|d| d * d).sum();
         Self {
-            rmse: (squares / truth.len() as f64).sqrt(),
+            rmse: rmse(values, truth),
             max_abs: differences.fold(0.0, f64::max),
             delta_e: colour.map(|c| c.difference(values, truth)),
         }
@@ -33,10 +33,7 @@ impl Metrics {
     /// The root mean square of each measure over `samples`.
     #[must_use]
     pub fn rms(samples: &[Self]) -> Self {
-        let rms = |part: fn(&Self) -> f64| {
-            let squares: f64 = samples.iter().map(|metrics| part(metrics).powi(2)).sum();
-            (squares / samples.len() as f64).sqrt()
-        };
+        let rms = |part: fn(&Self) -> f64| rms(samples.iter().map(part));
         let coloured = samples.iter().all(|metrics| metrics.delta_e.is_some());
         Self {
             rmse: rms(|m| m.rmse),

@@ -174,8 +174,3 @@ pub(super) fn failed(sample: &Sample, setting: &Setting, source: EngineError) ->
         },
     }
 }
-
-/// The mean of `values`; NaN if there are none.
-pub(super) fn mean(values: &[f64]) -> f64 {
-    values.iter().sum::<f64>() / values.len() as f64
-}

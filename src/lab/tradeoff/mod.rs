@@ -35,7 +35,7 @@ pub use pareto::front;
 pub use point::{ChartPoint, points};
 pub use recommend::{Bound, Candidate, Measure, Recommendation, recommend};
 pub use sample::Sample;
-pub use scaling::{Cost, Growth};
+pub use scaling::{Cost, ScalingVariable};
 pub use sweep::{Refusal, Row, RowKind};
 
 use crate::engine::Engine;

@@ -1,7 +1,8 @@
 //! How the cost of a run scales with the size of the request.
 use super::ladder::typical;
-use super::measure::{Bench, Tables, failed, mean, request};
+use super::measure::{Bench, Tables, failed, request};
 use super::{Sample, Setting, TradeoffError};
+use crate::accuracy::mean;
 use crate::engine::Engine;
 use crate::transport::Illumination;
 
@@ -14,7 +15,7 @@ const THICKNESS_M: f64 = 0.12;
 
 /// The part of a request that is increased.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub enum Growth {
+pub enum ScalingVariable {
     /// Thickness of one slab, cm.
     Thickness,
     /// Wavelengths, between 400 and 700 nm.
@@ -25,7 +26,7 @@ pub enum Growth {
     Angles,
 }
 
-impl Growth {
+impl ScalingVariable {
     /// All variants.
     pub const ALL: [Self; 4] = [
         Self::Thickness,
@@ -59,7 +60,7 @@ impl Growth {
 #[derive(Debug, Clone, PartialEq)]
 pub struct Cost {
     /// The part that is varied.
-    pub growth: Growth,
+    pub variable: ScalingVariable,
     /// Its value.
     pub value: f64,
     /// The setting, the same for all costs of an engine.
@@ -78,26 +79,26 @@ pub(super) fn costs(
     say: &dyn Fn(&str),
 ) -> Result<Vec<Cost>, TradeoffError> {
     let mut costs = Vec::new();
-    let mut series = engines.len() * Growth::ALL.len();
+    let mut series = engines.len() * ScalingVariable::ALL.len();
     for setting in engines.iter().filter_map(|engine| typical(*engine)) {
-        for growth in Growth::ALL {
-            say(&format!("cost of {setting} against {}", growth.name()));
+        for variable in ScalingVariable::ALL {
+            say(&format!("cost of {setting} against {}", variable.name()));
             let mut allowance = bench.left_of(SHARE) / series as f64;
             series -= 1;
             let mut last: Option<(f64, f64)> = None;
-            for &value in growth.values() {
+            for &value in variable.values() {
                 let expected = last.map_or(0.0, |(cost, previous)| cost * value / previous);
                 if expected > allowance {
                     break;
                 }
-                let Some(cpu_seconds) = cost(bench, sample, &setting, growth, value)? else {
+                let Some(cpu_seconds) = cost(bench, sample, &setting, variable, value)? else {
                     continue;
                 };
                 let spent = RUNS as f64 * cpu_seconds;
                 allowance -= spent;
                 last = Some((spent, value));
                 costs.push(Cost {
-                    growth,
+                    variable,
                     value,
                     setting,
                     cpu_seconds,
@@ -113,35 +114,35 @@ fn cost(
     bench: &Bench,
     sample: &Sample,
     setting: &Setting,
-    growth: Growth,
+    variable: ScalingVariable,
     value: f64,
 ) -> Result<Option<f64>, TradeoffError> {
-    let count = |varied: Growth, default: u32| {
-        if growth == varied {
+    let count = |varied: ScalingVariable, default: u32| {
+        if variable == varied {
             value as u32
         } else {
             default
         }
     };
-    let thickness_m = if growth == Growth::Thickness {
+    let thickness_m = if variable == ScalingVariable::Thickness {
         value / 100.0
     } else {
         THICKNESS_M
     };
-    let n = count(Growth::Thicknesses, 1);
+    let n = count(ScalingVariable::Thicknesses, 1);
     let thicknesses_m: Vec<f64> = (1..=n)
         .map(|i| thickness_m * f64::from(i) / f64::from(n))
         .collect();
     // A single wavelength is in the middle of the band.
-    let nm = match count(Growth::Wavelengths, 31) {
+    let nm = match count(ScalingVariable::Wavelengths, 31) {
         1 => vec![550.0],
         n => (0..n)
             .map(|i| 400.0 + 300.0 * f64::from(i) / f64::from(n - 1))
             .collect(),
     };
-    let angles = count(Growth::Angles, 1);
-    let light = |i: u32| match growth {
-        Growth::Angles => Illumination::Collimated {
+    let angles = count(ScalingVariable::Angles, 1);
+    let light = |i: u32| match variable {
+        ScalingVariable::Angles => Illumination::Collimated {
             polar_angle_rad: (80.0 * f64::from(i) / f64::from(angles)).to_radians(),
         },
         _ => sample.file.illumination,

@@ -1,7 +1,8 @@
 //! Runs every setting on every sample.
-use super::measure::{Bench, Tables, TimedRun, failed, mean, request};
+use super::measure::{Bench, Tables, TimedRun, failed, request};
 use super::truth::{Truth, values};
 use super::{Band, Metrics, Sample, Setting, TradeoffError, ladder};
+use crate::accuracy::mean;
 use crate::colour::Colorimeter;
 use crate::engine::Engine;
 use crate::measurement::Quantity;

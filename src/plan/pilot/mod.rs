@@ -154,14 +154,15 @@ impl Pilot {
         let strata = strata(grid, jobs, &sized, || spent() > SIZING_SHARE * seconds)?;
         // no single run may exceed the remaining budget
         let remaining = (seconds - spent()).max(0.0);
-        let measurements = budget::within(Some(remaining), &AtomicBool::new(false), |cancel| {
-            let prober = Prober {
-                grid,
-                cancel,
-                cache: Cache::of_cells(),
-            };
-            measure(&prober, jobs, &strata, &sized, threads, seconds, &spent)
-        })?;
+        let measurements =
+            budget::with_cpu_limit(Some(remaining), &AtomicBool::new(false), |cancel| {
+                let prober = Prober {
+                    grid,
+                    cancel,
+                    cache: Cache::tables_only(),
+                };
+                measure(&prober, jobs, &strata, &sized, threads, seconds, &spent)
+            })?;
         let mut pilot = Self::of(grid, &strata, measurements);
         pilot.spent = spent();
         Ok(pilot)

@@ -1,5 +1,5 @@
 //! The golden data: converged reflectance and transmittance of the cases of
-//! [`plan`], as `examples/golden.rs` wrote them to [`FILE`].
+//! [`plan`]. `examples/golden.rs` writes them to [`FILE`].
 pub(crate) mod compare;
 pub(crate) mod plan;
 
@@ -11,29 +11,30 @@ use plan::{Run, illumination};
 
 pub(crate) const FILE: &str = concat!(env!("CARGO_MANIFEST_DIR"), "/tests/data/golden.csv");
 
-/// Names of the columns.
+/// The header row of [`FILE`].
 pub(crate) const COLUMNS: &str = "size_min_um,size_max_um,facetness,facetness_half_width,\
 density_kg_m3,saturation,angle_deg,thickness_cm,wavelength_nm,rays,\
 reflectance,reflectance_se,transmittance,transmittance_se,lost";
 
-/// One slab under one light at all wavelengths of the plan.
+/// One slab under one illumination at all wavelengths of the plan.
 #[derive(Debug, Clone)]
 pub(crate) struct Case {
-    /// The file's first eight columns.
+    /// The first eight columns of the file.
     pub(crate) name: String,
     pub(crate) snow: Snow,
     pub(crate) illumination: Illumination,
     pub(crate) thickness_m: f64,
-    /// Increasing: 31 visible, 5 near infrared.
+    /// Ascending: 31 visible, then 5 in the near infrared.
     pub(crate) wavelengths_nm: Vec<f64>,
-    /// Per wavelength, with standard errors.
+    /// One value per wavelength.
     pub(crate) reflectance: Vec<Measured>,
     pub(crate) transmittance: Vec<Measured>,
-    /// Share of the rays given up, in neither of the two (see the file's header).
+    /// Fraction of the rays that were abandoned. They count neither as reflected nor as
+    /// transmitted (see the header of the file).
     pub(crate) lost: Vec<f64>,
 }
 
-/// The name of the slab of `run` of `thickness_cm`.
+/// The name of the case of `run` with thickness `thickness_cm`.
 pub(crate) fn name(run: &Run, thickness_cm: f64) -> String {
     let [min, max] = run.snow.size_um;
     let [mean, half_width] = run.snow.facetness;
@@ -42,8 +43,8 @@ pub(crate) fn name(run: &Run, thickness_cm: f64) -> String {
     format!("{min},{max},{mean},{half_width},{density},{saturation},{angle},{thickness_cm}")
 }
 
-/// What the row of `run` at one thickness and wavelength begins with: all
-/// columns that the plan knows.
+/// The start of the row of `run` at one thickness and wavelength: all columns
+/// that follow from the plan.
 pub(crate) fn key(run: &Run, thickness_cm: f64, wavelength_nm: f64) -> String {
     let (name, rays) = (name(run, thickness_cm), run.rays);
     format!("{name},{wavelength_nm},{rays},")
@@ -52,7 +53,7 @@ pub(crate) fn key(run: &Run, thickness_cm: f64, wavelength_nm: f64) -> String {
 /// All cases of the plan, read from [`FILE`].
 ///
 /// # Panics
-/// If the file has not exactly the rows of the plan, in its order.
+/// If the rows of the file are not those of the plan, in the order of the plan.
 pub(crate) fn read() -> Vec<Case> {
     let text = std::fs::read_to_string(FILE).unwrap_or_else(|e| panic!("{FILE}: {e}"));
     let mut lines = text.lines().filter(|line| !line.starts_with('#'));
@@ -74,23 +75,24 @@ pub(crate) fn read() -> Vec<Case> {
                 let line = lines.next().unwrap_or_default();
                 let values = line
                     .strip_prefix(&key)
-                    .unwrap_or_else(|| panic!("{FILE} has not `{key}` but `{line}`"));
+                    .unwrap_or_else(|| panic!("{FILE}: expected a row `{key}...`, found `{line}`"));
                 let [r, r_se, t, t_se, lost] = numbers(values);
                 case.wavelengths_nm.push(wavelength_nm);
                 case.reflectance.push(Measured { value: r, se: r_se });
-                case.transmittance.push(known(t, t_se, run.rays));
+                case.transmittance.push(cautious(t, t_se, run.rays));
                 case.lost.push(lost);
             }
         }
     }
-    assert_eq!(lines.next(), None, "rows of {FILE} beyond the plan");
+    assert_eq!(lines.next(), None, "{FILE} has more rows than the plan");
     cases
 }
 
-/// A transmittance and its standard error. That of an error above a quarter
-/// stems from a few rays, or from the weight of a single one, and knows little
-/// of what they missed: as where no ray scored, it is then 1/rays or more.
-fn known(value: f64, se: f64, rays: u64) -> Measured {
+/// A transmittance with a cautious standard error. If the standard error
+/// exceeds a quarter of the value, the value comes from a few rays and the
+/// standard error is itself unreliable. It is then raised to at least 1/rays,
+/// as where no ray was transmitted.
+fn cautious(value: f64, se: f64, rays: u64) -> Measured {
     let se = if se > 0.25 * value {
         se.max(1.0 / rays as f64)
     } else {

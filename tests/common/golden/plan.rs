@@ -1,21 +1,21 @@
-//! Which cases the golden data holds and how many rays each was given.
+//! The cases of the golden data and the number of rays for each.
 
 use splitsnow::grain::{GrainType, Shape, SizeRange, TruncatedNormal};
 use splitsnow::transport::{Illumination, Snow};
 use splitsnow::units::um_to_m;
 
-/// Snow as the file names it. Facetness is cut to mean -+ half width and to
-/// [0, 1], with standard deviation 0.072; sphericity and temperature are those
-/// of `configs/thesis.toml`.
+/// The snow parameters of one row of the file. Facetness is truncated to mean
+/// -+ half width and to [0, 1] and has standard deviation 0.072. Sphericity
+/// and temperature are those of `configs/thesis.toml`.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub(crate) struct GoldenSnow {
     /// Shortest and longest grain, um.
     pub(crate) size_um: [f64; 2],
     /// Mean and half width.
     pub(crate) facetness: [f64; 2],
-    /// Of the dry snow.
+    /// Density without liquid water.
     pub(crate) density_kg_m3: f64,
-    /// Share of the pore space that is water.
+    /// Fraction of the pore space filled with water.
     pub(crate) saturation: f64,
 }
 
@@ -40,7 +40,7 @@ impl GoldenSnow {
     }
 }
 
-/// Angle of incidence in degrees, or diffuse light.
+/// Incidence angle in degrees. `None` is diffuse light.
 pub(crate) type AngleDeg = Option<f64>;
 
 pub(crate) fn illumination(angle_deg: AngleDeg) -> Illumination {
@@ -49,8 +49,8 @@ pub(crate) fn illumination(angle_deg: AngleDeg) -> Illumination {
     })
 }
 
-/// Wavelengths that share walks, nm: the visible ones, and the near infrared in
-/// two parts because absorption makes the walks of the second much cheaper.
+/// Groups of wavelengths that share walks, nm. The near infrared has two
+/// groups because strong absorption makes walks in the second much cheaper.
 pub(crate) const BANDS: [&[f64]; 3] = [
     &[
         400.0, 410.0, 420.0, 430.0, 440.0, 450.0, 460.0, 470.0, 480.0, 490.0, 500.0, 510.0, 520.0,
@@ -61,7 +61,7 @@ pub(crate) const BANDS: [&[f64]; 3] = [
     &[1030.0, 1250.0, 1400.0],
 ];
 
-/// Slabs that share their walks at the wavelengths of one band.
+/// Slabs that share their walks, at the wavelengths of one band.
 #[derive(Debug, Clone)]
 pub(crate) struct Run {
     pub(crate) snow: GoldenSnow,
@@ -72,14 +72,16 @@ pub(crate) struct Run {
     pub(crate) rays: u64,
 }
 
-/// One snow under one light.
+/// One snow under one illumination.
 struct Pair {
     snow: GoldenSnow,
     angle_deg: AngleDeg,
-    /// Thicknesses, cm, that share their walks in the visible, and thousands
-    /// of rays: thin slabs are cheap and noisy, thick ones the opposite.
+    /// Thicknesses, cm, that share their walks in the visible, and the number
+    /// of rays in thousands. Thin slabs are cheap and noisy; thick slabs are
+    /// expensive and precise.
     visible: &'static [(&'static [f64], u64)],
-    /// Thousands of rays of the two other bands, all thicknesses sharing.
+    /// Number of rays in thousands in each of the two other bands, where all
+    /// thicknesses share their walks.
     infrared: [u64; 2],
 }
 
@@ -98,10 +100,10 @@ impl Pair {
             rays: 1000 * kilorays,
         };
         let visible = self.visible.iter();
-        let all: Vec<f64> = visible.clone().flat_map(|(cm, _)| cm.to_vec()).collect();
+        let thicknesses_cm: Vec<f64> = visible.clone().flat_map(|(cm, _)| cm.to_vec()).collect();
         visible
             .map(|(cm, kilorays)| run(cm.to_vec(), 0, *kilorays))
-            .chain([1, 2].map(|band| run(all.clone(), band, self.infrared[band - 1])))
+            .chain([1, 2].map(|band| run(thicknesses_cm.clone(), band, self.infrared[band - 1])))
             .collect()
     }
 }
@@ -109,11 +111,11 @@ impl Pair {
 /// A node of the grid of `configs/thesis.toml`.
 const fn grid(facetness: f64, size_um: f64, density_kg_m3: f64) -> GoldenSnow {
     let size_um = [size_um - 50.0, size_um + 50.0];
-    beyond(size_um, [facetness, 0.1], density_kg_m3, 0.0)
+    golden_snow(size_um, [facetness, 0.1], density_kg_m3, 0.0)
 }
 
-/// Any other snow.
-const fn beyond(
+/// A snow with the sphericity and temperature of `configs/thesis.toml`.
+const fn golden_snow(
     size_um: [f64; 2],
     facetness: [f64; 2],
     density_kg_m3: f64,
@@ -143,19 +145,21 @@ const fn pair(
 
 const NORMAL: AngleDeg = Some(0.0);
 const DIFFUSE: AngleDeg = None;
-/// The sample of `configs/samples/representative.toml`, and the same dry.
-const WET: GoldenSnow = beyond([300.0, 750.0], [0.3, 0.1], 275.0, 0.05);
-const DRY: GoldenSnow = beyond([300.0, 750.0], [0.3, 0.1], 275.0, 0.0);
-const FINE: GoldenSnow = beyond([50.0, 150.0], [0.3, 0.1], 400.0, 0.0);
-const COARSE: GoldenSnow = beyond([1000.0, 2000.0], [0.3, 0.1], 300.0, 0.0);
-const BROAD: GoldenSnow = beyond([50.0, 3000.0], [0.3, 0.1], 300.0, 0.0);
-const SMOOTH: GoldenSnow = beyond([200.0, 300.0], [0.0, 0.0], 300.0, 0.0);
-const ROUGH: GoldenSnow = beyond([200.0, 300.0], [1.0, 0.0], 300.0, 0.0);
+/// The sample of `configs/samples/representative.toml`.
+const WET: GoldenSnow = golden_snow([300.0, 750.0], [0.3, 0.1], 275.0, 0.05);
+/// `WET` without its water.
+const DRY: GoldenSnow = golden_snow([300.0, 750.0], [0.3, 0.1], 275.0, 0.0);
+const FINE: GoldenSnow = golden_snow([50.0, 150.0], [0.3, 0.1], 400.0, 0.0);
+const COARSE: GoldenSnow = golden_snow([1000.0, 2000.0], [0.3, 0.1], 300.0, 0.0);
+const BROAD: GoldenSnow = golden_snow([50.0, 3000.0], [0.3, 0.1], 300.0, 0.0);
+const SMOOTH: GoldenSnow = golden_snow([200.0, 300.0], [0.0, 0.0], 300.0, 0.0);
+const ROUGH: GoldenSnow = golden_snow([200.0, 300.0], [1.0, 0.0], 300.0, 0.0);
 
-/// The number of a run is its cell (see [`splitsnow::rng::Key`]): add at the end.
+/// The index of a run is its cell number (see [`splitsnow::rng::Key`]): append new pairs at
+/// the end only.
 #[rustfmt::skip]
 const PLAN: &[Pair] = &[
-    // every corner of facetness, size and density
+    // all corners of facetness, grain size and density
     pair(grid(0.1, 100.0, 200.0), NORMAL,     &[(&[1.0], 1400), (&[3.0],  515), (&[10.0], 150), (&[50.0],  20)], [360, 500]),
     pair(grid(0.9, 100.0, 200.0), Some(60.0), &[(&[1.0],  760), (&[3.0],  500), (&[7.0],  240), (&[50.0],  20)], [220, 480]),
     pair(grid(0.1, 100.0, 400.0), Some(89.0), &[(&[1.0],  460), (&[3.0],  650), (&[10.0],  80), (&[50.0],  20)], [200, 450]),
@@ -164,12 +168,12 @@ const PLAN: &[Pair] = &[
     pair(grid(0.9, 500.0, 200.0), Some(89.0), &[(&[1.0], 2400), (&[5.0],  560), (&[15.0], 200), (&[50.0], 120)], [500, 500]),
     pair(grid(0.1, 500.0, 400.0), NORMAL,     &[(&[1.0], 3600), (&[5.0], 1000), (&[25.0], 230), (&[50.0], 110)], [450, 550]),
     pair(grid(0.9, 500.0, 400.0), Some(60.0), &[(&[1.0], 2200), (&[5.0],  570), (&[15.0], 190), (&[50.0],  60)], [450, 500]),
-    // some of them under another angle
+    // some corners at another incidence angle
     pair(grid(0.1, 100.0, 200.0), Some(89.0), &[(&[1.0, 3.0], 800)],              [250, 450]),
     pair(grid(0.9, 100.0, 400.0), Some(60.0), &[(&[1.0, 2.0], 500)],              [200, 450]),
     pair(grid(0.9, 500.0, 200.0), NORMAL,     &[(&[2.0], 2200), (&[7.0], 750)],   [450, 480]),
     pair(grid(0.1, 500.0, 400.0), Some(89.0), &[(&[1.0], 2300), (&[5.0], 550)],   [450, 480]),
-    // within the grid
+    // interior of the grid
     pair(grid(0.5, 300.0, 300.0), NORMAL,     &[(&[2.0], 1200), (&[5.0], 540), (&[10.0], 300)], [370, 490]),
     pair(grid(0.3, 200.0, 250.0), Some(30.0), &[(&[1.5], 1300), (&[5.0, 7.0], 450)],            [350, 480]),
     pair(grid(0.7, 400.0, 350.0), Some(80.0), &[(&[3.0], 700), (&[7.0, 15.0], 330)],            [330, 480]),
@@ -178,7 +182,7 @@ const PLAN: &[Pair] = &[
     pair(grid(0.5, 250.0, 350.0), Some(20.0), &[(&[15.0], 165), (&[35.0], 56)],                   [260, 450]),
     pair(grid(0.5, 350.0, 250.0), Some(40.0), &[(&[3.0, 7.0], 1030)],                           [420, 480]),
     pair(grid(0.3, 350.0, 350.0), Some(10.0), &[(&[25.0, 35.0], 115)],                          [420, 480]),
-    // beyond the grid
+    // outside the grid
     pair(WET,    NORMAL,     &[(&[1.0], 4500), (&[5.0], 1250), (&[12.0], 480)], [600, 550]),
     pair(WET,    Some(60.0), &[(&[1.0], 3500), (&[5.0],  960), (&[12.0], 380)], [500, 550]),
     pair(FINE,   DIFFUSE,    &[(&[1.0],  660), (&[3.0],   450)],                [220, 480]),

@@ -20,7 +20,7 @@ pub struct Point([f64; Parameter::COUNT]);
 impl Point {
     /// A point with these values of [`Parameter::CORE`].
     #[must_use]
-    pub fn of_core(values: [f64; 5]) -> Self {
+    pub fn from_core(values: [f64; 5]) -> Self {
         Parameter::CORE.into_iter().zip(values).collect()
     }
 

@@ -40,10 +40,10 @@ const CANDIDATES: [(Engine, [f64; 3]); 3] = [
     (Engine::Spectral, [0.0; 3]),
 ];
 
-/// [`MaxError::usual`] for visible wavelengths.
+/// [`MaxError::default_for`] for visible wavelengths.
 impl Default for MaxError {
     fn default() -> Self {
-        Self::usual(&[])
+        Self::default_for(&[])
     }
 }
 
@@ -76,7 +76,7 @@ impl MaxError {
     /// Default error allowed: a Delta-E of 0.3, which is not visible, and an RMSE
     /// that `hybrid` meets at these wavelengths.
     #[must_use]
-    pub fn usual(wavelengths_nm: &[f64]) -> Self {
+    pub fn default_for(wavelengths_nm: &[f64]) -> Self {
         let has_infrared = wavelengths_nm.iter().any(|nm| *nm > NEAR_INFRARED_NM);
         Self {
             delta_e: 0.3,

@@ -36,7 +36,7 @@ impl Cache {
     /// A cache for requests that all have different cells. Their walks are never
     /// used twice, so the cache keeps tables only.
     #[must_use]
-    pub fn of_cells() -> Self {
+    pub fn tables_only() -> Self {
         Self {
             walks: Arc::new(LruCache::new(0)),
             ..Self::default()

@@ -7,16 +7,16 @@ use crate::transport::{EXPONENTS, Illumination, Snow};
 
 /// Smallest number of entries of a table of grain events. With N entries, the error of
 /// R and T is about 0.1 / sqrt(N).
-pub const TABLE: u32 = 4096;
+pub const MIN_TABLE_ENTRIES: u32 = 4096;
 /// Smallest number of table entries whose grains fit under the surface where grazing
 /// light first meets grains. The other entries are never drawn there, and results from
 /// fewer entries depend on the particular grains in the table.
-pub const FITTING: f64 = 200.0;
+pub const MIN_FITTING_ENTRIES: f64 = 200.0;
 
 /// A lower limit of a quantity.
 struct Limit {
     /// Name of the quantity, for the message.
-    what: &'static str,
+    quantity: &'static str,
     /// Value in the request.
     value: f64,
     /// Smallest value that the engine accepts.
@@ -37,13 +37,13 @@ impl Engine {
     ///
     /// # Errors
     /// [`EngineError::Outside`] for the first limit that is violated;
-    /// [`EngineError::Exponents`] if the carbon has too many Angstrom exponents;
+    /// [`EngineError::TooManyExponents`] if the carbon has too many Angstrom exponents;
     /// [`EngineError::NoSurface`] if there is no room for the surface layer.
     pub fn check(self, request: &Request) -> Result<(), EngineError> {
         let snowpack = request.snowpack;
         let exponents = snowpack.exponents().len();
         if exponents > EXPONENTS {
-            return Err(EngineError::Exponents { found: exponents });
+            return Err(EngineError::TooManyExponents { count: exponents });
         }
         let thinnest_m = request.thicknesses_m.iter().copied();
         let thinnest_m = thinnest_m.fold(f64::INFINITY, f64::min);
@@ -55,7 +55,7 @@ impl Engine {
         }
         let slimmest_m = snowpack.snows().map(slimmest_m).fold(0.0, f64::max);
         let mut limits = vec![Limit {
-            what: "thickness in axes of the slimmest grain",
+            quantity: "thickness in axes of the slimmest grain",
             value: thinnest_m / slimmest_m,
             lowest: 1.0,
             instead: None,
@@ -64,7 +64,7 @@ impl Engine {
         for light in request.illuminations {
             if let Illumination::Collimated { polar_angle_rad } = light {
                 limits.push(Limit {
-                    what: "cosine of the polar angle times mean free distance over largest grain",
+                    quantity: "cosine of the polar angle times mean free distance over largest grain",
                     value: libm::cos(*polar_angle_rad) * flight,
                     lowest: FIRST_FLIGHT,
                     instead: None,
@@ -72,9 +72,9 @@ impl Engine {
                 if matches!(self, Self::Tabulated | Self::Hybrid) {
                     let table = f64::from(request.resolution.table);
                     limits.push(Limit {
-                        what: "number of table entries whose grains fit under the surface at grazing incidence",
+                        quantity: "number of table entries whose grains fit under the surface at grazing incidence",
                         value: 2.0 * libm::cos(*polar_angle_rad) * flight * table,
-                        lowest: FITTING,
+                        lowest: MIN_FITTING_ENTRIES,
                         instead: Some(Self::Spectral),
                     });
                 }
@@ -82,9 +82,9 @@ impl Engine {
         }
         if matches!(self, Self::Tabulated | Self::Hybrid) {
             limits.push(Limit {
-                what: "number of entries per table of grain events",
+                quantity: "number of entries per table of grain events",
                 value: f64::from(request.resolution.table),
-                lowest: f64::from(TABLE),
+                lowest: f64::from(MIN_TABLE_ENTRIES),
                 instead: Some(Self::Spectral),
             });
         }
@@ -93,7 +93,7 @@ impl Engine {
             None => Ok(()),
             Some(limit) => Err(EngineError::Outside {
                 engine: self,
-                what: limit.what,
+                quantity: limit.quantity,
                 value: limit.value,
                 lowest: limit.lowest,
                 instead: limit.instead,

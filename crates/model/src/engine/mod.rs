@@ -73,7 +73,7 @@ impl Resolution {
     /// 8 `rays` kernel events, the errors in a three-layer snowpack did not change
     /// at any wavelength (docs/performance.md), and most of the time went there.
     #[must_use]
-    pub fn of_rays(rays: u64) -> Self {
+    pub fn for_rays(rays: u64) -> Self {
         let default = Self::default();
         let power_of_two =
             |n: u64, largest: u32| n.next_power_of_two().min(u64::from(largest)) as u32;
@@ -155,7 +155,7 @@ pub enum EngineError {
     },
     /// The request is outside the engine's range of validity (docs/stability.md).
     #[error(
-        "the engine `{}` is not valid here: the {what} is {value:.3e} and must be at least {lowest}; {}",
+        "the engine `{}` is not valid here: the {quantity} is {value:.3e} and must be at least {lowest}; {}",
         engine.name(),
         instead.map_or("no engine is valid here".to_owned(), |other| format!("use the engine `{}`", other.name()))
     )]
@@ -163,7 +163,7 @@ pub enum EngineError {
         /// The engine that refuses the request.
         engine: Engine,
         /// Name of the quantity that is out of range.
-        what: &'static str,
+        quantity: &'static str,
         /// Value of the quantity.
         value: f64,
         /// Smallest value that the engine accepts.
@@ -172,22 +172,22 @@ pub enum EngineError {
         instead: Option<Engine>,
     },
     /// The engine does not compute the requested quantity.
-    #[error("the engine `{}` does not compute {what}; use the engine `{}`", engine.name(), instead.name())]
+    #[error("the engine `{}` does not compute {quantity}; use the engine `{}`", engine.name(), instead.name())]
     Unable {
         /// The engine that refuses the request.
         engine: Engine,
         /// Name of the quantity.
-        what: &'static str,
+        quantity: &'static str,
         /// An engine that computes the quantity.
         instead: Engine,
     },
     /// The carbon in a snowpack has too many different exponents.
     #[error(
-        "the carbon in the snowpack has {found} different Angstrom exponents; at most {EXPONENTS} are allowed"
+        "the carbon in the snowpack has {count} different Angstrom exponents; at most {EXPONENTS} are allowed"
     )]
-    Exponents {
+    TooManyExponents {
         /// Number of different exponents.
-        found: usize,
+        count: usize,
     },
     /// The reflectance of the substrate is not known at a wavelength.
     #[error(
@@ -295,7 +295,7 @@ impl Engine {
     /// Whether a spectrum is independent of the other thicknesses in its request.
     /// False for engines that resume their walks from one thickness to the next.
     #[must_use]
-    pub fn keeps_thicknesses_apart(self) -> bool {
+    pub fn has_independent_thicknesses(self) -> bool {
         matches!(self, Self::Reference | Self::Hybrid)
     }
 

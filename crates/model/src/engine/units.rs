@@ -26,7 +26,7 @@ const ELAPSED_PER_INTERVAL: u32 = 20;
 pub trait UnitStore: Debug + Send + Sync {
     /// Adds `units` to those stored before. Returns false if that fails; the request
     /// then ends as if it were cancelled.
-    fn keep(&self, units: &[u8]) -> bool;
+    fn append(&self, units: &[u8]) -> bool;
 }
 
 /// The finished units of one request. The default does not save any.
@@ -61,7 +61,7 @@ impl Default for State {
 
 impl Units {
     /// Units to be saved in `store`. `earlier` are the byte strings that an earlier run
-    /// passed to [`UnitStore::keep`], oldest first.
+    /// passed to [`UnitStore::append`], oldest first.
     #[must_use]
     pub fn new(store: Box<dyn UnitStore>, earlier: &[Vec<u8>]) -> Self {
         let units = earlier.iter().flat_map(|bytes| {
@@ -81,7 +81,7 @@ impl Units {
 
     /// Sets the shortest time between two saves.
     #[must_use]
-    pub fn saved_every(self, interval: Duration) -> Self {
+    pub fn with_save_interval(self, interval: Duration) -> Self {
         Self { interval, ..self }
     }
 
@@ -138,7 +138,7 @@ impl Units {
         };
         let bytes = postcard::to_allocvec(&state.unsaved).unwrap_or_default();
         state.unsaved.clear();
-        let is_saved = store.keep(&bytes);
+        let is_saved = store.append(&bytes);
         state.last_save = Instant::now();
         is_saved.then_some(()).ok_or(EngineError::Cancelled)
     }
@@ -166,7 +166,7 @@ mod tests {
     struct Memory(Arc<Mutex<Vec<Vec<u8>>>>);
 
     impl UnitStore for Memory {
-        fn keep(&self, units: &[u8]) -> bool {
+        fn append(&self, units: &[u8]) -> bool {
             self.0.lock().unwrap().push(units.to_vec());
             true
         }

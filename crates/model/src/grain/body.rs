@@ -1,16 +1,16 @@
-//! Bodies of any shape: one, and eight side by side.
+//! Bodies of any shape, single or eight side by side.
 use splitsnow_spectra::simd::{F64x8, Portable, Simd};
 
 use crate::grain::shape::{Down, Form, Numbers};
 use crate::math::{Real, Vec3, Vec3x8};
 use crate::rng::Stream;
 
-/// The solid that a grain is, in units of half its size.
+/// The solid body of a grain, in units of half its size.
 #[derive(Debug, Clone, Copy, PartialEq, Default)]
 pub struct Body<R> {
     /// Its shape.
     pub form: Form,
-    /// Its attitude and proportions.
+    /// Its orientation and proportions.
     pub numbers: Numbers<R>,
 }
 
@@ -41,7 +41,7 @@ impl Body<f64> {
         }
     }
 
-    /// Rounded, as tables hold it.
+    /// The body in single precision, as stored in tables.
     #[inline(always)]
     #[must_use]
     pub fn rounded(&self) -> Body<f32> {
@@ -62,14 +62,14 @@ impl From<Body<f32>> for Body<f64> {
     }
 }
 
-/// Eight bodies side by side, which may differ in form.
+/// Eight bodies side by side, possibly of different forms.
 #[derive(Debug, Clone, Copy, PartialEq, Default)]
 pub struct Bodies<S: Simd = Portable> {
     forms: [Form; 8],
     pub(super) numbers: Numbers<F64x8<S>>,
 }
 
-/// The vectors that `$of` gives for the `$form` of each lane. A macro, as a closure may be
+/// Evaluates `$of` for the `$form` of each lane. This is a macro because a closure may be
 /// compiled without the instruction set.
 macro_rules! by_form {
     ($bodies:expr, $form:ident => $of:expr) => {{
@@ -94,14 +94,14 @@ macro_rules! by_form {
 }
 
 impl<S: Simd> Bodies<S> {
-    /// Of these forms and numbers.
+    /// Bodies of these forms and numbers.
     #[inline(always)]
     #[must_use]
     pub fn new(forms: [Form; 8], numbers: Numbers<F64x8<S>>) -> Self {
         Self { forms, numbers }
     }
 
-    /// Eight times this one.
+    /// Eight copies of a body.
     #[inline(always)]
     #[must_use]
     pub fn splat(body: &Body<f64>) -> Self {
@@ -122,21 +122,21 @@ impl<S: Simd> Bodies<S> {
     #[inline(always)]
     pub fn set(&mut self, lane: usize, body: &Body<f64>) {
         self.forms[lane] = body.form;
-        for (all, one) in self.numbers.iter_mut().zip(body.numbers) {
-            all.as_mut_array()[lane] = one;
+        for (values, value) in self.numbers.iter_mut().zip(body.numbers) {
+            values.as_mut_array()[lane] = value;
         }
     }
 
-    /// The form, if all are of one, as in snow without mixtures of shapes.
+    /// The common form of all bodies; `None` in mixtures of shapes.
     #[inline(always)]
     pub(super) fn form(&self) -> Option<Form> {
         let first = self.forms[0];
         // one comparison instead of eight
-        let all = u64::from_le_bytes(self.forms.map(|form| form as u8));
-        (all == u64::from_le_bytes([first as u8; 8])).then_some(first)
+        let packed = u64::from_le_bytes(self.forms.map(|form| form as u8));
+        (packed == u64::from_le_bytes([first as u8; 8])).then_some(first)
     }
 
-    /// See [`super::GrainShape::sample`]; for bodies of one form.
+    /// See [`super::GrainShape::sample`]. All bodies must be of the same form.
     #[inline(always)]
     pub fn sample(&self, rng: &mut Stream<S>) -> (Vec3x8<S>, F64x8<S>) {
         self.forms[0].sample(&self.numbers, rng)
@@ -145,9 +145,9 @@ impl<S: Simd> Bodies<S> {
     /// See [`super::GrainShape::normal`].
     #[inline(always)]
     #[must_use]
-    pub fn normal(&self, at: Vec3x8<S>) -> Vec3x8<S> {
+    pub fn normal(&self, point: Vec3x8<S>) -> Vec3x8<S> {
         let [x, y, z] = by_form!(self, form => {
-            let Vec3x8 { x, y, z } = form.normal(&self.numbers, at);
+            let Vec3x8 { x, y, z } = form.normal(&self.numbers, point);
             [x, y, z]
         });
         Vec3x8 { x, y, z }
@@ -156,8 +156,8 @@ impl<S: Simd> Bodies<S> {
     /// See [`super::GrainShape::chord`].
     #[inline(always)]
     #[must_use]
-    pub fn chord(&self, at: Vec3x8<S>, d: Vec3x8<S>) -> F64x8<S> {
-        let [chord] = by_form!(self, form => [form.chord(&self.numbers, at, d)]);
+    pub fn chord(&self, point: Vec3x8<S>, d: Vec3x8<S>) -> F64x8<S> {
+        let [chord] = by_form!(self, form => [form.chord(&self.numbers, point, d)]);
         chord
     }
 

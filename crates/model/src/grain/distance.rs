@@ -1,23 +1,23 @@
-//! Mean free distance between grains (Varsa 2025, appendix B), by either size law.
+//! Mean free distance between grains (Varsa 2025, appendix B), for both size laws.
 //!
-//! A straight line that meets grains at random, 1/dbar of them per metre, has on
-//! average the chord 4 volume / surface in each (Cauchy, for a convex body met
-//! uniformly over its projected area). The walk meets sizes and shapes as their
-//! laws draw them, so the ice per metre is <4 volume / surface> / dbar, a mean over
-//! the grains met. [`SizeLaw::Consistent`] sets that equal to the volume fraction
-//! of ice V: with size s and shape Psi independent, surface / volume = A(Psi) / s,
+//! A straight line meets 1/dbar grains per metre at random. Its mean chord in a grain is
+//! 4 volume / surface (Cauchy, for a convex body met uniformly over its projected area).
+//! The walk draws the sizes and shapes of the grains it meets from their distributions, so
+//! the path in ice per metre is <4 volume / surface> / dbar, a mean over the grains met.
+//! [`SizeLaw::Consistent`] equates this to the volume fraction V of ice. With independent
+//! size s and sphericity Psi, surface / volume = A(Psi) / s, and therefore
 //!
 //! `dbar = <s> <4 / A(Psi)> / V`, so `K1 = 1 / <s>` and `K2 = 1 / <4 / A(Psi)>`.
 //!
-//! The published `K1 <s>` is 1 for a single size, 1.15 for 300-750 um, 7.3 for
-//! 50-3000 um: so many times the ice is met. The published K2 adds 1.6 % at the usual
-//! spread of the sphericity. Either way the snow that the walk meets has the specific
-//! surface area 4 K1 K2 / ice density.
+//! For the published K1, `K1 <s>` is 1 for a single size, 1.15 for 300-750 um and 7.3 for
+//! 50-3000 um: the walk meets that many times the ice given by the density. The published
+//! K2 adds 1.6 % at the usual spread of the sphericity. In either case the snow that the
+//! walk meets has the specific surface area 4 K1 K2 / ice density.
 use crate::grain::{GrainType, Shape, SizeLaw, SizeRange, TruncatedNormal};
 use crate::optics::ice_density_kg_m3;
 
-/// Mean free distance, m, between grains of dry snow of the density and
-/// temperature given; infinite at density 0 (Varsa 2025, eqs. B.1-B.9).
+/// Mean free distance, m, between grains of dry snow of the given density and temperature;
+/// infinite at density 0 (Varsa 2025, eqs. B.1-B.9).
 #[must_use]
 pub fn mean_free_distance_m(grain: &GrainType, density_kg_m3: f64, temperature_c: f64) -> f64 {
     let ice_fraction = density_kg_m3 / ice_density_kg_m3(temperature_c);
@@ -25,15 +25,15 @@ pub fn mean_free_distance_m(grain: &GrainType, density_kg_m3: f64, temperature_c
     1.0 / (ice_fraction * size_factor_per_m(&grain.size) * shape)
 }
 
-/// Surface of the grains per mass of their ice, m2/kg, that this distance implies.
+/// Specific surface area, m2/kg, that this distance implies.
 #[must_use]
 pub fn specific_surface_m2_kg(grain: &GrainType, temperature_c: f64) -> f64 {
     let shape = shape_factor(grain.shape, &grain.sphericity, grain.size.law());
     4.0 * size_factor_per_m(&grain.size) * shape / ice_density_kg_m3(temperature_c)
 }
 
-/// K1, 1/m, of the law of the sizes: the mean inverse size (eq. B.7 with the sign of
-/// its logarithm mended), or the inverse of the mean size; 1/s for a single size.
+/// K1, 1/m: the mean inverse size (eq. B.7 with the sign of its logarithm corrected), or
+/// the inverse of the mean size, depending on the size law. 1/s for a single size.
 #[must_use]
 pub fn size_factor_per_m(size: &SizeRange) -> f64 {
     let (min, max) = (size.min_m(), size.max_m());
@@ -47,16 +47,16 @@ pub fn size_factor_per_m(size: &SizeRange) -> f64 {
     ratio / (max * libm::log1p(ratio))
 }
 
-/// How many times the ice of the density a ray meets for the spread of these sizes,
-/// at least 1; 1 under [`SizeLaw::Consistent`].
+/// Ratio of the ice that a ray meets to the ice given by the density, due to the spread of
+/// these sizes. At least 1; exactly 1 under [`SizeLaw::Consistent`].
 #[must_use]
 pub fn overpacking(size: &SizeRange) -> f64 {
     0.5 * (size.min_m() + size.max_m()) * size_factor_per_m(size)
 }
 
-/// K2: a quarter of the surface-to-volume ratio of grains of unit length, of
-/// which the truncated normal of the sphericity takes the mean, or in
-/// [`SizeLaw::Consistent`] the harmonic mean.
+/// K2: a quarter of the surface-to-volume ratio of grains of unit length, averaged over the
+/// truncated normal distribution of the sphericity. [`SizeLaw::Consistent`] uses the
+/// harmonic mean.
 #[must_use]
 pub fn shape_factor(shape: Shape, sphericity: &TruncatedNormal, law: SizeLaw) -> f64 {
     let (min, max, mean, sd) = (
@@ -68,7 +68,7 @@ pub fn shape_factor(shape: Shape, sphericity: &TruncatedNormal, law: SizeLaw) ->
     if sd == 0.0 || min == max {
         return shape.surface_to_volume(mean) / 4.0;
     }
-    // Simpson over [min, max] cut to 12 standard deviations, 2000 panels
+    // Simpson's rule over [min, max] cut to 12 standard deviations, 2000 panels
     let (low, high) = (min.max(mean - 12.0 * sd), max.min(mean + 12.0 * sd));
     let panels = 2000;
     let step = (high - low) / f64::from(panels);
@@ -100,15 +100,15 @@ mod tests {
     use super::*;
 
     #[test]
-    fn limits() {
-        let one = SizeRange::new(4e-4, 4e-4).unwrap();
-        assert_eq!(size_factor_per_m(&one), 2500.0);
+    fn size_factor_of_a_single_size_is_its_inverse() {
+        let single = SizeRange::new(4e-4, 4e-4).unwrap();
+        assert_eq!(size_factor_per_m(&single), 2500.0);
         let narrow = SizeRange::new(4e-4, 4e-4 * (1.0 + 1e-7)).unwrap();
         assert!((size_factor_per_m(&narrow) / 2500.0 - 1.0).abs() < 1e-6);
     }
 
     #[test]
-    fn size_factor_is_the_published_integral() {
+    fn size_factor_matches_the_published_integral() {
         // (max - min) / (min max ln(max / min)), 300-750 um
         let size = SizeRange::new(300e-6, 750e-6).unwrap();
         let expected = 450e-6 / (300e-6 * 750e-6 * 2.5f64.ln());
@@ -116,10 +116,10 @@ mod tests {
         assert!((size_factor_per_m(&size) - 2183.0).abs() < 1.0);
     }
 
-    /// A mean distance is held to the ice: <4 volume / surface> / dbar is the volume
-    /// fraction, and the published law meets so many times that.
+    /// Under the consistent law, <4 volume / surface> / dbar is the volume fraction of ice.
+    /// Under the published law it is `ratio` times that.
     #[test]
-    fn wide_ranges_are_overpacked_as_published_only() {
+    fn only_the_published_law_overpacks_wide_ranges() {
         let sizes = |min: f64, max: f64| SizeRange::new(min * 1e-6, max * 1e-6).unwrap();
         for (min, max, ratio) in [
             (300.0, 750.0, 1.146),
@@ -138,14 +138,14 @@ mod tests {
         let [published, consistent] = [SizeLaw::Varsa2025, SizeLaw::Consistent]
             .map(|law| shape_factor(Shape::Spheroid, &psi, law));
         assert!(
-            // by a midpoint sum of 200,000 terms, written apart
+            // from an independent midpoint sum of 200,000 terms
             (published / consistent - 1.016_357).abs() < 2e-6,
             "{published} {consistent}"
         );
-        let one = TruncatedNormal::new(0.8, 0.8, 0.8, 0.0).unwrap();
+        let constant = TruncatedNormal::new(0.8, 0.8, 0.8, 0.0).unwrap();
         assert_eq!(
-            shape_factor(Shape::Spheroid, &one, SizeLaw::Varsa2025),
-            shape_factor(Shape::Spheroid, &one, SizeLaw::Consistent)
+            shape_factor(Shape::Spheroid, &constant, SizeLaw::Varsa2025),
+            shape_factor(Shape::Spheroid, &constant, SizeLaw::Consistent)
         );
     }
 }

@@ -1,10 +1,10 @@
 //! The event of a ray on a grain: entry facet, internal hits, exit (docs/methods.md;
-//! Varsa 2025, section 4.2), for eight rays at once. Geometric
-//! optics on a smooth body whose local normal is tilted at random at every
-//! hit; no diffraction, no polarisation.
+//! Varsa 2025, section 4.2), for eight rays at once. It uses geometric optics on a smooth
+//! body whose local normal is tilted at random at every hit. There is no diffraction and
+//! no polarisation.
 //!
-//! Every [`Events::step`] tries one facet on each lane: the entry of a new
-//! grain on one, the fifth internal hit on another. Lanes are independent.
+//! Every [`Events::step`] tries one facet on each lane. Lanes are independent: one may enter
+//! a new grain while another has its fifth internal hit.
 use std::marker::PhantomData;
 
 use splitsnow_spectra::simd::{F64x8, Portable, Simd, Task};
@@ -15,23 +15,23 @@ use crate::math::{Vec3, Vec3x8};
 use crate::optics::{Index, Interface, Interfaces, reflect};
 use crate::rng::Stream;
 
-/// Tilted normals tried before the untilted one is taken.
+/// Number of tilted normals tried before the untilted one is used.
 const FACET_TRIES: f64 = 64.0;
-/// Internal hits after which a ray counts as lost.
+/// Number of internal hits after which a ray counts as lost.
 const INTERNAL_HITS: f64 = 10_000.0;
 
-/// A grain's two interfaces with the medium around it.
+/// The interfaces between a grain and the surrounding medium.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Surface {
-    /// From outside into ice.
+    /// From the surrounding medium into ice.
     pub enter: Interface,
-    /// From ice to the outside.
+    /// From ice into the surrounding medium.
     pub leave: Interface,
 }
 
 impl Surface {
-    /// Ice in air and in water. `wet` says whether there is any water: without,
-    /// its absorption does not matter.
+    /// Surfaces of ice in air and in water. `wet` says whether there is any water; if not,
+    /// the absorption of water does not matter.
     #[must_use]
     pub fn in_air_and_water(ice: Index, water: Index, wet: bool) -> [Self; 2] {
         let absorbs = ice.k.max(if wet { water.k } else { 0.0 }) > Interface::DIELECTRIC_K;
@@ -48,23 +48,23 @@ impl Surface {
     }
 }
 
-/// A grain drawn at random and a point on it, before any ray decides which
-/// side of it is met.
+/// A random grain and a random point on it, before a ray determines which side of it is
+/// met.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Grain {
     /// Full length, m.
     pub size_m: f64,
     /// Facetness F.
     pub facetness: f64,
-    /// The solid it is.
+    /// Body of the grain.
     pub body: Body<f64>,
-    /// Point on its surface, units of half its size.
+    /// Point on its surface, in units of half its size.
     pub point: Vec3,
-    /// Unit outward normal there.
+    /// Unit outward normal at this point.
     pub normal: Vec3,
 }
 
-/// Eight grains drawn at once and which of them are kept.
+/// Eight random grains.
 #[derive(Debug, Clone, Default)]
 pub struct Grains<S: Simd = Portable> {
     size_m: F64x8<S>,
@@ -75,21 +75,21 @@ pub struct Grains<S: Simd = Portable> {
 }
 
 impl<S: Simd> Grains<S> {
-    /// Draws eight grains; the mask has a bit for each to be kept.
+    /// Draws eight grains. The mask has a bit for each grain to be kept.
     #[inline(always)]
     pub fn draw(law: &GrainType, rng: &mut Stream<S>) -> (Self, u32) {
-        with_law!(&law.shape, shape => Self::draw_of(shape, law, rng))
+        with_law!(&law.shape, shape => Self::draw_shape(shape, law, rng))
     }
 
-    /// The same, of this shape.
+    /// The same for a given shape.
     #[inline(always)]
-    fn draw_of<G: GrainShape>(shape: &G, law: &GrainType, rng: &mut Stream<S>) -> (Self, u32) {
+    fn draw_shape<G: GrainShape>(shape: &G, law: &GrainType, rng: &mut Stream<S>) -> (Self, u32) {
         let (psi, keep_psi) = law.sphericity.propose(rng);
         let (facetness, keep_facetness) = law.facetness.propose(rng);
         let body = shape.draw(psi, rng);
         let kept = keep_psi & keep_facetness;
-        // a point not kept is drawn again for the same grain: dropping the
-        // grain with it would favour round ones, which keep more points
+        // A rejected point is drawn again for the same grain: rejecting the grain too
+        // would favour round grains, which keep more points.
         let (mut point, mut placed) = G::sample(&body, rng);
         while (kept & !placed).any() {
             let (another, keep) = G::sample(&body, rng);
@@ -124,11 +124,11 @@ impl<S: Simd> Grains<S> {
     }
 }
 
-/// Eight grain events under way.
+/// Eight grain events in progress.
 #[derive(Debug, Clone)]
 pub struct Events<S: Simd = Portable> {
-    /// Directions, unit: before a step of the ray that comes, after the event
-    /// has ended of the ray that leaves.
+    /// Unit directions of the rays: before a step, of the incoming ray; after the end of
+    /// the event, of the outgoing ray.
     pub direction: Vec3x8<S>,
     /// Paths in ice since the ray entered the snow, m.
     pub ice_m: F64x8<S>,
@@ -136,15 +136,15 @@ pub struct Events<S: Simd = Portable> {
     pub ice_limit_m: F64x8<S>,
     bodies: Bodies<S>,
     facetness: F64x8<S>,
-    /// Half the sizes, m.
+    /// Half the sizes of the grains, m.
     scale_m: F64x8<S>,
-    /// Where the ray is, in units of that, from the centre.
-    at: Vec3x8<S>,
-    /// Unit normal there, facing the ray.
+    /// Position of the ray relative to the centre, in units of half the size.
+    position: Vec3x8<S>,
+    /// Unit normal at this position, facing the ray.
     normal: Vec3x8<S>,
-    /// All ones where the ray is in ice.
+    /// All ones if the ray is in ice.
     inside: F64x8<S>,
-    /// All ones where the grain sits in water.
+    /// All ones if the grain is in water.
     wet: F64x8<S>,
     facet_tries: F64x8<S>,
     internal_hits: F64x8<S>,
@@ -152,67 +152,67 @@ pub struct Events<S: Simd = Portable> {
     any_water: bool,
 }
 
-/// Which lanes a step changed, a bit each.
+/// The lanes that a step changed, one bit each.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
 pub struct Stepped {
-    /// Outside their grain again.
+    /// The ray has left its grain.
     pub left: u32,
-    /// Past [`Events::ice_limit_m`].
+    /// The path in ice has reached [`Events::ice_limit_m`].
     pub absorbed: u32,
-    /// Still inside after 10,000 hits.
+    /// The ray is still inside after 10,000 hits.
     pub lost: u32,
 }
 
 /// Normals and chords of eight bodies.
 trait Solids<S: Simd> {
     /// See [`GrainShape::normal`].
-    fn normal(&self, body: &Numbers<F64x8<S>>, at: Vec3x8<S>) -> Vec3x8<S>;
+    fn normal(&self, body: &Numbers<F64x8<S>>, point: Vec3x8<S>) -> Vec3x8<S>;
 
     /// See [`GrainShape::chord`].
-    fn chord(&self, body: &Numbers<F64x8<S>>, at: Vec3x8<S>, d: Vec3x8<S>) -> F64x8<S>;
+    fn chord(&self, body: &Numbers<F64x8<S>>, point: Vec3x8<S>, d: Vec3x8<S>) -> F64x8<S>;
 }
 
 /// Bodies of one form.
-struct OfForm<G>(PhantomData<G>);
+struct SingleForm<G>(PhantomData<G>);
 
-impl<S: Simd, G: GrainShape> Solids<S> for OfForm<G> {
+impl<S: Simd, G: GrainShape> Solids<S> for SingleForm<G> {
     #[inline(always)]
-    fn normal(&self, body: &Numbers<F64x8<S>>, at: Vec3x8<S>) -> Vec3x8<S> {
-        G::normal(body, at)
+    fn normal(&self, body: &Numbers<F64x8<S>>, point: Vec3x8<S>) -> Vec3x8<S> {
+        G::normal(body, point)
     }
 
     #[inline(always)]
-    fn chord(&self, body: &Numbers<F64x8<S>>, at: Vec3x8<S>, d: Vec3x8<S>) -> F64x8<S> {
-        G::chord(body, at, d)
+    fn chord(&self, body: &Numbers<F64x8<S>>, point: Vec3x8<S>, d: Vec3x8<S>) -> F64x8<S> {
+        G::chord(body, point, d)
     }
 }
 
 impl<S: Simd> Solids<S> for Bodies<S> {
     #[inline(always)]
-    fn normal(&self, _: &Numbers<F64x8<S>>, at: Vec3x8<S>) -> Vec3x8<S> {
-        self.normal(at)
+    fn normal(&self, _: &Numbers<F64x8<S>>, point: Vec3x8<S>) -> Vec3x8<S> {
+        self.normal(point)
     }
 
     #[inline(always)]
-    fn chord(&self, _: &Numbers<F64x8<S>>, at: Vec3x8<S>, d: Vec3x8<S>) -> F64x8<S> {
-        self.chord(at, d)
+    fn chord(&self, _: &Numbers<F64x8<S>>, point: Vec3x8<S>, d: Vec3x8<S>) -> F64x8<S> {
+        self.chord(point, d)
     }
 }
 
-/// The call of [`Events::step`] on bodies of some form.
-struct StepOn<'a, S: Simd, B>(&'a mut Events<S>, B, &'a mut Stream<S>);
+/// [`Events::step`] as a SIMD task, on bodies of one form or mixed forms.
+struct StepTask<'a, S: Simd, B>(&'a mut Events<S>, B, &'a mut Stream<S>);
 
-impl<S: Simd, B: Solids<S>> Task for StepOn<'_, S, B> {
+impl<S: Simd, B: Solids<S>> Task for StepTask<'_, S, B> {
     type Output = Stepped;
 
     #[inline(always)]
     fn perform(self) -> Stepped {
-        self.0.step_here(&self.1, self.2)
+        self.0.step_inlined(&self.1, self.2)
     }
 }
 
 impl<S: Simd> Events<S> {
-    /// Idle lanes among grains with the surfaces given, in air and in water.
+    /// Idle lanes with the given grain surfaces in air and in water.
     #[must_use]
     #[inline(always)]
     pub fn new(surfaces: &[Surface; 2], any_water: bool) -> Self {
@@ -225,7 +225,7 @@ impl<S: Simd> Events<S> {
             bodies: Bodies::default(),
             facetness: zero,
             scale_m: zero,
-            at: unit,
+            position: unit,
             normal: unit,
             inside: zero,
             wet: zero,
@@ -236,14 +236,14 @@ impl<S: Simd> Events<S> {
         }
     }
 
-    /// Lets the ray of `lane` meet `grain` at `point` with the unit outward
-    /// `normal`, which faces the ray.
+    /// Lets the ray of `lane` meet `grain` at `point`, where the unit outward `normal` faces
+    /// the ray.
     #[inline(always)]
     pub fn start(&mut self, lane: usize, grain: &Grain, point: Vec3, normal: Vec3, in_water: bool) {
         self.bodies.set(lane, &grain.body);
         self.facetness.as_mut_array()[lane] = grain.facetness;
         self.scale_m.as_mut_array()[lane] = 0.5 * grain.size_m;
-        self.at.set(lane, point);
+        self.position.set(lane, point);
         self.normal.set(lane, normal);
         self.inside.as_mut_array()[lane] = F64x8::<S>::mask(false);
         self.wet.as_mut_array()[lane] = F64x8::<S>::mask(in_water);
@@ -251,32 +251,32 @@ impl<S: Simd> Events<S> {
         self.internal_hits.as_mut_array()[lane] = 0.0;
     }
 
-    /// Where the ray of `lane` is in its grain, m from its centre.
+    /// Position of the ray of `lane` relative to the centre of its grain, m.
     #[inline(always)]
     #[must_use]
     pub fn place_in_grain_m(&self, lane: usize) -> Vec3 {
-        self.at.get(lane) * self.scale_m.as_array()[lane]
+        self.position.get(lane) * self.scale_m.as_array()[lane]
     }
 
     /// Tries one facet on every lane.
     #[inline(always)]
     pub fn step(&mut self, rng: &mut Stream<S>) -> Stepped {
-        // A function of its own for each form, so that one more makes no other slower.
+        // Each form has its own function, so that adding a form does not slow the others.
         match self.bodies.form() {
             Some(form) => with_form!(form, G => {
-                let solids = OfForm::<G>(PhantomData);
-                S::outlined(StepOn(self, solids, rng))
+                let solids = SingleForm::<G>(PhantomData);
+                S::outlined(StepTask(self, solids, rng))
             }),
             None => {
                 let mixed = self.bodies;
-                S::outlined(StepOn(self, mixed, rng))
+                S::outlined(StepTask(self, mixed, rng))
             }
         }
     }
 
-    /// The same on `solids`, which know the forms.
+    /// The same step on `solids`, whose forms are known.
     #[inline(always)]
-    fn step_here(&mut self, solids: &impl Solids<S>, rng: &mut Stream<S>) -> Stepped {
+    fn step_inlined(&mut self, solids: &impl Solids<S>, rng: &mut Stream<S>) -> Stepped {
         let body = &self.bodies.numbers;
         let (d, n, one) = (self.direction, self.normal, F64x8::ONE);
 
@@ -309,34 +309,34 @@ impl<S: Simd> Events<S> {
             let in_water = Interfaces::select(inside, &water[1], &water[0]);
             interfaces = Interfaces::select(self.wet, &in_water, &interfaces);
         }
-        let incidences = interfaces.at(c);
+        let incidences = interfaces.incidences(c);
         let reflected = rng.uniform().lt(incidences.reflectance);
         let refracted = !reflected;
         let mut next =
             reflect(d, m, c).or_where_not(reflected, interfaces.refract(d, m, c, &incidences));
         let goes_inside = inside ^ refracted;
 
-        // a tilted facet may send an inner ray out of the grain: take the untilted normal
+        // a tilted facet may send an internal ray out of the grain: use the untilted normal
         let outward = next.dot(n) * refracted.select(-one, one);
-        let astray = ok & goes_inside & outward.le(F64x8::ZERO);
-        next = reflect(d, n, untilted).or_where_not(astray & reflected, next);
-        if (astray & refracted).any() {
+        let wrong_side = ok & goes_inside & outward.le(F64x8::ZERO);
+        next = reflect(d, n, untilted).or_where_not(wrong_side & reflected, next);
+        if (wrong_side & refracted).any() {
             let c = untilted.min(one);
-            let refraction = interfaces.refract_or_graze(d, n, c, &interfaces.at(c));
-            next = refraction.or_where_not(astray & refracted, next);
+            let refraction = interfaces.refract_or_graze(d, n, c, &interfaces.incidences(c));
+            next = refraction.or_where_not(wrong_side & refracted, next);
         }
-        // one Newton step towards unit length keeps rounding errors from adding up
+        // one Newton step towards unit length prevents accumulation of rounding errors
         next = next * (F64x8::splat(1.5) - F64x8::splat(0.5) * next.dot(next));
         self.direction = next.or_where_not(ok, d);
         self.inside = ok.select(goes_inside, inside);
 
-        // on through the ice to the far surface
+        // move on through the ice to the far surface
         let moves = ok & goes_inside;
-        let chord = solids.chord(body, self.at, next);
+        let chord = solids.chord(body, self.position, next);
         let chord = chord.max(F64x8::ZERO) & moves;
-        self.at = self.at.plus(chord, next);
+        self.position = self.position.plus(chord, next);
         self.ice_m += chord * self.scale_m;
-        let inward = solids.normal(body, self.at).unit() * -one;
+        let inward = solids.normal(body, self.position).unit() * -one;
         self.normal = inward.or_where_not(moves, n);
         self.internal_hits += one & moves;
         Stepped {

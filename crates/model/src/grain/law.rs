@@ -1,21 +1,21 @@
-//! Distributions of grain properties (Varsa 2025, table 4.1): uniform size,
-//! truncated normal facetness and sphericity.
+//! Distributions of grain properties (Varsa 2025, table 4.1): uniform size, truncated
+//! normal facetness and sphericity.
 use splitsnow_spectra::simd::{F64x8, Simd};
 use thiserror::Error;
 
 use crate::rng::Stream;
 
-/// A grain law whose parameters do not describe a distribution.
+/// Parameters that do not describe a distribution.
 #[derive(Debug, Clone, PartialEq, Error)]
 pub enum GrainError {
     /// A bound is not finite, or the pair is out of order.
-    #[error("{what}: min {min} and max {max} must be finite with {lowest} <= min <= max")]
+    #[error("{quantity}: min {min} and max {max} must be finite with {lowest} <= min <= max")]
     Range {
-        /// Which law.
-        what: &'static str,
-        /// Given minimum.
+        /// The distribution.
+        quantity: &'static str,
+        /// The given minimum.
         min: f64,
-        /// Given maximum.
+        /// The given maximum.
         max: f64,
         /// Smallest admissible minimum.
         lowest: f64,
@@ -23,7 +23,7 @@ pub enum GrainError {
     /// The mean lies outside the bounds.
     #[error("mean {mean} must lie in [min, max] = [{min}, {max}]")]
     Mean {
-        /// Given mean.
+        /// The given mean.
         mean: f64,
         /// Lower bound.
         min: f64,
@@ -33,19 +33,19 @@ pub enum GrainError {
     /// The standard deviation is negative or not finite.
     #[error("standard deviation {sd} must be finite and >= 0")]
     Sd {
-        /// Given standard deviation.
+        /// The given standard deviation.
         sd: f64,
     },
 }
 
-/// How often a ray meets grains whose sizes are spread, for a given volume of ice.
+/// How often a ray meets grains of different sizes, for a given volume of ice.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
 pub enum SizeLaw {
-    /// As published (Varsa 2025, eqs. B.3-B.7): grain numbers fall as s^-4, while the
-    /// sizes met are uniform, so that wide ranges bring more ice than there is.
+    /// As published (Varsa 2025, eqs. B.3-B.7): the number of grains falls as s^-4 while the
+    /// sizes met are uniform, so wide ranges meet more ice than the density gives.
     #[default]
     Varsa2025,
-    /// Ours: the ice met per metre is what the density holds.
+    /// Not in the thesis: the ice met per metre agrees with the density.
     Consistent,
 }
 
@@ -76,10 +76,10 @@ impl SizeRange {
         law: SizeLaw::Varsa2025,
     };
 
-    /// Sizes met as often as the published law has it.
+    /// Sizes with the published law.
     ///
     /// # Errors
-    /// Both must be finite and `0 < min_m <= max_m`.
+    /// [`GrainError::Range`] unless both are finite and `0 < min_m <= max_m`.
     pub fn new(min_m: f64, max_m: f64) -> Result<Self, GrainError> {
         if min_m.is_finite() && max_m.is_finite() && 0.0 < min_m && min_m <= max_m {
             Ok(Self {
@@ -89,7 +89,7 @@ impl SizeRange {
             })
         } else {
             Err(GrainError::Range {
-                what: "grain size (m)",
+                quantity: "grain size (m)",
                 min: min_m,
                 max: max_m,
                 lowest: 0.0,
@@ -97,13 +97,13 @@ impl SizeRange {
         }
     }
 
-    /// The same sizes, met as often as `law` has it.
+    /// The same sizes with another law.
     #[must_use]
     pub fn with_law(self, law: SizeLaw) -> Self {
         Self { law, ..self }
     }
 
-    /// How often they are met.
+    /// The law for how often grains are met.
     #[must_use]
     pub fn law(&self) -> SizeLaw {
         self.law
@@ -128,8 +128,8 @@ impl SizeRange {
     }
 }
 
-/// A normal distribution with the mean and standard deviation given, cut to
-/// [min, max]. `sd = 0` or `min = max` is a constant.
+/// A normal distribution with the given mean and standard deviation, truncated to
+/// [min, max]. It is a constant if `sd = 0` or `min = max`.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct TruncatedNormal {
     min: f64,
@@ -140,11 +140,11 @@ pub struct TruncatedNormal {
 
 impl TruncatedNormal {
     /// # Errors
-    /// All finite, `min <= mean <= max`, `sd >= 0`.
+    /// Unless all values are finite, `min <= mean <= max` and `sd >= 0`.
     pub fn new(min: f64, max: f64, mean: f64, sd: f64) -> Result<Self, GrainError> {
         if !(min.is_finite() && max.is_finite() && min <= max) {
             return Err(GrainError::Range {
-                what: "truncated normal",
+                quantity: "truncated normal",
                 min,
                 max,
                 lowest: f64::NEG_INFINITY,
@@ -183,9 +183,9 @@ impl TruncatedNormal {
         self.sd
     }
 
-    /// Draws eight candidates and says which to keep, by rejection from the
-    /// normal or from the uniform distribution over [min, max], whichever is
-    /// kept more often.
+    /// Draws eight candidates and a mask of those to keep, by rejection from the normal
+    /// distribution or from the uniform distribution over [min, max], whichever accepts
+    /// more.
     #[inline(always)]
     pub fn propose<S: Simd>(&self, rng: &mut Stream<S>) -> (F64x8<S>, F64x8<S>) {
         let (min, max) = (F64x8::splat(self.min), F64x8::splat(self.max));
@@ -194,7 +194,7 @@ impl TruncatedNormal {
             return (mean, mean.equals(mean));
         }
         let sd = F64x8::splat(self.sd);
-        // kept shares: P(min < X < max), and the same times sqrt(2 pi) sd / width
+        // acceptance: P(min < X < max), or this times sqrt(2 pi) sd / width
         if width > 2.506_628_274_631 * self.sd {
             let value = mean + sd * rng.normal();
             (value, value.ge(min) & value.le(max))

@@ -1,6 +1,5 @@
-//! Ice grains: the laws of their size and shape, the event of one ray on one
-//! grain, and the mean free distance between grains (Varsa 2025, chapter 4 and
-//! appendix B).
+//! Ice grains: the distributions of their size and shape, the event of a ray on a grain,
+//! and the mean free distance between grains (Varsa 2025, chapter 4 and appendix B).
 mod body;
 mod distance;
 mod event;
@@ -19,12 +18,12 @@ pub use optical::{SizeConversion, SizeMeasure};
 pub use shape::{Down, Form, GrainShape, Numbers, Shape, Upright};
 pub use spheroid::Spheroid;
 
-/// One type of grain: how its size, facetness and sphericity are distributed.
+/// One type of grain: the distributions of its size, facetness and sphericity.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct GrainType {
-    /// Full length of the major axis, drawn uniformly.
+    /// Full length of the major axis, uniformly distributed.
     pub size: SizeRange,
-    /// Facetness F in [0, 1] (Varsa 2025, eq. 4.3): 0 is smooth.
+    /// Facetness F in [0, 1] (Varsa 2025, eq. 4.3); 0 is smooth.
     pub facetness: TruncatedNormal,
     /// Shape of the grains.
     pub shape: Shape,

@@ -1,14 +1,15 @@
-//! Grain sizes told by what the walk's extinction makes of them.
+//! Grain sizes from the optical radius or the specific surface area.
 //!
-//! The grains that a walk meets have the specific surface area SSA = 4 K1 K2 / ice
-//! density ([`super::specific_surface_m2_kg`]), and the optical radius is that of
-//! spheres of as much surface, 3 / (SSA ice density) = 3 / (4 K1 K2). Of a shape K2 is
-//! known, so that either tells K1, and with the width of the sizes their mean.
+//! The grains that a walk meets have the specific surface area SSA = 4 K1 K2 / ice density
+//! ([`super::specific_surface_m2_kg`]). The optical radius is the radius of spheres with
+//! the same specific surface area, 3 / (SSA ice density) = 3 / (4 K1 K2). K2 is known from
+//! the shape, so either measure gives K1, and K1 with the width of the size distribution
+//! gives the mean size.
 use crate::grain::{Shape, SizeLaw, SizeRange, TruncatedNormal, shape_factor, size_factor_per_m};
 use crate::optics::ice_density_kg_m3;
 use splitsnow_spectra::units::{m_to_um, um_to_m};
 
-/// A measure of grains that stands in for their size.
+/// A measure that can replace the grain size.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum SizeMeasure {
     /// Optical (effective) radius, um.
@@ -17,26 +18,26 @@ pub enum SizeMeasure {
     SpecificSurface,
 }
 
-/// The shape, spread and temperature of grains whose size is told by a measure.
+/// The properties of grains that convert a measure to a size.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct SizeConversion {
-    /// Sizes are uniform in mean -+ this, um.
+    /// Half the width of the size distribution, which is uniform about the mean, um.
     pub half_width_um: f64,
-    /// How often they are met.
+    /// How often grains of different sizes are met.
     pub size_law: SizeLaw,
     /// Shape.
     pub shape: Shape,
-    /// Law of the sphericity.
+    /// Distribution of the sphericity.
     pub sphericity: TruncatedNormal,
     /// Temperature, Celsius.
     pub temperature_c: f64,
 }
 
 impl SizeMeasure {
-    /// Both.
+    /// Both measures.
     pub const ALL: [Self; 2] = [Self::OpticalRadius, Self::SpecificSurface];
 
-    /// As files spell it, with the unit as suffix.
+    /// Its name in files, with the unit as suffix.
     #[must_use]
     pub const fn name(self) -> &'static str {
         match self {
@@ -45,7 +46,7 @@ impl SizeMeasure {
         }
     }
 
-    /// What it is, for people, and its unit.
+    /// Its description and its unit.
     #[must_use]
     pub const fn about(self) -> (&'static str, &'static str) {
         match self {
@@ -60,17 +61,23 @@ impl SizeMeasure {
         }
     }
 
-    /// Mean size, um, of grains of this measure `value`, which is above 0.
+    /// Mean size, um, of grains for which this measure is `value`, above 0.
     #[must_use]
-    pub fn size_um(self, value: f64, told: &SizeConversion) -> f64 {
-        let shape = shape_factor(told.shape, &told.sphericity, told.size_law);
+    pub fn size_um(self, value: f64, conversion: &SizeConversion) -> f64 {
+        let shape = shape_factor(
+            conversion.shape,
+            &conversion.sphericity,
+            conversion.size_law,
+        );
         let k1_per_m = match self {
             Self::OpticalRadius => 3.0 / (4.0 * shape * um_to_m(value)),
-            Self::SpecificSurface => value * ice_density_kg_m3(told.temperature_c) / (4.0 * shape),
+            Self::SpecificSurface => {
+                value * ice_density_kg_m3(conversion.temperature_c) / (4.0 * shape)
+            }
         };
         let single_um = m_to_um(1.0 / k1_per_m);
-        let width_um = told.half_width_um;
-        if width_um == 0.0 || told.size_law == SizeLaw::Consistent {
+        let width_um = conversion.half_width_um;
+        if width_um == 0.0 || conversion.size_law == SizeLaw::Consistent {
             return single_um;
         }
         // K1 falls with the mean m, and m - width < 1 / K1 < m
@@ -86,11 +93,11 @@ impl SizeMeasure {
         0.5 * (low + high)
     }
 
-    /// Mean sizes, um, of grains of these measures, which increase; the sizes do too,
-    /// so that those of specific surface areas run the other way round.
+    /// Mean sizes, um, of grains with these increasing values of the measure. The sizes
+    /// increase too, so those of specific surface areas are in reverse order.
     #[must_use]
-    pub fn sizes_um(self, values: &[f64], told: &SizeConversion) -> Vec<f64> {
-        let sizes = values.iter().map(|value| self.size_um(*value, told));
+    pub fn sizes_um(self, values: &[f64], conversion: &SizeConversion) -> Vec<f64> {
+        let sizes = values.iter().map(|value| self.size_um(*value, conversion));
         let mut sizes: Vec<f64> = sizes.collect();
         if self == Self::SpecificSurface {
             sizes.reverse();
@@ -105,10 +112,10 @@ mod tests {
     use super::*;
     use crate::grain::{GrainType, specific_surface_m2_kg};
 
-    /// Whatever the width, the law and the shape, grains of the size found have the
-    /// measure that was asked for.
+    /// Grains of the size found have the given measure, for any width, size law and
+    /// sphericity.
     #[test]
-    fn sizes_have_the_measure_they_are_told_by() {
+    fn sizes_reproduce_the_given_measure() {
         let usual = TruncatedNormal::new(0.6, 0.95, 0.798, 0.064).unwrap();
         let sphere = TruncatedNormal::new(1.0, 1.0, 1.0, 0.0).unwrap();
         for (sphericity, size_law) in [
@@ -117,7 +124,7 @@ mod tests {
             (sphere, SizeLaw::Varsa2025),
         ] {
             for half_width_um in [0.0, 10.0, 50.0] {
-                let told = SizeConversion {
+                let conversion = SizeConversion {
                     half_width_um,
                     size_law,
                     shape: Shape::Spheroid,
@@ -126,8 +133,8 @@ mod tests {
                 };
                 for radius_um in [30.0, 82.0, 500.0, 2000.0] {
                     let ssa = 3.0 / (radius_um * 1e-6 * ice_density_kg_m3(-5.0));
-                    let mean_um = SizeMeasure::OpticalRadius.size_um(radius_um, &told);
-                    let other = SizeMeasure::SpecificSurface.size_um(ssa, &told);
+                    let mean_um = SizeMeasure::OpticalRadius.size_um(radius_um, &conversion);
+                    let other = SizeMeasure::SpecificSurface.size_um(ssa, &conversion);
                     assert!((mean_um / other - 1.0).abs() < 1e-12, "{mean_um} {other}");
                     let ends = [mean_um - half_width_um, mean_um + half_width_um];
                     let size = SizeRange::new(um_to_m(ends[0]), um_to_m(ends[1])).unwrap();
@@ -145,7 +152,7 @@ mod tests {
                 }
             }
         }
-        let told = SizeConversion {
+        let conversion = SizeConversion {
             half_width_um: 0.0,
             size_law: SizeLaw::Varsa2025,
             shape: Shape::Spheroid,
@@ -155,12 +162,17 @@ mod tests {
         // a sphere is as long as it is wide; the usual grains are 1 / .351 radii long
         let sphere = SizeConversion {
             sphericity: sphere,
-            ..told
+            ..conversion
         };
         assert!((SizeMeasure::OpticalRadius.size_um(82.0, &sphere) - 164.0).abs() < 1e-9);
-        assert!((82.0 / SizeMeasure::OpticalRadius.size_um(82.0, &told) - 0.351).abs() < 5e-4);
-        let sizes = SizeMeasure::SpecificSurface.sizes_um(&[5.0, 20.0, 60.0], &told);
+        assert!(
+            (82.0 / SizeMeasure::OpticalRadius.size_um(82.0, &conversion) - 0.351).abs() < 5e-4
+        );
+        let sizes = SizeMeasure::SpecificSurface.sizes_um(&[5.0, 20.0, 60.0], &conversion);
         assert!(sizes[0] < sizes[1] && sizes[1] < sizes[2]);
-        assert_eq!(sizes[2], SizeMeasure::SpecificSurface.size_um(5.0, &told));
+        assert_eq!(
+            sizes[2],
+            SizeMeasure::SpecificSurface.size_um(5.0, &conversion)
+        );
     }
 }

@@ -1,11 +1,10 @@
-//! What the shape of a grain has to tell, and the shapes there are. How to add
-//! one: docs/design.md.
+//! The interface of grain shapes, and the available shapes. How to add one:
+//! docs/design.md.
 //!
-//! A body is convex and symmetric about its centre, the origin. Lengths are in
-//! units of half the grain's size s, its largest extent in any direction
-//! (docs/methods.md, The sample: for a spheroid the major semi-axis b = s/2). Of
-//! sphericity Psi, the largest sphere that fits in it has the radius Psi^2
-//! (Varsa 2025, eq. 4.2: Psi = sqrt(c/b)).
+//! A body is convex and symmetric about its centre, the origin. Lengths are in units of
+//! half the grain size s, its largest extent in any direction (docs/methods.md, The
+//! sample: for a spheroid the major semi-axis b = s/2). In a body of sphericity Psi, the
+//! largest inscribed sphere has the radius Psi^2 (Varsa 2025, eq. 4.2: Psi = sqrt(c/b)).
 use splitsnow_spectra::simd::{F64x8, Simd};
 
 use crate::grain::body::Bodies;
@@ -14,19 +13,19 @@ use crate::grain::spheroid::Spheroid;
 use crate::math::{Real, Vec3, Vec3x8};
 use crate::rng::{Fingerprint, Stream};
 
-/// The attitude and proportions of a body, in numbers that only its shape
-/// reads: three for the attitude and two for the proportions are enough for an
-/// ellipsoid or a prism, and fill a row of a table.
+/// Orientation and proportions of a body. Only its shape interprets these numbers. Three
+/// for the orientation and two for the proportions suffice for an ellipsoid or a prism and
+/// fill a row of a table.
 pub type Numbers<R> = [R; 5];
 
-/// The downward component of a vector, for one number or for eight. A trait and not a closure,
-/// so that it is always inlined.
+/// The downward component of a vector, for one number or eight. A trait instead of a
+/// closure, so that it is always inlined.
 pub trait Down<R> {
-    /// Of a vector in the frame of a body's numbers.
+    /// Downward component of a vector in the frame of a body's numbers.
     fn down(&self, vector: [R; 3]) -> R;
 }
 
-/// Where the third axis of the frame points down.
+/// A frame whose third axis points down.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Upright;
 
@@ -37,47 +36,48 @@ impl<R> Down<R> for Upright {
     }
 }
 
-/// A shape, with the parameters that all grains of a type have in common. What
-/// takes no `self` follows from the numbers of a body alone.
+/// A shape, with the parameters that all grains of a type share. Functions without `self`
+/// depend only on the numbers of a body.
 pub trait GrainShape {
-    /// Which numbers these are.
+    /// The form that these bodies have.
     const FORM: Form;
 
-    /// Adds what tells this shape from others to the identity of a snow.
+    /// Adds the parameters of this shape to the identity of a snow.
     #[must_use]
     fn identify(&self, digest: Fingerprint) -> Fingerprint;
 
-    /// Surface over volume of a body of sphericity `psi` and full length 1, of
-    /// which K2 is a quarter (docs/methods.md, Mean free distance: A(Psi)).
+    /// Surface-to-volume ratio of a body of sphericity `psi` and full length 1. K2 is a
+    /// quarter of it (docs/methods.md, Mean free distance: A(Psi)).
     fn surface_to_volume(&self, psi: f64) -> f64;
 
-    /// Eight bodies of these sphericities in attitudes uniform over all
-    /// (docs/methods.md, The grain event).
+    /// Eight bodies of these sphericities with isotropic orientations (docs/methods.md, The
+    /// grain event).
     fn draw<S: Simd>(&self, psi: F64x8<S>, rng: &mut Stream<S>) -> Numbers<F64x8<S>>;
 
-    /// Points proposed uniformly over the whole surface, and a mask of those to
-    /// keep (docs/methods.md, The grain event).
+    /// Proposes points uniform over the whole surface. The mask selects those to keep
+    /// (docs/methods.md, The grain event).
     fn sample<S: Simd>(body: &Numbers<F64x8<S>>, rng: &mut Stream<S>) -> (Vec3x8<S>, F64x8<S>);
 
-    /// Outward normals at points of the surface, of any length.
-    fn normal<S: Simd>(body: &Numbers<F64x8<S>>, at: Vec3x8<S>) -> Vec3x8<S>;
+    /// Outward normals at points of the surface, not normalised.
+    fn normal<S: Simd>(body: &Numbers<F64x8<S>>, point: Vec3x8<S>) -> Vec3x8<S>;
 
-    /// Distances from points of the surface along unit directions `d` to the far
-    /// surface; not above 0 where `d` points outward (docs/methods.md, The grain event).
-    fn chord<S: Simd>(body: &Numbers<F64x8<S>>, at: Vec3x8<S>, d: Vec3x8<S>) -> F64x8<S>;
+    /// Distances from points of the surface along unit directions `d` to the far surface; 0
+    /// or negative if `d` points outward (docs/methods.md, The grain event).
+    fn chord<S: Simd>(body: &Numbers<F64x8<S>>, point: Vec3x8<S>, d: Vec3x8<S>) -> F64x8<S>;
 
-    /// Half of the vertical extent; `down` gives the downward component of a
-    /// vector in the frame of the body's numbers. Decides whether a grain fits
-    /// between the planes of a slab (docs/methods.md, The walk).
+    /// Half of the vertical extent. `down` gives the downward component of a vector in the
+    /// frame of the body's numbers. It determines whether a grain fits between the planes of
+    /// a slab (docs/methods.md, The walk).
     fn half_height<R: Real>(body: &Numbers<R>, down: &impl Down<R>) -> R;
 
-    /// A point of the half that faces a ray of direction `d`, uniform over the
-    /// area projected along `d`, and the outward normal there, of any length;
-    /// `u` and the (sin, cos) of `azimuth` are uniform variates (docs/methods.md,
-    /// The grain event, `entry = "projected"`).
+    /// A point of the half that faces a ray of direction `d`, uniform over the area projected
+    /// along `d`, and the outward normal there, not normalised. `u` is a uniform variate and
+    /// `azimuth` the (sin, cos) of a uniform angle (docs/methods.md, The grain event,
+    /// `entry = "projected"`).
     fn projected_point(body: &Numbers<f64>, d: Vec3, u: f64, azimuth: (f64, f64)) -> (Vec3, Vec3);
 
-    /// The same body in a frame turned about z: (x, y) is `(cos x + sin y, cos y - sin x)` there.
+    /// The same body in a frame rotated about z, where (x, y) becomes
+    /// `(cos x + sin y, cos y - sin x)`.
     fn turned(body: &Numbers<f64>, cos: f64, sin: f64) -> Numbers<f64>;
 }
 
@@ -97,7 +97,7 @@ pub enum Form {
     Spheroid,
 }
 
-/// `$work` with the shape of `$shape` as `$law`.
+/// Evaluates `$work` with the shape of `$shape` bound to `$law`.
 macro_rules! with_law {
     ($shape:expr, $law:ident => $work:expr) => {
         match $shape {
@@ -110,7 +110,7 @@ macro_rules! with_law {
 }
 pub(super) use with_law;
 
-/// `$work` with the shape of bodies of `$form` as the type `$G`.
+/// Evaluates `$work` with the type `$G` of the shape of bodies of `$form`.
 macro_rules! with_form {
     ($form:expr, $G:ident => $work:expr) => {
         match $form {
@@ -146,7 +146,7 @@ impl Shape {
     }
 }
 
-// Calls by form. The step of a grain event chooses once for all that is in it.
+// Dispatch by form. The step of a grain event dispatches once for all of its calls.
 impl Form {
     #[inline(always)]
     pub(super) fn sample<S: Simd>(
@@ -158,18 +158,18 @@ impl Form {
     }
 
     #[inline(always)]
-    pub(super) fn normal<S: Simd>(self, body: &Numbers<F64x8<S>>, at: Vec3x8<S>) -> Vec3x8<S> {
-        with_form!(self, G => G::normal(body, at))
+    pub(super) fn normal<S: Simd>(self, body: &Numbers<F64x8<S>>, point: Vec3x8<S>) -> Vec3x8<S> {
+        with_form!(self, G => G::normal(body, point))
     }
 
     #[inline(always)]
     pub(super) fn chord<S: Simd>(
         self,
         body: &Numbers<F64x8<S>>,
-        at: Vec3x8<S>,
+        point: Vec3x8<S>,
         d: Vec3x8<S>,
     ) -> F64x8<S> {
-        with_form!(self, G => G::chord(body, at, d))
+        with_form!(self, G => G::chord(body, point, d))
     }
 
     #[inline(always)]

@@ -1,9 +1,8 @@
 //! Prolate spheroids (docs/methods.md; Varsa 2025, eq. 4.2).
 //!
-//! With c the minor semi-axis in units of the major one, K = c^2 - 1 and a the
-//! axis, the surface is |x|^2 + K (x.a)^2 = c^2 and the normal at x is along
-//! x + K (x.a) a. The numbers of a body are a, K and c. A sphere's K is 0,
-//! whatever a and c say.
+//! With c the minor semi-axis in units of the major one, K = c^2 - 1 and a the axis, the
+//! surface is |x|^2 + K (x.a)^2 = c^2 and the normal at x is along x + K (x.a) a. The
+//! numbers of a body are a, K and c. For a sphere K = 0, and a and c do not matter.
 use splitsnow_spectra::simd::{F64x8, Simd};
 
 use crate::grain::body::Body;
@@ -11,13 +10,13 @@ use crate::grain::shape::{Down, Form, GrainShape, Numbers};
 use crate::math::{Real, Vec3, Vec3x8};
 use crate::rng::{Fingerprint, Stream};
 
-/// The shape of Varsa 2025. It has no parameter but the sphericity.
+/// The shape of Varsa 2025. Its only parameter is the sphericity.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Spheroid;
 
 impl Spheroid {
-    /// The spheroid of minor semi-axis `minor` = Psi^2 with this unit vector along
-    /// its axis.
+    /// The spheroid with minor semi-axis `minor` = Psi^2 and the unit vector `axis` along the
+    /// major axis.
     #[must_use]
     pub fn body(minor: f64, axis: Vec3) -> Body<f64> {
         Body {
@@ -26,7 +25,7 @@ impl Spheroid {
         }
     }
 
-    /// Axis and K.
+    /// The axis and K.
     #[inline(always)]
     #[must_use]
     pub fn parts([x, y, z, flattening, _]: &Numbers<f64>) -> (Vec3, f64) {
@@ -34,7 +33,7 @@ impl Spheroid {
     }
 }
 
-/// The same of eight.
+/// The axes and K of eight bodies.
 #[inline(always)]
 fn parts<S: Simd>([x, y, z, flattening, _]: &Numbers<F64x8<S>>) -> (Vec3x8<S>, F64x8<S>) {
     (Vec3x8::new(*x, *y, *z), *flattening)
@@ -43,7 +42,7 @@ fn parts<S: Simd>([x, y, z, flattening, _]: &Numbers<F64x8<S>>) -> (Vec3x8<S>, F
 impl GrainShape for Spheroid {
     const FORM: Form = Form::Spheroid;
 
-    /// Nothing: spheroids keep the random numbers they had when there was no other shape.
+    /// Adds nothing: the random numbers of spheroids predate the other shapes.
     fn identify(&self, digest: Fingerprint) -> Fingerprint {
         digest
     }
@@ -68,8 +67,8 @@ impl GrainShape for Spheroid {
 
     #[inline(always)]
     fn sample<S: Simd>(body: &Numbers<F64x8<S>>, rng: &mut Stream<S>) -> (Vec3x8<S>, F64x8<S>) {
-        // A point of the unit sphere, stretched; the area it stands for grows
-        // by sqrt(1 + K u^2), at most 1, with u its component along the axis.
+        // A point of the unit sphere, stretched. The area it represents is scaled by
+        // sqrt(1 + K u^2), at most 1, where u is its component along the axis.
         let ((axis, flattening), minor) = (parts(body), body[4]);
         let p = rng.direction();
         let u = p.dot(axis);
@@ -79,16 +78,16 @@ impl GrainShape for Spheroid {
     }
 
     #[inline(always)]
-    fn normal<S: Simd>(body: &Numbers<F64x8<S>>, at: Vec3x8<S>) -> Vec3x8<S> {
+    fn normal<S: Simd>(body: &Numbers<F64x8<S>>, point: Vec3x8<S>) -> Vec3x8<S> {
         let (axis, flattening) = parts(body);
-        at.plus(flattening * at.dot(axis), axis)
+        point.plus(flattening * point.dot(axis), axis)
     }
 
     #[inline(always)]
-    fn chord<S: Simd>(body: &Numbers<F64x8<S>>, at: Vec3x8<S>, d: Vec3x8<S>) -> F64x8<S> {
+    fn chord<S: Simd>(body: &Numbers<F64x8<S>>, point: Vec3x8<S>, d: Vec3x8<S>) -> F64x8<S> {
         let (axis, flattening) = parts(body);
         let u = d.dot(axis);
-        F64x8::splat(-2.0) * Self::normal(body, at).dot(d) / (F64x8::ONE + flattening * u * u)
+        F64x8::splat(-2.0) * Self::normal(body, point).dot(d) / (F64x8::ONE + flattening * u * u)
     }
 
     /// sqrt(c^2 (1 - a_z^2) + a_z^2).
@@ -100,8 +99,8 @@ impl GrainShape for Spheroid {
     }
 
     fn projected_point(body: &Numbers<f64>, d: Vec3, u: f64, azimuth: (f64, f64)) -> (Vec3, Vec3) {
-        // Stretching is linear, so it keeps uniformity over the projected disc:
-        // take a point of the disc of the unit sphere that the ray would see.
+        // Stretching is linear and preserves uniformity over the projected disc, so take a
+        // point of the projected disc of the unit sphere.
         let (axis, flattening) = Self::parts(body);
         let minor = (1.0 + flattening).sqrt();
         let stretch = |v: Vec3, across: f64| (v * across).plus((1.0 - across) * v.dot(axis), axis);
@@ -138,8 +137,8 @@ mod tests {
         })
     }
 
-    /// How far `x` is from the surface: (x.a)^2 + |x - (x.a) a|^2 / c^2 - 1.
-    fn off_surface(flattening: f64, axis: Vec3, x: Vec3) -> f64 {
+    /// Residual of the surface equation: (x.a)^2 + |x - (x.a) a|^2 / c^2 - 1.
+    fn surface_residual(flattening: f64, axis: Vec3, x: Vec3) -> f64 {
         let u = x.dot(axis);
         (u * u + (x.dot(x) - u * u) / (1.0 + flattening) - 1.0).abs()
     }
@@ -156,14 +155,14 @@ mod tests {
                 for lane in 0..8 {
                     let body = s.get(lane);
                     let (axis, k) = Spheroid::parts(&body.numbers);
-                    // unit vectors are good to 3e-14; dividing by c^2 = Psi^4 magnifies that
+                    // unit vectors are accurate to 3e-14; dividing by c^2 = Psi^4 magnifies that
                     let rounding = 3e-13 / psi.powi(4);
-                    assert!(off_surface(k, axis, x.get(lane)) < rounding);
-                    assert!(off_surface(k, axis, far.get(lane)) < rounding);
+                    assert!(surface_residual(k, axis, x.get(lane)) < rounding);
+                    assert!(surface_residual(k, axis, far.get(lane)) < rounding);
                     assert!(x.get(lane).z.abs() <= body.half_height(&Upright) + 1e-12);
                     let azimuth = (0.6, 0.8);
                     let (p, normal) = body.projected_point(d.get(lane), 0.3, azimuth);
-                    assert!(off_surface(k, axis, p) < rounding);
+                    assert!(surface_residual(k, axis, p) < rounding);
                     assert!(normal.dot(d.get(lane)) < 0.0);
                 }
             }
@@ -171,7 +170,7 @@ mod tests {
     }
 
     #[test]
-    fn half_height_is_reached() {
+    fn sampled_points_reach_the_half_height() {
         let mut rng = rng();
         let body = Spheroid::body(0.36, Vec3::new(0.48, 0.6, 0.64));
         let s = Bodies::splat(&body);
@@ -187,11 +186,11 @@ mod tests {
         );
     }
     #[test]
-    fn surface_to_volume_has_its_limits() {
+    fn surface_to_volume_has_the_right_limits() {
         let surface_to_volume = |psi| Spheroid.surface_to_volume(psi);
         assert!((surface_to_volume(1.0) - 6.0).abs() < 1e-12);
         assert!((surface_to_volume(1.0 - 1e-9) - 6.0).abs() < 1e-6);
-        // a thin needle: pi c^2 cross-section, S/V -> (pi / 2) / (c / 2 * ...) : 3 pi / (2 Psi^2)
+        // a thin needle: S/V -> 3 pi / (2 Psi^2)
         let psi: f64 = 0.01;
         let needle = 1.5 * std::f64::consts::PI / (psi * psi);
         assert!((surface_to_volume(psi) / needle - 1.0).abs() < 1e-3);

@@ -1,12 +1,11 @@
-//! Eight walks side by side: vectors of eight f64 and their elementary
-//! functions. Only single operations are used, never fused ones, so the
-//! results are the same to the bit on every machine.
+//! Vectors of eight f64 and their elementary functions, for eight walks side by side. No
+//! operation is fused, so results are bitwise identical on all machines.
 use std::f64::consts::FRAC_PI_4;
 use std::ops::{Add, Mul};
 
 use splitsnow_spectra::simd::{F64x8, Portable, Simd};
 
-/// Eight vectors.
+/// Eight three-vectors.
 #[derive(Debug, Clone, Copy, PartialEq, Default)]
 pub struct Vec3x8<S: Simd = Portable> {
     /// First horizontal components.
@@ -39,14 +38,14 @@ impl<S: Simd> Vec3x8<S> {
         Self::new(self.x + s * o.x, self.y + s * o.y, self.z + s * o.z)
     }
 
-    /// Unit vectors along these.
+    /// Unit vectors in the same directions.
     #[inline(always)]
     #[must_use]
     pub fn unit(self) -> Self {
         self * (F64x8::ONE / self.dot(self).sqrt())
     }
 
-    /// Where `mask` is set `self`, else `o`.
+    /// `self` where `mask` is set, `o` elsewhere.
     #[inline(always)]
     #[must_use]
     pub fn or_where_not(self, mask: F64x8<S>, o: Self) -> Self {
@@ -111,7 +110,7 @@ impl<S: Simd> Mul<F64x8<S>> for Vec3x8<S> {
     }
 }
 
-/// (sin, cos) of `t * pi / 4` for t in [-1, 1]; absolute error below 3e-14.
+/// (sin, cos) of `t * pi / 4` for t in [-1, 1], with an absolute error below 3e-14.
 #[inline(always)]
 #[must_use]
 pub fn sincos_eighth<S: Simd>(t: F64x8<S>) -> (F64x8<S>, F64x8<S>) {
@@ -146,7 +145,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn sincos_eighth_is_sincos() {
+    fn sincos_eighth_matches_libm() {
         for i in -1000..=1000 {
             let t = f64::from(i) / 1000.0;
             let (s, c) = sincos_eighth::<Portable>(F64x8::splat(t));

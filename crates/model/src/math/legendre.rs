@@ -1,6 +1,6 @@
 //! Legendre polynomials.
 
-/// Highest degree plus one.
+/// Number of degrees, 0 to 63.
 pub const DEGREES: usize = 64;
 
 /// (2l + 1) / (l + 1) and l / (l + 1).
@@ -15,8 +15,8 @@ const STEPS: [[f64; 2]; DEGREES + 1] = {
     steps
 };
 
-/// P_l(x) for l = 0, 1, ... below the length of `values`, at most [`DEGREES`];
-/// the values beyond that are left as they are.
+/// Writes P_l(x) to `values[l]` for l = 0, 1, ..., at most [`DEGREES`] values. Any further
+/// values are not changed.
 #[inline(always)]
 pub fn legendre(x: f64, values: &mut [f64]) {
     let (mut p, mut next) = (1.0, x);
@@ -31,14 +31,14 @@ mod tests {
     use super::*;
 
     #[test]
-    fn all_degrees_are_one_at_one() {
+    fn all_polynomials_are_one_at_one() {
         let mut p = [0.0; DEGREES];
         legendre(1.0, &mut p);
         assert!(p.iter().all(|p| (p - 1.0).abs() < 1e-12), "{p:?}");
     }
 
     #[test]
-    fn the_first_few_by_hand() {
+    fn low_degrees_match_their_formulas() {
         let mut p = [0.0; 5];
         let x = 0.3;
         legendre(x, &mut p);

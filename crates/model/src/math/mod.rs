@@ -1,6 +1,6 @@
-//! Three-vectors and the elementary functions of the walk. The functions are
-//! our own because the platform's differ between machines in the last bit,
-//! which would change a database's bytes, and because these vectorise.
+//! Three-vectors and the elementary functions of the walk. The functions are implemented
+//! here because those of the platforms differ in the last bit, which would change the
+//! bytes of a database, and because these can be vectorised.
 mod lanes;
 mod legendre;
 mod real;

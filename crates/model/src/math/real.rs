@@ -1,9 +1,9 @@
-//! Formulas that stand once for a number and for eight side by side.
+//! A trait for formulas that apply to one number or to eight side by side.
 use std::ops::{Add, Div, Mul, Sub};
 
 use splitsnow_spectra::simd::{F64x8, Simd};
 
-/// An f64, or eight.
+/// One f64 or eight.
 pub trait Real:
     Copy + Add<Output = Self> + Sub<Output = Self> + Mul<Output = Self> + Div<Output = Self>
 {

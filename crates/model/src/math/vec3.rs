@@ -1,4 +1,4 @@
-//! A plain vector of three f64.
+//! A vector of three f64.
 use std::ops::{Add, Mul, Neg, Sub};
 
 /// A position or direction; z is the depth in the snow, downward.
@@ -34,8 +34,8 @@ impl Vec3 {
         Self::new(self.x + s * o.x, self.y + s * o.y, self.z + s * o.z)
     }
 
-    /// Two unit vectors that complete this unit vector to an orthonormal
-    /// frame (Duff et al. 2017, JCGT 6(1)).
+    /// Two unit vectors that complete this unit vector to an orthonormal frame
+    /// (Duff et al. 2017, JCGT 6(1)).
     #[must_use]
     pub fn frame(self) -> (Self, Self) {
         let sign = 1f64.copysign(self.z);

@@ -118,7 +118,7 @@ macro_rules! shipped {
     ($name:ident, $file:literal, $header:expr) => {
         static $name: Shipped = Shipped {
             file: $file,
-            text: include_str!(concat!("../../../../data/", $file)),
+            text: include_str!(concat!("../../data/", $file)),
             table: LazyLock::new(|| {
                 #[allow(clippy::expect_used)] // compiled in; the tests parse every table
                 Table::parse($file, $name.text, $header).expect("shipped table")

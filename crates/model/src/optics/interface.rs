@@ -146,7 +146,7 @@ impl<S: Simd> Interfaces<S> {
     /// Reflectance and refraction at angles of incidence with cosines `c` in (0, 1].
     #[inline(always)]
     #[must_use]
-    pub fn at(&self, c: F64x8<S>) -> Incidences<S> {
+    pub fn incidences(&self, c: F64x8<S>) -> Incidences<S> {
         let sin_squared = F64x8::ONE - c * c;
         if let Some([re, im, kappa]) = self.absorbing {
             return Incidences {
@@ -264,7 +264,7 @@ mod tests {
     impl Interface {
         /// Reflectance and cosine of refraction of one ray.
         fn one(&self, c: f64) -> (f64, f64) {
-            let at = self.splat().at(F64x8::<Portable>::splat(c));
+            let at = self.splat().incidences(F64x8::<Portable>::splat(c));
             (at.reflectance.to_array()[0], at.cos_refracted.to_array()[0])
         }
     }
@@ -360,7 +360,7 @@ mod tests {
                         assert!(x.to_array()[0].abs() < 1e-7, "{from:?} {to:?} {cos}");
                     };
                     let d = (m.frame().0 * splat((1.0 - cos * cos).sqrt())).plus(-c, m);
-                    let at = interface.at(c);
+                    let at = interface.incidences(c);
                     let refracted = interface.refract_or_graze(d, m, c, &at);
                     if cos > 0.9 {
                         let plain = interface.refract(d, m, c, &at);

@@ -1,5 +1,4 @@
-//! Hemispheric fluxes of a slab lit by parallel light of any direction or by
-//! isotropic light.
+//! Hemispherical fluxes of a slab illuminated by a collimated beam or by isotropic light.
 use super::medium::{Shapes, sech_square, tanh};
 use super::modes::Modes;
 use super::streams::legendre;
@@ -8,24 +7,24 @@ use splitsnow_spectra::simd::Portable;
 
 use crate::math::exp_neg;
 
-/// The light that falls on a slab, from above.
+/// Illumination of a slab, from above.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub enum Light {
-    /// Parallel rays.
+    /// A collimated beam.
     Collimated {
-        /// Cosine of their angle from the normal, in (0, 1].
+        /// Cosine of its incidence angle, in (0, 1].
         cosine: f64,
     },
-    /// The same radiance from everywhere.
+    /// Isotropic radiance.
     Diffuse,
 }
 
-/// What leaves a slab, per incident flux.
+/// Light that leaves a slab, as fractions of the incident flux.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Fluxes {
-    /// On the lit side.
+    /// Flux leaving on the illuminated side.
     pub reflectance: f64,
-    /// On the far side, unscattered light included.
+    /// Flux leaving on the far side, including unscattered light.
     pub transmittance: f64,
 }
 
@@ -74,7 +73,7 @@ impl Medium<'_> {
             }
         };
         let shapes = Shapes::new(&modes.rates, 0.5 * thickness);
-        let Beam { both, through } = Beam::new(self, modes, &shapes, cosine)?;
+        let Beam { both, far } = Beam::new(self, modes, &shapes, cosine)?;
         let flux = column(&self.streams.flux);
         let out = &modes.z * &flux;
         let leaving = |amplitudes: &Matrix| -> f64 {
@@ -82,26 +81,26 @@ impl Medium<'_> {
                 .map(|m| out[(m, 0)] * amplitudes[(m, 0)])
                 .sum()
         };
-        let through = leaving(&through);
+        let transmitted = leaving(&far);
         Ok(Fluxes {
-            reflectance: 2.0 * leaving(&both) - through,
-            transmittance: through + direct,
+            reflectance: 2.0 * leaving(&both) - transmitted,
+            transmittance: transmitted + direct,
         })
     }
 }
 
-/// Amplitudes, by mode, of the light scattered out of a beam of unit flux; times
-/// Z they are the symmetrised intensities.
+/// Amplitudes, by mode, of the light scattered out of a beam of unit flux. Their product
+/// with Z gives the symmetrised intensities.
 struct Beam {
-    /// Half the sum of both sides.
+    /// Half the sum over both sides.
     both: Matrix,
-    /// On the far side.
-    through: Matrix,
+    /// The far side.
+    far: Matrix,
 }
 
 impl Beam {
-    /// The last column of the operators with one more stream, of weight 0,
-    /// along the beam (see the module's text).
+    /// The last column of the operators with an additional stream of weight 0 along the
+    /// beam (see Beams in the module documentation).
     fn new(
         medium: &Medium,
         modes: &Modes,
@@ -134,23 +133,23 @@ impl Beam {
         }
         let odd = shapes.odd_solution(modes, q)?;
         let share = 1.0 / (1.0 + beam_tanh);
-        let mut through = Matrix::zeros(n, 1);
+        let mut far = Matrix::zeros(n, 1);
         for m in 0..n {
             let source = shapes.sech_square[m] * odd[(m, 0)]
                 + rest[(m, 0)]
                 + p[(m, 0)] * beam_sech_square * share;
-            through[(m, 0)] = source * share;
+            far[(m, 0)] = source * share;
             p[(m, 0)] *= share;
         }
         Ok(Self {
             both: shapes.even_solution(modes, p)?,
-            through: shapes.even_solution(modes, through)?,
+            far: shapes.even_solution(modes, far)?,
         })
     }
 }
 
 impl Medium<'_> {
-    /// a and b: what a beam of unit flux adds to the equations of the
+    /// The source vectors a and b of a beam of unit flux, in the equations of the
     /// differences and of the sums.
     fn beam_sources(&self, cosine: f64) -> (Matrix, Matrix) {
         let streams = self.streams;
@@ -172,8 +171,8 @@ impl Medium<'_> {
     }
 }
 
-/// (tanh(a h) - tanh(b h)) / (a - b) for a, b > 0, also where they are equal or
-/// both tanh are 1 to rounding.
+/// (tanh(a h) - tanh(b h)) / (a - b) for a, b > 0, accurate also if a and b are equal or
+/// both tanh round to 1.
 fn tanh_slope(a: f64, b: f64, half: f64) -> f64 {
     let (a, b) = if a < b { (a, b) } else { (b, a) };
     let decay = exp_neg(2.0 * a * half);
@@ -189,7 +188,7 @@ fn tanh_slope(a: f64, b: f64, half: f64) -> f64 {
     2.0 * decay * rise / ((1.0 + decay) * (1.0 + exp_neg(2.0 * b * half)))
 }
 
-/// A matrix of one column.
+/// A matrix with one column.
 fn column(entries: &[f64]) -> Matrix {
     Matrix::from_fn(entries.len(), 1, |i, _| entries[i])
 }
@@ -199,12 +198,12 @@ mod tests {
     use super::*;
 
     #[test]
-    fn slope_of_tanh() {
+    fn divided_difference_of_tanh_is_accurate() {
         for half in [1e-9, 0.3, 2.0] {
             for (a, b) in [(1.0, 2.5), (1e-100, 1.7), (0.2, 3.0)] {
                 let direct = (libm::tanh(b * half) - libm::tanh(a * half)) / (b - a);
                 for slope in [tanh_slope(a, b, half), tanh_slope(b, a, half)] {
-                    // the direct form has the rounding of two tanh
+                    // the direct form has the rounding errors of two tanh
                     assert!((slope / direct - 1.0).abs() < 4e-15, "{a} {b} {half}");
                 }
             }
@@ -219,7 +218,7 @@ mod tests {
     }
 
     #[test]
-    fn hyperbolic_functions() {
+    fn hyperbolic_functions_match_libm() {
         for x in [0.0, 1e-200, 1e-9, 0.1, 1.0, 5.0, 19.9, 20.1, 300.0] {
             assert!((tanh(x) - libm::tanh(x)).abs() <= 4e-16 * x.min(1.0));
             let exact = 1.0 / libm::cosh(x).powi(2);

@@ -1,8 +1,9 @@
-//! Small dense matrices: rows of four-lane blocks, the last padded with zeros.
+//! Small dense matrices. Rows are stored as blocks of four lanes, the last padded with
+//! zeros.
 //!
-//! Every inner loop runs along rows, so four f64 go at a time whatever the
-//! size. No operation is fused and every sum has a fixed order: results are the
-//! same to the bit on every machine.
+//! Every inner loop runs along rows, four f64 at a time for any matrix size. No operation
+//! is fused and every sum has a fixed order, so results are bitwise identical on all
+//! machines.
 use std::ops::{Add, Index, IndexMut, Mul, Sub};
 
 use splitsnow_spectra::simd::{F64x4, Kernel, Simd, dispatch};
@@ -10,7 +11,7 @@ use splitsnow_spectra::simd::{F64x4, Kernel, Simd, dispatch};
 /// Entries per block.
 pub(super) const LANES: usize = 4;
 
-/// Entries of a row that lie side by side.
+/// Adjacent entries of a row.
 pub(super) type Block = [f64; LANES];
 
 /// A dense matrix of f64, rows by columns.
@@ -24,7 +25,7 @@ pub struct Matrix {
 }
 
 impl Matrix {
-    /// All zero.
+    /// A matrix of zeros.
     #[must_use]
     pub fn zeros(rows: usize, columns: usize) -> Self {
         let blocks = columns.div_ceil(LANES);
@@ -36,7 +37,7 @@ impl Matrix {
         }
     }
 
-    /// The matrix of `entry(row, column)`.
+    /// The matrix with the entries `entry(row, column)`.
     #[must_use]
     pub fn from_fn(
         rows: usize,
@@ -52,13 +53,13 @@ impl Matrix {
         matrix
     }
 
-    /// Ones on the diagonal of a square.
+    /// The identity matrix.
     #[must_use]
     pub fn identity(n: usize) -> Self {
         Self::diagonal(&vec![1.0; n])
     }
 
-    /// `entries` on the diagonal of a square.
+    /// A square matrix with `entries` on the diagonal.
     #[must_use]
     pub fn diagonal(entries: &[f64]) -> Self {
         let mut matrix = Self::zeros(entries.len(), entries.len());
@@ -78,21 +79,21 @@ impl Matrix {
         self.columns
     }
 
-    /// One row, as long as there are columns.
+    /// A row, without padding.
     #[inline]
     #[must_use]
     pub fn row(&self, i: usize) -> &[f64] {
         &self.wide_row(i).as_flattened()[..self.columns]
     }
 
-    /// One row, to be changed.
+    /// A mutable row, without padding.
     #[inline]
     pub fn row_mut(&mut self, i: usize) -> &mut [f64] {
         let columns = self.columns;
         &mut self.wide_row_mut(i).as_flattened_mut()[..columns]
     }
 
-    /// Rows become columns.
+    /// The transposed matrix.
     #[must_use]
     pub fn transposed(&self) -> Self {
         Self::from_fn(self.columns, self.rows, |i, j| self[(j, i)])
@@ -127,7 +128,7 @@ impl Matrix {
         }
     }
 
-    /// Each entry times that of `other`.
+    /// Multiplies each entry by the entry of `other`.
     pub(super) fn scale_entries(&mut self, other: &Self) {
         let entries = self.data.as_flattened_mut().iter_mut();
         for (a, b) in entries.zip(other.data.as_flattened()) {
@@ -145,7 +146,7 @@ impl Matrix {
         &mut self.data[i * self.blocks..(i + 1) * self.blocks]
     }
 
-    /// Rows i < j, to be changed together.
+    /// Mutable rows i < j.
     #[inline(always)]
     pub(super) fn wide_rows_mut(&mut self, i: usize, j: usize) -> (&mut [Block], &mut [Block]) {
         let (upper, lower) = self.data.split_at_mut(j * self.blocks);
@@ -185,7 +186,7 @@ pub(super) fn dot<S: Simd>(a: &[Block], b: &[Block]) -> f64 {
     (a + b) + (c + d)
 }
 
-/// A^T diag(d) B; A and B have as many rows as d has entries.
+/// A^T diag(d) B. A and B have as many rows as d has entries.
 pub(super) fn weighted_product(a: &Matrix, d: &[f64], b: &Matrix) -> Matrix {
     dispatch(WeightedProduct { a, d, b })
 }
@@ -214,7 +215,7 @@ impl Kernel for WeightedProduct<'_> {
     }
 }
 
-/// The work of a product.
+/// A matrix product as a SIMD kernel.
 struct Product<'a> {
     left: &'a Matrix,
     right: &'a Matrix,
@@ -257,7 +258,7 @@ impl Mul for &Matrix {
     type Output = Matrix;
 
     /// # Panics
-    /// If the left has not as many columns as the right has rows.
+    /// If the number of columns on the left is not the number of rows on the right.
     fn mul(self, right: &Matrix) -> Matrix {
         assert!(
             self.columns == right.rows,
@@ -296,7 +297,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn products_by_hand() {
+    fn products_match_hand_computed_values() {
         let a = Matrix::from_fn(2, 3, |i, j| (3 * i + j) as f64);
         let product = &a * &a.transposed();
         assert_eq!(

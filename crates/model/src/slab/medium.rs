@@ -4,54 +4,54 @@ use super::modes::Modes;
 use super::{Matrix, SlabError, Streams};
 use crate::math::exp_neg;
 
-/// Largest excess of |chi_l| over chi_0 taken for rounding.
+/// Relative excess of |chi_l| over chi_0 that is accepted as rounding.
 const ROUNDING: f64 = 1e-12;
 
-/// A homogeneous medium between index-matched planes, made ready for slabs of
-/// any thickness.
+/// A homogeneous medium between index-matched planes, prepared for slabs of any thickness.
 #[derive(Debug, Clone)]
 pub struct Medium<'a> {
     pub(super) streams: &'a Streams,
-    /// Moments as they are solved for.
+    /// Moments used in the solution.
     pub(super) chi: Vec<f64>,
-    /// Solved optical depth per optical depth.
+    /// Optical depth in the solution per given optical depth.
     scale: f64,
-    /// None when nothing scatters.
+    /// `None` if nothing scatters.
     pub(super) modes: Option<Modes>,
 }
 
-/// What a slab does to the light of each stream; the same for light from below.
+/// The operators of a slab on the light in each stream. Illumination from below has the
+/// same operators.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Operators {
-    /// `[n, n]`: column j has the fluxes that leave on the lit side per flux
-    /// that comes in along stream j.
+    /// `[n, n]`: column j holds the fluxes that leave on the illuminated side per unit flux
+    /// incident along stream j.
     pub reflection: Matrix,
-    /// `[n, n]`: the same for the far side, unscattered light included.
+    /// `[n, n]`: the same for the far side, including unscattered light.
     pub transmission: Matrix,
 }
 
 impl<'a> Medium<'a> {
-    /// The medium with these Legendre moments of single-scattering albedo times
-    /// phase function: chi_l = albedo <P_l(cos Theta)>, so chi_0 is the albedo.
-    /// The first 2 n are used, missing ones are 0.
+    /// The medium with these Legendre moments of single-scattering albedo times phase
+    /// function: chi_l = albedo <P_l(cos Theta)>, so chi_0 is the albedo. The first 2 n
+    /// moments are used; missing ones are 0.
     ///
     /// # Errors
-    /// [`SlabError::Moment`] unless chi_0 is in [0, 1] and no moment is larger;
+    /// [`SlabError::Moment`] unless chi_0 is in [0, 1] and no other moment exceeds it;
     /// [`SlabError::Peaked`].
     pub fn new(streams: &'a Streams, chi: &[f64]) -> Result<Self, SlabError> {
-        let albedo = check(chi)?;
+        let albedo = checked_albedo(chi)?;
         let used = &chi[..chi.len().min(2 * streams.count())];
         Self::scaled(streams, used.to_vec(), 1.0 - albedo, 1.0)
     }
 
-    /// The same after moving the forward peak that the streams cannot resolve,
-    /// a share chi_2n of the extinction, to the unscattered light (delta-M,
-    /// Wiscombe 1977). Thicknesses stay those of the full extinction.
+    /// The same medium after delta-M scaling (Wiscombe 1977): the forward peak that the
+    /// streams cannot resolve, a fraction chi_2n of the extinction, counts as unscattered
+    /// light. Thicknesses still refer to the full extinction.
     ///
     /// # Errors
-    /// Those of [`Self::new`].
+    /// The errors of [`Self::new`].
     pub fn delta_m(streams: &'a Streams, chi: &[f64]) -> Result<Self, SlabError> {
-        let albedo = check(chi)?;
+        let albedo = checked_albedo(chi)?;
         let count = 2 * streams.count();
         let peak = chi.get(count).copied().unwrap_or(0.0);
         let scale = 1.0 - peak;
@@ -128,8 +128,8 @@ impl<'a> Medium<'a> {
     }
 }
 
-/// chi_0, if the moments are those of a phase function.
-fn check(chi: &[f64]) -> Result<f64, SlabError> {
+/// Returns chi_0 if the moments are those of a phase function.
+fn checked_albedo(chi: &[f64]) -> Result<f64, SlabError> {
     let albedo = chi.first().copied().unwrap_or(0.0);
     for (l, &value) in chi.iter().enumerate() {
         let largest = if l == 0 {
@@ -145,14 +145,14 @@ fn check(chi: &[f64]) -> Result<f64, SlabError> {
     Ok(albedo)
 }
 
-/// The functions of the modes' decay rates in a slab of half thickness h.
+/// Functions of the decay rates k of the modes in a slab of half thickness h.
 pub(super) struct Shapes {
     pub(super) half: f64,
     /// tanh(k h).
     pub(super) tanh: Vec<f64>,
     /// tanh(k h) / k.
     pub(super) tanh_over_rate: Vec<f64>,
-    /// 1 / cosh(k h)^2, 0 where below 1e-303.
+    /// 1 / cosh(k h)^2; 0 if below 1e-303.
     pub(super) sech_square: Vec<f64>,
     /// k tanh(k h).
     rate_tanh: Vec<f64>,
@@ -185,7 +185,7 @@ impl Shapes {
     }
 }
 
-/// tanh(x) for x >= 0, to rounding also for small x.
+/// tanh(x) for x >= 0, accurate to rounding also for small x.
 pub(super) fn tanh(x: f64) -> f64 {
     if x > 20.0 {
         return 1.0;
@@ -194,7 +194,7 @@ pub(super) fn tanh(x: f64) -> f64 {
     -e / (2.0 + e)
 }
 
-/// 1 / cosh(x)^2 for x >= 0, relative error about 4e-16 max(1, 2 x).
+/// 1 / cosh(x)^2 for x >= 0, with a relative error of about 4e-16 max(1, 2 x).
 pub(super) fn sech_square(x: f64) -> f64 {
     let e = exp_neg(2.0 * x);
     4.0 * e / ((1.0 + e) * (1.0 + e))

@@ -1,19 +1,18 @@
-//! The decaying modes of a medium: the eigenproblem of the module's text.
+//! The decay modes of a medium: the eigenproblem in the module documentation.
 use splitsnow_spectra::simd::{F64x4, Kernel, Simd, dispatch};
 
 use super::matrix::{add_scaled, dot, scale, weighted_product};
 use super::solve::back_substitute;
 use super::{Matrix, SlabError, Streams};
 
-/// Square of the least decay rate kept apart from 0, in units of the rates of
-/// other modes: far below any rounding, far above underflow.
+/// Lower bound of 1 - chi_0, which keeps the smallest decay rate above 0: far below any
+/// rounding, far above underflow.
 const LEAST_ABSORPTION: f64 = 1e-200;
 
-/// Decay rates k and mode matrices with Y^T Z = 1: s' = -Z Z^T d,
-/// d' = -Y diag(k^2) Y^T s.
+/// Decay rates k and mode matrices with Y^T Z = 1: s' = -Z Z^T d, d' = -Y diag(k^2) Y^T s.
 #[derive(Debug, Clone)]
 pub(super) struct Modes {
-    /// `[n]`: per unit of optical depth, all above 0.
+    /// `[n]`: per unit optical depth, all above 0.
     pub(super) rates: Vec<f64>,
     /// `[n, n]`, a row per mode.
     pub(super) z: Matrix,
@@ -26,13 +25,13 @@ pub(super) struct Modes {
 }
 
 impl Modes {
-    /// Of the medium with moments `chi`, of which the 0th is not used:
-    /// `absorption` is 1 - chi_0 without its rounding.
+    /// The modes of the medium with moments `chi`, of which the 0th is not used. `absorption`
+    /// is 1 - chi_0, computed without cancellation.
     ///
     /// # Errors
     /// [`SlabError::Peaked`].
     pub(super) fn new(streams: &Streams, chi: &[f64], absorption: f64) -> Result<Self, SlabError> {
-        dispatch(Medium {
+        dispatch(ModesTask {
             streams,
             chi,
             absorption,
@@ -40,7 +39,7 @@ impl Modes {
     }
 
     #[inline(always)]
-    fn of<S: Simd>(streams: &Streams, chi: &[f64], absorption: f64) -> Result<Self, SlabError> {
+    fn solve<S: Simd>(streams: &Streams, chi: &[f64], absorption: f64) -> Result<Self, SlabError> {
         let n = streams.count();
         let moment = |l: usize| -chi.get(l).copied().unwrap_or(0.0);
         let even: Vec<f64> = (1..n).map(|l| moment(2 * l)).collect();
@@ -85,19 +84,19 @@ impl Modes {
     }
 }
 
-/// What [`Modes::new`] is given.
-struct Medium<'a> {
+/// [`Modes::new`] as a SIMD kernel.
+struct ModesTask<'a> {
     streams: &'a Streams,
     chi: &'a [f64],
     absorption: f64,
 }
 
-impl Kernel for Medium<'_> {
+impl Kernel for ModesTask<'_> {
     type Output = Result<Modes, SlabError>;
 
     #[inline(always)]
     fn run<S: Simd>(self) -> Self::Output {
-        Modes::of::<S>(self.streams, self.chi, self.absorption)
+        Modes::solve::<S>(self.streams, self.chi, self.absorption)
     }
 }
 
@@ -108,7 +107,7 @@ fn one_plus(vectors: &Matrix, d: &[f64]) -> Matrix {
     sum
 }
 
-/// U, upper triangular, with U^T U = `a`.
+/// The upper triangular matrix U with U^T U = `a`.
 #[inline(always)]
 fn cholesky<S: Simd>(mut a: Matrix) -> Result<Matrix, SlabError> {
     let n = a.rows();
@@ -130,14 +129,14 @@ fn cholesky<S: Simd>(mut a: Matrix) -> Result<Matrix, SlabError> {
     Ok(a)
 }
 
-/// Turns the rows of A = U diag(k) V^T into those of V^T and gives k: one-sided
-/// Jacobi rotations, which find every singular value to a relative accuracy
-/// that does not suffer from the sizes of the rows (Demmel and Veselic 1992).
+/// Replaces the rows of A = U diag(k) V^T by those of V^T and returns k. One-sided Jacobi
+/// rotations find every singular value to a relative accuracy that does not depend on the
+/// norms of the rows (Demmel and Veselic 1992).
 #[inline(always)]
 fn orthogonalise<S: Simd>(a: &mut Matrix) -> Vec<f64> {
     let n = a.rows();
-    // Rotations converge quadratically: after a sweep that met no cosine above
-    // this the rows are orthogonal to rounding.
+    // Rotations converge quadratically: if a sweep meets no squared cosine above this, the
+    // rows are orthogonal to rounding.
     const DONE: f64 = 1e-18;
     const ROUNDING: f64 = 1e-32;
     for _ in 0..40 {
@@ -146,7 +145,7 @@ fn orthogonalise<S: Simd>(a: &mut Matrix) -> Vec<f64> {
             *square = dot::<S>(a.wide_row(i), a.wide_row(i));
         }
         let mut largest: f64 = 0.0;
-        // Pairs of equal sum share no row, so their rotations overlap in time.
+        // Pairs with equal sum share no row, so their rotations overlap in time.
         for sum in 0..n {
             for i in 0..n {
                 let j = (sum + n - i) % n;

@@ -1,10 +1,10 @@
-//! Linear equations with many right-hand sides, solved row by row.
+//! Systems of linear equations with many right-hand sides, solved row by row.
 use splitsnow_spectra::simd::{Kernel, Simd, dispatch};
 
 use super::matrix::{LANES, add_scaled, scale};
 use super::{Matrix, SlabError};
 
-/// The matrix and the right-hand sides of [`Matrix::solve`].
+/// [`Matrix::solve`] as a SIMD kernel: the matrix and the right-hand sides.
 struct Elimination<const PIVOT: bool>(Matrix, Matrix);
 
 impl<const PIVOT: bool> Kernel for Elimination<PIVOT> {
@@ -17,19 +17,19 @@ impl<const PIVOT: bool> Kernel for Elimination<PIVOT> {
 }
 
 impl Matrix {
-    /// X of `self` X = `right`: Gaussian elimination with row pivoting.
+    /// The solution X of `self` X = `right`, by Gaussian elimination with row pivoting.
     ///
     /// # Errors
-    /// [`SlabError::Singular`] when a column has no pivot but 0 (or NaN).
+    /// [`SlabError::Singular`] if all pivots of a column are 0 or NaN.
     ///
     /// # Panics
-    /// If `self` is not square or `right` has another number of rows.
+    /// If `self` is not square or `right` has a different number of rows.
     pub fn solve(self, right: Self) -> Result<Self, SlabError> {
         dispatch(Elimination::<true>(self, right))
     }
 
-    /// The same for a symmetric positive definite matrix: without pivoting,
-    /// which keeps the accuracy of rows of very different size.
+    /// The same for a symmetric positive definite matrix. There is no pivoting, which
+    /// preserves accuracy if the rows have very different magnitudes.
     pub(super) fn solve_definite(self, right: Self) -> Result<Self, SlabError> {
         dispatch(Elimination::<false>(self, right))
     }
@@ -65,7 +65,7 @@ impl Matrix {
         Ok(back_substitute::<S>(&self, right))
     }
 
-    /// The row from `k` on with the largest entry in column `k`.
+    /// The row at or below `k` with the largest entry in column `k`.
     fn largest_below(&self, k: usize) -> usize {
         let mut best = k;
         for i in k + 1..self.rows() {
@@ -77,7 +77,7 @@ impl Matrix {
     }
 }
 
-/// X of U X = `right`, where U is `upper` from the diagonal on.
+/// The solution X of U X = `right`, where U is the upper triangle of `upper`.
 #[inline(always)]
 pub(super) fn back_substitute<S: Simd>(upper: &Matrix, mut right: Matrix) -> Matrix {
     for i in (0..right.rows()).rev() {
@@ -96,8 +96,8 @@ pub(super) fn back_substitute<S: Simd>(upper: &Matrix, mut right: Matrix) -> Mat
 mod tests {
     use super::*;
 
-    /// Entries without a pattern, in (-1, 1).
-    fn mixed(rows: usize, columns: usize) -> Matrix {
+    /// Irregular entries in (-1, 1).
+    fn irregular_matrix(rows: usize, columns: usize) -> Matrix {
         Matrix::from_fn(rows, columns, |i, j| {
             libm::sin((1 + 37 * i + 11 * j + 5 * i * j) as f64)
         })
@@ -106,10 +106,10 @@ mod tests {
     #[test]
     fn solutions_satisfy_their_equations() {
         for n in [1, 2, 3, 4, 5, 8, 11, 12, 33] {
-            let a = mixed(n, n);
+            let a = irregular_matrix(n, n);
             let definite = &(&a * &a.transposed()) + &Matrix::identity(n);
             for columns in [1, 3, n] {
-                let b = mixed(n, columns);
+                let b = irregular_matrix(n, columns);
                 let general = a.clone().solve(b.clone()).unwrap();
                 let other = definite.clone().solve_definite(b.clone()).unwrap();
                 for (a, x) in [(&a, general), (&definite, other)] {
@@ -128,7 +128,7 @@ mod tests {
     }
 
     #[test]
-    fn rows_are_exchanged_and_singular_ones_refused() {
+    fn rows_are_pivoted_and_singular_matrices_rejected() {
         let swap = Matrix::from_fn(2, 2, |i, j| f64::from(u8::from(i != j)));
         let solved = swap.solve(Matrix::from_fn(2, 1, |i, _| i as f64)).unwrap();
         assert_eq!((solved[(0, 0)], solved[(1, 0)]), (1.0, 0.0));

@@ -1,32 +1,31 @@
-//! Directions: Gauss-Legendre nodes of the cosine on each hemisphere, and what
-//! depends on them alone.
+//! Streams: Gauss-Legendre nodes of the cosine on each hemisphere, and quantities that
+//! depend on the nodes alone.
 use std::f64::consts::PI;
 
 use super::{Matrix, SlabError};
 
-/// The streams of one hemisphere; the other has the same.
+/// The streams of a hemisphere; both hemispheres have the same.
 #[derive(Debug, Clone)]
 pub struct Streams {
     pub(super) cosines: Vec<f64>,
     pub(super) weights: Vec<f64>,
     /// `[2 n, n]`: P_l at the cosines.
     pub(super) legendre: Matrix,
-    /// `[n - 1, n - 1]`, a row for each even l >= 2: sqrt((2l + 1) w) P_l in an
-    /// orthonormal basis whose first vector is sqrt(w). That first component,
-    /// 0, is left out.
+    /// `[n - 1, n - 1]`, one row for each even l >= 2: sqrt((2l + 1) w) P_l in an orthonormal
+    /// basis whose first vector is sqrt(w). The first component, which is 0, is omitted.
     pub(super) even: Matrix,
-    /// `[n, n]`, a row for each odd l: sqrt((2l + 1) w) P_l.
+    /// `[n, n]`, one row for each odd l: sqrt((2l + 1) w) P_l.
     pub(super) odd: Matrix,
-    /// `[n, n]`: the change into that basis times diag(1/mu).
+    /// `[n, n]`: transformation into that basis times diag(1/mu).
     pub(super) basis_over_cosine: Matrix,
-    /// sqrt(w mu): the flux of a stream per symmetrised intensity.
+    /// sqrt(w mu): the flux in a stream per symmetrised intensity.
     pub(super) flux: Vec<f64>,
-    /// `[n, n]`: from the symmetrised operators to those of fluxes.
+    /// `[n, n]`: factors from the symmetrised operators to the operators on fluxes.
     pub(super) flux_ratio: Matrix,
 }
 
 impl Streams {
-    /// Most streams per hemisphere.
+    /// Maximum number of streams per hemisphere.
     pub const MAX: usize = 64;
 
     /// `n` streams per hemisphere, 2 to [`Self::MAX`].
@@ -41,7 +40,7 @@ impl Streams {
         let columns: Vec<_> = cosines.iter().map(|&x| legendre(2 * n, x)).collect();
         let legendre = Matrix::from_fn(2 * n, n, |l, i| columns[i][l]);
 
-        // Householder's reflection of q = sqrt(w) onto the first axis
+        // Householder reflection of q = sqrt(w) onto the first axis
         let q: Vec<f64> = weights.iter().map(|w| w.sqrt()).collect();
         let mut v = q.clone();
         v[0] -= 1.0;
@@ -56,8 +55,8 @@ impl Streams {
         });
         let odd = Matrix::from_fn(n, n, |l, i| term(2 * l + 1, i));
         let basis_over_cosine = Matrix::from_fn(n, n, |i, j| {
-            let one = f64::from(u8::from(i == j));
-            (one - v[i] * v[j] / half_square) / cosines[j]
+            let identity = f64::from(u8::from(i == j));
+            (identity - v[i] * v[j] / half_square) / cosines[j]
         });
         let flux: Vec<f64> = (0..n).map(|i| (weights[i] * cosines[i]).sqrt()).collect();
         let flux_ratio = Matrix::from_fn(n, n, |i, j| flux[i] / flux[j]);
@@ -73,19 +72,19 @@ impl Streams {
         })
     }
 
-    /// How many per hemisphere.
+    /// Number of streams per hemisphere.
     #[must_use]
     pub fn count(&self) -> usize {
         self.cosines.len()
     }
 
-    /// Cosines of the angles from the normal, rising in (0, 1).
+    /// Cosines of the angles from the normal, increasing in (0, 1).
     #[must_use]
     pub fn cosines(&self) -> &[f64] {
         &self.cosines
     }
 
-    /// Weights of the integral over the cosine from 0 to 1; their sum is 1.
+    /// Weights of the integral over the cosine from 0 to 1. Their sum is 1.
     #[must_use]
     pub fn weights(&self) -> &[f64] {
         &self.weights
@@ -103,8 +102,8 @@ pub(super) fn legendre(count: usize, x: f64) -> Vec<f64> {
     p
 }
 
-/// Nodes and weights for the interval from 0 to 1: zeros of P_n by Newton's
-/// method (Abramowitz and Stegun, 25.4.30).
+/// Nodes and weights on the interval from 0 to 1: zeros of P_n by Newton's method
+/// (Abramowitz and Stegun, 25.4.30).
 fn gauss_legendre(n: usize) -> (Vec<f64>, Vec<f64>) {
     (0..n)
         .map(|i| {
@@ -128,9 +127,9 @@ fn gauss_legendre(n: usize) -> (Vec<f64>, Vec<f64>) {
 mod tests {
     use super::*;
 
-    /// Abramowitz and Stegun, table 25.4, moved to (0, 1).
+    /// Abramowitz and Stegun, table 25.4, mapped to (0, 1).
     #[test]
-    fn gauss_legendre_is_tabulated() {
+    fn nodes_and_weights_match_tabulated_values() {
         let tables: [(usize, &[(f64, f64)]); 3] = [
             (2, &[(0.577_350_269_189_626, 1.0)]),
             (
@@ -175,7 +174,7 @@ mod tests {
     }
 
     #[test]
-    fn the_number_is_limited() {
+    fn stream_numbers_out_of_range_are_rejected() {
         for n in [0, 1, 65] {
             assert!(matches!(Streams::new(n), Err(SlabError::Streams { .. })));
         }

@@ -1,16 +1,15 @@
-//! Walks next to planes: the surface, where grains must fit under it, and those
-//! between layers, across which grains carry light.
+//! Walks near planes: near the surface, below which grains must fit, and near the
+//! planes between layers, across which grains carry light.
 //!
-//! Rays enter a region from outside or from the snow beyond it, and leave it
-//! through a plane of the snowpack or, going away, through an open side, where they
-//! are handed over with the Legendre moments of their direction. Grains that would
-//! cross a plane of the snowpack are rejected as in any walk; an open side is no plane
-//! of the snow and rejects none. A slab too thin to have an inside is walked from
-//! plane to plane.
+//! Rays enter a region from outside or from the adjoining snow. They leave it through a
+//! plane of the snowpack or through an open side; at an open side the Legendre moments
+//! of their direction are scored. Grains that would cross a plane of the snowpack are
+//! rejected as in any walk. An open side is not a plane of the snowpack and rejects no
+//! grains. A slab too thin to have an interior is walked from plane to plane.
 //!
-//! The first grain events of a ray use points of a lattice instead of random
-//! numbers (a Kronecker sequence after Roberts 2018, shifted at random), which
-//! cover the unit cube evenly and so leave less to chance.
+//! The first grain events of a ray use points of a lattice instead of random numbers (a
+//! Kronecker sequence after Roberts 2018, shifted at random). These cover the unit cube
+//! evenly and so reduce the variance.
 use serde::{Deserialize, Serialize};
 use splitsnow_spectra::simd::{F64x8, Kernel, Simd, dispatch};
 
@@ -21,51 +20,51 @@ use crate::table::step::{Steps, Stuck};
 use crate::table::{Histogram, TableSnowpack, lanes};
 use crate::transport::WalkError;
 
-/// Grain events that draw on the lattice.
+/// Number of grain events per ray that use the lattice.
 const LATTICE_EVENTS: usize = 5;
 
-/// How a region ends.
+/// What lies at the upper or lower end of a region.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub enum Edge {
-    /// Snow goes on.
+    /// More snow.
     Open,
-    /// The snowpack ends: grains must not cross, and rays leave.
+    /// A plane of the snowpack: grains must not cross it, and rays leave.
     Plane,
 }
 
-/// Where rays come from.
+/// The source of the rays.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub enum Source {
-    /// Outside, at this cosine from the normal.
+    /// From outside, at this cosine of the incidence angle.
     Above(f64),
-    /// Outside, isotropic radiance.
+    /// Isotropic radiance from outside.
     Diffuse,
-    /// The snow below the region, at this cosine from straight up.
+    /// From the snow below the region, at this cosine from straight up.
     Below(f64),
-    /// The snow over the region, at this cosine from straight down.
+    /// From the snow above the region, at this cosine from straight down.
     Over(f64),
 }
 
-/// The snow next to planes.
+/// A region of snow next to planes.
 #[derive(Debug, Clone)]
 pub struct Region<'a> {
     /// The snow.
     pub snowpack: TableSnowpack<'a>,
     /// Thickness, m.
     pub thickness_m: f64,
-    /// How it ends above and below.
+    /// Its upper and lower ends.
     pub edges: [Edge; 2],
 }
 
-/// Where rays went.
+/// Scores of the rays that left a region.
 #[derive(Debug, Clone, Serialize, Deserialize)]
 pub struct Scores {
-    /// Rays that left above: P_l(2 mu - 1) for l = 0, 1, ..., with mu the cosine from
-    /// straight up; where the snowpack ends, l = 0 only.
+    /// Rays that left upward: P_l(2 mu - 1) for l = 0, 1, ..., where mu is the cosine from
+    /// straight up. Only l = 0 if the snowpack ends there.
     pub out: Histogram,
-    /// Rays that left below: the same, with mu the cosine from straight down.
+    /// Rays that left downward: the same, with mu the cosine from straight down.
     pub through: Histogram,
-    /// Rays started.
+    /// Number of rays started.
     pub rays: u64,
 }
 
@@ -76,13 +75,13 @@ impl Scores {
         self.out.bytes() + self.through.bytes()
     }
 
-    /// Gives back the memory that more rays would have needed.
+    /// Frees the memory reserved for more rays.
     pub fn shrink(&mut self) {
         self.out.shrink();
         self.through.shrink();
     }
 
-    /// Adds those of other rays from the same source.
+    /// Adds the scores of other rays from the same source.
     pub fn merge(&mut self, other: &Self) {
         self.out.merge(&other.out);
         self.through.merge(&other.through);
@@ -90,21 +89,21 @@ impl Scores {
     }
 }
 
-/// Steps of the lattice: powers of 1/phi with phi the root of x^(d+1) = x + 1,
-/// in units of 2^-64.
-fn steps(dimensions: usize) -> Vec<u64> {
+/// Increments of the lattice: powers of 1/phi, where phi is the root of
+/// x^(d+1) = x + 1, in units of 2^-64.
+fn increments(dimensions: usize) -> Vec<u64> {
     let d = dimensions as f64;
     let mut phi = 1.5_f64;
     for _ in 0..64 {
         phi = libm::pow(1.0 + phi, 1.0 / (d + 1.0));
     }
-    let step = |j| (libm::pow(phi, -f64::from(j)) % 1.0 * 18_446_744_073_709_551_616.0) as u64;
-    (1..=dimensions as u32).map(step).collect()
+    let increment = |j| (libm::pow(phi, -f64::from(j)) % 1.0 * 18_446_744_073_709_551_616.0) as u64;
+    (1..=dimensions as u32).map(increment).collect()
 }
 
-/// Points of the shifted lattice, one after another.
+/// Successive points of the shifted lattice.
 struct Lattice {
-    step: Vec<u64>,
+    increment: Vec<u64>,
     point: Vec<u64>,
 }
 
@@ -112,7 +111,7 @@ impl Lattice {
     fn new<S: Simd>(dimensions: usize, rng: &mut Stream<S>) -> Self {
         let random = |_| (rng.uniform().as_array()[0] * 18_446_744_073_709_551_616.0) as u64;
         Self {
-            step: steps(dimensions),
+            increment: increments(dimensions),
             point: (0..dimensions).map(random).collect(),
         }
     }
@@ -120,17 +119,17 @@ impl Lattice {
     /// The coordinates of the next point, in [0, 1).
     #[inline(always)]
     fn next(&mut self) -> impl Iterator<Item = f64> {
-        let steps = self.point.iter_mut().zip(&self.step);
-        steps.map(|(point, step)| {
-            *point = point.wrapping_add(*step);
+        let coordinates = self.point.iter_mut().zip(&self.increment);
+        coordinates.map(|(point, increment)| {
+            *point = point.wrapping_add(*increment);
             f64::from_bits(*point >> 12 | 0x3ff0_0000_0000_0000) - 1.0
         })
     }
 }
 
 impl Region<'_> {
-    /// Walks `rays` rays from `source` until they leave and scores `moments`
-    /// moments of those that leave below, and through an open side above.
+    /// Walks `rays` rays from `source` until they leave. Scores `moments` moments of the
+    /// rays that leave downward, and of those that leave upward through an open side.
     ///
     /// # Errors
     /// [`WalkError::TooThin`] if grains do not fit.
@@ -151,13 +150,13 @@ impl Region<'_> {
     }
 }
 
-/// Length of a flight in a layer, m.
+/// Draws the length of a flight in a layer, m.
 #[inline(always)]
-fn flight_m<S: Simd>(snowpack: &TableSnowpack, stratum: usize, rng: &mut Stream<S>) -> f64 {
-    snowpack.strata[stratum].mean_free_distance_m * rng.exponential().as_array()[0]
+fn flight_m<S: Simd>(snowpack: &TableSnowpack, layer: usize, rng: &mut Stream<S>) -> f64 {
+    snowpack.layers[layer].mean_free_distance_m * rng.exponential().as_array()[0]
 }
 
-/// The walks of [`Region::walk`].
+/// [`Region::walk`] as a SIMD kernel.
 struct Walks<'a> {
     region: &'a Region<'a>,
     source: Source,
@@ -196,7 +195,7 @@ impl Kernel for Walks<'_> {
             rays,
         };
         let (one, zero) = (F64x8::<S>::ONE, F64x8::ZERO);
-        let last = snowpack.strata.len() - 1;
+        let last = snowpack.layers.len() - 1;
         let mut steps = Steps::new(snowpack, open);
         let mut queue: [[F64x8<S>; LATTICE_EVENTS]; 4] = [[zero; LATTICE_EVENTS]; 4];
         let mut queued = zero;
@@ -210,15 +209,15 @@ impl Kernel for Walks<'_> {
                     walking &= !(1 << lane);
                     continue;
                 }
-                let places = queue.iter_mut().take(per_event).flatten();
-                for (place, coordinate) in places.zip(lattice.next()) {
-                    place.as_mut_array()[lane] = coordinate;
+                let entries = queue.iter_mut().take(per_event).flatten();
+                for (entry, coordinate) in entries.zip(lattice.next()) {
+                    entry.as_mut_array()[lane] = coordinate;
                 }
                 queued.as_mut_array()[lane] = LATTICE_EVENTS as f64;
-                // A ray from beyond is on a flight that began there: where it comes
-                // back to if its grain does not fit. Its path in the pores counts
-                // from there: what crosses pores that absorb is the less likely to
-                // have arrived.
+                // A ray from the adjoining snow is in flight from a point beyond the
+                // region, and returns there if its grain does not fit. Its path in the
+                // pores counts from there, because absorbing pores make a ray less
+                // likely to arrive.
                 let mut behind_m = 0.0;
                 let (z_m, mu) = match source {
                     Source::Above(mu) => (0.0, mu),
@@ -277,12 +276,12 @@ impl Kernel for Walks<'_> {
             ended = (up | down | stepped.lost) & walking;
             for lane in lanes(ended & !stepped.lost) {
                 let Ray { mu, path, .. } = steps.rays.get(lane);
-                let (to, moments) = match up >> lane & 1 {
+                let (histogram, moments) = match up >> lane & 1 {
                     1 => (&mut scores.out, above),
                     _ => (&mut scores.through, moments),
                 };
                 legendre(2.0 * mu.abs() - 1.0, &mut scored[..moments]);
-                to.add(&path, &scored[..moments]);
+                histogram.add(&path, &scored[..moments]);
             }
         }
     }

@@ -1,17 +1,17 @@
-//! What one grain event does on average: the scattering kernel at any
-//! absorption, and how far a grain carries the ray.
+//! The average effect of a grain event: the scattering kernel at any absorption, and
+//! the displacement of the ray by a grain.
 use serde::{Deserialize, Serialize};
 
 use crate::math::{DEGREES, legendre};
 use crate::table::{Histogram, Outcome};
 use crate::transport::{Coefficients, Path};
 
-/// Scores before the moments: displacement along the incoming and along the
-/// outgoing ray and its square.
+/// Number of scores before the moments: displacement along the incoming ray, along the
+/// outgoing ray, and its square.
 const DISPLACEMENTS: usize = 3;
-/// Nodes and weights of the mean over grain sizes: Gauss-Legendre on (0, 1),
+/// Nodes and weights of the mean over grain sizes: Gauss-Legendre quadrature on (0, 1),
 /// exact for polynomials of degree 11.
-const SIZES: [[f64; 2]; 6] = [
+const SIZE_QUADRATURE: [[f64; 2]; 6] = [
     [0.033_765_242_898_423_99, 0.085_662_246_189_585_17],
     [0.169_395_306_766_867_74, 0.180_380_786_524_069_3],
     [0.380_690_406_958_401_55, 0.233_956_967_286_345_52],
@@ -20,7 +20,7 @@ const SIZES: [[f64; 2]; 6] = [
     [0.966_234_757_101_576, 0.085_662_246_189_585_17],
 ];
 
-/// Sums over outcomes, by path in ice.
+/// Sums over outcomes, binned by the path in ice.
 #[derive(Debug, Clone, Serialize, Deserialize)]
 pub struct Kernel {
     sums: Histogram,
@@ -28,14 +28,14 @@ pub struct Kernel {
     count: f64,
 }
 
-/// A grain event on average, each ray weighted by exp(-alpha L).
+/// The average grain event, with each ray weighted by exp(-alpha L).
 #[derive(Debug, Clone, PartialEq, Default)]
 pub struct Event {
     /// E[exp(-alpha L) P_l(cos Theta)]; the first is the single-scattering albedo.
     pub moments: Vec<f64>,
     /// Mean displacement along the incoming and along the outgoing ray, m.
     pub displacement_m: [f64; 2],
-    /// Mean square of the displacement, m2.
+    /// Mean squared displacement, m2.
     pub displacement_sq_m2: f64,
 }
 
@@ -72,20 +72,20 @@ impl Kernel {
         }
     }
 
-    /// Adds the sums of another with as many moments.
+    /// Adds the sums of another kernel with the same number of moments.
     pub fn merge(&mut self, other: &Self) {
         self.sums.merge(&other.sums);
         self.count += other.count;
     }
 
-    /// The mean over grains of lengths uniform in `size_m`, in ice that
-    /// absorbs `ice_per_m`.
+    /// The mean over grains of lengths uniform in `size_m`, in ice with the absorption
+    /// coefficient `ice_per_m`.
     #[must_use]
     pub fn event(&self, size_m: [f64; 2], ice_per_m: f64) -> Event {
         let mut means = vec![0.0; DISPLACEMENTS + self.moments];
         let mut sums = means.clone();
         let [min, max] = size_m;
-        for [u, weight] in SIZES {
+        for [u, weight] in SIZE_QUADRATURE {
             let size = min + (max - min) * u;
             let coefficients = Coefficients {
                 ice_per_m: ice_per_m * size,
@@ -110,7 +110,7 @@ impl Kernel {
 }
 
 impl Event {
-    /// `1 - share` of this event and `share` of `other`.
+    /// A mixture: `1 - share` of this event and `share` of `other`.
     #[must_use]
     pub fn mix(&self, other: &Self, share: f64) -> Self {
         let mix = |a: f64, b: f64| (1.0 - share) * a + share * b;
@@ -122,7 +122,7 @@ impl Event {
         }
     }
 
-    /// Scattered light attenuated by the factor `survival`.
+    /// This event with the scattered light attenuated by the factor `survival`.
     #[must_use]
     pub fn attenuated(&self, survival: f64) -> Self {
         Self {
@@ -132,14 +132,14 @@ impl Event {
         }
     }
 
-    /// Mean free path, m, of points that scatter alike and spread light as far
-    /// as these grains do, after flights of mean length d and half the mean
-    /// square q^2, `flight_m` = [d, q]. With delta the displacement in a grain,
-    /// a = E(delta.u_in), b = E(delta.u_out) and g = E(cos Theta), its square is
+    /// Mean free path, m, of point scatterers that scatter alike and spread light as far
+    /// as these grains do, after flights of mean length d and mean square 2 q^2, where
+    /// `flight_m` = [d, q]. With the displacement delta in a grain, a = E(delta.u_in),
+    /// b = E(delta.u_out) and g = E(cos Theta), the square of the mean free path is
     /// g d^2 + (1 - g) (q^2 + E(|delta|^2) / 2) + d (a + b) + a b.
     ///
-    /// Means of displacements are over all rays, absorbed ones as 0: where
-    /// grains absorb, unscattered light, which no grain displaces, carries the more.
+    /// Mean displacements are over all rays, with 0 for absorbed ones: where grains absorb,
+    /// unscattered light, which no grain displaces, contributes more.
     #[must_use]
     pub fn effective_mean_free_path_m(&self, flight_m: [f64; 2]) -> f64 {
         let albedo = self.moments[0].max(f64::MIN_POSITIVE);

@@ -1,6 +1,6 @@
-//! Grain events from tables: outcomes drawn once by following rays through
-//! grains ([`draw`]), a stratified choice of them ([`Table`]), and walks that
-//! take their grain events from it ([`TableWalker`], [`EscapeWalker`]).
+//! Grain events from tables. Outcomes are drawn once by following rays through grains
+//! ([`draw`]). A [`Table`] is a stratified selection of outcomes. [`TableWalker`] and
+//! [`EscapeWalker`] take their grain events from it.
 mod boundary;
 mod escape;
 mod histogram;

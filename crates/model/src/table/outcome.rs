@@ -1,9 +1,9 @@
 //! Outcomes of grain events, drawn once and used many times.
 //!
-//! What a grain does to a ray does not depend on where the ray is nor where it
-//! goes (grain axes are isotropic), and lengths scale with the grain. So one
-//! list of outcomes of grains of unit length, in the frame of the incoming
-//! ray, serves every depth, direction, grain size and density.
+//! The effect of a grain on a ray does not depend on the position and direction of the
+//! ray (grain axes are isotropic), and lengths scale with the grain. So one list of
+//! outcomes of grains of unit length, in the frame of the incoming ray, serves every
+//! depth, direction, grain size and density.
 use splitsnow_spectra::simd::{Kernel, Simd, dispatch};
 
 use crate::grain::{Body, Events, GrainType, Grains, SizeRange, Stepped, Surface};
@@ -11,30 +11,30 @@ use crate::math::Vec3;
 use crate::rng::Stream;
 use crate::transport::{Entry, contact};
 
-/// Grain events followed side by side: two vectors of eight lanes.
+/// Vectors of eight lanes on which grain events are followed side by side.
 const GROUPS: usize = 2;
 
-/// One event on a grain of unit length. The ray comes along +z and leaves in
-/// the plane of x and z, at x >= 0; positions are relative to where it met the
-/// grain, in units of the grain's length.
+/// One event on a grain of unit length. The ray arrives along +z and leaves in the plane
+/// of x and z, at x >= 0. Positions are relative to the point of entry into the grain,
+/// in units of the length of the grain.
 #[derive(Debug, Clone, Copy, PartialEq, Default)]
 pub struct Outcome {
     /// Cosine of the deflection.
     pub cos: f32,
-    /// Its sine, >= 0.
+    /// Sine of the deflection, >= 0.
     pub sin: f32,
-    /// Where the ray leaves the grain.
+    /// The point where the ray leaves the grain.
     pub displacement: [f32; 3],
     /// Path in ice; infinite if the ray is lost in the grain.
     pub ice: f32,
     /// Centre of the grain.
     pub centre: [f32; 3],
-    /// The solid it is, in this frame.
+    /// Body of the grain, in this frame.
     pub body: Body<f32>,
 }
 
-/// `count` outcomes of grains of the shapes of `law` (its size does not
-/// matter) with the surface given.
+/// Draws `count` outcomes of grains with the shapes of `law` (its size does not matter)
+/// and the given surface.
 #[must_use]
 pub fn draw(
     law: &GrainType,
@@ -56,7 +56,7 @@ pub fn draw(
     })
 }
 
-/// The work of [`draw`].
+/// [`draw`] as a SIMD kernel.
 struct Draw {
     law: GrainType,
     entry: Entry,
@@ -70,7 +70,7 @@ impl Kernel for Draw {
 
     #[inline(always)]
     fn run<S: Simd>(self) -> Vec<Outcome> {
-        events_of(
+        draw_outcomes(
             self.law,
             self.entry,
             self.surface,
@@ -81,7 +81,7 @@ impl Kernel for Draw {
 }
 
 #[inline(always)]
-fn events_of<S: Simd>(
+fn draw_outcomes<S: Simd>(
     law: GrainType,
     entry: Entry,
     surface: Surface,
@@ -94,8 +94,8 @@ fn events_of<S: Simd>(
     let mut queue = Vec::with_capacity(8);
     let mut outcomes = Vec::with_capacity(count);
     let mut started = 0;
-    // lanes are refilled until `count` events have begun, and all are waited
-    // for: stopping at the first `count` to end would favour short ones
+    // Lanes are refilled until `count` events have begun, and then all are finished:
+    // stopping after the first `count` to end would favour short events.
     let mut busy = [0_u32; GROUPS];
     let mut refill = [0xff_u32; GROUPS];
     loop {
@@ -154,7 +154,7 @@ fn events_of<S: Simd>(
                 } else {
                     events.ice_m.as_array()[lane]
                 };
-                outcomes.push(in_frame(
+                outcomes.push(outcome_in_frame(
                     &contacts[8 * group + lane],
                     exit,
                     events.direction.get(lane),
@@ -165,24 +165,24 @@ fn events_of<S: Simd>(
     }
 }
 
-/// The outcome turned about z so that `direction` lies at x >= 0 in the plane y = 0.
-fn in_frame(contact: &Outcome, exit: Vec3, direction: Vec3, ice: f64) -> Outcome {
+/// The outcome rotated about z so that `direction` lies at x >= 0 in the plane y = 0.
+fn outcome_in_frame(contact: &Outcome, exit: Vec3, direction: Vec3, ice: f64) -> Outcome {
     let sin = (direction.x * direction.x + direction.y * direction.y).sqrt();
     let (c, s) = if sin > 1e-12 {
         (direction.x / sin, direction.y / sin)
     } else {
         (1.0, 0.0)
     };
-    let turn = |[x, y, z]: [f64; 3]| [c * x + s * y, c * y - s * x, z].map(|v| v as f32);
+    let rotate = |[x, y, z]: [f64; 3]| [c * x + s * y, c * y - s * x, z].map(|v| v as f32);
     let wide = |v: [f32; 3]| v.map(f64::from);
     let centre = wide(contact.centre);
     let displacement = [exit.x + centre[0], exit.y + centre[1], exit.z + centre[2]];
     Outcome {
         cos: direction.z as f32,
         sin: sin as f32,
-        displacement: turn(displacement),
+        displacement: rotate(displacement),
         ice: ice as f32,
-        centre: turn(centre),
+        centre: rotate(centre),
         body: Body::from(contact.body).turned(c, s).rounded(),
     }
 }

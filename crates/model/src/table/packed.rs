@@ -3,43 +3,43 @@ use crate::grain::{Body, Form};
 use crate::rng::Stream;
 use crate::table::Outcome;
 
-/// Outcomes to draw from with equal probability.
+/// Outcomes, drawn with equal probability.
 ///
-/// They are a stratified choice from a longer list: cut into equal parts by
-/// the cosine of deflection and each part by the path in ice, one outcome is
-/// taken from every piece. So the table's distributions of both, and the
-/// asymmetry parameter above all, are nearly those of the longer list, at a
-/// size at which a plain sample of them would be noisy.
+/// They are a stratified selection from a longer list. The list is cut into equal parts
+/// by the cosine of deflection, each part is cut by the path in ice, and one outcome is
+/// taken from every piece. So the distributions of both, and above all the asymmetry
+/// parameter, are close to those of the longer list, although a random sample of this
+/// size would be noisy.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Table {
-    /// What the grains are shaped like.
+    /// Shape of the grains.
     pub(super) form: Form,
-    /// cosine, sine, displacement along the ray, across in the plane of
-    /// scattering, across out of it; path in ice
+    /// Cosine, sine, displacement along the ray, across it in the plane of scattering,
+    /// across it out of this plane; path in ice.
     pub(super) motions: Vec<[f32; 8]>,
-    /// centre (across in plane, across out of it, along), numbers of the body
+    /// Centre (across in plane, across out of plane, along), numbers of the body.
     pub(super) bodies: Vec<[f32; 8]>,
 }
 
-/// An integer that grows with `value`, as [`f32::total_cmp`] orders.
+/// An integer that increases with `value` in the order of [`f32::total_cmp`].
 fn rank(value: f32) -> i32 {
     let bits = value.to_bits() as i32;
     bits ^ ((bits >> 31) as u32 >> 1) as i32
 }
 
 impl Table {
-    /// Picks `size` of `outcomes` (all, if there are no more than that).
+    /// Selects `size` of the `outcomes` (all, if there are no more).
     #[must_use]
     pub fn new(outcomes: &[Outcome], size: usize, rng: &mut Stream) -> Self {
         let n = outcomes.len();
         let size = size.min(n).max(1);
         let parts = (size as f64).sqrt() as usize;
-        // numbers behind what they are sorted by: much less to move about than outcomes
+        // sort pairs of key and index, which are cheaper to move than outcomes
         let mut by_cos: Vec<(i32, u32)> =
             (0..).zip(outcomes).map(|(i, o)| (rank(o.cos), i)).collect();
         by_cos.sort_unstable();
         let outcome = |place: u32| &outcomes[by_cos[place as usize].1 as usize];
-        // of equal paths, as the many of none, the cosines stay in order
+        // outcomes of equal paths, such as the many with path 0, stay ordered by cosine
         let mut order: Vec<(i32, u32)> = (0..n as u32)
             .map(|place| (rank(outcome(place).ice), place))
             .collect();
@@ -69,8 +69,8 @@ impl Table {
         }
     }
 
-    /// Centre of the grain of an outcome, across in plane, across out of it and
-    /// along, from where it is met, and its body.
+    /// Centre of the grain of an outcome relative to the point of entry (across in plane,
+    /// across out of plane, along), and its body.
     #[inline(always)]
     pub(super) fn grain(&self, row: usize) -> ([f64; 3], Body<f64>) {
         let [x, y, along, numbers @ ..] = self.bodies[row].map(f64::from);
@@ -90,7 +90,7 @@ impl Table {
         size_of::<[f32; 8]>() * (self.motions.capacity() + self.bodies.capacity())
     }
 
-    /// Never: a table holds at least one outcome.
+    /// Always false: a table holds at least one outcome.
     #[must_use]
     pub fn is_empty(&self) -> bool {
         self.motions.is_empty()
@@ -102,7 +102,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn ranks_grow_with_values() {
+    fn ranks_increase_with_values() {
         let values = [
             f32::NEG_INFINITY,
             -1.0,

@@ -1,5 +1,5 @@
-//! Eight rays side by side between grains drawn from tables: their depths and
-//! the cosines of their directions. In a horizontal snowpack nothing else matters.
+//! Eight rays side by side between grains drawn from tables: depths and cosines of the
+//! directions. In a plane-parallel snowpack the azimuth does not matter.
 use splitsnow_spectra::simd::{F64x8, Simd};
 
 use crate::grain::{Bodies, Down};
@@ -23,33 +23,33 @@ pub(super) struct Rays<S: Simd> {
     /// See [`Path::impurities`].
     pub(super) impurities: [F64x8<S>; EXPONENTS],
     /// Layers, counted from the surface.
-    pub(super) stratum: [usize; 8],
+    pub(super) layer: [usize; 8],
 }
 
-/// One of them.
+/// One ray of [`Rays`].
 #[derive(Debug, Clone, Copy, Default)]
 pub(super) struct Ray {
     pub(super) z_m: f64,
     pub(super) mu: f64,
     pub(super) path: Path,
-    pub(super) stratum: usize,
+    pub(super) layer: usize,
 }
 
 impl<S: Simd> Rays<S> {
     /// The ray of `lane`.
     #[inline(always)]
     pub(super) fn get(&self, lane: usize) -> Ray {
-        let of = |v: &F64x8<S>| v.as_array()[lane];
+        let lane_value = |v: &F64x8<S>| v.as_array()[lane];
         Ray {
-            z_m: of(&self.z_m),
-            mu: of(&self.mu),
+            z_m: lane_value(&self.z_m),
+            mu: lane_value(&self.mu),
             path: Path {
-                ice_m: of(&self.ice_m),
-                water_m: of(&self.water_m),
-                impurities: self.impurities.each_ref().map(of),
+                ice_m: lane_value(&self.ice_m),
+                water_m: lane_value(&self.water_m),
+                impurities: self.impurities.each_ref().map(lane_value),
                 ..Path::default()
             },
-            stratum: self.stratum[lane],
+            layer: self.layer[lane],
         }
     }
 
@@ -63,16 +63,16 @@ impl<S: Simd> Rays<S> {
         for (all, depth) in self.impurities.iter_mut().zip(ray.path.impurities) {
             all.as_mut_array()[lane] = depth;
         }
-        self.stratum[lane] = ray.stratum;
+        self.layer[lane] = ray.layer;
     }
 }
 
-/// Uniform variates of a flight and the grain at its end.
+/// Uniform variates of a flight and of the grain at its end.
 #[derive(Debug, Clone, Copy, Default)]
 pub(super) struct Variates<S: Simd> {
     pub(super) flight: F64x8<S>,
-    /// Chooses the type of grain, with what remains the outcome, and with what
-    /// remains of that the size.
+    /// Chooses the type of grain. Its remainder chooses the outcome, and the remainder of
+    /// that the size.
     pub(super) outcome: F64x8<S>,
     pub(super) azimuth: F64x8<S>,
     pub(super) medium: F64x8<S>,
@@ -100,13 +100,13 @@ impl<S: Simd> Variates<S> {
         ]
     }
 
-    /// The variates of one ray.
+    /// The variates of one lane.
     #[inline(always)]
     pub(super) fn get(&self, lane: usize) -> [f64; 4] {
         [self.flight, self.outcome, self.azimuth, self.medium].map(|v| v.as_array()[lane])
     }
 
-    /// Sets these.
+    /// Sets the variates of one lane.
     #[inline(always)]
     pub(super) fn set(&mut self, lane: usize, [flight, outcome, azimuth, medium]: [f64; 4]) {
         self.flight.as_mut_array()[lane] = flight;
@@ -116,15 +116,15 @@ impl<S: Simd> Variates<S> {
     }
 }
 
-/// A flight, not yet ended by a grain.
+/// A flight and the candidate grain at its end.
 #[derive(Debug, Clone, Copy)]
 pub(super) struct Flight<S: Simd> {
     pub(super) length_m: F64x8<S>,
-    /// Depth of its end, m.
+    /// Depth of its end point, m.
     pub(super) end_m: F64x8<S>,
     /// All ones where it passes through water.
     pub(super) wet: F64x8<S>,
-    /// Positions of the types of grain in their layers.
+    /// Indices of the grain types in their layers.
     kinds: [usize; 8],
     outcomes: [u32; 8],
     pub(super) size_m: F64x8<S>,
@@ -135,11 +135,11 @@ pub(super) struct Flight<S: Simd> {
 }
 
 impl TableSnowpack<'_> {
-    /// Flights of the rays, all through the layers they begin in, and the
-    /// grains that wait at their ends.
+    /// Draws the flights of the rays, all within the layers they start in, and the
+    /// candidate grains at their ends.
     #[inline(always)]
     pub(super) fn fly<S: Simd>(&self, rays: &Rays<S>, variates: &Variates<S>) -> Flight<S> {
-        let first = &self.strata[0];
+        let first = &self.layers[0];
         let [mut distance_m, mut saturation] =
             [first.mean_free_distance_m, first.water_saturation].map(F64x8::splat);
         let [min, max] = first.kinds[0].size_m;
@@ -149,15 +149,15 @@ impl TableSnowpack<'_> {
         let mut choice = variates.outcome;
         if !self.is_plain() {
             for (lane, chosen) in kinds.iter_mut().enumerate() {
-                let stratum = &self.strata[rays.stratum[lane]];
-                distance_m.as_mut_array()[lane] = stratum.mean_free_distance_m;
-                saturation.as_mut_array()[lane] = stratum.water_saturation;
+                let layer = &self.layers[rays.layer[lane]];
+                distance_m.as_mut_array()[lane] = layer.mean_free_distance_m;
+                saturation.as_mut_array()[lane] = layer.water_saturation;
                 let u = choice.as_array()[lane];
-                let others = &stratum.kinds[1..];
+                let others = &layer.kinds[1..];
                 *chosen = others.partition_point(|kind| kind.chance[0] <= u);
-                let kind = &stratum.kinds[*chosen];
+                let kind = &layer.kinds[*chosen];
                 let [before, share] = kind.chance;
-                // what is left of the variate, kept below 1 against rounding
+                // remainder of the variate, kept below 1 despite rounding
                 let rest = ((u - before) / share).clamp(0.0, 1.0 - f64::EPSILON);
                 choice.as_mut_array()[lane] = rest;
                 let [min, max] = kind.size_m;
@@ -189,7 +189,8 @@ impl TableSnowpack<'_> {
         }
     }
 
-    /// The first `N` columns of the outcomes waiting, of `rows` in air and in water.
+    /// The first `N` columns of the candidates' outcomes, from `rows` of the table for air
+    /// or water.
     #[inline(always)]
     fn gather<S: Simd, const N: usize>(
         &self,
@@ -199,7 +200,7 @@ impl TableSnowpack<'_> {
     ) -> [F64x8<S>; N] {
         let mut columns = [[0.0; 8]; N];
         let plain = self.is_plain();
-        let first = &self.strata[0].kinds[0].tables;
+        let first = &self.layers[0].kinds[0].tables;
         let [air, water] = first.map(&rows);
         let wet = if self.wet { flight.wet.to_bitmask() } else { 0 };
         for lane in 0..8 {
@@ -207,7 +208,7 @@ impl TableSnowpack<'_> {
             let rows = if plain {
                 if in_water { water } else { air }
             } else {
-                let kind = &self.strata[rays.stratum[lane]].kinds[flight.kinds[lane]];
+                let kind = &self.layers[rays.layer[lane]].kinds[flight.kinds[lane]];
                 rows(kind.tables[usize::from(in_water)])
             };
             let row = &rows[flight.outcomes[lane] as usize];
@@ -218,18 +219,18 @@ impl TableSnowpack<'_> {
         columns.map(F64x8::new)
     }
 
-    /// Depths of the highest and lowest points of the grains waiting, m.
+    /// Depths of the highest and lowest points of the candidate grains, m.
     #[inline(always)]
     pub(super) fn extent_m<S: Simd>(&self, rays: &Rays<S>, flight: &Flight<S>) -> [F64x8<S>; 2] {
         let [x, y, along, numbers @ ..] = self.gather::<S, 8>(rays, flight, |table| &table.bodies);
-        let mut forms = [self.strata[0].kinds[0].tables[0].form; 8];
+        let mut forms = [self.layers[0].kinds[0].tables[0].form; 8];
         if !self.is_plain() {
             for (lane, form) in forms.iter_mut().enumerate() {
-                let stratum = &self.strata[rays.stratum[lane]];
-                *form = stratum.kinds[flight.kinds[lane]].tables[0].form;
+                let layer = &self.layers[rays.layer[lane]];
+                *form = layer.kinds[flight.kinds[lane]].tables[0].form;
             }
         }
-        let down = Turned {
+        let down = RayFrame {
             flight,
             mu: rays.mu,
         };
@@ -238,7 +239,7 @@ impl TableSnowpack<'_> {
         [centre - half, centre + half].map(|v| flight.end_m + flight.size_m * v)
     }
 
-    /// The grain events of the lanes set in `met`.
+    /// Applies the grain events to the lanes set in `met`.
     #[inline(always)]
     pub(super) fn scatter<S: Simd>(&self, rays: &mut Rays<S>, flight: &Flight<S>, met: F64x8<S>) {
         let [c, s, along, x, y, ice] = self.gather(rays, flight, |table| &table.motions);
@@ -249,18 +250,18 @@ impl TableSnowpack<'_> {
         let ice_m = (flight.size_m * ice) & met;
         rays.ice_m += ice_m;
         if self.sooty {
-            self.collect(rays, ice_m, |stratum| &stratum.in_ice);
+            self.collect(rays, ice_m, |layer| &layer.in_ice);
         }
     }
 
-    /// Goes `length_m` on through the pores, where that is not 0.
+    /// Adds a path of `length_m` through the pores; lengths of 0 add nothing.
     #[inline(always)]
     pub(super) fn pass<S: Simd>(&self, rays: &mut Rays<S>, flight: &Flight<S>, length_m: F64x8<S>) {
         if self.wet {
             rays.water_m += length_m & flight.wet;
         }
         if self.sooty {
-            self.collect(rays, length_m, |stratum| &stratum.in_pores);
+            self.collect(rays, length_m, |layer| &layer.in_pores);
         }
     }
 
@@ -269,12 +270,12 @@ impl TableSnowpack<'_> {
         &self,
         rays: &mut Rays<S>,
         length_m: F64x8<S>,
-        of: for<'s> fn(&'s TableLayer) -> &'s [f64; EXPONENTS],
+        impurities: for<'s> fn(&'s TableLayer) -> &'s [f64; EXPONENTS],
     ) {
         for lane in lanes(0xff) {
-            let per_m = of(&self.strata[rays.stratum[lane]]);
+            let per_m = impurities(&self.layers[rays.layer[lane]]);
             let length_m = length_m.as_array()[lane];
-            // a ray lost in a grain has no end of path
+            // a ray lost in a grain has an infinite path
             if length_m > 0.0 && length_m.is_finite() {
                 for (all, per_m) in rays.impurities.iter_mut().zip(per_m) {
                     all.as_mut_array()[lane] += per_m * length_m;
@@ -284,13 +285,13 @@ impl TableSnowpack<'_> {
     }
 }
 
-/// The frame of outcomes, seen along a ray.
-struct Turned<'a, S: Simd> {
+/// The frame of outcomes, rotated about a ray.
+struct RayFrame<'a, S: Simd> {
     flight: &'a Flight<S>,
     mu: F64x8<S>,
 }
 
-impl<S: Simd> Down<F64x8<S>> for Turned<'_, S> {
+impl<S: Simd> Down<F64x8<S>> for RayFrame<'_, S> {
     #[inline(always)]
     fn down(&self, [x, y, along]: [F64x8<S>; 3]) -> F64x8<S> {
         self.flight.vertical(self.mu, along, x, y)

@@ -1,9 +1,8 @@
 //! Walks through a slab from one tabulated grain to the next.
 //!
-//! The same walk as [`crate::transport::Walker`]'s, planes and rejected grains
-//! and all, but for where outcomes of grain events come from, and that the
-//! azimuth of a ray is not followed. One walk serves several thicknesses in
-//! the same way.
+//! The same walk as that of [`crate::transport::Walker`], including planes and rejected
+//! grains. It differs in that outcomes of grain events come from tables and that the
+//! azimuth of a ray is not followed. One walk serves several thicknesses in the same way.
 use splitsnow_spectra::simd::{F64x8, Kernel, Simd, Task, dispatch};
 
 use crate::math::Vec3;
@@ -13,10 +12,10 @@ use crate::table::step::{Stepped, Steps, Stuck};
 use crate::table::{TableSnowpack, lanes};
 use crate::transport::{Absorption, End, Illumination, Sink, Walk, WalkError};
 
-/// Steps after which the sink is asked whether to go on.
+/// Steps between calls of [`Sink::stop`].
 const STEPS_BETWEEN_CHECKS: u64 = 1024;
 
-/// Walks in snow whose grains are drawn from tables.
+/// Walks through snow whose grain events are drawn from tables.
 #[derive(Debug, Clone)]
 pub struct TableWalker<'a> {
     /// The snow.
@@ -25,19 +24,19 @@ pub struct TableWalker<'a> {
     pub absorption: Absorption,
 }
 
-/// What one lane holds besides its ray.
+/// State of a lane besides its ray.
 #[derive(Debug, Clone, Copy, Default)]
 struct Lane {
-    /// Position of the slab in the list of thicknesses.
+    /// Index of the slab in the list of thicknesses.
     slab: usize,
-    /// Where the ray is to be resumed for the next slab, and with which flight
-    /// if that is drawn.
-    touch: Option<(Ray, Option<[f64; 4]>)>,
-    /// What the next flight must be.
+    /// The ray as it must be resumed for the next slab, and the variates of its flight if
+    /// they are already drawn.
+    branch_point: Option<(Ray, Option<[f64; 4]>)>,
+    /// Variates of the next flight, if they are prescribed.
     forced: Option<[f64; 4]>,
 }
 
-/// Walks under way on eight lanes.
+/// Walks in progress on eight lanes.
 struct Walks<'a, S: Simd, W> {
     walker: &'a TableWalker<'a>,
     thicknesses_m: &'a [f64],
@@ -46,9 +45,9 @@ struct Walks<'a, S: Simd, W> {
     /// Optical depths at which the rays are absorbed.
     budget: F64x8<S>,
     lanes: [Lane; 8],
-    /// Lanes with a flight forced on them.
+    /// Lanes with prescribed variates.
     forced: u32,
-    /// Rays not started yet.
+    /// Number of rays not started yet.
     waiting: u64,
     sink: &'a mut W,
 }
@@ -73,7 +72,7 @@ impl Walk for TableWalker<'_> {
     }
 }
 
-/// The work of [`TableWalker`].
+/// A call of [`TableWalker::walk`] as a SIMD kernel.
 struct Walking<'a, W> {
     walker: &'a TableWalker<'a>,
     thicknesses_m: &'a [f64],
@@ -103,10 +102,10 @@ impl<W: Sink> Kernel for Walking<'_, W> {
     }
 }
 
-/// The call of [`Walks::start`].
-struct Start<'w, 'a, 'p, S: Simd, W>(&'w mut Walks<'a, S, W>, &'w mut Steps<'p, S>, usize);
+/// [`Walks::start`] as a SIMD task.
+struct StartTask<'w, 'a, 'p, S: Simd, W>(&'w mut Walks<'a, S, W>, &'w mut Steps<'p, S>, usize);
 
-impl<S: Simd, W: Sink> Task for Start<'_, '_, '_, S, W> {
+impl<S: Simd, W: Sink> Task for StartTask<'_, '_, '_, S, W> {
     type Output = ();
 
     #[inline(always)]
@@ -145,13 +144,15 @@ impl<S: Simd, W: Sink> Walks<'_, S, W> {
             }
             self.forced = 0;
             let slabs = self.thicknesses_m.len();
-            let touch = |steps: &Steps<S>, lane: usize, variates: &Variates<S>| {
-                let Lane { slab, touch, .. } = &mut self.lanes[lane];
-                if touch.is_none() && *slab + 1 < slabs {
-                    *touch = Some((steps.origin(lane), Some(variates.get(lane))));
+            let store_branch_point = |steps: &Steps<S>, lane: usize, variates: &Variates<S>| {
+                let Lane {
+                    slab, branch_point, ..
+                } = &mut self.lanes[lane];
+                if branch_point.is_none() && *slab + 1 < slabs {
+                    *branch_point = Some((steps.origin(lane), Some(variates.get(lane))));
                 }
             };
-            let stepped = steps.step(&mut variates, walking, touch);
+            let stepped = steps.step(&mut variates, walking, store_branch_point);
             let Stepped {
                 met,
                 above,
@@ -161,13 +162,15 @@ impl<S: Simd, W: Sink> Walks<'_, S, W> {
                 thickness_m: steps.depth_m.as_array()[lane],
             })?;
             total += u64::from((met & walking).count_ones());
-            if snowpack.strata.len() > 1 {
+            if snowpack.layers.len() > 1 {
                 // grains may carry rays across the lower plane of the surface layer
                 for lane in lanes(met & walking) {
-                    let Lane { slab, touch, .. } = &mut self.lanes[lane];
+                    let Lane {
+                        slab, branch_point, ..
+                    } = &mut self.lanes[lane];
                     let ray = steps.rays.get(lane);
-                    if ray.stratum > 0 && touch.is_none() && *slab + 1 < slabs {
-                        *touch = Some((ray, None));
+                    if ray.layer > 0 && branch_point.is_none() && *slab + 1 < slabs {
+                        *branch_point = Some((ray, None));
                     }
                 }
             }
@@ -196,13 +199,13 @@ impl<S: Simd, W: Sink> Walks<'_, S, W> {
         Ok(total)
     }
 
-    /// Starts the next ray on `lane`; false if there is none left.
+    /// Starts the next ray on `lane`; false if none is left.
     #[inline(always)]
     fn start(&mut self, steps: &mut Steps<S>, lane: usize) -> bool {
         if self.waiting == 0 {
             return false;
         }
-        S::outlined(Start(self, steps, lane));
+        S::outlined(StartTask(self, steps, lane));
         true
     }
 
@@ -226,8 +229,8 @@ impl<S: Simd, W: Sink> Walks<'_, S, W> {
         self.lanes[lane] = Lane::default();
     }
 
-    /// Reports the end of the walk of `lane` and resumes it in the next slab;
-    /// false if it has ended in all.
+    /// Reports the end of the walk of `lane` and resumes it in the next slab; false if
+    /// the walk has ended in all slabs.
     #[inline(always)]
     fn end(&mut self, steps: &mut Steps<S>, lane: usize, end: End) -> bool {
         let Ray { mu, path, .. } = steps.rays.get(lane);
@@ -235,11 +238,11 @@ impl<S: Simd, W: Sink> Walks<'_, S, W> {
         let direction = Vec3::new(across, 0.0, mu);
         let Lane {
             slab,
-            touch,
+            branch_point,
             forced,
         } = &mut self.lanes[lane];
-        let Some((ray, variates)) = touch.take() else {
-            // the lower plane had no say: the walk is the same in all thicker slabs
+        let Some((ray, variates)) = branch_point.take() else {
+            // the lower plane had no effect: the walk is the same in all thicker slabs
             self.sink
                 .end(*slab..self.thicknesses_m.len(), end, &path, direction);
             return false;

@@ -1,20 +1,20 @@
-//! Snow snowpacks whose grain events are drawn from tables.
+//! Snowpacks whose grain events are drawn from tables.
 use crate::table::Table;
 use crate::transport::{EXPONENTS, Entry, Model, Snow, diffuse_cosine, impurities_per_m};
 
-/// A snowpack, or the part of one next to a plane, from the surface down.
+/// A snowpack, or the part of one next to a plane.
 #[derive(Debug, Clone)]
 pub struct TableSnowpack<'a> {
-    pub(super) strata: Vec<TableLayer<'a>>,
-    /// Whether there is water in any layer.
+    pub(super) layers: Vec<TableLayer<'a>>,
+    /// Whether any layer contains water.
     pub(super) wet: bool,
-    /// Whether there is carbon in any.
+    /// Whether any layer contains carbon.
     pub(super) sooty: bool,
-    /// Different exponents of its impurities.
+    /// Number of different exponents of its impurities.
     pub(super) exponents: usize,
 }
 
-/// A layer.
+/// A layer of a [`TableSnowpack`].
 #[derive(Debug, Clone)]
 pub struct TableLayer<'a> {
     /// The types of grain, at least one.
@@ -23,12 +23,12 @@ pub struct TableLayer<'a> {
     pub(super) mean_free_distance_m: f64,
     /// Fraction of the pore space that is water.
     pub(super) water_saturation: f64,
-    /// Height of its lower plane over the lower end of the snowpack, m.
+    /// Height of its lower plane above the base of the snowpack, m.
     pub(super) base_m: f64,
     /// Longest grain, m.
     longest_m: f64,
     entry: Entry,
-    /// Impurities of each exponent in ice and pores, 1/m.
+    /// Absorption by the impurities of each exponent in ice and in pores, 1/m.
     pub(super) in_ice: [f64; EXPONENTS],
     pub(super) in_pores: [f64; EXPONENTS],
 }
@@ -40,14 +40,13 @@ pub(super) struct Kind<'a> {
     pub(super) tables: [&'a Table; 2],
     /// Smallest and largest grain, m.
     pub(super) size_m: [f64; 2],
-    /// Probabilities that a grain met is of a type before this one, and of this.
+    /// Probabilities that a grain met is of an earlier type and of this type.
     pub(super) chance: [f64; 2],
 }
 
 impl<'a> TableLayer<'a> {
-    /// `snow` down to `base_m` over the lower end of its snowpack, whose impurities
-    /// have these `exponents`; `tables` has outcomes of the grains of each type
-    /// in air and in water.
+    /// `snow` down to `base_m` above the base of its snowpack, whose impurities have these
+    /// `exponents`. `tables` holds the outcomes of each grain type in air and in water.
     #[must_use]
     pub fn new(
         snow: &Snow,
@@ -84,43 +83,43 @@ impl<'a> TableLayer<'a> {
 }
 
 impl<'a> TableSnowpack<'a> {
-    /// A snowpack of these layers, from the surface down; at least one. Their
-    /// impurities have so many different exponents.
+    /// A snowpack of these layers, from the surface down (at least one), whose impurities
+    /// have this number of different exponents.
     #[must_use]
-    pub fn new(strata: Vec<TableLayer<'a>>, exponents: usize) -> Self {
+    pub fn new(layers: Vec<TableLayer<'a>>, exponents: usize) -> Self {
         let clean = [0.0; EXPONENTS];
         Self {
-            wet: strata.iter().any(|s| s.water_saturation > 0.0),
-            sooty: strata
+            wet: layers.iter().any(|s| s.water_saturation > 0.0),
+            sooty: layers
                 .iter()
                 .any(|s| s.in_ice != clean || s.in_pores != clean),
             exponents,
-            strata,
+            layers,
         }
     }
 
-    /// A snowpack of one clean snow with one type of grain, whose outcomes in air and
-    /// in water these tables have.
+    /// A snowpack of one clean layer with one type of grain. `tables` holds its outcomes in
+    /// air and in water.
     #[must_use]
     pub fn plain(snow: &Snow, tables: [&'a Table; 2]) -> Self {
         let model = Model::default();
-        let stratum = TableLayer::new(snow, 0.0, &model, &[], &[tables]);
-        Self::new(vec![stratum], 0)
+        let layer = TableLayer::new(snow, 0.0, &model, &[], &[tables]);
+        Self::new(vec![layer], 0)
     }
 
-    /// Whether all grains are of one type in one layer.
+    /// Whether the snowpack is one layer with one type of grain.
     pub(super) fn is_plain(&self) -> bool {
-        self.strata.len() == 1 && self.strata[0].kinds.len() == 1
+        self.layers.len() == 1 && self.layers[0].kinds.len() == 1
     }
 
     /// Longest grain, m.
     pub(super) fn longest_m(&self) -> f64 {
-        self.strata.iter().map(|s| s.longest_m).fold(0.0, f64::max)
+        self.layers.iter().map(|s| s.longest_m).fold(0.0, f64::max)
     }
 
     /// See [`diffuse_cosine`].
     pub(super) fn diffuse_cosine(&self, u: f64) -> f64 {
-        let surface = &self.strata[0];
+        let surface = &self.layers[0];
         diffuse_cosine(
             u,
             surface.entry,

@@ -1,4 +1,4 @@
-//! One step of eight rays: a flight, and the grain event or the plane at its end.
+//! One step of eight rays: a flight and the grain event or plane at its end.
 use splitsnow_spectra::simd::{F64x8, Simd};
 
 use crate::table::lanes;
@@ -6,36 +6,36 @@ use crate::table::rays::{Ray, Rays, Variates};
 use crate::table::snowpack::TableSnowpack;
 use crate::transport::{EVENT_LIMIT, REJECTION_LIMIT};
 
-/// Eight rays on their way through a snowpack.
+/// Eight rays walking through a snowpack.
 #[derive(Debug)]
 pub(super) struct Steps<'a, S: Simd> {
     pub(super) snowpack: &'a TableSnowpack<'a>,
-    /// Whether snow goes on above and below, so that grains may cross the ends.
+    /// Whether snow continues above and below, so that grains may cross the ends.
     open: [bool; 2],
     pub(super) rays: Rays<S>,
     /// Depth of the lower end, m.
     pub(super) depth_m: F64x8<S>,
-    /// Length by which the next flight is longer than drawn, m.
+    /// Length added to the next flight, m.
     pub(super) flown_m: F64x8<S>,
     events: F64x8<S>,
     rejections: F64x8<S>,
-    /// Where flights began that have crossed planes between layers, and their
-    /// first variate of the medium, for the lanes set in `cut`.
+    /// For the lanes set in `cut`: the rays at the start of flights that have crossed planes
+    /// between layers, and the first variate of the medium.
     origin: Rays<S>,
     medium: F64x8<S>,
     cut: F64x8<S>,
 }
 
-/// Lanes to which something happened, a bit each.
+/// The lanes in which something happened, one bit each.
 #[derive(Debug, Clone, Copy)]
 pub(super) struct Stepped {
     /// A grain was met.
     pub(super) met: u32,
-    /// Left upward.
+    /// The ray left upward.
     pub(super) above: u32,
-    /// Left downward, past the lower end.
+    /// The ray left downward, past the lower end.
     pub(super) below: u32,
-    /// Never comes to an end.
+    /// The walk will not end.
     pub(super) lost: u32,
 }
 
@@ -59,34 +59,32 @@ impl<'a, S: Simd> Steps<'a, S> {
         }
     }
 
-    /// Puts `ray` on `lane`, at the beginning of a flight, in a snowpack
-    /// `depth_m` deep.
+    /// Puts `ray` on `lane` at the start of a flight, in a snowpack `depth_m` deep.
     #[inline(always)]
     pub(super) fn start(&mut self, lane: usize, ray: &Ray, depth_m: f64) {
         self.resume(lane, ray, depth_m);
         self.events.as_mut_array()[lane] = 0.0;
     }
 
-    /// The same for a ray that has events behind it. Its layer is found by its
-    /// depth.
+    /// The same for a ray that has had grain events. Its layer follows from its depth.
     #[inline(always)]
     pub(super) fn resume(&mut self, lane: usize, ray: &Ray, depth_m: f64) {
         self.rays.set(lane, ray);
         self.depth_m.as_mut_array()[lane] = depth_m;
-        self.rays.stratum[lane] = self.stratum(lane);
+        self.rays.layer[lane] = self.layer_of(lane);
         self.rejections.as_mut_array()[lane] = 0.0;
         self.cut.as_mut_array()[lane] = 0.0;
     }
 
     /// The layer at the depth of the ray of `lane`.
     #[inline(always)]
-    fn stratum(&self, lane: usize) -> usize {
+    fn layer_of(&self, lane: usize) -> usize {
         let above_base_m = self.depth_m.as_array()[lane] - self.rays.z_m.as_array()[lane];
-        let strata = &self.snowpack.strata[..self.snowpack.strata.len() - 1];
-        strata.partition_point(|stratum| stratum.base_m > above_base_m)
+        let layers = &self.snowpack.layers[..self.snowpack.layers.len() - 1];
+        layers.partition_point(|layer| layer.base_m > above_base_m)
     }
 
-    /// Where the flight of `lane` began.
+    /// The ray of `lane` at the start of its flight.
     #[inline(always)]
     pub(super) fn origin(&self, lane: usize) -> Ray {
         if self.cut.to_bitmask() >> lane & 1 == 1 {
@@ -99,31 +97,31 @@ impl<'a, S: Simd> Steps<'a, S> {
     /// Depths of the planes of the rays' layers, m.
     #[inline(always)]
     fn planes(&self) -> [F64x8<S>; 2] {
-        let strata = &self.snowpack.strata;
+        let layers = &self.snowpack.layers;
         let (mut top_m, mut bottom_m) = (F64x8::ZERO, self.depth_m);
-        if strata.len() > 1 {
-            for (lane, stratum) in self.rays.stratum.iter().enumerate() {
+        if layers.len() > 1 {
+            for (lane, layer) in self.rays.layer.iter().enumerate() {
                 let depth_m = self.depth_m.as_array()[lane];
-                if *stratum > 0 {
-                    top_m.as_mut_array()[lane] = depth_m - strata[stratum - 1].base_m;
+                if *layer > 0 {
+                    top_m.as_mut_array()[lane] = depth_m - layers[layer - 1].base_m;
                 }
-                bottom_m.as_mut_array()[lane] = depth_m - strata[*stratum].base_m;
+                bottom_m.as_mut_array()[lane] = depth_m - layers[*layer].base_m;
             }
         }
         [top_m, bottom_m]
     }
 
-    /// One step of the lanes set in `walking`. `touch` is told, before rays
-    /// move, which lanes the lower plane has a say in.
+    /// Takes one step on the lanes set in `walking`. Calls `on_lower_plane`, before any ray
+    /// moves, for each lane that the lower plane affects.
     #[inline(always)]
     pub(super) fn step(
         &mut self,
         variates: &mut Variates<S>,
         walking: u32,
-        mut touch: impl FnMut(&Self, usize, &Variates<S>),
+        mut on_lower_plane: impl FnMut(&Self, usize, &Variates<S>),
     ) -> Result<Stepped, Stuck> {
         let (one, zero) = (F64x8::ONE, F64x8::ZERO);
-        let layered = self.snowpack.strata.len() > 1;
+        let layered = self.snowpack.layers.len() > 1;
         if layered {
             // the medium of a flight cut at a plane follows from the same variate
             variates.medium = self.cut.select(self.medium, variates.medium);
@@ -133,7 +131,7 @@ impl<'a, S: Simd> Steps<'a, S> {
         flight.end_m += self.flown_m * self.rays.mu;
         self.flown_m = zero;
 
-        // planes
+        // rays that reach planes
         let [top_m, bottom_m] = self.planes();
         let up = flight.end_m.lt(top_m) & self.rays.mu.lt(zero);
         let down = flight.end_m.gt(bottom_m) & self.rays.mu.gt(zero);
@@ -141,11 +139,11 @@ impl<'a, S: Simd> Steps<'a, S> {
         let mut touched = down;
         if layered {
             let (mut first, mut last) = (zero, zero);
-            let end = self.snowpack.strata.len() - 1;
-            let all = f64::from_bits(u64::MAX);
-            for (lane, stratum) in self.rays.stratum.iter().enumerate() {
-                first.as_mut_array()[lane] = if *stratum == 0 { all } else { 0.0 };
-                last.as_mut_array()[lane] = if *stratum == end { all } else { 0.0 };
+            let end = self.snowpack.layers.len() - 1;
+            let all_ones = f64::from_bits(u64::MAX);
+            for (lane, layer) in self.rays.layer.iter().enumerate() {
+                first.as_mut_array()[lane] = if *layer == 0 { all_ones } else { 0.0 };
+                last.as_mut_array()[lane] = if *layer == end { all_ones } else { 0.0 };
             }
             above = up & first;
             below = down & last;
@@ -154,7 +152,7 @@ impl<'a, S: Simd> Steps<'a, S> {
         }
         let out = above | below;
 
-        // grains that would cross the outer ones
+        // candidate grains that would cross the outer planes
         let mut rejected = zero;
         let ends = !(out | crossed);
         let [open_above, open_below] = self.open;
@@ -187,7 +185,7 @@ impl<'a, S: Simd> Steps<'a, S> {
         }
         let touched = touched.to_bitmask() & walking;
         for lane in lanes(touched) {
-            touch(self, lane, variates);
+            on_lower_plane(self, lane, variates);
         }
 
         let met = !(out | crossed | rejected);
@@ -220,7 +218,7 @@ impl<'a, S: Simd> Steps<'a, S> {
         })
     }
 
-    /// Takes note of where flights that are cut for the first time began.
+    /// Stores the starting points of flights that are cut for the first time.
     #[inline(always)]
     fn keep_origins(&mut self, crossed: F64x8<S>, variates: &Variates<S>) {
         for lane in lanes((crossed & !self.cut).to_bitmask()) {
@@ -230,8 +228,8 @@ impl<'a, S: Simd> Steps<'a, S> {
         }
     }
 
-    /// Puts rays that crossed planes `up` and `down` onto them, and those that
-    /// grains carried elsewhere into their layers.
+    /// Moves rays that crossed planes `up` and `down` onto these planes, and assigns the
+    /// rays moved by grains to their layers.
     #[inline(always)]
     fn change_layers(
         &mut self,
@@ -241,8 +239,8 @@ impl<'a, S: Simd> Steps<'a, S> {
     ) {
         self.rays.z_m = up.select(top_m, down.select(bottom_m, self.rays.z_m));
         let [up, down, met] = [up, down, met].map(F64x8::to_bitmask);
-        lanes(up).for_each(|lane| self.rays.stratum[lane] -= 1);
-        lanes(down).for_each(|lane| self.rays.stratum[lane] += 1);
-        lanes(met).for_each(|lane| self.rays.stratum[lane] = self.stratum(lane));
+        lanes(up).for_each(|lane| self.rays.layer[lane] -= 1);
+        lanes(down).for_each(|lane| self.rays.layer[lane] += 1);
+        lanes(met).for_each(|lane| self.rays.layer[lane] = self.layer_of(lane));
     }
 }

@@ -1,5 +1,5 @@
-//! Candidates for the next flight of a walk and the grain at its end, drawn
-//! eight at a time and handed out one by one.
+//! Proposals for the next step of a walk: a flight and the grain at its end.
+//! They are drawn eight at a time and handed out one by one.
 use splitsnow_spectra::simd::{F64x8, Simd, Task};
 
 use crate::grain::{Grain, GrainType, Grains};
@@ -11,16 +11,16 @@ use crate::transport::{Component, Entry, Snow};
 #[derive(Debug, Clone, Copy)]
 pub(super) struct Proposal {
     pub(super) flight_m: f64,
-    /// Uniform variate: in water if it is below the saturation.
+    /// Uniform variate; the flight is in water if it is below the saturation.
     pub(super) medium: f64,
     pub(super) grain: Grain,
-    /// Uniform variate and azimuth for [`Entry::Projected`].
+    /// Uniform variate and (sin, cos) of an azimuth for [`Entry::Projected`].
     pub(super) projected: (f64, (f64, f64)),
 }
 
-/// Where a ray of unit `direction` meets `grain`, in units of half
-/// its size from its centre, and the unit outward normal there; `projected`
-/// holds the variates of [`Entry::Projected`].
+/// The point where a ray of unit `direction` meets `grain`, relative to the centre
+/// of the grain and in units of half its size, and the unit outward normal there.
+/// `projected` holds the variates of [`Entry::Projected`].
 #[inline(always)]
 #[must_use]
 pub fn contact(
@@ -75,7 +75,7 @@ impl<S: Simd> Supply<S> {
     }
 }
 
-/// The call of [`Supply::refill`].
+/// [`Supply::refill`] as a SIMD task.
 struct Refill<'a, S: Simd>(&'a mut Supply<S>, Entry, bool, &'a mut Stream<S>);
 
 impl<S: Simd> Task for Refill<'_, S> {
@@ -91,18 +91,18 @@ impl<S: Simd> Task for Refill<'_, S> {
 pub(super) struct Proposals<S: Simd> {
     entry: Entry,
     mean_free_distance_m: f64,
-    /// Whether the medium of a flight is drawn.
+    /// Whether a variate for the medium of each flight is drawn.
     wet: bool,
-    /// Probabilities that a grain met is of one of the types up to each.
+    /// Cumulative probabilities of the grain types.
     types: Vec<f64>,
     supplies: Vec<Supply<S>>,
-    /// Which types come next, as uniform variates.
+    /// Uniform variates that choose the types of the next grains.
     choices: F64x8<S>,
     chosen: usize,
 }
 
 impl<S: Simd> Proposals<S> {
-    /// None drawn yet; `wet` if any layer is.
+    /// Starts with nothing drawn. `wet` says whether any layer contains water.
     pub(super) fn new(snow: &Snow, entry: Entry, wet: bool) -> Self {
         let supply = |component: &Component| Supply {
             grain: component.grain,
@@ -129,9 +129,11 @@ impl<S: Simd> Proposals<S> {
         }
     }
 
-    /// The next one. The nearest of candidates of all types, each at a distance
-    /// of its own, is of a type drawn with the meeting shares, at a distance
-    /// that does not depend on it.
+    /// The next proposal.
+    ///
+    /// Each grain type proposes a grain at a distance of its own, and the ray meets the
+    /// nearest. The type of the nearest grain has the probabilities
+    /// [`Snow::meeting_shares`] and is independent of its distance.
     // It only copies numbers from lanes, so it needs no instruction set of its own.
     #[inline(never)]
     pub(super) fn next(&mut self, rng: &mut Stream<S>) -> Proposal {
@@ -144,7 +146,7 @@ impl<S: Simd> Proposals<S> {
             }
             let u = self.choices.as_array()[self.chosen];
             self.chosen += 1;
-            self.types[..last].partition_point(|up_to| *up_to <= u)
+            self.types[..last].partition_point(|cumulative| *cumulative <= u)
         };
         let supply = &mut self.supplies[kind];
         if supply.kept == 0 {

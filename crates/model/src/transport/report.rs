@@ -1,4 +1,4 @@
-//! What walks report, and how absorption enters it.
+//! What a walk reports, and how absorption enters it.
 use std::ops::Range;
 
 use super::EXPONENTS;
@@ -10,18 +10,18 @@ use crate::optics::{Impurity, Index};
 /// Absorption coefficients at one wavelength.
 #[derive(Debug, Clone, Copy, PartialEq, Default)]
 pub struct Coefficients {
-    /// Of ice, 1/m.
+    /// Absorption coefficient of ice, 1/m.
     pub ice_per_m: f64,
-    /// Of water, 1/m.
+    /// Absorption coefficient of water, 1/m.
     pub water_per_m: f64,
-    /// What impurities of each exponent ([`super::Snowpack::exponents`]) absorb,
+    /// Absorption of the impurities of each exponent ([`super::Snowpack::exponents`]),
     /// relative to [`IMPURITY_NM`].
     pub impurities: [f64; EXPONENTS],
 }
 
 impl Coefficients {
-    /// Those of ice and water at `wavelength_nm` and of impurities with the
-    /// `exponents` given.
+    /// Coefficients of ice and water at `wavelength_nm`, and of impurities with the
+    /// given `exponents`.
     #[must_use]
     pub fn at(wavelength_nm: f64, (ice, water): (Index, Index), exponents: &[f64]) -> Self {
         let mut impurities = [0.0; EXPONENTS];
@@ -35,10 +35,11 @@ impl Coefficients {
         }
     }
 
-    /// The least of each, over all.
+    /// The smallest value of each coefficient in `all`.
     #[must_use]
     pub fn least(all: &[Self]) -> Self {
-        let least = |of: &dyn Fn(&Self) -> f64| all.iter().map(of).fold(f64::INFINITY, f64::min);
+        let least =
+            |value: &dyn Fn(&Self) -> f64| all.iter().map(value).fold(f64::INFINITY, f64::min);
         Self {
             ice_per_m: least(&|c| c.ice_per_m),
             water_per_m: least(&|c| c.water_per_m),
@@ -59,16 +60,17 @@ impl Coefficients {
 /// How walks end by absorption.
 #[derive(Debug, Clone, Copy, PartialEq, Default)]
 pub struct Absorption {
-    /// Of the wavelength walked, or the least of all wavelengths that share the walk.
+    /// Coefficients of the wavelength walked, or the smallest of all wavelengths that
+    /// share the walk.
     pub coefficients: Coefficients,
-    /// Optical depth that every ray survives (0: analog absorption).
+    /// Optical depth up to which no ray is absorbed (0: analog absorption).
     pub deferred: f64,
 }
 
 impl Absorption {
-    /// Weight of a ray that has survived the path given, for a wavelength with
-    /// `coefficients` none below these: exp(-depth) over the chance to survive.
-    /// At most 1, and unbiased.
+    /// Weight of a ray that has survived `path`, for a wavelength with `coefficients`,
+    /// none of which is below those of the walk: exp(-depth) over the probability of
+    /// surviving. It is at most 1 and unbiased.
     #[inline(always)]
     #[must_use]
     pub fn weight(&self, path: &Path, coefficients: &Coefficients) -> f64 {
@@ -77,19 +79,19 @@ impl Absorption {
     }
 }
 
-/// The way of a ray in the snow.
+/// The path of a ray in the snow.
 #[derive(Debug, Clone, Copy, PartialEq, Default)]
 pub struct Path {
-    /// Path in ice, m.
+    /// Path length in ice, m.
     pub ice_m: f64,
-    /// Path in the water of the pores, m.
+    /// Path length in the pore water, m.
     pub water_m: f64,
-    /// Optical depth of impurities of each exponent at [`IMPURITY_NM`].
+    /// Optical depth of the impurities of each exponent at [`IMPURITY_NM`].
     pub impurities: [f64; EXPONENTS],
-    /// How far it is from where it entered, m: along the surface in the plane of
-    /// incidence and across that plane. 0 where walks do not follow it.
+    /// Horizontal distance from the point of entry, m, in the plane of incidence and
+    /// perpendicular to it. 0 if the walk does not follow it.
     pub offset_m: [f64; 2],
-    /// How often the substrate sent it back.
+    /// Number of reflections by the substrate.
     pub bounces: u32,
 }
 
@@ -102,18 +104,18 @@ pub enum End {
     Transmitted,
     /// Absorbed in ice or water.
     Absorbed,
-    /// Hit an event limit.
+    /// Reached an event limit.
     Lost,
 }
 
-/// What walks report to.
+/// Receives the results of walks.
 pub trait Sink {
-    /// A walk ended, in the same way for all `thicknesses` (positions in the
-    /// list given to [`crate::transport::Walk::walk`]). A ray that left the snow did so along
-    /// the unit vector `direction` (z downward; it entered at azimuth 0).
+    /// A walk ended in the same way for all `thicknesses` (positions in the list given
+    /// to [`crate::transport::Walk::walk`]). A ray that left the snow travels along the
+    /// unit vector `direction` (z downward; it entered at azimuth 0).
     fn end(&mut self, thicknesses: Range<usize>, end: End, path: &Path, direction: Vec3);
 
-    /// Asked now and then: whether to give up.
+    /// Whether to stop early. Called at intervals.
     fn stop(&self) -> bool {
         false
     }
@@ -124,7 +126,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn weights_make_up_for_deferred_absorption() {
+    fn weights_compensate_for_deferred_absorption() {
         let path = Path {
             ice_m: 4.0,
             water_m: 2.0,
@@ -147,7 +149,7 @@ mod tests {
         close(absorption(3.0).weight(&path, &same), exp(3.0));
         let more = coefficients(1.0, 1.0, 8.0);
         close(absorption(3.0).weight(&path, &more), exp(8.0));
-        // none deferred: all survived by chance; all deferred: all in the weight
+        // nothing deferred: survival is all by chance; everything deferred: all in the weight
         close(absorption(0.0).weight(&path, &same), 1.0);
         close(absorption(9.0).weight(&path, &same), exp(5.0));
     }

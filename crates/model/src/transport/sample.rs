@@ -1,4 +1,4 @@
-//! What a walk needs to know about the snow and the light.
+//! The snow and light that a walk needs to know about.
 use crate::grain::{GrainType, mean_free_distance_m};
 use crate::optics::{
     Carbon, CarbonLaw, Densities, IceTable, Impurity, ImpurityMass, WATER_DENSITY_KG_M3,
@@ -9,26 +9,26 @@ use crate::transport::Joining;
 /// One type of grain of a mixture.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Component {
-    /// Its share of the ice volume; the shares of a snow sum to 1.
+    /// Its share of the ice volume. The shares in a snow sum to 1.
     pub fraction: f64,
-    /// Its grains.
+    /// The type of grain.
     pub grain: GrainType,
 }
 
-/// Homogeneous snow, without its thickness.
+/// Homogeneous snow of unspecified thickness.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Snow {
-    /// The types of grain, at least one.
+    /// The grain types, at least one.
     pub grains: Vec<Component>,
     /// Density of the dry snow, kg/m3, in [0, ice density).
     pub density_kg_m3: f64,
     /// Temperature, Celsius, in [-40, 0].
     pub temperature_c: f64,
-    /// Fraction of the pore space that is water, in [0, 0.5].
+    /// Fraction of the pore volume that is water, in [0, 0.5].
     pub water_saturation: f64,
-    /// Black carbon in it.
+    /// Black carbon, if any.
     pub black_carbon: Option<Carbon>,
-    /// Brown carbon in it.
+    /// Brown carbon, if any.
     pub brown_carbon: Option<Carbon>,
 }
 
@@ -49,8 +49,8 @@ impl Snow {
         }
     }
 
-    /// Mean free distances between the grains of each type, m (Varsa 2025,
-    /// eq. B.10): infinite for a type that there is nothing of.
+    /// Mean free distance between grains of each type, m (Varsa 2025, eq. B.10);
+    /// infinite for a type with fraction 0.
     pub fn distances_m(&self) -> impl Iterator<Item = f64> {
         let distance = |Component { fraction, grain }: &Component| {
             mean_free_distance_m(grain, self.density_kg_m3, self.temperature_c) / fraction
@@ -58,8 +58,8 @@ impl Snow {
         self.grains.iter().map(distance)
     }
 
-    /// Mean free distance between grains of any type, m: what candidates at
-    /// the distances of the types make, of which a ray meets the nearest.
+    /// Mean free distance between grains of any type, m. Each type proposes a grain at
+    /// its own distance and the ray meets the nearest, so the rates add.
     #[must_use]
     pub fn mean_free_distance_m(&self) -> f64 {
         match self.grains.as_slice() {
@@ -73,13 +73,16 @@ impl Snow {
         }
     }
 
-    /// Probability of each type that the next grain met is of it.
+    /// For each type, the probability that the next grain met is of that type.
     #[must_use]
     pub fn meeting_shares(&self) -> Vec<f64> {
-        let all = self.mean_free_distance_m();
+        let mean_distance_m = self.mean_free_distance_m();
         match self.grains.len() {
             1 => vec![1.0],
-            _ => self.distances_m().map(|distance| all / distance).collect(),
+            _ => self
+                .distances_m()
+                .map(|distance| mean_distance_m / distance)
+                .collect(),
         }
     }
 
@@ -95,22 +98,23 @@ impl Snow {
         ]
     }
 
-    /// The carbon in it that absorbs.
+    /// The carbon that absorbs, i.e. of nonzero concentration.
     pub fn carbon(&self) -> impl Iterator<Item = &Carbon> {
-        let all = [&self.black_carbon, &self.brown_carbon];
-        all.into_iter()
+        let kinds = [&self.black_carbon, &self.brown_carbon];
+        kinds
+            .into_iter()
             .flatten()
             .filter(|c| c.concentration_ng_g > 0.0)
     }
 
-    /// What that adds to the absorption of ice and pores.
+    /// The absorption that this carbon adds to ice and pores.
     pub fn impurities(&self, model: &Model) -> impl Iterator<Item = Impurity> {
         let (law, mass, densities) = (model.carbon_law, model.impurity_mass, self.densities());
         self.carbon()
             .map(move |carbon| carbon.impurity(law, mass, &densities))
     }
 
-    /// Its densities.
+    /// Densities of the dry snow, the wet snow and the ice.
     #[must_use]
     pub fn densities(&self) -> Densities {
         let ice_kg_m3 = ice_density_kg_m3(self.temperature_c);
@@ -123,7 +127,7 @@ impl Snow {
     }
 }
 
-/// Where on a grain's facing side the ray enters it.
+/// Where on its side facing the ray a grain is entered.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
 pub enum Entry {
     /// Uniform over the surface area that faces the ray (Varsa 2025).
@@ -147,21 +151,21 @@ impl Entry {
 /// Choices within the model and its tables.
 #[derive(Debug, Clone, PartialEq, Eq, Default)]
 pub struct Model {
-    /// Law of the entry point.
+    /// Distribution of the entry point.
     pub entry: Entry,
     /// How layers are joined.
     pub joining: Joining,
     /// How the absorption of carbon depends on wavelength.
     pub carbon_law: CarbonLaw,
-    /// How the mass of carbon is spread over the phases.
+    /// How the mass of carbon is distributed between ice and pores.
     pub impurity_mass: ImpurityMass,
-    /// Refractive index of ice.
+    /// Refractive-index table of ice.
     pub ice: IceTable,
-    /// Refractive index of water in the pores.
+    /// Refractive-index table of water in the pores.
     pub water: WaterTable,
 }
 
-/// How light falls on the surface.
+/// Illumination of the surface.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub enum Illumination {
     /// Parallel rays at a polar angle from the normal, radians, in [0, pi/2).
@@ -169,23 +173,24 @@ pub enum Illumination {
         /// Angle between the rays and the surface normal.
         polar_angle_rad: f64,
     },
-    /// Isotropic radiance over the upper hemisphere. What of it is more grazing
-    /// than [`FIRST_FLIGHT`] allows, some 1e-6, falls at that limit.
+    /// Isotropic radiance over the upper hemisphere. Directions more grazing than
+    /// [`FIRST_FLIGHT`] allows, about 1e-6 of the light, are moved to that limit.
     Diffuse,
 }
 
-/// Least depth of a ray's first flight, cosine times mean free distance, in
-/// largest grains. At depth X a grain fits under the surface in some 2 X of
-/// trials, so 10,000 trials fail with exp(-20,000 X): 1e-9 at this limit.
+/// Smallest mean depth of a ray's first flight (cosine times mean free distance), in
+/// units of the largest grain. At depth X a grain fits under the surface in about 2 X
+/// of the trials, so 10,000 trials fail with probability exp(-20,000 X): 1e-9 at this
+/// limit.
 pub const FIRST_FLIGHT: f64 = 1e-3;
 
-/// How much more room than [`super::FIRST_FLIGHT`] grains need that are met
-/// uniformly over their projected area: at X largest grains under a plane they
-/// fit in some 1.7 X^1.5 of trials, not 2 X.
+/// Factor on [`super::FIRST_FLIGHT`] for grains met uniformly over their projected
+/// area: at a depth of X largest grains, they fit in about 1.7 X^1.5 of the trials
+/// instead of 2 X.
 const PROJECTED_ROOM: f64 = 12.0;
 
-/// Cosine from the normal of a ray of isotropic radiance, for `u` uniform in
-/// [0, 1): directions carry the weight of their cosine.
+/// Cosine of the incidence angle of a ray of isotropic radiance, for `u` uniform in
+/// [0, 1). Directions are weighted by their cosine.
 #[must_use]
 pub fn diffuse_cosine(
     u: f64,

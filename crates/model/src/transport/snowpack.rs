@@ -4,10 +4,10 @@ use super::{Model, Snow};
 use crate::optics::IMPURITY_NM;
 use splitsnow_spectra::spectrum::Table;
 
-/// Different Angstrom exponents that the impurities of one snowpack may have.
+/// Maximum number of different Angstrom exponents of the impurities in a snowpack.
 pub const EXPONENTS: usize = 4;
 
-/// A layer of known thickness.
+/// A layer of given thickness.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Layer {
     /// Its snow.
@@ -19,20 +19,20 @@ pub struct Layer {
 /// What lies below a snowpack: a Lambertian reflector.
 #[derive(Debug, Clone, PartialEq, Default)]
 pub enum Substrate {
-    /// Reflects nothing.
+    /// Reflectance 0.
     #[default]
     Black,
-    /// Reflects this share at all wavelengths, [0, 1].
+    /// The same reflectance at all wavelengths, in [0, 1].
     Grey(f64),
-    /// Reflects what the first column says over wavelength in nm.
+    /// Reflectance from the first column of a table, over wavelength in nm.
     Spectrum {
-        /// The table.
+        /// Wavelengths and reflectances.
         table: Table,
     },
 }
 
 impl Substrate {
-    /// Reflectance; `None` where its table does not reach.
+    /// Reflectance; `None` outside the range of the table.
     #[must_use]
     pub fn reflectance(&self, wavelength_nm: f64) -> Option<f64> {
         match self {
@@ -46,11 +46,11 @@ impl Substrate {
 /// How the layers of a snowpack are joined.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
 pub enum Joining {
-    /// Walks go on from layer to layer; only the outer planes reject grains.
+    /// A walk continues from layer to layer; only the outer planes reject grains.
     #[default]
     Continuous,
-    /// Each layer is a slab of its own over a Lambertian substrate that has the
-    /// reflectance of all below it at normal incidence (Varsa 2025, section 4.4).
+    /// Each layer is a separate slab over a Lambertian substrate whose reflectance is
+    /// that of everything below it at normal incidence (Varsa 2025, section 4.4).
     Cascade,
 }
 
@@ -65,15 +65,15 @@ impl Joining {
     }
 }
 
-/// What impurities of each of the `exponents` absorb in the ice and in the pores
+/// Absorption by the impurities of each of the `exponents` in the ice and in the pores
 /// of `snow`, 1/m at [`IMPURITY_NM`].
 #[must_use]
 pub fn impurities_per_m(snow: &Snow, model: &Model, exponents: &[f64]) -> [[f64; EXPONENTS]; 2] {
     let mut sums = [[0.0; EXPONENTS]; 2];
     for impurity in snow.impurities(model) {
         let same = |exponent: &f64| *exponent == impurity.angstrom_exponent;
-        let place = exponents.iter().take(EXPONENTS).position(same);
-        if let Some(i) = place {
+        let position = exponents.iter().take(EXPONENTS).position(same);
+        if let Some(i) = position {
             sums[0][i] += impurity.ice_per_m;
             sums[1][i] += impurity.pores_per_m;
         }
@@ -81,20 +81,20 @@ pub fn impurities_per_m(snow: &Snow, model: &Model, exponents: &[f64]) -> [[f64;
     sums
 }
 
-/// A snowpack but for its thickness, which is that of all layers together: the
-/// surface layer is what the others leave.
+/// A snowpack without its total thickness. The surface layer fills what the other
+/// layers leave of it.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Snowpack {
-    /// The layer that light falls on.
+    /// The surface layer.
     pub surface: Snow,
-    /// The layers under it, downward.
+    /// The layers below it, from top to bottom.
     pub below: Vec<Layer>,
-    /// What they lie on.
+    /// The substrate.
     pub substrate: Substrate,
 }
 
 impl From<Snow> for Snowpack {
-    /// A single layer on black substrate.
+    /// A single layer over a black substrate.
     fn from(surface: Snow) -> Self {
         Self {
             surface,
@@ -105,19 +105,19 @@ impl From<Snow> for Snowpack {
 }
 
 impl Snowpack {
-    /// The snows from the surface down.
+    /// The snow of each layer, from the surface down.
     pub fn snows(&self) -> impl Iterator<Item = &Snow> {
         let below = self.below.iter().map(|layer| &layer.snow);
         std::iter::once(&self.surface).chain(below)
     }
 
-    /// Thickness of all layers but the surface, m.
+    /// Total thickness of all layers except the surface layer, m.
     #[must_use]
     pub fn below_m(&self) -> f64 {
         self.below.iter().map(|layer| layer.thickness_m).sum()
     }
 
-    /// The layers from the surface down, of a snowpack `thickness_m` thick.
+    /// The layers, from the surface down, of a snowpack `thickness_m` thick.
     #[must_use]
     pub fn layers(&self, thickness_m: f64) -> Vec<Layer> {
         let surface = Layer {
@@ -130,7 +130,7 @@ impl Snowpack {
     }
 
     /// A snowpack of `layers` (from the surface down, at least one) on `substrate`, and
-    /// its thickness in m.
+    /// its thickness in m. `None` without layers.
     #[must_use]
     pub fn of(layers: &[Layer], substrate: Substrate) -> Option<(Self, f64)> {
         let (surface, below) = layers.split_first()?;
@@ -143,7 +143,7 @@ impl Snowpack {
         Some((snowpack, thickness_m))
     }
 
-    /// Whether there is water in any layer.
+    /// Whether any layer contains water.
     #[must_use]
     pub fn is_wet(&self) -> bool {
         self.snows().any(|snow| snow.water_saturation > 0.0)
@@ -155,11 +155,11 @@ impl Snowpack {
         self.snows().map(|s| s.sizes_m()[1]).fold(0.0, f64::max)
     }
 
-    /// The different Angstrom exponents of the carbon in it, increasing.
+    /// The different Angstrom exponents of its carbon, increasing.
     #[must_use]
     pub fn exponents(&self) -> Vec<f64> {
-        let all = self.snows().flat_map(Snow::carbon);
-        let mut exponents: Vec<f64> = all.map(|carbon| carbon.angstrom_exponent).collect();
+        let carbon = self.snows().flat_map(Snow::carbon);
+        let mut exponents: Vec<f64> = carbon.map(|carbon| carbon.angstrom_exponent).collect();
         exponents.sort_by(f64::total_cmp);
         exponents.dedup();
         exponents

@@ -1,26 +1,26 @@
-//! Walks from grain to grain through a snowpack of layers (docs/methods.md;
-//! Varsa 2025, section 4.1), eight side by side.
+//! Walks from grain to grain through a snowpack of layers, sixteen side by side
+//! (docs/methods.md; Varsa 2025, section 4.1).
 //!
-//! The snowpack's outer planes reflect nothing; a grain that would stick out of it
-//! is rejected and its flight drawn anew. A ray never meets a grain twice.
+//! The outer planes of the snowpack reflect nothing. A grain that would protrude from
+//! the snowpack is rejected and its flight is drawn again. A ray never meets a grain
+//! twice.
 //!
-//! **Layers.** A flight that reaches the plane between two layers is cut there
-//! and drawn anew by the law of the next; its medium follows from the same
-//! uniform variate. A grain belongs to the layer it is met in and may reach
-//! into the next, so that a layer cut in two is the same layer.
+//! **Layers.** A flight that reaches the plane between two layers is cut there, and its
+//! remainder is drawn from the distribution of the next layer. Its medium follows from
+//! the same uniform variate. A grain belongs to the layer in which it is met and may
+//! extend into the next layer, so cutting a layer in two changes nothing.
 //!
-//! **Absorption.** A trial with survival exp(-alpha d) on every path (eqs. 4.5
-//! and 4.7) ends a walk after an exponentially distributed optical depth, so
-//! one variate per ray decides at which depth it is absorbed: the same law.
-//! [`Absorption`] may defer this, and [`Absorption::weight`] then makes up for it.
+//! **Absorption.** A trial with survival exp(-alpha d) on every path (eqs. 4.5 and 4.7)
+//! ends a walk after an exponentially distributed optical depth. One variate per ray
+//! gives the depth at which it is absorbed, which is the same distribution.
+//! [`Absorption`] may defer absorption; [`Absorption::weight`] compensates for that.
 //!
-//! **Several thicknesses.** They are those of the surface layer, and act on a
-//! walk only through its lower plane: up to the first flight that ends beyond
-//! it or whose grain would stick out of the snowpack, and up to the first grain that
-//! carries the ray across it, the walks in all thicker snowpacks are the same. From
-//! exactly there on, the walk is resumed for the next thickness. Each thickness
-//! sees walks of the exact law; the errors of different thicknesses are
-//! correlated.
+//! **Several thicknesses.** The thicknesses are those of the surface layer. They affect
+//! a walk only through its lower plane. The walks in all thicker snowpacks are the same
+//! up to the first flight that ends beyond this plane or whose grain would protrude from
+//! the snowpack, and up to the first grain that carries the ray across the plane. From
+//! this branch point the walk is resumed for the next thickness. Each thickness sees
+//! walks of the exact distribution; the errors of different thicknesses are correlated.
 use splitsnow_spectra::simd::{Kernel, Simd, Task, dispatch};
 
 use crate::grain::{Events, Stepped, Surface, Upright};
@@ -35,31 +35,31 @@ use crate::transport::{
 
 /// Grain events after which a ray counts as lost.
 pub const EVENT_LIMIT: u64 = 10_000_000;
-/// Rejected grains in a row that prove a slab too thin for its grains.
+/// Consecutive rejected grains after which a slab counts as too thin for its grains.
 pub const REJECTION_LIMIT: u32 = 10_000;
-/// Steps after which the sink is asked whether to go on, well under a millisecond.
+/// Steps between calls of [`Sink::stop`], well under a millisecond.
 const STEPS_BETWEEN_CHECKS: u64 = 1024;
-/// Vectors of eight lanes stepped in turn: while one waits for its square
-/// roots and divisions the processor works on the other.
+/// Vectors of eight lanes, stepped in turn: while one waits for its square roots and
+/// divisions, the processor works on the other.
 const GROUPS: usize = 2;
 const LANES: usize = 8 * GROUPS;
 
-/// Why walks were given up.
+/// Why the walks stopped early.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub enum WalkError {
-    /// 10,000 grains in a row did not fit between the planes of a slab.
+    /// 10,000 consecutive grains did not fit between the planes of a slab.
     TooThin {
         /// Thickness of the slab, m.
         thickness_m: f64,
     },
-    /// [`Sink::stop`] asked for it.
+    /// [`Sink::stop`] returned true.
     Stopped,
 }
 
-/// A way to walk rays through a snowpack.
+/// A method of walking rays through a snowpack.
 pub trait Walk: Sync {
-    /// Walks `rays` rays to their ends in snowpacks of all `thicknesses_m`
-    /// (increasing) and gives the number of grain events.
+    /// Walks `rays` rays to their ends in snowpacks of all `thicknesses_m` (increasing)
+    /// and returns the number of grain events.
     ///
     /// # Errors
     /// [`WalkError`].
@@ -73,12 +73,12 @@ pub trait Walk: Sync {
     ) -> Result<u64, WalkError>;
 }
 
-/// Chances of a ray that reaches the substrate.
+/// Probabilities for a ray that reaches the substrate.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Bounce {
-    /// To come back, in a direction with the weight of its cosine.
+    /// It is reflected, into a direction weighted by its cosine.
     pub reflected: f64,
-    /// To end as transmitted. If it does neither, the substrate absorbs it.
+    /// It counts as transmitted. Otherwise the substrate absorbs it.
     pub transmitted: f64,
 }
 
@@ -90,12 +90,12 @@ impl Bounce {
     };
 }
 
-/// A snowpack made ready for walks at one pair of refractive indices.
+/// A snowpack prepared for walks at one pair of refractive indices.
 #[derive(Debug, Clone)]
 pub struct Walker {
     entry: Entry,
     /// From the surface down, at least one.
-    strata: Vec<Stratum>,
+    layers: Vec<WalkerLayer>,
     wet: bool,
     /// Grain surfaces in air and in water.
     surfaces: [Surface; 2],
@@ -103,15 +103,15 @@ pub struct Walker {
     bounce: Bounce,
 }
 
-/// A layer as walks see it.
+/// A layer prepared for walks.
 #[derive(Debug, Clone)]
-struct Stratum {
+struct WalkerLayer {
     snow: Snow,
     mean_free_distance_m: f64,
     longest_grain_m: f64,
-    /// Height of its lower plane over the base of the snowpack, m.
+    /// Height of its lower plane above the base of the snowpack, m.
     base_m: f64,
-    /// Impurities of each exponent, 1/m.
+    /// Absorption by the impurities of each exponent, 1/m at the reference wavelength.
     in_ice: [f64; EXPONENTS],
     in_pores: [f64; EXPONENTS],
     has_sooty_pores: bool,
@@ -124,42 +124,43 @@ struct Ray {
     direction: Vec3,
     path: Path,
     /// Its layer, counted from the surface.
-    stratum: usize,
-    /// Grain events so far.
+    layer: usize,
+    /// Number of grain events so far.
     events: u64,
 }
 
-/// One lane: the ray it walks and the slab it walks it in.
+/// One lane: a ray and the slab in which it walks.
 #[derive(Debug, Clone, Copy)]
 struct Lane {
     ray: Ray,
     /// Optical depth at which the ray is absorbed.
     budget: f64,
-    /// Position of the slab in the list of thicknesses.
+    /// Index of the slab in the list of thicknesses.
     slab: usize,
-    /// Where the ray is to be resumed for the next slab, and with which flight
-    /// if that is drawn.
-    touch: Option<(Ray, Option<Proposal>)>,
-    /// Centre of the grain the ray is in, m: depth, and as [`Path::offset_m`].
+    /// The ray as it must be resumed for the next slab, and its flight if one is already
+    /// drawn.
+    branch_point: Option<(Ray, Option<Proposal>)>,
+    /// Centre of the grain that the ray is in, m: depth, and offsets as in
+    /// [`Path::offset_m`].
     centre_m: Vec3,
 }
 
-/// Walks under way: what the driver and its helpers share.
+/// Walks in progress: the state that the main loop and its helpers share.
 struct Walks<'a, S: Simd, W> {
     walker: &'a Walker,
     thicknesses_m: &'a [f64],
     illumination: Illumination,
     rng: Stream<S>,
-    /// Per layer.
+    /// One per layer.
     proposals: Vec<Proposals<S>>,
     events: [Events<S>; GROUPS],
     lanes: [Lane; LANES],
-    /// Rays not started yet.
+    /// Number of rays not started yet.
     waiting: u64,
     sink: &'a mut W,
 }
 
-impl Stratum {
+impl WalkerLayer {
     fn new(snow: &Snow, base_m: f64, exponents: &[f64], model: &Model) -> Self {
         let [in_ice, in_pores] = impurities_per_m(snow, model, exponents);
         Self {
@@ -175,7 +176,7 @@ impl Stratum {
 }
 
 impl Path {
-    /// Goes `length_m` on through a medium with these `impurities`.
+    /// Adds a path of `length_m` through a medium with these `impurities`.
     #[inline(always)]
     fn collect(&mut self, impurities: &[f64; EXPONENTS], length_m: f64) {
         let depths = self.impurities.iter_mut().zip(impurities);
@@ -184,7 +185,8 @@ impl Path {
 }
 
 impl Walker {
-    /// `ice` and `water` at the wavelength (or node) walked. The substrate is black.
+    /// Uses the indices of `ice` and `water` at the wavelength (or node) walked. The
+    /// substrate is black.
     #[must_use]
     pub fn new(
         snowpack: &Snowpack,
@@ -194,18 +196,23 @@ impl Walker {
     ) -> Self {
         let exponents = snowpack.exponents();
         let mut base_m = snowpack.below_m();
-        let mut strata = vec![Stratum::new(&snowpack.surface, base_m, &exponents, model)];
+        let mut layers = vec![WalkerLayer::new(
+            &snowpack.surface,
+            base_m,
+            &exponents,
+            model,
+        )];
         for layer in &snowpack.below {
             base_m -= layer.thickness_m;
-            strata.push(Stratum::new(&layer.snow, base_m, &exponents, model));
+            layers.push(WalkerLayer::new(&layer.snow, base_m, &exponents, model));
         }
-        if let Some(last) = strata.last_mut() {
+        if let Some(last) = layers.last_mut() {
             last.base_m = 0.0;
         }
         let wet = snowpack.is_wet();
         Self {
             entry: model.entry,
-            strata,
+            layers,
             wet,
             surfaces: Surface::in_air_and_water(ice, water, wet),
             absorption,
@@ -213,7 +220,7 @@ impl Walker {
         }
     }
 
-    /// The same on another substrate.
+    /// The same snowpack over another substrate.
     #[must_use]
     pub fn over(self, bounce: Bounce) -> Self {
         Self { bounce, ..self }
@@ -253,7 +260,7 @@ impl Walk for Walker {
     }
 }
 
-/// The work of [`Walker`].
+/// A call of [`Walker::walk`] as a SIMD kernel.
 struct Walking<'a, W> {
     walker: &'a Walker,
     thicknesses_m: &'a [f64],
@@ -273,19 +280,19 @@ impl<W: Sink> Kernel for Walking<'_, W> {
             z_m: 0.0,
             direction: Vec3::default(),
             path: Path::default(),
-            stratum: 0,
+            layer: 0,
             events: 0,
         };
         let lane = Lane {
             ray,
             budget: 0.0,
             slab: 0,
-            touch: None,
+            branch_point: None,
             centre_m: Vec3::default(),
         };
-        let proposals = walker.strata.iter();
+        let proposals = walker.layers.iter();
         let proposals =
-            proposals.map(|stratum| Proposals::new(&stratum.snow, walker.entry, walker.wet));
+            proposals.map(|layer| Proposals::new(&layer.snow, walker.entry, walker.wet));
         let mut walks = Walks::<S, W> {
             walker,
             thicknesses_m: self.thicknesses_m,
@@ -310,10 +317,10 @@ fn bits(mut mask: u32) -> impl Iterator<Item = usize> {
     })
 }
 
-/// The call of [`Walks::start`].
-struct Start<'w, 'a, S: Simd, W>(&'w mut Walks<'a, S, W>, usize);
+/// [`Walks::start`] as a SIMD task.
+struct StartTask<'w, 'a, S: Simd, W>(&'w mut Walks<'a, S, W>, usize);
 
-impl<S: Simd, W: Sink> Task for Start<'_, '_, S, W> {
+impl<S: Simd, W: Sink> Task for StartTask<'_, '_, S, W> {
     type Output = Result<bool, WalkError>;
 
     #[inline(always)]
@@ -322,10 +329,10 @@ impl<S: Simd, W: Sink> Task for Start<'_, '_, S, W> {
     }
 }
 
-/// The call of [`Walks::fly`].
-struct Fly<'w, 'a, S: Simd, W>(&'w mut Walks<'a, S, W>, usize, Option<Proposal>);
+/// [`Walks::fly`] as a SIMD task.
+struct FlyTask<'w, 'a, S: Simd, W>(&'w mut Walks<'a, S, W>, usize, Option<Proposal>);
 
-impl<S: Simd, W: Sink> Task for Fly<'_, '_, S, W> {
+impl<S: Simd, W: Sink> Task for FlyTask<'_, '_, S, W> {
     type Output = Result<bool, WalkError>;
 
     #[inline(always)]
@@ -334,10 +341,10 @@ impl<S: Simd, W: Sink> Task for Fly<'_, '_, S, W> {
     }
 }
 
-/// The call of [`Walks::bounce`].
-struct Bounced<'w, 'a, S: Simd, W>(&'w mut Walks<'a, S, W>, usize, f64);
+/// [`Walks::bounce`] as a SIMD task.
+struct BounceTask<'w, 'a, S: Simd, W>(&'w mut Walks<'a, S, W>, usize, f64);
 
-impl<S: Simd, W: Sink> Task for Bounced<'_, '_, S, W> {
+impl<S: Simd, W: Sink> Task for BounceTask<'_, '_, S, W> {
     type Output = bool;
 
     #[inline(always)]
@@ -390,17 +397,17 @@ impl<S: Simd, W: Sink> Walks<'_, S, W> {
         Ok(total)
     }
 
-    /// Starts the next ray on `lane`; false if there is none left.
+    /// Starts the next ray on `lane`; false if none is left.
     #[inline(always)]
     fn start(&mut self, lane: usize) -> Result<bool, WalkError> {
-        S::outlined(Start(self, lane))
+        S::outlined(StartTask(self, lane))
     }
 
     #[inline(always)]
     fn start_inlined(&mut self, lane: usize) -> Result<bool, WalkError> {
         while self.waiting > 0 {
             self.waiting -= 1;
-            // cheap next to a walk, so the other seven variates go unused
+            // cheap compared with a walk, so the other seven variates go unused
             let cos = match self.illumination {
                 Illumination::Collimated { polar_angle_rad } => libm::cos(polar_angle_rad),
                 Illumination::Diffuse => self.diffuse_cosine(0),
@@ -410,7 +417,7 @@ impl<S: Simd, W: Sink> Walks<'_, S, W> {
                 z_m: 0.0,
                 direction,
                 path: Path::default(),
-                stratum: 0,
+                layer: 0,
                 events: 0,
             };
             let budget = self.walker.absorption.deferred + self.rng.exponential().as_array()[0];
@@ -418,7 +425,7 @@ impl<S: Simd, W: Sink> Walks<'_, S, W> {
                 ray,
                 budget,
                 slab: 0,
-                touch: None,
+                branch_point: None,
                 centre_m: Vec3::default(),
             };
             if self.fly(lane, None)? {
@@ -428,30 +435,30 @@ impl<S: Simd, W: Sink> Walks<'_, S, W> {
         Ok(false)
     }
 
-    /// Cosine from the normal of diffuse light on the plane of a layer.
+    /// Cosine of diffuse light incident on a layer.
     #[inline(always)]
-    fn diffuse_cosine(&mut self, stratum: usize) -> f64 {
-        let Stratum {
+    fn diffuse_cosine(&mut self, layer: usize) -> f64 {
+        let WalkerLayer {
             mean_free_distance_m,
             longest_grain_m,
             ..
-        } = self.walker.strata[stratum];
+        } = self.walker.layers[layer];
         let u = self.rng.uniform().as_array()[0];
         let entry = self.walker.entry;
         diffuse_cosine(u, entry, mean_free_distance_m, longest_grain_m)
     }
 
-    /// Takes note of the path of the ray of `lane` in its grain.
+    /// Adds the path of the ray of `lane` in its grain.
     fn collect_ice(&mut self, lane: usize) {
         let ice_m = self.events[lane / 8].ice_m.as_array()[lane % 8];
         let ray = &mut self.lanes[lane].ray;
         let length_m = ice_m - ray.path.ice_m;
         ray.path.ice_m = ice_m;
         ray.path
-            .collect(&self.walker.strata[ray.stratum].in_ice, length_m);
+            .collect(&self.walker.layers[ray.layer].in_ice, length_m);
     }
 
-    /// Takes the ray of `lane` out of its grain and on to the next.
+    /// Takes the ray of `lane` out of its grain and flies it to the next.
     #[inline(always)]
     fn leave_grain(&mut self, lane: usize) -> Result<bool, WalkError> {
         self.collect_ice(lane);
@@ -465,40 +472,43 @@ impl<S: Simd, W: Sink> Walks<'_, S, W> {
         if ray.events >= EVENT_LIMIT {
             return self.end(lane, End::Lost);
         }
-        self.find_stratum(lane);
+        self.find_layer(lane);
         Ok(self.fly(lane, None)? || self.start(lane)?)
     }
 
-    /// Finds the layer of a ray that has left a grain, which may reach across
+    /// Finds the layer of a ray that has left a grain. The grain may extend across
     /// planes.
     #[inline]
-    fn find_stratum(&mut self, lane: usize) {
+    fn find_layer(&mut self, lane: usize) {
         let Lane { ray, slab, .. } = &mut self.lanes[lane];
         let above_base_m = self.thicknesses_m[*slab] - ray.z_m;
-        let strata = &self.walker.strata[..self.walker.strata.len() - 1];
-        ray.stratum = strata.partition_point(|stratum| stratum.base_m > above_base_m);
-        if ray.stratum > 0 {
-            self.touch(lane, None);
+        let layers = &self.walker.layers[..self.walker.layers.len() - 1];
+        ray.layer = layers.partition_point(|layer| layer.base_m > above_base_m);
+        if ray.layer > 0 {
+            self.store_branch_point(lane, None);
         }
     }
 
-    /// Ends the walk of `lane`, resumes it in the next slab or starts another
-    /// ray; false if there is none left.
+    /// Ends the walk of `lane` and resumes it in the next slab or starts another ray;
+    /// false if no ray is left.
     #[inline(always)]
     fn end(&mut self, lane: usize, end: End) -> Result<bool, WalkError> {
         Ok(self.end_and_resume(lane, end)? || self.start(lane)?)
     }
 
-    /// Reports the end of the walk of `lane` and resumes it in the next slab;
-    /// false if it has ended in all.
+    /// Reports the end of the walk of `lane` and resumes it in the next slab; false if
+    /// the walk has ended in all slabs.
     #[inline(always)]
     fn end_and_resume(&mut self, lane: usize, end: End) -> Result<bool, WalkError> {
         let Lane {
-            slab, touch, ray, ..
+            slab,
+            branch_point,
+            ray,
+            ..
         } = &mut self.lanes[lane];
         let slabs = self.thicknesses_m.len();
-        let Some((before, proposal)) = touch.take() else {
-            // the lower plane had no say: the walk is the same in all thicker slabs
+        let Some((before, proposal)) = branch_point.take() else {
+            // the lower plane had no effect: the walk is the same in all thicker slabs
             self.sink.end(*slab..slabs, end, &ray.path, ray.direction);
             return Ok(false);
         };
@@ -507,16 +517,16 @@ impl<S: Simd, W: Sink> Walks<'_, S, W> {
         *slab += 1;
         *ray = before;
         if proposal.is_none() {
-            self.find_stratum(lane);
+            self.find_layer(lane);
         }
         self.fly(lane, proposal)
     }
 
-    /// Flies the ray of `lane` to a grain that fits into the snowpack; false if
-    /// the walk has ended, in this snowpack and all thicker ones.
+    /// Flies the ray of `lane` to a grain that fits into the snowpack; false if the
+    /// walk has ended in this snowpack and all thicker ones.
     #[inline(always)]
     fn fly(&mut self, lane: usize, resumed: Option<Proposal>) -> Result<bool, WalkError> {
-        S::outlined(Fly(self, lane, resumed))
+        S::outlined(FlyTask(self, lane, resumed))
     }
 
     #[inline(always)]
@@ -530,21 +540,21 @@ impl<S: Simd, W: Sink> Walks<'_, S, W> {
             let proposal = match resumed.take() {
                 Some(proposal) => proposal,
                 None => {
-                    let stratum = self.lanes[lane].ray.stratum;
-                    self.proposals[stratum].next(&mut self.rng)
+                    let layer = self.lanes[lane].ray.layer;
+                    self.proposals[layer].next(&mut self.rng)
                 }
             };
             let thickness_m = self.thicknesses_m[self.lanes[lane].slab];
-            // to a grain, or out of the snowpack
+            // to a grain or out of the snowpack
             let (first, mut proposal, mut ray) = (proposal, proposal, self.lanes[lane].ray);
             let inside = loop {
-                let stratum = &self.walker.strata[ray.stratum];
+                let layer = &self.walker.layers[ray.layer];
                 let z_m = ray.z_m + proposal.flight_m * ray.direction.z;
-                let top_m = match ray.stratum.checked_sub(1) {
-                    Some(above) => thickness_m - self.walker.strata[above].base_m,
+                let top_m = match ray.layer.checked_sub(1) {
+                    Some(above) => thickness_m - self.walker.layers[above].base_m,
                     None => 0.0,
                 };
-                let bottom_m = thickness_m - stratum.base_m;
+                let bottom_m = thickness_m - layer.base_m;
                 let inside = top_m <= z_m && z_m <= bottom_m;
                 let down = ray.direction.z > 0.0;
                 let plane_m = if down { bottom_m } else { top_m };
@@ -553,11 +563,11 @@ impl<S: Simd, W: Sink> Walks<'_, S, W> {
                 } else {
                     (plane_m - ray.z_m) / ray.direction.z
                 };
-                if first.medium < stratum.snow.water_saturation {
+                if first.medium < layer.snow.water_saturation {
                     ray.path.water_m += length_m;
                 }
-                if stratum.has_sooty_pores {
-                    ray.path.collect(&stratum.in_pores, length_m);
+                if layer.has_sooty_pores {
+                    ray.path.collect(&layer.in_pores, length_m);
                 }
                 ray.path.offset_m[0] += length_m * ray.direction.x;
                 ray.path.offset_m[1] += length_m * ray.direction.y;
@@ -565,23 +575,19 @@ impl<S: Simd, W: Sink> Walks<'_, S, W> {
                 if inside {
                     break true;
                 }
-                if down && ray.stratum == 0 {
-                    self.touch(lane, Some(first));
+                if down && ray.layer == 0 {
+                    self.store_branch_point(lane, Some(first));
                 }
                 let last = if down {
-                    self.walker.strata.len() - 1
+                    self.walker.layers.len() - 1
                 } else {
                     0
                 };
-                if ray.stratum == last {
+                if ray.layer == last {
                     break false;
                 }
-                ray.stratum = if down {
-                    ray.stratum + 1
-                } else {
-                    ray.stratum - 1
-                };
-                proposal = self.proposals[ray.stratum].next(&mut self.rng);
+                ray.layer = if down { ray.layer + 1 } else { ray.layer - 1 };
+                proposal = self.proposals[ray.layer].next(&mut self.rng);
             };
             let absorption = &self.walker.absorption;
             let budget = self.lanes[lane].budget;
@@ -595,7 +601,7 @@ impl<S: Simd, W: Sink> Walks<'_, S, W> {
                             rejections = 0;
                             continue;
                         }
-                        self.substrate()
+                        self.end_at_substrate()
                     }
                     (false, false) => End::Reflected,
                 };
@@ -607,12 +613,12 @@ impl<S: Simd, W: Sink> Walks<'_, S, W> {
             let scale_m = 0.5 * grain.size_m;
             let [x_m, y_m] = ray.path.offset_m;
             let centre_m = Vec3::new(x_m, y_m, ray.z_m) + point * -scale_m;
-            // the contact lies on the grain, so only near a plane can it stick out
+            // the contact point lies on the grain, so it can protrude only near a plane
             if ray.z_m < grain.size_m || ray.z_m > thickness_m - grain.size_m {
                 let half_m = grain.body.half_height(&Upright) * scale_m;
                 let sticks_out_below = centre_m.z + half_m > thickness_m;
                 if sticks_out_below {
-                    self.touch(lane, Some(first));
+                    self.store_branch_point(lane, Some(first));
                 }
                 if sticks_out_below || centre_m.z - half_m < 0.0 {
                     rejections += 1;
@@ -626,12 +632,8 @@ impl<S: Simd, W: Sink> Walks<'_, S, W> {
             if depth >= budget {
                 return self.end_and_resume(lane, End::Absorbed);
             }
-            let stratum = &self.walker.strata[ray.stratum];
-            let in_ice = absorption
-                .coefficients
-                .impurities
-                .iter()
-                .zip(&stratum.in_ice);
+            let layer = &self.walker.layers[ray.layer];
+            let in_ice = absorption.coefficients.impurities.iter().zip(&layer.in_ice);
             let in_ice: f64 = in_ice.map(|(factor, per_m)| factor * per_m).sum();
             let ice_per_m = absorption.coefficients.ice_per_m + in_ice;
             let (events, bit) = (&mut self.events[lane / 8], lane % 8);
@@ -642,22 +644,25 @@ impl<S: Simd, W: Sink> Walks<'_, S, W> {
                 f64::INFINITY
             };
             events.direction.set(bit, ray.direction);
-            let in_water = first.medium < stratum.snow.water_saturation;
+            let in_water = first.medium < layer.snow.water_saturation;
             events.start(bit, grain, point, normal, in_water);
             self.lanes[lane].centre_m = centre_m;
             return Ok(true);
         }
     }
 
-    /// The lower plane of the surface layer has a say from here on, where the
-    /// flight of `proposal` begins if it is drawn: notes where to resume for the
-    /// next slab.
-    fn touch(&mut self, lane: usize, proposal: Option<Proposal>) {
+    /// Stores the point from which to resume the ray in the next slab, because from here
+    /// on the lower plane of the surface layer affects the walk. `proposal` is the flight
+    /// that begins here, if it is drawn.
+    fn store_branch_point(&mut self, lane: usize, proposal: Option<Proposal>) {
         let Lane {
-            ray, slab, touch, ..
+            ray,
+            slab,
+            branch_point,
+            ..
         } = &mut self.lanes[lane];
-        if touch.is_none() && *slab + 1 < self.thicknesses_m.len() {
-            *touch = Some((*ray, proposal));
+        if branch_point.is_none() && *slab + 1 < self.thicknesses_m.len() {
+            *branch_point = Some((*ray, proposal));
         }
     }
 
@@ -665,7 +670,7 @@ impl<S: Simd, W: Sink> Walks<'_, S, W> {
     #[inline(always)]
     fn bounce(&mut self, lane: usize) -> bool {
         let reflected = self.walker.bounce.reflected;
-        reflected != 0.0 && S::outlined(Bounced(self, lane, reflected))
+        reflected != 0.0 && S::outlined(BounceTask(self, lane, reflected))
     }
 
     #[inline(always)]
@@ -673,7 +678,7 @@ impl<S: Simd, W: Sink> Walks<'_, S, W> {
         if self.rng.uniform().as_array()[0] >= reflected {
             return false;
         }
-        let last = self.walker.strata.len() - 1;
+        let last = self.walker.layers.len() - 1;
         let cos = self.diffuse_cosine(last);
         let (sin_azimuth, cos_azimuth) = self.rng.azimuth();
         let [y, x] = [sin_azimuth, cos_azimuth].map(|v| v.as_array()[0]);
@@ -684,9 +689,9 @@ impl<S: Simd, W: Sink> Walks<'_, S, W> {
         true
     }
 
-    /// What becomes of a ray that the substrate does not send back.
+    /// The fate of a ray that the substrate does not reflect.
     #[inline(always)]
-    fn substrate(&mut self) -> End {
+    fn end_at_substrate(&mut self) -> End {
         let Bounce {
             reflected,
             transmitted,

@@ -12,7 +12,7 @@ pub(super) fn every_5_nm() -> Vec<f64> {
 fn observer() -> Result<Table, TableError> {
     Table::parse(
         "cie_1931_2deg",
-        include_str!("../../../../data/cie_1931_2deg.csv"),
+        include_str!("../../data/cie_1931_2deg.csv"),
         &["wavelength_nm", "xbar", "ybar", "zbar"],
     )
 }

@@ -65,13 +65,13 @@ pub enum IlluminantError {
     },
     /// Numbers that do not form a valid table.
     #[error(
-        "{name}: {what}\n  help: give at least two wavelengths in nm, finite and strictly increasing, and for each a power of 0 or more"
+        "{name}: {reason}\n  help: give at least two wavelengths in nm, finite and strictly increasing, and for each a power of 0 or more"
     )]
     Numbers {
         /// Name of the table.
         name: String,
         /// The defect.
-        what: String,
+        reason: String,
     },
     /// X, Y or Z of white is 0.
     #[error(
@@ -102,14 +102,14 @@ impl PowerTable {
     /// [`IlluminantError::Numbers`] if the numbers do not form a valid table,
     /// [`IlluminantError::Dark`] if white is not defined under it.
     pub fn new(name: &str, wavelengths_nm: &[f64], power: &[f64]) -> Result<Self, IlluminantError> {
-        let refuse = |what: String| IlluminantError::Numbers {
+        let refuse = |reason: String| IlluminantError::Numbers {
             name: name.to_owned(),
-            what,
+            reason,
         };
         let (rows, values) = (wavelengths_nm.len(), power.len());
         if rows != values {
-            let what = format!("{rows} wavelengths and {values} powers");
-            return Err(refuse(what));
+            let reason = format!("{rows} wavelengths and {values} powers");
+            return Err(refuse(reason));
         }
         let mut before = f64::NEG_INFINITY;
         for nm in wavelengths_nm {

@@ -81,13 +81,13 @@ impl Illuminant {
     /// Relative spectral power over wavelength.
     pub(super) fn table(&self) -> Result<Cow<'_, Table>, TableError> {
         let csv = match self {
-            Self::D55 => include_str!("../../../../data/illuminant_d55.csv"),
-            Self::D65 => include_str!("../../../../data/illuminant_d65.csv"),
-            Self::E => include_str!("../../../../data/illuminant_e.csv"),
-            Self::Fl3_15 => include_str!("../../../../data/illuminant_fl3_15.csv"),
-            Self::LedB5 => include_str!("../../../../data/illuminant_led_b5.csv"),
-            Self::A => include_str!("../../../../data/illuminant_a.csv"),
-            Self::D50 => include_str!("../../../../data/illuminant_d50.csv"),
+            Self::D55 => include_str!("../../data/illuminant_d55.csv"),
+            Self::D65 => include_str!("../../data/illuminant_d65.csv"),
+            Self::E => include_str!("../../data/illuminant_e.csv"),
+            Self::Fl3_15 => include_str!("../../data/illuminant_fl3_15.csv"),
+            Self::LedB5 => include_str!("../../data/illuminant_led_b5.csv"),
+            Self::A => include_str!("../../data/illuminant_a.csv"),
+            Self::D50 => include_str!("../../data/illuminant_d50.csv"),
             Self::Table(table) => return Ok(Cow::Borrowed(table.table())),
         };
         let table = Table::parse(self.name(), csv, &["wavelength_nm", "spd"])?;

@@ -5,9 +5,10 @@ use plotters::prelude::*;
 use plotters::style::colors::colormaps::ViridisRGB;
 use plotters::style::text_anchor::HPos;
 
-use super::super::style::{Area, DrawResult, GREY, INK, SCALE, font, write};
+use super::super::canvas::{Area, DrawResult, Drawing};
+use super::super::style::{GREY, INK, SCALE, font, write};
 use super::axis::Axis;
-use super::{grouped, tick, titled_svg};
+use super::{grouped, tick, titled};
 use crate::config::study::Variant;
 use crate::engine::exits::Exits;
 use crate::lab::study::{Brdfs, incidence_deg};
@@ -30,7 +31,7 @@ const REMARK: i32 = 30;
 const SHADES: i32 = 160;
 
 /// The picture, with a row of discs and a colour scale for each group.
-pub(super) fn svg(studied: &Brdfs<'_>) -> Result<String, String> {
+pub(super) fn drawing(studied: &Brdfs<'_>) -> Result<Drawing, String> {
     let variants = studied.variants();
     let groups =
         grouped(variants.map(|(variant, exits)| (variant.group.as_str(), (variant, exits))));
@@ -38,7 +39,7 @@ pub(super) fn svg(studied: &Brdfs<'_>) -> Result<String, String> {
     let (cell, row) = (2 * (RADIUS + MARGIN), ABOVE + 2 * RADIUS + BELOW);
     let width = most.unwrap_or(0) as i32 * cell + SCALES;
     let below = groups.len() as i32 * row;
-    titled_svg(studied.study, (width, below + REMARK), |area| {
+    titled(studied.study, (width, below + REMARK), |area| {
         for ((group, discs), i) in groups.iter().zip(0..) {
             let values = discs.iter().flat_map(|(_, exits)| &exits.reflected);
             let values = values.map(|brdf| brdf.value);
@@ -160,7 +161,7 @@ impl Disc<'_, '_> {
                 let look = if degrees == 90 {
                     thin
                 } else {
-                    GREY.stroke_width(1)
+                    GREY.stroke_width(SCALE as u32 / 2)
                 };
                 self.area.draw(&Circle::new(self.centre, reach, look))?;
             }

@@ -10,8 +10,8 @@ use std::path::{Path, PathBuf};
 use plotters::prelude::*;
 use plotters::style::text_anchor::HPos;
 
-use super::figure::{self, png};
-use super::style::{Area, DrawResult, GREY, INK, SCALE, Style, font, number, write};
+use super::canvas::{Area, DrawResult, Drawing};
+use super::style::{GREY, INK, SCALE, Style, font, number, write};
 use super::{ReportError, save};
 use crate::config::study::StudyFile;
 use crate::lab::study::Studied;
@@ -37,21 +37,28 @@ pub fn write_study(dir: &Path, studied: &Studied<'_>) -> Result<Vec<PathBuf>, Re
         chart: "the study",
         reason,
     };
-    let (study, svg, csv) = match studied {
-        Studied::Spectra(spectra) => (spectra.study, spectra::svg(spectra), spectra::csv(spectra)?),
+    let (study, drawing, csv) = match studied {
+        Studied::Spectra(spectra) => (
+            spectra.study,
+            spectra::drawing(spectra),
+            spectra::csv(spectra)?,
+        ),
         Studied::Brdfs(brdfs) => {
-            let svg = if brdfs.draw.hemisphere {
-                disc::svg(brdfs)
+            let drawing = if brdfs.draw.hemisphere {
+                disc::drawing(brdfs)
             } else {
-                polar::svg(brdfs)
+                polar::drawing(brdfs)
             };
-            (brdfs.study, svg, brdf::csv(brdfs)?)
+            (brdfs.study, drawing, brdf::csv(brdfs)?)
         }
     };
-    let svg = svg.map_err(failed)?;
-    let picture = png(&svg).map_err(failed)?;
+    let drawing = drawing.map_err(failed)?;
     let file = |extension: &str, bytes| (format!("{}.{extension}", study.name), bytes);
-    let files = [("csv", csv), ("svg", svg.into_bytes()), ("png", picture)];
+    let files = [
+        ("csv", csv),
+        ("svg", drawing.svg.into_bytes()),
+        ("png", drawing.png),
+    ];
     save(
         dir,
         files
@@ -83,14 +90,14 @@ fn grouped<'a, T>(items: impl Iterator<Item = (&'a str, T)>) -> Vec<(&'a str, Ve
 
 /// A picture with the title and the expected result of `study`, above a drawing of this width
 /// and height (pixels as shown).
-fn titled_svg(
+fn titled(
     study: &StudyFile,
     (width, height): (i32, i32),
-    draw: impl FnOnce(&Area) -> DrawResult,
-) -> Result<String, String> {
+    draw: impl Fn(&Area) -> DrawResult,
+) -> Result<Drawing, String> {
     let lines: Vec<String> = wrapped(&study.expected, width as usize / 7).collect();
     let head = HEAD + NEXT * (lines.len() as i32 - 1);
-    figure::svg((width, head + height), |area| {
+    Drawing::new((width, head + height), |area| {
         let (above, below) = area.split_vertically(head * SCALE);
         let middle = width * SCALE / 2;
         let title = (middle, 22 * SCALE);
@@ -111,7 +118,7 @@ fn draw_entry(
     (style, is_curve): (Style, bool),
     text: &str,
     letters: usize,
-) -> Result<i32, DrawingAreaErrorKind<std::io::Error>> {
+) -> DrawResult<i32> {
     let (from, to) = (x + 6 * SCALE, x + 34 * SCALE);
     if is_curve {
         let stroke = style.colour.stroke_width(2 * SCALE as u32);

@@ -2,9 +2,10 @@
 use plotters::prelude::*;
 use plotters::style::text_anchor::HPos;
 
-use super::super::style::{Area, DrawResult, GREY, GRID, INK, SCALE, Style, font, write};
+use super::super::canvas::{Area, DrawResult, Drawing};
+use super::super::style::{GREY, GRID, INK, SCALE, Style, font, write};
 use super::axis::Axis;
-use super::{LINE, draw_entry, grouped, marker_positions, tick, titled_svg};
+use super::{LINE, draw_entry, grouped, marker_positions, tick, titled};
 use crate::lab::study::{Brdfs, incidence_deg};
 use crate::measurement::Measured;
 
@@ -35,7 +36,7 @@ struct Curve<'a> {
 }
 
 /// The picture, with one half disc for each group.
-pub(super) fn svg(studied: &Brdfs<'_>) -> Result<String, String> {
+pub(super) fn drawing(studied: &Brdfs<'_>) -> Result<Drawing, String> {
     let mut names: Vec<&str> = Vec::new();
     let curves = studied.variants().map(|(variant, exits)| {
         // A label has the same style in all panels.
@@ -66,7 +67,7 @@ pub(super) fn svg(studied: &Brdfs<'_>) -> Result<String, String> {
     let entries = groups.iter().map(|(_, curves)| curves.len()).max();
     let height = top + radius + WORDS + LINE * (entries.unwrap_or(0) as i32 + 1);
     let size = (across as i32 * 2 * (radius + MARGIN), down as i32 * height);
-    titled_svg(studied.study, size, |area| {
+    titled(studied.study, size, |area| {
         let cells = area.split_evenly((down, across));
         for ((group, curves), cell) in groups.iter().zip(&cells) {
             let values = curves.iter().flat_map(|curve| &curve.points);

@@ -5,11 +5,12 @@ use std::ops::Range;
 use plotters::prelude::*;
 
 use super::super::ReportError;
+use super::super::canvas::{Area, DrawResult, Drawing};
 use super::super::figure::{Figure, Symbol};
 use super::super::panel::{Panel, Series};
 use super::super::residuals::axis_end;
-use super::super::style::{Area, DrawResult, GRID, INK, SCALE, Style, font};
-use super::{LETTERS, draw_entry, grouped, marker_positions, titled_svg, wrapped};
+use super::super::style::{GRID, INK, SCALE, Style, font};
+use super::{LETTERS, draw_entry, grouped, marker_positions, titled, wrapped};
 use crate::comparison::Band;
 use crate::config::study::Published;
 use crate::lab::study::{Spectra, mean};
@@ -24,11 +25,11 @@ const ROW: i32 = 330;
 type Curve<'a> = (&'a str, Vec<(f64, f64)>);
 
 /// The picture of a study.
-pub(super) fn svg(studied: &Spectra<'_>) -> Result<String, String> {
+pub(super) fn drawing(studied: &Spectra<'_>) -> Result<Drawing, String> {
     if studied.is_spectral() {
         curves(studied)
     } else {
-        thicknesses(studied).svg()
+        thicknesses(studied).drawing()
     }
 }
 
@@ -63,7 +64,7 @@ fn thicknesses(studied: &Spectra<'_>) -> Figure {
 }
 
 /// Spectra, with a panel for each group.
-fn curves(studied: &Spectra<'_>) -> Result<String, String> {
+fn curves(studied: &Spectra<'_>) -> Result<Drawing, String> {
     let curves = studied.curves().map(|(variant, nm, values)| {
         let points = nm.iter().zip(values).map(|(nm, m)| (*nm, m.value));
         let curve = (variant.label.as_str(), points.collect::<Vec<_>>());
@@ -75,7 +76,7 @@ fn curves(studied: &Spectra<'_>) -> Result<String, String> {
     let row = if across == 1 { ROW + 70 } else { ROW };
     // Two panels beside each other need room for two legends.
     let width = if across == 1 { WIDTH } else { WIDTH * 5 / 4 };
-    titled_svg(studied.study, (width, down * row), |area| {
+    titled(studied.study, (width, down * row), |area| {
         let cells = area.split_evenly((down as usize, across as usize));
         for ((group, curves), cell) in groups.iter().zip(&cells) {
             panel(cell, studied, group, curves)?;
@@ -119,6 +120,7 @@ fn panel(area: &Area, studied: &Spectra<'_>, title: &str, curves: &[Curve<'_>]) 
         .x_label_formatter(&|nm| format!("{nm}"))
         .y_label_formatter(&|y| format!("{}", (y * 1e6).round() / 1e6))
         .label_style(font(12, &INK))
+        .set_all_tick_mark_size(4 * SCALE)
         .x_desc("wavelength, nm")
         .y_desc(draw.quantity.name())
         .axis_desc_style(font(13, &INK))
@@ -143,7 +145,7 @@ fn panel(area: &Area, studied: &Spectra<'_>, title: &str, curves: &[Curve<'_>]) 
                 let bar = ends.map(|y| pixel((p.wavelength_nm, y)));
                 plot.draw(&PathElement::new(
                     bar.to_vec(),
-                    style.colour.stroke_width(2),
+                    style.colour.stroke_width(SCALE as u32),
                 ))?;
             }
             style.mark(&plot, pixel((p.wavelength_nm, p.value)))?;

@@ -5,7 +5,7 @@ use splitsnow_spectra::simd::{F64x8, Simd};
 
 use super::parts::{self, PartScores};
 use super::{Exits, IndexNode, Scene, at_nodes};
-use crate::engine::envelope::FITTING;
+use crate::engine::envelope::MIN_FITTING_ENTRIES;
 use crate::engine::spectral::DEFERRED;
 use crate::engine::{Engine, EngineError, Request, coefficients, engine_error, indices};
 use crate::grain::{GrainType, Surface};
@@ -18,7 +18,7 @@ use crate::transport::{Absorption, Coefficients, Illumination};
 const TABLE: usize = 1 << 13;
 /// Outcomes drawn for every entry of the table.
 const OVERSAMPLING: usize = 8;
-/// Share of [`FITTING`] that is enough for the table of one part: the errors of
+/// Share of [`MIN_FITTING_ENTRIES`] that is enough for the table of one part: the errors of
 /// tables differ from part to part and thus show in the scatter.
 const PART_OF_FITTING: f64 = 0.125;
 
@@ -35,11 +35,11 @@ pub(super) fn check(request: &Request) -> Result<(), EngineError> {
             continue;
         };
         let value = 2.0 * libm::cos(*polar_angle_rad) * flight * TABLE as f64;
-        let lowest = PART_OF_FITTING * FITTING;
+        let lowest = PART_OF_FITTING * MIN_FITTING_ENTRIES;
         if value < lowest {
             return Err(EngineError::Outside {
                 engine: Engine::Tabulated,
-                what: "number of table entries whose grains fit under the surface at grazing incidence",
+                quantity: "number of table entries whose grains fit under the surface at grazing incidence",
                 value,
                 lowest,
                 instead: Some(Engine::Spectral),

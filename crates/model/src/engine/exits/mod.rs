@@ -145,7 +145,7 @@ pub fn goniometer(
         engine => {
             return Err(EngineError::Unable {
                 engine,
-                what: "azimuths",
+                quantity: "azimuths",
                 instead: Engine::Tabulated,
             });
         }
@@ -179,7 +179,7 @@ pub fn radial_profile(
     if !matches!(engine, Engine::Reference | Engine::Spectral) {
         return Err(EngineError::Unable {
             engine,
-            what: "how far light travels along the surface",
+            quantity: "how far light travels along the surface",
             instead: Engine::Spectral,
         });
     }

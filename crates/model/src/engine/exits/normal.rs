@@ -13,7 +13,7 @@ use crate::measurement::{Measured, Spectrum};
 /// The request to `hybrid`: `request` with a resolution no finer than its number of
 /// walks needs.
 pub(super) fn hybrid_request<'a>(request: &Request<'a>) -> Request<'a> {
-    let (resolution, enough) = (request.resolution, Resolution::of_rays(request.rays));
+    let (resolution, enough) = (request.resolution, Resolution::for_rays(request.rays));
     Request {
         resolution: Resolution {
             table: resolution.table.min(enough.table),
@@ -28,7 +28,7 @@ pub(super) fn hybrid_request<'a>(request: &Request<'a>) -> Request<'a> {
 /// whether `auto` would choose it.
 pub(super) fn is_valid(request: &Request) -> bool {
     let default = Request {
-        max_error: MaxError::usual(request.wavelengths_nm),
+        max_error: MaxError::default_for(request.wavelengths_nm),
         ..hybrid_request(request)
     };
     Engine::Auto.resolve(&default) == Engine::Hybrid

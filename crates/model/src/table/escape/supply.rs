@@ -1,10 +1,10 @@
-//! Random numbers one at a time, though drawn eight at a time.
+//! Random numbers one at a time, drawn eight at a time.
 use splitsnow_spectra::simd::{F64x8, Simd};
 
 use crate::math::ln;
 use crate::rng::Stream;
 
-/// Random numbers one at a time.
+/// Hands out random numbers one at a time.
 pub(super) struct Supply<S: Simd> {
     rng: Stream<S>,
     uniforms: [f64; 8],
@@ -43,7 +43,7 @@ impl<S: Simd> Supply<S> {
         self.exponentials[self.left[1]]
     }
 
-    /// (sin, cos) of a uniform angle.
+    /// (sin, cos) of an angle uniform on the circle.
     #[inline(always)]
     pub(super) fn azimuth(&mut self) -> (f64, f64) {
         if self.left[2] == 0 {

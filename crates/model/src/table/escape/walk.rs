@@ -1,24 +1,24 @@
-//! One such walk after another.
+//! The walks of [`EscapeWalker`], one after another.
 use splitsnow_spectra::simd::{F64x8, Simd, Task};
 
 use crate::grain::{Bodies, Down};
 use crate::math::{Real, Vec3x8, exp_neg};
-use crate::table::{Table, lanes as each_of};
+use crate::table::{Table, lanes as set_lanes};
 use crate::transport::{EVENT_LIMIT, Path, REJECTION_LIMIT, WalkError, diffuse_cosine};
 
-use super::stratum::{Kind, Stratum};
+use super::layer::{EscapeLayer, Kind};
 use super::supply::Supply;
 use super::{EscapeSink, EscapeWalker};
 
-/// Outcomes, of eight azimuths each, drawn beside the walk's own in an event
-/// next to a plane, and exp(-tau) of that at optical depth tau below it: few cost
-/// little beside the walk, and from here on more give less than more rays.
-const SPREAD: f64 = 32.0;
-/// Flights drawn in place of a scored one are looked for with this times the
-/// chance that it leaves.
-const TRIED: f64 = 8.0;
-/// sin and cos of eighths of a turn.
-const TURNS: [[f64; 8]; 2] = {
+/// Number of outcomes, of eight azimuths each, drawn besides that of the walk in an event
+/// next to a plane; at optical depth tau below it, exp(-tau) times as many. A few cost
+/// little compared with the walk; above this number, more rays are the better investment.
+const OUTCOMES_AT_PLANE: f64 = 32.0;
+/// The flights drawn again in place of a scored one are simulated with this factor times
+/// the probability that it leaves.
+const TRIAL_FACTOR: f64 = 8.0;
+/// sin and cos of the multiples of 45 degrees.
+const EIGHTH_TURNS: [[f64; 8]; 2] = {
     const H: f64 = std::f64::consts::FRAC_1_SQRT_2;
     [
         [0.0, H, 1.0, H, 0.0, -H, -1.0, -H],
@@ -33,31 +33,31 @@ struct Ray {
     /// Cosine and sine of its angle from straight down.
     mu: f64,
     across: f64,
-    /// Horizontal unit vector along it.
+    /// Horizontal unit vector along the ray.
     heading: [f64; 2],
     path: Path,
-    stratum: usize,
+    layer: usize,
 }
 
-/// One walk after another.
+/// A series of walks.
 pub(super) struct Walk<'w, S: Simd, C> {
     pub(super) walker: &'w EscapeWalker<'w>,
     pub(super) random: Supply<S>,
-    /// Weight of the ray in each band on its last grain.
+    /// Weight of the ray in each band at its last grain.
     pub(super) base: Vec<f64>,
     pub(super) weights: Vec<F64x8<S>>,
-    pub(super) catch: &'w mut C,
+    pub(super) sink: &'w mut C,
 }
 
-/// A grain in the way of a ray: which outcome, how large and how turned.
-struct Waiting {
+/// A candidate grain: its outcome, size and rotation about the ray.
+struct CandidateGrain {
     row: usize,
     size_m: f64,
     sin: f64,
     cos: f64,
 }
 
-impl Waiting {
+impl CandidateGrain {
     /// Downward component of a vector given along the ray and across it.
     #[inline(always)]
     fn vertical(&self, ray: &Ray, along: f64, x: f64, y: f64) -> f64 {
@@ -65,16 +65,16 @@ impl Waiting {
     }
 }
 
-/// The frame of outcomes, turned about a ray: what a unit along it and one across it
-/// have of the vertical, and the turn.
-struct Turned<R> {
+/// The frame of outcomes, rotated about a ray: the vertical components of unit vectors
+/// along the ray and across it, and the rotation.
+struct RayFrame<R> {
     along: R,
     across: R,
     cos: R,
     sin: R,
 }
 
-impl<R: Real> Down<R> for Turned<R> {
+impl<R: Real> Down<R> for RayFrame<R> {
     #[inline(always)]
     fn down(&self, [x, y, along]: [R; 3]) -> R {
         self.along * along + self.across * (self.cos * x + self.sin * y)
@@ -91,50 +91,50 @@ fn exp<S: Simd>(x: F64x8<S>) -> F64x8<S> {
     F64x8::new(values)
 }
 
-/// The end of a flight, where grains wait.
-struct Meeting<'a> {
+/// The end of a flight, where candidate grains are drawn.
+struct Encounter<'a> {
     ray: Ray,
-    stratum: &'a Stratum<'a>,
+    layer: &'a EscapeLayer<'a>,
     size_m: [f64; 2],
     table: &'a Table,
-    /// Least optical depth of the ray when it was last absorbed or not.
+    /// Smallest optical depth of the ray at its last absorption test.
     survived: f64,
 }
 
-/// The call of [`Walk::fly`].
-struct Fly<'a, 'w, S: Simd, C>(&'a mut Walk<'w, S, C>, &'a mut Ray, f64);
+/// [`Walk::fly`] as a SIMD task.
+struct FlyTask<'a, 'w, S: Simd, C>(&'a mut Walk<'w, S, C>, &'a mut Ray, f64);
 
-impl<S: Simd, C: EscapeSink> Task for Fly<'_, '_, S, C> {
+impl<S: Simd, C: EscapeSink> Task for FlyTask<'_, '_, S, C> {
     type Output = bool;
 
     #[inline(always)]
     fn perform(self) -> bool {
-        self.0.fly_here(self.1, self.2)
+        self.0.fly_inlined(self.1, self.2)
     }
 }
 
-/// The call of [`Walk::rejections`].
-struct Rejections<'a, 'w, S: Simd, C>(&'a mut Walk<'w, S, C>, &'a Ray);
+/// [`Walk::rejections`] as a SIMD task.
+struct RejectionsTask<'a, 'w, S: Simd, C>(&'a mut Walk<'w, S, C>, &'a Ray);
 
-impl<S: Simd, C: EscapeSink> Task for Rejections<'_, '_, S, C> {
+impl<S: Simd, C: EscapeSink> Task for RejectionsTask<'_, '_, S, C> {
     type Output = f64;
 
     #[inline(always)]
     fn perform(self) -> f64 {
-        self.0.rejections_here(self.1)
+        self.0.rejections_inlined(self.1)
     }
 }
 
 impl<'w, S: Simd, C: EscapeSink> Walk<'w, S, C> {
     #[inline(always)]
-    pub(super) fn diffuse_cosine(&mut self, stratum: usize) -> f64 {
-        let stratum = &self.walker.strata[stratum];
+    pub(super) fn diffuse_cosine(&mut self, layer: usize) -> f64 {
+        let layer = &self.walker.layers[layer];
         let u = self.random.uniform();
-        let (distance_m, longest_m) = (stratum.mean_free_distance_m, stratum.longest_grain_m);
+        let (distance_m, longest_m) = (layer.mean_free_distance_m, layer.longest_grain_m);
         diffuse_cosine(u, self.walker.entry, distance_m, longest_m)
     }
 
-    /// Least optical depth so far.
+    /// Smallest optical depth of the path over all bands.
     #[inline(always)]
     fn depth(&self, path: &Path) -> f64 {
         self.walker.absorption.coefficients.depth(path)
@@ -145,7 +145,7 @@ impl<'w, S: Simd, C: EscapeSink> Walk<'w, S, C> {
     pub(super) fn ray(&mut self, mu: f64) -> Result<(), WalkError> {
         let walker = self.walker;
         let thickness_m = walker.thickness_m;
-        let last = walker.strata.len() - 1;
+        let last = walker.layers.len() - 1;
         let budget = walker.absorption.deferred + self.random.exponential();
         let mut ray = Ray {
             z_m: 0.0,
@@ -153,9 +153,9 @@ impl<'w, S: Simd, C: EscapeSink> Walk<'w, S, C> {
             across: (1.0 - mu * mu).sqrt(),
             heading: [1.0, 0.0],
             path: Path::default(),
-            stratum: 0,
+            layer: 0,
         };
-        // whether its escape has been scored where it was scattered
+        // whether the escape of this flight was scored when the ray was scattered
         let mut scored = false;
         let (mut rejections, mut events) = (0, 0);
         loop {
@@ -187,18 +187,18 @@ impl<'w, S: Simd, C: EscapeSink> Walk<'w, S, C> {
                 scored = false;
                 continue;
             }
-            let stratum = &walker.strata[ray.stratum];
-            let kind = self.kind(ray.stratum);
-            let in_water = medium < stratum.water_saturation;
-            let meeting = Meeting {
+            let layer = &walker.layers[ray.layer];
+            let kind = self.kind(ray.layer);
+            let in_water = medium < layer.water_saturation;
+            let encounter = Encounter {
                 ray,
-                stratum,
+                layer,
                 size_m: kind.size_m,
                 table: kind.tables[usize::from(in_water)],
                 survived,
             };
-            self.spread(&meeting);
-            if !self.scatter(&meeting, &mut ray) {
+            self.spread(&encounter);
+            if !self.scatter(&encounter, &mut ray) {
                 rejections += 1;
                 if rejections == REJECTION_LIMIT {
                     return Err(WalkError::TooThin { thickness_m });
@@ -209,42 +209,42 @@ impl<'w, S: Simd, C: EscapeSink> Walk<'w, S, C> {
             rejections = 0;
             events += 1;
             if ray.path.ice_m == f64::INFINITY || events >= EVENT_LIMIT {
-                self.catch.lost();
+                self.sink.lost();
                 return Ok(());
             }
             if self.depth(&ray.path) >= budget {
                 return Ok(());
             }
-            ray.stratum = walker.stratum(ray.z_m);
+            ray.layer = walker.layer_at(ray.z_m);
             scored = true;
         }
     }
 
-    /// Flies to the next grain; false if the flight leaves the snowpack.
+    /// Flies to the end of the flight; false if the flight leaves the snowpack.
     #[inline(always)]
     fn fly(&mut self, ray: &mut Ray, medium: f64) -> bool {
-        S::outlined(Fly(self, ray, medium))
+        S::outlined(FlyTask(self, ray, medium))
     }
 
     #[inline(always)]
-    fn fly_here(&mut self, ray: &mut Ray, medium: f64) -> bool {
+    fn fly_inlined(&mut self, ray: &mut Ray, medium: f64) -> bool {
         loop {
-            let stratum = &self.walker.strata[ray.stratum];
-            let flight_m = stratum.mean_free_distance_m * self.random.exponential();
+            let layer = &self.walker.layers[ray.layer];
+            let flight_m = layer.mean_free_distance_m * self.random.exponential();
             let z_m = ray.z_m + flight_m * ray.mu;
-            let inside = stratum.top_m <= z_m && z_m <= stratum.base_m;
+            let inside = layer.top_m <= z_m && z_m <= layer.base_m;
             let down = ray.mu > 0.0;
-            let plane_m = if down { stratum.base_m } else { stratum.top_m };
+            let plane_m = if down { layer.base_m } else { layer.top_m };
             let length_m = if inside {
                 flight_m
             } else {
                 (plane_m - ray.z_m) / ray.mu
             };
             if self.walker.absorbing_pores {
-                if medium < stratum.water_saturation {
+                if medium < layer.water_saturation {
                     ray.path.water_m += length_m;
                 }
-                let depths = ray.path.impurities.iter_mut().zip(&stratum.in_pores);
+                let depths = ray.path.impurities.iter_mut().zip(&layer.in_pores);
                 depths.for_each(|(depth, per_m)| *depth += per_m * length_m);
             }
             ray.z_m = if inside { z_m } else { plane_m };
@@ -252,30 +252,26 @@ impl<'w, S: Simd, C: EscapeSink> Walk<'w, S, C> {
                 return true;
             }
             let last = if down {
-                self.walker.strata.len() - 1
+                self.walker.layers.len() - 1
             } else {
                 0
             };
-            if ray.stratum == last {
+            if ray.layer == last {
                 return false;
             }
-            ray.stratum = if down {
-                ray.stratum + 1
-            } else {
-                ray.stratum - 1
-            };
+            ray.layer = if down { ray.layer + 1 } else { ray.layer - 1 };
         }
     }
 
-    /// A grain for a ray to meet where its flight ended; `None` if it does not fit.
+    /// Draws a grain at the end of a flight; `None` if it does not fit.
     #[inline(always)]
-    fn grain(&mut self, ray: &Ray, table: &Table, [min, max]: [f64; 2]) -> Option<Waiting> {
+    fn grain(&mut self, ray: &Ray, table: &Table, [min, max]: [f64; 2]) -> Option<CandidateGrain> {
         let thickness_m = self.walker.thickness_m;
         let scaled = self.random.uniform() * table.len() as f64;
         let row = scaled as usize;
         let size_m = min + (max - min) * (scaled - row as f64);
         let (sin, cos) = self.random.azimuth();
-        let grain = Waiting {
+        let grain = CandidateGrain {
             row,
             size_m,
             sin,
@@ -283,7 +279,7 @@ impl<'w, S: Simd, C: EscapeSink> Walk<'w, S, C> {
         };
         if ray.z_m < size_m || ray.z_m > thickness_m - size_m {
             let (centre, body) = table.grain(row);
-            let down = Turned {
+            let down = RayFrame {
                 along: ray.mu,
                 across: ray.across,
                 cos: grain.cos,
@@ -299,21 +295,21 @@ impl<'w, S: Simd, C: EscapeSink> Walk<'w, S, C> {
         Some(grain)
     }
 
-    /// How many flights in a row, begun as `start`, are drawn anew because their
-    /// grains do not fit.
+    /// Number of consecutive flights from `start` that are drawn again because their grains
+    /// do not fit.
     #[inline(always)]
     fn rejections(&mut self, start: &Ray) -> f64 {
-        S::outlined(Rejections(self, start))
+        S::outlined(RejectionsTask(self, start))
     }
 
     #[inline(always)]
-    fn rejections_here(&mut self, start: &Ray) -> f64 {
+    fn rejections_inlined(&mut self, start: &Ray) -> f64 {
         for rejections in 0..REJECTION_LIMIT {
             let mut ray = *start;
             if !self.fly(&mut ray, 1.0) {
                 return f64::from(rejections);
             }
-            let kind = self.kind(ray.stratum);
+            let kind = self.kind(ray.layer);
             if self.grain(&ray, kind.tables[0], kind.size_m).is_some() {
                 return f64::from(rejections);
             }
@@ -321,27 +317,27 @@ impl<'w, S: Simd, C: EscapeSink> Walk<'w, S, C> {
         f64::from(REJECTION_LIMIT)
     }
 
-    /// The type of the next grain in a layer.
+    /// Draws the type of the next grain in a layer.
     #[inline(always)]
-    fn kind(&mut self, stratum: usize) -> &'w Kind<'w> {
-        match self.walker.strata[stratum].kinds.as_slice() {
+    fn kind(&mut self, layer: usize) -> &'w Kind<'w> {
+        match self.walker.layers[layer].kinds.as_slice() {
             [kind] => kind,
             kinds => {
                 let u = self.random.uniform();
-                let at = kinds.partition_point(|kind| kind.up_to <= u);
-                &kinds[at.min(kinds.len() - 1)]
+                let chosen = kinds.partition_point(|kind| kind.cumulative <= u);
+                &kinds[chosen.min(kinds.len() - 1)]
             }
         }
     }
 
-    /// The ray's own grain event; false if the grain does not fit.
+    /// The grain event with which the walk continues; false if the grain does not fit.
     #[inline(always)]
-    fn scatter(&mut self, meeting: &Meeting, ray: &mut Ray) -> bool {
-        let Meeting { table, stratum, .. } = *meeting;
-        let Some(grain) = self.grain(ray, table, meeting.size_m) else {
+    fn scatter(&mut self, encounter: &Encounter, ray: &mut Ray) -> bool {
+        let Encounter { table, layer, .. } = *encounter;
+        let Some(grain) = self.grain(ray, table, encounter.size_m) else {
             return false;
         };
-        let Waiting {
+        let CandidateGrain {
             row,
             size_m,
             sin,
@@ -352,7 +348,7 @@ impl<'w, S: Simd, C: EscapeSink> Walk<'w, S, C> {
         ray.z_m += size_m * grain.vertical(ray, along, x, y);
         let ice_m = size_m * ice;
         ray.path.ice_m += ice_m;
-        let depths = ray.path.impurities.iter_mut().zip(&stratum.in_ice);
+        let depths = ray.path.impurities.iter_mut().zip(&layer.in_ice);
         depths.for_each(|(depth, per_m)| *depth += per_m * ice_m);
         let [hx, hy] = ray.heading;
         let (p, q) = (c * across - s * mu * cos, s * sin);
@@ -365,23 +361,23 @@ impl<'w, S: Simd, C: EscapeSink> Walk<'w, S, C> {
         true
     }
 
-    /// Scores the light that the grains waiting would let leave.
+    /// Scores the light that would leave after scattering by candidate grains.
     #[inline(always)]
-    fn spread(&mut self, meeting: &Meeting) {
-        let Meeting {
+    fn spread(&mut self, encounter: &Encounter) {
+        let Encounter {
             ray,
-            stratum,
+            layer,
             size_m: [min, max],
             table,
             survived,
-        } = meeting;
+        } = encounter;
         let (walker, zero, one) = (self.walker, F64x8::<S>::ZERO, F64x8::ONE);
         let down = F64x8::new([0.0, 1.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0]).gt(zero);
         let tau = walker.vertical(F64x8::splat(ray.z_m), down, |s| {
             1.0 / s.mean_free_distance_m
         });
         let [up, down, ..] = tau.to_array();
-        let wanted = SPREAD * (exp_neg(up) + exp_neg(down));
+        let wanted = OUTCOMES_AT_PLANE * (exp_neg(up) + exp_neg(down));
         let (count, share) = if wanted >= 1.0 {
             (wanted.round(), 1.0 / (8.0 * wanted.round()))
         } else if self.random.uniform() < wanted {
@@ -401,9 +397,9 @@ impl<'w, S: Simd, C: EscapeSink> Walk<'w, S, C> {
             let size = F64x8::splat(size_m);
             let (sin, cos) = self.random.azimuth();
             let [sin, cos] = [sin, cos].map(F64x8::splat);
-            let [s, c]: [F64x8<S>; 2] = TURNS.map(F64x8::new);
+            let [s, c]: [F64x8<S>; 2] = EIGHTH_TURNS.map(F64x8::new);
             let (sin, cos) = (sin * c + cos * s, cos * c - sin * s);
-            let down = Turned {
+            let down = RayFrame {
                 along: mu,
                 across,
                 cos,
@@ -438,7 +434,7 @@ impl<'w, S: Simd, C: EscapeSink> Walk<'w, S, C> {
             for (weight, (base, per_m)) in self
                 .weights
                 .iter_mut()
-                .zip(self.base.iter().zip(&stratum.ice_per_m))
+                .zip(self.base.iter().zip(&layer.ice_per_m))
             {
                 *weight = F64x8::splat(base * exp_neg(per_m * ice_m));
             }
@@ -446,39 +442,39 @@ impl<'w, S: Simd, C: EscapeSink> Walk<'w, S, C> {
         }
     }
 
-    /// Scores the chance that the flight begun leaves the snowpack.
+    /// Scores the probability that the current flight leaves the snowpack.
     #[inline(always)]
     fn leave(&mut self, ray: &Ray, medium: f64, survived: f64) {
         self.base(&ray.path, survived, 1.0);
         let weights = self.weights.iter_mut().zip(&self.base);
         weights.for_each(|(weight, base)| *weight = F64x8::splat(*base));
-        let one = F64x8::new([1.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0]).gt(F64x8::ZERO);
+        let first_lane = F64x8::new([1.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0]).gt(F64x8::ZERO);
         let [hx, hy] = ray.heading;
         let direction = Vec3x8 {
             x: F64x8::splat(ray.across * hx),
             y: F64x8::splat(ray.across * hy),
             z: F64x8::splat(ray.mu),
         };
-        self.escape(one, F64x8::splat(ray.z_m), &direction, medium, false);
+        self.escape(first_lane, F64x8::splat(ray.z_m), &direction, medium, false);
     }
 
-    /// Weights, times `share`, of a ray that met its grain after `path`; it was
-    /// not absorbed up to the least optical depth `survived`.
+    /// Weights, times `share`, of a ray that met its grain after `path` and was not absorbed
+    /// up to the smallest optical depth `survived`.
     #[inline(always)]
     fn base(&mut self, path: &Path, survived: f64, share: f64) {
         let walker = self.walker;
-        let made_up_for = (survived - walker.absorption.deferred).max(0.0);
+        let compensated = (survived - walker.absorption.deferred).max(0.0);
         for (base, band) in self.base.iter_mut().zip(walker.bands) {
-            *base = share * exp_neg(band.coefficients.depth(path) - made_up_for);
+            *base = share * exp_neg(band.coefficients.depth(path) - compensated);
             for _ in 0..path.bounces {
                 *base *= band.reflected / walker.bounce;
             }
         }
     }
 
-    /// Scores `weights` times the chance to leave from depths `z_m` along
-    /// `direction`, on the lanes given: that of the next flight or, if `in_all`,
-    /// of this and those drawn in its place.
+    /// Scores `weights` times the probability of leaving from depths `z_m` along `direction`
+    /// on the given lanes: the probability of the next flight or, if `in_all`, of the next
+    /// flight and all flights drawn in its place.
     #[inline(always)]
     fn escape(
         &mut self,
@@ -495,9 +491,9 @@ impl<'w, S: Simd, C: EscapeSink> Walk<'w, S, C> {
         let mut chance = exp(tau);
         let lanes = (lanes & chance.gt(F64x8::ZERO)).to_bitmask();
         if in_all {
-            for lane in each_of(lanes) {
-                // rarely where little leaves, and made up for
-                let tried = (TRIED * chance.as_array()[lane]).min(1.0);
+            for lane in set_lanes(lanes) {
+                // done rarely where little light leaves, and compensated for
+                let tried = (TRIAL_FACTOR * chance.as_array()[lane]).min(1.0);
                 if tried < 1.0 && self.random.uniform() >= tried {
                     continue;
                 }
@@ -508,7 +504,7 @@ impl<'w, S: Simd, C: EscapeSink> Walk<'w, S, C> {
                     across: (1.0 - mu * mu).max(0.0).sqrt(),
                     heading: [1.0, 0.0],
                     path: Path::default(),
-                    stratum: walker.stratum(z_m),
+                    layer: walker.layer_at(z_m),
                 };
                 chance.as_mut_array()[lane] *= 1.0 + self.rejections(&start) / tried;
             }
@@ -517,10 +513,10 @@ impl<'w, S: Simd, C: EscapeSink> Walk<'w, S, C> {
             *weight *= chance * down.select(F64x8::splat(band.transmitted), F64x8::ONE);
             if walker.absorbing_pores {
                 let per_m =
-                    |s: &Stratum| s.pores_per_m[usize::from(medium < s.water_saturation)][l];
+                    |s: &EscapeLayer| s.pores_per_m[usize::from(medium < s.water_saturation)][l];
                 *weight *= exp(secant * walker.vertical(z_m, down, per_m));
             }
         }
-        self.catch.catch(lanes, direction, &self.weights);
+        self.sink.catch(lanes, direction, &self.weights);
     }
 }

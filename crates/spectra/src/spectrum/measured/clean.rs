@@ -245,14 +245,14 @@ fn rows(body: &[&str], layout: &Layout, named: usize, columns: &Columns) -> Resu
                 row: quoted(line),
             }));
         }
-        let mut take = |column: usize, what: &'static str| -> Result<_, Refusal> {
+        let mut take = |column: usize, quantity: &'static str| -> Result<_, Refusal> {
             // A short row has no measurement in the missing columns.
             let text = cells.get(column).copied().unwrap_or_default();
             match CellValue::parse(text) {
                 CellValue::Missing => Ok((None, false)),
                 CellValue::Text => {
                     let text = quoted(text);
-                    Err(refuse(Problem::Number { text, what }))
+                    Err(refuse(Problem::Number { text, quantity }))
                 }
                 CellValue::Number {
                     value,
@@ -330,7 +330,7 @@ fn check_plausible(
             Problem::Impossible {
                 value: first.value.map_or(f64::NAN, in_file),
                 nm: first.wavelength_nm.unwrap_or(f64::NAN),
-                what: content.name(),
+                quantity: content.name(),
                 low: in_file(low),
                 high: in_file(high),
                 percent,

@@ -65,13 +65,13 @@ pub enum Problem {
     },
     /// Text where a number is expected.
     #[error(
-        "`{text}` where a number is expected ({what})\n  help: leave a cell without a measurement empty, or write NaN"
+        "`{text}` where a number is expected ({quantity})\n  help: leave a cell without a measurement empty, or write NaN"
     )]
     Number {
         /// The text.
         text: String,
         /// The wavelength, the value or the uncertainty.
-        what: &'static str,
+        quantity: &'static str,
     },
     /// Mixed decimal points and commas; holds the number.
     #[error(
@@ -112,7 +112,7 @@ pub enum Problem {
     },
     /// Too many impossible values.
     #[error(
-    "{value} at {nm} nm is not a valid {what}: allowed {low} to {high}{}, and {impossible} of {rows} rows are outside\n  help: choose another column, or give the scale of the values (fraction or percent){}", if *percent { " percent" } else { "" }, if excludable.is_empty() { "" } else { "; rows in excluded bands are not checked" }
+    "{value} at {nm} nm is not a valid {quantity}: allowed {low} to {high}{}, and {impossible} of {rows} rows are outside\n  help: choose another column, or give the scale of the values (fraction or percent){}", if *percent { " percent" } else { "" }, if excludable.is_empty() { "" } else { "; rows in excluded bands are not checked" }
     )]
     Impossible {
         /// The first impossible value, in the scale of the file.
@@ -120,7 +120,7 @@ pub enum Problem {
         /// Its wavelength, nm.
         nm: f64,
         /// The expected quantity.
-        what: &'static str,
+        quantity: &'static str,
         /// Smallest value allowed, in the scale of the file.
         low: f64,
         /// Largest value allowed, in the scale of the file.

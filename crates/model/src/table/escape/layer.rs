@@ -1,4 +1,4 @@
-//! A layer of a snowpack with outcomes of its grains.
+//! A layer of a snowpack with the outcomes of its grains.
 use crate::table::Table;
 use crate::transport::{EXPONENTS, Layer, Model, impurities_per_m};
 
@@ -7,16 +7,16 @@ use super::Band;
 /// Grains of one type, with outcomes in air and in water.
 #[derive(Debug)]
 pub(super) struct Kind<'a> {
-    /// Probability that a grain met is of this type or one before it.
-    pub(super) up_to: f64,
+    /// Cumulative probability: a grain met is of this type or an earlier one.
+    pub(super) cumulative: f64,
     pub(super) size_m: [f64; 2],
     pub(super) tables: [&'a Table; 2],
 }
 
 #[derive(Debug)]
-pub(super) struct Stratum<'a> {
+pub(super) struct EscapeLayer<'a> {
     pub(super) kinds: Vec<Kind<'a>>,
-    /// Depths of its planes, m.
+    /// Depths of its upper and lower planes, m.
     pub(super) top_m: f64,
     pub(super) base_m: f64,
     pub(super) mean_free_distance_m: f64,
@@ -24,13 +24,13 @@ pub(super) struct Stratum<'a> {
     pub(super) water_saturation: f64,
     pub(super) in_ice: [f64; EXPONENTS],
     pub(super) in_pores: [f64; EXPONENTS],
-    /// Absorption of its ice per band, 1/m.
+    /// Absorption coefficient of its ice per band, 1/m.
     pub(super) ice_per_m: Vec<f64>,
-    /// Absorption of its pores per band, filled with air and with water, 1/m.
+    /// Absorption coefficient of its pores per band, filled with air and with water, 1/m.
     pub(super) pores_per_m: [Vec<f64>; 2],
 }
 
-impl<'a> Stratum<'a> {
+impl<'a> EscapeLayer<'a> {
     pub(super) fn new(
         layer: &Layer,
         top_m: f64,
@@ -48,17 +48,17 @@ impl<'a> Stratum<'a> {
                 .sum()
         };
         let per_band = |f: &dyn Fn(&Band) -> f64| bands.iter().map(f).collect();
-        let mut up_to = 0.0;
+        let mut cumulative = 0.0;
         let grains = snow
             .meeting_shares()
             .into_iter()
             .zip(&snow.grains)
             .zip(tables);
         let kinds = grains.map(|((share, component), [air, water])| {
-            up_to += share;
+            cumulative += share;
             let size = component.grain.size;
             Kind {
-                up_to,
+                cumulative,
                 size_m: [size.min_m(), size.max_m()],
                 tables: [air, water],
             }

@@ -1,0 +1,27 @@
+//! `splitsnow man`: manual pages.
+use std::path::PathBuf;
+
+use anyhow::Context;
+
+use super::common;
+
+/// Write the manual pages into a directory
+///
+/// Writes splitsnow.1 and one page per command, such as splitsnow-build.1. The directory
+/// is created if it does not exist.
+#[derive(Debug, clap::Args)]
+#[command(after_long_help = "\
+Examples:
+  splitsnow man ~/.local/share/man/man1")]
+pub(super) struct Args {
+    /// Directory of the pages
+    #[arg(value_name = "DIR")]
+    dir: PathBuf,
+}
+
+pub(super) fn run(args: &Args, command: clap::Command) -> anyhow::Result<()> {
+    let cannot_write = || format!("cannot write to {}", args.dir.display());
+    std::fs::create_dir_all(&args.dir).with_context(cannot_write)?;
+    clap_mangen::generate_to(command, &args.dir).with_context(cannot_write)?;
+    common::print(&format!("manual pages written to {}\n", args.dir.display()))
+}
