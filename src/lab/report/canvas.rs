@@ -1,4 +1,5 @@
-//! Drawings as SVG and as PNG.
+//! Drawings as SVG and as PNG. Both are drawn larger than shown, because the drawing library
+//! rounds to whole pixels. In a PNG each pixel is the mean of those drawn for it.
 use std::error::Error;
 use std::io;
 
@@ -26,15 +27,11 @@ pub(super) struct Drawing {
 }
 
 impl Drawing {
-    /// What `draw` draws on a white background of this size (width and height as shown,
-    /// pixels). It draws larger by [`SCALE`].
+    /// Calls `draw` for each format.
     pub(super) fn new(
         size: (i32, i32),
         draw: impl Fn(&Area) -> DrawResult,
     ) -> Result<Self, String> {
-        let font = dejavu::sans::regular();
-        register_font("sans-serif", FontStyle::Normal, font)
-            .map_err(|_| "the font DejaVu Sans cannot be read")?;
         Ok(Self {
             svg: svg(size, &draw)?,
             png: png(size, &draw)?,
@@ -44,6 +41,9 @@ impl Drawing {
 
 /// Fills `canvas` with white and draws on it.
 fn drawn(canvas: Canvas<'_>, draw: impl Fn(&Area) -> DrawResult) -> Result<(), String> {
+    let font = dejavu::sans::regular();
+    register_font("sans-serif", FontStyle::Normal, font)
+        .map_err(|_| "the font DejaVu Sans cannot be read")?;
     let area = canvas.into_drawing_area();
     area.fill(&WHITE)
         .and_then(|()| draw(&area))
@@ -51,7 +51,12 @@ fn drawn(canvas: Canvas<'_>, draw: impl Fn(&Area) -> DrawResult) -> Result<(), S
         .map_err(|error| error.to_string())
 }
 
-fn svg((width, height): (i32, i32), draw: impl Fn(&Area) -> DrawResult) -> Result<String, String> {
+/// The text of an SVG file: what `draw` draws on a white background of this size (width and
+/// height as shown, pixels). It draws larger by [`SCALE`].
+pub(super) fn svg(
+    (width, height): (i32, i32),
+    draw: impl Fn(&Area) -> DrawResult,
+) -> Result<String, String> {
     // The header states the size as shown.
     let header = |scale| {
         let (width, height) = (width * scale, height * scale);
@@ -63,7 +68,11 @@ fn svg((width, height): (i32, i32), draw: impl Fn(&Area) -> DrawResult) -> Resul
     Ok(svg.replacen(&header(SCALE), &header(1), 1))
 }
 
-fn png((width, height): (i32, i32), draw: impl Fn(&Area) -> DrawResult) -> Result<Vec<u8>, String> {
+/// A PNG file of the same drawing as [`svg`].
+pub(super) fn png(
+    (width, height): (i32, i32),
+    draw: impl Fn(&Area) -> DrawResult,
+) -> Result<Vec<u8>, String> {
     let (width, height, scale) = (width as usize, height as usize, SCALE as usize);
     let size = ((width * scale) as u32, (height * scale) as u32);
     let mut large = vec![0; 3 * width * height * scale * scale];

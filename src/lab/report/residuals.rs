@@ -7,7 +7,7 @@ use plotters::prelude::*;
 use plotters::style::text_anchor::HPos;
 
 use super::ReportError;
-use super::canvas::{Area, DrawResult, Drawing};
+use super::canvas::{self, Area, DrawResult};
 use super::style::{GREY, GRID, INK, SCALE, SHADE, Style, font, write};
 use crate::atomic;
 use crate::comparison::{Comparison, GOOD_RMSE, MeasuredSpectrum, ResidualPoint, listed};
@@ -68,11 +68,12 @@ impl Residuals<'_> {
             reason,
         };
         let size = (WIDTH, HEAD + UPPER + LOWER);
-        let drawing = Drawing::new(size, |area| self.draw(area)).map_err(failed)?;
+        let draw = |area: &Area| self.draw(area);
         let bytes = match Picture::of(path) {
-            Some(Picture::Png) => drawing.png,
-            _ => drawing.svg.into_bytes(),
-        };
+            Some(Picture::Png) => canvas::png(size, draw),
+            _ => canvas::svg(size, draw).map(String::into_bytes),
+        }
+        .map_err(failed)?;
         atomic::write(path, &bytes).map_err(|source| ReportError::Io {
             path: path.to_owned(),
             source,

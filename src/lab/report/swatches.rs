@@ -3,7 +3,7 @@ use plotters::prelude::*;
 use plotters::style::text_anchor::HPos;
 
 use super::ReportError;
-use super::canvas::{Area, DrawResult, Drawing};
+use super::canvas::{self, Area, DrawResult};
 use super::style::{GREY, INK, SCALE, font, write};
 
 /// Width left of the patches, as shown, pixels.
@@ -66,7 +66,7 @@ impl Swatches {
     /// # Errors
     /// [`ReportError::Drawing`] if the table cannot be drawn.
     pub fn svg(&self) -> Result<String, ReportError> {
-        Ok(self.drawing()?.svg)
+        canvas::svg((self.width(), self.height()), |area| self.draw(area)).map_err(failed)
     }
 
     /// The table as a PNG file.
@@ -74,11 +74,7 @@ impl Swatches {
     /// # Errors
     /// [`ReportError::Drawing`] if the table cannot be drawn.
     pub fn png(&self) -> Result<Vec<u8>, ReportError> {
-        Ok(self.drawing()?.png)
-    }
-
-    fn drawing(&self) -> Result<Drawing, ReportError> {
-        Drawing::new((self.width(), self.height()), |area| self.draw(area)).map_err(failed)
+        canvas::png((self.width(), self.height()), |area| self.draw(area)).map_err(failed)
     }
 
     /// Width of the picture as shown, pixels.
