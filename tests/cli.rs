@@ -6,6 +6,7 @@
 
 use std::collections::BTreeMap;
 use std::fs::File;
+use std::io::{BufRead, BufReader};
 use std::path::Path;
 use std::process::{Child, Command, Stdio};
 use std::thread::sleep;
@@ -60,6 +61,19 @@ fn output_files(dir: &Path) -> BTreeMap<String, Vec<u8>> {
 fn output_equals_the_snapshots() {
     let cases = trycmd::TestCases::new();
     cases.env("COLUMNS", "100").case("tests/cli/*.trycmd");
+}
+
+/// A build says at once what it will do, also where no progress bar is shown.
+#[test]
+fn a_build_prints_its_first_line_before_it_runs() {
+    let dir = folder(|text| text.replace("rays = 300", "rays = 3000000000"));
+    let mut child = splitsnow(dir.path(), "build tiny.toml").spawn().unwrap();
+    let mut line = String::new();
+    let mut output = BufReader::new(child.stdout.take().unwrap());
+    output.read_line(&mut line).unwrap();
+    child.kill().unwrap();
+    child.wait().unwrap();
+    assert_eq!(line, "4 jobs, 4 of them run now\n");
 }
 
 #[test]
@@ -311,4 +325,52 @@ fn former_names_of_commands_and_engines_work() {
     for former in ["measure  ", "fit  ", "doubling"] {
         assert!(!help.contains(former), "{former}: {help}");
     }
+}
+
+/// What a message may ask the user to do, as the first word of its last clause.
+const ADVICE: &[&str] = &[
+    "add", "ask", "build", "change", "check", "choose", "compress", "correct", "delete", "export",
+    "extend", "fill", "finish", "free", "give", "include", "leave", "lower", "make", "move",
+    "name", "raise", "remove", "rename", "report", "restore", "run", "set", "sort", "swap", "use",
+    "wait", "write",
+];
+
+/// Whether a message ends with what to do: the text after `help: `, or its last clause, begins
+/// with a word of [`ADVICE`].
+fn advises(message: &str) -> bool {
+    let last = message.lines().last().unwrap_or_default();
+    let begins = |text: &str| {
+        let word = text.split(|c: char| !c.is_alphabetic()).next();
+        word.is_some_and(|word| ADVICE.contains(&word))
+    };
+    let clause = last.rsplit("; ").next().unwrap_or_default();
+    let help = last.trim().strip_prefix("help: ").unwrap_or_default();
+    begins(help) || begins(clause.trim().trim_start_matches("help: "))
+}
+
+/// The messages in the transcripts are those of the program; other tests compare them.
+#[test]
+fn errors_end_with_what_to_do() {
+    let folder = Path::new(env!("CARGO_MANIFEST_DIR")).join("tests");
+    let mut silent = Vec::new();
+    let mut count = 0;
+    let mut check = |message: &str| {
+        count += 1;
+        if !advises(message) {
+            silent.push(message.to_owned());
+        }
+    };
+    for name in ["build", "errors", "export", "help", "query", "usage"] {
+        let text = std::fs::read_to_string(folder.join(format!("cli/{name}.trycmd"))).unwrap();
+        for block in text.split("\n? 1\n").skip(1) {
+            check(block.split("\n\n").next().unwrap());
+        }
+    }
+    for name in ["grid", "sample", "scene", "snowpack", "study"] {
+        let text =
+            std::fs::read_to_string(folder.join(format!("config_errors/{name}.txt"))).unwrap();
+        text.trim().split("\n\n").for_each(&mut check);
+    }
+    assert!(count > 200, "{count}");
+    assert!(silent.is_empty(), "{}", silent.join("\n\n"));
 }

@@ -259,7 +259,7 @@ fn quantities_not_requested_are_omitted() {
     assert_eq!(other.status.code(), Some(1));
     assert_eq!(
         errors(&other),
-        "error: the compact file has no reflectance, it has transmittance only\n"
+        "error: the compact file has no reflectance, it has transmittance only; ask for that, or make a file with both\n"
     );
 }
 

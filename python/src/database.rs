@@ -263,7 +263,7 @@ fn optional_point(values: &[(String, f64)]) -> PyResult<Point> {
             ))
         })?;
         if value.is_nan() {
-            let message = format!("{name} = NaN is outside the database");
+            let message = format!("{name} = NaN is outside the database; give a number");
             return Err(PyValueError::new_err(message));
         }
         Ok((axis, *value))

@@ -32,7 +32,7 @@ pub enum BatchError {
         source: EngineError,
     },
     /// A database whose spectra should be reused cannot be used.
-    #[error("the spectra of {} cannot be reused: {reason}", .path.display())]
+    #[error("the spectra of {} cannot be reused: {reason}; leave this --from out", .path.display())]
     Reuse {
         /// The database.
         path: PathBuf,

@@ -75,7 +75,7 @@ pub enum BuildError {
     #[error(transparent)]
     Lookup(#[from] LookupError),
     /// The size of the compact file cannot be determined.
-    #[error("cannot read {}: {source}", .path.display())]
+    #[error("cannot read {}: {source}; check its permissions and run the same command again", .path.display())]
     Io {
         /// The file.
         path: PathBuf,

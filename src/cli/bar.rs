@@ -6,7 +6,7 @@ use std::time::Duration;
 
 use indicatif::{HumanDuration, ProgressBar, ProgressDrawTarget, ProgressState, ProgressStyle};
 
-use super::common::Spinner;
+use super::common::{self, Spinner};
 use crate::batch::{Progress, RunInfo};
 
 /// Time between redraws, short enough to keep the rates current during long jobs.
@@ -15,12 +15,27 @@ const TICK: Duration = Duration::from_millis(250);
 /// The progress bar, shown from the start of a run if standard error is a terminal, and the
 /// spinner shown during compression.
 #[derive(Debug)]
-pub(super) struct Bar(ProgressBar, Mutex<Option<Spinner>>);
+pub(super) struct Bar {
+    bar: ProgressBar,
+    spinner: Mutex<Option<Spinner>>,
+    announces: bool,
+}
 
 impl Bar {
-    pub(super) fn new() -> Self {
-        Self(ProgressBar::hidden(), Mutex::default())
+    /// With `announces`, the number of jobs is printed when the first of them starts, because
+    /// the bar is shown on a terminal only.
+    pub(super) fn new(announces: bool) -> Self {
+        Self {
+            bar: ProgressBar::hidden(),
+            spinner: Mutex::default(),
+            announces,
+        }
     }
+}
+
+/// The first line of the summary of a build.
+pub(super) fn counts(jobs: u64, run: u64) -> String {
+    format!("{jobs} jobs, {run} of them run now\n")
 }
 
 impl Progress for Bar {
@@ -31,7 +46,11 @@ impl Progress for Bar {
             curves_per_job,
             rays,
         } = run;
-        let bar = &self.0;
+        if self.announces {
+            // What prevents this also prevents the summary, which reports it.
+            let _ = common::print(&counts(jobs, jobs - done));
+        }
+        let bar = &self.bar;
         bar.set_length(jobs);
         bar.set_position(done);
         bar.reset_elapsed();
@@ -66,15 +85,15 @@ impl Progress for Bar {
     }
 
     fn job_done(&self) {
-        self.0.inc(1);
+        self.bar.inc(1);
     }
 
     fn end(&self) {
-        self.0.finish_and_clear();
+        self.bar.finish_and_clear();
     }
 
     fn compressing(&self) {
-        let mut spinner = self.1.lock().unwrap_or_else(PoisonError::into_inner);
+        let mut spinner = self.spinner.lock().unwrap_or_else(PoisonError::into_inner);
         *spinner = Some(Spinner::new("compressing"));
     }
 }

@@ -5,7 +5,7 @@ use std::path::{Path, PathBuf};
 use anyhow::anyhow;
 use serde_json::json;
 
-use super::bar::Bar;
+use super::bar::{Bar, counts};
 use super::common::{self, GridArgs, Interrupted};
 use super::compact::CompactSummary;
 use crate::build::{self, BuildError, Options, Report, ShardReport};
@@ -60,7 +60,7 @@ pub(super) struct Args {
 pub(super) fn run(args: &Args) -> anyhow::Result<()> {
     let file = args.grid.open()?;
     let dir = args.grid.dir(&file);
-    let bar = Bar::new();
+    let bar = Bar::new(!args.json && args.shard.is_none());
     let options = Options {
         threads: args.grid.threads()?,
         shard: args.shard,
@@ -80,10 +80,11 @@ pub(super) fn run(args: &Args) -> anyhow::Result<()> {
     if args.json {
         return common::print_json(&report);
     }
-    let mut text = format!(
-        "{} jobs, {} of them run now\n",
-        report.jobs, report.jobs_run
-    );
+    // The bar has printed the counts if there was something to run.
+    let mut text = match report.jobs_run {
+        0 => counts(report.jobs, 0),
+        _ => String::new(),
+    };
     text += &reused(args, &report);
     if let Some(compact) = &report.compact {
         write!(text, "\n{}", CompactSummary(compact))?;
@@ -113,7 +114,7 @@ fn suggest_from(error: StoreError, dir: &Path) -> anyhow::Error {
         return error.into();
     }
     anyhow!(
-        "{error}; to reuse its spectra, give another --out and --from {}",
+        "{error}; give another --out and --from {} to reuse its spectra",
         dir.display()
     )
 }

@@ -1,10 +1,11 @@
 //! Arguments, output and formatting shared by the commands.
+use std::fmt::Display;
 use std::io::{self, Write};
 use std::path::{Path, PathBuf};
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::time::Duration;
 
-use anyhow::{Context, bail};
+use anyhow::{Context, anyhow, bail};
 use clap::builder::{PossibleValue, PossibleValuesParser, TypedValueParser};
 use indicatif::ProgressBar;
 use serde::Serialize;
@@ -130,7 +131,7 @@ pub(super) fn diffuse_path(path: &Path) -> anyhow::Result<PathBuf> {
     };
     if !file.exists() {
         bail!(
-            "no {DIFFUSE} in {}; to make it, run `splitsnow build` on a grid file with axes.diffuse = true",
+            "no {DIFFUSE} in {}; run `splitsnow build` on a grid file with axes.diffuse = true",
             path.display()
         );
     }
@@ -163,8 +164,18 @@ pub(super) fn print(text: &str) -> anyhow::Result<()> {
     let mut out = io::stdout().lock();
     match out.write_all(text.as_bytes()).and_then(|()| out.flush()) {
         Err(error) if error.kind() == io::ErrorKind::BrokenPipe => Ok(()),
-        result => result.context("cannot write to standard output"),
+        result => result.map_err(|error| {
+            anyhow!("cannot write to standard output: {error}; check where it is redirected to")
+        }),
     }
+}
+
+/// The error of writing to `path`.
+pub(super) fn cannot_write(path: &Path, error: impl Display) -> anyhow::Error {
+    anyhow!(
+        "cannot write {}: {error}; check the path, its permissions and its disk, or choose another",
+        path.display()
+    )
 }
 
 /// Writes `value` to standard output as JSON.

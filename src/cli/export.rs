@@ -1,7 +1,7 @@
 //! `splitsnow export`: converts a database or compact file to other formats.
 use std::path::{Path, PathBuf};
 
-use anyhow::{Context, bail, ensure};
+use anyhow::{bail, ensure};
 
 use super::common::{self, Spinner};
 use super::point::PointArgs;
@@ -125,7 +125,7 @@ pub(super) fn run(args: &Args) -> anyhow::Result<()> {
         args.lookup_bytes()?
     };
     let out = args.out()?;
-    atomic::write(&out, &bytes).with_context(|| format!("cannot write {}", out.display()))?;
+    atomic::write(&out, &bytes).map_err(|error| common::cannot_write(&out, error))?;
     drop(spinner);
     let size = common::bytes(bytes.len() as u64);
     common::print(&format!("{}: {size}\n", common::one_line(&out)))
@@ -173,11 +173,11 @@ impl Args {
         }
         ensure!(
             !self.diffuse || (self.format.is_table() && self.layout.is_none()),
-            "--diffuse applies only to netcdf, csv and npz, without --layout"
+            "--diffuse applies only to netcdf, csv and npz, without --layout; remove it, or choose one of these formats"
         );
         ensure!(
             self.layout.is_none() || matches!(self.format.extension(), "nc" | "npz"),
-            "--layout applies only to netcdf and npz"
+            "--layout applies only to netcdf and npz; remove it, or choose one of these formats"
         );
         Ok(())
     }

@@ -3,7 +3,7 @@ use std::fmt::Write;
 use std::io;
 use std::path::{Path, PathBuf};
 
-use anyhow::Context;
+use anyhow::bail;
 use include_dir::{Dir, DirEntry, include_dir};
 
 use super::common;
@@ -57,8 +57,7 @@ struct Summary {
 }
 
 fn write_folder(folder: &Dir, target: &Path, summary: &mut Summary) -> anyhow::Result<()> {
-    std::fs::create_dir_all(target)
-        .with_context(|| format!("cannot create the directory {}", target.display()))?;
+    std::fs::create_dir_all(target).map_err(|error| common::cannot_write(target, error))?;
     for entry in folder.entries() {
         let path = target.join(entry.path().file_name().unwrap_or_default());
         match entry {
@@ -68,12 +67,13 @@ fn write_folder(folder: &Dir, target: &Path, summary: &mut Summary) -> anyhow::R
                 Ok(_) => summary.kept.push(path),
                 Err(error) if error.kind() == io::ErrorKind::NotFound => {
                     atomic::write(&path, file.contents())
-                        .with_context(|| format!("cannot write {}", path.display()))?;
+                        .map_err(|error| common::cannot_write(&path, error))?;
                     summary.written += 1;
                 }
-                Err(error) => {
-                    return Err(error).with_context(|| format!("cannot read {}", path.display()));
-                }
+                Err(error) => bail!(
+                    "cannot read {}: {error}; move it away, or give another directory",
+                    path.display()
+                ),
             },
         }
     }

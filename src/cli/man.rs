@@ -1,8 +1,6 @@
 //! `splitsnow man`: manual pages.
 use std::path::PathBuf;
 
-use anyhow::Context;
-
 use super::common;
 
 /// Write the manual pages into a directory
@@ -20,8 +18,8 @@ pub(super) struct Args {
 }
 
 pub(super) fn run(args: &Args, command: clap::Command) -> anyhow::Result<()> {
-    let cannot_write = || format!("cannot write to {}", args.dir.display());
-    std::fs::create_dir_all(&args.dir).with_context(cannot_write)?;
-    clap_mangen::generate_to(command, &args.dir).with_context(cannot_write)?;
+    let cannot_write = |error: std::io::Error| common::cannot_write(&args.dir, error);
+    std::fs::create_dir_all(&args.dir).map_err(cannot_write)?;
+    clap_mangen::generate_to(command, &args.dir).map_err(cannot_write)?;
     common::print(&format!("manual pages written to {}\n", args.dir.display()))
 }

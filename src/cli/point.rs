@@ -123,7 +123,7 @@ impl PointArgs {
         let mut core = Parameter::CORE.into_iter();
         match core.find(|parameter| point.get(*parameter).is_none()) {
             Some(parameter) => bail!(
-                "--{} is missing; a spectrum needs a value for every axis",
+                "a spectrum needs a value for every axis; give --{} too",
                 parameter.record().option
             ),
             None => Ok(point),

@@ -1,7 +1,7 @@
 //! `splitsnow study`: draws figures of one sample in several variants.
 use std::path::{Path, PathBuf};
 
-use anyhow::{Context, bail};
+use anyhow::{Context, anyhow, bail};
 
 use super::common::{self, Interrupted, Spinner, ThreadArgs};
 use super::walking;
@@ -110,17 +110,22 @@ fn files(path: &Path) -> anyhow::Result<Vec<PathBuf>> {
     if !path.is_dir() {
         return Ok(vec![path.to_owned()]);
     }
-    let failed = || format!("cannot list {}", path.display());
+    let failed = |error| {
+        anyhow!(
+            "cannot list {}: {error}; check its permissions",
+            path.display()
+        )
+    };
     let mut files = Vec::new();
-    for entry in std::fs::read_dir(path).with_context(failed)? {
-        let file = entry.with_context(failed)?.path();
+    for entry in std::fs::read_dir(path).map_err(failed)? {
+        let file = entry.map_err(failed)?.path();
         if file.extension().is_some_and(|end| end == "toml") {
             files.push(file);
         }
     }
     if files.is_empty() {
         bail!(
-            "{}: this folder holds no study file (.toml)",
+            "{}: this folder holds no study file (.toml); give a study file, or a folder such as configs/studies",
             path.display()
         );
     }

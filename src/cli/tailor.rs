@@ -2,7 +2,6 @@
 use std::fmt::Write;
 use std::path::{Path, PathBuf};
 
-use anyhow::Context;
 use serde_json::json;
 
 use super::common::{self, Interrupted, Spinner, ThreadArgs};
@@ -71,10 +70,10 @@ pub(super) fn run(args: &Args) -> anyhow::Result<()> {
         }
         tailored => tailored?,
     };
-    std::fs::create_dir_all(&out)?;
+    std::fs::create_dir_all(&out).map_err(|error| common::cannot_write(&out, error))?;
     let path = out.join(COMPACT);
     let written = atomic::write(&path, &tailored.bytes);
-    written.with_context(|| format!("cannot write {}", path.display()))?;
+    written.map_err(|error| common::cannot_write(&path, error))?;
     common::print(&if args.json {
         format!("{:#}\n", report(&file.scene, &tailored, &path))
     } else {

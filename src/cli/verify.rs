@@ -88,7 +88,7 @@ pub(super) fn run(args: &Args) -> anyhow::Result<()> {
         let file = Database::open(&compact)?;
         anyhow::ensure!(
             file.metadata().contains_key(SCENE),
-            "{} holds no database, and its compact file was not made by `splitsnow tailor`",
+            "{} holds no database, and its compact file was not made by `splitsnow tailor`; give the output directory of `build` or `tailor`",
             args.dir.display()
         );
         let walks = verify::tailored_walks(&file, options)?;
@@ -124,9 +124,9 @@ pub(super) fn run(args: &Args) -> anyhow::Result<()> {
     let failed = report.failed();
     anyhow::ensure!(
         failed.is_empty(),
-        "{} failed: {}",
+        "{} failed: {}; the report above says where; build or compress again what is wrong",
         args.dir.display(),
-        failed.join("; ")
+        failed.join(", ")
     );
     anyhow::ensure!(
         report.not_checked.is_empty(),

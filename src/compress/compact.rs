@@ -34,7 +34,7 @@ pub enum CompactError {
     #[error("the header of the compact file cannot be written: {0}")]
     Header(#[from] serde_json::Error),
     /// The file system reported an error.
-    #[error("cannot write {}: {source}", path.display())]
+    #[error("cannot write {}: {source}; check the path, its permissions and its disk, or choose another", path.display())]
     Io {
         /// Path of the file.
         path: PathBuf,

@@ -72,7 +72,9 @@ pub enum CompressError {
     )]
     NoConvergence,
     /// The request names more components than exist.
-    #[error("{components} components were requested; this database has 1 to {limit}")]
+    #[error(
+        "{components} components were requested; this database has 1 to {limit}; ask for one of these numbers"
+    )]
     Components {
         /// The number requested.
         components: usize,

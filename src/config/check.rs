@@ -48,7 +48,10 @@ pub(super) fn table(
             }
             let suggestion = nearest(key.get_ref(), known.keys().map(String::as_str));
             let keys: Vec<_> = known.keys().map(String::as_str).collect();
-            let help = format!("the keys allowed here are {}", keys.join(", "));
+            let help = format!(
+                "rename or remove it: the keys allowed here are {}",
+                keys.join(", ")
+            );
             return Err(document.error(&path, Problem::UnknownKey(suggestion), help));
         };
         value(document, schema, &path, node)?;
@@ -89,7 +92,7 @@ fn value(
             found,
             expected: expected(schema, path, &types),
         };
-        return Err(document.error(path, problem, help));
+        return Err(document.error(path, problem, change(help)));
     }
     match node.get_ref() {
         DeValue::Integer(n) => {
@@ -105,7 +108,7 @@ fn value(
         DeValue::String(given) => match schema["enum"].as_array() {
             Some(choices) => {
                 let choices: Vec<_> = choices.iter().filter_map(Value::as_str).collect();
-                choice(document, path, given, &choices, help)
+                choice(document, path, given, &choices, &change(help))
             }
             None => constant(document, schema, path, given),
         },
@@ -115,7 +118,7 @@ fn value(
             let length = items.len() as u64;
             if !(min..=max).contains(&length) {
                 let problem = Problem::OutOfRange(format!("{min} to {max} entries"));
-                let help = format!("{help} The list has {length} entries.");
+                let help = format!("{} The list has {length} entries.", change(help));
                 return Err(document.error(path, problem, help));
             }
             // Entries without a description of their own get that of the list.
@@ -149,7 +152,7 @@ fn constant(
         Some(constant) if constant != given => {
             let help = schema["description"].as_str().unwrap_or_default();
             let problem = Problem::OutOfRange(format!("a number, or {constant:?}"));
-            Err(document.error(path, problem, help))
+            Err(document.error(path, problem, change(help)))
         }
         _ => Ok(()),
     }
@@ -193,7 +196,12 @@ fn number(document: &Document<'_>, schema: &Value, path: &str, x: f64) -> Result
     };
     let help = schema["description"].as_str().unwrap_or_default();
     let problem = Problem::OutOfRange(allowed);
-    Err(document.error(path, problem, help))
+    Err(document.error(path, problem, change(help)))
+}
+
+/// The help for a value that is not allowed, from the description of its key.
+fn change(description: &str) -> String {
+    format!("change it: {description}")
 }
 
 /// Refuses `given` unless it is one of the `choices`.

@@ -103,7 +103,7 @@ impl<'t> Document<'t> {
             details.problem = Problem::Duplicate;
             details.help = "delete one of the two".to_owned();
         } else if let Some(line) = self.text.lines().nth(line_number - 1) {
-            details.help = format!("the line reads: {}", shorten(line.trim()));
+            details.help = format!("correct the line, which reads: {}", shorten(line.trim()));
         }
         ConfigError::new(details)
     }

@@ -146,8 +146,13 @@ pub(super) fn law(
         let problem = Problem::OutOfRange(format!("{min} to {max}, its min and max"));
         return Err(document.error(&format!("{key}.mean"), problem, "change mean, min or max"));
     }
-    TruncatedNormal::new(min, max, mean, sd)
-        .map_err(|e| document.error(key, Problem::Contradiction(e.to_string()), ""))
+    TruncatedNormal::new(min, max, mean, sd).map_err(|e| {
+        document.error(
+            key,
+            Problem::Contradiction(e.to_string()),
+            "change min, max, mean or sd",
+        )
+    })
 }
 
 /// Refuses a `key.min` that is above `key.max`.
@@ -256,7 +261,7 @@ fn illuminant(
                 suggestion: check::nearest(name, Illuminant::NAMES.into_iter()),
                 choices: format!("{}, or the path of a file", Illuminant::NAMES.join(", ")),
             };
-            let help = "the path of a table is relative to the directory of this file";
+            let help = "give a name, or a path relative to the directory of this file";
             Err(document.error(key, problem, help))
         }
         Err(error) => Err(refuse(format!("cannot be used: {error}"))),
@@ -322,7 +327,11 @@ pub(super) fn covered(
     if wet {
         let water = model.water.load().map_err(|e| {
             let problem = Problem::Contradiction(format!("cannot be used: {e}"));
-            document.error("model.water", problem, "")
+            document.error(
+                "model.water",
+                problem,
+                "correct the table, or choose another",
+            )
         })?;
         within("model.water", water.range_nm())?;
     }

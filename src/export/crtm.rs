@@ -87,7 +87,8 @@ pub fn crtm(table: Table) -> Result<Vec<u8>, ExportError> {
     let table = table.without_fixed_axes()?.with_layout(Layout::Crtm);
     if table.axes.len() != DIMENSIONS.len() {
         return refused(
-            "CRTM needs the axes density, depth, grain size, frequency and angle".into(),
+            "CRTM needs the axes density, depth, grain size, frequency and angle; build a database with them"
+                .into(),
         );
     }
     let mut coordinates = Vec::new();
@@ -111,7 +112,9 @@ pub fn crtm(table: Table) -> Result<Vec<u8>, ExportError> {
             ));
         }
         if let Some(value) = converted.iter().find(|value| !value.is_finite()) {
-            return refused(format!("{name} has the value {value}, which is not finite"));
+            return refused(format!(
+                "{name} has the value {value}, which is not finite; export a table without it"
+            ));
         }
         coordinates.push((about, converted));
     }
@@ -136,7 +139,9 @@ pub fn crtm(table: Table) -> Result<Vec<u8>, ExportError> {
         .first()
         .is_none_or(|(name, ..)| *name != "Reflectance")
     {
-        return refused("the file has no reflectance".to_owned());
+        return refused(
+            "the file has no reflectance; compress the database again with it".to_owned(),
+        );
     }
 
     let sizes = arrays
@@ -213,8 +218,9 @@ impl Table {
     /// Optical radii, um, for these grain sizes, um.
     fn radii_um(&self, values: &[f64]) -> Result<Vec<f64>, ExportError> {
         let missing = |entry: &str| {
-            let reason =
-                format!("the file does not state its {entry}, which the optical radii need");
+            let reason = format!(
+                "the file does not state its {entry}, which the optical radii need; build the database with this version"
+            );
             ExportError::Crtm { reason }
         };
         let settings = self.settings().ok_or_else(|| missing("config"))?;
@@ -420,7 +426,7 @@ mod tests {
             "{message}"
         );
         let error = table().select("facetness", 0.2).unwrap_err().to_string();
-        assert_eq!(error, "facetness = 0.2 is not one of the nodes 0.1, 0.3");
+        assert_eq!(error, "facetness = 0.2 is not a node; give one of 0.1, 0.3");
         assert!(table().select("sphericity", 0.2).is_err());
         let one = || table().select("facetness", 0.1).unwrap();
         let thin = one().select("thickness_cm", 2.0).unwrap();

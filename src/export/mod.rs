@@ -84,7 +84,7 @@ pub enum ExportError {
     },
     /// A value is not a node of its axis.
     #[error(
-        "{axis} = {value} is not one of the nodes {}", nodes.iter().map(f64::to_string).collect::<Vec<_>>().join(", ")
+        "{axis} = {value} is not a node; give one of {}", nodes.iter().map(f64::to_string).collect::<Vec<_>>().join(", ")
     )]
     NoNode {
         /// Name of the axis.
@@ -95,7 +95,9 @@ pub enum ExportError {
         nodes: Vec<f64>,
     },
     /// The wavelengths do not determine a colour.
-    #[error("spectra from {first} to {last} nm have no colour: they must cover 400 to 700 nm")]
+    #[error(
+        "spectra from {first} to {last} nm have no colour: they must cover 400 to 700 nm; build a database with these wavelengths"
+    )]
     NoColour {
         /// First wavelength, nm.
         first: f64,
@@ -110,7 +112,7 @@ pub enum ExportError {
     #[error(transparent)]
     Report(#[from] ReportError),
     /// A library for the format failed.
-    #[error("cannot make the {format} file: {reason}")]
+    #[error("cannot make the {format} file: {reason}; choose another --format")]
     Encoding {
         /// Name of the format.
         format: &'static str,

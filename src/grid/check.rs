@@ -20,7 +20,7 @@ pub enum GridError {
     },
     /// The values of an axis are not strictly increasing.
     #[error(
-        "{axis}: {next} follows {value}; values must be strictly increasing, without duplicates"
+        "{axis}: {next} follows {value}; values must be strictly increasing, without duplicates; sort them"
     )]
     Order {
         /// Name of the axis.
@@ -67,7 +67,7 @@ pub enum GridError {
         shape: Vec<u64>,
     },
     /// Diffuse light with an engine that has a separate job for each incidence angle.
-    #[error("axes.diffuse requires the engine hybrid or auto, not {engine}")]
+    #[error("axes.diffuse requires the engine hybrid or auto, not {engine}; use one of these two")]
     Diffuse {
         /// Name of the engine.
         engine: &'static str,

@@ -23,6 +23,8 @@ pub enum PlanError {
     #[error(transparent)]
     Threads(#[from] ThreadsError),
     /// A thread that ran pilot jobs panicked.
-    #[error("a pilot job panicked; this is a bug in splitsnow")]
+    #[error(
+        "a pilot job panicked; this is a bug in splitsnow, please report it with the grid file"
+    )]
     Panicked,
 }

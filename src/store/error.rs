@@ -11,7 +11,7 @@ use crate::grid::GridError;
 #[non_exhaustive]
 pub enum StoreError {
     /// A file operation failed.
-    #[error("cannot {action} {}: {source}", .path.display())]
+    #[error("cannot {action} {}: {source}; check the path, its permissions and its disk, or choose another directory", .path.display())]
     Io {
         /// The operation: a verb such as "read".
         action: &'static str,
@@ -113,7 +113,7 @@ pub enum StoreError {
     /// No spectrum of a database can be reused, because its nodes differ in more than the
     /// values of the axes.
     #[error(
-        "no spectra of {} can be reused: it was made with {key} = {stored}, not {requested}; only the values of the axes may differ", .path.display()
+        "no spectra of {} can be reused: it was made with {key} = {stored}, not {requested}; only the values of the axes may differ; leave this --from out", .path.display()
     )]
     OtherNodes {
         /// The database.
@@ -126,7 +126,7 @@ pub enum StoreError {
         requested: String,
     },
     /// An array or a metadata file of the database is damaged.
-    #[error("{} is damaged: {reason}", .path.display())]
+    #[error("{} is damaged: {reason}; restore it from a copy, or build the database again with --fresh", .path.display())]
     Damaged {
         /// The damaged array or file.
         path: PathBuf,
@@ -134,7 +134,7 @@ pub enum StoreError {
         reason: String,
     },
     /// The spectra to store do not fit the job.
-    #[error("job {job}: {reason}")]
+    #[error("job {job}: {reason}; this is a bug in splitsnow, please report it")]
     Spectra {
         /// The job.
         job: u64,
@@ -145,7 +145,7 @@ pub enum StoreError {
     #[error(transparent)]
     Grid(#[from] GridError),
     /// The Zarr library failed.
-    #[error("cannot store {name} as Zarr: {reason}")]
+    #[error("cannot store {name} as Zarr: {reason}; check the disk and run the same command again")]
     Zarr {
         /// The array or file.
         name: String,

@@ -127,7 +127,7 @@ fn missing_unknown_and_outside_conditions_are_refused_by_name() {
     assert!(error(&[(CARBON, 5.0)]).contains("give a value of temperature_c from -20 to 0"));
     assert_eq!(
         error(&[(CARBON, 100.1), (TEMPERATURE, 0.0)]),
-        "black_carbon_ng_g = 100.1 is outside the database, which covers 0 to 100"
+        "black_carbon_ng_g = 100.1 is outside the database, which covers 0 to 100; give a value in this range, or build a database with a longer axis"
     );
     assert!(
         error(&[(CARBON, f64::NAN), (TEMPERATURE, 0.0)])

@@ -218,7 +218,7 @@ fn nodes_are_found_and_other_points_are_refused() {
             .spectrum(between, Quantity::Reflectance)
             .unwrap_err()
             .to_string(),
-        "thickness_cm = 10 lies between the nodes 1.5 and 50 of the database; this look-up answers at nodes only, use the method `smooth` to interpolate"
+        "thickness_cm = 10 lies between the nodes 1.5 and 50 of the database; this look-up answers at nodes only; use the method `smooth` to interpolate"
     );
     let outside = point.with(Parameter::Incidence, 89.5);
     assert_eq!(
@@ -226,7 +226,7 @@ fn nodes_are_found_and_other_points_are_refused() {
             .spectrum(outside, Quantity::Reflectance)
             .unwrap_err()
             .to_string(),
-        "incidence_angle_deg = 89.5 is outside the database, which covers 0 to 89"
+        "incidence_angle_deg = 89.5 is outside the database, which covers 0 to 89; give a value in this range, or build a database with a longer axis"
     );
 }
 

@@ -64,7 +64,7 @@ pub const COMPACT: &str = "snow.safetensors";
 #[non_exhaustive]
 pub enum LookupError {
     /// The file could not be read.
-    #[error("cannot read {}: {source}", path.display())]
+    #[error("cannot read {}: {source}; give a compact file, or the output directory of `splitsnow build` or `tailor`", path.display())]
     Io {
         /// The file.
         path: PathBuf,
@@ -72,13 +72,13 @@ pub enum LookupError {
         source: io::Error,
     },
     /// The directory has no compact file.
-    #[error("no {COMPACT} in {}; `splitsnow build` writes it once all jobs are done", path.display())]
+    #[error("no {COMPACT} in {}; run `splitsnow build`, which writes it once all jobs are done", path.display())]
     NoCompactFile {
         /// The directory.
         path: PathBuf,
     },
     /// The file is not a compact file that this version can read.
-    #[error("{} cannot be used as a compact snow database: {source}", path.display())]
+    #[error("{} cannot be used as a compact snow database: {source}; give a file that `splitsnow build` or `tailor` wrote, or write it again", path.display())]
     Format {
         /// The file.
         path: PathBuf,
@@ -86,7 +86,9 @@ pub enum LookupError {
         source: FormatError,
     },
     /// A coordinate outside the range of its axis.
-    #[error("{axis} = {value} is outside the database, which covers {first} to {last}")]
+    #[error(
+        "{axis} = {value} is outside the database, which covers {first} to {last}; give a value in this range, or build a database with a longer axis"
+    )]
     Outside {
         /// Name of the axis.
         axis: &'static str,
@@ -99,7 +101,7 @@ pub enum LookupError {
     },
     /// A coordinate between two nodes.
     #[error(
-        "{axis} = {value} lies between the nodes {below} and {above} of the database; this look-up answers at nodes only, use the method `smooth` to interpolate"
+        "{axis} = {value} lies between the nodes {below} and {above} of the database; this look-up answers at nodes only; use the method `smooth` to interpolate"
     )]
     BetweenNodes {
         /// Name of the axis.
@@ -153,7 +155,7 @@ pub enum LookupError {
         least_cm: Option<f64>,
     },
     /// The file does not hold the requested quantity.
-    #[error("the compact file has no {}, it has {} only", missing.name(), stored.name())]
+    #[error("the compact file has no {}, it has {} only; ask for that, or make a file with both", missing.name(), stored.name())]
     NoQuantity {
         /// The requested quantity.
         missing: Quantity,

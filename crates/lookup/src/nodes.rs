@@ -77,7 +77,7 @@ mod tests {
         let error = find("facetness", &NODES, 0.2).unwrap_err();
         assert_eq!(
             error.to_string(),
-            "facetness = 0.2 lies between the nodes 0.1 and 0.3 of the database; this look-up answers at nodes only, use the method `smooth` to interpolate"
+            "facetness = 0.2 lies between the nodes 0.1 and 0.3 of the database; this look-up answers at nodes only; use the method `smooth` to interpolate"
         );
         for outside in [-0.1, 0.6, f64::INFINITY, f64::NEG_INFINITY, f64::NAN] {
             let error = find("facetness", &NODES, outside).unwrap_err();

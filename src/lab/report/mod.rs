@@ -44,7 +44,7 @@ pub enum ReportError {
     #[error("cannot make a table: {0}")]
     Table(#[from] ::csv::Error),
     /// The file system reported an error.
-    #[error("cannot write {}: {source}", path.display())]
+    #[error("cannot write {}: {source}; check the path, its permissions and its disk, or choose another", path.display())]
     Io {
         /// Path of the file.
         path: PathBuf,

@@ -22,7 +22,7 @@ pub enum TradeoffError {
     Config(#[from] ConfigError),
     /// Two samples have the same name.
     #[error(
-        "two sample files are named {name}; samples are identified by their file names, so rename one"
+        "two sample files are named {name}; samples are identified by their file names; rename one"
     )]
     SameName {
         /// The common name.
@@ -39,7 +39,7 @@ pub enum TradeoffError {
         source: EngineError,
     },
     /// A truth could not be stored.
-    #[error("cannot write {}: {source}", path.display())]
+    #[error("cannot write {}: {source}; check the path, its permissions and its disk, or choose another", path.display())]
     Io {
         /// Path of the file or folder.
         path: PathBuf,

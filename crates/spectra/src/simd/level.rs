@@ -72,7 +72,7 @@ impl fmt::Display for LevelError {
         let names: Vec<_> = Level::supported().map(Level::name).collect();
         write!(
             f,
-            "{VARIABLE} = {:?} is not an instruction set of this processor, which supports: {}",
+            "{VARIABLE} = {:?} is not an instruction set of this processor, which supports: {}; set it to one of these, or unset it",
             self.asked,
             names.join(", ")
         )
