@@ -112,18 +112,23 @@ impl Format {
 
     /// Whether the format holds all nodes.
     fn is_table(self) -> bool {
-        matches!(self.extension(), "nc" | "csv" | "npz")
+        match self {
+            #[cfg(feature = "netcdf")]
+            Self::Netcdf => true,
+            Self::Csv => true,
+            #[cfg(feature = "npz")]
+            Self::Npz => true,
+            Self::Spd => false,
+            #[cfg(feature = "charts")]
+            Self::Png | Self::Svg => false,
+        }
     }
 }
 
 pub(super) fn run(args: &Args) -> anyhow::Result<()> {
     args.check()?;
     let spinner = Spinner::new("exporting");
-    let bytes = if args.format.is_table() {
-        args.table_bytes(args.table()?)?
-    } else {
-        args.lookup_bytes()?
-    };
+    let bytes = args.bytes()?;
     let out = args.out()?;
     atomic::write(&out, &bytes).map_err(|error| common::cannot_write(&out, error))?;
     drop(spinner);
@@ -137,19 +142,23 @@ impl Args {
         self.format.extension() == "nc" && self.layout == Some(Layout::Crtm)
     }
 
-    /// The table in a format that holds all nodes.
-    fn table_bytes(&self, table: Table) -> anyhow::Result<Vec<u8>> {
-        #[cfg(feature = "netcdf")]
-        if self.is_crtm() {
-            return Ok(export::crtm(self.point.cut(table)?)?);
-        }
-        let table = &table.with_layout(self.layout.unwrap_or(Layout::Database));
+    /// The contents of the file to write.
+    fn bytes(&self) -> anyhow::Result<Vec<u8>> {
+        let layout = self.layout.unwrap_or(Layout::Database);
+        let quantity = self.quantity.unwrap_or(Quantity::Transmittance);
         Ok(match self.format {
             #[cfg(feature = "netcdf")]
-            Format::Netcdf => export::netcdf(table)?,
+            Format::Netcdf if self.is_crtm() => export::crtm(self.point.cut(self.table()?)?)?,
+            #[cfg(feature = "netcdf")]
+            Format::Netcdf => export::netcdf(&self.table()?.with_layout(layout))?,
+            Format::Csv => export::csv(&self.table()?.with_layout(layout)).into_bytes(),
             #[cfg(feature = "npz")]
-            Format::Npz => export::npz(table)?,
-            _ => export::csv(table).into_bytes(),
+            Format::Npz => export::npz(&self.table()?.with_layout(layout))?,
+            Format::Spd => self.spectrum(quantity)?,
+            #[cfg(feature = "charts")]
+            Format::Png => self.patches(quantity)?.png()?,
+            #[cfg(feature = "charts")]
+            Format::Svg => self.patches(quantity)?.svg()?.into_bytes(),
         })
     }
 
@@ -202,18 +211,6 @@ impl Args {
 
     fn compact(&self) -> anyhow::Result<Database> {
         Ok(Database::open(&self.file)?)
-    }
-
-    /// A spectrum or patches of colour, looked up in the compact file.
-    fn lookup_bytes(&self) -> anyhow::Result<Vec<u8>> {
-        let quantity = self.quantity.unwrap_or(Quantity::Transmittance);
-        match self.format {
-            #[cfg(feature = "charts")]
-            Format::Png => Ok(self.patches(quantity)?.png()?),
-            #[cfg(feature = "charts")]
-            Format::Svg => Ok(self.patches(quantity)?.svg()?.into_bytes()),
-            _ => self.spectrum(quantity),
-        }
     }
 
     /// The colours of the compact file at the given point, for all thicknesses or the given one.

@@ -2,8 +2,7 @@
 //!
 //! The records are the single source for config keys and their limits, attributes of Zarr
 //! and NetCDF files, tensors of the compact file, command-line options and coordinates of
-//! look-ups. A new axis needs one variant with its record, and its effect on the snow
-//! (`Fixed::at` of the root crate).
+//! look-ups. ARCHITECTURE.md ("How to extend") says what else a new axis needs.
 mod axes;
 mod point;
 mod scale;
