@@ -5,7 +5,7 @@ use std::sync::atomic::{AtomicBool, AtomicU64};
 
 use criterion::{Criterion, Throughput, criterion_group, criterion_main};
 use splitsnow::engine::{Cache, Control, Engine, MaxError, Request, Resolution};
-use splitsnow::grain::{GrainType, Shape, SizeRange, Surface, TruncatedNormal};
+use splitsnow::grain::{Facets, GrainType, Shape, SizeRange, Surface, TruncatedNormal};
 use splitsnow::math::Vec3;
 use splitsnow::optics::{IceTable, Index};
 use splitsnow::rng::{Key, Stream};
@@ -30,7 +30,7 @@ fn representative() -> Snow {
             size: SizeRange::new(300e-6, 750e-6).unwrap(),
             facetness: TruncatedNormal::new(0.2, 0.4, 0.3, 0.072).unwrap(),
             shape: Shape::Spheroid,
-            sphericity: TruncatedNormal::new(0.6, 0.95, 0.798, 0.064).unwrap(),
+            proportion: TruncatedNormal::new(0.6, 0.95, 0.798, 0.064).unwrap(),
         },
         275.0,
         -1.0,
@@ -95,7 +95,7 @@ fn grain_event(c: &mut Criterion) {
     // one of the eight parts of a table
     let outcomes = draw(
         &snow.grains[0].grain,
-        Entry::Uniform,
+        (Entry::Uniform, Facets::default()),
         air,
         1 << 17,
         stream(),

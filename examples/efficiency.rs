@@ -26,7 +26,7 @@ fn main() {
             size: SizeRange::new(300e-6, 750e-6).unwrap(),
             facetness: TruncatedNormal::new(0.2, 0.4, 0.3, 0.072).unwrap(),
             shape: Shape::Spheroid,
-            sphericity: TruncatedNormal::new(0.6, 0.95, 0.798, 0.064).unwrap(),
+            proportion: TruncatedNormal::new(0.6, 0.95, 0.798, 0.064).unwrap(),
         },
         275.0,
         -1.0,

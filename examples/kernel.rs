@@ -56,7 +56,8 @@ fn main() -> anyhow::Result<()> {
             purpose: [11, 0, 0],
             batch: 0,
         });
-        let outcomes = draw(grain, sample.model.entry, air, EVENTS, stream);
+        let event = (sample.model.entry, sample.model.facets);
+        let outcomes = draw(grain, event, air, EVENTS, stream);
         let kernel = Kernel::new(&outcomes, MOMENTS);
         let per_m = 4.0e9 * std::f64::consts::PI * ice.k / nm;
         let event = kernel.event(size_m, per_m);

@@ -56,7 +56,7 @@ fn transmittances(wavelengths_nm: &[f64]) -> Result<Vec<Vec<f64>>> {
             size: SizeRange::new(um_to_m(350.0), um_to_m(450.0))?,
             facetness: TruncatedNormal::new(0.2, 0.4, 0.3, 0.072)?,
             shape: Shape::Spheroid,
-            sphericity: TruncatedNormal::new(0.6, 0.95, 0.798, 0.064)?,
+            proportion: TruncatedNormal::new(0.6, 0.95, 0.798, 0.064)?,
         },
         300.0,
         -1.0,

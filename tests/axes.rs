@@ -265,7 +265,7 @@ fn the_canonical_config_describes_the_same_grid() {
         (surface.temperature_c, surface.water_saturation),
         (-1.0, 0.05)
     );
-    assert_eq!(surface.grains[0].grain.sphericity.mean(), 0.9);
+    assert_eq!(surface.grains[0].grain.proportion.mean(), 0.9);
     let core_axes = grid(&GRID.replace(
         "black_carbon_ng_g = [0, 100]\nwater_saturation = [0, 0.05]\n",
         "",

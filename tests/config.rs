@@ -15,11 +15,11 @@ use proptest::prelude::*;
 use splitsnow::colour::{ColourDifference, Illuminant, Viewing};
 use splitsnow::config::{grid, sample, scene, schema, study};
 use splitsnow::engine::Engine;
-use splitsnow::grain::{SizeLaw, SizeMeasure, specific_surface_m2_kg};
+use splitsnow::grain::{Facets, Shape, SizeLaw, SizeMeasure, specific_surface_m2_kg};
 use splitsnow::measurement::Quantity;
 use splitsnow::optics::{Carbon, CarbonLaw, ImpurityMass, ice_density_kg_m3};
 use splitsnow::parameter::{Parameter, Region};
-use splitsnow::transport::{Illumination, Joining, Substrate};
+use splitsnow::transport::{Entry, Illumination, Joining, Substrate};
 
 fn root() -> &'static Path {
     Path::new(env!("CARGO_MANIFEST_DIR"))
@@ -413,7 +413,7 @@ facetness = { min = 0.2, max = 0.4, mean = 0.3, sd = 0.072 }
     assert_eq!(file.snowpack.surface.temperature_c, -1.0);
     assert_eq!(file.snowpack.surface.water_saturation, 0.0);
     assert_eq!(
-        file.snowpack.surface.grains[0].grain.sphericity.mean(),
+        file.snowpack.surface.grains[0].grain.proportion.mean(),
         0.798
     );
     assert_eq!(file.thickness_m, 0.25);
@@ -843,6 +843,76 @@ fn the_size_law_applies_to_all_grains() {
     let scene = format!("{SCENE}[model]\nsize_law = \"consistent\"\n");
     let scene = scene::parse("s.toml", &scene).unwrap().scene;
     assert_eq!(scene.spread.size_law, SizeLaw::Consistent);
+}
+
+/// A preset gives the model options that the file does not have.
+#[test]
+fn presets_choose_the_options_that_are_not_given() {
+    let options = |model: &str| {
+        let start = SAMPLE.find("[model]").unwrap();
+        let text = format!("{}[model]\n{model}", &SAMPLE[..start]);
+        let file = sample::parse("s.toml", &text).unwrap();
+        let again = sample::parse("s.toml", file.to_toml()).unwrap();
+        assert_eq!(
+            (&again.model, &again.snowpack),
+            (&file.model, &file.snowpack)
+        );
+        let law = file.snowpack.surface.grains[0].grain.size.law();
+        (file.model.entry, file.model.facets, law)
+    };
+    let published = (Entry::Uniform, Facets::Varsa2025, SizeLaw::Varsa2025);
+    let measured = (Entry::Projected, Facets::VGroove, SizeLaw::Consistent);
+    assert_eq!(options(""), published);
+    assert_eq!(options("preset = \"varsa2025\""), published);
+    assert_eq!(options("preset = \"measured\""), measured);
+    assert_eq!(
+        options("preset = \"measured\"\nentry = \"uniform\"\nsize_law = \"varsa2025\""),
+        (Entry::Uniform, Facets::VGroove, SizeLaw::Varsa2025)
+    );
+    assert_eq!(
+        options("facets = \"visible\""),
+        (Entry::Uniform, Facets::Visible, SizeLaw::Varsa2025)
+    );
+    let grid = format!("{GRID}[model]\npreset = \"measured\"\n");
+    let grid = grid::parse("g.toml", &grid).unwrap().grid;
+    assert_eq!(grid.fixed.model.facets, Facets::VGroove);
+    assert_eq!(grid.spread.size_law, SizeLaw::Consistent);
+    assert_eq!(grid::parse("g.toml", &grid.to_config()).unwrap().grid, grid);
+}
+
+/// Shapes are read, written and applied to all nodes of a grid, and convert optical radii.
+#[test]
+fn shapes_are_read_and_written() {
+    let usual = "sphericity = { min = 0.6, max = 0.95, mean = 0.798, sd = 0.064 }";
+    let plates = "aspect_ratio = { min = 0.1, max = 0.3, mean = 0.2, sd = 0.05 }";
+    for (shape, keys) in [
+        (Shape::Oblate, format!("shape = \"oblate\"\n{usual}")),
+        (Shape::Hexagonal, format!("shape = \"hexagonal\"\n{plates}")),
+    ] {
+        let text = SAMPLE.replace(usual, &keys);
+        let file = sample::parse("s.toml", &text).unwrap();
+        let again = sample::parse("s.toml", file.to_toml()).unwrap();
+        assert_eq!(again.snowpack, file.snowpack);
+        let grain = file.snowpack.surface.grains[0].grain;
+        let mean = if shape == Shape::Oblate { 0.798 } else { 0.2 };
+        assert_eq!((grain.shape, grain.proportion.mean()), (shape, mean));
+
+        let text = GRID
+            .replace(usual, &keys)
+            .replace(
+                "grain_size_um = [100, 300, 500]",
+                "optical_radius_um = [100, 300]",
+            )
+            .replace("thickness_cm = [1,", "thickness_cm = [4,")
+            .replace("2, 5]", "5, 6]");
+        let grid = grid::parse("g.toml", &text).unwrap().grid;
+        assert_eq!(grid::parse("g.toml", &grid.to_config()).unwrap().grid, grid);
+        let job = grid.job(&grid.jobs().unwrap(), 0).unwrap();
+        let grain = job.snowpack.surface.grains[0].grain;
+        assert_eq!(grain.shape, shape);
+        let ssa = specific_surface_m2_kg(&grain, -1.0);
+        assert!((3e6 / (ssa * ice_density_kg_m3(-1.0)) - 100.0).abs() < 1e-9);
+    }
 }
 
 proptest! {

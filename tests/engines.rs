@@ -12,7 +12,9 @@ use std::sync::atomic::{AtomicBool, AtomicU64};
 use crate::naive::{self, Naive};
 use nalgebra::Complex;
 use splitsnow::engine::{Cache, Control, Engine, MaxError, Request, Resolution};
-use splitsnow::grain::{GrainType, Shape, SizeRange, TruncatedNormal, mean_free_distance_m};
+use splitsnow::grain::{
+    Facets, GrainType, Shape, SizeRange, TruncatedNormal, mean_free_distance_m,
+};
 use splitsnow::measurement::{Measured, Spectrum};
 use splitsnow::optics::Carbon;
 use splitsnow::transport::{
@@ -31,7 +33,7 @@ fn snow(size: [f64; 2], f: naive::Law, psi: naive::Law, density: f64, saturation
                 size: SizeRange::new(size[0] * 1e-6, size[1] * 1e-6).unwrap(),
                 facetness: law(f),
                 shape: Shape::Spheroid,
-                sphericity: law(psi),
+                proportion: law(psi),
             },
             density,
             -1.0,
@@ -55,6 +57,7 @@ struct Case {
     illumination: Illumination,
     thickness_m: f64,
     entry: Entry,
+    facets: Facets,
 }
 
 /// Three layers: a wet, sooty surface, a layer thinner than its grains, and a dry base with
@@ -109,6 +112,15 @@ fn mixture() -> Snow {
     }
 }
 
+/// `snow` with grains of another shape.
+fn shaped(shape: Shape, [min, max, mean, sd]: [f64; 4], snow: &Snow) -> Snow {
+    let mut snow = snow.clone();
+    let grain = &mut snow.grains[0].grain;
+    grain.shape = shape;
+    grain.proportion = TruncatedNormal::new(min, max, mean, sd).unwrap();
+    snow
+}
+
 /// The cases to compare. They include the corners of the parameter space. Coarse grains
 /// in thin slabs keep the walks short.
 fn cases() -> Vec<Case> {
@@ -118,6 +130,7 @@ fn cases() -> Vec<Case> {
         illumination,
         thickness_m,
         entry: Entry::Uniform,
+        facets: Facets::Varsa2025,
     };
     let representative = &snow([300.0, 750.0], FACETNESS, SPHERICITY, 275.0, 0.0);
     let sooty = Snow {
@@ -196,6 +209,52 @@ fn cases() -> Vec<Case> {
             entry: Entry::Projected,
             ..case("projected entry", representative, angle(50.0), 0.01)
         },
+        Case {
+            facets: Facets::Visible,
+            ..case("visible facets", representative, angle(50.0), 0.01)
+        },
+        Case {
+            entry: Entry::Projected,
+            facets: Facets::VGroove,
+            ..case("V-grooves", representative, angle(50.0), 0.01)
+        },
+        Case {
+            facets: Facets::VGroove,
+            ..case(
+                "deep V-grooves in water",
+                &snow([100.0, 200.0], [0.7, 0.9, 0.8, 0.1], SPHERICITY, 275.0, 0.3),
+                angle(0.0),
+                0.003,
+            )
+        },
+        Case {
+            entry: Entry::Projected,
+            ..case(
+                "hexagonal columns",
+                &shaped(Shape::Hexagonal, [1.0, 3.0, 2.0, 0.5], representative),
+                angle(30.0),
+                0.01,
+            )
+        },
+        Case {
+            entry: Entry::Projected,
+            facets: Facets::VGroove,
+            ..case(
+                "wet hexagonal plates",
+                &Snow {
+                    water_saturation: 0.1,
+                    ..shaped(Shape::Hexagonal, [0.1, 0.3, 0.2, 0.05], representative)
+                },
+                angle(60.0),
+                0.01,
+            )
+        },
+        case(
+            "oblate",
+            &shaped(Shape::Oblate, [0.4, 0.7, 0.5, 0.1], representative),
+            angle(50.0),
+            0.01,
+        ),
         case("mixture", &mixture(), angle(40.0), 0.01),
         case("sooty", &sooty, angle(0.0), 0.01),
         Case {
@@ -257,6 +316,7 @@ fn run_all(
 ) -> Vec<Spectrum> {
     let model = Model {
         entry: case.entry,
+        facets: case.facets,
         ..Model::default()
     };
     let request = Request {
@@ -317,7 +377,8 @@ fn naive_layer(layer: &Layer, nm: f64) -> naive::Layer {
     let grain = |Component { fraction, grain }: &Component| naive::Grain {
         size_m: [grain.size.min_m(), grain.size.max_m()],
         facetness: law(grain.facetness),
-        sphericity: law(grain.sphericity),
+        shape: grain.shape,
+        proportion: law(grain.proportion),
         distance_m: mean_free_distance_m(grain, *density_kg_m3, -1.0) / fraction,
     };
     let mut soot_per_m = [0.0; 2];
@@ -369,6 +430,7 @@ fn compare_reference_with_naive(rays: u64, reference_rays: u64) {
                     Illumination::Diffuse => None,
                 },
                 projected: case.entry == Entry::Projected,
+                facets: case.facets,
                 substrate: case.snowpack.substrate.reflectance(nm).unwrap(),
             };
             let [reflected, transmitted, lost] = naive.run(rays, i as u64);
@@ -473,6 +535,7 @@ fn random_termination_of_walks_is_unbiased() {
         illumination: angle(0.0),
         thickness_m: 0.04,
         entry: Entry::Uniform,
+        facets: Facets::Varsa2025,
     };
     let spectral = run(Engine::Spectral, &case, &[1270.0], 1_000_000, 21);
     let reference = run(Engine::Reference, &case, &[1270.0], 1_000_000, 22);
@@ -492,6 +555,7 @@ fn bias_of_index_nodes_is_below_the_noise() {
         illumination: angle(0.0),
         thickness_m: 0.02,
         entry: Entry::Uniform,
+        facets: Facets::Varsa2025,
     };
     let visible: Vec<f64> = (40..=70).map(|l| f64::from(l) * 10.0).collect();
     let interpolated = run(Engine::Spectral, &case, &visible, 1_500_000, 11);

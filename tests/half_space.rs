@@ -13,7 +13,7 @@ fn snow(size_um: [f64; 2], facetness: f64, sphericity: f64, density_kg_m3: f64) 
         size: SizeRange::new(size_um[0] * 1e-6, size_um[1] * 1e-6).unwrap(),
         facetness: constant(facetness),
         shape: Shape::Spheroid,
-        sphericity: constant(sphericity),
+        proportion: constant(sphericity),
     };
     Snow::dry(grain, density_kg_m3, -1.0)
 }

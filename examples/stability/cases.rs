@@ -36,7 +36,7 @@ pub(crate) fn snow(size_um: [f64; 2], facetness: Law, sphericity: Law, density_k
             size: SizeRange::new(size_um[0] * 1e-6, size_um[1] * 1e-6).unwrap(),
             facetness: law(facetness),
             shape: Shape::Spheroid,
-            sphericity: law(sphericity),
+            proportion: law(sphericity),
         },
         density_kg_m3,
         -1.0,

@@ -327,7 +327,7 @@ fn large_table(case: &Case, rays: u64) -> f64 {
     let [surface, _] = Surface::in_air_and_water(ice, air, false);
     let outcomes = draw(
         &case.snowpack.surface.grains[0].grain,
-        case.model.entry,
+        (case.model.entry, case.model.facets),
         surface,
         ENTRIES,
         stream(0),

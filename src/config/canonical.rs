@@ -66,6 +66,7 @@ impl Writer {
         };
         self.header("[model]");
         self.text("entry", model.entry.name());
+        self.text("facets", model.facets.name());
         self.text("size_law", size_law.name());
         self.text("layers", model.joining.name());
         self.text("carbon_law", model.carbon_law.name());
@@ -90,11 +91,17 @@ impl Writer {
             self.header("[[layer.grain]]");
             self.number("fraction", component.fraction);
             let law = grain.size.law();
-            let sizes = sizes_um(keys, law, grain.sphericity, snow.temperature_c);
+            let shape = (grain.shape, grain.proportion);
+            let sizes = sizes_um(keys, law, shape, snow.temperature_c);
             let [min, max] = sizes;
             self.value("size_um", &SizeSettings { min, max });
             self.law("facetness", &grain.facetness);
-            self.law("sphericity", &grain.sphericity);
+            self.text("shape", grain.shape.name());
+            let proportion = match grain.shape.has_aspect_ratio() {
+                true => "aspect_ratio",
+                false => "sphericity",
+            };
+            self.law(proportion, &grain.proportion);
         }
         for (name, carbon) in [
             ("black_carbon", &snow.black_carbon),

@@ -3,7 +3,7 @@ use std::path::Path;
 
 use crate::colour::Viewing;
 use crate::engine::{Engine, MaxError};
-use crate::grain::{Shape, SizeConversion, SizeMeasure};
+use crate::grain::{SizeConversion, SizeMeasure};
 use crate::grid::{Compression, Fixed, Grid, Run, SizeAxis, Spread, why_absent};
 use crate::parameter::{Axes, Parameter};
 
@@ -12,7 +12,7 @@ use super::document::{Document, read_text};
 use super::error::{ConfigError, Problem};
 use super::keys::{FixedKeys, GridKeys, RunKeys, SIZE_UM};
 use super::shared::{
-    choose, covered, increasing, law, model, one_size, size_law, viewing, wavelengths,
+    choose, covered, increasing, model, one_size, shape, size_law, viewing, wavelengths,
 };
 use super::snow::{
     fixed, fixed_or_axis, longest_grain, remark_axis, remark_sizes, remark_smooth, remark_spread,
@@ -204,15 +204,20 @@ fn axes(
     }
     let mut size_axis = None;
     if let Some(measure) = measure {
-        let s = &fixed.sphericity;
-        let shape = SizeConversion {
+        let keys = (
+            fixed.shape.as_str(),
+            &fixed.sphericity,
+            fixed.aspect_ratio.as_ref(),
+        );
+        let (shape, proportion) = shape(document, "fixed", keys)?;
+        let conversion = SizeConversion {
             half_width_um: spread.grain_size_half_width_um,
             size_law: spread.size_law,
-            shape: Shape::default(),
-            sphericity: law(document, "fixed.sphericity", (s.min, s.max, s.mean, s.sd))?,
+            shape,
+            proportion,
             temperature_c: fixed.temperature_c,
         };
-        axes.set(Parameter::GrainSize, measure.sizes_um(&given, &shape));
+        axes.set(Parameter::GrainSize, measure.sizes_um(&given, &conversion));
         size_axis = Some(SizeAxis {
             measure,
             values: given,

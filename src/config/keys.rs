@@ -10,7 +10,7 @@ use serde::Deserialize;
 use super::axis_keys::AxesKeys;
 use crate::colour::{ColourDifference, Illuminant, IlluminantSpec, Viewing};
 use crate::engine::Engine;
-use crate::grain::SizeLaw;
+use crate::grain::{Facets, Shape, SizeLaw};
 use crate::grid::Spread;
 use crate::optics::{CarbonLaw, IceTable, ImpurityMass, MODEL_RANGE_NM};
 use crate::parameter::Parameter;
@@ -42,14 +42,38 @@ pub(super) const MAX_CARBON: f64 = limits(Parameter::BlackCarbon).1;
 pub(super) const SIZE_UM: (f64, f64) = limits(Parameter::GrainSize);
 /// Largest finite thickness, cm; above it only the half space is allowed.
 pub(super) const MAX_THICKNESS_CM: f64 = limits(Parameter::Thickness).1;
+/// Limits of the aspect ratio of prisms.
+pub(super) const ASPECT_RATIO: (f64, f64) = (0.02, 50.0);
 /// Largest optical radius, um: the radius of spheres of the largest grain size.
 pub(super) const MAX_OPTICAL_RADIUS_UM: f64 = 3000.0;
 /// Largest specific surface area, m2/kg.
 pub(super) const MAX_SSA_M2_KG: f64 = 10_000.0;
 
+/// Model options that a preset sets.
+pub(super) type Preset = (Entry, Facets, SizeLaw);
+pub(super) const PRESETS: [(&str, Preset); 2] = [
+    (
+        "varsa2025",
+        (Entry::Uniform, Facets::Varsa2025, SizeLaw::Varsa2025),
+    ),
+    (
+        "measured",
+        (Entry::Projected, Facets::VGroove, SizeLaw::Consistent),
+    ),
+];
 pub(super) const ENTRIES: [(&str, Entry); 2] = [
     (Entry::Uniform.name(), Entry::Uniform),
     (Entry::Projected.name(), Entry::Projected),
+];
+pub(super) const FACETS: [(&str, Facets); 3] = [
+    (Facets::Varsa2025.name(), Facets::Varsa2025),
+    (Facets::Visible.name(), Facets::Visible),
+    (Facets::VGroove.name(), Facets::VGroove),
+];
+pub(super) const SHAPES: [(&str, Shape); 3] = [
+    (Shape::Spheroid.name(), Shape::Spheroid),
+    (Shape::Oblate.name(), Shape::Oblate),
+    (Shape::Hexagonal.name(), Shape::Hexagonal),
 ];
 pub(super) const SIZE_LAWS: [(&str, SizeLaw); 2] = [
     (SizeLaw::Varsa2025.name(), SizeLaw::Varsa2025),
@@ -179,7 +203,7 @@ pub(super) struct LayerKeys {
     pub(super) brown_carbon: Option<CarbonKeys>,
 }
 
-/// One grain type: the distributions of its size, facetness and sphericity.
+/// One grain type: the distributions of its size, facetness and shape.
 #[derive(Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 #[schemars(extend("oneOf" = [
@@ -201,8 +225,18 @@ pub(super) struct GrainKeys {
     #[schemars(range(max = MAX_SSA_M2_KG), extend("exclusiveMinimum" = 0.0))]
     pub(super) ssa_m2_kg: Option<f64>,
     pub(super) facetness: FacetnessKeys,
+    /// Shape of the grains: prolate spheroids (`spheroid`), oblate ones (`oblate`), or
+    /// hexagonal columns and plates (`hexagonal`).
+    #[serde(default = "default_shape")]
+    #[schemars(extend("enum" = names(&SHAPES)))]
+    pub(super) shape: String,
     #[serde(default)]
     pub(super) sphericity: SphericityKeys,
+    pub(super) aspect_ratio: Option<AspectRatioKeys>,
+}
+
+fn default_shape() -> String {
+    Shape::default().name().to_owned()
 }
 
 /// Grain size (full length of the major axis), um, drawn uniformly in [min, max].
@@ -263,6 +297,26 @@ impl Default for SphericityKeys {
             sd: 0.064,
         }
     }
+}
+
+/// Aspect ratio of hexagonal prisms, height / diameter: a normal distribution truncated to
+/// [min, max]. Below 1 they are plates, above it columns. Only with the shape `hexagonal`,
+/// which requires it and has no sphericity.
+#[derive(Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields)]
+pub(super) struct AspectRatioKeys {
+    /// Smallest aspect ratio.
+    #[schemars(range(min = ASPECT_RATIO.0, max = ASPECT_RATIO.1))]
+    pub(super) min: f64,
+    /// Largest aspect ratio.
+    #[schemars(range(min = ASPECT_RATIO.0, max = ASPECT_RATIO.1))]
+    pub(super) max: f64,
+    /// Mean of the normal distribution before truncation; must be in [min, max].
+    #[schemars(range(min = ASPECT_RATIO.0, max = ASPECT_RATIO.1))]
+    pub(super) mean: f64,
+    /// Standard deviation of the normal distribution before truncation.
+    #[schemars(range(min = 0.0, max = 10.0))]
+    pub(super) sd: f64,
 }
 
 /// Light-absorbing carbon in the snow.
@@ -339,10 +393,21 @@ fn reflectance(_: &mut schemars::SchemaGenerator) -> schemars::Schema {
 #[derive(Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields, default)]
 pub(super) struct ModelKeys {
+    /// Values of `entry`, `facets` and `size_law` where these keys are not given: as published
+    /// (`varsa2025`: uniform, varsa2025, varsa2025), or those that agree best with measured
+    /// directions (`measured`: projected, v_groove, consistent).
+    #[schemars(extend("enum" = names(&PRESETS)))]
+    pub(super) preset: String,
     /// Distribution of the points where rays enter a grain: uniform over the surface
-    /// that faces the ray (`uniform`), or over the projected area (`projected`).
+    /// that faces the ray (`uniform`), or over the projected area, with which attitudes are
+    /// weighted too (`projected`): exact for randomly placed grains.
     #[schemars(extend("enum" = names(&ENTRIES)))]
     pub(super) entry: String,
+    /// Which facets of a grain a ray meets: any that faces it (`varsa2025`), in proportion
+    /// to the area that the ray sees (`visible`), or the sides of V-grooves, with further
+    /// hits inside the groove (`v_groove`), which alone conserves etendue.
+    #[schemars(extend("enum" = names(&FACETS)))]
+    pub(super) facets: String,
     /// How often a ray meets grains of each size in a size range: as published
     /// (`varsa2025`), where a ray crosses more ice per metre than the density holds, or
     /// such that the ice per metre agrees with the density (`consistent`).
@@ -373,7 +438,9 @@ pub(super) struct ModelKeys {
 impl Default for ModelKeys {
     fn default() -> Self {
         Self {
-            entry: "uniform".to_owned(),
+            preset: PRESETS[0].0.to_owned(),
+            entry: Entry::default().name().to_owned(),
+            facets: Facets::default().name().to_owned(),
             size_law: SizeLaw::default().name().to_owned(),
             layers: "continuous".to_owned(),
             carbon_law: "power".to_owned(),
@@ -495,7 +562,12 @@ impl Default for SpreadKeys {
 #[serde(deny_unknown_fields, default)]
 #[schemars(extend("not" = { "required": ["water_saturation", "water_fraction"] }))]
 pub(super) struct FixedKeys {
+    /// Shape of the grains: prolate spheroids (`spheroid`), oblate ones (`oblate`), or
+    /// hexagonal columns and plates (`hexagonal`).
+    #[schemars(extend("enum" = names(&SHAPES)))]
+    pub(super) shape: String,
     pub(super) sphericity: SphericityKeys,
+    pub(super) aspect_ratio: Option<AspectRatioKeys>,
     /// Temperature, degrees Celsius.
     #[schemars(range(min = TEMPERATURE_C.0, max = TEMPERATURE_C.1))]
     pub(super) temperature_c: f64,
@@ -519,7 +591,9 @@ pub(super) struct FixedKeys {
 impl Default for FixedKeys {
     fn default() -> Self {
         Self {
+            shape: default_shape(),
             sphericity: SphericityKeys::default(),
+            aspect_ratio: None,
             temperature_c: default_temperature_c(),
             water_saturation: None,
             water_fraction: None,

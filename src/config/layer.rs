@@ -15,7 +15,7 @@ use super::error::{ConfigError, Problem};
 use super::keys::{
     CONCENTRATIONS, CarbonKeys, DENSITY_KG_M3, GrainKeys, LayerKeys, ReflectanceKeys, SubstrateKeys,
 };
-use super::shared::{exclusive, law, one_size, ordered};
+use super::shared::{exclusive, law, one_size, ordered, shape};
 use super::snow::{
     ORDINARY_UM, longest_grain, remark, remark_overpacked, remark_sizes, remark_smooth,
     remark_thickness, saturation_from_fraction,
@@ -234,11 +234,15 @@ fn grain_type(
     (size_law, temperature_c): (SizeLaw, f64),
     warnings: &mut Vec<String>,
 ) -> Result<GrainType, ConfigError> {
-    let (f, s) = (&grain.facetness, &grain.sphericity);
-    let sphericity = (s.min, s.max, s.mean, s.sd);
-    let sphericity = law(document, &format!("{table}.sphericity"), sphericity)?;
+    let f = &grain.facetness;
+    let keys = (
+        grain.shape.as_str(),
+        &grain.sphericity,
+        grain.aspect_ratio.as_ref(),
+    );
+    let (shape, proportion) = shape(document, table, keys)?;
     one_size(document, table, "size_um")?;
-    let sizes_um = sizes_um(grain, size_law, sphericity, temperature_c);
+    let sizes_um = sizes_um(grain, size_law, (shape, proportion), temperature_c);
     let key = match size_measure(grain) {
         None => {
             let key = format!("{table}.size_um");
@@ -265,8 +269,8 @@ fn grain_type(
     Ok(GrainType {
         size: range,
         facetness: law(document, &format!("{table}.facetness"), facetness)?,
-        shape: Shape::default(),
-        sphericity,
+        shape,
+        proportion,
     })
 }
 
@@ -285,21 +289,22 @@ fn size_measure(grain: &GrainKeys) -> Option<(SizeMeasure, f64)> {
 pub(super) fn sizes_um(
     grain: &GrainKeys,
     size_law: SizeLaw,
-    sphericity: TruncatedNormal,
+    (shape, proportion): (Shape, TruncatedNormal),
     temperature_c: f64,
 ) -> [f64; 2] {
     if let Some(size) = &grain.size_um {
         return [size.min, size.max];
     }
-    let shape = SizeConversion {
+    let conversion = SizeConversion {
         half_width_um: 0.0,
         size_law,
-        shape: Shape::default(),
-        sphericity,
+        shape,
+        proportion,
         temperature_c,
     };
-    let size =
-        size_measure(grain).map_or(f64::NAN, |(measure, value)| measure.size_um(value, &shape));
+    let size = size_measure(grain).map_or(f64::NAN, |(measure, value)| {
+        measure.size_um(value, &conversion)
+    });
     [size; 2]
 }
 

@@ -3,7 +3,7 @@
 use std::path::Path;
 
 use crate::colour::{ColourDifference, Illuminant, IlluminantError, IlluminantSpec, Viewing};
-use crate::grain::{SizeLaw, SizeMeasure, TruncatedNormal};
+use crate::grain::{Shape, SizeLaw, SizeMeasure, TruncatedNormal};
 use crate::optics::WaterTable;
 use crate::transport::Model;
 
@@ -11,8 +11,9 @@ use super::check;
 use super::document::Document;
 use super::error::{ConfigError, Problem};
 use super::keys::{
-    CARBON_LAWS, ENTRIES, ICE_TABLES, IMPURITY_MASSES, JOININGS, MAX_WAVELENGTHS, ModelKeys,
-    SIZE_LAWS, WATER_TABLES, WavelengthKeys,
+    AspectRatioKeys, CARBON_LAWS, ENTRIES, FACETS, ICE_TABLES, IMPURITY_MASSES, JOININGS,
+    MAX_WAVELENGTHS, ModelKeys, PRESETS, SHAPES, SIZE_LAWS, SphericityKeys, WATER_TABLES,
+    WavelengthKeys,
 };
 
 /// Refuses a file that gives both of two keys that exclude each other.
@@ -155,6 +156,41 @@ pub(super) fn law(
     })
 }
 
+/// The shape of grains and the distribution of their proportion, from the keys `shape`,
+/// `sphericity` and `aspect_ratio` of `table`.
+pub(super) fn shape(
+    document: &Document,
+    table: &str,
+    (name, sphericity, aspect_ratio): (&str, &SphericityKeys, Option<&AspectRatioKeys>),
+) -> Result<(Shape, TruncatedNormal), ConfigError> {
+    let shape = choose(document, &format!("{table}.shape"), &SHAPES, name)?;
+    let key = |name: &str| format!("{table}.{name}");
+    let refuse = |name: &str, help: &str| {
+        let problem =
+            Problem::Contradiction(format!("does not go with the shape {}", shape.name()));
+        Err(document.error(&key(name), problem, help))
+    };
+    match (shape.has_aspect_ratio(), aspect_ratio) {
+        (true, _) if document.has(&key("sphericity")) => {
+            refuse("sphericity", "remove it, and give aspect_ratio")
+        }
+        (true, Some(a)) => {
+            let law = law(document, &key("aspect_ratio"), (a.min, a.max, a.mean, a.sd))?;
+            Ok((shape, law))
+        }
+        (true, None) => refuse(
+            "shape",
+            "give aspect_ratio = { min = ..., max = ..., mean = ..., sd = ... } too",
+        ),
+        (false, Some(_)) => refuse("aspect_ratio", "remove it, or choose the shape hexagonal"),
+        (false, None) => {
+            let s = sphericity;
+            let law = law(document, &key("sphericity"), (s.min, s.max, s.mean, s.sd))?;
+            Ok((shape, law))
+        }
+    }
+}
+
 /// Refuses a `key.min` that is above `key.max`.
 pub(super) fn ordered(
     document: &Document,
@@ -171,7 +207,26 @@ pub(super) fn ordered(
 
 /// The size law: how often a ray meets grains of each size in a size range.
 pub(super) fn size_law(document: &Document, keys: &ModelKeys) -> Result<SizeLaw, ConfigError> {
-    choose(document, "model.size_law", &SIZE_LAWS, &keys.size_law)
+    let (.., law) = choose(document, "model.preset", &PRESETS, &keys.preset)?;
+    choose_or(
+        document,
+        "model.size_law",
+        &SIZE_LAWS,
+        (&keys.size_law, law),
+    )
+}
+
+/// As [`choose`], but `preset` if the file does not have the key.
+fn choose_or<T: Copy>(
+    document: &Document,
+    key: &str,
+    choices: &[(&str, T)],
+    (given, preset): (&str, T),
+) -> Result<T, ConfigError> {
+    match document.has(key) {
+        true => choose(document, key, choices, given),
+        false => Ok(preset),
+    }
 }
 
 /// The model options except the size law, which is part of the grains. Paths are relative
@@ -192,8 +247,10 @@ pub(super) fn model(
             WaterTable::default()
         }
     };
+    let (entry, facets, _) = choose(document, "model.preset", &PRESETS, &keys.preset)?;
     Ok(Model {
-        entry: choose(document, "model.entry", &ENTRIES, &keys.entry)?,
+        entry: choose_or(document, "model.entry", &ENTRIES, (&keys.entry, entry))?,
+        facets: choose_or(document, "model.facets", &FACETS, (&keys.facets, facets))?,
         joining: choose(document, "model.layers", &JOININGS, &keys.layers)?,
         carbon_law: choose(document, "model.carbon_law", &CARBON_LAWS, &keys.carbon_law)?,
         impurity_mass: choose(

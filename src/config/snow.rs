@@ -12,7 +12,7 @@ use crate::units::{HALF_SPACE_CM, m_to_cm, m_to_um, um_to_m};
 use super::document::Document;
 use super::error::{ConfigError, Problem};
 use super::keys::{CarbonKeys, FixedKeys, MAX_THICKNESS_CM, SATURATION, SIZE_UM, SpreadKeys};
-use super::shared::{exclusive, law};
+use super::shared::{exclusive, shape};
 use super::{layer, water};
 
 /// Widths of the distributions around the mean of a kind of snow.
@@ -72,7 +72,12 @@ pub(super) fn fixed(
     (directory, wavelengths_nm): (&Path, &[f64]),
     (warnings, notes): (&mut Vec<String>, &mut Vec<String>),
 ) -> Result<Fixed, ConfigError> {
-    let s = &keys.sphericity;
+    let shape_keys = (
+        keys.shape.as_str(),
+        &keys.sphericity,
+        keys.aspect_ratio.as_ref(),
+    );
+    let (shape, proportion) = shape(document, "fixed", shape_keys)?;
     exclusive(document, "fixed.water_saturation", "fixed.water_fraction")?;
     let water_saturation = match (keys.water_fraction, densities_kg_m3) {
         (None, _) => keys.water_saturation.unwrap_or(0.0),
@@ -105,7 +110,8 @@ pub(super) fn fixed(
     }
     below.reverse();
     let fixed = Fixed {
-        sphericity: law(document, "fixed.sphericity", (s.min, s.max, s.mean, s.sd))?,
+        shape,
+        proportion,
         temperature_c: keys.temperature_c,
         water_saturation,
         black_carbon: carbon("black_carbon", &keys.black_carbon, Carbon::black(0.0))?,

@@ -10,7 +10,7 @@ use netcdf3::DataSet;
 
 use super::netcdf::{FILL, STAND_IN, failed, version, written};
 use super::{ExportError, Layout, Table};
-use crate::grain::{Shape, SizeRange, shape_factor, size_factor_per_m};
+use crate::grain::{SizeRange, shape_factor, size_factor_per_m};
 use crate::grid::{Settings, Spread};
 use crate::parameter::Parameter;
 use crate::store::Variable;
@@ -225,8 +225,8 @@ impl Table {
         };
         let settings = self.settings().ok_or_else(|| missing("config"))?;
         let half_width_um = settings.spread.grain_size_half_width_um;
-        let sphericity = match self.fixed.get(Parameter::Sphericity.name()) {
-            None => settings.sphericity(),
+        let proportion = match self.fixed.get(Parameter::Sphericity.name()) {
+            None => settings.proportion(),
             Some(mean) => {
                 let spread = Spread {
                     sphericity_half_width: settings
@@ -239,9 +239,9 @@ impl Table {
                 spread.sphericity_law(*mean).ok()
             }
         };
-        let sphericity = sphericity.ok_or_else(|| missing("fixed.sphericity"))?;
+        let proportion = proportion.ok_or_else(|| missing("shape"))?;
         let law = settings.size_law();
-        let shape = shape_factor(Shape::default(), &sphericity, law);
+        let shape = shape_factor(settings.shape(), &proportion, law);
         let radius_um = |size_um: &f64| {
             let ends = [size_um - half_width_um, size_um + half_width_um].map(um_to_m);
             let size = SizeRange::new(ends[0], ends[1]);
@@ -327,7 +327,7 @@ mod tests {
         };
         let mut grid = small(Engine::Spectral);
         grid.spread.grain_size_half_width_um = 10.0;
-        grid.fixed.sphericity = TruncatedNormal::new(1.0, 1.0, 1.0, 0.0).unwrap();
+        grid.fixed.proportion = TruncatedNormal::new(1.0, 1.0, 1.0, 0.0).unwrap();
         let config = grid.to_config();
         Table {
             axes,

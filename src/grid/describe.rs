@@ -6,7 +6,7 @@ use super::settings::{
 };
 use super::{Fixed, Grid};
 use crate::engine::Engine;
-use crate::grain::{SizeLaw, TruncatedNormal};
+use crate::grain::{Facets, Shape, SizeLaw, TruncatedNormal};
 use crate::optics::{Carbon, WaterTable};
 use crate::parameter::Parameter;
 use crate::transport::{Component, Layer, Substrate};
@@ -49,7 +49,8 @@ impl Grid {
     fn fixed_settings(&self) -> FixedSettings {
         let is_fixed = |parameter| !self.axes.has(parameter);
         let Fixed {
-            sphericity,
+            shape,
+            proportion,
             temperature_c,
             water_saturation,
             black_carbon,
@@ -66,7 +67,10 @@ impl Grid {
         });
         let substrate = Reflectance::of(substrate);
         FixedSettings {
-            sphericity: is_fixed(Parameter::Sphericity).then(|| sphericity.into()),
+            shape: shape_name(*shape),
+            sphericity: (is_fixed(Parameter::Sphericity) && !shape.has_aspect_ratio())
+                .then(|| proportion.into()),
+            aspect_ratio: shape.has_aspect_ratio().then(|| proportion.into()),
             temperature_c: is_fixed(Parameter::Temperature).then_some(*temperature_c),
             water_saturation: is_fixed(Parameter::WaterSaturation).then_some(*water_saturation),
             black_carbon,
@@ -87,7 +91,8 @@ impl Grid {
         let is_layered = !fixed.below.is_empty();
         ModelSettings {
             entry: model.entry.name().into(),
-            // the default is left out, as in databases from before this key existed
+            // defaults are left out, as in databases from before these keys existed
+            facets: (model.facets != Facets::default()).then(|| model.facets.name().into()),
             size_law: (size_law != SizeLaw::default()).then(|| size_law.name().into()),
             layers: is_layered.then(|| model.joining.name().into()),
             carbon_law: carbon.then(|| model.carbon_law.name().into()),
@@ -161,7 +166,12 @@ impl From<&Component> for GrainSettings {
                 max: m_to_um(grain.size.max_m()),
             },
             facetness: (&grain.facetness).into(),
-            sphericity: (&grain.sphericity).into(),
+            shape: shape_name(grain.shape),
+            sphericity: (!grain.shape.has_aspect_ratio()).then(|| (&grain.proportion).into()),
+            aspect_ratio: grain
+                .shape
+                .has_aspect_ratio()
+                .then(|| (&grain.proportion).into()),
         }
     }
 }
@@ -176,6 +186,11 @@ impl Reflectance {
             Substrate::Spectrum { table } => Some(Self::Spectrum(table.column(0).to_vec())),
         }
     }
+}
+
+/// The name of a shape other than the default.
+fn shape_name(shape: Shape) -> Option<String> {
+    (shape != Shape::default()).then(|| shape.name().into())
 }
 
 /// The name of a table of water. Of a user's table it is the file name alone, so that the

@@ -17,7 +17,7 @@ impl Fixed {
         for (parameter, value) in point.iter() {
             match parameter {
                 Parameter::BlackCarbon => {
-                    let kind = self.black_carbon.unwrap_or_else(|| Carbon::black(0.0));
+                    let kind = fixed.black_carbon.unwrap_or_else(|| Carbon::black(0.0));
                     fixed.black_carbon = Some(Carbon {
                         concentration_ng_g: value,
                         ..kind
@@ -25,7 +25,7 @@ impl Fixed {
                 }
                 Parameter::WaterSaturation => fixed.water_saturation = value,
                 Parameter::Temperature => fixed.temperature_c = value,
-                Parameter::Sphericity => fixed.sphericity = spread.sphericity_law(value)?,
+                Parameter::Sphericity => fixed.proportion = spread.sphericity_law(value)?,
                 Parameter::SubstrateReflectance if value == 0.0 => {
                     fixed.substrate = Substrate::Black
                 }
@@ -97,6 +97,32 @@ mod tests {
     use crate::engine::Engine;
     use crate::grid::tests::{small, with_extra};
 
+    /// An axis without effect here would give the same snow at every value. A fixed value that
+    /// stays in the description of the grid would contradict the axis.
+    #[test]
+    fn every_optional_axis_changes_the_snow_and_replaces_its_fixed_value() {
+        for parameter in Parameter::ALL {
+            if Parameter::CORE.contains(&parameter) {
+                continue;
+            }
+            let mut grid = small(Engine::Spectral);
+            grid.fixed.black_carbon = Some(Carbon::black(10.0));
+            let record = parameter.record();
+            let (low, high) = (record.ordinary.min, record.ordinary.max);
+            let (low, high) = (0.75 * low + 0.25 * high, 0.25 * low + 0.75 * high);
+            let at = |value| {
+                let point: Point = [(parameter, value)].into_iter().collect();
+                grid.fixed.at(&point, &grid.spread).unwrap()
+            };
+            assert_ne!(at(low), at(high), "{parameter:?}");
+            grid.axes.set(parameter, vec![low, high]);
+            let text = grid.to_config();
+            let parsed = crate::config::grid::parse("grid.toml", &text);
+            let parsed = parsed.unwrap_or_else(|error| panic!("{parameter:?}: {error}\n{text}"));
+            assert_eq!(parsed.grid.axes, grid.axes, "{parameter:?}");
+        }
+    }
+
     #[test]
     fn optional_axes_run_slower() {
         let grid = with_extra(small(Engine::Spectral));
@@ -136,9 +162,9 @@ mod tests {
         let grid = small(Engine::Spectral);
         let fixed = |axis, value| grid.at(&Point::from([(axis, value)])).unwrap().fixed;
         assert_eq!(fixed(Parameter::Temperature, -7.0).temperature_c, -7.0);
-        let law = fixed(Parameter::Sphericity, 0.9).sphericity;
+        let law = fixed(Parameter::Sphericity, 0.9).proportion;
         assert_eq!((law.min(), law.max(), law.mean()), (0.75, 1.0, 0.9));
-        let law = fixed(Parameter::Sphericity, 0.1).sphericity;
+        let law = fixed(Parameter::Sphericity, 0.1).proportion;
         assert_eq!((law.min(), law.max()), (0.01, 0.25));
         let substrate = |value| fixed(Parameter::SubstrateReflectance, value).substrate;
         assert_eq!(

@@ -3,7 +3,7 @@ use std::fmt;
 
 use super::{Grid, GridError, Jobs};
 use crate::engine::{Engine, Request, Resolution, identity};
-use crate::grain::{GrainType, Shape, SizeRange, TruncatedNormal};
+use crate::grain::{GrainType, SizeRange, TruncatedNormal};
 use crate::measurement::{Measured, Spectrum};
 use crate::parameter::{Parameter, Point, Role};
 use crate::transport::{Illumination, Snow, Snowpack};
@@ -133,8 +133,8 @@ impl Grid {
         let grain = GrainType {
             size: self.size_law(point[Parameter::GrainSize])?,
             facetness: self.facetness_law(point[Parameter::Facetness])?,
-            shape: Shape::default(),
-            sphericity: fixed.sphericity,
+            shape: fixed.shape,
+            proportion: fixed.proportion,
         };
         let surface = Snow::dry(grain, point[Parameter::Density], fixed.temperature_c);
         Ok(Snowpack {

@@ -14,7 +14,7 @@ mod stored;
 mod toml_text;
 
 use crate::engine::{Engine, MaxError};
-use crate::grain::{SizeLaw, SizeMeasure, TruncatedNormal};
+use crate::grain::{Shape, SizeLaw, SizeMeasure, TruncatedNormal};
 use crate::optics::Carbon;
 use crate::parameter::Axes;
 use crate::transport::{Layer, Model, Substrate};
@@ -87,8 +87,10 @@ impl Default for Spread {
 /// Properties that all curves of a grid share.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Fixed {
-    /// Sphericity distribution of the grains.
-    pub sphericity: TruncatedNormal,
+    /// Shape of the grains.
+    pub shape: Shape,
+    /// Distribution of their proportion: the sphericity, or the aspect ratio of prisms.
+    pub proportion: TruncatedNormal,
     /// Temperature, degrees Celsius.
     pub temperature_c: f64,
     /// Water saturation: the fraction of the pore space that is liquid water.
@@ -110,11 +112,12 @@ pub struct Fixed {
 }
 
 impl Fixed {
-    /// Clean, dry snow on a black substrate.
+    /// Clean, dry snow of spheroids on a black substrate.
     #[must_use]
     pub fn dry(sphericity: TruncatedNormal, temperature_c: f64) -> Self {
         Self {
-            sphericity,
+            shape: Shape::Spheroid,
+            proportion: sphericity,
             temperature_c,
             water_saturation: 0.0,
             black_carbon: None,

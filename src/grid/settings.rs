@@ -172,8 +172,14 @@ pub(crate) struct WavelengthSettings {
 /// Properties that all curves share; a parameter that is an axis is left out.
 #[derive(Debug, Clone, Default, PartialEq, Serialize, Deserialize)]
 pub(crate) struct FixedSettings {
+    /// Left out for spheroids, as in databases from before this key existed.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub(crate) shape: Option<String>,
     #[serde(skip_serializing_if = "Option::is_none")]
     pub(crate) sphericity: Option<LawSettings>,
+    /// Of prisms.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub(crate) aspect_ratio: Option<LawSettings>,
     #[serde(skip_serializing_if = "Option::is_none")]
     pub(crate) temperature_c: Option<f64>,
     #[serde(skip_serializing_if = "Option::is_none")]
@@ -229,7 +235,13 @@ pub(crate) struct GrainSettings {
     pub(crate) fraction: f64,
     pub(crate) size_um: SizeSettings,
     pub(crate) facetness: LawSettings,
-    pub(crate) sphericity: LawSettings,
+    /// As in [`FixedSettings`].
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub(crate) shape: Option<String>,
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub(crate) sphericity: Option<LawSettings>,
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub(crate) aspect_ratio: Option<LawSettings>,
 }
 
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
@@ -273,6 +285,8 @@ pub(crate) struct ErrorSettings {
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub(crate) struct ModelSettings {
     pub(crate) entry: String,
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub(crate) facets: Option<String>,
     #[serde(skip_serializing_if = "Option::is_none")]
     pub(crate) size_law: Option<String>,
     #[serde(skip_serializing_if = "Option::is_none")]

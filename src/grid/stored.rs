@@ -51,9 +51,17 @@ impl Settings {
         }
     }
 
-    /// The sphericity distribution that all curves share; `None` if sphericity is an axis.
-    pub(crate) fn sphericity(&self) -> Option<TruncatedNormal> {
-        let law = self.fixed.sphericity?;
+    /// The shape of the grains.
+    pub(crate) fn shape(&self) -> Shape {
+        let name = self.fixed.shape.as_deref();
+        let mut shapes = Shape::ALL.into_iter();
+        let found = shapes.find(|shape| Some(shape.name()) == name);
+        found.unwrap_or_default()
+    }
+
+    /// The distribution of the proportion that all curves share; `None` if it is an axis.
+    pub(crate) fn proportion(&self) -> Option<TruncatedNormal> {
+        let law = self.fixed.aspect_ratio.or(self.fixed.sphericity)?;
         TruncatedNormal::new(law.min, law.max, law.mean, law.sd).ok()
     }
 
@@ -62,8 +70,8 @@ impl Settings {
         Some(SizeConversion {
             half_width_um: self.spread.grain_size_half_width_um,
             size_law: self.size_law(),
-            shape: Shape::default(),
-            sphericity: self.sphericity()?,
+            shape: self.shape(),
+            proportion: self.proportion()?,
             // only specific surface areas depend on it, and these exclude an axis of temperature
             temperature_c: self.fixed.temperature_c.unwrap_or_default(),
         })

@@ -12,13 +12,16 @@ use super::layout::Contents;
 use crate::grid::{Grid, Reflectance, Settings, config_text, toml_text};
 use crate::lookup::SubstrateKind;
 use crate::parameter::{Axes, Parameter};
+use crate::transport::Entry;
 
 /// Version of the layout described in [`crate::store`].
 pub const FORMAT_VERSION: u32 = 1;
 
 /// Version of the assignment of random streams and tables to nodes. A database of another
-/// version is not continued, because it would mix two sets of streams.
+/// version is not continued, because it would mix two sets of streams. Projected entry has
+/// its own, since the attitudes of grains are weighted too.
 const STREAMS: u32 = 2;
+const PROJECTED_STREAMS: u32 = 3;
 
 /// Key of the entry with the number of too thin thicknesses per grain size.
 const ABSENT: &str = "absent";
@@ -129,13 +132,17 @@ impl Identity {
     /// The identity of the database of `grid`, which has these `settings`. `extra` has
     /// further inputs, such as the hashes of the data tables in use.
     fn new(grid: &Grid, settings: &Settings, extra: &BTreeMap<String, String>) -> Self {
+        let streams = match grid.fixed.model.entry {
+            Entry::Uniform => STREAMS,
+            Entry::Projected => PROJECTED_STREAMS,
+        };
         let versions = [
             ("format_version".to_string(), FORMAT_VERSION.to_string()),
             (
                 "program_version".to_string(),
                 env!("CARGO_PKG_VERSION").to_string(),
             ),
-            ("streams".to_string(), STREAMS.to_string()),
+            ("streams".to_string(), streams.to_string()),
         ];
         let absent = grid.absent().unwrap_or_default();
         let absent = (!absent.is_empty()).then(|| (ABSENT.to_string(), counts(&absent)));

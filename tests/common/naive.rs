@@ -8,6 +8,7 @@ use nalgebra::{Complex, Vector3};
 use rand::rngs::SmallRng;
 use rand::{RngExt, SeedableRng};
 use rand_distr::{Distribution, Normal};
+use splitsnow::grain::{Facets, Shape};
 
 type V = Vector3<f64>;
 
@@ -19,7 +20,9 @@ pub(crate) type Law = [f64; 4];
 pub(crate) struct Grain {
     pub(crate) size_m: [f64; 2],
     pub(crate) facetness: Law,
-    pub(crate) sphericity: Law,
+    pub(crate) shape: Shape,
+    /// Sphericity or aspect ratio.
+    pub(crate) proportion: Law,
     /// Mean free path to grains of this type, m.
     pub(crate) distance_m: f64,
 }
@@ -42,8 +45,10 @@ pub(crate) struct Naive {
     pub(crate) wavelength_m: f64,
     /// Incidence angle, rad. `None` is diffuse light.
     pub(crate) angle: Option<f64>,
-    /// Whether entry points are uniform over the projected area of the grain.
+    /// Whether entry points are uniform over the projected area of the grain, by which its
+    /// attitudes are weighted too.
     pub(crate) projected: bool,
+    pub(crate) facets: Facets,
     /// Lambertian reflectance of the substrate.
     pub(crate) substrate: f64,
 }
@@ -74,15 +79,145 @@ struct Hit {
     layer: usize,
     /// Depth of the contact, m.
     contact: f64,
-    /// Contact point relative to the centre of the grain, in units of the major semi-axis.
+    /// Contact point relative to the centre of the grain, in units of half its size.
     x: V,
-    /// Major semi-axis, m.
+    /// Half of the size, m.
     semi_axis_m: f64,
-    axis: V,
-    /// Ratio of the minor to the major semi-axis.
-    c: f64,
+    body: Body,
     facetness: f64,
     wet: bool,
+}
+
+/// A body in its random attitude, in units of half its size.
+enum Body {
+    /// The axis, and the semi-axes along and across it.
+    Spheroid(V, f64, f64),
+    /// Normals of the faces, their distances from the centre, and the corners.
+    Prism(Vec<(V, f64)>, Vec<V>),
+}
+
+impl Body {
+    fn random(shape: Shape, proportion: f64, rng: &mut SmallRng) -> Self {
+        let axis = random_direction(rng);
+        let minor = proportion * proportion;
+        if shape == Shape::Spheroid {
+            return Self::Spheroid(axis, 1.0, minor);
+        }
+        if shape == Shape::Oblate {
+            return Self::Spheroid(axis, minor, 1.0);
+        }
+        let side = if axis.x.abs() < 0.5 { V::x() } else { V::y() };
+        let first = axis.cross(&side).normalize();
+        let second = axis.cross(&first);
+        let start = rng.random_range(0.0..std::f64::consts::TAU);
+        let radial = |sixth: f64| {
+            let (sin, cos) = (start + sixth * std::f64::consts::FRAC_PI_3).sin_cos();
+            first * cos + second * sin
+        };
+        let radius = 1.0 / (1.0 + proportion * proportion).sqrt();
+        let half = proportion * radius;
+        let mut faces = vec![(axis, half), (-axis, half)];
+        let mut corners = Vec::new();
+        for number in 0..6 {
+            faces.push((radial(f64::from(number)), 0.75_f64.sqrt() * radius));
+            let corner = radial(f64::from(number) + 0.5) * radius;
+            corners.extend([corner + axis * half, corner - axis * half]);
+        }
+        Self::Prism(faces, corners)
+    }
+
+    /// The outward normal, not normalised.
+    fn normal(&self, x: V) -> V {
+        match self {
+            Self::Spheroid(axis, along, across) => {
+                let u = axis * x.dot(axis);
+                u / (along * along) + (x - u) / (across * across)
+            }
+            Self::Prism(faces, _) => {
+                let beyond = |(n, distance): &(V, f64)| x.dot(n) / distance;
+                let by = |a: &&(V, f64), b: &&(V, f64)| beyond(a).total_cmp(&beyond(b));
+                faces.iter().max_by(by).unwrap().0
+            }
+        }
+    }
+
+    /// The distance from `x` on the surface along `d` to the far side.
+    fn chord(&self, x: V, d: V) -> f64 {
+        match self {
+            Self::Spheroid(..) => {
+                let g = self.normal(d);
+                (-2.0 * x.dot(&g) / d.dot(&g)).max(0.0)
+            }
+            Self::Prism(faces, _) => {
+                let ahead = faces.iter().filter(|(n, _)| n.dot(&d) > 1e-12);
+                let lengths = ahead.map(|(n, distance)| (distance - x.dot(n)) / n.dot(&d));
+                lengths.fold(f64::INFINITY, f64::min).max(0.0)
+            }
+        }
+    }
+
+    /// Half of the vertical extent.
+    fn reach(&self) -> f64 {
+        match self {
+            Self::Spheroid(axis, along, across) => {
+                let up = axis.z * axis.z;
+                (along * along * up + across * across * (1.0 - up)).sqrt()
+            }
+            Self::Prism(_, corners) => corners.iter().map(|c| c.z).fold(0.0, f64::max),
+        }
+    }
+
+    /// A random point on the side that faces a ray of direction `d`, uniform over the surface.
+    /// Of spheroids only.
+    fn surface_point(&self, d: V, rng: &mut SmallRng) -> V {
+        let Self::Spheroid(axis, along, across) = self else {
+            unimplemented!("uniform entry into prisms")
+        };
+        loop {
+            let p = random_direction(rng);
+            let u = axis * p.dot(axis);
+            let normal = u / *along + (p - u) / *across;
+            // area per unit-sphere area is proportional to |normal|
+            if rng.random::<f64>() < normal.norm() * along.min(*across) {
+                let point = u * *along + (p - u) * *across;
+                return if normal.dot(&d) > 0.0 { -point } else { point };
+            }
+        }
+    }
+
+    /// Where a ray of direction `d` through a uniform point of the disc of radius 1 meets the
+    /// body, if it does.
+    fn random_hit(&self, d: V, rng: &mut SmallRng) -> Option<V> {
+        let side = if d.x.abs() < 0.5 { V::x() } else { V::y() };
+        let first = d.cross(&side).normalize();
+        let azimuth = rng.random_range(0.0..std::f64::consts::TAU);
+        let start = (first * azimuth.cos() + d.cross(&first) * azimuth.sin())
+            * rng.random::<f64>().sqrt()
+            - d * 2.0;
+        let (mut enters, mut leaves) = (0.0, f64::INFINITY);
+        match self {
+            Self::Spheroid(..) => {
+                let (a, b) = (d.dot(&self.normal(d)), start.dot(&self.normal(d)));
+                let c = start.dot(&self.normal(start)) - 1.0;
+                let root = b * b - a * c;
+                if root < 0.0 {
+                    return None;
+                }
+                enters = (-b - root.sqrt()) / a;
+            }
+            Self::Prism(faces, _) => {
+                for (n, distance) in faces {
+                    let (slope, gap) = (n.dot(&d), distance - start.dot(n));
+                    if slope < 0.0 {
+                        enters = f64::max(enters, gap / slope);
+                    } else {
+                        leaves = f64::min(leaves, gap / slope);
+                    }
+                }
+            }
+        }
+        (enters < leaves).then(|| start + d * enters)
+    }
 }
 
 /// A random number of this distribution.
@@ -138,21 +273,90 @@ fn refract(d: V, m: V, c: f64, cos: f64) -> V {
     along.normalize() * (1.0 - cos * cos).max(0.0).sqrt() - m * cos
 }
 
-/// The normal of a random facet that faces the ray.
-fn facet(n: V, d: V, facetness: f64, rng: &mut SmallRng) -> V {
-    for _ in 0..64 {
-        let xi: f64 = Normal::new(0.0, facetness / 2.0).unwrap().sample(rng);
-        let cos = 1.0 - xi.abs();
-        let azimuth = rng.random_range(0.0..std::f64::consts::TAU);
-        let side = if n.x.abs() < 0.5 { V::x() } else { V::y() };
-        let t = n.cross(&side).normalize();
-        let across = t * azimuth.cos() + n.cross(&t) * azimuth.sin();
+/// A random facet: 1 - |xi|, the cosine of its tilt as published, and the unit vector toward
+/// which it is tilted.
+fn tilt(n: V, facetness: f64, rng: &mut SmallRng) -> (f64, V) {
+    let xi: f64 = Normal::new(0.0, facetness / 2.0).unwrap().sample(rng);
+    let azimuth = rng.random_range(0.0..std::f64::consts::TAU);
+    let side = if n.x.abs() < 0.5 { V::x() } else { V::y() };
+    let t = n.cross(&side).normalize();
+    let across = t * azimuth.cos() + n.cross(&t) * azimuth.sin();
+    (1.0 - xi.abs(), across)
+}
+
+/// The normal of a random facet that faces the ray. If `visible`, facets have the weight of
+/// the area that the ray sees.
+fn facet(n: V, d: V, facetness: f64, visible: bool, rng: &mut SmallRng) -> V {
+    for _ in 0..if visible { 2000 } else { 64 } {
+        let (cos, across) = tilt(n, facetness, rng);
         let m = n * cos + across * (1.0 - cos * cos).max(0.0).sqrt();
-        if cos > 0.0 && m.dot(&d) < 0.0 {
+        let seen = -m.dot(&d);
+        if cos > 0.0 && seen > if visible { rng.random::<f64>() } else { 0.0 } {
             return m;
         }
     }
     n
+}
+
+/// Reflects or refracts a ray at a surface with the normal `m` by chance. Returns whether it is
+/// refracted, and its direction.
+fn cross(d: V, m: V, from: Complex<f64>, to: Complex<f64>, rng: &mut SmallRng) -> (bool, V) {
+    let c = (-m.dot(&d)).max(1e-12);
+    let (reflectance, cos_t) = interface(from, to, c);
+    if rng.random::<f64>() < reflectance {
+        return (false, d + m * (2.0 * c));
+    }
+    (true, refract(d, m, c, cos_t).normalize())
+}
+
+/// A hit on a surface of V-grooves with the normal `n`: ridges and bottoms alternate at integer
+/// distances `x` across. Follows the ray until it meets no facet any more.
+fn cross_groove(
+    (n, d): (V, V),
+    facetness: f64,
+    from: Complex<f64>,
+    to: Complex<f64>,
+    rng: &mut SmallRng,
+) -> (bool, V) {
+    let (rest, across) = tilt(n, facetness, rng);
+    let ridge = 1.0 - rest;
+    let angle = ridge.atan();
+    let (sin, cos) = angle.sin_cos();
+    if ridge < 1e-9 {
+        return cross(d, n, from, to, rng);
+    }
+    let (mut x, mut z): (f64, f64) = (rng.random_range(-1.0..1.0), ridge);
+    let (mut d, mut above) = (d, true);
+    loop {
+        let (dx, dz) = (d.dot(&across), d.dot(&n));
+        let mut nearest = (f64::INFINITY, 0.0);
+        for number in -3..3 {
+            let left = f64::from(number);
+            let (start, slope) = match number % 2 == 0 {
+                true => (0.0, ridge),
+                false => (ridge, -ridge),
+            };
+            let length = (start + slope * (x - left) - z) / (dz - slope * dx);
+            let hit = x + length * dx;
+            if length > 1e-9 && length < nearest.0 && hit >= left && hit <= left + 1.0 {
+                nearest = (length, slope);
+            }
+        }
+        let (length, slope) = nearest;
+        if length == f64::INFINITY {
+            return (!above, d);
+        }
+        x += length * dx;
+        z += length * dz;
+        x -= 2.0 * ((x + 1.0) / 2.0).floor();
+        let m = n * cos - across * (sin * slope.signum());
+        let (refracted, next) = match above {
+            true => cross(d, m, from, to, rng),
+            false => cross(d, -m, to, from, rng),
+        };
+        d = next.normalize();
+        above ^= refracted;
+    }
 }
 
 impl Naive {
@@ -258,11 +462,9 @@ impl Naive {
             }
             optical_depth += alpha * flight;
             let semi_axis_m = 0.5 * rng.random_range(grain.size_m[0]..=grain.size_m[1]);
-            let psi = sample_truncated(grain.sphericity, rng);
-            let axis = random_direction(rng);
-            let x = self.entry_point(d, axis, psi * psi, rng);
-            let up = axis.z.abs();
-            let reach = semi_axis_m * (up * up + psi.powi(4) * (1.0 - up * up)).sqrt();
+            let proportion = sample_truncated(grain.proportion, rng);
+            let (body, x) = self.meet(grain.shape, proportion, d, rng);
+            let reach = semi_axis_m * body.reach();
             let centre = contact - semi_axis_m * x.z;
             if centre - reach < 0.0 || centre + reach > self.top_m(self.layers.len()) {
                 return Flight::Rejected;
@@ -270,36 +472,58 @@ impl Naive {
             if rng.random::<f64>() >= (-optical_depth).exp() {
                 return Flight::Absorbed;
             }
-            let (c, facetness) = (psi * psi, sample_truncated(grain.facetness, rng));
+            let facetness = sample_truncated(grain.facetness, rng);
             return Flight::Hit(Hit {
                 layer,
                 contact,
                 x,
                 semi_axis_m,
-                axis,
-                c,
+                body,
                 facetness,
                 wet,
             });
         }
     }
 
-    /// A random entry point on the spheroid with semi-axes 1 (along `axis`) and `c`.
-    fn entry_point(&self, d: V, axis: V, c: f64, rng: &mut SmallRng) -> V {
-        let stretch = |v: V| axis * v.dot(&axis) + (v - axis * v.dot(&axis)) * c;
-        let shrink = |v: V| axis * v.dot(&axis) + (v - axis * v.dot(&axis)) / c;
+    /// A random body, and the point where the ray meets it.
+    fn meet(&self, shape: Shape, proportion: f64, d: V, rng: &mut SmallRng) -> (Body, V) {
         loop {
-            let p = random_direction(rng);
-            let normal = shrink(p);
-            // area per unit-sphere area is proportional to |normal|, at most 1/c
-            let weight = if self.projected {
-                normal.dot(&d).abs() * c
-            } else {
-                normal.norm() * c
-            };
-            if rng.random::<f64>() < weight {
-                return stretch(if normal.dot(&d) > 0.0 { -p } else { p });
+            let body = Body::random(shape, proportion, rng);
+            if !self.projected {
+                let point = body.surface_point(d, rng);
+                return (body, point);
             }
+            if let Some(point) = body.random_hit(d, rng) {
+                return (body, point);
+            }
+        }
+    }
+
+    /// A hit of a ray on the surface with the normal `n` that faces it. Returns whether it is
+    /// refracted, and its direction. In ice it stays inside the body or leaves it.
+    fn hit(
+        &self,
+        (n, d): (V, V),
+        facetness: f64,
+        [from, to]: [Complex<f64>; 2],
+        in_ice: bool,
+        rng: &mut SmallRng,
+    ) -> (bool, V) {
+        if self.facets == Facets::VGroove {
+            return cross_groove((n, d), facetness, from, to, rng);
+        }
+        let visible = self.facets == Facets::Visible;
+        let m = facet(n, d, facetness, visible, rng);
+        let (refracted, next) = cross(d, m, from, to, rng);
+        // a ray that enters the ice or stays there must go into the body
+        let goes_in = next.dot(&n) * if refracted { -1.0 } else { 1.0 } > 0.0;
+        if goes_in || refracted == in_ice {
+            return (refracted, next);
+        }
+        let c = -n.dot(&d);
+        match refracted {
+            true => (true, refract(d, n, c, interface(from, to, c).1)),
+            false => (false, d + n * (2.0 * c)),
         }
     }
 
@@ -307,53 +531,34 @@ impl Naive {
         let &Hit {
             x,
             semi_axis_m,
-            axis,
-            c,
             facetness,
             ..
         } = hit;
+        let body = &hit.body;
         let outside = if hit.wet {
             self.water
         } else {
             Complex::new(1.0, 0.0)
         };
         let alpha = self.alpha(self.ice) + self.layers[hit.layer].soot_per_m[0];
-        let gradient = |x: V| axis * x.dot(&axis) + (x - axis * x.dot(&axis)) / (c * c);
-        let n = gradient(x).normalize();
-        let m = facet(n, d, facetness, rng);
-        let cos = -m.dot(&d);
-        let (reflectance, cos_t) = interface(outside, self.ice, cos);
-        if rng.random::<f64>() < reflectance {
-            return Event::Out(x, d + m * (2.0 * cos));
-        }
-        let mut t = refract(d, m, cos, cos_t);
-        if t.dot(&n) >= 0.0 {
-            let cos = -n.dot(&d);
-            t = refract(d, n, cos, interface(outside, self.ice, cos).1);
+        let n = body.normal(x).normalize();
+        let (enters, mut t) = self.hit((n, d), facetness, [outside, self.ice], false, rng);
+        if !enters {
+            return Event::Out(x, t);
         }
         let mut position = x;
         for _ in 0..10_000 {
-            // the distance to the surface along t: |position + length t|^2 = 1 in the metric of
-            // the spheroid
-            let g = gradient(t);
-            let length = (-2.0 * position.dot(&g) / t.dot(&g)).max(0.0);
+            let length = body.chord(position, t);
             if rng.random::<f64>() >= (-alpha * length * semi_axis_m).exp() {
                 return Event::Absorbed;
             }
             position += t * length;
-            let inward = -gradient(position).normalize();
-            let m = facet(inward, t, facetness, rng);
-            let cos = (-m.dot(&t)).max(1e-12);
-            let (reflectance, cos_t) = interface(self.ice, outside, cos);
-            if rng.random::<f64>() >= reflectance {
-                return Event::Out(position, refract(t, m, cos, cos_t).normalize());
+            let inward = -body.normal(position).normalize();
+            let (leaves, next) = self.hit((inward, t), facetness, [self.ice, outside], true, rng);
+            if leaves {
+                return Event::Out(position, next);
             }
-            let mirrored = t + m * (2.0 * cos);
-            t = if mirrored.dot(&inward) > 0.0 {
-                mirrored
-            } else {
-                t - inward * (2.0 * inward.dot(&t))
-            };
+            t = next;
         }
         Event::Lost
     }

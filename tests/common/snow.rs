@@ -55,7 +55,7 @@ pub(crate) fn snow(size_um: (f64, f64), facetness: f64, density_kg_m3: f64, wet:
                 facetness: TruncatedNormal::new(facetness - 0.1, facetness + 0.1, facetness, 0.072)
                     .unwrap(),
                 shape: Shape::Spheroid,
-                sphericity: TruncatedNormal::new(0.6, 0.95, 0.798, 0.064).unwrap(),
+                proportion: TruncatedNormal::new(0.6, 0.95, 0.798, 0.064).unwrap(),
             },
             density_kg_m3,
             -1.0,
@@ -75,7 +75,7 @@ pub(crate) fn spheres(size_um: f64, density_kg_m3: f64) -> Snow {
         size: SizeRange::new(size_um * 1e-6, size_um * 1e-6).unwrap(),
         facetness: constant(0.0),
         shape: Shape::Spheroid,
-        sphericity: constant(1.0),
+        proportion: constant(1.0),
     };
     Snow::dry(grain, density_kg_m3, -1.0)
 }

@@ -2,13 +2,16 @@
 //! the representative sample.
 use std::f64::consts::PI;
 
-use splitsnow::grain::{Events, GrainType, Grains, Surface};
+use splitsnow::grain::{
+    Events, Facets, GrainType, Grains, Shape, SizeLaw, Surface, TruncatedNormal, shape_factor,
+};
 use splitsnow::math::Vec3;
 use splitsnow::measurement::Measured;
 use splitsnow::optics::{Index, Interface};
-use splitsnow::transport::Entry;
+use splitsnow::transport::{Entry, contact, meets};
 
 use super::{assert_close, mean};
+use crate::quoted::numbers;
 use crate::snow::{AIR, dry, spheres, stream};
 
 /// Unpolarised reflectance of a dielectric of relative index `n` at the cosine `c`.
@@ -32,7 +35,7 @@ struct Outcome {
 /// are not reported.
 fn events(
     law: &GrainType,
-    entry: Entry,
+    (entry, facets): (Entry, Facets),
     n: f64,
     count: u32,
     cell: u64,
@@ -44,7 +47,7 @@ fn events(
         leave: Interface::dielectric(ice, AIR),
     };
     let mut rng = stream(cell);
-    let mut events = Events::new(&[surface; 2], false);
+    let mut events = Events::new(&[surface; 2], false, facets);
     let (mut grains, mut kept) = (Grains::default(), 0u32);
     let d = Vec3::new(0.0, 0.0, 1.0);
     let (mut started, mut steps, mut busy) = (0, [0; 8], 0u32);
@@ -53,22 +56,17 @@ fn events(
             if busy & (1 << lane) != 0 || started == count {
                 continue;
             }
-            while kept == 0 {
-                (grains, kept) = Grains::draw(law, &mut rng);
-            }
-            let grain = grains.get(kept.trailing_zeros() as usize);
-            kept &= kept - 1;
-            let (point, normal) = match entry {
-                Entry::Uniform if grain.normal.dot(d) > 0.0 => (-grain.point, -grain.normal),
-                Entry::Uniform => (grain.point, grain.normal),
-                Entry::Projected => {
-                    let (sin, cos) = rng.azimuth();
-                    let azimuth = (sin.to_array()[0], cos.to_array()[0]);
-                    let u = rng.uniform().to_array()[0];
-                    let (point, normal) = grain.body.projected_point(d, u, azimuth);
-                    (point, normal * (1.0 / normal.dot(normal).sqrt()))
+            let grain = loop {
+                while kept == 0 {
+                    (grains, kept) = Grains::draw(law, &mut rng);
+                }
+                let grain = grains.get(kept.trailing_zeros() as usize);
+                kept &= kept - 1;
+                if meets(&grain, entry, rng.uniform().to_array()[0], d) {
+                    break grain;
                 }
             };
+            let (point, normal) = contact(&grain, d);
             events.ice_m.as_mut_array()[lane] = 0.0;
             events.ice_limit_m.as_mut_array()[lane] = f64::INFINITY;
             events.direction.set(lane, d);
@@ -149,7 +147,7 @@ fn smooth_spheres_match_closed_forms() {
             let [mut entered, mut path, mut first, mut cosine] = [const { Mean::new() }; 4];
             events(
                 &spheres(1e6, 300.0).grains[0].grain,
-                entry,
+                (entry, Facets::default()),
                 n,
                 count,
                 100 + cell as u64,
@@ -205,7 +203,7 @@ fn representative_grains_scatter_as_published() {
         let [mut cosine, mut path] = [const { Mean::new() }; 2];
         events(
             &dry().grains[0].grain,
-            Entry::Uniform,
+            (Entry::Uniform, Facets::Varsa2025),
             n,
             12_000_000,
             cell,
@@ -219,6 +217,102 @@ fn representative_grains_scatter_as_published() {
             println!("n = {n}: {name} {:.5} +- {:.5}", m.value, m.se);
             let difference = (m.value - published).abs();
             assert!(difference < 5e-4 + 4.0 * m.se, "{name} {m:?}");
+        }
+    }
+}
+
+/// Directions are continuous at facetness 0: g is nearly that of the smooth surface at 0.01. Mean
+/// paths are not (docs/stability.md): whatever scatters light into the directions that are totally
+/// reflected for ever in a smooth spheroid lets it stay there for long.
+#[test]
+fn directions_are_continuous_at_facetness_0() {
+    let at = |facets, facetness, cell| {
+        let law = GrainType {
+            facetness: TruncatedNormal::new(facetness, facetness, facetness, 0.0).unwrap(),
+            ..dry().grains[0].grain
+        };
+        let [mut cosine, mut path] = [const { Mean::new() }; 2];
+        events(&law, (Entry::Projected, facets), 1.31, 200_000, cell, |o| {
+            cosine.add(o.cos);
+            path.add(o.ice_m * 1e3);
+        });
+        let [g, path] = [cosine, path].map(|mean| mean.measured());
+        println!(
+            "{facets:?} F = {facetness}: g {:.4} +- {:.4}, path {:.4} +- {:.4} mm",
+            g.value, g.se, path.value, path.se
+        );
+        g
+    };
+    let smooth = at(Facets::VGroove, 0.0, 130);
+    for (facets, facetness, cell) in [
+        (Facets::Varsa2025, 0.0, 131),
+        (Facets::Varsa2025, 0.01, 132),
+        (Facets::Visible, 0.01, 133),
+        (Facets::VGroove, 0.01, 134),
+    ] {
+        let rough = at(facets, facetness, cell);
+        let (jump, se) = (
+            (rough.value - smooth.value).abs(),
+            rough.se.hypot(smooth.se),
+        );
+        assert!(jump < 0.01 + 4.0 * se, "{facets:?} {facetness}: {jump}");
+    }
+}
+
+/// In equilibrium with isotropic light, the radiance in ice is n^2 times that outside. The mean
+/// path in ice per ray that meets a convex grain is then n^2 4 volume / surface, if every
+/// direction inside is reached: facets scatter. Only grooves conserve etendue; docs/methods.md
+/// says how far the other laws are from it.
+#[test]
+fn grooves_conserve_etendue() {
+    let grains = dry().grains[0].grain;
+    let deep = GrainType {
+        facetness: TruncatedNormal::new(0.8, 1.0, 0.9, 0.05).unwrap(),
+        ..grains
+    };
+    let shaped = |shape, proportion| GrainType {
+        shape,
+        proportion: TruncatedNormal::new(proportion, proportion, proportion, 0.0).unwrap(),
+        ..grains
+    };
+    let grooves = (Facets::VGroove, None);
+    for (cell, n, law, (facets, quoted)) in [
+        (120, 1.31, grains, grooves),
+        (121, 1.31, deep, grooves),
+        (122, 1.6, deep, grooves),
+        (123, 1.31, shaped(Shape::Oblate, 0.6), grooves),
+        (124, 1.31, shaped(Shape::Hexagonal, 0.3), grooves),
+        (125, 1.31, shaped(Shape::Hexagonal, 2.0), grooves),
+        (
+            126,
+            1.31,
+            grains,
+            (Facets::Varsa2025, Some("etendue, varsa2025")),
+        ),
+        (
+            127,
+            1.31,
+            grains,
+            (Facets::Visible, Some("etendue, visible")),
+        ),
+    ] {
+        let mut path = Mean::new();
+        events(&law, (Entry::Projected, facets), n, 1_000_000, cell, |o| {
+            path.add(o.ice_m);
+        });
+        let m = path.measured();
+        let mean_size_m = 0.5 * (law.size.min_m() + law.size.max_m());
+        let shape = shape_factor(law.shape, &law.proportion, SizeLaw::Consistent);
+        let conserved = n * n * mean_size_m / shape;
+        let (ratio, se) = (m.value / conserved, m.se / conserved);
+        let label = format!("{} {facets:?}, n = {n}", law.shape.name());
+        println!("{label}: {ratio:.4} +- {se:.4} of n^2 4 V / S");
+        match quoted {
+            None => assert_close(&label, ratio, se, 1.0),
+            Some(name) => {
+                let [quoted] = numbers::<1>("docs/methods.md", name);
+                assert_close(&label, ratio, se.hypot(0.001), quoted);
+            }
         }
     }
 }

@@ -1,10 +1,12 @@
 //! Samplers of grains: distributions of size and shape, points on spheroids, facets.
 use splitsnow::grain::{
-    Body, Events, Grain, GrainType, Grains, Shape, SizeRange, Spheroid, Surface, TruncatedNormal,
+    Body, Events, Facets, Grain, GrainType, Grains, Shape, SizeRange, Spheroid, Surface,
+    TruncatedNormal,
 };
 use splitsnow::math::Vec3;
 use splitsnow::optics::{Index, Interface};
 use splitsnow::rng::Stream;
+use splitsnow::transport::{Entry, contact, meets};
 use statrs::function::erf::erf;
 use std::f64::consts::SQRT_2;
 
@@ -57,7 +59,7 @@ fn sizes_and_shapes_follow_their_distributions() {
             size: SizeRange::new(300e-6, 750e-6).unwrap(),
             facetness,
             shape: Shape::Spheroid,
-            sphericity,
+            proportion: sphericity,
         };
         let scale = |law: &TruncatedNormal, x: f64| (x - law.min()) / (law.max() - law.min());
         let (psi_cdf, facet_cdf) = (truncated_cdf(&sphericity), truncated_cdf(&facetness));
@@ -88,7 +90,7 @@ fn with_sphericity(psi: f64) -> GrainType {
         size: SizeRange::new(1e-3, 1e-3).unwrap(),
         facetness: law(0.0, 0.0, 0.0, 0.0),
         shape: Shape::Spheroid,
-        sphericity: law(psi, psi, psi, 0.0),
+        proportion: law(psi, psi, psi, 0.0),
     }
 }
 
@@ -127,41 +129,59 @@ fn points_are_uniform_over_the_surface() {
     }
 }
 
-/// Projected points uniformly fill the ellipse that the ray sees, on its near side only. The
-/// semi-axes are c across the axis of the spheroid and, along it, the projected half extent.
+/// Grains met by projected area: their points uniformly fill the ellipse that the ray sees, with
+/// the semi-axes c across the axis of the spheroid and, along it, the projected half extent. The
+/// attitudes have the weight of the area of this ellipse.
 #[test]
-fn projected_points_are_uniform_over_the_projected_area() {
+fn grains_are_met_in_proportion_to_their_projected_area() {
     let d = Vec3::new(0.48, 0.6, 0.64);
     let mut rng = stream(40);
-    for psi in [1.0f64, 0.8, 0.4] {
-        for tilt in [0.3, 1.2] {
-            if psi == 1.0 && tilt > 1.0 {
-                continue; // the orientation of a sphere does not matter
+    for (number, psi) in [1.0f64, 0.8, 0.4].into_iter().enumerate() {
+        let c = psi * psi;
+        let half = |cos: f64| (c * c + (1.0 - c * c) * (1.0 - cos * cos)).sqrt();
+        let (mut points, mut attitudes) = ([0u64; 16 * 16], [0u64; 20]);
+        let law = with_sphericity(psi);
+        draw(&law, 800_000, 41 + number as u64, |grain| {
+            if !meets(grain, Entry::Projected, rng.uniform().to_array()[0], d) {
+                return;
             }
-            // the axis at an angle of `tilt` to the ray
-            let (across, along) = d.frame();
-            let axis = (d * f64::cos(tilt)).plus(f64::sin(tilt), along);
-            let c = psi * psi;
-            let body = Spheroid::body(c, axis);
-            let half = (c * c + (1.0 - c * c) * f64::sin(tilt).powi(2)).sqrt();
-            let mut counts = [0u64; 16 * 16];
-            for _ in 0..200_000 {
-                let u = rng.uniform().to_array()[0];
-                let (sin, cos) = rng.azimuth();
-                let azimuth = (sin.to_array()[0], cos.to_array()[0]);
-                let (p, normal) = body.projected_point(d, u, azimuth);
-                assert!(normal.dot(d) <= 0.0, "on the far side");
-                let (x, y) = (p.dot(across) / c, p.dot(along) / half);
-                counts[16 * cell(x * x + y * y, 16) + cell(turn(y, x), 16)] += 1;
-            }
-            assert_uniform(&format!("shadow, psi = {psi}, tilt {tilt}"), &counts);
+            let (p, normal) = contact(grain, d);
+            assert!(normal.dot(d) <= 0.0, "on the far side");
+            let (axis, _) = Spheroid::parts(&grain.body.numbers);
+            let cos = axis.dot(d);
+            let along = axis - d * cos;
+            let along = along * (1.0 / along.dot(along).sqrt());
+            let across = Vec3::new(
+                d.y * along.z - d.z * along.y,
+                d.z * along.x - d.x * along.z,
+                d.x * along.y - d.y * along.x,
+            );
+            let (x, y) = (p.dot(across) / c, p.dot(along) / half(cos));
+            points[16 * cell(x * x + y * y, 16) + cell(turn(y, x), 16)] += 1;
+            attitudes[cell(cos.abs(), 20)] += 1;
+        });
+        assert_uniform(&format!("shadow, psi = {psi}"), &points);
+        if psi < 1.0 {
+            let area = |cos: f64| {
+                // the integral of the half extent from 0 to `cos`, by midpoints
+                let middles = (0..1000).map(|i| (f64::from(i) + 0.5) / 1000.0);
+                middles.map(|t| half(cos * t) * cos / 1000.0).sum::<f64>()
+            };
+            let shares = steps(20, |t| area(t) / area(1.0));
+            assert_distributed(&format!("attitudes, psi = {psi}"), &attitudes, &shares);
         }
     }
 }
 
 /// Samples facet normals. On a mirror grain (index near 0: total external reflection) the facet
 /// normal m follows from d' - d, which is parallel to m.
-fn facets(facetness: f64, incidence_deg: f64, count: u32, rng: &mut Stream) -> Vec<(f64, f64)> {
+fn facets(
+    law: Facets,
+    facetness: f64,
+    incidence_deg: f64,
+    count: u32,
+    rng: &mut Stream,
+) -> Vec<(f64, f64)> {
     let mirror = Interface::dielectric(AIR, Index { n: 1e-6, k: 0.0 });
     let surface = Surface {
         enter: mirror,
@@ -178,7 +198,7 @@ fn facets(facetness: f64, incidence_deg: f64, count: u32, rng: &mut Stream) -> V
     };
     // polar angle about the normal, azimuth from the plane of incidence
     let (side, up) = (Vec3::new(0.0, 1.0, 0.0), Vec3::new(cos, 0.0, sin));
-    let mut events = Events::new(&[surface; 2], false);
+    let mut events = Events::new(&[surface; 2], false, law);
     let (mut found, mut left) = (Vec::new(), 0xff);
     while found.len() < count as usize {
         for lane in (0..8).filter(|lane| left & (1 << lane) != 0) {
@@ -199,24 +219,29 @@ fn facets(facetness: f64, incidence_deg: f64, count: u32, rng: &mut Stream) -> V
 /// uniform azimuth. Both are drawn again until the cosine is positive and the facet faces the
 /// ray (docs/methods.md). Cells of the tilt have equal probability at normal incidence. At other
 /// angles the part of a cell that faces the ray is integrated: m faces the ray if
-/// cos(i) cos(tilt) > -sin(i) sin(tilt) cos(azimuth).
+/// cos(i) cos(tilt) > -sin(i) sin(tilt) cos(azimuth). Visible facets have the difference of the
+/// two sides as their weight.
 #[test]
 fn facets_follow_their_distribution() {
     let mut rng = stream(50);
-    for (facetness, deg) in [
-        (0.1, 0.0),
-        (0.3, 0.0),
-        (1.0, 0.0),
-        (0.3, 60.0),
-        (1.0, 60.0),
-        (0.3, 85.0),
-        (1.0, 85.0),
+    let (published, visible) = (Facets::Varsa2025, Facets::Visible);
+    for (law, facetness, deg) in [
+        (published, 0.1, 0.0),
+        (published, 0.3, 0.0),
+        (published, 1.0, 0.0),
+        (published, 0.3, 60.0),
+        (published, 1.0, 60.0),
+        (published, 0.3, 85.0),
+        (published, 1.0, 85.0),
+        (visible, 1.0, 0.0),
+        (visible, 0.3, 60.0),
+        (visible, 1.0, 85.0),
     ] {
         let spread = facetness / 2.0 * SQRT_2;
         let whole = erf(1.0 / spread);
         let rank = |cos_tilt: f64| erf((1.0 - cos_tilt) / spread) / whole;
         let mut counts = [0u64; 16 * 16];
-        for (cos_tilt, azimuth) in facets(facetness, deg, 400_000, &mut rng) {
+        for (cos_tilt, azimuth) in facets(law, facetness, deg, 400_000, &mut rng) {
             assert!(cos_tilt > 0.0);
             counts[16 * cell(rank(cos_tilt), 16) + cell(azimuth, 16)] += 1;
         }
@@ -242,7 +267,10 @@ fn facets_follow_their_distribution() {
                 let turn = (f64::from(j) + 0.5) / f64::from(fine);
                 let facing = cos * cos_tilt - sin * sin_tilt * (std::f64::consts::TAU * turn).cos();
                 if facing > 0.0 {
-                    shares[16 * cell(wanted, 16) + cell(turn, 16)] += 1.0;
+                    shares[16 * cell(wanted, 16) + cell(turn, 16)] += match law {
+                        Facets::Visible => facing,
+                        _ => 1.0,
+                    };
                 }
             }
         }
@@ -268,7 +296,7 @@ fn facets_follow_their_distribution() {
         let sum: f64 = pooled_share.iter().sum();
         pooled_share.iter_mut().for_each(|share| *share /= sum);
         assert_distributed(
-            &format!("facets F = {facetness}, {deg} degrees"),
+            &format!("{law:?} facets F = {facetness}, {deg} degrees"),
             &pooled_count,
             &pooled_share,
         );

@@ -137,7 +137,7 @@ fn ice_met_per_metre_matches_the_size_law() {
                 size: size.with_law(size_law),
                 facetness: law(0.0, 0.0, 0.0, 0.0),
                 shape: Shape::Spheroid,
-                sphericity,
+                proportion: sphericity,
             };
             let flights_in_water = Snow {
                 water_saturation: 1.0,

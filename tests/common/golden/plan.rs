@@ -31,7 +31,7 @@ impl GoldenSnow {
                     size: SizeRange::new(um_to_m(size_min_um), um_to_m(size_max_um)).unwrap(),
                     facetness: TruncatedNormal::new(min, max, mean, 0.072).unwrap(),
                     shape: Shape::Spheroid,
-                    sphericity: TruncatedNormal::new(0.6, 0.95, 0.798, 0.064).unwrap(),
+                    proportion: TruncatedNormal::new(0.6, 0.95, 0.798, 0.064).unwrap(),
                 },
                 self.density_kg_m3,
                 -1.0,

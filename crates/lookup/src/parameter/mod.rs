@@ -210,7 +210,7 @@ impl Parameter {
                 candidates: 6,
                 role: Role::Snow,
                 optional: true,
-                fixed: &["fixed.sphericity"],
+                fixed: &["fixed.sphericity", "fixed.aspect_ratio"],
             },
             Self::SubstrateReflectance => Record {
                 key: "substrate_reflectance",

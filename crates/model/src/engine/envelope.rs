@@ -25,11 +25,15 @@ struct Limit {
     instead: Option<Engine>,
 }
 
-/// Shortest axis of any grain in `snow`, m.
+/// Smallest diameter of a sphere inscribed in a grain of `snow`, m.
 fn slimmest_m(snow: &Snow) -> f64 {
     let grains = snow.grains.iter().map(|component| component.grain);
-    let axes = grains.map(|grain| grain.size.min_m() * grain.sphericity.min().powi(2));
-    axes.fold(f64::INFINITY, f64::min)
+    let diameters = grains.map(|grain| {
+        let proportions = [grain.proportion.min(), grain.proportion.max()];
+        let radii = proportions.map(|proportion| grain.shape.inscribed(proportion));
+        grain.size.min_m() * radii[0].min(radii[1])
+    });
+    diameters.fold(f64::INFINITY, f64::min)
 }
 
 impl Engine {

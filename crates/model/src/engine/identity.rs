@@ -4,7 +4,7 @@
 //! A node gets the same random streams in every grid and at every position in it, so
 //! a grid that grows keeps its spectra. The bits are the [`Fingerprint`] of
 //!
-//! - the snow of each layer: grains (share, size, facetness, sphericity, shape), density,
+//! - the snow of each layer: grains (share, size, facetness, shape, proportion), density,
 //!   temperature, saturation and the carbon that absorbs; the thicknesses of the
 //!   layers under the surface; the reflectance of the substrate;
 //! - the illumination and the thickness, if the engine computes them one by one.
@@ -50,7 +50,7 @@ fn with_snow(digest: Fingerprint, snow: &Snow) -> Fingerprint {
             .and(&[component.fraction, grain.size.min_m(), grain.size.max_m()])
             .and_text(grain.size.law().name())
             .and(&law(&grain.facetness))
-            .and(&law(&grain.sphericity));
+            .and(&law(&grain.proportion));
         digest = grain.shape.identify(digest);
     }
     for (name, carbon) in [("black", &snow.black_carbon), ("brown", &snow.brown_carbon)] {

@@ -7,7 +7,7 @@ use serde::{Deserialize, Serialize};
 
 use crate::engine::cache::HeapSize;
 use crate::engine::{Control, EngineError, Request, Resolution, batches};
-use crate::grain::{GrainType, SizeRange, Surface};
+use crate::grain::{Facets, GrainType, SizeRange, Surface};
 use crate::optics::Index;
 use crate::rng::{Key, Stream};
 use crate::table::{Kernel, Table, TableLayer, TableSnowpack, draw};
@@ -26,6 +26,7 @@ const OVERSAMPLING: usize = 8;
 pub(super) struct TableKey {
     grain: GrainType,
     entry: Entry,
+    facets: Facets,
     surface: Surface,
     seed: u64,
     resolution: Resolution,
@@ -80,6 +81,7 @@ pub(super) fn outcomes(
                 ..*grain
             },
             entry: request.model.entry,
+            facets: request.model.facets,
             surface,
             seed: request.seed,
             resolution: request.resolution,
@@ -164,7 +166,13 @@ impl TableKey {
             // indices differ only by the optics
             let rng = self.stream(part, first / BATCH);
             let count = BATCH.min(outcomes - first);
-            let mut drawn = draw(&self.grain, self.entry, self.surface, count, rng);
+            let mut drawn = draw(
+                &self.grain,
+                (self.entry, self.facets),
+                self.surface,
+                count,
+                rng,
+            );
             let kernel = Kernel::new(&drawn, 2 * streams + 1);
             drawn.truncate(candidates.saturating_sub(first));
             drawn.shrink_to_fit();

@@ -2,7 +2,7 @@
 use splitsnow_spectra::simd::{F64x8, Portable, Simd};
 
 use crate::grain::shape::{Down, Form, Numbers};
-use crate::math::{Real, Vec3, Vec3x8};
+use crate::math::{Real, Vec3x8};
 use crate::rng::Stream;
 
 /// The solid body of a grain, in units of half its size.
@@ -24,13 +24,6 @@ impl<R: Real> Body<R> {
 }
 
 impl Body<f64> {
-    /// See [`super::GrainShape::projected_point`].
-    #[inline(always)]
-    #[must_use]
-    pub fn projected_point(&self, d: Vec3, u: f64, azimuth: (f64, f64)) -> (Vec3, Vec3) {
-        self.form.projected_point(&self.numbers, d, u, azimuth)
-    }
-
     /// See [`super::GrainShape::turned`].
     #[inline(always)]
     #[must_use]

@@ -21,14 +21,14 @@ use crate::optics::ice_density_kg_m3;
 #[must_use]
 pub fn mean_free_distance_m(grain: &GrainType, density_kg_m3: f64, temperature_c: f64) -> f64 {
     let ice_fraction = density_kg_m3 / ice_density_kg_m3(temperature_c);
-    let shape = shape_factor(grain.shape, &grain.sphericity, grain.size.law());
+    let shape = shape_factor(grain.shape, &grain.proportion, grain.size.law());
     1.0 / (ice_fraction * size_factor_per_m(&grain.size) * shape)
 }
 
 /// Specific surface area, m2/kg, that this distance implies.
 #[must_use]
 pub fn specific_surface_m2_kg(grain: &GrainType, temperature_c: f64) -> f64 {
-    let shape = shape_factor(grain.shape, &grain.sphericity, grain.size.law());
+    let shape = shape_factor(grain.shape, &grain.proportion, grain.size.law());
     4.0 * size_factor_per_m(&grain.size) * shape / ice_density_kg_m3(temperature_c)
 }
 
@@ -55,15 +55,15 @@ pub fn overpacking(size: &SizeRange) -> f64 {
 }
 
 /// K2: a quarter of the surface-to-volume ratio of grains of unit length, averaged over the
-/// truncated normal distribution of the sphericity. [`SizeLaw::Consistent`] uses the
+/// truncated normal distribution of the proportion. [`SizeLaw::Consistent`] uses the
 /// harmonic mean.
 #[must_use]
-pub fn shape_factor(shape: Shape, sphericity: &TruncatedNormal, law: SizeLaw) -> f64 {
+pub fn shape_factor(shape: Shape, proportion: &TruncatedNormal, law: SizeLaw) -> f64 {
     let (min, max, mean, sd) = (
-        sphericity.min(),
-        sphericity.max(),
-        sphericity.mean(),
-        sphericity.sd(),
+        proportion.min(),
+        proportion.max(),
+        proportion.mean(),
+        proportion.sd(),
     );
     if sd == 0.0 || min == max {
         return shape.surface_to_volume(mean) / 4.0;
@@ -74,8 +74,8 @@ pub fn shape_factor(shape: Shape, sphericity: &TruncatedNormal, law: SizeLaw) ->
     let step = (high - low) / f64::from(panels);
     let (mut weighted, mut total) = (0.0, 0.0);
     for i in 0..=panels {
-        let psi = low + step * f64::from(i);
-        let z = (psi - mean) / sd;
+        let value = low + step * f64::from(i);
+        let z = (value - mean) / sd;
         let simpson = if i == 0 || i == panels {
             1.0
         } else {
@@ -83,8 +83,8 @@ pub fn shape_factor(shape: Shape, sphericity: &TruncatedNormal, law: SizeLaw) ->
         };
         let density = simpson * libm::exp(-0.5 * z * z);
         weighted += match law {
-            SizeLaw::Varsa2025 => density * shape.surface_to_volume(psi),
-            SizeLaw::Consistent => density / shape.surface_to_volume(psi),
+            SizeLaw::Varsa2025 => density * shape.surface_to_volume(value),
+            SizeLaw::Consistent => density / shape.surface_to_volume(value),
         };
         total += density;
     }

@@ -9,8 +9,9 @@ use std::marker::PhantomData;
 
 use splitsnow_spectra::simd::{F64x8, Portable, Simd, Task};
 
-use crate::grain::shape::{GrainShape, Numbers, with_form, with_law};
-use crate::grain::{Bodies, Body, GrainType};
+use crate::grain::facets::{Grooves, Tilts};
+use crate::grain::shape::{Form, GrainShape, Numbers, with_law};
+use crate::grain::{Bodies, Body, Facets, GrainType, Spheroid};
 use crate::math::{Vec3, Vec3x8};
 use crate::optics::{Index, Interface, Interfaces, reflect};
 use crate::rng::Stream;
@@ -84,12 +85,12 @@ impl<S: Simd> Grains<S> {
     /// The same for a given shape.
     #[inline(always)]
     fn draw_shape<G: GrainShape>(shape: &G, law: &GrainType, rng: &mut Stream<S>) -> (Self, u32) {
-        let (psi, keep_psi) = law.sphericity.propose(rng);
+        let (proportion, keep_proportion) = law.proportion.propose(rng);
         let (facetness, keep_facetness) = law.facetness.propose(rng);
-        let body = shape.draw(psi, rng);
-        let kept = keep_psi & keep_facetness;
+        let body = shape.draw(proportion, rng);
+        let kept = keep_proportion & keep_facetness;
         // A rejected point is drawn again for the same grain: rejecting the grain too
-        // would favour round grains, which keep more points.
+        // would favour shapes that keep more points.
         let (mut point, mut placed) = G::sample(&body, rng);
         while (kept & !placed).any() {
             let (another, keep) = G::sample(&body, rng);
@@ -148,6 +149,8 @@ pub struct Events<S: Simd = Portable> {
     wet: F64x8<S>,
     facet_tries: F64x8<S>,
     internal_hits: F64x8<S>,
+    facets: Facets,
+    grooves: Grooves<S>,
     surfaces: [[Interfaces<S>; 2]; 2],
     any_water: bool,
 }
@@ -159,7 +162,7 @@ pub struct Stepped {
     pub left: u32,
     /// The path in ice has reached [`Events::ice_limit_m`].
     pub absorbed: u32,
-    /// The ray is still inside after 10,000 hits.
+    /// The ray is still in its grain after 10,000 hits.
     pub lost: u32,
 }
 
@@ -215,7 +218,7 @@ impl<S: Simd> Events<S> {
     /// Idle lanes with the given grain surfaces in air and in water.
     #[must_use]
     #[inline(always)]
-    pub fn new(surfaces: &[Surface; 2], any_water: bool) -> Self {
+    pub fn new(surfaces: &[Surface; 2], any_water: bool, facets: Facets) -> Self {
         let zero = F64x8::ZERO;
         let unit = Vec3x8::new(zero, zero, F64x8::ONE);
         Self {
@@ -231,6 +234,8 @@ impl<S: Simd> Events<S> {
             wet: zero,
             facet_tries: zero,
             internal_hits: zero,
+            facets,
+            grooves: Grooves::default(),
             surfaces: surfaces.map(|s| [s.enter.splat(), s.leave.splat()]),
             any_water,
         }
@@ -249,6 +254,7 @@ impl<S: Simd> Events<S> {
         self.wet.as_mut_array()[lane] = F64x8::<S>::mask(in_water);
         self.facet_tries.as_mut_array()[lane] = 0.0;
         self.internal_hits.as_mut_array()[lane] = 0.0;
+        self.grooves.leave(lane);
     }
 
     /// Position of the ray of `lane` relative to the centre of its grain, m.
@@ -261,45 +267,93 @@ impl<S: Simd> Events<S> {
     /// Tries one facet on every lane.
     #[inline(always)]
     pub fn step(&mut self, rng: &mut Stream<S>) -> Stepped {
-        // Each form has its own function, so that adding a form does not slow the others.
-        match self.bodies.form() {
-            Some(form) => with_form!(form, G => {
-                let solids = SingleForm::<G>(PhantomData);
-                S::outlined(StepTask(self, solids, rng))
-            }),
-            None => {
-                let mixed = self.bodies;
-                S::outlined(StepTask(self, mixed, rng))
-            }
+        // Spheroids alone have their own function, so that the other forms do not slow them.
+        if self.bodies.form() == Some(Form::Spheroid) {
+            let solids = SingleForm::<Spheroid>(PhantomData);
+            return S::outlined(StepTask(self, solids, rng));
         }
+        let bodies = self.bodies;
+        S::outlined(StepTask(self, bodies, rng))
+    }
+
+    /// Facets of [`Facets::Varsa2025`]: their normals, the cosines of incidence, and which
+    /// of them face the rays. After too many tries it is the untilted surface.
+    #[inline(always)]
+    fn facing_facet(
+        &mut self,
+        untilted: F64x8<S>,
+        rng: &mut Stream<S>,
+    ) -> (Vec3x8<S>, F64x8<S>, F64x8<S>) {
+        let (n, one) = (self.normal, F64x8::ONE);
+        let tilt = (F64x8::splat(0.5) * self.facetness * rng.normal()).abs();
+        let (sin, cos) = rng.azimuth();
+        let slope = (tilt * (F64x8::splat(2.0) - tilt)).max(F64x8::ZERO).sqrt();
+        let (t1, t2) = n.frame();
+        let m = (n * (one - tilt))
+            .plus(slope * cos, t1)
+            .plus(slope * sin, t2);
+        let c = -m.dot(self.direction);
+        let ok = c.gt(F64x8::ZERO) & tilt.lt(one);
+        self.or_untilted((m, c, ok), untilted)
+    }
+
+    /// Facets of [`Facets::Visible`], as [`Self::facing_facet`].
+    #[inline(always)]
+    fn visible_facet(
+        &mut self,
+        untilted: F64x8<S>,
+        rng: &mut Stream<S>,
+    ) -> (Vec3x8<S>, F64x8<S>, F64x8<S>) {
+        let (n, zero, one) = (self.normal, F64x8::ZERO, F64x8::ONE);
+        let tilts = Tilts::draw(self.facetness, n, rng);
+        let [first, second] = tilts.incidences(n, self.direction);
+        // Rejection from pairs of facets that are mirror images. Half of the sum of the
+        // areas seen is at most the larger of 1/2 and the cosine on the untilted surface.
+        let bound = (untilted + untilted).max(one);
+        let u = bound * rng.uniform();
+        let [seen_first, seen_second] = [first.max(zero), second.max(zero)];
+        let is_first = u.lt(seen_first);
+        let seen = u.lt(seen_first + seen_second);
+        let side = is_first.select(one, -one);
+        let m = (n * tilts.cos).plus(side * tilts.sin, tilts.across);
+        let c = is_first.select(first, second);
+        let ok = tilts.valid & seen & c.gt(zero);
+        self.or_untilted((m, c, ok), untilted)
+    }
+
+    /// The untilted surface instead of facets that were refused too often.
+    #[inline(always)]
+    fn or_untilted(
+        &mut self,
+        (mut m, mut c, mut ok): (Vec3x8<S>, F64x8<S>, F64x8<S>),
+        untilted: F64x8<S>,
+    ) -> (Vec3x8<S>, F64x8<S>, F64x8<S>) {
+        self.facet_tries += F64x8::ONE;
+        let given_up = !ok & self.facet_tries.ge(F64x8::splat(FACET_TRIES));
+        if given_up.any() {
+            m = self.normal.or_where_not(given_up, m);
+            c = given_up.select(untilted, c);
+            ok |= given_up;
+        }
+        self.facet_tries = ok.select(F64x8::ZERO, self.facet_tries);
+        (m, c, ok)
     }
 
     /// The same step on `solids`, whose forms are known.
     #[inline(always)]
     fn step_inlined(&mut self, solids: &impl Solids<S>, rng: &mut Stream<S>) -> Stepped {
-        let body = &self.bodies.numbers;
         let (d, n, one) = (self.direction, self.normal, F64x8::ONE);
 
-        // a facet about the normal (eqs. 4.3-4.4)
-        let tilt = (F64x8::splat(0.5) * self.facetness * rng.normal()).abs();
-        let (sin, cos) = rng.azimuth();
-        let slope = (tilt * (F64x8::splat(2.0) - tilt)).max(F64x8::ZERO).sqrt();
-        let (t1, t2) = n.frame();
-        let mut m = (n * (one - tilt))
-            .plus(slope * cos, t1)
-            .plus(slope * sin, t2);
-        let mut c = -m.dot(d);
-        let mut ok = c.gt(F64x8::ZERO) & tilt.lt(one);
-        self.facet_tries += one;
-        let given_up = !ok & self.facet_tries.ge(F64x8::splat(FACET_TRIES));
         let untilted = (-n.dot(d)).max(F64x8::splat(1e-12));
-        if given_up.any() {
-            m = n.or_where_not(given_up, m);
-            c = given_up.select(untilted, c);
-            ok |= given_up;
-        }
+        let (m, c, ok) = match self.facets {
+            Facets::Varsa2025 => self.facing_facet(untilted, rng),
+            Facets::Visible => self.visible_facet(untilted, rng),
+            Facets::VGroove => {
+                let (m, c) = self.grooves.hit(n, d, self.facetness, rng);
+                (m, c, c.gt(F64x8::ZERO))
+            }
+        };
         let c = c.min(one);
-        self.facet_tries = ok.select(F64x8::ZERO, self.facet_tries);
 
         // reflect or refract
         let inside = self.inside;
@@ -316,22 +370,35 @@ impl<S: Simd> Events<S> {
             reflect(d, m, c).or_where_not(reflected, interfaces.refract(d, m, c, &incidences));
         let goes_inside = inside ^ refracted;
 
-        // a tilted facet may send an internal ray out of the grain: use the untilted normal
-        let outward = next.dot(n) * refracted.select(-one, one);
-        let wrong_side = ok & goes_inside & outward.le(F64x8::ZERO);
-        next = reflect(d, n, untilted).or_where_not(wrong_side & reflected, next);
-        if (wrong_side & refracted).any() {
-            let c = untilted.min(one);
-            let refraction = interfaces.refract_or_graze(d, n, c, &interfaces.incidences(c));
-            next = refraction.or_where_not(wrong_side & refracted, next);
+        if self.facets != Facets::VGroove {
+            // a tilted facet may send an internal ray out of the grain: use the untilted normal
+            let outward = next.dot(n) * refracted.select(-one, one);
+            let wrong_side = ok & goes_inside & outward.le(F64x8::ZERO);
+            next = reflect(d, n, untilted).or_where_not(wrong_side & reflected, next);
+            if (wrong_side & refracted).any() {
+                let c = untilted.min(one);
+                let refraction = interfaces.refract_or_graze(d, n, c, &interfaces.incidences(c));
+                next = refraction.or_where_not(wrong_side & refracted, next);
+            }
         }
         // one Newton step towards unit length prevents accumulation of rounding errors
         next = next * (F64x8::splat(1.5) - F64x8::splat(0.5) * next.dot(next));
         self.direction = next.or_where_not(ok, d);
         self.inside = ok.select(goes_inside, inside);
 
+        // in a groove the ray may hit the opposite facet
+        let mut n = n;
+        let mut leaves_surface = ok;
+        if self.facets == Facets::VGroove {
+            let (facing, again) = self.grooves.leave_facet(n, next, refracted);
+            n = facing.or_where_not(again, n);
+            leaves_surface = !again;
+            self.internal_hits += one & again;
+        }
+
         // move on through the ice to the far surface
-        let moves = ok & goes_inside;
+        let moves = leaves_surface & goes_inside;
+        let body = &self.bodies.numbers;
         let chord = solids.chord(body, self.position, next);
         let chord = chord.max(F64x8::ZERO) & moves;
         self.position = self.position.plus(chord, next);
@@ -340,7 +407,7 @@ impl<S: Simd> Events<S> {
         self.normal = inward.or_where_not(moves, n);
         self.internal_hits += one & moves;
         Stepped {
-            left: (ok & !goes_inside).to_bitmask(),
+            left: (leaves_surface & !goes_inside).to_bitmask(),
             absorbed: (moves & self.ice_m.ge(self.ice_limit_m)).to_bitmask(),
             lost: self
                 .internal_hits

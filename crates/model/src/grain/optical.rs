@@ -27,8 +27,8 @@ pub struct SizeConversion {
     pub size_law: SizeLaw,
     /// Shape.
     pub shape: Shape,
-    /// Distribution of the sphericity.
-    pub sphericity: TruncatedNormal,
+    /// Distribution of the proportion.
+    pub proportion: TruncatedNormal,
     /// Temperature, Celsius.
     pub temperature_c: f64,
 }
@@ -66,7 +66,7 @@ impl SizeMeasure {
     pub fn size_um(self, value: f64, conversion: &SizeConversion) -> f64 {
         let shape = shape_factor(
             conversion.shape,
-            &conversion.sphericity,
+            &conversion.proportion,
             conversion.size_law,
         );
         let k1_per_m = match self {
@@ -128,7 +128,7 @@ mod tests {
                     half_width_um,
                     size_law,
                     shape: Shape::Spheroid,
-                    sphericity,
+                    proportion: sphericity,
                     temperature_c: -5.0,
                 };
                 for radius_um in [30.0, 82.0, 500.0, 2000.0] {
@@ -142,7 +142,7 @@ mod tests {
                         size: size.with_law(size_law),
                         facetness: sphere,
                         shape: Shape::Spheroid,
-                        sphericity,
+                        proportion: sphericity,
                     };
                     let found = specific_surface_m2_kg(&grain, -5.0);
                     assert!(
@@ -156,12 +156,12 @@ mod tests {
             half_width_um: 0.0,
             size_law: SizeLaw::Varsa2025,
             shape: Shape::Spheroid,
-            sphericity: usual,
+            proportion: usual,
             temperature_c: -1.0,
         };
         // a sphere is as long as it is wide; the usual grains are 1 / .351 radii long
         let sphere = SizeConversion {
-            sphericity: sphere,
+            proportion: sphere,
             ..conversion
         };
         assert!((SizeMeasure::OpticalRadius.size_um(82.0, &sphere) - 164.0).abs() < 1e-9);

@@ -3,14 +3,15 @@
 //!
 //! A body is convex and symmetric about its centre, the origin. Lengths are in units of
 //! half the grain size s, its largest extent in any direction (docs/methods.md, The
-//! sample: for a spheroid the major semi-axis b = s/2). In a body of sphericity Psi, the
-//! largest inscribed sphere has the radius Psi^2 (Varsa 2025, eq. 4.2: Psi = sqrt(c/b)).
+//! sample: for a spheroid the major semi-axis b = s/2). One number gives the proportions of a
+//! body: the sphericity Psi of a spheroid, in which the largest inscribed sphere has the
+//! radius Psi^2 (Varsa 2025, eq. 4.2: Psi = sqrt(c/b)), or the aspect ratio of a prism.
 use splitsnow_spectra::simd::{F64x8, Simd};
 
 use crate::grain::body::Bodies;
 #[cfg(doc)]
-use crate::grain::spheroid::Spheroid;
-use crate::math::{Real, Vec3, Vec3x8};
+use crate::grain::{Hexagonal, Oblate, Spheroid};
+use crate::math::{Real, Vec3x8};
 use crate::rng::{Fingerprint, Stream};
 
 /// Orientation and proportions of a body. Only its shape interprets these numbers. Three
@@ -46,13 +47,16 @@ pub trait GrainShape {
     #[must_use]
     fn identify(&self, digest: Fingerprint) -> Fingerprint;
 
-    /// Surface-to-volume ratio of a body of sphericity `psi` and full length 1. K2 is a
+    /// Surface-to-volume ratio of a body of this proportion and full length 1. K2 is a
     /// quarter of it (docs/methods.md, Mean free distance: A(Psi)).
-    fn surface_to_volume(&self, psi: f64) -> f64;
+    fn surface_to_volume(&self, proportion: f64) -> f64;
 
-    /// Eight bodies of these sphericities with isotropic orientations (docs/methods.md, The
+    /// Radius of the largest sphere in a body of this proportion.
+    fn inscribed(&self, proportion: f64) -> f64;
+
+    /// Eight bodies of these proportions with isotropic orientations (docs/methods.md, The
     /// grain event).
-    fn draw<S: Simd>(&self, psi: F64x8<S>, rng: &mut Stream<S>) -> Numbers<F64x8<S>>;
+    fn draw<S: Simd>(&self, proportion: F64x8<S>, rng: &mut Stream<S>) -> Numbers<F64x8<S>>;
 
     /// Proposes points uniform over the whole surface. The mask selects those to keep
     /// (docs/methods.md, The grain event).
@@ -70,12 +74,6 @@ pub trait GrainShape {
     /// a slab (docs/methods.md, The walk).
     fn half_height<R: Real>(body: &Numbers<R>, down: &impl Down<R>) -> R;
 
-    /// A point of the half that faces a ray of direction `d`, uniform over the area projected
-    /// along `d`, and the outward normal there, not normalised. `u` is a uniform variate and
-    /// `azimuth` the (sin, cos) of a uniform angle (docs/methods.md, The grain event,
-    /// `entry = "projected"`).
-    fn projected_point(body: &Numbers<f64>, d: Vec3, u: f64, azimuth: (f64, f64)) -> (Vec3, Vec3);
-
     /// The same body in a frame rotated about z, where (x, y) becomes
     /// `(cos x + sin y, cos y - sin x)`.
     fn turned(body: &Numbers<f64>, cos: f64, sin: f64) -> Numbers<f64>;
@@ -87,6 +85,10 @@ pub enum Shape {
     /// See [`Spheroid`].
     #[default]
     Spheroid,
+    /// See [`Oblate`].
+    Oblate,
+    /// See [`Hexagonal`].
+    Hexagonal,
 }
 
 /// The shape of a body, without the parameters of its type of grain.
@@ -95,6 +97,10 @@ pub enum Form {
     /// See [`Spheroid`].
     #[default]
     Spheroid,
+    /// See [`Oblate`].
+    Oblate,
+    /// See [`Hexagonal`].
+    Hexagonal,
 }
 
 /// Evaluates `$work` with the shape of `$shape` bound to `$law`.
@@ -103,6 +109,14 @@ macro_rules! with_law {
         match $shape {
             $crate::grain::Shape::Spheroid => {
                 let $law = &$crate::grain::Spheroid;
+                $work
+            }
+            $crate::grain::Shape::Oblate => {
+                let $law = &$crate::grain::Oblate;
+                $work
+            }
+            $crate::grain::Shape::Hexagonal => {
+                let $law = &$crate::grain::Hexagonal;
                 $work
             }
         }
@@ -118,12 +132,38 @@ macro_rules! with_form {
                 type $G = $crate::grain::Spheroid;
                 $work
             }
+            $crate::grain::Form::Oblate => {
+                type $G = $crate::grain::Oblate;
+                $work
+            }
+            $crate::grain::Form::Hexagonal => {
+                type $G = $crate::grain::Hexagonal;
+                $work
+            }
         }
     };
 }
-pub(super) use with_form;
 
 impl Shape {
+    /// All shapes.
+    pub const ALL: [Self; 3] = [Self::Spheroid, Self::Oblate, Self::Hexagonal];
+
+    /// The name used in configs and files.
+    #[must_use]
+    pub const fn name(self) -> &'static str {
+        match self {
+            Self::Spheroid => "spheroid",
+            Self::Oblate => "oblate",
+            Self::Hexagonal => "hexagonal",
+        }
+    }
+
+    /// Whether the proportion of these bodies is an aspect ratio instead of a sphericity.
+    #[must_use]
+    pub const fn has_aspect_ratio(self) -> bool {
+        matches!(self, Self::Hexagonal)
+    }
+
     /// See [`GrainShape::identify`].
     #[must_use]
     pub fn identify(&self, digest: Fingerprint) -> Fingerprint {
@@ -132,17 +172,23 @@ impl Shape {
 
     /// See [`GrainShape::surface_to_volume`].
     #[must_use]
-    pub fn surface_to_volume(&self, psi: f64) -> f64 {
-        with_law!(self, law => law.surface_to_volume(psi))
+    pub fn surface_to_volume(&self, proportion: f64) -> f64 {
+        with_law!(self, law => law.surface_to_volume(proportion))
+    }
+
+    /// See [`GrainShape::inscribed`].
+    #[must_use]
+    pub fn inscribed(&self, proportion: f64) -> f64 {
+        with_law!(self, law => law.inscribed(proportion))
     }
 
     /// See [`GrainShape::draw`].
     #[inline(always)]
-    pub fn draw<S: Simd>(&self, psi: F64x8<S>, rng: &mut Stream<S>) -> Bodies<S> {
+    pub fn draw<S: Simd>(&self, proportion: F64x8<S>, rng: &mut Stream<S>) -> Bodies<S> {
         fn form<G: GrainShape>(_: &G) -> Form {
             G::FORM
         }
-        with_law!(self, law => Bodies::new([form(law); 8], law.draw(psi, rng)))
+        with_law!(self, law => Bodies::new([form(law); 8], law.draw(proportion, rng)))
     }
 }
 
@@ -178,18 +224,130 @@ impl Form {
     }
 
     #[inline(always)]
-    pub(super) fn projected_point(
-        self,
-        body: &Numbers<f64>,
-        d: Vec3,
-        u: f64,
-        azimuth: (f64, f64),
-    ) -> (Vec3, Vec3) {
-        with_form!(self, G => G::projected_point(body, d, u, azimuth))
-    }
-
-    #[inline(always)]
     pub(super) fn turned(self, body: &Numbers<f64>, cos: f64, sin: f64) -> Numbers<f64> {
         with_form!(self, G => G::turned(body, cos, sin))
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::grain::{Bodies, Upright};
+    use crate::rng::Key;
+
+    /// Sums over points uniform on the surfaces of bodies of every shape, against volume and
+    /// surface: the mean of x.n is 3 V / S (divergence theorem), and that of the normal is 0.
+    /// Chords weighted by |n.d| have the mean 4 V / S (Cauchy). Chords end on the surface.
+    /// Points stay within the half height and reach it.
+    #[test]
+    fn points_normals_and_chords_agree_with_volume_and_surface() {
+        let mut rng = Stream::<splitsnow_spectra::simd::Portable>::new(Key {
+            seed: 9,
+            cell: 0,
+            purpose: [0; 3],
+            batch: 0,
+        });
+        for shape in Shape::ALL {
+            for proportion in [0.25, 0.7, 1.0, 3.0] {
+                if proportion > 1.0 && !shape.has_aspect_ratio() {
+                    continue;
+                }
+                let label = format!("{} {proportion}", shape.name());
+                let expected = 2.0 / shape.surface_to_volume(proportion);
+                let (mut count, mut outward, mut chords, mut squares) = (0.0, 0.0, 0.0, 0.0);
+                let (mut sum, mut nearest) = (Vec3x8::default(), f64::INFINITY);
+                for _ in 0..60 {
+                    let bodies = shape.draw(F64x8::splat(proportion), &mut rng);
+                    let tops = bodies.half_height(&Upright).to_array();
+                    let mut highest = [0.0f64; 8];
+                    for _ in 0..400 {
+                        let (mut point, mut kept) = bodies.sample(&mut rng);
+                        while (!kept).any() {
+                            let (another, keep) = bodies.sample(&mut rng);
+                            point = point.or_where_not(kept, another);
+                            kept |= keep;
+                        }
+                        let normal = bodies.normal(point).unit();
+                        sum = sum.plus(F64x8::ONE, normal);
+                        let d = rng.direction();
+                        let cos = normal.dot(d);
+                        let d = (d * -F64x8::ONE).or_where_not(cos.gt(F64x8::ZERO), d);
+                        let chord = bodies.chord(point, d);
+                        let far = point.plus(chord, d);
+                        let behind = bodies.chord(far, d * -F64x8::ONE);
+                        for lane in 0..8 {
+                            let get = |v: F64x8| v.to_array()[lane];
+                            count += 1.0;
+                            outward += get(point.dot(normal));
+                            let weighted = get(chord) * get(cos).abs();
+                            chords += weighted;
+                            squares += weighted * weighted;
+                            // along an edge, the distance to the face beyond it is rounded
+                            let off = (get(behind) - get(chord)).abs();
+                            assert!(off * get(cos).abs() < 1e-9, "{label}: {off}");
+                            highest[lane] = highest[lane].max(get(point.z).abs());
+                            nearest = nearest.min(get(point.dot(point)).sqrt());
+                        }
+                    }
+                    for (top, highest) in tops.into_iter().zip(highest) {
+                        assert!(highest <= top + 1e-12, "{label}: {highest} above {top}");
+                        assert!(highest > 0.85 * top, "{label}: {highest} far below {top}");
+                    }
+                }
+                let se = |mean: f64, square: f64| ((square - mean * mean) / count).sqrt();
+                let mean = outward / count;
+                assert!(
+                    (mean / (3.0 * expected) - 1.0).abs() < 0.01,
+                    "{label}: x.n {mean}"
+                );
+                // E|n.d| = 1/2
+                let chord = 2.0 * chords / count;
+                let error = 2.0 * se(chords / count, squares / count);
+                assert!(
+                    (chord - 4.0 * expected).abs() < 4.0 * error,
+                    "{label}: chord {chord} +- {error}, {}",
+                    4.0 * expected
+                );
+                let drift = sum.dot(sum).to_array().iter().sum::<f64>().sqrt() / count;
+                assert!(drift < 0.03, "{label}: {drift}");
+                let inscribed = shape.inscribed(proportion);
+                assert!(
+                    nearest >= inscribed - 1e-12,
+                    "{label}: {nearest} {inscribed}"
+                );
+                assert!(nearest < 1.05 * inscribed, "{label}: {nearest} {inscribed}");
+            }
+        }
+    }
+
+    /// A body turned about z has the same half height and turned normals.
+    #[test]
+    fn turned_bodies_are_turned() {
+        let mut rng = Stream::<splitsnow_spectra::simd::Portable>::new(Key {
+            seed: 10,
+            cell: 0,
+            purpose: [0; 3],
+            batch: 0,
+        });
+        for shape in Shape::ALL {
+            for angle in [0.0f64, 0.3, 1.7, 3.0, 3.141_592_6, -2.0, -0.4] {
+                let (sin, cos) = angle.sin_cos();
+                let bodies = shape.draw(F64x8::splat(0.6), &mut rng);
+                let (point, _) = bodies.sample(&mut rng);
+                let body = bodies.get(0);
+                let turned = body.turned(cos, sin);
+                let height = |body: &crate::grain::Body<f64>| body.half_height(&Upright);
+                assert!((height(&turned) - height(&body)).abs() < 1e-12);
+                let turn = |v: crate::math::Vec3| {
+                    crate::math::Vec3::new(cos * v.x + sin * v.y, cos * v.y - sin * v.x, v.z)
+                };
+                let mut moved = point;
+                moved.set(0, turn(point.get(0)));
+                let normal = turn(bodies.normal(point).unit().get(0));
+                let found = Bodies::splat(&turned).normal(moved).unit().get(0);
+                let off = found - normal;
+                assert!(off.dot(off) < 1e-20, "{} {angle}: {off:?}", shape.name());
+            }
+        }
     }
 }

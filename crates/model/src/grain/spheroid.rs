@@ -35,7 +35,9 @@ impl Spheroid {
 
 /// The axes and K of eight bodies.
 #[inline(always)]
-fn parts<S: Simd>([x, y, z, flattening, _]: &Numbers<F64x8<S>>) -> (Vec3x8<S>, F64x8<S>) {
+pub(super) fn parts<S: Simd>(
+    [x, y, z, flattening, _]: &Numbers<F64x8<S>>,
+) -> (Vec3x8<S>, F64x8<S>) {
     (Vec3x8::new(*x, *y, *z), *flattening)
 }
 
@@ -56,6 +58,10 @@ impl GrainShape for Spheroid {
             libm::asin(e) / e
         };
         3.0 * (1.0 + ratio / (psi * psi))
+    }
+
+    fn inscribed(&self, psi: f64) -> f64 {
+        psi * psi
     }
 
     #[inline(always)]
@@ -96,23 +102,6 @@ impl GrainShape for Spheroid {
         let axis = down.down([*x, *y, *z]);
         let square = R::ONE + *flattening * (R::ONE - axis * axis);
         square.max(R::ZERO).sqrt()
-    }
-
-    fn projected_point(body: &Numbers<f64>, d: Vec3, u: f64, azimuth: (f64, f64)) -> (Vec3, Vec3) {
-        // Stretching is linear and preserves uniformity over the projected disc, so take a
-        // point of the projected disc of the unit sphere.
-        let (axis, flattening) = Self::parts(body);
-        let minor = (1.0 + flattening).sqrt();
-        let stretch = |v: Vec3, across: f64| (v * across).plus((1.0 - across) * v.dot(axis), axis);
-        let w = stretch(d, 1.0 / minor);
-        let w = w * (1.0 / w.dot(w).sqrt());
-        let (t1, t2) = w.frame();
-        let r = u.sqrt();
-        let p = (t1 * (r * azimuth.1))
-            .plus(r * azimuth.0, t2)
-            .plus(-(1.0 - u).sqrt(), w);
-        let point = stretch(p, minor);
-        (point, point.plus(flattening * point.dot(axis), axis))
     }
 
     #[inline(always)]
@@ -160,10 +149,6 @@ mod tests {
                     assert!(surface_residual(k, axis, x.get(lane)) < rounding);
                     assert!(surface_residual(k, axis, far.get(lane)) < rounding);
                     assert!(x.get(lane).z.abs() <= body.half_height(&Upright) + 1e-12);
-                    let azimuth = (0.6, 0.8);
-                    let (p, normal) = body.projected_point(d.get(lane), 0.3, azimuth);
-                    assert!(surface_residual(k, axis, p) < rounding);
-                    assert!(normal.dot(d.get(lane)) < 0.0);
                 }
             }
         }

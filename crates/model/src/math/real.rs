@@ -11,6 +11,9 @@ pub trait Real:
     const ZERO: Self;
     /// 1.
     const ONE: Self;
+    /// This number, or eight times the same.
+    #[must_use]
+    fn from_f64(value: f64) -> Self;
     /// Square root.
     #[must_use]
     fn sqrt(self) -> Self;
@@ -22,6 +25,11 @@ pub trait Real:
 impl Real for f64 {
     const ZERO: Self = 0.0;
     const ONE: Self = 1.0;
+
+    #[inline(always)]
+    fn from_f64(value: f64) -> Self {
+        value
+    }
 
     #[inline(always)]
     fn sqrt(self) -> Self {
@@ -37,6 +45,11 @@ impl Real for f64 {
 impl<S: Simd> Real for F64x8<S> {
     const ZERO: Self = Self::ZERO;
     const ONE: Self = Self::ONE;
+
+    #[inline(always)]
+    fn from_f64(value: f64) -> Self {
+        Self::splat(value)
+    }
 
     #[inline(always)]
     fn sqrt(self) -> Self {

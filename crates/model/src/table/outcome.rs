@@ -6,10 +6,10 @@
 //! depth, direction, grain size and density.
 use splitsnow_spectra::simd::{Kernel, Simd, dispatch};
 
-use crate::grain::{Body, Events, GrainType, Grains, SizeRange, Stepped, Surface};
+use crate::grain::{Body, Events, Facets, GrainType, Grains, SizeRange, Stepped, Surface};
 use crate::math::Vec3;
 use crate::rng::Stream;
-use crate::transport::{Entry, contact};
+use crate::transport::{Entry, contact, meets};
 
 /// Vectors of eight lanes on which grain events are followed side by side.
 const GROUPS: usize = 2;
@@ -38,7 +38,7 @@ pub struct Outcome {
 #[must_use]
 pub fn draw(
     law: &GrainType,
-    entry: Entry,
+    (entry, facets): (Entry, Facets),
     surface: Surface,
     count: usize,
     rng: Stream,
@@ -50,6 +50,7 @@ pub fn draw(
     dispatch(Draw {
         law,
         entry,
+        facets,
         surface,
         count,
         rng,
@@ -60,6 +61,7 @@ pub fn draw(
 struct Draw {
     law: GrainType,
     entry: Entry,
+    facets: Facets,
     surface: Surface,
     count: usize,
     rng: Stream,
@@ -72,7 +74,7 @@ impl Kernel for Draw {
     fn run<S: Simd>(self) -> Vec<Outcome> {
         draw_outcomes(
             self.law,
-            self.entry,
+            (self.entry, self.facets),
             self.surface,
             self.count,
             self.rng.on::<S>(),
@@ -83,13 +85,14 @@ impl Kernel for Draw {
 #[inline(always)]
 fn draw_outcomes<S: Simd>(
     law: GrainType,
-    entry: Entry,
+    (entry, facets): (Entry, Facets),
     surface: Surface,
     count: usize,
     mut rng: Stream<S>,
 ) -> Vec<Outcome> {
     let mut events: [Events<S>; GROUPS] =
-        std::array::from_fn(|_| Events::new(&[surface; 2], false));
+        std::array::from_fn(|_| Events::new(&[surface; 2], false, facets));
+    let down = Vec3::new(0.0, 0.0, 1.0);
     let mut contacts = [Outcome::default(); 8 * GROUPS];
     let mut queue = Vec::with_capacity(8);
     let mut outcomes = Vec::with_capacity(count);
@@ -104,20 +107,19 @@ fn draw_outcomes<S: Simd>(
                 let lane = refill[group].trailing_zeros() as usize;
                 refill[group] &= refill[group] - 1;
                 if queue.is_empty() {
-                    let projected = (rng.uniform(), rng.azimuth());
+                    // the azimuth, which nothing uses, keeps the random numbers of tables
+                    let (chances, _) = (rng.uniform(), rng.azimuth());
                     let (grains, kept) = Grains::draw(&law, &mut rng);
-                    queue.extend((0..8).filter(|lane| kept >> lane & 1 == 1).map(|lane| {
-                        let (u, (sin, cos)) = &projected;
-                        let azimuth = (sin.as_array()[lane], cos.as_array()[lane]);
-                        (grains.get(lane), (u.as_array()[lane], azimuth))
-                    }));
+                    let kept = (0..8).filter(|lane| kept >> lane & 1 == 1);
+                    let kept = kept.map(|lane| (grains.get(lane), chances.as_array()[lane]));
+                    let met = kept.filter(|(grain, u)| meets(grain, entry, *u, down));
+                    queue.extend(met.map(|(grain, _)| grain));
                 }
-                let Some((grain, projected)) = queue.pop() else {
+                let Some(grain) = queue.pop() else {
                     refill[group] |= 1 << lane;
                     continue;
                 };
-                let down = Vec3::new(0.0, 0.0, 1.0);
-                let (point, normal) = contact(&grain, entry, projected, down);
+                let (point, normal) = contact(&grain, down);
                 let events = &mut events[group];
                 events.ice_m.as_mut_array()[lane] = 0.0;
                 events.ice_limit_m.as_mut_array()[lane] = f64::INFINITY;

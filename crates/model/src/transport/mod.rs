@@ -5,7 +5,7 @@ mod sample;
 mod snowpack;
 mod walk;
 
-pub use proposal::contact;
+pub use proposal::{contact, meets};
 pub use report::{Absorption, Coefficients, End, Path, Sink};
 pub use sample::{Component, Entry, FIRST_FLIGHT, Illumination, Model, Snow, diffuse_cosine};
 pub use snowpack::{EXPONENTS, Joining, Layer, Snowpack, Substrate, impurities_per_m};

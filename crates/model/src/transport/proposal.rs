@@ -14,37 +14,32 @@ pub(super) struct Proposal {
     /// Uniform variate; the flight is in water if it is below the saturation.
     pub(super) medium: f64,
     pub(super) grain: Grain,
-    /// Uniform variate and (sin, cos) of an azimuth for [`Entry::Projected`].
-    pub(super) projected: (f64, (f64, f64)),
 }
 
-/// The point where a ray of unit `direction` meets `grain`, relative to the centre
-/// of the grain and in units of half its size, and the unit outward normal there.
-/// `projected` holds the variates of [`Entry::Projected`].
+/// The point where a ray of unit `direction` meets `grain`, relative to the centre of the
+/// grain and in units of half its size, and the unit outward normal there.
 #[inline(always)]
 #[must_use]
-pub fn contact(
-    grain: &Grain,
-    entry: Entry,
-    projected: (f64, (f64, f64)),
-    direction: Vec3,
-) -> (Vec3, Vec3) {
-    match entry {
-        Entry::Uniform => {
-            // the antipode of a point on the far side is on the near side
-            let far = grain.normal.dot(direction) > 0.0;
-            if far {
-                (-grain.point, -grain.normal)
-            } else {
-                (grain.point, grain.normal)
-            }
-        }
-        Entry::Projected => {
-            let (u, azimuth) = projected;
-            let (point, normal) = grain.body.projected_point(direction, u, azimuth);
-            (point, normal * (1.0 / normal.dot(normal).sqrt()))
-        }
+pub fn contact(grain: &Grain, direction: Vec3) -> (Vec3, Vec3) {
+    // the antipode of a point on the far side is on the near side
+    let far = grain.normal.dot(direction) > 0.0;
+    if far {
+        (-grain.point, -grain.normal)
+    } else {
+        (grain.point, grain.normal)
     }
+}
+
+/// Whether a ray of unit `direction` meets `grain`, whose point is uniform over its surface,
+/// for `u` uniform in [0, 1).
+///
+/// Under [`Entry::Projected`] it does with the probability |n.d|. The points and the
+/// attitudes that remain have the weight of the projected area. On average it is a half for
+/// any shape, so that the sizes and shapes met keep their distributions.
+#[inline(always)]
+#[must_use]
+pub fn meets(grain: &Grain, entry: Entry, u: f64, direction: Vec3) -> bool {
+    entry == Entry::Uniform || u < grain.normal.dot(direction).abs()
 }
 
 /// Proposals of one type of grain, drawn eight at a time.
@@ -53,7 +48,8 @@ struct Supply<S: Simd> {
     flights: F64x8<S>,
     media: F64x8<S>,
     grains: Grains<S>,
-    projected: [F64x8<S>; 3],
+    /// Uniform variates for [`meets`].
+    chances: F64x8<S>,
     kept: u32,
 }
 
@@ -67,8 +63,7 @@ impl<S: Simd> Supply<S> {
                 self.media = rng.uniform();
             }
             if entry == Entry::Projected {
-                let (sin, cos) = rng.azimuth();
-                self.projected = [rng.uniform(), sin, cos];
+                self.chances = rng.uniform();
             }
             (self.grains, self.kept) = Grains::draw(&self.grain, rng);
         }
@@ -109,7 +104,7 @@ impl<S: Simd> Proposals<S> {
             flights: F64x8::ZERO,
             media: F64x8::ONE,
             grains: Grains::default(),
-            projected: [F64x8::ZERO; 3],
+            chances: F64x8::ZERO,
             kept: 0,
         };
         let mut sum = 0.0;
@@ -129,14 +124,14 @@ impl<S: Simd> Proposals<S> {
         }
     }
 
-    /// The next proposal.
+    /// The next proposal for a ray of unit `direction`.
     ///
     /// Each grain type proposes a grain at a distance of its own, and the ray meets the
     /// nearest. The type of the nearest grain has the probabilities
     /// [`Snow::meeting_shares`] and is independent of its distance.
     // It only copies numbers from lanes, so it needs no instruction set of its own.
     #[inline(never)]
-    pub(super) fn next(&mut self, rng: &mut Stream<S>) -> Proposal {
+    pub(super) fn next(&mut self, direction: Vec3, rng: &mut Stream<S>) -> Proposal {
         let last = self.types.len() - 1;
         let kind = if last == 0 {
             0
@@ -149,17 +144,26 @@ impl<S: Simd> Proposals<S> {
             self.types[..last].partition_point(|cumulative| *cumulative <= u)
         };
         let supply = &mut self.supplies[kind];
-        if supply.kept == 0 {
-            S::outlined(Refill(&mut *supply, self.entry, self.wet, rng));
-        }
-        let lane = supply.kept.trailing_zeros() as usize;
-        supply.kept &= supply.kept - 1;
-        let [u, sin, cos] = supply.projected.each_ref().map(|v| v.as_array()[lane]);
-        Proposal {
-            flight_m: self.mean_free_distance_m * supply.flights.as_array()[lane],
-            medium: supply.media.as_array()[lane],
-            grain: supply.grains.get(lane),
-            projected: (u, (sin, cos)),
+        loop {
+            if supply.kept == 0 {
+                S::outlined(Refill(&mut *supply, self.entry, self.wet, rng));
+            }
+            let lane = supply.kept.trailing_zeros() as usize;
+            supply.kept &= supply.kept - 1;
+            let grain = supply.grains.get(lane);
+            // the flight and the medium do not depend on the grain, so they may change with it
+            if meets(
+                &grain,
+                self.entry,
+                supply.chances.as_array()[lane],
+                direction,
+            ) {
+                return Proposal {
+                    flight_m: self.mean_free_distance_m * supply.flights.as_array()[lane],
+                    medium: supply.media.as_array()[lane],
+                    grain,
+                };
+            }
         }
     }
 }

@@ -1,5 +1,5 @@
 //! The snow and light that a walk needs to know about.
-use crate::grain::{GrainType, mean_free_distance_m};
+use crate::grain::{Facets, GrainType, mean_free_distance_m};
 use crate::optics::{
     Carbon, CarbonLaw, Densities, IceTable, Impurity, ImpurityMass, WATER_DENSITY_KG_M3,
     WaterTable, ice_density_kg_m3,
@@ -133,7 +133,8 @@ pub enum Entry {
     /// Uniform over the surface area that faces the ray (Varsa 2025).
     #[default]
     Uniform,
-    /// Uniform over the projected area: exact for randomly placed grains.
+    /// Uniform over the projected area, with the attitude of the grain weighted by this
+    /// area: exact for randomly placed grains.
     Projected,
 }
 
@@ -153,6 +154,8 @@ impl Entry {
 pub struct Model {
     /// Distribution of the entry point.
     pub entry: Entry,
+    /// Which facets of a grain a ray meets.
+    pub facets: Facets,
     /// How layers are joined.
     pub joining: Joining,
     /// How the absorption of carbon depends on wavelength.

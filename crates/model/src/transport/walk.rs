@@ -23,7 +23,7 @@
 //! walks of the exact distribution; the errors of different thicknesses are correlated.
 use splitsnow_spectra::simd::{Kernel, Simd, Task, dispatch};
 
-use crate::grain::{Events, Stepped, Surface, Upright};
+use crate::grain::{Events, Facets, Stepped, Surface, Upright};
 use crate::math::Vec3;
 use crate::optics::Index;
 use crate::rng::Stream;
@@ -94,6 +94,7 @@ impl Bounce {
 #[derive(Debug, Clone)]
 pub struct Walker {
     entry: Entry,
+    facets: Facets,
     /// From the surface down, at least one.
     layers: Vec<WalkerLayer>,
     wet: bool,
@@ -212,6 +213,7 @@ impl Walker {
         let wet = snowpack.is_wet();
         Self {
             entry: model.entry,
+            facets: model.facets,
             layers,
             wet,
             surfaces: Surface::in_air_and_water(ice, water, wet),
@@ -299,7 +301,9 @@ impl<W: Sink> Kernel for Walking<'_, W> {
             illumination: self.illumination,
             rng: self.rng.on(),
             proposals: proposals.collect(),
-            events: std::array::from_fn(|_| Events::new(&walker.surfaces, walker.wet)),
+            events: std::array::from_fn(|_| {
+                Events::new(&walker.surfaces, walker.wet, walker.facets)
+            }),
             lanes: [lane; LANES],
             waiting: self.rays,
             sink: self.sink,
@@ -540,8 +544,10 @@ impl<S: Simd, W: Sink> Walks<'_, S, W> {
             let proposal = match resumed.take() {
                 Some(proposal) => proposal,
                 None => {
-                    let layer = self.lanes[lane].ray.layer;
-                    self.proposals[layer].next(&mut self.rng)
+                    let Ray {
+                        layer, direction, ..
+                    } = self.lanes[lane].ray;
+                    self.proposals[layer].next(direction, &mut self.rng)
                 }
             };
             let thickness_m = self.thicknesses_m[self.lanes[lane].slab];
@@ -587,7 +593,7 @@ impl<S: Simd, W: Sink> Walks<'_, S, W> {
                     break false;
                 }
                 ray.layer = if down { ray.layer + 1 } else { ray.layer - 1 };
-                proposal = self.proposals[ray.layer].next(&mut self.rng);
+                proposal = self.proposals[ray.layer].next(ray.direction, &mut self.rng);
             };
             let absorption = &self.walker.absorption;
             let budget = self.lanes[lane].budget;
@@ -608,8 +614,7 @@ impl<S: Simd, W: Sink> Walks<'_, S, W> {
                 return self.end_and_resume(lane, end);
             }
             let grain = &proposal.grain;
-            let (point, normal) =
-                contact(grain, self.walker.entry, proposal.projected, ray.direction);
+            let (point, normal) = contact(grain, ray.direction);
             let scale_m = 0.5 * grain.size_m;
             let [x_m, y_m] = ray.path.offset_m;
             let centre_m = Vec3::new(x_m, y_m, ray.z_m) + point * -scale_m;

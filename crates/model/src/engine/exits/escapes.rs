@@ -143,7 +143,8 @@ fn tables(scene: &Scene, node: &IndexNode, part: u64) -> Vec<Vec<[Table; 2]>> {
         let table = |surface| {
             let mut rng = parts::stream(scene, purpose, part);
             let count = OVERSAMPLING * TABLE;
-            let drawn = draw(grain, request.model.entry, surface, count, rng.clone());
+            let event = (request.model.entry, request.model.facets);
+            let drawn = draw(grain, event, surface, count, rng.clone());
             Table::new(&drawn, TABLE, &mut rng)
         };
         let air = table(surfaces[0]);

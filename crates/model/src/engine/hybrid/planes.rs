@@ -81,7 +81,7 @@ mod tests {
             size: SizeRange::new(size_um * 1e-6, size_um * 1e-6).unwrap(),
             facetness: TruncatedNormal::new(0.2, 0.4, 0.3, 0.072).unwrap(),
             shape: Shape::Spheroid,
-            sphericity: TruncatedNormal::new(0.6, 0.95, 0.798, 0.064).unwrap(),
+            proportion: TruncatedNormal::new(0.6, 0.95, 0.798, 0.064).unwrap(),
         };
         Snow::dry(grain, 275.0, -1.0)
     }
