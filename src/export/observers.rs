@@ -222,7 +222,7 @@ mod tests {
         let error = Observers::new(&[410.0, 500.0, 700.0]).unwrap_err();
         assert_eq!(
             error.to_string(),
-            "spectra from 410 to 700 nm have no colour: they must cover 400 to 700 nm"
+            "spectra from 410 to 700 nm have no colour: they must cover 400 to 700 nm; build a database with these wavelengths"
         );
         assert!(Observers::new(&[]).is_err());
     }
