@@ -1,17 +1,17 @@
 //! Scores variants of the model on measured directions: the anisotropy factors, pi f / R, of two
 //! snows in the laboratory (Dumont et al. 2010, tests/data/dumont_2010_anisotropy.csv).
 //!
-//! cargo run --release --example judge > docs/judge.csv (numbers after `--`: of walks, default
-//! 6000, and of the first variants only)
+//! cargo run --release --example judge > judge.csv (two numbers may follow `--`: of walks,
+//! default 6000, and of variants, the first ones)
 //!
 //! What the paper says of the grains is not at hand. So the optical radius is fitted, once for
-//! each variant and sample, to the factors at normal incidence and 1030, 1240 and 1500 nm. Those at 30 and
-//! 60 degrees are predictions, and so is 600 nm, where the radius hardly matters. Shapes and
-//! facets are not fitted: each is a variant. The snow is dry, 30 cm thick, 275 kg/m3, -10 C.
+//! each variant and sample, to the factors at normal incidence and 1030, 1240 and 1500 nm. Those
+//! at 30 and 60 degrees are predictions, and so is 600 nm, where the radius hardly matters. Shapes
+//! and facets are not fitted: each is a variant. The snow is dry, 30 cm thick, 275 kg/m3, -10 C.
 //!
 //! Columns: variant; sample; fitted optical radius; wavelength and incidence angle; number of
 //! views; root mean square of the differences of the factors, and the part of it that is due to
-//! the noise of the simulation. A table for docs/validation.md goes to the standard error.
+//! the noise of the simulation. A summary goes to the standard error.
 #![allow(clippy::unwrap_used, clippy::print_stdout, clippy::print_stderr)]
 use std::f64::consts::PI;
 use std::sync::atomic::{AtomicBool, AtomicU64};

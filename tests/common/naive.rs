@@ -168,10 +168,10 @@ impl Body {
     }
 
     /// A random point on the side that faces a ray of direction `d`, uniform over the surface.
-    /// Of spheroids only.
+    /// Prisms are entered by their projected area only ([`Body::random_hit`]).
     fn surface_point(&self, d: V, rng: &mut SmallRng) -> V {
         let Self::Spheroid(axis, along, across) = self else {
-            unimplemented!("uniform entry into prisms")
+            panic!("give prisms projected entry")
         };
         loop {
             let p = random_direction(rng);

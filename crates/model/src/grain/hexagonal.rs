@@ -2,8 +2,8 @@
 //!
 //! With the aspect ratio r = height / diameter between opposite edges, the half height is
 //! h = r / sqrt(1 + r^2) and the circumradius is a = 1 / sqrt(1 + r^2): the longest diagonal
-//! has the length 2. The numbers of a body are a unit quaternion (w, x, y, z), which rotates
-//! the axis of the prism from z and an edge-on direction from x, and h.
+//! has the length 2. The numbers of a body are h and, before it, a unit quaternion (w, x, y, z).
+//! It rotates x to a direction across two faces and z to the axis of the prism.
 use splitsnow_spectra::simd::{F64x8, Simd};
 
 use crate::grain::shape::{Down, Form, GrainShape, Numbers};
