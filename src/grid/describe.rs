@@ -1,10 +1,10 @@
 //! The settings of a grid, taken from the grid and written as the text of a grid file.
+use super::Grid;
 use super::settings::{
     AxisSettings, BelowSettings, CarbonSettings, ErrorSettings, FixedSettings, GrainSettings,
-    LawSettings, ModelSettings, Reflectance, RunSettings, Settings, SizeSettings, SpreadSettings,
-    SubstrateSettings, WavelengthSettings,
+    LawSettings, ModelSettings, Properties, Reflectance, RunSettings, Settings, SizeSettings,
+    SpreadSettings, SubstrateSettings, WavelengthSettings,
 };
-use super::{Fixed, Grid};
 use crate::engine::Engine;
 use crate::grain::{Facets, Shape, SizeLaw, TruncatedNormal};
 use crate::optics::{Carbon, WaterTable};
@@ -31,7 +31,7 @@ impl Grid {
             wavelengths: WavelengthSettings {
                 values_nm: self.wavelengths_nm.clone(),
             },
-            fixed: self.fixed_settings(),
+            fixed: FixedSettings::new(&self.properties(), axes),
             run: RunSettings {
                 engine: self.run.engine,
                 seed: self.run.seed,
@@ -45,40 +45,21 @@ impl Grid {
         }
     }
 
-    /// The properties that all curves share; a parameter that is an axis is not fixed.
-    fn fixed_settings(&self) -> FixedSettings {
-        let is_fixed = |parameter| !self.axes.has(parameter);
-        let Fixed {
-            shape,
-            proportion,
-            temperature_c,
-            water_saturation,
-            black_carbon,
-            brown_carbon,
-            below,
-            substrate,
-            ..
-        } = &self.fixed;
-        let black_carbon = black_carbon.as_ref().map(|carbon| CarbonSettings {
-            // an axis replaces the concentration, but no other property
-            concentration_ng_g: is_fixed(Parameter::BlackCarbon)
-                .then_some(carbon.concentration_ng_g),
-            ..carbon.into()
-        });
-        let substrate = Reflectance::of(substrate);
-        FixedSettings {
-            shape: shape_name(*shape),
-            sphericity: (is_fixed(Parameter::Sphericity) && !shape.has_aspect_ratio())
-                .then(|| proportion.into()),
-            aspect_ratio: shape.has_aspect_ratio().then(|| proportion.into()),
-            temperature_c: is_fixed(Parameter::Temperature).then_some(*temperature_c),
-            water_saturation: is_fixed(Parameter::WaterSaturation).then_some(*water_saturation),
-            black_carbon,
-            brown_carbon: brown_carbon.as_ref().map(CarbonSettings::from),
+    /// The properties that all curves share.
+    fn properties(&self) -> Properties {
+        let fixed = &self.fixed;
+        let (shape, proportion) = (fixed.shape, LawSettings::from(&fixed.proportion));
+        Properties {
+            shape: shape_name(shape),
+            sphericity: (!shape.has_aspect_ratio()).then_some(proportion),
+            aspect_ratio: shape.has_aspect_ratio().then_some(proportion),
+            temperature_c: fixed.temperature_c,
+            water_saturation: fixed.water_saturation,
+            black_carbon: fixed.black_carbon.as_ref().map(CarbonSettings::from),
+            brown_carbon: fixed.brown_carbon.as_ref().map(CarbonSettings::from),
             // config files list layers from the base up
-            below: below.iter().rev().map(BelowSettings::from).collect(),
-            substrate: substrate
-                .filter(|_| is_fixed(Parameter::SubstrateReflectance))
+            below: fixed.below.iter().rev().map(BelowSettings::from).collect(),
+            substrate: Reflectance::of(&fixed.substrate)
                 .map(|reflectance| SubstrateSettings { reflectance }),
         }
     }
@@ -132,7 +113,7 @@ impl From<&Carbon> for CarbonSettings {
             "dry_mass"
         };
         Self {
-            concentration_ng_g: Some(carbon.concentration_ng_g),
+            concentration_ng_g: carbon.concentration_ng_g,
             sedimentation: carbon.sedimentation,
             mass_absorption_efficiency_m2_g: carbon.mass_absorption_efficiency_m2_g,
             reference_wavelength_nm: carbon.reference_wavelength_nm,

@@ -8,6 +8,7 @@ use std::fmt::Write;
 use serde::de::Error;
 use serde::ser::SerializeMap;
 use serde::{Deserialize, Deserializer, Serialize, Serializer};
+use serde_json::{Map, Value};
 
 use super::SizeAxis;
 use super::toml_text::toml_entries;
@@ -169,9 +170,76 @@ pub(crate) struct WavelengthSettings {
     pub(crate) values_nm: Vec<f64>,
 }
 
-/// Properties that all curves share; a parameter that is an axis is left out.
+/// Properties that all curves share, by config key. The keys that an axis replaces
+/// ([`crate::parameter::Record::fixed`]) are left out.
 #[derive(Debug, Clone, Default, PartialEq, Serialize, Deserialize)]
-pub(crate) struct FixedSettings {
+#[serde(try_from = "Map<String, Value>")]
+pub(crate) struct FixedSettings(Map<String, Value>);
+
+impl FixedSettings {
+    pub(super) fn new(properties: &Properties, axes: &Axes) -> Self {
+        let mut properties = serde_json::to_value(properties).unwrap_or_default();
+        let parameters = Parameter::ALL.into_iter().filter(|p| axes.has(*p));
+        for key in parameters.flat_map(|parameter| parameter.record().fixed) {
+            remove(&mut properties, key.trim_start_matches("fixed."));
+        }
+        match properties {
+            Value::Object(properties) => Self(properties),
+            _ => Self::default(),
+        }
+    }
+
+    /// The properties; those that an axis replaces have their defaults.
+    pub(crate) fn properties(&self) -> Properties {
+        serde_json::from_value(Value::Object(self.0.clone())).unwrap_or_default()
+    }
+}
+
+/// Removes the value at a path such as `black_carbon.concentration_ng_g`.
+fn remove(value: &mut Value, path: &str) {
+    let Some(table) = value.as_object_mut() else {
+        return;
+    };
+    match path.split_once('.') {
+        Some((key, rest)) => {
+            if let Some(inner) = table.get_mut(key) {
+                remove(inner, rest);
+            }
+        }
+        // the order of the keys that stay is part of the canonical text
+        None => drop(table.shift_remove(path)),
+    }
+}
+
+impl TryFrom<Map<String, Value>> for FixedSettings {
+    type Error = serde_json::Error;
+
+    /// In any order; what is missing is replaced by an axis, or unknown to the version that
+    /// wrote the file.
+    fn try_from(given: Map<String, Value>) -> Result<Self, Self::Error> {
+        let properties: Properties = serde_json::from_value(Value::Object(given.clone()))?;
+        let mut ordered = serde_json::to_value(properties)?;
+        keep(&mut ordered, &given);
+        Ok(Self(ordered.as_object().cloned().unwrap_or_default()))
+    }
+}
+
+/// Removes the keys that `given` does not have.
+fn keep(value: &mut Value, given: &Map<String, Value>) {
+    if let Some(table) = value.as_object_mut() {
+        table.retain(|key, _| given.contains_key(key));
+        for (key, inner) in table {
+            if let Some(given) = given.get(key).and_then(Value::as_object) {
+                keep(inner, given);
+            }
+        }
+    }
+}
+
+/// Properties of the snow and what is under it, in the order of the canonical text.
+#[derive(Debug, Clone, Default, PartialEq, Serialize, Deserialize)]
+#[serde(default)]
+pub(crate) struct Properties {
     /// Left out for spheroids, as in databases from before this key existed.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub(crate) shape: Option<String>,
@@ -180,16 +248,14 @@ pub(crate) struct FixedSettings {
     /// Of prisms.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub(crate) aspect_ratio: Option<LawSettings>,
-    #[serde(skip_serializing_if = "Option::is_none")]
-    pub(crate) temperature_c: Option<f64>,
-    #[serde(skip_serializing_if = "Option::is_none")]
-    pub(crate) water_saturation: Option<f64>,
+    pub(crate) temperature_c: f64,
+    pub(crate) water_saturation: f64,
     #[serde(skip_serializing_if = "Option::is_none")]
     pub(crate) black_carbon: Option<CarbonSettings>,
     #[serde(skip_serializing_if = "Option::is_none")]
     pub(crate) brown_carbon: Option<CarbonSettings>,
     /// Layers under the surface layer, from the base up.
-    #[serde(default, skip_serializing_if = "Vec::is_empty")]
+    #[serde(skip_serializing_if = "Vec::is_empty")]
     pub(crate) below: Vec<BelowSettings>,
     #[serde(skip_serializing_if = "Option::is_none")]
     pub(crate) substrate: Option<SubstrateSettings>,
@@ -206,9 +272,9 @@ pub(crate) struct LawSettings {
 
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub(crate) struct CarbonSettings {
-    /// `None` if it is an axis.
-    #[serde(skip_serializing_if = "Option::is_none")]
-    pub(crate) concentration_ng_g: Option<f64>,
+    /// Left out if it is an axis.
+    #[serde(default)]
+    pub(crate) concentration_ng_g: f64,
     pub(crate) sedimentation: f64,
     pub(crate) mass_absorption_efficiency_m2_g: f64,
     pub(crate) reference_wavelength_nm: f64,
@@ -235,7 +301,7 @@ pub(crate) struct GrainSettings {
     pub(crate) fraction: f64,
     pub(crate) size_um: SizeSettings,
     pub(crate) facetness: LawSettings,
-    /// As in [`FixedSettings`].
+    /// As in [`Properties`].
     #[serde(skip_serializing_if = "Option::is_none")]
     pub(crate) shape: Option<String>,
     #[serde(skip_serializing_if = "Option::is_none")]

@@ -53,15 +53,16 @@ impl Settings {
 
     /// The shape of the grains.
     pub(crate) fn shape(&self) -> Shape {
-        let name = self.fixed.shape.as_deref();
+        let name = self.fixed.properties().shape;
         let mut shapes = Shape::ALL.into_iter();
-        let found = shapes.find(|shape| Some(shape.name()) == name);
+        let found = shapes.find(|shape| Some(shape.name()) == name.as_deref());
         found.unwrap_or_default()
     }
 
     /// The distribution of the proportion that all curves share; `None` if it is an axis.
     pub(crate) fn proportion(&self) -> Option<TruncatedNormal> {
-        let law = self.fixed.aspect_ratio.or(self.fixed.sphericity)?;
+        let fixed = self.fixed.properties();
+        let law = fixed.aspect_ratio.or(fixed.sphericity)?;
         TruncatedNormal::new(law.min, law.max, law.mean, law.sd).ok()
     }
 
@@ -73,7 +74,7 @@ impl Settings {
             shape: self.shape(),
             proportion: self.proportion()?,
             // only specific surface areas depend on it, and these exclude an axis of temperature
-            temperature_c: self.fixed.temperature_c.unwrap_or_default(),
+            temperature_c: self.fixed.properties().temperature_c,
         })
     }
 }

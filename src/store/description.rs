@@ -338,7 +338,7 @@ impl Description {
 
     /// The kind of substrate under the surface layer, including the layers below.
     pub(super) fn substrate(&self) -> SubstrateKind {
-        let fixed = &self.settings.fixed;
+        let fixed = self.settings.fixed.properties();
         if !fixed.below.is_empty() {
             SubstrateKind::Layers
         } else if self.is_axis(Parameter::SubstrateReflectance) || fixed.substrate.is_some() {
@@ -361,7 +361,7 @@ impl Description {
 
     /// What lies under the surface layer, in words.
     fn bottom_boundary(&self, spelling: Spelling) -> String {
-        let fixed = &self.settings.fixed;
+        let fixed = self.settings.fixed.properties();
         let noun = match spelling {
             Spelling::Former => "ground",
             Spelling::Present => "substrate",
