@@ -23,6 +23,23 @@ figures:
     cargo run --release -- study configs/studies --out docs/validation
     UPDATE_GOLDEN=1 cargo test --release --test pipeline pages::numbers_of_validation
 
+# Regenerate docs/judge and the tables of docs/measurements.md
+judge:
+    cargo run --release --example judge -- docs/judge
+    UPDATE_GOLDEN=1 cargo test --release --test pipeline pages::tables_of_measurements
+
+# Regenerate everything that depends on the default model, except the pictures of
+# docs/mitsuba.md (examples/mitsuba): some hours on two cores
+renew:
+    rm -f tests/data/golden.csv
+    cargo run --release --example golden -- "$(date +%F)"
+    cargo run --release --example stability -- docs
+    cargo run --release --example goniometer > docs/goniometer.csv
+    just figures peers picture swatches quoted judge
+    cargo run --release -- tradeoff --database out/thesis --seeds 8 --truth-engine tabulated \
+        --truth-rays 1600000 --budget 700 --out docs
+    UPDATE_GOLDEN=1 cargo test --release --test pipeline
+
 # Regenerate the curves, pictures and tables of docs/peers.md
 peers:
     for sample in clean soot_in_pores soot_in_ice thin; do \

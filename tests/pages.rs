@@ -518,6 +518,116 @@ fn tables_beside_other_models_match_their_data() {
 /// `examples/stability` writes the page and the file. The page states, for each case, the
 /// largest difference in the file.
 #[test]
+fn tables_of_measurements_match_their_data() {
+    let mut page = Page::open("measurements.md");
+    let [directions, reflectance] =
+        ["directions", "reflectance"].map(|name| rows(&format!("docs/judge/{name}.csv")));
+    let without_zero = |value: f64| format!("{value:.3}").trim_start_matches('0').to_owned();
+    let rms = |pairs: &mut dyn Iterator<Item = (f64, f64)>| {
+        let [squares, count] = pairs.fold([0.0; 2], |[squares, count], (value, weight)| {
+            [squares + weight * value * value, count + weight]
+        });
+        assert!(count > 0.0);
+        (squares / count).sqrt()
+    };
+    let mut variants: Vec<&str> = reflectance.iter().map(|row| &row[0]).collect();
+    variants.dedup();
+    variants.sort_unstable();
+    variants.dedup();
+    for variant in variants {
+        let score = |column: usize, nm: &[&str], deg: Option<&str>| {
+            let chosen = directions.iter().filter(|row| {
+                &row[0] == variant
+                    && (nm.is_empty() || nm.contains(&&row[3]))
+                    && deg.is_none_or(|deg| &row[4] == deg)
+            });
+            rms(&mut chosen.map(|row| (number(&row[column]), number(&row[5]))))
+        };
+        let whole = |nm: &[&str]| {
+            let [rmse, noise] = [6, 7].map(|column| without_zero(score(column, nm, None)));
+            format!("{rmse} ({noise})")
+        };
+        let angles = |nm: &str| {
+            let each = ["0", "30", "60"].map(|deg| without_zero(score(6, &[nm], Some(deg))));
+            each.join(", ")
+        };
+        let head = format!("| {variant} |");
+        let cells = [
+            whole(&["600"]),
+            whole(&["1030"]),
+            angles("600"),
+            angles("1030"),
+            whole(&[]),
+        ];
+        page.row("| variant | 600 nm |", &head, &cells);
+
+        let snow = |data: &str| {
+            let chosen = reflectance
+                .iter()
+                .filter(|row| &row[0] == variant && &row[1] == data);
+            without_zero(rms(
+                &mut chosen.map(|row| (number(&row[4]) - number(&row[3]), 1.0))
+            ))
+        };
+        let fitted =
+            |row: &&csv::StringRecord| &row[0] == variant && &row[1] == "snow, 34 cm, fitted";
+        let condition = &reflectance.iter().find(fitted).unwrap()[2];
+        let area = condition.rsplit(", ").next().unwrap();
+        let cells = [
+            snow("snow, 34 cm"),
+            snow("snow, 2.5 cm"),
+            area.trim_end_matches(" m2/kg").to_owned(),
+            snow("snow, 34 cm, fitted"),
+            snow("snow, 2.5 cm, fitted"),
+        ];
+        page.row("| variant | 34 cm, 26.1 m2/kg |", &head, &cells);
+    }
+
+    for options in ["varsa2025", "measured"] {
+        let chosen = reflectance
+            .iter()
+            .filter(|row| &row[0] == options && &row[1] == "spheres, 82 um");
+        let differences: Vec<f64> = chosen
+            .map(|row| number(&row[4]) - number(&row[3]))
+            .collect();
+        let largest = differences.iter().fold(0.0, |a: f64, b| a.max(b.abs()));
+        let rmse = rms(&mut differences.iter().map(|difference| (*difference, 1.0)));
+        let cells = [rmse, largest].map(without_zero);
+        page.row(
+            "| options |",
+            &format!("| {options}, smooth spheres |"),
+            &cells,
+        );
+    }
+
+    let options = [
+        "varsa2025",
+        "varsa2025, projected",
+        "visible, projected",
+        "measured",
+    ];
+    for (condition, given) in [
+        ("R at 842 nm, 25 cm, 62.3 degrees", ".878"),
+        ("R at 1038 nm, 25 cm, 62.3 degrees", ".692"),
+        ("R at 1238 nm, 25 cm, 62.3 degrees", ".495"),
+        ("T at 630 nm, 12 cm", ".02"),
+        ("T at 550 nm, 2.5 cm, 100 kg/m3", "\"a quarter\""),
+        ("T at 550 nm, 2.5 cm, 450-550 um", "above .10"),
+        ("Delta-E of T, facetness 0.1 and 0.9, 15 cm", "3.4"),
+    ] {
+        let cells = options.map(|variant| {
+            let is_it = |row: &&csv::StringRecord| &row[0] == variant && &row[2] == condition;
+            let row = reflectance.iter().find(is_it).unwrap();
+            let [value, se] = [4, 5].map(|column| number(&row[column]));
+            bracketed(value, se)
+        });
+        let heading = "| | Varsa 2025 | varsa2025 |";
+        page.row(heading, &format!("| {condition} | {given} |"), &cells);
+    }
+    page.keep();
+}
+
+#[test]
 fn the_stability_map_matches_its_data() {
     let text = std::fs::read_to_string(docs().join("stability.md")).unwrap();
     let (_, map) = text.split_once("<!-- map -->\n| case |").unwrap();
