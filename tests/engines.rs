@@ -250,6 +250,12 @@ fn cases() -> Vec<Case> {
             )
         },
         case(
+            "hexagonal plates, uniform entry",
+            &shaped(Shape::Hexagonal, [0.2, 0.5, 0.3, 0.1], representative),
+            angle(30.0),
+            0.01,
+        ),
+        case(
             "oblate",
             &shaped(Shape::Oblate, [0.4, 0.7, 0.5, 0.1], representative),
             angle(50.0),

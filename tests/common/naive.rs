@@ -168,20 +168,30 @@ impl Body {
     }
 
     /// A random point on the side that faces a ray of direction `d`, uniform over the surface.
-    /// Prisms are entered by their projected area only ([`Body::random_hit`]).
     fn surface_point(&self, d: V, rng: &mut SmallRng) -> V {
-        let Self::Spheroid(axis, along, across) = self else {
-            panic!("give prisms projected entry")
-        };
-        loop {
-            let p = random_direction(rng);
-            let u = axis * p.dot(axis);
-            let normal = u / *along + (p - u) / *across;
-            // area per unit-sphere area is proportional to |normal|
-            if rng.random::<f64>() < normal.norm() * along.min(*across) {
-                let point = u * *along + (p - u) * *across;
-                return if normal.dot(&d) > 0.0 { -point } else { point };
+        let point = loop {
+            match self {
+                Self::Spheroid(axis, along, across) => {
+                    let p = random_direction(rng);
+                    let u = axis * p.dot(axis);
+                    let normal = u / *along + (p - u) / *across;
+                    // area per unit-sphere area is proportional to |normal|
+                    if rng.random::<f64>() < normal.norm() * along.min(*across) {
+                        break u * *along + (p - u) * *across;
+                    }
+                }
+                // random lines meet every part of a convex surface equally often
+                Self::Prism(..) => {
+                    let line = random_direction(rng);
+                    if let Some(point) = self.random_hit(line, rng) {
+                        break point;
+                    }
+                }
             }
+        };
+        match self.normal(point).dot(&d) > 0.0 {
+            true => -point,
+            false => point,
         }
     }
 

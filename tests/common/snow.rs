@@ -82,15 +82,17 @@ pub(crate) fn spheres(size_um: f64, density_kg_m3: f64) -> Snow {
 
 /// A walker through grains of real refractive index `n` in air.
 pub(crate) fn walker(snow: &Snow, entry: Entry, n: f64, absorption: Absorption) -> Walker {
-    Walker::new(
-        &snow.clone().into(),
-        &Model {
-            entry,
-            ..Model::default()
-        },
-        (Index { n, k: 0.0 }, AIR),
-        absorption,
-    )
+    let model = Model {
+        entry,
+        ..Model::default()
+    };
+    model_walker(snow, &model, n, absorption)
+}
+
+/// As [`walker`], with other model options.
+pub(crate) fn model_walker(snow: &Snow, model: &Model, n: f64, absorption: Absorption) -> Walker {
+    let index = Index { n, k: 0.0 };
+    Walker::new(&snow.clone().into(), model, (index, AIR), absorption)
 }
 
 /// Counts of how walks in one slab end.

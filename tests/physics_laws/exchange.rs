@@ -5,15 +5,15 @@
 //! counted in the same bands. In a reciprocal medium the counts are symmetric. Without
 //! absorption and under isotropic light from both sides, the same flux leaves through every
 //! band as entered it: the radiance in a white furnace is uniform.
-use splitsnow::grain::mean_free_distance_m;
+use splitsnow::grain::{Facets, Shape, TruncatedNormal, mean_free_distance_m};
 use splitsnow::math::Vec3;
 use splitsnow::measurement::Measured;
-use splitsnow::transport::{End, Entry, Illumination, Path, Snow, Walk};
+use splitsnow::transport::{End, Entry, Illumination, Model, Path, Snow, Walk};
 use statrs::function::gamma::gamma_ur;
 
 use super::{ALPHA, COMPARISONS, assert_close};
 use crate::quoted::numbers;
-use crate::snow::{Each, TRANSPARENT, snow, spheres, stream, walker};
+use crate::snow::{Each, TRANSPARENT, model_walker, snow, spheres, stream};
 
 const BANDS: usize = 10;
 /// Incidence angles per band, which cover the band.
@@ -31,8 +31,19 @@ struct Exchange {
 }
 
 impl Exchange {
-    fn measure(snow: &Snow, entry: Entry, thickness_m: f64, rays_per_beam: u64, cell: u64) -> Self {
-        let walker = walker(snow, entry, 1.31, TRANSPARENT);
+    fn measure(
+        snow: &Snow,
+        (entry, facets): (Entry, Facets),
+        thickness_m: f64,
+        rays_per_beam: u64,
+        cell: u64,
+    ) -> Self {
+        let model = Model {
+            entry,
+            facets,
+            ..Model::default()
+        };
+        let walker = model_walker(snow, &model, 1.31, TRANSPARENT);
         let mut counts = Self {
             rays: rays_per_beam * (BANDS * BEAMS) as u64,
             ..Self::default()
@@ -112,13 +123,13 @@ const FLIGHTS: f64 = 12.0;
 const THIN: f64 = 1.0;
 const DENSE: f64 = 275.0;
 
-fn exchange(snow: &Snow, entry: Entry, rays_per_beam: u64, cell: u64) -> Exchange {
+fn exchange(snow: &Snow, event: (Entry, Facets), rays_per_beam: u64, cell: u64) -> Exchange {
     let d = mean_free_distance_m(
         &snow.grains[0].grain,
         snow.density_kg_m3,
         snow.temperature_c,
     );
-    Exchange::measure(snow, entry, FLIGHTS * d, rays_per_beam, cell)
+    Exchange::measure(snow, event, FLIGHTS * d, rays_per_beam, cell)
 }
 
 fn faceted(density: f64) -> Snow {
@@ -150,23 +161,51 @@ fn thin_snow_is_reciprocal_closely() {
 }
 
 fn thin_snow(rays_per_beam: u64) {
-    for (name, snow, entry, cell) in [
-        ("faceted, uniform", faceted(THIN), Entry::Uniform, 1000),
-        ("faceted, projected", faceted(THIN), Entry::Projected, 2000),
+    let published = |entry| (entry, Facets::Varsa2025);
+    let projected = |facets| (Entry::Projected, facets);
+    let (faceted, spheres) = (faceted(THIN), spheres(525.0, THIN));
+    let plates = {
+        let mut plates = faceted.clone();
+        let grain = &mut plates.grains[0].grain;
+        grain.shape = Shape::Hexagonal;
+        grain.proportion = TruncatedNormal::new(0.2, 0.4, 0.3, 0.05).unwrap();
+        plates
+    };
+    for (name, snow, event, cell) in [
+        (
+            "faceted, uniform",
+            &faceted,
+            published(Entry::Uniform),
+            1000,
+        ),
+        (
+            "faceted, projected",
+            &faceted,
+            published(Entry::Projected),
+            2000,
+        ),
         (
             "spheres, uniform",
-            spheres(525.0, THIN),
-            Entry::Uniform,
+            &spheres,
+            published(Entry::Uniform),
             3000,
         ),
         (
             "spheres, projected",
-            spheres(525.0, THIN),
-            Entry::Projected,
+            &spheres,
+            published(Entry::Projected),
             4000,
         ),
+        ("visible facets", &faceted, projected(Facets::Visible), 8000),
+        ("grooves", &faceted, projected(Facets::VGroove), 9000),
+        (
+            "grooved plates",
+            &plates,
+            projected(Facets::VGroove),
+            10_000,
+        ),
     ] {
-        let exchange = exchange(&snow, entry, rays_per_beam, cell);
+        let exchange = exchange(snow, event, rays_per_beam, cell);
         report(name, &exchange);
         for m in exchange.furnace() {
             assert_close(name, m.value, m.se, 1.0);
@@ -221,7 +260,7 @@ fn dense_snow(rays_per_beam: u64) {
         let quoted = numbers::<BANDS>(PAGE, &format!("furnace, {name}"));
         let asymmetries = numbers::<4>(PAGE, &format!("asymmetry, {name}"));
         let name = &format!("{name}, dense");
-        let exchange = exchange(&snow, entry, rays_per_beam, cell);
+        let exchange = exchange(&snow, (entry, Facets::Varsa2025), rays_per_beam, cell);
         report(name, &exchange);
         for (m, radiance) in exchange.furnace().iter().zip(quoted) {
             assert_close(name, m.value, m.se.hypot(RADIANCE_SE), radiance);

@@ -221,8 +221,10 @@ fn representative_grains_scatter_as_published() {
     }
 }
 
-/// Directions are continuous at facetness 0: g is nearly that of the smooth surface at 0.01. Mean
-/// paths are not (docs/stability.md): whatever scatters light into the directions that are totally
+/// Directions are continuous at facetness 0: g is that of the smooth surface at F = 1e-4. There the
+/// mean squared tilt of a facet is at most 2 E|xi| = 0.8 F (published law). Tilts to opposite sides
+/// cancel, so g changes by about that much at each of a few hits: 10 F allows for twelve. Mean
+/// paths are not continuous (docs/stability.md): whatever scatters light into the directions that are totally
 /// reflected for ever in a smooth spheroid lets it stay there for long.
 #[test]
 fn directions_are_continuous_at_facetness_0() {
@@ -246,16 +248,17 @@ fn directions_are_continuous_at_facetness_0() {
     let smooth = at(Facets::VGroove, 0.0, 130);
     for (facets, facetness, cell) in [
         (Facets::Varsa2025, 0.0, 131),
-        (Facets::Varsa2025, 0.01, 132),
-        (Facets::Visible, 0.01, 133),
-        (Facets::VGroove, 0.01, 134),
+        (Facets::Varsa2025, 1e-4, 132),
+        (Facets::Visible, 1e-4, 133),
+        (Facets::VGroove, 1e-4, 134),
     ] {
         let rough = at(facets, facetness, cell);
         let (jump, se) = (
             (rough.value - smooth.value).abs(),
             rough.se.hypot(smooth.se),
         );
-        assert!(jump < 0.01 + 4.0 * se, "{facets:?} {facetness}: {jump}");
+        let limit = 10.0 * facetness + 4.0 * se;
+        assert!(jump < limit, "{facets:?} {facetness}: {jump}");
     }
 }
 

@@ -16,7 +16,7 @@ mod substrate;
 /// Probability that any comparison of this tier fails although the model is correct.
 const ALPHA: f64 = 1e-6;
 /// Upper bound of the number of comparisons with a standard error.
-const COMPARISONS: usize = 400;
+const COMPARISONS: usize = 440;
 
 /// Asserts that `value` is `expected` within its standard error (and rounding).
 fn assert_close(label: &str, value: f64, se: f64, expected: f64) {
