@@ -95,6 +95,7 @@ mod tests {
     #![allow(clippy::unwrap_used)]
     use super::*;
     use crate::engine::Engine;
+    use crate::grid::Settings;
     use crate::grid::tests::{small, with_extra};
 
     /// An axis without effect here would give the same snow at every value. A fixed value that
@@ -120,6 +121,8 @@ mod tests {
             let parsed = crate::config::grid::parse("grid.toml", &text);
             let parsed = parsed.unwrap_or_else(|error| panic!("{parameter:?}: {error}\n{text}"));
             assert_eq!(parsed.grid.axes, grid.axes, "{parameter:?}");
+            let stored = Settings::parse(&text).unwrap();
+            assert_eq!(stored, grid.describe(), "{parameter:?}");
         }
     }
 

@@ -262,7 +262,8 @@ pub(crate) struct Properties {
 }
 
 /// A truncated normal distribution.
-#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
+#[derive(Debug, Clone, Copy, Default, PartialEq, Serialize, Deserialize)]
+#[serde(default)]
 pub(crate) struct LawSettings {
     pub(crate) min: f64,
     pub(crate) max: f64,
@@ -270,10 +271,10 @@ pub(crate) struct LawSettings {
     pub(crate) sd: f64,
 }
 
-#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+/// Any key may be missing: an axis may replace it.
+#[derive(Debug, Clone, Default, PartialEq, Serialize, Deserialize)]
+#[serde(default)]
 pub(crate) struct CarbonSettings {
-    /// Left out if it is an axis.
-    #[serde(default)]
     pub(crate) concentration_ng_g: f64,
     pub(crate) sedimentation: f64,
     pub(crate) mass_absorption_efficiency_m2_g: f64,
