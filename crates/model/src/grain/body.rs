@@ -1,7 +1,8 @@
 //! Bodies of any shape, single or eight side by side.
-use splitsnow_spectra::simd::{F64x8, Portable, Simd};
+use splitsnow_spectra::simd::{F64x8, Portable, Simd, Task};
 
-use crate::grain::shape::{Down, Form, Numbers};
+use crate::grain::Spheroid;
+use crate::grain::shape::{Down, Form, GrainShape, Numbers};
 use crate::math::{Real, Vec3x8};
 use crate::rng::Stream;
 
@@ -62,28 +63,35 @@ pub struct Bodies<S: Simd = Portable> {
     pub(super) numbers: Numbers<F64x8<S>>,
 }
 
-/// Evaluates `$of` for the `$form` of each lane. This is a macro because a closure may be
-/// compiled without the instruction set.
+/// Evaluates `$of` for the `$form` of each lane, once for each form that occurs. This is a
+/// macro because a closure may be compiled without the instruction set.
 macro_rules! by_form {
     ($bodies:expr, $form:ident => $of:expr) => {{
-        let forms = &$bodies.forms;
-        let $form = forms[0];
-        let mut found = $of;
-        if $bodies.form().is_none() {
-            for lane in 1..8 {
-                let $form = forms[lane];
-                if forms[..lane].contains(&$form) {
-                    continue;
-                }
-                for (all, values) in found.iter_mut().zip($of) {
-                    for lane in (lane..8).filter(|lane| forms[*lane] == $form) {
-                        all.as_mut_array()[lane] = values.as_array()[lane];
-                    }
+        let mut found = [F64x8::ZERO; _];
+        for $form in Form::ALL {
+            let lanes = $bodies.lanes_of($form);
+            if lanes.any() {
+                for (all, value) in found.iter_mut().zip($of) {
+                    *all = lanes.select(value, *all);
                 }
             }
         }
         found
     }};
+}
+
+/// [`Bodies::half_height`] as a SIMD task.
+struct HalfHeightTask<S: Simd, D>(Bodies<S>, D);
+
+impl<S: Simd, D: Down<F64x8<S>>> Task for HalfHeightTask<S, D> {
+    type Output = F64x8<S>;
+
+    #[inline(always)]
+    fn perform(self) -> F64x8<S> {
+        let Self(bodies, down) = self;
+        let [half] = by_form!(bodies, form => [form.half_height(&bodies.numbers, &down)]);
+        half
+    }
 }
 
 impl<S: Simd> Bodies<S> {
@@ -129,6 +137,16 @@ impl<S: Simd> Bodies<S> {
         (packed == u64::from_le_bytes([first as u8; 8])).then_some(first)
     }
 
+    /// The mask of the bodies of `form`.
+    #[inline(always)]
+    fn lanes_of(&self, form: Form) -> F64x8<S> {
+        let mut lanes = F64x8::ZERO;
+        for (mask, lane) in lanes.as_mut_array().iter_mut().zip(self.forms) {
+            *mask = F64x8::<S>::mask(lane == form);
+        }
+        lanes
+    }
+
     /// See [`super::GrainShape::sample`]. All bodies must be of the same form.
     #[inline(always)]
     pub fn sample(&self, rng: &mut Stream<S>) -> (Vec3x8<S>, F64x8<S>) {
@@ -157,8 +175,11 @@ impl<S: Simd> Bodies<S> {
     /// See [`super::GrainShape::half_height`].
     #[inline(always)]
     #[must_use]
-    pub fn half_height(&self, down: &impl Down<F64x8<S>>) -> F64x8<S> {
-        let [half] = by_form!(self, form => [form.half_height(&self.numbers, down)]);
-        half
+    // Other forms than spheroids are computed in one function for all callers.
+    pub fn half_height(&self, down: &(impl Down<F64x8<S>> + Copy)) -> F64x8<S> {
+        if self.form() == Some(Form::Spheroid) {
+            return Spheroid::half_height(&self.numbers, down);
+        }
+        S::outlined(HalfHeightTask(*self, *down))
     }
 }

@@ -9,7 +9,7 @@ use std::marker::PhantomData;
 
 use splitsnow_spectra::simd::{F64x8, Portable, Simd, Task};
 
-use crate::grain::facets::{Grooves, Tilts};
+use crate::grain::facets::{Facet, Grooves};
 use crate::grain::shape::{Form, GrainShape, Numbers, with_law};
 use crate::grain::{Bodies, Body, Facets, GrainType, Spheroid};
 use crate::math::{Vec3, Vec3x8};
@@ -75,20 +75,46 @@ pub struct Grains<S: Simd = Portable> {
     normal: Vec3x8<S>,
 }
 
+/// [`Grains::draw`] as a SIMD task.
+struct DrawTask<'a, S: Simd>(&'a mut Grains<S>, &'a GrainType, &'a mut Stream<S>);
+
+impl<S: Simd> Task for DrawTask<'_, S> {
+    type Output = u32;
+
+    #[inline(always)]
+    fn perform(self) -> u32 {
+        self.0.draw_inlined(self.1, self.2)
+    }
+}
+
 impl<S: Simd> Grains<S> {
     /// Draws eight grains. The mask has a bit for each grain to be kept.
     #[inline(always)]
-    pub fn draw(law: &GrainType, rng: &mut Stream<S>) -> (Self, u32) {
-        with_law!(&law.shape, shape => Self::draw_shape(shape, law, rng))
+    pub fn draw(&mut self, law: &GrainType, rng: &mut Stream<S>) -> u32 {
+        S::outlined(DrawTask(self, law, rng))
     }
 
-    /// The same for a given shape.
     #[inline(always)]
-    fn draw_shape<G: GrainShape>(shape: &G, law: &GrainType, rng: &mut Stream<S>) -> (Self, u32) {
+    fn draw_inlined(&mut self, law: &GrainType, rng: &mut Stream<S>) -> u32 {
         let (proportion, keep_proportion) = law.proportion.propose(rng);
         let (facetness, keep_facetness) = law.facetness.propose(rng);
-        let body = shape.draw(proportion, rng);
         let kept = keep_proportion & keep_facetness;
+        with_law!(&law.shape, shape => self.place(shape, proportion, kept, rng));
+        self.facetness = facetness;
+        self.size_m = law.size.sample(rng);
+        kept.to_bitmask()
+    }
+
+    /// Draws bodies of a shape and points on them, valid for the grains `kept`.
+    #[inline(always)]
+    fn place<G: GrainShape>(
+        &mut self,
+        shape: &G,
+        proportion: F64x8<S>,
+        kept: F64x8<S>,
+        rng: &mut Stream<S>,
+    ) {
+        let body = shape.draw(proportion, rng);
         // A rejected point is drawn again for the same grain: rejecting the grain too
         // would favour shapes that keep more points.
         let (mut point, mut placed) = G::sample(&body, rng);
@@ -97,18 +123,9 @@ impl<S: Simd> Grains<S> {
             point = point.or_where_not(placed, another);
             placed |= keep;
         }
-        let normal = G::normal(&body, point).unit();
-        let size_m = law.size.sample(rng);
-        (
-            Self {
-                size_m,
-                facetness,
-                bodies: Bodies::new([G::FORM; 8], body),
-                point,
-                normal,
-            },
-            kept.to_bitmask(),
-        )
+        self.bodies = Bodies::new([G::FORM; 8], body);
+        self.point = point;
+        self.normal = G::normal(&body, point).unit();
     }
 
     /// The grain of one lane.
@@ -281,17 +298,15 @@ impl<S: Simd> Events<S> {
     #[inline(always)]
     fn facing_facet(
         &mut self,
+        facet: &Facet<S>,
         untilted: F64x8<S>,
-        rng: &mut Stream<S>,
     ) -> (Vec3x8<S>, F64x8<S>, F64x8<S>) {
         let (n, one) = (self.normal, F64x8::ONE);
-        let tilt = (F64x8::splat(0.5) * self.facetness * rng.normal()).abs();
-        let (sin, cos) = rng.azimuth();
+        let (tilt, (t1, t2)) = (facet.xi, facet.frame);
         let slope = (tilt * (F64x8::splat(2.0) - tilt)).max(F64x8::ZERO).sqrt();
-        let (t1, t2) = n.frame();
         let m = (n * (one - tilt))
-            .plus(slope * cos, t1)
-            .plus(slope * sin, t2);
+            .plus(slope * facet.cos, t1)
+            .plus(slope * facet.sin, t2);
         let c = -m.dot(self.direction);
         let ok = c.gt(F64x8::ZERO) & tilt.lt(one);
         self.or_untilted((m, c, ok), untilted)
@@ -301,11 +316,12 @@ impl<S: Simd> Events<S> {
     #[inline(always)]
     fn visible_facet(
         &mut self,
+        facet: &Facet<S>,
         untilted: F64x8<S>,
         rng: &mut Stream<S>,
     ) -> (Vec3x8<S>, F64x8<S>, F64x8<S>) {
         let (n, zero, one) = (self.normal, F64x8::ZERO, F64x8::ONE);
-        let tilts = Tilts::draw(self.facetness, n, rng);
+        let tilts = facet.tilted();
         let [first, second] = tilts.incidences(n, self.direction);
         // Rejection from pairs of facets that are mirror images. Half of the sum of the
         // areas seen is at most the larger of 1/2 and the cosine on the untilted surface.
@@ -345,11 +361,17 @@ impl<S: Simd> Events<S> {
         let (d, n, one) = (self.direction, self.normal, F64x8::ONE);
 
         let untilted = (-n.dot(d)).max(F64x8::splat(1e-12));
-        let (m, c, ok) = match self.facets {
-            Facets::Varsa2025 => self.facing_facet(untilted, rng),
-            Facets::Visible => self.visible_facet(untilted, rng),
-            Facets::VGroove => {
-                let (m, c) = self.grooves.hit(n, d, self.facetness, rng);
+        // The default law has its own copy of the draw: with a common one, its step takes 4 % more
+        // instructions. The other laws share one copy.
+        let (m, c, ok) = if self.facets == Facets::Varsa2025 {
+            let facet = Facet::draw(self.facetness, n, rng);
+            self.facing_facet(&facet, untilted)
+        } else {
+            let facet = Facet::draw(self.facetness, n, rng);
+            if self.facets == Facets::Visible {
+                self.visible_facet(&facet, untilted, rng)
+            } else {
+                let (m, c) = self.grooves.hit(n, d, &facet, rng);
                 (m, c, c.gt(F64x8::ZERO))
             }
         };

@@ -52,37 +52,64 @@ pub(super) struct Tilts<S: Simd> {
     pub(super) valid: F64x8<S>,
 }
 
-impl<S: Simd> Tilts<S> {
+/// Random numbers for a facet about each of eight normals. All laws use the same.
+pub(super) struct Facet<S: Simd> {
+    /// |xi|.
+    pub(super) xi: F64x8<S>,
+    /// Cosines and sines of the azimuth.
+    pub(super) cos: F64x8<S>,
+    pub(super) sin: F64x8<S>,
+    /// Unit vectors in the surface, at the azimuths 0 and 90 degrees.
+    pub(super) frame: (Vec3x8<S>, Vec3x8<S>),
+}
+
+impl<S: Simd> Facet<S> {
     #[inline(always)]
     pub(super) fn draw(facetness: F64x8<S>, n: Vec3x8<S>, rng: &mut Stream<S>) -> Self {
-        let one = F64x8::ONE;
-        let tilt = (F64x8::splat(0.5) * facetness * rng.normal()).abs();
+        let xi = (F64x8::splat(0.5) * facetness * rng.normal()).abs();
         let (sin, cos) = rng.azimuth();
-        let (t1, t2) = n.frame();
         Self {
+            xi,
+            cos,
+            sin,
+            frame: n.frame(),
+        }
+    }
+
+    /// Unit vectors in the surface at this azimuth.
+    #[inline(always)]
+    fn across(&self) -> Vec3x8<S> {
+        let (t1, t2) = self.frame;
+        (t1 * self.cos).plus(self.sin, t2)
+    }
+
+    /// The facet of cos t = 1 - |xi|.
+    #[inline(always)]
+    pub(super) fn tilted(&self) -> Tilts<S> {
+        let (tilt, one) = (self.xi, F64x8::ONE);
+        Tilts {
             cos: one - tilt,
             sin: (tilt * (F64x8::splat(2.0) - tilt)).max(F64x8::ZERO).sqrt(),
-            across: (t1 * cos).plus(sin, t2),
+            across: self.across(),
             valid: tilt.lt(one),
         }
     }
 
-    /// Facets whose slopes are normally distributed with the standard deviation F/2.
+    /// The facet of tan t = |xi|.
     #[inline(always)]
-    fn sloping(facetness: F64x8<S>, n: Vec3x8<S>, rng: &mut Stream<S>) -> Self {
-        let one = F64x8::ONE;
-        let slope = (F64x8::splat(0.5) * facetness * rng.normal()).abs();
-        let (sin, cos) = rng.azimuth();
-        let (t1, t2) = n.frame();
+    fn sloping(&self) -> Tilts<S> {
+        let (slope, one) = (self.xi, F64x8::ONE);
         let tilt_cos = one / (one + slope * slope).sqrt();
-        Self {
+        Tilts {
             cos: tilt_cos,
             sin: slope * tilt_cos,
-            across: (t1 * cos).plus(sin, t2),
+            across: self.across(),
             valid: F64x8::ZERO.lt(one),
         }
     }
+}
 
+impl<S: Simd> Tilts<S> {
     /// Cosines of incidence on this facet and on its mirror image, tilted the other way.
     #[inline(always)]
     pub(super) fn incidences(&self, n: Vec3x8<S>, d: Vec3x8<S>) -> [F64x8<S>; 2] {
@@ -119,11 +146,11 @@ impl<S: Simd> Grooves<S> {
         &mut self,
         n: Vec3x8<S>,
         d: Vec3x8<S>,
-        facetness: F64x8<S>,
+        facet: &Facet<S>,
         rng: &mut Stream<S>,
     ) -> (Vec3x8<S>, F64x8<S>) {
         let (zero, one) = (F64x8::ZERO, F64x8::ONE);
-        let tilts = Tilts::sloping(facetness, n, rng);
+        let tilts = facet.sloping();
         let [first, second] = tilts.incidences(n, d);
         // A facet is hit in proportion to the area that the ray sees. If one of them is hidden,
         // the other is partly in its shadow, below the height 1 - seen.

@@ -192,8 +192,11 @@ impl Shape {
     }
 }
 
-// Dispatch by form. The step of a grain event dispatches once for all of its calls.
+// Dispatch by form.
 impl Form {
+    /// All forms. Bodies of other forms would have no normals, chords and heights.
+    pub(super) const ALL: [Self; 3] = [Self::Spheroid, Self::Oblate, Self::Hexagonal];
+
     #[inline(always)]
     pub(super) fn sample<S: Simd>(
         self,

@@ -94,6 +94,7 @@ fn draw_outcomes<S: Simd>(
         std::array::from_fn(|_| Events::new(&[surface; 2], false, facets));
     let down = Vec3::new(0.0, 0.0, 1.0);
     let mut contacts = [Outcome::default(); 8 * GROUPS];
+    let mut grains = Grains::<S>::default();
     let mut queue = Vec::with_capacity(8);
     let mut outcomes = Vec::with_capacity(count);
     let mut started = 0;
@@ -109,7 +110,7 @@ fn draw_outcomes<S: Simd>(
                 if queue.is_empty() {
                     // the azimuth, which nothing uses, keeps the random numbers of tables
                     let (chances, _) = (rng.uniform(), rng.azimuth());
-                    let (grains, kept) = Grains::draw(&law, &mut rng);
+                    let kept = grains.draw(&law, &mut rng);
                     let kept = (0..8).filter(|lane| kept >> lane & 1 == 1);
                     let kept = kept.map(|lane| (grains.get(lane), chances.as_array()[lane]));
                     let met = kept.filter(|(grain, u)| meets(grain, entry, *u, down));

@@ -230,10 +230,7 @@ impl TableSnowpack<'_> {
                 *form = layer.kinds[flight.kinds[lane]].tables[0].form;
             }
         }
-        let down = RayFrame {
-            flight,
-            mu: rays.mu,
-        };
+        let down = flight.frame(rays.mu);
         let centre = down.down([x, y, along]);
         let half = F64x8::splat(0.5) * Bodies::new(forms, numbers).half_height(&down);
         [centre - half, centre + half].map(|v| flight.end_m + flight.size_m * v)
@@ -243,8 +240,9 @@ impl TableSnowpack<'_> {
     #[inline(always)]
     pub(super) fn scatter<S: Simd>(&self, rays: &mut Rays<S>, flight: &Flight<S>, met: F64x8<S>) {
         let [c, s, along, x, y, ice] = self.gather(rays, flight, |table| &table.motions);
-        let moved = flight.vertical(rays.mu, along, x, y);
-        let turned = flight.vertical(rays.mu, c, s, F64x8::ZERO);
+        let frame = flight.frame(rays.mu);
+        let moved = frame.down([x, y, along]);
+        let turned = frame.down([s, F64x8::ZERO, c]);
         rays.z_m = met.select(flight.end_m + flight.size_m * moved, rays.z_m);
         rays.mu = met.select(turned.max(-F64x8::ONE).min(F64x8::ONE), rays.mu);
         let ice_m = (flight.size_m * ice) & met;
@@ -286,22 +284,30 @@ impl TableSnowpack<'_> {
 }
 
 /// The frame of outcomes, rotated about a ray.
-struct RayFrame<'a, S: Simd> {
-    flight: &'a Flight<S>,
+#[derive(Clone, Copy)]
+struct RayFrame<S: Simd> {
     mu: F64x8<S>,
+    across: F64x8<S>,
+    cos: F64x8<S>,
+    sin: F64x8<S>,
 }
 
-impl<S: Simd> Down<F64x8<S>> for RayFrame<'_, S> {
+impl<S: Simd> Down<F64x8<S>> for RayFrame<S> {
     #[inline(always)]
     fn down(&self, [x, y, along]: [F64x8<S>; 3]) -> F64x8<S> {
-        self.flight.vertical(self.mu, along, x, y)
+        self.mu * along + self.across * (self.cos * x + self.sin * y)
     }
 }
 
 impl<S: Simd> Flight<S> {
-    /// Downward component of a vector given along the ray and across it.
+    /// The frame of the outcome at its end, for a ray at the cosine `mu`.
     #[inline(always)]
-    fn vertical(&self, mu: F64x8<S>, along: F64x8<S>, x: F64x8<S>, y: F64x8<S>) -> F64x8<S> {
-        mu * along + self.across * (self.cos * x + self.sin * y)
+    fn frame(&self, mu: F64x8<S>) -> RayFrame<S> {
+        RayFrame {
+            mu,
+            across: self.across,
+            cos: self.cos,
+            sin: self.sin,
+        }
     }
 }

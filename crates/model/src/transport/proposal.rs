@@ -65,7 +65,7 @@ impl<S: Simd> Supply<S> {
             if entry == Entry::Projected {
                 self.chances = rng.uniform();
             }
-            (self.grains, self.kept) = Grains::draw(&self.grain, rng);
+            self.kept = self.grains.draw(&self.grain, rng);
         }
     }
 }

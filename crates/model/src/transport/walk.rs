@@ -147,7 +147,7 @@ struct Lane {
 }
 
 /// Walks in progress: the state that the main loop and its helpers share.
-struct Walks<'a, S: Simd, W> {
+struct Walks<'a, S: Simd> {
     walker: &'a Walker,
     thicknesses_m: &'a [f64],
     illumination: Illumination,
@@ -158,7 +158,7 @@ struct Walks<'a, S: Simd, W> {
     lanes: [Lane; LANES],
     /// Number of rays not started yet.
     waiting: u64,
-    sink: &'a mut W,
+    sink: &'a mut dyn Sink,
 }
 
 impl WalkerLayer {
@@ -262,17 +262,18 @@ impl Walk for Walker {
     }
 }
 
-/// A call of [`Walker::walk`] as a SIMD kernel.
-struct Walking<'a, W> {
+/// A call of [`Walker::walk`] as a SIMD kernel. The sink is called once a ray, so a pointer to it
+/// costs nothing, and one kernel serves all sinks.
+struct Walking<'a> {
     walker: &'a Walker,
     thicknesses_m: &'a [f64],
     illumination: Illumination,
     rays: u64,
     rng: Stream,
-    sink: &'a mut W,
+    sink: &'a mut dyn Sink,
 }
 
-impl<W: Sink> Kernel for Walking<'_, W> {
+impl Kernel for Walking<'_> {
     type Output = Result<u64, WalkError>;
 
     #[inline(always)]
@@ -295,7 +296,7 @@ impl<W: Sink> Kernel for Walking<'_, W> {
         let proposals = walker.layers.iter();
         let proposals =
             proposals.map(|layer| Proposals::new(&layer.snow, walker.entry, walker.wet));
-        let mut walks = Walks::<S, W> {
+        let mut walks = Walks::<S> {
             walker,
             thicknesses_m: self.thicknesses_m,
             illumination: self.illumination,
@@ -322,9 +323,9 @@ fn bits(mut mask: u32) -> impl Iterator<Item = usize> {
 }
 
 /// [`Walks::start`] as a SIMD task.
-struct StartTask<'w, 'a, S: Simd, W>(&'w mut Walks<'a, S, W>, usize);
+struct StartTask<'w, 'a, S: Simd>(&'w mut Walks<'a, S>, usize);
 
-impl<S: Simd, W: Sink> Task for StartTask<'_, '_, S, W> {
+impl<S: Simd> Task for StartTask<'_, '_, S> {
     type Output = Result<bool, WalkError>;
 
     #[inline(always)]
@@ -334,9 +335,9 @@ impl<S: Simd, W: Sink> Task for StartTask<'_, '_, S, W> {
 }
 
 /// [`Walks::fly`] as a SIMD task.
-struct FlyTask<'w, 'a, S: Simd, W>(&'w mut Walks<'a, S, W>, usize, Option<Proposal>);
+struct FlyTask<'w, 'a, S: Simd>(&'w mut Walks<'a, S>, usize, Option<Proposal>);
 
-impl<S: Simd, W: Sink> Task for FlyTask<'_, '_, S, W> {
+impl<S: Simd> Task for FlyTask<'_, '_, S> {
     type Output = Result<bool, WalkError>;
 
     #[inline(always)]
@@ -346,9 +347,9 @@ impl<S: Simd, W: Sink> Task for FlyTask<'_, '_, S, W> {
 }
 
 /// [`Walks::bounce`] as a SIMD task.
-struct BounceTask<'w, 'a, S: Simd, W>(&'w mut Walks<'a, S, W>, usize, f64);
+struct BounceTask<'w, 'a, S: Simd>(&'w mut Walks<'a, S>, usize, f64);
 
-impl<S: Simd, W: Sink> Task for BounceTask<'_, '_, S, W> {
+impl<S: Simd> Task for BounceTask<'_, '_, S> {
     type Output = bool;
 
     #[inline(always)]
@@ -357,7 +358,7 @@ impl<S: Simd, W: Sink> Task for BounceTask<'_, '_, S, W> {
     }
 }
 
-impl<S: Simd, W: Sink> Walks<'_, S, W> {
+impl<S: Simd> Walks<'_, S> {
     #[inline(always)]
     fn run(&mut self) -> Result<u64, WalkError> {
         let mut total = 0;

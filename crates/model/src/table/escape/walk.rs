@@ -67,6 +67,7 @@ impl CandidateGrain {
 
 /// The frame of outcomes, rotated about a ray: the vertical components of unit vectors
 /// along the ray and across it, and the rotation.
+#[derive(Clone, Copy)]
 struct RayFrame<R> {
     along: R,
     across: R,
