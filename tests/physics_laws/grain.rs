@@ -58,7 +58,7 @@ fn events(
             }
             let grain = loop {
                 while kept == 0 {
-                    (grains, kept) = Grains::draw(law, &mut rng);
+                    kept = grains.draw(law, &mut rng);
                 }
                 let grain = grains.get(kept.trailing_zeros() as usize);
                 kept &= kept - 1;

@@ -21,9 +21,10 @@ fn law(min: f64, max: f64, mean: f64, sd: f64) -> TruncatedNormal {
 /// Calls `each` with `count` random grains.
 pub(super) fn draw(law: &GrainType, count: u32, number: u64, mut each: impl FnMut(&Grain)) {
     let mut rng = stream(number);
+    let mut grains = Grains::default();
     let mut left = count;
     while left > 0 {
-        let (grains, mut kept) = Grains::draw(law, &mut rng);
+        let mut kept = grains.draw(law, &mut rng);
         while kept != 0 && left > 0 {
             each(&grains.get(kept.trailing_zeros() as usize));
             kept &= kept - 1;

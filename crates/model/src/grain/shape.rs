@@ -268,7 +268,7 @@ mod tests {
                 for _ in 0..60 {
                     let bodies = shape.draw(F64x8::splat(proportion), &mut rng);
                     let tops = bodies.half_height(&Upright).to_array();
-                    tops.map(|top| add(&mut heights, top));
+                    tops.iter().for_each(|top| add(&mut heights, *top));
                     let mut highest = [0.0f64; 8];
                     for _ in 0..400 {
                         let (mut point, mut kept) = bodies.sample(&mut rng);
