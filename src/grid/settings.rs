@@ -174,7 +174,7 @@ pub(crate) struct WavelengthSettings {
 /// ([`crate::parameter::Record::fixed`]) are left out.
 #[derive(Debug, Clone, Default, PartialEq, Serialize, Deserialize)]
 #[serde(try_from = "Map<String, Value>")]
-pub(crate) struct FixedSettings(Map<String, Value>);
+pub(crate) struct FixedSettings(pub(super) Map<String, Value>);
 
 impl FixedSettings {
     pub(super) fn new(properties: &Properties, axes: &Axes) -> Self {
@@ -187,11 +187,6 @@ impl FixedSettings {
             Value::Object(properties) => Self(properties),
             _ => Self::default(),
         }
-    }
-
-    /// The properties; those that an axis replaces have their defaults.
-    pub(crate) fn properties(&self) -> Properties {
-        serde_json::from_value(Value::Object(self.0.clone())).unwrap_or_default()
     }
 }
 

@@ -1,5 +1,7 @@
 //! The settings of a grid read back from a database.
-use super::settings::AxisSettings;
+use serde_json::Value;
+
+use super::settings::{AxisSettings, FixedSettings, Properties};
 use super::{Settings, SizeAxis};
 use crate::grain::{Shape, SizeConversion, SizeLaw, SizeMeasure, TruncatedNormal};
 use crate::parameter::{Axes, Parameter};
@@ -76,6 +78,13 @@ impl Settings {
             // only specific surface areas depend on it, and these exclude an axis of temperature
             temperature_c: self.fixed.properties().temperature_c,
         })
+    }
+}
+
+impl FixedSettings {
+    /// The properties; those that an axis replaces have their defaults.
+    pub(crate) fn properties(&self) -> Properties {
+        serde_json::from_value(Value::Object(self.0.clone())).unwrap_or_default()
     }
 }
 
