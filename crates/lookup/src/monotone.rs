@@ -3,51 +3,68 @@
 //!
 //! `x` holds the coordinates of the nodes and `values` their values `[h][i]`, for
 //! component or wavelength `i`. Where the node values decrease, the slope is 0 and the
-//! curve decreases with them.
+//! curve decreases with them. Functions treat all `i` of a node, so that loops vectorise.
 
 /// Largest ratio of a slope to the smaller of the two neighbouring secants.
 const LIMIT: f32 = 3.0;
 
-/// Slope of the line between nodes `h` and `h + 1`; 0 if they coincide.
-fn secant(x: &[f32], values: &[Vec<f32>], h: usize, i: usize) -> f32 {
-    let step = x[h + 1] - x[h];
-    if step > 0.0 {
-        (values[h + 1][i] - values[h][i]) / step
-    } else {
-        0.0
+/// Slopes of the lines between nodes `h` and `h + 1`, `[h][i]`; 0 if they coincide.
+#[inline(always)]
+pub(super) fn secants(x: &[f32], values: &[Vec<f32>]) -> Vec<Vec<f32>> {
+    let mut secants = Vec::with_capacity(values.len());
+    for (x, values) in x.windows(2).zip(values.windows(2)) {
+        let step = x[1] - x[0];
+        let mut secant = vec![0.0; values[0].len()];
+        if step > 0.0 {
+            for ((secant, before), after) in secant.iter_mut().zip(&values[0]).zip(&values[1]) {
+                *secant = (after - before) / step;
+            }
+        }
+        secants.push(secant);
     }
+    secants
 }
 
-/// Slope at node `h` of the parabola through the node and its two neighbours.
-pub(super) fn slope(x: &[f32], values: &[Vec<f32>], h: usize, i: usize) -> f32 {
+/// Slopes at node `h` of the parabolas through the node and its two neighbours.
+#[inline(always)]
+pub(super) fn slopes(x: &[f32], secants: &[Vec<f32>], h: usize) -> Vec<f32> {
     let last = x.len() - 1;
     if last == 1 {
-        return secant(x, values, 0, i);
+        return secants[0].clone();
     }
     let middle = h.clamp(1, last - 1);
-    let [left, right] = [middle - 1, middle].map(|h| secant(x, values, h, i));
     let [before, after] = [x[middle] - x[middle - 1], x[middle + 1] - x[middle]];
-    let at_middle = match before + after > 0.0 {
-        true => (left * after + right * before) / (before + after),
-        false => 0.0,
-    };
-    match h {
-        0 => 2.0 * left - at_middle,
-        h if h == last => 2.0 * right - at_middle,
-        _ => at_middle,
+    let sum = before + after;
+    let mut slopes = vec![0.0; secants[0].len()];
+    let pairs = secants[middle - 1].iter().zip(&secants[middle]);
+    for (slope, (left, right)) in slopes.iter_mut().zip(pairs) {
+        let at_middle = match sum > 0.0 {
+            true => (left * after + right * before) / sum,
+            false => 0.0,
+        };
+        *slope = match h {
+            0 => 2.0 * left - at_middle,
+            h if h == last => 2.0 * right - at_middle,
+            _ => at_middle,
+        };
     }
+    slopes
 }
 
-/// Fraction (0 to 1) of the slope at node `h` that keeps the curve monotone.
-pub(super) fn share(x: &[f32], values: &[Vec<f32>], h: usize, i: usize) -> f32 {
-    let last = x.len() - 1;
-    let beside = [h.max(1) - 1, h.min(last - 1)].map(|h| secant(x, values, h, i));
-    let most = LIMIT * beside[0].min(beside[1]);
-    let slope = slope(x, values, h, i);
-    if slope <= most {
-        return if slope >= 0.0 { 1.0 } else { 0.0 };
+/// Fractions (0 to 1) of the `slopes` at node `h` that keep the curves monotone.
+#[inline(always)]
+pub(super) fn shares(secants: &[Vec<f32>], slopes: &[f32], h: usize) -> Vec<f32> {
+    let [left, right] = [h.max(1) - 1, h.min(secants.len() - 1)].map(|h| &secants[h]);
+    let mut shares = vec![0.0; slopes.len()];
+    let sides = left.iter().zip(right);
+    for ((share, slope), (left, right)) in shares.iter_mut().zip(slopes).zip(sides) {
+        let most = LIMIT * left.min(*right);
+        // without branches, so that the loop vectorises
+        let limited = (most / slope).max(0.0);
+        let kept = if *slope >= 0.0 { 1.0 } else { 0.0 };
+        *share = if *slope <= most { kept } else { limited };
     }
-    (most / slope).max(0.0)
+    shares
 }
 
 #[cfg(test)]
@@ -59,9 +76,12 @@ mod tests {
     fn a_cubic_through_a_step_is_monotone() {
         let x = [0.0, 1.0, 1.5, 3.0, 4.0, 4.2];
         let values: Vec<Vec<f32>> = [0.0, 0.1, 5.0, 5.1, 5.1, 9.0].map(|y| vec![y]).into();
-        let slopes: Vec<f32> = (0..6)
-            .map(|h| share(&x, &values, h, 0) * slope(&x, &values, h, 0))
-            .collect();
+        let secants = secants(&x, &values);
+        let limited = |h| {
+            let slopes = slopes(&x, &secants, h);
+            shares(&secants, &slopes, h)[0] * slopes[0]
+        };
+        let slopes: Vec<f32> = (0..6).map(limited).collect();
         for h in 0..5 {
             let (step, mut before) = (x[h + 1] - x[h], values[h][0]);
             for i in 1..=100 {

@@ -21,11 +21,11 @@
 //! table holds values and slopes per wavelength.
 use ndarray::ArrayView1;
 use splitsnow_spectra::Quantity;
-use splitsnow_spectra::elementary::exp_neg_single as exp_neg;
-use splitsnow_spectra::simd::{F32x8, Kernel, Portable, Simd, dispatch};
+use splitsnow_spectra::elementary::{exp_neg_single as exp_neg, ln};
+use splitsnow_spectra::simd::{F32x8, F64x8, Kernel, Portable, Simd, dispatch};
 
 use crate::diffusion::Diffusion;
-use crate::monotone::{share, slope};
+use crate::monotone::{secants, shares, slopes};
 use crate::parameter::{core_places, thickness_slope};
 use crate::{
     Axes, Basis, Database, LookupError, MissingCurve, Parameter, Point, absent_error,
@@ -157,7 +157,11 @@ impl Lookup {
                     .extend(columns.columns().into_iter().map(chunk));
             }
         }
-        lookup.fill(database, depth);
+        lookup.table = dispatch(FillKernel {
+            lookup: &lookup,
+            database,
+            depth,
+        });
         Ok(lookup)
     }
 
@@ -275,8 +279,9 @@ impl Lookup {
         }
     }
 
-    /// Fills the table, column by column, with `depth` components.
-    fn fill(&mut self, database: &Database, depth: usize) {
+    /// The table of a database, column by column, with `depth` components.
+    #[inline(always)]
+    fn filled<S: Simd>(&self, database: &Database, depth: usize) -> Vec<F32x8> {
         let [n_f, n_g, n_d, n_h, n_a] = self.values.each_ref().map(Vec::len);
         let thin = self.thin_count();
         let rows = thin + n_h;
@@ -297,11 +302,13 @@ impl Lookup {
                 }
                 if self.components == 0 {
                     let curve = database.curve(row, self.quantity).unwrap_or_default();
+                    self.depths_of::<S>(&curve, &mut here[0]);
                     // Noise must not make a slab transmit more, or reflect less, than a
                     // thinner slab. Over a substrate, more snow may reflect less.
-                    let least = before.last().filter(|_| h > 0 && thin > 0);
-                    for (l, (y, value)) in here[0].iter_mut().zip(curve).enumerate() {
-                        *y = self.depth(value).max(least.map_or(0.0, |least| least[l]));
+                    if let Some(least) = before.last().filter(|_| h > 0 && thin > 0) {
+                        for (y, least) in here[0].iter_mut().zip(least) {
+                            *y = y.max(*least);
+                        }
                     }
                 } else {
                     let coefficients = database.coefficients(self.quantity);
@@ -313,21 +320,25 @@ impl Lookup {
             let begin = if absent > 0 { thin + absent } else { 0 };
             y[..begin].iter_mut().for_each(|y| y.fill(0.0));
             if thin > 0 && begin == 0 {
-                self.fill_thin(&mut y);
+                self.fill_thin::<S>(&mut y);
             }
             let mut slopes = vec![vec![0.0; depth]; begin];
-            slopes.extend(self.slopes(&y[begin..]));
+            slopes.extend(self.slopes::<S>(&y[begin..]));
             for h in 0..rows {
                 let node = ((snow * rows + h) * n_a + angle) * self.width;
-                for (i, (y, slope)) in y[h].iter().zip(&slopes[h]).enumerate() {
-                    let lanes = table[node + i / LANES].as_mut_array();
-                    lanes[i % LANES] = *y;
-                    // numbers from a malicious file may overflow
-                    lanes[LANES + i % LANES] = if slope.is_finite() { *slope } else { 0.0 };
+                let vectors = table[node..node + self.width].iter_mut();
+                let pairs = y[h].chunks(LANES).zip(slopes[h].chunks(LANES));
+                for (vector, (y, slopes)) in vectors.zip(pairs) {
+                    let (values, slopes_to) = vector.as_mut_array().split_at_mut(LANES);
+                    values[..y.len()].copy_from_slice(y);
+                    for (to, slope) in slopes_to.iter_mut().zip(slopes) {
+                        // numbers from a malicious file may overflow
+                        *to = if slope.is_finite() { *slope } else { 0.0 };
+                    }
                 }
             }
         }
-        self.table = table;
+        table
     }
 
     /// Number of extra nodes below the first thickness.
@@ -336,80 +347,113 @@ impl Lookup {
     }
 
     /// Fills the extra nodes below the first thickness of a column.
-    fn fill_thin(&self, y: &mut [Vec<f32>]) {
+    #[inline(always)]
+    fn fill_thin<S: Simd>(&self, y: &mut [Vec<f32>]) {
         let first_cm = self.values[THICKNESS][0];
         let (thin, nodes) = y.split_at_mut(THIN.len());
         let x = &self.places[THICKNESS][THIN.len()..];
         thin.iter_mut().for_each(|y| y.fill(0.0));
-        let spectra: Vec<Vec<f32>> = nodes.iter().take(3).map(|y| self.spectral(y)).collect();
-        for (l, y) in spectra[0].iter().enumerate() {
-            let slope = match spectra.len() {
-                1 => y / x[0].max(f32::MIN_POSITIVE),
-                n => slope(&x[..n], &spectra, 0, l).max(0.0),
-            };
-            let node = Diffusion {
-                y: f64::from(*y),
-                slope_per_cm: f64::from(slope * thickness_slope(first_cm)),
-                before: 0.0,
+        // a parabola through three nodes
+        let count = nodes.len().min(3);
+        let spectra: Vec<Vec<f32>> = nodes[..count]
+            .iter()
+            .map(|y| self.spectral::<S>(y))
+            .collect();
+        let scale = thickness_slope(first_cm);
+        let mut slopes = match count {
+            1 => spectra[0].clone(),
+            _ => slopes(&x[..count], &secants(&x[..count], &spectra), 0),
+        };
+        for slope in &mut slopes {
+            *slope = scale
+                * match count {
+                    1 => *slope / x[0].max(f32::MIN_POSITIVE),
+                    _ => slope.max(0.0),
+                };
+        }
+        for (chunk, (y, slopes)) in spectra[0].chunks(8).zip(slopes.chunks(8)).enumerate() {
+            let node = Diffusion::<S> {
+                y: wide(y),
+                slope_per_cm: wide(slopes),
+                before: F64x8::ZERO,
                 step_cm: f64::from(first_cm),
             };
             for (thin, y) in thin.iter_mut().zip(node.thinner(THIN.map(f64::from))) {
+                let y = y.to_array().map(|y| y as f32);
+                let l = 8 * chunk..(8 * chunk + 8).min(spectra[0].len());
                 if self.components == 0 {
-                    thin[l] = y as f32;
+                    let count = l.len();
+                    thin[l].copy_from_slice(&y[..count]);
                     continue;
                 }
-                let chunk = &self.basis[l / 8 * self.components..];
-                for (c, vector) in thin.iter_mut().zip(chunk) {
-                    *c += y as f32 * vector.as_array()[l % 8];
+                let vectors = &self.basis[chunk * self.components..];
+                for (i, y) in y[..l.len()].iter().enumerate() {
+                    for (c, vector) in thin.iter_mut().zip(vectors) {
+                        *c += y * vector.as_array()[i];
+                    }
                 }
             }
         }
     }
 
-    /// y of a transmittance or reflectance.
-    fn depth(&self, value: f32) -> f32 {
-        let linear = match self.quantity {
-            Quantity::Transmittance => value,
-            Quantity::Reflectance => 1.0 - value,
-        };
-        -libm::logf(linear.clamp(libm::expf(-DARKEST), 1.0))
+    /// Writes y of transmittances or reflectances to `y`.
+    #[inline(always)]
+    fn depths_of<S: Simd>(&self, values: &[f32], y: &mut [f32]) {
+        let (darkest, one) = (F64x8::splat(f64::from(libm::expf(-DARKEST))), F64x8::ONE);
+        for (values, y) in values.chunks(8).zip(y.chunks_mut(8)) {
+            let linear: F64x8<S> = match self.quantity {
+                Quantity::Transmittance => wide(values),
+                Quantity::Reflectance => one - wide(values),
+            };
+            let logarithm = ln(linear.max(darkest).min(one)).to_array();
+            for (y, logarithm) in y.iter_mut().zip(logarithm) {
+                *y = -(logarithm as f32);
+            }
+        }
     }
 
     /// Limited slopes of a column or of its last nodes, `[h][component]`.
-    fn slopes(&self, y: &[Vec<f32>]) -> Vec<Vec<f32>> {
+    #[inline(always)]
+    fn slopes<S: Simd>(&self, y: &[Vec<f32>]) -> Vec<Vec<f32>> {
         let places = &self.places[THICKNESS];
         let x = &places[places.len() - y.len()..];
         if x.len() < 2 {
             return y.iter().map(|y| vec![0.0; y.len()]).collect();
         }
-        let last = x.len() - 1;
+        let own_secants = secants(x, y);
+        let mut limited = Vec::with_capacity(y.len());
         if self.components == 0 {
-            let limited = |h: usize, i: usize| {
-                let slope = slope(x, y, h, i);
-                share(x, y, h, i) * slope
-            };
-            let components = y[0].len();
-            return (0..=last)
-                .map(|h| (0..components).map(|i| limited(h, i)).collect())
-                .collect();
+            for h in 0..x.len() {
+                let mut slopes = slopes(x, &own_secants, h);
+                let shares = shares(&own_secants, &slopes, h);
+                for (slope, share) in slopes.iter_mut().zip(shares) {
+                    *slope *= share;
+                }
+                limited.push(slopes);
+            }
+            return limited;
         }
-        let spectra: Vec<Vec<f32>> = y.iter().map(|y| self.spectral(y)).collect();
-        (0..=last)
-            .map(|h| {
-                let shares = (0..self.wavelengths).map(|l| share(x, &spectra, h, l));
-                let share = shares.fold(1.0, f32::min);
-                (0..y[h].len()).map(|i| share * slope(x, y, h, i)).collect()
-            })
-            .collect()
+        let spectra: Vec<Vec<f32>> = y.iter().map(|y| self.spectral::<S>(y)).collect();
+        let spectral_secants = secants(x, &spectra);
+        for h in 0..x.len() {
+            let shares = shares(&spectral_secants, &slopes(x, &spectral_secants, h), h);
+            // one for all wavelengths, so that the spectrum stays one of the basis
+            let share = shares.into_iter().fold(1.0, f32::min);
+            let mut slopes = slopes(x, &own_secants, h);
+            slopes.iter_mut().for_each(|slope| *slope *= share);
+            limited.push(slopes);
+        }
+        limited
     }
 
     /// y per wavelength from components.
-    fn spectral(&self, components: &[f32]) -> Vec<f32> {
+    #[inline(always)]
+    fn spectral<S: Simd>(&self, components: &[f32]) -> Vec<f32> {
         if self.components == 0 {
             return components.to_vec();
         }
         let mut spectrum = vec![0.0; self.wavelengths];
-        self.rebuild::<Portable>(components, &mut spectrum);
+        self.rebuild::<S>(components, &mut spectrum);
         spectrum
     }
 
@@ -608,14 +652,20 @@ impl Lookup {
         let nodes = &self.values[THICKNESS];
         let last_cm = nodes[nodes.len() - 1];
         let step_cm = last_cm - nodes[nodes.len() - 2];
-        for ((y, before), slope) in spectrum.iter_mut().zip(before).zip(slopes) {
-            let end = Diffusion {
-                y: f64::from(*y),
-                slope_per_cm: f64::from(slope * thickness_slope(last_cm)),
-                before: f64::from(before),
+        let scale = thickness_slope(last_cm);
+        slopes.iter_mut().for_each(|slope| *slope *= scale);
+        let sides = before.chunks(8).zip(slopes.chunks(8));
+        for (y, (before, slopes)) in spectrum.chunks_mut(8).zip(sides) {
+            let end = Diffusion::<S> {
+                y: wide(y),
+                slope_per_cm: wide(slopes),
+                before: wide(before),
                 step_cm: f64::from(step_cm),
             };
-            *y = end.deeper(f64::from(thickness_cm - last_cm)) as f32;
+            let deeper = end.deeper(f64::from(thickness_cm - last_cm)).to_array();
+            for (y, deeper) in y.iter_mut().zip(deeper) {
+                *y = deeper as f32;
+            }
         }
     }
 
@@ -648,6 +698,32 @@ impl Kernel for SpectrumKernel<'_> {
     fn run<S: Simd>(self) -> Self::Output {
         self.lookup.spectrum_on::<S>(self.point, self.spectrum)
     }
+}
+
+/// The table of a look-up, made with the best instruction set.
+struct FillKernel<'a> {
+    lookup: &'a Lookup,
+    database: &'a Database,
+    depth: usize,
+}
+
+impl Kernel for FillKernel<'_> {
+    type Output = Vec<F32x8>;
+
+    #[inline(always)]
+    fn run<S: Simd>(self) -> Self::Output {
+        self.lookup.filled::<S>(self.database, self.depth)
+    }
+}
+
+/// At most eight numbers in double precision; the last one is repeated.
+#[inline(always)]
+fn wide<S: Simd>(numbers: &[f32]) -> F64x8<S> {
+    let mut lanes = [0.0; 8];
+    for (i, lane) in lanes.iter_mut().enumerate() {
+        *lane = f64::from(numbers[i.min(numbers.len() - 1)]);
+    }
+    F64x8::new(lanes)
 }
 
 /// A vector with the weight `value` for values and `slope` for slopes.
