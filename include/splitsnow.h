@@ -1615,11 +1615,20 @@ static double splitsnow__growth(const splitsnow__diffusion *node, double k, doub
 
 /* The decay constant k, 1/cm, from y before the node. */
 static double splitsnow__decay_constant(const splitsnow__diffusion *node) {
-    double low = 0.0, high = node->slope_per_cm > 0.0 ? node->slope_per_cm : 0.0;
+    double slope = node->slope_per_cm, step = node->step_cm, rise = node->y - node->before;
+    /* r before the node, relative to r there */
+    double ratio = exp(-(rise > 0.0 ? rise : 0.0));
+    double low = 0.0, high = slope > 0.0 ? slope : 0.0;
     for (int i = 0; i < 24; i++) {
-        double k = 0.5 * (low + high);
-        /* a larger k curves more and gives a larger y before the node */
-        if (node->y + splitsnow__growth(node, k, -node->step_cm) > node->before) high = k;
+        double k = 0.5 * (low + high), found = 1.0 - slope * step, expected = ratio;
+        if (k * step >= 1e-6) {
+            /* cosh kh - s/k sinh kh, times exp(-kh) on both sides */
+            double decay = exp(-k * step);
+            found = 0.5 * ((1.0 + slope / k) * decay * decay + (1.0 - slope / k));
+            expected = ratio * decay;
+        }
+        /* a larger k curves more and gives a larger r before the node */
+        if (found > expected) high = k;
         else low = k;
     }
     return high;
