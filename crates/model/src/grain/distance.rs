@@ -13,6 +13,8 @@
 //! 50-3000 um: the walk meets that many times the ice given by the density. The published
 //! K2 adds 1.6 % at the usual spread of the sphericity. In either case the snow that the
 //! walk meets has the specific surface area 4 K1 K2 / ice density.
+use std::cell::RefCell;
+
 use crate::grain::{GrainType, Shape, SizeLaw, SizeRange, TruncatedNormal};
 use crate::optics::ice_density_kg_m3;
 
@@ -56,9 +58,32 @@ pub fn overpacking(size: &SizeRange) -> f64 {
 
 /// K2: a quarter of the surface-to-volume ratio of grains of unit length, averaged over the
 /// truncated normal distribution of the proportion. [`SizeLaw::Consistent`] uses the
-/// harmonic mean.
+/// harmonic mean. The last factors of a thread are remembered.
 #[must_use]
 pub fn shape_factor(shape: Shape, proportion: &TruncatedNormal, law: SizeLaw) -> f64 {
+    let key = (shape, *proportion, law);
+    KNOWN_FACTORS.with_borrow_mut(|known| {
+        if let Some((_, factor)) = known.iter().find(|(other, _)| *other == key) {
+            return *factor;
+        }
+        let factor = integrated_shape_factor(shape, proportion, law);
+        known.truncate(MOST_KNOWN - 1);
+        known.insert(0, (key, factor));
+        factor
+    })
+}
+
+/// Number of shape factors that are remembered: more than a snowpack has types of grains.
+const MOST_KNOWN: usize = 32;
+
+type FactorKey = (Shape, TruncatedNormal, SizeLaw);
+
+thread_local! {
+    /// The last shape factors. A simulation asks for the same ones again and again.
+    static KNOWN_FACTORS: RefCell<Vec<(FactorKey, f64)>> = const { RefCell::new(Vec::new()) };
+}
+
+fn integrated_shape_factor(shape: Shape, proportion: &TruncatedNormal, law: SizeLaw) -> f64 {
     let (min, max, mean, sd) = (
         proportion.min(),
         proportion.max(),
