@@ -8,34 +8,32 @@
 /// Largest ratio of a slope to the smaller of the two neighbouring secants.
 const LIMIT: f32 = 3.0;
 
-/// Slopes of the lines between nodes `h` and `h + 1`, `[h][i]`; 0 if they coincide.
+/// Writes the slopes of the lines between nodes `h` and `h + 1`, `[h][i]`; 0 if they coincide.
 #[inline(always)]
-pub(super) fn secants(x: &[f32], values: &[Vec<f32>]) -> Vec<Vec<f32>> {
-    let mut secants = Vec::with_capacity(values.len());
-    for (x, values) in x.windows(2).zip(values.windows(2)) {
+pub(super) fn secants(x: &[f32], values: &[Vec<f32>], secants: &mut [Vec<f32>]) {
+    let nodes = x.windows(2).zip(values.windows(2));
+    for (secants, (x, values)) in secants.iter_mut().zip(nodes) {
         let step = x[1] - x[0];
-        let mut secant = vec![0.0; values[0].len()];
-        if step > 0.0 {
-            for ((secant, before), after) in secant.iter_mut().zip(&values[0]).zip(&values[1]) {
-                *secant = (after - before) / step;
-            }
+        if step <= 0.0 {
+            secants.fill(0.0);
+            continue;
         }
-        secants.push(secant);
+        for ((secant, before), after) in secants.iter_mut().zip(&values[0]).zip(&values[1]) {
+            *secant = (after - before) / step;
+        }
     }
-    secants
 }
 
-/// Slopes at node `h` of the parabolas through the node and its two neighbours.
+/// Writes the slopes at node `h` of the parabolas through the node and its two neighbours.
 #[inline(always)]
-pub(super) fn slopes(x: &[f32], secants: &[Vec<f32>], h: usize) -> Vec<f32> {
+pub(super) fn slopes(x: &[f32], secants: &[Vec<f32>], h: usize, slopes: &mut [f32]) {
     let last = x.len() - 1;
     if last == 1 {
-        return secants[0].clone();
+        return slopes.copy_from_slice(&secants[0]);
     }
     let middle = h.clamp(1, last - 1);
     let [before, after] = [x[middle] - x[middle - 1], x[middle + 1] - x[middle]];
     let sum = before + after;
-    let mut slopes = vec![0.0; secants[0].len()];
     let pairs = secants[middle - 1].iter().zip(&secants[middle]);
     for (slope, (left, right)) in slopes.iter_mut().zip(pairs) {
         let at_middle = match sum > 0.0 {
@@ -48,14 +46,18 @@ pub(super) fn slopes(x: &[f32], secants: &[Vec<f32>], h: usize) -> Vec<f32> {
             _ => at_middle,
         };
     }
-    slopes
 }
 
-/// Fractions (0 to 1) of the `slopes` at node `h` that keep the curves monotone.
+/// Writes the fractions (0 to 1) of the `slopes` at node `h` of `nodes` that keep the curves
+/// monotone.
 #[inline(always)]
-pub(super) fn shares(secants: &[Vec<f32>], slopes: &[f32], h: usize) -> Vec<f32> {
-    let [left, right] = [h.max(1) - 1, h.min(secants.len() - 1)].map(|h| &secants[h]);
-    let mut shares = vec![0.0; slopes.len()];
+pub(super) fn shares(
+    (h, nodes): (usize, usize),
+    secants: &[Vec<f32>],
+    slopes: &[f32],
+    shares: &mut [f32],
+) {
+    let [left, right] = [h.max(1) - 1, h.min(nodes - 2)].map(|h| &secants[h]);
     let sides = left.iter().zip(right);
     for ((share, slope), (left, right)) in shares.iter_mut().zip(slopes).zip(sides) {
         let most = LIMIT * left.min(*right);
@@ -64,7 +66,6 @@ pub(super) fn shares(secants: &[Vec<f32>], slopes: &[f32], h: usize) -> Vec<f32>
         let kept = if *slope >= 0.0 { 1.0 } else { 0.0 };
         *share = if *slope <= most { kept } else { limited };
     }
-    shares
 }
 
 #[cfg(test)]
@@ -76,10 +77,13 @@ mod tests {
     fn a_cubic_through_a_step_is_monotone() {
         let x = [0.0, 1.0, 1.5, 3.0, 4.0, 4.2];
         let values: Vec<Vec<f32>> = [0.0, 0.1, 5.0, 5.1, 5.1, 9.0].map(|y| vec![y]).into();
-        let secants = secants(&x, &values);
+        let mut lines = vec![vec![0.0]; 5];
+        secants(&x, &values, &mut lines);
         let limited = |h| {
-            let slopes = slopes(&x, &secants, h);
-            shares(&secants, &slopes, h)[0] * slopes[0]
+            let [mut slope, mut share] = [[0.0]; 2];
+            slopes(&x, &lines, h, &mut slope);
+            shares((h, x.len()), &lines, &slope, &mut share);
+            share[0] * slope[0]
         };
         let slopes: Vec<f32> = (0..6).map(limited).collect();
         for h in 0..5 {

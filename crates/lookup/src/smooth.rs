@@ -287,6 +287,7 @@ impl Lookup {
         let rows = thin + n_h;
         let mut table = vec![F32x8::ZERO; n_f * n_g * n_d * rows * n_a * self.width];
         let mut y = vec![vec![0.0; depth]; rows];
+        let [mut slopes, mut lines] = [y.clone(), y.clone()];
         for (snow, angle) in (0..n_f * n_g * n_d).flat_map(|s| (0..n_a).map(move |a| (s, a))) {
             let absent = self
                 .absent
@@ -322,8 +323,10 @@ impl Lookup {
             if thin > 0 && begin == 0 {
                 self.fill_thin::<S>(&mut y);
             }
-            let mut slopes = vec![vec![0.0; depth]; begin];
-            slopes.extend(self.slopes::<S>(&y[begin..]));
+            slopes[..begin]
+                .iter_mut()
+                .for_each(|slopes| slopes.fill(0.0));
+            self.slopes::<S>(&y[begin..], &mut slopes[begin..], &mut lines);
             for h in 0..rows {
                 let node = ((snow * rows + h) * n_a + angle) * self.width;
                 let vectors = table[node..node + self.width].iter_mut();
@@ -360,18 +363,20 @@ impl Lookup {
             .map(|y| self.spectral::<S>(y))
             .collect();
         let scale = thickness_slope(first_cm);
-        let mut slopes = match count {
-            1 => spectra[0].clone(),
-            _ => slopes(&x[..count], &secants(&x[..count], &spectra), 0),
-        };
-        for slope in &mut slopes {
+        let mut at_first = spectra[0].clone();
+        if count > 1 {
+            let mut lines = spectra.clone();
+            secants(&x[..count], &spectra, &mut lines);
+            slopes(&x[..count], &lines, 0, &mut at_first);
+        }
+        for slope in &mut at_first {
             *slope = scale
                 * match count {
                     1 => *slope / x[0].max(f32::MIN_POSITIVE),
                     _ => slope.max(0.0),
                 };
         }
-        for (chunk, (y, slopes)) in spectra[0].chunks(8).zip(slopes.chunks(8)).enumerate() {
+        for (chunk, (y, slopes)) in spectra[0].chunks(8).zip(at_first.chunks(8)).enumerate() {
             let node = Diffusion::<S> {
                 y: wide(y),
                 slope_per_cm: wide(slopes),
@@ -412,38 +417,48 @@ impl Lookup {
         }
     }
 
-    /// Limited slopes of a column or of its last nodes, `[h][component]`.
+    /// Writes limited slopes of a column or of its last nodes, `[h][component]`. `lines` is working
+    /// memory of the size of a column.
     #[inline(always)]
-    fn slopes<S: Simd>(&self, y: &[Vec<f32>]) -> Vec<Vec<f32>> {
+    fn slopes<S: Simd>(&self, y: &[Vec<f32>], limited: &mut [Vec<f32>], lines: &mut [Vec<f32>]) {
         let places = &self.places[THICKNESS];
         let x = &places[places.len() - y.len()..];
         if x.len() < 2 {
-            return y.iter().map(|y| vec![0.0; y.len()]).collect();
+            return limited.iter_mut().for_each(|slopes| slopes.fill(0.0));
         }
-        let own_secants = secants(x, y);
-        let mut limited = Vec::with_capacity(y.len());
-        if self.components == 0 {
-            for h in 0..x.len() {
-                let mut slopes = slopes(x, &own_secants, h);
-                let shares = shares(&own_secants, &slopes, h);
-                for (slope, share) in slopes.iter_mut().zip(shares) {
-                    *slope *= share;
-                }
-                limited.push(slopes);
+        // one share for all wavelengths, so that the spectrum stays one of the basis
+        let common = match self.components {
+            0 => Vec::new(),
+            _ => self.common_shares::<S>(x, y),
+        };
+        secants(x, y, lines);
+        let mut share = vec![0.0; limited[0].len()];
+        for (h, limited) in limited.iter_mut().enumerate() {
+            slopes(x, lines, h, limited);
+            match common.get(h) {
+                Some(common) => share.fill(*common),
+                None => shares((h, x.len()), lines, limited, &mut share),
             }
-            return limited;
+            for (slope, share) in limited.iter_mut().zip(&share) {
+                *slope *= share;
+            }
         }
+    }
+
+    /// For each node of a column, the smallest share of the slopes over the wavelengths.
+    #[inline(always)]
+    fn common_shares<S: Simd>(&self, x: &[f32], y: &[Vec<f32>]) -> Vec<f32> {
         let spectra: Vec<Vec<f32>> = y.iter().map(|y| self.spectral::<S>(y)).collect();
-        let spectral_secants = secants(x, &spectra);
+        let mut lines = spectra.clone();
+        secants(x, &spectra, &mut lines);
+        let [mut slope, mut share] = [spectra[0].clone(), spectra[0].clone()];
+        let mut common = Vec::with_capacity(x.len());
         for h in 0..x.len() {
-            let shares = shares(&spectral_secants, &slopes(x, &spectral_secants, h), h);
-            // one for all wavelengths, so that the spectrum stays one of the basis
-            let share = shares.into_iter().fold(1.0, f32::min);
-            let mut slopes = slopes(x, &own_secants, h);
-            slopes.iter_mut().for_each(|slope| *slope *= share);
-            limited.push(slopes);
+            slopes(x, &lines, h, &mut slope);
+            shares((h, x.len()), &lines, &slope, &mut share);
+            common.push(share.iter().copied().fold(1.0, f32::min));
         }
-        limited
+        common
     }
 
     /// y per wavelength from components.
