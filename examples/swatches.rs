@@ -28,7 +28,7 @@ struct Comparison {
     /// Name of the parameter that differs, and its two values.
     name: [&'static str; 2],
     spectra: [Vec<f64>; 2],
-    /// Factor sampling which both are brightened for display.
+    /// Factor by which both are brightened for display.
     exposure: f64,
 }
 
@@ -162,16 +162,16 @@ fn page(observers: &Observers, comparisons: &[Comparison]) -> Result<String> {
 `just swatches` makes this page and its picture anew, from a database of
 `configs/thesis.toml`, after Varsa 2025, section 8.6: transmittance of snow with
 grains of 400 +- 50 um, facetness 0.3 +- 0.1, 300 kg/m3, 15 cm thick, dry, at normal
-incidence, 400-700 nm sampling 10, unless a column changes it; and the same spectrum rebuilt
+incidence, 400-700 nm by 10, unless a column changes it; and the same spectrum rebuilt
 from one and two of its 31 components, those of all 24,750 curves.
 
-![Pairs of colour patches: five comparisons under five lights, sampling 31 and sampling 3 wavelengths](swatches.svg)
+![Pairs of colour patches: five comparisons under five lights, by 31 and by 3 wavelengths](swatches.svg)
 
 Colours are those of the CIE 1931 2-degree observer in sRGB. A spectrum of 1
-everywhere, lit sampling the light of the row, is the white of the screen. Light through
-snow is dark beside it: each column is shown brighter sampling the factor × above it,
+everywhere, lit by the light of the row, is the white of the screen. Light through
+snow is dark beside it: each column is shown brighter by the factor × above it,
 which lifts the brighter spectrum to a luminance of {LUMINANCE} of white under light E;
-both patches of a pair sampling the same. With 3 wavelengths, white and patches are sums
+both patches of a pair by the same. With 3 wavelengths, white and patches are sums
 over 455, 551 and 608 nm alone. FL3.15 is our reading of the light that the thesis
 calls FL-15.
 
