@@ -8,7 +8,7 @@ use splitsnow::measurement::Sensors;
 use splitsnow::transport::Illumination;
 
 use crate::variants::Variant;
-use crate::{Result, Runner, rms};
+use crate::{Result, Runner, rms, rows};
 
 pub(crate) const INCIDENCES_DEG: [f64; 3] = [0.0, 30.0, 60.0];
 pub(crate) const SAMPLES: [u32; 2] = [1, 3];
@@ -31,12 +31,9 @@ struct Row {
 }
 
 fn measured() -> Vec<Row> {
-    let text = include_str!("../../tests/data/dumont_2010_anisotropy.csv");
-    let lines = text.lines().filter(|line| !line.starts_with('#')).skip(1);
-    let row = |line: &str| {
-        let numbers: Vec<f64> = line.split(',').map(|v| v.parse().unwrap()).collect();
+    let row = |numbers: Vec<f64>| {
         let [sample, incidence_deg, view_deg, azimuth_deg, nm, factor] = numbers[..] else {
-            panic!("{line}")
+            panic!("six numbers: {numbers:?}")
         };
         Row {
             sample: sample as u32,
@@ -47,7 +44,8 @@ fn measured() -> Vec<Row> {
             factor,
         }
     };
-    lines.map(row).collect()
+    let text = include_str!("../../tests/data/dumont_2010_anisotropy.csv");
+    rows(text).into_iter().map(row).collect()
 }
 
 /// Sum of squared differences, of squared standard errors, and the number of views.

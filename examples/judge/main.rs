@@ -81,6 +81,14 @@ impl Runner {
     }
 }
 
+/// The rows of a CSV file of numbers, without comments and header.
+fn rows(text: &str) -> Vec<Vec<f64>> {
+    let lines = text.lines().filter(|line| !line.starts_with('#')).skip(1);
+    lines
+        .map(|line| line.split(',').map(|v| v.parse().unwrap()).collect())
+        .collect()
+}
+
 /// Root mean square of differences, and of standard errors.
 fn rms(scores: impl Iterator<Item = directions::Score>) -> [f64; 2] {
     let [squares, noise, count] = scores.fold([0.0; 3], |sum, score| {
@@ -121,11 +129,9 @@ fn reflectances(runner: &Runner, out: &Path) -> Result<()> {
             .unwrap();
         }
         // statements are single numbers, of different units
-        let spectra = pairs
-            .iter()
-            .position(|pair| pair.data != reflectance::STATEMENTS);
-        let spectra = &pairs[spectra.unwrap_or(pairs.len())..];
-        for pairs in spectra.chunk_by(|a, b| a.data == b.data) {
+        let is_spectrum = |pairs: &&[reflectance::Pair]| pairs[0].data != reflectance::STATEMENTS;
+        let data = pairs.chunk_by(|a, b| a.data == b.data);
+        for pairs in data.filter(is_spectrum) {
             let score = pairs.iter().map(|pair| {
                 let [value, se] = pair.computed;
                 [(value - pair.given).powi(2), se * se, 1.0]

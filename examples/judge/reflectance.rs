@@ -8,7 +8,7 @@ use splitsnow::transport::{Illumination, Snow, Snowpack};
 use splitsnow::units::cm_to_m;
 
 use crate::variants::Variant;
-use crate::{Result, Runner};
+use crate::{Result, Runner, rows};
 
 /// Density of ice, kg/m3, with which measured specific surface areas are optical radii.
 const ICE_KG_M3: f64 = 917.0;
@@ -50,14 +50,6 @@ fn spectrum(
         Engine::Hybrid.run(&request, control)
     })?;
     Ok(spectra.remove(0))
-}
-
-/// The rows of a CSV file: numbers without comments and header.
-fn rows(text: &str) -> Vec<Vec<f64>> {
-    let lines = text.lines().filter(|line| !line.starts_with('#')).skip(1);
-    lines
-        .map(|line| line.split(',').map(|v| v.parse().unwrap()).collect())
-        .collect()
 }
 
 /// Specific surface areas tried for the natural snow, m2/kg. The first is that of the thin slab

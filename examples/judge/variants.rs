@@ -1,4 +1,5 @@
-//! The variants of the model: options, and the grains for which no data are known.
+//! The variants of the model: options, and shapes and facetness of the grains, which were not
+//! measured.
 use splitsnow::grain::{
     Facets, GrainType, Shape, SizeConversion, SizeLaw, SizeMeasure, SizeRange, TruncatedNormal,
 };

@@ -224,8 +224,8 @@ fn representative_grains_scatter_as_published() {
 /// Directions are continuous at facetness 0: g is that of the smooth surface at F = 1e-4. There the
 /// mean squared tilt of a facet is at most 2 E|xi| = 0.8 F (published law). Tilts to opposite sides
 /// cancel, so g changes by about that much at each of a few hits: 10 F allows for twelve. Mean
-/// paths are not continuous (docs/stability.md): whatever scatters light into the directions that are totally
-/// reflected for ever in a smooth spheroid lets it stay there for long.
+/// paths are not continuous (docs/stability.md): whatever scatters light into the directions that
+/// are totally reflected for ever in a smooth spheroid lets it stay there for long.
 #[test]
 fn directions_are_continuous_at_facetness_0() {
     let at = |facets, facetness, cell| {
