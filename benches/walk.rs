@@ -9,7 +9,7 @@ use splitsnow::grain::{Facets, GrainType, Shape, SizeRange, Surface, TruncatedNo
 use splitsnow::math::Vec3;
 use splitsnow::optics::{IceTable, Index};
 use splitsnow::rng::{Key, Stream};
-use splitsnow::table::{Table, TableSnowpack, TableWalker, draw};
+use splitsnow::table::{PackedTable, TableSnowpack, TableWalker, draw};
 use splitsnow::transport::{
     Absorption, Coefficients, End, Entry, Illumination, Model, Path, Sink, Snow, Walk, Walker,
 };
@@ -100,7 +100,7 @@ fn grain_event(c: &mut Criterion) {
         1 << 17,
         stream(),
     );
-    let table = Table::new(&outcomes, 1 << 14, &mut stream());
+    let table = PackedTable::new(&outcomes, 1 << 14, &mut stream());
     let walker = TableWalker {
         snowpack: TableSnowpack::plain(&snow, [&table; 2]),
         absorption: absorption(3.0),

@@ -8,7 +8,7 @@ use std::path::PathBuf;
 
 use ndarray::Array2;
 use splitsnow::colour::Colorimeter;
-use splitsnow::compress::{Bands, Choice, Variant, compress};
+use splitsnow::compress::{Bands, Choice, CompactVariant, compress};
 use splitsnow::export::{LIGHTS, LUMINANCE, Observers, Sampling};
 use splitsnow::lab::report::{Swatch, SwatchRows, Swatches};
 use splitsnow::lookup::Database;
@@ -74,7 +74,7 @@ fn comparisons(
             colour.as_ref(),
             &Bands::default(),
             Choice::Components(components),
-            Variant::default(),
+            CompactVariant::default(),
         )?;
         let coefficients = compressed.coefficients.decoded();
         let row = coefficients.row(database.row(base())?).mapv(f64::from);

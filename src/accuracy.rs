@@ -38,7 +38,7 @@ pub(crate) fn rmse(a: &[f64], b: &[f64]) -> f64 {
 
 /// Smallest, mean and largest of the values added. Each value belongs to a numbered item.
 #[derive(Debug, Clone, Copy, Default)]
-pub(crate) struct Summary {
+pub(crate) struct RunningSummary {
     count: usize,
     sum: f64,
     pub(crate) min: f64,
@@ -47,7 +47,7 @@ pub(crate) struct Summary {
     pub(crate) worst: usize,
 }
 
-impl Summary {
+impl RunningSummary {
     /// Adds the value of `item`.
     pub(crate) fn add(&mut self, item: usize, value: f64) {
         if self.count == 0 || value < self.min {
@@ -90,7 +90,7 @@ mod tests {
 
     #[test]
     fn the_first_of_equal_values_is_the_worst() {
-        let mut summary = Summary::default();
+        let mut summary = RunningSummary::default();
         assert!(summary.is_empty());
         for (item, value) in [(4, 1.0), (6, 3.0), (7, 3.0), (9, -1.0)] {
             summary.add(item, value);

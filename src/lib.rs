@@ -73,10 +73,10 @@
 //!
 //! # fn main() -> Result<(), Box<dyn std::error::Error>> {
 //! let file = config::grid::read("configs/quick.toml".as_ref())?;
-//! let plan = splitsnow::plan(&file.grid, &plan::Options::default())?;
+//! let plan = splitsnow::plan(&file.grid, &plan::PlanOptions::default())?;
 //! println!("{} jobs, {:.0} s", plan.jobs, plan.wall_seconds);
 //!
-//! let mut options = build::Options::default();
+//! let mut options = build::BuildOptions::default();
 //! options.viewing = file.viewing;
 //! let report = splitsnow::build(&file.grid, "out/quick", &options)?;
 //! println!("{} of {} jobs run now", report.jobs_run, report.jobs);
@@ -88,11 +88,11 @@
 //!
 //! ```
 //! use splitsnow::Database;
-//! use splitsnow::export::{Table, csv};
+//! use splitsnow::export::{ExportTable, csv};
 //!
 //! # fn main() -> Result<(), Box<dyn std::error::Error>> {
 //! let database = Database::open("examples/mitsuba/snow.safetensors")?;
-//! let text = csv(&Table::of_compact(&database)?);
+//! let text = csv(&ExportTable::of_compact(&database)?);
 //! assert!(text.lines().count() > database.curves());
 //! # Ok(())
 //! # }

@@ -6,12 +6,12 @@ use sha2::{Digest, Sha256};
 
 /// The check that a stream belongs to.
 #[derive(Debug, Clone, Copy)]
-pub(crate) enum Check {
+pub(crate) enum CheckStream {
     ErrorBudget,
     Verify,
 }
 
-impl Check {
+impl CheckStream {
     /// The random stream of this check for `purpose`.
     pub(crate) fn stream(self, purpose: &str, seed: u64) -> Xoshiro256PlusPlus {
         let name = match self {

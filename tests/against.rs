@@ -10,7 +10,9 @@ use splitsnow::comparison::{
     Band, Comparison, Exclusion, Hints, MeasuredError, MeasuredSpectrum, RANGE_NM,
 };
 use splitsnow::measurement::{Measured, Quantity};
-use splitsnow::spectrum::measured::{self, Column, MaskReason, Order, Problem, Scale, Unit};
+use splitsnow::spectrum::measured::{
+    self, Column, MaskReason, Order, ReadProblem, Unit, ValueScale,
+};
 
 fn hints(quantity: Option<Quantity>) -> Hints {
     Hints {
@@ -28,7 +30,7 @@ fn parse(text: &str) -> Result<MeasuredSpectrum, MeasuredError> {
 }
 
 /// The line and the problem of a file that is refused.
-fn refusal(read: Result<MeasuredSpectrum, MeasuredError>) -> (Option<usize>, Problem) {
+fn refusal(read: Result<MeasuredSpectrum, MeasuredError>) -> (Option<usize>, ReadProblem) {
     match read.unwrap_err() {
         MeasuredError::Spectrum(error) => (error.line, *error.problem),
         other => panic!("{other}"),
@@ -102,7 +104,7 @@ fn one_spectrum_is_read_from_many_formats() {
     let sig = report("snow.sig", &[]);
     assert_eq!(
         (sig.column, sig.order, sig.scale),
-        (4, Order::Mixed, Some(Scale::Percent))
+        (4, Order::Mixed, Some(ValueScale::Percent))
     );
     // two detectors overlap at 1000, 1880 and 1900 nm
     assert_eq!((sig.columns, sig.merged), (4, 3), "{sig}");
@@ -200,7 +202,7 @@ fn column_names_are_not_overinterpreted() {
 #[test]
 fn no_wavelength_is_rounded_to_zero() {
     let text = "wavelength_um,power\n0.7e-10,2\n0.351,2\n0.7,3\n";
-    let light = measured::Request::new(Some(measured::Content::Power), (0.0, f64::MAX));
+    let light = measured::ReadOptions::new(Some(measured::Content::Power), (0.0, f64::MAX));
     let curve = measured::parse("lamp.csv", text.as_bytes(), &light).unwrap();
     let nm: Vec<f64> = curve.samples.iter().map(|sample| sample.nm).collect();
     assert_eq!(nm, [0.7e-10 * 1e3, 351.0, 700.0]);
@@ -269,7 +271,7 @@ fn absurd_files_are_refused() {
     }
     let um = Hints {
         unit: Some(Unit::Um),
-        scale: Some(Scale::Percent),
+        scale: Some(ValueScale::Percent),
         ..Hints::default()
     };
     let text = "wavelength_nm,reflectance\n.4,.5\n.5,.5";
@@ -373,9 +375,9 @@ fn other_quantities_and_endless_files_are_refused() {
     let text = "wavelength_nm,transmittance\n400,0.5\n";
     let read = MeasuredSpectrum::parse("x", text.as_bytes(), &reflectance(), &[]);
     let (line, problem) = refusal(read);
-    assert!(line == Some(1) && matches!(problem, Problem::OtherContent { .. }));
+    assert!(line == Some(1) && matches!(problem, ReadProblem::OtherContent { .. }));
     let endless = MeasuredSpectrum::read(Path::new("/dev/zero"), &hints(None), &[]);
-    assert!(!cfg!(unix) || refusal(endless).1 == Problem::Length);
+    assert!(!cfg!(unix) || refusal(endless).1 == ReadProblem::Length);
 }
 
 #[test]

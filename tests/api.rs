@@ -8,7 +8,7 @@ use std::sync::atomic::{AtomicBool, AtomicU64, Ordering};
 use crate::common::{assert_same, dir_bytes};
 use assert_cmd::cargo::cargo_bin;
 use splitsnow::batch::{Progress, RunInfo};
-use splitsnow::build::{self, BuildError, CompressionRequest, Options};
+use splitsnow::build::{self, BuildError, BuildOptions, CompressionRequest};
 use splitsnow::compress::{Basis, Choice};
 use splitsnow::config::grid::{self, GridFile};
 use splitsnow::grid::Shard;
@@ -40,8 +40,8 @@ fn file(dir: &Path) -> GridFile {
     grid::read(&dir.join("tiny.toml")).unwrap()
 }
 
-fn options(file: &GridFile) -> Options<'static> {
-    let mut options = Options::default();
+fn options(file: &GridFile) -> BuildOptions<'static> {
+    let mut options = BuildOptions::default();
     options.viewing = file.viewing.clone();
     options
 }
@@ -157,7 +157,7 @@ fn shards_sources_and_cancelling_work_as_in_the_program() {
     );
 
     // the plan counts the jobs that are left
-    let mut plan_options = plan::Options::default();
+    let mut plan_options = plan::PlanOptions::default();
     (plan_options.seconds, plan_options.threads) = (1e-9, 2);
     plan_options.dir = Some(first.clone());
     let plan = splitsnow::plan(&file.grid, &plan_options).unwrap();

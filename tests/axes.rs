@@ -10,7 +10,7 @@ use crate::common::{assert_same, dir_bytes};
 use assert_cmd::cargo::cargo_bin;
 use splitsnow::config;
 use splitsnow::engine::{Cache, Control};
-use splitsnow::error_budget::{ERROR_BUDGET, ErrorBudget, Patch, Simulation};
+use splitsnow::error_budget::{ERROR_BUDGET, ErrorBudget, Patch, PatchSimulation};
 
 use splitsnow::lookup::{Database, Lookup};
 use splitsnow::measurement::Quantity;
@@ -96,7 +96,7 @@ fn simulate(thickness_cm: f64, optional: Point) -> Vec<[f64; 2]> {
         rays_done: &rays_done,
         cache: &Cache::default(),
     };
-    let simulation = Simulation {
+    let simulation = PatchSimulation {
         grid: &grid,
         rays: 30_000,
         seed: 77,

@@ -14,7 +14,7 @@ use crate::common::{assert_same, dir_bytes, grid, share};
 use assert_cmd::cargo::cargo_bin;
 use rand::{RngExt, SeedableRng};
 use rand_xoshiro::Xoshiro256PlusPlus;
-use splitsnow::batch::{self, BatchError, Options, ReuseSource, Summary};
+use splitsnow::batch::{self, BatchError, BatchOptions, BatchSummary, ReuseSource};
 use splitsnow::engine::{Cache, Control, Engine, EngineError, MaxError, Request, Resolution};
 use splitsnow::grid::Grid;
 use splitsnow::measurement::{Measured, Spectrum};
@@ -229,14 +229,14 @@ impl FakeEngine {
         Ok(spectra)
     }
 
-    fn build(&self, dir: &Path, grid: &Grid, from: &[&Path]) -> Result<Summary, BatchError> {
+    fn build(&self, dir: &Path, grid: &Grid, from: &[&Path]) -> Result<BatchSummary, BatchError> {
         let file = Path::new("g.toml");
         let open = |path: &&Path| ReuseSource::open(path, grid, &inputs(), file);
         let sources: Vec<_> = from.iter().map(open).collect::<Result<_, _>>()?;
         let store = Store::build(dir, grid, &inputs(), Access::Exclusive)?;
-        let options = Options {
+        let options = BatchOptions {
             threads: 1,
-            ..Options::default()
+            ..BatchOptions::default()
         };
         let cancel = AtomicBool::new(false);
         batch::run_from(

@@ -149,3 +149,41 @@ fn modules_use_lower_modules_only() {
     }
     assert!(checked > 300, "{checked}");
 }
+
+/// The types that a line of code declares with `pub`, `pub(crate)` or the like.
+fn declared_type(line: &str) -> Option<&str> {
+    let rest = line.trim_start().strip_prefix("pub")?;
+    let rest = match rest.strip_prefix('(') {
+        Some(scope) => scope.split_once(") ")?.1,
+        None => rest.strip_prefix(' ')?,
+    };
+    let kinds = ["struct ", "enum ", "trait ", "type "];
+    kinds
+        .iter()
+        .find_map(|kind| rest.strip_prefix(kind))
+        .map(word)
+}
+
+/// A type that other modules can see has a name of its own, in all crates together. Types private
+/// to a file may share a name, and every command has its `Args`.
+#[test]
+fn a_type_name_means_one_thing() {
+    let mut files = BTreeMap::<String, BTreeSet<PathBuf>>::new();
+    for folder in ["src", "crates/spectra", "crates/lookup", "crates/model"] {
+        for (path, code) in sources(&root().join(folder)) {
+            let code = code.split("#[cfg(test)]").next().unwrap_or_default();
+            for name in code.lines().filter_map(declared_type) {
+                files
+                    .entry(name.to_owned())
+                    .or_default()
+                    .insert(path.clone());
+            }
+        }
+    }
+    assert!(files.len() > 300, "{}", files.len());
+    files.retain(|name, files| files.len() > 1 && name != "Args");
+    assert!(
+        files.is_empty(),
+        "declared in more than one file: {files:#?}"
+    );
+}

@@ -6,7 +6,7 @@ use std::collections::BTreeMap;
 use crate::quoted::assert_says;
 use ndarray::Array2;
 use proptest::prelude::*;
-use splitsnow::compress::{Bands, Choice, CompactFile, Variant, compress};
+use splitsnow::compress::{Bands, Choice, CompactFile, CompactVariant, compress};
 use splitsnow::lookup::{Database, Lookup, LookupError, SubstrateKind, Varsa2025};
 use splitsnow::measurement::Quantity;
 use splitsnow::parameter::{Axes, Parameter, Point};
@@ -37,7 +37,7 @@ fn database_over(
             .collect();
         let curves = Array2::from_shape_vec((rows.len() / 31, 31), rows).unwrap();
         let components = Choice::Components(31.min(curves.nrows()));
-        let variant = Variant::default();
+        let variant = CompactVariant::default();
         compress(
             curves.view(),
             quantity,

@@ -8,7 +8,7 @@ use std::path::{Path, PathBuf};
 use std::sync::atomic::{AtomicBool, AtomicU64, Ordering};
 
 use crate::common::{assert_same, dir_bytes, grid, share, simulate};
-use splitsnow::batch::{self, BatchError, Options, Summary};
+use splitsnow::batch::{self, BatchError, BatchOptions, BatchSummary};
 use splitsnow::engine::{Cache, Engine, EngineError};
 use splitsnow::grid::{Grid, Shard};
 use splitsnow::optics::Carbon;
@@ -29,10 +29,10 @@ fn run(
     grid: &Grid,
     threads: usize,
     shard: Option<Shard>,
-) -> Result<Summary, BatchError> {
+) -> Result<BatchSummary, BatchError> {
     let access = shard.map_or(Access::Exclusive, Access::Shard);
     let store = Store::build(dir, grid, &extra(), access)?;
-    let options = Options {
+    let options = BatchOptions {
         threads,
         shard,
         progress: None,
@@ -241,9 +241,9 @@ fn an_interrupted_run_can_be_continued() {
             }
             simulate(request, control)
         },
-        &Options {
+        &BatchOptions {
             threads: 1,
-            ..Options::default()
+            ..BatchOptions::default()
         },
         &cancel,
     )
@@ -275,9 +275,9 @@ fn a_failing_job_is_named_and_the_others_are_kept() {
                 size_max_m: 0.009,
             })
         },
-        &Options {
+        &BatchOptions {
             threads: 1,
-            ..Options::default()
+            ..BatchOptions::default()
         },
         &AtomicBool::new(false),
     )
@@ -302,7 +302,7 @@ fn nan_values_are_rejected() {
             spectra[1].reflectance[2].value = f64::NAN;
             Ok(spectra)
         },
-        &Options::default(),
+        &BatchOptions::default(),
         &AtomicBool::new(false),
     )
     .unwrap_err();

@@ -13,10 +13,10 @@ use std::sync::atomic::{AtomicBool, AtomicU64};
 
 use crate::snow::z_limit;
 use splitsnow::config::sample;
-use splitsnow::config::study::{Draw, StudyFile, Variant, read};
+use splitsnow::config::study::{Draw, StudyFile, StudyVariant, read};
 use splitsnow::engine::exits::Exits;
 use splitsnow::engine::{Cache, Control, Engine};
-use splitsnow::lab::study::{Settings, Spectra, Studied, run};
+use splitsnow::lab::study::{Spectra, Studied, StudySettings, run};
 use splitsnow::math::Vec3;
 use splitsnow::measurement::{Measured, Sensors};
 
@@ -49,7 +49,7 @@ fn studied(study: &StudyFile, rays: u64) -> Studied<'_> {
         rays_done: &rays_done,
         cache: &cache,
     };
-    let settings = Settings {
+    let settings = StudySettings {
         engine: Engine::Auto,
         rays,
         seed: 2025,
@@ -66,7 +66,7 @@ fn spectra(study: &StudyFile, rays: u64) -> Spectra<'_> {
 
 fn values(study: &StudyFile, rays: u64) -> Values {
     let studied = spectra(study, rays);
-    let values_of = |(variant, _, values): (&Variant, _, &[Measured])| {
+    let values_of = |(variant, _, values): (&StudyVariant, _, &[Measured])| {
         let key = (variant.group.clone(), variant.label.clone());
         (key, values.to_vec())
     };
@@ -300,7 +300,7 @@ fn a_mixture_is_closer_to_its_small_grains() {
     let samples = Path::new(env!("CARGO_MANIFEST_DIR")).join("configs/samples");
     let [small, half, large] = ["small", "mixture", "large"].map(|name| {
         let sample = sample::read(&samples.join(format!("{name}.toml"))).unwrap();
-        let is_sample = |variant: &&Variant| variant.sample.snowpack == sample.snowpack;
+        let is_sample = |variant: &&StudyVariant| variant.sample.snowpack == sample.snowpack;
         file.variants.iter().find(is_sample).unwrap().label.clone()
     });
     let found = values(&file, 4096);

@@ -18,7 +18,7 @@ use splitsnow::compress::with_metadata;
 use splitsnow::config::scene;
 use splitsnow::engine::{Cache, Control};
 use splitsnow::error_budget::{
-    Certification, ERROR_BUDGET, ErrorBudget, Measures, Patch, Simulation,
+    Certification, ERROR_BUDGET, ErrorBudget, Measures, Patch, PatchSimulation,
 };
 use splitsnow::tailor::{self, BETWEEN_WAVELENGTHS, SCENE};
 
@@ -163,7 +163,7 @@ fn the_error_budget_includes_omitted_wavelengths() {
         rays_done: &rays_done,
         cache: &Cache::default(),
     };
-    let simulation = Simulation {
+    let simulation = PatchSimulation {
         grid: &grid,
         rays: 16_384,
         seed: 1,

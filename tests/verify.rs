@@ -12,7 +12,8 @@ use sha2::{Digest, Sha256};
 use splitsnow::batch;
 use splitsnow::colour::Colorimeter;
 use splitsnow::compress::{
-    BAND_ERRORS, BOUNDS, Bands, Choice, CompactFile, Compressed, Variant, compress, with_metadata,
+    BAND_ERRORS, BOUNDS, Bands, Choice, CompactFile, CompactVariant, Compressed, compress,
+    with_metadata,
 };
 use splitsnow::config;
 use splitsnow::engine::{Cache, Control, Engine, EngineError, Request};
@@ -23,11 +24,11 @@ use splitsnow::measurement::{Quantity, Spectrum};
 use splitsnow::parameter::Parameter;
 use splitsnow::store::{Access, COMPACT, Store, Variable};
 use splitsnow::transport::Substrate;
-use splitsnow::verify::{Options, Report, Verification, VerifyError};
+use splitsnow::verify::{Verification, VerifyError, VerifyOptions, VerifyReport};
 
 const NODES: &str = "fresh simulations at nodes of the grid";
 const COMPACT_CHECK: &str = "compact file against the database";
-const OPTIONS: Options = Options {
+const OPTIONS: VerifyOptions = VerifyOptions {
     samples: 6,
     points: 0,
     seed: 1,
@@ -54,7 +55,7 @@ fn build(
     adjust: impl Fn(&mut Compressed),
 ) {
     let store = Store::build(dir, grid, &BTreeMap::new(), Access::Exclusive).unwrap();
-    let options = batch::Options::default();
+    let options = batch::BatchOptions::default();
     batch::run(grid, &store, simulate, &options, &AtomicBool::new(false)).unwrap();
     write_compact(&store, grid, Choice::Bounds(grid.compression), adjust);
 }
@@ -74,7 +75,7 @@ fn write_compact(store: &Store, grid: &Grid, choice: Choice, adjust: impl Fn(&mu
             colour.as_ref(),
             &bands,
             choice,
-            Variant::default(),
+            CompactVariant::default(),
         )
         .unwrap();
         adjust(&mut compressed);
@@ -124,11 +125,11 @@ fn copy_of(built: &tempfile::TempDir) -> tempfile::TempDir {
     dir
 }
 
-fn verify(dir: &Path, options: Options) -> Report {
+fn verify(dir: &Path, options: VerifyOptions) -> VerifyReport {
     verify_with_budget(dir, options).0
 }
 
-fn verify_with_budget(dir: &Path, options: Options) -> (Report, Option<ErrorBudget>) {
+fn verify_with_budget(dir: &Path, options: VerifyOptions) -> (VerifyReport, Option<ErrorBudget>) {
     let (cancel, rays_done) = (AtomicBool::new(false), AtomicU64::new(0));
     let cache = Cache::default();
     let control = Control {
@@ -145,8 +146,8 @@ fn verify_with_budget(dir: &Path, options: Options) -> (Report, Option<ErrorBudg
 }
 
 /// Verifies the files only, without simulations.
-fn verify_files(dir: &Path) -> Report {
-    let options = Options {
+fn verify_files(dir: &Path) -> VerifyReport {
+    let options = VerifyOptions {
         samples: 0,
         ..OPTIONS
     };
@@ -154,7 +155,7 @@ fn verify_files(dir: &Path) -> Report {
 }
 
 #[track_caller]
-fn assert_fails(report: &Report, check: &str, message: &str) {
+fn assert_fails(report: &VerifyReport, check: &str, message: &str) {
     assert_eq!(report.failed(), [check], "{report}");
     assert!(report.to_string().contains(message), "{report}");
 }
@@ -169,9 +170,9 @@ fn a_fresh_build_passes() {
         verify(FRESH.path(), OPTIONS),
         "the report depends only on its options"
     );
-    let other = Options { seed: 2, ..OPTIONS };
+    let other = VerifyOptions { seed: 2, ..OPTIONS };
     assert_ne!(report, verify(FRESH.path(), other));
-    let more_samples_than_jobs = Options {
+    let more_samples_than_jobs = VerifyOptions {
         samples: 100,
         rays: Some(50),
         ..OPTIONS
@@ -322,7 +323,7 @@ fn an_unmet_bound_fails() {
 /// The report ends with the checks that there was no time for. An unmet bound still fails.
 #[test]
 fn an_exhausted_time_budget_lists_the_missing_checks() {
-    let options = Options {
+    let options = VerifyOptions {
         points: 16,
         seconds: Some(0.0),
         ..OPTIONS
@@ -349,7 +350,7 @@ fn an_exhausted_time_budget_lists_the_missing_checks() {
     let report = verify(dir.path(), options);
     assert_fails(&report, COMPACT_CHECK, "FAIL  of what was checked");
     // enough time for all checks
-    let options = Options {
+    let options = VerifyOptions {
         seconds: Some(1e9),
         ..OPTIONS
     };
@@ -435,14 +436,14 @@ static ONE_SNOW: LazyLock<tempfile::TempDir> = LazyLock::new(|| {
     dir
 });
 
-const CERTIFY: Options = Options {
+const CERTIFY: VerifyOptions = VerifyOptions {
     samples: 0,
     points: 16,
     ..OPTIONS
 };
 
 /// The report and error budget of [`ONE_SNOW`].
-static CERTIFIED: LazyLock<(Report, Option<ErrorBudget>)> =
+static CERTIFIED: LazyLock<(VerifyReport, Option<ErrorBudget>)> =
     LazyLock::new(|| verify_with_budget(ONE_SNOW.path(), CERTIFY));
 
 #[test]
@@ -464,7 +465,7 @@ fn the_error_budget_depends_only_on_its_seed() {
     // noise is low, so most of the error is the bound of the compression
     assert!(total.max < 2.3, "{error_budget}");
 
-    let other = Options { seed: 2, ..CERTIFY };
+    let other = VerifyOptions { seed: 2, ..CERTIFY };
     let other = verify_with_budget(ONE_SNOW.path(), other).1.unwrap();
     assert_ne!(other.quantities, error_budget.quantities);
     assert_eq!(verify_with_budget(ONE_SNOW.path(), OPTIONS).1, None);
@@ -580,7 +581,7 @@ fn a_small_bias_of_all_nodes_is_detected() {
         Ok(spectra)
     };
     build(dir.path(), &grid(), biased, |_| {});
-    let options = Options {
+    let options = VerifyOptions {
         samples: 8,
         ..OPTIONS
     };

@@ -27,7 +27,7 @@ use splitsnow::math::Vec3;
 use splitsnow::measurement::{Measured, Spectrum};
 use splitsnow::optics::Index;
 use splitsnow::rng::{Key, Stream};
-use splitsnow::table::{Table, TableSnowpack, TableWalker, draw};
+use splitsnow::table::{PackedTable, TableSnowpack, TableWalker, draw};
 use splitsnow::transport::{Absorption, Coefficients, End, Sink, Walk};
 
 type Result<T> = std::result::Result<T, Box<dyn Error>>;
@@ -332,7 +332,7 @@ fn large_table(case: &Case, rays: u64) -> f64 {
         ENTRIES,
         stream(0),
     );
-    let table = Table::new(&outcomes, ENTRIES, &mut stream(1));
+    let table = PackedTable::new(&outcomes, ENTRIES, &mut stream(1));
     let walker = TableWalker {
         snowpack: TableSnowpack::plain(&case.snowpack.surface, [&table; 2]),
         absorption: Absorption {

@@ -2,7 +2,7 @@
 //! difference.
 use ndarray::Array2;
 use splitsnow::colour::{Colorimeter, delta_e};
-use splitsnow::compress::{Bands, Basis, Decomposition, Model, Precision};
+use splitsnow::compress::{Bands, Basis, CurveModel, Decomposition, Precision};
 use splitsnow::measurement::Quantity;
 use splitsnow::slab::{Light, Medium, Streams};
 
@@ -130,7 +130,7 @@ pub(crate) fn decomposition() -> Vec<Check> {
             let colour = (m.ncols() == 31).then_some(&colour);
             let quantity = Quantity::Transmittance;
             let bands = Bands::default();
-            let model = Model::new(m.view(), quantity, colour, &bands, Basis::Linear).unwrap();
+            let model = CurveModel::new(m.view(), quantity, colour, &bands, Basis::Linear).unwrap();
             let stored = model.coefficients(decomposed.rank_limit(), Precision::F32);
             let table = model.table(&stored);
             let last = &table.rows[table.rows.len() - 1];

@@ -3,7 +3,7 @@
 #![no_main]
 use libfuzzer_sys::fuzz_target;
 use splitsnow::comparison::{Exclusion, Hints, MeasuredSpectrum, VALUES};
-use splitsnow::spectrum::measured::{Content, Request, parse};
+use splitsnow::spectrum::measured::{Content, ReadOptions, parse};
 
 fuzz_target!(|bytes: &[u8]| {
     match MeasuredSpectrum::parse("fuzz.csv", bytes, &Hints::default(), &Exclusion::FIELD) {
@@ -18,7 +18,7 @@ fuzz_target!(|bytes: &[u8]| {
         }
         Err(error) => assert!(!error.to_string().is_empty()),
     }
-    let request = Request::new(Some(Content::Power), (0.0, f64::MAX));
+    let request = ReadOptions::new(Some(Content::Power), (0.0, f64::MAX));
     if let Ok(curve) = parse("fuzz.csv", bytes, &request) {
         let mut pairs = curve.samples.windows(2);
         assert!(pairs.all(|pair| pair[0].nm < pair[1].nm));

@@ -19,7 +19,7 @@ pub use source::ReuseSource;
 
 /// Options of a run.
 #[derive(Debug, Clone, Copy, Default)]
-pub struct Options<'a> {
+pub struct BatchOptions<'a> {
     /// Number of threads; 0 for one per core.
     pub threads: usize,
     /// Run only the jobs of this shard.
@@ -30,7 +30,7 @@ pub struct Options<'a> {
 
 /// Summary of a run whose jobs are all done.
 #[derive(Debug, Clone, PartialEq)]
-pub struct Summary {
+pub struct BatchSummary {
     /// Number of jobs of the database or of the shard.
     pub jobs: u64,
     /// Number of jobs run now; the others were done before.
@@ -63,9 +63,9 @@ pub fn run<S>(
     grid: &Grid,
     store: &Store,
     simulate: S,
-    options: &Options<'_>,
+    options: &BatchOptions<'_>,
     cancel: &AtomicBool,
-) -> Result<Summary, BatchError>
+) -> Result<BatchSummary, BatchError>
 where
     S: Fn(&Request<'_>, &Control<'_>) -> Result<Vec<Spectrum>, EngineError> + Sync,
 {
@@ -81,9 +81,9 @@ pub fn run_from<S>(
     store: &Store,
     sources: &[ReuseSource],
     simulate: S,
-    options: &Options<'_>,
+    options: &BatchOptions<'_>,
     cancel: &AtomicBool,
-) -> Result<Summary, BatchError>
+) -> Result<BatchSummary, BatchError>
 where
     S: Fn(&Request<'_>, &Control<'_>) -> Result<Vec<Spectrum>, EngineError> + Sync,
 {
@@ -162,7 +162,7 @@ where
         sum += share;
         max_lost_share = max_lost_share.max(share);
     }
-    Ok(Summary {
+    Ok(BatchSummary {
         jobs: total,
         run,
         nodes: nodes.into_inner(),
@@ -264,9 +264,9 @@ mod tests {
             let dir = tempfile::tempdir().unwrap();
             let build = || Store::build(dir.path(), &grid, &BTreeMap::new(), Access::Exclusive);
             let run = |store: &Store| {
-                let options = Options {
+                let options = BatchOptions {
                     threads: 1,
-                    ..Options::default()
+                    ..BatchOptions::default()
                 };
                 run(&grid, store, simulate, &options, &AtomicBool::new(false))
             };

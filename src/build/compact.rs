@@ -10,7 +10,7 @@ use serde_json::{Map, Value, json};
 use super::BuildError;
 use super::report::{CompactReport, LostShare, QuantityReport};
 use crate::colour::{Colorimeter, Viewing};
-use crate::compress::{self, Bands, Choice, CompactFile, Compressed, Variant};
+use crate::compress::{self, Bands, Choice, CompactFile, CompactVariant, Compressed};
 use crate::grid::{Compression, absent_curves, existing_rows, why_absent};
 use crate::lookup::Database;
 use crate::measurement::Quantity;
@@ -24,7 +24,7 @@ pub struct CompressionRequest {
     /// How the number of components is chosen.
     pub choice: Choice,
     /// Basis and precision of the components.
-    pub variant: Variant,
+    pub variant: CompactVariant,
     /// Quantities that the file holds; at least one.
     pub quantities: Vec<Quantity>,
     /// How colours are compared.
@@ -38,7 +38,7 @@ impl CompressionRequest {
     pub fn plain(bounds: Compression, viewing: Viewing) -> Self {
         Self {
             choice: Choice::Bounds(bounds),
-            variant: Variant::default(),
+            variant: CompactVariant::default(),
             quantities: Quantity::ALL.into(),
             viewing,
         }
@@ -91,7 +91,7 @@ fn write_one(
         });
     }
     let colour = Colorimeter::viewing(store.wavelengths_nm(), &request.viewing)?;
-    let Variant { basis, precision } = request.variant;
+    let CompactVariant { basis, precision } = request.variant;
     let mut axes = store.axes().clone();
     if diffuse {
         // a single angle, which look-ups of diffuse light use

@@ -24,7 +24,7 @@
 //!     rays = 64
 //!     "#,
 //! )?;
-//! let mut options = build::Options::default();
+//! let mut options = build::BuildOptions::default();
 //! options.viewing = file.viewing;
 //! let report = splitsnow::build(&file.grid, &dir, &options)?;
 //! assert_eq!((report.jobs, report.jobs_run), (1, 1));
@@ -47,7 +47,9 @@ use std::sync::atomic::{AtomicBool, Ordering};
 pub use compact::{CompressionRequest, compress};
 pub use error::BuildError;
 pub use inputs::data_hashes;
-pub use report::{CompactReport, LargestError, LostShare, QuantityReport, Report, ShardReport};
+pub use report::{
+    BuildReport, CompactReport, LargestError, LostShare, QuantityReport, ShardReport,
+};
 
 use crate::batch::{self, Progress, ReuseSource};
 use crate::colour::Viewing;
@@ -59,7 +61,7 @@ use crate::threads::threads;
 /// Options of a build.
 #[derive(Debug, Clone, Default)]
 #[non_exhaustive]
-pub struct Options<'a> {
+pub struct BuildOptions<'a> {
     /// Number of threads; 0 for the default of [`threads`].
     pub threads: usize,
     /// Run only the jobs of this shard, and do not compress.
@@ -92,8 +94,8 @@ pub struct Options<'a> {
 pub fn build(
     grid: &Grid,
     dir: impl AsRef<Path>,
-    options: &Options<'_>,
-) -> Result<Report, BuildError> {
+    options: &BuildOptions<'_>,
+) -> Result<BuildReport, BuildError> {
     let dir = dir.as_ref();
     let inputs = data_hashes(grid)?;
     let threads = match options.threads {
@@ -110,7 +112,7 @@ pub fn build(
     }
     let access = options.shard.map_or(Access::Exclusive, Access::Shard);
     let store = Store::build(dir, grid, &inputs, access)?;
-    let run = batch::Options {
+    let run = batch::BatchOptions {
         threads,
         shard: options.shard,
         progress: options.progress,
@@ -122,7 +124,7 @@ pub fn build(
     let summary = batch::run_from(grid, &store, &sources, simulate, &run, cancel)?;
     if let Some(shard) = options.shard {
         let share = ShardReport::of(shard, &store, &summary)?;
-        return Ok(Report::new(&summary, None, Some(share)));
+        return Ok(BuildReport::new(&summary, None, Some(share)));
     }
     if cancel.load(Ordering::Relaxed) {
         return Err(BuildError::Interrupted {
@@ -135,7 +137,7 @@ pub fn build(
     }
     let request = CompressionRequest::plain(grid.compression, options.viewing.clone());
     let compact = compact::write(&store, &request)?;
-    Ok(Report::new(&summary, Some(compact), None))
+    Ok(BuildReport::new(&summary, Some(compact), None))
 }
 
 /// Refuses to delete the database in `dir` if it is one of `sources`.

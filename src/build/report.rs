@@ -4,8 +4,8 @@ use std::path::PathBuf;
 use serde::{Serialize, Serializer};
 
 use super::BuildError;
-use crate::batch::Summary;
-use crate::compress::{BandError, Compressed, ErrorTable, MaxAbsError, Statistics};
+use crate::batch::BatchSummary;
+use crate::compress::{BandError, Compressed, ErrorStatistics, ErrorTable, MaxAbsError};
 use crate::grid::Shard;
 use crate::lookup::{Basis, Database, Precision};
 use crate::store::Store;
@@ -13,7 +13,7 @@ use crate::store::Store;
 /// Report on a build.
 #[derive(Debug, Serialize)]
 #[non_exhaustive]
-pub struct Report {
+pub struct BuildReport {
     /// Number of jobs of the database or of the shard.
     pub jobs: u64,
     /// Number of jobs run now; the others were done before.
@@ -98,9 +98,9 @@ pub struct QuantityReport {
     /// Bits per coefficient of each component.
     pub bits: Vec<u32>,
     /// Statistics over the curves of the root-mean-square error over the wavelengths.
-    pub rmse: Option<Statistics>,
+    pub rmse: Option<ErrorStatistics>,
     /// Statistics over the curves of the colour difference.
-    pub delta_e: Option<Statistics>,
+    pub delta_e: Option<ErrorStatistics>,
     /// Largest standard error of the simulation.
     pub max_standard_error: f32,
     /// Errors in each wavelength band.
@@ -145,9 +145,9 @@ fn precision_name<S: Serializer>(precision: &Precision, to: S) -> Result<S::Ok, 
     to.serialize_str(precision.name())
 }
 
-impl Report {
+impl BuildReport {
     pub(super) fn new(
-        summary: &Summary,
+        summary: &BatchSummary,
         compact: Option<CompactReport>,
         share: Option<ShardReport>,
     ) -> Self {
@@ -163,7 +163,11 @@ impl Report {
 }
 
 impl ShardReport {
-    pub(super) fn of(shard: Shard, store: &Store, summary: &Summary) -> Result<Self, BuildError> {
+    pub(super) fn of(
+        shard: Shard,
+        store: &Store,
+        summary: &BatchSummary,
+    ) -> Result<Self, BuildError> {
         Ok(Self {
             shard,
             database: store.path().into(),

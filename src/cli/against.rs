@@ -9,12 +9,12 @@ use serde_json::{Value, json};
 use super::common;
 use crate::comparison::{
     Band, Comparison, Exclusion, GOOD_RMSE, Hints, Matched, MeasuredSpectrum, ResidualPoint,
-    Statistics, listed,
+    ResidualStatistics, listed,
 };
 #[cfg(feature = "charts")]
 use crate::lab::report;
 use crate::measurement::{Quantity, Spectrum};
-use crate::spectrum::measured::{Column, Scale, Unit};
+use crate::spectrum::measured::{Column, Unit, ValueScale};
 
 #[derive(Debug, clap::Args)]
 #[command(next_help_heading = "Comparison with a measured spectrum")]
@@ -31,8 +31,8 @@ pub(super) struct Args {
     #[arg(long, requires = "against", value_parser = common::name_parser(Unit::ALL, Unit::name))]
     unit: Option<Unit>,
     /// Scale of the file's values [default: the scale that the file states, else guessed]
-    #[arg(long, requires = "against", value_parser = common::name_parser(Scale::ALL, Scale::name))]
-    scale: Option<Scale>,
+    #[arg(long, requires = "against", value_parser = common::name_parser(ValueScale::ALL, ValueScale::name))]
+    scale: Option<ValueScale>,
     /// Quantity in the column [default: from the name of the column, else reflectance]
     #[arg(long, requires = "against",
           value_parser = common::name_parser(Quantity::ALL, Quantity::name))]
@@ -267,7 +267,7 @@ impl Compared {
 }
 
 /// The statistics as text, with five decimals, or three digits for values below 1e-4.
-fn statistics_text(figures: &Statistics) -> String {
+fn statistics_text(figures: &ResidualStatistics) -> String {
     let digits = |value: f64| match value.abs() {
         size if size >= 1e-4 || size == 0.0 => format!("{value:.5}"),
         _ => format!("{value:.2e}"),
@@ -290,7 +290,7 @@ fn statistics_text(figures: &Statistics) -> String {
 }
 
 /// The statistics as JSON, with null for those that do not exist.
-fn figures(statistics: Option<Statistics>) -> Value {
+fn figures(statistics: Option<ResidualStatistics>) -> Value {
     json!({
         "points": statistics.map_or(0, |figures| figures.points),
         "rmse": statistics.map(|figures| figures.rmse),
@@ -306,7 +306,7 @@ mod tests {
 
     #[test]
     fn small_figures_keep_their_digits() {
-        let figures = Statistics {
+        let figures = ResidualStatistics {
             points: 3,
             rmse: 0.0177,
             bias: -2.5e-7,

@@ -8,7 +8,7 @@ use serde_json::json;
 use super::bar::{Bar, counts};
 use super::common::{self, GridArgs, Interrupted};
 use super::compact::CompactSummary;
-use crate::build::{self, BuildError, Options, Report, ShardReport};
+use crate::build::{self, BuildError, BuildOptions, BuildReport, ShardReport};
 use crate::grid::Shard;
 use crate::store::StoreError;
 
@@ -61,7 +61,7 @@ pub(super) fn run(args: &Args) -> anyhow::Result<()> {
     let file = args.grid.open()?;
     let dir = args.grid.dir(&file);
     let bar = Bar::new(!args.json && args.shard.is_none());
-    let options = Options {
+    let options = BuildOptions {
         threads: args.grid.threads()?,
         shard: args.shard,
         from: args.from.clone(),
@@ -120,7 +120,7 @@ fn suggest_from(error: StoreError, dir: &Path) -> anyhow::Error {
 }
 
 /// The line with the number of nodes reused, or nothing without `--from`.
-fn reused(args: &Args, report: &Report) -> String {
+fn reused(args: &Args, report: &BuildReport) -> String {
     if args.from.is_empty() {
         return String::new();
     }
@@ -135,7 +135,7 @@ fn interrupted(safe: &str) -> Interrupted {
     Interrupted(format!("{safe}; to go on: {}", words.join(" ")))
 }
 
-fn report_share(args: &Args, report: &Report, share: &ShardReport) -> anyhow::Result<()> {
+fn report_share(args: &Args, report: &BuildReport, share: &ShardReport) -> anyhow::Result<()> {
     let (jobs, jobs_left, lost) = (report.jobs, share.jobs_left, share.lost_share);
     if args.json {
         return common::print_json(&json!({

@@ -5,7 +5,7 @@ use super::common::{self, Spinner};
 use super::compact::CompactSummary;
 use crate::build;
 use crate::colour::{ColourDifference, Illuminant, IlluminantError, Viewing};
-use crate::compress::{Basis, Choice, DEFAULT_MAX_DELTA_E, Precision, Variant};
+use crate::compress::{Basis, Choice, CompactVariant, DEFAULT_MAX_DELTA_E, Precision};
 use crate::grid::Compression;
 use crate::lookup::Database;
 use crate::measurement::Quantity;
@@ -89,7 +89,7 @@ pub(super) fn run(args: &Args) -> anyhow::Result<()> {
     let illuminants = illuminants(&args.illuminant, &args.dir.join(COMPACT))?;
     let request = build::CompressionRequest {
         choice: args.components.map_or(bounds, components),
-        variant: Variant {
+        variant: CompactVariant {
             basis: args.basis,
             precision: args.precision,
         },

@@ -6,7 +6,7 @@ use anyhow::{bail, ensure};
 use super::common::{self, Spinner};
 use super::point::PointArgs;
 use crate::atomic;
-use crate::export::{self, Layout, Table};
+use crate::export::{self, ExportLayout, ExportTable};
 #[cfg(feature = "charts")]
 use crate::lab::report::Swatches;
 use crate::lookup::{Database, Lookup};
@@ -38,7 +38,7 @@ pub(super) struct Args {
     file: PathBuf,
     /// Format to write
     #[arg(long, value_enum)]
-    format: Format,
+    format: ExportFormat,
     /// File to write; an existing file is replaced [default: snow.nc, snow.csv and so on in the
     /// directory, or the name of the compact file with the format's extension]
     #[arg(long, value_name = "PATH")]
@@ -54,8 +54,8 @@ pub(super) struct Args {
     /// Order of the axes in netcdf and npz: that of the database, or crtm (density, thickness,
     /// grain size, wavelength, angle, after all others), in netcdf with the names and units that
     /// the CRTM loader reads [default: database]
-    #[arg(long, value_parser = common::name_parser(Layout::ALL, Layout::name))]
-    layout: Option<Layout>,
+    #[arg(long, value_parser = common::name_parser(ExportLayout::ALL, ExportLayout::name))]
+    layout: Option<ExportLayout>,
     /// Quantity in spd, png and svg [default: transmittance]
     #[arg(long, value_parser = common::name_parser(Quantity::ALL, Quantity::name))]
     quantity: Option<Quantity>,
@@ -67,7 +67,7 @@ pub(super) struct Args {
 }
 
 #[derive(Debug, Clone, Copy, PartialEq, Eq, clap::ValueEnum)]
-enum Format {
+enum ExportFormat {
     /// NetCDF, classic format, CF-1.11
     #[cfg(feature = "netcdf")]
     Netcdf,
@@ -94,7 +94,7 @@ enum From {
     Database,
 }
 
-impl Format {
+impl ExportFormat {
     fn extension(self) -> &'static str {
         match self {
             #[cfg(feature = "netcdf")]
@@ -139,26 +139,26 @@ pub(super) fn run(args: &Args) -> anyhow::Result<()> {
 impl Args {
     /// Whether the output is NetCDF for the CRTM loader.
     fn is_crtm(&self) -> bool {
-        self.format.extension() == "nc" && self.layout == Some(Layout::Crtm)
+        self.format.extension() == "nc" && self.layout == Some(ExportLayout::Crtm)
     }
 
     /// The contents of the file to write.
     fn bytes(&self) -> anyhow::Result<Vec<u8>> {
-        let layout = self.layout.unwrap_or(Layout::Database);
+        let layout = self.layout.unwrap_or(ExportLayout::Database);
         let quantity = self.quantity.unwrap_or(Quantity::Transmittance);
         Ok(match self.format {
             #[cfg(feature = "netcdf")]
-            Format::Netcdf if self.is_crtm() => export::crtm(self.point.cut(self.table()?)?)?,
+            ExportFormat::Netcdf if self.is_crtm() => export::crtm(self.point.cut(self.table()?)?)?,
             #[cfg(feature = "netcdf")]
-            Format::Netcdf => export::netcdf(&self.table()?.with_layout(layout))?,
-            Format::Csv => export::csv(&self.table()?.with_layout(layout)).into_bytes(),
+            ExportFormat::Netcdf => export::netcdf(&self.table()?.with_layout(layout))?,
+            ExportFormat::Csv => export::csv(&self.table()?.with_layout(layout)).into_bytes(),
             #[cfg(feature = "npz")]
-            Format::Npz => export::npz(&self.table()?.with_layout(layout))?,
-            Format::Spd => self.spectrum(quantity)?,
+            ExportFormat::Npz => export::npz(&self.table()?.with_layout(layout))?,
+            ExportFormat::Spd => self.spectrum(quantity)?,
             #[cfg(feature = "charts")]
-            Format::Png => self.patches(quantity)?.png()?,
+            ExportFormat::Png => self.patches(quantity)?.png()?,
             #[cfg(feature = "charts")]
-            Format::Svg => self.patches(quantity)?.svg()?.into_bytes(),
+            ExportFormat::Svg => self.patches(quantity)?.svg()?.into_bytes(),
         })
     }
 
@@ -192,7 +192,7 @@ impl Args {
     }
 
     /// The nodes of the database or of the compact file.
-    fn table(&self) -> anyhow::Result<Table> {
+    fn table(&self) -> anyhow::Result<ExportTable> {
         let dir = self.file.is_dir();
         let lacks_compact = dir && !self.file.join(COMPACT).exists() && Store::is_at(&self.file);
         let database = match self.from {
@@ -200,11 +200,11 @@ impl Args {
             None => lacks_compact,
         };
         Ok(match (database, self.diffuse) {
-            (true, diffuse) => Table::of_store(&Store::open(&self.file)?, diffuse)?,
-            (false, false) => Table::of_compact(&self.compact()?)?,
+            (true, diffuse) => ExportTable::of_store(&Store::open(&self.file)?, diffuse)?,
+            (false, false) => ExportTable::of_compact(&self.compact()?)?,
             (false, true) => {
                 let file = Database::open(&common::diffuse_path(&self.file)?)?;
-                Table::of_compact(&file)?.diffuse()?
+                ExportTable::of_compact(&file)?.diffuse()?
             }
         })
     }

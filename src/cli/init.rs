@@ -31,7 +31,7 @@ pub(super) struct Args {
 }
 
 pub(super) fn run(args: &Args) -> anyhow::Result<()> {
-    let mut summary = Summary::default();
+    let mut summary = Written::default();
     for (name, folder) in &FOLDERS {
         write_folder(folder, &args.dir.join(name), &mut summary)?;
     }
@@ -50,13 +50,13 @@ pub(super) fn run(args: &Args) -> anyhow::Result<()> {
 }
 
 #[derive(Default)]
-struct Summary {
+struct Written {
     written: usize,
     /// Files that existed with other contents.
     kept: Vec<PathBuf>,
 }
 
-fn write_folder(folder: &Dir, target: &Path, summary: &mut Summary) -> anyhow::Result<()> {
+fn write_folder(folder: &Dir, target: &Path, summary: &mut Written) -> anyhow::Result<()> {
     std::fs::create_dir_all(target).map_err(|error| common::cannot_write(target, error))?;
     for entry in folder.entries() {
         let path = target.join(entry.path().file_name().unwrap_or_default());

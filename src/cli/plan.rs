@@ -5,7 +5,7 @@ use std::path::PathBuf;
 use serde::Serialize;
 
 use super::common::{self, GridArgs, Spinner};
-use crate::plan::{self, Axis, COMPONENTS, LongestJob, Options, PilotReport, Plan};
+use crate::plan::{self, Axis, COMPONENTS, LongestJob, PilotReport, Plan, PlanOptions};
 
 /// Estimate the jobs, time, bytes and errors of a build, without running it
 ///
@@ -43,7 +43,7 @@ struct NamedPlan {
 pub(super) fn run(args: &Args) -> anyhow::Result<()> {
     let file = args.grid.open()?;
     let out = args.grid.dir(&file);
-    let options = Options {
+    let options = PlanOptions {
         threads: args.grid.threads()?,
         seconds: args.seconds,
         dir: Some(out.clone()),

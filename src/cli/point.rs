@@ -3,7 +3,7 @@ use anyhow::bail;
 use clap::{Arg, ArgMatches, Command};
 
 #[cfg(feature = "netcdf")]
-use crate::export::{ExportError, Table};
+use crate::export::{ExportError, ExportTable};
 #[cfg(feature = "charts")]
 use crate::lookup::Database;
 use crate::parameter::{Parameter, Point};
@@ -103,7 +103,7 @@ impl PointArgs {
 
     /// The part of `table` at the given nodes.
     #[cfg(feature = "netcdf")]
-    pub(super) fn cut(&self, mut table: Table) -> Result<Table, ExportError> {
+    pub(super) fn cut(&self, mut table: ExportTable) -> Result<ExportTable, ExportError> {
         for (parameter, value) in self.0.iter() {
             table = table.select(parameter.name(), value)?;
         }

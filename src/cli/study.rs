@@ -8,7 +8,7 @@ use super::walking;
 use crate::config::study::{self as file, StudyFile};
 use crate::engine::{Engine, EngineError};
 use crate::lab::report;
-use crate::lab::study::{self, Settings, Studied};
+use crate::lab::study::{self, Studied, StudySettings};
 
 /// Draw studies: the spectra or BRDFs of a sample in several variants in one picture
 ///
@@ -50,7 +50,7 @@ pub(super) fn run(args: &Args) -> anyhow::Result<()> {
         common::warn(&study.warnings);
         common::notes(&study.notes);
     }
-    let settings = Settings {
+    let settings = StudySettings {
         engine: args.engine,
         rays: args.rays,
         seed: args.seed,
@@ -59,7 +59,7 @@ pub(super) fn run(args: &Args) -> anyhow::Result<()> {
     // All studies share one pool and one cache, because variants share tables of grain events.
     walking::run(args.threads, None, cancel, |control| {
         for study in &studies {
-            let say = |variant: &file::Variant| {
+            let say = |variant: &file::StudyVariant| {
                 spinner.say(&format!("{}: {}", study.name, variant.label));
             };
             let studied = match study::run(study, settings, control, say) {

@@ -8,7 +8,9 @@ use super::common::{self, Interrupted, Spinner, ThreadArgs};
 use crate::config::grid;
 use crate::engine::Engine;
 use crate::lab::report;
-use crate::lab::tradeoff::{self, CompressionSource, Options, Results, Sample, TradeoffError};
+use crate::lab::tradeoff::{
+    self, CompressionSource, NamedSample, Results, TradeoffError, TradeoffOptions,
+};
 
 /// The grid whose compression is charted if no database is given.
 const GRID: (&str, &str) = (
@@ -96,11 +98,11 @@ pub(super) fn run(args: &Args) -> anyhow::Result<()> {
     })
 }
 
-fn options(args: &Args) -> anyhow::Result<Options> {
+fn options(args: &Args) -> anyhow::Result<TradeoffOptions> {
     let samples = if args.samples.is_empty() {
-        Sample::defaults()?
+        NamedSample::defaults()?
     } else {
-        Sample::read(&args.samples)?
+        NamedSample::read(&args.samples)?
     };
     for sample in &samples {
         common::warn(&sample.file.warnings);
@@ -115,7 +117,7 @@ fn options(args: &Args) -> anyhow::Result<Options> {
     }
     let engines = Engine::ALL.into_iter().filter(|e| *e != Engine::Auto);
     let chosen = |engine: &Engine| args.engine.is_empty() || args.engine.contains(engine);
-    Ok(Options {
+    Ok(TradeoffOptions {
         samples,
         engines: engines.filter(chosen).collect(),
         seeds: args.seeds,

@@ -11,7 +11,7 @@ use crate::error_budget::{ERROR_BUDGET, FORMER_KEY};
 use crate::lookup::Database;
 use crate::store::{COMPACT, Store};
 use crate::tailor::SCENE;
-use crate::verify::{self, Options, Verification, VerifyError};
+use crate::verify::{self, Verification, VerifyError, VerifyOptions};
 
 /// Check a finished database: files, compact file, fresh simulations
 ///
@@ -64,7 +64,7 @@ pub(super) struct Args {
 
 pub(super) fn run(args: &Args) -> anyhow::Result<()> {
     let cancel = common::interrupt_flag()?;
-    let options = Options {
+    let options = VerifyOptions {
         samples: args.samples as usize,
         points: args.points as usize,
         seed: args.seed,

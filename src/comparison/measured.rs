@@ -5,7 +5,7 @@ use super::error::MeasuredError;
 use super::exclusion::{Exclusion, excluded};
 use crate::measurement::Quantity;
 use crate::spectrum::measured::{
-    self, Column, Content, Curve, Report, Request, Sample, Scale, Unit,
+    self, Column, Content, Curve, MeasuredValue, ReadOptions, ReadReport, Unit, ValueScale,
 };
 
 /// Wavelengths that are used, nm, both ends included: the range of the model.
@@ -29,7 +29,7 @@ pub struct Hints {
     /// The unit of the wavelengths.
     pub unit: Option<Unit>,
     /// The scale of the values.
-    pub scale: Option<Scale>,
+    pub scale: Option<ValueScale>,
 }
 
 /// A measured value at one of the wavelengths of a simulation.
@@ -117,7 +117,7 @@ impl MeasuredSpectrum {
 
     /// The report on the file: columns, unit and scale, and how they were read.
     #[must_use]
-    pub fn report(&self) -> &Report {
+    pub fn report(&self) -> &ReadReport {
         &self.curve.report
     }
 
@@ -141,8 +141,8 @@ impl MeasuredSpectrum {
     /// [`MeasuredError::Overlap`] if fewer than 2 wavelengths outside the excluded bands remain.
     pub fn at(&self, wavelengths_nm: &[f64]) -> Result<Vec<Matched>, MeasuredError> {
         let rows = &self.curve.samples;
-        let is_counted = |row: &&Sample| !excluded(&self.exclusions, row.nm);
-        let counted: Vec<Sample> = rows.iter().filter(is_counted).copied().collect();
+        let is_counted = |row: &&MeasuredValue| !excluded(&self.exclusions, row.nm);
+        let counted: Vec<MeasuredValue> = rows.iter().filter(is_counted).copied().collect();
         let matched = |(index, &nm): (usize, &f64)| {
             let excluded = excluded(&self.exclusions, nm);
             let row = interpolated(if excluded { rows } else { &counted }, nm)?;
@@ -166,7 +166,7 @@ impl MeasuredSpectrum {
         let ends = |first: Option<f64>, last: Option<f64>| {
             (first.unwrap_or(f64::NAN), last.unwrap_or(f64::NAN))
         };
-        let nm = |row: &Sample| row.nm;
+        let nm = |row: &MeasuredValue| row.nm;
         Err(MeasuredError::Overlap {
             file: self.file.clone(),
             common,
@@ -190,9 +190,9 @@ pub fn listed(exclusions: &[Exclusion]) -> String {
     }
 }
 
-fn request(hints: &Hints, exclusions: &[Exclusion]) -> Request {
+fn request(hints: &Hints, exclusions: &[Exclusion]) -> ReadOptions {
     let bands = exclusions.iter().map(|band| (band.from_nm, band.to_nm));
-    Request {
+    ReadOptions {
         content: hints.quantity.map(|quantity| match quantity {
             Quantity::Reflectance => Content::Reflectance,
             Quantity::Transmittance => Content::Transmittance,
@@ -208,7 +208,7 @@ fn request(hints: &Hints, exclusions: &[Exclusion]) -> Request {
 
 /// The values at `nm`, linearly interpolated; `None` outside `rows` and in gaps wider than
 /// [`MAX_GAP_NM`].
-fn interpolated(rows: &[Sample], nm: f64) -> Option<Sample> {
+fn interpolated(rows: &[MeasuredValue], nm: f64) -> Option<MeasuredValue> {
     let above = rows.partition_point(|row| row.nm < nm);
     let b = rows.get(above)?;
     if b.nm == nm {
@@ -221,7 +221,7 @@ fn interpolated(rows: &[Sample], nm: f64) -> Option<Sample> {
     let t = (nm - a.nm) / (b.nm - a.nm);
     // The clamp removes overshoot by rounding.
     let mix = |a: f64, b: f64| (a * (1.0 - t) + b * t).clamp(a.min(b), a.max(b));
-    Some(Sample {
+    Some(MeasuredValue {
         nm,
         value: mix(a.value, b.value),
         // Interpolated linearly, because the errors of neighbouring rows are mostly correlated.

@@ -34,7 +34,7 @@ impl ResidualPoint {
 
 /// Statistics of the residuals at some points.
 #[derive(Debug, Clone, Copy, PartialEq)]
-pub struct Statistics {
+pub struct ResidualStatistics {
     /// Number of points, at least 1.
     pub points: usize,
     /// Root mean square residual.
@@ -47,7 +47,7 @@ pub struct Statistics {
     pub mean_uncertainty: Option<f64>,
 }
 
-impl Statistics {
+impl ResidualStatistics {
     /// The statistics of `points`; `None` if there are none.
     fn of(points: &[&ResidualPoint]) -> Option<Self> {
         let mean = |part: &dyn Fn(&ResidualPoint) -> Option<f64>| -> Option<f64> {
@@ -88,22 +88,22 @@ impl Comparison {
 
     /// Statistics over all wavelengths that are not excluded; `None` if there are none.
     #[must_use]
-    pub fn overall(&self) -> Option<Statistics> {
+    pub fn overall(&self) -> Option<ResidualStatistics> {
         self.statistics(|_| true)
     }
 
     /// Statistics over the wavelengths of a band that are not excluded; `None` if there are none.
     #[must_use]
-    pub fn band(&self, band: Band) -> Option<Statistics> {
+    pub fn band(&self, band: Band) -> Option<ResidualStatistics> {
         self.statistics(|nm| band.holds(nm))
     }
 
     /// Statistics over the wavelengths that are not excluded and for which `is_in_band` holds.
-    fn statistics(&self, is_in_band: impl Fn(f64) -> bool) -> Option<Statistics> {
+    fn statistics(&self, is_in_band: impl Fn(f64) -> bool) -> Option<ResidualStatistics> {
         let is_counted =
             |point: &&ResidualPoint| !point.matched.excluded && is_in_band(point.matched.nm);
         let points: Vec<&ResidualPoint> = self.points.iter().filter(is_counted).collect();
-        Statistics::of(&points)
+        ResidualStatistics::of(&points)
     }
 }
 

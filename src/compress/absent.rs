@@ -4,7 +4,7 @@
 //! zeros (or integers 0), which readers never use.
 use ndarray::{Array2, ArrayView2};
 
-use super::{Coefficients, Compressed, Integers, Quantised};
+use super::{Compressed, Integers, Quantised, StoredCoefficients};
 
 impl Compressed {
     /// Expands the result for the existing curves to all `curves` rows of the database.
@@ -15,9 +15,13 @@ impl Compressed {
             return self;
         }
         self.coefficients = match self.coefficients {
-            Coefficients::F32(values) => Coefficients::F32(spread(values.view(), rows, curves)),
-            Coefficients::F16(values) => Coefficients::F16(spread(values.view(), rows, curves)),
-            Coefficients::Quantised(components) => {
+            StoredCoefficients::F32(values) => {
+                StoredCoefficients::F32(spread(values.view(), rows, curves))
+            }
+            StoredCoefficients::F16(values) => {
+                StoredCoefficients::F16(spread(values.view(), rows, curves))
+            }
+            StoredCoefficients::Quantised(components) => {
                 let expand = |component: Quantised| Quantised {
                     integers: match component.integers {
                         Integers::U8(values) => Integers::U8(spread_list(&values, rows, curves)),
@@ -25,7 +29,7 @@ impl Compressed {
                     },
                     ..component
                 };
-                Coefficients::Quantised(components.into_iter().map(expand).collect())
+                StoredCoefficients::Quantised(components.into_iter().map(expand).collect())
             }
         };
         let renumber = |curve: &mut usize| *curve = rows.get(*curve).copied().unwrap_or(*curve);
@@ -65,7 +69,7 @@ fn spread_list<T: Copy + Default>(values: &[T], rows: &[usize], curves: usize) -
 #[allow(clippy::unwrap_used)]
 mod tests {
     use super::*;
-    use crate::compress::{Bands, Choice, Precision, Variant, compress};
+    use crate::compress::{Bands, Choice, CompactVariant, Precision, compress};
     use crate::measurement::Quantity;
 
     #[test]
@@ -75,9 +79,9 @@ mod tests {
         let rows = [0, 2, 3, 5, 6, 8];
         let bands = Bands::new(&[390.0, 500.0, 600.0, 900.0]);
         for precision in Precision::ALL {
-            let variant = Variant {
+            let variant = CompactVariant {
                 precision,
-                ..Variant::default()
+                ..CompactVariant::default()
             };
             let few = compress(
                 curves.view(),

@@ -8,7 +8,7 @@ use std::ops::Range;
 use ndarray::ArrayView2;
 use serde::{Deserialize, Serialize};
 
-use super::{DEFAULT_MAX_RMSE, ErrorRow, MaxAbsError, Statistics};
+use super::{DEFAULT_MAX_RMSE, ErrorRow, ErrorStatistics, MaxAbsError};
 use crate::accuracy::rms;
 use crate::spectrum::Band;
 
@@ -58,7 +58,7 @@ pub struct BandError {
     /// The noise, see [`BandColumns::standard_error`].
     pub standard_error: Option<f64>,
     /// Statistics of the RMSE per curve over the band's wavelengths.
-    pub rmse: Statistics,
+    pub rmse: ErrorStatistics,
     /// The largest absolute error of any curve at any of these wavelengths.
     pub largest: MaxAbsError,
 }

@@ -116,11 +116,11 @@ pub fn choose(
 #[allow(clippy::unwrap_used)]
 mod tests {
     use super::*;
-    use crate::compress::{BandStatistics, MaxAbsError, Statistics};
+    use crate::compress::{BandStatistics, ErrorStatistics, MaxAbsError};
     use crate::spectrum::Band;
 
-    fn statistics(max: f64) -> Statistics {
-        Statistics {
+    fn statistics(max: f64) -> ErrorStatistics {
+        ErrorStatistics {
             min: 0.0,
             mean: max / 2.0,
             max,

@@ -11,7 +11,9 @@ use ndarray::Array2;
 use serde_json::{Value, json};
 use thiserror::Error;
 
-use super::{BandError, Bounds, Coefficients, Compressed, ErrorTable, Integers, Variant};
+use super::{
+    BandError, Bounds, CompactVariant, Compressed, ErrorTable, Integers, StoredCoefficients,
+};
 use crate::atomic;
 use crate::lookup::SubstrateKind;
 use crate::lookup::format::{
@@ -100,15 +102,15 @@ impl CompactFile<'_> {
             check_matrix(&name, &coefficients.decoded(), [curves, components])?;
             // Iteration is row-major, whatever the memory layout.
             match coefficients {
-                Coefficients::F32(values) => {
+                StoredCoefficients::F32(values) => {
                     let tensor = Tensor::f32(values.shape(), values.iter().copied());
                     tensors.insert(name, tensor);
                 }
-                Coefficients::F16(values) => {
+                StoredCoefficients::F16(values) => {
                     let bytes = values.iter().flat_map(|v| v.to_le_bytes());
                     tensors.insert(name, Tensor::new("F16", 2, values.shape(), bytes));
                 }
-                Coefficients::Quantised(quantised) => {
+                StoredCoefficients::Quantised(quantised) => {
                     for (component, quantised) in quantised.iter().enumerate() {
                         let tensor = Tensor::integers(&quantised.integers);
                         tensors.insert(integers_name(quantity, component), tensor);
@@ -174,7 +176,7 @@ impl CompactFile<'_> {
     }
 
     /// The variant that all quantities share.
-    fn variant(&self) -> Result<Variant, CompactError> {
+    fn variant(&self) -> Result<CompactVariant, CompactError> {
         let mut variants = self
             .quantities()
             .map(|(_, compressed)| compressed.variant());
@@ -191,7 +193,7 @@ impl CompactFile<'_> {
 
     /// The entry `__metadata__`: strings by name.
     fn metadata(&self) -> Result<Value, CompactError> {
-        let Variant { basis, precision } = self.variant()?;
+        let CompactVariant { basis, precision } = self.variant()?;
         let quantities = quantities(self.quantities().map(|(quantity, _)| quantity));
         let tables = self.quantities().map(|(q, c)| (q.name(), &c.table));
         let tables: BTreeMap<&str, &ErrorTable> = tables.collect();

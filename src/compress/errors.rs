@@ -10,7 +10,7 @@ use ndarray::ArrayView2;
 use serde::{Deserialize, Serialize, Serializer};
 
 use super::{Bands, Basis};
-use crate::accuracy::{RootMeanSquare, Summary, rmse};
+use crate::accuracy::{RootMeanSquare, RunningSummary, rmse};
 use crate::colour::Colorimeter;
 use crate::lookup::add_component;
 use crate::measurement::Quantity;
@@ -76,14 +76,14 @@ pub struct MaxAbsError {
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct BandStatistics {
     /// Statistics of the RMSE per curve over the band's wavelengths.
-    pub rmse: Statistics,
+    pub rmse: ErrorStatistics,
     /// The largest absolute error at any of these wavelengths.
     pub largest: MaxAbsError,
 }
 
 /// Smallest, mean and largest value of one error measure over all curves.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
-pub struct Statistics {
+pub struct ErrorStatistics {
     /// Smallest value.
     #[serde(serialize_with = "six_digits")]
     pub min: f64,
@@ -103,8 +103,8 @@ fn six_digits<S: Serializer>(value: &f64, serializer: S) -> Result<S::Ok, S::Err
     serializer.serialize_f64(short)
 }
 
-impl From<Summary> for Statistics {
-    fn from(summary: Summary) -> Self {
+impl From<RunningSummary> for ErrorStatistics {
+    fn from(summary: RunningSummary) -> Self {
         Self {
             min: summary.min,
             mean: summary.mean(),
@@ -117,7 +117,7 @@ impl From<Summary> for Statistics {
 /// Accumulates [`BandStatistics`].
 #[derive(Debug, Clone, Copy)]
 pub(crate) struct BandTally {
-    rmse: Summary,
+    rmse: RunningSummary,
     largest: MaxAbsError,
 }
 
@@ -129,7 +129,7 @@ impl BandTally {
             curve: 0,
         };
         Self {
-            rmse: Summary::default(),
+            rmse: RunningSummary::default(),
             largest,
         }
     }
@@ -160,9 +160,9 @@ pub struct ErrorRow {
     /// Number of components, l'.
     pub components: usize,
     /// Statistics of the RMSE per curve.
-    pub rmse: Statistics,
+    pub rmse: ErrorStatistics,
     /// Statistics of the colour difference; `None` if the wavelengths do not determine a colour.
-    pub delta_e: Option<Statistics>,
+    pub delta_e: Option<ErrorStatistics>,
     /// Errors by band, in the order of [`Band::ALL`]; `None` for bands without wavelengths.
     #[serde(serialize_with = "largest_rmse")]
     pub bands: [Option<BandStatistics>; Band::ALL.len()],
@@ -214,7 +214,11 @@ pub(super) fn error_table(
     let wavelengths = curves.ncols();
     let unlisted = first - 1;
     let in_bands = vec![BandTally::new(); bands.parts().len()];
-    let row_tallies = (Summary::default(), Summary::default(), in_bands);
+    let row_tallies = (
+        RunningSummary::default(),
+        RunningSummary::default(),
+        in_bands,
+    );
     let mut tallies = vec![row_tallies; stored.coefficients.ncols() - unlisted];
     let mut original = vec![0.0; wavelengths];
     let mut sum = vec![0.0; wavelengths];
@@ -277,10 +281,10 @@ impl fmt::Display for ErrorTable {
             write!(f, "  {:>11}", format!("{} max", band.name()))?;
         }
         for row in &self.rows {
-            let Statistics { min, mean, max, .. } = row.rmse;
+            let ErrorStatistics { min, mean, max, .. } = row.rmse;
             let components = row.components;
             write!(f, "\n{components:>10}  {min:>9.6} {mean:>9.6} {max:>9.6}")?;
-            if let Some(Statistics { min, mean, max, .. }) = row.delta_e {
+            if let Some(ErrorStatistics { min, mean, max, .. }) = row.delta_e {
                 write!(f, "   {min:>11.4} {mean:>8.4} {max:>8.4}")?;
             }
             for band in &bands {
@@ -300,8 +304,8 @@ impl fmt::Display for ErrorTable {
 mod tests {
     use super::*;
 
-    fn statistics(min: f64, mean: f64, max: f64) -> Statistics {
-        Statistics {
+    fn statistics(min: f64, mean: f64, max: f64) -> ErrorStatistics {
+        ErrorStatistics {
             min,
             mean,
             max,
@@ -309,7 +313,7 @@ mod tests {
         }
     }
 
-    fn table(delta_e: [Option<Statistics>; 2]) -> ErrorTable {
+    fn table(delta_e: [Option<ErrorStatistics>; 2]) -> ErrorTable {
         let rmse = [
             statistics(0.00013, 0.00149, 0.0047),
             statistics(1e-7, 0.123_456_78, 10.0),

@@ -21,11 +21,11 @@ pub(crate) use bands::rmse_in;
 pub use bands::{BandColumns, BandError, Bands, NOISE_FACTOR};
 pub use choice::{Bounds, Choice, DEFAULT_MAX_DELTA_E, DEFAULT_MAX_RMSE, choose};
 pub use compact::{CompactError, CompactFile};
-pub use errors::{BandStatistics, CurveError, ErrorRow, ErrorTable, MaxAbsError, Statistics};
+pub use errors::{BandStatistics, CurveError, ErrorRow, ErrorStatistics, ErrorTable, MaxAbsError};
 pub(crate) use errors::{BandTally, error_in};
 pub use fidelity::{BandErrors, CurveErrors, curve_errors};
-pub use model::Model;
-pub use precision::{Coefficients, Integers, Quantised};
+pub use model::CurveModel;
+pub use precision::{Integers, Quantised, StoredCoefficients};
 pub use svd::Decomposition;
 
 use ndarray::{Array2, ArrayView2};
@@ -111,7 +111,7 @@ pub enum CompressError {
 
 /// The variant of a compact file, the same for both quantities.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
-pub struct Variant {
+pub struct CompactVariant {
     /// Quantity that the components decompose.
     pub basis: Basis,
     /// Number format of the coefficients.
@@ -125,7 +125,7 @@ pub struct Compressed {
     /// Quantity that the components decompose.
     pub kind: Basis,
     /// Coefficients C', `[s, l']`.
-    pub coefficients: Coefficients,
+    pub coefficients: StoredCoefficients,
     /// Basis V', `[l, l']`.
     pub basis: Array2<f32>,
     /// Errors per number of components, with the chosen number marked. Quantised
@@ -160,8 +160,8 @@ impl Compressed {
 
     /// The basis and precision.
     #[must_use]
-    pub fn variant(&self) -> Variant {
-        Variant {
+    pub fn variant(&self) -> CompactVariant {
+        CompactVariant {
             basis: self.kind,
             precision: self.coefficients.precision(),
         }
@@ -185,9 +185,9 @@ pub fn compress(
     colour: Option<&Colorimeter>,
     bands: &Bands,
     choice: Choice,
-    variant: Variant,
+    variant: CompactVariant,
 ) -> Result<Compressed, CompressError> {
-    let model = Model::new(curves, quantity, colour, bands, variant.basis)?;
+    let model = CurveModel::new(curves, quantity, colour, bands, variant.basis)?;
     let bounds = choice.bounds(colour.is_some(), bands);
     let limit = model.rank_limit();
     let mut listed = match choice {

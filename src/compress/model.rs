@@ -5,15 +5,15 @@ use ndarray::{Array2, ArrayView2, Axis};
 use super::errors::{Reconstruction, error_table};
 use super::precision::narrow_components;
 use super::{
-    Bands, Basis, Bounds, Coefficients, CompressError, Decomposition, ErrorRow, ErrorTable,
-    Precision, choose, svd, weight,
+    Bands, Basis, Bounds, CompressError, Decomposition, ErrorRow, ErrorTable, Precision,
+    StoredCoefficients, choose, svd, weight,
 };
 use crate::colour::Colorimeter;
 use crate::measurement::Quantity;
 
 /// Curves, `[s, l]`, of one quantity, with their basis.
 #[derive(Debug)]
-pub struct Model<'a> {
+pub struct CurveModel<'a> {
     curves: ArrayView2<'a, f64>,
     quantity: Quantity,
     colour: Option<&'a Colorimeter>,
@@ -24,7 +24,7 @@ pub struct Model<'a> {
     basis: Array2<f32>,
 }
 
-impl<'a> Model<'a> {
+impl<'a> CurveModel<'a> {
     /// Computes the basis of this kind for `curves`, `[s, l]`, of `quantity`.
     /// `colour` and `bands` have the same l wavelengths; `bands` may be empty.
     ///
@@ -65,7 +65,7 @@ impl<'a> Model<'a> {
         self.decomposition.rank_limit()
     }
 
-    /// The first `components` (at most [`Model::rank_limit`]) basis vectors as files
+    /// The first `components` (at most [`CurveModel::rank_limit`]) basis vectors as files
     /// hold them, `[l, components]`.
     #[must_use]
     pub fn basis(&self, components: usize) -> Array2<f32> {
@@ -73,11 +73,11 @@ impl<'a> Model<'a> {
         self.basis.view().split_at(Axis(1), components).0.to_owned()
     }
 
-    /// Coefficients of the first `components` (at most [`Model::rank_limit`]) in the
+    /// Coefficients of the first `components` (at most [`CurveModel::rank_limit`]) in the
     /// given precision; integers have 16 bits.
     #[must_use]
-    pub fn coefficients(&self, components: usize, precision: Precision) -> Coefficients {
-        Coefficients::new(self.exact(components), precision)
+    pub fn coefficients(&self, components: usize, precision: Precision) -> StoredCoefficients {
+        StoredCoefficients::new(self.exact(components), precision)
     }
 
     /// The errors with 1, 2, ... and all components of `stored`, which must be
@@ -86,7 +86,7 @@ impl<'a> Model<'a> {
     /// # Panics
     /// If `stored` has more components or fewer curves than the model.
     #[must_use]
-    pub fn table(&self, stored: &Coefficients) -> ErrorTable {
+    pub fn table(&self, stored: &StoredCoefficients) -> ErrorTable {
         self.errors(stored, 1)
     }
 
@@ -105,13 +105,13 @@ impl<'a> Model<'a> {
         &self,
         components: usize,
         bounds: &Bounds,
-    ) -> Result<(Coefficients, ErrorRow), CompressError> {
+    ) -> Result<(StoredCoefficients, ErrorRow), CompressError> {
         let exact = self.exact(components);
-        let error_row = |candidate: &Coefficients| {
+        let error_row = |candidate: &StoredCoefficients| {
             let table = self.errors(candidate, exact.ncols());
             choose(&table, bounds, self.bands, Precision::Quantised).map(|_| table.rows[0])
         };
-        let wide = Coefficients::new(exact.clone(), Precision::Quantised);
+        let wide = StoredCoefficients::new(exact.clone(), Precision::Quantised);
         let mut row = error_row(&wide)?;
         let stored = narrow_components(exact.view(), wide, |candidate| {
             error_row(candidate).map(|accepted| row = accepted).is_ok()
@@ -137,7 +137,7 @@ impl<'a> Model<'a> {
     }
 
     /// Errors with `first`, ... and all components of `stored`.
-    fn errors(&self, stored: &Coefficients, first: usize) -> ErrorTable {
+    fn errors(&self, stored: &StoredCoefficients, first: usize) -> ErrorTable {
         let coefficients = stored.decoded();
         let reconstruction = Reconstruction {
             kind: self.kind,

@@ -6,7 +6,7 @@ use crate::lookup::{Precision, dequantised};
 
 /// Coefficients as a file holds them.
 #[derive(Debug, Clone, PartialEq)]
-pub enum Coefficients {
+pub enum StoredCoefficients {
     /// 32-bit floats, `[s, l']`.
     F32(Array2<f32>),
     /// 16-bit floats, `[s, l']`.
@@ -35,7 +35,7 @@ pub enum Integers {
     U16(Vec<u16>),
 }
 
-impl Coefficients {
+impl StoredCoefficients {
     /// `exact` (`[s, l']`) in the given precision; integers have 16 bits.
     pub(super) fn new(exact: Array2<f32>, precision: Precision) -> Self {
         match precision {
@@ -193,12 +193,12 @@ fn quantise(exact: ArrayView1<f32>, largest: u16) -> (f32, f32, Vec<u16>) {
 /// to 8 bits where `accepts` allows it. Later components, which matter least, are tried first.
 pub(super) fn narrow_components(
     exact: ArrayView2<f32>,
-    mut stored: Coefficients,
-    mut accepts: impl FnMut(&Coefficients) -> bool,
-) -> Coefficients {
+    mut stored: StoredCoefficients,
+    mut accepts: impl FnMut(&StoredCoefficients) -> bool,
+) -> StoredCoefficients {
     for (component, exact) in exact.columns().into_iter().enumerate().rev() {
         let mut candidate = stored.clone();
-        if let Coefficients::Quantised(components) = &mut candidate {
+        if let StoredCoefficients::Quantised(components) = &mut candidate {
             components[component] = Quantised::narrow(exact);
         }
         if accepts(&candidate) {
@@ -248,21 +248,21 @@ mod tests {
     fn bytes_and_shapes() {
         let exact = Array2::from_shape_fn((10, 3), |(i, j)| (i * j) as f32);
         for (precision, bytes) in Precision::ALL.into_iter().zip([120, 60, 60 + 24]) {
-            let stored = Coefficients::new(exact.clone(), precision);
+            let stored = StoredCoefficients::new(exact.clone(), precision);
             assert_eq!((stored.precision(), stored.bytes()), (precision, bytes));
             let difference = &stored.decoded() - &exact;
             assert!(difference.iter().all(|d| d.abs() < 1e-3));
             assert_eq!(stored.first(2).decoded().dim(), (10, 2));
         }
-        let huge = Coefficients::new(array![[1e6, -1e6]], Precision::F16);
+        let huge = StoredCoefficients::new(array![[1e6, -1e6]], Precision::F16);
         assert_eq!(huge.decoded(), array![[65504.0, -65504.0]]);
     }
 
     #[test]
     fn later_components_are_narrowed_first() {
         let exact = Array2::from_shape_fn((10, 3), |(i, j)| (i * j) as f32);
-        let wide = Coefficients::new(exact.clone(), Precision::Quantised);
-        let at_least = |bytes| move |candidate: &Coefficients| candidate.bytes() >= bytes;
+        let wide = StoredCoefficients::new(exact.clone(), Precision::Quantised);
+        let at_least = |bytes| move |candidate: &StoredCoefficients| candidate.bytes() >= bytes;
         let bits = |bytes| narrow_components(exact.view(), wide.clone(), at_least(bytes)).bits();
         assert_eq!(bits(0), [8, 8, 8]);
         assert_eq!(bits(24 + 50), [16, 16, 8]);

@@ -18,11 +18,11 @@ use super::keys::LayerKeys;
 use super::layer::sizes_um;
 
 /// Collects `key = value` lines under table headers.
-pub(super) struct Writer {
+pub(super) struct TomlWriter {
     text: String,
 }
 
-impl Writer {
+impl TomlWriter {
     pub(super) fn new() -> Self {
         Self {
             text: "version = 1\n".to_owned(),

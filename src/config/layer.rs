@@ -6,7 +6,7 @@ use crate::grain::{
 };
 use crate::optics::{Carbon, ice_density_kg_m3};
 use crate::spectrum::Table;
-use crate::spectrum::measured::{self, Content, CoverageGap, MAX_BRIDGE_NM, Request};
+use crate::spectrum::measured::{self, Content, CoverageGap, MAX_BRIDGE_NM, ReadOptions};
 use crate::transport::{Component, EXPONENTS, Layer, Snow, Substrate};
 use crate::units::{HALF_SPACE_CM, cm_to_m, um_to_m};
 
@@ -170,7 +170,7 @@ pub(super) fn substrate(
         Some(ReflectanceKeys::Path(path)) => {
             let path = directory.join(path);
             // a reflectance is between 0 and 1
-            let request = Request::new(Some(Content::Reflectance), (0.0, 1.0));
+            let request = ReadOptions::new(Some(Content::Reflectance), (0.0, 1.0));
             let curve = measured::read(&path, &request).map_err(|error| {
                 refuse(format!("cannot be used: {}", error.without_choices()), "")
             })?;

@@ -4,7 +4,7 @@ use std::path::Path;
 use crate::transport::{Illumination, Joining, Layer, Model, Snow, Snowpack};
 use crate::units::{m_to_cm, m_to_um};
 
-use super::canonical::Writer;
+use super::canonical::TomlWriter;
 use super::document::{Document, read_text};
 use super::error::{ConfigError, Problem};
 use super::keys::SampleKeys;
@@ -74,7 +74,7 @@ pub fn parse(name: &str, text: &str) -> Result<SampleFile, ConfigError> {
     )?;
     check_fit(&document, &layers, model.joining)?;
 
-    let mut out = Writer::new();
+    let mut out = TomlWriter::new();
     out.header("[illumination]");
     match keys.illumination.incidence_angle_deg {
         Some(angle) => out.number("incidence_angle_deg", angle),

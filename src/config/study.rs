@@ -29,7 +29,7 @@ pub struct StudyFile {
     /// The plot to draw.
     pub draw: Draw,
     /// Variants of the sample: each is a curve or a point of a curve.
-    pub variants: Vec<Variant>,
+    pub variants: Vec<StudyVariant>,
     /// Published values to draw with the curves.
     pub published: Vec<Published>,
     /// Warnings for the user, such as values outside the ordinary ranges of
@@ -81,7 +81,7 @@ pub enum Against {
 
 /// One variant of the sample.
 #[derive(Debug, Clone, PartialEq)]
-pub struct Variant {
+pub struct StudyVariant {
     /// Name in the legend.
     pub label: String,
     /// Group of the variant: variants of a group share a panel or, against thickness, a
@@ -173,8 +173,8 @@ pub fn parse(name: &str, text: &str) -> Result<StudyFile, ConfigError> {
     })
 }
 
-fn with_sample(keys: &VariantKeys, sample: SampleFile) -> Variant {
-    Variant {
+fn with_sample(keys: &VariantKeys, sample: SampleFile) -> StudyVariant {
+    StudyVariant {
         label: keys.label.clone(),
         group: keys.group.clone(),
         sample,
@@ -212,7 +212,11 @@ fn changed(
 }
 
 /// The plot to draw; refuses keys and variants that do not suit the quantity.
-fn draw(document: &Document, keys: &DrawKeys, variants: &[Variant]) -> Result<Draw, ConfigError> {
+fn draw(
+    document: &Document,
+    keys: &DrawKeys,
+    variants: &[StudyVariant],
+) -> Result<Draw, ConfigError> {
     let quantity = Quantity::ALL
         .into_iter()
         .find(|quantity| quantity.name() == keys.quantity);
@@ -253,11 +257,11 @@ fn draw(document: &Document, keys: &DrawKeys, variants: &[Variant]) -> Result<Dr
 }
 
 /// Refuses variants of a BRDF study that have several wavelengths or diffuse light.
-fn one_beam(document: &Document, variants: &[Variant]) -> Result<(), ConfigError> {
+fn one_beam(document: &Document, variants: &[StudyVariant]) -> Result<(), ConfigError> {
     let refuse = |problem: String, help: &str| {
         Err(document.error("draw.quantity", Problem::Contradiction(problem), help))
     };
-    for Variant { label, sample, .. } in variants {
+    for StudyVariant { label, sample, .. } in variants {
         let count = sample.wavelengths_nm.len();
         if count != 1 {
             let problem = format!("needs one wavelength, but the variant {label:?} has {count}");
@@ -277,8 +281,8 @@ fn one_beam(document: &Document, variants: &[Variant]) -> Result<(), ConfigError
 }
 
 /// Refuses variants without wavelengths in [`VISIBLE_NM`], over which the mean is taken.
-fn visible(document: &Document, variants: &[Variant]) -> Result<(), ConfigError> {
-    let has_visible = |variant: &Variant| {
+fn visible(document: &Document, variants: &[StudyVariant]) -> Result<(), ConfigError> {
+    let has_visible = |variant: &StudyVariant| {
         let mut wavelengths_nm = variant.sample.wavelengths_nm.iter();
         wavelengths_nm.any(|nm| VISIBLE_NM.contains(nm))
     };

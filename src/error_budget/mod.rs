@@ -39,7 +39,7 @@ use crate::parameter::{Point, Region};
 use crate::spectrum::Resampling;
 
 pub use measures::{ErrorSummary, Measures, QuantityErrors, WorstPoint};
-pub use patch::{Patch, Simulation};
+pub use patch::{Patch, PatchSimulation};
 use trial::{PointKind, Trial};
 
 /// Metadata key of the error budget in a compact file; the value is JSON.
@@ -156,8 +156,8 @@ fn interleaved(trials: &[Trial]) -> Vec<usize> {
 
 impl Certification<'_> {
     /// The fresh simulations.
-    fn simulation(&self) -> Simulation<'_> {
-        Simulation {
+    fn simulation(&self) -> PatchSimulation<'_> {
+        PatchSimulation {
             grid: self.grid,
             rays: self.rays,
             seed: trial::simulation_seed(self.seed),

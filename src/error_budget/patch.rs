@@ -21,7 +21,7 @@ pub struct Patch {
 
 /// The settings with which patches are simulated.
 #[derive(Debug, Clone, Copy)]
-pub struct Simulation<'a> {
+pub struct PatchSimulation<'a> {
     /// Grain laws, wavelengths and model; its axes and run settings are not used.
     pub grid: &'a Grid,
     /// Rays per incidence angle and index node.
@@ -92,7 +92,7 @@ impl PreparedPatch {
     }
 }
 
-impl Simulation<'_> {
+impl PatchSimulation<'_> {
     /// Prepares a patch for `hybrid`, or for `spectral` where `hybrid` refuses the patch.
     fn prepared(&self, patch: &Patch) -> Result<PreparedPatch, ErrorBudgetError> {
         let light = |deg: &f64| Illumination::Collimated {
@@ -178,7 +178,7 @@ impl Simulation<'_> {
         Ok(spectra)
     }
 
-    /// The number of walks that [`Simulation::run`] simulates.
+    /// The number of walks that [`PatchSimulation::run`] simulates.
     ///
     /// # Errors
     /// If a point cannot be simulated.

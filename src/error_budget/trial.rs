@@ -13,7 +13,7 @@ use rand_xoshiro::Xoshiro256PlusPlus;
 
 use super::Patch;
 use crate::parameter::{Axes, Parameter, Point, Region, Role};
-use crate::sampling::Check;
+use crate::sampling::CheckStream;
 
 /// Number of thicknesses and incidence angles of a random patch: in a region whose snow
 /// varies, and in a region with one fixed snow.
@@ -46,7 +46,9 @@ pub(super) struct Trial {
 
 /// The seed of the fresh simulations.
 pub(super) fn simulation_seed(seed: u64) -> u64 {
-    Check::ErrorBudget.stream("simulation", seed).next_u64()
+    CheckStream::ErrorBudget
+        .stream("simulation", seed)
+        .next_u64()
 }
 
 /// Draws random values and nodes.
@@ -136,7 +138,7 @@ pub(super) fn anywhere(
     seed: u64,
     is_covered: IsCovered<'_>,
 ) -> (Vec<Trial>, usize) {
-    let mut sampler = Sampler(Check::ErrorBudget.stream("anywhere", seed));
+    let mut sampler = Sampler(CheckStream::ErrorBudget.stream("anywhere", seed));
     let facets: Vec<f64> = (0..FACETS)
         .map(|i| (i as f64 + sampler.unit()) / FACETS as f64)
         .collect();
@@ -191,7 +193,7 @@ pub(super) fn anywhere(
 
 /// Points at the nodes of `axes`, and points off the nodes in one axis each.
 pub(super) fn along(axes: &Axes, seed: u64) -> Vec<Trial> {
-    let mut sampler = Sampler(Check::ErrorBudget.stream("along", seed));
+    let mut sampler = Sampler(CheckStream::ErrorBudget.stream("along", seed));
     let mut trials = Vec::new();
     let (h, a) = (Parameter::Thickness, Parameter::Incidence);
     let ends = |parameter: Parameter| axes.region().get(parameter).unwrap_or_default();

@@ -9,14 +9,14 @@ use ndarray::{ArrayD, Axis};
 use netcdf3::DataSet;
 
 use super::netcdf::{FILL, STAND_IN, failed, version, written};
-use super::{ExportError, Layout, Table};
+use super::{ExportError, ExportLayout, ExportTable};
 use crate::grain::{SizeRange, shape_factor, size_factor_per_m};
-use crate::grid::{Settings, Spread};
+use crate::grid::{GridSettings, Spread};
 use crate::parameter::Parameter;
 use crate::store::Variable;
 use crate::units::{HALF_SPACE_CM, m_to_um, um_to_m};
 
-/// A coordinate of the loader, in the order of [`Layout::CRTM`].
+/// A coordinate of the loader, in the order of [`ExportLayout::CRTM`].
 struct Dimension {
     /// Name of the dimension.
     dimension: &'static str,
@@ -83,8 +83,8 @@ const NODES: usize = 4;
 /// [`ExportError::Crtm`] if the table has no reflectance, an axis too many, an axis of fewer than
 /// four nodes, a half space, or does not state the data for the optical radius;
 /// [`ExportError::TooLarge`].
-pub fn crtm(table: Table) -> Result<Vec<u8>, ExportError> {
-    let table = table.without_fixed_axes()?.with_layout(Layout::Crtm);
+pub fn crtm(table: ExportTable) -> Result<Vec<u8>, ExportError> {
+    let table = table.without_fixed_axes()?.with_layout(ExportLayout::Crtm);
     if table.axes.len() != DIMENSIONS.len() {
         return refused(
             "CRTM needs the axes density, depth, grain size, frequency and angle; build a database with them"
@@ -197,10 +197,10 @@ fn add_description(
     set.add_var_attr_f64(variable, FILL, vec![f64::from(STAND_IN)])
 }
 
-impl Table {
+impl ExportTable {
     /// The table without the axes that the loader does not have, which must have a single value.
     fn without_fixed_axes(mut self) -> Result<Self, ExportError> {
-        let is_known = |name: &str| Layout::CRTM.contains(&name);
+        let is_known = |name: &str| ExportLayout::CRTM.contains(&name);
         while let Some(axis) = self.axes.iter().position(|(name, _)| !is_known(name)) {
             let (name, values) = self.axes[axis].clone();
             let [value] = values[..] else {
@@ -254,7 +254,7 @@ impl Table {
     }
 
     /// The settings of the database's grid; `None` if the file does not state them.
-    fn settings(&self) -> Option<Settings> {
+    fn settings(&self) -> Option<GridSettings> {
         let provenance = self.attributes.get("provenance");
         let provenance: Option<serde_json::Value> =
             provenance.and_then(|text| serde_json::from_str(text).ok());
@@ -266,7 +266,7 @@ impl Table {
             .get("config")
             .map(String::as_str)
             .or(in_provenance)?;
-        Settings::parse(text).ok()
+        GridSettings::parse(text).ok()
     }
 
     /// Adds the global attributes.
@@ -308,7 +308,7 @@ mod tests {
     use crate::grid::tests::small;
 
     /// A table with at least four nodes along the five axes, whose values encode their indices.
-    fn table() -> Table {
+    fn table() -> ExportTable {
         let axes: Vec<(&'static str, Vec<f64>)> = vec![
             ("facetness", vec![0.1, 0.3]),
             ("grain_size_um", vec![100.0, 200.0, 400.0, 800.0]),
@@ -329,7 +329,7 @@ mod tests {
         grid.spread.grain_size_half_width_um = 10.0;
         grid.fixed.proportion = TruncatedNormal::new(1.0, 1.0, 1.0, 0.0).unwrap();
         let config = grid.to_config();
-        Table {
+        ExportTable {
             axes,
             quantities: vec![(Variable::Reflectance, ArrayD::from_shape_fn(shape, value))],
             attributes: [("config".to_owned(), config)].into(),
@@ -419,7 +419,7 @@ mod tests {
 
     #[test]
     fn tables_that_do_not_fit_are_refused() {
-        let refused = |table: Table| crtm(table).unwrap_err().to_string();
+        let refused = |table: ExportTable| crtm(table).unwrap_err().to_string();
         let message = refused(table());
         assert!(
             message.ends_with("choose one of the 2 values of facetness with --facetness"),

@@ -1,13 +1,13 @@
 //! CSV: a long table with one row for each node and wavelength.
 use std::fmt::Write;
 
-use super::Table;
+use super::ExportTable;
 
 /// `table` as CSV, with a column for each axis and then one for each quantity. The rows have
 /// the order of the axes; the last axis varies fastest. Numbers are the shortest decimals that
 /// read back as the same float.
 #[must_use]
-pub fn csv(table: &Table) -> String {
+pub fn csv(table: &ExportTable) -> String {
     let axes = table.axes.iter().map(|(name, _)| *name);
     let quantities = table.quantities.iter();
     let names = axes.chain(quantities.map(|(variable, _)| variable.name()));
@@ -47,7 +47,7 @@ mod tests {
 
     #[test]
     fn each_row_is_a_node_and_a_wavelength() {
-        let text = csv(&Table::of_compact(&database()).unwrap());
+        let text = csv(&ExportTable::of_compact(&database()).unwrap());
         let lines: Vec<&str> = text.lines().collect();
         assert_eq!(lines.len(), 1 + 144 * 4);
         assert_eq!(

@@ -1,6 +1,6 @@
 //! Exports of databases and compact files to other formats (docs/formats.md, "Exports").
 //!
-//! [`Table`] holds the spectra of a database or a compact file at its nodes. `netcdf`,
+//! [`ExportTable`] holds the spectra of a database or a compact file at its nodes. `netcdf`,
 //! [`csv()`] and `npz` convert a table to the bytes of a file; `crtm` writes a table of
 //! reflectance for the satellite code CRTM. [`spd()`] writes one spectrum in the format of
 //! renderers. [`Observers`] compute the colours of spectra, and `thicknesses` draws them as
@@ -40,7 +40,7 @@ pub use observers::{LIGHTS, LUMINANCE, Observers, Sampling};
 pub use spd::{RANGE_NM, spd};
 #[cfg(feature = "charts")]
 pub use swatches::thicknesses;
-pub use table::{Layout, Table};
+pub use table::{ExportLayout, ExportTable};
 
 /// The reason why an export failed.
 #[derive(Debug, Error)]

@@ -6,7 +6,7 @@ use std::rc::Rc;
 use netcdf3::error::WriteError;
 use netcdf3::{DataSet, FileWriter, Version};
 
-use super::{ExportError, Table};
+use super::{ExportError, ExportTable};
 use crate::store::{Variable, WAVELENGTH, coordinate_about};
 
 /// Largest array, bytes: even with 64-bit offsets, sizes are signed 32-bit numbers.
@@ -32,7 +32,7 @@ const NORMALISATION: &str = "directional-hemispherical: the power that leaves a 
 /// # Errors
 /// [`ExportError::TooLarge`] for an array above 2 GiB; [`ExportError::Encoding`] if the library
 /// fails.
-pub fn netcdf(table: &Table) -> Result<Vec<u8>, ExportError> {
+pub fn netcdf(table: &ExportTable) -> Result<Vec<u8>, ExportError> {
     let version = version(table.sizes())?;
     let set = table.definition().map_err(failed)?;
     written(&set, version, |writer| {
@@ -117,7 +117,7 @@ pub(super) fn version<'a>(
     })
 }
 
-impl Table {
+impl ExportTable {
     /// Names and sizes (bytes) of all arrays.
     fn sizes(&self) -> impl Iterator<Item = (&str, u64)> {
         let axes = self.axes.iter();
@@ -240,14 +240,14 @@ impl Seek for Buffer {
 #[allow(clippy::unwrap_used)]
 mod tests {
     use super::*;
-    use crate::export::Layout;
+    use crate::export::ExportLayout;
     use crate::export::table::tests::database;
 
     #[test]
     fn read_back_by_the_library() {
-        let table = Table::of_compact(&database())
+        let table = ExportTable::of_compact(&database())
             .unwrap()
-            .with_layout(Layout::Crtm);
+            .with_layout(ExportLayout::Crtm);
         let bytes = netcdf(&table).unwrap();
         let file = Box::new(Cursor::new(bytes));
         let mut reader = netcdf3::FileReader::open_seek_read("memory", file).unwrap();
@@ -257,7 +257,7 @@ mod tests {
             "CF-1.11"
         );
         let names = set.get_var("reflectance").unwrap().dim_names();
-        assert_eq!(names[2..], Layout::CRTM);
+        assert_eq!(names[2..], ExportLayout::CRTM);
         let values = reader.read_var_f32("reflectance").unwrap();
         let expected: Vec<f32> = table.quantities[1].1.iter().copied().collect();
         assert_eq!(values, expected);
@@ -266,7 +266,7 @@ mod tests {
 
     #[test]
     fn missing_curves_are_nan_and_so_is_the_fill_value() {
-        let mut table = Table::of_compact(&database()).unwrap();
+        let mut table = ExportTable::of_compact(&database()).unwrap();
         table.quantities[1].1.fill(f32::NAN);
         let bytes = netcdf(&table).unwrap();
         let mut reader =

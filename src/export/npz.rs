@@ -4,14 +4,14 @@ use std::io::{Cursor, Write};
 use zip::write::SimpleFileOptions;
 use zip::{CompressionMethod, DateTime, ZipWriter};
 
-use super::{ExportError, Table};
+use super::{ExportError, ExportTable};
 
 /// `table` as the bytes of an uncompressed `.npz` file. It holds float64 axes and float32
 /// quantities by name; the dimensions have the order of the axes.
 ///
 /// # Errors
 /// [`ExportError::Encoding`] if the archive cannot be written.
-pub fn npz(table: &Table) -> Result<Vec<u8>, ExportError> {
+pub fn npz(table: &ExportTable) -> Result<Vec<u8>, ExportError> {
     let mut archive = ZipWriter::new(Cursor::new(Vec::new()));
     for (name, values) in &table.axes {
         let bytes = values.iter().flat_map(|value| value.to_le_bytes());

@@ -12,7 +12,7 @@ use crate::store::{Store, Variable, WAVELENGTH};
 
 /// Spectra at all nodes of some axes, from a database or a compact file.
 #[derive(Debug, Clone, PartialEq)]
-pub struct Table {
+pub struct ExportTable {
     /// Names and values of the axes, slowest first. One of them is `wavelength_nm`, the last
     /// one in a database.
     pub(super) axes: Vec<(&'static str, Vec<f64>)>,
@@ -20,13 +20,13 @@ pub struct Table {
     pub(super) quantities: Vec<(Variable, ArrayD<f32>)>,
     /// The metadata of the file.
     pub(super) attributes: BTreeMap<String, String>,
-    /// Names and values of the axes that [`Table::at`] has removed.
+    /// Names and values of the axes that [`ExportTable::at`] has removed.
     pub(super) fixed: BTreeMap<&'static str, f64>,
 }
 
 /// The order of the axes in an export.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub enum Layout {
+pub enum ExportLayout {
     /// The order of the database, wavelengths last.
     Database,
     /// All other axes, then density, thickness, grain size, wavelength, angle: the order of the
@@ -34,7 +34,7 @@ pub enum Layout {
     Crtm,
 }
 
-impl Layout {
+impl ExportLayout {
     /// All layouts.
     pub const ALL: [Self; 2] = [Self::Database, Self::Crtm];
 
@@ -60,7 +60,7 @@ impl Layout {
 /// Name of the axis of incidence angles.
 const ANGLE: &str = Parameter::Incidence.name();
 
-impl Table {
+impl ExportTable {
     /// All spectra of a finished database with their standard errors, under collimated or
     /// `diffuse` light. A table for diffuse light has no axis of incidence angles.
     ///
@@ -194,13 +194,13 @@ impl Table {
 
     /// The table with its axes in the order of `layout`.
     #[must_use]
-    pub fn with_layout(mut self, layout: Layout) -> Self {
-        if layout == Layout::Database {
+    pub fn with_layout(mut self, layout: ExportLayout) -> Self {
+        if layout == ExportLayout::Database {
             return self;
         }
         // Axes outside the list sort first; the sort is stable and keeps their order.
         let rank = |axis: &usize| {
-            let mut last_axes = Layout::CRTM.iter();
+            let mut last_axes = ExportLayout::CRTM.iter();
             last_axes
                 .position(|name| *name == self.axes[*axis].0)
                 .map(|i| i + 1)
@@ -255,14 +255,15 @@ pub(super) mod tests {
 
     #[test]
     fn values_stay_at_their_nodes_in_every_layout() {
-        let table = Table::of_compact(&database()).unwrap();
-        let names = |table: &Table| table.axes.iter().map(|(name, _)| *name).collect::<Vec<_>>();
+        let table = ExportTable::of_compact(&database()).unwrap();
+        let names =
+            |table: &ExportTable| table.axes.iter().map(|(name, _)| *name).collect::<Vec<_>>();
         assert_eq!(
             names(&table)[..3],
             ["temperature_c", "facetness", "grain_size_um"]
         );
         assert_eq!(table.axes[1].1, [0.1, 0.9]);
-        let crtm = table.clone().with_layout(Layout::Crtm);
+        let crtm = table.clone().with_layout(ExportLayout::Crtm);
         assert_eq!(
             names(&crtm),
             [

@@ -2,7 +2,7 @@
 use super::Grid;
 use super::settings::{
     AxisSettings, BelowSettings, CarbonSettings, ErrorSettings, FixedSettings, GrainSettings,
-    LawSettings, ModelSettings, Properties, Reflectance, RunSettings, Settings, SizeSettings,
+    GridSettings, LawSettings, ModelSettings, Properties, Reflectance, RunSettings, SizeSettings,
     SpreadSettings, SubstrateSettings, WavelengthSettings,
 };
 use crate::engine::Engine;
@@ -15,11 +15,11 @@ use crate::units::{m_to_cm, m_to_um};
 impl Grid {
     /// Every setting that affects the spectra.
     #[must_use]
-    pub fn describe(&self) -> Settings {
+    pub fn describe(&self) -> GridSettings {
         let axes = &self.axes;
         let spread = &self.spread;
         let sphericity_is_axis = axes.has(Parameter::Sphericity);
-        Settings {
+        GridSettings {
             axes: AxisSettings::new(axes, self.size_axis.as_ref(), self.fixed.diffuse),
             spread: SpreadSettings {
                 facetness_half_width: spread.facetness_half_width,

@@ -95,7 +95,7 @@ mod tests {
     #![allow(clippy::unwrap_used)]
     use super::*;
     use crate::engine::Engine;
-    use crate::grid::Settings;
+    use crate::grid::GridSettings;
     use crate::grid::tests::{small, with_extra};
 
     /// An axis without effect here would give the same snow at every value. A fixed value that
@@ -121,7 +121,7 @@ mod tests {
             let parsed = crate::config::grid::parse("grid.toml", &text);
             let parsed = parsed.unwrap_or_else(|error| panic!("{parameter:?}: {error}\n{text}"));
             assert_eq!(parsed.grid.axes, grid.axes, "{parameter:?}");
-            let stored = Settings::parse(&text).unwrap();
+            let stored = GridSettings::parse(&text).unwrap();
             assert_eq!(stored, grid.describe(), "{parameter:?}");
         }
     }

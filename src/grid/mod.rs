@@ -23,7 +23,7 @@ pub use absent::{MIN_GRAIN_LENGTHS, absent_curves, existing_rows, why_absent};
 pub use check::GridError;
 pub use job::Job;
 pub use jobs::Jobs;
-pub use settings::Settings;
+pub use settings::GridSettings;
 #[cfg(feature = "database")]
 pub(crate) use settings::config_text;
 pub(crate) use settings::{CarbonSettings, LawSettings, Reflectance, SizeSettings};

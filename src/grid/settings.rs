@@ -18,7 +18,7 @@ use crate::parameter::{Axes, Parameter};
 
 /// Every setting of a grid that affects the spectra; settings without effect are left out.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
-pub struct Settings {
+pub struct GridSettings {
     pub(crate) axes: AxisSettings,
     pub(crate) spread: SpreadSettings,
     pub(crate) wavelengths: WavelengthSettings,
@@ -28,7 +28,7 @@ pub struct Settings {
     pub(crate) model: ModelSettings,
 }
 
-impl Settings {
+impl GridSettings {
     /// The text of a grid file with these settings.
     pub(crate) fn to_config(&self) -> String {
         config_text(&self.entries())
@@ -52,7 +52,7 @@ impl Settings {
     }
 }
 
-/// The text of a grid file with these entries (see [`Settings::entries`]).
+/// The text of a grid file with these entries (see [`GridSettings::entries`]).
 pub(crate) fn config_text(entries: &[(String, String)]) -> String {
     let mut text = String::from("version = 1\n");
     let mut current = "";

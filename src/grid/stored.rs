@@ -2,11 +2,11 @@
 use serde_json::Value;
 
 use super::settings::{AxisSettings, FixedSettings, Properties};
-use super::{Settings, SizeAxis};
+use super::{GridSettings, SizeAxis};
 use crate::grain::{Shape, SizeConversion, SizeLaw, SizeMeasure, TruncatedNormal};
 use crate::parameter::{Axes, Parameter};
 
-impl Settings {
+impl GridSettings {
     /// Reads the canonical text of a grid, also one of version 0.1, which named the axis of
     /// incidence angles and the engine `hybrid` differently.
     ///

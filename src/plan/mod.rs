@@ -5,7 +5,7 @@
 //!
 //! # fn main() -> Result<(), Box<dyn std::error::Error>> {
 //! let file = config::grid::read("configs/quick.toml".as_ref())?;
-//! let plan = splitsnow::plan(&file.grid, &plan::Options::default())?;
+//! let plan = splitsnow::plan(&file.grid, &plan::PlanOptions::default())?;
 //! println!("{} jobs, {:.0} core-seconds", plan.jobs, plan.core_seconds);
 //! # Ok(())
 //! # }
@@ -41,7 +41,7 @@ const HEADER: u64 = 10_000;
 /// Options of planning.
 #[derive(Debug, Clone, PartialEq)]
 #[non_exhaustive]
-pub struct Options {
+pub struct PlanOptions {
     /// Number of threads of the build; 0 for the default of [`threads`].
     pub threads: usize,
     /// CPU time for pilot jobs, s, summed over all threads.
@@ -51,7 +51,7 @@ pub struct Options {
     pub dir: Option<PathBuf>,
 }
 
-impl Default for Options {
+impl Default for PlanOptions {
     /// Five CPU seconds, and no output directory.
     fn default() -> Self {
         Self {
@@ -104,7 +104,7 @@ pub struct Plan {
     pub longest_job: LongestJob,
     /// The pilot jobs that the estimates are based on.
     pub pilot: PilotReport,
-    /// Why a build in [`Options::dir`] would be refused; `None` if it would not.
+    /// Why a build in [`PlanOptions::dir`] would be refused; `None` if it would not.
     #[serde(skip)]
     pub refused: Option<StoreError>,
 }
@@ -168,7 +168,7 @@ fn engine_name<S: Serializer>(engine: &Engine, to: S) -> Result<S::Ok, S::Error>
 /// # Errors
 /// [`PlanError`] if the grid is invalid, a data table cannot be read, or an engine refuses a
 /// job.
-pub fn plan(grid: &Grid, options: &Options) -> Result<Plan, PlanError> {
+pub fn plan(grid: &Grid, options: &PlanOptions) -> Result<Plan, PlanError> {
     let jobs = grid.jobs()?;
     let (remaining, refused) = match &options.dir {
         Some(dir) => remaining_jobs(dir, grid)?,

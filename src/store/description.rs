@@ -9,7 +9,7 @@ use sha2::{Digest, Sha256};
 
 use super::StoreError;
 use super::layout::Contents;
-use crate::grid::{Grid, Reflectance, Settings, config_text, toml_text};
+use crate::grid::{Grid, GridSettings, Reflectance, config_text, toml_text};
 use crate::lookup::SubstrateKind;
 use crate::parameter::{Axes, Parameter};
 use crate::transport::Entry;
@@ -109,7 +109,7 @@ impl Stored {
     /// # Errors
     /// [`StoreError::Damaged`] if this version cannot read the canonical grid file.
     pub(super) fn describe(self, path: &Path) -> Result<Description, StoreError> {
-        let settings = Settings::parse(&self.config).map_err(|reason| StoreError::Damaged {
+        let settings = GridSettings::parse(&self.config).map_err(|reason| StoreError::Damaged {
             path: path.join("zarr.json"),
             reason: format!("attribute \"config\": {reason}"),
         })?;
@@ -131,7 +131,7 @@ pub(super) struct Identity {
 impl Identity {
     /// The identity of the database of `grid`, which has these `settings`. `extra` has
     /// further inputs, such as the hashes of the data tables in use.
-    fn new(grid: &Grid, settings: &Settings, extra: &BTreeMap<String, String>) -> Self {
+    fn new(grid: &Grid, settings: &GridSettings, extra: &BTreeMap<String, String>) -> Self {
         let streams = match grid.fixed.model.entry {
             Entry::Uniform => STREAMS,
             Entry::Projected => PROJECTED_STREAMS,
@@ -299,7 +299,7 @@ impl Identity {
 #[derive(Debug, Clone)]
 pub(super) struct Description {
     pub(super) identity: Identity,
-    settings: Settings,
+    settings: GridSettings,
     /// The canonical grid file.
     pub(super) config: String,
 }
@@ -401,7 +401,7 @@ impl Description {
     }
 
     fn attributes_in(&self, spelling: Spelling, config: &str) -> Map<String, Value> {
-        let Settings { run, model, .. } = &self.settings;
+        let GridSettings { run, model, .. } = &self.settings;
         // a file name may need other quotes in TOML, which the attribute keeps
         let water = toml_text(&model.water);
         let (_, engine) = spelling.entry("run.engine", &toml_text(run.engine.name()));

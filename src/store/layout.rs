@@ -42,7 +42,7 @@ pub(super) struct Contents {
 
 /// The arrays that jobs write to.
 #[derive(Debug)]
-pub(super) struct Layout {
+pub(super) struct ArrayLayout {
     pub(super) jobs: Jobs,
     contents: Contents,
     quantities: [ZarrArray; 4],
@@ -53,7 +53,7 @@ pub(super) struct Layout {
     storage: Arc<FilesystemStore>,
 }
 
-impl Layout {
+impl ArrayLayout {
     pub(super) fn new(root: &Path, contents: Contents) -> Result<Self, StoreError> {
         let axes = &contents.axes;
         let jobs = Jobs::new(contents.engine, axes, contents.wavelengths_nm.len() as u64)?;

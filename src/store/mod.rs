@@ -39,7 +39,7 @@ use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
 use description::{Description, Stored};
-use layout::{Contents, Layout};
+use layout::{ArrayLayout, Contents};
 use lock::Lock;
 
 use crate::atomic::resolved;
@@ -72,7 +72,7 @@ pub struct Store {
     dir: PathBuf,
     root: PathBuf,
     description: Description,
-    layout: Layout,
+    layout: ArrayLayout,
     writer: Option<Arc<file::Writer>>,
     // Declared last, so that it is dropped last: all writes happen under the lock.
     _lock: Option<Lock>,
@@ -112,7 +112,7 @@ impl Store {
             absent: grid.absent()?,
             diffuse: grid.fixed.diffuse,
         };
-        let layout = Layout::new(&root, contents)?;
+        let layout = ArrayLayout::new(&root, contents)?;
         let store = Self {
             dir: dir.into(),
             root,
@@ -202,7 +202,7 @@ impl Store {
         let description = stored.describe(&root)?;
         Ok(Self {
             dir: dir.into(),
-            layout: Layout::new(&root, description.contents(&root)?)?,
+            layout: ArrayLayout::new(&root, description.contents(&root)?)?,
             root,
             description,
             writer: None,

@@ -26,8 +26,8 @@ use thiserror::Error;
 
 use crate::colour::{Colorimeter, ColourError};
 use crate::compress::{
-    Bands, Basis, Choice, CompactError, CompactFile, CompressError, Compressed, Precision, Variant,
-    compress,
+    Bands, Basis, Choice, CompactError, CompactFile, CompactVariant, CompressError, Compressed,
+    Precision, compress,
 };
 use crate::engine::{Control, Engine, MaxError};
 use crate::error_budget::{Certification, ERROR_BUDGET, ErrorBudget, ErrorBudgetError};
@@ -283,7 +283,7 @@ impl UncertifiedFile {
         nodes: &Nodes,
     ) -> Result<Self, TailorError> {
         let Wavelengths { nm, colour, .. } = &training.wavelengths;
-        let variant = Variant {
+        let variant = CompactVariant {
             basis: Basis::Log,
             precision: Precision::Quantised,
         };

@@ -6,7 +6,7 @@ use super::TailorError;
 use super::wavelengths::Wavelengths;
 use crate::colour::Colorimeter;
 use crate::engine::Control;
-use crate::error_budget::{Patch, Simulation};
+use crate::error_budget::{Patch, PatchSimulation};
 use crate::grid::Grid;
 use crate::lookup::{Database, Lookup, SubstrateKind};
 use crate::measurement::Quantity;
@@ -138,7 +138,7 @@ impl<'a> Training<'a> {
         };
         let patches: Vec<Patch> = (0..snow.count()).map(patch).collect();
         let seed = scene.seed;
-        let spectra = Simulation { grid, rays, seed }.run(&patches, control)?;
+        let spectra = PatchSimulation { grid, rays, seed }.run(&patches, control)?;
         let l = grid.wavelengths_nm.len();
         let curves = |quantity: Quantity| {
             let values = spectra.iter().flatten();

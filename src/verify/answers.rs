@@ -1,5 +1,5 @@
 //! Look-ups anywhere in the compact file against fresh simulations.
-use super::{Check, CheckContext, CheckedValue, Options, VerifyError, within};
+use super::{Check, CheckContext, CheckedValue, VerifyError, VerifyOptions, within};
 use crate::colour::Colorimeter;
 use crate::config;
 use crate::engine::Control;
@@ -114,7 +114,7 @@ pub(super) fn check(
 /// Runs `work` on the certification of a tailored file and its scene.
 fn with_scene<T>(
     file: &Database,
-    options: Options,
+    options: VerifyOptions,
     work: impl FnOnce(&Certification, &Scene) -> Result<T, VerifyError>,
 ) -> Result<T, VerifyError> {
     let text = file
@@ -143,7 +143,7 @@ fn with_scene<T>(
 ///
 /// # Errors
 /// If the scene of the file cannot be read, or a point cannot be simulated.
-pub fn tailored_walks(file: &Database, options: Options) -> Result<u64, VerifyError> {
+pub fn tailored_walks(file: &Database, options: VerifyOptions) -> Result<u64, VerifyError> {
     with_scene(file, options, |certification, _| Ok(certification.walks()?))
 }
 
@@ -155,9 +155,9 @@ pub fn tailored_walks(file: &Database, options: Options) -> Result<u64, VerifyEr
 /// run is cancelled.
 pub fn tailored(
     file: &Database,
-    options: Options,
+    options: VerifyOptions,
     control: &Control<'_>,
-) -> Result<(super::Report, Option<ErrorBudget>), VerifyError> {
+) -> Result<(super::VerifyReport, Option<ErrorBudget>), VerifyError> {
     with_scene(file, options, |certification, scene| {
         let partial = within(options.seconds, control, |control| {
             Ok(certification.certify_until_cancelled(control)?)
@@ -169,7 +169,7 @@ pub fn tailored(
         let (Some(mut check), Some(quantities)) = (check, quantities) else {
             let checks = Vec::new();
             return Ok((
-                super::Report {
+                super::VerifyReport {
                     checks,
                     not_checked,
                 },
@@ -193,7 +193,7 @@ pub fn tailored(
         }
         let checks = vec![check];
         Ok((
-            super::Report {
+            super::VerifyReport {
                 checks,
                 not_checked,
             },

@@ -5,7 +5,7 @@ use serde::Deserialize;
 use serde_json::Value;
 
 use super::{Check, CheckContext, CheckedValue, VerifyError};
-use crate::accuracy::Summary;
+use crate::accuracy::RunningSummary;
 use crate::colour::{Colorimeter, Viewing};
 use crate::compress::{
     BAND_ERRORS, BOUNDS, BandError, BandErrors, Bounds, ERROR_TABLE, PROVENANCE, curve_errors,
@@ -127,7 +127,7 @@ fn check_band(
     stated: &[BandError],
 ) {
     let name = computed.band.name();
-    let Some(Summary { max, worst, .. }) = summary(&computed.rmse) else {
+    let Some(RunningSummary { max, worst, .. }) = summary(&computed.rmse) else {
         return;
     };
     let stated = stated.iter().find(|stated| stated.band == computed.band);
@@ -287,8 +287,8 @@ pub(super) fn stated(database: &Database, quantity: Quantity) -> Option<Bounds> 
 }
 
 /// Summary of the errors of existing curves, by row; `None` if there are none.
-fn summary(errors: &[f64]) -> Option<Summary> {
-    let mut summary = Summary::default();
+fn summary(errors: &[f64]) -> Option<RunningSummary> {
+    let mut summary = RunningSummary::default();
     let existing = errors.iter().enumerate().filter(|(_, e)| !e.is_nan());
     existing.for_each(|(row, error)| summary.add(row, *error));
     Some(summary).filter(|summary| !summary.is_empty())

@@ -29,14 +29,14 @@ use crate::store::{self, Store, StoreError, Variable};
 pub use answers::{POINT_RAYS, tailored, tailored_walks};
 #[cfg(feature = "cli")]
 pub(crate) use compact::viewing;
-pub use report::{Check, CheckedValue, Report};
+pub use report::{Check, CheckedValue, VerifyReport};
 
 /// Probability that the fresh simulations of one kind fail a correct database.
 pub const FALSE_ALARM: f64 = 1e-6;
 
 /// The settings of a verification.
 #[derive(Debug, Clone, Copy)]
-pub struct Options {
+pub struct VerifyOptions {
     /// Number of fresh simulations at nodes; 0 skips this check.
     pub samples: usize,
     /// Least number of random points of the error budget; 0 skips the error budget.
@@ -94,7 +94,7 @@ pub enum VerifyError {
 pub struct Verification {
     store: Store,
     grid: Grid,
-    options: Options,
+    options: VerifyOptions,
 }
 
 impl From<ErrorBudgetError> for VerifyError {
@@ -129,7 +129,7 @@ fn within<T>(
 struct CheckContext<'a> {
     store: &'a Store,
     grid: &'a Grid,
-    options: Options,
+    options: VerifyOptions,
 }
 
 impl Verification {
@@ -138,7 +138,7 @@ impl Verification {
     /// # Errors
     /// If there is no database, its metadata is damaged, or this version cannot simulate its
     /// grid.
-    pub fn open(dir: &Path, options: Options) -> Result<Self, VerifyError> {
+    pub fn open(dir: &Path, options: VerifyOptions) -> Result<Self, VerifyError> {
         let store = Store::open(dir)?;
         // Tables that the grid names without a folder are looked up beside the database.
         let name = store.path().display().to_string();
@@ -174,21 +174,27 @@ impl Verification {
     /// # Errors
     /// If an existing file cannot be read, an engine fails, or the run is cancelled. Problems of
     /// the database itself are in the report.
-    pub fn run(&self, control: &Control<'_>) -> Result<(Report, Option<ErrorBudget>), VerifyError> {
+    pub fn run(
+        &self,
+        control: &Control<'_>,
+    ) -> Result<(VerifyReport, Option<ErrorBudget>), VerifyError> {
         within(self.options.seconds, control, |control| {
             self.checks(control)
         })
     }
 
     /// See [`run`](Self::run).
-    fn checks(&self, control: &Control<'_>) -> Result<(Report, Option<ErrorBudget>), VerifyError> {
+    fn checks(
+        &self,
+        control: &Control<'_>,
+    ) -> Result<(VerifyReport, Option<ErrorBudget>), VerifyError> {
         let context = self.context();
         let mut not_checked = Vec::new();
         let integrity = self.integrity()?;
         if !integrity.passed() {
             let checks = vec![integrity];
             return Ok((
-                Report {
+                VerifyReport {
                     checks,
                     not_checked,
                 },
@@ -249,7 +255,7 @@ impl Verification {
             error_budget = measured;
         }
         Ok((
-            Report {
+            VerifyReport {
                 checks,
                 not_checked,
             },

@@ -86,7 +86,7 @@ pub(super) fn check(
 
 /// Random nodes of different jobs, and the seed of their simulations.
 fn choose(context: &CheckContext<'_>) -> (Vec<Node>, u64) {
-    let mut random = sampling::Check::Verify.stream("nodes", context.options.seed);
+    let mut random = sampling::CheckStream::Verify.stream("nodes", context.options.seed);
     let seed = random.next_u64();
     let jobs = context.store.jobs();
     let axes = context.store.axes();

@@ -61,7 +61,7 @@ impl Check {
 
 /// The results of all checks.
 #[derive(Debug, Clone, PartialEq, Serialize)]
-pub struct Report {
+pub struct VerifyReport {
     /// The checks in the order in which they ran, without those that depend on a failed
     /// check.
     pub checks: Vec<Check>,
@@ -69,7 +69,7 @@ pub struct Report {
     pub not_checked: Vec<String>,
 }
 
-impl Report {
+impl VerifyReport {
     /// Whether every check passed.
     #[must_use]
     pub fn passed(&self) -> bool {
@@ -98,7 +98,7 @@ fn verdict(passed: bool) -> &'static str {
     if passed { "PASS" } else { "FAIL" }
 }
 
-impl fmt::Display for Report {
+impl fmt::Display for VerifyReport {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         for check in &self.checks {
             writeln!(f, "{}  {}", verdict(check.passed()), check.name)?;

@@ -4,7 +4,7 @@ use std::fs;
 use std::path::Path;
 
 use ndarray::Array2;
-use splitsnow::compress::{Bands, Basis, Choice, CompactFile, Precision, Variant, compress};
+use splitsnow::compress::{Bands, Basis, Choice, CompactFile, CompactVariant, Precision, compress};
 use splitsnow::grid::Compression;
 use splitsnow::lookup::SubstrateKind;
 use splitsnow::measurement::Quantity;
@@ -33,7 +33,7 @@ fn curve(row: &[f64], nm: &[f64], quantity: Quantity) -> Vec<f64> {
 pub(crate) struct Contents {
     axes: Axes,
     nm: Vec<f64>,
-    variant: Variant,
+    variant: CompactVariant,
     choice: Choice,
     quantities: Vec<Quantity>,
     absent: Vec<usize>,
@@ -52,7 +52,7 @@ impl Default for Contents {
                 (Parameter::Incidence, vec![0.0, 30.0, 60.0, 80.0, 89.0]),
             ]),
             nm: (40..=70).map(|i| f64::from(i) * 10.0).collect(),
-            variant: Variant::default(),
+            variant: CompactVariant::default(),
             choice: Choice::Components(5),
             quantities: Quantity::ALL.into(),
             absent: Vec::new(),
@@ -118,7 +118,7 @@ pub(crate) fn variants() -> Vec<(String, Vec<u8>)> {
     let mut files = Vec::new();
     for basis in Basis::ALL {
         for precision in Precision::ALL {
-            let variant = Variant { basis, precision };
+            let variant = CompactVariant { basis, precision };
             let contents = Contents {
                 variant,
                 ..Contents::default()
@@ -127,7 +127,7 @@ pub(crate) fn variants() -> Vec<(String, Vec<u8>)> {
             files.push((name, contents.bytes()));
         }
     }
-    let log = |precision| Variant {
+    let log = |precision| CompactVariant {
         basis: Basis::Log,
         precision,
     };
@@ -154,7 +154,7 @@ pub(crate) fn variants() -> Vec<(String, Vec<u8>)> {
     for (name, variant, n) in [
         ("optional_axes_log", log(Precision::F32), 5),
         ("optional_axes_quantised", log(Precision::Quantised), 3),
-        ("optional_axes_linear", Variant::default(), 4),
+        ("optional_axes_linear", CompactVariant::default(), 4),
     ] {
         let contents = Contents {
             axes: axes_with_optional(n),
@@ -182,9 +182,9 @@ pub(crate) fn variants() -> Vec<(String, Vec<u8>)> {
         ("substrate_log", Basis::Log),
     ] {
         let contents = Contents {
-            variant: Variant {
+            variant: CompactVariant {
                 basis,
-                ..Variant::default()
+                ..CompactVariant::default()
             },
             substrate: SubstrateKind::Reflecting,
             ..Contents::default()
@@ -193,7 +193,7 @@ pub(crate) fn variants() -> Vec<(String, Vec<u8>)> {
     }
     // absent curves; the last size has curves for few thicknesses only
     for (name, variant, absent) in [
-        ("absent_linear", Variant::default(), [0, 2, 5]),
+        ("absent_linear", CompactVariant::default(), [0, 2, 5]),
         ("absent_quantised", log(Precision::Quantised), [0, 0, 3]),
     ] {
         let contents = Contents {

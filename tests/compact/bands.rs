@@ -8,8 +8,8 @@ use serde_json::Value;
 use splitsnow::batch;
 use splitsnow::colour::Colorimeter;
 use splitsnow::compress::{
-    BAND_ERRORS, BandError, Bands, Choice, DEFAULT_MAX_RMSE, NOISE_FACTOR, Variant, compress,
-    curve_errors,
+    BAND_ERRORS, BandError, Bands, Choice, CompactVariant, DEFAULT_MAX_RMSE, NOISE_FACTOR,
+    compress, curve_errors,
 };
 use splitsnow::engine::{Control, Engine, EngineError, Request};
 use splitsnow::lookup::Database;
@@ -162,7 +162,7 @@ fn wide_spectra_keep_their_bounds_in_every_band() {
     let root = tempfile::tempdir().unwrap();
     let dir = root.path().join("long");
     let store = Store::build(&dir, &grid, &BTreeMap::new(), Access::Exclusive).unwrap();
-    let options = batch::Options::default();
+    let options = batch::BatchOptions::default();
     batch::run(
         &grid,
         &store,
@@ -175,7 +175,7 @@ fn wide_spectra_keep_their_bounds_in_every_band() {
     let curves = store.read(Variable::Reflectance).unwrap().mapv(f64::from);
     let colour = Colorimeter::new(&grid.wavelengths_nm).unwrap();
     let (quantity, bands) = (Quantity::Reflectance, Bands::new(&grid.wavelengths_nm));
-    let (colour, variant) = (colour.as_ref(), Variant::default());
+    let (colour, variant) = (colour.as_ref(), CompactVariant::default());
     let delta_e_only = compress(
         curves.view(),
         quantity,
@@ -229,7 +229,7 @@ fn assert_page_is_current(dir: &Path) {
             colour.as_ref(),
             &Bands::new(nm),
             Choice::Components(components),
-            Variant::default(),
+            CompactVariant::default(),
         )
         .unwrap();
         let bands = compressed.band_errors();

@@ -2,7 +2,7 @@
 use std::collections::BTreeMap;
 
 use ndarray::Array2;
-use splitsnow::compress::{self, Bands, Basis, Choice, CompactFile, Precision, Variant};
+use splitsnow::compress::{self, Bands, Basis, Choice, CompactFile, CompactVariant, Precision};
 
 use splitsnow::lookup::{Database, FormatError, Lookup, LookupError, SubstrateKind, Varsa2025};
 use splitsnow::measurement::Quantity;
@@ -30,7 +30,7 @@ fn powers() -> Array2<f64> {
 }
 
 fn file(basis: Basis) -> Vec<u8> {
-    let variant = Variant {
+    let variant = CompactVariant {
         basis,
         precision: Precision::F32,
     };

@@ -5,7 +5,7 @@ use std::sync::LazyLock;
 use ndarray::Array2;
 use proptest::prelude::*;
 use safetensors::{Dtype, SafeTensors};
-use splitsnow::compress::{Bands, Basis, Choice, CompactFile, Precision, Variant, compress};
+use splitsnow::compress::{Bands, Basis, Choice, CompactFile, CompactVariant, Precision, compress};
 use splitsnow::grid::Compression;
 use splitsnow::lookup::{Database, FormatError, Lookup, SubstrateKind};
 use splitsnow::measurement::Quantity;
@@ -150,7 +150,7 @@ fn damaged_and_foreign_files_are_refused_with_a_reason() {
 
 #[test]
 fn damaged_quantised_files_are_refused_with_a_reason() {
-    let variant = Variant {
+    let variant = CompactVariant {
         basis: Basis::Log,
         precision: Precision::Quantised,
     };
@@ -285,8 +285,8 @@ fn fuzz_seeds_are_valid_or_refused_as_named() {
             .unwrap()
         };
         let two = Choice::Components(2);
-        let valid = bytes(Variant::default(), two, &Quantity::ALL);
-        let log = |precision| Variant {
+        let valid = bytes(CompactVariant::default(), two, &Quantity::ALL);
+        let log = |precision| CompactVariant {
             basis: Basis::Log,
             precision,
         };
@@ -314,7 +314,7 @@ fn fuzz_seeds_are_valid_or_refused_as_named() {
             None,
             &Bands::default(),
             two,
-            Variant::default(),
+            CompactVariant::default(),
         );
         let file = CompactFile {
             axes: &with_carbon,

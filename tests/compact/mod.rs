@@ -14,8 +14,8 @@ use proptest::prelude::*;
 use safetensors::SafeTensors;
 use splitsnow::colour::Colorimeter;
 use splitsnow::compress::{
-    self, Bands, Choice, Coefficients, CompactFile, CompressError, Compressed, Variant,
-    curve_errors,
+    self, Bands, Choice, CompactFile, CompactVariant, CompressError, Compressed,
+    StoredCoefficients, curve_errors,
 };
 use splitsnow::grid::Compression;
 use splitsnow::lookup::{Database, LookupError, SubstrateKind};
@@ -76,7 +76,7 @@ fn compress(
     colour: Option<&Colorimeter>,
     choice: Choice,
 ) -> Result<Compressed, CompressError> {
-    let variant = Variant::default();
+    let variant = CompactVariant::default();
     let bands = Bands::default();
     compress::compress(
         curves,
@@ -260,7 +260,7 @@ fn the_writer_refuses_files_that_the_reader_would_refuse() {
     let mut bad = good.clone();
     let mut coefficients = bad.coefficients.decoded();
     coefficients[[7, 1]] = f32::NAN;
-    bad.coefficients = Coefficients::F32(coefficients);
+    bad.coefficients = StoredCoefficients::F32(coefficients);
     assert!(error(&axes(), &wavelengths(), &bad).contains("NaN"));
     let reserved_key = BTreeMap::from([("basis".to_owned(), "log".to_owned())]);
     let (axes, wavelengths) = (axes(), wavelengths());

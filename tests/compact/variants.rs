@@ -4,8 +4,8 @@ use std::collections::BTreeMap;
 use ndarray::Array2;
 use safetensors::{Dtype, SafeTensors};
 use splitsnow::compress::{
-    Bands, Basis, Bounds, Choice, Coefficients, CompactFile, CompressError, Compressed, Precision,
-    Variant, compress, curve_errors,
+    Bands, Basis, Bounds, Choice, CompactFile, CompactVariant, CompressError, Compressed,
+    Precision, StoredCoefficients, compress, curve_errors,
 };
 use splitsnow::grid::Compression;
 use splitsnow::lookup::{Database, LookupError, SubstrateKind};
@@ -13,10 +13,10 @@ use splitsnow::measurement::Quantity;
 
 use super::{BOUNDS, axes, colour, curves, valid, wavelengths};
 
-pub(crate) fn variants() -> impl Iterator<Item = Variant> {
+pub(crate) fn variants() -> impl Iterator<Item = CompactVariant> {
     Basis::ALL
         .into_iter()
-        .flat_map(|basis| Precision::ALL.map(|precision| Variant { basis, precision }))
+        .flat_map(|basis| Precision::ALL.map(|precision| CompactVariant { basis, precision }))
 }
 
 /// Curves of a quantity. Reflectance is slightly less than 1 minus transmittance.
@@ -27,7 +27,7 @@ fn curves_of(quantity: Quantity) -> Array2<f64> {
     }
 }
 
-fn compressed(quantity: Quantity, choice: Choice, variant: Variant) -> Compressed {
+fn compressed(quantity: Quantity, choice: Choice, variant: CompactVariant) -> Compressed {
     let curves = curves_of(quantity);
     compress(
         curves.view(),
@@ -59,7 +59,7 @@ fn try_bytes(
 }
 
 /// The bytes of a file with both quantities.
-pub(crate) fn file(choice: Choice, variant: Variant) -> Vec<u8> {
+pub(crate) fn file(choice: Choice, variant: CompactVariant) -> Vec<u8> {
     let [t, r] = Quantity::ALL.map(|quantity| compressed(quantity, choice, variant));
     try_bytes(Some(&t), Some(&r)).unwrap()
 }
@@ -101,9 +101,9 @@ fn every_variant_has_the_errors_of_its_table() {
 
 #[test]
 fn the_reader_inverts_the_logarithm() {
-    let variant = Variant {
+    let variant = CompactVariant {
         basis: Basis::Log,
-        ..Variant::default()
+        ..CompactVariant::default()
     };
     let database = Database::from_bytes(&file(Choice::Components(31), variant)).unwrap();
     for quantity in Quantity::ALL {
@@ -131,9 +131,9 @@ fn exponentials_need_one_component() {
         (-0.02 * i as f64 * (0.1 + (j as f64 / 31.0).powi(3))).exp()
     });
     let components = |quantity, curves: &Array2<f64>, basis| {
-        let variant = Variant {
+        let variant = CompactVariant {
             basis,
-            ..Variant::default()
+            ..CompactVariant::default()
         };
         let bounds = Choice::Bounds(Compression {
             max_delta_e: 0.1,
@@ -164,9 +164,9 @@ fn values_with_undefined_logarithm_are_compressed() {
     curves.row_mut(3).fill(0.0);
     curves.row_mut(4).fill(1.0);
     curves.row_mut(5).fill(1.0 + 1e-9);
-    let variant = Variant {
+    let variant = CompactVariant {
         basis: Basis::Log,
-        ..Variant::default()
+        ..CompactVariant::default()
     };
     for quantity in Quantity::ALL {
         let choice = Choice::Components(31);
@@ -206,7 +206,7 @@ fn values_with_undefined_logarithm_are_compressed() {
 /// docs/formats.md documents one tensor of integers per component.
 #[test]
 fn integers_have_the_documented_layout() {
-    let variant = Variant {
+    let variant = CompactVariant {
         basis: Basis::Log,
         precision: Precision::Quantised,
     };
@@ -250,7 +250,7 @@ fn integers_have_the_documented_layout() {
 #[test]
 fn integers_are_as_narrow_as_the_bounds_allow() {
     let bits = |choice| {
-        let variant = Variant {
+        let variant = CompactVariant {
             basis: Basis::Log,
             precision: Precision::Quantised,
         };
@@ -278,9 +278,9 @@ fn a_bound_below_the_precision_is_refused() {
             max_delta_e: 2.3,
             max_rmse: Some(rmse),
         });
-        let variant = Variant {
+        let variant = CompactVariant {
             precision,
-            ..Variant::default()
+            ..CompactVariant::default()
         };
         let curves = curves();
         let quantity = Quantity::Transmittance;
@@ -307,7 +307,7 @@ fn files_may_have_a_single_quantity() {
         (Quantity::Transmittance, Quantity::Reflectance),
         (Quantity::Reflectance, Quantity::Transmittance),
     ] {
-        let only = compressed(present, BOUNDS, Variant::default());
+        let only = compressed(present, BOUNDS, CompactVariant::default());
         let bytes = match present {
             Quantity::Transmittance => try_bytes(Some(&only), None),
             Quantity::Reflectance => try_bytes(None, Some(&only)),
@@ -352,17 +352,17 @@ fn old_files_without_variant_keys_are_read() {
 
 #[test]
 fn the_writer_refuses_inconsistent_contents() {
-    let plain = compressed(Quantity::Transmittance, BOUNDS, Variant::default());
+    let plain = compressed(Quantity::Transmittance, BOUNDS, CompactVariant::default());
     let error = try_bytes(None, None).unwrap_err();
     assert!(error.contains("neither"), "{error}");
-    let variant = Variant {
+    let variant = CompactVariant {
         basis: Basis::Log,
-        ..Variant::default()
+        ..CompactVariant::default()
     };
     let other = compressed(Quantity::Reflectance, BOUNDS, variant);
     let error = try_bytes(Some(&plain), Some(&other)).unwrap_err();
     assert!(error.contains("different variants"), "{error}");
     let mut short = plain.clone();
-    short.coefficients = Coefficients::Quantised(Vec::new());
+    short.coefficients = StoredCoefficients::Quantised(Vec::new());
     assert!(try_bytes(Some(&short), None).is_err());
 }

@@ -24,7 +24,7 @@ mod prepare;
 use ndarray::ArrayView1;
 use splitsnow_spectra::Quantity;
 use splitsnow_spectra::elementary::exp_neg_single as exp_neg;
-use splitsnow_spectra::simd::{F32x8, F64x8, Kernel, Portable, Simd, dispatch};
+use splitsnow_spectra::simd::{F32x8, F64x8, Portable, Simd, SimdKernel, dispatch};
 
 use crate::diffusion::Diffusion;
 use crate::parameter::{core_places, thickness_slope};
@@ -530,7 +530,7 @@ struct SpectrumKernel<'a> {
     spectrum: &'a mut [f32],
 }
 
-impl Kernel for SpectrumKernel<'_> {
+impl SimdKernel for SpectrumKernel<'_> {
     type Output = Result<(), LookupError>;
 
     #[inline(always)]

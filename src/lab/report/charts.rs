@@ -4,7 +4,8 @@ use super::panel::{Panel, Series};
 use super::style::Style;
 use crate::engine::Engine;
 use crate::lab::tradeoff::{
-    Band, ChartPoint, Coding, Components, Measure, Results, ScalingVariable, front, points,
+    ChartPoint, Coding, Components, Measure, Results, ScalingVariable, SpectralDomain, front,
+    points,
 };
 use crate::measurement::Quantity;
 
@@ -36,11 +37,27 @@ fn tradeoff(results: &Results) -> Figure {
             .filter_map(|p| Some((p, measure_of(measure, p)?)))
             .collect()
     };
-    let visible = errors_of(Quantity::Transmittance, Band::Visible, Measure::Rmse);
-    let infrared = errors_of(Quantity::Reflectance, Band::NearInfrared, Measure::Rmse);
+    let visible = errors_of(
+        Quantity::Transmittance,
+        SpectralDomain::Visible,
+        Measure::Rmse,
+    );
+    let infrared = errors_of(
+        Quantity::Reflectance,
+        SpectralDomain::NearInfrared,
+        Measure::Rmse,
+    );
     let colour = larger(
-        errors_of(Quantity::Transmittance, Band::Visible, Measure::DeltaE),
-        &errors_of(Quantity::Reflectance, Band::Visible, Measure::DeltaE),
+        errors_of(
+            Quantity::Transmittance,
+            SpectralDomain::Visible,
+            Measure::DeltaE,
+        ),
+        &errors_of(
+            Quantity::Reflectance,
+            SpectralDomain::Visible,
+            Measure::DeltaE,
+        ),
     );
     let seeds = results.rows.iter().map(|row| row.seeds).max().unwrap_or(0);
     let mut legend = engines(points.iter().map(|p| p.setting.engine));

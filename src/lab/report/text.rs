@@ -5,8 +5,8 @@ use serde_json::{Value, json};
 
 use crate::engine::Engine;
 use crate::lab::tradeoff::{
-    Band, Bound, Candidate, ChartPoint, Metrics, Recommendation, Results, Row, front, points,
-    recommend,
+    Bound, Candidate, ChartPoint, Metrics, Recommendation, Results, Row, SpectralDomain, front,
+    points, recommend,
 };
 use crate::measurement::Quantity;
 
@@ -17,7 +17,7 @@ struct TableLine<'a> {
 }
 
 /// The lines of the table for one band.
-fn lines(points: &[ChartPoint], band: Band) -> Vec<TableLine<'_>> {
+fn lines(points: &[ChartPoint], band: SpectralDomain) -> Vec<TableLine<'_>> {
     let points_of = |quantity| {
         let matches = move |p: &&ChartPoint| (p.band, p.quantity) == (band, quantity);
         points.iter().filter(matches)
@@ -70,7 +70,7 @@ pub fn table(results: &Results) -> String {
             );
         }
     }
-    for band in Band::ALL {
+    for band in SpectralDomain::ALL {
         band_table(&mut out, &lines(&points, band), band, results.truth_rays);
     }
     if points.iter().any(|point| !point.measured) {
@@ -116,10 +116,14 @@ fn cells(metrics: &Metrics) -> String {
 }
 
 /// Writes the table of one band.
-fn band_table(out: &mut String, lines: &[TableLine], band: Band, truth_rays: u64) {
+fn band_table(out: &mut String, lines: &[TableLine], band: SpectralDomain, truth_rays: u64) {
     let nm = band.wavelengths_nm();
     let (first, last) = (nm.first().copied(), nm.last().copied());
-    let colour = if band == Band::Visible { "Delta-E" } else { "" };
+    let colour = if band == SpectralDomain::Visible {
+        "Delta-E"
+    } else {
+        ""
+    };
     let _ = writeln!(
         out,
         "\n{}-{} nm, {} wavelengths{:>30}{:>27}",

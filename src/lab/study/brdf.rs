@@ -1,5 +1,5 @@
 //! The BRDFs of the variants of a study.
-use crate::config::study::{DrawBrdf, StudyFile, Variant};
+use crate::config::study::{DrawBrdf, StudyFile, StudyVariant};
 use crate::engine::exits::Exits;
 use crate::measurement::{Measured, Sensors};
 use crate::transport::Illumination;
@@ -49,7 +49,7 @@ fn ratio(a: Measured, b: Measured) -> Measured {
 
 impl Brdfs<'_> {
     /// The variants with their exits; sensor values are in 1/sr.
-    pub fn variants(&self) -> impl Iterator<Item = (&Variant, &Exits)> {
+    pub fn variants(&self) -> impl Iterator<Item = (&StudyVariant, &Exits)> {
         self.study.variants.iter().zip(&self.exits)
     }
 
@@ -85,7 +85,7 @@ impl Brdfs<'_> {
 
 /// The incidence angle of a variant, degrees from the normal; `None` for diffuse light.
 #[must_use]
-pub fn incidence_deg(variant: &Variant) -> Option<f64> {
+pub fn incidence_deg(variant: &StudyVariant) -> Option<f64> {
     match variant.sample.illumination {
         Illumination::Collimated { polar_angle_rad } => Some(polar_angle_rad.to_degrees()),
         Illumination::Diffuse => None,

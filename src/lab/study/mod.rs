@@ -2,7 +2,7 @@
 mod brdf;
 mod spectra;
 
-use crate::config::study::{Draw, StudyFile, Variant};
+use crate::config::study::{Draw, StudyFile, StudyVariant};
 use crate::engine::exits::goniometer;
 use crate::engine::{Control, Engine, EngineError, MaxError, Request, Resolution};
 use crate::measurement::Sensors;
@@ -21,7 +21,7 @@ pub enum Studied<'a> {
 
 /// The settings of a study. Each variant runs as in `simulate`.
 #[derive(Debug, Clone, Copy)]
-pub struct Settings {
+pub struct StudySettings {
     /// The engine that simulates the variants.
     pub engine: Engine,
     /// Rays, see [`Request::rays`]; a BRDF takes [`BRDF_WALKS`] times as many.
@@ -40,9 +40,9 @@ pub const BRDF_WALKS: u64 = 2;
 /// [`EngineError`] if the engine refuses a variant, fails, or is cancelled.
 pub fn run<'a>(
     study: &'a StudyFile,
-    settings: Settings,
+    settings: StudySettings,
     control: &Control<'_>,
-    next: impl Fn(&Variant),
+    next: impl Fn(&StudyVariant),
 ) -> Result<Studied<'a>, EngineError> {
     match study.draw {
         Draw::Spectra(draw) => {
@@ -57,7 +57,7 @@ pub fn run<'a>(
         }
         Draw::Brdf(draw) => {
             let sensors = Sensors::new(draw.sensors);
-            let settings = Settings {
+            let settings = StudySettings {
                 rays: settings.rays.saturating_mul(BRDF_WALKS),
                 ..settings
             };
@@ -78,11 +78,11 @@ pub fn run<'a>(
 /// illumination, so `measure` returns a list with one element.
 fn each<T: Default>(
     study: &StudyFile,
-    settings: Settings,
-    next: impl Fn(&Variant),
+    settings: StudySettings,
+    next: impl Fn(&StudyVariant),
     measure: &dyn Fn(&Request) -> Result<Vec<T>, EngineError>,
 ) -> Result<Vec<T>, EngineError> {
-    let measure_variant = |variant: &Variant| {
+    let measure_variant = |variant: &StudyVariant| {
         next(variant);
         let sample = &variant.sample;
         let results = measure(&Request {

@@ -1,5 +1,5 @@
 //! The spectra of the variants of a study.
-use crate::config::study::{Against, DrawSpectra, StudyFile, VISIBLE_NM, Variant};
+use crate::config::study::{Against, DrawSpectra, StudyFile, StudyVariant, VISIBLE_NM};
 use crate::measurement::{Measured, Spectrum};
 
 /// A study with the spectrum of each of its variants.
@@ -15,7 +15,7 @@ pub struct Spectra<'a> {
 
 impl Spectra<'_> {
     /// The variants with their wavelengths (nm) and values.
-    pub fn curves(&self) -> impl Iterator<Item = (&Variant, &[f64], &[Measured])> {
+    pub fn curves(&self) -> impl Iterator<Item = (&StudyVariant, &[f64], &[Measured])> {
         let variants = self.study.variants.iter().zip(&self.spectra);
         variants.map(|(variant, spectrum)| {
             let values = spectrum.of(self.draw.quantity);
@@ -34,7 +34,7 @@ impl Spectra<'_> {
     /// The points of a study against thickness: each variant with its thickness (m) and its
     /// mean over 400-700 nm.
     #[must_use]
-    pub fn against_thickness(&self) -> Vec<(&Variant, f64, Measured)> {
+    pub fn against_thickness(&self) -> Vec<(&StudyVariant, f64, Measured)> {
         let curves = self.curves();
         let visible = curves.filter_map(|(variant, nm, values)| {
             let mean = mean(nm, values, |nm| VISIBLE_NM.contains(&nm))?;

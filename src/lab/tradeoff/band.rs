@@ -3,14 +3,14 @@ use crate::colour::{Colorimeter, ColourError};
 
 /// A band of wavelengths with its own runs, costs and errors.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord)]
-pub enum Band {
+pub enum SpectralDomain {
     /// 400-700 nm in steps of 10 nm: 31 wavelengths, with a colour.
     Visible,
     /// 700-1400 nm in steps of 50 nm: 15 wavelengths, without a colour.
     NearInfrared,
 }
 
-impl Band {
+impl SpectralDomain {
     /// All bands.
     pub const ALL: [Self; 2] = [Self::Visible, Self::NearInfrared];
 
@@ -51,7 +51,7 @@ mod tests {
 
     #[test]
     fn the_bands_meet_at_700_nm() {
-        let ends = Band::ALL.map(|band| {
+        let ends = SpectralDomain::ALL.map(|band| {
             let nm = band.wavelengths_nm();
             (nm.first().copied(), nm.last().copied(), nm.len())
         });
@@ -61,7 +61,8 @@ mod tests {
 
     #[test]
     fn only_visible_light_has_a_colour() {
-        let coloured = |band: Band| band.colorimeter().is_ok_and(|colour| colour.is_some());
-        assert_eq!(Band::ALL.map(coloured), [true, false]);
+        let coloured =
+            |band: SpectralDomain| band.colorimeter().is_ok_and(|colour| colour.is_some());
+        assert_eq!(SpectralDomain::ALL.map(coloured), [true, false]);
     }
 }

@@ -7,7 +7,7 @@
 //! near infrared and at every fifth in visible light, where the cost varies little.
 use super::measure::{Bench, Tables, failed, request};
 use super::truth::Truth;
-use super::{Band, Metrics, Row, RowKind, Sample, Setting, TradeoffError};
+use super::{Metrics, NamedSample, Row, RowKind, Setting, SpectralDomain, TradeoffError};
 use crate::colour::Colorimeter;
 use crate::engine::{BATCH, Engine, Resolution};
 use crate::measurement::Quantity;
@@ -24,7 +24,7 @@ const STEPS: usize = 800;
 pub(super) fn rows(
     bench: &Bench,
     measured: &[Row],
-    samples: &[Sample],
+    samples: &[NamedSample],
     truths: &[Vec<Truth>],
 ) -> Result<Vec<Row>, TradeoffError> {
     let is_reference = |row: &&Row| row.setting.engine == Engine::Reference;
@@ -50,7 +50,7 @@ pub(super) fn rows(
     }
     let mut rows = Vec::new();
     for (sample, truths) in samples.iter().zip(truths) {
-        for (band, truth) in Band::ALL.into_iter().zip(truths) {
+        for (band, truth) in SpectralDomain::ALL.into_iter().zip(truths) {
             let same = |row: &&&Row| row.sample == sample.name && row.band == band;
             let Some(known) = known.iter().find(same) else {
                 continue;
@@ -82,15 +82,19 @@ fn setting(rays: u64) -> Setting {
 }
 
 /// One of this many wavelengths is timed.
-fn stride(band: Band) -> usize {
+fn stride(band: SpectralDomain) -> usize {
     match band {
-        Band::Visible => 5,
-        Band::NearInfrared => 1,
+        SpectralDomain::Visible => 5,
+        SpectralDomain::NearInfrared => 1,
     }
 }
 
 /// CPU seconds of one batch of rays at each wavelength of `band`.
-fn batch_seconds(bench: &Bench, sample: &Sample, band: Band) -> Result<f64, TradeoffError> {
+fn batch_seconds(
+    bench: &Bench,
+    sample: &NamedSample,
+    band: SpectralDomain,
+) -> Result<f64, TradeoffError> {
     let (setting, thickness) = (setting(BATCH), [sample.file.thickness_m]);
     let wavelengths_nm = band.wavelengths_nm();
     let timed: Vec<f64> = wavelengths_nm
@@ -176,7 +180,7 @@ mod tests {
     fn the_error_is_that_of_counted_rays() {
         const RAYS: u64 = 1000;
         const RUNS: u64 = 400;
-        let band = Band::Visible;
+        let band = SpectralDomain::Visible;
         let colour = band.colorimeter().unwrap();
         let nm = band.wavelengths_nm();
         let truth: Vec<f64> = nm.iter().map(|nm| 0.9 - nm / 1000.0).collect();

@@ -11,7 +11,8 @@ use super::truth::values;
 use super::{Setting, TradeoffError};
 use crate::colour::Colorimeter;
 use crate::compress::{
-    Bands, Basis, Bounds, Choice, CompressError, DEFAULT_MAX_DELTA_E, ErrorRow, Model, Precision,
+    Bands, Basis, Bounds, Choice, CompressError, CurveModel, DEFAULT_MAX_DELTA_E, ErrorRow,
+    Precision,
 };
 use crate::engine::{EngineError, Resolution};
 use crate::grid::{Compression, Grid, existing_rows};
@@ -137,7 +138,7 @@ pub(super) fn measure(
     let mut rows = Vec::new();
     for (quantity, matrix) in &curves.quantities {
         for basis in Basis::ALL {
-            let model = Model::new(matrix.view(), *quantity, colour.as_ref(), &bands, basis)?;
+            let model = CurveModel::new(matrix.view(), *quantity, colour.as_ref(), &bands, basis)?;
             let most = MOST.min(model.rank_limit());
             let cpu_seconds: Vec<_> = (1..=most).map(|n| evaluation_seconds(&model, n)).collect();
             for coding in Coding::ALL.into_iter().filter(|c| c.basis() == basis) {
@@ -161,7 +162,7 @@ pub(super) fn measure(
 
 /// Bytes of the coefficients, and errors, for 1 to `most` components.
 fn coded(
-    model: &Model,
+    model: &CurveModel,
     bounds: &Bounds,
     coding: Coding,
     most: usize,
@@ -251,7 +252,7 @@ fn simulated(bench: &Bench, grid: &Grid) -> Result<Curves, TradeoffError> {
 
 /// CPU seconds to evaluate one spectrum in the way readers of compact files do; the fastest of
 /// several passes.
-fn evaluation_seconds(model: &Model, components: usize) -> f64 {
+fn evaluation_seconds(model: &CurveModel, components: usize) -> f64 {
     let basis = model.basis(components);
     let coefficients = model.coefficients(components, Precision::F32).decoded();
     let mut sum = vec![0.0; basis.nrows()];

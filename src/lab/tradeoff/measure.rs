@@ -13,7 +13,7 @@ use std::sync::{Mutex, PoisonError};
 use cpu_time::{ProcessTime, ThreadTime};
 use rayon::prelude::*;
 
-use super::{Sample, Setting, TradeoffError};
+use super::{NamedSample, Setting, TradeoffError};
 use crate::engine::{Cache, Control, EngineError, MaxError, Request, Resolution};
 use crate::measurement::Spectrum;
 
@@ -144,7 +144,7 @@ impl<'a> Bench<'a> {
 /// The request to the engine of `setting`.
 pub(super) fn request<'a>(
     setting: &Setting,
-    sample: &'a Sample,
+    sample: &'a NamedSample,
     thicknesses_m: &'a [f64],
     wavelengths_nm: &'a [f64],
     seed: u64,
@@ -164,7 +164,11 @@ pub(super) fn request<'a>(
 }
 
 /// Converts an error of an engine.
-pub(super) fn failed(sample: &Sample, setting: &Setting, source: EngineError) -> TradeoffError {
+pub(super) fn failed(
+    sample: &NamedSample,
+    setting: &Setting,
+    source: EngineError,
+) -> TradeoffError {
     match source {
         EngineError::Cancelled => TradeoffError::Cancelled,
         source => TradeoffError::Engine {

@@ -25,7 +25,7 @@ use std::fs;
 use std::path::PathBuf;
 use std::sync::atomic::AtomicBool;
 
-pub use band::Band;
+pub use band::SpectralDomain;
 pub use baseline::BASELINE_RAYS;
 pub use components::{Coding, Components, CompressionSource};
 pub use error::TradeoffError;
@@ -34,7 +34,7 @@ pub use ladder::{Setting, ladder};
 pub use pareto::front;
 pub use point::{ChartPoint, points};
 pub use recommend::{Bound, Candidate, Measure, Recommendation, recommend};
-pub use sample::Sample;
+pub use sample::NamedSample;
 pub use scaling::{Cost, ScalingVariable};
 pub use sweep::{Refusal, Row, RowKind};
 
@@ -44,9 +44,9 @@ use truth::Truths;
 
 /// The settings of a run.
 #[derive(Debug)]
-pub struct Options {
+pub struct TradeoffOptions {
     /// The samples; at least one, with different names.
-    pub samples: Vec<Sample>,
+    pub samples: Vec<NamedSample>,
     /// The engines to chart.
     pub engines: Vec<Engine>,
     /// Number of runs of each setting, with seeds 1, 2, ...; at least 1.
@@ -89,7 +89,7 @@ pub struct Results {
 /// # Errors
 /// [`TradeoffError`] of any kind; [`TradeoffError::Cancelled`] soon after `cancel` is set.
 pub fn run(
-    options: &Options,
+    options: &TradeoffOptions,
     cancel: &AtomicBool,
     say: &dyn Fn(&str),
 ) -> Result<Results, TradeoffError> {

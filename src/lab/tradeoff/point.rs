@@ -1,7 +1,7 @@
 //! Points of the chart: each combines the results of one setting on all samples.
 use std::collections::BTreeSet;
 
-use super::{Band, Metrics, Row, RowKind, Setting};
+use super::{Metrics, Row, RowKind, Setting, SpectralDomain};
 use crate::measurement::Quantity;
 
 /// The results of one setting, quantity and band on all samples.
@@ -12,7 +12,7 @@ pub struct ChartPoint {
     /// Whether the setting was run, rather than extrapolated.
     pub measured: bool,
     /// Band of wavelengths.
-    pub band: Band,
+    pub band: SpectralDomain,
     /// Quantity that was compared.
     pub quantity: Quantity,
     /// CPU seconds of one run of the band, mean over the samples.
@@ -85,7 +85,7 @@ mod tests {
             },
             kind: RowKind::Measured,
             seeds: 1,
-            band: Band::NearInfrared,
+            band: SpectralDomain::NearInfrared,
             quantity,
             cpu_seconds: [cpu, 0.0, 100.0],
             table_seconds: 0.0,

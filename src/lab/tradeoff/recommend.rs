@@ -1,7 +1,7 @@
 //! The recommended setting for each bound on the error.
 use serde::Serialize;
 
-use super::{Band, ChartPoint, Metrics};
+use super::{ChartPoint, Metrics, SpectralDomain};
 use crate::measurement::Quantity;
 
 /// An error measure of [`Metrics`] for which bounds are set.
@@ -40,7 +40,7 @@ pub struct Bound {
     /// The measure that is bounded.
     pub measure: Measure,
     /// The band in which it is bounded.
-    pub band: Band,
+    pub band: SpectralDomain,
     /// The largest error allowed.
     pub value: f64,
 }
@@ -56,9 +56,9 @@ impl Bound {
                 value,
             }
         };
-        let colours = [2.3, 1.0, 0.3, 0.1].map(bound(Measure::DeltaE, Band::Visible));
+        let colours = [2.3, 1.0, 0.3, 0.1].map(bound(Measure::DeltaE, SpectralDomain::Visible));
         let rmse = |band| [1e-2, 1e-3, 3e-4].map(bound(Measure::Rmse, band));
-        let errors = Band::ALL.into_iter().flat_map(rmse);
+        let errors = SpectralDomain::ALL.into_iter().flat_map(rmse);
         colours.into_iter().chain(errors).collect()
     }
 }
@@ -153,7 +153,7 @@ mod tests {
                 resolution: Resolution::default(),
             },
             measured,
-            band: Band::Visible,
+            band: SpectralDomain::Visible,
             quantity,
             cpu_seconds,
             error: metrics(error),
@@ -166,7 +166,7 @@ mod tests {
     fn rmse(value: f64) -> Bound {
         Bound {
             measure: Measure::Rmse,
-            band: Band::Visible,
+            band: SpectralDomain::Visible,
             value,
         }
     }
@@ -205,7 +205,7 @@ mod tests {
         let half = &points(1, 1.0, [0.0, 0.0], true)[..1];
         assert_eq!(recommend(rmse(1.0), half).nearest, None);
         let elsewhere = Bound {
-            band: Band::NearInfrared,
+            band: SpectralDomain::NearInfrared,
             ..rmse(1.0)
         };
         let visible = points(1, 1.0, [0.0, 0.0], true);

@@ -32,14 +32,14 @@ const DEFAULTS: [(&str, &str); 5] = [
 
 /// A named sample: a slab of snow and its illumination.
 #[derive(Debug, Clone, PartialEq)]
-pub struct Sample {
+pub struct NamedSample {
     /// The file name without directory and extension.
     pub name: String,
     /// Snow, thickness, illumination and model; the wavelengths are not used.
     pub file: SampleFile,
 }
 
-impl Sample {
+impl NamedSample {
     /// The samples of `configs/tradeoff`: thick, thin, fine, coarse and oblique, wet.
     ///
     /// # Errors

@@ -1,7 +1,7 @@
 //! How the cost of a run scales with the size of the request.
 use super::ladder::typical;
 use super::measure::{Bench, Tables, failed, request};
-use super::{Sample, Setting, TradeoffError};
+use super::{NamedSample, Setting, TradeoffError};
 use crate::accuracy::mean;
 use crate::engine::Engine;
 use crate::transport::Illumination;
@@ -74,7 +74,7 @@ pub struct Cost {
 /// illumination of the sample. Settings that an engine refuses have no cost.
 pub(super) fn costs(
     bench: &Bench,
-    sample: &Sample,
+    sample: &NamedSample,
     engines: &[Engine],
     say: &dyn Fn(&str),
 ) -> Result<Vec<Cost>, TradeoffError> {
@@ -112,7 +112,7 @@ pub(super) fn costs(
 /// The cost at one value; `None` if the engine refuses the request.
 fn cost(
     bench: &Bench,
-    sample: &Sample,
+    sample: &NamedSample,
     setting: &Setting,
     variable: ScalingVariable,
     value: f64,

@@ -1,7 +1,7 @@
 //! Runs every setting on every sample.
 use super::measure::{Bench, Tables, TimedRun, failed, request};
 use super::truth::{Truth, values};
-use super::{Band, Metrics, Sample, Setting, TradeoffError, ladder};
+use super::{Metrics, NamedSample, Setting, SpectralDomain, TradeoffError, ladder};
 use crate::accuracy::mean;
 use crate::colour::Colorimeter;
 use crate::engine::Engine;
@@ -42,7 +42,7 @@ pub struct Row {
     /// Number of runs, each with its own seed; 0 if extrapolated.
     pub seeds: u64,
     /// Band of wavelengths.
-    pub band: Band,
+    pub band: SpectralDomain,
     /// Quantity that was compared.
     pub quantity: Quantity,
     /// CPU seconds of one run, which gives both quantities of the band: mean, minimum and
@@ -66,7 +66,7 @@ pub struct Refusal {
     /// The setting.
     pub setting: Setting,
     /// Band of wavelengths.
-    pub band: Band,
+    pub band: SpectralDomain,
     /// The engine's reason.
     pub reason: String,
 }
@@ -77,7 +77,7 @@ type Outcome = Result<TimedRun, String>;
 /// Runs the ladders of settings and collects the results.
 pub(super) struct Sweep<'a> {
     bench: &'a Bench<'a>,
-    samples: &'a [Sample],
+    samples: &'a [NamedSample],
     truths: &'a [Vec<Truth>],
     seeds: u64,
     colours: Vec<Option<Colorimeter>>,
@@ -91,18 +91,21 @@ impl<'a> Sweep<'a> {
     /// A sweep over `samples`, whose truths are `truths`, `[sample][band]`.
     pub(super) fn new(
         bench: &'a Bench<'a>,
-        samples: &'a [Sample],
+        samples: &'a [NamedSample],
         truths: &'a [Vec<Truth>],
         seeds: u64,
     ) -> Result<Self, TradeoffError> {
-        let colours: Result<_, _> = Band::ALL.into_iter().map(Band::colorimeter).collect();
+        let colours: Result<_, _> = SpectralDomain::ALL
+            .into_iter()
+            .map(SpectralDomain::colorimeter)
+            .collect();
         Ok(Self {
             bench,
             samples,
             truths,
             seeds,
             colours: colours?,
-            tables: (0..samples.len() * Band::ALL.len() * seeds as usize)
+            tables: (0..samples.len() * SpectralDomain::ALL.len() * seeds as usize)
                 .map(|_| Tables::default())
                 .collect(),
             rows: Vec::new(),
@@ -139,7 +142,7 @@ impl<'a> Sweep<'a> {
     fn run(&mut self, setting: &Setting) -> Result<f64, TradeoffError> {
         let mut items = Vec::new();
         for sample in self.samples {
-            for band in Band::ALL {
+            for band in SpectralDomain::ALL {
                 items.extend((1..=self.seeds).map(|seed| (sample, band, seed)));
             }
         }
@@ -150,7 +153,7 @@ impl<'a> Sweep<'a> {
         let cost = outcomes.iter().flatten().map(|run| run.cpu_seconds).sum();
         let mut outcomes = outcomes.into_iter();
         for (sample, truths) in self.samples.iter().zip(self.truths) {
-            for (band, truth) in Band::ALL.into_iter().zip(truths) {
+            for (band, truth) in SpectralDomain::ALL.into_iter().zip(truths) {
                 let runs: Result<Vec<_>, _> = outcomes.by_ref().take(self.seeds as usize).collect();
                 match runs {
                     Ok(runs) => self.compare(setting, sample, band, truth, &runs),
@@ -170,8 +173,8 @@ impl<'a> Sweep<'a> {
     fn run_one(
         &self,
         setting: &Setting,
-        sample: &Sample,
-        band: Band,
+        sample: &NamedSample,
+        band: SpectralDomain,
         seed: u64,
         tables: &Tables,
     ) -> Result<Outcome, TradeoffError> {
@@ -191,8 +194,8 @@ impl<'a> Sweep<'a> {
     fn compare(
         &mut self,
         setting: &Setting,
-        sample: &Sample,
-        band: Band,
+        sample: &NamedSample,
+        band: SpectralDomain,
         truth: &Truth,
         runs: &[TimedRun],
     ) {

@@ -8,7 +8,7 @@ use serde::{Deserialize, Serialize};
 use sha2::{Digest, Sha256};
 
 use super::measure::{Bench, Tables, failed, request};
-use super::{Band, Metrics, Sample, Setting, TradeoffError};
+use super::{Metrics, NamedSample, Setting, SpectralDomain, TradeoffError};
 use crate::atomic;
 use crate::colour::Colorimeter;
 use crate::engine::{Engine, Resolution};
@@ -90,7 +90,7 @@ impl Truths<'_> {
     /// The truth of every sample in each band: `[sample][band]`.
     pub(super) fn all(
         &self,
-        samples: &[Sample],
+        samples: &[NamedSample],
         say: &dyn Fn(&str),
     ) -> Result<Vec<Vec<Truth>>, TradeoffError> {
         let (rays, required) = match self.rays {
@@ -104,16 +104,16 @@ impl Truths<'_> {
         };
         let truths_of = |sample| {
             let truth = |band| self.truth(sample, band, rays, required, say);
-            Band::ALL.into_iter().map(truth).collect()
+            SpectralDomain::ALL.into_iter().map(truth).collect()
         };
         samples.iter().map(truths_of).collect()
     }
 
     /// The largest power of two of rays, the same for all truths, within the share of the budget.
-    fn affordable(&self, samples: &[Sample]) -> Result<u64, TradeoffError> {
+    fn affordable(&self, samples: &[NamedSample]) -> Result<u64, TradeoffError> {
         let cases: Vec<_> = samples
             .iter()
-            .flat_map(|sample| Band::ALL.map(|band| (sample, band)))
+            .flat_map(|sample| SpectralDomain::ALL.map(|band| (sample, band)))
             .collect();
         let seconds = self.bench.map(&cases, |&(sample, band)| {
             let run = self.part(sample, band, PILOT_RAYS, 0)?;
@@ -129,8 +129,8 @@ impl Truths<'_> {
     /// is then stored.
     fn truth(
         &self,
-        sample: &Sample,
-        band: Band,
+        sample: &NamedSample,
+        band: SpectralDomain,
         rays: u64,
         required: u64,
         say: &dyn Fn(&str),
@@ -167,8 +167,8 @@ impl Truths<'_> {
     /// One run with its own random streams; returns the spectrum and the CPU seconds.
     fn part(
         &self,
-        sample: &Sample,
-        band: Band,
+        sample: &NamedSample,
+        band: SpectralDomain,
         rays: u64,
         part: u64,
     ) -> Result<(Spectrum, f64), TradeoffError> {
@@ -194,7 +194,7 @@ impl Truths<'_> {
     }
 
     /// All inputs that determine a truth, except the number of rays, as text.
-    fn inputs(&self, sample: &Sample, band: Band) -> Result<String, TradeoffError> {
+    fn inputs(&self, sample: &NamedSample, band: SpectralDomain) -> Result<String, TradeoffError> {
         let file = &sample.file;
         let wet = file.snowpack.is_wet();
         let data = data_files(file.model.ice, wet.then_some(&file.model.water))

@@ -23,7 +23,7 @@ const WAVELENGTHS: usize = 5;
 
 /// One run of a job.
 #[derive(Debug, Clone, Copy, PartialEq)]
-pub(super) struct Run {
+pub(super) struct PilotRun {
     /// Number of rays of each curve.
     pub(super) rays: f64,
     /// CPU time, s.
@@ -87,7 +87,7 @@ pub(super) fn few(wavelengths_nm: &[f64]) -> Vec<f64> {
 /// the fixed costs, and the few long walks at their end that leave lanes idle. If the job is
 /// run in `batches`, each of which has these costs, the time of one batch is extrapolated
 /// and multiplied by the number of batches.
-pub(super) fn extrapolate(runs: &[Run], extent: &Extent, batches: bool) -> Option<f64> {
+pub(super) fn extrapolate(runs: &[PilotRun], extent: &Extent, batches: bool) -> Option<f64> {
     let last = runs.last()?;
     let slope = match runs {
         [.., previous, _] => (last.core - previous.core) / (last.rays - previous.rays),
@@ -163,7 +163,7 @@ impl Prober<'_> {
         let mut rays = first.min(max_rays);
         while let Some((errors, spent)) = self.run(sized_job.engine, &request(rays))? {
             probe.add(spent);
-            runs.push(Run {
+            runs.push(PilotRun {
                 rays: rays as f64,
                 core: spent[0],
             });
@@ -292,7 +292,7 @@ mod tests {
         };
         // 2 ms whatever the rays, at 5 wavelengths of 500, and 3 us a ray at 2 nodes of 20
         let core = |rays: f64| 2e-3 + 3e-6 * rays;
-        let run = |rays: f64| Run {
+        let run = |rays: f64| PilotRun {
             rays,
             core: core(rays),
         };

@@ -2,7 +2,7 @@
 //! database. y and the variables of the interpolation are those of [`super`].
 use splitsnow_spectra::Quantity;
 use splitsnow_spectra::elementary::ln;
-use splitsnow_spectra::simd::{F32x8, F64x8, Kernel, Simd};
+use splitsnow_spectra::simd::{F32x8, F64x8, Simd, SimdKernel};
 
 use super::{DARKEST, LANES, Lookup, THICKNESS, THIN, wide};
 use crate::Database;
@@ -18,7 +18,7 @@ pub(super) struct FillKernel<'a> {
     pub(super) depth: usize,
 }
 
-impl Kernel for FillKernel<'_> {
+impl SimdKernel for FillKernel<'_> {
     type Output = Vec<F32x8>;
 
     #[inline(always)]

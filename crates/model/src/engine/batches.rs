@@ -18,7 +18,7 @@ pub const BATCH: u64 = 4096;
 const IN_FLIGHT: u64 = 16;
 
 /// A sink whose scores can be added up and saved.
-pub(super) trait Scores: Sink + Clone + Send + Sync {
+pub(super) trait MergeableSink: Sink + Clone + Send + Sync {
     /// The state that scoring changes.
     type Sums: Serialize + DeserializeOwned;
     /// Adds the scores of another batch.
@@ -36,7 +36,7 @@ fn unit(request: &Request, illumination: usize, [engine, i, j]: [u32; 3]) -> Str
 }
 
 /// The scores of [`run`], if an earlier run of the same request finished them.
-pub(super) fn finished<S: Scores>(
+pub(super) fn finished<S: MergeableSink>(
     request: &Request,
     control: &Control,
     illumination: usize,
@@ -51,7 +51,7 @@ pub(super) fn finished<S: Scores>(
 /// Walks `request.rays` rays under illumination number `illumination` in slabs of
 /// all `thicknesses_m`. `walker` gives the walker of each batch by its number.
 /// Returns the scores, starting from `empty`.
-pub(super) fn run<S: Scores, W: Walk>(
+pub(super) fn run<S: MergeableSink, W: Walk>(
     request: &Request,
     control: &Control,
     walker: impl Fn(u64) -> W + Sync + Send,

@@ -42,7 +42,7 @@ impl Sink for Counts<'_> {
     }
 }
 
-impl batches::Scores for Counts<'_> {
+impl batches::MergeableSink for Counts<'_> {
     type Sums = ([u64; 3], [u64; 2]);
 
     fn sums(&self) -> Self::Sums {

@@ -74,7 +74,7 @@ impl Sink for NodeScores<'_> {
     }
 }
 
-impl batches::Scores for NodeScores<'_> {
+impl batches::MergeableSink for NodeScores<'_> {
     type Sums = (Vec<Estimate>, Vec<Estimate>, Vec<u64>);
 
     fn sums(&self) -> Self::Sums {

@@ -10,7 +10,7 @@ use crate::engine::{Control, EngineError, Request, Resolution, batches};
 use crate::grain::{Facets, GrainType, SizeRange, Surface};
 use crate::optics::Index;
 use crate::rng::{Key, Stream};
-use crate::table::{Kernel, Table, TableLayer, TableSnowpack, draw};
+use crate::table::{Kernel, PackedTable, TableLayer, TableSnowpack, draw};
 use crate::transport::{Entry, Layer, Snow};
 
 /// Outcomes drawn with one random stream.
@@ -38,7 +38,7 @@ pub(super) struct TableKey {
 #[derive(Debug)]
 pub(super) struct Outcomes {
     /// Tables from which walks draw outcomes, per part.
-    pub(super) tables: Vec<Table>,
+    pub(super) tables: Vec<PackedTable>,
     /// Averages over all outcomes.
     pub(super) averages: Arc<Averages>,
 }
@@ -58,7 +58,7 @@ impl HeapSize for Averages {
 
 impl HeapSize for Outcomes {
     fn bytes(&self) -> usize {
-        let tables = self.tables.iter().map(Table::bytes);
+        let tables = self.tables.iter().map(PackedTable::bytes);
         self.averages.bytes() + tables.sum::<usize>()
     }
 }
@@ -190,7 +190,7 @@ impl TableKey {
                 list.extend(drawn);
             }
             let mut rng = self.stream(part, outcomes);
-            Ok((Table::new(&list, size, &mut rng), sums))
+            Ok((PackedTable::new(&list, size, &mut rng), sums))
         };
         let mut tables = Vec::with_capacity(PARTS);
         let mut kernels = vec![Kernel::new(&[], 2 * streams + 1); PARTS];

@@ -6,7 +6,7 @@
 //! machines.
 use std::ops::{Add, Index, IndexMut, Mul, Sub};
 
-use splitsnow_spectra::simd::{F64x4, Kernel, Simd, dispatch};
+use splitsnow_spectra::simd::{F64x4, Simd, SimdKernel, dispatch};
 
 /// Entries per block.
 pub(super) const LANES: usize = 4;
@@ -197,7 +197,7 @@ struct WeightedProduct<'a> {
     b: &'a Matrix,
 }
 
-impl Kernel for WeightedProduct<'_> {
+impl SimdKernel for WeightedProduct<'_> {
     type Output = Matrix;
 
     #[inline(always)]
@@ -221,7 +221,7 @@ struct Product<'a> {
     right: &'a Matrix,
 }
 
-impl Kernel for Product<'_> {
+impl SimdKernel for Product<'_> {
     type Output = Matrix;
 
     #[inline(always)]

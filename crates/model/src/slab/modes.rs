@@ -1,5 +1,5 @@
 //! The decay modes of a medium: the eigenproblem in the module documentation.
-use splitsnow_spectra::simd::{F64x4, Kernel, Simd, dispatch};
+use splitsnow_spectra::simd::{F64x4, Simd, SimdKernel, dispatch};
 
 use super::matrix::{add_scaled, dot, scale, weighted_product};
 use super::solve::back_substitute;
@@ -91,7 +91,7 @@ struct ModesTask<'a> {
     absorption: f64,
 }
 
-impl Kernel for ModesTask<'_> {
+impl SimdKernel for ModesTask<'_> {
     type Output = Result<Modes, SlabError>;
 
     #[inline(always)]

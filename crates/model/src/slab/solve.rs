@@ -1,5 +1,5 @@
 //! Systems of linear equations with many right-hand sides, solved row by row.
-use splitsnow_spectra::simd::{Kernel, Simd, dispatch};
+use splitsnow_spectra::simd::{Simd, SimdKernel, dispatch};
 
 use super::matrix::{LANES, add_scaled, scale};
 use super::{Matrix, SlabError};
@@ -7,7 +7,7 @@ use super::{Matrix, SlabError};
 /// [`Matrix::solve`] as a SIMD kernel: the matrix and the right-hand sides.
 struct Elimination<const PIVOT: bool>(Matrix, Matrix);
 
-impl<const PIVOT: bool> Kernel for Elimination<PIVOT> {
+impl<const PIVOT: bool> SimdKernel for Elimination<PIVOT> {
     type Output = Result<Matrix, SlabError>;
 
     #[inline(always)]

@@ -11,7 +11,7 @@
 //! Kronecker sequence after Roberts 2018, shifted at random). These cover the unit cube
 //! evenly and so reduce the variance.
 use serde::{Deserialize, Serialize};
-use splitsnow_spectra::simd::{F64x8, Kernel, Simd, dispatch};
+use splitsnow_spectra::simd::{F64x8, Simd, SimdKernel, dispatch};
 
 use crate::math::legendre;
 use crate::rng::Stream;
@@ -47,7 +47,7 @@ pub enum Source {
 
 /// A region of snow next to planes.
 #[derive(Debug, Clone)]
-pub struct Region<'a> {
+pub struct BoundaryRegion<'a> {
     /// The snow.
     pub snowpack: TableSnowpack<'a>,
     /// Thickness, m.
@@ -127,7 +127,7 @@ impl Lattice {
     }
 }
 
-impl Region<'_> {
+impl BoundaryRegion<'_> {
     /// Walks `rays` rays from `source` until they leave. Scores `moments` moments of the
     /// rays that leave downward, and of those that leave upward through an open side.
     ///
@@ -156,16 +156,16 @@ fn flight_m<S: Simd>(snowpack: &TableSnowpack, layer: usize, rng: &mut Stream<S>
     snowpack.layers[layer].mean_free_distance_m * rng.exponential().as_array()[0]
 }
 
-/// [`Region::walk`] as a SIMD kernel.
+/// [`BoundaryRegion::walk`] as a SIMD kernel.
 struct Walks<'a> {
-    region: &'a Region<'a>,
+    region: &'a BoundaryRegion<'a>,
     source: Source,
     rays: u64,
     moments: usize,
     rng: Stream,
 }
 
-impl Kernel for Walks<'_> {
+impl SimdKernel for Walks<'_> {
     type Output = Result<Scores, WalkError>;
 
     #[inline(always)]
@@ -178,7 +178,7 @@ impl Kernel for Walks<'_> {
             rng,
         } = self;
         let mut rng: Stream<S> = rng.on();
-        let Region {
+        let BoundaryRegion {
             snowpack,
             thickness_m,
             edges,

@@ -1,5 +1,5 @@
 //! Grain events from tables. Outcomes are drawn once by following rays through grains
-//! ([`draw`]). A [`Table`] is a stratified selection of outcomes. [`TableWalker`] and
+//! ([`draw`]). A [`PackedTable`] is a stratified selection of outcomes. [`TableWalker`] and
 //! [`EscapeWalker`] take their grain events from it.
 mod boundary;
 mod escape;
@@ -12,12 +12,12 @@ mod slab;
 mod snowpack;
 mod step;
 
-pub use boundary::{Edge, Region, Scores, Source};
-pub use escape::{Band, EscapeSink, EscapeWalker};
+pub use boundary::{BoundaryRegion, Edge, Scores, Source};
+pub use escape::{EscapeBand, EscapeSink, EscapeWalker};
 pub use histogram::Histogram;
 pub use kernel::{Event, Kernel};
 pub use outcome::{Outcome, draw};
-pub use packed::Table;
+pub use packed::PackedTable;
 pub use slab::TableWalker;
 pub use snowpack::{TableLayer, TableSnowpack};
 

@@ -4,7 +4,7 @@
 //! ray (grain axes are isotropic), and lengths scale with the grain. So one list of
 //! outcomes of grains of unit length, in the frame of the incoming ray, serves every
 //! depth, direction, grain size and density.
-use splitsnow_spectra::simd::{Kernel, Simd, dispatch};
+use splitsnow_spectra::simd::{Simd, SimdKernel, dispatch};
 
 use crate::grain::{Body, Events, Facets, GrainType, Grains, SizeRange, Stepped, Surface};
 use crate::math::Vec3;
@@ -47,7 +47,7 @@ pub fn draw(
         size: SizeRange::UNIT,
         ..*law
     };
-    dispatch(Draw {
+    dispatch(DrawOutcomes {
         law,
         entry,
         facets,
@@ -58,7 +58,7 @@ pub fn draw(
 }
 
 /// [`draw`] as a SIMD kernel.
-struct Draw {
+struct DrawOutcomes {
     law: GrainType,
     entry: Entry,
     facets: Facets,
@@ -67,7 +67,7 @@ struct Draw {
     rng: Stream,
 }
 
-impl Kernel for Draw {
+impl SimdKernel for DrawOutcomes {
     type Output = Vec<Outcome>;
 
     #[inline(always)]

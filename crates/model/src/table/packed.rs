@@ -11,7 +11,7 @@ use crate::table::Outcome;
 /// parameter, are close to those of the longer list, although a random sample of this
 /// size would be noisy.
 #[derive(Debug, Clone, PartialEq)]
-pub struct Table {
+pub struct PackedTable {
     /// Shape of the grains.
     pub(super) form: Form,
     /// Cosine, sine, displacement along the ray, across it in the plane of scattering,
@@ -27,7 +27,7 @@ fn rank(value: f32) -> i32 {
     bits ^ ((bits >> 31) as u32 >> 1) as i32
 }
 
-impl Table {
+impl PackedTable {
     /// Selects `size` of the `outcomes` (all, if there are no more).
     #[must_use]
     pub fn new(outcomes: &[Outcome], size: usize, rng: &mut Stream) -> Self {

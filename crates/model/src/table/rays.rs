@@ -6,7 +6,7 @@ use crate::grain::{Bodies, Down};
 use crate::math::ln;
 use crate::rng::{Stream, azimuth};
 use crate::table::snowpack::{TableLayer, TableSnowpack};
-use crate::table::{Table, lanes};
+use crate::table::{PackedTable, lanes};
 use crate::transport::{EXPONENTS, Path};
 
 /// Eight rays between two grains.
@@ -196,7 +196,7 @@ impl TableSnowpack<'_> {
         &self,
         rays: &Rays<S>,
         flight: &Flight<S>,
-        rows: impl Fn(&Table) -> &[[f32; 8]],
+        rows: impl Fn(&PackedTable) -> &[[f32; 8]],
     ) -> [F64x8<S>; N] {
         let mut columns = [[0.0; 8]; N];
         let plain = self.is_plain();

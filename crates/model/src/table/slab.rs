@@ -3,12 +3,12 @@
 //! The same walk as that of [`crate::transport::Walker`], including planes and rejected
 //! grains. It differs in that outcomes of grain events come from tables and that the
 //! azimuth of a ray is not followed. One walk serves several thicknesses in the same way.
-use splitsnow_spectra::simd::{F64x8, Kernel, Simd, Task, dispatch};
+use splitsnow_spectra::simd::{F64x8, Simd, SimdKernel, Task, dispatch};
 
 use crate::math::Vec3;
 use crate::rng::Stream;
 use crate::table::rays::{Ray, Variates};
-use crate::table::step::{Stepped, Steps, Stuck};
+use crate::table::step::{StepMasks, Steps, Stuck};
 use crate::table::{TableSnowpack, lanes};
 use crate::transport::{Absorption, End, Illumination, Sink, Walk, WalkError};
 
@@ -82,7 +82,7 @@ struct Walking<'a, W> {
     sink: &'a mut W,
 }
 
-impl<W: Sink> Kernel for Walking<'_, W> {
+impl<W: Sink> SimdKernel for Walking<'_, W> {
     type Output = Result<u64, WalkError>;
 
     #[inline(always)]
@@ -153,7 +153,7 @@ impl<S: Simd, W: Sink> Walks<'_, S, W> {
                 }
             };
             let stepped = steps.step(&mut variates, walking, store_branch_point);
-            let Stepped {
+            let StepMasks {
                 met,
                 above,
                 below,

@@ -1,5 +1,5 @@
 //! Snowpacks whose grain events are drawn from tables.
-use crate::table::Table;
+use crate::table::PackedTable;
 use crate::transport::{EXPONENTS, Entry, Model, Snow, diffuse_cosine, impurities_per_m};
 
 /// A snowpack, or the part of one next to a plane.
@@ -37,7 +37,7 @@ pub struct TableLayer<'a> {
 #[derive(Debug, Clone, Copy)]
 pub(super) struct Kind<'a> {
     /// Outcomes in air and (in wet snow) in water.
-    pub(super) tables: [&'a Table; 2],
+    pub(super) tables: [&'a PackedTable; 2],
     /// Smallest and largest grain, m.
     pub(super) size_m: [f64; 2],
     /// Probabilities that a grain met is of an earlier type and of this type.
@@ -53,7 +53,7 @@ impl<'a> TableLayer<'a> {
         base_m: f64,
         model: &Model,
         exponents: &[f64],
-        tables: &[[&'a Table; 2]],
+        tables: &[[&'a PackedTable; 2]],
     ) -> Self {
         let mut before = 0.0;
         let shares = snow.meeting_shares();
@@ -101,7 +101,7 @@ impl<'a> TableSnowpack<'a> {
     /// A snowpack of one clean layer with one type of grain. `tables` holds its outcomes in
     /// air and in water.
     #[must_use]
-    pub fn plain(snow: &Snow, tables: [&'a Table; 2]) -> Self {
+    pub fn plain(snow: &Snow, tables: [&'a PackedTable; 2]) -> Self {
         let model = Model::default();
         let layer = TableLayer::new(snow, 0.0, &model, &[], &[tables]);
         Self::new(vec![layer], 0)

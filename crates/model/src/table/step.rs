@@ -28,7 +28,7 @@ pub(super) struct Steps<'a, S: Simd> {
 
 /// The lanes in which something happened, one bit each.
 #[derive(Debug, Clone, Copy)]
-pub(super) struct Stepped {
+pub(super) struct StepMasks {
     /// A grain was met.
     pub(super) met: u32,
     /// The ray left upward.
@@ -119,7 +119,7 @@ impl<'a, S: Simd> Steps<'a, S> {
         variates: &mut Variates<S>,
         walking: u32,
         mut on_lower_plane: impl FnMut(&Self, usize, &Variates<S>),
-    ) -> Result<Stepped, Stuck> {
+    ) -> Result<StepMasks, Stuck> {
         let (one, zero) = (F64x8::ONE, F64x8::ZERO);
         let layered = self.snowpack.layers.len() > 1;
         if layered {
@@ -210,7 +210,7 @@ impl<'a, S: Simd> Steps<'a, S> {
         }
         let lost = self.rays.ice_m.equals(F64x8::splat(f64::INFINITY))
             | self.events.ge(F64x8::splat(EVENT_LIMIT as f64));
-        Ok(Stepped {
+        Ok(StepMasks {
             met: met.to_bitmask(),
             above: above.to_bitmask(),
             below: below.to_bitmask(),

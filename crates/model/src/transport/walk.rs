@@ -21,7 +21,7 @@
 //! the snowpack, and up to the first grain that carries the ray across the plane. From
 //! this branch point the walk is resumed for the next thickness. Each thickness sees
 //! walks of the exact distribution; the errors of different thicknesses are correlated.
-use splitsnow_spectra::simd::{Kernel, Simd, Task, dispatch};
+use splitsnow_spectra::simd::{Simd, SimdKernel, Task, dispatch};
 
 use crate::grain::{Events, Facets, Stepped, Surface, Upright};
 use crate::math::Vec3;
@@ -273,7 +273,7 @@ struct Walking<'a> {
     sink: &'a mut dyn Sink,
 }
 
-impl Kernel for Walking<'_> {
+impl SimdKernel for Walking<'_> {
     type Output = Result<u64, WalkError>;
 
     #[inline(always)]

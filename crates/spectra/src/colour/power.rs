@@ -12,7 +12,7 @@ use thiserror::Error;
 
 use super::{Illuminant, observer};
 use crate::spectrum::Table;
-use crate::spectrum::measured::{self, Content, Curve, Report, Request, SpectrumError};
+use crate::spectrum::measured::{self, Content, Curve, ReadOptions, ReadReport, SpectrumError};
 
 /// Range within which a table must cover the wavelengths of the spectra, nm.
 const NEEDED_NM: (f64, f64) = (380.0, 780.0);
@@ -210,7 +210,7 @@ impl Illuminant {
     pub fn find(
         name_or_path: &str,
         directory: &Path,
-    ) -> Result<(Self, Option<Report>), IlluminantError> {
+    ) -> Result<(Self, Option<ReadReport>), IlluminantError> {
         if let Ok(named) = name_or_path.parse() {
             return Ok((named, None));
         }
@@ -230,7 +230,7 @@ impl Illuminant {
     ///
     /// # Errors
     /// An [`IlluminantError`] if the file cannot be read or used as an illuminant.
-    pub fn read(path: &Path) -> Result<(Self, Report), IlluminantError> {
+    pub fn read(path: &Path) -> Result<(Self, ReadReport), IlluminantError> {
         let curve = measured::read(path, &request())?;
         Self::of_curve(&path.display().to_string(), curve)
     }
@@ -240,12 +240,12 @@ impl Illuminant {
     ///
     /// # Errors
     /// An [`IlluminantError`] if the content cannot be used as an illuminant.
-    pub fn parse(file: &str, bytes: &[u8]) -> Result<(Self, Report), IlluminantError> {
+    pub fn parse(file: &str, bytes: &[u8]) -> Result<(Self, ReadReport), IlluminantError> {
         let curve = measured::parse(file, bytes, &request())?;
         Self::of_curve(file, curve)
     }
 
-    fn of_curve(file: &str, curve: Curve) -> Result<(Self, Report), IlluminantError> {
+    fn of_curve(file: &str, curve: Curve) -> Result<(Self, ReadReport), IlluminantError> {
         let (low, high) = NEEDED_NM;
         for row in &curve.report.masked {
             if let Some(nm) = row.wavelength_nm.filter(|nm| (low..=high).contains(nm)) {
@@ -266,9 +266,9 @@ impl Illuminant {
     }
 }
 
-fn request() -> Request {
-    Request {
+fn request() -> ReadOptions {
+    ReadOptions {
         range_nm: READ_NM,
-        ..Request::new(Some(Content::Power), (0.0, f64::INFINITY))
+        ..ReadOptions::new(Some(Content::Power), (0.0, f64::INFINITY))
     }
 }

@@ -1,7 +1,7 @@
 //! Vectors of 4 or 8 numbers, and kernels that are compiled for several instruction sets.
 //!
 //! The lane types ([`F64x8`] and others) carry an instruction set as type parameter. A
-//! [`Kernel`] is generic over it; [`dispatch`] runs the kernel with the best instruction set
+//! [`SimdKernel`] is generic over it; [`dispatch`] runs the kernel with the best instruction set
 //! that the processor has, or the one that the environment variable `SPLITSNOW_SIMD` names.
 //! No operation is fused and no sum is reordered, so all instruction sets give the same bits.
 //!
@@ -17,4 +17,4 @@ mod x86;
 
 pub use lanes::{F32x8, F64x4, F64x8, U64x8};
 pub use level::{Level, LevelError, level, requested};
-pub use set::{Kernel, Portable, Simd, Task, dispatch, dispatch_at};
+pub use set::{Portable, Simd, SimdKernel, Task, dispatch, dispatch_at};

@@ -141,7 +141,7 @@ impl Simd for Portable {
 }
 
 /// Work that is compiled for every instruction set.
-pub trait Kernel {
+pub trait SimdKernel {
     /// What it gives.
     type Output;
 
@@ -162,7 +162,7 @@ pub trait Task {
 /// A kernel for an instruction set.
 struct On<K, S>(K, PhantomData<S>);
 
-impl<K: Kernel, S: Simd> Task for On<K, S> {
+impl<K: SimdKernel, S: Simd> Task for On<K, S> {
     type Output = K::Output;
 
     #[inline(always)]
@@ -173,18 +173,18 @@ impl<K: Kernel, S: Simd> Task for On<K, S> {
 
 /// Runs `kernel` with the instruction set in use ([`level`]).
 #[inline]
-pub fn dispatch<K: Kernel>(kernel: K) -> K::Output {
+pub fn dispatch<K: SimdKernel>(kernel: K) -> K::Output {
     enter(level(), kernel)
 }
 
 /// Runs `kernel` with the instruction set of `level`; `None` if it is not supported.
-pub fn dispatch_at<K: Kernel>(level: Level, kernel: K) -> Option<K::Output> {
+pub fn dispatch_at<K: SimdKernel>(level: Level, kernel: K) -> Option<K::Output> {
     level.is_supported().then(|| enter(level, kernel))
 }
 
 /// Runs `kernel` at a level that is supported.
 #[inline]
-fn enter<K: Kernel>(level: Level, kernel: K) -> K::Output {
+fn enter<K: SimdKernel>(level: Level, kernel: K) -> K::Output {
     match level {
         #[cfg(target_arch = "x86_64")]
         Level::V4 => super::x86::V4::outlined(On::<K, super::x86::V4>(kernel, PhantomData)),
@@ -202,7 +202,7 @@ mod tests {
     /// All operations on the same numbers, as bits.
     struct All([[f64; 8]; 2], u32);
 
-    impl Kernel for All {
+    impl SimdKernel for All {
         type Output = Vec<u64>;
 
         #[inline(always)]
@@ -280,7 +280,7 @@ mod tests {
 
     struct Empty;
 
-    impl Kernel for Empty {
+    impl SimdKernel for Empty {
         type Output = ();
 
         fn run<S: Simd>(self) {}

@@ -2,7 +2,7 @@
 
 /// The scale from the centre of a plot to its rim, or from one end of a colour bar to the other.
 #[derive(Debug, Clone, PartialEq)]
-pub(super) struct Axis {
+pub(super) struct ChartAxis {
     /// The labelled values, increasing; the first and the last are the ends of the scale.
     pub(super) ticks: Vec<f64>,
     logarithmic: bool,
@@ -11,7 +11,7 @@ pub(super) struct Axis {
 /// Largest number of steps between the ticks of a linear axis.
 const STEPS: f64 = 5.0;
 
-impl Axis {
+impl ChartAxis {
     /// A linear axis that contains `values` (positive) and starts at 0 if `zero`.
     pub(super) fn linear(values: impl Iterator<Item = f64>, zero: bool) -> Self {
         let (low, high) = ends(values);
@@ -73,7 +73,7 @@ fn ends(values: impl Iterator<Item = f64>) -> (f64, f64) {
 mod tests {
     use super::*;
 
-    fn near(axis: &Axis, ticks: &[f64]) -> bool {
+    fn near(axis: &ChartAxis, ticks: &[f64]) -> bool {
         let pairs = axis.ticks.iter().zip(ticks);
         let near = pairs.fold(true, |near, (a, b)| near && (a - b).abs() < 1e-12);
         near && axis.ticks.len() == ticks.len()
@@ -82,18 +82,18 @@ mod tests {
     #[test]
     fn axes_contain_their_values_and_end_at_round_numbers() {
         let values = || [0.27, 0.31, 0.48].into_iter();
-        let from_zero = Axis::linear(values(), true);
+        let from_zero = ChartAxis::linear(values(), true);
         assert!(
             near(&from_zero, &[0.0, 0.1, 0.2, 0.3, 0.4, 0.5]),
             "{from_zero:?}"
         );
         assert!((from_zero.share(0.25) - 0.5).abs() < 1e-12);
-        let close = Axis::linear(values(), false);
+        let close = ChartAxis::linear(values(), false);
         assert!(
             near(&close, &[0.25, 0.3, 0.35, 0.4, 0.45, 0.5]),
             "{close:?}"
         );
-        let wide = Axis::logarithmic([0.26, 19.0].into_iter());
+        let wide = ChartAxis::logarithmic([0.26, 19.0].into_iter());
         assert!(
             near(&wide, &[0.2, 0.5, 1.0, 2.0, 5.0, 10.0, 20.0]),
             "{wide:?}"
@@ -101,8 +101,8 @@ mod tests {
         assert!((wide.share(2.0) - 0.5).abs() < 1e-12);
         assert_eq!([wide.share(0.0), wide.share(30.0)], [0.0, 1.0]);
         for none in [
-            Axis::linear([0.0].into_iter(), true),
-            Axis::logarithmic([].into_iter()),
+            ChartAxis::linear([0.0].into_iter(), true),
+            ChartAxis::logarithmic([].into_iter()),
         ] {
             assert!(none.ticks.len() > 1 && none.share(0.0) == 0.0, "{none:?}");
         }

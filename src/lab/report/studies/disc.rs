@@ -7,9 +7,9 @@ use plotters::style::text_anchor::HPos;
 
 use super::super::canvas::{Area, DrawResult, Drawing};
 use super::super::style::{GREY, INK, SCALE, font, write};
-use super::axis::Axis;
+use super::axis::ChartAxis;
 use super::{grouped, tick, titled};
-use crate::config::study::Variant;
+use crate::config::study::StudyVariant;
 use crate::engine::exits::Exits;
 use crate::lab::study::{Brdfs, incidence_deg};
 
@@ -44,9 +44,9 @@ pub(super) fn drawing(studied: &Brdfs<'_>) -> Result<Drawing, String> {
             let values = discs.iter().flat_map(|(_, exits)| &exits.reflected);
             let values = values.map(|brdf| brdf.value);
             let axis = if studied.draw.logarithmic {
-                Axis::logarithmic(values)
+                ChartAxis::logarithmic(values)
             } else {
-                Axis::linear(values, false)
+                ChartAxis::linear(values, false)
             };
             let top = i * row;
             let middle = discs.len() as i32 * cell / 2;
@@ -79,7 +79,7 @@ fn colour(share: f64) -> ShapeStyle {
 }
 
 /// Draws the colour bar with its upper left corner at `(x, y)`.
-fn color_bar(area: &Area, (x, y): (i32, i32), axis: &Axis) -> DrawResult {
+fn color_bar(area: &Area, (x, y): (i32, i32), axis: &ChartAxis) -> DrawResult {
     let height = 2 * RADIUS * SCALE;
     let row = |share: f64| y + height - (share * f64::from(height)).round() as i32;
     for shade in 0..SHADES {
@@ -113,7 +113,7 @@ fn color_bar(area: &Area, (x, y): (i32, i32), axis: &Axis) -> DrawResult {
 struct Disc<'a, 'b> {
     area: &'a Area<'b>,
     centre: (i32, i32),
-    axis: &'a Axis,
+    axis: &'a ChartAxis,
 }
 
 impl Disc<'_, '_> {
@@ -129,7 +129,7 @@ impl Disc<'_, '_> {
     }
 
     /// Draws the disc with its title, axes and the direction of the light.
-    fn draw(&self, studied: &Brdfs<'_>, variant: &Variant, exits: &Exits) -> DrawResult {
+    fn draw(&self, studied: &Brdfs<'_>, variant: &StudyVariant, exits: &Exits) -> DrawResult {
         let (x, y) = self.centre;
         let radius = RADIUS * SCALE;
         let title = (x, y - radius - 16 * SCALE);

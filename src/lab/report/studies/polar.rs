@@ -4,7 +4,7 @@ use plotters::style::text_anchor::HPos;
 
 use super::super::canvas::{Area, DrawResult, Drawing};
 use super::super::style::{GREY, GRID, INK, SCALE, Style, font, write};
-use super::axis::Axis;
+use super::axis::ChartAxis;
 use super::{LINE, draw_entry, grouped, marker_positions, tick, titled};
 use crate::lab::study::{Brdfs, incidence_deg};
 use crate::measurement::Measured;
@@ -73,9 +73,9 @@ pub(super) fn drawing(studied: &Brdfs<'_>) -> Result<Drawing, String> {
             let values = curves.iter().flat_map(|curve| &curve.points);
             let values = values.map(|(_, brdf)| brdf.value);
             let axis = if studied.draw.logarithmic {
-                Axis::logarithmic(values)
+                ChartAxis::logarithmic(values)
             } else {
-                Axis::linear(values, true)
+                ChartAxis::linear(values, true)
             };
             let disc = HalfDisc {
                 area: cell,
@@ -94,7 +94,7 @@ struct HalfDisc<'a, 'b> {
     area: &'a Area<'b>,
     centre: (i32, i32),
     radius: f64,
-    axis: Axis,
+    axis: ChartAxis,
 }
 
 impl HalfDisc<'_, '_> {

@@ -3,7 +3,7 @@ use std::ops::Range;
 use std::sync::atomic::{AtomicBool, Ordering};
 
 use super::parts::{self, PartScores};
-use super::{Exits, Scene, at_nodes};
+use super::{ExitScene, Exits, at_nodes};
 use crate::engine::spectral::DEFERRED;
 use crate::engine::{
     Engine, EngineError, coefficients, engine_error, indices, substrate::SubstrateCoefficients,
@@ -99,7 +99,7 @@ impl<B: Bins> Sink for Counts<'_, B> {
 
 /// Walks and scores `scene`. `reference` walks every wavelength on its own, with
 /// analog absorption.
-pub(super) fn run(scene: &Scene, bins: &impl Bins) -> Result<Vec<Exits>, EngineError> {
+pub(super) fn run(scene: &ExitScene, bins: &impl Bins) -> Result<Vec<Exits>, EngineError> {
     if scene.engine == Engine::Reference {
         let indices = indices(scene.request)?;
         let walk_wavelength =
@@ -121,7 +121,7 @@ pub(super) fn run(scene: &Scene, bins: &impl Bins) -> Result<Vec<Exits>, EngineE
 
 /// Walks at one pair of indices, scored at the wavelengths of `span`.
 fn walk(
-    scene: &Scene,
+    scene: &ExitScene,
     bins: &impl Bins,
     (purpose, number): (u32, usize),
     index: (Index, Index),

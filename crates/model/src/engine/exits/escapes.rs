@@ -4,14 +4,14 @@ use std::sync::atomic::{AtomicBool, Ordering};
 use splitsnow_spectra::simd::{F64x8, Simd};
 
 use super::parts::{self, PartScores};
-use super::{Exits, IndexNode, Scene, at_nodes};
+use super::{ExitScene, Exits, IndexNode, at_nodes};
 use crate::engine::envelope::MIN_FITTING_ENTRIES;
 use crate::engine::spectral::DEFERRED;
 use crate::engine::{Engine, EngineError, Request, coefficients, engine_error, indices};
 use crate::grain::{GrainType, Surface};
 use crate::math::{Vec3, Vec3x8};
 use crate::measurement::Sensors;
-use crate::table::{Band, EscapeSink, EscapeWalker, Table, draw};
+use crate::table::{EscapeBand, EscapeSink, EscapeWalker, PackedTable, draw};
 use crate::transport::{Absorption, Coefficients, Illumination};
 
 /// Entries in the table of a part, for each grain type and medium.
@@ -84,16 +84,16 @@ impl EscapeSink for SensorScores<'_> {
 }
 
 /// Scores `scene` on `sensors`.
-pub(super) fn run(scene: &Scene, sensors: &Sensors) -> Result<Vec<Exits>, EngineError> {
+pub(super) fn run(scene: &ExitScene, sensors: &Sensors) -> Result<Vec<Exits>, EngineError> {
     at_nodes(scene, |node| walk(scene, sensors, node))
 }
 
-fn walk(scene: &Scene, sensors: &Sensors, node: IndexNode) -> Result<Vec<Exits>, EngineError> {
+fn walk(scene: &ExitScene, sensors: &Sensors, node: IndexNode) -> Result<Vec<Exits>, EngineError> {
     let request = scene.request;
     let coefficients = &coefficients(request, &indices(request)?)[node.span.clone()];
     let pairs = coefficients.iter().zip(&scene.substrate[node.span.clone()]);
-    let bands: Vec<Band> = pairs
-        .map(|(coefficients, substrate)| Band {
+    let bands: Vec<EscapeBand> = pairs
+        .map(|(coefficients, substrate)| EscapeBand {
             coefficients: *coefficients,
             reflected: substrate.reflectance.value,
             transmitted: substrate.transmittance.value,
@@ -133,7 +133,7 @@ fn walk(scene: &Scene, sensors: &Sensors, node: IndexNode) -> Result<Vec<Exits>,
 
 /// Tables of part number `part` for every grain type in every layer, in air and in
 /// water: `[layer][type][medium]`.
-fn tables(scene: &Scene, node: &IndexNode, part: u64) -> Vec<Vec<[Table; 2]>> {
+fn tables(scene: &ExitScene, node: &IndexNode, part: u64) -> Vec<Vec<[PackedTable; 2]>> {
     let request = scene.request;
     let (ice, water) = node.indices;
     let wet = request.snowpack.is_wet();
@@ -145,7 +145,7 @@ fn tables(scene: &Scene, node: &IndexNode, part: u64) -> Vec<Vec<[Table; 2]>> {
             let count = OVERSAMPLING * TABLE;
             let event = (request.model.entry, request.model.facets);
             let drawn = draw(grain, event, surface, count, rng.clone());
-            Table::new(&drawn, TABLE, &mut rng)
+            PackedTable::new(&drawn, TABLE, &mut rng)
         };
         let air = table(surfaces[0]);
         let water = if wet { table(surfaces[1]) } else { air.clone() };

@@ -189,7 +189,7 @@ pub fn radial_profile(
 }
 
 /// One snowpack of known thickness under one light.
-struct Scene<'a> {
+struct ExitScene<'a> {
     engine: Engine,
     /// Whether the sums will be replaced by R and T of `hybrid`. The errors of the bins
     /// are then those of their shares.
@@ -204,7 +204,7 @@ struct Scene<'a> {
     light: usize,
 }
 
-impl Scene<'_> {
+impl ExitScene<'_> {
     fn illumination(&self) -> Illumination {
         self.request.illuminations[self.light]
     }
@@ -224,7 +224,7 @@ fn each(
     normalised: bool,
     request: &Request,
     control: &Control,
-    run: &dyn Fn(&Scene) -> Result<Vec<Exits>, EngineError>,
+    run: &dyn Fn(&ExitScene) -> Result<Vec<Exits>, EngineError>,
 ) -> Result<Vec<Exits>, EngineError> {
     // the walks are valid for any snowpack for which `spectral` is valid
     Engine::Spectral.check(request)?;
@@ -240,7 +240,7 @@ fn each(
     let mut curves = Vec::new();
     for thickness in thicknesses_m.iter().copied().enumerate() {
         for light in 0..request.illuminations.len() {
-            let scene = Scene {
+            let scene = ExitScene {
                 engine,
                 normalised,
                 request,
@@ -259,7 +259,7 @@ fn each(
 /// Exits at every wavelength, interpolated between index nodes. `walk` does the walks
 /// at one index node and scores them at the wavelengths of the node's span.
 fn at_nodes(
-    scene: &Scene,
+    scene: &ExitScene,
     walk: impl Fn(IndexNode) -> Result<Vec<Exits>, EngineError>,
 ) -> Result<Vec<Exits>, EngineError> {
     let (indices, wet) = (indices(scene.request)?, scene.request.snowpack.is_wet());

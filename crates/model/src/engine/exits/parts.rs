@@ -2,7 +2,7 @@
 use std::sync::atomic::Ordering;
 
 use super::counting::Bins;
-use super::{Exits, Scene};
+use super::{ExitScene, Exits};
 use crate::engine::{EngineError, batches};
 use crate::measurement::Measured;
 use crate::rng::{Key, Stream};
@@ -76,7 +76,7 @@ impl PartSums {
 }
 
 /// The random stream of part number `part` for `purpose` (see [`Key`]).
-pub(super) fn stream(scene: &Scene, purpose: [u32; 3], part: u64) -> Stream {
+pub(super) fn stream(scene: &ExitScene, purpose: [u32; 3], part: u64) -> Stream {
     let [kind, i, j] = purpose;
     Stream::new(Key {
         seed: scene.request.seed,
@@ -89,7 +89,7 @@ pub(super) fn stream(scene: &Scene, purpose: [u32; 3], part: u64) -> Stream {
 /// Exits per band. `walk` computes a part from its number and its number of rays. The
 /// parts are added in order, so the result does not depend on the number of threads.
 pub(super) fn run(
-    scene: &Scene,
+    scene: &ExitScene,
     bins: &impl Bins,
     bands: usize,
     walk: impl Fn(u64, u64) -> Result<PartScores, EngineError> + Sync + Send,

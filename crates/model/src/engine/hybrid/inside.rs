@@ -2,7 +2,7 @@
 //! points, and the adding of segments.
 use std::sync::Arc;
 
-use super::Run;
+use super::HybridRun;
 use super::planes::Segment;
 use super::walks::Walks;
 use crate::engine::EngineError;
@@ -40,7 +40,7 @@ pub(super) struct Flights {
 }
 
 impl Flights {
-    pub(super) fn new(run: &Run, snow: &Snow, coefficients: &Coefficients) -> Self {
+    pub(super) fn new(run: &HybridRun, snow: &Snow, coefficients: &Coefficients) -> Self {
         let exponents = run.request.snowpack.exponents();
         let absorbed = impurities_per_m(snow, run.request.model, &exponents).map(|per_m| {
             let terms = per_m.iter().zip(&coefficients.impurities);

@@ -9,10 +9,10 @@
 use std::sync::Arc;
 
 use super::inside::Flights;
-use super::plan::{Plan, Slab};
+use super::plan::{Slab, WalkPlan};
 use super::planes::Segment;
 use super::walks::Walks;
-use super::{Run, inside};
+use super::{HybridRun, inside};
 use crate::engine::nodes::Mix;
 use crate::engine::tables::PARTS;
 use crate::table::{Event, Scores};
@@ -20,7 +20,7 @@ use crate::transport::{Coefficients, Snow};
 
 /// Positions of the numbers in a list of means.
 #[derive(Debug, Default)]
-pub(super) struct Layout {
+pub(super) struct MeanLayout {
     /// Per task, the position of its first number, and how many numbers it has for
     /// light that leaves above and for light that leaves below.
     tasks: Vec<(usize, [usize; 2])>,
@@ -36,8 +36,8 @@ pub(super) struct Layout {
 #[derive(Debug, Clone)]
 pub(super) struct Means(Vec<f64>);
 
-impl Layout {
-    pub(super) fn new(plan: &Plan, layers: usize, streams: usize) -> Self {
+impl MeanLayout {
+    pub(super) fn new(plan: &WalkPlan, layers: usize, streams: usize) -> Self {
         let mut layout = Self {
             // one more than the solver uses, for delta-M
             moments: 2 * streams + 1,
@@ -92,7 +92,7 @@ impl Means {
 
     /// Mean scores per walk of task number `task`, of light that leaves above and of
     /// light that leaves below.
-    pub(super) fn scores(&self, layout: &Layout, task: usize) -> [&[f64]; 2] {
+    pub(super) fn scores(&self, layout: &MeanLayout, task: usize) -> [&[f64]; 2] {
         let (first, [out, through]) = layout.tasks[task];
         let (out, rest) = self.0[first..].split_at(out);
         [out, &rest[..through]]
@@ -100,7 +100,7 @@ impl Means {
 
     /// The mean grain event of layer number `layer`; `None` if the layer has no bulk
     /// segment.
-    pub(super) fn event(&self, layout: &Layout, layer: usize) -> Option<Event> {
+    pub(super) fn event(&self, layout: &MeanLayout, layer: usize) -> Option<Event> {
         let numbers = &self.0[layout.events[layer]?..];
         let (moments, rest) = numbers.split_at(layout.moments);
         let mut moments = moments.to_vec();
@@ -116,7 +116,7 @@ impl Means {
     }
 }
 
-impl Run<'_> {
+impl HybridRun<'_> {
     /// Means over `part` of the walks and grain events at the wavelength of
     /// `coefficients`; `flights` are those of each layer.
     pub(super) fn means(

@@ -50,8 +50,8 @@ use crate::engine::{Control, EngineError, Request, indices};
 use crate::math::legendre;
 use crate::measurement::Spectrum;
 use crate::slab::Streams;
-use means::Layout;
-use plan::Plan;
+use means::MeanLayout;
+use plan::WalkPlan;
 
 pub(super) use walks::{CacheKey, Walks};
 
@@ -71,22 +71,22 @@ const RAYS_PER_STREAM: f64 = 0.25;
 const RAYS_PER_INTERFACE_STREAM: f64 = 0.125;
 
 /// A request with the plan of its walks.
-struct Run<'a> {
+struct HybridRun<'a> {
     request: &'a Request<'a>,
     streams: Streams,
-    plan: Plan,
-    layout: Layout,
+    plan: WalkPlan,
+    layout: MeanLayout,
     /// Per stream, the factors by which the Legendre moments of the light are
     /// multiplied and summed to give the light in the stream.
     into_streams: Vec<Vec<f64>>,
 }
 
-impl<'a> Run<'a> {
+impl<'a> HybridRun<'a> {
     fn new(request: &'a Request) -> Result<Self, EngineError> {
         let streams = Streams::new(request.resolution.streams)?;
-        let plan = Plan::new(request, &streams);
+        let plan = WalkPlan::new(request, &streams);
         let n = streams.count();
-        let layout = Layout::new(&plan, request.snowpack.snows().count(), n);
+        let layout = MeanLayout::new(&plan, request.snowpack.snows().count(), n);
         let factors = |(mu, weight): (&f64, &f64)| {
             let mut basis = vec![0.0; n];
             legendre(2.0 * mu - 1.0, &mut basis);
@@ -108,7 +108,7 @@ impl<'a> Run<'a> {
 }
 
 pub(super) fn run(request: &Request, control: &Control) -> Result<Vec<Spectrum>, EngineError> {
-    let run = Run::new(request)?;
+    let run = HybridRun::new(request)?;
     let indices = indices(request)?;
     let (nodes, mixes) = mixes(&indices, request.snowpack.is_wet());
     let walks = nodes.iter().map(|&node| Walks::cached(&run, control, node));
@@ -118,7 +118,7 @@ pub(super) fn run(request: &Request, control: &Control) -> Result<Vec<Spectrum>,
 
 /// Number of walks that a request takes.
 pub(super) fn walks(request: &Request) -> Result<u64, EngineError> {
-    let run = Run::new(request)?;
+    let run = HybridRun::new(request)?;
     let (nodes, _) = mixes(&indices(request)?, request.snowpack.is_wet());
     let rays: u64 = run.plan.tasks.iter().map(|task| task.rays).sum();
     Ok(rays.saturating_mul((PARTS * nodes.len()) as u64))

@@ -9,7 +9,7 @@ use crate::transport::{Illumination, Snow};
 
 /// Walks through one region from one source.
 #[derive(Debug, Clone, PartialEq)]
-pub(super) struct Task {
+pub(super) struct WalkTask {
     /// Part of the snowpack that the region belongs to.
     pub(super) kind: RegionKind,
     /// Sections of the region, from the side of the light inward.
@@ -34,7 +34,7 @@ pub(super) enum RegionKind {
     Interface = 6,
 }
 
-impl Task {
+impl WalkTask {
     /// Purpose of the task's random streams. It depends on the region and the source
     /// alone, not on other tasks; two equal tasks do the same walks.
     pub(super) fn purpose(&self) -> [u32; 3] {
@@ -56,7 +56,7 @@ impl Task {
 #[derive(Debug, Clone)]
 pub(super) enum Slab {
     /// A slab walked from plane to plane: position of its first task in
-    /// [`Plan::tasks`], with one task per illumination.
+    /// [`WalkPlan::tasks`], with one task per illumination.
     Thin(usize),
     /// A slab divided into boundary layers and an inside.
     Thick(ThickSlab),
@@ -65,12 +65,12 @@ pub(super) enum Slab {
 /// A snowpack divided into two boundary layers and the inside between them.
 #[derive(Debug, Clone)]
 pub(super) struct ThickSlab {
-    /// Position of the upper boundary layer in [`Plan::boundary_layers`].
+    /// Position of the upper boundary layer in [`WalkPlan::boundary_layers`].
     pub(super) upper: usize,
-    /// Position of the lower boundary layer in [`Plan::boundary_layers`].
+    /// Position of the lower boundary layer in [`WalkPlan::boundary_layers`].
     pub(super) lower: usize,
     /// Segments of the inside, downward; walked segments are given by their
-    /// position in [`Plan::interfaces`].
+    /// position in [`WalkPlan::interfaces`].
     pub(super) inside: Vec<Segment<usize>>,
 }
 
@@ -89,7 +89,7 @@ pub(super) struct BoundaryLayer {
 
 /// The snow next to one or several planes between layers.
 #[derive(Debug, Clone)]
-pub(super) struct Interface {
+pub(super) struct LayerInterface {
     /// Position of its first task: one task per stream above and then one per
     /// stream below.
     pub(super) first: usize,
@@ -98,10 +98,10 @@ pub(super) struct Interface {
 
 /// All walks of a request.
 #[derive(Debug, Clone, Default)]
-pub(super) struct Plan {
-    pub(super) tasks: Vec<Task>,
+pub(super) struct WalkPlan {
+    pub(super) tasks: Vec<WalkTask>,
     pub(super) boundary_layers: Vec<BoundaryLayer>,
-    pub(super) interfaces: Vec<Interface>,
+    pub(super) interfaces: Vec<LayerInterface>,
     /// Per thickness.
     pub(super) slabs: Vec<Slab>,
 }
@@ -159,7 +159,7 @@ fn source(light: &Illumination) -> Source {
     }
 }
 
-impl Plan {
+impl WalkPlan {
     pub(super) fn new(request: &Request, streams: &Streams) -> Self {
         let snows: Vec<&Snow> = request.snowpack.snows().collect();
         let mut plan = Self::default();
@@ -200,7 +200,7 @@ impl Plan {
         let rays = request.rays.div_ceil(PARTS as u64);
         for (h, snowpack) in thin {
             plan.slabs[h] = Slab::Thin(plan.tasks.len());
-            let tasks = request.illuminations.iter().map(|light| Task {
+            let tasks = request.illuminations.iter().map(|light| WalkTask {
                 kind: RegionKind::Thin,
                 sections: snowpack.clone(),
                 edges: [Edge::Plane; 2],
@@ -234,7 +234,7 @@ impl Plan {
         let sources = cosines.map(|cosine| (Source::Below(*cosine), rays_below));
         let sources = sources.chain(lights.iter().map(|light| (source(light), rays)));
         let first = self.tasks.len();
-        self.tasks.extend(sources.map(|(source, rays)| Task {
+        self.tasks.extend(sources.map(|(source, rays)| WalkTask {
             kind: RegionKind::Boundary,
             sections: sections.clone(),
             edges: [Edge::Plane, Edge::Open],
@@ -265,7 +265,7 @@ impl Plan {
             .map(Source::Over)
             .chain(cosines().map(Source::Below));
         let first = self.tasks.len();
-        self.tasks.extend(sources.map(|source| Task {
+        self.tasks.extend(sources.map(|source| WalkTask {
             kind: RegionKind::Interface,
             sections: sections.clone(),
             edges: [Edge::Open; 2],
@@ -273,7 +273,7 @@ impl Plan {
             moments: streams.count(),
             rays,
         }));
-        self.interfaces.push(Interface { first, sections });
+        self.interfaces.push(LayerInterface { first, sections });
         self.interfaces.len() - 1
     }
 }

@@ -2,10 +2,10 @@
 use std::sync::Arc;
 use std::sync::atomic::Ordering;
 
-use super::Run;
+use super::HybridRun;
 use super::inside::{Bulk, Flights, StreamOperators, add_segments};
 use super::means::Means;
-use super::plan::{BoundaryLayer, Interface, Slab};
+use super::plan::{BoundaryLayer, LayerInterface, Slab};
 use super::walks::{Walks, unit};
 use crate::engine::nodes::Mix;
 use crate::engine::tables::PARTS;
@@ -31,7 +31,7 @@ struct Couplings {
     reflected: Vec<f64>,
 }
 
-impl Run<'_> {
+impl HybridRun<'_> {
     /// Spectra per thickness and illumination.
     pub(super) fn spectra(
         &self,
@@ -105,7 +105,8 @@ impl Run<'_> {
         let lights = self.request.illuminations.len();
         let coupling = |layer: &BoundaryLayer| self.couplings(means, layer, &flights[layer.layer]);
         let couplings: Vec<Couplings> = self.plan.boundary_layers.iter().map(coupling).collect();
-        let operators = |interface: &Interface| self.interface_operators(means, interface, flights);
+        let operators =
+            |interface: &LayerInterface| self.interface_operators(means, interface, flights);
         let interfaces: Vec<StreamOperators> = self.plan.interfaces.iter().map(operators).collect();
         let bulk = flights.iter().enumerate().map(|(layer, flights)| {
             let event = means.event(&self.layout, layer);
@@ -179,7 +180,7 @@ impl Run<'_> {
     fn interface_operators(
         &self,
         means: &Means,
-        interface: &Interface,
+        interface: &LayerInterface,
         flights: &[Flights],
     ) -> StreamOperators {
         let n = self.streams.count();

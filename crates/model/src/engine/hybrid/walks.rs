@@ -2,14 +2,14 @@
 use std::sync::Arc;
 use std::sync::atomic::Ordering;
 
-use super::Run;
-use super::plan::Task;
+use super::HybridRun;
+use super::plan::WalkTask;
 use crate::engine::cache::HeapSize;
 use crate::engine::tables::{self, Averages, Outcomes, PARTS, Section, SnowpackOutcomes};
 use crate::engine::{Control, EngineError, Resolution, batches, engine_error};
 use crate::optics::Index;
 use crate::rng::{Fingerprint, Key, Stream};
-use crate::table::{Kernel, Region, Scores};
+use crate::table::{BoundaryRegion, Kernel, Scores};
 use crate::transport::{Layer, Model, Snow};
 
 /// Mean grain events and scores of the walks.
@@ -29,7 +29,7 @@ const BATCH: u64 = 1 << 20;
 
 /// Name of a unit of `run`. It contains the tasks because a job may run several
 /// requests with the same cell.
-pub(super) fn unit(run: &Run, kind: &str) -> String {
+pub(super) fn unit(run: &HybridRun, kind: &str) -> String {
     let tasks = Fingerprint::of("tasks");
     let tasks = run.plan.tasks.iter().fold(tasks, |digest, task| {
         let purpose = task.purpose().map(u64::from);
@@ -43,7 +43,7 @@ pub(super) fn unit(run: &Run, kind: &str) -> String {
 pub(in crate::engine) struct CacheKey {
     surface: Snow,
     below: Vec<Layer>,
-    tasks: Vec<Task>,
+    tasks: Vec<WalkTask>,
     node: (Index, Index),
     model: Model,
     resolution: Resolution,
@@ -55,7 +55,7 @@ impl Walks {
     /// The walks of `run` at the indices `node` of ice and water, from the cache if
     /// they are in it.
     pub(super) fn cached(
-        run: &Run,
+        run: &HybridRun,
         control: &Control,
         node: (Index, Index),
     ) -> Result<Arc<Self>, EngineError> {
@@ -86,7 +86,7 @@ impl Walks {
         media.map(move |[air, water]| [&air.kernels[part], &water.kernels[part]])
     }
 
-    fn new(run: &Run, control: &Control, node: (Index, Index)) -> Result<Self, EngineError> {
+    fn new(run: &HybridRun, control: &Control, node: (Index, Index)) -> Result<Self, EngineError> {
         let (request, units) = (run.request, &control.cache.units);
         let indices = [node.0.n, node.0.k, node.1.n, node.1.k].map(f64::to_bits);
         let name = format!("{} {indices:x?}", unit(run, "walks"));
@@ -97,7 +97,7 @@ impl Walks {
                 .map(move |first| (task, first))
         });
         let batches = batches.collect::<Vec<_>>();
-        let walk_batch = |part: usize, task: &Task, first: u64, outcomes: &SnowpackOutcomes| {
+        let walk_batch = |part: usize, task: &WalkTask, first: u64, outcomes: &SnowpackOutcomes| {
             if control.cancel.load(Ordering::Relaxed) {
                 return Err(EngineError::Cancelled);
             }
@@ -109,7 +109,7 @@ impl Walks {
                 batch: part as u64 + PARTS as u64 * (first / BATCH),
             });
             let thickness = |section: &Section| section.thickness_m;
-            let region = Region {
+            let region = BoundaryRegion {
                 snowpack: tables::snowpack(request, outcomes, part, &task.sections),
                 thickness_m: task.sections.iter().map(thickness).sum(),
                 edges: task.edges,

@@ -1,21 +1,21 @@
 //! A layer of a snowpack with the outcomes of its grains.
-use crate::table::Table;
+use crate::table::PackedTable;
 use crate::transport::{EXPONENTS, Layer, Model, impurities_per_m};
 
-use super::Band;
+use super::EscapeBand;
 
 /// Grains of one type, with outcomes in air and in water.
 #[derive(Debug)]
-pub(super) struct Kind<'a> {
+pub(super) struct EscapeKind<'a> {
     /// Cumulative probability: a grain met is of this type or an earlier one.
     pub(super) cumulative: f64,
     pub(super) size_m: [f64; 2],
-    pub(super) tables: [&'a Table; 2],
+    pub(super) tables: [&'a PackedTable; 2],
 }
 
 #[derive(Debug)]
 pub(super) struct EscapeLayer<'a> {
-    pub(super) kinds: Vec<Kind<'a>>,
+    pub(super) kinds: Vec<EscapeKind<'a>>,
     /// Depths of its upper and lower planes, m.
     pub(super) top_m: f64,
     pub(super) base_m: f64,
@@ -34,20 +34,20 @@ impl<'a> EscapeLayer<'a> {
     pub(super) fn new(
         layer: &Layer,
         top_m: f64,
-        tables: &'a [[Table; 2]],
-        bands: &[Band],
+        tables: &'a [[PackedTable; 2]],
+        bands: &[EscapeBand],
         (exponents, model): (&[f64], &Model),
     ) -> Self {
         let snow = &layer.snow;
         let [in_ice, in_pores] = impurities_per_m(snow, model, exponents);
-        let carbon = |band: &Band, per_m: &[f64; EXPONENTS]| -> f64 {
+        let carbon = |band: &EscapeBand, per_m: &[f64; EXPONENTS]| -> f64 {
             let factors = band.coefficients.impurities.iter();
             factors
                 .zip(per_m)
                 .map(|(factor, per_m)| factor * per_m)
                 .sum()
         };
-        let per_band = |f: &dyn Fn(&Band) -> f64| bands.iter().map(f).collect();
+        let per_band = |f: &dyn Fn(&EscapeBand) -> f64| bands.iter().map(f).collect();
         let mut cumulative = 0.0;
         let grains = snow
             .meeting_shares()
@@ -57,7 +57,7 @@ impl<'a> EscapeLayer<'a> {
         let kinds = grains.map(|((share, component), [air, water])| {
             cumulative += share;
             let size = component.grain.size;
-            Kind {
+            EscapeKind {
                 cumulative,
                 size_m: [size.min_m(), size.max_m()],
                 tables: [air, water],

@@ -15,17 +15,17 @@ mod layer;
 mod supply;
 mod walk;
 
-use splitsnow_spectra::simd::{F64x8, Kernel, Simd, dispatch};
+use splitsnow_spectra::simd::{F64x8, Simd, SimdKernel, dispatch};
 
 use crate::math::Vec3x8;
 use crate::rng::Stream;
-use crate::table::Table;
+use crate::table::PackedTable;
 use crate::transport::{
     Absorption, Coefficients, EXPONENTS, Entry, Illumination, Layer, Model, WalkError,
 };
 use layer::EscapeLayer;
 use supply::Supply;
-use walk::Walk;
+use walk::EscapeWalk;
 
 /// Rays between calls of [`EscapeSink::stop`].
 const RAYS_BETWEEN_CHECKS: u64 = 64;
@@ -45,7 +45,7 @@ pub trait EscapeSink {
 
 /// Light at one wavelength.
 #[derive(Debug, Clone, Copy)]
-pub struct Band {
+pub struct EscapeBand {
     /// Absorption coefficients.
     pub coefficients: Coefficients,
     /// Fraction of the light arriving at the substrate that is reflected.
@@ -63,7 +63,7 @@ struct Walking<'a, C> {
     sink: &'a mut C,
 }
 
-impl<C: EscapeSink> Kernel for Walking<'_, C> {
+impl<C: EscapeSink> SimdKernel for Walking<'_, C> {
     type Output = Result<(), WalkError>;
 
     #[inline(always)]
@@ -83,7 +83,7 @@ pub struct EscapeWalker<'a> {
     wet: bool,
     absorbing_pores: bool,
     absorption: Absorption,
-    bands: &'a [Band],
+    bands: &'a [EscapeBand],
     entry: Entry,
     /// Probability of being reflected by the substrate: the largest of all bands.
     bounce: f64,
@@ -95,9 +95,9 @@ impl<'a> EscapeWalker<'a> {
     #[must_use]
     pub fn new(
         layers: &[Layer],
-        tables: &'a [Vec<[Table; 2]>],
+        tables: &'a [Vec<[PackedTable; 2]>],
         (exponents, model): (&[f64], &Model),
-        bands: &'a [Band],
+        bands: &'a [EscapeBand],
         absorption: Absorption,
     ) -> Self {
         let mut top_m = 0.0;
@@ -151,7 +151,7 @@ impl<'a> EscapeWalker<'a> {
         sink: &mut impl EscapeSink,
     ) -> Result<(), WalkError> {
         let zero = F64x8::ZERO;
-        let mut walk = Walk {
+        let mut walk = EscapeWalk {
             walker: self,
             random: Supply::new(rng),
             base: vec![0.0; self.bands.len()],

@@ -3,10 +3,10 @@ use splitsnow_spectra::simd::{F64x8, Simd, Task};
 
 use crate::grain::{Bodies, Down};
 use crate::math::{Real, Vec3x8, exp_neg};
-use crate::table::{Table, lanes as set_lanes};
+use crate::table::{PackedTable, lanes as set_lanes};
 use crate::transport::{EVENT_LIMIT, Path, REJECTION_LIMIT, WalkError, diffuse_cosine};
 
-use super::layer::{EscapeLayer, Kind};
+use super::layer::{EscapeKind, EscapeLayer};
 use super::supply::Supply;
 use super::{EscapeSink, EscapeWalker};
 
@@ -40,7 +40,7 @@ struct Ray {
 }
 
 /// A series of walks.
-pub(super) struct Walk<'w, S: Simd, C> {
+pub(super) struct EscapeWalk<'w, S: Simd, C> {
     pub(super) walker: &'w EscapeWalker<'w>,
     pub(super) random: Supply<S>,
     /// Weight of the ray in each band at its last grain.
@@ -97,13 +97,13 @@ struct Encounter<'a> {
     ray: Ray,
     layer: &'a EscapeLayer<'a>,
     size_m: [f64; 2],
-    table: &'a Table,
+    table: &'a PackedTable,
     /// Smallest optical depth of the ray at its last absorption test.
     survived: f64,
 }
 
-/// [`Walk::fly`] as a SIMD task.
-struct FlyTask<'a, 'w, S: Simd, C>(&'a mut Walk<'w, S, C>, &'a mut Ray, f64);
+/// [`EscapeWalk::fly`] as a SIMD task.
+struct FlyTask<'a, 'w, S: Simd, C>(&'a mut EscapeWalk<'w, S, C>, &'a mut Ray, f64);
 
 impl<S: Simd, C: EscapeSink> Task for FlyTask<'_, '_, S, C> {
     type Output = bool;
@@ -114,8 +114,8 @@ impl<S: Simd, C: EscapeSink> Task for FlyTask<'_, '_, S, C> {
     }
 }
 
-/// [`Walk::rejections`] as a SIMD task.
-struct RejectionsTask<'a, 'w, S: Simd, C>(&'a mut Walk<'w, S, C>, &'a Ray);
+/// [`EscapeWalk::rejections`] as a SIMD task.
+struct RejectionsTask<'a, 'w, S: Simd, C>(&'a mut EscapeWalk<'w, S, C>, &'a Ray);
 
 impl<S: Simd, C: EscapeSink> Task for RejectionsTask<'_, '_, S, C> {
     type Output = f64;
@@ -126,7 +126,7 @@ impl<S: Simd, C: EscapeSink> Task for RejectionsTask<'_, '_, S, C> {
     }
 }
 
-impl<'w, S: Simd, C: EscapeSink> Walk<'w, S, C> {
+impl<'w, S: Simd, C: EscapeSink> EscapeWalk<'w, S, C> {
     #[inline(always)]
     pub(super) fn diffuse_cosine(&mut self, layer: usize) -> f64 {
         let layer = &self.walker.layers[layer];
@@ -266,7 +266,12 @@ impl<'w, S: Simd, C: EscapeSink> Walk<'w, S, C> {
 
     /// Draws a grain at the end of a flight; `None` if it does not fit.
     #[inline(always)]
-    fn grain(&mut self, ray: &Ray, table: &Table, [min, max]: [f64; 2]) -> Option<CandidateGrain> {
+    fn grain(
+        &mut self,
+        ray: &Ray,
+        table: &PackedTable,
+        [min, max]: [f64; 2],
+    ) -> Option<CandidateGrain> {
         let thickness_m = self.walker.thickness_m;
         let scaled = self.random.uniform() * table.len() as f64;
         let row = scaled as usize;
@@ -320,7 +325,7 @@ impl<'w, S: Simd, C: EscapeSink> Walk<'w, S, C> {
 
     /// Draws the type of the next grain in a layer.
     #[inline(always)]
-    fn kind(&mut self, layer: usize) -> &'w Kind<'w> {
+    fn kind(&mut self, layer: usize) -> &'w EscapeKind<'w> {
         match self.walker.layers[layer].kinds.as_slice() {
             [kind] => kind,
             kinds => {

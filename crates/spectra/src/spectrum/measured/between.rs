@@ -1,7 +1,7 @@
 //! Interpolation of a measured spectrum to given wavelengths.
 use thiserror::Error;
 
-use super::{Curve, Sample};
+use super::{Curve, MeasuredValue};
 
 /// Longest distance over which masked rows are bridged by linear interpolation, nm.
 /// Absorption bands of ice, plants and minerals are about 100 nm wide.
@@ -61,7 +61,7 @@ impl Curve {
         if b.nm == nm || above == 0 {
             return Ok(b.value);
         }
-        let a: &Sample = &self.samples[above - 1];
+        let a: &MeasuredValue = &self.samples[above - 1];
         let mut masked = self
             .report
             .masked

@@ -1,12 +1,12 @@
 //! Conversion of the rows of a table to a spectrum.
 use super::columns::{Columns, columns};
-use super::error::{Problem, quoted};
-use super::layout::{CellValue, Layout, skipped};
-use super::report::{Encoding, Format, KnownFrom, MaskReason, Masked, Order, Report};
-use super::{Content, Curve, Request, Sample, Scale, Unit};
+use super::error::{ReadProblem, quoted};
+use super::layout::{CellValue, TextLayout, skipped};
+use super::report::{Encoding, Format, KnownFrom, MaskReason, Masked, Order, ReadReport};
+use super::{Content, Curve, MeasuredValue, ReadOptions, Unit, ValueScale};
 
 /// A problem and its line, from 1; no line if the problem is the whole file.
-type Refusal = (Option<usize>, Problem);
+type Refusal = (Option<usize>, ReadProblem);
 
 /// Median wavelength below which wavelengths are taken as um: no spectrum of snow extends to
 /// 100 um.
@@ -41,9 +41,9 @@ struct Rows {
 /// Reads the spectrum from the table in `lines`.
 pub(super) fn curve(
     lines: &[&str],
-    layout: &Layout,
+    layout: &TextLayout,
     encoding: Encoding,
-    request: &Request,
+    request: &ReadOptions,
 ) -> Result<Curve, Refusal> {
     let (preamble, body) = lines.split_at(layout.first);
     let format = format(preamble);
@@ -71,7 +71,7 @@ pub(super) fn curve(
     let (scale, scale_by) = match (columns.scale, table.percent_signs) {
         _ if power => (None, KnownFrom::Default),
         (Some((scale, by)), _) => (Some(scale), by),
-        (None, true) => (Some(Scale::Percent), KnownFrom::Name),
+        (None, true) => (Some(ValueScale::Percent), KnownFrom::Name),
         (None, false) => {
             let judged: Vec<f64> = rows
                 .iter()
@@ -83,7 +83,7 @@ pub(super) fn curve(
         }
     };
     let share = |y: f64| match scale {
-        Some(Scale::Percent) => y / 100.0,
+        Some(ValueScale::Percent) => y / 100.0,
         _ => y,
     };
 
@@ -120,7 +120,7 @@ pub(super) fn curve(
         let uncertainty = row.u.map(share).filter(|u| *u >= 0.0);
         bad_uncertainties +=
             usize::from(columns.uncertainty.is_some() && !excluded && uncertainty.is_none());
-        samples.push(Sample {
+        samples.push(MeasuredValue {
             nm,
             value,
             uncertainty,
@@ -135,7 +135,7 @@ pub(super) fn curve(
         let rows = rows.len();
         return Err((
             None,
-            Problem::Empty {
+            ReadProblem::Empty {
                 rows,
                 low,
                 high,
@@ -144,7 +144,7 @@ pub(super) fn curve(
         ));
     }
     let outside = rows.iter().filter(|row| row.x.is_some() && !inside(row));
-    let report = Report {
+    let report = ReadReport {
         encoding,
         format,
         separated_by: layout.separator.name(),
@@ -192,7 +192,7 @@ fn format(preamble: &[&str]) -> Format {
 }
 
 /// Names of the columns, from the header or from the format.
-fn names(layout: &Layout, format: Format) -> Vec<String> {
+fn names(layout: &TextLayout, format: Format) -> Vec<String> {
     let width = layout.numeric.len();
     let fixed: &[&str] = match (&layout.header, format) {
         (Some((_, names)), _) => {
@@ -210,7 +210,12 @@ fn names(layout: &Layout, format: Format) -> Vec<String> {
 
 /// Reads the rows from `body`, the lines of the file from the first row on. `named` is the
 /// number of named columns.
-fn rows(body: &[&str], layout: &Layout, named: usize, columns: &Columns) -> Result<Rows, Refusal> {
+fn rows(
+    body: &[&str],
+    layout: &TextLayout,
+    named: usize,
+    columns: &Columns,
+) -> Result<Rows, Refusal> {
     let mut table = Rows {
         rows: Vec::new(),
         percent_signs: false,
@@ -239,7 +244,7 @@ fn rows(body: &[&str], layout: &Layout, named: usize, columns: &Columns) -> Resu
             expected = cells.len();
         }
         if cells.len() > expected {
-            return Err(refuse(Problem::Cells {
+            return Err(refuse(ReadProblem::Cells {
                 found: cells.len(),
                 expected,
                 row: quoted(line),
@@ -252,7 +257,7 @@ fn rows(body: &[&str], layout: &Layout, named: usize, columns: &Columns) -> Resu
                 CellValue::Missing => Ok((None, false)),
                 CellValue::Text => {
                     let text = quoted(text);
-                    Err(refuse(Problem::Number { text, quantity }))
+                    Err(refuse(ReadProblem::Number { text, quantity }))
                 }
                 CellValue::Number {
                     value,
@@ -262,7 +267,7 @@ fn rows(body: &[&str], layout: &Layout, named: usize, columns: &Columns) -> Resu
                     if let Some(sign) = sign
                         && sign != *decimal.get_or_insert(sign)
                     {
-                        return Err(refuse(Problem::Decimal(quoted(text))));
+                        return Err(refuse(ReadProblem::Decimal(quoted(text))));
                     }
                     Ok((Some(value), percent))
                 }
@@ -270,7 +275,7 @@ fn rows(body: &[&str], layout: &Layout, named: usize, columns: &Columns) -> Resu
         };
         let (x, _) = take(columns.wavelength, "the wavelength")?;
         if let Some(x) = x.filter(|x| *x <= 0.0) {
-            return Err(refuse(Problem::Wavelength(x)));
+            return Err(refuse(ReadProblem::Wavelength(x)));
         }
         let (y, percent) = take(columns.value, "the value")?;
         let u = match columns.uncertainty {
@@ -299,12 +304,12 @@ fn guessed_unit(rows: &[Row]) -> Unit {
 }
 
 /// The scale of the values, guessed from their 90th percentile: the largest may be noise.
-fn guessed_scale(mut values: Vec<f64>) -> Scale {
+fn guessed_scale(mut values: Vec<f64>) -> ValueScale {
     values.sort_by(f64::total_cmp);
     let place = 9 * values.len().saturating_sub(1) / 10;
     match values.get(place) {
-        Some(high) if *high > PERCENT_ABOVE => Scale::Percent,
-        _ => Scale::Fraction,
+        Some(high) if *high > PERCENT_ABOVE => ValueScale::Percent,
+        _ => ValueScale::Fraction,
     }
 }
 
@@ -313,21 +318,21 @@ fn guessed_scale(mut values: Vec<f64>) -> Scale {
 fn check_plausible(
     masked: &[Masked],
     seen: usize,
-    scale: Option<Scale>,
+    scale: Option<ValueScale>,
     content: Content,
-    request: &Request,
+    request: &ReadOptions,
 ) -> Result<(), Refusal> {
     let mut wrong = masked
         .iter()
         .filter(|row| row.why == MaskReason::Impossible);
     let impossible = wrong.clone().count();
-    let percent = scale == Some(Scale::Percent);
+    let percent = scale == Some(ValueScale::Percent);
     let in_file = |share: f64| if percent { 100.0 * share } else { share };
     let (low, high) = request.possible;
     match wrong.next() {
         Some(first) if 2 * impossible >= seen => Err((
             Some(first.line),
-            Problem::Impossible {
+            ReadProblem::Impossible {
                 value: first.value.map_or(f64::NAN, in_file),
                 nm: first.wavelength_nm.unwrap_or(f64::NAN),
                 quantity: content.name(),
@@ -347,7 +352,7 @@ fn check_plausible(
     }
 }
 
-fn order(samples: &[Sample]) -> Order {
+fn order(samples: &[MeasuredValue]) -> Order {
     let all_pairs = |holds: fn(f64, f64) -> bool| {
         samples.windows(2).all(|pair| match pair {
             [a, b] => holds(a.nm, b.nm),
@@ -362,17 +367,17 @@ fn order(samples: &[Sample]) -> Order {
 }
 
 /// Sorts samples by wavelength and replaces those of equal wavelength by their mean.
-fn merged(mut samples: Vec<Sample>) -> Result<Vec<Sample>, Problem> {
+fn merged(mut samples: Vec<MeasuredValue>) -> Result<Vec<MeasuredValue>, ReadProblem> {
     samples.sort_by(|a, b| a.nm.total_cmp(&b.nm));
     let same = samples.chunk_by(|a, b| a.nm == b.nm);
-    let mean = |group: &[Sample]| {
+    let mean = |group: &[MeasuredValue]| {
         let (nm, times) = (group[0].nm, group.len());
         if times > MOST_TIMES {
-            return Err(Problem::Stacked { nm, times });
+            return Err(ReadProblem::Stacked { nm, times });
         }
         let count = times as f64;
         let uncertain: Option<f64> = group.iter().map(|sample| sample.uncertainty).sum();
-        Ok(Sample {
+        Ok(MeasuredValue {
             nm,
             value: group.iter().map(|sample| sample.value).sum::<f64>() / count,
             // The mean, not reduced by averaging: errors of such rows are mostly correlated.

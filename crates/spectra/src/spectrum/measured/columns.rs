@@ -1,8 +1,8 @@
 //! Identifies the columns of a table by their names, else by their position.
-use super::error::{Problem, quoted};
-use super::layout::Layout;
+use super::error::{ReadProblem, quoted};
+use super::layout::TextLayout;
 use super::report::{Format, KnownFrom};
-use super::{Column, Content, Request, Scale, Unit};
+use super::{Column, Content, ReadOptions, Unit, ValueScale};
 
 /// Words of a name, in lower case.
 fn words(name: &str) -> Vec<String> {
@@ -64,12 +64,14 @@ pub(super) fn unit(text: &str) -> Option<Unit> {
 }
 
 /// The scale stated by a name or by a line such as `Y Units: Reflectance (percent)`.
-pub(super) fn scale(text: &str) -> Option<Scale> {
+pub(super) fn scale(text: &str) -> Option<ValueScale> {
     match () {
         () if has_part(text, &["%", "percent", "0-100", "0 - 100"]) || has_word(text, &["pct"]) => {
-            Some(Scale::Percent)
+            Some(ValueScale::Percent)
         }
-        () if has_part(text, &["[1.0]", "fraction", "0-1", "unitless"]) => Some(Scale::Fraction),
+        () if has_part(text, &["[1.0]", "fraction", "0-1", "unitless"]) => {
+            Some(ValueScale::Fraction)
+        }
         () => None,
     }
 }
@@ -83,7 +85,7 @@ pub(super) struct Columns {
     pub(super) uncertainty: Option<usize>,
     pub(super) content: (Content, KnownFrom),
     pub(super) unit: Option<(Unit, KnownFrom)>,
-    pub(super) scale: Option<(Scale, KnownFrom)>,
+    pub(super) scale: Option<(ValueScale, KnownFrom)>,
     pub(super) value_by: KnownFrom,
     /// Number of further columns that could be the value.
     pub(super) others: usize,
@@ -93,16 +95,16 @@ pub(super) struct Columns {
 /// `preamble` is the lines before the first row.
 ///
 /// # Errors
-/// [`Problem::NoColumn`] if the requested column does not exist, [`Problem::OtherContent`] if
-/// the column has another quantity than requested, [`Problem::Wavenumber`] if the table has
+/// [`ReadProblem::NoColumn`] if the requested column does not exist, [`ReadProblem::OtherContent`] if
+/// the column has another quantity than requested, [`ReadProblem::Wavenumber`] if the table has
 /// wavenumbers instead of wavelengths.
 pub(super) fn columns(
     names: &[String],
-    layout: &Layout,
+    layout: &TextLayout,
     format: Format,
     preamble: &[&str],
-    request: &Request,
-) -> Result<Columns, Problem> {
+    request: &ReadOptions,
+) -> Result<Columns, ReadProblem> {
     let name = |column: usize| names.get(column).map_or("", String::as_str);
     let width = layout.numeric.len().max(names.len());
     let numeric = |column: &usize| {
@@ -114,7 +116,7 @@ pub(super) fn columns(
     let wavelength = (0..width).find(|c| numeric(c) && is_wavelength(name(*c)));
     let wavelength = wavelength.or_else(|| (0..width).find(numeric)).unwrap_or(0);
     if is_wavenumber(name(wavelength)) {
-        return Err(Problem::Wavenumber(quoted(name(wavelength))));
+        return Err(ReadProblem::Wavenumber(quoted(name(wavelength))));
     }
     let rest: Vec<usize> = (0..width)
         .filter(|c| *c != wavelength && numeric(c) && !is_wavenumber(name(*c)))
@@ -165,7 +167,7 @@ pub(super) fn columns(
     };
     let content = match (content_of(value), request.content) {
         (Some(found), Some(requested)) if found != requested && request.column.is_none() => {
-            return Err(Problem::OtherContent {
+            return Err(ReadProblem::OtherContent {
                 column: quoted(name(value)),
                 found: found.name(),
                 requested: requested.name(),
@@ -173,7 +175,7 @@ pub(super) fn columns(
         }
         (_, Some(requested)) => (requested, KnownFrom::Asked),
         (Some(Content::Power), None) if request.column.is_none() => {
-            return Err(Problem::OtherContent {
+            return Err(ReadProblem::OtherContent {
                 column: quoted(name(value)),
                 found: Content::Power.name(),
                 requested: "reflectance or transmittance",
@@ -218,7 +220,7 @@ pub(super) fn columns(
 
 /// The index of the requested column, given by its name (in any case), by a part of exactly
 /// one name, or by its number from 1.
-fn find_column(requested: &Column, names: &[String], width: usize) -> Result<usize, Problem> {
+fn find_column(requested: &Column, names: &[String], width: usize) -> Result<usize, ReadProblem> {
     let text = requested.0.trim().to_lowercase();
     let lower: Vec<String> = names.iter().map(|name| name.to_lowercase()).collect();
     if let Some(column) = lower.iter().position(|name| *name == text) {
@@ -233,7 +235,7 @@ fn find_column(requested: &Column, names: &[String], width: usize) -> Result<usi
         .collect();
     match parts[..] {
         [column] => Ok(column),
-        _ => Err(Problem::NoColumn {
+        _ => Err(ReadProblem::NoColumn {
             requested: quoted(&requested.0),
             names: listed(names, width),
         }),
@@ -271,7 +273,7 @@ mod tests {
         assert_eq!(unit("Wavelength (\u{b5}m)"), Some(Unit::Um));
         assert_eq!(unit("wavelength_nm"), Some(Unit::Nm));
         assert_eq!(unit("spectrum"), None);
-        assert_eq!(scale("Reflect. [1.0]"), Some(Scale::Fraction));
-        assert_eq!(scale("reflectance_pct"), Some(Scale::Percent));
+        assert_eq!(scale("Reflect. [1.0]"), Some(ValueScale::Fraction));
+        assert_eq!(scale("reflectance_pct"), Some(ValueScale::Percent));
     }
 }

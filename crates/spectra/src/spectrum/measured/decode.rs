@@ -1,7 +1,7 @@
 //! Decodes the bytes of a file to text.
 use std::borrow::Cow;
 
-use super::error::Problem;
+use super::error::ReadProblem;
 use super::report::Encoding;
 
 /// Decodes `bytes` and removes a byte order mark. UTF-16 is recognised by its mark, or by a
@@ -9,8 +9,8 @@ use super::report::Encoding;
 /// taken as Latin-1, in which some instruments write the micro sign.
 ///
 /// # Errors
-/// [`Problem::NoText`] if the text has control characters, as binary files do.
-pub(super) fn decode(bytes: &[u8]) -> Result<(Cow<'_, str>, Encoding), Problem> {
+/// [`ReadProblem::NoText`] if the text has control characters, as binary files do.
+pub(super) fn decode(bytes: &[u8]) -> Result<(Cow<'_, str>, Encoding), ReadProblem> {
     let (text, encoding) = match bytes {
         [0xef, 0xbb, 0xbf, rest @ ..] => utf8_or_latin1(rest),
         [0xff, 0xfe, rest @ ..] => (utf16(rest, u16::from_le_bytes), Encoding::Utf16Le),
@@ -27,7 +27,7 @@ pub(super) fn decode(bytes: &[u8]) -> Result<(Cow<'_, str>, Encoding), Problem> 
     let is_binary =
         |c: &char| c.is_control() && !matches!(c, '\t' | '\n' | '\r' | '\u{c}' | '\u{1a}');
     match text.chars().find(is_binary) {
-        Some(c) => Err(Problem::NoText(u32::from(c))),
+        Some(c) => Err(ReadProblem::NoText(u32::from(c))),
         None => Ok((text, encoding)),
     }
 }
@@ -97,7 +97,7 @@ mod tests {
             let (decoded, detected) = decode(&bytes).unwrap();
             assert_eq!((decoded.as_ref(), detected), (text, encoding));
         }
-        assert_eq!(decode(b"PK\x03\x04").unwrap_err(), Problem::NoText(3));
+        assert_eq!(decode(b"PK\x03\x04").unwrap_err(), ReadProblem::NoText(3));
     }
 
     #[test]

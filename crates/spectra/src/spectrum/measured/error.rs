@@ -12,7 +12,7 @@ pub struct SpectrumError {
     /// Line of the problem, from 1; `None` if it is not in one line.
     pub line: Option<usize>,
     /// The problem.
-    pub problem: Box<Problem>,
+    pub problem: Box<ReadProblem>,
 }
 
 impl SpectrumError {
@@ -22,7 +22,9 @@ impl SpectrumError {
         let text = self.to_string();
         match (&*self.problem, text.split_once("\n  help: ")) {
             (
-                Problem::OtherContent { .. } | Problem::Impossible { .. } | Problem::Empty { .. },
+                ReadProblem::OtherContent { .. }
+                | ReadProblem::Impossible { .. }
+                | ReadProblem::Empty { .. },
                 Some((message, _)),
             ) => format!(
                 "{message}\n  help: correct the file, or give one whose first matching columns are wavelength and value"
@@ -34,7 +36,7 @@ impl SpectrumError {
 
 /// The kinds of problem. Text of the file is quoted in shortened form.
 #[derive(Debug, Clone, PartialEq, Error)]
-pub enum Problem {
+pub enum ReadProblem {
     /// The file cannot be read.
     #[error("cannot be read: {0}\n  help: give the path of a text file with a spectrum")]
     Read(String),

@@ -1,5 +1,5 @@
 //! Finds the table in a text: its separator, header and rows.
-use super::error::{Problem, quoted};
+use super::error::{ReadProblem, quoted};
 
 /// The separator between the cells of a row. Whether a comma is a decimal sign is decided
 /// per cell.
@@ -118,7 +118,7 @@ impl Separator {
 
 /// The layout of the table in a text.
 #[derive(Debug)]
-pub(super) struct Layout {
+pub(super) struct TextLayout {
     pub(super) separator: Separator,
     /// Line number of the header, from 1, and its names.
     pub(super) header: Option<(usize, Vec<String>)>,
@@ -136,11 +136,11 @@ pub(super) fn skipped(line: &str) -> bool {
 /// Finds the table in `lines`.
 ///
 /// # Errors
-/// [`Problem::NoTable`] if no line has a wavelength and a value.
-pub(super) fn layout(lines: &[&str]) -> Result<Layout, Problem> {
+/// [`ReadProblem::NoTable`] if no line has a wavelength and a value.
+pub(super) fn layout(lines: &[&str]) -> Result<TextLayout, ReadProblem> {
     let separator = separator(lines).ok_or_else(|| {
         let first = lines.iter().find(|line| !line.trim().is_empty());
-        Problem::NoTable(quoted(first.copied().unwrap_or_default()))
+        ReadProblem::NoTable(quoted(first.copied().unwrap_or_default()))
     })?;
     let rows = |lines: &[&str]| -> Vec<Vec<CellValue>> {
         let lines = lines.iter().filter(|line| !skipped(line));
@@ -177,7 +177,7 @@ pub(super) fn layout(lines: &[&str]) -> Result<Layout, Problem> {
     let plain = start.and_then(|n| n.checked_sub(1)).map(|n| relevant[n]);
     let body = rows(&lines[first..]);
     let numeric = (0..width(&body)).map(|c| share(&body, c, |cell| cell != CellValue::Text));
-    Ok(Layout {
+    Ok(TextLayout {
         separator,
         header: header(lines, separator, first, plain),
         first,

@@ -1,7 +1,7 @@
 //! A tolerant reader of measured spectra in the formats of instruments, spectral libraries
 //! and spreadsheets (docs/formats.md, "Measured spectra: what is read"). `decode` converts
 //! bytes to text, `layout` finds the table, `columns` identifies its columns, `clean`
-//! converts its rows, and a [`Report`] describes what was done.
+//! converts its rows, and a [`ReadReport`] describes what was done.
 //!
 //! No values are invented: a row without a usable value is masked and counted, and a file
 //! that cannot be a spectrum is refused. The report states every guess, and the caller can
@@ -22,8 +22,8 @@ use std::str::FromStr;
 use serde::Serialize;
 
 pub use between::{CoverageGap, MAX_BRIDGE_NM};
-pub use error::{Problem, SpectrumError};
-pub use report::{Encoding, Format, KnownFrom, MaskReason, Masked, Order, Report};
+pub use error::{ReadProblem, SpectrumError};
+pub use report::{Encoding, Format, KnownFrom, MaskReason, Masked, Order, ReadReport};
 
 /// Longest file read, bytes: several hundred thousand rows.
 pub const MAX_BYTES: u64 = 1 << 24;
@@ -79,14 +79,14 @@ impl Unit {
 /// Scale of reflectance or transmittance in a file.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize)]
 #[serde(rename_all = "snake_case")]
-pub enum Scale {
+pub enum ValueScale {
     /// All light is 1.
     Fraction,
     /// All light is 100.
     Percent,
 }
 
-impl Scale {
+impl ValueScale {
     /// All variants.
     pub const ALL: [Self; 2] = [Self::Fraction, Self::Percent];
 
@@ -117,7 +117,7 @@ impl FromStr for Column {
 
 /// What to read from a file, and how.
 #[derive(Debug, Clone, PartialEq)]
-pub struct Request {
+pub struct ReadOptions {
     /// Quantity of the values; by default taken from the column name, else reflectance.
     pub content: Option<Content>,
     /// Column of the values; by default the first with a matching name, else the first.
@@ -125,7 +125,7 @@ pub struct Request {
     /// Unit of the wavelengths; overrides the file.
     pub unit: Option<Unit>,
     /// Scale of the values; overrides the file.
-    pub scale: Option<Scale>,
+    pub scale: Option<ValueScale>,
     /// Range of wavelengths used, nm, ends included.
     pub range_nm: (f64, f64),
     /// Range of possible values, as fractions, ends included; others are masked.
@@ -135,7 +135,7 @@ pub struct Request {
     pub excluded_nm: Vec<(f64, f64)>,
 }
 
-impl Request {
+impl ReadOptions {
     /// A request for any positive wavelength and values within `possible`.
     #[must_use]
     pub fn new(content: Option<Content>, possible: (f64, f64)) -> Self {
@@ -158,7 +158,7 @@ impl Request {
 
 /// The value at a wavelength.
 #[derive(Debug, Clone, Copy, PartialEq)]
-pub struct Sample {
+pub struct MeasuredValue {
     /// Wavelength, nm.
     pub nm: f64,
     /// Reflectance or transmittance as a fraction, or relative power.
@@ -171,16 +171,16 @@ pub struct Sample {
 #[derive(Debug, Clone, PartialEq)]
 pub struct Curve {
     /// Samples by strictly increasing wavelength; at least one.
-    pub samples: Vec<Sample>,
+    pub samples: Vec<MeasuredValue>,
     /// How the file was read.
-    pub report: Report,
+    pub report: ReadReport,
 }
 
 /// Reads the file at `path`.
 ///
 /// # Errors
-/// A [`SpectrumError`] with the [`Problem`] if the file cannot be read.
-pub fn read(path: &Path, request: &Request) -> Result<Curve, SpectrumError> {
+/// A [`SpectrumError`] with the [`ReadProblem`] if the file cannot be read.
+pub fn read(path: &Path, request: &ReadOptions) -> Result<Curve, SpectrumError> {
     let name = path.display().to_string();
     let mut bytes = Vec::new();
     File::open(path)
@@ -188,7 +188,7 @@ pub fn read(path: &Path, request: &Request) -> Result<Curve, SpectrumError> {
         .map_err(|error| SpectrumError {
             file: name.clone(),
             line: None,
-            problem: Box::new(Problem::Read(error.to_string())),
+            problem: Box::new(ReadProblem::Read(error.to_string())),
         })?;
     parse(&name, &bytes, request)
 }
@@ -196,11 +196,11 @@ pub fn read(path: &Path, request: &Request) -> Result<Curve, SpectrumError> {
 /// As [`read`], from the `bytes` of a file; `file` is its name in messages.
 ///
 /// # Errors
-/// A [`SpectrumError`] with the [`Problem`] if the bytes cannot be read as a spectrum.
-pub fn parse(file: &str, bytes: &[u8], request: &Request) -> Result<Curve, SpectrumError> {
+/// A [`SpectrumError`] with the [`ReadProblem`] if the bytes cannot be read as a spectrum.
+pub fn parse(file: &str, bytes: &[u8], request: &ReadOptions) -> Result<Curve, SpectrumError> {
     let read = || {
         if bytes.len() as u64 > MAX_BYTES {
-            return Err((None, Problem::Length));
+            return Err((None, ReadProblem::Length));
         }
         let no_line = |problem| (None, problem);
         let (text, encoding) = decode::decode(bytes).map_err(no_line)?;

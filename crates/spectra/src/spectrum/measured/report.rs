@@ -3,7 +3,7 @@ use std::fmt::{self, Write};
 
 use serde::Serialize;
 
-use super::{Content, Scale, Unit};
+use super::{Content, Unit, ValueScale};
 
 /// Text encoding of a file.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize)]
@@ -109,7 +109,7 @@ pub struct Masked {
 
 /// How a file was read.
 #[derive(Debug, Clone, PartialEq, Serialize)]
-pub struct Report {
+pub struct ReadReport {
     /// Text encoding.
     pub encoding: Encoding,
     /// Format of the file.
@@ -139,7 +139,7 @@ pub struct Report {
     /// How the unit was determined.
     pub unit_by: KnownFrom,
     /// Scale of the values in the file; `None` for power.
-    pub scale: Option<Scale>,
+    pub scale: Option<ValueScale>,
     /// How the scale was determined.
     pub scale_by: KnownFrom,
     /// Order of the wavelengths in the file.
@@ -160,7 +160,7 @@ pub struct Report {
     pub footer_lines: usize,
 }
 
-impl Report {
+impl ReadReport {
     fn masked(&self, why: MaskReason) -> Vec<&Masked> {
         self.masked.iter().filter(|row| row.why == why).collect()
     }
@@ -192,7 +192,7 @@ fn lines(rows: &[&Masked]) -> String {
 }
 
 /// Prints one line.
-impl fmt::Display for Report {
+impl fmt::Display for ReadReport {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         let mut out = self.format.name().to_owned();
         match self.encoding {
