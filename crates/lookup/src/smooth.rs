@@ -158,11 +158,7 @@ impl Lookup {
                     .extend(columns.columns().into_iter().map(chunk));
             }
         }
-        lookup.table = dispatch(prepare::FillKernel {
-            lookup: &lookup,
-            database,
-            depth,
-        });
+        lookup.table = lookup.filled(database, depth);
         Ok(lookup)
     }
 
@@ -286,13 +282,12 @@ impl Lookup {
     }
 
     /// y per wavelength from components.
-    #[inline(always)]
-    fn spectral<S: Simd>(&self, components: &[f32]) -> Vec<f32> {
+    fn spectral(&self, components: &[f32]) -> Vec<f32> {
         if self.components == 0 {
             return components.to_vec();
         }
         let mut spectrum = vec![0.0; self.wavelengths];
-        self.rebuild::<S>(components, &mut spectrum);
+        self.rebuild::<Portable>(components, &mut spectrum);
         spectrum
     }
 

@@ -2,7 +2,7 @@
 //! database. y and the variables of the interpolation are those of [`super`].
 use splitsnow_spectra::Quantity;
 use splitsnow_spectra::elementary::ln;
-use splitsnow_spectra::simd::{F32x8, F64x8, Simd, SimdKernel};
+use splitsnow_spectra::simd::{F32x8, F64x8, Simd, SimdKernel, dispatch};
 
 use super::{DARKEST, LANES, Lookup, THICKNESS, THIN, wide};
 use crate::Database;
@@ -10,27 +10,68 @@ use crate::diffusion::Diffusion;
 use crate::monotone::{secants, shares, slopes};
 use crate::parameter::thickness_slope;
 
-/// The table of a look-up, made with the best instruction set.
-pub(super) struct FillKernel<'a> {
-    pub(super) lookup: &'a Lookup,
-    pub(super) database: &'a Database,
-    /// Number of components, or of wavelengths.
-    pub(super) depth: usize,
+/// y of transmittances or reflectances.
+struct DepthsKernel<'a> {
+    quantity: Quantity,
+    values: &'a [f32],
+    y: &'a mut [f32],
 }
 
-impl SimdKernel for FillKernel<'_> {
-    type Output = Vec<F32x8>;
+impl SimdKernel for DepthsKernel<'_> {
+    type Output = ();
 
     #[inline(always)]
-    fn run<S: Simd>(self) -> Self::Output {
-        self.lookup.filled::<S>(self.database, self.depth)
+    fn run<S: Simd>(self) {
+        let (darkest, one) = (F64x8::splat(f64::from(libm::expf(-DARKEST))), F64x8::ONE);
+        for (values, y) in self.values.chunks(8).zip(self.y.chunks_mut(8)) {
+            let linear: F64x8<S> = match self.quantity {
+                Quantity::Transmittance => wide(values),
+                Quantity::Reflectance => one - wide(values),
+            };
+            let logarithm = ln(linear.max(darkest).min(one)).to_array();
+            for (y, logarithm) in y.iter_mut().zip(logarithm) {
+                *y = -(logarithm as f32);
+            }
+        }
+    }
+}
+
+/// Spectra of y at the extra nodes below the first thickness.
+struct ThinKernel<'a> {
+    first_cm: f32,
+    /// y at the first thickness, per wavelength.
+    y: &'a [f32],
+    /// Derivative of y there, 1/cm.
+    slopes_per_cm: &'a [f32],
+    /// Receives the spectra.
+    spectra: &'a mut [Vec<f32>; THIN.len()],
+}
+
+impl SimdKernel for ThinKernel<'_> {
+    type Output = ();
+
+    #[inline(always)]
+    fn run<S: Simd>(self) {
+        let chunks = self.y.chunks(8).zip(self.slopes_per_cm.chunks(8));
+        for (chunk, (y, slopes)) in chunks.enumerate() {
+            let node = Diffusion::<S> {
+                y: wide(y),
+                slope_per_cm: wide(slopes),
+                before: F64x8::ZERO,
+                step_cm: f64::from(self.first_cm),
+            };
+            let thinner = node.thinner(THIN.map(f64::from));
+            for (spectrum, thinner) in self.spectra.iter_mut().zip(thinner) {
+                let pairs = spectrum[8 * chunk..].iter_mut().zip(thinner.to_array());
+                pairs.for_each(|(to, y)| *to = y as f32);
+            }
+        }
     }
 }
 
 impl Lookup {
     /// The table of a database, column by column, with `depth` components.
-    #[inline(always)]
-    fn filled<S: Simd>(&self, database: &Database, depth: usize) -> Vec<F32x8> {
+    pub(super) fn filled(&self, database: &Database, depth: usize) -> Vec<F32x8> {
         let [n_f, n_g, n_d, n_h, n_a] = self.values.each_ref().map(Vec::len);
         let thin = self.thin_count();
         let rows = thin + n_h;
@@ -52,7 +93,11 @@ impl Lookup {
                 }
                 if self.components == 0 {
                     let curve = database.curve(row, self.quantity).unwrap_or_default();
-                    self.depths_of::<S>(&curve, &mut here[0]);
+                    dispatch(DepthsKernel {
+                        quantity: self.quantity,
+                        values: &curve,
+                        y: &mut here[0],
+                    });
                     // Noise must not make a slab transmit more, or reflect less, than a
                     // thinner slab. Over a substrate, more snow may reflect less.
                     if let Some(least) = before.last().filter(|_| h > 0 && thin > 0) {
@@ -70,12 +115,12 @@ impl Lookup {
             let begin = if absent > 0 { thin + absent } else { 0 };
             y[..begin].iter_mut().for_each(|y| y.fill(0.0));
             if thin > 0 && begin == 0 {
-                self.fill_thin::<S>(&mut y);
+                self.fill_thin(&mut y);
             }
             slopes[..begin]
                 .iter_mut()
                 .for_each(|slopes| slopes.fill(0.0));
-            self.slopes::<S>(&y[begin..], &mut slopes[begin..], &mut lines);
+            self.slopes(&y[begin..], &mut slopes[begin..], &mut lines);
             for h in 0..rows {
                 let node = ((snow * rows + h) * n_a + angle) * self.width;
                 let vectors = table[node..node + self.width].iter_mut();
@@ -94,18 +139,14 @@ impl Lookup {
     }
 
     /// Fills the extra nodes below the first thickness of a column.
-    #[inline(always)]
-    fn fill_thin<S: Simd>(&self, y: &mut [Vec<f32>]) {
+    fn fill_thin(&self, y: &mut [Vec<f32>]) {
         let first_cm = self.values[THICKNESS][0];
         let (thin, nodes) = y.split_at_mut(THIN.len());
         let x = &self.places[THICKNESS][THIN.len()..];
         thin.iter_mut().for_each(|y| y.fill(0.0));
         // a parabola through three nodes
         let count = nodes.len().min(3);
-        let spectra: Vec<Vec<f32>> = nodes[..count]
-            .iter()
-            .map(|y| self.spectral::<S>(y))
-            .collect();
+        let spectra: Vec<Vec<f32>> = nodes[..count].iter().map(|y| self.spectral(y)).collect();
         let scale = thickness_slope(first_cm);
         let mut at_first = spectra[0].clone();
         if count > 1 {
@@ -120,23 +161,21 @@ impl Lookup {
                     _ => slope.max(0.0),
                 };
         }
-        for (chunk, (y, slopes)) in spectra[0].chunks(8).zip(at_first.chunks(8)).enumerate() {
-            let node = Diffusion::<S> {
-                y: wide(y),
-                slope_per_cm: wide(slopes),
-                before: F64x8::ZERO,
-                step_cm: f64::from(first_cm),
-            };
-            for (thin, y) in thin.iter_mut().zip(node.thinner(THIN.map(f64::from))) {
-                let y = y.to_array().map(|y| y as f32);
-                let l = 8 * chunk..(8 * chunk + 8).min(spectra[0].len());
-                if self.components == 0 {
-                    let count = l.len();
-                    thin[l].copy_from_slice(&y[..count]);
-                    continue;
-                }
-                let vectors = &self.basis[chunk * self.components..];
-                for (i, y) in y[..l.len()].iter().enumerate() {
+        let mut found = THIN.map(|_| vec![0.0; self.wavelengths]);
+        dispatch(ThinKernel {
+            first_cm,
+            y: &spectra[0],
+            slopes_per_cm: &at_first,
+            spectra: &mut found,
+        });
+        for (thin, spectrum) in thin.iter_mut().zip(&found) {
+            if self.components == 0 {
+                thin.copy_from_slice(spectrum);
+                continue;
+            }
+            let chunks = spectrum.chunks(8).zip(self.basis.chunks(self.components));
+            for (y, vectors) in chunks {
+                for (i, y) in y.iter().enumerate() {
                     for (c, vector) in thin.iter_mut().zip(vectors) {
                         *c += y * vector.as_array()[i];
                     }
@@ -145,26 +184,9 @@ impl Lookup {
         }
     }
 
-    /// Writes y of transmittances or reflectances to `y`.
-    #[inline(always)]
-    fn depths_of<S: Simd>(&self, values: &[f32], y: &mut [f32]) {
-        let (darkest, one) = (F64x8::splat(f64::from(libm::expf(-DARKEST))), F64x8::ONE);
-        for (values, y) in values.chunks(8).zip(y.chunks_mut(8)) {
-            let linear: F64x8<S> = match self.quantity {
-                Quantity::Transmittance => wide(values),
-                Quantity::Reflectance => one - wide(values),
-            };
-            let logarithm = ln(linear.max(darkest).min(one)).to_array();
-            for (y, logarithm) in y.iter_mut().zip(logarithm) {
-                *y = -(logarithm as f32);
-            }
-        }
-    }
-
     /// Writes limited slopes of a column or of its last nodes, `[h][component]`. `lines` is working
     /// memory of the size of a column.
-    #[inline(always)]
-    fn slopes<S: Simd>(&self, y: &[Vec<f32>], limited: &mut [Vec<f32>], lines: &mut [Vec<f32>]) {
+    fn slopes(&self, y: &[Vec<f32>], limited: &mut [Vec<f32>], lines: &mut [Vec<f32>]) {
         let places = &self.places[THICKNESS];
         let x = &places[places.len() - y.len()..];
         if x.len() < 2 {
@@ -173,7 +195,7 @@ impl Lookup {
         // one share for all wavelengths, so that the spectrum stays one of the basis
         let common = match self.components {
             0 => Vec::new(),
-            _ => self.common_shares::<S>(x, y),
+            _ => self.common_shares(x, y),
         };
         secants(x, y, lines);
         let mut share = vec![0.0; limited[0].len()];
@@ -190,9 +212,8 @@ impl Lookup {
     }
 
     /// For each node of a column, the smallest share of the slopes over the wavelengths.
-    #[inline(always)]
-    fn common_shares<S: Simd>(&self, x: &[f32], y: &[Vec<f32>]) -> Vec<f32> {
-        let spectra: Vec<Vec<f32>> = y.iter().map(|y| self.spectral::<S>(y)).collect();
+    fn common_shares(&self, x: &[f32], y: &[Vec<f32>]) -> Vec<f32> {
+        let spectra: Vec<Vec<f32>> = y.iter().map(|y| self.spectral(y)).collect();
         let mut lines = spectra.clone();
         secants(x, &spectra, &mut lines);
         let [mut slope, mut share] = [spectra[0].clone(), spectra[0].clone()];
