@@ -12,10 +12,10 @@ use std::sync::atomic::{AtomicBool, AtomicU64};
 
 use crate::snow::{NORMAL, beam, dry, snow, z_limit};
 use proptest::prelude::*;
-use splitsnow::engine::exits::{Exits, goniometer, radial_profile};
+use splitsnow::engine::exits::{self, Exits, goniometer, radial_profile};
 use splitsnow::engine::{Cache, Control, Engine, EngineError, MaxError, Request, Resolution};
 use splitsnow::math::Vec3;
-use splitsnow::measurement::{Measured, Radii, Sensors};
+use splitsnow::measurement::{Measured, Radii, Sensors, Views};
 use splitsnow::optics::Carbon;
 use splitsnow::transport::{
     Component, Entry, Illumination, Joining, Layer, Model, Snow, Snowpack, Substrate,
@@ -329,6 +329,51 @@ fn the_brdf_at_normal_incidence_does_not_depend_on_the_azimuth() {
     }
 }
 
+/// Views from counted walks and from scores at events agree, on both sides.
+#[test]
+fn engines_agree_toward_views() {
+    let angles = [
+        [0.0, 0.0],
+        [30.0, 90.0],
+        [60.0, 0.0],
+        [60.0, 180.0],
+        [75.0, -45.0],
+    ];
+    let views = Views::new(&angles).unwrap();
+    let light = Illumination::Collimated {
+        polar_angle_rad: 60_f64.to_radians(),
+    };
+    let smooth = snow((300.0, 500.0), 0.1, 300.0, 0.0);
+    let run = |engine, rays| {
+        let setup = Setup::new(smooth.clone(), 0.01, light, &[600.0, 1500.0], rays);
+        setup.with(|request, control| exits::views(engine, request, &views, control).unwrap())
+    };
+    let (counted, scored) = (
+        run(Engine::Spectral, 200_000),
+        run(Engine::Tabulated, 20_000),
+    );
+    let mut zs = Vec::new();
+    for (counted, scored) in counted.iter().zip(&scored) {
+        assert!(scored.normalised && !counted.normalised);
+        for (a, b) in [
+            (counted.anisotropy_factors(), scored.anisotropy_factors()),
+            (
+                counted.transmittance_factors(),
+                scored.transmittance_factors(),
+            ),
+        ] {
+            assert_eq!(a.len(), angles.len());
+            zs.extend(a.iter().zip(&b).map(|(a, b)| z(*a, *b)));
+        }
+    }
+    // ice absorbs what is scattered often; the rest goes on forward
+    let infrared = scored[1].reflectance_factors();
+    let (forward, back) = (infrared[2], infrared[3]);
+    assert!(forward.value > 1.5 * back.value, "{infrared:?}");
+    assert!(forward.se < 0.05 * forward.value, "{forward:?}");
+    assert_consistent(&zs, "views");
+}
+
 /// In dilute snow with uniform entry, light and sensor can be exchanged.
 #[test]
 fn the_brdf_of_dilute_snow_is_reciprocal() {
@@ -608,6 +653,34 @@ facetness = { min = 0.2, max = 0.4, mean = 0.3, sd = 0.072 }
         let area = PI * (number(row, 3).powi(2) - number(row, 2).powi(2));
         assert!((number(row, 4) * area - number(row, 6)).abs() < 1e-9);
     }
+    let views = ["--view-deg", "0,60", "--relative-azimuth-deg", "0,180,-90"];
+    let header = "wavelength_nm,view_deg,relative_azimuth_deg,brf,brf_se,anisotropy_factor,\
+        anisotropy_factor_se,btf,btf_se";
+    let csv = text(&views);
+    let toward = rows(&csv, header);
+    assert_eq!(toward.len(), 2 * 2 * 3);
+    assert_eq!(toward[5][1..3], ["60", "-90"]);
+    let json = text(&[&views[..], &["--json"]].concat());
+    let json: serde_json::Value = serde_json::from_str(&json).unwrap();
+    assert_eq!(
+        list(&json["relative_azimuth_deg"])[3..],
+        [0.0, 180.0, -90.0]
+    );
+    for (column, name) in ["brf", "brf_se", "anisotropy_factor"]
+        .into_iter()
+        .enumerate()
+    {
+        assert_eq!(list(&json[name][1])[4], number(&toward[10], 3 + column));
+    }
+    // factors over reflectance
+    let ratio = number(&toward[10], 3) / number(&toward[10], 5);
+    assert!((ratio / list(&json["reflectance"])[1] - 1.0).abs() < 1e-12);
+    let refused = output(&["--view-deg", "95"]);
+    let message = String::from_utf8_lossy(&refused.stderr).into_owned();
+    assert!(
+        !refused.status.success() && message.contains("outside 0 to 88"),
+        "{message}"
+    );
     let refused = output(&["--goniometer", "--engine", "hybrid"]);
     let message = String::from_utf8_lossy(&refused.stderr).into_owned();
     assert!(!refused.status.success() && message.contains("use the engine `tabulated`"));

@@ -6,7 +6,7 @@ use std::sync::atomic::AtomicBool;
 use serde_json::json;
 
 use super::common::{self, Interrupted, ThreadArgs};
-use super::walking;
+use super::{views, walking};
 use crate::engine::exits::{self, Exits};
 use crate::engine::{Control, Engine, EngineError, Request};
 use crate::measurement::{MOST_SENSORS, Measured, Radii, Sensors};
@@ -45,6 +45,8 @@ pub(super) struct Args {
     #[arg(long, value_name = "N", conflicts_with = "goniometer",
         value_parser = clap::value_parser!(u32).range(1..=10_000))]
     radial_profile: Option<u32>,
+    #[command(flatten)]
+    views: views::Args,
 }
 
 /// The options shared with all measurements of `simulate`.
@@ -59,7 +61,7 @@ pub(super) struct SharedOptions<'a> {
 impl Args {
     /// Whether exits are to be resolved by direction or by distance.
     pub(super) fn is_requested(&self) -> bool {
-        self.goniometer || self.radial_profile.is_some()
+        self.goniometer || self.radial_profile.is_some() || self.views.is_requested()
     }
 }
 
@@ -87,6 +89,12 @@ pub(super) fn run(args: &Args, job: &SharedOptions, cancel: &AtomicBool) -> anyh
             exits::radial_profile(engine, request, &radii, control)
         })?;
         profile_text(job, engine, &radii, &exits)
+    } else if let Some(views) = args.views.views()? {
+        let engine = exits::goniometer_engine(job.engine, request);
+        let exits = walk(engine, &|control| {
+            exits::views(engine, request, &views, control)
+        })?;
+        views::text(job, engine, &views, &exits)
     } else {
         let sensors = Sensors::new(args.sensors as usize);
         let engine = exits::goniometer_engine(job.engine, request);
@@ -111,7 +119,12 @@ fn chosen(args: &Args, sensors: &Sensors) -> Vec<(usize, [f64; 2])> {
 }
 
 /// The comment lines that describe the measurement: option, sample, engine, rays, seed, sums.
-fn heading(job: &SharedOptions, option: &str, engine: Engine, spectrum: &[Exits]) -> String {
+pub(super) fn heading(
+    job: &SharedOptions,
+    option: &str,
+    engine: Engine,
+    spectrum: &[Exits],
+) -> String {
     // A comment must stay on one line, even if the file name contains a line break.
     let sample = job.sample.replace(['\n', '\r'], " ");
     let (version, engine) = (env!("CARGO_PKG_VERSION"), engine.name());
@@ -144,7 +157,11 @@ fn heading(job: &SharedOptions, option: &str, engine: Engine, spectrum: &[Exits]
 }
 
 /// The JSON members that both measurements share. `spectrum` holds the exits at each wavelength.
-fn summary(job: &SharedOptions, engine: Engine, spectrum: &[Exits]) -> serde_json::Value {
+pub(super) fn summary(
+    job: &SharedOptions,
+    engine: Engine,
+    spectrum: &[Exits],
+) -> serde_json::Value {
     let list = |part: &dyn Fn(&Exits) -> f64| -> Vec<f64> { spectrum.iter().map(part).collect() };
     json!({
         "version": env!("CARGO_PKG_VERSION"),

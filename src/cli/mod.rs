@@ -25,6 +25,7 @@ mod tailor;
 #[cfg(feature = "charts")]
 mod tradeoff;
 mod verify;
+mod views;
 mod walking;
 
 use std::ffi::{OsStr, OsString};

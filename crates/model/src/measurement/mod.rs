@@ -4,6 +4,7 @@
 mod estimate;
 mod radii;
 mod sensors;
+mod views;
 
 use serde::{Deserialize, Serialize};
 
@@ -11,6 +12,7 @@ pub use estimate::Estimate;
 pub use radii::Radii;
 pub use sensors::{MOST_SENSORS, Sensors};
 pub use splitsnow_spectra::Quantity;
+pub use views::{MAX_VIEW_DEG, ViewError, Views};
 
 /// A Monte Carlo result: a mean and the standard error of that mean.
 #[derive(Debug, Clone, Copy, PartialEq, Default, Serialize, Deserialize)]

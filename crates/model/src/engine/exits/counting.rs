@@ -1,4 +1,5 @@
 //! Scores walks where they end, with a weight for the absorption at each wavelength.
+use std::borrow::Cow;
 use std::ops::Range;
 use std::sync::atomic::{AtomicBool, Ordering};
 
@@ -9,7 +10,7 @@ use crate::engine::{
     Engine, EngineError, coefficients, engine_error, indices, substrate::SubstrateCoefficients,
 };
 use crate::math::Vec3;
-use crate::measurement::{Radii, Sensors};
+use crate::measurement::{Radii, Sensors, Views};
 use crate::optics::Index;
 use crate::transport::{Absorption, Bounce, Coefficients, End, Path, Sink, Walk, Walker};
 
@@ -23,6 +24,56 @@ pub(super) trait Bins: Sync {
 
     /// See [`Sensors::symmetrise`].
     fn symmetrise(&self, _axial: bool, _sums: &mut [f64], _bands: usize) {}
+
+    /// Number of results per side.
+    fn results(&self) -> usize {
+        self.len()
+    }
+
+    /// The results of one side, `[result][band]`, from its sums, `[bin][band]`. Linear in the sums.
+    fn reduced<'a>(&self, sums: &'a [f64], _bands: usize) -> Cow<'a, [f64]> {
+        Cow::Borrowed(sums)
+    }
+}
+
+/// Bins of directions.
+pub(super) trait DirectionBins: Bins {
+    /// The sensors that are the bins.
+    fn sensors(&self) -> &Sensors;
+}
+
+impl DirectionBins for Sensors {
+    fn sensors(&self) -> &Sensors {
+        self
+    }
+}
+
+impl DirectionBins for Views {
+    fn sensors(&self) -> &Sensors {
+        self.sensors()
+    }
+}
+
+impl Bins for Views {
+    fn len(&self) -> usize {
+        self.sensors().len()
+    }
+
+    fn bin(&self, _: &Path, direction: Vec3) -> usize {
+        self.sensors().folded(direction)
+    }
+
+    fn symmetrise(&self, axial: bool, sums: &mut [f64], bands: usize) {
+        self.sensors().symmetrise(axial, sums, bands);
+    }
+
+    fn results(&self) -> usize {
+        self.len()
+    }
+
+    fn reduced<'a>(&self, sums: &'a [f64], bands: usize) -> Cow<'a, [f64]> {
+        Cow::Owned(self.brdf_per_sr(sums, bands))
+    }
 }
 
 impl Bins for Sensors {

@@ -3,6 +3,7 @@ use std::sync::atomic::{AtomicBool, Ordering};
 
 use splitsnow_spectra::simd::{F64x8, Simd};
 
+use super::counting::DirectionBins;
 use super::parts::{self, PartScores};
 use super::{ExitScene, Exits, IndexNode, at_nodes};
 use crate::engine::envelope::MIN_FITTING_ENTRIES;
@@ -83,12 +84,16 @@ impl EscapeSink for SensorScores<'_> {
     }
 }
 
-/// Scores `scene` on `sensors`.
-pub(super) fn run(scene: &ExitScene, sensors: &Sensors) -> Result<Vec<Exits>, EngineError> {
-    at_nodes(scene, |node| walk(scene, sensors, node))
+/// Scores `scene` on the sensors of `bins`.
+pub(super) fn run(scene: &ExitScene, bins: &impl DirectionBins) -> Result<Vec<Exits>, EngineError> {
+    at_nodes(scene, |node| walk(scene, bins, node))
 }
 
-fn walk(scene: &ExitScene, sensors: &Sensors, node: IndexNode) -> Result<Vec<Exits>, EngineError> {
+fn walk(
+    scene: &ExitScene,
+    bins: &impl DirectionBins,
+    node: IndexNode,
+) -> Result<Vec<Exits>, EngineError> {
     let request = scene.request;
     let coefficients = &coefficients(request, &indices(request)?)[node.span.clone()];
     let pairs = coefficients.iter().zip(&scene.substrate[node.span.clone()]);
@@ -109,7 +114,7 @@ fn walk(scene: &ExitScene, sensors: &Sensors, node: IndexNode) -> Result<Vec<Exi
         request.snowpack.exponents(),
         scene.snowpack.layers(thickness_m),
     );
-    parts::run(scene, sensors, bands.len(), |part, rays| {
+    parts::run(scene, bins, bands.len(), |part, rays| {
         let tables = tables(scene, &node, part);
         let walker = EscapeWalker::new(
             &layers,
@@ -119,8 +124,8 @@ fn walk(scene: &ExitScene, sensors: &Sensors, node: IndexNode) -> Result<Vec<Exi
             absorption,
         );
         let mut scores = SensorScores {
-            sensors,
-            part: PartScores::empty(sensors, bands.len()),
+            sensors: bins.sensors(),
+            part: PartScores::empty(bins, bands.len()),
             cancel: scene.control.cancel,
         };
         let rng = parts::stream(scene, [10, h as u32, node.number as u32], part);

@@ -17,19 +17,22 @@ mod escapes;
 mod normal;
 mod parts;
 
+use std::f64::consts::PI;
 use std::ops::Range;
+
+use counting::DirectionBins;
 
 use super::nodes::{mixes, nodes};
 use super::substrate::{self, SubstrateCoefficients};
 use super::{Control, Engine, EngineError, Request, indices};
-use crate::measurement::{Measured, Radii, Sensors};
+use crate::measurement::{Measured, Radii, Sensors, Views};
 use crate::optics::Index;
 use crate::transport::{Illumination, Snowpack};
 
 /// Light of one wavelength that leaves a snowpack under one illumination.
 #[derive(Debug, Clone, PartialEq, Default)]
 pub struct Exits {
-    /// Light that leaves through the surface: per sensor, BRDF in 1/sr; or per radial
+    /// Light that leaves through the surface: per sensor or view, BRDF in 1/sr; or per radial
     /// bin, share of the incident power.
     pub reflected: Vec<Measured>,
     /// Light that leaves into the substrate, in the same units.
@@ -46,6 +49,27 @@ pub struct Exits {
 }
 
 impl Exits {
+    /// pi times the reflected light of each sensor or view: the bidirectional reflectance factor
+    /// (BRF), or under diffuse light the hemispherical-directional reflectance factor (HDRF;
+    /// Schaepman-Strub et al. 2006). A Lambertian surface that reflects all light has 1.
+    #[must_use]
+    pub fn reflectance_factors(&self) -> Vec<Measured> {
+        scaled(&self.reflected, PI)
+    }
+
+    /// pi times the transmitted light of each sensor or view.
+    #[must_use]
+    pub fn transmittance_factors(&self) -> Vec<Measured> {
+        scaled(&self.transmitted, PI)
+    }
+
+    /// Anisotropy factors: the reflectance factors over the reflectance (Dumont et al. 2010). A
+    /// Lambertian surface has 1.
+    #[must_use]
+    pub fn anisotropy_factors(&self) -> Vec<Measured> {
+        scaled(&self.reflected, PI / self.reflectance.value)
+    }
+
     /// Interpolates between `self` (weight `1 - t`) and an independent `other` (weight
     /// `t`).
     fn mix(&self, other: &Self, t: f64) -> Self {
@@ -62,6 +86,14 @@ impl Exits {
             normalised: self.normalised && other.normalised,
         }
     }
+}
+
+fn scaled(values: &[Measured], factor: f64) -> Vec<Measured> {
+    let scale = |measured: &Measured| Measured {
+        value: factor * measured.value,
+        se: factor * measured.se,
+    };
+    values.iter().map(scale).collect()
 }
 
 /// The engine that scores sensors for `request`: `engine`, or the one that `auto`
@@ -119,14 +151,49 @@ pub fn goniometer(
     sensors: &Sensors,
     control: &Control,
 ) -> Result<Vec<Exits>, EngineError> {
+    let mut curves = directions(engine, request, sensors, control)?;
+    for exits in &mut curves {
+        for side in [&mut exits.reflected, &mut exits.transmitted] {
+            for (sensor, measured) in side.iter_mut().enumerate() {
+                let projected_sr = sensors.projected_sr(sensor);
+                measured.value /= projected_sr;
+                measured.se /= projected_sr;
+            }
+        }
+    }
+    Ok(curves)
+}
+
+/// BRDF and BTDF, 1/sr, toward each of `views`: per thickness, illumination and wavelength, the last
+/// running fastest. [`Exits::reflectance_factors`] and [`Exits::anisotropy_factors`] are derived from
+/// them. Light that a thin slab transmits unscattered is spread over the views around the beam.
+///
+/// # Errors
+/// See [`goniometer`].
+pub fn views(
+    engine: Engine,
+    request: &Request,
+    views: &Views,
+    control: &Control,
+) -> Result<Vec<Exits>, EngineError> {
+    directions(engine, request, views, control)
+}
+
+/// The results of `bins`.
+fn directions(
+    engine: Engine,
+    request: &Request,
+    bins: &impl DirectionBins,
+    control: &Control,
+) -> Result<Vec<Exits>, EngineError> {
     let engine = goniometer_engine(engine, request);
-    let mut curves = match engine {
+    let curves = match engine {
         Engine::Tabulated => {
             escapes::check(request)?;
             let spectra = normal::spectra(request, control)?;
             let normalised = spectra.is_some();
             let mut curves = each(engine, normalised, request, control, &|scene| {
-                escapes::run(scene, sensors)
+                escapes::run(scene, bins)
             })?;
             if let Some(spectra) = spectra {
                 let mut remaining = curves.iter_mut();
@@ -140,7 +207,7 @@ pub fn goniometer(
             curves
         }
         Engine::Reference | Engine::Spectral => each(engine, false, request, control, &|scene| {
-            counting::run(scene, sensors)
+            counting::run(scene, bins)
         })?,
         engine => {
             return Err(EngineError::Unable {
@@ -150,15 +217,6 @@ pub fn goniometer(
             });
         }
     };
-    for exits in &mut curves {
-        for side in [&mut exits.reflected, &mut exits.transmitted] {
-            for (sensor, measured) in side.iter_mut().enumerate() {
-                let projected_sr = sensors.projected_sr(sensor);
-                measured.value /= projected_sr;
-                measured.se /= projected_sr;
-            }
-        }
-    }
     Ok(curves)
 }
 

@@ -27,7 +27,7 @@ impl PartScores {
     }
 }
 
-/// Sums over the parts, for one bin, of: the part's mean, its square, and its product
+/// Sums over the parts, for one result, of: the part's mean, its square, and its product
 /// with the part's total over all bins.
 #[derive(Clone, Copy, Default)]
 struct PartSums {
@@ -107,7 +107,8 @@ pub(super) fn run(
         scene.control.rays_done.fetch_add(count, Ordering::Relaxed);
         Ok(scores)
     };
-    let mut bin_sums = vec![PartSums::default(); 2 * bins.len() * bands];
+    let results = bins.results() * bands;
+    let mut result_sums = vec![PartSums::default(); 2 * results];
     let mut totals = vec![PartSums::default(); 2 * bands];
     let mut lost = 0;
     // one part per thread at a time: a part takes much memory
@@ -121,13 +122,18 @@ pub(super) fn run(
         for scores in batches::map(scene.control, group.collect(), part_means)? {
             lost += scores.lost;
             let sides = scores.sums.chunks_exact(bins.len() * bands);
-            let side_sums = bin_sums.chunks_exact_mut(bins.len() * bands);
+            let side_sums = result_sums.chunks_exact_mut(results);
             let totals = totals.chunks_exact_mut(bands);
             for ((side, side_sums), totals) in sides.zip(side_sums).zip(totals) {
+                let reduced = bins.reduced(side, bands);
                 for (band, total) in totals.iter_mut().enumerate() {
                     let side_total: f64 = side.iter().skip(band).step_by(bands).sum();
                     total.add(side_total, side_total);
-                    let pairs = side_sums.iter_mut().zip(side).skip(band).step_by(bands);
+                    let pairs = side_sums
+                        .iter_mut()
+                        .zip(&*reduced)
+                        .skip(band)
+                        .step_by(bands);
                     pairs.for_each(|(sums, mean)| sums.add(*mean, side_total));
                 }
             }
@@ -144,8 +150,7 @@ pub(super) fn run(
                 },
                 _ => measured(sums),
             };
-            let first = side * bins.len() * bands;
-            let rows = &bin_sums[first..first + bins.len() * bands];
+            let rows = &result_sums[side * results..(side + 1) * results];
             rows.iter()
                 .skip(band)
                 .step_by(bands)
