@@ -14,6 +14,11 @@ book:
 bench:
     cargo bench --bench walk --bench slab
 
+# Renew the instruction counts that `just check` compares with
+instructions:
+    cargo build --release
+    bash .ci/instructions --update
+
 # Regenerate the committed schemas, messages and seeds
 golden:
     UPDATE_GOLDEN=1 cargo test --release
