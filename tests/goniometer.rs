@@ -681,6 +681,12 @@ facetness = { min = 0.2, max = 0.4, mean = 0.3, sd = 0.072 }
         !refused.status.success() && message.contains("outside 0 to 88"),
         "{message}"
     );
+    let refused = output(&["--view-deg", "30", "--against", "sample.toml"]);
+    let message = String::from_utf8_lossy(&refused.stderr).into_owned();
+    assert!(
+        !refused.status.success() && message.contains("cannot be used with"),
+        "{message}"
+    );
     let refused = output(&["--goniometer", "--engine", "hybrid"]);
     let message = String::from_utf8_lossy(&refused.stderr).into_owned();
     assert!(!refused.status.success() && message.contains("use the engine `tabulated`"));

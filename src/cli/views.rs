@@ -21,7 +21,7 @@ pub(super) struct Args {
     /// that of a quadratic fit to the light within 13 degrees of the view. Comment lines and
     /// engines are those of --goniometer.
     #[arg(long, value_name = "DEG,...", value_delimiter = ',', allow_negative_numbers = true,
-        conflicts_with_all = ["goniometer", "radial_profile"])]
+        conflicts_with_all = ["goniometer", "radial_profile", "against"])]
     view_deg: Vec<f64>,
     /// Azimuths of the views, degrees: 0 is forward, 180 back toward the light [default: 0]
     #[arg(
