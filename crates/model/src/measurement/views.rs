@@ -3,9 +3,12 @@
 //! A local quadratic fit (Fan and Gijbels 1996, section 2.3): a polynomial of second degree in the
 //! two coordinates of the plane that touches the unit sphere at the view is fitted to the BRDF of
 //! the sensors within [`REACH`] rings. Its value at the view is the result: a weighted sum of the
-//! sensors, whose weights do not depend on the light. The fit follows slope and curvature, so it
-//! averages over 13 degrees without flattening peaks of that width, and needs no light beyond the
-//! horizon.
+//! sensors, whose weights do not depend on the light. Units are those of the BRDF, 1/sr.
+//!
+//! The fit follows slope and curvature, and needs no light beyond the horizon. A lobe of 25 degrees
+//! half width is reproduced within .4 % (tests below); narrower ones are flattened, and light that
+//! leaves unscattered in one direction is spread over 13 degrees. Some weights are negative, so a
+//! value near zero from few walks may be negative.
 use thiserror::Error;
 
 use super::Sensors;
