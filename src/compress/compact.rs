@@ -17,9 +17,9 @@ use super::{
 use crate::atomic;
 use crate::lookup::SubstrateKind;
 use crate::lookup::format::{
-    ABSENT, BAND_ERRORS, BASIS, BOUNDS, ERROR_TABLE, FORMAT, FORMAT_VERSION, MAX_HEADER,
-    MAX_NUMBER, PRECISION, PROVENANCE, QUANTITIES, SUBSTRATE, WAVELENGTH, axis_order, basis_name,
-    check_axis, check_wavelengths, coefficients_name, components_key, integers_name,
+    ABSENT, ANISOTROPY, BAND_ERRORS, BASIS, BOUNDS, CONTENT, ERROR_TABLE, FORMAT, FORMAT_VERSION,
+    MAX_HEADER, MAX_NUMBER, PRECISION, PROVENANCE, QUANTITIES, SUBSTRATE, WAVELENGTH, axis_order,
+    basis_name, check_axis, check_wavelengths, coefficients_name, components_key, integers_name,
     is_valid_number, quantisation_name, quantities,
 };
 use crate::measurement::Quantity;
@@ -48,7 +48,7 @@ pub enum CompactError {
 /// The contents of a compact file. The bytes of the file depend on these fields only.
 #[derive(Debug, Clone, Copy)]
 pub struct CompactFile<'a> {
-    /// The axes of the database.
+    /// The axes of the database; with those of a view, the file holds anisotropy factors.
     pub axes: &'a Axes,
     /// Wavelengths, nm.
     pub wavelengths_nm: &'a [f64],
@@ -227,6 +227,9 @@ impl CompactFile<'_> {
         let bands: BTreeMap<&str, Vec<BandError>> = bands.collect();
         if bands.values().any(|errors| !errors.is_empty()) {
             entries.insert(BAND_ERRORS.to_owned(), serde_json::to_string(&bands)?);
+        }
+        if self.axes.has(Parameter::View) {
+            entries.insert(CONTENT.to_owned(), ANISOTROPY.to_owned());
         }
         for (quantity, compressed) in self.quantities() {
             entries.insert(

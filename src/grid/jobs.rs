@@ -24,6 +24,7 @@ pub struct Jobs {
 fn block(engine: Engine, parameter: Parameter, length: u64) -> u64 {
     let shared = match parameter.record().role {
         Role::Snow => false,
+        Role::View => true,
         Role::Thickness => engine.shares_thicknesses(),
         Role::Incidence => engine.shares_angles(),
     };

@@ -1,8 +1,9 @@
-//! Interpolation between the nodes of the optional axes.
+//! Interpolation between the nodes of the optional axes that describe the snow.
 //!
 //! As along the other axes, the interpolated variable is y = -ln T, or -ln(1 - R) for
 //! reflectance, and it is linear in the coordinate of each axis. If the basis of the file
-//! is one of y (`log`), the interpolation is a weighted mean of the coefficients.
+//! is one of y (`log`), the interpolation is a weighted mean of the coefficients. So it is for
+//! anisotropy factors, which are interpolated themselves; the axes of their views stay.
 use ndarray::{Array2, Axis, Slice};
 use splitsnow_spectra::Quantity;
 
@@ -21,7 +22,8 @@ impl Database {
 
     /// [`LookupError::MissingCondition`] if there is more than one block.
     pub(super) fn require_single_block(&self) -> Result<(), LookupError> {
-        let mut optional = self.axes.iter().filter(|(p, _)| p.is_optional());
+        let axes = self.axes.iter();
+        let mut optional = axes.filter(|(p, _)| p.is_optional() && !p.is_view());
         match optional.find(|(_, nodes)| nodes.len() > 1) {
             None => Ok(()),
             Some((parameter, nodes)) => Err(missing_value(parameter, nodes)),
@@ -30,10 +32,8 @@ impl Database {
 
     /// [`LookupError::NoAxis`] if `point` has a value on an axis that is not in the file.
     pub(super) fn require_axes_of(&self, point: &Point) -> Result<(), LookupError> {
-        match point
-            .iter()
-            .find(|(parameter, _)| !self.axes.has(*parameter))
-        {
+        let mut given = point.iter();
+        match given.find(|(parameter, _)| !self.axes.has(*parameter)) {
             Some((parameter, _)) => Err(LookupError::NoAxis {
                 axis: parameter.key(),
             }),
@@ -42,7 +42,8 @@ impl Database {
     }
 
     /// The database at the values of `point` on the optional axes, without those axes. An
-    /// optional axis with a single node needs no value.
+    /// optional axis with a single node needs no value. Views are kept whole, and `point` need
+    /// not have one.
     ///
     /// On a node the result is that part of the file unchanged; between nodes it is a
     /// weighted mean of the neighbouring parts.
@@ -54,7 +55,7 @@ impl Database {
     /// exceed 1 GB.
     pub fn at(&self, point: Point) -> Result<Self, LookupError> {
         self.require_axes_of(&point)?;
-        let optional = self.axes.optional();
+        let (views, optional) = (self.axes.views(), self.axes.optional());
         if optional.is_empty() {
             return Ok(self.clone());
         }
@@ -74,24 +75,33 @@ impl Database {
             };
             corners = corners.into_iter().flat_map(split).collect();
         }
-        if corners.len() > 1 && self.kind == Basis::Linear {
+        if corners.len() > 1 && self.kind == Basis::Linear && !self.holds_anisotropy() {
             let values = self.curves_per_block() as u128 * self.wavelengths_nm.len() as u128;
             let bytes = values * size_of::<f32>() as u128;
             if bytes > MOST_BYTES {
                 return Err(LookupError::TooLarge { bytes });
             }
         }
+        let conditions = optional.count() as usize;
+        let mixed = |quantity| {
+            let factors = (0..views.count() as usize).map(|view| {
+                let corners = corners.iter();
+                let corners = corners.map(|(block, weight)| (view * conditions + block, *weight));
+                self.mixed(quantity, &corners.collect::<Vec<_>>())
+            });
+            joined(factors.collect())
+        };
+        let core = Parameter::CORE.into_iter();
+        let kept = core.chain(Parameter::VIEWS.into_iter().filter(|p| self.axes.has(*p)));
         Ok(Self {
-            axes: Parameter::CORE
-                .map(|parameter| (parameter, self.axes.values(parameter).to_vec()))
-                .into(),
+            axes: kept.map(|p| (p, self.axes.values(p).to_vec())).collect(),
             absent: self.absent.clone(),
             wavelengths_nm: self.wavelengths_nm.clone(),
-            curves: self.curves_per_block(),
+            curves: views.count() as usize * self.curves_per_block(),
             kind: self.kind,
             precision: self.precision,
-            transmittance: self.mixed(Quantity::Transmittance, &corners),
-            reflectance: self.mixed(Quantity::Reflectance, &corners),
+            transmittance: mixed(Quantity::Transmittance),
+            reflectance: mixed(Quantity::Reflectance),
             has_black_substrate: self.has_black_substrate,
             metadata: self.metadata.clone(),
         })
@@ -114,7 +124,7 @@ impl Database {
                 basis: factors.basis.clone(),
             };
         }
-        if self.kind == Basis::Log {
+        if self.kind == Basis::Log || self.holds_anisotropy() {
             let mut coefficients = Array2::zeros((n, factors.coefficients.ncols()));
             for (block, weight) in corners {
                 coefficients.scaled_add(*weight as f32, &part(*block));
@@ -148,9 +158,30 @@ impl Database {
     }
 }
 
+/// The curves of several parts with the same basis, one part after the other.
+fn joined(mut parts: Vec<Factors>) -> Factors {
+    if parts.len() == 1 {
+        return parts.pop().unwrap_or_default();
+    }
+    let rows = parts.iter().map(|part| part.coefficients.nrows()).sum();
+    let Some(first) = parts.first() else {
+        return Factors::default();
+    };
+    let values = parts.iter().flat_map(|part| &part.coefficients).copied();
+    let shape = (rows, first.basis.ncols());
+    Factors {
+        coefficients: Array2::from_shape_vec(shape, values.collect()).unwrap_or_default(),
+        basis: first.basis.clone(),
+    }
+}
+
 /// The node below `value`, and the position of `value` between it and the next node (0 to
 /// 1) in the coordinate of the parameter.
-fn bracket(parameter: Parameter, nodes: &[f64], value: f64) -> Result<(usize, f64), LookupError> {
+pub(super) fn bracket(
+    parameter: Parameter,
+    nodes: &[f64],
+    value: f64,
+) -> Result<(usize, f64), LookupError> {
     match nodes::find(parameter.key(), nodes, value) {
         Ok(node) => Ok((node, 0.0)),
         Err(LookupError::BetweenNodes { below, above, .. }) => {

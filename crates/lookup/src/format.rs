@@ -18,9 +18,12 @@
 //! | `wavelength_nm` | `[l]` | strictly increasing |
 //! | `facetness`, `grain_size_um`, `density_kg_m3`, `thickness_cm`, `angle_deg` | `[n]` each | the axes, slowest first; s is the product of their lengths |
 //! | `black_carbon_ng_g`, `water_saturation`, `temperature_c`, `sphericity`, `substrate_reflectance` | `[n]` each | optional axes, slower than the above, in this order; those in the file come first in the metadata `axis_order` |
+//! | `view_deg`, `relative_azimuth_deg` | `[n]` each | only in files of anisotropy factors, slower than all others |
 //! | `absent` | `[n]`, u16 | per grain size, the number of thinnest thicknesses without a curve; only if some curves do not exist |
 //!
-//! The file holds the tensors of the quantities that the metadata `quantities` name.
+//! The file holds the tensors of the quantities that the metadata `quantities` name. With
+//! [`CONTENT`] = [`ANISOTROPY`] the spectra are anisotropy factors: of reflected light under the
+//! name `reflectance`, of transmitted light under `transmittance`.
 use splitsnow_spectra::Quantity;
 
 use crate::{Interval, Parameter};
@@ -52,6 +55,10 @@ pub const BASIS: &str = "basis";
 pub const PRECISION: &str = "precision";
 /// Metadata key of the quantities in the file. Absent in older files, which hold both.
 pub const QUANTITIES: &str = "quantities";
+/// Metadata key of what the spectra are; absent in files of reflectance and transmittance.
+pub const CONTENT: &str = "content";
+/// Value of [`CONTENT`] in files of anisotropy factors ([`crate::Anisotropy`]).
+pub const ANISOTROPY: &str = "anisotropy_factor";
 /// Tensor with the counts of curves that do not exist.
 pub const ABSENT: &str = "absent";
 /// Largest header written or read, bytes.

@@ -24,9 +24,11 @@
 //! # }
 //! ```
 mod absent;
+mod anisotropy;
 mod basis;
 mod conditions;
 mod diffusion;
+mod directions;
 pub mod format;
 mod header;
 mod monotone;
@@ -38,7 +40,9 @@ mod smooth;
 mod varsa2025;
 
 use absent::{MissingCurve, absent_error, missing_curve};
+pub use anisotropy::Anisotropy;
 pub use basis::Basis;
+pub use directions::{DirectionalQuantity, Directions};
 pub use format::SubstrateKind;
 pub use parameter::{Axes, Interval, Parameter, Point, Region};
 use precision::f16_to_f32;
@@ -58,6 +62,10 @@ use thiserror::Error;
 
 /// File name of the compact file in an output directory.
 pub const COMPACT: &str = "snow.safetensors";
+/// File name of the compact file of anisotropy factors in an output directory.
+pub const VIEWS: &str = "views.safetensors";
+/// File name of the compact file of anisotropy factors under diffuse light.
+pub const VIEWS_DIFFUSE: &str = "views_diffuse.safetensors";
 
 /// An error of a look-up, or of reading the database.
 #[derive(Debug, Error)]
@@ -153,6 +161,23 @@ pub enum LookupError {
         node_um: f64,
         /// The thinnest thickness node with a curve at that grain size, cm; `None` if there is none.
         least_cm: Option<f64>,
+    },
+    /// The file holds anisotropy factors where reflectance and transmittance are needed, or the
+    /// other way round.
+    #[error("the compact file holds {found}, not {expected}; {}", if *has_views { format!("give {COMPACT} instead, or look up with Anisotropy") } else { format!("give {VIEWS} or {VIEWS_DIFFUSE} instead, which `splitsnow build` writes for a grid with axes.view_deg") })]
+    Content {
+        /// What the file holds.
+        found: &'static str,
+        /// What the look-up needs.
+        expected: &'static str,
+        /// Whether the file has views.
+        has_views: bool,
+    },
+    /// Two files do not belong together.
+    #[error("the two compact files have different {difference}; give files of the same build")]
+    Mismatch {
+        /// Name of the axis that differs.
+        difference: &'static str,
     },
     /// The file does not hold the requested quantity.
     #[error("the compact file has no {}, it has {} only; ask for that, or make a file with both", missing.name(), stored.name())]
@@ -334,6 +359,26 @@ impl Database {
                 Quantity::Transmittance => Quantity::Reflectance,
                 Quantity::Reflectance => Quantity::Transmittance,
             },
+        })
+    }
+
+    /// Whether the spectra are anisotropy factors, for [`Anisotropy`].
+    #[must_use]
+    pub fn holds_anisotropy(&self) -> bool {
+        self.axes.has(Parameter::View)
+    }
+
+    /// Checks that the file holds anisotropy factors, or reflectance and transmittance.
+    fn require_content(&self, anisotropy: bool) -> Result<(), LookupError> {
+        const KINDS: [&str; 2] = ["reflectance and transmittance", "anisotropy factors"];
+        let has_views = self.holds_anisotropy();
+        if has_views == anisotropy {
+            return Ok(());
+        }
+        Err(LookupError::Content {
+            found: KINDS[usize::from(has_views)],
+            expected: KINDS[usize::from(anisotropy)],
+            has_views,
         })
     }
 

@@ -9,10 +9,10 @@ use splitsnow_spectra::Quantity;
 use thiserror::Error;
 
 use crate::format::{
-    ABSENT, BASIS, BOTTOM_BOUNDARY, FORMAT, FORMAT_VERSION, FORMAT_VERSION_1, MAX_HEADER,
-    MAX_NUMBER, PRECISION, QUANTITIES, SUBSTRATE, SubstrateKind, WAVELENGTH, axis_order,
-    basis_name, check_axis, check_wavelengths, coefficients_name, components_key, integers_name,
-    is_valid_number, quantisation_name, quantities,
+    ABSENT, ANISOTROPY, BASIS, BOTTOM_BOUNDARY, CONTENT, FORMAT, FORMAT_VERSION, FORMAT_VERSION_1,
+    MAX_HEADER, MAX_NUMBER, PRECISION, QUANTITIES, SUBSTRATE, SubstrateKind, WAVELENGTH,
+    axis_order, basis_name, check_axis, check_wavelengths, coefficients_name, components_key,
+    integers_name, is_valid_number, quantisation_name, quantities,
 };
 use crate::header::{Dtype, Header, Tensor};
 use crate::{Axes, Basis, Database, Factors, Parameter, Precision, dequantised, f16_to_f32};
@@ -152,6 +152,7 @@ impl Tensors<'_> {
         let versions = [FORMAT_VERSION, FORMAT_VERSION_1].map(|v| (v.to_owned(), v));
         let version = self.version(versions)?;
         let parameters = self.parameters()?;
+        self.check_content(&parameters)?;
         let bases = Basis::ALL.map(|b| (b.name().to_owned(), b));
         let kind = self.variant(BASIS, None, bases)?;
         let precisions = Precision::ALL.map(|p| (p.name().to_owned(), p));
@@ -235,6 +236,26 @@ impl Tensors<'_> {
         let expected = axis_order(parameters.iter().copied());
         self.expect_metadata("axis_order", &expected, UNKNOWN_VARIANT)?;
         Ok(parameters.into_iter().collect())
+    }
+
+    /// An error unless the file has the axes of views if, and only if, it holds anisotropy
+    /// factors.
+    fn check_content(&self, parameters: &[Parameter]) -> Result<(), FormatError> {
+        let has_views = Parameter::VIEWS.map(|axis| parameters.contains(&axis));
+        let expected = match (self.metadata.get(CONTENT), has_views) {
+            (None, [false, false]) => return Ok(()),
+            (_, [false, false]) => "missing",
+            _ => ANISOTROPY,
+        };
+        if has_views[0] != has_views[1] {
+            return Err(FormatError::Metadata {
+                key: "axis_order".to_owned(),
+                found: quoted(self.metadata.get("axis_order")),
+                expected: axis_order(Parameter::VIEWS),
+                meaning: "a direction of view needs both",
+            });
+        }
+        self.expect_metadata(CONTENT, expected, UNKNOWN_VARIANT)
     }
 
     /// The version of the format, one of `known`.

@@ -97,11 +97,13 @@ impl Lookup {
     /// Prepares `quantity` of `database`. Takes about 10 ms for 25,000 curves.
     ///
     /// # Errors
-    /// [`LookupError::NoQuantity`] if the file does not hold `quantity`;
+    /// [`LookupError::Content`] if the file holds anisotropy factors;
+    /// [`LookupError::NoQuantity`] if it does not hold `quantity`;
     /// [`LookupError::MissingCondition`] if an optional axis has several nodes and
     /// [`Database::at`] must be called first; [`LookupError::TooLarge`] if the table would
     /// exceed 1 GB, which happens with many curves and wavelengths of a `linear` file.
     pub fn new(database: &Database, quantity: Quantity) -> Result<Self, LookupError> {
+        database.require_content(false)?;
         database.require(quantity)?;
         database.require_single_block()?;
         let axes = database.axes().clone();

@@ -32,10 +32,12 @@ impl<'a> Varsa2025<'a> {
     /// Prepares `quantity` of `database`.
     ///
     /// # Errors
-    /// [`LookupError::NoQuantity`] if the file does not hold `quantity`;
+    /// [`LookupError::Content`] if the file holds anisotropy factors;
+    /// [`LookupError::NoQuantity`] if it does not hold `quantity`;
     /// [`LookupError::MissingCondition`] if an optional axis has several nodes and
     /// [`Database::at`] must be called first.
     pub fn new(database: &'a Database, quantity: Quantity) -> Result<Self, LookupError> {
+        database.require_content(false)?;
         database.require(quantity)?;
         database.require_single_block()?;
         let mut knots_cm = vec![0.0];

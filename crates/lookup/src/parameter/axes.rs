@@ -57,14 +57,25 @@ impl Axes {
         self.0.is_empty()
     }
 
-    /// The optional axes only.
+    /// The optional axes that describe the snow and its substrate.
     #[must_use]
     pub fn optional(&self) -> Self {
-        let optional = self
-            .0
-            .iter()
-            .filter(|(parameter, _)| parameter.is_optional());
-        Self(optional.map(|(p, values)| (*p, values.clone())).collect())
+        let optional = self.iter().filter(|(p, _)| p.is_optional() && !p.is_view());
+        optional.map(|(p, values)| (p, values.to_vec())).collect()
+    }
+
+    /// The axes of the direction of view only.
+    #[must_use]
+    pub fn views(&self) -> Self {
+        let views = self.iter().filter(|(parameter, _)| parameter.is_view());
+        views.map(|(p, values)| (p, values.to_vec())).collect()
+    }
+
+    /// All other axes.
+    #[must_use]
+    pub fn without_views(&self) -> Self {
+        let others = self.iter().filter(|(parameter, _)| !parameter.is_view());
+        others.map(|(p, values)| (p, values.to_vec())).collect()
     }
 
     /// Values of the axes of [`Parameter::CORE`].

@@ -16,6 +16,10 @@ pub(crate) use scale::{core_places, thickness_slope};
 #[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Hash)]
 #[non_exhaustive]
 pub enum Parameter {
+    /// Angle of the view from the surface normal.
+    View,
+    /// Azimuth of the view relative to the light.
+    RelativeAzimuth,
     /// Mass of black carbon per mass of snow.
     BlackCarbon,
     /// Fraction of the pore space that is water.
@@ -47,6 +51,9 @@ pub enum Role {
     Thickness,
     /// The incidence angle: some engines compute all angles at once.
     Incidence,
+    /// The direction of the view: all views are computed at once, and only files of anisotropy
+    /// factors have these axes.
+    View,
 }
 
 /// The values from `min` to `max`, without the ends that are `open`.
@@ -113,10 +120,12 @@ const fn above(min: f64, max: f64) -> Interval {
 
 impl Parameter {
     /// Number of parameters.
-    pub const COUNT: usize = 10;
+    pub const COUNT: usize = 12;
 
     /// All parameters, in storage order.
     pub const ALL: [Self; Self::COUNT] = [
+        Self::View,
+        Self::RelativeAzimuth,
         Self::BlackCarbon,
         Self::WaterSaturation,
         Self::Temperature,
@@ -138,11 +147,49 @@ impl Parameter {
         Self::Incidence,
     ];
 
+    /// The axes of a direction of view, in storage order: only files of anisotropy factors have
+    /// them.
+    pub const VIEWS: [Self; 2] = [Self::View, Self::RelativeAzimuth];
+
     /// The record of this parameter. Ordinary and allowed ranges are those of
     /// docs/methods.md.
     #[must_use]
     pub const fn record(self) -> Record {
         match self {
+            Self::View => Record {
+                key: "view_deg",
+                option: "view-deg",
+                name: "view_deg",
+                label: "view angle",
+                symbol: "theta_v",
+                unit: "degree",
+                long_name: "angle of the view from the surface normal",
+                physical: closed(0.0, 88.0),
+                allowed: closed(0.0, 88.0),
+                ordinary: closed(0.0, 88.0),
+                scale: Scale::Linear,
+                candidates: 9,
+                role: Role::View,
+                optional: true,
+                fixed: &[],
+            },
+            Self::RelativeAzimuth => Record {
+                key: "relative_azimuth_deg",
+                option: "relative-azimuth-deg",
+                name: "relative_azimuth_deg",
+                label: "relative azimuth",
+                symbol: "phi",
+                unit: "degree",
+                long_name: "azimuth of the view relative to the direction in which the light travels; 0 is forward, 180 back toward the light",
+                physical: closed(0.0, 180.0),
+                allowed: closed(0.0, 180.0),
+                ordinary: closed(0.0, 180.0),
+                scale: Scale::Linear,
+                candidates: 9,
+                role: Role::View,
+                optional: true,
+                fixed: &[],
+            },
             Self::BlackCarbon => Record {
                 key: "black_carbon_ng_g",
                 option: "black-carbon-ng-g",
@@ -365,6 +412,12 @@ impl Parameter {
         self.record().optional
     }
 
+    /// Whether this is an axis of a direction of view ([`Parameter::VIEWS`]).
+    #[must_use]
+    pub const fn is_view(self) -> bool {
+        matches!(self.record().role, Role::View)
+    }
+
     /// Position in [`Parameter::ALL`].
     const fn index(self) -> usize {
         self as usize
@@ -408,7 +461,8 @@ mod tests {
             assert_eq!(Parameter::named(record.key), Some(parameter));
             assert_eq!(record.option, record.key.replace('_', "-"));
             assert_eq!(record.optional, !Parameter::CORE.contains(&parameter));
-            assert_eq!(record.optional, !record.fixed.is_empty());
+            let is_property = record.optional && record.role == Role::Snow;
+            assert_eq!(is_property, !record.fixed.is_empty());
             for (inner, outer) in [
                 (record.ordinary, record.allowed),
                 (record.allowed, record.physical),
@@ -420,6 +474,8 @@ mod tests {
             }
         }
         assert!(Parameter::ALL.is_sorted());
+        let views = Parameter::ALL.into_iter().filter(|p| p.is_view());
+        assert_eq!(views.collect::<Vec<_>>(), Parameter::VIEWS);
         for role in [Role::Thickness, Role::Incidence] {
             let has = |parameter: &Parameter| parameter.record().role == role;
             assert_eq!(Parameter::ALL.into_iter().filter(has).count(), 1);

@@ -64,12 +64,11 @@ impl Point {
         self.0.iter().all(|value| value.is_nan())
     }
 
-    /// The values of the optional parameters only.
+    /// The values of the optional parameters that describe the snow and its substrate.
     #[must_use]
     pub fn optional(&self) -> Self {
-        self.iter()
-            .filter(|(parameter, _)| parameter.is_optional())
-            .collect()
+        let optional = self.iter().filter(|(p, _)| p.is_optional() && !p.is_view());
+        optional.collect()
     }
 
     /// The values of [`Parameter::CORE`]; NaN for a missing value.
