@@ -7,9 +7,9 @@ mod source;
 use std::sync::atomic::{AtomicBool, AtomicU64, AtomicUsize, Ordering};
 use std::sync::{Arc, Mutex, PoisonError};
 
-use crate::engine::{Cache, Control, EngineError, Request, Units};
-use crate::grid::{Grid, Shard};
-use crate::measurement::Spectrum;
+use crate::engine::{Cache, Control, EngineError, Request, Units, exits};
+use crate::grid::{Grid, GridError, GridViews, Job, Shard};
+use crate::measurement::{Measured, Spectrum, ViewFactors, Views};
 use crate::store::Store;
 
 pub use error::BatchError;
@@ -87,6 +87,8 @@ pub fn run_from<S>(
 where
     S: Fn(&Request<'_>, &Control<'_>) -> Result<Vec<Spectrum>, EngineError> + Sync,
 {
+    let views = grid.views.as_ref().map(GridViews::views).transpose();
+    let views = views.map_err(GridError::Views)?;
     let missing = store.missing(options.shard)?;
     store.check_space(missing.len() as u64)?;
     let in_shard = |job: &u64| options.shard.is_none_or(|shard| shard.owns(*job));
@@ -128,7 +130,14 @@ where
                 rays_done: &rays,
                 cache: &cache,
             };
-            match run_job(grid, store, sources, &simulate, job, &control) {
+            match run_job(
+                (grid, views.as_ref()),
+                store,
+                sources,
+                &simulate,
+                job,
+                &control,
+            ) {
                 Ok([job_reused, job_nodes]) => {
                     reused.fetch_add(job_reused, Ordering::Relaxed);
                     nodes.fetch_add(job_nodes, Ordering::Relaxed);
@@ -176,7 +185,7 @@ where
 /// Runs and stores one job. Returns the number of its spectra that were reused from
 /// `sources`, and the number of all its spectra; `Err(None)` if it was cancelled.
 fn run_job<S>(
-    grid: &Grid,
+    (grid, views): (&Grid, Option<&Views>),
     store: &Store,
     sources: &[ReuseSource],
     simulate: &S,
@@ -208,19 +217,66 @@ where
         return Err(Some(BatchError::Store(error)));
     }
     let outcome = saved.map_err(Failure::Engine).and(outcome);
-    let (spectra, reused) = outcome.map_err(|failure| match failure {
-        Failure::Engine(EngineError::Cancelled) => None,
-        Failure::Engine(source) => Some(BatchError::Job {
+    let failed = |error| match error {
+        EngineError::Cancelled => None,
+        source => Some(BatchError::Job {
             number,
             job: job.to_string(),
             source,
         }),
+    };
+    let (spectra, reused) = outcome.map_err(|failure| match failure {
+        Failure::Engine(error) => failed(error),
         Failure::Source(error) => Some(error),
     })?;
+    let factors = factors(grid, views, &job, &spectra, &control);
+    let saved = match factors {
+        Err(EngineError::Cancelled) => cache.save_units(),
+        _ => Ok(()),
+    };
+    if let Some(error) = unit_directory.failure() {
+        return Err(Some(BatchError::Store(error)));
+    }
+    let factors = saved.and(factors).map_err(failed)?;
+    let spectra = job.completed(spectra, grid.wavelengths_nm.len());
     store
-        .commit(number, &job.completed(spectra, grid.wavelengths_nm.len()))
+        .commit(number, &spectra, &factors)
         .map_err(|error| Some(BatchError::Store(error)))?;
     Ok([reused, source::node_count(&job)])
+}
+
+/// The factors toward the views of `grid` of all curves of `job`, whose `spectra` are those of the
+/// curves that exist; empty if the grid has no views.
+fn factors(
+    grid: &Grid,
+    views: Option<&Views>,
+    job: &Job,
+    spectra: &[Spectrum],
+    control: &Control<'_>,
+) -> Result<Vec<ViewFactors>, EngineError> {
+    let (Some(grid_views), Some(views)) = (&grid.views, views) else {
+        return Ok(Vec::new());
+    };
+    // as the store holds them, so that reused spectra give the same factors
+    let single = |measured: &Measured| Measured {
+        value: f64::from(measured.value as f32),
+        se: f64::from(measured.se as f32),
+    };
+    let stored = spectra.iter().map(|spectrum| Spectrum {
+        reflectance: spectrum.reflectance.iter().map(single).collect(),
+        transmittance: spectrum.transmittance.iter().map(single).collect(),
+        lost: Vec::new(),
+    });
+    let stored: Vec<_> = stored.collect();
+    let how = (views, grid_views.rays);
+    let request = job.request(grid);
+    let factors = exits::view_factors(grid.run.engine, &request, how, &stored, control)?;
+    let wavelengths = grid.wavelengths_nm.len();
+    let lights = job.illuminations.iter().cycle();
+    let factors = factors.into_iter().zip(lights);
+    let factors =
+        factors.map(|(factors, light)| grid_views.stored_under(light, factors, wavelengths));
+    Ok(job.completed_views(factors.collect(), grid_views, wavelengths))
 }
 
 #[cfg(test)]

@@ -4,7 +4,7 @@ use std::path::Path;
 use crate::colour::Viewing;
 use crate::engine::{Engine, MaxError};
 use crate::grain::{SizeConversion, SizeMeasure};
-use crate::grid::{Compression, Fixed, Grid, Run, SizeAxis, Spread, why_absent};
+use crate::grid::{Compression, Fixed, Grid, GridViews, Run, SizeAxis, Spread, why_absent};
 use crate::parameter::{Axes, Parameter};
 
 use super::axis_keys::AxesKeys;
@@ -92,6 +92,7 @@ pub fn parse(name: &str, text: &str) -> Result<GridFile, ConfigError> {
     let diffuse = keys.axes.diffuse;
     let (axes, size_axis, longest_um) =
         axes(&document, keys.axes, &spread, &keys.fixed, &mut warnings)?;
+    let (views, axes) = (views(&document, &axes, &keys.run)?, axes.without_views());
     let wavelengths_nm = wavelengths(&document, &keys.wavelengths, &mut warnings)?;
     let model = model(&document, &keys.model, directory_of(name))?;
     fixed_or_axis(&document, &["axes".to_owned()], &keys.fixed)?;
@@ -119,6 +120,7 @@ pub fn parse(name: &str, text: &str) -> Result<GridFile, ConfigError> {
     }
     fixed.diffuse = diffuse;
     check_size(&document, &axes, wavelengths_nm.len(), run.rays)?;
+    check_views(&document, &axes, views.as_ref(), wavelengths_nm.len())?;
     let compression = &keys.compression;
     let viewing = viewing(
         &document,
@@ -130,6 +132,7 @@ pub fn parse(name: &str, text: &str) -> Result<GridFile, ConfigError> {
     let stem = Path::new(name).file_stem();
     let grid = Grid {
         axes,
+        views,
         size_axis,
         spread,
         wavelengths_nm,
@@ -263,6 +266,61 @@ fn axes(
         }
     }
     Ok((axes, size_axis, longest_um))
+}
+
+/// The views, if `axes` has them.
+fn views(
+    document: &Document,
+    axes: &Axes,
+    run: &RunKeys,
+) -> Result<Option<GridViews>, ConfigError> {
+    const RAYS: &str = "run.view_rays";
+    let axes = axes.views();
+    let [view, azimuth] = Parameter::VIEWS;
+    for (axis, other) in [(view, azimuth), (azimuth, view)] {
+        if axes.has(axis) && !axes.has(other) {
+            let key = format!("axes.{}", other.key());
+            let help = "add it: a direction of view is an angle from the normal, axes.view_deg, and an azimuth, axes.relative_azimuth_deg (0 is forward, 180 back toward the light)";
+            return Err(document.error(&key, Problem::Missing, help));
+        }
+    }
+    if axes.is_empty() {
+        if run.view_rays.is_some() {
+            let problem = "requires axes.view_deg, which is not in the file";
+            let problem = Problem::Contradiction(problem.to_owned());
+            let help = "remove it, or add axes.view_deg and axes.relative_azimuth_deg";
+            return Err(document.error(RAYS, problem, help));
+        }
+        return Ok(None);
+    }
+    Ok(Some(GridViews {
+        axes,
+        rays: run.view_rays.unwrap_or(GridViews::RAYS),
+    }))
+}
+
+/// Refuses views that are too many to store.
+fn check_views(
+    document: &Document,
+    axes: &Axes,
+    views: Option<&GridViews>,
+    wavelengths: usize,
+) -> Result<(), ConfigError> {
+    let Some(views) = views else {
+        return Ok(());
+    };
+    let numbers = [axes.count(), views.axes.count(), wavelengths as u64];
+    let values = numbers.into_iter().try_fold(1_u64, u64::checked_mul);
+    if values.is_none_or(|n| n > MAX_VALUES) {
+        let [curves, views, wavelengths] = numbers;
+        let problem = Problem::Contradiction(format!(
+            "gives {curves} curves toward {views} views at {wavelengths} wavelengths, more than {:.0e} values",
+            MAX_VALUES as f64
+        ));
+        let help = "use fewer views, shorter axes or fewer wavelengths";
+        return Err(document.error("axes.view_deg", problem, help));
+    }
+    Ok(())
 }
 
 /// The key of the grain size axis, its values, and their measure if they are not sizes.

@@ -11,7 +11,7 @@ use super::axis_keys::AxesKeys;
 use crate::colour::{ColourDifference, Illuminant, IlluminantSpec, Viewing};
 use crate::engine::Engine;
 use crate::grain::{Facets, Shape, SizeLaw};
-use crate::grid::Spread;
+use crate::grid::{GridViews, Spread};
 use crate::optics::{CarbonLaw, IceTable, ImpurityMass, MODEL_RANGE_NM};
 use crate::parameter::Parameter;
 use crate::transport::{Entry, Joining};
@@ -623,6 +623,10 @@ pub(super) struct RunKeys {
     /// other engines.
     #[schemars(range(min = 1, max = 1_000_000_000_000_u64))]
     pub(super) rays: Option<u64>,
+    /// Number of walks per curve for the light toward views; only with axes.view_deg.
+    #[schemars(range(min = 1, max = 1_000_000_000_000_u64))]
+    #[schemars(extend("default" = GridViews::RAYS))]
+    pub(super) view_rays: Option<u64>,
     /// Largest error of a curve, for the engine `auto`, which selects the cheapest engine
     /// that meets it.
     pub(super) max_error: Option<MaxErrorKeys>,
@@ -634,6 +638,7 @@ impl Default for RunKeys {
             engine: default_engine(),
             seed: default_seed(),
             rays: None,
+            view_rays: None,
             max_error: None,
         }
     }

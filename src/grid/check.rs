@@ -3,6 +3,7 @@ use thiserror::Error;
 
 use super::{Grid, Jobs};
 use crate::grain::GrainError;
+use crate::measurement::ViewError;
 use crate::parameter::{Interval, Parameter};
 
 /// Smallest grain that a size distribution may contain, um (docs/methods.md).
@@ -72,6 +73,9 @@ pub enum GridError {
         /// Name of the engine.
         engine: &'static str,
     },
+    /// A view is out of range.
+    #[error(transparent)]
+    Views(ViewError),
     /// The job number is out of range.
     #[error("job {job} does not exist: the grid has {jobs} jobs, counted from 0")]
     NoSuchJob {
@@ -94,7 +98,15 @@ impl Grid {
             let axis = parameter.key();
             return Err(GridError::Empty { axis });
         }
-        for (parameter, values) in self.axes.iter() {
+        if let Some(views) = &self.views {
+            let missing = Parameter::VIEWS.into_iter();
+            if let Some(parameter) = missing.into_iter().find(|p| !views.axes.has(*p)) {
+                let axis = parameter.key();
+                return Err(GridError::Empty { axis });
+            }
+        }
+        let views = self.views.iter().flat_map(|views| views.axes.iter());
+        for (parameter, values) in self.axes.iter().chain(views) {
             check_list(parameter.key(), values, parameter.record().physical)?;
         }
         let wavelengths = Interval {

@@ -8,15 +8,23 @@ use super::settings::{
 use crate::engine::Engine;
 use crate::grain::{Facets, Shape, SizeLaw, TruncatedNormal};
 use crate::optics::{Carbon, WaterTable};
-use crate::parameter::Parameter;
+use crate::parameter::{Axes, Parameter};
 use crate::transport::{Component, Layer, Substrate};
 use crate::units::{m_to_cm, m_to_um};
 
 impl Grid {
+    /// The axes, with those of the views.
+    fn all_axes(&self) -> Axes {
+        let views = self.views.iter().flat_map(|views| views.axes.iter());
+        let axes = self.axes.iter().chain(views);
+        axes.map(|(parameter, values)| (parameter, values.to_vec()))
+            .collect()
+    }
+
     /// Every setting that affects the spectra.
     #[must_use]
     pub fn describe(&self) -> GridSettings {
-        let axes = &self.axes;
+        let axes = &self.all_axes();
         let spread = &self.spread;
         let sphericity_is_axis = axes.has(Parameter::Sphericity);
         GridSettings {
@@ -36,6 +44,7 @@ impl Grid {
                 engine: self.run.engine,
                 seed: self.run.seed,
                 rays: self.run.rays,
+                view_rays: self.views.as_ref().map(|views| views.rays),
                 max_error: (self.run.engine == Engine::Auto).then_some(ErrorSettings {
                     delta_e: self.run.max_error.delta_e,
                     rmse: self.run.max_error.rmse,

@@ -1,10 +1,10 @@
 //! Expands a job number into the request to an engine.
 use std::fmt;
 
-use super::{Grid, GridError, Jobs};
+use super::{Grid, GridError, GridViews, Jobs};
 use crate::engine::{Engine, Request, Resolution, identity};
 use crate::grain::{GrainType, SizeRange, TruncatedNormal};
-use crate::measurement::{Measured, Spectrum};
+use crate::measurement::{Measured, Spectrum, ViewFactors};
 use crate::parameter::{Parameter, Point, Role};
 use crate::transport::{Illumination, Snow, Snowpack};
 use crate::units::{HALF_SPACE_M, cm_to_m, m_to_cm, um_to_m};
@@ -57,6 +57,32 @@ impl Job {
         };
         let mut completed = vec![absent_spectrum; self.absent * self.illuminations.len()];
         completed.extend(spectra);
+        completed
+    }
+
+    /// The factors toward views of all curves, as [`completed`](Self::completed): `existing` of
+    /// the curves that exist, NaN for the others.
+    #[must_use]
+    pub fn completed_views(
+        &self,
+        existing: Vec<ViewFactors>,
+        views: &GridViews,
+        wavelengths: usize,
+    ) -> Vec<ViewFactors> {
+        let nan = Measured {
+            value: f64::NAN,
+            se: f64::NAN,
+        };
+        let absent_factors = |light: &Illumination| {
+            let absent = vec![nan; views.count_under(light) * wavelengths];
+            ViewFactors {
+                reflected: absent.clone(),
+                transmitted: absent,
+            }
+        };
+        let absent_slab: Vec<_> = self.illuminations.iter().map(absent_factors).collect();
+        let mut completed: Vec<_> = vec![absent_slab; self.absent].concat();
+        completed.extend(existing);
         completed
     }
 

@@ -12,6 +12,7 @@ mod shard;
 #[cfg(feature = "database")]
 mod stored;
 mod toml_text;
+mod views;
 
 use crate::engine::{Engine, MaxError};
 use crate::grain::{Shape, SizeLaw, SizeMeasure, TruncatedNormal};
@@ -29,6 +30,7 @@ pub(crate) use settings::config_text;
 pub(crate) use settings::{CarbonSettings, LawSettings, Reflectance, SizeSettings};
 pub use shard::{Shard, ShardError};
 pub(crate) use toml_text::{toml_entries, toml_text};
+pub use views::GridViews;
 
 /// The values of a grain size axis that is given by another measure than the size.
 #[derive(Debug, Clone, PartialEq)]
@@ -172,6 +174,8 @@ pub struct Compression {
 pub struct Grid {
     /// The axes: those that every database has, and any optional ones.
     pub axes: Axes,
+    /// Views toward which the light is computed too, if any.
+    pub views: Option<GridViews>,
     /// Values of the grain size axis if it is given by another measure than the size.
     pub size_axis: Option<SizeAxis>,
     /// Widths of the distributions around an axis value.
@@ -202,6 +206,7 @@ pub(crate) mod tests {
                 (Parameter::Thickness, vec![1.0, 2.0, 5.0]),
                 (Parameter::Incidence, vec![0.0, 60.0]),
             ]),
+            views: None,
             size_axis: None,
             spread: Spread::default(),
             wavelengths_nm: vec![400.0, 500.0, 600.0, 700.0],

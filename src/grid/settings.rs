@@ -331,6 +331,9 @@ pub(crate) struct RunSettings {
     pub(crate) engine: Engine,
     pub(crate) seed: u64,
     pub(crate) rays: u64,
+    /// Only with axes of a view.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub(crate) view_rays: Option<u64>,
     /// Only with the engine `auto`.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub(crate) max_error: Option<ErrorSettings>,

@@ -2,7 +2,7 @@
 use serde_json::Value;
 
 use super::settings::{AxisSettings, FixedSettings, Properties};
-use super::{GridSettings, SizeAxis};
+use super::{GridSettings, GridViews, SizeAxis};
 use crate::grain::{Shape, SizeConversion, SizeLaw, SizeMeasure, TruncatedNormal};
 use crate::parameter::{Axes, Parameter};
 
@@ -16,7 +16,7 @@ impl GridSettings {
         toml::from_str(config).map_err(|error| error.message().to_owned())
     }
 
-    /// The axes, with grain sizes in um; `None` if these do not follow from the settings.
+    /// The axes, also those of a view, with grain sizes in um; `None` if these do not follow from the settings.
     pub(crate) fn axes(&self) -> Option<Axes> {
         let mut axes = Axes::default();
         for (name, values) in &self.axes.lists {
@@ -31,6 +31,16 @@ impl GridSettings {
             axes.set(Parameter::GrainSize, sizes);
         }
         Some(axes)
+    }
+
+    /// The views, if any, and the axes `all` without theirs.
+    pub(crate) fn views(&self, all: &Axes) -> (Option<GridViews>, Axes) {
+        let axes = all.views();
+        let views = (!axes.is_empty()).then_some(GridViews {
+            axes,
+            rays: self.run.view_rays.unwrap_or(GridViews::RAYS),
+        });
+        (views, all.without_views())
     }
 
     /// Values of the grain size axis if it is given by another measure than the size.

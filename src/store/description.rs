@@ -248,6 +248,8 @@ impl Identity {
                 in_one && moved(Parameter::Sphericity)
             }
             "model.carbon_law" | "model.impurity_mass" => in_one,
+            // reflectance and transmittance do not depend on it
+            "run.view_rays" => true,
             // the absent curves follow from the grain sizes and thicknesses
             ABSENT => true,
             _ if key.starts_with("axes.") => true,
@@ -322,12 +324,14 @@ impl Description {
     /// [`StoreError::Damaged`] if they contradict each other.
     pub(super) fn contents(&self, path: &Path) -> Result<Contents, StoreError> {
         let settings = &self.settings;
-        let axes = settings.axes().ok_or_else(|| StoreError::Damaged {
+        let all_axes = settings.axes().ok_or_else(|| StoreError::Damaged {
             path: path.join("zarr.json"),
             reason: "attribute \"config\" does not describe the grains".into(),
         })?;
+        let (views, axes) = settings.views(&all_axes);
         Ok(Contents {
             absent: self.identity.absent(&axes, path)?,
+            views: views.map(|views| views.axes).unwrap_or_default(),
             axes,
             size_axis: settings.size_axis(),
             wavelengths_nm: settings.wavelengths.values_nm.clone(),
@@ -499,29 +503,39 @@ mod tests {
     use crate::engine::Engine;
     use crate::grain::{SizeLaw, SizeMeasure};
     use crate::grid::tests::{small, with_extra};
-    use crate::grid::{Fixed, SizeAxis};
+    use crate::grid::{Fixed, GridViews, SizeAxis};
     use crate::optics::Carbon;
     use crate::transport::{Layer, Substrate};
 
     /// Grids of every engine and axis, and of every setting that not all grids have.
     fn grids() -> Vec<Grid> {
         let grid = || small(Engine::Hybrid);
+        let optional = || {
+            let optional = Parameter::ALL.into_iter();
+            optional.filter(|axis| axis.is_optional() && !axis.is_view())
+        };
         let fixed = |change: fn(&mut Fixed)| {
             let mut grid = grid();
             change(&mut grid.fixed);
             grid
         };
         let mut grids: Vec<_> = Engine::ALL.into_iter().map(small).collect();
-        for axis in Parameter::ALL.into_iter().filter(|axis| axis.is_optional()) {
+        for axis in optional() {
             let mut grid = grid();
             grid.axes.set(axis, vec![0.25, 0.5]);
             grids.push(grid);
         }
         let mut all_axes = grid();
-        for axis in Parameter::ALL.into_iter().filter(|axis| axis.is_optional()) {
+        for axis in optional() {
             all_axes.axes.set(axis, vec![0.25, 0.5]);
         }
         grids.push(all_axes);
+        let mut views = grid();
+        views.views = Some(GridViews {
+            axes: Parameter::VIEWS.map(|axis| (axis, vec![0.0, 60.0])).into(),
+            rays: 5,
+        });
+        grids.push(views);
         for measure in SizeMeasure::ALL {
             let mut grid = grid();
             let values = vec![30.0, 40.0];

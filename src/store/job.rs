@@ -1,41 +1,48 @@
-//! The files of a job: four chunks of spectra, the share of lost rays, and the commit mark,
-//! a hash of the other five files that is written last.
+//! The files of a job: a chunk of each array of spectra, the share of lost rays, and the commit
+//! mark, a hash of the other files that is written last.
 use sha2::{Digest, Sha256};
 
 use super::layout::{ZarrArray, encode};
 use super::{Store, StoreError, Variable, file};
-use crate::measurement::{Measured, Spectrum};
+use crate::measurement::{Measured, Spectrum, ViewFactors};
 use crate::parameter::Parameter;
 
 impl Store {
-    /// Stores the spectra of `job`, one per curve in storage order. With diffuse light, its
-    /// spectrum follows those at the incidence angles, for each thickness.
+    /// Stores the spectra of `job`, one per curve in storage order, and its factors toward views,
+    /// if the database has views, likewise. With diffuse light, its spectrum follows those at the
+    /// incidence angles, for each thickness; its factors have a single azimuth.
     ///
     /// # Errors
     /// [`StoreError::Io`] if the store is open for reading only;
     /// [`StoreError::Spectra`] if the spectra do not fit the job, a curve that exists has a
     /// value that is not finite, or a curve that does not exist has a value other than NaN;
     /// [`StoreError::Io`] or [`StoreError::DiskFull`] if a file cannot be written.
-    pub fn commit(&self, job: u64, spectra: &[Spectrum]) -> Result<(), StoreError> {
+    pub fn commit(
+        &self,
+        job: u64,
+        spectra: &[Spectrum],
+        views: &[ViewFactors],
+    ) -> Result<(), StoreError> {
         let writer = self.writer()?;
-        self.check_spectra(job, spectra)?;
+        self.check_spectra(job, spectra, views)?;
         let mut hash = self.commit_hash(job);
-        for (quantity, array) in self.layout.quantities() {
-            let angles = self.layout.jobs.block_along(Parameter::Incidence);
-            let slab_values = |slab: &'_ [Spectrum]| -> Vec<f32> {
-                let (collimated, diffuse) = slab.split_at(angles.min(slab.len()));
-                let spectra = if quantity.is_diffuse() {
-                    diffuse
-                } else {
-                    collimated
-                };
-                spectra.iter().flat_map(|s| values(s, quantity)).collect()
-            };
-            let slabs = spectra.chunks(self.layout.lights().max(1));
-            let values: Vec<f32> = slabs.flat_map(slab_values).collect();
+        let wavelengths = self.layout.jobs.wavelengths() as usize;
+        for (variable, array) in self.layout.quantities() {
+            let own = (0..spectra.len()).filter(|c| self.is_diffuse(*c) == variable.is_diffuse);
+            let own: Vec<_> = own
+                .map(|curve| measured(variable, spectra, views, curve))
+                .collect();
+            // views run slower than curves
+            let mut values: Vec<f32> = Vec::new();
+            for view in 0..self.view_count(variable) {
+                for curve in &own {
+                    let row = curve.iter().skip(view * wavelengths).take(wavelengths);
+                    values.extend(row.map(|measured| value(variable, measured)));
+                }
+            }
             let bytes = encode(array, &values)?;
             hash.add(&bytes);
-            let chunk = self.layout.chunk(quantity, job)?;
+            let chunk = self.layout.chunk(variable, job)?;
             writer.write(&self.file(array, &chunk), &bytes)?;
         }
         let lost = &self.layout.lost;
@@ -85,25 +92,62 @@ impl Store {
         )
     }
 
-    fn check_spectra(&self, job: u64, spectra: &[Spectrum]) -> Result<(), StoreError> {
+    /// Whether curve number `curve` of a job is one under diffuse light.
+    fn is_diffuse(&self, curve: usize) -> bool {
+        let angles = self.layout.jobs.block_along(Parameter::Incidence);
+        curve % self.layout.lights() >= angles
+    }
+
+    /// Number of views of a variable; 1 without views.
+    fn view_count(&self, variable: Variable) -> usize {
+        let views = self.layout.views();
+        match (variable.is_view, variable.is_diffuse) {
+            (false, _) => 1,
+            (true, true) => views.values(Parameter::View).len(),
+            (true, false) => views.count() as usize,
+        }
+    }
+
+    fn check_spectra(
+        &self,
+        job: u64,
+        spectra: &[Spectrum],
+        views: &[ViewFactors],
+    ) -> Result<(), StoreError> {
         let refuse = |reason: String| Err(StoreError::Spectra { job, reason });
         let lights = self.layout.lights();
-        let curves = (self.layout.jobs.block_along(Parameter::Thickness) * lights) as u64;
-        if spectra.len() as u64 != curves {
+        let curves = self.layout.jobs.block_along(Parameter::Thickness) * lights;
+        if spectra.len() != curves {
             return refuse(format!("{} spectra for {curves} curves", spectra.len()));
         }
+        let expected = if self.layout.views().is_empty() {
+            0
+        } else {
+            curves
+        };
+        if views.len() != expected {
+            let found = views.len();
+            return refuse(format!("views of {found} curves instead of {expected}"));
+        }
         let absent = self.layout.absent_of(job)?;
+        let wavelengths = self.layout.jobs.wavelengths() as usize;
         for (curve, spectrum) in spectra.iter().enumerate() {
-            let lengths = [
-                spectrum.reflectance.len(),
-                spectrum.transmittance.len(),
-                spectrum.lost.len(),
-            ];
-            let wavelengths = self.layout.jobs.wavelengths();
-            if lengths.iter().any(|n| *n as u64 != wavelengths) {
-                return refuse(format!("{lengths:?} values for {wavelengths} wavelengths"));
+            if spectrum.lost.len() != wavelengths {
+                let found = spectrum.lost.len();
+                return refuse(format!(
+                    "{found} shares of lost rays for {wavelengths} wavelengths"
+                ));
             }
-            for quantity in Variable::ALL {
+            for (variable, _) in self.layout.quantities() {
+                if variable.is_diffuse != self.is_diffuse(curve) {
+                    continue;
+                }
+                let measured = measured(variable, spectra, views, curve);
+                let (found, name) = (measured.len(), variable.name());
+                let expected = self.view_count(variable) * wavelengths;
+                if found != expected {
+                    return refuse(format!("{found} values of {name} instead of {expected}"));
+                }
                 let is_invalid = |v: &f32| {
                     if curve / lights < absent {
                         !v.is_nan()
@@ -111,13 +155,36 @@ impl Store {
                         !v.is_finite()
                     }
                 };
-                if let Some(value) = values(spectrum, quantity).find(is_invalid) {
-                    return refuse(format!("{} is {value}", quantity.name()));
+                let mut values = measured.iter().map(|measured| value(variable, measured));
+                if let Some(value) = values.find(is_invalid) {
+                    return refuse(format!("{name} is {value}"));
                 }
             }
         }
         Ok(())
     }
+}
+
+/// The values of `variable` of one curve, `[view][wavelength]`.
+fn measured<'a>(
+    variable: Variable,
+    spectra: &'a [Spectrum],
+    views: &'a [ViewFactors],
+    curve: usize,
+) -> &'a [Measured] {
+    match variable.is_view {
+        true => views[curve].of(variable.quantity),
+        false => spectra[curve].of(variable.quantity),
+    }
+}
+
+/// The value or the standard error, as stored.
+fn value(variable: Variable, measured: &Measured) -> f32 {
+    let value = match variable.is_error {
+        true => measured.se,
+        false => measured.value,
+    };
+    value as f32
 }
 
 /// The hash in a commit mark: over the identity of the database, the job and its files.
@@ -135,22 +202,4 @@ impl CommitHash {
         let [a, b, c, d, e, f, g, h, ..] = digest;
         u64::from_le_bytes([a, b, c, d, e, f, g, h])
     }
-}
-
-fn values(spectrum: &Spectrum, quantity: Variable) -> impl Iterator<Item = f32> {
-    let (measured, part): (&[Measured], fn(&Measured) -> f64) = match quantity {
-        Variable::Transmittance | Variable::TransmittanceDiffuse => {
-            (&spectrum.transmittance, |m| m.value)
-        }
-        Variable::Reflectance | Variable::ReflectanceDiffuse => {
-            (&spectrum.reflectance, |m| m.value)
-        }
-        Variable::TransmittanceSe | Variable::TransmittanceDiffuseSe => {
-            (&spectrum.transmittance, |m| m.se)
-        }
-        Variable::ReflectanceSe | Variable::ReflectanceDiffuseSe => {
-            (&spectrum.reflectance, |m| m.se)
-        }
-    };
-    measured.iter().map(move |m| part(m) as f32)
 }

@@ -38,6 +38,8 @@ pub(super) struct Contents {
     pub(super) absent: Vec<usize>,
     /// Whether there are curves under diffuse light.
     pub(super) diffuse: bool,
+    /// The axes of the views; empty if there are none.
+    pub(super) views: Axes,
 }
 
 /// The arrays that jobs write to.
@@ -45,9 +47,8 @@ pub(super) struct Contents {
 pub(super) struct ArrayLayout {
     pub(super) jobs: Jobs,
     contents: Contents,
-    quantities: [ZarrArray; 4],
-    /// The arrays of diffuse light, which have no axis of incidence angles.
-    diffuse: Option<[ZarrArray; 4]>,
+    /// The arrays of spectra.
+    quantities: Vec<(Variable, ZarrArray)>,
     pub(super) lost: ZarrArray,
     pub(super) committed: ZarrArray,
     storage: Arc<FilesystemStore>,
@@ -59,9 +60,10 @@ impl ArrayLayout {
         let jobs = Jobs::new(contents.engine, axes, contents.wavelengths_nm.len() as u64)?;
         let storage =
             Arc::new(FilesystemStore::new(root).map_err(StoreError::zarr("the file system"))?);
-        let quantities = arrays(&storage, axes, &jobs, Variable::ALL)?;
-        let diffuse = contents.diffuse;
-        let diffuse = diffuse.then(|| arrays(&storage, axes, &jobs, Variable::DIFFUSE));
+        let variables = Variable::stored(contents.diffuse, !contents.views.is_empty());
+        let array = |variable| Ok((variable, contents.array(&storage, &jobs, variable)?));
+        let quantities = variables.into_iter().map(array);
+        let quantities = quantities.collect::<Result<_, StoreError>>()?;
         let per_job = |name, long_name| ArraySpec {
             name,
             long_name,
@@ -80,7 +82,6 @@ impl ArrayLayout {
         )
         .array(&storage, count, one, data_type::uint64(), 0_u64)?;
         Ok(Self {
-            diffuse: diffuse.transpose()?,
             jobs,
             contents,
             quantities,
@@ -91,11 +92,16 @@ impl ArrayLayout {
     }
 
     pub(super) fn has_diffuse(&self) -> bool {
-        self.diffuse.is_some()
+        self.contents.diffuse
     }
 
     pub(super) fn axes(&self) -> &Axes {
         &self.contents.axes
+    }
+
+    /// The axes of the views; empty if there are none.
+    pub(super) fn views(&self) -> &Axes {
+        &self.contents.views
     }
 
     pub(super) fn size_axis(&self) -> Option<&SizeAxis> {
@@ -149,28 +155,27 @@ impl ArrayLayout {
 
     /// Index of a job's chunk in the array of a quantity.
     pub(super) fn chunk(&self, quantity: Variable, job: u64) -> Result<Vec<u64>, StoreError> {
-        let mut chunk = self.jobs.chunk(job)?;
-        if quantity.is_diffuse() {
-            // diffuse light has no incidence angle, the last axis
-            chunk.pop();
-        }
-        chunk.push(0);
-        Ok(chunk)
+        let chunk = self.jobs.chunk(job)?;
+        let own = self.axes().iter().zip(chunk);
+        let own = own.filter(|((parameter, _), _)| quantity.has_axis(*parameter));
+        // a chunk has all views and all wavelengths
+        let views = self.views().iter();
+        let views = views.filter(|(parameter, _)| quantity.has_axis(*parameter));
+        let views = views.map(|_| 0);
+        Ok(views
+            .chain(own.map(|(_, index)| index))
+            .chain([0])
+            .collect())
     }
 
     pub(super) fn wavelengths_nm(&self) -> &[f64] {
         &self.contents.wavelengths_nm
     }
 
-    /// The arrays of spectra in the order of [`Variable::ALL`], followed by those of
-    /// [`Variable::DIFFUSE`] if there is diffuse light.
+    /// The arrays of spectra in the order in which the chunks of a job are written.
     pub(super) fn quantities(&self) -> impl Iterator<Item = (Variable, &ZarrArray)> {
-        let diffuse = self.diffuse.iter().flatten();
-        let diffuse = Variable::DIFFUSE.into_iter().zip(diffuse);
-        Variable::ALL
-            .into_iter()
-            .zip(&self.quantities)
-            .chain(diffuse)
+        let quantities = self.quantities.iter();
+        quantities.map(|(variable, array)| (*variable, array))
     }
 
     pub(super) fn quantity(&self, quantity: Variable) -> Result<&ZarrArray, StoreError> {
@@ -180,7 +185,7 @@ impl ArrayLayout {
             .map(|(_, array)| array)
             .ok_or_else(|| StoreError::Zarr {
                 name: quantity.name().into(),
-                reason: "this database has no curves under diffuse light".into(),
+                reason: "this database does not have it".into(),
             })
     }
 
@@ -192,7 +197,8 @@ impl ArrayLayout {
     ) -> Result<BTreeMap<String, Vec<u8>>, StoreError> {
         let mut files = BTreeMap::new();
         let mut nodes = Map::new();
-        let axes = self.axes().iter().map(|(p, values)| (p.name(), values));
+        let axes = self.views().iter().chain(self.axes().iter());
+        let axes = axes.map(|(p, values)| (p.name(), values));
         for (name, values) in axes.chain([(WAVELENGTH, self.wavelengths_nm())]) {
             let array = coordinate(&self.storage, name, name, values.len() as u64)?;
             let key = format!("{name}/{}", chunk_name(&array, &[0])?);
@@ -248,31 +254,39 @@ impl ArrayLayout {
     }
 }
 
-/// The arrays of four quantities.
-fn arrays(
-    storage: &Arc<FilesystemStore>,
-    axes: &Axes,
-    jobs: &Jobs,
-    quantities: [Variable; 4],
-) -> Result<[ZarrArray; 4], StoreError> {
-    let array = |quantity: Variable| {
-        // diffuse light has no incidence angle, the last axis
-        let n = axes.len() - usize::from(quantity.is_diffuse());
-        let l = [jobs.wavelengths()];
-        let shape = [&jobs.shape()[..n], &l].concat();
-        let chunk = [&jobs.block()[..n], &l].concat();
-        let names = axes.iter().map(|(parameter, _)| parameter.name());
-        let names: Vec<_> = names.take(n).chain([WAVELENGTH]).collect();
+impl Contents {
+    /// The array of `variable`: views first, wavelengths last.
+    fn array(
+        &self,
+        storage: &Arc<FilesystemStore>,
+        jobs: &Jobs,
+        variable: Variable,
+    ) -> Result<ZarrArray, StoreError> {
+        let views = self.views.iter().map(|(parameter, values)| {
+            let length = values.len() as u64;
+            (parameter, length, length)
+        });
+        let lengths = jobs.shape().iter().zip(jobs.block());
+        let axes = self.axes.iter().zip(lengths);
+        let axes = axes.map(|((parameter, _), (length, block))| (parameter, *length, *block));
+        let axes = views.chain(axes);
+        let axes = axes.filter(|(parameter, ..)| variable.has_axis(*parameter));
+        let axes = axes.map(|(parameter, length, block)| (parameter.name(), length, block));
+        let wavelengths = (WAVELENGTH, jobs.wavelengths(), jobs.wavelengths());
+        let (mut names, mut shape, mut chunk) = (Vec::new(), Vec::new(), Vec::new());
+        for (name, length, block) in axes.chain([wavelengths]) {
+            names.push(name);
+            shape.push(length);
+            chunk.push(block);
+        }
         let spec = ArraySpec {
-            name: quantity.name(),
-            long_name: quantity.long_name(),
+            name: variable.name(),
+            long_name: variable.long_name(),
             units: "1",
             dimensions: &names,
         };
         spec.array(storage, shape, chunk, data_type::float32(), f32::NAN)
-    };
-    let [t, r, t_se, r_se] = quantities;
-    Ok([array(t)?, array(r)?, array(t_se)?, array(r_se)?])
+    }
 }
 
 pub(crate) use crate::lookup::format::WAVELENGTH;

@@ -47,7 +47,7 @@ use crate::grid::{Grid, Jobs, SizeAxis};
 use crate::lookup::SubstrateKind;
 use crate::parameter::Axes;
 
-pub use crate::lookup::COMPACT;
+pub use crate::lookup::{COMPACT, DIFFUSE, VIEWS, VIEWS_DIFFUSE};
 pub use description::FORMAT_VERSION;
 pub use error::StoreError;
 pub(crate) use layout::WAVELENGTH;
@@ -63,8 +63,6 @@ const DATABASE: &str = "database.zarr";
 const SYSTEM: &str = "lost+found";
 /// Name of the file that identifies a directory as a database.
 const ROOT: &str = "zarr.json";
-/// Name of the compact file of the curves under diffuse light.
-pub const DIFFUSE: &str = "diffuse.safetensors";
 
 /// An open database.
 #[derive(Debug)]
@@ -101,7 +99,8 @@ impl Store {
         if let Some(stored) = &stored {
             stored.identity.check_same(&requested.identity, &root)?;
         } else {
-            space::check(dir, &jobs, jobs.count())?;
+            let views = grid.views.as_ref().map_or(0, |views| views.axes.count());
+            space::check(dir, &jobs, views, jobs.count())?;
         }
         let writer = file::Writer::new(dir, access)?;
         let contents = Contents {
@@ -111,6 +110,11 @@ impl Store {
             engine: grid.run.engine,
             absent: grid.absent()?,
             diffuse: grid.fixed.diffuse,
+            views: grid
+                .views
+                .as_ref()
+                .map(|views| views.axes.clone())
+                .unwrap_or_default(),
         };
         let layout = ArrayLayout::new(&root, contents)?;
         let store = Self {
@@ -275,7 +279,7 @@ impl Store {
     /// [`StoreError::TooLarge`] if it has not; [`StoreError::Io`] if the free space cannot be
     /// determined.
     pub fn check_space(&self, count: u64) -> Result<(), StoreError> {
-        space::check(&self.dir, &self.layout.jobs, count)
+        space::check(&self.dir, &self.layout.jobs, self.views_per_curve(), count)
     }
 
     /// The output directory.
@@ -303,7 +307,27 @@ impl Store {
         self.layout.absent()
     }
 
-    /// Whether it has curves under diffuse light ([`Variable::DIFFUSE`]).
+    /// The axes of the views; empty if there are none.
+    #[must_use]
+    pub fn views(&self) -> &Axes {
+        self.layout.views()
+    }
+
+    /// Number of views per curve; 0 if there are none.
+    fn views_per_curve(&self) -> u64 {
+        match self.views().is_empty() {
+            true => 0,
+            false => self.views().count(),
+        }
+    }
+
+    /// Estimated size of the finished database on disk, bytes.
+    #[must_use]
+    pub fn estimated_bytes(&self) -> u64 {
+        estimated_bytes(self.jobs(), self.views_per_curve(), self.jobs().count())
+    }
+
+    /// Whether it has curves under diffuse light ([`Variable::is_diffuse`]).
     #[must_use]
     pub fn has_diffuse(&self) -> bool {
         self.layout.has_diffuse()
@@ -403,7 +427,9 @@ pub fn remove(dir: &Path) -> Result<(), StoreError> {
     // database is renamed before it is deleted, so that a killed process leaves no part of
     // it under its name.
     file::remove_file(&resolved(&dir.join(COMPACT)))?;
-    file::remove_file(&resolved(&dir.join(DIFFUSE)))?;
+    for other in [DIFFUSE, VIEWS, VIEWS_DIFFUSE] {
+        file::remove_file(&resolved(&dir.join(other)))?;
+    }
     file::remove_dir(&dir.join(unit_directory::UNITS))?;
     let writer = file::Writer::new(dir, Access::Exclusive)?;
     let scratch = writer.scratch();

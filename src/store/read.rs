@@ -5,92 +5,151 @@ use zarrs::array::ArrayError;
 use super::layout::ZarrArray;
 use super::{ROOT, Store, StoreError, file};
 use crate::grid::Shard;
-use crate::measurement::{Measured, Spectrum};
+use crate::measurement::{Measured, Quantity, Spectrum};
 use crate::parameter::Parameter;
 
 /// An array of spectra in the database.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
-pub enum Variable {
-    /// Directional-hemispherical transmittance.
-    Transmittance,
-    /// Directional-hemispherical reflectance.
-    Reflectance,
-    /// Standard error of the transmittance.
-    TransmittanceSe,
-    /// Standard error of the reflectance.
-    ReflectanceSe,
-    /// Bi-hemispherical transmittance, under diffuse (isotropic) light.
-    TransmittanceDiffuse,
-    /// Bi-hemispherical reflectance, under diffuse (isotropic) light.
-    ReflectanceDiffuse,
-    /// Standard error of the bi-hemispherical transmittance.
-    TransmittanceDiffuseSe,
-    /// Standard error of the bi-hemispherical reflectance.
-    ReflectanceDiffuseSe,
+pub struct Variable {
+    /// Whether it belongs to transmitted or reflected light.
+    pub quantity: Quantity,
+    /// Whether the light is diffuse (isotropic). The array then has no axes of the incidence
+    /// angle and the azimuth.
+    pub is_diffuse: bool,
+    /// Whether the values are factors toward views. The array then has the axes of the view.
+    pub is_view: bool,
+    /// Whether the values are standard errors.
+    pub is_error: bool,
 }
 
 impl Variable {
-    /// The variables under collimated light, in the order in which the chunks of a job are
-    /// written.
+    /// Directional-hemispherical transmittance.
+    pub const TRANSMITTANCE: Self = Self::of(Quantity::Transmittance);
+
+    /// Directional-hemispherical reflectance.
+    pub const REFLECTANCE: Self = Self::of(Quantity::Reflectance);
+
+    /// Reflectance and transmittance of collimated light and their standard errors, in the order
+    /// in which the chunks of a job are written.
     pub const ALL: [Self; 4] = [
-        Self::Transmittance,
-        Self::Reflectance,
-        Self::TransmittanceSe,
-        Self::ReflectanceSe,
+        Self::TRANSMITTANCE,
+        Self::REFLECTANCE,
+        Self::TRANSMITTANCE.se(),
+        Self::REFLECTANCE.se(),
     ];
 
-    /// The variables under diffuse light, in the same order; their arrays have no axis of
-    /// incidence angles.
-    pub const DIFFUSE: [Self; 4] = [
-        Self::TransmittanceDiffuse,
-        Self::ReflectanceDiffuse,
-        Self::TransmittanceDiffuseSe,
-        Self::ReflectanceDiffuseSe,
-    ];
-
-    /// The corresponding variable under diffuse light.
+    /// Directional-hemispherical reflectance or transmittance.
     #[must_use]
-    pub fn diffuse(self) -> Self {
-        let mut pairs = Self::ALL.into_iter().zip(Self::DIFFUSE);
-        let pair = pairs.find(|(collimated, _)| *collimated == self);
-        pair.map_or(self, |(_, diffuse)| diffuse)
+    pub const fn of(quantity: Quantity) -> Self {
+        Self {
+            quantity,
+            is_diffuse: false,
+            is_view: false,
+            is_error: false,
+        }
     }
 
-    /// Whether the variable belongs to diffuse light.
-    #[must_use]
-    pub fn is_diffuse(self) -> bool {
-        Self::DIFFUSE.contains(&self)
+    /// The variables of a database, in the order in which the chunks of a job are written.
+    pub(super) fn stored(diffuse: bool, views: bool) -> Vec<Self> {
+        let mut variables = Self::ALL.to_vec();
+        if diffuse {
+            variables.extend(Self::ALL.map(Self::diffuse));
+        }
+        if views {
+            let toward = variables.iter().map(|variable| variable.toward_views());
+            variables.extend(toward.collect::<Vec<_>>());
+        }
+        variables
     }
 
-    /// Name of the array.
+    /// The same under diffuse light.
     #[must_use]
-    pub fn name(self) -> &'static str {
-        match self {
-            Self::Transmittance => "transmittance",
-            Self::Reflectance => "reflectance",
-            Self::TransmittanceSe => "transmittance_se",
-            Self::ReflectanceSe => "reflectance_se",
-            Self::TransmittanceDiffuse => "transmittance_diffuse",
-            Self::ReflectanceDiffuse => "reflectance_diffuse",
-            Self::TransmittanceDiffuseSe => "transmittance_diffuse_se",
-            Self::ReflectanceDiffuseSe => "reflectance_diffuse_se",
+    pub const fn diffuse(mut self) -> Self {
+        self.is_diffuse = true;
+        self
+    }
+
+    /// The same toward views: reflectance and transmittance factors.
+    #[must_use]
+    pub const fn toward_views(mut self) -> Self {
+        self.is_view = true;
+        self
+    }
+
+    /// Whether its array has the axis of `parameter`, if the database has it. Diffuse light has
+    /// neither an incidence angle nor an azimuth.
+    #[must_use]
+    pub const fn has_axis(self, parameter: Parameter) -> bool {
+        match parameter {
+            Parameter::View => self.is_view,
+            Parameter::RelativeAzimuth => self.is_view && !self.is_diffuse,
+            Parameter::Incidence => !self.is_diffuse,
+            _ => true,
+        }
+    }
+
+    /// The standard error of the variable.
+    #[must_use]
+    pub const fn se(mut self) -> Self {
+        self.is_error = true;
+        self
+    }
+
+    /// Name of the array. Factors toward views have the names of Schaepman-Strub et al. (2006).
+    #[must_use]
+    pub const fn name(self) -> &'static str {
+        use Quantity::{Reflectance, Transmittance};
+        match (self.quantity, self.is_view, self.is_diffuse, self.is_error) {
+            (Transmittance, false, false, false) => "transmittance",
+            (Transmittance, false, false, true) => "transmittance_se",
+            (Transmittance, false, true, false) => "transmittance_diffuse",
+            (Transmittance, false, true, true) => "transmittance_diffuse_se",
+            (Transmittance, true, false, false) => "btf",
+            (Transmittance, true, false, true) => "btf_se",
+            (Transmittance, true, true, false) => "hdtf",
+            (Transmittance, true, true, true) => "hdtf_se",
+            (Reflectance, false, false, false) => "reflectance",
+            (Reflectance, false, false, true) => "reflectance_se",
+            (Reflectance, false, true, false) => "reflectance_diffuse",
+            (Reflectance, false, true, true) => "reflectance_diffuse_se",
+            (Reflectance, true, false, false) => "brf",
+            (Reflectance, true, false, true) => "brf_se",
+            (Reflectance, true, true, false) => "hdrf",
+            (Reflectance, true, true, true) => "hdrf_se",
         }
     }
 
     /// Description of the variable, as stored in the attribute `long_name`.
     #[must_use]
-    pub fn long_name(self) -> &'static str {
-        match self {
-            Self::Transmittance => "directional-hemispherical transmittance",
-            Self::Reflectance => "directional-hemispherical reflectance",
-            Self::TransmittanceSe => "standard error of the transmittance",
-            Self::ReflectanceSe => "standard error of the reflectance",
-            Self::TransmittanceDiffuse => "bi-hemispherical transmittance of isotropic light",
-            Self::ReflectanceDiffuse => "bi-hemispherical reflectance of isotropic light",
-            Self::TransmittanceDiffuseSe => {
+    pub const fn long_name(self) -> &'static str {
+        use Quantity::{Reflectance, Transmittance};
+        match (self.quantity, self.is_view, self.is_diffuse, self.is_error) {
+            (Transmittance, false, false, false) => "directional-hemispherical transmittance",
+            (Transmittance, false, false, true) => "standard error of the transmittance",
+            (Transmittance, false, true, false) => {
+                "bi-hemispherical transmittance of isotropic light"
+            }
+            (Transmittance, false, true, true) => {
                 "standard error of the transmittance of isotropic light"
             }
-            Self::ReflectanceDiffuseSe => "standard error of the reflectance of isotropic light",
+            (Transmittance, true, false, false) => "bidirectional transmittance factor (BTF)",
+            (Transmittance, true, false, true) => "standard error of the BTF",
+            (Transmittance, true, true, false) => {
+                "hemispherical-directional transmittance factor (HDTF) of isotropic light"
+            }
+            (Transmittance, true, true, true) => "standard error of the HDTF",
+            (Reflectance, false, false, false) => "directional-hemispherical reflectance",
+            (Reflectance, false, false, true) => "standard error of the reflectance",
+            (Reflectance, false, true, false) => "bi-hemispherical reflectance of isotropic light",
+            (Reflectance, false, true, true) => {
+                "standard error of the reflectance of isotropic light"
+            }
+            (Reflectance, true, false, false) => "bidirectional reflectance factor (BRF)",
+            (Reflectance, true, false, true) => "standard error of the BRF",
+            (Reflectance, true, true, false) => {
+                "hemispherical-directional reflectance factor (HDRF) of isotropic light"
+            }
+            (Reflectance, true, true, true) => "standard error of the HDRF",
         }
     }
 }
@@ -156,9 +215,9 @@ impl Store {
         })
     }
 
-    /// All curves of a variable as an array [curves, wavelengths], with curves in storage
-    /// order; those under diffuse light have no axis of incidence angles. Jobs that are not
-    /// done have NaN: check with [`missing`](Self::missing) first.
+    /// All spectra of a variable as an array [spectra, wavelengths], in storage order over the
+    /// axes of its array. Jobs that are not done have NaN: check with
+    /// [`missing`](Self::missing) first.
     ///
     /// # Errors
     /// [`StoreError::Damaged`] if a chunk is damaged or cannot be read.
@@ -167,15 +226,8 @@ impl Store {
         let values: Vec<f32> = array
             .retrieve_array_subset(&array.subset_all())
             .map_err(|error| self.damaged(array, &error))?;
-        let jobs = &self.layout.jobs;
-        let angles = match quantity.is_diffuse() {
-            true => self.axes().values(Parameter::Incidence).len() as u64,
-            false => 1,
-        };
-        let shape = (
-            (jobs.curves() / angles) as usize,
-            jobs.wavelengths() as usize,
-        );
+        let wavelengths = self.layout.jobs.wavelengths() as usize;
+        let shape = (values.len() / wavelengths, wavelengths);
         Array2::from_shape_vec(shape, values).map_err(StoreError::zarr(quantity.name()))
     }
 
@@ -210,12 +262,11 @@ impl Store {
             let values: Result<Vec<f32>, _> = array.retrieve_chunk(&chunk);
             values.map_err(|error| self.damaged(array, &error))
         };
-        let groups: &[[Variable; 4]] = match self.has_diffuse() {
-            true => &[Variable::ALL, Variable::DIFFUSE],
-            false => &[Variable::ALL],
-        };
+        let diffuse = self
+            .has_diffuse()
+            .then_some(Variable::ALL.map(Variable::diffuse));
         let mut chunks = Vec::new();
-        for group in groups {
+        for group in [Variable::ALL].into_iter().chain(diffuse) {
             let group: Result<Vec<_>, _> = group.iter().map(|quantity| values(*quantity)).collect();
             chunks.push(group?);
         }

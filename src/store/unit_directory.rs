@@ -224,14 +224,14 @@ mod tests {
             assert!(store.unit_directory(job % 8).unwrap().0.append(b"units"));
         }
         let left = fs::read(folder.join("1-0")).unwrap();
-        store.commit(1, &spectra).unwrap();
+        store.commit(1, &spectra, &[]).unwrap();
         assert!(kept(&store, 1).is_empty() && kept(&store, 4).len() == 1);
         drop(store);
         // killed before they were deleted
         fs::write(folder.join("1-0"), left).unwrap();
         let store = open(dir.path(), 1);
         assert!(!folder.join("1-0").exists() && folder.join("4-0").exists());
-        store.commit(4, &spectra).unwrap();
+        store.commit(4, &spectra, &[]).unwrap();
         drop(store);
         assert!(!folder.exists());
     }

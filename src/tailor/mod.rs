@@ -134,6 +134,7 @@ pub fn grid(scene: &Scene) -> Grid {
     let parameters = scene.regions.iter().flat_map(|region| region.iter());
     Grid {
         axes: parameters.map(|(p, _)| (p, Vec::new())).collect(),
+        views: None,
         size_axis: None,
         spread: scene.spread,
         wavelengths_nm: scene.wavelengths_nm.clone(),

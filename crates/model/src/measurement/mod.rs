@@ -58,3 +58,23 @@ impl Spectrum {
         }
     }
 }
+
+/// Light of one slab under one illumination toward views: `[view][wavelength]`.
+#[derive(Debug, Clone, PartialEq, Default, Serialize, Deserialize)]
+pub struct ViewFactors {
+    /// Reflectance factors (BRF; HDRF under diffuse light).
+    pub reflected: Vec<Measured>,
+    /// Transmittance factors: the same of light that leaves into the substrate.
+    pub transmitted: Vec<Measured>,
+}
+
+impl ViewFactors {
+    /// The factors on the side of one quantity, `[view][wavelength]`.
+    #[must_use]
+    pub fn of(&self, quantity: Quantity) -> &[Measured] {
+        match quantity {
+            Quantity::Transmittance => &self.transmitted,
+            Quantity::Reflectance => &self.reflected,
+        }
+    }
+}

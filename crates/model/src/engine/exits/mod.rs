@@ -24,8 +24,8 @@ use counting::DirectionBins;
 
 use super::nodes::{mixes, nodes};
 use super::substrate::{self, SubstrateCoefficients};
-use super::{Control, Engine, EngineError, Request, indices};
-use crate::measurement::{Measured, Radii, Sensors, Views};
+use super::{Control, Engine, EngineError, Request, identity, indices};
+use crate::measurement::{Measured, Radii, Sensors, Spectrum, ViewFactors, Views};
 use crate::optics::Index;
 use crate::transport::{Illumination, Snowpack};
 
@@ -177,6 +177,112 @@ pub fn views(
     control: &Control,
 ) -> Result<Vec<Exits>, EngineError> {
     directions(engine, request, views, control)
+}
+
+/// The engine of [`view_factors`] in a database of `engine`.
+#[must_use]
+pub fn view_engine(engine: Engine, request: &Request) -> Engine {
+    match engine {
+        Engine::Hybrid => goniometer_engine(Engine::Auto, request),
+        engine => goniometer_engine(engine, request),
+    }
+}
+
+/// Largest relative standard error of the sum of the scores on a side from which the directions of
+/// its light are taken.
+const LARGEST_SUM_ERROR: f64 = 0.5;
+
+/// Factors toward each of `views` with `rays` walks for every curve: per thickness and
+/// illumination, the last running fastest. They are scaled so that they add up to `spectra`, R and
+/// T of the curves in the same order. Where too few walks leave on a side, the light there counts
+/// as Lambertian, with a standard error of its value.
+///
+/// Random streams depend on the snowpack, the thickness and the illumination of the curve, not on
+/// the other curves of `request`. `hybrid` does not compute azimuths, so that [`view_engine`] runs
+/// instead. A curve is a unit of the checkpoint.
+///
+/// # Errors
+/// See [`EngineError`].
+///
+/// # Panics
+/// If there are fewer spectra than curves.
+pub fn view_factors(
+    engine: Engine,
+    request: &Request,
+    (views, rays): (&Views, u64),
+    spectra: &[Spectrum],
+    control: &Control,
+) -> Result<Vec<ViewFactors>, EngineError> {
+    let lights = request.illuminations.len();
+    let curve = |number: usize| {
+        let thickness_m = &request.thicknesses_m[number / lights..][..1];
+        let light = &request.illuminations[number % lights..][..1];
+        let cell = identity::with_light(identity::of_snowpack(request.snowpack), &light[0]);
+        let request = Request {
+            thicknesses_m: thickness_m,
+            illuminations: light,
+            rays,
+            cell: identity::with_thickness(cell, thickness_m[0]),
+            ..request.clone()
+        };
+        let name = format!("views {:x}", request.cell);
+        if let Some(factors) = control.cache.units.take(&name) {
+            return Ok(factors);
+        }
+        let factors = factors_of_curve(engine, &request, views, &spectra[number], control)?;
+        control.cache.units.add(&name, &factors)?;
+        Ok(factors)
+    };
+    let curves = request.thicknesses_m.len() * lights;
+    (0..curves).map(curve).collect()
+}
+
+/// Whether enough walks leave on a side, whose scores have this sum, to tell directions apart.
+fn is_known(sum: &Measured) -> bool {
+    sum.se < LARGEST_SUM_ERROR * sum.value
+}
+
+/// [`view_factors`] of a request with a single curve.
+fn factors_of_curve(
+    engine: Engine,
+    request: &Request,
+    views: &Views,
+    spectrum: &Spectrum,
+    control: &Control,
+) -> Result<ViewFactors, EngineError> {
+    let engine = view_engine(engine, request);
+    let mut exits = match engine {
+        Engine::Tabulated => {
+            escapes::check(request)?;
+            each(engine, true, request, control, &|scene| {
+                escapes::run(scene, views)
+            })?
+        }
+        _ => each(engine, true, request, control, &|scene| {
+            counting::run(scene, views)
+        })?,
+    };
+    let pairs = spectrum.reflectance.iter().zip(&spectrum.transmittance);
+    for ((r, t), exits) in pairs.zip(&mut exits) {
+        let known = [&exits.reflectance, &exits.transmittance].map(is_known);
+        exits.normalise(*r, *t);
+        let sides = [(&mut exits.reflected, r), (&mut exits.transmitted, t)];
+        for ((views, sum), known) in sides.into_iter().zip(known) {
+            if !known {
+                let value = sum.value / PI;
+                views.fill(Measured { value, se: value });
+            }
+        }
+    }
+    let by_view = |factors: fn(&Exits) -> Vec<Measured>| {
+        let columns: Vec<_> = exits.iter().map(factors).collect();
+        let rows = (0..views.len()).map(|view| columns.iter().map(move |column| column[view]));
+        rows.flatten().collect()
+    };
+    Ok(ViewFactors {
+        reflected: by_view(Exits::reflectance_factors),
+        transmitted: by_view(Exits::transmittance_factors),
+    })
 }
 
 /// The results of `bins`.
