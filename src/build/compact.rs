@@ -4,18 +4,20 @@ use std::collections::BTreeMap;
 use std::fmt::Write;
 use std::path::Path;
 
-use ndarray::Axis;
+use ndarray::{Array2, Axis};
 use serde_json::{Map, Value, json};
 
 use super::BuildError;
 use super::report::{CompactReport, LostShare, QuantityReport};
 use crate::colour::{Colorimeter, Viewing};
-use crate::compress::{self, Bands, Choice, CompactFile, CompactVariant, Compressed};
+use crate::compress::{
+    self, AnisotropyFactors, Bands, Choice, CompactFile, CompactVariant, Compressed,
+};
 use crate::grid::{Compression, absent_curves, existing_rows, why_absent};
-use crate::lookup::Database;
+use crate::lookup::{Basis, Database, DirectionalQuantity};
 use crate::measurement::Quantity;
-use crate::parameter::Parameter;
-use crate::store::{COMPACT, DIFFUSE, Store, Variable, estimated_bytes};
+use crate::parameter::{Axes, Parameter};
+use crate::store::{COMPACT, DIFFUSE, Store, VIEWS, VIEWS_DIFFUSE, Variable};
 
 /// The requested properties of a compact file.
 #[derive(Debug, Clone, PartialEq)]
@@ -45,8 +47,8 @@ impl CompressionRequest {
     }
 }
 
-/// Compresses the finished database in `dir` and writes its compact file; also that of
-/// diffuse light, if the database has it. Existing files are replaced. The bytes depend on
+/// Compresses the finished database in `dir` and writes its compact file; also those of
+/// diffuse light and of the anisotropy factors toward views, if the database has them. Existing files are replaced. The bytes depend on
 /// the database and `request` alone.
 ///
 /// # Errors
@@ -59,27 +61,84 @@ pub fn compress(
     write(&Store::open_exclusive(dir.as_ref())?, request)
 }
 
-/// Compresses the finished database in `store` and writes its compact file; also that of
-/// diffuse light, if the database has it. No other process may be writing to the store.
+/// Compresses the finished database in `store` and writes its compact files. No other process
+/// may be writing to the store.
 pub(super) fn write(
     store: &Store,
     request: &CompressionRequest,
 ) -> Result<CompactReport, BuildError> {
-    let mut report = write_one(store, request, false)?;
+    let part = |is_diffuse, is_view| {
+        let part = Part {
+            is_diffuse,
+            is_view,
+        };
+        write_part(store, request, part)
+    };
+    let of_light = |is_diffuse| -> Result<_, BuildError> {
+        let mut report = part(is_diffuse, false)?;
+        if !store.views().is_empty() {
+            report.views = Some(Box::new(part(is_diffuse, true)?));
+        }
+        Ok(report)
+    };
+    let mut report = of_light(false)?;
     if store.has_diffuse() {
-        report.diffuse = Some(Box::new(write_one(store, request, true)?));
+        report.diffuse = Some(Box::new(of_light(true)?));
     }
     Ok(report)
 }
 
-/// Compresses the curves of `store` under diffuse light or at the incidence angles, and
-/// writes their compact file. No other process may be writing to the store.
+/// The part of a database that one compact file holds.
+#[derive(Debug, Clone, Copy)]
+struct Part {
+    /// The curves under diffuse light instead of those at the incidence angles.
+    is_diffuse: bool,
+    /// The anisotropy factors toward views instead of reflectance and transmittance.
+    is_view: bool,
+}
+
+impl Part {
+    /// Name of its compact file.
+    fn file(self) -> &'static str {
+        match (self.is_view, self.is_diffuse) {
+            (false, false) => COMPACT,
+            (false, true) => DIFFUSE,
+            (true, false) => VIEWS,
+            (true, true) => VIEWS_DIFFUSE,
+        }
+    }
+
+    /// The array of its values for `quantity`.
+    fn variable(self, quantity: Quantity) -> Variable {
+        Variable {
+            is_diffuse: self.is_diffuse,
+            is_view: self.is_view,
+            ..Variable::of(quantity)
+        }
+    }
+
+    /// The axes of its file. Look-ups of diffuse light use a single angle and azimuth.
+    fn axes(self, store: &Store) -> Axes {
+        let views = store.views().iter().filter(|_| self.is_view);
+        let axes = store.axes().iter().chain(views);
+        axes.map(|(parameter, values)| match parameter {
+            Parameter::Incidence | Parameter::RelativeAzimuth if self.is_diffuse => {
+                (parameter, vec![0.0])
+            }
+            _ => (parameter, values.to_vec()),
+        })
+        .collect()
+    }
+}
+
+/// Compresses a part of `store` and writes its compact file. No other process may be writing to
+/// the store.
 ///
 /// The file depends on the database and `request` alone.
-fn write_one(
+fn write_part(
     store: &Store,
     request: &CompressionRequest,
-    diffuse: bool,
+    part: Part,
 ) -> Result<CompactReport, BuildError> {
     let missing = store.missing(None)?.len();
     let jobs = store.jobs();
@@ -91,57 +150,60 @@ fn write_one(
         });
     }
     let colour = Colorimeter::viewing(store.wavelengths_nm(), &request.viewing)?;
-    let CompactVariant { basis, precision } = request.variant;
-    let mut axes = store.axes().clone();
-    if diffuse {
-        // a single angle, which look-ups of diffuse light use
-        axes.set(Parameter::Incidence, vec![0.0]);
-    }
-    let variable = |collimated: Variable| {
-        if diffuse {
-            collimated.diffuse()
-        } else {
-            collimated
-        }
+    let variant = CompactVariant {
+        basis: match part.is_view {
+            true => Basis::Linear,
+            false => request.variant.basis,
+        },
+        ..request.variant
     };
+    let axes = part.axes(store);
     let rows = existing_rows(&axes, store.absent());
     let mut max_standard_errors = [0.0; 2];
-    let mut compressed = |quantity, [values, errors]: [_; 2]| -> Result<_, BuildError> {
+    let mut compressed = |quantity: Quantity| -> Result<_, BuildError> {
         if !request.quantities.contains(&quantity) {
             return Ok(None);
         }
-        let errors = store.read(variable(errors))?;
-        max_standard_errors[quantity as usize] = errors.iter().copied().fold(0.0, f32::max);
+        let variable = part.variable(quantity);
+        let (errors, values) = (store.read(variable.se())?, store.read(variable)?);
+        let (row_count, bands) = (values.nrows(), Bands::new(store.wavelengths_nm()));
+        let (colour, choice) = (colour.as_ref(), request.choice);
+        let max_standard_error = &mut max_standard_errors[quantity as usize];
         // standard errors of curves that do not exist are NaN, which `f32::max` ignores
-        let bands = Bands::new(store.wavelengths_nm()).with_noise(errors.view());
-        let bands = match request.choice {
-            Choice::Bounds(bounds) => bands.bounded(bounds.max_rmse),
-            Choice::Components(_) => bands,
-        };
-        drop(errors);
-        let curves = store.read(variable(values))?.mapv(f64::from);
-        let row_count = curves.nrows();
-        let curves = if rows.len() < row_count {
-            curves.select(Axis(0), &rows)
+        let largest = |errors: &Array2<f32>| errors.iter().copied().fold(0.0, f32::max);
+        let compressed = if part.is_view {
+            let hemispherical = Variable {
+                is_view: false,
+                ..variable
+            };
+            let totals = store.read(hemispherical)?;
+            let factors = AnisotropyFactors::new(values.view(), errors.view(), totals.view());
+            *max_standard_error = largest(&factors.errors);
+            factors.compress(&rows, quantity, colour, &bands, choice, variant)
         } else {
-            curves
+            *max_standard_error = largest(&errors);
+            let bands = bands.with_noise(errors.view());
+            let bands = match choice {
+                Choice::Bounds(bounds) => bands.bounded(bounds.max_rmse),
+                Choice::Components(_) => bands,
+            };
+            drop(errors);
+            let curves = values.mapv(f64::from);
+            let curves = if rows.len() < row_count {
+                curves.select(Axis(0), &rows)
+            } else {
+                curves
+            };
+            compress::compress(curves.view(), quantity, colour, &bands, choice, variant)
         };
-        let colour = colour.as_ref();
-        let (choice, variant) = (request.choice, request.variant);
-        compress::compress(curves.view(), quantity, colour, &bands, choice, variant)
+        compressed
             .map(|compressed| Some(compressed.spread_over(&rows, row_count)))
             .map_err(|source| BuildError::Compress { quantity, source })
     };
-    let transmittance = compressed(
-        Quantity::Transmittance,
-        [Variable::Transmittance, Variable::TransmittanceSe],
-    )?;
-    let reflectance = compressed(
-        Quantity::Reflectance,
-        [Variable::Reflectance, Variable::ReflectanceSe],
-    )?;
+    let transmittance = compressed(Quantity::Transmittance)?;
+    let reflectance = compressed(Quantity::Reflectance)?;
     let (provenance, mut extra) = metadata(store, request.choice, &request.viewing);
-    if diffuse {
+    if part.is_diffuse {
         let light = "diffuse: isotropic radiance; the one angle_deg, 0, stands for all directions";
         extra.insert("illumination".to_owned(), light.to_owned());
     }
@@ -155,7 +217,7 @@ fn write_one(
         provenance: &provenance,
         extra: &extra,
     };
-    let compact = store.dir().join(if diffuse { DIFFUSE } else { COMPACT });
+    let compact = store.dir().join(part.file());
     file.write(&compact)?;
     let written = Database::open(&compact)?;
     let report = |quantity, compressed: Option<Compressed>| {
@@ -170,20 +232,21 @@ fn write_one(
         .len();
     Ok(CompactReport {
         database: store.path().into(),
-        database_bytes: estimated_bytes(jobs, jobs.count()),
+        database_bytes: store.estimated_bytes(),
         curves: axes.count(),
         absent_curves: absent_curves(&axes, store.absent()),
         why_absent: why_absent(&axes, store.absent()),
         wavelengths: jobs.wavelengths(),
         compact_bytes,
         compact,
-        basis,
-        precision,
+        basis: variant.basis,
+        precision: variant.precision,
         transmittance: report(Quantity::Transmittance, transmittance),
         reflectance: report(Quantity::Reflectance, reflectance),
         lost_share: LostShare::of(store)?,
-        next: query_command(store, request, diffuse),
+        next: query_command(store, request, part),
         diffuse: None,
+        views: None,
     })
 }
 
@@ -228,16 +291,17 @@ fn metadata(
 }
 
 /// A command that looks up the first curve of the compact file.
-fn query_command(store: &Store, request: &CompressionRequest, diffuse: bool) -> String {
+fn query_command(store: &Store, request: &CompressionRequest, part: Part) -> String {
     let mut command = format!("splitsnow query {}", store.dir().display());
-    if diffuse {
+    if part.is_diffuse {
         command.push_str(" --diffuse");
     }
     // the axes that every database has come first
-    let (optional, core): (Vec<_>, Vec<_>) =
-        store.axes().iter().partition(|(p, _)| p.is_optional());
+    let axes = part.axes(store);
+    let (optional, core): (Vec<_>, Vec<_>) = axes.iter().partition(|(p, _)| p.is_optional());
     for (parameter, values) in core.into_iter().chain(optional) {
-        if diffuse && parameter == Parameter::Incidence {
+        let no_effect = [Parameter::Incidence, Parameter::RelativeAzimuth];
+        if part.is_diffuse && no_effect.contains(&parameter) {
             continue;
         }
         let is_thickness = parameter == Parameter::Thickness;
@@ -247,8 +311,15 @@ fn query_command(store: &Store, request: &CompressionRequest, diffuse: bool) -> 
         let first = first.copied().unwrap_or_default();
         let _ = write!(command, " --{} {first}", parameter.record().option);
     }
-    if !request.quantities.contains(&Quantity::Transmittance) {
-        let _ = write!(command, " --quantity {}", Quantity::Reflectance.name());
-    }
+    let has_both = request.quantities.contains(&Quantity::Transmittance);
+    let quantity = match (part.is_view, has_both) {
+        (false, true) => return command,
+        (false, false) => Quantity::Reflectance.name(),
+        (true, _) if request.quantities.contains(&Quantity::Reflectance) => {
+            DirectionalQuantity::ReflectanceFactor.name(part.is_diffuse)
+        }
+        (true, _) => DirectionalQuantity::TransmittanceFactor.name(part.is_diffuse),
+    };
+    let _ = write!(command, " --quantity {quantity}");
     command
 }

@@ -84,6 +84,10 @@ pub struct CompactReport {
     /// Report on the curves under diffuse light and their compact file, if there are any.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub diffuse: Option<Box<CompactReport>>,
+    /// Report on the anisotropy factors toward views and their compact file, if there are any.
+    /// Its `transmittance` and `reflectance` are the factors of transmitted and reflected light.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub views: Option<Box<CompactReport>>,
     /// Message that says why some curves do not exist.
     #[serde(skip)]
     pub why_absent: String,

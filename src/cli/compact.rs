@@ -59,10 +59,16 @@ impl fmt::Display for CompactSummary<'_> {
             )?;
         }
         writeln!(f, "next            {}", summary.next)?;
-        match &summary.diffuse {
-            Some(diffuse) => write!(f, "\nunder isotropic light: {}", CompactSummary(diffuse)),
-            None => Ok(()),
+        let parts = [
+            (&summary.views, "anisotropy factors toward views"),
+            (&summary.diffuse, "under isotropic light"),
+        ];
+        for (part, title) in parts {
+            if let Some(part) = part {
+                write!(f, "\n{title}: {}", CompactSummary(part))?;
+            }
         }
+        Ok(())
     }
 }
 

@@ -11,7 +11,7 @@ use crate::export::{self, ExportLayout, ExportTable};
 use crate::lab::report::Swatches;
 use crate::lookup::{Database, Lookup};
 use crate::measurement::Quantity;
-use crate::store::{COMPACT, DIFFUSE, Store};
+use crate::store::{COMPACT, DIFFUSE, Store, VIEWS};
 
 /// Export to NetCDF, CSV or NPZ; one spectrum for renderers; patches of colour
 ///
@@ -28,6 +28,7 @@ use crate::store::{COMPACT, DIFFUSE, Store};
 Examples:
   splitsnow export out/quick --format netcdf
   splitsnow export out/quick --from database --format csv --out quick.csv
+  splitsnow export out/brdf --format netcdf --views
   splitsnow export out/quick --format spd --facetness 0.1 --grain-size-um 300 \\
       --density-kg-m3 200 --thickness-cm 5 --incidence-angle-deg 40 --out snow.spd
   splitsnow export out/quick --format png --grain-size-um 300 --incidence-angle-deg 0"
@@ -51,6 +52,11 @@ pub(super) struct Args {
     /// directory whose grid has axes.diffuse = true
     #[arg(long)]
     diffuse: bool,
+    /// Export the factors toward views (BRF, BTF and anisotropy factor; HDRF and HDTF too if the
+    /// grid has axes.diffuse = true), with reflectance and transmittance, from the database as
+    /// netcdf, csv or npz; FILE must be an output directory whose grid has axes.view_deg
+    #[arg(long, conflicts_with = "diffuse")]
+    views: bool,
     /// Order of the axes in netcdf and npz: that of the database, or crtm (density, thickness,
     /// grain size, wavelength, angle, after all others), in netcdf with the names and units that
     /// the CRTM loader reads [default: database]
@@ -185,6 +191,14 @@ impl Args {
             "--diffuse applies only to netcdf, csv and npz, without --layout; remove it, or choose one of these formats"
         );
         ensure!(
+            !self.views || (self.format.is_table() && self.layout.is_none()),
+            "--views applies only to netcdf, csv and npz, without --layout; remove it, or choose one of these formats"
+        );
+        ensure!(
+            !self.views || self.from != Some(From::Compact),
+            "--views exports the database; remove --from compact"
+        );
+        ensure!(
             self.layout.is_none() || matches!(self.format.extension(), "nc" | "npz"),
             "--layout applies only to netcdf and npz; remove it, or choose one of these formats"
         );
@@ -193,6 +207,9 @@ impl Args {
 
     /// The nodes of the database or of the compact file.
     fn table(&self) -> anyhow::Result<ExportTable> {
+        if self.views {
+            return Ok(ExportTable::of_views(&Store::open(&self.file)?)?);
+        }
         let dir = self.file.is_dir();
         let lacks_compact = dir && !self.file.join(COMPACT).exists() && Store::is_at(&self.file);
         let database = match self.from {
@@ -253,7 +270,11 @@ impl Args {
         let out = match &self.out {
             Some(out) => out.clone(),
             None if self.file.is_dir() => {
-                let name = if self.diffuse { DIFFUSE } else { COMPACT };
+                let name = match (self.views, self.diffuse) {
+                    (true, _) => VIEWS,
+                    (false, true) => DIFFUSE,
+                    (false, false) => COMPACT,
+                };
                 self.file.join(name).with_extension(extension)
             }
             None => self.file.with_extension(extension),

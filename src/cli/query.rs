@@ -3,12 +3,16 @@ use std::collections::BTreeMap;
 use std::fmt::Write;
 use std::path::PathBuf;
 
+use anyhow::{bail, ensure};
+
 use super::common;
 use super::point::{self, PointArgs};
 use crate::compress::{BAND_ERRORS, BandError};
 use crate::error_budget::ErrorBudget;
-use crate::lookup::{Database, Lookup, Varsa2025};
+use crate::lookup::{Database, DirectionalQuantity, Directions, Lookup, Varsa2025};
 use crate::measurement::Quantity;
+use crate::parameter::Parameter;
+use crate::store::{VIEWS, VIEWS_DIFFUSE};
 use crate::tailor::BETWEEN_WAVELENGTHS;
 
 /// Print one spectrum of a compact file as CSV
@@ -16,6 +20,11 @@ use crate::tailor::BETWEEN_WAVELENGTHS;
 /// The columns are `wavelength_nm,value`. Any point inside the box of the axes is allowed, at
 /// any thickness from 0 to inf (a half space). `--method varsa2025` interpolates in thickness
 /// and incidence angle only, as Varsa's thesis does; it refuses snow that is not at a node.
+///
+/// If the grid has views, `--quantity` may be a factor toward a view: brf and btf, the
+/// bidirectional reflectance and transmittance factors; with --diffuse hdrf and hdtf, the
+/// hemispherical-directional ones; or anisotropy_factor, the reflectance factor over the
+/// reflectance. They need --view-deg and --relative-azimuth-deg.
 #[derive(Debug, clap::Args)]
 #[command(
     allow_negative_numbers = true,
@@ -24,6 +33,9 @@ use crate::tailor::BETWEEN_WAVELENGTHS;
 Examples:
   splitsnow query out/quick --facetness 0.1 --grain-size-um 300 \\
       --density-kg-m3 200 --thickness-cm 5 --incidence-angle-deg 40
+  splitsnow query out/brdf --facetness 0.1 --grain-size-um 300 \\
+      --density-kg-m3 200 --thickness-cm 30 --incidence-angle-deg 60 \\
+      --view-deg 45 --relative-azimuth-deg 0 --quantity brf
   splitsnow query out/quick/snow.safetensors --facetness 0.1 --grain-size-um 300 \\
       --density-kg-m3 200 --thickness-cm 5 --incidence-angle-deg 40 \\
       --quantity reflectance --explain"
@@ -36,8 +48,8 @@ pub(super) struct Args {
     point: PointArgs,
     /// Quantity to print
     #[arg(long, default_value = Quantity::Transmittance.name(),
-          value_parser = common::name_parser(Quantity::ALL, Quantity::name))]
-    quantity: Quantity,
+          value_parser = common::name_parser(QueryQuantity::ALL, QueryQuantity::name))]
+    quantity: QueryQuantity,
     /// Print the spectrum under isotropic light; FILE must be an output directory whose grid
     /// has axes.diffuse = true
     #[arg(long, conflicts_with = "incidence_angle_deg")]
@@ -59,34 +71,148 @@ enum Method {
     Varsa2025,
 }
 
+/// A quantity that a query prints.
+#[derive(Debug, Clone, Copy)]
+enum QueryQuantity {
+    Hemispherical(Quantity),
+    /// Toward a view, under collimated or diffuse light.
+    Directional(DirectionalQuantity, bool),
+}
+
+impl QueryQuantity {
+    const ALL: [Self; 7] = [
+        Self::Hemispherical(Quantity::Transmittance),
+        Self::Hemispherical(Quantity::Reflectance),
+        Self::Directional(DirectionalQuantity::ReflectanceFactor, false),
+        Self::Directional(DirectionalQuantity::TransmittanceFactor, false),
+        Self::Directional(DirectionalQuantity::ReflectanceFactor, true),
+        Self::Directional(DirectionalQuantity::TransmittanceFactor, true),
+        Self::Directional(DirectionalQuantity::AnisotropyFactor, false),
+    ];
+
+    fn name(self) -> &'static str {
+        match self {
+            Self::Hemispherical(quantity) => quantity.name(),
+            Self::Directional(quantity, diffuse) => quantity.name(diffuse),
+        }
+    }
+}
+
 pub(super) fn run(args: &Args) -> anyhow::Result<()> {
     let database = if args.diffuse {
         Database::open(common::diffuse_path(&args.file)?)?
     } else {
         Database::open(&args.file)?
     };
-    let point = args.point.point(args.diffuse)?;
-    let database_at = database.at(point.optional())?;
-    let spectrum = match args.method {
-        Method::Smooth => {
-            let lookup = Lookup::new(&database_at, args.quantity)?;
-            let mut spectrum = vec![0.0; lookup.wavelengths()];
-            lookup.spectrum(point, &mut spectrum)?;
-            spectrum
-        }
-        Method::Varsa2025 => Varsa2025::new(&database, args.quantity)?.spectrum(point)?,
-    };
     let mut csv = String::new();
-    if args.explain {
-        for line in explanation(&database, args.quantity).lines() {
-            writeln!(csv, "# {line}")?;
+    let spectrum = match args.quantity {
+        QueryQuantity::Hemispherical(quantity) => {
+            if args.explain {
+                csv = comments(&database, quantity);
+            }
+            args.hemispherical(&database, quantity)?
         }
-    }
+        QueryQuantity::Directional(quantity, _) => {
+            let views = Database::open(args.views_path()?)?;
+            if args.explain {
+                csv = comments(&views, quantity.side());
+            }
+            args.directional(&database, &views, quantity)?
+        }
+    };
     csv.push_str("wavelength_nm,value\n");
     for (nm, value) in database.wavelengths_nm().iter().zip(&spectrum) {
         writeln!(csv, "{nm},{value}")?;
     }
     common::print(&csv)
+}
+
+impl Args {
+    /// A spectrum of reflectance or transmittance.
+    fn hemispherical(&self, database: &Database, quantity: Quantity) -> anyhow::Result<Vec<f32>> {
+        let point = self.point.point(self.diffuse)?;
+        let database_at = database.at(point.optional())?;
+        Ok(match self.method {
+            Method::Smooth => {
+                let lookup = Lookup::new(&database_at, quantity)?;
+                let mut spectrum = vec![0.0; lookup.wavelengths()];
+                lookup.spectrum(point, &mut spectrum)?;
+                spectrum
+            }
+            Method::Varsa2025 => Varsa2025::new(database, quantity)?.spectrum(point)?,
+        })
+    }
+
+    /// A spectrum of factors toward a view.
+    fn directional(
+        &self,
+        database: &Database,
+        views: &Database,
+        quantity: DirectionalQuantity,
+    ) -> anyhow::Result<Vec<f32>> {
+        let point = self.point.point(self.diffuse)?;
+        let needed = match self.diffuse {
+            true => &Parameter::VIEWS[..1],
+            false => &Parameter::VIEWS,
+        };
+        if let Some(axis) = needed.iter().find(|axis| point.get(**axis).is_none()) {
+            let (name, option) = (self.quantity.name(), axis.record().option);
+            bail!("{name} is the light toward a view; give --{option} too");
+        }
+        let snow = point.optional();
+        let directions = Directions::new(&database.at(snow)?, &views.at(snow)?)?;
+        let mut spectrum = vec![0.0; directions.wavelengths()];
+        directions.spectrum(quantity, point, &mut spectrum)?;
+        Ok(spectrum)
+    }
+
+    /// The path of the anisotropy factors.
+    ///
+    /// # Errors
+    /// If the options contradict each other, or the directory has no such file.
+    fn views_path(&self) -> anyhow::Result<PathBuf> {
+        let name = self.quantity.name();
+        ensure!(
+            matches!(self.method, Method::Smooth),
+            "the method varsa2025 does not know views; remove --method, or ask for reflectance or transmittance"
+        );
+        if let QueryQuantity::Directional(quantity, diffuse) = self.quantity
+            && diffuse != self.diffuse
+            && quantity != DirectionalQuantity::AnisotropyFactor
+        {
+            let other = quantity.name(self.diffuse);
+            bail!(
+                "{name} belongs to {} light; ask for {other}, or {} --diffuse",
+                if diffuse { "diffuse" } else { "collimated" },
+                if diffuse { "add" } else { "remove" }
+            );
+        }
+        ensure!(
+            self.file.is_dir(),
+            "{name} is looked up in two files; give their directory instead of {}",
+            self.file.display()
+        );
+        let file = if self.diffuse { VIEWS_DIFFUSE } else { VIEWS };
+        let path = self.file.join(file);
+        ensure!(
+            path.exists(),
+            "no {file} in {}; run `splitsnow build` on a grid file with axes.view_deg and axes.relative_azimuth_deg{}",
+            self.file.display(),
+            if self.diffuse {
+                ", and axes.diffuse = true"
+            } else {
+                ""
+            }
+        );
+        Ok(path)
+    }
+}
+
+/// The comment lines of `--explain`.
+fn comments(database: &Database, quantity: Quantity) -> String {
+    let explanation = explanation(database, quantity);
+    let lines = explanation.lines().map(|line| format!("# {line}\n"));
+    lines.collect()
 }
 
 /// The contents of the file and its error budget.

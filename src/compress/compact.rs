@@ -15,13 +15,13 @@ use super::{
     BandError, Bounds, CompactVariant, Compressed, ErrorTable, Integers, StoredCoefficients,
 };
 use crate::atomic;
-use crate::lookup::SubstrateKind;
 use crate::lookup::format::{
     ABSENT, ANISOTROPY, BAND_ERRORS, BASIS, BOUNDS, CONTENT, ERROR_TABLE, FORMAT, FORMAT_VERSION,
     MAX_HEADER, MAX_NUMBER, PRECISION, PROVENANCE, QUANTITIES, SUBSTRATE, WAVELENGTH, axis_order,
     basis_name, check_axis, check_wavelengths, coefficients_name, components_key, integers_name,
     is_valid_number, quantisation_name, quantities,
 };
+use crate::lookup::{Basis, SubstrateKind};
 use crate::measurement::Quantity;
 use crate::parameter::{Axes, Parameter};
 
@@ -229,6 +229,10 @@ impl CompactFile<'_> {
             entries.insert(BAND_ERRORS.to_owned(), serde_json::to_string(&bands)?);
         }
         if self.axes.has(Parameter::View) {
+            if basis != Basis::Linear {
+                let problem = "anisotropy factors are decomposed in the linear basis only";
+                return Err(CompactError::Content(problem.to_owned()));
+            }
             entries.insert(CONTENT.to_owned(), ANISOTROPY.to_owned());
         }
         for (quantity, compressed) in self.quantities() {

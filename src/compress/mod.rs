@@ -3,8 +3,9 @@
 //! sections 5.2, 6.5 and 8.2).
 //!
 //! Transmittance and reflectance are compressed separately, each with its own
-//! number of components.
+//! number of components. So are the anisotropy factors of a database with views.
 mod absent;
+mod anisotropy;
 mod annotation;
 mod bands;
 mod choice;
@@ -16,6 +17,7 @@ mod precision;
 mod svd;
 mod weight;
 
+pub use anisotropy::AnisotropyFactors;
 pub use annotation::with_metadata;
 pub(crate) use bands::rmse_in;
 pub use bands::{BandColumns, BandError, Bands, NOISE_FACTOR};

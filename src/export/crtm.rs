@@ -9,7 +9,7 @@ use ndarray::{ArrayD, Axis};
 use netcdf3::DataSet;
 
 use super::netcdf::{FILL, STAND_IN, failed, version, written};
-use super::{ExportError, ExportLayout, ExportTable};
+use super::{ExportError, ExportLayout, ExportTable, ExportVariable};
 use crate::grain::{SizeRange, shape_factor, size_factor_per_m};
 use crate::grid::{GridSettings, Spread};
 use crate::parameter::Parameter;
@@ -119,9 +119,13 @@ pub fn crtm(table: ExportTable) -> Result<Vec<u8>, ExportError> {
         coordinates.push((about, converted));
     }
     let quantities = [
-        (Variable::Reflectance, "Reflectance", "Reflectance"),
         (
-            Variable::ReflectanceSe,
+            ExportVariable::Stored(Variable::REFLECTANCE),
+            "Reflectance",
+            "Reflectance",
+        ),
+        (
+            ExportVariable::Stored(Variable::REFLECTANCE.se()),
             "Reflectance_SE",
             "Standard Error of the Reflectance",
         ),
@@ -331,7 +335,10 @@ mod tests {
         let config = grid.to_config();
         ExportTable {
             axes,
-            quantities: vec![(Variable::Reflectance, ArrayD::from_shape_fn(shape, value))],
+            quantities: vec![(
+                ExportVariable::Stored(Variable::REFLECTANCE),
+                ArrayD::from_shape_fn(shape, value),
+            )],
             attributes: [("config".to_owned(), config)].into(),
             fixed: Default::default(),
         }
@@ -438,7 +445,7 @@ mod tests {
         anonymous.attributes.clear();
         assert!(refused(anonymous).contains("does not state its config"));
         let mut dark = one();
-        dark.quantities[0].0 = Variable::Transmittance;
+        dark.quantities[0].0 = ExportVariable::Stored(Variable::TRANSMITTANCE);
         assert!(refused(dark).contains("no reflectance"));
         let mut half = one();
         half.axes[2].1[3] = HALF_SPACE_CM;

@@ -1,6 +1,8 @@
 //! CSV: a long table with one row for each node and wavelength.
 use std::fmt::Write;
 
+use ndarray::IxDyn;
+
 use super::ExportTable;
 
 /// `table` as CSV, with a column for each axis and then one for each quantity. The rows have
@@ -13,8 +15,14 @@ pub fn csv(table: &ExportTable) -> String {
     let names = axes.chain(quantities.map(|(variable, _)| variable.name()));
     let mut text = names.collect::<Vec<_>>().join(",");
     text.push('\n');
-    let mut values: Vec<_> = table.quantities.iter().map(|(_, a)| a.iter()).collect();
-    let rows: usize = table.axes.iter().map(|(_, values)| values.len()).product();
+    let shape: Vec<usize> = table.axes.iter().map(|(_, values)| values.len()).collect();
+    // a quantity without an axis is the same at all its nodes
+    let columns = table.quantities.iter();
+    let columns: Vec<_> = columns
+        .filter_map(|(_, a)| a.broadcast(IxDyn(&shape)))
+        .collect();
+    let mut values: Vec<_> = columns.iter().map(|column| column.iter()).collect();
+    let rows: usize = shape.iter().product();
     let mut position = vec![0; table.axes.len()];
     for _ in 0..rows {
         for (i, (_, nodes)) in position.iter().zip(&table.axes) {

@@ -40,7 +40,7 @@ pub use observers::{LIGHTS, LUMINANCE, Observers, Sampling};
 pub use spd::{RANGE_NM, spd};
 #[cfg(feature = "charts")]
 pub use swatches::thicknesses;
-pub use table::{ExportLayout, ExportTable};
+pub use table::{ExportLayout, ExportTable, ExportVariable};
 
 /// The reason why an export failed.
 #[derive(Debug, Error)]
@@ -55,6 +55,14 @@ pub enum ExportError {
         missing: usize,
         /// Number of all jobs.
         jobs: u64,
+        /// Path of the database.
+        path: PathBuf,
+    },
+    /// The database has no views.
+    #[error(
+        "{} has no views; build it from a grid file with axes.view_deg and axes.relative_azimuth_deg", path.display()
+    )]
+    NoViews {
         /// Path of the database.
         path: PathBuf,
     },

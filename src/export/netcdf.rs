@@ -7,7 +7,8 @@ use netcdf3::error::WriteError;
 use netcdf3::{DataSet, FileWriter, Version};
 
 use super::{ExportError, ExportTable};
-use crate::store::{Variable, WAVELENGTH, coordinate_about};
+use crate::parameter::Parameter;
+use crate::store::{WAVELENGTH, coordinate_about};
 
 /// Largest array, bytes: even with 64-bit offsets, sizes are signed 32-bit numbers.
 const LARGEST: u64 = i32::MAX as u64;
@@ -141,24 +142,22 @@ impl ExportTable {
             if *name == WAVELENGTH {
                 set.add_var_attr_string(name, "standard_name", "radiation_wavelength")?;
             }
+            if *name == Parameter::View.name() {
+                set.add_var_attr_string(name, "standard_name", "sensor_zenith_angle")?;
+            }
         }
-        let dimensions: Vec<&str> = self.axes.iter().map(|(name, _)| *name).collect();
         for (variable, array) in &self.quantities {
             let name = variable.name();
+            let dimensions: Vec<_> = self.dimensions(*variable).map(|(axis, _)| axis).collect();
             set.add_var_f32(name, &dimensions)?;
             set.add_var_attr_string(name, "long_name", variable.long_name())?;
             set.add_var_attr_string(name, "units", "1")?;
             if array.iter().any(|value| value.is_nan()) {
                 set.add_var_attr_f32(name, FILL, vec![STAND_IN])?;
             }
-            let error = match variable {
-                Variable::Transmittance => Variable::TransmittanceSe,
-                Variable::Reflectance => Variable::ReflectanceSe,
-                Variable::TransmittanceDiffuse => Variable::TransmittanceDiffuseSe,
-                Variable::ReflectanceDiffuse => Variable::ReflectanceDiffuseSe,
-                _ => continue,
-            };
-            if self.quantities.iter().any(|(other, _)| *other == error) {
+            let mut others = self.quantities.iter();
+            let error = variable.se();
+            if let Some((error, _)) = others.find(|(other, _)| Some(*other) == error) {
                 set.add_var_attr_string(name, "ancillary_variables", error.name())?;
             }
         }

@@ -7,7 +7,7 @@ use zip::{CompressionMethod, DateTime, ZipWriter};
 use super::{ExportError, ExportTable};
 
 /// `table` as the bytes of an uncompressed `.npz` file. It holds float64 axes and float32
-/// quantities by name; the dimensions have the order of the axes.
+/// quantities by name; the dimensions have the order of the axes, without those that a quantity does not have.
 ///
 /// # Errors
 /// [`ExportError::Encoding`] if the archive cannot be written.
@@ -19,8 +19,14 @@ pub fn npz(table: &ExportTable) -> Result<Vec<u8>, ExportError> {
     }
     for (variable, array) in &table.quantities {
         let bytes = array.iter().flat_map(|value| value.to_le_bytes());
-        let (name, shape) = (variable.name(), array.shape());
-        add(&mut archive, name, "<f4", shape, bytes.collect())?;
+        let shape: Vec<usize> = table.dimensions(*variable).map(|(_, n)| n).collect();
+        add(
+            &mut archive,
+            variable.name(),
+            "<f4",
+            &shape,
+            bytes.collect(),
+        )?;
     }
     let buffer = archive.finish().map_err(ExportError::encoding("npz"))?;
     Ok(buffer.into_inner())
@@ -55,7 +61,7 @@ fn header(kind: &str, shape: &[usize]) -> Vec<u8> {
     text.extend(std::iter::repeat_n(' ', length - 1 - text.len()));
     text.push('\n');
     let mut bytes = b"\x93NUMPY\x01\x00".to_vec();
-    // At most seven axes of 20 digits, so the length is far below 65536.
+    // At most a dozen axes of 20 digits, so the length is far below 65536.
     bytes.extend((length as u16).to_le_bytes());
     bytes.extend(text.as_bytes());
     bytes

@@ -16,12 +16,77 @@ pub struct ExportTable {
     /// Names and values of the axes, slowest first. One of them is `wavelength_nm`, the last
     /// one in a database.
     pub(super) axes: Vec<(&'static str, Vec<f64>)>,
-    /// The quantities, with one dimension for each axis.
-    pub(super) quantities: Vec<(Variable, ArrayD<f32>)>,
+    /// The quantities, with one dimension for each axis; of length 1 for an axis that the quantity
+    /// does not have.
+    pub(super) quantities: Vec<(ExportVariable, ArrayD<f32>)>,
     /// The metadata of the file.
     pub(super) attributes: BTreeMap<String, String>,
     /// Names and values of the axes that [`ExportTable::at`] has removed.
     pub(super) fixed: BTreeMap<&'static str, f64>,
+}
+
+/// A quantity in an export.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum ExportVariable {
+    /// An array of the database.
+    Stored(Variable),
+    /// The reflectance factor over the reflectance.
+    AnisotropyFactor {
+        /// Whether the light is diffuse.
+        is_diffuse: bool,
+    },
+}
+
+impl ExportVariable {
+    /// Name of the array.
+    #[must_use]
+    pub const fn name(self) -> &'static str {
+        match self {
+            Self::Stored(variable) => variable.name(),
+            Self::AnisotropyFactor { is_diffuse: false } => "anisotropy_factor",
+            Self::AnisotropyFactor { is_diffuse: true } => "anisotropy_factor_diffuse",
+        }
+    }
+
+    /// Description of the quantity.
+    #[must_use]
+    pub const fn long_name(self) -> &'static str {
+        match self {
+            Self::Stored(variable) => variable.long_name(),
+            Self::AnisotropyFactor { is_diffuse: false } => "BRF over reflectance",
+            Self::AnisotropyFactor { is_diffuse: true } => {
+                "HDRF over reflectance, of isotropic light"
+            }
+        }
+    }
+
+    /// Its standard error, if the export may have it.
+    pub(super) fn se(self) -> Option<Self> {
+        match self {
+            Self::Stored(variable) if !variable.is_error => Some(Self::Stored(variable.se())),
+            _ => None,
+        }
+    }
+
+    /// The same under diffuse light.
+    fn diffuse(self) -> Self {
+        match self {
+            Self::Stored(variable) => Self::Stored(variable.diffuse()),
+            Self::AnisotropyFactor { .. } => Self::AnisotropyFactor { is_diffuse: true },
+        }
+    }
+
+    /// Whether the quantity has the axis with this name.
+    fn has_axis(self, name: &str) -> bool {
+        let variable = match self {
+            Self::Stored(variable) => variable,
+            Self::AnisotropyFactor { is_diffuse } => Variable {
+                is_diffuse,
+                ..Variable::REFLECTANCE.toward_views()
+            },
+        };
+        Parameter::named(name).is_none_or(|parameter| variable.has_axis(parameter))
+    }
 }
 
 /// The order of the axes in an export.
@@ -68,6 +133,74 @@ impl ExportTable {
     /// [`ExportError::Unfinished`] if jobs are missing; [`ExportError::Store`] if the database
     /// cannot be read.
     pub fn of_store(store: &Store, diffuse: bool) -> Result<Self, ExportError> {
+        let mut table = Self::without_values(store)?;
+        if diffuse {
+            table.axes.retain(|(name, _)| *name != ANGLE);
+            table.mark_diffuse();
+        }
+        for variable in Variable::ALL {
+            let variable = if diffuse {
+                variable.diffuse()
+            } else {
+                variable
+            };
+            table.add_stored(store, variable)?;
+        }
+        Ok(table)
+    }
+
+    /// All factors toward the views of a finished database, under collimated light and, if it
+    /// has them, under diffuse light; the reflectances and transmittances to which they add up;
+    /// and the anisotropy factors of reflected light. A quantity has only the axes on which it
+    /// depends.
+    ///
+    /// # Errors
+    /// [`ExportError::NoViews`] if the database has no views; those of [`ExportTable::of_store`].
+    pub fn of_views(store: &Store) -> Result<Self, ExportError> {
+        let mut table = Self::without_values(store)?;
+        if store.views().is_empty() {
+            let path = store.path().into();
+            return Err(ExportError::NoViews { path });
+        }
+        let views = store.views().iter();
+        let views = views.map(|(parameter, values)| (parameter.name(), values.to_vec()));
+        table.axes.splice(0..0, views);
+        let lights: &[bool] = match store.has_diffuse() {
+            true => &[false, true],
+            false => &[false],
+        };
+        for &is_diffuse in lights {
+            for of_view in [true, false] {
+                for variable in Variable::ALL {
+                    let variable = Variable {
+                        is_diffuse,
+                        is_view: of_view,
+                        ..variable
+                    };
+                    table.add_stored(store, variable)?;
+                }
+            }
+            let reflectance = Variable {
+                is_diffuse,
+                ..Variable::REFLECTANCE
+            };
+            let totals = store.read(reflectance)?;
+            let mut factors = store.read(reflectance.toward_views())?;
+            for (row, mut factors) in factors.rows_mut().into_iter().enumerate() {
+                factors /= &totals.row(row % totals.nrows());
+            }
+            let values = factors.into_raw_vec_and_offset().0;
+            table.add(ExportVariable::AnisotropyFactor { is_diffuse }, values)?;
+        }
+        let light = "collimated, angle_deg is the polar angle of incidence from the surface normal; of hdrf, hdtf and names with diffuse: isotropic radiance over the upper hemisphere";
+        table
+            .attributes
+            .insert("illumination".to_owned(), light.to_owned());
+        Ok(table)
+    }
+
+    /// The axes of a finished database, without views, and its attributes.
+    fn without_values(store: &Store) -> Result<Self, ExportError> {
         let missing = store.missing(None)?.len();
         if missing > 0 {
             return Err(ExportError::Unfinished {
@@ -79,7 +212,6 @@ impl ExportTable {
         let axes = store.axes().iter();
         let axes = axes.map(|(parameter, values)| (parameter.name(), values));
         let axes = axes.chain([(WAVELENGTH, store.wavelengths_nm())]);
-        let axes = axes.filter(|(name, _)| !(diffuse && *name == ANGLE));
         let axes = axes.map(|(name, values)| (name, values.to_vec())).collect();
         let attributes = store.attributes().into_iter().map(|(key, value)| {
             let text = match value {
@@ -88,32 +220,26 @@ impl ExportTable {
             };
             (key, text)
         });
-        let mut table = Self {
+        Ok(Self {
             axes,
             quantities: Vec::new(),
             attributes: attributes.collect(),
             fixed: BTreeMap::new(),
-        };
-        if diffuse {
-            table.mark_diffuse();
-        }
-        for variable in Variable::ALL {
-            let variable = if diffuse {
-                variable.diffuse()
-            } else {
-                variable
-            };
-            let values = store.read(variable)?.into_raw_vec_and_offset().0;
-            table.add(variable, values)?;
-        }
-        Ok(table)
+        })
+    }
+
+    /// Adds an array of the database.
+    fn add_stored(&mut self, store: &Store, variable: Variable) -> Result<(), ExportError> {
+        let values = store.read(variable)?.into_raw_vec_and_offset().0;
+        self.add(ExportVariable::Stored(variable), values)
     }
 
     /// All curves of a compact file, evaluated at its nodes.
     ///
     /// # Errors
-    /// [`ExportError::Encoding`] if the file is larger than memory can address.
+    /// [`ExportError::Lookup`] if the file holds anisotropy factors; [`ExportError::Encoding`] if the file is larger than memory can address.
     pub fn of_compact(database: &Database) -> Result<Self, ExportError> {
+        database.require_hemispherical()?;
         let axes = database.axes().iter();
         let axes = axes.map(|(parameter, values)| (parameter.name(), values.to_vec()));
         let wavelengths = (WAVELENGTH, database.wavelengths_nm().to_vec());
@@ -125,21 +251,26 @@ impl ExportTable {
             fixed: BTreeMap::new(),
         };
         let quantities = [
-            (Quantity::Transmittance, Variable::Transmittance),
-            (Quantity::Reflectance, Variable::Reflectance),
+            (Quantity::Transmittance, Variable::TRANSMITTANCE),
+            (Quantity::Reflectance, Variable::REFLECTANCE),
         ];
         for (quantity, variable) in quantities {
             if database.has(quantity) {
                 let curves = (0..database.curves()).filter_map(|row| database.curve(row, quantity));
-                table.add(variable, curves.flatten().collect())?;
+                let values = curves.flatten().collect();
+                table.add(ExportVariable::Stored(variable), values)?;
             }
         }
         Ok(table)
     }
 
-    /// Adds a quantity with one value for each combination of nodes.
-    fn add(&mut self, variable: Variable, values: Vec<f32>) -> Result<(), ExportError> {
-        let shape: Vec<usize> = self.axes.iter().map(|(_, values)| values.len()).collect();
+    /// Adds a quantity with one value for each combination of nodes of its axes.
+    fn add(&mut self, variable: ExportVariable, values: Vec<f32>) -> Result<(), ExportError> {
+        let length = |(name, nodes): &(&str, Vec<f64>)| match variable.has_axis(name) {
+            true => nodes.len(),
+            false => 1,
+        };
+        let shape: Vec<usize> = self.axes.iter().map(length).collect();
         let array = ArrayD::from_shape_vec(IxDyn(&shape), values);
         let array = array.map_err(ExportError::encoding("array"))?;
         self.quantities.push((variable, array));
@@ -159,6 +290,18 @@ impl ExportTable {
         }
         table.mark_diffuse();
         Ok(table)
+    }
+
+    /// Names and lengths of the axes that a quantity has.
+    pub(super) fn dimensions(
+        &self,
+        variable: ExportVariable,
+    ) -> impl Iterator<Item = (&'static str, usize)> {
+        let own = self
+            .axes
+            .iter()
+            .filter(move |(name, _)| variable.has_axis(name));
+        own.map(|(name, nodes)| (*name, nodes.len()))
     }
 
     /// States diffuse light in the attributes.
@@ -208,7 +351,7 @@ impl ExportTable {
         let mut order: Vec<usize> = (0..self.axes.len()).collect();
         order.sort_by_key(rank);
         self.axes = order.iter().map(|&axis| self.axes[axis].clone()).collect();
-        let permuted = |(variable, array): (Variable, ArrayD<f32>)| {
+        let permuted = |(variable, array): (ExportVariable, ArrayD<f32>)| {
             (variable, array.permuted_axes(IxDyn(&order)))
         };
         self.quantities = self.quantities.into_iter().map(permuted).collect();

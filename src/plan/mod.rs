@@ -211,7 +211,11 @@ pub fn plan(grid: &Grid, options: &PlanOptions) -> Result<Plan, PlanError> {
         threads,
         core_seconds: walking.core + compressing,
         wall_seconds: (walking.wall + storing) / threads as f64 + compressing,
-        database_bytes: estimated_bytes(&jobs, jobs.count()),
+        database_bytes: estimated_bytes(
+            &jobs,
+            grid.views.as_ref().map_or(0, |views| views.axes.count()),
+            jobs.count(),
+        ),
         compact_bytes: compact_bytes(&jobs),
         median_standard_error: pilot.median_standard_error(),
         max_standard_error: pilot.max_standard_error(),

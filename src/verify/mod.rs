@@ -332,8 +332,8 @@ impl CheckContext<'_> {
     /// The stored curves of a quantity, and their standard errors, both `[s, l]`.
     fn curves(&self, quantity: Quantity, diffuse: bool) -> Result<[Array2<f64>; 2], StoreError> {
         let [value, se] = match quantity {
-            Quantity::Transmittance => [Variable::Transmittance, Variable::TransmittanceSe],
-            Quantity::Reflectance => [Variable::Reflectance, Variable::ReflectanceSe],
+            Quantity::Transmittance => [Variable::TRANSMITTANCE, Variable::TRANSMITTANCE.se()],
+            Quantity::Reflectance => [Variable::REFLECTANCE, Variable::REFLECTANCE.se()],
         };
         let read = |variable: Variable| {
             let variable = if diffuse {

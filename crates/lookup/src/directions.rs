@@ -26,6 +26,15 @@ impl DirectionalQuantity {
         Self::TransmittanceFactor,
     ];
 
+    /// The quantity whose light it is: transmitted or reflected.
+    #[must_use]
+    pub const fn side(self) -> Quantity {
+        match self {
+            Self::TransmittanceFactor => Quantity::Transmittance,
+            _ => Quantity::Reflectance,
+        }
+    }
+
     /// The short name under collimated or `diffuse` light: `brf`, `btf`, `hdrf`, `hdtf` or
     /// `anisotropy_factor`.
     #[must_use]
@@ -123,17 +132,11 @@ impl Directions {
         point: Point,
         spectrum: &mut [f32],
     ) -> Result<(), LookupError> {
-        let (side, missing, stored) = match quantity {
-            DirectionalQuantity::TransmittanceFactor => (
-                &self.transmitted,
-                Quantity::Transmittance,
-                Quantity::Reflectance,
-            ),
-            _ => (
-                &self.reflected,
-                Quantity::Reflectance,
-                Quantity::Transmittance,
-            ),
+        let (side, missing, stored) = match quantity.side() {
+            missing @ Quantity::Transmittance => {
+                (&self.transmitted, missing, Quantity::Reflectance)
+            }
+            missing @ Quantity::Reflectance => (&self.reflected, missing, Quantity::Transmittance),
         };
         let Some((lookup, anisotropy)) = side else {
             return Err(LookupError::NoQuantity { missing, stored });

@@ -62,6 +62,8 @@ use thiserror::Error;
 
 /// File name of the compact file in an output directory.
 pub const COMPACT: &str = "snow.safetensors";
+/// File name of the compact file of the curves under diffuse light.
+pub const DIFFUSE: &str = "diffuse.safetensors";
 /// File name of the compact file of anisotropy factors in an output directory.
 pub const VIEWS: &str = "views.safetensors";
 /// File name of the compact file of anisotropy factors under diffuse light.
@@ -366,6 +368,14 @@ impl Database {
     #[must_use]
     pub fn holds_anisotropy(&self) -> bool {
         self.axes.has(Parameter::View)
+    }
+
+    /// Checks that the file does not hold anisotropy factors.
+    ///
+    /// # Errors
+    /// [`LookupError::Content`] if it does.
+    pub fn require_hemispherical(&self) -> Result<(), LookupError> {
+        self.require_content(false)
     }
 
     /// Checks that the file holds anisotropy factors, or reflectance and transmittance.

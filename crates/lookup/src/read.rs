@@ -155,6 +155,10 @@ impl Tensors<'_> {
         self.check_content(&parameters)?;
         let bases = Basis::ALL.map(|b| (b.name().to_owned(), b));
         let kind = self.variant(BASIS, None, bases)?;
+        if parameters.contains(&Parameter::View) {
+            let meaning = "anisotropy factors have no logarithm of this kind";
+            self.expect_metadata(BASIS, Basis::Linear.name(), meaning)?;
+        }
         let precisions = Precision::ALL.map(|p| (p.name().to_owned(), p));
         let precision = self.variant(PRECISION, Some(Precision::F32), precisions)?;
         let [first, second] = Quantity::ALL;

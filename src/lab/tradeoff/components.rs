@@ -198,8 +198,8 @@ fn stored(store: &Store) -> Result<Curves, TradeoffError> {
     let existing = existing_rows(store.axes(), store.absent());
     let read = |quantity| {
         let variable = match quantity {
-            Quantity::Transmittance => Variable::Transmittance,
-            Quantity::Reflectance => Variable::Reflectance,
+            Quantity::Transmittance => Variable::TRANSMITTANCE,
+            Quantity::Reflectance => Variable::REFLECTANCE,
         };
         let curves = store.read(variable)?.mapv(f64::from);
         Ok((quantity, curves.select(Axis(0), &existing)))
