@@ -35,8 +35,8 @@ pub struct Anisotropy {
     /// Axes of the view and of [`Parameter::CORE`], as in the file.
     axes: Axes,
     absent: Vec<usize>,
-    /// `[s, l']`.
-    coefficients: Array2<f32>,
+    /// `[s][l']`.
+    coefficients: Vec<f32>,
     /// `[l, l']`.
     basis: Array2<f32>,
     incidence: AngleAxis,
@@ -178,7 +178,7 @@ impl Anisotropy {
             azimuth: AngleAxis::new(azimuth, ends, false),
             is_axial,
             absent: database.absent().to_vec(),
-            coefficients: database.coefficients(quantity).to_owned(),
+            coefficients: database.coefficients(quantity).iter().copied().collect(),
             basis: database.basis(quantity).to_owned(),
             axes,
         })
@@ -217,7 +217,8 @@ impl Anisotropy {
         let [.., incidences] = self.axes.core_shape();
         let azimuth_count = self.axes.values(Parameter::RelativeAzimuth).len();
         let block: usize = self.axes.core_shape().iter().product();
-        let mut sum = vec![0.0_f64; self.basis.ncols()];
+        let components = self.basis.ncols();
+        let mut sum = vec![0.0_f64; components];
         for ((view, view_side), view_weight) in view.iter() {
             for ((angle, angle_side), angle_weight) in incidence.iter() {
                 let azimuths = &azimuths[usize::from(view_side != angle_side)];
@@ -225,7 +226,8 @@ impl Anisotropy {
                     let weight = view_weight * angle_weight * azimuth_weight;
                     let first = (view * azimuth_count + azimuth) * block + angle;
                     for (corner, share) in &corners {
-                        let row = self.coefficients.row(first + corner * incidences);
+                        let row = (first + corner * incidences) * components;
+                        let row = &self.coefficients[row..row + components];
                         let weight = weight * share;
                         for (sum, value) in sum.iter_mut().zip(row) {
                             *sum += weight * f64::from(*value);
