@@ -80,14 +80,13 @@ pub struct Directions {
 }
 
 impl Directions {
-    /// Prepares the quantities that both files hold. `database` has reflectance and
-    /// transmittance, `anisotropy` their anisotropy factors.
+    /// Checks that the files belong together. `database` has reflectance and transmittance,
+    /// `anisotropy` their anisotropy factors.
     ///
     /// # Errors
     /// [`LookupError::Content`] if one of the files is of the other kind;
-    /// [`LookupError::Mismatch`] if their axes differ; the errors of [`Lookup::new`] and
-    /// [`Anisotropy::new`].
-    pub fn new(database: &Database, anisotropy: &Database) -> Result<Self, LookupError> {
+    /// [`LookupError::Mismatch`] if their axes differ.
+    pub fn check(database: &Database, anisotropy: &Database) -> Result<(), LookupError> {
         database.require_content(false)?;
         anisotropy.require_content(true)?;
         let mismatch = |difference| Err(LookupError::Mismatch { difference });
@@ -99,6 +98,15 @@ impl Directions {
                 return mismatch(parameter.key());
             }
         }
+        Ok(())
+    }
+
+    /// Prepares the quantities that both files hold.
+    ///
+    /// # Errors
+    /// The errors of [`Directions::check`], [`Lookup::new`] and [`Anisotropy::new`].
+    pub fn new(database: &Database, anisotropy: &Database) -> Result<Self, LookupError> {
+        Self::check(database, anisotropy)?;
         let pair = |quantity| -> Result<_, LookupError> {
             if !(database.has(quantity) && anisotropy.has(quantity)) {
                 return Ok(None);

@@ -166,7 +166,7 @@ pub enum LookupError {
     },
     /// The file holds anisotropy factors where reflectance and transmittance are needed, or the
     /// other way round.
-    #[error("the compact file holds {found}, not {expected}; {}", if *has_views { format!("give {COMPACT} instead, or look up with Anisotropy") } else { format!("give {VIEWS} or {VIEWS_DIFFUSE} instead, which `splitsnow build` writes for a grid with axes.view_deg") })]
+    #[error("the compact file holds {found}, not {expected}; {}", if *has_views { format!("give {COMPACT} instead, or look up with Directions") } else { format!("give {VIEWS} or {VIEWS_DIFFUSE} instead, which `splitsnow build` writes for a grid with axes.view_deg") })]
     Content {
         /// What the file holds.
         found: &'static str,
