@@ -27,7 +27,7 @@ _DESCRIBED["wavelength_nm"] = ("nm", "wavelength in vacuum")
 _Function = TypeVar("_Function", bound=Callable[..., Any])
 
 
-def _former_name(function: _Function) -> _Function:
+def former_name(function: _Function) -> _Function:
     """Makes ``function`` also accept ``angle_deg``, the name of ``incidence_angle_deg`` in
     version 0.1."""
 
@@ -42,6 +42,9 @@ def _former_name(function: _Function) -> _Function:
 
 class Database:
     """A compact file in memory, with look-ups anywhere within its axes.
+
+    A file of anisotropy factors can be opened too, for its nodes; its look-ups are those of
+    :class:`Directions`.
 
     Look-ups run on all cores with the GIL released, and any number of Python threads
     may share one database. A database is pickled as its path.
@@ -115,7 +118,7 @@ class Database:
     #: Former name of :attr:`error_budget`.
     certificate = error_budget
 
-    @_former_name
+    @former_name
     def transmittance(
         self,
         facetness: ArrayLike,
@@ -151,7 +154,7 @@ class Database:
         points = (facetness, grain_size_um, density_kg_m3, thickness_cm, incidence_angle_deg)
         return self._spectra(request, points, wavelengths_nm, clamp)
 
-    @_former_name
+    @former_name
     def reflectance(
         self,
         facetness: ArrayLike,
@@ -171,7 +174,7 @@ class Database:
         points = (facetness, grain_size_um, density_kg_m3, thickness_cm, incidence_angle_deg)
         return self._spectra(request, points, wavelengths_nm, clamp)
 
-    @_former_name
+    @former_name
     def lab(
         self,
         facetness: ArrayLike,
@@ -195,7 +198,7 @@ class Database:
         points = (facetness, grain_size_um, density_kg_m3, thickness_cm, incidence_angle_deg)
         return self._colours(request, points, ("lab", native_illuminant(illuminant)))
 
-    @_former_name
+    @former_name
     def srgb(
         self,
         facetness: ArrayLike,
@@ -226,7 +229,8 @@ class Database:
     def to_xarray(self) -> xarray.Dataset:
         """The curves at the nodes as an ``xarray.Dataset``: one variable per quantity
         over all axes and ``wavelength_nm``, with units, and the metadata as
-        attributes."""
+        attributes. In a file of anisotropy factors, ``reflectance`` and ``transmittance``
+        are those of reflected and transmitted light."""
         try:
             import xarray
         except ImportError as error:
@@ -242,6 +246,9 @@ class Database:
             curves = np.empty(shape, np.float32)
             self._native.nodes(quantity, curves.reshape(-1, shape[-1]))
             long_name = f"directional-hemispherical {quantity}"
+            if "view_deg" in self.axes:
+                light = {"reflectance": "reflected", "transmittance": "transmitted"}[quantity]
+                long_name = f"anisotropy factor of {light} light"
             variables[quantity] = (list(coords), curves, {"units": "1", "long_name": long_name})
         return xarray.Dataset(variables, coords, self.metadata)
 
@@ -264,8 +271,7 @@ class Database:
         conditions: Optional[Mapping[str, float]],
         more: Mapping[str, float],
     ) -> tuple[str, str, list[tuple[str, float]]]:
-        merged = {**(conditions or {}), **more}
-        return quantity, method, [(name, float(value)) for name, value in merged.items()]
+        return quantity, method, condition_values(conditions, more)
 
     def _spectra(
         self,
@@ -274,27 +280,8 @@ class Database:
         wavelengths_nm: Optional[ArrayLike],
         clamp: bool,
     ) -> NDArray[np.float32]:
-        columns, shape = _columns(points)
-        own = self.wavelengths_nm
-        requested_nm = None
-        if wavelengths_nm is not None:
-            wavelengths = np.asarray(wavelengths_nm, dtype=np.float64)
-            if wavelengths.ndim != 1 or wavelengths.size == 0:
-                raise ValueError(
-                    f"wavelengths_nm has shape {wavelengths.shape}; expected a non-empty list of numbers"
-                )
-            if not np.isfinite(wavelengths).all():
-                raise ValueError("wavelengths_nm must be finite")
-            if not clamp and (wavelengths.min() < own[0] or wavelengths.max() > own[-1]):
-                raise ValueError(
-                    f"wavelengths_nm reach from {wavelengths.min():g} to {wavelengths.max():g} nm; the "
-                    f"database covers {own[0]:g} to {own[-1]:g} nm (clamp=True extends its ends)"
-                )
-            requested_nm = wavelengths.tolist()
-        l = len(own) if requested_nm is None else len(requested_nm)
-        out = np.empty(shape + (l,), np.float32)
-        self._native.spectra(request, columns, shape, requested_nm, out.reshape(-1, l))
-        return out
+        requested_nm = requested_wavelengths(self.wavelengths_nm, wavelengths_nm, clamp)
+        return spectra(self._native, request, points, requested_nm)
 
     def _colours(
         self,
@@ -302,13 +289,13 @@ class Database:
         points: tuple[ArrayLike, ...],
         viewing: tuple[str, Any],
     ) -> NDArray[np.float64]:
-        columns, shape = _columns(points)
+        columns, shape = _broadcast(points)
         out = np.empty(shape + (3,))
         self._native.colours(request, columns, shape, viewing, out.reshape(-1, 3))
         return out
 
 
-def _columns(
+def _broadcast(
     points: tuple[ArrayLike, ...],
 ) -> tuple[list[NDArray[np.float64]], tuple[int, ...]]:
     """Each coordinate as a flat array with one value, or one per point, and the
@@ -322,3 +309,46 @@ def _columns(
         for array in arrays
     ]
     return columns, shape
+
+
+def spectra(
+    native: Any,
+    request: Any,
+    points: tuple[ArrayLike, ...],
+    requested_nm: Optional[list[float]],
+) -> NDArray[np.float32]:
+    """The spectra of ``native`` at these points, at its own or the requested wavelengths."""
+    columns, shape = _broadcast(points)
+    l = len(native.wavelengths_nm if requested_nm is None else requested_nm)
+    out = np.empty(shape + (l,), np.float32)
+    native.spectra(request, columns, shape, requested_nm, out.reshape(-1, l))
+    return out
+
+
+def requested_wavelengths(
+    own: NDArray[np.float64], wavelengths_nm: Optional[ArrayLike], clamp: bool
+) -> Optional[list[float]]:
+    """The wavelengths to interpolate to, as a list; ``None`` for those of the file, ``own``."""
+    if wavelengths_nm is None:
+        return None
+    wavelengths = np.asarray(wavelengths_nm, dtype=np.float64)
+    if wavelengths.ndim != 1 or wavelengths.size == 0:
+        raise ValueError(
+            f"wavelengths_nm has shape {wavelengths.shape}; expected a non-empty list of numbers"
+        )
+    if not np.isfinite(wavelengths).all():
+        raise ValueError("wavelengths_nm must be finite")
+    if not clamp and (wavelengths.min() < own[0] or wavelengths.max() > own[-1]):
+        raise ValueError(
+            f"wavelengths_nm reach from {wavelengths.min():g} to {wavelengths.max():g} nm; the "
+            f"database covers {own[0]:g} to {own[-1]:g} nm (clamp=True extends its ends)"
+        )
+    return [float(value) for value in wavelengths]
+
+
+def condition_values(
+    conditions: Optional[Mapping[str, float]], more: Mapping[str, float]
+) -> list[tuple[str, float]]:
+    """Values on optional axes, by name."""
+    merged = {**(conditions or {}), **more}
+    return [(name, float(value)) for name, value in merged.items()]

@@ -5,7 +5,16 @@ from typing import Any, Final, Optional, final
 import numpy as np
 from numpy.typing import NDArray
 
-__all__ = ["Database", "VERSION", "colours", "illuminant", "parameters", "simd", "simulate"]
+__all__ = [
+    "Database",
+    "Directions",
+    "VERSION",
+    "colours",
+    "illuminant",
+    "parameters",
+    "simd",
+    "simulate",
+]
 
 VERSION: Final[str]
 
@@ -49,6 +58,24 @@ class Database:
         out: NDArray[np.float64],
     ) -> None: ...
     def nodes(self, name: str, out: NDArray[np.float32]) -> None: ...
+
+@final
+class Directions:
+    def __new__(cls, path: str, anisotropy_path: Optional[str], diffuse: bool) -> Directions: ...
+    @property
+    def wavelengths_nm(self) -> NDArray[np.float64]: ...
+    @property
+    def axes(self) -> list[tuple[str, NDArray[np.float64]]]: ...
+    @property
+    def quantities(self) -> list[str]: ...
+    def spectra(
+        self,
+        request: tuple[str, list[tuple[str, float]]],
+        points: list[NDArray[np.float64]],
+        shape: tuple[int, ...],
+        wavelengths_nm: Optional[list[float]],
+        out: NDArray[np.float32],
+    ) -> None: ...
 
 def colours(
     spectra: NDArray[np.float64],

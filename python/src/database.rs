@@ -1,6 +1,6 @@
 //! Look-ups in a compact file.
 use std::path::PathBuf;
-use std::sync::{Arc, Mutex, PoisonError};
+use std::sync::Arc;
 
 use numpy::{PyArray1, PyReadonlyArray1, PyReadwriteArray2};
 use pyo3::exceptions::{PyFileNotFoundError, PyOSError, PyValueError};
@@ -12,6 +12,7 @@ use splitsnow::measurement::Quantity;
 use splitsnow::parameter::{Parameter, Point};
 use splitsnow::spectrum::Resampling;
 
+use crate::cache::Cache;
 use crate::colour::{ColourConverter, PyIlluminant};
 use crate::points::{Method, Points, failure_exception};
 use crate::pool::pool;
@@ -22,8 +23,11 @@ const CACHE_SIZE: usize = 8;
 /// A look-up request: quantity, method, values of optional axes by name.
 type Request = (String, String, Vec<(String, f64)>);
 
-/// Cache key of a prepared look-up: quantity, and conditions as bits.
-type Key = (Quantity, Vec<(Parameter, u64)>);
+/// Cache key of a prepared look-up.
+type Key = (Quantity, Conditions);
+
+/// Values on optional axes, as bits.
+pub(crate) type Conditions = Vec<(Parameter, u64)>;
 
 /// A compact file in memory, with caches of prepared look-ups and colour converters.
 #[pyclass(frozen)]
@@ -33,29 +37,8 @@ pub(crate) struct Database {
     converters: Cache<(String, PyIlluminant), ColourConverter>,
 }
 
-/// A cache of the values made most recently, by key.
-struct Cache<K, V>(Mutex<Vec<(K, Arc<V>)>>);
-
-impl<K: PartialEq, V> Cache<K, V> {
-    /// The value for `key`; calls `make` if it is not cached. The lock is not held during
-    /// `make`, so two threads may make the same value.
-    fn get<E>(&self, key: K, make: impl FnOnce() -> Result<V, E>) -> Result<Arc<V>, E> {
-        let lock = || self.0.lock().unwrap_or_else(PoisonError::into_inner);
-        if let Some((_, value)) = lock().iter().find(|(known, _)| *known == key) {
-            return Ok(value.clone());
-        }
-        let value = Arc::new(make()?);
-        let mut entries = lock();
-        if entries.len() == CACHE_SIZE {
-            entries.remove(0);
-        }
-        entries.push((key, value.clone()));
-        Ok(value)
-    }
-}
-
 /// The Python exception for an error in reading a file or preparing a look-up.
-fn to_exception(error: LookupError) -> PyErr {
+pub(crate) fn to_exception(error: LookupError) -> PyErr {
     match error {
         LookupError::Io { path, source } => match source.raw_os_error() {
             // with its number it becomes the matching subclass, e.g. FileNotFoundError
@@ -86,8 +69,8 @@ impl Database {
             .map_err(to_exception)?;
         Ok(Self {
             file,
-            lookups: Cache(Mutex::default()),
-            converters: Cache(Mutex::default()),
+            lookups: Cache::new(CACHE_SIZE),
+            converters: Cache::new(CACHE_SIZE),
         })
     }
 
@@ -207,12 +190,7 @@ impl Database {
     ) -> PyResult<()> {
         let quantity = quantity(name)?;
         let optional = optional_point(conditions)?;
-        let points = Points::new(columns, shape)?;
-        if width.checked_mul(points.count()) != Some(rows.len()) || width == 0 {
-            return Err(PyValueError::new_err(
-                "the output array does not have the shape of the points",
-            ));
-        }
+        let points = Points::new(columns, shape, (rows.len(), width))?;
         let pool = pool(py)?;
         let l = self.file.wavelengths_nm().len();
         let run = |pool: &ThreadPool| -> PyResult<()> {
@@ -241,21 +219,32 @@ impl Database {
 
     /// The look-up of `quantity` at these values of the optional axes.
     fn lookup(&self, quantity: Quantity, optional: Point) -> Result<Arc<Lookup>, LookupError> {
-        let bits = optional
-            .iter()
-            .map(|(parameter, value)| (parameter, value.to_bits()));
-        self.lookups.get((quantity, bits.collect()), || {
-            Lookup::new(&self.file.at(optional)?, quantity)
+        self.lookups.get((quantity, bits(optional)), || {
+            // anisotropy factors are refused before values of their axes are asked for
+            match self.file.holds_anisotropy() {
+                true => Lookup::new(&self.file, quantity),
+                false => Lookup::new(&self.file.at(optional)?, quantity),
+            }
         })
     }
 }
 
-/// The point with these values of optional axes, given by name.
-fn optional_point(values: &[(String, f64)]) -> PyResult<Point> {
+/// The values of `optional`, for a cache key.
+pub(crate) fn bits(optional: Point) -> Conditions {
+    let values = optional.iter();
+    values
+        .map(|(axis, value)| (axis, value.to_bits()))
+        .collect()
+}
+
+/// The point with these values of optional axes, given by name. A view is accepted, because the
+/// files say best whether they have that axis.
+pub(crate) fn optional_point(values: &[(String, f64)]) -> PyResult<Point> {
     let coordinate = |(name, value): &(String, f64)| {
         let axis = Parameter::named(name).filter(|axis| axis.is_optional());
         let axis = axis.ok_or_else(|| {
-            let optional = Parameter::ALL.into_iter().filter(|axis| axis.is_optional());
+            let optional = Parameter::ALL.into_iter();
+            let optional = optional.filter(|axis| axis.is_optional() && !axis.is_view());
             let names: Vec<_> = optional.map(Parameter::name).collect();
             let names = names.join(", ");
             PyValueError::new_err(format!(

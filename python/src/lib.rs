@@ -1,7 +1,9 @@
 //! The compiled part of the Python package `splitsnow`. The Python part, with the
 //! documentation for users, is in `python/splitsnow`.
+mod cache;
 mod colour;
 mod database;
+mod directions;
 mod points;
 mod pool;
 mod simulation;
@@ -25,6 +27,8 @@ mod _native {
     use crate::colour::{colours, illuminant};
     #[pymodule_export]
     use crate::database::Database;
+    #[pymodule_export]
+    use crate::directions::Directions;
     #[pymodule_export]
     use crate::simulation::simulate;
 

@@ -4,8 +4,8 @@ use pyo3::exceptions::PyValueError;
 use pyo3::prelude::*;
 use rayon::ThreadPool;
 use rayon::prelude::*;
-use splitsnow::lookup::{Lookup, LookupError, Varsa2025};
-use splitsnow::parameter::Point;
+use splitsnow::lookup::{DirectionalQuantity, Directions, Lookup, LookupError, Varsa2025};
+use splitsnow::parameter::{Parameter, Point};
 
 /// Number of rows per task; fewer are not worth waking a thread.
 const TASK: usize = 1024;
@@ -17,6 +17,7 @@ pub(crate) type Failure = (usize, Box<LookupError>);
 pub(crate) enum Method<'a> {
     Smooth(&'a Lookup),
     Varsa2025(Varsa2025<'a>),
+    Directional(&'a Directions, DirectionalQuantity),
 }
 
 impl Method<'_> {
@@ -27,44 +28,70 @@ impl Method<'_> {
                 spectrum.copy_from_slice(&published.spectrum(point)?);
                 Ok(())
             }
+            Self::Directional(directions, quantity) => {
+                directions.spectrum(*quantity, point, spectrum)
+            }
         }
     }
 }
 
-/// Coordinates on the five core axes; each column has one value for all points or one per
-/// point.
+/// Number of core axes.
+const CORE: usize = Parameter::CORE.len();
+
+/// Coordinates on the core axes, or on these and those of the view; each column has one value
+/// for all points or one per point.
 pub(crate) struct Points<'a> {
-    columns: [&'a [f64]; 5],
+    core: [&'a [f64]; CORE],
+    views: Vec<(Parameter, &'a [f64])>,
     count: usize,
 }
 
 impl<'a> Points<'a> {
-    /// The points of the broadcast `shape`, in row-major order.
-    pub(crate) fn new(columns: &'a [PyReadonlyArray1<f64>; 5], shape: &[usize]) -> PyResult<Self> {
+    /// The points of the broadcast `shape`, in row-major order, for an output of so many values
+    /// in rows of `width`.
+    pub(crate) fn new(
+        columns: &'a [PyReadonlyArray1<f64>],
+        shape: &[usize],
+        (values, width): (usize, usize),
+    ) -> PyResult<Self> {
         let count = shape.iter().product();
-        let mut slices = [&[][..]; 5];
-        for (slice, column) in slices.iter_mut().zip(columns) {
-            *slice = column.as_slice()?;
+        if width.checked_mul(count) != Some(values) || width == 0 {
+            return Err(PyValueError::new_err(
+                "the output array does not have the shape of the points",
+            ));
+        }
+        let mut slices = Vec::with_capacity(columns.len());
+        for column in columns {
+            let slice = column.as_slice()?;
             if slice.len() != 1 && slice.len() != count {
                 let found = slice.len();
                 let message = format!("a coordinate has {found} values; expected 1 or {count}");
                 return Err(PyValueError::new_err(message));
             }
+            slices.push(slice);
         }
-        let columns = slices;
-        Ok(Self { columns, count })
-    }
-
-    pub(crate) fn count(&self) -> usize {
-        self.count
+        let Some((core, views)) = slices.split_first_chunk() else {
+            let message = format!("a point needs {CORE} coordinates or more");
+            return Err(PyValueError::new_err(message));
+        };
+        let views = Parameter::VIEWS.into_iter().zip(views.iter().copied());
+        Ok(Self {
+            core: *core,
+            views: views.collect(),
+            count,
+        })
     }
 
     fn point(&self, index: usize) -> Point {
-        let value = |axis: usize| match self.columns[axis] {
+        let value = |column: &[f64]| match column {
             [value] => *value,
             values => values[index],
         };
-        Point::from_core(std::array::from_fn(value))
+        let mut point = Point::from_core(self.core.map(value));
+        for (parameter, column) in &self.views {
+            point.set(*parameter, value(column));
+        }
+        point
     }
 
     /// Looks up the spectrum of each point (`wavelengths` values) and writes it with

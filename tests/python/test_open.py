@@ -15,6 +15,7 @@ import numpy as np
 import pytest
 import xarray
 
+# Those of the snow: reflectance and transmittance have no axes of views.
 OPTIONAL_AXES = (
     "black_carbon_ng_g",
     "water_saturation",
