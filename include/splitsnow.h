@@ -1,11 +1,12 @@
-/* SPLITSnow in C99 and C++17: look-ups in a compact file (`snow.safetensors`).
+/* SPLITSnow in C99 and C++17: look-ups in a compact file (`snow.safetensors`), and toward views
+ * in a file of anisotropy factors (`views.safetensors`).
  *
  * A single header that depends only on libc and libm. Define SPLITSNOW_IMPLEMENTATION in
  * one source file before including it there; elsewhere include it without the definition.
  * docs/c.md has examples, docs/formats.md describes the file, docs/methods.md the method,
  * which is `smooth`. Results agree with the Rust library to 1e-6.
  *
- * Databases, lookups and colours are immutable, so any number of threads may share one.
+ * Databases and all prepared objects are immutable, so any number of threads may share one.
  * Queries do not allocate, and there is no global state. Files are treated as untrusted
  * input: invalid bytes are refused.
  *
@@ -32,16 +33,21 @@ typedef enum splitsnow_status {
     SPLITSNOW_ERROR_OUTSIDE,     /* a coordinate is outside the database, or NaN */
     SPLITSNOW_ERROR_TOO_LARGE,   /* the look-up table would exceed 1 GB */
     SPLITSNOW_ERROR_NO_COLOUR,   /* the wavelengths have no colour under the illuminant */
-    SPLITSNOW_ERROR_ABSENT       /* a surrounding curve does not exist: grains do not fit the slab */
+    SPLITSNOW_ERROR_ABSENT,      /* a surrounding curve does not exist: grains do not fit the slab */
+    SPLITSNOW_ERROR_CONTENT,     /* anisotropy factors instead of reflectance and transmittance, or
+                                  * the other way round */
+    SPLITSNOW_ERROR_MISMATCH     /* two objects that do not belong together */
 } splitsnow_status;
 
-/* Quantity of a spectrum; values are in [0, 1]. */
+/* Quantity of a spectrum; values are in [0, 1]. In a file of anisotropy factors: of transmitted
+ * or of reflected light. */
 typedef enum splitsnow_quantity {
     SPLITSNOW_TRANSMITTANCE = 0,
     SPLITSNOW_REFLECTANCE = 1
 } splitsnow_quantity;
 
-/* Axes. Every file has the first five; the others are optional. The blocks between marks
+/* Axes. Every file has the first five; the others are optional. Files of anisotropy factors
+ * have both axes of the view, other files have neither. The blocks between marks
  * are generated from crates/lookup/src/parameter (tests/c_header/parameters.rs). */
 /* <axes> */
 typedef enum splitsnow_axis {
@@ -55,6 +61,8 @@ typedef enum splitsnow_axis {
     SPLITSNOW_TEMPERATURE_C, /* temperature of the snow, degC */
     SPLITSNOW_SPHERICITY, /* mean sphericity of the grains */
     SPLITSNOW_SUBSTRATE_REFLECTANCE, /* Lambertian reflectance of the substrate */
+    SPLITSNOW_VIEW_DEG, /* angle of the view from the surface normal, degree */
+    SPLITSNOW_RELATIVE_AZIMUTH_DEG, /* azimuth of the view relative to the direction in which the light travels; 0 is forward, 180 back toward the light, degree */
     SPLITSNOW_AXES /* number of axes */
 } splitsnow_axis;
 /* </axes> */
@@ -83,9 +91,18 @@ typedef struct splitsnow_condition {
     double value;
 } splitsnow_condition;
 
-typedef struct splitsnow splitsnow;               /* a validated file in memory */
-typedef struct splitsnow_lookup splitsnow_lookup; /* one quantity, prepared for queries */
-typedef struct splitsnow_colour splitsnow_colour; /* an observer under an illuminant */
+/* Directions of the light and of the view, degree. */
+typedef struct splitsnow_angles {
+    double incidence_angle_deg;  /* as in splitsnow_spectrum; 0 under diffuse light */
+    double view_deg;             /* angle of the view from the surface normal */
+    double relative_azimuth_deg; /* 0 is forward, 180 back toward the light; any finite angle, without
+                                  * effect under diffuse light */
+} splitsnow_angles;
+
+typedef struct splitsnow splitsnow;                       /* a validated file in memory */
+typedef struct splitsnow_lookup splitsnow_lookup;         /* one quantity, prepared for queries */
+typedef struct splitsnow_anisotropy splitsnow_anisotropy; /* its anisotropy factors, prepared */
+typedef struct splitsnow_colour splitsnow_colour;         /* an observer under an illuminant */
 
 /* Reads the file at `path`. On an error `*database` is NULL and `message` (of
  * `message_size` bytes; may be NULL) describes the error. */
@@ -96,7 +113,7 @@ splitsnow_status splitsnow_open(const char *path, splitsnow **database, char *me
 splitsnow_status splitsnow_open_memory(const void *bytes, size_t size, splitsnow **database,
                                        char *message, size_t message_size);
 
-/* Frees a database (or NULL); its lookups and colours stay valid. */
+/* Frees a database (or NULL); the objects prepared from it stay valid. */
 void splitsnow_close(splitsnow *database);
 
 /* Nodes of an axis, strictly increasing, and their number; NULL and 0 if the axis is not
@@ -109,6 +126,9 @@ const float *splitsnow_wavelengths(const splitsnow *database, size_t *count);
 
 /* Whether the file holds the quantity. */
 int splitsnow_has(const splitsnow *database, splitsnow_quantity quantity);
+
+/* Whether the file holds anisotropy factors instead of reflectance and transmittance. */
+int splitsnow_holds_anisotropy(const splitsnow *database);
 
 /* Whether the slab lies on a black substrate, with no other layers. Queries then extend
  * down to thickness 0; otherwise they start at the first node. */
@@ -202,6 +222,61 @@ splitsnow_status splitsnow_rgb_table(const splitsnow_lookup *lookup,
                                      double last_cm, size_t n_thickness, size_t n_angle,
                                      float *rgb);
 
+/* ---- Toward views ----
+ *
+ * The anisotropy factor of reflected light is the reflectance factor toward a view over the
+ * reflectance; that of transmitted light, which leaves into the substrate, is defined in the
+ * same way. The terms are those of Schaepman-Strub et al. (2006). */
+
+/* Prepares queries of the anisotropy factors of one quantity. `database` is a file of
+ * anisotropy factors; the other arguments are those of splitsnow_prepare, but there is no limit
+ * of 1 GB. */
+splitsnow_status splitsnow_prepare_anisotropy(const splitsnow *database, splitsnow_quantity quantity,
+                                              const splitsnow_snow *snow,
+                                              const splitsnow_condition *conditions,
+                                              size_t n_conditions,
+                                              splitsnow_anisotropy **anisotropy);
+
+/* Frees anisotropy factors (or NULL). */
+void splitsnow_anisotropy_free(splitsnow_anisotropy *anisotropy);
+
+/* The anisotropy factors of one snow at the `n` wavelengths of the file.
+ *
+ * The thickness may be any value from 0; beyond its first and its last node the factors stay
+ * constant. The other coordinates must be within their axes. For other values and for NaN the
+ * status is SPLITSNOW_ERROR_OUTSIDE. A value within a relative 1e-6 of an end counts as the
+ * end. */
+splitsnow_status splitsnow_anisotropy_factor(const splitsnow_anisotropy *anisotropy,
+                                             double thickness_cm, const splitsnow_angles *angles,
+                                             float *spectrum, size_t n);
+
+/* The anisotropy factors of any snow, prepared with `snow` NULL. */
+splitsnow_status splitsnow_anisotropy_factor_of(const splitsnow_anisotropy *anisotropy,
+                                                const splitsnow_snow *snow, double thickness_cm,
+                                                const splitsnow_angles *angles, float *spectrum,
+                                                size_t n);
+
+/* The reflectance factor toward a view, or the transmittance factor, of one snow at the `n`
+ * wavelengths: the anisotropy factor times the reflectance, or the transmittance. Under
+ * collimated light these are the bidirectional factors (BRF, BTF), under diffuse light the
+ * hemispherical-directional ones (HDRF, HDTF). The radiance is the factor times the
+ * irradiance over pi.
+ *
+ * `lookup` and `anisotropy` must have been prepared for one quantity, with the same snow and
+ * conditions, from two files with the same wavelengths and axes; otherwise the status is
+ * SPLITSNOW_ERROR_MISMATCH. The coordinates must be within both files. */
+splitsnow_status splitsnow_directional_factor(const splitsnow_lookup *lookup,
+                                              const splitsnow_anisotropy *anisotropy,
+                                              double thickness_cm, const splitsnow_angles *angles,
+                                              float *spectrum, size_t n);
+
+/* The same factors of any snow, if both were prepared with `snow` NULL. */
+splitsnow_status splitsnow_directional_factor_of(const splitsnow_lookup *lookup,
+                                                 const splitsnow_anisotropy *anisotropy,
+                                                 const splitsnow_snow *snow, double thickness_cm,
+                                                 const splitsnow_angles *angles, float *spectrum,
+                                                 size_t n);
+
 #ifdef __cplusplus
 }
 #endif
@@ -282,6 +357,7 @@ typedef struct splitsnow__parameter {
 /* <parameters> */
 #define SPLITSNOW__CORE "facetness,grain_size_um,density_kg_m3,thickness_cm,angle_deg"
 #define SPLITSNOW__FIRST_OPTIONAL SPLITSNOW_BLACK_CARBON_NG_G
+#define SPLITSNOW__FIRST_VIEW SPLITSNOW_VIEW_DEG
 
 static const splitsnow__parameter splitsnow__parameters[SPLITSNOW_AXES] = {
     {"facetness", 0.0, 1.0, 0, 0, SPLITSNOW__SATURATING, 0.18, 0.0},
@@ -294,6 +370,8 @@ static const splitsnow__parameter splitsnow__parameters[SPLITSNOW_AXES] = {
     {"temperature_c", -40.0, 0.0, 0, 0, SPLITSNOW__LINEAR, 1.0, 0.0},
     {"sphericity", 0.0, 1.0, 1, 0, SPLITSNOW__LOG, 1.0, 0.0},
     {"substrate_reflectance", 0.0, 1.0, 0, 0, SPLITSNOW__COMPLEMENT, 0.95, 0.0},
+    {"view_deg", 0.0, 88.0, 0, 0, SPLITSNOW__LINEAR, 1.0, 0.0},
+    {"relative_azimuth_deg", 0.0, 180.0, 0, 0, SPLITSNOW__LINEAR, 1.0, 0.0},
 };
 /* </parameters> */
 
@@ -316,6 +394,8 @@ const char *splitsnow_error_string(splitsnow_status status) {
     case SPLITSNOW_ERROR_OUTSIDE: return "a coordinate is outside the database";
     case SPLITSNOW_ERROR_TOO_LARGE: return "the look-up table would take more than 1 GB";
     case SPLITSNOW_ERROR_ABSENT: return "the file has no curve: grains of a surrounding node do not fit into the slab";
+    case SPLITSNOW_ERROR_CONTENT: return "the file holds anisotropy factors instead of reflectance and transmittance, or the other way round";
+    case SPLITSNOW_ERROR_MISMATCH: return "the look-up and the anisotropy factors differ in quantity, snow, conditions, wavelengths or axes";
     case SPLITSNOW_ERROR_NO_COLOUR: return "the wavelengths have no colour under the illuminant";
     }
     return "unknown status";
@@ -1172,6 +1252,13 @@ static splitsnow_status splitsnow__absent(const splitsnow__source *source, split
     return SPLITSNOW_OK;
 }
 
+/* The place of an axis that is not of the core, in a file with all of them: views come first. */
+static int splitsnow__place_in_file(int axis) {
+    int views = SPLITSNOW_AXES - SPLITSNOW__FIRST_VIEW;
+    if (axis >= SPLITSNOW__FIRST_VIEW) return axis - SPLITSNOW__FIRST_VIEW;
+    return views + axis - SPLITSNOW__FIRST_OPTIONAL;
+}
+
 /* Reads from the metadata which axes are in the file. */
 static splitsnow_status splitsnow__axis_order(const splitsnow__source *source,
                                               unsigned char present[SPLITSNOW_AXES]) {
@@ -1180,8 +1267,8 @@ static splitsnow_status splitsnow__axis_order(const splitsnow__source *source,
         splitsnow__value(header->metadata, header->n_metadata, "axis_order");
     static const char five[] = SPLITSNOW__CORE;
     size_t size = sizeof five - 1, at = 0;
-    int least = SPLITSNOW__FIRST_OPTIONAL, ordered = 1;
-    for (int axis = 0; axis < SPLITSNOW_AXES; axis++) present[axis] = axis < least;
+    int least = 0, ordered = 1;
+    for (int axis = 0; axis < SPLITSNOW_AXES; axis++) present[axis] = axis < SPLITSNOW__FIRST_OPTIONAL;
     if (found == NULL || found->size < size ||
         memcmp(found->at + found->size - size, five, size) != 0) {
         return splitsnow__unexpected(source, "axis_order", five);
@@ -1198,12 +1285,30 @@ static splitsnow_status splitsnow__axis_order(const splitsnow__source *source,
                                      "it has an axis `%s`, which this version does not know",
                                      splitsnow__show(name).text);
         }
-        if (axis < least || end == NULL) ordered = 0;
-        least = axis + 1;
+        if (splitsnow__place_in_file(axis) < least || end == NULL) ordered = 0;
+        least = splitsnow__place_in_file(axis) + 1;
         present[axis] = 1;
         at += name.size + 1;
     }
     if (!ordered) return splitsnow__unexpected(source, "axis_order", "the axes in storage order");
+    return SPLITSNOW_OK;
+}
+
+/* Refuses a file unless it has the axes of views if, and only if, it holds anisotropy factors. */
+static splitsnow_status splitsnow__content(const splitsnow__source *source,
+                                           const unsigned char present[SPLITSNOW_AXES]) {
+    static const char *const anisotropy[] = {"anisotropy_factor"};
+    const splitsnow__header *header = &source->header;
+    int views = present[SPLITSNOW_VIEW_DEG] + present[SPLITSNOW_RELATIVE_AZIMUTH_DEG];
+    if (views == 1) {
+        return splitsnow__unexpected(source, "axis_order", "view_deg,relative_azimuth_deg");
+    }
+    if (views == 2 && splitsnow__choice(source, "content", -1, anisotropy, 1) < 0) {
+        return splitsnow__unexpected(source, "content", anisotropy[0]);
+    }
+    if (views == 0 && splitsnow__value(header->metadata, header->n_metadata, "content") != NULL) {
+        return splitsnow__unexpected(source, "content", "missing");
+    }
     return SPLITSNOW_OK;
 }
 
@@ -1228,6 +1333,7 @@ static splitsnow_status splitsnow__read_database(splitsnow *database, const spli
     version = splitsnow__choice(source, "format_version", -1, versions, 2);
     if (version < 0) return splitsnow__unexpected(source, "format_version", "2` or `1");
     status = splitsnow__axis_order(source, present);
+    if (status == SPLITSNOW_OK) status = splitsnow__content(source, present);
     if (status != SPLITSNOW_OK) return status;
     basis = splitsnow__choice(source, "basis", -1, bases, 2);
     if (basis < 0) return splitsnow__unexpected(source, "basis", "linear` or `log");
@@ -1457,6 +1563,10 @@ int splitsnow_has(const splitsnow *database, splitsnow_quantity quantity) {
     return (unsigned)quantity < 2 && database->components[quantity] > 0;
 }
 
+int splitsnow_holds_anisotropy(const splitsnow *database) {
+    return database->counts[SPLITSNOW_VIEW_DEG] > 0;
+}
+
 int splitsnow_has_black_substrate(const splitsnow *database) { return database->has_black_substrate; }
 
 const char *splitsnow_metadata(const splitsnow *database, const char *key) {
@@ -1546,12 +1656,28 @@ static int splitsnow__bracket(int axis, const float *nodes, size_t n, double val
     return 1;
 }
 
+/* Splits each part along an axis of `nodes` nodes, which is faster than those before it. */
+static void splitsnow__refine(splitsnow__mix *mix, size_t nodes, size_t below, double share) {
+    splitsnow__mix finer;
+    size_t count = 0;
+    for (size_t corner = 0; corner < mix->count; corner++) {
+        for (size_t step = 0; step < 2; step++) {
+            double weight = step == 0 ? 1.0 - share : share;
+            if (!(weight > 0.0)) continue;
+            finer.part[count] = mix->part[corner] * nodes + below + step;
+            finer.weight[count++] = mix->weight[corner] * weight;
+        }
+    }
+    finer.count = count;
+    *mix = finer;
+}
+
 static splitsnow_status splitsnow__conditions(const splitsnow *database,
                                               const splitsnow_condition *conditions, size_t n,
                                               splitsnow__mix *mix) {
     for (size_t i = 0; i < n; i++) {
         unsigned axis = (unsigned)conditions[i].axis;
-        if (axis < SPLITSNOW_BLACK_CARBON_NG_G || axis >= SPLITSNOW_AXES) {
+        if (axis < SPLITSNOW__FIRST_OPTIONAL || axis >= SPLITSNOW__FIRST_VIEW) {
             return SPLITSNOW_ERROR_ARGUMENT;
         }
         for (size_t j = 0; j < i; j++) {
@@ -1562,10 +1688,9 @@ static splitsnow_status splitsnow__conditions(const splitsnow *database,
     mix->part[0] = 0;
     mix->weight[0] = 1.0;
     mix->count = 1;
-    for (int axis = SPLITSNOW_BLACK_CARBON_NG_G; axis < SPLITSNOW_AXES; axis++) {
-        size_t nodes = database->counts[axis], below = 0, count = 0, i = 0;
+    for (int axis = SPLITSNOW__FIRST_OPTIONAL; axis < SPLITSNOW__FIRST_VIEW; axis++) {
+        size_t nodes = database->counts[axis], below = 0, i = 0;
         double share = 0.0;
-        splitsnow__mix finer;
         if (nodes == 0) continue;
         while (i < n && conditions[i].axis != (splitsnow_axis)axis) i++;
         if (i < n) {
@@ -1576,18 +1701,42 @@ static splitsnow_status splitsnow__conditions(const splitsnow *database,
         } else if (nodes > 1) {
             return SPLITSNOW_ERROR_CONDITION;
         }
-        for (size_t corner = 0; corner < mix->count; corner++) {
-            for (size_t step = 0; step < 2; step++) {
-                double weight = step == 0 ? 1.0 - share : share;
-                if (!(weight > 0.0)) continue;
-                finer.part[count] = mix->part[corner] * nodes + below + step;
-                finer.weight[count++] = mix->weight[corner] * weight;
-            }
-        }
-        finer.count = count;
-        *mix = finer;
+        splitsnow__refine(mix, nodes, below, share);
     }
     return SPLITSNOW_OK;
+}
+
+/* Adds `size` bytes to a hash (FNV-1a). */
+static uint64_t splitsnow__hash(uint64_t hash, const void *bytes, size_t size) {
+    const unsigned char *at = (const unsigned char *)bytes;
+    for (size_t i = 0; i < size; i++) hash = (hash ^ at[i]) * 1099511628211u;
+    return hash;
+}
+
+/* A number for what is prepared, the same for spectra and for their anisotropy factors: the
+ * quantity, the snow, the conditions, the wavelengths and the axes except those of views. */
+static uint64_t splitsnow__key(const splitsnow *database, splitsnow_quantity quantity,
+                               const splitsnow_snow *snow, const splitsnow__mix *mix) {
+    uint64_t key = 14695981039346656037u;
+    int number = (int)quantity;
+    key = splitsnow__hash(key, &number, sizeof number);
+    key = splitsnow__hash(key, mix->part, mix->count * sizeof *mix->part);
+    key = splitsnow__hash(key, mix->weight, mix->count * sizeof *mix->weight);
+    if (snow != NULL) {
+        double values[3];
+        values[0] = snow->facetness + 0.0; /* without the sign of a zero */
+        values[1] = snow->grain_size_um;
+        values[2] = snow->density_kg_m3;
+        key = splitsnow__hash(key, values, sizeof values);
+    }
+    key = splitsnow__hash(key, &database->wavelengths, sizeof database->wavelengths);
+    key = splitsnow__hash(key, database->wavelength_nm, database->wavelengths * sizeof(float));
+    for (int axis = 0; axis < SPLITSNOW__FIRST_VIEW; axis++) {
+        size_t n = database->counts[axis];
+        key = splitsnow__hash(key, &n, sizeof n);
+        if (n > 0) key = splitsnow__hash(key, database->axes[axis], n * sizeof(float));
+    }
+    return key;
 }
 
 /* ---- Along the thickness ---- */
@@ -1703,6 +1852,7 @@ static float splitsnow__share(const splitsnow__column *column, size_t h, size_t 
 
 struct splitsnow_lookup {
     int quantity;
+    uint64_t key; /* of what is prepared */
     size_t n[5];      /* number of nodes of each axis */
     float *axes[5];   /* nodes, as in the file */
     float *places[5]; /* coordinates of the nodes; those of the thickness begin with the thin nodes */
@@ -2108,6 +2258,7 @@ splitsnow_status splitsnow_prepare(const splitsnow *database, splitsnow_quantity
     if (database == NULL || (unsigned)quantity > 1 || (conditions == NULL && n_conditions > 0)) {
         return SPLITSNOW_ERROR_ARGUMENT;
     }
+    if (splitsnow_holds_anisotropy(database)) return SPLITSNOW_ERROR_CONTENT;
     if (!splitsnow_has(database, quantity)) return SPLITSNOW_ERROR_NO_QUANTITY;
     status = splitsnow__conditions(database, conditions, n_conditions, &mix);
     if (status != SPLITSNOW_OK) return status;
@@ -2115,6 +2266,7 @@ splitsnow_status splitsnow_prepare(const splitsnow *database, splitsnow_quantity
     if (prepared == NULL) return SPLITSNOW_ERROR_MEMORY;
     memset(&scratch, 0, sizeof scratch);
     prepared->quantity = (int)quantity;
+    prepared->key = splitsnow__key(database, quantity, snow, &mix);
     status = splitsnow__shape_lookup(prepared, database, snow != NULL, &scratch);
     if (status == SPLITSNOW_OK && snow != NULL) {
         status = splitsnow__find_columns(prepared, database, snow, &corners);
@@ -2171,28 +2323,31 @@ static void splitsnow__set(splitsnow__query *query, int set, float below, float 
     query->weights[set][3] = slope_above;
 }
 
-/* Whether a curve is missing that a query at this grain size and thickness needs: at the
- * nodes on both sides of the size and of the thickness, or at the node alone where the
- * coordinate is on a node. */
-static int splitsnow__curve_missing(const splitsnow_lookup *lookup, float size, float cm) {
-    const float *sizes = lookup->axes[1], *nodes = lookup->axes[3];
-    size_t n = lookup->n[1], n_h = lookup->n[3], lowest = 0, first = 0, last;
-    while (lowest < n_h && nodes[lowest] <= cm) lowest++;
+/* The thinnest thickness node that a query at this thickness needs: the node below, or that at
+ * the thickness. */
+static size_t splitsnow__lowest_needed(const float *nodes, size_t n, float cm) {
+    size_t lowest = 0;
+    while (lowest < n && nodes[lowest] <= cm) lowest++;
     /* beyond the last thickness, the last two nodes are needed */
-    lowest = lowest == n_h && n_h > 1 ? n_h - 2 : lowest > 0 ? lowest - 1 : 0;
-    for (size_t i = n_h; i-- > 0;) {
+    lowest = lowest == n && n > 1 ? n - 2 : lowest > 0 ? lowest - 1 : 0;
+    for (size_t i = n; i-- > 0;) {
         if (splitsnow__is_on(nodes[i], (double)cm)) lowest = i;
     }
+    return lowest;
+}
+
+/* The largest count of absent curves at the grain sizes that a query at this size needs: those
+ * on both sides, or that at the size. */
+static size_t splitsnow__most_absent(const size_t *absent, const float *sizes, size_t n, float size) {
+    size_t first = 0, last, most = 0;
     while (first < n && sizes[first] <= size) first++;
     last = first < n ? first : n - 1;
     first = first > 0 ? first - 1 : 0;
     for (size_t i = n; i-- > 0;) {
         if (splitsnow__is_on(sizes[i], (double)size)) first = last = i;
     }
-    for (size_t i = first; i <= last; i++) {
-        if (lowest < lookup->absent[i]) return 1;
-    }
-    return 0;
+    for (size_t i = first; i <= last; i++) most = absent[i] > most ? absent[i] : most;
+    return most;
 }
 
 /* Starts a query: finds the nodes around the requested point and their weights. */
@@ -2232,7 +2387,9 @@ static splitsnow_status splitsnow__start_query(const splitsnow_lookup *lookup, c
         }
         stride *= n;
     }
-    if (lookup->absent != NULL && splitsnow__curve_missing(lookup, values[1], values[3])) {
+    if (lookup->absent != NULL &&
+        splitsnow__lowest_needed(lookup->axes[3], lookup->n[3], values[3]) <
+            splitsnow__most_absent(lookup->absent, lookup->axes[1], lookup->n[1], values[1])) {
         return SPLITSNOW_ERROR_ABSENT;
     }
     for (int set = 0; set < query->sets && lookup->width * 4 <= SPLITSNOW__FEW; set++) {
@@ -2392,6 +2549,512 @@ splitsnow_status splitsnow_spectrum_at(const splitsnow_lookup *lookup, double th
         spectrum[i] = (float)(share > 0.0 ? value[0] + share * (value[1] - value[0]) : value[0]);
     }
     return status;
+}
+
+/* ---- Anisotropy factors ---- */
+
+/* The nodes of an angle, degrees. They go on beyond an end with their mirror image. */
+typedef struct splitsnow__angle {
+    const float *nodes;
+    size_t n;
+    int before, after; /* whether there is a mirror image before the first node, after the last */
+    int other_side;    /* whether the mirror images are on the other side of the normal */
+} splitsnow__angle;
+
+/* Up to four nodes with their weights. */
+typedef struct splitsnow__stencil {
+    size_t node[4];
+    int other_side[4];
+    double weight[4];
+    size_t count;
+} splitsnow__stencil;
+
+struct splitsnow_anisotropy {
+    uint64_t key; /* of what is prepared */
+    int is_axial; /* whether the light is symmetric about the normal: the azimuth has no effect */
+    size_t n[5];  /* number of nodes of each axis */
+    float *axes[5];
+    splitsnow__angle incidence, view, azimuth;
+    size_t block; /* combinations of nodes of `axes` */
+    size_t width; /* components of a row: a multiple of four */
+    float *table; /* [view][azimuth][combination][component] */
+    size_t components;
+    float *basis; /* [wavelength / 8][component][8] */
+    size_t wavelengths;
+    float *numbers; /* memory that holds all of these arrays */
+    size_t *absent; /* by grain size: number of thinnest thicknesses without a curve, or NULL */
+};
+
+/* The nodes around a direction and a slab, with their weights. */
+typedef struct splitsnow__toward {
+    splitsnow__mix slab; /* facetness, grain size, density and thickness */
+    splitsnow__stencil incidence, view;
+    splitsnow__stencil azimuth[2]; /* on the side of the view, on the other side of the normal */
+} splitsnow__toward;
+
+/* The node at place `i` of an angle, counted with the mirror images. */
+static size_t splitsnow__node_at(const splitsnow__angle *angle, size_t i) {
+    if (angle->before && i == 0) return 1;
+    i -= (size_t)angle->before;
+    return i < angle->n ? i : angle->n - 2;
+}
+
+static double splitsnow__angle_at(const splitsnow__angle *angle, size_t i) {
+    const float *nodes = angle->nodes;
+    size_t n = angle->n;
+    if (angle->before && i == 0) return 2.0 * (double)nodes[0] - (double)nodes[1];
+    i -= (size_t)angle->before;
+    return i < n ? (double)nodes[i] : 2.0 * (double)nodes[n - 1] - (double)nodes[n - 2];
+}
+
+/* The nodes around `x` and their weights in a cubic Hermite curve, whose slopes are those of
+ * parabolas through three places. */
+static void splitsnow__stencil_at(const splitsnow__angle *angle, double x,
+                                  splitsnow__stencil *stencil) {
+    size_t n = angle->n + (size_t)angle->before + (size_t)angle->after, cell = 0, first, last;
+    double places[4] = {0}, step, t, far, slopes[2];
+    double *weight = stencil->weight;
+    while (cell + 2 < n && splitsnow__angle_at(angle, cell + 1) <= x) cell++;
+    memset(weight, 0, sizeof stencil->weight);
+    first = cell > 0 ? cell - 1 : 0;
+    last = cell + 2 < n ? cell + 2 : n - 1;
+    if (n < 2 || splitsnow__angle_at(angle, cell) == x) {
+        first = last = cell;
+        weight[0] = 1.0;
+    }
+    stencil->count = last - first + 1;
+    for (size_t i = first; i <= last; i++) {
+        int mirrored = (angle->before && i == 0) || i - (size_t)angle->before >= angle->n;
+        stencil->node[i - first] = splitsnow__node_at(angle, i);
+        stencil->other_side[i - first] = angle->other_side && mirrored;
+        places[i - first] = splitsnow__angle_at(angle, i);
+    }
+    if (first == last) return;
+    cell -= first; /* from here, places count from `first` */
+    step = places[cell + 1] - places[cell];
+    t = (x - places[cell]) / step;
+    far = t * t * (3.0 - 2.0 * t);
+    weight[cell] += 1.0 - far;
+    weight[cell + 1] += far;
+    slopes[0] = t * (1.0 - t) * (1.0 - t) * step;
+    slopes[1] = -t * t * (1.0 - t) * step;
+    for (size_t side = 0; side < 2; side++) {
+        size_t place = cell + side, from = place > 0 ? place - 1 : 0;
+        double left, right, shares[2] = {1.0, 0.0};
+        if (stencil->count > 2) {
+            /* the slope at an end is that of the parabola through the last three places */
+            if (place + 1 == stencil->count) from = place - 2;
+            left = places[from + 1] - places[from];
+            right = places[from + 2] - places[from + 1];
+            if (place == from) {
+                shares[0] = 1.0 + left / (left + right);
+                shares[1] = -(left / (left + right));
+            } else if (place == from + 1) {
+                shares[0] = right / (left + right);
+                shares[1] = 1.0 - shares[0];
+            } else {
+                shares[1] = 1.0 + right / (left + right);
+                shares[0] = -(right / (left + right));
+            }
+        } else {
+            from = 0;
+        }
+        for (size_t i = 0; i < 2; i++) {
+            double share;
+            if (shares[i] == 0.0) continue;
+            share = shares[i] * slopes[side] / (places[from + i + 1] - places[from + i]);
+            weight[from + i + 1] += share;
+            weight[from + i] -= share;
+        }
+    }
+}
+
+/* Allocates the table, and fills the axes and the basis. */
+static splitsnow_status splitsnow__shape_anisotropy(splitsnow_anisotropy *anisotropy,
+                                                    const splitsnow *database,
+                                                    splitsnow_quantity quantity, int one) {
+    const int views[2] = {SPLITSNOW_VIEW_DEG, SPLITSNOW_RELATIVE_AZIMUTH_DEG};
+    size_t components = database->components[quantity], chunks = (database->wavelengths + 7) / 8;
+    size_t table = 1, basis = chunks * 8, need = 0;
+    const float *columns = database->basis[quantity];
+    float *at;
+    anisotropy->wavelengths = database->wavelengths;
+    anisotropy->components = components;
+    anisotropy->width = (components + 3) / 4 * 4;
+    anisotropy->block = 1;
+    for (int axis = 0; axis < 5; axis++) {
+        anisotropy->n[axis] = one && axis < 3 ? 1 : database->counts[axis];
+        anisotropy->block *= anisotropy->n[axis]; /* at most the number of curves of the file */
+        need += anisotropy->n[axis];
+    }
+    for (int i = 0; i < 2; i++) need += database->counts[views[i]];
+    if (!splitsnow__times(&table, anisotropy->block) || !splitsnow__times(&basis, components) ||
+        !splitsnow__times(&table, database->counts[views[0]]) ||
+        !splitsnow__times(&table, database->counts[views[1]]) ||
+        !splitsnow__times(&table, anisotropy->width) || basis > SIZE_MAX - need ||
+        table > SIZE_MAX - need - basis) {
+        return SPLITSNOW_ERROR_MEMORY;
+    }
+    anisotropy->numbers = (float *)calloc(need + basis + table, sizeof(float));
+    if (anisotropy->numbers == NULL) return SPLITSNOW_ERROR_MEMORY;
+    at = anisotropy->numbers;
+    anisotropy->table = at;
+    at += table;
+    anisotropy->basis = at;
+    at += basis;
+    for (int axis = 0; axis < 5; axis++) {
+        anisotropy->axes[axis] = at;
+        memcpy(at, database->axes[axis], anisotropy->n[axis] * sizeof(float));
+        at += anisotropy->n[axis];
+    }
+    for (int i = 0; i < 2; i++) {
+        splitsnow__angle *angle = i == 0 ? &anisotropy->view : &anisotropy->azimuth;
+        angle->nodes = at;
+        angle->n = database->counts[views[i]];
+        memcpy(at, database->axes[views[i]], angle->n * sizeof(float));
+        at += angle->n;
+    }
+    anisotropy->incidence.nodes = anisotropy->axes[4];
+    anisotropy->incidence.n = anisotropy->n[4];
+    for (size_t l = 0; l < database->wavelengths; l++) {
+        for (size_t k = 0; k < components; k++) {
+            anisotropy->basis[(l / 8 * components + k) * 8 + l % 8] = columns[l * components + k];
+        }
+    }
+    return SPLITSNOW_OK;
+}
+
+/* Finds where the angles go on beyond their ends: the factors are symmetric about the plane of
+ * incidence, and a view (or light) at the angle -x is one at x from the other side. */
+static void splitsnow__mirror(splitsnow_anisotropy *anisotropy) {
+    splitsnow__angle *azimuth = &anisotropy->azimuth;
+    int first = azimuth->nodes[0] == 0.0f, last = azimuth->nodes[azimuth->n - 1] == 180.0f, sides;
+    anisotropy->is_axial = azimuth->n == 1 && anisotropy->incidence.n == 1 &&
+                           anisotropy->incidence.nodes[0] == 0.0f;
+    /* what is on the other side of the normal must be within the azimuths */
+    sides = anisotropy->is_axial || (first && last);
+    azimuth->before = azimuth->n > 1 && first;
+    azimuth->after = azimuth->n > 1 && last;
+    for (int i = 0; i < 2; i++) {
+        splitsnow__angle *angle = i == 0 ? &anisotropy->view : &anisotropy->incidence;
+        angle->before = angle->n > 1 && sides && angle->nodes[0] == 0.0f;
+        angle->other_side = 1;
+    }
+}
+
+/* Fills the table for the combinations `snows` of the nodes of one snow, or for all snow. */
+static void splitsnow__fill_anisotropy(splitsnow_anisotropy *anisotropy, const splitsnow *database,
+                                       splitsnow_quantity quantity, const splitsnow__mix *mix,
+                                       const splitsnow__mix *snows) {
+    size_t views = anisotropy->view.n * anisotropy->azimuth.n, slabs = anisotropy->n[3] * anisotropy->n[4];
+    size_t parts = 1, components = anisotropy->components;
+    float *row = anisotropy->table;
+    for (int axis = SPLITSNOW__FIRST_OPTIONAL; axis < SPLITSNOW__FIRST_VIEW; axis++) {
+        if (database->counts[axis] > 0) parts *= database->counts[axis];
+    }
+    for (size_t i = 0; i < views * anisotropy->block; i++, row += anisotropy->width) {
+        size_t view = i / anisotropy->block, curve = i % anisotropy->block;
+        for (size_t k = 0; k < components; k++) {
+            double sum = 0.0;
+            for (size_t corner = 0; corner < (snows != NULL ? snows->count : 1); corner++) {
+                size_t place = snows != NULL ? snows->part[corner] * slabs + curve : curve;
+                float mean = 0.0f;
+                for (size_t part = 0; part < mix->count; part++) {
+                    size_t block = view * parts + mix->part[part];
+                    mean += (float)mix->weight[part] *
+                            database->coefficients[quantity][(block * database->curves + place) * components + k];
+                }
+                sum += (snows != NULL ? snows->weight[corner] : 1.0) * (double)mean;
+            }
+            row[k] = (float)sum;
+        }
+    }
+}
+
+void splitsnow_anisotropy_free(splitsnow_anisotropy *anisotropy) {
+    if (anisotropy == NULL) return;
+    free(anisotropy->numbers);
+    free(anisotropy->absent);
+    free(anisotropy);
+}
+
+/* Finds the combinations of nodes around one snow, and puts it on the axes. */
+static splitsnow_status splitsnow__find_snow(splitsnow_anisotropy *anisotropy, const splitsnow *database,
+                                             const splitsnow_snow *snow, splitsnow__mix *snows) {
+    double requested[3];
+    requested[0] = snow->facetness;
+    requested[1] = snow->grain_size_um;
+    requested[2] = snow->density_kg_m3;
+    snows->part[0] = 0;
+    snows->weight[0] = 1.0;
+    snows->count = 1;
+    for (int axis = 0; axis < 3; axis++) {
+        size_t below, n = database->counts[axis];
+        double share;
+        if (!splitsnow__bracket(axis, database->axes[axis], n, requested[axis], &below, &share)) {
+            return SPLITSNOW_ERROR_OUTSIDE;
+        }
+        splitsnow__refine(snows, n, below, share);
+        anisotropy->axes[axis][0] = (float)requested[axis];
+    }
+    return SPLITSNOW_OK;
+}
+
+/* Copies the counts of curves that do not exist, for all grain sizes or for one snow. */
+static splitsnow_status splitsnow__keep_absent(splitsnow_anisotropy *anisotropy,
+                                               const splitsnow *database, int one) {
+    size_t n = anisotropy->n[1];
+    if (database->absent == NULL) return SPLITSNOW_OK;
+    anisotropy->absent = (size_t *)splitsnow__allocate(n, sizeof(size_t));
+    if (anisotropy->absent == NULL) return SPLITSNOW_ERROR_MEMORY;
+    memcpy(anisotropy->absent, database->absent, n * sizeof(size_t));
+    if (one) {
+        anisotropy->absent[0] = splitsnow__most_absent(database->absent, database->axes[1],
+                                                       database->counts[1], anisotropy->axes[1][0]);
+    }
+    return SPLITSNOW_OK;
+}
+
+splitsnow_status splitsnow_prepare_anisotropy(const splitsnow *database, splitsnow_quantity quantity,
+                                              const splitsnow_snow *snow,
+                                              const splitsnow_condition *conditions,
+                                              size_t n_conditions,
+                                              splitsnow_anisotropy **anisotropy) {
+    splitsnow__mix mix, snows;
+    splitsnow_anisotropy *prepared;
+    splitsnow_status status;
+    if (anisotropy == NULL) return SPLITSNOW_ERROR_ARGUMENT;
+    *anisotropy = NULL;
+    if (database == NULL || (unsigned)quantity > 1 || (conditions == NULL && n_conditions > 0)) {
+        return SPLITSNOW_ERROR_ARGUMENT;
+    }
+    if (!splitsnow_holds_anisotropy(database)) return SPLITSNOW_ERROR_CONTENT;
+    if (!splitsnow_has(database, quantity)) return SPLITSNOW_ERROR_NO_QUANTITY;
+    status = splitsnow__conditions(database, conditions, n_conditions, &mix);
+    if (status != SPLITSNOW_OK) return status;
+    prepared = (splitsnow_anisotropy *)calloc(1, sizeof *prepared);
+    if (prepared == NULL) return SPLITSNOW_ERROR_MEMORY;
+    prepared->key = splitsnow__key(database, quantity, snow, &mix);
+    status = splitsnow__shape_anisotropy(prepared, database, quantity, snow != NULL);
+    if (status == SPLITSNOW_OK && snow != NULL) {
+        status = splitsnow__find_snow(prepared, database, snow, &snows);
+    }
+    if (status == SPLITSNOW_OK) status = splitsnow__keep_absent(prepared, database, snow != NULL);
+    if (status == SPLITSNOW_OK) {
+        splitsnow__mirror(prepared);
+        splitsnow__fill_anisotropy(prepared, database, quantity, &mix, snow != NULL ? &snows : NULL);
+        *anisotropy = prepared;
+    } else {
+        splitsnow_anisotropy_free(prepared);
+    }
+    return status;
+}
+
+/* Whether `x` is within the nodes; clamps a value beyond an end by at most the tolerance. */
+static int splitsnow__within(const splitsnow__angle *angle, double *x) {
+    float first = angle->nodes[0], last = angle->nodes[angle->n - 1];
+    if (*x >= (double)first && *x <= (double)last) return 1;
+    if (!splitsnow__is_on(first, *x) && !splitsnow__is_on(last, *x)) return 0;
+    *x = *x < (double)first ? (double)first : (double)last;
+    return 1;
+}
+
+/* Finds the nodes around a slab and the directions. */
+static splitsnow_status splitsnow__start_toward(const splitsnow_anisotropy *anisotropy,
+                                                const splitsnow_snow *snow, double thickness_cm,
+                                                const splitsnow_angles *angles,
+                                                splitsnow__toward *toward) {
+    double values[4], view = angles->view_deg, incidence = angles->incidence_angle_deg;
+    double azimuth = anisotropy->is_axial ? (double)anisotropy->azimuth.nodes[0]
+                                          : fmod(angles->relative_azimuth_deg, 360.0);
+    const float *nodes = anisotropy->axes[3];
+    size_t n = anisotropy->n[3];
+    values[0] = snow != NULL ? snow->facetness : (double)anisotropy->axes[0][0];
+    values[1] = snow != NULL ? snow->grain_size_um : (double)anisotropy->axes[1][0];
+    values[2] = snow != NULL ? snow->density_kg_m3 : (double)anisotropy->axes[2][0];
+    values[3] = thickness_cm;
+    if (values[3] >= 0.0 && values[3] < (double)nodes[0]) values[3] = (double)nodes[0];
+    if (values[3] > (double)nodes[n - 1]) values[3] = (double)nodes[n - 1];
+    toward->slab.part[0] = 0;
+    toward->slab.weight[0] = 1.0;
+    toward->slab.count = 1;
+    for (int axis = 0; axis < 4; axis++) {
+        size_t below;
+        double share;
+        if (!splitsnow__bracket(axis, anisotropy->axes[axis], anisotropy->n[axis], values[axis], &below,
+                                &share)) {
+            return SPLITSNOW_ERROR_OUTSIDE;
+        }
+        splitsnow__refine(&toward->slab, anisotropy->n[axis], below, share);
+    }
+    if (anisotropy->absent != NULL &&
+        splitsnow__lowest_needed(nodes, n, (float)values[3]) <
+            splitsnow__most_absent(anisotropy->absent, anisotropy->axes[1], anisotropy->n[1],
+                                   (float)values[1])) {
+        return SPLITSNOW_ERROR_ABSENT;
+    }
+    if (azimuth < 0.0) azimuth += 360.0;
+    azimuth = azimuth < 360.0 - azimuth || anisotropy->is_axial ? azimuth : 360.0 - azimuth;
+    if (!splitsnow__within(&anisotropy->view, &view) ||
+        !splitsnow__within(&anisotropy->incidence, &incidence) ||
+        !splitsnow__within(&anisotropy->azimuth, &azimuth)) {
+        return SPLITSNOW_ERROR_OUTSIDE;
+    }
+    splitsnow__stencil_at(&anisotropy->view, view, &toward->view);
+    splitsnow__stencil_at(&anisotropy->incidence, incidence, &toward->incidence);
+    splitsnow__stencil_at(&anisotropy->azimuth, azimuth, &toward->azimuth[0]);
+    /* without effect if no node is on the other side */
+    splitsnow__stencil_at(&anisotropy->azimuth, 180.0 - azimuth, &toward->azimuth[1]);
+    if (anisotropy->is_axial) toward->azimuth[1] = toward->azimuth[0];
+    return SPLITSNOW_OK;
+}
+
+/* Adds `weight` times the components from `row` of the slab to `sums`. */
+static void splitsnow__add_slab(const splitsnow_anisotropy *anisotropy, const splitsnow__mix *slab,
+                                const float *row, double weight, size_t count, double *sums) {
+    size_t stride = anisotropy->n[4] * anisotropy->width;
+    for (size_t corner = 0; corner < slab->count; corner++) {
+        const float *from = row + slab->part[corner] * stride;
+        double share = weight * slab->weight[corner];
+        for (size_t k = 0; k < count; k += 4) {
+            for (size_t j = 0; j < 4; j++) sums[k + j] += share * (double)from[k + j];
+        }
+    }
+}
+
+/* The `count` components (a multiple of four) from `first`, summed over the nodes. */
+static void splitsnow__add_views(const splitsnow_anisotropy *anisotropy,
+                                 const splitsnow__toward *toward, size_t first, size_t count,
+                                 double *sums) {
+    const splitsnow__stencil *views = &toward->view, *lights = &toward->incidence;
+    for (size_t v = 0; v < views->count; v++) {
+        for (size_t i = 0; i < lights->count; i++) {
+            const splitsnow__stencil *azimuths =
+                &toward->azimuth[views->other_side[v] != lights->other_side[i]];
+            for (size_t a = 0; a < azimuths->count; a++) {
+                size_t view = views->node[v] * anisotropy->azimuth.n + azimuths->node[a];
+                size_t row = view * anisotropy->block + lights->node[i];
+                splitsnow__add_slab(anisotropy, &toward->slab,
+                                    anisotropy->table + row * anisotropy->width + first,
+                                    views->weight[v] * lights->weight[i] * azimuths->weight[a], count,
+                                    sums);
+            }
+        }
+    }
+}
+
+static void splitsnow__write_factors(const splitsnow_anisotropy *anisotropy,
+                                     const splitsnow__toward *toward, float *spectrum) {
+    for (size_t first = 0; first < anisotropy->components; first += SPLITSNOW__FEW) {
+        double sums[SPLITSNOW__FEW] = {0};
+        size_t count = anisotropy->components - first;
+        if (count > SPLITSNOW__FEW) count = SPLITSNOW__FEW;
+        splitsnow__add_views(anisotropy, toward, first, (count + 3) / 4 * 4, sums);
+        for (size_t l = 0; l < anisotropy->wavelengths; l += 8) {
+            const float *basis = anisotropy->basis + (l * anisotropy->components + 8 * first);
+            double values[8] = {0};
+            for (size_t k = 0; k < count; k++, basis += 8) {
+                for (int j = 0; j < 8; j++) values[j] += sums[k] * (double)basis[j];
+            }
+            for (size_t j = 0; j < 8 && l + j < anisotropy->wavelengths; j++) {
+                double before = first > 0 ? (double)spectrum[l + j] : 0.0;
+                spectrum[l + j] = splitsnow__single(before + values[j]);
+            }
+        }
+    }
+}
+
+/* Whether queries of one snow are possible. */
+static int splitsnow__is_one(const splitsnow_anisotropy *anisotropy) {
+    return anisotropy->n[0] == 1 && anisotropy->n[1] == 1 && anisotropy->n[2] == 1;
+}
+
+splitsnow_status splitsnow_anisotropy_factor(const splitsnow_anisotropy *anisotropy,
+                                             double thickness_cm, const splitsnow_angles *angles,
+                                             float *spectrum, size_t n) {
+    splitsnow__toward toward;
+    splitsnow_status status;
+    if (anisotropy == NULL || angles == NULL || spectrum == NULL || n != anisotropy->wavelengths ||
+        !splitsnow__is_one(anisotropy)) {
+        return SPLITSNOW_ERROR_ARGUMENT;
+    }
+    status = splitsnow__start_toward(anisotropy, NULL, thickness_cm, angles, &toward);
+    if (status == SPLITSNOW_OK) splitsnow__write_factors(anisotropy, &toward, spectrum);
+    return status;
+}
+
+splitsnow_status splitsnow_anisotropy_factor_of(const splitsnow_anisotropy *anisotropy,
+                                                const splitsnow_snow *snow, double thickness_cm,
+                                                const splitsnow_angles *angles, float *spectrum,
+                                                size_t n) {
+    splitsnow__toward toward;
+    splitsnow_status status;
+    if (anisotropy == NULL || snow == NULL || angles == NULL || spectrum == NULL ||
+        n != anisotropy->wavelengths) {
+        return SPLITSNOW_ERROR_ARGUMENT;
+    }
+    status = splitsnow__start_toward(anisotropy, snow, thickness_cm, angles, &toward);
+    if (status == SPLITSNOW_OK) splitsnow__write_factors(anisotropy, &toward, spectrum);
+    return status;
+}
+
+/* Multiplies the values of a query into a spectrum. */
+static void splitsnow__multiply(const splitsnow_lookup *lookup, const splitsnow__query *query,
+                                float *spectrum) {
+    for (size_t l = 0; l < lookup->wavelengths; l += 8) {
+        float values[8];
+        splitsnow__values(lookup, query, l / 8, values);
+        for (size_t j = 0; j < 8 && l + j < lookup->wavelengths; j++) spectrum[l + j] *= values[j];
+    }
+}
+
+splitsnow_status splitsnow_directional_factor(const splitsnow_lookup *lookup,
+                                              const splitsnow_anisotropy *anisotropy,
+                                              double thickness_cm, const splitsnow_angles *angles,
+                                              float *spectrum, size_t n) {
+    splitsnow__query query;
+    splitsnow__toward toward;
+    splitsnow_status status;
+    if (lookup == NULL || anisotropy == NULL || angles == NULL || spectrum == NULL ||
+        n != anisotropy->wavelengths || !splitsnow__is_one(anisotropy)) {
+        return SPLITSNOW_ERROR_ARGUMENT;
+    }
+    if (lookup->key != anisotropy->key) return SPLITSNOW_ERROR_MISMATCH;
+    status = splitsnow__start_toward(anisotropy, NULL, thickness_cm, angles, &toward);
+    if (status != SPLITSNOW_OK) return status;
+    status = splitsnow__start_query_of_one(lookup, thickness_cm, angles->incidence_angle_deg, &query);
+    if (status != SPLITSNOW_OK) return status;
+    splitsnow__write_factors(anisotropy, &toward, spectrum);
+    splitsnow__multiply(lookup, &query, spectrum);
+    return SPLITSNOW_OK;
+}
+
+splitsnow_status splitsnow_directional_factor_of(const splitsnow_lookup *lookup,
+                                                 const splitsnow_anisotropy *anisotropy,
+                                                 const splitsnow_snow *snow, double thickness_cm,
+                                                 const splitsnow_angles *angles, float *spectrum,
+                                                 size_t n) {
+    splitsnow__query query;
+    splitsnow__toward toward;
+    splitsnow_status status;
+    double requested[5];
+    if (lookup == NULL || anisotropy == NULL || snow == NULL || angles == NULL || spectrum == NULL ||
+        n != anisotropy->wavelengths) {
+        return SPLITSNOW_ERROR_ARGUMENT;
+    }
+    if (lookup->key != anisotropy->key) return SPLITSNOW_ERROR_MISMATCH;
+    status = splitsnow__start_toward(anisotropy, snow, thickness_cm, angles, &toward);
+    if (status != SPLITSNOW_OK) return status;
+    requested[0] = snow->facetness;
+    requested[1] = snow->grain_size_um;
+    requested[2] = snow->density_kg_m3;
+    requested[3] = thickness_cm;
+    requested[4] = angles->incidence_angle_deg;
+    status = splitsnow__start_query(lookup, requested, &query);
+    if (status != SPLITSNOW_OK) return status;
+    splitsnow__write_factors(anisotropy, &toward, spectrum);
+    splitsnow__multiply(lookup, &query, spectrum);
+    return SPLITSNOW_OK;
 }
 
 /* ---- Colour ---- */

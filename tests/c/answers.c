@@ -1,10 +1,12 @@
 /* What the header answers, for tests/c_header to compare with Rust.
  *
  *   answers points FILE QUANTITY POINTS OUT   answers at points
+ *   answers views FILE VIEWS QUANTITY POINTS OUT   answers toward views
  *   answers files PACK OUT                    which files are refused
  *
  * Files of numbers hold doubles: POINTS the number of conditions and for each its axis
- * and value, then five coordinates per point; OUT what `answer` writes. */
+ * and value, then five coordinates per point, or seven with a view; OUT what `answer` or
+ * `toward` writes. */
 #define SPLITSNOW_IMPLEMENTATION
 #include "splitsnow.h"
 
@@ -99,26 +101,142 @@ static void answer(const splitsnow *database, splitsnow_quantity quantity,
     free(own);
 }
 
-static void points(char **argv) {
+static splitsnow *opened(const char *path) {
     char message[256];
     splitsnow *database;
-    size_t size, n_conditions;
-    double *numbers = (double *)read_whole(argv[4], &size);
-    splitsnow_condition conditions[5];
-    FILE *out = fopen(argv[5], "wb");
-    expect(out != NULL, argv[5]);
-    expect(splitsnow_open(argv[2], &database, message, sizeof message) == SPLITSNOW_OK, message);
-    n_conditions = (size_t)numbers[0];
-    for (size_t i = 0; i < n_conditions; i++) {
+    expect(splitsnow_open(path, &database, message, sizeof message) == SPLITSNOW_OK, message);
+    return database;
+}
+
+static splitsnow_quantity named(const char *quantity) {
+    return quantity[0] == 't' ? SPLITSNOW_TRANSMITTANCE : SPLITSNOW_REFLECTANCE;
+}
+
+/* Reads conditions and points; returns the points, `width` coordinates each. */
+static const double *read_points(double *numbers, size_t size, size_t width,
+                                 splitsnow_condition conditions[5], size_t *n_conditions, size_t *n) {
+    *n_conditions = (size_t)numbers[0];
+    for (size_t i = 0; i < *n_conditions; i++) {
         conditions[i].axis = (splitsnow_axis)(int)numbers[1 + 2 * i];
         conditions[i].value = numbers[2 + 2 * i];
     }
-    size = size / sizeof(double) - 1 - 2 * n_conditions;
-    answer(database, argv[3][0] == 't' ? SPLITSNOW_TRANSMITTANCE : SPLITSNOW_REFLECTANCE, conditions,
-           n_conditions, numbers + 1 + 2 * n_conditions, size / 5, out);
+    *n = (size / sizeof(double) - 1 - 2 * *n_conditions) / width;
+    return numbers + 1 + 2 * *n_conditions;
+}
+
+static void points(char **argv) {
+    splitsnow *database = opened(argv[2]);
+    size_t size, n_conditions, n;
+    double *numbers = (double *)read_whole(argv[4], &size);
+    splitsnow_condition conditions[5];
+    const double *at = read_points(numbers, size, 5, conditions, &n_conditions, &n);
+    FILE *out = fopen(argv[5], "wb");
+    expect(out != NULL, argv[5]);
+    answer(database, named(argv[3]), conditions, n_conditions, at, n, out);
     splitsnow_close(database);
     free(numbers);
     fclose(out);
+}
+
+/* Per point: its anisotropy factors from those of all snow, and from those of its own; then its
+ * directional factors likewise. Minus the status instead where there are none. */
+static void toward(char **argv) {
+    splitsnow *database = opened(argv[2]), *views = opened(argv[3]);
+    splitsnow_quantity quantity = named(argv[4]);
+    splitsnow_lookup *all, *one = NULL;
+    splitsnow_anisotropy *factors, *own = NULL;
+    splitsnow_status prepared = SPLITSNOW_OK, found;
+    size_t size, n_conditions, n_points, n;
+    double *numbers = (double *)read_whole(argv[5], &size);
+    splitsnow_condition conditions[5];
+    const double *p = read_points(numbers, size, 7, conditions, &n_conditions, &n_points);
+    FILE *out = fopen(argv[6], "wb");
+    float *spectrum;
+    expect(out != NULL, argv[6]);
+    splitsnow_wavelengths(database, &n);
+    spectrum = (float *)malloc(n * sizeof(float));
+    found = splitsnow_prepare(database, quantity, NULL, conditions, n_conditions, &all);
+    expect(found == SPLITSNOW_OK, "preparing all snow");
+    found = splitsnow_prepare_anisotropy(views, quantity, NULL, conditions, n_conditions, &factors);
+    expect(found == SPLITSNOW_OK, "preparing factors of all snow");
+    for (size_t i = 0; i < n_points; i++, p += 7) {
+        splitsnow_snow snow;
+        splitsnow_angles angles;
+        splitsnow_status status;
+        snow.facetness = p[0];
+        snow.grain_size_um = p[1];
+        snow.density_kg_m3 = p[2];
+        angles.incidence_angle_deg = p[4];
+        angles.view_deg = p[5];
+        angles.relative_azimuth_deg = p[6];
+        if (i == 0 || memcmp(p - 7, p, 3 * sizeof *p) != 0) {
+            splitsnow_lookup_free(one);
+            splitsnow_anisotropy_free(own);
+            prepared = splitsnow_prepare_anisotropy(views, quantity, &snow, conditions, n_conditions, &own);
+            status = splitsnow_prepare(database, quantity, &snow, conditions, n_conditions, &one);
+            expect(status == prepared, "the same snow is outside");
+        }
+        status = splitsnow_anisotropy_factor_of(factors, &snow, p[3], &angles, spectrum, n);
+        put(out, spectrum, n, status);
+        status = prepared;
+        if (own != NULL) status = splitsnow_anisotropy_factor(own, p[3], &angles, spectrum, n);
+        put(out, spectrum, n, status);
+        status = splitsnow_directional_factor_of(all, factors, &snow, p[3], &angles, spectrum, n);
+        put(out, spectrum, n, status);
+        status = prepared;
+        if (own != NULL) status = splitsnow_directional_factor(one, own, p[3], &angles, spectrum, n);
+        put(out, spectrum, n, status);
+    }
+    splitsnow_lookup_free(one);
+    splitsnow_lookup_free(all);
+    splitsnow_anisotropy_free(own);
+    splitsnow_anisotropy_free(factors);
+    splitsnow_close(database);
+    splitsnow_close(views);
+    free(spectrum);
+    free(numbers);
+    fclose(out);
+}
+
+/* The first node of an axis, or halfway to the last. */
+static double node(const splitsnow *database, splitsnow_axis axis, int half) {
+    size_t count;
+    const float *nodes = splitsnow_nodes(database, axis, &count);
+    return (double)nodes[0] + 0.5 * half * ((double)nodes[count - 1] - (double)nodes[0]);
+}
+
+/* An accepted file of anisotropy factors answers on its first node. */
+static void ask_views(const splitsnow *database, splitsnow_quantity quantity,
+                      const splitsnow_condition *conditions, size_t n, float *spectrum,
+                      size_t wavelengths) {
+    splitsnow_anisotropy *factors;
+    splitsnow_lookup *lookup;
+    splitsnow_status status = splitsnow_prepare(database, quantity, NULL, conditions, n, &lookup);
+    expect(status == SPLITSNOW_ERROR_CONTENT, "anisotropy factors in place of spectra");
+    status = splitsnow_prepare_anisotropy(database, quantity, NULL, conditions, n, &factors);
+    if (!splitsnow_has(database, quantity)) {
+        expect(status == SPLITSNOW_ERROR_NO_QUANTITY, "no quantity");
+        return;
+    }
+    expect(status == SPLITSNOW_OK, "preparing a mutated file of factors");
+    for (int half = 0; half < 2; half++) {
+        splitsnow_snow snow;
+        splitsnow_angles angles;
+        snow.facetness = node(database, SPLITSNOW_FACETNESS, half);
+        snow.grain_size_um = node(database, SPLITSNOW_GRAIN_SIZE_UM, half);
+        snow.density_kg_m3 = node(database, SPLITSNOW_DENSITY_KG_M3, half);
+        angles.incidence_angle_deg = node(database, SPLITSNOW_ANGLE_DEG, half);
+        angles.view_deg = node(database, SPLITSNOW_VIEW_DEG, half);
+        angles.relative_azimuth_deg = node(database, SPLITSNOW_RELATIVE_AZIMUTH_DEG, half);
+        status = splitsnow_anisotropy_factor_of(factors, &snow, node(database, SPLITSNOW_THICKNESS_CM, half),
+                                                &angles, spectrum, wavelengths);
+        expect(status == SPLITSNOW_OK || status == SPLITSNOW_ERROR_ABSENT,
+               "a node of a mutated file of factors");
+        for (size_t l = 0; l < wavelengths && status == SPLITSNOW_OK; l++) {
+            expect(spectrum[l] == spectrum[l], "a number");
+        }
+    }
+    splitsnow_anisotropy_free(factors);
 }
 
 /* An accepted file answers in [0, 1] on its first node and halfway. */
@@ -128,7 +246,7 @@ static void ask(const splitsnow *database) {
     float *spectrum;
     splitsnow_wavelengths(database, &wavelengths);
     spectrum = (float *)malloc(wavelengths * sizeof(float));
-    for (int axis = SPLITSNOW_BLACK_CARBON_NG_G; axis < SPLITSNOW_AXES; axis++) {
+    for (int axis = SPLITSNOW_BLACK_CARBON_NG_G; axis < SPLITSNOW_VIEW_DEG; axis++) {
         size_t count;
         const float *nodes = splitsnow_nodes(database, (splitsnow_axis)axis, &count);
         if (count == 0) continue;
@@ -137,8 +255,12 @@ static void ask(const splitsnow *database) {
     }
     for (int quantity = 0; quantity < 2; quantity++) {
         splitsnow_lookup *all;
-        splitsnow_status status = splitsnow_prepare(database, (splitsnow_quantity)quantity, NULL,
-                                                    conditions, n, &all);
+        splitsnow_status status;
+        if (splitsnow_holds_anisotropy(database)) {
+            ask_views(database, (splitsnow_quantity)quantity, conditions, n, spectrum, wavelengths);
+            continue;
+        }
+        status = splitsnow_prepare(database, (splitsnow_quantity)quantity, NULL, conditions, n, &all);
         if (!splitsnow_has(database, (splitsnow_quantity)quantity)) {
             expect(status == SPLITSNOW_ERROR_NO_QUANTITY, "no quantity");
             continue;
@@ -147,11 +269,7 @@ static void ask(const splitsnow *database) {
         for (int half = 0; half < 2; half++) {
             double p[5];
             splitsnow_snow snow;
-            for (int axis = 0; axis < 5; axis++) {
-                size_t count;
-                const float *nodes = splitsnow_nodes(database, (splitsnow_axis)axis, &count);
-                p[axis] = (double)nodes[0] + 0.5 * half * ((double)nodes[count - 1] - (double)nodes[0]);
-            }
+            for (int axis = 0; axis < 5; axis++) p[axis] = node(database, (splitsnow_axis)axis, half);
             snow.facetness = p[0];
             snow.grain_size_um = p[1];
             snow.density_kg_m3 = p[2];
@@ -199,6 +317,7 @@ static void files(char **argv) {
 int main(int argc, char **argv) {
     expect(argc > 1, "arguments");
     if (strcmp(argv[1], "points") == 0 && argc == 6) points(argv);
+    else if (strcmp(argv[1], "views") == 0 && argc == 7) toward(argv);
     else if (strcmp(argv[1], "files") == 0 && argc == 4) files(argv);
     else expect(0, "arguments");
     return 0;

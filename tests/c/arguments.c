@@ -1,5 +1,5 @@
 /* What include/splitsnow.h refuses of its arguments, its getters and its tables.
- * Usage: arguments PLAIN BEYOND THICK FOLDER, files of tests/c_header. */
+ * Usage: arguments PLAIN BEYOND THICK VIEWS FOLDER, files of tests/c_header. */
 #define SPLITSNOW_IMPLEMENTATION
 #include "splitsnow.h"
 
@@ -37,6 +37,7 @@ static void opening(const char *plain, const char *folder) {
     splitsnow_close(NULL);
     splitsnow_lookup_free(NULL);
     splitsnow_colour_free(NULL);
+    splitsnow_anisotropy_free(NULL);
 }
 
 static void getters(const splitsnow *database) {
@@ -50,9 +51,11 @@ static void getters(const splitsnow *database) {
     EXPECT(strcmp(splitsnow_metadata(database, "provenance"), "{}") == 0);
     EXPECT(splitsnow_metadata(database, "nothing") == NULL);
     EXPECT(strcmp(splitsnow_axis_name(SPLITSNOW_WATER_SATURATION), "water_saturation") == 0);
-    for (int status = 0; status <= SPLITSNOW_ERROR_ABSENT; status++) {
+    for (int status = 0; status <= SPLITSNOW_ERROR_MISMATCH; status++) {
         EXPECT(strlen(splitsnow_error_string((splitsnow_status)status)) > 5);
+        EXPECT(strcmp(splitsnow_error_string((splitsnow_status)status), "unknown status") != 0);
     }
+    EXPECT(SPLITSNOW_SUBSTRATE_REFLECTANCE == 9 && SPLITSNOW_VIEW_DEG == 10);
 }
 
 static void queries(const splitsnow *database) {
@@ -128,6 +131,63 @@ static void one_thickness(const splitsnow *database) {
     splitsnow_lookup_free(lookup);
 }
 
+static void directions(const splitsnow *plain, const splitsnow *views) {
+    const splitsnow_quantity r = SPLITSNOW_REFLECTANCE;
+    const splitsnow_condition view = {SPLITSNOW_VIEW_DEG, 0.0};
+    const splitsnow_angles angles = {30.0, 41.7, 90.0};
+    const splitsnow_snow other = {0.3, 201.0, 300.0};
+    splitsnow_angles bad = angles;
+    splitsnow_lookup *all, *one, *through;
+    splitsnow_anisotropy *factors, *own, *moved;
+    float spectrum[31], product[31], whole[31];
+    EXPECT(splitsnow_holds_anisotropy(views) && !splitsnow_holds_anisotropy(plain));
+    EXPECT(splitsnow_prepare(views, r, NULL, NULL, 0, &all) == SPLITSNOW_ERROR_CONTENT && all == NULL);
+    EXPECT(splitsnow_prepare_anisotropy(plain, r, NULL, NULL, 0, &own) == SPLITSNOW_ERROR_CONTENT);
+    EXPECT(own == NULL);
+    EXPECT(splitsnow_prepare_anisotropy(views, r, NULL, NULL, 0, NULL) == SPLITSNOW_ERROR_ARGUMENT);
+    EXPECT(splitsnow_prepare_anisotropy(NULL, r, NULL, NULL, 0, &own) == SPLITSNOW_ERROR_ARGUMENT);
+    EXPECT(splitsnow_prepare_anisotropy(views, r, NULL, NULL, 1, &own) == SPLITSNOW_ERROR_ARGUMENT);
+    EXPECT(splitsnow_prepare_anisotropy(views, r, NULL, &view, 1, &own) == SPLITSNOW_ERROR_ARGUMENT);
+    EXPECT(splitsnow_prepare(plain, r, NULL, NULL, 0, &all) == SPLITSNOW_OK);
+    EXPECT(splitsnow_prepare(plain, r, &SNOW, NULL, 0, &one) == SPLITSNOW_OK);
+    EXPECT(splitsnow_prepare(plain, SPLITSNOW_TRANSMITTANCE, &SNOW, NULL, 0, &through) == SPLITSNOW_OK);
+    EXPECT(splitsnow_prepare_anisotropy(views, r, NULL, NULL, 0, &factors) == SPLITSNOW_OK);
+    EXPECT(splitsnow_prepare_anisotropy(views, r, &SNOW, NULL, 0, &own) == SPLITSNOW_OK);
+    EXPECT(splitsnow_prepare_anisotropy(views, r, &other, NULL, 0, &moved) == SPLITSNOW_OK);
+    EXPECT(splitsnow_anisotropy_factor(factors, 5.0, &angles, spectrum, 31) == SPLITSNOW_ERROR_ARGUMENT);
+    EXPECT(splitsnow_anisotropy_factor(own, 5.0, &angles, spectrum, 30) == SPLITSNOW_ERROR_ARGUMENT);
+    EXPECT(splitsnow_anisotropy_factor(own, 5.0, NULL, spectrum, 31) == SPLITSNOW_ERROR_ARGUMENT);
+    EXPECT(splitsnow_anisotropy_factor_of(factors, NULL, 5.0, &angles, spectrum, 31) ==
+           SPLITSNOW_ERROR_ARGUMENT);
+    EXPECT(splitsnow_directional_factor(one, factors, 5.0, &angles, spectrum, 31) ==
+           SPLITSNOW_ERROR_ARGUMENT);
+    EXPECT(splitsnow_directional_factor(all, own, 5.0, &angles, spectrum, 31) == SPLITSNOW_ERROR_MISMATCH);
+    EXPECT(splitsnow_directional_factor(one, moved, 5.0, &angles, spectrum, 31) ==
+           SPLITSNOW_ERROR_MISMATCH);
+    EXPECT(splitsnow_directional_factor(through, own, 5.0, &angles, spectrum, 31) ==
+           SPLITSNOW_ERROR_MISMATCH);
+    EXPECT(splitsnow_directional_factor_of(one, factors, &SNOW, 5.0, &angles, spectrum, 31) ==
+           SPLITSNOW_ERROR_MISMATCH);
+    EXPECT(splitsnow_anisotropy_factor(own, 5.0, &angles, spectrum, 31) == SPLITSNOW_OK);
+    EXPECT(splitsnow_spectrum(one, 5.0, 30.0, whole, 31) == SPLITSNOW_OK);
+    EXPECT(splitsnow_directional_factor(one, own, 5.0, &angles, product, 31) == SPLITSNOW_OK);
+    for (int l = 0; l < 31; l++) EXPECT(product[l] == spectrum[l] * whole[l]);
+    EXPECT(splitsnow_directional_factor_of(all, factors, &SNOW, 5.0, &angles, product, 31) ==
+           SPLITSNOW_OK);
+    EXPECT(splitsnow_anisotropy_factor(own, -1.0, &angles, spectrum, 31) == SPLITSNOW_ERROR_OUTSIDE);
+    bad.view_deg = 80.1;
+    EXPECT(splitsnow_anisotropy_factor(own, 5.0, &bad, spectrum, 31) == SPLITSNOW_ERROR_OUTSIDE);
+    bad = angles;
+    bad.relative_azimuth_deg = NAN;
+    EXPECT(splitsnow_anisotropy_factor(own, 5.0, &bad, spectrum, 31) == SPLITSNOW_ERROR_OUTSIDE);
+    splitsnow_lookup_free(all);
+    splitsnow_lookup_free(one);
+    splitsnow_lookup_free(through);
+    splitsnow_anisotropy_free(factors);
+    splitsnow_anisotropy_free(own);
+    splitsnow_anisotropy_free(moved);
+}
+
 /* Texels are the colours at the coordinates that the header tells, and straight lines
  * between them are near the colours there. */
 static void tables(const splitsnow *database) {
@@ -166,19 +226,22 @@ static void tables(const splitsnow *database) {
 }
 
 int main(int argc, char **argv) {
-    splitsnow *plain, *beyond, *thick;
-    EXPECT(argc == 5);
-    opening(argv[1], argv[4]);
+    splitsnow *plain, *beyond, *thick, *views;
+    EXPECT(argc == 6);
+    opening(argv[1], argv[5]);
     plain = opened(argv[1]);
     beyond = opened(argv[2]);
     thick = opened(argv[3]);
+    views = opened(argv[4]);
     getters(plain);
     queries(plain);
     conditions(beyond);
     one_thickness(thick);
+    directions(plain, views);
     tables(plain);
     splitsnow_close(plain);
     splitsnow_close(beyond);
     splitsnow_close(thick);
+    splitsnow_close(views);
     return 0;
 }

@@ -7,10 +7,11 @@ use splitsnow::colour::{Colorimeter, Illuminant, Viewing};
 
 use splitsnow::lookup::{Database, Lookup, LookupError};
 use splitsnow::measurement::Quantity;
-use splitsnow::parameter::{Parameter, Point};
+use splitsnow::parameter::Point;
 use splitsnow::spectrum::Resampling;
 
 use super::files::variants;
+use super::parameters::number;
 use super::{ANSWERS, Random, folder, run};
 
 /// The wavelengths at which tests/c/answers.c resamples spectra.
@@ -102,9 +103,8 @@ fn answers_agree_with_rust() {
                 let conditions: Point = values.collect();
                 let at_conditions = database.at(conditions).unwrap();
                 let lookup = Lookup::new(&at_conditions, quantity).unwrap();
-                let index = |axis| 5 + Parameter::ALL.iter().position(|a| *a == axis).unwrap();
                 let mut input = vec![conditions.iter().count() as f64];
-                input.extend(conditions.iter().flat_map(|(a, v)| [index(a) as f64, v]));
+                input.extend(conditions.iter().flat_map(|(a, v)| [number(a) as f64, v]));
                 let count = if conditions.is_empty() { 500 } else { 125 };
                 let mut queries: Vec<_> = (0..count)
                     .map(|_| random_point(&at_conditions, &mut random))

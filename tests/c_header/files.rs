@@ -29,16 +29,51 @@ fn curve(row: &[f64], nm: &[f64], quantity: Quantity) -> Vec<f64> {
     nm.iter().map(value).collect()
 }
 
+/// A lobe of scattered light, as in anisotropy factors of snow. It depends on all axes.
+fn factors(row: &[f64], nm: &[f64], quantity: Quantity) -> Vec<f64> {
+    let [
+        view,
+        azimuth,
+        optional @ ..,
+        facetness,
+        size,
+        _,
+        thickness,
+        light,
+    ] = row
+    else {
+        panic!("a row must have at least seven values")
+    };
+    let unit = |polar: f64, azimuth: f64| {
+        let (sin, cos) = polar.to_radians().sin_cos();
+        let (y, x) = azimuth.to_radians().sin_cos();
+        [sin * x, sin * y, cos]
+    };
+    let pairs = unit(*light, 0.0).into_iter().zip(unit(*view, *azimuth));
+    let cosine: f64 = pairs.map(|(a, b)| a * b).sum();
+    let dirt = optional.iter().map(|v| v.abs().sqrt()).sum::<f64>() / 50.0;
+    let height = 0.3 + 0.5 / (1.0 + thickness) + dirt + 0.2 * facetness;
+    let value = |nm: &f64| {
+        let sharpness = 1.0 + nm / 400.0 + size / 300.0;
+        let lobe = height * (sharpness * (cosine - 1.0)).exp();
+        match quantity {
+            Quantity::Transmittance => 1.3 - lobe,
+            Quantity::Reflectance => 0.8 + lobe,
+        }
+    };
+    nm.iter().map(value).collect()
+}
+
 /// Contents and variant of a compact file.
 pub(crate) struct Contents {
-    axes: Axes,
-    nm: Vec<f64>,
-    variant: CompactVariant,
-    choice: Choice,
-    quantities: Vec<Quantity>,
-    absent: Vec<usize>,
-    substrate: SubstrateKind,
-    extra: BTreeMap<String, String>,
+    pub(crate) axes: Axes,
+    pub(crate) nm: Vec<f64>,
+    pub(crate) variant: CompactVariant,
+    pub(crate) choice: Choice,
+    pub(crate) quantities: Vec<Quantity>,
+    pub(crate) absent: Vec<usize>,
+    pub(crate) substrate: SubstrateKind,
+    pub(crate) extra: BTreeMap<String, String>,
 }
 
 impl Default for Contents {
@@ -75,6 +110,9 @@ impl Contents {
         let [t, r] = Quantity::ALL.map(|quantity| {
             let has_substrate = self.substrate != SubstrateKind::Black;
             let values = rows.iter().flat_map(|row| {
+                if self.axes.has(Parameter::View) {
+                    return factors(row, &self.nm, quantity);
+                }
                 let mut curve = curve(row, &self.nm, quantity);
                 if has_substrate && quantity == Quantity::Reflectance {
                     let from_substrate = 0.35 * (-row[row.len() - 2]).exp();

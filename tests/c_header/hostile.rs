@@ -3,8 +3,12 @@ use std::fs;
 use std::path::Path;
 use std::process::Command;
 
+use splitsnow::compress::Choice;
 use splitsnow::lookup::Database;
+use splitsnow::measurement::Quantity;
+use splitsnow::parameter::{Axes, Parameter};
 
+use super::files::Contents;
 use super::{ANSWERS, Random, folder, run};
 
 /// A file with its header modified by `change`. The stated header length stays correct.
@@ -200,6 +204,79 @@ fn unusual_headers(bytes: &[u8]) -> Vec<Vec<u8>> {
     files
 }
 
+/// Files with views, and with their axes or their content changed. `plain` has no views.
+fn changed_content(plain: &[u8]) -> Vec<Vec<u8>> {
+    let nodes = |values: &[f64]| values.to_vec();
+    let small = Contents {
+        axes: Axes::from([
+            (Parameter::View, nodes(&[0.0, 30.0])),
+            (Parameter::RelativeAzimuth, nodes(&[0.0, 90.0, 180.0])),
+            (Parameter::Facetness, nodes(&[0.3])),
+            (Parameter::GrainSize, nodes(&[100.0, 200.0])),
+            (Parameter::Density, nodes(&[300.0])),
+            (Parameter::Thickness, nodes(&[5.0])),
+            (Parameter::Incidence, nodes(&[0.0, 60.0])),
+        ]),
+        nm: nodes(&[500.0, 600.0]),
+        choice: Choice::Components(2),
+        quantities: vec![Quantity::Reflectance],
+        ..Contents::default()
+    };
+    let views = small.bytes();
+    let order = "view_deg,relative_azimuth_deg,facetness";
+    let [view, azimuth] = [r#""view_deg":{"#, r#""relative_azimuth_deg":{"#];
+    let content = r#""content":"anisotropy_factor","#;
+    // an axis that may have the same values
+    let [carbon, carbon_tensor] = ["black_carbon_ng_g", r#""black_carbon_ng_g":{"#];
+    let one = |name: &str| format!("{name},{carbon},facetness");
+    let changes: Vec<Vec<(&str, String)>> = vec![
+        vec![(content, String::new())],
+        vec![(content, r#""content":"anisotropy_factors","#.into())],
+        vec![(content, r#""content":"","#.into())],
+        vec![(content, r#""content":"anisotropy\u005ffactor","#.into())],
+        vec![(order, "relative_azimuth_deg,view_deg,facetness".into())],
+        vec![(order, "view_deg,facetness".into())],
+        vec![(
+            order,
+            "view_deg,view_deg,relative_azimuth_deg,facetness".into(),
+        )],
+        vec![(order, one("view_deg")), (azimuth, carbon_tensor.into())],
+        vec![
+            (order, one("relative_azimuth_deg")),
+            (view, carbon_tensor.into()),
+        ],
+        vec![
+            (order, one("view_deg")),
+            (azimuth, carbon_tensor.into()),
+            (content, String::new()),
+        ],
+        vec![
+            (order, format!("{carbon},view_deg,facetness")),
+            (azimuth, carbon_tensor.into()),
+        ],
+    ];
+    let changed = changes.into_iter().map(|pairs| {
+        with_header(&views, |header| {
+            let mut header = String::from_utf8(header).unwrap();
+            for (from, to) in pairs {
+                assert!(header.contains(from), "{from} {header}");
+                header = header.replacen(from, &to, 1);
+            }
+            header.into_bytes()
+        })
+    });
+    let changed = changed.collect::<Vec<_>>();
+    let metadata = r#""__metadata__":{"#;
+    let stated = ["anisotropy_factor", "reflectance", ""].map(|value| {
+        with_header(plain, |header| {
+            let header = String::from_utf8(header).unwrap();
+            let to = format!(r#"{metadata}"content":"{value}","#);
+            header.replacen(metadata, &to, 1).into_bytes()
+        })
+    });
+    [vec![views], changed, stated.into()].concat()
+}
+
 /// The C header refuses exactly the files that the Rust reader refuses.
 #[test]
 fn the_same_files_are_refused_as_by_rust() {
@@ -208,8 +285,11 @@ fn the_same_files_are_refused_as_by_rust() {
     for entry in fs::read_dir(&seeds).unwrap() {
         files.push(fs::read(entry.unwrap().path()).unwrap());
     }
-    let originals = files.clone();
     let valid = fs::read(seeds.join("valid.safetensors")).unwrap();
+    let views = changed_content(&valid);
+    files.push(views[0].clone());
+    let originals = files.clone();
+    files.extend(views);
     files.extend((0..valid.len()).map(|end| valid[..end].to_vec()));
     files.push([valid.as_slice(), &[0]].concat());
     files.extend(unusual_headers(&valid));
@@ -258,6 +338,9 @@ fn the_same_files_are_refused_as_by_rust() {
         );
         accepted += usize::from(rust.is_ok());
     }
+    let views = changed_content(&valid);
+    let accepted_views = views.iter().filter(|f| Database::from_bytes(f).is_ok());
+    assert_eq!(accepted_views.count(), 2, "the file itself, and an escape");
     eprintln!("{} files, {accepted} accepted", files.len());
     assert!(
         accepted > 800 && files.len() - accepted > 5000,

@@ -7,6 +7,7 @@ mod answers;
 mod files;
 mod hostile;
 mod parameters;
+mod views;
 
 use std::collections::BTreeMap;
 use std::fs;
@@ -98,7 +99,9 @@ fn arguments_are_checked() {
         fs::write(&file, &files[name]).unwrap();
         command.arg(file);
     }
-    run(command.arg(&folder));
+    let file = folder.join("views");
+    fs::write(&file, views::documented().bytes()).unwrap();
+    run(command.arg(file).arg(&folder));
 }
 
 /// The thread sanitizer finds no race, and all threads get the same answers.

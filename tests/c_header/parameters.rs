@@ -4,10 +4,18 @@ use std::fmt::Write;
 
 use splitsnow::parameter::{Parameter, Scale};
 
-/// All parameters in the order of `splitsnow_axis`: core parameters first.
+/// All parameters in the order of `splitsnow_axis`: core parameters first, then the optional ones,
+/// then those of a view. New parameters must not change the numbers of the others.
 fn ordered() -> impl Iterator<Item = Parameter> {
     let optional = Parameter::ALL.into_iter().filter(|p| p.is_optional());
-    Parameter::CORE.into_iter().chain(optional)
+    let snow = optional.filter(|p| !p.is_view());
+    let core = Parameter::CORE.into_iter();
+    core.chain(snow).chain(Parameter::VIEWS)
+}
+
+/// The number of an axis in `splitsnow_axis`.
+pub(crate) fn number(parameter: Parameter) -> usize {
+    ordered().position(|other| other == parameter).unwrap()
 }
 
 fn constant(parameter: Parameter) -> String {
@@ -37,9 +45,10 @@ fn parameters() -> String {
     let names: Vec<_> = Parameter::CORE.map(Parameter::name).into();
     let first = ordered().find(|p| p.is_optional()).unwrap();
     let mut text = format!(
-        "#define SPLITSNOW__CORE \"{}\"\n#define SPLITSNOW__FIRST_OPTIONAL {}\n\nstatic const splitsnow__parameter splitsnow__parameters[SPLITSNOW_AXES] = {{\n",
+        "#define SPLITSNOW__CORE \"{}\"\n#define SPLITSNOW__FIRST_OPTIONAL {}\n#define SPLITSNOW__FIRST_VIEW {}\n\nstatic const splitsnow__parameter splitsnow__parameters[SPLITSNOW_AXES] = {{\n",
         names.join(","),
-        constant(first)
+        constant(first),
+        constant(Parameter::VIEWS[0])
     );
     for parameter in ordered() {
         let record = parameter.record();
