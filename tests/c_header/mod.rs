@@ -15,9 +15,9 @@ use std::path::{Path, PathBuf};
 use std::process::Command;
 use std::sync::LazyLock;
 
-use splitsnow::lookup::{Database, Lookup};
+use splitsnow::lookup::{Database, DirectionalQuantity, Directions, Lookup};
 use splitsnow::measurement::Quantity;
-use splitsnow::parameter::Point;
+use splitsnow::parameter::{Parameter, Point};
 
 use self::files::{Contents, variants};
 
@@ -126,10 +126,10 @@ fn the_documented_examples_work() {
             .collect()
     };
     let folder = folder("documented");
-    let [program, table] = blocks("c").try_into().unwrap();
+    let [program, toward, table] = blocks("c").try_into().unwrap();
     let [renderer] = blocks("cpp").try_into().unwrap();
     let c = folder.join("example.c");
-    // the second example is inserted before the queries of the first
+    // the example of textures is inserted before the queries of the first
     let queries = "    /* per sample";
     assert!(program.contains(queries));
     let table: String = table.lines().map(|line| format!("    {line}\n")).collect();
@@ -164,4 +164,25 @@ fn the_documented_examples_work() {
         assert!((value - f64::from(spectrum[index])).abs() < 2e-6, "{found}");
     }
     assert_eq!(found.lines().count(), 5);
+
+    let source = folder.join("toward.c");
+    fs::write(&source, toward).unwrap();
+    let views = folder.join("views.safetensors");
+    let bytes = views::documented().bytes();
+    fs::write(&views, &bytes).unwrap();
+    let program = compile(&source, SANITIZERS);
+    let found = run(Command::new(program).args([&file, &views]));
+    let anisotropy = Database::from_bytes(&bytes).unwrap();
+    let directions = Directions::new(&database, &anisotropy).unwrap();
+    let point = Point::from_core([0.4, 260.0, 270.0, 30.0, 55.0])
+        .with(Parameter::View, 40.0)
+        .with(Parameter::RelativeAzimuth, 0.0);
+    let factor = DirectionalQuantity::ReflectanceFactor;
+    directions.spectrum(factor, point, &mut spectrum).unwrap();
+    assert_eq!(found.lines().count(), spectrum.len());
+    for (line, value) in found.lines().zip(spectrum) {
+        let (_, brf) = line.split_once(',').unwrap();
+        let brf: f64 = brf.parse().unwrap();
+        assert!((brf - f64::from(value)).abs() < 3e-6, "{found}");
+    }
 }
