@@ -2905,7 +2905,6 @@ static splitsnow_status splitsnow__start_toward(const splitsnow_anisotropy *anis
     splitsnow__stencil_at(&anisotropy->azimuth, azimuth, &toward->azimuth[0]);
     /* without effect if no node is on the other side */
     splitsnow__stencil_at(&anisotropy->azimuth, 180.0 - azimuth, &toward->azimuth[1]);
-    if (anisotropy->is_axial) toward->azimuth[1] = toward->azimuth[0];
     return SPLITSNOW_OK;
 }
 

@@ -193,7 +193,7 @@ fn status(error: &LookupError) -> f64 {
     }
 }
 
-/// Whether the numbers of the header are this spectrum, within 1e-5 of each value and `absolute`,
+/// Whether the numbers of the header are this spectrum, within 1e-6 of each value and `absolute`,
 /// or all the status of this error. Returns the largest difference over the value.
 fn compare(
     found: &[f64],
@@ -207,7 +207,7 @@ fn compare(
             Err(error) => status(error),
         };
         let error = (found - expected).abs();
-        if error.is_nan() || error > 1e-5 * expected.abs() + absolute {
+        if error.is_nan() || error > 1e-6 * expected.abs() + absolute {
             return Err(format!("{i}: found {found}, expected {expected}"));
         }
         worst = worst.max(error / expected.abs());
@@ -215,7 +215,7 @@ fn compare(
     Ok(worst)
 }
 
-/// Random directions of all kinds of files. Factors differ by at most 1e-5 of their value, and
+/// Random directions of all kinds of files. Factors differ by at most 1e-6 of their value, and
 /// the same points are refused.
 #[test]
 fn directions_agree_with_rust() {
