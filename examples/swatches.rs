@@ -44,7 +44,7 @@ fn main() -> Result<()> {
     if !store.missing(None)?.is_empty() {
         return Err(format!("the database in {} is not finished", out.display()).into());
     }
-    let curves = store.read(Variable::Transmittance)?.mapv(f64::from);
+    let curves = store.read(Variable::TRANSMITTANCE)?.mapv(f64::from);
     let nm = store.wavelengths_nm();
     let database = Database::from_curves(true, store.axes(), nm, Some(&curves), None);
     let observers = Observers::new(database.wavelengths_nm())?;

@@ -136,7 +136,7 @@ fn databases_with_optional_axes_are_built_and_queried() {
 
     // rows are in storage order
     let store = Store::open(&folder.out()).unwrap();
-    let curves = store.read(Variable::Transmittance).unwrap();
+    let curves = store.read(Variable::TRANSMITTANCE).unwrap();
     let grid = config::grid::parse("g.toml", store.config()).unwrap().grid;
     assert_eq!(grid.axes, *store.axes());
     let stored = curves.row(3 * 6 + 2).to_vec();

@@ -159,7 +159,7 @@ fn absent_curves_are_nan_and_all_others_are_computed() {
 
     let file = Database::open(folder.out().join("snow.safetensors")).unwrap();
     assert_eq!(file.absent(), [0, 0, 0, 1]);
-    let reflectance = store.read(Variable::Reflectance).unwrap();
+    let reflectance = store.read(Variable::REFLECTANCE).unwrap();
     for row in 0..file.curves() {
         let curve = file.curve(row, Quantity::Reflectance).unwrap();
         assert_eq!(file.exists(row), !reflectance[[row, 0]].is_nan());
@@ -276,8 +276,8 @@ max_delta_e = 5
     let store = Store::open(&folder.out()).unwrap();
     assert!(store.has_diffuse() && store.verify().unwrap().is_whole());
     let read = |variable| store.read(variable).unwrap();
-    let [diffuse, se] = [Variable::ReflectanceDiffuse, Variable::ReflectanceDiffuseSe].map(read);
-    let direct = read(Variable::Reflectance);
+    let [diffuse, se] = [Variable::REFLECTANCE.diffuse(), Variable::REFLECTANCE.diffuse().se()].map(read);
+    let direct = read(Variable::REFLECTANCE);
     assert_eq!((diffuse.dim(), direct.dim()), ((6, 3), (12, 3)));
     for slab in 0..6 {
         for l in 0..3 {

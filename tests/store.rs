@@ -70,7 +70,7 @@ fn a_finished_database_can_be_read() {
     assert_eq!(store.wavelengths_nm(), grid.wavelengths_nm);
     assert_eq!(store.config(), grid.to_config());
     assert!(store.verify().unwrap().is_whole());
-    let transmittance = store.read(Variable::Transmittance).unwrap();
+    let transmittance = store.read(Variable::TRANSMITTANCE).unwrap();
     assert_eq!(transmittance.dim(), (24, 4));
     // curve 9: facetness 0, size 1, density 0, thickness 1, angle 1; part of job 3
     let job = grid.job(&jobs, 3).unwrap();
@@ -88,10 +88,10 @@ fn a_finished_database_can_be_read() {
         assert!((found - want.value).abs() < 1e-7, "{row:?}");
     }
     assert_eq!(
-        store.read(Variable::ReflectanceSe).unwrap()[[9, 0]],
+        store.read(Variable::REFLECTANCE.se()).unwrap()[[9, 0]],
         (1e-3 / (8.0 + share(job.cell))) as f32
     );
-    assert!(store.commit(0, &expected).is_err(), "open for reading only");
+    assert!(store.commit(0, &expected, &[]).is_err(), "open for reading only");
 }
 
 #[test]

@@ -88,9 +88,9 @@ fn write_compact(store: &Store, grid: &Grid, choice: Choice, adjust: impl Fn(&mu
         substrate: SubstrateKind::Black,
         transmittance: Some(&compressed(
             Quantity::Transmittance,
-            Variable::Transmittance,
+            Variable::TRANSMITTANCE,
         )),
-        reflectance: Some(&compressed(Quantity::Reflectance, Variable::Reflectance)),
+        reflectance: Some(&compressed(Quantity::Reflectance, Variable::REFLECTANCE)),
         provenance: &serde_json::to_string(&store.attributes()).unwrap(),
         extra: &BTreeMap::new(),
     }

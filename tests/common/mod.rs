@@ -49,6 +49,7 @@ pub(crate) fn grid(engine: Engine) -> Grid {
             (Parameter::Thickness, vec![1.0, 2.0, 5.0]),
             (Parameter::Incidence, vec![0.0, 60.0]),
         ]),
+        views: None,
         size_axis: None,
         spread: Spread {
             facetness_half_width: 0.1,

@@ -45,8 +45,8 @@ fn assert_bounds_kept(dir: &Path, bound: impl Fn(f64) -> f64) {
     let stated = database.metadata().get(BAND_ERRORS);
     let stated: Value = stated.map_or(Value::Null, |text| serde_json::from_str(text).unwrap());
     for (quantity, [values, errors]) in Quantity::ALL.into_iter().zip([
-        [Variable::Transmittance, Variable::TransmittanceSe],
-        [Variable::Reflectance, Variable::ReflectanceSe],
+        [Variable::TRANSMITTANCE, Variable::TRANSMITTANCE.se()],
+        [Variable::REFLECTANCE, Variable::REFLECTANCE.se()],
     ]) {
         if !database.has(quantity) {
             assert!(stated[quantity.name()].is_null());
@@ -172,7 +172,7 @@ fn wide_spectra_keep_their_bounds_in_every_band() {
     )
     .unwrap();
 
-    let curves = store.read(Variable::Reflectance).unwrap().mapv(f64::from);
+    let curves = store.read(Variable::REFLECTANCE).unwrap().mapv(f64::from);
     let colour = Colorimeter::new(&grid.wavelengths_nm).unwrap();
     let (quantity, bands) = (Quantity::Reflectance, Bands::new(&grid.wavelengths_nm));
     let (colour, variant) = (colour.as_ref(), CompactVariant::default());
@@ -214,8 +214,8 @@ fn simulated_wide_spectra_keep_their_bounds_in_every_band() {
 fn assert_page_is_current(dir: &Path) {
     let page = "docs/methods.md";
     let store = Store::open(dir).unwrap();
-    let curves = store.read(Variable::Reflectance).unwrap().mapv(f64::from);
-    let noise = store.read(Variable::ReflectanceSe).unwrap();
+    let curves = store.read(Variable::REFLECTANCE).unwrap().mapv(f64::from);
+    let noise = store.read(Variable::REFLECTANCE.se()).unwrap();
     let nm = store.wavelengths_nm();
     let noise = [0, 1, 2, 3].map(|i| largest_rms(&noise, nm, Band::ALL[i]));
     assert_says(page, "bands, standard errors", noise);
