@@ -276,7 +276,11 @@ max_delta_e = 5
     let store = Store::open(&folder.out()).unwrap();
     assert!(store.has_diffuse() && store.verify().unwrap().is_whole());
     let read = |variable| store.read(variable).unwrap();
-    let [diffuse, se] = [Variable::REFLECTANCE.diffuse(), Variable::REFLECTANCE.diffuse().se()].map(read);
+    let [diffuse, se] = [
+        Variable::REFLECTANCE.diffuse(),
+        Variable::REFLECTANCE.diffuse().se(),
+    ]
+    .map(read);
     let direct = read(Variable::REFLECTANCE);
     assert_eq!((diffuse.dim(), direct.dim()), ((6, 3), (12, 3)));
     for slab in 0..6 {

@@ -91,7 +91,10 @@ fn a_finished_database_can_be_read() {
         store.read(Variable::REFLECTANCE.se()).unwrap()[[9, 0]],
         (1e-3 / (8.0 + share(job.cell))) as f32
     );
-    assert!(store.commit(0, &expected, &[]).is_err(), "open for reading only");
+    assert!(
+        store.commit(0, &expected, &[]).is_err(),
+        "open for reading only"
+    );
 }
 
 #[test]

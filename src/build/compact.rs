@@ -131,94 +131,149 @@ impl Part {
     }
 }
 
+/// The bytes of the compact file of anisotropy factors, under diffuse or collimated light, that
+/// [`compress`] writes for the finished database in `store`.
+pub(crate) fn view_file(
+    store: &Store,
+    request: &CompressionRequest,
+    is_diffuse: bool,
+) -> Result<Vec<u8>, BuildError> {
+    let part = Part {
+        is_diffuse,
+        is_view: true,
+    };
+    Ok(CompressedPart::new(store, request, part)?
+        .file(store)
+        .to_bytes()?)
+}
+
+/// A compressed part of a database, with the metadata of its file.
+struct CompressedPart {
+    axes: Axes,
+    variant: CompactVariant,
+    transmittance: Option<Compressed>,
+    reflectance: Option<Compressed>,
+    max_standard_errors: [f32; 2],
+    provenance: String,
+    extra: BTreeMap<String, String>,
+}
+
+impl CompressedPart {
+    /// Depends on the database and `request` alone. No other process may be writing to the store.
+    fn new(store: &Store, request: &CompressionRequest, part: Part) -> Result<Self, BuildError> {
+        let missing = store.missing(None)?.len();
+        let jobs = store.jobs();
+        if missing > 0 {
+            return Err(BuildError::Unfinished {
+                missing,
+                jobs: jobs.count(),
+                path: store.path().into(),
+            });
+        }
+        let colour = Colorimeter::viewing(store.wavelengths_nm(), &request.viewing)?;
+        let variant = CompactVariant {
+            basis: match part.is_view {
+                true => Basis::Linear,
+                false => request.variant.basis,
+            },
+            ..request.variant
+        };
+        let axes = part.axes(store);
+        let rows = existing_rows(&axes, store.absent());
+        let mut max_standard_errors = [0.0; 2];
+        let mut compressed = |quantity: Quantity| -> Result<_, BuildError> {
+            if !request.quantities.contains(&quantity) {
+                return Ok(None);
+            }
+            let variable = part.variable(quantity);
+            let (errors, values) = (store.read(variable.se())?, store.read(variable)?);
+            let (row_count, bands) = (values.nrows(), Bands::new(store.wavelengths_nm()));
+            let (colour, choice) = (colour.as_ref(), request.choice);
+            let max_standard_error = &mut max_standard_errors[quantity as usize];
+            // standard errors of curves that do not exist are NaN, which `f32::max` ignores
+            let largest = |errors: &Array2<f32>| errors.iter().copied().fold(0.0, f32::max);
+            let compressed = if part.is_view {
+                let hemispherical = Variable {
+                    is_view: false,
+                    ..variable
+                };
+                let totals = store.read(hemispherical)?;
+                let factors = AnisotropyFactors::new(values.view(), errors.view(), totals.view());
+                *max_standard_error = largest(&factors.errors);
+                factors.compress(&rows, quantity, colour, &bands, choice, variant)
+            } else {
+                *max_standard_error = largest(&errors);
+                let bands = bands.with_noise(errors.view());
+                let bands = match choice {
+                    Choice::Bounds(bounds) => bands.bounded(bounds.max_rmse),
+                    Choice::Components(_) => bands,
+                };
+                drop(errors);
+                let curves = values.mapv(f64::from);
+                let curves = if rows.len() < row_count {
+                    curves.select(Axis(0), &rows)
+                } else {
+                    curves
+                };
+                compress::compress(curves.view(), quantity, colour, &bands, choice, variant)
+            };
+            compressed
+                .map(|compressed| Some(compressed.spread_over(&rows, row_count)))
+                .map_err(|source| BuildError::Compress { quantity, source })
+        };
+        let transmittance = compressed(Quantity::Transmittance)?;
+        let reflectance = compressed(Quantity::Reflectance)?;
+        let (provenance, mut extra) = metadata(store, request.choice, &request.viewing);
+        if part.is_diffuse {
+            let light =
+                "diffuse: isotropic radiance; the one angle_deg, 0, stands for all directions";
+            extra.insert("illumination".to_owned(), light.to_owned());
+        }
+        Ok(Self {
+            axes,
+            variant,
+            transmittance,
+            reflectance,
+            max_standard_errors,
+            provenance,
+            extra,
+        })
+    }
+
+    /// The compact file of this part of `store`.
+    fn file<'a>(&'a self, store: &'a Store) -> CompactFile<'a> {
+        CompactFile {
+            axes: &self.axes,
+            absent: store.absent(),
+            wavelengths_nm: store.wavelengths_nm(),
+            substrate: store.substrate(),
+            transmittance: self.transmittance.as_ref(),
+            reflectance: self.reflectance.as_ref(),
+            provenance: &self.provenance,
+            extra: &self.extra,
+        }
+    }
+}
+
 /// Compresses a part of `store` and writes its compact file. No other process may be writing to
 /// the store.
-///
-/// The file depends on the database and `request` alone.
 fn write_part(
     store: &Store,
     request: &CompressionRequest,
     part: Part,
 ) -> Result<CompactReport, BuildError> {
-    let missing = store.missing(None)?.len();
-    let jobs = store.jobs();
-    if missing > 0 {
-        return Err(BuildError::Unfinished {
-            missing,
-            jobs: jobs.count(),
-            path: store.path().into(),
-        });
-    }
-    let colour = Colorimeter::viewing(store.wavelengths_nm(), &request.viewing)?;
-    let variant = CompactVariant {
-        basis: match part.is_view {
-            true => Basis::Linear,
-            false => request.variant.basis,
-        },
-        ..request.variant
-    };
-    let axes = part.axes(store);
-    let rows = existing_rows(&axes, store.absent());
-    let mut max_standard_errors = [0.0; 2];
-    let mut compressed = |quantity: Quantity| -> Result<_, BuildError> {
-        if !request.quantities.contains(&quantity) {
-            return Ok(None);
-        }
-        let variable = part.variable(quantity);
-        let (errors, values) = (store.read(variable.se())?, store.read(variable)?);
-        let (row_count, bands) = (values.nrows(), Bands::new(store.wavelengths_nm()));
-        let (colour, choice) = (colour.as_ref(), request.choice);
-        let max_standard_error = &mut max_standard_errors[quantity as usize];
-        // standard errors of curves that do not exist are NaN, which `f32::max` ignores
-        let largest = |errors: &Array2<f32>| errors.iter().copied().fold(0.0, f32::max);
-        let compressed = if part.is_view {
-            let hemispherical = Variable {
-                is_view: false,
-                ..variable
-            };
-            let totals = store.read(hemispherical)?;
-            let factors = AnisotropyFactors::new(values.view(), errors.view(), totals.view());
-            *max_standard_error = largest(&factors.errors);
-            factors.compress(&rows, quantity, colour, &bands, choice, variant)
-        } else {
-            *max_standard_error = largest(&errors);
-            let bands = bands.with_noise(errors.view());
-            let bands = match choice {
-                Choice::Bounds(bounds) => bands.bounded(bounds.max_rmse),
-                Choice::Components(_) => bands,
-            };
-            drop(errors);
-            let curves = values.mapv(f64::from);
-            let curves = if rows.len() < row_count {
-                curves.select(Axis(0), &rows)
-            } else {
-                curves
-            };
-            compress::compress(curves.view(), quantity, colour, &bands, choice, variant)
-        };
-        compressed
-            .map(|compressed| Some(compressed.spread_over(&rows, row_count)))
-            .map_err(|source| BuildError::Compress { quantity, source })
-    };
-    let transmittance = compressed(Quantity::Transmittance)?;
-    let reflectance = compressed(Quantity::Reflectance)?;
-    let (provenance, mut extra) = metadata(store, request.choice, &request.viewing);
-    if part.is_diffuse {
-        let light = "diffuse: isotropic radiance; the one angle_deg, 0, stands for all directions";
-        extra.insert("illumination".to_owned(), light.to_owned());
-    }
-    let file = CompactFile {
-        axes: &axes,
-        absent: store.absent(),
-        wavelengths_nm: store.wavelengths_nm(),
-        substrate: store.substrate(),
-        transmittance: transmittance.as_ref(),
-        reflectance: reflectance.as_ref(),
-        provenance: &provenance,
-        extra: &extra,
-    };
+    let compressed = CompressedPart::new(store, request, part)?;
     let compact = store.dir().join(part.file());
-    file.write(&compact)?;
+    compressed.file(store).write(&compact)?;
+    let CompressedPart {
+        axes,
+        variant,
+        transmittance,
+        reflectance,
+        max_standard_errors,
+        ..
+    } = compressed;
+    let jobs = store.jobs();
     let written = Database::open(&compact)?;
     let report = |quantity, compressed: Option<Compressed>| {
         let max_standard_error = max_standard_errors[quantity as usize];

@@ -44,6 +44,7 @@ mod report;
 use std::path::{Path, PathBuf};
 use std::sync::atomic::{AtomicBool, Ordering};
 
+pub(crate) use compact::view_file;
 pub use compact::{CompressionRequest, compress};
 pub use error::BuildError;
 pub use inputs::data_hashes;

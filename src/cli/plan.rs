@@ -112,6 +112,14 @@ impl fmt::Display for NamedPlan {
             plan.threads,
             if plan.threads == 1 { "" } else { "s" }
         )?;
+        if plan.views > 0 {
+            writeln!(
+                f,
+                "views           {} for each curve, {} of these core-seconds: a typical time, not measured",
+                plan.views,
+                two_digits(plan.view_seconds)
+            )?;
+        }
         writeln!(
             f,
             "disk            {} for the database, {} for the compact file with {COMPONENTS} components",

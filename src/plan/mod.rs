@@ -20,12 +20,12 @@ use serde::{Serialize, Serializer};
 pub use error::PlanError;
 
 use crate::build::data_hashes;
-use crate::engine::Engine;
+use crate::engine::{Engine, Request, exits};
 use crate::grid::{Grid, Jobs, absent_curves, why_absent};
 use crate::lookup::format::WAVELENGTH;
 use crate::store::{Store, StoreError, estimated_bytes};
 use crate::threads::threads;
-use pilot::Pilot;
+use pilot::{Pilot, Time};
 
 /// Time to store one job, s: six files are flushed to the disk (1 to 7 ms measured on
 /// virtual disks).
@@ -33,6 +33,12 @@ const STORE_SECONDS: f64 = 0.003;
 /// Time to compress one value of one quantity, s, and the time that each wavelength adds
 /// to it in the decomposition, s.
 const COMPRESS_SECONDS: (f64, f64) = (1.5e-7, 2e-10);
+/// Time of the light toward views, s: of the tables of a curve at one index node, and of a walk
+/// there (docs/performance.md). Both depend on the snow and the wavelengths.
+const VIEW_SECONDS: (f64, f64) = (0.5, 1.6e-4);
+/// Number of components for which the size of the compact file of anisotropy factors is
+/// estimated.
+const VIEW_COMPONENTS: u64 = 12;
 /// Number of components for which the size of the compact file is estimated.
 pub const COMPONENTS: u64 = 3;
 /// Typical size of the header of a compact file, bytes.
@@ -86,6 +92,11 @@ pub struct Plan {
     /// Message that says why some curves do not exist.
     #[serde(skip)]
     pub why_absent: String,
+    /// Number of views toward which the light of each curve is computed; 0 if there are none.
+    pub views: u64,
+    /// CPU time of the light toward the views in the remaining jobs, s: a typical time, not
+    /// measured.
+    pub view_seconds: f64,
     /// Number of threads of the build.
     pub threads: usize,
     /// CPU time of the remaining jobs and of the compression, s.
@@ -187,11 +198,19 @@ pub fn plan(grid: &Grid, options: &PlanOptions) -> Result<Plan, PlanError> {
             pilot.time_of(grid, &jobs, remaining)?,
         ),
     };
+    let views = grid.views.as_ref().map_or(0, |views| views.axes.count());
+    let view_seconds = view_seconds(grid, &jobs)?;
+    let walking = Time {
+        core: walking.core + view_seconds * jobs_left as f64,
+        wall: walking.wall + view_seconds * jobs_left as f64,
+    };
     let storing = jobs_left as f64 * STORE_SECONDS;
     let (value, wavelength) = COMPRESS_SECONDS;
-    let values = 2.0 * (jobs.curves() * jobs.wavelengths()) as f64;
+    let values = 2.0 * (jobs.curves() * jobs.wavelengths() * (1 + views)) as f64;
     let compressing = values * (value + wavelength * jobs.wavelengths() as f64);
-    let axes = grid.axes.iter().map(|(axis, values)| (axis.key(), values));
+    let view_axes = grid.views.iter().flat_map(|views| views.axes.iter());
+    let axes = grid.axes.iter().chain(view_axes);
+    let axes = axes.map(|(axis, values)| (axis.key(), values));
     let axes = axes.chain([(WAVELENGTH, grid.wavelengths_nm.as_slice())]);
     Ok(Plan {
         engine: grid.run.engine,
@@ -208,15 +227,13 @@ pub fn plan(grid: &Grid, options: &PlanOptions) -> Result<Plan, PlanError> {
         curves: jobs.curves(),
         absent_curves: absent_curves(&grid.axes, &absent),
         why_absent: why_absent(&grid.axes, &absent),
+        views,
+        view_seconds: view_seconds * jobs_left as f64,
         threads,
         core_seconds: walking.core + compressing,
         wall_seconds: (walking.wall + storing) / threads as f64 + compressing,
-        database_bytes: estimated_bytes(
-            &jobs,
-            grid.views.as_ref().map_or(0, |views| views.axes.count()),
-            jobs.count(),
-        ),
-        compact_bytes: compact_bytes(&jobs),
+        database_bytes: estimated_bytes(&jobs, views, jobs.count()),
+        compact_bytes: compact_bytes(&jobs) + views * VIEW_COMPONENTS * 8 * jobs.curves(),
         median_standard_error: pilot.median_standard_error(),
         max_standard_error: pilot.max_standard_error(),
         pilot: PilotReport {
@@ -228,9 +245,29 @@ pub fn plan(grid: &Grid, options: &PlanOptions) -> Result<Plan, PlanError> {
             wavelengths: pilot.wavelengths,
             not_measured: pilot.not_measured,
         },
-        longest_job: pilot.longest,
+        longest_job: LongestJob {
+            core_seconds: pilot.longest.core_seconds + view_seconds,
+            ..pilot.longest
+        },
         refused,
     })
+}
+
+/// Typical CPU time of the light toward the views of one job, s; 0 without views.
+fn view_seconds(grid: &Grid, jobs: &Jobs) -> Result<f64, PlanError> {
+    let Some(views) = &grid.views else {
+        return Ok(0.0);
+    };
+    let job = grid.job(jobs, 0)?;
+    let request = Request {
+        rays: 1,
+        ..job.request(grid)
+    };
+    let curves = job.thicknesses_m.len() * job.illuminations.len();
+    // one walk at each index node of each curve that exists; the first job is typical
+    let nodes = exits::walks(Engine::Spectral, &request)?.unwrap_or(curves as u64);
+    let (tables, walk) = VIEW_SECONDS;
+    Ok(nodes as f64 * (tables + walk * views.rays as f64))
 }
 
 /// The remaining jobs of the database in `dir`, `None` if there is no database; and why a

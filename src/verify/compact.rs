@@ -6,11 +6,13 @@ use serde_json::Value;
 
 use super::{Check, CheckContext, CheckedValue, VerifyError};
 use crate::accuracy::RunningSummary;
+use crate::build::CompressionRequest;
 use crate::colour::{Colorimeter, Viewing};
 use crate::compress::{
-    BAND_ERRORS, BOUNDS, BandError, BandErrors, Bounds, ERROR_TABLE, PROVENANCE, curve_errors,
-    rmse_in,
+    BAND_ERRORS, BOUNDS, BandError, BandErrors, Bounds, Choice, CompactVariant, ERROR_TABLE,
+    PROVENANCE, curve_errors, rmse_in,
 };
+use crate::grid::Compression;
 use crate::lookup::Database;
 use crate::measurement::Quantity;
 use crate::parameter::{Axes, Parameter};
@@ -185,7 +187,11 @@ fn band_errors(database: &Database, quantity: Quantity) -> Result<Option<Vec<Ban
 }
 
 /// The differences that show that the file was made from another database.
-fn origin(context: &CheckContext<'_>, database: &Database, diffuse: bool) -> Vec<String> {
+pub(super) fn origin(
+    context: &CheckContext<'_>,
+    database: &Database,
+    diffuse: bool,
+) -> Vec<String> {
     let provenance = provenance(database);
     // Files of version 0.1 have the attributes in its spelling.
     let former = context.store.former_attributes();
@@ -259,6 +265,41 @@ pub(crate) fn viewing(database: &Database) -> Result<Viewing, String> {
         Some(stated) => Viewing::deserialize(stated).map_err(|e| e.to_string()),
         None => Ok(Viewing::default()),
     }
+}
+
+/// The request of the compression that made the file.
+///
+/// # Errors
+/// A message if its metadata do not state it.
+pub(super) fn request(database: &Database) -> Result<CompressionRequest, String> {
+    #[derive(Deserialize)]
+    struct Stated {
+        components: Option<usize>,
+        max_delta_e: Option<f64>,
+        max_rmse: Option<f64>,
+    }
+    let missing = || "its metadata do not state how it was compressed".to_owned();
+    let provenance = provenance(database);
+    let stated = provenance.get("compression").ok_or_else(missing)?;
+    let stated = Stated::deserialize(stated).map_err(|e| e.to_string())?;
+    let choice = match (stated.components, stated.max_delta_e) {
+        (Some(components), _) => Choice::Components(components),
+        (None, Some(max_delta_e)) => Choice::Bounds(Compression {
+            max_delta_e,
+            max_rmse: stated.max_rmse,
+        }),
+        (None, None) => return Err(missing()),
+    };
+    let quantities = Quantity::ALL.into_iter();
+    Ok(CompressionRequest {
+        choice,
+        variant: CompactVariant {
+            basis: database.basis_kind(),
+            precision: database.precision(),
+        },
+        quantities: quantities.filter(|q| database.has(*q)).collect(),
+        viewing: viewing(database)?,
+    })
 }
 
 /// Lines of the identity that are in the file or the database only.

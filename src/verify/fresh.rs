@@ -77,13 +77,13 @@ impl Simulations {
         Request {
             rays: self.rays,
             seed: self.seed,
-            ..grid.request(&point.snowpack, &point.thickness_m, &point.light, number)
+            ..point.request(grid, number)
         }
     }
 }
 
 /// A point converted to the inputs of an engine.
-struct PreparedPoint {
+pub(super) struct PreparedPoint {
     /// The point as text, for messages.
     at: String,
     snowpack: Snowpack,
@@ -92,7 +92,7 @@ struct PreparedPoint {
 }
 
 impl PreparedPoint {
-    fn new(grid: &Grid, point: Point) -> Result<Self, VerifyError> {
+    pub(super) fn new(grid: &Grid, point: Point) -> Result<Self, VerifyError> {
         Ok(Self {
             at: point.to_string(),
             snowpack: grid.snowpack(&point)?,
@@ -103,7 +103,12 @@ impl PreparedPoint {
         })
     }
 
-    fn error(&self, source: EngineError) -> VerifyError {
+    /// The request to an engine, with the random streams of `cell`.
+    pub(super) fn request<'a>(&'a self, grid: &'a Grid, cell: u64) -> Request<'a> {
+        grid.request(&self.snowpack, &self.thickness_m, &self.light, cell)
+    }
+
+    pub(super) fn error(&self, source: EngineError) -> VerifyError {
         match source {
             EngineError::Cancelled => VerifyError::Cancelled,
             source => VerifyError::Engine {

@@ -1,5 +1,5 @@
-//! Checks a finished database: its files, its compact file against the database, stored spectra
-//! against fresh simulations at nodes, and look-ups in the compact file against fresh
+//! Checks a finished database: its files, its compact files against the database, stored spectra
+//! and factors toward views against fresh simulations at nodes, and look-ups in the compact file against fresh
 //! simulations anywhere ([`crate::error_budget`]). A tailored file is checked by the last only.
 //!
 //! The checks that compare random numbers fail a correct database with a known probability:
@@ -9,6 +9,7 @@ mod compact;
 mod fresh;
 mod nodes;
 mod report;
+mod views;
 
 use std::path::Path;
 use std::sync::atomic::Ordering;
@@ -17,6 +18,7 @@ use ndarray::Array2;
 use thiserror::Error;
 
 use crate::budget;
+use crate::build::BuildError;
 use crate::colour::{Colorimeter, ColourError};
 use crate::config::{self, ConfigError};
 use crate::engine::{Control, EngineError};
@@ -81,6 +83,9 @@ pub enum VerifyError {
     /// The shape of the compact file differs from that of the database.
     #[error(transparent)]
     Lookup(#[from] LookupError),
+    /// The curves toward views cannot be compressed.
+    #[error(transparent)]
+    Build(#[from] BuildError),
     /// The error budget could not be measured.
     #[error(transparent)]
     ErrorBudget(ErrorBudgetError),
@@ -228,6 +233,20 @@ impl Verification {
                 None
             }
         };
+        if let Some(views) = &self.grid.views {
+            checks.push(views::files(&context)?);
+            if self.options.samples > 0 {
+                let (check, [skipped, total]) = views::fresh(&context, views, control)?;
+                if skipped < total {
+                    checks.push(check);
+                }
+                if skipped > 0 {
+                    not_checked.push(format!(
+                        "{skipped} of {total} fresh simulations toward views"
+                    ));
+                }
+            }
+        }
         if self.options.samples > 0 {
             let half = self.options.seconds.map(|seconds| 0.5 * seconds);
             let (check, [skipped, total]) =

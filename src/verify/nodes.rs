@@ -27,15 +27,18 @@ use rand::seq::index;
 /// Number of tests that share the false alarms: three for each quantity.
 const TESTS: f64 = 6.0;
 
+/// Name of the stream of random numbers of this check.
+const NODES: &str = "nodes";
+
 /// A node and the row of its curve.
-struct Node {
-    point: Point,
-    row: usize,
+pub(super) struct Node {
+    pub(super) point: Point,
+    pub(super) row: usize,
 }
 
 /// The fresh simulations at the chosen nodes.
 pub(super) fn simulations(context: &CheckContext<'_>) -> Simulations {
-    let (nodes, seed) = choose(context);
+    let (nodes, seed) = chosen(context, NODES, context.options.samples);
     Simulations {
         points: nodes.into_iter().map(|node| node.point).collect(),
         parts: 1,
@@ -50,7 +53,7 @@ pub(super) fn check(
     context: &CheckContext<'_>,
     control: &Control<'_>,
 ) -> Result<(Check, [usize; 2]), VerifyError> {
-    let (nodes, _) = choose(context);
+    let (nodes, _) = chosen(context, NODES, context.options.samples);
     let total = nodes.len();
     let simulations = simulations(context);
     let fresh = simulations.run(context.grid, control)?;
@@ -84,9 +87,14 @@ pub(super) fn check(
     Ok((check, skipped))
 }
 
-/// Random nodes of different jobs, and the seed of their simulations.
-fn choose(context: &CheckContext<'_>) -> (Vec<Node>, u64) {
-    let mut random = sampling::CheckStream::Verify.stream("nodes", context.options.seed);
+/// At most `most` random nodes of different jobs, and the seed of their simulations. The stream
+/// of random numbers has the name of the check.
+pub(super) fn chosen(
+    context: &CheckContext<'_>,
+    name: &'static str,
+    most: usize,
+) -> (Vec<Node>, u64) {
+    let mut random = sampling::CheckStream::Verify.stream(name, context.options.seed);
     let seed = random.next_u64();
     let jobs = context.store.jobs();
     let axes = context.store.axes();
@@ -118,12 +126,12 @@ fn choose(context: &CheckContext<'_>) -> (Vec<Node>, u64) {
             row: row as usize,
         })
     });
-    (nodes.take(context.options.samples).collect(), seed)
+    (nodes.take(most).collect(), seed)
 }
 
 /// The difference in combined standard errors. The variance includes the rounding of stored
 /// values to f32.
-fn z(fresh: Measured, stored: Measured) -> f64 {
+pub(super) fn z(fresh: Measured, stored: Measured) -> f64 {
     // Values below the smallest f32 are stored as 0.
     let rounding = f64::from(f32::EPSILON * stored.value.abs() as f32 + f32::MIN_POSITIVE);
     let variance = fresh.se.powi(2) + stored.se.powi(2) + rounding.powi(2);
@@ -135,7 +143,7 @@ fn z(fresh: Measured, stored: Measured) -> f64 {
 
 /// Sums of z over the curves of one quantity.
 #[derive(Default)]
-struct ZScores {
+pub(super) struct ZScores {
     /// Number of curves.
     curves: f64,
     /// Sum over the curves of their mean z.
@@ -150,7 +158,7 @@ struct ZScores {
 
 impl ZScores {
     /// Adds the z of a curve at all wavelengths.
-    fn add(&mut self, node: &Node, z: &[f64], wavelengths_nm: &[f64]) {
+    pub(super) fn add(&mut self, node: &Node, z: &[f64], wavelengths_nm: &[f64]) {
         self.curves += 1.0;
         self.sum += z.iter().sum::<f64>() / z.len() as f64;
         self.sum_sq += z.iter().map(|z| z * z).sum::<f64>() / z.len() as f64;
@@ -162,10 +170,22 @@ impl ZScores {
         }
     }
 
+    /// The test of the largest |z| with its bound, which the two quantities share; `None` without
+    /// curves.
+    pub(super) fn largest(self, quantity: Quantity, grid: &Grid) -> Option<CheckedValue> {
+        let comparisons = self.curves * grid.wavelengths_nm.len() as f64;
+        (self.curves > 0.0).then(|| CheckedValue {
+            quantity,
+            measure: "largest |z|",
+            value: self.max,
+            bound: Some(gaussian(comparisons, FALSE_ALARM / 2.0)),
+            at: self.at,
+        })
+    }
+
     /// The three tests with their bounds.
     fn figures(self, quantity: Quantity, grid: &Grid) -> [CheckedValue; 3] {
         let allowed = FALSE_ALARM / TESTS;
-        let gaussian = |comparisons: f64| (2.0 * (2.0 * comparisons / allowed).ln()).sqrt();
         let figure = |measure, value, bound, at| CheckedValue {
             quantity,
             measure,
@@ -178,16 +198,27 @@ impl ZScores {
         let chi_square = chi_square_bound(self.curves, allowed);
         let mean_sq = self.sum_sq / self.curves;
         [
-            figure("largest |z|", self.max, gaussian(comparisons), self.at),
+            figure(
+                "largest |z|",
+                self.max,
+                gaussian(comparisons, allowed),
+                self.at,
+            ),
             figure(
                 "|sum of z| / sqrt(nodes)",
                 shift,
-                gaussian(1.0),
+                gaussian(1.0, allowed),
                 String::new(),
             ),
             figure("mean z^2", mean_sq, chi_square, String::new()),
         ]
     }
+}
+
+/// The x that one of `comparisons` numbers with Gaussian or lighter tails exceeds with
+/// probability `allowed`, at most.
+fn gaussian(comparisons: f64, allowed: f64) -> f64 {
+    (2.0 * (2.0 * comparisons / allowed).ln()).sqrt()
 }
 
 /// The x above 1 with exp(-n (x - 1 - ln x) / 2) = `allowed`.

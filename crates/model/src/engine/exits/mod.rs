@@ -21,6 +21,7 @@ use std::f64::consts::PI;
 use std::ops::Range;
 
 use counting::DirectionBins;
+pub use parts::PARTS;
 
 use super::nodes::{mixes, nodes};
 use super::substrate::{self, SubstrateCoefficients};

@@ -8,7 +8,7 @@ use crate::measurement::Measured;
 use crate::rng::{Key, Stream};
 
 /// Number of parts of a run: standard errors are known to 13 % (31 degrees of freedom).
-const PARTS: u64 = 32;
+pub const PARTS: u64 = 32;
 
 /// Scores of the rays of one part.
 pub(super) struct PartScores {
