@@ -34,6 +34,7 @@ mod substrates;
 mod tailor;
 mod units;
 mod verify;
+mod views;
 
 mod common;
 mod config_errors;

@@ -131,6 +131,12 @@ impl Args {
     /// A spectrum of reflectance or transmittance.
     fn hemispherical(&self, database: &Database, quantity: Quantity) -> anyhow::Result<Vec<f32>> {
         let point = self.point.point(self.diffuse)?;
+        let mut views = Parameter::VIEWS.into_iter();
+        if let Some(axis) = views.find(|axis| point.get(*axis).is_some()) {
+            let (name, option) = (quantity.name(), axis.record().option);
+            let factor = DirectionalQuantity::ReflectanceFactor.name(self.diffuse);
+            bail!("{name} does not depend on a view; remove --{option}, or ask for {factor}");
+        }
         let database_at = database.at(point.optional())?;
         Ok(match self.method {
             Method::Smooth => {

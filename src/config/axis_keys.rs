@@ -135,7 +135,7 @@ impl JsonSchema for AxesKeys {
                 _ => numbers(record.allowed),
             };
             if parameter == Parameter::View {
-                text += ". With relative_azimuth_deg; the light of every curve toward every view is then computed too, run.view_rays walks a curve";
+                text += ". Requires relative_azimuth_deg. The light of every curve toward every view is then computed too, with run.view_rays walks per curve";
             }
             if parameter == Parameter::GrainSize {
                 text += "; required unless optical_radius_um or ssa_m2_kg is given";

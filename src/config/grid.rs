@@ -3,7 +3,7 @@ use std::path::Path;
 
 use crate::colour::Viewing;
 use crate::engine::{Engine, MaxError};
-use crate::grain::{SizeConversion, SizeMeasure};
+use crate::grain::{Facets, SizeConversion, SizeMeasure};
 use crate::grid::{Compression, Fixed, Grid, GridViews, Run, SizeAxis, Spread, why_absent};
 use crate::parameter::{Axes, Parameter};
 
@@ -84,17 +84,22 @@ pub fn parse(name: &str, text: &str) -> Result<GridFile, ConfigError> {
     let (document, keys) = Document::read::<GridKeys>(name, text, &schema::GRID)?;
     let (mut warnings, mut notes) = (Vec::new(), Vec::new());
     let size_law = size_law(&document, &keys.model)?;
+    let model = model(&document, &keys.model, directory_of(name))?;
     let mut spread = spread(&keys.spread, size_law);
     if !document.has("axes.grain_size_um") && !document.has("spread.grain_size_half_width_um") {
         spread.grain_size_half_width_um = 0.0;
     }
     narrow_spread(&document, &keys.axes, &mut spread, &mut warnings);
     let diffuse = keys.axes.diffuse;
-    let (axes, size_axis, longest_um) =
-        axes(&document, keys.axes, &spread, &keys.fixed, &mut warnings)?;
+    let (axes, size_axis, longest_um) = axes(
+        &document,
+        keys.axes,
+        (&spread, model.facets),
+        &keys.fixed,
+        &mut warnings,
+    )?;
     let (views, axes) = (views(&document, &axes, &keys.run)?, axes.without_views());
     let wavelengths_nm = wavelengths(&document, &keys.wavelengths, &mut warnings)?;
-    let model = model(&document, &keys.model, directory_of(name))?;
     fixed_or_axis(&document, &["axes".to_owned()], &keys.fixed)?;
     let mut fixed = fixed(
         &document,
@@ -186,7 +191,7 @@ fn check_fit(
 fn axes(
     document: &Document,
     mut keys: AxesKeys,
-    spread: &Spread,
+    (spread, facets): (&Spread, Facets),
     fixed: &FixedKeys,
     warnings: &mut Vec<String>,
 ) -> Result<(Axes, Option<SizeAxis>, Vec<f64>), ConfigError> {
@@ -227,7 +232,8 @@ fn axes(
         });
     }
     if let Some(&smallest) = axes.values(Parameter::Facetness).first() {
-        remark_smooth(document, warnings, "axes.facetness[0]", smallest);
+        let given = ("axes.facetness[0]", smallest);
+        remark_smooth(document, warnings, facets, given);
     }
     let half_width = spread.grain_size_half_width_um;
     let mut longest_um = Vec::new();

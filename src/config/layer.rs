@@ -2,7 +2,7 @@
 use std::path::Path;
 
 use crate::grain::{
-    GrainType, Shape, SizeConversion, SizeLaw, SizeMeasure, SizeRange, TruncatedNormal,
+    Facets, GrainType, Shape, SizeConversion, SizeLaw, SizeMeasure, SizeRange, TruncatedNormal,
 };
 use crate::optics::{Carbon, ice_density_kg_m3};
 use crate::spectrum::Table;
@@ -25,16 +25,17 @@ use super::{check, water};
 /// The only layer of a sample that may be a half space.
 const BASE: &str = "layer[0]";
 
-/// The layers in the list of tables `[[name]]`, from the base up.
+/// The layers in the list of tables `[[name]]`, from the base up. `options` are those of the model
+/// that belong to the grains.
 pub(super) fn layers(
     document: &Document,
     name: &str,
     keys: &[LayerKeys],
-    size_law: SizeLaw,
+    options: (SizeLaw, Facets),
     warnings: &mut Vec<String>,
 ) -> Result<Vec<Layer>, ConfigError> {
     let read_layer = |(i, keys): (usize, &LayerKeys)| {
-        layer(document, &format!("{name}[{i}]"), keys, size_law, warnings)
+        layer(document, &format!("{name}[{i}]"), keys, options, warnings)
     };
     keys.iter().enumerate().map(read_layer).collect()
 }
@@ -43,7 +44,7 @@ fn layer(
     document: &Document,
     table: &str,
     keys: &LayerKeys,
-    size_law: SizeLaw,
+    options: (SizeLaw, Facets),
     warnings: &mut Vec<String>,
 ) -> Result<Layer, ConfigError> {
     check_fractions(document, table, keys)?;
@@ -55,7 +56,7 @@ fn layer(
                 document,
                 &key,
                 grain,
-                (size_law, keys.temperature_c),
+                (options, keys.temperature_c),
                 warnings,
             )?,
         })
@@ -231,7 +232,7 @@ fn grain_type(
     document: &Document,
     table: &str,
     grain: &GrainKeys,
-    (size_law, temperature_c): (SizeLaw, f64),
+    ((size_law, facets), temperature_c): ((SizeLaw, Facets), f64),
     warnings: &mut Vec<String>,
 ) -> Result<GrainType, ConfigError> {
     let f = &grain.facetness;
@@ -264,7 +265,8 @@ fn grain_type(
         .map_err(|e| document.error(&key, Problem::Contradiction(e.to_string()), ""))?
         .with_law(size_law);
     remark_overpacked(document, warnings, &key, &range);
-    remark_smooth(document, warnings, &format!("{table}.facetness.min"), f.min);
+    let key = format!("{table}.facetness.min");
+    remark_smooth(document, warnings, facets, (&key, f.min));
     let facetness = (f.min, f.max, f.mean, f.sd);
     Ok(GrainType {
         size: range,

@@ -61,9 +61,10 @@ pub fn parse(name: &str, text: &str) -> Result<SampleFile, ConfigError> {
     let illumination = illumination(&document, &keys)?;
     let wavelengths_nm = wavelengths(&document, &keys.wavelengths, &mut warnings)?;
     let size_law = size_law(&document, &keys.model)?;
-    let mut layers = layer::layers(&document, "layer", &keys.layer, size_law, &mut warnings)?;
     let directory = directory_of(name);
     let model = model(&document, &keys.model, directory)?;
+    let options = (size_law, model.facets);
+    let mut layers = layer::layers(&document, "layer", &keys.layer, options, &mut warnings)?;
     let substrate = keys.substrate.as_ref();
     let substrate = layer::substrate(
         &document,

@@ -76,6 +76,7 @@ pub fn parse(name: &str, text: &str) -> Result<SceneFile, ConfigError> {
     let (mut warnings, mut notes) = (Vec::new(), Vec::new());
     let requirements = &keys.scene;
     let size_law = size_law(&document, &keys.model)?;
+    let model = model(&document, &keys.model, directory_of(name))?;
     let spread = spread(&keys.spread, size_law);
     let half_width = spread.grain_size_half_width_um;
 
@@ -91,7 +92,8 @@ pub fn parse(name: &str, text: &str) -> Result<SceneFile, ConfigError> {
             match parameter {
                 Parameter::Facetness => {
                     if let Some((key, smallest)) = given.ends.first() {
-                        remark_smooth(&document, &mut warnings, key, *smallest);
+                        let given = (key.as_str(), *smallest);
+                        remark_smooth(&document, &mut warnings, model.facets, given);
                     }
                 }
                 Parameter::GrainSize => {
@@ -154,7 +156,6 @@ pub fn parse(name: &str, text: &str) -> Result<SceneFile, ConfigError> {
         .map(|ranges| ranges.into_iter().chain(slab));
     let regions: Vec<Region> = boxes.map(Iterator::collect).collect();
     same_axes(&document, &regions)?;
-    let model = model(&document, &keys.model, directory_of(name))?;
     densities.dedup();
     let fixed = fixed(
         &document,

@@ -2,7 +2,7 @@
 //! and slab thicknesses, water, and the properties that all curves share.
 use std::path::Path;
 
-use crate::grain::{SizeLaw, SizeRange, overpacking};
+use crate::grain::{Facets, SizeLaw, SizeRange, overpacking};
 use crate::grid::{Fixed, MIN_GRAIN_LENGTHS, Spread};
 use crate::optics::{Carbon, ice_density_kg_m3};
 use crate::parameter::Parameter;
@@ -100,7 +100,8 @@ pub(super) fn fixed(
             .map(|keys| layer::carbon(document, &key, keys, usual));
         carbon.transpose()
     };
-    let mut below = layer::layers(document, "fixed.below", &keys.below, size_law, warnings)?;
+    let options = (size_law, model.facets);
+    let mut below = layer::layers(document, "fixed.below", &keys.below, options, warnings)?;
     if model.joining == Joining::Cascade {
         for (i, (layer, keys)) in below.iter().zip(&keys.below).enumerate() {
             let key = format!("fixed.below[{i}].thickness_cm");
@@ -205,14 +206,14 @@ pub(super) const ORDINARY_UM: (f64, f64) = {
 };
 
 /// Warns if `smallest`, the smallest facetness, given at `key`, is 0, where reflectance is
-/// discontinuous.
+/// discontinuous with the published facets.
 pub(super) fn remark_smooth(
     document: &Document,
     warnings: &mut Vec<String>,
-    key: &str,
-    smallest: f64,
+    facets: Facets,
+    (key, smallest): (&str, f64),
 ) {
-    if smallest == 0.0 {
+    if smallest == 0.0 && facets == Facets::Varsa2025 {
         let remark = "is where reflectance is discontinuous: facetness 0 and 0.01 give very different reflectances, and look-ups between the two are not reliable (docs/stability.md)";
         warnings.push(document.warning(key, remark.to_owned()));
     }

@@ -330,6 +330,11 @@ pub(crate) const GRID_ERRORS: &[(&str, &str)] = &[
     ("grain_size_um = [100, 300, 500]", "grain_size_um = [5, 300]"),
     // Optional axes.
     ("incidence_angle_deg = [0, 40, 80]", "incidence_angle_deg = [0, 40, 80]\nwater_saturation = [0, 0.1]"),
+    ("incidence_angle_deg = [0, 40, 80]", "incidence_angle_deg = [0, 40, 80]\nview_deg = [0, 60]"),
+    ("incidence_angle_deg = [0, 40, 80]", "incidence_angle_deg = [0, 40, 80]\nrelative_azimuth_deg = [0, 180]"),
+    ("incidence_angle_deg = [0, 40, 80]", "incidence_angle_deg = [0, 40, 80]\nview_deg = [0, 89]\nrelative_azimuth_deg = [0]"),
+    ("incidence_angle_deg = [0, 40, 80]", "incidence_angle_deg = [0, 40, 80]\nview_deg = [0]\nrelative_azimuth_deg = [-90, 90]"),
+    ("[run]\n", "[run]\nview_rays = 100\n"),
     ("incidence_angle_deg = [0, 40, 80]", "incidence_angle_deg = [0, 40, 80]\ntemperature_c = [-5]"),
     ("incidence_angle_deg = [0, 40, 80]", "incidence_angle_deg = [0, 40, 80]\nsphericity = [0.7, 0.8]"),
     ("incidence_angle_deg = [0, 40, 80]", "incidence_angle_deg = [0, 40, 80]\nsphericity = [0, 0.8]"),
