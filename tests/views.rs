@@ -14,25 +14,8 @@ use splitsnow::store::{Store, Variable};
 
 use crate::common::{assert_same, dir_bytes};
 
-/// 2 sizes, 2 thicknesses, of which the large grains do not fit the thin one; 2 angles and
-/// diffuse light; 3 x 2 views.
-const GRID: &str = "version = 1
-[axes]
-facetness = [0.3]
-grain_size_um = [300, 1500]
-density_kg_m3 = [300]
-thickness_cm = [1, 20]
-incidence_angle_deg = [0, 60]
-diffuse = true
-view_deg = [0, 30, 60]
-relative_azimuth_deg = [0, 180]
-[wavelengths]
-values_nm = [450, 550, 650]
-[run]
-engine = \"hybrid\"
-rays = 200
-view_rays = 8
-";
+/// A small grid with views, diffuse light and curves that do not exist.
+const GRID: &str = include_str!("data/views.toml");
 const SNOW: &str = "--facetness 0.3 --grain-size-um 300 --density-kg-m3 300 --thickness-cm 20";
 
 struct Folder(tempfile::TempDir);
