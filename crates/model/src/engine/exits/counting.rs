@@ -1,5 +1,6 @@
 //! Scores walks where they end, with a weight for the absorption at each wavelength.
 use std::borrow::Cow;
+use std::f64::consts::PI;
 use std::ops::Range;
 use std::sync::atomic::{AtomicBool, Ordering};
 
@@ -40,17 +41,28 @@ pub(super) trait Bins: Sync {
 pub(super) trait DirectionBins: Bins {
     /// The sensors that are the bins.
     fn sensors(&self) -> &Sensors;
+
+    /// A result if the side emits unit power as a Lambertian surface does.
+    fn lambertian(&self, result: usize) -> f64;
 }
 
 impl DirectionBins for Sensors {
     fn sensors(&self) -> &Sensors {
         self
     }
+
+    fn lambertian(&self, result: usize) -> f64 {
+        self.projected_sr(result) / PI
+    }
 }
 
 impl DirectionBins for Views {
     fn sensors(&self) -> &Sensors {
         self.sensors()
+    }
+
+    fn lambertian(&self, _: usize) -> f64 {
+        1.0 / PI
     }
 }
 

@@ -189,10 +189,6 @@ pub fn view_engine(engine: Engine, request: &Request) -> Engine {
     }
 }
 
-/// Largest relative standard error of the sum of the scores on a side from which the directions of
-/// its light are taken.
-const LARGEST_SUM_ERROR: f64 = 0.5;
-
 /// Factors toward each of `views` with `rays` walks for every curve: per thickness and
 /// illumination, the last running fastest. They are scaled so that they add up to `spectra`, R and
 /// T of the curves in the same order. Where too few walks leave on a side, the light there counts
@@ -238,11 +234,6 @@ pub fn view_factors(
     (0..curves).map(curve).collect()
 }
 
-/// Whether enough walks leave on a side, whose scores have this sum, to tell directions apart.
-fn is_known(sum: &Measured) -> bool {
-    sum.se < LARGEST_SUM_ERROR * sum.value
-}
-
 /// [`view_factors`] of a request with a single curve.
 fn factors_of_curve(
     engine: Engine,
@@ -265,15 +256,7 @@ fn factors_of_curve(
     };
     let pairs = spectrum.reflectance.iter().zip(&spectrum.transmittance);
     for ((r, t), exits) in pairs.zip(&mut exits) {
-        let known = [&exits.reflectance, &exits.transmittance].map(is_known);
-        exits.normalise(*r, *t);
-        let sides = [(&mut exits.reflected, r), (&mut exits.transmitted, t)];
-        for ((views, sum), known) in sides.into_iter().zip(known) {
-            if !known {
-                let value = sum.value / PI;
-                views.fill(Measured { value, se: value });
-            }
-        }
+        exits.normalise(*r, *t, |view| views.lambertian(view));
     }
     let by_view = |factors: fn(&Exits) -> Vec<Measured>| {
         let columns: Vec<_> = exits.iter().map(factors).collect();
@@ -307,7 +290,7 @@ fn directions(
                 for spectrum in &spectra {
                     let pairs = spectrum.reflectance.iter().zip(&spectrum.transmittance);
                     for ((r, t), exits) in pairs.zip(&mut remaining) {
-                        exits.normalise(*r, *t);
+                        exits.normalise(*r, *t, |result| bins.lambertian(result));
                     }
                 }
             }

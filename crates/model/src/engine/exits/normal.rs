@@ -6,6 +6,10 @@
 //! relative errors add in quadrature. For a sensor with score V and a total S, the
 //! error of the share follows from the scatter of V - (V / S) S over independent parts
 //! with V / S held constant (the ratio estimator, Cochran 1977, chapter 6).
+//!
+//! The shares are unknown if the total is the score of a few walks, or far below R or T: most of
+//! the light is then that of walks too rare to be in the sample. Such a side counts as Lambertian,
+//! with a standard error of its value.
 use super::Exits;
 use crate::engine::{Control, Engine, EngineError, MaxError, Request, Resolution};
 use crate::measurement::{Measured, Spectrum};
@@ -43,10 +47,26 @@ pub(super) fn spectra(
     is_valid(request).then(run).transpose()
 }
 
+/// Largest relative standard error of a total whose shares are known.
+const LARGEST_ERROR: f64 = 0.5;
+/// Smallest share of R or T that a total reaches whose shares are known.
+const SMALLEST_SHARE: f64 = 0.1;
+
+/// Whether the scores with this total tell directions apart.
+fn is_known(total: &Measured, target: Measured) -> bool {
+    total.se < LARGEST_ERROR * total.value && total.value > SMALLEST_SHARE * target.value
+}
+
 impl Exits {
     /// Scales the bins, whose errors are those of their shares, so that they add up to
-    /// `reflectance` and `transmittance`. A side without scores is not changed.
-    pub(super) fn normalise(&mut self, reflectance: Measured, transmittance: Measured) {
+    /// `reflectance` and `transmittance`. `lambertian` gives each bin for a Lambertian side of
+    /// unit power.
+    pub(super) fn normalise(
+        &mut self,
+        reflectance: Measured,
+        transmittance: Measured,
+        lambertian: impl Fn(usize) -> f64,
+    ) {
         let sides = [
             (&mut self.reflected, &mut self.reflectance, reflectance),
             (
@@ -56,7 +76,12 @@ impl Exits {
             ),
         ];
         for (bins, sum, target) in sides {
-            if sum.value <= 0.0 {
+            if !is_known(sum, target) {
+                for (number, bin) in bins.iter_mut().enumerate() {
+                    let value = lambertian(number) * target.value;
+                    *bin = Measured { value, se: value };
+                }
+                *sum = target;
                 continue;
             }
             let scale = target.value / sum.value;
@@ -87,7 +112,7 @@ mod tests {
             transmitted: vec![measured(0.0, 0.01)],
             ..Exits::default()
         };
-        exits.normalise(measured(0.4, 0.04), measured(1e-9, 0.0));
+        exits.normalise(measured(0.4, 0.04), measured(1e-9, 0.0), |_| 0.25);
         let expected = [
             measured(0.3, 0.015_f64.hypot(0.03)),
             measured(0.1, 0.015_f64.hypot(0.01)),
@@ -98,6 +123,16 @@ mod tests {
         }
         assert_eq!(exits.reflectance, measured(0.4, 0.04));
         // nothing scored on the other side
-        assert_eq!(exits.transmitted, [measured(0.0, 0.01)]);
+        assert_eq!(exits.transmitted, [measured(2.5e-10, 2.5e-10)]);
+        // nor do scores far below the target count, whose squares are 0
+        for (value, se) in [(1e-160, 0.0), (0.02, 0.001), (0.5, 0.3)] {
+            let mut rare = Exits {
+                reflected: vec![measured(value, 1.0)],
+                reflectance: measured(value, se),
+                ..Exits::default()
+            };
+            rare.normalise(measured(0.4, 0.04), measured(0.0, 0.0), |_| 1.0);
+            assert_eq!(rare.reflected, [measured(0.4, 0.4)]);
+        }
     }
 }
