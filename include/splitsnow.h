@@ -1337,6 +1337,9 @@ static splitsnow_status splitsnow__read_database(splitsnow *database, const spli
     if (status != SPLITSNOW_OK) return status;
     basis = splitsnow__choice(source, "basis", -1, bases, 2);
     if (basis < 0) return splitsnow__unexpected(source, "basis", "linear` or `log");
+    if (basis != 0 && present[SPLITSNOW_VIEW_DEG]) {
+        return splitsnow__unexpected(source, "basis", bases[0]); /* factors have no such logarithm */
+    }
     precision = splitsnow__choice(source, "precision", 0, precisions, 3);
     if (precision < 0) {
         return splitsnow__unexpected(source, "precision", "f32` or `f16` or `quantised");

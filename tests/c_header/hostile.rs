@@ -234,6 +234,7 @@ fn changed_content(plain: &[u8]) -> Vec<Vec<u8>> {
         vec![(content, r#""content":"anisotropy_factors","#.into())],
         vec![(content, r#""content":"","#.into())],
         vec![(content, r#""content":"anisotropy\u005ffactor","#.into())],
+        vec![(r#""basis":"linear""#, r#""basis":"log""#.into())],
         vec![(order, "relative_azimuth_deg,view_deg,facetness".into())],
         vec![(order, "view_deg,facetness".into())],
         vec![(
