@@ -2945,6 +2945,11 @@ static void splitsnow__add_views(const splitsnow_anisotropy *anisotropy,
     }
 }
 
+/* A factor in single precision. Curves through nodes that are very close together may exceed it. */
+static float splitsnow__factor(double value) {
+    return value > (double)FLT_MAX ? FLT_MAX : value < -(double)FLT_MAX ? -FLT_MAX : (float)value;
+}
+
 static void splitsnow__write_factors(const splitsnow_anisotropy *anisotropy,
                                      const splitsnow__toward *toward, float *spectrum) {
     for (size_t first = 0; first < anisotropy->components; first += SPLITSNOW__FEW) {
@@ -2960,7 +2965,7 @@ static void splitsnow__write_factors(const splitsnow_anisotropy *anisotropy,
             }
             for (size_t j = 0; j < 8 && l + j < anisotropy->wavelengths; j++) {
                 double before = first > 0 ? (double)spectrum[l + j] : 0.0;
-                spectrum[l + j] = splitsnow__single(before + values[j]);
+                spectrum[l + j] = splitsnow__factor(before + values[j]);
             }
         }
     }

@@ -1,11 +1,11 @@
 //! For any bytes, the reader of compact files returns an error, or a database. Look-ups at
 //! its nodes give finite numbers, and interpolated look-ups numbers in [0, 1], unless the
-//! table would be too large.
+//! table would be too large. Interpolated anisotropy factors are finite numbers.
 #![no_main]
 use libfuzzer_sys::fuzz_target;
-use splitsnow::lookup::{Database, Lookup, LookupError, Varsa2025};
+use splitsnow::lookup::{Anisotropy, Database, Lookup, LookupError, Varsa2025};
 use splitsnow::measurement::Quantity;
-use splitsnow::parameter::Point;
+use splitsnow::parameter::{Parameter, Point};
 
 fuzz_target!(|bytes: &[u8]| {
     let Ok(database) = Database::from_bytes(bytes) else {
@@ -27,6 +27,10 @@ fuzz_target!(|bytes: &[u8]| {
         Err(LookupError::TooLarge { .. }) => return,
         database => database.expect("between nodes"),
     };
+    if database.holds_anisotropy() {
+        toward_views(&database, [first, middle]);
+        return;
+    }
     for quantity in Quantity::ALL.into_iter().filter(|&q| database.has(q)) {
         // its spline is unbounded, and it answers at nodes of the snow only
         let published = Varsa2025::new(&database, quantity).expect("a quantity it has");
@@ -46,3 +50,29 @@ fuzz_target!(|bytes: &[u8]| {
         }
     }
 });
+
+/// Anisotropy factors at `points`, on both sides of the normal and beyond both ends of the
+/// thickness.
+fn toward_views(database: &Database, points: [Point; 2]) {
+    for quantity in Quantity::ALL.into_iter().filter(|&q| database.has(q)) {
+        let anisotropy = Anisotropy::new(database, quantity).expect("a quantity it has");
+        let mut spectrum = vec![0.0; anisotropy.wavelengths()];
+        for point in points {
+            let azimuth = point[Parameter::RelativeAzimuth];
+            let others = [
+                point,
+                point.with(Parameter::RelativeAzimuth, azimuth + 180.0),
+                point.with(Parameter::View, 0.5),
+                point.with(Parameter::Thickness, 0.0),
+                point.with(Parameter::Thickness, 1e9),
+            ];
+            for point in others {
+                // a curve may be absent
+                if anisotropy.spectrum(point, &mut spectrum).is_ok() {
+                    let finite = spectrum.iter().all(|value| value.is_finite());
+                    assert!(finite, "{point}: {spectrum:?}");
+                }
+            }
+        }
+    }
+}

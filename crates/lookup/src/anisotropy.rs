@@ -28,6 +28,9 @@ const LINEAR: [Parameter; 4] = [
     Parameter::Thickness,
 ];
 
+/// Largest factor. Curves through nodes that are very close together may exceed it.
+const LARGEST: f64 = f32::MAX as f64;
+
 /// Anisotropy factors of reflected or transmitted light, prepared for look-ups anywhere within
 /// the axes.
 #[derive(Debug, Clone)]
@@ -238,7 +241,7 @@ impl Anisotropy {
         }
         for (value, vectors) in spectrum.iter_mut().zip(self.basis.rows()) {
             let products = vectors.iter().zip(&sum).map(|(v, c)| f64::from(*v) * c);
-            *value = products.sum::<f64>() as f32;
+            *value = products.sum::<f64>().clamp(-LARGEST, LARGEST) as f32;
         }
         Ok(())
     }
@@ -446,6 +449,16 @@ mod tests {
         let error = look_up(&file, at(1.0, angles)).unwrap() / lobe(angles) - 1.0;
         assert!(error.abs() < 0.05, "{error}");
         assert!(look_up(&file, at(1.0, [20.0, 22.0, 61.0])).is_err());
+    }
+
+    /// Nodes that are very close together give steep curves, which stay finite.
+    #[test]
+    fn factors_are_finite() {
+        let near = file(&[0.0], &[0.0, f64::from(f32::from_bits(1)), 60.0], |[x, ..]| {
+            if x == 0.0 { -1e9 } else { 1e9 }
+        });
+        let found = look_up(&near, at(1.0, [30.0, 0.0, 0.0])).unwrap();
+        assert_eq!(found.abs(), LARGEST);
     }
 
     /// Of light that is symmetric about the normal one azimuth is enough.
