@@ -14,20 +14,34 @@
 //!   degrees, whose slopes come from parabolas through three nodes. The factor is symmetric about
 //!   the plane of incidence, and a view (or light) at the angle -x is one at x from the other
 //!   side. So the curves go on beyond 0 and 180 degrees of azimuth, and beyond the normal.
-use ndarray::Array2;
+mod angle;
+
+use ndarray::ArrayView1;
 use splitsnow_spectra::Quantity;
+use splitsnow_spectra::simd::{F64x8, Portable, Simd, SimdKernel, dispatch};
 
-use crate::conditions::bracket;
-use crate::{Axes, Database, LookupError, Parameter, Point, absent_error, missing_curve, nodes};
+use self::angle::{AngleAxis, Stencil};
+use crate::parameter::slab_places;
+use crate::{Axes, Database, Lookup, LookupError, Parameter, Point};
+use crate::{absent_error, missing_curve, nodes};
 
-/// Axes along which the factor is linear, slowest first.
+/// Axes along which the factor is linear, slowest first: the first of [`Parameter::CORE`].
 const LINEAR: [Parameter; 4] = [
     Parameter::Facetness,
     Parameter::GrainSize,
     Parameter::Density,
     Parameter::Thickness,
 ];
-
+/// Position of the grain size among [`LINEAR`].
+const GRAIN_SIZE: usize = 1;
+/// Position of the thickness among [`LINEAR`].
+const THICKNESS: usize = 3;
+/// Largest number of nodes of [`LINEAR`] and of the incidence angle around a point.
+const MOST: usize = 64;
+/// Largest number of components that are summed on the stack.
+const FEW: usize = 64;
+/// Components per vector.
+const LANES: usize = 8;
 /// Largest factor. Curves through nodes that are very close together may exceed it.
 const LARGEST: f64 = f32::MAX as f64;
 
@@ -37,112 +51,65 @@ const LARGEST: f64 = f32::MAX as f64;
 pub struct Anisotropy {
     /// Axes of the view and of [`Parameter::CORE`], as in the file.
     axes: Axes,
+    /// Nodes of [`LINEAR`].
+    values: [Vec<f64>; 4],
+    /// Their coordinates.
+    places: [Vec<f64>; 4],
+    /// Counts of curves that do not exist, as [`Database::absent`].
     absent: Vec<usize>,
-    /// `[s][l']`.
-    coefficients: Vec<f32>,
-    /// `[l, l']`.
-    basis: Array2<f32>,
     incidence: AngleAxis,
     view: AngleAxis,
     azimuth: AngleAxis,
     /// Whether the light is symmetric about the normal, so that the azimuth has no effect.
     is_axial: bool,
+    components: usize,
+    /// `[view][azimuth][node of LINEAR][incidence][component]`, then zeros: a whole vector can
+    /// be read from any place.
+    table: Vec<f32>,
+    /// Basis vectors, `[l / 8][component]`.
+    basis: Vec<F64x8>,
+    wavelengths: usize,
 }
 
-/// The nodes of an angle, degrees, and their mirror images beyond the ends.
-#[derive(Debug, Clone)]
-struct AngleAxis {
-    places: Vec<f64>,
-    /// Node of each place, and whether it is on the other side of the normal.
-    nodes: Vec<(usize, bool)>,
-}
-
-/// Up to four nodes with their weights.
-#[derive(Debug, Clone, Copy, Default)]
-struct Stencil {
-    nodes: [(usize, bool); 4],
-    weights: [f64; 4],
+/// The nodes of [`LINEAR`] around a slab: number of each combination, and its weight.
+struct Corners {
+    index: [usize; 16],
+    weight: [f64; 16],
     count: usize,
 }
 
-impl Stencil {
-    fn iter(&self) -> impl Iterator<Item = ((usize, bool), f64)> + Clone {
-        let pairs = self.nodes.into_iter().zip(self.weights);
-        pairs.take(self.count)
+impl Corners {
+    #[inline(always)]
+    fn iter(&self) -> impl Iterator<Item = (usize, f64)> {
+        let corners = self.index.iter().zip(&self.weight);
+        corners
+            .take(self.count)
+            .map(|(index, weight)| (*index, *weight))
     }
 }
 
-impl AngleAxis {
-    /// The axis of these values. It goes on beyond its first value with its mirror image
-    /// if `mirrored[0]`, and likewise beyond its last.
-    fn new(values: &[f64], mirrored: [bool; 2], other_side: bool) -> Self {
-        let own = values.iter().enumerate();
-        let mut places: Vec<(f64, (usize, bool))> =
-            own.map(|(node, value)| (*value, (node, false))).collect();
-        if let (Some([first, second]), true) = (values.first_chunk(), mirrored[0]) {
-            places.insert(0, (2.0 * first - second, (1, other_side)));
-        }
-        if let (Some([before, last]), true) = (values.last_chunk(), mirrored[1]) {
-            places.push((2.0 * last - before, (values.len() - 2, other_side)));
-        }
-        let (places, nodes) = places.into_iter().unzip();
-        Self { places, nodes }
-    }
+/// The nodes around a slab, its light and its view.
+struct Toward {
+    view: Stencil,
+    /// On the side of the view, and on the other side of the normal.
+    azimuths: [Stencil; 2],
+    /// Place in the table of each node of the slab and of the light, without the view, and its
+    /// weight. Nodes of light from the other side of the normal come last.
+    nodes: [(usize, f64); MOST],
+    /// Number of nodes in all, and of light from its own side.
+    counts: [usize; 2],
+}
 
-    /// The nodes around `x`, which is within the axis, and their weights in a cubic Hermite
-    /// curve.
-    fn stencil(&self, x: f64) -> Stencil {
-        let (places, n) = (&self.places, self.places.len());
-        let mut stencil = Stencil::default();
-        let above = places.partition_point(|place| *place <= x);
-        let cell = above.saturating_sub(1).min(n.saturating_sub(2));
-        if n < 2 || places[cell] == x {
-            stencil.nodes[0] = self.nodes[cell];
-            stencil.weights[0] = 1.0;
-            stencil.count = 1;
-            return stencil;
+impl Toward {
+    /// The nodes of light from its own side of the normal, or from the other one.
+    #[inline(always)]
+    fn nodes(&self, other_side: bool) -> &[(usize, f64)] {
+        let [all, own] = self.counts;
+        if other_side {
+            &self.nodes[own..all]
+        } else {
+            &self.nodes[..own]
         }
-        let first = cell.saturating_sub(1);
-        stencil.count = (cell + 3).min(n) - first;
-        let step = places[cell + 1] - places[cell];
-        let t = (x - places[cell]) / step;
-        let mut add = |place: usize, weight: f64| stencil.weights[place - first] += weight;
-        // values, then slopes
-        let far = t * t * (3.0 - 2.0 * t);
-        add(cell, 1.0 - far);
-        add(cell + 1, far);
-        let slopes = [t * (1.0 - t) * (1.0 - t), -t * t * (1.0 - t)];
-        for (place, share) in [cell, cell + 1].into_iter().zip(slopes) {
-            let share = share * step;
-            let secant = |from: usize| places[from + 1] - places[from];
-            // the slope at an end is that of the parabola through the last three places
-            let (before, weights) = match place {
-                _ if n == 2 => (0, [1.0, 0.0]),
-                0 => {
-                    let part = secant(0) / (secant(0) + secant(1));
-                    (0, [1.0 + part, -part])
-                }
-                _ if place == n - 1 => {
-                    let part = secant(n - 2) / (secant(n - 3) + secant(n - 2));
-                    (n - 3, [-part, 1.0 + part])
-                }
-                _ => {
-                    let part = secant(place) / (secant(place - 1) + secant(place));
-                    (place - 1, [part, 1.0 - part])
-                }
-            };
-            for (from, weight) in (before..n - 1).zip(weights) {
-                if weight != 0.0 {
-                    let weight = weight * share / secant(from);
-                    add(from + 1, weight);
-                    add(from, -weight);
-                }
-            }
-        }
-        for (node, place) in stencil.nodes.iter_mut().zip(&self.nodes[first..]) {
-            *node = *place;
-        }
-        stencil
     }
 }
 
@@ -175,14 +142,32 @@ impl Anisotropy {
             let sides = is_axial || ends == [true, true];
             [sides && values.first() == Some(&0.0), false]
         };
+        let columns = database.basis(quantity);
+        let (wavelengths, components) = columns.dim();
+        let chunk = |l: usize, column: ArrayView1<f32>| {
+            let value = |i: usize| column.get(l + i).copied().unwrap_or_default();
+            F64x8::new(std::array::from_fn(|i| f64::from(value(i))))
+        };
+        let chunks = (0..wavelengths).step_by(LANES).flat_map(|l| {
+            let columns = columns.columns().into_iter();
+            columns.map(move |column| chunk(l, column))
+        });
+        let coefficients = database.coefficients(quantity);
         Ok(Self {
+            values: LINEAR.map(|parameter| axes.values(parameter).to_vec()),
+            places: LINEAR.map(|parameter| {
+                let place = |value: &f64| parameter.record().scale.place(*value);
+                axes.values(parameter).iter().map(place).collect()
+            }),
             incidence: AngleAxis::new(incidence, goes_on(incidence), true),
             view: AngleAxis::new(view, goes_on(view), true),
             azimuth: AngleAxis::new(azimuth, ends, false),
             is_axial,
             absent: database.absent().to_vec(),
-            coefficients: database.coefficients(quantity).iter().copied().collect(),
-            basis: database.basis(quantity).to_owned(),
+            components,
+            table: ended(coefficients.iter().copied(), coefficients.len()),
+            basis: chunks.collect(),
+            wavelengths,
             axes,
         })
     }
@@ -190,7 +175,7 @@ impl Anisotropy {
     /// Number of wavelengths of a spectrum, l.
     #[must_use]
     pub fn wavelengths(&self) -> usize {
-        self.basis.nrows()
+        self.wavelengths
     }
 
     /// Writes the anisotropy factor at `point` at each wavelength to `spectrum` (`[l]`).
@@ -204,107 +189,340 @@ impl Anisotropy {
     /// [`LookupError::Absent`] if a surrounding curve does not exist, and
     /// [`LookupError::Shape`] if `spectrum` has the wrong length.
     pub fn spectrum(&self, point: Point, spectrum: &mut [f32]) -> Result<(), LookupError> {
-        if spectrum.len() != self.wavelengths() {
+        self.times(None, point, spectrum)
+    }
+
+    /// Writes the factor times the spectrum of `lookup`, or the factor alone.
+    pub(super) fn times(
+        &self,
+        lookup: Option<&Lookup>,
+        point: Point,
+        spectrum: &mut [f32],
+    ) -> Result<(), LookupError> {
+        if spectrum.len() != self.wavelengths {
             return Err(LookupError::Shape {
                 dimension: "wavelengths",
-                expected: self.wavelengths(),
+                expected: self.wavelengths,
                 found: spectrum.len(),
             });
         }
-        let corners = self.corners(point)?;
-        let view = self.view.stencil(self.inside(Parameter::View, point)?);
-        let incidence = self
-            .incidence
-            .stencil(self.inside(Parameter::Incidence, point)?);
-        let azimuths = self.azimuths(point)?;
-        let [.., incidences] = self.axes.core_shape();
-        let azimuth_count = self.axes.values(Parameter::RelativeAzimuth).len();
-        let block: usize = self.axes.core_shape().iter().product();
-        let components = self.basis.ncols();
-        let mut sum = vec![0.0_f64; components];
-        for ((view, view_side), view_weight) in view.iter() {
-            for ((angle, angle_side), angle_weight) in incidence.iter() {
-                let azimuths = &azimuths[usize::from(view_side != angle_side)];
-                for ((azimuth, _), azimuth_weight) in azimuths.iter() {
-                    let weight = view_weight * angle_weight * azimuth_weight;
-                    let first = (view * azimuth_count + azimuth) * block + angle;
-                    for (corner, share) in &corners {
-                        let row = (first + corner * incidences) * components;
-                        let row = &self.coefficients[row..row + components];
-                        let weight = weight * share;
-                        for (sum, value) in sum.iter_mut().zip(row) {
-                            *sum += weight * f64::from(*value);
-                        }
-                    }
+        dispatch(FactorKernel {
+            anisotropy: self,
+            lookup,
+            point,
+            spectrum,
+        })
+    }
+
+    /// The factors of one `snow`: all thicknesses and directions at its other coordinates. Its own
+    /// thickness and directions, if any, are ignored. Look-ups of one snow give the same
+    /// spectra, to rounding, in less time.
+    ///
+    /// # Errors
+    /// [`LookupError::Outside`] if a coordinate is outside its axis.
+    pub fn material(&self, snow: Point) -> Result<Self, LookupError> {
+        let slab = self.slab(snow.with(Parameter::Thickness, self.values[THICKNESS][0]))?;
+        let places = slab_places::<Portable>(slab);
+        let corners = self.corners(slab, places);
+        let thicknesses = self.values[THICKNESS].len();
+        let column = thicknesses * self.incidence.count * self.components;
+        let snows: usize = self.values[..THICKNESS].iter().map(Vec::len).product();
+        let views = self.view.count * self.azimuth.count;
+        let mut sums = vec![0.0; column];
+        let mut table = Vec::new();
+        for view in 0..views {
+            sums.fill(0.0);
+            for (corner, weight) in corners.iter() {
+                let begin = (view * snows + corner / thicknesses) * column;
+                let nodes = &self.table[begin..begin + column];
+                for (sum, node) in sums.iter_mut().zip(nodes) {
+                    *sum += weight * f64::from(*node);
+                }
+            }
+            table.extend(sums.iter().map(|sum| *sum as f32));
+        }
+        let (mut axes, mut values, mut coordinates) =
+            (self.axes.clone(), self.values.clone(), self.places.clone());
+        for axis in 0..THICKNESS {
+            axes.set(LINEAR[axis], vec![slab[axis]]);
+            values[axis] = vec![slab[axis]];
+            coordinates[axis] = vec![places[axis]];
+        }
+        Ok(Self {
+            table: ended(table.into_iter(), views * column),
+            absent: self.absent_at(slab[GRAIN_SIZE]),
+            axes,
+            values,
+            places: coordinates,
+            incidence: self.incidence.clone(),
+            view: self.view.clone(),
+            azimuth: self.azimuth.clone(),
+            basis: self.basis.clone(),
+            ..*self
+        })
+    }
+
+    /// `absent` for a single grain size, from the nodes around it.
+    fn absent_at(&self, grain_size_um: f64) -> Vec<usize> {
+        let missing =
+            |cm: &&f64| missing_curve(&self.absent, &self.axes, grain_size_um, **cm).is_some();
+        let thinnest = self.values[THICKNESS].iter().take_while(missing).count();
+        Vec::from_iter((thinnest > 0).then_some(thinnest))
+    }
+
+    /// The values of `point` on [`LINEAR`], limited to the axes.
+    #[inline(always)]
+    fn slab(&self, point: Point) -> Result<[f64; 4], LookupError> {
+        let mut slab = [0.0; 4];
+        for (axis, value) in slab.iter_mut().enumerate() {
+            let nodes = &self.values[axis];
+            let ends = [nodes[0], nodes[nodes.len() - 1]];
+            *value = inside(LINEAR[axis], ends, point[LINEAR[axis]])?;
+        }
+        Ok(slab)
+    }
+
+    /// The nodes around a slab, which is within the axes and has the coordinates `places`.
+    #[inline(always)]
+    fn corners(&self, slab: [f64; 4], places: [f64; 4]) -> Corners {
+        let mut corners = Corners {
+            index: [0; 16],
+            weight: [1.0; 16],
+            count: 1,
+        };
+        for axis in 0..4 {
+            let nodes = &self.values[axis];
+            let (on, above) = nodes::locate(nodes, slab[axis]);
+            let below = on.unwrap_or(above.saturating_sub(1));
+            let share = match (on, &self.places[axis][below..]) {
+                (None, [from, to, ..]) if to > from => (places[axis] - from) / (to - from),
+                _ => 0.0,
+            };
+            let count = corners.count;
+            for i in 0..count {
+                corners.index[i] = corners.index[i] * nodes.len() + below;
+                if share > 0.0 {
+                    corners.index[count + i] = corners.index[i] + 1;
+                    corners.weight[count + i] = corners.weight[i] * share;
+                    corners.weight[i] *= 1.0 - share;
+                    corners.count = 2 * count;
                 }
             }
         }
-        for (value, vectors) in spectrum.iter_mut().zip(self.basis.rows()) {
-            let products = vectors.iter().zip(&sum).map(|(v, c)| f64::from(*v) * c);
-            *value = products.sum::<f64>().clamp(-LARGEST, LARGEST) as f32;
-        }
-        Ok(())
+        corners
     }
 
-    /// The combinations of nodes of [`LINEAR`] around `point`: number and weight.
-    fn corners(&self, point: Point) -> Result<Vec<(usize, f64)>, LookupError> {
-        let mut corners = vec![(0, 1.0)];
-        let mut slab = point;
-        for parameter in LINEAR {
-            let nodes = self.axes.values(parameter);
-            let value = self.inside(parameter, point)?;
-            slab.set(parameter, value);
-            let (below, share) = bracket(parameter, nodes, value)?;
-            let split = |(corner, weight): (usize, f64)| {
-                let both = [(below, 1.0 - share), (below + 1, share)].into_iter();
-                let both = both.filter(|(_, share)| *share > 0.0);
-                both.map(move |(node, share)| (corner * nodes.len() + node, weight * share))
-            };
-            corners = corners.into_iter().flat_map(split).collect();
+    /// The nodes around `point`.
+    #[inline(always)]
+    fn toward<S: Simd>(&self, point: Point) -> Result<Toward, LookupError> {
+        let slab = self.slab(point)?;
+        if !self.absent.is_empty() {
+            let [size, thickness] = [GRAIN_SIZE, THICKNESS].map(|axis| slab[axis]);
+            if let Some(missing) = missing_curve(&self.absent, &self.axes, size, thickness) {
+                return Err(absent_error(missing, point));
+            }
         }
-        let [size, thickness] = [Parameter::GrainSize, Parameter::Thickness].map(|p| slab[p]);
-        match missing_curve(&self.absent, &self.axes, size, thickness) {
-            Some(missing) => Err(absent_error(missing, point)),
-            None => Ok(corners),
+        let [view, incidence] = [
+            (Parameter::View, &self.view),
+            (Parameter::Incidence, &self.incidence),
+        ]
+        .map(|(parameter, axis)| inside(parameter, axis.ends, point[parameter]));
+        let view = self.view.stencil(view?);
+        let incidence = self.incidence.stencil(incidence?);
+        let azimuths = self.azimuths(point)?;
+        let corners = self.corners(slab, slab_places::<S>(slab));
+        let mut toward = Toward {
+            view,
+            azimuths,
+            nodes: [(0, 0.0); MOST],
+            counts: [0; 2],
+        };
+        for side in [false, true] {
+            for (corner, share) in corners.iter() {
+                let lights = incidence.iter().filter(|((_, other), _)| *other == side);
+                for ((light, _), weight) in lights {
+                    let node = corner * self.incidence.count + light;
+                    toward.nodes[toward.counts[0]] = (node * self.components, share * weight);
+                    toward.counts[0] += 1;
+                }
+            }
+            if !side {
+                toward.counts[1] = toward.counts[0];
+            }
         }
+        Ok(toward)
     }
 
     /// The azimuths around that of `point`, and around that of the other side of the normal.
+    #[inline(always)]
     fn azimuths(&self, point: Point) -> Result<[Stencil; 2], LookupError> {
         let parameter = Parameter::RelativeAzimuth;
         if self.is_axial {
-            let only = self.azimuth.stencil(self.azimuth.places[0]);
+            let only = self.azimuth.stencil(self.azimuth.ends[0]);
             return Ok([only; 2]);
         }
         let turned = point[parameter].rem_euclid(360.0);
-        let folded = point.with(parameter, turned.min(360.0 - turned));
-        let azimuth = self.inside(parameter, folded)?;
+        let folded = turned.min(360.0 - turned);
+        let azimuth = inside(parameter, self.azimuth.ends, folded)?;
         // the second is not used if the other side has no nodes
         Ok([azimuth, 180.0 - azimuth].map(|azimuth| self.azimuth.stencil(azimuth)))
     }
 
-    /// The value of `point` on an axis, limited to the ends where it exceeds them within
-    /// the tolerance. Beyond its ends the thickness is limited too.
-    fn inside(&self, parameter: Parameter, point: Point) -> Result<f64, LookupError> {
-        let (nodes, value) = (self.axes.values(parameter), point[parameter]);
-        let [first, last] = [nodes[0], nodes[nodes.len() - 1]];
-        let is_limited = parameter == Parameter::Thickness && value >= 0.0;
-        let on_end = || [first, last].iter().any(|end| nodes::is_on(*end, value));
-        if (first..=last).contains(&value) || is_limited || on_end() {
-            return Ok(value.clamp(first, last));
+    /// [`Anisotropy::times`] for a `spectrum` of the right length.
+    #[inline(always)]
+    fn times_on<S: Simd>(
+        &self,
+        lookup: Option<&Lookup>,
+        point: Point,
+        spectrum: &mut [f32],
+    ) -> Result<(), LookupError> {
+        let toward = self.toward::<S>(point)?;
+        if let Some(lookup) = lookup {
+            lookup.spectrum(point, spectrum)?;
         }
-        Err(LookupError::Outside {
-            axis: parameter.key(),
-            value,
-            first,
-            last,
-        })
+        if self.components <= FEW {
+            let mut few = [0.0; FEW];
+            self.sums::<S>(&toward, &mut few);
+            self.rebuild::<S>(&few, lookup.is_some(), spectrum);
+        } else {
+            let mut many = vec![0.0; self.components.next_multiple_of(LANES)];
+            self.sums::<S>(&toward, &mut many);
+            self.rebuild::<S>(&many, lookup.is_some(), spectrum);
+        }
+        Ok(())
     }
+
+    /// Writes the components, summed over the nodes, to `sums`, which holds whole vectors.
+    #[inline(always)]
+    fn sums<S: Simd>(&self, toward: &Toward, sums: &mut [f64]) {
+        let mut first = 0;
+        while first < self.components {
+            let rest = &mut sums[first..];
+            first += match (self.components - first).div_ceil(LANES) {
+                1 => self.block::<S, 1>(toward, first, rest),
+                2 | 3 => self.block::<S, 2>(toward, first, rest),
+                _ => self.block::<S, 4>(toward, first, rest),
+            };
+        }
+    }
+
+    /// Writes the components of `N` vectors from `first` to `sums`, and returns their number.
+    #[inline(always)]
+    fn block<S: Simd, const N: usize>(
+        &self,
+        toward: &Toward,
+        first: usize,
+        sums: &mut [f64],
+    ) -> usize {
+        let slabs: usize = self.values.iter().map(Vec::len).product();
+        let stride = slabs * self.incidence.count * self.components;
+        let mut sum = [F64x8::<S>::ZERO; N];
+        for ((view, view_side), view_weight) in toward.view.iter() {
+            for light_side in [false, true] {
+                let nodes = toward.nodes(light_side);
+                let azimuths = &toward.azimuths[usize::from(view_side != light_side)];
+                for ((azimuth, _), weight) in azimuths.iter().filter(|_| !nodes.is_empty()) {
+                    let begin = (view * self.azimuth.count + azimuth) * stride + first;
+                    let mut part = [F64x8::<S>::ZERO; N];
+                    for (place, weight) in nodes {
+                        let at = begin + place;
+                        let row = self.table[at..at + N * LANES].as_chunks::<LANES>().0;
+                        let weight = F64x8::splat(*weight);
+                        for (part, row) in part.iter_mut().zip(row) {
+                            *part += wide(row) * weight;
+                        }
+                    }
+                    let weight = F64x8::splat(view_weight * weight);
+                    for (sum, part) in sum.iter_mut().zip(part) {
+                        *sum += part * weight;
+                    }
+                }
+            }
+        }
+        let (to, _) = sums.as_chunks_mut::<LANES>();
+        for (to, sum) in to.iter_mut().zip(sum) {
+            *to = sum.to_array();
+        }
+        N * LANES
+    }
+
+    /// Writes the factors of these components to `spectrum`, or multiplies it by them.
+    #[inline(always)]
+    fn rebuild<S: Simd>(&self, components: &[f64], multiplies: bool, spectrum: &mut [f32]) {
+        let chunks = self.basis.chunks_exact(self.components);
+        let [least, largest] = [-LARGEST, LARGEST].map(F64x8::<S>::splat);
+        for (to, vectors) in spectrum.chunks_mut(LANES).zip(chunks) {
+            let mut factors = F64x8::<S>::ZERO;
+            for (component, vector) in components.iter().zip(vectors) {
+                factors += F64x8::splat(*component) * vector.on();
+            }
+            let factors = factors.max(least).min(largest).to_array();
+            let factors = factors.map(|factor| factor as f32);
+            for (to, factor) in to.iter_mut().zip(factors) {
+                *to = if multiplies { *to * factor } else { factor };
+            }
+        }
+    }
+}
+
+/// Arguments of [`Anisotropy::times`].
+struct FactorKernel<'a> {
+    anisotropy: &'a Anisotropy,
+    lookup: Option<&'a Lookup>,
+    point: Point,
+    spectrum: &'a mut [f32],
+}
+
+impl SimdKernel for FactorKernel<'_> {
+    type Output = Result<(), LookupError>;
+
+    #[inline(always)]
+    fn run<S: Simd>(self) -> Self::Output {
+        self.anisotropy
+            .times_on::<S>(self.lookup, self.point, self.spectrum)
+    }
+}
+
+/// A value of an axis, limited to its `ends` where it exceeds them within the tolerance. The
+/// thickness is limited wherever it exceeds them.
+#[inline(always)]
+fn inside(parameter: Parameter, [first, last]: [f64; 2], value: f64) -> Result<f64, LookupError> {
+    let is_limited = parameter == Parameter::Thickness && value >= 0.0;
+    let on_end = || [first, last].iter().any(|end| nodes::is_on(*end, value));
+    if (first..=last).contains(&value) || is_limited || on_end() {
+        return Ok(value.clamp(first, last));
+    }
+    Err(LookupError::Outside {
+        axis: parameter.key(),
+        value,
+        first,
+        last,
+    })
+}
+
+/// These `count` numbers, then zeros: a whole vector can be read from the place of any number.
+fn ended(numbers: impl Iterator<Item = f32>, count: usize) -> Vec<f32> {
+    let mut table = Vec::with_capacity(count + LANES - 1);
+    table.extend(numbers.chain([0.0; LANES - 1]));
+    table
+}
+
+/// Eight numbers in double precision.
+#[inline(always)]
+fn wide<S: Simd>(numbers: &[f32; LANES]) -> F64x8<S> {
+    let mut lanes = [0.0; LANES];
+    for (lane, number) in lanes.iter_mut().zip(numbers) {
+        *lane = f64::from(*number);
+    }
+    F64x8::new(lanes)
 }
 
 #[cfg(test)]
 #[allow(clippy::unwrap_used)]
 mod tests {
+    use ndarray::Array2;
+    use splitsnow_spectra::simd::{Level, dispatch_at};
+
     use super::*;
 
     const VIEWS: [f64; 7] = [0.0, 15.0, 30.0, 45.0, 60.0, 70.0, 80.0];
@@ -454,9 +672,13 @@ mod tests {
     /// Nodes that are very close together give steep curves, which stay finite.
     #[test]
     fn factors_are_finite() {
-        let near = file(&[0.0], &[0.0, f64::from(f32::from_bits(1)), 60.0], |[x, ..]| {
-            if x == 0.0 { -1e9 } else { 1e9 }
-        });
+        let near = file(
+            &[0.0],
+            &[0.0, f64::from(f32::from_bits(1)), 60.0],
+            |[x, ..]| {
+                if x == 0.0 { -1e9 } else { 1e9 }
+            },
+        );
         let found = look_up(&near, at(1.0, [30.0, 0.0, 0.0])).unwrap();
         assert_eq!(found.abs(), LARGEST);
     }
@@ -496,6 +718,124 @@ mod tests {
             .unwrap();
         let expected = 0.5 * lobe(angles);
         assert!((f64::from(brf[0]) - expected).abs() < 1e-5, "{brf:?}");
+        let material = directions.material(at(1.0, angles)).unwrap();
+        material
+            .spectrum(factor, at(1.0, angles), &mut brf)
+            .unwrap();
+        assert!((f64::from(brf[0]) - expected).abs() < 1e-5, "{brf:?}");
+        assert!(directions.material(Point::default()).is_err());
         assert!(crate::Directions::new(&views, &views).is_err());
+    }
+
+    /// A file of `l` wavelengths whose factors depend on all axes but the temperature.
+    fn rich(l: usize) -> Database {
+        let axes = file(&AZIMUTHS, &INCIDENCES, lobe).axes().clone();
+        let axes = axes
+            .with(Parameter::Temperature, vec![-5.0])
+            .with(Parameter::Facetness, vec![0.1, 0.4, 0.9])
+            .with(Parameter::Density, vec![200.0, 400.0])
+            .with(Parameter::Thickness, vec![1.0, 2.0, 5.0]);
+        let angles = [
+            Parameter::Incidence,
+            Parameter::View,
+            Parameter::RelativeAzimuth,
+        ];
+        let factor = |(row, l): (usize, usize)| {
+            let point = axes.point(row as u64);
+            let slab: f64 = LINEAR.map(|p| point[p].ln_1p()).iter().sum();
+            lobe(angles.map(|p| point[p])) * (1.0 + 0.1 * (slab * (1 + l) as f64).sin())
+        };
+        let values = Array2::from_shape_fn((axes.count() as usize, l), factor);
+        let nm: Vec<f64> = (0..l).map(|l| 400.0 + 10.0 * l as f64).collect();
+        let file = Database::from_curves(true, &axes, &nm, None, Some(&values));
+        file.at(Point::default()).unwrap()
+    }
+
+    /// Scattered points within the axes of [`rich`], and some outside.
+    fn scattered() -> impl Iterator<Item = Point> {
+        let mut u = [0.5; 7];
+        (0..300).map(move |i| {
+            let steps = [0.8567, 0.7339, 0.6287, 0.5386, 0.4614, 0.3953, 0.3387];
+            u.iter_mut()
+                .zip(steps)
+                .for_each(|(u, step)| *u = (*u + step) % 1.0);
+            let [a, b, c, d, e, f, g] = u;
+            let core = [
+                0.1 + 0.8 * a,
+                100.0 + 100.0 * b,
+                200.0 + 200.0 * c,
+                6.0 * d,
+                78.0 * e,
+            ];
+            let directions = [82.0 * f, 720.0 * g - 360.0];
+            let views = Parameter::VIEWS.into_iter().zip(directions);
+            let point = Point::from_core(core).and(views.collect());
+            // on nodes
+            match i % 7 {
+                0 => point.with(Parameter::GrainSize, 200.0),
+                1 => point
+                    .with(Parameter::View, 0.0)
+                    .with(Parameter::Facetness, 0.4),
+                _ => point,
+            }
+        })
+    }
+
+    /// One to more vectors of components than fit on the stack.
+    #[test]
+    fn all_levels_give_the_same_bits() {
+        for l in [1, 8, 21, 31, 70] {
+            let anisotropy = Anisotropy::new(&rich(l), Quantity::Reflectance).unwrap();
+            for point in scattered().take(40) {
+                let found = Level::supported().map(|level| {
+                    let mut spectrum = vec![0.0; l];
+                    let kernel = FactorKernel {
+                        anisotropy: &anisotropy,
+                        lookup: None,
+                        point,
+                        spectrum: &mut spectrum,
+                    };
+                    let is_inside = dispatch_at(level, kernel).unwrap().is_ok();
+                    (is_inside, spectrum.iter().map(|v| v.to_bits()).collect())
+                });
+                let found: Vec<(bool, Vec<u32>)> = found.collect();
+                assert!(found.iter().all(|other| *other == found[0]), "{point}");
+            }
+        }
+    }
+
+    #[test]
+    fn a_material_has_the_same_factors() {
+        let file = rich(21).with_absent(&[0, 1]);
+        let anisotropy = Anisotropy::new(&file, Quantity::Reflectance).unwrap();
+        let (mut answered, mut outside, mut absent) = (0, 0, 0);
+        for point in scattered() {
+            let material = anisotropy.material(point).unwrap();
+            let [mut direct, mut of_snow] = [[0.0; 21]; 2];
+            let expected = anisotropy.spectrum(point, &mut direct);
+            let found = material.spectrum(point, &mut of_snow);
+            match (expected, found) {
+                (Ok(()), Ok(())) => {
+                    for (a, b) in direct.iter().zip(of_snow) {
+                        assert!((a - b).abs() < 3e-7 * a.abs(), "{point}: {a} {b}");
+                    }
+                    answered += 1;
+                }
+                (Err(LookupError::Absent { .. }), Err(LookupError::Absent { .. })) => absent += 1,
+                (Err(expected), Err(found)) => {
+                    assert_eq!(expected.to_string(), found.to_string());
+                    outside += 1;
+                }
+                (expected, found) => panic!("{point}: {expected:?} {found:?}"),
+            }
+            let other = point.with(Parameter::Density, 199.0);
+            assert!(anisotropy.material(other).is_err());
+            let other = point.with(Parameter::Density, point[Parameter::Density] + 1.0);
+            assert!(material.spectrum(other, &mut of_snow).is_err());
+        }
+        assert!(
+            answered > 150 && outside > 2 && absent > 50,
+            "{answered} {outside} {absent}"
+        );
     }
 }

@@ -121,6 +121,24 @@ impl Directions {
         })
     }
 
+    /// The light of one `snow`, as [`Lookup::material`] and [`Anisotropy::material`].
+    ///
+    /// # Errors
+    /// [`LookupError::Outside`] if a coordinate is outside its axis.
+    pub fn material(&self, snow: Point) -> Result<Self, LookupError> {
+        let one = |side: &Option<(Lookup, Anisotropy)>| -> Result<_, LookupError> {
+            let Some((lookup, anisotropy)) = side else {
+                return Ok(None);
+            };
+            Ok(Some((lookup.material(snow)?, anisotropy.material(snow)?)))
+        };
+        Ok(Self {
+            reflected: one(&self.reflected)?,
+            transmitted: one(&self.transmitted)?,
+            wavelengths: self.wavelengths,
+        })
+    }
+
     /// Number of wavelengths of a spectrum, l.
     #[must_use]
     pub fn wavelengths(&self) -> usize {
@@ -149,13 +167,7 @@ impl Directions {
         let Some((lookup, anisotropy)) = side else {
             return Err(LookupError::NoQuantity { missing, stored });
         };
-        anisotropy.spectrum(point, spectrum)?;
-        if quantity != DirectionalQuantity::AnisotropyFactor {
-            let mut total = vec![0.0; spectrum.len()];
-            lookup.spectrum(point, &mut total)?;
-            let pairs = spectrum.iter_mut().zip(total);
-            pairs.for_each(|(factor, total)| *factor *= total);
-        }
-        Ok(())
+        let is_factor = quantity == DirectionalQuantity::AnisotropyFactor;
+        anisotropy.times((!is_factor).then_some(lookup), point, spectrum)
     }
 }

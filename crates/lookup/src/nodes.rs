@@ -15,8 +15,10 @@ pub(super) fn is_on(node: f64, value: f64) -> bool {
     (node - value).abs() <= TOLERANCE * scale
 }
 
-/// Index of the node that `value` is on; `nodes` are strictly increasing and not empty.
-pub(super) fn find(axis: &'static str, nodes: &[f64], value: f64) -> Result<usize, LookupError> {
+/// The node that `value` is on, if any, and the number of nodes below `value`; `nodes` are
+/// strictly increasing.
+#[inline(always)]
+pub(super) fn locate(nodes: &[f64], value: f64) -> (Option<usize>, usize) {
     let above = nodes.partition_point(|&node| node < value);
     let below = above.checked_sub(1);
     let distance = |index: usize| nodes.get(index).map(|node| (node - value).abs());
@@ -28,9 +30,16 @@ pub(super) fn find(axis: &'static str, nodes: &[f64], value: f64) -> Result<usiz
         }
         _ => above,
     };
-    if let Some(index) = Some(nearer).filter(is_on) {
+    (Some(nearer).filter(is_on), above)
+}
+
+/// Index of the node that `value` is on; `nodes` are strictly increasing and not empty.
+pub(super) fn find(axis: &'static str, nodes: &[f64], value: f64) -> Result<usize, LookupError> {
+    let (on, above) = locate(nodes, value);
+    if let Some(index) = on {
         return Ok(index);
     }
+    let below = above.checked_sub(1);
     match (below.and_then(|b| nodes.get(b)), nodes.get(above)) {
         // NaN is neither above nor below any node: all comparisons are false.
         (Some(&below), Some(&above)) => Err(LookupError::BetweenNodes {

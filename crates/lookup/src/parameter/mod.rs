@@ -10,7 +10,7 @@ mod scale;
 pub use axes::{Axes, Region};
 pub use point::Point;
 pub use scale::Scale;
-pub(crate) use scale::{core_places, thickness_slope};
+pub(crate) use scale::{core_places, slab_places, thickness_slope};
 
 /// A parameter that can be an axis. Variants are in storage order, slowest first.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Hash)]

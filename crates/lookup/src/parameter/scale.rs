@@ -92,12 +92,10 @@ const GRAZING: [f64; 2] = match Parameter::Incidence.record().scale {
     _ => [f64::NAN; 2],
 };
 
-/// Coordinates of [`Parameter::CORE`] in single precision: [`Scale::place`] of each, with
-/// the logarithms computed in one vector.
+/// [`Scale::place`] of facetness, grain size, density and thickness, with the logarithms
+/// computed in one vector.
 #[inline(always)]
-pub(crate) fn core_places<S: Simd>(values: [f32; 5]) -> [f32; 5] {
-    let [facetness, size, density, thickness, angle] = values.map(f64::from);
-    let mu = libm::cos(angle.to_radians());
+pub(crate) fn slab_places<S: Simd>([facetness, size, density, thickness]: [f64; 4]) -> [f64; 4] {
     let logs = [
         size,
         density,
@@ -109,9 +107,19 @@ pub(crate) fn core_places<S: Simd>(values: [f32; 5]) -> [f32; 5] {
         1.0,
     ];
     let [size, density, thickness, ..] = ln(F64x8::<S>::new(logs)).to_array();
+    [-exp_neg(facetness / FACETNESS), size, density, thickness]
+}
+
+/// Coordinates of [`Parameter::CORE`] in single precision.
+#[inline(always)]
+pub(crate) fn core_places<S: Simd>(values: [f32; 5]) -> [f32; 5] {
+    let [facetness, size, density, thickness, angle] = values.map(f64::from);
+    let mu = libm::cos(angle.to_radians());
+    let [facetness, size, density, thickness] =
+        slab_places::<S>([facetness, size, density, thickness]);
     let [height, decay] = GRAZING;
     [
-        -exp_neg(facetness / FACETNESS),
+        facetness,
         size,
         density,
         thickness,
