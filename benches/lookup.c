@@ -1,7 +1,10 @@
 /* Time of a look-up through include/splitsnow.h on one core with warm caches, at the
  * points of benches/lookup.rs:
  *
- *   cc -O2 -Iinclude benches/lookup.c -lm -o target/lookup_c && target/lookup_c FILE */
+ *   cc -O2 -Iinclude benches/lookup.c -lm -o target/lookup_c && target/lookup_c FILE [VIEWS]
+ *
+ * VIEWS is the file of anisotropy factors with the axes of FILE that benches/lookup.rs writes to
+ * target/tmp/views.safetensors. */
 #define SPLITSNOW_IMPLEMENTATION
 #include "splitsnow.h"
 
@@ -27,29 +30,129 @@ static void report(const char *what, double *seconds, int count) {
            1e9 * seconds[0] / count);
 }
 
-int main(int argc, char **argv) {
-    static double points[POINTS][5];
-    static float spectrum[4096];
-    static const double step[5] = {0.8567, 0.7339, 0.6287, 0.5386, 0.4614};
-    static const double hero[4] = {440.0, 520.0, 600.0, 680.0};
-    double u[5] = {0.5, 0.5, 0.5, 0.5, 0.5}, seconds[RUNS], sum = 0.0;
-    char message[256] = "usage: lookup_c FILE, where FILE is a compact file";
-    splitsnow *database;
-    splitsnow_lookup *any_snow, *one_snow;
-    splitsnow_colour *colour;
-    splitsnow_snow snow;
-    size_t n;
-    if (argc != 2 || splitsnow_open(argv[1], &database, message, sizeof message) != SPLITSNOW_OK) {
-        fprintf(stderr, "%s\n", message);
-        return 1;
-    }
+/* Fills `points`, which are scattered within the axes of the file. */
+static void scatter(const splitsnow *database, const splitsnow_axis *axes, size_t n_axes,
+                    double points[POINTS][7]) {
+    static const double step[7] = {0.8567, 0.7339, 0.6287, 0.5386, 0.4614, 0.3953, 0.3387};
+    double u[7] = {0.5, 0.5, 0.5, 0.5, 0.5, 0.5, 0.5};
     for (int i = 0; i < POINTS; i++) {
-        for (int axis = 0; axis < 5; axis++) {
-            const float *nodes = splitsnow_nodes(database, (splitsnow_axis)axis, &n);
+        for (size_t axis = 0; axis < n_axes; axis++) {
+            size_t n;
+            const float *nodes = splitsnow_nodes(database, axes[axis], &n);
             u[axis] = fmod(u[axis] + step[axis], 1.0);
             points[i][axis] = (double)nodes[0] + u[axis] * ((double)nodes[n - 1] - (double)nodes[0]);
         }
     }
+}
+
+/* What is prepared for look-ups toward views. */
+typedef struct toward {
+    splitsnow_lookup *lookup;
+    splitsnow_anisotropy *anisotropy;
+} toward;
+
+static int prepare(const splitsnow *database, const splitsnow *views, const splitsnow_snow *snow,
+                   toward *prepared) {
+    splitsnow_quantity quantity = SPLITSNOW_REFLECTANCE;
+    splitsnow_status status = splitsnow_prepare(database, quantity, snow, NULL, 0, &prepared->lookup);
+    if (status == SPLITSNOW_OK) {
+        status = splitsnow_prepare_anisotropy(views, quantity, snow, NULL, 0, &prepared->anisotropy);
+    }
+    if (status != SPLITSNOW_OK) fprintf(stderr, "%s\n", splitsnow_error_string(status));
+    return status == SPLITSNOW_OK;
+}
+
+static void release(toward *prepared) {
+    splitsnow_lookup_free(prepared->lookup);
+    splitsnow_anisotropy_free(prepared->anisotropy);
+}
+
+/* Times look-ups toward views. Returns 0 if the files do not serve. */
+static int time_views(const splitsnow *database, const splitsnow *views) {
+    static double points[POINTS][7];
+    static float spectrum[4096];
+    static const splitsnow_axis axes[7] = {
+        SPLITSNOW_FACETNESS, SPLITSNOW_GRAIN_SIZE_UM, SPLITSNOW_DENSITY_KG_M3, SPLITSNOW_THICKNESS_CM,
+        SPLITSNOW_ANGLE_DEG, SPLITSNOW_VIEW_DEG,      SPLITSNOW_RELATIVE_AZIMUTH_DEG};
+    static const char *const names[] = {"anisotropy factor, anywhere", "BRF, anywhere",
+                                        "anisotropy factor, of one snow", "BRF, of one snow",
+                                        "preparing one snow, both files"};
+    double seconds[RUNS], sum = 0.0;
+    toward any = {NULL, NULL}, one = {NULL, NULL};
+    splitsnow_snow snow;
+    size_t n;
+    int failures = 0;
+    scatter(views, axes, 7, points);
+    splitsnow_wavelengths(views, &n);
+    snow.facetness = points[0][0];
+    snow.grain_size_um = points[0][1];
+    snow.density_kg_m3 = points[0][2];
+    if (!prepare(database, views, NULL, &any) || !prepare(database, views, &snow, &one)) return 0;
+    for (int kind = 0; kind < 5; kind++) {
+        int count = kind == 4 ? 256 : 4 * POINTS;
+        for (int run = 0; run < RUNS; run++) {
+            double begin = now();
+            for (int i = 0; i < count; i++) {
+                const double *p = points[i % POINTS];
+                splitsnow_status status = SPLITSNOW_OK;
+                splitsnow_angles angles;
+                splitsnow_snow other;
+                other.facetness = p[0];
+                other.grain_size_um = p[1];
+                other.density_kg_m3 = p[2];
+                angles.incidence_angle_deg = p[4];
+                angles.view_deg = p[5];
+                angles.relative_azimuth_deg = p[6];
+                if (kind == 0) {
+                    status = splitsnow_anisotropy_factor_of(any.anisotropy, &other, p[3], &angles,
+                                                            spectrum, n);
+                } else if (kind == 1) {
+                    status = splitsnow_directional_factor_of(any.lookup, any.anisotropy, &other, p[3],
+                                                             &angles, spectrum, n);
+                } else if (kind == 2) {
+                    status = splitsnow_anisotropy_factor(one.anisotropy, p[3], &angles, spectrum, n);
+                } else if (kind == 3) {
+                    status = splitsnow_directional_factor(one.lookup, one.anisotropy, p[3], &angles,
+                                                          spectrum, n);
+                } else {
+                    toward third = {NULL, NULL};
+                    failures += !prepare(database, views, &snow, &third);
+                    release(&third);
+                }
+                failures += status != SPLITSNOW_OK;
+                sum += (double)spectrum[0];
+            }
+            seconds[run] = now() - begin;
+        }
+        report(names[kind], seconds, count);
+    }
+    printf("(sum %g)\n", sum);
+    release(&any);
+    release(&one);
+    return failures == 0;
+}
+
+int main(int argc, char **argv) {
+    static double points[POINTS][7];
+    static float spectrum[4096];
+    static const splitsnow_axis axes[5] = {SPLITSNOW_FACETNESS, SPLITSNOW_GRAIN_SIZE_UM,
+                                           SPLITSNOW_DENSITY_KG_M3, SPLITSNOW_THICKNESS_CM,
+                                           SPLITSNOW_ANGLE_DEG};
+    static const double hero[4] = {440.0, 520.0, 600.0, 680.0};
+    double seconds[RUNS], sum = 0.0;
+    char message[256] = "usage: lookup_c FILE [VIEWS], where FILE and VIEWS are compact files";
+    splitsnow *database, *views;
+    int served = 1;
+    splitsnow_lookup *any_snow, *one_snow;
+    splitsnow_colour *colour;
+    splitsnow_snow snow;
+    size_t n;
+    if (argc < 2 || argc > 3 ||
+        splitsnow_open(argv[1], &database, message, sizeof message) != SPLITSNOW_OK) {
+        fprintf(stderr, "%s\n", message);
+        return 1;
+    }
+    scatter(database, axes, 5, points);
     splitsnow_wavelengths(database, &n);
     snow.facetness = points[0][0];
     snow.grain_size_um = points[0][1];
@@ -97,6 +200,14 @@ int main(int argc, char **argv) {
     splitsnow_colour_free(colour);
     splitsnow_lookup_free(any_snow);
     splitsnow_lookup_free(one_snow);
+    if (argc == 3) {
+        if (splitsnow_open(argv[2], &views, message, sizeof message) != SPLITSNOW_OK) {
+            fprintf(stderr, "%s\n", message);
+            return 1;
+        }
+        served = time_views(database, views);
+        splitsnow_close(views);
+    }
     splitsnow_close(database);
-    return 0;
+    return served ? 0 : 1;
 }
