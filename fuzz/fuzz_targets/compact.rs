@@ -66,11 +66,14 @@ fn toward_views(database: &Database, points: [Point; 2]) {
                 point.with(Parameter::Thickness, 0.0),
                 point.with(Parameter::Thickness, 1e9),
             ];
+            let material = anisotropy.material(point).expect("a snow within the axes");
             for point in others {
-                // a curve may be absent
-                if anisotropy.spectrum(point, &mut spectrum).is_ok() {
-                    let finite = spectrum.iter().all(|value| value.is_finite());
-                    assert!(finite, "{point}: {spectrum:?}");
+                for prepared in [&anisotropy, &material] {
+                    // a curve may be absent
+                    if prepared.spectrum(point, &mut spectrum).is_ok() {
+                        let finite = spectrum.iter().all(|value| value.is_finite());
+                        assert!(finite, "{point}: {spectrum:?}");
+                    }
                 }
             }
         }
