@@ -2945,9 +2945,10 @@ static void splitsnow__add_views(const splitsnow_anisotropy *anisotropy,
     }
 }
 
-/* A factor in single precision. Curves through nodes that are very close together may exceed it. */
+/* A factor in single precision. Curves through nodes that are very close together may exceed it;
+ * below 0 are only noise and the overshoot of curves. */
 static float splitsnow__factor(double value) {
-    return value > (double)FLT_MAX ? FLT_MAX : value < -(double)FLT_MAX ? -FLT_MAX : (float)value;
+    return value > (double)FLT_MAX ? FLT_MAX : value < 0.0 ? 0.0f : (float)value;
 }
 
 static void splitsnow__write_factors(const splitsnow_anisotropy *anisotropy,

@@ -42,7 +42,8 @@ const MOST: usize = 64;
 const FEW: usize = 64;
 /// Components per vector.
 const LANES: usize = 8;
-/// Largest factor. Curves through nodes that are very close together may exceed it.
+/// Largest factor. Curves through nodes that are very close together may exceed it. The smallest is
+/// 0: below are only noise and the overshoot of curves.
 const LARGEST: f64 = f32::MAX as f64;
 
 /// Anisotropy factors of reflected or transmitted light, prepared for look-ups anywhere within
@@ -450,7 +451,7 @@ impl Anisotropy {
     #[inline(always)]
     fn rebuild<S: Simd>(&self, components: &[f64], multiplies: bool, spectrum: &mut [f32]) {
         let chunks = self.basis.chunks_exact(self.components);
-        let [least, largest] = [-LARGEST, LARGEST].map(F64x8::<S>::splat);
+        let [least, largest] = [0.0, LARGEST].map(F64x8::<S>::splat);
         for (to, vectors) in spectrum.chunks_mut(LANES).zip(chunks) {
             let mut factors = F64x8::<S>::ZERO;
             for (component, vector) in components.iter().zip(vectors) {
@@ -679,8 +680,15 @@ mod tests {
                 if x == 0.0 { -1e9 } else { 1e9 }
             },
         );
-        let found = look_up(&near, at(1.0, [30.0, 0.0, 0.0])).unwrap();
-        assert_eq!(found.abs(), LARGEST);
+        let look_up = |angle| look_up(&near, at(1.0, [angle, 0.0, 0.0])).unwrap();
+        // the first is that of a node below 0
+        let found = [0.0, 1e-45, 30.0, 60.0].map(look_up);
+        assert!(
+            found.iter().all(|factor| (0.0..=LARGEST).contains(factor)),
+            "{found:?}"
+        );
+        assert_eq!(found[0], 0.0);
+        assert!(found.contains(&LARGEST));
     }
 
     /// Of light that is symmetric about the normal one azimuth is enough.
