@@ -61,7 +61,8 @@ impl ExportVariable {
     }
 
     /// Its standard error, if the export may have it.
-    pub(super) fn se(self) -> Option<Self> {
+    #[must_use]
+    pub fn se(self) -> Option<Self> {
         match self {
             Self::Stored(variable) if !variable.is_error => Some(Self::Stored(variable.se())),
             _ => None,
@@ -293,7 +294,7 @@ impl ExportTable {
     }
 
     /// Names and lengths of the axes that a quantity has.
-    pub(super) fn dimensions(
+    pub fn dimensions(
         &self,
         variable: ExportVariable,
     ) -> impl Iterator<Item = (&'static str, usize)> {

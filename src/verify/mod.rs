@@ -85,7 +85,7 @@ pub enum VerifyError {
     Lookup(#[from] LookupError),
     /// The curves toward views cannot be compressed.
     #[error(transparent)]
-    Build(#[from] BuildError),
+    Build(Box<BuildError>),
     /// The error budget could not be measured.
     #[error(transparent)]
     ErrorBudget(ErrorBudgetError),
@@ -100,6 +100,12 @@ pub struct Verification {
     store: Store,
     grid: Grid,
     options: VerifyOptions,
+}
+
+impl From<BuildError> for VerifyError {
+    fn from(error: BuildError) -> Self {
+        Self::Build(Box::new(error))
+    }
 }
 
 impl From<ErrorBudgetError> for VerifyError {
