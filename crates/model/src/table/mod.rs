@@ -13,7 +13,7 @@ mod snowpack;
 mod step;
 
 pub use boundary::{BoundaryRegion, Edge, Scores, Source};
-pub use escape::{EscapeBand, EscapeSink, EscapeWalker};
+pub use escape::{EscapeBand, EscapeSink, EscapeTable, EscapeWalker};
 pub use histogram::Histogram;
 pub use kernel::{Event, Kernel};
 pub use outcome::{Outcome, draw};

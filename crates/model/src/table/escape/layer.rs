@@ -1,8 +1,7 @@
 //! A layer of a snowpack with the outcomes of its grains.
-use crate::table::PackedTable;
 use crate::transport::{EXPONENTS, Layer, Model, impurities_per_m};
 
-use super::EscapeBand;
+use super::{EscapeBand, EscapeTable};
 
 /// Grains of one type, with outcomes in air and in water.
 #[derive(Debug)]
@@ -10,7 +9,7 @@ pub(super) struct EscapeKind<'a> {
     /// Cumulative probability: a grain met is of this type or an earlier one.
     pub(super) cumulative: f64,
     pub(super) size_m: [f64; 2],
-    pub(super) tables: [&'a PackedTable; 2],
+    pub(super) tables: [&'a EscapeTable; 2],
 }
 
 #[derive(Debug)]
@@ -34,7 +33,7 @@ impl<'a> EscapeLayer<'a> {
     pub(super) fn new(
         layer: &Layer,
         top_m: f64,
-        tables: &'a [[PackedTable; 2]],
+        tables: &'a [[EscapeTable; 2]],
         bands: &[EscapeBand],
         (exponents, model): (&[f64], &Model),
     ) -> Self {

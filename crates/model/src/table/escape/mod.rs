@@ -4,26 +4,28 @@
 //!
 //! At the end of a flight, several outcomes of the grain event are drawn besides the one
 //! with which the walk continues. Each is rotated to eight azimuths about the ray, which
-//! are equally likely because grain axes are isotropic. If such a grain fits between the
-//! planes, the ray would leave it in some direction, and its next flight leaves the
+//! are equally likely because grain axes are isotropic. A fixed number of the outcomes has no
+//! path in ice: these are few, but the brightest where ice absorbs. If such a grain fits between
+//! the planes, the ray would leave it in some direction, and its next flight leaves the
 //! snowpack with probability exp(-tau). This probability is scored in that direction. The
 //! sum over the flights of a walk has the same mean as a count of the flights that do
 //! leave. Flights that are drawn again because a grain did not fit are counted by a trial
 //! at every score. No outcome is tilted, moved or replaced, so the only error of the
 //! estimate is that of the table of outcomes.
 mod layer;
+mod outcomes;
 mod supply;
 mod walk;
 
 use splitsnow_spectra::simd::{F64x8, Simd, SimdKernel, dispatch};
 
-use crate::math::Vec3x8;
+use crate::math::Vec3;
 use crate::rng::Stream;
-use crate::table::PackedTable;
 use crate::transport::{
     Absorption, Coefficients, EXPONENTS, Entry, Illumination, Layer, Model, WalkError,
 };
 use layer::EscapeLayer;
+pub use outcomes::EscapeTable;
 use supply::Supply;
 use walk::EscapeWalk;
 
@@ -32,9 +34,9 @@ const RAYS_BETWEEN_CHECKS: u64 = 64;
 
 /// Receives the escaping light.
 pub trait EscapeSink {
-    /// Light leaves on the lanes of the mask along the unit vectors `direction` (upward
-    /// where z < 0), with these weights per wavelength.
-    fn catch<S: Simd>(&mut self, lanes: u32, direction: &Vec3x8<S>, weights: &[F64x8<S>]);
+    /// Light leaves along the unit vector `direction` (upward if z < 0), with `chance` times
+    /// these weights per wavelength.
+    fn catch(&mut self, direction: Vec3, chance: f64, weights: &[f64]);
 
     /// A ray reached an event limit.
     fn lost(&mut self);
@@ -95,7 +97,7 @@ impl<'a> EscapeWalker<'a> {
     #[must_use]
     pub fn new(
         layers: &[Layer],
-        tables: &'a [Vec<[PackedTable; 2]>],
+        tables: &'a [Vec<[EscapeTable; 2]>],
         (exponents, model): (&[f64], &Model),
         bands: &'a [EscapeBand],
         absorption: Absorption,
@@ -150,12 +152,14 @@ impl<'a> EscapeWalker<'a> {
         rng: Stream<S>,
         sink: &mut impl EscapeSink,
     ) -> Result<(), WalkError> {
-        let zero = F64x8::ZERO;
+        let bands = self.bands.len();
         let mut walk = EscapeWalk {
             walker: self,
             random: Supply::new(rng),
-            base: vec![0.0; self.bands.len()],
-            weights: vec![zero; self.bands.len()],
+            base: vec![0.0; bands],
+            weights: vec![0.0; bands],
+            left: vec![0.0; bands],
+            fadings: vec![F64x8::ZERO; bands],
             sink,
         };
         for ray in 0..rays {
@@ -166,7 +170,9 @@ impl<'a> EscapeWalker<'a> {
                 Illumination::Collimated { polar_angle_rad } => libm::cos(polar_angle_rad),
                 Illumination::Diffuse => walk.diffuse_cosine(0),
             };
-            walk.ray(mu)?;
+            // the first flights of all rays are stratified
+            let tau = walk.random.exponential_in(ray, rays);
+            walk.ray(mu, tau)?;
         }
         Ok(())
     }

@@ -43,6 +43,13 @@ impl<S: Simd> Supply<S> {
         self.exponentials[self.left[1]]
     }
 
+    /// An exponential number within part `part` of `parts` of equal probability.
+    #[inline(always)]
+    pub(super) fn exponential_in(&mut self, part: u64, parts: u64) -> f64 {
+        let u = (part as f64 + self.uniform()) / parts as f64;
+        -ln(F64x8::<S>::splat((1.0 - u).max(f64::MIN_POSITIVE))).as_array()[0]
+    }
+
     /// (sin, cos) of an angle uniform on the circle.
     #[inline(always)]
     pub(super) fn azimuth(&mut self) -> (f64, f64) {

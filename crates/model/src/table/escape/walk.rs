@@ -2,18 +2,23 @@
 use splitsnow_spectra::simd::{F64x8, Simd, Task};
 
 use crate::grain::{Bodies, Down};
-use crate::math::{Real, Vec3x8, exp_neg};
-use crate::table::{PackedTable, lanes as set_lanes};
+use crate::math::{Real, Vec3, Vec3x8, exp_neg};
+use crate::table::lanes as set_lanes;
 use crate::transport::{EVENT_LIMIT, Path, REJECTION_LIMIT, WalkError, diffuse_cosine};
 
 use super::layer::{EscapeKind, EscapeLayer};
+use super::outcomes::EscapeTable;
 use super::supply::Supply;
 use super::{EscapeSink, EscapeWalker};
 
-/// Number of outcomes, of eight azimuths each, drawn besides that of the walk in an event
-/// next to a plane; at optical depth tau below it, exp(-tau) times as many. A few cost
-/// little compared with the walk; above this number, more rays are the better investment.
-const OUTCOMES_AT_PLANE: f64 = 32.0;
+/// Number of outcomes without a path in ice, and of all others, of eight azimuths each, drawn
+/// besides that of the walk in an event next to a plane; at optical depth tau below it,
+/// exp(-tau) times as many. A few cost little compared with the walk; above these numbers, more
+/// rays are the better investment.
+const OUTCOMES_AT_PLANE: [f64; 2] = [8.0, 24.0];
+/// Factor of these numbers for a ray that has not been in ice. It is bright at all wavelengths,
+/// and at the most absorbed ones hardly any other light leaves.
+const FRESH_FACTOR: f64 = 4.0;
 /// The flights drawn again in place of a scored one are simulated with this factor times
 /// the probability that it leaves.
 const TRIAL_FACTOR: f64 = 8.0;
@@ -45,7 +50,12 @@ pub(super) struct EscapeWalk<'w, S: Simd, C> {
     pub(super) random: Supply<S>,
     /// Weight of the ray in each band at its last grain.
     pub(super) base: Vec<f64>,
-    pub(super) weights: Vec<F64x8<S>>,
+    /// Weight of a scored ray in each band.
+    pub(super) weights: Vec<f64>,
+    /// The same on one lane, less what the pores absorb.
+    pub(super) left: Vec<f64>,
+    /// What the pores leave in each band.
+    pub(super) fadings: Vec<F64x8<S>>,
     pub(super) sink: &'w mut C,
 }
 
@@ -97,20 +107,20 @@ struct Encounter<'a> {
     ray: Ray,
     layer: &'a EscapeLayer<'a>,
     size_m: [f64; 2],
-    table: &'a PackedTable,
+    table: &'a EscapeTable,
     /// Smallest optical depth of the ray at its last absorption test.
     survived: f64,
 }
 
 /// [`EscapeWalk::fly`] as a SIMD task.
-struct FlyTask<'a, 'w, S: Simd, C>(&'a mut EscapeWalk<'w, S, C>, &'a mut Ray, f64);
+struct FlyTask<'a, 'w, S: Simd, C>(&'a mut EscapeWalk<'w, S, C>, &'a mut Ray, f64, f64);
 
 impl<S: Simd, C: EscapeSink> Task for FlyTask<'_, '_, S, C> {
     type Output = bool;
 
     #[inline(always)]
     fn perform(self) -> bool {
-        self.0.fly_inlined(self.1, self.2)
+        self.0.fly_inlined(self.1, self.2, self.3)
     }
 }
 
@@ -141,9 +151,10 @@ impl<'w, S: Simd, C: EscapeSink> EscapeWalk<'w, S, C> {
         self.walker.absorption.coefficients.depth(path)
     }
 
-    /// Walks a ray that enters at cosine `mu` to its end.
+    /// Walks a ray that enters at cosine `mu` to its end. Its first flight is over an optical
+    /// depth of `tau`.
     #[inline(always)]
-    pub(super) fn ray(&mut self, mu: f64) -> Result<(), WalkError> {
+    pub(super) fn ray(&mut self, mu: f64, mut tau: f64) -> Result<(), WalkError> {
         let walker = self.walker;
         let thickness_m = walker.thickness_m;
         let last = walker.layers.len() - 1;
@@ -170,7 +181,9 @@ impl<'w, S: Simd, C: EscapeSink> EscapeWalk<'w, S, C> {
                 self.leave(&ray, medium, survived);
             }
             let start = ray;
-            if !self.fly(&mut ray, medium) {
+            let flown = self.fly(&mut ray, medium, tau);
+            tau = self.random.exponential();
+            if !flown {
                 let down = ray.mu > 0.0;
                 if !down || self.depth(&ray.path) >= budget {
                     return Ok(());
@@ -221,17 +234,17 @@ impl<'w, S: Simd, C: EscapeSink> EscapeWalk<'w, S, C> {
         }
     }
 
-    /// Flies to the end of the flight; false if the flight leaves the snowpack.
+    /// Flies over an optical depth of `tau`; false if the flight leaves the snowpack.
     #[inline(always)]
-    fn fly(&mut self, ray: &mut Ray, medium: f64) -> bool {
-        S::outlined(FlyTask(self, ray, medium))
+    fn fly(&mut self, ray: &mut Ray, medium: f64, tau: f64) -> bool {
+        S::outlined(FlyTask(self, ray, medium, tau))
     }
 
     #[inline(always)]
-    fn fly_inlined(&mut self, ray: &mut Ray, medium: f64) -> bool {
+    fn fly_inlined(&mut self, ray: &mut Ray, medium: f64, mut tau: f64) -> bool {
         loop {
             let layer = &self.walker.layers[ray.layer];
-            let flight_m = layer.mean_free_distance_m * self.random.exponential();
+            let flight_m = layer.mean_free_distance_m * tau;
             let z_m = ray.z_m + flight_m * ray.mu;
             let inside = layer.top_m <= z_m && z_m <= layer.base_m;
             let down = ray.mu > 0.0;
@@ -261,6 +274,7 @@ impl<'w, S: Simd, C: EscapeSink> EscapeWalk<'w, S, C> {
                 return false;
             }
             ray.layer = if down { ray.layer + 1 } else { ray.layer - 1 };
+            tau -= length_m / layer.mean_free_distance_m;
         }
     }
 
@@ -269,7 +283,7 @@ impl<'w, S: Simd, C: EscapeSink> EscapeWalk<'w, S, C> {
     fn grain(
         &mut self,
         ray: &Ray,
-        table: &PackedTable,
+        table: &EscapeTable,
         [min, max]: [f64; 2],
     ) -> Option<CandidateGrain> {
         let thickness_m = self.walker.thickness_m;
@@ -312,7 +326,8 @@ impl<'w, S: Simd, C: EscapeSink> EscapeWalk<'w, S, C> {
     fn rejections_inlined(&mut self, start: &Ray) -> f64 {
         for rejections in 0..REJECTION_LIMIT {
             let mut ray = *start;
-            if !self.fly(&mut ray, 1.0) {
+            let tau = self.random.exponential();
+            if !self.fly(&mut ray, 1.0, tau) {
                 return f64::from(rejections);
             }
             let kind = self.kind(ray.layer);
@@ -372,88 +387,113 @@ impl<'w, S: Simd, C: EscapeSink> EscapeWalk<'w, S, C> {
     fn spread(&mut self, encounter: &Encounter) {
         let Encounter {
             ray,
-            layer,
-            size_m: [min, max],
             table,
             survived,
+            ..
         } = encounter;
-        let (walker, zero, one) = (self.walker, F64x8::<S>::ZERO, F64x8::ONE);
+        let (walker, zero) = (self.walker, F64x8::<S>::ZERO);
         let down = F64x8::new([0.0, 1.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0]).gt(zero);
         let tau = walker.vertical(F64x8::splat(ray.z_m), down, |s| {
             1.0 / s.mean_free_distance_m
         });
         let [up, down, ..] = tau.to_array();
-        let wanted = OUTCOMES_AT_PLANE * (exp_neg(up) + exp_neg(down));
-        let (count, share) = if wanted >= 1.0 {
-            (wanted.round(), 1.0 / (8.0 * wanted.round()))
-        } else if self.random.uniform() < wanted {
-            (1.0, 1.0 / (8.0 * wanted))
+        let near = exp_neg(up) + exp_neg(down);
+        let fresh = if ray.path.ice_m == 0.0 {
+            FRESH_FACTOR
         } else {
-            return;
+            1.0
         };
-        self.base(&ray.path, *survived, share);
-        let first = self.random.uniform();
+        for (rows, at_plane) in table.groups().into_iter().zip(OUTCOMES_AT_PLANE) {
+            if rows.is_empty() {
+                continue;
+            }
+            let wanted = at_plane * fresh * near;
+            let (count, expected) = if wanted >= 1.0 {
+                (wanted.round(), wanted.round())
+            } else if self.random.uniform() < wanted {
+                (1.0, wanted)
+            } else {
+                continue;
+            };
+            // the share of these outcomes in the table, over the expected number of rays
+            let share = rows.len() as f64 / (8.0 * expected * table.len() as f64);
+            self.base(&ray.path, *survived, share);
+            let first = self.random.uniform();
+            for i in 0..count as u32 {
+                let place = (f64::from(i) + first) / count * rows.len() as f64;
+                let row = rows.start + (place as usize).min(rows.len() - 1);
+                self.outcome(encounter, row);
+            }
+        }
+    }
+
+    /// Scores the light that would leave after one outcome, at eight azimuths.
+    #[inline(always)]
+    fn outcome(&mut self, encounter: &Encounter, row: usize) {
+        let Encounter {
+            ray,
+            layer,
+            size_m: [min, max],
+            table,
+            ..
+        } = encounter;
+        let (walker, zero, one) = (self.walker, F64x8::<S>::ZERO, F64x8::ONE);
         let [mu, across] = [ray.mu, ray.across].map(F64x8::splat);
         let [hx, hy] = ray.heading.map(F64x8::splat);
         let thickness = F64x8::splat(walker.thickness_m);
-        for i in 0..count as u32 {
-            let row = ((f64::from(i) + first) / count * table.len() as f64) as usize;
-            let row = row.min(table.len() - 1);
-            let size_m = min + (max - min) * self.random.uniform();
-            let size = F64x8::splat(size_m);
-            let (sin, cos) = self.random.azimuth();
-            let [sin, cos] = [sin, cos].map(F64x8::splat);
-            let [s, c]: [F64x8<S>; 2] = EIGHTH_TURNS.map(F64x8::new);
-            let (sin, cos) = (sin * c + cos * s, cos * c - sin * s);
-            let down = RayFrame {
-                along: mu,
-                across,
-                cos,
-                sin,
-            };
-            let mut fits = one.gt(zero);
-            if ray.z_m < size_m || ray.z_m > walker.thickness_m - size_m {
-                let (centre, body) = table.grain(row);
-                let half = F64x8::splat(0.5) * Bodies::<S>::splat(&body).half_height(&down);
-                let [centre, z] = [down.down(centre.map(F64x8::splat)), F64x8::splat(ray.z_m)];
-                fits = (z + size * (centre - half)).ge(zero)
-                    & (z + size * (centre + half)).le(thickness);
-            }
-            let [c, s, along, x, y, ice, ..] = table.motions[row].map(f64::from);
-            if ice == f64::INFINITY || fits.to_bitmask() == 0 {
-                continue;
-            }
-            let z_m = F64x8::splat(ray.z_m) + size * down.down([x, y, along].map(F64x8::splat));
-            let [c, s] = [c, s].map(F64x8::splat);
-            let (p, q) = (c * across - s * mu * cos, s * sin);
-            let direction = Vec3x8 {
-                x: p * hx - q * hy,
-                y: p * hy + q * hx,
-                z: c * mu + s * across * cos,
-            };
-            let medium = if walker.wet {
-                self.random.uniform()
-            } else {
-                1.0
-            };
-            let ice_m = size_m * ice;
-            for (weight, (base, per_m)) in self
-                .weights
-                .iter_mut()
-                .zip(self.base.iter().zip(&layer.ice_per_m))
-            {
-                *weight = F64x8::splat(base * exp_neg(per_m * ice_m));
-            }
-            self.escape(fits, z_m, &direction, medium, true);
+        let size_m = min + (max - min) * self.random.uniform();
+        let size = F64x8::splat(size_m);
+        let (sin, cos) = self.random.azimuth();
+        let [sin, cos] = [sin, cos].map(F64x8::splat);
+        let [s, c]: [F64x8<S>; 2] = EIGHTH_TURNS.map(F64x8::new);
+        let (sin, cos) = (sin * c + cos * s, cos * c - sin * s);
+        let down = RayFrame {
+            along: mu,
+            across,
+            cos,
+            sin,
+        };
+        let mut fits = one.gt(zero);
+        if ray.z_m < size_m || ray.z_m > walker.thickness_m - size_m {
+            let (centre, body) = table.grain(row);
+            let half = F64x8::splat(0.5) * Bodies::<S>::splat(&body).half_height(&down);
+            let [centre, z] = [down.down(centre.map(F64x8::splat)), F64x8::splat(ray.z_m)];
+            fits =
+                (z + size * (centre - half)).ge(zero) & (z + size * (centre + half)).le(thickness);
         }
+        let [c, s, along, x, y, ice, ..] = table.motions[row].map(f64::from);
+        if ice == f64::INFINITY || fits.to_bitmask() == 0 {
+            return;
+        }
+        let z_m = F64x8::splat(ray.z_m) + size * down.down([x, y, along].map(F64x8::splat));
+        let [c, s] = [c, s].map(F64x8::splat);
+        let (p, q) = (c * across - s * mu * cos, s * sin);
+        let direction = Vec3x8 {
+            x: p * hx - q * hy,
+            y: p * hy + q * hx,
+            z: c * mu + s * across * cos,
+        };
+        let medium = if walker.wet {
+            self.random.uniform()
+        } else {
+            1.0
+        };
+        let ice_m = size_m * ice;
+        for (weight, (base, per_m)) in self
+            .weights
+            .iter_mut()
+            .zip(self.base.iter().zip(&layer.ice_per_m))
+        {
+            *weight = base * exp_neg(per_m * ice_m);
+        }
+        self.escape(fits, z_m, &direction, medium, true);
     }
 
     /// Scores the probability that the current flight leaves the snowpack.
     #[inline(always)]
     fn leave(&mut self, ray: &Ray, medium: f64, survived: f64) {
         self.base(&ray.path, survived, 1.0);
-        let weights = self.weights.iter_mut().zip(&self.base);
-        weights.for_each(|(weight, base)| *weight = F64x8::splat(*base));
+        self.weights.copy_from_slice(&self.base);
         let first_lane = F64x8::new([1.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0]).gt(F64x8::ZERO);
         let [hx, hy] = ray.heading;
         let direction = Vec3x8 {
@@ -515,14 +555,32 @@ impl<'w, S: Simd, C: EscapeSink> EscapeWalk<'w, S, C> {
                 chance.as_mut_array()[lane] *= 1.0 + self.rejections(&start) / tried;
             }
         }
-        for (l, (weight, band)) in self.weights.iter_mut().zip(walker.bands).enumerate() {
-            *weight *= chance * down.select(F64x8::splat(band.transmitted), F64x8::ONE);
-            if walker.absorbing_pores {
+        if walker.absorbing_pores {
+            for (l, fading) in self.fadings.iter_mut().enumerate() {
                 let per_m =
                     |s: &EscapeLayer| s.pores_per_m[usize::from(medium < s.water_saturation)][l];
-                *weight *= exp(secant * walker.vertical(z_m, down, per_m));
+                *fading = exp(secant * walker.vertical(z_m, down, per_m));
             }
         }
-        self.sink.catch(lanes, direction, &self.weights);
+        let [x, y, z] = [direction.x, direction.y, direction.z].map(F64x8::to_array);
+        for lane in set_lanes(lanes) {
+            let direction = Vec3::new(x[lane], y[lane], z[lane]);
+            let chance = chance.as_array()[lane];
+            let down = direction.z > 0.0;
+            if !down && !walker.absorbing_pores {
+                self.sink.catch(direction, chance, &self.weights);
+                continue;
+            }
+            self.left.copy_from_slice(&self.weights);
+            if down {
+                let pairs = self.left.iter_mut().zip(walker.bands);
+                pairs.for_each(|(weight, band)| *weight *= band.transmitted);
+            }
+            if walker.absorbing_pores {
+                let pairs = self.left.iter_mut().zip(&self.fadings);
+                pairs.for_each(|(weight, fading)| *weight *= fading.as_array()[lane]);
+            }
+            self.sink.catch(direction, chance, &self.left);
+        }
     }
 }
