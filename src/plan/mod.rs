@@ -35,7 +35,7 @@ const STORE_SECONDS: f64 = 0.003;
 const COMPRESS_SECONDS: (f64, f64) = (1.5e-7, 2e-10);
 /// Time of the light toward views, s: of the tables of a curve at one index node, and of a walk
 /// there (docs/performance.md). Both depend on the snow and the wavelengths.
-const VIEW_SECONDS: (f64, f64) = (0.5, 1.6e-4);
+const VIEW_SECONDS: (f64, f64) = (0.25, 6.5e-5);
 /// Number of components for which the size of the compact file of anisotropy factors is
 /// estimated.
 const VIEW_COMPONENTS: u64 = 12;

@@ -157,6 +157,7 @@ impl<'a> EscapeWalker<'a> {
             walker: self,
             random: Supply::new(rng),
             base: vec![0.0; bands],
+            copies: 1.0,
             weights: vec![0.0; bands],
             left: vec![0.0; bands],
             fadings: vec![F64x8::ZERO; bands],

@@ -22,6 +22,11 @@ const FRESH_FACTOR: f64 = 4.0;
 /// The flights drawn again in place of a scored one are simulated with this factor times
 /// the probability that it leaves.
 const TRIAL_FACTOR: f64 = 8.0;
+/// Number of events after which half of the walks end, and the others count double. Light that was
+/// scattered so often leaves in nearly the same way whatever the walk, so that fewer walks do.
+const FIRST_ROULETTE: u64 = 100;
+/// Ratio of the numbers of events at which this happens again.
+const ROULETTES_APART: u64 = 4;
 /// sin and cos of the multiples of 45 degrees.
 const EIGHTH_TURNS: [[f64; 8]; 2] = {
     const H: f64 = std::f64::consts::FRAC_1_SQRT_2;
@@ -50,6 +55,8 @@ pub(super) struct EscapeWalk<'w, S: Simd, C> {
     pub(super) random: Supply<S>,
     /// Weight of the ray in each band at its last grain.
     pub(super) base: Vec<f64>,
+    /// Number of walks that this one stands for.
+    pub(super) copies: f64,
     /// Weight of a scored ray in each band.
     pub(super) weights: Vec<f64>,
     /// The same on one lane, less what the pores absorb.
@@ -170,6 +177,8 @@ impl<'w, S: Simd, C: EscapeSink> EscapeWalk<'w, S, C> {
         // whether the escape of this flight was scored when the ray was scattered
         let mut scored = false;
         let (mut rejections, mut events) = (0, 0);
+        let mut roulette = FIRST_ROULETTE;
+        self.copies = 1.0;
         loop {
             let medium = if walker.wet {
                 self.random.uniform()
@@ -228,6 +237,13 @@ impl<'w, S: Simd, C: EscapeSink> EscapeWalk<'w, S, C> {
             }
             if self.depth(&ray.path) >= budget {
                 return Ok(());
+            }
+            if events == roulette {
+                if self.random.uniform() < 0.5 {
+                    return Ok(());
+                }
+                self.copies *= 2.0;
+                roulette *= ROULETTES_APART;
             }
             ray.layer = walker.layer_at(ray.z_m);
             scored = true;
@@ -511,7 +527,7 @@ impl<'w, S: Simd, C: EscapeSink> EscapeWalk<'w, S, C> {
         let walker = self.walker;
         let compensated = (survived - walker.absorption.deferred).max(0.0);
         for (base, band) in self.base.iter_mut().zip(walker.bands) {
-            *base = share * exp_neg(band.coefficients.depth(path) - compensated);
+            *base = self.copies * share * exp_neg(band.coefficients.depth(path) - compensated);
             for _ in 0..path.bounces {
                 *base *= band.reflected / walker.bounce;
             }
