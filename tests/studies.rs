@@ -558,7 +558,7 @@ fn the_peak_of_all_grain_sizes_is_forward() {
 #[test]
 #[ignore = "long: tables of grain events for every part, some 10 CPU-s"]
 fn facets_lower_the_forward_peak() {
-    let found = brdfs("brdf_facetness", 8_192);
+    let found = brdfs("brdf_facetness", 16_384);
     let [smooth, middle, faceted] =
         ["0-0.2", "0.2-0.4", "0.8-1"].map(|f| found.forward("", &format!("facetness {f}")));
     assert_more("0.1 above 0.3", smooth, middle, 0.0);
@@ -573,7 +573,7 @@ fn facets_lower_the_forward_peak() {
 #[test]
 #[ignore = "long: tables of grain events for every part, some 10 CPU-s"]
 fn faceted_snow_has_two_peaks_in_the_infrared() {
-    let found = brdfs("brdf_hemisphere", 8_192);
+    let found = brdfs("brdf_hemisphere", 16_384);
     let [smooth, faceted] = ["facetness 0.1", "facetness 0.9"];
     let nm = "1800 nm";
     let forward = found.forward(nm, faceted);

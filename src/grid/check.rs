@@ -99,8 +99,8 @@ impl Grid {
             return Err(GridError::Empty { axis });
         }
         if let Some(views) = &self.views {
-            let missing = Parameter::VIEWS.into_iter();
-            if let Some(parameter) = missing.into_iter().find(|p| !views.axes.has(*p)) {
+            let mut axes = Parameter::VIEWS.into_iter();
+            if let Some(parameter) = axes.find(|p| !views.axes.has(*p)) {
                 let axis = parameter.key();
                 return Err(GridError::Empty { axis });
             }

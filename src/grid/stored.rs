@@ -16,7 +16,8 @@ impl GridSettings {
         toml::from_str(config).map_err(|error| error.message().to_owned())
     }
 
-    /// The axes, also those of a view, with grain sizes in um; `None` if these do not follow from the settings.
+    /// The axes, also those of a view, with grain sizes in um; `None` if these do not follow from
+    /// the settings.
     pub(crate) fn axes(&self) -> Option<Axes> {
         let mut axes = Axes::default();
         for (name, values) in &self.axes.lists {
