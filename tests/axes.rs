@@ -2,12 +2,10 @@
 #![allow(clippy::unwrap_used)]
 
 use std::fs;
-use std::path::{Path, PathBuf};
-use std::process::{Command, Output};
+use std::path::Path;
 use std::sync::atomic::{AtomicBool, AtomicU64};
 
-use crate::common::{assert_same, dir_bytes};
-use assert_cmd::cargo::cargo_bin;
+use crate::common::{Folder, assert_same, dir_bytes};
 use splitsnow::config;
 use splitsnow::engine::{Cache, Control};
 use splitsnow::error_budget::{ERROR_BUDGET, ErrorBudget, Patch, PatchSimulation};
@@ -35,39 +33,6 @@ rays = 20000
 ";
 const SNOW: &str =
     "--facetness 0.3 --grain-size-um 300 --density-kg-m3 250 --incidence-angle-deg 0";
-
-struct Folder(tempfile::TempDir);
-
-impl Folder {
-    fn new(text: &str) -> Self {
-        let dir = tempfile::tempdir().unwrap();
-        fs::write(dir.path().join("g.toml"), text).unwrap();
-        Self(dir)
-    }
-
-    fn out(&self) -> PathBuf {
-        self.0.path().join("out/g")
-    }
-
-    fn run(&self, args: &str) -> Output {
-        let mut command = Command::new(cargo_bin!("splitsnow"));
-        command.current_dir(self.0.path());
-        command.args(args.split_whitespace()).output().unwrap()
-    }
-
-    fn succeeds(&self, args: &str) -> String {
-        let output = self.run(args);
-        let errors = String::from_utf8_lossy(&output.stderr).into_owned();
-        assert!(output.status.success(), "{args}: {errors}");
-        String::from_utf8(output.stdout).unwrap()
-    }
-
-    fn fails(&self, args: &str) -> String {
-        let output = self.run(args);
-        assert_eq!(output.status.code(), Some(1), "{args}");
-        String::from_utf8(output.stderr).unwrap()
-    }
-}
 
 /// The second column of a table.
 fn csv_values(text: &str) -> [f64; 3] {
@@ -116,9 +81,13 @@ fn databases_with_optional_axes_are_built_and_queried() {
     );
     assert!(plan.contains("4 of 6 curves each: 24 curves"), "{plan}");
     folder.succeeds("build g.toml");
-    let whole = dir_bytes(&folder.out());
+    let whole = dir_bytes(&folder.out("g"));
 
-    let metadata = fs::read(folder.out().join("database.zarr/transmittance/zarr.json"));
+    let metadata = fs::read(
+        folder
+            .out("g")
+            .join("database.zarr/transmittance/zarr.json"),
+    );
     let metadata: serde_json::Value = serde_json::from_slice(&metadata.unwrap()).unwrap();
     assert_eq!(
         metadata["shape"],
@@ -129,13 +98,13 @@ fn databases_with_optional_axes_are_built_and_queried() {
 
     // lost chunks are restored, to the byte
     for chunk in ["transmittance/c.1.0.0.0.0.0.0.0", "black_carbon_ng_g/c.0"] {
-        fs::remove_file(folder.out().join("database.zarr").join(chunk)).unwrap();
+        fs::remove_file(folder.out("g").join("database.zarr").join(chunk)).unwrap();
     }
     folder.succeeds("build g.toml");
-    assert_same(&whole, &dir_bytes(&folder.out()));
+    assert_same(&whole, &dir_bytes(&folder.out("g")));
 
     // rows are in storage order
-    let store = Store::open(&folder.out()).unwrap();
+    let store = Store::open(&folder.out("g")).unwrap();
     let curves = store.read(Variable::TRANSMITTANCE).unwrap();
     let grid = config::grid::parse("g.toml", store.config()).unwrap().grid;
     assert_eq!(grid.axes, *store.axes());
@@ -175,7 +144,7 @@ fn databases_with_optional_axes_are_built_and_queried() {
         // otherwise the test could not detect its effect
         assert!(*found < 0.95 * clean, "{found} {clean}");
     }
-    let database = Database::open(folder.out().join("snow.safetensors")).unwrap();
+    let database = Database::open(folder.out("g").join("snow.safetensors")).unwrap();
     let at_optional = database.at(between.into()).unwrap();
     let lookup = Lookup::new(&at_optional, Quantity::Transmittance).unwrap();
     let mut spectrum = [0.0; 3];
@@ -216,14 +185,14 @@ fn assert_verified(folder: &Folder) {
         report.contains("off the nodes in water_saturation"),
         "{report}"
     );
-    let path = folder.out().join("snow.safetensors");
+    let path = folder.out("g").join("snow.safetensors");
     let file = Database::open(&path).unwrap();
     let error_budget: ErrorBudget = serde_json::from_str(&file.metadata()[ERROR_BUDGET]).unwrap();
     let worst = &error_budget.quantities["transmittance"].worst[0].at;
     assert!(worst.contains("degrees, black carbon "), "{worst}");
 
     // a chunk of other values of the optional axes is detected
-    let array = folder.out().join("database.zarr/transmittance");
+    let array = folder.out("g").join("database.zarr/transmittance");
     let [source, target] = ["c.0.1.0.0.0.0.0.0", "c.1.0.0.0.0.0.0.0"].map(|c| array.join(c));
     fs::copy(source, target).unwrap();
     let report = folder.run("verify out/g --samples 4 --points 0");

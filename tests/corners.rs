@@ -2,15 +2,14 @@
 //!
 //! A curve is absent if the largest grains of its node do not fit into the slab.
 use std::fs;
-use std::path::PathBuf;
-use std::process::{Command, Output};
 
-use assert_cmd::cargo::cargo_bin;
 use splitsnow::config;
 use splitsnow::grid::absent_curves;
 use splitsnow::lookup::Database;
 use splitsnow::measurement::Quantity;
 use splitsnow::store::{Store, Variable};
+
+use crate::common::Folder;
 
 /// A grid as used for satellite data assimilation, with fewer nodes. Grains of 2793 um do
 /// not fit into a slab of 2 cm.
@@ -32,39 +31,6 @@ rays = 2000
 max_delta_e = 5
 ";
 const SNOW: &str = "--facetness 0.3 --density-kg-m3 250 --incidence-angle-deg 20";
-
-struct Folder(tempfile::TempDir);
-
-impl Folder {
-    fn new(text: &str) -> Self {
-        let dir = tempfile::tempdir().unwrap();
-        fs::write(dir.path().join("g.toml"), text).unwrap();
-        Self(dir)
-    }
-
-    fn out(&self) -> PathBuf {
-        self.0.path().join("out/g")
-    }
-
-    fn run(&self, args: &str) -> Output {
-        let mut command = Command::new(cargo_bin!("splitsnow"));
-        command.current_dir(self.0.path());
-        command.args(args.split_whitespace()).output().unwrap()
-    }
-
-    fn succeeds(&self, args: &str) -> String {
-        let output = self.run(args);
-        let errors = String::from_utf8_lossy(&output.stderr).into_owned();
-        assert!(output.status.success(), "{args}: {errors}");
-        String::from_utf8(output.stdout).unwrap()
-    }
-
-    fn fails(&self, args: &str) -> String {
-        let output = self.run(args);
-        assert_eq!(output.status.code(), Some(1), "{args}");
-        String::from_utf8(output.stderr).unwrap()
-    }
-}
 
 #[test]
 fn absent_curves_of_the_satellite_grid_are_counted() {
@@ -139,7 +105,7 @@ fn absent_curves_are_nan_and_all_others_are_computed() {
         "{built}"
     );
 
-    let store = Store::open(&folder.out()).unwrap();
+    let store = Store::open(&folder.out("g")).unwrap();
     assert!(store.missing(None).unwrap().is_empty());
     assert!(store.verify().unwrap().is_whole());
     assert_eq!(store.absent(), [0, 0, 0, 1]);
@@ -151,13 +117,13 @@ fn absent_curves_are_nan_and_all_others_are_computed() {
             assert!(curve.iter().all(|value| value.is_nan() == absent), "{row}");
         }
     }
-    let status = fs::read(folder.out().join("database.zarr/curve_status/c.0.0")).unwrap();
+    let status = fs::read(folder.out("g").join("database.zarr/curve_status/c.0.0")).unwrap();
     assert_eq!(
         status[..16],
         [0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 1, 0, 0, 0]
     );
 
-    let file = Database::open(folder.out().join("snow.safetensors")).unwrap();
+    let file = Database::open(folder.out("g").join("snow.safetensors")).unwrap();
     assert_eq!(file.absent(), [0, 0, 0, 1]);
     let reflectance = store.read(Variable::REFLECTANCE).unwrap();
     for row in 0..file.curves() {
@@ -273,7 +239,7 @@ max_delta_e = 5
     let folder = Folder::new(text);
     let built = folder.succeeds("build g.toml");
     assert!(built.contains("under isotropic light: "), "{built}");
-    let store = Store::open(&folder.out()).unwrap();
+    let store = Store::open(&folder.out("g")).unwrap();
     assert!(store.has_diffuse() && store.verify().unwrap().is_whole());
     let read = |variable| store.read(variable).unwrap();
     let [diffuse, se] = [
@@ -365,7 +331,7 @@ sphericity = { min = 0.6, max = 0.95, mean = 0.798, sd = 0.064 }
     folder.succeeds(&format!(
         "query out/g/diffuse.safetensors --diffuse {point}"
     ));
-    let path = folder.out().join("diffuse.safetensors");
+    let path = folder.out("g").join("diffuse.safetensors");
     let bytes = fs::read(&path).unwrap();
     fs::write(&path, &bytes[..100]).unwrap();
     let report = folder.run("verify out/g --points 0 --samples 0");
@@ -376,6 +342,6 @@ sphericity = { min = 0.6, max = 0.95, mean = 0.798, sd = 0.064 }
         "{text}"
     );
     // the file of collimated light is not accepted in its place
-    fs::copy(folder.out().join("snow.safetensors"), &path).unwrap();
+    fs::copy(folder.out("g").join("snow.safetensors"), &path).unwrap();
     folder.fails("verify out/g --points 0 --samples 0");
 }

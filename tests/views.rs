@@ -1,10 +1,8 @@
 //! A database of light toward views, from the grid file to the answers of `query`.
 use std::fs;
-use std::path::{Path, PathBuf};
-use std::process::{Command, Output};
+use std::path::Path;
 use std::sync::atomic::{AtomicBool, AtomicU64};
 
-use assert_cmd::cargo::cargo_bin;
 use splitsnow::config;
 use splitsnow::engine::{Cache, Control, Engine, exits};
 use splitsnow::lookup::{Database, VIEWS, VIEWS_DIFFUSE};
@@ -12,48 +10,11 @@ use splitsnow::measurement::{Measured, Quantity, Spectrum, ViewFactors, Views};
 use splitsnow::parameter::{Parameter, Point};
 use splitsnow::store::{Store, Variable};
 
-use crate::common::{assert_same, dir_bytes};
+use crate::common::{Folder, assert_same, dir_bytes};
 
 /// A small grid with views, diffuse light and curves that do not exist.
 const GRID: &str = include_str!("data/views.toml");
 const SNOW: &str = "--facetness 0.3 --grain-size-um 300 --density-kg-m3 300 --thickness-cm 20";
-
-struct Folder(tempfile::TempDir);
-
-impl Folder {
-    fn new() -> Self {
-        let folder = Self(tempfile::tempdir().unwrap());
-        folder.write("g.toml", GRID);
-        folder
-    }
-
-    fn write(&self, name: &str, text: &str) {
-        fs::write(self.0.path().join(name), text).unwrap();
-    }
-
-    fn out(&self, name: &str) -> PathBuf {
-        self.0.path().join("out").join(name)
-    }
-
-    fn run(&self, args: &str) -> Output {
-        let mut command = Command::new(cargo_bin!("splitsnow"));
-        command.current_dir(self.0.path());
-        command.args(args.split_whitespace()).output().unwrap()
-    }
-
-    fn succeeds(&self, args: &str) -> String {
-        let output = self.run(args);
-        let errors = String::from_utf8_lossy(&output.stderr).into_owned();
-        assert!(output.status.success(), "{args}: {errors}");
-        String::from_utf8(output.stdout).unwrap()
-    }
-
-    fn fails(&self, args: &str) -> String {
-        let output = self.run(args);
-        assert_eq!(output.status.code(), Some(1), "{args}");
-        String::from_utf8(output.stderr).unwrap()
-    }
-}
 
 /// The second column of a table.
 fn second_column(text: &str) -> Vec<f64> {
@@ -79,7 +40,7 @@ fn rows(store: &Store, variable: Variable, curve: usize) -> Vec<Vec<f32>> {
 
 #[test]
 fn a_database_with_views_is_built_checked_and_queried() {
-    let folder = Folder::new();
+    let folder = Folder::new(GRID);
     let plan = folder.succeeds("plan g.toml");
     assert!(
         plan.contains("view_deg             3 values, 0 to 60"),
@@ -222,7 +183,7 @@ fn a_database_with_views_is_built_checked_and_queried() {
 
 #[test]
 fn a_grown_grid_reuses_reflectance_and_gives_the_same_files() {
-    let folder = Folder::new();
+    let folder = Folder::new(GRID);
     let small = GRID
         .replace("[300, 1500]", "[300]")
         .replace("diffuse = true\n", "");
@@ -241,7 +202,7 @@ fn a_grown_grid_reuses_reflectance_and_gives_the_same_files() {
 
 #[test]
 fn exports_hold_factors_and_albedos() {
-    let folder = Folder::new();
+    let folder = Folder::new(GRID);
     folder.succeeds("build g.toml");
     folder.succeeds("export out/g --format csv --views");
     let text = fs::read_to_string(folder.out("g").join("views.csv")).unwrap();
@@ -361,7 +322,7 @@ fn light_that_is_too_weak_counts_as_lambertian() {
     let grid = GRID
         .replace("[1, 20]", "[20]")
         .replace("[450, 550, 650]", "[2000]");
-    let folder = Folder::new();
+    let folder = Folder::new(GRID);
     folder.write("dark.toml", &grid.replace("[300, 1500]", "[300]"));
     folder.succeeds("build dark.toml");
     let store = Store::open(&folder.out("dark")).unwrap();

@@ -78,3 +78,37 @@ impl GridViews {
         }
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// By hand, with 2 view angles, 2 azimuths and 2 wavelengths.
+    #[test]
+    fn factors_under_diffuse_light_are_means_over_azimuths() {
+        let views = GridViews {
+            axes: Parameter::VIEWS.map(|axis| (axis, vec![0.0, 60.0])).into(),
+            rays: 1,
+        };
+        let measured = |value: f64| Measured {
+            value,
+            se: 0.5 * value,
+        };
+        let factors = ViewFactors {
+            reflected: [1.0, 2.0, 3.0, 6.0, 10.0, 20.0, 30.0, 60.0]
+                .map(measured)
+                .into(),
+            transmitted: vec![measured(7.0); 8],
+        };
+        let beam = Illumination::Collimated {
+            polar_angle_rad: 0.0,
+        };
+        let stored = |light: &Illumination| views.stored_under(light, factors.clone(), 2);
+        assert_eq!(stored(&beam), factors);
+        let diffuse = stored(&Illumination::Diffuse);
+        assert_eq!(diffuse.reflected, [2.0, 4.0, 20.0, 40.0].map(measured));
+        assert_eq!(diffuse.transmitted, vec![measured(7.0); 4]);
+        let counts = [beam, Illumination::Diffuse].map(|light| views.count_under(&light));
+        assert_eq!(counts, [4, 2]);
+    }
+}

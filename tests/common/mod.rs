@@ -2,9 +2,11 @@
 #![allow(dead_code, clippy::unwrap_used)]
 use std::collections::BTreeMap;
 use std::fs;
-use std::path::Path;
+use std::path::{Path, PathBuf};
+use std::process::{Command, Output};
 use std::sync::atomic::Ordering;
 
+use assert_cmd::cargo::cargo_bin;
 use splitsnow::engine::{Control, Engine, EngineError, MaxError, Request};
 use splitsnow::grain::TruncatedNormal;
 use splitsnow::grid::{Compression, Fixed, Grid, Run, Spread};
@@ -37,6 +39,47 @@ pub(crate) fn assert_same(left: &BTreeMap<String, Vec<u8>>, right: &BTreeMap<Str
     let mut differ: Vec<_> = names.filter(|n| left.get(*n) != right.get(*n)).collect();
     differ.dedup();
     assert!(differ.is_empty(), "files differ: {differ:?}");
+}
+
+/// A folder in which the program runs, with the grid file `g.toml`.
+pub(crate) struct Folder(pub(crate) tempfile::TempDir);
+
+impl Folder {
+    pub(crate) fn new(grid: &str) -> Self {
+        let folder = Self(tempfile::tempdir().unwrap());
+        folder.write("g.toml", grid);
+        folder
+    }
+
+    pub(crate) fn write(&self, name: &str, text: &str) {
+        fs::write(self.0.path().join(name), text).unwrap();
+    }
+
+    /// The output directory of the grid file with this name.
+    pub(crate) fn out(&self, name: &str) -> PathBuf {
+        self.0.path().join("out").join(name)
+    }
+
+    pub(crate) fn run(&self, args: &str) -> Output {
+        let mut command = Command::new(cargo_bin!("splitsnow"));
+        command.current_dir(self.0.path());
+        command.args(args.split_whitespace()).output().unwrap()
+    }
+
+    /// The standard output of a run that must succeed.
+    pub(crate) fn succeeds(&self, args: &str) -> String {
+        let output = self.run(args);
+        let errors = String::from_utf8_lossy(&output.stderr).into_owned();
+        assert!(output.status.success(), "{args}: {errors}");
+        String::from_utf8(output.stdout).unwrap()
+    }
+
+    /// The standard error of a run that must fail.
+    pub(crate) fn fails(&self, args: &str) -> String {
+        let output = self.run(args);
+        assert_eq!(output.status.code(), Some(1), "{args}");
+        String::from_utf8(output.stderr).unwrap()
+    }
 }
 
 /// A small dry grid: 2 x 2 x 1 x 3 x 2 = 24 curves of 4 wavelengths.
