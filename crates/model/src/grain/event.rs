@@ -170,6 +170,10 @@ pub struct Events<S: Simd = Portable> {
     grooves: Grooves<S>,
     surfaces: [[Interfaces<S>; 2]; 2],
     any_water: bool,
+    /// Whether every ray is reflected wherever it meets a surface.
+    reflects: bool,
+    /// If so: the probability of these reflections.
+    chance: F64x8<S>,
 }
 
 /// The lanes that a step changed, one bit each.
@@ -255,7 +259,27 @@ impl<S: Simd> Events<S> {
             grooves: Grooves::default(),
             surfaces: surfaces.map(|s| [s.enter.splat(), s.leave.splat()]),
             any_water,
+            reflects: false,
+            chance: F64x8::ONE,
         }
+    }
+
+    /// The same, but rays never enter ice. [`Self::chance`] says how probable that is.
+    #[must_use]
+    #[inline(always)]
+    pub fn reflected(self) -> Self {
+        Self {
+            reflects: true,
+            ..self
+        }
+    }
+
+    /// Probability that the ray of `lane` is reflected outside wherever it met its grain. Only
+    /// known for [`Self::reflected`] rays.
+    #[inline(always)]
+    #[must_use]
+    pub fn chance(&self, lane: usize) -> f64 {
+        self.chance.as_array()[lane]
     }
 
     /// Lets the ray of `lane` meet `grain` at `point`, where the unit outward `normal` faces
@@ -271,6 +295,7 @@ impl<S: Simd> Events<S> {
         self.wet.as_mut_array()[lane] = F64x8::<S>::mask(in_water);
         self.facet_tries.as_mut_array()[lane] = 0.0;
         self.internal_hits.as_mut_array()[lane] = 0.0;
+        self.chance.as_mut_array()[lane] = 1.0;
         self.grooves.leave(lane);
     }
 
@@ -386,7 +411,11 @@ impl<S: Simd> Events<S> {
             interfaces = Interfaces::select(self.wet, &in_water, &interfaces);
         }
         let incidences = interfaces.incidences(c);
-        let reflected = rng.uniform().lt(incidences.reflectance);
+        let mut reflected = rng.uniform().lt(incidences.reflectance);
+        if self.reflects {
+            self.chance *= ok.select(incidences.reflectance, one);
+            reflected = one.gt(F64x8::ZERO);
+        }
         let refracted = !reflected;
         let mut next =
             reflect(d, m, c).or_where_not(reflected, interfaces.refract(d, m, c, &incidences));

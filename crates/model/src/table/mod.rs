@@ -16,7 +16,7 @@ pub use boundary::{BoundaryRegion, Edge, Scores, Source};
 pub use escape::{EscapeBand, EscapeSink, EscapeTable, EscapeWalker};
 pub use histogram::Histogram;
 pub use kernel::{Event, Kernel};
-pub use outcome::{Outcome, draw};
+pub use outcome::{Outcome, draw, draw_reflected};
 pub use packed::PackedTable;
 pub use slab::TableWalker;
 pub use snowpack::{TableLayer, TableSnowpack};

@@ -38,65 +38,94 @@ pub struct Outcome {
 #[must_use]
 pub fn draw(
     law: &GrainType,
-    (entry, facets): (Entry, Facets),
+    event: (Entry, Facets),
     surface: Surface,
     count: usize,
     rng: Stream,
 ) -> Vec<Outcome> {
-    let law = GrainType {
-        size: SizeRange::UNIT,
-        ..*law
-    };
+    let mut outcomes = Vec::with_capacity(count);
     dispatch(DrawOutcomes {
         law,
-        entry,
-        facets,
+        event,
         surface,
+        reflected: false,
         count,
         rng,
-    })
+        sink: &mut |outcome, _| outcomes.push(outcome),
+    });
+    outcomes
 }
 
-/// [`draw`] as a SIMD kernel.
-struct DrawOutcomes {
-    law: GrainType,
-    entry: Entry,
-    facets: Facets,
+/// Draws `count` outcomes of light that is reflected on the outside of grains, each with the
+/// probability that light is reflected there.
+#[must_use]
+pub fn draw_reflected(
+    law: &GrainType,
+    event: (Entry, Facets),
     surface: Surface,
     count: usize,
     rng: Stream,
+) -> Vec<(Outcome, f64)> {
+    let mut outcomes = Vec::with_capacity(count);
+    dispatch(DrawOutcomes {
+        law,
+        event,
+        surface,
+        reflected: true,
+        count,
+        rng,
+        sink: &mut |outcome, chance| outcomes.push((outcome, chance)),
+    });
+    outcomes
 }
 
-impl SimdKernel for DrawOutcomes {
-    type Output = Vec<Outcome>;
+/// Draws outcomes for [`draw`] or [`draw_reflected`], as a SIMD kernel.
+struct DrawOutcomes<'a> {
+    law: &'a GrainType,
+    event: (Entry, Facets),
+    surface: Surface,
+    /// Whether light is only reflected on the outside.
+    reflected: bool,
+    count: usize,
+    rng: Stream,
+    sink: &'a mut dyn FnMut(Outcome, f64),
+}
+
+impl SimdKernel for DrawOutcomes<'_> {
+    type Output = ();
 
     #[inline(always)]
-    fn run<S: Simd>(self) -> Vec<Outcome> {
-        draw_outcomes(
-            self.law,
-            (self.entry, self.facets),
-            self.surface,
-            self.count,
-            self.rng.on::<S>(),
-        )
+    fn run<S: Simd>(self) {
+        let law = GrainType {
+            size: SizeRange::UNIT,
+            ..*self.law
+        };
+        let (entry, facets) = self.event;
+        let events = Events::<S>::new(&[self.surface; 2], false, facets);
+        let events = if self.reflected {
+            events.reflected()
+        } else {
+            events
+        };
+        let rng = self.rng.on::<S>();
+        draw_outcomes(&law, entry, events, self.count, rng, self.sink);
     }
 }
 
 #[inline(always)]
 fn draw_outcomes<S: Simd>(
-    law: GrainType,
-    (entry, facets): (Entry, Facets),
-    surface: Surface,
+    law: &GrainType,
+    entry: Entry,
+    idle: Events<S>,
     count: usize,
     mut rng: Stream<S>,
-) -> Vec<Outcome> {
-    let mut events: [Events<S>; GROUPS] =
-        std::array::from_fn(|_| Events::new(&[surface; 2], false, facets));
+    sink: &mut dyn FnMut(Outcome, f64),
+) {
+    let mut events: [Events<S>; GROUPS] = std::array::from_fn(|_| idle.clone());
     let down = Vec3::new(0.0, 0.0, 1.0);
     let mut contacts = [Outcome::default(); 8 * GROUPS];
     let mut grains = Grains::<S>::default();
     let mut queue = Vec::with_capacity(8);
-    let mut outcomes = Vec::with_capacity(count);
     let mut started = 0;
     // Lanes are refilled until `count` events have begun, and then all are finished:
     // stopping after the first `count` to end would favour short events.
@@ -110,7 +139,7 @@ fn draw_outcomes<S: Simd>(
                 if queue.is_empty() {
                     // the azimuth, which nothing uses, keeps the random numbers of tables
                     let (chances, _) = (rng.uniform(), rng.azimuth());
-                    let kept = grains.draw(&law, &mut rng);
+                    let kept = grains.draw(law, &mut rng);
                     let kept = (0..8).filter(|lane| kept >> lane & 1 == 1);
                     let kept = kept.map(|lane| (grains.get(lane), chances.as_array()[lane]));
                     let met = kept.filter(|(grain, u)| meets(grain, entry, *u, down));
@@ -136,7 +165,7 @@ fn draw_outcomes<S: Simd>(
             }
         }
         if busy == [0; GROUPS] {
-            return outcomes;
+            return;
         }
         let mut steps = [Stepped::default(); GROUPS];
         for (step, events) in steps.iter_mut().zip(&mut events) {
@@ -157,12 +186,9 @@ fn draw_outcomes<S: Simd>(
                 } else {
                     events.ice_m.as_array()[lane]
                 };
-                outcomes.push(outcome_in_frame(
-                    &contacts[8 * group + lane],
-                    exit,
-                    events.direction.get(lane),
-                    ice,
-                ));
+                let contact = &contacts[8 * group + lane];
+                let outcome = outcome_in_frame(contact, exit, events.direction.get(lane), ice);
+                sink(outcome, events.chance(lane));
             }
         }
     }
@@ -187,5 +213,60 @@ fn outcome_in_frame(contact: &Outcome, exit: Vec3, direction: Vec3, ice: f64) ->
         ice: ice as f32,
         centre: rotate(centre),
         body: Body::from(contact.body).turned(c, s).rounded(),
+    }
+}
+
+#[cfg(test)]
+#[allow(clippy::unwrap_used)]
+mod tests {
+    use super::*;
+    use crate::grain::{Shape, TruncatedNormal};
+    use crate::optics::Index;
+    use crate::rng::Key;
+
+    /// Number, mean deflection cosine and mean square of it of the reflections on the outside,
+    /// among outcomes and as expected from outcomes that are all reflected.
+    #[test]
+    fn reflected_outcomes_are_those_without_a_path_in_ice() {
+        const COUNT: usize = 1 << 17;
+        let law = GrainType {
+            size: SizeRange::UNIT,
+            facetness: TruncatedNormal::new(0.0, 0.6, 0.3, 0.1).unwrap(),
+            shape: Shape::Spheroid,
+            proportion: TruncatedNormal::new(0.4, 0.9, 0.7, 0.1).unwrap(),
+        };
+        let [ice, water] = [1.31, 1.0].map(|n| Index { n, k: 0.0 });
+        let [surface, _] = Surface::in_air_and_water(ice, water, false);
+        let stream = |batch| {
+            Stream::new(Key {
+                seed: 1,
+                cell: 0,
+                purpose: [0; 3],
+                batch,
+            })
+        };
+        for entry in [Entry::Uniform, Entry::Projected] {
+            for facets in [Facets::Varsa2025, Facets::Visible, Facets::VGroove] {
+                let event = (entry, facets);
+                let all = draw(&law, event, surface, COUNT, stream(0));
+                let reflected = draw_reflected(&law, event, surface, COUNT, stream(1));
+                assert!(reflected.iter().all(|(outcome, _)| outcome.ice == 0.0));
+                for power in 0..3 {
+                    let term = |outcome: &Outcome| f64::from(outcome.cos).powi(power);
+                    let counted = all.iter().filter(|outcome| outcome.ice == 0.0).map(term);
+                    let expected = reflected.iter().map(|(o, chance)| chance * term(o));
+                    let [counted, expected] =
+                        [counted.collect(), expected.collect()].map(|terms: Vec<f64>| {
+                            let squares: f64 = terms.iter().map(|x| x * x).sum();
+                            (terms.iter().sum::<f64>(), squares)
+                        });
+                    let difference = counted.0 - expected.0;
+                    let sd = (counted.1 + expected.1).sqrt();
+                    let what = format!("{event:?}, power {power}: {counted:?} {expected:?}");
+                    assert!(difference.abs() < 4.0 * sd, "{what}");
+                    assert!(expected.1 < counted.1, "{what}");
+                }
+            }
+        }
     }
 }

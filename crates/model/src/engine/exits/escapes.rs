@@ -10,13 +10,15 @@ use crate::engine::{Engine, EngineError, Request, coefficients, engine_error, in
 use crate::grain::{GrainType, Surface};
 use crate::math::Vec3;
 use crate::measurement::Sensors;
-use crate::table::{EscapeBand, EscapeSink, EscapeTable, EscapeWalker, PackedTable, draw};
+use crate::table::{EscapeBand, EscapeSink, EscapeTable, EscapeWalker, draw, draw_reflected};
 use crate::transport::{Absorption, Coefficients, Illumination};
 
 /// Entries in the table of a part, for each grain type and medium.
 const TABLE: usize = 1 << 13;
 /// Outcomes drawn for every entry of the table.
 const OVERSAMPLING: usize = 4;
+/// Reflections on the outside of grains from which the entries of that kind are drawn.
+const REFLECTED: usize = 1 << 16;
 /// Share of [`MIN_FITTING_ENTRIES`] that is enough for the table of one part: the errors of
 /// tables differ from part to part and thus show in the scatter.
 const PART_OF_FITTING: f64 = 0.125;
@@ -134,14 +136,17 @@ fn tables(scene: &ExitScene, node: &IndexNode, part: u64) -> Vec<Vec<[EscapeTabl
     let (ice, water) = node.indices;
     let wet = request.snowpack.is_wet();
     let surfaces = Surface::in_air_and_water(ice, water, wet);
+    let event = (request.model.entry, request.model.facets);
     let media = |grain: &GrainType, layer: usize, kind: usize| {
-        let purpose = [11, node.number as u32, (layer << 8 | kind) as u32];
+        let stream = |purpose| {
+            let purpose = [purpose, node.number as u32, (layer << 8 | kind) as u32];
+            parts::stream(scene, purpose, part)
+        };
         let table = |surface| {
-            let mut rng = parts::stream(scene, purpose, part);
-            let count = OVERSAMPLING * TABLE;
-            let event = (request.model.entry, request.model.facets);
-            let drawn = draw(grain, event, surface, count, rng.clone());
-            EscapeTable::new(&PackedTable::new(&drawn, TABLE, &mut rng))
+            let mut rng = stream(11);
+            let drawn = draw(grain, event, surface, OVERSAMPLING * TABLE, rng.clone());
+            let reflected = draw_reflected(grain, event, surface, REFLECTED, stream(13));
+            EscapeTable::new(&drawn, &reflected, TABLE, &mut rng)
         };
         let air = table(surfaces[0]);
         let water = if wet { table(surfaces[1]) } else { air.clone() };

@@ -3,7 +3,7 @@ use splitsnow_spectra::simd::{F64x8, Simd, Task};
 
 use crate::grain::{Bodies, Down};
 use crate::math::{Real, Vec3, Vec3x8, exp_neg};
-use crate::table::lanes as set_lanes;
+use crate::table::{PackedTable, lanes as set_lanes};
 use crate::transport::{EVENT_LIMIT, Path, REJECTION_LIMIT, WalkError, diffuse_cosine};
 
 use super::layer::{EscapeKind, EscapeLayer};
@@ -419,7 +419,7 @@ impl<'w, S: Simd, C: EscapeSink> EscapeWalk<'w, S, C> {
         } else {
             1.0
         };
-        for (rows, at_plane) in table.groups().into_iter().zip(OUTCOMES_AT_PLANE) {
+        for ((table, rows, chance), at_plane) in table.groups().into_iter().zip(OUTCOMES_AT_PLANE) {
             if rows.is_empty() {
                 continue;
             }
@@ -431,26 +431,25 @@ impl<'w, S: Simd, C: EscapeSink> EscapeWalk<'w, S, C> {
             } else {
                 continue;
             };
-            // the share of these outcomes in the table, over the expected number of rays
-            let share = rows.len() as f64 / (8.0 * expected * table.len() as f64);
+            // the probability of these outcomes, over the expected number of rays
+            let share = chance / (8.0 * expected);
             self.base(&ray.path, *survived, share);
             let first = self.random.uniform();
             for i in 0..count as u32 {
                 let place = (f64::from(i) + first) / count * rows.len() as f64;
                 let row = rows.start + (place as usize).min(rows.len() - 1);
-                self.outcome(encounter, row);
+                self.outcome(encounter, table, row);
             }
         }
     }
 
     /// Scores the light that would leave after one outcome, at eight azimuths.
     #[inline(always)]
-    fn outcome(&mut self, encounter: &Encounter, row: usize) {
+    fn outcome(&mut self, encounter: &Encounter, table: &PackedTable, row: usize) {
         let Encounter {
             ray,
             layer,
             size_m: [min, max],
-            table,
             ..
         } = encounter;
         let (walker, zero, one) = (self.walker, F64x8::<S>::ZERO, F64x8::ONE);
