@@ -3,6 +3,8 @@
 //! way. If the file system does not support locks, files replace them ([`claim`]).
 use std::fs::{self, File, TryLockError};
 use std::path::Path;
+use std::thread::sleep;
+use std::time::Duration;
 
 use super::{StoreError, claim, file};
 use crate::grid::Shard;
@@ -10,6 +12,8 @@ use crate::host::is_unsupported;
 
 const LOCK: &str = ".splitsnow-lock";
 const SHARD_LOCK: &str = ".splitsnow-lock-shard-";
+/// Pause between attempts to take a lock, and number of attempts after the first.
+const ATTEMPTS: (Duration, u32) = (Duration::from_millis(10), 20);
 
 /// Access of a process to an output directory.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -69,15 +73,16 @@ fn system_locks(dir: &Path, access: Access) -> Result<Option<Vec<File>>, StoreEr
     let whole = open(&dir.join(LOCK))?;
     match access {
         Access::Exclusive => {
-            let locked = check(whole.try_lock(), dir, "in")?;
+            let locked = try_lock(|| whole.try_lock(), dir, "in")?;
             Ok(locked.then(|| vec![whole]))
         }
         Access::Shard(shard) => {
-            if !check(whole.try_lock_shared(), dir, "alone in")? {
+            if !try_lock(|| whole.try_lock_shared(), dir, "alone in")? {
                 return Ok(None);
             }
             let part = open(&dir.join(format!("{SHARD_LOCK}{}", shard.file_name())))?;
-            let locked = check(part.try_lock(), dir, &format!("on shard {shard} of"))?;
+            let role = format!("on shard {shard} of");
+            let locked = try_lock(|| part.try_lock(), dir, &role)?;
             Ok(locked.then(|| vec![whole, part]))
         }
     }
@@ -90,8 +95,24 @@ fn open(path: &Path) -> Result<File, StoreError> {
 }
 
 /// Whether a lock was taken; false if the file system does not support locks. `role` is
-/// the role of the other process in the error message ([`StoreError::Busy`]).
-fn check(outcome: Result<(), TryLockError>, dir: &Path, role: &str) -> Result<bool, StoreError> {
+/// the role of the other process in the error message ([`StoreError::Busy`]). Tries for a moment:
+/// a lock that this process has released is still held by a child that it is just starting.
+fn try_lock(
+    lock: impl Fn() -> Result<(), TryLockError>,
+    dir: &Path,
+    role: &str,
+) -> Result<bool, StoreError> {
+    let (pause, attempts) = ATTEMPTS;
+    let is_held =
+        |outcome: &Result<(), TryLockError>| matches!(outcome, Err(TryLockError::WouldBlock));
+    let mut outcome = lock();
+    for _ in 0..attempts {
+        if !is_held(&outcome) {
+            break;
+        }
+        sleep(pause);
+        outcome = lock();
+    }
     match outcome {
         Ok(()) => Ok(true),
         Err(TryLockError::WouldBlock) => Err(StoreError::Busy {
