@@ -41,7 +41,7 @@ fn main() -> Result<()> {
         );
     };
     let store = Store::open(&out)?;
-    if !store.missing(None)?.is_empty() {
+    if !store.missing()?.is_empty() {
         return Err(format!("the database in {} is not finished", out.display()).into());
     }
     let curves = store.read(Variable::TRANSMITTANCE)?.mapv(f64::from);

@@ -106,7 +106,7 @@ fn absent_curves_are_nan_and_all_others_are_computed() {
     );
 
     let store = Store::open(&folder.out("g")).unwrap();
-    assert!(store.missing(None).unwrap().is_empty());
+    assert!(store.missing().unwrap().is_empty());
     assert!(store.verify().unwrap().is_whole());
     assert_eq!(store.absent(), [0, 0, 0, 1]);
     for variable in Variable::ALL {

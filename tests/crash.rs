@@ -134,7 +134,7 @@ fn killed_builds_continue_at_any_moment() {
 #[test]
 fn signals_stop_a_build_cleanly_and_the_message_names_the_next_command() {
     let (expected, duration) = Folder::expected();
-    for signal in ["-INT", "-TERM"] {
+    for (signal, code) in [("-INT", 130), ("-TERM", 75)] {
         let folder = Folder::new();
         let child = folder
             .splitsnow(&["build", "g.toml", "--fresh"])
@@ -151,7 +151,7 @@ fn signals_stop_a_build_cleanly_and_the_message_names_the_next_command() {
         );
         let output = child.wait_with_output().unwrap();
         let text = text(&output);
-        assert_eq!(output.status.code(), Some(130), "{text}");
+        assert_eq!(output.status.code(), Some(code), "{text}");
         assert!(
             text.contains(" of 48 jobs are done and safe; to go on: "),
             "{text}"
@@ -231,6 +231,54 @@ fn failed_writes_lose_nothing() {
     assert_write_fails("snow.safetensors");
     assert!(folder.build(&[]).starts_with("48 jobs, 0 of them run now"));
     assert_same(&expected, &folder.output_files());
+}
+
+/// Batch systems send a signal before a time limit. The build ends by itself, says so by its exit
+/// code, and goes on later.
+#[test]
+fn a_build_ends_when_a_batch_system_asks() {
+    let expected = Folder::new();
+    expected.build(&["--threads", "1"]);
+    let folder = Folder::new();
+    let arguments = ["build", "g.toml", "--threads", "1"];
+    let done = || {
+        let marks = fs::read_dir(folder.file("database.zarr/jobs/committed"));
+        marks.map_or(0, |marks| {
+            let names = marks.map(|mark| mark.unwrap().file_name());
+            names
+                .filter(|name| name.to_string_lossy().starts_with("c."))
+                .count()
+        })
+    };
+    let stopped = |output: Output| {
+        let text = text(&output);
+        assert_eq!(output.status.code(), Some(75), "{text}");
+        assert!(
+            text.contains("jobs are done and safe; to go on: "),
+            "{text}"
+        );
+    };
+    for signal in ["USR1", "TERM"] {
+        let before = done();
+        let child = folder.splitsnow(&arguments).spawn().unwrap();
+        while done() == before {
+            sleep(Duration::from_millis(1));
+        }
+        let id = child.id().to_string();
+        assert!(
+            folder
+                .command("kill", &["-s", signal, &id])
+                .status()
+                .unwrap()
+                .success()
+        );
+        stopped(child.wait_with_output().unwrap());
+    }
+    let limited = [&arguments[..], &["--stop-after", "0.05s"]].concat();
+    stopped(folder.splitsnow(&limited).output().unwrap());
+    assert!(done() < 48);
+    folder.build(&[]);
+    assert_same(&expected.output_files(), &folder.output_files());
 }
 
 /// A job of several seconds stores parts of its result. The build is killed each time a new

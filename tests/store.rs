@@ -208,7 +208,7 @@ fn jobs_in_the_wrong_place_are_detected() {
     }
     move_file("jobs/lost_share", "c.0", "c.5");
     move_file("jobs/committed", "c.0", "c.5");
-    assert_eq!(Store::open(dir.path()).unwrap().missing(None).unwrap(), [5]);
+    assert_eq!(Store::open(dir.path()).unwrap().missing().unwrap(), [5]);
 }
 
 #[test]
@@ -289,7 +289,7 @@ fn a_failing_job_is_named_and_the_others_are_kept() {
         error.to_string(),
         "job 3 (facetness 0.05, grain size 200 um, density 300 kg m-3, thickness 1, 2, 5 cm, angle 60 degrees): the slab of 1 cm is too thin for grains up to 9000 um long: 10000 grains in a row did not fit; use a thickness of at least 10 grain lengths"
     );
-    assert_eq!(store.missing(None).unwrap(), [3, 4, 5, 6, 7]);
+    assert_eq!(store.missing().unwrap(), [3, 4, 5, 6, 7]);
 }
 
 #[test]

@@ -706,7 +706,7 @@ fn a_database_of_an_earlier_version_is_intact() {
         fs::write(&root, whole).unwrap();
 
         let store = Store::build(dir.path(), &grid, &BTreeMap::new(), Access::Exclusive).unwrap();
-        assert!(store.missing(None).unwrap().is_empty());
+        assert!(store.missing().unwrap().is_empty());
         drop(store);
         let database = |dir: &Path| crate::common::dir_bytes(&dir.join("database.zarr"));
         crate::common::assert_same(&database(built.path()), &database(dir.path()));

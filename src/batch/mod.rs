@@ -89,10 +89,18 @@ where
 {
     let views = grid.views.as_ref().map(GridViews::views).transpose();
     let views = views.map_err(GridError::Views)?;
-    let missing = store.missing(options.shard)?;
+    // A shard trusts the commit marks. The run of all jobs checks every file once, for all shards.
+    let (own, missing) = match options.shard {
+        None => (0..store.jobs().count(), store.missing()?),
+        Some(shard) => {
+            let own = shard.range(store.jobs());
+            let mut missing = store.unmarked()?;
+            missing.retain(|job| own.contains(job));
+            (own, missing)
+        }
+    };
     store.check_space(missing.len() as u64)?;
-    let in_shard = |job: &u64| options.shard.is_none_or(|shard| shard.owns(*job));
-    let total = (0..store.jobs().count()).filter(in_shard).count() as u64;
+    let total = own.end - own.start;
     let pool = rayon::ThreadPoolBuilder::new()
         .num_threads(options.threads)
         .build()
@@ -166,7 +174,7 @@ where
         });
     }
     let (mut sum, mut max_lost_share) = (0.0, 0.0_f64);
-    for job in (0..store.jobs().count()).filter(in_shard) {
+    for job in own {
         let share = store.lost_share(job)?;
         sum += share;
         max_lost_share = max_lost_share.max(share);
@@ -336,7 +344,7 @@ mod tests {
             // Six files a job, the mark last.
             let done = writes / 6;
             let missing: Vec<u64> = (done..8).collect();
-            assert_eq!(store.missing(None).unwrap(), missing);
+            assert_eq!(store.missing().unwrap(), missing);
             assert_eq!(run(&store).unwrap().run, 8 - done);
             assert!(store.verify().unwrap().is_whole());
         }

@@ -161,7 +161,7 @@ struct CompressedPart {
 impl CompressedPart {
     /// Depends on the database and `request` alone. No other process may be writing to the store.
     fn new(store: &Store, request: &CompressionRequest, part: Part) -> Result<Self, BuildError> {
-        let missing = store.missing(None)?.len();
+        let missing = store.missing()?.len();
         let jobs = store.jobs();
         if missing > 0 {
             return Err(BuildError::Unfinished {

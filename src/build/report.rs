@@ -176,7 +176,7 @@ impl ShardReport {
             shard,
             database: store.path().into(),
             database_jobs: store.jobs().count(),
-            jobs_left: store.missing(None)?.len(),
+            jobs_left: store.unmarked()?.len(),
             lost_share: LostShare {
                 mean: summary.mean_lost_share,
                 max: summary.max_lost_share,

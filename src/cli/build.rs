@@ -1,6 +1,7 @@
 //! `splitsnow build`: simulates and compresses the database of a grid.
 use std::fmt::Write;
 use std::path::{Path, PathBuf};
+use std::time::Duration;
 
 use anyhow::anyhow;
 use serde_json::json;
@@ -8,8 +9,8 @@ use serde_json::json;
 use super::bar::{Bar, counts};
 use super::common::{self, GridArgs, Interrupted};
 use super::compact::CompactSummary;
+use super::shard::ShardArg;
 use crate::build::{self, BuildError, BuildOptions, BuildReport, ShardReport};
-use crate::grid::Shard;
 use crate::store::StoreError;
 
 /// Build the database of a grid and compress it; resumes after an interruption
@@ -20,7 +21,7 @@ use crate::store::StoreError;
 /// the compact file `snow.safetensors` beside `database.zarr`.
 ///
 /// Ctrl-C, a kill or a full disk lose no finished job: run the same command again to
-/// resume. The result is identical to the byte, whatever the threads, shards and
+/// resume. SIGTERM, SIGUSR1 and --stop-after end a build with exit code 75, Ctrl-C with 130. The result is identical to the byte, whatever the threads, shards and
 /// interruptions. `build` refuses a directory made from another grid, seed, engine or
 /// data table.
 #[derive(Debug, clap::Args)]
@@ -34,6 +35,9 @@ Examples:
   splitsnow build configs/thesis.toml --shard 2/3
   splitsnow build configs/thesis.toml
 
+  Run one task of a Slurm array that was submitted with --array=0-11, and end in time:
+  splitsnow build configs/thesis.toml --shard env/12 --stop-after 50m
+
   Extend a database: simulate only the spectra that out/less does not have:
   splitsnow build more.toml --from out/less
 
@@ -42,9 +46,14 @@ Examples:
 pub(super) struct Args {
     #[command(flatten)]
     grid: GridArgs,
-    /// Run only share I of N of the jobs (I from 0 to N-1) and do not compress
-    #[arg(long, value_name = "I/N")]
-    shard: Option<Shard>,
+    /// Run only share I of N of the jobs (I from 0 to N-1) and do not compress. `env` and `env/N`
+    /// take the share from the job array of Slurm, PBS, SGE, Kubernetes or AWS Batch, or from
+    /// SPLITSNOW_SHARD=I/N
+    #[arg(long, value_name = "I/N|env|env/N")]
+    shard: Option<ShardArg>,
+    /// End after this time, such as 50m, 2h or 90s, with exit code 75. The same command goes on
+    #[arg(long, value_name = "TIME", value_parser = common::time_limit)]
+    stop_after: Option<Duration>,
     /// Reuse the spectra of the database in DIR, whose grid may differ in the values of its
     /// axes only; may be given several times
     #[arg(long, value_name = "DIR")]
@@ -60,16 +69,21 @@ pub(super) struct Args {
 pub(super) fn run(args: &Args) -> anyhow::Result<()> {
     let file = args.grid.open()?;
     let dir = args.grid.dir(&file);
-    let bar = Bar::new(!args.json && args.shard.is_none());
+    let shard = args.shard.map(ShardArg::shard).transpose()?;
+    let bar = Bar::new(!args.json && shard.is_none());
+    let cancel = common::interrupt_flag()?;
+    if let Some(time) = args.stop_after {
+        common::stop_after(time);
+    }
     let options = BuildOptions {
         threads: args.grid.threads()?,
-        shard: args.shard,
+        shard,
         from: args.from.clone(),
         grid_file: args.grid.path().into(),
         fresh: args.fresh,
         viewing: file.viewing,
         progress: Some(&bar),
-        cancel: Some(common::interrupt_flag()?),
+        cancel: Some(cancel),
     };
     let built = build::build(&file.grid, &dir, &options);
     drop(bar);

@@ -3,6 +3,7 @@ use std::fmt::Display;
 use std::io::{self, Write};
 use std::path::{Path, PathBuf};
 use std::sync::atomic::{AtomicBool, Ordering};
+use std::sync::{Arc, LazyLock};
 use std::time::Duration;
 
 use anyhow::{Context, anyhow, bail};
@@ -138,24 +139,82 @@ pub(super) fn diffuse_path(path: &Path) -> anyhow::Result<PathBuf> {
     Ok(file)
 }
 
-/// A run that the user stopped. Holds the text after "interrupted: ": the work that is
-/// safe, and how to resume.
+/// A run that was stopped. Holds the text after "interrupted: ": the work that is safe, and how
+/// to resume.
 #[derive(Debug, Error)]
 #[error("interrupted: {0}")]
 pub(super) struct Interrupted(pub(super) String);
 
-/// The flag that the first Ctrl-C (or SIGTERM) sets. A second Ctrl-C ends the process at
-/// once. Call this function only once per process.
+/// Exit code after Ctrl-C.
+const EXIT_INTERRUPTED: u8 = 130;
+/// Exit code after SIGTERM, SIGUSR1 and `--stop-after`: try again later (`EX_TEMPFAIL`).
+const EXIT_STOPPED: u8 = 75;
+
+/// The flags that stop a run: set by any request, and set by those that end with
+/// [`EXIT_STOPPED`].
+static FLAGS: LazyLock<[Arc<AtomicBool>; 2]> = LazyLock::new(Default::default);
+
+/// The flag that stops a run. The first Ctrl-C sets it, and the second ends the process at once.
+/// So do SIGTERM and, on Unix, SIGUSR1, which batch systems send before a time limit. Call this
+/// function only once per process.
 pub(super) fn interrupt_flag() -> anyhow::Result<&'static AtomicBool> {
-    static FLAG: AtomicBool = AtomicBool::new(false);
+    let [flag, _] = &*FLAGS;
     ctrlc::set_handler(|| {
-        if FLAG.swap(true, Ordering::Relaxed) {
-            std::process::exit(130);
+        let [flag, _] = &*FLAGS;
+        if flag.swap(true, Ordering::Relaxed) {
+            std::process::exit(exit_code().into());
         }
         note("\nstopping (Ctrl-C again stops at once)");
     })
     .context("cannot listen for Ctrl-C")?;
-    Ok(&FLAG)
+    #[cfg(unix)]
+    listen_for_batch_systems().context("cannot listen for SIGUSR1")?;
+    Ok(flag)
+}
+
+/// SIGTERM, which the handler of Ctrl-C has too, and SIGUSR1 set the flags.
+#[cfg(unix)]
+fn listen_for_batch_systems() -> io::Result<()> {
+    use signal_hook::consts::{SIGTERM, SIGUSR1};
+    let [flag, stopped] = &*FLAGS;
+    signal_hook::flag::register(SIGTERM, Arc::clone(stopped))?;
+    signal_hook::flag::register(SIGUSR1, Arc::clone(stopped))?;
+    signal_hook::flag::register(SIGUSR1, Arc::clone(flag))?;
+    Ok(())
+}
+
+/// Stops the run after `time`.
+pub(super) fn stop_after(time: Duration) {
+    std::thread::spawn(move || {
+        std::thread::sleep(time);
+        let [flag, stopped] = &*FLAGS;
+        stopped.store(true, Ordering::Relaxed);
+        flag.store(true, Ordering::Relaxed);
+    });
+}
+
+/// Exit code of a run that was stopped.
+pub(super) fn exit_code() -> u8 {
+    let [_, stopped] = &*FLAGS;
+    match stopped.load(Ordering::Relaxed) {
+        true => EXIT_STOPPED,
+        false => EXIT_INTERRUPTED,
+    }
+}
+
+/// Parses a time limit: a number with the unit s, m or h; without a unit, seconds.
+pub(super) fn time_limit(text: &str) -> Result<Duration, String> {
+    let (number, unit) = match text.chars().last() {
+        Some('s') => (&text[..text.len() - 1], 1.0),
+        Some('m') => (&text[..text.len() - 1], 60.0),
+        Some('h') => (&text[..text.len() - 1], 3600.0),
+        _ => (text, 1.0),
+    };
+    let seconds = number.parse::<f64>().ok().map(|number| number * unit);
+    let seconds = seconds.filter(|seconds| *seconds > 0.0 && *seconds <= 1e9);
+    seconds
+        .map(Duration::from_secs_f64)
+        .ok_or_else(|| "the time must be a number above 0 with a unit: 90s, 50m or 2h".into())
 }
 
 /// Writes `text` to standard output. A closed pipe (a reader such as `head` that stopped
@@ -279,6 +338,17 @@ mod tests {
             [0.04, 9.0, 100.0, 3600.0, 40_000.0, 1e6].map(duration),
             ["0.0 s", "9.0 s", "100 s", "60 min", "11.1 h", "11.6 days"]
         );
+    }
+
+    #[test]
+    fn time_limits_have_units() {
+        let seconds = |text| time_limit(text).map(|time| time.as_secs_f64());
+        for (text, expected) in [("50m", 3000.0), ("1.5h", 5400.0), ("90s", 90.0), ("7", 7.0)] {
+            assert_eq!(seconds(text), Ok(expected));
+        }
+        for wrong in ["", "m", "0s", "-1m", "nanh", "infs", "1d", "1e9h"] {
+            assert!(seconds(wrong).is_err(), "{wrong}");
+        }
     }
 
     #[test]

@@ -18,6 +18,7 @@ mod man;
 mod plan;
 mod point;
 mod query;
+mod shard;
 mod simulate;
 #[cfg(feature = "charts")]
 mod study;
@@ -190,7 +191,7 @@ pub fn run() -> ExitCode {
         Ok(()) => ExitCode::SUCCESS,
         Err(error) if error.is::<common::Interrupted>() => {
             common::note(&error.to_string());
-            ExitCode::from(130)
+            ExitCode::from(common::exit_code())
         }
         Err(error) => {
             common::note(&format!("error: {}", common::message(&error)));

@@ -202,7 +202,7 @@ impl ExportTable {
 
     /// The axes of a finished database, without views, and its attributes.
     fn without_values(store: &Store) -> Result<Self, ExportError> {
-        let missing = store.missing(None)?.len();
+        let missing = store.missing()?.len();
         if missing > 0 {
             return Err(ExportError::Unfinished {
                 missing,

@@ -234,13 +234,26 @@ mod tests {
         }
 
         #[test]
-        fn shards_partition_the_jobs(jobs in any_jobs(), count in 1_u64..7) {
-            for job in 0..jobs.count() {
-                let owners = (0..count)
-                    .filter(|i| Shard::new(*i, count).unwrap().owns(job))
-                    .count();
-                prop_assert_eq!(owners, 1);
-            }
+        fn shards_partition_the_jobs(jobs in any_jobs(), count in 1_u64..70) {
+            let ranges = (0..count).map(|i| Shard::new(i, count).unwrap().range(&jobs));
+            let lengths: Vec<u64> = ranges.clone().map(|range| range.end - range.start).collect();
+            prop_assert!(ranges.flatten().eq(0..jobs.count()));
+            // the largest share is at most a quarter, or one job, above an even one
+            let even = jobs.count() as f64 / count as f64;
+            let largest = lengths.into_iter().max().unwrap() as f64;
+            prop_assert!(largest < (1.25 * even).max(even + 1.0) + 1e-9, "{largest} of {even}");
+        }
+    }
+
+    #[test]
+    fn shards_take_whole_blocks_of_the_slowest_axes() {
+        // 9 values of facetness, 45 jobs each
+        let jobs = Jobs::new(Engine::Hybrid, &axes([1, 9, 5, 9, 4, 3]), 3).unwrap();
+        assert_eq!(jobs.count(), 9 * 45);
+        let first = |count| Shard::new(0, count).unwrap().range(&jobs).end;
+        // shards, and where the first of them ends: with a facetness, or with a grain size
+        for (count, end) in [(1, 405), (2, 198), (3, 135), (9, 45), (10, 36), (405, 1)] {
+            assert_eq!(first(count), end, "{count}");
         }
     }
 

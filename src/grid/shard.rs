@@ -1,11 +1,14 @@
 //! Shards: shares of the jobs, so that several processes can work on one database.
 use std::fmt;
+use std::ops::Range;
 use std::str::FromStr;
 
 use thiserror::Error;
 
-/// Shard `index` of `count`: the jobs whose number modulo `count` is `index`. Neighbouring
-/// jobs have similar costs, and so have the shards.
+use super::Jobs;
+
+/// Shard `index` of `count`: a range of consecutive jobs. Neighbouring jobs share the tables of
+/// their grains, so few tables are made in more than one shard.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub struct Shard {
     index: u64,
@@ -34,10 +37,30 @@ impl Shard {
         }
     }
 
-    /// Whether `job` belongs to this shard.
+    /// Number of shards.
     #[must_use]
-    pub fn owns(&self, job: u64) -> bool {
-        job % self.count == self.index
+    pub fn count(&self) -> u64 {
+        self.count
+    }
+
+    /// The numbers of its jobs. The ranges of all shards cover `jobs` without a gap. They begin and
+    /// end with whole blocks of the slowest axes, if these can be shared out evenly.
+    #[must_use]
+    pub fn range(&self, jobs: &Jobs) -> Range<u64> {
+        let mut block = jobs.count();
+        for length in jobs.blocks() {
+            let blocks = jobs.count() / block.max(1);
+            if blocks.is_multiple_of(self.count) || blocks / 4 >= self.count {
+                break;
+            }
+            block /= length;
+        }
+        let blocks = jobs.count() / block.max(1);
+        let edge = |index: u64| {
+            let passed = u128::from(blocks) * u128::from(index) / u128::from(self.count);
+            passed as u64 * block
+        };
+        edge(self.index)..edge(self.index + 1)
     }
 
     /// The name of this shard in file names, such as `0-of-3`.

@@ -279,7 +279,7 @@ fn remaining_jobs(
     let inputs = data_hashes(grid)?;
     let missing = Store::open(dir).and_then(|store| {
         store.check_same(grid, &inputs)?;
-        store.missing(None)
+        store.unmarked()
     });
     Ok(match missing {
         Ok(missing) => (Some(missing), None),

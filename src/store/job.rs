@@ -80,7 +80,7 @@ impl Store {
         Ok(mark == encode(committed, &[hash.finish()])?)
     }
 
-    fn file(&self, array: &ZarrArray, chunk: &[u64]) -> std::path::PathBuf {
+    pub(super) fn file(&self, array: &ZarrArray, chunk: &[u64]) -> std::path::PathBuf {
         self.root.join(array.chunk_key(chunk).as_str())
     }
 

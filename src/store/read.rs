@@ -1,10 +1,12 @@
 //! Reading and checking of a database.
+use std::fs;
+use std::io::ErrorKind;
+
 use ndarray::Array2;
 use zarrs::array::ArrayError;
 
 use super::layout::ZarrArray;
 use super::{ROOT, Store, StoreError, file};
-use crate::grid::Shard;
 use crate::measurement::{Measured, Quantity, Spectrum};
 use crate::parameter::Parameter;
 
@@ -177,18 +179,48 @@ impl Integrity {
 }
 
 impl Store {
-    /// Numbers of the jobs that are not done, of the database or of one shard, increasing.
+    /// Numbers of the jobs that are not done, increasing. Reads all files of the database.
     ///
     /// # Errors
     /// [`StoreError::Io`] if a file exists but cannot be read.
-    pub fn missing(&self, shard: Option<Shard>) -> Result<Vec<u64>, StoreError> {
+    pub fn missing(&self) -> Result<Vec<u64>, StoreError> {
         let mut missing = Vec::new();
         for job in 0..self.layout.jobs.count() {
-            if shard.is_none_or(|shard| shard.owns(job)) && !self.is_done(job)? {
+            if !self.is_done(job)? {
                 missing.push(job);
             }
         }
         Ok(missing)
+    }
+
+    /// Numbers of the jobs without a commit mark, increasing. Lists one directory and reads no
+    /// file, so it does not see damage.
+    ///
+    /// # Errors
+    /// [`StoreError::Io`] if the directory exists but cannot be read.
+    pub fn unmarked(&self) -> Result<Vec<u64>, StoreError> {
+        let first = self.file(&self.layout.committed, &[0]);
+        let folder = first.parent().unwrap_or(&self.root);
+        let prefix = first.file_name().and_then(|name| name.to_str());
+        let prefix = prefix
+            .and_then(|name| name.strip_suffix('0'))
+            .unwrap_or_default();
+        let mut marked = vec![false; self.layout.jobs.count() as usize];
+        // without the directory, nothing is marked
+        let entries = match fs::read_dir(folder) {
+            Err(error) if error.kind() == ErrorKind::NotFound => None,
+            entries => Some(entries.map_err(StoreError::io("read", folder))?),
+        };
+        for entry in entries.into_iter().flatten() {
+            let name = entry.map_err(StoreError::io("read", folder))?.file_name();
+            let number = name.to_str().and_then(|name| name.strip_prefix(prefix));
+            let job = number.and_then(|number| number.parse::<usize>().ok());
+            if let Some(marked) = job.and_then(|job| marked.get_mut(job)) {
+                *marked = true;
+            }
+        }
+        let jobs = (0..).zip(marked).filter(|(_, marked)| !marked);
+        Ok(jobs.map(|(job, _)| job).collect())
     }
 
     /// Checks every file of the database.
@@ -209,7 +241,7 @@ impl Store {
         }
         Ok(Integrity {
             jobs: self.layout.jobs.count(),
-            missing: self.missing(None)?,
+            missing: self.missing()?,
             damaged,
             outdated,
         })

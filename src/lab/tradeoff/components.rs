@@ -189,7 +189,7 @@ fn coded(
 
 /// The curves of a finished database.
 fn stored(store: &Store) -> Result<Curves, TradeoffError> {
-    let missing = store.missing(None)?.len();
+    let missing = store.missing()?.len();
     if missing > 0 {
         let path = store.path().into();
         return Err(TradeoffError::Unfinished { missing, path });
