@@ -25,7 +25,7 @@ CONDITIONS = (
     "sphericity",
     "substrate_reflectance",
 )
-# Coordinate of each axis; that of an axis named here by none is its value.
+# Coordinate of each axis, in which y is nearly linear.
 PLACES = {
     "black_carbon_ng_g": lambda x: np.sqrt(x + 20),
     "water_saturation": lambda x: -np.log(1 - x),
@@ -348,11 +348,8 @@ class Snow:
             )
             y[~beyond] = self._spectral(along_angles(curve))
         if beyond.any():
-            last, before, slope = (
-                self._spectral(along_angles(rows[k : k + 1]))[0]
-                for rows, k in ((self.y, -1), (self.y, -2), (self.slopes, -1))
-                for k in [len(self.x) + k]
-            )
+            before, last = self._spectral(along_angles(self.y[-2:]))
+            (slope,) = self._spectral(along_angles(self.slopes[-1:]))
             if self.quantity == "reflectance":
                 y[beyond] = last
             else:

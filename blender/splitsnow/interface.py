@@ -346,7 +346,8 @@ class SPLITSNOW_PT_panel(bpy.types.Panel):
 
 def _wrapped(layout, text, context, icon):
     """A label of several lines."""
-    width = max(20, int(context.region.width / 7 / context.preferences.system.ui_scale))
+    scale = context.preferences.system.ui_scale or 1  # 0 without windows
+    width = max(20, int(context.region.width / 7 / scale))
     column = layout.column(align=True)
     line = ""
     for word in text.split():

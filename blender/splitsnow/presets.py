@@ -56,8 +56,8 @@ PRESETS = {
     ),
     "town": Preset(
         "Town Snow",
-        "Soot in the ice, 200 ng/g: 300 um, 300 kg/m3",
+        "Soot in the ice, 50 ng/g: 300 um, 300 kg/m3",
         "sooty.safetensors",
-        {"black_carbon_ng_g": 200},
+        {"black_carbon_ng_g": 50},
     ),
 }

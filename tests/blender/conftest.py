@@ -41,3 +41,19 @@ def record():
     yield lambda name, value: lines.append(f"{name}: Delta-E {value:.3f}")
     print(f"\nBlender {bpy.app.version_string}")
     print("\n".join(lines))
+
+
+STATUS = []
+
+
+def pytest_sessionfinish(exitstatus):
+    STATUS.append(int(exitstatus))
+
+
+@pytest.hookimpl(trylast=True)
+def pytest_unconfigure():
+    """Ends the process at once: as a module, Blender 4.5 can hang while Python shuts down."""
+    sys.stdout.flush()
+    sys.stderr.flush()
+    if STATUS:
+        os._exit(STATUS[0])
