@@ -45,6 +45,16 @@ renew:
         --truth-rays 1600000 --budget 700 --out docs
     UPDATE_GOLDEN=1 cargo test --release --test pipeline
 
+# Test the extension in Blender (bpy 4.5 and 5.2; needs Python 3.11 and 3.13)
+blender:
+    tests/blender/run
+
+# Regenerate the pictures of docs/blender.md: half an hour on two cores, after `just blender`
+gallery:
+    target/blender-5.2/bin/python -m pip install --quiet pillow
+    target/blender-5.2/bin/python examples/blender/gallery.py --out out/gallery
+    for name in blocks igloo sculpture lantern; do cp out/gallery/$name.png docs/blender_$name.png; done
+
 # Regenerate the curves, pictures and tables of docs/peers.md
 peers:
     for sample in clean soot_in_pores soot_in_ice thin; do \

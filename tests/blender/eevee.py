@@ -2,14 +2,15 @@
 
 Run by hand, because EEVEE needs a graphics card, or Mesa and minutes:
 
-    SPLITSNOW_BLENDER=target/blender/5.2/user target/blender-5.2/bin/python tests/blender/eevee.py
+    SPLITSNOW_BLENDER=$PWD/target/blender/5.2/user target/blender-5.2/bin/python tests/blender/eevee.py
 """
 
 import sys
 
+from conftest import EXTENSION  # before bpy: it says where the extension is
+
 import bpy
 import stage
-from conftest import EXTENSION
 
 
 def main():
