@@ -264,3 +264,15 @@ def test_sources_compile_and_the_zip_is_small(tmp_path):
                 assert path.suffix in allowed, path
                 archive.write(path, path.relative_to(SOURCE))
     assert (tmp_path / "all.zip").stat().st_size < 100_000
+
+
+def test_pictures_of_the_page_are_high_and_small():
+    pictures = sorted((ROOT / "docs").glob("blender_*.png"))
+    page = (ROOT / "docs/blender.md").read_text()
+    assert len(pictures) >= 4
+    for path in pictures:
+        data = path.read_bytes()
+        # the height is the second number of the first chunk
+        assert int.from_bytes(data[20:24], "big") == 1080, path
+        assert len(data) < 500_000, path
+        assert f"]({path.name})" in page
