@@ -28,6 +28,8 @@ mod simulate;
 mod site;
 #[cfg(unix)]
 mod start;
+#[cfg(unix)]
+mod status;
 mod store;
 mod substrates;
 #[cfg(unix)]

@@ -39,6 +39,7 @@
 mod compact;
 mod error;
 mod inputs;
+mod journal;
 mod report;
 
 use std::path::{Path, PathBuf};
@@ -48,6 +49,7 @@ pub(crate) use compact::view_file;
 pub use compact::{CompressionRequest, compress};
 pub use error::BuildError;
 pub use inputs::data_hashes;
+pub use journal::{BuildStatus, RunState, RunStatus, status};
 pub use report::{
     BuildReport, CompactReport, LargestError, LostShare, QuantityReport, ShardReport,
 };
@@ -58,6 +60,7 @@ use crate::engine::{Control, Request};
 use crate::grid::{Grid, Shard};
 use crate::store::{self, Access, Store};
 use crate::threads::threads;
+use journal::Journal;
 
 /// Options of a build.
 #[derive(Debug, Clone, Default)]
@@ -113,18 +116,36 @@ pub fn build(
     }
     let access = options.shard.map_or(Access::Exclusive, Access::Shard);
     let store = Store::build(dir, grid, &inputs, access)?;
+    let journal = Journal::new(dir, access, threads, options.progress);
+    let report = run(grid, &store, &sources, threads, (options, &journal));
+    journal.close(report.as_ref());
+    let report = report?;
+    if options.shard.is_none() {
+        store.delete_journals()?;
+    }
+    Ok(report)
+}
+
+/// Runs the missing jobs of `store` and, without a shard, compresses the curves.
+fn run(
+    grid: &Grid,
+    store: &Store,
+    sources: &[ReuseSource],
+    threads: usize,
+    (options, progress): (&BuildOptions<'_>, &dyn Progress),
+) -> Result<BuildReport, BuildError> {
     let run = batch::BatchOptions {
         threads,
         shard: options.shard,
-        progress: options.progress,
+        progress: Some(progress),
     };
     let engine = grid.run.engine;
     let simulate = |request: &Request<'_>, control: &Control<'_>| engine.run(request, control);
     let never = AtomicBool::new(false);
     let cancel = options.cancel.unwrap_or(&never);
-    let summary = batch::run_from(grid, &store, &sources, simulate, &run, cancel)?;
+    let summary = batch::run_from(grid, store, sources, simulate, &run, cancel)?;
     if let Some(shard) = options.shard {
-        let share = ShardReport::of(shard, &store, &summary)?;
+        let share = ShardReport::of(shard, store, &summary)?;
         return Ok(BuildReport::new(&summary, None, Some(share)));
     }
     if cancel.load(Ordering::Relaxed) {
@@ -133,11 +154,9 @@ pub fn build(
             jobs: summary.jobs,
         });
     }
-    if let Some(progress) = options.progress {
-        progress.compressing();
-    }
+    progress.compressing();
     let request = CompressionRequest::plain(grid.compression, options.viewing.clone());
-    let compact = compact::write(&store, &request)?;
+    let compact = compact::write(store, &request)?;
     Ok(BuildReport::new(&summary, Some(compact), None))
 }
 

@@ -1,8 +1,9 @@
 //! The progress bar of a build on standard error: jobs, curves, rays per second and time
 //! left, followed by a spinner while the build compresses.
+use std::io::{IsTerminal, stderr};
 use std::sync::atomic::Ordering;
 use std::sync::{Mutex, PoisonError};
-use std::time::Duration;
+use std::time::{Duration, Instant};
 
 use indicatif::{HumanDuration, ProgressBar, ProgressDrawTarget, ProgressState, ProgressStyle};
 
@@ -11,6 +12,8 @@ use crate::batch::{Progress, RunInfo};
 
 /// Time between redraws, short enough to keep the rates current during long jobs.
 const TICK: Duration = Duration::from_millis(250);
+/// Time between lines in a log, where no bar is shown.
+const LOG_PAUSE: Duration = Duration::from_secs(60);
 
 /// The progress bar, shown from the start of a run if standard error is a terminal, and the
 /// spinner shown during compression.
@@ -19,6 +22,8 @@ pub(super) struct Bar {
     bar: ProgressBar,
     spinner: Mutex<Option<Spinner>>,
     announces: bool,
+    /// When the last line was written to a log.
+    logged: Mutex<Instant>,
 }
 
 impl Bar {
@@ -29,6 +34,7 @@ impl Bar {
             bar: ProgressBar::hidden(),
             spinner: Mutex::default(),
             announces,
+            logged: Mutex::new(Instant::now()),
         }
     }
 }
@@ -86,6 +92,15 @@ impl Progress for Bar {
 
     fn job_done(&self) {
         self.bar.inc(1);
+        let mut logged = self.logged.lock().unwrap_or_else(PoisonError::into_inner);
+        if !stderr().is_terminal() && logged.elapsed() >= LOG_PAUSE {
+            *logged = Instant::now();
+            let (done, jobs) = (self.bar.position(), self.bar.length().unwrap_or_default());
+            let left = common::duration(self.bar.eta().as_secs_f64());
+            common::note(&format!(
+                "{done} of {jobs} jobs are done, about {left} left"
+            ));
+        }
     }
 
     fn end(&self) {

@@ -20,6 +20,7 @@ mod point;
 mod query;
 mod shard;
 mod simulate;
+mod status;
 #[cfg(feature = "charts")]
 mod study;
 mod tailor;
@@ -89,6 +90,7 @@ enum Command {
     Init(init::Args),
     Plan(plan::Args),
     Build(build::Args),
+    Status(status::Args),
     Compress(compress::Args),
     Verify(verify::Args),
     #[command(alias = "fit")]
@@ -205,6 +207,7 @@ fn run_command(command: Command, level: simd::Level) -> anyhow::Result<()> {
         Command::Init(args) => init::run(&args),
         Command::Plan(args) => plan::run(&args),
         Command::Build(args) => build::run(&args),
+        Command::Status(args) => status::run(&args),
         Command::Compress(args) => compress::run(&args),
         Command::Verify(args) => verify::run(&args),
         Command::Tailor(args) => tailor::run(&args),

@@ -60,7 +60,7 @@ impl Lock {
 
 impl Access {
     /// Part of file names that distinguishes processes that may run at the same time.
-    pub(super) fn file_name(self) -> String {
+    pub(crate) fn file_name(self) -> String {
         match self {
             Self::Exclusive => "alone".into(),
             Self::Shard(shard) => format!("shard-{}", shard.file_name()),

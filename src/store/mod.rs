@@ -15,6 +15,7 @@
 //! DIR/.splitsnow-lock          empty; the process that holds its lock may write
 //! DIR/.splitsnow-held-...      replaces the lock if the file system has no locks
 //! DIR/.splitsnow-units/        finished units of jobs that are not done
+//! DIR/.splitsnow-runs/         journals of the processes of an unfinished build
 //! ```
 //!
 //! One chunk is one job (see [`crate::grid::Jobs`]); every chunk ends with its CRC-32C. A
@@ -61,6 +62,8 @@ pub use space::estimated_bytes;
 const DATABASE: &str = "database.zarr";
 /// Directory that file systems have in their root; ignored in an otherwise empty directory.
 const SYSTEM: &str = "lost+found";
+/// Folder of the journals of builds, in an output directory.
+pub(crate) const JOURNALS: &str = ".splitsnow-runs";
 /// Name of the file that identifies a directory as a database.
 const ROOT: &str = "zarr.json";
 
@@ -374,6 +377,14 @@ impl Store {
         self.description.former_attributes()
     }
 
+    /// Deletes the journals of builds.
+    ///
+    /// # Errors
+    /// [`StoreError::Io`] if they cannot be deleted.
+    pub(crate) fn delete_journals(&self) -> Result<(), StoreError> {
+        file::remove_dir(&self.dir.join(JOURNALS))
+    }
+
     /// Simulates a disk that becomes full after `writes` more files.
     #[cfg(test)]
     pub(crate) fn fill_disk_after(&self, writes: u64) {
@@ -431,6 +442,7 @@ pub fn remove(dir: &Path) -> Result<(), StoreError> {
         file::remove_file(&resolved(&dir.join(other)))?;
     }
     file::remove_dir(&dir.join(unit_directory::UNITS))?;
+    file::remove_dir(&dir.join(JOURNALS))?;
     let writer = file::Writer::new(dir, Access::Exclusive)?;
     let scratch = writer.scratch();
     if root.is_symlink() {

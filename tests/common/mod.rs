@@ -60,10 +60,16 @@ impl Folder {
         self.0.path().join("out").join(name)
     }
 
-    pub(crate) fn run(&self, args: &str) -> Output {
+    pub(crate) fn command(&self, args: &str) -> Command {
         let mut command = Command::new(cargo_bin!("splitsnow"));
-        command.current_dir(self.0.path());
-        command.args(args.split_whitespace()).output().unwrap()
+        command
+            .current_dir(self.0.path())
+            .args(args.split_whitespace());
+        command
+    }
+
+    pub(crate) fn run(&self, args: &str) -> Output {
+        self.command(args).output().unwrap()
     }
 
     /// The standard output of a run that must succeed.

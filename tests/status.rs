@@ -1,0 +1,118 @@
+//! `status` says what the processes of a build do, whatever happened to them.
+#![cfg(unix)]
+#![allow(clippy::unwrap_used)]
+
+use std::thread::sleep;
+use std::time::Duration;
+
+use serde_json::Value;
+
+use crate::common::Folder;
+
+/// 24 jobs of some tenths of a second each.
+const GRID: &str = "version = 1
+[axes]
+facetness = [0.1, 0.5, 0.9]
+grain_size_um = [300, 500]
+density_kg_m3 = [100, 200]
+thickness_cm = [1, 2]
+incidence_angle_deg = [0, 60]
+[wavelengths]
+start_nm = 400
+stop_nm = 700
+step_nm = 10
+[run]
+engine = \"spectral\"
+rays = 20000
+";
+
+impl Folder {
+    fn status(&self) -> Value {
+        serde_json::from_str(&self.succeeds("status out/g --json")).unwrap()
+    }
+}
+
+/// Shard and state of every process.
+fn states(status: &Value) -> Vec<(&str, &str)> {
+    let processes = status["processes"].as_array().unwrap().iter();
+    processes
+        .map(|process| {
+            (
+                process["shard"].as_str().unwrap(),
+                process["state"].as_str().unwrap(),
+            )
+        })
+        .collect()
+}
+
+#[test]
+fn every_process_is_accounted_for() {
+    let folder = Folder::new(GRID);
+    let missing = folder.fails("status out/g");
+    assert!(
+        missing.starts_with("error: ") && missing.contains("out/g"),
+        "{missing}"
+    );
+
+    // a process that runs, and is killed
+    let mut child = folder
+        .command("build g.toml --shard 0/3 --threads 1")
+        .spawn()
+        .unwrap();
+    while !folder
+        .out("g")
+        .join(".splitsnow-runs/shard-0-of-3.json")
+        .exists()
+    {
+        sleep(Duration::from_millis(5));
+    }
+    let status = folder.status();
+    let process = &status["processes"][0];
+    assert_eq!(states(&status), [("0/3", "running")]);
+    assert_eq!(process["process"].as_u64(), Some(child.id().into()));
+    assert_eq!(
+        [&status["jobs"], &process["jobs"], &process["threads"]],
+        [24, 8, 1]
+    );
+    assert!(process["since"].as_u64() <= process["seen"].as_u64());
+    child.kill().unwrap();
+    child.wait().unwrap();
+    let status = folder.status();
+    assert_eq!(states(&status), [("0/3", "killed")]);
+    assert!(status["left"].as_u64() > Some(16));
+
+    // one whose job cannot be stored, one that is stopped, and one that ends
+    let obstacle = folder
+        .out("g")
+        .join("database.zarr/transmittance/c.1.0.0.0.0.0");
+    std::fs::create_dir(&obstacle).unwrap();
+    let error = folder.fails("build g.toml --shard 1/3 --threads 1");
+    std::fs::remove_dir(&obstacle).unwrap();
+    let stopped = folder.run("build g.toml --shard 0/3 --threads 1 --stop-after 0.01s");
+    assert_eq!(stopped.status.code(), Some(75));
+    folder.succeeds("build g.toml --shard 2/3");
+    let status = folder.status();
+    let expected = [("0/3", "stopped"), ("1/3", "failed"), ("2/3", "finished")];
+    assert_eq!(states(&status), expected);
+    let message = status["processes"][1]["message"].as_str().unwrap();
+    assert!(error.contains(message), "{error}");
+    let last = &status["processes"][2];
+    assert_eq!([&last["jobs"], &last["done"], &last["run"]], [8, 8, 8]);
+    let text = folder.succeeds("status out/g");
+    let lines: Vec<&str> = text.lines().collect();
+    assert!(
+        lines[0].contains(" of 24 jobs are done, ") && lines.len() == 4,
+        "{text}"
+    );
+    assert!(lines[2].starts_with("shard 1/3      failed    "), "{text}");
+    assert!(lines[2].ends_with(message), "{text}");
+
+    // damaged journals are left out; the build that compresses deletes all
+    folder.write("out/g/.splitsnow-runs/shard-1-of-3.json", "{");
+    assert_eq!(states(&folder.status()), [expected[0], expected[2]]);
+    folder.succeeds("build g.toml");
+    assert!(!folder.out("g").join(".splitsnow-runs").exists());
+    let done = "24 of 24 jobs are done, 0 left\n";
+    assert_eq!(folder.succeeds("status out/g"), done);
+    assert_eq!(folder.succeeds("status out/g --watch"), done);
+}
