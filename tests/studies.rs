@@ -534,7 +534,7 @@ fn the_forward_peak_of_fine_grains_is_high_in_the_infrared() {
 /// same angle. At 1450 nm fine grains are brighter in all these directions.
 #[test]
 fn the_peak_of_all_grain_sizes_is_forward() {
-    let found = brdfs("brdf_hemisphere_grain_size", 2048);
+    let found = brdfs("brdf_hemisphere_grain_size", 4096);
     let grains = ["grains of 0.03-0.3 mm", "grains of 1.5-3 mm"];
     let azimuths = [0.0, FRAC_PI_2, PI];
     for nm in ["600 nm", "1450 nm"] {
