@@ -116,3 +116,83 @@ fn every_process_is_accounted_for() {
     assert_eq!(folder.succeeds("status out/g"), done);
     assert_eq!(folder.succeeds("status out/g --watch"), done);
 }
+
+/// The job that compresses on a cluster names the shards with missing jobs, and simulates nothing.
+#[test]
+fn a_build_is_finished_or_its_missing_shards_are_named() {
+    let folder = Folder::new(GRID);
+    for shard in ["0/4", "2/4"] {
+        folder.succeeds(&format!("build g.toml --shard {shard}"));
+    }
+    let mark = folder.out("g").join("database.zarr/jobs/committed/c.7");
+    let error = folder.fails("build g.toml --finish 4");
+    let expected = "error: 12 of 24 jobs are missing, in the shards 1,3 of 4; nothing was simulated; to go on: run each of them with --shard I/4\n";
+    assert_eq!(error, expected);
+    assert!(!mark.exists());
+    // the command of the script, if `submit` has written it
+    folder.write("out/g/slurm-array.sh", "");
+    let error = folder.fails("build g.toml --finish 4");
+    assert!(
+        error.ends_with("to go on: sbatch --array=1,3 out/g/slurm-array.sh\n"),
+        "{error}"
+    );
+    for shard in ["1/4", "3/4"] {
+        folder.succeeds(&format!("build g.toml --shard {shard}"));
+    }
+    // a damaged file is found
+    let chunk = folder
+        .out("g")
+        .join("database.zarr/transmittance/c.0.1.1.0.1.0");
+    let bytes = std::fs::read(&chunk).unwrap();
+    std::fs::write(&chunk, &bytes[1..]).unwrap();
+    let error = folder.fails("build g.toml --finish 24");
+    assert!(
+        error.starts_with("error: 1 of 24 jobs are missing, in the shards 7 of 24; "),
+        "{error}"
+    );
+    std::fs::write(&chunk, &bytes).unwrap();
+    folder.succeeds("build g.toml --finish 4");
+    assert!(folder.out("g").join("snow.safetensors").exists());
+    assert_eq!(
+        folder
+            .run("build g.toml --finish 4 --shard 0/4")
+            .status
+            .code(),
+        Some(2)
+    );
+}
+
+/// The scripts for Slurm, which tests/cluster/slurm.py submits to a real one.
+#[test]
+fn scripts_for_slurm_hold_the_number_of_tasks() {
+    let folder = Folder::new(GRID);
+    let submit = "submit g.toml --seconds 0.01 --print --out it's --tasks 6 --time 90m --memory 700 -- --partition=long";
+    let text = folder.succeeds(submit);
+    for line in [
+        "#SBATCH --array=0-5",
+        "#SBATCH --time=90",
+        "#SBATCH --mem=700M",
+        "#SBATCH --partition=long",
+    ] {
+        assert!(text.lines().any(|other| other == line), "{line}: {text}");
+    }
+    let out = folder.0.path().canonicalize().unwrap().join("it's");
+    let quoted = out.display().to_string().replace('\'', r"'\''");
+    assert!(
+        text.contains(&format!(
+            "--out '{quoted}' --shard \"$SLURM_ARRAY_TASK_ID/6\" &\n"
+        )),
+        "{text}"
+    );
+    assert!(
+        text.ends_with(&format!("--out '{quoted}' --finish 6\n")),
+        "{text}"
+    );
+    assert_eq!(text.matches("#SBATCH --partition=long\n").count(), 2);
+    assert!(!out.exists(), "nothing is written");
+    let error = folder.fails("submit g.toml --seconds 0.01 --print --tasks 25");
+    assert_eq!(
+        error,
+        "error: --tasks 25: the grid has only 24 jobs; give at most as many tasks\n"
+    );
+}

@@ -58,11 +58,25 @@ pub fn compress(
     dir: impl AsRef<Path>,
     request: &CompressionRequest,
 ) -> Result<CompactReport, BuildError> {
-    write(&Store::open_exclusive(dir.as_ref())?, request)
+    let store = Store::open_exclusive(dir.as_ref())?;
+    check_finished(&store)?;
+    write(&store, request)
 }
 
-/// Compresses the finished database in `store` and writes its compact files. No other process
-/// may be writing to the store.
+/// Refuses a database with jobs that are missing. Reads all its files.
+pub(super) fn check_finished(store: &Store) -> Result<(), BuildError> {
+    match store.missing()?.len() {
+        0 => Ok(()),
+        missing => Err(BuildError::Unfinished {
+            missing,
+            jobs: store.jobs().count(),
+            path: store.path().into(),
+        }),
+    }
+}
+
+/// Compresses the database in `store`, whose jobs must all be done, and writes its compact files.
+/// No other process may be writing to the store.
 pub(super) fn write(
     store: &Store,
     request: &CompressionRequest,
@@ -142,6 +156,7 @@ pub(crate) fn view_file(
         is_diffuse,
         is_view: true,
     };
+    check_finished(store)?;
     Ok(CompressedPart::new(store, request, part)?
         .file(store)
         .to_bytes()?)
@@ -161,15 +176,6 @@ struct CompressedPart {
 impl CompressedPart {
     /// Depends on the database and `request` alone. No other process may be writing to the store.
     fn new(store: &Store, request: &CompressionRequest, part: Part) -> Result<Self, BuildError> {
-        let missing = store.missing()?.len();
-        let jobs = store.jobs();
-        if missing > 0 {
-            return Err(BuildError::Unfinished {
-                missing,
-                jobs: jobs.count(),
-                path: store.path().into(),
-            });
-        }
         let colour = Colorimeter::viewing(store.wavelengths_nm(), &request.viewing)?;
         let variant = CompactVariant {
             basis: match part.is_view {

@@ -70,6 +70,8 @@ pub struct BuildOptions<'a> {
     pub threads: usize,
     /// Run only the jobs of this shard, and do not compress.
     pub shard: Option<Shard>,
+    /// Never simulate: compress, or fail if jobs are missing.
+    pub only_compress: bool,
     /// Databases whose spectra are reused.
     pub from: Vec<PathBuf>,
     /// The grid file: data tables that the databases in `from` name are searched for in its
@@ -141,6 +143,9 @@ fn run(
     };
     let engine = grid.run.engine;
     let simulate = |request: &Request<'_>, control: &Control<'_>| engine.run(request, control);
+    if options.only_compress {
+        compact::check_finished(store)?;
+    }
     let never = AtomicBool::new(false);
     let cancel = options.cancel.unwrap_or(&never);
     let summary = batch::run_from(grid, store, sources, simulate, &run, cancel)?;

@@ -10,8 +10,10 @@ use super::bar::{Bar, counts};
 use super::common::{self, GridArgs, Interrupted};
 use super::compact::CompactSummary;
 use super::shard::ShardArg;
+use super::submit;
 use crate::build::{self, BuildError, BuildOptions, BuildReport, ShardReport};
-use crate::store::StoreError;
+use crate::grid::Shard;
+use crate::store::{Store, StoreError};
 
 /// Build the database of a grid and compress it; resumes after an interruption
 ///
@@ -54,6 +56,10 @@ pub(super) struct Args {
     /// End after this time, such as 50m, 2h or 90s, with exit code 75. The same command goes on
     #[arg(long, value_name = "TIME", value_parser = common::time_limit)]
     stop_after: Option<Duration>,
+    /// Only compress, and never simulate: if jobs are missing, name their shards of N and fail
+    #[arg(long, value_name = "N", conflicts_with_all = ["shard", "stop_after", "from", "fresh"],
+          value_parser = clap::value_parser!(u64).range(1..))]
+    finish: Option<u64>,
     /// Reuse the spectra of the database in DIR, whose grid may differ in the values of its
     /// axes only; may be given several times
     #[arg(long, value_name = "DIR")]
@@ -78,6 +84,7 @@ pub(super) fn run(args: &Args) -> anyhow::Result<()> {
     let options = BuildOptions {
         threads: args.grid.threads()?,
         shard,
+        only_compress: args.finish.is_some(),
         from: args.from.clone(),
         grid_file: args.grid.path().into(),
         fresh: args.fresh,
@@ -87,7 +94,10 @@ pub(super) fn run(args: &Args) -> anyhow::Result<()> {
     };
     let built = build::build(&file.grid, &dir, &options);
     drop(bar);
-    let report = built.map_err(|error| explained(error, &dir))?;
+    let report = built.map_err(|error| match (error, args.finish) {
+        (BuildError::Unfinished { .. }, Some(shards)) => unfinished(&dir, shards),
+        (error, _) => explained(error, &dir),
+    })?;
     if let Some(share) = &report.share {
         return report_share(args, &report, share);
     }
@@ -104,6 +114,31 @@ pub(super) fn run(args: &Args) -> anyhow::Result<()> {
         write!(text, "\n{}", CompactSummary(compact))?;
     }
     common::print(&text)
+}
+
+/// Which of the shards have jobs that are missing, and how to run them.
+fn unfinished(dir: &Path, shards: u64) -> anyhow::Error {
+    let found = || -> anyhow::Result<(usize, Vec<u64>, u64)> {
+        let store = Store::open(dir)?;
+        let missing = store.missing()?;
+        let of = |index: &u64| {
+            let range = Shard::new(*index, shards).map(|shard| shard.range(store.jobs()));
+            range.is_ok_and(|range| missing.iter().any(|job| range.contains(job)))
+        };
+        let tasks = (0..shards).filter(of).collect();
+        Ok((missing.len(), tasks, store.jobs().count()))
+    };
+    match found() {
+        Err(error) => error,
+        Ok((missing, tasks, jobs)) => {
+            let again = submit::again(dir, &tasks)
+                .unwrap_or_else(|| format!("run each of them with --shard I/{shards}"));
+            anyhow!(
+                "{missing} of {jobs} jobs are missing, in the shards {} of {shards}; nothing was simulated; to go on: {again}",
+                submit::ranges(&tasks)
+            )
+        }
+    }
 }
 
 /// Adds to a build error how to resume.

@@ -23,6 +23,7 @@ mod simulate;
 mod status;
 #[cfg(feature = "charts")]
 mod study;
+mod submit;
 mod tailor;
 #[cfg(feature = "charts")]
 mod tradeoff;
@@ -91,6 +92,7 @@ enum Command {
     Plan(plan::Args),
     Build(build::Args),
     Status(status::Args),
+    Submit(submit::Args),
     Compress(compress::Args),
     Verify(verify::Args),
     #[command(alias = "fit")]
@@ -208,6 +210,7 @@ fn run_command(command: Command, level: simd::Level) -> anyhow::Result<()> {
         Command::Plan(args) => plan::run(&args),
         Command::Build(args) => build::run(&args),
         Command::Status(args) => status::run(&args),
+        Command::Submit(args) => submit::run(&args),
         Command::Compress(args) => compress::run(&args),
         Command::Verify(args) => verify::run(&args),
         Command::Tailor(args) => tailor::run(&args),

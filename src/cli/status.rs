@@ -18,8 +18,8 @@ const PAUSES: [Duration; 2] = [Duration::from_secs(2), Duration::from_secs(60)];
 #[derive(Debug, clap::Args)]
 #[command(after_long_help = "\
 Examples:
-  splitsnow status out/thesis
-  splitsnow status out/thesis --watch")]
+  splitsnow status out/thesis --watch
+  splitsnow status out/quick --json")]
 pub(super) struct Args {
     /// Output directory of `build`
     #[arg(value_name = "DIR")]
