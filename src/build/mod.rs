@@ -118,6 +118,9 @@ pub fn build(
     }
     let access = options.shard.map_or(Access::Exclusive, Access::Shard);
     let store = Store::build(dir, grid, &inputs, access)?;
+    if options.only_compress {
+        compact::check_finished(&store)?;
+    }
     let journal = Journal::new(dir, access, threads, options.progress);
     let report = run(grid, &store, &sources, threads, (options, &journal));
     journal.close(report.as_ref());
@@ -143,9 +146,6 @@ fn run(
     };
     let engine = grid.run.engine;
     let simulate = |request: &Request<'_>, control: &Control<'_>| engine.run(request, control);
-    if options.only_compress {
-        compact::check_finished(store)?;
-    }
     let never = AtomicBool::new(false);
     let cancel = options.cancel.unwrap_or(&never);
     let summary = batch::run_from(grid, store, sources, simulate, &run, cancel)?;

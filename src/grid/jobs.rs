@@ -252,7 +252,7 @@ mod tests {
         assert_eq!(jobs.count(), 9 * 45);
         let first = |count| Shard::new(0, count).unwrap().range(&jobs).end;
         // shards, and where the first of them ends: with a facetness, or with a grain size
-        for (count, end) in [(1, 405), (2, 198), (3, 135), (9, 45), (10, 36), (405, 1)] {
+        for (count, end) in [(1, 405), (2, 180), (3, 135), (9, 45), (10, 36), (405, 1)] {
             assert_eq!(first(count), end, "{count}");
         }
     }

@@ -187,7 +187,7 @@ def check(program, folder, cluster):
         if not (out / "database.zarr" / "zarr.json").exists():
             return {}
         processes = json.loads(splitsnow("status", "out/g", "--json"))["processes"]
-        return {int(p["shard"].split("/")[0]): p for p in processes}
+        return {int(p["shard"].split("/")[0]): p for p in processes if p["shard"]}
 
     def running(shard):
         process = status().get(shard, {})
