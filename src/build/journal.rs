@@ -1,7 +1,7 @@
 //! Journals: what each process of a build is doing, in files beside the database, and the
 //! status that follows from them. They change nothing in the database.
 use std::fs;
-use std::io::ErrorKind;
+use std::io::{self, ErrorKind};
 use std::path::{Path, PathBuf};
 use std::sync::atomic::{AtomicU64, Ordering};
 use std::sync::mpsc::{self, RecvTimeoutError, Sender};
@@ -12,7 +12,6 @@ use std::time::{Duration, SystemTime, UNIX_EPOCH};
 use serde::{Deserialize, Serialize};
 
 use super::BuildError;
-use crate::atomic;
 use crate::batch::{Progress, RunInfo};
 use crate::host::{self, Process, State};
 use crate::store::{Access, JOURNALS, Store, StoreError};
@@ -190,13 +189,17 @@ impl Progress for Journal<'_> {
     }
 }
 
-/// Writes a journal. A failure is ignored: the build itself reports a full disk.
+/// Replaces a journal, which need not survive a power loss. A failure is ignored: the build itself
+/// reports a full disk.
 fn write(file: &Path, entry: &mut Entry) {
     (entry.seen, entry.peak_bytes) = (now(), host::peak_bytes());
-    let _ = file.parent().map(fs::create_dir_all);
-    if let Ok(text) = serde_json::to_vec_pretty(entry) {
-        let _ = atomic::write(file, &text);
-    }
+    let partial = file.with_extension("partial");
+    let replace = || -> io::Result<()> {
+        file.parent().map_or(Ok(()), fs::create_dir_all)?;
+        fs::write(&partial, serde_json::to_vec_pretty(entry)?)?;
+        fs::rename(&partial, file)
+    };
+    let _ = replace();
 }
 
 /// A process that works, or has worked, on a build.
