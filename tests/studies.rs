@@ -558,7 +558,7 @@ fn the_peak_of_all_grain_sizes_is_forward() {
 #[test]
 #[ignore = "long: tables of grain events for every part, some 10 CPU-s"]
 fn facets_lower_the_forward_peak() {
-    let found = brdfs("brdf_facetness", 16_384);
+    let found = brdfs("brdf_facetness", 65_536);
     let [smooth, middle, faceted] =
         ["0-0.2", "0.2-0.4", "0.8-1"].map(|f| found.forward("", &format!("facetness {f}")));
     assert_more("0.1 above 0.3", smooth, middle, 0.0);
