@@ -9,22 +9,7 @@ use serde_json::Value;
 
 use crate::common::Folder;
 
-/// 24 jobs of some tenths of a second each.
-const GRID: &str = "version = 1
-[axes]
-facetness = [0.1, 0.5, 0.9]
-grain_size_um = [300, 500]
-density_kg_m3 = [100, 200]
-thickness_cm = [1, 2]
-incidence_angle_deg = [0, 60]
-[wavelengths]
-start_nm = 400
-stop_nm = 700
-step_nm = 10
-[run]
-engine = \"spectral\"
-rays = 20000
-";
+const GRID: &str = include_str!("data/jobs.toml");
 
 impl Folder {
     fn status(&self) -> Value {
@@ -94,10 +79,19 @@ fn every_process_is_accounted_for() {
     let status = folder.status();
     let expected = [("0/3", "stopped"), ("1/3", "failed"), ("2/3", "finished")];
     assert_eq!(states(&status), expected);
-    let message = status["processes"][1]["message"].as_str().unwrap();
-    assert!(error.contains(message), "{error}");
+    let message = status["processes"][1]["message"]
+        .as_str()
+        .unwrap()
+        .to_owned();
+    assert!(error.contains(&message), "{error}");
     let last = &status["processes"][2];
     assert_eq!([&last["jobs"], &last["done"], &last["run"]], [8, 8, 8]);
+    assert!(last["rays"].as_u64() >= Some(8 * 20_000), "{last}");
+    // again, with nothing to do
+    folder.succeeds("build g.toml --shard 2/3");
+    let status = folder.status();
+    let last = &status["processes"][2];
+    assert_eq!([&last["jobs"], &last["done"], &last["run"]], [8, 8, 0]);
     let text = folder.succeeds("status out/g");
     let lines: Vec<&str> = text.lines().collect();
     assert!(
@@ -105,7 +99,7 @@ fn every_process_is_accounted_for() {
         "{text}"
     );
     assert!(lines[2].starts_with("shard 1/3      failed    "), "{text}");
-    assert!(lines[2].ends_with(message), "{text}");
+    assert!(lines[2].ends_with(&message), "{text}");
 
     // damaged journals are left out; the build that compresses deletes all
     folder.write("out/g/.splitsnow-runs/shard-1-of-3.json", "{");

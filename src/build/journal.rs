@@ -11,7 +11,7 @@ use std::time::{Duration, SystemTime, UNIX_EPOCH};
 
 use serde::{Deserialize, Serialize};
 
-use super::BuildError;
+use super::{BuildError, BuildReport};
 use crate::batch::{Progress, RunInfo};
 use crate::host::{self, Process, State};
 use crate::store::{Access, JOURNALS, Store, StoreError};
@@ -54,21 +54,46 @@ impl RunState {
     }
 }
 
+/// A process that works, or has worked, on a build.
+#[derive(Debug, Clone, Serialize, Deserialize)]
+#[non_exhaustive]
+pub struct RunStatus {
+    /// Its shard, such as `0/3`; `None` if it runs all jobs.
+    pub shard: Option<String>,
+    /// Its state.
+    pub state: RunState,
+    /// Why it failed.
+    pub message: Option<String>,
+    /// Its host.
+    pub host: String,
+    /// Its number on this host.
+    pub process: u32,
+    /// Number of its threads.
+    pub threads: usize,
+    /// Number of the jobs that it has to do.
+    pub jobs: u64,
+    /// Number of these that are done.
+    pub done: u64,
+    /// Number of jobs that it has run itself.
+    pub run: u64,
+    /// Number of rays that it has walked.
+    pub rays: u64,
+    /// Its largest memory so far, bytes, where the system tells.
+    pub peak_bytes: Option<u64>,
+    /// When it began, seconds since 1970.
+    pub since: u64,
+    /// When it last wrote its journal, seconds since 1970.
+    pub seen: u64,
+}
+
 /// A journal.
 #[derive(Debug, Clone, Serialize, Deserialize)]
 struct Entry {
     process: Process,
-    shard: Option<String>,
-    threads: usize,
-    state: RunState,
-    message: Option<String>,
-    jobs: u64,
-    done: u64,
-    run: u64,
-    rays: u64,
-    peak_bytes: Option<u64>,
-    since: u64,
-    seen: u64,
+    run: RunStatus,
+    /// Rays walked so far.
+    #[serde(skip)]
+    rays: Arc<AtomicU64>,
 }
 
 /// Seconds since 1970.
@@ -101,34 +126,35 @@ impl<'a> Journal<'a> {
         let file = dir
             .join(JOURNALS)
             .join(format!("{}.json", access.file_name()));
+        let process = Process::this();
         Self {
             inner,
             file: Arc::new(file),
             entry: Arc::new(Mutex::new(Entry {
-                process: Process::this(),
-                shard,
-                threads,
-                state: RunState::Running,
-                message: None,
-                jobs: 0,
-                done: 0,
-                run: 0,
-                rays: 0,
-                peak_bytes: None,
-                since: now(),
-                seen: now(),
+                run: RunStatus {
+                    shard,
+                    state: RunState::Running,
+                    message: None,
+                    host: process.host.clone(),
+                    process: process.process,
+                    threads,
+                    jobs: 0,
+                    done: 0,
+                    run: 0,
+                    rays: 0,
+                    peak_bytes: None,
+                    since: now(),
+                    seen: now(),
+                },
+                process,
+                rays: Arc::default(),
             })),
             writer: Mutex::default(),
         }
     }
 
     /// Writes the last entry.
-    pub(super) fn close<T>(&self, outcome: Result<&T, &BuildError>) {
-        let (state, message) = match outcome {
-            Ok(_) => (RunState::Finished, None),
-            Err(BuildError::Interrupted { .. }) => (RunState::Stopped, None),
-            Err(error) => (RunState::Failed, Some(error.to_string())),
-        };
+    pub(super) fn close(&self, outcome: Result<&BuildReport, &BuildError>) {
         let writer = self.writer.lock();
         if let Some((stop, thread)) = writer.unwrap_or_else(PoisonError::into_inner).take() {
             drop(stop);
@@ -136,26 +162,38 @@ impl<'a> Journal<'a> {
             let _ = thread.join();
         }
         let mut entry = self.entry.lock().unwrap_or_else(PoisonError::into_inner);
-        (entry.state, entry.message) = (state, message);
+        let run = &mut entry.run;
+        match outcome {
+            Ok(report) => {
+                // nothing else counts them if no job was missing
+                (run.jobs, run.done) = (report.jobs, report.jobs);
+                run.state = RunState::Finished;
+            }
+            Err(BuildError::Interrupted { .. }) => run.state = RunState::Stopped,
+            Err(error) => {
+                (run.state, run.message) = (RunState::Failed, Some(error.to_string()));
+            }
+        }
         write(&self.file, &mut entry);
     }
 }
 
 impl Progress for Journal<'_> {
     fn begin(&self, run: RunInfo) {
-        let rays: Arc<AtomicU64> = Arc::clone(&run.rays);
         {
             let mut entry = self.entry.lock().unwrap_or_else(PoisonError::into_inner);
-            (entry.jobs, entry.done) = (run.jobs, run.done);
+            entry.rays = Arc::clone(&run.rays);
+            (entry.run.jobs, entry.run.done) = (run.jobs, run.done);
             write(&self.file, &mut entry);
         }
         let (stop, stopped) = mpsc::channel();
         let (file, entry) = (Arc::clone(&self.file), Arc::clone(&self.entry));
         let thread = std::thread::spawn(move || {
             while let Err(RecvTimeoutError::Timeout) = stopped.recv_timeout(BEAT) {
-                let mut entry = entry.lock().unwrap_or_else(PoisonError::into_inner);
-                entry.rays = rays.load(Ordering::Relaxed);
-                write(&file, &mut entry);
+                write(
+                    &file,
+                    &mut entry.lock().unwrap_or_else(PoisonError::into_inner),
+                );
             }
         });
         let writer = self.writer.lock();
@@ -168,8 +206,8 @@ impl Progress for Journal<'_> {
     fn job_done(&self) {
         {
             let mut entry = self.entry.lock().unwrap_or_else(PoisonError::into_inner);
-            entry.done += 1;
-            entry.run += 1;
+            entry.run.done += 1;
+            entry.run.run += 1;
         }
         if let Some(inner) = self.inner {
             inner.job_done();
@@ -192,7 +230,8 @@ impl Progress for Journal<'_> {
 /// Replaces a journal, which need not survive a power loss. A failure is ignored: the build itself
 /// reports a full disk.
 fn write(file: &Path, entry: &mut Entry) {
-    (entry.seen, entry.peak_bytes) = (now(), host::peak_bytes());
+    entry.run.rays = entry.rays.load(Ordering::Relaxed);
+    (entry.run.seen, entry.run.peak_bytes) = (now(), host::peak_bytes());
     let partial = file.with_extension("partial");
     let replace = || -> io::Result<()> {
         file.parent().map_or(Ok(()), fs::create_dir_all)?;
@@ -200,38 +239,6 @@ fn write(file: &Path, entry: &mut Entry) {
         fs::rename(&partial, file)
     };
     let _ = replace();
-}
-
-/// A process that works, or has worked, on a build.
-#[derive(Debug, Clone, Serialize)]
-#[non_exhaustive]
-pub struct RunStatus {
-    /// Its shard, such as `0/3`; `None` if it runs all jobs.
-    pub shard: Option<String>,
-    /// Its state.
-    pub state: RunState,
-    /// Why it failed.
-    pub message: Option<String>,
-    /// Its host.
-    pub host: String,
-    /// Its number on this host.
-    pub process: u32,
-    /// Number of its threads.
-    pub threads: usize,
-    /// Number of the jobs that it has to do.
-    pub jobs: u64,
-    /// Number of these that are done.
-    pub done: u64,
-    /// Number of jobs that it has run itself.
-    pub run: u64,
-    /// Number of rays that it has walked.
-    pub rays: u64,
-    /// Its largest memory so far, bytes, where the system tells.
-    pub peak_bytes: Option<u64>,
-    /// When it began, seconds since 1970.
-    pub since: u64,
-    /// When it last wrote its journal, seconds since 1970.
-    pub seen: u64,
 }
 
 /// How far a build is.
@@ -304,29 +311,20 @@ pub fn status(dir: impl AsRef<Path>) -> Result<BuildStatus, StoreError> {
 }
 
 /// What the journal `entry` says now.
-fn of(entry: Entry) -> RunStatus {
-    let state = match (entry.state, entry.process.state()) {
-        (RunState::Running, State::Gone) => RunState::Killed,
-        (RunState::Running, State::Elsewhere)
-            if now().saturating_sub(entry.seen) > SILENCE.as_secs() =>
-        {
-            RunState::Silent
+fn of(
+    Entry {
+        process, mut run, ..
+    }: Entry,
+) -> RunStatus {
+    if run.state == RunState::Running {
+        let is_silent = now().saturating_sub(run.seen) > SILENCE.as_secs();
+        match process.state() {
+            State::Gone => run.state = RunState::Killed,
+            State::Elsewhere if is_silent => run.state = RunState::Silent,
+            State::Elsewhere | State::Running => {}
         }
-        (state, _) => state,
-    };
-    RunStatus {
-        shard: entry.shard,
-        state,
-        message: entry.message,
-        host: entry.process.host,
-        process: entry.process.process,
-        threads: entry.threads,
-        jobs: entry.jobs,
-        done: entry.done,
-        run: entry.run,
-        rays: entry.rays,
-        peak_bytes: entry.peak_bytes,
-        since: entry.since,
-        seen: entry.seen.max(entry.since),
     }
+    // a clock may go backwards
+    run.seen = run.seen.max(run.since);
+    run
 }

@@ -22,10 +22,12 @@ impl FromStr for ShardArg {
     type Err = ShardError;
 
     fn from_str(text: &str) -> Result<Self, ShardError> {
-        match text.strip_prefix("env") {
-            Some("") => Ok(Self::Environment(None)),
+        if text == "env" {
+            return Ok(Self::Environment(None));
+        }
+        match text.strip_prefix("env/") {
             // shard 0 checks the number
-            Some(count) => format!("0{count}")
+            Some(count) => format!("0/{count}")
                 .parse()
                 .map(|shard: Shard| Self::Environment(Some(shard.count()))),
             None => text.parse().map(Self::Given),

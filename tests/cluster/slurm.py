@@ -18,21 +18,9 @@ import tempfile
 import time
 from pathlib import Path
 
-GRID = """version = 1
-[axes]
-facetness = [0.1, 0.5, 0.9]
-grain_size_um = [300, 500]
-density_kg_m3 = [100, 200]
-thickness_cm = [1, 2]
-incidence_angle_deg = [0, 60]
-[wavelengths]
-start_nm = 400
-stop_nm = 700
-step_nm = 10
-[run]
-engine = "spectral"
-rays = 200000
-"""
+GRID = Path(__file__).parents[1] / "data" / "jobs.toml"
+# so many that a task lasts some seconds
+RAYS = ("rays = 20000", "rays = 200000")
 TASKS = 8
 PATIENCE = 300
 
@@ -158,7 +146,7 @@ def main():
     program = str(Path(sys.argv[1]).resolve())
     with tempfile.TemporaryDirectory() as text:
         folder = Path(text)
-        (folder / "g.toml").write_text(GRID)
+        (folder / "g.toml").write_text(GRID.read_text().replace(*RAYS))
         cluster = Cluster(folder / "slurm")
         try:
             check(program, folder, cluster)

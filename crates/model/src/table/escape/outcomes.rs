@@ -1,4 +1,4 @@
-//! Outcomes in two groups, without and with a path in ice.
+//! Outcomes in two groups, without and with a path in ice, each with its probability.
 use std::ops::{Deref, Range};
 
 use crate::rng::Stream;
