@@ -169,24 +169,24 @@ fn damage_between_runs_is_found_and_repaired() {
     let folder = Folder::new();
     folder.build(&[]);
     let chunk = |array: &str| folder.file(&format!("database.zarr/{array}"));
-    let flip_bit = |name: &str, offset: usize| {
+    // 48 jobs in one file of each array
+    let pack = "c.0.0.0.0.0.0";
+    let job = |number: usize, offset: usize| number * (12 * 31 * 4 + 4) + offset;
+    let edit = |name: &str, change: &dyn Fn(&mut Vec<u8>)| {
         let mut bytes = fs::read(chunk(name)).unwrap();
-        bytes[offset] ^= 0x10;
+        change(&mut bytes);
         fs::write(chunk(name), bytes).unwrap();
     };
-    let truncate = |name: &str, length: u64| {
-        let file = fs::OpenOptions::new()
-            .write(true)
-            .open(chunk(name))
-            .unwrap();
-        file.set_len(length).unwrap();
-    };
-    truncate("transmittance/c.0.0.0.0.0.0", 100);
-    truncate("reflectance_se/c.0.1.0.0.1.0", 0);
-    flip_bit("reflectance/c.1.0.1.0.2.0", 77);
-    fs::remove_file(chunk("jobs/committed/c.40")).unwrap();
-    fs::remove_file(chunk("jobs/lost_share/c.41")).unwrap();
-    fs::copy(chunk("jobs/committed/c.3"), chunk("jobs/committed/c.4")).unwrap();
+    let flip_bit = |name: &str, offset: usize| edit(name, &|bytes| bytes[offset] ^= 0x10);
+    let truncate = |name: &str, length: usize| edit(name, &|bytes| bytes.truncate(length));
+    flip_bit(&format!("transmittance/{pack}"), job(0, 100));
+    truncate(&format!("reflectance_se/{pack}"), job(47, 0));
+    flip_bit(&format!("reflectance/{pack}"), job(30, 77));
+    flip_bit("jobs/lost_share/c.0", 41 * 8);
+    edit("jobs/committed/c.0", &|marks| {
+        marks.copy_within(3 * 8..4 * 8, 4 * 8);
+        marks[40 * 8..41 * 8].fill(0);
+    });
     flip_bit("zarr.json", 0);
     let output = folder.splitsnow(&["build", "g.toml"]).output().unwrap();
     assert!(
@@ -200,7 +200,7 @@ fn damage_between_runs_is_found_and_repaired() {
     assert_same(&expected, &folder.output_files());
 }
 
-/// Writes fail as on a full disk, because files are limited to one block. Metadata, chunks
+/// Writes fail as on a full disk, because files are limited to one block. Metadata, jobs, arrays
 /// and the compact file fail in turn.
 #[test]
 fn failed_writes_lose_nothing() {
@@ -226,8 +226,10 @@ fn failed_writes_lose_nothing() {
     };
     assert_write_fails("zarr.json");
     folder.build(&["--shard", "0/2"]);
-    assert_write_fails("database.zarr/transmittance/c.");
+    assert_write_fails(".splitsnow-jobs/");
     folder.build(&["--shard", "1/2"]);
+    assert_write_fails("database.zarr/transmittance/c.");
+    folder.build(&["--shard", "0/1"]);
     assert_write_fails("snow.safetensors");
     assert!(folder.build(&[]).starts_with("48 jobs, 0 of them run now"));
     assert_same(&expected, &folder.output_files());
@@ -242,13 +244,8 @@ fn a_build_ends_when_a_batch_system_asks() {
     let folder = Folder::new();
     let arguments = ["build", "g.toml", "--threads", "1"];
     let done = || {
-        let marks = fs::read_dir(folder.file("database.zarr/jobs/committed"));
-        marks.map_or(0, |marks| {
-            let names = marks.map(|mark| mark.unwrap().file_name());
-            names
-                .filter(|name| name.to_string_lossy().starts_with("c."))
-                .count()
-        })
+        let jobs = fs::read_dir(folder.file(".splitsnow-jobs"));
+        jobs.map_or(0, Iterator::count)
     };
     let stopped = |output: Output| {
         let text = text(&output);

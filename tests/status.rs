@@ -67,10 +67,8 @@ fn every_process_is_accounted_for() {
     assert!(status["left"].as_u64() > Some(16));
 
     // one whose job cannot be stored, one that is stopped, and one that ends
-    let obstacle = folder
-        .out("g")
-        .join("database.zarr/transmittance/c.1.0.0.0.0.0");
-    std::fs::create_dir(&obstacle).unwrap();
+    let obstacle = folder.out("g").join(".splitsnow-jobs/9");
+    std::fs::create_dir_all(&obstacle).unwrap();
     let error = folder.fails("build g.toml --shard 1/3 --threads 1");
     std::fs::remove_dir(&obstacle).unwrap();
     let stopped = folder.run("build g.toml --shard 0/3 --threads 1 --stop-after 0.01s");
@@ -118,11 +116,11 @@ fn a_build_is_finished_or_its_missing_shards_are_named() {
     for shard in ["0/4", "2/4"] {
         folder.succeeds(&format!("build g.toml --shard {shard}"));
     }
-    let mark = folder.out("g").join("database.zarr/jobs/committed/c.7");
+    let job = folder.out("g").join(".splitsnow-jobs/7");
     let error = folder.fails("build g.toml --finish 4");
     let expected = "error: 12 of 24 jobs are missing, in the shards 1,3 of 4; nothing was simulated; to go on: run each of them with --shard I/4\n";
     assert_eq!(error, expected);
-    assert!(!mark.exists());
+    assert!(!job.exists());
     // the command of the script, if `submit` has written it
     folder.write("out/g/slurm-array.sh", "");
     let error = folder.fails("build g.toml --finish 4");
@@ -134,17 +132,14 @@ fn a_build_is_finished_or_its_missing_shards_are_named() {
         folder.succeeds(&format!("build g.toml --shard {shard}"));
     }
     // a damaged file is found
-    let chunk = folder
-        .out("g")
-        .join("database.zarr/transmittance/c.0.1.1.0.1.0");
-    let bytes = std::fs::read(&chunk).unwrap();
-    std::fs::write(&chunk, &bytes[1..]).unwrap();
+    let bytes = std::fs::read(&job).unwrap();
+    std::fs::write(&job, &bytes[1..]).unwrap();
     let error = folder.fails("build g.toml --finish 24");
     assert!(
         error.starts_with("error: 1 of 24 jobs are missing, in the shards 7 of 24; "),
         "{error}"
     );
-    std::fs::write(&chunk, &bytes).unwrap();
+    std::fs::write(&job, &bytes).unwrap();
     folder.succeeds("build g.toml --finish 4");
     assert!(folder.out("g").join("snow.safetensors").exists());
     assert_eq!(

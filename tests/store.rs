@@ -5,7 +5,10 @@
 use std::collections::BTreeMap;
 use std::fs;
 use std::path::{Path, PathBuf};
+use std::process::Command;
 use std::sync::atomic::{AtomicBool, AtomicU64, Ordering};
+
+use assert_cmd::cargo::cargo_bin;
 
 use crate::common::{assert_same, dir_bytes, grid, share, simulate};
 use splitsnow::batch::{self, BatchError, BatchOptions, BatchSummary};
@@ -120,6 +123,19 @@ fn threads_and_shards_do_not_change_the_bytes() {
     }
 }
 
+/// Bytes of a job of `grid` in a file of each array: 3 curves of 4 values, and a checksum.
+const CHUNK: usize = 3 * 4 * 4 + 4;
+/// The file of the only pack of `grid`, in each array.
+const PACK: &str = "c.0.0.0.0.0.0";
+
+/// The arrays with their bytes per job, and the name of their file.
+fn per_job() -> impl Iterator<Item = (&'static str, usize, &'static str)> {
+    let quantities = Variable::ALL.map(|variable| (variable.name(), CHUNK, PACK));
+    let numbers = ["jobs/lost_share", "jobs/committed"].map(|array| (array, 8, "c.0"));
+    quantities.into_iter().chain(numbers)
+}
+
+/// Damage to job 5 alone, to jobs after it, to a pack, and to what is no job's.
 #[test]
 fn damage_is_detected_and_repaired() {
     let grid = grid(Engine::Spectral);
@@ -129,69 +145,108 @@ fn damage_is_detected_and_repaired() {
         other.run.seed = 8;
         finished(&other)
     };
-    let target = "c.1.0.0.0.1.0"; // job 5
-    let copy_from_other = |dir: &Path, array: &str, name: &str| {
-        let from = chunk(other.0.path(), array, name);
-        fs::copy(from, chunk(dir, array, name)).unwrap();
+    let copy_from_other = |dir: &Path, array: &str, length: usize, name: &str| {
+        let from = fs::read(chunk(other.0.path(), array, name)).unwrap();
+        let mut bytes = fs::read(chunk(dir, array, name)).unwrap();
+        let job = 5 * length..6 * length;
+        bytes[job.clone()].copy_from_slice(&from[job]);
+        fs::write(chunk(dir, array, name), bytes).unwrap();
     };
-    let flip = |path: PathBuf| {
+    let flip = |path: PathBuf, position: usize| {
         let mut bytes = fs::read(&path).unwrap();
-        bytes[5] ^= 4;
+        bytes[position] ^= 4;
         fs::write(path, bytes).unwrap();
     };
-    type Damage<'a> = (&'a str, Box<dyn Fn(&Path) + 'a>);
-    let damages: [Damage; 8] = [
+    let shorten = |path: PathBuf, length: usize| {
+        let file = fs::File::options().write(true).open(path);
+        file.unwrap().set_len(length as u64).unwrap();
+    };
+    let remove = |path: PathBuf| fs::remove_file(path).unwrap();
+    type Damage<'a> = (&'a str, Box<dyn Fn(&Path) + 'a>, &'a [u64], &'a [&'a str]);
+    let all = &[0, 1, 2, 3, 4, 5, 6, 7];
+    let damages: [Damage; 11] = [
         (
-            "torn chunk",
-            Box::new(|dir| {
-                let file = fs::File::options()
-                    .write(true)
-                    .open(chunk(dir, "reflectance", target));
-                file.unwrap().set_len(20).unwrap();
-            }),
+            "torn file",
+            Box::new(|dir| shorten(chunk(dir, "reflectance", PACK), 5 * CHUNK + 20)),
+            &[5, 6, 7],
+            &[],
         ),
         (
-            "empty chunk",
-            Box::new(|dir| fs::write(chunk(dir, "transmittance", target), "").unwrap()),
+            "empty file",
+            Box::new(|dir| fs::write(chunk(dir, "transmittance", PACK), "").unwrap()),
+            all,
+            &[],
         ),
         (
-            "missing chunk",
-            Box::new(|dir| fs::remove_file(chunk(dir, "transmittance_se", target)).unwrap()),
+            "missing file",
+            Box::new(|dir| remove(chunk(dir, "transmittance_se", PACK))),
+            all,
+            &[],
         ),
         (
             "flipped bit",
-            Box::new(|dir| flip(chunk(dir, "reflectance_se", target))),
+            Box::new(|dir| flip(chunk(dir, "reflectance_se", PACK), 5 * CHUNK + 5)),
+            &[5],
+            &[],
         ),
         (
             "flipped mark",
-            Box::new(|dir| flip(chunk(dir, "jobs/committed", "c.5"))),
+            Box::new(|dir| flip(chunk(dir, "jobs/committed", "c.0"), 5 * 8 + 5)),
+            &[5],
+            &[],
         ),
         (
-            "missing mark",
-            Box::new(|dir| fs::remove_file(chunk(dir, "jobs/committed", "c.5")).unwrap()),
+            "missing marks",
+            Box::new(|dir| remove(chunk(dir, "jobs/committed", "c.0"))),
+            all,
+            &[],
         ),
         (
             "foreign chunk",
-            Box::new(|dir| copy_from_other(dir, "transmittance_se", target)),
+            Box::new(|dir| copy_from_other(dir, "transmittance_se", CHUNK, PACK)),
+            &[5],
+            &[],
         ),
         (
             "foreign job",
             Box::new(|dir| {
-                for quantity in Variable::ALL {
-                    copy_from_other(dir, quantity.name(), target);
-                }
-                copy_from_other(dir, "jobs/lost_share", "c.5");
-                copy_from_other(dir, "jobs/committed", "c.5");
+                per_job().for_each(|(array, length, name)| {
+                    copy_from_other(dir, array, length, name);
+                });
             }),
+            &[5],
+            &[],
+        ),
+        (
+            "torn index",
+            Box::new(|dir| shorten(chunk(dir, "reflectance", PACK), 8 * CHUNK + 20)),
+            &[],
+            &["reflectance/c.0.0.0.0.0.0"],
+        ),
+        (
+            "flipped bit of an index",
+            Box::new(|dir| flip(chunk(dir, "transmittance", PACK), 8 * CHUNK + 16)),
+            &[],
+            &["transmittance/c.0.0.0.0.0.0"],
+        ),
+        (
+            "flipped checksum",
+            Box::new(|dir| flip(chunk(dir, "jobs/lost_share", "c.0"), 8 * 8)),
+            &[],
+            &["jobs/lost_share/c.0"],
         ),
     ];
-    for (name, damage) in damages {
+    for (name, damage, missing, damaged) in damages {
         let (dir, _) = finished(&grid);
         damage(dir.path());
-        let found = Store::open(dir.path()).unwrap().verify().unwrap();
-        assert_eq!(found.missing, [5], "{name}");
-        assert!(found.damaged.is_empty(), "{name}");
-        assert_eq!(run(dir.path(), &grid, 1, None).unwrap().run, 1, "{name}");
+        let store = Store::open(dir.path()).unwrap();
+        let found = store.verify().unwrap();
+        assert_eq!(found.missing, missing, "{name}");
+        assert_eq!(found.damaged, damaged, "{name}");
+        let unreadable = if missing.is_empty() { all } else { missing };
+        assert_eq!(store.missing().unwrap(), unreadable, "{name}");
+        let run = run(dir.path(), &grid, 1, None).unwrap().run;
+        assert_eq!(run, missing.len() as u64, "{name}");
         assert_same(&expected, &dir_bytes(dir.path()));
     }
 }
@@ -200,15 +255,108 @@ fn damage_is_detected_and_repaired() {
 fn jobs_in_the_wrong_place_are_detected() {
     let grid = grid(Engine::Spectral);
     let (dir, _) = finished(&grid);
-    let move_file = |array: &str, from: &str, to: &str| {
-        fs::copy(chunk(dir.path(), array, from), chunk(dir.path(), array, to)).unwrap();
-    };
-    for quantity in Variable::ALL {
-        move_file(quantity.name(), "c.0.0.0.0.0.0", "c.1.0.0.0.1.0");
+    for (array, length, name) in per_job() {
+        let path = chunk(dir.path(), array, name);
+        let mut bytes = fs::read(&path).unwrap();
+        bytes.copy_within(..length, 5 * length);
+        fs::write(path, bytes).unwrap();
     }
-    move_file("jobs/lost_share", "c.0", "c.5");
-    move_file("jobs/committed", "c.0", "c.5");
     assert_eq!(Store::open(dir.path()).unwrap().missing().unwrap(), [5]);
+}
+
+/// Jobs are files until the last of their pack is done.
+#[test]
+fn jobs_that_are_not_packed_yet_are_kept() {
+    let grid = grid(Engine::Spectral);
+    let (done, expected) = finished(&grid);
+    let dir = tempfile::tempdir().unwrap();
+    for index in [0, 1] {
+        run(dir.path(), &grid, 1, Some(Shard::new(index, 2).unwrap())).unwrap();
+    }
+    // each process has half of the pack
+    let jobs = dir.path().join(".splitsnow-jobs");
+    assert_eq!(fs::read_dir(&jobs).unwrap().count(), 8);
+    let store = Store::open(dir.path()).unwrap();
+    assert!(store.unmarked().unwrap().is_empty());
+    assert_eq!(store.missing().unwrap().len(), 8);
+    assert!(!store.verify().unwrap().is_whole());
+    let whole = Store::open(done.path()).unwrap();
+    for job in 0..8 {
+        assert_eq!(store.spectra(job).unwrap(), whole.spectra(job).unwrap());
+        let share = store.lost_share(job).unwrap();
+        assert_eq!(share, whole.lost_share(job).unwrap());
+    }
+    // a truncated file, as after a power failure, and one of another job
+    let second = fs::read(jobs.join("2")).unwrap();
+    fs::write(jobs.join("3"), &second[..200]).unwrap();
+    fs::write(jobs.join("4"), &second).unwrap();
+    assert_eq!(run(dir.path(), &grid, 2, None).unwrap().run, 2);
+    assert_same(&expected, &dir_bytes(dir.path()));
+    assert!(!jobs.exists());
+}
+
+/// A process killed while it packs leaves jobs both in arrays and in files.
+#[test]
+fn packing_can_be_interrupted_anywhere() {
+    let grid = grid(Engine::Spectral);
+    let (_dir, expected) = finished(&grid);
+    for writes in 0..=6 {
+        let dir = tempfile::tempdir().unwrap();
+        for index in [0, 1] {
+            run(dir.path(), &grid, 1, Some(Shard::new(index, 2).unwrap())).unwrap();
+        }
+        let files: Vec<_> = (expected.iter())
+            .filter(|(name, _)| name.contains("/c.") && !name.contains("_deg/"))
+            .filter(|(name, _)| per_job().any(|(array, ..)| name.contains(&format!("{array}/"))))
+            .collect();
+        assert_eq!(files.len(), 6);
+        for (name, bytes) in files.into_iter().take(writes) {
+            fs::write(dir.path().join(name), bytes).unwrap();
+        }
+        assert_eq!(run(dir.path(), &grid, 1, None).unwrap().run, 0, "{writes}");
+        assert_same(&expected, &dir_bytes(dir.path()));
+    }
+}
+
+/// A database of version 1 of the format has a file of each array for each job. It is read, and
+/// continued as it is.
+#[test]
+fn a_database_of_version_1_is_read_and_continued() {
+    let data = Path::new(env!("CARGO_MANIFEST_DIR")).join("tests/data");
+    let original = data.join("database_1");
+    let store = Store::open(&original).unwrap();
+    assert!(store.verify().unwrap().is_whole());
+    let reflectance = store.read(Variable::REFLECTANCE).unwrap();
+    assert_eq!(reflectance.dim(), (8, 3));
+    let second_job = store.spectra(1).unwrap().unwrap();
+    for (row, spectrum) in (4..).zip(&second_job) {
+        let row: Vec<f64> = reflectance.row(row).iter().map(|v| f64::from(*v)).collect();
+        let values = spectrum.reflectance.iter().map(|measured| measured.value);
+        assert_eq!(row, values.collect::<Vec<_>>());
+        assert!(row.iter().all(|value| *value > 0.5));
+    }
+    let dir = tempfile::tempdir().unwrap();
+    let before = dir_bytes(&original);
+    for (name, bytes) in &before {
+        let path = dir.path().join(name);
+        fs::create_dir_all(path.parent().unwrap()).unwrap();
+        fs::write(path, bytes).unwrap();
+    }
+    fs::remove_file(chunk(dir.path(), "reflectance", "c.1.0.0.0.0.0")).unwrap();
+    let copy = Store::open(dir.path()).unwrap();
+    assert_eq!(copy.missing().unwrap(), [1]);
+    let build = Command::new(cargo_bin!("splitsnow"))
+        .arg("build")
+        .arg(data.join("database_1.toml"))
+        .arg("--out")
+        .arg(dir.path())
+        .output()
+        .unwrap();
+    assert!(build.status.success(), "{build:?}");
+    assert!(String::from_utf8_lossy(&build.stdout).starts_with("2 jobs, 1 of them run now"));
+    assert!(copy.verify().unwrap().is_whole());
+    let after = dir_bytes(dir.path());
+    assert!(before.keys().all(|name| after.contains_key(name)));
 }
 
 #[test]
@@ -424,12 +572,12 @@ fn a_different_format_is_rejected() {
     let text = fs::read_to_string(&root).unwrap();
     fs::write(
         &root,
-        text.replace("format_version = 1", "format_version = 99"),
+        text.replace("format_version = 2", "format_version = 99"),
     )
     .unwrap();
     for error in [open(dir.path(), &grid), Store::open(dir.path())] {
         let error = error.unwrap_err().to_string();
-        assert!(error.contains("format_version = 99, not 1"), "{error}");
+        assert!(error.contains("format_version = 99, not 2"), "{error}");
     }
 }
 

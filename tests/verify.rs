@@ -241,9 +241,11 @@ fn the_command_prints_the_report() {
 #[test]
 fn a_damaged_job_is_named() {
     let dir = copy();
-    let chunk = dir.path().join("database.zarr/reflectance/c.1.0.0.0.1.0");
+    let chunk = dir.path().join("database.zarr/reflectance/c.0.0.0.0.0.0");
     let mut bytes = fs::read(&chunk).unwrap();
-    bytes[5] ^= 1;
+    // eight jobs, each with two numbers in the index, and a checksum
+    let job = (bytes.len() - 4) / 8 - 16;
+    bytes[5 * job + 5] ^= 1;
     fs::write(&chunk, bytes).unwrap();
     let report = verify(dir.path(), OPTIONS);
     let message = "job 5 is missing or damaged: facetness 0.5, grain size 100 um";

@@ -57,7 +57,7 @@ fn a_database_with_views_is_built_checked_and_queried() {
     let whole = dir_bytes(&folder.out("g"));
     folder.succeeds("build g.toml --shard 1/2 --out out/g2");
     folder.succeeds("build g.toml --threads 2 --out out/g2");
-    let lost = folder.out("g2").join("database.zarr/brf/c.0.0.0.1.0.0.0.0");
+    let lost = folder.out("g2").join("database.zarr/brf/c.0.0.0.0.0.0.0.0");
     fs::remove_file(lost).unwrap();
     fs::remove_file(folder.out("g2").join(VIEWS)).unwrap();
     folder.succeeds("build g.toml --out out/g2");

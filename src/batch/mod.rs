@@ -10,7 +10,7 @@ use std::sync::{Arc, Mutex, PoisonError};
 use crate::engine::{Cache, Control, EngineError, Request, Units, exits};
 use crate::grid::{Grid, GridError, GridViews, Job, Shard};
 use crate::measurement::{Measured, Spectrum, ViewFactors, Views};
-use crate::store::Store;
+use crate::store::{Packer, Store, Survey};
 
 pub use error::BatchError;
 pub use progress::{Progress, RunInfo};
@@ -90,16 +90,21 @@ where
     let views = grid.views.as_ref().map(GridViews::views).transpose();
     let views = views.map_err(GridError::Views)?;
     // A shard trusts the commit marks. The run of all jobs checks every file once, for all shards.
-    let (own, missing) = match options.shard {
-        None => (0..store.jobs().count(), store.missing()?),
+    let (own, missing, loose) = match options.shard {
+        None => {
+            let Survey { missing, loose } = store.survey()?;
+            (0..store.jobs().count(), missing, loose)
+        }
         Some(shard) => {
             let own = shard.range(store.jobs());
             let mut missing = store.unmarked()?;
             missing.retain(|job| own.contains(job));
-            (own, missing)
+            let loose = store.loose_of(&own)?;
+            (own, missing, loose)
         }
     };
     store.check_space(missing.len() as u64)?;
+    let packer = Packer::new(store, &own, &missing, &loose)?;
     let total = own.end - own.start;
     let pool = rayon::ThreadPoolBuilder::new()
         .num_threads(options.threads)
@@ -147,6 +152,9 @@ where
                 &control,
             ) {
                 Ok([job_reused, job_nodes]) => {
+                    if let Err(error) = packer.committed(job) {
+                        return fail(error.into());
+                    }
                     reused.fetch_add(job_reused, Ordering::Relaxed);
                     nodes.fetch_add(job_nodes, Ordering::Relaxed);
                     finished.fetch_add(1, Ordering::Relaxed);
@@ -324,7 +332,8 @@ mod tests {
     #[test]
     fn a_full_disk_loses_nothing() {
         let grid = small(Engine::Spectral);
-        for writes in 0..13 {
+        // Eight jobs of one file, then a pack of six.
+        for writes in 0..14 {
             let dir = tempfile::tempdir().unwrap();
             let build = || Store::build(dir.path(), &grid, &BTreeMap::new(), Access::Exclusive);
             let run = |store: &Store| {
@@ -341,10 +350,9 @@ mod tests {
             assert!(full, "{error}");
             drop(store);
             let store = build().unwrap();
-            // Six files a job, the mark last.
-            let done = writes / 6;
+            let done = writes.min(8);
             let missing: Vec<u64> = (done..8).collect();
-            assert_eq!(store.missing().unwrap(), missing);
+            assert_eq!(store.survey().unwrap().missing, missing);
             assert_eq!(run(&store).unwrap().run, 8 - done);
             assert!(store.verify().unwrap().is_whole());
         }

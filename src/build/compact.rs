@@ -63,9 +63,14 @@ pub fn compress(
     write(&store, request)
 }
 
-/// Refuses a database with jobs that are missing. Reads all its files.
-pub(super) fn check_finished(store: &Store) -> Result<(), BuildError> {
-    match store.missing()?.len() {
+/// Refuses a database with jobs that are missing in its arrays. Reads all its files.
+fn check_finished(store: &Store) -> Result<(), BuildError> {
+    check_none_missing(store, store.missing()?.len())
+}
+
+/// Refuses a database with `missing` jobs if there are any.
+pub(super) fn check_none_missing(store: &Store, missing: usize) -> Result<(), BuildError> {
+    match missing {
         0 => Ok(()),
         missing => Err(BuildError::Unfinished {
             missing,

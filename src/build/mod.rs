@@ -119,7 +119,7 @@ pub fn build(
     let access = options.shard.map_or(Access::Exclusive, Access::Shard);
     let store = Store::build(dir, grid, &inputs, access)?;
     if options.only_compress {
-        compact::check_finished(&store)?;
+        compact::check_none_missing(&store, store.survey()?.missing.len())?;
     }
     let journal = Journal::new(dir, access, threads, options.progress);
     let report = run(grid, &store, &sources, threads, (options, &journal));

@@ -120,7 +120,7 @@ pub(super) fn run(args: &Args) -> anyhow::Result<()> {
 fn unfinished(dir: &Path, shards: u64) -> anyhow::Error {
     let found = || -> anyhow::Result<(usize, Vec<u64>, u64)> {
         let store = Store::open(dir)?;
-        let missing = store.missing()?;
+        let missing = store.survey()?.missing;
         let of = |index: &u64| {
             let range = Shard::new(*index, shards).map(|shard| shard.range(store.jobs()));
             range.is_ok_and(|range| missing.iter().any(|job| range.contains(job)))

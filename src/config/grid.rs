@@ -20,8 +20,8 @@ use super::snow::{
 };
 use super::{directory_of, schema};
 
-/// Largest number of values (curves times wavelengths) in a database: 8 GB per quantity.
-const MAX_VALUES: u64 = 1_000_000_000;
+/// Largest number of values (curves times wavelengths) in a database: 80 GB per quantity.
+const MAX_VALUES: u64 = 10_000_000_000;
 /// Largest number of walks in a database (curves times rays).
 const MAX_RAYS: u64 = 1_000_000_000_000_000_000;
 

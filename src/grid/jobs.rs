@@ -160,7 +160,7 @@ impl Jobs {
 }
 
 /// Index along each axis of the flat index `flat`; `None` if it is outside `shape`.
-fn multi_index(mut flat: u64, shape: &[u64]) -> Option<Vec<u64>> {
+pub(crate) fn multi_index(mut flat: u64, shape: &[u64]) -> Option<Vec<u64>> {
     let mut index = shape.to_vec();
     for i in index.iter_mut().rev() {
         let n = *i;

@@ -24,6 +24,8 @@ pub use absent::{MIN_GRAIN_LENGTHS, absent_curves, existing_rows, why_absent};
 pub use check::GridError;
 pub use job::Job;
 pub use jobs::Jobs;
+#[cfg(feature = "database")]
+pub(crate) use jobs::multi_index;
 pub use settings::GridSettings;
 #[cfg(feature = "database")]
 pub(crate) use settings::config_text;

@@ -15,13 +15,18 @@ use crate::parameter::{Axes, Parameter};
 use crate::transport::Entry;
 
 /// Version of the layout described in [`crate::store`].
-pub const FORMAT_VERSION: u32 = 1;
+pub const FORMAT_VERSION: u32 = 2;
+/// The version whose jobs have a file of each array. It is read and continued.
+pub(super) const FILE_PER_JOB: u32 = 1;
 
 /// Version of the assignment of random streams and tables to nodes. A database of another
 /// version is not continued, because it would mix two sets of streams. Projected entry has
 /// its own, since the attitudes of grains are weighted too.
 const STREAMS: u32 = 2;
 const PROJECTED_STREAMS: u32 = 3;
+
+/// Key of the entry with the version of the layout.
+const FORMAT: &str = "format_version";
 
 /// Key of the entry with the number of too thin thicknesses per grain size.
 const ABSENT: &str = "absent";
@@ -129,15 +134,20 @@ pub(super) struct Identity {
 }
 
 impl Identity {
-    /// The identity of the database of `grid`, which has these `settings`. `extra` has
-    /// further inputs, such as the hashes of the data tables in use.
-    fn new(grid: &Grid, settings: &GridSettings, extra: &BTreeMap<String, String>) -> Self {
+    /// The identity of the database of `grid`, which has these `settings`, in the layout of
+    /// version `format`. `extra` has further inputs, such as the hashes of the data tables in use.
+    fn new(
+        grid: &Grid,
+        settings: &GridSettings,
+        extra: &BTreeMap<String, String>,
+        format: u32,
+    ) -> Self {
         let streams = match grid.fixed.model.entry {
             Entry::Uniform => STREAMS,
             Entry::Projected => PROJECTED_STREAMS,
         };
         let versions = [
-            ("format_version".to_string(), FORMAT_VERSION.to_string()),
+            (FORMAT.to_string(), format.to_string()),
             (
                 "program_version".to_string(),
                 env!("CARGO_PKG_VERSION").to_string(),
@@ -261,16 +271,21 @@ impl Identity {
         }
     }
 
+    /// Version of the layout; 0 if it is unknown.
+    pub(super) fn format(&self) -> u32 {
+        let format = self.get(FORMAT).and_then(|text| text.parse().ok());
+        format.unwrap_or_default()
+    }
+
     /// Refuses a database whose format this version cannot read.
     pub(super) fn check_format(&self, path: &Path) -> Result<(), StoreError> {
-        let supported = FORMAT_VERSION.to_string();
-        match self.get("format_version") {
-            Some(version) if version == supported => Ok(()),
-            other => Err(StoreError::Differs {
+        match self.format() {
+            FILE_PER_JOB..=FORMAT_VERSION => Ok(()),
+            _ => Err(StoreError::Differs {
                 path: path.into(),
-                key: "format_version".into(),
-                stored: other.unwrap_or("(none)").into(),
-                requested: supported,
+                key: FORMAT.into(),
+                stored: self.get(FORMAT).unwrap_or("(none)").into(),
+                requested: FORMAT_VERSION.to_string(),
             }),
         }
     }
@@ -307,12 +322,12 @@ pub(super) struct Description {
 }
 
 impl Description {
-    /// The description of the database of `grid`. `extra` has further inputs, such as the
-    /// hashes of the data tables in use.
-    pub(super) fn new(grid: &Grid, extra: &BTreeMap<String, String>) -> Self {
+    /// The description of the database of `grid` in the layout of version `format`. `extra` has
+    /// further inputs, such as the hashes of the data tables in use.
+    pub(super) fn new(grid: &Grid, extra: &BTreeMap<String, String>, format: u32) -> Self {
         let settings = grid.describe();
         Self {
-            identity: Identity::new(grid, &settings, extra),
+            identity: Identity::new(grid, &settings, extra, format),
             config: settings.to_config(),
             settings,
         }
@@ -337,6 +352,7 @@ impl Description {
             wavelengths_nm: settings.wavelengths.values_nm.clone(),
             engine: settings.run.engine,
             diffuse: settings.axes.diffuse,
+            format: self.identity.format(),
         })
     }
 
@@ -411,10 +427,7 @@ impl Description {
         let (_, engine) = spelling.entry("run.engine", &toml_text(run.engine.name()));
         let identity = &self.identity;
         let version = identity.get("program_version").unwrap_or_default();
-        let format = identity.get("format_version");
-        let format: u64 = format
-            .and_then(|text| text.parse().ok())
-            .unwrap_or_default();
+        let format = identity.format();
         let mut units = String::new();
         let is_axis = |axis: &Parameter| !axis.is_optional() || self.is_axis(*axis);
         for axis in Parameter::ALL.into_iter().filter(is_axis) {
@@ -575,7 +588,7 @@ mod tests {
     fn a_description_reads_back() {
         for grid in grids() {
             let extra = [("data.ice.csv".to_owned(), "0a".to_owned())].into();
-            let written = Description::new(&grid, &extra);
+            let written = Description::new(&grid, &extra, FORMAT_VERSION);
             let again = read(written.attributes());
             assert_eq!(again.identity, written.identity);
             assert_eq!(again.settings, written.settings);
@@ -593,7 +606,7 @@ mod tests {
     #[test]
     fn the_spelling_of_version_0_1_is_the_same_description() {
         for grid in grids() {
-            let written = Description::new(&grid, &BTreeMap::new());
+            let written = Description::new(&grid, &BTreeMap::new(), FORMAT_VERSION);
             let identity = written.identity.text();
             assert!(identity.contains("axes.angle_deg = ") && !identity.contains("hybrid"));
             let former = |text: &str| {
@@ -613,7 +626,7 @@ mod tests {
 
     #[test]
     fn a_config_that_cannot_be_read_is_named() {
-        let written = Description::new(&small(Engine::Hybrid), &BTreeMap::new());
+        let written = Description::new(&small(Engine::Hybrid), &BTreeMap::new(), FORMAT_VERSION);
         for (old, new, reason) in [
             ("\"hybrid\"", "\"other\"", "unknown engine \"other\""),
             ("values_nm", "values", "missing field `values_nm`"),

@@ -1,11 +1,70 @@
-//! The files of a job: a chunk of each array of spectra, the share of lost rays, and the commit
-//! mark, a hash of the other files that is written last.
+//! What is stored of a job: a chunk of each array of spectra, the share of lost rays, and the
+//! commit mark, a hash of both.
+//!
+//! A job that is done is first a file `DIR/.splitsnow-jobs/JOB`: the mark, the share, and the
+//! chunks, one after the other. When all jobs of its pack are done, they move into the arrays.
+use std::fs;
+use std::path::PathBuf;
+
 use sha2::{Digest, Sha256};
 
-use super::layout::{ZarrArray, encode};
 use super::{Store, StoreError, Variable, file};
 use crate::measurement::{Measured, Spectrum, ViewFactors};
 use crate::parameter::Parameter;
+
+/// Folder of the files of jobs, in the output directory.
+pub(super) const JOBS: &str = ".splitsnow-jobs";
+
+/// What is stored of a job.
+#[derive(Debug, Clone, PartialEq)]
+pub(super) struct JobRecord {
+    /// The commit mark.
+    pub(super) mark: u64,
+    /// Largest share of lost rays.
+    pub(super) lost: f64,
+    /// The chunk of each array, with its checksum.
+    pub(super) chunks: Vec<Vec<u8>>,
+}
+
+impl JobRecord {
+    fn to_bytes(&self) -> Vec<u8> {
+        let head = [self.mark.to_le_bytes(), self.lost.to_le_bytes()];
+        [&head.concat()[..], &self.chunks.concat()].concat()
+    }
+
+    /// The inverse of [`to_bytes`](Self::to_bytes) for chunks of these `lengths`; `None` if the
+    /// length does not fit.
+    fn parse(bytes: &[u8], lengths: impl Iterator<Item = usize>) -> Option<Self> {
+        let (mark, bytes) = bytes.split_first_chunk()?;
+        let (lost, mut bytes) = bytes.split_first_chunk()?;
+        let mut chunks = Vec::new();
+        for length in lengths {
+            let (chunk, rest) = bytes.split_at_checked(length)?;
+            chunks.push(chunk.to_vec());
+            bytes = rest;
+        }
+        bytes.is_empty().then(|| Self {
+            mark: u64::from_le_bytes(*mark),
+            lost: f64::from_le_bytes(*lost),
+            chunks,
+        })
+    }
+
+    /// The values of the chunk of the array with this position.
+    pub(super) fn values(&self, array: usize) -> Vec<f32> {
+        let bytes = self.chunks.get(array).map_or(&[][..], Vec::as_slice);
+        let (values, _checksum) = bytes.as_chunks();
+        let values = values.iter().map(|value| f32::from_le_bytes(*value));
+        values.take(bytes.len() / size_of::<f32>() - 1).collect()
+    }
+}
+
+/// `bytes` followed by their CRC-32C, as Zarr's codec of that name writes them.
+pub(super) fn with_checksum(mut bytes: Vec<u8>) -> Vec<u8> {
+    let checksum = crc32c::crc32c(&bytes);
+    bytes.extend(checksum.to_le_bytes());
+    bytes
+}
 
 impl Store {
     /// Stores the spectra of `job`, one per curve in storage order, and its factors toward views,
@@ -25,63 +84,88 @@ impl Store {
     ) -> Result<(), StoreError> {
         let writer = self.writer()?;
         self.check_spectra(job, spectra, views)?;
-        let mut hash = self.commit_hash(job);
+        let record = self.record_of(job, spectra, views);
+        if self.layout.packs.jobs() == 1 {
+            self.write_pack(self.layout.packs.of(job), &[Some(record)])?;
+        } else {
+            let folder = self.dir.join(JOBS);
+            fs::create_dir_all(&folder).map_err(StoreError::io("create", &folder))?;
+            writer.write(&self.job_file(job), &record.to_bytes())?;
+        }
+        self.delete_units(job)
+    }
+
+    /// Whether `job` is done: the hash in its commit mark matches what is stored of it.
+    ///
+    /// # Errors
+    /// [`StoreError::Io`] if a file exists but cannot be read.
+    pub fn is_done(&self, job: u64) -> Result<bool, StoreError> {
+        Ok(self.record(job)?.is_some())
+    }
+
+    /// What is stored of `job`, in its own file or in its pack; `None` if it is not done or
+    /// damaged.
+    pub(super) fn record(&self, job: u64) -> Result<Option<JobRecord>, StoreError> {
+        match self.unpacked(job)? {
+            Some(record) => Ok(Some(record)),
+            None => self.packed(job),
+        }
+    }
+
+    /// What the file of `job` holds; `None` if it has none or a damaged one.
+    pub(super) fn unpacked(&self, job: u64) -> Result<Option<JobRecord>, StoreError> {
+        let Some(bytes) = file::read(&self.job_file(job))? else {
+            return Ok(None);
+        };
+        let record = JobRecord::parse(&bytes, self.layout.chunk_bytes());
+        Ok(record.filter(|record| self.is_intact(job, record)))
+    }
+
+    /// Whether the mark of `record` is that of its bytes.
+    pub(super) fn is_intact(&self, job: u64, record: &JobRecord) -> bool {
+        record.mark == self.mark(job, &record.chunks, record.lost)
+    }
+
+    /// The file of `job`, which exists until the job is packed.
+    pub(super) fn job_file(&self, job: u64) -> PathBuf {
+        self.dir.join(JOBS).join(job.to_string())
+    }
+
+    fn record_of(&self, job: u64, spectra: &[Spectrum], views: &[ViewFactors]) -> JobRecord {
         let wavelengths = self.layout.jobs.wavelengths() as usize;
-        for (variable, array) in self.layout.quantities() {
+        let mut chunks = Vec::new();
+        for (variable, _) in self.layout.quantities() {
             let own = (0..spectra.len()).filter(|c| self.is_diffuse(*c) == variable.is_diffuse);
             let own: Vec<_> = own
                 .map(|curve| measured(variable, spectra, views, curve))
                 .collect();
             // views run slower than curves
-            let mut values: Vec<f32> = Vec::new();
+            let mut bytes: Vec<u8> = Vec::new();
             for view in 0..self.view_count(variable) {
                 for curve in &own {
                     let row = curve.iter().skip(view * wavelengths).take(wavelengths);
-                    values.extend(row.map(|measured| value(variable, measured)));
+                    bytes.extend(row.flat_map(|m| value(variable, m).to_le_bytes()));
                 }
             }
-            let bytes = encode(array, &values)?;
-            hash.add(&bytes);
-            let chunk = self.layout.chunk(variable, job)?;
-            writer.write(&self.file(array, &chunk), &bytes)?;
+            chunks.push(with_checksum(bytes));
         }
-        let lost = &self.layout.lost;
         let shares = spectra.iter().flat_map(|spectrum| &spectrum.lost);
-        let bytes = encode(lost, &[shares.copied().fold(0.0, f64::max)])?;
-        hash.add(&bytes);
-        writer.write(&self.file(lost, &[job]), &bytes)?;
-        let committed = &self.layout.committed;
-        let mark = encode(committed, &[hash.finish()])?;
-        writer.write(&self.file(committed, &[job]), &mark)?;
-        self.delete_units(job)
+        let lost = shares.copied().fold(0.0, f64::max);
+        JobRecord {
+            mark: self.mark(job, &chunks, lost),
+            lost,
+            chunks,
+        }
     }
 
-    /// Whether `job` is done: its commit mark exists and matches the bytes of its chunks.
-    ///
-    /// # Errors
-    /// [`StoreError::Io`] if a file exists but cannot be read.
-    pub fn is_done(&self, job: u64) -> Result<bool, StoreError> {
-        let committed = &self.layout.committed;
-        let Some(mark) = file::read(&self.file(committed, &[job]))? else {
-            return Ok(false);
-        };
-        let mut paths = Vec::new();
-        for (quantity, array) in self.layout.quantities() {
-            paths.push(self.file(array, &self.layout.chunk(quantity, job)?));
-        }
-        paths.push(self.file(&self.layout.lost, &[job]));
+    /// The commit mark of `job` with these `chunks` and this share of lost rays.
+    fn mark(&self, job: u64, chunks: &[Vec<u8>], lost: f64) -> u64 {
         let mut hash = self.commit_hash(job);
-        for path in paths {
-            let Some(bytes) = file::read(&path)? else {
-                return Ok(false);
-            };
-            hash.add(&bytes);
+        for chunk in chunks {
+            hash.add(chunk);
         }
-        Ok(mark == encode(committed, &[hash.finish()])?)
-    }
-
-    pub(super) fn file(&self, array: &ZarrArray, chunk: &[u64]) -> std::path::PathBuf {
-        self.root.join(array.chunk_key(chunk).as_str())
+        hash.add(&with_checksum(lost.to_le_bytes().to_vec()));
+        hash.finish()
     }
 
     fn commit_hash(&self, job: u64) -> CommitHash {

@@ -1,18 +1,21 @@
 //! The Zarr arrays of a database, and all its files except the chunks of jobs. They are
 //! determined by the description alone.
 use std::collections::BTreeMap;
+use std::num::NonZeroU64;
 use std::path::Path;
 use std::sync::Arc;
 
 use serde_json::{Map, Value, json};
 use zarrs::array::chunk_key_encoding::DefaultChunkKeyEncoding;
-use zarrs::array::codec::Crc32cCodec;
+use zarrs::array::codec::{BytesCodec, Crc32cCodec, ShardingCodecBuilder};
 use zarrs::array::{
     Array, ArrayBuilder, ArrayToBytesCodecTraits, CodecOptions, DataType, FillValue,
 };
 use zarrs::array::{Element, data_type};
 use zarrs::filesystem::FilesystemStore;
 
+use super::description::FILE_PER_JOB;
+use super::packs::Packs;
 use super::{ROOT, StoreError, Variable};
 use crate::engine::Engine;
 use crate::grain::SizeMeasure;
@@ -40,18 +43,30 @@ pub(super) struct Contents {
     pub(super) diffuse: bool,
     /// The axes of the views; empty if there are none.
     pub(super) views: Axes,
+    /// Version of the layout.
+    pub(super) format: u32,
 }
 
 /// The arrays that jobs write to.
 #[derive(Debug)]
 pub(super) struct ArrayLayout {
     pub(super) jobs: Jobs,
+    pub(super) packs: Packs,
     contents: Contents,
     /// The arrays of spectra.
-    quantities: Vec<(Variable, ZarrArray)>,
+    quantities: Vec<QuantityArray>,
     pub(super) lost: ZarrArray,
     pub(super) committed: ZarrArray,
     storage: Arc<FilesystemStore>,
+}
+
+/// An array of spectra.
+#[derive(Debug)]
+struct QuantityArray {
+    variable: Variable,
+    array: ZarrArray,
+    /// Shape of the chunk of a job.
+    chunk: Vec<u64>,
 }
 
 impl ArrayLayout {
@@ -61,7 +76,21 @@ impl ArrayLayout {
         let storage =
             Arc::new(FilesystemStore::new(root).map_err(StoreError::zarr("the file system"))?);
         let variables = Variable::stored(contents.diffuse, !contents.views.is_empty());
-        let array = |variable| Ok((variable, contents.array(&storage, &jobs, variable)?));
+        let chunks = variables.iter().map(|v| contents.chunk(&jobs, *v));
+        let packs = match contents.format {
+            FILE_PER_JOB => Packs::of_one_job(&jobs),
+            _ => {
+                let values: u64 = chunks.map(|chunk| chunk.iter().product::<u64>()).sum();
+                Packs::new(&jobs, values.saturating_mul(size_of::<f32>() as u64))
+            }
+        };
+        let array = |variable| {
+            Ok(QuantityArray {
+                variable,
+                array: contents.array(&storage, (&jobs, &packs), variable)?,
+                chunk: contents.chunk(&jobs, variable),
+            })
+        };
         let quantities = variables.into_iter().map(array);
         let quantities = quantities.collect::<Result<_, StoreError>>()?;
         let per_job = |name, long_name| ArraySpec {
@@ -70,19 +99,20 @@ impl ArrayLayout {
             units: "1",
             dimensions: &["job"],
         };
-        let (count, one) = (vec![jobs.count()], vec![1]);
+        let (count, pack) = (vec![jobs.count()], vec![packs.jobs()]);
         let lost = per_job(
             "jobs/lost_share",
             "largest share of rays lost at an event limit, over the curves and wavelengths of a job",
         )
-        .array(&storage, count.clone(), one.clone(), data_type::float64(), f64::NAN)?;
+        .array(&storage, count.clone(), (pack.clone(), None), data_type::float64(), f64::NAN)?;
         let committed = per_job(
             "jobs/committed",
             "first 8 bytes (little-endian) of the SHA-256 over the SHA-256 of the identity, the job and its chunk files; 0 until the job is done",
         )
-        .array(&storage, count, one, data_type::uint64(), 0_u64)?;
+        .array(&storage, count, (pack, None), data_type::uint64(), 0_u64)?;
         Ok(Self {
             jobs,
+            packs,
             contents,
             quantities,
             lost,
@@ -146,36 +176,52 @@ impl ArrayLayout {
             units: "1",
             dimensions: &[Parameter::GrainSize.name(), Parameter::Thickness.name()],
         };
-        let mut array = spec.array(&self.storage, shape.clone(), shape, data_type::int8(), 0_i8)?;
+        let mut array = spec.array(
+            &self.storage,
+            shape.clone(),
+            (shape, None),
+            data_type::int8(),
+            0_i8,
+        )?;
         let attributes = array.attributes_mut();
         attributes.insert("flag_values".into(), json!([0, 1]));
         attributes.insert("flag_meanings".into(), json!("simulated grains_do_not_fit"));
         Ok(Some((array, values)))
     }
 
-    /// Index of a job's chunk in the array of a quantity.
-    pub(super) fn chunk(&self, quantity: Variable, job: u64) -> Result<Vec<u64>, StoreError> {
-        let chunk = self.jobs.chunk(job)?;
-        let own = self.axes().iter().zip(chunk);
+    /// Path in the database of the file that holds `pack` of a quantity.
+    pub(super) fn pack_file(&self, array: &ZarrArray, quantity: Variable, pack: u64) -> String {
+        let own = self.axes().iter().zip(self.packs.index(pack));
         let own = own.filter(|((parameter, _), _)| quantity.has_axis(*parameter));
         // a chunk has all views and all wavelengths
         let views = self.views().iter();
         let views = views.filter(|(parameter, _)| quantity.has_axis(*parameter));
         let views = views.map(|_| 0);
-        Ok(views
-            .chain(own.map(|(_, index)| index))
-            .chain([0])
-            .collect())
+        let index = views.chain(own.map(|(_, index)| index)).chain([0]);
+        array.chunk_key(&index.collect::<Vec<_>>()).to_string()
+    }
+
+    /// Whether the files of packs are Zarr shards, which have an index of their chunks.
+    pub(super) fn is_sharded(&self) -> bool {
+        self.contents.format != FILE_PER_JOB
     }
 
     pub(super) fn wavelengths_nm(&self) -> &[f64] {
         &self.contents.wavelengths_nm
     }
 
-    /// The arrays of spectra in the order in which the chunks of a job are written.
+    /// The arrays of spectra in the order of the chunks of a job.
     pub(super) fn quantities(&self) -> impl Iterator<Item = (Variable, &ZarrArray)> {
         let quantities = self.quantities.iter();
-        quantities.map(|(variable, array)| (*variable, array))
+        quantities.map(|quantity| (quantity.variable, &quantity.array))
+    }
+
+    /// Size of the chunk of a job in each array, with its checksum, bytes.
+    pub(super) fn chunk_bytes(&self) -> impl Iterator<Item = usize> {
+        let values = self.quantities.iter().map(|quantity| &quantity.chunk);
+        values.map(|chunk| {
+            chunk.iter().product::<u64>() as usize * size_of::<f32>() + size_of::<u32>()
+        })
     }
 
     pub(super) fn quantity(&self, quantity: Variable) -> Result<&ZarrArray, StoreError> {
@@ -255,37 +301,63 @@ impl ArrayLayout {
 }
 
 impl Contents {
-    /// The array of `variable`: views first, wavelengths last.
-    fn array(
+    /// Name and length of the axes of the array of `variable`, and the number of its values in a
+    /// job and in a pack: views first, wavelengths last.
+    fn dimensions(
         &self,
-        storage: &Arc<FilesystemStore>,
         jobs: &Jobs,
         variable: Variable,
-    ) -> Result<ZarrArray, StoreError> {
+        packs: Option<&Packs>,
+    ) -> Vec<(&'static str, u64, u64)> {
         let views = self.views.iter().map(|(parameter, values)| {
             let length = values.len() as u64;
             (parameter, length, length)
         });
-        let lengths = jobs.shape().iter().zip(jobs.block());
-        let axes = self.axes.iter().zip(lengths);
-        let axes = axes.map(|((parameter, _), (length, block))| (parameter, *length, *block));
+        let axes = self.axes.iter().zip(jobs.shape()).zip(jobs.block());
+        let axes = axes
+            .enumerate()
+            .map(|(axis, (((parameter, _), length), block))| {
+                let jobs = packs.map_or(1, |packs| packs.block()[axis]);
+                (parameter, *length, block * jobs)
+            });
         let axes = views.chain(axes);
         let axes = axes.filter(|(parameter, ..)| variable.has_axis(*parameter));
         let axes = axes.map(|(parameter, length, block)| (parameter.name(), length, block));
         let wavelengths = (WAVELENGTH, jobs.wavelengths(), jobs.wavelengths());
-        let (mut names, mut shape, mut chunk) = (Vec::new(), Vec::new(), Vec::new());
-        for (name, length, block) in axes.chain([wavelengths]) {
-            names.push(name);
-            shape.push(length);
-            chunk.push(block);
-        }
+        axes.chain([wavelengths]).collect()
+    }
+
+    /// Shape of the chunk of a job in the array of `variable`.
+    fn chunk(&self, jobs: &Jobs, variable: Variable) -> Vec<u64> {
+        let dimensions = self.dimensions(jobs, variable, None).into_iter();
+        dimensions.map(|(.., block)| block).collect()
+    }
+
+    /// The array of `variable`.
+    fn array(
+        &self,
+        storage: &Arc<FilesystemStore>,
+        (jobs, packs): (&Jobs, &Packs),
+        variable: Variable,
+    ) -> Result<ZarrArray, StoreError> {
+        let dimensions = self.dimensions(jobs, variable, Some(packs));
+        let names: Vec<_> = dimensions.iter().map(|(name, ..)| *name).collect();
+        let shape = dimensions.iter().map(|(_, length, _)| *length).collect();
+        let pack = dimensions.iter().map(|(.., block)| *block).collect();
         let spec = ArraySpec {
             name: variable.name(),
             long_name: variable.long_name(),
             units: "1",
             dimensions: &names,
         };
-        spec.array(storage, shape, chunk, data_type::float32(), f32::NAN)
+        let chunk = (self.format != FILE_PER_JOB).then(|| self.chunk(jobs, variable));
+        spec.array(
+            storage,
+            shape,
+            (pack, chunk),
+            data_type::float32(),
+            f32::NAN,
+        )
     }
 }
 
@@ -303,22 +375,45 @@ struct ArraySpec<'a> {
 }
 
 impl ArraySpec<'_> {
+    /// The array with one file per `file` of its values, which is a shard of chunks if their shape
+    /// is given.
     fn array(
         &self,
         storage: &Arc<FilesystemStore>,
         shape: Vec<u64>,
-        chunk: Vec<u64>,
+        (file, chunk): (Vec<u64>, Option<Vec<u64>>),
         data_type: DataType,
         fill_value: impl Into<FillValue>,
     ) -> Result<ZarrArray, StoreError> {
         let attributes = json!({ "long_name": self.long_name, "units": self.units });
-        let mut builder = ArrayBuilder::new(shape, chunk, data_type, fill_value.into());
+        let sharding = match chunk {
+            None => None,
+            Some(chunk) => {
+                let lengths: Option<Vec<NonZeroU64>> =
+                    chunk.into_iter().map(NonZeroU64::new).collect();
+                let lengths = lengths.ok_or_else(|| StoreError::Zarr {
+                    name: self.name.into(),
+                    reason: "a chunk is empty".into(),
+                })?;
+                let mut sharding = ShardingCodecBuilder::new(lengths, &data_type);
+                // The same bytes on every processor.
+                sharding
+                    .array_to_bytes_codec(Arc::new(BytesCodec::little()))
+                    .index_array_to_bytes_codec(Arc::new(BytesCodec::little()))
+                    .bytes_to_bytes_codecs(vec![Arc::new(Crc32cCodec::new())]);
+                Some(sharding.build_arc())
+            }
+        };
+        let mut builder = ArrayBuilder::new(shape, file, data_type, fill_value.into());
         builder
-            // All chunks of an array are in one folder: chunks are small, and a folder per
+            // All files of an array are in one folder: they are small, and a folder per
             // index would need more space than the data.
             .chunk_key_encoding(DefaultChunkKeyEncoding::new_dot())
-            .bytes_to_bytes_codecs(vec![Arc::new(Crc32cCodec::new())])
             .dimension_names(Some(self.dimensions.iter().copied()));
+        match sharding {
+            Some(sharding) => builder.array_to_bytes_codec(sharding),
+            None => builder.bytes_to_bytes_codecs(vec![Arc::new(Crc32cCodec::new())]),
+        };
         if let Value::Object(attributes) = attributes {
             builder.attributes(attributes);
         }
@@ -355,7 +450,7 @@ fn coordinate(
     spec.array(
         storage,
         vec![length],
-        vec![length],
+        (vec![length], None),
         data_type::float64(),
         f64::NAN,
     )

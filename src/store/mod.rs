@@ -15,14 +15,20 @@
 //! DIR/.splitsnow-lock          empty; the process that holds its lock may write
 //! DIR/.splitsnow-held-...      replaces the lock if the file system has no locks
 //! DIR/.splitsnow-units/        finished units of jobs that are not done
+//! DIR/.splitsnow-jobs/         jobs that are done, one file each, until they are packed
 //! DIR/.splitsnow-runs/         journals of the processes of an unfinished build
 //! ```
 //!
-//! One chunk is one job (see [`crate::grid::Jobs`]); every chunk ends with its CRC-32C. A
-//! missing chunk reads as NaN. A job is done if its commit mark in `jobs/committed` matches
-//! the bytes of its five chunks. A truncated, corrupted, missing or foreign chunk is thus
-//! detected, and the job is run again. Every byte is determined by the grid and the program
-//! alone: it never depends on time, host, threads, shards or interruptions.
+//! A job (see [`crate::grid::Jobs`]) is one chunk of each array. The chunks of a pack of jobs
+//! share a file, a Zarr shard, which is written when all of them are done; until then each job is
+//! a file of its own. Every chunk ends with its CRC-32C, and so does the index of a shard. A
+//! missing chunk reads as NaN. A job is done if its commit mark matches the bytes of its chunks. A
+//! truncated, corrupted, missing or foreign chunk is thus detected, and the job is run again.
+//! Every byte is determined by the grid and the program alone: it never depends on time, host,
+//! threads, shards or interruptions.
+//!
+//! Databases of version 1 have a file of each array for each job. They are read and continued as
+//! they are.
 mod claim;
 mod description;
 mod error;
@@ -30,6 +36,8 @@ mod file;
 mod job;
 mod layout;
 mod lock;
+mod pack;
+mod packs;
 mod read;
 mod space;
 mod unit_directory;
@@ -42,6 +50,7 @@ use std::sync::Arc;
 use description::{Description, Stored};
 use layout::{ArrayLayout, Contents};
 use lock::Lock;
+pub(crate) use pack::{Packer, Survey};
 
 use crate::atomic::resolved;
 use crate::grid::{Grid, Jobs, SizeAxis};
@@ -97,9 +106,13 @@ impl Store {
         let lock = Lock::take(dir, access)?;
         let root = dir.join(DATABASE);
         file::check_links(&root)?;
-        let requested = Description::new(grid, extra);
         let stored = read_stored(&root)?;
+        let format = stored
+            .as_ref()
+            .map_or(FORMAT_VERSION, |stored| stored.identity.format());
+        let requested = Description::new(grid, extra, format);
         if let Some(stored) = &stored {
+            stored.identity.check_format(&root)?;
             stored.identity.check_same(&requested.identity, &root)?;
         } else {
             let views = grid.views.as_ref().map_or(0, |views| views.axes.count());
@@ -118,6 +131,7 @@ impl Store {
                 .as_ref()
                 .map(|views| views.axes.clone())
                 .unwrap_or_default(),
+            format,
         };
         let layout = ArrayLayout::new(&root, contents)?;
         let store = Self {
@@ -169,8 +183,8 @@ impl Store {
         } else {
             Self::open(path)?
         };
-        let requested = Description::new(grid, extra);
         let identity = &store.description.identity;
+        let requested = Description::new(grid, extra, identity.format());
         identity.check_nodes(&requested.identity, &store.root)?;
         Ok(store)
     }
@@ -185,8 +199,8 @@ impl Store {
         grid: &Grid,
         extra: &BTreeMap<String, String>,
     ) -> Result<(), StoreError> {
-        let requested = Description::new(grid, extra);
         let identity = &self.description.identity;
+        let requested = Description::new(grid, extra, identity.format());
         identity.check_same(&requested.identity, &self.root)
     }
 
@@ -408,13 +422,15 @@ pub fn database(dir: &Path) -> PathBuf {
     dir.join(DATABASE)
 }
 
-/// Deletes the folder of units if it is empty.
+/// Deletes the folders of units and of jobs if they are empty.
 impl Drop for Store {
     fn drop(&mut self) {
         // With shards, another process may be about to write there.
         if self.writer.as_ref().is_some_and(|writer| writer.is_alone()) {
-            // Fails if the folder still has units, which are kept.
-            let _ = fs::remove_dir(self.dir.join(unit_directory::UNITS));
+            for folder in [unit_directory::UNITS, job::JOBS] {
+                // Fails if the folder still has files, which are kept.
+                let _ = fs::remove_dir(self.dir.join(folder));
+            }
         }
     }
 }
@@ -441,8 +457,9 @@ pub fn remove(dir: &Path) -> Result<(), StoreError> {
     for other in [DIFFUSE, VIEWS, VIEWS_DIFFUSE] {
         file::remove_file(&resolved(&dir.join(other)))?;
     }
-    file::remove_dir(&dir.join(unit_directory::UNITS))?;
-    file::remove_dir(&dir.join(JOURNALS))?;
+    for folder in [unit_directory::UNITS, job::JOBS, JOURNALS] {
+        file::remove_dir(&dir.join(folder))?;
+    }
     let writer = file::Writer::new(dir, Access::Exclusive)?;
     let scratch = writer.scratch();
     if root.is_symlink() {

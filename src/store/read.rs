@@ -1,10 +1,12 @@
 //! Reading and checking of a database.
 use std::fs;
 use std::io::ErrorKind;
+use std::path::Path;
 
 use ndarray::Array2;
 use zarrs::array::ArrayError;
 
+use super::job::JOBS;
 use super::layout::ZarrArray;
 use super::{ROOT, Store, StoreError, file};
 use crate::measurement::{Measured, Quantity, Spectrum};
@@ -163,7 +165,8 @@ pub struct Integrity {
     pub jobs: u64,
     /// Numbers of the jobs that are not done or whose files are damaged.
     pub missing: Vec<u64>,
-    /// Damaged metadata and coordinate files: paths within the database.
+    /// Damaged files of metadata and coordinates, and files of arrays that [`Store::build`] can
+    /// write again without a simulation: paths within the database.
     pub damaged: Vec<String>,
     /// Intact metadata files in the spelling of an earlier version, which
     /// [`Store::build`] renews: paths within the database.
@@ -179,48 +182,48 @@ impl Integrity {
 }
 
 impl Store {
-    /// Numbers of the jobs that are not done, increasing. Reads all files of the database.
+    /// Numbers of the jobs that are not in the arrays, increasing: those that are not done, and
+    /// those that a build has not packed yet. Reads all files of the database.
     ///
     /// # Errors
     /// [`StoreError::Io`] if a file exists but cannot be read.
     pub fn missing(&self) -> Result<Vec<u64>, StoreError> {
-        let mut missing = Vec::new();
-        for job in 0..self.layout.jobs.count() {
-            if !self.is_done(job)? {
-                missing.push(job);
-            }
-        }
+        let survey = self.survey()?;
+        let loose = survey.loose.into_iter();
+        let loose = loose.flat_map(|pack| self.layout.packs.range(pack));
+        let mut missing: Vec<u64> = survey.missing.into_iter().chain(loose).collect();
+        missing.sort_unstable();
         Ok(missing)
     }
 
-    /// Numbers of the jobs without a commit mark, increasing. Lists one directory and reads no
-    /// file, so it does not see damage.
+    /// Numbers of the jobs that are neither marked in the arrays nor have a file, increasing.
+    /// Lists two directories and reads no file, so it does not see damage.
     ///
     /// # Errors
-    /// [`StoreError::Io`] if the directory exists but cannot be read.
+    /// [`StoreError::Io`] if a directory exists but cannot be read.
     pub fn unmarked(&self) -> Result<Vec<u64>, StoreError> {
-        let first = self.file(&self.layout.committed, &[0]);
+        let mut marked = vec![false; self.layout.jobs.count() as usize];
+        let first = self
+            .root
+            .join(self.layout.committed.chunk_key(&[0]).as_str());
         let folder = first.parent().unwrap_or(&self.root);
         let prefix = first.file_name().and_then(|name| name.to_str());
-        let prefix = prefix
-            .and_then(|name| name.strip_suffix('0'))
-            .unwrap_or_default();
-        let mut marked = vec![false; self.layout.jobs.count() as usize];
-        // without the directory, nothing is marked
-        let entries = match fs::read_dir(folder) {
-            Err(error) if error.kind() == ErrorKind::NotFound => None,
-            entries => Some(entries.map_err(StoreError::io("read", folder))?),
-        };
-        for entry in entries.into_iter().flatten() {
-            let name = entry.map_err(StoreError::io("read", folder))?.file_name();
-            let number = name.to_str().and_then(|name| name.strip_prefix(prefix));
-            let job = number.and_then(|number| number.parse::<usize>().ok());
-            if let Some(marked) = job.and_then(|job| marked.get_mut(job)) {
+        let prefix = prefix.and_then(|name| name.strip_suffix('0'));
+        let packs = numbered(folder, prefix.unwrap_or_default())?.into_iter();
+        let packs = packs.filter(|pack| *pack < self.layout.packs.count());
+        let packed = packs.flat_map(|pack| self.layout.packs.range(pack));
+        for job in packed.chain(self.job_files()?) {
+            if let Some(marked) = marked.get_mut(job as usize) {
                 *marked = true;
             }
         }
         let jobs = (0..).zip(marked).filter(|(_, marked)| !marked);
         Ok(jobs.map(|(job, _)| job).collect())
+    }
+
+    /// Numbers of the jobs that have a file.
+    pub(super) fn job_files(&self) -> Result<Vec<u64>, StoreError> {
+        numbered(&self.dir.join(JOBS), "")
     }
 
     /// Checks every file of the database.
@@ -239,9 +242,18 @@ impl Store {
                 damaged.push(path);
             }
         }
+        let survey = self.survey()?;
+        for pack in survey.loose {
+            let files = self.unlike(pack)?.into_iter();
+            let files = files.map(|path| match path.strip_prefix(&self.root) {
+                Ok(path) => path.display().to_string(),
+                Err(_) => path.display().to_string(),
+            });
+            damaged.extend(files);
+        }
         Ok(Integrity {
             jobs: self.layout.jobs.count(),
-            missing: self.missing()?,
+            missing: survey.missing,
             damaged,
             outdated,
         })
@@ -267,42 +279,34 @@ impl Store {
     /// the job is not done.
     ///
     /// # Errors
-    /// [`StoreError::Damaged`] if the chunk is damaged or cannot be read.
+    /// [`StoreError::Io`] if a file exists but cannot be read.
     pub fn lost_share(&self, job: u64) -> Result<f64, StoreError> {
-        let array = &self.layout.lost;
-        let share: Vec<f64> = array
-            .retrieve_chunk(&[job])
-            .map_err(|error| self.damaged(array, &error))?;
-        Ok(share.first().copied().unwrap_or(f64::NAN))
+        Ok(self.stored_share(job)?.unwrap_or(f64::NAN))
     }
 
     /// The spectra of `job`, one per curve in storage order; each has the largest share of
     /// lost rays of the job. `None` if the job is not done.
     ///
     /// # Errors
-    /// [`StoreError::Io`] or [`StoreError::Damaged`] if a chunk cannot be read.
+    /// [`StoreError::Io`] if a file exists but cannot be read.
     pub fn spectra(&self, job: u64) -> Result<Option<Vec<Spectrum>>, StoreError> {
-        if !self.is_done(job)? {
+        let Some(record) = self.record(job)? else {
             return Ok(None);
-        }
+        };
         let wavelengths = self.layout.jobs.wavelengths() as usize;
         let angles = self.layout.jobs.block_along(Parameter::Incidence);
         let lights = self.layout.lights();
+        let variables: Vec<_> = self.layout.quantities().map(|(v, _)| v).collect();
         let values = |quantity: Variable| {
-            let array = self.layout.quantity(quantity)?;
-            let chunk = self.layout.chunk(quantity, job)?;
-            let values: Result<Vec<f32>, _> = array.retrieve_chunk(&chunk);
-            values.map_err(|error| self.damaged(array, &error))
+            let array = variables.iter().position(|other| *other == quantity);
+            record.values(array.unwrap_or(usize::MAX))
         };
         let diffuse = self
             .has_diffuse()
             .then_some(Variable::ALL.map(Variable::diffuse));
-        let mut chunks = Vec::new();
-        for group in [Variable::ALL].into_iter().chain(diffuse) {
-            let group: Result<Vec<_>, _> = group.iter().map(|quantity| values(*quantity)).collect();
-            chunks.push(group?);
-        }
-        let lost = self.lost_share(job)?;
+        let groups = [Variable::ALL].into_iter().chain(diffuse);
+        let chunks: Vec<_> = groups.map(|group| group.map(values)).collect();
+        let lost = record.lost;
         let measured = |values: &[f32], errors: &[f32], row: usize| {
             let pairs = values.iter().zip(errors).skip(row * wavelengths);
             let measured = pairs.map(|(value, se)| Measured {
@@ -337,4 +341,19 @@ impl Store {
             reason: error.to_string(),
         }
     }
+}
+
+/// The numbers N of the files `prefix`N in `folder`, which need not exist.
+fn numbered(folder: &Path, prefix: &str) -> Result<Vec<u64>, StoreError> {
+    let entries = match fs::read_dir(folder) {
+        Err(error) if error.kind() == ErrorKind::NotFound => return Ok(Vec::new()),
+        entries => entries.map_err(StoreError::io("read", folder))?,
+    };
+    let mut numbers = Vec::new();
+    for entry in entries {
+        let name = entry.map_err(StoreError::io("read", folder))?.file_name();
+        let number = name.to_str().and_then(|name| name.strip_prefix(prefix));
+        numbers.extend(number.and_then(|number| number.parse::<u64>().ok()));
+    }
+    Ok(numbers)
 }

@@ -1,24 +1,23 @@
 //! Check that a database fits on the disk, before anything is simulated.
 use std::path::Path;
 
-use super::StoreError;
+use super::{StoreError, packs};
 use crate::grid::Jobs;
 
 /// Smallest disk space of a file, bytes.
 const BLOCK: u64 = 4096;
 
-/// Estimated size of the chunks of `count` jobs with `views` views per curve on disk, bytes.
+/// Estimated size of `count` jobs with `views` views per curve in the arrays, bytes.
 #[must_use]
 pub fn estimated_bytes(jobs: &Jobs, views: u64, count: u64) -> u64 {
-    let chunk = jobs.curves_per_job() * jobs.wavelengths() * size_of::<f32>() as u64;
-    let on_disk = |bytes: u64| bytes.saturating_add(4).next_multiple_of(BLOCK);
-    let views = match views {
-        0 => 0,
-        _ => on_disk(chunk.saturating_mul(views)),
-    };
-    // Four chunks each; lost share and commit mark need a block each.
-    let per_job = 4 * (on_disk(chunk) + views) + 2 * BLOCK;
-    per_job.saturating_mul(count)
+    let values = jobs.curves_per_job().saturating_mul(jobs.wavelengths());
+    let values = values.saturating_mul(4 * (1 + views));
+    // 4 bytes each; with each of four or eight chunks, a checksum and a place in an index; the
+    // share of lost rays and the commit mark
+    let arrays = if views == 0 { 4 } else { 8 };
+    let job = values.saturating_mul(4).saturating_add(arrays * 20 + 16);
+    job.saturating_mul(count)
+        .saturating_add((arrays + 2) * BLOCK)
 }
 
 /// Refuses `count` jobs if they do not fit on the disk of the database in `dir`.
@@ -27,7 +26,11 @@ pub(super) fn check(dir: &Path, jobs: &Jobs, views: u64, count: u64) -> Result<(
     let root = dir.join(super::DATABASE);
     let disk = if root.exists() { &root } else { dir };
     let available = fs4::available_space(disk).map_err(StoreError::io("measure", disk))?;
-    let needed = estimated_bytes(jobs, views, count);
+    // As many bytes again while jobs are moved into the arrays.
+    let needed = match count {
+        0 => 0,
+        _ => estimated_bytes(jobs, views, count).saturating_add(packs::MAX_BYTES),
+    };
     if needed > available {
         return Err(StoreError::TooLarge {
             path: dir.into(),
