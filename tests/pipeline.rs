@@ -23,6 +23,7 @@ mod layers;
 mod lookup;
 mod optical;
 mod pages;
+mod scale;
 mod simd;
 mod simulate;
 mod site;

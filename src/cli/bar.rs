@@ -2,7 +2,9 @@
 //! left, followed by a spinner while the build compresses.
 use std::io::{IsTerminal, stderr};
 use std::sync::atomic::Ordering;
-use std::sync::{Mutex, PoisonError};
+use std::sync::mpsc::{RecvTimeoutError, Sender, channel};
+use std::sync::{Mutex, MutexGuard, PoisonError};
+use std::thread::{self, JoinHandle};
 use std::time::{Duration, Instant};
 
 use indicatif::{HumanDuration, ProgressBar, ProgressDrawTarget, ProgressState, ProgressStyle};
@@ -22,8 +24,8 @@ pub(super) struct Bar {
     bar: ProgressBar,
     spinner: Mutex<Option<Spinner>>,
     announces: bool,
-    /// When the last line was written to a log.
-    logged: Mutex<Instant>,
+    /// The thread that writes to a log, and what ends it when it is dropped.
+    log: Mutex<Option<(Sender<()>, JoinHandle<()>)>>,
 }
 
 impl Bar {
@@ -34,9 +36,21 @@ impl Bar {
             bar: ProgressBar::hidden(),
             spinner: Mutex::default(),
             announces,
-            logged: Mutex::new(Instant::now()),
+            log: Mutex::default(),
         }
     }
+
+    fn log(&self) -> MutexGuard<'_, Option<(Sender<()>, JoinHandle<()>)>> {
+        self.log.lock().unwrap_or_else(PoisonError::into_inner)
+    }
+}
+
+/// The time left when, since the start, the jobs done have risen from the first of `counts` to the
+/// second, of the third; `None` before the first job has ended. Long jobs end rarely, so the mean
+/// rate counts, not the latest.
+fn time_left(elapsed: Duration, [before, now, jobs]: [u64; 3]) -> Option<Duration> {
+    let run = now.checked_sub(before).filter(|run| *run > 0)?;
+    Some(elapsed.mul_f64(jobs.saturating_sub(now) as f64 / run as f64))
 }
 
 /// The first line of the summary of a build.
@@ -68,12 +82,11 @@ impl Progress for Bar {
             let seconds = state.elapsed().as_secs_f64().max(1e-3);
             let _ = write!(out, "{:.2e}", rays.load(Ordering::Relaxed) as f64 / seconds);
         };
-        let time_left = move |state: &ProgressState, out: &mut dyn std::fmt::Write| {
+        let left = move |state: &ProgressState, out: &mut dyn std::fmt::Write| {
             // No estimate exists before the first job has ended.
-            let _ = if state.pos() == done {
-                write!(out, "?")
-            } else {
-                write!(out, "{:#}", HumanDuration(state.eta()))
+            let _ = match time_left(state.elapsed(), [done, state.pos(), jobs]) {
+                None => write!(out, "?"),
+                Some(left) => write!(out, "{:#}", HumanDuration(left)),
             };
         };
         let template = "{wide_bar} {pos}/{len} jobs, {curves} curves, {rate} rays/s, {left} left";
@@ -83,32 +96,56 @@ impl Progress for Bar {
                 style
                     .with_key("curves", curves)
                     .with_key("rate", rate)
-                    .with_key("left", time_left),
+                    .with_key("left", left),
             );
         }
         bar.set_draw_target(ProgressDrawTarget::stderr());
         bar.enable_steady_tick(TICK);
+        if !stderr().is_terminal() {
+            let (end, ended) = channel();
+            let (bar, begin) = (bar.clone(), Instant::now());
+            let thread = thread::spawn(move || {
+                while ended.recv_timeout(LOG_PAUSE) == Err(RecvTimeoutError::Timeout) {
+                    let now = bar.position();
+                    let left = time_left(begin.elapsed(), [done, now, jobs]);
+                    let left = left.map_or_else(String::new, |left| {
+                        format!(", about {} left", common::duration(left.as_secs_f64()))
+                    });
+                    common::note(&format!("{now} of {jobs} jobs are done{left}"));
+                }
+            });
+            *self.log() = Some((end, thread));
+        }
     }
 
     fn job_done(&self) {
         self.bar.inc(1);
-        let mut logged = self.logged.lock().unwrap_or_else(PoisonError::into_inner);
-        if !stderr().is_terminal() && logged.elapsed() >= LOG_PAUSE {
-            *logged = Instant::now();
-            let (done, jobs) = (self.bar.position(), self.bar.length().unwrap_or_default());
-            let left = common::duration(self.bar.eta().as_secs_f64());
-            common::note(&format!(
-                "{done} of {jobs} jobs are done, about {left} left"
-            ));
-        }
     }
 
     fn end(&self) {
         self.bar.finish_and_clear();
+        if let Some((end, thread)) = self.log().take() {
+            drop(end);
+            // A panic there cost lines of a log only.
+            let _ = thread.join();
+        }
     }
 
     fn compressing(&self) {
         let mut spinner = self.spinner.lock().unwrap_or_else(PoisonError::into_inner);
         *spinner = Some(Spinner::new("compressing"));
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn the_time_left_follows_the_mean_rate() {
+        let minute = Duration::from_secs(60);
+        assert_eq!(time_left(minute, [3, 3, 9]), None);
+        assert_eq!(time_left(minute, [3, 5, 9]), Some(2 * minute));
+        assert_eq!(time_left(minute, [3, 9, 9]), Some(Duration::ZERO));
     }
 }

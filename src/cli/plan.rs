@@ -122,8 +122,9 @@ impl fmt::Display for NamedPlan {
         }
         writeln!(
             f,
-            "disk            {} for the database, {} for the compact file with {COMPONENTS} components",
+            "disk            {} in {} files for the database, {} for the compact file with {COMPONENTS} components",
             common::bytes(plan.database_bytes),
+            plan.database_files,
             common::bytes(plan.compact_bytes)
         )?;
         match (plan.median_standard_error, plan.max_standard_error) {

@@ -65,7 +65,7 @@ pub(crate) use layout::WAVELENGTH;
 pub(crate) use layout::coordinate_about;
 pub use lock::Access;
 pub use read::Variable;
-pub use space::estimated_bytes;
+pub use space::{estimated_bytes, estimated_files};
 
 /// Name of the database in an output directory.
 const DATABASE: &str = "database.zarr";

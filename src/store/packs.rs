@@ -7,7 +7,7 @@ use crate::grid::{Jobs, multi_index};
 /// Largest size of a pack, bytes: a process holds a whole pack in memory.
 pub(super) const MAX_BYTES: u64 = 32 << 20;
 /// Largest number of jobs of a pack: until it is packed, each job is a file.
-const MAX_JOBS: u64 = 4096;
+const MAX_JOBS: u64 = 1024;
 
 /// The packs of a database, numbered in storage order. A pack is a block of the grid of jobs
 /// that has consecutive job numbers.
@@ -138,10 +138,12 @@ mod tests {
         let packs = |lengths, bytes| Packs::new(&jobs(lengths), bytes);
         // the thesis: 225 jobs of 55 kB
         assert_eq!(packs([9, 5, 5, 1, 1], 55_000).count(), 1);
-        // a million jobs of 500 bytes: of 10 blocks of 1000 a pack takes 2, as 4 do not divide 10
-        assert_eq!(packs([100, 10, 10, 10, 10], 500).jobs(), 2000);
+        // a million jobs of 500 bytes
+        assert_eq!(packs([100, 10, 10, 10, 10], 500).jobs(), 1000);
+        // 7 of 12 blocks would fit, but do not divide 12
+        assert_eq!(packs([100, 12, 12, 12, 1], 500).jobs(), 6 * 144);
         // a first axis is divided anywhere
-        assert_eq!(packs([10_007, 1, 1, 1, 1], 500).count(), 3);
+        assert_eq!(packs([10_007, 1, 1, 1, 1], 500).count(), 10);
         assert_eq!(packs([7, 5, 1, 1, 1], MAX_BYTES).count(), 35);
     }
 }

@@ -1,7 +1,8 @@
 //! Check that a database fits on the disk, before anything is simulated.
 use std::path::Path;
 
-use super::{StoreError, packs};
+use super::StoreError;
+use super::packs::{self, Packs};
 use crate::grid::Jobs;
 
 /// Smallest disk space of a file, bytes.
@@ -18,6 +19,15 @@ pub fn estimated_bytes(jobs: &Jobs, views: u64, count: u64) -> u64 {
     let job = values.saturating_mul(4).saturating_add(arrays * 20 + 16);
     job.saturating_mul(count)
         .saturating_add((arrays + 2) * BLOCK)
+}
+
+/// Number of files of a finished database with these `jobs`, `views` views per curve and, if
+/// `has_diffuse`, curves under diffuse light; without the few of metadata and coordinates.
+#[must_use]
+pub fn estimated_files(jobs: &Jobs, views: u64, has_diffuse: bool) -> u64 {
+    let arrays = if views == 0 { 4 } else { 8 } * (1 + u64::from(has_diffuse));
+    let job = estimated_bytes(jobs, views, 1).saturating_sub((arrays + 2) * BLOCK);
+    Packs::new(jobs, job).count() * (arrays + 2)
 }
 
 /// Refuses `count` jobs if they do not fit on the disk of the database in `dir`.
