@@ -131,8 +131,8 @@ pub(crate) fn decomposition() -> Vec<Check> {
             let quantity = Quantity::Transmittance;
             let bands = Bands::default();
             let model = CurveModel::new(m.view(), quantity, colour, &bands, Basis::Linear).unwrap();
-            let stored = model.coefficients(decomposed.rank_limit(), Precision::F32);
-            let table = model.table(&stored);
+            let table = model.table(decomposed.rank_limit(), Precision::F32);
+            let table = table.unwrap();
             let last = &table.rows[table.rows.len() - 1];
             let (gram, residual) = (largest(&gram), largest(&(&rebuilt - &m)));
             // limits: rounding of sums of 31 terms; and f32 in the table, with a Delta-E of at

@@ -4,20 +4,23 @@ use std::collections::BTreeMap;
 use std::fmt::Write;
 use std::path::Path;
 
-use ndarray::{Array2, Axis};
+use ndarray::{Array2, ArrayView2, Axis};
 use serde_json::{Map, Value, json};
 
 use super::BuildError;
 use super::report::{CompactReport, LostShare, QuantityReport};
+use crate::batch::BatchError;
 use crate::colour::{Colorimeter, Viewing};
 use crate::compress::{
-    self, AnisotropyFactors, Bands, Choice, CompactFile, CompactVariant, Compressed,
+    self, AnisotropyFactors, Bands, Choice, CompactFile, CompactVariant, CompressError, Compressed,
+    CurveBlocks,
 };
 use crate::grid::{Compression, absent_curves, existing_rows, why_absent};
 use crate::lookup::{Basis, Database, DirectionalQuantity};
 use crate::measurement::Quantity;
 use crate::parameter::{Axes, Parameter};
 use crate::store::{COMPACT, DIFFUSE, Store, VIEWS, VIEWS_DIFFUSE, Variable};
+use crate::threads::threads;
 
 /// The requested properties of a compact file.
 #[derive(Debug, Clone, PartialEq)]
@@ -60,7 +63,7 @@ pub fn compress(
 ) -> Result<CompactReport, BuildError> {
     let store = Store::open_exclusive(dir.as_ref())?;
     check_finished(&store)?;
-    write(&store, request)
+    write(&store, request, threads(None)?)
 }
 
 /// Refuses a database with jobs that are missing in its arrays. Reads all its files.
@@ -80,12 +83,19 @@ pub(super) fn check_none_missing(store: &Store, missing: usize) -> Result<(), Bu
     }
 }
 
-/// Compresses the database in `store`, whose jobs must all be done, and writes its compact files.
-/// No other process may be writing to the store.
+/// Compresses the database in `store`, whose jobs must all be done, on `threads` threads, and
+/// writes its compact files. No other process may be writing to the store.
 pub(super) fn write(
     store: &Store,
     request: &CompressionRequest,
+    threads: usize,
 ) -> Result<CompactReport, BuildError> {
+    let pool = rayon::ThreadPoolBuilder::new().num_threads(threads).build();
+    let pool = pool.map_err(|error| BatchError::Threads(error.to_string()))?;
+    pool.install(|| write_parts(store, request))
+}
+
+fn write_parts(store: &Store, request: &CompressionRequest) -> Result<CompactReport, BuildError> {
     let part = |is_diffuse, is_view| {
         let part = Part {
             is_diffuse,
@@ -105,6 +115,35 @@ pub(super) fn write(
         report.diffuse = Some(Box::new(of_light(true)?));
     }
     Ok(report)
+}
+
+/// The existing curves of a database, read from its packs.
+struct StoredCurves<'a> {
+    store: &'a Store,
+    variable: Variable,
+    /// Numbers of the curves, increasing.
+    rows: &'a [usize],
+}
+
+impl CurveBlocks for StoredCurves<'_> {
+    fn shape(&self) -> (usize, usize) {
+        (self.rows.len(), self.store.wavelengths_nm().len())
+    }
+
+    fn visit(
+        &self,
+        visit: &mut dyn FnMut(ArrayView2<f64>) -> Result<(), CompressError>,
+    ) -> Result<(), CompressError> {
+        let (mut first, mut rows) = (0, self.rows);
+        self.store.visit(self.variable, &mut |block: Array2<f32>| {
+            let end = first + block.nrows();
+            let (own, rest) = rows.split_at(rows.partition_point(|row| *row < end));
+            let own: Vec<usize> = own.iter().map(|row| row - first).collect();
+            (first, rows) = (end, rest);
+            let curves = block.select(Axis(0), &own).mapv(f64::from);
+            visit(curves.view())
+        })
+    }
 }
 
 /// The part of a database that one compact file holds.
@@ -197,13 +236,14 @@ impl CompressedPart {
                 return Ok(None);
             }
             let variable = part.variable(quantity);
-            let (errors, values) = (store.read(variable.se())?, store.read(variable)?);
-            let (row_count, bands) = (values.nrows(), Bands::new(store.wavelengths_nm()));
+            let row_count = axes.count() as usize;
+            let bands = Bands::new(store.wavelengths_nm());
             let (colour, choice) = (colour.as_ref(), request.choice);
             let max_standard_error = &mut max_standard_errors[quantity as usize];
             // standard errors of curves that do not exist are NaN, which `f32::max` ignores
             let largest = |errors: &Array2<f32>| errors.iter().copied().fold(0.0, f32::max);
             let compressed = if part.is_view {
+                let (errors, values) = (store.read(variable.se())?, store.read(variable)?);
                 let hemispherical = Variable {
                     is_view: false,
                     ..variable
@@ -213,20 +253,22 @@ impl CompressedPart {
                 *max_standard_error = largest(&factors.errors);
                 factors.compress(&rows, quantity, colour, &bands, choice, variant)
             } else {
-                *max_standard_error = largest(&errors);
-                let bands = bands.with_noise(errors.view());
+                let mut bands = bands;
+                store.visit(variable.se(), &mut |errors| -> Result<(), BuildError> {
+                    *max_standard_error = max_standard_error.max(largest(&errors));
+                    bands = std::mem::take(&mut bands).with_noise(errors.view());
+                    Ok(())
+                })?;
                 let bands = match choice {
                     Choice::Bounds(bounds) => bands.bounded(bounds.max_rmse),
                     Choice::Components(_) => bands,
                 };
-                drop(errors);
-                let curves = values.mapv(f64::from);
-                let curves = if rows.len() < row_count {
-                    curves.select(Axis(0), &rows)
-                } else {
-                    curves
+                let curves = StoredCurves {
+                    store,
+                    variable,
+                    rows: &rows,
                 };
-                compress::compress(curves.view(), quantity, colour, &bands, choice, variant)
+                compress::compress(curves, quantity, colour, &bands, choice, variant)
             };
             compressed
                 .map(|compressed| Some(compressed.spread_over(&rows, row_count)))

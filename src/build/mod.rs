@@ -161,7 +161,7 @@ fn run(
     }
     progress.compressing();
     let request = CompressionRequest::plain(grid.compression, options.viewing.clone());
-    let compact = compact::write(store, &request)?;
+    let compact = compact::write(store, &request, threads)?;
     Ok(BuildReport::new(&summary, Some(compact), None))
 }
 

@@ -112,7 +112,7 @@ impl AnisotropyFactors {
         };
         if !noisy.is_empty() {
             let good = values.select(Axis(0), &ordinary);
-            svd::check_values(values.view())?;
+            svd::check_values(values.view(), 0)?;
             let found = compress(good.view(), quantity, colour, &bands, choice, variant)?;
             let components = Decomposition::new(good.view())?.basis;
             let components = components.view().split_at(Axis(1), found.components()).0;

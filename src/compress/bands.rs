@@ -90,17 +90,19 @@ impl Bands {
         }
     }
 
-    /// Sets the standard error of each band from those of the curves, `[s, l]`.
+    /// Sets the standard error of each band from those of the curves, `[s, l]`, and of all curves
+    /// before: blocks of curves may be given one after the other.
     #[must_use]
     pub fn with_noise(mut self, standard_errors: ArrayView2<f32>) -> Self {
         for part in &mut self.parts {
+            let before = part.standard_error.unwrap_or(0.0);
             let Range { start, end } = part.columns;
             let rms_of_curve = |row: ndarray::ArrayView1<f32>| {
                 let band_errors = row.iter().skip(start).take(end - start);
                 rms(band_errors.map(|&se| f64::from(se)))
             };
             let rows = standard_errors.rows().into_iter();
-            part.standard_error = Some(rows.map(rms_of_curve).fold(0.0, f64::max));
+            part.standard_error = Some(rows.map(rms_of_curve).fold(before, f64::max));
         }
         self
     }

@@ -131,19 +131,24 @@ impl CompactFile<'_> {
         tensors.insert(WAVELENGTH.to_owned(), Tensor::f64(wavelengths));
 
         let mut header = BTreeMap::from([("__metadata__".to_owned(), self.metadata()?)]);
-        let mut data = Vec::new();
+        let mut begin = 0;
         // Largest elements first, so that each tensor begins at a multiple of its element size.
         let mut tensors: Vec<_> = tensors.into_iter().collect();
         tensors.sort_by_key(|(_, tensor)| Reverse(tensor.size));
-        for (name, mut tensor) in tensors {
-            let begin = data.len();
-            data.append(&mut tensor.bytes);
+        for (name, tensor) in &tensors {
             let Tensor { dtype, shape, .. } = tensor;
-            let entry =
-                json!({"dtype": dtype, "shape": shape, "data_offsets": [begin, data.len()]});
-            header.insert(name, entry);
+            let end = begin + tensor.bytes.len();
+            let entry = json!({"dtype": dtype, "shape": shape, "data_offsets": [begin, end]});
+            header.insert(name.clone(), entry);
+            begin = end;
         }
-        assemble(&header, &data)
+        let mut file = assemble(&header, &[])?;
+        file.reserve_exact(begin);
+        // each tensor is dropped when it is in the file
+        for (_, tensor) in tensors {
+            file.extend(tensor.bytes);
+        }
+        Ok(file)
     }
 
     /// The numbers of absent curves as integers, one for each grain size.

@@ -6,7 +6,8 @@
 use std::fmt;
 use std::ops::Range;
 
-use ndarray::ArrayView2;
+use ndarray::{ArrayView1, ArrayView2};
+use rayon::iter::{IntoParallelIterator, ParallelIterator};
 use serde::{Deserialize, Serialize, Serializer};
 
 use super::{Bands, Basis};
@@ -191,79 +192,129 @@ pub struct ErrorTable {
     pub chosen: Option<usize>,
 }
 
-/// The stored data from which curves are reconstructed.
+/// How curves are reconstructed and compared.
+#[derive(Debug, Clone, Copy)]
 pub(super) struct Reconstruction<'a> {
     /// Quantity that the components decompose.
     pub(super) kind: Basis,
     /// Quantity of the curves.
     pub(super) quantity: Quantity,
-    /// Coefficients, `[s, l']`.
-    pub(super) coefficients: ArrayView2<'a, f32>,
     /// Basis, `[l, l']` or with more columns.
     pub(super) basis: ArrayView2<'a, f32>,
+    pub(super) colour: Option<&'a Colorimeter>,
+    pub(super) bands: &'a Bands,
 }
 
-/// Tabulates the errors of `curves` (`[s, l]`) for `first` to l' components.
-pub(super) fn error_table(
-    curves: ArrayView2<f64>,
-    stored: &Reconstruction<'_>,
-    colour: Option<&Colorimeter>,
-    bands: &Bands,
+/// Number of curves whose errors are computed before they are added: all threads have some, and
+/// the errors take little memory.
+const ROWS_AT_ONCE: usize = 1024;
+
+/// Error of a curve with one number of components; in each band RMSE, largest error and its column.
+type RowError = (CurveError, Vec<(f64, f64, usize)>);
+
+/// Accumulates the errors of curves with a first, ... and a last number of components.
+#[derive(Debug)]
+pub(super) struct TableTally<'a> {
+    how: Reconstruction<'a>,
     first: usize,
-) -> ErrorTable {
-    let wavelengths = curves.ncols();
-    let unlisted = first - 1;
-    let in_bands = vec![BandTally::new(); bands.parts().len()];
-    let row_tallies = (
-        RunningSummary::default(),
-        RunningSummary::default(),
-        in_bands,
-    );
-    let mut tallies = vec![row_tallies; stored.coefficients.ncols() - unlisted];
-    let mut original = vec![0.0; wavelengths];
-    let mut sum = vec![0.0; wavelengths];
-    let mut rebuilt = vec![0.0; wavelengths];
-    let pairs = curves.rows().into_iter().zip(stored.coefficients.rows());
-    for (row, (curve, coefficients)) in pairs.enumerate() {
-        (original.iter_mut().zip(curve)).for_each(|(to, &from)| *to = from);
-        sum.fill(0.0);
-        for (column, &coefficient) in coefficients.iter().enumerate() {
-            add_component(&mut sum, coefficient, stored.basis.column(column));
-            let Some((rmse, colours, in_bands)) =
-                column.checked_sub(unlisted).map(|i| &mut tallies[i])
-            else {
-                continue;
-            };
-            for (to, &sum) in rebuilt.iter_mut().zip(&sum) {
-                *to = f64::from(stored.kind.value(stored.quantity, sum) as f32);
-            }
-            let error = CurveError::between(&original, &rebuilt, colour);
-            rmse.add(row, error.rmse);
-            (error.delta_e.into_iter()).for_each(|e| colours.add(row, e));
-            for (tally, part) in in_bands.iter_mut().zip(bands.parts()) {
-                let (rmse, largest, largest_column) = error_in(&original, &rebuilt, &part.columns);
-                tally.add(row, rmse, largest, bands.wavelength_nm(largest_column));
+    /// Number of curves added.
+    rows: usize,
+    tallies: Vec<(RunningSummary, RunningSummary, Vec<BandTally>)>,
+}
+
+impl<'a> TableTally<'a> {
+    pub(super) fn new(how: Reconstruction<'a>, first: usize, last: usize) -> Self {
+        let in_bands = vec![BandTally::new(); how.bands.parts().len()];
+        let row_tallies = (
+            RunningSummary::default(),
+            RunningSummary::default(),
+            in_bands,
+        );
+        Self {
+            how,
+            first,
+            rows: 0,
+            tallies: vec![row_tallies; (last + 1).saturating_sub(first)],
+        }
+    }
+
+    /// Adds the next `curves`, `[n, l]`. `coefficients` gives those of a row of them. The errors
+    /// are computed on all threads and added in the order of rows.
+    pub(super) fn add(
+        &mut self,
+        curves: ArrayView2<f64>,
+        coefficients: impl Fn(usize) -> Vec<f32> + Sync,
+    ) {
+        let (how, first) = (self.how, self.first);
+        for begin in (0..curves.nrows()).step_by(ROWS_AT_ONCE) {
+            let rows = begin..curves.nrows().min(begin + ROWS_AT_ONCE);
+            let errors: Vec<Vec<RowError>> = rows
+                .into_par_iter()
+                .map(|row| how.errors(curves.row(row), &coefficients(row), first))
+                .collect();
+            for errors in errors {
+                self.add_row(&errors);
             }
         }
     }
-    let rows = tallies
-        .into_iter()
-        .enumerate()
-        .map(|(i, (rmse, colours, in_bands))| {
+
+    fn add_row(&mut self, errors: &[RowError]) {
+        let bands = self.how.bands;
+        for ((rmse, colours, tallies), (error, in_bands)) in self.tallies.iter_mut().zip(errors) {
+            rmse.add(self.rows, error.rmse);
+            (error.delta_e.into_iter()).for_each(|e| colours.add(self.rows, e));
+            for (tally, (rmse, largest, column)) in tallies.iter_mut().zip(in_bands) {
+                tally.add(self.rows, *rmse, *largest, bands.wavelength_nm(*column));
+            }
+        }
+        self.rows += 1;
+    }
+
+    pub(super) fn finish(self) -> ErrorTable {
+        let how = self.how;
+        let tallies = self.tallies.into_iter().enumerate();
+        let rows = tallies.map(|(i, (rmse, colours, in_bands))| {
             let mut row = ErrorRow {
-                components: first + i,
+                components: self.first + i,
                 rmse: rmse.into(),
-                delta_e: colour.map(|_| colours.into()),
+                delta_e: how.colour.map(|_| colours.into()),
                 bands: [None; Band::ALL.len()],
             };
-            for (part, tally) in bands.parts().iter().zip(in_bands) {
+            for (part, tally) in how.bands.parts().iter().zip(in_bands) {
                 row.bands[part.band as usize] = Some(tally.finish());
             }
             row
         });
-    ErrorTable {
-        rows: rows.collect(),
-        chosen: None,
+        ErrorTable {
+            rows: rows.collect(),
+            chosen: None,
+        }
+    }
+}
+
+impl Reconstruction<'_> {
+    /// The errors of `curve` with the `first`, ... and all `coefficients`.
+    fn errors(&self, curve: ArrayView1<f64>, coefficients: &[f32], first: usize) -> Vec<RowError> {
+        let original: Vec<f64> = curve.iter().copied().collect();
+        let mut sum = vec![0.0; original.len()];
+        let mut errors = Vec::new();
+        for (column, &coefficient) in coefficients.iter().enumerate() {
+            add_component(&mut sum, coefficient, self.basis.column(column));
+            if column + 1 < first {
+                continue;
+            }
+            let rebuilt = sum.iter();
+            let rebuilt = rebuilt.map(|sum| f64::from(self.kind.value(self.quantity, *sum) as f32));
+            let rebuilt: Vec<f64> = rebuilt.collect();
+            let parts = self.bands.parts().iter();
+            let in_bands = parts.map(|part| error_in(&original, &rebuilt, &part.columns));
+            let in_bands = in_bands.collect();
+            errors.push((
+                CurveError::between(&original, &rebuilt, self.colour),
+                in_bands,
+            ));
+        }
+        errors
     }
 }
 

@@ -8,6 +8,7 @@ mod absent;
 mod anisotropy;
 mod annotation;
 mod bands;
+mod blocks;
 mod choice;
 mod compact;
 mod errors;
@@ -21,6 +22,7 @@ pub use anisotropy::AnisotropyFactors;
 pub use annotation::with_metadata;
 pub(crate) use bands::rmse_in;
 pub use bands::{BandColumns, BandError, Bands, NOISE_FACTOR};
+pub use blocks::CurveBlocks;
 pub use choice::{Bounds, Choice, DEFAULT_MAX_DELTA_E, DEFAULT_MAX_RMSE, choose};
 pub use compact::{CompactError, CompactFile};
 pub use errors::{BandStatistics, CurveError, ErrorRow, ErrorStatistics, ErrorTable, MaxAbsError};
@@ -30,13 +32,20 @@ pub use model::CurveModel;
 pub use precision::{Integers, Quantised, StoredCoefficients};
 pub use svd::Decomposition;
 
-use ndarray::{Array2, ArrayView2};
+use ndarray::Array2;
 use thiserror::Error;
 
 use crate::colour::Colorimeter;
 pub use crate::lookup::format::{BAND_ERRORS, BOUNDS, ERROR_TABLE, PROVENANCE};
 pub use crate::lookup::{Basis, Precision};
 use crate::measurement::Quantity;
+use crate::store::StoreError;
+
+impl From<StoreError> for CompressError {
+    fn from(error: StoreError) -> Self {
+        Self::Read(error.to_string())
+    }
+}
 
 /// Least number of rows in the error table, if there are as many components.
 const ROWS: usize = 12;
@@ -68,6 +77,9 @@ pub enum CompressError {
         /// The value found.
         value: f64,
     },
+    /// Curves could not be read.
+    #[error("{0}")]
+    Read(String),
     /// The decomposition did not converge.
     #[error(
         "the singular value decomposition of the curves did not converge; please report this with the database"
@@ -170,7 +182,8 @@ impl Compressed {
     }
 }
 
-/// Compresses `curves`, `[s, l]`, of `quantity`. `colour` and `bands` have the same l
+/// Compresses `curves`, `[s, l]`, of `quantity`. They are read several times, block by block, and
+/// only their coefficients are kept. `colour` and `bands` have the same l
 /// wavelengths. If `choice` gives bounds, the bounds of `bands` are kept as well;
 /// [`Bands::bounded`] sets their defaults. With `Bands::default()` and a colour, nothing
 /// bounds the errors at invisible wavelengths. Quantised coefficients have 8 bits where
@@ -182,7 +195,7 @@ impl Compressed {
 /// # Panics
 /// If `colour` has another number of wavelengths.
 pub fn compress(
-    curves: ArrayView2<f64>,
+    curves: impl CurveBlocks,
     quantity: Quantity,
     colour: Option<&Colorimeter>,
     bands: &Bands,
@@ -199,11 +212,10 @@ pub fn compress(
         Choice::Components(components) => components.max(ROWS),
         Choice::Bounds(_) => ROWS,
     };
-    let (coefficients, mut table, components) = loop {
-        let coefficients = model.coefficients(listed, variant.precision);
-        let mut table = model.table(&coefficients);
+    let (mut table, components) = loop {
+        let mut table = model.table(listed, variant.precision)?;
         if let Choice::Components(components) = choice {
-            break (coefficients, table, components);
+            break (table, components);
         }
         match choose(&table, &bounds, bands, variant.precision) {
             Err(CompressError::Unreachable { .. }) if listed < limit => {
@@ -212,16 +224,19 @@ pub fn compress(
             chosen => {
                 let chosen = chosen?;
                 table.rows.truncate(chosen.max(ROWS));
-                break (coefficients, table, chosen);
+                break (table, chosen);
             }
         }
     };
     table.chosen = Some(components);
-    let mut coefficients = coefficients.first(components);
-    if let (Choice::Bounds(_), Precision::Quantised) = (choice, variant.precision) {
-        (coefficients, table.rows[components - 1]) =
-            model.quantised_to_bounds(components, &bounds)?;
-    }
+    let coefficients = match (choice, variant.precision) {
+        (Choice::Bounds(_), Precision::Quantised) => {
+            let (coefficients, row) = model.quantised_to_bounds(components, &bounds)?;
+            table.rows[components - 1] = row;
+            coefficients
+        }
+        (_, precision) => model.coefficients(components, precision)?,
+    };
     Ok(Compressed {
         kind: variant.basis,
         coefficients,

@@ -1,6 +1,6 @@
 //! The number formats in which coefficients are stored.
 use half::f16;
-use ndarray::{Array2, ArrayView1, ArrayView2, Axis, ShapeBuilder};
+use ndarray::{Array2, ArrayView1, ArrayView2, ShapeBuilder};
 
 use crate::lookup::{Precision, dequantised};
 
@@ -40,12 +40,7 @@ impl StoredCoefficients {
     pub(super) fn new(exact: Array2<f32>, precision: Precision) -> Self {
         match precision {
             Precision::F32 => Self::F32(exact),
-            // Beyond the largest f16 the value is clamped, so that its error shows; infinity
-            // would hide it.
-            Precision::F16 => Self::F16(exact.mapv(|c| {
-                let limit = f16::MAX.to_f32();
-                f16::from_f32(c.clamp(-limit, limit))
-            })),
+            Precision::F16 => Self::F16(exact.mapv(half)),
             Precision::Quantised => {
                 let columns = exact.columns().into_iter();
                 Self::Quantised(columns.map(Quantised::wide).collect())
@@ -79,6 +74,18 @@ impl StoredCoefficients {
         }
     }
 
+    /// The values of curve `row` that a reader gets, `[l']`.
+    pub(super) fn decoded_row(&self, row: usize) -> Vec<f32> {
+        match self {
+            Self::F32(values) => values.row(row).to_vec(),
+            Self::F16(values) => values.row(row).iter().map(|value| value.to_f32()).collect(),
+            Self::Quantised(components) => {
+                let values = components.iter();
+                values.map(|component| component.value(row)).collect()
+            }
+        }
+    }
+
     /// Bits of a coefficient, one entry per component.
     #[must_use]
     pub fn bits(&self) -> Vec<u32> {
@@ -101,23 +108,6 @@ impl StoredCoefficients {
             }
         };
         bytes as u64
-    }
-
-    /// The coefficients of the first `components`.
-    pub(super) fn first(self, components: usize) -> Self {
-        let columns = Axis(1);
-        match self {
-            Self::F32(values) => {
-                Self::F32(values.view().split_at(columns, components).0.to_owned())
-            }
-            Self::F16(values) => {
-                Self::F16(values.view().split_at(columns, components).0.to_owned())
-            }
-            Self::Quantised(mut quantised) => {
-                quantised.truncate(components);
-                Self::Quantised(quantised)
-            }
-        }
     }
 }
 
@@ -147,11 +137,18 @@ impl Quantised {
     /// The values that a reader gets, `[s]`.
     #[must_use]
     pub fn decoded(&self) -> Vec<f32> {
-        let value = |integer| dequantised(self.offset, self.step, integer);
-        match &self.integers {
-            Integers::U8(integers) => integers.iter().map(|&i| value(i.into())).collect(),
-            Integers::U16(integers) => integers.iter().map(|&i| value(i)).collect(),
-        }
+        (0..self.integers.len())
+            .map(|row| self.value(row))
+            .collect()
+    }
+
+    /// The value that a reader gets for curve `row`.
+    fn value(&self, row: usize) -> f32 {
+        let integer = match &self.integers {
+            Integers::U8(integers) => integers[row].into(),
+            Integers::U16(integers) => integers[row],
+        };
+        dequantised(self.offset, self.step, integer)
     }
 }
 
@@ -165,6 +162,14 @@ impl Integers {
         }
     }
 
+    /// Number of integers.
+    fn len(&self) -> usize {
+        match self {
+            Self::U8(integers) => integers.len(),
+            Self::U16(integers) => integers.len(),
+        }
+    }
+
     /// Size of the integers in a file, bytes.
     fn bytes(&self) -> usize {
         match self {
@@ -174,19 +179,85 @@ impl Integers {
     }
 }
 
+/// `value` as f16. Beyond the largest f16 it is clamped, so that its error shows; infinity would
+/// hide it.
+fn half(value: f32) -> f16 {
+    let limit = f16::MAX.to_f32();
+    f16::from_f32(value.clamp(-limit, limit))
+}
+
+/// The rounding of coefficients to the numbers that files hold; integers have 16 bits.
+#[derive(Debug)]
+pub(super) enum Rounding {
+    F32,
+    F16,
+    /// The scale of each component.
+    Quantised(Vec<IntegerScale>),
+}
+
+impl Rounding {
+    /// Coefficients whose components have these `ranges`, least and most, are rounded to
+    /// `precision`.
+    pub(super) fn new(precision: Precision, ranges: &[[f32; 2]]) -> Self {
+        match precision {
+            Precision::F32 => Self::F32,
+            Precision::F16 => Self::F16,
+            Precision::Quantised => {
+                let scales = ranges
+                    .iter()
+                    .map(|range| IntegerScale::new(*range, u16::MAX));
+                Self::Quantised(scales.collect())
+            }
+        }
+    }
+
+    /// The value that a reader gets of the coefficient `exact` of a component.
+    pub(super) fn apply(&self, component: usize, exact: f32) -> f32 {
+        match self {
+            Self::F32 => exact,
+            Self::F16 => half(exact).to_f32(),
+            Self::Quantised(scales) => {
+                let scale = scales[component];
+                dequantised(scale.offset, scale.step, scale.integer(exact))
+            }
+        }
+    }
+}
+
+/// Integers from 0 to a largest one, spread evenly over a range.
+#[derive(Debug, Clone, Copy)]
+pub(super) struct IntegerScale {
+    offset: f32,
+    step: f32,
+    largest: f64,
+}
+
+impl IntegerScale {
+    fn new([least, most]: [f32; 2], largest: u16) -> Self {
+        let largest = f64::from(largest);
+        Self {
+            offset: least,
+            step: ((f64::from(most) - f64::from(least)) / largest) as f32,
+            largest,
+        }
+    }
+
+    /// The integer nearest to `value`.
+    fn integer(self, value: f32) -> u16 {
+        // Equal coefficients give a step of 0 and NaN here, which converts to integer 0.
+        let steps = (f64::from(value) - f64::from(self.offset)) / f64::from(self.step);
+        steps.round().clamp(0.0, self.largest) as u16
+    }
+}
+
 /// Quantises `exact` evenly between its extremes: offset, step, and the nearest integers
 /// from 0 to `largest`.
 fn quantise(exact: ArrayView1<f32>, largest: u16) -> (f32, f32, Vec<u16>) {
     let least = exact.iter().copied().fold(f32::INFINITY, f32::min);
     let most = exact.iter().copied().fold(f32::NEG_INFINITY, f32::max);
-    let largest = f64::from(largest);
-    let step = ((f64::from(most) - f64::from(least)) / largest) as f32;
-    let integer = |&value: &f32| {
-        // Equal coefficients give a step of 0 and NaN here, which converts to integer 0.
-        let steps = (f64::from(value) - f64::from(least)) / f64::from(step);
-        steps.round().clamp(0.0, largest) as u16
-    };
-    (least, step, exact.iter().map(integer).collect())
+    let scale = IntegerScale::new([least, most], largest);
+    let integers = exact.iter().map(|value| scale.integer(*value));
+    (scale.offset, scale.step, integers.collect())
 }
 
 /// The quantised coefficients `stored` of `exact` (`[s, l']`), with each component narrowed
@@ -252,7 +323,9 @@ mod tests {
             assert_eq!((stored.precision(), stored.bytes()), (precision, bytes));
             let difference = &stored.decoded() - &exact;
             assert!(difference.iter().all(|d| d.abs() < 1e-3));
-            assert_eq!(stored.first(2).decoded().dim(), (10, 2));
+            let first: Vec<f32> = exact.row(3).to_vec();
+            let row = stored.decoded_row(3);
+            assert!(row.iter().zip(first).all(|(a, b)| (a - b).abs() < 1e-3));
         }
         let huge = StoredCoefficients::new(array![[1e6, -1e6]], Precision::F16);
         assert_eq!(huge.decoded(), array![[65504.0, -65504.0]]);

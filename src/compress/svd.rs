@@ -13,7 +13,7 @@
 use nalgebra::{DMatrix, SVD};
 use ndarray::{Array2, ArrayView2};
 
-use super::CompressError;
+use super::{CompressError, CurveBlocks, blocks};
 
 /// Number of rows folded into R at a time.
 const BLOCK: usize = 1024;
@@ -37,30 +37,23 @@ impl Decomposition {
     /// # Errors
     /// [`CompressError::Empty`] without curves or wavelengths; [`CompressError::Value`] for an
     /// entry that is not finite or above 1e6 in magnitude; [`CompressError::NoConvergence`].
-    pub fn new(curves: ArrayView2<f64>) -> Result<Self, CompressError> {
-        let (rows, columns) = curves.dim();
-        if rows == 0 || columns == 0 {
-            return Err(CompressError::Empty { rows, columns });
-        }
-        check_values(curves)?;
-        let scale = curves.iter().fold(0.0_f64, |a, b| a.max(b.abs()));
+    pub fn new(curves: impl CurveBlocks) -> Result<Self, CompressError> {
+        let scale = blocks::largest(&curves)?;
         // Scaling keeps the squares of all significant entries from underflowing.
         let scale = if scale > 0.0 { scale } else { 1.0 };
-
-        let mut triangle = DMatrix::zeros(0, columns);
-        let mut begin = 0;
-        while begin < rows {
-            let block = BLOCK.min(rows - begin);
-            let folded = triangle.nrows();
-            let stacked = DMatrix::from_fn(folded + block, columns, |i, j| {
-                match i.checked_sub(folded) {
-                    Some(i) => curves[[begin + i, j]] / scale,
-                    None => triangle[(i, j)],
-                }
-            });
-            triangle = stacked.qr().unpack_r();
-            begin += block;
-        }
+        let columns = curves.shape().1;
+        let mut triangle = Triangle {
+            factor: DMatrix::zeros(0, columns),
+            rows: Vec::new(),
+        };
+        curves.visit(&mut |block| {
+            for row in block.rows() {
+                triangle.add(row.iter().map(|value| value / scale));
+            }
+            Ok(())
+        })?;
+        triangle.fold();
+        let triangle = triangle.factor;
         let svd = SVD::try_new(triangle, false, true, 5.0 * f64::EPSILON, 1_000 * columns)
             .ok_or(CompressError::NoConvergence)?;
         let vectors = svd.v_t.ok_or(CompressError::NoConvergence)?;
@@ -91,14 +84,51 @@ impl Decomposition {
     }
 }
 
-/// Refuses entries that are NaN, infinite or above [`MAX_MAGNITUDE`] in magnitude.
-pub(super) fn check_values(curves: ArrayView2<f64>) -> Result<(), CompressError> {
+/// The triangular factor R of the rows added so far. They are folded in [`BLOCK`] at a time,
+/// however they come.
+struct Triangle {
+    factor: DMatrix<f64>,
+    /// Values of the rows that are not folded in yet.
+    rows: Vec<f64>,
+}
+
+impl Triangle {
+    fn add(&mut self, row: impl Iterator<Item = f64>) {
+        self.rows.extend(row);
+        if self.rows.len() == BLOCK * self.factor.ncols() {
+            self.fold();
+        }
+    }
+
+    fn fold(&mut self) {
+        if self.rows.is_empty() {
+            return;
+        }
+        let (folded, columns) = self.factor.shape();
+        let rows = self.rows.len() / columns;
+        let stacked =
+            DMatrix::from_fn(folded + rows, columns, |i, j| match i.checked_sub(folded) {
+                Some(i) => self.rows[i * columns + j],
+                None => self.factor[(i, j)],
+            });
+        self.factor = stacked.qr().unpack_r();
+        self.rows.clear();
+    }
+}
+
+/// Refuses entries that are NaN, infinite or above [`MAX_MAGNITUDE`] in magnitude, in curves of
+/// which `first` is the number of the first.
+pub(super) fn check_values(curves: ArrayView2<f64>, first: usize) -> Result<(), CompressError> {
     let is_allowed = |value: f64| value.abs() <= MAX_MAGNITUDE;
     match curves
         .indexed_iter()
         .find(|(_, value)| !is_allowed(**value))
     {
-        Some(((row, column), &value)) => Err(CompressError::Value { row, column, value }),
+        Some(((row, column), &value)) => Err(CompressError::Value {
+            row: first + row,
+            column,
+            value,
+        }),
         None => Ok(()),
     }
 }

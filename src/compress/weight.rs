@@ -1,17 +1,38 @@
 //! Weights of curves by how visible a change of y is (docs/methods.md).
 use ndarray::{Array2, ArrayView1, ArrayView2};
 
+use super::{CompressError, CurveBlocks};
 use crate::lookup::Basis;
 use crate::measurement::Quantity;
 
 /// Relative luminance below which CIELAB lightness is linear in luminance (CIE 15).
 const DARK: f64 = 216.0 / 24389.0;
 
+/// Curves with each row of y weighted, see [`weighted`].
+pub(super) struct WeightedBlocks<'a> {
+    pub(super) quantity: Quantity,
+    pub(super) curves: &'a dyn CurveBlocks,
+}
+
+impl CurveBlocks for WeightedBlocks<'_> {
+    fn shape(&self) -> (usize, usize) {
+        self.curves.shape()
+    }
+
+    fn visit(
+        &self,
+        visit: &mut dyn FnMut(ArrayView2<f64>) -> Result<(), CompressError>,
+    ) -> Result<(), CompressError> {
+        self.curves
+            .visit(&mut |block| visit(weighted(self.quantity, block).view()))
+    }
+}
+
 /// The y of `curves`, with each row weighted by how visible a change dy is. Lightness is
 /// the cube root of luminance Y and changes by Y^(-2/3) dY, and dY is T dy for
 /// transmittance or (1 - R) dy for reflectance. The basis of the `log` kind holds the
 /// singular vectors of this matrix.
-pub(super) fn weighted(quantity: Quantity, curves: ArrayView2<f64>) -> Array2<f64> {
+fn weighted(quantity: Quantity, curves: ArrayView2<f64>) -> Array2<f64> {
     let mut matrix = curves.mapv(|value| Basis::Log.projected(quantity, value));
     for mut row in matrix.rows_mut() {
         let weight = weight(quantity, row.view());

@@ -191,14 +191,39 @@ impl ArrayLayout {
 
     /// Path in the database of the file that holds `pack` of a quantity.
     pub(super) fn pack_file(&self, array: &ZarrArray, quantity: Variable, pack: u64) -> String {
+        array
+            .chunk_key(&self.pack_index(quantity, pack))
+            .to_string()
+    }
+
+    /// Index in the array of a quantity of the file that holds `pack`.
+    pub(super) fn pack_index(&self, quantity: Variable, pack: u64) -> Vec<u64> {
         let own = self.axes().iter().zip(self.packs.index(pack));
         let own = own.filter(|((parameter, _), _)| quantity.has_axis(*parameter));
         // a chunk has all views and all wavelengths
         let views = self.views().iter();
         let views = views.filter(|(parameter, _)| quantity.has_axis(*parameter));
         let views = views.map(|_| 0);
-        let index = views.chain(own.map(|(_, index)| index)).chain([0]);
-        array.chunk_key(&index.collect::<Vec<_>>()).to_string()
+        views
+            .chain(own.map(|(_, index)| index))
+            .chain([0])
+            .collect()
+    }
+
+    /// Whether the curves of each pack are consecutive in storage order: along the axes before
+    /// the first that a pack divides it has a single curve, and all curves along those after it.
+    pub(super) fn has_consecutive_packs(&self) -> bool {
+        let jobs = self.jobs.block().iter().zip(self.packs.block());
+        let lengths = jobs.map(|(curves, jobs)| curves * jobs);
+        let lengths: Vec<u64> = lengths.collect();
+        let shape = self.jobs.shape();
+        let divided = (0..shape.len())
+            .rev()
+            .find(|axis| lengths[*axis] < shape[*axis]);
+        lengths
+            .iter()
+            .take(divided.unwrap_or_default())
+            .all(|length| *length == 1)
     }
 
     /// Whether the files of packs are Zarr shards, which have an index of their chunks.

@@ -259,6 +259,37 @@ impl Store {
         })
     }
 
+    /// Calls `visit` with all spectra of a variable, in blocks `[spectra, wavelengths]` of
+    /// consecutive ones in storage order: a pack each, where its spectra are consecutive.
+    ///
+    /// # Errors
+    /// As [`read`](Self::read); the error of `visit`.
+    pub(crate) fn visit<E: From<StoreError>>(
+        &self,
+        quantity: Variable,
+        visit: &mut dyn FnMut(Array2<f32>) -> Result<(), E>,
+    ) -> Result<(), E> {
+        if quantity.is_view || !self.layout.has_consecutive_packs() {
+            return visit(self.read(quantity)?);
+        }
+        let array = self.layout.quantity(quantity)?;
+        let wavelengths = self.layout.jobs.wavelengths() as usize;
+        let mut left = array.shape().iter().product::<u64>() as usize;
+        for pack in 0..self.layout.packs.count() {
+            let chunk = self.layout.pack_index(quantity, pack);
+            let mut values: Vec<f32> = array
+                .retrieve_chunk(&chunk)
+                .map_err(|error| self.damaged(array, &error))?;
+            // the last one may reach beyond the array
+            values.truncate(left);
+            left -= values.len();
+            let shape = (values.len() / wavelengths, wavelengths);
+            let block = Array2::from_shape_vec(shape, values);
+            visit(block.map_err(StoreError::zarr(quantity.name()))?)?;
+        }
+        Ok(())
+    }
+
     /// All spectra of a variable as an array [spectra, wavelengths], in storage order over the
     /// axes of its array. Jobs that are not done have NaN: check with
     /// [`missing`](Self::missing) first.

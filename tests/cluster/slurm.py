@@ -22,7 +22,7 @@ GRID = Path(__file__).parents[1] / "data" / "jobs.toml"
 # so many that a task lasts some seconds
 RAYS = ("rays = 20000", "rays = 200000")
 TASKS = 8
-PATIENCE = 300
+PATIENCE = 600
 
 
 def run(*words, **options):
@@ -42,6 +42,14 @@ def wait(what, condition):
             return found
         time.sleep(0.1)
     sys.exit(f"waited {PATIENCE} s for: {what}\n{subprocess.getoutput('squeue; sinfo -Nel')}")
+
+
+def restart(task):
+    """Starts a task that Slurm has queued again: without this, it waits for two minutes."""
+    words = ("scontrol", "update", f"JobId={task}", "StartTime=now")
+    queued = lambda: "Restarts=1" in run("scontrol", "show", "job", task)
+    wait(f"{task} queued again", queued)
+    wait(f"{task} to start", lambda: subprocess.run(words, capture_output=True).returncode == 0)
 
 
 class Cluster:
@@ -189,6 +197,7 @@ def check(program, folder, cluster):
     ask = ("scancel", "--batch", "--signal=USR1", f"{array}_2")
     wait("the signal", lambda: subprocess.run(ask, capture_output=True).returncode == 0)
     wait("task 2 stopped", lambda: status()[2]["state"] in ("stopped", "finished"))
+    restart(f"{array}_2")
     # a node is lost: its task is queued again
     nodes = lambda: dict(
         line.split()[::-1] for line in run("squeue", "-hr", "-j", array, "-t", "R", "-o", "%K %N").splitlines()
@@ -197,6 +206,7 @@ def check(program, folder, cluster):
     cluster.lose("n2", lost["process"])
     wait("the lost node", lambda: "n2 down" in run("sinfo", "-hN", "-o", "%N %T"))
     cluster.start_node("n2")
+    restart(f"{array}_{lost['shard'].split('/')[0]}")
 
     # the second job names the missing task, and does not simulate
     log = out / "slurm-logs" / f"{finisher}.log"

@@ -140,7 +140,8 @@ pub(super) fn measure(
         for basis in Basis::ALL {
             let model = CurveModel::new(matrix.view(), *quantity, colour.as_ref(), &bands, basis)?;
             let most = MOST.min(model.rank_limit());
-            let cpu_seconds: Vec<_> = (1..=most).map(|n| evaluation_seconds(&model, n)).collect();
+            let cpu_seconds = (1..=most).map(|n| evaluation_seconds(&model, n));
+            let cpu_seconds: Vec<f64> = cpu_seconds.collect::<Result<_, _>>()?;
             for coding in Coding::ALL.into_iter().filter(|c| c.basis() == basis) {
                 for (bytes, row) in coded(&model, &bounds, coding, most)? {
                     let numbers = matrix.ncols() * row.components;
@@ -168,12 +169,12 @@ fn coded(
     most: usize,
 ) -> Result<Vec<(u64, ErrorRow)>, CompressError> {
     if coding != Coding::LogNarrow {
-        let table = model.table(&model.coefficients(most, coding.stored()));
+        let table = model.table(most, coding.stored())?;
         let bytes = |row: ErrorRow| {
-            let stored = model.coefficients(row.components, coding.stored());
-            (stored.bytes(), row)
+            let stored = model.coefficients(row.components, coding.stored())?;
+            Ok((stored.bytes(), row))
         };
-        return Ok(table.rows.into_iter().map(bytes).collect());
+        return table.rows.into_iter().map(bytes).collect();
     }
     let mut rows = Vec::new();
     for components in 1..=most {
@@ -252,9 +253,9 @@ fn simulated(bench: &Bench, grid: &Grid) -> Result<Curves, TradeoffError> {
 
 /// CPU seconds to evaluate one spectrum in the way readers of compact files do; the fastest of
 /// several passes.
-fn evaluation_seconds(model: &CurveModel, components: usize) -> f64 {
+fn evaluation_seconds(model: &CurveModel, components: usize) -> Result<f64, CompressError> {
     let basis = model.basis(components);
-    let coefficients = model.coefficients(components, Precision::F32).decoded();
+    let coefficients = model.coefficients(components, Precision::F32)?.decoded();
     let mut sum = vec![0.0; basis.nrows()];
     let mut pass = || {
         let (begin, mut spectra) = (ThreadTime::now(), 0_u32);
@@ -276,5 +277,5 @@ fn evaluation_seconds(model: &CurveModel, components: usize) -> f64 {
             }
         }
     };
-    (0..PASSES).map(|_| pass()).fold(f64::INFINITY, f64::min)
+    Ok((0..PASSES).map(|_| pass()).fold(f64::INFINITY, f64::min))
 }
