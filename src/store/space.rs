@@ -36,11 +36,12 @@ pub(super) fn check(dir: &Path, jobs: &Jobs, views: u64, count: u64) -> Result<(
     let root = dir.join(super::DATABASE);
     let disk = if root.exists() { &root } else { dir };
     let available = fs4::available_space(disk).map_err(StoreError::io("measure", disk))?;
-    // As many bytes again while jobs are moved into the arrays.
-    let needed = match count {
+    // As many bytes again while the jobs of a pack are moved into the arrays.
+    let arrays = match count {
         0 => 0,
-        _ => estimated_bytes(jobs, views, count).saturating_add(packs::MAX_BYTES),
+        _ => estimated_bytes(jobs, views, count),
     };
+    let needed = arrays.saturating_add(arrays.min(packs::MAX_BYTES));
     if needed > available {
         return Err(StoreError::TooLarge {
             path: dir.into(),
