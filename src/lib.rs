@@ -128,9 +128,9 @@
 //! | `cli` | the command line |
 //!
 //! Features, all enabled by default: `database` provides the modules from [`store`] to
-//! [`export`], except [`simulation`]; `charts` provides `lab` and export to images; `netcdf`
-//! and `npz` provide export to these formats; `cli` provides `cli` and the program
-//! `splitsnow`. Formats and commands of a disabled feature are not available.
+//! [`export`], except [`simulation`]; `charts` provides `lab` and export to images; `exr`
+//! (look-up tables for renderers), `netcdf` and `npz` provide export to these formats; `cli`
+//! provides `cli` and the program `splitsnow`. Formats and commands of a disabled feature are not available.
 #[cfg(feature = "database")]
 mod accuracy;
 #[cfg(feature = "database")]

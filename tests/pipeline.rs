@@ -21,6 +21,7 @@ mod illuminants;
 mod install;
 mod layers;
 mod lookup;
+mod lut;
 mod optical;
 mod pages;
 mod scale;

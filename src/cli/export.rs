@@ -13,11 +13,14 @@ use crate::lookup::{Database, Lookup};
 use crate::measurement::Quantity;
 use crate::store::{COMPACT, DIFFUSE, Store, VIEWS};
 
-/// Export to NetCDF, CSV or NPZ; one spectrum for renderers; patches of colour
+/// Export to NetCDF, CSV or NPZ; one spectrum or a look-up table for renderers; patches of colour
 ///
 /// `netcdf` (conventions CF-1.11), `csv` (one row for each node and wavelength) and `npz`
 /// hold all nodes of the database, with standard errors, or all nodes of the compact file.
 /// `spd` holds one spectrum of the compact file in the format of pbrt-v4 and Mitsuba 3.
+/// `lut` is a table of transmitted colours over thickness and cosine, as an image of half floats,
+/// with its look-up in OSL, GLSL, HLSL, WGSL and MaterialX and a sidecar in JSON, which states the
+/// measured errors. `--out` is the first part of the names of these files.
 /// `png` and `svg` are patches of colour from the compact file: all its thicknesses under
 /// five illuminants, at the middle node of each other axis that no option sets.
 /// docs/formats.md describes all formats.
@@ -31,6 +34,8 @@ Examples:
   splitsnow export out/brdf --format netcdf --views
   splitsnow export out/quick --format spd --facetness 0.1 --grain-size-um 300 \\
       --density-kg-m3 200 --thickness-cm 5 --incidence-angle-deg 40 --out snow.spd
+  splitsnow export out/quick --format lut --facetness 0.1 --grain-size-um 300 \\
+      --density-kg-m3 200 --primaries rec2020 --out snow
   splitsnow export out/quick --format png --grain-size-um 300 --incidence-angle-deg 0"
 )]
 pub(super) struct Args {
@@ -65,9 +70,12 @@ pub(super) struct Args {
     /// Quantity in spd, png and svg [default: transmittance]
     #[arg(long, value_parser = common::name_parser(Quantity::ALL, Quantity::name))]
     quantity: Option<Quantity>,
+    #[cfg(feature = "exr")]
+    #[command(flatten, next_help_heading = "Look-up table (lut)")]
+    lut: super::lut::LutArgs,
     #[command(
         flatten,
-        next_help_heading = "Point for spd, png and svg; node for --layout crtm"
+        next_help_heading = "Point for spd, png and svg; snow for lut; node for --layout crtm"
     )]
     point: PointArgs,
 }
@@ -84,6 +92,9 @@ enum ExportFormat {
     Npz,
     /// One spectrum for pbrt-v4 and Mitsuba 3
     Spd,
+    /// Look-up table for renderers: image, shaders, sidecar
+    #[cfg(feature = "exr")]
+    Lut,
     /// Patches of colour, as pixels
     #[cfg(feature = "charts")]
     Png,
@@ -109,6 +120,8 @@ impl ExportFormat {
             #[cfg(feature = "npz")]
             Self::Npz => "npz",
             Self::Spd => "spd",
+            #[cfg(feature = "exr")]
+            Self::Lut => "exr",
             #[cfg(feature = "charts")]
             Self::Png => "png",
             #[cfg(feature = "charts")]
@@ -125,21 +138,36 @@ impl ExportFormat {
             #[cfg(feature = "npz")]
             Self::Npz => true,
             Self::Spd => false,
+            #[cfg(feature = "exr")]
+            Self::Lut => false,
             #[cfg(feature = "charts")]
             Self::Png | Self::Svg => false,
         }
     }
 }
 
+/// What an export writes and prints.
+pub(super) struct Exported {
+    /// The files in the order in which they are written.
+    pub(super) files: Vec<(PathBuf, Vec<u8>)>,
+    /// Lines to print after their names.
+    pub(super) remarks: String,
+}
+
 pub(super) fn run(args: &Args) -> anyhow::Result<()> {
     args.check()?;
     let spinner = Spinner::new("exporting");
-    let bytes = args.bytes()?;
-    let out = args.out()?;
-    atomic::write(&out, &bytes).map_err(|error| common::cannot_write(&out, error))?;
+    let Exported { files, remarks } = args.files()?;
+    for (path, bytes) in &files {
+        atomic::write(path, bytes).map_err(|error| common::cannot_write(path, error))?;
+    }
     drop(spinner);
-    let size = common::bytes(bytes.len() as u64);
-    common::print(&format!("{}: {size}\n", common::one_line(&out)))
+    let mut text = String::new();
+    for (path, bytes) in &files {
+        let size = common::bytes(bytes.len() as u64);
+        text += &format!("{}: {size}\n", common::one_line(path));
+    }
+    common::print(&(text + &remarks))
 }
 
 impl Args {
@@ -148,11 +176,11 @@ impl Args {
         self.format.extension() == "nc" && self.layout == Some(ExportLayout::Crtm)
     }
 
-    /// The contents of the file to write.
-    fn bytes(&self) -> anyhow::Result<Vec<u8>> {
+    /// The files to write.
+    fn files(&self) -> anyhow::Result<Exported> {
         let layout = self.layout.unwrap_or(ExportLayout::Database);
         let quantity = self.quantity.unwrap_or(Quantity::Transmittance);
-        Ok(match self.format {
+        let bytes = match self.format {
             #[cfg(feature = "netcdf")]
             ExportFormat::Netcdf if self.is_crtm() => export::crtm(self.point.cut(self.table()?)?)?,
             #[cfg(feature = "netcdf")]
@@ -161,10 +189,27 @@ impl Args {
             #[cfg(feature = "npz")]
             ExportFormat::Npz => export::npz(&self.table()?.with_layout(layout))?,
             ExportFormat::Spd => self.spectrum(quantity)?,
+            #[cfg(feature = "exr")]
+            ExportFormat::Lut => {
+                let snow = self.point.snow()?;
+                let database = self.compact()?.at(snow.optional())?;
+                let out = self.out()?;
+                let is_image = out.extension().is_some_and(|end| end == "exr");
+                let out = if is_image {
+                    out.with_extension("")
+                } else {
+                    out
+                };
+                return self.lut.files(&database, snow, &out);
+            }
             #[cfg(feature = "charts")]
             ExportFormat::Png => self.patches(quantity)?.png()?,
             #[cfg(feature = "charts")]
             ExportFormat::Svg => self.patches(quantity)?.svg()?.into_bytes(),
+        };
+        Ok(Exported {
+            files: vec![(self.out()?, bytes)],
+            remarks: String::new(),
         })
     }
 
@@ -178,12 +223,24 @@ impl Args {
         } else if self.format.is_table() {
             ensure!(
                 self.point.is_empty() && self.quantity.is_none(),
-                "netcdf, csv and npz hold all points and quantities; remove the options of the point and --quantity, which apply to spd, png and svg only"
+                "netcdf, csv and npz hold all points and quantities; remove the options of the point and --quantity, which apply to spd, lut, png and svg only"
             );
         } else {
             ensure!(
                 self.from != Some(From::Database),
-                "spd, png and svg are looked up in the compact file; remove --from database"
+                "spd, lut, png and svg are looked up in the compact file; remove --from database"
+            );
+        }
+        #[cfg(feature = "exr")]
+        if self.format == ExportFormat::Lut {
+            ensure!(
+                self.quantity.is_none(),
+                "lut holds transmittance and reflectance; remove --quantity"
+            );
+        } else {
+            ensure!(
+                self.lut.is_empty(),
+                "--light, --primaries, --thicknesses, --cosines, --last-cm and --max-delta-e apply only to lut; remove them, or choose --format lut"
             );
         }
         ensure!(
@@ -264,7 +321,7 @@ impl Args {
         Ok(export::spd(&comments, file_at.wavelengths_nm(), &values).into_bytes())
     }
 
-    /// The path of the file to write, which must not be the file exported.
+    /// The path of the file to write (in the format lut, of the image), which must not be the file exported.
     fn out(&self) -> anyhow::Result<PathBuf> {
         let extension = self.format.extension();
         let out = match &self.out {

@@ -14,6 +14,8 @@ mod doctor;
 mod export;
 mod goniometer;
 mod init;
+#[cfg(feature = "exr")]
+mod lut;
 mod man;
 mod plan;
 mod point;

@@ -131,6 +131,32 @@ impl PointArgs {
     }
 }
 
+/// Snow for look-up tables.
+#[cfg(feature = "exr")]
+impl PointArgs {
+    /// The snow: every axis that all files have but the thickness and the incidence angle, which
+    /// are those of the table.
+    ///
+    /// # Errors
+    /// If a required option is missing, or one of the table is given.
+    pub(super) fn snow(&self) -> anyhow::Result<Point> {
+        for parameter in Parameter::CORE {
+            let option = parameter.record().option;
+            let is_of_table = matches!(parameter, Parameter::Thickness | Parameter::Incidence);
+            match self.0.get(parameter) {
+                Some(_) if is_of_table => {
+                    bail!("lut holds all thicknesses and angles; remove --{option}")
+                }
+                None if !is_of_table => {
+                    bail!("a look-up table is of one snow; give --{option} too")
+                }
+                _ => {}
+            }
+        }
+        Ok(self.0)
+    }
+}
+
 /// Points for exports as pictures.
 #[cfg(feature = "charts")]
 impl PointArgs {

@@ -3,12 +3,15 @@
 //! [`ExportTable`] holds the spectra of a database or a compact file at its nodes. `netcdf`,
 //! [`csv()`] and `npz` convert a table to the bytes of a file; `crtm` writes a table of
 //! reflectance for the satellite code CRTM. [`spd()`] writes one spectrum in the format of
-//! renderers. [`Observers`] compute the colours of spectra, and `thicknesses` draws them as
+//! renderers. `Lut` is a table of transmitted colours as an image, with the look-up in shading
+//! languages. [`Observers`] compute the colours of spectra, and `thicknesses` draws them as
 //! patches. Some functions need a feature of the crate: `netcdf` (`netcdf` and `crtm`), `npz`
-//! (`npz`), `charts` (`thicknesses`).
+//! (`npz`), `exr` (`Lut`), `charts` (`thicknesses`).
 #[cfg(feature = "netcdf")]
 mod crtm;
 mod csv;
+#[cfg(feature = "exr")]
+mod lut;
 #[cfg(feature = "netcdf")]
 mod netcdf;
 #[cfg(feature = "npz")]
@@ -32,6 +35,8 @@ use crate::store::StoreError;
 #[cfg(feature = "netcdf")]
 pub use crtm::crtm;
 pub use csv::csv;
+#[cfg(feature = "exr")]
+pub use lut::{Lut, LutCertificate, LutClipping, LutError, LutOptions, Primaries};
 #[cfg(feature = "netcdf")]
 pub use netcdf::netcdf;
 #[cfg(feature = "npz")]
@@ -90,6 +95,9 @@ pub enum ExportError {
         /// What does not fit, and what to do about it.
         reason: String,
     },
+    /// A look-up table for renderers cannot be made.
+    #[error("cannot make a look-up table: {0}")]
+    Lut(String),
     /// A value is not a node of its axis.
     #[error(
         "{axis} = {value} is not a node; give one of {}", nodes.iter().map(f64::to_string).collect::<Vec<_>>().join(", ")

@@ -109,8 +109,7 @@ impl IlluminantWeights {
     }
 
     fn lab(&self, spectrum: &[f64]) -> Lab {
-        let [x, y, z] = self.relative(spectrum);
-        Lab::from_color_unclamped(Xyz::<UnitWhite, f64>::new(x, y, z))
+        relative_lab(self.relative(spectrum))
     }
 }
 
@@ -191,6 +190,16 @@ impl Colorimeter {
     pub fn xyz(&self, spectrum: &[f64]) -> [f64; 3] {
         let ([x, y, z], white) = (self.lights[0].relative(spectrum), self.white());
         [x * white[0], y * white[1], z * white[2]]
+    }
+
+    /// Tristimulus values of `spectrum` (`[l]`) under the first illuminant, each relative to
+    /// that of white.
+    ///
+    /// # Panics
+    /// If `spectrum` does not have one value per wavelength.
+    #[must_use]
+    pub fn relative_xyz(&self, spectrum: &[f64]) -> [f64; 3] {
+        self.lights[0].relative(spectrum)
     }
 
     /// CIELAB of `spectrum` (`[l]`, dimensionless) under the first illuminant.
@@ -311,6 +320,12 @@ fn check_increasing(wavelengths_nm: &[f64]) -> Result<(), ColourError> {
         before = value;
     }
     Ok(())
+}
+
+/// CIELAB of tristimulus values, each relative to that of white.
+#[must_use]
+pub fn relative_lab([x, y, z]: [f64; 3]) -> Lab {
+    Lab::from_color_unclamped(Xyz::<UnitWhite, f64>::new(x, y, z))
 }
 
 /// Delta-E*ab (CIE 1976): the Euclidean distance of two CIELAB colours. About 2.3 is
