@@ -29,7 +29,7 @@ pub(super) struct LutArgs {
     /// Height of the image, texels along the cosine [default: 32]
     #[arg(long, value_name = "N", value_parser = clap::value_parser!(u16).range(2..=MOST_TEXELS))]
     cosines: Option<u16>,
-    /// Largest thickness, cm [default: where a millionth of the light is left]
+    /// Largest thickness, cm [default: where a millionth of the light is left, 500 at most]
     #[arg(long, value_name = "H", value_parser = positive)]
     last_cm: Option<f64>,
     /// Largest error allowed up to 80 degrees, Delta-E*ab [default: 0.05; with xyz 0.1,

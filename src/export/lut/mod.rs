@@ -24,8 +24,8 @@ pub use primaries::Primaries;
 const SCALE: f64 = 32768.0;
 /// Luminance, relative to the light, below which nothing is seen: a table ends there.
 const DARK: f64 = 1e-6;
-/// The largest thickness at which a table ends, cm.
-const DEEPEST_CM: f64 = 1e4;
+/// The largest thickness at which a table ends by itself, cm.
+const DEEPEST_CM: f64 = 500.0;
 
 /// The size and the colours of a table.
 #[derive(Debug, Clone)]
@@ -38,7 +38,8 @@ pub struct LutOptions {
     pub thicknesses: usize,
     /// Number of cosines, 2 or more: its height.
     pub cosines: usize,
-    /// The largest thickness, cm; `None` for that at which a millionth of the light is left.
+    /// The largest thickness, cm; `None` for that at which a millionth of the light
+    /// is left, 500 at most.
     pub last_cm: Option<f64>,
 }
 
