@@ -119,6 +119,7 @@
 //! | [`grid`], [`scene`], [`config`] | the grid of a database; the requirements of a renderer; sample, grid, scene and study files |
 //! | [`store`], [`batch`] | the Zarr store, which is both checkpoint and result; the job runner |
 //! | [`simulation`] | the spectrum of a sample in one call |
+//! | [`retrieve`] | from measured spectra to the snow |
 //! | [`compress`] | SVD and the compact file |
 //! | [`build`](mod@build), [`plan`](mod@plan) | from a grid to its database and compact file; estimates of time, size and errors |
 //! | [`error_budget`], [`tailor`] | the error budget of look-ups; the smallest file for a scene |
@@ -159,6 +160,7 @@ mod host;
 pub mod lab;
 #[cfg(feature = "database")]
 pub mod plan;
+pub mod retrieve;
 #[cfg(feature = "database")]
 mod sampling;
 pub mod scene;

@@ -1,4 +1,4 @@
-//! The quick starts of `docs/start` run as they stand, and print what they show.
+//! The quick starts of `docs/start` and `docs/retrieval.md` run as they stand, and print what they show.
 //!
 //! Blocks are taken in the order of the page, in an empty folder that sees the clone:
 //!
@@ -176,6 +176,12 @@ fn satellite() {
 #[test]
 fn snow() {
     follow("start/snow.md");
+}
+
+/// Its Python is run by `python/tests/test_start.py`.
+#[test]
+fn retrieval() {
+    follow("retrieval.md");
 }
 
 /// A new page needs a test.

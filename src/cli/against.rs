@@ -51,7 +51,7 @@ pub(super) struct Args {
 
 /// A value of `--exclude`.
 #[derive(Debug, Clone, Copy, PartialEq)]
-enum Exclude {
+pub(super) enum Exclude {
     None,
     Band(Exclusion),
 }
@@ -67,9 +67,25 @@ impl FromStr for Exclude {
     }
 }
 
+/// The bands that the values of `--exclude` name; those of field measurements if there are none.
+pub(super) fn exclusions(given: &[Exclude]) -> anyhow::Result<Vec<Exclusion>> {
+    match given {
+        [] => return Ok(Exclusion::FIELD.into()),
+        [Exclude::None] => return Ok(Vec::new()),
+        _ => {}
+    }
+    let bands = given.iter().map(|exclude| match exclude {
+        Exclude::Band(band) => Ok(*band),
+        Exclude::None => {
+            bail!("--exclude none cannot be combined with another --exclude; remove one of them")
+        }
+    });
+    bands.collect()
+}
+
 /// Parses the path of a picture, which must end with .svg or .png.
 #[cfg(feature = "charts")]
-fn picture(text: &str) -> Result<PathBuf, String> {
+pub(super) fn picture(text: &str) -> Result<PathBuf, String> {
     let path = PathBuf::from(text);
     match report::Picture::of(&path) {
         Some(_) => Ok(path),
@@ -108,7 +124,7 @@ impl Args {
             unit: self.unit,
             scale: self.scale,
         };
-        let measured = MeasuredSpectrum::read(path, &hints, &self.exclusions()?)?;
+        let measured = MeasuredSpectrum::read(path, &hints, &exclusions(&self.exclude)?)?;
         let file = common::one_line(path);
         common::note(&format!("read {file}: {}", measured.report()));
         Ok(Some(Target {
@@ -116,24 +132,6 @@ impl Args {
             measured,
             wavelengths: wavelengths_nm.len(),
         }))
-    }
-
-    /// The bands left out of the statistics.
-    fn exclusions(&self) -> anyhow::Result<Vec<Exclusion>> {
-        match self.exclude[..] {
-            [] => return Ok(Exclusion::FIELD.into()),
-            [Exclude::None] => return Ok(Vec::new()),
-            _ => {}
-        }
-        let bands = self.exclude.iter().map(|exclude| match exclude {
-            Exclude::Band(band) => Ok(*band),
-            Exclude::None => {
-                bail!(
-                    "--exclude none cannot be combined with another --exclude; remove one of them"
-                )
-            }
-        });
-        bands.collect()
     }
 
     /// Writes the picture, if `--plot` is given.

@@ -20,6 +20,7 @@ mod man;
 mod plan;
 mod point;
 mod query;
+mod retrieve;
 mod shard;
 mod simulate;
 mod status;
@@ -103,6 +104,7 @@ enum Command {
     Export(export::Args),
     #[command(alias = "measure")]
     Simulate(simulate::Args),
+    Retrieve(retrieve::Args),
     #[cfg(feature = "charts")]
     Tradeoff(tradeoff::Args),
     #[cfg(feature = "charts")]
@@ -219,6 +221,7 @@ fn run_command(command: Command, level: simd::Level) -> anyhow::Result<()> {
         Command::Query(args) => query::run(&args),
         Command::Export(args) => export::run(&args),
         Command::Simulate(args) => simulate::run(&args),
+        Command::Retrieve(args) => retrieve::run(&args),
         #[cfg(feature = "charts")]
         Command::Tradeoff(args) => tradeoff::run(&args),
         #[cfg(feature = "charts")]

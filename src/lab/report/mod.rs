@@ -11,6 +11,7 @@ mod csv;
 mod figure;
 mod panel;
 mod residuals;
+mod retrieval;
 mod studies;
 mod style;
 mod swatches;
@@ -25,6 +26,7 @@ use crate::atomic;
 use crate::lab::tradeoff::Results;
 
 pub use residuals::{Picture, Residuals};
+pub use retrieval::RetrievalPicture;
 pub use studies::{study_table, write_study};
 pub use swatches::{Swatch, SwatchRows, Swatches};
 pub use text::{json, table};

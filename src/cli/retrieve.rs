@@ -1,0 +1,389 @@
+//! `splitsnow retrieve`: from measured spectra to the snow.
+use std::path::{Path, PathBuf};
+
+use anyhow::{anyhow, bail, ensure};
+
+use super::against::{self, Exclude};
+use super::bar::Bar;
+use super::common::{self, Interrupted, Spinner, ThreadArgs};
+use crate::build::{self, BuildOptions};
+use crate::comparison::{Exclusion, Hints, MeasuredSpectrum};
+use crate::config::grid;
+use crate::engine::EngineError;
+#[cfg(feature = "charts")]
+use crate::lab::report;
+use crate::lookup::Database;
+use crate::measurement::Quantity;
+use crate::plan::{self, PlanOptions};
+use crate::retrieve::{
+    ExactOptions, FreeParameter, KnownValue, MeasuredInput, NoiseModel, RetrieveError, Setup,
+    SetupRequest,
+};
+use crate::spectrum::measured::{Column, Unit, ValueScale};
+use crate::store::COMPACT;
+
+/// Find the snow that has a measured spectrum, with credible intervals
+///
+/// Prints specific surface area and optical radius first, then the unknowns: their most probable
+/// values, medians, and the intervals that hold them with a probability of 68 and 95 %. Also which
+/// combinations of the unknowns the spectrum determines, chi-square and what it says, and the
+/// residuals by band.
+///
+/// All axes of the file with several values are unknown, unless --fix gives their value. Several
+/// spectra of one snow share the unknowns: R and T, or several thicknesses or angles. What is
+/// known of one spectrum alone follows its name: `thin.csv@thickness_cm=2.5`.
+///
+/// The errors of the measurement have three parts: of each value (--noise, unless the file states
+/// them), of the level of each spectrum (--level), and one that is correlated between wavelengths
+/// (--correlated). The errors that the compact file states are added. The intervals follow from
+/// these errors: state your own.
+#[derive(Debug, clap::Args)]
+#[command(after_long_help = "\
+Examples:
+  splitsnow retrieve field.csv --within out/alpine --fix thickness_cm=inf \\
+      --fix density_kg_m3=250 --fix incidence_angle_deg=55
+  splitsnow retrieve r.csv t.csv@quantity=transmittance --within out/alpine \\
+      --fix thickness_cm=4 --free ssa_m2_kg=26+-3 --free facetness=0.1..0.6
+  splitsnow retrieve --within alpine.toml --exact --picture fit.svg \\
+      thin.csv@thickness_cm=2.5,density_kg_m3=155 deep.csv@thickness_cm=34,density_kg_m3=200
+  splitsnow retrieve configs/measured/vermont_thin.csv --within configs/vermont.toml \\
+      --fix thickness_cm=2.5 --fix density_kg_m3=155")]
+pub(super) struct Args {
+    /// Measured spectra of one snow: text tables (CSV, ECOSTRESS, .sed, .sig) in a format of
+    /// docs/formats.md. `FILE@NAME=VALUE,...` adds what is known of this spectrum alone: a value on
+    /// an axis, `quantity`, or `column`
+    #[arg(value_name = "SPECTRUM", required = true)]
+    spectra: Vec<String>,
+    /// Compact file, or the output directory that holds it; or a grid file (.toml), whose database
+    /// is then built, or continued, in out/NAME
+    #[arg(long, value_name = "BOX")]
+    within: PathBuf,
+    /// Unknown with its prior: NAME=MIN..MAX, NAME=MEAN+-SD (a Gaussian within the axis), or NAME
+    /// (anything on the axis). ssa_m2_kg and optical_radius_um stand for the grain size. May be
+    /// given several times
+    #[arg(long, value_name = "NAME[=PRIOR]")]
+    free: Vec<FreeParameter>,
+    /// Value that is known for all spectra; thickness_cm=inf is a half space. May be given several
+    /// times
+    #[arg(long, value_name = "NAME=VALUE")]
+    fix: Vec<KnownValue>,
+    /// The light was diffuse: use the file for isotropic light in the directory
+    #[arg(long)]
+    diffuse: bool,
+    /// Standard deviation of each measured value, for values whose file does not state it
+    #[arg(long, value_name = "SD", default_value_t = NoiseModel::default().value, value_parser = not_negative)]
+    noise: f64,
+    /// Relative standard deviation of the level of each spectrum: the calibration
+    #[arg(long, value_name = "SHARE", default_value_t = NoiseModel::default().level, value_parser = not_negative)]
+    level: f64,
+    /// Standard deviation of the error that is correlated between wavelengths
+    #[arg(long, value_name = "SD", default_value_t = NoiseModel::default().correlated, value_parser = not_negative)]
+    correlated: f64,
+    /// Distance over which that correlation falls to 1/e, nm
+    #[arg(long, value_name = "NM", default_value_t = NoiseModel::default().length_nm, value_parser = common::positive)]
+    correlation_nm: f64,
+    /// Check the optimum by simulation, and improve it until it stays
+    #[arg(long)]
+    exact: bool,
+    /// Walks of each simulation of --exact [default: the grid's, at least 131072]
+    #[arg(long, value_name = "N", requires = "exact", value_parser = clap::value_parser!(u64).range(1..))]
+    rays: Option<u64>,
+    /// Seed of the sampler, which is used for more than four unknowns, and of --exact
+    #[arg(long, default_value_t = 1)]
+    seed: u64,
+    /// Column of the files: its name, a part of its name, or its number from 1 [default: the first
+    /// column whose name fits, else the first]
+    #[arg(long, value_name = "NAME|N")]
+    column: Option<Column>,
+    /// Unit of the files' wavelengths [default: the unit that a file states, else guessed]
+    #[arg(long, value_parser = common::name_parser(Unit::ALL, Unit::name))]
+    unit: Option<Unit>,
+    /// Scale of the files' values [default: the scale that a file states, else guessed]
+    #[arg(long, value_parser = common::name_parser(ValueScale::ALL, ValueScale::name))]
+    scale: Option<ValueScale>,
+    /// Quantity in the files [default: from the name of the column, else reflectance]
+    #[arg(long, value_parser = common::name_parser(Quantity::ALL, Quantity::name))]
+    quantity: Option<Quantity>,
+    /// Band in nm, ends included, that is left out; may be given several times, or once as `none`
+    /// [default: 1750-2000 and 2350-2500, where water vapour absorbs]
+    #[arg(long, value_name = "FROM-TO")]
+    exclude: Vec<Exclude>,
+    #[command(flatten)]
+    threads: ThreadArgs,
+    /// Print JSON: everything, with the fitted spectra and residuals
+    #[arg(long, conflicts_with = "csv")]
+    json: bool,
+    /// Print the table of the quantities as CSV
+    #[arg(long)]
+    csv: bool,
+    /// Write a picture to FILE, which must end with .svg or .png: measured and fitted spectra,
+    /// residuals, and the distributions of the unknowns
+    #[cfg(feature = "charts")]
+    #[arg(long, value_name = "FILE", value_parser = against::picture)]
+    picture: Option<PathBuf>,
+}
+
+/// Parses a finite number that is not negative.
+fn not_negative(text: &str) -> Result<f64, String> {
+    match text.parse::<f64>() {
+        Ok(value) if value.is_finite() && value >= 0.0 => Ok(value),
+        _ => Err("the value must be a finite number, 0 or above".into()),
+    }
+}
+
+/// A word of the command line: a file and what is known of its spectrum.
+#[derive(Debug, Default)]
+struct SpectrumArg {
+    file: PathBuf,
+    fixed: Vec<KnownValue>,
+    quantity: Option<Quantity>,
+    column: Option<Column>,
+}
+
+impl SpectrumArg {
+    fn parse(word: &str) -> anyhow::Result<Self> {
+        let parts = word.rsplit_once('@');
+        let parts = parts.filter(|(_, rest)| rest.contains('=') && !Path::new(word).exists());
+        let Some((file, rest)) = parts else {
+            return Ok(Self {
+                file: word.into(),
+                ..Self::default()
+            });
+        };
+        let mut spectrum = Self {
+            file: file.into(),
+            ..Self::default()
+        };
+        for entry in rest.split(',') {
+            let wrong = |reason: String| anyhow!("{word}: {reason}");
+            match entry.split_once('=') {
+                Some(("quantity", name)) => {
+                    let found = Quantity::ALL.into_iter().find(|q| q.name() == name);
+                    let found = found.ok_or_else(|| {
+                        let names = Quantity::ALL.map(Quantity::name).join(" or ");
+                        wrong(format!("quantity must be {names}, not {name}"))
+                    })?;
+                    spectrum.quantity = Some(found);
+                }
+                Some(("column", name)) => {
+                    let column = name.parse();
+                    spectrum.column = Some(column.map_err(|e| wrong(format!("column: {e}")))?);
+                }
+                _ => spectrum.fixed.push(entry.parse().map_err(wrong)?),
+            }
+        }
+        Ok(spectrum)
+    }
+}
+
+pub(super) fn run(args: &Args) -> anyhow::Result<()> {
+    let exclusions = against::exclusions(&args.exclude)?;
+    let spectra: anyhow::Result<Vec<SpectrumArg>> = args
+        .spectra
+        .iter()
+        .map(|word| SpectrumArg::parse(word))
+        .collect();
+    let measured: anyhow::Result<Vec<(SpectrumArg, MeasuredSpectrum)>> = spectra?
+        .into_iter()
+        .map(|spectrum| args.read(spectrum, &exclusions))
+        .collect();
+    let measured = measured?;
+    let database = args.database()?;
+    let inputs: anyhow::Result<Vec<MeasuredInput>> = measured
+        .into_iter()
+        .map(|(spectrum, measured)| input(spectrum, &measured, &database))
+        .collect();
+    let inputs = inputs?;
+    let request = SetupRequest {
+        database: &database,
+        inputs: &inputs,
+        free: &args.free,
+        fix: &args.fix,
+        noise: NoiseModel {
+            value: args.noise,
+            level: args.level,
+            correlated: args.correlated,
+            length_nm: args.correlation_nm,
+        },
+    };
+    let setup = Setup::new(&request)?;
+    if !setup.assumed().is_empty() {
+        let names: Vec<_> = setup.assumed().iter().map(|p| p.key()).collect();
+        common::note(&format!(
+            "unknown within their axes: {} (--fix NAME=VALUE makes one known)",
+            names.join(", ")
+        ));
+    }
+    let cancel = common::interrupt_flag();
+    let exact = ExactOptions {
+        rays: args.rays,
+        seed: args.seed,
+        cancel: cancel.as_deref().ok(),
+    };
+    let pool = rayon::ThreadPoolBuilder::new()
+        .num_threads(args.threads.count()?)
+        .build()?;
+    let spinner = Spinner::new("searching");
+    let exact = args.exact.then_some(&exact);
+    let found = pool.install(|| setup.retrieve(&database, args.seed, exact));
+    drop(spinner);
+    let found = match found {
+        Err(RetrieveError::Engine(EngineError::Cancelled)) => {
+            return Err(Interrupted("nothing was written".into()).into());
+        }
+        found => found?,
+    };
+    #[cfg(feature = "charts")]
+    if let Some(path) = &args.picture {
+        report::RetrievalPicture(&found).write(path)?;
+    }
+    if args.json {
+        common::print_json(&found.to_json())
+    } else if args.csv {
+        common::print(&found.to_csv())
+    } else {
+        common::print(&found.to_string())
+    }
+}
+
+/// The values of a measured spectrum at wavelengths of the file.
+fn input(
+    spectrum: SpectrumArg,
+    measured: &MeasuredSpectrum,
+    database: &Database,
+) -> anyhow::Result<MeasuredInput> {
+    let matched = measured.at(database.wavelengths_nm())?;
+    let counted: Vec<_> = matched.iter().filter(|m| !m.excluded).collect();
+    Ok(MeasuredInput {
+        name: common::one_line(&spectrum.file),
+        quantity: measured.quantity(),
+        indices: counted.iter().map(|m| m.index).collect(),
+        values: counted.iter().map(|m| m.value).collect(),
+        uncertainties: counted.iter().map(|m| m.uncertainty).collect(),
+        fixed: spectrum.fixed,
+    })
+}
+
+impl Args {
+    /// Reads one measured spectrum and notes how it was read.
+    fn read(
+        &self,
+        spectrum: SpectrumArg,
+        exclusions: &[Exclusion],
+    ) -> anyhow::Result<(SpectrumArg, MeasuredSpectrum)> {
+        let hints = Hints {
+            quantity: spectrum.quantity.or(self.quantity),
+            column: spectrum.column.clone().or_else(|| self.column.clone()),
+            unit: self.unit,
+            scale: self.scale,
+        };
+        let measured = MeasuredSpectrum::read(&spectrum.file, &hints, exclusions)?;
+        let file = common::one_line(&spectrum.file);
+        common::note(&format!("read {file}: {}", measured.report()));
+        Ok((spectrum, measured))
+    }
+
+    /// The compact file, built first if `within` is a grid file.
+    fn database(&self) -> anyhow::Result<Database> {
+        let is_grid = self.within.extension().is_some_and(|end| end == "toml");
+        let dir = match is_grid && !self.within.is_dir() {
+            true => self.built()?,
+            false => self.within.clone(),
+        };
+        let path = match self.diffuse {
+            true => common::diffuse_path(&dir)?,
+            false => dir,
+        };
+        Ok(Database::open(path)?)
+    }
+
+    /// Builds the database of the grid file, or continues it. Returns its directory.
+    fn built(&self) -> anyhow::Result<PathBuf> {
+        let file = grid::read(&self.within)?;
+        common::warn(&file.warnings);
+        common::notes(&file.notes);
+        ensure!(
+            !self.diffuse || file.grid.fixed.diffuse,
+            "{} has no curves under diffuse light; add axes.diffuse = true, or remove --diffuse",
+            self.within.display()
+        );
+        let dir = Path::new("out").join(&file.name);
+        let threads = self.threads.count()?;
+        let options = PlanOptions {
+            threads,
+            seconds: 2.0,
+            dir: Some(dir.clone()),
+        };
+        if !dir.join(COMPACT).exists() {
+            let plan = plan::plan(&file.grid, &options)?;
+            common::note(&format!(
+                "building {} first: {} spectra at {} wavelengths, about {} of CPU time, {} on {} threads, {} on disk",
+                dir.display(),
+                plan.curves,
+                file.grid.wavelengths_nm.len(),
+                common::duration(plan.core_seconds),
+                common::duration(plan.wall_seconds),
+                plan.threads,
+                common::bytes(plan.database_bytes + plan.compact_bytes)
+            ));
+        }
+        let bar = Bar::new(false);
+        let built = build::build(
+            &file.grid,
+            &dir,
+            &BuildOptions {
+                threads,
+                shard: None,
+                only_compress: false,
+                from: Vec::new(),
+                grid_file: self.within.clone(),
+                fresh: false,
+                viewing: file.viewing,
+                progress: Some(&bar),
+                cancel: None,
+            },
+        );
+        drop(bar);
+        let report = built?;
+        if report.jobs_run > 0 {
+            common::note(&format!(
+                "{}: {} jobs run; the next retrieval reads {} at once",
+                dir.display(),
+                report.jobs_run,
+                dir.join(COMPACT).display()
+            ));
+        }
+        if report.compact.is_none() {
+            bail!(
+                "{} is not complete; run `splitsnow build {}`",
+                dir.display(),
+                self.within.display()
+            );
+        }
+        Ok(dir)
+    }
+}
+
+#[cfg(test)]
+#[allow(clippy::unwrap_used)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn files_with_what_is_known() {
+        let plain = SpectrumArg::parse("a@b.csv").unwrap();
+        assert_eq!((plain.file, plain.fixed.len()), ("a@b.csv".into(), 0));
+        let word = "x/a.csv@thickness-cm=2.5,quantity=transmittance,column=T";
+        let thin = SpectrumArg::parse(word).unwrap();
+        assert_eq!(thin.file, Path::new("x/a.csv"));
+        assert_eq!(
+            (thin.fixed[0].named.name(), thin.fixed[0].value),
+            ("thickness_cm", 2.5)
+        );
+        assert_eq!(thin.quantity, Some(Quantity::Transmittance));
+        assert!(thin.column.is_some());
+        for wrong in ["a.csv@y=1", "a.csv@quantity=x", "a.csv@thickness_cm=x"] {
+            assert!(SpectrumArg::parse(wrong).is_err(), "{wrong}");
+        }
+    }
+}

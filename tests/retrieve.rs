@@ -1,0 +1,379 @@
+//! `splitsnow retrieve`: known snows are found again, with intervals that hold them.
+#![allow(clippy::unwrap_used)]
+use std::path::{Path, PathBuf};
+use std::process::{Command, Output};
+use std::sync::OnceLock;
+
+use assert_cmd::cargo::cargo_bin;
+use rand::{Rng, SeedableRng};
+use rand_xoshiro::Xoshiro256PlusPlus;
+use serde_json::Value;
+use splitsnow::lookup::{Database, Lookup};
+use splitsnow::measurement::Quantity;
+use splitsnow::parameter::{Parameter, Point};
+use splitsnow::retrieve::{
+    Cube, CubeIntervals, CubeRequest, FileGrains, MeasuredInput, NoiseModel, Setup, SetupRequest,
+};
+
+fn data(name: &str) -> PathBuf {
+    Path::new(env!("CARGO_MANIFEST_DIR"))
+        .join("tests/data")
+        .join(name)
+}
+
+fn configs(name: &str) -> PathBuf {
+    Path::new(env!("CARGO_MANIFEST_DIR"))
+        .join("configs")
+        .join(name)
+}
+
+/// A folder with the database of a grid file.
+fn built(grid: PathBuf) -> tempfile::TempDir {
+    let folder = tempfile::tempdir().unwrap();
+    let output = Command::new(cargo_bin!("splitsnow"))
+        .arg("build")
+        .arg(grid)
+        .arg("--out")
+        .arg(folder.path())
+        .output()
+        .unwrap();
+    let errors = String::from_utf8(output.stderr).unwrap();
+    assert!(output.status.success(), "{errors}");
+    folder
+}
+
+/// The database of the natural snow.
+fn natural() -> &'static Path {
+    static FOLDER: OnceLock<tempfile::TempDir> = OnceLock::new();
+    FOLDER.get_or_init(|| built(configs("vermont.toml"))).path()
+}
+
+fn retrieve(words: &[&str]) -> Output {
+    let mut command = Command::new(cargo_bin!("splitsnow"));
+    command.arg("retrieve").args(words).output().unwrap()
+}
+
+fn json(words: &[&str]) -> Value {
+    let output = retrieve(&[words, &["--json"]].concat());
+    let errors = String::from_utf8_lossy(&output.stderr);
+    assert!(output.status.success(), "{errors}");
+    serde_json::from_slice(&output.stdout).unwrap()
+}
+
+/// An entry of the list of estimates.
+fn estimate<'a>(found: &'a Value, name: &str) -> &'a Value {
+    let mut all = found["estimates"].as_array().unwrap().iter();
+    all.find(|estimate| estimate["name"] == name).unwrap()
+}
+
+/// The ends of an interval.
+fn ends(found: &Value, name: &str, interval: &str) -> [f64; 2] {
+    [0, 1].map(|i| estimate(found, name)[interval][i].as_f64().unwrap())
+}
+
+const DEEP: &str = "@thickness_cm=34,density_kg_m3=200";
+const THIN: &str = "@thickness_cm=2.5,density_kg_m3=155";
+
+/// The words of the command for the natural snow.
+fn words(deep: bool, thin: bool) -> Vec<String> {
+    let file = |name: &str| configs("measured").join(name).display().to_string();
+    let mut words = vec!["--within".to_owned(), natural().display().to_string()];
+    if deep {
+        words.push(file("vermont_deep.csv") + DEEP);
+    }
+    if thin {
+        words.push(file("vermont_thin.csv") + THIN);
+    }
+    words
+}
+
+fn as_words(words: &[String]) -> Vec<&str> {
+    words.iter().map(String::as_str).collect()
+}
+
+/// Letcher et al. 2022: micro-CT gave 26.1 m2/kg for the thin slab, and 18 to 27 for the deep snow.
+#[test]
+fn the_measured_surface_of_natural_snow_is_in_the_interval() {
+    for (deep, thin) in [(true, false), (false, true), (true, true)] {
+        let words = words(deep, thin);
+        let found = json(&as_words(&words));
+        let [low, high] = ends(&found, "ssa_m2_kg", "p68");
+        eprintln!("{deep} {thin}: {low:.1} to {high:.1}");
+        assert!(low < 26.1 && 26.1 < high, "{deep} {thin}: {low} {high}");
+        // the interval says something: it is narrower than half of the value
+        assert!(high - low < 13.0, "{low} {high}");
+        // the facets are not determined, and the program says so
+        let shape = estimate(&found, "facetness");
+        assert_eq!(shape["determined"], "no", "{shape}");
+        let remarks = found["remarks"].to_string();
+        assert!(remarks.contains("grain_size_um and facetness"), "{remarks}");
+        assert!(found["information"]["determined"].as_u64().unwrap() < 3);
+    }
+}
+
+/// The two files are those of the table of both thicknesses.
+#[test]
+fn natural_snow_is_that_of_the_table() {
+    let table = std::fs::read_to_string(data("crrel_uvd_2021.csv")).unwrap();
+    for (thickness, name) in [("34", "vermont_deep.csv"), ("2.5", "vermont_thin.csv")] {
+        let rows = table
+            .lines()
+            .filter(|line| line.split(',').next() == Some(thickness));
+        let rows: Vec<String> = rows
+            .map(|line| line.split(',').skip(3).collect::<Vec<_>>().join(","))
+            .collect();
+        let file = std::fs::read_to_string(configs("measured").join(name)).unwrap();
+        let own = file.lines().filter(|line| !line.starts_with('#'));
+        let own: Vec<&str> = own.skip(1).collect();
+        assert_eq!(own, rows);
+    }
+}
+
+#[test]
+fn the_engine_confirms_the_optimum() {
+    let words = words(true, false);
+    let words = [as_words(&words), vec!["--exact", "--fix", "facetness=0.2"]].concat();
+    let found = json(&words);
+    let exact = &found["exact"];
+    assert_eq!(exact["settled"], true, "{exact}");
+    assert!(exact["largest_in_sigma"].as_f64().unwrap() < 1.0, "{exact}");
+    assert!(exact["moved_sd"].as_f64().unwrap() < 1.0, "{exact}");
+}
+
+/// Smooth spheres of 82 um by another model: medium snow of the Johns Hopkins library.
+#[test]
+fn spheres_of_another_model_have_their_radius() {
+    let folder = built(data("retrieval/spheres.toml"));
+    let spectrum = data("measured/ecostress_medium_converted.csv");
+    let [spectrum, folder] =
+        [&spectrum, &folder.path().into()].map(|path| path.display().to_string());
+    let found = json(&[&spectrum, "--within", &folder]);
+    let radius = estimate(&found, "optical_radius_um")["best"]
+        .as_f64()
+        .unwrap();
+    eprintln!("{radius}");
+    assert!((radius / 82.0 - 1.0).abs() < 0.15, "{radius}");
+}
+
+/// What docs/retrieval.md says about the usual grains and other models.
+#[test]
+#[ignore = "builds a database for half a minute"]
+fn usual_grains_are_biased_as_stated() {
+    let folder = built(data("retrieval/facets.toml"));
+    let folder = folder.path().display().to_string();
+    let spectrum = data("measured/ecostress_medium_converted.csv")
+        .display()
+        .to_string();
+    let found = json(&[&spectrum, "--within", &folder]);
+    let [low, high] = ends(&found, "optical_radius_um", "p95");
+    assert!(82.0 < low && low < 100.0 && 150.0 < high, "{low} {high}");
+    let tartes = data("../../docs/peers/tartes.csv").display().to_string();
+    let words = [
+        "--column",
+        "2",
+        "--quantity",
+        "reflectance",
+        "--within",
+        &folder,
+    ];
+    let found = json(&[&[tartes.as_str()][..], &words].concat());
+    let [low, high] = ends(&found, "ssa_m2_kg", "p95");
+    assert!(low < 20.33 && 20.33 < high, "{low} {high}");
+}
+
+/// A uniform number in 0 to 1.
+fn uniform(random: &mut Xoshiro256PlusPlus) -> f64 {
+    (random.next_u64() >> 11) as f64 / (1_u64 << 53) as f64
+}
+
+/// 500 spectra of the natural snow's file with noise as stated: the intervals of surface and
+/// carbon hold the truth in 68 % of them, by the grid and by Laplace.
+#[test]
+fn intervals_of_many_spectra_hold_the_truth() {
+    let database = Database::open(natural()).unwrap();
+    let grains = FileGrains::of(&database).unwrap();
+    let noise = NoiseModel {
+        level: 0.0,
+        ..NoiseModel::default()
+    };
+    let fix: Vec<_> = ["facetness=0.2", "thickness_cm=34", "density_kg_m3=200"]
+        .map(|text| text.parse().unwrap())
+        .into();
+    let nm = database.wavelengths_nm().to_vec();
+    let request = CubeRequest {
+        database: &database,
+        quantity: Quantity::Reflectance,
+        indices: (0..nm.len()).collect(),
+        free: &[],
+        fix: &fix,
+        varying: Vec::new(),
+        noise,
+    };
+    let cube = Cube::new(request).unwrap();
+    assert_eq!(
+        cube.names(),
+        [
+            "ssa_m2_kg",
+            "optical_radius_um",
+            "grain_size_um",
+            "black_carbon_ng_g"
+        ]
+    );
+    let errors = splitsnow::retrieve::EmulatorError::of(&database, Quantity::Reflectance).sd;
+    let mut random = Xoshiro256PlusPlus::seed_from_u64(3);
+    let mut normal = {
+        let mut random = Xoshiro256PlusPlus::seed_from_u64(4);
+        move || (0..12).map(|_| uniform(&mut random)).sum::<f64>() - 6.0
+    };
+    let sizes = database.axes().values(Parameter::GrainSize);
+    let (first, last) = (sizes[0], sizes[sizes.len() - 1]);
+    let (mut spectra, mut truths) = (Vec::new(), Vec::new());
+    for _ in 0..500 {
+        let carbon = 300.0 * uniform(&mut random);
+        let size = first * (last / first).powf(uniform(&mut random));
+        let at = database
+            .at(Point::from([(Parameter::BlackCarbon, carbon)]))
+            .unwrap();
+        let lookup = Lookup::new(&at, Quantity::Reflectance).unwrap();
+        let point = Point::from_core([0.2, size, 200.0, 34.0, 0.0]);
+        let mut spectrum = vec![0.0; nm.len()];
+        lookup.spectrum(point, &mut spectrum).unwrap();
+        let mut shared = [normal(), normal()];
+        for l in 0..nm.len() {
+            if l > 0 {
+                let near = f64::exp((nm[l - 1] - nm[l]) / noise.length_nm);
+                let fresh = (1.0 - near * near).sqrt();
+                shared = shared.map(|value| near * value + fresh * normal());
+            }
+            let error = noise.correlated * shared[0] + errors[l] * shared[1];
+            spectra.push(f64::from(spectrum[l]) + error + noise.value * normal());
+        }
+        let measure = splitsnow::grain::SizeMeasure::SpecificSurface;
+        truths.push([grains.measure(measure, &point), carbon]);
+    }
+    for (intervals, least) in [(CubeIntervals::Grid, 315), (CubeIntervals::Laplace, 300)] {
+        let rows = cube.solve(&spectra, None, intervals, false).unwrap();
+        for (name, k) in [(0, 0), (3, 1)] {
+            let held = rows.iter().zip(&truths).filter(|(row, truth)| {
+                let [low, high] = row.p68[name];
+                (low..=high).contains(&truth[k])
+            });
+            let held = held.count();
+            eprintln!("{intervals:?} {name}: {held} of 500");
+            assert!(
+                (least..=365).contains(&held),
+                "{intervals:?} {name}: {held}"
+            );
+        }
+    }
+}
+
+/// Reflectance and transmittance of one look-up give back its snow, also with more than four
+/// unknowns.
+#[test]
+fn several_spectra_share_the_unknowns() {
+    let database = Database::open(natural()).unwrap();
+    let at = database
+        .at(Point::from([(Parameter::BlackCarbon, 40.0)]))
+        .unwrap();
+    let point = Point::from_core([0.3, 300.0, 180.0, 6.0, 0.0]);
+    let inputs = Quantity::ALL.map(|quantity| {
+        let mut spectrum = vec![0.0; database.wavelengths_nm().len()];
+        let lookup = Lookup::new(&at, quantity).unwrap();
+        lookup.spectrum(point, &mut spectrum).unwrap();
+        MeasuredInput {
+            name: quantity.name().into(),
+            quantity,
+            indices: (0..spectrum.len()).collect(),
+            uncertainties: vec![None; spectrum.len()],
+            values: spectrum.into_iter().map(f64::from).collect(),
+            fixed: Vec::new(),
+        }
+    });
+    let request = SetupRequest {
+        database: &database,
+        inputs: &inputs,
+        free: &[],
+        fix: &[],
+        noise: NoiseModel::default(),
+    };
+    let setup = Setup::new(&request).unwrap();
+    let found = setup.retrieve(&database, 1, None).unwrap();
+    assert_eq!(found.unknowns().len(), 5);
+    assert!(
+        found.goodness.chi_square < 1.0,
+        "{}",
+        found.goodness.chi_square
+    );
+    for (name, truth) in [
+        ("grain_size_um", 300.0),
+        ("thickness_cm", 6.0),
+        ("black_carbon_ng_g", 40.0),
+    ] {
+        let estimate = found.estimates.iter().find(|e| e.name == name).unwrap();
+        let [low, high] = estimate.interval.p95;
+        assert!(low < truth && truth < high, "{name}: {low} {high}");
+    }
+    let text = found.to_string();
+    assert!(text.contains("affine-invariant sampler"), "{text}");
+    // with what is known it is exact
+    let fix: Vec<_> = ["facetness=0.3", "density_kg_m3=180", "thickness_cm=6"]
+        .map(|text| text.parse().unwrap())
+        .into();
+    let known = SetupRequest {
+        fix: &fix,
+        ..request
+    };
+    let setup = Setup::new(&known).unwrap();
+    let found = setup.retrieve(&database, 1, None).unwrap();
+    let size = found.unknowns()[0].best;
+    assert!((size / 300.0 - 1.0).abs() < 0.01, "{size}");
+}
+
+#[test]
+fn contradictions_are_named() {
+    let words = words(true, false);
+    for (more, expected) in [
+        (&["--fix", "temperature_c=-5"][..], "no axis temperature_c"),
+        (
+            &["--fix", "ssa_m2_kg=200"],
+            "ssa_m2_kg = 200 is outside the compact file, which covers 8",
+        ),
+        (
+            &["--fix", "facetness=0.2", "--free", "facetness"],
+            "facetness is both known and unknown",
+        ),
+        (
+            &["--free", "incidence_angle_deg"],
+            "incidence_angle_deg cannot be unknown",
+        ),
+        (
+            &["--free", "facetness", "--free", "facetness=0.1..0.3"],
+            "facetness is stated as unknown twice",
+        ),
+        (
+            &["--free", "ssa_m2_kg=200..300"],
+            "ssa_m2_kg = 200..300 is outside",
+        ),
+        (&["--fix", "thickness_cm=10"], "thickness_cm has two values"),
+        (
+            &[
+                "--fix",
+                "facetness=0.2",
+                "--fix",
+                "ssa_m2_kg=26",
+                "--fix",
+                "black_carbon_ng_g=0",
+            ],
+            "nothing to retrieve",
+        ),
+    ] {
+        let output = retrieve(&[&as_words(&words), more].concat());
+        let errors = String::from_utf8(output.stderr).unwrap();
+        let last = errors.lines().last().unwrap();
+        assert!(
+            !output.status.success() && last.contains(expected),
+            "{more:?}: {errors}"
+        );
+    }
+}
