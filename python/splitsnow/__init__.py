@@ -9,7 +9,8 @@ A database is a compact file written by ``splitsnow build`` or ``splitsnow tailo
     colours = snow.srgb(0.3, 250, 300, thickness_cm=[2, 5], incidence_angle_deg=20)
 
 Wavelengths are in nm; reflectance and transmittance are dimensionless, in [0, 1].
-:class:`Directions` looks up the light toward a view.
+:class:`Directions` looks up the light toward a view. :func:`retrieve` finds the snow of measured
+spectra.
 """
 
 from ._colour import lab, srgb, swatch, xyz
@@ -17,14 +18,17 @@ from ._database import Database
 from ._directions import Directions
 from ._native import VERSION as __version__
 from ._native import simd
+from ._retrieval import Retrieval, retrieve
 from ._simulation import Simulation, simulate
 
 __all__ = [
     "Database",
     "Directions",
+    "Retrieval",
     "Simulation",
     "__version__",
     "lab",
+    "retrieve",
     "simd",
     "simulate",
     "srgb",

@@ -12,6 +12,7 @@ __all__ = [
     "colours",
     "illuminant",
     "parameters",
+    "retrieve",
     "simd",
     "simulate",
 ]
@@ -84,6 +85,19 @@ def colours(
     out: NDArray[np.float64],
 ) -> None: ...
 def illuminant(path: str) -> tuple[list[float], list[float], str]: ...
+def retrieve(
+    database: Database,
+    quantity_name: str,
+    indices: list[int],
+    spectra: NDArray[np.float64],
+    sigma: Optional[NDArray[np.float64]],
+    knowledge: tuple[list[str], list[str], list[tuple[str, NDArray[np.float64]]]],
+    noise: tuple[float, float, float, float],
+    grid: bool,
+    jacobian: bool,
+) -> tuple[
+    tuple[list[str], int], list[tuple[str, NDArray[np.float64]]], list[bool]
+]: ...
 def simulate(
     file: tuple[str, str, bool],
     engine: str,

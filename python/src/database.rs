@@ -52,7 +52,7 @@ pub(crate) fn to_exception(error: LookupError) -> PyErr {
     }
 }
 
-fn quantity(name: &str) -> PyResult<Quantity> {
+pub(crate) fn quantity(name: &str) -> PyResult<Quantity> {
     let found = Quantity::ALL.into_iter().find(|q| q.name() == name);
     let names = Quantity::ALL.map(Quantity::name).join(", ");
     let message =
@@ -180,6 +180,11 @@ impl Database {
 }
 
 impl Database {
+    /// The compact file.
+    pub(crate) fn file(&self) -> &lookup::Database {
+        &self.file
+    }
+
     fn fill<T: Send>(
         &self,
         py: Python,

@@ -6,6 +6,7 @@ mod database;
 mod directions;
 mod points;
 mod pool;
+mod retrieval;
 mod simulation;
 
 use pyo3::exceptions::PyValueError;
@@ -29,6 +30,8 @@ mod _native {
     use crate::database::Database;
     #[pymodule_export]
     use crate::directions::Directions;
+    #[pymodule_export]
+    use crate::retrieval::retrieve;
     #[pymodule_export]
     use crate::simulation::simulate;
 

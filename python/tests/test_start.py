@@ -1,4 +1,4 @@
-"""The quick starts in docs/start that use Python run as they stand, and print what they show.
+"""The quick starts in docs/start and docs/retrieval.md that use Python run as they stand, and print what they show.
 
 As in tests/start.rs, which runs the other blocks: commands run in an empty folder that sees
 the clone, `toml` is saved under the name in its first line, and `...` in a `text` block
@@ -16,7 +16,7 @@ from pathlib import Path
 import pytest
 from conftest import ROOT
 
-PAGES = ("artist", "satellite", "snow")
+PAGES = ("artist", "satellite", "snow", "../retrieval")
 INSTALLS = ("cargo install --path .", "pip install ", "apt install ")
 
 
