@@ -25,3 +25,24 @@ mod lut;
 mod optical;
 mod pages;
 mod retrieve;
+mod scale;
+mod simd;
+mod simulate;
+mod site;
+#[cfg(unix)]
+mod start;
+#[cfg(unix)]
+mod status;
+mod store;
+mod substrates;
+#[cfg(unix)]
+mod tailor;
+mod units;
+mod verify;
+mod views;
+
+mod common;
+mod config_errors;
+#[path = "common/quoted.rs"]
+#[allow(dead_code)]
+mod quoted;
