@@ -13,7 +13,7 @@ use crate::lookup::{Database, Lookup};
 use crate::measurement::Quantity;
 use crate::store::{COMPACT, DIFFUSE, Store, VIEWS};
 
-/// Export to NetCDF, CSV or NPZ; one spectrum or a look-up table for renderers; patches of colour
+/// Export to NetCDF, CSV or NPZ; a spectrum or a table for renderers; colour patches
 ///
 /// `netcdf` (conventions CF-1.11), `csv` (one row for each node and wavelength) and `npz`
 /// hold all nodes of the database, with standard errors, or all nodes of the compact file.

@@ -23,7 +23,7 @@ const WARNING_SECONDS: u32 = 60;
 const TIME_MARGIN: (f64, f64) = (3.0, 10.0);
 /// Factor of the memory of the pilot jobs, for longer ones, and smallest memory, MB.
 const MEMORY_MARGIN: (f64, f64) = (2.0, 1024.0);
-/// Memory of the compression per value of one quantity, bytes.
+/// Memory of the compression per value toward a view of one quantity, bytes.
 const COMPRESS_BYTES: f64 = 32.0;
 
 /// Build a grid on a cluster: submit a job array and a job that compresses
@@ -129,7 +129,9 @@ pub(super) fn run(args: &Args) -> anyhow::Result<()> {
     let peak = host::peak_bytes().map_or(0.0, |peak| peak as f64 * 1e-6);
     let megabytes = (factor * peak).max(least).ceil() as u64;
     let wavelengths = plan.axes.last().map_or(0, |axis| axis.values.len()) as f64;
-    let values = plan.curves as f64 * wavelengths * (plan.views.max(1)) as f64;
+    // The factors toward views are compressed in one piece, and the file is assembled in memory.
+    let toward_views = plan.curves as f64 * wavelengths * plan.views as f64;
+    let compressing = COMPRESS_BYTES * toward_views + 3.0 * plan.compact_bytes as f64;
     let scripts = Scripts {
         name: file.name,
         program: std::env::current_exe().context("cannot find this program")?,
@@ -139,7 +141,7 @@ pub(super) fn run(args: &Args) -> anyhow::Result<()> {
         cpus: args.cpus,
         minutes: given.unwrap_or(estimate).ceil().max(1.0) as u64,
         megabytes: args.memory.unwrap_or(megabytes),
-        compress_megabytes: (least + 1e-6 * COMPRESS_BYTES * values).ceil() as u64,
+        compress_megabytes: (least + 1e-6 * compressing).ceil() as u64,
         options: args.options.clone(),
     };
     let texts = [scripts.array(), scripts.compress()];

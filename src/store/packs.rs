@@ -92,7 +92,7 @@ fn share(n: u64, limit: u64, is_first: bool) -> u64 {
     if is_first {
         return most;
     }
-    (1..=most).rev().find(|k| n % k == 0).unwrap_or(1)
+    (1..=most).rev().find(|k| n.is_multiple_of(*k)).unwrap_or(1)
 }
 
 #[cfg(test)]

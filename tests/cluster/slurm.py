@@ -192,9 +192,12 @@ def check(program, folder, cluster):
     os.kill(wait("task 0", lambda: running(0))["process"], signal.SIGKILL)
     # task 2 is asked to end, as before a time limit: it is queued again
     wait("task 2", lambda: running(2))
-    # While Slurm starts a task it says that this is refused, but passes the signal on all the same.
-    subprocess.run(["scancel", "--batch", "--signal=USR1", f"{array}_2"], capture_output=True)
+    # While Slurm starts a task it refuses and passes the signal on all the same; scancel tries for
+    # a minute more, which is not waited for.
+    ask = subprocess.Popen(["scancel", "--batch", "--signal=USR1", f"{array}_2"], stderr=subprocess.DEVNULL)
     wait("task 2 stopped", lambda: status()[2]["state"] in ("stopped", "finished"))
+    ask.kill()
+    ask.wait()
     # a node is lost: its task is queued again
     nodes = lambda: dict(
         line.split()[::-1] for line in run("squeue", "-hr", "-j", array, "-t", "R", "-o", "%K %N").splitlines()

@@ -38,7 +38,7 @@ engine = "spectral"
 rays = 500
 """
 # long enough to be killed in the middle of a job
-SLOW = GRID.replace("rays = 500", "rays = 8000")
+SLOW = GRID.replace("rays = 500", "rays = 20000")
 # not part of the result
 TRANSIENT = (".splitsnow-", "lost+found")
 
@@ -126,7 +126,7 @@ def kills(program, folder, expected, rng, number):
             shards = rng.random() < 0.5
             words = [["--shard", f"{i}/3", "--threads", "1"] for i in range(3)] if shards else [[]]
             processes = [trial.start(*word) for word in words]
-            time.sleep(rng.uniform(0.0, 0.8))
+            time.sleep(rng.uniform(0.0, 1.5))
             victim = rng.choice(processes)
             if victim.poll() is None:
                 victim.kill()
@@ -246,7 +246,8 @@ def directories(program, folder, expected):
         disk = trial.folder / "out"
         mounted(disk, "size=100m")
         process = trial.start("--threads", "1")
-        time.sleep(0.4)
+        while not list(trial.out.glob(".splitsnow-jobs/*")):
+            time.sleep(0.001)
         if what == "ro":
             # fails while files are open for writing
             while subprocess.run(["mount", "-o", "remount,ro", disk], capture_output=True).returncode:
