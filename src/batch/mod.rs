@@ -182,8 +182,7 @@ where
         });
     }
     let (mut sum, mut max_lost_share) = (0.0, 0.0_f64);
-    for job in own {
-        let share = store.lost_share(job)?;
+    for share in store.lost_shares(own)? {
         sum += share;
         max_lost_share = max_lost_share.max(share);
     }

@@ -221,8 +221,7 @@ impl LostShare {
     pub(super) fn of(store: &Store) -> Result<Self, BuildError> {
         let count = store.jobs().count();
         let (mut sum, mut max) = (0.0, 0.0_f64);
-        for job in 0..count {
-            let share = store.lost_share(job)?;
+        for share in store.lost_shares(0..count)? {
             sum += share;
             max = max.max(share);
         }

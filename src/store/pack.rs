@@ -1,5 +1,5 @@
 //! Packs on disk: the jobs of a pack move into a file of each array when all of them are done.
-use std::collections::BTreeMap;
+use std::collections::{BTreeMap, BTreeSet};
 use std::fs::File;
 use std::io::{ErrorKind, Read, Seek, SeekFrom};
 use std::ops::Range;
@@ -246,19 +246,37 @@ impl Store {
         Ok(self.is_intact(job, &record).then_some(record))
     }
 
-    /// The share of lost rays of `job`, wherever it is stored, unchecked; `None` if it is not.
-    pub(super) fn stored_share(&self, job: u64) -> Result<Option<f64>, StoreError> {
+    /// Largest share of lost rays of each of `jobs`, 0 to 1, over its curves and wavelengths; NaN
+    /// if it is not done. The shares are not checked against the commit marks.
+    ///
+    /// # Errors
+    /// [`StoreError::Io`] if a file exists but cannot be read.
+    pub fn lost_shares(&self, jobs: Range<u64>) -> Result<Vec<f64>, StoreError> {
         let length = size_of::<f64>();
-        let mut bytes = read_part(&self.job_file(job), length as u64, length)?;
-        if bytes.is_none() {
-            let packs = &self.layout.packs;
+        let share = |bytes: &[u8]| bytes.try_into().map_or(f64::NAN, f64::from_le_bytes);
+        let unpacked: BTreeSet<u64> = self.job_files()?.into_iter().collect();
+        let packs = &self.layout.packs;
+        let mut shares = Vec::new();
+        // a file of many jobs is read once
+        let mut read: Option<(u64, Vec<u8>)> = None;
+        for job in jobs {
+            if unpacked.contains(&job) {
+                let bytes = read_part(&self.job_file(job), length as u64, length)?;
+                shares.push(share(&bytes.unwrap_or_default()));
+                continue;
+            }
             let pack = packs.of(job);
-            let position = (job - packs.range(pack).start) * length as u64;
-            let path = self.layout.lost.chunk_key(&[pack]);
-            bytes = read_part(&self.root.join(path.as_str()), position, length)?;
+            if read.as_ref().is_none_or(|(other, _)| *other != pack) {
+                let path = self.layout.lost.chunk_key(&[pack]);
+                let bytes = file::read(&self.root.join(path.as_str()))?;
+                read = Some((pack, bytes.unwrap_or_default()));
+            }
+            let bytes = read.as_ref().map_or(&[][..], |(_, bytes)| bytes);
+            let position = (job - packs.range(pack).start) as usize * length;
+            let bytes = bytes.get(position..).and_then(|bytes| bytes.get(..length));
+            shares.push(share(bytes.unwrap_or_default()));
         }
-        let bytes = bytes.and_then(|bytes| bytes.try_into().ok());
-        Ok(bytes.map(f64::from_le_bytes))
+        Ok(shares)
     }
 
     /// The bytes that the files of a pack of these `records` must have, in the order of

@@ -306,15 +306,6 @@ impl Store {
         Array2::from_shape_vec(shape, values).map_err(StoreError::zarr(quantity.name()))
     }
 
-    /// Largest share of lost rays over the curves and wavelengths of `job`, 0 to 1; NaN if
-    /// the job is not done.
-    ///
-    /// # Errors
-    /// [`StoreError::Io`] if a file exists but cannot be read.
-    pub fn lost_share(&self, job: u64) -> Result<f64, StoreError> {
-        Ok(self.stored_share(job)?.unwrap_or(f64::NAN))
-    }
-
     /// The spectra of `job`, one per curve in storage order; each has the largest share of
     /// lost rays of the job. `None` if the job is not done.
     ///
