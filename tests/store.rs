@@ -12,12 +12,16 @@ use assert_cmd::cargo::cargo_bin;
 
 use crate::common::{assert_same, dir_bytes, grid, share, simulate};
 use splitsnow::batch::{self, BatchError, BatchOptions, BatchSummary};
+use splitsnow::build::{self, CompressionRequest};
+use splitsnow::colour::Viewing;
+use splitsnow::compress::{Decomposition, curve_errors};
 use splitsnow::engine::{Cache, Engine, EngineError};
 use splitsnow::grid::{Grid, Shard};
 use splitsnow::optics::Carbon;
 use splitsnow::parameter::Parameter;
 use splitsnow::store::{self, Access, Store, StoreError, Variable};
 use splitsnow::transport::{Layer, Substrate};
+use splitsnow::{Database, Quantity};
 
 fn extra() -> BTreeMap<String, String> {
     BTreeMap::from([("data.ice".to_string(), "0123".to_string())])
@@ -294,6 +298,53 @@ fn jobs_that_are_not_packed_yet_are_kept() {
     assert_eq!(run(dir.path(), &grid, 2, None).unwrap().run, 2);
     assert_same(&expected, &dir_bytes(dir.path()));
     assert!(!jobs.exists());
+}
+
+/// Several packs, of which the last has fewer jobs.
+#[test]
+fn packs_are_read_in_order() {
+    let mut grid = grid(Engine::Reference);
+    let facetness = (0..100).map(|i| 0.005 + 0.0099 * f64::from(i)).collect();
+    grid.axes.set(Parameter::Facetness, facetness);
+    let dir = tempfile::tempdir().unwrap();
+    // 85 of 100 blocks of 12 jobs fit into a pack
+    assert_eq!(run(dir.path(), &grid, 2, None).unwrap().jobs, 1200);
+    for (array, _, _) in per_job() {
+        let files = fs::read_dir(dir.path().join("database.zarr").join(array)).unwrap();
+        assert_eq!(files.count(), 3, "{array}: two packs and metadata");
+    }
+    let store = Store::open(dir.path()).unwrap();
+    assert!(store.verify().unwrap().is_whole());
+    let reflectance = store.read(Variable::REFLECTANCE).unwrap();
+    assert_eq!(reflectance.dim(), (1200, 4));
+    for job in [0, 1019, 1020, 1199] {
+        let stored = store.spectra(job).unwrap().unwrap();
+        let values = stored[0].reflectance.iter().map(|m| m.value as f32);
+        assert!(
+            values.eq(reflectance.row(job as usize).iter().copied()),
+            "{job}"
+        );
+    }
+    // and compressed
+    let bounds = CompressionRequest::plain(grid.compression, Viewing::default());
+    build::compress(dir.path(), &bounds).unwrap();
+    let curves = reflectance.mapv(f64::from);
+    let file = Database::open(dir.path().join("snow.safetensors")).unwrap();
+    let errors = curve_errors(&file, Quantity::Reflectance, curves.view(), None).unwrap();
+    let expected = Decomposition::new(curves.view()).unwrap().basis;
+    let components = file.basis(Quantity::Reflectance).ncols();
+    for (component, expected) in (0..components).zip(expected.columns()) {
+        let found = file.basis(Quantity::Reflectance);
+        let found = found.column(component);
+        assert!(found.iter().zip(expected).all(|(a, b)| *a == *b as f32));
+    }
+    // the rows of the file are those of the database; the table has six digits
+    let table: serde_json::Value = serde_json::from_str(&file.metadata()["error_table"]).unwrap();
+    let table = &table["reflectance"];
+    let chosen = table["chosen"].as_u64().unwrap() as usize;
+    let stated = table["rows"][chosen - 1]["rmse"]["max"].as_f64().unwrap();
+    let largest = errors.rmse.iter().copied().fold(0.0, f64::max);
+    assert!((stated / largest - 1.0).abs() < 5e-6, "{stated} {largest}");
 }
 
 /// A process killed while it packs leaves jobs both in arrays and in files.

@@ -12,6 +12,7 @@ mod cube;
 mod exact;
 mod grains;
 mod knowledge;
+mod output;
 mod report;
 mod residuals;
 mod setup;
@@ -26,9 +27,8 @@ pub use cube::{Cube, CubeIntervals, CubeRequest, CubeResult, SpectrumRow};
 pub use exact::{ExactCheck, ExactOptions};
 pub use grains::FileGrains;
 pub use knowledge::{FreeParameter, KnownValue, Named};
-pub use report::{
-    Determined, GoodnessOfFit, Pair, PlaceScale, Retrieval, RetrievedQuantity, short,
-};
+pub use output::short;
+pub use report::{Determined, GoodnessOfFit, Pair, PlaceScale, Retrieval, RetrievedQuantity};
 pub use residuals::{BandResiduals, FittedSpectrum, FittedValue};
 pub use setup::{MeasuredInput, Setup, SetupRequest};
 pub use splitsnow_retrieval::{

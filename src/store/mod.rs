@@ -36,7 +36,7 @@ mod file;
 mod job;
 mod layout;
 mod lock;
-mod pack;
+mod packing;
 mod packs;
 mod read;
 mod space;
@@ -50,7 +50,7 @@ use std::sync::Arc;
 use description::{Description, Stored};
 use layout::{ArrayLayout, Contents};
 use lock::Lock;
-pub(crate) use pack::{Packer, Survey};
+pub(crate) use packing::{Packer, Survey};
 
 use crate::atomic::resolved;
 use crate::grid::{Grid, Jobs, SizeAxis};

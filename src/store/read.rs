@@ -245,9 +245,9 @@ impl Store {
         let survey = self.survey()?;
         for pack in survey.loose {
             let files = self.unlike(pack)?.into_iter();
-            let files = files.map(|path| match path.strip_prefix(&self.root) {
-                Ok(path) => path.display().to_string(),
-                Err(_) => path.display().to_string(),
+            let files = files.map(|path| {
+                let within = path.strip_prefix(&self.root).unwrap_or(&path);
+                within.display().to_string()
             });
             damaged.extend(files);
         }

@@ -1,4 +1,6 @@
-//! What the data determine.
+//! What the data determine: eigenvectors of the Fisher information at the most probable point, in
+//! units of the prior. It is linear there, so it says little where the derivatives change within
+//! the interval of an unknown.
 use nalgebra::{DMatrix, SymmetricEigen};
 
 use crate::{Inverse, Optimum};

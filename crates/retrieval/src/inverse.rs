@@ -1,4 +1,6 @@
-//! Measured spectra and unknowns: residuals and their derivatives.
+//! Measured spectra and unknowns: residuals, which are differences of reflectance or
+//! transmittance in units of their errors, and their derivatives by finite differences. Unknowns
+//! are places, 0 to 1 of their range; beyond it there is no spectrum.
 use nalgebra::DMatrix;
 use splitsnow_lookup::Point;
 

@@ -1,4 +1,5 @@
-//! The errors of a measured spectrum, and residuals in units of them.
+//! The errors of a measured spectrum (Gaussian, of reflectance or transmittance, 0 to 1), and
+//! residuals in units of them. Wavelengths are in nm.
 use nalgebra::{Cholesky, DMatrix};
 
 /// The errors of the values of one spectrum that are not stated with them.

@@ -1,4 +1,7 @@
-//! The most probable point: Levenberg and Marquardt from the best point of a coarse grid.
+//! The most probable point: the method of Levenberg (1944) and Marquardt (1963) from the best
+//! points of a coarse grid, and intervals in the approximation of Laplace, which holds where the
+//! spectrum is linear in the unknowns over an interval. Another optimum far from all starts is
+//! not found.
 use nalgebra::{Cholesky, DMatrix, DVector};
 
 use crate::{Inverse, Observation, Scratch};

@@ -1,4 +1,6 @@
 //! The distribution of the unknowns: on nested cells for up to four unknowns, else by a sampler.
+//! Cells are halved where the mass is; a narrow part that no cell of an earlier level shows is
+//! missed.
 use std::collections::BTreeSet;
 
 use nalgebra::DMatrix;

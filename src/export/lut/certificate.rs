@@ -1,4 +1,6 @@
-//! The errors of a table, measured at its texels and between them.
+//! The errors of a table: Delta-E*ab (CIE 1976) of interpolated texels against look-ups in the
+//! compact file, at its texels and in the middles between them. Angles beyond 80 degrees are
+//! counted apart.
 use serde::Serialize;
 
 use crate::colour::{delta_e, relative_lab};

@@ -1,4 +1,5 @@
-//! The primaries of linear colours.
+//! The primaries of linear colours, their white points (chromaticities x, y), and the matrices
+//! between them. White is adapted by Bradford's matrix.
 use nalgebra::{Matrix3, Vector3};
 
 /// Chromaticity of the white of D65.

@@ -43,6 +43,25 @@ impl Picture {
             () => None,
         }
     }
+
+    /// Writes what `draw` draws at this size (width and height as shown, pixels) atomically: as PNG
+    /// if `path` ends with .png, else as SVG. `chart` names it in errors.
+    pub(super) fn write(
+        path: &Path,
+        chart: &'static str,
+        size: (i32, i32),
+        draw: impl Fn(&Area) -> DrawResult,
+    ) -> Result<(), ReportError> {
+        let bytes = match Self::of(path) {
+            Some(Self::Png) => canvas::png(size, draw),
+            _ => canvas::svg(size, draw).map(String::into_bytes),
+        };
+        let bytes = bytes.map_err(|reason| ReportError::Drawing { chart, reason })?;
+        atomic::write(path, &bytes).map_err(|source| ReportError::Io {
+            path: path.to_owned(),
+            source,
+        })
+    }
 }
 
 /// The chart of a comparison.
@@ -63,21 +82,8 @@ impl Residuals<'_> {
     /// # Errors
     /// [`ReportError`] if the chart cannot be drawn or the file cannot be written.
     pub fn write(&self, path: &Path) -> Result<(), ReportError> {
-        let failed = |reason| ReportError::Drawing {
-            chart: "the comparison",
-            reason,
-        };
         let size = (WIDTH, HEAD + UPPER + LOWER);
-        let draw = |area: &Area| self.draw(area);
-        let bytes = match Picture::of(path) {
-            Some(Picture::Png) => canvas::png(size, draw),
-            _ => canvas::svg(size, draw).map(String::into_bytes),
-        }
-        .map_err(failed)?;
-        atomic::write(path, &bytes).map_err(|source| ReportError::Io {
-            path: path.to_owned(),
-            source,
-        })
+        Picture::write(path, "the comparison", size, |area| self.draw(area))
     }
 
     /// Draws the title, the legend and both panels.

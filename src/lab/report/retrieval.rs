@@ -11,7 +11,6 @@ use super::ReportError;
 use super::canvas::{self, Area, DrawResult};
 use super::residuals::{Picture, axis_end};
 use super::style::{GREY, GRID, INK, SCALE, SHADE, Style, font, write};
-use crate::atomic;
 use crate::retrieve::{FittedSpectrum, FittedValue, PosteriorMethod, Retrieval, short};
 
 /// Width as shown, pixels.
@@ -41,21 +40,8 @@ impl RetrievalPicture<'_> {
     /// # Errors
     /// [`ReportError`] if it cannot be drawn or the file cannot be written.
     pub fn write(&self, path: &Path) -> Result<(), ReportError> {
-        let failed = |reason| ReportError::Drawing {
-            chart: "the retrieval",
-            reason,
-        };
         let size = (WIDTH, HEAD + SPECTRA + RESIDUALS + self.corner_height());
-        let draw = |area: &Area| self.draw(area);
-        let bytes = match Picture::of(path) {
-            Some(Picture::Png) => canvas::png(size, draw),
-            _ => canvas::svg(size, draw).map(String::into_bytes),
-        }
-        .map_err(failed)?;
-        atomic::write(path, &bytes).map_err(|source| ReportError::Io {
-            path: path.to_owned(),
-            source,
-        })
+        Picture::write(path, "the retrieval", size, |area| self.draw(area))
     }
 
     fn unknowns(&self) -> i32 {

@@ -1,4 +1,6 @@
-//! Packs on disk: the jobs of a pack move into a file of each array when all of them are done.
+//! Packs on disk: when all jobs of a pack are done, they move from files of their own into one file
+//! of each array. The bytes of these files follow from the jobs alone, so a file that differs from
+//! them is written again.
 use std::collections::{BTreeMap, BTreeSet};
 use std::fs::File;
 use std::io::{ErrorKind, Read, Seek, SeekFrom};
@@ -11,6 +13,9 @@ use super::{Store, StoreError, file};
 
 /// Offset and length in the index of a shard of a chunk that does not exist.
 const NO_CHUNK: [u64; 2] = [u64::MAX; 2];
+
+/// The bytes of the files of a pack; `None` for one that does not exist.
+type PackFiles = Vec<Option<Vec<u8>>>;
 
 /// Which jobs and packs of a database are not as they should be.
 #[derive(Debug, Default)]
@@ -95,9 +100,7 @@ impl Store {
     pub(crate) fn survey(&self) -> Result<Survey, StoreError> {
         let mut survey = Survey::default();
         for pack in 0..self.layout.packs.count() {
-            let files = self.read_pack(pack)?;
-            let mut records = self.records(pack, &files);
-            self.fill(pack, &mut records)?;
+            let (files, records) = self.found(pack)?;
             let jobs = self.layout.packs.range(pack).zip(&records);
             let missing = jobs.filter(|(_, record)| record.is_none());
             let mut missing: Vec<u64> = missing.map(|(job, _)| job).collect();
@@ -111,9 +114,7 @@ impl Store {
 
     /// The files of `pack` whose bytes are not those that its jobs, all done, must have.
     pub(super) fn unlike(&self, pack: u64) -> Result<Vec<PathBuf>, StoreError> {
-        let files = self.read_pack(pack)?;
-        let mut records = self.records(pack, &files);
-        self.fill(pack, &mut records)?;
+        let (files, records) = self.found(pack)?;
         let expected = self.pack_bytes(&records);
         let found = files.iter().zip(&expected).zip(self.pack_paths(pack));
         Ok(found
@@ -142,8 +143,7 @@ impl Store {
     /// Moves the jobs of `pack` into the arrays. Those that are there already stay. Does nothing
     /// if one of them is not done.
     fn pack(&self, pack: u64) -> Result<(), StoreError> {
-        let mut records = self.records(pack, &self.read_pack(pack)?);
-        self.fill(pack, &mut records)?;
+        let (_, records) = self.found(pack)?;
         if records.iter().any(Option::is_none) {
             return Ok(());
         }
@@ -154,14 +154,17 @@ impl Store {
             .try_for_each(|job| file::remove_file(&self.job_file(job)))
     }
 
-    /// Adds the jobs of `pack` that have files of their own to those that are in the arrays.
-    fn fill(&self, pack: u64, records: &mut [Option<JobRecord>]) -> Result<(), StoreError> {
-        for (job, record) in self.layout.packs.range(pack).zip(records) {
+    /// The files of `pack` as [`read_pack`](Self::read_pack) gives them, and its jobs that are
+    /// done: those in the arrays, and those that have files of their own.
+    fn found(&self, pack: u64) -> Result<(PackFiles, Vec<Option<JobRecord>>), StoreError> {
+        let files = self.read_pack(pack)?;
+        let mut records = self.records(pack, &files);
+        for (job, record) in self.layout.packs.range(pack).zip(&mut records) {
             if record.is_none() {
                 *record = self.unpacked(job)?;
             }
         }
-        Ok(())
+        Ok((files, records))
     }
 
     /// Writes the files of `pack`, the commit marks last.
@@ -191,7 +194,7 @@ impl Store {
 
     /// The bytes of the files of `pack`, in the order of [`pack_paths`](Self::pack_paths); a file
     /// that does not exist is `None`.
-    fn read_pack(&self, pack: u64) -> Result<Vec<Option<Vec<u8>>>, StoreError> {
+    fn read_pack(&self, pack: u64) -> Result<PackFiles, StoreError> {
         let paths = self.pack_paths(pack).into_iter();
         paths.map(|path| file::read(&path)).collect()
     }
@@ -281,7 +284,7 @@ impl Store {
 
     /// The bytes that the files of a pack of these `records` must have, in the order of
     /// [`pack_paths`](Self::pack_paths).
-    fn pack_bytes(&self, records: &[Option<JobRecord>]) -> Vec<Option<Vec<u8>>> {
+    fn pack_bytes(&self, records: &[Option<JobRecord>]) -> PackFiles {
         let capacity = self.layout.packs.jobs() as usize;
         let records = || records.iter().flatten();
         let arrays = self.layout.chunk_bytes().enumerate();
