@@ -120,18 +120,20 @@
 //! | [`store`], [`batch`] | the Zarr store, which is both checkpoint and result; the job runner |
 //! | [`simulation`] | the spectrum of a sample in one call |
 //! | [`retrieve`] | from measured spectra to the snow |
+//! | [`page`] | the messages of the web page |
 //! | [`compress`] | SVD and the compact file |
 //! | [`build`](mod@build), [`plan`](mod@plan) | from a grid to its database and compact file; estimates of time, size and errors |
 //! | [`error_budget`], [`tailor`] | the error budget of look-ups; the smallest file for a scene |
 //! | [`verify`] | checks of a finished database |
 //! | `lab` | speed and accuracy of the engines, studies of a sample; charts and tables |
 //! | [`export`] | export of databases, compact files and their colours to other formats |
+//! | `serve` | the web page with the engine of this machine |
 //! | `cli` | the command line |
 //!
 //! Features, all enabled by default: `database` provides the modules from [`store`] to
-//! [`export`], except [`simulation`]; `charts` provides `lab` and export to images; `exr`
+//! [`export`], except [`simulation`] and [`retrieve`]; `charts` provides `lab` and export to images; `exr`
 //! (look-up tables for renderers), `netcdf` and `npz` provide export to these formats; `cli`
-//! provides `cli` and the program `splitsnow`. Formats and commands of a disabled feature are not available.
+//! provides `cli` and the program `splitsnow`; `serve` provides `serve`. Formats and commands of a disabled feature are not available.
 #[cfg(feature = "database")]
 mod accuracy;
 #[cfg(feature = "database")]
@@ -144,7 +146,6 @@ pub mod budget;
 pub mod build;
 #[cfg(feature = "cli")]
 pub mod cli;
-#[cfg(feature = "database")]
 pub mod comparison;
 #[cfg(feature = "database")]
 pub mod compress;
@@ -158,12 +159,15 @@ pub mod grid;
 mod host;
 #[cfg(feature = "charts")]
 pub mod lab;
+pub mod page;
 #[cfg(feature = "database")]
 pub mod plan;
 pub mod retrieve;
 #[cfg(feature = "database")]
 mod sampling;
 pub mod scene;
+#[cfg(feature = "serve")]
+pub mod serve;
 pub mod simulation;
 #[cfg(feature = "database")]
 pub mod store;

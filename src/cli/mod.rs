@@ -21,6 +21,8 @@ mod plan;
 mod point;
 mod query;
 mod retrieve;
+#[cfg(feature = "serve")]
+mod serve;
 mod shard;
 mod simulate;
 mod status;
@@ -105,6 +107,8 @@ enum Command {
     #[command(alias = "measure")]
     Simulate(simulate::Args),
     Retrieve(retrieve::Args),
+    #[cfg(feature = "serve")]
+    Serve(serve::Args),
     #[cfg(feature = "charts")]
     Tradeoff(tradeoff::Args),
     #[cfg(feature = "charts")]
@@ -222,6 +226,8 @@ fn run_command(command: Command, level: simd::Level) -> anyhow::Result<()> {
         Command::Export(args) => export::run(&args),
         Command::Simulate(args) => simulate::run(&args),
         Command::Retrieve(args) => retrieve::run(&args),
+        #[cfg(feature = "serve")]
+        Command::Serve(args) => serve::run(&args),
         #[cfg(feature = "charts")]
         Command::Tradeoff(args) => tradeoff::run(&args),
         #[cfg(feature = "charts")]

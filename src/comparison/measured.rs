@@ -121,6 +121,12 @@ impl MeasuredSpectrum {
         &self.curve.report
     }
 
+    /// The rows within [`RANGE_NM`] with a value, by increasing wavelength.
+    #[must_use]
+    pub fn samples(&self) -> &[MeasuredValue] {
+        &self.curve.samples
+    }
+
     /// Number of wavelengths within [`RANGE_NM`] with a value.
     #[must_use]
     pub fn rows(&self) -> usize {

@@ -4,7 +4,6 @@ mod error;
 mod exclusion;
 mod measured;
 
-use crate::accuracy::rms;
 use crate::measurement::Measured;
 pub use crate::spectrum::Band;
 
@@ -57,7 +56,7 @@ impl ResidualStatistics {
         };
         Some(Self {
             points: points.len(),
-            rmse: rms(points.iter().map(|point| point.residual())),
+            rmse: mean(&|point| Some(point.residual() * point.residual()))?.sqrt(),
             bias: mean(&|point| Some(point.residual()))?,
             mean_simulated_se: mean(&|point| Some(point.simulated.se))?,
             mean_uncertainty: mean(&|point| point.matched.uncertainty),

@@ -116,7 +116,7 @@ impl Grid {
         };
         check_list("wavelength_nm", &self.wavelengths_nm, wavelengths)?;
         for &value in self.axes.values(Parameter::Facetness) {
-            self.facetness_law(value)?;
+            self.spread.facetness_law(value)?;
         }
         for &value in self.axes.values(Parameter::GrainSize) {
             self.size_law(value)?;

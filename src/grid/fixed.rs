@@ -39,6 +39,21 @@ impl Fixed {
 }
 
 impl Spread {
+    /// Facetness distribution around an axis value: truncated to mean +- half width, and to
+    /// [0, 1].
+    ///
+    /// # Errors
+    /// [`GridError::Law`] if there is no such distribution.
+    pub fn facetness_law(&self, mean: f64) -> Result<TruncatedNormal, GridError> {
+        let half_width = self.facetness_half_width;
+        let (min, max) = ((mean - half_width).max(0.0), (mean + half_width).min(1.0));
+        TruncatedNormal::new(min, max, mean, self.facetness_sd).map_err(|source| GridError::Law {
+            axis: Parameter::Facetness.name(),
+            value: mean,
+            source,
+        })
+    }
+
     /// Sphericity distribution around an axis value: truncated to mean +- half width, and
     /// to (0, 1].
     pub(crate) fn sphericity_law(&self, mean: f64) -> Result<TruncatedNormal, GridError> {

@@ -3,7 +3,7 @@ use std::fmt;
 
 use super::{Grid, GridError, GridViews, Jobs};
 use crate::engine::{Engine, Request, Resolution, identity};
-use crate::grain::{GrainType, SizeRange, TruncatedNormal};
+use crate::grain::{GrainType, SizeRange};
 use crate::measurement::{Measured, Spectrum, ViewFactors};
 use crate::parameter::{Parameter, Point, Role};
 use crate::transport::{Illumination, Snow, Snowpack};
@@ -158,7 +158,7 @@ impl Grid {
         let fixed = self.fixed.at(point, &self.spread)?;
         let grain = GrainType {
             size: self.size_law(point[Parameter::GrainSize])?,
-            facetness: self.facetness_law(point[Parameter::Facetness])?,
+            facetness: self.spread.facetness_law(point[Parameter::Facetness])?,
             shape: fixed.shape,
             proportion: fixed.proportion,
         };
@@ -245,20 +245,6 @@ impl Grid {
             absent,
             illuminations,
         })
-    }
-
-    /// Facetness distribution around an axis value: truncated to mean +- half width, and to
-    /// [0, 1].
-    pub(super) fn facetness_law(&self, mean: f64) -> Result<TruncatedNormal, GridError> {
-        let half_width = self.spread.facetness_half_width;
-        let (min, max) = (mean - half_width, mean + half_width);
-        TruncatedNormal::new(min.max(0.0), max.min(1.0), mean, self.spread.facetness_sd).map_err(
-            |source| GridError::Law {
-                axis: "facetness",
-                value: mean,
-                source,
-            },
-        )
     }
 
     /// Size distribution around an axis value: uniform in value +- half width.
@@ -381,9 +367,9 @@ mod tests {
     #[test]
     fn facetness_is_cut_to_its_range() {
         let grid = small(Engine::Spectral);
-        let law = grid.facetness_law(0.05).unwrap();
+        let law = grid.spread.facetness_law(0.05).unwrap();
         assert_eq!((law.min(), law.max()), (0.0, 0.05 + 0.1));
         assert_eq!((law.mean(), law.sd()), (0.05, 0.072));
-        assert_eq!(grid.facetness_law(1.0).unwrap().max(), 1.0);
+        assert_eq!(grid.spread.facetness_law(1.0).unwrap().max(), 1.0);
     }
 }

@@ -72,6 +72,13 @@ fn systematic_error(engine: Engine, errors: [f64; 3], request: &Request) -> [f64
     }
 }
 
+/// [`systematic_error`] of an engine; `reference` has none, as it is the model itself.
+pub(super) fn systematic_error_of(engine: Engine, request: &Request) -> [f64; 3] {
+    let mut candidates = CANDIDATES.into_iter();
+    let errors = candidates.find_map(|(other, errors)| (other == engine).then_some(errors));
+    systematic_error(engine, errors.unwrap_or_default(), request)
+}
+
 impl MaxError {
     /// Default error allowed: a Delta-E of 0.3, which is not visible, and an RMSE
     /// that `hybrid` meets at these wavelengths.

@@ -43,6 +43,15 @@ impl Cache {
         }
     }
 
+    /// A cache of tables of at most `bytes` bytes, without walks.
+    #[must_use]
+    pub fn of_tables(bytes: usize) -> Self {
+        Self {
+            tables: Arc::new(LruCache::new(bytes)),
+            ..Self::tables_only()
+        }
+    }
+
     /// A cache that shares the tables and walks of this one and has the `units` of
     /// one request.
     #[must_use]

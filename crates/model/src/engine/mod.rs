@@ -292,6 +292,24 @@ impl Engine {
         }
     }
 
+    /// Number of index nodes of `request`: the pairs of refractive indices at which `hybrid`
+    /// walks. Workers that share a request ([`Units::of_share`]) divide these among them.
+    ///
+    /// # Errors
+    /// [`EngineError::Optics`] if an optical table cannot be read or does not cover a
+    /// wavelength.
+    pub fn index_nodes(request: &Request) -> Result<usize, EngineError> {
+        Ok(nodes::nodes(&indices(request)?, request.snowpack.is_wet()).len())
+    }
+
+    /// Bounds of the systematic error of this engine for the snow of `request`, which its
+    /// standard errors do not include: Delta-E, and root mean square error of reflectance and
+    /// transmittance below and above 780 nm (docs/stability.md).
+    #[must_use]
+    pub fn systematic_error(self, request: &Request) -> [f64; 3] {
+        auto::systematic_error_of(self.resolve(request), request)
+    }
+
     /// Whether a spectrum is independent of the other thicknesses in its request.
     /// False for engines that resume their walks from one thickness to the next.
     #[must_use]

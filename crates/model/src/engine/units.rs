@@ -5,6 +5,10 @@
 //! batches of walks so far, the walks of one task, the results at one wavelength. Sums
 //! are saved bit for bit and added in the same order, so a resumed run gives the same
 //! results as an uninterrupted one.
+//!
+//! Units also carry work between processes that share one request: each computes the walks
+//! of its share of the index nodes ([`Units::of_share`]), and one of them takes all units and
+//! computes the rest.
 use std::collections::HashMap;
 use std::fmt::Debug;
 use std::sync::{Mutex, PoisonError};
@@ -34,7 +38,16 @@ pub trait UnitStore: Debug + Send + Sync {
 pub struct Units {
     interval: Duration,
     store: Option<Box<dyn UnitStore>>,
+    share: Option<Share>,
     state: Mutex<State>,
+}
+
+/// The index nodes that one of several processes walks: those whose number is `index` modulo
+/// `count`.
+#[derive(Debug, Clone, Copy)]
+struct Share {
+    index: usize,
+    count: usize,
 }
 
 #[derive(Debug)]
@@ -43,13 +56,18 @@ struct State {
     earlier: HashMap<String, Vec<u8>>,
     /// Units finished in this run and not saved yet, by name.
     unsaved: HashMap<String, Vec<u8>>,
-    started: Instant,
-    last_save: Instant,
+    started: Option<Instant>,
+    last_save: Option<Instant>,
+}
+
+/// The time; `None` in WebAssembly, which has no clock. Units are then saved on request only.
+fn now() -> Option<Instant> {
+    (!cfg!(target_family = "wasm")).then(Instant::now)
 }
 
 impl Default for State {
     fn default() -> Self {
-        let now = Instant::now();
+        let now = now();
         Self {
             earlier: HashMap::new(),
             unsaved: HashMap::new(),
@@ -75,6 +93,7 @@ impl Units {
         Self {
             interval: SAVE_INTERVAL,
             store: Some(store),
+            share: None,
             state: Mutex::new(state),
         }
     }
@@ -83,6 +102,26 @@ impl Units {
     #[must_use]
     pub fn with_save_interval(self, interval: Duration) -> Self {
         Self { interval, ..self }
+    }
+
+    /// Restricts a run of `hybrid` to the walks of the index nodes whose number is `index`
+    /// modulo `count`, which must not be 0. The spectra of such a run are NaN: another run
+    /// that takes the units of all shares computes them.
+    #[must_use]
+    pub fn of_share(self, index: usize, count: usize) -> Self {
+        let share = Some(Share { index, count });
+        Self { share, ..self }
+    }
+
+    /// Whether this run walks index node number `node`.
+    pub(super) fn include(&self, node: usize) -> bool {
+        let is_in = |share: Share| node % share.count.max(1) == share.index;
+        self.share.is_none_or(is_in)
+    }
+
+    /// Whether this run walks a share of the index nodes only.
+    pub(super) fn is_share(&self) -> bool {
+        self.share.is_some()
     }
 
     /// Removes and returns the unit `name` of an earlier run.
@@ -139,15 +178,15 @@ impl Units {
         let bytes = postcard::to_allocvec(&state.unsaved).unwrap_or_default();
         state.unsaved.clear();
         let is_saved = store.append(&bytes);
-        state.last_save = Instant::now();
+        state.last_save = now();
         is_saved.then_some(()).ok_or(EngineError::Cancelled)
     }
 
     fn is_due(&self, state: &State) -> bool {
-        state.last_save.elapsed()
-            >= self
-                .interval
-                .max(state.started.elapsed() / ELAPSED_PER_INTERVAL)
+        let (Some(last_save), Some(started)) = (state.last_save, state.started) else {
+            return false;
+        };
+        last_save.elapsed() >= self.interval.max(started.elapsed() / ELAPSED_PER_INTERVAL)
     }
 
     fn state(&self) -> std::sync::MutexGuard<'_, State> {

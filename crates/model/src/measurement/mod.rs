@@ -49,6 +49,19 @@ pub struct Spectrum {
 }
 
 impl Spectrum {
+    /// A spectrum at so many wavelengths of which nothing is known: all values are NaN.
+    pub(crate) fn unknown(wavelengths: usize) -> Self {
+        let unknown = Measured {
+            value: f64::NAN,
+            se: f64::NAN,
+        };
+        Self {
+            reflectance: vec![unknown; wavelengths],
+            transmittance: vec![unknown; wavelengths],
+            lost: vec![0.0; wavelengths],
+        }
+    }
+
     /// The values of one quantity, per wavelength.
     #[must_use]
     pub fn of(&self, quantity: Quantity) -> &[Measured] {

@@ -111,8 +111,14 @@ pub(super) fn run(request: &Request, control: &Control) -> Result<Vec<Spectrum>,
     let run = HybridRun::new(request)?;
     let indices = indices(request)?;
     let (nodes, mixes) = mixes(&indices, request.snowpack.is_wet());
-    let walks = nodes.iter().map(|&node| Walks::cached(&run, control, node));
+    let units = &control.cache.units;
+    let included = nodes.iter().enumerate().filter(|(i, _)| units.include(*i));
+    let walks = included.map(|(_, &node)| Walks::cached(&run, control, node));
     let walks: Vec<_> = walks.collect::<Result<_, _>>()?;
+    if units.is_share() {
+        let count = request.thicknesses_m.len() * request.illuminations.len();
+        return Ok(vec![Spectrum::unknown(indices.len()); count]);
+    }
     run.spectra(control, &walks, &indices, &mixes)
 }
 
