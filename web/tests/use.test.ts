@@ -128,7 +128,7 @@ describe("snow", () => {
     await page.locator("fieldset.grain").nth(0).locator("select").first().selectOption("ssa_m2_kg");
     await field("Liquid water").fill("0.1");
     await field("Black carbon").fill("500");
-    await field("Reflectance of the substrate").fill("0.3");
+    await page.locator('[data-key="substrate"] input[type="number"]').fill("0.3");
     await page.locator("fieldset.grain").nth(1).locator("select").nth(1).selectOption("hexagonal");
     await answered(page);
     expect(await page.locator("#panel-snow .error, #panel-snow .message").count()).toBe(0);

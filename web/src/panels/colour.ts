@@ -155,8 +155,9 @@ function swatch(title: string, row: Row, index: number): HTMLElement {
     { class: "swatch" },
     h("div", { class: "patches" }, patch(now, title), held ? patch(held, `${title}, held`) : null),
     h("div", null, h("strong", null, title)),
-    h("div", { class: "muted" }, `${hex(now.srgb[index]!)} · Y ${percent(now.xyz[index]![1]!)}`),
-    h("div", { class: "muted", title: "CIELAB, relative to the light" }, `L* ${lab[0]!.toFixed(1)} · a* ${signed(lab[1]!)} · b* ${signed(lab[2]!)}`),
+    h("div", { class: "muted" }, hex(now.srgb[index]!)),
+    h("div", { class: "muted", title: "CIELAB, relative to the light" }, `Y ${percent(now.xyz[index]![1]!)} · L* ${lab[0]!.toFixed(1)}`),
+    h("div", { class: "muted", title: "CIELAB, relative to the light" }, `a* ${signed(lab[1]!)} · b* ${signed(lab[2]!)}`),
     delta === null ? null : h("div", null, `ΔE to held: ${delta.toFixed(2)}`),
   );
 }

@@ -40,8 +40,8 @@ export function mount(root: HTMLElement, page: Page): void {
     set: (value) => setSample((s) => ({ ...s, illumination: value === "sky" ? { diffuse: true } : { incidence_angle_deg: 0 } })),
   });
   const angle = slider({
-    label: "Angle of the sun",
-    unit: "° from the normal",
+    label: "Incidence angle",
+    unit: "°",
     help: help("illumination.incidence_angle_deg"),
     key: "illumination",
     ...limits("illumination.incidence_angle_deg", { max: 85 }),
@@ -125,7 +125,7 @@ export function mount(root: HTMLElement, page: Page): void {
 
 /// A message without the line of the file, which nobody sees here.
 function plain(message: string): string {
-  return message.replace(/^the sample(:\d+)*: /, "");
+  return message.replace(/^the sample(:\d+)*: /, "").replaceAll("`", "");
 }
 
 /// What decides which controls there are.
@@ -145,7 +145,7 @@ function substrateControls(page: Page): Control {
   const { state } = page;
   const file = h("p", { class: "derived" });
   const value = slider({
-    label: "Reflectance of the substrate",
+    label: "Reflectance",
     unit: "",
     help: help("substrate"),
     key: "substrate",

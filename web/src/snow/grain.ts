@@ -119,7 +119,7 @@ function sizeControls(
   set: (change: (g: Grain) => Grain, merge: string) => void,
 ): Control[] {
   const kind = choice({
-    label: "Size given as",
+    label: "Size by",
     help: "Grains have a range of lengths, or one size that has a given specific surface area (SSA) or optical radius.",
     choices: [
       ["size_um", "range of lengths"],

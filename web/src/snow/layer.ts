@@ -90,7 +90,7 @@ function densityControls(at: string, layer: () => Layer, set: Set): Control[] {
       set: (value) => set((l) => ({ ...l, [key]: value }), key),
     }),
     checkbox({
-      label: "The density counts the liquid water",
+      label: "Density includes the water",
       help: help("layer.wet_density_kg_m3"),
       get: () => layer().density_kg_m3 === undefined,
       set: (on) =>
@@ -117,7 +117,7 @@ function waterControls(at: string, layer: () => Layer, set: Set): Control[] {
       set: (value) => set((l) => ({ ...l, [key]: value }), key),
     }),
     choice({
-      label: "Water is given as a share of",
+      label: "Water as a share of",
       help: `${help("layer.water_saturation")} ${help("layer.water_fraction")}`,
       choices: [
         ["water_saturation", "the pores"],
