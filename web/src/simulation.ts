@@ -48,7 +48,8 @@ export class Simulation {
   }
 
   async #check(): Promise<void> {
-    const { sample, files } = this.#store.get();
+    const { sample: given, files, range } = this.#store.get();
+    const sample = inRange(given, range);
     try {
       const answer = await this.#engine.askLatest("check", { ask: "sample", sample, files });
       if (!answer) return;

@@ -4,7 +4,7 @@
 // together by one of them, which gives the same bits for any number of workers. Quick
 // questions (a check, a colour, a look-up) go to a worker of their own, the desk, so that they
 // never wait behind walks. The desk also keeps opened files.
-import type { Request, SampleAnswer, SimulateRequest } from "../messages";
+import type { Request, Sample, SampleAnswer, SimulateRequest } from "../messages";
 import { Refused, type AnswerTo, type Engine } from "../page";
 import type { FromWorker, WorkerLike } from "./protocol";
 
@@ -27,6 +27,9 @@ interface Task {
   data: Uint8Array | null;
   /// Lower goes first.
   priority: number;
+  /// The only worker that may do it, or null for any. An engine remembers what it walked, so
+  /// the same share goes to the same worker.
+  place: number | null;
   resolve(reply: Reply): void;
   reject(error: unknown): void;
 }
@@ -56,7 +59,7 @@ export class Pool implements Engine {
   readonly #channels = new Map<string, { group: Group; drop(): void }>();
   #queue: Task[] = [];
   #deskQueue: Task[] = [];
-  #nodes = new Map<string, number>();
+  readonly #nodes = new Map<string, number>();
   #ids = 0;
   /// How many workers were replaced, for tests.
   replaced = 0;
@@ -101,43 +104,42 @@ export class Pool implements Engine {
 
   async #run<R extends Request>(request: R, data: Uint8Array | null, group: Group): Promise<AnswerTo<R>> {
     if (request.ask === "simulate" && !data) return (await this.#simulate(request, group)) as AnswerTo<R>;
-    return read(await this.#task(request, data, group)) as AnswerTo<R>;
+    const answer = read(await this.#task(request, data, group)) as AnswerTo<R>;
+    if (request.ask === "sample") this.#learnNodes(answer as SampleAnswer);
+    return answer;
   }
 
   /// A simulation whose walks are shared over the workers.
   async #simulate(request: SimulateRequest, group: Group): Promise<unknown> {
     const { sample, files, rays, seed } = request;
-    const workers = Math.min(this.#slots.length, await this.#countNodes(request, group));
-    if (group.dropped) throw new Dropped();
-    if (workers < 2) return read(await this.#task(request, null, group));
+    const workers = Math.min(this.#slots.length, this.#nodesOf(sample));
+    if (workers < 2) return read(await this.#task(request, null, group, 0));
     const shares = await Promise.all(
       Array.from({ length: workers }, async (_, worker) => {
-        const reply = await this.#task({ ask: "walk", sample, files, rays, seed, worker, workers }, null, group);
+        const reply = await this.#task({ ask: "walk", sample, files, rays, seed, worker, workers }, null, group, worker);
         read(reply);
         return reply.data ?? new Uint8Array(0);
       }),
     );
-    return read(await this.#task(request, concatenate(shares), group));
+    return read(await this.#task(request, concatenate(shares), group, 0));
   }
 
-  async #countNodes(request: SimulateRequest, group: Group): Promise<number> {
-    const { sample, files } = request;
-    const key = JSON.stringify([sample, files]);
-    let nodes = this.#nodes.get(key);
-    if (nodes === undefined) {
-      const check: Request = files ? { ask: "sample", sample, files } : { ask: "sample", sample };
-      nodes = (read(await this.#task(check, null, group)) as SampleAnswer).nodes;
-      if (this.#nodes.size > 100) this.#nodes.clear();
-      this.#nodes.set(key, nodes);
-    }
-    return nodes;
+  /// The number of index nodes, as far as it is known without asking: it follows from the
+  /// wavelengths, mostly. A share without nodes is empty and does no harm.
+  #nodesOf(sample: Sample): number {
+    return this.#nodes.get(JSON.stringify(sample.wavelengths)) ?? this.#slots.length;
   }
 
-  #task(request: Request, data: Uint8Array | null, group: Group): Promise<Reply> {
+  #learnNodes({ sample, nodes }: SampleAnswer): void {
+    if (this.#nodes.size > 100) this.#nodes.clear();
+    this.#nodes.set(JSON.stringify(sample.wavelengths), nodes);
+  }
+
+  #task(request: Request, data: Uint8Array | null, group: Group, place: number | null = null): Promise<Reply> {
     return new Promise((resolve, reject) => {
       if (group.dropped) return reject(new Dropped());
       const priority = urgency(request);
-      const task = { group, request, data, priority, resolve, reject };
+      const task = { group, request, data, priority, place, resolve, reject };
       if (priority === 0) this.#deskQueue.push(task);
       else {
         const at = this.#queue.findIndex((other) => other.priority > priority);
@@ -149,9 +151,11 @@ export class Pool implements Engine {
 
   #next(): void {
     if (!this.#desk.task && this.#deskQueue.length > 0) this.#start(this.#desk, this.#deskQueue.shift()!);
-    for (const slot of this.#slots) {
-      if (!slot.task && this.#queue.length > 0) this.#start(slot, this.#queue.shift()!);
-    }
+    this.#slots.forEach((slot, index) => {
+      if (slot.task) return;
+      const at = this.#queue.findIndex(({ place }) => place === null || place === index);
+      if (at >= 0) this.#start(slot, this.#queue.splice(at, 1)[0]!);
+    });
     // Work waits: do not wait long for what nobody wants any more.
     if (this.#queue.length > 0) for (const slot of this.#slots) this.#hurry(slot, this.#options.impatienceMs);
   }
