@@ -18,7 +18,7 @@ interface Strip {
 export class WedgePicture {
   readonly element: HTMLElement;
   readonly #canvas = h("canvas", { class: "wedge", role: "img", "aria-label": "A wedge of snow; not computed yet" });
-  readonly #readout = h("output", { class: "readout" }, "Point at the wedge to read a colour.");
+  readonly #readout = h("output", { class: "readout" }, "Point at the wedge, or move the slider, to read a colour.");
   readonly #page: Page;
   readonly #wanted: () => boolean;
   readonly #light: () => Light;
@@ -31,10 +31,17 @@ export class WedgePicture {
     this.#page = page;
     this.#wanted = wanted;
     this.#light = light;
-    this.element = h("div", null, this.#canvas, this.#readout);
+    const reader = h("input", { type: "range", min: "0", max: String(DEEPEST_CM), step: "0.5", value: "0", "aria-label": "Read the colours at this thickness, cm" });
+    reader.addEventListener("input", () => this.#read(Number(reader.value)));
+    this.element = h("div", null, this.#canvas, h("div", { class: "reader" }, h("label", null, "Read at", reader), this.#readout));
     new ResizeObserver(() => this.draw()).observe(this.#canvas);
     onTheme(() => this.draw());
-    this.#canvas.addEventListener("pointermove", (event) => this.#read(event));
+    this.#canvas.addEventListener("pointermove", (event) => {
+      const box = this.#canvas.getBoundingClientRect();
+      const cm = ((event.clientX - box.left) / box.width) * DEEPEST_CM;
+      reader.value = String(cm);
+      this.#read(cm);
+    });
   }
 
   /// The sample changed: coarse soon, finer at rest.
@@ -133,12 +140,13 @@ export class WedgePicture {
     });
   }
 
-  #read(event: PointerEvent): void {
+  #read(cm: number): void {
     const strip = this.#strip;
-    const box = this.#canvas.getBoundingClientRect();
-    const cm = ((event.clientX - box.left) / box.width) * DEEPEST_CM;
     const place = strip && at(strip.thicknesses_cm, cm);
-    if (!strip || !place) return;
+    if (!strip || !place) {
+      this.#readout.textContent = strip ? "This snow cannot be so thin." : "The wedge is not computed yet.";
+      return;
+    }
     const nearest = place.share > 0.5 ? place.index + 1 : place.index;
     const row = (name: string, colours: Colours) => {
       const lab = colours.lab[nearest]!;

@@ -173,6 +173,8 @@ export function axesOf(page: Page): Axes {
 }
 
 function withError(value: number, half: number): string {
-  const digits = half > 0 ? Math.max(0, Math.min(6, 1 - Math.floor(Math.log10(half)))) : 4;
+  if (half > 0 && half < 1e-5) return `${value.toExponential(2)} ± ${half.toExponential(0)}`;
+  if (half === 0) return `${Number(value.toPrecision(3))}`;
+  const digits = Math.max(0, Math.min(6, 1 - Math.floor(Math.log10(half))));
   return `${value.toFixed(digits)} ± ${half.toFixed(digits)}`;
 }

@@ -22,8 +22,8 @@ export interface LawOptions {
 export function addLaw(options: LawOptions): Control {
   const { label, key, path, min, max, get, set } = options;
   const mean = slider({
-    label: `${label}, mean`,
-    unit: "",
+    label,
+    unit: "mean",
     help: help(path),
     key,
     ...{ min, max, step: 0.01 },

@@ -5,6 +5,9 @@ import type { Measured, Statistics } from "../messages";
 import { Value } from "../observable";
 import type { Page } from "../page";
 
+/// The bands in words.
+const BANDS: Record<string, string> = { ir_a: "infrared A", ir_b: "infrared B" };
+
 export class MeasuredPanel {
   readonly element = h("section", { class: "measured", hidden: true });
   readonly answer = new Value<Measured | null>(null);
@@ -48,7 +51,7 @@ export class MeasuredPanel {
   #show(name: string, answer: Measured): void {
     const cells = (s: Statistics) => [h("td", null, String(s.points)), h("td", null, s.rmse.toFixed(4)), h("td", null, signed(s.bias))];
     const head = h("tr", null, ...["Band", "Points", "RMSE", "Bias"].map((title) => h("th", { scope: "col" }, title)));
-    const rows = answer.bands.map((band) => h("tr", null, h("th", { scope: "row" }, `${band.name}, ${band.from_nm}–${band.to_nm} nm`), ...cells(band)));
+    const rows = answer.bands.map((band) => h("tr", null, h("th", { scope: "row" }, `${BANDS[band.name] ?? band.name}, ${band.from_nm}–${band.to_nm} nm`), ...cells(band)));
     if (answer.overall) rows.unshift(h("tr", null, h("th", { scope: "row" }, "All"), ...cells(answer.overall)));
     this.#content.replaceChildren(
       h("p", null, h("strong", null, name), `, ${answer.quantity}.`),
@@ -64,7 +67,7 @@ export class MeasuredPanel {
       this.#chart.draw(
         [
           { name: "zero", x, y: x.map(() => 0), colour: "--muted", dash: [4, 4] },
-          { name: "residual", x, y: kept.map((r) => r.residual), colour: "--measured" },
+          { name: "residual", x, y: kept.map((r) => r.residual), colour: "--measured", points: true },
         ],
         { scale: "linear", low: null, high: null },
       );
