@@ -1,0 +1,6 @@
+// The panel "databases".
+import type { Page } from "../page";
+
+export function mount(root: HTMLElement, _page: Page): void {
+  root.textContent = "This panel is not there yet.";
+}
