@@ -139,8 +139,8 @@ describe("the certificate", () => {
 
 describe("comparing and drawing", () => {
   test("sizes", () => {
-    const file = { axes: [thickness, size_um], wavelengths_nm: [400, 500], quantities: [{ name: "reflectance" as const, components: 2 }] };
-    expect(size(file)).toEqual({ curves: 12, spectraBytes: 96 });
+    const file = { axes: [thickness, size_um], wavelengths_nm: [400, 500], quantities: [{ name: "reflectance" as const, components: 2 }], metadata: { title: "n\u00e9v\u00e9" } };
+    expect(size(file)).toEqual({ curves: 12, spectraBytes: 96, metadataBytes: 11 });
     expect([7, 584, 262144, 1234567].map(grouped)).toEqual(["7", "584", "262\u202f144", "1\u202f234\u202f567"]);
   });
 

@@ -2,7 +2,7 @@
 // arrow keys.
 
 import { prepare, redrawOnChange, theme } from "./canvas";
-import { hermite, piece, slopes } from "./interpolate";
+import { hermite, slopes } from "./interpolate";
 import { number, ticks } from "./ticks";
 
 export interface Curve {
@@ -16,6 +16,8 @@ export interface Curve {
   dash?: number[];
   /// Points at the values, with a smooth curve through them; otherwise straight lines.
   points?: boolean;
+  /// Small dots at the values of a line.
+  dots?: boolean;
 }
 
 export interface Axes {
@@ -223,7 +225,7 @@ export class Chart {
     }
     context.stroke();
     context.setLineDash([]);
-    if (!curve.points) return;
+    if (!curve.points && !curve.dots) return;
     context.lineWidth = 1.2;
     for (let i = 0; i < x.length; i++) {
       const [cx, cy] = [px(x[i]!), py(y[i]!)];
@@ -231,7 +233,7 @@ export class Chart {
       context.arc(cx, cy, 2.4, 0, 2 * Math.PI);
       context.fill();
       const error = se?.[i] ?? 0;
-      if (!(error > 0)) continue;
+      if (!curve.points || !(error > 0)) continue;
       const [top, bottom] = [py(y[i]! + error), py(y[i]! - error)];
       line(context, cx, top, cx, bottom);
       line(context, cx - 3, top, cx + 3, top);
@@ -245,15 +247,4 @@ function line(context: CanvasRenderingContext2D, x0: number, y0: number, x1: num
   context.moveTo(x0, y0);
   context.lineTo(x1, y1);
   context.stroke();
-}
-
-/** The value of a curve at `x` on straight lines between its points; null beyond its ends. */
-export function valueAt(curve: Pick<Curve, "x" | "y">, x: number): number | null {
-  const { x: xs, y } = curve;
-  const last = xs.length - 1;
-  if (last < 0 || x < xs[0]! || x > xs[last]!) return null;
-  if (last === 0) return y[0]!;
-  const i = piece(xs, x);
-  const t = (x - xs[i]!) / (xs[i + 1]! - xs[i]!);
-  return (1 - t) * y[i]! + t * y[i + 1]!;
 }

@@ -119,21 +119,28 @@ export function drawDisc(canvas: HTMLCanvasElement, width: number, disc: Disc, l
   context.textBaseline = "middle";
   // Rings of the view angle and the two planes.
   context.lineWidth = 1;
-  for (const view of [30, 60, 90]) {
-    context.strokeStyle = view === 90 ? look.ink : "rgb(255 255 255 / 0.55)";
-    context.setLineDash(view === 90 ? [] : [2, 4]);
+  // Dark and light dashes by turns are seen on any colour.
+  for (const [style, offset] of [["rgb(0 0 0 / 0.4)", 0], ["rgb(255 255 255 / 0.7)", 4]] as const) {
+    context.strokeStyle = style;
+    context.setLineDash([3, 5]);
+    context.lineDashOffset = offset;
+    for (const view of [30, 60]) {
+      context.beginPath();
+      context.arc(x, y, (radius * view) / 90, 0, 2 * Math.PI);
+      context.stroke();
+    }
     context.beginPath();
-    context.arc(x, y, (radius * view) / 90, 0, 2 * Math.PI);
+    context.moveTo(x - radius, y);
+    context.lineTo(x + radius, y);
+    context.moveTo(x, y - radius);
+    context.lineTo(x, y + radius);
     context.stroke();
   }
-  context.strokeStyle = "rgb(255 255 255 / 0.4)";
-  context.beginPath();
-  context.moveTo(x - radius, y);
-  context.lineTo(x + radius, y);
-  context.moveTo(x, y - radius);
-  context.lineTo(x, y + radius);
-  context.stroke();
   context.setLineDash([]);
+  context.strokeStyle = look.ink;
+  context.beginPath();
+  context.arc(x, y, radius, 0, 2 * Math.PI);
+  context.stroke();
   for (const view of [30, 60]) label(context, `${view}\u00b0`, x + 14, y - (radius * view) / 90);
   context.fillStyle = look.ink;
   context.textAlign = "center";

@@ -292,13 +292,19 @@ export function provenance(metadata: Readonly<Record<string, string>>): [string,
   return list;
 }
 
-/** Number of curves, and bytes that its spectra would take as float32. */
-export function size(file: Pick<CompactFile, "axes" | "wavelengths_nm" | "quantities">): {
+/** Number of curves, bytes that its spectra would take as float32, and bytes of its metadata. */
+export function size(file: Pick<CompactFile, "axes" | "wavelengths_nm" | "quantities" | "metadata">): {
   curves: number;
   spectraBytes: number;
+  metadataBytes: number;
 } {
   const curves = file.axes.reduce((product, axis) => product * axis.values.length, 1);
-  return { curves, spectraBytes: 4 * curves * file.wavelengths_nm.length * file.quantities.length };
+  const text = Object.entries(file.metadata).flat().join("");
+  return {
+    curves,
+    spectraBytes: 4 * curves * file.wavelengths_nm.length * file.quantities.length,
+    metadataBytes: new TextEncoder().encode(text).length,
+  };
 }
 
 /** Whether the file holds anisotropy factors, not shares of light. */

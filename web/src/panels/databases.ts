@@ -27,8 +27,9 @@ interface Open {
   file: CompactFile;
   bytes: Uint8Array;
   point: Record<string, number>;
-  /// Whether the engine must read it again, because it was started again since.
-  lost: boolean;
+  /// Whether a look-up has succeeded since the engine read the file. The engine keeps few files,
+  /// and none when it is started again; it then gets the bytes again.
+  known: boolean;
 }
 
 type Quantity = "reflectance" | "transmittance";
@@ -110,14 +111,6 @@ export function mount(root: HTMLElement, page: Page): void {
     alert.textContent = text ?? "";
     alert.hidden = text === null;
   };
-  /// Whether the engine stopped and was started again: it then has no file any more.
-  const told = (error: unknown): string => {
-    const text = error instanceof Error ? error.message : String(error);
-    if (!(error instanceof Refused) || text.startsWith("The engine stopped")) {
-      for (const open of files) open.lost = true;
-    }
-    return text;
-  };
 
   const openAll = async (list: File[]) => {
     for (const file of list) {
@@ -128,7 +121,7 @@ export function mount(root: HTMLElement, page: Page): void {
       try {
         await open(file.name, new Uint8Array(await file.arrayBuffer()));
       } catch (error) {
-        complain(`${file.name}: ${told(error)}`);
+        complain(namedMessage(file.name, error));
       }
     }
   };
@@ -140,12 +133,12 @@ export function mount(root: HTMLElement, page: Page): void {
       if (!response.ok) throw new Error(`the example cannot be loaded (${response.status})`);
       await open(name, new Uint8Array(await response.arrayBuffer()), point);
     } catch (error) {
-      complain(`${name}: ${told(error)}`);
+      complain(namedMessage(name, error));
     }
   };
   const open = async (name: string, bytes: Uint8Array, point?: Record<string, unknown>) => {
     const file = await page.engine.ask({ ask: "open", name }, bytes);
-    const opened = { file, bytes, point: startPoint(file.axes, point), lost: false };
+    const opened = { file, bytes, point: startPoint(file.axes, point), known: false };
     // The same file again takes the place of the first.
     const before = files.findIndex((other) => other.file.name === file.name && same(other.bytes, bytes));
     if (before >= 0) files[before] = opened;
@@ -255,19 +248,22 @@ export function mount(root: HTMLElement, page: Page): void {
     difference.replaceChildren();
     simulateStatus.textContent = "";
     try {
-      if (open.lost) {
-        const file = await page.engine.ask({ ask: "open", name: open.file.name }, open.bytes);
-        open.file = file;
-        open.lost = false;
-      }
-      const got = await page.engine.askLatest("databases-lookup", { ask: "lookup", id: open.file.id, point: open.point });
+      const ask = () =>
+        page.engine.askLatest("databases-lookup", { ask: "lookup", id: open.file.id, point: open.point });
+      const got = await ask().catch(async (error: unknown) => {
+        if (!open.known || !(error instanceof Refused)) throw error;
+        open.known = false;
+        open.file = await page.engine.ask({ ask: "open", name: open.file.name }, open.bytes);
+        return ask();
+      });
       if (!got || open !== current) return;
+      open.known = true;
       answer = got;
       lookProblem.hidden = true;
       body.classList.remove("stale");
     } catch (error) {
       if (open !== current) return;
-      lookProblem.textContent = told(error);
+      lookProblem.textContent = message(error);
       lookProblem.hidden = false;
       body.classList.add("stale");
       answer = null;
@@ -289,7 +285,8 @@ export function mount(root: HTMLElement, page: Page): void {
       figure.hidden = values === null;
       if (!values) continue;
       const name = quantityName(metadata, quantity);
-      caption.textContent = simulated ? `${name}: look-up (line) and simulation (dashed, band: one standard error)` : name;
+      caption.textContent = "Line: look-up. Dashed: simulation, with a band of one standard error.";
+      caption.hidden = !simulated;
       read.textContent = "";
       chart.set(curves(quantity), {
         x: "wavelength, nm", y: `${name}, unit 1`,
@@ -304,7 +301,7 @@ export function mount(root: HTMLElement, page: Page): void {
     if (simulated) {
       list.push({ name: "simulation", colour: "--simulated", x: simulated.wavelengths_nm, y: simulated[quantity], se: simulated[`${quantity}_se`], dash: [6, 4] });
     }
-    list.unshift({ name: "look-up", colour: colourName, x, y: answer![quantity]! });
+    list.unshift({ name: "look-up", colour: colourName, x, y: answer![quantity]!, dots: x.length <= 40 });
     return list;
   };
   const reading = (quantity: Quantity, nm: number): string => {
@@ -344,7 +341,7 @@ export function mount(root: HTMLElement, page: Page): void {
       if (together) compare(together, swatches);
     } catch (error) {
       if (mine !== answer) return;
-      swatchHost.replaceChildren(h("p", { class: "note" }, `No colour: ${told(error)}`));
+      swatchHost.replaceChildren(h("p", { class: "note" }, `No colour: ${message(error)}`));
       if (together) compare(together, []);
     }
   };
@@ -373,7 +370,7 @@ export function mount(root: HTMLElement, page: Page): void {
         simulateStatus.textContent = `${grouped(rays)} walks per refractive index in ${seconds} s, engine ${got.engine}.`;
       } catch (error) {
         if (turn !== simulation) return;
-        simulateStatus.textContent = `Not simulated: ${told(error)}`;
+        simulateStatus.textContent = `Not simulated: ${message(error)}`;
         return;
       }
     }
@@ -430,6 +427,16 @@ export function mount(root: HTMLElement, page: Page): void {
   start();
 }
 
+function message(error: unknown): string {
+  return error instanceof Error ? error.message : String(error);
+}
+
+/// A message about a file, with its name once.
+function namedMessage(name: string, error: unknown): string {
+  const text = message(error);
+  return text.startsWith(name) ? text : `${name}: ${text}`;
+}
+
 function same(a: Uint8Array, b: Uint8Array): boolean {
   return a.length === b.length && a.every((byte, i) => byte === b[i]);
 }
@@ -460,13 +467,15 @@ function axisControl(axis: Axis, get: () => number, set: (value: number) => void
     refresh();
   };
   slider.addEventListener("input", () => move(fromShare(axis, slider.valueAsNumber / steps)));
-  // From node to node.
   slider.addEventListener("keydown", (event) => {
     const now = get();
-    const next = event.key === "PageUp"
-      ? axis.values.find((node) => node > now)
-      : event.key === "PageDown" ? axis.values.findLast((node) => node < now) : undefined;
-    if (event.key !== "PageUp" && event.key !== "PageDown") return;
+    const by = { ArrowRight: 0.01, ArrowUp: 0.01, ArrowLeft: -0.01, ArrowDown: -0.01 }[event.key];
+    let next: number | undefined;
+    if (by !== undefined) next = fromShare(axis, Math.min(1, Math.max(0, toShare(axis, now) + by)));
+    // From node to node.
+    else if (event.key === "PageUp") next = axis.values.find((node) => node > now);
+    else if (event.key === "PageDown") next = axis.values.findLast((node) => node < now);
+    else return;
     event.preventDefault();
     if (next !== undefined) move(next);
   });
@@ -476,7 +485,7 @@ function axisControl(axis: Axis, get: () => number, set: (value: number) => void
   field.addEventListener("blur", () => refresh());
   const refresh = () => {
     const value = get();
-    if (document.activeElement !== slider) slider.value = String(Math.round(toShare(axis, value) * steps));
+    slider.value = String(Math.round(toShare(axis, value) * steps));
     if (document.activeElement !== field) field.value = String(value);
     slider.setAttribute("aria-valuetext", valueText(axis, value));
     where.textContent = amongNodes(axis, value);
@@ -503,7 +512,7 @@ function swatchElement({ name, xyz, linear, lab, clipped }: Swatch): HTMLElement
   const beyond = linear.some((part) => part < -0.001 || factor * part > 1.001);
   const lines = [
     `Y ${number(xyz[1]!)} of white`,
-    `L* ${number(lab[0]!)}, a* ${number(lab[1]!)}, b* ${number(lab[2]!)}`,
+    `L* ${number(lab[0]!)}, a*\u00a0${number(lab[1]!)}, b*\u00a0${number(lab[2]!)}`,
     ...(factor > 1 ? [`right: brightened ${number(factor)} times`] : []),
     ...(clipped || beyond ? ["outside sRGB: the nearest colour is shown"] : []),
   ];
@@ -567,17 +576,16 @@ function aboutFile(file: CompactFile): HTMLElement[] {
             .map((value) => h("td", null, value === null ? "-" : number(value, 2))))))));
   }
 
-  const { curves, spectraBytes } = size(file);
+  const { curves, spectraBytes, metadataBytes } = size(file);
   const [first, last] = [file.wavelengths_nm[0]!, file.wavelengths_nm.at(-1)!];
-  const ratio = spectraBytes / file.bytes;
   const facts: [string, string][] = [
-    ["File", `${file.name}, ${bytesText(file.bytes)}`],
-    ["Curves", `${grouped(curves)} snows and angles for each quantity`],
+    ["File", `${file.name}, ${bytesText(file.bytes)}, of which ${bytesText(metadataBytes)} describe it`],
+    ["Curves", `${grouped(curves)}: every combination of the nodes, for each quantity`],
     ["Wavelengths", `${file.wavelengths_nm.length}, from ${number(first, 4)} to ${number(last, 4)} nm`],
     ...file.quantities.map(({ name, components }): [string, string] =>
       [quantityName(metadata, name), `${components} ${components === 1 ? "component" : "components"}`]),
     ["Basis, precision", `${file.basis}, ${file.precision}`],
-    ["The same as float32", `${bytesText(spectraBytes)}${ratio > 1.05 ? `, ${number(ratio, 2)} times the file` : ""}`],
+    ["Spectra as float32", bytesText(spectraBytes)],
     ...(metadata.between_wavelengths ? [["Between wavelengths", metadata.between_wavelengths] as [string, string]] : []),
   ];
   parts.push(h("section", null, h("h3", null, "Size"), definitions(facts)));
