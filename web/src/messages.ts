@@ -247,18 +247,23 @@ export interface MeasuredRequest {
   name: string;
   /// The file as text (the tolerant reader takes CSV, ASD, SVC and tab-separated text).
   text: string;
+  /// The simulated spectrum. The file says which of the two it measured.
   wavelengths_nm: number[];
-  simulated: number[];
-  simulated_se: number[];
+  reflectance: number[];
+  reflectance_se: number[];
+  transmittance: number[];
+  transmittance_se: number[];
 }
 export interface Measured {
+  quantity: "reflectance" | "transmittance";
   /// How the file was read, in words.
   notes: string[];
   /// The measured spectrum as it is.
   wavelengths_nm: number[];
   values: number[];
   /// Residuals (simulated minus measured) at the simulated wavelengths within the file.
-  residuals: { nm: number; measured: number; simulated: number; residual: number }[];
+  /// `excluded` are those where water vapour blinds field spectrometers.
+  residuals: { nm: number; measured: number; simulated: number; residual: number; excluded: boolean }[];
   overall: Statistics | null;
   bands: ({ name: string; from_nm: number; to_nm: number } & Statistics)[];
 }

@@ -44,7 +44,6 @@ export interface Held {
 export interface MeasuredFile {
   name: string;
   text: string;
-  quantity: "reflectance" | "transmittance" | "absorptance";
 }
 
 /// Everything that a link reproduces.

@@ -1,0 +1,42 @@
+// The curves of a chart, from spectra.
+import type { Spectrum } from "./messages";
+
+export type Quantity = "reflectance" | "transmittance" | "absorptance";
+export const QUANTITIES: readonly Quantity[] = ["reflectance", "transmittance", "absorptance"];
+export const NAMES: Record<Quantity, string> = { reflectance: "Reflectance", transmittance: "Transmittance", absorptance: "Absorptance" };
+
+export interface Curve {
+  name: string;
+  x: readonly number[];
+  y: readonly number[];
+  /// Half the width of the band around the curve.
+  band?: readonly number[];
+  /// A colour of the style sheet: `--reflectance`.
+  colour: string;
+  /// Lengths of dashes and gaps; points instead of a line if `points`.
+  dash?: number[];
+  points?: boolean;
+}
+
+export const DASHES = [[8, 4], [2, 3], [10, 3, 2, 3], [4, 2]];
+
+/// Twice the whole uncertainty: the standard error and the systematic error of the engine.
+export function bandOf(spectrum: Spectrum, quantity: Quantity): number[] {
+  const { reflectance: absolute, transmittance_relative: relative } = spectrum.method_error;
+  const se = spectrum[`${quantity}_se`];
+  return se.map((own, i) => {
+    const t = relative * (spectrum.transmittance[i] ?? 0);
+    const method = quantity === "reflectance" ? absolute : quantity === "transmittance" ? t : Math.hypot(absolute, t);
+    return 2 * Math.hypot(own, method);
+  });
+}
+
+export function curveOf(spectrum: Spectrum, quantity: Quantity): Curve {
+  return {
+    name: NAMES[quantity],
+    x: spectrum.wavelengths_nm,
+    y: spectrum[quantity],
+    band: bandOf(spectrum, quantity),
+    colour: `--${quantity}`,
+  };
+}

@@ -1,0 +1,73 @@
+// The engine behind `splitsnow serve`: the same messages over HTTP.
+import type { Request } from "../messages";
+import { Refused, type AnswerTo, type Engine } from "../page";
+import { read } from "./pool";
+
+export class Server implements Engine {
+  readonly name = "native, on this computer";
+  readonly #token: string;
+  /// Answers requests that carry bytes, and look-ups in opened files, where there is one.
+  readonly #local: Engine | null;
+  readonly #channels = new Map<string, AbortController>();
+
+  constructor(token: string, local: Engine | null) {
+    this.#token = token;
+    this.#local = local;
+  }
+
+  ask<R extends Request>(request: R, data?: Uint8Array): Promise<AnswerTo<R>> {
+    if (this.#local && (data || request.ask === "lookup")) return this.#local.ask(request, data);
+    return this.#post(request, data, undefined);
+  }
+
+  async askLatest<R extends Request>(channel: string, request: R, data?: Uint8Array): Promise<AnswerTo<R> | null> {
+    if (this.#local && (data || request.ask === "lookup")) return this.#local.askLatest(channel, request, data);
+    // The server stops the work of a request whose connection ends.
+    this.#channels.get(channel)?.abort();
+    const abort = new AbortController();
+    this.#channels.set(channel, abort);
+    try {
+      const answer = await this.#post(request, data, abort.signal);
+      return abort.signal.aborted ? null : answer;
+    } catch (error) {
+      if (abort.signal.aborted) return null;
+      throw error;
+    } finally {
+      if (this.#channels.get(channel) === abort) this.#channels.delete(channel);
+    }
+  }
+
+  async #post<R extends Request>(request: R, data: Uint8Array | undefined, signal: AbortSignal | undefined) {
+    const body = JSON.stringify(data ? { ...request, data: base64(data) } : request);
+    let response: Response;
+    try {
+      response = await fetch("./ask", {
+        method: "POST",
+        headers: { "Content-Type": "application/json", Authorization: `Bearer ${this.#token}` },
+        body,
+        ...(signal ? { signal } : {}),
+      });
+    } catch (error) {
+      if (signal?.aborted) throw error;
+      throw new Refused("The program does not answer. Is `splitsnow serve` still running?");
+    }
+    const json = await response.text();
+    try {
+      return read({ json }) as AnswerTo<R>;
+    } catch (error) {
+      if (error instanceof Refused) throw error;
+      throw new Refused(`The program answered ${response.status} ${response.statusText}: ${json.slice(0, 200)}`);
+    }
+  }
+}
+
+/// Whether the page came from `splitsnow serve`.
+export function isServed(): boolean {
+  return document.querySelector('meta[name="splitsnow-engine"]')?.getAttribute("content") === "server";
+}
+
+function base64(bytes: Uint8Array): string {
+  let text = "";
+  for (const byte of bytes) text += String.fromCharCode(byte);
+  return btoa(text);
+}

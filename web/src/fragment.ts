@@ -1,0 +1,160 @@
+// The state as the fragment of a link, and back.
+//
+// `#z=` holds JSON, deflated, in base64url; `#j=` the same without compression. Only what
+// differs from the initial state is written. A link may come from anybody: what does not have
+// the right shape is left out, and the engine checks the numbers.
+import { PANELS, type State } from "./page";
+import type { Sample } from "./messages";
+import { initialState } from "./state";
+
+/// A fragment that unpacks to more than this is not read, bytes.
+const MOST_BYTES = 4_000_000;
+
+export async function toFragment(state: State): Promise<string> {
+  const initial = initialState();
+  const entries = Object.entries(state).filter(
+    ([key, value]) => JSON.stringify(value) !== JSON.stringify(initial[key as keyof State]),
+  );
+  if (entries.length === 0) return "";
+  const bytes = new TextEncoder().encode(JSON.stringify(Object.fromEntries(entries)));
+  if (typeof CompressionStream === "undefined") return `#j=${base64url(bytes)}`;
+  const packed = await through(bytes, new CompressionStream("deflate-raw"), Infinity);
+  return `#z=${base64url(packed)}`;
+}
+
+/// Null if there is no state in the fragment; throws if it cannot be read.
+export async function fromFragment(fragment: string): Promise<State | null> {
+  const found = /^#?([zj])=([A-Za-z0-9_-]+)$/.exec(fragment);
+  if (!found) {
+    if (fragment.length > 1) throw new Error("The link is damaged: it does not hold a state.");
+    return null;
+  }
+  try {
+    let bytes = fromBase64url(found[2]!);
+    if (found[1] === "z") bytes = await through(bytes, new DecompressionStream("deflate-raw"), MOST_BYTES);
+    return accept(JSON.parse(new TextDecoder().decode(bytes)));
+  } catch {
+    throw new Error("The link is damaged: its state cannot be read.");
+  }
+}
+
+/// The initial state with what is sound in `given`.
+export function accept(given: unknown): State {
+  const state = initialState();
+  if (!isRecord(given)) return state;
+  const take = <K extends keyof State>(key: K, sound: (value: unknown) => boolean) => {
+    if (key in given && sound(given[key])) state[key] = given[key] as State[K];
+  };
+  take("sample", isSample);
+  take("files", (value) => isRecord(value) && Object.values(value).every(isText));
+  take("panel", oneOf(PANELS));
+  take("layer", (value) => Number.isInteger(value) && Number(value) >= 0);
+  take("range", oneOf(["visible", "full", "sample"]));
+  take("scale", oneOf(["linear", "log"]));
+  take("shown", (value) => isRecord(value) && ["reflectance", "transmittance", "absorptance"].every((k) => typeof value[k] === "boolean"));
+  take("held", (value) => Array.isArray(value) && value.length <= 8 && value.every(isHeld));
+  take("measured", (value) => isRecord(value) && isText(value.name) && isText(value.text));
+  take("light", isText);
+  take("droppedLight", (value) => isRecord(value) && isText(value.name) && isNumbers(value.wavelengths_nm) && isNumbers(value.power));
+  take("exposure_stops", (value) => isNumber(value) && Math.abs(value as number) <= 20);
+  take("seed", (value) => Number.isSafeInteger(value) && Number(value) >= 0);
+  take("directions", isRecord);
+  take("databases", isRecord);
+  state.layer = Math.min(state.layer, state.sample.layer.length - 1);
+  return state;
+}
+
+const isRecord = (value: unknown): value is Record<string, unknown> =>
+  typeof value === "object" && value !== null && !Array.isArray(value);
+const isText = (value: unknown): value is string => typeof value === "string";
+const isNumber = (value: unknown): value is number => typeof value === "number" && Number.isFinite(value);
+const isNumbers = (value: unknown) => Array.isArray(value) && value.length <= 10_000 && value.every(isNumber);
+
+function oneOf(names: readonly string[]) {
+  return (value: unknown) => isText(value) && names.includes(value);
+}
+
+function isHeld(value: unknown): boolean {
+  return isRecord(value) && isText(value.name) && isSample(value.sample) && isRecord(value.files) && isNumber(value.rays);
+}
+
+/// Whether the page can show this sample. The engine says whether it is a good one.
+export function isSample(value: unknown): value is Sample {
+  return (
+    isRecord(value) &&
+    value.version === 1 &&
+    isRecord(value.illumination) &&
+    isRecord(value.wavelengths) &&
+    Array.isArray(value.layer) &&
+    value.layer.length >= 1 &&
+    value.layer.length <= 100 &&
+    value.layer.every(isLayer) &&
+    (value.substrate === undefined || isRecord(value.substrate)) &&
+    (value.model === undefined || isRecord(value.model))
+  );
+}
+
+function isLayer(value: unknown): boolean {
+  const carbon = (given: unknown) => given === undefined || (isRecord(given) && isNumber(given.concentration_ng_g));
+  return (
+    isRecord(value) &&
+    (isNumber(value.thickness_cm) || value.thickness_cm === "inf") &&
+    (isNumber(value.density_kg_m3) || isNumber(value.wet_density_kg_m3)) &&
+    ["temperature_c", "water_saturation", "water_fraction"].every((key) => value[key] === undefined || isNumber(value[key])) &&
+    Array.isArray(value.grain) &&
+    value.grain.length >= 1 &&
+    value.grain.length <= 100 &&
+    value.grain.every(isGrain) &&
+    carbon(value.black_carbon) &&
+    carbon(value.brown_carbon)
+  );
+}
+
+function isGrain(value: unknown): boolean {
+  const law = (given: unknown) => isRecord(given) && ["min", "max", "mean", "sd"].every((key) => isNumber(given[key]));
+  if (!isRecord(value) || !law(value.facetness)) return false;
+  const size = isRecord(value.size_um) && isNumber(value.size_um.min) && isNumber(value.size_um.max);
+  return (
+    (size || isNumber(value.optical_radius_um) || isNumber(value.ssa_m2_kg)) &&
+    (value.sphericity === undefined || law(value.sphericity)) &&
+    (value.aspect_ratio === undefined || law(value.aspect_ratio)) &&
+    (value.fraction === undefined || isNumber(value.fraction))
+  );
+}
+
+async function through(bytes: Uint8Array, stream: CompressionStream | DecompressionStream, most: number): Promise<Uint8Array> {
+  const writer = stream.writable.getWriter();
+  const written = writer.write(bytes as Uint8Array<ArrayBuffer>).then(() => writer.close());
+  written.catch(() => undefined);
+  const parts: Uint8Array[] = [];
+  let length = 0;
+  const reader = stream.readable.getReader();
+  for (;;) {
+    const { value, done } = await reader.read();
+    if (done) break;
+    length += value.length;
+    if (length > most) {
+      await reader.cancel();
+      throw new Error("too long");
+    }
+    parts.push(value);
+  }
+  await written;
+  const all = new Uint8Array(length);
+  let at = 0;
+  for (const part of parts) {
+    all.set(part, at);
+    at += part.length;
+  }
+  return all;
+}
+
+function base64url(bytes: Uint8Array): string {
+  let text = "";
+  for (const byte of bytes) text += String.fromCharCode(byte);
+  return btoa(text).replaceAll("+", "-").replaceAll("/", "_").replaceAll("=", "");
+}
+
+function fromBase64url(text: string): Uint8Array {
+  return Uint8Array.from(atob(text.replaceAll("-", "+").replaceAll("_", "/")), (c) => c.charCodeAt(0));
+}

@@ -1,0 +1,85 @@
+// Keeps the spectrum of the current sample up to date: coarse while a control moves, finer at
+// rest.
+import { inRange, RAYS, Refused, REST_MS, type Engine, type Shown, type Store } from "./page";
+import type { SampleAnswer } from "./messages";
+import { Value } from "./observable";
+
+export class Simulation {
+  readonly shown = new Value<Shown | null>(null);
+  readonly checked = new Value<SampleAnswer | null>(null);
+  readonly refused = new Value<Refused | null>(null);
+  /// Walks that are on their way; 0 if none are.
+  readonly pending = new Value<number>(0);
+
+  readonly #engine: Engine;
+  readonly #store: Store;
+  #version = 0;
+  /// A coarse simulation runs. It is left to finish, so that a curve is seen while dragging.
+  #coarse = false;
+  #rest: ReturnType<typeof setTimeout> | undefined;
+  #changed = 0;
+
+  constructor(engine: Engine, store: Store) {
+    this.#engine = engine;
+    this.#store = store;
+    store.subscribe((_, changed) => {
+      if (changed.has("sample") || changed.has("files") || changed.has("range") || changed.has("seed")) this.start();
+    });
+  }
+
+  start(): void {
+    this.#version++;
+    this.#changed = Date.now();
+    clearTimeout(this.#rest);
+    void this.#check();
+    if (!this.#coarse) void this.#stage(0);
+  }
+
+  async #check(): Promise<void> {
+    const { sample, files } = this.#store.get();
+    try {
+      const answer = await this.#engine.askLatest("check", { ask: "sample", sample, files });
+      if (!answer) return;
+      this.checked.set(answer);
+      this.refused.set(null);
+    } catch (error) {
+      this.#fail(error);
+    }
+  }
+
+  async #stage(stage: number): Promise<void> {
+    const version = this.#version;
+    const { sample: given, files, range, seed } = this.#store.get();
+    const sample = inRange(given, range);
+    const rays = RAYS[stage]!;
+    const started = performance.now();
+    this.#coarse = stage === 0;
+    this.pending.set(rays);
+    let failed = false;
+    try {
+      const spectrum = await this.#engine.askLatest("spectrum", { ask: "simulate", sample, files, rays, seed });
+      if (!spectrum) return;
+      this.shown.set({ sample, spectrum, seconds: (performance.now() - started) / 1000 });
+    } catch (error) {
+      failed = true;
+      if (version === this.#version) this.#fail(error);
+    } finally {
+      if (stage === 0) this.#coarse = false;
+    }
+    if (version !== this.#version) {
+      // The sample changed meanwhile. A finer stage was superseded by the change itself.
+      if (stage === 0) void this.#stage(0);
+      return;
+    }
+    this.pending.set(0);
+    if (failed || stage + 1 >= RAYS.length) return;
+    const wait = Math.max(0, this.#changed + REST_MS - Date.now());
+    this.pending.set(RAYS[stage + 1]!);
+    this.#rest = setTimeout(() => void this.#stage(stage + 1), wait);
+  }
+
+  #fail(error: unknown): void {
+    this.checked.set(null);
+    this.refused.set(error instanceof Refused ? error : new Refused(error instanceof Error ? error.message : String(error)));
+  }
+}

@@ -1,0 +1,78 @@
+// A measured file beside the simulation: residuals, and errors by band.
+import { Chart } from "../chart";
+import { h } from "../dom";
+import type { Measured, Statistics } from "../messages";
+import { Value } from "../observable";
+import type { Page } from "../page";
+
+export class MeasuredPanel {
+  readonly element = h("section", { class: "measured", hidden: true });
+  readonly answer = new Value<Measured | null>(null);
+  readonly #page: Page;
+  readonly #chart = new Chart({ label: "Simulated − measured", height: () => 180 });
+  readonly #content = h("div");
+
+  constructor(page: Page) {
+    this.#page = page;
+    const close = h("button", { type: "button", class: "small", onclick: () => page.state.set({ measured: null }) }, "Remove the file");
+    this.element.append(h("h3", null, "Measured"), this.#content, this.#chart.element, close);
+    page.state.subscribe((_, changed) => {
+      if (changed.has("measured")) void this.#update();
+    });
+    page.shown.subscribe(() => void this.#update());
+  }
+
+  async #update(): Promise<void> {
+    const { measured } = this.#page.state.get();
+    const spectrum = this.#page.shown.value?.spectrum;
+    this.element.hidden = !measured;
+    if (!measured || !spectrum) {
+      this.answer.set(null);
+      return;
+    }
+    const { wavelengths_nm, reflectance, reflectance_se, transmittance, transmittance_se } = spectrum;
+    try {
+      const answer = await this.#page.engine.askLatest("measured", {
+        ask: "measured",
+        ...measured,
+        ...{ wavelengths_nm, reflectance, reflectance_se, transmittance, transmittance_se },
+      });
+      if (answer) this.#show(measured.name, answer);
+    } catch (error) {
+      this.answer.set(null);
+      this.#content.replaceChildren(h("p", { class: "error", role: "alert" }, `${measured.name}: ${error instanceof Error ? error.message : String(error)}`));
+      this.#chart.element.hidden = true;
+    }
+  }
+
+  #show(name: string, answer: Measured): void {
+    const cells = (s: Statistics) => [h("td", null, String(s.points)), h("td", null, s.rmse.toFixed(4)), h("td", null, signed(s.bias))];
+    const head = h("tr", null, ...["Band", "Points", "RMSE", "Bias"].map((title) => h("th", { scope: "col" }, title)));
+    const rows = answer.bands.map((band) => h("tr", null, h("th", { scope: "row" }, `${band.name}, ${band.from_nm}–${band.to_nm} nm`), ...cells(band)));
+    if (answer.overall) rows.unshift(h("tr", null, h("th", { scope: "row" }, "All"), ...cells(answer.overall)));
+    this.#content.replaceChildren(
+      h("p", null, h("strong", null, name), `, ${answer.quantity}.`),
+      ...answer.notes.map((note) => h("p", { class: "muted" }, note)),
+      answer.residuals.length > 0
+        ? h("div", { class: "scroll" }, h("table", null, h("caption", null, `Simulated minus measured ${answer.quantity}`), h("thead", null, head), h("tbody", null, ...rows)))
+        : h("p", null, "The file has no wavelength in common with the simulation. Choose other wavelengths above."),
+    );
+    const kept = answer.residuals.filter((r) => !r.excluded);
+    this.#chart.element.hidden = kept.length < 2;
+    if (kept.length >= 2) {
+      const x = kept.map((r) => r.nm);
+      this.#chart.draw(
+        [
+          { name: "zero", x, y: x.map(() => 0), colour: "--muted", dash: [4, 4] },
+          { name: "residual", x, y: kept.map((r) => r.residual), colour: "--measured" },
+        ],
+        { scale: "linear", low: null, high: null },
+      );
+    }
+    this.answer.set(answer);
+  }
+}
+
+function signed(value: number): string {
+  return `${value < 0 ? "−" : "+"}${Math.abs(value).toFixed(4)}`;
+}
