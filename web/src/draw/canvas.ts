@@ -3,7 +3,6 @@
 export interface Theme {
   ink: string;
   faint: string;
-  ground: string;
   font: string;
 }
 
@@ -13,8 +12,7 @@ export function theme(element: Element): Theme {
   const get = (name: string, otherwise: string) => style.getPropertyValue(name).trim() || otherwise;
   return {
     ink: style.color,
-    faint: get("--line", "rgb(128 128 128 / 0.4)"),
-    ground: get("--ground", "Canvas"),
+    faint: get("--grid", "rgb(128 128 128 / 0.4)"),
     font: style.fontFamily || "sans-serif",
   };
 }
@@ -56,6 +54,4 @@ export function redrawOnChange(host: Element, draw: () => void): void {
     soon();
   }).observe(host);
   matchMedia("(prefers-color-scheme: dark)").addEventListener("change", soon);
-  const root = document.documentElement;
-  new MutationObserver(soon).observe(root, { attributes: true, attributeFilter: ["class", "data-theme"] });
 }

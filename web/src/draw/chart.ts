@@ -7,7 +7,7 @@ import { number, ticks } from "./ticks";
 
 export interface Curve {
   name: string;
-  /// A CSS colour, or the name of a variable such as `--reflected`.
+  /// A CSS colour, or the name of a variable such as `--reflectance`.
   colour: string;
   x: readonly number[];
   y: readonly number[];

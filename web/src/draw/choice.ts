@@ -8,7 +8,7 @@ export class Choice<T extends string> {
 
   constructor(legend: string, options: readonly (readonly [T, string])[], onChoice: (value: T) => void) {
     const name = newId("choice");
-    this.element = h("fieldset", { class: "choice" }, h("legend", null, legend));
+    this.element = h("fieldset", { class: "segments choice" }, h("legend", null, legend));
     for (const [value, words] of options) {
       const input = h("input", { type: "radio", name, value });
       const text = h("span", null, words);

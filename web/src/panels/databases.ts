@@ -4,6 +4,10 @@ import "./databases.css";
 import type { CompactFile, Light, LookupAnswer, Spectrum } from "../messages";
 import { RAYS, Refused, REST_MS, type Page } from "../page";
 import { h, newId } from "../dom";
+import dome from "../../../examples/mitsuba/dome.safetensors?url";
+import snow from "../../../examples/mitsuba/snow.safetensors?url";
+import snows from "../../../examples/mitsuba/snows.safetensors?url";
+import sooty from "../../../examples/mitsuba/sooty.safetensors?url";
 import { Chart, type Curve } from "../draw/chart";
 import { bytes as bytesText, grouped, number } from "../draw/ticks";
 import {
@@ -14,10 +18,10 @@ import {
 
 /// Files that come with the page.
 const EXAMPLES = [
-  { file: "snow.safetensors", title: "One snow, 5 to 35 cm" },
-  { file: "snows.safetensors", title: "Snows by grain size and density" },
-  { file: "sooty.safetensors", title: "Sooty snow" },
-  { file: "dome.safetensors", title: "Snow of an igloo" },
+  { file: "snow.safetensors", url: snow, title: "One snow, 5 to 35 cm" },
+  { file: "snows.safetensors", url: snows, title: "Snows by grain size and density" },
+  { file: "sooty.safetensors", url: sooty, title: "Sooty snow" },
+  { file: "dome.safetensors", url: dome, title: "Snow of an igloo" },
 ] as const;
 
 /// Larger files are not read: they would not fit the memory of the engine.
@@ -88,7 +92,7 @@ export function mount(root: HTMLElement, page: Page): void {
     h("button", { type: "button", class: "primary", onclick: () => input.click() }, "Open a file"), input,
     h("span", { class: "or" }, "Examples:"), ...examples);
   const body = h("div", { class: "body", hidden: true });
-  root.append(intro, opener, alert, chooser, body);
+  root.append(h("h2", null, "Databases"), intro, opener, alert, chooser, body);
 
   root.addEventListener("dragover", (event) => {
     if (!event.dataTransfer?.types.includes("Files")) return;
@@ -126,10 +130,12 @@ export function mount(root: HTMLElement, page: Page): void {
     }
   };
   const openExample = async (name: string, point?: Record<string, unknown>) => {
+    const example = EXAMPLES.find((other) => other.file === name);
+    if (!example) return;
     const known = files.find((open) => open.file.name === name);
     if (known) return select(known);
     try {
-      const response = await fetch(new URL(`examples/${name}`, document.baseURI));
+      const response = await fetch(example.url);
       if (!response.ok) throw new Error(`the example cannot be loaded (${response.status})`);
       await open(name, new Uint8Array(await response.arrayBuffer()), point);
     } catch (error) {
@@ -296,12 +302,11 @@ export function mount(root: HTMLElement, page: Page): void {
   };
   const curves = (quantity: Quantity): Curve[] => {
     const x = answer!.wavelengths_nm;
-    const colourName = quantity === "reflectance" ? "--reflected" : "--transmitted";
     const list: Curve[] = [];
     if (simulated) {
-      list.push({ name: "simulation", colour: "--simulated", x: simulated.wavelengths_nm, y: simulated[quantity], se: simulated[`${quantity}_se`], dash: [6, 4] });
+      list.push({ name: "simulation", colour: "--ink", x: simulated.wavelengths_nm, y: simulated[quantity], se: simulated[`${quantity}_se`], dash: [6, 4] });
     }
-    list.unshift({ name: "look-up", colour: colourName, x, y: answer![quantity]!, dots: x.length <= 40 });
+    list.unshift({ name: "look-up", colour: `--${quantity}`, x, y: answer![quantity]!, dots: x.length <= 40 });
     return list;
   };
   const reading = (quantity: Quantity, nm: number): string => {

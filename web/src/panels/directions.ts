@@ -77,7 +77,7 @@ export function mount(root: HTMLElement, page: Page): void {
   const planeCaption = h("figcaption");
   const planeFigure = h("figure", {}, planeCaption, planeHost);
   const note = h("p", { class: "note" });
-  root.append(controls, alert, heading, progress, h("div", { class: "figures" }, discFigure, planeFigure), probe, note);
+  root.append(h("h2", null, "Directions"), controls, alert, heading, progress, h("div", { class: "figures" }, discFigure, planeFigure), probe, note);
 
   const draw = () => {
     side.value = now.side;
@@ -107,7 +107,7 @@ export function mount(root: HTMLElement, page: Page): void {
     if (beam !== null && now.side === "reflected") marks.push({ x: -beam, name: "sun" });
     if (beam !== null && now.side === "transmitted") marks.push({ x: beam, name: "beam" });
     plane.set(
-      [{ name: short, colour: `--${now.side}`, x, y, points: true, ...(isError ? {} : { se: errors }) }],
+      [{ name: short, colour: now.side === "reflected" ? "--reflectance" : "--transmittance", x, y, points: true, ...(isError ? {} : { se: errors }) }],
       {
         x: axis, y: `${isError ? "standard error of " : ""}${short}, unit 1`,
         xRange: diffuse ? [0, 90] : [-90, 90],
