@@ -71,6 +71,7 @@ describe("axes", () => {
       thickness_cm: 9.5, grain_size_um: 200,
     });
     expect(startPoint([thickness], { thickness_cm: "thick" })).toEqual({ thickness_cm: 8 });
+    expect(startPoint([{ name: "incidence_angle_deg", unit: "degree", values: [0, 86, 89] }])).toEqual({ incidence_angle_deg: 0 });
   });
 });
 

@@ -166,7 +166,7 @@ describe("the panel", () => {
     expect(names(false, "reflected", "brf")).toEqual({ short: "BRF", full: "bidirectional reflectance factor" });
     expect(names(true, "reflected", "brf").short).toBe("HDRF");
     expect(names(false, "transmitted", "brf").short).toBe("BTF");
-    expect(names(true, "transmitted", "anisotropy").full).toBe("anisotropy factor, HDTF over transmittance");
+    expect(names(true, "transmitted", "anisotropy").full).toBe("anisotropy factor (HDTF over transmittance)");
   });
 
   test("the anisotropy factor is the factor over the sum", () => {

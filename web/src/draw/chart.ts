@@ -220,6 +220,7 @@ export class Chart {
         const value = x[0]! + ((at - a) / (b - a)) * (x[x.length - 1]! - x[0]!);
         context.lineTo(at, py(hermite(x, y, slope, value)));
       }
+      context.lineTo(b, py(y[x.length - 1]!));
     } else {
       for (let i = 0; i < x.length; i++) context.lineTo(px(x[i]!), py(y[i]!));
     }

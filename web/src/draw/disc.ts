@@ -85,9 +85,9 @@ function paint(disc: Disc, diameter: number): HTMLCanvasElement {
       const below = j + 1 < diameter ? values[k + diameter]! - value : Number.NaN;
       const slope = Math.hypot(right || 0, below || 0);
       if (slope > 0) {
-        const off = Math.abs(value - Math.round(value / apart) * apart) / slope;
-        const line = 0.55 * Math.max(0, Math.min(1, 1.1 - off));
-        const to = share > 0.55 ? 0 : 255;
+        const level = Math.round(value / apart) * apart;
+        const line = 0.55 * Math.max(0, Math.min(1, 1.1 - Math.abs(value - level) / slope));
+        const to = (level - disc.low) / span > 0.55 ? 0 : 255;
         [r, g, b] = [r + line * (to - r), g + line * (to - g), b + line * (to - b)];
       }
       // The rim fades within a pixel.

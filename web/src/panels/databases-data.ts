@@ -110,7 +110,7 @@ export function amongNodes(axis: Axis, value: number): string {
   return `between ${valueText(axis, axis.values[above - 1]!)} and ${valueText(axis, axis.values[above]!)}`;
 }
 
-/** Where the sliders stand at first: on the middle nodes, or where `wished` says. */
+/** Where the sliders stand at first: on the middle nodes, angles on the first, or where `wished` says. */
 export function startPoint(
   axes: readonly Axis[],
   wished: Readonly<Record<string, unknown>> = {},
@@ -119,7 +119,7 @@ export function startPoint(
     axes.map(({ name, values }) => {
       const wish = wished[name];
       const inside = typeof wish === "number" && wish >= values[0]! && wish <= values.at(-1)!;
-      return [name, inside ? wish : values[(values.length - 1) >> 1]!];
+      return [name, inside ? wish : values[name.endsWith("_deg") ? 0 : (values.length - 1) >> 1]!];
     }),
   );
 }

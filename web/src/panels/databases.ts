@@ -129,7 +129,7 @@ export function mount(root: HTMLElement, page: Page): void {
       }
     }
   };
-  const openExample = async (name: string, point?: Record<string, unknown>) => {
+  const openExample = async (name: string, point?: Record<string, unknown>, quietly = false) => {
     const example = EXAMPLES.find((other) => other.file === name);
     if (!example) return;
     const known = files.find((open) => open.file.name === name);
@@ -137,19 +137,19 @@ export function mount(root: HTMLElement, page: Page): void {
     try {
       const response = await fetch(example.url);
       if (!response.ok) throw new Error(`the example cannot be loaded (${response.status})`);
-      await open(name, new Uint8Array(await response.arrayBuffer()), point);
+      await open(name, new Uint8Array(await response.arrayBuffer()), point, quietly);
     } catch (error) {
       complain(namedMessage(name, error));
     }
   };
-  const open = async (name: string, bytes: Uint8Array, point?: Record<string, unknown>) => {
+  const open = async (name: string, bytes: Uint8Array, point?: Record<string, unknown>, quietly = false) => {
     const file = await page.engine.ask({ ask: "open", name }, bytes);
     const opened = { file, bytes, point: startPoint(file.axes, point), known: false };
     // The same file again takes the place of the first.
     const before = files.findIndex((other) => other.file.name === file.name && same(other.bytes, bytes));
     if (before >= 0) files[before] = opened;
     else files.push(opened);
-    select(opened);
+    select(opened, quietly);
   };
   const close = () => {
     const at = files.indexOf(current!);
@@ -406,18 +406,18 @@ export function mount(root: HTMLElement, page: Page): void {
       lightSelect.value = wishedLight;
     }
     const wished = typeof point === "object" && point !== null ? (point as Record<string, unknown>) : {};
-    const known = files.find((open) => open.file.name === file);
+    const name = typeof file === "string" && file ? file : EXAMPLES[0].file;
+    const known = files.find((open) => open.file.name === name);
     if (known) {
       known.point = startPoint(known.file.axes, wished);
       if (known !== current) return select(known, true);
       refreshAxes();
       return void look();
     }
-    if (typeof file === "string" && EXAMPLES.some((example) => example.file === file)) {
-      return void openExample(file, wished);
-    }
-    if (typeof file === "string" && file) complain(`The link shows the file ${file}, which it does not hold. Open it here.`);
-    if (!current) void openExample(EXAMPLES[0].file);
+    if (EXAMPLES.some((example) => example.file === name)) return void openExample(name, wished, true);
+    const missing = `The link shows the file ${name}, which a link does not hold. Open it here.`;
+    if (current) return complain(missing);
+    void openExample(EXAMPLES[0].file, {}, true).then(() => complain(missing));
   };
   const start = () => {
     if (started || page.state.get().panel !== "databases") return;

@@ -53,7 +53,7 @@ export function names(diffuse: boolean, side: Settings["side"], factor: Settings
   const kind = reflected ? "reflectance" : "transmittance";
   const full = `${diffuse ? "hemispherical-directional" : "bidirectional"} ${kind} factor`;
   if (factor === "brf") return { short, full };
-  return { short: "anisotropy factor", full: `anisotropy factor, ${short} over ${kind}` };
+  return { short: "anisotropy factor", full: `anisotropy factor (${short} over ${kind})` };
 }
 
 export interface Chosen {

@@ -22,8 +22,13 @@ export function mount(root: HTMLElement, page: Page): void {
   let beam: number | null = null;
   let chosen: Chosen | null = null;
   let cursor: { view: number; azimuth: number } | null = null;
+  /// What is asked now, and what the answer is for.
   let asked = "";
+  let answered = "";
   let turn = 0;
+  /// Seconds that the answer took, and walks that are under way.
+  let took = 0;
+  let next: number | null = null;
 
   // ---- controls
 
@@ -121,6 +126,7 @@ export function mount(root: HTMLElement, page: Page): void {
       : `Principal plane: views in the plane of the beam${isError ? "" : ", bars: one standard error"}`;
     note.textContent = words(diffuse, now, answer);
     say();
+    if (alert.hidden) report();
   };
 
   const drawDiscNow = () => {
@@ -211,10 +217,17 @@ export function mount(root: HTMLElement, page: Page): void {
     for (const [stage, rays] of RAYS.entries()) {
       if (stage === 1) await new Promise((resolve) => setTimeout(resolve, REST_MS));
       if (mine !== turn) return;
+      // What is there already need not be walked again.
+      if (key === answered && answer && rays <= answer.rays) continue;
+      // Nobody looks: the rest waits until somebody does.
+      if (page.state.get().panel !== "directions") {
+        asked = "";
+        next = null;
+        break;
+      }
       const began = performance.now();
-      progress.textContent = stage > 0
-        ? `${summary()} Next: ${grouped(rays)} walks.`
-        : "Walking the first 2048 walks. This takes some seconds.";
+      next = rays;
+      report();
       try {
         const got = await page.engine.askLatest("directions", {
           ask: "directions", sample: snow, files, rays, seed, wavelength_nm: now.wavelength_nm, ...nodes(snow),
@@ -222,15 +235,16 @@ export function mount(root: HTMLElement, page: Page): void {
         if (mine !== turn) return;
         if (!got) {
           asked = "";
-          return;
+          break;
         }
         answer = got;
+        answered = key;
         beam = incidence(snow);
         took = (performance.now() - began) / 1000;
         alert.hidden = true;
         root.classList.remove("stale");
+        next = null;
         draw();
-        progress.textContent = summary();
       } catch (error) {
         if (mine !== turn) return;
         problem(error);
@@ -239,7 +253,10 @@ export function mount(root: HTMLElement, page: Page): void {
     }
     root.removeAttribute("aria-busy");
   };
-  let took = 0;
+  const report = () => {
+    const coming = next === null ? "" : `${answer ? "Next:" : "Under way:"} ${grouped(next)} walks.`;
+    progress.textContent = `${summary()} ${coming}`.trim();
+  };
   const summary = () => {
     if (!answer || !chosen) return "";
     const worst = largestRelativeError(answer, chosen);
@@ -254,6 +271,7 @@ export function mount(root: HTMLElement, page: Page): void {
     const key = error instanceof Refused && error.key ? `${error.key}: ` : "";
     alert.textContent = `${key}${error instanceof Error ? error.message : String(error)}`;
     alert.hidden = false;
+    next = null;
     root.classList.add("stale");
     progress.textContent = answer ? "The drawing shows the last snow that could be computed." : "";
   };
@@ -262,7 +280,6 @@ export function mount(root: HTMLElement, page: Page): void {
     if (changed.has("directions")) {
       now = settings(state.directions);
       draw();
-      if (answer && asked) progress.textContent = summary();
     }
     void ask();
   });
