@@ -35,7 +35,7 @@ export interface Axes {
 
 const LEFT = 46;
 const RIGHT = 10;
-const TOP = 14;
+const TOP = 24;
 const BOTTOM = 38;
 
 export class Chart {

@@ -16,6 +16,8 @@ export interface Disc {
   /// A direction to mark, with its name.
   mark?: { view: number; azimuth: number; name: string };
   cursor?: { view: number; azimuth: number } | null;
+  /// Whether the sides are named: not if the beam comes along the normal.
+  sides: boolean;
 }
 
 const MARGIN = 22;
@@ -145,11 +147,13 @@ export function drawDisc(canvas: HTMLCanvasElement, width: number, disc: Disc, l
   context.fillStyle = look.ink;
   context.textAlign = "center";
   context.fillText("90\u00b0", x, y - radius - 11);
-  context.textAlign = "left";
-  const below = y + radius + 10;
-  context.fillText("\u2190 toward the light", 0, below);
-  context.textAlign = "right";
-  context.fillText("forward \u2192", width, below);
+  if (disc.sides) {
+    const below = y + radius + 10;
+    context.textAlign = "left";
+    context.fillText("\u2190 toward the light", 0, below);
+    context.textAlign = "right";
+    context.fillText("forward \u2192", width, below);
+  }
 
   if (disc.mark) {
     const [mx, my] = place(width, disc.mark.view, disc.mark.azimuth);

@@ -43,7 +43,7 @@ export function mount(root: HTMLElement, page: Page): void {
   const show = new Choice<Settings["show"]>("Show", [["value", "value"], ["se", "standard error"]],
     (value) => set({ show: value }));
   const [nmId, sliderId] = [newId("nm"), newId("nm")];
-  const slider = h("input", { id: sliderId, type: "range", min: NM.min, max: NM.max, step: 10, "aria-label": "Wavelength, nm" });
+  const slider = h("input", { id: sliderId, type: "range", min: NM.min, max: NM.max, step: 10, "aria-label": "Wavelength of the directions, nm" });
   const field = h("input", { id: nmId, type: "number", min: NM.min, max: NM.max, step: "any" });
   slider.addEventListener("input", () => set({ wavelength_nm: slider.valueAsNumber }, "directions-wavelength"));
   field.addEventListener("change", () => {
@@ -105,7 +105,7 @@ export function mount(root: HTMLElement, page: Page): void {
     const shown = isError ? chosen.se : chosen.value;
     const { x, y } = principalPlane(answer, shown);
     const errors = principalPlane(answer, chosen.se).y;
-    const axis = diffuse
+    const axis = diffuse || beam === 0
       ? "view angle, \u00b0"
       : "view angle, \u00b0 (negative: back toward the light)";
     const marks = [];
@@ -124,7 +124,7 @@ export function mount(root: HTMLElement, page: Page): void {
     planeCaption.textContent = diffuse
       ? `${short} over the view angle, bars: one standard error`
       : `Principal plane: views in the plane of the beam${isError ? "" : ", bars: one standard error"}`;
-    note.textContent = words(diffuse, now, answer);
+    note.textContent = words(beam, now, answer);
     say();
     if (alert.hidden) report();
   };
@@ -142,6 +142,7 @@ export function mount(root: HTMLElement, page: Page): void {
       low, high,
       caption: `${isError ? "standard error of " : ""}${short}, unit 1`,
       cursor,
+      sides: beam !== 0,
       ...(beam === null ? {} : {
         mark: now.side === "reflected"
           ? { view: beam, azimuth: 180, name: "sun" }
@@ -268,8 +269,9 @@ export function mount(root: HTMLElement, page: Page): void {
     return `${seconds} Largest relative standard error: ${percent(worst.share)} (${where}).`;
   };
   const problem = (error: unknown) => {
-    const key = error instanceof Refused && error.key ? `${error.key}: ` : "";
-    alert.textContent = `${key}${error instanceof Error ? error.message : String(error)}`;
+    const text = error instanceof Error ? error.message : String(error);
+    const key = error instanceof Refused ? error.key : undefined;
+    alert.textContent = key && !text.includes(key) ? `${key}: ${text}` : text;
     alert.hidden = false;
     next = null;
     root.classList.add("stale");
@@ -295,16 +297,18 @@ function foldedAzimuth(azimuth: number): number {
   return azimuth > 180 ? 360 - azimuth : azimuth;
 }
 
-function words(diffuse: boolean, { side }: Settings, answer: Directions): string {
+function words(beam: number | null, { side, factor }: Settings, answer: Directions): string {
   const reflected = side === "reflected";
   const [sum, se] = reflected
     ? [answer.reflectance, answer.reflectance_se]
     : [answer.transmittance, answer.transmittance_se];
   const total = `${reflected ? "Reflectance" : "Transmittance"}: ${number(sum, 4)}, standard error ${number(se, 2)}.`;
-  const lambert = "A Lambertian surface that reflects all light has a factor of 1 in every direction.";
-  const kind = diffuse
-    ? "The light is diffuse, so the azimuth does not matter."
-    : "Azimuth 0\u00b0 is forward, 180\u00b0 is back toward the light. Views are measured on one side of the principal plane and mirrored; between them the drawing is interpolated.";
-  const below = reflected ? "" : " Views of transmitted light lie below the snow.";
-  return `${total} ${lambert} ${kind}${below}`;
+  const lambert = factor === "anisotropy"
+    ? "A Lambertian surface has an anisotropy factor of 1 in every direction."
+    : `A Lambertian surface that ${reflected ? "reflects" : "transmits"} all light has a factor of 1 in every direction.`;
+  const between = "Views are computed on one side of the principal plane and mirrored; between them the drawing is interpolated.";
+  let kind = `Azimuth 0\u00b0 is forward, 180\u00b0 is back toward the light. ${between}`;
+  if (beam === null) kind = "The light is diffuse, so the azimuth does not matter.";
+  else if (beam === 0) kind = "The beam comes along the normal, so the azimuth does not matter.";
+  return `${total} ${lambert} ${kind}${reflected ? "" : " Views of transmitted light lie below the snow."}`;
 }
