@@ -84,7 +84,7 @@ export class Chart {
     }
     let low = all.length ? Math.min(...all) : 0;
     let high = all.length ? Math.max(...all) : 1;
-    if (!(high > low)) [low, high] = [low - 0.5 * Math.abs(low || 1), high + 0.5 * Math.abs(high || 1)];
+    if (!(high > low)) [low, high] = low === 0 ? [0, 1] : [low - 0.5 * Math.abs(low), high + 0.5 * Math.abs(high)];
     const spare = 0.04 * (high - low);
     this.range = [low >= 0 && low - spare < 0 ? 0 : low - spare, high + spare];
     this.draw();

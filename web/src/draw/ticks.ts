@@ -38,7 +38,7 @@ function trim(text: string): string {
 
 /** A share as a percentage with two significant digits. */
 export function percent(share: number): string {
-  return `${number(100 * share, 2)} %`;
+  return `${number(100 * share, 2)}\u00a0%`;
 }
 
 /** A number of bytes in the unit that suits it. */

@@ -129,7 +129,7 @@ export function colourRange(rows: readonly (readonly number[])[], fromZero: bool
   let [low, high] = [Math.min(...all), Math.max(...all)];
   if (!all.length) return [0, 1];
   if (fromZero) low = 0;
-  if (!(high > low)) return [low, low + Math.max(Math.abs(low) * 0.1, 1e-9)];
+  if (!(high > low)) return [low, low + (Math.abs(low) * 0.1 || 1)];
   const step = 10 ** Math.floor(Math.log10(high - low)) / 10;
   low = Math.floor(low / step + 1e-9) * step;
   high = Math.ceil(high / step - 1e-9) * step;
