@@ -231,9 +231,11 @@ function statusLine() {
         if (!shown.value) return page.about.value ? "Simulating…" : "Loading the engine…";
         const { spectrum, seconds } = shown.value;
         const more = simulation.pending.value > spectrum.rays ? ` Refining to ${grouped(simulation.pending.value)}…` : "";
-        return `${grouped(spectrum.rays)} walks per node in ${seconds.toFixed(2)} s, engine ${spectrum.engine} (${page.engine.name}).${more}`;
+        return `${grouped(spectrum.rays)} walks, ${seconds.toFixed(2)} s, engine ${spectrum.engine}, ${page.engine.name}.${more}`;
       };
       for (const value of [page.shown, page.refused, page.about, simulation.pending]) value.subscribe(refresh);
+      simulation.stale.subscribe((stale) => element("results").setAttribute("data-stale", String(stale)));
+      simulation.pending.subscribe((rays) => element("results").setAttribute("aria-busy", String(rays > 0)));
     },
   };
 }

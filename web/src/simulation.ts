@@ -4,6 +4,9 @@ import { inRange, RAYS, Refused, REST_MS, type Engine, type Shown, type Store } 
 import type { SampleAnswer } from "./messages";
 import { Value } from "./observable";
 
+/// A coarse simulation of a sample that has changed since is dropped after this time, ms.
+const LONG_MS = 1500;
+
 export class Simulation {
   readonly shown = new Value<Shown | null>(null);
   readonly checked = new Value<SampleAnswer | null>(null);
@@ -14,8 +17,12 @@ export class Simulation {
   readonly #engine: Engine;
   readonly #store: Store;
   #version = 0;
-  /// A coarse simulation runs. It is left to finish, so that a curve is seen while dragging.
-  #coarse = false;
+  /// Whether the curve that is shown belongs to an earlier sample.
+  readonly stale = new Value(false);
+  /// When the coarse simulation that runs was started, or 0. It is left to finish, so that a
+  /// curve is seen while dragging, unless it takes too long.
+  #coarse = 0;
+  #late: ReturnType<typeof setTimeout> | undefined;
   #rest: ReturnType<typeof setTimeout> | undefined;
   #changed = 0;
 
@@ -30,9 +37,14 @@ export class Simulation {
   start(): void {
     this.#version++;
     this.#changed = Date.now();
+    this.pending.set(RAYS[0]);
+    this.stale.set(true);
     clearTimeout(this.#rest);
+    clearTimeout(this.#late);
     void this.#check();
-    if (!this.#coarse) void this.#stage(0);
+    const left = this.#coarse ? this.#coarse + LONG_MS - Date.now() : 0;
+    if (left <= 0) void this.#stage(0);
+    else this.#late = setTimeout(() => void this.#stage(0), left);
   }
 
   async #check(): Promise<void> {
@@ -53,18 +65,21 @@ export class Simulation {
     const sample = inRange(given, range);
     const rays = RAYS[stage]!;
     const started = performance.now();
-    this.#coarse = stage === 0;
+    const coarse = stage === 0 ? Date.now() : 0;
+    this.#coarse = coarse;
+    clearTimeout(this.#late);
     this.pending.set(rays);
     let failed = false;
     try {
       const spectrum = await this.#engine.askLatest("spectrum", { ask: "simulate", sample, files, rays, seed });
       if (!spectrum) return;
       this.shown.set({ sample, spectrum, seconds: (performance.now() - started) / 1000 });
+      if (version === this.#version) this.stale.set(false);
     } catch (error) {
       failed = true;
       if (version === this.#version) this.#fail(error);
     } finally {
-      if (stage === 0) this.#coarse = false;
+      if (stage === 0 && this.#coarse === coarse) this.#coarse = 0;
     }
     if (version !== this.#version) {
       // The sample changed meanwhile. A finer stage was superseded by the change itself.

@@ -17,7 +17,7 @@ interface Strip {
 
 export class WedgePicture {
   readonly element: HTMLElement;
-  readonly #canvas = h("canvas", { class: "wedge", role: "img" });
+  readonly #canvas = h("canvas", { class: "wedge", role: "img", "aria-label": "A wedge of snow; not computed yet" });
   readonly #readout = h("output", { class: "readout" }, "Point at the wedge to read a colour.");
   readonly #page: Page;
   readonly #wanted: () => boolean;

@@ -154,10 +154,15 @@ function swatch(title: string, row: Row, index: number): HTMLElement {
     "div",
     { class: "swatch" },
     h("div", { class: "patches" }, patch(now, title), held ? patch(held, `${title}, held`) : null),
-    h("div", null, h("strong", null, title), ` ${hex(now.srgb[index]!)}`),
-    h("div", { class: "muted" }, `Y ${percent(now.xyz[index]![1]!)} · L* ${lab[0]!.toFixed(1)} a* ${lab[1]!.toFixed(1)} b* ${lab[2]!.toFixed(1)}`),
+    h("div", null, h("strong", null, title)),
+    h("div", { class: "muted" }, `${hex(now.srgb[index]!)} · Y ${percent(now.xyz[index]![1]!)}`),
+    h("div", { class: "muted", title: "CIELAB, relative to the light" }, `L* ${lab[0]!.toFixed(1)} · a* ${signed(lab[1]!)} · b* ${signed(lab[2]!)}`),
     delta === null ? null : h("div", null, `ΔE to held: ${delta.toFixed(2)}`),
   );
+}
+
+function signed(value: number): string {
+  return value.toFixed(1).replace("-", "−");
 }
 
 function hex(srgb: readonly number[]): string {

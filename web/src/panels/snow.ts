@@ -106,14 +106,14 @@ export function mount(root: HTMLElement, page: Page): void {
       const which = /^layer\[(\d+)\]/.exec(refused.key ?? "")?.[1];
       // The message belongs to another layer: say so, and lead there.
       const other = which !== undefined && Number(which) !== state.get().layer && Number(which) < state.get().sample.layer.length;
-      if (other || !showMessage(root, refused.key, refused.message)) {
+      if (other || !showMessage(root, refused.key, plain(refused.message))) {
         const go = other && h("button", { type: "button", class: "small", onclick: () => state.set({ layer: Number(which) }) }, "Show this layer");
-        messages.append(h("p", { class: "error", role: "alert" }, refused.message), go || "");
+        messages.append(h("p", { class: "error", role: "alert" }, plain(refused.message)), go || "");
       }
       return;
     }
-    for (const note of [...(page.checked.value?.warnings ?? []).map((w) => `Warning: ${w}`), ...(page.checked.value?.notes ?? [])]) {
-      messages.append(h("p", null, note));
+    for (const note of [...(page.checked.value?.warnings ?? []), ...(page.checked.value?.notes ?? [])]) {
+      messages.append(h("p", null, plain(note)));
     }
   };
   page.refused.subscribe(report);
@@ -121,6 +121,11 @@ export function mount(root: HTMLElement, page: Page): void {
   state.subscribe((_, changed) => {
     if (changed.has("layer")) report();
   });
+}
+
+/// A message without the line of the file, which nobody sees here.
+function plain(message: string): string {
+  return message.replace(/^the sample(:\d+)*: /, "");
 }
 
 /// What decides which controls there are.

@@ -43,7 +43,7 @@ export function mount(root: HTMLElement, page: Page, held: HeldCurves): void {
   });
   const chart = new Chart({
     label: "Share of the incident light",
-    height: (width) => Math.round(Math.max(260, Math.min(440, width * 0.56))),
+    height: (width) => Math.round(Math.max(260, Math.min(width * 0.62, Math.max(360, window.innerHeight - 400)))),
     onCursor: (nm) => {
       if (nm === null) return;
       readAt = nm;
@@ -99,7 +99,7 @@ export function mount(root: HTMLElement, page: Page, held: HeldCurves): void {
     h("div", { class: "bar" }, range.element, scale.element, hold, drop),
     chart.element,
     toggles,
-    h("div", { class: "reader" }, reader, readout),
+    h("div", { class: "reader" }, h("label", null, "Read at", reader), readout),
     heldList,
     measured.element,
     numbers(page),

@@ -108,7 +108,7 @@ function show(item: HTMLLIElement, layer: Layer, index: number, count: number, s
   pick.querySelector(".detail")!.textContent = `${density} kg/m³ · ${layer.grain.map(sizeText).join(", ")}`;
   // Thick layers are drawn higher, but a stack always fits.
   const cm = layer.thickness_cm === "inf" ? 100 : layer.thickness_cm;
-  const height = Math.round(Math.min(110, 44 + 7 * Math.sqrt(Math.max(0, cm))) - Math.min(10, count));
+  const height = Math.round(Math.min(110, 46 + 7 * Math.sqrt(Math.max(0, cm))) - Math.min(6, count));
   item.style.height = `${height}px`;
   const canvas = item.querySelector("canvas")!;
   const width = item.clientWidth || 300;

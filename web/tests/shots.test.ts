@@ -1,0 +1,49 @@
+// Screenshots of every panel, at the size of a desktop and of a phone, light and dark. They
+// are written to tests/out, to be looked at.
+import { join } from "node:path";
+import { afterAll, beforeAll, expect, test } from "vitest";
+import type { Browser } from "playwright-core";
+import { answered, launch, open, OUT, serve } from "./browser";
+
+let browser: Browser;
+let site: Awaited<ReturnType<typeof serve>>;
+beforeAll(async () => {
+  site = await serve();
+  browser = await launch();
+});
+afterAll(async () => {
+  await browser?.close();
+  site?.server.close();
+});
+
+const SIZES = { desktop: { width: 1280, height: 900 }, phone: { width: 360, height: 740 } };
+for (const [size, viewport] of Object.entries(SIZES)) {
+  for (const colorScheme of ["light", "dark"] as const) {
+    test(`${size}, ${colorScheme}`, async () => {
+      const { page, wrong } = await open(browser, site.url, { viewport, colorScheme });
+      await page.waitForFunction(() => document.querySelectorAll("#preset option").length > 3);
+      const choose = (name: string) =>
+        page.evaluate((value) => {
+          const preset = document.querySelector<HTMLSelectElement>("#preset")!;
+          preset.value = value;
+          preset.dispatchEvent(new Event("change"));
+        }, name);
+      await choose("soot_on_grass");
+      await answered(page);
+      await page.evaluate(() => document.getElementById("hold")!.click());
+      await choose("crust");
+      await answered(page);
+      for (const name of ["snow", "spectra", "colour", "directions", "databases", "take"]) {
+        if (name === "snow" && size === "desktop") continue;
+        await page.click(`#tab-${name}`);
+        await page.waitForTimeout(name === "colour" || name === "directions" ? 4000 : 400);
+        if (name === "colour") await page.waitForFunction(() => /falls from/.test(document.querySelector(".wedge")?.getAttribute("aria-label") ?? ""));
+        await page.screenshot({ path: join(OUT, `${size}-${colorScheme}-${name}.png`), fullPage: size === "phone" });
+        // Nothing is wider than the screen.
+        expect(await page.evaluate(() => document.documentElement.scrollWidth)).toBeLessThanOrEqual(viewport.width);
+      }
+      expect(wrong).toEqual([]);
+      await page.context().close();
+    });
+  }
+}

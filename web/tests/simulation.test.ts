@@ -1,0 +1,67 @@
+import { afterEach, beforeEach, expect, test, vi } from "vitest";
+import type { Request } from "../src/messages";
+import type { Engine } from "../src/page";
+import { Simulation } from "../src/simulation";
+import { withLayer } from "../src/snow/edit";
+import { History, initialState } from "../src/state";
+
+/// An engine that takes `ms` for every simulation and notes what it was asked.
+function fake(ms: number) {
+  const asked: { rays: number; cm: unknown }[] = [];
+  const channels = new Map<string, () => void>();
+  const askLatest = (channel: string, request: Request) => {
+    channels.get(channel)?.();
+    return new Promise((resolve) => {
+      channels.set(channel, () => resolve(null));
+      if (request.ask !== "simulate") return resolve({});
+      const cm = request.sample.layer[0]!.thickness_cm;
+      asked.push({ rays: request.rays, cm });
+      setTimeout(() => resolve({ rays: request.rays, cm }), ms);
+    });
+  };
+  return { asked, engine: { name: "fake", ask: askLatest, askLatest } as unknown as Engine };
+}
+
+const move = (state: History, cm: number) =>
+  state.set({ sample: withLayer(state.get().sample, 0, (layer) => ({ ...layer, thickness_cm: cm })) });
+
+beforeEach(() => void vi.useFakeTimers());
+afterEach(() => vi.useRealTimers());
+
+test("refines at rest, in three stages", async () => {
+  const { asked, engine } = fake(40);
+  const simulation = new Simulation(engine, new History(initialState()));
+  simulation.start();
+  await vi.advanceTimersByTimeAsync(100);
+  expect(asked.map((a) => a.rays)).toEqual([2048]);
+  await vi.advanceTimersByTimeAsync(1000);
+  expect(asked.map((a) => a.rays)).toEqual([2048, 16384, 131072]);
+  expect([simulation.pending.value, simulation.stale.value]).toEqual([0, false]);
+});
+
+test("shows curves while a control moves, and ends with the last value", async () => {
+  const { asked, engine } = fake(100);
+  const state = new History(initialState());
+  const simulation = new Simulation(engine, state);
+  const seen: unknown[] = [];
+  simulation.shown.subscribe((shown) => shown && seen.push((shown.spectrum as unknown as { cm: number }).cm));
+  for (let cm = 1; cm <= 60; cm++) {
+    move(state, cm);
+    await vi.advanceTimersByTimeAsync(16);
+  }
+  expect(seen.length).toBeGreaterThan(5);
+  expect(asked.every((a) => a.rays === 2048)).toBe(true);
+  await vi.advanceTimersByTimeAsync(1000);
+  expect(seen.at(-1)).toBe(60);
+});
+
+test("drops a coarse simulation that takes too long once the sample has changed", async () => {
+  const { asked, engine } = fake(60_000);
+  const state = new History(initialState());
+  new Simulation(engine, state);
+  move(state, 1);
+  await vi.advanceTimersByTimeAsync(100);
+  move(state, 2);
+  await vi.advanceTimersByTimeAsync(3000);
+  expect(asked.map((a) => a.cm)).toEqual([1, 2]);
+});

@@ -1,0 +1,361 @@
+// The page used as a person would, in Chromium.
+import { readFileSync } from "node:fs";
+import { cpus, hostname } from "node:os";
+import { afterAll, afterEach, beforeAll, describe, expect, test } from "vitest";
+import type { Browser, Download, Page } from "playwright-core";
+import { answered, launch, open, serve, settled } from "./browser";
+
+let browser: Browser;
+let site: Awaited<ReturnType<typeof serve>>;
+let page: Page;
+let wrong: string[] = [];
+
+beforeAll(async () => {
+  site = await serve();
+  browser = await launch();
+});
+afterAll(async () => {
+  await browser?.close();
+  site?.server.close();
+});
+afterEach(async () => {
+  // No error on the console, no request to another host, in any of the tests.
+  expect(wrong).toEqual([]);
+  await page?.context().close();
+});
+
+async function start(hash = "", options = {}): Promise<void> {
+  ({ page, wrong } = await open(browser, site.url + hash, options));
+  await page.waitForFunction(() => / walks, /.test(document.getElementById("status")?.textContent ?? ""));
+}
+
+const layers = () => page.$$eval(".stack .what", (all) => all.map((e) => e.textContent));
+const field = (label: string) => page.locator("#panel-snow .control", { hasText: label }).locator('input[type="number"]').first();
+const readout = () => page.locator("#panel-spectra .readout").innerText();
+const link = () => page.evaluate(() => location.hash);
+
+/// Does something, and waits until the link has followed.
+async function andLink(act: () => Promise<unknown>): Promise<string> {
+  const before = await link();
+  await act();
+  await page.waitForFunction((old) => location.hash !== old, before);
+  return link();
+}
+
+async function dropFile(target: string, name: string, content: string): Promise<void> {
+  const transfer = await page.evaluateHandle(
+    ([n, c]) => {
+      const data = new DataTransfer();
+      data.items.add(new File([c!], n!));
+      return data;
+    },
+    [name, content],
+  );
+  await page.dispatchEvent(target, "dragover", { dataTransfer: transfer });
+  await page.dispatchEvent(target, "drop", { dataTransfer: transfer });
+}
+
+async function contentOf(download: Download): Promise<Buffer> {
+  return readFileSync(await download.path());
+}
+
+async function choosePreset(name: string): Promise<void> {
+  await page.waitForFunction(() => document.querySelectorAll("#preset option").length > 3);
+  await page.selectOption("#preset", name);
+}
+
+describe("snow", () => {
+  test("a typed number changes the spectrum, and undo brings it back", async () => {
+    await start();
+    await settled(page);
+    const before = await readout();
+    await field("Thickness").fill("3");
+    await page.waitForFunction((old) => document.querySelector("#panel-spectra .readout")?.textContent !== old, before);
+    await settled(page);
+    expect(await readout()).not.toBe(before);
+    expect(await layers()).toEqual(["3 cm"]);
+    await page.keyboard.press("Control+z");
+    await settled(page);
+    expect(await field("Thickness").inputValue()).toBe("12");
+    expect(await readout()).toBe(before);
+    await page.keyboard.press("Control+Shift+Z");
+    expect(await field("Thickness").inputValue()).toBe("3");
+  });
+
+  test("a refused number gets its message at its control", async () => {
+    await start();
+    await field("Density, dry").fill("20");
+    const message = page.locator('[data-key="layer[0].density_kg_m3"] .message');
+    await message.waitFor();
+    expect(await message.innerText()).toContain("50 to 550");
+    expect(await field("Density, dry").getAttribute("aria-invalid")).toBe("true");
+    await field("Density, dry").fill("200");
+    await message.waitFor({ state: "detached" });
+    await settled(page);
+  });
+
+  test("layers are added, dragged, moved by keys, duplicated and removed", async () => {
+    await start();
+    await page.click("text=Add >> nth=0");
+    expect(await layers()).toEqual(["Surface · 5 cm", "Base · 12 cm"]);
+    const handle = (n: number) => page.locator(".stack .handle").nth(n).boundingBox();
+    const [top, bottom] = [(await handle(0))!, (await handle(1))!];
+    await page.mouse.move(top.x + 10, top.y + top.height / 2);
+    await page.mouse.down();
+    await page.mouse.move(top.x + 10, bottom.y + 10, { steps: 5 });
+    await page.mouse.move(top.x + 10, bottom.y + bottom.height - 8, { steps: 5 });
+    await page.mouse.up();
+    expect(await layers()).toEqual(["Surface · 12 cm", "Base · 5 cm"]);
+    await page.locator(".stack .pick").nth(1).focus();
+    await page.keyboard.press("Alt+ArrowUp");
+    expect(await layers()).toEqual(["Surface · 5 cm", "Base · 12 cm"]);
+    expect(await page.evaluate(() => document.activeElement?.querySelector(".what")?.textContent)).toBe("Surface · 5 cm");
+    await page.click("text=Duplicate");
+    expect(await layers()).toHaveLength(3);
+    await page.click("#panel-snow >> text=Remove >> nth=0");
+    expect(await layers()).toEqual(["Surface · 5 cm", "Base · 12 cm"]);
+    await settled(page);
+  });
+
+  test("ready samples, three grain types, water and carbon by hand", async () => {
+    await start();
+    for (const name of ["soot_on_grass", "crust", "mixture"]) {
+      await choosePreset(name);
+      await answered(page);
+    }
+    await page.click("text=Add a grain type");
+    expect(await page.locator("fieldset.grain").count()).toBe(3);
+    await page.locator("fieldset.grain").nth(0).locator("select").first().selectOption("ssa_m2_kg");
+    await field("Liquid water").fill("0.1");
+    await field("Black carbon").fill("500");
+    await field("Reflectance of the substrate").fill("0.3");
+    await page.locator("fieldset.grain").nth(1).locator("select").nth(1).selectOption("hexagonal");
+    await answered(page);
+    expect(await page.locator("#panel-snow .error, #panel-snow .message").count()).toBe(0);
+  });
+
+  test("sliders move with the keyboard", async () => {
+    await start();
+    const slider = page.locator('[data-key="layer[0].density_kg_m3"] input[type="range"]');
+    await slider.focus();
+    await page.keyboard.press("ArrowRight");
+    expect(await field("Density, dry").inputValue()).toBe("280");
+    await settled(page);
+  });
+});
+
+describe("spectra", () => {
+  test("a curve is held and compared, also in a reloaded link", async () => {
+    await start();
+    await settled(page);
+    await page.click("#hold");
+    await page.locator(".chip", { hasText: "Held A" }).waitFor();
+    await field("Thickness").fill("4");
+    await page.check('#panel-spectra input[value="log"]');
+    await settled(page);
+    const hash = await andLink(() => page.click("#tab-colour"));
+    await page.locator("text=ΔE to held").first().waitFor();
+    const colours = await page.locator("#panel-colour .swatches").innerText();
+    await page.context().close();
+    await start(hash);
+    await settled(page);
+    await page.locator("text=ΔE to held").first().waitFor();
+    await page.waitForFunction((old) => (document.querySelector("#panel-colour .swatches") as HTMLElement).innerText === old, colours);
+    expect(await field("Thickness").inputValue()).toBe("4");
+    expect(await page.locator('#panel-spectra input[value="log"]').isChecked()).toBe(true);
+  });
+
+  test("a dropped measured file gets residuals and errors by band", async () => {
+    await start();
+    await page.selectOption("#panel-spectra select", "full");
+    const rows = Array.from({ length: 200 }, (_, i) => `${400 + 10 * i},${(0.95 * Math.exp(-i / 120)).toFixed(4)}`);
+    await dropFile("#panel-spectra", "field.csv", `wavelength_nm,reflectance\n${rows.join("\n")}\n`);
+    await page.waitForFunction(() => document.querySelectorAll(".measured tbody tr").length > 2);
+    const text = await page.locator(".measured").innerText();
+    expect(text).toContain("field.csv, reflectance");
+    expect(text).toMatch(/All\t\d+\t0\.\d{4}/);
+    await page.click("text=Remove the file");
+    await page.locator(".measured").waitFor({ state: "hidden" });
+    await dropFile("#panel-spectra", "nonsense.csv", "\u0000\u0001 this is no spectrum");
+    await page.locator(".measured .error").waitFor();
+  });
+});
+
+describe("colour", () => {
+  test("swatches, wedge, exposure and a dropped light", async () => {
+    await start();
+    await page.click("#tab-colour");
+    await page.waitForFunction(() => document.querySelectorAll("#panel-colour .card").length === 6);
+    await page.waitForFunction(() => /Transmitted luminance falls/.test(document.querySelector(".wedge")?.getAttribute("aria-label") ?? ""));
+    const before = await page.locator("#panel-colour .patch").first().getAttribute("aria-label");
+    await page.click("text=Expose for transmitted light");
+    await page.waitForFunction((old) => document.querySelector("#panel-colour .patch")?.getAttribute("aria-label") !== old, before);
+    await dropFile("#panel-colour", "lamp.csv", "wavelength_nm,power\n380,0.1\n500,0.5\n600,1\n780,1.5\n");
+    await page.waitForFunction(() => document.querySelectorAll("#panel-colour .card").length === 7);
+    const box = (await page.locator(".wedge").boundingBox())!;
+    await page.mouse.move(box.x + box.width / 2, box.y + 60);
+    expect(await page.locator("#panel-colour .readout").innerText()).toMatch(/^2\d|^3\d cm|Transmitted: Y/);
+    await settled(page);
+  });
+});
+
+describe("take away", () => {
+  test("files: sample, numbers, picture, drawing", async () => {
+    await start();
+    await settled(page);
+    await page.click("#tab-take");
+    await page.waitForFunction(() => document.querySelector("#panel-take pre + .bar ~ pre")?.textContent?.includes("[[layer]]"));
+    const save = async (label: string) => {
+      const [download] = await Promise.all([page.waitForEvent("download"), page.click(`text=${label}`)]);
+      return { name: download.suggestedFilename(), bytes: await contentOf(download) };
+    };
+    const toml = await save("Sample file (TOML)");
+    expect([toml.name, toml.bytes.toString().includes("thickness_cm = 12")]).toEqual(["sample.toml", true]);
+    const csv = (await save("Spectrum (CSV)")).bytes.toString();
+    expect(csv.trim().split("\n").filter((line) => !line.startsWith("#"))).toHaveLength(32);
+    expect(csv).toContain("# rays: 131072");
+    const png = (await save("Picture (PNG)")).bytes;
+    expect(png.subarray(1, 4).toString()).toBe("PNG");
+    expect((await save("Drawing (SVG)")).bytes.toString()).toContain("Wavelength (nm)");
+    expect(await page.locator("#panel-take pre").first().innerText()).toMatch(/^splitsnow simulate sample.toml --engine \w+ --rays 131072 --seed 1/);
+    expect(await page.locator("#link").inputValue()).toContain(site.url);
+  });
+});
+
+describe("page", () => {
+  test("a damaged or hostile link gives a message", async () => {
+    const bad = Buffer.from(JSON.stringify({ sample: { version: 1, illumination: {}, wavelengths: {}, layer: [{ thickness_cm: 1e300, density_kg_m3: -5, grain: [{ size_um: { min: 1, max: 0 }, facetness: { min: 9, max: -9, mean: 1, sd: 0 } }] }] } })).toString("base64url");
+    for (const hash of ["#z=AAAA", `#j=${bad}`]) {
+      ({ page, wrong } = await open(browser, site.url + hash));
+      await page.waitForFunction(() => / walks, |damaged|cannot be simulated/.test(document.getElementById("status")?.textContent ?? ""));
+      if (hash.startsWith("#j")) await page.locator("#panel-snow .error, #panel-snow .message").first().waitFor();
+      expect(wrong).toEqual([]);
+      if (hash === "#z=AAAA") await page.context().close();
+    }
+  });
+
+  test("the tour ends where it began", async () => {
+    await start();
+    await page.click("#tour");
+    for (let i = 0; i < 5; i++) await page.click("dialog >> text=Next");
+    await page.click("dialog >> text=Done");
+    expect(await page.locator("dialog").count()).toBe(0);
+    expect(await page.locator("#tab-spectra").getAttribute("aria-selected")).toBe("true");
+    await page.click("#tour");
+    await page.keyboard.press("Escape");
+    expect(await page.locator("dialog").count()).toBe(0);
+  });
+
+  test("goes on without a network", async () => {
+    await start();
+    site.server.close();
+    site.server.closeAllConnections();
+    await page.selectOption("#panel-spectra select", "full");
+    // Supersede fine simulations, so that workers are replaced.
+    for (const cm of [5, 6, 7]) {
+      await field("Thickness").fill(String(cm));
+      await page.waitForTimeout(1200);
+    }
+    await page.selectOption("#panel-spectra select", "visible");
+    await settled(page);
+    site = await serve();
+  });
+
+  test("tabs and controls have names", async () => {
+    await start();
+    const nameless = await page.$$eval("button, input, select, [role=img], canvas:not([aria-hidden])", (all) =>
+      all
+        .filter((e) => !(e as HTMLInputElement).labels?.length && !e.getAttribute("aria-label") && !e.textContent?.trim() && !e.closest("[aria-hidden=true], .uplot"))
+        .map((e) => e.outerHTML.slice(0, 120)),
+    );
+    expect(nameless).toEqual([]);
+    await page.locator("#tab-spectra").focus();
+    await page.keyboard.press("ArrowRight");
+    expect(await page.locator("#tab-colour").getAttribute("aria-selected")).toBe("true");
+  });
+});
+
+describe("cost", () => {
+  const machine = `${hostname()}, ${cpus().length} x ${cpus()[0]?.model ?? "unknown"}`;
+
+  /// Moves a slider and waits for the redraw; returns milliseconds.
+  const redraw = (key: string, count: number) =>
+    page.evaluate(
+      async ([key, count]) => {
+        const slider = document.querySelector<HTMLInputElement>(`[data-key="${key}"] input[type="range"]`)!;
+        const readout = document.querySelector("#panel-spectra .readout")!;
+        const times: number[] = [];
+        const [min, max] = [Number(slider.min), Number(slider.max)];
+        for (let i = 0; i < Number(count); i++) {
+          const drawn = new Promise<void>((resolve) => {
+            const observer = new MutationObserver(() => {
+              observer.disconnect();
+              requestAnimationFrame(() => resolve());
+            });
+            observer.observe(readout, { childList: true, subtree: true });
+          });
+          const started = performance.now();
+          slider.value = String(min + (max - min) * (0.3 + 0.02 * i));
+          slider.dispatchEvent(new Event("input", { bubbles: true }));
+          await drawn;
+          times.push(performance.now() - started);
+        }
+        return times.sort((a, b) => a - b);
+      },
+      [key, count] as const,
+    );
+
+  test("time from input to first redraw", async () => {
+    await start();
+    await settled(page);
+    for (const key of ["layer[0].thickness_cm", "layer[0].density_kg_m3", "layer[0].grain[0].facetness"]) {
+      const times = await redraw(key, 15);
+      console.log(`input to redraw, ${key}: median ${times[7]!.toFixed(0)} ms, worst ${times[14]!.toFixed(0)} ms (${machine})`);
+      expect(times[7]).toBeLessThan(1500);
+    }
+  });
+
+  test("memory is flat over 500 changes", async () => {
+    await start();
+    await settled(page);
+    const session = await page.context().newCDPSession(page);
+    const used = async () => {
+      await session.send("HeapProfiler.collectGarbage");
+      const heap = await page.evaluate(() => (performance as unknown as { memory: { usedJSHeapSize: number } }).memory.usedJSHeapSize);
+      return { heap: heap / 1e6, resident: await resident() };
+    };
+    const change = (from: number, to: number) =>
+      page.evaluate(
+        async ([from, to]) => {
+          const slider = document.querySelector<HTMLInputElement>('[data-key="layer[0].grain[0].facetness"] input[type="range"]')!;
+          for (let i = from!; i < to!; i++) {
+            slider.value = String(0.2 + (0.6 * ((i * 37) % 100)) / 100);
+            slider.dispatchEvent(new Event("input", { bubbles: true }));
+            await new Promise((resolve) => setTimeout(resolve, 40));
+          }
+        },
+        [from, to],
+      );
+    await change(0, 150);
+    await settled(page);
+    const before = await used();
+    await change(150, 650);
+    await settled(page);
+    const after = await used();
+    const show = (m: typeof before) => `heap ${m.heap.toFixed(1)} MB, resident ${m.resident.toFixed(0)} MB`;
+    console.log(`memory before 500 changes: ${show(before)}; after: ${show(after)} (${machine})`);
+    expect(after.heap).toBeLessThan(before.heap + 5);
+    expect(after.resident).toBeLessThan(before.resident * 1.25 + 40);
+  });
+
+  /// Resident memory of the renderers, with the WebAssembly of the workers, MB.
+  async function resident(): Promise<number> {
+    const session = await browser.newBrowserCDPSession();
+    const { processInfo } = await session.send("SystemInfo.getProcessInfo");
+    await session.detach();
+    return processInfo
+      .filter((p) => p.type === "renderer")
+      .map((p) => Number(/VmRSS:\s+(\d+)/.exec(readFileSync(`/proc/${p.id}/status`, "utf8"))?.[1] ?? 0) / 1024)
+      .reduce((a, b) => a + b, 0);
+  }
+});
