@@ -1,6 +1,9 @@
 // What the panel of databases computes: axes, the words of the certificate, comparisons.
-import { readFileSync } from "node:fs";
-import { describe, expect, test } from "vitest";
+import { readdirSync, readFileSync } from "node:fs";
+import { fileURLToPath } from "node:url";
+import { afterAll, beforeAll, describe, expect, test } from "vitest";
+import type { Browser, Page } from "playwright-core";
+import { launch, open, serve } from "./browser";
 import {
   amongNodes, axisTicks, boundsWords, brightening, certificate, certificateSource, certificateWords,
   cssColour, deltaE, errorTable, fromShare, holdsFactors, provenance, quantityName, rmse, size,
@@ -167,5 +170,92 @@ describe("comparing and drawing", () => {
     expect(holdsFactors(views)).toBe(true);
     expect(quantityName(views, "reflectance")).toBe("Anisotropy factor of reflected light");
     expect(quantityName({}, "reflectance")).toBe("Reflectance");
+  });
+});
+
+describe("in the browser", () => {
+  let browser: Browser;
+  let site: Awaited<ReturnType<typeof serve>>;
+  let page: Page;
+  let wrong: string[];
+  beforeAll(async () => {
+    site = await serve();
+    browser = await launch();
+    ({ page, wrong } = await open(browser, site.url));
+    await page.click("#tab-databases");
+    await page.waitForSelector(".databases .swatch");
+  });
+  afterAll(async () => {
+    expect(wrong).toEqual([]);
+    await browser?.close();
+    site?.server.close();
+  });
+
+  const seeds = fileURLToPath(new URL("../../fuzz/seeds/compact/", import.meta.url));
+  const current = () => page.getByLabel("File", { exact: true }).evaluate((e) => (e as HTMLSelectElement).selectedOptions[0]?.textContent);
+  const problem = () => page.locator(".databases > .problem").evaluate((e) => ((e as HTMLElement).hidden ? null : e.textContent));
+
+  test("an example answers to the keyboard, node by node, and undo goes back", async () => {
+    expect(await page.locator("#undo").isDisabled()).toBe(true);
+    await page.getByRole("button", { name: "Sooty snow" }).click();
+    const field = page.getByLabel("Black carbon", { exact: true });
+    await page.waitForFunction(() => document.querySelector(".databases select")?.textContent?.includes("sooty"));
+    await page.getByRole("slider", { name: "Black carbon, ng/g" }).focus();
+    await page.keyboard.press("PageUp");
+    expect(await field.inputValue()).toBe("400");
+    await page.waitForTimeout(1000);
+    await page.keyboard.press("ArrowLeft");
+    expect(Number(await field.inputValue())).toBeLessThan(400);
+    await page.locator("#undo").click();
+    expect(await field.inputValue()).toBe("400");
+  });
+
+  test("a look-up stands beside a simulation of the same snow", async () => {
+    await page.getByRole("button", { name: "Simulate here" }).click();
+    await page.waitForFunction(
+      () => /^131.072 walks .* engine/.test(document.querySelector(".simulate .note")?.textContent ?? ""),
+      null,
+      { timeout: 200_000 },
+    );
+    const rows = await page.locator(".difference tbody tr").allInnerTexts();
+    expect(rows.length).toBe(2);
+    // What the certificate promises: 0.85 at worst.
+    for (const row of rows) expect(Number(row.split("\t")[1])).toBeLessThan(1);
+  });
+
+  test("hostile files give a message, and the file before stays", async () => {
+    for (const name of readdirSync(seeds).filter((name) => /^(other_type|truncated|valid_views)/.test(name))) {
+      const before = await current();
+      await page.setInputFiles(".databases input[type=file]", seeds + name);
+      await page.waitForFunction((n) => document.querySelector(".databases > .problem")?.textContent?.startsWith(n), name);
+      expect(await current()).toBe(before);
+    }
+    await page.setInputFiles(".databases input[type=file]", { name: "empty.safetensors", mimeType: "", buffer: Buffer.alloc(0) });
+    await page.waitForFunction(() => document.querySelector(".databases > .problem")?.textContent?.startsWith("empty"));
+    expect(await page.locator(".databases .swatch").count()).toBeGreaterThan(0);
+  });
+
+  test("more files than the engine keeps can be open", async () => {
+    const sound = readdirSync(seeds).filter((name) => /^valid/.test(name) && !/views/.test(name));
+    expect(sound.length).toBeGreaterThan(7);
+    for (const name of sound) {
+      await page.setInputFiles(".databases input[type=file]", seeds + name);
+      await page.waitForFunction((n) => (document.querySelector(".databases .chooser select") as HTMLSelectElement).selectedOptions[0]?.textContent?.startsWith(n), name);
+      expect(await problem()).toBeNull();
+    }
+    await page.getByLabel("File", { exact: true }).selectOption({ index: 0 });
+    await page.waitForFunction(() => document.querySelector(".databases .swatch")?.textContent?.includes("Reflected"));
+    expect(await current()).toMatch(/^snow.safetensors/);
+    expect(await page.locator(".databases .body > .problem").isVisible()).toBe(false);
+    expect(await page.locator(".databases .body").getAttribute("class")).not.toContain("stale");
+  });
+
+  test("a value beyond the file gives a message until it is mended", async () => {
+    const field = page.getByRole("spinbutton", { name: "Thickness" }).last();
+    await field.fill("-3");
+    await page.waitForSelector(".databases .body > .problem:not([hidden])");
+    expect(await page.locator(".databases .body > .problem").innerText()).toContain("thickness_cm = -3 is outside");
+    await field.fill("9");
+    await page.waitForSelector(".databases .body > .problem", { state: "hidden" });
   });
 });

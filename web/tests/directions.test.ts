@@ -1,5 +1,7 @@
 // What the panel of directions computes: interpolation on the disc, curves, names.
-import { describe, expect, test } from "vitest";
+import { afterAll, beforeAll, describe, expect, test } from "vitest";
+import type { Browser } from "playwright-core";
+import { launch, open, serve } from "./browser";
 import type { Directions, Sample } from "../src/messages";
 import { bilinear, fold, Hemisphere, hermite, linear, slopes } from "../src/draw/interpolate";
 import { direction, place } from "../src/draw/disc";
@@ -217,5 +219,63 @@ describe("the panel", () => {
     );
     expect(readout("BRF", chosen, 85, 0)).toContain("beyond the last view, 80\u00b0");
     expect(readout("HDRF", chosen, 40, null)).toContain("View 40\u00b0: HDRF");
+  });
+});
+
+describe("in the browser", () => {
+  let browser: Browser;
+  let site: Awaited<ReturnType<typeof serve>>;
+  beforeAll(async () => {
+    site = await serve();
+    browser = await launch();
+  });
+  afterAll(async () => {
+    await browser?.close();
+    site?.server.close();
+  });
+
+  const walked = (text: RegExp) => [
+    (pattern: string) => new RegExp(pattern).test(document.querySelector(".directions .progress")?.textContent ?? ""),
+    text.source,
+    { timeout: 200_000 },
+  ] as const;
+
+  test("the disc fills up, is read by the keyboard, and its settings are in the link", async () => {
+    const { page, wrong } = await open(browser, site.url);
+    await page.click("#tab-directions");
+    await page.waitForFunction(...walked(/^2.048 walks per refractive index/));
+    const panel = page.locator(".directions");
+    expect(await panel.locator("h3").innerText()).toBe("Bidirectional reflectance factor at 550 nm");
+    expect(await panel.locator(".progress").innerText()).toMatch(/Largest relative standard error: .*\s%/);
+    await panel.locator(".disc canvas").focus();
+    await page.keyboard.press("Shift+ArrowUp");
+    await page.keyboard.press("ArrowLeft");
+    expect(await panel.locator("output").innerText()).toMatch(/^View 10\u00b0, relative azimuth 5\u00b0: BRF .*, standard error/);
+    await panel.getByLabel("transmitted", { exact: true }).check();
+    await panel.getByLabel("anisotropy factor", { exact: true }).check();
+    await panel.getByLabel("standard error", { exact: true }).check();
+    expect(await panel.locator("h3").innerText()).toBe(
+      "Standard error of the anisotropy factor (BTF over transmittance) at 550 nm",
+    );
+    await page.waitForTimeout(500);
+    const { page: again } = await open(browser, page.url());
+    await again.waitForSelector(".directions:not([hidden])");
+    expect(await again.locator(".directions").getByLabel("standard error", { exact: true }).isChecked()).toBe(true);
+    expect(wrong).toEqual([]);
+    await again.context().close();
+    await page.context().close();
+  });
+
+  test("under diffuse light there is a curve and no disc", async () => {
+    const { page, wrong } = await open(browser, site.url);
+    await page.locator("#panel-snow").getByLabel("Overcast sky").check();
+    await page.click("#tab-directions");
+    await page.waitForFunction(...walked(/^2.048 walks per refractive index/));
+    const panel = page.locator(".directions");
+    expect(await panel.locator("h3").innerText()).toContain("Hemispherical-directional");
+    expect(await panel.locator(".disc").isVisible()).toBe(false);
+    expect(await panel.locator("canvas.chart").isVisible()).toBe(true);
+    expect(wrong).toEqual([]);
+    await page.context().close();
   });
 });
