@@ -1,4 +1,4 @@
-// Builds the engine, `public/splitsnow.wasm`, from the crate `splitsnow-web`.
+// Builds the engine, `build/splitsnow.wasm`, from the crate `splitsnow-web`.
 //
 // `node build-engine.mjs --if-missing` does nothing if the file is there. `CARGO` and `RUSTC`
 // choose other programs, and `CARGO_BUILD_ARGS` adds arguments (`-Z build-std=std,panic_abort`).
@@ -11,7 +11,7 @@ import { gzipSync } from "node:zlib";
 const TARGET = "wasm32-unknown-unknown";
 const web = dirname(fileURLToPath(import.meta.url));
 const root = dirname(web);
-const out = join(web, "public", "splitsnow.wasm");
+const out = join(web, "build", "splitsnow.wasm");
 
 if (process.argv.includes("--if-missing") && existsSync(out)) process.exit(0);
 
@@ -44,7 +44,7 @@ if (!hasTarget() && !buildsStd) {
     fail(
       `the Rust target ${TARGET} is missing. Run \`rustup target add ${TARGET}\`; without rustup, ` +
         `install your distribution's package (Debian: libstd-rust-dev-wasm32), or set RUSTC and CARGO_BUILD_ARGS ` +
-        `for a compiler that builds the standard library. Or copy a finished module to web/public/splitsnow.wasm.`,
+        `for a compiler that builds the standard library. Or copy a finished module to web/build/splitsnow.wasm.`,
     );
   }
 }

@@ -5,23 +5,15 @@ import { read } from "./pool";
 
 export class Server implements Engine {
   readonly name = "native, on this computer";
-  readonly #token: string;
-  /// Answers requests that carry bytes, and look-ups in opened files, where there is one.
-  readonly #local: Engine | null;
+  /// Names this page, so that the files that it opened are its own.
+  readonly #client = crypto.randomUUID();
   readonly #channels = new Map<string, AbortController>();
 
-  constructor(token: string, local: Engine | null) {
-    this.#token = token;
-    this.#local = local;
-  }
-
   ask<R extends Request>(request: R, data?: Uint8Array): Promise<AnswerTo<R>> {
-    if (this.#local && (data || request.ask === "lookup")) return this.#local.ask(request, data);
     return this.#post(request, data, undefined);
   }
 
   async askLatest<R extends Request>(channel: string, request: R, data?: Uint8Array): Promise<AnswerTo<R> | null> {
-    if (this.#local && (data || request.ask === "lookup")) return this.#local.askLatest(channel, request, data);
     // The server stops the work of a request whose connection ends.
     this.#channels.get(channel)?.abort();
     const abort = new AbortController();
@@ -43,7 +35,7 @@ export class Server implements Engine {
     try {
       response = await fetch("./ask", {
         method: "POST",
-        headers: { "Content-Type": "application/json", Authorization: `Bearer ${this.#token}` },
+        headers: { "Content-Type": "application/json", "X-SPLITSnow-Client": this.#client },
         body,
         ...(signal ? { signal } : {}),
       });

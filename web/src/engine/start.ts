@@ -7,9 +7,7 @@ import { isServed, Server } from "./server";
 import EngineWorker from "./worker?worker&inline";
 
 export async function startEngine(): Promise<Engine> {
-  if (!isServed()) return local();
-  const token = new URLSearchParams(location.search).get("token") ?? "";
-  return new Server(token, await local().catch(() => null));
+  return isServed() ? new Server() : local();
 }
 
 async function local(): Promise<Engine> {
