@@ -195,8 +195,7 @@ fn file(path: &str) -> Option<Response> {
         // the page asks this server instead of its own engine
         "index.html" => {
             let text = file.contents_utf8()?;
-            let engine = "<head><meta name=\"splitsnow-engine\" content=\"server\">";
-            Body::from(text.replacen("<head>", engine, 1))
+            Body::from(text.replacen(r#"content="wasm""#, r#"content="server""#, 1))
         }
         _ => Body::from(file.contents()),
     };
