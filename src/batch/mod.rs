@@ -7,7 +7,7 @@ mod source;
 use std::sync::atomic::{AtomicBool, AtomicU64, AtomicUsize, Ordering};
 use std::sync::{Arc, Mutex, PoisonError};
 
-use crate::engine::{Cache, Control, EngineError, Request, Units, exits};
+use crate::engine::{Cache, Control, EngineError, Request, TableCounts, Units, exits};
 use crate::grid::{Grid, GridError, GridViews, Job, Shard};
 use crate::measurement::{Measured, Spectrum, ViewFactors, Views};
 use crate::store::{Packer, Store, Survey};
@@ -47,6 +47,10 @@ pub struct BatchSummary {
     pub mean_lost_share: f64,
     /// The largest such share of any job.
     pub max_lost_share: f64,
+    /// Number of parts of tables of grain events that were drawn or read now.
+    pub tables: TableCounts,
+    /// Why tables could not be shared with other processes; `None` if they could.
+    pub unshared: Option<String>,
 }
 
 /// Runs the jobs of `grid` that are missing in `store`, which must have been opened for
@@ -87,12 +91,32 @@ pub fn run_from<S>(
 where
     S: Fn(&Request<'_>, &Control<'_>) -> Result<Vec<Spectrum>, EngineError> + Sync,
 {
+    run_surveyed(grid, (store, None), sources, simulate, options, cancel)
+}
+
+/// As [`run_from`]; `surveyed` is the state of `store`, if it is known, so that the files of the
+/// database are not read again.
+///
+/// # Errors
+/// As [`run_from`].
+pub(crate) fn run_surveyed<S>(
+    grid: &Grid,
+    (store, surveyed): (&Store, Option<Survey>),
+    sources: &[ReuseSource],
+    simulate: S,
+    options: &BatchOptions<'_>,
+    cancel: &AtomicBool,
+) -> Result<BatchSummary, BatchError>
+where
+    S: Fn(&Request<'_>, &Control<'_>) -> Result<Vec<Spectrum>, EngineError> + Sync,
+{
     let views = grid.views.as_ref().map(GridViews::views).transpose();
     let views = views.map_err(GridError::Views)?;
     // A shard trusts the commit marks. The run of all jobs checks every file once, for all shards.
     let (own, missing, loose) = match options.shard {
         None => {
-            let Survey { missing, loose } = store.survey()?;
+            let survey = surveyed.map_or_else(|| store.survey(), Ok);
+            let Survey { missing, loose } = survey?;
             (0..store.jobs().count(), missing, loose)
         }
         Some(shard) => {
@@ -121,7 +145,11 @@ where
             rays: Arc::clone(&rays),
         });
     }
-    let cache = Cache::tables_only();
+    let mut cache = Cache::tables_only();
+    let tables = store.table_directory()?;
+    if options.shard.is_some() || pool.current_num_threads() > 1 {
+        cache = cache.with_table_store(Box::new(tables.clone()));
+    }
     let next = AtomicUsize::new(0);
     let (finished, nodes) = (AtomicU64::new(0), AtomicU64::new(0));
     let reused = AtomicU64::new(0);
@@ -194,6 +222,8 @@ where
         rays: rays.load(Ordering::Relaxed),
         mean_lost_share: sum / total.max(1) as f64,
         max_lost_share,
+        tables: cache.table_counts(),
+        unshared: tables.failure().map(|error| error.to_string()),
     })
 }
 

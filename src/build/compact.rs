@@ -63,7 +63,9 @@ pub fn compress(
 ) -> Result<CompactReport, BuildError> {
     let store = Store::open_exclusive(dir.as_ref())?;
     check_finished(&store)?;
-    write(&store, request, threads(None)?)
+    let report = write(&store, request, threads(None)?)?;
+    store.delete_tables();
+    Ok(report)
 }
 
 /// Refuses a database with jobs that are missing in its arrays. Reads all its files.

@@ -58,7 +58,7 @@ use crate::batch::{self, Progress, ReuseSource};
 use crate::colour::Viewing;
 use crate::engine::{Control, Request};
 use crate::grid::{Grid, Shard};
-use crate::store::{self, Access, Store};
+use crate::store::{self, Access, Store, Survey};
 use crate::threads::threads;
 use journal::Journal;
 
@@ -118,23 +118,42 @@ pub fn build(
     }
     let access = options.shard.map_or(Access::Exclusive, Access::Shard);
     let store = Store::build(dir, grid, &inputs, access)?;
-    if options.only_compress {
-        compact::check_none_missing(&store, store.survey()?.missing.len())?;
-    }
+    let surveyed = match options.only_compress {
+        true => {
+            let survey = store.survey()?;
+            compact::check_none_missing(&store, survey.missing.len())?;
+            Some(survey)
+        }
+        false => None,
+    };
     let journal = Journal::new(dir, access, threads, options.progress);
-    let report = run(grid, &store, &sources, threads, (options, &journal));
+    let report = run(
+        grid,
+        (&store, surveyed),
+        &sources,
+        threads,
+        (options, &journal),
+    );
     journal.close(report.as_ref());
     let report = report?;
     if options.shard.is_none() {
         store.delete_journals()?;
     }
+    if report
+        .share
+        .as_ref()
+        .is_none_or(|share| share.jobs_left == 0)
+    {
+        store.delete_tables();
+    }
     Ok(report)
 }
 
-/// Runs the missing jobs of `store` and, without a shard, compresses the curves.
+/// Runs the missing jobs of `store` and, without a shard, compresses the curves. `surveyed` is what
+/// is missing, if it is known.
 fn run(
     grid: &Grid,
-    store: &Store,
+    (store, surveyed): (&Store, Option<Survey>),
     sources: &[ReuseSource],
     threads: usize,
     (options, progress): (&BuildOptions<'_>, &dyn Progress),
@@ -148,7 +167,7 @@ fn run(
     let simulate = |request: &Request<'_>, control: &Control<'_>| engine.run(request, control);
     let never = AtomicBool::new(false);
     let cancel = options.cancel.unwrap_or(&never);
-    let summary = batch::run_from(grid, store, sources, simulate, &run, cancel)?;
+    let summary = batch::run_surveyed(grid, (store, surveyed), sources, simulate, &run, cancel)?;
     if let Some(shard) = options.shard {
         let share = ShardReport::of(shard, store, &summary)?;
         return Ok(BuildReport::new(&summary, None, Some(share)));

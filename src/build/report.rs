@@ -6,6 +6,7 @@ use serde::{Serialize, Serializer};
 use super::BuildError;
 use crate::batch::BatchSummary;
 use crate::compress::{BandError, Compressed, ErrorStatistics, ErrorTable, MaxAbsError};
+use crate::engine::TableCounts;
 use crate::grid::Shard;
 use crate::lookup::{Basis, Database, Precision};
 use crate::store::Store;
@@ -22,6 +23,11 @@ pub struct BuildReport {
     pub nodes: u64,
     /// Number of these spectra that were reused from other databases.
     pub nodes_reused: u64,
+    /// Number of parts of tables of grain events that were drawn or read now.
+    pub table_parts: TableCounts,
+    /// Why tables could not be shared with other processes; `None` if they could.
+    #[serde(skip)]
+    pub unshared_tables: Option<String>,
     /// Report on database and compact file; `None` for a shard.
     #[serde(flatten)]
     pub compact: Option<CompactReport>,
@@ -160,6 +166,8 @@ impl BuildReport {
             jobs_run: summary.run,
             nodes: summary.nodes,
             nodes_reused: summary.reused,
+            table_parts: summary.tables,
+            unshared_tables: summary.unshared.clone(),
             compact,
             share,
         }

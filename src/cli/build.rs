@@ -98,6 +98,11 @@ pub(super) fn run(args: &Args) -> anyhow::Result<()> {
         (BuildError::Unfinished { .. }, Some(shards)) => unfinished(&dir, shards),
         (error, _) => explained(error, &dir),
     })?;
+    if let Some(reason) = &report.unshared_tables {
+        common::warn(&[format!(
+            "tables of grain events are not shared between processes, which takes more time: {reason}"
+        )]);
+    }
     if let Some(share) = &report.share {
         return report_share(args, &report, share);
     }
@@ -194,6 +199,7 @@ fn report_share(args: &Args, report: &BuildReport, share: &ShardReport) -> anyho
             "jobs_run": report.jobs_run,
             "jobs_left": jobs_left,
             "nodes_reused": report.nodes_reused,
+            "table_parts": report.table_parts,
             "lost_share": lost,
         }));
     }

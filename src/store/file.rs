@@ -59,13 +59,32 @@ impl Writer {
 
     /// Replaces the contents of `target` by `bytes`; on error, `target` is unchanged.
     pub(super) fn write(&self, target: &Path, bytes: &[u8]) -> Result<(), StoreError> {
+        self.replace(target, bytes, true)
+    }
+
+    /// As [`write`](Self::write), but after a power loss the file may be damaged: for files that
+    /// are checked when they are read, and may be lost.
+    pub(super) fn write_unflushed(&self, target: &Path, bytes: &[u8]) -> Result<(), StoreError> {
+        self.replace(target, bytes, false)
+    }
+
+    fn replace(&self, target: &Path, bytes: &[u8], flushed: bool) -> Result<(), StoreError> {
         let folder = target.parent().unwrap_or(target);
         let other_device = || {
             let folders = self.other_device.lock();
             folders.unwrap_or_else(PoisonError::into_inner)
         };
+        let write_by = |scratch: &Path, target: &Path| {
+            let written = self.create(scratch, bytes, flushed);
+            let written = written.and_then(|()| fs::rename(scratch, target));
+            if written.is_err() {
+                // Best effort: the next start deletes leftover files.
+                let _ = fs::remove_file(scratch);
+            }
+            written
+        };
         if !other_device().contains(folder) {
-            match self.write_by(&self.scratch(), target, bytes) {
+            match write_by(&self.scratch(), target) {
                 Err(error) if error.kind() == io::ErrorKind::CrossesDevices => {}
                 written => return written.map_err(StoreError::io("write", target)),
             }
@@ -73,22 +92,10 @@ impl Writer {
         }
         let partial = folder.join(PARTIAL);
         fs::create_dir_all(&partial).map_err(StoreError::io("create", &partial))?;
-        self.write_by(&self.scratch_in(&partial), target, bytes)
-            .map_err(StoreError::io("write", target))
+        write_by(&self.scratch_in(&partial), target).map_err(StoreError::io("write", target))
     }
 
-    fn write_by(&self, scratch: &Path, target: &Path, bytes: &[u8]) -> io::Result<()> {
-        let written = self
-            .flush(scratch, bytes)
-            .and_then(|()| fs::rename(scratch, target));
-        if written.is_err() {
-            // Best effort: the next start deletes leftover files.
-            let _ = fs::remove_file(scratch);
-        }
-        written
-    }
-
-    fn flush(&self, path: &Path, bytes: &[u8]) -> io::Result<()> {
+    fn create(&self, path: &Path, bytes: &[u8], flushed: bool) -> io::Result<()> {
         #[cfg(test)]
         if self.writes_left.fetch_sub(1, Ordering::Relaxed) == 0 {
             self.writes_left.store(0, Ordering::Relaxed);
@@ -97,7 +104,10 @@ impl Writer {
         }
         let mut file = File::create(path)?;
         file.write_all(bytes)?;
-        file.sync_all()
+        if flushed {
+            file.sync_all()?;
+        }
+        Ok(())
     }
 }
 

@@ -17,6 +17,7 @@
 //! DIR/.splitsnow-units/        finished units of jobs that are not done
 //! DIR/.splitsnow-jobs/         jobs that are done, one file each, until they are packed
 //! DIR/.splitsnow-runs/         journals of the processes of an unfinished build
+//! DIR/.splitsnow-tables/       tables of grain events that these processes share
 //! ```
 //!
 //! A job (see [`crate::grid::Jobs`]) is one chunk of each array. The chunks of a pack of jobs
@@ -40,6 +41,7 @@ mod packing;
 mod packs;
 mod read;
 mod space;
+mod table_directory;
 mod unit_directory;
 
 use std::collections::BTreeMap;
@@ -457,7 +459,8 @@ pub fn remove(dir: &Path) -> Result<(), StoreError> {
     for other in [DIFFUSE, VIEWS, VIEWS_DIFFUSE] {
         file::remove_file(&resolved(&dir.join(other)))?;
     }
-    for folder in [unit_directory::UNITS, job::JOBS, JOURNALS] {
+    let tables = table_directory::TABLES;
+    for folder in [unit_directory::UNITS, job::JOBS, JOURNALS, tables] {
         file::remove_dir(&dir.join(folder))?;
     }
     let writer = file::Writer::new(dir, Access::Exclusive)?;

@@ -1,8 +1,12 @@
 //! Caches of tables and walks, which later requests can use again.
+use std::sync::atomic::{AtomicU64, Ordering};
 use std::sync::{Arc, Mutex, PoisonError};
+
+use serde::Serialize;
 
 use super::EngineError;
 use super::hybrid::{CacheKey, Walks};
+use super::table_store::TableStore;
 use super::tables::{Outcomes, TableKey};
 use super::units::Units;
 
@@ -17,7 +21,7 @@ const WALKS: usize = 256 << 20;
 /// a result.
 #[derive(Debug)]
 pub struct Cache {
-    pub(super) tables: Arc<LruCache<TableKey, Outcomes>>,
+    pub(super) tables: Arc<TableCache>,
     pub(super) walks: Arc<LruCache<CacheKey, Walks>>,
     pub(super) units: Units,
 }
@@ -25,7 +29,7 @@ pub struct Cache {
 impl Default for Cache {
     fn default() -> Self {
         Self {
-            tables: Arc::new(LruCache::new(TABLES)),
+            tables: Arc::default(),
             walks: Arc::new(LruCache::new(WALKS)),
             units: Units::default(),
         }
@@ -46,9 +50,36 @@ impl Cache {
     /// A cache of tables of at most `bytes` bytes, without walks.
     #[must_use]
     pub fn of_tables(bytes: usize) -> Self {
+        let tables = TableCache {
+            kept: LruCache::new(bytes),
+            ..TableCache::default()
+        };
         Self {
-            tables: Arc::new(LruCache::new(bytes)),
+            tables: Arc::new(tables),
             ..Self::tables_only()
+        }
+    }
+
+    /// This cache with tables that are also kept in `store`, which other processes use too. It must
+    /// be called before the cache is used.
+    #[must_use]
+    pub fn with_table_store(self, store: Box<dyn TableStore>) -> Self {
+        let tables = TableCache {
+            store: Some(store),
+            ..TableCache::default()
+        };
+        Self {
+            tables: Arc::new(tables),
+            ..self
+        }
+    }
+
+    /// The number of parts of tables made so far.
+    #[must_use]
+    pub fn table_counts(&self) -> TableCounts {
+        TableCounts {
+            drawn: self.tables.drawn.load(Ordering::Relaxed),
+            read: self.tables.read.load(Ordering::Relaxed),
         }
     }
 
@@ -69,6 +100,49 @@ impl Cache {
     /// [`EngineError::Cancelled`] if the units cannot be saved.
     pub fn save_units(&self) -> Result<(), EngineError> {
         self.units.save()
+    }
+}
+
+/// How many parts of tables of grain events were made, and how. A table has eight parts.
+#[derive(Debug, Clone, Copy, Default, PartialEq, Eq, Serialize)]
+pub struct TableCounts {
+    /// Number of parts that were drawn.
+    pub drawn: u64,
+    /// Number of parts that were read from a [`TableStore`].
+    pub read: u64,
+}
+
+/// The tables kept in memory, and where else they are.
+#[derive(Debug)]
+pub(super) struct TableCache {
+    pub(super) kept: LruCache<TableKey, Outcomes>,
+    store: Option<Box<dyn TableStore>>,
+    drawn: AtomicU64,
+    read: AtomicU64,
+}
+
+impl Default for TableCache {
+    fn default() -> Self {
+        Self {
+            kept: LruCache::new(TABLES),
+            store: None,
+            drawn: AtomicU64::new(0),
+            read: AtomicU64::new(0),
+        }
+    }
+}
+
+impl TableCache {
+    pub(super) fn store(&self) -> Option<&dyn TableStore> {
+        self.store.as_deref()
+    }
+
+    pub(super) fn count_drawn(&self) {
+        self.drawn.fetch_add(1, Ordering::Relaxed);
+    }
+
+    pub(super) fn count_read(&self) {
+        self.read.fetch_add(1, Ordering::Relaxed);
     }
 }
 

@@ -11,6 +11,7 @@ mod nodes;
 mod reference;
 mod spectral;
 mod substrate;
+mod table_store;
 mod tables;
 mod units;
 
@@ -20,7 +21,8 @@ use thiserror::Error;
 
 pub use auto::MaxError;
 pub use batches::BATCH;
-pub use cache::Cache;
+pub use cache::{Cache, TableCounts};
+pub use table_store::TableStore;
 pub use units::{UnitStore, Units};
 
 use crate::measurement::Spectrum;

@@ -6,6 +6,7 @@ use std::sync::atomic::Ordering;
 use serde::{Deserialize, Serialize};
 
 use crate::engine::cache::HeapSize;
+use crate::engine::table_store::{self, TablePart};
 use crate::engine::{Control, EngineError, Request, Resolution, batches};
 use crate::grain::{Facets, GrainType, SizeRange, Surface};
 use crate::optics::Index;
@@ -41,6 +42,32 @@ pub(super) struct Outcomes {
     pub(super) tables: Vec<PackedTable>,
     /// Averages over all outcomes.
     pub(super) averages: Arc<Averages>,
+}
+
+/// One part of [`Outcomes`].
+struct Part {
+    table: PackedTable,
+    kernel: Kernel,
+}
+
+impl TablePart for Part {
+    /// The length of the kernel in bytes (8 bytes), the kernel, the table.
+    fn to_bytes(&self) -> Vec<u8> {
+        // without a kernel it will not be read, but drawn again
+        let kernel = postcard::to_allocvec(&self.kernel).unwrap_or_default();
+        let length = (kernel.len() as u64).to_le_bytes();
+        [&length[..], &kernel, &self.table.to_bytes()].concat()
+    }
+
+    fn from_bytes(bytes: &[u8]) -> Option<Self> {
+        let (length, bytes) = bytes.split_first_chunk()?;
+        let length = usize::try_from(u64::from_le_bytes(*length)).ok()?;
+        let (kernel, table) = bytes.split_at_checked(length)?;
+        Some(Self {
+            table: PackedTable::from_bytes(table)?,
+            kernel: postcard::from_bytes(kernel).ok()?,
+        })
+    }
 }
 
 /// Averages over grain events.
@@ -86,7 +113,7 @@ pub(super) fn outcomes(
             seed: request.seed,
             resolution: request.resolution,
         };
-        control.cache.tables.get(&key, || key.build(control))
+        control.cache.tables.kept.get(&key, || key.build(control))
     };
     let layer_outcomes = |snow: &Snow| {
         let kinds = snow.grains.iter().map(|component| {
@@ -148,7 +175,39 @@ pub(super) fn sections(request: &Request, thickness_m: f64) -> Vec<Section> {
 }
 
 impl TableKey {
+    /// The table, from the store of the cache if it has one, else drawn.
     fn build(&self, control: &Control) -> Result<Outcomes, EngineError> {
+        let drawn = |part: usize, control: &Control| {
+            let drawn = self.draw(part, control)?;
+            control.cache.tables.count_drawn();
+            Ok(drawn)
+        };
+        let parts = match control.cache.tables.store() {
+            Some(store) => table_store::parts(store, &self.names(), control, drawn)?,
+            None => batches::map(control, (0..PARTS).collect(), |part| drawn(part, control))?,
+        };
+        let (tables, kernels) = parts
+            .into_iter()
+            .map(|Part { table, kernel }| (table, kernel))
+            .unzip();
+        Ok(Outcomes {
+            tables,
+            averages: Arc::new(Averages { kernels }),
+        })
+    }
+
+    /// Names of the parts in a [`table_store::TableStore`]. They cover everything in the key, because
+    /// the debug format writes all fields, and all digits of numbers.
+    fn names(&self) -> Vec<String> {
+        let inputs = format!("{PARTS} {BATCH} {OVERSAMPLING} {self:?}");
+        let numbers = 0..PARTS;
+        numbers
+            .map(|part| table_store::name(&inputs, part))
+            .collect()
+    }
+
+    /// Draws one part. Not more than one, because the outcomes of all parts would take 110 MB.
+    fn draw(&self, part: usize, control: &Control) -> Result<Part, EngineError> {
         let Resolution {
             table,
             grains,
@@ -158,7 +217,7 @@ impl TableKey {
         let outcomes = (grains as usize).div_ceil(PARTS).max(size);
         // the table entries are chosen from the first outcomes of a part
         let candidates = (OVERSAMPLING * size).min(outcomes);
-        let batch = |part: usize, first: usize| {
+        let batch = |first: usize| {
             if control.cancel.load(Ordering::Relaxed) {
                 return Err(EngineError::Cancelled);
             }
@@ -178,32 +237,18 @@ impl TableKey {
             drawn.shrink_to_fit();
             Ok((kernel, drawn))
         };
-        // one part at a time is drawn and reduced to its table: the outcomes of all
-        // parts would take 110 MB
-        let part = |part: usize| {
-            let firsts = (0..outcomes).step_by(BATCH).collect();
-            let drawn = batches::map(control, firsts, |first| batch(part, first))?;
-            let mut list = Vec::with_capacity(candidates);
-            let mut sums = Vec::with_capacity(drawn.len());
-            for (kernel, drawn) in drawn {
-                sums.push(kernel);
-                list.extend(drawn);
-            }
-            let mut rng = self.stream(part, outcomes);
-            Ok((PackedTable::new(&list, size, &mut rng), sums))
-        };
-        let mut tables = Vec::with_capacity(PARTS);
-        let mut kernels = vec![Kernel::new(&[], 2 * streams + 1); PARTS];
-        let parts = batches::map(control, (0..PARTS).collect(), part)?;
-        for ((table, sums), part) in parts.into_iter().zip(&mut kernels) {
-            for sums in &sums {
-                part.merge(sums);
-            }
-            tables.push(table);
+        let firsts = (0..outcomes).step_by(BATCH).collect();
+        let drawn = batches::map(control, firsts, batch)?;
+        let mut list = Vec::with_capacity(candidates);
+        let mut kernel = Kernel::new(&[], 2 * streams + 1);
+        for (sums, drawn) in drawn {
+            kernel.merge(&sums);
+            list.extend(drawn);
         }
-        Ok(Outcomes {
-            tables,
-            averages: Arc::new(Averages { kernels }),
+        let mut rng = self.stream(part, outcomes);
+        Ok(Part {
+            table: PackedTable::new(&list, size, &mut rng),
+            kernel,
         })
     }
 
@@ -214,5 +259,249 @@ impl TableKey {
             purpose: [2, part as u32, 0],
             batch: batch as u64,
         })
+    }
+}
+
+#[cfg(test)]
+#[allow(clippy::unwrap_used)]
+mod tests {
+    use std::collections::{BTreeMap, BTreeSet};
+    use std::sync::atomic::{AtomicBool, AtomicU64};
+    use std::sync::{Mutex, MutexGuard};
+
+    use sha2::{Digest, Sha256};
+
+    use super::*;
+    use crate::engine::{Cache, TableCounts, TableStore};
+    use crate::grain::{Shape, TruncatedNormal};
+
+    /// Parts and claims.
+    type Held = (BTreeMap<String, Vec<u8>>, BTreeSet<String>);
+
+    /// A store in memory.
+    #[derive(Debug, Clone, Default)]
+    struct Memory(Arc<Mutex<Held>>);
+
+    impl Memory {
+        fn held(&self) -> MutexGuard<'_, Held> {
+            self.0.lock().unwrap()
+        }
+
+        fn cache(&self) -> Cache {
+            Cache::tables_only().with_table_store(Box::new(self.clone()))
+        }
+    }
+
+    impl TableStore for Memory {
+        fn read(&self, name: &str) -> Option<Vec<u8>> {
+            self.held().0.get(name).cloned()
+        }
+
+        fn write(&self, name: &str, bytes: &[u8]) {
+            self.held().0.insert(name.into(), bytes.into());
+        }
+
+        fn claim(&self, name: &str) -> bool {
+            self.held().1.insert(name.into())
+        }
+
+        fn release(&self, name: &str) {
+            assert!(self.held().1.remove(name));
+        }
+    }
+
+    fn key(seed: u64, shape: Shape) -> TableKey {
+        let index = |n: f64, k: f64| Index { n, k };
+        let [surface, _] = Surface::in_air_and_water(index(1.31, 1e-9), index(1.0, 0.0), false);
+        TableKey {
+            grain: GrainType {
+                size: SizeRange::UNIT,
+                facetness: TruncatedNormal::new(0.0, 0.6, 0.3, 0.1).unwrap(),
+                shape,
+                proportion: TruncatedNormal::new(0.4, 0.9, 0.7, 0.1).unwrap(),
+            },
+            entry: Entry::Uniform,
+            facets: Facets::Varsa2025,
+            surface,
+            seed,
+            resolution: Resolution {
+                table: 1 << 9,
+                grains: 1 << 12,
+                streams: 2,
+            },
+        }
+    }
+
+    /// The bytes of the parts of a table, made with this cache.
+    fn parts(key: &TableKey, cache: &Cache, parallel: bool) -> Vec<Vec<u8>> {
+        let control = Control {
+            parallel,
+            cancel: &AtomicBool::new(false),
+            rays_done: &AtomicU64::new(0),
+            cache,
+        };
+        let Outcomes { tables, averages } = key.build(&control).unwrap();
+        let kernels = averages.kernels.iter().cloned();
+        let parts = tables.into_iter().zip(kernels);
+        parts
+            .map(|(table, kernel)| Part { table, kernel }.to_bytes())
+            .collect()
+    }
+
+    fn counts(drawn: u64, read: u64) -> TableCounts {
+        TableCounts { drawn, read }
+    }
+
+    #[test]
+    fn what_is_read_is_what_was_drawn() {
+        for shape in Shape::ALL {
+            let key = key(1, shape);
+            let drawn = parts(&key, &Cache::default(), false);
+            let memory = Memory::default();
+            let cache = memory.cache();
+            assert_eq!(parts(&key, &cache, true), drawn);
+            assert_eq!(cache.table_counts(), counts(8, 0));
+            // in another process
+            let cache = memory.cache();
+            assert_eq!(parts(&key, &cache, false), drawn);
+            assert_eq!(cache.table_counts(), counts(0, 8));
+            assert!(memory.held().1.is_empty());
+        }
+    }
+
+    #[test]
+    fn wrong_parts_are_not_believed() {
+        let key = key(1, Shape::Spheroid);
+        let memory = Memory::default();
+        let drawn = parts(&key, &memory.cache(), false);
+        let stored = memory.held().0.clone();
+        let names = key.names();
+        let whole = stored[&names[0]].clone();
+        let flipped = |at: usize| {
+            let mut bytes = whole.clone();
+            bytes[at] ^= 1;
+            bytes
+        };
+        let wrong = [
+            flipped(0),
+            flipped(40),
+            flipped(whole.len() - 1),
+            whole[..whole.len() - 1].to_vec(),
+            whole[..20].to_vec(),
+            Vec::new(),
+            b"a file that something else wrote here".to_vec(),
+            // another part, and the same part of another table
+            stored[&names[1]].clone(),
+            {
+                let (other, seed) = (Memory::default(), super::tests::key(2, Shape::Spheroid));
+                parts(&seed, &other.cache(), false);
+                let part = other.held().0[&seed.names()[0]].clone();
+                part
+            },
+        ];
+        for wrong in wrong {
+            memory.held().0.insert(names[0].clone(), wrong);
+            let cache = memory.cache();
+            assert_eq!(parts(&key, &cache, false), drawn);
+            assert_eq!(cache.table_counts(), counts(1, 7));
+            assert_eq!(memory.held().0, stored, "it is replaced");
+        }
+    }
+
+    /// Each part is drawn once, however many need it at the same moment.
+    #[test]
+    fn the_work_is_shared_out() {
+        let key = key(1, Shape::Oblate);
+        let drawn = parts(&key, &Cache::default(), false);
+        let memory = Memory::default();
+        let caches: Vec<Cache> = (0..6).map(|_| memory.cache()).collect();
+        std::thread::scope(|scope| {
+            for cache in &caches {
+                scope.spawn(|| assert_eq!(parts(&key, cache, false), drawn));
+            }
+        });
+        let all = caches.iter().map(Cache::table_counts);
+        let sum = |all: u64, one: u64| all + one;
+        assert_eq!(all.clone().map(|counts| counts.drawn).fold(0, sum), 8);
+        assert_eq!(all.map(|counts| counts.read).fold(0, sum), 5 * 8);
+    }
+
+    /// A run that waits for a part can be cancelled.
+    #[test]
+    fn nobody_waits_against_their_will() {
+        let key = key(1, Shape::Spheroid);
+        let memory = Memory::default();
+        assert!(memory.claim(&key.names()[3]));
+        let (cache, cancel) = (memory.cache(), AtomicBool::new(false));
+        let control = Control {
+            parallel: false,
+            cancel: &cancel,
+            rays_done: &AtomicU64::new(0),
+            cache: &cache,
+        };
+        std::thread::scope(|scope| {
+            let waiting = scope.spawn(|| key.build(&control));
+            while cache.table_counts().drawn < 7 {
+                std::thread::yield_now();
+            }
+            cancel.store(true, Ordering::Relaxed);
+            assert!(matches!(
+                waiting.join().unwrap(),
+                Err(EngineError::Cancelled)
+            ));
+        });
+    }
+
+    /// If this fails, tables differ from those that the same version wrote before: raise the
+    /// version in `table_store.rs`, then renew the digest.
+    #[test]
+    fn tables_have_not_changed() {
+        let mut digest = Sha256::new();
+        for shape in Shape::ALL {
+            let parts = parts(&key(1, shape), &Cache::default(), false);
+            parts.iter().for_each(|part| digest.update(part));
+        }
+        let digest = table_store::hex(&digest.finalize());
+        assert_eq!(
+            digest,
+            "2a4ab51756af06270d1323adba9f90114811fde77a2e807374b0e6e8871045d9"
+        );
+    }
+
+    /// Everything that determines a table is in its name.
+    #[test]
+    fn names_tell_tables_apart() {
+        let first = key(1, Shape::Spheroid);
+        let [_, wet] =
+            Surface::in_air_and_water(Index { n: 1.31, k: 1e-9 }, Index { n: 1.33, k: 1e-9 }, true);
+        let mut finer = first;
+        finer.resolution.grains *= 2;
+        let mut rounder = first;
+        rounder.grain.proportion = TruncatedNormal::new(0.4, 0.9, 0.7, 0.1 + 1e-16).unwrap();
+        let others = [
+            key(2, Shape::Spheroid),
+            key(1, Shape::Oblate),
+            finer,
+            rounder,
+            TableKey {
+                surface: wet,
+                ..first
+            },
+            TableKey {
+                entry: Entry::Projected,
+                ..first
+            },
+            TableKey {
+                facets: Facets::VGroove,
+                ..first
+            },
+        ];
+        let names: BTreeSet<String> = others
+            .iter()
+            .chain([&first])
+            .flat_map(TableKey::names)
+            .collect();
+        assert_eq!(names.len(), 8 * 8);
+        assert!(names.iter().all(|name| name.len() == 64));
     }
 }

@@ -195,7 +195,7 @@ impl Shape {
 // Dispatch by form.
 impl Form {
     /// All forms. Bodies of other forms would have no normals, chords and heights.
-    pub(super) const ALL: [Self; 3] = [Self::Spheroid, Self::Oblate, Self::Hexagonal];
+    pub(crate) const ALL: [Self; 3] = [Self::Spheroid, Self::Oblate, Self::Hexagonal];
 
     #[inline(always)]
     pub(super) fn sample<S: Simd>(

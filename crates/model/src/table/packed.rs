@@ -3,6 +3,9 @@ use crate::grain::{Body, Form};
 use crate::rng::Stream;
 use crate::table::Outcome;
 
+/// Number of columns of each array of a table.
+const COLUMNS: usize = 8;
+
 /// Outcomes, drawn with equal probability.
 ///
 /// They are a stratified selection from a longer list. The list is cut into equal parts
@@ -16,9 +19,9 @@ pub struct PackedTable {
     pub(super) form: Form,
     /// Cosine, sine, displacement along the ray, across it in the plane of scattering,
     /// across it out of this plane; path in ice.
-    pub(super) motions: Vec<[f32; 8]>,
+    pub(super) motions: Vec<[f32; COLUMNS]>,
     /// Centre (across in plane, across out of plane, along), numbers of the body.
-    pub(super) bodies: Vec<[f32; 8]>,
+    pub(super) bodies: Vec<[f32; COLUMNS]>,
 }
 
 /// An integer that increases with `value` in the order of [`f32::total_cmp`].
@@ -78,6 +81,59 @@ impl PackedTable {
         ([x, y, along], Body { form, numbers })
     }
 
+    /// The table as bytes: the number of its form, the number of rows (8 bytes), then each column
+    /// of `motions` and `bodies`: whether its values differ, and all values or the only one.
+    /// Numbers are little-endian.
+    #[must_use]
+    pub fn to_bytes(&self) -> Vec<u8> {
+        let form = Form::ALL.iter().position(|form| *form == self.form);
+        let mut bytes = vec![form.unwrap_or_default() as u8];
+        bytes.extend((self.len() as u64).to_le_bytes());
+        for rows in [&self.motions, &self.bodies] {
+            for column in 0..COLUMNS {
+                let mut values = rows.iter().map(|row| row[column].to_bits());
+                let first = values.clone().next().unwrap_or_default();
+                let differ = values.any(|value| value != first);
+                bytes.push(u8::from(differ));
+                let stored = if differ { rows.len() } else { 1 };
+                let values = rows.iter().take(stored);
+                bytes.extend(values.flat_map(|row| row[column].to_le_bytes()));
+            }
+        }
+        bytes
+    }
+
+    /// The inverse of [`to_bytes`](Self::to_bytes), to the bit; `None` if the length does not fit.
+    #[must_use]
+    pub fn from_bytes(bytes: &[u8]) -> Option<Self> {
+        let (form, bytes) = bytes.split_first()?;
+        let (rows, mut bytes) = bytes.split_first_chunk()?;
+        let rows = usize::try_from(u64::from_le_bytes(*rows)).ok()?;
+        // a column that differs has four bytes a row
+        if rows == 0 || rows > bytes.len() {
+            return None;
+        }
+        let mut arrays = [vec![[0.0; COLUMNS]; rows], vec![[0.0; COLUMNS]; rows]];
+        for array in &mut arrays {
+            for column in 0..COLUMNS {
+                let (differ, rest) = bytes.split_first()?;
+                let stored = if *differ == 0 { 1 } else { rows };
+                let (values, rest) = rest.split_at_checked(stored.checked_mul(4)?)?;
+                let (values, _) = values.as_chunks();
+                for (row, value) in array.iter_mut().zip(values.iter().cycle()) {
+                    row[column] = f32::from_le_bytes(*value);
+                }
+                bytes = rest;
+            }
+        }
+        let [motions, bodies] = arrays;
+        bytes.is_empty().then_some(Self {
+            form: *Form::ALL.get(usize::from(*form))?,
+            motions,
+            bodies,
+        })
+    }
+
     /// Number of outcomes.
     #[must_use]
     pub fn len(&self) -> usize {
@@ -87,7 +143,7 @@ impl PackedTable {
     /// Bytes on the heap.
     #[must_use]
     pub fn bytes(&self) -> usize {
-        size_of::<[f32; 8]>() * (self.motions.capacity() + self.bodies.capacity())
+        size_of::<[f32; COLUMNS]>() * (self.motions.capacity() + self.bodies.capacity())
     }
 
     /// Always false: a table holds at least one outcome.
@@ -100,6 +156,38 @@ impl PackedTable {
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    #[test]
+    fn bytes_give_the_same_table() {
+        let outcome = |i: u16| Outcome {
+            cos: f32::from(i).sin(),
+            ice: if i == 3 { f32::INFINITY } else { -0.0 },
+            displacement: [0.5; 3],
+            ..Outcome::default()
+        };
+        let outcomes: Vec<Outcome> = (0..50).map(outcome).collect();
+        let key = crate::rng::Key {
+            seed: 1,
+            cell: 0,
+            purpose: [0; 3],
+            batch: 0,
+        };
+        for size in [1, 2, 50] {
+            let table = PackedTable::new(&outcomes, size, &mut Stream::new(key));
+            let bytes = table.to_bytes();
+            let again = PackedTable::from_bytes(&bytes).map(|table| table.to_bytes());
+            assert_eq!(again.as_ref(), Some(&bytes), "{size}");
+            // only the cosine, and in the largest table the path, have different values
+            let whole = [0, 1, 2][usize::from(size > 1) + usize::from(size > 2)];
+            let constant = 2 * COLUMNS - whole;
+            assert_eq!(bytes.len(), 9 + 16 + 4 * (constant + whole * size));
+            for cut in [0, 8, 9, bytes.len() - 1] {
+                assert!(PackedTable::from_bytes(&bytes[..cut]).is_none(), "{cut}");
+            }
+            assert!(PackedTable::from_bytes(&[&bytes[..], &[0]].concat()).is_none());
+            assert!(PackedTable::from_bytes(&[&[9], &bytes[1..]].concat()).is_none());
+        }
+    }
 
     #[test]
     fn ranks_increase_with_values() {
