@@ -37,6 +37,7 @@ mod start;
 mod status;
 mod store;
 mod substrates;
+mod tables;
 #[cfg(unix)]
 mod tailor;
 mod units;

@@ -37,6 +37,8 @@ step_nm = 20
 engine = "spectral"
 rays = 500
 """
+# with tables of grain events, which the processes share
+TABLES = GRID.replace("spectral", "tabulated")
 # long enough to be killed in the middle of a job
 SLOW = GRID.replace("rays = 500", "rays = 20000")
 # not part of the result
@@ -143,7 +145,7 @@ def kills(program, folder, expected, rng, number):
     return counts
 
 
-def damage(program, folder, expected, rng, number):
+def damage(program, folder, expected, expected_tables, rng, number):
     """Flipped bits and truncations of every kind of file, in finished and in unfinished builds."""
     counts = Counts("flipped bits and truncations of all kinds of files")
     finished = Trial(program, folder / "finished", GRID, expected)
@@ -155,9 +157,13 @@ def damage(program, folder, expected, rng, number):
     time.sleep(0.05)
     partial.kill()
     partial.wait()
+    tables = Trial(program, folder / "tables", TABLES, expected_tables)
+    assert tables.build("--shard", "1/3").returncode == 0
+    assert list(tables.out.glob(".splitsnow-tables/*"))
     for number_ in range(number):
-        base = rng.choice([finished, unfinished])
-        trial = Trial(program, folder / "damaged", GRID, expected)
+        base = rng.choice([finished, unfinished, tables])
+        grid = TABLES if base is tables else GRID
+        trial = Trial(program, folder / "damaged", grid, base.expected)
         shutil.copytree(base.out, trial.out, symlinks=True)
         victims = [path for path in sorted(trial.out.rglob("*")) if path.is_file() and path.stat().st_size]
         # all kinds are as likely, however many files there are of each
@@ -320,15 +326,15 @@ def main():
     with tempfile.TemporaryDirectory() as text:
         folder = Path(text)
         expected = []
-        for name, grid in (("expected", GRID), ("expected-slow", SLOW)):
+        for name, grid in (("expected", GRID), ("expected-slow", SLOW), ("expected-tables", TABLES)):
             trial = Trial(program, folder / name, grid)
             result = trial.build()
             assert result.returncode == 0, result
             expected.append(trial.out)
-        fast, slow = expected
+        fast, slow, tables = expected
         parts = [
             lambda: kills(program, folder / "kills", slow, rng, times(200)),
-            lambda: damage(program, folder / "damage", fast, rng, times(1000)),
+            lambda: damage(program, folder / "damage", fast, tables, rng, times(1000)),
             lambda: full_disk(program, folder / "disks", slow),
             lambda: full_inodes(program, folder / "inodes", fast),
             lambda: clocks(program, folder / "clocks", fast),
