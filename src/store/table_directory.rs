@@ -141,7 +141,9 @@ fn files(folder: &Path) -> Result<Vec<(SystemTime, u64, PathBuf)>, StoreError> {
     let found = parts.filter_map(|path| {
         let metadata = fs::metadata(&path).ok()?;
         let written = metadata.modified().unwrap_or(SystemTime::UNIX_EPOCH);
-        metadata.is_file().then(|| (written, metadata.len(), path))
+        metadata
+            .is_file()
+            .then_some((written, metadata.len(), path))
     });
     Ok(found.collect())
 }

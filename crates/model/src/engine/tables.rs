@@ -376,6 +376,9 @@ mod tests {
         let drawn = parts(&key, &memory.cache(), false);
         let stored = memory.held().0.clone();
         let names = key.names();
+        let (other_key, other) = (self::key(2, Shape::Spheroid), Memory::default());
+        parts(&other_key, &other.cache(), false);
+        let foreign = other.held().0[&other_key.names()[0]].clone();
         let whole = stored[&names[0]].clone();
         let flipped = |at: usize| {
             let mut bytes = whole.clone();
@@ -392,12 +395,7 @@ mod tests {
             b"a file that something else wrote here".to_vec(),
             // another part, and the same part of another table
             stored[&names[1]].clone(),
-            {
-                let (other, seed) = (Memory::default(), super::tests::key(2, Shape::Spheroid));
-                parts(&seed, &other.cache(), false);
-                let part = other.held().0[&seed.names()[0]].clone();
-                part
-            },
+            foreign,
         ];
         for wrong in wrong {
             memory.held().0.insert(names[0].clone(), wrong);
