@@ -3,6 +3,7 @@ use std::sync::atomic::AtomicU64;
 use std::sync::{Arc, Mutex, PoisonError};
 
 use crate::engine::{Control, Engine, Request, Resolution, UnitStore, Units};
+use crate::grid::MIN_GRAIN_LENGTHS;
 use crate::measurement::{Measured, Spectrum};
 use crate::simulation::Simulation;
 use crate::units::cm_to_m;
@@ -189,8 +190,11 @@ impl WedgeRequest {
                     thicknesses_m: &thickness_m,
                     ..request.clone()
                 };
-                let room = request.snowpack.longest_grain_m() * crate::grid::MIN_GRAIN_LENGTHS;
-                thickness_m[0] >= request.snowpack.below_m() + room
+                let snowpack = request.snowpack;
+                // the surface layer grows, from a layer of grains
+                let least_m = snowpack.below_m() + snowpack.surface.sizes_m()[1];
+                let room_m = snowpack.longest_grain_m() * MIN_GRAIN_LENGTHS;
+                thickness_m[0] >= least_m.max(room_m)
                     && simulation.resolved().check(&request).is_ok()
             };
             let thicknesses_cm: Vec<f64> = self.thicknesses_cm.iter().filter(fits).copied().collect();

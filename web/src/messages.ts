@@ -163,7 +163,7 @@ export interface Spectrum {
   notes: string[];
 }
 
-// ---- wedge: the spectra at several total thicknesses (the base layer grows)
+// ---- wedge: the spectra at several total thicknesses (the surface layer grows)
 
 export interface WedgeRequest {
   ask: "wedge";
@@ -172,7 +172,7 @@ export interface WedgeRequest {
   rays: number;
   seed: number;
   /// Total thicknesses, cm, strictly increasing. Those that the sample cannot have (thinner
-  /// than the layers above the base, or than its grains allow) are left out of the answer.
+  /// than the layers under the surface, or than its grains allow) are left out of the answer.
   thicknesses_cm: number[];
 }
 export interface Wedge {

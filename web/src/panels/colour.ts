@@ -65,7 +65,7 @@ export function mount(root: HTMLElement, page: Page, held: HeldCurves): void {
     grid,
     h("p", { class: "muted" }, "Hatched: outside what the screen can show at this exposure. ΔE*ab (CIE 1976) compares with the first held curve."),
     h("h3", null, "A wedge of this snow"),
-    h("p", { class: "muted" }, "The base layer grows to the total thickness below. The light is the one chosen above."),
+    h("p", { class: "muted" }, "The surface layer grows to the total thickness below. The light is the one chosen above."),
     wedge.element,
   );
 
