@@ -16,7 +16,10 @@ fn pages(folder: &Path, all: &mut BTreeMap<PathBuf, String>) {
         let path = folder.join(&name);
         let hidden = name.starts_with('.') && name != ".github";
         if entry.file_type().unwrap().is_dir() {
-            if !hidden && !["target", "out", "corpus", "artifacts"].contains(&name.as_str()) {
+            if !hidden
+                && !["target", "out", "corpus", "artifacts", "node_modules"]
+                    .contains(&name.as_str())
+            {
                 pages(&path, all);
             }
         } else if name.ends_with(".md") {

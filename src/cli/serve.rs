@@ -11,8 +11,8 @@ use crate::serve::Server;
 #[derive(Debug, clap::Args)]
 #[command(after_long_help = "\
 Examples:
-  splitsnow serve
-  splitsnow serve --port 8080 --threads 2")]
+  splitsnow serve --port 8080
+  splitsnow serve --threads 2")]
 pub(super) struct Args {
     /// Port of 127.0.0.1 [default: any free one]
     #[arg(long, value_name = "N", value_parser = clap::value_parser!(u16).range(1..))]

@@ -77,7 +77,7 @@ struct OpenFile {
     database: Database,
     snow: Option<(Fixed, Spread)>,
     /// Look-ups at one point of the optional axes, per quantity.
-    prepared: Option<(Vec<u64>, [Option<Lookup>; 2])>,
+    prepared: Option<(Point, [Option<Lookup>; 2])>,
 }
 
 impl OpenFiles {
@@ -153,14 +153,10 @@ impl From<(Parameter, &[f64])> for AxisAnswer {
 impl OpenFile {
     fn lookup(&mut self, point: Point) -> Result<LookupAnswer, Refused> {
         let conditions = point.optional();
-        let key: Vec<u64> = conditions
-            .iter()
-            .map(|(_, value)| value.to_bits())
-            .collect();
         if self
             .prepared
             .as_ref()
-            .is_none_or(|(prepared, _)| *prepared != key)
+            .is_none_or(|(prepared, _)| *prepared != conditions)
         {
             let database = self.database.at(conditions).map_err(Refused::new)?;
             let prepare = |quantity| match database.has(quantity) {
@@ -173,7 +169,7 @@ impl OpenFile {
                 reflectance.map_err(Refused::new)?,
                 transmittance.map_err(Refused::new)?,
             ];
-            self.prepared = Some((key, lookups));
+            self.prepared = Some((conditions, lookups));
         }
         let spectrum = |lookup: &Lookup| {
             let mut spectrum = vec![0.0; lookup.wavelengths()];

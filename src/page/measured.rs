@@ -1,4 +1,5 @@
 //! `measured`: a measured spectrum beside a simulated one.
+use crate::comparison::RANGE_NM;
 use crate::comparison::ResidualStatistics;
 use crate::comparison::{Band, Comparison, Exclusion, Hints, MeasuredSpectrum};
 use crate::measurement::{Measured, Quantity};
@@ -109,8 +110,8 @@ impl MeasuredRequest {
             let (from_nm, to_nm) = band.range_nm();
             Some(BandStatistics {
                 name: band.name(),
-                from_nm: from_nm.max(350.0),
-                to_nm: to_nm.min(2500.0),
+                from_nm: from_nm.max(RANGE_NM.0),
+                to_nm: to_nm.min(RANGE_NM.1),
                 statistics: comparison.band(band)?.into(),
             })
         });

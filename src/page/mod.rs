@@ -26,6 +26,7 @@ mod simulate;
 
 use crate::engine::Cache;
 use serde::{Deserialize, Serialize};
+use serde_json::json;
 use std::sync::Arc;
 use std::sync::atomic::AtomicBool;
 
@@ -101,7 +102,9 @@ impl PageEngine {
         data: &[u8],
     ) -> Answer {
         self.cancel = Arc::clone(cancel);
-        self.answer(request, data)
+        let answer = self.answer(request, data);
+        self.cancel = Arc::default();
+        answer
     }
 
     /// Answers one request, JSON, with the `data` beside it.
@@ -141,7 +144,7 @@ impl Reply {
     fn of<T: Serialize>(answer: &T) -> Self {
         let json = serde_json::to_string(answer);
         Self {
-            json: json.unwrap_or_else(|error| format!("{{\"error\":\"{error}\"}}")),
+            json: json.unwrap_or_else(|error| json!({ "error": error.to_string() }).to_string()),
             data: Vec::new(),
         }
     }

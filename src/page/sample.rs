@@ -119,7 +119,7 @@ pub(super) fn read(
     let key = "substrate.reflectance";
     let text = files.get(path).ok_or_else(|| {
         let message = format!(
-            "{key} names the file {path}, which is not here; drop the file on the page or give a number from 0 to 1"
+            "{key} names the file {path}, which is not here; give a number from 0 to 1, or a list with one number per wavelength"
         );
         Refused::at(key, message)
     })?;

@@ -2,7 +2,7 @@
 use std::sync::atomic::AtomicU64;
 use std::sync::{Arc, Mutex, PoisonError};
 
-use crate::engine::{Control, Engine, Request, Resolution, UnitStore, Units};
+use crate::engine::{Control, Engine, NEAR_INFRARED_NM, Request, UnitStore, Units};
 use crate::grid::MIN_GRAIN_LENGTHS;
 use crate::measurement::{Measured, Spectrum};
 use crate::simulation::Simulation;
@@ -54,19 +54,12 @@ pub(super) struct SpectrumAnswer {
     absorptance: Vec<f64>,
     absorptance_se: Vec<f64>,
     lost_share: Vec<f64>,
-    method_error: MethodError,
+    method_error: Vec<f64>,
     engine: &'static str,
     rays: u64,
     seed: u64,
     warnings: Vec<String>,
     notes: Vec<String>,
-}
-
-/// Systematic error of the engine, beside the standard errors.
-#[derive(Debug, Serialize)]
-struct MethodError {
-    reflectance: f64,
-    transmittance_relative: f64,
 }
 
 #[derive(Debug, Serialize)]
@@ -86,16 +79,16 @@ pub(super) fn errors(measured: &[Measured]) -> Vec<f64> {
 }
 
 impl SimulateRequest {
-    /// Calls `run` with the simulation and the notes of its files.
+    /// Calls `run` with the simulation, its warnings and the notes of its files.
     fn with<T>(
         &self,
         engine: &PageEngine,
-        run: impl FnOnce(Simulation, Vec<String>) -> Result<T, Refused>,
+        run: impl FnOnce(Simulation, Vec<String>, Vec<String>) -> Result<T, Refused>,
     ) -> Result<T, Refused> {
         check("walks", self.rays, engine.limits.rays)?;
         let (file, notes) = read(&self.sample, &self.files, &engine.limits)?;
         let simulation = Simulation::of(&file).rays(self.rays).seed(self.seed);
-        run(simulation, notes)
+        run(simulation, file.warnings.clone(), notes)
     }
 
     pub(super) fn answer(
@@ -103,34 +96,34 @@ impl SimulateRequest {
         engine: &PageEngine,
         walks: &[u8],
     ) -> Result<SpectrumAnswer, Refused> {
-        check("walks", self.rays, engine.limits.rays)?;
-        let (file, notes) = read(&self.sample, &self.files, &engine.limits)?;
-        let simulation = Simulation::of(&file).rays(self.rays).seed(self.seed);
-        let units = Units::new(Box::new(Saved::default()), &unpack(walks)?);
-        let cache = engine.cache.with(units);
-        let spectrum = simulation.run_with(&Control {
-            parallel: engine.threads > 1,
-            cancel: &engine.cancel,
-            rays_done: &AtomicU64::new(0),
-            cache: &cache,
-        })?;
-        let (r, t) = (&spectrum.reflectance, &spectrum.transmittance);
-        let both = || r.iter().zip(t);
-        Ok(SpectrumAnswer {
-            reflectance: values(r),
-            reflectance_se: errors(r),
-            transmittance: values(t),
-            transmittance_se: errors(t),
-            absorptance: both().map(|(r, t)| 1.0 - r.value - t.value).collect(),
-            absorptance_se: both().map(|(r, t)| r.se + t.se).collect(),
-            lost_share: spectrum.lost,
-            method_error: method_error(simulation.resolved(), &simulation.request()),
-            engine: simulation.resolved().name(),
-            rays: self.rays,
-            seed: self.seed,
-            notes,
-            warnings: file.warnings.clone(),
-            wavelengths_nm: file.wavelengths_nm,
+        self.with(engine, |simulation, warnings, notes| {
+            let units = Units::new(Box::new(Saved::default()), &unpack(walks)?);
+            let cache = engine.cache.with(units);
+            let spectrum = simulation.run_with(&Control {
+                parallel: engine.threads > 1,
+                cancel: &engine.cancel,
+                rays_done: &AtomicU64::new(0),
+                cache: &cache,
+            })?;
+            let (r, t) = (&spectrum.reflectance, &spectrum.transmittance);
+            let both = || r.iter().zip(t);
+            Ok(SpectrumAnswer {
+                reflectance: values(r),
+                reflectance_se: errors(r),
+                transmittance: values(t),
+                transmittance_se: errors(t),
+                absorptance: both().map(|(r, t)| 1.0 - r.value - t.value).collect(),
+                // an upper bound: R and T may err together
+                absorptance_se: both().map(|(r, t)| r.se + t.se).collect(),
+                lost_share: spectrum.lost,
+                method_error: method_error(simulation.resolved(), &simulation.request()),
+                engine: simulation.resolved().name(),
+                rays: self.rays,
+                seed: self.seed,
+                notes,
+                warnings,
+                wavelengths_nm: simulation.request().wavelengths_nm.to_vec(),
+            })
         })
     }
 }
@@ -143,7 +136,7 @@ impl WalkRequest {
                 self.worker, self.workers
             )));
         }
-        self.simulation.with(engine, |simulation, _| {
+        self.simulation.with(engine, |simulation, _, _| {
             if simulation.resolved() != Engine::Hybrid {
                 return Ok(Reply::of(&WalkAnswer { walks: 0 }));
             }
@@ -182,7 +175,7 @@ impl WedgeRequest {
                 "thicknesses_cm must be finite and strictly increasing",
             ));
         }
-        self.simulation.with(engine, |simulation, _| {
+        self.simulation.with(engine, |simulation, _, _| {
             let request = simulation.request();
             let fits = |cm: &&f64| {
                 let thickness_m = [cm_to_m(**cm)];
@@ -200,7 +193,7 @@ impl WedgeRequest {
             let thicknesses_cm: Vec<f64> = self.thicknesses_cm.iter().filter(fits).copied().collect();
             if thicknesses_cm.is_empty() {
                 return Err(Refused::new(
-                    "no thickness of the wedge holds the grains of this snow; choose thicker snow or smaller grains",
+                    "no thickness of the wedge can have this snow; choose thicker snow, smaller grains or a higher sun",
                 ));
             }
             let thicknesses_m: Vec<f64> = thicknesses_cm.iter().copied().map(cm_to_m).collect();
@@ -231,19 +224,14 @@ impl WedgeRequest {
     }
 }
 
-/// The systematic error of `engine`, and that of its tables of grain events.
-fn method_error(engine: Engine, request: &Request) -> MethodError {
+/// The systematic error of `engine` at each wavelength, which its standard errors do not include.
+fn method_error(engine: Engine, request: &Request) -> Vec<f64> {
     let [_, visible, infrared] = engine.systematic_error(request);
-    let Resolution { table, .. } = request.resolution;
-    let tables = match engine.uses_tables() {
-        true => 0.1 / f64::from(table).sqrt(),
-        false => 0.0,
+    let error = |nm: &f64| match *nm > NEAR_INFRARED_NM {
+        true => infrared,
+        false => visible,
     };
-    let error = visible.max(infrared).hypot(tables);
-    MethodError {
-        reflectance: error,
-        transmittance_relative: error,
-    }
+    request.wavelengths_nm.iter().map(error).collect()
 }
 
 /// Units kept in memory.

@@ -7,7 +7,8 @@ use tokio::sync::Mutex;
 
 use crate::page::{Limits, PageEngine};
 
-/// Engines kept. The one used longest ago is dropped for a new client; its files are then closed.
+/// Engines kept, each with up to 160 MiB of tables. The least recently used one is dropped for a
+/// new client; the files of its page are then closed, and the page opens them again.
 const MOST_CLIENTS: usize = 8;
 
 /// The clients by name, the one used last at the end.
@@ -46,7 +47,8 @@ impl Clients {
     ) -> Option<String> {
         let hangup = Hangup(Arc::default());
         let cancel = Arc::clone(&hangup.0);
-        let mut engine = self.engine(client).lock_owned().await;
+        let own = self.engine(client);
+        let mut engine = Arc::clone(&own).lock_owned().await;
         let pool = Arc::clone(&self.pool);
         let work = move || {
             if cancel.load(Ordering::Relaxed) {
@@ -58,7 +60,7 @@ impl Clients {
         match tokio::task::spawn_blocking(work).await {
             Ok(answer) => Some(answer),
             Err(_) => {
-                self.lock().retain(|(name, _)| name != client);
+                self.lock().retain(|(_, engine)| !Arc::ptr_eq(engine, &own));
                 None
             }
         }

@@ -45,7 +45,11 @@ pub(super) async fn check(
 
 /// The reason for which a request with these headers is refused.
 fn refused(headers: &HeaderMap, port: u16) -> Option<&'static str> {
-    let hosts = [format!("127.0.0.1:{port}"), format!("localhost:{port}")];
+    let mut hosts = vec![format!("127.0.0.1:{port}"), format!("localhost:{port}")];
+    if port == 80 {
+        // browsers leave out the port of the scheme
+        hosts.extend(["127.0.0.1".to_owned(), "localhost".to_owned()]);
+    }
     let text = |name| match headers.get_all(name).iter().collect::<Vec<_>>()[..] {
         [] => Some(None),
         [value] => Some(Some(value.to_str().ok()?)),
@@ -136,6 +140,7 @@ mod tests {
         ] {
             assert!(refused(&headers(&fails), 8080).is_some(), "{fails:?}");
         }
+        assert_eq!(refused(&headers(&[("host", "127.0.0.1")]), 80), None);
     }
 
     #[test]

@@ -123,7 +123,7 @@ impl Server {
         let pool = pool.build().map_err(|error| threads(&error))?;
         let runtime = tokio::runtime::Builder::new_multi_thread()
             .worker_threads(2)
-            .enable_io()
+            .enable_all()
             .build()
             .map_err(|error| threads(&error))?;
         let shared = Arc::new(Shared {
@@ -139,7 +139,10 @@ impl Server {
         let served = runtime.block_on(async {
             let listener = tokio::net::TcpListener::from_std(self.listener)?;
             let stop = async {
-                let _ = tokio::signal::ctrl_c().await;
+                if tokio::signal::ctrl_c().await.is_err() {
+                    // without a handler Ctrl-C ends the process by itself
+                    std::future::pending::<()>().await;
+                }
             };
             tokio::select! {
                 served = async { axum::serve(listener, router).await } => served,
@@ -228,7 +231,7 @@ async fn ask(shared: &Shared, request: Request) -> Response {
                 }
                 None => refusal(
                     StatusCode::INTERNAL_SERVER_ERROR,
-                    "the engine failed on this message; please report it with the link of the page",
+                    "the engine failed on this message; please report it with the sample file (panel Take away)",
                 ),
             }
         }

@@ -7,7 +7,7 @@ import { colour, h, onTheme } from "./dom";
 export interface ChartOptions {
   label: string;
   height(width: number): number;
-  /// Called with the index into `x` of the first curve, or null when the pointer leaves.
+  /// Called with the wavelength under the pointer, nm, or null when the pointer leaves.
   onCursor?(nm: number | null): void;
 }
 

@@ -21,7 +21,7 @@ export interface SliderOptions extends Described {
   min: number;
   max: number;
   step: number;
-  /// `log` has the value 0 at its left end, then rises from `min`.
+  /// `log0` has the value 0 at its left end, then rises from `min` as `log` does.
   scale?: "linear" | "log" | "log0";
   get(): number;
   set(value: number): void;

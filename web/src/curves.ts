@@ -22,13 +22,10 @@ export const DASHES = [[8, 4], [2, 3], [10, 3, 2, 3], [4, 2]];
 
 /// Twice the whole uncertainty: the standard error and the systematic error of the engine.
 export function bandOf(spectrum: Spectrum, quantity: Quantity): number[] {
-  const { reflectance: absolute, transmittance_relative: relative } = spectrum.method_error;
   const se = spectrum[`${quantity}_se`];
-  return se.map((own, i) => {
-    const t = relative * (spectrum.transmittance[i] ?? 0);
-    const method = quantity === "reflectance" ? absolute : quantity === "transmittance" ? t : Math.hypot(absolute, t);
-    return 2 * Math.hypot(own, method);
-  });
+  // Absorptance is what the two others leave.
+  const share = quantity === "absorptance" ? Math.SQRT2 : 1;
+  return se.map((own, i) => 2 * Math.hypot(own, share * (spectrum.method_error[i] ?? 0)));
 }
 
 export function curveOf(spectrum: Spectrum, quantity: Quantity): Curve {

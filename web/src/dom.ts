@@ -1,4 +1,4 @@
-// Makes elements.
+// Elements, canvases, colours of the style sheet, downloads and dropped files.
 
 type Child = Node | string | null | undefined | false;
 type Props = Record<string, unknown>;

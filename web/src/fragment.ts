@@ -89,13 +89,18 @@ export function isSample(value: unknown): value is Sample {
     value.layer.length >= 1 &&
     value.layer.length <= 100 &&
     value.layer.every(isLayer) &&
-    (value.substrate === undefined || isRecord(value.substrate)) &&
+    (value.substrate === undefined || isSubstrate(value.substrate)) &&
     (value.model === undefined || isRecord(value.model))
   );
 }
 
+function isSubstrate(value: unknown): boolean {
+  if (!isRecord(value)) return false;
+  return isNumber(value.reflectance) || isNumbers(value.reflectance) || isText(value.reflectance);
+}
+
 function isLayer(value: unknown): boolean {
-  const carbon = (given: unknown) => given === undefined || (isRecord(given) && isNumber(given.concentration_ng_g));
+  const carbon = (given: unknown) => given === undefined || (isRecord(given) && isNumber(given.concentration_ng_g) && Object.values(given).every((part) => isNumber(part) || isText(part)));
   return (
     isRecord(value) &&
     (isNumber(value.thickness_cm) || value.thickness_cm === "inf") &&

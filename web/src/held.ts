@@ -14,6 +14,8 @@ export class HeldCurves {
   readonly curves = new Value<HeldCurve[]>([]);
   readonly #page: Page;
   readonly #known = new Map<string, Spectrum>();
+  /// Counts updates: an older one gives up.
+  #version = 0;
 
   constructor(page: Page) {
     this.#page = page;
@@ -43,6 +45,7 @@ export class HeldCurves {
   }
 
   async #update(): Promise<void> {
+    const now = ++this.#version;
     const { held, range, seed } = this.#page.state.get();
     for (const key of this.#known.keys()) {
       if (this.#known.size > 40) this.#known.delete(key);
@@ -60,7 +63,7 @@ export class HeldCurves {
       } catch (error) {
         this.#page.say(`${one.name}: ${error instanceof Error ? error.message : String(error)}`);
       }
-      if (this.#page.state.get().held !== held) return;
+      if (now !== this.#version) return;
       this.#show(held, range, seed);
     }
   }

@@ -167,7 +167,7 @@ function mountTools(page: Page, state: History): void {
     if (key !== "z" && key !== "y") return;
     event.preventDefault();
     const back = key === "z" && !event.shiftKey;
-    if (back ? state.undo() : state.redo()) page.say(back ? "Undone." : "Done again.");
+    if (back ? state.undo() : state.redo()) page.say(back ? "Undone." : "Redone.");
     // A field that is being edited shows the number that came back.
     if (document.activeElement instanceof HTMLInputElement) document.activeElement.dispatchEvent(new Event("blur"));
   });

@@ -12,8 +12,9 @@ export interface Sample {
   wavelengths: { start_nm: number; stop_nm: number; step_nm: number } | { values_nm: number[] };
   /// From the base up, as in the file.
   layer: Layer[];
-  /// A share, or the name of one of `Sample.files`.
-  substrate?: { reflectance: number | string };
+  /// A number from 0 to 1, or the name of one of the `files` of the request. Samples of `lookup`
+  /// may have a list here, one number per wavelength.
+  substrate?: { reflectance: number | number[] | string };
   model?: Record<string, unknown>;
 }
 
@@ -87,7 +88,7 @@ export interface About {
 export interface Preset {
   /// File name without ending: `representative`.
   name: string;
-  /// First comment of the file.
+  /// First sentence of the comment at the beginning of the file.
   title: string;
   sample: Sample;
   files: Files;
@@ -153,9 +154,9 @@ export interface Spectrum {
   absorptance: number[];
   absorptance_se: number[];
   lost_share: number[];
-  /// Systematic error of the engine at this number of walks, beside the standard errors:
-  /// absolute for reflectance, relative for transmittance.
-  method_error: { reflectance: number; transmittance_relative: number };
+  /// Systematic error of the engine beside the standard errors, at each wavelength: the root
+  /// mean square error of reflectance and of transmittance, absolute.
+  method_error: number[];
   engine: string;
   rays: number;
   seed: number;
@@ -236,7 +237,7 @@ export interface Colours {
   linear: number[][];
   /// Encoded sRGB, 0 to 255, clipped.
   srgb: number[][];
-  /// Whether a component of `linear` was below 0 or above 1.
+  /// Whether a component of `linear` was more than 0.0001 below 0 or above 1.
   clipped: boolean[];
 }
 

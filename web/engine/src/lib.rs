@@ -2,7 +2,8 @@
 //!
 //! The worker writes a request to memory that `allocate` gives it and calls `answer`, which
 //! returns the address of four numbers: address and length of the JSON, address and length of
-//! the bytes beside it. It gives all three back to `release`.
+//! the bytes beside it (each little-endian, in four bytes). It then gives all memory back to
+//! `release`: its own, the JSON, the bytes and the four numbers.
 #![allow(unreachable_pub, reason = "JavaScript calls these functions")]
 #![allow(
     unsafe_code,

@@ -13,6 +13,8 @@ export const PATIENCE_MS = 3000;
 /// The same while a simulation waits and no worker is free, ms.
 export const IMPATIENCE_MS = 100;
 export const MOST_WORKERS = 8;
+/// Workers that may fail at their start, one after the other, before no new one is started.
+const MOST_STILLBORN = 20;
 
 type Reply = { json: string; data: Uint8Array | null };
 
@@ -27,8 +29,8 @@ interface Task {
   data: Uint8Array | null;
   /// Lower goes first.
   priority: number;
-  /// The only worker that may do it, or null for any. An engine remembers what it walked, so
-  /// the same share goes to the same worker.
+  /// The only worker that may do it, or null for any. An engine keeps the tables of grain events
+  /// of its index nodes, so the same share goes to the same worker.
   place: number | null;
   resolve(reply: Reply): void;
   reject(error: unknown): void;
@@ -60,6 +62,8 @@ export class Pool implements Engine {
   #queue: Task[] = [];
   #deskQueue: Task[] = [];
   readonly #nodes = new Map<string, number>();
+  /// Workers in a row that failed before they had work.
+  #stillborn = 0;
   #ids = 0;
   /// How many workers were replaced, for tests.
   replaced = 0;
@@ -185,6 +189,7 @@ export class Pool implements Engine {
     if (!slot.task || message.id !== slot.id) return;
     if ("trap" in message) return this.#broken(slot, message.trap);
     const { task } = slot;
+    this.#stillborn = 0;
     this.#free(slot);
     if (task.group.dropped) task.reject(new Dropped());
     else task.resolve({ json: message.json, data: message.data });
@@ -194,6 +199,7 @@ export class Pool implements Engine {
   /// The engine of this worker stopped: the request fails, the next one gets a new worker.
   #broken(slot: Slot, why: string): void {
     const { task } = slot;
+    if (!task && ++this.#stillborn > MOST_STILLBORN) return;
     this.#respawn(slot);
     task?.reject(
       new Refused(

@@ -162,7 +162,7 @@ function substrateControls(page: Page): Control {
   const refresh = () => {
     value.refresh();
     const given = state.get().sample.substrate?.reflectance;
-    file.textContent = typeof given === "string" ? `Now a spectrum: ${given}. Moving the slider replaces it.` : "";
+    file.textContent = given === undefined || typeof given === "number" ? "" : `Now a spectrum${typeof given === "string" ? `: ${given}` : ""}. Moving the slider replaces it.`;
   };
   refresh();
   return { element: h("div", null, value.element, file), refresh };
@@ -177,7 +177,7 @@ function modelControls(page: Page): Control {
     facets: "Facets",
     size_law: "Law of sizes",
     layers: "Between layers",
-    carbon_law: "Law of carbon",
+    carbon_law: "Spectral law of carbon",
     impurity_mass: "Mass of carbon",
     ice: "Refractive index of ice",
   };

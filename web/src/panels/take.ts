@@ -93,18 +93,17 @@ export function mount(root: HTMLElement, page: Page, held: HeldCurves): void {
 }
 
 export function csvOf(spectrum: Spectrum, version: string): string {
-  const { reflectance, transmittance_relative } = spectrum.method_error;
   const lines = [
     `# splitsnow ${version}, page`,
     `# engine: ${spectrum.engine}`,
     `# rays: ${spectrum.rays}`,
     `# seed: ${spectrum.seed}`,
-    `# method_error: reflectance ${reflectance}, transmittance ${transmittance_relative} relative`,
+    `# method_error: ${Math.max(...spectrum.method_error)} at most, of reflectance and transmittance`,
     "wavelength_nm,reflectance,reflectance_se,transmittance,transmittance_se,absorptance,absorptance_se",
   ];
-  const { wavelengths_nm, reflectance_se, transmittance, transmittance_se, absorptance, absorptance_se } = spectrum;
+  const { wavelengths_nm, reflectance, reflectance_se, transmittance, transmittance_se, absorptance, absorptance_se } = spectrum;
   wavelengths_nm.forEach((nm, i) => {
-    lines.push([nm, spectrum.reflectance[i], reflectance_se[i], transmittance[i], transmittance_se[i], absorptance[i], absorptance_se[i]].join(","));
+    lines.push([nm, reflectance[i], reflectance_se[i], transmittance[i], transmittance_se[i], absorptance[i], absorptance_se[i]].join(","));
   });
   return `${lines.join("\n")}\n`;
 }

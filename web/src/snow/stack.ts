@@ -57,9 +57,9 @@ export function stack(page: Page): Control {
     up.disabled = selected >= n - 1;
     down.disabled = selected <= 0;
     const reflectance = sample.substrate?.reflectance;
-    ground.textContent =
-      typeof reflectance === "string" ? `Substrate: ${reflectance}` : `Substrate: ${reflectance ? `reflects ${text(reflectance)}` : "black"}`;
-    ground.style.setProperty("--grey", `${typeof reflectance === "number" ? Math.round(100 * Math.sqrt(reflectance)) : files && typeof reflectance === "string" ? 45 : 0}%`);
+    const kind = Array.isArray(reflectance) ? "a spectrum" : typeof reflectance === "number" ? (reflectance > 0 ? `reflects ${text(reflectance)}` : "black") : reflectance;
+    ground.textContent = `Substrate: ${kind ?? "black"}`;
+    ground.style.setProperty("--grey", `${typeof reflectance === "number" ? Math.round(100 * Math.sqrt(reflectance)) : files && reflectance !== undefined ? 45 : 0}%`);
     const now = JSON.stringify([sample.layer, selected, list.clientWidth]);
     if (now === drawn) return;
     drawn = now;

@@ -26,7 +26,7 @@ pub struct MaxError {
 
 /// Start of the near infrared, nm. Beyond it snow absorbs so much that light
 /// hardly spreads.
-const NEAR_INFRARED_NM: f64 = 780.0;
+pub const NEAR_INFRARED_NM: f64 = 780.0;
 /// Upper bound of the standard deviation per walk: in `hybrid`, for one
 /// illumination, whose walks follow a lattice; and in the other engines, whose
 /// walks score at most 1.

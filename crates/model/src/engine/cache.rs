@@ -60,8 +60,8 @@ impl Cache {
         }
     }
 
-    /// This cache with tables that are also kept in `store`, which other processes use too. It must
-    /// be called before the cache is used.
+    /// This cache with tables that are also kept in `store`, which other processes use too. Its
+    /// memory for tables is the default one, and is empty: call this before the cache is used.
     #[must_use]
     pub fn with_table_store(self, store: Box<dyn TableStore>) -> Self {
         let tables = TableCache {

@@ -19,7 +19,7 @@ use std::sync::atomic::{AtomicBool, AtomicU64};
 
 use thiserror::Error;
 
-pub use auto::MaxError;
+pub use auto::{MaxError, NEAR_INFRARED_NM};
 pub use batches::BATCH;
 pub use cache::{Cache, TableCounts};
 pub use table_store::TableStore;
