@@ -46,8 +46,11 @@ impl Answer {
 
 impl Server {
     fn start() -> Self {
-        let mut process = Command::new(cargo_bin!("splitsnow"))
-            .args(["serve", "--threads", "1"])
+        Self::of(Command::new(cargo_bin!("splitsnow")).args(["serve", "--threads", "1"]))
+    }
+
+    fn of(command: &mut Command) -> Self {
+        let mut process = command
             .stdout(Stdio::piped())
             .stderr(Stdio::null())
             .spawn()
@@ -321,6 +324,18 @@ fn large_requests_are_refused() {
         let _ = stream.write_all(garbage);
     }
     let _silent = server.connect();
+    assert_eq!(server.get("").status, 200);
+}
+
+/// Connections that say nothing use up the descriptors; the server waits and goes on.
+#[cfg(unix)]
+#[test]
+fn a_server_without_descriptors_goes_on() {
+    let program = cargo_bin!("splitsnow").display().to_string();
+    let limited = format!("ulimit -n 48; exec '{program}' serve --threads 1");
+    let server = Server::of(Command::new("sh").args(["-c", &limited]));
+    let silent: Vec<TcpStream> = (0..60).map(|_| server.connect()).collect();
+    drop(silent);
     assert_eq!(server.get("").status, 200);
 }
 

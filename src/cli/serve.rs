@@ -22,8 +22,10 @@ pub(super) struct Args {
 }
 
 pub(super) fn run(args: &Args) -> anyhow::Result<()> {
+    // before the address is printed: whoever reads it may end the server
+    let stop = common::interrupt_flag()?;
     let server = Server::bind(args.port.unwrap_or(0), args.threads.count()?)?;
     common::note("open this address in a browser; Ctrl-C ends the server");
     common::print(&format!("{}\n", server.url()))?;
-    Ok(server.run()?)
+    Ok(server.run(stop)?)
 }

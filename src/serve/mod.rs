@@ -20,6 +20,8 @@ mod guard;
 use std::io;
 use std::net::{Ipv4Addr, SocketAddr, TcpListener};
 use std::sync::Arc;
+use std::sync::atomic::{AtomicBool, Ordering};
+use std::time::Duration;
 
 use axum::body::{Body, Bytes, to_bytes};
 use axum::extract::{Request, State};
@@ -42,6 +44,9 @@ static PAGE: Dir<'_> = include_dir!("$CARGO_MANIFEST_DIR/web/dist");
 
 /// Longest body of a request, bytes: a compact file of 16 MB as base64.
 pub const MOST_BYTES: usize = 24 << 20;
+
+/// Between two looks at whether the server is to stop.
+const LOOK: Duration = Duration::from_millis(50);
 
 /// Header in which a page names itself, so that each has an engine of its own.
 pub const CLIENT: &str = "x-splitsnow-client";
@@ -113,11 +118,11 @@ impl Server {
         format!("http://{}/{}/", self.address, self.token)
     }
 
-    /// Answers requests until the process receives Ctrl-C.
+    /// Answers requests until `stop` becomes true.
     ///
     /// # Errors
     /// [`ServeError::Threads`] or [`ServeError::Stopped`].
-    pub fn run(self) -> Result<(), ServeError> {
+    pub fn run(self, stop: &AtomicBool) -> Result<(), ServeError> {
         let threads = |error: &dyn std::fmt::Display| ServeError::Threads(error.to_string());
         let pool = rayon::ThreadPoolBuilder::new().num_threads(self.threads);
         let pool = pool.build().map_err(|error| threads(&error))?;
@@ -138,15 +143,15 @@ impl Server {
             .with_state(shared);
         let served = runtime.block_on(async {
             let listener = tokio::net::TcpListener::from_std(self.listener)?;
-            let stop = async {
-                if tokio::signal::ctrl_c().await.is_err() {
-                    // without a handler Ctrl-C ends the process by itself
-                    std::future::pending::<()>().await;
+            let stopped = async {
+                let mut looks = tokio::time::interval(LOOK);
+                while !stop.load(Ordering::Relaxed) {
+                    looks.tick().await;
                 }
             };
             tokio::select! {
                 served = async { axum::serve(listener, router).await } => served,
-                () = stop => Ok(()),
+                () = stopped => Ok(()),
             }
         });
         runtime.shutdown_background();
@@ -172,8 +177,8 @@ async fn route(State(shared): State<Arc<Shared>>, request: Request) -> Response 
     };
     match (request.method(), path) {
         (&Method::POST, "ask") => ask(&shared, request).await,
-        (&Method::GET, "") => file("index.html").unwrap_or_else(not_found),
-        (&Method::GET, path) => file(path).unwrap_or_else(not_found),
+        (&Method::GET | &Method::HEAD, "") => file("index.html").unwrap_or_else(not_found),
+        (&Method::GET | &Method::HEAD, path) => file(path).unwrap_or_else(not_found),
         _ => refusal(
             StatusCode::METHOD_NOT_ALLOWED,
             "the page is read with GET, and messages are sent with POST to `ask`",
