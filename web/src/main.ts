@@ -193,10 +193,9 @@ function followLink(page: Page, state: History): void {
   });
   window.addEventListener("hashchange", () => {
     if (location.hash === own) return;
-    fromFragment(location.hash).then(
-      (given) => state.load(given ?? initialState()),
-      (error: unknown) => page.say(error instanceof Error ? error.message : String(error)),
-    );
+    fromFragment(location.hash)
+      .then((given) => state.load(given ?? initialState()))
+      .catch((error: unknown) => page.say(error instanceof Error ? error.message : String(error)));
   });
 }
 
@@ -244,4 +243,7 @@ function grouped(value: number): string {
   return String(value).replace(/\B(?=(\d{3})+$)/g, "\u202f");
 }
 
-void start();
+start().catch((error: unknown) => {
+  console.error(error);
+  element("status").textContent = `The page does not start: ${error instanceof Error ? error.message : String(error)}`;
+});

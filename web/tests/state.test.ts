@@ -95,6 +95,36 @@ describe("link", () => {
     expect(accept(wrong)).toEqual(initialState());
     for (const other of [null, 1, "x", []]) expect(accept(other)).toEqual(initialState());
   });
+
+  test("leaves out a sample in which one field has the wrong type", () => {
+    const sound = initialState().sample;
+    const layer = sound.layer[0]!;
+    const grain = layer.grain[0]!;
+    const law = { min: 0, max: 1, mean: 0.5, sd: 0.1 };
+    const withGrain = (change: object) => ({ ...sound, layer: [{ ...layer, grain: [{ ...grain, ...change }] }] });
+    const withLayer = (change: object) => ({ ...sound, layer: [{ ...layer, ...change }] });
+    const wrong = [
+      ...["abc", null, {}].map((angle) => ({ ...sound, illumination: { incidence_angle_deg: angle } })),
+      { ...sound, illumination: {} },
+      { ...sound, illumination: { diffuse: false } },
+      { ...sound, wavelengths: { values_nm: "all" } },
+      ...["black_carbon", "brown_carbon"].flatMap((name) => [
+        withLayer({ [name]: 7 }),
+        withLayer({ [name]: { concentration_ng_g: 1, sedimentation: "x" } }),
+        withLayer({ [name]: { concentration_ng_g: 1, concentration_per: 3 } }),
+      ]),
+      withLayer({ density_kg_m3: "q", wet_density_kg_m3: 300 }),
+      withLayer({ temperature_c: null }),
+      withGrain({ size_um: { min: "a" }, ssa_m2_kg: 20 }),
+      withGrain({ optical_radius_um: "r" }),
+      withGrain({ shape: {} }),
+      withGrain({ sphericity: { ...law, sd: "s" } }),
+      withGrain({ aspect_ratio: null }),
+    ];
+    for (const sample of wrong) expect(accept({ sample }).sample, JSON.stringify(sample)).toEqual(sound);
+    const good = withLayer({ black_carbon: { concentration_ng_g: 5, concentration_per: "wet_mass", angstrom_exponent: 1 } });
+    expect(accept({ sample: good }).sample).toEqual(good);
+  });
 });
 
 describe("changes of a sample", () => {

@@ -227,7 +227,7 @@ describe("take away", () => {
 
 describe("page", () => {
   test("a damaged or hostile link gives a message", async () => {
-    const bad = Buffer.from(JSON.stringify({ sample: { version: 1, illumination: {}, wavelengths: {}, layer: [{ thickness_cm: 1e300, density_kg_m3: -5, grain: [{ size_um: { min: 1, max: 0 }, facetness: { min: 9, max: -9, mean: 1, sd: 0 } }] }] } })).toString("base64url");
+    const bad = Buffer.from(JSON.stringify({ sample: { version: 1, illumination: { diffuse: true }, wavelengths: {}, layer: [{ thickness_cm: 1e300, density_kg_m3: -5, grain: [{ size_um: { min: 1, max: 0 }, facetness: { min: 9, max: -9, mean: 1, sd: 0 } }] }] } })).toString("base64url");
     for (const hash of ["#z=AAAA", `#j=${bad}`]) {
       ({ page, wrong } = await open(browser, site.url + hash));
       await page.waitForFunction(() => / walks, |damaged|cannot be simulated/.test(document.getElementById("status")?.textContent ?? ""));
