@@ -30,7 +30,7 @@ async function start(hash = "", options = {}): Promise<void> {
 }
 
 const layers = () => page.$$eval(".stack .what", (all) => all.map((e) => e.textContent));
-const field = (label: string) => page.locator("#panel-snow .control", { hasText: label }).locator('input[type="number"]').first();
+const field = (label: string) => page.locator("#panel-snow .control", { hasText: label }).locator('input[role="spinbutton"]').first();
 const readout = () => page.locator("#panel-spectra .readout").innerText();
 const link = () => page.evaluate(() => location.hash);
 
@@ -94,6 +94,30 @@ describe("snow", () => {
     await settled(page);
   });
 
+  test("a decimal comma is taken, and what is no number is refused with a message", async () => {
+    await start();
+    const thickness = field("Thickness");
+    const message = page.locator('[data-key="layer[0].thickness_cm"] .mistyped');
+    await thickness.fill("12,5");
+    expect(await layers()).toEqual(["12.5 cm"]);
+    for (const [wrong, said] of [["1e999", "1e999"], ["thick", "thick"], ["", "missing"]] as const) {
+      await thickness.fill(wrong);
+      await thickness.blur();
+      expect(await message.innerText()).toContain(said);
+      expect(await thickness.inputValue()).toBe("12.5");
+      expect(await layers()).toEqual(["12.5 cm"]);
+    }
+    await thickness.press("ArrowUp");
+    expect(await layers()).toEqual(["13 cm"]);
+    expect(await message.isVisible()).toBe(false);
+    await page.click("#tab-directions");
+    await page.locator("#panel-directions .progress", { hasText: "walks" }).waitFor();
+    for (const [name, value] of [["View", "95"], ["Azimuth", "-20"], ["Wavelength", "100"]] as const) {
+      await page.locator("#panel-directions").getByRole("spinbutton", { name }).fill(value);
+      await page.locator("#panel-directions .mistyped", { hasText: `${value} is not` }).waitFor();
+    }
+  });
+
   test("layers are added, dragged, moved by keys, duplicated and removed", async () => {
     await start();
     await page.click("text=Add >> nth=0");
@@ -128,7 +152,7 @@ describe("snow", () => {
     await page.locator("fieldset.grain").nth(0).locator("select").first().selectOption("ssa_m2_kg");
     await field("Liquid water").fill("0.1");
     await field("Black carbon").fill("500");
-    await page.locator('[data-key="substrate"] input[type="number"]').fill("0.3");
+    await page.locator('[data-key="substrate"] input[role="spinbutton"]').fill("0.3");
     await page.locator("fieldset.grain").nth(1).locator("select").nth(1).selectOption("hexagonal");
     await answered(page);
     expect(await page.locator("#panel-snow .error, #panel-snow .message").count()).toBe(0);

@@ -4,6 +4,7 @@ import "./databases.css";
 import type { CompactFile, Light, LookupAnswer, Spectrum } from "../messages";
 import { RAYS, Refused, REST_MS, type Page } from "../page";
 import { h, newId } from "../dom";
+import { NumberField } from "../number";
 import dome from "../../../examples/mitsuba/dome.safetensors?url";
 import snow from "../../../examples/mitsuba/snow.safetensors?url";
 import snows from "../../../examples/mitsuba/snows.safetensors?url";
@@ -449,9 +450,8 @@ function same(a: Uint8Array, b: Uint8Array): boolean {
 /// A slider with its nodes, a field for exact numbers, and where the value lies.
 function axisControl(axis: Axis, get: () => number, set: (value: number) => void): { element: HTMLElement; refresh(): void } {
   const steps = 1000;
-  const [fieldId, listId, whereId] = [newId("axis"), newId("nodes"), newId("where")];
+  const [listId, whereId] = [newId("nodes"), newId("where")];
   const unit = unitText(axis.unit);
-  const field = h("input", { type: "number", id: fieldId, step: "any", inputMode: "decimal", "aria-describedby": whereId });
   const slider = h("input", { type: "range", min: "0", max: String(steps), step: "1", "aria-label": `${axisName(axis.name)}, ${unit}`, "aria-describedby": whereId });
   slider.setAttribute("list", listId);
   const shares = axisTicks(axis);
@@ -484,23 +484,23 @@ function axisControl(axis: Axis, get: () => number, set: (value: number) => void
     event.preventDefault();
     if (next !== undefined) move(next);
   });
-  field.addEventListener("input", () => {
-    if (Number.isFinite(field.valueAsNumber)) move(field.valueAsNumber);
-  });
-  field.addEventListener("blur", () => refresh());
+  const [low, high] = [axis.values[0]!, axis.values.at(-1)!];
+  // A hundredth of the range, as a round number.
+  const step = 10 ** Math.floor(Math.log10((high - low) / 20));
+  const field = new NumberField({ step, low, high, describedBy: whereId, set: move });
   const refresh = () => {
     const value = get();
     slider.value = String(Math.round(toShare(axis, value) * steps));
-    if (document.activeElement !== field) field.value = String(value);
+    field.show(value);
     slider.setAttribute("aria-valuetext", valueText(axis, value));
     where.textContent = amongNodes(axis, value);
   };
   refresh();
   const element = h("div", { class: "axis" },
     h("div", { class: "head" },
-      h("label", { for: fieldId }, axisName(axis.name)),
-      h("span", { class: "exact" }, field, h("span", { class: "unit" }, unit === "1" ? "(unit 1)" : unit))),
-    h("div", { class: "track" }, slider, marks), list, where);
+      h("label", { for: field.input.id }, axisName(axis.name)),
+      h("span", { class: "exact" }, field.input, h("span", { class: "unit" }, unit === "1" ? "(unit 1)" : unit))),
+    h("div", { class: "track" }, slider, marks), list, where, field.message);
   return { element, refresh };
 }
 
