@@ -9,7 +9,7 @@ export interface Control {
   /// Shows the current value.
   refresh(): void;
   /// Ends what it follows, when it is taken from the page.
-  end?(): void;
+  readonly end?: () => void;
 }
 
 interface Described {

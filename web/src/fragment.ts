@@ -5,21 +5,43 @@
 // the right shape is left out, and the engine checks the numbers.
 import { PANELS, type State } from "./page";
 import type { Sample } from "./messages";
-import { initialState } from "./state";
+import { droppedName, initialState } from "./state";
 
 /// A fragment that unpacks to more than this is not read, bytes.
-const MOST_BYTES = 4_000_000;
+export const MOST_BYTES = 4_000_000;
+/// Longer fragments are not written: browsers cut addresses of 2 million characters.
+export const MOST_CHARACTERS = 1_000_000;
+/// What a link does without if it would be too long, in this order.
+const OPTIONAL = ["measured", "held", "files"] as const;
 
-export async function toFragment(state: State): Promise<string> {
+/// A fragment that `fromFragment` reads, and the keys of the state that did not fit.
+export async function toLink(state: State): Promise<{ fragment: string; omitted: (typeof OPTIONAL)[number][] }> {
+  const initial = initialState();
+  for (let n = 0; n <= OPTIONAL.length; n++) {
+    const omitted = OPTIONAL.slice(0, n);
+    const rest = { ...state, ...Object.fromEntries(omitted.map((key) => [key, initial[key]])) };
+    const fragment = await toFragment(rest);
+    if (fragment !== null) return { fragment, omitted: omitted.filter((key) => state[key] !== rest[key]) };
+  }
+  return { fragment: "", omitted: [...OPTIONAL] };
+}
+
+/// Null if the fragment would be too long to be read again.
+async function toFragment(state: State): Promise<string | null> {
   const initial = initialState();
   const entries = Object.entries(state).filter(
     ([key, value]) => JSON.stringify(value) !== JSON.stringify(initial[key as keyof State]),
   );
   if (entries.length === 0) return "";
   const bytes = new TextEncoder().encode(JSON.stringify(Object.fromEntries(entries)));
+  if (bytes.length > MOST_BYTES) return null;
+  const fragment = await packed(bytes);
+  return fragment.length > MOST_CHARACTERS ? null : fragment;
+}
+
+async function packed(bytes: Uint8Array): Promise<string> {
   if (typeof CompressionStream === "undefined") return `#j=${base64url(bytes)}`;
-  const packed = await through(bytes, new CompressionStream("deflate-raw"), Infinity);
-  return `#z=${base64url(packed)}`;
+  return `#z=${base64url(await through(bytes, new CompressionStream("deflate-raw"), Infinity))}`;
 }
 
 /// Null if there is no state in the fragment; throws if it cannot be read.
@@ -53,13 +75,18 @@ export function accept(given: unknown): State {
   take("scale", oneOf(["linear", "log"]));
   take("shown", (value) => isRecord(value) && ["reflectance", "transmittance", "absorptance"].every((k) => typeof value[k] === "boolean"));
   take("held", (value) => Array.isArray(value) && value.length <= 8 && value.every(isHeld));
-  take("measured", (value) => isRecord(value) && isText(value.name) && isText(value.text));
+  take("measured", (value) => isRecord(value) && isText(value.name) && isText(value.text) && optional(value, ["notes"], (notes) => Array.isArray(notes) && notes.every(isText)));
   take("light", isText);
   take("droppedLight", (value) => isRecord(value) && isText(value.name) && isNumbers(value.wavelengths_nm) && isNumbers(value.power));
   take("exposure_stops", (value) => isNumber(value) && Math.abs(value as number) <= 20);
   take("seed", (value) => Number.isSafeInteger(value) && Number(value) >= 0);
   take("directions", isRecord);
   take("databases", isRecord);
+  if (state.droppedLight) {
+    const { name } = state.droppedLight;
+    state.droppedLight = { ...state.droppedLight, name: droppedName(name) };
+    if (state.light === name) state.light = droppedName(name);
+  }
   state.layer = Math.min(state.layer, state.sample.layer.length - 1);
   return state;
 }

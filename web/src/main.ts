@@ -1,7 +1,7 @@
 // Starts the page.
 import "./style.css";
 import { startEngine } from "./engine/start";
-import { fromFragment, toFragment } from "./fragment";
+import { fromFragment, toLink } from "./fragment";
 import { HeldCurves } from "./held";
 import type { About } from "./messages";
 import { Value } from "./observable";
@@ -185,7 +185,7 @@ function followLink(page: Page, state: History): void {
   state.subscribe(() => {
     clearTimeout(timer);
     timer = setTimeout(() => {
-      void toFragment(state.get()).then((fragment) => {
+      void toLink(state.get()).then(({ fragment }) => {
         own = fragment;
         history.replaceState(null, "", `${location.pathname}${location.search}${fragment}`);
       });

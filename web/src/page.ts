@@ -17,6 +17,16 @@ export class Refused extends Error {
   }
 }
 
+export function messageOf(error: unknown): string {
+  return error instanceof Error ? error.message : String(error);
+}
+
+/// A message about a file, with its name once.
+export function namedMessage(name: string, error: unknown): string {
+  const text = messageOf(error);
+  return text.startsWith(name) ? text : `${name}: ${text}`;
+}
+
 export interface Engine {
   /// In words, for the status line: "WebAssembly, 4 workers".
   readonly name: string;
@@ -40,10 +50,11 @@ export interface Held {
   rays: number;
 }
 
-/// A measured file, as text.
+/// The points of a measured file, as text, and how the file was read.
 export interface MeasuredFile {
   name: string;
   text: string;
+  notes?: string[];
 }
 
 /// Everything that a link reproduces.

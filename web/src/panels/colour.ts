@@ -5,7 +5,8 @@ import { percent, WedgePicture } from "../colour/wedge";
 import { fileDrop, h } from "../dom";
 import type { HeldCurves } from "../held";
 import type { Colours, Light, Spectrum } from "../messages";
-import type { Page } from "../page";
+import { messageOf, namedMessage, type Page } from "../page";
+import { droppedName } from "../state";
 
 /// The lights that are shown, and what they are.
 const LIGHTS: Record<string, string> = {
@@ -22,7 +23,8 @@ export function mount(root: HTMLElement, page: Page, held: HeldCurves): void {
   const wanted = () => !root.hidden;
   const lightOf = (name: string): Light => {
     const { droppedLight } = state.get();
-    return droppedLight && droppedLight.name === name ? droppedLight : name;
+    if (droppedLight && droppedLight.name === name) return droppedLight;
+    return Object.hasOwn(LIGHTS, name) ? name : "D65";
   };
   const visible = visibleSpectrum(page, wanted);
   const wedge = new WedgePicture(page, wanted, () => lightOf(state.get().light));
@@ -48,11 +50,12 @@ export function mount(root: HTMLElement, page: Page, held: HeldCurves): void {
       .then((answer) => {
         problem.hidden = true;
         page.say(answer.notes.join(" "));
-        state.set({ droppedLight: answer.light, light: answer.light.name });
+        const light = { ...answer.light, name: droppedName(answer.light.name) };
+        state.set({ droppedLight: light, light: light.name });
       })
       .catch((error: unknown) => {
         problem.hidden = false;
-        problem.textContent = `${file.name}: ${error instanceof Error ? error.message : String(error)}`;
+        problem.textContent = namedMessage(file.name, error);
       });
   };
   const drop = fileDrop(root, "Spectrum of a light…", ".csv,.txt,.tsv,.spd", read);
@@ -83,7 +86,7 @@ export function mount(root: HTMLElement, page: Page, held: HeldCurves): void {
       show(names(), rows);
     } catch (error) {
       problem.hidden = false;
-      problem.textContent = error instanceof Error ? error.message : String(error);
+      problem.textContent = messageOf(error);
     }
   };
 

@@ -2,7 +2,7 @@
 
 import "./databases.css";
 import type { CompactFile, Light, LookupAnswer, Spectrum } from "../messages";
-import { RAYS, Refused, REST_MS, type Page } from "../page";
+import { messageOf, namedMessage, RAYS, Refused, REST_MS, type Page } from "../page";
 import { h, newId } from "../dom";
 import { NumberField } from "../number";
 import dome from "../../../examples/mitsuba/dome.safetensors?url";
@@ -270,7 +270,7 @@ export function mount(root: HTMLElement, page: Page): void {
       body.classList.remove("stale");
     } catch (error) {
       if (open !== current) return;
-      lookProblem.textContent = message(error);
+      lookProblem.textContent = messageOf(error);
       lookProblem.hidden = false;
       body.classList.add("stale");
       answer = null;
@@ -347,7 +347,7 @@ export function mount(root: HTMLElement, page: Page): void {
       if (together) compare(together, swatches);
     } catch (error) {
       if (mine !== answer) return;
-      swatchHost.replaceChildren(h("p", { class: "note" }, `No colour: ${message(error)}`));
+      swatchHost.replaceChildren(h("p", { class: "note" }, `No colour: ${messageOf(error)}`));
       if (together) compare(together, []);
     }
   };
@@ -376,7 +376,7 @@ export function mount(root: HTMLElement, page: Page): void {
         simulateStatus.textContent = `${grouped(rays)} walks per refractive index in ${seconds} s, engine ${got.engine}.`;
       } catch (error) {
         if (turn !== simulation) return;
-        simulateStatus.textContent = `Not simulated: ${message(error)}`;
+        simulateStatus.textContent = `Not simulated: ${messageOf(error)}`;
         return;
       }
     }
@@ -431,16 +431,6 @@ export function mount(root: HTMLElement, page: Page): void {
     if (started && changed.has("databases") && state.databases !== written) follow();
   });
   start();
-}
-
-function message(error: unknown): string {
-  return error instanceof Error ? error.message : String(error);
-}
-
-/// A message about a file, with its name once.
-function namedMessage(name: string, error: unknown): string {
-  const text = message(error);
-  return text.startsWith(name) ? text : `${name}: ${text}`;
 }
 
 function same(a: Uint8Array, b: Uint8Array): boolean {

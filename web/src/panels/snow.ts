@@ -78,6 +78,7 @@ export function mount(root: HTMLElement, page: Page): void {
       structure = now;
       // Details that are open stay open.
       const open = new Set([...editor.querySelectorAll("details[open] > summary")].map((s) => s.textContent));
+      layer?.end?.();
       layer = layerControls(page, index);
       editor.replaceChildren(layer.element);
       for (const summary of editor.querySelectorAll("summary")) {
