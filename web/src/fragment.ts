@@ -21,7 +21,7 @@ export async function toLink(state: State): Promise<{ fragment: string; omitted:
     const omitted = OPTIONAL.slice(0, n);
     const rest = { ...state, ...Object.fromEntries(omitted.map((key) => [key, initial[key]])) };
     const fragment = await toFragment(rest);
-    if (fragment !== null) return { fragment, omitted: omitted.filter((key) => state[key] !== rest[key]) };
+    if (fragment !== null) return { fragment, omitted: omitted.filter((key) => JSON.stringify(state[key]) !== JSON.stringify(initial[key])) };
   }
   return { fragment: "", omitted: [...OPTIONAL] };
 }

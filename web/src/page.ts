@@ -17,6 +17,9 @@ export class Refused extends Error {
   }
 }
 
+/// The engine does not answer any more. The page says so, once.
+export class Gone extends Refused {}
+
 export function messageOf(error: unknown): string {
   return error instanceof Error ? error.message : String(error);
 }
@@ -30,6 +33,8 @@ export function namedMessage(name: string, error: unknown): string {
 export interface Engine {
   /// In words, for the status line: "WebAssembly, 4 workers".
   readonly name: string;
+  /// The most bytes that may travel beside a request; none if it does not matter.
+  readonly mostBytes?: number;
   /// Asks and waits. Throws `Refused`.
   ask<R extends Request>(request: R, data?: Uint8Array): Promise<AnswerTo<R>>;
   /// The same, but a later request on the same channel supersedes this one. The answer is then
@@ -124,6 +129,8 @@ export interface Page {
 
 /// Walks per index node: while a control moves, soon after it rests, and in the end.
 export const RAYS = [2048, 16384, 131072] as const;
+/// A coarse simulation that takes longer than this is taken to be stuck, ms.
+export const STUCK_MS = 20_000;
 /// A control rests after this time without a change, ms.
 export const REST_MS = 150;
 

@@ -5,7 +5,7 @@ import { percent, WedgePicture } from "../colour/wedge";
 import { fileDrop, h } from "../dom";
 import type { HeldCurves } from "../held";
 import type { Colours, Light, Spectrum } from "../messages";
-import { messageOf, namedMessage, type Page } from "../page";
+import { Gone, messageOf, namedMessage, type Page } from "../page";
 import { droppedName } from "../state";
 
 /// The lights that are shown, and what they are.
@@ -85,6 +85,7 @@ export function mount(root: HTMLElement, page: Page, held: HeldCurves): void {
       if (mine !== round) return;
       show(names(), rows);
     } catch (error) {
+      if (error instanceof Gone) return;
       problem.hidden = false;
       problem.textContent = messageOf(error);
     }
@@ -124,7 +125,7 @@ export function mount(root: HTMLElement, page: Page, held: HeldCurves): void {
     }
     if (changed.has("panel") || changed.has("light") || changed.has("droppedLight") || changed.has("exposure_stops")) {
       void swatches();
-      if (!changed.has("panel")) void wedge.recolour();
+      if (!changed.has("panel")) wedge.recolour().catch(() => undefined);
     }
     wedge.update();
   });

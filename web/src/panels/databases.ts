@@ -3,7 +3,7 @@
 import "./databases.css";
 import type { CompactFile, Light, LookupAnswer, Spectrum } from "../messages";
 import { messageOf, namedMessage, RAYS, Refused, REST_MS, type Page } from "../page";
-import { h, newId } from "../dom";
+import { h, isCompact, newId } from "../dom";
 import { NumberField } from "../number";
 import dome from "../../../examples/mitsuba/dome.safetensors?url";
 import snow from "../../../examples/mitsuba/snow.safetensors?url";
@@ -48,7 +48,8 @@ interface Swatch {
   clipped: boolean;
 }
 
-export function mount(root: HTMLElement, page: Page): void {
+/// Returns what opens compact files and shows them.
+export function mount(root: HTMLElement, page: Page): (files: File[]) => void {
   root.classList.add("databases");
   const files: Open[] = [];
   let current: Open | null = null;
@@ -89,11 +90,17 @@ export function mount(root: HTMLElement, page: Page): void {
     h("label", { for: fileSelectId }, "File"), fileSelect, closeButton);
   const intro = h("p", { class: "note" },
     "A compact file (.safetensors) holds the spectra of many snows in a few kilobytes. Drop one here, open one, or take an example. The file stays on this computer.");
+  const limit = h("p", { class: "note", hidden: true });
+  page.about.subscribe(() => {
+    const most = page.engine.mostBytes;
+    limit.hidden = most === undefined;
+    if (most !== undefined) limit.textContent = `\`splitsnow serve\` takes files of up to ${bytesText(most)}; a copy of the page on a web server takes ${bytesText(MOST_BYTES)}.`;
+  });
   const opener = h("div", { class: "opener" },
     h("button", { type: "button", class: "primary", onclick: () => input.click() }, "Open a file"), input,
     h("span", { class: "or" }, "Examples:"), ...examples);
   const body = h("div", { class: "body", hidden: true });
-  root.append(h("h2", null, "Databases"), intro, opener, alert, chooser, body);
+  root.append(h("h2", null, "Databases"), intro, limit, opener, alert, chooser, body);
 
   root.addEventListener("dragover", (event) => {
     if (!event.dataTransfer?.types.includes("Files")) return;
@@ -105,10 +112,9 @@ export function mount(root: HTMLElement, page: Page): void {
   });
   root.addEventListener("drop", (event) => {
     root.classList.remove("dropping");
-    const dropped = [...(event.dataTransfer?.files ?? [])];
+    const dropped = [...(event.dataTransfer?.files ?? [])].filter(isCompact);
     if (!dropped.length) return;
     event.preventDefault();
-    event.stopPropagation();
     void openAll(dropped);
   });
 
@@ -118,17 +124,21 @@ export function mount(root: HTMLElement, page: Page): void {
   };
 
   const openAll = async (list: File[]) => {
+    // A file that opens clears the message of an earlier one, but not of one that came with it.
+    const wrong: string[] = [];
     for (const file of list) {
-      if (file.size > MOST_BYTES) {
-        complain(`${file.name}: ${bytesText(file.size)} is more than this page reads (${bytesText(MOST_BYTES)}).`);
-        continue;
-      }
       try {
+        const most = Math.min(MOST_BYTES, page.engine.mostBytes ?? MOST_BYTES);
+        if (file.size > most) {
+          const elsewhere = most < MOST_BYTES ? `; a copy of the page on a web server reads ${bytesText(MOST_BYTES)}` : "";
+          throw new Error(`${bytesText(file.size)} is more than this page reads (${bytesText(most)}${elsewhere})`);
+        }
         await open(file.name, new Uint8Array(await file.arrayBuffer()));
       } catch (error) {
-        complain(namedMessage(file.name, error));
+        wrong.push(namedMessage(file.name, error));
       }
     }
+    if (wrong.length > 0) complain(wrong.join("\n"));
   };
   const openExample = async (name: string, point?: Record<string, unknown>, quietly = false) => {
     const example = EXAMPLES.find((other) => other.file === name);
@@ -367,7 +377,11 @@ export function mount(root: HTMLElement, page: Page): void {
       const began = performance.now();
       try {
         const got = await page.engine.askLatest("databases-simulate", { ask: "simulate", sample, rays, seed: page.state.get().seed });
-        if (!got || turn !== simulation) return;
+        if (turn !== simulation) return;
+        if (!got) {
+          simulateStatus.textContent = "";
+          return;
+        }
         simulated = got;
         plot();
         await colour();
@@ -431,6 +445,12 @@ export function mount(root: HTMLElement, page: Page): void {
     if (started && changed.has("databases") && state.databases !== written) follow();
   });
   start();
+  return (dropped) => {
+    // No example comes between.
+    started = true;
+    page.state.set({ panel: "databases" });
+    void openAll(dropped);
+  };
 }
 
 function same(a: Uint8Array, b: Uint8Array): boolean {

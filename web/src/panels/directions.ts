@@ -2,7 +2,7 @@
 
 import "./directions.css";
 import type { Directions } from "../messages";
-import { inVisible, RAYS, Refused, REST_MS, type Page } from "../page";
+import { inVisible, messageOf, RAYS, Refused, REST_MS, type Page } from "../page";
 import { redrawOnChange, theme } from "../draw/canvas";
 import { Chart } from "../draw/chart";
 import { direction, drawDisc } from "../draw/disc";
@@ -276,7 +276,7 @@ export function mount(root: HTMLElement, page: Page): void {
     return `${seconds} Largest relative standard error: ${percent(worst.share)} (${where}).`;
   };
   const problem = (error: unknown) => {
-    const text = error instanceof Error ? error.message : String(error);
+    const text = messageOf(error);
     const key = error instanceof Refused ? error.key : undefined;
     alert.textContent = key && !text.includes(key) ? `${key}: ${text}` : text;
     alert.hidden = false;

@@ -11,7 +11,7 @@ export const MOST_FILE_BYTES = 16e6;
 export function pointsOf(name: string, { quantity, wavelengths_nm, values, notes }: Measured): MeasuredFile {
   const every = Math.ceil(wavelengths_nm.length / MOST_POINTS);
   const kept = wavelengths_nm.flatMap((nm, i) => (i % every === 0 ? [`${short(nm)},${short(values[i]!)}`] : []));
-  const thinned = every > 1 ? [`Of its ${wavelengths_nm.length} points every ${every}th is kept.`] : [];
+  const thinned = every > 1 ? [`Of its ${wavelengths_nm.length} points one in ${every} is kept.`] : [];
   return { name, text: `wavelength_nm,${quantity}\n${kept.join("\n")}\n`, notes: [...notes, ...thinned] };
 }
 
