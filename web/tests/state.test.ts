@@ -114,6 +114,11 @@ describe("link", () => {
     expect(lines.length - 1).toBeLessThanOrEqual(MOST_POINTS);
     expect(lines.length - 1).toBeGreaterThan(MOST_POINTS / 2);
     expect(kept.notes![1]).toContain("300001 points");
+    // Dense at one end: the rest stays as it is.
+    const uneven = [...Array.from({ length: 20_000 }, (_, i) => 400 + i / 200), ...Array.from({ length: 80 }, (_, i) => 520 + 20 * i)];
+    const rows = pointsOf("uneven.csv", { quantity: "reflectance", wavelengths_nm: uneven, values: uneven, notes: [], residuals: [], overall: null, bands: [] });
+    const left = rows.text.trim().split("\n").slice(1).map((line) => Number(line.split(",")[0]));
+    expect(Math.max(...left.slice(1).map((x, i) => x - left[i]!))).toBeLessThanOrEqual(25);
     const { fragment, omitted } = await toLink({ ...initialState(), measured: kept });
     expect(omitted).toEqual([]);
     expect((await fromFragment(fragment))!.measured).toEqual(kept);

@@ -255,7 +255,7 @@ describe("spectra", () => {
 });
 
 describe("files", () => {
-  const spectrum = "wavelength_nm,reflectance\n350,0.1\n700,0.3\n2500,0.5\n";
+  const spectrum = `wavelength_nm,reflectance\n${Array.from({ length: 216 }, (_, i) => `${350 + 10 * i},${(0.1 + i / 500).toFixed(3)}`).join("\n")}\n`;
 
   test("dropped anywhere open where they belong", async () => {
     await start();
@@ -485,6 +485,26 @@ describe("cost", () => {
       console.log(`input to redraw, ${key}: median ${times[7]!.toFixed(0)} ms, worst ${times[14]!.toFixed(0)} ms (${machine})`);
       expect(times[7]).toBeLessThan(1500);
     }
+  });
+
+  test("curves are redrawn while dragging at the wide range", async () => {
+    await start();
+    await page.selectOption("#panel-spectra select", "full");
+    const times = await page.evaluate(async () => {
+      const slider = document.querySelector<HTMLInputElement>('[data-key="layer[0].grain[0].facetness"] input[type="range"]')!;
+      const seen: number[] = [];
+      const started = performance.now();
+      const observer = new MutationObserver(() => seen.push(performance.now() - started));
+      observer.observe(document.querySelector("#panel-spectra .readout")!, { childList: true });
+      for (let i = 0; performance.now() - started < 40_000 && seen.length < 3; i++) {
+        slider.value = String(0.3 + 0.004 * (i % 100));
+        slider.dispatchEvent(new Event("input", { bubbles: true }));
+        await new Promise((resolve) => setTimeout(resolve, 50));
+      }
+      return seen;
+    });
+    console.log(`redraws while dragging, 350-2500 nm, at ${times.map((t) => (t / 1000).toFixed(1)).join(", ")} s (${machine})`);
+    expect(times.length).toBeGreaterThan(1);
   });
 
   test("memory is flat over 500 changes", async () => {

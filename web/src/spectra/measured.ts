@@ -34,9 +34,11 @@ export class MeasuredPanel {
     const { name } = file;
     try {
       if (file.size > MOST_FILE_BYTES) throw new Error(`the file has ${(file.size / 1e6).toFixed(0)} MB, more than the ${MOST_FILE_BYTES / 1e6} MB that this page reads`);
-      // Beside any spectrum: what counts is the file.
-      const none = { wavelengths_nm: [550], reflectance: [0], reflectance_se: [0], transmittance: [0], transmittance_se: [0] };
-      const answer = await this.#page.engine.ask({ ask: "measured", name, text: await file.text(), ...none });
+      // Beside black snow: what counts is the file.
+      const wavelengths_nm = Array.from({ length: 2151 }, (_, i) => 350 + i);
+      const none = wavelengths_nm.map(() => 0);
+      const black = { wavelengths_nm, reflectance: none, reflectance_se: none, transmittance: none, transmittance_se: none };
+      const answer = await this.#page.engine.ask({ ask: "measured", name, text: await file.text(), ...black });
       this.#page.state.set({ measured: pointsOf(name, answer) });
     } catch (error) {
       this.#refuse(name, error);
