@@ -198,9 +198,9 @@ export function showMessage(root: HTMLElement, key: string | undefined, message:
 }
 
 export function clearMessages(root: HTMLElement): void {
-  // What is wrong with the text of a field is said and cleared by the field.
-  for (const message of root.querySelectorAll(".message:not(.mistyped)")) message.remove();
+  for (const message of root.querySelectorAll(".message")) message.remove();
   for (const control of root.querySelectorAll(".wrong")) control.classList.remove("wrong");
+  // What is wrong with the text of a field, the field itself says and clears.
   for (const input of root.querySelectorAll("[aria-invalid]:not([data-mistyped])")) {
     input.removeAttribute("aria-invalid");
     input.removeAttribute("aria-errormessage");

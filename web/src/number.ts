@@ -37,7 +37,7 @@ export interface NumberFieldOptions {
 export class NumberField {
   readonly input: HTMLInputElement;
   /// What is wrong with the text of the field.
-  readonly message = h("small", { class: "message mistyped", role: "alert", hidden: true, id: newId("m") });
+  readonly message = h("small", { class: "mistyped", role: "alert", hidden: true, id: newId("m") });
   readonly #options: NumberFieldOptions;
   /// The value of the state; null if there is none yet.
   #value: number | null = null;

@@ -204,7 +204,7 @@ describe("snow", () => {
     await page.locator('[data-key="substrate"] input[role="spinbutton"]').fill("0.3");
     await page.locator("fieldset.grain").nth(1).locator("select").nth(1).selectOption("hexagonal");
     await answered(page);
-    expect(await page.locator("#panel-snow .error, #panel-snow .message").count()).toBe(0);
+    expect(await page.locator("#panel-snow .error:visible, #panel-snow .message").count()).toBe(0);
   });
 
   test("sliders move with the keyboard", async () => {
@@ -346,7 +346,7 @@ describe("page", () => {
     for (const hash of ["#z=AAAA", `#j=${bad}`]) {
       ({ page, wrong } = await open(browser, site.url + hash));
       await page.waitForFunction(() => / walks, |damaged|cannot be simulated/.test(document.getElementById("status")?.textContent ?? ""));
-      if (hash.startsWith("#j")) await page.locator("#panel-snow .error, #panel-snow .message").first().waitFor();
+      if (hash.startsWith("#j")) await page.locator("#panel-snow .error:visible, #panel-snow .message").first().waitFor();
       expect(wrong).toEqual([]);
       if (hash === "#z=AAAA") await page.context().close();
     }
