@@ -1,10 +1,15 @@
 // Controls: each has a label, a unit, an explanation, and a place for a message of the engine.
 import { h, newId } from "./dom";
+import { NumberField, text } from "./number";
+
+export { text };
 
 export interface Control {
   element: HTMLElement;
   /// Shows the current value.
   refresh(): void;
+  /// Ends what it follows, when it is taken from the page.
+  readonly end?: () => void;
 }
 
 interface Described {
@@ -31,7 +36,7 @@ const STEPS = 400;
 
 export function slider(options: SliderOptions): Control {
   const { label, unit, help, min, max, scale = "linear" } = options;
-  const [rangeId, numberId, helpId] = [newId(), newId(), newId()];
+  const [rangeId, helpId] = [newId(), newId()];
   const linear = scale === "linear";
   const range = h("input", {
     type: "range",
@@ -42,7 +47,6 @@ export function slider(options: SliderOptions): Control {
     "aria-label": `${label}, ${unit || "no unit"}`,
     "aria-describedby": helpId,
   });
-  const number = h("input", { type: "number", id: numberId, step: "any", "aria-describedby": helpId, inputMode: "decimal" });
 
   const toPosition = (value: number): number => {
     if (linear) return value;
@@ -57,32 +61,35 @@ export function slider(options: SliderOptions): Control {
   const showText = (value: number) => {
     range.setAttribute("aria-valuetext", `${text(value)} ${unit}`);
   };
+  const show = (value: number) => {
+    range.value = String(toPosition(value));
+    showText(value);
+    number.show(value);
+  };
+  const number = new NumberField({
+    step: options.step,
+    low: scale === "log0" ? 0 : min,
+    high: max,
+    describedBy: helpId,
+    set: (value) => {
+      show(value);
+      options.set(value);
+    },
+  });
   range.addEventListener("input", () => {
     const value = toValue(Number(range.value));
-    number.value = text(value);
+    number.show(value);
     showText(value);
     options.set(value);
   });
-  number.addEventListener("input", () => {
-    const value = number.valueAsNumber;
-    if (!Number.isFinite(value)) return;
-    range.value = String(toPosition(value));
-    showText(value);
-    options.set(value);
-  });
-  number.addEventListener("blur", () => refresh());
-  const refresh = () => {
-    const value = options.get();
-    range.value = String(toPosition(value));
-    showText(value);
-    if (document.activeElement !== number || number.valueAsNumber !== value) number.value = text(value);
-  };
+  const refresh = () => show(options.get());
   const element = framed(
     options,
     helpId,
-    h("label", { for: numberId, class: "name" }, label),
-    h("span", { class: "value" }, number, h("span", { class: "unit" }, unit)),
+    h("label", { for: number.input.id, class: "name" }, label),
+    h("span", { class: "value" }, number.input, h("span", { class: "unit" }, unit)),
     range,
+    number.message,
   );
   element.title = help;
   refresh();
@@ -193,13 +200,9 @@ export function showMessage(root: HTMLElement, key: string | undefined, message:
 export function clearMessages(root: HTMLElement): void {
   for (const message of root.querySelectorAll(".message")) message.remove();
   for (const control of root.querySelectorAll(".wrong")) control.classList.remove("wrong");
-  for (const input of root.querySelectorAll("[aria-invalid]")) {
+  // What is wrong with the text of a field, the field itself says and clears.
+  for (const input of root.querySelectorAll("[aria-invalid]:not([data-mistyped])")) {
     input.removeAttribute("aria-invalid");
     input.removeAttribute("aria-errormessage");
   }
-}
-
-/// A number as people write it: no more digits than it has.
-export function text(value: number): string {
-  return String(Number(value.toPrecision(12)));
 }

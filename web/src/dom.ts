@@ -51,6 +51,11 @@ export function download(name: string, content: Blob | string, type = "text/plai
   setTimeout(() => URL.revokeObjectURL(url), 10_000);
 }
 
+/// Whether a file is a compact one, which only the panel of databases reads.
+export function isCompact(file: File): boolean {
+  return file.name.toLowerCase().endsWith(".safetensors");
+}
+
 /// Lets a file be dropped on `element`, or chosen with the button that is returned.
 export function fileDrop(element: HTMLElement, label: string, accept: string, opened: (file: File) => void): HTMLElement {
   const input = h("input", { type: "file", accept, class: "visually-hidden", tabIndex: -1, "aria-label": label });
@@ -70,7 +75,7 @@ export function fileDrop(element: HTMLElement, label: string, accept: string, op
   element.addEventListener("drop", (event) => {
     const file = event.dataTransfer?.files[0];
     element.classList.remove("dropping");
-    if (!file) return;
+    if (!file || isCompact(file) || event.defaultPrevented) return;
     event.preventDefault();
     opened(file);
   });

@@ -5,21 +5,43 @@
 // the right shape is left out, and the engine checks the numbers.
 import { PANELS, type State } from "./page";
 import type { Sample } from "./messages";
-import { initialState } from "./state";
+import { droppedName, initialState } from "./state";
 
 /// A fragment that unpacks to more than this is not read, bytes.
-const MOST_BYTES = 4_000_000;
+export const MOST_BYTES = 4_000_000;
+/// Longer fragments are not written: browsers cut addresses of 2 million characters.
+export const MOST_CHARACTERS = 1_000_000;
+/// What a link does without if it would be too long, in this order.
+const OPTIONAL = ["measured", "held", "files"] as const;
 
-export async function toFragment(state: State): Promise<string> {
+/// A fragment that `fromFragment` reads, and the keys of the state that did not fit.
+export async function toLink(state: State): Promise<{ fragment: string; omitted: (typeof OPTIONAL)[number][] }> {
+  const initial = initialState();
+  for (let n = 0; n <= OPTIONAL.length; n++) {
+    const omitted = OPTIONAL.slice(0, n);
+    const rest = { ...state, ...Object.fromEntries(omitted.map((key) => [key, initial[key]])) };
+    const fragment = await toFragment(rest);
+    if (fragment !== null) return { fragment, omitted: omitted.filter((key) => JSON.stringify(state[key]) !== JSON.stringify(initial[key])) };
+  }
+  return { fragment: "", omitted: [...OPTIONAL] };
+}
+
+/// Null if the fragment would be too long to be read again.
+async function toFragment(state: State): Promise<string | null> {
   const initial = initialState();
   const entries = Object.entries(state).filter(
     ([key, value]) => JSON.stringify(value) !== JSON.stringify(initial[key as keyof State]),
   );
   if (entries.length === 0) return "";
   const bytes = new TextEncoder().encode(JSON.stringify(Object.fromEntries(entries)));
+  if (bytes.length > MOST_BYTES) return null;
+  const fragment = await packed(bytes);
+  return fragment.length > MOST_CHARACTERS ? null : fragment;
+}
+
+async function packed(bytes: Uint8Array): Promise<string> {
   if (typeof CompressionStream === "undefined") return `#j=${base64url(bytes)}`;
-  const packed = await through(bytes, new CompressionStream("deflate-raw"), Infinity);
-  return `#z=${base64url(packed)}`;
+  return `#z=${base64url(await through(bytes, new CompressionStream("deflate-raw"), Infinity))}`;
 }
 
 /// Null if there is no state in the fragment; throws if it cannot be read.
@@ -46,20 +68,25 @@ export function accept(given: unknown): State {
     if (key in given && sound(given[key])) state[key] = given[key] as State[K];
   };
   take("sample", isSample);
-  take("files", (value) => isRecord(value) && Object.values(value).every(isText));
+  take("files", isFiles);
   take("panel", oneOf(PANELS));
   take("layer", (value) => Number.isInteger(value) && Number(value) >= 0);
   take("range", oneOf(["visible", "full", "sample"]));
   take("scale", oneOf(["linear", "log"]));
   take("shown", (value) => isRecord(value) && ["reflectance", "transmittance", "absorptance"].every((k) => typeof value[k] === "boolean"));
   take("held", (value) => Array.isArray(value) && value.length <= 8 && value.every(isHeld));
-  take("measured", (value) => isRecord(value) && isText(value.name) && isText(value.text));
+  take("measured", (value) => isRecord(value) && isText(value.name) && isText(value.text) && optional(value, ["notes"], (notes) => Array.isArray(notes) && notes.every(isText)));
   take("light", isText);
   take("droppedLight", (value) => isRecord(value) && isText(value.name) && isNumbers(value.wavelengths_nm) && isNumbers(value.power));
   take("exposure_stops", (value) => isNumber(value) && Math.abs(value as number) <= 20);
   take("seed", (value) => Number.isSafeInteger(value) && Number(value) >= 0);
   take("directions", isRecord);
   take("databases", isRecord);
+  if (state.droppedLight) {
+    const { name } = state.droppedLight;
+    state.droppedLight = { ...state.droppedLight, name: droppedName(name) };
+    if (state.light === name) state.light = droppedName(name);
+  }
   state.layer = Math.min(state.layer, state.sample.layer.length - 1);
   return state;
 }
@@ -68,6 +95,7 @@ const isRecord = (value: unknown): value is Record<string, unknown> =>
   typeof value === "object" && value !== null && !Array.isArray(value);
 const isText = (value: unknown): value is string => typeof value === "string";
 const isNumber = (value: unknown): value is number => typeof value === "number" && Number.isFinite(value);
+const isFiles = (value: unknown) => isRecord(value) && Object.values(value).every(isText);
 const isNumbers = (value: unknown) => Array.isArray(value) && value.length <= 10_000 && value.every(isNumber);
 
 function oneOf(names: readonly string[]) {
@@ -75,7 +103,7 @@ function oneOf(names: readonly string[]) {
 }
 
 function isHeld(value: unknown): boolean {
-  return isRecord(value) && isText(value.name) && isSample(value.sample) && isRecord(value.files) && isNumber(value.rays);
+  return isRecord(value) && isText(value.name) && isSample(value.sample) && isFiles(value.files) && isNumber(value.rays);
 }
 
 /// Whether the page can show this sample. The engine says whether it is a good one.
@@ -83,8 +111,8 @@ export function isSample(value: unknown): value is Sample {
   return (
     isRecord(value) &&
     value.version === 1 &&
-    isRecord(value.illumination) &&
-    isRecord(value.wavelengths) &&
+    isIllumination(value.illumination) &&
+    isWavelengths(value.wavelengths) &&
     Array.isArray(value.layer) &&
     value.layer.length >= 1 &&
     value.layer.length <= 100 &&
@@ -94,37 +122,59 @@ export function isSample(value: unknown): value is Sample {
   );
 }
 
+/// Whether each of `keys` is there and has a value that is sound.
+const all = (record: Record<string, unknown>, keys: readonly string[], sound: (value: unknown) => boolean) => keys.every((key) => sound(record[key]));
+/// Whether each of `keys` is left out or has a value that is sound.
+const optional = (record: Record<string, unknown>, keys: readonly string[], sound: (value: unknown) => boolean) =>
+  keys.every((key) => record[key] === undefined || sound(record[key]));
+
+function isIllumination(value: unknown): boolean {
+  if (!isRecord(value)) return false;
+  return "diffuse" in value ? value.diffuse === true && value.incidence_angle_deg === undefined : isNumber(value.incidence_angle_deg);
+}
+
+function isWavelengths(value: unknown): boolean {
+  return isRecord(value) && optional(value, ["start_nm", "stop_nm", "step_nm"], isNumber) && optional(value, ["values_nm"], isNumbers);
+}
+
 function isSubstrate(value: unknown): boolean {
   if (!isRecord(value)) return false;
   return isNumber(value.reflectance) || isNumbers(value.reflectance) || isText(value.reflectance);
 }
 
 function isLayer(value: unknown): boolean {
-  const carbon = (given: unknown) => given === undefined || (isRecord(given) && isNumber(given.concentration_ng_g) && Object.values(given).every((part) => isNumber(part) || isText(part)));
   return (
     isRecord(value) &&
     (isNumber(value.thickness_cm) || value.thickness_cm === "inf") &&
-    (isNumber(value.density_kg_m3) || isNumber(value.wet_density_kg_m3)) &&
-    ["temperature_c", "water_saturation", "water_fraction"].every((key) => value[key] === undefined || isNumber(value[key])) &&
+    (value.density_kg_m3 !== undefined || value.wet_density_kg_m3 !== undefined) &&
+    optional(value, ["density_kg_m3", "wet_density_kg_m3", "temperature_c", "water_saturation", "water_fraction"], isNumber) &&
     Array.isArray(value.grain) &&
     value.grain.length >= 1 &&
     value.grain.length <= 100 &&
     value.grain.every(isGrain) &&
-    carbon(value.black_carbon) &&
-    carbon(value.brown_carbon)
+    optional(value, ["black_carbon", "brown_carbon"], isCarbon)
   );
 }
 
+function isCarbon(value: unknown): boolean {
+  if (!isRecord(value) || !isNumber(value.concentration_ng_g)) return false;
+  return Object.entries(value).every(([key, part]) => (key === "concentration_per" ? isText(part) : isNumber(part)));
+}
+
 function isGrain(value: unknown): boolean {
-  const law = (given: unknown) => isRecord(given) && ["min", "max", "mean", "sd"].every((key) => isNumber(given[key]));
-  if (!isRecord(value) || !law(value.facetness)) return false;
-  const size = isRecord(value.size_um) && isNumber(value.size_um.min) && isNumber(value.size_um.max);
   return (
-    (size || isNumber(value.optical_radius_um) || isNumber(value.ssa_m2_kg)) &&
-    (value.sphericity === undefined || law(value.sphericity)) &&
-    (value.aspect_ratio === undefined || law(value.aspect_ratio)) &&
-    (value.fraction === undefined || isNumber(value.fraction))
+    isRecord(value) &&
+    isLaw(value.facetness) &&
+    ["size_um", "optical_radius_um", "ssa_m2_kg"].some((key) => value[key] !== undefined) &&
+    optional(value, ["size_um"], (size) => isRecord(size) && all(size, ["min", "max"], isNumber)) &&
+    optional(value, ["optical_radius_um", "ssa_m2_kg", "fraction"], isNumber) &&
+    optional(value, ["shape"], isText) &&
+    optional(value, ["sphericity", "aspect_ratio"], isLaw)
   );
+}
+
+function isLaw(value: unknown): boolean {
+  return isRecord(value) && all(value, ["min", "max", "mean", "sd"], isNumber);
 }
 
 async function through(bytes: Uint8Array, stream: CompressionStream | DecompressionStream, most: number): Promise<Uint8Array> {

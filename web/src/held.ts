@@ -1,5 +1,5 @@
 // Curves that are held for comparison: their spectra at the wavelengths of the page.
-import { inRange, type Held, type Page, type Range } from "./page";
+import { inRange, messageOf, type Held, type Page, type Range } from "./page";
 import type { Sample, Spectrum } from "./messages";
 import { Value } from "./observable";
 
@@ -61,7 +61,7 @@ export class HeldCurves {
         if (!spectrum) return;
         this.#known.set(key, spectrum);
       } catch (error) {
-        this.#page.say(`${one.name}: ${error instanceof Error ? error.message : String(error)}`);
+        this.#page.say(`${one.name}: ${messageOf(error)}`);
       }
       if (now !== this.#version) return;
       this.#show(held, range, seed);

@@ -1,12 +1,12 @@
 // Starts the page.
 import "./style.css";
 import { startEngine } from "./engine/start";
-import { fromFragment, toFragment } from "./fragment";
+import { fromFragment, toLink } from "./fragment";
 import { HeldCurves } from "./held";
 import type { About } from "./messages";
 import { Value } from "./observable";
-import { PANELS, type AnswerTo, type Engine, type Page, type PanelName } from "./page";
-import { h } from "./dom";
+import { Gone, messageOf, PANELS, type AnswerTo, type Engine, type Observable, type Page, type PanelName } from "./page";
+import { h, isCompact } from "./dom";
 import { History, initialState } from "./state";
 import { Simulation } from "./simulation";
 import { mountStrip } from "./strip";
@@ -39,9 +39,10 @@ async function start(): Promise<void> {
     const given = await fromFragment(location.hash);
     if (given) state.load(given);
   } catch (error) {
-    status.say(String(error instanceof Error ? error.message : error));
+    status.say(messageOf(error));
   }
-  const engine = new LaterEngine();
+  const gone = new Value<string | null>(null);
+  const engine = new LaterEngine(gone);
   const simulation = new Simulation(engine, state);
   const about = new Value<About | null>(null);
   const { shown, checked, refused } = simulation;
@@ -50,13 +51,13 @@ async function start(): Promise<void> {
   mountPanels(page, held);
   mountTools(page, state);
   followLink(page, state);
-  status.follow(page, simulation);
+  status.follow(page, simulation, gone);
 
   try {
     engine.set(await startEngine());
     about.set(await engine.ask({ ask: "about" }));
   } catch (error) {
-    status.say(`The engine does not start: ${error instanceof Error ? error.message : String(error)}`);
+    status.say(`The engine does not start: ${messageOf(error)}`);
     status.fix();
     return;
   }
@@ -64,10 +65,16 @@ async function start(): Promise<void> {
   void held.start();
 }
 
-/// The engine, which the panels have before it is loaded.
+/// The engine, which the panels have before it is loaded. When it does not answer any more, the
+/// status line says so, and what panels follow (`askLatest`) stays as it was.
 class LaterEngine implements Engine {
   #engine: Engine | null = null;
+  readonly #gone: Value<string | null>;
   readonly #waiting: (() => void)[] = [];
+
+  constructor(gone: Value<string | null>) {
+    this.#gone = gone;
+  }
 
   set(engine: Engine): void {
     this.#engine = engine;
@@ -78,17 +85,37 @@ class LaterEngine implements Engine {
     return this.#engine?.name ?? "loading";
   }
 
+  get mostBytes(): number | undefined {
+    return this.#engine?.mostBytes;
+  }
+
   async #ready(): Promise<Engine> {
     if (!this.#engine) await new Promise<void>((resolve) => this.#waiting.push(resolve));
     return this.#engine!;
   }
 
   async ask<R extends Request>(request: R, data?: Uint8Array): Promise<AnswerTo<R>> {
-    return (this.#engine ?? (await this.#ready())).ask(request, data);
+    return this.#noted((this.#engine ?? (await this.#ready())).ask(request, data));
   }
 
   async askLatest<R extends Request>(channel: string, request: R, data?: Uint8Array): Promise<AnswerTo<R> | null> {
-    return (this.#engine ?? (await this.#ready())).askLatest(channel, request, data);
+    try {
+      return await this.#noted((this.#engine ?? (await this.#ready())).askLatest(channel, request, data));
+    } catch (error) {
+      if (error instanceof Gone) return null;
+      throw error;
+    }
+  }
+
+  async #noted<T>(answer: Promise<T>): Promise<T> {
+    try {
+      const got = await answer;
+      if (got !== null) this.#gone.set(null);
+      return got;
+    } catch (error) {
+      this.#gone.set(error instanceof Gone ? error.message : null);
+      throw error;
+    }
   }
 }
 
@@ -143,15 +170,32 @@ function mountPanels(page: Page, held: HeldCurves): void {
   });
   show();
   snow.mount(roots.get("snow")!, page);
-  spectra.mount(roots.get("spectra")!, page, held);
+  const measured = spectra.mount(roots.get("spectra")!, page, held);
   colourPanel.mount(roots.get("colour")!, page, held);
   directions.mount(roots.get("directions")!, page);
-  databases.mount(roots.get("databases")!, page);
+  const compact = databases.mount(roots.get("databases")!, page);
+  takeDrops(page, measured, compact);
   take.mount(roots.get("take")!, page, held);
   mountStrip(element("strip"), page);
   narrow.addEventListener("change", () => {
     show();
     window.dispatchEvent(new Event("resize"));
+  });
+}
+
+/// Files that no panel takes, so that the browser does not leave the page for them.
+function takeDrops(page: Page, measured: (file: File) => void, compact: (files: File[]) => void): void {
+  document.addEventListener("dragover", (event) => {
+    if (event.dataTransfer?.types.includes("Files")) event.preventDefault();
+  });
+  document.addEventListener("drop", (event) => {
+    const files = [...(event.dataTransfer?.files ?? [])];
+    if (files.length === 0 || event.defaultPrevented) return;
+    event.preventDefault();
+    const databases = files.filter(isCompact);
+    if (databases.length > 0) return compact(databases);
+    page.state.set({ panel: "spectra" });
+    measured(files[0]!);
   });
 }
 
@@ -185,7 +229,7 @@ function followLink(page: Page, state: History): void {
   state.subscribe(() => {
     clearTimeout(timer);
     timer = setTimeout(() => {
-      void toFragment(state.get()).then((fragment) => {
+      void toLink(state.get()).then(({ fragment }) => {
         own = fragment;
         history.replaceState(null, "", `${location.pathname}${location.search}${fragment}`);
       });
@@ -193,10 +237,9 @@ function followLink(page: Page, state: History): void {
   });
   window.addEventListener("hashchange", () => {
     if (location.hash === own) return;
-    fromFragment(location.hash).then(
-      (given) => state.load(given ?? initialState()),
-      (error: unknown) => page.say(error instanceof Error ? error.message : String(error)),
-    );
+    fromFragment(location.hash)
+      .then((given) => state.load(given ?? initialState()))
+      .catch((error: unknown) => page.say(messageOf(error)));
   });
 }
 
@@ -224,16 +267,17 @@ function statusLine() {
     fix(): void {
       fixed = true;
     },
-    follow(page: Page, simulation: Simulation): void {
+    follow(page: Page, simulation: Simulation, gone: Observable<string | null>): void {
       normal = () => {
         const { shown, refused } = page;
+        if (gone.value) return gone.value;
         if (refused.value) return "This snow cannot be simulated: see the message at its control. The last good curve stays.";
         if (!shown.value) return page.about.value ? "Simulating…" : "Loading the engine…";
         const { spectrum, seconds } = shown.value;
         const more = simulation.pending.value > spectrum.rays ? ` Refining to ${grouped(simulation.pending.value)}…` : "";
         return `${grouped(spectrum.rays)} walks, ${seconds.toFixed(2)} s, engine ${spectrum.engine}, ${page.engine.name}.${more}`;
       };
-      for (const value of [page.shown, page.refused, page.about, simulation.pending]) value.subscribe(refresh);
+      for (const value of [page.shown, page.refused, page.about, simulation.pending, gone]) value.subscribe(refresh);
       simulation.stale.subscribe((stale) => element("results").setAttribute("data-stale", String(stale)));
       simulation.pending.subscribe((rays) => element("results").setAttribute("aria-busy", String(rays > 0)));
     },
@@ -244,4 +288,7 @@ function grouped(value: number): string {
   return String(value).replace(/\B(?=(\d{3})+$)/g, "\u202f");
 }
 
-void start();
+start().catch((error: unknown) => {
+  console.error(error);
+  element("status").textContent = `The page does not start: ${messageOf(error)}`;
+});

@@ -17,9 +17,24 @@ export class Refused extends Error {
   }
 }
 
+/// The engine does not answer any more. The page says so, once.
+export class Gone extends Refused {}
+
+export function messageOf(error: unknown): string {
+  return error instanceof Error ? error.message : String(error);
+}
+
+/// A message about a file, with its name once.
+export function namedMessage(name: string, error: unknown): string {
+  const text = messageOf(error);
+  return text.startsWith(name) ? text : `${name}: ${text}`;
+}
+
 export interface Engine {
   /// In words, for the status line: "WebAssembly, 4 workers".
   readonly name: string;
+  /// The most bytes that may travel beside a request; none if it does not matter.
+  readonly mostBytes?: number;
   /// Asks and waits. Throws `Refused`.
   ask<R extends Request>(request: R, data?: Uint8Array): Promise<AnswerTo<R>>;
   /// The same, but a later request on the same channel supersedes this one. The answer is then
@@ -40,10 +55,11 @@ export interface Held {
   rays: number;
 }
 
-/// A measured file, as text.
+/// The points of a measured file, as text, and how the file was read.
 export interface MeasuredFile {
   name: string;
   text: string;
+  notes?: string[];
 }
 
 /// Everything that a link reproduces.
@@ -113,6 +129,8 @@ export interface Page {
 
 /// Walks per index node: while a control moves, soon after it rests, and in the end.
 export const RAYS = [2048, 16384, 131072] as const;
+/// A coarse simulation that takes longer than this is taken to be stuck, ms.
+export const STUCK_MS = 20_000;
 /// A control rests after this time without a change, ms.
 export const REST_MS = 150;
 

@@ -1,11 +1,9 @@
 // Keeps the spectrum of the current sample up to date: coarse while a control moves, finer at
 // rest.
-import { inRange, RAYS, Refused, REST_MS, type Engine, type Shown, type Store } from "./page";
+import { Gone, inRange, messageOf, RAYS, Refused, REST_MS, STUCK_MS, type Engine, type Shown, type Store } from "./page";
 import type { SampleAnswer } from "./messages";
 import { Value } from "./observable";
 
-/// A coarse simulation of a sample that has changed since is dropped after this time, ms.
-const LONG_MS = 1500;
 
 export class Simulation {
   readonly shown = new Value<Shown | null>(null);
@@ -20,7 +18,7 @@ export class Simulation {
   /// Whether the curve that is shown belongs to an earlier sample.
   readonly stale = new Value(false);
   /// When the coarse simulation that runs was started, or 0. It is left to finish, so that a
-  /// curve is seen while dragging, unless it takes too long.
+  /// curve is seen while dragging, unless it is stuck.
   #coarse = 0;
   #late: ReturnType<typeof setTimeout> | undefined;
   #rest: ReturnType<typeof setTimeout> | undefined;
@@ -42,7 +40,7 @@ export class Simulation {
     clearTimeout(this.#rest);
     clearTimeout(this.#late);
     void this.#check();
-    const left = this.#coarse ? this.#coarse + LONG_MS - Date.now() : 0;
+    const left = this.#coarse ? this.#coarse + STUCK_MS - Date.now() : 0;
     if (left <= 0) void this.#stage(0);
     else this.#late = setTimeout(() => void this.#stage(0), left);
   }
@@ -73,7 +71,11 @@ export class Simulation {
     let failed = false;
     try {
       const spectrum = await this.#engine.askLatest("spectrum", { ask: "simulate", sample, files, rays, seed });
-      if (!spectrum) return;
+      if (!spectrum) {
+        // Nothing superseded it: there is no engine any more.
+        if (version === this.#version) this.pending.set(0);
+        return;
+      }
       this.shown.set({ sample, spectrum, seconds: (performance.now() - started) / 1000 });
       if (version === this.#version) this.stale.set(false);
     } catch (error) {
@@ -95,7 +97,9 @@ export class Simulation {
   }
 
   #fail(error: unknown): void {
+    // The snow is not at fault.
+    if (error instanceof Gone) return;
     this.checked.set(null);
-    this.refused.set(error instanceof Refused ? error : new Refused(error instanceof Error ? error.message : String(error)));
+    this.refused.set(error instanceof Refused ? error : new Refused(messageOf(error)));
   }
 }

@@ -24,6 +24,13 @@ const REPRESENTATIVE: Sample = {
   ],
 };
 
+const DROPPED = " (file)";
+
+/// The name of a dropped light, which no built-in light has.
+export function droppedName(name: string): string {
+  return name.endsWith(DROPPED) ? name : `${name}${DROPPED}`;
+}
+
 export function initialState(): State {
   return {
     sample: structuredClone(REPRESENTATIVE),

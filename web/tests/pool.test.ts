@@ -98,7 +98,7 @@ describe("pool", () => {
     expect(engine.replaced).toBe(0);
   });
 
-  test("replaces a worker that is stuck in a superseded request after three seconds", async () => {
+  test("replaces a worker that is stuck in a superseded fine request after three seconds", async () => {
     MS = { walk: 1e9 };
     const engine = pool(2);
     const first = engine.askLatest("spectrum", simulate(131072));
@@ -113,7 +113,29 @@ describe("pool", () => {
     expect(engine.replaced).toBe(2);
   });
 
-  test("does not let a new simulation wait for a superseded one", async () => {
+  test("lets superseded coarse walks finish, and replaces their workers only when they are stuck", async () => {
+    MS = { walk: 10_000 };
+    const engine = pool(2);
+    const first = engine.askLatest("spectrum", simulate(2048, 1));
+    await vi.advanceTimersByTimeAsync(1000);
+    const second = engine.askLatest("spectrum", simulate(2048, 2));
+    expect(await first).toBeNull();
+    await vi.advanceTimersByTimeAsync(30_000);
+    expect(await second).toEqual({ rays: 2048 });
+    expect(engine.replaced).toBe(0);
+    MS = { walk: 1e9 };
+    void engine.askLatest("spectrum", simulate(2048, 3));
+    await vi.advanceTimersByTimeAsync(1000);
+    MS = {};
+    const last = engine.askLatest("spectrum", simulate(2048, 4));
+    await vi.advanceTimersByTimeAsync(18_000);
+    expect(engine.replaced).toBe(0);
+    await vi.advanceTimersByTimeAsync(2000);
+    expect(await last).toEqual({ rays: 2048 });
+    expect(engine.replaced).toBe(2);
+  });
+
+  test("does not let a new simulation wait for a superseded fine one", async () => {
     const engine = pool(1);
     MS = { simulate: 1e9 };
     void engine.askLatest("spectrum", simulate(131072));

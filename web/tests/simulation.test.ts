@@ -1,6 +1,6 @@
 import { afterEach, beforeEach, expect, test, vi } from "vitest";
 import type { Request } from "../src/messages";
-import type { Engine } from "../src/page";
+import { Gone, type Engine } from "../src/page";
 import { Simulation } from "../src/simulation";
 import { withLayer } from "../src/snow/edit";
 import { History, initialState } from "../src/state";
@@ -55,13 +55,40 @@ test("shows curves while a control moves, and ends with the last value", async (
   expect(seen.at(-1)).toBe(60);
 });
 
-test("drops a coarse simulation that takes too long once the sample has changed", async () => {
+test("shows slow coarse simulations while a control moves", async () => {
+  const { asked, engine } = fake(4000);
+  const state = new History(initialState());
+  const simulation = new Simulation(engine, state);
+  const seen: unknown[] = [];
+  simulation.shown.subscribe((shown) => shown && seen.push((shown.spectrum as unknown as { cm: number }).cm));
+  for (let cm = 1; cm <= 100; cm++) {
+    move(state, cm);
+    await vi.advanceTimersByTimeAsync(100);
+  }
+  // At 4 and 8 s, each followed by the value of that time.
+  expect(asked.map((a) => a.cm)).toEqual([1, 40, 80]);
+  expect(seen).toEqual([1, 40]);
+  await vi.advanceTimersByTimeAsync(8000);
+  expect(seen).toEqual([1, 40, 80, 100]);
+});
+
+test("drops a coarse simulation that is stuck once the sample has changed", async () => {
   const { asked, engine } = fake(60_000);
   const state = new History(initialState());
   new Simulation(engine, state);
   move(state, 1);
   await vi.advanceTimersByTimeAsync(100);
   move(state, 2);
-  await vi.advanceTimersByTimeAsync(3000);
+  await vi.advanceTimersByTimeAsync(19_000);
+  expect(asked.map((a) => a.cm)).toEqual([1]);
+  await vi.advanceTimersByTimeAsync(1000);
   expect(asked.map((a) => a.cm)).toEqual([1, 2]);
+});
+
+test("does not blame the snow when the engine is gone", async () => {
+  const gone = () => Promise.reject(new Gone("The program does not answer."));
+  const simulation = new Simulation({ name: "gone", ask: gone, askLatest: gone } as unknown as Engine, new History(initialState()));
+  simulation.start();
+  await vi.advanceTimersByTimeAsync(1000);
+  expect([simulation.refused.value, simulation.pending.value]).toEqual([null, 0]);
 });

@@ -1,6 +1,8 @@
+import { deflateRawSync } from "node:zlib";
 import { describe, expect, test } from "vitest";
-import { accept, fromFragment, toFragment } from "../src/fragment";
-import { History, initialState } from "../src/state";
+import { accept, fromFragment, MOST_BYTES, MOST_CHARACTERS, toLink } from "../src/fragment";
+import { droppedName, History, initialState } from "../src/state";
+import { MOST_POINTS, pointsOf } from "../src/spectra/points";
 import { addGrain, moveLayer, moveMean, newLayer, removeGrain, shareOut, shares, withLayer, withSizeKind } from "../src/snow/edit";
 import { help } from "../src/snow/schema";
 
@@ -64,19 +66,20 @@ describe("link", () => {
       sample: thicker(33.3),
       panel: "colour" as const,
       held: [{ name: "Held A", sample: initialState().sample, files: { "a.csv": "1,2\n" }, rays: 16384 }],
-      measured: { name: "field µ.csv", text: "nm,r\n400,0.9\n" },
-      droppedLight: { name: "lamp", wavelengths_nm: [400, 700], power: [1, 2] },
-      light: "lamp",
+      measured: { name: "field µ.csv", text: "nm,r\n400,0.9\n", notes: ["read"] },
+      droppedLight: { name: droppedName("lamp"), wavelengths_nm: [400, 700], power: [1, 2] },
+      light: droppedName("lamp"),
       exposure_stops: -1.5,
       directions: { wavelength_nm: 600 },
     };
-    const fragment = await toFragment(state);
+    const { fragment, omitted } = await toLink(state);
+    expect(omitted).toEqual([]);
     expect(fragment).toMatch(/^#z=[A-Za-z0-9_-]+$/);
     expect(await fromFragment(fragment)).toEqual(state);
   });
 
   test("is empty at first, and reads without compression", async () => {
-    expect(await toFragment(initialState())).toBe("");
+    expect((await toLink(initialState())).fragment).toBe("");
     expect(await fromFragment("")).toBeNull();
     expect((await fromFragment(`#j=${btoa('{"scale":"log"}').replaceAll("=", "")}`))?.scale).toBe("log");
   });
@@ -86,14 +89,80 @@ describe("link", () => {
   });
 
   test("refuses a link that unpacks to far more than it is", async () => {
-    const huge = { ...initialState(), measured: { name: "x", text: " ".repeat(5_000_000) } };
-    await expect(fromFragment(await toFragment(huge))).rejects.toThrow("damaged");
+    const huge = JSON.stringify({ measured: { name: "x", text: " ".repeat(MOST_BYTES) } });
+    await expect(fromFragment(`#z=${deflateRawSync(huge).toString("base64url")}`)).rejects.toThrow("damaged");
+  });
+
+  test("is written without the measured file if it would be too long", async () => {
+    const state = { ...initialState(), scale: "log" as const, measured: { name: "x", text: " ".repeat(MOST_BYTES) } };
+    const noise = Array.from({ length: 300_000 }, (_, i) => String(Math.sin(i))).join("\n").slice(0, MOST_BYTES - 1000);
+    for (const text of [" ".repeat(MOST_BYTES), noise]) {
+      const { fragment, omitted } = await toLink({ ...state, measured: { name: "x", text } });
+      expect(omitted).toEqual(["measured"]);
+      expect(fragment.length).toBeLessThan(MOST_CHARACTERS);
+      expect(await fromFragment(fragment)).toEqual({ ...state, measured: null });
+    }
+  });
+
+  test("keeps few points of a long measured file", async () => {
+    const n = 300_001;
+    const nm = Array.from({ length: n }, (_, i) => 350 + (i * 2150) / (n - 1));
+    const values = nm.map((x) => 0.5 + 0.4 * Math.sin(x));
+    const kept = pointsOf("long.csv", { quantity: "reflectance", wavelengths_nm: nm, values, notes: ["read"], residuals: [], overall: null, bands: [] });
+    const lines = kept.text.trim().split("\n");
+    expect(lines[0]).toBe("wavelength_nm,reflectance");
+    expect(lines.length - 1).toBeLessThanOrEqual(MOST_POINTS);
+    expect(lines.length - 1).toBeGreaterThan(MOST_POINTS / 2);
+    expect(kept.notes![1]).toContain("300001 points");
+    // Dense at one end: the rest stays as it is.
+    const uneven = [...Array.from({ length: 20_000 }, (_, i) => 400 + i / 200), ...Array.from({ length: 80 }, (_, i) => 520 + 20 * i)];
+    const rows = pointsOf("uneven.csv", { quantity: "reflectance", wavelengths_nm: uneven, values: uneven, notes: [], residuals: [], overall: null, bands: [] });
+    const left = rows.text.trim().split("\n").slice(1).map((line) => Number(line.split(",")[0]));
+    expect(Math.max(...left.slice(1).map((x, i) => x - left[i]!))).toBeLessThanOrEqual(25);
+    const { fragment, omitted } = await toLink({ ...initialState(), measured: kept });
+    expect(omitted).toEqual([]);
+    expect((await fromFragment(fragment))!.measured).toEqual(kept);
+  });
+
+  test("cannot put a dropped light in the place of a built-in one", () => {
+    const { light, droppedLight } = accept({ light: "A", droppedLight: { name: "D65", wavelengths_nm: [400, 700], power: [1, 1] } });
+    expect([light, droppedLight!.name]).toEqual(["A", "D65 (file)"]);
   });
 
   test("leaves out what has the wrong shape", () => {
     const wrong = { sample: { version: 1, layer: [{}] }, panel: "x", held: [1], exposure_stops: "2", measured: {}, files: { a: 1 }, seed: -1, layer: 7 };
     expect(accept(wrong)).toEqual(initialState());
     for (const other of [null, 1, "x", []]) expect(accept(other)).toEqual(initialState());
+  });
+
+  test("leaves out a sample in which one field has the wrong type", () => {
+    const sound = initialState().sample;
+    const layer = sound.layer[0]!;
+    const grain = layer.grain[0]!;
+    const law = { min: 0, max: 1, mean: 0.5, sd: 0.1 };
+    const withGrain = (change: object) => ({ ...sound, layer: [{ ...layer, grain: [{ ...grain, ...change }] }] });
+    const withLayer = (change: object) => ({ ...sound, layer: [{ ...layer, ...change }] });
+    const wrong = [
+      ...["abc", null, {}].map((angle) => ({ ...sound, illumination: { incidence_angle_deg: angle } })),
+      { ...sound, illumination: {} },
+      { ...sound, illumination: { diffuse: false } },
+      { ...sound, wavelengths: { values_nm: "all" } },
+      ...["black_carbon", "brown_carbon"].flatMap((name) => [
+        withLayer({ [name]: 7 }),
+        withLayer({ [name]: { concentration_ng_g: 1, sedimentation: "x" } }),
+        withLayer({ [name]: { concentration_ng_g: 1, concentration_per: 3 } }),
+      ]),
+      withLayer({ density_kg_m3: "q", wet_density_kg_m3: 300 }),
+      withLayer({ temperature_c: null }),
+      withGrain({ size_um: { min: "a" }, ssa_m2_kg: 20 }),
+      withGrain({ optical_radius_um: "r" }),
+      withGrain({ shape: {} }),
+      withGrain({ sphericity: { ...law, sd: "s" } }),
+      withGrain({ aspect_ratio: null }),
+    ];
+    for (const sample of wrong) expect(accept({ sample }).sample, JSON.stringify(sample)).toEqual(sound);
+    const good = withLayer({ black_carbon: { concentration_ng_g: 5, concentration_per: "wet_mass", angstrom_exponent: 1 } });
+    expect(accept({ sample: good }).sample).toEqual(good);
   });
 });
 

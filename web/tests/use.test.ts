@@ -1,9 +1,10 @@
 // The page used as a person would, in Chromium.
 import { readFileSync } from "node:fs";
 import { cpus, hostname } from "node:os";
+import { join } from "node:path";
 import { afterAll, afterEach, beforeAll, describe, expect, test } from "vitest";
 import type { Browser, Download, Page } from "playwright-core";
-import { answered, launch, open, serve, settled } from "./browser";
+import { answered, launch, open, OUT, serve, settled } from "./browser";
 
 let browser: Browser;
 let site: Awaited<ReturnType<typeof serve>>;
@@ -30,7 +31,7 @@ async function start(hash = "", options = {}): Promise<void> {
 }
 
 const layers = () => page.$$eval(".stack .what", (all) => all.map((e) => e.textContent));
-const field = (label: string) => page.locator("#panel-snow .control", { hasText: label }).locator('input[type="number"]').first();
+const field = (label: string) => page.locator("#panel-snow .control", { hasText: label }).locator('input[role="spinbutton"]').first();
 const readout = () => page.locator("#panel-spectra .readout").innerText();
 const link = () => page.evaluate(() => location.hash);
 
@@ -94,6 +95,30 @@ describe("snow", () => {
     await settled(page);
   });
 
+  test("a decimal comma is taken, and what is no number is refused with a message", async () => {
+    await start();
+    const thickness = field("Thickness");
+    const message = page.locator('[data-key="layer[0].thickness_cm"] .mistyped');
+    await thickness.fill("12,5");
+    expect(await layers()).toEqual(["12.5 cm"]);
+    for (const [wrong, said] of [["1e999", "1e999"], ["thick", "thick"], ["", "missing"]] as const) {
+      await thickness.fill(wrong);
+      await thickness.blur();
+      expect(await message.innerText()).toContain(said);
+      expect(await thickness.inputValue()).toBe("12.5");
+      expect(await layers()).toEqual(["12.5 cm"]);
+    }
+    await thickness.press("ArrowUp");
+    expect(await layers()).toEqual(["13 cm"]);
+    expect(await message.isVisible()).toBe(false);
+    await page.click("#tab-directions");
+    await page.locator("#panel-directions .progress", { hasText: "walks" }).waitFor();
+    for (const [name, value] of [["View", "95"], ["Azimuth", "-20"], ["Wavelength", "100"]] as const) {
+      await page.locator("#panel-directions").getByRole("spinbutton", { name }).fill(value);
+      await page.locator("#panel-directions .mistyped", { hasText: `${value} is not` }).waitFor();
+    }
+  });
+
   test("layers are added, dragged, moved by keys, duplicated and removed", async () => {
     await start();
     await page.click("text=Add >> nth=0");
@@ -117,6 +142,54 @@ describe("snow", () => {
     await settled(page);
   });
 
+  test("a layer does not stick to the mouse that was released elsewhere, and selecting leaks nothing", async () => {
+    await start();
+    await page.click("text=Add >> nth=0");
+    const item = page.locator(".stack li").nth(0);
+    const box = (await item.boundingBox())!;
+    // Pressed, released where the page does not see it, and back without a button.
+    await item.dispatchEvent("pointerdown", { button: 0, buttons: 1, pointerId: 1, pointerType: "mouse", clientX: box.x + 60, clientY: box.y + 10 });
+    await item.dispatchEvent("pointermove", { buttons: 0, pointerId: 1, pointerType: "mouse", clientX: box.x + 60, clientY: box.y + 60 });
+    expect(await page.locator(".stack .dragged").count()).toBe(0);
+    expect(await item.evaluate((e) => (e as HTMLElement).style.transform)).toBe("");
+    await settled(page);
+    const session = await page.context().newCDPSession(page);
+    const counts = async () => {
+      await session.send("HeapProfiler.collectGarbage");
+      return session.send("Memory.getDOMCounters");
+    };
+    const select = (times: number) =>
+      page.evaluate(async (n) => {
+        for (let i = 0; i < n; i++) {
+          document.querySelectorAll<HTMLElement>(".stack .pick")[i % 2]!.click();
+          await new Promise((resolve) => setTimeout(resolve));
+        }
+      }, times);
+    await select(10);
+    const before = await counts();
+    await select(100);
+    const after = await counts();
+    console.log(`100 selections: ${before.nodes} to ${after.nodes} nodes, ${before.jsEventListeners} to ${after.jsEventListeners} listeners`);
+    expect(after.nodes).toBeLessThan(before.nodes + 500);
+    expect(after.jsEventListeners).toBeLessThan(before.jsEventListeners + 100);
+  });
+
+  test("only the picture of a layer that changed is drawn again", async () => {
+    await start();
+    for (let i = 0; i < 3; i++) await page.click("text=Add >> nth=0");
+    const drawn = await page.evaluate(async () => {
+      const seen = new Set<Node>();
+      const observer = new MutationObserver((all) => all.forEach((m) => seen.add(m.target)));
+      observer.observe(document.querySelector(".stack")!, { subtree: true, attributes: true, attributeFilter: ["width"] });
+      const slider = document.querySelector<HTMLInputElement>('[data-key="layer[3].density_kg_m3"] input[type="range"]')!;
+      slider.value = "300";
+      slider.dispatchEvent(new Event("input", { bubbles: true }));
+      await new Promise((resolve) => setTimeout(resolve, 100));
+      return seen.size;
+    });
+    expect(drawn).toBe(1);
+  });
+
   test("ready samples, three grain types, water and carbon by hand", async () => {
     await start();
     for (const name of ["soot_on_grass", "crust", "mixture"]) {
@@ -128,10 +201,10 @@ describe("snow", () => {
     await page.locator("fieldset.grain").nth(0).locator("select").first().selectOption("ssa_m2_kg");
     await field("Liquid water").fill("0.1");
     await field("Black carbon").fill("500");
-    await page.locator('[data-key="substrate"] input[type="number"]').fill("0.3");
+    await page.locator('[data-key="substrate"] input[role="spinbutton"]').fill("0.3");
     await page.locator("fieldset.grain").nth(1).locator("select").nth(1).selectOption("hexagonal");
     await answered(page);
-    expect(await page.locator("#panel-snow .error, #panel-snow .message").count()).toBe(0);
+    expect(await page.locator("#panel-snow .error:visible, #panel-snow .message").count()).toBe(0);
   });
 
   test("sliders move with the keyboard", async () => {
@@ -181,6 +254,47 @@ describe("spectra", () => {
   });
 });
 
+describe("files", () => {
+  const spectrum = `wavelength_nm,reflectance\n${Array.from({ length: 216 }, (_, i) => `${350 + 10 * i},${(0.1 + i / 500).toFixed(3)}`).join("\n")}\n`;
+
+  test("dropped anywhere open where they belong", async () => {
+    await start();
+    await dropFile("header", "field.csv", spectrum);
+    await page.locator(".measured", { hasText: "field.csv, reflectance" }).waitFor();
+    await page.click("#tab-databases");
+    await dropFile("#panel-databases", "again.csv", spectrum);
+    await page.locator(".measured", { hasText: "again.csv, reflectance" }).waitFor();
+    expect(await page.locator("#tab-spectra").getAttribute("aria-selected")).toBe("true");
+    await dropFile("#panel-snow h2", "bad.safetensors", "no compact file");
+    await page.locator(".databases > .problem", { hasText: "bad.safetensors" }).waitFor();
+    expect(await page.locator("#tab-databases").getAttribute("aria-selected")).toBe("true");
+    await dropFile('#panel-snow [data-key="substrate"]', "grass.csv", spectrum);
+    await page.locator(".ground", { hasText: "grass.csv" }).waitFor();
+    await answered(page);
+    expect(await page.locator("#panel-snow .error:visible, #panel-snow .message:visible").count()).toBe(0);
+  });
+
+  test("a long measured file stays short in the link", async () => {
+    await start();
+    // 15 MB.
+    await page.evaluate(() => {
+      const rows = Array.from({ length: 430_000 }, (_, i) => `${(350 + i * 0.005).toFixed(6)},${(0.5 + 0.3 * Math.sin(i / 9000)).toFixed(20)}`);
+      const data = new DataTransfer();
+      data.items.add(new File([`wavelength_nm,reflectance\n${rows.join("\n")}\n`], "long.csv"));
+      document.querySelector("#panel-spectra")!.dispatchEvent(new DragEvent("drop", { dataTransfer: data, bubbles: true, cancelable: true }));
+    });
+    await page.locator(".measured", { hasText: /long\.csv, reflectance|long\.csv:/ }).waitFor();
+    expect(await page.locator(".measured").innerText()).toContain("one in 86 is kept");
+    await page.waitForFunction(() => location.hash.length > 1000);
+    const hash = await link();
+    console.log(`link of a measured file of 15 MB: ${hash.length} characters`);
+    expect(hash.length).toBeLessThan(200_000);
+    await page.context().close();
+    await start(hash);
+    await page.locator(".measured", { hasText: "long.csv, reflectance" }).waitFor();
+  });
+});
+
 describe("colour", () => {
   test("swatches, wedge, exposure and a dropped light", async () => {
     await start();
@@ -190,8 +304,9 @@ describe("colour", () => {
     const before = await page.locator("#panel-colour .patch").first().getAttribute("aria-label");
     await page.click("text=Expose for transmitted light");
     await page.waitForFunction((old) => document.querySelector("#panel-colour .patch")?.getAttribute("aria-label") !== old, before);
-    await dropFile("#panel-colour", "lamp.csv", "wavelength_nm,power\n380,0.1\n500,0.5\n600,1\n780,1.5\n");
+    await dropFile("#panel-colour", "D65.csv", "wavelength_nm,power\n380,0.1\n500,0.5\n600,1\n780,1.5\n");
     await page.waitForFunction(() => document.querySelectorAll("#panel-colour .card").length === 7);
+    expect(await page.locator("#panel-colour .card strong").allInnerTexts()).toContain("D65");
     const box = (await page.locator(".wedge").boundingBox())!;
     await page.hover(".wedge", { position: { x: box.width / 2, y: 60 } });
     await page.locator("#panel-colour .readout", { hasText: /^(29|32) cm. Transmitted: Y/ }).waitFor();
@@ -227,13 +342,67 @@ describe("take away", () => {
 
 describe("page", () => {
   test("a damaged or hostile link gives a message", async () => {
-    const bad = Buffer.from(JSON.stringify({ sample: { version: 1, illumination: {}, wavelengths: {}, layer: [{ thickness_cm: 1e300, density_kg_m3: -5, grain: [{ size_um: { min: 1, max: 0 }, facetness: { min: 9, max: -9, mean: 1, sd: 0 } }] }] } })).toString("base64url");
+    const bad = Buffer.from(JSON.stringify({ sample: { version: 1, illumination: { diffuse: true }, wavelengths: {}, layer: [{ thickness_cm: 1e300, density_kg_m3: -5, grain: [{ size_um: { min: 1, max: 0 }, facetness: { min: 9, max: -9, mean: 1, sd: 0 } }] }] } })).toString("base64url");
     for (const hash of ["#z=AAAA", `#j=${bad}`]) {
       ({ page, wrong } = await open(browser, site.url + hash));
       await page.waitForFunction(() => / walks, |damaged|cannot be simulated/.test(document.getElementById("status")?.textContent ?? ""));
-      if (hash.startsWith("#j")) await page.locator("#panel-snow .error, #panel-snow .message").first().waitFor();
+      if (hash.startsWith("#j")) await page.locator("#panel-snow .error:visible, #panel-snow .message").first().waitFor();
       expect(wrong).toEqual([]);
       if (hash === "#z=AAAA") await page.context().close();
+    }
+  });
+
+  test("a link with one wrong type gives a page that works", async () => {
+    const grain = { size_um: { min: 300, max: 700 }, facetness: { min: 0, max: 1, mean: 0.5, sd: 0.1 } };
+    const sample = { version: 1, illumination: { incidence_angle_deg: null }, wavelengths: { values_nm: [500] }, layer: [{ thickness_cm: 3, density_kg_m3: 200, grain: [grain] }] };
+    await start(`#j=${Buffer.from(JSON.stringify({ sample })).toString("base64url")}`);
+    expect(await layers()).toEqual(["12 cm"]);
+  });
+
+  test("says once that the program is gone, and what it takes", async () => {
+    ({ page, wrong } = await open(browser, "about:blank"));
+    let there = true;
+    await page.route("**/page/", async (route) => {
+      const response = await route.fetch();
+      await route.fulfill({ response, body: (await response.text()).replace('content="wasm"', 'content="server"') });
+    });
+    await page.route("**/ask", (route) =>
+      there ? route.fulfill({ json: { version: "1", build: "native", threads: 1, illuminants: ["D65"], presets: [] } }) : route.abort());
+    // The program answers the first question, and no other.
+    page.on("requestfinished", (request) => {
+      if (request.url().endsWith("/ask")) there = false;
+    });
+    await page.goto(site.url);
+    await page.locator("#status", { hasText: "The program does not answer" }).waitFor();
+    for (const panel of ["spectra", "colour", "directions"]) {
+      await page.click(`#tab-${panel}`);
+      await page.waitForTimeout(300);
+      expect(await page.getByText("The program does not answer").count()).toBe(1);
+      expect(await page.getByText("cannot be simulated").count()).toBe(0);
+    }
+    await page.click("#tab-databases");
+    await page.setInputFiles(".databases input[type=file]", { name: "big.safetensors", mimeType: "", buffer: Buffer.alloc(17_000_000) });
+    await page.locator(".databases > .problem", { hasText: /17 MB is more than this page reads \(16 MB/ }).waitFor();
+    await page.click("#tab-take");
+    await page.waitForFunction(() => (document.getElementById("link") as HTMLInputElement).value.startsWith("#"));
+    // The requests that failed.
+    wrong = [];
+  });
+
+  test("nothing is wider than a small phone", async () => {
+    await start("", { viewport: { width: 320, height: 640 } });
+    await page.click("#tab-snow");
+    for (let i = 0; i < 2; i++) await page.click("text=Add >> nth=0");
+    for (const name of ["snow", "spectra", "colour", "directions", "databases", "take"]) {
+      await page.click(`#tab-${name}`);
+      await page.waitForTimeout(name === "colour" || name === "directions" || name === "databases" ? 2500 : 300);
+      await page.screenshot({ path: join(OUT, `small-${name}.png`), fullPage: true });
+      const wide = await page.evaluate(() =>
+        [...document.querySelectorAll("body *")]
+          .filter((e) => e.getBoundingClientRect().right > 320.5 && !e.closest(".scroll, #tabs, .visually-hidden, .stack, pre, .uplot"))
+          .map((e) => e.outerHTML.slice(0, 100)),
+      );
+      expect([name, await page.evaluate(() => document.documentElement.scrollWidth), wide]).toEqual([name, 320, []]);
     }
   });
 
@@ -316,6 +485,26 @@ describe("cost", () => {
       console.log(`input to redraw, ${key}: median ${times[7]!.toFixed(0)} ms, worst ${times[14]!.toFixed(0)} ms (${machine})`);
       expect(times[7]).toBeLessThan(1500);
     }
+  });
+
+  test("curves are redrawn while dragging at the wide range", async () => {
+    await start();
+    await page.selectOption("#panel-spectra select", "full");
+    const times = await page.evaluate(async () => {
+      const slider = document.querySelector<HTMLInputElement>('[data-key="layer[0].grain[0].facetness"] input[type="range"]')!;
+      const seen: number[] = [];
+      const started = performance.now();
+      const observer = new MutationObserver(() => seen.push(performance.now() - started));
+      observer.observe(document.querySelector("#panel-spectra .readout")!, { childList: true });
+      for (let i = 0; performance.now() - started < 40_000 && seen.length < 3; i++) {
+        slider.value = String(0.3 + 0.004 * (i % 100));
+        slider.dispatchEvent(new Event("input", { bubbles: true }));
+        await new Promise((resolve) => setTimeout(resolve, 50));
+      }
+      return seen;
+    });
+    console.log(`redraws while dragging, 350-2500 nm, at ${times.map((t) => (t / 1000).toFixed(1)).join(", ")} s (${machine})`);
+    expect(times.length).toBeGreaterThan(1);
   });
 
   test("memory is flat over 500 changes", async () => {

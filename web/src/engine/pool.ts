@@ -5,10 +5,11 @@
 // questions (a check, a colour, a look-up) go to a worker of their own, the desk, so that they
 // never wait behind walks. The desk also keeps opened files.
 import type { Request, Sample, SampleAnswer, SimulateRequest } from "../messages";
-import { Refused, type AnswerTo, type Engine } from "../page";
+import { RAYS, Refused, STUCK_MS, type AnswerTo, type Engine } from "../page";
 import type { FromWorker, WorkerLike } from "./protocol";
 
-/// A worker that is still busy with a superseded request after this time is replaced, ms.
+/// A worker that is still busy with a superseded request after this time is replaced, ms. Coarse
+/// walks are left to finish unless they are stuck, because a new worker has to make its tables anew.
 export const PATIENCE_MS = 3000;
 /// The same while a simulation waits and no worker is free, ms.
 export const IMPATIENCE_MS = 100;
@@ -235,10 +236,11 @@ export class Pool implements Engine {
     then();
   }
 
-  /// Replaces the worker `ms` after its task began, if the task is superseded.
-  #hurry(slot: Slot, ms: number): void {
+  /// Replaces the worker `patience` after its task began, if the task is superseded.
+  #hurry(slot: Slot, patience: number): void {
     const { task, id } = slot;
     if (!task?.group.dropped) return;
+    const ms = isCoarse(task.request) ? STUCK_MS : patience;
     if (slot.replace) clearTimeout(slot.replace);
     slot.replace = setTimeout(
       () => {
@@ -252,12 +254,16 @@ export class Pool implements Engine {
   }
 }
 
+function isCoarse(request: Request): boolean {
+  return (request.ask === "walk" || request.ask === "simulate") && request.rays <= RAYS[0];
+}
+
 /// 0 goes to the desk; then coarse walks, finer ones, and what takes longest.
 function urgency(request: Request): number {
   switch (request.ask) {
     case "walk":
     case "simulate":
-      return request.rays <= 2048 ? 1 : 2;
+      return isCoarse(request) ? 1 : 2;
     case "wedge":
     case "directions":
       return 3;

@@ -1,10 +1,12 @@
 // The engine behind `splitsnow serve`: the same messages over HTTP.
 import type { Request } from "../messages";
-import { Refused, type AnswerTo, type Engine } from "../page";
+import { Gone, Refused, type AnswerTo, type Engine } from "../page";
 import { read } from "./pool";
 
 export class Server implements Engine {
   readonly name = "native, on this computer";
+  /// A message may have 24 MiB; bytes travel as base64 in it.
+  readonly mostBytes = 16e6;
   /// Names this page, so that the files that it opened are its own.
   readonly #client = crypto.randomUUID();
   readonly #channels = new Map<string, AbortController>();
@@ -41,7 +43,7 @@ export class Server implements Engine {
       });
     } catch (error) {
       if (signal?.aborted) throw error;
-      throw new Refused("The program does not answer. Is `splitsnow serve` still running?");
+      throw new Gone("The program does not answer. Is `splitsnow serve` still running?");
     }
     const json = await response.text();
     try {

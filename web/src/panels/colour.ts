@@ -5,7 +5,8 @@ import { percent, WedgePicture } from "../colour/wedge";
 import { fileDrop, h } from "../dom";
 import type { HeldCurves } from "../held";
 import type { Colours, Light, Spectrum } from "../messages";
-import type { Page } from "../page";
+import { Gone, messageOf, namedMessage, type Page } from "../page";
+import { droppedName } from "../state";
 
 /// The lights that are shown, and what they are.
 const LIGHTS: Record<string, string> = {
@@ -22,7 +23,8 @@ export function mount(root: HTMLElement, page: Page, held: HeldCurves): void {
   const wanted = () => !root.hidden;
   const lightOf = (name: string): Light => {
     const { droppedLight } = state.get();
-    return droppedLight && droppedLight.name === name ? droppedLight : name;
+    if (droppedLight && droppedLight.name === name) return droppedLight;
+    return Object.hasOwn(LIGHTS, name) ? name : "D65";
   };
   const visible = visibleSpectrum(page, wanted);
   const wedge = new WedgePicture(page, wanted, () => lightOf(state.get().light));
@@ -48,11 +50,12 @@ export function mount(root: HTMLElement, page: Page, held: HeldCurves): void {
       .then((answer) => {
         problem.hidden = true;
         page.say(answer.notes.join(" "));
-        state.set({ droppedLight: answer.light, light: answer.light.name });
+        const light = { ...answer.light, name: droppedName(answer.light.name) };
+        state.set({ droppedLight: light, light: light.name });
       })
       .catch((error: unknown) => {
         problem.hidden = false;
-        problem.textContent = `${file.name}: ${error instanceof Error ? error.message : String(error)}`;
+        problem.textContent = namedMessage(file.name, error);
       });
   };
   const drop = fileDrop(root, "Spectrum of a light…", ".csv,.txt,.tsv,.spd", read);
@@ -82,8 +85,9 @@ export function mount(root: HTMLElement, page: Page, held: HeldCurves): void {
       if (mine !== round) return;
       show(names(), rows);
     } catch (error) {
+      if (error instanceof Gone) return;
       problem.hidden = false;
-      problem.textContent = error instanceof Error ? error.message : String(error);
+      problem.textContent = messageOf(error);
     }
   };
 
@@ -121,7 +125,7 @@ export function mount(root: HTMLElement, page: Page, held: HeldCurves): void {
     }
     if (changed.has("panel") || changed.has("light") || changed.has("droppedLight") || changed.has("exposure_stops")) {
       void swatches();
-      if (!changed.has("panel")) void wedge.recolour();
+      if (!changed.has("panel")) wedge.recolour().catch(() => undefined);
     }
     wedge.update();
   });

@@ -2,8 +2,9 @@
 
 import "./databases.css";
 import type { CompactFile, Light, LookupAnswer, Spectrum } from "../messages";
-import { RAYS, Refused, REST_MS, type Page } from "../page";
-import { h, newId } from "../dom";
+import { messageOf, namedMessage, RAYS, Refused, REST_MS, type Page } from "../page";
+import { h, isCompact, newId } from "../dom";
+import { NumberField } from "../number";
 import dome from "../../../examples/mitsuba/dome.safetensors?url";
 import snow from "../../../examples/mitsuba/snow.safetensors?url";
 import snows from "../../../examples/mitsuba/snows.safetensors?url";
@@ -47,7 +48,8 @@ interface Swatch {
   clipped: boolean;
 }
 
-export function mount(root: HTMLElement, page: Page): void {
+/// Returns what opens compact files and shows them.
+export function mount(root: HTMLElement, page: Page): (files: File[]) => void {
   root.classList.add("databases");
   const files: Open[] = [];
   let current: Open | null = null;
@@ -88,11 +90,17 @@ export function mount(root: HTMLElement, page: Page): void {
     h("label", { for: fileSelectId }, "File"), fileSelect, closeButton);
   const intro = h("p", { class: "note" },
     "A compact file (.safetensors) holds the spectra of many snows in a few kilobytes. Drop one here, open one, or take an example. The file stays on this computer.");
+  const limit = h("p", { class: "note", hidden: true });
+  page.about.subscribe(() => {
+    const most = page.engine.mostBytes;
+    limit.hidden = most === undefined;
+    if (most !== undefined) limit.textContent = `\`splitsnow serve\` takes files of up to ${bytesText(most)}; a copy of the page on a web server takes ${bytesText(MOST_BYTES)}.`;
+  });
   const opener = h("div", { class: "opener" },
     h("button", { type: "button", class: "primary", onclick: () => input.click() }, "Open a file"), input,
     h("span", { class: "or" }, "Examples:"), ...examples);
   const body = h("div", { class: "body", hidden: true });
-  root.append(h("h2", null, "Databases"), intro, opener, alert, chooser, body);
+  root.append(h("h2", null, "Databases"), intro, limit, opener, alert, chooser, body);
 
   root.addEventListener("dragover", (event) => {
     if (!event.dataTransfer?.types.includes("Files")) return;
@@ -104,10 +112,9 @@ export function mount(root: HTMLElement, page: Page): void {
   });
   root.addEventListener("drop", (event) => {
     root.classList.remove("dropping");
-    const dropped = [...(event.dataTransfer?.files ?? [])];
+    const dropped = [...(event.dataTransfer?.files ?? [])].filter(isCompact);
     if (!dropped.length) return;
     event.preventDefault();
-    event.stopPropagation();
     void openAll(dropped);
   });
 
@@ -117,17 +124,21 @@ export function mount(root: HTMLElement, page: Page): void {
   };
 
   const openAll = async (list: File[]) => {
+    // A file that opens clears the message of an earlier one, but not of one that came with it.
+    const wrong: string[] = [];
     for (const file of list) {
-      if (file.size > MOST_BYTES) {
-        complain(`${file.name}: ${bytesText(file.size)} is more than this page reads (${bytesText(MOST_BYTES)}).`);
-        continue;
-      }
       try {
+        const most = Math.min(MOST_BYTES, page.engine.mostBytes ?? MOST_BYTES);
+        if (file.size > most) {
+          const elsewhere = most < MOST_BYTES ? `; a copy of the page on a web server reads ${bytesText(MOST_BYTES)}` : "";
+          throw new Error(`${bytesText(file.size)} is more than this page reads (${bytesText(most)}${elsewhere})`);
+        }
         await open(file.name, new Uint8Array(await file.arrayBuffer()));
       } catch (error) {
-        complain(namedMessage(file.name, error));
+        wrong.push(namedMessage(file.name, error));
       }
     }
+    if (wrong.length > 0) complain(wrong.join("\n"));
   };
   const openExample = async (name: string, point?: Record<string, unknown>, quietly = false) => {
     const example = EXAMPLES.find((other) => other.file === name);
@@ -269,7 +280,7 @@ export function mount(root: HTMLElement, page: Page): void {
       body.classList.remove("stale");
     } catch (error) {
       if (open !== current) return;
-      lookProblem.textContent = message(error);
+      lookProblem.textContent = messageOf(error);
       lookProblem.hidden = false;
       body.classList.add("stale");
       answer = null;
@@ -346,7 +357,7 @@ export function mount(root: HTMLElement, page: Page): void {
       if (together) compare(together, swatches);
     } catch (error) {
       if (mine !== answer) return;
-      swatchHost.replaceChildren(h("p", { class: "note" }, `No colour: ${message(error)}`));
+      swatchHost.replaceChildren(h("p", { class: "note" }, `No colour: ${messageOf(error)}`));
       if (together) compare(together, []);
     }
   };
@@ -366,7 +377,11 @@ export function mount(root: HTMLElement, page: Page): void {
       const began = performance.now();
       try {
         const got = await page.engine.askLatest("databases-simulate", { ask: "simulate", sample, rays, seed: page.state.get().seed });
-        if (!got || turn !== simulation) return;
+        if (turn !== simulation) return;
+        if (!got) {
+          simulateStatus.textContent = "";
+          return;
+        }
         simulated = got;
         plot();
         await colour();
@@ -375,7 +390,7 @@ export function mount(root: HTMLElement, page: Page): void {
         simulateStatus.textContent = `${grouped(rays)} walks per refractive index in ${seconds} s, engine ${got.engine}.`;
       } catch (error) {
         if (turn !== simulation) return;
-        simulateStatus.textContent = `Not simulated: ${message(error)}`;
+        simulateStatus.textContent = `Not simulated: ${messageOf(error)}`;
         return;
       }
     }
@@ -430,16 +445,12 @@ export function mount(root: HTMLElement, page: Page): void {
     if (started && changed.has("databases") && state.databases !== written) follow();
   });
   start();
-}
-
-function message(error: unknown): string {
-  return error instanceof Error ? error.message : String(error);
-}
-
-/// A message about a file, with its name once.
-function namedMessage(name: string, error: unknown): string {
-  const text = message(error);
-  return text.startsWith(name) ? text : `${name}: ${text}`;
+  return (dropped) => {
+    // No example comes between.
+    started = true;
+    page.state.set({ panel: "databases" });
+    void openAll(dropped);
+  };
 }
 
 function same(a: Uint8Array, b: Uint8Array): boolean {
@@ -449,9 +460,8 @@ function same(a: Uint8Array, b: Uint8Array): boolean {
 /// A slider with its nodes, a field for exact numbers, and where the value lies.
 function axisControl(axis: Axis, get: () => number, set: (value: number) => void): { element: HTMLElement; refresh(): void } {
   const steps = 1000;
-  const [fieldId, listId, whereId] = [newId("axis"), newId("nodes"), newId("where")];
+  const [listId, whereId] = [newId("nodes"), newId("where")];
   const unit = unitText(axis.unit);
-  const field = h("input", { type: "number", id: fieldId, step: "any", inputMode: "decimal", "aria-describedby": whereId });
   const slider = h("input", { type: "range", min: "0", max: String(steps), step: "1", "aria-label": `${axisName(axis.name)}, ${unit}`, "aria-describedby": whereId });
   slider.setAttribute("list", listId);
   const shares = axisTicks(axis);
@@ -484,23 +494,23 @@ function axisControl(axis: Axis, get: () => number, set: (value: number) => void
     event.preventDefault();
     if (next !== undefined) move(next);
   });
-  field.addEventListener("input", () => {
-    if (Number.isFinite(field.valueAsNumber)) move(field.valueAsNumber);
-  });
-  field.addEventListener("blur", () => refresh());
+  const [low, high] = [axis.values[0]!, axis.values.at(-1)!];
+  // A hundredth of the range, as a round number.
+  const step = 10 ** Math.floor(Math.log10((high - low) / 20));
+  const field = new NumberField({ step, low, high, describedBy: whereId, set: move });
   const refresh = () => {
     const value = get();
     slider.value = String(Math.round(toShare(axis, value) * steps));
-    if (document.activeElement !== field) field.value = String(value);
+    field.show(value);
     slider.setAttribute("aria-valuetext", valueText(axis, value));
     where.textContent = amongNodes(axis, value);
   };
   refresh();
   const element = h("div", { class: "axis" },
     h("div", { class: "head" },
-      h("label", { for: fieldId }, axisName(axis.name)),
-      h("span", { class: "exact" }, field, h("span", { class: "unit" }, unit === "1" ? "(unit 1)" : unit))),
-    h("div", { class: "track" }, slider, marks), list, where);
+      h("label", { for: field.input.id }, axisName(axis.name)),
+      h("span", { class: "exact" }, field.input, h("span", { class: "unit" }, unit === "1" ? "(unit 1)" : unit))),
+    h("div", { class: "track" }, slider, marks), list, where, field.message);
   return { element, refresh };
 }
 

@@ -2,17 +2,21 @@
 
 import "./directions.css";
 import type { Directions } from "../messages";
-import { inVisible, RAYS, Refused, REST_MS, type Page } from "../page";
+import { inVisible, messageOf, RAYS, Refused, REST_MS, type Page } from "../page";
 import { redrawOnChange, theme } from "../draw/canvas";
 import { Chart } from "../draw/chart";
 import { direction, drawDisc } from "../draw/disc";
 import { h, newId } from "../dom";
+import { NumberField } from "../number";
 import { Choice } from "../draw/choice";
 import { grouped, number, percent } from "../draw/ticks";
 import {
   choose, colourRange, incidence, largestRelativeError, names, NM, nodes, principalPlane, readout,
   settings, type Chosen, type Settings,
 } from "./directions-data";
+
+/// The last view that is measured, degrees.
+const MOST_VIEW = 85;
 
 export function mount(root: HTMLElement, page: Page): void {
   root.classList.add("directions");
@@ -42,19 +46,17 @@ export function mount(root: HTMLElement, page: Page): void {
     (value) => set({ factor: value }));
   const show = new Choice<Settings["show"]>("Show", [["value", "value"], ["se", "standard error"]],
     (value) => set({ show: value }));
-  const [nmId, sliderId] = [newId("nm"), newId("nm")];
-  const slider = h("input", { id: sliderId, type: "range", min: NM.min, max: NM.max, step: 10, "aria-label": "Wavelength of the directions, nm" });
-  const field = h("input", { id: nmId, type: "number", min: NM.min, max: NM.max, step: "any" });
-  slider.addEventListener("input", () => set({ wavelength_nm: slider.valueAsNumber }, "directions-wavelength"));
-  field.addEventListener("change", () => {
-    const nm = field.valueAsNumber;
-    const inside = nm >= NM.min && nm <= NM.max;
-    field.setCustomValidity(inside ? "" : `From ${NM.min} to ${NM.max} nm`);
-    field.reportValidity();
-    if (inside) set({ wavelength_nm: nm }, "directions-wavelength");
+  const slider = h("input", { id: newId("nm"), type: "range", min: NM.min, max: NM.max, step: 10, "aria-label": "Wavelength of the directions, nm" });
+  const field = new NumberField({
+    step: 10,
+    low: NM.min,
+    high: NM.max,
+    within: `from ${NM.min} to ${NM.max} nm`,
+    set: (nm) => set({ wavelength_nm: nm }, "directions-wavelength"),
   });
+  slider.addEventListener("input", () => set({ wavelength_nm: slider.valueAsNumber }, "directions-wavelength"));
   const controls = h("div", { class: "controls" },
-    h("div", { class: "wavelength" }, h("label", { for: nmId }, "Wavelength"), slider, field, h("span", {}, "nm")),
+    h("div", { class: "wavelength" }, h("label", { for: field.input.id }, "Wavelength"), slider, field.input, h("span", {}, "nm"), field.message),
     side.element, factor.element, show.element);
 
   // ---- drawings
@@ -68,14 +70,25 @@ export function mount(root: HTMLElement, page: Page): void {
     "aria-label": "Polar disc of all views. Arrow keys up and down change the view angle, left and right the azimuth.",
   });
   discHost.append(canvas);
-  const viewId = newId("view");
-  const azimuthId = newId("azimuth");
-  const viewField = h("input", { id: viewId, type: "number", min: 0, max: 85, step: 1 });
-  const azimuthField = h("input", { id: azimuthId, type: "number", min: 0, max: 180, step: 1 });
-  const at = h("output", { "aria-live": "polite", for: `${viewId} ${azimuthId}` });
-  const azimuthLabel = h("label", { for: azimuthId }, "Azimuth, \u00b0");
+  const viewField = new NumberField({
+    step: 1,
+    low: 0,
+    high: MOST_VIEW,
+    within: `a view from 0 to ${MOST_VIEW}°`,
+    set: (view) => point({ view, azimuth: cursor?.azimuth ?? 0 }),
+  });
+  const azimuthField = new NumberField({
+    step: 1,
+    low: 0,
+    high: 180,
+    within: "an azimuth from 0 to 180°",
+    set: (azimuth) => point({ view: cursor?.view ?? 0, azimuth }),
+  });
+  const at = h("output", { "aria-live": "polite", for: `${viewField.input.id} ${azimuthField.input.id}` });
+  const azimuthLabel = h("label", { for: azimuthField.input.id }, "Azimuth, \u00b0");
   const probe = h("div", { class: "probe" },
-    h("label", { for: viewId }, "View, \u00b0"), viewField, azimuthLabel, azimuthField, at);
+    h("label", { for: viewField.input.id }, "View, \u00b0"), viewField.input, azimuthLabel, azimuthField.input, at,
+    viewField.message, azimuthField.message);
   const discFigure = h("figure", {}, discHost);
   const planeHost = h("div", { class: "plane" });
   const plane = new Chart(planeHost, "Principal plane", 300);
@@ -90,7 +103,7 @@ export function mount(root: HTMLElement, page: Page): void {
     show.value = now.show;
     slider.value = String(now.wavelength_nm);
     slider.setAttribute("aria-valuetext", `${now.wavelength_nm} nm`);
-    if (document.activeElement !== field) field.value = String(now.wavelength_nm);
+    field.show(now.wavelength_nm);
     const diffuse = answer ? beam === null : incidence(page.state.get().sample) === null;
     factor.rename("brf", names(diffuse, now.side, "brf").short);
     if (!answer) return;
@@ -99,7 +112,7 @@ export function mount(root: HTMLElement, page: Page): void {
     const isError = now.show === "se";
     heading.textContent = `${isError ? "Standard error of the " : ""}${isError ? full : capital(full)} at ${number(answer.wavelength_nm, 4)} nm`;
     discFigure.hidden = diffuse;
-    for (const part of [azimuthLabel, azimuthField]) part.hidden = diffuse;
+    for (const part of [azimuthLabel, azimuthField.input]) part.hidden = diffuse;
     drawDiscNow();
 
     const shown = isError ? chosen.se : chosen.value;
@@ -162,8 +175,8 @@ export function mount(root: HTMLElement, page: Page): void {
       return;
     }
     at.textContent = readout(short, chosen, cursor.view, beam === null ? null : cursor.azimuth);
-    if (document.activeElement !== viewField) viewField.value = cursor.view.toFixed(0);
-    if (document.activeElement !== azimuthField) azimuthField.value = foldedAzimuth(cursor.azimuth).toFixed(0);
+    viewField.show(cursor.view);
+    azimuthField.show(foldedAzimuth(cursor.azimuth));
   };
   const point = (place: typeof cursor) => {
     cursor = place;
@@ -181,7 +194,7 @@ export function mount(root: HTMLElement, page: Page): void {
     const step = event.shiftKey ? 10 : 1;
     const { view, azimuth } = cursor ?? { view: 0, azimuth: 0 };
     const to = {
-      ArrowUp: { view: Math.min(85, view + step), azimuth },
+      ArrowUp: { view: Math.min(MOST_VIEW, view + step), azimuth },
       ArrowDown: { view: Math.max(0, view - step), azimuth },
       ArrowLeft: { view, azimuth: (azimuth + 5 * step) % 360 },
       ArrowRight: { view, azimuth: (azimuth + 360 - 5 * step) % 360 },
@@ -192,14 +205,8 @@ export function mount(root: HTMLElement, page: Page): void {
     event.preventDefault();
     point(to);
   });
-  const typed = () => {
-    const [view, azimuth] = [viewField.valueAsNumber, azimuthField.valueAsNumber || 0];
-    if (view >= 0 && view < 90) point({ view, azimuth });
-  };
-  viewField.addEventListener("input", typed);
-  azimuthField.addEventListener("input", typed);
   plane.onCursor = (x) => {
-    if (x !== null) point({ view: Math.abs(x), azimuth: x < 0 ? 180 : 0 });
+    if (x !== null) point({ view: Math.round(Math.abs(x)), azimuth: x < 0 ? 180 : 0 });
   };
 
   // ---- asking: more and more walks, until something changes
@@ -269,7 +276,7 @@ export function mount(root: HTMLElement, page: Page): void {
     return `${seconds} Largest relative standard error: ${percent(worst.share)} (${where}).`;
   };
   const problem = (error: unknown) => {
-    const text = error instanceof Error ? error.message : String(error);
+    const text = messageOf(error);
     const key = error instanceof Refused ? error.key : undefined;
     alert.textContent = key && !text.includes(key) ? `${key}: ${text}` : text;
     alert.hidden = false;

@@ -1,8 +1,8 @@
 // The panel "Snow": the sample and its light.
 import { choice, clearMessages, segments, showMessage, slider, type Control } from "../controls";
-import { h } from "../dom";
+import { fileDrop, h } from "../dom";
 import type { Sample } from "../messages";
-import type { Page } from "../page";
+import { namedMessage, type Page } from "../page";
 import { layerControls } from "../snow/layer";
 import { help, limits, names, standard } from "../snow/schema";
 import { drawSky } from "../snow/sky";
@@ -78,6 +78,7 @@ export function mount(root: HTMLElement, page: Page): void {
       structure = now;
       // Details that are open stay open.
       const open = new Set([...editor.querySelectorAll("details[open] > summary")].map((s) => s.textContent));
+      layer?.end?.();
       layer = layerControls(page, index);
       editor.replaceChildren(layer.element);
       for (const summary of editor.querySelectorAll("summary")) {
@@ -141,9 +142,31 @@ function outline(sample: Sample, index: number): string {
   ]);
 }
 
+const MOST_SUBSTRATE_BYTES = 200_000;
+
 function substrateControls(page: Page): Control {
   const { state } = page;
   const file = h("p", { class: "derived" });
+  const problem = h("p", { class: "error", role: "alert", hidden: true });
+  const element = h("div");
+  const complain = (text: string) => {
+    problem.textContent = text;
+    problem.hidden = !text;
+  };
+  const open = async (given: File) => {
+    try {
+      if (given.size > MOST_SUBSTRATE_BYTES) throw new Error(`a spectrum of a substrate has ${MOST_SUBSTRATE_BYTES / 1000} kB at most, so that a link can hold it`);
+      const content = await given.text();
+      const { sample, files } = state.get();
+      const { [String(sample.substrate?.reflectance)]: _, ...others } = files;
+      complain("");
+      state.set({ sample: { ...sample, substrate: { reflectance: given.name } }, files: { ...others, [given.name]: content } });
+    } catch (error) {
+      complain(namedMessage(given.name, error));
+    }
+  };
+  const drop = fileDrop(element, "Spectrum of the substrate…", ".csv,.txt,.tsv", (given) => void open(given));
+  drop.title = "A table of wavelength (nm) and reflectance; it can also be dropped here.";
   const value = slider({
     label: "Reflectance",
     unit: "",
@@ -159,13 +182,14 @@ function substrateControls(page: Page): Control {
       state.set({ sample: reflectance > 0 ? { ...rest, substrate: { reflectance } } : rest }, "substrate");
     },
   });
+  element.append(value.element, file, drop, problem);
   const refresh = () => {
     value.refresh();
     const given = state.get().sample.substrate?.reflectance;
     file.textContent = given === undefined || typeof given === "number" ? "" : `Now a spectrum${typeof given === "string" ? `: ${given}` : ""}. Moving the slider replaces it.`;
   };
   refresh();
-  return { element: h("div", null, value.element, file), refresh };
+  return { element, refresh };
 }
 
 /// The choices of the model, as the schema lists them.

@@ -8,7 +8,8 @@ import type { Page } from "../page";
 import { MeasuredPanel } from "../spectra/measured";
 import { numbers } from "../spectra/numbers";
 
-export function mount(root: HTMLElement, page: Page, held: HeldCurves): void {
+/// Returns what reads a measured file.
+export function mount(root: HTMLElement, page: Page, held: HeldCurves): (file: File) => void {
   const { state } = page;
   const range = choice({
     label: "Wavelengths",
@@ -88,9 +89,7 @@ export function mount(root: HTMLElement, page: Page, held: HeldCurves): void {
   );
   const heldList = h("div", { class: "held" });
   const measured = new MeasuredPanel(page);
-  const open = (file: File) => {
-    void file.text().then((content) => state.set({ measured: { name: file.name, text: content } }));
-  };
+  const open = (file: File) => void measured.open(file);
   const drop = fileDrop(root, "Measured file…", ".csv,.txt,.tsv,.sig,.sed,.asc,.dat", open);
   drop.title = "A spectrum of an instrument (CSV, ASD, SVC, Spectral Evolution, ECOSTRESS); it can also be dropped on this panel. It stays in this browser.";
 
@@ -139,6 +138,7 @@ export function mount(root: HTMLElement, page: Page, held: HeldCurves): void {
   held.curves.subscribe(draw);
   measured.answer.subscribe(draw);
   refresh();
+  return open;
 }
 
 const meaning = {

@@ -1,6 +1,7 @@
 // The panel "Take away": a link, files, and the command that gives the same numbers.
 import { download, h } from "../dom";
-import { toFragment } from "../fragment";
+import { isServed } from "../engine/server";
+import { toLink } from "../fragment";
 import type { HeldCurves } from "../held";
 import type { Spectrum } from "../messages";
 import { RAYS, type Page } from "../page";
@@ -15,9 +16,13 @@ const PAPER: Record<string, string> = {
   "--measured": "#8a3f78",
 };
 
+/// Parts of the state that a link may have to leave out.
+const OMITTED = { measured: "the measured file", held: "the held curves", files: "the files of the sample" } as const;
+
 export function mount(root: HTMLElement, page: Page, held: HeldCurves): void {
   const { state } = page;
   const link = h("input", { type: "text", readOnly: true, id: "link", "aria-label": "Link to this state" });
+  const without = h("p", { role: "status", hidden: true });
   const toml = h("pre", { tabIndex: 0, "aria-label": "Sample file" });
   const command = h("pre", { tabIndex: 0, "aria-label": "Command" });
   const button = (label: string, title: string, onclick: () => void) => h("button", { type: "button", title, onclick }, label);
@@ -58,8 +63,11 @@ export function mount(root: HTMLElement, page: Page, held: HeldCurves): void {
   root.append(
     h("h2", null, "Take away"),
     h("h3", null, "A link to all this"),
-    h("p", { class: "muted" }, "The whole state is in the link; nothing is stored anywhere else."),
+    h("p", { class: "muted" }, isServed()
+      ? "The address of this page is of this computer and works for nobody else. What follows holds the whole state: put it behind the address of any copy of the page."
+      : "The whole state is in the link; nothing is stored anywhere else."),
     h("div", { class: "bar" }, link, copy("Copy", () => link.value)),
+    without,
     h("h3", null, "Files"),
     files,
     h("h3", null, "The same numbers from the program"),
@@ -74,7 +82,10 @@ export function mount(root: HTMLElement, page: Page, held: HeldCurves): void {
   const refresh = async () => {
     if (root.hidden) return;
     const now = state.get();
-    link.value = `${location.origin}${location.pathname}${await toFragment(now)}`;
+    const { fragment, omitted } = await toLink(now);
+    link.value = isServed() ? fragment || "#" : `${location.origin}${location.pathname}${fragment}`;
+    without.hidden = omitted.length === 0;
+    without.textContent = `Too much for a link: it is without ${omitted.map((key) => OMITTED[key]).join(" and ")}.`;
     const rays = RAYS[RAYS.length - 1]!;
     const engine = page.shown.value?.spectrum.engine;
     command.textContent = `splitsnow simulate sample.toml${engine ? ` --engine ${engine}` : ""} --rays ${rays} --seed ${now.seed} > spectrum.csv`;

@@ -64,14 +64,14 @@ export function layerControls(page: Page, index: number): Control {
   const refresh = () => {
     for (const control of [...controls, ...grains]) control.refresh();
   };
-  page.checked.subscribe((answer) => {
+  const end = page.checked.subscribe((answer) => {
     const own = answer?.layers[index];
     derived.textContent = own
       ? `All its grains together: SSA ${own.ssa_m2_kg.toFixed(1)} m²/kg, optical radius ${own.optical_radius_um.toFixed(0)} µm.`
       : "";
   });
   const element = h("div", { class: "layer-controls" }, ...controls.map((c) => c.element), ...grains.map((g) => g.element), more, derived);
-  return { element, refresh };
+  return { element, refresh, end };
 }
 
 type Set = (change: (l: Layer) => Layer, merge: string) => void;

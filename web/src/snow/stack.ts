@@ -112,6 +112,10 @@ function show(item: HTMLLIElement, layer: Layer, index: number, count: number, s
   item.style.height = `${height}px`;
   const canvas = item.querySelector("canvas")!;
   const width = item.clientWidth || 300;
+  // Only what has changed is drawn again.
+  const picture = JSON.stringify([layer, width, height]);
+  if (canvas.dataset.picture === picture) return;
+  canvas.dataset.picture = picture;
   drawLayer(fitCanvas(canvas, width, height), layer, width, height);
 }
 
@@ -128,6 +132,8 @@ function draggable(item: HTMLLIElement, handle: HTMLElement, list: HTMLElement, 
   });
   item.addEventListener("pointermove", (event) => {
     if (!start || event.pointerId !== start.id) return;
+    // The button was released where nobody saw it.
+    if (event.buttons === 0) return cancel();
     const dy = event.clientY - start.y;
     if (!moved && Math.abs(dy) < 5) return;
     if (!moved) item.setPointerCapture(start.id);
@@ -143,13 +149,16 @@ function draggable(item: HTMLLIElement, handle: HTMLElement, list: HTMLElement, 
       other.style.transform = shift ? `translateY(${shift}px)` : "";
     });
   });
+  const cancel = () => {
+    start = null;
+    for (const other of places()) other.style.transform = "";
+    item.classList.remove("dragged");
+  };
   const end = (event: PointerEvent) => {
     if (!start) return;
     const to = target(event.clientY);
     const from = places().indexOf(item);
-    start = null;
-    for (const other of places()) other.style.transform = "";
-    item.classList.remove("dragged");
+    cancel();
     if (!moved || event.type === "pointercancel") return;
     const last = list.children.length - 1;
     if (to !== from) drop(last - from, last - to);
