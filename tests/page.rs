@@ -162,9 +162,9 @@ fn directions_add_up_to_the_reflectance() {
     };
     let sum: f64 = (0..8).map(ring).sum::<f64>() + mean(&brf[8]) * power(80.0);
     let reflectance = answer["reflectance"].as_f64().unwrap();
-    // measured .004, of which the rule has a part and the walks another
+    // measured .0006, .0006 and .0002 with three seeds; five times the largest
     assert!(
-        (sum / reflectance - 1.0).abs() < 0.02,
+        (sum / reflectance - 1.0).abs() < 0.003,
         "{sum} {reflectance}"
     );
 }

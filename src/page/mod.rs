@@ -3,7 +3,10 @@
 //!
 //! A request is a JSON object whose `ask` names it, with bytes beside it where the message says
 //! so. The answer is a JSON object, also if the request is refused: `{"error": ..., "key": ...}`.
-//! Numbers are written so that they are read back to the bit.
+//! Numbers are written so that they are read back to the bit. Keys name their units; reflectance,
+//! transmittance and absorptance are shares of the incident light, and wavelengths are in nm.
+//!
+//! The physics and its range are those of [`crate::engine`]; [`Limits`] bounds what is answered.
 //!
 //! ```
 //! use splitsnow::page::PageEngine;

@@ -176,3 +176,19 @@ describe("pool", () => {
     expect(await next).toEqual({ rays: 2048 });
   });
 });
+
+test("a worker that cannot start is not started for ever", async () => {
+  vi.useRealTimers();
+  let started = 0;
+  const spawn = (): WorkerLike => {
+    started++;
+    const worker = new Fake();
+    setTimeout(() => worker.onerror?.({ message: "out of memory" } as ErrorEvent), 0);
+    return worker;
+  };
+  new Pool({ spawn, workers: 2 });
+  await vi.waitFor(() => expect(started).toBeGreaterThan(20));
+  await new Promise((resolve) => setTimeout(resolve, 200));
+  // the two workers, the desk, and those that replaced them
+  expect(started).toBeLessThanOrEqual(23);
+});
