@@ -193,14 +193,11 @@ fn an_interrupted_measurement_prints_nothing() {
         warning.starts_with("warning: sample.toml:8: `layer[0].density_kg_m3`"),
         "{warning}"
     );
-    let id = child.id().to_string();
-    assert!(
-        Command::new("kill")
-            .args(["-INT", &id])
-            .status()
-            .unwrap()
-            .success()
-    );
+    // twice, as `timeout` sends it: to the process and to its group
+    let id = child.id();
+    let twice = format!("kill -INT {id} && sleep 0.01 && kill -INT {id} || true");
+    let sent = Command::new("sh").args(["-c", &twice]).status();
+    assert!(sent.unwrap().success());
     let output = child.wait_with_output().unwrap();
     assert_eq!(output.status.code(), Some(130));
     assert!(output.stdout.is_empty());

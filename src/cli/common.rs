@@ -4,7 +4,7 @@ use std::io::{self, Write};
 use std::path::{Path, PathBuf};
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::sync::{Arc, LazyLock};
-use std::time::Duration;
+use std::time::{Duration, Instant};
 
 use anyhow::{Context, anyhow, bail};
 use clap::builder::{PossibleValue, PossibleValuesParser, TypedValueParser};
@@ -154,17 +154,27 @@ const EXIT_STOPPED: u8 = 75;
 /// [`EXIT_STOPPED`].
 static FLAGS: LazyLock<[Arc<AtomicBool>; 2]> = LazyLock::new(Default::default);
 
-/// The flag that stops a run. The first Ctrl-C sets it, and the second ends the process at once.
-/// So do SIGTERM and, on Unix, SIGUSR1, which batch systems send before a time limit. Call this
+/// Time within which repeated signals are one request: `timeout` and batch systems send theirs to
+/// the process and to its group, so it arrives twice.
+const SAME_REQUEST: Duration = Duration::from_millis(500);
+
+/// The flag that stops a run. The first Ctrl-C sets it, and the second ends the process at once
+/// unless it comes within [`SAME_REQUEST`]. So do SIGTERM and, on Unix, SIGUSR1, which batch systems send before a time limit. Call this
 /// function only once per process.
 pub(super) fn interrupt_flag() -> anyhow::Result<&'static AtomicBool> {
     let [flag, _] = &*FLAGS;
-    ctrlc::set_handler(|| {
+    let mut first = None;
+    ctrlc::set_handler(move || {
         let [flag, _] = &*FLAGS;
-        if flag.swap(true, Ordering::Relaxed) {
-            std::process::exit(exit_code().into());
+        flag.store(true, Ordering::Relaxed);
+        match first {
+            None => {
+                first = Some(Instant::now());
+                note("\nstopping (Ctrl-C again stops at once)");
+            }
+            Some(first) if first.elapsed() < SAME_REQUEST => {}
+            Some(_) => std::process::exit(exit_code().into()),
         }
-        note("\nstopping (Ctrl-C again stops at once)");
     })
     .context("cannot listen for Ctrl-C")?;
     #[cfg(unix)]
