@@ -70,21 +70,21 @@ impl Default for Resolution {
 }
 
 impl Resolution {
-    /// The resolution that suits `rays` walks: about `rays` table entries and
-    /// 2 `rays` kernel events, between the engines' minima and the defaults. With
-    /// 8 `rays` kernel events, the errors in a three-layer snowpack did not change
-    /// at any wavelength (docs/performance.md), and most of the time went there.
+    /// The resolution that suits `rays` walks, between the engines' minima and the defaults: about
+    /// `rays` table entries, and kernel events that err less than the walks: 2 `rays`, or 4 `rays`
+    /// up to 2^17. More do not reduce the error (docs/performance.md), and most of the time went
+    /// there: 8 `rays` in a three-layer snowpack, and 2^17 with 2048 walks in any.
     #[must_use]
     pub fn for_rays(rays: u64) -> Self {
         let default = Self::default();
-        let power_of_two =
-            |n: u64, largest: u32| n.next_power_of_two().min(u64::from(largest)) as u32;
+        let power_of_two = |n: u64, least: u32, largest: u32| {
+            let clamped = n.clamp(u64::from(least), u64::from(largest));
+            clamped.next_power_of_two() as u32
+        };
+        let few = power_of_two(rays.saturating_mul(4), 1 << 14, 1 << 17);
         Self {
-            table: power_of_two(rays.clamp(1 << 14, 1 << 32), default.table),
-            grains: power_of_two(
-                rays.saturating_mul(2).clamp(1 << 17, 1 << 32),
-                default.grains,
-            ),
+            table: power_of_two(rays, 1 << 14, default.table),
+            grains: power_of_two(rays.saturating_mul(2), few, default.grains),
             ..default
         }
     }

@@ -15,9 +15,12 @@ use crate::transport::{Absorption, Coefficients, Illumination};
 
 /// Entries in the table of a part, for each grain type and medium.
 const TABLE: usize = 1 << 13;
-/// Outcomes drawn for every entry of the table.
+/// Most outcomes drawn for every entry of the table.
 const OVERSAMPLING: usize = 4;
-/// Reflections on the outside of grains from which the entries of that kind are drawn.
+/// Outcomes drawn for every walk of the part, between the size of the table and [`OVERSAMPLING`]
+/// times that: with few walks, more do not reduce the error.
+const DRAWN_PER_WALK: u64 = 16;
+/// Most reflections on the outside of grains from which the entries of that kind are drawn.
 const REFLECTED: usize = 1 << 16;
 /// Share of [`MIN_FITTING_ENTRIES`] that is enough for the table of one part: the errors of
 /// tables differ from part to part and thus show in the scatter.
@@ -108,7 +111,7 @@ fn walk(
         scene.snowpack.layers(thickness_m),
     );
     parts::run(scene, bins, bands.len(), |part, rays| {
-        let tables = tables(scene, &node, part);
+        let tables = tables(scene, &node, part, rays);
         let walker = EscapeWalker::new(
             &layers,
             &tables,
@@ -129,9 +132,12 @@ fn walk(
     })
 }
 
-/// Tables of part number `part` for every grain type in every layer, in air and in
-/// water: `[layer][type][medium]`.
-fn tables(scene: &ExitScene, node: &IndexNode, part: u64) -> Vec<Vec<[EscapeTable; 2]>> {
+/// Tables of part number `part`, which has `rays` walks, for every grain type in every layer, in
+/// air and in water: `[layer][type][medium]`.
+fn tables(scene: &ExitScene, node: &IndexNode, part: u64, rays: u64) -> Vec<Vec<[EscapeTable; 2]>> {
+    let most = OVERSAMPLING * TABLE;
+    let drawn = (rays.saturating_mul(DRAWN_PER_WALK)).clamp(TABLE as u64, most as u64) as usize;
+    let reflected = drawn * (REFLECTED / most);
     let request = scene.request;
     let (ice, water) = node.indices;
     let wet = request.snowpack.is_wet();
@@ -144,8 +150,8 @@ fn tables(scene: &ExitScene, node: &IndexNode, part: u64) -> Vec<Vec<[EscapeTabl
         };
         let table = |surface| {
             let mut rng = stream(11);
-            let drawn = draw(grain, event, surface, OVERSAMPLING * TABLE, rng.clone());
-            let reflected = draw_reflected(grain, event, surface, REFLECTED, stream(13));
+            let drawn = draw(grain, event, surface, drawn, rng.clone());
+            let reflected = draw_reflected(grain, event, surface, reflected, stream(13));
             EscapeTable::new(&drawn, &reflected, TABLE, &mut rng)
         };
         let air = table(surfaces[0]);
