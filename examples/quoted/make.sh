@@ -7,7 +7,7 @@ out=$1
 splitsnow=target/release/splitsnow
 mkdir -p "$out/files"
 for scene in igloo block sculpture thesis wet layered soot; do
-    "$splitsnow" fit "configs/scenes/$scene.toml" --out "$out/scenes/$scene"
+    "$splitsnow" tailor "configs/scenes/$scene.toml" --out "$out/scenes/$scene"
 done
 "$splitsnow" build configs/thesis.toml --out "$out/thesis"
 # name and compression options; the last line gives the file that `build` writes
