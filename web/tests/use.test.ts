@@ -1,10 +1,11 @@
 // The page used as a person would, in Chromium.
-import { readFileSync } from "node:fs";
-import { cpus, hostname } from "node:os";
+import { execFileSync } from "node:child_process";
+import { cpSync, mkdtempSync, readFileSync, rmSync, writeFileSync } from "node:fs";
+import { cpus, hostname, tmpdir } from "node:os";
 import { join } from "node:path";
 import { afterAll, afterEach, beforeAll, describe, expect, test } from "vitest";
 import type { Browser, Download, Page } from "playwright-core";
-import { answered, launch, open, OUT, serve, settled } from "./browser";
+import { answered, launch, open, OUT, serve, settled, WEB } from "./browser";
 
 let browser: Browser;
 let site: Awaited<ReturnType<typeof serve>>;
@@ -418,10 +419,17 @@ describe("page", () => {
     await page.locator("dialog").waitFor({ state: "detached" });
   });
 
-  test("goes on without a network", async () => {
+  test("opens and goes on without a network", async () => {
     await start();
+    await page.waitForFunction(() => navigator.serviceWorker.controller !== null);
     site.server.close();
     site.server.closeAllConnections();
+    await page.reload();
+    await answered(page);
+    await page.click("#tab-databases");
+    await page.click("#panel-databases >> text=Sooty snow");
+    await page.locator("text=Certificate").first().waitFor();
+    await page.click("#tab-spectra");
     await page.selectOption("#panel-spectra select", "full");
     // Supersede fine simulations, so that workers are replaced.
     for (const cm of [5, 6, 7]) {
@@ -431,6 +439,47 @@ describe("page", () => {
     await page.selectOption("#panel-spectra select", "visible");
     await settled(page);
     site = await serve();
+  });
+
+  test("a new version replaces the kept one, a damaged one does not", async () => {
+    const folder = mkdtempSync(join(tmpdir(), "site-"));
+    cpSync(join(WEB, "site"), folder, { recursive: true });
+    const own = await serve(folder);
+    const retitle = (from: string, to: string) => {
+      const index = join(folder, "index.html");
+      writeFileSync(index, readFileSync(index, "utf8").replace(`<title>${from}`, `<title>${to}`));
+    };
+    try {
+      ({ page, wrong } = await open(browser, own.url));
+      await page.waitForFunction(() => navigator.serviceWorker.controller !== null);
+      retitle("SPLITSnow", "Second");
+      execFileSync("node", [join(WEB, "offline.mjs"), folder]);
+      // The page says so, and the next load shows it; no old file is left.
+      await page.reload();
+      await page.locator("#status", { hasText: "new version" }).waitFor();
+      expect(await page.title()).toContain("SPLITSnow");
+      await page.reload();
+      expect(await page.title()).toContain("Second");
+      expect(await page.evaluate(async () => (await caches.keys()).length)).toBe(1);
+      // Half a new version: its list does not fit its files.
+      retitle("Second", "Third");
+      execFileSync("node", [join(WEB, "offline.mjs"), folder]);
+      retitle("Third", "Damaged");
+      const failed = page.evaluate(async () => {
+        const registration = (await navigator.serviceWorker.getRegistration())!;
+        await registration.update();
+        const worker = registration.installing!;
+        await new Promise((resolve) => worker.addEventListener("statechange", resolve));
+        return [worker.state, (await caches.keys()).length];
+      });
+      expect(await failed).toEqual(["redundant", 1]);
+      await page.reload();
+      await answered(page);
+      expect(await page.title()).toContain("Second");
+    } finally {
+      own.server.close();
+      rmSync(folder, { recursive: true });
+    }
   });
 
   test("tabs and controls have names", async () => {

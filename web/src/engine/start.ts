@@ -10,6 +10,16 @@ export async function startEngine(): Promise<Engine> {
   return isServed() ? new Server() : local();
 }
 
+/// Lets the page open without a network from the next visit on. `renewed` is called when a new
+/// version of the page replaced the one that is open. `splitsnow serve` needs none of this, and
+/// where a browser refuses (an address without TLS), the page asks the network as before.
+export function keepOffline(renewed: () => void): void {
+  const workers = navigator.serviceWorker as ServiceWorkerContainer | undefined;
+  if (isServed() || !import.meta.env.PROD || !workers) return;
+  if (workers.controller) workers.addEventListener("controllerchange", renewed);
+  workers.register(new URL("sw.js", document.baseURI)).catch(() => undefined);
+}
+
 async function local(): Promise<Engine> {
   const module = await compile(new URL("splitsnow.wasm", document.baseURI));
   const spawn = (): WorkerLike => {
