@@ -384,11 +384,26 @@ fn large_messages_take_little_memory() {
         format!(r#"{{"ask":"colour","wavelengths_nm":[{list}]}}"#)
     };
     let most = splitsnow::serve::MOST_BYTES - 100;
+    let measured = |text: &str| {
+        let mut message = json!({ "ask": "measured", "name": "x.csv", "text": text });
+        for key in [
+            "wavelengths_nm",
+            "reflectance",
+            "reflectance_se",
+            "transmittance",
+            "transmittance_se",
+        ] {
+            message[key] = json!([500]);
+        }
+        message.to_string()
+    };
     let cases = [
         (list("1"), 413),
         (list("{}"), 413),
         (list("[[[[]]]]"), 413),
         (list(&"9".repeat(60)), 200),
+        (measured(&"1,1\n".repeat(4_000_000)), 200),
+        (measured(&"1 ".repeat(8_000_000)), 200),
         (
             format!(r#"{{"ask":"about","x":"{}"}}"#, r#"\",["#.repeat(most / 4)),
             200,
