@@ -274,7 +274,7 @@ describe("in the browser", () => {
     const panel = page.locator(".directions");
     expect(await panel.locator("h3").innerText()).toContain("Hemispherical-directional");
     expect(await panel.locator(".disc").isVisible()).toBe(false);
-    expect(await panel.locator("canvas.chart").isVisible()).toBe(true);
+    expect(await panel.locator("[aria-label^=Principal]").isVisible()).toBe(true);
     expect(wrong).toEqual([]);
     await page.context().close();
   });

@@ -6,6 +6,10 @@ import { isServed, Server } from "./server";
 // The worker is part of the page's script, so that one can be started without a network.
 import EngineWorker from "./worker?worker&inline";
 
+/// Memory of all workers for tables of grain events, bytes. They share the index nodes, and with
+/// them the tables.
+const TABLES = 320 << 20;
+
 export async function startEngine(): Promise<Engine> {
   return isServed() ? new Server() : local();
 }
@@ -22,12 +26,12 @@ export function keepOffline(renewed: () => void): void {
 
 async function local(): Promise<Engine> {
   const module = await compile(new URL("splitsnow.wasm", document.baseURI));
+  const workers = Math.max(1, Math.min(navigator.hardwareConcurrency || 1, MOST_WORKERS));
   const spawn = (): WorkerLike => {
     const worker = new EngineWorker() as WorkerLike;
-    worker.postMessage({ module });
+    worker.postMessage({ module, tables: Math.floor(TABLES / workers) });
     return worker;
   };
-  const workers = Math.max(1, Math.min(navigator.hardwareConcurrency || 1, MOST_WORKERS));
   return new Pool({ spawn, workers });
 }
 
