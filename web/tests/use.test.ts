@@ -113,11 +113,8 @@ describe("snow", () => {
     expect(await layers()).toEqual(["13 cm"]);
     expect(await message.isVisible()).toBe(false);
     await page.click("#tab-directions");
-    await page.locator("#panel-directions .progress", { hasText: "walks" }).waitFor();
-    for (const [name, value] of [["View", "95"], ["Azimuth", "-20"], ["Wavelength", "100"]] as const) {
-      await page.locator("#panel-directions").getByRole("spinbutton", { name }).fill(value);
-      await page.locator("#panel-directions .mistyped", { hasText: `${value} is not` }).waitFor();
-    }
+    await page.locator("#panel-directions").getByRole("spinbutton", { name: "Wavelength" }).fill("100");
+    await page.locator("#panel-directions .mistyped", { hasText: "100 is not" }).waitFor();
   });
 
   test("layers are added, dragged, moved by keys, duplicated and removed", async () => {
