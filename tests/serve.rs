@@ -327,16 +327,109 @@ fn large_requests_are_refused() {
     assert_eq!(server.get("").status, 200);
 }
 
-/// Connections that say nothing use up the descriptors; the server waits and goes on.
+/// Connections that say nothing use up the descriptors; the server closes them and goes on.
 #[cfg(unix)]
 #[test]
 fn a_server_without_descriptors_goes_on() {
     let program = cargo_bin!("splitsnow").display().to_string();
     let limited = format!("ulimit -n 48; exec '{program}' serve --threads 1");
     let server = Server::of(Command::new("sh").args(["-c", &limited]));
-    let silent: Vec<TcpStream> = (0..60).map(|_| server.connect()).collect();
-    drop(silent);
+    let _silent: Vec<TcpStream> = (0..60).map(|_| server.connect()).collect();
     assert_eq!(server.get("").status, 200);
+}
+
+/// No number of connections takes all descriptors, and those that are slow are closed.
+#[cfg(target_os = "linux")]
+#[test]
+fn slow_connections_are_few_and_closed() {
+    let server = Server::start();
+    let began = Instant::now();
+    let head = format!(
+        "POST /{}/ask HTTP/1.1\r\nHost: 127.0.0.1:{}\r\n{JSON}Content-Length: 100\r\n\r\n",
+        server.token, server.port
+    );
+    // nothing, half a head, and half a body
+    let slow = ["", &head[..40], &head, &format!("{head}{{")].map(|text| {
+        let mut stream = server.connect();
+        stream.write_all(text.as_bytes()).unwrap();
+        stream
+    });
+    let crowd: Vec<TcpStream> = (0..300).map(|_| server.connect()).collect();
+    std::thread::sleep(Duration::from_secs(1));
+    let descriptors = format!("/proc/{}/fd", server.process.id());
+    let descriptors = std::fs::read_dir(descriptors).unwrap().count();
+    assert!(descriptors > 128, "{descriptors}: the crowd is there");
+    assert!(descriptors < 128 + 32, "{descriptors}");
+    let answers = slow.map(|mut stream| {
+        let mut answer = String::new();
+        stream.read_to_string(&mut answer).unwrap();
+        answer
+    });
+    let waited = began.elapsed();
+    assert!(waited > Duration::from_secs(5), "{waited:?}");
+    assert!(waited < Duration::from_secs(60), "{waited:?}");
+    for (answer, status) in answers.iter().zip(["", "", "408", "408"]) {
+        assert_eq!(answer.split(' ').nth(1).unwrap_or(""), status, "{answer}");
+    }
+    drop(crowd);
+    assert_eq!(server.get("").status, 200);
+}
+
+/// What a message of the largest size holds does not multiply in memory.
+#[cfg(target_os = "linux")]
+#[test]
+fn large_messages_take_little_memory() {
+    let list = |value: &str| {
+        let list = vec![value; (23 << 20) / (value.len() + 1)].join(",");
+        format!(r#"{{"ask":"colour","wavelengths_nm":[{list}]}}"#)
+    };
+    let most = splitsnow::serve::MOST_BYTES - 100;
+    let measured = |text: &str| {
+        let mut message = json!({ "ask": "measured", "name": "x.csv", "text": text });
+        for key in [
+            "wavelengths_nm",
+            "reflectance",
+            "reflectance_se",
+            "transmittance",
+            "transmittance_se",
+        ] {
+            message[key] = json!([500]);
+        }
+        message.to_string()
+    };
+    let cases = [
+        (list("1"), 413),
+        (list("{}"), 413),
+        (list("[[[[]]]]"), 413),
+        (list(&"9".repeat(60)), 200),
+        (measured(&"1,1\n".repeat(4_000_000)), 200),
+        (measured(&"1 ".repeat(8_000_000)), 200),
+        (
+            format!(r#"{{"ask":"about","x":"{}"}}"#, r#"\",["#.repeat(most / 4)),
+            200,
+        ),
+        (
+            format!(
+                r#"{{"ask":"open","name":"x","data":"{}"}}"#,
+                "AAAA".repeat(most / 4)
+            ),
+            200,
+        ),
+    ];
+    for (body, status) in cases {
+        let server = Server::start();
+        let ask = format!("/{}/ask", server.token);
+        let answer = server.request("POST", &ask, JSON, body.as_bytes());
+        let start = &body[..60];
+        assert_eq!(answer.status, status, "{start}");
+        let status = format!("/proc/{}/status", server.process.id());
+        let status = std::fs::read_to_string(status).unwrap();
+        let most = status.lines().find_map(|line| line.strip_prefix("VmHWM:"));
+        let most = most.unwrap().trim().trim_end_matches(" kB");
+        let most = most.parse::<f64>().unwrap() / 1000.0;
+        println!("{start}: {most} MB");
+        assert!(most < 150.0, "{start}: {most} MB");
+    }
 }
 
 /// A message whose client hangs up is cancelled: the next one does not wait for it.

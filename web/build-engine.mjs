@@ -42,9 +42,9 @@ if (!hasTarget() && !buildsStd) {
   spawnSync("rustup", ["target", "add", TARGET], { cwd: root, stdio: "inherit" });
   if (!hasTarget()) {
     fail(
-      `the Rust target ${TARGET} is missing. Run \`rustup target add ${TARGET}\`; without rustup, ` +
-        `install your distribution's package (Debian: libstd-rust-dev-wasm32), or set RUSTC and CARGO_BUILD_ARGS ` +
-        `for a compiler that builds the standard library. Or copy a finished module to web/build/splitsnow.wasm.`,
+      `the Rust target ${TARGET} is missing. Run \`rustup target add ${TARGET}\`. Where rustup cannot fetch it, ` +
+        `run \`sh web/debian-engine.sh\` on Debian 12, set RUSTC and CARGO_BUILD_ARGS for a compiler that builds the ` +
+        `standard library, or copy a finished module to web/build/splitsnow.wasm.`,
     );
   }
 }

@@ -10,7 +10,6 @@ export default defineConfig(({ command }) => ({
     target: "es2022",
     modulePreload: { polyfill: false },
     assetsInlineLimit: 0,
-    license: { fileName: "assets/licences.md" },
     // The same names for every version: `dist` is part of the repository.
     rollupOptions: {
       output: {

@@ -5,7 +5,12 @@ use crate::comparison::{Band, Comparison, Exclusion, Hints, MeasuredSpectrum};
 use crate::measurement::{Measured, Quantity};
 use serde::{Deserialize, Serialize};
 
+use super::limits;
 use super::refused::Refused;
+
+/// Cells of a file; one with a thousandth of them is fine for any instrument. A cell takes up to
+/// 150 bytes of memory while the file is read.
+const MOST_CELLS: u32 = 1_000_000;
 
 #[derive(Debug, Deserialize)]
 pub(super) struct MeasuredRequest {
@@ -82,6 +87,9 @@ impl MeasuredRequest {
                 "the simulated spectrum needs increasing wavelengths and a value for each",
             ));
         }
+        let separated = self.text.matches([',', ';', '\t']).count();
+        let cells = (self.text.split_whitespace().count() + separated) as u64;
+        limits::check("cells of the file", cells, MOST_CELLS)?;
         let bytes = self.text.as_bytes();
         let measured =
             MeasuredSpectrum::parse(&self.name, bytes, &Hints::default(), &Exclusion::FIELD)

@@ -97,6 +97,15 @@ impl PageEngine {
         }
     }
 
+    /// The same engine, with `bytes` of memory for tables of grain events (160 MiB by default).
+    #[must_use]
+    pub fn with_tables(self, bytes: usize) -> Self {
+        Self {
+            cache: Cache::of_tables(bytes),
+            ..self
+        }
+    }
+
     /// Like [`answer`](Self::answer), but gives up when `cancel` becomes true.
     pub fn answer_unless(
         &mut self,

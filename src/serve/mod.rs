@@ -13,8 +13,9 @@
 //! rebinding) or from another origin are refused, and no answer allows other origins to read it.
 //! A request names no files: what it needs is in it. A message may carry bytes as base64 in its
 //! field `data`. Each client, a page that is open, has one engine, which answers one message at a
-//! time; a message whose client hangs up is cancelled.
+//! time; a message whose client hangs up is cancelled. A connection takes one request.
 mod clients;
+mod connections;
 mod guard;
 
 use std::io;
@@ -44,6 +45,9 @@ static PAGE: Dir<'_> = include_dir!("$CARGO_MANIFEST_DIR/web/dist");
 
 /// Longest body of a request, bytes: a compact file of 16 MB as base64.
 pub const MOST_BYTES: usize = 24 << 20;
+
+/// Numbers, texts, lists and objects of a message, so that it takes little memory.
+const MOST_VALUES: usize = 500_000;
 
 /// Between two looks at whether the server is to stop.
 const LOOK: Duration = Duration::from_millis(50);
@@ -150,9 +154,10 @@ impl Server {
                 }
             };
             tokio::select! {
-                served = async { axum::serve(listener, router).await } => served,
-                () = stopped => Ok(()),
+                () = connections::serve(listener, router) => {}
+                () = stopped => {}
             }
+            Ok(())
         });
         runtime.shutdown_background();
         served.map_err(ServeError::Stopped)
@@ -223,10 +228,19 @@ async fn ask(shared: &Shared, request: Request) -> Response {
         let help = "the name of the client is longer than 64 characters";
         return refusal(StatusCode::BAD_REQUEST, help);
     }
-    let Ok(body) = to_bytes(body, MOST_BYTES).await else {
+    let body = tokio::time::timeout(connections::PATIENCE, to_bytes(body, MOST_BYTES));
+    let Ok(body) = body.await else {
+        let help = "the message did not arrive in time; send it again";
+        return refusal(StatusCode::REQUEST_TIMEOUT, help);
+    };
+    let Ok(body) = body else {
         let help = format!("a message may have {MOST_BYTES} bytes at most");
         return refusal(StatusCode::PAYLOAD_TOO_LARGE, &help);
     };
+    if values(&body) > MOST_VALUES {
+        let help = format!("a message may have {MOST_VALUES} values at most");
+        return refusal(StatusCode::PAYLOAD_TOO_LARGE, &help);
+    }
     match message(&body) {
         Ok((message, data)) => {
             let answer = shared.clients.answer(client, message, data).await;
@@ -250,6 +264,21 @@ fn is_json(headers: &HeaderMap) -> bool {
     kind.split(';')
         .next()
         .is_some_and(|kind| kind.trim() == "application/json")
+}
+
+/// At least as many values as the JSON has: each follows a comma or a bracket outside of text.
+fn values(json: &[u8]) -> usize {
+    let (mut count, mut in_text, mut escaped) = (0, false, false);
+    for byte in json {
+        match byte {
+            _ if escaped => escaped = false,
+            b'\\' => escaped = in_text,
+            b'"' => in_text = !in_text,
+            b',' | b'[' | b'{' if !in_text => count += 1,
+            _ => {}
+        }
+    }
+    count
 }
 
 /// The message in `body` and the bytes beside it.

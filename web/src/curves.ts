@@ -9,13 +9,14 @@ export interface Curve {
   name: string;
   x: readonly number[];
   y: readonly number[];
-  /// Half the width of the band around the curve.
+  /// Half the width of the band around a line, or half the length of the bar at a point.
   band?: readonly number[];
   /// A colour of the style sheet: `--reflectance`.
   colour: string;
-  /// Lengths of dashes and gaps; points instead of a line if `points`.
+  /// Lengths of dashes and gaps.
   dash?: number[];
-  points?: boolean;
+  /// A line if left out, with dots at its values, or smooth through them; or only points.
+  style?: "line" | "dots" | "smooth" | "points";
 }
 
 export const DASHES = [[8, 4], [2, 3], [10, 3, 2, 3], [4, 2]];

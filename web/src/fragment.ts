@@ -3,6 +3,7 @@
 // `#z=` holds JSON, deflated, in base64url; `#j=` the same without compression. Only what
 // differs from the initial state is written. A link may come from anybody: what does not have
 // the right shape is left out, and the engine checks the numbers.
+import { base64, concatenate } from "./bytes";
 import { PANELS, type State } from "./page";
 import type { Sample } from "./messages";
 import { droppedName, initialState } from "./state";
@@ -195,19 +196,11 @@ async function through(bytes: Uint8Array, stream: CompressionStream | Decompress
     parts.push(value);
   }
   await written;
-  const all = new Uint8Array(length);
-  let at = 0;
-  for (const part of parts) {
-    all.set(part, at);
-    at += part.length;
-  }
-  return all;
+  return concatenate(parts);
 }
 
 function base64url(bytes: Uint8Array): string {
-  let text = "";
-  for (const byte of bytes) text += String.fromCharCode(byte);
-  return btoa(text).replaceAll("+", "-").replaceAll("/", "_").replaceAll("=", "");
+  return base64(bytes).replaceAll("+", "-").replaceAll("/", "_").replaceAll("=", "");
 }
 
 function fromBase64url(text: string): Uint8Array {

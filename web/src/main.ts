@@ -1,6 +1,6 @@
 // Starts the page.
 import "./style.css";
-import { startEngine } from "./engine/start";
+import { keepOffline, startEngine } from "./engine/start";
 import { fromFragment, toLink } from "./fragment";
 import { HeldCurves } from "./held";
 import type { About } from "./messages";
@@ -63,6 +63,7 @@ async function start(): Promise<void> {
   }
   simulation.start();
   void held.start();
+  keepOffline(() => status.say("There is a new version of this page: reload it."));
 }
 
 /// The engine, which the panels have before it is loaded. When it does not answer any more, the

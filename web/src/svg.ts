@@ -1,6 +1,7 @@
 // A chart as SVG, the same curves as on the screen, on white.
 import type { Curve } from "./curves";
-import { FLOOR, rangeOf, type Axes } from "./chart";
+import { FLOOR, rangeOfPlaces, rangeOfValues, type Axes } from "./draw/chart";
+import { ticks, ticksOfLog } from "./draw/ticks";
 
 const INK = "#1b1f24";
 const WIDTH = 900;
@@ -9,23 +10,19 @@ const BOX = { left: 70, right: 20, top: 20, bottom: 90 };
 
 /// `paint` gives the colour of a curve on white.
 export function svgOf(curves: Curve[], axes: Axes, label: string, caption: string, paint: (name: string) => string): string {
-  const xs = curves.flatMap((c) => [c.x[0]!, c.x[c.x.length - 1]!]);
-  const [x0, x1] = [Math.min(...xs), Math.max(...xs)];
-  const ys = curves.flatMap((c) => c.y.flatMap((y, i) => (c.band ? [y - c.band[i]!, y + c.band[i]!] : [y])));
-  const log = axes.scale === "log";
-  const shown = log ? ys.map((y) => Math.max(FLOOR, y)) : ys;
-  const [y0, y1] = rangeOf(axes, least(shown), most(shown));
+  const [[x0, x1], [y0, y1]] = [rangeOfPlaces(curves, axes), rangeOfValues(curves, axes)];
+  const { log } = axes;
   const inner = { width: WIDTH - BOX.left - BOX.right, height: HEIGHT - BOX.top - BOX.bottom };
   const px = (x: number) => (BOX.left + ((x - x0) / (x1 - x0 || 1)) * inner.width).toFixed(1);
-  const share = (y: number) => (log ? Math.log(Math.max(y, y0) / y0) / Math.log(y1 / y0) : (y - y0) / (y1 - y0));
+  const share = (y: number) => (log ? Math.log(Math.max(y, FLOOR) / y0) / Math.log(y1 / y0) : (y - y0) / (y1 - y0));
   const py = (y: number) => (BOX.top + (1 - Math.min(1.02, Math.max(-0.02, share(y)))) * inner.height).toFixed(1);
 
   const parts: string[] = [];
-  for (const tick of log ? decades(y0, y1) : steps(y0, y1)) {
+  for (const tick of log ? ticksOfLog(y0, y1) : ticks(y0, y1, 7)) {
     parts.push(`<line x1="${BOX.left}" x2="${WIDTH - BOX.right}" y1="${py(tick)}" y2="${py(tick)}" stroke="#d8dde3"/>`);
     parts.push(`<text x="${BOX.left - 8}" y="${Number(py(tick)) + 4}" text-anchor="end">${tick}</text>`);
   }
-  for (const tick of steps(x0, x1)) {
+  for (const tick of ticks(x0, x1, 7)) {
     parts.push(`<line y1="${BOX.top}" y2="${HEIGHT - BOX.bottom}" x1="${px(tick)}" x2="${px(tick)}" stroke="#d8dde3"/>`);
     parts.push(`<text x="${px(tick)}" y="${HEIGHT - BOX.bottom + 18}" text-anchor="middle">${tick}</text>`);
   }
@@ -37,13 +34,13 @@ export function svgOf(curves: Curve[], axes: Axes, label: string, caption: strin
       const down = curve.x.map((x, i) => `${px(x)},${py(curve.y[i]! - curve.band![i]!)}`).reverse();
       parts.push(`<polygon points="${[...up, ...down].join(" ")}" fill="${stroke}" fill-opacity="0.25"/>`);
     }
-    if (curve.points) for (const point of points) parts.push(`<circle cx="${point.split(",")[0]}" cy="${point.split(",")[1]}" r="2" fill="${stroke}"/>`);
+    if (curve.style === "points") for (const point of points) parts.push(`<circle cx="${point.split(",")[0]}" cy="${point.split(",")[1]}" r="2" fill="${stroke}"/>`);
     else parts.push(`<polyline points="${points.join(" ")}" fill="none" stroke="${stroke}" stroke-width="2"${curve.dash ? ` stroke-dasharray="${curve.dash.join(" ")}"` : ""}/>`);
   }
   let at = BOX.left;
   const legend = curves.map((curve) => {
     const stroke = paint(curve.colour);
-    const mark = curve.points
+    const mark = curve.style === "points"
       ? `<circle cx="${at + 12}" cy="${HEIGHT - 30}" r="3" fill="${stroke}"/>`
       : `<line x1="${at}" x2="${at + 24}" y1="${HEIGHT - 30}" y2="${HEIGHT - 30}" stroke="${stroke}" stroke-width="2"${curve.dash ? ` stroke-dasharray="${curve.dash.join(" ")}"` : ""}/>`;
     const entry = `${mark}<text x="${at + 30}" y="${HEIGHT - 26}">${escape(curve.name)}</text>`;
@@ -75,21 +72,4 @@ export async function pngOf(svg: string): Promise<Blob> {
   return new Promise((resolve, reject) => canvas.toBlob((blob) => (blob ? resolve(blob) : reject(new Error("no picture"))), "image/png"));
 }
 
-function steps(low: number, high: number): number[] {
-  const rough = (high - low) / 7 || 1;
-  const power = 10 ** Math.floor(Math.log10(rough));
-  const step = [1, 2, 5, 10].map((f) => f * power).find((s) => s >= rough)!;
-  const ticks: number[] = [];
-  for (let i = Math.ceil(low / step - 1e-9); i * step <= high + step * 1e-9; i++) ticks.push(Number((i * step).toPrecision(6)));
-  return ticks;
-}
-
-function decades(low: number, high: number): number[] {
-  const ticks: number[] = [];
-  for (let e = Math.ceil(Math.log10(low) - 1e-9); 10 ** e <= high * 1.0001; e++) ticks.push(Number((10 ** e).toPrecision(3)));
-  return ticks;
-}
-
-const least = (values: number[]) => values.reduce((a, b) => Math.min(a, b), Infinity);
-const most = (values: number[]) => values.reduce((a, b) => Math.max(a, b), -Infinity);
 const escape = (text: string) => text.replaceAll("&", "&amp;").replaceAll("<", "&lt;").replaceAll(">", "&gt;");

@@ -19,8 +19,7 @@ const TYPES: Record<string, string> = {
 };
 
 /// Serves the built page in a folder, as GitHub Pages does.
-export async function serve(): Promise<{ url: string; server: Server }> {
-  const root = join(WEB, "site");
+export async function serve(root = join(WEB, "site")): Promise<{ url: string; server: Server }> {
   const server = createServer((request, response) => {
     const path = normalize(decodeURIComponent(new URL(request.url ?? "/", "http://x").pathname)).replace(/^\/page\//, "/");
     const file = join(root, path.endsWith("/") ? "index.html" : path);

@@ -251,6 +251,10 @@ describe("in the browser", () => {
     await page.keyboard.press("Shift+ArrowUp");
     await page.keyboard.press("ArrowLeft");
     expect(await panel.locator("output").innerText()).toMatch(/^View 10\u00b0, relative azimuth 5\u00b0: BRF .*, standard error/);
+    for (const [name, value] of [["View", "95"], ["Azimuth", "-20"]] as const) {
+      await panel.getByRole("spinbutton", { name }).fill(value);
+      await panel.locator(".mistyped", { hasText: `${value} is not` }).waitFor();
+    }
     await panel.getByLabel("transmitted", { exact: true }).check();
     await panel.getByLabel("anisotropy factor", { exact: true }).check();
     await panel.getByLabel("standard error", { exact: true }).check();
@@ -274,7 +278,7 @@ describe("in the browser", () => {
     const panel = page.locator(".directions");
     expect(await panel.locator("h3").innerText()).toContain("Hemispherical-directional");
     expect(await panel.locator(".disc").isVisible()).toBe(false);
-    expect(await panel.locator("canvas.chart").isVisible()).toBe(true);
+    expect(await panel.locator("[aria-label^=Principal]").isVisible()).toBe(true);
     expect(wrong).toEqual([]);
     await page.context().close();
   });

@@ -1,9 +1,9 @@
 //! The WebAssembly module of the page: [`splitsnow::page`] as functions that a worker calls.
 //!
-//! The worker writes a request to memory that `allocate` gives it and calls `answer`, which
-//! returns the address of four numbers: address and length of the JSON, address and length of
-//! the bytes beside it (each little-endian, in four bytes). It then gives all memory back to
-//! `release`: its own, the JSON, the bytes and the four numbers.
+//! The worker calls `start` once. It writes a request to memory that `allocate` gives it and
+//! calls `answer`, which returns the address of four numbers: address and length of the JSON,
+//! address and length of the bytes beside it (each little-endian, in four bytes). It then gives
+//! all memory back to `release`: its own, the JSON, the bytes and the four numbers.
 #![allow(unreachable_pub, reason = "JavaScript calls these functions")]
 #![allow(
     unsafe_code,
@@ -15,6 +15,12 @@ use splitsnow::page::PageEngine;
 
 thread_local! {
     static ENGINE: RefCell<PageEngine> = RefCell::default();
+}
+
+/// Starts the engine anew with `tables` bytes of memory for tables of grain events.
+#[unsafe(no_mangle)]
+pub extern "C" fn start(tables: usize) {
+    ENGINE.set(PageEngine::default().with_tables(tables));
 }
 
 /// Gives out `bytes` bytes of memory.

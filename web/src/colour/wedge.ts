@@ -110,7 +110,7 @@ export class WedgePicture {
       const x = (cm / DEEPEST_CM) * (width - 1);
       context.fillRect(x, bottom, 1, 5);
       context.textAlign = cm === 0 ? "left" : cm === DEEPEST_CM ? "right" : "center";
-      context.fillText(cm === DEEPEST_CM ? `${cm} cm` : String(cm), x, bottom + 19);
+      context.fillText(cm === 0 ? "0 cm" : String(cm), x, bottom + 19);
     }
     context.textAlign = "left";
     this.#canvas.setAttribute("aria-label", describe(strip));

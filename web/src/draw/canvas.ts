@@ -1,4 +1,4 @@
-// What all drawings share: a canvas with the pixels of the screen, and the colours of the page.
+// What drawings share: the colours of the page, and when they are drawn again.
 
 export interface Theme {
   ink: string;
@@ -15,25 +15,6 @@ export function theme(element: Element): Theme {
     faint: get("--grid", "rgb(128 128 128 / 0.4)"),
     font: style.fontFamily || "sans-serif",
   };
-}
-
-/** Sizes the canvas for the screen and clears it; the context then counts in CSS pixels. */
-export function prepare(
-  canvas: HTMLCanvasElement,
-  width: number,
-  height: number,
-): CanvasRenderingContext2D {
-  const ratio = Math.min(3, globalThis.devicePixelRatio || 1);
-  const [w, h] = [Math.round(width * ratio), Math.round(height * ratio)];
-  if (canvas.width !== w || canvas.height !== h) {
-    canvas.width = w;
-    canvas.height = h;
-    canvas.style.height = `${height}px`;
-  }
-  const context = canvas.getContext("2d")!;
-  context.setTransform(ratio, 0, 0, ratio, 0, 0);
-  context.clearRect(0, 0, width, height);
-  return context;
 }
 
 /** Calls `draw` when the size of `host` or the colours of the page change. */

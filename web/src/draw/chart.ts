@@ -1,37 +1,29 @@
-// Curves with their errors on a canvas: a small chart with a readout under the pointer and the
-// arrow keys.
+// Curves with their errors on a canvas: a chart with a readout under the pointer and the arrow keys.
 
-import { prepare, redrawOnChange, theme } from "./canvas";
+import type { Curve } from "../curves";
+import { fitCanvas, h } from "../dom";
+import { redrawOnChange, theme } from "./canvas";
 import { hermite, slopes } from "./interpolate";
-import { number, ticks } from "./ticks";
-
-export interface Curve {
-  name: string;
-  /// A CSS colour, or the name of a variable such as `--reflectance`.
-  colour: string;
-  x: readonly number[];
-  y: readonly number[];
-  /// Standard errors: bars at points, a band along lines.
-  se?: readonly number[];
-  dash?: number[];
-  /// Points at the values, with a smooth curve through them; otherwise straight lines.
-  points?: boolean;
-  /// Small dots at the values of a line.
-  dots?: boolean;
-}
+import { number, ticks, ticksOfLog } from "./ticks";
 
 export interface Axes {
   x: string;
   y: string;
-  xRange: [number, number];
+  /// The range of the curves, if left out.
+  xRange?: [number, number];
   /// Numbers on the horizontal axis, if not round ones of the range.
   xTicks?: number[];
-  xText?: (x: number) => string;
-  /// The range of the values holds these.
-  yHolds?: number[];
+  /// Logarithmic values, at least `FLOOR`.
+  log?: boolean;
+  /// Ends of the values; those that are left out follow the curves.
+  low?: number;
+  high?: number;
   /// Vertical lines with names.
   marks?: { x: number; name: string }[];
 }
+
+/// Smallest value on a logarithmic axis.
+export const FLOOR = 1e-6;
 
 const LEFT = 46;
 const RIGHT = 10;
@@ -39,25 +31,22 @@ const TOP = 24;
 const BOTTOM = 38;
 
 export class Chart {
-  readonly canvas = document.createElement("canvas");
+  readonly element = h("div", { class: "chart" });
+  private readonly canvas = h("canvas", { tabIndex: 0, role: "application" });
   private curves: readonly Curve[] = [];
   private axes: Axes | null = null;
   private cursor: number | null = null;
-  private range: [number, number] = [0, 1];
-  private readonly host: HTMLElement;
-  private readonly height: number;
+  private xRange: [number, number] = [0, 1];
+  private yRange: [number, number] = [0, 1];
+  private readonly height: (width: number) => number;
   /// Called with the place under the pointer, or null when it leaves.
   onCursor: (x: number | null) => void = () => {};
 
-  constructor(host: HTMLElement, label: string, height = 260) {
-    this.host = host;
+  constructor(label: string, height: (width: number) => number) {
     this.height = height;
-    this.canvas.className = "chart";
-    this.canvas.tabIndex = 0;
-    this.canvas.setAttribute("role", "application");
     this.canvas.setAttribute("aria-label", `${label}. Arrow keys read values.`);
-    host.append(this.canvas);
-    redrawOnChange(host, () => this.draw());
+    this.element.append(this.canvas);
+    redrawOnChange(this.element, () => this.draw());
     this.canvas.addEventListener("pointermove", (event) => {
       if (event.pointerType === "touch" && event.buttons === 0) return;
       this.point(event);
@@ -73,20 +62,7 @@ export class Chart {
   set(curves: readonly Curve[], axes: Axes): void {
     this.curves = curves;
     this.axes = axes;
-    const all: number[] = [...(axes.yHolds ?? [])];
-    for (const { x, y, se } of curves) {
-      for (const [i, value] of y.entries()) {
-        const at = x[i]!;
-        if (!Number.isFinite(value) || at < axes.xRange[0] || at > axes.xRange[1]) continue;
-        const error = se?.[i] ?? 0;
-        all.push(value - error, value + error);
-      }
-    }
-    let low = all.length ? Math.min(...all) : 0;
-    let high = all.length ? Math.max(...all) : 1;
-    if (!(high > low)) [low, high] = low === 0 ? [0, 1] : [low - 0.5 * Math.abs(low), high + 0.5 * Math.abs(high)];
-    const spare = 0.04 * (high - low);
-    this.range = [low >= 0 && low - spare < 0 ? 0 : low - spare, high + spare];
+    [this.xRange, this.yRange] = [rangeOfPlaces(curves, axes), rangeOfValues(curves, axes)];
     this.draw();
   }
 
@@ -95,7 +71,7 @@ export class Chart {
     const box = this.canvas.getBoundingClientRect();
     const share = (event.clientX - box.left - LEFT) / (box.width - LEFT - RIGHT);
     if (share < -0.02 || share > 1.02) return this.move(null);
-    const [from, to] = this.axes.xRange;
+    const [from, to] = this.xRange;
     this.move(this.nearest(from + share * (to - from)));
   }
 
@@ -114,7 +90,7 @@ export class Chart {
     const step = { ArrowRight: 1, ArrowLeft: -1, PageUp: 10, PageDown: -10 }[event.key];
     if (step === undefined && event.key !== "Home" && event.key !== "End") return;
     const places = [...new Set(this.curves.flatMap((curve) => [...curve.x]))].sort((a, b) => a - b);
-    const inside = places.filter((x) => x >= this.axes!.xRange[0] && x <= this.axes!.xRange[1]);
+    const inside = places.filter((x) => x >= this.xRange[0] && x <= this.xRange[1]);
     if (!inside.length) return;
     event.preventDefault();
     const last = inside.length - 1;
@@ -134,15 +110,18 @@ export class Chart {
   }
 
   private draw(): void {
-    const width = this.host.clientWidth;
+    const width = this.element.clientWidth;
     if (!this.axes || width < 80) return;
-    const look = theme(this.host);
-    const context = prepare(this.canvas, width, this.height);
-    const [from, to] = this.axes.xRange;
-    const [low, high] = this.range;
-    const [w, h] = [width - LEFT - RIGHT, this.height - TOP - BOTTOM];
-    const px = (x: number) => LEFT + (w * (x - from)) / (to - from);
-    const py = (y: number) => TOP + h * (1 - (y - low) / (high - low));
+    const height = this.height(width);
+    const look = theme(this.element);
+    const context = fitCanvas(this.canvas, width, height);
+    const [from, to] = this.xRange;
+    const [low, high] = this.yRange;
+    const { log } = this.axes;
+    const [w, h] = [width - LEFT - RIGHT, height - TOP - BOTTOM];
+    const share = (y: number) => (log ? Math.log(Math.max(y, FLOOR) / low) / Math.log(high / low) : (y - low) / (high - low));
+    const px = (x: number) => LEFT + (w * (x - from)) / (to - from || 1);
+    const py = (y: number) => TOP + h * (1 - share(y));
 
     context.font = `12px ${look.font}`;
     context.lineWidth = 1;
@@ -150,8 +129,7 @@ export class Chart {
     context.strokeStyle = look.faint;
     context.textBaseline = "middle";
     context.textAlign = "right";
-    const side = ticks(low, high, 5);
-    for (const y of side) {
+    for (const y of log ? ticksOfLog(low, high) : ticks(low, high, h > 300 ? 10 : 5)) {
       line(context, LEFT, py(y), LEFT + w, py(y));
       context.fillText(number(y, 4), LEFT - 6, py(y));
     }
@@ -159,9 +137,11 @@ export class Chart {
     context.textAlign = "center";
     for (const x of this.axes.xTicks ?? ticks(from, to, width < 420 ? 4 : 7)) {
       line(context, px(x), TOP, px(x), TOP + h + 4);
-      context.fillText((this.axes.xText ?? ((v) => number(v, 4)))(x), px(x), TOP + h + 6);
+      const text = number(x, 4);
+      // The last number stays on the canvas.
+      context.fillText(text, Math.min(px(x), width - context.measureText(text).width / 2), TOP + h + 6);
     }
-    context.fillText(this.axes.x, LEFT + w / 2, this.height - 15);
+    context.fillText(this.axes.x, LEFT + w / 2, height - 15);
     context.textAlign = "left";
     context.textBaseline = "alphabetic";
     context.fillText(this.axes.y, 2, 10);
@@ -179,7 +159,7 @@ export class Chart {
       context.fillStyle = look.ink;
       context.fillText(mark.name, px(mark.x) + (mark.x > (from + to) / 2 ? -4 : 4), TOP + 12);
     }
-    const style = getComputedStyle(this.host);
+    const style = getComputedStyle(this.element);
     for (const curve of this.curves) {
       const colour = curve.colour.startsWith("--")
         ? style.getPropertyValue(curve.colour).trim() || look.ink
@@ -200,20 +180,21 @@ export class Chart {
     px: (x: number) => number,
     py: (y: number) => number,
   ): void {
-    const { x, y, se } = curve;
+    const { x, y, band, style = "line" } = curve;
+    const bars = style === "smooth" || style === "points";
     context.strokeStyle = context.fillStyle = colour;
-    if (se && !curve.points) {
+    if (band && !bars) {
       context.globalAlpha = 0.22;
       context.beginPath();
-      for (let i = 0; i < x.length; i++) context.lineTo(px(x[i]!), py(y[i]! + (se[i] ?? 0)));
-      for (let i = x.length - 1; i >= 0; i--) context.lineTo(px(x[i]!), py(y[i]! - (se[i] ?? 0)));
+      for (let i = 0; i < x.length; i++) context.lineTo(px(x[i]!), py(y[i]! + band[i]!));
+      for (let i = x.length - 1; i >= 0; i--) context.lineTo(px(x[i]!), py(y[i]! - band[i]!));
       context.fill();
       context.globalAlpha = 1;
     }
     context.lineWidth = 2;
     context.setLineDash(curve.dash ?? []);
     context.beginPath();
-    if (curve.points && x.length > 1) {
+    if (style === "smooth" && x.length > 1) {
       const slope = slopes(x, y);
       const [a, b] = [px(x[0]!), px(x[x.length - 1]!)];
       for (let at = a; at <= b; at += 2) {
@@ -221,26 +202,58 @@ export class Chart {
         context.lineTo(at, py(hermite(x, y, slope, value)));
       }
       context.lineTo(b, py(y[x.length - 1]!));
-    } else {
+    } else if (style !== "points") {
       for (let i = 0; i < x.length; i++) context.lineTo(px(x[i]!), py(y[i]!));
     }
     context.stroke();
     context.setLineDash([]);
-    if (!curve.points && !curve.dots) return;
+    if (style === "line") return;
     context.lineWidth = 1.2;
     for (let i = 0; i < x.length; i++) {
       const [cx, cy] = [px(x[i]!), py(y[i]!)];
       context.beginPath();
-      context.arc(cx, cy, 2.4, 0, 2 * Math.PI);
+      context.arc(cx, cy, style === "points" ? 1.8 : 2.4, 0, 2 * Math.PI);
       context.fill();
-      const error = se?.[i] ?? 0;
-      if (!curve.points || !(error > 0)) continue;
+      const error = band?.[i] ?? 0;
+      if (!bars || !(error > 0)) continue;
       const [top, bottom] = [py(y[i]! + error), py(y[i]! - error)];
       line(context, cx, top, cx, bottom);
       line(context, cx - 3, top, cx + 3, top);
       line(context, cx - 3, bottom, cx + 3, bottom);
     }
   }
+}
+
+/// The ends of the horizontal axis.
+export function rangeOfPlaces(curves: readonly Curve[], axes: Axes): [number, number] {
+  if (axes.xRange) return axes.xRange;
+  const ends = curves.filter(({ x }) => x.length > 0).flatMap(({ x }) => [x[0]!, x[x.length - 1]!]);
+  return ends.length > 0 ? [Math.min(...ends), Math.max(...ends)] : [0, 1];
+}
+
+/// The ends of the vertical axis.
+export function rangeOfValues(curves: readonly Curve[], axes: Axes): [number, number] {
+  const [from, to] = rangeOfPlaces(curves, axes);
+  let [least, most] = [Infinity, -Infinity];
+  for (const { x, y, band } of curves) {
+    for (const [i, value] of y.entries()) {
+      if (!Number.isFinite(value) || x[i]! < from || x[i]! > to) continue;
+      const error = band?.[i] ?? 0;
+      least = Math.min(least, value - error);
+      most = Math.max(most, value + error);
+    }
+  }
+  if (least > most) [least, most] = [0, 1];
+  if (axes.log) {
+    const low = 10 ** Math.floor(Math.log10(Math.max(least, FLOOR)) + 1e-9);
+    return [Math.min(low, 0.1), axes.high ?? Math.max(1, most)];
+  }
+  if (axes.low !== undefined) least = Math.min(least, axes.low);
+  if (least === most) [least, most] = least === 0 ? [0, 1] : [least - 0.5 * Math.abs(least), most + 0.5 * Math.abs(most)];
+  const spare = 0.04 * (most - least);
+  // A range that nearly begins at 0 does so.
+  const low = least >= 0 && least - spare < 0 ? 0 : least - spare;
+  return [axes.low ?? low, axes.high ?? most + spare];
 }
 
 function line(context: CanvasRenderingContext2D, x0: number, y0: number, x1: number, y1: number): void {

@@ -1,7 +1,8 @@
 // A field over the hemisphere as a polar disc: the normal in the middle, the horizon at the rim,
 // forward to the right, back toward the light to the left.
 
-import { prepare, type Theme } from "./canvas";
+import { fitCanvas } from "../dom";
+import { type Theme } from "./canvas";
 import { colour, css } from "./colourmap";
 import { bilinear, fold, type Hemisphere } from "./interpolate";
 import { number, ticks } from "./ticks";
@@ -107,7 +108,7 @@ function paint(disc: Disc, diameter: number): HTMLCanvasElement {
 /** Draws the disc with its scale bar; the canvas is as wide as `width` CSS pixels. */
 export function drawDisc(canvas: HTMLCanvasElement, width: number, disc: Disc, look: Theme): void {
   const { radius, x, y, height } = layout(width);
-  const context = prepare(canvas, width, height);
+  const context = fitCanvas(canvas, width, height);
   const ratio = canvas.width / width;
   const key = `${Math.round(2 * radius * ratio)} ${disc.low} ${disc.high}`;
   let kept = picture.get(canvas);

@@ -15,6 +15,16 @@ export function ticks(low: number, high: number, count = 5): number[] {
   return list;
 }
 
+/** The powers of ten from `low` to `high`, and between them where there are few. */
+export function ticksOfLog(low: number, high: number): number[] {
+  const factors = high / low > 150 ? [1] : [1, 2, 5];
+  const list: number[] = [];
+  for (let power = Math.floor(Math.log10(low) + 1e-9); 10 ** power <= high * 1.0001; power++) {
+    for (const factor of factors) list.push(Number((factor * 10 ** power).toPrecision(3)));
+  }
+  return list.filter((tick) => tick >= low * 0.9999 && tick <= high * 1.0001);
+}
+
 /** A number with `digits` significant digits, without an exponent where it is easy to read. */
 export function number(value: number, digits = 3): string {
   if (!Number.isFinite(value)) return Number.isNaN(value) ? "-" : value > 0 ? "infinite" : "-infinite";

@@ -2,6 +2,7 @@
 
 interface Exports {
   memory: WebAssembly.Memory;
+  start(tables: number): void;
   allocate(bytes: number): number;
   release(pointer: number, bytes: number): void;
   answer(json: number, jsonBytes: number, data: number, dataBytes: number): number;
@@ -15,8 +16,10 @@ export interface Answer {
 export class Instance {
   readonly #exports: Exports;
 
-  constructor(module: WebAssembly.Module) {
+  /// `tables` bytes are for tables of grain events.
+  constructor(module: WebAssembly.Module, tables: number) {
     this.#exports = new WebAssembly.Instance(module).exports as unknown as Exports;
+    this.#exports.start(tables);
   }
 
   /// Throws `WebAssembly.RuntimeError` if the engine stops; the instance is then broken.

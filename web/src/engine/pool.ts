@@ -4,6 +4,7 @@
 // together by one of them, which gives the same bits for any number of workers. Quick
 // questions (a check, a colour, a look-up) go to a worker of their own, the desk, so that they
 // never wait behind walks. The desk also keeps opened files.
+import { concatenate } from "../bytes";
 import type { Request, Sample, SampleAnswer, SimulateRequest } from "../messages";
 import { RAYS, Refused, STUCK_MS, type AnswerTo, type Engine } from "../page";
 import type { FromWorker, WorkerLike } from "./protocol";
@@ -278,14 +279,4 @@ export function read(reply: { json: string }): unknown {
     throw new Refused(answer.error, typeof answer.key === "string" ? answer.key : undefined);
   }
   return answer;
-}
-
-export function concatenate(parts: Uint8Array[]): Uint8Array {
-  const all = new Uint8Array(parts.reduce((sum, part) => sum + part.length, 0));
-  let at = 0;
-  for (const part of parts) {
-    all.set(part, at);
-    at += part.length;
-  }
-  return all;
 }

@@ -1,7 +1,7 @@
 // What passes between the pool and a worker.
 
-/// To a worker: first the compiled module, then requests.
-export type ToWorker = { module: WebAssembly.Module } | { id: number; json: string; data: Uint8Array | null };
+/// To a worker: first the compiled module and the memory for its tables, bytes; then requests.
+export type ToWorker = { module: WebAssembly.Module; tables: number } | { id: number; json: string; data: Uint8Array | null };
 
 /// From a worker: an answer, or `trap` if the engine stopped. A worker whose engine has stopped
 /// is of no use any more.

@@ -1,4 +1,5 @@
 // The engine behind `splitsnow serve`: the same messages over HTTP.
+import { base64 } from "../bytes";
 import type { Request } from "../messages";
 import { Gone, Refused, type AnswerTo, type Engine } from "../page";
 import { read } from "./pool";
@@ -58,10 +59,4 @@ export class Server implements Engine {
 /// Whether the page came from `splitsnow serve`.
 export function isServed(): boolean {
   return document.querySelector('meta[name="splitsnow-engine"]')?.getAttribute("content") === "server";
-}
-
-function base64(bytes: Uint8Array): string {
-  let text = "";
-  for (const byte of bytes) text += String.fromCharCode(byte);
-  return btoa(text);
 }

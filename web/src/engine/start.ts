@@ -6,18 +6,32 @@ import { isServed, Server } from "./server";
 // The worker is part of the page's script, so that one can be started without a network.
 import EngineWorker from "./worker?worker&inline";
 
+/// Memory of all workers for tables of grain events, bytes. They share the index nodes, and with
+/// them the tables.
+const TABLES = 320 << 20;
+
 export async function startEngine(): Promise<Engine> {
   return isServed() ? new Server() : local();
 }
 
+/// Lets the page open without a network from the next visit on. `renewed` is called when a new
+/// version of the page replaced the one that is open. `splitsnow serve` needs none of this, and
+/// where a browser refuses (an address without TLS), the page asks the network as before.
+export function keepOffline(renewed: () => void): void {
+  const workers = navigator.serviceWorker as ServiceWorkerContainer | undefined;
+  if (isServed() || !import.meta.env.PROD || !workers) return;
+  if (workers.controller) workers.addEventListener("controllerchange", renewed);
+  workers.register(new URL("sw.js", document.baseURI)).catch(() => undefined);
+}
+
 async function local(): Promise<Engine> {
   const module = await compile(new URL("splitsnow.wasm", document.baseURI));
+  const workers = Math.max(1, Math.min(navigator.hardwareConcurrency || 1, MOST_WORKERS));
   const spawn = (): WorkerLike => {
     const worker = new EngineWorker() as WorkerLike;
-    worker.postMessage({ module });
+    worker.postMessage({ module, tables: Math.floor(TABLES / workers) });
     return worker;
   };
-  const workers = Math.max(1, Math.min(navigator.hardwareConcurrency || 1, MOST_WORKERS));
   return new Pool({ spawn, workers });
 }
 

@@ -7,7 +7,7 @@ let instance: Instance | null = null;
 self.onmessage = (event: MessageEvent<ToWorker>) => {
   const message = event.data;
   if ("module" in message) {
-    instance = new Instance(message.module);
+    instance = new Instance(message.module, message.tables);
     return;
   }
   const { id } = message;

@@ -3,19 +3,18 @@
 import "./databases.css";
 import type { CompactFile, Light, LookupAnswer, Spectrum } from "../messages";
 import { messageOf, namedMessage, RAYS, Refused, REST_MS, type Page } from "../page";
-import { h, isCompact, newId } from "../dom";
-import { NumberField } from "../number";
+import type { Curve } from "../curves";
+import { h, newId } from "../dom";
 import dome from "../../../examples/mitsuba/dome.safetensors?url";
 import snow from "../../../examples/mitsuba/snow.safetensors?url";
 import snows from "../../../examples/mitsuba/snows.safetensors?url";
 import sooty from "../../../examples/mitsuba/sooty.safetensors?url";
-import { Chart, type Curve } from "../draw/chart";
+import { Chart } from "../draw/chart";
 import { bytes as bytesText, grouped, number } from "../draw/ticks";
-import {
-  amongNodes, axisName, axisTicks, boundsWords, brightening, capital, certificate, certificateSource,
-  certificateWords, cssColour, deltaE, errorTable, fromShare, holdsFactors, provenance,
-  quantityName, rmse, rootMeanSquare, size, startPoint, toShare, unitText, valueText, type Axis,
-} from "./databases-data";
+import { aboutFile } from "./databases-about";
+import { axisControl } from "./databases-axis";
+import { comparison, QUANTITIES, swatchElement, type Quantity } from "./databases-colour";
+import { axisName, holdsFactors, quantityName, startPoint, valueText } from "./databases-data";
 
 /// Files that come with the page.
 const EXAMPLES = [
@@ -35,17 +34,6 @@ interface Open {
   /// Whether a look-up has succeeded since the engine read the file. The engine keeps few files,
   /// and none when it is started again; it then gets the bytes again.
   known: boolean;
-}
-
-type Quantity = "reflectance" | "transmittance";
-const QUANTITIES: readonly Quantity[] = ["reflectance", "transmittance"];
-
-interface Swatch {
-  name: string;
-  xyz: number[];
-  lab: number[];
-  linear: number[];
-  clipped: boolean;
 }
 
 /// Returns what opens compact files and shows them.
@@ -110,13 +98,8 @@ export function mount(root: HTMLElement, page: Page): (files: File[]) => void {
   root.addEventListener("dragleave", (event) => {
     if (!root.contains(event.relatedTarget as Node | null)) root.classList.remove("dropping");
   });
-  root.addEventListener("drop", (event) => {
-    root.classList.remove("dropping");
-    const dropped = [...(event.dataTransfer?.files ?? [])].filter(isCompact);
-    if (!dropped.length) return;
-    event.preventDefault();
-    void openAll(dropped);
-  });
+  // The page opens what is dropped.
+  root.addEventListener("drop", () => root.classList.remove("dropping"));
 
   const complain = (text: string | null) => {
     alert.textContent = text ?? "";
@@ -197,14 +180,13 @@ export function mount(root: HTMLElement, page: Page): (files: File[]) => void {
   });
   const lightRow = h("div", { class: "light" }, h("label", { for: lightId }, "Light"), lightSelect);
   const charts = Object.fromEntries(QUANTITIES.map((quantity) => {
-    const host = h("div", { class: "spectrum" });
     const caption = h("figcaption");
     const read = h("output", { class: "read" });
-    const chart = new Chart(host, `Spectrum of ${quantity}`, 220);
+    const chart = new Chart(`Spectrum of ${quantity}`, () => 220);
     chart.onCursor = (nm) => {
       read.textContent = nm === null ? "" : reading(quantity, nm);
     };
-    return [quantity, { chart, caption, read, figure: h("figure", null, caption, host, read) }];
+    return [quantity, { chart, caption, read, figure: h("figure", null, caption, chart.element, read) }];
   })) as Record<Quantity, { chart: Chart; caption: HTMLElement; read: HTMLOutputElement; figure: HTMLElement }>;
   const simulateButton = h("button", { type: "button", class: "primary", onclick: () => void simulate() }, "Simulate here");
   const simulateStatus = h("p", { role: "status", class: "note" });
@@ -315,9 +297,9 @@ export function mount(root: HTMLElement, page: Page): (files: File[]) => void {
     const x = answer!.wavelengths_nm;
     const list: Curve[] = [];
     if (simulated) {
-      list.push({ name: "simulation", colour: "--ink", x: simulated.wavelengths_nm, y: simulated[quantity], se: simulated[`${quantity}_se`], dash: [6, 4] });
+      list.push({ name: "simulation", colour: "--ink", x: simulated.wavelengths_nm, y: simulated[quantity], band: simulated[`${quantity}_se`], dash: [6, 4] });
     }
-    list.unshift({ name: "look-up", colour: `--${quantity}`, x, y: answer![quantity]!, dots: x.length <= 40 });
+    list.unshift({ name: "look-up", colour: `--${quantity}`, x, y: answer![quantity]!, style: x.length <= 40 ? "dots" : "line" });
     return list;
   };
   const reading = (quantity: Quantity, nm: number): string => {
@@ -354,11 +336,11 @@ export function mount(root: HTMLElement, page: Page): (files: File[]) => void {
         name, xyz: got.xyz[i]!, lab: got.lab[i]!, linear: got.linear[i]!, clipped: got.clipped[i]!,
       }));
       swatchHost.replaceChildren(...swatches.map(swatchElement));
-      if (together) compare(together, swatches);
+      if (together) difference.replaceChildren(...comparison(mine, together, swatches, lightSelect.value));
     } catch (error) {
       if (mine !== answer) return;
       swatchHost.replaceChildren(h("p", { class: "note" }, `No colour: ${messageOf(error)}`));
-      if (together) compare(together, []);
+      if (together) difference.replaceChildren(...comparison(mine, together, [], lightSelect.value));
     }
   };
 
@@ -394,23 +376,6 @@ export function mount(root: HTMLElement, page: Page): (files: File[]) => void {
         return;
       }
     }
-  };
-  const compare = (together: Spectrum, swatches: Swatch[]) => {
-    const rows: HTMLElement[] = [];
-    for (const quantity of QUANTITIES) {
-      const values = answer?.[quantity];
-      if (!values) continue;
-      const name = quantity === "reflectance" ? "reflected" : "transmitted";
-      const [here, there] = [name, `${name}, simulated`].map((wanted) => swatches.find((s) => s.name === wanted));
-      rows.push(h("tr", null,
-        h("th", { scope: "row" }, capital(quantity)),
-        h("td", null, here && there ? number(deltaE(here.lab, there.lab), 2) : "-"),
-        h("td", null, number(rmse(values, together[quantity]), 2)),
-        h("td", null, number(rootMeanSquare(together[`${quantity}_se`]), 2))));
-    }
-    difference.replaceChildren(
-      table(`Look-up against simulation, light ${lightSelect.value}`, ["Quantity", "Delta-E (CIE 1976)", "RMSE", "Standard error"], rows),
-      h("p", { class: "note" }, "The RMSE and the standard error (root mean square) are over the wavelengths of the file. An RMSE of the size of the standard error is the noise of this simulation."));
   };
 
   // ---- what a link or undo asks for
@@ -455,165 +420,4 @@ export function mount(root: HTMLElement, page: Page): (files: File[]) => void {
 
 function same(a: Uint8Array, b: Uint8Array): boolean {
   return a.length === b.length && a.every((byte, i) => byte === b[i]);
-}
-
-/// A slider with its nodes, a field for exact numbers, and where the value lies.
-function axisControl(axis: Axis, get: () => number, set: (value: number) => void): { element: HTMLElement; refresh(): void } {
-  const steps = 1000;
-  const [listId, whereId] = [newId("nodes"), newId("where")];
-  const unit = unitText(axis.unit);
-  const slider = h("input", { type: "range", min: "0", max: String(steps), step: "1", "aria-label": `${axisName(axis.name)}, ${unit}`, "aria-describedby": whereId });
-  slider.setAttribute("list", listId);
-  const shares = axisTicks(axis);
-  const list = h("datalist", { id: listId }, ...shares.map((share) => h("option", { value: String(Math.round(share * steps)) })));
-  const marks = h("div", { class: "nodes", "aria-hidden": "true" });
-  for (const [i, share] of shares.entries()) {
-    const mark = h("button", { type: "button", class: "node", tabIndex: -1, title: `Node: ${valueText(axis, axis.values[i]!)}` });
-    mark.style.setProperty("--at", String(share));
-    mark.addEventListener("click", () => {
-      set(axis.values[i]!);
-      refresh();
-    });
-    marks.append(mark);
-  }
-  const where = h("small", { id: whereId, class: "where" });
-  const move = (value: number) => {
-    set(value);
-    refresh();
-  };
-  slider.addEventListener("input", () => move(fromShare(axis, slider.valueAsNumber / steps)));
-  slider.addEventListener("keydown", (event) => {
-    const now = get();
-    const by = { ArrowRight: 0.01, ArrowUp: 0.01, ArrowLeft: -0.01, ArrowDown: -0.01 }[event.key];
-    let next: number | undefined;
-    if (by !== undefined) next = fromShare(axis, Math.min(1, Math.max(0, toShare(axis, now) + by)));
-    // From node to node.
-    else if (event.key === "PageUp") next = axis.values.find((node) => node > now);
-    else if (event.key === "PageDown") next = axis.values.findLast((node) => node < now);
-    else return;
-    event.preventDefault();
-    if (next !== undefined) move(next);
-  });
-  const [low, high] = [axis.values[0]!, axis.values.at(-1)!];
-  // A hundredth of the range, as a round number.
-  const step = 10 ** Math.floor(Math.log10((high - low) / 20));
-  const field = new NumberField({ step, low, high, describedBy: whereId, set: move });
-  const refresh = () => {
-    const value = get();
-    slider.value = String(Math.round(toShare(axis, value) * steps));
-    field.show(value);
-    slider.setAttribute("aria-valuetext", valueText(axis, value));
-    where.textContent = amongNodes(axis, value);
-  };
-  refresh();
-  const element = h("div", { class: "axis" },
-    h("div", { class: "head" },
-      h("label", { for: field.input.id }, axisName(axis.name)),
-      h("span", { class: "exact" }, field.input, h("span", { class: "unit" }, unit === "1" ? "(unit 1)" : unit))),
-    h("div", { class: "track" }, slider, marks), list, where, field.message);
-  return { element, refresh };
-}
-
-function swatchElement({ name, xyz, linear, lab, clipped }: Swatch): HTMLElement {
-  const factor = brightening(xyz[1]!);
-  const patch = h("div", { class: "patch" });
-  patch.style.background = cssColour(linear);
-  const patches = h("div", { class: "patches" }, patch);
-  if (factor > 1) {
-    const bright = h("div", { class: "patch" });
-    bright.style.background = cssColour(linear, factor);
-    patches.append(bright);
-  }
-  const beyond = linear.some((part) => part < -0.001 || factor * part > 1.001);
-  const lines = [
-    `Y ${number(xyz[1]!)} of white`,
-    `L* ${number(lab[0]!)}, a*\u00a0${number(lab[1]!)}, b*\u00a0${number(lab[2]!)}`,
-    ...(factor > 1 ? [`right: brightened ${number(factor)} times`] : []),
-    ...(clipped || beyond ? ["outside sRGB: the nearest colour is shown"] : []),
-  ];
-  return h("figure", { class: "swatch" }, patches,
-    h("figcaption", null, h("b", null, capital(name)), ...lines.map((line) => h("span", null, line))));
-}
-
-function table(caption: string, heads: string[], rows: HTMLElement[]): HTMLElement {
-  return h("div", { class: "scroll" },
-    h("table", null, h("caption", null, caption),
-      h("thead", null, h("tr", null, ...heads.map((head) => h("th", { scope: "col" }, head)))),
-      h("tbody", null, ...rows)));
-}
-
-function triples(value: [number, number, number] | null): string[] {
-  return value ? value.map((part) => number(part, 2)) : ["-", "-", "-"];
-}
-
-/// What a file says about itself.
-function aboutFile(file: CompactFile): HTMLElement[] {
-  const { metadata } = file;
-  const parts: HTMLElement[] = [];
-
-  const certified = certificate(metadata);
-  const section = h("section", { class: "certificate" }, h("h3", null, "Certificate"));
-  if (certified) {
-    section.append(
-      h("p", null, certificateSource(certified)),
-      h("ul", null, ...certified.quantities.flatMap(certificateWords).map((line) => h("li", null, line))),
-      h("p", { class: "note" }, "Delta-E is the distance of two colours in CIELAB. RMSE is the root mean square difference over the wavelengths of a spectrum. Smaller is better; side by side, an eye sees differences from about 2 Delta-E."));
-    const bounds = boundsWords(metadata);
-    if (bounds.length) section.append(h("ul", null, ...bounds.map((line) => h("li", null, line))));
-    for (const quantity of certified.quantities) {
-      const rows = [{ name: "Total", meaning: "look-up against simulation", ...quantity.total }, ...quantity.parts];
-      section.append(h("details", null, h("summary", null, `${capital(quantity.quantity)}: where the error comes from`),
-        table("Mean, 95th percentile and largest",
-          ["Part", "Delta-E mean", "95 %", "max", "RMSE mean", "95 %", "max"],
-          rows.map((row) => h("tr", null,
-            h("th", { scope: "row" }, row.name, h("small", null, row.meaning)),
-            ...[...triples(row.delta_e), ...triples(row.rmse)].map((cell) => h("td", null, cell))))),
-        quantity.worst.length ? h("p", null, "The worst points:") : null,
-        h("ul", null, ...quantity.worst.map(({ at, delta_e, rmse: off }) => h("li", null,
-          `${at}: ${[delta_e === null ? "" : `Delta-E ${number(delta_e, 2)}`, off === null ? "" : `RMSE ${number(off, 2)}`].filter(Boolean).join(", ")}`)))));
-    }
-  } else {
-    section.append(h("p", null, "This file has no error budget: nobody has compared it with fresh simulations. `splitsnow verify` does so and writes the result into the file."));
-    const bounds = boundsWords(metadata);
-    if (bounds.length) section.append(h("ul", null, ...bounds.map((line) => h("li", null, line))));
-  }
-  parts.push(section);
-
-  const rows = errorTable(metadata);
-  if (rows.length) {
-    parts.push(h("section", null, h("h3", null, "Compression"),
-      table("Errors of the curves on the nodes, by number of components; the file has the rows marked *",
-        ["Quantity", "Components", "Delta-E mean", "max", "RMSE mean", "max"],
-        rows.map((row) => h("tr", row.chosen ? { class: "chosen" } : null,
-          h("th", { scope: "row" }, quantityName(metadata, row.quantity)),
-          h("td", null, `${row.components}${row.chosen ? " *" : ""}`),
-          ...[row.delta_e, row.rmse].flatMap((errors) => (errors ? [errors.mean, errors.max] : [null, null]))
-            .map((value) => h("td", null, value === null ? "-" : number(value, 2))))))));
-  }
-
-  const { curves, spectraBytes, metadataBytes } = size(file);
-  const [first, last] = [file.wavelengths_nm[0]!, file.wavelengths_nm.at(-1)!];
-  const facts: [string, string][] = [
-    ["File", `${file.name}, ${bytesText(file.bytes)}, of which ${bytesText(metadataBytes)} describe it`],
-    ["Curves", `${grouped(curves)}: every combination of the nodes, for each quantity`],
-    ["Wavelengths", `${file.wavelengths_nm.length}, from ${number(first, 4)} to ${number(last, 4)} nm`],
-    ...file.quantities.map(({ name, components }): [string, string] =>
-      [quantityName(metadata, name), `${components} ${components === 1 ? "component" : "components"}`]),
-    ["Basis, precision", `${file.basis}, ${file.precision}`],
-    ["Spectra as float32", bytesText(spectraBytes)],
-    ...(metadata.between_wavelengths ? [["Between wavelengths", metadata.between_wavelengths] as [string, string]] : []),
-  ];
-  parts.push(h("section", null, h("h3", null, "Size"), definitions(facts)));
-
-  const origin = provenance(metadata);
-  const rest = Object.entries(metadata).filter(([key]) =>
-    !["certificate", "error_budget", "error_table", "provenance", "bounds", "scene"].includes(key));
-  parts.push(h("section", null, h("h3", null, "Provenance"), definitions(origin),
-    metadata.scene ? h("details", null, h("summary", null, "Scene that the file was made for"), h("pre", null, metadata.scene)) : null,
-    h("details", null, h("summary", null, "Other metadata"), definitions(rest.map(([key, value]) => [key, value.slice(0, 2000)])))));
-  return parts;
-}
-
-function definitions(list: readonly [string, string][]): HTMLElement {
-  return h("dl", null, ...list.flatMap(([term, text]) => [h("dt", null, term), h("dd", null, text)]));
 }

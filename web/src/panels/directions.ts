@@ -90,12 +90,12 @@ export function mount(root: HTMLElement, page: Page): void {
     h("label", { for: viewField.input.id }, "View, \u00b0"), viewField.input, azimuthLabel, azimuthField.input, at,
     viewField.message, azimuthField.message);
   const discFigure = h("figure", {}, discHost);
-  const planeHost = h("div", { class: "plane" });
-  const plane = new Chart(planeHost, "Principal plane", 300);
+  const plane = new Chart("Principal plane", () => 300);
   const planeCaption = h("figcaption");
-  const planeFigure = h("figure", {}, planeCaption, planeHost);
+  const planeFigure = h("figure", {}, planeCaption, plane.element);
   const note = h("p", { class: "note" });
-  root.append(h("h2", null, "Directions"), controls, alert, heading, progress, h("div", { class: "figures" }, discFigure, planeFigure), probe, note);
+  const results = h("div", { hidden: true }, h("div", { class: "figures" }, discFigure, planeFigure), probe, note);
+  root.append(h("h2", null, "Directions"), controls, alert, heading, progress, results);
 
   const draw = () => {
     side.value = now.side;
@@ -107,6 +107,7 @@ export function mount(root: HTMLElement, page: Page): void {
     const diffuse = answer ? beam === null : incidence(page.state.get().sample) === null;
     factor.rename("brf", names(diffuse, now.side, "brf").short);
     if (!answer) return;
+    results.hidden = false;
     chosen = choose(answer, now);
     const { short, full } = names(diffuse, now.side, now.factor);
     const isError = now.show === "se";
@@ -125,13 +126,13 @@ export function mount(root: HTMLElement, page: Page): void {
     if (beam !== null && now.side === "reflected") marks.push({ x: -beam, name: "sun" });
     if (beam !== null && now.side === "transmitted") marks.push({ x: beam, name: "beam" });
     plane.set(
-      [{ name: short, colour: now.side === "reflected" ? "--reflectance" : "--transmittance", x, y, points: true, ...(isError ? {} : { se: errors }) }],
+      [{ name: short, colour: now.side === "reflected" ? "--reflectance" : "--transmittance", x, y, style: "smooth", ...(isError ? {} : { band: errors }) }],
       {
         x: axis, y: `${isError ? "standard error of " : ""}${short}, unit 1`,
         xRange: diffuse ? [0, 90] : [-90, 90],
         xTicks: diffuse ? [0, 15, 30, 45, 60, 75, 90] : [-90, -60, -30, 0, 30, 60, 90],
         marks,
-        ...(isError ? { yHolds: [0] } : {}),
+        ...(isError ? { low: 0 } : {}),
       },
     );
     planeCaption.textContent = diffuse
@@ -286,10 +287,8 @@ export function mount(root: HTMLElement, page: Page): void {
   };
 
   page.state.subscribe((state, changed) => {
-    if (changed.has("directions")) {
-      now = settings(state.directions);
-      draw();
-    }
+    if (changed.has("directions")) now = settings(state.directions);
+    if (changed.has("directions") || (!answer && changed.has("sample"))) draw();
     void ask();
   });
   draw();

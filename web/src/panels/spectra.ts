@@ -1,8 +1,8 @@
 // The panel "Spectra": reflectance, transmittance and absorptance over wavelength.
-import { Chart, type Axes } from "../chart";
 import { choice, segments, text } from "../controls";
 import { bandOf, curveOf, DASHES, NAMES, QUANTITIES, type Curve } from "../curves";
 import { fileDrop, h } from "../dom";
+import { Chart, type Axes } from "../draw/chart";
 import { MOST_HELD, type HeldCurves } from "../held";
 import type { Page } from "../page";
 import { MeasuredPanel } from "../spectra/measured";
@@ -42,15 +42,12 @@ export function mount(root: HTMLElement, page: Page, held: HeldCurves): (file: F
     readAt = Number(reader.value);
     read();
   });
-  const chart = new Chart({
-    label: "Share of the incident light",
-    height: (width) => Math.round(Math.max(260, Math.min(width * 0.62, Math.max(360, window.innerHeight - 400)))),
-    onCursor: (nm) => {
-      if (nm === null) return;
-      readAt = nm;
-      read();
-    },
-  });
+  const chart = new Chart("Spectra", (width) => Math.round(Math.max(260, Math.min(width * 0.62, Math.max(360, window.innerHeight - 400)))));
+  chart.onCursor = (nm) => {
+    if (nm === null) return;
+    readAt = nm;
+    read();
+  };
 
   function read(): void {
     const spectrum = page.shown.value?.spectrum;
@@ -106,7 +103,7 @@ export function mount(root: HTMLElement, page: Page, held: HeldCurves): (file: F
 
   const draw = () => {
     if (root.hidden) return;
-    chart.draw(curvesOf(page, held, measured), axesOf(page));
+    chart.set(curvesOf(page, held, measured), axesOf(page));
   };
   const refresh = () => {
     range.refresh();
@@ -162,14 +159,14 @@ export function curvesOf(page: Page, held: HeldCurves, measured: MeasuredPanel |
     }
   });
   const answer = measured?.answer.value;
-  if (answer) curves.push({ name: "Measured", x: answer.wavelengths_nm, y: answer.values, colour: "--measured", points: true });
+  if (answer) curves.push({ name: "Measured", x: answer.wavelengths_nm, y: answer.values, colour: "--measured", style: "points" });
   return curves;
 }
 
 export function axesOf(page: Page): Axes {
   const { scale, shown } = page.state.get();
   const whole = shown.reflectance || shown.absorptance;
-  return { scale, low: scale === "linear" ? 0 : null, high: whole ? (scale === "linear" ? 1 : 1) : null };
+  return { x: "wavelength, nm", y: "share of the incident light", ...(scale === "log" ? { log: true } : { low: 0 }), ...(whole ? { high: 1 } : {}) };
 }
 
 function withError(value: number, half: number): string {

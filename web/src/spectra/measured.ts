@@ -1,6 +1,6 @@
 // A measured file beside the simulation: residuals, and errors by band.
-import { Chart } from "../chart";
 import { h } from "../dom";
+import { Chart } from "../draw/chart";
 import type { Measured, Statistics } from "../messages";
 import { Value } from "../observable";
 import { namedMessage, type MeasuredFile, type Page } from "../page";
@@ -13,7 +13,7 @@ export class MeasuredPanel {
   readonly element = h("section", { class: "measured", hidden: true });
   readonly answer = new Value<Measured | null>(null);
   readonly #page: Page;
-  readonly #chart = new Chart({ label: "Simulated − measured", height: () => 180 });
+  readonly #chart = new Chart("Simulated − measured", () => 180);
   readonly #content = h("div");
 
   constructor(page: Page) {
@@ -90,12 +90,12 @@ export class MeasuredPanel {
     this.#chart.element.hidden = kept.length < 2;
     if (kept.length >= 2) {
       const x = kept.map((r) => r.nm);
-      this.#chart.draw(
+      this.#chart.set(
         [
           { name: "zero", x, y: x.map(() => 0), colour: "--muted", dash: [4, 4] },
-          { name: "residual", x, y: kept.map((r) => r.residual), colour: "--measured", points: true },
+          { name: "residual", x, y: kept.map((r) => r.residual), colour: "--measured", style: "points" },
         ],
-        { scale: "linear", low: null, high: null },
+        { x: "wavelength, nm", y: "simulated − measured" },
       );
     }
     this.answer.set(answer);

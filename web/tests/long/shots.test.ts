@@ -3,7 +3,7 @@
 import { join } from "node:path";
 import { afterAll, beforeAll, expect, test } from "vitest";
 import type { Browser } from "playwright-core";
-import { answered, launch, open, OUT, serve } from "./browser";
+import { answered, launch, open, OUT, serve } from "../browser";
 
 let browser: Browser;
 let site: Awaited<ReturnType<typeof serve>>;
@@ -16,7 +16,7 @@ afterAll(async () => {
   site?.server.close();
 });
 
-const SIZES = { desktop: { width: 1280, height: 900 }, phone: { width: 360, height: 740 } };
+const SIZES = { desktop: { width: 1280, height: 860 }, phone: { width: 360, height: 740 } };
 for (const [size, viewport] of Object.entries(SIZES)) {
   for (const colorScheme of ["light", "dark"] as const) {
     test(`${size}, ${colorScheme}`, async () => {
@@ -35,10 +35,21 @@ for (const [size, viewport] of Object.entries(SIZES)) {
       await answered(page);
       for (const name of ["snow", "spectra", "colour", "directions", "databases", "take"]) {
         if (name === "snow" && size === "desktop") continue;
+        // A disc needs the sun.
+        if (name === "directions") {
+          await choose("representative");
+          await page.evaluate(() => {
+            const slider = document.querySelector<HTMLInputElement>('[data-key="illumination"] input[type="range"]')!;
+            slider.value = "50";
+            slider.dispatchEvent(new Event("input", { bubbles: true }));
+          });
+        }
         await page.click(`#tab-${name}`);
-        await page.waitForTimeout(name === "colour" || name === "directions" ? 4000 : 400);
         if (name === "colour") await page.waitForFunction(() => /falls from/.test(document.querySelector(".wedge")?.getAttribute("aria-label") ?? ""));
-        await page.screenshot({ path: join(OUT, `${size}-${colorScheme}-${name}.png`), fullPage: size === "phone" });
+        if (name === "directions") await page.locator("#panel-directions .progress", { hasText: /^16.384 walks per/ }).waitFor({ timeout: 100_000 });
+        if (name === "databases") await page.locator("#panel-databases .swatch").first().waitFor();
+        await page.waitForTimeout(500);
+        await page.screenshot({ path: join(OUT, `${size}-${colorScheme}-${name}.png`) });
         // Nothing is wider than the screen.
         expect(await page.evaluate(() => document.documentElement.scrollWidth)).toBeLessThanOrEqual(viewport.width);
       }
