@@ -30,7 +30,7 @@ pub enum SensorError {
     /// The file does not hold readable numbers.
     #[error("{}", .0.without_choices())]
     Spectrum(#[from] SpectrumError),
-    /// Numbers that do not form a sensor or solar spectrum.
+    /// Numbers that do not form a sensor.
     #[error(
         "{file}{}: {reason}\n  help: give wavelengths in nm and a column of responses for each band; or rows of band,wavelength_nm,response, of band,centre_nm,fwhm_nm, or of band,from_nm,to_nm", .line.map_or(String::new(), |line| format!(":{line}"))
     )]
@@ -41,6 +41,14 @@ pub enum SensorError {
         line: Option<u64>,
         /// The defect.
         reason: String,
+    },
+    /// Numbers that do not form a solar spectrum.
+    #[error(
+        "{name}: a solar spectrum needs at least two wavelengths, increasing, and a power of 0 or more at each\n  help: give a table with wavelengths in nm and a column of power"
+    )]
+    Sun {
+        /// Name of the file or spectrum.
+        name: String,
     },
     /// The sensor has no such band.
     #[error("{sensor} has no band `{band}`; its bands are {bands}")]

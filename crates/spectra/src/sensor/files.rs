@@ -13,6 +13,7 @@ struct BandRow {
     band: String,
     wavelength_nm: Option<f64>,
     response: Option<f64>,
+    #[serde(alias = "center_nm")]
     centre_nm: Option<f64>,
     fwhm_nm: Option<f64>,
     from_nm: Option<f64>,
@@ -33,9 +34,11 @@ pub(super) fn bands(file: &str, bytes: &[u8]) -> Result<Vec<SpectralResponse>, S
         .split(char::from(separator))
         .next()
         .unwrap_or_default();
-    match first.trim().trim_matches('"') {
-        "band" => by_rows(file, text, separator),
-        _ => by_columns(file, bytes),
+    let first = first.trim().trim_matches('"');
+    // the other reader also refuses what is too long
+    match first.eq_ignore_ascii_case("band") && bytes.len() as u64 <= measured::MAX_BYTES {
+        true => by_rows(file, text, separator),
+        false => by_columns(file, bytes),
     }
 }
 
@@ -46,6 +49,10 @@ fn by_rows(file: &str, text: &str, separator: u8) -> Result<Vec<SpectralResponse
         .delimiter(separator)
         .trim(csv::Trim::All)
         .from_reader(text.as_bytes());
+    if let Ok(names) = reader.headers() {
+        let names = names.iter().map(str::to_lowercase).collect();
+        reader.set_headers(names);
+    }
     let mut bands = Vec::new();
     // name and points of the band that is being read
     let mut open: Option<(String, Vec<f64>, Vec<f64>)> = None;
@@ -173,6 +180,7 @@ mod tests {
                 "band,from_nm,to_nm\nB1,500,510\nB1,520,530\n",
                 "two bands have the name `B1`",
             ),
+            ("band,from_nm,to_nm\n,500,510\n", "needs a name"),
             ("nm,B1\n500,0\n510,0\n", "`B1` has no response above 0"),
             ("nm,B1\n500,-3\n510,-2\n", "not a valid relative power"),
         ] {

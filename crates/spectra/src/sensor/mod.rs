@@ -25,7 +25,11 @@ mod files;
 mod response;
 mod sun;
 
+use std::fs::File;
+use std::io::Read;
 use std::path::Path;
+
+use crate::spectrum::measured::MAX_BYTES;
 
 pub use averages::{BandAverages, MAX_GAP_NM};
 pub use error::SensorError;
@@ -113,10 +117,13 @@ impl Sensor {
         if let Some((_, table)) = BUILT_IN.iter().find(|(built_in, _)| *built_in == name) {
             return Self::parse(name, table.as_bytes());
         }
-        let bytes = std::fs::read(name).map_err(|error| SensorError::UnknownSensor {
-            name: name.to_owned(),
-            reason: error.to_string(),
-        })?;
+        let mut bytes = Vec::new();
+        File::open(name)
+            .and_then(|file| file.take(MAX_BYTES + 1).read_to_end(&mut bytes))
+            .map_err(|error| SensorError::UnknownSensor {
+                name: name.to_owned(),
+                reason: error.to_string(),
+            })?;
         Self::parse(name, &bytes)
     }
 
@@ -153,6 +160,14 @@ impl Sensor {
         &self.name
     }
 
+    /// Of a built-in sensor, where its responses are from.
+    #[must_use]
+    pub fn about(&self) -> Option<&'static str> {
+        let mut all = BUILT_IN.iter();
+        let (_, table) = all.find(|(name, _)| *name == self.name)?;
+        table.lines().next()?.strip_prefix("# ")
+    }
+
     /// Its bands, at least one.
     #[must_use]
     pub fn bands(&self) -> &[SpectralResponse] {
@@ -164,12 +179,16 @@ impl Sensor {
     #[must_use]
     pub fn wavelengths_nm(&self, step_nm: f64, range_nm: (f64, f64)) -> Vec<f64> {
         let mut steps: Vec<i64> = Vec::new();
+        let (first, last) = range_nm;
         for band in &self.bands {
             let (from, to) = band.range_nm();
+            let (from, to) = (from.max(first), to.min(last));
+            if from > to {
+                continue;
+            }
             steps.extend((from / step_nm).floor() as i64..=(to / step_nm).ceil() as i64);
         }
         steps.sort_unstable();
-        let (first, last) = range_nm;
         let mut nm: Vec<f64> = steps
             .into_iter()
             .map(|step| (step as f64 * step_nm).clamp(first, last))
@@ -222,7 +241,12 @@ mod tests {
         let band = |from, to| SpectralResponse::rectangle("b", from, to).unwrap();
         let sensor = Sensor {
             name: "s".into(),
-            bands: vec![band(352.0, 358.0), band(411.0, 420.0), band(2496.0, 2500.0)],
+            bands: vec![
+                band(352.0, 358.0),
+                band(411.0, 420.0),
+                band(2496.0, 900_000.0),
+                band(3000.0, 3100.0),
+            ],
         };
         assert_eq!(
             sensor.wavelengths_nm(5.0, (350.0, 2498.0)),

@@ -3,10 +3,12 @@ use crate::spectrum::Table;
 
 /// Half width of a Gaussian response in standard deviations; beyond, it counts as 0.
 const GAUSSIAN_SD: f64 = 3.0;
+/// Longest wavelength of a response, nm.
+const LONGEST_NM: f64 = 1e6;
 /// Points of a Gaussian response, between which it is linear.
 const GAUSSIAN_POINTS: usize = 121;
 
-/// The response of a band to light, relative to any unit: linear between its wavelengths and 0
+/// The response of a band to light, relative to the largest: linear between its wavelengths and 0
 /// outside them.
 #[derive(Debug, Clone, PartialEq)]
 pub struct SpectralResponse {
@@ -18,12 +20,15 @@ impl SpectralResponse {
     /// A response at `wavelengths_nm`, nm.
     ///
     /// # Errors
-    /// The defect, if the wavelengths are not finite, positive and strictly increasing, a response
-    /// is negative or not finite, or all are 0.
+    /// The defect, if the wavelengths are not within 0 to 1e6 nm and strictly increasing, a response
+    /// is negative or not finite, all are 0, or the name is empty or has control characters.
     pub fn new(name: &str, wavelengths_nm: &[f64], response: &[f64]) -> Result<Self, String> {
         let refuse = |reason: &str| Err(format!("the band `{name}` {reason}"));
         if let Some(wrong) = response.iter().find(|r| !(r.is_finite() && **r >= 0.0)) {
             return refuse(&format!("has a response of {wrong}; allowed is 0 or more"));
+        }
+        if name.is_empty() || name.contains(char::is_control) {
+            return refuse("needs a name without control characters");
         }
         // one 0 at either end is kept, to which the response falls linearly
         let is_used = |r: &f64| *r > 0.0;
@@ -35,12 +40,19 @@ impl SpectralResponse {
         };
         let used = first.saturating_sub(1)..(last + 2).min(response.len());
         let nm = wavelengths_nm.get(used.clone()).unwrap_or_default();
-        match Table::from_column(nm, &response[used]) {
-            Some(table) if nm.first().is_some_and(|nm| *nm > 0.0) => Ok(Self {
+        let largest = response.iter().copied().fold(0.0, f64::max);
+        let response: Vec<f64> = response[used].iter().map(|r| r / largest).collect();
+        let inside = nm
+            .iter()
+            .all(|nm| (f64::MIN_POSITIVE..=LONGEST_NM).contains(nm));
+        match Table::from_column(nm, &response) {
+            Some(table) if inside => Ok(Self {
                 name: name.to_owned(),
                 table,
             }),
-            _ => refuse("needs at least two wavelengths, above 0 nm and increasing"),
+            _ => {
+                refuse("needs at least two wavelengths, above 0 nm, at most 1e6 nm and increasing")
+            }
         }
     }
 
@@ -128,6 +140,7 @@ mod tests {
             (vec![500.0, 400.0], vec![1.0, 1.0], "increasing"),
             (vec![-5.0, 400.0], vec![1.0, 1.0], "above 0 nm"),
             (vec![400.0], vec![1.0], "at least two"),
+            (vec![400.0, 2e6], vec![1.0, 1.0], "at most 1e6 nm"),
             (vec![400.0, f64::NAN], vec![1.0, 1.0], "at least two"),
         ] {
             let error = SpectralResponse::new("b", &nm, &response).unwrap_err();

@@ -50,9 +50,10 @@ impl SolarSpectrum {
             }
             path => return Self::read(path),
         };
-        let malformed = |reason| SensorError::malformed(name_or_path, None, reason);
         let table = Table::parse(name_or_path, text, header);
-        let table = table.map_err(|error| malformed(error.to_string()))?;
+        let table = table.map_err(|_| SensorError::Sun {
+            name: name_or_path.to_owned(),
+        })?;
         let sun = Self::new(name_or_path, table.abscissae(), table.column(column))?;
         Ok(Self {
             is_whole: true,
@@ -77,7 +78,7 @@ impl SolarSpectrum {
     /// A spectrum of `power`, in any unit, at `wavelengths_nm`, nm.
     ///
     /// # Errors
-    /// [`SensorError::Malformed`] if the wavelengths are not finite and strictly increasing, or a
+    /// [`SensorError::Sun`] if the wavelengths are not finite and strictly increasing, or a
     /// power is negative or not finite.
     pub fn new(name: &str, wavelengths_nm: &[f64], power: &[f64]) -> Result<Self, SensorError> {
         let table = Table::from_column(wavelengths_nm, power);
@@ -87,10 +88,9 @@ impl SolarSpectrum {
                 table,
                 is_whole: false,
             }),
-            None => {
-                let reason = "a solar spectrum needs at least two wavelengths, increasing, and for each a power of 0 or more";
-                Err(SensorError::malformed(name, None, reason.into()))
-            }
+            None => Err(SensorError::Sun {
+                name: name.to_owned(),
+            }),
         }
     }
 
