@@ -61,10 +61,15 @@ peers:
         cargo run --release -- simulate examples/peers/$sample.toml > examples/peers/data/$sample.csv; \
     done
     cargo run --release --example kernel -- examples/peers/clean.toml > examples/peers/data/kernel.csv
+    for sun in astm_global astm_direct subarctic_winter; do \
+        cargo run --release -- simulate examples/peers/clean.toml --bands broadband --sun $sun \
+            > examples/peers/data/broadband_$sun.csv; \
+    done
     python3 -m venv target/peers
     target/peers/bin/pip install -r examples/peers/requirements.txt
     target/peers/bin/python examples/peers/tartes_albedo.py --out docs/peers
     target/peers/bin/python examples/peers/disort.py --out docs/peers
+    target/peers/bin/python examples/peers/broadband.py
     UPDATE_GOLDEN=1 cargo test --release --test pipeline pages::tables_beside
 
 # Regenerate the picture of the README

@@ -108,7 +108,7 @@
 //! | `atomic`, `host` | atomic writing of files; identification of processes |
 //! | `accuracy`, `sampling` | root mean squares and summaries of errors; random streams of checks |
 //! | [`parameter`], [`lookup`] | the axes of a database; reading of compact files and interpolation |
-//! | [`spectrum`], [`optics`], [`colour`] | tabulated functions of wavelength; refractive indices; Fresnel and Snell; CIELAB |
+//! | [`spectrum`], [`optics`], [`colour`], [`sensor`] | tabulated functions of wavelength; refractive indices; Fresnel and Snell; CIELAB; bands of sensors |
 //! | [`grain`] | distributions of grain size and shape, interaction of a ray with a grain, mean free distance |
 //! | [`transport`] | the snow sample and the walk of a ray through it |
 //! | [`table`] | tables of sampled grain events; walks that draw events from them |
@@ -186,7 +186,7 @@ pub use splitsnow_lookup::{
     self as lookup, Database, Lookup, Parameter, Point, Quantity, parameter,
 };
 pub use splitsnow_model::{engine, grain, math, measurement, optics, rng, slab, table, transport};
-pub use splitsnow_spectra::{colour, elementary, simd, spectrum, units};
+pub use splitsnow_spectra::{colour, elementary, sensor, simd, spectrum, units};
 
 /// Compiles and runs the examples of the README as documentation tests.
 #[cfg(doctest)]

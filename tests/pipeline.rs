@@ -6,6 +6,7 @@
 mod against;
 mod api;
 mod axes;
+mod bands;
 mod c_header;
 mod cli;
 mod compact;

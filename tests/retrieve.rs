@@ -299,6 +299,7 @@ fn several_spectra_share_the_unknowns() {
         free: &[],
         fix: &[],
         noise: NoiseModel::default(),
+        bands: None,
     };
     let setup = Setup::new(&request).unwrap();
     let found = setup.retrieve(&database, 1, None).unwrap();

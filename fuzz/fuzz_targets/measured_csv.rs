@@ -1,8 +1,9 @@
 //! For any bytes, a measured spectrum is refused with a message, or read with possible
-//! values at increasing wavelengths.
+//! values at increasing wavelengths. The same for responses of a sensor.
 #![no_main]
 use libfuzzer_sys::fuzz_target;
 use splitsnow::comparison::{Exclusion, Hints, MeasuredSpectrum, VALUES};
+use splitsnow::sensor::Sensor;
 use splitsnow::spectrum::measured::{Content, ReadOptions, parse};
 
 fuzz_target!(|bytes: &[u8]| {
@@ -23,5 +24,13 @@ fuzz_target!(|bytes: &[u8]| {
         let mut pairs = curve.samples.windows(2);
         assert!(pairs.all(|pair| pair[0].nm < pair[1].nm));
         assert!(curve.samples.iter().all(|s| s.nm > 0.0 && s.value >= 0.0));
+    }
+    if let Ok(sensor) = Sensor::parse("fuzz.csv", bytes) {
+        for band in sensor.bands() {
+            let (from, to) = band.range_nm();
+            assert!(0.0 < from && from < to && to.is_finite());
+            assert!((from - 1e-6..=to + 1e-6).contains(&band.centre_nm()));
+        }
+        assert!(sensor.wavelengths_nm(5.0, (350.0, 2500.0)).len() <= 431);
     }
 });

@@ -10,9 +10,10 @@ A database is a compact file written by ``splitsnow build`` or ``splitsnow tailo
 
 Wavelengths are in nm; reflectance and transmittance are dimensionless, in [0, 1].
 :class:`Directions` looks up the light toward a view. :func:`retrieve` finds the snow of measured
-spectra.
+spectra. :func:`bands` averages spectra over the bands of satellites.
 """
 
+from ._bands import Bands, bands
 from ._colour import lab, srgb, swatch, xyz
 from ._database import Database
 from ._directions import Directions
@@ -22,11 +23,13 @@ from ._retrieval import Retrieval, retrieve
 from ._simulation import Simulation, simulate
 
 __all__ = [
+    "Bands",
     "Database",
     "Directions",
     "Retrieval",
     "Simulation",
     "__version__",
+    "bands",
     "lab",
     "retrieve",
     "simd",

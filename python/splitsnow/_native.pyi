@@ -9,6 +9,7 @@ __all__ = [
     "Database",
     "Directions",
     "VERSION",
+    "bands",
     "colours",
     "illuminant",
     "parameters",
@@ -22,6 +23,9 @@ VERSION: Final[str]
 def simd() -> str:
     """The instruction set in use: ``SPLITSNOW_SIMD`` or the best of this processor."""
 
+def bands(
+    sensor: str, wavelengths_nm: list[float], sun: str
+) -> list[tuple[str, float, float, float, list[float]]]: ...
 def parameters() -> list[tuple[str, str, str]]: ...
 
 _Viewing = tuple[str, Any]  # colour space; name of an illuminant, or wavelengths and power

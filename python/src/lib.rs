@@ -1,5 +1,6 @@
 //! The compiled part of the Python package `splitsnow`. The Python part, with the
 //! documentation for users, is in `python/splitsnow`.
+mod bands;
 mod cache;
 mod colour;
 mod database;
@@ -24,6 +25,8 @@ fn simd() -> PyResult<&'static str> {
 /// The compiled part of `splitsnow`.
 #[pymodule]
 mod _native {
+    #[pymodule_export]
+    use crate::bands::bands;
     #[pymodule_export]
     use crate::colour::{colours, illuminant};
     #[pymodule_export]

@@ -1,8 +1,10 @@
 //! `splitsnow export`: converts a database or compact file to other formats.
+use std::fmt::Write;
 use std::path::{Path, PathBuf};
 
 use anyhow::{bail, ensure};
 
+use super::bands;
 use super::common::{self, Spinner};
 use super::point::PointArgs;
 use crate::atomic;
@@ -23,6 +25,7 @@ use crate::store::{COMPACT, DIFFUSE, Store, VIEWS};
 /// measured errors. `--out` is the first part of the names of these files.
 /// `png` and `svg` are patches of colour from the compact file: all its thicknesses under
 /// five illuminants, at the middle node of each other axis that no option sets.
+/// `--bands` averages the spectra of netcdf, csv and npz over the bands of a sensor.
 /// docs/formats.md describes all formats.
 #[derive(Debug, clap::Args)]
 #[command(
@@ -32,6 +35,7 @@ Examples:
   splitsnow export out/quick --format netcdf
   splitsnow export out/quick --from database --format csv --out quick.csv
   splitsnow export out/brdf --format netcdf --views
+  splitsnow export out/alpine --format netcdf --bands sentinel2a --out bands.nc
   splitsnow export out/quick --format spd --facetness 0.1 --grain-size-um 300 \\
       --density-kg-m3 200 --thickness-cm 5 --incidence-angle-deg 40 --out snow.spd
   splitsnow export out/quick --format lut --facetness 0.1 --grain-size-um 300 \\
@@ -70,6 +74,8 @@ pub(super) struct Args {
     /// Quantity in spd, png and svg [default: transmittance]
     #[arg(long, value_parser = common::name_parser(Quantity::ALL, Quantity::name))]
     quantity: Option<Quantity>,
+    #[command(flatten)]
+    bands: bands::Args,
     #[cfg(feature = "exr")]
     #[command(flatten, next_help_heading = "Look-up table (lut)")]
     lut: super::lut::LutArgs,
@@ -180,14 +186,26 @@ impl Args {
     fn files(&self) -> anyhow::Result<Exported> {
         let layout = self.layout.unwrap_or(ExportLayout::Database);
         let quantity = self.quantity.unwrap_or(Quantity::Transmittance);
+        let bands = self.bands.open()?;
+        let mut remarks = String::new();
+        let mut table = || -> anyhow::Result<ExportTable> {
+            let Some(bands) = &bands else {
+                return self.table();
+            };
+            let table = bands.table(self.table()?)?;
+            for (name, nm) in table.bands() {
+                let _ = writeln!(remarks, "{name}: {nm:.2} nm");
+            }
+            Ok(table)
+        };
         let bytes = match self.format {
             #[cfg(feature = "netcdf")]
-            ExportFormat::Netcdf if self.is_crtm() => export::crtm(self.point.cut(self.table()?)?)?,
+            ExportFormat::Netcdf if self.is_crtm() => export::crtm(self.point.cut(table()?)?)?,
             #[cfg(feature = "netcdf")]
-            ExportFormat::Netcdf => export::netcdf(&self.table()?.with_layout(layout))?,
-            ExportFormat::Csv => export::csv(&self.table()?.with_layout(layout)).into_bytes(),
+            ExportFormat::Netcdf => export::netcdf(&table()?.with_layout(layout))?,
+            ExportFormat::Csv => export::csv(&table()?.with_layout(layout)).into_bytes(),
             #[cfg(feature = "npz")]
-            ExportFormat::Npz => export::npz(&self.table()?.with_layout(layout))?,
+            ExportFormat::Npz => export::npz(&table()?.with_layout(layout))?,
             ExportFormat::Spd => self.spectrum(quantity)?,
             #[cfg(feature = "exr")]
             ExportFormat::Lut => {
@@ -209,7 +227,7 @@ impl Args {
         };
         Ok(Exported {
             files: vec![(self.out()?, bytes)],
-            remarks: String::new(),
+            remarks,
         })
     }
 
@@ -231,6 +249,10 @@ impl Args {
                 "spd, lut, png and svg are looked up in the compact file; remove --from database"
             );
         }
+        ensure!(
+            self.format.is_table() || !self.bands.is_given(),
+            "--bands applies only to netcdf, csv and npz; remove it, or choose one of these formats"
+        );
         #[cfg(feature = "exr")]
         if self.format == ExportFormat::Lut {
             ensure!(

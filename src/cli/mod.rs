@@ -4,6 +4,7 @@
 //! Exit codes: 0 on success, 1 after an error (one line `error: ...`), 2 for a wrong
 //! command line, 130 after an interruption.
 mod against;
+mod bands;
 mod bar;
 mod build;
 mod common;
@@ -25,6 +26,7 @@ mod retrieve;
 mod serve;
 mod shard;
 mod simulate;
+mod spectra;
 mod status;
 #[cfg(feature = "charts")]
 mod study;

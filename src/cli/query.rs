@@ -5,6 +5,7 @@ use std::path::PathBuf;
 
 use anyhow::{bail, ensure};
 
+use super::bands;
 use super::common;
 use super::point::{self, PointArgs};
 use crate::compress::{BAND_ERRORS, BandError};
@@ -25,6 +26,9 @@ use crate::tailor::BETWEEN_WAVELENGTHS;
 /// bidirectional reflectance and transmittance factors; with --diffuse hdrf and hdtf, the
 /// hemispherical-directional ones; or anisotropy_factor, the reflectance factor over the
 /// reflectance. They need --view-deg and --relative-azimuth-deg.
+///
+/// With --bands, prints averages over the bands of a sensor: `band,centre_nm,from_nm,to_nm,value`.
+/// The file must have wavelengths at most 30 nm apart in each band.
 #[derive(Debug, clap::Args)]
 #[command(
     allow_negative_numbers = true,
@@ -36,6 +40,9 @@ Examples:
   splitsnow query out/brdf --facetness 0.1 --grain-size-um 300 \\
       --density-kg-m3 200 --thickness-cm 30 --incidence-angle-deg 60 \\
       --view-deg 45 --relative-azimuth-deg 0 --quantity brf
+  splitsnow query out/quick --facetness 0.1 --grain-size-um 300 \\
+      --density-kg-m3 200 --thickness-cm 5 --incidence-angle-deg 40 \\
+      --quantity reflectance --bands sentinel2a:B2,B3,B4
   splitsnow query out/quick/snow.safetensors --facetness 0.1 --grain-size-um 300 \\
       --density-kg-m3 200 --thickness-cm 5 --incidence-angle-deg 40 \\
       --quantity reflectance --explain"
@@ -61,6 +68,8 @@ pub(super) struct Args {
     /// how large the errors of its values may be
     #[arg(long)]
     explain: bool,
+    #[command(flatten)]
+    bands: bands::Args,
 }
 
 #[derive(Debug, Clone, Copy, clap::ValueEnum)]
@@ -99,6 +108,15 @@ impl QueryQuantity {
 }
 
 pub(super) fn run(args: &Args) -> anyhow::Result<()> {
+    let bands = args.bands.open()?;
+    ensure!(
+        bands.is_none()
+            || !matches!(
+                args.quantity,
+                QueryQuantity::Directional(DirectionalQuantity::AnisotropyFactor, _)
+            ),
+        "the anisotropy factor of a band is its reflectance factor over its reflectance; ask for both, and divide"
+    );
     let database = if args.diffuse {
         Database::open(common::diffuse_path(&args.file)?)?
     } else {
@@ -120,6 +138,12 @@ pub(super) fn run(args: &Args) -> anyhow::Result<()> {
             args.directional(&database, &views, quantity)?
         }
     };
+    if let Some(bands) = bands {
+        let nm = database.wavelengths_nm();
+        let spectrum: Vec<f64> = spectrum.into_iter().map(f64::from).collect();
+        let values = bands.averages(nm)?.values(&spectrum);
+        return common::print(&(csv + &bands.comments(nm) + &bands.csv(&values)));
+    }
     csv.push_str("wavelength_nm,value\n");
     for (nm, value) in database.wavelengths_nm().iter().zip(&spectrum) {
         writeln!(csv, "{nm},{value}")?;

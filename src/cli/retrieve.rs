@@ -1,11 +1,15 @@
 //! `splitsnow retrieve`: from measured spectra to the snow.
+use std::fs::File;
+use std::io::Read;
 use std::path::{Path, PathBuf};
 
 use anyhow::{anyhow, bail, ensure};
 
 use super::against::{self, Exclude};
+use super::bands;
 use super::bar::Bar;
 use super::common::{self, Interrupted, Spinner, ThreadArgs};
+use super::spectra::{self, SpectrumArg};
 use crate::build::{self, BuildOptions};
 use crate::comparison::{Exclusion, Hints, MeasuredSpectrum};
 use crate::config::grid;
@@ -16,10 +20,10 @@ use crate::lookup::Database;
 use crate::measurement::Quantity;
 use crate::plan::{self, PlanOptions};
 use crate::retrieve::{
-    ExactOptions, FreeParameter, KnownValue, MeasuredInput, NoiseModel, RetrieveError, Setup,
-    SetupRequest,
+    ExactOptions, FreeParameter, KnownValue, MeasuredBands, MeasuredInput, NoiseModel,
+    RetrieveError, Setup, SetupRequest,
 };
-use crate::spectrum::measured::{Column, Unit, ValueScale};
+use crate::spectrum::measured::{Column, MAX_BYTES, Unit, ValueScale};
 use crate::store::COMPACT;
 
 /// Find the snow that has a measured spectrum, with credible intervals
@@ -32,6 +36,9 @@ use crate::store::COMPACT;
 /// All axes of the file with several values are unknown, unless --fix gives their value. Several
 /// spectra of one snow share the unknowns: R and T, or several thicknesses or angles. What is
 /// known of one spectrum alone follows its name: `thin.csv@thickness_cm=2.5`.
+///
+/// With --bands, the values are averages over the bands of a sensor: each row is the name of a band,
+/// its value and, if known, its standard deviation.
 ///
 /// The errors of the measurement have three parts: of each value (--noise, unless the file states
 /// them), of the level of each spectrum (--level), and one that is correlated between wavelengths
@@ -46,6 +53,8 @@ Examples:
       --fix thickness_cm=4 --free ssa_m2_kg=26+-3 --free facetness=0.1..0.6
   splitsnow retrieve --within alpine.toml --exact --picture fit.svg \\
       thin.csv@thickness_cm=2.5,density_kg_m3=155 deep.csv@thickness_cm=34,density_kg_m3=200
+  splitsnow retrieve pixel.csv --bands sentinel2a --within out/alpine --fix thickness_cm=inf \\
+      --fix density_kg_m3=250 --fix incidence_angle_deg=55
   splitsnow retrieve configs/measured/vermont_thin.csv --within configs/vermont.toml \\
       --fix thickness_cm=2.5 --fix density_kg_m3=155")]
 pub(super) struct Args {
@@ -121,6 +130,8 @@ pub(super) struct Args {
     #[cfg(feature = "charts")]
     #[arg(long, value_name = "FILE", value_parser = against::picture)]
     picture: Option<PathBuf>,
+    #[command(flatten)]
+    bands: bands::Args,
 }
 
 /// Parses a finite number that is not negative.
@@ -131,67 +142,38 @@ fn not_negative(text: &str) -> Result<f64, String> {
     }
 }
 
-/// A word of the command line: a file and what is known of its spectrum.
-#[derive(Debug, Default)]
-struct SpectrumArg {
-    file: PathBuf,
-    fixed: Vec<KnownValue>,
-    quantity: Option<Quantity>,
-    column: Option<Column>,
-}
-
-impl SpectrumArg {
-    fn parse(word: &str) -> anyhow::Result<Self> {
-        let parts = word.rsplit_once('@');
-        let parts = parts.filter(|(_, rest)| rest.contains('=') && !Path::new(word).exists());
-        let Some((file, rest)) = parts else {
-            return Ok(Self {
-                file: word.into(),
-                ..Self::default()
-            });
-        };
-        let mut spectrum = Self {
-            file: file.into(),
-            ..Self::default()
-        };
-        for entry in rest.split(',') {
-            let wrong = |reason: String| anyhow!("{word}: {reason}");
-            match entry.split_once('=') {
-                Some(("quantity", name)) => {
-                    let found = Quantity::ALL.into_iter().find(|q| q.name() == name);
-                    let found = found.ok_or_else(|| {
-                        let names = Quantity::ALL.map(Quantity::name).join(" or ");
-                        wrong(format!("quantity must be {names}, not {name}"))
-                    })?;
-                    spectrum.quantity = Some(found);
-                }
-                Some(("column", name)) => {
-                    let column = name.parse();
-                    spectrum.column = Some(column.map_err(|e| wrong(format!("column: {e}")))?);
-                }
-                _ => spectrum.fixed.push(entry.parse().map_err(wrong)?),
-            }
-        }
-        Ok(spectrum)
-    }
-}
-
 pub(super) fn run(args: &Args) -> anyhow::Result<()> {
     let exclusions = against::exclusions(&args.exclude)?;
+    let bands = args.bands.open()?;
     let spectra: anyhow::Result<Vec<SpectrumArg>> = args
         .spectra
         .iter()
         .map(|word| SpectrumArg::parse(word))
         .collect();
-    let measured: anyhow::Result<Vec<(SpectrumArg, MeasuredSpectrum)>> = spectra?
-        .into_iter()
-        .map(|spectrum| args.read(spectrum, &exclusions))
-        .collect();
-    let measured = measured?;
-    let database = args.database()?;
+    let spectra = spectra?;
+    let read = |spectra: Vec<SpectrumArg>, bands: Option<&MeasuredBands>| {
+        let read = |spectrum| args.read(spectrum, &exclusions, bands);
+        let measured: anyhow::Result<Vec<_>> = spectra.into_iter().map(read).collect();
+        measured
+    };
+    // spectra are read before a database is built; bands need its wavelengths
+    let (measured, database, bands) = match bands {
+        None => {
+            let measured = read(spectra, None)?;
+            (measured, args.database()?, None)
+        }
+        Some(bands) => {
+            let database = args.database()?;
+            let bands = bands.measured(&database)?;
+            (read(spectra, Some(&bands))?, database, Some(bands))
+        }
+    };
     let inputs: anyhow::Result<Vec<MeasuredInput>> = measured
         .into_iter()
-        .map(|(spectrum, measured)| input(spectrum, &measured, &database))
+        .map(|(spectrum, measured)| match &bands {
+            Some(bands) => spectra::band_input(spectrum, &measured, bands),
+            None => spectra::input(spectrum, &measured, &database),
+        })
         .collect();
     let inputs = inputs?;
     let request = SetupRequest {
@@ -205,6 +187,7 @@ pub(super) fn run(args: &Args) -> anyhow::Result<()> {
             correlated: args.correlated,
             length_nm: args.correlation_nm,
         },
+        bands: bands.as_ref(),
     };
     let setup = Setup::new(&request)?;
     if !setup.assumed().is_empty() {
@@ -246,38 +229,35 @@ pub(super) fn run(args: &Args) -> anyhow::Result<()> {
     }
 }
 
-/// The values of a measured spectrum at wavelengths of the file.
-fn input(
-    spectrum: SpectrumArg,
-    measured: &MeasuredSpectrum,
-    database: &Database,
-) -> anyhow::Result<MeasuredInput> {
-    let matched = measured.at(database.wavelengths_nm())?;
-    let counted: Vec<_> = matched.iter().filter(|m| !m.excluded).collect();
-    Ok(MeasuredInput {
-        name: common::one_line(&spectrum.file),
-        quantity: measured.quantity(),
-        indices: counted.iter().map(|m| m.index).collect(),
-        values: counted.iter().map(|m| m.value).collect(),
-        uncertainties: counted.iter().map(|m| m.uncertainty).collect(),
-        fixed: spectrum.fixed,
-    })
-}
-
 impl Args {
-    /// Reads one measured spectrum and notes how it was read.
+    /// Reads one measured spectrum, or the values of `bands`, and notes how it was read.
     fn read(
         &self,
         spectrum: SpectrumArg,
         exclusions: &[Exclusion],
+        bands: Option<&MeasuredBands>,
     ) -> anyhow::Result<(SpectrumArg, MeasuredSpectrum)> {
         let hints = Hints {
             quantity: spectrum.quantity.or(self.quantity),
             column: spectrum.column.clone().or_else(|| self.column.clone()),
-            unit: self.unit,
+            unit: bands.map_or(self.unit, |_| Some(Unit::Nm)),
             scale: self.scale,
         };
-        let measured = MeasuredSpectrum::read(&spectrum.file, &hints, exclusions)?;
+        let measured = match bands {
+            None => MeasuredSpectrum::read(&spectrum.file, &hints, exclusions)?,
+            Some(bands) => {
+                let file = spectrum.file.display().to_string();
+                let mut bytes = Vec::new();
+                File::open(&spectrum.file)
+                    .and_then(|file| file.take(MAX_BYTES + 1).read_to_end(&mut bytes))
+                    .map_err(|error| anyhow!("{file}: cannot be read: {error}"))?;
+                let text = bands.with_wavelengths(&String::from_utf8_lossy(&bytes));
+                let text = text.ok_or_else(|| {
+                    anyhow!("{file}: no row begins with the name of a band; with --bands each row is a band, its value and, if known, its standard deviation; the bands are {}", bands.names())
+                })?;
+                MeasuredSpectrum::parse(&file, text.as_bytes(), &hints, exclusions)?
+            }
+        };
         let file = common::one_line(&spectrum.file);
         common::note(&format!("read {file}: {}", measured.report()));
         Ok((spectrum, measured))

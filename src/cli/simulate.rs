@@ -5,7 +5,7 @@ use std::path::PathBuf;
 use serde_json::{Value, json};
 
 use super::common::{self, Interrupted, ThreadArgs};
-use super::{against, goniometer, walking};
+use super::{against, bands, goniometer, walking};
 use crate::config::sample;
 use crate::engine::{Engine, EngineError};
 use crate::measurement::{Measured, Spectrum};
@@ -23,13 +23,23 @@ use crate::simulation::{RAYS, Simulation};
 /// root mean square error and bias, overall and per band, in lines that start with #; then
 /// CSV: wavelength_nm, simulated, simulated_se, measured, residual (simulated - measured),
 /// excluded.
+///
+/// With --bands, simulates the wavelengths that the bands need, every 5 nm, instead of those of
+/// the sample file. Prints CSV: band, centre_nm (the response-weighted mean wavelength), from_nm,
+/// to_nm, and the same five columns, averaged over the band. The standard errors are upper bounds,
+/// since walks share their errors between wavelengths.
 #[derive(Debug, clap::Args)]
-#[command(after_long_help = "\
+#[command(
+    mut_arg("bands", alone),
+    after_long_help = "\
 Examples:
   splitsnow simulate configs/samples/representative.toml --engine spectral --rays 100000 --json
   splitsnow simulate configs/samples/representative.toml --goniometer --principal-plane
   splitsnow simulate mine.toml --against measured.csv --plot residuals.svg
-  splitsnow simulate configs/samples/representative.toml")]
+  splitsnow simulate mine.toml --bands sentinel2a:B3,B11
+  splitsnow simulate mine.toml --bands broadband --sun subarctic_winter
+  splitsnow simulate configs/samples/representative.toml"
+)]
 pub(super) struct Args {
     /// Sample file (TOML)
     #[arg(value_name = "SAMPLE.toml")]
@@ -50,14 +60,28 @@ pub(super) struct Args {
     #[arg(long)]
     json: bool,
     #[command(flatten)]
+    bands: bands::Args,
+    #[command(flatten)]
     against: against::Args,
     #[command(flatten)]
     exits: goniometer::Args,
 }
 
+/// Makes the option exclude other measurements.
+fn alone(bands: clap::Arg) -> clap::Arg {
+    bands.conflicts_with_all(["against", "goniometer", "radial_profile", "view_deg"])
+}
+
 pub(super) fn run(args: &Args) -> anyhow::Result<()> {
     let cancel = common::interrupt_flag()?;
-    let sample = sample::read(&args.sample)?;
+    let (sample, bands) = match args.bands.open()? {
+        Some(bands) => {
+            let nm = bands.wavelengths_nm();
+            let averages = bands.averages(&nm)?;
+            (sample::read_at(&args.sample, nm)?, Some((averages, bands)))
+        }
+        None => (sample::read(&args.sample)?, None),
+    };
     common::warn(&sample.warnings);
     common::notes(&sample.notes);
     let target = args.against.target(&sample.wavelengths_nm)?;
@@ -83,17 +107,22 @@ pub(super) fn run(args: &Args) -> anyhow::Result<()> {
         Err(EngineError::Cancelled) => return Err(Interrupted("nothing was written".into()).into()),
         result => result?,
     };
+    let bands = bands.map(|(averages, bands)| bands.simulated(&averages, &spectrum, engine));
     let compared = target.map(|target| target.compare(&spectrum));
     common::print(&if args.json {
         let mut value = json_value(args, engine, &sample.wavelengths_nm, &spectrum);
         if let Some(compared) = &compared {
             value["against"] = compared.json();
         }
+        if let Some(bands) = &bands {
+            value["bands"] = bands.json();
+        }
         format!("{value:#}\n")
     } else {
-        let rows = match &compared {
-            Some(compared) => compared.csv(),
-            None => csv_rows(&sample.wavelengths_nm, &spectrum),
+        let rows = match (&compared, &bands) {
+            (Some(compared), _) => compared.csv(),
+            (None, Some(bands)) => bands.csv(&sample.wavelengths_nm),
+            (None, None) => csv_rows(&sample.wavelengths_nm, &spectrum),
         };
         comments(args, engine, &spectrum) + &rows
     })?;

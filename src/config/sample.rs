@@ -50,16 +50,34 @@ pub fn read(path: &Path) -> Result<SampleFile, ConfigError> {
     parse(&path.display().to_string(), &read_text(path)?)
 }
 
+/// Reads a sample file with other wavelengths than its own: `wavelengths_nm`, nm, strictly
+/// increasing.
+///
+/// # Errors
+/// As [`read`].
+pub fn read_at(path: &Path, wavelengths_nm: Vec<f64>) -> Result<SampleFile, ConfigError> {
+    let name = path.display().to_string();
+    parse_at(&name, &read_text(path)?, Some(wavelengths_nm))
+}
+
 /// Reads the `text` of a sample file. `name` is its path: it appears in messages, and the
 /// paths in the file are relative to its directory.
 ///
 /// # Errors
 /// As [`read`].
 pub fn parse(name: &str, text: &str) -> Result<SampleFile, ConfigError> {
+    parse_at(name, text, None)
+}
+
+/// As [`parse`], with `other_nm` instead of the wavelengths of the file.
+fn parse_at(name: &str, text: &str, other_nm: Option<Vec<f64>>) -> Result<SampleFile, ConfigError> {
     let (document, keys) = Document::read::<SampleKeys>(name, text, &schema::SAMPLE)?;
     let (mut warnings, mut notes) = (Vec::new(), Vec::new());
     let illumination = illumination(&document, &keys)?;
-    let wavelengths_nm = wavelengths(&document, &keys.wavelengths, &mut warnings)?;
+    let wavelengths_nm = match other_nm {
+        Some(other) => other,
+        None => wavelengths(&document, &keys.wavelengths, &mut warnings)?,
+    };
     let size_law = size_law(&document, &keys.model)?;
     let directory = directory_of(name);
     let model = model(&document, &keys.model, directory)?;

@@ -1,12 +1,14 @@
 //! Exports of databases and compact files to other formats (docs/formats.md, "Exports").
 //!
 //! [`ExportTable`] holds the spectra of a database or a compact file at its nodes. `netcdf`,
-//! [`csv()`] and `npz` convert a table to the bytes of a file; `crtm` writes a table of
+//! [`csv()`] and `npz` convert a table to the bytes of a file, also of averages over the bands of a sensor
+//! ([`ExportTable::over_bands`]); `crtm` writes a table of
 //! reflectance for the satellite code CRTM. [`spd()`] writes one spectrum in the format of
 //! renderers. `Lut` is a table of transmitted colours as an image, with the look-up in shading
 //! languages. [`Observers`] compute the colours of spectra, and `thicknesses` draws them as
 //! patches. Some functions need a feature of the crate: `netcdf` (`netcdf` and `crtm`), `npz`
 //! (`npz`), `exr` (`Lut`), `charts` (`thicknesses`).
+mod bands;
 #[cfg(feature = "netcdf")]
 mod crtm;
 mod csv;
@@ -30,6 +32,7 @@ use crate::colour::ColourError;
 #[cfg(feature = "charts")]
 use crate::lab::report::ReportError;
 use crate::lookup::LookupError;
+use crate::sensor::SensorError;
 use crate::store::StoreError;
 
 #[cfg(feature = "netcdf")]
@@ -119,6 +122,21 @@ pub enum ExportError {
         first: f64,
         /// Last wavelength, nm.
         last: f64,
+    },
+    /// The spectra cannot be averaged over the bands of a sensor.
+    #[error(transparent)]
+    Sensor(Box<SensorError>),
+    /// Two bands cannot share a place on an axis.
+    #[error(
+        "{sensor}: the bands {} and {} have the same mean wavelength, {centre_nm} nm; choose bands without one of them: {sensor}:BAND,BAND", bands[0], bands[1]
+    )]
+    SameCentre {
+        /// Name of the sensor.
+        sensor: String,
+        /// Names of the two bands.
+        bands: [String; 2],
+        /// Their mean wavelength, nm.
+        centre_nm: f64,
     },
     /// The colorimeter cannot be set up.
     #[error(transparent)]

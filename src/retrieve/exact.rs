@@ -137,8 +137,11 @@ impl Setup {
                     polar_angle_rad: point[Parameter::Incidence].to_radians(),
                 },
             };
-            let nm = observation.indices().iter();
-            let nm: Vec<f64> = nm.map(|i| self.wavelengths_nm()[*i]).collect();
+            let indices = observation.indices();
+            let nm: Vec<f64> = match &self.bands {
+                Some(_) => database.wavelengths_nm().to_vec(),
+                None => indices.iter().map(|i| self.wavelengths_nm()[*i]).collect(),
+            };
             let thickness_m = cm_to_m(point[Parameter::Thickness]);
             let mut simulation =
                 Simulation::new(&snowpack, thickness_m, illumination, &nm, &grid.fixed.model)
@@ -153,7 +156,14 @@ impl Setup {
                 Quantity::Reflectance => &spectrum.reflectance,
                 Quantity::Transmittance => &spectrum.transmittance,
             };
-            values.extend(found.iter().map(|measured| measured.value));
+            let found: Vec<f64> = found.iter().map(|measured| measured.value).collect();
+            match &self.bands {
+                Some(bands) => {
+                    let averages = bands.averages().values(&found);
+                    values.extend(indices.iter().map(|i| averages[*i]));
+                }
+                None => values.extend(found),
+            }
         }
         Ok(values)
     }

@@ -8,6 +8,7 @@
 //!
 //! The numbers are computed by the crate `splitsnow-retrieval`; this module knows about grains,
 //! files and words.
+mod bands;
 mod cube;
 mod exact;
 mod grains;
@@ -23,6 +24,7 @@ use thiserror::Error;
 use crate::engine::EngineError;
 use crate::lookup::LookupError;
 
+pub use bands::MeasuredBands;
 pub use cube::{Cube, CubeIntervals, CubeRequest, CubeResult, SpectrumRow};
 pub use exact::{ExactCheck, ExactOptions};
 pub use grains::FileGrains;

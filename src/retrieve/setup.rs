@@ -2,7 +2,7 @@
 use splitsnow_retrieval::{Emulator, Inverse, NoiseModel, Observation, Prior, Unknown, Whitening};
 
 use super::knowledge::{Belief, FreeParameter, KnownValue, Named};
-use super::{EmulatorError, FileGrains, RetrieveError};
+use super::{EmulatorError, FileGrains, MeasuredBands, RetrieveError};
 use crate::grain::SizeMeasure;
 use crate::lookup::Database;
 use crate::measurement::Quantity;
@@ -16,7 +16,7 @@ pub struct MeasuredInput {
     pub name: String,
     /// What was measured.
     pub quantity: Quantity,
-    /// Indices of the wavelengths of the file, increasing.
+    /// Indices of the wavelengths of the file, or of the bands, increasing.
     pub indices: Vec<usize>,
     /// The values.
     pub values: Vec<f64>,
@@ -39,6 +39,8 @@ pub struct SetupRequest<'a> {
     pub fix: &'a [KnownValue],
     /// Errors of the measurements.
     pub noise: NoiseModel,
+    /// The bands whose averages were measured; `None` for spectra.
+    pub bands: Option<&'a MeasuredBands>,
 }
 
 /// A problem that is ready to be solved.
@@ -51,6 +53,7 @@ pub struct Setup {
     pub(super) grains: Option<FileGrains>,
     pub(super) noise: NoiseModel,
     pub(super) emulator_errors: Vec<(Quantity, EmulatorError)>,
+    pub(super) bands: Option<MeasuredBands>,
     emulators: Vec<Emulator>,
     whitenings: Vec<Whitening>,
     points: Vec<Point>,
@@ -369,16 +372,24 @@ impl Setup {
         let (mut emulators, mut whitenings) = (Vec::new(), Vec::new());
         let mut emulator_errors: Vec<(Quantity, EmulatorError)> = Vec::new();
         for (input, point) in inputs.iter().zip(&mut points) {
-            emulators.push(Emulator::new(database, input.quantity, *point)?);
+            let emulator = Emulator::new(database, input.quantity, *point)?;
             *point = with_single_nodes(database, *point);
-            let error = EmulatorError::of(database, input.quantity);
-            let nm = |i: &usize| database.wavelengths_nm()[*i];
+            let mut error = EmulatorError::of(database, input.quantity);
+            let emulator = match request.bands {
+                None => emulator,
+                Some(bands) => {
+                    error.sd = bands.averages().errors(&error.sd, false);
+                    emulator.over_bands(bands.averages().weights(), bands.centres_nm())
+                }
+            };
+            let nm = |i: &usize| emulator.wavelengths_nm()[*i];
             let nm: Vec<f64> = input.indices.iter().map(nm).collect();
             let extra: Vec<f64> = input.indices.iter().map(|i| error.sd[*i]).collect();
             let own = input.uncertainties.iter();
             let own: Vec<f64> = own.map(|sd| sd.unwrap_or(noise.value)).collect();
             let whitening = Whitening::new(&nm, &own, &extra, &noise);
             whitenings.push(whitening.ok_or(RetrieveError::Noise)?);
+            emulators.push(emulator);
             if emulator_errors.iter().all(|(q, _)| *q != input.quantity) {
                 emulator_errors.push((input.quantity, error));
             }
@@ -390,6 +401,7 @@ impl Setup {
             grains,
             noise,
             emulator_errors,
+            bands: request.bands.cloned(),
             emulators,
             whitenings,
             points,
@@ -426,7 +438,7 @@ impl Setup {
         &self.inputs
     }
 
-    /// Wavelengths of the compact file, nm.
+    /// Wavelengths of the compact file or mean wavelengths of the bands, nm.
     pub(super) fn wavelengths_nm(&self) -> &[f64] {
         self.emulators.first().map_or(&[], Emulator::wavelengths_nm)
     }

@@ -15,6 +15,8 @@ pub struct Emulator {
     open: Vec<(Parameter, Vec<f64>)>,
     lookups: Vec<Lookup>,
     wavelengths_nm: Vec<f64>,
+    /// Weights `[band][wavelength]`; none if the values are those of wavelengths.
+    bands: Vec<Vec<f64>>,
 }
 
 impl Emulator {
@@ -47,7 +49,19 @@ impl Emulator {
             open: open.into_iter().map(places).collect(),
             lookups: lookups?,
             wavelengths_nm: database.wavelengths_nm().to_vec(),
+            bands: Vec::new(),
         })
+    }
+
+    /// The same, averaged over bands: their `weights`, `[band][wavelength]`, and their wavelengths
+    /// `centres_nm`, nm, which take the place of those of the file.
+    #[must_use]
+    pub fn over_bands(self, weights: &[Vec<f64>], centres_nm: &[f64]) -> Self {
+        Self {
+            wavelengths_nm: centres_nm.to_vec(),
+            bands: weights.to_vec(),
+            ..self
+        }
     }
 
     /// The quantity.
@@ -56,7 +70,7 @@ impl Emulator {
         self.quantity
     }
 
-    /// Wavelengths of a spectrum, nm.
+    /// Wavelengths of a spectrum, nm; of bands, their mean wavelengths.
     #[must_use]
     pub fn wavelengths_nm(&self) -> &[f64] {
         &self.wavelengths_nm
@@ -73,14 +87,33 @@ impl Emulator {
         single: &mut Vec<f32>,
         spectrum: &mut Vec<f64>,
     ) -> Result<(), LookupError> {
-        single.resize(self.wavelengths_nm.len(), 0.0);
+        self.whole(point, single, spectrum)?;
+        if !self.bands.is_empty() {
+            let average = |weights: &Vec<f64>| {
+                let both = weights.iter().zip(spectrum.iter());
+                both.map(|(weight, value)| weight * value).sum()
+            };
+            *spectrum = self.bands.iter().map(average).collect();
+        }
+        Ok(())
+    }
+
+    /// The spectrum at the wavelengths of the file.
+    fn whole(
+        &self,
+        point: Point,
+        single: &mut Vec<f32>,
+        spectrum: &mut Vec<f64>,
+    ) -> Result<(), LookupError> {
+        let wavelengths = self.lookups.first().map_or(0, Lookup::wavelengths);
+        single.resize(wavelengths, 0.0);
         spectrum.clear();
         if let [only] = self.lookups.as_slice() {
             only.spectrum(point, single)?;
             spectrum.extend(single.iter().copied().map(f64::from));
             return Ok(());
         }
-        spectrum.resize(self.wavelengths_nm.len(), 0.0);
+        spectrum.resize(wavelengths, 0.0);
         for (lookup, weight) in self.corners(point) {
             self.lookups[lookup].spectrum(point, single)?;
             for (sum, value) in spectrum.iter_mut().zip(single.iter()) {

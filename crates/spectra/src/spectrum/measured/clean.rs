@@ -6,7 +6,7 @@ use super::report::{Encoding, Format, KnownFrom, MaskReason, Masked, Order, Read
 use super::{Content, Curve, MeasuredValue, ReadOptions, Unit, ValueScale};
 
 /// A problem and its line, from 1; no line if the problem is the whole file.
-type Refusal = (Option<usize>, ReadProblem);
+pub(super) type Refusal = (Option<usize>, ReadProblem);
 
 /// Median wavelength below which wavelengths are taken as um: no spectrum of snow extends to
 /// 100 um.

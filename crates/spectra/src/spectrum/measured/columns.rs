@@ -34,7 +34,7 @@ fn is_wavenumber(name: &str) -> bool {
         || ["cm-1", "cm^-1", "1/cm"].contains(&name.trim().to_lowercase().as_str())
 }
 
-fn is_uncertainty(name: &str) -> bool {
+pub(super) fn is_uncertainty(name: &str) -> bool {
     has_part(name, &["uncert", "std", "stderr", "error"])
         || has_word(name, &["se", "sd", "sigma", "u"])
 }
@@ -219,14 +219,15 @@ pub(super) fn columns(
 }
 
 /// The index of the requested column, given by its name (in any case), by a part of exactly
-/// one name, or by its number from 1.
+/// one name, or by its number from 1; `#2` is a number even if a column has the name `2`.
 fn find_column(requested: &Column, names: &[String], width: usize) -> Result<usize, ReadProblem> {
     let text = requested.0.trim().to_lowercase();
     let lower: Vec<String> = names.iter().map(|name| name.to_lowercase()).collect();
     if let Some(column) = lower.iter().position(|name| *name == text) {
         return Ok(column);
     }
-    let number = text.parse::<usize>().ok();
+    let number = text.strip_prefix('#').unwrap_or(&text);
+    let number = number.parse::<usize>().ok();
     if let Some(column) = number.filter(|n| (1..=width).contains(n)) {
         return Ok(column - 1);
     }

@@ -100,7 +100,8 @@ impl ValueScale {
     }
 }
 
-/// A column, given by its name, a part of its name, or its number from 1.
+/// A column, given by its name, a part of its name, or its number from 1 (`2`, or `#2` where a
+/// column has the name `2`).
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub struct Column(pub String);
 
@@ -198,7 +199,52 @@ pub fn read(path: &Path, request: &ReadOptions) -> Result<Curve, SpectrumError> 
 /// # Errors
 /// A [`SpectrumError`] with the [`ReadProblem`] if the bytes cannot be read as a spectrum.
 pub fn parse(file: &str, bytes: &[u8], request: &ReadOptions) -> Result<Curve, SpectrumError> {
-    let read = || {
+    with_layout(file, bytes, |lines, layout, encoding| {
+        clean::curve(lines, layout, encoding, request)
+    })
+}
+
+/// The curves of all columns of numbers but the wavelength and uncertainties, from the `bytes` of
+/// a file; see [`parse`]. `request.column` does not count.
+///
+/// # Errors
+/// A [`SpectrumError`] with the [`ReadProblem`] of the first column that cannot be read.
+pub fn parse_all(
+    file: &str,
+    bytes: &[u8],
+    request: &ReadOptions,
+) -> Result<Vec<Curve>, SpectrumError> {
+    with_layout(file, bytes, |lines, layout, encoding| {
+        let curve = |column: Option<usize>| {
+            let column = column.map(|column| Column(format!("#{column}")));
+            let request = ReadOptions {
+                column,
+                ..request.clone()
+            };
+            clean::curve(lines, layout, encoding, &request)
+        };
+        let wavelengths = curve(None)?.report.wavelength_column;
+        let is_used = |column: &usize| {
+            let name = layout
+                .header
+                .as_ref()
+                .and_then(|(_, names)| names.get(*column - 1));
+            *column != wavelengths
+                && layout.numeric[*column - 1] > 0.0
+                && !name.is_some_and(|name| columns::is_uncertainty(name))
+        };
+        let used = (1..=layout.numeric.len()).filter(is_used);
+        used.map(|column| curve(Some(column))).collect()
+    })
+}
+
+/// Calls `read` with the lines, the layout and the encoding of the `bytes` of a file.
+fn with_layout<T>(
+    file: &str,
+    bytes: &[u8],
+    read: impl FnOnce(&[&str], &layout::TextLayout, Encoding) -> Result<T, clean::Refusal>,
+) -> Result<T, SpectrumError> {
+    let laid_out = || {
         if bytes.len() as u64 > MAX_BYTES {
             return Err((None, ReadProblem::Length));
         }
@@ -206,9 +252,9 @@ pub fn parse(file: &str, bytes: &[u8], request: &ReadOptions) -> Result<Curve, S
         let (text, encoding) = decode::decode(bytes).map_err(no_line)?;
         let lines = decode::lines(&text);
         let layout = layout::layout(&lines).map_err(no_line)?;
-        clean::curve(&lines, &layout, encoding, request)
+        read(&lines, &layout, encoding)
     };
-    read().map_err(|(line, problem)| SpectrumError {
+    laid_out().map_err(|(line, problem)| SpectrumError {
         file: file.to_owned(),
         line,
         problem: Box::new(problem),

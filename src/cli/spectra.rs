@@ -1,0 +1,105 @@
+//! The words of `retrieve` that name measured spectra, and their values.
+use std::path::{Path, PathBuf};
+
+use anyhow::{anyhow, ensure};
+
+use super::common;
+use crate::comparison::{MeasuredSpectrum, excluded};
+use crate::lookup::Database;
+use crate::measurement::Quantity;
+use crate::retrieve::{KnownValue, MeasuredBands, MeasuredInput};
+use crate::spectrum::measured::Column;
+
+/// A word of the command line: a file and what is known of its spectrum.
+#[derive(Debug, Default)]
+pub(super) struct SpectrumArg {
+    pub(super) file: PathBuf,
+    fixed: Vec<KnownValue>,
+    pub(super) quantity: Option<Quantity>,
+    pub(super) column: Option<Column>,
+}
+
+impl SpectrumArg {
+    pub(super) fn parse(word: &str) -> anyhow::Result<Self> {
+        let parts = word.rsplit_once('@');
+        let parts = parts.filter(|(_, rest)| rest.contains('=') && !Path::new(word).exists());
+        let Some((file, rest)) = parts else {
+            return Ok(Self {
+                file: word.into(),
+                ..Self::default()
+            });
+        };
+        let mut spectrum = Self {
+            file: file.into(),
+            ..Self::default()
+        };
+        for entry in rest.split(',') {
+            let wrong = |reason: String| anyhow!("{word}: {reason}");
+            match entry.split_once('=') {
+                Some(("quantity", name)) => {
+                    let found = Quantity::ALL.into_iter().find(|q| q.name() == name);
+                    let found = found.ok_or_else(|| {
+                        let names = Quantity::ALL.map(Quantity::name).join(" or ");
+                        wrong(format!("quantity must be {names}, not {name}"))
+                    })?;
+                    spectrum.quantity = Some(found);
+                }
+                Some(("column", name)) => {
+                    let column = name.parse();
+                    spectrum.column = Some(column.map_err(|e| wrong(format!("column: {e}")))?);
+                }
+                _ => spectrum.fixed.push(entry.parse().map_err(wrong)?),
+            }
+        }
+        Ok(spectrum)
+    }
+}
+
+/// The values of a measured spectrum at wavelengths of the file.
+pub(super) fn input(
+    spectrum: SpectrumArg,
+    measured: &MeasuredSpectrum,
+    database: &Database,
+) -> anyhow::Result<MeasuredInput> {
+    let matched = measured.at(database.wavelengths_nm())?;
+    let counted: Vec<_> = matched.iter().filter(|m| !m.excluded).collect();
+    Ok(MeasuredInput {
+        name: common::one_line(&spectrum.file),
+        quantity: measured.quantity(),
+        indices: counted.iter().map(|m| m.index).collect(),
+        values: counted.iter().map(|m| m.value).collect(),
+        uncertainties: counted.iter().map(|m| m.uncertainty).collect(),
+        fixed: spectrum.fixed,
+    })
+}
+
+/// The values of measured bands, which are read as a spectrum at their mean wavelengths.
+pub(super) fn band_input(
+    spectrum: SpectrumArg,
+    measured: &MeasuredSpectrum,
+    bands: &MeasuredBands,
+) -> anyhow::Result<MeasuredInput> {
+    let mut input = MeasuredInput {
+        name: common::one_line(&spectrum.file),
+        quantity: measured.quantity(),
+        indices: Vec::new(),
+        values: Vec::new(),
+        uncertainties: Vec::new(),
+        fixed: spectrum.fixed,
+    };
+    for (index, nm) in bands.centres_nm().iter().enumerate() {
+        let mut rows = measured.samples().iter();
+        let row = rows.find(|row| (row.nm - nm).abs() < 1e-6);
+        if let Some(row) = row.filter(|row| !excluded(measured.exclusions(), row.nm)) {
+            input.indices.push(index);
+            input.values.push(row.value);
+            input.uncertainties.push(row.uncertainty);
+        }
+    }
+    ensure!(
+        !input.values.is_empty(),
+        "{}: no band has a value outside the excluded ranges; --exclude none uses all",
+        input.name
+    );
+    Ok(input)
+}
