@@ -129,6 +129,9 @@ export interface Page {
 
 /// Walks per index node: while a control moves, soon after it rests, and in the end.
 export const RAYS = [2048, 16384, 131072] as const;
+/// Walks while a control moves, where a coarse simulation took longer than SLOW_MS.
+export const FEW_RAYS = 256;
+export const SLOW_MS = 600;
 /// A coarse simulation that takes longer than this is taken to be stuck, ms.
 export const STUCK_MS = 20_000;
 /// A control rests after this time without a change, ms.

@@ -1,6 +1,6 @@
 // Keeps the spectrum of the current sample up to date: coarse while a control moves, finer at
 // rest.
-import { Gone, inRange, messageOf, RAYS, Refused, REST_MS, STUCK_MS, type Engine, type Shown, type Store } from "./page";
+import { FEW_RAYS, Gone, inRange, messageOf, RAYS, Refused, REST_MS, SLOW_MS, STUCK_MS, type Engine, type Shown, type Store } from "./page";
 import type { SampleAnswer } from "./messages";
 import { Value } from "./observable";
 
@@ -20,6 +20,8 @@ export class Simulation {
   /// When the coarse simulation that runs was started, or 0. It is left to finish, so that a
   /// curve is seen while dragging, unless it is stuck.
   #coarse = 0;
+  /// Walks of the coarse simulation.
+  #fewest: number = RAYS[0];
   #late: ReturnType<typeof setTimeout> | undefined;
   #rest: ReturnType<typeof setTimeout> | undefined;
   #changed = 0;
@@ -35,7 +37,7 @@ export class Simulation {
   start(): void {
     this.#version++;
     this.#changed = Date.now();
-    this.pending.set(RAYS[0]);
+    this.pending.set(this.#fewest);
     this.stale.set(true);
     clearTimeout(this.#rest);
     clearTimeout(this.#late);
@@ -62,7 +64,7 @@ export class Simulation {
     const version = this.#version;
     const { sample: given, files, range, seed } = this.#store.get();
     const sample = inRange(given, range);
-    const rays = RAYS[stage]!;
+    const rays = stage === 0 ? this.#fewest : RAYS[stage]!;
     const started = performance.now();
     const coarse = stage === 0 ? Date.now() : 0;
     this.#coarse = coarse;
@@ -76,7 +78,9 @@ export class Simulation {
         if (version === this.#version) this.pending.set(0);
         return;
       }
-      this.shown.set({ sample, spectrum, seconds: (performance.now() - started) / 1000 });
+      const ms = performance.now() - started;
+      this.shown.set({ sample, spectrum, seconds: ms / 1000 });
+      if (stage === 0) this.#adapt(ms);
       if (version === this.#version) this.stale.set(false);
     } catch (error) {
       failed = true;
@@ -94,6 +98,12 @@ export class Simulation {
     const wait = Math.max(0, this.#changed + REST_MS - Date.now());
     this.pending.set(RAYS[stage + 1]!);
     this.#rest = setTimeout(() => void this.#stage(stage + 1), wait);
+  }
+
+  /// Fewer walks where an answer is slow, and the usual number again where it is fast.
+  #adapt(ms: number): void {
+    if (ms > SLOW_MS) this.#fewest = FEW_RAYS;
+    else if (ms < SLOW_MS / 2) this.#fewest = RAYS[0];
   }
 
   #fail(error: unknown): void {

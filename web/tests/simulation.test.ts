@@ -5,8 +5,8 @@ import { Simulation } from "../src/simulation";
 import { withLayer } from "../src/snow/edit";
 import { History, initialState } from "../src/state";
 
-/// An engine that takes `ms` for every simulation and notes what it was asked.
-function fake(ms: number) {
+/// An engine that takes `ms`, or `ms(rays)`, for a simulation and notes what it was asked.
+function fake(ms: number | ((rays: number) => number)) {
   const asked: { rays: number; cm: unknown }[] = [];
   const channels = new Map<string, () => void>();
   const askLatest = (channel: string, request: Request) => {
@@ -16,7 +16,7 @@ function fake(ms: number) {
       if (request.ask !== "simulate") return resolve({});
       const cm = request.sample.layer[0]!.thickness_cm;
       asked.push({ rays: request.rays, cm });
-      setTimeout(() => resolve({ rays: request.rays, cm }), ms);
+      setTimeout(() => resolve({ rays: request.rays, cm }), typeof ms === "number" ? ms : ms(request.rays));
     });
   };
   return { asked, engine: { name: "fake", ask: askLatest, askLatest } as unknown as Engine };
@@ -70,6 +70,24 @@ test("shows slow coarse simulations while a control moves", async () => {
   expect(seen).toEqual([1, 40]);
   await vi.advanceTimersByTimeAsync(8000);
   expect(seen).toEqual([1, 40, 80, 100]);
+});
+
+test("makes fewer walks while they are slow", async () => {
+  let perWalk = 1;
+  const { asked, engine } = fake((rays) => rays * perWalk);
+  const state = new History(initialState());
+  const simulation = new Simulation(engine, state);
+  const coarse = async (cm: number) => {
+    move(state, cm);
+    const { rays } = asked.at(-1)!;
+    await vi.advanceTimersByTimeAsync(rays * perWalk + 1);
+    expect(simulation.shown.value!.spectrum.rays).toBe(rays);
+    return rays;
+  };
+  // 2 s, then 0.26 s; 0.5 s are neither slow nor fast
+  expect([await coarse(1), await coarse(2), await coarse(3)]).toEqual([2048, 256, 2048]);
+  perWalk = 2;
+  expect([await coarse(4), await coarse(5)]).toEqual([256, 256]);
 });
 
 test("drops a coarse simulation that is stuck once the sample has changed", async () => {
