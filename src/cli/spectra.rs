@@ -103,3 +103,27 @@ pub(super) fn band_input(
     );
     Ok(input)
 }
+
+#[cfg(test)]
+#[allow(clippy::unwrap_used)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn files_with_what_is_known() {
+        let plain = SpectrumArg::parse("a@b.csv").unwrap();
+        assert_eq!((plain.file, plain.fixed.len()), ("a@b.csv".into(), 0));
+        let word = "x/a.csv@thickness-cm=2.5,quantity=transmittance,column=T";
+        let thin = SpectrumArg::parse(word).unwrap();
+        assert_eq!(thin.file, Path::new("x/a.csv"));
+        assert_eq!(
+            (thin.fixed[0].named.name(), thin.fixed[0].value),
+            ("thickness_cm", 2.5)
+        );
+        assert_eq!(thin.quantity, Some(Quantity::Transmittance));
+        assert!(thin.column.is_some());
+        for wrong in ["a.csv@y=1", "a.csv@quantity=x", "a.csv@thickness_cm=x"] {
+            assert!(SpectrumArg::parse(wrong).is_err(), "{wrong}");
+        }
+    }
+}

@@ -128,7 +128,10 @@ fn by_columns(file: &str, bytes: &[u8]) -> Result<Vec<SpectralResponse>, SensorE
 mod tests {
     use super::*;
 
-    fn read(text: &str) -> Result<Vec<(String, (f64, f64), f64)>, String> {
+    /// Name, range and mean wavelength of a band.
+    type Summary = (String, (f64, f64), f64);
+
+    fn read(text: &str) -> Result<Vec<Summary>, String> {
         let bands = bands("s.csv", text.as_bytes()).map_err(|error| error.to_string())?;
         let of =
             |band: &SpectralResponse| (band.name().to_owned(), band.range_nm(), band.centre_nm());

@@ -6,7 +6,7 @@ use super::report::{Encoding, Format, KnownFrom, MaskReason, Masked, Order, Read
 use super::{Content, Curve, MeasuredValue, ReadOptions, Unit, ValueScale};
 
 /// A problem and its line, from 1; no line if the problem is the whole file.
-pub(super) type Refusal = (Option<usize>, ReadProblem);
+pub(super) type RowRefusal = (Option<usize>, ReadProblem);
 
 /// Median wavelength below which wavelengths are taken as um: no spectrum of snow extends to
 /// 100 um.
@@ -44,7 +44,7 @@ pub(super) fn curve(
     layout: &TextLayout,
     encoding: Encoding,
     request: &ReadOptions,
-) -> Result<Curve, Refusal> {
+) -> Result<Curve, RowRefusal> {
     let (preamble, body) = lines.split_at(layout.first);
     let format = format(preamble);
     let names = names(layout, format);
@@ -215,7 +215,7 @@ fn rows(
     layout: &TextLayout,
     named: usize,
     columns: &Columns,
-) -> Result<Rows, Refusal> {
+) -> Result<Rows, RowRefusal> {
     let mut table = Rows {
         rows: Vec::new(),
         percent_signs: false,
@@ -250,7 +250,7 @@ fn rows(
                 row: quoted(line),
             }));
         }
-        let mut take = |column: usize, quantity: &'static str| -> Result<_, Refusal> {
+        let mut take = |column: usize, quantity: &'static str| -> Result<_, RowRefusal> {
             // A short row has no measurement in the missing columns.
             let text = cells.get(column).copied().unwrap_or_default();
             match CellValue::parse(text) {
@@ -321,7 +321,7 @@ fn check_plausible(
     scale: Option<ValueScale>,
     content: Content,
     request: &ReadOptions,
-) -> Result<(), Refusal> {
+) -> Result<(), RowRefusal> {
     let mut wrong = masked
         .iter()
         .filter(|row| row.why == MaskReason::Impossible);

@@ -242,7 +242,7 @@ pub fn parse_all(
 fn with_layout<T>(
     file: &str,
     bytes: &[u8],
-    read: impl FnOnce(&[&str], &layout::TextLayout, Encoding) -> Result<T, clean::Refusal>,
+    read: impl FnOnce(&[&str], &layout::TextLayout, Encoding) -> Result<T, clean::RowRefusal>,
 ) -> Result<T, SpectrumError> {
     let laid_out = || {
         if bytes.len() as u64 > MAX_BYTES {
