@@ -57,6 +57,7 @@ typedef enum splitsnow_axis {
     SPLITSNOW_THICKNESS_CM, /* thickness of the slab, cm */
     SPLITSNOW_ANGLE_DEG, /* polar angle of incidence from the surface normal, degree */
     SPLITSNOW_BLACK_CARBON_NG_G, /* mass of black carbon per mass of snow, ng g-1 */
+    SPLITSNOW_ABSORBER_UG_G, /* mass of the listed absorber per mass of snow, ug g-1 */
     SPLITSNOW_WATER_SATURATION, /* share of the pore space that is water */
     SPLITSNOW_TEMPERATURE_C, /* temperature of the snow, degC */
     SPLITSNOW_SPHERICITY, /* mean sphericity of the grains */
@@ -366,6 +367,7 @@ static const splitsnow__parameter splitsnow__parameters[SPLITSNOW_AXES] = {
     {"thickness_cm", 0.0, 1000000.0, 1, 0, SPLITSNOW__SHIFTED, 0.5, 0.0},
     {"angle_deg", 0.0, 90.0, 0, 1, SPLITSNOW__GRAZING, 0.02, 0.4},
     {"black_carbon_ng_g", 0.0, 1000000000.0, 0, 0, SPLITSNOW__ROOT, 20.0, 0.0},
+    {"absorber_ug_g", 0.0, 1000000.0, 0, 0, SPLITSNOW__ROOT, 10.0, 0.0},
     {"water_saturation", 0.0, 0.5, 0, 0, SPLITSNOW__COMPLEMENT, 1.0, 0.0},
     {"temperature_c", -40.0, 0.0, 0, 0, SPLITSNOW__LINEAR, 1.0, 0.0},
     {"sphericity", 0.0, 1.0, 1, 0, SPLITSNOW__LOG, 1.0, 0.0},

@@ -17,9 +17,9 @@ use splitsnow::config::{grid, sample, scene, schema, study};
 use splitsnow::engine::Engine;
 use splitsnow::grain::{Facets, Shape, SizeLaw, SizeMeasure, specific_surface_m2_kg};
 use splitsnow::measurement::Quantity;
-use splitsnow::optics::{Carbon, CarbonLaw, ImpurityMass, ice_density_kg_m3};
+use splitsnow::optics::{AbsorptionLaw, Carbon, CarbonLaw, ImpurityMass, ice_density_kg_m3};
 use splitsnow::parameter::{Parameter, Region};
-use splitsnow::transport::{Entry, Illumination, Joining, Substrate};
+use splitsnow::transport::{Entry, Illumination, Joining, Substrate, Tracers};
 
 fn root() -> &'static Path {
     Path::new(env!("CARGO_MANIFEST_DIR"))
@@ -454,7 +454,9 @@ fn snowpacks_are_read() {
         ..Carbon::brown(500.0)
     };
     assert_eq!(surface.brown_carbon, Some(brown));
-    assert_eq!(snowpack.exponents(), [1.0, 2.0]);
+    let laws = [1.0, 2.0].map(AbsorptionLaw::Power).to_vec();
+    let tracers = Tracers::of(snowpack, &file.model, &file.wavelengths_nm);
+    assert_eq!(tracers, Tracers::Laws(laws));
 }
 
 #[test]

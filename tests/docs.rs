@@ -91,10 +91,13 @@ fn allowed(node: &Value) -> String {
             match kind {
                 Some("integer") => format!("integer, {range}"),
                 Some(_) => range,
-                None => format!(
-                    "{range}, a path, or a list of 1 to {}, each {range}",
-                    node["maxItems"]
-                ),
+                None => {
+                    let types = node["type"].as_array();
+                    let is_path = types.is_some_and(|types| types.contains(&"string".into()));
+                    let path = if is_path { ", a path" } else { "" };
+                    let longest = &node["maxItems"];
+                    format!("{range}{path}, or a list of 1 to {longest}, each {range}")
+                }
             }
         }
         _ => String::new(),

@@ -3,6 +3,7 @@
 //! All tests are in one binary, so that the library is linked only once. `cargo test --release
 //! --test pipeline store::` runs one module.
 #![allow(clippy::unwrap_used)]
+mod absorbers;
 mod against;
 mod api;
 mod axes;

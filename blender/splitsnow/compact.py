@@ -20,6 +20,7 @@ CORE = ("facetness", "grain_size_um", "density_kg_m3", "thickness_cm", "angle_de
 # Optional axes that describe the snow, in the order of storage.
 CONDITIONS = (
     "black_carbon_ng_g",
+    "absorber_ug_g",
     "water_saturation",
     "temperature_c",
     "sphericity",
@@ -28,6 +29,7 @@ CONDITIONS = (
 # Coordinate of each axis, in which y is nearly linear.
 PLACES = {
     "black_carbon_ng_g": lambda x: np.sqrt(x + 20),
+    "absorber_ug_g": lambda x: np.sqrt(x + 10),
     "water_saturation": lambda x: -np.log(1 - x),
     "temperature_c": lambda x: np.asarray(x, float),
     "sphericity": np.log,

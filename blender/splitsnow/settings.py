@@ -61,6 +61,7 @@ class SnowSettings(bpy.types.PropertyGroup):
         300, 1, 999, precision=0, step=1000,
     )  # fmt: skip
     black_carbon_ng_g: _axis("Soot (ng/g)", "Mass of black carbon per mass of snow", 0, 0, 1e9)
+    absorber_ug_g: _axis("Dust (ug/g)", "Mass of the listed absorber per mass of snow", 0, 0, 1e6)
     water_saturation: _axis("Water", "Part of the pores that is filled with water", 0, 0, 0.5)
     temperature_c: _axis("Temperature (C)", "Of the snow", -1, -40, 0)
     sphericity: _axis("Sphericity", "Mean sphericity of the grains; 1 is a sphere", 0.8, 0.01, 1)

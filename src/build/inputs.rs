@@ -14,7 +14,8 @@ use crate::optics::{OpticsError, data_files};
 pub fn data_hashes(grid: &Grid) -> Result<BTreeMap<String, String>, OpticsError> {
     let model = &grid.fixed.model;
     let water = grid.is_wet().then_some(&model.water);
-    let files = data_files(model.ice, water)?;
+    let longest_nm = grid.wavelengths_nm.last().copied().unwrap_or_default();
+    let files = data_files(model.ice, water, longest_nm)?;
     let hash = |bytes: &[u8]| -> String {
         let digest = Sha256::digest(bytes);
         digest.iter().map(|byte| format!("{byte:02x}")).collect()

@@ -8,7 +8,8 @@ use serde::Serialize;
 
 use crate::grain::{SizeLaw, TruncatedNormal};
 use crate::grid::{
-    CarbonSettings, LawSettings, Reflectance, SizeSettings, toml_entries, toml_text,
+    AbsorberSettings, CarbonSettings, LawSettings, Reflectance, SizeSettings, toml_entries,
+    toml_text,
 };
 use crate::optics::WaterTable;
 use crate::transport::{Layer, Model, Substrate};
@@ -112,6 +113,12 @@ impl TomlWriter {
                 for (key, value) in toml_entries(&CarbonSettings::from(carbon)) {
                     self.raw(&key, &value);
                 }
+            }
+        }
+        for absorber in &snow.absorbers {
+            self.header("[[layer.absorber]]");
+            for (key, value) in toml_entries(&AbsorberSettings::from(absorber)) {
+                self.raw(&key, &value);
             }
         }
     }

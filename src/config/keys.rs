@@ -7,12 +7,13 @@
 use schemars::{JsonSchema, json_schema};
 use serde::Deserialize;
 
+use super::absorber::MAX_EFFICIENCY;
 use super::axis_keys::AxesKeys;
 use crate::colour::{ColourDifference, Illuminant, IlluminantSpec, Viewing};
 use crate::engine::Engine;
 use crate::grain::{Facets, Shape, SizeLaw};
 use crate::grid::{GridViews, Spread};
-use crate::optics::{CarbonLaw, IceTable, ImpurityMass, MODEL_RANGE_NM};
+use crate::optics::{CarbonLaw, IceTable, ImpurityMass, MODEL_RANGE_NM, SPECIES};
 use crate::parameter::Parameter;
 use crate::transport::{Entry, Joining};
 use crate::units::HALF_SPACE_CM;
@@ -23,8 +24,8 @@ const fn limits(parameter: Parameter) -> (f64, f64) {
     (allowed.min, allowed.max)
 }
 
-/// Largest number of wavelengths in a config file: 350-2500 nm in steps of 1 nm.
-pub(super) const MAX_WAVELENGTHS: u64 = 2151;
+/// Largest number of wavelengths in a config file: 350-5000 nm in steps of 1 nm.
+pub(super) const MAX_WAVELENGTHS: u64 = 4651;
 /// Largest number of illuminants that colours are compared under.
 const MAX_ILLUMINANTS: u64 = 16;
 /// Limits of the dry density, kg/m3.
@@ -147,17 +148,17 @@ pub(super) struct IlluminationKeys {
     { "required": ["values_nm"], "properties": { "start_nm": false, "stop_nm": false, "step_nm": false } },
 ]))]
 pub(super) struct WavelengthKeys {
-    /// First wavelength, nm, in [350, 2500].
+    /// First wavelength, nm, in [350, 5000]; beyond 2500 see docs/methods.md.
     #[schemars(range(min = MODEL_RANGE_NM.0, max = MODEL_RANGE_NM.1))]
     pub(super) start_nm: Option<f64>,
-    /// Last wavelength, nm, in [350, 2500]. It is included if it lies a whole number of
+    /// Last wavelength, nm, in [350, 5000]. It is included if it lies a whole number of
     /// steps from start_nm.
     #[schemars(range(min = MODEL_RANGE_NM.0, max = MODEL_RANGE_NM.1))]
     pub(super) stop_nm: Option<f64>,
     /// Step between wavelengths, nm.
-    #[schemars(range(max = 2150.0), extend("exclusiveMinimum" = 0.0))]
+    #[schemars(range(max = 4650.0), extend("exclusiveMinimum" = 0.0))]
     pub(super) step_nm: Option<f64>,
-    /// List of wavelengths, nm, in [350, 2500], strictly increasing.
+    /// List of wavelengths, nm, in [350, 5000], strictly increasing.
     #[schemars(
         length(min = 1, max = MAX_WAVELENGTHS),
         inner(range(min = MODEL_RANGE_NM.0, max = MODEL_RANGE_NM.1)),
@@ -201,6 +202,10 @@ pub(super) struct LayerKeys {
     pub(super) grain: Vec<GrainKeys>,
     pub(super) black_carbon: Option<CarbonKeys>,
     pub(super) brown_carbon: Option<CarbonKeys>,
+    /// Other light-absorbing substances in the layer.
+    #[schemars(length(max = 100))]
+    #[serde(default)]
+    pub(super) absorber: Vec<AbsorberKeys>,
 }
 
 /// One grain type: the distributions of its size, facetness and shape.
@@ -345,6 +350,75 @@ pub(super) struct CarbonKeys {
     #[schemars(extend("enum" = CONCENTRATIONS))]
     #[serde(default = "default_concentration_per")]
     pub(super) concentration_per: String,
+}
+
+/// A light-absorbing substance in the snow, such as mineral dust. Its mass absorption
+/// efficiency comes from `species`, from `file`, or from `mass_absorption_efficiency_m2_g`.
+#[derive(Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields)]
+#[schemars(extend("oneOf" = [
+    { "required": ["species"] }, { "required": ["file"] },
+    { "required": ["mass_absorption_efficiency_m2_g"] },
+]))]
+pub(super) struct AbsorberKeys {
+    /// Name in messages and files; default the species, or the name of the file.
+    pub(super) name: Option<String>,
+    /// Mass per mass of snow, ng/g.
+    #[schemars(range(min = 0.0, max = MAX_CARBON))]
+    pub(super) concentration_ng_g: Option<f64>,
+    /// Mass per mass of snow, ug/g, instead of concentration_ng_g.
+    #[schemars(range(min = 0.0, max = 1e-3 * MAX_CARBON))]
+    pub(super) concentration_ug_g: Option<f64>,
+    /// Mass that the concentration refers to: that of the dry snow (`dry_mass`), or that
+    /// of the snow with its liquid water (`wet_mass`).
+    #[schemars(extend("enum" = CONCENTRATIONS))]
+    #[serde(default = "default_concentration_per")]
+    pub(super) concentration_per: String,
+    /// Where it is: inside the ice (`ice`, default) or in the pore space (`pores`).
+    #[schemars(extend("enum" = ["ice", "pores"]))]
+    pub(super) phase: Option<String>,
+    /// Fraction of it that is inside the ice, instead of phase.
+    #[schemars(range(min = 0.0, max = 1.0))]
+    pub(super) sedimentation: Option<f64>,
+    /// A substance whose mass absorption efficiency is known (docs/absorbers.md).
+    #[schemars(extend("enum" = species()))]
+    pub(super) species: Option<String>,
+    /// CSV file with the columns wavelength_nm,mac_m2_g, relative to this file, that covers
+    /// all wavelengths; log-log between its rows.
+    pub(super) file: Option<String>,
+    #[schemars(schema_with = "efficiency")]
+    #[serde(default)]
+    pub(super) mass_absorption_efficiency_m2_g: Option<EfficiencyKeys>,
+    /// Wavelength at which mass_absorption_efficiency_m2_g is one number, nm.
+    #[schemars(range(min = 100.0, max = 10_000.0))]
+    pub(super) reference_wavelength_nm: Option<f64>,
+    /// Absorption Angstrom exponent; needed with mass_absorption_efficiency_m2_g as one number.
+    #[schemars(range(min = 0.0, max = 20.0))]
+    pub(super) angstrom_exponent: Option<f64>,
+}
+
+#[derive(Deserialize)]
+#[serde(untagged)]
+pub(super) enum EfficiencyKeys {
+    Number(f64),
+    /// One per wavelength.
+    List(Vec<f64>),
+}
+
+fn species() -> Vec<&'static str> {
+    SPECIES.iter().map(|species| species.name).collect()
+}
+
+fn efficiency(_: &mut schemars::SchemaGenerator) -> schemars::Schema {
+    json_schema!({
+        "description": "Mass absorption efficiency, m2/g: a number at reference_wavelength_nm, or a list with one number per wavelength.",
+        "type": ["number", "array"],
+        "minimum": 0.0,
+        "maximum": MAX_EFFICIENCY,
+        "items": { "type": "number", "minimum": 0.0, "maximum": MAX_EFFICIENCY },
+        "minItems": 1,
+        "maxItems": MAX_WAVELENGTHS,
+    })
 }
 
 /// Removes the default from a schema whose parent lists the key as required.
@@ -581,6 +655,10 @@ pub(super) struct FixedKeys {
     #[schemars(schema_with = "carbon_of_any_amount")]
     pub(super) black_carbon: Option<CarbonKeys>,
     pub(super) brown_carbon: Option<CarbonKeys>,
+    /// Other light-absorbing substances in the surface layer. If `absorber_ug_g` is an axis,
+    /// it gives the mass of the first one.
+    #[schemars(length(max = 100))]
+    pub(super) absorber: Vec<AbsorberKeys>,
     /// Layers under the surface layer that the axes describe, from the base up. The
     /// thickness axis is the total thickness of all layers.
     #[schemars(length(max = 100))]
@@ -599,6 +677,7 @@ impl Default for FixedKeys {
             water_fraction: None,
             black_carbon: None,
             brown_carbon: None,
+            absorber: Vec::new(),
             below: Vec::new(),
             substrate: None,
         }

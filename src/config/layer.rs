@@ -1,41 +1,43 @@
-//! Snow layers, the carbon in them, and the substrate.
+//! Snow layers and the substrate.
 use std::path::Path;
 
 use crate::grain::{
     Facets, GrainType, Shape, SizeConversion, SizeLaw, SizeMeasure, SizeRange, TruncatedNormal,
 };
-use crate::optics::{Carbon, ice_density_kg_m3};
+use crate::optics::ice_density_kg_m3;
 use crate::spectrum::Table;
 use crate::spectrum::measured::{self, Content, CoverageGap, MAX_BRIDGE_NM, ReadOptions};
-use crate::transport::{Component, EXPONENTS, Layer, Snow, Substrate};
+use crate::transport::{Component, Layer, Snow, Substrate};
 use crate::units::{HALF_SPACE_CM, cm_to_m, um_to_m};
 
+use super::absorber::absorbers;
 use super::document::Document;
 use super::error::{ConfigError, Problem};
-use super::keys::{
-    CONCENTRATIONS, CarbonKeys, DENSITY_KG_M3, GrainKeys, LayerKeys, ReflectanceKeys, SubstrateKeys,
-};
+use super::keys::{DENSITY_KG_M3, GrainKeys, LayerKeys, ReflectanceKeys, SubstrateKeys};
 use super::shared::{exclusive, law, one_size, ordered, shape};
 use super::snow::{
     ORDINARY_UM, longest_grain, remark, remark_overpacked, remark_sizes, remark_smooth,
     remark_thickness, saturation_from_fraction,
 };
-use super::{check, water};
+use super::water;
 
 /// The only layer of a sample that may be a half space.
 const BASE: &str = "layer[0]";
 
 /// The layers in the list of tables `[[name]]`, from the base up. `options` are those of the model
-/// that belong to the grains.
+/// that belong to the grains. `at` is the directory to which paths are relative, and the
+/// wavelengths, nm; a note on each file that is read is added to `notes`.
 pub(super) fn layers(
     document: &Document,
     name: &str,
     keys: &[LayerKeys],
     options: (SizeLaw, Facets),
-    warnings: &mut Vec<String>,
+    at: (&Path, &[f64]),
+    (warnings, notes): (&mut Vec<String>, &mut Vec<String>),
 ) -> Result<Vec<Layer>, ConfigError> {
     let read_layer = |(i, keys): (usize, &LayerKeys)| {
-        layer(document, &format!("{name}[{i}]"), keys, options, warnings)
+        let table = format!("{name}[{i}]");
+        layer(document, &table, keys, options, at, (warnings, notes))
     };
     keys.iter().enumerate().map(read_layer).collect()
 }
@@ -45,7 +47,8 @@ fn layer(
     table: &str,
     keys: &LayerKeys,
     options: (SizeLaw, Facets),
-    warnings: &mut Vec<String>,
+    at: (&Path, &[f64]),
+    (warnings, notes): (&mut Vec<String>, &mut Vec<String>),
 ) -> Result<Layer, ConfigError> {
     check_fractions(document, table, keys)?;
     let grain = |(i, grain): (usize, &GrainKeys)| {
@@ -73,73 +76,20 @@ fn layer(
         return Err(document.error(&thickness, problem, help));
     }
     remark_thickness(document, warnings, &thickness, keys.thickness_cm);
-    let carbon = |name: &str, keys: &Option<CarbonKeys>, usual| {
-        let key = format!("{table}.{name}");
-        let carbon = keys
-            .as_ref()
-            .map(|keys| carbon(document, &key, keys, usual));
-        carbon.transpose()
-    };
+    let ([black_carbon, brown_carbon], absorbers) =
+        absorbers(document, table, &keys.into(), at, notes)?;
     Ok(Layer {
         snow: Snow {
             grains,
             density_kg_m3,
             temperature_c: keys.temperature_c,
             water_saturation,
-            black_carbon: carbon("black_carbon", &keys.black_carbon, Carbon::black(0.0))?,
-            brown_carbon: carbon("brown_carbon", &keys.brown_carbon, Carbon::brown(0.0))?,
+            black_carbon,
+            brown_carbon,
+            absorbers,
         },
         thickness_m: cm_to_m(keys.thickness_cm),
     })
-}
-
-/// The carbon described by the table `table`; `usual` has the default values.
-pub(super) fn carbon(
-    document: &Document,
-    table: &str,
-    keys: &CarbonKeys,
-    usual: Carbon,
-) -> Result<Carbon, ConfigError> {
-    let per = format!("{table}.concentration_per");
-    check::choice(document, &per, &keys.concentration_per, &CONCENTRATIONS, "")?;
-    let efficiency = keys.mass_absorption_efficiency_m2_g;
-    let reference = keys.reference_wavelength_nm;
-    Ok(Carbon {
-        concentration_ng_g: keys.concentration_ng_g,
-        sedimentation: keys.sedimentation.unwrap_or(usual.sedimentation),
-        mass_absorption_efficiency_m2_g: efficiency
-            .unwrap_or(usual.mass_absorption_efficiency_m2_g),
-        reference_wavelength_nm: reference.unwrap_or(usual.reference_wavelength_nm),
-        angstrom_exponent: keys.angstrom_exponent.unwrap_or(usual.angstrom_exponent),
-        per_wet_mass: keys.concentration_per == CONCENTRATIONS[1],
-    })
-}
-
-/// Refuses carbon with more different Angstrom exponents than a walk can track; `key`
-/// names the layers or the snow in messages.
-pub(super) fn exponents<'a>(
-    document: &Document,
-    key: &str,
-    carbon: impl Iterator<Item = &'a Carbon>,
-) -> Result<(), ConfigError> {
-    let mut exponents: Vec<f64> = carbon
-        .filter(|carbon| carbon.concentration_ng_g > 0.0)
-        .map(|carbon| carbon.angstrom_exponent)
-        .collect();
-    exponents.sort_by(f64::total_cmp);
-    exponents.dedup();
-    if exponents.len() <= EXPONENTS {
-        return Ok(());
-    }
-    let problem = Problem::Contradiction(format!(
-        "has carbon with {} different Angstrom exponents; a snowpack may have at most {EXPONENTS}",
-        exponents.len()
-    ));
-    Err(document.error(
-        key,
-        problem,
-        "give similar types of carbon the same exponent",
-    ))
 }
 
 /// The substrate described by the table `table`, at `wavelengths_nm`. Paths are relative

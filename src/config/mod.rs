@@ -10,6 +10,7 @@
 //! (at most 1 MiB).
 use std::path::Path;
 
+mod absorber;
 mod axis_keys;
 mod canonical;
 mod change;

@@ -1,7 +1,7 @@
 //! Sample files: one snowpack, its illumination and the wavelengths.
 use std::path::Path;
 
-use crate::transport::{Illumination, Joining, Layer, Model, Snow, Snowpack};
+use crate::transport::{Illumination, Joining, Layer, Model, Snowpack};
 use crate::units::{m_to_cm, m_to_um};
 
 use super::canonical::TomlWriter;
@@ -10,7 +10,7 @@ use super::error::{ConfigError, Problem};
 use super::keys::SampleKeys;
 use super::shared::{covered, exclusive, model, size_law, wavelengths};
 use super::snow::holds_grains;
-use super::{directory_of, layer, schema};
+use super::{absorber, directory_of, layer, schema};
 
 /// A resolved sample file: defaults are filled in, and alternative keys are converted.
 #[derive(Debug, Clone, PartialEq)]
@@ -82,15 +82,17 @@ fn parse_at(name: &str, text: &str, other_nm: Option<Vec<f64>>) -> Result<Sample
     let directory = directory_of(name);
     let model = model(&document, &keys.model, directory)?;
     let options = (size_law, model.facets);
-    let mut layers = layer::layers(&document, "layer", &keys.layer, options, &mut warnings)?;
-    let substrate = keys.substrate.as_ref();
-    let substrate = layer::substrate(
+    let at = (directory, wavelengths_nm.as_slice());
+    let mut layers = layer::layers(
         &document,
-        "substrate",
-        substrate,
-        (directory, &wavelengths_nm),
-        &mut notes,
+        "layer",
+        &keys.layer,
+        options,
+        at,
+        (&mut warnings, &mut notes),
     )?;
+    let substrate = keys.substrate.as_ref();
+    let substrate = layer::substrate(&document, "substrate", substrate, at, &mut notes)?;
     check_fit(&document, &layers, model.joining)?;
 
     let mut out = TomlWriter::new();
@@ -114,7 +116,9 @@ fn parse_at(name: &str, text: &str, other_nm: Option<Vec<f64>>) -> Result<Sample
     };
     let wet = snowpack.is_wet();
     covered(&document, &model, &wavelengths_nm, wet)?;
-    layer::exponents(&document, "layer", snowpack.snows().flat_map(Snow::carbon))?;
+    if snowpack.snows().any(|snow| !snow.absorbers.is_empty()) {
+        absorber::remark_mass(&document, &model, &mut warnings);
+    }
     Ok(SampleFile {
         snowpack,
         thickness_m,

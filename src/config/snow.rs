@@ -4,14 +4,15 @@ use std::path::Path;
 
 use crate::grain::{Facets, SizeLaw, SizeRange, overpacking};
 use crate::grid::{Fixed, MIN_GRAIN_LENGTHS, Spread};
-use crate::optics::{Carbon, ice_density_kg_m3};
+use crate::optics::ice_density_kg_m3;
 use crate::parameter::Parameter;
 use crate::transport::{Joining, Model};
 use crate::units::{HALF_SPACE_CM, m_to_cm, m_to_um, um_to_m};
 
+use super::absorber::{self, Keys, absorbers};
 use super::document::Document;
 use super::error::{ConfigError, Problem};
-use super::keys::{CarbonKeys, FixedKeys, MAX_THICKNESS_CM, SATURATION, SIZE_UM, SpreadKeys};
+use super::keys::{FixedKeys, MAX_THICKNESS_CM, SATURATION, SIZE_UM, SpreadKeys};
 use super::shared::{exclusive, shape};
 use super::{layer, water};
 
@@ -53,6 +54,16 @@ pub(super) fn fixed_or_axis(
             return Err(document.error(key, problem, "remove it, or add the axis sphericity"));
         }
     }
+    match (has(Parameter::Absorber), keys.absorber.first()) {
+        (true, None) => {
+            let help = "add [[fixed.absorber]] with its species, file or mass absorption efficiency: the axis gives the mass of the first one";
+            return Err(document.error("fixed.absorber", Problem::Missing, help));
+        }
+        (false, Some(first)) => {
+            absorber::concentration(document, "fixed.absorber[0]", first, false)?;
+        }
+        _ => {}
+    }
     let needed = keys.black_carbon.is_some() && !has(Parameter::BlackCarbon);
     if needed && !document.has(CONCENTRATION) {
         let help = "add it: Mass of carbon per mass of snow, ng/g.";
@@ -69,7 +80,7 @@ pub(super) fn fixed(
     model: Model,
     size_law: SizeLaw,
     densities_kg_m3: &[f64],
-    (directory, wavelengths_nm): (&Path, &[f64]),
+    at: (&Path, &[f64]),
     (warnings, notes): (&mut Vec<String>, &mut Vec<String>),
 ) -> Result<Fixed, ConfigError> {
     let shape_keys = (
@@ -93,15 +104,22 @@ pub(super) fn fixed(
             return Err(document.error("fixed.water_fraction", problem, help));
         }
     };
-    let carbon = |name: &str, keys: &Option<CarbonKeys>, usual| {
-        let key = format!("fixed.{name}");
-        let carbon = keys
-            .as_ref()
-            .map(|keys| layer::carbon(document, &key, keys, usual));
-        carbon.transpose()
+    let absorber_keys = Keys {
+        carbon: [keys.black_carbon.as_ref(), keys.brown_carbon.as_ref()],
+        others: &keys.absorber,
+        may_be_axis: true,
     };
+    let ([black_carbon, brown_carbon], absorbers) =
+        absorbers(document, "fixed", &absorber_keys, at, notes)?;
     let options = (size_law, model.facets);
-    let mut below = layer::layers(document, "fixed.below", &keys.below, options, warnings)?;
+    let mut below = layer::layers(
+        document,
+        "fixed.below",
+        &keys.below,
+        options,
+        at,
+        (&mut *warnings, &mut *notes),
+    )?;
     if model.joining == Joining::Cascade {
         for (i, (layer, keys)) in below.iter().zip(&keys.below).enumerate() {
             let key = format!("fixed.below[{i}].thickness_cm");
@@ -115,20 +133,23 @@ pub(super) fn fixed(
         proportion,
         temperature_c: keys.temperature_c,
         water_saturation,
-        black_carbon: carbon("black_carbon", &keys.black_carbon, Carbon::black(0.0))?,
-        brown_carbon: carbon("brown_carbon", &keys.brown_carbon, Carbon::brown(0.0))?,
+        black_carbon,
+        brown_carbon,
+        absorbers,
         below,
         substrate: layer::substrate(
             document,
             "fixed.substrate",
             keys.substrate.as_ref(),
-            (directory, wavelengths_nm),
+            at,
             notes,
         )?,
         model,
         diffuse: false,
     };
-    layer::exponents(document, "fixed", fixed.carbon())?;
+    if fixed.has_absorbers() {
+        absorber::remark_mass(document, &fixed.model, warnings);
+    }
     Ok(fixed)
 }
 

@@ -1,13 +1,14 @@
 //! The settings of a grid, taken from the grid and written as the text of a grid file.
 use super::Grid;
 use super::settings::{
-    AxisSettings, BelowSettings, CarbonSettings, ErrorSettings, FixedSettings, GrainSettings,
-    GridSettings, LawSettings, ModelSettings, Properties, Reflectance, RunSettings, SizeSettings,
-    SpreadSettings, SubstrateSettings, WavelengthSettings,
+    AbsorberSettings, AxisSettings, BelowSettings, CarbonSettings, EfficiencySettings,
+    ErrorSettings, FixedSettings, GrainSettings, GridSettings, LawSettings, ModelSettings,
+    Properties, Reflectance, RunSettings, SizeSettings, SpreadSettings, SubstrateSettings,
+    WavelengthSettings,
 };
 use crate::engine::Engine;
 use crate::grain::{Facets, Shape, SizeLaw, TruncatedNormal};
-use crate::optics::{Carbon, WaterTable};
+use crate::optics::{Absorber, Carbon, MassAbsorption, WaterTable};
 use crate::parameter::{Axes, Parameter};
 use crate::transport::{Component, Layer, Substrate};
 use crate::units::{m_to_cm, m_to_um};
@@ -66,6 +67,7 @@ impl Grid {
             water_saturation: fixed.water_saturation,
             black_carbon: fixed.black_carbon.as_ref().map(CarbonSettings::from),
             brown_carbon: fixed.brown_carbon.as_ref().map(CarbonSettings::from),
+            absorber: fixed.absorbers.iter().map(AbsorberSettings::from).collect(),
             // config files list layers from the base up
             below: fixed.below.iter().rev().map(BelowSettings::from).collect(),
             substrate: Reflectance::of(&fixed.substrate)
@@ -86,7 +88,8 @@ impl Grid {
             size_law: (size_law != SizeLaw::default()).then(|| size_law.name().into()),
             layers: is_layered.then(|| model.joining.name().into()),
             carbon_law: carbon.then(|| model.carbon_law.name().into()),
-            impurity_mass: carbon.then(|| model.impurity_mass.name().into()),
+            impurity_mass: (carbon || fixed.has_absorbers())
+                .then(|| model.impurity_mass.name().into()),
             ice: model.ice.name().into(),
             water: water_name(&model.water),
         }
@@ -114,20 +117,49 @@ impl From<&TruncatedNormal> for LawSettings {
     }
 }
 
+/// The mass that a concentration refers to.
+fn concentration_per(wet: bool) -> String {
+    if wet { "wet_mass" } else { "dry_mass" }.into()
+}
+
+impl From<&Absorber> for AbsorberSettings {
+    fn from(absorber: &Absorber) -> Self {
+        let (efficiency, reference, exponent) = match &absorber.mass_absorption {
+            MassAbsorption::Power {
+                m2_g,
+                reference_nm,
+                angstrom_exponent,
+            } => (
+                EfficiencySettings::Power(*m2_g),
+                Some(*reference_nm),
+                Some(*angstrom_exponent),
+            ),
+            MassAbsorption::Table(table) => {
+                let values = table.column(0).to_vec();
+                (EfficiencySettings::Spectrum(values), None, None)
+            }
+        };
+        Self {
+            name: absorber.name.clone(),
+            concentration_ng_g: Some(absorber.concentration_ng_g),
+            sedimentation: absorber.sedimentation,
+            mass_absorption_efficiency_m2_g: efficiency,
+            reference_wavelength_nm: reference,
+            angstrom_exponent: exponent,
+            concentration_per: concentration_per(absorber.per_wet_mass),
+        }
+    }
+}
+
 impl From<&Carbon> for CarbonSettings {
     fn from(carbon: &Carbon) -> Self {
-        let per = if carbon.per_wet_mass {
-            "wet_mass"
-        } else {
-            "dry_mass"
-        };
         Self {
             concentration_ng_g: carbon.concentration_ng_g,
             sedimentation: carbon.sedimentation,
             mass_absorption_efficiency_m2_g: carbon.mass_absorption_efficiency_m2_g,
             reference_wavelength_nm: carbon.reference_wavelength_nm,
             angstrom_exponent: carbon.angstrom_exponent,
-            concentration_per: per.into(),
+            concentration_per: concentration_per(carbon.per_wet_mass),
         }
     }
 }
@@ -143,6 +175,7 @@ impl From<&Layer> for BelowSettings {
             grain: snow.grains.iter().map(GrainSettings::from).collect(),
             black_carbon: snow.black_carbon.as_ref().map(CarbonSettings::from),
             brown_carbon: snow.brown_carbon.as_ref().map(CarbonSettings::from),
+            absorber: snow.absorbers.iter().map(AbsorberSettings::from).collect(),
         }
     }
 }

@@ -23,6 +23,11 @@ impl Fixed {
                         ..kind
                     });
                 }
+                Parameter::Absorber => {
+                    if let Some(first) = fixed.absorbers.first_mut() {
+                        first.concentration_ng_g = 1e3 * value;
+                    }
+                }
                 Parameter::WaterSaturation => fixed.water_saturation = value,
                 Parameter::Temperature => fixed.temperature_c = value,
                 Parameter::Sphericity => fixed.proportion = spread.sphericity_law(value)?,
@@ -112,6 +117,7 @@ mod tests {
     use crate::engine::Engine;
     use crate::grid::GridSettings;
     use crate::grid::tests::{small, with_extra};
+    use crate::optics::{Absorber, Species};
 
     /// An axis without effect here would give the same snow at every value. A fixed value that
     /// stays in the description of the grid would contradict the axis.
@@ -123,6 +129,13 @@ mod tests {
             }
             let mut grid = small(Engine::Spectral);
             grid.fixed.black_carbon = Some(Carbon::black(10.0));
+            grid.fixed.absorbers = vec![Absorber {
+                name: "dust".into(),
+                concentration_ng_g: 0.0,
+                sedimentation: 1.0,
+                mass_absorption: Species::find("dust_libya").unwrap().mass_absorption(),
+                per_wet_mass: false,
+            }];
             let record = parameter.record();
             let (low, high) = (record.ordinary.min, record.ordinary.max);
             let (low, high) = (0.75 * low + 0.25 * high, 0.25 * low + 0.75 * high);

@@ -168,6 +168,7 @@ impl Grid {
                 water_saturation: fixed.water_saturation,
                 black_carbon: fixed.black_carbon,
                 brown_carbon: fixed.brown_carbon,
+                absorbers: fixed.absorbers,
                 ..surface
             },
             below: fixed.below,

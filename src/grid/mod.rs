@@ -16,7 +16,7 @@ mod views;
 
 use crate::engine::{Engine, MaxError};
 use crate::grain::{Shape, SizeLaw, SizeMeasure, TruncatedNormal};
-use crate::optics::Carbon;
+use crate::optics::{Absorber, Carbon};
 use crate::parameter::Axes;
 use crate::transport::{Layer, Model, Substrate};
 
@@ -29,7 +29,9 @@ pub(crate) use jobs::multi_index;
 pub use settings::GridSettings;
 #[cfg(feature = "database")]
 pub(crate) use settings::config_text;
-pub(crate) use settings::{CarbonSettings, LawSettings, Reflectance, SizeSettings};
+pub(crate) use settings::{
+    AbsorberSettings, CarbonSettings, LawSettings, Reflectance, SizeSettings,
+};
 pub use shard::{Shard, ShardError};
 pub(crate) use toml_text::{toml_entries, toml_text};
 pub use views::GridViews;
@@ -103,6 +105,9 @@ pub struct Fixed {
     pub black_carbon: Option<Carbon>,
     /// Brown carbon.
     pub brown_carbon: Option<Carbon>,
+    /// Other absorbers; if [`crate::parameter::Parameter::Absorber`] is an axis, it gives the
+    /// mass of the first one.
+    pub absorbers: Vec<Absorber>,
     /// Layers under the surface layer, from the top down. The thickness axis is the total
     /// thickness of all layers.
     pub below: Vec<Layer>,
@@ -126,6 +131,7 @@ impl Fixed {
             water_saturation: 0.0,
             black_carbon: None,
             brown_carbon: None,
+            absorbers: Vec::new(),
             below: Vec::new(),
             substrate: Substrate::Black,
             model: Model::default(),
@@ -138,6 +144,12 @@ impl Fixed {
         let own = [&self.black_carbon, &self.brown_carbon];
         let below = self.below.iter().flat_map(|layer| layer.snow.carbon());
         own.into_iter().flatten().chain(below)
+    }
+
+    /// Whether any layer has absorbers other than carbon.
+    pub(crate) fn has_absorbers(&self) -> bool {
+        let below = self.below.iter().flat_map(|layer| &layer.snow.absorbers);
+        self.absorbers.iter().chain(below).next().is_some()
     }
 
     /// Whether any layer contains liquid water.

@@ -190,14 +190,19 @@ impl FixedSettings {
     }
 }
 
-/// Removes the value at a path such as `black_carbon.concentration_ng_g`.
+/// Removes the value at a path such as `black_carbon.concentration_ng_g`; `absorber[0]` is the
+/// first entry of a list.
 fn remove(value: &mut Value, path: &str) {
     let Some(table) = value.as_object_mut() else {
         return;
     };
     match path.split_once('.') {
         Some((key, rest)) => {
-            if let Some(inner) = table.get_mut(key) {
+            let inner = match key.strip_suffix("[0]") {
+                Some(list) => table.get_mut(list).and_then(|list| list.get_mut(0)),
+                None => table.get_mut(key),
+            };
+            if let Some(inner) = inner {
                 remove(inner, rest);
             }
         }
@@ -249,6 +254,8 @@ pub(crate) struct Properties {
     pub(crate) black_carbon: Option<CarbonSettings>,
     #[serde(skip_serializing_if = "Option::is_none")]
     pub(crate) brown_carbon: Option<CarbonSettings>,
+    #[serde(skip_serializing_if = "Vec::is_empty")]
+    pub(crate) absorber: Vec<AbsorberSettings>,
     /// Layers under the surface layer, from the base up.
     #[serde(skip_serializing_if = "Vec::is_empty")]
     pub(crate) below: Vec<BelowSettings>,
@@ -278,6 +285,30 @@ pub(crate) struct CarbonSettings {
     pub(crate) concentration_per: String,
 }
 
+/// A light-absorbing substance other than carbon.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+pub(crate) struct AbsorberSettings {
+    pub(crate) name: String,
+    /// Left out if an axis gives it.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub(crate) concentration_ng_g: Option<f64>,
+    pub(crate) sedimentation: f64,
+    pub(crate) mass_absorption_efficiency_m2_g: EfficiencySettings,
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub(crate) reference_wavelength_nm: Option<f64>,
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub(crate) angstrom_exponent: Option<f64>,
+    pub(crate) concentration_per: String,
+}
+
+/// A mass absorption efficiency: at the reference wavelength, or one per wavelength.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[serde(untagged)]
+pub(crate) enum EfficiencySettings {
+    Power(f64),
+    Spectrum(Vec<f64>),
+}
+
 /// A layer under the surface layer.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub(crate) struct BelowSettings {
@@ -290,6 +321,8 @@ pub(crate) struct BelowSettings {
     pub(crate) black_carbon: Option<CarbonSettings>,
     #[serde(skip_serializing_if = "Option::is_none")]
     pub(crate) brown_carbon: Option<CarbonSettings>,
+    #[serde(default, skip_serializing_if = "Vec::is_empty")]
+    pub(crate) absorber: Vec<AbsorberSettings>,
 }
 
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]

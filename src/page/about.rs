@@ -36,7 +36,7 @@ macro_rules! preset {
 }
 
 /// All samples of `configs/samples`; the first is what the page begins with.
-const PRESETS: [(&str, &str); 12] = [
+const PRESETS: [(&str, &str); 13] = [
     preset!("representative"),
     preset!("small"),
     preset!("large"),
@@ -49,6 +49,7 @@ const PRESETS: [(&str, &str); 12] = [
     preset!("sispec_195"),
     preset!("sispec_197"),
     preset!("soot_on_grass"),
+    preset!("dusty"),
 ];
 
 /// The data files that samples name.

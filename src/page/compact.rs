@@ -3,7 +3,7 @@ use std::collections::BTreeMap;
 
 use crate::config;
 use crate::grain::TruncatedNormal;
-use crate::grid::{Fixed, Spread};
+use crate::grid::{AbsorberSettings, Fixed, Spread};
 use crate::lookup::{Database, Lookup};
 use crate::measurement::Quantity;
 use crate::optics::Carbon;
@@ -245,6 +245,10 @@ fn sample(
         if let Some(carbon) = carbon {
             layer[name] = carbon_keys(&carbon);
         }
+    }
+    if !at.absorbers.is_empty() {
+        let absorbers = at.absorbers.iter().map(AbsorberSettings::from);
+        layer["absorber"] = json!(absorbers.collect::<Vec<_>>());
     }
     let mut sample = json!({
         "version": 1,

@@ -9,7 +9,7 @@ use splitsnow::measurement::{Measured, Spectrum};
 use splitsnow::optics::Index;
 use splitsnow::rng::{Key, Stream};
 use splitsnow::transport::{
-    Absorption, Coefficients, EXPONENTS, End, Entry, Illumination, Model, Path, Sink, Snow, Walk,
+    Absorption, Coefficients, End, Entry, Illumination, Model, Path, Sink, Snow, TRACERS, Walk,
     Walker,
 };
 use statrs::function::erf::erfc_inv;
@@ -21,7 +21,7 @@ pub(crate) const TRANSPARENT: Absorption = Absorption {
     coefficients: Coefficients {
         ice_per_m: 0.0,
         water_per_m: 0.0,
-        impurities: [0.0; EXPONENTS],
+        impurities: [0.0; TRACERS],
     },
     deferred: 0.0,
 };

@@ -144,21 +144,6 @@ pub(crate) const SNOWPACK_ERRORS: &[(&str, &str)] = &[
     ("water_fraction = 0.05", "water_fraction = 0.28"),
     ("water_fraction = 0.05", "water_fraction = 0.45"),
     ("concentration_ng_g = 500", "concentration_ng_g = -500"),
-    ("\n[[layer]]\nthickness_cm = 2", "
-angstrom_exponent = 0.8
-[[layer]]
-thickness_cm = 2
-density_kg_m3 = 300
-grain = [{ size_um = { min = 100, max = 200 }, facetness = { min = 0, max = 1, mean = 0.5, sd = 1 } }]
-black_carbon = { concentration_ng_g = 1, angstrom_exponent = 1.2 }
-brown_carbon = { concentration_ng_g = 1, angstrom_exponent = 4 }
-[[layer]]
-thickness_cm = 2
-density_kg_m3 = 300
-grain = [{ size_um = { min = 100, max = 200 }, facetness = { min = 0, max = 1, mean = 0.5, sd = 1 } }]
-black_carbon = { concentration_ng_g = 1, angstrom_exponent = 1.1 }
-[[layer]]
-thickness_cm = 2"),
 ];
 
 /// Edits of [`SAMPLE`]: the text to replace, and its replacement.
@@ -247,7 +232,7 @@ pub(crate) const SAMPLE_ERRORS: &[(&str, &str)] = &[
     ("step_nm = 10\n", ""),
     // Wavelengths.
     ("start_nm = 400", "start_nm = 349"),
-    ("stop_nm = 700", "stop_nm = 2501"),
+    ("stop_nm = 700", "stop_nm = 5001"),
     ("start_nm = 400", "start_nm = 701"),
     ("step_nm = 10", "step_nm = 0"),
     ("step_nm = 10", "step_nm = -10"),

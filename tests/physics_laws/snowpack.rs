@@ -4,7 +4,7 @@ use splitsnow::grain::mean_free_distance_m;
 use splitsnow::measurement::Spectrum;
 use splitsnow::optics::{Carbon, CarbonLaw, ImpurityMass, ice_density_kg_m3};
 use splitsnow::transport::{
-    Absorption, Coefficients, Component, Layer, Model, Snow, Snowpack, Substrate, Walker,
+    Absorption, Coefficients, Component, Layer, Model, Snow, Snowpack, Substrate, Tracers, Walker,
 };
 
 use super::assert_close;
@@ -174,7 +174,7 @@ fn absorption_by_soot_matches_closed_forms() {
             ..Model::default()
         };
         let absorption = Absorption {
-            coefficients: Coefficients::at(nm, (AIR, AIR), &Snowpack::exponents(&snowpack)),
+            coefficients: Coefficients::at(nm, (AIR, AIR), &Tracers::of(&snowpack, &model, &[])),
             ..TRANSPARENT
         };
         let walker = Walker::new(&snowpack, &model, (AIR, AIR), absorption);

@@ -18,6 +18,7 @@ import xarray
 # Those of the snow: reflectance and transmittance have no axes of views.
 OPTIONAL_AXES = (
     "black_carbon_ng_g",
+    "absorber_ug_g",
     "water_saturation",
     "temperature_c",
     "sphericity",

@@ -17,7 +17,7 @@
 //! | `reflectance.*` | likewise | with its own l' |
 //! | `wavelength_nm` | `[l]` | strictly increasing |
 //! | `facetness`, `grain_size_um`, `density_kg_m3`, `thickness_cm`, `angle_deg` | `[n]` each | the axes, slowest first; s is the product of their lengths |
-//! | `black_carbon_ng_g`, `water_saturation`, `temperature_c`, `sphericity`, `substrate_reflectance` | `[n]` each | optional axes, slower than the above, in this order; those in the file come first in the metadata `axis_order` |
+//! | `black_carbon_ng_g`, `absorber_ug_g`, `water_saturation`, `temperature_c`, `sphericity`, `substrate_reflectance` | `[n]` each | optional axes, slower than the above, in this order; those in the file come first in the metadata `axis_order` |
 //! | `view_deg`, `relative_azimuth_deg` | `[n]` each | only in files of anisotropy factors, slower than all others |
 //! | `absent` | `[n]`, u16 | per grain size, the number of thinnest thicknesses without a curve; only if some curves do not exist |
 //!

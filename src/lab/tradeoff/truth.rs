@@ -197,7 +197,9 @@ impl Truths<'_> {
     fn inputs(&self, sample: &NamedSample, band: SpectralDomain) -> Result<String, TradeoffError> {
         let file = &sample.file;
         let wet = file.snowpack.is_wet();
-        let data = data_files(file.model.ice, wet.then_some(&file.model.water))
+        let longest_nm = band.wavelengths_nm().last().copied().unwrap_or_default();
+        let water = wet.then_some(&file.model.water);
+        let data = data_files(file.model.ice, water, longest_nm)
             .map_err(|error| failed(sample, &self.setting(0), error.into()))?;
         let mut inputs = format!(
             "splitsnow {}\nengine {}\nresolution {:?}\nseed {SEED}, {PARTS} parts\nwavelengths_nm {:?}\n",

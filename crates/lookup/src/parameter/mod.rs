@@ -22,6 +22,8 @@ pub enum Parameter {
     RelativeAzimuth,
     /// Mass of black carbon per mass of snow.
     BlackCarbon,
+    /// Mass of the first listed absorber per mass of snow.
+    Absorber,
     /// Fraction of the pore space that is water.
     WaterSaturation,
     /// Temperature of the snow.
@@ -120,13 +122,14 @@ const fn above(min: f64, max: f64) -> Interval {
 
 impl Parameter {
     /// Number of parameters.
-    pub const COUNT: usize = 12;
+    pub const COUNT: usize = 13;
 
     /// All parameters, in storage order.
     pub const ALL: [Self; Self::COUNT] = [
         Self::View,
         Self::RelativeAzimuth,
         Self::BlackCarbon,
+        Self::Absorber,
         Self::WaterSaturation,
         Self::Temperature,
         Self::Sphericity,
@@ -207,6 +210,27 @@ impl Parameter {
                 role: Role::Snow,
                 optional: true,
                 fixed: &["fixed.black_carbon.concentration_ng_g"],
+            },
+            Self::Absorber => Record {
+                key: "absorber_ug_g",
+                option: "absorber-ug-g",
+                name: "absorber_ug_g",
+                label: "absorber",
+                symbol: "C_a",
+                unit: "ug g-1",
+                long_name: "mass of the listed absorber per mass of snow",
+                physical: closed(0.0, 1e6),
+                allowed: closed(0.0, 1e6),
+                ordinary: closed(0.0, 1e6),
+                // 10 ug/g of mineral dust absorb about as much as 20 ng/g of black carbon
+                scale: Scale::Root(10.0),
+                candidates: 6,
+                role: Role::Snow,
+                optional: true,
+                fixed: &[
+                    "fixed.absorber[0].concentration_ng_g",
+                    "fixed.absorber[0].concentration_ug_g",
+                ],
             },
             Self::WaterSaturation => Record {
                 key: "water_saturation",

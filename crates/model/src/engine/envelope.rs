@@ -3,7 +3,7 @@
 //! and why, and tests/stability.rs tests both sides of the limits.
 use crate::engine::{Engine, EngineError, Request};
 pub use crate::transport::FIRST_FLIGHT;
-use crate::transport::{EXPONENTS, Illumination, Snow};
+use crate::transport::{Illumination, Snow};
 
 /// Smallest number of entries of a table of grain events. With N entries, the error of
 /// R and T is about 0.1 / sqrt(N).
@@ -41,13 +41,21 @@ impl Engine {
     ///
     /// # Errors
     /// [`EngineError::Outside`] for the first limit that is violated;
-    /// [`EngineError::TooManyExponents`] if the carbon has too many Angstrom exponents;
+    /// [`EngineError::Absorber`] if the absorption of an absorber is not known at a wavelength;
     /// [`EngineError::NoSurface`] if there is no room for the surface layer.
     pub fn check(self, request: &Request) -> Result<(), EngineError> {
         let snowpack = request.snowpack;
-        let exponents = snowpack.exponents().len();
-        if exponents > EXPONENTS {
-            return Err(EngineError::TooManyExponents { count: exponents });
+        for absorber in snowpack.snows().flat_map(Snow::absorbers) {
+            let (min_nm, max_nm) = absorber.range_nm();
+            let outside = |nm: &&f64| !(min_nm..=max_nm).contains(*nm);
+            if let Some(nm) = request.wavelengths_nm.iter().find(outside) {
+                return Err(EngineError::Absorber {
+                    name: absorber.name.clone(),
+                    wavelength_nm: *nm,
+                    min_nm,
+                    max_nm,
+                });
+            }
         }
         let thinnest_m = request.thicknesses_m.iter().copied();
         let thinnest_m = thinnest_m.fold(f64::INFINITY, f64::min);

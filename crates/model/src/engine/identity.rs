@@ -5,7 +5,7 @@
 //! a grid that grows keeps its spectra. The bits are the [`Fingerprint`] of
 //!
 //! - the snow of each layer: grains (share, size, facetness, shape, proportion), density,
-//!   temperature, saturation and the carbon that absorbs; the thicknesses of the
+//!   temperature, saturation, and the carbon and other absorbers; the thicknesses of the
 //!   layers under the surface; the reflectance of the substrate;
 //! - the illumination and the thickness, if the engine computes them one by one.
 //!
@@ -13,6 +13,7 @@
 //! walks, model options, optical tables): the seed is part of every key of a random
 //! stream, and databases that differ in the rest share no nodes.
 use crate::grain::TruncatedNormal;
+use crate::optics::MassAbsorption;
 use crate::rng::Fingerprint;
 use crate::table::Source;
 use crate::transport::{Illumination, Snow, Snowpack, Substrate};
@@ -65,6 +66,23 @@ fn with_snow(digest: Fingerprint, snow: &Snow) -> Fingerprint {
                 f64::from(u8::from(carbon.per_wet_mass)),
             ]);
         }
+    }
+    // what absorbs is identified by its numbers, not by its name
+    for absorber in snow.absorbers() {
+        let wet = f64::from(u8::from(absorber.per_wet_mass));
+        let amount = [absorber.concentration_ng_g, absorber.sedimentation, wet];
+        digest = digest.and_text("absorber").and(&amount);
+        digest = match &absorber.mass_absorption {
+            MassAbsorption::Power {
+                m2_g,
+                reference_nm,
+                angstrom_exponent,
+            } => digest.and(&[*m2_g, *reference_nm, *angstrom_exponent]),
+            MassAbsorption::Table(table) => digest
+                .and_text("table")
+                .and(table.abscissae())
+                .and(table.column(0)),
+        };
     }
     digest
 }

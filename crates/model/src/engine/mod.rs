@@ -3,6 +3,7 @@
 mod auto;
 mod batches;
 mod cache;
+mod divided;
 pub mod envelope;
 pub mod exits;
 mod hybrid;
@@ -29,7 +30,7 @@ use crate::measurement::Spectrum;
 use crate::optics::{Index, OpticsError};
 use crate::slab::SlabError;
 use crate::transport::{
-    Coefficients, EXPONENTS, Illumination, Model, REJECTION_LIMIT, Snowpack, WalkError,
+    Coefficients, Illumination, Model, REJECTION_LIMIT, Snowpack, Tracers, WalkError,
 };
 
 /// The engine that runs a job.
@@ -118,6 +119,13 @@ pub struct Request<'a> {
     pub cell: u64,
 }
 
+impl Request<'_> {
+    /// The sums over impurities that its walks keep.
+    fn tracers(&self) -> Tracers {
+        Tracers::of(self.snowpack, self.model, self.wavelengths_nm)
+    }
+}
+
 /// Execution controls of a running engine; none changes a result.
 #[derive(Debug, Clone, Copy)]
 pub struct Control<'a> {
@@ -183,14 +191,6 @@ pub enum EngineError {
         /// An engine that computes the quantity.
         instead: Engine,
     },
-    /// The carbon in a snowpack has too many different exponents.
-    #[error(
-        "the carbon in the snowpack has {count} different Angstrom exponents; at most {EXPONENTS} are allowed"
-    )]
-    TooManyExponents {
-        /// Number of different exponents.
-        count: usize,
-    },
     /// The reflectance of the substrate is not known at a wavelength.
     #[error(
         "the reflectance of the substrate is given for {min_nm} to {max_nm} nm, not {wavelength_nm} nm"
@@ -201,6 +201,20 @@ pub enum EngineError {
         /// First wavelength of the substrate's table, nm.
         min_nm: f64,
         /// Last wavelength of the substrate's table, nm.
+        max_nm: f64,
+    },
+    /// The absorption of an absorber is not known at a wavelength.
+    #[error(
+        "the absorption of {name} is given for {min_nm} to {max_nm} nm, not {wavelength_nm} nm"
+    )]
+    Absorber {
+        /// Name of the absorber.
+        name: String,
+        /// The wavelength, nm.
+        wavelength_nm: f64,
+        /// First wavelength of its table, nm.
+        min_nm: f64,
+        /// Last wavelength of its table, nm.
         max_nm: f64,
     },
     /// The layers under the surface layer are as thick as the whole snowpack.
@@ -326,9 +340,13 @@ impl Engine {
     /// [`EngineError::Optics`] if an optical table cannot be read or does not cover
     /// a wavelength; [`EngineError::Substrate`] likewise for the substrate.
     pub fn walks(self, request: &Request) -> Result<u64, EngineError> {
-        match self {
+        let walks = |request: &Request| match self {
             Self::Auto => auto::walks(request),
             engine => substrate::walks(engine, request),
+        };
+        match divided::parts(request) {
+            None => walks(request),
+            Some(parts) => parts.iter().map(walks).sum(),
         }
     }
 
@@ -369,10 +387,20 @@ impl Engine {
         request: &Request,
         control: &Control,
     ) -> Result<Vec<Spectrum>, EngineError> {
-        match self {
+        let whole = |request: &Request, control: &Control| match self {
             Self::Auto => auto::run(request, control),
             engine => substrate::run(engine, request, control),
+        };
+        let Some(parts) = divided::run(request, control, whole)? else {
+            return whole(request, control);
+        };
+        let curves = request.thicknesses_m.len() * request.illuminations.len();
+        let mut spectra = vec![Spectrum::default(); curves];
+        for part in parts {
+            let pairs = spectra.iter_mut().zip(part);
+            pairs.for_each(|(spectrum, part)| spectrum.extend(part));
         }
+        Ok(spectra)
     }
 }
 
@@ -407,10 +435,10 @@ fn indices(request: &Request) -> Result<Vec<(Index, Index)>, OpticsError> {
 
 /// Absorption coefficients of ice, water and impurities at each wavelength.
 fn coefficients(request: &Request, indices: &[(Index, Index)]) -> Vec<Coefficients> {
-    let exponents = request.snowpack.exponents();
+    let tracers = request.tracers();
     let wavelengths = request.wavelengths_nm.iter().zip(indices);
     wavelengths
-        .map(|(nm, indices)| Coefficients::at(*nm, *indices, &exponents))
+        .map(|(nm, indices)| Coefficients::at(*nm, *indices, &tracers))
         .collect()
 }
 

@@ -75,7 +75,7 @@ pub(super) fn run(
     control: &Control,
 ) -> Result<Vec<Spectrum>, EngineError> {
     let indices = indices(request)?;
-    let coefficients = coefficients(request, &indices);
+    let (coefficients, tracers) = (coefficients(request, &indices), request.tracers());
     let empty = Counts {
         reflected: 0,
         transmitted: 0,
@@ -92,7 +92,8 @@ pub(super) fn run(
             reflectance,
             transmittance,
         } = substrate[l];
-        let walker = Walker::new(request.snowpack, request.model, indices[l], absorption);
+        let scene = (request.snowpack, request.model);
+        let walker = Walker::with_tracers(scene, &tracers, indices[l], absorption);
         let walker = walker.over(Bounce {
             reflected: reflectance.value,
             transmitted: transmittance.value,

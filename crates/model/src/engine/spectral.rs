@@ -220,7 +220,8 @@ fn walk_node(
     };
     let scores = match grains {
         GrainEvents::Traced => {
-            let walker = Walker::new(request.snowpack, request.model, node, absorption);
+            let scene = (request.snowpack, request.model);
+            let walker = Walker::with_tracers(scene, &request.tracers(), node, absorption);
             let purpose = [1, number as u32, 0];
             batches::run(
                 request,

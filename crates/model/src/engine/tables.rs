@@ -144,7 +144,7 @@ pub(super) fn snowpack<'a>(
     part: usize,
     sections: &[Section],
 ) -> TableSnowpack<'a> {
-    let exponents = request.snowpack.exponents();
+    let tracers = request.tracers();
     let snows: Vec<&Snow> = request.snowpack.snows().collect();
     let table_layer = |(i, section): (usize, &Section)| {
         let tables: Vec<_> = outcomes[section.layer]
@@ -156,12 +156,12 @@ pub(super) fn snowpack<'a>(
             snows[section.layer],
             below.sum(),
             request.model,
-            &exponents,
+            &tracers,
             &tables,
         )
     };
     let layers = sections.iter().enumerate().map(table_layer).collect();
-    TableSnowpack::new(layers, exponents.len())
+    TableSnowpack::new(layers, tracers.len())
 }
 
 /// All layers of the snowpack of `request` at this thickness, from the surface down.

@@ -62,6 +62,13 @@ impl Spectrum {
         }
     }
 
+    /// Appends the values at further wavelengths.
+    pub(crate) fn extend(&mut self, further: Self) {
+        self.reflectance.extend(further.reflectance);
+        self.transmittance.extend(further.transmittance);
+        self.lost.extend(further.lost);
+    }
+
     /// The values of one quantity, per wavelength.
     #[must_use]
     pub fn of(&self, quantity: Quantity) -> &[Measured] {

@@ -5,8 +5,7 @@
 //! M lambda_0 / lambda^A (eq. 4.12), which has the wrong units unless A is 1;
 //! [`CarbonLaw::Varsa2025`] is that form with wavelengths in nm.
 
-/// Wavelength at which the strength of an [`Impurity`] is given, nm.
-pub const IMPURITY_NM: f64 = 550.0;
+use super::absorber::{AbsorptionLaw, IMPURITY_NM, Impurity};
 
 /// Light-absorbing carbon in snow.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -79,24 +78,10 @@ pub struct Densities {
     pub ice_kg_m3: f64,
 }
 
-/// An absorber in the ice and the pores of snow. Its absorption coefficients are those
-/// at [`IMPURITY_NM`] times ([`IMPURITY_NM`] / lambda)^exponent.
-#[derive(Debug, Clone, Copy, PartialEq)]
-pub struct Impurity {
-    /// Absorption coefficient added to that of ice at [`IMPURITY_NM`], 1/m.
-    pub ice_per_m: f64,
-    /// Absorption coefficient added to that of the pore space, water or air, at
-    /// [`IMPURITY_NM`], 1/m.
-    pub pores_per_m: f64,
-    /// Angstrom exponent.
-    pub angstrom_exponent: f64,
-}
-
-impl Impurity {
-    /// Factor by which the absorption coefficients are multiplied at a wavelength.
-    #[must_use]
-    pub fn factor(angstrom_exponent: f64, wavelength_nm: f64) -> f64 {
-        libm::pow(IMPURITY_NM / wavelength_nm, angstrom_exponent)
+impl Densities {
+    /// Density of the snow with its liquid water, or without.
+    pub(super) fn of(&self, wet: bool) -> f64 {
+        if wet { self.wet_kg_m3 } else { self.dry_kg_m3 }
     }
 }
 
@@ -141,27 +126,14 @@ impl Carbon {
     /// Absorption that the carbon adds to ice and pores (eqs. 4.10, 4.11).
     #[must_use]
     pub fn impurity(&self, law: CarbonLaw, mass: ImpurityMass, densities: &Densities) -> Impurity {
-        let Densities {
-            dry_kg_m3,
-            wet_kg_m3,
-            ice_kg_m3,
-        } = *densities;
-        let density_kg_m3 = if self.per_wet_mass {
-            wet_kg_m3
-        } else {
-            dry_kg_m3
-        };
+        let density_kg_m3 = densities.of(self.per_wet_mass);
         let total_per_m = self.absorption_per_m(law, density_kg_m3, IMPURITY_NM);
-        let ice_share = dry_kg_m3 / ice_kg_m3;
-        let (ice, pores) = match mass {
-            ImpurityMass::Varsa2025 => (1.0, 1.0),
-            ImpurityMass::Conserved => (1.0 / ice_share, 1.0 / (1.0 - ice_share)),
-        };
-        Impurity {
-            ice_per_m: self.sedimentation * total_per_m * ice,
-            pores_per_m: (1.0 - self.sedimentation) * total_per_m * pores,
-            angstrom_exponent: self.angstrom_exponent,
-        }
+        Impurity::new(
+            AbsorptionLaw::Power(self.angstrom_exponent),
+            (total_per_m, self.sedimentation),
+            mass,
+            densities,
+        )
     }
 }
 
@@ -198,7 +170,7 @@ mod tests {
             let impurity = carbon.impurity(law, ImpurityMass::Varsa2025, &SNOW);
             for nm in [350.0, 880.0, 2500.0] {
                 let all = carbon.absorption_per_m(law, 275.0, nm);
-                let factor = Impurity::factor(impurity.angstrom_exponent, nm);
+                let factor = impurity.law.factor(nm).unwrap_or(f64::NAN);
                 assert!((impurity.ice_per_m * factor / (0.25 * all) - 1.0).abs() < 1e-12);
                 assert!((impurity.pores_per_m * factor / (0.75 * all) - 1.0).abs() < 1e-12);
             }

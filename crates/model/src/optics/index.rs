@@ -9,8 +9,9 @@ use thiserror::Error;
 
 use splitsnow_spectra::spectrum::{Table, TableError};
 
-/// Wavelengths the model is meant for, nm (docs/methods.md).
-pub const MODEL_RANGE_NM: (f64, f64) = (350.0, 2500.0);
+/// Wavelengths that the program accepts, nm. Beyond 2500 nm see "Wavelengths beyond 2500 nm"
+/// in docs/methods.md.
+pub const MODEL_RANGE_NM: (f64, f64) = (350.0, 5000.0);
 
 const NK: [&str; 3] = ["wavelength_nm", "n", "k"];
 
@@ -131,11 +132,27 @@ shipped!(PICARD_2016, "ice_picard_2016.csv", &["wavelength_nm", "k"]);
 shipped!(SEGELSTEIN_1981, "water_segelstein_1981.csv", &NK);
 shipped!(ROWE_2020, "water_rowe_2020_273k.csv", &NK);
 shipped!(HALE_QUERRY_1973, "water_hale_querry_1973.csv", &NK);
+// Rows beyond those of the first files, which results below 2.6 um depend on.
+shipped!(ICE_BEYOND, "ice_warren_brandt_2008_to_5um.csv", &NK);
+shipped!(SEGELSTEIN_BEYOND, "water_segelstein_1981_to_5um.csv", &NK);
+shipped!(ROWE_BEYOND, "water_rowe_2020_273k_to_5um.csv", &NK);
 shipped!(
     ICE_DENSITY,
     "ice_density_iapws06.csv",
     &["temperature_c", "density_kg_m3"]
 );
+
+/// Table of ice up to 5 um.
+static ICE: LazyLock<Table> = LazyLock::new(|| WARREN_BRANDT_2008.followed_by(&ICE_BEYOND));
+
+/// The data files of a table, the second of which has the rows beyond the first one.
+fn files_up_to(longest_nm: f64, [first, beyond]: [&Shipped; 2]) -> Vec<DataFile> {
+    let mut files = vec![first.data_file()];
+    if longest_nm > first.range().1 {
+        files.push(beyond.data_file());
+    }
+    files
+}
 
 /// A data file on which results depend.
 #[derive(Debug, Clone, PartialEq, Eq)]
@@ -147,16 +164,23 @@ pub struct DataFile {
     pub bytes: Cow<'static, [u8]>,
 }
 
-/// The data files of the tables in use; `water` is `None` in dry snow.
+/// The data files of the tables in use up to a wavelength; `water` is `None` in dry snow.
 ///
 /// # Errors
 /// [`OpticsError::Table`] if a user's table cannot be read.
-pub fn data_files(ice: IceTable, water: Option<&WaterTable>) -> Result<Vec<DataFile>, OpticsError> {
-    let mut files = vec![ICE_DENSITY.data_file(), WARREN_BRANDT_2008.data_file()];
+pub fn data_files(
+    ice: IceTable,
+    water: Option<&WaterTable>,
+    longest_nm: f64,
+) -> Result<Vec<DataFile>, OpticsError> {
+    let mut files = vec![ICE_DENSITY.data_file()];
+    files.extend(files_up_to(longest_nm, [&WARREN_BRANDT_2008, &ICE_BEYOND]));
     if ice == IceTable::Picard2016 {
         files.push(PICARD_2016.data_file());
     }
-    files.extend(water.map(WaterTable::data_file).transpose()?);
+    if let Some(water) = water {
+        files.extend(water.data_files(longest_nm)?);
+    }
     Ok(files)
 }
 
@@ -184,8 +208,8 @@ impl IceTable {
     #[must_use]
     pub fn range_nm(self) -> (f64, f64) {
         match self {
-            Self::WarrenBrandt2008 => WARREN_BRANDT_2008.range(),
-            Self::Picard2016 => (PICARD_2016.range().0, WARREN_BRANDT_2008.range().1),
+            Self::WarrenBrandt2008 => ICE.range(),
+            Self::Picard2016 => (PICARD_2016.range().0, ICE.range().1),
         }
     }
 
@@ -205,12 +229,10 @@ impl IceTable {
         };
         let k = match self {
             Self::Picard2016 if wavelength_nm < 600.0 => PICARD_2016.log_log(0, wavelength_nm),
-            _ => WARREN_BRANDT_2008.log_log(1, wavelength_nm),
+            _ => ICE.log_log(1, wavelength_nm),
         };
         Ok(Index {
-            n: WARREN_BRANDT_2008
-                .linear(0, wavelength_nm)
-                .ok_or_else(outside)?,
+            n: ICE.linear(0, wavelength_nm).ok_or_else(outside)?,
             k: k.ok_or_else(outside)?,
         })
     }
@@ -228,20 +250,23 @@ impl WaterTable {
         }
     }
 
-    fn data_file(&self) -> Result<DataFile, OpticsError> {
+    fn data_files(&self, longest_nm: f64) -> Result<Vec<DataFile>, OpticsError> {
         match self {
-            Self::Segelstein1981 => Ok(SEGELSTEIN_1981.data_file()),
-            Self::Rowe2020 => Ok(ROWE_2020.data_file()),
-            Self::HaleQuerry1973 => Ok(HALE_QUERRY_1973.data_file()),
+            Self::Segelstein1981 => Ok(files_up_to(
+                longest_nm,
+                [&SEGELSTEIN_1981, &SEGELSTEIN_BEYOND],
+            )),
+            Self::Rowe2020 => Ok(files_up_to(longest_nm, [&ROWE_2020, &ROWE_BEYOND])),
+            Self::HaleQuerry1973 => Ok(vec![HALE_QUERRY_1973.data_file()]),
             Self::Csv(path) => {
                 let bytes = std::fs::read(path).map_err(|error| TableError::Read {
                     name: self.name(),
                     reason: error.to_string(),
                 })?;
-                Ok(DataFile {
+                Ok(vec![DataFile {
                     name: "water".into(),
                     bytes: Cow::Owned(bytes),
-                })
+                }])
             }
         }
     }
@@ -253,8 +278,11 @@ impl WaterTable {
     /// [`OpticsError::Values`] if it has values that are not a refractive index.
     pub fn load(&self) -> Result<Water, OpticsError> {
         let (table, max_nm) = match self {
-            Self::Segelstein1981 => (SEGELSTEIN_1981.table.clone(), f64::INFINITY),
-            Self::Rowe2020 => (ROWE_2020.table.clone(), f64::INFINITY),
+            Self::Segelstein1981 => (
+                SEGELSTEIN_1981.followed_by(&SEGELSTEIN_BEYOND),
+                f64::INFINITY,
+            ),
+            Self::Rowe2020 => (ROWE_2020.followed_by(&ROWE_BEYOND), f64::INFINITY),
             Self::HaleQuerry1973 => (HALE_QUERRY_1973.table.clone(), 1000.0),
             Self::Csv(path) => {
                 let table = Table::read(path, &NK)?;
@@ -369,7 +397,7 @@ mod tests {
     #[test]
     fn the_files_in_use_are_named() {
         let names = |ice, water: Option<&WaterTable>| -> Vec<String> {
-            let files = data_files(ice, water).unwrap();
+            let files = data_files(ice, water, 2500.0).unwrap();
             files.into_iter().map(|file| file.name).collect()
         };
         let dry = ["ice_density_iapws06.csv", "ice_warren_brandt_2008.csv"];
@@ -381,13 +409,36 @@ mod tests {
         );
         let folder = tempfile::tempdir().unwrap();
         let mine = WaterTable::Csv(folder.path().join("mine.csv"));
-        assert!(data_files(IceTable::Picard2016, Some(&mine)).is_err());
+        assert!(data_files(IceTable::Picard2016, Some(&mine), 2500.0).is_err());
         std::fs::write(folder.path().join("mine.csv"), "x").unwrap();
-        let files = data_files(IceTable::WarrenBrandt2008, Some(&mine)).unwrap();
+        let files = data_files(IceTable::WarrenBrandt2008, Some(&mine), 2500.0).unwrap();
         assert_eq!(
             (files[2].name.as_str(), &files[2].bytes[..]),
             ("water", &b"x"[..])
         );
+    }
+
+    /// Rows of both files, the wavelength between them, and the files named for it.
+    #[test]
+    fn tables_go_on_to_5_um() {
+        let ice = |nm| IceTable::WarrenBrandt2008.at(nm).unwrap();
+        assert_eq!(
+            [ice(2675.0).n, ice(2700.0).n, ice(2725.0).n],
+            [1.1776, 1.16415, 1.1507]
+        );
+        assert!(ice(5000.0).k > 0.01 && IceTable::Picard2016.at(5001.0).is_err());
+        for table in [WaterTable::Segelstein1981, WaterTable::Rowe2020] {
+            let water = table.load().unwrap();
+            let [before, within, after] =
+                [2690.0, 2700.0, 2710.0].map(|nm| water.at(nm).unwrap().n);
+            assert!(before > within && within > after && water.at(5000.0).is_ok());
+            let files = |nm| {
+                data_files(IceTable::Picard2016, Some(&table), nm)
+                    .unwrap()
+                    .len()
+            };
+            assert_eq!([files(2675.0), files(2676.0), files(3000.0)], [4, 5, 6]);
+        }
     }
 
     #[test]

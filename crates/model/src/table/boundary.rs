@@ -190,8 +190,8 @@ impl SimdKernel for Walks<'_> {
         let mut lattice = Lattice::new(per_event * LATTICE_EVENTS, &mut rng);
         let scale_m = snowpack.longest_m();
         let mut scores = Scores {
-            out: Histogram::new(scale_m, snowpack.exponents, above),
-            through: Histogram::new(scale_m, snowpack.exponents, moments),
+            out: Histogram::new(scale_m, snowpack.tracers, above),
+            through: Histogram::new(scale_m, snowpack.tracers, moments),
             rays,
         };
         let (one, zero) = (F64x8::<S>::ONE, F64x8::ZERO);

@@ -3,7 +3,7 @@
 use serde::{Deserialize, Serialize};
 
 use crate::math::exp_neg;
-use crate::transport::{Coefficients, EXPONENTS, Path};
+use crate::transport::{Coefficients, Path, TRACERS};
 
 /// Bins per factor of two of the path in ice, a power of two; half as many for water.
 const BINS_PER_OCTAVE: u32 = 4;
@@ -31,7 +31,7 @@ pub struct Histogram {
 }
 
 /// Maximum number of paths and depths of a ray.
-const MAX_PATHS: usize = 2 + EXPONENTS;
+const MAX_PATHS: usize = 2 + TRACERS;
 
 /// Number of sums of a bin that precede its scores, for `paths` paths and depths.
 const fn moments(paths: usize) -> usize {
@@ -58,12 +58,12 @@ fn bin(x: f64, per_octave: u32) -> usize {
 
 impl Histogram {
     /// An empty histogram for paths of about `scale_m`, this number of `impurities` (at most
-    /// [`EXPONENTS`]) and `columns` scores per ray.
+    /// [`TRACERS`]) and `columns` scores per ray.
     #[must_use]
     pub fn new(scale_m: f64, impurities: usize, columns: usize) -> Self {
         Self {
             per_m: 1.0 / scale_m,
-            impurities: impurities.min(EXPONENTS),
+            impurities: impurities.min(TRACERS),
             columns,
             ..Self::default()
         }

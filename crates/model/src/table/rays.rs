@@ -7,7 +7,7 @@ use crate::math::ln;
 use crate::rng::{Stream, azimuth};
 use crate::table::snowpack::{TableLayer, TableSnowpack};
 use crate::table::{PackedTable, lanes};
-use crate::transport::{EXPONENTS, Path};
+use crate::transport::{Path, TRACERS};
 
 /// Eight rays between two grains.
 #[derive(Debug, Clone, Copy, Default)]
@@ -21,7 +21,7 @@ pub(super) struct Rays<S: Simd> {
     /// Paths in water, m.
     pub(super) water_m: F64x8<S>,
     /// See [`Path::impurities`].
-    pub(super) impurities: [F64x8<S>; EXPONENTS],
+    pub(super) impurities: [F64x8<S>; TRACERS],
     /// Layers, counted from the surface.
     pub(super) layer: [usize; 8],
 }
@@ -268,7 +268,7 @@ impl TableSnowpack<'_> {
         &self,
         rays: &mut Rays<S>,
         length_m: F64x8<S>,
-        impurities: for<'s> fn(&'s TableLayer) -> &'s [f64; EXPONENTS],
+        impurities: for<'s> fn(&'s TableLayer) -> &'s [f64; TRACERS],
     ) {
         for lane in lanes(0xff) {
             let per_m = impurities(&self.layers[rays.layer[lane]]);

@@ -1,6 +1,6 @@
 //! Snowpacks whose grain events are drawn from tables.
 use crate::table::PackedTable;
-use crate::transport::{EXPONENTS, Entry, Model, Snow, diffuse_cosine, impurities_per_m};
+use crate::transport::{Entry, Model, Snow, TRACERS, Tracers, diffuse_cosine};
 
 /// A snowpack, or the part of one next to a plane.
 #[derive(Debug, Clone)]
@@ -8,10 +8,10 @@ pub struct TableSnowpack<'a> {
     pub(super) layers: Vec<TableLayer<'a>>,
     /// Whether any layer contains water.
     pub(super) wet: bool,
-    /// Whether any layer contains carbon.
+    /// Whether any layer contains impurities.
     pub(super) sooty: bool,
-    /// Number of different exponents of its impurities.
-    pub(super) exponents: usize,
+    /// Number of sums over its impurities.
+    pub(super) tracers: usize,
 }
 
 /// A layer of a [`TableSnowpack`].
@@ -28,9 +28,9 @@ pub struct TableLayer<'a> {
     /// Longest grain, m.
     longest_m: f64,
     entry: Entry,
-    /// Absorption by the impurities of each exponent in ice and in pores, 1/m.
-    pub(super) in_ice: [f64; EXPONENTS],
-    pub(super) in_pores: [f64; EXPONENTS],
+    /// What a metre in ice and in pores adds to the sums over impurities.
+    pub(super) in_ice: [f64; TRACERS],
+    pub(super) in_pores: [f64; TRACERS],
 }
 
 /// A type of grain.
@@ -45,14 +45,14 @@ pub(super) struct Kind<'a> {
 }
 
 impl<'a> TableLayer<'a> {
-    /// `snow` down to `base_m` above the base of its snowpack, whose impurities have these
-    /// `exponents`. `tables` holds the outcomes of each grain type in air and in water.
+    /// `snow` down to `base_m` above the base of its snowpack, with the sums `tracers` over impurities.
+    /// `tables` holds the outcomes of each grain type in air and in water.
     #[must_use]
     pub fn new(
         snow: &Snow,
         base_m: f64,
         model: &Model,
-        exponents: &[f64],
+        tracers: &Tracers,
         tables: &[[&'a PackedTable; 2]],
     ) -> Self {
         let mut before = 0.0;
@@ -68,7 +68,7 @@ impl<'a> TableLayer<'a> {
             before += share;
             kind
         });
-        let [in_ice, in_pores] = impurities_per_m(snow, model, exponents);
+        let [in_ice, in_pores] = tracers.per_m(snow, model);
         Self {
             kinds: kinds.collect(),
             mean_free_distance_m: snow.mean_free_distance_m(),
@@ -83,17 +83,17 @@ impl<'a> TableLayer<'a> {
 }
 
 impl<'a> TableSnowpack<'a> {
-    /// A snowpack of these layers, from the surface down (at least one), whose impurities
-    /// have this number of different exponents.
+    /// A snowpack of these layers, from the surface down (at least one), with this number
+    /// of sums over impurities.
     #[must_use]
-    pub fn new(layers: Vec<TableLayer<'a>>, exponents: usize) -> Self {
-        let clean = [0.0; EXPONENTS];
+    pub fn new(layers: Vec<TableLayer<'a>>, tracers: usize) -> Self {
+        let clean = [0.0; TRACERS];
         Self {
             wet: layers.iter().any(|s| s.water_saturation > 0.0),
             sooty: layers
                 .iter()
                 .any(|s| s.in_ice != clean || s.in_pores != clean),
-            exponents,
+            tracers,
             layers,
         }
     }
@@ -103,7 +103,7 @@ impl<'a> TableSnowpack<'a> {
     #[must_use]
     pub fn plain(snow: &Snow, tables: [&'a PackedTable; 2]) -> Self {
         let model = Model::default();
-        let layer = TableLayer::new(snow, 0.0, &model, &[], &[tables]);
+        let layer = TableLayer::new(snow, 0.0, &model, &Tracers::Laws(Vec::new()), &[tables]);
         Self::new(vec![layer], 0)
     }
 

@@ -3,10 +3,12 @@ mod proposal;
 mod report;
 mod sample;
 mod snowpack;
+mod tracers;
 mod walk;
 
 pub use proposal::{contact, meets};
 pub use report::{Absorption, Coefficients, End, Path, Sink};
 pub use sample::{Component, Entry, FIRST_FLIGHT, Illumination, Model, Snow, diffuse_cosine};
-pub use snowpack::{EXPONENTS, Joining, Layer, Snowpack, Substrate, impurities_per_m};
+pub use snowpack::{Joining, Layer, Snowpack, Substrate};
+pub use tracers::{TRACERS, Tracers};
 pub use walk::{Bounce, EVENT_LIMIT, REJECTION_LIMIT, Walk, WalkError, Walker};

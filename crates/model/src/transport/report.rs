@@ -1,11 +1,9 @@
 //! What a walk reports, and how absorption enters it.
 use std::ops::Range;
 
-use super::EXPONENTS;
+use super::{TRACERS, Tracers};
 use crate::math::{Vec3, exp_neg};
-#[cfg(doc)]
-use crate::optics::IMPURITY_NM;
-use crate::optics::{Impurity, Index};
+use crate::optics::Index;
 
 /// Absorption coefficients at one wavelength.
 #[derive(Debug, Clone, Copy, PartialEq, Default)]
@@ -14,24 +12,19 @@ pub struct Coefficients {
     pub ice_per_m: f64,
     /// Absorption coefficient of water, 1/m.
     pub water_per_m: f64,
-    /// Absorption of the impurities of each exponent ([`super::Snowpack::exponents`]),
-    /// relative to [`IMPURITY_NM`].
-    pub impurities: [f64; EXPONENTS],
+    /// Factors of the sums over impurities ([`Tracers::factors`]).
+    pub impurities: [f64; TRACERS],
 }
 
 impl Coefficients {
     /// Coefficients of ice and water at `wavelength_nm`, and of impurities with the
-    /// given `exponents`.
+    /// given `tracers`.
     #[must_use]
-    pub fn at(wavelength_nm: f64, (ice, water): (Index, Index), exponents: &[f64]) -> Self {
-        let mut impurities = [0.0; EXPONENTS];
-        for (factor, exponent) in impurities.iter_mut().zip(exponents) {
-            *factor = Impurity::factor(*exponent, wavelength_nm);
-        }
+    pub fn at(wavelength_nm: f64, (ice, water): (Index, Index), tracers: &Tracers) -> Self {
         Self {
             ice_per_m: ice.absorption_per_m(wavelength_nm),
             water_per_m: water.absorption_per_m(wavelength_nm),
-            impurities,
+            impurities: tracers.factors(wavelength_nm),
         }
     }
 
@@ -86,8 +79,8 @@ pub struct Path {
     pub ice_m: f64,
     /// Path length in the pore water, m.
     pub water_m: f64,
-    /// Optical depth of the impurities of each exponent at [`IMPURITY_NM`].
-    pub impurities: [f64; EXPONENTS],
+    /// Sums over impurities ([`Tracers::per_m`]).
+    pub impurities: [f64; TRACERS],
     /// Horizontal distance from the point of entry, m, in the plane of incidence and
     /// perpendicular to it. 0 if the walk does not follow it.
     pub offset_m: [f64; 2],

@@ -1,7 +1,7 @@
 //! The snow and light that a walk needs to know about.
 use crate::grain::{Facets, GrainType, mean_free_distance_m};
 use crate::optics::{
-    Carbon, CarbonLaw, Densities, IceTable, Impurity, ImpurityMass, WATER_DENSITY_KG_M3,
+    Absorber, Carbon, CarbonLaw, Densities, IceTable, Impurity, ImpurityMass, WATER_DENSITY_KG_M3,
     WaterTable, ice_density_kg_m3,
 };
 use crate::transport::Joining;
@@ -30,6 +30,8 @@ pub struct Snow {
     pub black_carbon: Option<Carbon>,
     /// Brown carbon, if any.
     pub brown_carbon: Option<Carbon>,
+    /// Other light-absorbing substances.
+    pub absorbers: Vec<Absorber>,
 }
 
 impl Snow {
@@ -46,6 +48,7 @@ impl Snow {
             water_saturation: 0.0,
             black_carbon: None,
             brown_carbon: None,
+            absorbers: Vec::new(),
         }
     }
 
@@ -107,11 +110,20 @@ impl Snow {
             .filter(|c| c.concentration_ng_g > 0.0)
     }
 
-    /// The absorption that this carbon adds to ice and pores.
+    /// The other substances that absorb.
+    pub fn absorbers(&self) -> impl Iterator<Item = &Absorber> {
+        let all = self.absorbers.iter();
+        all.filter(|absorber| absorber.concentration_ng_g > 0.0)
+    }
+
+    /// The absorption that all these substances add to ice and pores.
     pub fn impurities(&self, model: &Model) -> impl Iterator<Item = Impurity> {
         let (law, mass, densities) = (model.carbon_law, model.impurity_mass, self.densities());
-        self.carbon()
-            .map(move |carbon| carbon.impurity(law, mass, &densities))
+        let carbon = self
+            .carbon()
+            .map(move |carbon| carbon.impurity(law, mass, &densities));
+        let others = self.absorbers();
+        carbon.chain(others.map(move |absorber| absorber.impurity(mass, &densities)))
     }
 
     /// Densities of the dry snow, the wet snow and the ice.

@@ -1,11 +1,6 @@
 //! A snowpack: layers of snow on a substrate.
-use super::{Model, Snow};
-#[cfg(doc)]
-use crate::optics::IMPURITY_NM;
+use super::Snow;
 use splitsnow_spectra::spectrum::Table;
-
-/// Maximum number of different Angstrom exponents of the impurities in a snowpack.
-pub const EXPONENTS: usize = 4;
 
 /// A layer of given thickness.
 #[derive(Debug, Clone, PartialEq)]
@@ -63,22 +58,6 @@ impl Joining {
             Self::Cascade => "cascade",
         }
     }
-}
-
-/// Absorption by the impurities of each of the `exponents` in the ice and in the pores
-/// of `snow`, 1/m at [`IMPURITY_NM`].
-#[must_use]
-pub fn impurities_per_m(snow: &Snow, model: &Model, exponents: &[f64]) -> [[f64; EXPONENTS]; 2] {
-    let mut sums = [[0.0; EXPONENTS]; 2];
-    for impurity in snow.impurities(model) {
-        let same = |exponent: &f64| *exponent == impurity.angstrom_exponent;
-        let position = exponents.iter().take(EXPONENTS).position(same);
-        if let Some(i) = position {
-            sums[0][i] += impurity.ice_per_m;
-            sums[1][i] += impurity.pores_per_m;
-        }
-    }
-    sums
 }
 
 /// A snowpack without its total thickness. The surface layer fills what the other
@@ -153,15 +132,5 @@ impl Snowpack {
     #[must_use]
     pub fn longest_grain_m(&self) -> f64 {
         self.snows().map(|s| s.sizes_m()[1]).fold(0.0, f64::max)
-    }
-
-    /// The different Angstrom exponents of its carbon, increasing.
-    #[must_use]
-    pub fn exponents(&self) -> Vec<f64> {
-        let carbon = self.snows().flat_map(Snow::carbon);
-        let mut exponents: Vec<f64> = carbon.map(|carbon| carbon.angstrom_exponent).collect();
-        exponents.sort_by(f64::total_cmp);
-        exponents.dedup();
-        exponents
     }
 }

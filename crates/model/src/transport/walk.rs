@@ -29,8 +29,8 @@ use crate::optics::Index;
 use crate::rng::Stream;
 use crate::transport::proposal::{Proposal, Proposals, contact};
 use crate::transport::{
-    Absorption, EXPONENTS, End, Entry, Illumination, Model, Path, Sink, Snow, Snowpack,
-    diffuse_cosine, impurities_per_m,
+    Absorption, End, Entry, Illumination, Model, Path, Sink, Snow, Snowpack, TRACERS, Tracers,
+    diffuse_cosine,
 };
 
 /// Grain events after which a ray counts as lost.
@@ -112,9 +112,9 @@ struct WalkerLayer {
     longest_grain_m: f64,
     /// Height of its lower plane above the base of the snowpack, m.
     base_m: f64,
-    /// Absorption by the impurities of each exponent, 1/m at the reference wavelength.
-    in_ice: [f64; EXPONENTS],
-    in_pores: [f64; EXPONENTS],
+    /// What a metre in it adds to the sums over impurities.
+    in_ice: [f64; TRACERS],
+    in_pores: [f64; TRACERS],
     has_sooty_pores: bool,
 }
 
@@ -162,8 +162,8 @@ struct Walks<'a, S: Simd> {
 }
 
 impl WalkerLayer {
-    fn new(snow: &Snow, base_m: f64, exponents: &[f64], model: &Model) -> Self {
-        let [in_ice, in_pores] = impurities_per_m(snow, model, exponents);
+    fn new(snow: &Snow, base_m: f64, tracers: &Tracers, model: &Model) -> Self {
+        let [in_ice, in_pores] = tracers.per_m(snow, model);
         Self {
             snow: snow.clone(),
             mean_free_distance_m: snow.mean_free_distance_m(),
@@ -171,7 +171,7 @@ impl WalkerLayer {
             base_m,
             in_ice,
             in_pores,
-            has_sooty_pores: in_pores != [0.0; EXPONENTS],
+            has_sooty_pores: in_pores != [0.0; TRACERS],
         }
     }
 }
@@ -179,7 +179,7 @@ impl WalkerLayer {
 impl Path {
     /// Adds a path of `length_m` through a medium with these `impurities`.
     #[inline(always)]
-    fn collect(&mut self, impurities: &[f64; EXPONENTS], length_m: f64) {
+    fn collect(&mut self, impurities: &[f64; TRACERS], length_m: f64) {
         let depths = self.impurities.iter_mut().zip(impurities);
         depths.for_each(|(depth, per_m)| *depth += per_m * length_m);
     }
@@ -187,25 +187,30 @@ impl Path {
 
 impl Walker {
     /// Uses the indices of `ice` and `water` at the wavelength (or node) walked. The
-    /// substrate is black.
+    /// substrate is black. The sums over impurities are those for any list of wavelengths.
     #[must_use]
     pub fn new(
         snowpack: &Snowpack,
         model: &Model,
+        indices: (Index, Index),
+        absorption: Absorption,
+    ) -> Self {
+        let tracers = Tracers::of(snowpack, model, &[]);
+        Self::with_tracers((snowpack, model), &tracers, indices, absorption)
+    }
+
+    /// As [`Walker::new`], with these sums over impurities.
+    pub(crate) fn with_tracers(
+        (snowpack, model): (&Snowpack, &Model),
+        tracers: &Tracers,
         (ice, water): (Index, Index),
         absorption: Absorption,
     ) -> Self {
-        let exponents = snowpack.exponents();
         let mut base_m = snowpack.below_m();
-        let mut layers = vec![WalkerLayer::new(
-            &snowpack.surface,
-            base_m,
-            &exponents,
-            model,
-        )];
+        let mut layers = vec![WalkerLayer::new(&snowpack.surface, base_m, tracers, model)];
         for layer in &snowpack.below {
             base_m -= layer.thickness_m;
-            layers.push(WalkerLayer::new(&layer.snow, base_m, &exponents, model));
+            layers.push(WalkerLayer::new(&layer.snow, base_m, tracers, model));
         }
         if let Some(last) = layers.last_mut() {
             last.base_m = 0.0;

@@ -99,6 +99,18 @@ impl Table {
         })
     }
 
+    /// This table, followed by the rows of `beyond` above its range. Both have the same columns.
+    #[must_use]
+    pub fn followed_by(&self, beyond: &Self) -> Self {
+        let first = beyond.x.partition_point(|x| *x <= self.range().1);
+        let join = |a: &[f64], b: &[f64]| [a, &b[first..]].concat();
+        let columns = self.columns.iter().zip(&beyond.columns);
+        Self {
+            x: join(&self.x, &beyond.x),
+            columns: columns.map(|(a, b)| join(a, b)).collect(),
+        }
+    }
+
     /// Reads and parses a file.
     ///
     /// # Errors
@@ -186,6 +198,15 @@ mod tests {
         assert_eq!(t.linear(0, 99.9), None);
         assert_eq!(t.log_log(0, 400.1), None);
         assert_eq!(t.linear(0, f64::NAN), None);
+    }
+
+    #[test]
+    fn a_table_goes_on_with_the_rows_of_another() {
+        let table = |text| Table::parse("t", text, &["wavelength_nm", "k"]).unwrap();
+        let beyond = table("wavelength_nm,k\n300,9\n400,64\n800,65\n900,66\n");
+        let joined = table(TEXT).followed_by(&beyond);
+        assert_eq!(joined.abscissae(), [100.0, 200.0, 400.0, 800.0, 900.0]);
+        assert_eq!(joined.column(0), [1.0, 4.0, 64.0, 65.0, 66.0]);
     }
 
     #[test]

@@ -203,7 +203,9 @@ fn walk(
         .map(|g| g.reflectance.value)
         .fold(0.0, f64::max);
     let bounce = largest.min(MOST_REFLECTED);
-    let walker = Walker::new(scene.snowpack, request.model, index, absorption).over(Bounce {
+    // the sums are those of all layers, in the same order as in the coefficients
+    let (tracers, snow) = (request.tracers(), (scene.snowpack, request.model));
+    let walker = Walker::with_tracers(snow, &tracers, index, absorption).over(Bounce {
         reflected: bounce,
         transmitted: 1.0 - bounce,
     });

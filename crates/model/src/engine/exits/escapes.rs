@@ -105,17 +105,13 @@ fn walk(
         deferred: DEFERRED,
     };
     let (h, thickness_m) = scene.thickness;
-    // exponents are those of all layers, in the same order as in the coefficients
-    let (exponents, layers) = (
-        request.snowpack.exponents(),
-        scene.snowpack.layers(thickness_m),
-    );
+    let (tracers, layers) = (request.tracers(), scene.snowpack.layers(thickness_m));
     parts::run(scene, bins, bands.len(), |part, rays| {
         let tables = tables(scene, &node, part, rays);
         let walker = EscapeWalker::new(
             &layers,
             &tables,
-            (&exponents, request.model),
+            (&tracers, request.model),
             &bands,
             absorption,
         );

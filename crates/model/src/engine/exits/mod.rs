@@ -25,7 +25,7 @@ pub use parts::PARTS;
 
 use super::nodes::{mixes, nodes};
 use super::substrate::{self, SubstrateCoefficients};
-use super::{Control, Engine, EngineError, Request, identity, indices};
+use super::{Control, Engine, EngineError, Request, divided, identity, indices};
 use crate::measurement::{Measured, Radii, Sensors, Spectrum, ViewFactors, Views};
 use crate::optics::Index;
 use crate::transport::{Illumination, Snowpack};
@@ -374,6 +374,19 @@ fn each(
     control: &Control,
     run: &dyn Fn(&ExitScene) -> Result<Vec<Exits>, EngineError>,
 ) -> Result<Vec<Exits>, EngineError> {
+    let of_part = |part: &Request, control: &Control| each(engine, normalised, part, control, run);
+    if let Some(parts) = divided::run(request, control, of_part)? {
+        let mut parts: Vec<_> = parts.into_iter().map(Vec::into_iter).collect();
+        let curves = request.thicknesses_m.len() * request.illuminations.len();
+        let lengths: Vec<usize> = parts.iter().map(|part| part.len() / curves).collect();
+        let rows = (0..curves).flat_map(|_| {
+            let parts = parts.iter_mut().zip(&lengths);
+            parts
+                .flat_map(|(part, length)| part.take(*length).collect::<Vec<_>>())
+                .collect::<Vec<_>>()
+        });
+        return Ok(rows.collect());
+    }
     // the walks are valid for any snowpack for which `spectral` is valid
     Engine::Spectral.check(request)?;
     let engine_below = match engine {

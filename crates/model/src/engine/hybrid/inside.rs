@@ -9,7 +9,7 @@ use crate::engine::EngineError;
 use crate::engine::nodes::Mix;
 use crate::slab::{Matrix, Medium, Streams};
 use crate::table::{Event, Kernel};
-use crate::transport::{Coefficients, Snow, impurities_per_m};
+use crate::transport::{Coefficients, Snow};
 
 /// Reflection and transmission operators of a part of the inside, as matrices over
 /// the streams.
@@ -41,8 +41,8 @@ pub(super) struct Flights {
 
 impl Flights {
     pub(super) fn new(run: &HybridRun, snow: &Snow, coefficients: &Coefficients) -> Self {
-        let exponents = run.request.snowpack.exponents();
-        let absorbed = impurities_per_m(snow, run.request.model, &exponents).map(|per_m| {
+        let tracers = run.request.tracers();
+        let absorbed = tracers.per_m(snow, run.request.model).map(|per_m| {
             let terms = per_m.iter().zip(&coefficients.impurities);
             terms.map(|(per_m, factor)| per_m * factor).sum::<f64>()
         });

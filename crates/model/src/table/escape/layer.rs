@@ -1,5 +1,5 @@
 //! A layer of a snowpack with the outcomes of its grains.
-use crate::transport::{EXPONENTS, Layer, Model, impurities_per_m};
+use crate::transport::{Layer, Model, TRACERS, Tracers};
 
 use super::{EscapeBand, EscapeTable};
 
@@ -21,8 +21,8 @@ pub(super) struct EscapeLayer<'a> {
     pub(super) mean_free_distance_m: f64,
     pub(super) longest_grain_m: f64,
     pub(super) water_saturation: f64,
-    pub(super) in_ice: [f64; EXPONENTS],
-    pub(super) in_pores: [f64; EXPONENTS],
+    pub(super) in_ice: [f64; TRACERS],
+    pub(super) in_pores: [f64; TRACERS],
     /// Absorption coefficient of its ice per band, 1/m.
     pub(super) ice_per_m: Vec<f64>,
     /// Absorption coefficient of its pores per band, filled with air and with water, 1/m.
@@ -35,11 +35,11 @@ impl<'a> EscapeLayer<'a> {
         top_m: f64,
         tables: &'a [[EscapeTable; 2]],
         bands: &[EscapeBand],
-        (exponents, model): (&[f64], &Model),
+        (tracers, model): (&Tracers, &Model),
     ) -> Self {
         let snow = &layer.snow;
-        let [in_ice, in_pores] = impurities_per_m(snow, model, exponents);
-        let carbon = |band: &EscapeBand, per_m: &[f64; EXPONENTS]| -> f64 {
+        let [in_ice, in_pores] = tracers.per_m(snow, model);
+        let impurities = |band: &EscapeBand, per_m: &[f64; TRACERS]| -> f64 {
             let factors = band.coefficients.impurities.iter();
             factors
                 .zip(per_m)
@@ -71,10 +71,10 @@ impl<'a> EscapeLayer<'a> {
             water_saturation: snow.water_saturation,
             in_ice,
             in_pores,
-            ice_per_m: per_band(&|b| b.coefficients.ice_per_m + carbon(b, &in_ice)),
+            ice_per_m: per_band(&|b| b.coefficients.ice_per_m + impurities(b, &in_ice)),
             pores_per_m: [
-                per_band(&|b| carbon(b, &in_pores)),
-                per_band(&|b| b.coefficients.water_per_m + carbon(b, &in_pores)),
+                per_band(&|b| impurities(b, &in_pores)),
+                per_band(&|b| b.coefficients.water_per_m + impurities(b, &in_pores)),
             ],
         }
     }

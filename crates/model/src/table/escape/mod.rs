@@ -22,7 +22,7 @@ use splitsnow_spectra::simd::{F64x8, Simd, SimdKernel, dispatch};
 use crate::math::Vec3;
 use crate::rng::Stream;
 use crate::transport::{
-    Absorption, Coefficients, EXPONENTS, Entry, Illumination, Layer, Model, WalkError,
+    Absorption, Coefficients, Entry, Illumination, Layer, Model, TRACERS, Tracers, WalkError,
 };
 use layer::EscapeLayer;
 pub use outcomes::EscapeTable;
@@ -98,18 +98,18 @@ impl<'a> EscapeWalker<'a> {
     pub fn new(
         layers: &[Layer],
         tables: &'a [Vec<[EscapeTable; 2]>],
-        (exponents, model): (&[f64], &Model),
+        (tracers, model): (&Tracers, &Model),
         bands: &'a [EscapeBand],
         absorption: Absorption,
     ) -> Self {
         let mut top_m = 0.0;
         let prepared = layers.iter().zip(tables).map(|(layer, tables)| {
-            let prepared = EscapeLayer::new(layer, top_m, tables, bands, (exponents, model));
+            let prepared = EscapeLayer::new(layer, top_m, tables, bands, (tracers, model));
             top_m = prepared.base_m;
             prepared
         });
         let prepared: Vec<_> = prepared.collect();
-        let sooty = prepared.iter().any(|s| s.in_pores != [0.0; EXPONENTS]);
+        let sooty = prepared.iter().any(|s| s.in_pores != [0.0; TRACERS]);
         let wet = prepared.iter().any(|s| s.water_saturation > 0.0);
         let bounce = bands.iter().map(|band| band.reflected).fold(0.0, f64::max);
         Self {
