@@ -237,7 +237,7 @@ pub(crate) const SAMPLE_ERRORS: &[(&str, &str)] = &[
     ("step_nm = 10", "step_nm = 0"),
     ("step_nm = 10", "step_nm = -10"),
     ("step_nm = 10", "step_nm = 1e-300"),
-    ("step_nm = 10", "step_nm = 0.1"),
+    ("step_nm = 10", "step_nm = 0.05"),
     ("start_nm = 400\nstop_nm = 700\nstep_nm = 10", "values_nm = []"),
     ("start_nm = 400\nstop_nm = 700\nstep_nm = 10", "values_nm = [400, 600, 500]"),
     ("start_nm = 400\nstop_nm = 700\nstep_nm = 10", "values_nm = [400, 400]"),
