@@ -55,7 +55,7 @@ static void getters(const splitsnow *database) {
         EXPECT(strlen(splitsnow_error_string((splitsnow_status)status)) > 5);
         EXPECT(strcmp(splitsnow_error_string((splitsnow_status)status), "unknown status") != 0);
     }
-    EXPECT(SPLITSNOW_SUBSTRATE_REFLECTANCE == 9 && SPLITSNOW_VIEW_DEG == 10);
+    EXPECT(SPLITSNOW_SUBSTRATE_REFLECTANCE == 10 && SPLITSNOW_VIEW_DEG == 11);
 }
 
 static void queries(const splitsnow *database) {

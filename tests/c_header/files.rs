@@ -172,7 +172,6 @@ pub(crate) fn variants() -> Vec<(String, Vec<u8>)> {
     let axes_with_optional = |n: usize| {
         let axes = [
             (Parameter::BlackCarbon, vec![0.0, 50.0, 200.0]),
-            (Parameter::Absorber, vec![0.0, 60.0]),
             (Parameter::WaterSaturation, vec![0.0, 0.1]),
             (Parameter::Temperature, vec![-20.0, -5.0]),
             (Parameter::Sphericity, vec![0.6, 0.9]),
@@ -185,13 +184,13 @@ pub(crate) fn variants() -> Vec<(String, Vec<u8>)> {
             (Parameter::Thickness, vec![1.0, 3.0, 9.0, 20.0]),
             (Parameter::Incidence, vec![0.0, 70.0]),
         ]);
-        let optional = axes.into_iter().skip(6 - n);
+        let optional = axes.into_iter().skip(5 - n);
         optional.fold(core, |axes, (parameter, values)| {
             axes.with(parameter, values)
         })
     };
     for (name, variant, n) in [
-        ("optional_axes_log", log(Precision::F32), 6),
+        ("optional_axes_log", log(Precision::F32), 5),
         ("optional_axes_quantised", log(Precision::Quantised), 3),
         ("optional_axes_linear", CompactVariant::default(), 4),
     ] {
