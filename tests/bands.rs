@@ -319,7 +319,7 @@ fn bands_that_were_measured_give_the_snow() {
 fn wrong_requests_are_refused() {
     let folder = folder();
     std::fs::write(folder.join("words.csv"), "B2 is bright\n").unwrap();
-    std::fs::write(folder.join("far.csv"), "nm,x\n2600,1\n2700,1\n").unwrap();
+    std::fs::write(folder.join("far.csv"), "nm,x\n5100,1\n5200,1\n").unwrap();
     std::fs::write(folder.join("dim.csv"), "nm,power\n500,1\n600,1\n").unwrap();
     let query = format!("query db {AT}");
     for (line, part) in [
@@ -337,7 +337,7 @@ fn wrong_requests_are_refused() {
         ),
         (
             "simulate sample.toml --bands far.csv",
-            "far.csv: the wavelengths (none) do not cover x; needed are 2600 to 2700 nm",
+            "far.csv: the wavelengths (none) do not cover x; needed are 5100 to 5200 nm",
         ),
         (
             "simulate sample.toml --bands modis:B1 --sun dim.csv",

@@ -427,7 +427,6 @@ fn large_messages_take_little_memory() {
         let most = status.lines().find_map(|line| line.strip_prefix("VmHWM:"));
         let most = most.unwrap().trim().trim_end_matches(" kB");
         let most = most.parse::<f64>().unwrap() / 1000.0;
-        println!("{start}: {most} MB");
         assert!(most < 150.0, "{start}: {most} MB");
     }
 }

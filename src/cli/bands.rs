@@ -74,6 +74,9 @@ fn band_cells(band: &SpectralResponse) -> String {
     )
 }
 
+/// Range of the sensor `broadband`, nm.
+const BROADBAND_NM: (f64, f64) = (350.0, 2500.0);
+
 /// Limits of Gaussians have no exact decimals.
 fn rounded(nm: f64) -> f64 {
     (nm * 1e4).round() / 1e4
@@ -101,7 +104,7 @@ impl SensorBands {
 
     /// Comment lines on the sensor, the solar spectrum and the wavelengths of the spectrum.
     pub(super) fn comments(&self, wavelengths_nm: &[f64]) -> String {
-        let (low, high) = MODEL_RANGE_NM;
+        let (low, high) = BROADBAND_NM;
         let outside = self.share_outside();
         let outside = outside.map_or(String::new(), |share| {
             format!(
@@ -123,7 +126,7 @@ impl SensorBands {
     }
 
     fn share_outside(&self) -> Option<f64> {
-        let within = self.sun.share(MODEL_RANGE_NM.0, MODEL_RANGE_NM.1);
+        let within = self.sun.share(BROADBAND_NM.0, BROADBAND_NM.1);
         within.map(|share| 1.0 - share)
     }
 
