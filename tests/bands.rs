@@ -336,7 +336,7 @@ fn wrong_requests_are_refused() {
             "words.csv: no row with a wavelength",
         ),
         (
-            "simulate sample.toml --bands far.csv",
+            "simulate sample.toml --bands far.csv --sun equal_energy",
             "far.csv: the wavelengths (none) do not cover x; needed are 5100 to 5200 nm",
         ),
         (
