@@ -3,11 +3,13 @@
 #![allow(clippy::unwrap_used)]
 use std::fs;
 use std::path::Path;
-use std::sync::Arc;
+use std::sync::atomic::{AtomicBool, AtomicU64};
+use std::sync::{Arc, Mutex};
+use std::time::Duration;
 
 use crate::common::Folder;
 use splitsnow::config::sample::{self, SampleFile};
-use splitsnow::engine::Engine;
+use splitsnow::engine::{Cache, Control, Engine, UnitStore, Units};
 use splitsnow::measurement::Spectrum;
 use splitsnow::optics::{Absorber, Carbon, IceTable, MassAbsorption, SPECIES};
 use splitsnow::simulation::Simulation;
@@ -197,6 +199,42 @@ fn a_layer_may_have_any_number_of_absorbers() {
     }
 }
 
+/// Keeps the units of a checkpoint.
+#[derive(Debug, Clone, Default)]
+struct Kept(Arc<Mutex<Vec<Vec<u8>>>>);
+
+impl UnitStore for Kept {
+    fn append(&self, units: &[u8]) -> bool {
+        self.0.lock().unwrap().push(units.to_vec());
+        true
+    }
+}
+
+/// The spectrum of [`run`] with a checkpoint that has the units `earlier`, the rays that were
+/// walked and all units.
+fn resumed(
+    sample: &SampleFile,
+    snowpack: &Snowpack,
+    engine: Engine,
+    earlier: &[Vec<u8>],
+) -> (Spectrum, u64, Vec<Vec<u8>>) {
+    let mut file = sample.clone();
+    file.snowpack = snowpack.clone();
+    let simulation = Simulation::of(&file).rays(2000);
+    let kept = Kept::default();
+    let units = Units::new(Box::new(kept.clone()), earlier).with_save_interval(Duration::ZERO);
+    let rays_done = AtomicU64::new(0);
+    let control = Control {
+        parallel: false,
+        cancel: &AtomicBool::new(false),
+        rays_done: &rays_done,
+        cache: &Cache::default().with(units),
+    };
+    let spectra = engine.run(&simulation.request(), &control).unwrap();
+    let kept = kept.0.lock().unwrap().clone();
+    (spectra[0].clone(), rays_done.into_inner(), kept)
+}
+
 /// Five layers, each with its own mixture of five substances: the list of wavelengths is divided.
 #[test]
 fn so_may_any_number_of_layers() {
@@ -236,6 +274,14 @@ fn so_may_any_number_of_layers() {
             parts.lost.extend(part.lost);
         }
         assert_eq!(whole, parts);
+        // two parts: what is finished is not walked again
+        let (spectrum, walked, units) = resumed(&sample, &snowpack, engine, &[]);
+        assert_eq!((&spectrum, units.len()), (&whole, 2));
+        let (spectrum, walked_again, rest) = resumed(&sample, &snowpack, engine, &units[..1]);
+        assert_eq!((&spectrum, rest.len()), (&whole, 1));
+        assert!(0 < walked_again && walked_again < walked);
+        let (spectrum, walked_again, _) = resumed(&sample, &snowpack, engine, &units);
+        assert_eq!((&spectrum, walked_again), (&whole, 0));
         // at one wavelength, each layer might as well have one grey substance
         let nm = 470.0;
         let grey = |absorbers: &Vec<Absorber>| {

@@ -391,7 +391,7 @@ impl Engine {
             Self::Auto => auto::run(request, control),
             engine => substrate::run(engine, request, control),
         };
-        let Some(parts) = divided::run(request, control, whole)? else {
+        let Some(parts) = divided::run(self.name(), request, control, whole)? else {
             return whole(request, control);
         };
         let curves = request.thicknesses_m.len() * request.illuminations.len();

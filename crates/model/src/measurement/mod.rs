@@ -38,7 +38,7 @@ impl Measured {
 
 /// Reflectance and transmittance of one slab under one illumination, per
 /// wavelength; all vectors have the length of the wavelength list.
-#[derive(Debug, Clone, PartialEq, Default)]
+#[derive(Debug, Clone, PartialEq, Default, Serialize, Deserialize)]
 pub struct Spectrum {
     /// Directional-hemispherical (or bi-hemispherical) reflectance, [0, 1].
     pub reflectance: Vec<Measured>,

@@ -23,6 +23,8 @@ use std::ops::Range;
 use counting::DirectionBins;
 pub use parts::PARTS;
 
+use serde::{Deserialize, Serialize};
+
 use super::nodes::{mixes, nodes};
 use super::substrate::{self, SubstrateCoefficients};
 use super::{Control, Engine, EngineError, Request, divided, identity, indices};
@@ -31,7 +33,7 @@ use crate::optics::Index;
 use crate::transport::{Illumination, Snowpack};
 
 /// Light of one wavelength that leaves a snowpack under one illumination.
-#[derive(Debug, Clone, PartialEq, Default)]
+#[derive(Debug, Clone, PartialEq, Default, Serialize, Deserialize)]
 pub struct Exits {
     /// Light that leaves through the surface: per sensor or view, BRDF in 1/sr; or per radial
     /// bin, share of the incident power.
@@ -375,7 +377,8 @@ fn each(
     run: &dyn Fn(&ExitScene) -> Result<Vec<Exits>, EngineError>,
 ) -> Result<Vec<Exits>, EngineError> {
     let of_part = |part: &Request, control: &Control| each(engine, normalised, part, control, run);
-    if let Some(parts) = divided::run(request, control, of_part)? {
+    let kind = format!("exits {} {normalised}", engine.name());
+    if let Some(parts) = divided::run(&kind, request, control, of_part)? {
         let mut parts: Vec<_> = parts.into_iter().map(Vec::into_iter).collect();
         let curves = request.thicknesses_m.len() * request.illuminations.len();
         let lengths: Vec<usize> = parts.iter().map(|part| part.len() / curves).collect();
