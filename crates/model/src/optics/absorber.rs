@@ -1,5 +1,5 @@
-//! Light-absorbing substances in snow: how much they absorb at each wavelength, and what they
-//! add to the absorption of ice and pores (docs/absorbers.md).
+//! Light-absorbing substances in snow: how much they absorb at each wavelength (m2/g), and what they
+//! add to the absorption of ice and pores (1/m). They do not scatter (docs/absorbers.md).
 use std::sync::Arc;
 
 use splitsnow_spectra::spectrum::Table;

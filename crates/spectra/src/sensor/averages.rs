@@ -1,4 +1,5 @@
-//! Averages of spectra over bands.
+//! Averages of spectra over bands. A spectrum must have wavelengths at most 30 nm apart within a
+//! band, and cover 99 % of its weight.
 use super::{Sensor, SensorError, SolarSpectrum, SpectralResponse, error};
 
 /// Largest distance between two wavelengths of a spectrum within a band, nm: over wider gaps a

@@ -1,4 +1,4 @@
-//! The spectral response of a band.
+//! The spectral response of a band: relative, over the wavelength in nm.
 use crate::spectrum::Table;
 
 /// Half width of a Gaussian response in standard deviations; beyond, it counts as 0.

@@ -1,4 +1,5 @@
-//! Solar spectra, with which bands weight wavelengths.
+//! Solar spectra, relative power per nm over the wavelength in nm, with which bands weight
+//! wavelengths: ASTM G173-03 and Bird and Riordan 1986 (docs/bands.md).
 use std::path::Path;
 
 use super::SensorError;
