@@ -55,6 +55,18 @@ gallery:
     target/blender-5.2/bin/python examples/blender/gallery.py --out out/gallery
     for name in blocks igloo sculpture lantern; do cp out/gallery/$name.png docs/blender_$name.png; done
 
+# Regenerate the pictures of docs/mitsuba.md; needs the Python packages splitsnow, mitsuba,
+# pyoidn and pillow, and ten minutes of processor time
+mitsuba:
+    python examples/mitsuba/blocks.py --size 1440 --spp 256 --variant llvm_ad_rgb --denoise
+    python examples/mitsuba/soot.py --size 1440 --spp 256 --variant llvm_ad_rgb --denoise
+    python examples/mitsuba/sculpture.py --size 1920 --spp 256 --variant llvm_ad_rgb --denoise
+    python examples/mitsuba/igloo.py --size 1440 --spp 64 --variant llvm_ad_rgb --denoise
+    cp out/blocks.png docs/mitsuba.png
+    cp out/soot.png docs/mitsuba_soot.png
+    cp out/sculpture.png docs/mitsuba_sculpture.png
+    python -c "from PIL import Image; Image.open('out/igloo.png').convert('RGB').quantize(256, method=1, kmeans=8, dither=0).save('docs/mitsuba_igloo.png', optimize=True)"
+
 # Regenerate the curves, pictures and tables of docs/peers.md
 peers:
     for sample in clean soot_in_pores soot_in_ice thin; do \

@@ -56,7 +56,8 @@ def scene(size, spp):
         "integrator": {"type": "path", "max_depth": 2},
         "sensor": stage.camera([0, -2.4, 0.3], [0, 0, 0.17], 32, size, size * 3 // 8, spp),
         "behind": lamp(TO_BACK, behind),
-        "before": lamp(TO_FRONT, in_front),
+        # nearly all of the light that is reflected comes from here
+        "before": {"sampling_weight": 50.0, **lamp(TO_FRONT, in_front)},
         **shapes,
     }
 

@@ -27,9 +27,7 @@ def d55():
     """CIE illuminant D55: daylight with the sun lower than for D65."""
     file = HERE.parents[1] / "crates/spectra/data/illuminant_d55.csv"
     rows = [line.split(",") for line in file.read_text().splitlines() if line[:1].isdigit()]
-    nm, power = zip(*rows)
-    values = [str(float(value) / 100) for value in power]
-    return {"type": "irregular", "wavelengths": ", ".join(nm), "values": ", ".join(values)}
+    return {"type": "spectrum", "value": [(float(nm), float(power) / 100) for nm, power in rows]}
 
 
 def mesh(vertices, faces, smooth, bsdf, emitter=None):
@@ -49,12 +47,13 @@ def mesh(vertices, faces, smooth, bsdf, emitter=None):
 
 
 def camera(origin, target, fov, width, height, spp):
-    """A perspective camera with a horizontal field of view of ``fov`` degrees; z is up."""
+    """A perspective camera with a horizontal field of view of ``fov`` degrees; z is up.
+    Its pixels have independent noise, as denoising needs."""
     return {
         "type": "perspective",
         "fov": fov,
         "to_world": mi.ScalarTransform4f().look_at(origin, target, [0, 0, 1]),
-        "film": {"type": "hdrfilm", "width": width, "height": height},
+        "film": {"type": "hdrfilm", "width": width, "height": height, "rfilter": {"type": "box"}},
         "sampler": {"type": "independent", "sample_count": spp},
     }
 
@@ -80,15 +79,26 @@ def main(name, doc, scene, size, spp, white_percentile=97):
     parser.add_argument(
         "--out", type=Path, default=Path("out") / name, help="output file without suffix"
     )
+    parser.add_argument(
+        "--denoise", action="store_true", help="denoise the PNG; needs the package pyoidn"
+    )
     options = parser.parse_args()
     image = render(scene, options.variant, options.size, options.spp)
-    write(image, options.out, white_percentile)
+    write(image, options.out, white_percentile, denoised if options.denoise else None)
 
 
-def write(image, out, white_percentile):
-    """Writes the image as EXR, and as PNG exposed so that the percentile ``white_percentile``
-    of the values is 80 % of white."""
+def denoised(image):
+    """The image after Intel's Open Image Denoise, on the processor."""
+    import pyoidn
+
+    return pyoidn.denoise(np.ascontiguousarray(image, np.float32), hdr=True)
+
+
+def write(image, out, white_percentile, retouch=None):
+    """Writes the image as EXR, and as PNG, after ``retouch``, exposed so that the percentile
+    ``white_percentile`` of the values is 80 % of white."""
     out.parent.mkdir(parents=True, exist_ok=True)
     mi.Bitmap(image).write(str(out.with_suffix(".exr")))
+    image = retouch(image) if retouch else image
     exposed = 0.8 * image / np.percentile(image, white_percentile)
     mi.util.write_bitmap(str(out.with_suffix(".png")), exposed)

@@ -18,8 +18,8 @@ towards the light. ``d`` is its total length in snow, and ``theta`` is the angle
 the ray and the normal where it leaves the snow. The radiance is
 ``E cos(theta) T(d, theta) / pi``, with the irradiance ``E`` of the light on a plane
 perpendicular to the beam and the transmittance ``T`` of the database. With
-``light="sky"``, each evaluation samples one direction of a uniform sky, uniformly over
-the inner hemisphere.
+``light="sky"``, each evaluation samples one direction of a uniform sky, in the inner
+hemisphere.
 
 Neglected are: all light paths but the straight one, whose length is taken as the
 thickness of the snow; lateral spreading of light; the angular distribution of the light

@@ -13,6 +13,8 @@ from ._path import Body
 from ._table import Material, Table
 
 LIGHTS = ("directional", "sky")
+EVEN = 0.25
+"""Part of the directions toward a sky that are uniform over the hemisphere."""
 
 
 def texture(mi: Any, dr: Any) -> type:
@@ -132,15 +134,20 @@ def texture(mi: Any, dr: Any) -> type:
             return (cosine > look_up.min_cosine - 1e-6) & (cosine < look_up.max_cosine + 1e-6)
 
         def _towards_sky(self, si: Any) -> tuple[Any, Any]:
-            """A direction, uniform over the inner hemisphere, and the weight that gives the
-            mean over a uniform sky. The direction is derived from the position, because
-            textures have no random numbers."""
+            """A direction into the inner hemisphere, and the weight that gives the mean over a
+            uniform sky. Its density is :data:`EVEN` of a uniform one, which bounds the weight,
+            and for the rest proportional to the squared cosine to the normal, as most of the
+            light is. The direction is derived from the position, because textures have no
+            random numbers."""
             first, second = mi.sample_tea_32(_bits(si.p.x), _bits(si.p.y))
             first, second = mi.sample_tea_32(first ^ _bits(si.p.z), second)
             u, v = mi.Float(first) * 2.0**-32, mi.Float(second) * 2.0**-32
-            local = mi.warp.square_to_uniform_hemisphere(mi.Point2f(u, v))
-            direction = mi.Frame3f(-si.n).to_world(local)
-            weight = mi.Float(2 / math.pi)
+            even = v < EVEN
+            cosine = dr.select(even, v / EVEN, dr.cbrt((v - EVEN) / (1 - EVEN)))
+            sine = dr.sqrt(dr.maximum(1 - cosine * cosine, 0))
+            sin, cos = dr.sincos(2 * math.pi * u)
+            direction = mi.Frame3f(-si.n).to_world(mi.Vector3f(sine * cos, sine * sin, cosine))
+            weight = 2 / math.pi / (EVEN + 3 * (1 - EVEN) * cosine * cosine)
             if self.up is not None:
                 weight = dr.select(dr.dot(direction, self.up) > 0, weight, 0)
             return direction, weight
