@@ -72,4 +72,6 @@ def test_osl_reads_the_table(scene, tmp_path):
         found = stage.render()
         error = np.abs(found - expected) / expected.max(-1, keepdims=True)
         print(f"{name}: relative error {error.max():.2e}")
-        assert error.max() < 1e-3
+        # A place in the table is exact to 256 x 6e-8 texels in single precision, and neighbours
+        # differ by at most 0.16 of the brightest colour: 2.5e-6, and a few roundings.
+        assert error.max() < 1e-5
