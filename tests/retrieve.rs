@@ -207,6 +207,7 @@ fn intervals_of_many_spectra_hold_the_truth() {
         database: &database,
         quantity: Quantity::Reflectance,
         indices: (0..nm.len()).collect(),
+        bands: None,
         free: &[],
         fix: &fix,
         varying: Vec::new(),

@@ -138,7 +138,8 @@ class Database:
 
         The arguments are scalars or arrays that broadcast: mean facetness of the
         grains, mean length of their major axis in um, density of the dry snow in
-        kg/m3, thickness in cm (0 or more), incidence angle from the normal in degrees.
+        kg/m3, thickness in cm (0 or more; inf is a half space), incidence angle from the
+        normal in degrees.
         Values on optional axes are single numbers, given by name, as in
         ``black_carbon_ng_g=50``, or in ``conditions``.
 

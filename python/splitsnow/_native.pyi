@@ -93,6 +93,7 @@ def retrieve(
     database: Database,
     quantity_name: str,
     indices: list[int],
+    bands: Optional[tuple[str, str]],
     spectra: NDArray[np.float64],
     sigma: Optional[NDArray[np.float64]],
     knowledge: tuple[list[str], list[str], list[tuple[str, NDArray[np.float64]]]],

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, Any, Literal, Mapping, Optional, Union
 
@@ -9,6 +10,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from . import _native
+from ._bands import bands as _bands
 from ._database import _DESCRIBED, Database, Quantity
 
 if TYPE_CHECKING:
@@ -50,7 +52,7 @@ class Retrieval:
     converged: NDArray[np.bool_]
     """Whether the search ended, ``(...)``."""
     wavelengths_nm: NDArray[np.float64]
-    """Wavelengths of the file that were used, nm, ``(n,)``."""
+    """Wavelengths of the file that were used, or mean wavelengths of the bands, nm, ``(n,)``."""
     fitted: NDArray[np.float64]
     """Fitted spectra, ``(..., n)``."""
     jacobian: Optional[NDArray[np.float64]]
@@ -103,6 +105,8 @@ def retrieve(
     database: Database,
     *,
     wavelengths_nm: Optional[ArrayLike] = None,
+    bands: Union[None, str, os.PathLike[str]] = None,
+    sun: Union[str, os.PathLike[str]] = "astm_global",
     quantity: Quantity = "reflectance",
     free: Optional[Mapping[str, Prior]] = None,
     fix: Optional[Mapping[str, ArrayLike]] = None,
@@ -126,6 +130,10 @@ def retrieve(
     coordinate of a ``DataArray``, whose dimension of wavelengths may be anywhere. Spectra are
     compared at the wavelengths of the file that coincide with one of these or lie between two of
     them at most 30 nm apart.
+
+    With ``bands``, a sensor as :func:`splitsnow.bands` takes it, such as ``"sentinel2a:B3,B8A"``,
+    the values of the spectra are averages over its bands under ``sun``, in the order of the
+    sensor; then there are no ``wavelengths_nm``.
 
     The errors are ``sigma``, which broadcasts to the spectra, or else ``noise``, of each value;
     ``level``, relative, of each spectrum; ``correlated``, absolute, correlated over
@@ -155,20 +163,34 @@ def retrieve(
             for name, values in array.coords.items()
             if names[0] not in values.dims
         }
-        if wavelengths_nm is None and names[0] in array.coords:
+        if wavelengths_nm is None and bands is None and names[0] in array.coords:
             wavelengths_nm = array.coords[names[0]].values
         spectra = array.values
     values = np.asarray(spectra, dtype=np.float64)
+    if bands is not None and wavelengths_nm is not None:
+        raise ValueError("give bands or wavelengths_nm, not both")
     own = database.wavelengths_nm
-    nm = own if wavelengths_nm is None else np.asarray(wavelengths_nm, dtype=np.float64)
+    if bands is not None:
+        nm = _bands(bands, own, sun).centre_nm
+    else:
+        nm = own if wavelengths_nm is None else np.asarray(wavelengths_nm, dtype=np.float64)
     if values.ndim == 0 or nm.ndim != 1 or values.shape[-1] != len(nm):
         raise ValueError(
             f"the spectra have the shape {values.shape}; expected (..., {len(nm)}), "
-            f"one value per wavelength"
+            f"one value per {'wavelength' if bands is None else 'band'}"
         )
-    if not (np.isfinite(nm).all() and (np.diff(nm) > 0).all()):
-        raise ValueError("wavelengths_nm must be finite and increase")
-    indices, below, share = _matched(own, nm)
+    order: Any = slice(None)
+    if bands is not None:
+        # the bands by increasing wavelength, and the way back
+        by_wavelength = np.argsort(nm, kind="stable")
+        order = np.argsort(by_wavelength)
+        indices, below, share = np.arange(len(nm)), by_wavelength, np.zeros(len(nm))
+        used = nm
+    else:
+        if not (np.isfinite(nm).all() and (np.diff(nm) > 0).all()):
+            raise ValueError("wavelengths_nm must be finite and increase")
+        indices, below, share = _matched(own, nm)
+        used = own[indices]
     shape, n = values.shape[:-1], len(indices)
     rows = np.ascontiguousarray(_between(values, below, share).reshape(-1, n))
     errors = None
@@ -199,6 +221,7 @@ def retrieve(
         database._native,
         quantity,
         [int(i) for i in indices],
+        None if bands is None else (os.fspath(bands), os.fspath(sun)),
         rows,
         errors,
         ([_statement(name, prior) for name, prior in (free or {}).items()], known, varying),
@@ -210,7 +233,7 @@ def retrieve(
     k = len(found)
     derivatives = None
     if jacobian:
-        derivatives = np.swapaxes(parts["jacobian"].reshape(*shape, d, n), -1, -2)
+        derivatives = np.swapaxes(parts["jacobian"].reshape(*shape, d, n)[..., order], -1, -2)
     return Retrieval(
         names=tuple(found),
         unknowns=tuple(found[k - d :]),
@@ -220,8 +243,8 @@ def retrieve(
         covariance=parts["covariance"].reshape(*shape, d, d),
         chi_square=parts["chi_square"].reshape(shape),
         converged=np.array(converged, dtype=bool).reshape(shape),
-        wavelengths_nm=own[indices],
-        fitted=parts["fitted"].reshape(*shape, n),
+        wavelengths_nm=used,
+        fitted=parts["fitted"].reshape(*shape, n)[..., order],
         jacobian=derivatives,
         _coords=coords,
         _dims=dims,

@@ -6,6 +6,7 @@ use rayon::ThreadPool;
 use rayon::prelude::*;
 use splitsnow::lookup::{DirectionalQuantity, Directions, Lookup, LookupError, Varsa2025};
 use splitsnow::parameter::{Parameter, Point};
+use splitsnow::units::HALF_SPACE_CM;
 
 /// Number of rows per task; fewer are not worth waking a thread.
 const TASK: usize = 1024;
@@ -88,6 +89,10 @@ impl<'a> Points<'a> {
             values => values[index],
         };
         let mut point = Point::from_core(self.core.map(value));
+        if point.get(Parameter::Thickness) == Some(f64::INFINITY) {
+            // files store a half space as this finite thickness
+            point.set(Parameter::Thickness, HALF_SPACE_CM);
+        }
         for (parameter, column) in &self.views {
             point.set(*parameter, value(column));
         }

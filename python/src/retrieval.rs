@@ -3,9 +3,10 @@ use numpy::{PyArray1, PyReadonlyArray1, PyReadonlyArray2};
 use pyo3::exceptions::PyValueError;
 use pyo3::prelude::*;
 use splitsnow::retrieve::{
-    Cube, CubeIntervals, CubeRequest, FreeParameter, KnownValue, Named, NoiseModel, RetrieveError,
-    SpectrumRow,
+    Cube, CubeIntervals, CubeRequest, FreeParameter, KnownValue, MeasuredBands, Named, NoiseModel,
+    RetrieveError, SpectrumRow,
 };
+use splitsnow::sensor::{Sensor, SensorError, SolarSpectrum};
 
 use crate::database::{Database, quantity};
 use crate::pool::pool;
@@ -35,15 +36,17 @@ fn parsed<T: std::str::FromStr<Err = String>>(texts: &[String]) -> PyResult<Vec<
 }
 
 /// Finds the snow of each row of `spectra`, which has a value for each of `indices`, the
-/// wavelengths of the file.
+/// wavelengths of the file, or of the bands by increasing mean wavelength. `bands` are the names
+/// or paths of a sensor and of a solar spectrum.
 #[pyfunction]
-#[pyo3(signature = (database, quantity_name, indices, spectra, sigma, knowledge, noise, grid, jacobian))]
+#[pyo3(signature = (database, quantity_name, indices, bands, spectra, sigma, knowledge, noise, grid, jacobian))]
 #[allow(clippy::too_many_arguments)]
 pub(crate) fn retrieve<'py>(
     py: Python<'py>,
     database: &Database,
     quantity_name: &str,
     indices: Vec<usize>,
+    bands: Option<(String, String)>,
     spectra: PyReadonlyArray2<'py, f64>,
     sigma: Option<PyReadonlyArray2<'py, f64>>,
     knowledge: Knowledge<'py>,
@@ -57,11 +60,17 @@ pub(crate) fn retrieve<'py>(
         .iter()
         .map(|(name, values)| Ok((name.parse().map_err(wrong)?, values.as_slice()?.to_vec())))
         .collect();
+    let measured = |(sensor, sun): &(String, String)| -> Result<MeasuredBands, SensorError> {
+        let sun = SolarSpectrum::find(sun)?;
+        MeasuredBands::new(&Sensor::find(sensor)?, &sun, database.file())
+    };
+    let bands = bands.as_ref().map(measured).transpose().map_err(wrong)?;
     let [value, level, correlated, length_nm] = noise;
     let request = CubeRequest {
         database: database.file(),
         quantity: quantity(quantity_name)?,
         indices,
+        bands: bands.as_ref(),
         free: &free,
         fix: &fix,
         varying: varying?,

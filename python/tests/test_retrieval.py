@@ -96,6 +96,48 @@ def test_values_for_each_spectrum_and_priors(natural):
     np.testing.assert_allclose(exact.p68[2], plain.p68[2], rtol=0.05)
 
 
+def test_bands_of_a_sensor(run, tmp_path):
+    """In the order of the sensor, whatever their wavelengths."""
+    config = tmp_path / "narrow.toml"
+    config.write_text(
+        """\
+version = 1
+[axes]
+facetness = [0.2]
+grain_size_um = [100, 200, 400, 800]
+density_kg_m3 = [200]
+thickness_cm = ["inf"]
+incidence_angle_deg = [30]
+[wavelengths]
+start_nm = 520
+stop_nm = 900
+step_nm = 10
+[run]
+rays = 2000
+"""
+    )
+    run("build", config, "--out", tmp_path / "narrow")
+    snow = splitsnow.Database.open(tmp_path / "narrow")
+    sensor = "sentinel2a:B8A,B3,B5"
+    bands = splitsnow.bands(sensor, snow.wavelengths_nm)
+    sizes = np.array([130.0, 300.0, 600.0])
+    values = bands.average(snow.reflectance(0.2, sizes, 200, np.inf, 30))
+    deep = {"thickness_cm": np.full(3, np.inf)}
+    found = splitsnow.retrieve(values, snow, bands=sensor, fix=deep, jacobian=True)
+    np.testing.assert_allclose(found["grain_size_um"], sizes, rtol=2e-3)
+    np.testing.assert_allclose(found.fitted, values, atol=1e-4)
+    assert found.wavelengths_nm.tolist() == bands.centre_nm.tolist()
+    assert (np.abs(found.jacobian[..., 0]).argmax(-1) == 0).all()  # B8A shows the size
+    stated = splitsnow.retrieve(values, snow, bands=sensor, sigma=[0.001, 0.5, 0.5], level=0)
+    assert (np.ptp(stated.p68[:, 0], axis=-1) < np.ptp(found.p68[:, 0], axis=-1)).all()
+    with pytest.raises(ValueError, match=r"shape \(3, 2\); expected \(\.\.\., 3\), one value per band"):
+        splitsnow.retrieve(values[:, :2], snow, bands=sensor)
+    with pytest.raises(ValueError, match="give bands or wavelengths_nm, not both"):
+        splitsnow.retrieve(values, snow, bands=sensor, wavelengths_nm=[560, 700, 865])
+    with pytest.raises(ValueError, match="B11"):
+        splitsnow.retrieve(values, snow, bands="sentinel2a:B11")
+
+
 def test_missing_values_and_wrong_requests(natural):
     spectra = spectra_of(natural, [200, 400], [10, 90])
     spectra[0, 3] = np.nan

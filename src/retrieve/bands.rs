@@ -1,4 +1,7 @@
 //! Measured values that are averages over the bands of a sensor.
+use splitsnow_retrieval::Emulator;
+
+use super::EmulatorError;
 use crate::lookup::Database;
 use crate::sensor::{BandAverages, Sensor, SensorError, SolarSpectrum, SpectralResponse};
 
@@ -49,6 +52,12 @@ impl MeasuredBands {
     #[must_use]
     pub fn averages(&self) -> &BandAverages {
         &self.averages
+    }
+
+    /// `emulator` averaged over the bands; `error` becomes the error of the averages.
+    pub(super) fn averaged(&self, emulator: Emulator, error: &mut EmulatorError) -> Emulator {
+        error.sd = self.averages.errors(&error.sd, false);
+        emulator.over_bands(self.averages.weights(), &self.centres_nm)
     }
 
     /// The text of a table whose rows begin with the name of a band, with the mean wavelength in

@@ -7,11 +7,12 @@ use splitsnow_retrieval::{
 
 use super::knowledge::{FreeParameter, KnownValue, Named};
 use super::setup::{Knowledge, unknowns, with_single_nodes};
-use super::{EmulatorError, FileGrains, RetrieveError};
+use super::{EmulatorError, FileGrains, MeasuredBands, RetrieveError};
 use crate::grain::SizeMeasure;
 use crate::lookup::Database;
 use crate::measurement::Quantity;
 use crate::parameter::{Parameter, Point};
+use crate::units::HALF_SPACE_CM;
 
 /// How the intervals of each spectrum are computed.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -30,8 +31,10 @@ pub struct CubeRequest<'a> {
     pub database: &'a Database,
     /// What was measured.
     pub quantity: Quantity,
-    /// Indices of the wavelengths of the file that have values, increasing.
+    /// Indices of the wavelengths of the file, or of the bands, that have values, increasing.
     pub indices: Vec<usize>,
+    /// The bands whose averages were measured; `None` for spectra.
+    pub bands: Option<&'a MeasuredBands>,
     /// Priors, as in [`super::SetupRequest`].
     pub free: &'a [FreeParameter],
     /// Values that are known for all spectra.
@@ -103,6 +106,11 @@ impl Cube {
                     named.name()
                 )));
             };
+            let stored = |value: &f64| match parameter {
+                Parameter::Thickness => value.min(HALF_SPACE_CM),
+                _ => *value,
+            };
+            let values: Vec<f64> = values.iter().map(stored).collect();
             let ends = [
                 values.iter().copied().fold(f64::INFINITY, f64::min),
                 values.iter().copied().fold(f64::NEG_INFINITY, f64::max),
@@ -124,10 +132,14 @@ impl Cube {
             request.free,
             &with_single_nodes(database, known),
         )?;
-        let error = EmulatorError::of(database, request.quantity);
+        let mut error = EmulatorError::of(database, request.quantity);
+        let emulator = match request.bands {
+            None => emulator,
+            Some(bands) => bands.averaged(emulator, &mut error),
+        };
         let nm = request.indices.iter();
         Ok(Self {
-            wavelengths_nm: nm.map(|i| database.wavelengths_nm()[*i]).collect(),
+            wavelengths_nm: nm.map(|i| emulator.wavelengths_nm()[*i]).collect(),
             emulator_sd: request.indices.iter().map(|i| error.sd[*i]).collect(),
             unknowns,
             grains,

@@ -377,10 +377,7 @@ impl Setup {
             let mut error = EmulatorError::of(database, input.quantity);
             let emulator = match request.bands {
                 None => emulator,
-                Some(bands) => {
-                    error.sd = bands.averages().errors(&error.sd, false);
-                    emulator.over_bands(bands.averages().weights(), bands.centres_nm())
-                }
+                Some(bands) => bands.averaged(emulator, &mut error),
             };
             let nm = |i: &usize| emulator.wavelengths_nm()[*i];
             let nm: Vec<f64> = input.indices.iter().map(nm).collect();
