@@ -382,3 +382,44 @@ fn contradictions_are_named() {
         );
     }
 }
+
+/// Without `--within` the command makes the grid, builds it once and keeps it.
+#[test]
+fn a_grid_is_made_from_what_is_known() {
+    let folder = tempfile::tempdir().unwrap();
+    let thin = configs("measured/vermont_thin.csv");
+    let run = |words: &[&str]| {
+        let mut command = Command::new(cargo_bin!("splitsnow"));
+        let command = command
+            .current_dir(folder.path())
+            .arg("retrieve")
+            .arg(&thin);
+        let output = command.args(words).output().unwrap();
+        let errors = String::from_utf8(output.stderr).unwrap();
+        (output.status.success(), output.stdout, errors)
+    };
+    let known = [
+        "--fix=thickness_cm=2.5",
+        "--fix=density_kg_m3=155",
+        "--fix=facetness=0.2",
+        "--fix=incidence_angle_deg=0",
+        "--fix=black_carbon_ng_g=0",
+        "--json",
+    ];
+    let (good, first, errors) = run(&known);
+    assert!(good, "{errors}");
+    assert!(
+        errors.contains("made from what is known") && errors.contains("building out/retrieve_")
+    );
+    let found: Value = serde_json::from_slice(&first).unwrap();
+    let [low, high] = ends(&found, "ssa_m2_kg", "p95");
+    assert!(low < 26.1 && 26.1 < high, "{low} to {high}");
+    let (good, second, errors) = run(&known);
+    assert!(good && first == second, "{errors}");
+    assert!(!errors.contains("building") && errors.contains("searching the snows of"));
+    let (good, nothing, errors) = run(&["--quantity=transmittance"]);
+    assert!(!good && nothing.is_empty());
+    assert!(errors.contains("--fix thickness_cm=VALUE"), "{errors}");
+    let files = std::fs::read_dir(folder.path().join("out")).unwrap();
+    assert_eq!(files.count(), 2, "the grid file and its directory");
+}

@@ -1,15 +1,17 @@
 //! `splitsnow retrieve`: from measured spectra to the snow.
-use std::fs::File;
+use std::fs::{self, File};
 use std::io::Read;
 use std::path::{Path, PathBuf};
 
 use anyhow::{anyhow, bail, ensure};
+use sha2::{Digest, Sha256};
 
 use super::against::{self, Exclude};
 use super::bands;
 use super::bar::Bar;
 use super::common::{self, Interrupted, Spinner, ThreadArgs};
 use super::spectra::{self, SpectrumArg};
+use crate::atomic;
 use crate::build::{self, BuildOptions};
 use crate::comparison::{Exclusion, Hints, MeasuredSpectrum};
 use crate::config::grid;
@@ -20,8 +22,8 @@ use crate::lookup::Database;
 use crate::measurement::Quantity;
 use crate::plan::{self, PlanOptions};
 use crate::retrieve::{
-    ExactOptions, FreeParameter, KnownValue, MeasuredBands, MeasuredInput, NoiseModel,
-    RetrieveError, Setup, SetupRequest,
+    BoxRequest, DefaultBox, ExactOptions, FreeParameter, KnownValue, MeasuredBands, MeasuredInput,
+    NoiseModel, RetrieveError, Setup, SetupRequest,
 };
 use crate::spectrum::measured::{Column, MAX_BYTES, Unit, ValueScale};
 use crate::store::COMPACT;
@@ -47,6 +49,7 @@ use crate::store::COMPACT;
 #[derive(Debug, clap::Args)]
 #[command(after_long_help = "\
 Examples:
+  splitsnow retrieve field.csv --picture fit.svg
   splitsnow retrieve field.csv --within out/alpine --fix thickness_cm=inf \\
       --fix density_kg_m3=250 --fix incidence_angle_deg=55
   splitsnow retrieve r.csv t.csv@quantity=transmittance --within out/alpine \\
@@ -64,9 +67,10 @@ pub(super) struct Args {
     #[arg(value_name = "SPECTRUM", required = true)]
     spectra: Vec<String>,
     /// Compact file, or the output directory that holds it; or a grid file (.toml), whose database
-    /// is then built, or continued, in out/NAME
+    /// is then built, or continued, in out/NAME [default: a grid made from what was measured and
+    /// what is known, in out/retrieve_ID.toml]
     #[arg(long, value_name = "BOX")]
-    within: PathBuf,
+    within: Option<PathBuf>,
     /// Unknown with its prior: NAME=MIN..MAX, NAME=MEAN+-SD (a Gaussian within the axis), or NAME
     /// (anything on the axis). ssa_m2_kg and optical_radius_um stand for the grain size. May be
     /// given several times
@@ -160,10 +164,21 @@ pub(super) fn run(args: &Args) -> anyhow::Result<()> {
     let (measured, database, bands) = match bands {
         None => {
             let measured = read(spectra, None)?;
-            (measured, args.database()?, None)
+            let within = match &args.within {
+                Some(within) => within.clone(),
+                None => {
+                    let nm = spectra::wavelengths_nm(measured.iter().map(|(_, m)| m));
+                    let known = measured.iter().map(|(arg, m)| arg.known(m)).collect();
+                    args.default_box(known, &nm)?
+                }
+            };
+            (measured, args.database(&within)?, None)
         }
         Some(bands) => {
-            let database = args.database()?;
+            let within = args.within.as_deref().ok_or_else(|| {
+                anyhow!("--bands needs a database whose wavelengths cover the bands: give it, or a grid file, with --within")
+            })?;
+            let database = args.database(within)?;
             let bands = bands.measured(&database)?;
             (read(spectra, Some(&bands))?, database, Some(bands))
         }
@@ -263,12 +278,40 @@ impl Args {
         Ok((spectrum, measured))
     }
 
+    /// Writes a grid file of the snows that may have these spectra, and notes what it assumes.
+    fn default_box(&self, inputs: Vec<MeasuredInput>, nm: &[f64]) -> anyhow::Result<PathBuf> {
+        let found = DefaultBox::new(&BoxRequest {
+            inputs: &inputs,
+            wavelengths_nm: nm,
+            free: &self.free,
+            fix: &self.fix,
+            diffuse: self.diffuse,
+        })?;
+        let digest = Sha256::digest(&found.text);
+        let id: String = digest.iter().take(4).map(|b| format!("{b:02x}")).collect();
+        let path = Path::new("out").join(format!("retrieve_{id}.toml"));
+        if fs::read_to_string(&path).is_ok_and(|text| text == found.text) {
+            common::note(&format!("searching the snows of {}", path.display()));
+        } else {
+            fs::create_dir_all("out").map_err(|error| anyhow!("out: cannot be made: {error}"))?;
+            atomic::write(&path, found.text.as_bytes())?;
+            common::note(&format!(
+                "searching the snows of {}, made from what is known; --within gives other snows",
+                path.display()
+            ));
+        }
+        for assumed in &found.assumed {
+            common::note(&format!("assumed: {assumed}"));
+        }
+        Ok(path)
+    }
+
     /// The compact file, built first if `within` is a grid file.
-    fn database(&self) -> anyhow::Result<Database> {
-        let is_grid = self.within.extension().is_some_and(|end| end == "toml");
-        let dir = match is_grid && !self.within.is_dir() {
-            true => self.built()?,
-            false => self.within.clone(),
+    fn database(&self, within: &Path) -> anyhow::Result<Database> {
+        let is_grid = within.extension().is_some_and(|end| end == "toml");
+        let dir = match is_grid && !within.is_dir() {
+            true => self.built(within)?,
+            false => within.to_owned(),
         };
         let path = match self.diffuse {
             true => common::diffuse_path(&dir)?,
@@ -278,14 +321,14 @@ impl Args {
     }
 
     /// Builds the database of the grid file, or continues it. Returns its directory.
-    fn built(&self) -> anyhow::Result<PathBuf> {
-        let file = grid::read(&self.within)?;
+    fn built(&self, within: &Path) -> anyhow::Result<PathBuf> {
+        let file = grid::read(within)?;
         common::warn(&file.warnings);
         common::notes(&file.notes);
         ensure!(
             !self.diffuse || file.grid.fixed.diffuse,
             "{} has no curves under diffuse light; add axes.diffuse = true, or remove --diffuse",
-            self.within.display()
+            within.display()
         );
         let dir = Path::new("out").join(&file.name);
         let threads = self.threads.count()?;
@@ -316,7 +359,7 @@ impl Args {
                 shard: None,
                 only_compress: false,
                 from: Vec::new(),
-                grid_file: self.within.clone(),
+                grid_file: within.to_owned(),
                 fresh: false,
                 viewing: file.viewing,
                 progress: Some(&bar),
@@ -337,7 +380,7 @@ impl Args {
             bail!(
                 "{} is not complete; run `splitsnow build {}`",
                 dir.display(),
-                self.within.display()
+                within.display()
             );
         }
         Ok(dir)

@@ -4,11 +4,11 @@ use std::path::{Path, PathBuf};
 use anyhow::{anyhow, ensure};
 
 use super::common;
-use crate::comparison::{MeasuredSpectrum, excluded};
+use crate::comparison::{MeasuredSpectrum, RANGE_NM, excluded};
 use crate::lookup::Database;
 use crate::measurement::Quantity;
 use crate::retrieve::{KnownValue, MeasuredBands, MeasuredInput};
-use crate::spectrum::measured::Column;
+use crate::spectrum::measured::{Column, MeasuredValue};
 
 /// A word of the command line: a file and what is known of its spectrum.
 #[derive(Debug, Default)]
@@ -53,6 +53,53 @@ impl SpectrumArg {
         }
         Ok(spectrum)
     }
+}
+
+impl SpectrumArg {
+    /// What is known of the spectrum, without its values.
+    pub(super) fn known(&self, measured: &MeasuredSpectrum) -> MeasuredInput {
+        MeasuredInput {
+            name: common::one_line(&self.file),
+            quantity: measured.quantity(),
+            indices: Vec::new(),
+            values: Vec::new(),
+            uncertainties: Vec::new(),
+            fixed: self.fixed.clone(),
+        }
+    }
+}
+
+/// Most wavelengths that are taken from the rows of the files.
+const MOST_ROWS: usize = 60;
+/// Step of the wavelengths that take the place of more rows, nm.
+const STEP_NM: f64 = 25.0;
+
+/// The wavelengths at which measured spectra are compared if nothing else gives them, nm: those of
+/// the rows, or of many rows every 25 nm.
+pub(super) fn wavelengths_nm<'a>(
+    spectra: impl Iterator<Item = &'a MeasuredSpectrum> + Clone,
+) -> Vec<f64> {
+    let sorted = |mut all: Vec<f64>| {
+        all.sort_by(f64::total_cmp);
+        all.dedup();
+        all
+    };
+    let rows = spectra.clone().flat_map(|spectrum| {
+        let counted = |row: &&MeasuredValue| !excluded(spectrum.exclusions(), row.nm);
+        spectrum.samples().iter().filter(counted).map(|row| row.nm)
+    });
+    let rows = sorted(rows.collect());
+    if rows.len() <= MOST_ROWS {
+        return rows;
+    }
+    let (first, last) = RANGE_NM;
+    let steps = ((last - first) / STEP_NM) as usize;
+    let grid: Vec<f64> = (0..=steps).map(|i| first + STEP_NM * i as f64).collect();
+    let covered = spectra.flat_map(|spectrum| {
+        let matched = spectrum.at(&grid).unwrap_or_default().into_iter();
+        matched.filter(|m| !m.excluded).map(|m| m.nm)
+    });
+    sorted(covered.collect())
 }
 
 /// The values of a measured spectrum at wavelengths of the file.

@@ -10,6 +10,7 @@
 //! files and words.
 mod bands;
 mod cube;
+mod default_box;
 mod exact;
 mod grains;
 mod knowledge;
@@ -26,6 +27,7 @@ use crate::lookup::LookupError;
 
 pub use bands::MeasuredBands;
 pub use cube::{Cube, CubeIntervals, CubeRequest, CubeResult, SpectrumRow};
+pub use default_box::{BoxRequest, DefaultBox};
 pub use exact::{ExactCheck, ExactOptions};
 pub use grains::FileGrains;
 pub use knowledge::{FreeParameter, KnownValue, Named};
