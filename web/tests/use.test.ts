@@ -5,7 +5,7 @@ import { tmpdir } from "node:os";
 import { join } from "node:path";
 import { afterAll, afterEach, beforeAll, describe, expect, test } from "vitest";
 import type { Browser, Download, Page } from "playwright-core";
-import { answered, launch, open, OUT, serve, settled, WEB } from "./browser";
+import { answered, dropFile as drop, launch, open, OUT, serve, settled, WEB } from "./browser";
 
 let browser: Browser;
 let site: Awaited<ReturnType<typeof serve>>;
@@ -44,18 +44,7 @@ async function andLink(act: () => Promise<unknown>): Promise<string> {
   return link();
 }
 
-async function dropFile(target: string, name: string, content: string): Promise<void> {
-  const transfer = await page.evaluateHandle(
-    ([n, c]) => {
-      const data = new DataTransfer();
-      data.items.add(new File([c!], n!));
-      return data;
-    },
-    [name, content],
-  );
-  await page.dispatchEvent(target, "dragover", { dataTransfer: transfer });
-  await page.dispatchEvent(target, "drop", { dataTransfer: transfer });
-}
+const dropFile = (target: string, name: string, content: string) => drop(page, target, name, content);
 
 async function contentOf(download: Download): Promise<Buffer> {
   return readFileSync(await download.path());

@@ -3,7 +3,8 @@ import { checkbox, choice, slider, type Control } from "../controls";
 import { h } from "../dom";
 import type { Carbon, Layer } from "../messages";
 import type { Page } from "../page";
-import { addGrain, DEFAULTS, MOST_GRAINS, without, withLayer } from "./edit";
+import { absorberControls } from "./absorber";
+import { addAbsorber, addGrain, DEFAULTS, MOST_ABSORBERS, MOST_GRAINS, without, withLayer } from "./edit";
 import { grainControls } from "./grain";
 import { help, limits } from "./schema";
 
@@ -54,6 +55,18 @@ export function layerControls(page: Page, index: number): Control {
   );
   controls.push(...waterControls(at, layer, set));
   controls.push(carbonControls("black_carbon", at, layer, set), carbonControls("brown_carbon", at, layer, set));
+  const absorbers = (layer().absorber ?? []).map((_, i) => absorberControls(page, index, i));
+  const another = h(
+    "button",
+    {
+      type: "button",
+      class: "small",
+      title: help("layer.absorber"),
+      disabled: absorbers.length >= MOST_ABSORBERS,
+      onclick: () => set(addAbsorber, `absorber-${Date.now()}`),
+    },
+    "Add dust, ash or another absorber",
+  );
   const grains = layer().grain.map((_, i) => grainControls(page, index, i));
   const more = h(
     "button",
@@ -62,7 +75,7 @@ export function layerControls(page: Page, index: number): Control {
   );
   const derived = h("p", { class: "derived" });
   const refresh = () => {
-    for (const control of [...controls, ...grains]) control.refresh();
+    for (const control of [...controls, ...absorbers, ...grains]) control.refresh();
   };
   const end = page.checked.subscribe((answer) => {
     const own = answer?.layers[index];
@@ -70,7 +83,7 @@ export function layerControls(page: Page, index: number): Control {
       ? `All its grains together: SSA ${own.ssa_m2_kg.toFixed(1)} m²/kg, optical radius ${own.optical_radius_um.toFixed(0)} µm.`
       : "";
   });
-  const element = h("div", { class: "layer-controls" }, ...controls.map((c) => c.element), ...grains.map((g) => g.element), more, derived);
+  const element = h("div", { class: "layer-controls" }, ...[...controls, ...absorbers].map((c) => c.element), another, ...grains.map((g) => g.element), more, derived);
   return { element, refresh, end };
 }
 
