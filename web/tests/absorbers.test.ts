@@ -89,12 +89,12 @@ test("several absorbers by species and by a law, in ice and pores, survive a lin
   await law.locator('[data-key$="angstrom_exponent"] input[role="spinbutton"]').fill("2.5");
   await choice(1, "Where it is").selectOption("both");
   await law.locator('[data-key$="sedimentation"] input[role="spinbutton"]').fill("0.75");
-  await choice(1, "Concentration per").selectOption("wet_mass");
+  await choice(1, "Per mass of").selectOption("wet_mass");
   await answered(page);
   await reload();
   expect(await absorbers().count()).toBe(2);
   expect(await choice(0, "Where it is").inputValue()).toBe("pores");
-  expect(await choice(1, "Concentration per").inputValue()).toBe("wet_mass");
+  expect(await choice(1, "Per mass of").inputValue()).toBe("wet_mass");
   const file = await toml("angstrom_exponent = 2.5");
   for (const line of ["mass_absorption_efficiency_m2_g = 0.25", "reference_wavelength_nm = 500", "sedimentation = 0.75", 'concentration_per = "wet_mass"']) expect(file).toContain(line);
   expect(file.match(/\[\[layer\.absorber\]\]/g)).toHaveLength(2);

@@ -164,12 +164,12 @@ function placeControls(at: string, absorber: () => Absorber, set: Set): Control[
     set: (value) => set((a) => ({ ...a, sedimentation: value }), "sedimentation"),
   });
   const per = choice({
-    label: "Concentration per",
+    label: "Per mass of",
     help: help(`${PATH}.concentration_per`),
     key: `${at}.concentration_per`,
     choices: [
-      ["dry_mass", "mass of dry snow"],
-      ["wet_mass", "mass with its water"],
+      ["dry_mass", "dry snow"],
+      ["wet_mass", "snow with its water"],
     ],
     get: () => absorber().concentration_per ?? "dry_mass",
     set: (value) => set((a) => ({ ...a, concentration_per: value as "dry_mass" | "wet_mass" }), "per"),

@@ -193,12 +193,12 @@ function carbonControls(name: "black_carbon" | "brown_carbon", at: string, layer
     detail("reference_wavelength_nm", "at the wavelength", "nm", { min: 350, max: 1000 }, 10, DEFAULTS.reference_wavelength_nm),
     detail("angstrom_exponent", "Ångström exponent", "", { min: 0, max: 8 }, 0.1, name === "black_carbon" ? 1 : 2),
     choice({
-      label: "Concentration per",
+      label: "Per mass of",
       help: help(`layer.${name}.concentration_per`),
       key: `${key}.concentration_per`,
       choices: [
-        ["dry_mass", "mass of dry snow"],
-        ["wet_mass", "mass with its water"],
+        ["dry_mass", "dry snow"],
+        ["wet_mass", "snow with its water"],
       ],
       get: () => layer()[name]?.concentration_per ?? "dry_mass",
       set: (value) => edit({ concentration_per: value as "dry_mass" | "wet_mass" }, "per"),
