@@ -203,7 +203,7 @@ describe("snow", () => {
     await page.waitForFunction(() => /Simulating… \d+ s so far/.test(document.getElementById("status")?.textContent ?? ""));
     await answered(page);
     // Half as deep a snow took 64 s with the walks of `auto`, and 6 s with its own.
-    expect((Date.now() - begun) / 1000).toBeLessThan(60);
+    expect((Date.now() - begun) / 1000).toBeLessThan(100);
     expect(await page.locator("#status").innerText()).toContain("engine tabulated");
   });
 
