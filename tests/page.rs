@@ -3,6 +3,7 @@
 use serde_json::{Value, json};
 use splitsnow::Simulation;
 use splitsnow::config::sample;
+use splitsnow::engine::Engine;
 use splitsnow::page::{Limits, PageEngine};
 
 /// The samples that the page offers.
@@ -75,7 +76,7 @@ fn every_sample_of_the_project_is_a_preset() {
 /// one worker computes them or several share the walks.
 #[test]
 fn a_spectrum_is_that_of_the_program_to_the_bit() {
-    for name in ["representative", "soot_on_grass", "crust", "p18"] {
+    for name in ["representative", "soot_on_grass", "crust", "p18", "dusty"] {
         let preset = preset(name);
         let mut sample = preset["sample"].clone();
         sample["wavelengths"] = json!({ "values_nm": [420, 550, 680, 1030, 1300] });
@@ -116,6 +117,102 @@ fn a_spectrum_is_that_of_the_program_to_the_bit() {
             "{cut}"
         );
     }
+}
+
+/// A table of an absorber in the message gives the file that the program makes of it on a disk.
+#[test]
+fn an_absorber_may_come_from_a_file() {
+    const TABLE: &str = "# soil\nwavelength_nm,mac_m2_g\n350,0.2\n600,0.07\n1300,0.011\n";
+    let mut sample = preset("dusty")["sample"].clone();
+    let absorbers = json!([
+        { "species": "volcanic_ash", "concentration_ng_g": 5000 },
+        { "file": "soil.csv", "concentration_ug_g": 20, "sedimentation": 0.25 },
+        { "file": "soil.csv", "name": "twice", "concentration_ug_g": 3, "phase": "pores" },
+    ]);
+    sample["layer"][0]["absorber"] = absorbers;
+    let mut engine = PageEngine::default();
+    let mut check = |sample: &Value, text: &str| {
+        let files = json!({ "soil.csv": text });
+        ask(
+            &mut engine,
+            json!({ "ask": "sample", "sample": sample, "files": files }),
+        )
+    };
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path().join("sample.toml");
+    std::fs::write(folder.path().join("soil.csv"), TABLE).unwrap();
+    let text = toml::to_string(&serde_json::from_value::<toml::Value>(sample.clone()).unwrap());
+    std::fs::write(&path, text.unwrap()).unwrap();
+    let answer = check(&sample, TABLE);
+    let expected = sample::read(&path).unwrap();
+    assert_eq!(answer["toml"], expected.to_toml());
+    let note = answer["notes"][0].as_str().unwrap();
+    assert!(
+        note.contains("soil.csv: mass absorption efficiency in m2/g, 3 rows"),
+        "{note}"
+    );
+
+    for (table, says) in [
+        (
+            "wavelength_nm,mac_m2_g\n500,0.1\n600,0.1\n",
+            "covers 500 to 600 nm",
+        ),
+        (
+            "wavelength_nm,mac_m2_g\n350,0.1\n1300,2000\n",
+            "allowed 0 to 1000",
+        ),
+        ("nm,mac\n350,0.1\n1300,0.1\n", "cannot be used"),
+    ] {
+        let refused = check(&sample, table);
+        assert_eq!(refused["key"], "layer[0].absorber[1].file", "{refused}");
+        assert!(
+            refused["error"].as_str().unwrap().contains(says),
+            "{refused}"
+        );
+    }
+    let mut wrong = sample.clone();
+    wrong["layer"][0]["absorber"][1]["file"] = json!("/etc/passwd");
+    let refused = check(&wrong, TABLE);
+    assert!(
+        refused["error"]
+            .as_str()
+            .unwrap()
+            .contains("which is not here"),
+        "{refused}"
+    );
+    wrong["layer"][0]["absorber"][1]["species"] = json!("dust_libya");
+    let refused = check(&wrong, TABLE);
+    let error = refused["error"].as_str().unwrap();
+    assert!(
+        error.contains("file") && error.contains("species"),
+        "{refused}"
+    );
+    wrong["layer"][0]["absorber"] = json!(vec![json!({}); 21]);
+    assert!(
+        check(&wrong, TABLE)["error"]
+            .as_str()
+            .unwrap()
+            .contains("21 absorbers")
+    );
+}
+
+/// Where `auto` would take many more walks, the page takes those that it was asked for, and its
+/// numbers are those of the engine that it names.
+#[test]
+fn crowded_snow_takes_the_walks_that_were_asked_for() {
+    let mut sample = representative();
+    sample["layer"][0]["grain"][0]["size_um"] = json!({ "min": 50, "max": 500 });
+    sample["layer"][0]["thickness_cm"] = json!(0.5);
+    let mut engine = PageEngine::default();
+    let request = |ask: &str| json!({ "ask": ask, "sample": sample, "rays": 512, "seed": 1 });
+    let answer = ask(&mut engine, request("simulate"));
+    assert_eq!(answer["engine"], "tabulated");
+    let checked = ask(&mut engine, request("sample"));
+    let file = sample::parse("page.toml", checked["toml"].as_str().unwrap()).unwrap();
+    let simulation = Simulation::of(&file).rays(512);
+    let expected = simulation.engine(Engine::Tabulated).run().unwrap();
+    let values: Vec<f64> = expected.reflectance.iter().map(|m| m.value).collect();
+    assert_eq!(numbers(&answer["reflectance"]), values);
 }
 
 #[test]

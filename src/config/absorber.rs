@@ -3,7 +3,7 @@ use std::path::Path;
 use std::sync::Arc;
 
 use crate::optics::{Absorber, Carbon, ImpurityMass, MassAbsorption, SPECIES, Species};
-use crate::spectrum::Table;
+use crate::spectrum::{Table, TableError};
 use crate::transport::Model;
 
 use super::check;
@@ -277,7 +277,11 @@ fn about(spectrum: &Table) -> String {
 
 /// Reads a file of mass absorption efficiencies.
 fn read(path: &Path) -> Result<Table, String> {
-    let table = Table::read(path, &HEADER).map_err(|error| format!("cannot be used: {error}"))?;
+    checked(Table::read(path, &HEADER))
+}
+
+fn checked(table: Result<Table, TableError>) -> Result<Table, String> {
+    let table = table.map_err(|error| format!("cannot be used: {error}"))?;
     let mut rows = table.abscissae().iter().zip(table.column(0));
     match rows.find(|(_, value)| !(0.0..=MAX_EFFICIENCY).contains(*value)) {
         None => Ok(table),
@@ -287,18 +291,32 @@ fn read(path: &Path) -> Result<Table, String> {
     }
 }
 
-/// The values of a spectrum at the wavelengths of the file, log-log between its rows.
+/// The mass absorption efficiency, m2/g, at `wavelengths_nm` in the `text` of a file called `name`,
+/// and what the file holds in words.
+///
+/// # Errors
+/// What is wrong with the file, to follow its name.
+pub(crate) fn of_text(
+    name: &str,
+    text: &str,
+    wavelengths_nm: &[f64],
+) -> Result<(Vec<f64>, String), String> {
+    let table = checked(Table::parse(name, text, &HEADER))?;
+    Ok((values(&table, wavelengths_nm)?, about(&table)))
+}
+
+/// A spectrum at the wavelengths of the file, log-log between its rows.
 fn at_wavelengths(table: &Table, wavelengths_nm: &[f64]) -> Result<MassAbsorption, String> {
+    let values = values(table, wavelengths_nm)?;
+    Ok(spectrum(wavelengths_nm, &values))
+}
+
+fn values(table: &Table, wavelengths_nm: &[f64]) -> Result<Vec<f64>, String> {
     let values = wavelengths_nm.iter().map(|nm| table.log_log(0, *nm));
-    match values.collect::<Option<Vec<f64>>>() {
-        Some(values) => Ok(spectrum(wavelengths_nm, &values)),
-        None => {
-            let (min, max) = table.range();
-            let ends = [wavelengths_nm.first(), wavelengths_nm.last()];
-            let [first, last] = ends.map(|nm| nm.copied().unwrap_or_default());
-            Err(format!(
-                "covers {min} to {max} nm, but the wavelengths run from {first} to {last} nm"
-            ))
-        }
-    }
+    values.collect::<Option<Vec<f64>>>().ok_or_else(|| {
+        let (min, max) = table.range();
+        let ends = [wavelengths_nm.first(), wavelengths_nm.last()];
+        let [first, last] = ends.map(|nm| nm.copied().unwrap_or_default());
+        format!("covers {min} to {max} nm, but the wavelengths run from {first} to {last} nm")
+    })
 }

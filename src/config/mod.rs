@@ -10,7 +10,7 @@
 //! (at most 1 MiB).
 use std::path::Path;
 
-mod absorber;
+pub(crate) mod absorber;
 mod axis_keys;
 mod canonical;
 mod change;

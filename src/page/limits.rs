@@ -13,6 +13,8 @@ pub struct Limits {
     pub layers: usize,
     /// Grain types of a layer.
     pub grains: usize,
+    /// Other absorbers of a layer.
+    pub absorbers: usize,
     /// Views toward which light is measured.
     pub views: usize,
     /// Thicknesses of a wedge.
@@ -28,6 +30,7 @@ impl Default for Limits {
             wavelengths: 2200,
             layers: 20,
             grains: 10,
+            absorbers: 20,
             views: 1000,
             thicknesses: 200,
             spectra: 1000,

@@ -1,6 +1,8 @@
 //! Samples: from the JSON of the page to a sample, and to its file.
 use std::collections::BTreeMap;
+use std::path::Path;
 
+use crate::config::absorber;
 use crate::config::sample::{self, SampleFile};
 use crate::engine::Engine;
 use crate::grain::specific_surface_m2_kg;
@@ -112,31 +114,110 @@ pub(super) fn read(
 ) -> Result<(SampleFile, Vec<String>), Refused> {
     check_counts(sample, limits)?;
     check_names(sample)?;
-    let path = sample.pointer("/substrate/reflectance");
-    let Some(path) = path.and_then(Value::as_str) else {
+    let substrate = sample.pointer("/substrate/reflectance");
+    let substrate = substrate.and_then(Value::as_str);
+    let absorbers = absorber_files(sample);
+    if substrate.is_none() && absorbers.is_empty() {
         return Ok((parse(sample)?, Vec::new()));
-    };
-    let key = "substrate.reflectance";
-    let text = files.get(path).ok_or_else(|| {
-        let message = format!(
-            "{key} names the file {path}, which is not here; give a number from 0 to 1, or a list with one number per wavelength"
-        );
-        Refused::at(key, message)
-    })?;
+    }
     let mut sample = sample.clone();
     // the wavelengths are known once the rest is read
-    sample["substrate"]["reflectance"] = json!(0.0);
+    if substrate.is_some() {
+        sample["substrate"]["reflectance"] = json!(0.0);
+    }
+    for file in &absorbers {
+        file.replace(&mut sample, &[json!(0.0), json!(500.0), json!(0.0)]);
+    }
     let wavelengths_nm = parse(&sample)?.wavelengths_nm;
-    let options = ReadOptions::new(Some(Content::Reflectance), (0.0, 1.0));
-    let curve = measured::parse(path, text.as_bytes(), &options);
-    let curve = curve.map_err(|error| Refused::at(key, error))?;
-    let values = curve.values_at(&wavelengths_nm);
-    let values = values.map_err(|gap| Refused::at(key, format!("{key}: {path} {gap}")))?;
-    sample["substrate"]["reflectance"] = json!(values);
-    Ok((
-        parse(&sample)?,
-        vec![format!("read {path}: {}", curve.report)],
-    ))
+    let mut notes = Vec::new();
+    if let Some(path) = substrate {
+        let key = "substrate.reflectance";
+        let help = "give a number from 0 to 1, or a list with one number per wavelength";
+        let text = text_of(files, path, key, help)?;
+        let options = ReadOptions::new(Some(Content::Reflectance), (0.0, 1.0));
+        let curve = measured::parse(path, text.as_bytes(), &options);
+        let curve = curve.map_err(|error| Refused::at(key, error))?;
+        let values = curve.values_at(&wavelengths_nm);
+        let values = values.map_err(|gap| Refused::at(key, format!("{key}: {path} {gap}")))?;
+        sample["substrate"]["reflectance"] = json!(values);
+        notes.push(format!("read {path}: {}", curve.report));
+    }
+    for file in &absorbers {
+        let (key, path) = (file.key(), &file.path);
+        let help = "add the file, or choose a species";
+        let text = text_of(files, path, &key, help)?;
+        let found = absorber::of_text(path, text, &wavelengths_nm);
+        let (values, about) =
+            found.map_err(|problem| Refused::at(&key, format!("{key}: {path} {problem}")))?;
+        file.replace(&mut sample, &[json!(values)]);
+        notes.push(format!("read {path}: {about}"));
+    }
+    Ok((parse(&sample)?, notes))
+}
+
+/// The text of the file `path` that the key `key` names.
+fn text_of<'a>(files: &'a Files, path: &str, key: &str, help: &str) -> Result<&'a str, Refused> {
+    let text = files.get(path).map(String::as_str);
+    text.ok_or_else(|| {
+        let message = format!("{key} names the file {path}, which is not here; {help}");
+        Refused::at(key, message)
+    })
+}
+
+/// The file of an absorber.
+struct AbsorberFile {
+    layer: usize,
+    number: usize,
+    path: String,
+}
+
+/// The keys of the law of an absorber. With a list, which has one number per wavelength, the first
+/// stands alone.
+const LAW: [&str; 3] = [
+    "mass_absorption_efficiency_m2_g",
+    "reference_wavelength_nm",
+    "angstrom_exponent",
+];
+
+/// The absorbers of `sample` that name a file and no law beside it, which is refused.
+fn absorber_files(sample: &Value) -> Vec<AbsorberFile> {
+    let list = |keys: &Value, key: &str| keys.get(key).and_then(Value::as_array).cloned();
+    let mut files = Vec::new();
+    for (layer, keys) in list(sample, "layer").into_iter().flatten().enumerate() {
+        for (number, keys) in list(&keys, "absorber").into_iter().flatten().enumerate() {
+            let has_law = LAW.iter().any(|key| keys.get(key).is_some());
+            let path = keys.get("file").and_then(Value::as_str).map(str::to_owned);
+            if let Some(path) = path.filter(|_| !has_law && keys.get("species").is_none()) {
+                files.push(AbsorberFile {
+                    layer,
+                    number,
+                    path,
+                });
+            }
+        }
+    }
+    files
+}
+
+impl AbsorberFile {
+    fn key(&self) -> String {
+        format!("layer[{}].absorber[{}].file", self.layer, self.number)
+    }
+
+    /// Gives the absorber of `sample` this `law` instead of the file or of an earlier law, and the
+    /// name that the file gives it.
+    fn replace(&self, sample: &mut Value, law: &[Value]) {
+        let absorber = &mut sample["layer"][self.layer]["absorber"][self.number];
+        let Some(keys) = absorber.as_object_mut() else {
+            return;
+        };
+        keys.retain(|key, _| key != "file" && !LAW.contains(&key.as_str()));
+        let law = LAW.iter().zip(law);
+        keys.extend(law.map(|(key, value)| ((*key).to_owned(), value.clone())));
+        let stem = Path::new(&self.path).file_stem();
+        let name = stem.unwrap_or_default().to_string_lossy();
+        keys.entry("name").or_insert_with(|| json!(name));
+    }
 }
 
 fn parse(sample: &Value) -> Result<SampleFile, Refused> {
@@ -177,6 +258,11 @@ fn check_counts(sample: &Value, limits: &Limits) -> Result<(), Refused> {
             "grain types",
             length(layer.get("grain")) as u64,
             limits.grains as u64,
+        )?;
+        check(
+            "absorbers",
+            length(layer.get("absorber")) as u64,
+            limits.absorbers as u64,
         )?;
     }
     let wavelengths = sample.get("wavelengths");

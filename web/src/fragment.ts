@@ -153,7 +153,17 @@ function isLayer(value: unknown): boolean {
     value.grain.length >= 1 &&
     value.grain.length <= 100 &&
     value.grain.every(isGrain) &&
-    optional(value, ["black_carbon", "brown_carbon"], isCarbon)
+    optional(value, ["black_carbon", "brown_carbon"], isCarbon) &&
+    optional(value, ["absorber"], (list) => Array.isArray(list) && list.length <= 100 && list.every(isAbsorber))
+  );
+}
+
+function isAbsorber(value: unknown): boolean {
+  return (
+    isRecord(value) &&
+    optional(value, ["name", "concentration_per", "phase", "species", "file"], isText) &&
+    optional(value, ["concentration_ng_g", "concentration_ug_g", "sedimentation", "reference_wavelength_nm", "angstrom_exponent"], isNumber) &&
+    optional(value, ["mass_absorption_efficiency_m2_g"], (given) => isNumber(given) || isNumbers(given))
   );
 }
 

@@ -9,6 +9,7 @@ import { Gone, messageOf, PANELS, type AnswerTo, type Engine, type Observable, t
 import { h, isCompact } from "./dom";
 import { History, initialState } from "./state";
 import { Simulation } from "./simulation";
+import { openDropped } from "./snow/absorber";
 import { mountStrip } from "./strip";
 import { startTour } from "./tour";
 import * as colourPanel from "./panels/colour";
@@ -27,6 +28,8 @@ const TITLES: Record<PanelName, string> = {
   databases: "Databases",
   take: "Take away",
 };
+/// The status line counts the seconds of a first curve that takes longer, s.
+const PATIENCE_S = 2;
 /// The address follows the state after this time without a change, ms.
 const LINK_MS = 300;
 
@@ -195,8 +198,11 @@ function takeDrops(page: Page, measured: (file: File) => void, compact: (files: 
     event.preventDefault();
     const databases = files.filter(isCompact);
     if (databases.length > 0) return compact(databases);
-    page.state.set({ panel: "spectra" });
-    measured(files[0]!);
+    void openDropped(page, files[0]!).then((isAbsorber) => {
+      if (isAbsorber) return;
+      page.state.set({ panel: "spectra" });
+      measured(files[0]!);
+    });
   });
 }
 
@@ -273,12 +279,15 @@ function statusLine() {
         const { shown, refused } = page;
         if (gone.value) return gone.value;
         if (refused.value) return "This snow cannot be simulated: see the message at its control. The last good curve stays.";
-        if (!shown.value) return page.about.value ? "Simulating…" : "Loading the engine…";
+        if (!shown.value) return page.about.value ? `Simulating…${simulation.waited.value >= PATIENCE_S ? ` ${simulation.waited.value} s so far.` : ""}` : "Loading the engine…";
         const { spectrum, seconds } = shown.value;
+        if (simulation.waited.value >= PATIENCE_S) {
+          return `Simulating this snow with ${grouped(simulation.pending.value)} walks: ${simulation.waited.value} s so far. The curves are those of the snow before.`;
+        }
         const more = simulation.pending.value > spectrum.rays ? ` Refining to ${grouped(simulation.pending.value)}…` : "";
         return `${grouped(spectrum.rays)} walks, ${seconds.toFixed(2)} s, engine ${spectrum.engine}, ${page.engine.name}.${more}`;
       };
-      for (const value of [page.shown, page.refused, page.about, simulation.pending, gone]) value.subscribe(refresh);
+      for (const value of [page.shown, page.refused, page.about, simulation.pending, simulation.waited, gone]) value.subscribe(refresh);
       simulation.stale.subscribe((stale) => element("results").setAttribute("data-stale", String(stale)));
       simulation.pending.subscribe((rays) => element("results").setAttribute("aria-busy", String(rays > 0)));
     },

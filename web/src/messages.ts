@@ -28,6 +28,7 @@ export interface Layer {
   grain: Grain[];
   black_carbon?: Carbon;
   brown_carbon?: Carbon;
+  absorber?: Absorber[];
 }
 
 export interface Law {
@@ -57,7 +58,25 @@ export interface Carbon {
   concentration_per?: "dry_mass" | "wet_mass";
 }
 
-/// Small text files that a sample names (the spectrum of a substrate), by the name that it gives.
+/// Another light-absorbing substance. Its law is a `species`, a `file`, or an efficiency: a number
+/// with its wavelength and exponent, or a list with one number per wavelength.
+export interface Absorber {
+  name?: string;
+  concentration_ng_g?: number;
+  concentration_ug_g?: number;
+  concentration_per?: "dry_mass" | "wet_mass";
+  phase?: "ice" | "pores";
+  sedimentation?: number;
+  species?: string;
+  /// The name of one of the `files` of the request.
+  file?: string;
+  mass_absorption_efficiency_m2_g?: number | number[];
+  reference_wavelength_nm?: number;
+  angstrom_exponent?: number;
+}
+
+/// Small text files that a sample names (the spectrum of a substrate, the efficiency of an
+/// absorber), by the name that it gives.
 export type Files = Record<string, string>;
 
 /// What every answer is instead, if the request is refused. `key` names the key of the sample

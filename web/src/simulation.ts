@@ -17,6 +17,9 @@ export class Simulation {
   #version = 0;
   /// Whether the curve that is shown belongs to an earlier sample.
   readonly stale = new Value(false);
+  /// Whole seconds since the last change, while no curve of the sample is shown.
+  readonly waited = new Value(0);
+  #clock: ReturnType<typeof setInterval> | undefined;
   /// When the coarse simulation that runs was started, or 0. It is left to finish, so that a
   /// curve is seen while dragging, unless it is stuck.
   #coarse = 0;
@@ -29,6 +32,11 @@ export class Simulation {
   constructor(engine: Engine, store: Store) {
     this.#engine = engine;
     this.#store = store;
+    this.stale.subscribe((stale) => {
+      clearInterval(this.#clock);
+      this.waited.set(0);
+      if (stale) this.#clock = setInterval(() => this.waited.set(Math.floor((Date.now() - this.#changed) / 1000)), 1000);
+    });
     store.subscribe((_, changed) => {
       if (changed.has("sample") || changed.has("files") || changed.has("range") || changed.has("seed")) this.start();
     });

@@ -73,3 +73,17 @@ export async function settled(page: Page): Promise<void> {
     { timeout: 200_000 },
   );
 }
+
+/// Drops a text file.
+export async function dropFile(page: Page, target: string, name: string, content: string): Promise<void> {
+  const transfer = await page.evaluateHandle(
+    ([n, c]) => {
+      const data = new DataTransfer();
+      data.items.add(new File([c!], n!));
+      return data;
+    },
+    [name, content],
+  );
+  await page.dispatchEvent(target, "dragover", { dataTransfer: transfer });
+  await page.dispatchEvent(target, "drop", { dataTransfer: transfer });
+}

@@ -5,7 +5,7 @@ import { afterAll, beforeAll, describe, expect, test } from "vitest";
 import type { Browser, Page } from "playwright-core";
 import { launch, open, serve } from "./browser";
 import {
-  amongNodes, axisTicks, boundsWords, brightening, certificate, certificateSource, certificateWords,
+  amongNodes, axisName, axisTicks, boundsWords, brightening, certificate, certificateSource, certificateWords,
   cssColour, deltaE, errorTable, fromShare, holdsFactors, provenance, quantityName, rmse, size,
   startPoint, toShare, valueText,
 } from "../src/panels/databases-data";
@@ -66,6 +66,9 @@ describe("axes", () => {
     expect(valueText({ name: "facetness", unit: "1" }, 0.3)).toBe("0.3");
     expect(valueText({ name: "density_kg_m3", unit: "kg m-3" }, 275)).toBe("275\u00a0kg/m\u00b3");
     expect(valueText(thickness, 1e6)).toBe("half space");
+    const dust = { name: "absorber_ug_g", unit: "ug g-1", values: [0, 20, 500] };
+    expect([axisName(dust.name), valueText(dust, 20)]).toEqual(["Absorber", "20\u00a0\u00b5g/g"]);
+    for (const node of dust.values) expect(fromShare(dust, toShare(dust, node))).toBe(node);
   });
 
   test("the first point is a node, or what a link wants where that is sound", () => {

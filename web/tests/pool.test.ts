@@ -56,6 +56,7 @@ function answer(id: number, request: Request): FromWorker {
 
 const { sample } = initialState();
 const simulate = (rays: number, seed = 1) => ({ ask: "simulate" as const, sample, rays, seed });
+const directions = { ask: "directions" as const, sample, rays: 2048, seed: 1, wavelength_nm: 550, view_deg: [0], relative_azimuth_deg: [0] };
 const pool = (workers: number) => new Pool({ spawn: () => new Fake(), workers });
 const requests = () => Fake.all.flatMap((fake) => fake.asked.map((request) => request.ask));
 
@@ -145,6 +146,36 @@ describe("pool", () => {
     await vi.advanceTimersByTimeAsync(50);
     expect(await next).toEqual({ rays: 2048 });
     expect(engine.replaced).toBe(1);
+  });
+
+  test("lets what takes longest make room for a simulation, and does it again afterwards", async () => {
+    MS = { directions: 60_000 };
+    const engine = pool(1);
+    const long = engine.ask(directions);
+    await vi.advanceTimersByTimeAsync(300);
+    const spectrum = engine.ask(simulate(2048));
+    await vi.advanceTimersByTimeAsync(690);
+    expect([requests(), engine.replaced]).toEqual([["directions"], 0]);
+    await vi.advanceTimersByTimeAsync(20);
+    expect(await spectrum).toEqual({ rays: 2048 });
+    expect([requests(), engine.replaced]).toEqual([["directions", "simulate", "directions"], 1]);
+    await vi.advanceTimersByTimeAsync(60_000);
+    expect(await long).toEqual({});
+    expect(engine.replaced).toBe(1);
+  });
+
+  test("keeps what takes longest away from the worker that puts simulations together", async () => {
+    MS = { directions: 60_000 };
+    nodes = 1;
+    const engine = pool(2);
+    const check = engine.ask({ ask: "sample", sample });
+    void engine.ask(directions);
+    await vi.advanceTimersByTimeAsync(10);
+    await check;
+    const spectrum = engine.ask(simulate(2048));
+    await vi.advanceTimersByTimeAsync(10);
+    expect(await spectrum).toEqual({ rays: 2048 });
+    expect(engine.replaced).toBe(0);
   });
 
   test("answers quick questions while all workers walk", async () => {

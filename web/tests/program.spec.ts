@@ -29,8 +29,9 @@ afterEach(async () => {
   await page.context().close();
 });
 
-async function save(label: string): Promise<string> {
-  const [download] = await Promise.all([page.waitForEvent("download"), page.click(`text=${label}`)]);
+async function save(label: string, name: string): Promise<string> {
+  const named = page.waitForEvent("download", (download) => download.suggestedFilename() === name);
+  const [download] = await Promise.all([named, page.click(`text=${label}`)]);
   return readFileSync(await download.path(), "utf8");
 }
 
@@ -47,8 +48,8 @@ function numbers(csv: string): Record<string, number>[] {
 async function compare() {
   await page.click("#tab-take");
   await page.waitForFunction(() => document.querySelector("#panel-take pre + .bar ~ pre")?.textContent?.includes("[[layer]]"));
-  writeFileSync(join(folder, "sample.toml"), await save("Sample file (TOML)"));
-  const own = numbers(await save("Spectrum (CSV)"));
+  writeFileSync(join(folder, "sample.toml"), await save("Sample file (TOML)", "sample.toml"));
+  const own = numbers(await save("Spectrum (CSV)", "spectrum.csv"));
   const command = await page.locator("#panel-take pre").first().innerText();
   const [name, ...words] = command.replace(/\s*>.*/s, "").trim().split(/\s+/);
   expect(name).toBe("splitsnow");
@@ -65,6 +66,33 @@ test("the browser's numbers are those of the program, to the bit", async () => {
   ({ page, wrong } = await open(browser, site.url));
   await settled(page);
   await compare();
+  site.server.close();
+});
+
+test("so they are with dust, ash and a table, and where grains crowd", async () => {
+  const site = await serve();
+  const grain = (min: number, max: number) => ({ fraction: 0.25, size_um: { min, max }, facetness: { min: 0.2, max: 0.4, mean: 0.3, sd: 0.072 } });
+  const law = { mass_absorption_efficiency_m2_g: 0.1, reference_wavelength_nm: 400, angstrom_exponent: 3 };
+  const absorber = [
+    { species: "dust_libya", concentration_ug_g: 30, phase: "pores" },
+    { species: "volcanic_ash", concentration_ng_g: 7000 },
+    { ...law, concentration_ug_g: 3.3, sedimentation: 0.3, concentration_per: "wet_mass" },
+    { file: "soil.csv", concentration_ug_g: 20 },
+  ];
+  const layer = { thickness_cm: 5, density_kg_m3: 300, water_saturation: 0.02, absorber };
+  const crowded = [{ ...grain(50, 100), fraction: 0.5 }, grain(200, 400), grain(400, 500)];
+  for (const [engine, changed] of [
+    ["hybrid", { ...layer, grain: [{ ...grain(400, 800), fraction: 1 }] }],
+    ["tabulated", { ...layer, thickness_cm: 0.5, grain: crowded }],
+  ] as const) {
+    const sample = { version: 1, illumination: { incidence_angle_deg: 30 }, wavelengths: { start_nm: 400, stop_nm: 700, step_nm: 10 }, layer: [changed] };
+    const state = { sample, files: { "soil.csv": "wavelength_nm,mac_m2_g\n350,0.2\n611,0.07\n800,0.01\n" } };
+    ({ page, wrong } = await open(browser, `${site.url}#j=${Buffer.from(JSON.stringify(state)).toString("base64url")}`));
+    await settled(page);
+    expect(await page.locator("#status").innerText()).toContain(`engine ${engine}`);
+    await compare();
+    if (engine === "hybrid") await page.context().close();
+  }
   site.server.close();
 });
 

@@ -90,6 +90,20 @@ test("makes fewer walks while they are slow", async () => {
   expect([await coarse(4), await coarse(5)]).toEqual([256, 256]);
 });
 
+test("counts the seconds of a curve that does not come, from the last change", async () => {
+  const { engine } = fake(5000);
+  const state = new History(initialState());
+  const simulation = new Simulation(engine, state);
+  move(state, 1);
+  await vi.advanceTimersByTimeAsync(3500);
+  expect([simulation.waited.value, simulation.pending.value]).toEqual([3, 2048]);
+  move(state, 2);
+  await vi.advanceTimersByTimeAsync(1000);
+  expect(simulation.waited.value).toBeLessThanOrEqual(1);
+  await vi.advanceTimersByTimeAsync(6000);
+  expect([simulation.stale.value, simulation.waited.value]).toEqual([false, 0]);
+});
+
 test("drops a coarse simulation that is stuck once the sample has changed", async () => {
   const { asked, engine } = fake(60_000);
   const state = new History(initialState());

@@ -3,7 +3,7 @@ import { describe, expect, test } from "vitest";
 import { accept, fromFragment, MOST_BYTES, MOST_CHARACTERS, toLink } from "../src/fragment";
 import { droppedName, History, initialState } from "../src/state";
 import { MOST_POINTS, pointsOf } from "../src/spectra/points";
-import { addGrain, moveLayer, moveMean, newLayer, removeGrain, shareOut, shares, withLayer, withSizeKind } from "../src/snow/edit";
+import { addAbsorber, addGrain, freeName, moveLayer, moveMean, newLayer, removeAbsorber, removeGrain, shareOut, shares, substance, usedFiles, withLayer, withSizeKind, withSubstance } from "../src/snow/edit";
 import { help } from "../src/snow/schema";
 
 const thicker = (cm: number) => withLayer(initialState().sample, 0, (layer) => ({ ...layer, thickness_cm: cm }));
@@ -152,6 +152,7 @@ describe("link", () => {
         withLayer({ [name]: { concentration_ng_g: 1, sedimentation: "x" } }),
         withLayer({ [name]: { concentration_ng_g: 1, concentration_per: 3 } }),
       ]),
+      ...[7, [7], [{ species: 1 }], [{ concentration_ug_g: "x" }], [{ mass_absorption_efficiency_m2_g: ["a"] }], Array(101).fill({})].map((absorber) => withLayer({ absorber })),
       withLayer({ density_kg_m3: "q", wet_density_kg_m3: 300 }),
       withLayer({ temperature_c: null }),
       withGrain({ size_um: { min: "a" }, ssa_m2_kg: 20 }),
@@ -161,6 +162,8 @@ describe("link", () => {
       withGrain({ aspect_ratio: null }),
     ];
     for (const sample of wrong) expect(accept({ sample }).sample, JSON.stringify(sample)).toEqual(sound);
+    const dusty = withLayer({ absorber: [{ species: "dust_china", concentration_ug_g: 5, phase: "pores" }, { file: "a.csv", concentration_ng_g: 1 }] });
+    expect(accept({ sample: dusty }).sample).toEqual(dusty);
     const good = withLayer({ black_carbon: { concentration_ng_g: 5, concentration_per: "wet_mass", angstrom_exponent: 1 } });
     expect(accept({ sample: good }).sample).toEqual(good);
   });
@@ -195,6 +198,17 @@ describe("changes of a sample", () => {
   test("the size can be given another way", () => {
     const grain = withSizeKind(newLayer().grain[0]!, "ssa_m2_kg", { ssa_m2_kg: 20.33, optical_radius_um: 160 });
     expect([grain.ssa_m2_kg, grain.size_um]).toEqual([20.3, undefined]);
+  });
+
+  test("an absorber keeps its mass when it becomes another substance, and its file goes with it", () => {
+    const dusty = addAbsorber(addAbsorber(newLayer()));
+    const [dust] = dusty.absorber!;
+    expect(withSubstance(withSubstance(dust!, { file: "a.csv" }), { species: "volcanic_ash" })).toEqual({ ...dust, species: "volcanic_ash" });
+    expect(substance(withSubstance(dust!, "law"))).toBe("law");
+    expect(removeAbsorber(removeAbsorber(dusty, 1), 0)).toEqual(newLayer());
+    const sample = { ...initialState().sample, layer: [{ ...dusty, absorber: [withSubstance(dust!, { file: "a.csv" })] }], substrate: { reflectance: "b.csv" } };
+    expect(usedFiles(sample, { "a.csv": "1", "b.csv": "2", "c.csv": "3" })).toEqual({ "a.csv": "1", "b.csv": "2" });
+    expect([freeName("a.csv", "1", { "a.csv": "1" }), freeName("a.csv", "2", { "a.csv": "1", "a 2.csv": "0" }), freeName("a", "2", { a: "1" })]).toEqual(["a.csv", "a 3.csv", "a 2"]);
   });
 
   test("every control is explained by the schema", () => {

@@ -14,6 +14,9 @@ import type { FromWorker, WorkerLike } from "./protocol";
 export const PATIENCE_MS = 3000;
 /// The same while a simulation waits and no worker is free, ms.
 export const IMPATIENCE_MS = 100;
+/// What takes longest (a wedge, directions) makes room for a simulation that waits for its worker
+/// after this time, ms, and is done again later.
+export const ASIDE_MS = 1000;
 export const MOST_WORKERS = 8;
 /// Workers that may fail at their start, one after the other, before no new one is started.
 const MOST_STILLBORN = 20;
@@ -54,6 +57,7 @@ export interface PoolOptions {
   workers: number;
   patienceMs?: number;
   impatienceMs?: number;
+  asideMs?: number;
 }
 
 export class Pool implements Engine {
@@ -71,7 +75,7 @@ export class Pool implements Engine {
   replaced = 0;
 
   constructor(options: PoolOptions) {
-    this.#options = { patienceMs: PATIENCE_MS, impatienceMs: IMPATIENCE_MS, ...options };
+    this.#options = { patienceMs: PATIENCE_MS, impatienceMs: IMPATIENCE_MS, asideMs: ASIDE_MS, ...options };
     for (let i = 0; i < options.workers; i++) this.#slots.push(this.#slot());
     this.#desk = this.#slot();
   }
@@ -147,18 +151,22 @@ export class Pool implements Engine {
       const priority = urgency(request);
       const task = { group, request, data, priority, place, resolve, reject };
       if (priority === 0) this.#deskQueue.push(task);
-      else {
-        const at = this.#queue.findIndex((other) => other.priority > priority);
-        this.#queue.splice(at < 0 ? this.#queue.length : at, 0, task);
-      }
+      else this.#enqueue(task);
       this.#next();
     });
   }
 
+  #enqueue(task: Task): void {
+    const at = this.#queue.findIndex((other) => other.priority > task.priority);
+    this.#queue.splice(at < 0 ? this.#queue.length : at, 0, task);
+  }
+
   #next(): void {
     if (!this.#desk.task && this.#deskQueue.length > 0) this.#start(this.#desk, this.#deskQueue.shift()!);
-    this.#slots.forEach((slot, index) => {
+    // From the last worker on: the first one puts simulations together.
+    this.#slots.toReversed().forEach((slot) => {
       if (slot.task) return;
+      const index = this.#slots.indexOf(slot);
       const at = this.#queue.findIndex(({ place }) => place === null || place === index);
       if (at >= 0) this.#start(slot, this.#queue.splice(at, 1)[0]!);
     });
@@ -237,17 +245,27 @@ export class Pool implements Engine {
     then();
   }
 
-  /// Replaces the worker `patience` after its task began, if the task is superseded.
+  /// Whether a simulation waits for a worker that does what takes longest.
+  #isInTheWay(slot: Slot): boolean {
+    const place = this.#slots.indexOf(slot);
+    const waits = (other: Task) => other.priority < LONGEST && (other.place === null || other.place === place);
+    return slot.task?.priority === LONGEST && this.#queue.some(waits);
+  }
+
+  /// Replaces the worker `patience` after its task began, if the task is superseded; also, after a
+  /// while, if it makes room.
   #hurry(slot: Slot, patience: number): void {
     const { task, id } = slot;
-    if (!task?.group.dropped) return;
-    const ms = isCoarse(task.request) ? STUCK_MS : patience;
+    if (!task || !(task.group.dropped || this.#isInTheWay(slot))) return;
+    const ms = !task.group.dropped ? this.#options.asideMs : isCoarse(task.request) ? STUCK_MS : patience;
     if (slot.replace) clearTimeout(slot.replace);
     slot.replace = setTimeout(
       () => {
         if (slot.task !== task || slot.id !== id) return;
+        if (!task.group.dropped && !this.#isInTheWay(slot)) return;
         this.#respawn(slot);
-        task.reject(new Dropped());
+        if (task.group.dropped) task.reject(new Dropped());
+        else this.#enqueue(task);
         this.#next();
       },
       Math.max(0, slot.since + ms - Date.now()),
@@ -259,6 +277,8 @@ function isCoarse(request: Request): boolean {
   return (request.ask === "walk" || request.ask === "simulate") && request.rays <= RAYS[0];
 }
 
+const LONGEST = 3;
+
 /// 0 goes to the desk; then coarse walks, finer ones, and what takes longest.
 function urgency(request: Request): number {
   switch (request.ask) {
@@ -267,7 +287,7 @@ function urgency(request: Request): number {
       return isCoarse(request) ? 1 : 2;
     case "wedge":
     case "directions":
-      return 3;
+      return LONGEST;
     default:
       return 0;
   }

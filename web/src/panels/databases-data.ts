@@ -14,6 +14,7 @@ const NAMES: Record<string, string> = {
   relative_azimuth_deg: "Relative azimuth",
   black_carbon_ng_g: "Black carbon",
   brown_carbon_ng_g: "Brown carbon",
+  absorber_ug_g: "Absorber",
   water_saturation: "Water saturation",
   temperature_c: "Temperature",
   sphericity: "Sphericity",
@@ -38,6 +39,7 @@ const UNITS: Record<string, string> = {
   "kg/m3": "kg/m\u00b3",
   "kg m-3": "kg/m\u00b3",
   "ng g-1": "ng/g",
+  "ug g-1": "\u00b5g/g",
   degC: "\u00b0C",
 };
 
@@ -68,6 +70,8 @@ function scale(name: string): [(x: number) => number, (u: number) => number] {
     case "black_carbon_ng_g":
     case "brown_carbon_ng_g":
       return [(x) => Math.sqrt(x + 20), (u) => u * u - 20];
+    case "absorber_ug_g":
+      return [(x) => Math.sqrt(x + 10), (u) => u * u - 10];
     default:
       return [(x) => x, (u) => u];
   }

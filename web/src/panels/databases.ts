@@ -3,18 +3,17 @@
 import "./databases.css";
 import type { CompactFile, Light, LookupAnswer, Spectrum } from "../messages";
 import { messageOf, namedMessage, RAYS, Refused, REST_MS, type Page } from "../page";
-import type { Curve } from "../curves";
 import { h, newId } from "../dom";
 import dome from "../../../examples/mitsuba/dome.safetensors?url";
 import snow from "../../../examples/mitsuba/snow.safetensors?url";
 import snows from "../../../examples/mitsuba/snows.safetensors?url";
 import sooty from "../../../examples/mitsuba/sooty.safetensors?url";
-import { Chart } from "../draw/chart";
 import { bytes as bytesText, grouped, number } from "../draw/ticks";
 import { aboutFile } from "./databases-about";
 import { axisControl } from "./databases-axis";
-import { comparison, QUANTITIES, swatchElement, type Quantity } from "./databases-colour";
-import { axisName, holdsFactors, quantityName, startPoint, valueText } from "./databases-data";
+import { LookupCharts } from "./databases-charts";
+import { comparison, QUANTITIES, swatchElement } from "./databases-colour";
+import { axisName, holdsFactors, startPoint, valueText } from "./databases-data";
 
 /// Files that come with the page.
 const EXAMPLES = [
@@ -179,15 +178,7 @@ export function mount(root: HTMLElement, page: Page): (files: File[]) => void {
     void colour();
   });
   const lightRow = h("div", { class: "light" }, h("label", { for: lightId }, "Light"), lightSelect);
-  const charts = Object.fromEntries(QUANTITIES.map((quantity) => {
-    const caption = h("figcaption");
-    const read = h("output", { class: "read" });
-    const chart = new Chart(`Spectrum of ${quantity}`, () => 220);
-    chart.onCursor = (nm) => {
-      read.textContent = nm === null ? "" : reading(quantity, nm);
-    };
-    return [quantity, { chart, caption, read, figure: h("figure", null, caption, chart.element, read) }];
-  })) as Record<Quantity, { chart: Chart; caption: HTMLElement; read: HTMLOutputElement; figure: HTMLElement }>;
+  const charts = new LookupCharts();
   const simulateButton = h("button", { type: "button", class: "primary", onclick: () => void simulate() }, "Simulate here");
   const simulateStatus = h("p", { role: "status", class: "note" });
   const difference = h("div", { class: "difference" });
@@ -197,7 +188,7 @@ export function mount(root: HTMLElement, page: Page): (files: File[]) => void {
       h("section", null, h("h3", null, "Snow"), axesHost),
       h("section", null, h("h3", null, "Colour"), lightRow, swatchHost)),
     lookProblem,
-    h("div", { class: "figures" }, ...QUANTITIES.map((quantity) => charts[quantity].figure)),
+    charts.element,
     h("section", { class: "simulate" }, h("div", { class: "row" }, simulateButton, simulateStatus), difference),
     about);
 
@@ -276,41 +267,7 @@ export function mount(root: HTMLElement, page: Page): (files: File[]) => void {
   };
 
   const plot = () => {
-    if (!answer || !current) return;
-    const { metadata } = current.file;
-    for (const quantity of QUANTITIES) {
-      const { chart, caption, figure, read } = charts[quantity];
-      const values = answer[quantity];
-      figure.hidden = values === null;
-      if (!values) continue;
-      const name = quantityName(metadata, quantity);
-      caption.textContent = "Line: look-up. Dashed: simulation, with a band of one standard error.";
-      caption.hidden = !simulated;
-      read.textContent = "";
-      chart.set(curves(quantity), {
-        x: "wavelength, nm", y: `${name}, unit 1`,
-        xRange: [answer.wavelengths_nm[0]!, answer.wavelengths_nm.at(-1)!],
-      });
-    }
-  };
-  const curves = (quantity: Quantity): Curve[] => {
-    const x = answer!.wavelengths_nm;
-    const list: Curve[] = [];
-    if (simulated) {
-      list.push({ name: "simulation", colour: "--ink", x: simulated.wavelengths_nm, y: simulated[quantity], band: simulated[`${quantity}_se`], dash: [6, 4] });
-    }
-    list.unshift({ name: "look-up", colour: `--${quantity}`, x, y: answer![quantity]!, style: x.length <= 40 ? "dots" : "line" });
-    return list;
-  };
-  const reading = (quantity: Quantity, nm: number): string => {
-    const i = answer?.wavelengths_nm.indexOf(nm) ?? -1;
-    const value = answer?.[quantity]?.[i];
-    if (value === undefined) return "";
-    const there = simulated?.[quantity][i];
-    const beside = there === undefined
-      ? ""
-      : `; simulation ${number(there, 4)}, standard error ${number(simulated![`${quantity}_se`][i]!, 2)}`;
-    return `${number(nm, 4)} nm: ${number(value, 4)}${beside}`;
+    if (answer && current) charts.show(answer, simulated, current.file.metadata);
   };
 
   // ---- colours

@@ -3,6 +3,8 @@ import { choice, clearMessages, segments, showMessage, slider, type Control } fr
 import { fileDrop, h } from "../dom";
 import type { Sample } from "../messages";
 import { namedMessage, type Page } from "../page";
+import { absorberOutline } from "../snow/absorber";
+import { freeName, usedFiles } from "../snow/edit";
 import { layerControls } from "../snow/layer";
 import { help, limits, names, standard } from "../snow/schema";
 import { drawSky } from "../snow/sky";
@@ -138,6 +140,7 @@ function outline(sample: Sample, index: number): string {
     layer.thickness_cm === "inf",
     layer.density_kg_m3 === undefined,
     layer.water_fraction === undefined,
+    layer.absorber?.map(absorberOutline),
     layer.grain.map((g) => [g.shape === "hexagonal", g.size_um === undefined, g.ssa_m2_kg === undefined]),
   ]);
 }
@@ -157,10 +160,11 @@ function substrateControls(page: Page): Control {
     try {
       if (given.size > MOST_SUBSTRATE_BYTES) throw new Error(`a spectrum of a substrate has ${MOST_SUBSTRATE_BYTES / 1000} kB at most, so that a link can hold it`);
       const content = await given.text();
-      const { sample, files } = state.get();
-      const { [String(sample.substrate?.reflectance)]: _, ...others } = files;
+      const { sample: before, files } = state.get();
+      const name = freeName(given.name, content, files);
+      const sample = { ...before, substrate: { reflectance: name } };
       complain("");
-      state.set({ sample: { ...sample, substrate: { reflectance: given.name } }, files: { ...others, [given.name]: content } });
+      state.set({ sample, files: usedFiles(sample, { ...files, [name]: content }) });
     } catch (error) {
       complain(namedMessage(given.name, error));
     }

@@ -1,8 +1,9 @@
 // Changes of a sample. None edits in place.
-import type { Grain, Layer, Law, Sample } from "../messages";
+import type { Absorber, Files, Grain, Layer, Law, Sample } from "../messages";
 
 export const MOST_LAYERS = 12;
 export const MOST_GRAINS = 3;
+export const MOST_ABSORBERS = 8;
 
 /// What the engine takes where a key is left out (MODEL: the representative sample).
 export const DEFAULTS = {
@@ -118,4 +119,48 @@ export function withSizeKind(grain: Grain, kind: SizeKind, measured: { ssa_m2_kg
 /// Six digits are enough for a share, and keep 0.1 + 0.2 out of files.
 export function round(value: number): number {
   return Math.round(value * 1e6) / 1e6;
+}
+
+export function withAbsorber(sample: Sample, layer: number, absorber: number, change: (absorber: Absorber) => Absorber): Sample {
+  return withLayer(sample, layer, (l) => ({ ...l, absorber: (l.absorber ?? []).map((a, i) => (i === absorber ? change(a) : a)) }));
+}
+
+export function addAbsorber(layer: Layer): Layer {
+  return { ...layer, absorber: [...(layer.absorber ?? []), { species: "dust_libya", concentration_ug_g: 10, phase: "pores" }] };
+}
+
+export function removeAbsorber(layer: Layer, index: number): Layer {
+  const left = (layer.absorber ?? []).filter((_, i) => i !== index);
+  return left.length > 0 ? { ...layer, absorber: left } : without(layer, "absorber");
+}
+
+/// What an absorber is: one of the species, or a law or table of its own.
+export type Substance = { species: string } | "law" | "file" | "list";
+
+export function substance(absorber: Absorber): Substance {
+  if (absorber.species !== undefined) return { species: absorber.species };
+  if (absorber.file !== undefined) return "file";
+  return Array.isArray(absorber.mass_absorption_efficiency_m2_g) ? "list" : "law";
+}
+
+/// The absorber with another species, file or power law, and with its mass.
+export function withSubstance(absorber: Absorber, next: { species: string } | { file: string } | "law"): Absorber {
+  const bare = without(absorber, "name", "species", "file", "mass_absorption_efficiency_m2_g", "reference_wavelength_nm", "angstrom_exponent");
+  if (next !== "law") return { ...bare, ...next };
+  return { ...bare, mass_absorption_efficiency_m2_g: 0.1, reference_wavelength_nm: 400, angstrom_exponent: 3 };
+}
+
+/// The files that the sample names.
+export function usedFiles(sample: Sample, files: Files): Files {
+  const named = sample.layer.flatMap((layer) => (layer.absorber ?? []).map((absorber) => absorber.file));
+  const used = new Set([sample.substrate?.reflectance, ...named]);
+  return Object.fromEntries(Object.entries(files).filter(([name]) => used.has(name)));
+}
+
+/// A name for a file beside the others, such as "dust 2.csv": a name stands for one text.
+export function freeName(name: string, content: string, files: Files): string {
+  const [, stem = "", ending = ""] = /^(.*?)(\.[^.]*)?$/s.exec(name)!;
+  let free = name;
+  for (let n = 2; files[free] !== undefined && files[free] !== content; n++) free = `${stem} ${n}${ending}`;
+  return free;
 }

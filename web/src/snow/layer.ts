@@ -3,7 +3,8 @@ import { checkbox, choice, slider, type Control } from "../controls";
 import { h } from "../dom";
 import type { Carbon, Layer } from "../messages";
 import type { Page } from "../page";
-import { addGrain, DEFAULTS, MOST_GRAINS, without, withLayer } from "./edit";
+import { absorberControls } from "./absorber";
+import { addAbsorber, addGrain, DEFAULTS, MOST_ABSORBERS, MOST_GRAINS, without, withLayer } from "./edit";
 import { grainControls } from "./grain";
 import { help, limits } from "./schema";
 
@@ -54,6 +55,18 @@ export function layerControls(page: Page, index: number): Control {
   );
   controls.push(...waterControls(at, layer, set));
   controls.push(carbonControls("black_carbon", at, layer, set), carbonControls("brown_carbon", at, layer, set));
+  const absorbers = (layer().absorber ?? []).map((_, i) => absorberControls(page, index, i));
+  const another = h(
+    "button",
+    {
+      type: "button",
+      class: "small",
+      title: help("layer.absorber"),
+      disabled: absorbers.length >= MOST_ABSORBERS,
+      onclick: () => set(addAbsorber, `absorber-${Date.now()}`),
+    },
+    "Add dust, ash or another absorber",
+  );
   const grains = layer().grain.map((_, i) => grainControls(page, index, i));
   const more = h(
     "button",
@@ -62,7 +75,7 @@ export function layerControls(page: Page, index: number): Control {
   );
   const derived = h("p", { class: "derived" });
   const refresh = () => {
-    for (const control of [...controls, ...grains]) control.refresh();
+    for (const control of [...controls, ...absorbers, ...grains]) control.refresh();
   };
   const end = page.checked.subscribe((answer) => {
     const own = answer?.layers[index];
@@ -70,7 +83,7 @@ export function layerControls(page: Page, index: number): Control {
       ? `All its grains together: SSA ${own.ssa_m2_kg.toFixed(1)} m²/kg, optical radius ${own.optical_radius_um.toFixed(0)} µm.`
       : "";
   });
-  const element = h("div", { class: "layer-controls" }, ...controls.map((c) => c.element), ...grains.map((g) => g.element), more, derived);
+  const element = h("div", { class: "layer-controls" }, ...[...controls, ...absorbers].map((c) => c.element), another, ...grains.map((g) => g.element), more, derived);
   return { element, refresh, end };
 }
 
@@ -180,12 +193,12 @@ function carbonControls(name: "black_carbon" | "brown_carbon", at: string, layer
     detail("reference_wavelength_nm", "at the wavelength", "nm", { min: 350, max: 1000 }, 10, DEFAULTS.reference_wavelength_nm),
     detail("angstrom_exponent", "Ångström exponent", "", { min: 0, max: 8 }, 0.1, name === "black_carbon" ? 1 : 2),
     choice({
-      label: "Concentration per",
+      label: "Per mass of",
       help: help(`layer.${name}.concentration_per`),
       key: `${key}.concentration_per`,
       choices: [
-        ["dry_mass", "mass of dry snow"],
-        ["wet_mass", "mass with its water"],
+        ["dry_mass", "dry snow"],
+        ["wet_mass", "snow with its water"],
       ],
       get: () => layer()[name]?.concentration_per ?? "dry_mass",
       set: (value) => edit({ concentration_per: value as "dry_mass" | "wet_mass" }, "per"),

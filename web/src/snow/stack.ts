@@ -4,6 +4,7 @@ import { fitCanvas, h } from "../dom";
 import type { Layer } from "../messages";
 import type { Page } from "../page";
 import { text, type Control } from "../controls";
+import { absorberText } from "./absorber";
 import { MOST_LAYERS, moveLayer, newLayer } from "./edit";
 import { sizeText } from "./grain";
 import { drawLayer } from "./texture";
@@ -105,7 +106,7 @@ function show(item: HTMLLIElement, layer: Layer, index: number, count: number, s
   const name = count === 1 ? "" : index === count - 1 ? "Surface · " : index === 0 ? "Base · " : "";
   const density = text(layer.density_kg_m3 ?? layer.wet_density_kg_m3 ?? 0);
   pick.querySelector(".what")!.textContent = `${name}${thickness}`;
-  pick.querySelector(".detail")!.textContent = `${density} kg/m³ · ${layer.grain.map(sizeText).join(", ")}`;
+  pick.querySelector(".detail")!.textContent = `${density} kg/m³ · ${[...layer.grain.map(sizeText), ...(layer.absorber ?? []).map(absorberText)].join(", ")}`;
   // Thick layers are drawn higher, but a stack always fits.
   const cm = layer.thickness_cm === "inf" ? 100 : layer.thickness_cm;
   const height = Math.round(Math.min(110, 46 + 7 * Math.sqrt(Math.max(0, cm))) - Math.min(6, count));

@@ -1,17 +1,22 @@
 // A picture of a layer for the stack: grains as many and as large as its numbers say, in
 // rough proportion.
 import type { Layer } from "../messages";
+import { microgramsPerGram } from "./absorber";
 
 export function drawLayer(context: CanvasRenderingContext2D, layer: Layer, width: number, height: number): void {
   const soot = layer.black_carbon?.concentration_ng_g ?? 0;
-  const brown = layer.brown_carbon?.concentration_ng_g ?? 0;
+  // Dust absorbs some 200 times less than carbon of the same mass.
+  const dust = (layer.absorber ?? []).reduce((sum, absorber) => sum + 5 * microgramsPerGram(absorber), 0);
+  const brown = (layer.brown_carbon?.concentration_ng_g ?? 0) + dust;
   const density = layer.density_kg_m3 ?? layer.wet_density_kg_m3 ?? 275;
   const wet = Math.min(1, (layer.water_saturation ?? layer.water_fraction ?? 0) * 4);
   // 0 for clean snow, 1 for 100 000 ng/g.
   const dirt = (amount: number) => Math.min(1, Math.log10(1 + amount) / 5);
   const light = 96 - 9 * (density / 550) - 34 * dirt(soot) - 12 * dirt(brown);
-  const hue = 210 - 175 * dirt(brown) * (brown > soot ? 1 : 0.3);
-  context.fillStyle = `hsl(${hue} ${25 + 40 * wet}% ${light}%)`;
+  // Brown carbon and dust are warm, all else is bluish; greens do not come between.
+  const warm = dirt(brown) * (brown > soot ? 1 : 0.3);
+  const [hue, saturation] = warm > 0.1 ? [35, 60 * warm] : [210, 25 + 40 * wet];
+  context.fillStyle = `hsl(${hue} ${saturation}% ${light}%)`;
   context.fillRect(0, 0, width, height);
 
   const random = generator(7);

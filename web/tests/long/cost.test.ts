@@ -124,15 +124,16 @@ test("memory is flat over three times 500 changes", async () => {
   }
   const sum = (list: number[]) => list.reduce((a, b) => a + b, 0);
   const first = seen[0]!;
+  expect(sum(seen[3]!.wasm)).toBeLessThan(1.1 * sum(seen[1]!.wasm));
   for (const now of seen.slice(1)) {
     expect(now.heap).toBeLessThan(first.heap + 2);
     expect(now.nodes).toBeLessThan(first.nodes + 100);
     expect(now.listeners).toBeLessThan(first.listeners + 20);
     expect(now.gpu).toBeLessThan(first.gpu + 30);
-    // All that grows is the memory of the engines, until their tables are full: 320 MiB, and what
-    // walks take beside them.
     expect(now.page - sum(now.wasm)).toBeLessThan(first.page - sum(first.wasm) + 40);
-    expect(sum(now.wasm)).toBeLessThan(500);
+    // The tables are full after a few changes. With 320 MiB of them the engines grew by 28 %.
+    expect(sum(now.wasm)).toBeLessThan(1.18 * sum(first.wasm));
+    expect(sum(now.wasm)).toBeLessThan(200);
   }
 });
 

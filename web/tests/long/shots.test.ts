@@ -3,7 +3,7 @@
 import { join } from "node:path";
 import { afterAll, beforeAll, expect, test } from "vitest";
 import type { Browser } from "playwright-core";
-import { answered, launch, open, OUT, serve } from "../browser";
+import { answered, dropFile, launch, open, OUT, serve } from "../browser";
 
 let browser: Browser;
 let site: Awaited<ReturnType<typeof serve>>;
@@ -53,6 +53,17 @@ for (const [size, viewport] of Object.entries(SIZES)) {
         // Nothing is wider than the screen.
         expect(await page.evaluate(() => document.documentElement.scrollWidth)).toBeLessThanOrEqual(viewport.width);
       }
+      // A layer with dust and a table.
+      await choose("dusty");
+      if (size === "phone") await page.click("#tab-snow");
+      else await page.click("#tab-spectra");
+      await dropFile(page, "header", "soil_of_the_valley.csv", "wavelength_nm,mac_m2_g\n350,0.2\n2500,0.02\n");
+      await page.locator('fieldset[data-key="layer[0].absorber[1]"]').waitFor();
+      await answered(page);
+      await page.locator('fieldset[data-key="layer[0].absorber[0]"]').evaluate((element) => element.scrollIntoView({ block: "start" }));
+      await page.waitForTimeout(500);
+      await page.screenshot({ path: join(OUT, `${size}-${colorScheme}-absorbers.png`) });
+      expect(await page.evaluate(() => document.documentElement.scrollWidth)).toBeLessThanOrEqual(viewport.width);
       expect(wrong).toEqual([]);
       await page.context().close();
     });

@@ -142,23 +142,12 @@ pub(super) fn layout(lines: &[&str]) -> Result<TextLayout, ReadProblem> {
         let first = lines.iter().find(|line| !line.trim().is_empty());
         ReadProblem::NoTable(quoted(first.copied().unwrap_or_default()))
     })?;
-    let rows = |lines: &[&str]| -> Vec<Vec<CellValue>> {
-        let lines = lines.iter().filter(|line| !skipped(line));
-        lines
-            .map(|line| {
-                separator
-                    .cells(line)
-                    .into_iter()
-                    .map(CellValue::parse)
-                    .collect()
-            })
-            .filter(|cells: &Vec<CellValue>| numbers(cells) >= 1 && cells.len() >= 2)
-            .collect()
-    };
     // Text columns before the first column of numbers hold sample names.
-    let all_rows = rows(lines);
-    let lead = (0..width(&all_rows)).find(|c| share(&all_rows, *c, CellValue::is_number) > 0.5);
-    let lead = lead.unwrap_or_default();
+    let kinds = Kinds::of(lines, separator);
+    let lead = kinds
+        .numbers()
+        .position(|share| share > 0.5)
+        .unwrap_or_default();
     let is_row = |line: &str| {
         let cells = separator.cells(line);
         cells.len() >= 2
@@ -175,24 +164,55 @@ pub(super) fn layout(lines: &[&str]) -> Result<TextLayout, ReadProblem> {
     let start = start.or_else(|| (0..relevant.len()).find(|n| is_row(lines[relevant[*n]])));
     let first = start.map(|n| relevant[n]).unwrap_or_default();
     let plain = start.and_then(|n| n.checked_sub(1)).map(|n| relevant[n]);
-    let body = rows(&lines[first..]);
-    let numeric = (0..width(&body)).map(|c| share(&body, c, |cell| cell != CellValue::Text));
+    let body = Kinds::of(&lines[first..], separator);
     Ok(TextLayout {
         separator,
         header: header(lines, separator, first, plain),
         first,
-        numeric: numeric.collect(),
+        numeric: body.numeric().collect(),
     })
 }
 
-fn width(rows: &[Vec<CellValue>]) -> usize {
-    rows.iter().map(Vec::len).max().unwrap_or_default()
+/// What the cells of each column are, of the rows that have a number. Rows are counted, not kept.
+#[derive(Debug, Default)]
+struct Kinds {
+    rows: usize,
+    /// Per column, the rows whose cell is a number, and those whose cell is a number or missing.
+    counts: Vec<[usize; 2]>,
 }
 
-/// Fraction of the rows whose cell in `column` satisfies `condition`.
-fn share(rows: &[Vec<CellValue>], column: usize, condition: fn(CellValue) -> bool) -> f64 {
-    let cells = rows.iter().filter_map(|row| row.get(column));
-    cells.filter(|cell| condition(**cell)).count() as f64 / rows.len() as f64
+impl Kinds {
+    fn of(lines: &[&str], separator: Separator) -> Self {
+        let mut kinds = Self::default();
+        for line in lines.iter().filter(|line| !skipped(line)) {
+            let cells = separator.cells(line).into_iter();
+            let cells: Vec<CellValue> = cells.map(CellValue::parse).collect();
+            if numbers(&cells) == 0 || cells.len() < 2 {
+                continue;
+            }
+            kinds.rows += 1;
+            kinds
+                .counts
+                .resize(kinds.counts.len().max(cells.len()), [0; 2]);
+            for ([number, known], cell) in kinds.counts.iter_mut().zip(&cells) {
+                *number += usize::from(cell.is_number());
+                *known += usize::from(*cell != CellValue::Text);
+            }
+        }
+        kinds
+    }
+
+    /// Per column, the fraction of the rows whose cell is a number.
+    fn numbers(&self) -> impl Iterator<Item = f64> {
+        let share = |[number, _]: &[usize; 2]| *number as f64 / self.rows as f64;
+        self.counts.iter().map(share)
+    }
+
+    /// Per column, the fraction of the rows whose cell is a number or missing.
+    fn numeric(&self) -> impl Iterator<Item = f64> {
+        let share = |[_, known]: &[usize; 2]| *known as f64 / self.rows as f64;
+        self.counts.iter().map(share)
+    }
 }
 
 fn numbers(cells: &[CellValue]) -> usize {
