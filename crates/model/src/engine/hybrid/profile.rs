@@ -57,9 +57,9 @@ impl StreamLight {
 ///
 /// Walks of different windows have different noise, and the small difference of the fluxes, the
 /// net flux, would be lost in it. The streams balance energy to rounding. So the net flux is that of
-/// the streams (or of the light that leaves) at the ends of the window and follows the counted one
-/// in between. Half of the small correction goes to either flux, but none to the incident flux at
-/// the surface, and all of it to the transmitted flux at the base.
+/// the streams (or of the light that leaves) at the ends of the window, and in between absorption is
+/// the counted one times a factor near 1. Half of the small correction goes to either flux, but none
+/// to the incident flux at the surface, and all of it to the transmitted flux at the base.
 fn balanced(window: &Window, light: &StreamLight, counted: &[PlaneFluxes]) -> Vec<PlaneFluxes> {
     let [top_m, bottom_m] = window.ends_m;
     let net = |fluxes: &PlaneFluxes| fluxes[0] - fluxes[1];
@@ -72,14 +72,22 @@ fn balanced(window: &Window, light: &StreamLight, counted: &[PlaneFluxes]) -> Ve
         [Edge::Open, Edge::Open] => [0.5; 2],
     };
     let pairs = window.depths_m.iter().zip(&counted[1..last]);
-    let corrected = pairs.map(|(z_m, [down, up, actinic])| {
-        let t = (z_m - top_m) / (bottom_m - top_m);
-        let between = |[a, b]: [f64; 2]| (1.0 - t) * a + t * b;
-        let (missing, share) = (between(missing), between(shares));
+    let absorbed = |fluxes: &PlaneFluxes| net(&counted[0]) - net(fluxes);
+    let in_all = absorbed(&counted[last]);
+    let corrected = pairs.map(|(z_m, fluxes)| {
+        let mix = |t: f64, [a, b]: [f64; 2]| (1.0 - t) * a + t * b;
+        let depth = (z_m - top_m) / (bottom_m - top_m);
+        let above = match absorbed(fluxes) / in_all {
+            share if (0.0..=1.0).contains(&share) => share,
+            // nothing absorbs, and rounding remains
+            _ => depth,
+        };
+        let (missing, share) = (mix(above, missing), mix(depth, shares));
+        let [down, up, actinic] = *fluxes;
         [
             down + share * missing,
             up - (1.0 - share) * missing,
-            *actinic,
+            actinic,
         ]
     });
     corrected.collect()

@@ -9,7 +9,7 @@ use crate::transport::{Illumination, Joining, Layer, Model, Snow, Snowpack, Subs
 
 /// Largest deviation in standard errors: with eight parts the jackknife knows an error to 27 %, so
 /// a normal distribution is not wide enough. Student's t with 7 degrees of freedom exceeds it with
-/// a probability of 1.6e-4, for each of some 500 comparisons that are mostly not independent.
+/// a probability of 2.1e-4, for each of some 500 comparisons that are mostly not independent.
 const Z: f64 = 7.0;
 /// Deviation allowed to `hybrid` besides noise.
 const SYSTEMATIC: f64 = 0.02;
@@ -51,7 +51,7 @@ const SLANT: Illumination = Illumination::Collimated {
 };
 
 /// What a profile is made of, besides the engine and the number of rays.
-struct Case {
+struct ProfileCase {
     snowpack: Snowpack,
     thickness_m: f64,
     light: Illumination,
@@ -59,7 +59,7 @@ struct Case {
     depths_m: Vec<f64>,
 }
 
-impl Case {
+impl ProfileCase {
     fn new(snowpack: impl Into<Snowpack>, light: Illumination) -> Self {
         Self {
             snowpack: snowpack.into(),
@@ -138,7 +138,7 @@ fn largest_deviation(a: &Profile, b: &Profile, systematic: f64) -> f64 {
 
 /// `profile` begins with the incident flux and ends with the reflectance and transmittance of
 /// `engine`, and absorbs what is left.
-fn assert_balanced(case: &Case, engine: Engine, rays: u64, profile: &Profile) {
+fn assert_balanced(case: &ProfileCase, engine: Engine, rays: u64, profile: &Profile) {
     let spectrum = case.with(rays, |request, control| {
         engine.run(request, control).unwrap().remove(0)
     });
@@ -173,11 +173,11 @@ fn assert_balanced(case: &Case, engine: Engine, rays: u64, profile: &Profile) {
 
 #[test]
 fn energy_is_balanced() {
-    let case = Case::new(layered(Substrate::Grey(0.6)), DIFFUSE);
+    let case = ProfileCase::new(layered(Substrate::Grey(0.6)), DIFFUSE);
     for (engine, rays) in [(Engine::Spectral, 2048), (Engine::Hybrid, 4096)] {
         assert_balanced(&case, engine, rays, &case.run(engine, rays));
     }
-    let case = Case::new(layered(Substrate::Black), SLANT);
+    let case = ProfileCase::new(layered(Substrate::Black), SLANT);
     let profile = case.run(Engine::Hybrid, 4096);
     assert_balanced(&case, Engine::Hybrid, 4096, &profile);
     // R and T are those of `hybrid`, from the same walks
@@ -195,7 +195,7 @@ fn energy_is_balanced() {
 /// Analog absorption at each wavelength and weights of shared walks give the same profile.
 #[test]
 fn spectral_agrees_with_reference() {
-    let mut case = Case::new(layered(Substrate::Grey(0.6)), SLANT);
+    let mut case = ProfileCase::new(layered(Substrate::Grey(0.6)), SLANT);
     case.nm = vec![500.0, 1250.0];
     let [reference, spectral] =
         [Engine::Reference, Engine::Spectral].map(|engine| case.run(engine, 4096));
@@ -205,9 +205,9 @@ fn spectral_agrees_with_reference() {
 #[test]
 fn hybrid_agrees_with_walks_in_clean_sooty_and_layered_snow() {
     let cases = [
-        Case::new(snow(400.0, 300.0), DIFFUSE),
-        Case::new(sooty(snow(400.0, 300.0)), SLANT),
-        Case::new(layered(Substrate::Grey(0.6)), DIFFUSE),
+        ProfileCase::new(snow(400.0, 300.0), DIFFUSE),
+        ProfileCase::new(sooty(snow(400.0, 300.0)), SLANT),
+        ProfileCase::new(layered(Substrate::Grey(0.6)), DIFFUSE),
     ];
     for case in cases {
         let hybrid = case.run(Engine::Hybrid, 1 << 15);
@@ -221,7 +221,7 @@ fn hybrid_agrees_with_walks_in_clean_sooty_and_layered_snow() {
 /// light.
 #[test]
 fn net_flux_is_constant_without_absorption() {
-    let mut case = Case::new(snow(400.0, 300.0), DIFFUSE);
+    let mut case = ProfileCase::new(snow(400.0, 300.0), DIFFUSE);
     case.nm = vec![390.0];
     for (engine, rays) in [(Engine::Spectral, 4096), (Engine::Hybrid, 4096)] {
         let profile = case.run(engine, rays);
@@ -239,7 +239,7 @@ fn net_flux_is_constant_without_absorption() {
 /// Deep in thick snow, all fluxes fall by the same factor over equal distances.
 #[test]
 fn deep_light_falls_exponentially() {
-    let mut case = Case::new(snow(400.0, 300.0), SLANT);
+    let mut case = ProfileCase::new(snow(400.0, 300.0), SLANT);
     case.thickness_m = 0.3;
     case.nm = vec![700.0, 950.0];
     case.depths_m = vec![0.05, 0.06, 0.07];
@@ -262,7 +262,7 @@ fn deep_light_falls_exponentially() {
 
 #[test]
 fn what_cannot_be_computed_is_refused() {
-    let case = Case::new(layered(Substrate::Black), SLANT);
+    let case = ProfileCase::new(layered(Substrate::Black), SLANT);
     let refused = |engine, depths_m: &[f64], model: &Model| {
         case.with(64, |request, control| {
             let request = Request {
