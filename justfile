@@ -72,6 +72,10 @@ peers:
     for sample in clean soot_in_pores soot_in_ice thin; do \
         cargo run --release -- simulate examples/peers/$sample.toml > examples/peers/data/$sample.csv; \
     done
+    for sample in profile_clean profile_soot; do \
+        cargo run --release -- simulate examples/peers/$sample.toml --depths-cm 0:1:0.05,1:30:0.5 \
+            > examples/peers/data/$sample.csv; \
+    done
     cargo run --release --example kernel -- examples/peers/clean.toml > examples/peers/data/kernel.csv
     for sun in astm_global astm_direct subarctic_winter; do \
         cargo run --release -- simulate examples/peers/clean.toml --bands broadband --sun $sun \
@@ -80,6 +84,7 @@ peers:
     python3 -m venv target/peers
     target/peers/bin/pip install -r examples/peers/requirements.txt
     target/peers/bin/python examples/peers/tartes_albedo.py --out docs/peers
+    target/peers/bin/python examples/peers/tartes_profile.py --out docs/peers
     target/peers/bin/python examples/peers/disort.py --out docs/peers
     target/peers/bin/python examples/peers/broadband.py
     UPDATE_GOLDEN=1 cargo test --release --test pipeline pages::tables_beside

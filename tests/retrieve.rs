@@ -417,7 +417,12 @@ fn a_grid_is_made_from_what_is_known() {
     let (good, second, errors) = run(&known);
     assert!(good && first == second, "{errors}");
     assert!(!errors.contains("building") && errors.contains("searching the snows of"));
-    let (good, nothing, errors) = run(&["--quantity=transmittance"]);
+    std::fs::write(
+        folder.path().join("t.csv"),
+        "wavelength_nm,transmittance\n500,0.2\n600,0.15\n800,0.05\n",
+    )
+    .unwrap();
+    let (good, nothing, errors) = run(&["t.csv"]);
     assert!(!good && nothing.is_empty());
     assert!(errors.contains("--fix thickness_cm=VALUE"), "{errors}");
     let files = std::fs::read_dir(folder.path().join("out")).unwrap();

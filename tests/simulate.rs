@@ -237,3 +237,55 @@ fn committed_samples_can_be_measured() {
     }
     assert!(measured >= 12, "{measured} samples");
 }
+
+/// A profile has a row per wavelength (or band) and depth, from the incident light at the surface
+/// to the transmitted light at the base, and what is absorbed between.
+#[test]
+fn profiles_have_rows_per_depth() {
+    let bench = Bench::new(SAMPLE);
+    let args = ["--depths-cm", "0.5,0.2:0.6:0.2", "--rays", "512"];
+    let csv = bench.text(&args);
+    let mut lines = csv.lines().filter(|line| !line.starts_with('#'));
+    assert_eq!(
+        lines.next().unwrap(),
+        "wavelength_nm,depth_cm,downwelling,downwelling_se,upwelling,upwelling_se,actinic,actinic_se,absorbed_per_m,absorbed_per_m_se"
+    );
+    let rows: Vec<Vec<&str>> = lines.map(|line| line.split(',').collect()).collect();
+    assert_eq!(rows.len(), 4 * 6);
+    let depths: Vec<&str> = rows[..6].iter().map(|row| row[1]).collect();
+    assert_eq!(depths, ["0", "0.2", "0.4", "0.5", "0.6", "1"]);
+    let number = |cell: &str| cell.parse::<f64>().unwrap();
+    for of_wavelength in rows.chunks(6) {
+        let (surface, base) = (&of_wavelength[0], &of_wavelength[5]);
+        assert!((number(surface[2]) - 1.0).abs() < 1e-9, "{surface:?}");
+        assert_eq!((base[4], base[8], base[9]), ("0.0", "", ""), "{base:?}");
+        let absorbed = of_wavelength.windows(2).map(|pair| {
+            let thickness_m = (number(pair[1][1]) - number(pair[0][1])) / 100.0;
+            number(pair[0][8]) * thickness_m
+        });
+        let left = 1.0 - number(surface[4]) - number(base[2]);
+        assert!((absorbed.sum::<f64>() - left).abs() < 1e-9, "{left}");
+    }
+
+    let json = bench.text(&[&args[..], &["--bands", "par", "--json"]].concat());
+    let value: serde_json::Value = serde_json::from_str(&json).unwrap();
+    assert_eq!(value["bands"]["band"], serde_json::json!(["par"]));
+    let down = value["downwelling"][0].as_array().unwrap();
+    assert_eq!(down.len(), 6);
+    assert!((down[0].as_f64().unwrap() - 1.0).abs() < 1e-9);
+    assert_eq!(value["absorbed_per_m"][0].as_array().unwrap().len(), 5);
+
+    for (depths, message) in [
+        (
+            "2",
+            "the depth 2 cm is not in the snowpack; give depths from 0 to 1 cm",
+        ),
+        ("-1", "is not a depth; give 0 or more, in cm"),
+        ("0:1", "give a depth, or START:END:STEP"),
+    ] {
+        let output = bench.output(&[&format!("--depths-cm={depths}")]);
+        assert!(!output.status.success() && output.stdout.is_empty());
+        let errors = String::from_utf8(output.stderr).unwrap();
+        assert!(errors.contains(message), "{errors}");
+    }
+}

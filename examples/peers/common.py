@@ -41,7 +41,7 @@ def table(name):
     columns = {}
     for row in csv.DictReader(rows):
         for key, value in row.items():
-            columns.setdefault(key, []).append(float(value))
+            columns.setdefault(key, []).append(float(value or "nan"))
     return columns, numbers
 
 

@@ -19,7 +19,8 @@ const STEP_NM: f64 = 5.0;
 pub(super) struct Args {
     /// Average over the bands of a sensor: sentinel2a, sentinel3_olci, modis, viirs, landsat8,
     /// emit, prisma, or a table of responses; broadband for the albedo of all sunlight and of
-    /// its visible and near-infrared parts. SENSOR:BAND,BAND chooses bands
+    /// its visible and near-infrared parts; par for photosynthetically active radiation, as
+    /// photons. SENSOR:BAND,BAND chooses bands
     #[arg(long, value_name = "SENSOR|FILE")]
     bands: Option<String>,
     /// Solar spectrum that weights the wavelengths within a band: astm_global, astm_direct or
@@ -139,6 +140,27 @@ impl SensorBands {
         out
     }
 
+    /// The columns that describe a band, and the cells of each band.
+    pub(super) fn cells(&self) -> (&'static str, impl Iterator<Item = String>) {
+        (BAND_COLUMNS, self.sensor.bands().iter().map(band_cells))
+    }
+
+    /// The bands as JSON: a list per column.
+    pub(super) fn json(&self) -> Value {
+        let of = |part: &dyn Fn(&SpectralResponse) -> Value| -> Value {
+            self.sensor.bands().iter().map(part).collect()
+        };
+        json!({
+            "sensor": self.sensor.name(),
+            "sun": self.sun.name(),
+            "sun_outside_share": self.share_outside(),
+            "band": of(&|band| json!(band.name())),
+            "centre_nm": of(&|band| json!(band.centre_nm())),
+            "from_nm": of(&|band| json!(band.range_nm().0)),
+            "to_nm": of(&|band| json!(band.range_nm().1)),
+        })
+    }
+
     /// The averages of a simulated spectrum.
     pub(super) fn simulated(
         self,
@@ -197,25 +219,14 @@ impl SimulatedBands {
 
     /// The content of [`Self::csv`] as JSON.
     pub(super) fn json(&self) -> Value {
-        let SensorBands { sensor, sun } = &self.bands;
-        let of = |part: &dyn Fn(&SpectralResponse) -> Value| -> Value {
-            sensor.bands().iter().map(part).collect()
-        };
         let list = |column: &[Measured], part: fn(&Measured) -> f64| -> Vec<f64> {
             column.iter().map(part).collect()
         };
-        json!({
-            "sensor": sensor.name(),
-            "sun": sun.name(),
-            "sun_outside_share": self.bands.share_outside(),
-            "band": of(&|band| json!(band.name())),
-            "centre_nm": of(&|band| json!(band.centre_nm())),
-            "from_nm": of(&|band| json!(band.range_nm().0)),
-            "to_nm": of(&|band| json!(band.range_nm().1)),
-            "reflectance": list(&self.reflectance, |m| m.value),
-            "reflectance_se": list(&self.reflectance, |m| m.se),
-            "transmittance": list(&self.transmittance, |m| m.value),
-            "transmittance_se": list(&self.transmittance, |m| m.se),
-        })
+        let mut value = self.bands.json();
+        value["reflectance"] = json!(list(&self.reflectance, |m| m.value));
+        value["reflectance_se"] = json!(list(&self.reflectance, |m| m.se));
+        value["transmittance"] = json!(list(&self.transmittance, |m| m.value));
+        value["transmittance_se"] = json!(list(&self.transmittance, |m| m.se));
+        value
     }
 }

@@ -20,6 +20,7 @@ mod lut;
 mod man;
 mod plan;
 mod point;
+mod profile;
 mod query;
 mod retrieve;
 #[cfg(feature = "serve")]

@@ -5,7 +5,7 @@ use std::path::PathBuf;
 use serde_json::{Value, json};
 
 use super::common::{self, Interrupted, ThreadArgs};
-use super::{against, bands, goniometer, walking};
+use super::{against, bands, goniometer, profile, walking};
 use crate::config::sample;
 use crate::engine::{Engine, EngineError};
 use crate::measurement::{Measured, Spectrum};
@@ -38,6 +38,7 @@ Examples:
   splitsnow simulate mine.toml --against measured.csv --plot residuals.svg
   splitsnow simulate mine.toml --bands sentinel2a:B3,B11
   splitsnow simulate mine.toml --bands broadband --sun subarctic_winter
+  splitsnow simulate mine.toml --depths-cm 0:10:0.5 --bands par
   splitsnow simulate configs/samples/representative.toml"
 )]
 pub(super) struct Args {
@@ -64,6 +65,8 @@ pub(super) struct Args {
     #[command(flatten)]
     against: against::Args,
     #[command(flatten)]
+    profile: profile::Args,
+    #[command(flatten)]
     exits: goniometer::Args,
 }
 
@@ -89,14 +92,18 @@ pub(super) fn run(args: &Args) -> anyhow::Result<()> {
         .engine(args.engine)
         .rays(args.rays)
         .seed(args.seed);
+    let job = goniometer::SharedOptions {
+        sample: args.sample.display().to_string(),
+        engine: args.engine,
+        request: simulation.request(),
+        threads: args.threads,
+        json: args.json,
+    };
+    if args.profile.is_requested() {
+        let text = profile::text(&args.profile, &job, bands.as_ref(), cancel)?;
+        return common::print(&text);
+    }
     if args.exits.is_requested() {
-        let job = goniometer::SharedOptions {
-            sample: args.sample.display().to_string(),
-            engine: args.engine,
-            request: simulation.request(),
-            threads: args.threads,
-            json: args.json,
-        };
         return goniometer::run(&args.exits, &job, cancel);
     }
     let engine = simulation.resolved();

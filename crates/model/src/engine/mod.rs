@@ -9,6 +9,7 @@ pub mod exits;
 mod hybrid;
 pub mod identity;
 mod nodes;
+pub mod profile;
 mod reference;
 mod spectral;
 mod substrate;
@@ -217,6 +218,22 @@ pub enum EngineError {
         /// Last wavelength of its table, nm.
         max_nm: f64,
     },
+    /// A depth at which light is wanted is not in the snowpack.
+    #[error(
+        "the depth {} cm is not in the snowpack; give depths from 0 to {} cm",
+        depth_m * 100.0, thickness_m * 100.0
+    )]
+    Depth {
+        /// The depth, m.
+        depth_m: f64,
+        /// Thickness of the snowpack, m.
+        thickness_m: f64,
+    },
+    /// Light inside a cascade of layers is wanted.
+    #[error(
+        "there is no profile of light in a cascade, whose layers are separate slabs; use `layers = \"continuous\"` in [model]"
+    )]
+    CascadeProfile,
     /// The layers under the surface layer are as thick as the whole snowpack.
     #[error(
         "a snowpack of {} cm has no room for a surface layer: the layers under it take {} cm; make the snowpack thicker",

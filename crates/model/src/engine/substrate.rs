@@ -33,7 +33,9 @@ pub(super) struct SubstrateCoefficients {
 }
 
 /// Coefficients of the substrate of `request`, per wavelength.
-fn substrate_coefficients(request: &Request) -> Result<Vec<SubstrateCoefficients>, EngineError> {
+pub(super) fn substrate_coefficients(
+    request: &Request,
+) -> Result<Vec<SubstrateCoefficients>, EngineError> {
     let exact = |value| Measured { value, se: 0.0 };
     let coefficients_at = |nm: &f64| match (
         request.snowpack.substrate.reflectance(*nm),
@@ -188,7 +190,7 @@ fn with_diffuse(request: &Request) -> Vec<Illumination> {
 }
 
 /// The snowpack of the `h`-th thickness upside down.
-fn flipped(request: &Request, h: usize) -> (Snowpack, f64) {
+pub(super) fn flipped(request: &Request, h: usize) -> (Snowpack, f64) {
     let thickness_m = request.thicknesses_m[h];
     let mut layers = request.snowpack.layers(thickness_m);
     layers.reverse();
@@ -201,7 +203,7 @@ fn flipped(request: &Request, h: usize) -> (Snowpack, f64) {
 }
 
 /// The request for the flipped `snowpack` under diffuse illumination.
-fn from_below_request<'a>(
+pub(super) fn from_below_request<'a>(
     request: &Request<'a>,
     snowpack: &'a Snowpack,
     thickness_m: &'a f64,

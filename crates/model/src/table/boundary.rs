@@ -15,10 +15,11 @@ use splitsnow_spectra::simd::{F64x8, Simd, SimdKernel, dispatch};
 
 use crate::math::legendre;
 use crate::rng::Stream;
+use crate::table::follow::Follower;
 use crate::table::rays::{Ray, Variates};
 use crate::table::step::{Steps, Stuck};
 use crate::table::{Histogram, TableSnowpack, lanes};
-use crate::transport::WalkError;
+use crate::transport::{Planes, WalkError};
 
 /// Number of grain events per ray that use the lattice.
 const LATTICE_EVENTS: usize = 5;
@@ -54,6 +55,8 @@ pub struct BoundaryRegion<'a> {
     pub thickness_m: f64,
     /// Its upper and lower ends.
     pub edges: [Edge; 2],
+    /// Planes at which light is counted; depths from its upper end.
+    pub planes: Planes,
 }
 
 /// Scores of the rays that left a region.
@@ -64,6 +67,8 @@ pub struct Scores {
     pub out: Histogram,
     /// Rays that left downward: the same, with mu the cosine from straight down.
     pub through: Histogram,
+    /// Crossings of each plane, downward and then upward: the number, and the actinic flux.
+    pub crossings: Vec<Histogram>,
     /// Number of rays started.
     pub rays: u64,
 }
@@ -72,19 +77,23 @@ impl Scores {
     /// Bytes on the heap.
     #[must_use]
     pub fn bytes(&self) -> usize {
-        self.out.bytes() + self.through.bytes()
+        let crossings = self.crossings.iter().map(Histogram::bytes);
+        self.out.bytes() + self.through.bytes() + crossings.sum::<usize>()
     }
 
     /// Frees the memory reserved for more rays.
     pub fn shrink(&mut self) {
         self.out.shrink();
         self.through.shrink();
+        self.crossings.iter_mut().for_each(Histogram::shrink);
     }
 
     /// Adds the scores of other rays from the same source.
     pub fn merge(&mut self, other: &Self) {
         self.out.merge(&other.out);
         self.through.merge(&other.through);
+        let pairs = self.crossings.iter_mut().zip(&other.crossings);
+        pairs.for_each(|(ours, theirs)| ours.merge(theirs));
         self.rays += other.rays;
     }
 }
@@ -182,6 +191,7 @@ impl SimdKernel for Walks<'_> {
             snowpack,
             thickness_m,
             edges,
+            planes,
         } = region;
         let (thickness_m, open) = (*thickness_m, edges.map(|edge| edge == Edge::Open));
         let [open_above, open_below] = open;
@@ -192,11 +202,14 @@ impl SimdKernel for Walks<'_> {
         let mut scores = Scores {
             out: Histogram::new(scale_m, snowpack.tracers, above),
             through: Histogram::new(scale_m, snowpack.tracers, moments),
+            crossings: Vec::new(),
             rays,
         };
+        let mut follower = (!planes.is_empty()).then(|| Follower::new(planes, snowpack));
         let (one, zero) = (F64x8::<S>::ONE, F64x8::ZERO);
         let last = snowpack.layers.len() - 1;
         let mut steps = Steps::new(snowpack, open);
+        steps.follows = follower.is_some();
         let mut queue: [[F64x8<S>; LATTICE_EVENTS]; 4] = [[zero; LATTICE_EVENTS]; 4];
         let mut queued = zero;
         let mut started = 0;
@@ -241,9 +254,13 @@ impl SimdKernel for Walks<'_> {
                 };
                 steps.start(lane, &ray, thickness_m);
                 steps.flown_m.as_mut_array()[lane] = behind_m;
+                if let Some(follower) = &mut follower {
+                    follower.start(lane, source != Source::Diffuse);
+                }
                 started += 1;
             }
             if walking == 0 {
+                scores.crossings = follower.map_or_else(Vec::new, Follower::into_crossings);
                 return Ok(scores);
             }
             let mut variates = Variates::draw(snowpack.wet, &mut rng);
@@ -260,9 +277,13 @@ impl SimdKernel for Walks<'_> {
                 }
                 queued -= one & on_lattice;
             }
+            let before = follower.is_some().then_some(steps.rays);
             let stepped = steps
                 .step(&mut variates, walking, |_, _, _| {})
                 .map_err(|Stuck(_)| WalkError::TooThin { thickness_m })?;
+            if let Some((follower, before)) = follower.as_mut().zip(before) {
+                follower.step(&before, &steps, &stepped, walking);
+            }
             let (mut up, mut down) = (stepped.above, stepped.below);
             let rays = &steps.rays;
             if open_above {

@@ -3,6 +3,7 @@
 //! [`EscapeWalker`] take their grain events from it.
 mod boundary;
 mod escape;
+mod follow;
 mod histogram;
 mod kernel;
 mod outcome;

@@ -252,6 +252,13 @@ impl TableSnowpack<'_> {
         }
     }
 
+    /// Distances between the points where the rays would enter and leave the candidates, m.
+    #[inline(always)]
+    pub(super) fn chord_m<S: Simd>(&self, rays: &Rays<S>, flight: &Flight<S>) -> F64x8<S> {
+        let [_, _, along, x, y] = self.gather(rays, flight, |table| &table.motions);
+        flight.size_m * (x * x + y * y + along * along).sqrt()
+    }
+
     /// Adds a path of `length_m` through the pores; lengths of 0 add nothing.
     #[inline(always)]
     pub(super) fn pass<S: Simd>(&self, rays: &mut Rays<S>, flight: &Flight<S>, length_m: F64x8<S>) {

@@ -158,6 +158,7 @@ impl<S: Simd, W: Sink> Walks<'_, S, W> {
                 above,
                 below,
                 lost,
+                rejected: _,
             } = stepped.map_err(|Stuck(lane)| WalkError::TooThin {
                 thickness_m: steps.depth_m.as_array()[lane],
             })?;

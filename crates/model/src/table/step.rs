@@ -24,6 +24,12 @@ pub(super) struct Steps<'a, S: Simd> {
     origin: Rays<S>,
     medium: F64x8<S>,
     cut: F64x8<S>,
+    /// Whether to set the next two.
+    pub(super) follows: bool,
+    /// Depths at which the last flights ended, m.
+    pub(super) contact_m: F64x8<S>,
+    /// Distances from there to where the rays would leave the grains met, m.
+    pub(super) chord_m: F64x8<S>,
 }
 
 /// The lanes in which something happened, one bit each.
@@ -37,6 +43,8 @@ pub(super) struct StepMasks {
     pub(super) below: u32,
     /// The walk will not end.
     pub(super) lost: u32,
+    /// The grain did not fit, and the ray is where its flight began.
+    pub(super) rejected: u32,
 }
 
 /// A lane whose grains do not fit.
@@ -56,6 +64,9 @@ impl<'a, S: Simd> Steps<'a, S> {
             origin: Rays::default(),
             medium: F64x8::ZERO,
             cut: F64x8::ZERO,
+            follows: false,
+            contact_m: F64x8::ZERO,
+            chord_m: F64x8::ZERO,
         }
     }
 
@@ -198,6 +209,10 @@ impl<'a, S: Simd> Steps<'a, S> {
             let length_m = met.select(flight.length_m, to_plane_m & (out | crossed));
             self.snowpack.pass(&mut self.rays, &flight, length_m);
         }
+        if self.follows {
+            self.contact_m = flight.end_m;
+            self.chord_m = self.snowpack.chord_m(&self.rays, &flight);
+        }
         self.snowpack.scatter(&mut self.rays, &flight, met);
         self.events += one & met;
         if layered {
@@ -215,6 +230,7 @@ impl<'a, S: Simd> Steps<'a, S> {
             above: above.to_bitmask(),
             below: below.to_bitmask(),
             lost: lost.to_bitmask(),
+            rejected: rejected.to_bitmask(),
         })
     }
 

@@ -1,7 +1,7 @@
 //! What a walk reports, and how absorption enters it.
 use std::ops::Range;
 
-use super::{TRACERS, Tracers};
+use super::{Leg, TRACERS, Tracers};
 use crate::math::{Vec3, exp_neg};
 use crate::optics::Index;
 
@@ -107,6 +107,16 @@ pub trait Sink {
     /// to [`crate::transport::Walk::walk`]). A ray that left the snow travels along the
     /// unit vector `direction` (z downward; it entered at azimuth 0).
     fn end(&mut self, thicknesses: Range<usize>, end: End, path: &Path, direction: Vec3);
+
+    /// Whether [`Sink::leg`] is to be called. Rays are then absorbed only after the leg in which
+    /// absorption ends them.
+    fn follows(&self) -> bool {
+        false
+    }
+
+    /// A ray that is absorbed at the optical depth `budget` (of the walk's own absorption) moved
+    /// along `leg`. It may have been absorbed on the way.
+    fn leg(&mut self, _leg: &Leg, _budget: f64) {}
 
     /// Whether to stop early. Called at intervals.
     fn stop(&self) -> bool {

@@ -29,7 +29,7 @@ use crate::optics::Index;
 use crate::rng::Stream;
 use crate::transport::proposal::{Proposal, Proposals, contact};
 use crate::transport::{
-    Absorption, End, Entry, Illumination, Model, Path, Sink, Snow, Snowpack, TRACERS, Tracers,
+    Absorption, End, Entry, Illumination, Leg, Model, Path, Sink, Snow, Snowpack, TRACERS, Tracers,
     diffuse_cosine,
 };
 
@@ -158,6 +158,10 @@ struct Walks<'a, S: Simd> {
     lanes: [Lane; LANES],
     /// Number of rays not started yet.
     waiting: u64,
+    /// Whether the sink receives the legs of the rays.
+    follows: bool,
+    /// Depths and paths of a flight at its start, at the planes between layers and at its end.
+    flight: Vec<(f64, Path)>,
     sink: &'a mut dyn Sink,
 }
 
@@ -312,6 +316,8 @@ impl SimdKernel for Walking<'_> {
             }),
             lanes: [lane; LANES],
             waiting: self.rays,
+            follows: self.sink.follows(),
+            flight: Vec::new(),
             sink: self.sink,
         };
         walks.run()
@@ -471,6 +477,7 @@ impl<S: Simd> Walks<'_, S> {
     /// Takes the ray of `lane` out of its grain and flies it to the next.
     #[inline(always)]
     fn leave_grain(&mut self, lane: usize) -> Result<bool, WalkError> {
+        let entered = self.lanes[lane].ray;
         self.collect_ice(lane);
         let (events, bit) = (&self.events[lane / 8], lane % 8);
         let Lane { ray, centre_m, .. } = &mut self.lanes[lane];
@@ -479,11 +486,46 @@ impl<S: Simd> Walks<'_, S> {
         ray.z_m = place.z;
         ray.path.offset_m = [place.x, place.y];
         ray.events += 1;
-        if ray.events >= EVENT_LIMIT {
+        if self.follows && self.cross_grain(lane, &entered) {
+            return self.end(lane, End::Absorbed);
+        }
+        if self.lanes[lane].ray.events >= EVENT_LIMIT {
             return self.end(lane, End::Lost);
         }
         self.find_layer(lane);
         Ok(self.fly(lane, None)? || self.start(lane)?)
+    }
+
+    /// Reports the leg of the ray of `lane` through a grain, from where it `entered`; true if the
+    /// ray is absorbed.
+    fn cross_grain(&mut self, lane: usize, entered: &Ray) -> bool {
+        let Lane { ray, budget, .. } = &self.lanes[lane];
+        let place = |ray: &Ray| Vec3::new(ray.path.offset_m[0], ray.path.offset_m[1], ray.z_m);
+        let moved = place(ray) - place(entered);
+        if moved.z != 0.0 {
+            let leg = Leg {
+                z_m: [entered.z_m, ray.z_m],
+                cosine: moved.z.abs() / moved.dot(moved).sqrt(),
+                paths: [entered.path, ray.path],
+                is_beam: false,
+            };
+            self.sink.leg(&leg, *budget);
+        }
+        self.walker.absorption.coefficients.depth(&ray.path) >= *budget
+    }
+
+    /// Reports the legs of the flight of `lane`, which has begun as `start`.
+    fn cross_pores(&mut self, lane: usize, start: &Ray) {
+        let collimated = matches!(self.illumination, Illumination::Collimated { .. });
+        for ends in self.flight.windows(2) {
+            let leg = Leg {
+                z_m: [ends[0].0, ends[1].0],
+                cosine: start.direction.z.abs(),
+                paths: [ends[0].1, ends[1].1],
+                is_beam: collimated && start.events == 0 && start.path.bounces == 0,
+            };
+            self.sink.leg(&leg, self.lanes[lane].budget);
+        }
     }
 
     /// Finds the layer of a ray that has left a grain. The grain may extend across
@@ -559,6 +601,11 @@ impl<S: Simd> Walks<'_, S> {
             let thickness_m = self.thicknesses_m[self.lanes[lane].slab];
             // to a grain or out of the snowpack
             let (first, mut proposal, mut ray) = (proposal, proposal, self.lanes[lane].ray);
+            let start = ray;
+            if self.follows {
+                self.flight.clear();
+                self.flight.push((ray.z_m, ray.path));
+            }
             let inside = loop {
                 let layer = &self.walker.layers[ray.layer];
                 let z_m = ray.z_m + proposal.flight_m * ray.direction.z;
@@ -584,6 +631,9 @@ impl<S: Simd> Walks<'_, S> {
                 ray.path.offset_m[0] += length_m * ray.direction.x;
                 ray.path.offset_m[1] += length_m * ray.direction.y;
                 ray.z_m = if inside { z_m } else { plane_m };
+                if self.follows {
+                    self.flight.push((ray.z_m, ray.path));
+                }
                 if inside {
                     break true;
                 }
@@ -605,6 +655,9 @@ impl<S: Simd> Walks<'_, S> {
             let budget = self.lanes[lane].budget;
             let depth = absorption.coefficients.depth(&ray.path);
             if !inside {
+                if self.follows {
+                    self.cross_pores(lane, &start);
+                }
                 self.lanes[lane].ray = ray;
                 let end = match (depth >= budget, ray.direction.z > 0.0) {
                     (true, _) => End::Absorbed,
@@ -639,6 +692,9 @@ impl<S: Simd> Walks<'_, S> {
                     continue;
                 }
             }
+            if self.follows {
+                self.cross_pores(lane, &start);
+            }
             self.lanes[lane].ray = ray;
             if depth >= budget {
                 return self.end_and_resume(lane, End::Absorbed);
@@ -649,7 +705,7 @@ impl<S: Simd> Walks<'_, S> {
             let ice_per_m = absorption.coefficients.ice_per_m + in_ice;
             let (events, bit) = (&mut self.events[lane / 8], lane % 8);
             events.ice_m.as_mut_array()[bit] = ray.path.ice_m;
-            events.ice_limit_m.as_mut_array()[bit] = if ice_per_m > 0.0 {
+            events.ice_limit_m.as_mut_array()[bit] = if ice_per_m > 0.0 && !self.follows {
                 ray.path.ice_m + (budget - depth) / ice_per_m
             } else {
                 f64::INFINITY

@@ -37,7 +37,7 @@ pub use response::SpectralResponse;
 pub use sun::SolarSpectrum;
 
 /// The built-in sensors and their tables (`examples/sensors/make.py`).
-const BUILT_IN: [(&str, &str); 8] = [
+const BUILT_IN: [(&str, &str); 9] = [
     (
         "sentinel2a",
         include_str!("../../data/sensors/sentinel2a.csv"),
@@ -55,6 +55,7 @@ const BUILT_IN: [(&str, &str); 8] = [
         "broadband",
         include_str!("../../data/sensors/broadband.csv"),
     ),
+    ("par", include_str!("../../data/sensors/par.csv")),
 ];
 
 /// A list of bands.
@@ -65,8 +66,10 @@ pub struct Sensor {
 }
 
 impl Sensor {
-    /// Names of the built-in sensors. The last, `broadband`, has the bands `total` (350-2500 nm),
-    /// `visible` (350-700 nm) and `near_infrared` (700-2500 nm), all with the response 1.
+    /// Names of the built-in sensors. `broadband` has the bands `total` (350-2500 nm), `visible`
+    /// (350-700 nm) and `near_infrared` (700-2500 nm), all with the response 1. `par` has one band,
+    /// 400-700 nm, with a response proportional to the wavelength, that is, to the number of photons
+    /// of an energy (photosynthetically active radiation).
     pub const NAMES: [&'static str; BUILT_IN.len()] = {
         let mut names = [""; BUILT_IN.len()];
         let mut i = 0;

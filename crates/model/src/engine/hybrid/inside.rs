@@ -151,7 +151,7 @@ impl<'a> Bulk<'a> {
     }
 
     /// The operators of a section of this layer.
-    fn operators(&self, thickness_m: f64) -> Result<StreamOperators, EngineError> {
+    pub(super) fn operators(&self, thickness_m: f64) -> Result<StreamOperators, EngineError> {
         let operators = self.medium.operators(thickness_m / self.mean_free_path_m)?;
         let (r, t) = (operators.reflection, operators.transmission);
         Ok(StreamOperators {

@@ -16,14 +16,18 @@ use super::{HybridRun, inside};
 use crate::engine::nodes::Mix;
 use crate::engine::tables::PARTS;
 use crate::table::{Event, Scores};
-use crate::transport::{Coefficients, Snow};
+use crate::transport::{Coefficients, PlaneFluxes, Snow};
+
+/// Numbers per plane: downward flux, its actinic flux, upward flux, its actinic flux.
+const PLANE_NUMBERS: usize = 4;
 
 /// Positions of the numbers in a list of means.
 #[derive(Debug, Default)]
 pub(super) struct MeanLayout {
     /// Per task, the position of its first number, and how many numbers it has for
-    /// light that leaves above and for light that leaves below.
-    tasks: Vec<(usize, [usize; 2])>,
+    /// light that leaves above, for light that leaves below and, after these, for each plane that
+    /// light crosses.
+    tasks: Vec<(usize, [usize; 2], usize)>,
     /// Per layer, the position of its mean grain event; `None` if no bulk segment is
     /// in the layer.
     events: Vec<Option<usize>>,
@@ -45,8 +49,9 @@ impl MeanLayout {
         };
         for task in &plan.tasks {
             let columns = task.columns();
-            layout.tasks.push((layout.len, columns));
-            layout.len += columns[0] + columns[1];
+            let crossings = PLANE_NUMBERS * task.planes_m.len();
+            layout.tasks.push((layout.len, columns, crossings));
+            layout.len += columns[0] + columns[1] + crossings;
         }
         for layer in 0..layers {
             let is_bulk = |segment: &Segment<usize>| match segment {
@@ -93,9 +98,22 @@ impl Means {
     /// Mean scores per walk of task number `task`, of light that leaves above and of
     /// light that leaves below.
     pub(super) fn scores(&self, layout: &MeanLayout, task: usize) -> [&[f64]; 2] {
-        let (first, [out, through]) = layout.tasks[task];
+        let (first, [out, through], _) = layout.tasks[task];
         let (out, rest) = self.0[first..].split_at(out);
         [out, &rest[..through]]
+    }
+
+    /// Mean fluxes per walk of task number `task` at its planes.
+    pub(super) fn crossings(
+        &self,
+        layout: &MeanLayout,
+        task: usize,
+    ) -> impl Iterator<Item = PlaneFluxes> {
+        let (first, [out, through], crossings) = layout.tasks[task];
+        let first = first + out + through;
+        let (planes, _) = self.0[first..first + crossings].as_chunks::<PLANE_NUMBERS>();
+        let fluxes = planes.iter();
+        fluxes.map(|[down, actinic_down, up, actinic_up]| [*down, *up, actinic_down + actinic_up])
     }
 
     /// The mean grain event of layer number `layer`; `None` if the layer has no bulk
@@ -129,13 +147,21 @@ impl HybridRun<'_> {
     ) -> Means {
         let layout = &self.layout;
         let mut numbers = vec![0.0; layout.len];
-        let mut sums = vec![0.0; self.streams.count()];
+        let mut sums = vec![0.0; self.streams.count().max(PLANE_NUMBERS / 2)];
         for (walks, share) in mix.select(walks) {
-            for (task, (first, columns)) in layout.tasks.iter().enumerate() {
-                let Scores { out, through, rays } = walks.scores(part, task);
+            for (task, (first, columns, _)) in layout.tasks.iter().enumerate() {
+                let Scores {
+                    out,
+                    through,
+                    crossings,
+                    rays,
+                } = walks.scores(part, task);
                 let share = share / *rays as f64;
                 let mut rest = &mut numbers[*first..];
-                for (scores, columns) in [out, through].into_iter().zip(columns) {
+                let columns = columns
+                    .iter()
+                    .chain(std::iter::repeat(&(PLANE_NUMBERS / 2)));
+                for (scores, columns) in [out, through].into_iter().chain(crossings).zip(columns) {
                     let sums = &mut sums[..*columns];
                     scores.weighted(coefficients, sums);
                     let (task_numbers, after) = rest.split_at_mut(*columns);

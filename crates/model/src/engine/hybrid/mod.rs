@@ -41,8 +41,10 @@ mod inside;
 mod means;
 mod plan;
 mod planes;
+mod profile;
 mod solve;
 mod walks;
+mod windows;
 
 use crate::engine::nodes::mixes;
 use crate::engine::tables::PARTS;
@@ -52,7 +54,9 @@ use crate::measurement::Spectrum;
 use crate::slab::Streams;
 use means::MeanLayout;
 use plan::WalkPlan;
+use windows::Window;
 
+pub(super) use profile::profile;
 pub(super) use walks::{CacheKey, Walks};
 
 /// Thickness of a boundary layer: the larger of this many mean free distances
@@ -75,6 +79,8 @@ struct HybridRun<'a> {
     request: &'a Request<'a>,
     streams: Streams,
     plan: WalkPlan,
+    /// Where light is counted.
+    windows: Vec<Window>,
     layout: MeanLayout,
     /// Per stream, the factors by which the Legendre moments of the light are
     /// multiplied and summed to give the light in the stream.
@@ -82,9 +88,15 @@ struct HybridRun<'a> {
 }
 
 impl<'a> HybridRun<'a> {
-    fn new(request: &'a Request) -> Result<Self, EngineError> {
+    /// A run in which light is counted at `depths_m`, increasing, if there are any; then the request
+    /// has one thickness and one illumination.
+    fn new(request: &'a Request, depths_m: &[f64]) -> Result<Self, EngineError> {
         let streams = Streams::new(request.resolution.streams)?;
-        let plan = WalkPlan::new(request, &streams);
+        let mut plan = WalkPlan::new(request, &streams);
+        let windows = match depths_m {
+            [] => Vec::new(),
+            depths_m => plan.windows(request, &streams, depths_m),
+        };
         let n = streams.count();
         let layout = MeanLayout::new(&plan, request.snowpack.snows().count(), n);
         let factors = |(mu, weight): (&f64, &f64)| {
@@ -101,6 +113,7 @@ impl<'a> HybridRun<'a> {
             request,
             streams,
             plan,
+            windows,
             layout,
             into_streams,
         })
@@ -108,7 +121,7 @@ impl<'a> HybridRun<'a> {
 }
 
 pub(super) fn run(request: &Request, control: &Control) -> Result<Vec<Spectrum>, EngineError> {
-    let run = HybridRun::new(request)?;
+    let run = HybridRun::new(request, &[])?;
     let indices = indices(request)?;
     let (nodes, mixes) = mixes(&indices, request.snowpack.is_wet());
     let units = &control.cache.units;
@@ -124,7 +137,12 @@ pub(super) fn run(request: &Request, control: &Control) -> Result<Vec<Spectrum>,
 
 /// Number of walks that a request takes.
 pub(super) fn walks(request: &Request) -> Result<u64, EngineError> {
-    let run = HybridRun::new(request)?;
+    walks_to(request, &[])
+}
+
+/// Number of walks that a profile of `request` at `depths_m` takes.
+pub(super) fn walks_to(request: &Request, depths_m: &[f64]) -> Result<u64, EngineError> {
+    let run = HybridRun::new(request, depths_m)?;
     let (nodes, _) = mixes(&indices(request)?, request.snowpack.is_wet());
     let rays: u64 = run.plan.tasks.iter().map(|task| task.rays).sum();
     Ok(rays.saturating_mul((PARTS * nodes.len()) as u64))

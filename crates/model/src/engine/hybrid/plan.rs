@@ -21,6 +21,8 @@ pub(super) struct WalkTask {
     pub(super) moments: usize,
     /// Number of rays per part.
     pub(super) rays: u64,
+    /// Depths from the upper end of the region at which light is counted, m, increasing.
+    pub(super) planes_m: Vec<f64>,
 }
 
 /// Part of a snowpack that is walked. The values enter the random streams.
@@ -32,6 +34,8 @@ pub(super) enum RegionKind {
     Thin = 5,
     /// The snow next to a plane between layers.
     Interface = 6,
+    /// A part in which light is counted.
+    Window = 7,
 }
 
 impl WalkTask {
@@ -72,6 +76,8 @@ pub(super) struct ThickSlab {
     /// Segments of the inside, downward; walked segments are given by their
     /// position in [`WalkPlan::interfaces`].
     pub(super) inside: Vec<Segment<usize>>,
+    /// Thickness of the upper boundary layer, m.
+    pub(super) upper_m: f64,
 }
 
 /// A boundary layer.
@@ -106,10 +112,15 @@ pub(super) struct WalkPlan {
     pub(super) slabs: Vec<Slab>,
 }
 
+/// Depth to which a plane of the snowpack affects the grains of `snow` under it, m.
+pub(super) fn needed_m(snow: &Snow) -> f64 {
+    let (distances, grains) = LAYER;
+    (distances * snow.mean_free_distance_m()).max(grains * snow.sizes_m()[1])
+}
+
 /// The upper sections of a snowpack, down to the depth at which its surface plane no
 /// longer affects the grains.
 fn boundary(snowpack: &[Section], snows: &[&Snow]) -> Vec<Section> {
-    let (distances, grains) = LAYER;
     let (mut depth_m, mut top_m) = (0.0_f64, 0.0);
     for section in snowpack {
         let snow = snows[section.layer];
@@ -117,8 +128,7 @@ fn boundary(snowpack: &[Section], snows: &[&Snow]) -> Vec<Section> {
         if top_m > 0.0 && top_m >= depth_m && top_m >= longest_m {
             break;
         }
-        let needed_m = (distances * snow.mean_free_distance_m()).max(grains * longest_m);
-        depth_m = depth_m.max(needed_m);
+        depth_m = depth_m.max(needed_m(snow));
         top_m += section.thickness_m;
     }
     let mut remaining_m = depth_m;
@@ -137,7 +147,8 @@ fn boundary(snowpack: &[Section], snows: &[&Snow]) -> Vec<Section> {
     boundary
 }
 
-fn depth_m(sections: &[Section]) -> f64 {
+/// Thickness of `sections`, m.
+pub(super) fn depth_m(sections: &[Section]) -> f64 {
     sections.iter().map(|section| section.thickness_m).sum()
 }
 
@@ -152,7 +163,7 @@ fn without(snowpack: &[Section], upper: &[Section]) -> Vec<Section> {
     rest
 }
 
-fn source(light: &Illumination) -> Source {
+pub(super) fn source(light: &Illumination) -> Source {
     match light {
         Illumination::Collimated { polar_angle_rad } => Source::Above(libm::cos(*polar_angle_rad)),
         Illumination::Diffuse => Source::Diffuse,
@@ -180,6 +191,7 @@ impl WalkPlan {
             inside.reverse();
             inside = without(&inside, &lower);
             inside.reverse();
+            let upper_m = depth_m(&upper);
             let upper = plan.boundary_layer(request, streams, upper, true);
             let lower = plan.boundary_layer(request, streams, lower, false);
             let segments = segments(&inside, &snows).into_iter();
@@ -195,6 +207,7 @@ impl WalkPlan {
                 upper,
                 lower,
                 inside,
+                upper_m,
             }));
         }
         let rays = request.rays.div_ceil(PARTS as u64);
@@ -207,6 +220,7 @@ impl WalkPlan {
                 source: source(light),
                 moments: 1,
                 rays,
+                planes_m: Vec::new(),
             });
             plan.tasks.extend(tasks);
         }
@@ -241,6 +255,7 @@ impl WalkPlan {
             source,
             moments: streams.count(),
             rays,
+            planes_m: Vec::new(),
         }));
         self.boundary_layers.push(BoundaryLayer {
             first,
@@ -272,6 +287,7 @@ impl WalkPlan {
             source,
             moments: streams.count(),
             rays,
+            planes_m: Vec::new(),
         }));
         self.interfaces.push(LayerInterface { first, sections });
         self.interfaces.len() - 1

@@ -19,16 +19,26 @@ use crate::transport::Coefficients;
 /// Reflectance and transmittance.
 type Pair = [f64; 2];
 
+/// Everything that [`HybridRun::curves`] adds, at one wavelength.
+pub(super) struct SceneOperators<'a> {
+    /// Per boundary layer.
+    pub(super) couplings: Vec<Couplings>,
+    /// Per interface.
+    pub(super) interfaces: Vec<StreamOperators>,
+    /// Per layer; `None` if no bulk segment is in it.
+    pub(super) bulk: Vec<Option<Bulk<'a>>>,
+}
+
 /// Reflection and transmission of a boundary layer. "Down" is away from its plane.
-struct Couplings {
+pub(super) struct Couplings {
     /// Reflection of upward streams into downward streams: [down, up].
-    inner: Matrix,
+    pub(super) inner: Matrix,
     /// Share of each upward stream that leaves through the surface.
-    escape: Vec<f64>,
+    pub(super) escape: Vec<f64>,
     /// Transmission of illuminations into downward streams: [stream, light].
-    entry: Matrix,
+    pub(super) entry: Matrix,
     /// Share of each illumination that leaves through the surface.
-    reflected: Vec<f64>,
+    pub(super) reflected: Vec<f64>,
 }
 
 impl HybridRun<'_> {
@@ -77,18 +87,8 @@ impl HybridRun<'_> {
         mix: &Mix,
         coefficients: &Coefficients,
     ) -> Result<Vec<[Measured; 2]>, EngineError> {
-        let snows = self.request.snowpack.snows();
-        let flights: Vec<Flights> = snows
-            .map(|snow| Flights::new(self, snow, coefficients))
-            .collect();
-        let parts = (0..PARTS).map(|part| self.means(walks, mix, coefficients, &flights, part));
-        let parts: Vec<Means> = parts.collect();
-        let mean = Means::mean(&parts);
-        let values = self.curves(&mean, &flights)?;
-        let others = parts
-            .iter()
-            .map(|part| self.curves(&mean.without(part), &flights));
-        let others: Vec<Vec<Pair>> = others.collect::<Result<_, _>>()?;
+        let curves = |means: &Means, flights: &[Flights]| self.curves(means, flights);
+        let (values, others) = self.estimates(walks, mix, coefficients, curves)?;
         let curves = values.into_iter().enumerate();
         let measured = curves.map(|(c, pair)| {
             [0, 1].map(|q| Measured {
@@ -99,22 +99,37 @@ impl HybridRun<'_> {
         Ok(measured.collect())
     }
 
+    /// What `solve` computes at one wavelength from the means of all parts of the walks, and from
+    /// those with one part left out at a time.
+    pub(super) fn estimates<T>(
+        &self,
+        walks: &[Arc<Walks>],
+        mix: &Mix,
+        coefficients: &Coefficients,
+        solve: impl Fn(&Means, &[Flights]) -> Result<T, EngineError>,
+    ) -> Result<(T, Vec<T>), EngineError> {
+        let snows = self.request.snowpack.snows();
+        let flights: Vec<Flights> = snows
+            .map(|snow| Flights::new(self, snow, coefficients))
+            .collect();
+        let parts = (0..PARTS).map(|part| self.means(walks, mix, coefficients, &flights, part));
+        let parts: Vec<Means> = parts.collect();
+        let mean = Means::mean(&parts);
+        let others = parts
+            .iter()
+            .map(|part| solve(&mean.without(part), &flights));
+        Ok((solve(&mean, &flights)?, others.collect::<Result<_, _>>()?))
+    }
+
     /// Reflectance and transmittance per thickness and illumination at one
     /// wavelength.
     fn curves(&self, means: &Means, flights: &[Flights]) -> Result<Vec<Pair>, EngineError> {
         let lights = self.request.illuminations.len();
-        let coupling = |layer: &BoundaryLayer| self.couplings(means, layer, &flights[layer.layer]);
-        let couplings: Vec<Couplings> = self.plan.boundary_layers.iter().map(coupling).collect();
-        let operators =
-            |interface: &LayerInterface| self.interface_operators(means, interface, flights);
-        let interfaces: Vec<StreamOperators> = self.plan.interfaces.iter().map(operators).collect();
-        let bulk = flights.iter().enumerate().map(|(layer, flights)| {
-            let event = means.event(&self.layout, layer);
-            event
-                .map(|event| Bulk::new(&self.streams, &event, flights))
-                .transpose()
-        });
-        let bulk: Vec<Option<Bulk>> = bulk.collect::<Result<_, _>>()?;
+        let SceneOperators {
+            couplings,
+            interfaces,
+            bulk,
+        } = self.operators(means, flights)?;
         let n = self.streams.count();
         let identity = Matrix::identity(n);
         let mut curves = Vec::new();
@@ -154,6 +169,30 @@ impl HybridRun<'_> {
         Ok(curves)
     }
 
+    /// The operators of all boundary layers, interfaces and layers at one wavelength.
+    pub(super) fn operators(
+        &self,
+        means: &Means,
+        flights: &[Flights],
+    ) -> Result<SceneOperators<'_>, EngineError> {
+        let coupling = |layer: &BoundaryLayer| self.couplings(means, layer, &flights[layer.layer]);
+        let couplings: Vec<Couplings> = self.plan.boundary_layers.iter().map(coupling).collect();
+        let operators =
+            |interface: &LayerInterface| self.interface_operators(means, interface, flights);
+        let interfaces: Vec<StreamOperators> = self.plan.interfaces.iter().map(operators).collect();
+        let bulk = flights.iter().enumerate().map(|(layer, flights)| {
+            let event = means.event(&self.layout, layer);
+            event
+                .map(|event| Bulk::new(&self.streams, &event, flights))
+                .transpose()
+        });
+        Ok(SceneOperators {
+            couplings,
+            interfaces,
+            bulk: bulk.collect::<Result<_, _>>()?,
+        })
+    }
+
     fn couplings(&self, means: &Means, layer: &BoundaryLayer, flights: &Flights) -> Couplings {
         let n = self.streams.count();
         let lights = if layer.is_lit {
@@ -176,7 +215,7 @@ impl HybridRun<'_> {
         }
     }
 
-    /// Operators from the walks next to a plane between layers.
+    /// SceneOperators from the walks next to a plane between layers.
     fn interface_operators(
         &self,
         means: &Means,

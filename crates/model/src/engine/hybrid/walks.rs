@@ -3,14 +3,14 @@ use std::sync::Arc;
 use std::sync::atomic::Ordering;
 
 use super::HybridRun;
-use super::plan::WalkTask;
+use super::plan::{WalkTask, depth_m};
 use crate::engine::cache::HeapSize;
-use crate::engine::tables::{self, Averages, Outcomes, PARTS, Section, SnowpackOutcomes};
+use crate::engine::tables::{self, Averages, Outcomes, PARTS, SnowpackOutcomes};
 use crate::engine::{Control, EngineError, Resolution, batches, engine_error};
 use crate::optics::Index;
 use crate::rng::{Fingerprint, Key, Stream};
 use crate::table::{BoundaryRegion, Kernel, Scores};
-use crate::transport::{Layer, Model, Snow};
+use crate::transport::{Layer, Model, Planes, Snow};
 
 /// Mean grain events and scores of the walks.
 #[derive(Debug)]
@@ -33,7 +33,9 @@ pub(super) fn unit(run: &HybridRun, kind: &str) -> String {
     let tasks = Fingerprint::of("tasks");
     let tasks = run.plan.tasks.iter().fold(tasks, |digest, task| {
         let purpose = task.purpose().map(u64::from);
-        purpose.into_iter().fold(digest, Fingerprint::and_bits)
+        let planes = task.planes_m.iter().map(|z_m| z_m.to_bits());
+        let bits = purpose.into_iter().chain(planes);
+        bits.fold(digest, Fingerprint::and_bits)
     });
     format!("{kind} {:x} {:x}", run.request.cell, tasks.finish())
 }
@@ -108,11 +110,11 @@ impl Walks {
                 purpose: task.purpose(),
                 batch: part as u64 + PARTS as u64 * (first / BATCH),
             });
-            let thickness = |section: &Section| section.thickness_m;
             let region = BoundaryRegion {
                 snowpack: tables::snowpack(request, outcomes, part, &task.sections),
-                thickness_m: task.sections.iter().map(thickness).sum(),
+                thickness_m: depth_m(&task.sections),
                 edges: task.edges,
+                planes: Planes::new(&task.planes_m, depth_m(&task.sections)),
             };
             let rays = BATCH.min(task.rays - first);
             let scores = region.walk(task.source, rays, task.moments, stream);
