@@ -164,6 +164,11 @@ fn artist() {
 }
 
 #[test]
+fn plants() {
+    follow("start/plants.md");
+}
+
+#[test]
 fn renderer() {
     follow("start/renderer.md");
 }

@@ -16,7 +16,7 @@ from pathlib import Path
 import pytest
 from conftest import ROOT
 
-PAGES = ("artist", "satellite", "snow", "soot", "../retrieval")
+PAGES = ("artist", "plants", "satellite", "snow", "soot", "../retrieval")
 INSTALLS = ("cargo install --path .", "pip install ", "apt install ")
 
 
