@@ -18,6 +18,7 @@
 use std::sync::atomic::{AtomicBool, AtomicU64};
 
 use crate::config::sample::SampleFile;
+use crate::engine::profile::{self, Profile};
 use crate::engine::{Cache, Control, Engine, EngineError, MaxError, Request, Resolution};
 use crate::measurement::Spectrum;
 use crate::transport::{Illumination, Model, Snowpack};
@@ -152,6 +153,22 @@ impl<'a> Simulation<'a> {
     /// [`EngineError`] if there are no rays, the engine refuses the request, the run is
     /// cancelled, or the threads cannot be started.
     pub fn run(&self) -> Result<Spectrum, EngineError> {
+        self.on_threads(|control| self.run_with(control))
+    }
+
+    /// Simulates the light inside the snow at depths below the surface, m; see [`profile::run`].
+    ///
+    /// # Errors
+    /// As [`run`](Self::run), and [`EngineError::Depth`] for a depth that is not in the snow.
+    pub fn profile(&self, depths_m: &[f64]) -> Result<Profile, EngineError> {
+        self.on_threads(|control| profile::run(self.engine, &self.request(), depths_m, control))
+    }
+
+    /// Does `work` on the threads of the simulation.
+    fn on_threads<T: Send>(
+        &self,
+        work: impl Fn(&Control<'_>) -> Result<T, EngineError> + Sync,
+    ) -> Result<T, EngineError> {
         let never = AtomicBool::new(false);
         let control = Control {
             parallel: true,
@@ -160,13 +177,13 @@ impl<'a> Simulation<'a> {
             cache: &Cache::default(),
         };
         if self.threads == 0 {
-            return self.run_with(&control);
+            return work(&control);
         }
         let pool = rayon::ThreadPoolBuilder::new()
             .num_threads(self.threads)
             .build()
             .map_err(|error| EngineError::Threads(error.to_string()))?;
-        pool.install(|| self.run_with(&control))
+        pool.install(|| work(&control))
     }
 
     /// Runs the simulation on the current rayon pool with the given `control`.

@@ -20,17 +20,19 @@ from ._directions import Directions
 from ._native import VERSION as __version__
 from ._native import simd
 from ._retrieval import Retrieval, retrieve
-from ._simulation import Simulation, simulate
+from ._simulation import Profile, Simulation, profile, simulate
 
 __all__ = [
     "Bands",
     "Database",
     "Directions",
+    "Profile",
     "Retrieval",
     "Simulation",
     "__version__",
     "bands",
     "lab",
+    "profile",
     "retrieve",
     "simd",
     "simulate",

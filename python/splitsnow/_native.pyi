@@ -13,6 +13,7 @@ __all__ = [
     "colours",
     "illuminant",
     "parameters",
+    "profile",
     "retrieve",
     "simd",
     "simulate",
@@ -103,6 +104,13 @@ def retrieve(
 ) -> tuple[
     tuple[list[str], int], list[tuple[str, NDArray[np.float64]]], list[bool]
 ]: ...
+def profile(
+    file: tuple[str, str, bool],
+    depths_cm: list[float],
+    engine: str,
+    rays: Optional[int],
+    seed: int,
+) -> dict[str, Any]: ...
 def simulate(
     file: tuple[str, str, bool],
     engine: str,

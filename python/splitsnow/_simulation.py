@@ -11,7 +11,7 @@ from pathlib import Path
 from typing import Any, Literal, Mapping, Optional, Union
 
 import numpy as np
-from numpy.typing import NDArray
+from numpy.typing import ArrayLike, NDArray
 
 from . import _native
 
@@ -70,17 +70,7 @@ def simulate(
     sample, engine, rays and seed. Raises ``ValueError`` for an invalid sample or
     argument.
     """
-    if isinstance(sample, Mapping):
-        text = json.dumps(sample, default=_plain)
-        file = ("sample", text, True)
-    elif isinstance(sample, str) and "\n" in sample:
-        file = ("sample", sample, False)
-    else:
-        path = os.fspath(sample)
-        file = (path, Path(path).read_text(encoding="utf-8"), False)
-    for name, value in (("rays", rays), ("seed", seed)):
-        if value is not None and not 0 <= value < 2**64:
-            raise ValueError(f"{name} = {value} must be a whole number from 0 to 2^64 - 1")
+    file = _file(sample, rays, seed)
     bounds = None
     if isinstance(max_error, Mapping):
         unknown = set(max_error) - {"delta_e", "rmse"}
@@ -92,11 +82,98 @@ def simulate(
     elif max_error is not None:
         bounds = (None, float(max_error))
     result = _native.simulate(file, engine, rays, seed, bounds)
+    _tell(result)
+    return Simulation(**result)
+
+
+@dataclass(frozen=True, eq=False)
+class Profile:
+    """Light inside a sample against depth, per incident flux, with standard errors. Arrays are
+    ``(l, d)``, wavelengths times depths; those of the absorbed power are ``(l, d - 1)``."""
+
+    wavelengths_nm: NDArray[np.float64]
+    """Wavelengths, nm, ``(l,)``."""
+    depths_cm: NDArray[np.float64]
+    """Depths below the surface, cm, ``(d,)``: those asked for, the surface and the base."""
+    downwelling: NDArray[np.float64]
+    """Flux that crosses the depth downward."""
+    downwelling_se: NDArray[np.float64]
+    """Standard error of the downwelling flux."""
+    upwelling: NDArray[np.float64]
+    """Flux that crosses the depth upward."""
+    upwelling_se: NDArray[np.float64]
+    """Standard error of the upwelling flux."""
+    actinic: NDArray[np.float64]
+    """Actinic flux: the radiance integrated over all directions (spherical irradiance)."""
+    actinic_se: NDArray[np.float64]
+    """Standard error of the actinic flux."""
+    absorbed_per_m: NDArray[np.float64]
+    """Power absorbed per volume between a depth and the next, 1/m: W/m3 per W/m2."""
+    absorbed_per_m_se: NDArray[np.float64]
+    """Standard error of the absorbed power."""
+    lost_share: float
+    """Largest fraction of the rays stopped at the event limit."""
+    engine: str
+    """Engine that ran; never ``"auto"``."""
+    rays: int
+    """Requested number of walks."""
+    seed: int
+    """Seed of the random streams."""
+
+
+def profile(
+    sample: Union[str, os.PathLike[str], Mapping[str, Any]],
+    depths_cm: ArrayLike,
+    *,
+    engine: Engine = "auto",
+    rays: Optional[int] = None,
+    seed: int = 1,
+) -> Profile:
+    """Simulates the light inside a snow sample at ``depths_cm``, numbers from 0 (the surface) to
+    its thickness, as ``splitsnow simulate --depths-cm``.
+
+    ``sample``, ``rays`` and ``seed`` are as in :func:`simulate`. The engines are ``hybrid``
+    (``auto``), ``spectral`` and ``reference``. Averages over bands are
+    ``bands.average(found.downwelling.T).T``; those of standard errors are upper bounds.
+
+    Raises ``ValueError`` for an invalid sample or argument, and for a depth outside the snow.
+    """
+    file = _file(sample, rays, seed)
+    depths = np.atleast_1d(np.asarray(depths_cm, dtype=np.float64))
+    if depths.ndim != 1 or not (np.isfinite(depths).all() and (depths >= 0).all()):
+        raise ValueError("depths_cm must be a list of finite numbers of 0 or more")
+    result = _native.profile(file, depths.tolist(), engine, rays, seed)
+    _tell(result)
+    shape = (len(result["wavelengths_nm"]), -1)
+    light = {
+        name + end: result.pop(name + end).reshape(shape)
+        for name in ("downwelling", "upwelling", "actinic", "absorbed_per_m")
+        for end in ("", "_se")
+    }
+    return Profile(**light, **result)
+
+
+def _file(
+    sample: Union[str, os.PathLike[str], Mapping[str, Any]], rays: Optional[int], seed: int
+) -> tuple[str, str, bool]:
+    """Name and text of a sample, and whether the text is JSON."""
+    for name, value in (("rays", rays), ("seed", seed)):
+        if value is not None and not 0 <= value < 2**64:
+            raise ValueError(f"{name} = {value} must be a whole number from 0 to 2^64 - 1")
+    if isinstance(sample, Mapping):
+        return ("sample", json.dumps(sample, default=_plain), True)
+    if isinstance(sample, str) and "\n" in sample:
+        return ("sample", sample, False)
+    path = os.fspath(sample)
+    return (path, Path(path).read_text(encoding="utf-8"), False)
+
+
+def _tell(result: dict[str, Any]) -> None:
+    """Takes warnings and notes out of a result and passes them on to the caller."""
     for warning in result.pop("warnings"):
-        warnings.warn(warning, stacklevel=2)
+        warnings.warn(warning, stacklevel=3)
     for note in result.pop("notes"):
         logging.getLogger("splitsnow").info(note)
-    return Simulation(**result)
 
 
 def _plain(value: Any) -> Any:

@@ -36,7 +36,7 @@ mod _native {
     #[pymodule_export]
     use crate::retrieval::retrieve;
     #[pymodule_export]
-    use crate::simulation::simulate;
+    use crate::simulation::{profile, simulate};
 
     #[pymodule_export]
     use crate::database::parameters;

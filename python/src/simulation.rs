@@ -8,10 +8,12 @@ use pyo3::exceptions::PyValueError;
 use pyo3::prelude::*;
 use pyo3::types::PyDict;
 use rayon::ThreadPool;
-use splitsnow::config::sample;
-use splitsnow::engine::{Engine, EngineError, MaxError};
-use splitsnow::measurement::{Measured, Spectrum};
+use splitsnow::config::sample::{self, SampleFile};
+use splitsnow::engine::profile::LightAtDepth;
+use splitsnow::engine::{self, Engine, EngineError, MaxError};
+use splitsnow::measurement::Measured;
 use splitsnow::simulation::{RAYS, Simulation};
+use splitsnow::units::m_to_cm;
 
 use crate::pool::pool;
 
@@ -55,41 +57,104 @@ fn bounds(given: Option<Bounds>, engine: Engine, nm: &[f64]) -> PyResult<(MaxErr
     Ok((allowed, rays))
 }
 
-/// Simulates the sample in `file`: its path, for messages and for relative paths in it, its
-/// text, and whether the text is JSON instead of TOML.
-#[pyfunction]
-pub(crate) fn simulate<'py>(
-    py: Python<'py>,
-    file: (String, String, bool),
-    engine: &str,
-    rays: Option<u64>,
-    seed: u64,
-    max_error: Option<Bounds>,
-) -> PyResult<Bound<'py, PyDict>> {
-    let (name, text, json) = file;
+/// A sample: its path, for messages and for relative paths in it, its text, and whether the text is
+/// JSON instead of TOML.
+type SampleText = (String, String, bool);
+
+fn read((name, text, json): SampleText) -> PyResult<SampleFile> {
     let text = if json {
         let value: toml::Value = serde_json::from_str(&text).map_err(refuse)?;
         toml::to_string(&value).map_err(refuse)?
     } else {
         text
     };
-    let sample = sample::parse(&name, &text).map_err(refuse)?;
-    let found = Engine::named(engine);
+    sample::parse(&name, &text).map_err(refuse)
+}
+
+fn named(engine: &str) -> PyResult<Engine> {
     let names = Engine::ALL.map(Engine::name).join(", ");
     let unknown = || refuse(format!("no engine is named `{engine}`; use one of {names}"));
-    let engine = found.ok_or_else(unknown)?;
-    let (max_error, default_rays) = bounds(max_error, engine, &sample.wavelengths_nm)?;
-    let rays = rays.unwrap_or(default_rays);
-    if rays == 0 {
-        return Err(refuse("rays = 0 is not allowed; it must be at least 1"));
+    Engine::named(engine).ok_or_else(unknown)
+}
+
+/// Refuses 0 walks.
+fn some(rays: u64) -> PyResult<u64> {
+    match rays {
+        0 => Err(refuse("rays = 0 is not allowed; it must be at least 1")),
+        rays => Ok(rays),
     }
+}
+
+/// Simulates the light inside the sample in `file` at `depths_cm`.
+#[pyfunction]
+pub(crate) fn profile<'py>(
+    py: Python<'py>,
+    file: SampleText,
+    depths_cm: Vec<f64>,
+    engine: &str,
+    rays: Option<u64>,
+    seed: u64,
+) -> PyResult<Bound<'py, PyDict>> {
+    let (sample, engine) = (read(file)?, named(engine)?);
+    let rays = some(rays.unwrap_or(RAYS))?;
+    let simulation = Simulation::of(&sample).engine(engine).rays(rays).seed(seed);
+    let depths_m: Vec<f64> = depths_cm.iter().map(|cm| cm / 100.0).collect();
+    let pool = pool(py)?;
+    let run = |simulation: &Simulation| simulation.profile(&depths_m);
+    let found = py.detach(|| interruptible(&pool, &simulation, run))?;
+    let engine = engine::profile::engine(engine, &simulation.request());
+
+    let depths = found.depths_m().len();
+    let places = (0..found.wavelengths()).flat_map(|w| (0..depths).map(move |d| (w, d)));
+    let light: Vec<LightAtDepth> = places.map(|(w, d)| found.at(w, d)).collect();
+    let result = PyDict::new(py);
+    let columns = |name: &str, part: &dyn Fn(&LightAtDepth) -> Option<Measured>| {
+        let all: Vec<Measured> = light.iter().filter_map(part).collect();
+        let values = PyArray1::from_iter(py, all.iter().map(|m| m.value));
+        let errors = PyArray1::from_iter(py, all.iter().map(|m| m.se));
+        result.set_item(name, values)?;
+        result.set_item(format!("{name}_se"), errors)
+    };
+    columns("downwelling", &|light| Some(light.downwelling))?;
+    columns("upwelling", &|light| Some(light.upwelling))?;
+    columns("actinic", &|light| Some(light.actinic))?;
+    columns("absorbed_per_m", &|light| light.absorbed_per_m)?;
+    let depths_cm = found.depths_m().iter().map(|m| m_to_cm(*m));
+    result.set_item("depths_cm", PyArray1::from_iter(py, depths_cm))?;
+    result.set_item(
+        "wavelengths_nm",
+        PyArray1::from_slice(py, &sample.wavelengths_nm),
+    )?;
+    result.set_item("lost_share", found.lost)?;
+    result.set_item("engine", engine.name())?;
+    result.set_item("rays", rays)?;
+    result.set_item("seed", seed)?;
+    result.set_item("warnings", sample.warnings.clone())?;
+    result.set_item("notes", sample.notes.clone())?;
+    Ok(result)
+}
+
+/// Simulates the sample in `file`.
+#[pyfunction]
+pub(crate) fn simulate<'py>(
+    py: Python<'py>,
+    file: SampleText,
+    engine: &str,
+    rays: Option<u64>,
+    seed: u64,
+    max_error: Option<Bounds>,
+) -> PyResult<Bound<'py, PyDict>> {
+    let (sample, engine) = (read(file)?, named(engine)?);
+    let (max_error, default_rays) = bounds(max_error, engine, &sample.wavelengths_nm)?;
+    let rays = some(rays.unwrap_or(default_rays))?;
     let simulation = Simulation::of(&sample)
         .engine(engine)
         .rays(rays)
         .seed(seed)
         .max_error(max_error);
     let pool = pool(py)?;
-    let spectrum = py.detach(|| interruptible(&pool, &simulation))?;
+    let run = |simulation: &Simulation| simulation.run();
+    let spectrum = py.detach(|| interruptible(&pool, &simulation, run))?;
 
     let list = |values: &[Measured], part: fn(&Measured) -> f64| {
         PyArray1::from_iter(py, values.iter().map(part))
@@ -118,17 +183,21 @@ pub(crate) fn simulate<'py>(
     Ok(result)
 }
 
-/// Runs `simulation`, and cancels it when Python receives a signal such as Ctrl-C.
-fn interruptible(pool: &ThreadPool, simulation: &Simulation) -> PyResult<Spectrum> {
+/// Runs `work` with `simulation`, and cancels it when Python receives a signal such as Ctrl-C.
+fn interruptible<T: Send>(
+    pool: &ThreadPool,
+    simulation: &Simulation,
+    work: impl Fn(&Simulation) -> Result<T, EngineError> + Sync,
+) -> PyResult<T> {
     let cancel = AtomicBool::new(false);
     let simulation = simulation.clone().cancel(&cancel);
     let mut signal = Ok(());
     let (sender, receiver) = mpsc::channel();
-    let spectrum = std::thread::scope(|scope| {
+    let result = std::thread::scope(|scope| {
         scope.spawn(|| {
             // also dropped on a panic, which the scope propagates
             let sender = sender;
-            let _ = sender.send(pool.install(|| simulation.run()));
+            let _ = sender.send(pool.install(|| work(&simulation)));
         });
         loop {
             match receiver.recv_timeout(SIGNAL_INTERVAL) {
@@ -143,5 +212,5 @@ fn interruptible(pool: &ThreadPool, simulation: &Simulation) -> PyResult<Spectru
         }
     });
     signal?;
-    spectrum.map_err(refuse)
+    result.map_err(refuse)
 }

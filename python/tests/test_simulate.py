@@ -54,6 +54,26 @@ def test_equals_simulate(run, path, engine):
     assert found.engine != "auto"
 
 
+@pytest.mark.parametrize("engine", ["auto", "spectral"])
+def test_profile_equals_the_command(run, path, engine):
+    words = ("--depths-cm=0.5,1", "--engine", engine, "--rays=4000", "--seed=7", "--json")
+    command = json.loads(run("simulate", path, *words))
+    found = splitsnow.profile(path, [1, 0.5], engine=engine, rays=4000, seed=7)
+    assert found.depths_cm.tolist() == command["depth_cm"] == [0, 0.5, 1, 2]
+    for name in ("downwelling", "upwelling", "actinic"):
+        for end in ("", "_se"):
+            assert getattr(found, name + end).tolist() == command[name + end]
+    assert found.absorbed_per_m.tolist() == [row[:3] for row in command["absorbed_per_m"]]
+    net = found.downwelling - found.upwelling
+    lost = found.absorbed_per_m * np.diff(found.depths_cm) / 100
+    np.testing.assert_allclose(net[:, :-1] - net[:, 1:], lost, rtol=1e-9, atol=1e-15)
+    assert found.engine == ("hybrid" if engine == "auto" else engine)
+    with pytest.raises(ValueError, match="depth"):
+        splitsnow.profile(path, [3], rays=100)
+    with pytest.raises(ValueError, match="depths_cm must be"):
+        splitsnow.profile(path, [-1], rays=100)
+
+
 def test_path_text_and_mapping_are_equivalent(path):
     keys = tomllib.loads(SAMPLE)
     keys["wavelengths"]["values_nm"] = np.array(keys["wavelengths"]["values_nm"])
