@@ -147,7 +147,7 @@ fn unfinished(dir: &Path, shards: u64) -> anyhow::Error {
 }
 
 /// Adds to a build error how to resume.
-fn explained(error: BuildError, dir: &Path) -> anyhow::Error {
+pub(super) fn explained(error: BuildError, dir: &Path) -> anyhow::Error {
     match error {
         BuildError::Interrupted { done, jobs } if done == jobs => {
             interrupted("all jobs are done and safe").into()

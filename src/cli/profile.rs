@@ -59,7 +59,7 @@ fn depths_cm(text: &str) -> Result<DepthsCm, String> {
             Ok(DepthsCm((0..=steps as usize).map(depth).collect()))
         }
         _ => Err(
-            "give a depth, or START:END:STEP with END at or below START and STEP above 0".into(),
+            "give a depth, or START:END:STEP with END not less than START and STEP above 0".into(),
         ),
     }
 }

@@ -2,6 +2,7 @@
 use std::fs::{self, File};
 use std::io::Read;
 use std::path::{Path, PathBuf};
+use std::sync::atomic::AtomicBool;
 
 use anyhow::{anyhow, bail, ensure};
 use sha2::{Digest, Sha256};
@@ -147,6 +148,7 @@ fn not_negative(text: &str) -> Result<f64, String> {
 }
 
 pub(super) fn run(args: &Args) -> anyhow::Result<()> {
+    let cancel = common::interrupt_flag();
     let exclusions = against::exclusions(&args.exclude)?;
     let bands = args.bands.open()?;
     let spectra: anyhow::Result<Vec<SpectrumArg>> = args
@@ -168,17 +170,26 @@ pub(super) fn run(args: &Args) -> anyhow::Result<()> {
                 Some(within) => within.clone(),
                 None => {
                     let nm = spectra::wavelengths_nm(measured.iter().map(|(_, m)| m));
+                    ensure!(
+                        nm.len() > 1,
+                        "{}: fewer than 2 wavelengths are outside the excluded bands; --exclude none uses all",
+                        args.spectra.join(", ")
+                    );
                     let known = measured.iter().map(|(arg, m)| arg.known(m)).collect();
                     args.default_box(known, &nm)?
                 }
             };
-            (measured, args.database(&within)?, None)
+            (
+                measured,
+                args.database(&within, cancel.as_deref().ok())?,
+                None,
+            )
         }
         Some(bands) => {
             let within = args.within.as_deref().ok_or_else(|| {
                 anyhow!("--bands needs a database whose wavelengths cover the bands: give it, or a grid file, with --within")
             })?;
-            let database = args.database(within)?;
+            let database = args.database(within, cancel.as_deref().ok())?;
             let bands = bands.measured(&database)?;
             (read(spectra, Some(&bands))?, database, Some(bands))
         }
@@ -212,7 +223,6 @@ pub(super) fn run(args: &Args) -> anyhow::Result<()> {
             names.join(", ")
         ));
     }
-    let cancel = common::interrupt_flag();
     let exact = ExactOptions {
         rays: args.rays,
         seed: args.seed,
@@ -294,7 +304,11 @@ impl Args {
             common::note(&format!("searching the snows of {}", path.display()));
         } else {
             fs::create_dir_all("out").map_err(|error| anyhow!("out: cannot be made: {error}"))?;
-            atomic::write(&path, found.text.as_bytes())?;
+            let written = atomic::write(&path, found.text.as_bytes());
+            // another process may write the same text at the same time
+            if !fs::read_to_string(&path).is_ok_and(|text| text == found.text) {
+                written.map_err(|error| anyhow!("{}: {error}", path.display()))?;
+            }
             common::note(&format!(
                 "searching the snows of {}, made from what is known; --within gives other snows",
                 path.display()
@@ -307,10 +321,10 @@ impl Args {
     }
 
     /// The compact file, built first if `within` is a grid file.
-    fn database(&self, within: &Path) -> anyhow::Result<Database> {
+    fn database(&self, within: &Path, cancel: Option<&AtomicBool>) -> anyhow::Result<Database> {
         let is_grid = within.extension().is_some_and(|end| end == "toml");
         let dir = match is_grid && !within.is_dir() {
-            true => self.built(within)?,
+            true => self.built(within, cancel)?,
             false => within.to_owned(),
         };
         let path = match self.diffuse {
@@ -321,7 +335,7 @@ impl Args {
     }
 
     /// Builds the database of the grid file, or continues it. Returns its directory.
-    fn built(&self, within: &Path) -> anyhow::Result<PathBuf> {
+    fn built(&self, within: &Path, cancel: Option<&AtomicBool>) -> anyhow::Result<PathBuf> {
         let file = grid::read(within)?;
         common::warn(&file.warnings);
         common::notes(&file.notes);
@@ -363,11 +377,11 @@ impl Args {
                 fresh: false,
                 viewing: file.viewing,
                 progress: Some(&bar),
-                cancel: None,
+                cancel,
             },
         );
         drop(bar);
-        let report = built?;
+        let report = built.map_err(|error| super::build::explained(error, &dir))?;
         if report.jobs_run > 0 {
             common::note(&format!(
                 "{}: {} jobs run; the next retrieval reads {} at once",

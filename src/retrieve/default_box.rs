@@ -1,6 +1,7 @@
 //! The grid of snows that is searched if none is given: from what was measured and what is known.
 use super::knowledge::{Belief, FreeParameter, KnownValue, Named};
 use super::{MeasuredInput, RetrieveError};
+use crate::config::grid;
 use crate::grain::SizeMeasure;
 use crate::measurement::Quantity;
 use crate::parameter::{Parameter, Scale};
@@ -42,6 +43,7 @@ impl DefaultBox {
     /// [`RetrieveError::Knowledge`] if the thickness of snow that transmits light is not stated,
     /// or the range of an optional axis.
     pub fn new(request: &BoxRequest<'_>) -> Result<Self, RetrieveError> {
+        request.check()?;
         let mut assumed = Vec::new();
         let transmits = |input: &MeasuredInput| input.quantity == Quantity::Transmittance;
         let mut thicknesses = request.known(Parameter::Thickness);
@@ -65,6 +67,30 @@ impl DefaultBox {
                 false => "sun at an unknown angle, 0 to 80 degrees from the normal".into(),
             });
         }
+        // the coarsest grains may not fit into thin slabs
+        let mut first = None;
+        for left_out in 0..NODES {
+            let text = request.text(is_deep, left_out)?;
+            match grid::parse("what is known", &text) {
+                Ok(_) if left_out == 0 => return Ok(Self { text, assumed }),
+                Ok(_) => {
+                    assumed.push("grains of less than a tenth of the thickness".into());
+                    return Ok(Self { text, assumed });
+                }
+                Err(error) => first = first.or(Some(error)),
+            }
+        }
+        let problem = first.map_or_else(String::new, |error| error.to_string());
+        Err(RetrieveError::Knowledge(format!(
+            "what is known gives no grid: {problem}"
+        )))
+    }
+}
+
+impl BoxRequest<'_> {
+    /// The text of the grid file, without so many of the coarsest grains.
+    fn text(&self, is_deep: bool, left_out: usize) -> Result<String, RetrieveError> {
+        let request = self;
         let first_nm = request.wavelengths_nm.first().copied();
         let optional = Parameter::ALL
             .into_iter()
@@ -92,24 +118,102 @@ impl DefaultBox {
                 }
                 _ => &[],
             };
-            let (key, nodes) = request.axis(parameter, defaults)?;
+            let (named, mut nodes) = request.axis(parameter, defaults)?;
+            if parameter == Parameter::GrainSize && nodes.len() > left_out + 1 {
+                match named {
+                    Named::Measure(SizeMeasure::SpecificSurface) => nodes.drain(..left_out),
+                    _ => nodes.drain(nodes.len() - left_out..),
+                };
+            }
             if !nodes.is_empty() {
-                text += &format!("{key} = {}\n", list(&nodes));
+                let values = list(&nodes, parameter == Parameter::Thickness);
+                text += &format!("{} = {values}\n", named.name());
             }
         }
         if request.diffuse {
             text += "diffuse = true\n";
         }
-        text += &format!(
-            "\n[wavelengths]\nvalues_nm = {}\n",
-            list(request.wavelengths_nm)
-        );
+        let nm = list(request.wavelengths_nm, false);
+        text += &format!("\n[wavelengths]\nvalues_nm = {nm}\n");
         text += "\n[run]\nengine = \"hybrid\"\nrays = 8000\n";
-        Ok(Self { text, assumed })
+        Ok(text)
     }
-}
 
-impl BoxRequest<'_> {
+    /// Refuses statements that contradict each other or the ranges of the parameters.
+    fn check(&self) -> Result<(), RetrieveError> {
+        let wrong = |text: String| Err(RetrieveError::Knowledge(text));
+        let stated = |a: &[Named]| -> Vec<Parameter> { a.iter().map(|n| n.parameter()).collect() };
+        let free: Vec<Named> = self.free.iter().map(|free| free.named).collect();
+        let known: Vec<Named> = self.fix.iter().map(|known| known.named).collect();
+        let all = stated(&[free, known].concat());
+        if let Some(twice) = (1..all.len()).find(|i| all[..*i].contains(&all[*i])) {
+            let name = all[twice].key();
+            return wrong(format!("{name} is stated twice; remove one statement"));
+        }
+        for input in self.inputs {
+            for own in &input.fixed {
+                let parameter = own.named.parameter();
+                let name = parameter.key();
+                if all.contains(&parameter) {
+                    return wrong(format!(
+                        "{name} is stated for {} and for all spectra; remove one statement",
+                        input.name
+                    ));
+                }
+                let has = |input: &&MeasuredInput| {
+                    let mut names = input.fixed.iter().map(|known| known.named.parameter());
+                    names.any(|other| other == parameter)
+                };
+                let count = self.inputs.iter().filter(has).count();
+                if count < self.inputs.len() {
+                    let of = self.inputs.len();
+                    return wrong(format!(
+                        "{name} is known for {count} of {of} spectra; give it for each of them"
+                    ));
+                }
+            }
+        }
+        if self.diffuse && !self.says_nothing(Parameter::Incidence) {
+            return wrong(
+                "--diffuse and an incidence angle contradict each other; remove one".into(),
+            );
+        }
+        let own = self.inputs.iter().flat_map(|input| &input.fixed);
+        for known in self.fix.iter().chain(own) {
+            let (name, value) = (known.named.name(), known.value);
+            let allowed = known.named.parameter().record().allowed;
+            let half_space = value == f64::INFINITY && name == Parameter::Thickness.key();
+            match known.named {
+                Named::Axis(_) if half_space || allowed.contains(value) => {}
+                Named::Axis(_) => {
+                    return wrong(format!("{name} = {value} is out of range: {allowed}"));
+                }
+                Named::Measure(_) if value > 0.0 && value.is_finite() => {}
+                Named::Measure(_) => return wrong(format!("{name} = {value} must be above 0")),
+            }
+        }
+        for free in self.free {
+            let (name, allowed) = (free.named.name(), free.named.parameter().record().allowed);
+            let is_axis = matches!(free.named, Named::Axis(_));
+            let outside = |value: f64| !value.is_finite() || is_axis && !allowed.contains(value);
+            match free.belief {
+                Belief::Range([min, max]) if outside(min) || outside(max) => {
+                    return wrong(format!("{name} = {min}..{max} is out of range: {allowed}"));
+                }
+                Belief::Normal([mean, sd]) if outside(mean) => {
+                    return wrong(format!("{name} = {mean}+-{sd} is out of range: {allowed}"));
+                }
+                Belief::Axis if name == Parameter::Thickness.key() => {
+                    return wrong(format!(
+                        "the range of {name} is not stated; write --free {name}=MIN..MAX"
+                    ));
+                }
+                _ => {}
+            }
+        }
+        Ok(())
+    }
+
     /// The known values of a parameter, for all spectra and for single ones.
     fn known(&self, parameter: Parameter) -> Vec<(Named, f64)> {
         let own = self.inputs.iter().flat_map(|input| &input.fixed);
@@ -147,12 +251,12 @@ impl BoxRequest<'_> {
         }
     }
 
-    /// The key of an axis and its nodes, increasing; none if the grid does not need the axis.
+    /// What an axis holds and its nodes, increasing; none if the grid does not need the axis.
     fn axis(
         &self,
         parameter: Parameter,
         defaults: &[f64],
-    ) -> Result<(&'static str, Vec<f64>), RetrieveError> {
+    ) -> Result<(Named, Vec<f64>), RetrieveError> {
         let known = self.known(parameter);
         let free = self.free(parameter);
         let mut names = known.iter().map(|(named, _)| *named);
@@ -186,14 +290,34 @@ impl BoxRequest<'_> {
             _ if self.is_known(parameter) => Vec::new(),
             Some(Belief::Range(ends)) => scale.spread(ends, NODES),
             Some(Belief::Normal([mean, sd])) => {
-                let ends = [mean - 3.0 * sd, mean + 3.0 * sd];
+                let is_size = parameter == Parameter::GrainSize;
+                // sizes in proportion, because they are above 0
+                let ratio = libm::exp(3.0 * sd / mean);
+                let [low, high] = match is_size {
+                    true => [mean / ratio, mean * ratio],
+                    false => [mean - 3.0 * sd, mean + 3.0 * sd],
+                };
                 let ends = match named {
-                    // in proportion, because these are above 0
-                    Named::Measure(_) | Named::Axis(Parameter::GrainSize) => {
-                        let ratio = libm::exp(3.0 * sd / mean);
-                        [mean / ratio, mean * ratio]
-                    }
-                    Named::Axis(_) => ends.map(|end| end.clamp(allowed.min, allowed.max)),
+                    Named::Measure(_) => [low, high],
+                    // not quite to an end that is excluded
+                    Named::Axis(_) => [
+                        low.max(
+                            allowed.min
+                                + if allowed.open[0] {
+                                    0.01 * (mean - allowed.min)
+                                } else {
+                                    0.0
+                                },
+                        ),
+                        high.min(
+                            allowed.max
+                                - if allowed.open[1] {
+                                    0.01 * (allowed.max - mean)
+                                } else {
+                                    0.0
+                                },
+                        ),
+                    ],
                 };
                 scale.spread(ends, NODES)
             }
@@ -219,13 +343,13 @@ impl BoxRequest<'_> {
         }
         nodes.sort_by(f64::total_cmp);
         nodes.dedup();
-        Ok((named.name(), nodes))
+        Ok((named, nodes))
     }
 }
 
-/// The list as TOML; a half space is `inf`.
-fn list(values: &[f64]) -> String {
-    let value = |x: &f64| match *x >= HALF_SPACE_CM {
+/// The list as TOML; of thicknesses, a half space is `inf`.
+fn list(values: &[f64], thicknesses: bool) -> String {
+    let value = |x: &f64| match thicknesses && *x >= HALF_SPACE_CM {
         true => "inf".to_owned(),
         false => format!("{x}"),
     };
@@ -237,7 +361,6 @@ fn list(values: &[f64]) -> String {
 #[allow(clippy::unwrap_used)]
 mod tests {
     use super::*;
-    use crate::config::grid;
 
     /// The box for spectra with these quantities and known values, `free` and `fix`; the lists
     /// are words of the command line.
@@ -297,10 +420,7 @@ mod tests {
 
     #[test]
     fn known_values_are_nodes() {
-        let inputs: [(_, &[&str]); 2] = [
-            (R, &["thickness_cm=34", "density_kg_m3=200"]),
-            (T, &["thickness_cm=2.5"]),
-        ];
+        let inputs: [(_, &[&str]); 2] = [(R, &["thickness_cm=34"]), (T, &["thickness_cm=2.5"])];
         let fix = [
             "grain_size_um=250",
             "temperature_c=-7",
@@ -311,9 +431,6 @@ mod tests {
         assert_eq!(nodes(&found.text, Parameter::GrainSize), [250.0]);
         assert_eq!(nodes(&found.text, Parameter::Temperature), [-7.0]);
         assert_eq!(nodes(&found.text, Parameter::BlackCarbon), [0.0]);
-        // known of one spectrum only
-        let densities = [100.0, 180.0, 200.0, 300.0, 450.0];
-        assert_eq!(nodes(&found.text, Parameter::Density), densities);
         assert_eq!(found.assumed.len(), 1, "{:?}", found.assumed);
     }
 
@@ -359,8 +476,78 @@ mod tests {
             &["grain_size_um=100..400"],
             &["ssa_m2_kg=20"],
             R,
-            "several ways",
+            "grain_size_um is stated twice",
         );
         wrong(&["absorber_ug_g=0..10"], &[], R, "substance");
+        wrong(&["thickness_cm"], &[], R, "--free thickness_cm=MIN..MAX");
+        wrong(&["thickness_cm=1..inf"], &[], R, "out of range");
+        wrong(
+            &["facetness=5+-0.1"],
+            &[],
+            R,
+            "facetness = 5+-0.1 is out of range: 0 to 1",
+        );
+        wrong(
+            &[],
+            &["facetness=3"],
+            R,
+            "facetness = 3 is out of range: 0 to 1",
+        );
+        wrong(&[], &["ssa_m2_kg=-3"], R, "above 0");
+        wrong(
+            &["facetness"],
+            &["facetness=0.3"],
+            R,
+            "facetness is stated twice",
+        );
+        wrong(
+            &[],
+            &["thickness_cm=2", "thickness_cm=inf"],
+            R,
+            "stated twice",
+        );
+        wrong(
+            &[],
+            &["temperature_c=-7", "ssa_m2_kg=20"],
+            R,
+            "gives no grid",
+        );
+        let both: [(_, &[&str]); 2] = [(R, &["thickness_cm=3"]), (R, &[])];
+        let error = of(&both, &[], &[], false).unwrap_err();
+        assert!(error.contains("known for 1 of 2 spectra"), "{error}");
+        let mixed: [(_, &[&str]); 2] = [(R, &["ssa_m2_kg=20"]), (R, &["grain_size_um=300"])];
+        let error = of(&mixed, &[], &[], false).unwrap_err();
+        assert!(error.contains("several ways"), "{error}");
+        let error = of(&both[..1], &[], &["thickness_cm=2"], false).unwrap_err();
+        assert!(error.contains("for x and for all spectra"), "{error}");
+        let error = of(&[(R, &["incidence_angle_deg=3"])], &[], &[], true).unwrap_err();
+        assert!(error.contains("contradict"), "{error}");
+    }
+
+    /// Grains must fit into the slab, and priors end where parameters do.
+    #[test]
+    fn nodes_are_cut_to_what_is_possible() {
+        let sizes = |free: &[&str], cm: &str| {
+            let found = of(&[(R, &[])], free, &[cm], false).unwrap();
+            nodes(&found.text, Parameter::GrainSize)
+        };
+        for cm in [0.3, 0.8, 1.0, 2.5] {
+            let sizes = sizes(&[], &format!("thickness_cm={cm}"));
+            assert!(
+                sizes.len() > 2 && sizes.iter().all(|um| *um <= 1000.0 * cm),
+                "{sizes:?}"
+            );
+        }
+        assert!(sizes(&["grain_size_um=100..4000"], "thickness_cm=3").len() > 2);
+        assert!(sizes(&["ssa_m2_kg=10+-5"], "thickness_cm=3").len() > 2);
+        for free in [
+            "incidence_angle_deg=85+-3",
+            "grain_size_um=2000+-1000",
+            "thickness_cm=10+-4",
+        ] {
+            assert!(of(&[(R, &[])], &[free], &[], false).is_ok(), "{free}");
+        }
+        let most = of(&[(R, &[])], &[], &["black_carbon_ng_g=1e9"], false).unwrap();
+        assert_eq!(nodes(&most.text, Parameter::BlackCarbon), [1e9]);
     }
 }

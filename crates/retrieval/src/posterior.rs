@@ -100,7 +100,13 @@ impl Posterior {
             let sides: Vec<f64> = divisions.iter().map(|d| 1.0 / f64::from(*d)).collect();
             let costs = costs(inverse, &cells, &sides);
             let best = costs.iter().copied().fold(f64::INFINITY, f64::min);
-            let best = best.min(optimum.chi_square + optimum.prior_square);
+            // at the end of a range the cost may rise by more than NEGLIGIBLE within half a cell
+            let lowest = best.min(optimum.chi_square + optimum.prior_square);
+            let best = if lowest + NEGLIGIBLE < best {
+                best
+            } else {
+                lowest
+            };
             let coarse: Vec<usize> = (0..n).filter(|i| !is_fine(*i, divisions[*i])).collect();
             if coarse.is_empty() {
                 return Some(Self::of_cells(&cells, &costs, best, &sides));
