@@ -160,6 +160,8 @@ struct Walks<'a, S: Simd> {
     waiting: u64,
     /// Whether the sink receives the legs of the rays.
     follows: bool,
+    /// The ray whose leg through a grain is to be reported, where it entered.
+    entered: Ray,
     /// Depths and paths of a flight at its start, at the planes between layers and at its end.
     flight: Vec<(f64, Path)>,
     sink: &'a mut dyn Sink,
@@ -317,6 +319,7 @@ impl SimdKernel for Walking<'_> {
             lanes: [lane; LANES],
             waiting: self.rays,
             follows: self.sink.follows(),
+            entered: lane.ray,
             flight: Vec::new(),
             sink: self.sink,
         };
@@ -477,7 +480,9 @@ impl<S: Simd> Walks<'_, S> {
     /// Takes the ray of `lane` out of its grain and flies it to the next.
     #[inline(always)]
     fn leave_grain(&mut self, lane: usize) -> Result<bool, WalkError> {
-        let entered = self.lanes[lane].ray;
+        if self.follows {
+            self.enter_grain(lane);
+        }
         self.collect_ice(lane);
         let (events, bit) = (&self.events[lane / 8], lane % 8);
         let Lane { ray, centre_m, .. } = &mut self.lanes[lane];
@@ -486,20 +491,27 @@ impl<S: Simd> Walks<'_, S> {
         ray.z_m = place.z;
         ray.path.offset_m = [place.x, place.y];
         ray.events += 1;
-        if self.follows && self.cross_grain(lane, &entered) {
+        let is_lost = ray.events >= EVENT_LIMIT;
+        if self.follows && self.cross_grain(lane) {
             return self.end(lane, End::Absorbed);
         }
-        if self.lanes[lane].ray.events >= EVENT_LIMIT {
+        if is_lost {
             return self.end(lane, End::Lost);
         }
         self.find_layer(lane);
         Ok(self.fly(lane, None)? || self.start(lane)?)
     }
 
-    /// Reports the leg of the ray of `lane` through a grain, from where it `entered`; true if the
-    /// ray is absorbed.
-    fn cross_grain(&mut self, lane: usize, entered: &Ray) -> bool {
-        let Lane { ray, budget, .. } = &self.lanes[lane];
+    /// Notes where the ray of `lane` enters its grain.
+    #[cold]
+    fn enter_grain(&mut self, lane: usize) {
+        self.entered = self.lanes[lane].ray;
+    }
+
+    /// Reports the leg of the ray of `lane` through its grain; true if the ray is absorbed.
+    #[cold]
+    fn cross_grain(&mut self, lane: usize) -> bool {
+        let (entered, Lane { ray, budget, .. }) = (&self.entered, &self.lanes[lane]);
         let place = |ray: &Ray| Vec3::new(ray.path.offset_m[0], ray.path.offset_m[1], ray.z_m);
         let moved = place(ray) - place(entered);
         if moved.z != 0.0 {
@@ -514,8 +526,18 @@ impl<S: Simd> Walks<'_, S> {
         self.walker.absorption.coefficients.depth(&ray.path) >= *budget
     }
 
-    /// Reports the legs of the flight of `lane`, which has begun as `start`.
-    fn cross_pores(&mut self, lane: usize, start: &Ray) {
+    /// Notes a place on a flight.
+    #[cold]
+    fn pass(&mut self, z_m: f64, path: Path) {
+        self.flight.push((z_m, path));
+    }
+
+    /// Reports the legs of the flight of `lane`, whose ray is still that of the start.
+    #[cold]
+    fn cross_pores(&mut self, lane: usize) {
+        let Lane {
+            ray: start, budget, ..
+        } = &self.lanes[lane];
         let collimated = matches!(self.illumination, Illumination::Collimated { .. });
         for ends in self.flight.windows(2) {
             let leg = Leg {
@@ -524,7 +546,7 @@ impl<S: Simd> Walks<'_, S> {
                 paths: [ends[0].1, ends[1].1],
                 is_beam: collimated && start.events == 0 && start.path.bounces == 0,
             };
-            self.sink.leg(&leg, self.lanes[lane].budget);
+            self.sink.leg(&leg, *budget);
         }
     }
 
@@ -601,10 +623,9 @@ impl<S: Simd> Walks<'_, S> {
             let thickness_m = self.thicknesses_m[self.lanes[lane].slab];
             // to a grain or out of the snowpack
             let (first, mut proposal, mut ray) = (proposal, proposal, self.lanes[lane].ray);
-            let start = ray;
             if self.follows {
                 self.flight.clear();
-                self.flight.push((ray.z_m, ray.path));
+                self.pass(ray.z_m, ray.path);
             }
             let inside = loop {
                 let layer = &self.walker.layers[ray.layer];
@@ -632,7 +653,7 @@ impl<S: Simd> Walks<'_, S> {
                 ray.path.offset_m[1] += length_m * ray.direction.y;
                 ray.z_m = if inside { z_m } else { plane_m };
                 if self.follows {
-                    self.flight.push((ray.z_m, ray.path));
+                    self.pass(ray.z_m, ray.path);
                 }
                 if inside {
                     break true;
@@ -656,7 +677,7 @@ impl<S: Simd> Walks<'_, S> {
             let depth = absorption.coefficients.depth(&ray.path);
             if !inside {
                 if self.follows {
-                    self.cross_pores(lane, &start);
+                    self.cross_pores(lane);
                 }
                 self.lanes[lane].ray = ray;
                 let end = match (depth >= budget, ray.direction.z > 0.0) {
@@ -693,7 +714,7 @@ impl<S: Simd> Walks<'_, S> {
                 }
             }
             if self.follows {
-                self.cross_pores(lane, &start);
+                self.cross_pores(lane);
             }
             self.lanes[lane].ray = ray;
             if depth >= budget {
