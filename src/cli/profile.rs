@@ -1,4 +1,4 @@
-//! `simulate --depths-cm`: light inside the snow against depth.
+//! `simulate --depths-cm`: light inside the snow against depth, in cm, per incident flux.
 use std::fmt::Write;
 use std::sync::atomic::AtomicBool;
 

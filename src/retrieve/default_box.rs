@@ -1,4 +1,8 @@
 //! The grid of snows that is searched if none is given: from what was measured and what is known.
+//!
+//! Units are those of grid files (docs/formats.md). The default nodes span natural snow (5 to 120
+//! m2/kg, 0 to 2500 ng/g of black carbon); snow beyond them is not found, and a value at an end
+//! says so. The snow has one layer, is dry and lies on black ground, unless axes say otherwise.
 use super::knowledge::{Belief, FreeParameter, KnownValue, Named};
 use super::{MeasuredInput, RetrieveError};
 use crate::config::grid;
@@ -40,8 +44,9 @@ impl DefaultBox {
     /// The grid of the snows that may have these spectra.
     ///
     /// # Errors
-    /// [`RetrieveError::Knowledge`] if the thickness of snow that transmits light is not stated,
-    /// or the range of an optional axis.
+    /// [`RetrieveError::Knowledge`] if statements contradict each other or the ranges of their
+    /// parameters, or if the thickness of snow that transmits light or the range of an optional
+    /// axis is not stated.
     pub fn new(request: &BoxRequest<'_>) -> Result<Self, RetrieveError> {
         request.check()?;
         let mut assumed = Vec::new();

@@ -1,4 +1,6 @@
-//! Profiles from walks of the whole snowpack, grain by grain, in independent parts.
+//! Profiles from walks of the whole snowpack, grain by grain, in independent parts
+//! (docs/methods.md, "Light inside the snow"). Depths in m, fluxes per incident flux. Where few
+//! walks arrive, deep or dark, the standard errors are rough.
 use std::ops::Range;
 use std::sync::atomic::{AtomicBool, Ordering};
 
