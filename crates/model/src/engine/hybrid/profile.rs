@@ -57,9 +57,11 @@ impl StreamLight {
 ///
 /// Walks of different windows have different noise, and the small difference of the fluxes, the
 /// net flux, would be lost in it. The streams balance energy to rounding. So the net flux is that of
-/// the streams (or of the light that leaves) at the ends of the window, and in between absorption is
-/// the counted one times a factor near 1. Half of the small correction goes to either flux, but none
-/// to the incident flux at the surface, and all of it to the transmitted flux at the base.
+/// the streams (or of the light that leaves) at the ends of the window. In between absorption is the
+/// counted one with a small correction. What is missing in it is missing next to open ends, where
+/// the light that enters has not yet met grains; so the correction per absorbed power increases
+/// linearly from a plane to an open end. Half of the correction of the net flux goes to either flux,
+/// but none to the incident flux at the surface, and all of it to the transmitted flux at the base.
 fn balanced(window: &Window, light: &StreamLight, counted: &[PlaneFluxes]) -> Vec<PlaneFluxes> {
     let [top_m, bottom_m] = window.ends_m;
     let net = |fluxes: &PlaneFluxes| fluxes[0] - fluxes[1];
@@ -81,6 +83,11 @@ fn balanced(window: &Window, light: &StreamLight, counted: &[PlaneFluxes]) -> Ve
             share if (0.0..=1.0).contains(&share) => share,
             // nothing absorbs, and rounding remains
             _ => depth,
+        };
+        let above = match window.edges {
+            [Edge::Plane, Edge::Open] => above * above,
+            [Edge::Open, Edge::Plane] => above * (2.0 - above),
+            _ => above,
         };
         let (missing, share) = (mix(above, missing), mix(depth, shares));
         let [down, up, actinic] = *fluxes;
