@@ -61,6 +61,7 @@ fn dust(name: &str, ug_g: f64, m2_g: f64, angstrom_exponent: f64) -> Absorber {
             angstrom_exponent,
         },
         per_wet_mass: false,
+        scattering: None,
     }
 }
 

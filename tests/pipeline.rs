@@ -27,6 +27,7 @@ mod lut;
 mod optical;
 mod page;
 mod pages;
+mod particles;
 mod retrieve;
 mod scale;
 mod serve;

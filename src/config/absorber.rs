@@ -2,7 +2,9 @@
 use std::path::Path;
 use std::sync::Arc;
 
-use crate::optics::{Absorber, Carbon, ImpurityMass, MassAbsorption, SPECIES, Species};
+use crate::optics::{
+    Absorber, Carbon, ImpurityMass, MassAbsorption, ParticleScattering, SPECIES, Species,
+};
 use crate::spectrum::{Table, TableError};
 use crate::transport::Model;
 
@@ -63,7 +65,7 @@ pub(super) fn absorbers(
         found.concentration_ng_g = concentration(document, &key, other, by_axis)?;
         let species = other.species.as_deref();
         match CARBON.iter().position(|name| species == Some(*name)) {
-            Some(kind) if !by_axis => {
+            Some(kind) if !by_axis && found.scattering.is_none() => {
                 if carbons[kind].is_some() {
                     let problem = format!("is in the snow twice: {} is given too", CARBON[kind]);
                     let help = "add the two masses, and remove one of the tables";
@@ -148,16 +150,49 @@ fn absorber(
     let key = |name: &str| format!("{table}.{name}");
     exclusive(document, &key("phase"), &key("sedimentation"))?;
     let (name, mass_absorption) = efficiency(document, table, keys, at, notes)?;
+    let sedimentation = match (keys.phase.as_deref(), keys.sedimentation) {
+        (Some("pores"), _) => 0.0,
+        (_, share) => share.unwrap_or(1.0),
+    };
     Ok(Absorber {
         name: keys.name.clone().unwrap_or(name),
         concentration_ng_g: 0.0,
-        sedimentation: match (keys.phase.as_deref(), keys.sedimentation) {
-            (Some("pores"), _) => 0.0,
-            (_, share) => share.unwrap_or(1.0),
-        },
+        sedimentation,
         mass_absorption,
         per_wet_mass: per_wet_mass(document, table, &keys.concentration_per)?,
+        scattering: scattering(document, table, keys, sedimentation)?,
     })
+}
+
+/// Scattering by the particles of an absorber, of which the share `sedimentation` is in the ice.
+fn scattering(
+    document: &Document,
+    table: &str,
+    keys: &AbsorberKeys,
+    sedimentation: f64,
+) -> Result<Option<ParticleScattering>, ConfigError> {
+    const EFFICIENCY: &str = "mass_scattering_efficiency_m2_g";
+    let key = |name: &str| format!("{table}.{name}");
+    match (
+        keys.mass_scattering_efficiency_m2_g,
+        keys.asymmetry_parameter,
+    ) {
+        (None, None) => Ok(None),
+        (None, Some(_)) => {
+            let help = "give how much the particles scatter, or remove asymmetry_parameter";
+            Err(document.error(&key(EFFICIENCY), Problem::Missing, help))
+        }
+        (Some(_), None) => {
+            let help = "add it: from -0.95 (back) to 0.95 (forward); dust has about 0.7";
+            Err(document.error(&key("asymmetry_parameter"), Problem::Missing, help))
+        }
+        (Some(_), Some(_)) if sedimentation == 1.0 => {
+            let problem = "has no effect on particles inside the ice".to_owned();
+            let help = "set phase = \"pores\", or sedimentation below 1; or remove it";
+            Err(document.error(&key(EFFICIENCY), Problem::Contradiction(problem), help))
+        }
+        (Some(m2_g), Some(asymmetry)) => Ok(Some(ParticleScattering { m2_g, asymmetry })),
+    }
 }
 
 /// The mass absorption efficiency and a name for it.

@@ -395,6 +395,14 @@ pub(super) struct AbsorberKeys {
     /// Absorption Angstrom exponent; needed with mass_absorption_efficiency_m2_g as one number.
     #[schemars(range(min = 0.0, max = 20.0))]
     pub(super) angstrom_exponent: Option<f64>,
+    /// Mass scattering efficiency of particles in the pores, m2/g, the same at all wavelengths;
+    /// without it they do not scatter.
+    #[schemars(range(min = 0.0, max = MAX_EFFICIENCY))]
+    pub(super) mass_scattering_efficiency_m2_g: Option<f64>,
+    /// Asymmetry parameter of their phase function (Henyey-Greenstein); needed with
+    /// mass_scattering_efficiency_m2_g.
+    #[schemars(range(min = -0.95, max = 0.95))]
+    pub(super) asymmetry_parameter: Option<f64>,
 }
 
 #[derive(Deserialize)]

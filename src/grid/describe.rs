@@ -147,6 +147,8 @@ impl From<&Absorber> for AbsorberSettings {
             reference_wavelength_nm: reference,
             angstrom_exponent: exponent,
             concentration_per: concentration_per(absorber.per_wet_mass),
+            mass_scattering_efficiency_m2_g: absorber.scattering.map(|s| s.m2_g),
+            asymmetry_parameter: absorber.scattering.map(|s| s.asymmetry),
         }
     }
 }

@@ -135,6 +135,7 @@ mod tests {
                 sedimentation: 1.0,
                 mass_absorption: Species::find("dust_libya").unwrap().mass_absorption(),
                 per_wet_mass: false,
+                scattering: None,
             }];
             let record = parameter.record();
             let (low, high) = (record.ordinary.min, record.ordinary.max);

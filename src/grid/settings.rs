@@ -299,6 +299,10 @@ pub(crate) struct AbsorberSettings {
     #[serde(skip_serializing_if = "Option::is_none")]
     pub(crate) angstrom_exponent: Option<f64>,
     pub(crate) concentration_per: String,
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub(crate) mass_scattering_efficiency_m2_g: Option<f64>,
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub(crate) asymmetry_parameter: Option<f64>,
 }
 
 /// A mass absorption efficiency: at the reference wavelength, or one per wavelength.

@@ -83,6 +83,10 @@ fn with_snow(digest: Fingerprint, snow: &Snow) -> Fingerprint {
                 .and(table.abscissae())
                 .and(table.column(0)),
         };
+        if let Some(scattering) = absorber.scattering {
+            let numbers = [scattering.m2_g, scattering.asymmetry];
+            digest = digest.and_text("scattering").and(&numbers);
+        }
     }
     digest
 }

@@ -9,9 +9,9 @@ use crate::engine::cache::HeapSize;
 use crate::engine::table_store::{self, TablePart};
 use crate::engine::{Control, EngineError, Request, Resolution, batches};
 use crate::grain::{Facets, GrainType, SizeRange, Surface};
-use crate::optics::Index;
+use crate::optics::{Index, Particles};
 use crate::rng::{Key, Stream};
-use crate::table::{Kernel, PackedTable, TableLayer, TableSnowpack, draw};
+use crate::table::{Kernel, Outcome, PackedTable, TableLayer, TableSnowpack, draw};
 use crate::transport::{Entry, Layer, Snow};
 
 /// Outcomes drawn with one random stream.
@@ -91,7 +91,8 @@ impl HeapSize for Outcomes {
 }
 
 /// Outcomes of each grain type in each layer of a snowpack, from the surface down, in
-/// air and in water: `[layer][type][medium]`. In dry snow both media are air.
+/// air and in water: `[layer][type][medium]`. In dry snow both media are air. Particles that
+/// scatter follow as one more type.
 pub(super) type SnowpackOutcomes = Vec<Vec<[Arc<Outcomes>; 2]>>;
 
 /// Outcomes for the snowpack of `request` at the indices `(ice, water)`.
@@ -124,9 +125,36 @@ pub(super) fn outcomes(
             };
             Ok([in_air, in_water])
         });
-        kinds.collect()
+        // the wavelength does not matter to particles, nor what is around them
+        let particles = snow.particles().map(|particles| {
+            let outcomes = Arc::new(of_particles(particles, request.resolution));
+            Ok([Arc::clone(&outcomes), outcomes])
+        });
+        kinds.chain(particles).collect()
     };
     request.snowpack.snows().map(layer_outcomes).collect()
+}
+
+/// Outcomes of scattering by `particles`, the same in all parts: their deflections have no noise.
+fn of_particles(particles: Particles, resolution: Resolution) -> Outcomes {
+    let size = (resolution.table as usize).div_ceil(PARTS);
+    let outcomes: Vec<Outcome> = (0..size)
+        .map(|i| {
+            let cos = particles.deflection((i as f64 + 0.5) / size as f64);
+            Outcome {
+                cos: cos as f32,
+                sin: (1.0 - cos * cos).sqrt() as f32,
+                ..Outcome::default()
+            }
+        })
+        .collect();
+    let kernel = Kernel::new(&outcomes, 2 * resolution.streams + 1);
+    Outcomes {
+        tables: vec![PackedTable::all(&outcomes); PARTS],
+        averages: Arc::new(Averages {
+            kernels: vec![kernel; PARTS],
+        }),
+    }
 }
 
 /// A vertical section of one layer of a snowpack.

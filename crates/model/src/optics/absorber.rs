@@ -1,5 +1,6 @@
 //! Light-absorbing substances in snow: how much they absorb at each wavelength (m2/g), and what they
-//! add to the absorption of ice and pores (1/m). They do not scatter (docs/absorbers.md).
+//! add to the absorption of ice and pores (1/m). Their particles in the pores may scatter, the same
+//! at all wavelengths (docs/absorbers.md).
 use std::sync::Arc;
 
 use splitsnow_spectra::spectrum::Table;
@@ -81,6 +82,54 @@ pub enum MassAbsorption {
     Table(Arc<Table>),
 }
 
+/// Scattering by the particles of an absorber that are in the pores, the same at all wavelengths.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct ParticleScattering {
+    /// Mass scattering efficiency, m2/g.
+    pub m2_g: f64,
+    /// Asymmetry parameter g of their phase function (Henyey and Greenstein 1941), in (-1, 1).
+    pub asymmetry: f64,
+}
+
+/// Scattering by all particles in the pores of a snow.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Particles {
+    /// Scattering coefficient of the pore space, 1/m.
+    pub per_m: f64,
+    /// Asymmetry parameter of the mean phase function.
+    pub asymmetry: f64,
+}
+
+impl Particles {
+    /// The particles of all `parts`; `None` if they do not scatter.
+    pub(crate) fn of_all(parts: impl Iterator<Item = Self>) -> Option<Self> {
+        let mut sum = Self {
+            per_m: 0.0,
+            asymmetry: 0.0,
+        };
+        for part in parts {
+            sum.per_m += part.per_m;
+            sum.asymmetry += part.per_m * part.asymmetry;
+        }
+        (sum.per_m > 0.0).then(|| Self {
+            asymmetry: sum.asymmetry / sum.per_m,
+            ..sum
+        })
+    }
+
+    /// The cosine of the deflection below which it is with probability `u`, in [0, 1], by the
+    /// phase function of Henyey and Greenstein (1941).
+    #[inline(always)]
+    #[must_use]
+    pub fn deflection(&self, u: f64) -> f64 {
+        let (g, x) = (self.asymmetry, 2.0 * u - 1.0);
+        let y = 1.0 + g * x;
+        // (1 + g^2 - ((1 - g^2) / y)^2) / 2g, which loses digits at small g, multiplied out
+        let polynomial = 2.0 * x + g * (3.0 + x * x + g * (2.0 * x + g * (x * x - 1.0)));
+        (polynomial / (2.0 * y * y)).clamp(-1.0, 1.0)
+    }
+}
+
 /// A light-absorbing substance in snow, such as mineral dust.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Absorber {
@@ -95,14 +144,33 @@ pub struct Absorber {
     /// Whether the concentration is per mass of wet snow (with its liquid water) instead of
     /// dry snow.
     pub per_wet_mass: bool,
+    /// How much the particles in the pores scatter; `None` if they do not.
+    pub scattering: Option<ParticleScattering>,
 }
 
 impl Absorber {
+    /// Mass per volume of snow, g/m3.
+    fn mass_g_m3(&self, densities: &Densities) -> f64 {
+        // kg/m3 are 1e3 g/m3, ng/g are 1e-9
+        densities.of(self.per_wet_mass) * self.concentration_ng_g * 1e-6
+    }
+
+    /// Scattering by its particles in the pores. Their mass is conserved, whatever
+    /// [`ImpurityMass`] says of absorption.
+    pub(crate) fn particles(&self, densities: &Densities) -> Option<Particles> {
+        let ParticleScattering { m2_g, asymmetry } = self.scattering?;
+        let pores = 1.0 - densities.dry_kg_m3 / densities.ice_kg_m3;
+        let g_m3 = (1.0 - self.sedimentation) * self.mass_g_m3(densities) / pores;
+        Some(Particles {
+            per_m: m2_g * g_m3,
+            asymmetry,
+        })
+    }
+
     /// Absorption that it adds to ice and pores.
     #[must_use]
     pub fn impurity(&self, mass: ImpurityMass, densities: &Densities) -> Impurity {
-        // kg/m3 are 1e3 g/m3, ng/g are 1e-9
-        let g_m3 = densities.of(self.per_wet_mass) * self.concentration_ng_g * 1e-6;
+        let g_m3 = self.mass_g_m3(densities);
         let (law, total) = match &self.mass_absorption {
             MassAbsorption::Power {
                 m2_g,
@@ -149,6 +217,7 @@ mod tests {
             sedimentation: 0.25,
             mass_absorption,
             per_wet_mass: false,
+            scattering: None,
         }
     }
 

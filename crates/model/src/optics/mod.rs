@@ -6,7 +6,9 @@ mod index;
 mod interface;
 mod species;
 
-pub use absorber::{Absorber, AbsorptionLaw, IMPURITY_NM, Impurity, MassAbsorption};
+pub use absorber::{
+    Absorber, AbsorptionLaw, IMPURITY_NM, Impurity, MassAbsorption, ParticleScattering, Particles,
+};
 pub use carbon::{Carbon, CarbonLaw, Densities, ImpurityMass};
 pub use index::{
     DataFile, IceTable, Index, MODEL_RANGE_NM, OpticsError, Water, WaterTable, data_files,

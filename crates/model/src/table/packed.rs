@@ -57,6 +57,12 @@ impl PackedTable {
                 *outcome(order[low + (u * (high - low) as f64) as usize].1)
             })
             .collect();
+        Self::all(&chosen)
+    }
+
+    /// A table of these outcomes, at least one.
+    #[must_use]
+    pub fn all(chosen: &[Outcome]) -> Self {
         let motion = |o: &Outcome| {
             let [x, y, along] = o.displacement;
             [o.cos, o.sin, along, x, y, o.ice, 0.0, 0.0]

@@ -17,7 +17,7 @@ pub struct TableSnowpack<'a> {
 /// A layer of a [`TableSnowpack`].
 #[derive(Debug, Clone)]
 pub struct TableLayer<'a> {
-    /// The types of grain, at least one.
+    /// The types of grain, at least one, and particles.
     pub(super) kinds: Vec<Kind<'a>>,
     /// Mean free distance between grains, m.
     pub(super) mean_free_distance_m: f64,
@@ -46,7 +46,8 @@ pub(super) struct Kind<'a> {
 
 impl<'a> TableLayer<'a> {
     /// `snow` down to `base_m` above the base of its snowpack, with the sums `tracers` over impurities.
-    /// `tables` holds the outcomes of each grain type in air and in water.
+    /// `tables` holds the outcomes of each grain type in air and in water, and then of particles
+    /// that scatter, if there are any.
     #[must_use]
     pub fn new(
         snow: &Snow,
@@ -57,12 +58,16 @@ impl<'a> TableLayer<'a> {
     ) -> Self {
         let mut before = 0.0;
         let shares = snow.meeting_shares();
-        let kinds = snow.grains.iter().zip(tables).zip(shares);
-        let kinds = kinds.map(|((component, tables), share)| {
+        let sizes_m = snow.grains.iter().map(|component| {
             let size = &component.grain.size;
+            [size.min_m(), size.max_m()]
+        });
+        // and particles, which are points
+        let kinds = sizes_m.chain([[0.0; 2]]).zip(tables).zip(shares);
+        let kinds = kinds.map(|((size_m, tables), share)| {
             let kind = Kind {
                 tables: *tables,
-                size_m: [size.min_m(), size.max_m()],
+                size_m,
                 chance: [before, share],
             };
             before += share;

@@ -1,8 +1,8 @@
 //! The snow and light that a walk needs to know about.
 use crate::grain::{Facets, GrainType, mean_free_distance_m};
 use crate::optics::{
-    Absorber, Carbon, CarbonLaw, Densities, IceTable, Impurity, ImpurityMass, WATER_DENSITY_KG_M3,
-    WaterTable, ice_density_kg_m3,
+    Absorber, Carbon, CarbonLaw, Densities, IceTable, Impurity, ImpurityMass, Particles,
+    WATER_DENSITY_KG_M3, WaterTable, ice_density_kg_m3,
 };
 use crate::transport::Joining;
 
@@ -61,32 +61,40 @@ impl Snow {
         self.grains.iter().map(distance)
     }
 
-    /// Mean free distance between grains of any type, m. Each type proposes a grain at
-    /// its own distance and the ray meets the nearest, so the rates add.
+    /// Mean free distance between events, m: grains of any type, and scattering particles in the
+    /// pores. Each proposes an event at its own distance and the ray meets the nearest, so the rates
+    /// add.
     #[must_use]
     pub fn mean_free_distance_m(&self) -> f64 {
-        match self.grains.as_slice() {
-            [_] => self.distances_m().sum(),
-            _ => {
-                1.0 / self
-                    .distances_m()
-                    .map(|distance| 1.0 / distance)
-                    .sum::<f64>()
-            }
+        let rates = || self.distances_m().map(|distance| 1.0 / distance);
+        match (self.grains.as_slice(), self.particles()) {
+            ([_], None) => self.distances_m().sum(),
+            (_, None) => 1.0 / rates().sum::<f64>(),
+            (_, Some(particles)) => 1.0 / (rates().sum::<f64>() + particles.per_m),
         }
     }
 
-    /// For each type, the probability that the next grain met is of that type.
+    /// For each type of grain, and then for [`Self::particles`] if there are any, the probability
+    /// that the next event is of that type.
     #[must_use]
     pub fn meeting_shares(&self) -> Vec<f64> {
         let mean_distance_m = self.mean_free_distance_m();
-        match self.grains.len() {
-            1 => vec![1.0],
-            _ => self
-                .distances_m()
-                .map(|distance| mean_distance_m / distance)
-                .collect(),
+        let particles = self.particles();
+        if self.grains.len() == 1 && particles.is_none() {
+            return vec![1.0];
         }
+        let grains = self
+            .distances_m()
+            .map(|distance| mean_distance_m / distance);
+        let particles = particles.map(|particles| mean_distance_m * particles.per_m);
+        grains.chain(particles).collect()
+    }
+
+    /// Scattering by all particles in the pores.
+    #[must_use]
+    pub fn particles(&self) -> Option<Particles> {
+        let densities = self.densities();
+        Particles::of_all(self.absorbers().filter_map(|a| a.particles(&densities)))
     }
 
     /// Lengths of the smallest and largest grain, m.

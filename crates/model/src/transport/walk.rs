@@ -10,6 +10,8 @@
 //! the same uniform variate. A grain belongs to the layer in which it is met and may
 //! extend into the next layer, so cutting a layer in two changes nothing.
 //!
+//! **Particles** in the pores that scatter are points: they turn a ray and need no room.
+//!
 //! **Absorption.** A trial with survival exp(-alpha d) on every path (eqs. 4.5 and 4.7)
 //! ends a walk after an exponentially distributed optical depth. One variate per ray
 //! gives the depth at which it is absorbed, which is the same distribution.
@@ -27,7 +29,7 @@ use crate::grain::{Events, Facets, Stepped, Surface, Upright};
 use crate::math::Vec3;
 use crate::optics::Index;
 use crate::rng::Stream;
-use crate::transport::proposal::{Proposal, Proposals, contact};
+use crate::transport::proposal::{Met, Proposal, Proposals, contact};
 use crate::transport::{
     Absorption, End, Entry, Illumination, Leg, Model, Path, Sink, Snow, Snowpack, TRACERS, Tracers,
     diffuse_cosine,
@@ -693,7 +695,25 @@ impl<S: Simd> Walks<'_, S> {
                 };
                 return self.end_and_resume(lane, end);
             }
-            let grain = &proposal.grain;
+            let grain = match &proposal.met {
+                Met::Grain(grain) => grain,
+                Met::Particle(turn) => {
+                    if self.follows {
+                        self.cross_pores(lane);
+                    }
+                    ray.direction = turn.applied(ray.direction);
+                    ray.events += 1;
+                    self.lanes[lane].ray = ray;
+                    if depth >= budget {
+                        return self.end_and_resume(lane, End::Absorbed);
+                    }
+                    if ray.events >= EVENT_LIMIT {
+                        return self.end_and_resume(lane, End::Lost);
+                    }
+                    rejections = 0;
+                    continue;
+                }
+            };
             let (point, normal) = contact(grain, ray.direction);
             let scale_m = 0.5 * grain.size_m;
             let [x_m, y_m] = ray.path.offset_m;

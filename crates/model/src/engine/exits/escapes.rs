@@ -26,12 +26,23 @@ const REFLECTED: usize = 1 << 16;
 /// tables differ from part to part and thus show in the scatter.
 const PART_OF_FITTING: f64 = 0.125;
 
-/// Checks that tables are valid under the illuminations of `request`.
+/// Checks that tables are valid for the snow and under the illuminations of `request`.
 ///
 /// # Errors
-/// [`EngineError::Outside`] if too few table entries fit under the surface at grazing
-/// incidence.
+/// [`EngineError::Unable`] if particles in the pores scatter; [`EngineError::Outside`] if too few
+/// table entries fit under the surface at grazing incidence.
 pub(super) fn check(request: &Request) -> Result<(), EngineError> {
+    if request
+        .snowpack
+        .snows()
+        .any(|snow| snow.particles().is_some())
+    {
+        return Err(EngineError::Unable {
+            engine: Engine::Tabulated,
+            quantity: "directions of light in snow with particles that scatter",
+            instead: Engine::Spectral,
+        });
+    }
     let flight =
         request.snowpack.surface.mean_free_distance_m() / request.snowpack.surface.sizes_m()[1];
     for light in request.illuminations {

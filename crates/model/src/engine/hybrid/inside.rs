@@ -112,12 +112,19 @@ fn mean_event<'a>(
         1.0 => event,
         _ => event.attenuated(survival),
     };
-    let kinds = snow.grains.iter().zip(kernels).zip(snow.meeting_shares());
-    let mut sum: Option<(Event, f64)> = None;
-    for ((component, [air, water]), share) in kinds {
+    let sizes_m = snow.grains.iter().map(|component| {
         let size = &component.grain.size;
+        [size.min_m(), size.max_m()]
+    });
+    // and particles, which are points
+    let kinds = sizes_m
+        .chain([[0.0; 2]])
+        .zip(kernels)
+        .zip(snow.meeting_shares());
+    let mut sum: Option<(Event, f64)> = None;
+    for ((size_m, [air, water]), share) in kinds {
         let kernel_event = |kernel: &Kernel, survival: f64| {
-            let event = kernel.event([size.min_m(), size.max_m()], flights.ice_per_m);
+            let event = kernel.event(size_m, flights.ice_per_m);
             weakened(event, survival)
         };
         let [in_air, in_water] = flights.survivals;

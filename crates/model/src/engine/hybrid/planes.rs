@@ -19,7 +19,7 @@ pub(super) enum Segment<W> {
 /// Whether transport differs on the two sides of the plane between `a` and `b`.
 fn differ(a: &Snow, b: &Snow) -> bool {
     let properties = |snow: &Snow| [snow.density_kg_m3, snow.water_saturation];
-    a.grains != b.grains || properties(a) != properties(b)
+    a.grains != b.grains || a.particles() != b.particles() || properties(a) != properties(b)
 }
 
 /// Distance from the plane to `other` within which `snow` is walked, m. Fluxes with
