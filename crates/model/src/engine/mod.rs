@@ -332,7 +332,12 @@ impl Engine {
     /// [`EngineError::Optics`] if an optical table cannot be read or does not cover a
     /// wavelength.
     pub fn index_nodes(request: &Request) -> Result<usize, EngineError> {
-        Ok(nodes::nodes(&indices(request)?, request.snowpack.is_wet()).len())
+        Ok(nodes::nodes(
+            &indices(request)?,
+            request.snowpack.is_wet(),
+            nodes::Spacing::FINE,
+        )
+        .len())
     }
 
     /// Bounds of the systematic error of this engine for the snow of `request`, which its
@@ -372,9 +377,12 @@ impl Engine {
         let per_ray = match self {
             Self::Auto | Self::Hybrid => return hybrid::walks(request),
             Self::Reference => request.wavelengths_nm.len() * request.thicknesses_m.len(),
-            Self::Spectral | Self::Tabulated => {
-                nodes::nodes(&indices(request)?, request.snowpack.is_wet()).len()
-            }
+            Self::Spectral | Self::Tabulated => nodes::nodes(
+                &indices(request)?,
+                request.snowpack.is_wet(),
+                nodes::Spacing::FINE,
+            )
+            .len(),
         };
         let per_ray = per_ray * request.illuminations.len();
         Ok(request.rays.saturating_mul(per_ray as u64))

@@ -6,18 +6,37 @@
 //! wavelength lies close to the straight line between its two nodes in the plane
 //! of (n, k) of ice (and of water, in wet snow). Each wavelength has its own
 //! absorption; its result is interpolated linearly between those of its two
-//! nodes. The remaining error is due to the curvature of R and T over one interval
-//! of at most [`SPACING`] in index. It is below 0.1 % of transmittance, as
-//! `tests/engines.rs` verifies with walks at every wavelength's own index.
+//! nodes. The remaining error is due to the curvature of R and T over one interval, see
+//! [`Spacing`].
 use crate::optics::Index;
 
-/// Largest distance of two neighbouring nodes in refractive index.
-pub(super) const SPACING: f64 = 0.0135;
+/// How close nodes are.
+#[derive(Debug, Clone, Copy)]
+pub(super) struct Spacing {
+    /// Largest distance of two neighbouring nodes in refractive index.
+    pub(super) distance: f64,
+    /// Largest distance of a wavelength's indices from the line between its nodes.
+    deviation: f64,
+}
+
+impl Spacing {
+    /// For R and T: the error is below 0.1 % of transmittance, as `tests/engines.rs` verifies with
+    /// walks at every wavelength's own index.
+    pub(super) const FINE: Self = Self {
+        distance: 0.0135,
+        deviation: 5e-4,
+    };
+    /// For the shares of directions in R and T, which depend less on the index: a third of the
+    /// nodes at 400-2500 nm. Factors of directions differ by .1 % (docs/performance.md).
+    pub(super) const COARSE: Self = Self {
+        distance: 0.0405,
+        deviation: 4e-3,
+    };
+}
+
 /// Distance by which the outermost nodes are moved outward, as a fraction of the
 /// distance to the neighbouring node.
 const OUTWARD_SHIFT: f64 = 0.2;
-/// Largest distance of a wavelength's indices from the line between its nodes.
-const DEVIATION: f64 = 5e-4;
 /// Weight of k relative to n in these distances: k changes the mean internal
 /// reflectance of ice by about 3.7 per unit, n by about 1.
 const K_WEIGHT: f64 = 4.0;
@@ -58,17 +77,21 @@ fn project(p: [f64; 4], a: [f64; 4], b: [f64; 4]) -> (f64, f64) {
 
 /// Positions of the nodes in the wavelength list, increasing. They include the
 /// first and the last wavelength.
-pub(super) fn nodes(indices: &[(Index, Index)], wet: bool) -> Vec<usize> {
+pub(super) fn nodes(indices: &[(Index, Index)], wet: bool, spacing: Spacing) -> Vec<usize> {
+    let Spacing {
+        distance,
+        deviation,
+    } = spacing;
     let points: Vec<_> = indices.iter().map(|i| coordinates(i, wet)).collect();
     let mut nodes = vec![0];
     let mut from = 0;
     while from + 1 < points.len() {
         let is_close = |to: &usize| {
             let ab = minus(points[*to], points[from]);
-            dot(ab, ab) <= SPACING * SPACING
+            dot(ab, ab) <= distance * distance
                 && points[from..=*to]
                     .iter()
-                    .all(|p| project(*p, points[from], points[*to]).1 <= DEVIATION * DEVIATION)
+                    .all(|p| project(*p, points[from], points[*to]).1 <= deviation * deviation)
         };
         // neighbouring wavelengths are always a valid pair: nothing lies between them
         let to = (from + 2..points.len())
@@ -128,8 +151,12 @@ impl Mix {
 }
 
 /// Refractive indices of the nodes, and the mix of nodes for each wavelength.
-pub(super) fn mixes(indices: &[(Index, Index)], wet: bool) -> (Vec<(Index, Index)>, Vec<Mix>) {
-    let nodes = nodes(indices, wet);
+pub(super) fn mixes(
+    indices: &[(Index, Index)],
+    wet: bool,
+    spacing: Spacing,
+) -> (Vec<(Index, Index)>, Vec<Mix>) {
+    let nodes = nodes(indices, wet, spacing);
     let node_indices = node_indices(&nodes, indices);
     let mixes = mix_of_nodes(&nodes, &node_indices, indices, wet);
     (node_indices, mixes)

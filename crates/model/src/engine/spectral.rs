@@ -16,7 +16,7 @@
 use std::ops::Range;
 use std::sync::atomic::{AtomicBool, Ordering};
 
-use crate::engine::nodes::{mixes, nodes};
+use crate::engine::nodes::{Spacing, mixes, nodes};
 use crate::engine::{Control, EngineError, Request, batches, coefficients, indices, tables};
 use crate::math::Vec3;
 use crate::measurement::{Estimate, Measured, Spectrum};
@@ -159,8 +159,8 @@ fn run_lit(
     indices: &[(Index, Index)],
     light: usize,
 ) -> Result<Vec<Spectrum>, EngineError> {
-    let nodes = nodes(indices, request.snowpack.is_wet());
-    let (node_indices, mixes) = mixes(indices, request.snowpack.is_wet());
+    let nodes = nodes(indices, request.snowpack.is_wet(), Spacing::FINE);
+    let (node_indices, mixes) = mixes(indices, request.snowpack.is_wet(), Spacing::FINE);
     // the span of a node reaches from the node before it to the node after it
     let results = batches::map(control, (0..nodes.len()).collect(), |i| {
         let last = nodes[(i + 1).min(nodes.len() - 1)];

@@ -25,7 +25,7 @@ pub use parts::PARTS;
 
 use serde::{Deserialize, Serialize};
 
-use super::nodes::{mixes, nodes};
+use super::nodes::{Spacing, mixes, nodes};
 use super::substrate::{self, SubstrateCoefficients};
 use super::{Control, Engine, EngineError, Request, divided, identity, indices};
 use crate::measurement::{Measured, Radii, Sensors, Spectrum, ViewFactors, Views};
@@ -129,7 +129,10 @@ pub fn walks(engine: Engine, request: &Request) -> Result<Option<u64>, EngineErr
     let indices = indices(request)?;
     let per_ray = match engine {
         Engine::Reference => indices.len(),
-        _ => mixes(&indices, request.snowpack.is_wet()).0.len(),
+        _ => {
+            let is_shares = engine == Engine::Tabulated && normal::is_valid(request);
+            nodes(&indices, request.snowpack.is_wet(), spacing(is_shares)).len()
+        }
     };
     let curves = request.thicknesses_m.len() * request.illuminations.len();
     let mut walks = request.rays.saturating_mul((per_ray * curves) as u64);
@@ -420,6 +423,15 @@ fn each(
     Ok(curves)
 }
 
+/// How close index nodes are; `is_shares` says whether walks give only the shares of directions.
+fn spacing(is_shares: bool) -> Spacing {
+    if is_shares {
+        Spacing::COARSE
+    } else {
+        Spacing::FINE
+    }
+}
+
 /// Exits at every wavelength, interpolated between index nodes. `walk` does the walks
 /// at one index node and scores them at the wavelengths of the node's span.
 fn at_nodes(
@@ -427,8 +439,9 @@ fn at_nodes(
     walk: impl Fn(IndexNode) -> Result<Vec<Exits>, EngineError>,
 ) -> Result<Vec<Exits>, EngineError> {
     let (indices, wet) = (indices(scene.request)?, scene.request.snowpack.is_wet());
-    let positions = nodes(&indices, wet);
-    let (nodes, mixes) = mixes(&indices, wet);
+    let spacing = spacing(scene.normalised && scene.engine == Engine::Tabulated);
+    let positions = nodes(&indices, wet, spacing);
+    let (nodes, mixes) = mixes(&indices, wet, spacing);
     let mut node_exits = Vec::new();
     for (number, indices) in nodes.into_iter().enumerate() {
         // the span of a node reaches from the node before it to the node after it

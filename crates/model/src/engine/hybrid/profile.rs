@@ -16,7 +16,7 @@ use super::planes::Segment;
 use super::solve::SceneOperators;
 use super::walks::Walks;
 use super::windows::Window;
-use crate::engine::nodes::mixes;
+use crate::engine::nodes::{Spacing, mixes};
 use crate::engine::{Control, EngineError, Request, batches, coefficients, indices};
 use crate::slab::Matrix;
 use crate::table::Edge;
@@ -110,7 +110,7 @@ pub(in crate::engine) fn profile(
 ) -> Result<Vec<Vec<Vec<PlaneFluxes>>>, EngineError> {
     let run = HybridRun::new(request, depths_m)?;
     let indices = indices(request)?;
-    let (nodes, mixes) = mixes(&indices, request.snowpack.is_wet());
+    let (nodes, mixes) = mixes(&indices, request.snowpack.is_wet(), Spacing::FINE);
     let walks = nodes.iter().map(|&node| Walks::cached(&run, control, node));
     let walks: Vec<Arc<Walks>> = walks.collect::<Result<_, _>>()?;
     let coefficients = coefficients(request, &indices);

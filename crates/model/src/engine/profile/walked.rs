@@ -5,7 +5,7 @@ use std::ops::Range;
 use std::sync::atomic::{AtomicBool, Ordering};
 
 use super::Profile;
-use crate::engine::nodes::{Mix, mixes, nodes};
+use crate::engine::nodes::{Mix, Spacing, mixes, nodes};
 use crate::engine::spectral::DEFERRED;
 use crate::engine::{Control, Engine, EngineError, Request, batches, coefficients, engine_error};
 use crate::engine::{exits, indices};
@@ -163,7 +163,7 @@ pub(super) fn walks(engine: Engine, request: &Request) -> Result<u64, EngineErro
     let indices = indices(request)?;
     let nodes = match engine {
         Engine::Reference => indices.len(),
-        _ => nodes(&indices, request.snowpack.is_wet()).len(),
+        _ => nodes(&indices, request.snowpack.is_wet(), Spacing::FINE).len(),
     };
     let rays = request.rays.div_ceil(PARTS).saturating_mul(PARTS);
     Ok(rays.saturating_mul(nodes as u64))
@@ -189,8 +189,8 @@ fn separate(indices: &[(Index, Index)]) -> (Vec<ProfileNode>, Vec<Mix>) {
 /// The nodes that the wavelengths share. The span of a node reaches from the node before it to the
 /// node after it.
 fn shared(indices: &[(Index, Index)], wet: bool) -> (Vec<ProfileNode>, Vec<Mix>) {
-    let positions = nodes(indices, wet);
-    let (nodes, mixes) = mixes(indices, wet);
+    let positions = nodes(indices, wet, Spacing::FINE);
+    let (nodes, mixes) = mixes(indices, wet, Spacing::FINE);
     let node = |(number, indices): (usize, (Index, Index))| {
         let last = positions[(number + 1).min(positions.len() - 1)];
         ProfileNode {
