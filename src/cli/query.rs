@@ -37,8 +37,8 @@ use crate::tailor::BETWEEN_WAVELENGTHS;
 Examples:
   splitsnow query out/quick --facetness 0.1 --grain-size-um 300 \\
       --density-kg-m3 200 --thickness-cm 5 --incidence-angle-deg 40
-  splitsnow query out/brdf --facetness 0.1 --grain-size-um 300 \\
-      --density-kg-m3 200 --thickness-cm 30 --incidence-angle-deg 60 \\
+  splitsnow query out/brdf --facetness 0 --grain-size-um 300 \\
+      --density-kg-m3 300 --thickness-cm inf --incidence-angle-deg 60 \\
       --view-deg 45 --relative-azimuth-deg 0 --quantity brf
   splitsnow query out/quick --facetness 0.1 --grain-size-um 300 \\
       --density-kg-m3 200 --thickness-cm 5 --incidence-angle-deg 40 \\

@@ -235,7 +235,7 @@ impl ExportTable {
         self.add(ExportVariable::Stored(variable), values)
     }
 
-    /// All curves of a compact file, evaluated at its nodes.
+    /// All curves of a compact file, evaluated at its nodes; values beyond 0 or 1 are 0 or 1.
     ///
     /// # Errors
     /// [`ExportError::Lookup`] if the file holds anisotropy factors; [`ExportError::Encoding`] if the file is larger than memory can address.
@@ -258,7 +258,9 @@ impl ExportTable {
         for (quantity, variable) in quantities {
             if database.has(quantity) {
                 let curves = (0..database.curves()).filter_map(|row| database.curve(row, quantity));
-                let values = curves.flatten().collect();
+                // compression may go a little beyond both
+                let values = curves.flatten().map(|value| value.clamp(0.0, 1.0));
+                let values = values.collect();
                 table.add(ExportVariable::Stored(variable), values)?;
             }
         }

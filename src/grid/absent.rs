@@ -87,15 +87,25 @@ pub fn why_absent(axes: &Axes, absent: &[usize]) -> String {
     );
     let thicknesses = axes.values(Parameter::Thickness);
     let mut separator = "; too thin are";
-    for (&count, size_um) in absent.iter().zip(axes.values(Parameter::GrainSize)) {
-        if let Some(last) = count.checked_sub(1) {
-            let cm = thicknesses.get(last).copied().unwrap_or_default();
-            let _ = write!(
-                text,
-                "{separator} slabs up to {cm} cm for grain_size_um {size_um}"
-            );
-            separator = ",";
+    let sizes_um = axes.values(Parameter::GrainSize);
+    let mut row = 0;
+    for run in absent.chunk_by(|a, b| a == b) {
+        let sizes_um = &sizes_um[row..row + run.len()];
+        row += run.len();
+        let (Some(last), Some(first), Some(end)) =
+            (run[0].checked_sub(1), sizes_um.first(), sizes_um.last())
+        else {
+            continue;
+        };
+        let cm = thicknesses.get(last).copied().unwrap_or_default();
+        let _ = write!(
+            text,
+            "{separator} slabs up to {cm} cm for grain_size_um {first}"
+        );
+        if end > first {
+            let _ = write!(text, " to {end}");
         }
+        separator = ",";
     }
     text
 }
@@ -124,6 +134,14 @@ mod tests {
         assert!(why.ends_with(
             "too thin are slabs up to 1 cm for grain_size_um 1000, slabs up to 2 cm for grain_size_um 2000"
         ));
+        // sizes that lack the same slabs are given as a range
+        let sizes = grid.axes.values_mut(Parameter::GrainSize);
+        sizes.extend([2010.0, 2020.0]);
+        let why = why_absent(&grid.axes, &grid.absent().unwrap());
+        assert!(
+            why.ends_with("grain_size_um 1000, slabs up to 2 cm for grain_size_um 2000 to 2020")
+        );
+        grid.axes.values_mut(Parameter::GrainSize).truncate(4);
         // exactly ten lengths are enough
         grid.axes.values_mut(Parameter::GrainSize)[3] = 1950.0;
         assert_eq!(grid.absent().unwrap(), [0, 0, 1, 1]);

@@ -46,10 +46,14 @@ impl BandAverages {
         Err(SensorError::Uncovered {
             sensor: sensor.name().to_owned(),
             missing: error::listed(names),
-            given_nm: wavelengths_nm
-                .first()
-                .copied()
-                .zip(wavelengths_nm.last().copied()),
+            given_nm: match wavelengths_nm {
+                [] | [_] => wavelengths_nm.first().map(|nm| (*nm, *nm, None)),
+                [first, .., last] => {
+                    let steps = wavelengths_nm.windows(2).map(|pair| pair[1] - pair[0]);
+                    let widest = steps.fold(0.0, f64::max);
+                    Some((*first, *last, (widest > MAX_GAP_NM).then_some(widest)))
+                }
+            },
             needed_nm: ends.fold((f64::INFINITY, 0.0_f64), |(from, to), band| {
                 (from.min(band.0), to.max(band.1))
             }),
@@ -221,7 +225,7 @@ mod tests {
             .to_string();
         assert_eq!(
             message,
-            "sentinel2a: the wavelengths (400 to 700 nm) do not cover B5, B6, B7, B8, B8A, B9, B10, B11, B12; needed are 695 to 2316 nm in steps of at most 30 nm\n  help: give wavelengths in this range, or choose bands that are covered: sentinel2a:B1,B2,B3,B4"
+            "sentinel2a: the wavelengths (400 to 700 nm) do not cover B5, B6, B7, B8, B8A, B9, B10, B11, B12; needed are 695 to 2316 nm in steps of at most 30 nm\n  help: give such wavelengths, or choose bands that are covered: sentinel2a:B1,B2,B3,B4"
         );
         let sparse = BandAverages::new(&sensor, &sun, &[400.0, 700.0, 2500.0]);
         assert!(matches!(

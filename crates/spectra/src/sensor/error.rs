@@ -62,15 +62,15 @@ pub enum SensorError {
     },
     /// The wavelengths of a spectrum do not cover the bands.
     #[error(
-        "{sensor}: the wavelengths ({}) do not cover {missing}; needed are {} to {} nm in steps of at most {MAX_GAP_NM} nm\n  help: give wavelengths in this range{}", .given_nm.map_or("none".into(), |(from, to)| format!("{from} to {to} nm")), .needed_nm.0, .needed_nm.1, .covered.as_ref().map_or(String::new(), |bands| format!(", or choose bands that are covered: {sensor}:{bands}"))
+        "{sensor}: the wavelengths ({}) do not cover {missing}; needed are {} to {} nm in steps of at most {MAX_GAP_NM} nm\n  help: give such wavelengths{}", .given_nm.map_or("none".into(), |(from, to, apart)| format!("{from} to {to} nm{}", apart.map_or(String::new(), |nm| format!(", up to {nm} nm apart")))), .needed_nm.0, .needed_nm.1, .covered.as_ref().map_or(String::new(), |bands| format!(", or choose bands that are covered: {sensor}:{bands}"))
     )]
     Uncovered {
         /// Name of the sensor.
         sensor: String,
         /// The bands that are not covered, as text.
         missing: String,
-        /// Range of the spectrum.
-        given_nm: Option<(f64, f64)>,
+        /// Range of the spectrum, and its widest step if that is too wide.
+        given_nm: Option<(f64, f64, Option<f64>)>,
         /// Range of the bands that are not covered.
         needed_nm: (f64, f64),
         /// Names of the other bands, with commas.
