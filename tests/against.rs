@@ -636,3 +636,63 @@ fn errors_come_before_the_simulation() {
         assert!(output.stdout.is_empty());
     }
 }
+
+/// An option that belongs to another measurement is refused, not ignored.
+#[test]
+fn options_of_other_measurements_are_refused() {
+    let folder = Folder::new();
+    let measurements = [
+        ("--against x.csv", "against"),
+        ("--goniometer", "goniometer"),
+        ("--radial-profile 3", "radial"),
+        ("--view-deg 30", "view"),
+        ("--depths-cm 0,1", "depths"),
+        ("--bands sentinel2a:B3", "bands"),
+    ];
+    for (option, owners) in [
+        ("--plot x.svg", &["against"][..]),
+        ("--column 2", &["against"]),
+        ("--unit nm", &["against"]),
+        ("--scale percent", &["against"]),
+        ("--quantity reflectance", &["against"]),
+        ("--exclude none", &["against"]),
+        ("--sensors 20", &["goniometer"]),
+        ("--principal-plane", &["goniometer"]),
+        ("--relative-azimuth-deg 0", &["view"]),
+        ("--sun equal_energy", &["bands", "depths"]),
+    ] {
+        assert!(!folder.run(option).status.success(), "{option}");
+        for (measurement, name) in measurements {
+            if owners.contains(&name) {
+                continue;
+            }
+            let output = folder.run(&format!("{measurement} {option}"));
+            let errors = String::from_utf8(output.stderr).unwrap();
+            assert!(
+                output.status.code() == Some(2) && output.stdout.is_empty(),
+                "{measurement} {option}: {errors}"
+            );
+        }
+    }
+    let output = folder.run("--depths-cm 0,1 --bands par --sun equal_energy");
+    assert!(output.status.success());
+}
+
+#[test]
+fn pictures_are_checked_and_short_ranges_are_named_before_the_simulation() {
+    let folder = Folder::new();
+    let file = "wavelength_nm,reflectance\n400,0.9\n410,0.9\n";
+    std::fs::write(folder.path("some.csv"), file).unwrap();
+    let output = folder.run("--against some.csv --plot none/x.svg");
+    let errors = String::from_utf8(output.stderr).unwrap();
+    assert!(
+        errors.starts_with("error: cannot write none/x.svg") && output.stdout.is_empty(),
+        "{errors}"
+    );
+    let errors = |args: &str| String::from_utf8(folder.run(args).stderr).unwrap();
+    let short = errors("--depths-cm 0:1:0.3");
+    let expected = "warning: --depths-cm 0:1:0.3: 1 is not a whole number of steps from 0; the last depth is 0.9";
+    assert!(short.contains(expected), "{short}");
+    let whole = errors("--depths-cm 0:0.9:0.3");
+    assert!(!whole.contains("warning"), "{whole}");
+}

@@ -134,6 +134,12 @@ impl Args {
         }))
     }
 
+    /// Checks that the picture can be written, if `--plot` is given.
+    #[cfg(feature = "charts")]
+    pub(super) fn check_plot(&self) -> anyhow::Result<()> {
+        self.plot.as_deref().map_or(Ok(()), common::check_output)
+    }
+
     /// Writes the picture, if `--plot` is given.
     #[cfg(feature = "charts")]
     pub(super) fn plot(&self, compared: &Compared) -> anyhow::Result<()> {
