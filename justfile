@@ -75,6 +75,10 @@ peers:
     for sample in profile_clean profile_soot; do \
         cargo run --release -- simulate examples/peers/$sample.toml --depths-cm 0:1:0.05,1:30:0.5 \
             > examples/peers/data/$sample.csv; \
+        for bands in par broadband:total; do \
+            cargo run --release -- simulate examples/peers/$sample.toml --depths-cm 0,1,5,10,20,30 \
+                --bands $bands > examples/peers/data/${sample}_${bands%%:*}.csv; \
+        done; \
     done
     cargo run --release --example kernel -- examples/peers/clean.toml > examples/peers/data/kernel.csv
     for sun in astm_global astm_direct subarctic_winter; do \

@@ -59,6 +59,28 @@ pub(crate) fn write(path: &Path, bytes: &[u8]) -> io::Result<()> {
     Ok(())
 }
 
+/// Checks that [`write`] can write a file at `path`. Writes nothing that stays.
+///
+/// # Errors
+/// `path` is a directory, or no file can be made in its directory.
+#[cfg(feature = "cli")]
+pub(crate) fn check(path: &Path) -> io::Result<()> {
+    match fs::metadata(path) {
+        Ok(metadata) if metadata.is_dir() => {
+            return Err(io::Error::new(
+                io::ErrorKind::IsADirectory,
+                "it is a directory",
+            ));
+        }
+        Ok(metadata) if !metadata.is_file() => return Ok(()),
+        _ => {}
+    }
+    let path = resolved(path);
+    let temporary = temporary(directory(&path), &path)?;
+    File::create_new(&temporary)?;
+    fs::remove_file(temporary)
+}
+
 /// The first directory that could not be synced, with the error.
 static UNSYNCED: Mutex<Option<(PathBuf, io::Error)>> = Mutex::new(None);
 
@@ -89,18 +111,28 @@ fn directory(path: &Path) -> &Path {
     }
 }
 
-fn replace(directory: &Path, path: &Path, bytes: &[u8]) -> io::Result<()> {
+/// Start of the names of temporary files for `path`.
+fn prefix(path: &Path) -> io::Result<String> {
     let name = path
         .file_name()
         .ok_or_else(|| io::Error::new(io::ErrorKind::InvalidInput, "not a file name"))?;
-    let prefix = format!(".{}.tmp-", name.to_string_lossy());
+    Ok(format!(".{}.tmp-", name.to_string_lossy()))
+}
+
+/// The temporary file of this process for `path` in `directory`.
+fn temporary(directory: &Path, path: &Path) -> io::Result<PathBuf> {
+    Ok(directory.join(format!("{}{}", prefix(path)?, std::process::id())))
+}
+
+fn replace(directory: &Path, path: &Path, bytes: &[u8]) -> io::Result<()> {
+    let prefix = prefix(path)?;
     for entry in fs::read_dir(directory)? {
         let entry = entry?;
         if entry.file_name().to_string_lossy().starts_with(&prefix) {
             fs::remove_file(entry.path())?;
         }
     }
-    let temporary = directory.join(format!("{prefix}{}", std::process::id()));
+    let temporary = temporary(directory, path)?;
     let result = write_and_rename(&temporary, path, bytes);
     if result.is_err() {
         // An error of the deletion is ignored: the file may not exist.
@@ -195,5 +227,20 @@ mod tests {
         assert_eq!(names(directory.path()), ["file"]);
         assert!(write(&directory.path().join("missing/file"), b"new").is_err());
         assert!(write(Path::new("/"), b"new").is_err());
+    }
+
+    #[cfg(feature = "cli")]
+    #[test]
+    fn a_check_finds_what_a_write_would_and_leaves_nothing() {
+        let directory = tempfile::tempdir().unwrap();
+        let path = directory.path().join("file");
+        check(&path).unwrap();
+        write(&path, b"old").unwrap();
+        check(&path).unwrap();
+        assert_eq!(fs::read(&path).unwrap(), b"old");
+        assert!(check(directory.path()).is_err());
+        assert!(check(&directory.path().join("missing/file")).is_err());
+        assert!(check(&path.join("inside")).is_err());
+        assert_eq!(names(directory.path()), ["file"]);
     }
 }

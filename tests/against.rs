@@ -636,3 +636,127 @@ fn errors_come_before_the_simulation() {
         assert!(output.stdout.is_empty());
     }
 }
+
+/// A library spectrum that goes on into the thermal infrared: it is used up to 2500 nm, or, if the
+/// sample goes beyond, up to 5000 nm. In both cases the rows that are not used are counted.
+#[test]
+fn wavelengths_beyond_2500_nm_are_used_if_the_sample_has_them() {
+    let folder = Folder::new();
+    let sample = std::fs::read_to_string(folder.path("basal.toml")).unwrap();
+    let beyond = sample.replace("1600, 1800]", "1600, 1800, 2700, 3600, 4300, 4800]");
+    assert_ne!(beyond, sample);
+    std::fs::write(folder.path("basal.toml"), beyond).unwrap();
+    let own = folder.json("");
+    let column = |name: &str| -> Vec<f64> { serde_json::from_value(own[name].clone()).unwrap() };
+    let (nm, r) = (column("wavelength_nm"), column("reflectance"));
+    let mut text = "wavelength_um,reflectance\n".to_owned();
+    for (nm, r) in nm.iter().zip(&r).rev() {
+        text += &format!("{},{:?}\n", nm / 1e3, r + 0.01);
+    }
+    std::fs::write(folder.path("library.csv"), text + "5.1,0.03\n14.0,0.02\n").unwrap();
+
+    let csv = folder.text("--against library.csv");
+    for line in [
+        "# against: library.csv, reflectance, 10 rows used, 2 outside 350-5000 nm",
+        "# excluded_nm: 1750-2000, 2350-3350, 4150-4500",
+    ] {
+        assert!(csv.lines().any(|other| other == line), "{csv}");
+    }
+    let figures = |start: &str| {
+        let line = csv.lines().find(|line| line.starts_with(start));
+        line.unwrap_or_else(|| panic!("{start}: {csv}")).to_owned()
+    };
+    let beyond = figures("# beyond 2500 nm: rmse 0.01000, bias -0.01000");
+    assert!(beyond.ends_with("points 2"), "{beyond}");
+    assert!(figures("# ir_b 1400-2500 nm").ends_with("points 1"));
+    assert!(figures("# overall").ends_with("points 7"));
+    let json = folder.json("--against library.csv --exclude none");
+    assert_eq!(json["against"]["beyond_bands"]["points"], 4);
+
+    std::fs::write(folder.path("basal.toml"), &sample).unwrap();
+    let output = folder.run("--against library.csv");
+    let (csv, errors) = [output.stdout, output.stderr]
+        .map(|bytes| String::from_utf8(bytes).unwrap())
+        .into();
+    assert!(
+        csv.contains("6 rows used, 6 outside 350-2500 nm\n"),
+        "{csv}"
+    );
+    assert!(csv.contains("# excluded_nm: 1750-2000, 2350-2500\n") && !csv.contains("# beyond"));
+    for part in [
+        "6 outside the range (from 2700 to 14000 nm)",
+        "used up to 2500 nm: give the sample [wavelengths] beyond it to use more",
+    ] {
+        assert!(errors.contains(part), "{errors}");
+    }
+    let far = "wavelength_nm,reflectance\n3000,0.02\n3020,0.02\n";
+    std::fs::write(folder.path("far.csv"), far).unwrap();
+    let errors = String::from_utf8(folder.run("--against far.csv").stderr).unwrap();
+    for part in [
+        "within 350 to 2500 nm",
+        "they go from 3000 to 3020 nm",
+        "help: give the sample [wavelengths] beyond it, or give the unit",
+    ] {
+        assert!(errors.contains(part), "{errors}");
+    }
+}
+
+/// An option that belongs to another measurement is refused, not ignored.
+#[test]
+fn options_of_other_measurements_are_refused() {
+    let folder = Folder::new();
+    let measurements = [
+        ("--against x.csv", "against"),
+        ("--goniometer", "goniometer"),
+        ("--radial-profile 3", "radial"),
+        ("--view-deg 30", "view"),
+        ("--depths-cm 0,1", "depths"),
+        ("--bands sentinel2a:B3", "bands"),
+    ];
+    for (option, owners) in [
+        ("--plot x.svg", &["against"][..]),
+        ("--column 2", &["against"]),
+        ("--unit nm", &["against"]),
+        ("--scale percent", &["against"]),
+        ("--quantity reflectance", &["against"]),
+        ("--exclude none", &["against"]),
+        ("--sensors 20", &["goniometer"]),
+        ("--principal-plane", &["goniometer"]),
+        ("--relative-azimuth-deg 0", &["view"]),
+        ("--sun equal_energy", &["bands", "depths"]),
+    ] {
+        assert!(!folder.run(option).status.success(), "{option}");
+        for (measurement, name) in measurements {
+            if owners.contains(&name) {
+                continue;
+            }
+            let output = folder.run(&format!("{measurement} {option}"));
+            let errors = String::from_utf8(output.stderr).unwrap();
+            assert!(
+                output.status.code() == Some(2) && output.stdout.is_empty(),
+                "{measurement} {option}: {errors}"
+            );
+        }
+    }
+    let output = folder.run("--depths-cm 0,1 --bands par --sun equal_energy");
+    assert!(output.status.success());
+}
+
+#[test]
+fn pictures_are_checked_and_short_ranges_are_named_before_the_simulation() {
+    let folder = Folder::new();
+    let file = "wavelength_nm,reflectance\n400,0.9\n410,0.9\n";
+    std::fs::write(folder.path("some.csv"), file).unwrap();
+    let output = folder.run("--against some.csv --plot none/x.svg");
+    let errors = String::from_utf8(output.stderr).unwrap();
+    assert!(
+        errors.starts_with("error: cannot write none/x.svg") && output.stdout.is_empty(),
+        "{errors}"
+    );
+    let errors = |args: &str| String::from_utf8(folder.run(args).stderr).unwrap();
+    let short = errors("--depths-cm 0:1:0.3");
+    let expected = "warning: --depths-cm 0:1:0.3: 1 is not a whole number of steps from 0; the last depth is 0.9";
+    assert!(short.contains(expected), "{short}");
+    let whole = errors("--depths-cm 0:0.9:0.3");
+    assert!(!whole.contains("warning"), "{whole}");
+}

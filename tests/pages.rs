@@ -515,6 +515,52 @@ fn tables_beside_other_models_match_their_data() {
     page.keep();
 }
 
+/// A value with its standard error in brackets, with an exponent if it is small.
+fn bracketed_power(value: f64, se: f64) -> String {
+    if value >= 1e-3 {
+        return bracketed(value, se);
+    }
+    let exponent = value.log10().floor() as i32;
+    let scale = 10_f64.powi(-exponent);
+    format!("{}e{exponent}", bracketed(value * scale, se * scale))
+}
+
+#[test]
+fn tables_of_profiles_match_their_data() {
+    let mut page = Page::open("profiles.md");
+    for (kind, heading, first, deepest, heads) in [
+        (
+            "par",
+            "| depth, cm | 0 |",
+            5,
+            30.0,
+            ["downwelling PAR, clean", "with soot"],
+        ),
+        (
+            "broadband",
+            "| absorbed sunlight",
+            11,
+            10.0,
+            ["clean", "with soot"],
+        ),
+    ] {
+        for (sample, head) in ["clean", "soot"].iter().zip(heads) {
+            let rows = rows(&format!("examples/peers/data/profile_{sample}_{kind}.csv"));
+            let [depth, value, error] = [4, first, first + 1];
+            let shown = rows.iter().filter(|row| number(&row[depth]) <= deepest);
+            let cells: Vec<String> = shown
+                .map(|row| match (number(&row[value]), &row[depth]) {
+                    // all light arrives at the surface, without an error
+                    (_, "0") if kind == "par" => "1".to_owned(),
+                    (found, _) => bracketed_power(found, number(&row[error])),
+                })
+                .collect();
+            page.row(heading, &format!("| {head} |"), &cells);
+        }
+    }
+    page.keep();
+}
+
 /// `examples/stability` writes the page and the file. The page states, for each case, the
 /// largest difference in the file.
 #[test]
@@ -670,8 +716,9 @@ fn the_stability_map_matches_its_data() {
 }
 
 /// Pages with marked numbers, relative to `docs`.
-const MARKED: [&str; 5] = [
+const MARKED: [&str; 6] = [
     "methods.md",
+    "profiles.md",
     "performance.md",
     "stability.md",
     "mitsuba.md",
@@ -810,6 +857,27 @@ fn values_of_other_files() -> NamedValues {
     add("less through 2 cm by points", &[less]);
     let [ratio] = crate::quoted::numbers("docs/performance.md", "times less for spectral");
     add("times less for spectral", &[ratio]);
+
+    let profiles = docs().join("peers/tartes_profile.csv");
+    let mut profiles = csv::Reader::from_path(profiles).unwrap();
+    let names = profiles.headers().unwrap().clone();
+    let profiles: Vec<_> = profiles.records().map(Result::unwrap).collect();
+    // ours and that of TARTES in clean snow
+    let beside = |nm: &str, flux: &str, depth: &str| {
+        let row = profiles.iter().find(|row| &row[0] == depth).unwrap();
+        ["", ", TARTES"].map(|model| {
+            let name = format!("profile_clean {nm} nm {flux}{model}");
+            number(&row[names.iter().position(|other| other == name).unwrap()])
+        })
+    };
+    let decay = ["700", "900"].map(|nm| {
+        let [from, to] = ["5", "20"].map(|depth| beside(nm, "down", depth));
+        (from[0] / to[0]).ln() / (from[1] / to[1]).ln()
+    });
+    add("decay beside TARTES", &decay);
+    add("flux beside TARTES", &beside("440", "down", "1"));
+    add("actinic flux beside TARTES", &beside("440", "actinic", "0"));
+    add("albedo beside TARTES", &beside("440", "up", "0"));
 
     let resolution = page("docs/stability.md");
     let two_streams = "| hybrid | 100000 | 131072 | 2 |";

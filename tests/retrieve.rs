@@ -427,4 +427,159 @@ fn a_grid_is_made_from_what_is_known() {
     assert!(errors.contains("--fix thickness_cm=VALUE"), "{errors}");
     let files = std::fs::read_dir(folder.path().join("out")).unwrap();
     assert_eq!(files.count(), 2, "the grid file and its directory");
+    #[cfg(unix)]
+    another_process_is_waited_for(folder.path(), &thin, &known, &first);
+}
+
+/// A second process that needs the same database waits for the first, says so once, and goes on
+/// with the result; Ctrl-C ends it.
+#[cfg(unix)]
+fn another_process_is_waited_for(folder: &Path, file: &Path, known: &[&str], result: &[u8]) {
+    use std::io::{BufRead, BufReader, Read};
+    let made = std::fs::read_dir(folder.join("out")).unwrap();
+    let mut made = made.map(|entry| entry.unwrap().path());
+    let dir = made.find(|path| path.is_dir()).unwrap();
+    for interrupted in [false, true] {
+        let lock = std::fs::File::options();
+        let lock = lock
+            .clone()
+            .write(true)
+            .open(dir.join(".splitsnow-lock"))
+            .unwrap();
+        lock.try_lock().unwrap();
+        let mut command = Command::new(cargo_bin!("splitsnow"));
+        command
+            .current_dir(folder)
+            .arg("retrieve")
+            .arg(file)
+            .args(known);
+        let pipe = std::process::Stdio::piped;
+        let mut child = command.stdout(pipe()).stderr(pipe()).spawn().unwrap();
+        let mut errors = BufReader::new(child.stderr.take().unwrap());
+        let (mut line, mut said) = (String::new(), String::new());
+        while !line.starts_with("another process works in") {
+            line.clear();
+            assert_ne!(errors.read_line(&mut line).unwrap(), 0, "{said}");
+            said += &line;
+        }
+        assert!(child.try_wait().unwrap().is_none());
+        if interrupted {
+            let pid = child.id().to_string();
+            let killed = Command::new("kill").args(["-INT", &pid]).status();
+            assert!(killed.unwrap().success());
+        } else {
+            drop(lock);
+        }
+        let mut rest = String::new();
+        errors.read_to_string(&mut rest).unwrap();
+        let output = child.wait_with_output().unwrap();
+        assert!(!rest.contains("another process works in"), "{rest}");
+        if interrupted {
+            assert_eq!(output.status.code(), Some(130), "{rest}");
+            assert!(output.stdout.is_empty() && rest.contains("the other process goes on"));
+        } else {
+            assert!(output.status.success(), "{rest}");
+            assert_eq!(output.stdout, result);
+        }
+    }
+}
+
+/// What is kept can be kept elsewhere; what cannot be written is named before the work.
+#[test]
+fn outputs_are_checked_before_the_search() {
+    let folder = tempfile::tempdir().unwrap();
+    let thin = configs("measured/vermont_thin.csv");
+    let run = |words: &str| {
+        let mut command = Command::new(cargo_bin!("splitsnow"));
+        command
+            .current_dir(folder.path())
+            .arg("retrieve")
+            .arg(&thin);
+        let known = "--fix=thickness_cm=2.5 --fix=density_kg_m3=155 --fix=facetness=0.2";
+        let words = known.split(' ').chain(words.split_whitespace());
+        let output = command.args(words).output().unwrap();
+        (
+            output.status.success(),
+            String::from_utf8(output.stderr).unwrap(),
+        )
+    };
+    let fails = |words: &str, parts: &[&str]| {
+        let (good, errors) = run(words);
+        assert!(!good, "{words}");
+        for part in parts {
+            assert!(errors.contains(part), "{words}: {errors}");
+        }
+    };
+    fails("--picture none/x.svg", &["cannot write none/x.svg"]);
+    assert!(!folder.path().join("out").exists());
+    // a file in the place of the directory stands for one that is read-only: root writes anywhere
+    std::fs::write(folder.path().join("out"), "").unwrap();
+    fails("", &["cannot write out", "--keep-in DIR"]);
+    let found =
+        "--fix=incidence_angle_deg=0 --fix=black_carbon_ng_g=0 --free=grain_size_um=30..300";
+    let (good, errors) = run(&format!("{found} --keep-in kept"));
+    assert!(
+        good && errors.contains("building kept/retrieve_"),
+        "{errors}"
+    );
+    // the settings of a grid that the user did not write are not advised
+    assert!(!errors.contains("warning:"), "{errors}");
+    assert!(
+        errors.contains("warnings, which `splitsnow plan kept/retrieve_"),
+        "{errors}"
+    );
+    let made = std::fs::read_dir(folder.path().join("kept")).unwrap();
+    let mut made = made.map(|entry| entry.unwrap().path());
+    let dir = made.find(|path| path.is_dir()).unwrap();
+    let within = format!("--within {} --keep-in kept", dir.display());
+    fails(&within, &["--keep-in is for a database that is built"]);
+    fails("--bands sentinel2a --unit um", &["cannot be used with"]);
+    fails(
+        "--fix=incidence_angle_deg=89.99 --keep-in kept",
+        &["light may come from up to 89.9", "degrees from the normal"],
+    );
+}
+
+/// Rows beyond 2500 nm are used if they are asked for.
+#[test]
+fn a_grid_goes_beyond_2500_nm_if_it_is_asked_to() {
+    let folder = tempfile::tempdir().unwrap();
+    let rows = "700,0.85\n1030,0.6\n1300,0.4\n2700,0.02\n3500,0.02\n6000,0.02\n";
+    let file = folder.path().join("far.csv");
+    std::fs::write(&file, format!("wavelength_nm,reflectance\n{rows}")).unwrap();
+    let run = |words: &str| {
+        let known =
+            "--fix=incidence_angle_deg=0 --fix=black_carbon_ng_g=0 --fix=facetness=0.2 --json";
+        let mut command = Command::new(cargo_bin!("splitsnow"));
+        command
+            .current_dir(folder.path())
+            .arg("retrieve")
+            .arg("far.csv");
+        let words = known.split(' ').chain(words.split_whitespace());
+        let output = command.args(words).output().unwrap();
+        let errors = String::from_utf8(output.stderr).unwrap();
+        let found: Value = serde_json::from_slice(&output.stdout).unwrap_or_default();
+        let nm = found["spectra"][0]["wavelength_nm"].clone();
+        (serde_json::from_value::<Vec<f64>>(nm), errors)
+    };
+    let (nm, errors) = run("");
+    assert_eq!(nm.unwrap(), [700.0, 1030.0, 1300.0], "{errors}");
+    let hint = "used up to 2500 nm: give --longest-nm 5000 to use more";
+    assert!(errors.contains(hint), "{errors}");
+    let (nm, errors) = run("--longest-nm 5000");
+    assert_eq!(nm.unwrap(), [700.0, 1030.0, 1300.0, 3500.0], "{errors}");
+    // the grid decides within a box
+    let made = std::fs::read_dir(folder.path().join("out")).unwrap();
+    let grid = made
+        .map(|entry| entry.unwrap().path())
+        .filter(|path| path.is_file())
+        .find(|path| std::fs::read_to_string(path).unwrap().contains("3500"))
+        .unwrap();
+    for within in [grid.clone(), grid.with_extension("")] {
+        let (nm, errors) = run(&format!("--within {}", within.display()));
+        assert_eq!(nm.unwrap(), [700.0, 1030.0, 1300.0, 3500.0], "{errors}");
+        assert!(!errors.contains("to use more"), "{errors}");
+    }
+    let (_, errors) = run("--longest-nm 6000");
+    assert!(errors.contains("350 to 5000 nm"), "{errors}");
 }

@@ -254,6 +254,21 @@ fn too_grazing_light_is_rejected() {
             matches!(error, EngineError::Outside { instead: None, .. }),
             "{error}"
         );
+        // the angle that the message allows is within the limit
+        let EngineError::Outside {
+            most_deg: Some(most),
+            lowest,
+            ..
+        } = error
+        else {
+            panic!("{error}");
+        };
+        let flight = snow.mean_free_distance_m() / snow.sizes_m()[1];
+        let at = |degrees: f64| degrees.to_radians().cos() * flight;
+        assert!(
+            at(most) >= lowest && at(most + 0.01) < lowest,
+            "{most} degrees"
+        );
         let far_outside = case_at(0.15 * envelope::FIRST_FLIGHT);
         let error = far_outside
             .run(engine, 1000, COARSE, &Cache::default(), 1)

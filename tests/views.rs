@@ -145,6 +145,10 @@ fn a_database_with_views_is_built_checked_and_queried() {
         ),
         ("--diffuse --view-deg 30 --quantity brf", "ask for hdrf"),
         (
+            "--diffuse --view-deg 30 --relative-azimuth-deg 0 --quantity hdrf",
+            "does not depend on the azimuth",
+        ),
+        (
             "--incidence-angle-deg 60 --view-deg 61 --relative-azimuth-deg 0 --quantity brf",
             "view_deg = 61 is outside",
         ),

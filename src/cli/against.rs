@@ -3,18 +3,19 @@ use std::fmt::Write;
 use std::path::{Path, PathBuf};
 use std::str::FromStr;
 
-use anyhow::bail;
+use anyhow::{anyhow, bail};
 use serde_json::{Value, json};
 
 use super::common;
 use crate::comparison::{
-    Band, Comparison, Exclusion, GOOD_RMSE, Hints, Matched, MeasuredSpectrum, ResidualPoint,
-    ResidualStatistics, listed,
+    Band, Comparison, Exclusion, GOOD_RMSE, Hints, Matched, MeasuredError, MeasuredSpectrum,
+    ResidualPoint, ResidualStatistics, listed, longest_nm,
 };
 #[cfg(feature = "charts")]
 use crate::lab::report;
 use crate::measurement::{Quantity, Spectrum};
-use crate::spectrum::measured::{Column, Unit, ValueScale};
+use crate::optics::MODEL_RANGE_NM;
+use crate::spectrum::measured::{Column, ReadProblem, Unit, ValueScale};
 
 #[derive(Debug, clap::Args)]
 #[command(next_help_heading = "Comparison with a measured spectrum")]
@@ -39,7 +40,7 @@ pub(super) struct Args {
     quantity: Option<Quantity>,
     /// Band in nm, ends included, that is printed but left out of the statistics; may be given
     /// several times, or once as `none` [default: 1750-2000 and 2350-2500, where water vapour
-    /// absorbs]
+    /// absorbs; with a sample that goes beyond 2500, 2350-3350 and 4150-4500]
     #[arg(long, requires = "against", value_name = "FROM-TO")]
     exclude: Vec<Exclude>,
     /// Write a picture of both spectra and the residuals to FILE, which must end with .svg or
@@ -67,10 +68,11 @@ impl FromStr for Exclude {
     }
 }
 
-/// The bands that the values of `--exclude` name; those of field measurements if there are none.
-pub(super) fn exclusions(given: &[Exclude]) -> anyhow::Result<Vec<Exclusion>> {
+/// The bands that the values of `--exclude` name; those of field measurements that are used up to
+/// `longest_nm` if there are none.
+pub(super) fn exclusions(given: &[Exclude], longest_nm: f64) -> anyhow::Result<Vec<Exclusion>> {
     match given {
-        [] => return Ok(Exclusion::FIELD.into()),
+        [] => return Ok(Exclusion::field(longest_nm).into()),
         [Exclude::None] => return Ok(Vec::new()),
         _ => {}
     }
@@ -81,6 +83,35 @@ pub(super) fn exclusions(given: &[Exclude]) -> anyhow::Result<Vec<Exclusion>> {
         }
     });
     bands.collect()
+}
+
+/// Notes how the file was read, and how rows beyond the range that is used are included.
+pub(super) fn note_read(path: &Path, measured: &MeasuredSpectrum, beyond: &str) {
+    let (file, longest) = (common::one_line(path), measured.range_nm().1);
+    let how = match measured.goes_on() {
+        true => format!("; used up to {longest} nm: {beyond} to use more"),
+        false => String::new(),
+    };
+    common::note(&format!("read {file}: {}{how}", measured.report()));
+}
+
+/// The error of reading a file, with help for one whose rows are all beyond the range that is
+/// used but within that of the model.
+pub(super) fn reach(error: MeasuredError, beyond: &str) -> anyhow::Error {
+    if let MeasuredError::Spectrum(spectrum) = &error
+        && let ReadProblem::Empty {
+            high,
+            outside_nm: Some((first, last)),
+            ..
+        } = *spectrum.problem
+        && first <= MODEL_RANGE_NM.1
+        && last > high
+        && high < MODEL_RANGE_NM.1
+    {
+        let text = error.to_string();
+        return anyhow!(text.replace("\n  help: ", &format!("\n  help: {beyond}, or ")));
+    }
+    error.into()
 }
 
 /// Parses the path of a picture, which must end with .svg or .png.
@@ -118,20 +149,30 @@ impl Args {
         let Some(path) = &self.against else {
             return Ok(None);
         };
+        let longest = longest_nm(wavelengths_nm);
         let hints = Hints {
             quantity: self.quantity,
             column: self.column.clone(),
             unit: self.unit,
             scale: self.scale,
+            longest_nm: Some(longest),
         };
-        let measured = MeasuredSpectrum::read(path, &hints, &exclusions(&self.exclude)?)?;
-        let file = common::one_line(path);
-        common::note(&format!("read {file}: {}", measured.report()));
+        let exclusions = exclusions(&self.exclude, longest)?;
+        const BEYOND: &str = "give the sample [wavelengths] beyond it";
+        let measured = MeasuredSpectrum::read(path, &hints, &exclusions);
+        let measured = measured.map_err(|error| reach(error, BEYOND))?;
+        note_read(path, &measured, BEYOND);
         Ok(Some(Target {
             matched: measured.at(wavelengths_nm)?,
             measured,
             wavelengths: wavelengths_nm.len(),
         }))
+    }
+
+    /// Checks that the picture can be written, if `--plot` is given.
+    #[cfg(feature = "charts")]
+    pub(super) fn check_plot(&self) -> anyhow::Result<()> {
+        self.plot.as_deref().map_or(Ok(()), common::check_output)
     }
 
     /// Writes the picture, if `--plot` is given.
@@ -179,8 +220,9 @@ impl Compared {
             measured.ignored(),
         );
         let file = common::one_line(Path::new(measured.file()));
+        let (first, last) = measured.range_nm();
         let mut out = format!(
-            "# against: {file}, {quantity}, {used} rows used, {ignored} outside 350-2500 nm\n\
+            "# against: {file}, {quantity}, {used} rows used, {ignored} outside {first}-{last} nm\n\
              # not_compared: {unmatched} wavelengths of the sample without rows near them\n\
              # excluded_nm: {}\n",
             listed(measured.exclusions())
@@ -194,6 +236,10 @@ impl Compared {
             let figures =
                 figures.map_or("points 0".to_owned(), |figures| statistics_text(&figures));
             let _ = writeln!(out, "# {name} {from}-{to} nm: {figures}");
+        }
+        if let Some(figures) = comparison.beyond_bands() {
+            let (after, text) = (Band::IrB.range_nm().1, statistics_text(&figures));
+            let _ = writeln!(out, "# beyond {after} nm: {text}");
         }
         let good = if self.good() { "yes" } else { "no" };
         let _ = writeln!(
@@ -236,7 +282,7 @@ impl Compared {
             value["range_nm"] = json!(band.range_nm());
             value
         });
-        json!({
+        let mut value = json!({
             "file": measured.file(),
             "quantity": measured.quantity().name(),
             "rows_used": measured.rows(),
@@ -254,7 +300,11 @@ impl Compared {
             "uncertainty": list(&|point| json!(point.matched.uncertainty)),
             "residual": list(&|point| json!(point.residual())),
             "excluded": list(&|point| json!(point.matched.excluded)),
-        })
+        });
+        if let Some(beyond) = comparison.beyond_bands() {
+            value["beyond_bands"] = figures(Some(beyond));
+        }
+        value
     }
 
     /// Whether the overall RMSE is below [`GOOD_RMSE`].

@@ -12,6 +12,7 @@ use indicatif::ProgressBar;
 use serde::Serialize;
 use thiserror::Error;
 
+use crate::atomic;
 use crate::config::grid::{self, GridFile};
 use crate::engine::Engine;
 use crate::store::DIFFUSE;
@@ -245,6 +246,24 @@ pub(super) fn cannot_write(path: &Path, error: impl Display) -> anyhow::Error {
         "cannot write {}: {error}; check the path, its permissions and its disk, or choose another",
         path.display()
     )
+}
+
+/// Checks that a file can be written at `path`, before the work whose result goes there.
+pub(super) fn check_output(path: &Path) -> anyhow::Result<()> {
+    atomic::check(path).map_err(|error| cannot_write(path, error))
+}
+
+/// Checks that the directory `dir` exists or can be made, and that a file can be written in it.
+pub(super) fn check_output_dir(dir: &Path) -> anyhow::Result<()> {
+    let mut existing = dir.ancestors().filter(|path| path.exists());
+    let existing = existing.next().unwrap_or(Path::new("."));
+    if !existing.is_dir() {
+        return Err(cannot_write(
+            dir,
+            format!("{} is a file", existing.display()),
+        ));
+    }
+    atomic::check(&existing.join("splitsnow")).map_err(|error| cannot_write(dir, error))
 }
 
 /// Writes `value` to standard output as JSON.

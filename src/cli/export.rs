@@ -162,6 +162,14 @@ pub(super) struct Exported {
 
 pub(super) fn run(args: &Args) -> anyhow::Result<()> {
     args.check()?;
+    if args.out.is_some() {
+        let out = args.out()?;
+        // the path of a lut may lack its ending
+        common::check_output(&match args.format.extension() {
+            "exr" => out.with_extension("exr"),
+            _ => out,
+        })?;
+    }
     let spinner = Spinner::new("exporting");
     let Exported { files, remarks } = args.files()?;
     for (path, bytes) in &files {

@@ -20,8 +20,8 @@ const MOST_DEPTHS: usize = 1000;
 pub(super) struct Args {
     /// Print the light inside the snow at these depths below the surface instead
     ///
-    /// Give a list, 0,1,2,5, or ranges, START:END:STEP, or both. The surface and the base are
-    /// always added. Prints CSV: wavelength_nm, depth_cm; downwelling and upwelling, the fluxes that
+    /// Give a list, 0,1,2,5, or ranges, START:END:STEP, or both. END is included if it is a whole
+    /// number of steps from START. The surface and the base are always added. Prints CSV: wavelength_nm, depth_cm; downwelling and upwelling, the fluxes that
     /// cross the depth downward and upward; actinic, the radiance integrated over all directions
     /// (spherical irradiance); and absorbed_per_m, the power absorbed per volume between this depth
     /// and the next (W/m3 per W/m2), empty at the base. All are per incident flux and have standard
@@ -34,7 +34,11 @@ pub(super) struct Args {
 
 /// One depth or a range of depths, cm.
 #[derive(Debug, Clone)]
-struct DepthsCm(Vec<f64>);
+struct DepthsCm {
+    values: Vec<f64>,
+    /// What is said of a range that ends before its END.
+    short: Option<String>,
+}
 
 /// Reads `DEPTH` or `START:END:STEP`.
 fn depths_cm(text: &str) -> Result<DepthsCm, String> {
@@ -45,7 +49,10 @@ fn depths_cm(text: &str) -> Result<DepthsCm, String> {
     };
     let parts: Vec<f64> = text.split(':').map(number).collect::<Result<_, _>>()?;
     match parts[..] {
-        [depth] => Ok(DepthsCm(vec![depth])),
+        [depth] => Ok(DepthsCm {
+            values: vec![depth],
+            short: None,
+        }),
         [start, end, step] if step > 0.0 && end >= start => {
             // rounding must not drop the end
             let steps = ((end - start) / step + 1e-9).floor();
@@ -56,7 +63,14 @@ fn depths_cm(text: &str) -> Result<DepthsCm, String> {
                 ));
             }
             let depth = |i: usize| (start + i as f64 * step).min(end);
-            Ok(DepthsCm((0..=steps as usize).map(depth).collect()))
+            let last = depth(steps as usize);
+            let is_short = end - last > 1e-9 * step;
+            Ok(DepthsCm {
+                values: (0..=steps as usize).map(depth).collect(),
+                short: is_short.then(|| {
+                    format!("{text}: {end} is not a whole number of steps from {start}; the last depth is {} cm", centimetres(last / 100.0))
+                }),
+            })
         }
         _ => Err(
             "give a depth, or START:END:STEP with END not less than START and STEP above 0".into(),
@@ -81,7 +95,15 @@ pub(super) fn text(
     bands: Option<&(BandAverages, SensorBands)>,
     cancel: &AtomicBool,
 ) -> anyhow::Result<String> {
-    let depths = args.depths_cm.iter().flat_map(|depths| &depths.0);
+    for depths in &args.depths_cm {
+        let short: Vec<String> = depths
+            .short
+            .iter()
+            .map(|s| format!("--depths-cm {s}"))
+            .collect();
+        super::common::warn(&short);
+    }
+    let depths = args.depths_cm.iter().flat_map(|depths| &depths.values);
     let depths_m: Vec<f64> = depths.map(|cm| cm / 100.0).collect();
     if depths_m.len() > MOST_DEPTHS {
         anyhow::bail!(
@@ -213,11 +235,21 @@ mod tests {
 
     #[test]
     fn depths_are_numbers_or_ranges() {
-        let read = |text| depths_cm(text).map(|depths| depths.0);
+        let read = |text| depths_cm(text).map(|depths| depths.values);
         assert_eq!(read("2.5").unwrap(), [2.5]);
         assert_eq!(read("0:1:0.25").unwrap(), [0.0, 0.25, 0.5, 0.75, 1.0]);
         assert_eq!(read("0:0.3:0.1").unwrap().len(), 4);
         assert_eq!(read("1:2:3").unwrap(), [1.0]);
+        assert_eq!(read("0:10:3").unwrap(), [0.0, 3.0, 6.0, 9.0]);
+        let short = |text| depths_cm(text).unwrap().short;
+        assert_eq!(
+            short("0:10:3").as_deref(),
+            Some("0:10:3: 10 is not a whole number of steps from 0; the last depth is 9 cm")
+        );
+        for whole in ["0:9:3", "0:0.3:0.1", "2.5", "0:30:0.7"] {
+            let found = short(whole);
+            assert_eq!(found.is_some(), whole == "0:30:0.7", "{whole}: {found:?}");
+        }
         for bad in [
             "", "x", "-1", "nan", "1:2", "2:1:1", "0:1:0", "0:1:1e-9", "1:2:3:4",
         ] {

@@ -189,6 +189,10 @@ impl Args {
             let (name, option) = (self.quantity.name(), axis.record().option);
             bail!("{name} is the light toward a view; give --{option} too");
         }
+        if self.diffuse && point.get(Parameter::VIEWS[1]).is_some() {
+            let (name, option) = (self.quantity.name(), Parameter::VIEWS[1].record().option);
+            bail!("{name} under diffuse light does not depend on the azimuth; remove --{option}");
+        }
         let snow = point.optional();
         let directions = Directions::new(&database.at(snow)?, &views.at(snow)?)?;
         let mut spectrum = vec![0.0; directions.wavelengths()];

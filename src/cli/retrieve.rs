@@ -1,33 +1,27 @@
 //! `splitsnow retrieve`: from measured spectra to the snow.
-use std::fs::{self, File};
-use std::io::Read;
-use std::path::{Path, PathBuf};
-use std::sync::atomic::AtomicBool;
+mod within;
 
-use anyhow::{anyhow, bail, ensure};
-use sha2::{Digest, Sha256};
+use std::fs::File;
+use std::io::Read;
+use std::path::PathBuf;
+
+use anyhow::{anyhow, ensure};
 
 use super::against::{self, Exclude};
 use super::bands;
-use super::bar::Bar;
 use super::common::{self, Interrupted, Spinner, ThreadArgs};
 use super::spectra::{self, SpectrumArg};
-use crate::atomic;
-use crate::build::{self, BuildOptions};
 use crate::comparison::{Exclusion, Hints, MeasuredSpectrum};
-use crate::config::grid;
 use crate::engine::EngineError;
 #[cfg(feature = "charts")]
 use crate::lab::report;
-use crate::lookup::Database;
 use crate::measurement::Quantity;
-use crate::plan::{self, PlanOptions};
+use crate::optics::MODEL_RANGE_NM;
 use crate::retrieve::{
-    BoxRequest, DefaultBox, ExactOptions, FreeParameter, KnownValue, MeasuredBands, MeasuredInput,
-    NoiseModel, RetrieveError, Setup, SetupRequest,
+    ExactOptions, FreeParameter, KnownValue, MeasuredBands, MeasuredInput, NoiseModel,
+    RetrieveError, Setup, SetupRequest,
 };
 use crate::spectrum::measured::{Column, MAX_BYTES, Unit, ValueScale};
-use crate::store::COMPACT;
 
 /// Find the snow that has a measured spectrum, with credible intervals
 ///
@@ -72,6 +66,9 @@ pub(super) struct Args {
     /// what is known, in out/retrieve_ID.toml]
     #[arg(long, value_name = "BOX")]
     within: Option<PathBuf>,
+    /// Directory for the grid that is made and for the database that is built [default: out]
+    #[arg(long, value_name = "DIR")]
+    keep_in: Option<PathBuf>,
     /// Unknown with its prior: NAME=MIN..MAX, NAME=MEAN+-SD (a Gaussian within the axis), or NAME
     /// (anything on the axis). ssa_m2_kg and optical_radius_um stand for the grain size. May be
     /// given several times
@@ -110,7 +107,7 @@ pub(super) struct Args {
     #[arg(long, value_name = "NAME|N")]
     column: Option<Column>,
     /// Unit of the files' wavelengths [default: the unit that a file states, else guessed]
-    #[arg(long, value_parser = common::name_parser(Unit::ALL, Unit::name))]
+    #[arg(long, conflicts_with = "bands", value_parser = common::name_parser(Unit::ALL, Unit::name))]
     unit: Option<Unit>,
     /// Scale of the files' values [default: the scale that a file states, else guessed]
     #[arg(long, value_parser = common::name_parser(ValueScale::ALL, ValueScale::name))]
@@ -119,9 +116,14 @@ pub(super) struct Args {
     #[arg(long, value_parser = common::name_parser(Quantity::ALL, Quantity::name))]
     quantity: Option<Quantity>,
     /// Band in nm, ends included, that is left out; may be given several times, or once as `none`
-    /// [default: 1750-2000 and 2350-2500, where water vapour absorbs]
+    /// [default: 1750-2000 and 2350-2500, where water vapour absorbs; if wavelengths beyond 2500 are
+    /// used, 2350-3350 and 4150-4500]
     #[arg(long, value_name = "FROM-TO")]
     exclude: Vec<Exclude>,
+    /// Longest wavelength of the files that is used without --within, nm, 350 to 5000; beyond 2500
+    /// see docs/methods.md [default: 2500]
+    #[arg(long, value_name = "NM", conflicts_with_all = ["within", "bands"], value_parser = longest_nm)]
+    longest_nm: Option<f64>,
     #[command(flatten)]
     threads: ThreadArgs,
     /// Print JSON: everything, with the fitted spectra and residuals
@@ -147,9 +149,21 @@ fn not_negative(text: &str) -> Result<f64, String> {
     }
 }
 
+/// Parses a wavelength of the model.
+fn longest_nm(text: &str) -> Result<f64, String> {
+    let (first, last) = MODEL_RANGE_NM;
+    let nm = text.parse().ok().filter(|nm| (first..=last).contains(nm));
+    nm.ok_or_else(|| format!("the wavelength must be {first} to {last} nm"))
+}
+
 pub(super) fn run(args: &Args) -> anyhow::Result<()> {
     let cancel = common::interrupt_flag();
-    let exclusions = against::exclusions(&args.exclude)?;
+    #[cfg(feature = "charts")]
+    if let Some(path) = &args.picture {
+        common::check_output(path)?;
+    }
+    let longest = args.longest_nm()?;
+    let exclusions = against::exclusions(&args.exclude, longest)?;
     let bands = args.bands.open()?;
     let spectra: anyhow::Result<Vec<SpectrumArg>> = args
         .spectra
@@ -158,7 +172,7 @@ pub(super) fn run(args: &Args) -> anyhow::Result<()> {
         .collect();
     let spectra = spectra?;
     let read = |spectra: Vec<SpectrumArg>, bands: Option<&MeasuredBands>| {
-        let read = |spectrum| args.read(spectrum, &exclusions, bands);
+        let read = |spectrum| args.read(spectrum, longest, &exclusions, bands);
         let measured: anyhow::Result<Vec<_>> = spectra.into_iter().map(read).collect();
         measured
     };
@@ -166,8 +180,8 @@ pub(super) fn run(args: &Args) -> anyhow::Result<()> {
     let (measured, database, bands) = match bands {
         None => {
             let measured = read(spectra, None)?;
-            let within = match &args.within {
-                Some(within) => within.clone(),
+            let (within, made) = match &args.within {
+                Some(within) => (within.clone(), false),
                 None => {
                     let nm = spectra::wavelengths_nm(measured.iter().map(|(_, m)| m));
                     ensure!(
@@ -176,12 +190,12 @@ pub(super) fn run(args: &Args) -> anyhow::Result<()> {
                         args.spectra.join(", ")
                     );
                     let known = measured.iter().map(|(arg, m)| arg.known(m)).collect();
-                    args.default_box(known, &nm)?
+                    (args.default_box(known, &nm)?, true)
                 }
             };
             (
                 measured,
-                args.database(&within, cancel.as_deref().ok())?,
+                args.database(&within, made, cancel.as_deref().ok())?,
                 None,
             )
         }
@@ -189,7 +203,7 @@ pub(super) fn run(args: &Args) -> anyhow::Result<()> {
             let within = args.within.as_deref().ok_or_else(|| {
                 anyhow!("--bands needs a database whose wavelengths cover the bands: give it, or a grid file, with --within")
             })?;
-            let database = args.database(within, cancel.as_deref().ok())?;
+            let database = args.database(within, false, cancel.as_deref().ok())?;
             let bands = bands.measured(&database)?;
             (read(spectra, Some(&bands))?, database, Some(bands))
         }
@@ -259,6 +273,7 @@ impl Args {
     fn read(
         &self,
         spectrum: SpectrumArg,
+        longest_nm: f64,
         exclusions: &[Exclusion],
         bands: Option<&MeasuredBands>,
     ) -> anyhow::Result<(SpectrumArg, MeasuredSpectrum)> {
@@ -267,9 +282,15 @@ impl Args {
             column: spectrum.column.clone().or_else(|| self.column.clone()),
             unit: bands.map_or(self.unit, |_| Some(Unit::Nm)),
             scale: self.scale,
+            longest_nm: Some(longest_nm),
+        };
+        let beyond = match &self.within {
+            None => "give --longest-nm 5000",
+            Some(_) => "give --within a grid with wavelengths beyond it",
         };
         let measured = match bands {
-            None => MeasuredSpectrum::read(&spectrum.file, &hints, exclusions)?,
+            None => MeasuredSpectrum::read(&spectrum.file, &hints, exclusions)
+                .map_err(|error| against::reach(error, beyond))?,
             Some(bands) => {
                 let file = spectrum.file.display().to_string();
                 let mut bytes = Vec::new();
@@ -283,120 +304,7 @@ impl Args {
                 MeasuredSpectrum::parse(&file, text.as_bytes(), &hints, exclusions)?
             }
         };
-        let file = common::one_line(&spectrum.file);
-        common::note(&format!("read {file}: {}", measured.report()));
+        against::note_read(&spectrum.file, &measured, beyond);
         Ok((spectrum, measured))
-    }
-
-    /// Writes a grid file of the snows that may have these spectra, and notes what it assumes.
-    fn default_box(&self, inputs: Vec<MeasuredInput>, nm: &[f64]) -> anyhow::Result<PathBuf> {
-        let found = DefaultBox::new(&BoxRequest {
-            inputs: &inputs,
-            wavelengths_nm: nm,
-            free: &self.free,
-            fix: &self.fix,
-            diffuse: self.diffuse,
-        })?;
-        let digest = Sha256::digest(&found.text);
-        let id: String = digest.iter().take(4).map(|b| format!("{b:02x}")).collect();
-        let path = Path::new("out").join(format!("retrieve_{id}.toml"));
-        if fs::read_to_string(&path).is_ok_and(|text| text == found.text) {
-            common::note(&format!("searching the snows of {}", path.display()));
-        } else {
-            fs::create_dir_all("out").map_err(|error| anyhow!("out: cannot be made: {error}"))?;
-            let written = atomic::write(&path, found.text.as_bytes());
-            // another process may write the same text at the same time
-            if !fs::read_to_string(&path).is_ok_and(|text| text == found.text) {
-                written.map_err(|error| anyhow!("{}: {error}", path.display()))?;
-            }
-            common::note(&format!(
-                "searching the snows of {}, made from what is known; --within gives other snows",
-                path.display()
-            ));
-        }
-        for assumed in &found.assumed {
-            common::note(&format!("assumed: {assumed}"));
-        }
-        Ok(path)
-    }
-
-    /// The compact file, built first if `within` is a grid file.
-    fn database(&self, within: &Path, cancel: Option<&AtomicBool>) -> anyhow::Result<Database> {
-        let is_grid = within.extension().is_some_and(|end| end == "toml");
-        let dir = match is_grid && !within.is_dir() {
-            true => self.built(within, cancel)?,
-            false => within.to_owned(),
-        };
-        let path = match self.diffuse {
-            true => common::diffuse_path(&dir)?,
-            false => dir,
-        };
-        Ok(Database::open(path)?)
-    }
-
-    /// Builds the database of the grid file, or continues it. Returns its directory.
-    fn built(&self, within: &Path, cancel: Option<&AtomicBool>) -> anyhow::Result<PathBuf> {
-        let file = grid::read(within)?;
-        common::warn(&file.warnings);
-        common::notes(&file.notes);
-        ensure!(
-            !self.diffuse || file.grid.fixed.diffuse,
-            "{} has no curves under diffuse light; add axes.diffuse = true, or remove --diffuse",
-            within.display()
-        );
-        let dir = Path::new("out").join(&file.name);
-        let threads = self.threads.count()?;
-        let options = PlanOptions {
-            threads,
-            seconds: 2.0,
-            dir: Some(dir.clone()),
-        };
-        if !dir.join(COMPACT).exists() {
-            let plan = plan::plan(&file.grid, &options)?;
-            common::note(&format!(
-                "building {} first: {} spectra at {} wavelengths, about {} of CPU time, {} on {} threads, {} on disk",
-                dir.display(),
-                plan.curves,
-                file.grid.wavelengths_nm.len(),
-                common::duration(plan.core_seconds),
-                common::duration(plan.wall_seconds),
-                plan.threads,
-                common::bytes(plan.database_bytes + plan.compact_bytes)
-            ));
-        }
-        let bar = Bar::new(false);
-        let built = build::build(
-            &file.grid,
-            &dir,
-            &BuildOptions {
-                threads,
-                shard: None,
-                only_compress: false,
-                from: Vec::new(),
-                grid_file: within.to_owned(),
-                fresh: false,
-                viewing: file.viewing,
-                progress: Some(&bar),
-                cancel,
-            },
-        );
-        drop(bar);
-        let report = built.map_err(|error| super::build::explained(error, &dir))?;
-        if report.jobs_run > 0 {
-            common::note(&format!(
-                "{}: {} jobs run; the next retrieval reads {} at once",
-                dir.display(),
-                report.jobs_run,
-                dir.join(COMPACT).display()
-            ));
-        }
-        if report.compact.is_none() {
-            bail!(
-                "{} is not complete; run `splitsnow build {}`",
-                dir.display(),
-                within.display()
-            );
-        }
-        Ok(dir)
     }
 }

@@ -30,7 +30,7 @@ use crate::simulation::{RAYS, Simulation};
 /// since walks share their errors between wavelengths.
 #[derive(Debug, clap::Args)]
 #[command(
-    mut_arg("bands", alone),
+    mut_args = alone,
     after_long_help = "\
 Examples:
   splitsnow simulate configs/samples/representative.toml --engine spectral --rays 100000 --json
@@ -70,13 +70,41 @@ pub(super) struct Args {
     exits: goniometer::Args,
 }
 
-/// Makes the option exclude other measurements.
-fn alone(bands: clap::Arg) -> clap::Arg {
-    bands.conflicts_with_all(["against", "goniometer", "radial_profile", "view_deg"])
+/// Makes the options of one measurement exclude the others, as the measurement does. `requires`
+/// does not: clap waives a required option that conflicts with one that is given.
+fn alone(arg: clap::Arg) -> clap::Arg {
+    let others: &[&str] = match arg.get_id().as_str() {
+        "bands" | "sun" => &["against", "goniometer", "radial_profile", "view_deg"],
+        "column" | "unit" | "scale" | "quantity" | "exclude" | "plot" => &[
+            "bands",
+            "goniometer",
+            "radial_profile",
+            "view_deg",
+            "depths_cm",
+        ],
+        "sensors" | "principal_plane" => &[
+            "against",
+            "bands",
+            "radial_profile",
+            "view_deg",
+            "depths_cm",
+        ],
+        "relative_azimuth_deg" => &[
+            "against",
+            "bands",
+            "goniometer",
+            "radial_profile",
+            "depths_cm",
+        ],
+        _ => &[],
+    };
+    arg.conflicts_with_all(others)
 }
 
 pub(super) fn run(args: &Args) -> anyhow::Result<()> {
     let cancel = common::interrupt_flag()?;
+    #[cfg(feature = "charts")]
+    args.against.check_plot()?;
     let (sample, bands) = match args.bands.open()? {
         Some(bands) => {
             let nm = bands.wavelengths_nm();

@@ -92,7 +92,9 @@ pub(super) fn wavelengths_nm<'a>(
     if rows.len() <= MOST_ROWS {
         return rows;
     }
-    let (first, last) = RANGE_NM;
+    let first = RANGE_NM.0;
+    let last = spectra.clone().map(|spectrum| spectrum.range_nm().1);
+    let last = last.fold(first, f64::max);
     let steps = ((last - first) / STEP_NM) as usize;
     let grid: Vec<f64> = (0..=steps).map(|i| first + STEP_NM * i as f64).collect();
     let covered = spectra.flat_map(|spectrum| {

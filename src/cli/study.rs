@@ -55,6 +55,7 @@ pub(super) fn run(args: &Args) -> anyhow::Result<()> {
         rays: args.rays,
         seed: args.seed,
     };
+    common::check_output_dir(&args.out)?;
     let spinner = Spinner::new("starting");
     // All studies share one pool and one cache, because variants share tables of grain events.
     walking::run(args.threads, None, cancel, |control| {

@@ -52,6 +52,7 @@ pub(super) fn run(args: &Args) -> anyhow::Result<()> {
     common::notes(&file.notes);
     let out = args.out.clone();
     let out = out.unwrap_or_else(|| Path::new("out").join(&file.name));
+    common::check_output_dir(&out)?;
     let spinner = Spinner::new("reading");
     let text = file.self_contained();
     let tailored = walking::run(args.threads, None, cancel, |control| {

@@ -4,11 +4,13 @@ use std::path::Path;
 use super::error::MeasuredError;
 use super::exclusion::{Exclusion, excluded};
 use crate::measurement::Quantity;
+use crate::optics::MODEL_RANGE_NM;
 use crate::spectrum::measured::{
     self, Column, Content, Curve, MeasuredValue, ReadOptions, ReadReport, Unit, ValueScale,
 };
 
-/// Wavelengths that are used, nm, both ends included: the range of the model.
+/// Wavelengths that are used by default, nm, both ends included. [`Hints::longest_nm`] gives
+/// another end.
 pub const RANGE_NM: (f64, f64) = (350.0, 2500.0);
 /// Smallest and largest value accepted. Noise can make values of dark snow negative.
 /// Reflectance factors of bright snow can exceed 1, up to 1.4 under a low sun, if the white
@@ -30,6 +32,19 @@ pub struct Hints {
     pub unit: Option<Unit>,
     /// The scale of the values.
     pub scale: Option<ValueScale>,
+    /// Longest wavelength that is used, nm, up to that of the model; `None` is that of
+    /// [`RANGE_NM`].
+    pub longest_nm: Option<f64>,
+}
+
+/// The longest wavelength of a file that is used for a simulation at these wavelengths
+/// (increasing), nm: that of the model if they go beyond [`RANGE_NM`].
+#[must_use]
+pub fn longest_nm(wavelengths_nm: &[f64]) -> f64 {
+    match wavelengths_nm.last() {
+        Some(last) if *last > RANGE_NM.1 => MODEL_RANGE_NM.1,
+        _ => RANGE_NM.1,
+    }
 }
 
 /// A measured value at one of the wavelengths of a simulation.
@@ -53,6 +68,7 @@ pub struct MeasuredSpectrum {
     file: String,
     quantity: Quantity,
     exclusions: Vec<Exclusion>,
+    range_nm: (f64, f64),
     curve: Curve,
 }
 
@@ -67,8 +83,10 @@ impl MeasuredSpectrum {
         hints: &Hints,
         exclusions: &[Exclusion],
     ) -> Result<Self, MeasuredError> {
-        let curve = measured::read(path, &request(hints, exclusions))?;
-        Ok(Self::of(&path.display().to_string(), curve, exclusions))
+        let request = request(hints, exclusions);
+        let curve = measured::read(path, &request)?;
+        let file = path.display().to_string();
+        Ok(Self::of(&file, curve, exclusions, request.range_nm))
     }
 
     /// Reads the content of a file; `file` is its name in messages. See [`Self::read`].
@@ -81,11 +99,12 @@ impl MeasuredSpectrum {
         hints: &Hints,
         exclusions: &[Exclusion],
     ) -> Result<Self, MeasuredError> {
-        let curve = measured::parse(file, bytes, &request(hints, exclusions))?;
-        Ok(Self::of(file, curve, exclusions))
+        let request = request(hints, exclusions);
+        let curve = measured::parse(file, bytes, &request)?;
+        Ok(Self::of(file, curve, exclusions, request.range_nm))
     }
 
-    fn of(file: &str, curve: Curve, exclusions: &[Exclusion]) -> Self {
+    fn of(file: &str, curve: Curve, exclusions: &[Exclusion], range_nm: (f64, f64)) -> Self {
         Self {
             file: file.to_owned(),
             quantity: match curve.report.content {
@@ -93,6 +112,7 @@ impl MeasuredSpectrum {
                 Content::Reflectance | Content::Power => Quantity::Reflectance,
             },
             exclusions: exclusions.to_vec(),
+            range_nm,
             curve,
         }
     }
@@ -121,19 +141,34 @@ impl MeasuredSpectrum {
         &self.curve.report
     }
 
-    /// The rows within [`RANGE_NM`] with a value, by increasing wavelength.
+    /// The range of wavelengths that are used, nm, both ends included.
+    #[must_use]
+    pub fn range_nm(&self) -> (f64, f64) {
+        self.range_nm
+    }
+
+    /// Whether rows within the range of the model are not used, because they are beyond
+    /// [`Self::range_nm`].
+    #[must_use]
+    pub fn goes_on(&self) -> bool {
+        let report = &self.curve.report;
+        let longest = report.outside_nm.map_or(0.0, |(_, longest)| longest);
+        self.range_nm.1 < MODEL_RANGE_NM.1 && longest > self.range_nm.1
+    }
+
+    /// The rows within [`Self::range_nm`] with a value, by increasing wavelength.
     #[must_use]
     pub fn samples(&self) -> &[MeasuredValue] {
         &self.curve.samples
     }
 
-    /// Number of wavelengths within [`RANGE_NM`] with a value.
+    /// Number of wavelengths within [`Self::range_nm`] with a value.
     #[must_use]
     pub fn rows(&self) -> usize {
         self.curve.samples.len()
     }
 
-    /// Number of rows outside [`RANGE_NM`], which are not used.
+    /// Number of rows outside [`Self::range_nm`], which are not used.
     #[must_use]
     pub fn ignored(&self) -> usize {
         self.curve.report.outside
@@ -206,7 +241,7 @@ fn request(hints: &Hints, exclusions: &[Exclusion]) -> ReadOptions {
         column: hints.column.clone(),
         unit: hints.unit,
         scale: hints.scale,
-        range_nm: RANGE_NM,
+        range_nm: (RANGE_NM.0, hints.longest_nm.unwrap_or(RANGE_NM.1)),
         possible: VALUES,
         excluded_nm: bands.collect(),
     }

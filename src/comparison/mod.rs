@@ -9,7 +9,7 @@ pub use crate::spectrum::Band;
 
 pub use error::MeasuredError;
 pub use exclusion::{Exclusion, excluded};
-pub use measured::{Hints, Matched, MeasuredSpectrum, RANGE_NM, VALUES, listed};
+pub use measured::{Hints, Matched, MeasuredSpectrum, RANGE_NM, VALUES, listed, longest_nm};
 
 /// Varsa 2025 calls a root mean square error below this value good.
 pub const GOOD_RMSE: f64 = 0.03;
@@ -95,6 +95,13 @@ impl Comparison {
     #[must_use]
     pub fn band(&self, band: Band) -> Option<ResidualStatistics> {
         self.statistics(|nm| band.holds(nm))
+    }
+
+    /// Statistics over the wavelengths beyond all bands that are not excluded; `None` if there
+    /// are none.
+    #[must_use]
+    pub fn beyond_bands(&self) -> Option<ResidualStatistics> {
+        self.statistics(|nm| nm > RANGE_NM.1)
     }
 
     /// Statistics over the wavelengths that are not excluded and for which `is_in_band` holds.

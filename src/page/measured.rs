@@ -1,7 +1,7 @@
 //! `measured`: a measured spectrum beside a simulated one.
 use crate::comparison::RANGE_NM;
 use crate::comparison::ResidualStatistics;
-use crate::comparison::{Band, Comparison, Exclusion, Hints, MeasuredSpectrum};
+use crate::comparison::{Band, Comparison, Exclusion, Hints, MeasuredSpectrum, longest_nm};
 use crate::measurement::{Measured, Quantity};
 use serde::{Deserialize, Serialize};
 
@@ -91,9 +91,14 @@ impl MeasuredRequest {
         let cells = (self.text.split_whitespace().count() + separated) as u64;
         limits::check("cells of the file", cells, MOST_CELLS)?;
         let bytes = self.text.as_bytes();
+        let longest = longest_nm(&self.wavelengths_nm);
+        let hints = Hints {
+            longest_nm: Some(longest),
+            ..Hints::default()
+        };
+        let exclusions = Exclusion::field(longest);
         let measured =
-            MeasuredSpectrum::parse(&self.name, bytes, &Hints::default(), &Exclusion::FIELD)
-                .map_err(Refused::new)?;
+            MeasuredSpectrum::parse(&self.name, bytes, &hints, exclusions).map_err(Refused::new)?;
         let matched = measured.at(&self.wavelengths_nm).map_err(Refused::new)?;
         let (value, se) = match measured.quantity() {
             Quantity::Reflectance => (&self.reflectance, &self.reflectance_se),

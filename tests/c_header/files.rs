@@ -201,6 +201,21 @@ pub(crate) fn variants() -> Vec<(String, Vec<u8>)> {
         };
         files.push((name.to_owned(), contents.bytes()));
     }
+    // the mass of a listed absorber, beside black carbon and the sphericity
+    for (name, variant) in [
+        ("absorber_log", log(Precision::Quantised)),
+        ("absorber_linear", CompactVariant::default()),
+    ] {
+        let masses = vec![0.0, 1.0, 20.0, 500.0];
+        let contents = Contents {
+            axes: axes_with_optional(2)
+                .with(Parameter::BlackCarbon, vec![0.0, 100.0])
+                .with(Parameter::Absorber, masses),
+            variant,
+            ..Contents::default()
+        };
+        files.push((name.to_owned(), contents.bytes()));
+    }
     // 8 bits, and a few wavelengths with linear interpolation, as written by `tailor`
     let loose = Choice::Bounds(Compression {
         max_delta_e: 2.3,

@@ -118,6 +118,7 @@ impl SizedJob {
             ..job.request(grid)
         };
         let (engine, rays) = grid.run.engine.resolve_rays(&request);
+        engine.check(&request)?;
         let walks = engine.walks(&Request {
             rays,
             ..request.clone()

@@ -23,6 +23,16 @@ struct Limit {
     lowest: f64,
     /// Engine to use below the limit.
     instead: Option<Engine>,
+    /// Largest incidence angle within the limit, degrees, if the angle is what is limited.
+    most_deg: Option<f64>,
+}
+
+/// The angle, degrees, rounded down to a hundredth, whose cosine is `lowest` if that of the angle
+/// `rad` is `value`.
+pub(crate) fn most_deg(rad: f64, value: f64, lowest: f64) -> Option<f64> {
+    let cosine = libm::cos(rad) * lowest / value;
+    let degrees = (libm::acos(cosine).to_degrees() * 100.0).floor() / 100.0;
+    degrees.is_finite().then_some(degrees)
 }
 
 /// Smallest diameter of a sphere inscribed in a grain of `snow`, m.
@@ -71,23 +81,27 @@ impl Engine {
             value: thinnest_m / slimmest_m,
             lowest: 1.0,
             instead: None,
+            most_deg: None,
         }];
         let flight = snowpack.surface.mean_free_distance_m() / snowpack.surface.sizes_m()[1];
         for light in request.illuminations {
             if let Illumination::Collimated { polar_angle_rad } = light {
+                let value = libm::cos(*polar_angle_rad) * flight;
                 limits.push(Limit {
                     quantity: "cosine of the polar angle times mean free distance over largest grain",
-                    value: libm::cos(*polar_angle_rad) * flight,
+                    value,
                     lowest: FIRST_FLIGHT,
                     instead: None,
+                    most_deg: most_deg(*polar_angle_rad, value, FIRST_FLIGHT),
                 });
                 if matches!(self, Self::Tabulated | Self::Hybrid) {
-                    let table = f64::from(request.resolution.table);
+                    let entries = 2.0 * value * f64::from(request.resolution.table);
                     limits.push(Limit {
                         quantity: "number of table entries whose grains fit under the surface at grazing incidence",
-                        value: 2.0 * libm::cos(*polar_angle_rad) * flight * table,
+                        value: entries,
                         lowest: MIN_FITTING_ENTRIES,
                         instead: Some(Self::Spectral),
+                        most_deg: most_deg(*polar_angle_rad, entries, MIN_FITTING_ENTRIES),
                     });
                 }
             }
@@ -98,6 +112,7 @@ impl Engine {
                 value: f64::from(request.resolution.table),
                 lowest: f64::from(MIN_TABLE_ENTRIES),
                 instead: Some(Self::Spectral),
+                most_deg: None,
             });
         }
         let is_violated = |limit: &Limit| limit.value.is_nan() || limit.value < limit.lowest;
@@ -109,6 +124,7 @@ impl Engine {
                 value: limit.value,
                 lowest: limit.lowest,
                 instead: limit.instead,
+                most_deg: limit.most_deg,
             }),
         }
     }

@@ -166,9 +166,10 @@ pub enum EngineError {
     },
     /// The request is outside the engine's range of validity (docs/stability.md).
     #[error(
-        "the engine `{}` is not valid here: the {quantity} is {value:.3e} and must be at least {lowest}; {}",
+        "the engine `{}` is not valid here: the {quantity} is {value:.3e} and must be at least {lowest}; {}{}",
         engine.name(),
-        instead.map_or("no engine is valid here".to_owned(), |other| format!("use the engine `{}`", other.name()))
+        instead.map_or("no engine is valid here".to_owned(), |other| format!("use the engine `{}`", other.name())),
+        most_deg.map_or(String::new(), |most| format!("; light may come from up to {most} degrees from the normal"))
     )]
     Outside {
         /// The engine that refuses the request.
@@ -181,6 +182,9 @@ pub enum EngineError {
         lowest: f64,
         /// An engine that accepts the request, if there is one.
         instead: Option<Engine>,
+        /// The largest incidence angle that the engine accepts, degrees, if the angle is out of
+        /// range.
+        most_deg: Option<f64>,
     },
     /// The engine does not compute the requested quantity.
     #[error("the engine `{}` does not compute {quantity}; use the engine `{}`", engine.name(), instead.name())]

@@ -4,7 +4,7 @@ use std::sync::atomic::{AtomicBool, Ordering};
 use super::counting::DirectionBins;
 use super::parts::{self, PartScores};
 use super::{ExitScene, Exits, IndexNode, at_nodes};
-use crate::engine::envelope::MIN_FITTING_ENTRIES;
+use crate::engine::envelope::{MIN_FITTING_ENTRIES, most_deg};
 use crate::engine::spectral::DEFERRED;
 use crate::engine::{Engine, EngineError, Request, coefficients, engine_error, indices};
 use crate::grain::{GrainType, Surface};
@@ -58,6 +58,7 @@ pub(super) fn check(request: &Request) -> Result<(), EngineError> {
                 value,
                 lowest,
                 instead: Some(Engine::Spectral),
+                most_deg: most_deg(*polar_angle_rad, value, lowest),
             });
         }
     }

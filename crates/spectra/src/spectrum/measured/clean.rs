@@ -130,6 +130,14 @@ pub(super) fn curve(
     let order = order(&samples);
     let before = samples.len();
     let samples = merged(samples).map_err(|problem| (None, problem))?;
+    let ends = |nm: &mut dyn Iterator<Item = f64>| {
+        nm.fold(None, |ends: Option<(f64, f64)>, nm| {
+            let (low, high) = ends.unwrap_or((nm, nm));
+            Some((low.min(nm), high.max(nm)))
+        })
+    };
+    let outside = || rows.iter().filter(|row| row.x.is_some() && !inside(row));
+    let outside_nm = ends(&mut outside().filter_map(|row| row.x).map(nm));
     if samples.is_empty() {
         let unit = unit.name();
         let rows = rows.len();
@@ -140,10 +148,10 @@ pub(super) fn curve(
                 low,
                 high,
                 unit,
+                outside_nm,
             },
         ));
     }
-    let outside = rows.iter().filter(|row| row.x.is_some() && !inside(row));
     let report = ReadReport {
         encoding,
         format,
@@ -167,7 +175,8 @@ pub(super) fn curve(
         order,
         rows: rows.len(),
         used: samples.len(),
-        outside: outside.count(),
+        outside: outside().count(),
+        outside_nm,
         merged: before - samples.len(),
         masked,
         bad_uncertainties,

@@ -148,7 +148,8 @@ pub enum ReadProblem {
     },
     /// No usable row.
     #[error(
-        "none of its {rows} rows has a value within {low} to {high} nm (wavelengths are taken as {unit})\n  help: give the unit of the wavelengths (nm or um), or choose another column"
+        "none of its {rows} rows has a value within {low} to {high} nm (wavelengths are taken as {unit}){}\n  help: give the unit of the wavelengths (nm or um), or choose another column",
+        outside_nm.map_or(String::new(), |(shortest, longest)| format!("; they go from {shortest} to {longest} nm"))
     )]
     Empty {
         /// Number of rows.
@@ -159,6 +160,8 @@ pub enum ReadProblem {
         high: f64,
         /// Assumed unit of the wavelengths.
         unit: &'static str,
+        /// Shortest and longest wavelength of the rows outside this range, nm.
+        outside_nm: Option<(f64, f64)>,
     },
 }
 

@@ -150,6 +150,9 @@ pub struct ReadReport {
     pub used: usize,
     /// Number of rows outside the range of wavelengths used.
     pub outside: usize,
+    /// Shortest and longest wavelength of these rows, nm.
+    #[serde(skip)]
+    pub outside_nm: Option<(f64, f64)>,
     /// Number of rows averaged with others of the same wavelength.
     pub merged: usize,
     /// Rows without a usable value, by line.
@@ -241,6 +244,11 @@ impl fmt::Display for ReadReport {
         write!(out, "; {} of {} rows used", self.used, self.rows)?;
         if self.outside > 0 {
             write!(out, ", {} outside the range", self.outside)?;
+            match self.outside_nm {
+                Some((one, same)) if one == same => write!(out, " (at {one} nm)")?,
+                Some((shortest, longest)) => write!(out, " (from {shortest} to {longest} nm)")?,
+                None => {}
+            }
         }
         if self.merged > 0 {
             write!(
