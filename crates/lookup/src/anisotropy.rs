@@ -315,7 +315,7 @@ impl Anisotropy {
 
     /// The nodes around `point`.
     #[inline(always)]
-    fn toward<S: Simd>(&self, point: Point) -> Result<Toward, LookupError> {
+    fn toward(&self, point: Point) -> Result<Toward, LookupError> {
         let slab = self.slab(point)?;
         if !self.absent.is_empty() {
             let [size, thickness] = [GRAIN_SIZE, THICKNESS].map(|axis| slab[axis]);
@@ -377,7 +377,7 @@ impl Anisotropy {
         point: Point,
         spectrum: &mut [f32],
     ) -> Result<(), LookupError> {
-        let toward = self.toward::<S>(point)?;
+        let toward = self.toward(point)?;
         if let Some(lookup) = lookup {
             lookup.spectrum(point, spectrum)?;
         }
