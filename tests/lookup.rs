@@ -230,6 +230,36 @@ fn interpolation_on_the_thesis_grid_is_accurate() {
     }
 }
 
+/// The table is filled by the first look-ups that need it, whichever thread asks.
+#[test]
+fn threads_that_fill_the_table_together_get_the_same_spectra() {
+    let axes = small();
+    let database = database(&axes, slab);
+    let points: Vec<Point> = (0..400)
+        .map(|i| {
+            let u = [0.31, 0.17, 0.0, 0.23, 0.41].map(|step| (f64::from(i) * step).fract());
+            inside(&axes, u)
+        })
+        .collect();
+    for quantity in Quantity::ALL {
+        let alone = Lookup::new(&database, quantity).unwrap();
+        let expected: Vec<_> = points.iter().map(|p| spectrum(&alone, *p)).collect();
+        let shared = Lookup::new(&database, quantity).unwrap();
+        let all = || points.iter().map(|p| spectrum(&shared, *p)).collect();
+        let found: Vec<Vec<_>> = std::thread::scope(|scope| {
+            let threads = [(); 4].map(|()| scope.spawn(all));
+            threads.map(|thread| thread.join().unwrap()).into()
+        });
+        assert!(found.iter().all(|found| *found == expected), "{quantity:?}");
+        // a copy keeps what is filled, and fills the rest
+        let copy = Lookup::new(&database, quantity).unwrap();
+        spectrum(&copy, points[0]);
+        let copy = copy.clone();
+        let found: Vec<_> = points.iter().map(|p| spectrum(&copy, *p)).collect();
+        assert_eq!(found, expected);
+    }
+}
+
 #[test]
 fn limits_are_exact_and_points_outside_are_rejected() {
     let axes = small();

@@ -18,7 +18,7 @@ mod angle;
 
 use ndarray::ArrayView1;
 use splitsnow_spectra::Quantity;
-use splitsnow_spectra::simd::{F64x8, Portable, Simd, SimdKernel, dispatch};
+use splitsnow_spectra::simd::{F64x8, Simd, SimdKernel, dispatch};
 
 use self::angle::{AngleAxis, Stencil};
 use crate::parameter::slab_places;
@@ -223,7 +223,7 @@ impl Anisotropy {
     /// [`LookupError::Outside`] if a coordinate is outside its axis.
     pub fn material(&self, snow: Point) -> Result<Self, LookupError> {
         let slab = self.slab(snow.with(Parameter::Thickness, self.values[THICKNESS][0]))?;
-        let places = slab_places::<Portable>(slab);
+        let places = slab_places(slab);
         let corners = self.corners(slab, places);
         let thicknesses = self.values[THICKNESS].len();
         let column = thicknesses * self.incidence.count * self.components;
@@ -315,7 +315,7 @@ impl Anisotropy {
 
     /// The nodes around `point`.
     #[inline(always)]
-    fn toward<S: Simd>(&self, point: Point) -> Result<Toward, LookupError> {
+    fn toward(&self, point: Point) -> Result<Toward, LookupError> {
         let slab = self.slab(point)?;
         if !self.absent.is_empty() {
             let [size, thickness] = [GRAIN_SIZE, THICKNESS].map(|axis| slab[axis]);
@@ -331,7 +331,7 @@ impl Anisotropy {
         let view = self.view.stencil(view?);
         let incidence = self.incidence.stencil(incidence?);
         let azimuths = self.azimuths(point)?;
-        let corners = self.corners(slab, slab_places::<S>(slab));
+        let corners = self.corners(slab, slab_places(slab));
         let mut toward = Toward {
             view,
             azimuths,
@@ -377,7 +377,7 @@ impl Anisotropy {
         point: Point,
         spectrum: &mut [f32],
     ) -> Result<(), LookupError> {
-        let toward = self.toward::<S>(point)?;
+        let toward = self.toward(point)?;
         if let Some(lookup) = lookup {
             lookup.spectrum(point, spectrum)?;
         }

@@ -100,8 +100,8 @@ impl Database {
             curves: views.count() as usize * self.curves_per_block(),
             kind: self.kind,
             precision: self.precision,
-            transmittance: mixed(Quantity::Transmittance),
-            reflectance: mixed(Quantity::Reflectance),
+            transmittance: mixed(Quantity::Transmittance).into(),
+            reflectance: mixed(Quantity::Reflectance).into(),
             has_black_substrate: self.has_black_substrate,
             metadata: self.metadata.clone(),
         })

@@ -56,6 +56,7 @@ use std::collections::BTreeMap;
 use std::fs::File;
 use std::io::{self, Read};
 use std::path::{Path, PathBuf};
+use std::sync::Arc;
 
 use ndarray::{Array2, ArrayView1, ArrayView2};
 use thiserror::Error;
@@ -211,6 +212,16 @@ struct Factors {
     basis: Array2<f32>,
 }
 
+impl Factors {
+    /// Adds row `row` of the coefficients times the basis to `sum` (`[l]`).
+    fn add_row(&self, row: usize, sum: &mut [f64]) {
+        let coefficients = self.coefficients.row(row);
+        for (&coefficient, vector) in coefficients.iter().zip(self.basis.columns()) {
+            add_component(sum, coefficient, vector);
+        }
+    }
+}
+
 /// A compact file in memory, fully validated.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Database {
@@ -222,8 +233,8 @@ pub struct Database {
     curves: usize,
     kind: Basis,
     precision: Precision,
-    transmittance: Factors,
-    reflectance: Factors,
+    transmittance: Arc<Factors>,
+    reflectance: Arc<Factors>,
     has_black_substrate: bool,
     metadata: BTreeMap<String, String>,
 }
@@ -302,8 +313,8 @@ impl Database {
             wavelengths_nm: wavelengths_nm.to_vec(),
             kind: Basis::Linear,
             precision: Precision::F32,
-            transmittance: factors(transmittance),
-            reflectance: factors(reflectance),
+            transmittance: factors(transmittance).into(),
+            reflectance: factors(reflectance).into(),
             has_black_substrate,
             metadata: BTreeMap::new(),
         }
@@ -511,23 +522,20 @@ impl Database {
     /// if the curve does not exist ([`Database::exists`]).
     #[must_use]
     pub fn curve(&self, row: usize, quantity: Quantity) -> Option<Vec<f32>> {
-        let Factors {
-            coefficients,
-            basis,
-        } = self.factors(quantity);
-        let coefficients = (row < coefficients.nrows()).then(|| coefficients.row(row))?;
+        let factors = self.factors(quantity);
+        if row >= factors.coefficients.nrows() {
+            return None;
+        }
+        let mut sum = vec![0.0; factors.basis.nrows()];
         if !self.exists(row) {
-            return Some(vec![f32::NAN; basis.nrows()]);
+            return Some(vec![f32::NAN; sum.len()]);
         }
-        let mut sum = vec![0.0; basis.nrows()];
-        for (&coefficient, vector) in coefficients.iter().zip(basis.columns()) {
-            add_component(&mut sum, coefficient, vector);
-        }
+        factors.add_row(row, &mut sum);
         let value = |sum| self.kind.value(quantity, sum) as f32;
         Some(sum.into_iter().map(value).collect())
     }
 
-    fn factors(&self, quantity: Quantity) -> &Factors {
+    fn factors(&self, quantity: Quantity) -> &Arc<Factors> {
         match quantity {
             Quantity::Transmittance => &self.transmittance,
             Quantity::Reflectance => &self.reflectance,

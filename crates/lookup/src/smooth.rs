@@ -19,17 +19,25 @@
 //! coefficients of that basis: all wavelengths share one limiter, and the cost of a
 //! spectrum is that of a few components. For a file with plain spectra (`linear`), the
 //! table holds values and slopes per wavelength.
+//!
+//! The table of a snow (all thicknesses and angles at nodes of the other axes) is filled when a
+//! look-up first needs it, so that a large file opens at once.
+mod corners;
+mod depths;
 mod prepare;
+
+use std::marker::PhantomData;
+use std::sync::{Arc, OnceLock};
 
 use ndarray::ArrayView1;
 use splitsnow_spectra::Quantity;
-use splitsnow_spectra::elementary::exp_neg_single as exp_neg;
 use splitsnow_spectra::simd::{F32x8, F64x8, Portable, Simd, SimdKernel, dispatch};
 
-use crate::diffusion::Diffusion;
-use crate::parameter::{core_places, thickness_slope};
+use self::corners::Cells;
+use self::depths::{Beyond, hermite};
+use crate::parameter::core_places;
 use crate::{
-    Axes, Basis, Database, LookupError, MissingCurve, Parameter, Point, absent_error,
+    Axes, Basis, Database, Factors, LookupError, MissingCurve, Parameter, Point, absent_error,
     missing_curve, nodes,
 };
 
@@ -49,7 +57,7 @@ const FEW: usize = 64;
 /// Largest size of the table, bytes.
 const MOST_BYTES: u128 = 1 << 30;
 /// Number of vectors summed at a time.
-const BLOCK: usize = 8;
+const BLOCK: usize = 4;
 
 /// One quantity of a database, prepared for look-ups anywhere within its axes.
 #[derive(Debug, Clone)]
@@ -66,35 +74,31 @@ pub struct Lookup {
     absent: Vec<usize>,
     /// Number of vectors per node.
     width: usize,
-    /// `[node][width]`: y and its slope along the thickness.
-    table: Vec<F32x8>,
+    /// For each snow of the nodes, `[thickness][angle][width]`: y and its slope along the
+    /// thickness. A single angle is there twice. Filled when it is first needed.
+    table: Vec<OnceLock<Box<[F32x8]>>>,
+    /// What the table is filled from.
+    factors: Arc<Factors>,
+    /// Cells of the axes.
+    cells: [Cells; 5],
+    /// Steps between the numbers of snows along the axes of a snow.
+    strides: [usize; THICKNESS],
+    /// Numbers of the snows around a point, from the first of them.
+    around: [usize; 8],
+    /// Coordinate of the last thickness.
+    last: f32,
+    /// Smallest and largest value allowed on each axis.
+    ranges: [[f32; 2]; 5],
     /// Number of components of the basis; 0 if the wavelengths are the components.
     components: usize,
-    /// Basis vectors, `[l / 8][component]`.
+    /// Basis vectors, `[l / 8][component]`; with zeros up to four components per vector of a node.
     basis: Vec<F32x8>,
     wavelengths: usize,
 }
 
-/// The columns around a point: the table index of the node below the thickness in each
-/// column, and the weight of the column.
-struct Corners {
-    index: [usize; 16],
-    weight: [f32; 16],
-    count: usize,
-}
-
-impl Corners {
-    #[inline(always)]
-    fn iter(&self) -> impl Iterator<Item = (usize, f32)> {
-        let corners = self.index.iter().zip(&self.weight);
-        corners
-            .take(self.count)
-            .map(|(index, weight)| (*index, *weight))
-    }
-}
-
 impl Lookup {
-    /// Prepares `quantity` of `database`. Takes about 10 ms for 25,000 curves.
+    /// Prepares `quantity` of `database`, in a fraction of a millisecond. The table is filled where
+    /// look-ups need it: the first one takes about a millisecond, and 25,000 curves some 50 ms.
     ///
     /// # Errors
     /// [`LookupError::Content`] if the file holds anisotropy factors;
@@ -121,7 +125,7 @@ impl Lookup {
             let place = |value| {
                 let mut point = [0.0, 1.0, 1.0, 0.0, 0.0];
                 point[axis] = value;
-                core_places::<Portable>(point)[axis]
+                core_places(point)[axis]
             };
             let values = thin.chain(values.iter().copied());
             *places = values.map(place).collect();
@@ -131,7 +135,8 @@ impl Lookup {
         let logarithmic = database.basis_kind() == Basis::Log;
         let depth = if logarithmic { components } else { wavelengths };
         let width = depth.div_ceil(LANES);
-        let nodes = database.curves() / values[THICKNESS].len() * places[THICKNESS].len();
+        let [n_f, n_g, n_d, n_h, _] = values.each_ref().map(Vec::len);
+        let nodes = database.curves() / n_h * places[THICKNESS].len();
         let bytes = (nodes as u128) * (width * size_of::<F32x8>()) as u128;
         if bytes > MOST_BYTES {
             return Err(LookupError::TooLarge { bytes });
@@ -140,10 +145,16 @@ impl Lookup {
             quantity,
             axes,
             values,
-            places,
             absent: database.absent().to_vec(),
             width,
-            table: Vec::new(),
+            table: (0..n_f * n_g * n_d).map(|_| OnceLock::new()).collect(),
+            factors: database.factors(quantity).clone(),
+            cells: std::array::from_fn(|_| Cells::new(&[])),
+            places,
+            strides: [0; THICKNESS],
+            around: [0; 8],
+            last: 0.0,
+            ranges: Default::default(),
             components: 0,
             basis: Vec::new(),
             wavelengths,
@@ -155,13 +166,30 @@ impl Lookup {
                     let value = |i: usize| column.get(l + i).copied().unwrap_or_default();
                     F32x8::new(std::array::from_fn(value))
                 };
-                lookup
-                    .basis
-                    .extend(columns.columns().into_iter().map(chunk));
+                let vectors = columns.columns().into_iter().map(chunk);
+                lookup.basis.extend(vectors);
+                let whole = lookup.basis.len().next_multiple_of(width * LANES);
+                lookup.basis.resize(whole, F32x8::ZERO);
             }
         }
-        lookup.table = lookup.filled(database, depth);
-        Ok(lookup)
+        Ok(lookup.arranged())
+    }
+
+    /// This look-up with what follows from the nodes of its axes.
+    fn arranged(mut self) -> Self {
+        self.last = self.places[THICKNESS][self.places[THICKNESS].len() - 1];
+        self.ranges = std::array::from_fn(|axis| self.range(axis));
+        self.cells = self.places.each_ref().map(|places| Cells::new(places));
+        let mut stride = 1;
+        for (count, axis) in [(1, 2), (2, 1), (4, 0)] {
+            self.strides[axis] = stride;
+            let nodes = self.values[axis].len();
+            for i in 0..count {
+                self.around[count + i] = self.around[i] + if nodes > 1 { stride } else { 0 };
+            }
+            stride *= nodes;
+        }
+        self
     }
 
     /// Number of wavelengths of a spectrum, l.
@@ -189,34 +217,59 @@ impl Lookup {
                 found: spectrum.len(),
             });
         }
+        let requested = point.core();
         dispatch(SpectrumKernel {
             lookup: self,
-            point,
+            requested: &requested,
             spectrum,
         })
     }
 
-    /// [`Lookup::spectrum`] for a `spectrum` of the right length.
+    /// [`Lookup::spectrum`] at core values, for a `spectrum` of the right length.
     #[inline(always)]
-    fn spectrum_on<S: Simd>(&self, point: Point, spectrum: &mut [f32]) -> Result<(), LookupError> {
-        let values = self.inside(point).ok_or_else(|| self.outside(point))?;
+    fn spectrum_on<S: Simd>(
+        &self,
+        requested: &[f64; 5],
+        spectrum: &mut [f32],
+    ) -> Result<(), LookupError> {
+        let Some(values) = self.inside(requested) else {
+            return Err(self.outside(requested));
+        };
         if !self.absent.is_empty()
             && let Some(missing) = self.missing_curve(values[1], values[THICKNESS])
         {
-            return Err(absent_error(missing, point));
+            return Err(absent_error(missing, Point::from_core(*requested)));
         }
-        let places = core_places::<S>(values);
-        let x = &self.places[THICKNESS];
-        if places[THICKNESS] <= x[x.len() - 1] {
-            let (corners, cell) = self.corners(places);
-            let t = fraction(x, cell, places[THICKNESS]);
-            let step = x[cell + 1] - x[cell];
-            self.depths::<S>(&corners, hermite(t, step), spectrum);
-        } else {
-            self.depths_beyond::<S>(places, point[Parameter::Thickness] as f32, spectrum);
+        let thickness_cm = requested[THICKNESS] as f32;
+        match self.table.len() {
+            1 => self.spectrum_around::<S, 1>(values, thickness_cm, spectrum),
+            _ => self.spectrum_around::<S, 8>(values, thickness_cm, spectrum),
         }
-        self.to_quantity(spectrum);
         Ok(())
+    }
+
+    /// Writes the spectrum at `values` to `spectrum`, from the `N` snows around.
+    #[inline(always)]
+    fn spectrum_around<S: Simd, const N: usize>(
+        &self,
+        values: [f32; 5],
+        thickness_cm: f32,
+        spectrum: &mut [f32],
+    ) {
+        let places = core_places(values);
+        let (cell, t, step) = self.cells[THICKNESS].find::<S>(places[THICKNESS]);
+        let corners = self.corners::<S, N>(places, cell);
+        if places[THICKNESS] <= self.last {
+            self.depths::<S, N, true>(&corners, hermite(t, step), spectrum);
+        } else {
+            S::outlined(Beyond::<S, N> {
+                lookup: self,
+                corners,
+                thickness_cm,
+                spectrum,
+                level: PhantomData,
+            });
+        }
     }
 
     /// A look-up restricted to one `snow`: all thicknesses and angles at its other
@@ -229,33 +282,37 @@ impl Lookup {
         let point = snow
             .with(Parameter::Thickness, f64::from(self.values[THICKNESS][0]))
             .with(Parameter::Incidence, f64::from(self.values[INCIDENCE][0]));
-        let values = self.inside(point).ok_or_else(|| self.outside(point))?;
-        let places = core_places::<Portable>(values);
-        let (corners, _) = self.corners(places);
-        let column = self.places[THICKNESS].len() * self.values[INCIDENCE].len() * self.width;
-        let mut table = vec![F32x8::ZERO; column];
+        let point = point.core();
+        let values = self.inside(&point).ok_or_else(|| self.outside(&point))?;
+        let places = core_places(values);
+        let mut table =
+            vec![F32x8::ZERO; self.places[THICKNESS].len() * self.angles() * self.width];
+        let corners = self.corners::<Portable, 8>(places, 0);
+        // the angle is that of the first node
+        for (snow, weight) in corners.snows.iter().zip(corners.weights[0]) {
+            if weight > 0.0 {
+                let nodes = table.iter_mut().zip(*snow);
+                nodes.for_each(|(sum, node)| *sum += *node * F32x8::splat(weight));
+            }
+        }
         let mut material = Self {
             axes: self.axes.clone(),
             values: self.values.clone(),
             places: self.places.clone(),
-            table: Vec::new(),
+            cells: self.cells.clone(),
+            table: vec![OnceLock::from(table.into_boxed_slice())],
+            factors: Arc::default(),
             basis: self.basis.clone(),
             absent: self.absent_between(values[1]),
             ..*self
         };
-        for (index, weight) in corners.iter() {
-            let begin = index / column * column;
-            let nodes = table.iter_mut().zip(&self.table[begin..begin + column]);
-            nodes.for_each(|(sum, node)| *sum += *node * F32x8::splat(weight));
-        }
-        material.table = table;
         for axis in 0..THICKNESS {
             let value = f64::from(values[axis]);
             material.axes.set(Parameter::CORE[axis], vec![value]);
             material.values[axis] = vec![values[axis]];
             material.places[axis] = vec![places[axis]];
         }
-        Ok(material)
+        Ok(material.arranged())
     }
 
     fn missing_curve(&self, grain_size_um: f32, thickness_cm: f32) -> Option<MissingCurve> {
@@ -289,25 +346,8 @@ impl Lookup {
             return components.to_vec();
         }
         let mut spectrum = vec![0.0; self.wavelengths];
-        self.rebuild::<Portable>(components, &mut spectrum);
+        self.rebuild::<Portable, false>(components, &mut spectrum);
         spectrum
-    }
-
-    /// Writes y per wavelength, from coefficients of the basis, to `spectrum`.
-    #[inline(always)]
-    fn rebuild<S: Simd>(&self, components: &[f32], spectrum: &mut [f32]) {
-        let chunks = self.basis.chunks_exact(self.components);
-        for (to, vectors) in spectrum.chunks_mut(8).zip(chunks) {
-            let mut y = F32x8::<S>::ZERO;
-            for (c, vector) in components.iter().zip(vectors) {
-                y += F32x8::splat(*c) * vector.on();
-            }
-            let lanes = y.as_array();
-            match to.first_chunk_mut::<8>() {
-                Some(whole) => *whole = *lanes,
-                None => to.copy_from_slice(&lanes[..to.len()]),
-            }
-        }
     }
 
     /// Smallest and largest value allowed on axis `axis`.
@@ -327,14 +367,13 @@ impl Lookup {
         same.next().copied().unwrap_or(f64::from(value))
     }
 
-    /// The core values of `point`, clamped to the axes where they exceed an end within the
+    /// The core values `requested`, clamped to the axes where they exceed an end within the
     /// tolerance; `None` if one is outside.
     #[inline(always)]
-    fn inside(&self, point: Point) -> Option<[f32; 5]> {
-        let requested = point.core();
+    fn inside(&self, requested: &[f64; 5]) -> Option<[f32; 5]> {
         let mut values = requested.map(|v| v as f32);
         for (axis, value) in values.iter_mut().enumerate() {
-            let [first, last] = self.range(axis);
+            let [first, last] = self.ranges[axis];
             if !(first..=last).contains(value) {
                 if ![first, last]
                     .iter()
@@ -350,17 +389,16 @@ impl Lookup {
 
     /// The error of a point that is not inside.
     #[cold]
-    fn outside(&self, point: Point) -> LookupError {
-        let requested = point.core();
+    fn outside(&self, requested: &[f64; 5]) -> LookupError {
         let wrong = |axis: &usize| {
-            let [first, last] = self.range(*axis);
+            let [first, last] = self.ranges[*axis];
             let value = requested[*axis];
             !((first..=last).contains(&(value as f32))
                 || nodes::is_on(f64::from(first), value)
                 || nodes::is_on(f64::from(last), value))
         };
         let axis = (0..5).find(wrong).unwrap_or_default();
-        let [first, last] = self.range(axis);
+        let [first, last] = self.ranges[axis];
         let unlimited = last == f32::MAX;
         LookupError::Outside {
             axis: Parameter::CORE[axis].key(),
@@ -373,157 +411,12 @@ impl Lookup {
             },
         }
     }
-
-    /// The columns around the point with coordinates `places`, at the node below its
-    /// thickness, and the index of that node.
-    #[inline(always)]
-    fn corners(&self, places: [f32; 5]) -> (Corners, usize) {
-        let mut corners = Corners {
-            index: [0; 16],
-            weight: [1.0; 16],
-            count: 1,
-        };
-        let (mut stride, mut begin, mut cell) = (self.width, 0, 0);
-        for axis in (0..5).rev() {
-            let nodes = &self.places[axis];
-            let below = below(nodes, places[axis]);
-            begin += below * stride;
-            if axis == THICKNESS {
-                cell = below;
-            } else if nodes.len() > 1 {
-                let above = fraction(nodes, below, places[axis]);
-                let count = corners.count;
-                for i in 0..count {
-                    corners.index[count + i] = corners.index[i] + stride;
-                    corners.weight[count + i] = corners.weight[i] * above;
-                    corners.weight[i] *= 1.0 - above;
-                }
-                corners.count = 2 * count;
-            }
-            stride *= nodes.len();
-        }
-        corners.index.iter_mut().for_each(|index| *index += begin);
-        (corners, cell)
-    }
-
-    /// Writes y per wavelength to `spectrum`: sums over `corners` of the values and slopes
-    /// at the nodes below and above the thickness, with `weights`.
-    #[inline(always)]
-    fn depths<S: Simd>(&self, corners: &Corners, weights: [F32x8<S>; 2], spectrum: &mut [f32]) {
-        if self.components == 0 {
-            // the components are the spectrum
-            self.sums(corners, weights, spectrum);
-        } else if self.components <= FEW {
-            let mut few = [0.0; FEW];
-            self.sums(corners, weights, &mut few[..self.components]);
-            self.rebuild::<S>(&few[..self.components], spectrum);
-        } else {
-            let mut many = vec![0.0; self.components];
-            self.sums(corners, weights, &mut many);
-            self.rebuild::<S>(&many, spectrum);
-        }
-    }
-
-    /// Writes the same sums per component to `sums`.
-    #[inline(always)]
-    fn sums<S: Simd>(&self, corners: &Corners, [lower, upper]: [F32x8<S>; 2], sums: &mut [f32]) {
-        let above = self.values[INCIDENCE].len() * self.width;
-        if self.width == 1 {
-            // the usual case of a tailored file: one vector, kept in registers
-            let mut sum = [F32x8::<S>::ZERO; 2];
-            for (at, weight) in corners.iter() {
-                let weight = F32x8::splat(weight);
-                sum[0] += self.table[at].on() * weight;
-                sum[1] += self.table[at + above].on() * weight;
-            }
-            let lanes = (sum[0] * lower + sum[1] * upper).to_array();
-            for (i, to) in sums.iter_mut().enumerate().take(LANES) {
-                *to = lanes[i] + lanes[LANES + i];
-            }
-            return;
-        }
-        for (block, sums) in sums.chunks_mut(BLOCK * LANES).enumerate() {
-            let vectors = sums.len().div_ceil(LANES);
-            let mut sum = [[F32x8::<S>::ZERO; 2]; BLOCK];
-            for (at, weight) in corners.iter() {
-                let at = at + block * BLOCK;
-                let weight = F32x8::splat(weight);
-                let below = &self.table[at..at + vectors];
-                let above = &self.table[at + above..at + above + vectors];
-                match (below.first_chunk::<BLOCK>(), above.first_chunk::<BLOCK>()) {
-                    // The compiler knows this length.
-                    (Some(below), Some(above)) => add(&mut sum, below, above, weight),
-                    _ => add(&mut sum[..vectors], below, above, weight),
-                }
-            }
-            for (sums, [below, above]) in sums.chunks_mut(LANES).zip(sum) {
-                let lanes = (below * lower + above * upper).to_array();
-                for (i, to) in sums.iter_mut().enumerate() {
-                    *to = lanes[i] + lanes[LANES + i];
-                }
-            }
-        }
-    }
-
-    /// Writes y per wavelength at `thickness_cm`, thicker than the last node, to `spectrum`.
-    #[inline(always)]
-    fn depths_beyond<S: Simd>(
-        &self,
-        mut places: [f32; 5],
-        thickness_cm: f32,
-        spectrum: &mut [f32],
-    ) {
-        let x = &self.places[THICKNESS];
-        places[THICKNESS] = x[x.len() - 1];
-        let (corners, _) = self.corners(places);
-        let (zero, value, slope) = (F32x8::<S>::ZERO, halves(1.0, 0.0), halves(0.0, 1.0));
-        self.depths(&corners, [zero, value], spectrum);
-        if self.quantity == Quantity::Reflectance {
-            return;
-        }
-        let mut before = vec![0.0; spectrum.len()];
-        let mut slopes = before.clone();
-        self.depths(&corners, [value, zero], &mut before);
-        self.depths(&corners, [zero, slope], &mut slopes);
-        let nodes = &self.values[THICKNESS];
-        let last_cm = nodes[nodes.len() - 1];
-        let step_cm = last_cm - nodes[nodes.len() - 2];
-        let scale = thickness_slope(last_cm);
-        slopes.iter_mut().for_each(|slope| *slope *= scale);
-        let sides = before.chunks(8).zip(slopes.chunks(8));
-        for (y, (before, slopes)) in spectrum.chunks_mut(8).zip(sides) {
-            let end = Diffusion::<S> {
-                y: wide(y),
-                slope_per_cm: wide(slopes),
-                before: wide(before),
-                step_cm: f64::from(step_cm),
-            };
-            let deeper = end.deeper(f64::from(thickness_cm - last_cm)).to_array();
-            for (y, deeper) in y.iter_mut().zip(deeper) {
-                *y = deeper as f32;
-            }
-        }
-    }
-
-    /// Converts y to transmittance or reflectance, in place.
-    #[inline(always)]
-    fn to_quantity(&self, spectrum: &mut [f32]) {
-        if self.quantity == Quantity::Reflectance {
-            for y in spectrum {
-                *y = 1.0 - exp_neg(*y);
-            }
-        } else {
-            for y in spectrum {
-                *y = exp_neg(*y);
-            }
-        }
-    }
 }
 
 /// Arguments of [`Lookup::spectrum`].
 struct SpectrumKernel<'a> {
     lookup: &'a Lookup,
-    point: Point,
+    requested: &'a [f64; 5],
     spectrum: &'a mut [f32],
 }
 
@@ -532,7 +425,7 @@ impl SimdKernel for SpectrumKernel<'_> {
 
     #[inline(always)]
     fn run<S: Simd>(self) -> Self::Output {
-        self.lookup.spectrum_on::<S>(self.point, self.spectrum)
+        self.lookup.spectrum_on::<S>(self.requested, self.spectrum)
     }
 }
 
@@ -544,56 +437,4 @@ fn wide<S: Simd>(numbers: &[f32]) -> F64x8<S> {
         *lane = f64::from(numbers[i.min(numbers.len() - 1)]);
     }
     F64x8::new(lanes)
-}
-
-/// A vector with the weight `value` for values and `slope` for slopes.
-#[inline(always)]
-fn halves<S: Simd>(value: f32, slope: f32) -> F32x8<S> {
-    F32x8::new(std::array::from_fn(
-        |i| if i < LANES { value } else { slope },
-    ))
-}
-
-/// Weights of the nodes below and above, `t` (0 to 1) of the way from one to the other;
-/// the nodes are `step` apart.
-#[inline(always)]
-fn hermite<S: Simd>(t: f32, step: f32) -> [F32x8<S>; 2] {
-    let left = 1.0 - t;
-    [
-        halves((1.0 + 2.0 * t) * left * left, t * left * left * step),
-        halves(t * t * (3.0 - 2.0 * t), -t * t * left * step),
-    ]
-}
-
-/// Adds `weight` times the vectors of the nodes below and above to their sums.
-#[inline(always)]
-fn add<S: Simd>(sums: &mut [[F32x8<S>; 2]], below: &[F32x8], above: &[F32x8], weight: F32x8<S>) {
-    for ((sum, below), above) in sums.iter_mut().zip(below).zip(above) {
-        sum[0] += below.on() * weight;
-        sum[1] += above.on() * weight;
-    }
-}
-
-/// Index of the node below `place`: the largest node not above it, at most the last but
-/// one.
-#[inline(always)]
-fn below(nodes: &[f32], place: f32) -> usize {
-    let inner = nodes.len().max(2) - 1;
-    nodes[1..]
-        .iter()
-        .take(inner - 1)
-        .filter(|node| **node <= place)
-        .count()
-}
-
-/// Position of `place` between node `cell` and the next, 0 to 1; 0 if there is no next
-/// node or the two are equal in single precision.
-#[inline(always)]
-fn fraction(nodes: &[f32], cell: usize, place: f32) -> f32 {
-    match nodes.get(cell + 1) {
-        Some(next) if *next > nodes[cell] => {
-            ((place - nodes[cell]) / (next - nodes[cell])).clamp(0.0, 1.0)
-        }
-        _ => 0.0,
-    }
 }

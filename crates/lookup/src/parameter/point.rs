@@ -75,7 +75,8 @@ impl Point {
     #[must_use]
     #[inline]
     pub fn core(&self) -> [f64; 5] {
-        Parameter::CORE.map(|parameter| self[parameter])
+        let [a, b, c, d, e] = Parameter::CORE;
+        [self[a], self[b], self[c], self[d], self[e]]
     }
 }
 

@@ -5,7 +5,6 @@ use splitsnow_spectra::elementary::ln;
 use splitsnow_spectra::simd::{F32x8, F64x8, Simd, SimdKernel, dispatch};
 
 use super::{DARKEST, LANES, Lookup, THICKNESS, THIN, wide};
-use crate::Database;
 use crate::diffusion::Diffusion;
 use crate::monotone::{secants, shares, slopes};
 use crate::parameter::thickness_slope;
@@ -70,20 +69,24 @@ impl SimdKernel for ThinKernel<'_> {
 }
 
 impl Lookup {
-    /// The table of a database, column by column, with `depth` components.
-    pub(super) fn filled(&self, database: &Database, depth: usize) -> Vec<F32x8> {
-        let [n_f, n_g, n_d, n_h, n_a] = self.values.each_ref().map(Vec::len);
+    /// The table of the snow with this number, column by column.
+    pub(super) fn filled(&self, snow: usize) -> Box<[F32x8]> {
+        let [_, n_g, n_d, n_h, n_a] = self.values.each_ref().map(Vec::len);
         let thin = self.thin_count();
         let rows = thin + n_h;
-        let mut table = vec![F32x8::ZERO; n_f * n_g * n_d * rows * n_a * self.width];
+        let angles = self.angles();
+        let mut table = vec![F32x8::ZERO; rows * angles * self.width];
+        let depth = match self.components {
+            0 => self.wavelengths,
+            components => components,
+        };
         let mut y = vec![vec![0.0; depth]; rows];
         let [mut slopes, mut lines] = [y.clone(), y.clone()];
-        for (snow, angle) in (0..n_f * n_g * n_d).flat_map(|s| (0..n_a).map(move |a| (s, a))) {
-            let absent = self
-                .absent
-                .get(snow / n_d % n_g)
-                .copied()
-                .unwrap_or_default();
+        let mut curve = vec![0.0; depth];
+        let mut values = vec![0.0; depth];
+        let absent = self.absent.get(snow / n_d % n_g).copied();
+        let absent = absent.unwrap_or_default();
+        for angle in 0..n_a {
             for h in 0..n_h {
                 let row = (snow * n_h + h) * n_a + angle;
                 let (before, here) = y.split_at_mut(thin + h);
@@ -92,10 +95,14 @@ impl Lookup {
                     continue;
                 }
                 if self.components == 0 {
-                    let curve = database.curve(row, self.quantity).unwrap_or_default();
+                    curve.fill(0.0);
+                    self.factors.add_row(row, &mut curve);
+                    for (value, sum) in values.iter_mut().zip(&curve) {
+                        *value = *sum as f32;
+                    }
                     dispatch(DepthsKernel {
                         quantity: self.quantity,
-                        values: &curve,
+                        values: &values,
                         y: &mut here[0],
                     });
                     // Noise must not make a slab transmit more, or reflect less, than a
@@ -106,8 +113,8 @@ impl Lookup {
                         }
                     }
                 } else {
-                    let coefficients = database.coefficients(self.quantity);
-                    let pairs = here[0].iter_mut().zip(coefficients.row(row));
+                    let coefficients = self.factors.coefficients.row(row);
+                    let pairs = here[0].iter_mut().zip(coefficients);
                     pairs.for_each(|(y, c)| *y = *c);
                 }
             }
@@ -122,7 +129,7 @@ impl Lookup {
                 .for_each(|slopes| slopes.fill(0.0));
             self.slopes(&y[begin..], &mut slopes[begin..], &mut lines);
             for h in 0..rows {
-                let node = ((snow * rows + h) * n_a + angle) * self.width;
+                let node = (h * angles + angle) * self.width;
                 let vectors = table[node..node + self.width].iter_mut();
                 let pairs = y[h].chunks(LANES).zip(slopes[h].chunks(LANES));
                 for (vector, (y, slopes)) in vectors.zip(pairs) {
@@ -133,9 +140,12 @@ impl Lookup {
                         *to = if slope.is_finite() { *slope } else { 0.0 };
                     }
                 }
+                if n_a == 1 {
+                    table.copy_within(node..node + self.width, node + self.width);
+                }
             }
         }
-        table
+        table.into_boxed_slice()
     }
 
     /// Fills the extra nodes below the first thickness of a column.
@@ -173,7 +183,9 @@ impl Lookup {
                 thin.copy_from_slice(spectrum);
                 continue;
             }
-            let chunks = spectrum.chunks(8).zip(self.basis.chunks(self.components));
+            let chunks = spectrum
+                .chunks(8)
+                .zip(self.basis.chunks(self.width * LANES));
             for (y, vectors) in chunks {
                 for (i, y) in y.iter().enumerate() {
                     for (c, vector) in thin.iter_mut().zip(vectors) {
