@@ -1847,10 +1847,11 @@ static float splitsnow__share(const splitsnow__column *column, size_t h, size_t 
     size_t last = column->n - 1;
     float left = splitsnow__secant(column, h < 1 ? 0 : h - 1, i);
     float right = splitsnow__secant(column, h < last ? h : last - 1, i);
-    float most = 3.0f * (left < right ? left : right);
-    float slope = splitsnow__slope(column, h, i);
+    float upward = left < 0.0f && right < 0.0f ? -1.0f : 1.0f;
+    float most = 3.0f * upward * (upward * left < upward * right ? left : right);
+    float slope = upward * splitsnow__slope(column, h, i);
     if (slope <= most) return slope >= 0.0f ? 1.0f : 0.0f;
-    return most / slope > 0.0f ? most / slope : 0.0f;
+    return most > 0.0f ? most / slope : 0.0f;
 }
 
 /* ---- Preparing ---- */

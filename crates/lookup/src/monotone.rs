@@ -2,8 +2,8 @@
 //! through the nodes is monotone where the nodes are (Fritsch and Carlson 1980).
 //!
 //! `x` holds the coordinates of the nodes and `values` their values `[h][i]`, for
-//! component or wavelength `i`. Where the node values decrease, the slope is 0 and the
-//! curve decreases with them. Functions treat all `i` of a node, so that loops vectorise.
+//! component or wavelength `i`. Node values may increase or decrease (R does over bright ground);
+//! where they turn, the slope is 0. Functions treat all `i` of a node, so that loops vectorise.
 
 /// Largest ratio of a slope to the smaller of the two neighbouring secants.
 const LIMIT: f32 = 3.0;
@@ -60,11 +60,13 @@ pub(super) fn shares(
     let [left, right] = [h.max(1) - 1, h.min(nodes - 2)].map(|h| &secants[h]);
     let sides = left.iter().zip(right);
     for ((share, slope), (left, right)) in shares.iter_mut().zip(slopes).zip(sides) {
-        let most = LIMIT * left.min(*right);
         // without branches, so that the loop vectorises
-        let limited = (most / slope).max(0.0);
-        let kept = if *slope >= 0.0 { 1.0 } else { 0.0 };
-        *share = if *slope <= most { kept } else { limited };
+        let upward = if left.max(*right) < 0.0 { -1.0 } else { 1.0 };
+        let most = LIMIT * (upward * left).min(upward * right);
+        let slope = upward * slope;
+        let limited = if most > 0.0 { most / slope } else { 0.0 };
+        let kept = if slope >= 0.0 { 1.0 } else { 0.0 };
+        *share = if slope <= most { kept } else { limited };
     }
 }
 
@@ -72,31 +74,51 @@ pub(super) fn shares(
 mod tests {
     use super::*;
 
-    /// Steps next to plateaus, where unlimited slopes would overshoot.
-    #[test]
-    fn a_cubic_through_a_step_is_monotone() {
-        let x = [0.0, 1.0, 1.5, 3.0, 4.0, 4.2];
-        let values: Vec<Vec<f32>> = [0.0, 0.1, 5.0, 5.1, 5.1, 9.0].map(|y| vec![y]).into();
-        let mut lines = vec![vec![0.0]; 5];
-        secants(&x, &values, &mut lines);
+    /// The cubics through the nodes `values` at `x`: 100 points between every two nodes.
+    fn cubic(x: &[f32], values: &[f32]) -> Vec<Vec<f32>> {
+        let columns: Vec<Vec<f32>> = values.iter().map(|y| vec![*y]).collect();
+        let mut lines = vec![vec![0.0]; x.len() - 1];
+        secants(x, &columns, &mut lines);
         let limited = |h| {
             let [mut slope, mut share] = [[0.0]; 2];
-            slopes(&x, &lines, h, &mut slope);
+            slopes(x, &lines, h, &mut slope);
             shares((h, x.len()), &lines, &slope, &mut share);
+            assert!((0.0..=1.0).contains(&share[0]), "{h}: {share:?}");
             share[0] * slope[0]
         };
-        let slopes: Vec<f32> = (0..6).map(limited).collect();
-        for h in 0..5 {
-            let (step, mut before) = (x[h + 1] - x[h], values[h][0]);
-            for i in 1..=100 {
-                let t = i as f32 / 100.0;
+        let slopes: Vec<f32> = (0..x.len()).map(limited).collect();
+        let between = |h: usize| {
+            let step = x[h + 1] - x[h];
+            let point = |i: u8| {
+                let t = f32::from(i) / 100.0;
                 let left = 1.0 - t;
-                let y = (1.0 + 2.0 * t) * left * left * values[h][0]
+                (1.0 + 2.0 * t) * left * left * values[h]
                     + t * left * left * step * slopes[h]
-                    + t * t * (3.0 - 2.0 * t) * values[h + 1][0]
-                    - t * t * left * step * slopes[h + 1];
-                assert!(y >= before - 1e-5, "{h} {t}: {before} {y}");
-                before = y;
+                    + t * t * (3.0 - 2.0 * t) * values[h + 1]
+                    - t * t * left * step * slopes[h + 1]
+            };
+            (0..=100).map(point).collect()
+        };
+        (0..x.len() - 1).map(between).collect()
+    }
+
+    /// Steps next to plateaus, where unlimited slopes would overshoot, upward and downward, and
+    /// nodes that turn.
+    #[test]
+    fn cubics_are_monotone_between_nodes() {
+        let x = [0.0, 1.0, 1.5, 3.0, 4.0, 4.2];
+        let up = [0.0, 0.1, 5.0, 5.1, 5.1, 9.0];
+        let down = up.map(|y| -y);
+        // slopes of parabolas between those of unlike lines
+        let curved = [9.0, 3.0, 2.0, 1.5, 1.4, 1.39];
+        let turning = [0.0, 4.0, 1.0, 2.0, -1.0, -0.9];
+        for values in [up, down, curved, curved.map(|y| -y), turning] {
+            for (h, points) in cubic(&x, &values).iter().enumerate() {
+                let sign = (values[h + 1] - values[h]).signum();
+                for pair in points.windows(2) {
+                    let rise = sign * (pair[1] - pair[0]);
+                    assert!(rise >= -1e-5, "{values:?} {h}: {pair:?}");
+                }
             }
         }
     }
