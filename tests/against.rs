@@ -250,6 +250,11 @@ fn absurd_files_are_refused() {
             "holds relative power, but reflectance or transmittance is requested",
         ),
         (
+            "wavelength_nm,absorbance\n400,1.1\n410,1.2\n",
+            Some(1),
+            "`absorbance` is neither reflectance nor transmittance",
+        ),
+        (
             "snow\nand ice\n",
             None,
             "no row with a wavelength and a value; the file begins with `snow`",

@@ -5,7 +5,9 @@ use std::path::PathBuf;
 use serde::Serialize;
 
 use super::common::{self, GridArgs, Spinner};
+use crate::parameter::Parameter;
 use crate::plan::{self, Axis, COMPONENTS, LongestJob, PilotReport, Plan, PlanOptions};
+use crate::units::cm_text;
 
 /// Estimate the jobs, time, bytes and errors of a build, without running it
 ///
@@ -78,20 +80,26 @@ impl fmt::Display for NamedPlan {
             plan.rays
         )?;
         for Axis { name, values, .. } in &plan.axes {
+            let text = |value: &f64| match *name == Parameter::Thickness.key() {
+                true => cm_text(*value),
+                false => value.to_string(),
+            };
             let [first, .., last] = values.as_slice() else {
-                let only = values.first().copied().unwrap_or_default();
+                let only = values.first().map(text).unwrap_or_default();
                 writeln!(f, "  {name:<20} {only}")?;
                 continue;
             };
+            let (first, last) = (text(first), text(last));
             writeln!(f, "  {name:<20} {} values, {first} to {last}", values.len())?;
         }
         let per_job = plan.curves / plan.jobs.max(1);
         writeln!(
             f,
-            "\njobs            {} of {per_job} curve{} each: {} curves",
+            "\njobs            {} of {per_job} curve{} each: {} curve{}",
             plan.jobs,
             if per_job == 1 { "" } else { "s" },
-            plan.curves
+            plan.curves,
+            if plan.curves == 1 { "" } else { "s" }
         )?;
         if plan.absent_curves > 0 {
             writeln!(f, "absent          {}", plan.why_absent)?;

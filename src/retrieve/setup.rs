@@ -7,7 +7,19 @@ use crate::grain::SizeMeasure;
 use crate::lookup::Database;
 use crate::measurement::Quantity;
 use crate::parameter::{Parameter, Point};
-use crate::units::HALF_SPACE_CM;
+use crate::units::{HALF_SPACE_CM, cm_text};
+
+/// What the file covers of a parameter, as text.
+fn covered(named: Named, first: f64, last: f64) -> String {
+    let text = |value: f64| match named.parameter() {
+        Parameter::Thickness => cm_text(value),
+        _ => format!("{value:.6}"),
+    };
+    match first == last {
+        true => format!("has {} only", text(first)),
+        false => format!("covers {} to {}", text(first), text(last)),
+    }
+}
 
 /// One measured spectrum at wavelengths of the compact file.
 #[derive(Debug, Clone, PartialEq)]
@@ -144,12 +156,17 @@ impl<'a> Knowledge<'a> {
         let inside = (first..=last).contains(&value) || close(value, first) || close(value, last);
         // look-ups reach beyond the thicknesses of the file
         let is_deep = named.parameter() == Parameter::Thickness && value > 0.0;
-        if inside || (is_deep && (nodes.len() > 1 || self.database.has_black_substrate())) {
+        let reaches = match nodes {
+            [cm] => *cm < HALF_SPACE_CM && self.database.has_black_substrate(),
+            _ => true,
+        };
+        if inside || (is_deep && reaches) {
             return Ok(());
         }
         let name = named.name();
         Err(RetrieveError::Knowledge(format!(
-            "{name} = {value} is outside the compact file, which covers {first:.6} to {last:.6}; give a value in this range, or build a file with a longer axis"
+            "{name} = {value} is outside the compact file, which {}; give a value in this range, or build a file with a longer axis",
+            covered(named, first, last)
         )))
     }
 
@@ -212,7 +229,8 @@ impl<'a> Knowledge<'a> {
                 let deep = parameter == Parameter::Thickness && max < HALF_SPACE_CM;
                 if max <= first || min >= last && !deep {
                     return wrong(format!(
-                        "{name} = {min}..{max} is outside the compact file, which covers {first:.6} to {last:.6}"
+                        "{name} = {min}..{max} is outside the compact file, which {}",
+                        covered(named, first, last)
                     ));
                 }
                 let inside = [min.max(first), if deep { max } else { max.min(last) }];
@@ -222,7 +240,8 @@ impl<'a> Knowledge<'a> {
             Belief::Normal([mean, sd]) => {
                 if !(first - 3.0 * sd..=last + 3.0 * sd).contains(&mean) {
                     return wrong(format!(
-                        "{name} = {mean}+-{sd} is outside the compact file, which covers {first:.6} to {last:.6}"
+                        "{name} = {mean}+-{sd} is outside the compact file, which {}",
+                        covered(named, first, last)
                     ));
                 }
                 let prior = match (parameter, named) {

@@ -59,6 +59,7 @@ use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
 use ndarray::{Array2, ArrayView1, ArrayView2};
+use splitsnow_spectra::units::cm_text;
 use thiserror::Error;
 
 /// File name of the compact file in an output directory.
@@ -69,6 +70,18 @@ pub const DIFFUSE: &str = "diffuse.safetensors";
 pub const VIEWS: &str = "views.safetensors";
 /// File name of the compact file of anisotropy factors under diffuse light.
 pub const VIEWS_DIFFUSE: &str = "views_diffuse.safetensors";
+
+/// What the nodes of an axis cover, as text.
+fn covered(axis: &str, first: f64, last: f64) -> String {
+    let text = |value: f64| match axis == Parameter::Thickness.name() {
+        true => cm_text(value),
+        false => value.to_string(),
+    };
+    match first == last {
+        true => format!("has {} only", text(first)),
+        false => format!("covers {} to {}", text(first), text(last)),
+    }
+}
 
 /// An error of a look-up, or of reading the database.
 #[derive(Debug, Error)]
@@ -98,7 +111,8 @@ pub enum LookupError {
     },
     /// A coordinate outside the range of its axis.
     #[error(
-        "{axis} = {value} is outside the database, which covers {first} to {last}; give a value in this range, or build a database with a longer axis"
+        "{axis} = {value} is outside the database, which {}; give a value in this range, or build a database with a longer axis",
+        covered(axis, *first, *last)
     )]
     Outside {
         /// Name of the axis.

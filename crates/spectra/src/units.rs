@@ -21,6 +21,15 @@ pub const HALF_SPACE_M: f64 = 1e4;
 /// [`HALF_SPACE_M`] in centimetres, the unit of files.
 pub const HALF_SPACE_CM: f64 = 1e6;
 
+/// A thickness in cm as text; a half space is `inf`.
+#[must_use]
+pub fn cm_text(cm: f64) -> String {
+    match cm {
+        HALF_SPACE_CM.. => "inf".to_owned(),
+        cm => cm.to_string(),
+    }
+}
+
 /// Nanometres to metres.
 #[must_use]
 pub fn nm_to_m(nm: f64) -> f64 {

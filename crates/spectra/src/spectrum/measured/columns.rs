@@ -39,6 +39,11 @@ pub(super) fn is_uncertainty(name: &str) -> bool {
         || has_word(name, &["se", "sd", "sigma", "u"])
 }
 
+/// Whether the name says that a column is neither reflectance nor transmittance, nor power.
+fn is_other(name: &str) -> bool {
+    has_part(name, &["absorb", "absorp", "emiss", "extinction"])
+}
+
 /// The content of a column according to its name.
 fn content(name: &str) -> Option<Content> {
     let has = |parts: &[&str]| has_part(name, parts);
@@ -97,7 +102,8 @@ pub(super) struct Columns {
 /// # Errors
 /// [`ReadProblem::NoColumn`] if the requested column does not exist, [`ReadProblem::OtherContent`] if
 /// the column has another quantity than requested, [`ReadProblem::Wavenumber`] if the table has
-/// wavenumbers instead of wavelengths.
+/// wavenumbers instead of wavelengths, [`ReadProblem::NeitherQuantity`] if the only column is named
+/// after another quantity.
 pub(super) fn columns(
     names: &[String],
     layout: &TextLayout,
@@ -139,7 +145,7 @@ pub(super) fn columns(
     let values: Vec<usize> = rest
         .iter()
         .copied()
-        .filter(|column| !is_uncertainty(name(*column)))
+        .filter(|column| !is_uncertainty(name(*column)) && !is_other(name(*column)))
         .collect();
     let (value, value_by, others) = match &request.column {
         Some(requested) => (find_column(requested, names, width)?, KnownFrom::Asked, 0),
@@ -180,6 +186,9 @@ pub(super) fn columns(
                 found: Content::Power.name(),
                 requested: "reflectance or transmittance",
             });
+        }
+        (None, None) if is_other(name(value)) => {
+            return Err(ReadProblem::NeitherQuantity(quoted(name(value))));
         }
         (Some(Content::Power) | None, None) => (Content::Reflectance, KnownFrom::Default),
         (Some(found), None) => (found, KnownFrom::Name),

@@ -112,6 +112,11 @@ pub enum ReadProblem {
         /// The requested quantity.
         requested: &'static str,
     },
+    /// A column that is named after another quantity.
+    #[error(
+        "the column `{0}` is neither reflectance nor transmittance by its name\n  help: name another column; or, if it is one of them, say which as the quantity"
+    )]
+    NeitherQuantity(String),
     /// Too many impossible values.
     #[error(
     "{value} at {nm} nm is not a valid {quantity}: allowed {low} to {high}{}, and {impossible} of {rows} rows are outside\n  help: choose another column, or give the scale of the values (fraction or percent){}", if *percent { " percent" } else { "" }, if excludable.is_empty() { "" } else { "; rows in excluded bands are not checked" }
