@@ -392,6 +392,19 @@ fn files_over_a_bright_substrate_do_not_extrapolate_to_zero_thickness() {
             let refused = published.spectrum(thin).unwrap_err();
             assert!(refused.to_string().contains("outside"), "{refused}");
         }
+        // reflectance falls from node to node, and so it does between nodes
+        let lookup = Lookup::new(&file, Quantity::Reflectance).unwrap();
+        let last = axes.values(Parameter::Thickness).last().unwrap();
+        let mut before = vec![1.0; 31];
+        for i in 0..=400 {
+            let thickness_cm = first + (last - first) * f64::from(i) / 400.0;
+            let point = inside(&axes, [0.4; 5]).with(Parameter::Thickness, thickness_cm);
+            let now = spectrum(&lookup, point);
+            for (now, before) in now.iter().zip(&before) {
+                assert!(*now < before + 1e-6, "{thickness_cm} cm: {before} {now}");
+            }
+            before = now;
+        }
     }
 }
 
