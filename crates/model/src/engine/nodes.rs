@@ -27,7 +27,7 @@ impl Spacing {
         deviation: 5e-4,
     };
     /// For the shares of directions in R and T, which depend less on the index: a third of the
-    /// nodes at 400-2500 nm. Factors of directions differ by .1 % (docs/performance.md).
+    /// nodes at 400-2500 nm. The error is below half a percent (docs/performance.md).
     pub(super) const COARSE: Self = Self {
         distance: 0.0405,
         deviation: 4e-3,
