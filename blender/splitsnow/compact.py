@@ -445,9 +445,10 @@ def _shares(x, values, slopes):
     """Fractions of the slopes that keep the curves monotone (Fritsch and Carlson 1980)."""
     lines = _secants(x, values)
     left, right = np.concatenate([lines[:1], lines]), np.concatenate([lines, lines[-1:]])
-    most = 3 * np.minimum(left, right)
+    upward = np.where(np.maximum(left, right) < 0, -1, 1)
+    most, slopes = 3 * np.minimum(upward * left, upward * right), upward * slopes
     with np.errstate(divide="ignore", invalid="ignore"):
-        limited = np.maximum(np.nan_to_num(most / slopes, nan=0), 0)
+        limited = np.where(most > 0, most / slopes, 0)
     return np.where(slopes <= most, np.where(slopes >= 0, 1.0, 0.0), limited)
 
 
