@@ -122,7 +122,10 @@ def test_warnings_are_raised():
 
 def test_ctrl_c_stops_a_simulation(path):
     code = (
-        "import splitsnow, sys; print('ready', flush=True)\n"
+        "import signal, splitsnow\n"
+        # a shell may start the tests with this signal ignored
+        "signal.signal(signal.SIGINT, signal.default_int_handler)\n"
+        "print('ready', flush=True)\n"
         f"splitsnow.simulate({str(path)!r}, engine='reference', rays=10**12)"
     )
     process = subprocess.Popen(
