@@ -1,6 +1,7 @@
 //! Light-absorbing substances in snow: how much they absorb at each wavelength (m2/g), and what they
 //! add to the absorption of ice and pores (1/m). Their particles in the pores may scatter, the same
-//! at all wavelengths (docs/absorbers.md).
+//! at all wavelengths, by the phase function of Henyey and Greenstein (1941, Astrophys. J. 93, 70)
+//! (docs/absorbers.md). They are points: shadows, diffraction and scattering inside the ice are left out.
 use std::sync::Arc;
 
 use splitsnow_spectra::spectrum::Table;

@@ -58,12 +58,7 @@ impl<'a> TableLayer<'a> {
     ) -> Self {
         let mut before = 0.0;
         let shares = snow.meeting_shares();
-        let sizes_m = snow.grains.iter().map(|component| {
-            let size = &component.grain.size;
-            [size.min_m(), size.max_m()]
-        });
-        // and particles, which are points
-        let kinds = sizes_m.chain([[0.0; 2]]).zip(tables).zip(shares);
+        let kinds = snow.sizes_by_type_m().zip(tables).zip(shares);
         let kinds = kinds.map(|((size_m, tables), share)| {
             let kind = Kind {
                 tables: *tables,

@@ -97,6 +97,14 @@ impl Snow {
         Particles::of_all(self.absorbers().filter_map(|a| a.particles(&densities)))
     }
 
+    /// In the order of [`Self::meeting_shares`], the lengths of the smallest and largest grain of each
+    /// type, m; 0 for particles, which are points.
+    pub fn sizes_by_type_m(&self) -> impl Iterator<Item = [f64; 2]> {
+        let sizes = self.grains.iter().map(|component| component.grain.size);
+        let grains = sizes.map(|size| [size.min_m(), size.max_m()]);
+        grains.chain(self.particles().map(|_| [0.0; 2]))
+    }
+
     /// Lengths of the smallest and largest grain, m.
     #[must_use]
     pub fn sizes_m(&self) -> [f64; 2] {

@@ -112,15 +112,8 @@ fn mean_event<'a>(
         1.0 => event,
         _ => event.attenuated(survival),
     };
-    let sizes_m = snow.grains.iter().map(|component| {
-        let size = &component.grain.size;
-        [size.min_m(), size.max_m()]
-    });
-    // and particles, which are points
-    let kinds = sizes_m
-        .chain([[0.0; 2]])
-        .zip(kernels)
-        .zip(snow.meeting_shares());
+    let sizes_m = snow.sizes_by_type_m();
+    let kinds = sizes_m.zip(kernels).zip(snow.meeting_shares());
     let mut sum: Option<(Event, f64)> = None;
     for ((size_m, [air, water]), share) in kinds {
         let kernel_event = |kernel: &Kernel, survival: f64| {
