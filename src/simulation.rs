@@ -25,6 +25,12 @@ use crate::transport::{Illumination, Model, Snowpack};
 
 /// Default number of walks.
 pub const RAYS: u64 = 131_072;
+/// Number of walks of the first run of [`Simulation::run_to_error`], and steps of those after it.
+const FIRST_RAYS: u64 = 4096;
+/// Most walks of [`Simulation::run_to_error`].
+const MOST_RAYS: u64 = 1 << 26;
+/// Walks to add to the number expected, since standard errors have errors themselves.
+const MARGIN: f64 = 1.1;
 
 /// A simulation of the reflectance and transmittance of one snowpack under one illumination.
 ///
@@ -93,9 +99,19 @@ impl<'a> Simulation<'a> {
         Self { rays, ..self }
     }
 
-    /// Sets the largest error that the engine `auto` may leave.
+    /// Sets the largest error that the engine `auto`, and [`run_to_error`](Self::run_to_error), may leave.
     pub fn max_error(self, max_error: MaxError) -> Self {
         Self { max_error, ..self }
+    }
+
+    /// Sets the largest root mean square error over the wavelengths, see
+    /// [`max_error`](Self::max_error).
+    pub fn max_rmse(self, rmse: f64) -> Self {
+        let max_error = MaxError {
+            rmse,
+            ..self.max_error
+        };
+        self.max_error(max_error)
     }
 
     /// Sets the seed of the random streams.
@@ -199,6 +215,44 @@ impl<'a> Simulation<'a> {
         // One thickness and one illumination give one spectrum.
         Ok(spectra.pop().unwrap_or_default())
     }
+
+    /// Runs the simulation with as many walks as [`max_error`](Self::max_error) needs, whatever
+    /// [`rays`](Self::rays) says: first few walks, then as many as their standard errors ask for,
+    /// until the noise of R and of T, root mean square over the wavelengths, is within what the
+    /// systematic error of the engine leaves. Returns the simulation that ran last, with its number
+    /// of walks (at most 2^26), and its spectrum.
+    ///
+    /// # Errors
+    /// [`EngineError::Inaccurate`] if the systematic error alone may be larger; and as
+    /// [`run`](Self::run).
+    pub fn run_to_error(&self) -> Result<(Self, Spectrum), EngineError> {
+        self.on_threads(|control| self.run_to_error_with(control))
+    }
+
+    /// [`run_to_error`](Self::run_to_error) on the current rayon pool with the given `control`.
+    ///
+    /// # Errors
+    /// As [`run_to_error`](Self::run_to_error).
+    pub fn run_to_error_with(
+        &self,
+        control: &Control<'_>,
+    ) -> Result<(Self, Spectrum), EngineError> {
+        let mut simulation = Self {
+            engine: self.resolved(),
+            rays: FIRST_RAYS,
+            ..self.clone()
+        };
+        let allowed = simulation.engine.noise_allowed(&simulation.request())?;
+        loop {
+            let spectrum = simulation.run_with(control)?;
+            let excess = spectrum.rms_se() / allowed;
+            if excess <= 1.0 || simulation.rays >= MOST_RAYS {
+                return Ok((simulation, spectrum));
+            }
+            let steps = simulation.rays as f64 * MARGIN * excess * excess / FIRST_RAYS as f64;
+            simulation.rays = (FIRST_RAYS * steps.ceil() as u64).min(MOST_RAYS);
+        }
+    }
 }
 
 #[cfg(test)]
@@ -226,5 +280,49 @@ mod tests {
         let stopped = simulation.clone().cancel(&stop).run();
         assert_eq!(stopped, Err(EngineError::Cancelled));
         assert_eq!(simulation.rays(0).run(), Err(EngineError::NoRays));
+    }
+
+    #[test]
+    fn walks_follow_from_the_error_asked() {
+        let path = concat!(env!("CARGO_MANIFEST_DIR"), "/configs/samples/basal.toml");
+        let sample = sample::read(path.as_ref()).unwrap();
+        let nm: Vec<f64> = (0..8).map(|i| 450.0 + 250.0 * f64::from(i)).collect();
+        let simulation = Simulation::new(
+            &sample.snowpack,
+            sample.thickness_m,
+            sample.illumination,
+            &nm,
+            &sample.model,
+        );
+        let (cancel, rays_done, cache) =
+            (AtomicBool::new(false), AtomicU64::new(0), Cache::default());
+        let control = Control {
+            parallel: true,
+            cancel: &cancel,
+            rays_done: &rays_done,
+            cache: &cache,
+        };
+        let within = |engine, rmse| {
+            let max_error = MaxError { delta_e: 0.3, rmse };
+            let simulation = simulation.clone().engine(engine).max_error(max_error);
+            simulation.run_to_error_with(&control)
+        };
+        let (coarse, _) = within(Engine::Auto, 0.01).unwrap();
+        let (fine, spectrum) = within(Engine::Auto, 0.0017).unwrap();
+        assert_eq!([coarse.engine, fine.engine], [Engine::Hybrid; 2]);
+        assert!(coarse.rays < fine.rays, "{} {}", coarse.rays, fine.rays);
+        // the systematic error of `hybrid` in the near infrared, and the noise
+        let total = |spectrum: &Spectrum| spectrum.rms_se().hypot(0.0015);
+        assert!(total(&spectrum) <= 0.0017, "{}", total(&spectrum));
+        // a quarter of the walks would not have been enough
+        let fewer = fine.clone().rays(fine.rays / 4).run().unwrap();
+        assert!(total(&fewer) > 0.0017, "{} {}", fine.rays, total(&fewer));
+        // the result is that of a run with these walks
+        assert_eq!(fine.run().unwrap(), spectrum);
+        let refused = within(Engine::Hybrid, 0.001).unwrap_err().to_string();
+        let expected = "the systematic error of the engine `hybrid` here may be larger than a root \
+            mean square error of 0.001 or a Delta-E of 0.3; allow larger errors, or use the engine \
+            `tabulated`";
+        assert_eq!(refused, expected);
     }
 }

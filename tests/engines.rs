@@ -591,6 +591,41 @@ fn bias_of_index_nodes_is_below_the_noise() {
     assert!(se < 0.0015, "the test has no power: {se:.5}");
 }
 
+/// With few walks `hybrid` has a third of the index nodes. The mean of many such runs agrees with
+/// runs of many walks, whose nodes are close.
+#[test]
+fn few_walks_at_few_index_nodes_have_no_bias() {
+    let case = Case {
+        name: "wet",
+        snowpack: snow([300.0, 750.0], FACETNESS, SPHERICITY, 275.0, 0.1).into(),
+        illumination: angle(0.0),
+        thickness_m: 0.05,
+        entry: Entry::Uniform,
+        facets: Facets::Varsa2025,
+    };
+    let nm: Vec<f64> = (0..=43).map(|i| 350.0 + 50.0 * f64::from(i)).collect();
+    let mean = |rays, seeds: std::ops::Range<u64>| {
+        let n = (seeds.end - seeds.start) as f64;
+        let mut sums = vec![(0.0, 0.0); nm.len()];
+        for seed in seeds {
+            let spectrum = run(Engine::Hybrid, &case, &nm, rays, seed);
+            for (sum, r) in sums.iter_mut().zip(spectrum.reflectance) {
+                *sum = (sum.0 + r.value / n, sum.1 + (r.se / n).powi(2));
+            }
+        }
+        sums
+    };
+    let (few, many) = (mean(2048, 0..32), mean(131_072, 100..102));
+    let (mut bias, mut noise) = (0.0, 0.0);
+    for (a, b) in few.iter().zip(&many) {
+        bias += (a.0 - b.0).powi(2) / nm.len() as f64;
+        noise += (a.1 + b.1) / nm.len() as f64;
+    }
+    let [bias, noise] = [bias, noise].map(f64::sqrt);
+    assert!(noise < 5e-4, "the test has no power: {noise:.5}");
+    assert!(bias < 2.0 * noise, "bias {bias:.5}, noise {noise:.5}");
+}
+
 #[test]
 fn results_do_not_depend_on_threads() {
     let case = &cases()[3];

@@ -63,8 +63,9 @@ def simulate(
     wavelength in ``reference``, per node of refractive index in ``spectral`` and
     ``tabulated``, from every direction in ``hybrid``; by default 131,072.
     ``max_error``, for the engine ``auto`` only, is the largest error allowed: the RMSE
-    over the wavelengths as a number, or a mapping with ``"rmse"`` and ``"delta_e"``. It
-    determines the number of rays if ``rays`` is not given.
+    over the wavelengths as a number, or a mapping with ``"rmse"`` and ``"delta_e"``. If
+    ``rays`` is not given, as many are walked as it takes: few first, then as many as their
+    standard errors ask for. The result states their number.
 
     The GIL is released, and Ctrl-C stops the simulation. Results depend only on the
     sample, engine, rays and seed. Raises ``ValueError`` for an invalid sample or

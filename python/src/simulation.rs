@@ -27,11 +27,11 @@ fn refuse(message: impl ToString) -> PyErr {
 /// Largest Delta-E and RMSE allowed for `auto`, if given.
 type Bounds = (Option<f64>, Option<f64>);
 
-/// The error allowed at these wavelengths, and the default number of walks.
-fn bounds(given: Option<Bounds>, engine: Engine, nm: &[f64]) -> PyResult<(MaxError, u64)> {
+/// The error allowed at these wavelengths.
+fn bounds(given: Option<Bounds>, engine: Engine, nm: &[f64]) -> PyResult<MaxError> {
     let mut allowed = MaxError::default_for(nm);
     let Some((delta_e, rmse)) = given else {
-        return Ok((allowed, RAYS));
+        return Ok(allowed);
     };
     if engine != Engine::Auto {
         return Err(refuse(
@@ -53,8 +53,7 @@ fn bounds(given: Option<Bounds>, engine: Engine, nm: &[f64]) -> PyResult<(MaxErr
             None => {}
         }
     }
-    let rays = allowed.rays(nm);
-    Ok((allowed, rays))
+    Ok(allowed)
 }
 
 /// A sample: its path, for messages and for relative paths in it, its text, and whether the text is
@@ -145,16 +144,21 @@ pub(crate) fn simulate<'py>(
     max_error: Option<Bounds>,
 ) -> PyResult<Bound<'py, PyDict>> {
     let (sample, engine) = (read(file)?, named(engine)?);
-    let (max_error, default_rays) = bounds(max_error, engine, &sample.wavelengths_nm)?;
-    let rays = some(rays.unwrap_or(default_rays))?;
+    let to_error = max_error.is_some() && rays.is_none();
     let simulation = Simulation::of(&sample)
         .engine(engine)
-        .rays(rays)
+        .rays(some(rays.unwrap_or(RAYS))?)
         .seed(seed)
-        .max_error(max_error);
+        .max_error(bounds(max_error, engine, &sample.wavelengths_nm)?);
     let pool = pool(py)?;
-    let run = |simulation: &Simulation| simulation.run();
-    let spectrum = py.detach(|| interruptible(&pool, &simulation, run))?;
+    let run = |simulation: &Simulation| {
+        let (last, spectrum) = match to_error {
+            true => simulation.run_to_error()?,
+            false => (simulation.clone(), simulation.run()?),
+        };
+        Ok((last.resolved(), last.request().rays, spectrum))
+    };
+    let (engine, rays, spectrum) = py.detach(|| interruptible(&pool, &simulation, run))?;
 
     let list = |values: &[Measured], part: fn(&Measured) -> f64| {
         PyArray1::from_iter(py, values.iter().map(part))
@@ -175,7 +179,7 @@ pub(crate) fn simulate<'py>(
     result.set_item("absorptance", PyArray1::from_iter(py, absorptance))?;
     result.set_item("absorptance_se", PyArray1::from_iter(py, absorptance_se))?;
     result.set_item("lost_share", PyArray1::from_slice(py, &spectrum.lost))?;
-    result.set_item("engine", simulation.resolved().name())?;
+    result.set_item("engine", engine.name())?;
     result.set_item("rays", rays)?;
     result.set_item("seed", seed)?;
     result.set_item("warnings", sample.warnings.clone())?;

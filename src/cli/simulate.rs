@@ -35,6 +35,7 @@ use crate::simulation::{RAYS, Simulation};
 Examples:
   splitsnow simulate configs/samples/representative.toml --engine spectral --rays 100000 --json
   splitsnow simulate configs/samples/representative.toml --goniometer --principal-plane
+  splitsnow simulate mine.toml --max-rmse 0.005
   splitsnow simulate mine.toml --against measured.csv --plot residuals.svg
   splitsnow simulate mine.toml --bands sentinel2a:B3,B11
   splitsnow simulate mine.toml --bands broadband --sun subarctic_winter
@@ -52,6 +53,10 @@ pub(super) struct Args {
     /// `tabulated`, and per direction of incidence in `hybrid` (`auto`)
     #[arg(long, default_value_t = RAYS, value_parser = clap::value_parser!(u64).range(1..))]
     rays: u64,
+    /// As many rays as it takes for this root mean square error of R and T over the wavelengths:
+    /// the systematic error of the engine and the noise together. The output states the number
+    #[arg(long, value_name = "ERROR", value_parser = common::positive)]
+    max_rmse: Option<f64>,
     /// Seed of the random numbers
     #[arg(long, default_value_t = 1)]
     seed: u64,
@@ -74,6 +79,13 @@ pub(super) struct Args {
 /// does not: clap waives a required option that conflicts with one that is given.
 fn alone(arg: clap::Arg) -> clap::Arg {
     let others: &[&str] = match arg.get_id().as_str() {
+        "max_rmse" => &[
+            "rays",
+            "goniometer",
+            "radial_profile",
+            "view_deg",
+            "depths_cm",
+        ],
         "bands" | "sun" => &["against", "goniometer", "radial_profile", "view_deg"],
         "column" | "unit" | "scale" | "quantity" | "exclude" | "plot" => &[
             "bands",
@@ -134,18 +146,27 @@ pub(super) fn run(args: &Args) -> anyhow::Result<()> {
     if args.exits.is_requested() {
         return goniometer::run(&args.exits, &job, cancel);
     }
-    let engine = simulation.resolved();
-    let result = walking::run(args.threads, Some(simulation.walks()?), cancel, |control| {
-        simulation.run_with(control)
-    })?;
-    let spectrum = match result {
+    let result = match args.max_rmse {
+        None => walking::run(args.threads, Some(simulation.walks()?), cancel, |control| {
+            let spectrum = simulation.run_with(control)?;
+            Ok((simulation.clone(), spectrum))
+        })?,
+        Some(rmse) => {
+            let simulation = simulation.max_rmse(rmse);
+            walking::run(args.threads, None, cancel, |control| {
+                simulation.run_to_error_with(control)
+            })?
+        }
+    };
+    let (simulation, spectrum) = match result {
         Err(EngineError::Cancelled) => return Err(Interrupted("nothing was written".into()).into()),
         result => result?,
     };
+    let (engine, rays) = (simulation.resolved(), simulation.request().rays);
     let bands = bands.map(|(averages, bands)| bands.simulated(&averages, &spectrum, engine));
     let compared = target.map(|target| target.compare(&spectrum));
     common::print(&if args.json {
-        let mut value = json_value(args, engine, &sample.wavelengths_nm, &spectrum);
+        let mut value = json_value(args, (engine, rays), &sample.wavelengths_nm, &spectrum);
         if let Some(compared) = &compared {
             value["against"] = compared.json();
         }
@@ -159,7 +180,7 @@ pub(super) fn run(args: &Args) -> anyhow::Result<()> {
             (None, Some(bands)) => bands.csv(&sample.wavelengths_nm),
             (None, None) => csv_rows(&sample.wavelengths_nm, &spectrum),
         };
-        comments(args, engine, &spectrum) + &rows
+        comments(args, (engine, rays), &spectrum) + &rows
     })?;
     #[cfg(feature = "charts")]
     if let Some(compared) = &compared {
@@ -174,10 +195,10 @@ fn absorptance(reflectance: &Measured, transmittance: &Measured) -> f64 {
 }
 
 /// The comment lines that describe the simulation: version, sample, engine, rays, seed.
-fn comments(args: &Args, engine: Engine, spectrum: &Spectrum) -> String {
+fn comments(args: &Args, (engine, rays): (Engine, u64), spectrum: &Spectrum) -> String {
     let sample = common::one_line(&args.sample);
     let (version, engine) = (env!("CARGO_PKG_VERSION"), engine.name());
-    let (rays, seed) = (args.rays, args.seed);
+    let seed = args.seed;
     let mut out = format!(
         "# splitsnow {version} measure\n# sample: {sample}\n# engine: {engine}\n# rays: {rays}\n# seed: {seed}\n"
     );
@@ -208,7 +229,12 @@ fn csv_rows(wavelengths_nm: &[f64], spectrum: &Spectrum) -> String {
     out
 }
 
-fn json_value(args: &Args, engine: Engine, wavelengths_nm: &[f64], spectrum: &Spectrum) -> Value {
+fn json_value(
+    args: &Args,
+    (engine, rays): (Engine, u64),
+    wavelengths_nm: &[f64],
+    spectrum: &Spectrum,
+) -> Value {
     let (r, t) = (&spectrum.reflectance, &spectrum.transmittance);
     let list = |column: &[Measured], part: fn(&Measured) -> f64| -> Vec<f64> {
         column.iter().map(part).collect()
@@ -218,7 +244,7 @@ fn json_value(args: &Args, engine: Engine, wavelengths_nm: &[f64], spectrum: &Sp
         "version": env!("CARGO_PKG_VERSION"),
         "sample": args.sample.display().to_string(),
         "engine": engine.name(),
-        "rays": args.rays,
+        "rays": rays,
         "seed": args.seed,
         "wavelength_nm": wavelengths_nm,
         "reflectance": list(r, |m| m.value),

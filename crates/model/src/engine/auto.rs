@@ -79,6 +79,27 @@ pub(super) fn systematic_error_of(engine: Engine, request: &Request) -> [f64; 3]
     systematic_error(engine, errors.unwrap_or_default(), request)
 }
 
+/// Implements [`Engine::noise_allowed`].
+pub(super) fn noise_allowed(engine: Engine, request: &Request) -> Result<f64, EngineError> {
+    let noise = |engine| {
+        let systematic = systematic_error_of(engine, request);
+        request
+            .max_error
+            .allowed_noise(systematic, request.wavelengths_nm)
+    };
+    noise(engine).ok_or_else(|| {
+        let others = CANDIDATES.map(|(other, _)| other);
+        EngineError::Inaccurate {
+            engine,
+            max_error: request.max_error,
+            instead: others
+                .into_iter()
+                .find(|other| noise(*other).is_some())
+                .unwrap_or(Engine::Reference),
+        }
+    })
+}
+
 impl MaxError {
     /// Default error allowed: a Delta-E of 0.3, which is not visible, and an RMSE
     /// that `hybrid` meets at these wavelengths.

@@ -196,6 +196,19 @@ pub enum EngineError {
         /// An engine that computes the quantity.
         instead: Engine,
     },
+    /// The systematic error of the engine is larger than the error allowed.
+    #[error(
+        "the systematic error of the engine `{}` here may be larger than a root mean square error of {} or a Delta-E of {}; allow larger errors, or use the engine `{}`",
+        engine.name(), max_error.rmse, max_error.delta_e, instead.name()
+    )]
+    Inaccurate {
+        /// The engine.
+        engine: Engine,
+        /// The error allowed.
+        max_error: MaxError,
+        /// An engine whose systematic error is smaller.
+        instead: Engine,
+    },
     /// The reflectance of the substrate is not known at a wavelength.
     #[error(
         "the reflectance of the substrate is given for {min_nm} to {max_nm} nm, not {wavelength_nm} nm"
@@ -339,7 +352,7 @@ impl Engine {
         Ok(nodes::nodes(
             &indices(request)?,
             request.snowpack.is_wet(),
-            nodes::Spacing::FINE,
+            nodes::Spacing::of_walks(request.rays),
         )
         .len())
     }
@@ -350,6 +363,15 @@ impl Engine {
     #[must_use]
     pub fn systematic_error(self, request: &Request) -> [f64; 3] {
         auto::systematic_error_of(self.resolve(request), request)
+    }
+
+    /// Noise (root mean square over the wavelengths) that [`Request::max_error`] allows in addition
+    /// to the systematic error of this engine.
+    ///
+    /// # Errors
+    /// [`EngineError::Inaccurate`] if the systematic error alone may be larger.
+    pub fn noise_allowed(self, request: &Request) -> Result<f64, EngineError> {
+        auto::noise_allowed(self.resolve(request), request)
     }
 
     /// Whether a spectrum is independent of the other thicknesses in its request.

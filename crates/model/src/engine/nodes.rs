@@ -7,7 +7,8 @@
 //! of (n, k) of ice (and of water, in wet snow). Each wavelength has its own
 //! absorption; its result is interpolated linearly between those of its two
 //! nodes. The remaining error is due to the curvature of R and T over one interval, see
-//! [`Spacing`].
+//! [`Spacing`]. It grows with the square of the interval, so with fewer walks, whose noise is
+//! larger anyway, intervals may be longer.
 use crate::optics::Index;
 
 /// How close nodes are.
@@ -26,12 +27,27 @@ impl Spacing {
         distance: 0.0135,
         deviation: 5e-4,
     };
-    /// For the shares of directions in R and T, which depend less on the index: a third of the
-    /// nodes at 400-2500 nm. The error is below half a percent (docs/performance.md).
+    /// For the shares of directions in R and T, where noise is larger: 5 nodes instead of 13 at
+    /// 400-2500 nm. The error is up to .6 % (docs/performance.md).
     pub(super) const COARSE: Self = Self {
-        distance: 0.0405,
+        distance: 0.027,
         deviation: 4e-3,
     };
+    /// Number of walks of `hybrid` whose noise [`Self::FINE`] goes with.
+    const FINE_WALKS: f64 = 131_072.0;
+    /// Largest factor of the error of [`Self::FINE`].
+    const MOST_ERROR: f64 = 9.0;
+
+    /// For R and T by `hybrid` with `walks` walks: the error grows as the noise does when there are
+    /// fewer than [`Self::FINE_WALKS`].
+    pub(super) fn of_walks(walks: u64) -> Self {
+        let error = (Self::FINE_WALKS / walks as f64).sqrt();
+        let error = error.clamp(1.0, Self::MOST_ERROR);
+        Self {
+            distance: Self::FINE.distance * error.sqrt(),
+            deviation: Self::FINE.deviation * error,
+        }
+    }
 }
 
 /// Distance by which the outermost nodes are moved outward, as a fraction of the
@@ -182,4 +198,24 @@ fn mix_of_nodes(
         }
     };
     indices.iter().enumerate().map(mix).collect()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn fewer_walks_have_fewer_nodes() {
+        let water = Index { n: 1.33, k: 0.0 };
+        let ice = |i: u32| Index {
+            n: 1.32 - 0.001 * f64::from(i),
+            k: 0.0,
+        };
+        let indices: Vec<_> = (0..=100).map(|i| (ice(i), water)).collect();
+        let count = |walks| nodes(&indices, false, Spacing::of_walks(walks)).len();
+        // intervals of at most .0135, of twice and of three times that
+        let many = nodes(&indices, false, Spacing::FINE).len();
+        assert_eq!([u64::MAX, 131_072].map(count), [many; 2]);
+        assert_eq!([many, count(8192), count(1)], [9, 5, 4]);
+    }
 }

@@ -49,6 +49,17 @@ pub struct Spectrum {
 }
 
 impl Spectrum {
+    /// Root mean square over the wavelengths of the standard error: the larger of those of
+    /// reflectance and transmittance; 0 without wavelengths.
+    #[must_use]
+    pub fn rms_se(&self) -> f64 {
+        let rms = |values: &[Measured]| {
+            let squares: f64 = values.iter().map(|value| value.se * value.se).sum();
+            (squares / values.len().max(1) as f64).sqrt()
+        };
+        rms(&self.reflectance).max(rms(&self.transmittance))
+    }
+
     /// A spectrum at so many wavelengths of which nothing is known: all values are NaN.
     pub(crate) fn unknown(wavelengths: usize) -> Self {
         let unknown = Measured {

@@ -123,7 +123,11 @@ impl<'a> HybridRun<'a> {
 pub(super) fn run(request: &Request, control: &Control) -> Result<Vec<Spectrum>, EngineError> {
     let run = HybridRun::new(request, &[])?;
     let indices = indices(request)?;
-    let (nodes, mixes) = mixes(&indices, request.snowpack.is_wet(), Spacing::FINE);
+    let (nodes, mixes) = mixes(
+        &indices,
+        request.snowpack.is_wet(),
+        Spacing::of_walks(request.rays),
+    );
     let units = &control.cache.units;
     let included = nodes.iter().enumerate().filter(|(i, _)| units.include(*i));
     let walks = included.map(|(_, &node)| Walks::cached(&run, control, node));
@@ -143,7 +147,11 @@ pub(super) fn walks(request: &Request) -> Result<u64, EngineError> {
 /// Number of walks that a profile of `request` at `depths_m` takes.
 pub(super) fn walks_to(request: &Request, depths_m: &[f64]) -> Result<u64, EngineError> {
     let run = HybridRun::new(request, depths_m)?;
-    let (nodes, _) = mixes(&indices(request)?, request.snowpack.is_wet(), Spacing::FINE);
+    let (nodes, _) = mixes(
+        &indices(request)?,
+        request.snowpack.is_wet(),
+        Spacing::of_walks(request.rays),
+    );
     let rays: u64 = run.plan.tasks.iter().map(|task| task.rays).sum();
     Ok(rays.saturating_mul((PARTS * nodes.len()) as u64))
 }

@@ -110,7 +110,11 @@ pub(in crate::engine) fn profile(
 ) -> Result<Vec<Vec<Vec<PlaneFluxes>>>, EngineError> {
     let run = HybridRun::new(request, depths_m)?;
     let indices = indices(request)?;
-    let (nodes, mixes) = mixes(&indices, request.snowpack.is_wet(), Spacing::FINE);
+    let (nodes, mixes) = mixes(
+        &indices,
+        request.snowpack.is_wet(),
+        Spacing::of_walks(request.rays),
+    );
     let walks = nodes.iter().map(|&node| Walks::cached(&run, control, node));
     let walks: Vec<Arc<Walks>> = walks.collect::<Result<_, _>>()?;
     let coefficients = coefficients(request, &indices);
