@@ -431,6 +431,57 @@ fn a_grid_is_made_from_what_is_known() {
     another_process_is_waited_for(folder.path(), &thin, &known, &first);
 }
 
+/// Little soot in deep snow, simulated, is found between the nodes of the grid that the command
+/// makes, at a node and between two.
+#[test]
+fn little_soot_in_deep_snow_is_found() {
+    let folder = tempfile::tempdir().unwrap();
+    let run = |words: &[&str]| {
+        let mut command = Command::new(cargo_bin!("splitsnow"));
+        let output = command.current_dir(folder.path()).args(words).output();
+        let output = output.unwrap();
+        let errors = String::from_utf8_lossy(&output.stderr);
+        assert!(output.status.success(), "{errors}");
+        String::from_utf8(output.stdout).unwrap()
+    };
+    for carbon in [10.0, 18.0] {
+        let sample = format!(
+            "version = 1\n[illumination]\nincidence_angle_deg = 50\n\
+             [wavelengths]\nvalues_nm = [400, 450, 500, 550, 600, 650, 700]\n\
+             [[layer]]\nthickness_cm = inf\ndensity_kg_m3 = 300\n\
+             black_carbon = {{ concentration_ng_g = {carbon} }}\n\
+             [[layer.grain]]\nssa_m2_kg = 13\n\
+             facetness = {{ min = 0.2, max = 0.4, mean = 0.3, sd = 0.072 }}\n"
+        );
+        std::fs::write(folder.path().join("sample.toml"), sample).unwrap();
+        let engine = ["--engine", "hybrid", "--rays", "20000"];
+        let table = run(&[&["simulate", "sample.toml"], &engine[..]].concat());
+        let rows: Vec<Vec<&str>> = table
+            .lines()
+            .filter(|line| !line.starts_with('#'))
+            .map(|line| line.split(',').collect())
+            .collect();
+        let at = rows[0].iter().position(|name| *name == "reflectance");
+        let column = |row: &Vec<&str>| format!("{},{}\n", row[0], row[at.unwrap()]);
+        let spectrum: String = rows.iter().map(column).collect();
+        std::fs::write(folder.path().join("deep.csv"), spectrum).unwrap();
+        let known = [
+            "--fix=ssa_m2_kg=13",
+            "--fix=facetness=0.3",
+            "--fix=incidence_angle_deg=50",
+            "--json",
+        ];
+        let text = run(&[&["retrieve", "deep.csv"], &known[..]].concat());
+        let found: Value = serde_json::from_str(&text).unwrap();
+        let [low, high] = ends(&found, "black_carbon_ng_g", "p68");
+        assert!(low < carbon && carbon < high, "{low} to {high}");
+        let best = estimate(&found, "black_carbon_ng_g")["best"]
+            .as_f64()
+            .unwrap();
+        assert!((best / carbon - 1.0).abs() < 0.35, "{best} for {carbon}");
+    }
+}
+
 /// A second process that needs the same database waits for the first, says so once, and goes on
 /// with the result; Ctrl-C ends it.
 #[cfg(unix)]

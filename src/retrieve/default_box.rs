@@ -15,6 +15,11 @@ use crate::units::HALF_SPACE_CM;
 const NODES: usize = 6;
 /// Wavelengths up to which black carbon changes the colour of snow, nm.
 const CARBON_NM: f64 = 900.0;
+/// Nodes of black carbon, ng/g. Deep snow darkens like the square root of the mass of soot, from far
+/// below 1 ng/g on, and look-ups between few nodes make it too bright (docs/retrieval.md).
+const CARBON: [f64; 11] = [
+    0.0, 1.0, 3.0, 10.0, 30.0, 70.0, 150.0, 300.0, 600.0, 1200.0, 2500.0,
+];
 
 /// What was measured, as far as the grid depends on it.
 #[derive(Debug, Clone, Copy)]
@@ -118,9 +123,7 @@ impl BoxRequest<'_> {
                 Parameter::Thickness => &[HALF_SPACE_CM],
                 Parameter::Incidence if request.diffuse => &[0.0],
                 Parameter::Incidence => &[0.0, 30.0, 50.0, 65.0, 80.0],
-                Parameter::BlackCarbon if first_nm.is_some_and(|nm| nm < CARBON_NM) => {
-                    &[0.0, 30.0, 150.0, 600.0, 2500.0]
-                }
+                Parameter::BlackCarbon if first_nm.is_some_and(|nm| nm < CARBON_NM) => &CARBON,
                 _ => &[],
             };
             let (named, mut nodes) = request.axis(parameter, defaults)?;
@@ -291,9 +294,13 @@ impl BoxRequest<'_> {
             other => other.record().scale,
         };
         let allowed = parameter.record().allowed;
+        let spread = |ends: [f64; 2]| match parameter {
+            Parameter::BlackCarbon => carbon(ends),
+            _ => scale.spread(ends, NODES),
+        };
         let mut nodes = match free.map(|free| free.belief) {
             _ if self.is_known(parameter) => Vec::new(),
-            Some(Belief::Range(ends)) => scale.spread(ends, NODES),
+            Some(Belief::Range(ends)) => spread(ends),
             Some(Belief::Normal([mean, sd])) => {
                 let is_size = parameter == Parameter::GrainSize;
                 // sizes in proportion, because they are above 0
@@ -324,7 +331,7 @@ impl BoxRequest<'_> {
                         ),
                     ],
                 };
-                scale.spread(ends, NODES)
+                spread(ends)
             }
             Some(Belief::Axis) if defaults.is_empty() => {
                 let name = named.name();
@@ -350,6 +357,15 @@ impl BoxRequest<'_> {
         nodes.dedup();
         Ok((named, nodes))
     }
+}
+
+/// Both ends, and the nodes of black carbon between them, ng/g; beyond the last each is double.
+fn carbon([first, last]: [f64; 2]) -> Vec<f64> {
+    let beyond = std::iter::successors(Some(2.0 * CARBON[10]), |node| Some(2.0 * node));
+    let all = CARBON.into_iter().chain(beyond);
+    let below = all.take_while(|node| *node < last);
+    let between = below.filter(|node| *node > first);
+    [first].into_iter().chain(between).chain([last]).collect()
 }
 
 /// The list as TOML; of thicknesses, a half space is `inf`.
@@ -416,7 +432,7 @@ mod tests {
         assert_eq!(nodes(&found.text, Parameter::Thickness), [HALF_SPACE_CM]);
         assert_eq!(nodes(&found.text, Parameter::Density), [300.0]);
         assert_eq!(nodes(&found.text, Parameter::Incidence).len(), 5);
-        assert_eq!(nodes(&found.text, Parameter::BlackCarbon).len(), 5);
+        assert_eq!(nodes(&found.text, Parameter::BlackCarbon), CARBON);
         assert!(nodes(&found.text, Parameter::Temperature).is_empty());
         let diffuse = of(&[(R, &[])], &[], &[], true).unwrap().text;
         assert_eq!(nodes(&diffuse, Parameter::Incidence), [0.0]);
@@ -456,6 +472,19 @@ mod tests {
         assert_eq!(ends(Parameter::Thickness), [2.0, 20.0]);
         let [small, large] = ends(Parameter::GrainSize);
         assert!((large / small - libm::exp(24.0 / 26.0)).abs() < 0.02);
+        let carbon = |free: &str| {
+            let found = of(&[(R, &[])], &[free], &[], false).unwrap();
+            nodes(&found.text, Parameter::BlackCarbon)
+        };
+        let clean = carbon("black_carbon_ng_g=0..20");
+        assert_eq!(clean, [0.0, 1.0, 3.0, 10.0, 20.0]);
+        assert_eq!(
+            carbon("black_carbon_ng_g=12+-4"),
+            [0.0, 1.0, 3.0, 10.0, 24.0]
+        );
+        assert_eq!(carbon("black_carbon_ng_g=40..50"), [40.0, 50.0]);
+        let dark = carbon("black_carbon_ng_g=1200..12000");
+        assert_eq!(dark, [1200.0, 2500.0, 5000.0, 10000.0, 12000.0]);
         let round = of(&[(R, &[])], &["sphericity=0.5..0.9"], &[], false)
             .unwrap()
             .text;
