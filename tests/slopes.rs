@@ -147,7 +147,6 @@ fn saturated_wavelengths_do_not_flatten_the_others() {
                 .map(|file| spectra(&Lookup::new(file, quantity).unwrap(), snow(), 20));
             let [on_nodes, anywhere] = differences(&plain, &log, 20);
             let what = format!("{quantity:?}, {components} components: {on_nodes} on nodes");
-            println!("{what} {anywhere} {}", overshoot(&log, 20));
             assert!(anywhere < on_nodes + 1e-3, "{what}, {anywhere} anywhere");
             let overshoot = overshoot(&log, 20);
             assert!(
@@ -195,7 +194,6 @@ fn falling_reflectance_is_followed_between_nodes() {
                 }
             }
         }
-        println!("{basis:?} {falls} {error} {error_of_flat}");
         assert!(falls > 20.0, "{falls}");
         assert!(
             error < 0.5 * error_of_flat,
@@ -207,10 +205,10 @@ fn falling_reflectance_is_followed_between_nodes() {
 proptest! {
     #![proptest_config(ProptestConfig {
         failure_persistence: None,
-        ..ProptestConfig::with_cases(1000)
+        ..ProptestConfig::with_cases(32)
     })]
     /// Of any curves, with noise, a logarithmic file leaves the range of two nodes by no more than
-    /// its error on nodes and 0.0005.
+    /// its error on nodes and 0.001.
     #[test]
     fn logarithmic_files_hardly_overshoot(
         noise in proptest::collection::vec(-1e-3..1e-3_f64, CURVES),
@@ -229,9 +227,8 @@ proptest! {
             prop_assert!(log.iter().flatten().all(|value| (0.0..=1.0).contains(value)));
             let [on_nodes, _] = differences(&plain, &log, 20);
             let overshoot = overshoot(&log, 20);
-            println!("P {quantity:?} {components} {on_nodes} {overshoot}");
             prop_assert!(
-                overshoot < on_nodes + 1e-2,
+                overshoot < on_nodes + 1e-3,
                 "{quantity:?}, {components} components: {on_nodes} on nodes, {overshoot} between"
             );
         }
