@@ -16,8 +16,9 @@
 //! Outside the thickness nodes it is extrapolated by [`super::diffusion`].
 //!
 //! If the basis of the file is one of y (`log`), the table holds values and slopes as
-//! coefficients of that basis: slopes are limited per wavelength, and the nearest slopes of the
-//! basis are taken, so that the cost of a spectrum is that of a few components. For a file with plain spectra (`linear`), the
+//! coefficients of that basis, so that the cost of a spectrum is that of a few components.
+//! Slopes are limited per wavelength, and the nearest slopes of the basis are taken: a
+//! wavelength may leave the range of the nodes by about the error of the file. For a file with plain spectra (`linear`), the
 //! table holds values and slopes per wavelength.
 //!
 //! The table of a snow (all thicknesses and angles at nodes of the other axes) is filled when a
