@@ -207,8 +207,8 @@ proptest! {
         failure_persistence: None,
         ..ProptestConfig::with_cases(32)
     })]
-    /// Of any curves, with noise, a logarithmic file leaves the range of two nodes by no more than
-    /// its error on nodes and 0.001.
+    /// Of any curves, with noise, also T of 0, a logarithmic file leaves the range of two nodes by no
+    /// more than twice its error on nodes and 0.001.
     #[test]
     fn logarithmic_files_hardly_overshoot(
         noise in proptest::collection::vec(-1e-3..1e-3_f64, CURVES),
@@ -228,7 +228,7 @@ proptest! {
             let [on_nodes, _] = differences(&plain, &log, 20);
             let overshoot = overshoot(&log, 20);
             prop_assert!(
-                overshoot < on_nodes + 1e-3,
+                overshoot < 2.0 * on_nodes + 1e-3,
                 "{quantity:?}, {components} components: {on_nodes} on nodes, {overshoot} between"
             );
         }
