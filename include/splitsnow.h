@@ -305,7 +305,8 @@ splitsnow_status splitsnow_directional_factor_of(const splitsnow_lookup *lookup,
 #define SPLITSNOW__MAX_DEPTH 127 /* nesting depth of JSON containers */
 #define SPLITSNOW__FEW 64        /* components summed at a time */
 #define SPLITSNOW__THIN 7        /* extra nodes below the first thickness */
-#define SPLITSNOW__DARKEST 16.0f /* largest y taken from spectra of a `linear` file */
+/* Largest y taken from spectra of a `linear` file, and up to which slopes of a `log` file are limited. */
+#define SPLITSNOW__DARKEST 16.0f
 
 /* ---- A file in memory ---- */
 
@@ -1927,6 +1928,7 @@ static void splitsnow__exp_neg(float x[8]) {
 typedef struct splitsnow__scratch {
     float *y;       /* [row][depth] */
     float *spectra; /* [row][wavelength]; equal to y without a basis */
+    float *excess;  /* [wavelength]; only with a basis */
     float *memory;
     size_t depth;
 } splitsnow__scratch;
@@ -2043,6 +2045,20 @@ static void splitsnow__fill_thin(const splitsnow_lookup *lookup,
     }
 }
 
+/* Writes what the limit adds to the slopes of the wavelengths at node `h`, and returns whether
+ * it is other than 0. Adding the nearest spectrum of the basis limits slopes of coefficients. A
+ * wavelength darker than e^-16 is left as it is, since its overshoot is invisible. */
+static int splitsnow__excess(const splitsnow__column *spectra, size_t h, float *excess) {
+    int any = 0;
+    for (size_t l = 0; l < spectra->stride; l++) {
+        float less = splitsnow__share(spectra, h, l) - 1.0f;
+        int visible = spectra->values[h * spectra->stride + l] < SPLITSNOW__DARKEST;
+        excess[l] = visible ? less * splitsnow__slope(spectra, h, l) : 0.0f;
+        any |= excess[l] != 0.0f;
+    }
+    return any;
+}
+
 /* Adds `weight` times a column to the table, with its first node at index `start`. The
  * first `absent` thicknesses and the thin nodes before them are left out, also from the
  * slopes. */
@@ -2058,16 +2074,14 @@ static void splitsnow__add_column(splitsnow_lookup *lookup, size_t start, float 
     spectra.stride = lookup->wavelengths;
     for (size_t h = 0; h < y.n; h++) {
         float *node = lookup->table + start + (begin + h) * lookup->n[4] * lookup->width * 8;
-        float share = 1.0f;
-        for (size_t l = 0; l < lookup->wavelengths && lookup->components > 0 && y.n > 1; l++) {
-            float least = splitsnow__share(&spectra, h, l);
-            if (least < share) share = least;
-        }
+        int limited = lookup->components > 0 && y.n > 1 &&
+                      splitsnow__excess(&spectra, h, scratch->excess);
         for (size_t i = 0; i < depth; i++) {
-            float slope = 0.0f;
-            if (y.n > 1) {
-                slope = splitsnow__slope(&y, h, i);
-                slope *= lookup->components > 0 ? share : splitsnow__share(&y, h, i);
+            float slope = y.n > 1 ? splitsnow__slope(&y, h, i) : 0.0f;
+            if (y.n > 1 && lookup->components == 0) slope *= splitsnow__share(&y, h, i);
+            for (size_t l = 0; l < lookup->wavelengths && limited; l++) {
+                size_t vector = l / 8 * lookup->components + i;
+                slope += scratch->excess[l] * lookup->basis[vector * 8 + l % 8];
             }
             if (!(fabsf(slope) <= FLT_MAX)) slope = 0.0f; /* numbers from a malicious file */
             node[i / 4 * 8 + i % 4] += y.values[h * depth + i] * weight;
@@ -2156,10 +2170,12 @@ static splitsnow_status splitsnow__shape_lookup(splitsnow_lookup *lookup, const 
     need += basis;
     lookup->numbers = (float *)calloc(need, sizeof(float));
     scratch_need = scratch->depth + (lookup->components > 0 ? lookup->wavelengths : 0);
-    scratch->memory = splitsnow__times(&scratch_need, lookup->rows) ? splitsnow__floats(scratch_need) : NULL;
+    /* one row more, for excess */
+    scratch->memory = splitsnow__times(&scratch_need, lookup->rows + 1) ? splitsnow__floats(scratch_need) : NULL;
     if (lookup->numbers == NULL || scratch->memory == NULL) return SPLITSNOW_ERROR_MEMORY;
     scratch->y = scratch->memory;
     scratch->spectra = lookup->components > 0 ? scratch->y + lookup->rows * scratch->depth : scratch->y;
+    scratch->excess = scratch->spectra + lookup->rows * lookup->wavelengths;
 
     at = lookup->numbers;
     lookup->table = at;

@@ -34,6 +34,7 @@ mod serve;
 mod simd;
 mod simulate;
 mod site;
+mod slopes;
 #[cfg(unix)]
 mod start;
 #[cfg(unix)]

@@ -269,13 +269,13 @@ class Snow:
             x, values = self.x[begin:], y[begin:]
             raw = _slopes(x, values)
             if self.vectors is None:
-                share = _shares(x, values, raw)
+                slopes[begin:] = raw * _shares(x, values, raw)
             else:
-                spectra = self._spectral(values)
-                # one share for all wavelengths, so that the spectrum stays one of the basis
-                share = _shares(x, spectra, _slopes(x, spectra)).min(-1, keepdims=True)
-                share = np.minimum(share, 1)
-            slopes[begin:] = raw * share
+                # what the limit takes from the wavelengths, as nearly as the basis has it; the
+                # overshoot of dark ones is invisible
+                spectra, steep = self._spectral(values), self._spectral(raw)
+                excess = (_shares(x, spectra, steep) - 1) * steep
+                slopes[begin:] = raw + np.where(spectra < DARKEST, excess, 0) @ self.vectors
         return y, slopes
 
     def _thin(self, nodes):

@@ -244,6 +244,14 @@ pub(crate) fn variants() -> Vec<(String, Vec<u8>)> {
         };
         files.push((name.to_owned(), contents.bytes()));
     }
+    // wavelengths at which the thinnest slab is as dark as the thickest, and few components
+    let saturated = Contents {
+        nm: (8..40).map(|i| 50.0 * f64::from(i)).collect(),
+        variant: log(Precision::F32),
+        choice: Choice::Components(5),
+        ..Contents::default()
+    };
+    files.push(("saturated".into(), saturated.bytes()));
     // absent curves; the last size has curves for few thicknesses only
     for (name, variant, absent) in [
         ("absent_linear", CompactVariant::default(), [0, 2, 5]),

@@ -16,8 +16,9 @@
 //! Outside the thickness nodes it is extrapolated by [`super::diffusion`].
 //!
 //! If the basis of the file is one of y (`log`), the table holds values and slopes as
-//! coefficients of that basis: all wavelengths share one limiter, and the cost of a
-//! spectrum is that of a few components. For a file with plain spectra (`linear`), the
+//! coefficients of that basis, so that the cost of a spectrum is that of a few components.
+//! Slopes are limited per wavelength, and the nearest slopes of the basis are taken: a
+//! wavelength may leave the range of the nodes by about the error of the file. For a file with plain spectra (`linear`), the
 //! table holds values and slopes per wavelength.
 //!
 //! The table of a snow (all thicknesses and angles at nodes of the other axes) is filled when a
@@ -47,8 +48,8 @@ const THICKNESS: usize = 3;
 const INCIDENCE: usize = 4;
 /// Extra nodes below the first thickness, as fractions of it, for a black substrate.
 const THIN: [f32; 7] = [0.0, 0.015625, 0.03125, 0.0625, 0.125, 0.25, 0.5];
-/// Largest y taken from spectra of a `linear` file: darker values are noise from the
-/// truncation of the basis.
+/// Largest y taken from spectra of a `linear` file, and up to which slopes of a `log` file are
+/// limited: darker values are noise from the truncation of the basis.
 const DARKEST: f32 = 16.0;
 /// Components per vector: the values of four components, then their slopes.
 const LANES: usize = 4;

@@ -183,14 +183,19 @@ impl Lookup {
                 thin.copy_from_slice(spectrum);
                 continue;
             }
-            let chunks = spectrum
-                .chunks(8)
-                .zip(self.basis.chunks(self.width * LANES));
-            for (y, vectors) in chunks {
-                for (i, y) in y.iter().enumerate() {
-                    for (c, vector) in thin.iter_mut().zip(vectors) {
-                        *c += y * vector.as_array()[i];
-                    }
+            self.add_nearest(spectrum, thin);
+        }
+    }
+
+    /// Adds to `components` the coefficients of the spectrum of the basis nearest to `spectrum`.
+    fn add_nearest(&self, spectrum: &[f32], components: &mut [f32]) {
+        let chunks = spectrum
+            .chunks(8)
+            .zip(self.basis.chunks(self.width * LANES));
+        for (y, vectors) in chunks {
+            for (i, y) in y.iter().enumerate() {
+                for (c, vector) in components.iter_mut().zip(vectors) {
+                    *c += y * vector.as_array()[i];
                 }
             }
         }
@@ -204,37 +209,44 @@ impl Lookup {
         if x.len() < 2 {
             return limited.iter_mut().for_each(|slopes| slopes.fill(0.0));
         }
-        // one share for all wavelengths, so that the spectrum stays one of the basis
-        let common = match self.components {
-            0 => Vec::new(),
-            _ => self.common_shares(x, y),
-        };
         secants(x, y, lines);
-        let mut share = vec![0.0; limited[0].len()];
         for (h, limited) in limited.iter_mut().enumerate() {
             slopes(x, lines, h, limited);
-            match common.get(h) {
-                Some(common) => share.fill(*common),
-                None => shares((h, x.len()), lines, limited, &mut share),
-            }
+        }
+        if self.components > 0 {
+            return self.limit_spectra(x, y, limited);
+        }
+        let mut share = vec![0.0; limited[0].len()];
+        for (h, limited) in limited.iter_mut().enumerate() {
+            shares((h, x.len()), lines, limited, &mut share);
             for (slope, share) in limited.iter_mut().zip(&share) {
                 *slope *= share;
             }
         }
     }
 
-    /// For each node of a column, the smallest share of the slopes over the wavelengths.
-    fn common_shares(&self, x: &[f32], y: &[Vec<f32>]) -> Vec<f32> {
+    /// Limits slopes of coefficients, `[h][component]`: takes from them what the limit takes from
+    /// the slopes of the wavelengths, as nearly as the basis has it. A wavelength darker than
+    /// [`DARKEST`] is left as it is, since its overshoot is invisible.
+    fn limit_spectra(&self, x: &[f32], y: &[Vec<f32>], slopes_of_components: &mut [Vec<f32>]) {
         let spectra: Vec<Vec<f32>> = y.iter().map(|y| self.spectral(y)).collect();
         let mut lines = spectra.clone();
         secants(x, &spectra, &mut lines);
         let [mut slope, mut share] = [spectra[0].clone(), spectra[0].clone()];
-        let mut common = Vec::with_capacity(x.len());
-        for h in 0..x.len() {
+        for (h, to) in slopes_of_components.iter_mut().enumerate() {
             slopes(x, &lines, h, &mut slope);
             shares((h, x.len()), &lines, &slope, &mut share);
-            common.push(share.iter().copied().fold(1.0, f32::min));
+            let mut change = false;
+            for ((slope, share), y) in slope.iter_mut().zip(&share).zip(&spectra[h]) {
+                *slope = match *y < DARKEST {
+                    true => (share - 1.0) * *slope,
+                    false => 0.0,
+                };
+                change |= *slope != 0.0;
+            }
+            if change {
+                self.add_nearest(&slope, to);
+            }
         }
-        common
     }
 }
