@@ -18,8 +18,8 @@
 //! If the basis of the file is one of y (`log`), the table holds values and slopes as
 //! coefficients of that basis, so that the cost of a spectrum is that of a few components.
 //! Slopes are limited per wavelength, and the nearest slopes of the basis are taken: a
-//! wavelength may leave the range of the nodes by about the error of the file. For a file with plain spectra (`linear`), the
-//! table holds values and slopes per wavelength.
+//! wavelength may leave the range of the nodes by about the error of the file. For a file with
+//! plain spectra (`linear`), the table holds values and slopes per wavelength.
 //!
 //! The table of a snow (all thicknesses and angles at nodes of the other axes) is filled when a
 //! look-up first needs it, so that a large file opens at once.
